@@ -1,4 +1,4 @@
-/* Commands, the parser built from option tables, the context, signals. */
+/* Commands, the parser that is built from option tables, the context and signals. */
 #include "common/app.h"
 
 #include <argp.h>
@@ -14,10 +14,11 @@
 
 enum { KEY_COMMON = 0x1000, KEY_COMMAND = 0x2000 };
 
-static volatile int stopped_by; /* the first signal that asked for the end; 0: none */
+/* number of the first signal that asked the program to end; 0: there was none */
+static volatile int stopped_by;
 static volatile sig_atomic_t hung_up;
-static app *running; /* for --version and the last words */
-static bool parsing; /* the command line; --help and --version end the program meanwhile */
+static app *running; /* for --version, app_out_of_memory and app_end */
+static bool parsing; /* the command line is being parsed; --help and --version call exit meanwhile */
 
 static const lg_field common_options[] = {
     LG_OPTION(app, json, SWITCH, NULL, "Print the result as one JSON object"),
@@ -49,7 +50,7 @@ static void add_settings(app *self, const app_settings *settings) {
         app_slot slot = {.row = row, .values = settings->values};
         lg_field_option(row, slot.name, sizeof slot.name);
         if (slot.name[0] == '\0') continue;
-        if (self->slot_count == APP_SLOTS) abort(); /* a table of ours is too long */
+        if (self->slot_count == APP_SLOTS) abort(); /* the tables of the command have too many rows */
         self->slots[self->slot_count++] = slot;
     }
 }
@@ -105,7 +106,7 @@ static struct argp_option argp_row(const lg_field *row, const char *name, int ke
                                 0,    text, group};
 }
 
-/* `texts` has HELP_SIZE bytes for each option and each common one. */
+/* `texts` has HELP_SIZE bytes for each option of the command and for each common option. */
 static struct argp_option *argp_table(const app *self, char *texts) {
     const size_t n = self->slot_count;
     struct argp_option *out = app_alloc(n + COMMON + 2, sizeof *out);
@@ -137,7 +138,7 @@ static error_t parse_option(int key, char *text, struct argp_state *state, app *
     return ARGP_ERR_UNKNOWN;
 }
 
-/* How many arguments a command takes, by its usage text: alternatives stand between |. */
+/* Reads from the usage text how many arguments a command takes; `|` separates alternatives. */
 static void count_arguments(const char *usage, int *least, int *most) {
     int needed = 0, possible = 0;
     *least = usage != NULL ? APP_ARGUMENTS : 0;
@@ -203,7 +204,7 @@ static char *command_names(const app_command *commands) {
     return names;
 }
 
-/* The first word that is no option chooses the command, which parses the rest. */
+/* The first word that is not an option names the command, and this command's parser takes the rest. */
 static error_t parse_top(int key, char *text, struct argp_state *state) {
     dispatch *d = state->input;
     if (key == ARGP_KEY_NO_ARGS) {
@@ -257,22 +258,22 @@ static void print_version(FILE *stream, struct argp_state *state) {
     (void)fprintf(stream, "%s (liegrad) %s\n", running->program, lg_version());
 }
 
-/* ---- running ---- */
+/* ---- running a command ---- */
 
-/* What was printed has arrived. An exit code. */
+/* Checks that stdout took everything that was printed. Returns an exit code. */
 static int flush_output(const app *self) {
     if (fflush(stdout) == 0 && !ferror(stdout)) return APP_EXIT_OK;
     return app_fail(self, LG_FILE, "the results could not be written to standard output");
 }
 
-/* At the end of --help, --usage and --version, in which argp calls exit(0). */
+/* atexit handler: checks the output of --help, --usage and --version, after which argp calls exit(0). */
 static void flush_help(void) {
     const int code = parsing ? flush_output(running) : APP_EXIT_OK;
     if (code != APP_EXIT_OK) _exit(code);
 }
 
-/* What stops a command with its state saved; the same signal again kills. SIGHUP that is ignored (nohup)
- * stays so. */
+/* Handler of the signals that end a command after its state is saved; the same signal a second time kills. If
+ * SIGHUP was ignored at the start (nohup), it stays ignored. */
 static void on_stop(int number) {
     if (stopped_by == 0) stopped_by = number;
 }
@@ -331,7 +332,7 @@ static char *join(int argc, char **argv) {
     return text;
 }
 
-/* ---- a limit on the memory ---- */
+/* ---- limited memory ---- */
 
 static bool is_limited(void) {
     static const int resources[] = {RLIMIT_AS, RLIMIT_DATA};
@@ -342,19 +343,20 @@ static bool is_limited(void) {
     return limited;
 }
 
-/* OpenBLAS starts threads when it is loaded, and each asks without end for memory that the limit denies. So
- * this program is begun again, with OpenBLAS told to start none. */
+/* When OpenBLAS is loaded it starts threads, and under a memory limit each retries its allocation forever. So
+ * the program executes itself again with OPENBLAS_NUM_THREADS=1, so that OpenBLAS starts no threads. */
 static void begin_without_threads(char **argv) {
     if (!is_limited() || getenv("OPENBLAS_NUM_THREADS") != NULL) return;
     if (setenv("OPENBLAS_NUM_THREADS", "1", 1) == 0) (void)execv("/proc/self/exe", argv);
 }
 
-/* Where a standard descriptor is closed the next file would take its place, and be read or written in its
- * stead. /dev/null keeps the place, for the other direction: writing to it fails, as it did. */
+/* If stdin, stdout or stderr is closed, the next file that is opened would get its descriptor and be read or
+ * written in its place. So /dev/null is opened there in the opposite direction: using the stream still fails,
+ * as it does for a closed one. */
 static void keep_standard_places(void) {
     static const int directions[] = {O_WRONLY, O_RDONLY, O_RDONLY};
-    for (int fd = STDIN_FILENO; fd <= STDERR_FILENO; fd++)
-        if (fcntl(fd, F_GETFD) < 0) (void)open("/dev/null", directions[fd]); /* the lowest one that is free */
+    for (int fd = STDIN_FILENO; fd <= STDERR_FILENO; fd++) /* open takes the lowest free descriptor, fd */
+        if (fcntl(fd, F_GETFD) < 0) (void)open("/dev/null", directions[fd]);
 }
 
 static int reserve(const app *self) {
@@ -367,7 +369,7 @@ static int reserve(const app *self) {
         self->threads == 1 ? "" : "s");
 }
 
-/* What options say of files: they are given where they must be, and can be written. */
+/* Checks the options that name files: required ones are given, and outputs can be written. */
 static int check_files(const app *self) {
     app_path paths[APP_SLOTS];
     size_t count = 0;
@@ -383,7 +385,7 @@ static int check_files(const app *self) {
     return app_check_outputs(self, paths, count);
 }
 
-/* After the command, however it ended. */
+/* Called after the command, however it ended. */
 static int conclude(app *self, int code) {
     code = app_leave_ranks(self, code);
     if (code == APP_EXIT_OK) code = flush_output(self);
@@ -422,7 +424,7 @@ int app_main(int argc, char **argv, const char *program, const char *summary, co
     argp_program_version_hook = print_version;
     (void)snprintf(self.title, sizeof self.title, "%s", program);
     self.command_line = join(argc, argv);
-    argv[0] = self.title; /* what getopt's own messages begin with */
+    argv[0] = self.title; /* getopt begins its messages with it */
     install_signals();
     parsing = atexit(flush_help) == 0;
     if (commands[0].name == NULL) {

@@ -1,10 +1,9 @@
 /* What all executables share: nested commands over GNU argp, option tables, exit codes, signals, JSON,
  * tables, progress, worker threads, text files and plots.
  *
- * Exit codes: 0 success; 1 a check failed; 2 usage; 3 a file; 4 not finite or no convergence; 5 out of
- * memory; 128 + n stopped by signal n with the state saved (130: Ctrl-C). Results go to stdout, everything
- * else to stderr.
- */
+ * Exit codes: 0 success; 1 a check failed; 2 wrong usage; 3 a file cannot be read or written; 4 a number is
+ * not finite or a method did not converge; 5 out of memory; 128 + n stopped by signal n after the state was
+ * saved (130: Ctrl-C). Results go to stdout, everything else to stderr. */
 #ifndef LG_APPS_APP_H
 #define LG_APPS_APP_H
 
@@ -29,18 +28,18 @@ enum {
     APP_EXIT_FILE = 3,
     APP_EXIT_NUMERIC = 4,
     APP_EXIT_MEMORY = 5,
-    APP_EXIT_INTERRUPTED = 130 /* app_main makes it 128 + the signal */
+    APP_EXIT_INTERRUPTED = 130 /* app_main replaces it by 128 + the signal's number */
 };
 
-/* ---- options as data ---- */
+/* ---- tables of options ---- */
 
 typedef struct app app;
-/* The first 64 sentences of app_warn. */
+/* The first 64 different sentences of app_warn. */
 typedef struct app_warnings app_warnings;
 
-/* Options: a table of rows (liegrad/fields.h) and the structure that has their values. Before the command
- * line is read a structure of `size` bytes becomes zero (0: it stays as it is) and gets the rows' defaults.
- */
+/* Options: a table of rows (liegrad/fields.h) and the structure that holds their values. Before the command
+ * line is read, a structure of `size` bytes is set to zero (size 0: it is not zeroed) and then gets the
+ * defaults of the rows. */
 typedef struct app_settings {
     const lg_field *rows;
     void *values;
@@ -52,32 +51,34 @@ typedef struct app_settings {
     { NULL, NULL, 0 }
 #define APP_SETTINGS(...) ((const app_settings[]){__VA_ARGS__, APP_SETTINGS_END})
 
-/* What a command does with the processes that mpirun starts. */
+/* What a command does when mpirun starts several processes of it. */
 typedef enum app_together {
-    APP_ALONE,  /* refuses more than one */
-    APP_RANKS,  /* they compute one result: app->ranks */
-    APP_WORKERS /* they take pieces of work from a queue (common/board.h) */
+    APP_ALONE,  /* the command refuses to run */
+    APP_RANKS,  /* the processes compute one result together: app->ranks */
+    APP_WORKERS /* the processes take pieces of work from a queue (common/board.h) */
 } app_together;
 
 typedef struct app_command {
-    const char *name; /* NULL in a program without commands; the table ends with run == NULL */
-    /* "DATA.h5", for the usage line, which also says how many there may be: "A [B]" one or two, "A B..." two
-     * or more, "A | B C ..." one or more. NULL: none. */
+    const char *name; /* NULL in a program without commands; a row with run == NULL ends the table */
+    /* The arguments as the usage line shows them, e.g. "DATA.h5". This text also sets how many are allowed:
+     * "A [B]" means one or two, "A B..." two or more, "A | B C ..." one or more. NULL means that there are
+     * none. */
     const char *arguments;
-    const char *summary;          /* one line */
-    const char *details;          /* after the options in --help; may be NULL */
-    const app_settings *settings; /* the options; ends with rows == NULL; may be NULL */
-    /* Returns the exit code. Files that options name (lg_field.file) are checked before. */
+    const char *summary; /* one line */
+    const char *details; /* --help prints them after the options; may be NULL */
+    /* tables of options; an entry with rows == NULL ends the list; may be NULL */
+    const app_settings *settings;
+    /* Returns the exit code. Before it is called, the files that options name (lg_field.file) are checked. */
     int (*run)(app *app);
     app_together together;
 } app_command;
 
-/* An option of the command at hand. */
+/* An option of the chosen command. */
 typedef struct app_slot {
     char name[32];
     const lg_field *row;
     void *values;
-    bool given; /* on the command line */
+    bool given; /* whether it was on the command line */
 } app_slot;
 enum { APP_SLOTS = 96 };
 
@@ -85,8 +86,8 @@ enum { APP_ARGUMENTS = 4096 };
 struct app {
     const char *program;
     const app_command *command;
-    char title[64];     /* "lg-hamiltonian train", begins every message */
-    char *command_line; /* as a shell takes it, for what we write into files */
+    char title[64];     /* for example "lg-hamiltonian train"; every message begins with it */
+    char *command_line; /* quoted for a shell; it is recorded in the files that the program writes */
     bool json;
     uint64_t seed, threads;
     bool seed_given;
@@ -96,70 +97,75 @@ struct app {
     size_t slot_count;
     lg_context *context;
     app_warnings *warnings;
-    uint32_t rank, rank_count; /* as mpirun says: 0 of 1 without it */
-    const lg_ranks *ranks;     /* of an APP_RANKS command under mpirun; otherwise NULL */
-    bool shares;               /* the outputs with the processes of a board: none claims them */
+    uint32_t rank, rank_count; /* from mpirun's environment; 0 and 1 without mpirun */
+    const lg_ranks *ranks;     /* set for an APP_RANKS command under mpirun; otherwise NULL */
+    bool shares; /* Several processes share a board and so the outputs: app_claim does nothing. */
 };
 
 app_warnings *app_warnings_create(void);
 void app_warnings_destroy(app_warnings *warnings);
-/* Parses, runs, flushes stdout; what main returns. */
+/* Parses the command line, runs the command and flushes stdout. Returns the exit code, which main returns. */
 int app_main(int argc, char **argv, const char *program, const char *summary, const app_command *commands);
-/* Whether the option was on the command line. */
+/* Returns whether the option was on the command line. */
 bool app_given(const app *app, const char *option);
-/* Nothing is given, and the command's settings have their defaults. */
+/* Sets the command and gives its settings their defaults. No option counts as given. */
 void app_choose_command(app *app, const app_command *command);
-/* The option of that name; NULL when the command has none. */
+/* Finds the option with this name; NULL when the command has no such option. */
 app_slot *app_find_slot(const app *app, const char *option);
-/* `text` becomes the option's value, as from the command line (a text is borrowed), and the option is given.
- * LG_INVALID_ARGUMENT: nothing is stored, and the sentence says why. */
+/* Sets the option's value from `text`, as the command line does, and marks the option as given. A string
+ * value points to `text`, which must live on. LG_INVALID_ARGUMENT: nothing is stored, and `error` says
+ * why. */
 lg_status app_store(app_slot *slot, const char *text, lg_error *error);
-lg_status app_store_number(app_slot *slot, double value, lg_error *error); /* of a number or a list of one */
-/* What was not given becomes that of `from`, a structure like settings->values. `preset`: only where the rows
- * have no default of their own. */
+/* The same with a number, for an option that is a number or a list; a list gets this one element. */
+lg_status app_store_number(app_slot *slot, double value, lg_error *error);
+/* Copies into settings->values every option that was not given on the command line. `from` is a structure of
+ * the same type as settings->values. `preset`: only rows without a default of their own are copied. */
 void app_adopt(app *app, const app_settings *settings, const void *from, bool preset);
-/* True after the first SIGINT (Ctrl-C), SIGTERM or SIGHUP; the second one of a kind kills. */
+/* Returns true after the first SIGINT (Ctrl-C), SIGTERM or SIGHUP. A second signal of the same kind kills the
+ * process. */
 bool app_interrupted(void);
-/* "Ctrl-C", "SIGTERM" or "SIGHUP": what stopped this command. */
+/* The name of the signal that stopped this command: "Ctrl-C", "SIGTERM" or "SIGHUP". */
 const char *app_stopper(void);
-/* From now on SIGHUP asks for new log files instead of the end, under nohup too. */
+/* From now on SIGHUP asks for new log files instead of ending the program, also under nohup. */
 void app_reopen_on_hangup(void);
-/* True once after such a signal. */
+/* Returns whether SIGHUP has arrived since the last call that returned true. */
 bool app_reopen_asked(void);
 
 /* ---- ranks (ranks.c) ---- */
 
-/* Before anything else: rank and count from the environment. Ranks other than 0 are silent: they would say
- * what rank 0 says. */
+/* Called before anything else: takes rank and rank count from the environment. Ranks other than 0 print
+ * nothing on stdout and stderr, because they would repeat what rank 0 prints. */
 void app_find_ranks(app *app);
-/* Default of --threads: this rank's part of the processors. */
+/* Default of --threads: this rank's share of the processors. */
 uint64_t app_processors(void);
-/* Joins the other ranks where the command computes with them; an exit code. */
+/* Connects to the other ranks if the command computes with them (APP_RANKS). Returns an exit code. */
 int app_join_ranks(app *app);
-/* No exchange follows: what this rank does now, or fails in, is its own affair. */
+/* Says that the ranks exchange nothing from here on: a rank that fails later does not end the others. */
 void app_end_exchanges(app *app);
-/* The last words of a command: a rank that fails while others wait for it ends them all. */
+/* Called at the end of a command. A rank that fails while other ranks may still wait for it ends all ranks.
+ * Returns `code`. */
 int app_leave_ranks(app *app, int code);
 
-/* ---- failing ---- */
+/* ---- errors ---- */
 
 int app_exit_code(lg_status status);
-/* The command has ended, with this exit code. From any depth, in the main thread. Locks and ranks are left;
- * objects of the stack are not destroyed. */
+/* Ends the command with this exit code. May be called at any depth, in the main thread only. Locks are
+ * released and the ranks are left; objects on the stack are not destroyed. */
 void app_end(int code) __attribute__((noreturn));
-/* A sentence on stderr, and the end with the status' exit code. */
+/* Prints a sentence on stderr and ends the command with the exit code of `status`. */
 void app_stop(const app *app, lg_status status, const char *format, ...)
     __attribute__((noreturn, format(printf, 3, 4)));
-/* A sentence about the command line with a hint at --help, and the end with APP_EXIT_USAGE. */
+/* Prints a sentence about the command line and a hint at --help, and ends the command with APP_EXIT_USAGE. */
 void app_stop_usage(const app *app, const char *format, ...) __attribute__((noreturn, format(printf, 2, 3)));
-const char *app_sentence(lg_status status, const lg_error *error); /* of `error`, or the status' own */
-/* Nothing after LG_OK; otherwise the sentence of `error`, or the status' own, and the end. LG_CANCELLED after
- * a signal: "stopped by Ctrl-C", or by the other signal. */
+/* The message of `error`; if there is none, the standard sentence of `status`. */
+const char *app_sentence(lg_status status, const lg_error *error);
+/* Does nothing for LG_OK. Otherwise prints app_sentence(status, error) and ends the command. For LG_CANCELLED
+ * after a signal it prints "stopped by Ctrl-C", or the name of the other signal. */
 void app_must(const app *app, lg_status status, const lg_error *error);
-/* The same for what went wrong with the file `path`: exit code 3 whatever the status, except for memory and
- * Ctrl-C. */
+/* The same for an error with the file `path`. The exit code is 3 whatever the status, except when memory is
+ * missing or Ctrl-C stopped the command. */
 void app_must_file(const app *app, lg_status status, const lg_error *error, const char *path);
-/* A call of the library that has `&error` as an argument, and must succeed. */
+/* Calls a function of the library that takes `&error` as an argument; a failure ends the command. */
 #define APP_MUST(app, call)                                                                                  \
     do {                                                                                                     \
         lg_error error = {LG_OK, ""};                                                                        \
@@ -170,103 +176,114 @@ void app_must_file(const app *app, lg_status status, const lg_error *error, cons
         lg_error error = {LG_OK, ""};                                                                        \
         app_must_file(app, call, &error, path);                                                              \
     } while (0)
-/* A local variable that is freed, or destroyed, where its scope ends:
+/* A local variable that is freed, or destroyed, at the end of its scope:
  *   APP_FREE double *theta = app_alloc(n, sizeof *theta);
  *   APP_CLEAN(lg_trajectories_destroy) lg_trajectories test = {0}; */
 #define APP_FREE           __attribute__((cleanup(app_free)))
 #define APP_CLEAN(destroy) __attribute__((cleanup(destroy)))
-void app_free(void *pointer); /* the pointer at this address is freed */
-/* A sentence on stderr; returns the status' exit code. */
+void app_free(void *pointer); /* `pointer` is the address of the pointer to be freed */
+/* Prints a sentence on stderr and returns the exit code of `status`. */
 int app_fail(const app *app, lg_status status, const char *format, ...) __attribute__((format(printf, 3, 4)));
-const char *app_last_failure(void); /* the last such sentence */
-/* The same for what went wrong while reading or writing `path`: exit code 3 whatever the status, except for
- * memory and Ctrl-C. `error` may be NULL. */
+const char *app_last_failure(void); /* the last sentence that app_fail printed */
+/* The same for an error while reading or writing `path`. The exit code is 3 whatever the status, except when
+ * memory is missing or Ctrl-C stopped the command. `error` may be NULL. */
 int app_fail_file(const app *app, lg_status status, const lg_error *error, const char *path);
-/* Fills `error` (may be NULL) and returns `status`: what a function gives back to the one that will tell. */
+/* Fills `error` (may be NULL) and returns `status`. For functions that leave it to their caller to print the
+ * error. */
 lg_status app_error(lg_error *error, lg_status status, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
-/* A sentence on stderr, kept for app_json_warnings; a sentence that was kept before is not told again. From
- * any thread; the library's come here too. */
+/* Prints a warning on stderr and keeps it for app_json_warnings. A warning that is already kept is not
+ * printed again. May be called from any thread; warnings of the library come here too. */
 void app_warn(const app *app, const char *format, ...) __attribute__((format(printf, 2, 3)));
 struct lg_scene;
-/* The start of a scene without `initial` is drawn with --seed, and a warning says so. */
+/* If the scene has no `initial`, draws its start with --seed and warns that it did so. */
 void app_scene_start(const app *app, struct lg_scene *scene, const char *path);
-/* A sentence about the command line with a hint at --help; returns APP_EXIT_USAGE. */
+/* Prints a sentence about the command line and a hint at --help; returns APP_EXIT_USAGE. */
 int app_usage(const app *app, const char *format, ...) __attribute__((format(printf, 2, 3)));
-/* A sentence with the program's name; exits with code 5. */
+/* Prints "out of memory" with the program's name; exits with code 5. */
 void app_out_of_memory(void) __attribute__((noreturn));
-/* Zeroed, aligned to 64 bytes; exits with code 5 when there is none. Freed with free. */
+/* Returns zeroed memory, aligned to 64 bytes; without memory the program exits with code 5. Freed with
+ * free. */
 void *app_alloc(size_t count, size_t size);
-/* An empty text that never has `failed`: it ends the program as app_alloc does. Every text of an executable
- * begins so. Not thread safe. */
+/* Returns an empty text. When memory is missing it ends the program as app_alloc does, so its `failed` is
+ * never set. Every text of an executable begins with this call. Not thread safe. */
 lg_text app_text(void);
-/* Returns the status, but ends the program as app_alloc does when memory was missing: for what may be absent
- * and is left out then. */
+/* Returns `status`, except that LG_OUT_OF_MEMORY ends the program as app_alloc does. For calls whose other
+ * failures mean that an optional part is left out. */
 lg_status app_had_memory(lg_status status);
-/* As app_alloc, but NULL when memory ends: for sizes that the user chooses in a run that can go on. */
+/* As app_alloc, but returns NULL when there is no memory. For sizes that the user chooses, where the run can
+ * go on without. */
 void *app_try_alloc(size_t count, size_t size);
-/* A word of a command line, in quotes where a shell needs them. Freed with free. */
+/* A word of a command line, quoted where a shell needs it. Freed with free. */
 char *app_quote(const char *word);
-/* printf into memory, with the same law. */
+/* printf into new memory, freed with free. */
 char *app_format(const char *format, ...) __attribute__((format(printf, 1, 2)));
 char *app_format_list(const char *format, va_list arguments) __attribute__((format(printf, 1, 0)));
 
 /* ---- numbers ---- */
 
-/* Whole and finite, no blanks before or behind, decimal. False: *out is untouched. */
+/* Parses a decimal number. The whole text must be one finite number, without blanks before or after it. On
+ * false *out is unchanged. */
 bool app_parse_real(const char *text, double *out);
 bool app_parse_size(const char *text, uint64_t *out);
 
 double app_seconds(void); /* monotonic clock */
 double app_age(void);     /* seconds since the program began */
 
-/* ---- JSON: one object in memory, printed when complete ---- */
+/* ---- JSON: one object, built in memory and printed when it is complete ---- */
 
 typedef struct app_json {
     FILE *stream;
     char *text;
     size_t length;
     bool comma;
-    bool people;           /* text for people is made, no JSON */
-    struct app_rows *rows; /* of people, between app_result_rows or app_result_named and the end */
-    bool named;            /* the rows began with app_result_named */
+    bool people; /* the output is text for people, not JSON */
+    /* the open table of text for people, between app_result_rows or app_result_named and
+     * app_result_rows_end */
+    struct app_rows *rows;
+    bool named; /* the table was opened with app_result_named */
 } app_json;
 void app_json_begin(app_json *json);
-void app_print_real(FILE *stream, double value); /* the shortest text that reads back the same, or null */
-void app_json_real(app_json *json, const char *key, double value); /* null when not finite */
+/* the shortest text that reads back as the same double; null when it is not finite */
+void app_print_real(FILE *stream, double value);
+void app_json_real(app_json *json, const char *key, double value); /* null when it is not finite */
 void app_json_size(app_json *json, const char *key, uint64_t value);
 void app_json_bool(app_json *json, const char *key, bool value);
-void app_json_text(app_json *json, const char *key, const char *value); /* NULL: null */
+void app_json_text(app_json *json, const char *key, const char *value); /* value NULL gives null */
 void app_json_reals(app_json *json, const char *key, const double *values, size_t count);
-/* The field of `values` under its name, or under the name of its option where the row says one. */
+/* Writes the field of `values`. Its key is the row's option name if there is one, otherwise the row's
+ * name. */
 void app_json_field(app_json *json, const lg_field *row, const void *values);
-/* "warnings": the sentences so far, none: an empty array. Before a parallel part or after it. */
+/* Writes the array "warnings" with the warnings so far; without any the array is empty. Must not run while
+ * other threads may warn. */
 void app_json_warnings(app_json *json, const app *app);
-void app_json_open(app_json *json, const char *key, char bracket); /* '{' or '[' ; key NULL inside an array */
-void app_json_close(app_json *json, char bracket);                 /* '}' or ']' */
-/* Closes the object and prints it on stdout. */
+/* '{' or '['; key is NULL inside an array */
+void app_json_open(app_json *json, const char *key, char bracket);
+void app_json_close(app_json *json, char bracket); /* '}' or ']' */
+/* Closes the object, prints it on stdout and frees the text. */
 void app_json_end(app_json *json);
-/* ---- the result of a command: one list, printed as JSON or for people ---- */
+/* ---- the result of a command: one list of calls prints JSON or text for people ---- */
 
-/* With --json what follows makes one JSON object. Otherwise each app_result_... prints a line "key  value
- * label" (label NULL: none), each app_result_rows a table, and app_json_... nothing. app_json_end ends
- * both. */
+/* With --json the following calls build one JSON object. Otherwise each app_result_... prints one line with
+ * key, value and label (label may be NULL), each app_result_rows prints a table, and app_json_... prints
+ * nothing by itself. app_json_end ends both kinds of output. */
 void app_result_begin(app_json *json, const app *app);
 void app_result_real(app_json *json, const char *key, double value, const char *label);
 void app_result_size(app_json *json, const char *key, uint64_t value, const char *label);
 void app_result_text(app_json *json, const char *key, const char *value, const char *label);
 void app_result_reals(app_json *json, const char *key, const double *values, size_t count, const char *label);
-/* For people alone. */
+/* A line that is printed for people only. */
 void app_result_line(app_json *json, const char *format, ...) __attribute__((format(printf, 2, 3)));
-/* Opens an array of objects, which app_json_open(json, NULL, '{') begins; every object has the same members,
- * and the names of those that are no arrays are the heads of the table. */
+/* Opens an array of objects. Each object begins with app_json_open(json, NULL, '{'), and all have the same
+ * members. In the table for people each member that is no array is a column, with its key as the heading. */
 void app_result_rows(app_json *json, const char *key);
-/* The same for an object of objects, which app_json_open(json, NAME, '{') begins: the names are the first
- * column, and `names` is its head. */
+/* The same for an object of objects, each of which begins with app_json_open(json, NAME, '{'). In the table
+ * the NAMEs are the first column, and `names` is its heading. */
 void app_result_named(app_json *json, const char *key, const char *names);
 void app_result_rows_end(app_json *json);
 
-/* Text as a JSON string with its quotes: escapes, and \ufffd for what is not UTF-8. */
+/* Prints text as a JSON string with its quotes. Special characters are escaped; bytes that are not UTF-8
+ * become \ufffd. */
 void app_json_quote(FILE *stream, const char *text);
 
 /* ---- tables for people ---- */
@@ -277,9 +294,11 @@ typedef struct app_table {
 } app_table;
 void app_table_begin(app_table *table, size_t columns);
 void app_table_cell(app_table *table, const char *format, ...) __attribute__((format(printf, 2, 3)));
-/* A row: the tabs of the text part its cells. The first row of a table {0} tells the number of columns. */
+/* Adds a row; tabs in the text separate its cells. In a table that was initialised as {0} the first row sets
+ * the number of columns. */
 void app_table_row(app_table *table, const char *format, ...) __attribute__((format(printf, 2, 3)));
-/* Prints with aligned columns (the first to the left), a line under the first row, and frees. */
+/* Prints the table and frees it. The first column is aligned to the left, the others to the right; a line of
+ * dashes follows the first row. */
 void app_table_end(app_table *table, FILE *stream);
 
 /* ---- progress on stderr, only when it is a terminal ---- */
@@ -289,7 +308,8 @@ typedef struct app_progress {
     double start, shown;
     uint64_t first, total;
 } app_progress;
-/* `first` units were done before (a resumed run): they do not count for the remaining time. */
+/* `first` is the number of units that were done before, in a resumed run. They do not count in the estimate
+ * of the remaining time. */
 void app_progress_begin(app_progress *progress, uint64_t first, uint64_t total);
 void app_progress_show(app_progress *progress, uint64_t done, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
@@ -297,15 +317,17 @@ void app_progress_end(app_progress *progress);
 
 /* ---- threads ---- */
 
-/* task(user, i) for i in 0..count-1, each once, on up to `threads` threads. A task writes to its own memory
- * only. */
+/* Calls task(user, i) once for each i in 0..count-1, on up to `threads` threads. A task must write to its own
+ * memory only. */
 void app_parallel(uint64_t threads, size_t count, void (*task)(void *user, size_t index), void *user);
 
 /* ---- files ---- */
 
-/* A regular file to be read, or NULL. Never waits, as opening a pipe that nobody writes to would. */
+/* Opens a regular file for reading. Returns NULL otherwise, so it never blocks as it would on a pipe without
+ * a writer. */
 FILE *app_open(const char *path);
-/* A text file in memory that replaces `path` when it is complete: temporary name beside it, fsync, rename. */
+/* A text file that is built in memory and replaces `path` when it is complete: written under a temporary name
+ * in the same folder, fsync, rename. */
 typedef struct app_file {
     const char *path;
     FILE *stream;
@@ -313,46 +335,48 @@ typedef struct app_file {
     size_t length;
 } app_file;
 void app_file_begin(app_file *file, const char *path);
-/* On failure the old file stands and `error` says why. */
+/* On failure the old file is left as it was, and `error` says why. */
 lg_status app_file_end(app_file *file, lg_error *error);
 void app_file_discard(app_file *file);
-/* Fails now rather than after an hour of work: the folder of `path` must exist and be writable, `path` a
- * regular file or nothing. */
+/* Checks early whether `path` can be written, rather than after an hour of work: its folder must exist and be
+ * writable, and `path` must be a regular file or not exist. */
 lg_status app_check_writable(const char *path, lg_error *error);
-/* Whether both paths lead to one file, through links or other spellings too. */
+/* Returns whether both paths lead to the same file, also through links or by different spellings. */
 bool app_same_file(const char *a, const char *b);
 
 typedef struct app_path {
-    const char *option; /* without the dashes; NULL: an argument, which app->arguments does not hold */
-    const char *path;   /* NULL: not given */
+    const char *option; /* without the dashes; NULL for an argument that is not in app->arguments */
+    const char *path;   /* NULL: the option is not given */
     lg_file_use use;
 } app_path;
-/* Before anything long: each output can be written, none of them is an input (the command's arguments and
- * what is LG_FILE_READ) or another output, pictures have a picture's ending. Otherwise tells why; an exit
- * code. The options of a command whose rows say `file` are checked without being asked for. */
+/* Called before any long work. Each output must be writable and must differ from all inputs (the command's
+ * arguments and the paths with LG_FILE_READ) and from all other outputs; a picture must end in .svg or .png.
+ * Then claims the outputs (app_claim). On failure prints why and returns an exit code. Options whose rows set
+ * `file` are checked for every command without this call. */
 int app_check_outputs(const app *app, const app_path *paths, size_t count);
-/* This process alone writes the file or folder until it ends (lg_lock_take); app_check_outputs claims the
- * outputs. Once more is nothing new; pipes and devices are nobody's, and of ranks the first one claims.
- * LG_FILE: another process is at it, which `error` names. */
+/* Reserves the file or folder for this process until it ends (lg_lock_take); app_check_outputs calls this for
+ * the outputs. Claiming twice does no harm. Pipes and devices are never claimed, and of several ranks only
+ * rank 0 claims. LG_FILE: another process has claimed it; `error` says which. */
 lg_status app_claim(const app *app, const char *path, lg_error *error);
-/* Creates the folder if there is none (one level). */
+/* Creates the folder unless it exists. Its parent folder must exist. */
 lg_status app_make_folder(const char *path, lg_error *error);
 
 /* ---- plots through gnuplot ---- */
 
-/* FILE.svg or FILE.png; data go to FILE.dat and the script to FILE.gp beside it. Blocks of data are separated
- * by app_plot_block and addressed as `index k` of `datafile` in the script. */
+/* A picture FILE.svg or FILE.png; beside it the data go to FILE.dat and the script to FILE.gp. app_plot_block
+ * separates blocks of data, which the script addresses as `index k` of `datafile`. */
 typedef struct app_plot {
     char *picture;
     app_file data, script;
     char *data_path, *script_path;
 } app_plot;
 bool app_plot_name_fits(const char *picture);
-/* Width and height in pixels. The name fits: LG_FILE_DRAWN has looked. */
+/* Width and height in pixels. The name must end in .svg or .png; app_check_outputs checks this for
+ * LG_FILE_DRAWN. */
 void app_plot_begin(app_plot *plot, const char *picture, int width, int height);
 void app_plot_block(app_plot *plot);
-/* Writes both files and runs gnuplot. Without gnuplot they are left, and a warning says so: LG_OK. When a
- * file cannot be written none of the three is left by this call. */
+/* Writes the data and the script, and runs gnuplot. Without gnuplot it leaves both, warns and returns LG_OK.
+ * When a file cannot be written, the files that this call wrote are removed. */
 lg_status app_plot_end(const app *app, app_plot *plot, lg_error *error);
 
 #endif

@@ -1,4 +1,4 @@
-/* Failing, memory, numbers, clocks, threads. */
+/* Errors, memory, numbers, clocks and threads. */
 #include "common/app.h"
 
 #include <errno.h>
@@ -11,7 +11,7 @@
 
 #include "liegrad/io.h"
 
-/* The one table from status to exit code. */
+/* The only table that maps statuses to exit codes. */
 static const struct {
     lg_status status;
     int code;
@@ -192,7 +192,8 @@ char *app_format(const char *format, ...) {
     return text;
 }
 
-/* Decimal notation only: strtod alone would take blanks, hexadecimal, "inf" and "nan". */
+/* Accepts decimal notation only; strtod alone would also take leading blanks, hexadecimal numbers, "inf" and
+ * "nan". */
 static bool is_number_start(const char *text) {
     if (text[0] == '+' || text[0] == '-') text++;
     if (text[0] == '0' && (text[1] == 'x' || text[1] == 'X')) return false;
@@ -260,7 +261,7 @@ void app_parallel(uint64_t threads, size_t count, void (*task)(void *user, size_
     (void)pthread_mutex_init(&c.mutex, NULL);
     pthread_t *workers = app_alloc((size_t)threads, sizeof *workers);
     size_t started = 0;
-    /* A thread that cannot be started is no failure: the others take its work. */
+    /* If a thread cannot be started, the others take over its work. */
     while (started + 1 < threads && pthread_create(&workers[started], NULL, crew_work, &c) == 0) started++;
     (void)crew_work(&c);
     for (size_t i = 0; i < started; i++) (void)pthread_join(workers[i], NULL);

@@ -1,4 +1,4 @@
-/* A board of work: a file of results, and locks on bytes beyond its end. */
+/* A board of work: a file with the results, and locks on bytes far beyond its end. */
 #include "common/board.h"
 
 #include <errno.h>
@@ -10,14 +10,15 @@
 #include <time.h>
 #include <unistd.h>
 
-/* The file: a head, then count slots of a state (8 bytes) and a record. */
+/* The file: this head, then `count` slots, each with a state (8 bytes) and a record. */
 typedef struct head {
     char magic[16], sweep[128];
-    uint64_t record, count, ready; /* ready: what was known is put */
+    /* ready: results known before are written, and other processes may begin */
+    uint64_t record, count, ready;
 } head;
 static const char magic[16] = "liegrad board 1";
 
-/* Bytes that are locked. */
+/* The locked bytes are LOCKS + LOCK_BOARD and so on; piece i has the byte LOCKS + LOCK_PIECES + i. */
 #define LOCKS ((off_t)1 << 40)
 enum { LOCK_BOARD, LOCK_RECORDS, LOCK_PIECES };
 
@@ -27,12 +28,13 @@ struct board {
     size_t record, count;
     bool wait;
     pthread_mutex_t mutex;
-    bool *done, *mine; /* (count): as far as this process knows; its claims */
+    /* Both (count): the pieces that this process knows to be done, and the pieces it has claimed. */
+    bool *done, *mine;
 };
 
 /* ---- locks ---- */
 
-/* Blocks unless `try`. False: another process has it, or there are no locks. */
+/* Waits for the lock unless `try`. False: another process has the lock, or the file system has no locks. */
 static bool lock(const board *b, off_t byte, short type, bool try) {
     struct flock range = {.l_type = type, .l_whence = SEEK_SET, .l_start = LOCKS + byte, .l_len = 1};
     int code;
@@ -101,7 +103,8 @@ bool board_wanted(app *self, const board_values *values, const char *out) {
     return self->shares;
 }
 
-/* The output is newer than this process: rank 0 has come to the end before the board was seen. */
+/* Returns whether the output was written since this process began (give or take `slack` seconds): then rank 0
+ * had finished before this rank saw the board. */
 static bool is_over(const char *out) {
     static const double slack = 2.0;
     struct stat about;
@@ -134,7 +137,7 @@ static lg_status open_file(board *b, bool make, lg_error *error) {
             if (!lock(b, LOCK_BOARD, F_WRLCK, false))
                 return app_error(error, LG_FILE, "%s: cannot be locked: %s", b->path, strerror(errno));
             if (fstat(b->fd, &about) == 0 && about.st_nlink > 0) return LG_OK;
-            (void)close(b->fd); /* it ended in the meantime */
+            (void)close(b->fd); /* the board was removed before this process got the lock */
             b->fd = -1;
         }
         nap(PAUSE);
@@ -191,7 +194,7 @@ lg_status board_begin(board *b, lg_error *error) {
 
 void board_close(board *b) {
     if (b == NULL) return;
-    if (b->fd >= 0) (void)close(b->fd); /* lifts all locks */
+    if (b->fd >= 0) (void)close(b->fd); /* this also releases all locks */
     (void)pthread_mutex_destroy(&b->mutex);
     free(b->path);
     free(b->done);
@@ -205,7 +208,7 @@ const char *board_path(const board *b) {
 
 /* ---- pieces ---- */
 
-/* Locks are those of the process: its threads have a mutex. */
+/* fcntl locks belong to the process, so its threads exclude each other by a mutex. */
 bool board_claim(board *b, size_t *piece) {
     bool found = false;
     (void)pthread_mutex_lock(&b->mutex);
@@ -251,7 +254,7 @@ board_state board_read(board *b, size_t piece, void *record) {
     return state;
 }
 
-/* The record comes before its state, so that a piece is done only when its result is there. */
+/* The record is written before the state, so that a piece counts as done only when its result is complete. */
 lg_status board_write(board *b, size_t piece, const void *record, board_state state, lg_error *error) {
     const uint64_t word = state;
     (void)pthread_mutex_lock(&b->mutex);
@@ -294,7 +297,7 @@ int board_report(const app *self, const board_values *values, size_t done, size_
     return APP_EXIT_OK;
 }
 
-/* ---- the output ---- */
+/* ---- writing the output ---- */
 
 bool board_lock(board *b) {
     struct stat about;

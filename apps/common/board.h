@@ -1,11 +1,12 @@
-/* A board of work for processes of one or several machines: pieces 0..count-1, each of which has a result of
- * `record` bytes. It is a file that all of them see, OUT.board beside the output that they make together.
+/* A board distributes work over processes on one or several machines. The work has pieces 0..count-1, each
+ * with a result of `record` bytes. The board is a file that all processes can open, OUT.board, beside the
+ * output OUT that they make together.
  *
- * A process claims a piece by a lock on a byte of the file (fcntl), which the system lifts when the process
- * dies: so a slow or dead process costs its own piece, and another one takes it. There is no process that
- * all depend on, and no message: ranks of mpirun, tasks of a job array and the same command in two terminals
- * are alike. Where the file system's locks reach one machine alone, pieces may be done twice, with the same
- * results. */
+ * A process claims a piece by locking a byte of the file (fcntl). The system removes the lock when the
+ * process dies, so another process can then take the piece: a slow or dead process delays only the piece it
+ * has claimed. No process coordinates the others, and no messages are sent. Ranks of mpirun, tasks of a job
+ * array and the same command in two terminals all work in the same way. On a file system whose locks work
+ * only within one machine, pieces may be computed twice, with the same results. */
 #ifndef LG_APPS_BOARD_H
 #define LG_APPS_BOARD_H
 
@@ -16,7 +17,8 @@ typedef enum board_state { BOARD_EMPTY, BOARD_PARTIAL, BOARD_DONE } board_state;
 
 typedef struct board board;
 
-/* Options of commands whose processes share a board, as the member `board` of their values. */
+/* Options of commands whose processes share a board. They are the member `board` of the structure with the
+ * command's values. */
 typedef struct board_values {
     const char *task;
     bool merge;
@@ -29,43 +31,48 @@ typedef struct board_values {
         LG_OPTION(type, board.merge, SWITCH, NULL,                                                           \
                   "Put what the tasks have finished into the output, and do no work", .option = "merge")
 
-/* Whether the command's processes share a board, and so its outputs (app->shares): there are several, or one
- * left a board. `out`: the output. A wrong --task ends the command. */
+/* Returns whether this command shares a board with other processes, and sets app->shares: there are several
+ * processes, or an earlier run left a board. `out`: path of the output. A wrong --task ends the command. */
 bool board_wanted(app *app, const board_values *values, const char *out);
 
-/* What results depend on, in short: this text, and the file at `path` (NULL: none). */
+/* Hash of what the results depend on: this text and the contents of the file at `path` (NULL: no file). */
 void board_label(const char *text, const char *path, char label[LG_SHA256_TEXT]);
 
-/* Opens OUT.board, or makes it. `sweep`: what the results depend on, so that no other sweep's are taken: the
- * first 127 bytes are compared. Ranks beyond 0 wait for that of rank 0, and get LG_NOT_FOUND where the sweep
- * is over already. The board is locked: `fresh` says that the caller is to put what is known by board_write,
- * and then board_begin lets others in. Errors: LG_FILE, LG_FORMAT (of another sweep). */
+/* Opens OUT.board, or creates it. `sweep` describes what the results depend on, so that results of other work
+ * are not mixed in; its first 127 bytes are compared. Only rank 0 creates the board. The other ranks wait for
+ * it, and get LG_NOT_FOUND when the work is already finished. On return the board is locked. If `fresh` is
+ * set, the caller first writes results that it already has with board_write. In any case it then calls
+ * board_begin, which lets other processes in. Errors: LG_FILE, LG_FORMAT (the board belongs to other
+ * work). */
 lg_status board_open(const app *app, const board_values *values, const char *out, const char *sweep,
                      size_t record, size_t count, board **board_out, bool *fresh, lg_error *error);
 lg_status board_begin(board *b, lg_error *error);
-void board_close(board *b); /* NULL is fine; drops claims */
+void board_close(board *b); /* drops this process's claims; NULL is allowed */
 
-/* The lowest piece that is neither done nor another process'. False: there is none now. From any thread. */
+/* Claims the lowest piece that is not done and not claimed by another process. False: there is no such piece
+ * now. May be called from any thread. */
 bool board_claim(board *b, size_t *piece);
-/* The same, but waits for pieces that others may yet leave undone, unless this is a task of an array. False:
- * all are done, or the command is interrupted. */
+/* The same, but waits while other processes may still give up a piece, unless this is a task of a job array.
+ * False: all pieces are done, or the command was interrupted. */
 bool board_next(board *b, size_t *piece);
-void board_release(board *b, size_t piece); /* undone */
+void board_release(board *b, size_t piece); /* gives the claim up; the piece stays undone */
 board_state board_read(board *b, size_t piece, void *record);
-/* A result, complete (then the claim ends) or part of one. */
+/* Stores the result of a piece: complete (BOARD_DONE, which ends the claim) or unfinished (BOARD_PARTIAL). */
 lg_status board_write(board *b, size_t piece, const void *record, board_state state, lg_error *error);
-size_t board_left(board *b); /* pieces that are not done */
+size_t board_left(board *b); /* number of pieces that are not done */
 const char *board_path(const board *b);
 
-/* LG_FILE, with the sentence that so many pieces are not done. */
+/* Returns LG_FILE, and writes into `error` that `left` pieces are not done. */
 lg_status board_unfinished(const board *b, size_t left, lg_error *error);
-/* What a task of an array says at its end; APP_EXIT_OK. */
+/* Prints how many pieces are done, at the end of a task of a job array. Returns APP_EXIT_OK. */
 int board_report(const app *app, const board_values *values, size_t done, size_t count);
 
-/* The output is made once: true for the process that is to make it now, which calls board_end after that.
- * `kept`: pieces are left, and the board stays. */
+/* Makes sure that the output is written once. Waits for the board's lock, and returns true if this process is
+ * to write the output now; then it must call board_end. False: another process has finished the board.
+ * `kept`: pieces are missing, so the board file is not removed. */
 bool board_lock(board *b);
-/* Ranks beyond 0 leave that to rank 0, which reports; they wait in case it is dead. */
+/* Waits up to 3 s until rank 0 has written the output and removed the board. Called by the other ranks, which
+ * take over only if rank 0 is dead. */
 void board_wait_for_end(const board *b);
 void board_end(board *b, bool kept);
 

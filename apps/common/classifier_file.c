@@ -1,4 +1,4 @@
-/* Classifiers from and to files. */
+/* Writes and reads files of classifiers. */
 #include "common/classifier_file.h"
 
 #include <math.h>
@@ -6,7 +6,7 @@
 
 #include "common/app.h"
 
-/* ---- what stands below /run ---- */
+/* ---- the values in the group /run ---- */
 
 typedef struct stored {
     const char *path;
@@ -14,7 +14,7 @@ typedef struct stored {
     void *value;
 } stored;
 
-enum { STORED = 7, NEEDED = STORED - 2 /* the last two may be missing */ };
+enum { STORED = 7, NEEDED = STORED - 2 /* the last two may be missing in a file */ };
 static void list_stored(classifier_file *file, stored out[STORED]) {
     const stored rows[STORED] = {{"run/test_fraction", LG_ELEMENT_F64, &file->test_fraction},
                                  {"run/seed", LG_ELEMENT_U64, &file->seed},
@@ -61,7 +61,7 @@ lg_status classifier_file_save(const lg_context *context, const char *path, cons
     if (status == LG_OK) status = write_run(&archive, file);
     if (status == LG_OK) status = write_models(&archive, file, error);
     if (writer != NULL && (status == LG_OK || error->message[0] == '\0'))
-        status = lg_file_writer_commit(writer, error); /* repeats what failed before it */
+        status = lg_file_writer_commit(writer, error); /* returns the error of an earlier write that failed */
     lg_file_writer_destroy(writer);
     return status;
 }
@@ -146,7 +146,8 @@ lg_status classifier_file_load(const lg_context *context, const char *path, clas
         (void)app_error(error, status, "%s", lg_file_reader_message(reader));
     lg_file_reader_destroy(reader);
     if (status == LG_OK) return LG_OK;
-    const bool loaded = out->method != NULL; /* what is missing then is the file's fault */
+    /* The method was read, so the file exists; LG_NOT_FOUND then means that a part of the file is missing. */
+    const bool loaded = out->method != NULL;
     classifier_file_free(out);
     return status == LG_NOT_FOUND && loaded ? LG_FORMAT : status;
 }

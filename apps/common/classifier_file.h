@@ -1,6 +1,6 @@
-/* Files of kind "classifier": a classical classifier with the names of its classes and channels, how its
- * data were cut and split, and the novelty of its training windows. The method "novelty" is that alone.
- * Written by lg-anomaly, read by it and by lg-export. */
+/* Files of kind "classifier": a classical classifier with the names of its classes and channels, how its data
+ * were cut and split, and the novelty model of its training windows. A file of the method "novelty" has only
+ * the novelty model. lg-anomaly writes these files; lg-anomaly and lg-export read them. */
 #ifndef LG_APPS_CLASSIFIER_FILE_H
 #define LG_APPS_CLASSIFIER_FILE_H
 
@@ -10,26 +10,30 @@
 #include "liegrad/series.h"
 
 typedef struct classifier_file {
-    lg_classifier classifier; /* zero for "novelty" */
-    lg_novelty novelty;       /* channels 0: none */
-    lg_series names;    /* classes, channels and rate with their names, no windows; channels 0: not named */
-    const char *method; /* "logistic", "tree", "svm-linear", "svm-rbf", "baseline", "novelty"; static */
+    lg_classifier classifier; /* zero for the method "novelty" */
+    lg_novelty novelty;       /* channels is 0 if there is no novelty model */
+    /* Names of classes and channels, and the rate; no windows. channels is 0 if they have no names. */
+    lg_series names;
+    /* "logistic", "tree", "svm-linear", "svm-rbf", "baseline" or "novelty"; static storage */
+    const char *method;
     lg_split split;
     double test_fraction;
-    uint64_t seed, windows, window, hop; /* windows in all; samples of one, and from one to the next */
+    /* `windows`: their number; `window`: samples per window; `hop`: samples from the start of one to the
+     * next. */
+    uint64_t seed, windows, window, hop;
     char data_sha256[LG_SHA256_TEXT];
     double accuracy, f1; /* on the test part; NaN: not stored */
     lg_provenance provenance;
 } classifier_file;
 
-/* Everything of `file` is borrowed. What is NaN of accuracy and f1 is left out. */
+/* All pointers in `file` stay the caller's. An accuracy or f1 that is NaN is not written. */
 lg_status classifier_file_save(const lg_context *context, const char *path, const classifier_file *file,
                                lg_error *error);
-/* Window and hop fit the classifier, the classes are named as many as it has; of the method "novelty" two.
- * On failure *out is zeroed. */
 bool classifier_file_is_novelty(const classifier_file *file);
+/* Checks that the window length fits the classifier and that there are as many class names as classes (two
+ * for the method "novelty"). On failure *out is zeroed. */
 lg_status classifier_file_load(const lg_context *context, const char *path, classifier_file *out,
                                lg_error *error);
-void classifier_file_free(classifier_file *file); /* a zeroed one may be freed */
+void classifier_file_free(classifier_file *file); /* a zeroed structure is allowed */
 
 #endif

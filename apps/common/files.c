@@ -1,4 +1,4 @@
-/* Text files that appear whole or not at all. */
+/* Text files that are written completely or not at all, and checks of output files. */
 #include "common/app.h"
 
 #include <errno.h>
@@ -58,7 +58,7 @@ lg_status app_check_writable(const char *path, lg_error *error) {
 
 /* ---- outputs ---- */
 
-/* The path with its folder resolved; of no folder as it is. */
+/* Returns the path with its folder resolved; if the folder does not exist, the path is unchanged. */
 static char *resolved(const char *path) {
     const char *slash = strrchr(path, '/'), *name = slash != NULL ? slash + 1 : path;
     char *folder = slash != NULL ? app_format("%.*s/", (int)(slash - path), path) : app_format(".");
@@ -81,14 +81,15 @@ bool app_same_file(const char *a, const char *b) {
     return same;
 }
 
-/* One file of a command. */
+/* A file that a command reads or writes. */
 typedef struct used_file {
-    const char *option; /* NULL: an argument */
+    const char *option; /* NULL for an argument */
     char *path;
     bool written, streamed;
 } used_file;
 
-/* All files that a command touches, inputs first; `out` has room for app.arguments and 3 (count). */
+/* Lists all files that a command reads or writes, inputs first. `out` has room for all of app.arguments and 3
+ * count more: a picture has three files. */
 static size_t list_files(const app *self, const app_path *paths, size_t count, used_file *out) {
     size_t n = 0;
     for (int i = 0; i < self->argument_count; i++)
@@ -108,14 +109,15 @@ static size_t list_files(const app *self, const app_path *paths, size_t count, u
     return n;
 }
 
-/* A pipe or a device that takes what is written as it comes. */
+/* Returns whether the file is a pipe or a device that may be written to directly. */
 static bool is_stream(const used_file *file) {
     struct stat about;
     return file->streamed && stat(file->path, &about) == 0 && !S_ISREG(about.st_mode) &&
            !S_ISDIR(about.st_mode);
 }
 
-/* files[at] is written: it can be, and it is none of those before it. */
+/* Checks that the output files[at] can be written and that it is not the same file as one before it in the
+ * list. */
 static int check_output(const app *self, const used_file *files, size_t at) {
     const used_file *file = &files[at];
     lg_error error = {LG_OK, ""};
@@ -137,7 +139,7 @@ static int check_output(const app *self, const used_file *files, size_t at) {
     return APP_EXIT_OK;
 }
 
-/* ---- outputs that this process works on ---- */
+/* ---- outputs that this process has claimed ---- */
 
 typedef struct claim {
     struct claim *next;
@@ -157,8 +159,9 @@ static void release_claims(void) {
     }
 }
 
-/* What `path` is once links are resolved, without slashes at its end; a folder in one that cannot be
- * written is locked within. Freed with free. */
+/* The lock's target: `path` with links resolved and without slashes at its end. For a folder whose parent
+ * folder cannot be written, a slash is appended, so that the lock file lies inside the folder. Freed with
+ * free. */
 static char *target_of(const char *path, bool folder) {
     char *named = app_format("%s", path);
     for (size_t n = strlen(named); n > 1 && named[n - 1] == '/'; n--) named[n - 1] = '\0';
@@ -187,7 +190,8 @@ lg_status app_claim(const app *self, const char *path, lg_error *error) {
     if (self->rank > 0 || self->shares) return LG_OK;
     const bool there = stat(path, &about) == 0, folder = there && S_ISDIR(about.st_mode);
     if (there && !folder && !S_ISREG(about.st_mode)) return LG_OK;
-    claim *made = app_alloc(1, sizeof *made); /* not behind the lock: without memory it would stay */
+    /* allocated before the lock is taken: if memory ran out later, the lock file would remain */
+    claim *made = app_alloc(1, sizeof *made);
     *made = (claim){claims, target_of(path, folder), {.fd = -1}};
     lg_status status = LG_OK;
     if (!is_claimed(made->target))

@@ -1,4 +1,4 @@
-/* The flow of a model that moves. */
+/* Integrates the field of a learned model over time. */
 #include "common/flow.h"
 
 #include <stdlib.h>

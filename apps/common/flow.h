@@ -1,12 +1,13 @@
-/* The flow of a model that moves. */
+/* Integrates the field of a learned model over time. */
 #ifndef LG_APPS_FLOW_H
 #define LG_APPS_FLOW_H
 
 #include "liegrad/model.h"
 
-/* From `start` at times[0] to all times (count), by an adaptive scheme with this tolerance, relative to each
- * number and to its group: out (count, d). most: of steps, 0: the default; stats may be NULL. Errors: those
- * of lg_integrate_adaptive. */
+/* Integrates from `start` at times[0] and writes the states at all `count` times to `out`, (count, d).
+ * Adaptive scheme with rtol = tolerance and atol = -tolerance, that is, relative to the largest value in the
+ * component's group (lg_step_controller). most: largest number of steps, 0 for the default. stats may be
+ * NULL. Errors as of lg_integrate_adaptive. */
 lg_status app_flow(const lg_context *context, const lg_model *learned, const lg_scheme *scheme,
                    double tolerance, size_t most, const double *start, const double *times, size_t count,
                    double *out, lg_run_stats *stats);

@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-/* ---- a piece as a record of the board ---- */
+/* ---- a piece as a record on the board ---- */
 
 static size_t record_size(const pieces *self) {
     size_t bytes = 0;
@@ -10,7 +10,7 @@ static size_t record_size(const pieces *self) {
     return bytes;
 }
 
-/* Between the arrays and a record: `out` of the arrays. */
+/* Copies a piece between the arrays and its record; `out`: from the arrays to the record. */
 static void copy_piece(const pieces *self, size_t piece, char *record, bool out) {
     for (size_t k = 0; k < self->array_count; k++) {
         const pieces_array *array = &self->arrays[k];
@@ -22,7 +22,7 @@ static void copy_piece(const pieces *self, size_t piece, char *record, bool out)
     }
 }
 
-/* ---- making ---- */
+/* ---- computing the pieces ---- */
 
 static bool is_stopped(pieces *self) {
     (void)pthread_mutex_lock(&self->mutex);
@@ -63,7 +63,7 @@ static void board_task(void *user, size_t index) {
         if (make(self, piece) != LG_OK) board_release(self->shared, piece);
 }
 
-/* What a thread failed in, and Ctrl-C. */
+/* Ends the command if it was interrupted or if a thread failed. */
 static void stop_if_failed(const pieces *self) {
     if (app_interrupted() || self->status == LG_CANCELLED)
         app_stop(self->app, LG_CANCELLED, "stopped by %s%s", app_stopper(),
@@ -71,7 +71,7 @@ static void stop_if_failed(const pieces *self) {
     app_must(self->app, self->status, &self->error);
 }
 
-/* ---- with others ---- */
+/* ---- sharing the work with other processes ---- */
 
 static void take_all(pieces *self) {
     APP_FREE char *record = app_alloc(record_size(self), 1);
@@ -85,14 +85,14 @@ static void take_all(pieces *self) {
     if (missing > 0) APP_MUST_FILE(self->app, self->out, board_unfinished(self->shared, missing, &error));
 }
 
-/* Whether this process has all of them and writes the file. */
+/* Returns whether this process has all pieces and is to write the file. */
 static bool make_together(pieces *self) {
     const app *host = self->app;
     lg_error why = {LG_OK, ""};
     bool fresh = false;
     const lg_status status = board_open(host, self->board, self->out, self->sweep, record_size(self),
                                         self->count, &self->shared, &fresh, &why);
-    if (status == LG_NOT_FOUND) return false; /* the others have come to the end */
+    if (status == LG_NOT_FOUND) return false; /* the other processes have already finished */
     app_must_file(host, status, &why, self->out);
     APP_MUST_FILE(host, self->out, board_begin(self->shared, &error));
     if (!self->board->merge) app_parallel(host->threads, (size_t)host->threads, board_task, self);

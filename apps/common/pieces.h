@@ -1,4 +1,4 @@
-/* Arrays that are made piece by piece: by threads, or by processes that share a board (common/board.h). */
+/* Arrays that are computed piece by piece, by threads or by processes that share a board (common/board.h). */
 #ifndef LG_APPS_PIECES_H
 #define LG_APPS_PIECES_H
 
@@ -6,7 +6,7 @@
 
 #include "common/board.h"
 
-/* Piece i of an array is `each` bytes at i * each; the last one ends with the array. */
+/* Piece i of an array is the `each` bytes at offset i * each; the last piece may be shorter. */
 typedef struct pieces_array {
     void *data;
     size_t each, total;
@@ -17,13 +17,14 @@ enum { PIECES_ARRAYS = 4 };
 typedef struct pieces {
     const app *app;
     const board_values *board;
-    const char *out;   /* the file that the arrays are for */
-    const char *sweep; /* what they depend on */
+    const char *out;   /* path of the file that the arrays are written to */
+    const char *sweep; /* what the arrays depend on (see board_open) */
     size_t count, array_count;
     pieces_array arrays[PIECES_ARRAYS];
-    lg_status (*make)(void *user, size_t piece, lg_error *error); /* writes its piece only; from any thread */
+    /* computes one piece and writes nothing else; called from any thread */
+    lg_status (*make)(void *user, size_t piece, lg_error *error);
     void *user;
-    /* The driver's own. */
+    /* The following members are set and used by pieces.c only. */
     struct board *shared;
     pthread_mutex_t mutex;
     lg_status status;
@@ -31,10 +32,11 @@ typedef struct pieces {
     size_t failed;
 } pieces;
 
-/* Makes all pieces, with other processes where app->shares. True: the arrays are complete, and the caller
- * writes the file and then calls pieces_end. False: another process writes it, or a task has said what there
- * is. What fails ends the command; a board stays for the next one. */
+/* Computes all pieces, together with other processes if app->shares. True: the arrays are complete; the
+ * caller writes the file and then calls pieces_end. False: another process writes the file, or this was a
+ * task of a job array, which has printed how much is done. A failure ends the command; the board stays for
+ * the next run. */
 bool pieces_make(pieces *self);
-void pieces_end(pieces *self); /* the file is written */
+void pieces_end(pieces *self); /* called after the file is written */
 
 #endif

@@ -1,4 +1,4 @@
-/* Pictures by gnuplot, which reads a script and data that stay beside the picture. */
+/* Pictures drawn by gnuplot, from a script and data that are kept beside the picture. */
 #include "common/app.h"
 
 #include <errno.h>
@@ -9,7 +9,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-/* Ending of the file's name, what the terminal is called, what follows its size. */
+/* Ending of the file name, gnuplot's name of the terminal, and the terminal options that follow the size. */
 static const struct {
     const char *ending, *terminal, *rest;
 } formats[] = {{".svg", "svg", "dynamic background rgb 'white' font 'Helvetica,13'"},
@@ -26,7 +26,7 @@ bool app_plot_name_fits(const char *picture) {
     return format_of(picture) < LG_COUNT(formats);
 }
 
-/* A gnuplot string in single quotes: a quote inside is doubled. */
+/* Writes text as a gnuplot string in single quotes; a quote inside is doubled. */
 static void put_quoted(FILE *stream, const char *text) {
     (void)fputc('\'', stream);
     for (; *text != '\0'; text++) {
@@ -57,7 +57,7 @@ void app_plot_block(app_plot *plot) {
     (void)fputs("\n\n", plot->data.stream);
 }
 
-/* Reads a pipe to its end. */
+/* Copies everything from a pipe to `to`, until the pipe's end. */
 static void drain(int from, FILE *to) {
     char buffer[65536];
     ssize_t got;
@@ -65,9 +65,10 @@ static void drain(int from, FILE *to) {
         if (got > 0) (void)fwrite(buffer, 1, (size_t)got, to);
 }
 
-/* Runs `gnuplot script` in the script's folder and copies its standard output, the picture. Returns the exit
- * status: 127 if there is no gnuplot, -1 if it could not be started or died. The caller writes the picture,
- * whole or not at all, because gnuplot does not notice a full disk. */
+/* Runs `gnuplot script` in the script's folder and copies its standard output, the picture, to `picture`.
+ * Returns gnuplot's exit status: 127 if gnuplot is not installed, -1 if it could not be started or was
+ * killed. The caller then writes the picture completely or not at all; gnuplot itself does not notice a full
+ * disk. */
 static int run_gnuplot(const char *script, FILE *picture) {
     int ends[2];
     if (pipe(ends) != 0) return -1;
@@ -100,7 +101,7 @@ static int run_gnuplot(const char *script, FILE *picture) {
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }
 
-/* Draws the picture, or warns why it cannot be drawn. */
+/* Draws the picture, or warns that it cannot be drawn. */
 static lg_status draw(const app *self, const app_plot *plot, lg_error *error) {
     app_file picture;
     app_file_begin(&picture, plot->picture);
@@ -122,7 +123,7 @@ lg_status app_plot_end(const app *self, app_plot *plot, lg_error *error) {
         app_file_discard(&plot->script);
     const bool script = data && status == LG_OK;
     if (script) status = draw(self, plot, error);
-    /* What was written before the disk was full is of no use alone. */
+    /* The data and the script are of no use when the disk is full and the rest is missing. */
     if (status != LG_OK && data) (void)unlink(plot->data_path);
     if (status != LG_OK && script) (void)unlink(plot->script_path);
     free(plot->picture);

@@ -10,8 +10,7 @@
 
 /* ---- JSON ---- */
 
-/* Length of the valid UTF-8 sequence at `s`, 0 when there is none (overlong forms and surrogates included).
- */
+/* Length of the valid UTF-8 sequence at `s`; 0 if it is not valid, as overlong forms and surrogates are. */
 static size_t utf8_length(const unsigned char *s) {
     if (s[0] < 0x80) return 1;
     const size_t n = s[0] >= 0xc2 && s[0] <= 0xdf   ? 2
@@ -42,9 +41,12 @@ void app_json_quote(FILE *stream, const char *text) {
     (void)fputc('"', stream);
 }
 
-/* 15 digits, of which %g leaves out the zeros at the end, are the shortest text of a number that has one
- * of so few; a subnormal has fewer. Below a power of two the next number is nearer than above it: a text
- * above it may read back the same where the nearest text of so many digits, below it, does not. */
+/* Looks for the shortest text that reads back as the same double. 15 digits come first: %g drops zeros at the
+ * end, so this is the shortest text of any number that needs at most 15 digits. A subnormal may need fewer,
+ * so there the search starts at 1. At a power of two the next smaller double is nearer than the next larger
+ * one. Then the nearest text with so many digits may lie below the value and read back as another double,
+ * while a text above the value reads back as the same one. So a slightly larger value, (1 + 2^-54) value, is
+ * tried too. */
 void app_print_real(FILE *stream, double value) {
     char text[40] = "null";
     bool same = !isfinite(value);
@@ -56,7 +58,8 @@ void app_print_real(FILE *stream, double value) {
     (void)fputs(text, stream);
 }
 
-/* Whether a value follows: people see none, but cells of a table. */
+/* Writes the key and returns true if a value is to follow. In text for people no value follows; there
+ * put_cell fills the tables. */
 static bool put_key(app_json *json, const char *key) {
     if (json->people) return false;
     if (json->comma) (void)fputs(", ", json->stream);
@@ -269,9 +272,10 @@ void app_result_line(app_json *json, const char *format, ...) {
     (void)fputc('\n', json->stream);
 }
 
-/* Names of the members of the first object, and the members of all. */
+/* A table for people: the keys of the first object are the headings, the members of all objects are the
+ * cells. */
 typedef struct app_rows {
-    const char *names; /* head of the members' names; NULL: they have none */
+    const char *names; /* heading of the column of object names; NULL if the objects have no names */
     size_t heads;
     char *head[32];
     app_table cells;
@@ -297,7 +301,7 @@ static void put_name(app_json *json, const char *name) {
     if (json->rows != NULL && json->rows->names != NULL) put_cell(json, json->rows->names, "%s", name);
 }
 
-/* The first object ends where the first name comes again. */
+/* The first object ends when its first key comes again; until then each key becomes a heading. */
 static void put_cell(app_json *json, const char *key, const char *format, ...) {
     app_rows *rows = json->rows;
     char text[256];

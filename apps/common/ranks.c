@@ -1,4 +1,4 @@
-/* Processes started by mpirun: who this one is, and liegrad_mpi, which is loaded only then. */
+/* Processes started by mpirun: finds this process's rank, and loads liegrad_mpi only when it is needed. */
 #include <dlfcn.h>
 #include <sched.h>
 #include <stdlib.h>
@@ -8,7 +8,7 @@
 #include "common/app.h"
 #include "liegrad/mpi.h"
 
-/* How launchers say it: Open MPI, MPICH and others with PMI, Slurm with PMIx. */
+/* Environment variables with rank and rank count: Open MPI; MPICH and others with PMI; Slurm with PMIx. */
 static const struct {
     const char *rank, *count;
 } launchers[] = {{"OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE"},
@@ -28,7 +28,7 @@ static bool find(uint64_t *rank, uint64_t *count) {
     return false;
 }
 
-static FILE *voice; /* standard error as it was */
+static FILE *voice; /* copy of the standard error from before app_find_ranks redirected it */
 
 void app_find_ranks(app *self) {
     uint64_t rank = 0, count = 1;
@@ -62,17 +62,18 @@ static struct {
     void (*end)(lg_ranks *ranks);
     void (*abort)(int code);
     lg_ranks ranks;
-    bool over; /* no exchange follows */
+    bool over; /* no exchange between ranks follows */
 } mpi;
 
 static bool load_symbol(void *library, const char *name, void *function) {
     void *symbol = dlsym(library, name);
-    memcpy(function, &symbol, sizeof symbol); /* C has no cast between them */
+    memcpy(function, &symbol, sizeof symbol); /* C has no cast from an object pointer to a function pointer */
     return symbol != NULL;
 }
 
 static bool load(void) {
-    char name[64]; /* of the same major version: what stands before the first point */
+    /* The library of the same major version, which is the part of lg_version() before the first point. */
+    char name[64];
     (void)snprintf(name, sizeof name, "libliegrad_mpi.so.%.*s", (int)strcspn(lg_version(), "."),
                    lg_version());
     void *library = dlopen(name, RTLD_NOW | RTLD_GLOBAL);
@@ -101,11 +102,12 @@ void app_end_exchanges(app *self) {
     if (self->ranks != NULL) mpi.over = true;
 }
 
-/* Rank 0 mostly fails for the same reason, and says it; another rank waits for that before it speaks. */
+/* Rank 0 usually fails for the same reason and reports it. So another rank first gives rank 0 two seconds to
+ * end it, and reports its own failure only after that. */
 static void say_alone(const app *self) {
     if (self->rank == 0 || voice == NULL) return;
     (void)sleep(2);
-    if (app_interrupted()) return; /* by the end of rank 0 */
+    if (app_interrupted()) return; /* rank 0 has failed and ended this rank */
     (void)fprintf(voice, "%s: rank %u: %s\n", self->title, self->rank, app_last_failure());
     (void)fflush(voice);
 }

@@ -1,4 +1,4 @@
-/* Starts of scenes. */
+/* Draws the start of a scene that has none. */
 #include "common/app.h"
 #include "liegrad/io.h"
 

@@ -6,7 +6,7 @@
 #include <string.h>
 
 enum { SHOWN_TRIALS = 10 };
-enum { RUNGS, WARM_UP, QUANTILE }; /* numbers of --rungs */
+enum { RUNGS, WARM_UP, QUANTILE }; /* indices of the numbers R, W and Q of --rungs */
 
 search_values search_given;
 
@@ -40,16 +40,17 @@ typedef struct searching {
     char setting[256];
     lg_trial *trials;
     size_t count, before;
-    lg_error failure; /* of the first trial that failed in this run */
-    uint64_t failed;  /* its number */
+    lg_error failure; /* why the first failed trial of this call failed */
+    uint64_t failed;  /* number of this trial */
     lg_error saving;  /* why the table could not be written */
     app_progress progress;
-    board *board; /* of processes that search together; otherwise NULL */
+    board *board; /* NULL unless several processes search together */
 } searching;
 
-/* ---- names and values as options of train ---- */
+/* ---- setting names and values as options of train ---- */
 
-/* An app as if the options had been given to `train`. The settings are train's own. */
+/* Returns a copy of the app whose command is `train`, to set options on. The values are stored in the
+ * settings of `train` itself. */
 static app virtual_begin(const app *self, const app_command *train) {
     app out = *self;
     app_choose_command(&out, train);
@@ -62,7 +63,7 @@ static bool is_hyperparameter(train_task *task, const app_slot *slot) {
             strcmp(slot->name, task->recipe->learner->held_out) != 0);
 }
 
-/* The option becomes the text; NULL: the number. */
+/* Sets the option to `text`, or to `number` if `text` is NULL. */
 static lg_status virtual_set(app *v, train_task *task, const char *name, const char *text, double number,
                              lg_error *error) {
     lg_error reason = {LG_OK, ""};
@@ -77,7 +78,7 @@ static lg_status virtual_set(app *v, train_task *task, const char *name, const c
     return LG_OK;
 }
 
-/* The option becomes a value of its range, which for a choice is the position. */
+/* Sets the option to a value of its range; for a choice, `value` is the index of the choice. */
 static lg_status virtual_draw(app *v, train_task *task, const lg_range *range, double value,
                               lg_error *error) {
     const char *text = range->kind == LG_RANGE_CHOICE ? range->choice[(size_t)value] : NULL;
@@ -109,7 +110,7 @@ static lg_status set_drawn(app *v, train_task *task, const lg_search_space *spac
     return status;
 }
 
-/* The bounds, a number between them and every choice must be values that train takes. */
+/* Checks that train accepts the bounds, a number between them, and every choice. */
 static lg_status check_range(app *v, train_task *task, const lg_range *range, lg_error *error) {
     const bool choice = range->kind == LG_RANGE_CHOICE;
     const double between = range->low + 0.381966 * (range->high - range->low);
@@ -121,7 +122,8 @@ static lg_status check_range(app *v, train_task *task, const lg_range *range, lg
     return status;
 }
 
-/* A name that the method does not have; where the method itself varies, any may have it. */
+/* Refuses an option that the chosen method does not have. If the search varies the method itself, every
+ * option is allowed. */
 static lg_status check_method(const app *v, const train_task *task, const lg_search_file *file,
                               uint32_t *line, lg_error *error) {
     const lg_search_space *space = &file->space;
@@ -158,7 +160,7 @@ static int check_names(const app *self, const app_command *train, train_task *ta
 
 /* ---- one trial ---- */
 
-/* A trial while it is trained. */
+/* A trial that is being trained. */
 typedef struct search_trial {
     searching *search;
     lg_search *session;
@@ -170,7 +172,7 @@ static double objective_of(const search_trial *self) {
     return lg_learning_objective(&self->search->task->learning);
 }
 
-/* The objective is computed where a rung is passed only. */
+/* Computes the objective only in epochs in which the trial passes a rung. */
 static int on_epoch(void *user, const lg_fit_epoch *report) {
     search_trial *self = user;
     searching *search = self->search;
@@ -231,12 +233,12 @@ static lg_status on_finished(void *user, const lg_trial *trials, size_t count, c
                            search->setting, trials, count, &search->saving);
 }
 
-/* ---- trials beside those of other processes ---- */
+/* ---- trials of several processes ---- */
 
-/* A piece of the board. */
+/* The record of a trial on the board. */
 typedef struct posted {
     lg_trial trial;
-    char why[256]; /* it failed */
+    char why[256]; /* why the trial failed */
 } posted;
 
 static lg_search_options options_of(const searching *search) {
@@ -250,7 +252,8 @@ static lg_search_options options_of(const searching *search) {
     return options;
 }
 
-/* Posts how far the trial has come, and looks whether all trials before it have come as far. */
+/* Writes the trial's progress to the board. Returns true if all trials with lower numbers are done or have
+ * also passed this rung; then these trials are in *trials. */
 static bool known_before(void *user, const lg_trial *trial, uint32_t rung, const lg_trial **trials,
                          size_t *count) {
     searching *search = user;
@@ -305,7 +308,7 @@ static lg_status work(searching *search, lg_error *error) {
     return app_interrupted() ? LG_CANCELLED : LG_OK;
 }
 
-/* The trials of all processes, settled, with what is said of those that failed. */
+/* Reads the trials of all processes from the board, settles them, and warns of those that failed. */
 static void collect(searching *search) {
     const lg_search_options options = options_of(search);
     posted piece;
@@ -334,11 +337,12 @@ static lg_status open_board(searching *search, lg_error *error) {
     if (status != LG_OK) return status;
     if (fresh) status = post_earlier(search, error);
     if (status == LG_OK) return board_begin(search->board, error);
-    if (fresh) board_end(search->board, false); /* the table is of other work */
+    /* the table belongs to other work, so the new board is removed */
+    if (fresh) board_end(search->board, false);
     return status;
 }
 
-/* Works, and makes the table when all is done or --merge asks for what there is. */
+/* Trains trials. Writes the table when all trials are done, or those that are done if --merge was given. */
 static lg_status search_together(searching *search, lg_error *error) {
     lg_status status = open_board(search, error);
     if (status != LG_OK) return status;
@@ -392,7 +396,8 @@ static void print_trials(const searching *search) {
     free(order);
 }
 
-/* The texts and names among the search's own options, which its train takes too. */
+/* Prints the given options that are texts or names and do not belong to the search itself; train takes them
+ * too. */
 static void print_given(const app *self) {
     char text[LG_FIELD_TEXT_SIZE];
     for (size_t i = 0; i < self->slot_count; i++) {
@@ -406,7 +411,7 @@ static void print_given(const app *self) {
     }
 }
 
-/* The best trial's settings as words of a command line. */
+/* Prints the command line that trains with the best trial's settings. */
 static void print_best(const searching *search, size_t best) {
     const lg_search_file *file = search->file;
     char text[64];
@@ -549,7 +554,7 @@ static int run_search(searching *search, bool together) {
     const double begin = app_seconds();
     lg_status status = together ? search_together(search, &error) : search_alone(search, &error);
     board_close(search->board);
-    if (together && status == LG_NOT_FOUND) return APP_EXIT_OK; /* the others have come to the end */
+    if (together && status == LG_NOT_FOUND) return APP_EXIT_OK; /* another process has finished the search */
     if (status == LG_CANCELLED) {
         (void)fprintf(stderr, "%s: stopped after %zu of %llu trials; continue with %s\n", self->title,
                       search->count, (unsigned long long)search->values->trials,
@@ -574,7 +579,7 @@ static int run_search(searching *search, bool together) {
     return lg_search_best(search->trials, search->count) < search->count ? APP_EXIT_OK : none_done(search);
 }
 
-/* The numbers of --rungs; missing ones have their defaults. False: a number is out of its range. */
+/* Reads the numbers of --rungs; missing numbers get their defaults. False: a number is out of its range. */
 static bool take_rungs(double rungs[3]) {
     static const double usual[] = {5, 5, 0.5};
     const lg_reals *given = &search_given.rungs;

@@ -1,5 +1,5 @@
-/* What every `search` command shares: random search over the hyperparameters of its program's `train`,
- * resumable, with early stopping; its options, table of trials, result and picture. */
+/* What every `search` command shares: a random search over the hyperparameters of its program's `train`. It
+ * can be resumed and stops bad trials early. Also its options, table of trials, result and picture. */
 #ifndef LG_APPS_SEARCH_H
 #define LG_APPS_SEARCH_H
 
@@ -27,12 +27,14 @@ extern const lg_field search_options[];
     "code 4 when none was finished. Ctrl-C keeps the finished trials and ends with exit code 130; --resume " \
     "continues to the same table."
 
-/* A command `search` without its settings and `run`; `data` is what its train takes: "DATA.h5". */
+/* The fields of a command `search`, except its settings and `run`. `data`: the data arguments of the
+ * program's train command, e.g. "DATA.h5". */
 #define SEARCH_COMMAND(data)                                                                                 \
     .name = "search", .arguments = "RANGES.yaml " data,                                                      \
     .summary = "Random search over the options of train", .details = SEARCH_DETAILS, .together = APP_WORKERS
 
-/* Arguments RANGES.yaml DATA.h5; `train` is the command whose task is searched. Returns the exit code. */
+/* Arguments of the command: RANGES.yaml DATA.h5. `train` is the command whose task is searched. Returns the
+ * exit code. */
 int search_main(app *app, const app_command *train, train_task *task);
 
 #endif

@@ -1,12 +1,14 @@
-/* train --size auto: a race of a few widths on a validation part. */
+/* train --size auto: a race of networks of several widths, judged on a validation part of the data. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "common/train.h"
 
-/* The part of the data; a smaller network may be so much worse; the race's share of --seconds; the most that
- * a loss is taken to fall by in the other half of the epochs; one that falls below this still falls fast. */
+/* PART: fraction of the data held out for validation. TIE: a smaller network wins if its forecast is at most
+ * this factor above the lowest. SHARE: fraction of --seconds for the race. MOST_FALL: the forecast is at
+ * least this fraction of the loss. FAST: a forecast below this fraction of the loss means that the loss still
+ * falls fast. */
 static const double PART = 0.2, TIE = 2.0, SHARE = 1.0 / 3.0, MOST_FALL = 1e-3, FAST = 0.25;
 enum { EPOCHS_DIVISOR = 2, MOST_WORSE = 2 };
 
@@ -16,8 +18,9 @@ static double lowest(const double *values, uint64_t count) {
     return low;
 }
 
-/* Lowest loss of the validation part, and what it is after as many epochs again: errors fall with a power of
- * the epochs, so by the factor of the last doubling. */
+/* Reads the lowest validation loss and forecasts it for twice as many epochs. Errors fall as a power of the
+ * number of epochs, so the next doubling of epochs is assumed to reduce the loss by the same factor as the
+ * last one. */
 static void read_lane(const lg_fit *fit, train_lane *lane) {
     const double *values = lg_fit_history(fit, LG_FIT_VALIDATION);
     const uint64_t done = lg_fit_epochs_done(fit);
@@ -27,7 +30,7 @@ static void read_lane(const lg_fit *fit, train_lane *lane) {
     if (lane->validation > 0.0 && isfinite(half)) lane->forecast *= fmax(lane->validation / half, MOST_FALL);
 }
 
-/* Trains one width for half of the epochs and at most `seconds` (0: no limit). */
+/* Trains a network of one width for half of the planned epochs and at most `seconds` (0: no limit). */
 static lg_status run_lane(app *self, train_task *task, app_slot *slot, double seconds, train_lane *lane,
                           lg_error *error) {
     const double begin = app_seconds();
@@ -53,18 +56,19 @@ static lg_status run_lane(app *self, train_task *task, app_slot *slot, double se
     lg_learning_release(&task->learning);
     *training = kept;
     lane->seconds = app_seconds() - begin;
-    /* One clock decides what is raced. */
+    /* All ranks use the time that rank 0 measured, so that they race the same networks. */
     if (status == LG_OK && self->ranks != NULL)
         status = lg_ranks_share(self->ranks, 0, &lane->seconds, sizeof lane->seconds);
     return status;
 }
 
-/* A network whose loss still falls fast may have been ahead of a larger one for a while only. */
+/* The factor that a network's forecast may be above the lowest one. It is 1 while the loss still falls fast:
+ * such a network may be ahead of a larger one only for a while. */
 static double tie(const train_lane *lane) {
     return lane->forecast < FAST * lane->validation ? 1.0 : TIE;
 }
 
-/* The smallest network whose forecast is within its tie of the lowest. */
+/* The smallest network whose forecast is at most its tie factor times the lowest forecast. */
 static size_t winner(const train_race *race) {
     double low = INFINITY;
     size_t best = 0;
@@ -74,7 +78,8 @@ static size_t winner(const train_race *race) {
     return best;
 }
 
-/* The last MOST_WORSE networks are no better than a smaller one, or the time of the race is used up. */
+/* Returns whether the race can end: the last MOST_WORSE networks did not beat a smaller one, or the time is
+ * used up. */
 static bool decided(const train_race *race) {
     const double seconds = train_given_files.seconds;
     if (seconds > 0.0 && train_race_seconds(race) >= SHARE * seconds) return true;
@@ -102,7 +107,7 @@ static void print_race(const train_race *race) {
     app_table_end(&table, stderr);
 }
 
-/* From small to large, each size for an equal part of the race's time. */
+/* Trains the networks from small to large; each gets an equal part of the race's time. */
 static int run_race(app *self, train_task *task, app_slot *slot, train_race *race) {
     lg_error error = {LG_OK, ""};
     size_t count = 0;
@@ -137,7 +142,7 @@ int train_size(app *self, train_task *task, const char *size, train_race *race) 
         if (app_store(slot, size, &error) == LG_OK) return APP_EXIT_OK;
         return app_usage(self, "--size: %s, or auto", error.message);
     }
-    if (train_given_files.resume != NULL) return APP_EXIT_OK; /* the stored run has the winner's size */
+    if (train_given_files.resume != NULL) return APP_EXIT_OK; /* the checkpoint stores the winner's size */
     const int code = run_race(self, task, slot, race);
     if (code != APP_EXIT_OK) return code;
     race->winner = winner(race);

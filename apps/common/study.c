@@ -1,4 +1,4 @@
-/* The study driver: the runs of a grid, some at a time. */
+/* The study driver: trains the runs of a grid, several at a time. */
 #include "common/study.h"
 
 #include <math.h>
@@ -25,11 +25,11 @@ typedef struct study {
     const study_task *task;
     study_plan plan;
     study_file file;
-    uint64_t *pending; /* indices of the runs to do */
+    uint64_t *pending; /* indices of the runs that are still to be done */
     size_t pending_count, done;
-    board *board; /* of processes that study together; otherwise NULL */
+    board *board; /* NULL unless several processes run the study together */
     uint64_t threads_each;
-    pthread_mutex_t mutex; /* file, done, status, progress */
+    pthread_mutex_t mutex; /* protects file, done, status, error and progress */
     lg_status status;
     lg_error error;
     app_progress progress;
@@ -114,7 +114,7 @@ study_summary study_cell_summary(const study_file *file, study_row key) {
 
 /* ---- runs ---- */
 
-/* A run whose numbers blow up is a result of the study; anything else ends it. */
+/* Statuses that mark a run as failed in the table. Any other failure ends the study. */
 static bool is_result(lg_status status) {
     return status == LG_NOT_FINITE || status == LG_NO_CONVERGENCE || status == LG_STEP_TOO_SMALL ||
            status == LG_TOO_MANY_STEPS;
@@ -132,7 +132,7 @@ static bool is_stopped(study *self) {
     return stop;
 }
 
-/* Run `index` of the plan; its row goes to the table, or to the board. */
+/* Trains run `index` of the plan; its row goes to the table, or to the board if there is one. */
 static void run_one(study *self, uint64_t index) {
     char text[256];
     lg_error error = {LG_OK, ""};
@@ -175,8 +175,8 @@ static void collect_pending(study *self) {
         self->pending_count = (size_t)study_given.stop_after;
 }
 
-/* Calls task(self, i) for i < count, `jobs` at a time; `finished` runs are in `where` then. Ctrl-C and
- * failures end the command. */
+/* Calls task(self, i) for i < count, `jobs` of them at a time. Ctrl-C and failures end the command. When it
+ * is stopped, it says that finished(self) runs are stored in the file `where`. */
 static void run_jobs(study *self, uint64_t jobs, size_t count, void (*task)(void *user, size_t index),
                      const char *where, size_t (*finished)(const study *self)) {
     self->threads_each = self->app->threads / jobs > 0 ? self->app->threads / jobs : 1;
@@ -199,7 +199,7 @@ static size_t rows_of(const study *self) {
     return self->file.count;
 }
 
-/* ---- runs beside those of other processes ---- */
+/* ---- runs of several processes ---- */
 
 static size_t done_on_board(const study *self) {
     return (size_t)study_runs(&self->plan) - board_left(self->board);
@@ -219,7 +219,7 @@ static void board_task(void *user, size_t index) {
     }
 }
 
-/* What the runs depend on. */
+/* Hash of everything that the runs depend on. */
 static void label_of(const study_plan *plan, char label[LG_SHA256_TEXT]) {
     lg_sha256 sha;
     lg_sha256_init(&sha);
@@ -234,7 +234,7 @@ static void label_of(const study_plan *plan, char label[LG_SHA256_TEXT]) {
     lg_sha256_finish(&sha, label);
 }
 
-/* The rows of the table onto the board. */
+/* Copies the rows of the table to the board. */
 static lg_status post_rows(study *self, lg_error *error) {
     lg_status status = study_file_open(study_given.out, &self->plan, &self->file, error);
     if (status != LG_OK) return status;
@@ -246,7 +246,7 @@ static lg_status post_rows(study *self, lg_error *error) {
     return status;
 }
 
-/* The rows of the board that the table does not have, in the order of the plan. */
+/* Appends the rows that only the board has to the table, in the order of the plan. */
 static lg_status append_rows(study *self, lg_error *error) {
     lg_status status = study_file_open(study_given.out, &self->plan, &self->file, error);
     if (status != LG_OK) return status;
@@ -269,12 +269,13 @@ static lg_status open_board(study *self, lg_error *error) {
                                   (size_t)study_runs(&self->plan), &self->board, &fresh, error);
     if (status == LG_OK && fresh) status = post_rows(self, error);
     if (status == LG_OK) return board_begin(self->board, error);
-    if (fresh) board_end(self->board, false); /* the table is of other work */
+    /* the table belongs to other work, so the new board is removed */
+    if (fresh) board_end(self->board, false);
     return status;
 }
 
-/* Works, and completes the table when all runs are done or --merge asks for what there is. False: another
- * process reports. */
+/* Trains runs, and completes the table when all are done; with --merge the runs that are done are added to
+ * it. False: another process prints the report, or this was a task of a job array. */
 static bool run_together(study *self) {
     const app *host = self->app;
     lg_error why = {LG_OK, ""};

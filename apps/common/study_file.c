@@ -1,4 +1,4 @@
-/* The CSV of a study. */
+/* The CSV file of a study. */
 #include "common/study.h"
 
 #include <errno.h>
@@ -9,7 +9,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-/* Columns beside axes and measures. */
+/* Columns between the axes and the measures, and columns behind the measures. */
 static const char *const between[] = {"repeat", "seed"}, *const behind[] = {"epochs", "status", "protocol"};
 enum { MOST_COLUMNS = STUDY_AXES + STUDY_MEASURES + LG_COUNT(between) + LG_COUNT(behind) };
 
@@ -28,14 +28,15 @@ static void header_of(const study_plan *plan, char *text, size_t size) {
 
 /* ---- reading ---- */
 
-/* An empty field is NaN. */
+/* Reads a number; an empty field is NaN. */
 static bool parse_result(const char *text, double *out) {
     if (text[0] != '\0') return app_parse_real(text, out);
     *out = (double)NAN;
     return true;
 }
 
-/* The position of a value on its axis; names that are not there may be those of an earlier grid. */
+/* Sets *at to the value's index on its axis. A name or number that is not on the axis may be from an earlier
+ * grid; it gets the index axis->count. False: the text is empty or not a number. */
 static bool parse_value(const study_axis *axis, const char *text, uint32_t *at) {
     double number = (double)NAN;
     const bool named = isnan(axis->number[0]);
@@ -113,7 +114,7 @@ static lg_status parse_text(study_file *file, char *text, lg_error *error) {
     return LG_OK;
 }
 
-/* NULL: it cannot be read. Freed with free. */
+/* Returns the file's contents with a 0 at the end; NULL if it cannot be read. Freed with free. */
 static char *read_whole(int fd, size_t *size) {
     struct stat information;
     if (fstat(fd, &information) != 0 || !S_ISREG(information.st_mode)) return NULL;
@@ -131,7 +132,7 @@ static char *read_whole(int fd, size_t *size) {
 
 /* ---- writing ---- */
 
-/* All or nothing: what a full disk let through is cut off again. */
+/* Appends the whole text or nothing: if the disk is full, the part that was written is cut off again. */
 static lg_status append(study_file *file, const char *text, lg_error *error) {
     const off_t before = lseek(file->fd, 0, SEEK_END);
     size_t left = strlen(text);
@@ -152,7 +153,7 @@ static lg_status append(study_file *file, const char *text, lg_error *error) {
     return app_error(error, LG_FILE, "%s: a row cannot be written: %s", file->path, strerror(number));
 }
 
-/* The rows that are there; an unfinished last one is cut off, and a new table gets its header. */
+/* Reads the rows of the table. Cuts off an unfinished last row, and writes the header of a new table. */
 static lg_status read_table(study_file *file, lg_error *error) {
     const char *path = file->path;
     char header[512];
@@ -188,7 +189,8 @@ lg_status study_file_open(const char *path, const study_plan *plan, study_file *
     return status;
 }
 
-/* The shortest of 15 and 17 digits that is read back as the same number; empty for what is not finite. */
+/* Writes 15 digits if they read back as the same number, otherwise 17; nothing if the number is not
+ * finite. */
 static void number_text(double value, char text[STUDY_TEXT]) {
     text[0] = '\0';
     if (!isfinite(value)) return;
@@ -197,7 +199,7 @@ static void number_text(double value, char text[STUDY_TEXT]) {
 }
 
 void study_axis_add(study_axis *axis, const char *name, double number) {
-    if (axis->count == STUDY_VALUES) abort(); /* a grid has no more */
+    if (axis->count == STUDY_VALUES) abort(); /* a grid has at most STUDY_VALUES values per axis */
     char *text = axis->text[axis->count];
     axis->number[axis->count++] = name != NULL ? (double)NAN : number;
     if (name != NULL)

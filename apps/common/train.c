@@ -9,18 +9,18 @@ enum { CHECKPOINT_EVERY = 10 };
 
 train_files train_given_files;
 
-/* --size is first: TRAIN_SHARED_NO_SIZE begins after it. */
+/* --size must be first: TRAIN_SHARED_NO_SIZE begins behind it. */
 const lg_field train_file_options[] = {TRAIN_SIZE_ROW, TRAIN_FILE_ROWS("Draw the loss"), LG_FIELD_END};
 
 static const train_files *const files = &train_given_files;
 
-/* ---- the learner's hooks, told to the user ---- */
+/* ---- calls of the learner's hooks; their errors are printed ---- */
 
 static bool given(const lg_learning *learning, const char *option) {
     return app_given(learning->user, option);
 }
 
-/* A sentence that begins with an option is about the command line. */
+/* A message that begins with an option is about the command line. */
 static bool is_usage(lg_status status, const lg_error *error) {
     return status == LG_INVALID_ARGUMENT && strncmp(error->message, "--", 2) == 0;
 }
@@ -84,7 +84,7 @@ lg_provenance app_provenance(const app *self, uint64_t seed) {
 
 /* ---- before training: options and files ---- */
 
-/* Where the state goes: --checkpoint, or beside --out. Freed with free. */
+/* The path of the checkpoint: --checkpoint, or beside --out. Freed with free. */
 static char *checkpoint_path(void) {
     return files->checkpoint != NULL ? app_format("%s", files->checkpoint)
                                      : app_format("%s.checkpoint", files->out);
@@ -121,7 +121,8 @@ static int check_options(const app *self, const train_task *task) {
     return APP_EXIT_OK;
 }
 
-/* What a killed training left beside the checkpoint that is resumed. Another one may be at work on it. */
+/* Removes temporary files that a killed training left beside the checkpoint that is resumed; does nothing
+ * while another process works on the checkpoint. */
 static void tidy(const app *self, const char *checkpoint) {
     lg_lock lock;
     if (lg_lock_take(self->context, checkpoint, self->command_line, &lock, NULL) != LG_OK) return;
@@ -129,13 +130,13 @@ static void tidy(const app *self, const char *checkpoint) {
     lg_lock_release(&lock);
 }
 
-/* --out is given, and no file is replaced that is read or written as another one. */
+/* Checks that --out is given and that no output file is also an input or another output. */
 static int check_files(app *self, const train_task *task) {
     if (files->out == NULL) return app_usage(self, "--out FILE is missing");
     const char *const kept_name = task->recipe->learner->kept;
     const app_slot *kept = kept_name != NULL ? app_find_slot(self, kept_name) : NULL;
     char *checkpoint = checkpoint_path();
-    /* A run may go on in the checkpoint that it came from. */
+    /* A resumed run may write its checkpoints to the file that it was resumed from. */
     const bool same = files->resume != NULL && app_same_file(files->resume, checkpoint);
     if (files->resume != NULL && !same) tidy(self, files->resume);
     const app_path paths[] = {
@@ -173,7 +174,7 @@ static lg_status save_checkpoint(const train_session *self, const char *path, co
     return status;
 }
 
-/* A checkpoint that cannot be written does not end the training: the next one may succeed. */
+/* A checkpoint that cannot be written does not end the training, because the next one may succeed. */
 static lg_status on_checkpoint(void *user, const lg_fit *fit) {
     train_session *self = user;
     char *path = checkpoint_path();
@@ -210,7 +211,7 @@ static lg_fit_options session_options(train_session *self) {
     options.checkpoint_every = files->checkpoint_every > 0 ? files->checkpoint_every
                                : files->checkpoint != NULL ? CHECKPOINT_EVERY
                                                            : 0;
-    /* What the race has left; at least one epoch. */
+    /* The seconds that the race has left over; at least 1e-9, so that one epoch is trained. */
     const double left = files->seconds - train_race_seconds(&self->race);
     options.seconds = files->seconds > 0 ? fmax(left, 1e-9) : 0;
     options.on_epoch = on_epoch;
@@ -218,7 +219,7 @@ static lg_fit_options session_options(train_session *self) {
     return options;
 }
 
-/* The state below /fit of an open checkpoint becomes the fit's. */
+/* Loads the state in the group /fit of an open checkpoint into the fit. */
 static int load_fit(train_session *self, lg_file_reader *stored) {
     lg_error error = {LG_OK, ""};
     lg_archive_reader archive;
@@ -232,7 +233,7 @@ static int load_fit(train_session *self, lg_file_reader *stored) {
     return app_fail_file(self->app, status, &error, files->resume);
 }
 
-/* Training broke down: the state before the step that failed is kept: nothing is lost. */
+/* Training failed: saves the state before the failed step in a checkpoint, so that nothing is lost. */
 static int broken(train_session *self, lg_status status, const lg_error *fit_error) {
     if (lg_fit_steps_done(fit_of(self)) > 0) {
         (void)on_checkpoint(self, fit_of(self));
@@ -247,7 +248,8 @@ static int broken(train_session *self, lg_status status, const lg_error *fit_err
     return fail(self->app, status, fit_error);
 }
 
-/* What is said about a training that stopped before the plan was finished; its state has been saved. */
+/* Says that the training stopped before its plan was finished, and how to continue. Its state has been
+ * saved. */
 static int stopped(const train_session *self, lg_status status) {
     if (self->checkpoint_status != LG_OK)
         return app_fail(self->app, LG_FILE, "the state could not be saved: %s",
@@ -260,7 +262,7 @@ static int stopped(const train_session *self, lg_status status) {
     return status == LG_CANCELLED ? APP_EXIT_INTERRUPTED : APP_EXIT_OK;
 }
 
-/* The fit has returned `status`: history, then what the status asks for. */
+/* Called after the fit has returned `status`: writes the history, then does what the status requires. */
 static int conclude(train_session *self, lg_status status, const lg_error *fit_error) {
     lg_error error = {LG_OK, ""};
     int code = APP_EXIT_OK;
@@ -291,7 +293,8 @@ static int run_fit(train_session *self) {
     return self->app->rank == 0 ? conclude(self, status, &error) : app_exit_code(status);
 }
 
-/* What was trained is not lost when there is no room for the model: the state is saved, by one process. */
+/* If the model cannot be written, saves the state in a checkpoint, so that the training is not lost. Not done
+ * when several ranks train. */
 static int finish(train_session *self) {
     const int code = train_finish(self);
     if ((code != APP_EXIT_FILE && code != APP_EXIT_MEMORY) || self->app->rank_count > 1) return code;
@@ -304,7 +307,7 @@ static int finish(train_session *self) {
     return code;
 }
 
-/* With the run complete and the data split. */
+/* Called when the run is complete and the data are split. */
 static int train(train_session *self, lg_file_reader *stored) {
     lg_error error = {LG_OK, ""};
     const lg_fit_options options = session_options(self);
@@ -317,9 +320,9 @@ static int train(train_session *self, lg_file_reader *stored) {
 
 /* ---- the run ---- */
 
-/* A stored run; its copy is compared with the run that data and options describe. */
+/* A stored run that is resumed. It is compared with the run that the data and options describe. */
 typedef struct stored_run {
-    lg_file_reader *reader; /* NULL: nothing is resumed */
+    lg_file_reader *reader; /* NULL if no run is resumed */
     void *run;
 } stored_run;
 
@@ -327,12 +330,13 @@ static const lg_training *stored_training(const train_task *task, const stored_r
     return (const lg_training *)(const void *)((const char *)stored->run + task->recipe->training);
 }
 
-/* The preset says once more what the stored run should be, and is compared with it. */
+/* With --preset the run is not taken from the checkpoint. It is derived again from preset and options, and
+ * then compared with the stored run. */
 static bool derives_again(const app *self) {
     return app_given(self, "preset");
 }
 
-/* What a race chose is not raced again. */
+/* With --size, takes the width from the checkpoint, so that the race is not repeated. */
 static void adopt_size(app *self, const app_settings *settings, const void *from) {
     app_slot *slot = app_find_slot(self, "hidden");
     if (files->size == NULL || slot == NULL || slot->given) return;
@@ -340,7 +344,8 @@ static void adopt_size(app *self, const app_settings *settings, const void *from
     slot->given = true;
 }
 
-/* What was not given on the command line becomes the stored run's. */
+/* Opens the checkpoint of --resume. Options that were not given on the command line get the stored run's
+ * values. */
 static int open_stored(app *self, const train_task *task, stored_run *stored) {
     lg_error error = {LG_OK, ""};
     if (files->resume == NULL) return APP_EXIT_OK;
@@ -374,7 +379,8 @@ const lg_field train_preset_rows[] = {
      .meaning = "Source of options that are not given: the published settings or ours"},
     LG_FIELD_END};
 
-/* A method of the plan learns with the prior: one that minimises any loss. */
+/* Returns whether a method of the plan can use the prior: one that minimises a general loss, so neither a
+ * method in batches nor one for sums of squares. */
 static bool takes_prior(const lg_fit_plan *plan) {
     bool takes = false;
     for (uint32_t i = 0; i < plan->phases; i++) {
@@ -384,7 +390,7 @@ static bool takes_prior(const lg_fit_plan *plan) {
     return takes;
 }
 
-/* Options that the plan has no use for: a prior, those of Adam. */
+/* Refuses options that the plan does not use: --prior, and the options of Adam. */
 static int check_method(const app *self, const train_task *task) {
     char plan[LG_FIT_PLAN_TEXT];
     lg_fit_plan_show(&train_training(task)->plan, plan);
@@ -403,14 +409,15 @@ static int check_method(const app *self, const train_task *task) {
     return APP_EXIT_OK;
 }
 
-/* Room for 10^6 epochs takes 40 MB. */
+/* The histories of 10^6 epochs take 40 MB. */
 uint64_t train_epochs(const app *self, const lg_training *training) {
     enum { NO_LIMIT = 1000000 };
     const bool limited = files->resume != NULL || app_given(self, "epochs") || !(files->seconds > 0);
     return lg_fit_plan_ends_in_batches(&training->plan) || limited ? training->epochs : NO_LIMIT;
 }
 
-/* The data are compared before they are split, too: others need not be split in the same way. */
+/* A resumed run is also compared before the split, because other data may not be divisible in the stored
+ * way. */
 static int run_with(app *self, train_task *task, stored_run *stored, const train_race *race) {
     lg_error error = {LG_OK, ""};
     train_session session = {.app = self, .task = task, .race = *race};
@@ -423,7 +430,8 @@ static int run_with(app *self, train_task *task, stored_run *stored, const train
         training->epochs = stored_training(task, stored)->epochs;
     training->epochs = train_epochs(self, training);
     if (code == APP_EXIT_OK && stored->reader == NULL) code = check_method(self, task);
-    /* What is derived again knows the parts of the data after the split alone. */
+    /* A run derived again from --preset knows the parts of the data only after the split, so it is compared
+     * only then. */
     if (code == APP_EXIT_OK && !(splits && again)) code = compare(self, task, stored);
     if (code == APP_EXIT_OK) code = train_prepare(self, task);
     if (code == APP_EXIT_OK && splits) code = compare(self, task, stored);

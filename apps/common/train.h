@@ -1,12 +1,12 @@
-/* What every `train` command shares: its options for files, and the course from the command line to the end
+/* What every `train` command shares: its options for files, and everything from the command line to the end
  * of training: --resume, checkpoints, progress, Ctrl-C, --history, exit codes, JSON.
  *
- * A command gives a train_task and returns train_main(...). The learner of the task's recipe
- * (model/files/learning.h) does what a kind of model needs. The rows of settings[0] are the hyperparameters,
- * checkpoints hold them, and a resumed run is compared with them. The search driver (common/search.h) trains
- * the same task.
+ * A command fills a train_task and returns train_main(...). The learner of the task's recipe
+ * (model/files/learning.h) does what is special to a kind of model. The rows of settings[0] are the
+ * hyperparameters: checkpoints store them, and a resumed run is compared with them. The search driver
+ * (common/search.h) trains the same task.
  *
- * Functions that return int return an exit code, and have told the user when it is not APP_EXIT_OK; those
+ * Functions that return int return an exit code; if it is not APP_EXIT_OK, they have printed why. Functions
  * that return a status explain it in `error`. */
 #ifndef LG_APPS_TRAIN_DRIVER_H
 #define LG_APPS_TRAIN_DRIVER_H
@@ -22,8 +22,8 @@ typedef struct train_files {
     double seconds;
 } train_files;
 
-/* What the command line gave, and its options, which stand among the settings of a command.
- * TRAIN_SHARED_NO_SIZE is for a command whose learner has no `sizes`. */
+/* The values from the command line, and the table of these options, which a command lists in its settings.
+ * TRAIN_SHARED_NO_SIZE leaves out --size, for a command whose learner has no `sizes`. */
 extern train_files train_given_files;
 extern const lg_field train_file_options[];
 #define TRAIN_SHARED         APP_GIVEN(train_file_options, train_given_files)
@@ -32,7 +32,8 @@ extern const lg_field train_file_options[];
     LG_OPTION(train_files, size, STRING, "auto|W,...",                                                       \
               "auto: choose --hidden by a race of a few widths on a validation part, each for half of "      \
               "the epochs and all for a third of --seconds, which counts them; else as --hidden")
-/* The same for a command whose --plot draws something else than the loss. */
+/* The rows of the other options. `drawn` is the help text of --plot, for a command whose picture is not the
+ * loss. */
 #define TRAIN_FILE_ROWS(drawn)                                                                               \
     LG_OPTION(train_files, out, STRING, "FILE", "The model file to write"),                                  \
         LG_OPTION(                                                                                           \
@@ -56,20 +57,21 @@ extern const lg_field train_file_options[];
         LG_OPTION(train_files, plot, STRING, "FILE.svg|.png",                                                \
                   drawn "; its data and script stay beside it, as FILE.dat and FILE.gp")
 
-/* A training while it goes on and after it. */
+/* A training that is running or has ended. */
 typedef struct train_session train_session;
 
 typedef struct train_task {
     const lg_recipe *recipe;
-    const app_settings *settings; /* the command's; the first one is the run */
-    const char *only;             /* a search takes this method alone; NULL: any */
-    void *state;                  /* the learner's state; NULL: train_begin allocates it */
-    /* Called with the data split, before training; returns an exit code. May be NULL. */
+    const app_settings *settings; /* the command's settings; the first one describes the run */
+    const char *only;             /* the only method that a search may train; NULL: any method */
+    void *state;                  /* the learner's state; if NULL, train_begin allocates it */
+    /* Called after the data are split and before training; returns an exit code. May be NULL. */
     int (*check)(const app *app, const lg_learning *learning);
-    /* Prints for people what came out; NULL: prints the results, a line each. */
+    /* Prints the outcome for people. NULL: each result is printed on a line of its own. */
     void (*print)(const lg_learning *learning);
-    int (*draw)(const app *app, const lg_learning *learning); /* NULL: the loss */
-    lg_learning learning;                                     /* the driver's */
+    /* draws the picture of --plot; NULL: the loss is drawn */
+    int (*draw)(const app *app, const lg_learning *learning);
+    lg_learning learning; /* set and used by the driver */
 } train_task;
 
 /* The race of --size auto (size.c). */
@@ -77,7 +79,7 @@ typedef struct train_task {
 typedef struct train_lane {
     const char *size;
     size_t parameters;
-    double validation, forecast; /* lowest loss of the validation part; after as many epochs again */
+    double validation, forecast; /* lowest validation loss; its forecast for twice as many epochs */
     double seconds;
 } train_lane;
 
@@ -86,14 +88,17 @@ typedef struct train_race {
     size_t count, winner;
 } train_race;
 
-/* Sets the row "hidden" to `size` (NULL: nothing to do), or for "auto" to the winner of a race: each size is
- * trained for half of the epochs on four fifths of the data, all of them for at most a third of --seconds,
- * until two in a row are no better than a smaller one; the smallest one wins whose forecast is within twice
- * the lowest. Prints the table on stderr. */
+/* Sets the option "hidden" to `size`; NULL leaves it. "auto" chooses the width by a race: networks of
+ * increasing size are trained for half of the epochs on four fifths of the data, all together for at most a
+ * third of --seconds. The race ends when two networks in a row are no better than a smaller one. The winner
+ * is the smallest network whose forecast is at most twice the lowest forecast (at most equal to it while its
+ * loss still falls fast). Prints the table of the race on stderr. */
 int train_size(app *app, train_task *task, const char *size, train_race *race);
-double train_race_seconds(const train_race *race);            /* of --seconds, for the race */
-void train_size_json(const train_race *race, app_json *json); /* "sizes", unless there was no race */
-/* The planned epochs: 10^6 where --seconds alone limits a method other than Adam. */
+double train_race_seconds(const train_race *race); /* the part of --seconds that the race took */
+/* writes "sizes"; nothing if there was no race */
+void train_size_json(const train_race *race, app_json *json);
+/* The planned number of epochs. It is 10^6 if the training ends with a method other than Adam and only
+ * --seconds limits it. */
 uint64_t train_epochs(const app *app, const lg_training *training);
 
 struct train_session {
@@ -106,47 +111,48 @@ struct train_session {
 };
 
 int train_main(app *app, train_task *task);
-/* The beginning of train_main, for a command that also trains without a recipe: options and files are
- * checked, the data are read. An exit code; then lg_learning_close, whatever it is. */
+/* The first part of train_main, for a command that can also train without a recipe: checks options and files,
+ * and reads the data. Returns an exit code; whatever it is, the caller then calls lg_learning_close. */
 int train_open(app *app, train_task *task);
-/* Results of a model file's contents on the arguments from the second on; the command ends where there are
- * none. APP_EXIT_NUMERIC: they are of no use, and a warning said why. */
+/* Computes the results of a loaded model file (`file`: its contents) on the data files, arguments 1 and
+ * following. An error ends the command. APP_EXIT_NUMERIC: the results are useless, and a warning has said
+ * why. */
 int train_evaluate(const app *app, train_task *task, const void *file);
 
-/* ---- parts, for training, race and search ---- */
+/* ---- parts of train_main, also used by race and search ---- */
 
 static inline lg_training *train_training(const train_task *task) {
     return lg_learning_training(&task->learning);
 }
-/* Begins the task's learning with the command's arguments from number `argument` on. */
+/* Prepares task->learning; its data files are the command's arguments from index `argument` on. */
 void train_begin(const app *app, train_task *task, int argument);
 int train_read(const app *app, train_task *task);
-/* What the app was given completes the run; `stored`: the run that is resumed. */
+/* Completes the run from the options that were given to `app`. `stored`: the run that is resumed, or NULL. */
 lg_status train_describe(const app *app, train_task *task, const void *stored, lg_error *error);
-/* Splits the data; the task's check. */
+/* Splits the data and calls the task's check. */
 int train_prepare(const app *app, train_task *task);
 lg_status train_create(train_task *task, const lg_fit_options *options, lg_error *error);
-/* The plan was carried out as far as asked: judges, writes the model, draws and reports. */
+/* Called when the training has done all that was asked: judges and writes the model, draws and reports. */
 int train_finish(train_session *session);
-/* Adds the results number first to end - 1 of the learning to the results of a command. */
+/* Adds results number `first` to `end` - 1 of the learning to a command's results. */
 void train_put_results(app_json *out, const lg_learning *learning, size_t first, size_t end);
-/* The option --preset, a row of a task's settings (lg_learning_preset). */
+/* The option --preset, one of the settings of a task (lg_learning_preset). */
 extern const lg_field train_preset_rows[];
 extern uint32_t train_preset_given;
 #define TRAIN_PRESET                                                                                         \
     { train_preset_rows, &train_preset_given, sizeof train_preset_given }
-/* Hyperparameters of a run, threads. */
+/* Options of the fit: the run's hyperparameters, and app's threads and ranks. */
 lg_fit_options train_fit_options(const app *app, const lg_training *training);
-/* The task's method, as in "--network angle", when it does not have the option; otherwise NULL. Static
- * storage. */
+/* Returns the chosen method, as in "--network angle", if it does not have the option `slot`; otherwise NULL.
+ * The text is in static storage. */
 const char *train_refuses(const train_task *task, const app_slot *slot);
 
-/* ---- parts, for other commands ---- */
+/* ---- parts for other commands ---- */
 
 lg_provenance app_provenance(const app *app, uint64_t seed);
-/* Columns epoch, loss, validation, rate, seconds. */
+/* Writes a CSV file with the columns epoch, loss, validation, rate and seconds. */
 lg_status train_save_history(const char *path, const lg_fit *fit, lg_error *error);
-/* validation may be NULL. */
+/* Draws both losses over the epochs, (epochs) each. validation may be NULL. */
 lg_status train_draw_loss(const app *app, const char *picture, const double *loss, const double *validation,
                           size_t epochs, lg_error *error);
 

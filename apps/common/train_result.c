@@ -1,4 +1,4 @@
-/* What has come of a training: verdict, results, JSON, pictures. */
+/* The outcome of a training: verdict, results, JSON and pictures. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -7,13 +7,14 @@
 
 /* ---- the verdict ---- */
 
-/* A result that learned something is below `learned` of a simple guess; one that is above `enormous` of it
- * after more than one epoch has diverged. A run shorter than LOOK epochs, or FULL_LOOK
- * evaluations of a full-batch method, may still be on its way. */
+/* A model has learned something if its error is below `learned` times the error of a simple guess. It has
+ * diverged if its error is above `enormous` times that error after more than one epoch. After fewer than LOOK
+ * epochs, or FULL_LOOK evaluations of a full-batch method, training may simply not be far enough. */
 static const double learned = 0.99, enormous = 1000.0;
 enum { LOOK = 10, FULL_LOOK = 100 };
 
-/* The epoch whose parameters are the model: the best one on a validation part, or else the last one. */
+/* The epoch whose parameters are the model: the epoch with the lowest validation loss, or the last epoch if
+ * there is no validation part. */
 static uint64_t model_epoch(const lg_learning *self) {
     const uint64_t done = lg_fit_epochs_done(self->fit);
     return done > 0 && isfinite(lg_fit_history(self->fit, LG_FIT_VALIDATION)[done - 1])
@@ -21,10 +22,10 @@ static uint64_t model_epoch(const lg_learning *self) {
                : done;
 }
 
-/* Says in a warning what is wrong with a training whose result is no better than a simple guess, or whose
- * loss has not fallen since the first epoch. APP_EXIT_NUMERIC, with the sentence told, when both hold, or one
- * of them after LOOK epochs, or with an enormous error; the model is still written. A training that
- * --stop-after ended is only warned of. */
+/* Warns if the model is no better than a simple guess, and if the loss has not fallen since the first epoch.
+ * Returns APP_EXIT_NUMERIC if both hold, if one of them holds after LOOK epochs (FULL_LOOK for a full-batch
+ * method), or if the error is enormous. The model is written all the same. A training that --stop-after ended
+ * is only warned about. */
 static int judge(const app *self, const lg_learning *learning) {
     const lg_learning_verdict *verdict = &learning->verdict;
     const char *what = verdict->what, *guess = verdict->guess;
@@ -50,7 +51,8 @@ static int judge(const app *self, const lg_learning *learning) {
 
 /* ---- results ---- */
 
-/* `epochs` are those that are done; a row that is no option may be another one's. */
+/* Writes the hyperparameters. Leaves out `epochs`, since json_training writes how many are done, and a row if
+ * another row of the table is found under its name. */
 static void json_run(app_json *json, const app_settings *settings) {
     for (const lg_field *row = settings->rows; row->name != NULL; row++)
         if (strcmp(row->name, "epochs") != 0 && lg_field_find(settings->rows, row->name) == row)
@@ -80,7 +82,7 @@ void train_put_results(app_json *out, const lg_learning *learning, size_t first,
     }
 }
 
-/* Number of ranks, and how this process spent its time: on its shards, on exchanges. */
+/* Writes the number of ranks, and how much time this process spent on its shards and on exchanges. */
 static void json_ranks(const app *self, const lg_fit *fit, app_json *json) {
     const lg_fit_cost cost = lg_fit_cost_of(fit);
     app_json_size(json, "ranks", self->rank_count);
@@ -91,8 +93,8 @@ static void json_ranks(const app *self, const lg_fit *fit, app_json *json) {
     app_json_size(json, "exchanged_bytes", cost.bytes);
 }
 
-/* How the training went, the hyperparameters of the run by their names, and the warnings so far.
- * `evaluations` counts gradients of all data; `stopped` says why the training ended, null before. */
+/* Writes how the training went, the run's hyperparameters under their names, and the warnings so far.
+ * `evaluations` counts gradients over all data; `stopped` says why the training ended, null if it has not. */
 static void json_training(const train_session *session, app_json *json) {
     const app *self = session->app;
     const lg_learning *learning = &session->task->learning;
@@ -161,7 +163,7 @@ lg_status train_draw_loss(const app *self, const char *picture, const double *lo
     return app_plot_end(self, &plot, error);
 }
 
-/* --plot, if given: the loss. */
+/* Draws the loss if --plot is given. */
 static int draw_loss(const app *self, const lg_learning *learning) {
     lg_error error = {LG_OK, ""};
     const char *picture = train_given_files.plot;
@@ -191,7 +193,7 @@ static void report(const train_session *session) {
     app_json_end(&out);
 }
 
-/* The parameters of the fit are judged and written. */
+/* Judges the fit's parameters, writes the model, draws and reports. */
 static int conclude(const train_session *session, double *theta) {
     train_task *task = session->task;
     lg_learning *learning = &task->learning;

@@ -1,4 +1,4 @@
-/* Warnings: a sentence on stderr each, once, kept for JSON. */
+/* Warnings: each sentence is printed on stderr once and kept for JSON. */
 #include <pthread.h>
 #include <stdarg.h>
 #include <stdlib.h>
@@ -26,7 +26,7 @@ void app_warnings_destroy(app_warnings *self) {
     free(self);
 }
 
-/* Tells the sentence on stderr and takes it, unless it was told before. */
+/* Prints the sentence unless it is already kept, and takes ownership of it. */
 static void tell(const char *title, app_warnings *self, char *sentence) {
     (void)pthread_mutex_lock(&self->lock);
     size_t i = 0;
