@@ -1,6 +1,6 @@
-/* Declarations that the commands of lg-anomaly share: labelled data, models of both kinds, judging, pictures.
- * A function that returns int returns an exit code, and has printed a message when it is not APP_EXIT_OK; one
- * that returns a status explains a failure in `error`; others end the command where they fail. */
+/* Declarations that the commands of lg-anomaly share: labelled data, models, judging, pictures. A function
+ * that returns int returns an exit code and has printed a message if it is not APP_EXIT_OK. A function that
+ * returns a status explains a failure in `error`. Any other function ends the command if it fails. */
 #ifndef LG_APPS_ANOMALY_H
 #define LG_APPS_ANOMALY_H
 
@@ -17,79 +17,84 @@
 extern const app_command generate_command, feed_command, train_command, evaluate_command, search_command,
     watch_command;
 
-extern const char *const housing_names[]; /* generate.c; in the order of lg_housing */
+extern const char *const housing_names[]; /* in generate.c; indexed by lg_housing */
 
 /* ---- models (model.c) ---- */
 
 typedef enum well_sort {
-    WELL_NETWORK,   /* kind "detector" */
-    WELL_CLASSICAL, /* kind "classifier" */
-    WELL_NOVELTY    /* kind "classifier", method "novelty": class 0, and all that is unlike it */
+    WELL_NETWORK,   /* file of kind "detector" */
+    WELL_CLASSICAL, /* file of kind "classifier" */
+    WELL_NOVELTY    /* file of kind "classifier", method "novelty": tells class 0 from everything unlike it */
 } well_sort;
 
-/* A model ready to judge. */
+/* A model that is ready to judge windows. */
 typedef struct well_model {
     well_sort sort;
-    const char *method;                   /* "cnn", "logistic", ..., "baseline", "novelty"; static */
-    uint32_t classes, channels, window;   /* window: samples */
-    double rate;                          /* Hz; 0: unknown */
-    char (*class_name)[LG_SERIES_NAME];   /* (classes); owned by detector or names */
-    char (*class_label)[LG_SERIES_NAME];  /* (classes) or NULL; likewise */
-    char (*channel_name)[LG_SERIES_NAME]; /* (channels) or NULL; likewise */
-    lg_detector_run cut;                  /* how its data were cut and split; the rest is a network's */
-    bool probabilities;                   /* scores are probabilities; false: decisions, distances */
-    lg_detector_file detector;            /* WELL_NETWORK */
-    lg_detector_plan *plan;               /* of the detector, in its training type */
-    lg_classifier classifier;             /* WELL_CLASSICAL */
-    lg_novelty novelty; /* of the training windows; channels 0: none; of a loaded detector its own */
-    lg_series names;    /* of a loaded classifier: owns its names */
+    const char *method;                  /* "cnn", "logistic", ..., "baseline" or "novelty"; static storage */
+    uint32_t classes, channels, window;  /* window: samples per window */
+    double rate;                         /* Hz; 0 if unknown */
+    char (*class_name)[LG_SERIES_NAME];  /* (classes); owned by `detector` or `names` */
+    char (*class_label)[LG_SERIES_NAME]; /* (classes) or NULL; same owner */
+    char (*channel_name)[LG_SERIES_NAME]; /* (channels) or NULL; same owner */
+    /* How the training data were cut and split; the other members are set for a network only. */
+    lg_detector_run cut;
+    bool probabilities;        /* true: scores are probabilities; false: decision values or distances */
+    lg_detector_file detector; /* set for WELL_NETWORK only */
+    lg_detector_plan *plan;    /* evaluates the detector, in the number type of its training */
+    lg_classifier classifier;  /* set for WELL_CLASSICAL only */
+    /* Novelty model of the training windows; channels is 0 if there is none. For a network `detector` owns
+     * it. */
+    lg_novelty novelty;
+    lg_series names; /* owns the names of a loaded classifier */
 } well_model;
 
 void well_model_load(const app *app, const char *path, well_model *out);
-void well_model_destroy(well_model *model); /* a zeroed one may be destroyed */
-/* Bytes of work memory for well_model_score. */
+void well_model_destroy(well_model *model); /* a zeroed model is allowed */
+/* Number of bytes of work memory that well_model_score needs. */
 size_t well_model_work(const well_model *model);
-/* A window (channels, window), as recorded -> score (classes); the class is lg_class_of(score). plane: as
- * for lg_detector_eval, NULL unless it is a network. A novelty scores 1 and the distance of lg_novelty_eval.
- * work: 64-byte aligned. No allocation. */
+/* Scores one window: x (channels, window), as recorded -> score (classes). The class is lg_class_of(score).
+ * `plane` as in lg_detector_eval; NULL unless the model is a network. A WELL_NOVELTY model gives the scores 1
+ * and the distance of lg_novelty_eval. `work` is aligned to 64 bytes. Allocates nothing. */
 lg_status well_model_score(const well_model *model, const float *x, double *score, double *plane, void *work);
-/* A score for "not of the first class": the score of class 1 (two classes), 1 - that of class 0
- * (probabilities), or the best of the others minus that of class 0. */
+/* A single score for "not class 0". Two classes: the score of class 1. More classes: 1 minus the probability
+ * of class 0, or without probabilities the best other score minus the score of class 0. */
 double well_model_alarm(const well_model *model, const double *score);
 
-/* Writes kind "classifier": /run from `model`, /classifier from model->classifier. */
+/* Writes a file of kind "classifier": the group /run from `model`, the group /classifier from
+ * model->classifier. */
 lg_status well_model_save(const app *app, const char *path, const well_model *model, double accuracy,
                           double f1, lg_error *error);
 
 /* ---- data (data.c) ---- */
 
-/* Data with the classes of a model, or of a novelty with any classes; channels must be the model's. */
+/* Reads data whose classes and channels must be the model's. A novelty model accepts any classes and merges
+ * them (merge_classes). */
 void read_series_of(const app *app, const char *path, const well_model *model, lg_series_data *out);
-/* For a novelty: labels become 0 for the class that is named `first`, 1 for all others; classes that have no
- * window are no classes. */
+/* Sets the labels to 0 for the class named `first` and to 1 for all others. The series then has two classes,
+ * or one if all windows are of class `first`. */
 void merge_classes(lg_series *series, const char *first);
 
 /* ---- judging (judge.c) ---- */
 
 lg_status judge_windows(const app *app, const well_model *model, const lg_cut_series *from,
                         const lg_window_list *part, lg_judgement *out, lg_error *error);
-/* The same for a classical model from the features of all windows, table (windows, d); seconds are those of
- * one thread. */
+/* The same for a classical model, from the features of all windows: table (windows, d). Runs on one thread,
+ * so out->seconds is the time on one thread. */
 lg_status judge_rows(const app *app, const well_model *model, const lg_cut_series *from,
                      const lg_window_list *part, const double *table, lg_judgement *out, lg_error *error);
-/* Windows of a judgement that are unlike those of training; *farthest: the farthest of them all. The model
- * has a novelty. */
+/* Counts the judged windows that are unlike the training windows; *farthest is the result of the window with
+ * the largest distance. The model must have a novelty model. */
 size_t count_novel(const app *app, const well_model *model, const lg_cut_series *from,
                    const lg_judgement *judged, lg_novelty_result *farthest);
-/* The results of lg_detector_tell. */
+/* Writes the results of lg_detector_tell. */
 void json_metrics(app_json *json, const lg_judgement *judged, uint64_t hop, double rate);
-/* The counts for people; nothing where there are many classes. */
+/* Prints the confusion matrix for people; prints nothing if there are more than 12 classes. */
 void print_confusion(FILE *stream, const lg_judgement *judged, const well_model *model);
 void print_metrics(const lg_judgement *judged, const well_model *model);
 
 /* ---- pictures (pictures.c): FILE.svg or FILE.png ---- */
 
-/* Points by class. */
+/* Points with class labels. */
 typedef struct labelled {
     size_t count;
     uint32_t columns, classes;
@@ -99,37 +104,40 @@ typedef struct labelled {
     char *const *column_name;           /* (columns) */
 } labelled;
 
-/* Every pair of the first eight columns at most, the distribution of each on the diagonal. */
+/* Scatter plots of all pairs of the first eight columns (or fewer), with each column's distribution on the
+ * diagonal. */
 lg_status draw_pairs(const app *app, const char *picture, const labelled *points, lg_error *error);
-/* The first two columns in the plane, and with three or more the first three in space beside it. */
+/* A plot of the first two columns; with three or more columns also a 3-D plot of the first three beside
+ * it. */
 lg_status draw_clouds(const app *app, const char *picture, const labelled *points, lg_error *error);
-/* Explained variance of each component and their running sum: variance (count), falling; `chosen`: components
- * that the model keeps, 0: all. */
+/* Fraction of the variance that each component explains, and its running sum. variance (count), in falling
+ * order; `chosen`: number of components that the model keeps, 0 for all. */
 lg_status draw_variance(const app *app, const char *picture, const double *variance, size_t count,
                         uint32_t chosen, lg_error *error);
 
 typedef struct pruned_tree {
-    double alpha, train_accuracy, test_accuracy; /* test_accuracy NaN without a test part */
+    double alpha, train_accuracy, test_accuracy; /* test_accuracy is NaN without a test part */
     uint32_t nodes, depth;
 } pruned_tree;
-/* Accuracy and node count against alpha; rising alpha; `chosen`: the alpha of the model, a line. */
+/* Accuracy and node count against alpha. The trees are in rising order of alpha; `chosen`, the model's alpha,
+ * is marked by a line. */
 lg_status draw_pruning(const app *app, const char *picture, const pruned_tree *trees, size_t count,
                        double chosen, lg_error *error);
-/* Boxes with the split, impurity, samples and class, for as many levels as are readable. */
+/* One box per node with split, impurity, number of samples and class, down to the sixth level. */
 lg_status draw_tree(const app *app, const char *picture, const lg_tree *tree,
                     char (*class_name)[LG_SERIES_NAME], char *const *column_name, lg_error *error);
-/* The first three columns in space, the plane w.x + b = 0 and its margins w.x + b = -+1; w (3). */
+/* The first three columns in space, with the plane w.x + b = 0 and its margins w.x + b = -+1; w (3). */
 lg_status draw_margin(const app *app, const char *picture, const labelled *points, const double *w, double b,
                       lg_error *error);
-/* Two columns and the line w.x + b = 0; w (2), or NULL: no line. */
+/* The first two columns and the line w.x + b = 0; w (2), or NULL for no line. */
 lg_status draw_plane(const app *app, const char *picture, const labelled *points, const double *w, double b,
                      lg_error *error);
-/* Counts and parts of each row; confusion (classes, classes), rows are the truth. */
+/* Each entry's count and its fraction of the row; confusion (classes, classes), rows are the true classes. */
 lg_status draw_confusion(const app *app, const char *picture, const uint64_t *confusion, uint32_t classes,
                          char (*class_name)[LG_SERIES_NAME], lg_error *error);
 
 typedef struct roc_curve {
-    const char *name; /* of the class against the others */
+    const char *name; /* name of the class that is compared with all others */
     const double *fpr, *tpr;
     size_t points;
     double auc;
@@ -137,8 +145,8 @@ typedef struct roc_curve {
 lg_status draw_roc(const app *app, const char *picture, const roc_curve *curves, size_t count,
                    lg_error *error);
 
-/* One regression line of BASELINE: the parts' standard deviations, acceleration and moment, (count) points.
- */
+/* A window of the method "baseline" and its regression line: the standard deviations of acceleration and
+ * moment in each segment of the window. */
 typedef struct regression {
     const double *acceleration, *moment; /* (count) */
     size_t count;
@@ -148,8 +156,8 @@ typedef struct regression {
 lg_status draw_regressions(const app *app, const char *picture, const regression *lines, size_t count,
                            char (*class_name)[LG_SERIES_NAME], lg_error *error);
 
-/* Recordings of the same channels, such as intact and broken, or slack and tight: each channel against time,
- * and the moments against the lower accelerations (phase plots). */
+/* Recordings of the same channels, for example intact and broken, or slack and tight. Draws each channel
+ * against time, and the moments against the lower accelerations (phase plots). */
 typedef struct recording {
     const char *name;
     const float *samples; /* (count, channels) */
@@ -159,7 +167,7 @@ lg_status draw_recordings(const app *app, const char *picture, const recording *
                           uint32_t channels, char (*channel_name)[LG_SERIES_NAME], double rate,
                           lg_error *error);
 
-/* The loss of a training: train_draw_loss of common/train.h. Objective against trial: draw_search of
- * common/search.h. */
+/* The picture of a training's loss is train_draw_loss in common/train.h; the picture of objective against
+ * trial is draw_search in common/search.c. */
 
 #endif

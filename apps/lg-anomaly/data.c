@@ -1,4 +1,4 @@
-/* Labelled series for a model. */
+/* Reads labelled series for a model. */
 #include <string.h>
 
 #include "lg-anomaly/anomaly.h"

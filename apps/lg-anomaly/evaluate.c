@@ -1,5 +1,5 @@
-/* lg-anomaly evaluate: judges a model on labelled data, by window, by sea state, and by recording with
- * votes. */
+/* lg-anomaly evaluate: judges a model on labelled data, per window, per group (sea state), and with votes per
+ * recording. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -34,11 +34,12 @@ static const lg_field evaluate_options[] = {
 
 static evaluate_values values;
 
-/* Results of voting on the recordings. Times in seconds, or samples if the rate is unknown. */
+/* Results of voting on the recordings. Times are in seconds, or in samples if the rate is unknown. */
 typedef struct voting {
     size_t damaged, detected, false_alarms;
-    double median, largest, intact_time; /* time to detection; time observed before any damage */
-    double a_day;                        /* false alarms; NaN where the rate is unknown */
+    /* Median and largest time to detection; intact_time: time observed before any damage. */
+    double median, largest, intact_time;
+    double a_day; /* false alarms per day; NaN if the rate is unknown */
 } voting;
 
 typedef struct evaluation {
@@ -49,11 +50,11 @@ typedef struct evaluation {
     const char *part_name;
     lg_window_list part;
     lg_judgement judged;
-    size_t unlike; /* windows unlike those of training; for models that know them */
+    size_t unlike; /* number of windows unlike the training windows, if the model has a novelty model */
     voting votes;
 } evaluation;
 
-/* ---- which windows ---- */
+/* ---- choosing the windows to judge ---- */
 
 static void choose_part(evaluation *e) {
     static const lg_part wanted[] = {
@@ -96,7 +97,7 @@ typedef struct ballot {
     bool alarm;
 } ballot;
 
-/* True when the alarm begins. */
+/* Adds the vote of one window. Returns true if the alarm begins with it. */
 static bool cast_vote(ballot *b, bool positive) {
     const size_t n = values.votes.values[1], at = b->cast % n;
     if (b->cast >= n && b->last[at]) b->positive--;
@@ -111,10 +112,10 @@ static bool cast_vote(ballot *b, bool positive) {
 typedef struct watching {
     ballot ballot;
     bool damaged, detected;
-    double onset; /* sample of the recording where damage begins */
+    double onset; /* the recording's sample at which damage begins */
 } watching;
 
-/* One window of a recording: `begin` its first sample. */
+/* Processes window i of a recording; `begin` is the window's first sample in the recording. */
 static void watch_window(const evaluation *e, watching *state, size_t i, double begin, voting *out,
                          double *times) {
     const lg_judgement *judged = &e->judged;
@@ -255,7 +256,7 @@ static void add_evaluation(app_json *out, const evaluation *e) {
     app_json_size(out, "threads", e->app->threads);
 }
 
-/* One row for each of several files, for the probability of detection against severity or noise. */
+/* One table row per data file, used for the probability of detection against severity or noise. */
 static void add_row(app_json *out, const evaluation *e) {
     app_json_text(out, "data", e->path);
     app_json_text(out, "part", e->part_name);
@@ -286,7 +287,7 @@ static void report(const app *self, const evaluation *list, size_t count) {
     app_json_end(&out);
 }
 
-/* A name as a field of CSV. */
+/* Writes a name as a CSV field, quoted where needed. */
 static void csv_text(FILE *stream, const char *text) {
     if (strpbrk(text, ",\"\n\r") == NULL) {
         (void)fputs(text, stream);
@@ -330,7 +331,7 @@ static void write_scores(const evaluation *e) {
 
 /* ---- the command ---- */
 
-/* The figures of a model say nothing where the data are not what it knows. */
+/* Warns if many windows are unlike the training windows, because the model's results mean little for them. */
 static void tell_unlike(evaluation *e) {
     static const double MANY = 0.05;
     const well_model *model = e->model;

@@ -1,4 +1,4 @@
-/* lg-anomaly feed: a stream of samples as a logger on a rig would send it, for `watch`. */
+/* lg-anomaly feed: simulates the stream of samples that a logger on a rig would send, for `watch`. */
 #include <errno.h>
 #include <fcntl.h>
 #include <math.h>
@@ -9,9 +9,9 @@
 
 #include "lg-anomaly/anomaly.h"
 
-/* Bytes of a line: a time, six numbers of at most 16 characters, commas. */
+/* LINE_BYTES: room for a line with a time, six numbers of at most 16 characters each, and commas. */
 enum { HOUR = 3600, LINE_BYTES = 32 + 17 * LG_RISER_CHANNELS };
-/* Streams of random numbers, different from those of the scene. */
+/* Streams of the random number generator; they differ from the streams of the scene. */
 enum { STREAM_SEA = 0x66656564, STREAM_FAULTS = 0x6661756c };
 
 typedef struct feed_values {
@@ -46,14 +46,14 @@ static const lg_field feed_options[] = {
 
 static feed_values values = {.crack_at = NAN};
 
-/* ---- numbers: nine significant digits, which give every float back ---- */
+/* ---- numbers with nine significant digits, so that every float reads back exactly ---- */
 
 static char *put_digits(char *at, uint64_t value, int digits) {
     for (int i = digits - 1; i >= 0; i--, value /= 10) at[i] = (char)('0' + value % 10);
     return at + digits;
 }
 
-/* d.dddddddde[+-]xx; value finite, 1e-38 <= |value| < 1e39 or 0. */
+/* Writes d.dddddddde[+-]xx. The value must be finite, and 0 or 1e-38 <= |value| < 1e39. */
 static char *put_float(char *at, float value) {
     static const double powers[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8,  1e9,  1e10, 1e11,
                                     1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
@@ -67,7 +67,7 @@ static char *put_float(char *at, float value) {
     int exponent = (int)floor(log10(x));
     const int shift = 8 - exponent;
     uint64_t digits = (uint64_t)((shift >= 0 ? x * powers[shift] : x / powers[-shift]) + 0.5);
-    if (digits >= 1000000000u) { /* log10 or the rounding crossed a power of ten */
+    if (digits >= 1000000000u) { /* an error of log10 or the rounding gave ten digits */
         digits = (digits + 5) / 10;
         exponent++;
     }
@@ -79,7 +79,8 @@ static char *put_float(char *at, float value) {
     return put_digits(at, (uint64_t)(exponent < 0 ? -exponent : exponent), 2);
 }
 
-/* Seconds since the start, in units of 1/rate; rate divides 10. */
+/* Writes a time as seconds with one decimal. It is given in tenths of a second since the start, so the rate
+ * must divide 10. */
 static char *put_time(char *at, uint64_t tenths) {
     char text[24];
     int n = 0;
@@ -90,7 +91,7 @@ static char *put_time(char *at, uint64_t tenths) {
     return at;
 }
 
-/* ---- an hour ---- */
+/* ---- simulating an hour ---- */
 
 typedef struct hour {
     float *samples; /* (HOUR rate, LG_RISER_CHANNELS) */
@@ -102,14 +103,15 @@ typedef struct hour {
 
 typedef struct feeding {
     const app *app;
-    hour *hours; /* (crew) */
+    hour *hours; /* (crew): the hours that are simulated at the same time */
     size_t crew;
-    uint64_t first, samples, rate;     /* number of hours[0]; samples of the whole feed */
-    uint64_t lines, gaps, nans, bytes; /* written so far */
+    uint64_t first, samples, rate;     /* first: index of the hour in hours[0]; samples: of the whole feed */
+    uint64_t lines, gaps, nans, bytes; /* totals written so far */
     app_progress progress;
 } feeding;
 
-/* All hours have the same well, one of the standard ones. Sea, waves and noise are those of the hour. */
+/* Sets the parameters of hour `index`. All hours have the same well, one of the standard wells; sea state,
+ * waves and noise are drawn for each hour. */
 static void scene_of(const app *self, uint64_t index, lg_riser_parameters *parameters, lg_riser_run *run) {
     uint32_t label, sea_state;
     lg_rng rng;
@@ -121,12 +123,13 @@ static void scene_of(const app *self, uint64_t index, lg_riser_parameters *param
     run->seed = lg_rng_next(&rng);
     run->noise_seed = lg_rng_next(&rng);
     parameters->housing = (lg_housing)values.housing;
-    if (!(crack < start + HOUR)) parameters->severity = 1; /* never, or later */
+    if (!(crack < start + HOUR)) parameters->severity = 1; /* the casing breaks in a later hour or never */
     run->crack_time = crack > start && crack < start + HOUR ? crack - start : 0;
     run->noise = values.noise;
 }
 
-/* Writes the lines of hour `index` except those in gaps. A gap ends with the hour. */
+/* Writes the lines of hour `index`, without the lines that fall into gaps. A gap ends at the end of the hour
+ * at the latest. */
 static void put_hour(const feeding *self, uint64_t index, uint64_t count, hour *out) {
     lg_rng rng;
     lg_rng_seed(&rng, self->app->seed ^ (index * UINT64_C(0x9e3779b97f4a7c15)), STREAM_FAULTS);
@@ -180,13 +183,13 @@ static void make_hour(void *user, size_t slot) {
     if (out->status == LG_OK) put_hour(self, index, count, out);
 }
 
-/* ---- where it goes ---- */
+/* ---- writing the feed ---- */
 
-/* A regular file of any length appears when it is complete. An existing target of another type (a pipe, a
- * device) is written to directly. */
+/* A regular file appears under its name only when it is complete, whatever its length. An existing target of
+ * another type (a pipe, a device) is written to directly. */
 typedef struct sink {
     int fd;
-    bool direct; /* not under a temporary name */
+    bool direct; /* written directly, not under a temporary name */
     lg_temporary temporary;
 } sink;
 
@@ -215,14 +218,14 @@ static bool sink_write(const sink *to, const char *text, size_t bytes) {
     return true;
 }
 
-/* LG_FILE with errno's sentence, or LG_CANCELLED where a signal ended the call. */
+/* Returns LG_FILE with the message of errno, or LG_CANCELLED if a signal interrupted the write. */
 static lg_status file_failed(lg_error *error) {
     if (app_interrupted()) return LG_CANCELLED;
     return app_error(error, LG_FILE, "%s: %s", values.out != NULL ? values.out : "standard output",
                      strerror(errno));
 }
 
-/* `status`: of what was written; the file appears after LG_OK alone. */
+/* `status` says whether all was written; the file appears under its name only if it is LG_OK. */
 static lg_status sink_close(sink *to, lg_status status, lg_error *error) {
     if (values.out == NULL) return status;
     if (to->direct) return close(to->fd) != 0 && status == LG_OK ? file_failed(error) : status;
@@ -267,7 +270,8 @@ static lg_status write_hour(feeding *feed, uint64_t index, const hour *h, const 
     return LG_OK;
 }
 
-/* Rounds of `crew` hours; the hours of a round are simulated in parallel and written in order. */
+/* Works in rounds of `crew` hours: the hours of a round are simulated in parallel and then written in
+ * order. */
 static lg_status write_hours(feeding *feed, const sink *to, lg_error *error) {
     const uint64_t whole = HOUR * feed->rate, hours = (feed->samples + whole - 1) / whole;
     lg_status status = LG_OK;

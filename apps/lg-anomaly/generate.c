@@ -1,4 +1,5 @@
-/* lg-anomaly generate: the standard runs of the riser scene, cut in windows, into a data file. */
+/* lg-anomaly generate: simulates the standard runs of the riser scene, cuts them into windows and writes a
+ * data file. */
 #include <math.h>
 
 #include "common/pieces.h"
@@ -54,7 +55,8 @@ typedef struct generating {
     size_t windows_of_run;
 } generating;
 
-/* Recording `index` of `runs`: pairs of intact and broken, which share their waves. */
+/* Sets the parameters of recording `index`. Recordings 2k and 2k + 1 are a pair, intact and broken, with the
+ * same waves. */
 static void scene_of(const app *self, uint64_t index, lg_housing housing, lg_riser_parameters *parameters,
                      lg_riser_run *run, uint32_t *label, uint32_t *sea_state) {
     const uint64_t pairs = (values.runs + 1) / 2, pair = index / 2;
@@ -98,7 +100,7 @@ static lg_status generate_run(void *user, size_t index, lg_error *error) {
                            : app_error(error, status, "run %zu: %s", index, app_sentence(status, &why));
 }
 
-/* Set while the series lives; not freed with it. */
+/* The channel names while the series is in use; not freed with it. */
 static char channel_names[LG_RISER_CHANNELS][LG_SERIES_NAME];
 
 static void create_series(const app *self, uint32_t length, size_t windows, lg_series *out) {
@@ -126,7 +128,7 @@ static void data_destroy(lg_series_data *data) {
 
 enum { SHOWN_SECONDS = 3600 };
 
-/* Two versions of one condition of the first runs. */
+/* Draws two recordings of the first condition: intact and broken, or, both broken, slack and tight. */
 static lg_status draw(const app *self, double rate, lg_error *error) {
     const bool states = values.picture == PICTURE_STATES;
     const double seconds = fmin(values.hours * 3600, SHOWN_SECONDS);
@@ -175,7 +177,8 @@ static void report(const app *self, const lg_series_data *data, double seconds) 
     app_json_end(&out);
 }
 
-/* All runs, of all processes. False: another process writes the file. */
+/* Simulates all runs, together with other processes if there are any. False: another process writes the
+ * file. */
 static bool simulate(const app *self, size_t windows, lg_series *series, pieces *made) {
     const size_t runs = (size_t)values.runs, window = (size_t)series->channels * series->length;
     generating what = {.app = self, .series = series, .windows_of_run = windows};
@@ -203,7 +206,8 @@ static bool simulate(const app *self, size_t windows, lg_series *series, pieces 
     return pieces_make(made);
 }
 
-/* Samples of a window, windows of a recording; both are whole numbers. */
+/* Computes the samples per window and the windows per recording. Ends the command if a window is not a whole
+ * number of samples. */
 static void cut(const app *self, uint32_t *length, size_t *windows) {
     lg_riser_run defaults;
     lg_riser_run_init(&defaults);

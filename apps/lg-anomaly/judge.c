@@ -47,7 +47,7 @@ lg_status judge_rows(const app *self, const well_model *model, const lg_cut_seri
 
 typedef struct measuring {
     const lg_novelty *novelty;
-    lg_novelty_result *result; /* of each window */
+    lg_novelty_result *result; /* the result of each window */
 } measuring;
 
 static lg_status measure(void *user, size_t i, const float *x, void *work) {
@@ -74,7 +74,7 @@ size_t count_novel(const app *self, const well_model *model, const lg_cut_series
     return novel;
 }
 
-/* ---- telling ---- */
+/* ---- printing ---- */
 
 void json_metrics(app_json *json, const lg_judgement *judged, uint64_t hop, double rate) {
     lg_learning list = {.results = NULL};

@@ -1,4 +1,4 @@
-/* lg-anomaly: classification of windows of sensor data, and a watch over a feed. */
+/* lg-anomaly: classifies windows of sensor data, and watches a feed. */
 #include "lg-anomaly/anomaly.h"
 
 int main(int argc, char **argv) {

@@ -1,4 +1,4 @@
-/* Models of both kinds: reading, writing, and scores of a window. */
+/* Networks and classical models: reading and writing them, and the scores of a window. */
 #include <math.h>
 #include <string.h>
 
@@ -83,7 +83,7 @@ static void load_classifier(const app *self, const char *path, well_model *out) 
     memcpy(out->cut.data_sha256, file.data_sha256, sizeof out->cut.data_sha256);
 }
 
-/* ---- either ---- */
+/* ---- all models ---- */
 
 void well_model_load(const app *self, const char *path, well_model *out) {
     char kind[64];

@@ -23,10 +23,10 @@ void put_text(FILE *script, const char *text) {
     (void)fputs("\" noenhanced", script);
 }
 
-/* ---- points by class: block c of the data are the points of class c ---- */
+/* ---- points by class: data block c has the points of class c ---- */
 
-/* Every class keeps its share of at most `limit` points, evenly chosen. Returns 0 lines for an empty class,
- * which then holds one point that cannot be drawn. */
+/* Writes about `limit` points at most, evenly chosen from each class. The block of a class without points has
+ * one NaN point, which gnuplot does not draw. */
 static void put_points(app_plot *plot, const labelled *points, size_t limit) {
     const size_t every = points->count / limit + 1;
     for (uint32_t c = 0; c < points->classes; c++) {
@@ -49,8 +49,8 @@ static void put_axis(FILE *script, char axis, const char *name) {
     (void)fputs(strlen(name) > 16 ? " font ',7'\n" : "\n", script);
 }
 
-/* "datafile index c using a:b[:c] ..." for every class; `titles` adds its name and a larger point to the
- * key. */
+/* Writes "datafile index c using a:b[:c] ..." for every class c. `titles` adds each class name with a larger
+ * point to the key. */
 static void put_classes(FILE *script, const labelled *points, const char *columns, double size, bool titles) {
     for (uint32_t c = 0; c < points->classes; c++)
         (void)fprintf(script, "%sdatafile index %u using %s with points pt 7 ps %g lc rgb '%s' notitle",
@@ -61,7 +61,7 @@ static void put_classes(FILE *script, const labelled *points, const char *column
     }
 }
 
-/* ---- pairs ---- */
+/* ---- scatter plots of pairs of columns ---- */
 
 typedef struct span {
     double low, high;
@@ -78,7 +78,8 @@ static span column_span(const labelled *points, uint32_t k) {
     return (span){s.low - room, s.high + room};
 }
 
-/* One block for each column: the middle of the bin, and for each class the fraction of its points there. */
+/* The histogram of column k as a data block: each line has the middle of a bin, and for each class the
+ * fraction of its points in this bin. */
 static void put_histogram(app_plot *plot, const labelled *points, uint32_t k, span s) {
     const size_t cells = (size_t)BINS * points->classes;
     APP_FREE size_t *count = app_alloc(cells, sizeof *count);
@@ -132,7 +133,7 @@ lg_status draw_pairs(const app *self, const char *picture, const labelled *point
     put_points(&plot, points, PAIRED_POINTS);
     for (uint32_t k = 0; k < shown; k++) spans[k] = column_span(points, k);
     for (uint32_t k = 0; k < shown; k++) put_histogram(&plot, points, k, spans[k]);
-    if (shown == 1) { /* the distribution alone */
+    if (shown == 1) { /* only the distribution */
         put_axis(script, 'x', points->column_name[0]);
         put_axis(script, 'y', "part of the windows");
         put_panel(script, points, 0, 0, spans);
@@ -153,9 +154,9 @@ lg_status draw_pairs(const app *self, const char *picture, const labelled *point
     return app_plot_end(self, &plot, error);
 }
 
-/* ---- clouds, planes ---- */
+/* ---- clouds and planes ---- */
 
-/* Axes x, y, z are columns at[0], at[1], at[2]. */
+/* Labels the axes x, y and z with columns at[0], at[1] and at[2]. */
 static void put_space(FILE *script, const labelled *points, const uint32_t at[3]) {
     for (uint32_t k = 0; k < 3; k++) put_axis(script, "xyz"[k], points -> column_name[at[k]]);
     (void)fputs("set zlabel rotate by 90\nset xyplane relative 0\nset view 62,38\nset ticslevel 0\n", script);
@@ -183,8 +184,8 @@ lg_status draw_clouds(const app *self, const char *picture, const labelled *poin
     return app_plot_end(self, &plot, error);
 }
 
-/* The vertical axis is the column along which the plane's normal is longest in units of the picture; the
- * plane is solved for this column. */
+/* Chooses the vertical axis: the column in which the plane's normal is longest, measured in lengths of the
+ * axes. The plane's equation is solved for this column. */
 static void upright(const span s[3], const double *w, uint32_t column[3]) {
     uint32_t best = 2;
     for (uint32_t k = 0; k < 3; k++)
@@ -237,7 +238,7 @@ lg_status draw_plane(const app *self, const char *picture, const labelled *point
     (void)fputs("plot ", script);
     put_classes(script, points, "1:2", 0.4, true);
     const double norm = w == NULL ? 0 : hypot(w[0], w[1]);
-    if (norm > 0) { /* foot of the origin on the line, and along it */
+    if (norm > 0) { /* the point of the line nearest to the origin, and the direction of the line */
         const double far = 2 * (x.high - x.low + y.high - y.low + fabs(b) / norm);
         (void)fprintf(
             script, ", %.9g + t*%.9g, %.9g + t*%.9g with lines lw 1.5 lc rgb '#333333' title 'decision'",
@@ -247,7 +248,7 @@ lg_status draw_plane(const app *self, const char *picture, const labelled *point
     return app_plot_end(self, &plot, error);
 }
 
-/* ---- the baseline's lines ---- */
+/* ---- regression lines of the baseline ---- */
 
 lg_status draw_regressions(const app *self, const char *picture, const regression *lines, size_t count,
                            char (*class_name)[LG_SERIES_NAME], lg_error *error) {
@@ -257,7 +258,8 @@ lg_status draw_regressions(const app *self, const char *picture, const regressio
     uint32_t classes = 0;
     for (size_t i = 0; i < count; i++)
         if (lines[i].label >= classes) classes = lines[i].label + 1;
-    for (uint32_t c = 0; c < classes; c++) { /* blocks 0..: the lines; then the (intercept, slope) clouds */
+    /* One block of lines per class; then one block of (intercept, slope) points per class. */
+    for (uint32_t c = 0; c < classes; c++) {
         for (size_t i = 0; i < count; i++) {
             const regression *line = &lines[i];
             if (line->label != c || line->count == 0) continue;
@@ -316,7 +318,7 @@ static void put_recordings(app_plot *plot, const recording *runs, size_t count, 
 static void put_channel(FILE *script, const recording *runs, size_t count, const char *columns,
                         const char *style) {
     (void)fputs("plot ", script);
-    for (size_t r = count; r-- > 0;) { /* the first one on top */
+    for (size_t r = count; r-- > 0;) { /* the first recording is drawn last, on top */
         (void)fprintf(script, "%sdatafile index %zu using %s with %s lc rgb '%s' title ",
                       r + 1 == count ? "" : ", ", r, columns, style, class_colour(r));
         put_text(script, runs[r].name);
@@ -328,7 +330,7 @@ lg_status draw_recordings(const app *self, const char *picture, const recording 
                           uint32_t channels, char (*channel_name)[LG_SERIES_NAME], double rate,
                           lg_error *error) {
     app_plot plot;
-    const uint32_t pairs = channels >= 6 ? 2 : 0; /* moment against lower acceleration, x and y */
+    const uint32_t pairs = channels >= 6 ? 2 : 0; /* moment against lower acceleration, for x and y */
     const uint32_t rows = (channels + 1) / 2 + (pairs > 0 ? 1 : 0);
     app_plot_begin(&plot, picture, 1240, 210 * (int)rows + 60);
     FILE *script = plot.script.stream;

@@ -1,11 +1,11 @@
-/* Declarations that the pictures of lg-anomaly share. */
+/* Declarations that the files with lg-anomaly's pictures share. */
 #ifndef LG_APPS_ANOMALY_PICTURES_H
 #define LG_APPS_ANOMALY_PICTURES_H
 
 #include "lg-anomaly/anomaly.h"
 
 const char *class_colour(size_t i);
-/* A gnuplot string in double quotes, as text: no markup. */
+/* Writes text as a gnuplot string in double quotes, without interpretation of markup. */
 void put_text(FILE *script, const char *text);
 
 #endif

@@ -1,5 +1,4 @@
-/* Pictures of methods: explained variance, pruning, trees, confusion matrices, receiver operating
- * characteristics. */
+/* Pictures of methods: explained variance, pruning, trees, confusion matrices and ROC curves. */
 #include "lg-anomaly/pictures.h"
 
 #include <math.h>
@@ -45,7 +44,8 @@ lg_status draw_pruning(const app *self, const char *picture, const pruned_tree *
                       trees[i].test_accuracy, trees[i].nodes, trees[i].depth);
     (void)fputs("set multiplot layout 1,2\nset xlabel 'alpha'\nset ylabel 'accuracy'\nset key bottom left\n",
                 script);
-    if (chosen > 0 && trees[count - 1].alpha > 12 * chosen) /* the last steps lie far off */
+    /* The last trees have a far larger alpha and would squeeze the others. */
+    if (chosen > 0 && trees[count - 1].alpha > 12 * chosen)
         (void)fprintf(script, "set xrange [0:%.9g]\n", 12 * chosen);
     (void)fprintf(script, "set arrow from %.9g, graph 0 to %.9g, graph 1 nohead dt 2 lc rgb '#777777'\n",
                   chosen, chosen);
@@ -63,7 +63,7 @@ lg_status draw_pruning(const app *self, const char *picture, const pruned_tree *
     return app_plot_end(self, &plot, error);
 }
 
-/* ---- trees: leaves at whole abscissae, a parent between its children ---- */
+/* ---- trees: leaves at x = 0, 1, 2, ..., a parent in the middle between its children ---- */
 
 typedef struct tree_layout {
     const lg_tree *tree;
@@ -77,7 +77,7 @@ static bool drawn_leaf(const tree_layout *at, uint32_t node) {
     return at->tree->node[node].left == 0 || at->depth[node] == SHOWN_DEPTH;
 }
 
-/* Recursion no deeper than what is drawn. */
+/* Recursive, but only down to SHOWN_DEPTH. */
 static void place(tree_layout *at, uint32_t node, uint32_t depth) {
     at->depth[node] = depth;
     if (depth > at->deepest) at->deepest = depth;
@@ -99,7 +99,7 @@ static uint32_t majority(const lg_tree *tree, uint32_t node) {
     return best;
 }
 
-/* #rrggbb, `part` of it on white. */
+/* Mixes `part` of the colour with white; writes #rrggbb. */
 static void pale(const char *colour, double part, char out[8]) {
     const unsigned long rgb = strtoul(colour + 1, NULL, 16);
     (void)snprintf(out, 8, "#");
@@ -177,7 +177,7 @@ lg_status draw_tree(const app *self, const char *picture, const lg_tree *tree,
     return app_plot_end(self, &plot, error);
 }
 
-/* ---- confusion, ROC ---- */
+/* ---- confusion matrices and ROC curves ---- */
 
 lg_status draw_confusion(const app *self, const char *picture, const uint64_t *confusion, uint32_t classes,
                          char (*class_name)[LG_SERIES_NAME], lg_error *error) {

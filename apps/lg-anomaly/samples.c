@@ -1,4 +1,5 @@
-/* Fast reading of lines of numbers: no allocation, no locale, and no library call for a number as a rule. */
+/* Fast reading of lines of numbers: no allocation, no dependence on the locale, and for most numbers no call
+ * of the library. */
 #include "lg-anomaly/samples.h"
 
 #include <ctype.h>
@@ -14,12 +15,12 @@
 #include "liegrad/io.h"
 
 enum {
-    ROOM = 1 << 18,       /* bytes read at once, and the longest line of few channels */
-    ROOM_FIELD = 512,     /* of a line, for each number of many */
+    ROOM = 1 << 18,   /* bytes in the buffer, which limits the length of a line, if there are few channels */
+    ROOM_FIELD = 512, /* bytes in the buffer per number of a line, if there are many channels */
     LONGEST_NUMBER = 512, /* characters */
-    LAYOUT_VOTES = 3,     /* lines of one kind that settle the layout */
-    LAYOUT_LINES = 50,    /* examined for the layout */
-    PATIENCE_MS = 200     /* Ctrl-C is seen within it */
+    LAYOUT_VOTES = 3,     /* lines of the same kind that decide the layout */
+    LAYOUT_LINES = 50,    /* most lines that are examined for the layout */
+    PATIENCE_MS = 200     /* time within which Ctrl-C is noticed */
 };
 
 void sample_reader_open(int file, uint32_t channels, const char *const *names, sample_reader *out) {
@@ -39,17 +40,17 @@ void sample_reader_close(sample_reader *reader) {
     *reader = (sample_reader){.file = -1};
 }
 
-/* ---- one number ---- */
+/* ---- parsing a number ---- */
 
 typedef struct decimal {
-    uint64_t digits; /* the first 19 */
-    int count;       /* of digits from the first that is not 0 on */
+    uint64_t digits; /* the first 19 digits as an integer */
+    int count;       /* number of digits, counted from the first that is not 0 */
     int exponent;
     bool negative;
 } decimal;
 
-/* [+-] digits [. digits] [e [+-] digits]. Returns its end, or NULL. Another character must follow the
- * number. */
+/* Scans [+-] digits [. digits] [e [+-] digits]. Returns the end of the number, or NULL. Some other character
+ * must follow the number. */
 static const char *scan_decimal(const char *p, decimal *out) {
     uint64_t digits = 0;
     int count = 0, exponent = 0;
@@ -87,20 +88,22 @@ static const char *scan_decimal(const char *p, decimal *out) {
     return p;
 }
 
-/* Long numbers and large exponents go through the library, which rounds correctly. */
+/* Converts long numbers and numbers with large exponents by the library, which rounds correctly. */
 static double convert_slowly(const char *text, const char *end) {
     char copy[LONGEST_NUMBER + 1];
     double value = (double)NAN;
     if ((size_t)(end - text) > LONGEST_NUMBER) return value;
     memcpy(copy, text, (size_t)(end - text));
     copy[end - text] = '\0';
-    (void)lg_number_parse(copy, &value); /* beyond the largest double: NaN stays */
+    (void)lg_number_parse(copy, &value); /* a number beyond the largest double stays NaN */
     return value;
 }
 
-/* Digits below 2^53 times or over a power of ten up to 10^22: both are exact, the result is rounded once
- * (Clinger 1990). With up to 19 digits it may be off by a unit in the last place: enough for a float, unless
- * it lies so near to the middle of two floats that this unit decides. */
+/* Multiplies or divides the digits by a power of ten up to 10^22. If the digits are below 2^53, both factors
+ * are exact and the result is rounded once (Clinger 1990). With up to 19 digits the result may be wrong by
+ * one unit in its last place. For a float this is good enough, unless the value is so close to the middle
+ * between two floats that this unit decides how it is rounded; then, or if `exact` is set, the library
+ * converts the number. */
 static double convert(const decimal *number, bool exact, const char *text, const char *end) {
     static const double powers[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8,  1e9,  1e10, 1e11,
                                     1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
@@ -125,7 +128,7 @@ static bool ends_field(char c) {
     return c == ',' || c == ';' || c == '#' || c == '\n' || is_blank(c);
 }
 
-/* Accepts a word for a missing number. Returns the end of the word, or NULL. */
+/* Accepts a word that stands for a missing number, such as nan. Returns the end of the word, or NULL. */
 static const char *scan_word(const char *p, const char *end) {
     static const char *const words[] = {"nan", "inf", "infinity", "na", "n/a", "null", "none"};
     if (*p == '-' || *p == '+') p++;
@@ -137,14 +140,14 @@ static const char *scan_word(const char *p, const char *end) {
     return NULL;
 }
 
-/* ---- one line ---- */
+/* ---- parsing a line ---- */
 
 static const char *skip_blanks(const char *p) {
     while (is_blank(*p)) p++;
     return p;
 }
 
-/* False: more fields than any layout has. */
+/* False: the line has more fields than any layout. */
 static bool add_field(sample_reader *reader, double value) {
     if (reader->fields <= reader->channels) reader->field[reader->fields] = value;
     reader->fields++;
@@ -162,8 +165,9 @@ static bool refuse_word(sample_reader *reader, const char *p, const char *end) {
     return false;
 }
 
-/* Numbers of a line into field, fields; *open: it ends with a separator. False: with `problem`, the line
- * holds something else. *end is '\n'. */
+/* Stores the numbers of a line in `field` and their count in `fields`; *open: the line ends with a separator.
+ * False: the line holds something else, described in `problem`. *end must be '
+ * '. */
 static bool split_line(sample_reader *reader, const char *p, const char *end, bool *open) {
     char separator = '\0';
     reader->fields = 0;
@@ -204,14 +208,14 @@ static sample_kind refuse_count(sample_reader *reader) {
     return SAMPLE_MALFORMED;
 }
 
-/* The layout that the number of fields of a line suggests. */
+/* The layout that fits the line's number of fields. */
 static sample_layout layout_of(const sample_reader *reader) {
     const uint32_t c = reader->channels;
     if (reader->fields == c) return LAYOUT_VALUES;
     return reader->fields == c + 1 && isfinite(reader->field[0]) ? LAYOUT_TIMED : LAYOUT_UNKNOWN;
 }
 
-/* Whether the fields fit the layout. An unknown layout is set from them. */
+/* Returns whether the fields fit the layout. If the layout is still unknown, sets it from the fields. */
 static bool fits_layout(sample_reader *reader, bool open) {
     const uint32_t c = reader->channels;
     if (reader->layout == LAYOUT_UNKNOWN) reader->layout = layout_of(reader);
@@ -221,7 +225,7 @@ static bool fits_layout(sample_reader *reader, bool open) {
     return reader->fields == wanted;
 }
 
-/* Whether the last number ends at the end of the file. */
+/* Returns whether the line's last number ends exactly at the end of the file, so that it may be cut. */
 static bool may_be_cut(const sample_reader *reader, const char *from, const char *end) {
     if (!reader->unended || reader->lines == 0) return false;
     return !ends_field(end[-1]) && memchr(from, '#', (size_t)(end - from)) == NULL;
@@ -251,7 +255,7 @@ static sample_kind take_line(sample_reader *reader, const char *p, const char *e
 
 /* ---- lines of words ---- */
 
-/* Columns of a line of names: between commas or semicolons, else between blanks. */
+/* Number of columns in a line of names. Commas separate them, or else semicolons, or else blanks. */
 static uint32_t count_names(const char *from, const char *to) {
     uint32_t commas = 0, semicolons = 0, words = 0;
     for (const char *p = from; p < to; p++) {
@@ -262,7 +266,7 @@ static uint32_t count_names(const char *from, const char *to) {
     return commas > 0 ? commas + 1 : semicolons > 0 ? semicolons + 1 : words;
 }
 
-/* FNV-1a, without blanks at the end. */
+/* FNV-1a hash of the line without blanks at its end. */
 static uint64_t hash_line(const char *from, const char *to) {
     uint64_t hash = UINT64_C(0xcbf29ce484222325);
     while (to > from && is_blank(to[-1])) to--;
@@ -270,7 +274,7 @@ static uint64_t hash_line(const char *from, const char *to) {
     return hash;
 }
 
-/* Whether the line is a line of words before the first sample, or a repetition of one. */
+/* Returns whether this is a line of words before the first sample, or a repetition of such a line. */
 static bool is_header(sample_reader *reader, const char *from, const char *to) {
     const uint64_t hash = hash_line(from, to);
     for (uint32_t i = 0; i < reader->headers; i++)
@@ -282,7 +286,8 @@ static bool is_header(sample_reader *reader, const char *from, const char *to) {
 
 /* ---- names of columns ---- */
 
-/* The next name of a line, without blanks and quotes; *p goes behind its separator. */
+/* Finds the next name of a line, without blanks and quotes around it; moves *p behind the separator after
+ * it. */
 static void next_name(const char **p, const char *to, char separator, const char **name, size_t *length) {
     const char *from = *p, *end = from;
     while (end < to && (separator != ' ' ? *end != separator : !is_blank(*end))) end++;
@@ -298,8 +303,8 @@ static bool is_name(const sample_reader *reader, uint32_t channel, const char *n
     return strlen(reader->names[channel]) == length && memcmp(reader->names[channel], name, length) == 0;
 }
 
-/* Column of each channel (channels), or UINT32_MAX; returns the number of columns. False: one name stands
- * twice. */
+/* Finds the column of each channel, column (channels); UINT32_MAX if there is none. *columns: number of
+ * columns; *found: number of channels found. False: a channel's name occurs twice. */
 static bool find_columns(sample_reader *reader, const char *from, const char *to, uint32_t *column,
                          uint32_t *columns, uint32_t *found) {
     const char separator = memchr(from, ',', (size_t)(to - from)) != NULL   ? ','
@@ -325,7 +330,8 @@ static bool find_columns(sample_reader *reader, const char *from, const char *to
     return true;
 }
 
-/* Places of the channels from the columns of their names. False, with `problem`: the columns do not fit. */
+/* Sets the places of the channels from the columns of their names. False: the columns do not fit; `problem`
+ * says why. */
 static bool set_places(sample_reader *reader, const uint32_t *column, uint32_t columns) {
     const uint32_t timed = columns - reader->channels;
     for (uint32_t c = 0; c < reader->channels; c++) {
@@ -348,7 +354,7 @@ static bool set_places(sample_reader *reader, const uint32_t *column, uint32_t c
     return true;
 }
 
-/* A line of words before the first sample. False: its names do not fit the model's. */
+/* Processes a line of words before the first sample. False: its names do not fit the model's channels. */
 static bool take_names(sample_reader *reader, const char *from, const char *to) {
     uint32_t columns, found;
     if (reader->names == NULL || reader->named) return true;
@@ -359,9 +365,9 @@ static bool take_names(sample_reader *reader, const char *from, const char *to) 
     return fits;
 }
 
-/* ---- the stream of lines ---- */
+/* ---- reading lines from the file ---- */
 
-/* Waits for more data; false: the end, Ctrl-C or a failure. */
+/* Waits for more data. False: end of file, Ctrl-C or an error. */
 static bool fill(sample_reader *reader) {
     struct pollfd poll_in = {reader->file, POLLIN, 0};
     if (reader->begin > 0) {
@@ -386,9 +392,10 @@ static bool fill(sample_reader *reader) {
 
 typedef enum found { FOUND_LINE, FOUND_LONG_LINE, FOUND_NOTHING } found;
 
-/* Sets *from..*to to the next line without its line end, followed by '\n'. */
+/* Finds the next line, without its line end, as *from..*to; **to is '
+ * '. */
 static found next_line(sample_reader *reader, const char **from, const char **to) {
-    size_t searched = 0; /* bytes after begin without an end of line */
+    size_t searched = 0; /* bytes after `begin` that are known to hold no line end */
     for (;;) {
         char *text = reader->buffer + reader->begin;
         const size_t held = reader->end - reader->begin;
@@ -396,7 +403,8 @@ static found next_line(sample_reader *reader, const char **from, const char **to
         if (end != NULL || (reader->at_end && held > 0)) {
             reader->unended = end == NULL;
             if (end == NULL) {
-                end = text + held; /* a last line without an end; the buffer has room for it */
+                /* The last line without a line end; the buffer has room for one more byte. */
+                end = text + held;
                 *end = '\n';
             }
             const bool tail = reader->skipping;
@@ -423,7 +431,8 @@ static found next_line(sample_reader *reader, const char **from, const char **to
     }
 }
 
-/* Without the mark of UTF-8 and blanks before the first number. */
+/* Returns the line's text without blanks before it, and, if it is the first line, without the UTF-8 byte
+ * order mark. */
 static const char *text_of(bool first, const char *from, const char *to) {
     if (first && to - from >= 3 && memcmp(from, "\xef\xbb\xbf", 3) == 0) from += 3;
     return skip_blanks(from);
@@ -433,14 +442,15 @@ static bool is_empty(const char *from, const char *to) {
     return from >= to || *from == '#';
 }
 
-/* ---- the layout ---- */
+/* ---- finding the layout ---- */
 
 typedef struct election {
-    uint32_t votes[3], lines;   /* by layout */
-    sample_layout names, first; /* what the names say; the first line of numbers */
+    uint32_t votes[3], lines; /* votes: number of lines per layout */
+    /* names: layout that the line of names suggests; first: layout of the first line of numbers. */
+    sample_layout names, first;
 } election;
 
-/* Counts another line; true: the layout is decided. */
+/* Counts one more line. Returns true if the layout is now decided. */
 static bool elect(sample_reader *reader, election *e, const char *from, const char *to) {
     bool open;
     from = text_of(e->lines++ == 0, from, to);
@@ -459,10 +469,10 @@ static bool elect(sample_reader *reader, election *e, const char *from, const ch
     return vote != LAYOUT_UNKNOWN && ++e->votes[vote] == LAYOUT_VOTES;
 }
 
-/* Examines the first lines in the buffer without consuming them; they are read again. */
+/* Examines the first lines in the buffer without consuming them, so that they are read again later. */
 static void look_ahead(sample_reader *reader) {
     election e = {{0, 0, 0}, 0, LAYOUT_UNKNOWN, LAYOUT_UNKNOWN};
-    size_t at = 0; /* after begin */
+    size_t at = 0; /* offset of the examined line from `begin` */
     bool decided = false;
     while (!decided && e.lines < LAYOUT_LINES) {
         char *text = reader->buffer + reader->begin + at;
@@ -484,7 +494,8 @@ static void look_ahead(sample_reader *reader) {
     reader->layout = votes[LAYOUT_TIMED] > votes[LAYOUT_VALUES]   ? LAYOUT_TIMED
                      : votes[LAYOUT_VALUES] > votes[LAYOUT_TIMED] ? LAYOUT_VALUES
                                                                   : e.first;
-    if (e.first == LAYOUT_UNKNOWN) reader->layout = LAYOUT_UNKNOWN; /* names alone do not settle it */
+    /* A line of names alone does not decide. */
+    if (e.first == LAYOUT_UNKNOWN) reader->layout = LAYOUT_UNKNOWN;
 }
 
 sample_kind sample_next(sample_reader *reader, float *sample, double *time) {

@@ -1,14 +1,15 @@
-/* lg-anomaly train: from labelled series to a model file. */
+/* lg-anomaly train: trains a model on labelled series and writes its file. */
 #include <math.h>
 #include <string.h>
 
 #include "lg-anomaly/train.h"
 
-/* The baseline's: ten minutes, every minute. */
+/* Default window and hop of the baseline, in seconds. */
 static const double baseline_window = 600, baseline_hop = 60;
-enum { BASELINE_STORED = 10 }; /* if the rate is unknown: stored windows instead of minutes */
+/* The window in stored windows, used if the rate is unknown; the hop is one stored window. */
+enum { BASELINE_STORED = 10 };
 
-/* ---- what every method tells ---- */
+/* ---- results of all methods ---- */
 
 void save_trained(const app *self, const well_model *model) {
     const char *path = train_given_files.out;
@@ -57,7 +58,7 @@ void print_trained(const well_model *model) {
 
 /* ---- the classical methods ---- */
 
-/* Ten minutes if the recordings are long enough, otherwise the stored windows. */
+/* Sets the baseline's window and hop if the data are recordings; otherwise a window is a stored window. */
 static void baseline_defaults(const lg_series *series, uint64_t *window, uint64_t *hop) {
     if (series->run == NULL) return;
     if (series->rate > 0) {
@@ -102,7 +103,7 @@ static int run_train(app *self) {
     if (code != APP_EXIT_OK) return code;
     if (train_given.method == METHOD_CNN) return train_main(self, &network_recipe);
     if (self->rank_count > 1) return app_usage(self, "--method cnn alone trains by ranks");
-    train_state.any_class = train_given.method == METHOD_NOVELTY; /* all but the first are one */
+    train_state.any_class = train_given.method == METHOD_NOVELTY; /* all classes but the first count as one */
     code = train_open(self, &network_recipe);
     if (code == APP_EXIT_OK) run_classical(self);
     lg_learning_close(&network_recipe.learning);

@@ -1,4 +1,4 @@
-/* Training: declarations that `train` and `search` share. */
+/* Declarations that `train` and `search` share. */
 #ifndef LG_APPS_ANOMALY_TRAIN_H
 #define LG_APPS_ANOMALY_TRAIN_H
 
@@ -16,7 +16,7 @@ enum {
 };
 enum { PRUNE_NONE, PRUNE_PRE, PRUNE_POST };
 
-/* Values of the command line besides files, train_run and train_state. */
+/* Values from the command line, except for files, train_run and train_state. */
 typedef struct train_values {
     int picture;
     lg_reals grid;
@@ -28,37 +28,41 @@ typedef struct train_values {
 } train_values;
 
 extern train_values train_given;
-/* Networks: all that determines the result; of the classical methods: the split. */
+/* For networks: everything that determines the result. Classical methods use only how the data are cut and
+ * split. */
 extern lg_detector_run train_run;
 extern lg_detector_state train_state;
 extern const app_settings train_settings[];
-/* Names by number; NULL beyond the last. */
+/* The name of a method; NULL if there is no such method. */
 const char *train_method_name(uint32_t method);
 
-/* Refuses options that the method does not have, or that do not go together. */
+/* Refuses options that the method does not have, and options that cannot be combined. Returns an exit
+ * code. */
 int train_check_options(const app *app);
 
-/* ---- the training ---- */
+/* ---- training ---- */
 
-/* Of `train --method cnn` and `search` (train_network.c). */
+/* The task of `train --method cnn` and of `search` (train_network.c). Other methods use its `learning` for
+ * data and results. */
 extern train_task network_recipe;
-/* Any other method, with the state's data read, cut and split. */
+/* Trains another method. The data in train_state have been read, cut and split. */
 void train_classical(const app *app);
 void train_novelty(const app *app);
-/* A model of the state's data; what it learned is missing. */
+/* Returns a model that describes the data in train_state; what training learns is not set yet. */
 well_model trained_model(well_sort sort, const char *method);
-/* Writes a model of these methods. */
+/* Writes the file of a model that is not a network. */
 void save_trained(const app *app, const well_model *model);
-/* --plot, if given: --picture is one of the model's; draws the part that was tested (lg_detector_tested). */
+/* If --plot is given: check_picture checks that the model has the picture of --picture, draw_tested draws it
+ * for the windows of the test part (lg_detector_tested). */
 void check_picture(const app *app, const well_model *model);
 void draw_tested(const app *app, int view, const well_model *model, const lg_judgement *judged);
-/* Keys that every method has; the sentence of the metrics. */
+/* Writes the JSON keys that all methods have; prints the metrics for people. */
 void json_trained(app_json *json, const well_model *model);
 void print_trained(const well_model *model);
 
 /* ---- pictures of a model (views.c) ---- */
 
-/* Positions in view_names. */
+/* Indices into view_names. */
 enum {
     VIEW_DEFAULT,
     VIEW_LOSS,
@@ -74,9 +78,9 @@ enum {
     VIEW_ROC
 };
 extern const char *const view_names[];
-/* The same without the pictures that are drawn during training only. */
+/* The same without the pictures that can only be drawn during training. */
 extern const char *const evaluate_view_names[];
-extern const int evaluate_views[]; /* VIEW_... of each */
+extern const int evaluate_views[]; /* the VIEW_... of each name in evaluate_view_names */
 #define EVALUATE_VIEW_HELP                                                                                   \
     "With --plot: pairs (features), clouds (components), variance (explained), tree, margin (linear svm), "  \
     "regressions (baseline), plane (cnn), confusion or roc; the default suits the method"
@@ -85,11 +89,11 @@ extern const int evaluate_views[]; /* VIEW_... of each */
     "(linear "                                                                                               \
     "svm), regressions (baseline), plane (cnn), loss (cnn), confusion or roc; the default suits the method"
 
-/* The view that a model has by default; `training`: while it is trained. */
+/* Replaces VIEW_DEFAULT by the model's default picture; `training`: the model is being trained. */
 int view_of(const well_model *model, int wanted, bool training);
-/* Ends the command where the model has no such picture. */
+/* Ends the command if the model has no such picture. */
 void check_view(const app *app, const well_model *model, int view, bool training);
-/* Draws windows `judged->window` of the series. LG_UNSUPPORTED for VIEW_LOSS and VIEW_PRUNING. */
+/* Draws the windows of `judged`. LG_UNSUPPORTED for VIEW_LOSS and VIEW_PRUNING. */
 lg_status draw_view(const app *app, const char *picture, int view, const well_model *model,
                     const lg_cut_series *from, const lg_judgement *judged, lg_error *error);
 

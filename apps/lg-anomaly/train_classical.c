@@ -1,4 +1,4 @@
-/* lg-anomaly train with features and a classical method. */
+/* lg-anomaly train with a classical method on features. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -8,20 +8,20 @@
 enum { MAX_GRID = 1024, SHOWN_GRID = 8 };
 static const double default_grid[] = {0.1, 1, 10, 100};
 
-/* Candidates, and the chosen one. */
+/* The candidates for the options, and the chosen candidate. */
 typedef struct choice {
     size_t count, best;
     lg_method_options *options; /* (count) */
-    double *accuracy;           /* (count) by cross-validation; NULL when there was nothing to choose */
+    double *accuracy; /* (count): accuracy in cross-validation; NULL if there was only one candidate */
     double seconds;
 } choice;
 
 typedef struct classical {
     const app *app;
     well_model model;
-    uint32_t *label;              /* of all windows */
-    uint32_t *unit;               /* of all windows: run or group; NULL: split one by one */
-    double *table, *tested_table; /* features of all windows; of the series with the test part */
+    uint32_t *label;              /* the label of each window */
+    uint32_t *unit;               /* the run or group of each window; NULL if windows are split one by one */
+    double *table, *tested_table; /* features of all windows; features of the series that has the test part */
     double feature_seconds;
     choice chosen;
 } classical;
@@ -58,7 +58,7 @@ static double *table_of(const classical *self, const lg_cut_series *from) {
     return out;
 }
 
-/* Values of stored windows, carried over to the windows cut from them; NULL for NULL. */
+/* Copies a value per stored window to each window that was cut from it. Returns NULL if `stored` is NULL. */
 static uint32_t *of_windows(const lg_cut_series *from, const uint32_t *stored) {
     if (stored == NULL) return NULL;
     uint32_t *out = app_alloc(from->windows.count, sizeof *out);
@@ -66,7 +66,7 @@ static uint32_t *of_windows(const lg_cut_series *from, const uint32_t *stored) {
     return out;
 }
 
-/* Folds keep together what the split keeps together. */
+/* Cross-validation keeps together in a fold what the split keeps together. */
 static const uint32_t *units_of(const lg_series *series) {
     if (train_run.split == LG_SPLIT_RUN) return series->run;
     return train_run.split == LG_SPLIT_GROUP ? series->group : NULL;
@@ -83,7 +83,7 @@ static void compute_features(classical *self) {
     self->unit = of_windows(all, units_of(&all->data.series));
 }
 
-/* ---- what is tried ---- */
+/* ---- candidates for the options ---- */
 
 static lg_method method_of(int method) {
     static const lg_method methods[] = {[METHOD_LOGISTIC] = LG_METHOD_LOGISTIC,
@@ -94,8 +94,8 @@ static lg_method method_of(int method) {
     return methods[method];
 }
 
-/* Published ranges and pruning: depth by features and criterion (table 6.7). A spectrum is taken like the
- * covariance. */
+/* Published values of pruning: the largest depth by features and criterion (table 6.7). A spectrum is treated
+ * like the covariance. */
 static uint32_t deepest(const train_values *values) {
     if (values->features != LG_FEATURES_COV && values->features != LG_FEATURES_SPECTRUM) return 13;
     if (values->components > 0) return 8;
@@ -105,7 +105,8 @@ static uint32_t deepest(const train_values *values) {
 static double published_alpha(const train_values *values, double noise) {
     const bool entropy = values->criterion == LG_ENTROPY;
     if (values->features == LG_FEATURES_STD) return entropy ? 0.003 : 0.002;
-    if (entropy && values->components > 0 && noise > 30) return 0.003; /* nearest to noise 50 */
+    /* The published level nearest to this noise is 50. */
+    if (entropy && values->components > 0 && noise > 30) return 0.003;
     return entropy ? 0.01 : 0.003;
 }
 
@@ -181,7 +182,7 @@ static void judge(const classical *self) {
                                    self->tested_table, &state->judged, &error));
 }
 
-/* ---- pruning against alpha ---- */
+/* ---- accuracy of pruned trees against alpha ---- */
 
 static double tree_accuracy(const lg_tree *tree, const lg_pca *pca, const double *table,
                             const uint32_t *label, const lg_window_list *part) {
@@ -220,7 +221,7 @@ static void draw_path(const classical *self, const char *picture, const lg_class
     APP_FREE lg_pruning_step *steps = app_alloc(tree->count, sizeof *steps);
     APP_MUST_FILE(program, picture, lg_tree_pruning_path(program->context, tree, tree->count, steps, &count));
     APP_FREE pruned_tree *trees = app_alloc(count, sizeof *trees);
-    /* Labels of --test's windows are in another array. */
+    /* The windows of --test have their labels in a series of their own. */
     const lg_cut_series *tested = lg_detector_tested(state);
     APP_FREE uint32_t *label = of_windows(tested, tested->data.series.label);
     for (size_t i = 0; i < count; i++)
@@ -247,7 +248,7 @@ static void draw(const classical *self) {
                     state->tested.count > 0 ? &state->judged : &state->train_judged);
 }
 
-/* ---- result ---- */
+/* ---- results ---- */
 
 static void json_choice(app_json *json, const classical *self) {
     const choice *chosen = &self->chosen;
@@ -339,7 +340,7 @@ static void report(const classical *self) {
     print_trained(&self->model);
 }
 
-/* ---- running ---- */
+/* ---- training ---- */
 
 void train_classical(const app *program) {
     const lg_method method = method_of(train_given.method);

@@ -1,9 +1,10 @@
-/* lg-anomaly train --method cnn; lg-anomaly search: random search over its options. */
+/* lg-anomaly train --method cnn, and lg-anomaly search, a random search over its options. */
 #include <math.h>
 
 #include "lg-anomaly/train.h"
 
-/* With its parameters where they are trained; pictures need no plan. */
+/* Returns the network as a model. `theta` are its parameters; there is no plan, because pictures do not need
+ * one. */
 static well_model model_of(double *theta) {
     well_model out = trained_model(WELL_NETWORK, "cnn");
     out.detector = (lg_detector_file){.run = train_run, .theta = theta};

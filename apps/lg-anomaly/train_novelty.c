@@ -1,9 +1,10 @@
-/* lg-anomaly train --method novelty: what the windows of the first class look like, and nothing else. */
+/* lg-anomaly train --method novelty: learns what windows of the first class look like, and nothing else. */
 #include <string.h>
 
 #include "lg-anomaly/train.h"
 
-/* Closer than the limit of a third answer: single windows beyond it are outvoted, damage stays. */
+/* Smaller than the default margin, which is for a third answer beside a classifier's classes. Here single
+ * windows beyond the limit are outvoted, while damage stays beyond it. */
 static const double MARGIN = 1.6;
 
 typedef struct alone {
@@ -23,7 +24,7 @@ static void describe(alone *self) {
     self->model.class_label = NULL;
 }
 
-/* Windows of other classes are no training windows. */
+/* Removes the windows of other classes from the training windows. */
 static void keep_first_class(void) {
     const lg_cut_series *all = &state->all;
     lg_window_list *train = &state->train;

@@ -19,7 +19,7 @@ NAMES(static, directions_name, "xy", "x")
 NAMES(static, criterion_name, [LG_GINI] = "gini", [LG_ENTROPY] = "entropy")
 NAMES(static, prune_name, [PRUNE_NONE] = "none", [PRUNE_PRE] = "pre", [PRUNE_POST] = "post")
 
-/* ---- hyperparameters beside those of the run ---- */
+/* ---- hyperparameters that are not in lg_detector_run ---- */
 
 enum {
     CNN = 1u << METHOD_CNN,
@@ -85,9 +85,9 @@ const app_settings train_settings[] = {{lg_detector_fields, &train_run, sizeof t
                                        TRAIN_SHARED_NO_SIZE,
                                        APP_SETTINGS_END};
 
-/* ---- what does not go together ---- */
+/* ---- options that cannot be combined ---- */
 
-/* The methods of those options that are not hyperparameters. */
+/* Options that are not hyperparameters, and the methods that have them. */
 static const struct {
     const char *option;
     unsigned methods;

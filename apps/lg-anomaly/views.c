@@ -16,7 +16,7 @@ const char *const evaluate_view_names[] = {"default",     "pairs", "clouds",    
 const int evaluate_views[] = {VIEW_DEFAULT, VIEW_PAIRS,       VIEW_CLOUDS, VIEW_VARIANCE,  VIEW_TREE,
                               VIEW_MARGIN,  VIEW_REGRESSIONS, VIEW_PLANE,  VIEW_CONFUSION, VIEW_ROC};
 
-/* ---- which picture a model has ---- */
+/* ---- which pictures a model has ---- */
 
 static bool is_baseline(const well_model *model) {
     return model->sort == WELL_CLASSICAL && model->classifier.features.kind == LG_FEATURES_BASELINE;
@@ -72,7 +72,7 @@ void check_view(const app *self, const well_model *model, int view, bool trainin
     if (missing != NULL) app_stop_usage(self, "--picture %s: %s", view_names[view], missing);
 }
 
-/* ---- points ---- */
+/* ---- points with class labels ---- */
 
 typedef struct points {
     labelled as;
@@ -96,7 +96,7 @@ static void points_destroy(points *p) {
     free(p->label);
 }
 
-/* Windows evenly chosen, SHOWN_POINTS at most. */
+/* Chooses at most SHOWN_POINTS windows, evenly spaced. */
 static size_t shown(const lg_judgement *judged) {
     return judged->count < SHOWN_POINTS ? judged->count : (size_t)SHOWN_POINTS;
 }
@@ -111,7 +111,7 @@ static char *column_name(const lg_features *features, const lg_series *series, b
     return app_format("%s", name);
 }
 
-/* Features of the windows, or their components. */
+/* Computes the features of the windows, or their principal components. */
 static lg_status feature_points(const well_model *model, const lg_series *series, const lg_windows *windows,
                                 const lg_judgement *judged, bool components, points *out) {
     const lg_classifier *classifier = &model->classifier;
@@ -139,7 +139,7 @@ static lg_status feature_points(const well_model *model, const lg_series *series
     return LG_OK;
 }
 
-/* ---- each picture ---- */
+/* ---- the pictures ---- */
 
 typedef struct viewing {
     const app *app;
@@ -161,7 +161,8 @@ static lg_status view_points(const viewing *v, int view, lg_error *error) {
     return status == LG_OK ? draw_margin(v->app, v->picture, &p.as, w, b, error) : status;
 }
 
-/* The boundary of two classes in the plane before the output: logits equal, or the one logit 0. */
+/* The line w.x + b = 0 on which a network with two numbers before its output finds both classes equally
+ * likely: its two logits are equal, or its only logit is 0. False: there is no such line. */
 static bool output_line(const well_model *model, double w[2], double *b) {
     const lg_cnn *net = &model->detector.run.model.net;
     const double *theta = model->detector.theta, *weight = NULL, *bias = NULL;
@@ -171,7 +172,7 @@ static bool output_line(const well_model *model, double w[2], double *b) {
         if (strcmp(slice.name, "output/bias") == 0) bias = theta + slice.offset;
     }
     if (weight == NULL || bias == NULL || model->classes != 2) return false;
-    const uint32_t n = net->outputs; /* weight (2, n) */
+    const uint32_t n = net->outputs; /* weight is (2, n) */
     for (int d = 0; d < 2; d++) w[d] = n == 1 ? weight[d] : weight[2 * d + 1] - weight[2 * d];
     *b = n == 1 ? bias[0] : bias[1] - bias[0];
     return true;
@@ -193,7 +194,8 @@ static lg_status view_plane(const viewing *v, lg_error *error) {
 static lg_status view_tree(const viewing *v, lg_error *error) {
     const lg_classifier *classifier = &v->model->classifier;
     const uint32_t columns = lg_pca_outputs(&classifier->pca);
-    APP_CLEAN(points_destroy) points p = points_create(v->model, 0, columns); /* their names */
+    /* Only the column names are used. */
+    APP_CLEAN(points_destroy) points p = points_create(v->model, 0, columns);
     for (uint32_t c = 0; c < columns; c++)
         p.name[c] = column_name(&classifier->features, v->series, classifier->pca.components > 0, c);
     return draw_tree(v->app, v->picture, &classifier->tree, v->model->class_name, p.name, error);
@@ -221,7 +223,8 @@ static lg_status view_roc(const viewing *v, lg_error *error) {
                      : app_error(error, LG_INVALID_ARGUMENT, "all windows are of one class: no ROC");
 }
 
-/* The parts' standard deviations of the first pair, scaled as in the features. */
+/* Computes the standard deviations of the window's segments for the first pair of channels, scaled as in the
+ * features. */
 static void put_regression(const viewing *v, size_t at, const float *x, const double *f, double *memory,
                            regression *out) {
     const lg_features *features = &v->model->classifier.features;
@@ -270,7 +273,7 @@ static lg_status view_regressions(const viewing *v, lg_error *error) {
 
 lg_status draw_view(const app *self, const char *picture, int view, const well_model *model,
                     const lg_cut_series *from, const lg_judgement *judged, lg_error *error) {
-    lg_series named = from->data.series; /* the model's names replace those that the file lacks */
+    lg_series named = from->data.series; /* the model's channel names are used if the file has none */
     if (named.channel_name == NULL) named.channel_name = model->channel_name;
     const viewing v = {self, picture, model, &named, &from->windows, judged};
     if (judged->count == 0)

@@ -1,4 +1,4 @@
-/* lg-anomaly watch: a feed judged window by window in fixed memory. */
+/* lg-anomaly watch: judges a feed window by window, in fixed memory. */
 #include <errno.h>
 #include <fcntl.h>
 #include <math.h>
@@ -10,12 +10,12 @@
 #include "lg-anomaly/watch.h"
 
 enum {
-    TOLD_NOT_JUDGED = 3, /* windows of a gap that are printed one by one */
-    NOISE_WINDOWS = 10,  /* that the level of noise is taken from */
+    TOLD_NOT_JUDGED = 3, /* number of windows of a gap that are printed one by one */
+    NOISE_WINDOWS = 10,  /* number of windows from which the level of noise is measured */
     REASON = 256         /* bytes */
 };
-/* Amplitudes that differ by less are the same level of noise; standard deviations that a few samples that are
- * filled in do not explain. */
+/* SAME_NOISE: amplitudes whose ratio is below this have the same level of noise. UNEXPLAINED: ratio of
+ * standard deviations that a few filled-in samples cannot explain. */
 static const double SAME_NOISE = 1.5, UNEXPLAINED = 2;
 
 typedef struct watch_values {
@@ -55,15 +55,16 @@ static const lg_field watch_options[] = {
 
 static watch_values values = {.hop = NAN, .rate = NAN, .crack_at = NAN, .unlike = 1};
 
-/* The number of windows that vote. */
+/* The number N of windows that vote. */
 static uint32_t voters(void) {
     enum { USUAL = 5 };
     return values.votes.count > 1 ? values.votes.values[1] : USUAL;
 }
 
-/* A sensor that stands still or is cut off tells no model anything. Beyond the distance, the class of a
- * classifier means nothing; of a novelty it is the answer. Straight lines over missing samples change the
- * spectrum. */
+/* Returns whether the window is unlike the training windows. A sensor that stands still or is cut off makes
+ * any window unlike. So does a distance beyond `farthest`, but only for a classifier, whose class then means
+ * nothing; for a novelty model the distance is the answer itself. Filling missing samples by straight lines
+ * changes the spectrum. So with missing samples the standard deviation must differ as well. */
 static bool is_unlike(const bench *b, uint32_t missing) {
     const lg_novelty_result *r = &b->novelty;
     if (!isfinite(b->farthest)) return false;
@@ -100,7 +101,8 @@ static void hear(watching *self, const float *sample) {
         self->silence.without[c] += !isfinite(sample[c]);
 }
 
-/* A window that is not judged because a channel sends no numbers is unlike anything seen, too. */
+/* A window that was not judged because a channel sends no numbers also counts as unlike the training
+ * windows. */
 static void blame_silence(watching *self, lg_verdict *v) {
     silence *s = &self->silence;
     const uint32_t n = voters();
@@ -130,7 +132,8 @@ static void tell_silence(const watching *self, char text[REASON]) {
                    (unsigned long long)self->silence.without[c], (unsigned long long)self->silence.samples);
 }
 
-/* Why the window is unlike those of training, or an alarm of a novelty; "" where there is nothing to say. */
+/* Says why the window is unlike the training windows, or why a novelty model votes for an alarm. Otherwise
+ * "". */
 static const char *reason_of(const watching *self, const lg_verdict *v, char text[REASON]) {
     const bench *b = &self->bench;
     const well_model *model = b->model;
@@ -171,14 +174,14 @@ static void warn_of_noise(const watching *self) {
         exp(noise->sum[most] / noise->windows));
 }
 
-/* Of windows in which all sensors live. */
+/* Measures the level of noise in the first windows without missing samples and with all sensors alive. */
 static void listen(watching *self, uint32_t missing) {
     const bench *b = &self->bench;
     noise_level *noise = &self->noise;
     const lg_novelty_cause cause = b->novelty.cause;
     if (b->novelty_work == NULL || b->model->novelty.bands == 0 || noise->windows >= NOISE_WINDOWS) return;
     if (missing > 0 || cause == LG_NOVELTY_STILL || cause == LG_NOVELTY_NONE) return;
-    double *ratio = b->novelty_work; /* free until the next window */
+    double *ratio = b->novelty_work; /* this memory is free until the next window is judged */
     lg_novelty_noise(&b->model->novelty, b->novelty.nearest, b->features, ratio);
     for (uint32_t c = 0; c < b->model->channels; c++) noise->sum[c] += log(ratio[c]);
     if (++noise->windows == NOISE_WINDOWS) warn_of_noise(self);
@@ -186,7 +189,7 @@ static void listen(watching *self, uint32_t missing) {
 
 /* ---- verdicts ---- */
 
-/* An object on a line of the log; end_object ends it. */
+/* Begins a JSON object on its own line of the log; end_object ends it. */
 static app_json begin_object(const watching *self) {
     (void)fputc('{', self->log.stream);
     return (app_json){.stream = self->log.stream};
@@ -219,7 +222,7 @@ static void print_json_verdict(const watching *self, const lg_verdict *v) {
     end_object(&json);
 }
 
-/* Before the first verdict, and in each new log. */
+/* Column names are printed before the first verdict, and at the beginning of each new log. */
 static bool wants_names(const watching *self) {
     return values.log != NULL ? watch_log_is_empty(&self->log) : self->tally.windows == 1;
 }
@@ -256,8 +259,9 @@ static void count_verdict(watching *self, const lg_verdict *v) {
     t->positive_before += before && positive;
     t->alarms_before += before && rises;
     if (rises && isnan(t->first_alarm)) t->first_alarm = self->now;
-    /* An alarm that is already on counts from the first window that votes for it after the crack. A sample
-     * represents the interval that follows it. */
+    /* If an alarm is already on at the crack, the crack is detected by the first window after it that votes
+     * for the alarm. A sample stands for the interval after it, so the window ends one interval after
+     * `now`. */
     if (!before && positive && v->alarm && isnan(t->detection)) t->detection = self->now + 1 / self->rate;
 }
 
@@ -265,7 +269,8 @@ static bool changes(const watching *self, const lg_verdict *v) {
     return v->alarm != self->alarm || v->novel != self->unlike;
 }
 
-/* Prints the first windows of a gap and counts the others. */
+/* Returns true for windows of a gap that are counted and not printed. The first windows of the gap are
+ * printed. */
 static bool left_out(watching *self, const lg_verdict *v) {
     if (!self->in_gap || v->judged || changes(self, v) || ++self->gap_windows <= TOLD_NOT_JUDGED)
         return false;
@@ -322,7 +327,7 @@ void watch_push(watching *self, const float *sample) {
 
 typedef struct totals {
     double seconds, days, before_days, false_alarms, false_windows, delay;
-    uint64_t max_rss, start_rss; /* KiB */
+    uint64_t max_rss, start_rss; /* largest resident memory, in KiB */
     size_t watch_bytes;
 } totals;
 
@@ -412,7 +417,7 @@ static void print_summary(const watching *self, const totals *all) {
 
 /* ---- the command ---- */
 
-/* Seconds as a whole number of samples; false: less than `least`, or more than `most`. */
+/* Converts seconds into a whole number of samples. False: below `least` or above `most`. */
 static bool samples_of(double seconds, double rate, double least, double most, uint32_t *out) {
     const double samples = floor(seconds * rate + 0.5);
     if (!(samples >= least && samples <= most)) return false;
@@ -448,7 +453,7 @@ static const char *feed_name(void) {
     return values.input != NULL ? values.input : "standard input";
 }
 
-/* The names of the model's channels; NULL: it has none. */
+/* The names of the model's channels; NULL if they have none. */
 static const char **names_of(const well_model *model) {
     if (model->channel_name == NULL) return NULL;
     const char **names = app_alloc(model->channels, sizeof *names);
@@ -468,7 +473,7 @@ static void refuse_feed(const app *self, const sample_reader *reader, sample_kin
     if (kind == SAMPLE_FAILED) app_stop(self, LG_FILE, "%s: %s", feed_name(), strerror(reader->failure));
 }
 
-/* To its end, a signal, or the end of the output, which app_main reports. */
+/* Reads the feed until it ends, a signal comes, or standard output fails, which app_main reports. */
 static void read_feed(watching *self, sample_reader *reader, float *sample) {
     while (!app_interrupted() && !self->refused && !ferror(stdout)) {
         double time;

@@ -1,5 +1,5 @@
 /* Declarations that the files of `lg-anomaly watch` share: watch.c prints verdicts and the summary,
- * watch_time.c finds the place of each sample in the feed. */
+ * watch_time.c finds the place of each sample in the feed, watch_log.c writes the file of verdicts. */
 #ifndef LG_APPS_ANOMALY_WATCH_H
 #define LG_APPS_ANOMALY_WATCH_H
 
@@ -8,39 +8,46 @@
 #include "lg-anomaly/samples.h"
 
 enum {
-    DAY = 86400,       /* s */
-    FIRST_TIMES = 100, /* the feed's interval is measured from so many, or from a window's worth */
-    HELD = 16          /* samples that wait until their time is accepted */
+    DAY = 86400, /* seconds */
+    /* At most so many samples, or a window's worth, are used to measure the feed's interval. */
+    FIRST_TIMES = 100,
+    HELD = 16 /* most samples that wait until their times are accepted */
 };
 
-/* Inputs and results of the judge. */
+/* What the judge of a window needs, and its results. */
 typedef struct bench {
     const well_model *model;
-    double farthest; /* distance beyond which a window is unlike those of training; infinite: never */
-    double *score;   /* (classes) */
+    /* Windows with a larger distance are unlike the training windows; infinite: no window is. */
+    double farthest;
+    double *score; /* (classes) */
     double *features;
     void *work, *novelty_work;
     uint32_t given;
     lg_novelty_result novelty;
 } bench;
 
-/* Amplitudes of the highest band over those of training: sums of logarithms of the first windows. */
+/* Amplitudes in the highest frequency band relative to the training windows, from the first windows of the
+ * feed. */
 typedef struct noise_level {
     uint32_t windows;
-    double *sum; /* (channels) */
+    double *sum; /* (channels): sum over the windows of the logarithm of the ratio */
 } noise_level;
 
-/* Samples that came without a number of a channel. */
+/* Counts samples in which channels have no number. */
 typedef struct silence {
-    uint64_t samples, *without; /* since the last verdict; (channels) of each channel */
-    uint64_t windows;           /* the last ones that were not judged for that reason, bit 0 the latest */
+    /* Samples since the last verdict; without (channels): how many of them have no number of this channel. */
+    uint64_t samples, *without;
+    /* One bit per window, bit 0 for the latest: the window was not judged because a channel had no
+     * numbers. */
+    uint64_t windows;
 } silence;
 
 typedef struct tally {
-    uint64_t samples, received, absent, repeated, not_finite, malformed; /* absent: told by the times */
+    /* absent: missing according to the times. */
+    uint64_t samples, received, absent, repeated, not_finite, malformed;
     uint64_t windows, judged, positive, failed, alarms, unlike, unlike_alarms;
-    uint64_t judged_before, positive_before, alarms_before; /* before the crack */
-    double first_alarm, first_unlike, detection;            /* times; NaN: none */
+    uint64_t judged_before, positive_before, alarms_before; /* those counted before the crack */
+    double first_alarm, first_unlike, detection;            /* times in seconds; NaN if it has not happened */
 } tally;
 
 /* A sample that waits until its time is accepted. */
@@ -49,26 +56,28 @@ typedef struct held_sample {
     uint64_t line;
 } held_sample;
 
-/* The clock that the times of the feed are compared with. */
+/* Compares the times of the feed with the clock of the watch. */
 typedef struct timing {
     held_sample first[FIRST_TIMES], held[HELD];
     float *first_values, *held_values; /* (FIRST_TIMES, channels), (HELD, channels) */
-    uint32_t firsts, wanted, holds;    /* wanted: before the interval is measured */
-    bool measured;                     /* or given up */
-    bool follow;                       /* the clock follows the times; false: the rate is forced */
-    double usual;                      /* steps of the clock from one sample to the next */
+    /* Firsts, holds: number of stored samples; wanted: number of samples from which the interval is
+     * measured. */
+    uint32_t firsts, wanted, holds;
+    bool measured; /* the interval was measured, or measuring was given up */
+    bool follow;   /* true: the clock follows the times; false: --rate forces the rate */
+    double usual;  /* usual number of clock steps from one sample to the next */
 } timing;
 
-/* Where verdicts go: standard output, or with --log a file. */
+/* Where verdicts are written: standard output, or the file of --log. */
 typedef struct watch_log {
     const app *app;
     const char *path;
-    FILE *stream; /* of the next line */
-    int fd;       /* -1: standard output */
-    char *text;   /* of the stream in memory */
+    FILE *stream; /* the next line is printed to this stream */
+    int fd;       /* file of --log; -1 for standard output */
+    char *text;   /* contents of the stream, if it is in memory */
     size_t length;
     bool failing;  /* the last line could not be written */
-    uint64_t lost; /* lines */
+    uint64_t lost; /* number of lines that could not be written */
 } watch_log;
 
 typedef struct watching {
@@ -76,54 +85,55 @@ typedef struct watching {
     watch_log log;
     bench bench;
     lg_monitor *watch;
-    double rate, hop; /* Hz; samples. rate 1 when nobody knows it */
+    double rate, hop; /* Hz; samples. rate is 1 if it is unknown. */
     bool rate_known, started, alarm, unlike;
     noise_level noise;
     silence silence;
-    double origin;  /* time of a sample; s */
-    uint64_t since; /* samples after it */
+    double origin;  /* time of the sample from which the clock counts; s */
+    uint64_t since; /* number of samples after that sample */
     double now;     /* time of the last sample: origin + since/rate */
     timing timing;
-    bool in_gap, refused;      /* refused: the rate of the feed; a sentence has said so */
-    uint64_t gap_windows;      /* not judged, of this gap */
-    double gap_first;          /* time of the first that is not printed */
-    uint64_t malformed_in_row; /* lines */
+    bool in_gap, refused;      /* refused: the feed has another rate; a message has been printed */
+    uint64_t gap_windows;      /* number of windows of the current gap that were not judged */
+    double gap_first;          /* time of the first such window that is not printed */
+    uint64_t malformed_in_row; /* malformed lines in a row */
     tally tally;
 } watching;
 
 /* ---- verdicts (watch.c) ---- */
 
-/* Passes a sample (NULL: lost; its numbers may be NaN) to the watch at the clock's time; counts and prints
- * the results. */
+/* Passes a sample to the watch at the clock's time, and counts and prints the results. NULL: the sample is
+ * lost. Numbers of the sample may be NaN. */
 void watch_push(watching *self, const float *sample);
-/* Prints one line for the windows of a gap that were not printed one by one. */
+/* Prints one line for all windows of a gap that were not printed one by one. */
 void watch_end_gap(watching *self);
 
 /* ---- the file of verdicts (watch_log.c) ---- */
 
-/* `path` NULL: standard output, for which the other functions do nothing. An unfinished last line is cut
- * off. */
+/* Opens the log and cuts off an unfinished last line. `path` NULL: verdicts go to standard output, and the
+ * other functions do nothing. */
 void watch_log_open(watch_log *log, const app *app, const char *path);
-/* Opens the file again when SIGHUP asked for it; the old one goes on where that fails. Before a line is made,
- * which begins with the names where the file is empty, and while no sample comes. */
+/* Opens the file again if SIGHUP asked for it; if this fails, the old file stays in use. Called before each
+ * line is printed (a line of column names comes first in an empty file), and while no sample comes. */
 void watch_log_turn(watch_log *log);
 bool watch_log_is_empty(const watch_log *log);
-/* Writes what was printed to the stream: wholly, or a warning says that it is lost, and it is counted. */
+/* Appends what was printed to the stream to the file, completely or not at all. If this fails, it warns and
+ * counts a lost line. */
 void watch_log_put(watch_log *log);
-/* The command ends here when lines were lost. */
+/* Closes the log. Ends the command with an error if lines were lost. */
 void watch_log_close(watch_log *log);
 
 /* ---- samples and their times (watch_time.c) ---- */
 
-/* `rate_known`, `bench` and `rate` are set. */
+/* `rate_known`, `bench` and `rate` must be set. */
 void watch_time_open(watching *self);
 void watch_time_close(watching *self);
-/* Takes a line of the feed; time NaN in a feed without times. Pushes the missing samples before it and the
- * sample, or holds it until its time is accepted. */
+/* Takes a line of the feed; time is NaN in a feed without times. Pushes the missing samples before it and
+ * then the sample, or holds the sample until its time is accepted. */
 void watch_take(watching *self, const float *sample, double time, uint64_t line);
-/* A line that could not be read. */
+/* Takes a line that could not be read. */
 void watch_take_malformed(watching *self, const sample_reader *reader, const float *sample, double time);
-/* The feed has ended: decides on the samples that still wait. */
+/* Called when the feed has ended: accepts or rejects the samples that still wait. */
 void watch_settle(watching *self);
 
 #endif

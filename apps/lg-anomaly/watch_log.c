@@ -1,5 +1,5 @@
-/* The file of verdicts: whole lines, appended one write a line, and opened again when its name was given away
- * (logrotate). */
+/* The file of verdicts. Each line is appended by one write call. The file is opened again after logrotate has
+ * renamed it. */
 #include <errno.h>
 #include <fcntl.h>
 #include <stdlib.h>
@@ -11,7 +11,8 @@
 
 enum { LONGEST_LINE = 1 << 16 };
 
-/* Cuts off what a killed process wrote of a last line. LG_FORMAT: the file is none of lines. */
+/* Cuts off the unfinished last line of a process that was killed. LG_FORMAT: the file does not consist of
+ * lines. */
 static lg_status end_line(const watch_log *log, int fd, lg_error *error) {
     struct stat about;
     APP_FREE char *text = app_alloc(LONGEST_LINE, 1);
@@ -65,7 +66,8 @@ bool watch_log_is_empty(const watch_log *log) {
     return log->fd >= 0 && fstat(log->fd, &about) == 0 && about.st_size == 0;
 }
 
-/* All or nothing. What a full disk let through is cut off, unless somebody else has cut the file. */
+/* Appends everything or nothing. If the disk is full, the part that was written is cut off, unless somebody
+ * else has shortened the file meanwhile. */
 static int append(int fd, const char *text, size_t length) {
     const off_t before = lseek(fd, 0, SEEK_END);
     struct stat about;

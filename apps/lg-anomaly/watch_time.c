@@ -1,4 +1,5 @@
-/* Places of samples in a feed: the clock, times that are wrong or jump, the feed's own rate. */
+/* Finds the place of each sample in the feed: the clock, times that are wrong or jump, and the feed's own
+ * rate. */
 #include "lg-anomaly/watch.h"
 
 #include <math.h>
@@ -6,21 +7,21 @@
 #include <string.h>
 
 enum {
-    TOLD = 5,               /* malformed lines reported */
-    MANY_MALFORMED = 20,    /* in a row: reported with the layout expected */
-    LONGEST_GAP = 7 * DAY,  /* s */
-    LEAST_TIMES = 12,       /* the feed's interval is measured from no fewer, */
-    LEAST_DIFFERENCES = 10, /* but for a feed that is shorter */
-    BELIEVED = 4,           /* samples in a line that confirm a jump of the time, the first included */
-    NEAR = 10               /* intervals of the feed between samples in line, at most */
+    TOLD = 5,              /* number of malformed lines that are reported one by one */
+    MANY_MALFORMED = 20,   /* so many malformed lines in a row: the expected layout is reported */
+    LONGEST_GAP = 7 * DAY, /* s */
+    LEAST_TIMES = 12,      /* least number of first times that are collected to measure the feed's interval */
+    LEAST_DIFFERENCES = 10, /* least number of differences of these times, if the feed ends earlier */
+    BELIEVED = 4,           /* number of waiting samples in a line that confirm a jump of the time */
+    NEAR = 10               /* largest distance between samples in a line, in intervals of the feed */
 };
-/* Largest difference between the feed's rate and the expected one. */
+/* Largest relative difference between the feed's rate and the expected rate. */
 static const double rate_tolerance = 0.01;
-/* The clock is corrected by this part of the difference between a sample's time and the expected one. It then
- * follows a sampling rate that is slightly wrong, and averages jitter. */
+/* The clock is corrected by this fraction of the difference between a sample's time and the expected time. It
+ * so follows a sampling rate that is slightly wrong, and averages jitter. */
 static const double clock_gain = 0.05;
-/* A difference below this part of the sampling interval is rounding; the clock then takes the sample's
- * time. */
+/* A difference below this fraction of the sampling interval is only rounding; the clock then takes the
+ * sample's time. */
 static const double clock_exact = 1e-3;
 
 /* ---- the clock ---- */
@@ -45,12 +46,13 @@ static void lose(watching *self, uint64_t count) {
     watch_end_gap(self);
 }
 
-/* Samples from one time to another. */
+/* Number of samples from one time to another. */
 static double steps_between(const watching *self, double from, double to) {
     return floor((to - from) * self->rate + 0.5);
 }
 
-/* Restarts after a window that is lost as a whole: the clock was set, or the gap is too long to be filled. */
+/* Restarts the clock at `time`, because the feed's clock was set or the gap is too long to be filled. One
+ * whole window is lost, so that no window has samples from before and after the jump. */
 static void begin_anew(watching *self, double time) {
     app_warn(self->app, "the time goes from %.15g s to %.15g s: the feed restarts there", self->now, time);
     const uint64_t window = self->bench.model->window;
@@ -60,8 +62,8 @@ static void begin_anew(watching *self, double time) {
     set_clock(self, time);
 }
 
-/* Advances the clock to a sample with a time, and pushes the missing samples before it. False: the sample is
- * a repetition. */
+/* Advances the clock to a sample with a time, and pushes the missing samples before it. False: the sample
+ * repeats an earlier one. */
 static bool advance(watching *self, double time) {
     const double steps = steps_between(self, self->now, time);
     if (steps > LONGEST_GAP * self->rate || steps < -(double)self->bench.model->window) {
@@ -109,8 +111,8 @@ static void count_malformed(watching *self, uint64_t line, const char *problem, 
  *
  * A sample whose time does not follow the clock waits. A line is a series of samples, each at most NEAR usual
  * intervals after the one before it. When BELIEVED waiting samples form a line, their times are accepted and
- * the clock jumps there. When instead a sample follows the clock, the waiting samples have wrong times and
- * are malformed. */
+ * the clock jumps there. If a sample follows the clock before that, the times of the waiting samples are
+ * wrong, and these samples are malformed. */
 
 static float *held_values(watching *self, uint32_t i) {
     return &self->timing.held_values[(size_t)i * self->bench.model->channels];
@@ -128,9 +130,9 @@ static void reject_held(watching *self, uint32_t i) {
     count_malformed(self, self->timing.held[i].line, problem, false);
 }
 
-/* Held samples first..last-1 form a line whose last time is accepted. Earlier lines of two or more
- * samples are accepted if they fit between the clock and this line; single samples only if they are near
- * it as well. */
+/* Accepts or rejects all held samples. The samples first..last-1 form a line and are accepted. Then, from the
+ * latest to the earliest, a line of two or more samples before them is accepted if it fits between the clock
+ * and the accepted sample after it; a single sample must also be near that accepted sample. */
 static void settle(watching *self, uint32_t first, uint32_t last) {
     timing *t = &self->timing;
     bool fits[HELD] = {false};
@@ -155,7 +157,7 @@ static void settle(watching *self, uint32_t first, uint32_t last) {
     t->holds = 0;
 }
 
-/* The first sample of the line that ends with held sample `last` - 1. */
+/* Index of the first sample of the line that ends with held sample `last` - 1. */
 static uint32_t line_before(const watching *self, uint32_t last) {
     uint32_t first = last - 1;
     while (first > 0 && in_line(self, self->timing.held[first - 1].time, self->timing.held[first].time))
@@ -163,7 +165,9 @@ static uint32_t line_before(const watching *self, uint32_t last) {
     return first;
 }
 
-/* The feed has ended, or no more samples can wait. Accepts the last line of at least two samples. */
+/* Called when the feed has ended or no more samples can wait. Accepts the latest line of at least two
+ * samples. Without such a line, it accepts at the end a first sample that follows the clock; otherwise it
+ * rejects the oldest waiting sample. */
 static void settle_held(watching *self, bool at_end) {
     timing *t = &self->timing;
     for (uint32_t last = t->holds; last > 1; last--) {
@@ -188,7 +192,7 @@ static void hold(watching *self, const float *sample, double time, uint64_t line
     timing *t = &self->timing;
     if (t->holds > 0) {
         const double last = t->held[t->holds - 1].time;
-        if (steps_between(self, last, time) == 0) { /* repetition of a waiting sample */
+        if (steps_between(self, last, time) == 0) { /* it repeats the last waiting sample */
             self->tally.repeated++;
             return;
         }
@@ -218,8 +222,8 @@ static void take_timed(watching *self, const float *sample, double time, uint64_
 
 /* ---- the feed's own rate ---- */
 
-/* Mean of the differences near their median, which gaps, wrong times and rounded times do not disturb. *blur:
- * bound on its relative error. False: too few differences. */
+/* The mean of the differences that are near the median, so that gaps, wrong times and rounded times do not
+ * disturb it. *blur: bound on its relative error. False: there are too few differences. */
 static bool measure_interval(const timing *t, double *interval, double *blur) {
     double difference[FIRST_TIMES], sum = 0, lowest = INFINITY, highest = 0;
     uint32_t count = 0, near = 0;
@@ -238,11 +242,13 @@ static bool measure_interval(const timing *t, double *interval, double *blur) {
         near++;
     }
     *interval = sum / near;
-    *blur = (highest - lowest) / sum; /* the sum is that of the two ends, each off by at most half of it */
+    /* Differences that follow each other add up to last time - first time; each of the two is wrong by at
+     * most half of (highest - lowest). */
+    *blur = (highest - lowest) / sum;
     return true;
 }
 
-/* Measures the rate. False: the feed has another rate, and --rate does not force it. */
+/* Measures the feed's rate. False: it differs from the expected rate, and --rate is not given. */
 static bool check_rate(watching *self) {
     timing *t = &self->timing;
     double interval, blur;
@@ -292,8 +298,8 @@ void watch_take(watching *self, const float *sample, double time, uint64_t line)
     }
 }
 
-/* A line that could not be read. In a feed without times it is a lost sample, unless it precedes the first
- * sample. In a feed with times the other times show which samples are missing. */
+/* A line that could not be read counts as a lost sample in a feed without times, unless it comes before the
+ * first sample. In a feed with times, the other times show which samples are missing. */
 void watch_take_malformed(watching *self, const sample_reader *reader, const float *sample, double time) {
     const bool timed = reader->layout == LAYOUT_TIMED && self->rate_known;
     const bool lost = !timed || isfinite(time);
