@@ -55,14 +55,14 @@ lg_status result_merge(result *into, const result *from, lg_error *error) {
     return LG_OK;
 }
 
-/* ---- what a thread gathers ---- */
+/* ---- what a thread collects ---- */
 
 typedef struct gatherer {
-    result part;               /* its own accumulators */
-    double *invariant, *start; /* (room) of the member's block; (invariants, room) at the start */
-    double *row;               /* (points, reported): a trajectory */
+    result part;               /* the thread's own accumulators */
+    double *invariant, *start; /* (invariants, room) for the members of a block: now, and at the start */
+    double *row;               /* (points, reported): the trajectory of a member */
     double *state, *work;
-    lg_system *system; /* with the member's parameters */
+    lg_system *system; /* has the member's parameters; NULL if parameters do not vary */
 } gatherer;
 
 typedef struct study {
@@ -73,14 +73,15 @@ typedef struct study {
     lg_ensemble_options options;
     size_t invariants;
     gatherer *gatherers;
-    uint64_t saved; /* members 0 .. saved - 1 are kept as trajectories */
+    uint64_t saved; /* trajectories are kept for members 0 .. saved - 1 */
     lg_rows_file *rows;
-    atomic_int rows_lost; /* errno of the first row that could not be written; the statistics go on */
+    atomic_int rows_lost; /* errno of the first row that could not be written; the statistics continue */
     atomic_ullong done;
     app_progress progress;
 } study;
 
-/* Columns: the numbers of the state, then each invariant and the size of its drift. */
+/* Names the columns: the numbers of the state, then for each invariant its value and the size of its
+ * drift. */
 static void name_columns(study *all) {
     const simulation *sim = all->sim;
     result *total = all->total;
@@ -100,7 +101,8 @@ static bool *logarithmic_columns(const study *all) {
     return out;
 }
 
-/* visit(user, row, column, values, count) for all cells of a block. */
+/* Called as visit(user, row, column, values, count) for each cell (row, column); values (count) are the
+ * cell's numbers of all members of a block. */
 typedef void (*cell_visitor)(void *user, size_t row, size_t column, const double *values, size_t count);
 
 static double invariant_of(const study *all, gatherer *own, const lg_ensemble_block *of, size_t row, size_t i,
@@ -110,12 +112,12 @@ static double invariant_of(const study *all, gatherer *own, const lg_ensemble_bl
                                own->work);
 }
 
-/* Invariants need the parameters of each member: members are the outer loop, so that they are set once a
- * row. */
+/* Computes the invariants of all members of a block at this row. Members are the outer loop, so that a
+ * member's parameters are set only once per row. */
 static void fill_invariants(const study *all, gatherer *own, const lg_ensemble_block *of, size_t row) {
     for (size_t m = 0; m < of->members; m++) {
         if (own->system != NULL) {
-            double *parameters = own->row; /* scratch: at least as long */
+            double *parameters = own->row; /* scratch memory, which is long enough */
             for (size_t i = 0; i < of->parameter_count; i++) parameters[i] = of->parameter[i * of->room + m];
             (void)lg_system_set_parameters(own->system, parameters);
         }
@@ -196,7 +198,8 @@ static lg_status keep_block(void *user, const lg_ensemble_block *of) {
 
 /* ---- options ---- */
 
-/* NAME=VALUE, NAME>VALUE, NAME<VALUE: when it passes the value, upwards, downwards. */
+/* Reads NAME=VALUE, NAME>VALUE or NAME<VALUE: the event that a number of the state passes the value in any
+ * direction, upwards, or downwards. */
 static void read_event(const simulation *sim, char *text, lg_ensemble_event *event, column_name name) {
     char *sign = strpbrk(text, "=<>");
     size_t index = 0;
@@ -257,7 +260,8 @@ static void choose_times(study *all) {
     all->options.count = all->total->points = points;
 }
 
-/* The starts and parameters of some members: they depend on more than the line names (tables, the scene). */
+/* Adds the starts and parameters of up to 64 members, because they depend on more than the text (tables, the
+ * scene). */
 static void add_members(const study *all, lg_sha256 *state) {
     enum { LOOKED_AT = 64 };
     const simulation *sim = all->sim;
@@ -274,8 +278,8 @@ static void add_members(const study *all, lg_sha256 *state) {
     }
 }
 
-/* What an ensemble is, in one line: parts with the same one belong together. Long texts are cut here, and
- * whole in the sum. */
+/* Describes the ensemble in one line; parts with the same line belong together. Long texts are cut in the
+ * line, but the hash covers them completely. */
 static char *describe(const study *all, const char *text) {
     const simulation *sim = all->sim;
     const lg_ensemble_options *o = &all->options;
@@ -343,7 +347,7 @@ static lg_status run(const study *all, const lg_ensemble_options *options, lg_en
                            (void *)all, stats, error);
 }
 
-/* The first members say where the bins of the cells lie. */
+/* Runs the first members to choose the ranges of the histogram of each cell. */
 static lg_status run_pilot(study *all, lg_error *error) {
     result *total = all->total;
     lg_ensemble_options pilot = all->options;
@@ -383,7 +387,7 @@ static lg_status run_all(study *all, lg_ensemble_stats *stats, lg_error *error) 
     return status;
 }
 
-/* ---- files; ranks go on together after a failure, so that it is a status here ---- */
+/* ---- files; failures are returned, because the ranks must still exchange their statuses ---- */
 
 static lg_status open_rows(study *all, lg_error *error) {
     const app *self = all->sim->self;
@@ -408,7 +412,7 @@ static lg_status close_rows(study *all, lg_error *error) {
     return app_error(error, LG_FILE, "%s: cannot be written: %s", all->files->trajectories, strerror(code));
 }
 
-/* Trajectories that are lost do not take the statistics with them. */
+/* The statistics are written even if the trajectories could not be written. */
 static int write_out(study *all, bool *written) {
     const app *self = all->sim->self;
     const ensemble_files *files = all->files;
@@ -445,7 +449,7 @@ static int run_and_write(study *all, bool *written, lg_ensemble_stats *stats, lg
     return app_fail(self, *status, "%s", app_sentence(*status, &error));
 }
 
-/* All ranks have written their parts: rank 0 makes one file of them, and shows it. */
+/* Called when all ranks have written their parts: rank 0 merges them into one file and prints the results. */
 static int merge_ranks(const study *all, lg_status status) {
     app *self = all->sim->self;
     const uint64_t tasks = all->files->task.count;
@@ -479,9 +483,10 @@ static int run_and_show(study *all) {
     return code != APP_EXIT_OK ? code : end;
 }
 
-/* ---- what is run ---- */
+/* ---- choosing what is run ---- */
 
-/* Whole blocks go to tasks; a block depends on the scene alone. */
+/* Gives each task whole blocks. The size of a block depends on the scene and the options, not on the number
+ * of tasks. */
 static void choose_members(study *all, const ensemble_task *part) {
     const uint64_t task = part->index, tasks = part->count > 0 ? part->count : 1;
     const uint64_t size = lg_ensemble_block_size(&all->options, all->sim->dim), total = all->total->total;

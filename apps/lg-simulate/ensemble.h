@@ -1,4 +1,4 @@
-/* --ensemble: many runs of a scene, and what is known of them together. */
+/* --ensemble: many runs of a scene, and the statistics of all of them. */
 #ifndef LG_APPS_ENSEMBLE_H
 #define LG_APPS_ENSEMBLE_H
 
@@ -6,39 +6,41 @@
 #include "liegrad/ensemble.h"
 #include "liegrad/tables.h"
 
-/* ---- what varies (vary.c) ---- */
+/* ---- what varies between members (vary.c) ---- */
 
-/* "q2.x", "mu.y", "R.13", "p" */
+/* The name of a number of the state, such as "q2.x", "mu.y", "R.13" or "p", and the number with a given
+ * name. */
 void component_name(const simulation *sim, size_t index, char *text, size_t size);
 bool component_find(const simulation *sim, const char *name, size_t *index);
 
 typedef struct vary vary;
-/* `text`: NAME = DISTRIBUTION, ...; `table`: a file with a member a row, or NULL. */
+/* `text`: NAME = DISTRIBUTION, ...; `table`: path of a table with one row per member, or NULL. */
 vary *vary_open(const simulation *sim, const char *text, const char *table);
-void vary_close(vary *self); /* NULL is fine */
+void vary_close(vary *self); /* NULL is allowed */
 bool vary_parameters(const vary *self);
-size_t vary_rows(const vary *self); /* of the table; 0: none */
+size_t vary_rows(const vary *self); /* number of rows of the table; 0 without a table */
 lg_status vary_draw(void *self, uint64_t member, double *y0, double *parameters);
 
-/* ---- parts (ensemble_parts.c) ---- */
+/* ---- parts of an ensemble (ensemble_parts.c) ---- */
 
-/* Part `index` of 0..count - 1; count 0: the whole. */
+/* Part `index` of 0..count - 1. count 0 means the whole ensemble. */
 enum { TASKS_MAX = 1000000 };
 typedef struct ensemble_task {
     uint64_t index, count;
 } ensemble_task;
-/* "out.h5" -> "out.part-3-of-8.h5"; of the whole "out.h5". Freed with free. */
+/* Path of a part's file: "out.h5" -> "out.part-3-of-8.h5". For the whole ensemble it is `out`. Freed with
+ * free. */
 char *part_path(const char *out, const ensemble_task *task);
-/* "out.h5" -> "out.trajectories.h5" */
+/* Path of the trajectories: "out.h5" -> "out.trajectories.h5". Freed with free. */
 char *rows_path(const char *path);
-/* Of the members first, first + 1, ... those below `saved`. */
+/* How many of the members first, first + 1, ..., first + members - 1 are below `saved`. */
 uint64_t rows_among(uint64_t saved, uint64_t first, uint64_t members);
 
-/* What a process does, and the files that it writes: of a task the files of its part alone. A single run is
- * the whole. */
+/* The part of the ensemble that a process runs, and the files that it writes. A task writes only the files of
+ * its part. A process without --task runs the whole ensemble. */
 typedef struct ensemble_files {
     ensemble_task task;
-    char *out, *trajectories; /* NULL: not written */
+    char *out, *trajectories; /* NULL if the file is not written */
 } ensemble_files;
 void ensemble_files_choose(const app *self, const simulate_values *values, ensemble_files *out);
 void ensemble_files_free(ensemble_files *files);
@@ -55,58 +57,60 @@ typedef struct failure {
     double t;
 } failure;
 
-#define MEMBERS_MAX 1e15 /* of an ensemble */
+#define MEMBERS_MAX 1e15 /* largest number of members of an ensemble */
 
-/* All that is known of an ensemble or of a part of it; parts are merged in any order. */
+/* The statistics of an ensemble or of a part of it. Parts can be merged in any order. */
 typedef struct result {
-    char *what;              /* system, method, seed, distributions: parts of one ensemble have the same */
+    char *what; /* system, method, seed and distributions as a text that all parts of one ensemble share */
     uint64_t total;          /* members of the whole ensemble */
-    uint64_t first, members; /* of this part */
-    uint64_t block;          /* parts end with a whole block, or the ensemble */
-    uint64_t saved;          /* members 0 .. saved - 1 of the whole have trajectories */
+    uint64_t first, members; /* members first .. first + members - 1 are in this part */
+    uint64_t block;          /* members per block; each part ends at the end of a block or of the ensemble */
+    uint64_t saved;          /* members 0 .. saved - 1 of the ensemble have trajectories */
     size_t points, columns, events;
     double *t;                   /* (points) */
     column_name *column, *event; /* (columns), (events) */
     lg_statistics *states;       /* (points, columns) */
-    lg_statistics *times;        /* (1, events), NULL without events */
+    lg_statistics *times;        /* (1, events); NULL without events */
     uint64_t steps, rejected;
-    uint64_t failed[STATUSES]; /* by status */
+    uint64_t failed[STATUSES]; /* number of failed members by status */
     size_t listed;
-    failure failures[LISTED]; /* the first of them, by member */
+    failure failures[LISTED]; /* (listed): the failed members with the lowest numbers */
 } result;
 
 void result_free(result *self);
 /* The number of members that failed. */
 uint64_t result_failed(const result *self);
-/* Adds to the list of the first failures, in order. */
+/* Adds a failure to the list, which is sorted by member and keeps the first LISTED. */
 void result_list(result *self, const failure *what);
-/* `into` += `from`, of a part that is not in it yet. */
+/* Adds the part `from` to `into`, which must not include it yet. */
 lg_status result_merge(result *into, const result *from, lg_error *error);
 
-/* ensemble_file.c: HDF5 */
+/* ensemble_file.c: ensembles as HDF5 files. */
 typedef struct result_rows {
     const lg_rows_part *parts; /* in the order of their members */
     size_t count;
-    uint64_t dim; /* numbers of a state */
+    uint64_t dim; /* numbers per state */
 } result_rows;
-/* `rows` NULL: without trajectories. */
+/* `rows` NULL: the file has no trajectories. */
 lg_status result_write(const app *self, const char *path, const result *what, const result_rows *rows,
                        lg_error *error);
 void result_read(const app *self, const char *path, result *out);
 
-/* ensemble_report.c */
+/* ensemble_report.c: results and picture of an ensemble. */
 typedef struct ensemble_run {
     const result *what;
-    const lg_ensemble_stats *stats; /* NULL: merged from files */
+    const lg_ensemble_stats *stats; /* NULL if the results were merged from files */
     const char *out;
 } ensemble_run;
-/* Shows it, and warns of members that failed. An exit code: that of the failure where all of them failed. */
+/* Prints the results and warns of members that failed. Returns an exit code; if all members failed, the one
+ * of their most frequent status. */
 int ensemble_conclude(const app *self, const ensemble_run *run);
 lg_status ensemble_draw(const app *self, const result *what, const char *path, lg_error *error);
 
-/* ensemble.c: an exit code, as of merge_parts; ranks agree on it. */
+/* ensemble.c: runs the ensemble. Returns an exit code, as merge_parts does; all ranks return the same one. */
 int ensemble(simulation *sim, const ensemble_files *files);
-/* merge.c: one file of the parts, and what it says; then lg-simulate merge OUT.h5 PARTS... */
+/* merge.c: merge_parts writes one file from the parts and prints its results; merge_main is the command
+ * lg-simulate merge OUT.h5 PARTS... */
 typedef struct merge_values {
     const char *plot;
     bool statistics_only; /* trajectories are left out */

@@ -1,5 +1,5 @@
-/* An ensemble, or a part of one, in HDF5. What people read: /t, /mean, /deviation, /least, /largest,
- * /quantiles, /events. What parts are merged from: /accumulators. */
+/* An ensemble, or a part of it, as an HDF5 file. For people: /t, /mean, /deviation, /least, /largest,
+ * /quantiles, /events. For merging parts: /accumulators. */
 #include "common/train.h"
 #include "lg-simulate/ensemble.h"
 
@@ -9,16 +9,17 @@
 
 static const double levels[] = {0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99};
 
-/* ---- writing: what fails in an archive sticks to its writer, and the commit says it ---- */
+/* ---- writing: the writer remembers the first error, and the commit returns it ---- */
 
-/* Names joined by '|'. */
+/* Writes the names as one text, separated by '|'. */
 static void put_names(const lg_archive_writer *to, const char *path, const column_name *names, size_t count) {
     APP_CLEAN(lg_text_destroy) lg_text text = app_text();
     for (size_t i = 0; i < count; i++) lg_text_add(&text, "%s%s", i > 0 ? "|" : "", names[i]);
     (void)to->text(to->user, path, text.data);
 }
 
-/* Arrays (rows, columns) of one number a cell, and the quantiles. */
+/* Writes arrays (rows, columns) with mean, deviation, least and largest of each cell, and the counts and
+ * quantiles. */
 static void put_cells(const lg_archive_writer *to, const char *prefix, const lg_statistics *from, size_t rows,
                       size_t columns) {
     static const char *const names[] = {"mean", "deviation", "least", "largest"};
@@ -139,7 +140,7 @@ static lg_status get_statistics(const app *self, lg_file_reader *reader, const c
     return lg_statistics_load(*out, &from);
 }
 
-/* No cell has more numbers than there are members. */
+/* Checks that no cell has more numbers than there are members. */
 static bool fits_members(const lg_statistics *of, size_t rows, size_t columns, uint64_t members) {
     bool fits = true;
     for (size_t i = 0; i < rows * columns; i++)
@@ -147,7 +148,8 @@ static bool fits_members(const lg_statistics *of, size_t rows, size_t columns, u
     return fits;
 }
 
-/* The counts of a part fit each other, so that sums over parts have no more than all members. */
+/* Checks that the counts of a part are consistent, so that no sum over parts exceeds the number of
+ * members. */
 static bool check_counts(const result *what) {
     uint64_t left = what->members, failed = 0;
     for (size_t i = 0; i < STATUSES; i++) {

@@ -1,10 +1,10 @@
-/* Which part of an ensemble a process does, and the names of its files. */
+/* Chooses the part of an ensemble that a process runs, and the names of its files. */
 #include "lg-simulate/ensemble.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-/* What --task says; rank r of R is task r of R. */
+/* Reads --task. Rank r of R ranks is task r of R. */
 static ensemble_task read_task(const app *self, const char *text) {
     ensemble_task out = {0, 0};
     if (self->rank_count > 1) out = (ensemble_task){self->rank, self->rank_count};
@@ -18,7 +18,7 @@ static ensemble_task read_task(const app *self, const char *text) {
     return out;
 }
 
-/* "a/out.h5", ".x" -> "a/out.x.h5" */
+/* insert("a/out.h5", ".x") returns "a/out.x.h5". Freed with free. */
 static char *insert(const char *path, const char *text) {
     const char *dot = strrchr(path, '.'), *slash = strrchr(path, '/');
     const bool ending = dot != NULL && (slash == NULL || dot > slash);

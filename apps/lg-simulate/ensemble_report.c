@@ -1,11 +1,11 @@
-/* The results of an ensemble, and a picture of bands. */
+/* The results of an ensemble, and a picture with bands of quantiles. */
 #include "lg-simulate/ensemble.h"
 
 #include <string.h>
 
 enum { SHOWN = 24, SHOWN_FAILURES = 5 };
 
-/* People see some of them. */
+/* Only those with `shown` are printed for people. */
 static const struct {
     const char *name;
     double p;
@@ -115,7 +115,7 @@ int ensemble_conclude(const app *self, const ensemble_run *run) {
                : APP_EXIT_OK;
 }
 
-/* ---- a picture: bands over time, histograms of the times of events ---- */
+/* ---- the picture: bands of quantiles over time, histograms of the times of events ---- */
 
 enum { PANELS = 6, BARS = 64 };
 
@@ -173,7 +173,7 @@ lg_status ensemble_draw(const app *self, const result *what, const char *path, l
                   columns);
     for (size_t i = 0; i < shown; i++) {
         draw_bands(&plot, what, chosen[i], i);
-        (void)fputs("unset key\n", plot.script.stream); /* the first panel has it */
+        (void)fputs("unset key\n", plot.script.stream); /* only the first panel has a key */
     }
     for (size_t e = 0; e < what->events; e++) draw_times(&plot, what, e, shown + e);
     (void)fputs("unset multiplot\n", plot.script.stream);

@@ -1,4 +1,4 @@
-/* J = sum w_k y_k at the final time, and its gradient in the start and in the parameters. */
+/* J = sum w_k y_k at the final time, and its gradient with respect to the start and the parameters. */
 #include "lg-simulate/simulate.h"
 
 #include <errno.h>
@@ -20,8 +20,8 @@ static char *read_text(const app *self, const char *path) {
     return text;
 }
 
-/* Numbers separated by commas, blanks or lines; true when there are no more than `room`, each one whole.
- * `bad` is the word that is none. */
+/* Parses numbers separated by commas, blanks or line ends, and counts all of them; the first `room` are
+ * stored. False: the word `bad` is not a number. */
 static bool parse_weights(char *text, double *out, size_t room, size_t *count, const char **bad) {
     const char *const between = ", \t\r\n";
     *count = 0;

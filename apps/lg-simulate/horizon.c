@@ -1,21 +1,24 @@
-/* Whether a result can be known at its tolerance: adaptive steps once more at ten times the tolerance. */
+/* Checks whether a result can be known at its tolerance: repeats adaptive runs with ten times the
+ * tolerance. */
 #include "lg-simulate/simulate.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-/* Points at which it is looked for the time when two runs part. */
+/* Number of times at which two runs are compared, to find when they separate. */
 enum { MOMENTS = 200 };
 
-/* A difference is told from this part of the size on, or from the square root of a larger tolerance on. */
+/* A warning is printed if the relative difference exceeds this, or the square root of a tolerance above
+ * TOLD^2. */
 #define TOLD 1e-2
 
-/* Blocks with the same key form a part of the state: all q_i, or all omega_i. */
+/* Sizes of the parts of a state. All blocks with the same key form a part: all q_i, or all omega_i. */
 typedef struct sizes {
     const simulation *sim;
-    size_t *part;            /* (blocks): the first block with the same key */
-    double *largest, *apart; /* (blocks), at first blocks: |y_i| in the run; the difference of two states */
+    size_t *part; /* (blocks): index of the first block with the same key */
+    /* (blocks), used at first blocks only: largest |y_i| in the run; largest difference of two states. */
+    double *largest, *apart;
 } sizes;
 
 static sizes sizes_of(const simulation *sim) {
@@ -33,7 +36,7 @@ static void sizes_free(sizes *self) {
     free(self->apart);
 }
 
-/* into[part] = the larger of it and the largest |x_i - y_i|; y NULL: 0 */
+/* into[part] = max(into[part], |x_i - y_i| over the part); y NULL: 0. */
 static void widen(const sizes *self, const double *x, const double *y, double *into) {
     for (size_t b = 0; b < self->sim->block_count; b++) {
         const block *at = &self->sim->blocks[b];
@@ -51,8 +54,8 @@ static lg_status look_at_sizes(void *user, double t, double h, const double *y) 
     return LG_OK;
 }
 
-/* The difference of two states as a part of the size, in the part of the state where it is least: where a
- * body is at rest, its velocities are rounding, and differ by their whole size. */
+/* Relative difference of two states, in the part of the state where it is smallest. Other parts can mislead:
+ * the velocities of a body at rest are only rounding errors, and differ by as much as their size. */
 static double difference(const sizes *self, const double *x, const double *y) {
     double least = INFINITY;
     for (size_t b = 0; b < self->sim->block_count; b++) self->apart[b] = 0;
@@ -62,7 +65,7 @@ static double difference(const sizes *self, const double *x, const double *y) {
     return isfinite(least) ? least : 0;
 }
 
-/* The first of the moments at which the runs differ by `bound`; t_end where none is found. */
+/* The first of the compared times at which the runs differ by more than `bound`; t_end if there is none. */
 static double parting(const simulation *sim, plan fine, plan coarse, const sizes *size, double bound) {
     double t[MOMENTS], found = fine.t_end;
     double *a = app_alloc(2 * MOMENTS * sim->dim, sizeof *a), *b = a + MOMENTS * sim->dim;

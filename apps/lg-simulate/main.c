@@ -1,4 +1,4 @@
-/* lg-simulate: integrate a mechanical system and look at the result. */
+/* lg-simulate: integrates a mechanical system and shows the result. */
 #include "lg-simulate/ensemble.h"
 
 #include <string.h>
@@ -74,11 +74,11 @@ static const lg_field options[] = {
               "Part i of n (i from 0) of the ensemble, into a file for `lg-simulate merge OUT.h5 PARTS...`"),
     LG_FIELD_END};
 
-/* ---- options against each other ---- */
+/* ---- options that need or exclude each other ---- */
 
 typedef struct dependency {
     const char *option, *other;
-    bool needs; /* the option needs the other; else they exclude each other */
+    bool needs; /* true: the option needs the other; false: they exclude each other */
 } dependency;
 
 static const dependency dependencies[] = {{"checkpoints", "gradient", true},
@@ -119,7 +119,7 @@ static void check_outputs(const app *self, const ensemble_files *files) {
                               {"starts", values.starts, LG_FILE_READ},
                               {"out", files->out, LG_FILE_WRITTEN},
                               {"save", files->trajectories, LG_FILE_WRITTEN},
-                              /* Ranks make one file of theirs. */
+                              /* Rank 0 merges the parts of all ranks into the file of --out. */
                               {"out", self->rank_count > 1 ? values.out : NULL, LG_FILE_WRITTEN},
                               {"plot", values.plot, LG_FILE_DRAWN}};
     const int code = app_check_outputs(self, paths, LG_COUNT(paths));
@@ -156,7 +156,7 @@ static void fail_run(const simulation *sim, const plan *how, const outcome *run,
     }
 }
 
-/* What was reached before Ctrl-C is kept. */
+/* Writes the points that were reached before Ctrl-C to --out. */
 static void keep_begun(const report *what, samples *path) {
     lg_error error = {LG_OK, ""};
     while (path->kept > 0 && path->t[path->first + path->kept - 1] > what->run->t) path->kept--;
@@ -165,7 +165,7 @@ static void keep_begun(const report *what, samples *path) {
         app_warn(what->sim->self, "%s holds the %zu points reached", values.out, path->kept);
 }
 
-/* From the start to the samples, with `seen` looking. */
+/* Integrates from the start to the times of `path`, observed by `seen`. */
 static void run_plan(const report *what, const plan *how, watch *seen, samples *path, outcome *out) {
     const simulation *sim = what->sim;
     lg_error error = {LG_OK, ""};
@@ -226,7 +226,7 @@ static int run(app *self) {
     return APP_EXIT_OK;
 }
 
-/* ---- the methods, for --help ---- */
+/* ---- the list of methods for --help ---- */
 
 enum { AMBIENT, SPLITTING, VARIATIONAL, LIE, COTANGENT, ADAPTIVE, GROUPS };
 

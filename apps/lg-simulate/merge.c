@@ -1,4 +1,4 @@
-/* lg-simulate merge: the parts of an ensemble become one file. */
+/* lg-simulate merge: merges the parts of an ensemble into one file. */
 #include "lg-simulate/ensemble.h"
 
 #include <stdlib.h>
@@ -14,14 +14,14 @@ static const lg_field options[] = {
 
 typedef struct part {
     result is;
-    uint64_t members; /* its own, which `is` counts with those of others once they are merged */
+    uint64_t members; /* members of this part alone; is.members grows when other parts are merged into it */
     const char *path;
 } part;
 
 static int by_first(const void *a, const void *b) {
     const part *x = a, *y = b;
     if (x->is.first != y->is.first) return x->is.first < y->is.first ? -1 : 1;
-    return x->members < y->members ? -1 : x->members > y->members; /* those without members first */
+    return x->members < y->members ? -1 : x->members > y->members; /* parts without members come first */
 }
 
 typedef struct part_list {
@@ -30,11 +30,11 @@ typedef struct part_list {
     size_t given_count;
     const char **given; /* files of trajectories among the arguments */
     size_t row_count;
-    lg_rows_part *rows; /* those of the parts */
+    lg_rows_part *rows; /* the trajectories of the parts */
     uint64_t dim;
 } part_list;
 
-/* Together they are the whole ensemble, each member once. */
+/* Checks that the parts together have each member of the ensemble exactly once. */
 static void check_whole(const app *self, const part_list *list) {
     uint64_t next = 0;
     for (size_t i = 0; i < list->count; i++) {
@@ -53,7 +53,8 @@ static void check_whole(const app *self, const part_list *list) {
 
 enum { RUN_SIZE = 4096 };
 
-/* A pattern of parts finds their trajectories, too. */
+/* Returns whether the file holds trajectories. A pattern like out.part-* also matches the parts'
+ * trajectories. */
 static bool is_rows(const app *self, const char *path) {
     lg_rows_about about;
     return strstr(path, ".trajectories") != NULL &&
@@ -91,7 +92,8 @@ static bool same_folder(const char *a, const char *b) {
     return same;
 }
 
-/* The file is that of this part and this run, and lies where the merged file will look for it. */
+/* Checks that the file has the trajectories of this part and this run, and that it is in the folder of `out`,
+ * where the merged file will refer to it. */
 static lg_rows_about check_rows(const app *self, const part *of, const char *path, const char *out) {
     lg_rows_about about = {0};
     const uint64_t rows = rows_among(of->is.saved, of->is.first, of->members);
@@ -131,7 +133,7 @@ static void find_rows(const app *self, part_list *list, const char *out) {
     }
 }
 
-/* What nothing refers to was left by an earlier run. */
+/* Warns of given trajectories that belong to no given part; an earlier run may have left them. */
 static void tell_of_unused(const app *self, const part_list *list) {
     for (size_t i = 0; i < list->given_count; i++) {
         bool used = false;
@@ -175,7 +177,7 @@ int merge_parts(const app *self, const char *out, const char *const *paths, size
 }
 
 static int run(app *self) {
-    /* The first argument is written, the others are read. */
+    /* The first argument is the output, the others are inputs. */
     const char *out = self->arguments[0];
     self->argument_count--;
     memmove((void *)self->arguments, self->arguments + 1,

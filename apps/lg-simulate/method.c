@@ -1,10 +1,11 @@
-/* Which method: by name or from a file, its variants, and whether it applies to the system. */
+/* Chooses the method, by name or from a file, with its variants, and checks whether it applies to the
+ * system. */
 #include "lg-simulate/simulate.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-/* ---- what applies ---- */
+/* ---- which methods apply ---- */
 
 static bool on_cotangent_group(const simulation *sim) {
     const lg_space *space = lg_system_space(sim->system);
@@ -21,7 +22,7 @@ static bool is_separable(const simulation *sim) {
     return lg_system_separable(sim->system);
 }
 
-/* What a kind of scheme asks of the system; those without a row ask for nothing. */
+/* What each kind of scheme requires of the system. A kind without a row applies to all systems. */
 static const struct {
     bool (*fits)(const simulation *sim);
     const char *reason;
@@ -37,7 +38,8 @@ const char *method_obstacle(const simulation *sim, const lg_scheme *scheme) {
     return demands[scheme->kind].reason;
 }
 
-/* Names of those that apply to the system, or of all; adaptive ones alone where asked. The caller frees. */
+/* Names of the methods: all, or only those that apply to the system (`applicable`), or that have adaptive
+ * steps (`adaptive`). The caller frees the text. */
 static char *method_names(const simulation *sim, bool applicable, bool adaptive) {
     lg_text names = app_text();
     for (size_t i = 0; i < lg_scheme_count(); i++) {
@@ -66,7 +68,7 @@ void check_control(const simulation *sim, const lg_scheme *scheme) {
                    scheme->name, method_names(sim, true, true));
 }
 
-/* ---- choosing ---- */
+/* ---- choosing a method ---- */
 
 method method_named(const simulation *sim, const char *option, const char *name) {
     const lg_scheme *scheme = lg_scheme_find(name);

@@ -1,4 +1,4 @@
-/* --out: the trajectory as HDF5. What fails in an archive sticks to its writer, and the commit says it. */
+/* --out: writes the trajectory as HDF5. The writer remembers the first error, and the commit returns it. */
 #include "common/train.h"
 #include "lg-simulate/simulate.h"
 
@@ -17,7 +17,7 @@ static void put_texts(const report *what, const lg_archive_writer *to) {
         if (texts[i][1] != NULL) (void)to->text(to->user, texts[i][0], texts[i][1]);
 }
 
-/* /t (M), /trajectory (M, d) */
+/* Writes /t (M) and /trajectory (M, d). */
 static void put_states(const report *what, const lg_archive_writer *to) {
     const samples *path = what->path;
     const size_t d = what->sim->reported, dim = what->sim->dim;
@@ -29,7 +29,7 @@ static void put_states(const report *what, const lg_archive_writer *to) {
     (void)to->array(to->user, "trajectory", LG_ELEMENT_F64, 2, dims, rows);
 }
 
-/* /invariants/NAME (M) */
+/* Writes /invariants/NAME (M) for each invariant. */
 static void put_invariants(const report *what, const lg_archive_writer *to) {
     const samples *path = what->path;
     const uint64_t dims[] = {path->kept};

@@ -7,7 +7,7 @@
 
 enum { MAX_CURVES = 9, MAX_BLOCKS = 3, WIDTH = 900, HEIGHT = 520, SPACE_HEIGHT = 760 };
 
-/* Keys of states as symbols, with their units (of chains, where q is a direction). */
+/* Symbols and units for the keys of a state. The units are those of chains, where q is a direction. */
 static const struct {
     const char *key, *symbol, *unit;
 } symbols[] = {{"omega", "ω", " [rad/s]"}, {"Omega", "Ω", " [rad/s]"}, {"mu", "μ", " [kg m^2/s]"},
@@ -53,10 +53,10 @@ typedef struct selection {
     size_t count;
     const block *of[MAX_CURVES];
     size_t component[MAX_CURVES];
-    size_t shown, all; /* blocks with the key */
+    size_t shown, all; /* how many blocks with the key are drawn, and how many there are */
 } selection;
 
-/* Up to three blocks with this key: the first, a middle one, the last. */
+/* Chooses up to three blocks with this key: the first, a middle one and the last. */
 static selection select_components(const simulation *sim, const char *key) {
     selection out = {.count = 0};
     for (size_t i = 0; i < sim->block_count; i++) out.all += strcmp(sim->blocks[i].key, key) == 0;
@@ -75,7 +75,7 @@ static selection select_components(const simulation *sim, const char *key) {
     return out;
 }
 
-/* q_{2,x} */
+/* Writes a symbol such as q_{2,x}. */
 static void symbol_name(const block *at, size_t component, char *text, size_t size) {
     char below[48] = "";
     if (at->count == 9)
@@ -93,7 +93,7 @@ static void symbol_name(const block *at, size_t component, char *text, size_t si
         (void)snprintf(text, size, "%s", symbol_of(at->key));
 }
 
-/* "components of q", "components of q_1, q_10, q_20 (of 20)" */
+/* Writes a title such as "components of q" or "components of q_1, q_10, q_20 (of 20)". */
 static void put_title(FILE *script, const char *key, const selection *chosen) {
     const char *separator = "";
     (void)fputs("set title 'components of ", script);
@@ -134,7 +134,7 @@ static void panel_components(drawing *to, const char *key) {
     (void)fputc('\n', script);
 }
 
-/* q against p, on R^2n */
+/* The first component of q against the first component of p, on R^2n. */
 static void panel_phase(drawing *to) {
     FILE *script = to->plot.script.stream;
     const simulation *sim = to->what->sim;
@@ -152,9 +152,10 @@ static void panel_phase(drawing *to) {
                   below, below, end_block(to), colour(0));
 }
 
-/* ---- along the steps ---- */
+/* ---- values over the steps ---- */
 
-/* The trace as a block: t, h, manifold error, drifts. Zeros are gaps on the logarithmic axis. */
+/* Writes the trace as a data block: t, h, manifold error, drifts. Zeros become gaps, because the axis is
+ * logarithmic. */
 static size_t put_trace(drawing *to) {
     const trace *at = &to->what->seen->trace;
     for (size_t i = 0; i < at->count; i++) {
@@ -168,7 +169,7 @@ static size_t put_trace(drawing *to) {
     return end_block(to);
 }
 
-/* Whether column k of the trace has something to show on a logarithmic axis. */
+/* Returns whether column k of the trace has a value that a logarithmic axis can show. */
 static bool column_shows(const drawing *from, size_t k) {
     const trace *at = &from->what->seen->trace;
     for (size_t i = 0; i < at->count; i++)
@@ -183,7 +184,7 @@ static void begin_logarithmic(FILE *script, const char *title, const char *label
                   title, label);
 }
 
-/* A panel without a curve says why. */
+/* A panel without a curve shows the reason. */
 static void put_empty(FILE *script, const char *why) {
     (void)fprintf(script,
                   "unset logscale y\nset format y '%%g'\nset yrange [-1:1]\nset xrange [0:1]\nunset "
@@ -241,7 +242,7 @@ static const char *key_after(const simulation *sim, const char *key) {
     return NULL;
 }
 
-/* Whether block i is the first of its key, in the order of the layout. */
+/* Returns whether block i is the first block with its key. */
 static bool begins_key(const simulation *sim, size_t i) {
     size_t first = 0;
     while (strcmp(sim->blocks[first].key, sim->blocks[i].key) != 0) first++;
@@ -298,7 +299,7 @@ static void draw_space(drawing *to) {
 
 static const struct {
     void (*draw)(drawing *to);
-    size_t columns, rows; /* 0: one panel a key */
+    size_t columns, rows; /* 0: one panel per key */
 } kinds[] = {[PICTURE_OVERVIEW] = {draw_overview, 2, 2},      [PICTURE_COMPONENTS] = {draw_components, 0, 0},
              [PICTURE_INVARIANTS] = {panel_invariants, 1, 1}, [PICTURE_MANIFOLD] = {panel_manifold, 1, 1},
              [PICTURE_STEPS] = {panel_steps, 1, 1},           [PICTURE_SPACE] = {draw_space, 1, 1}};

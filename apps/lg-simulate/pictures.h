@@ -1,29 +1,29 @@
-/* Inside of the pictures of a run: panels in the plane (pictures.c) and in space (space.c). */
+/* Declarations that the pictures of a run share: panels in the plane (pictures.c) and in space (space.c). */
 #ifndef LG_APPS_SIMULATE_PICTURES_H
 #define LG_APPS_SIMULATE_PICTURES_H
 
 #include "lg-simulate/simulate.h"
 
-/* A picture under construction; `blocks` counts the blocks of data written. */
+/* A picture while it is drawn; `blocks` counts the data blocks written so far. */
 typedef struct drawing {
     const report *what;
     app_plot plot;
     size_t blocks;
 } drawing;
 
-/* Ends a block of data and returns its index. */
+/* Ends a data block and returns its index. */
 size_t end_block(drawing *to);
 /* The state at point i of the trajectory, and its time. */
 const double *state_at(const drawing *from, size_t i);
 double time_at(const drawing *from, size_t i);
-/* Number i of a list of 10 colours. */
+/* Colour number i; the list has 10 colours and repeats. */
 const char *colour(size_t i);
 
 typedef struct space_picture {
     const char *system;
     void (*draw)(drawing *to);
 } space_picture;
-/* NULL when there is none of this system. */
+/* NULL if there is no 3d picture of this system. */
 const space_picture *find_space_picture(const simulation *sim);
 
 #endif

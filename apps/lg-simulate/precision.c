@@ -1,19 +1,20 @@
-/* --work-precision: error at the final time against CPU time and evaluations. Each method runs with steps in
- * powers of two, or with tolerances in powers of ten where it estimates its error. */
+/* --work-precision: error at the final time against CPU time and evaluations. Each method runs with numbers
+ * of steps that double or, if it estimates its error, with tolerances that fall by factors of ten. */
 #include "lg-simulate/pictures.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-/* A run is repeated until this much CPU time has passed, and the fastest counts. A method is not refined
- * further once one run needs MAX_SECONDS, or once its error is below FLOOR times the reference's own. */
+/* A run is repeated until MIN_SECONDS of CPU time have passed, and the fastest repetition counts. A method is
+ * not refined further once a run needs more than MAX_SECONDS, or once its error is below FLOOR times the
+ * error of the reference. */
 #define MIN_SECONDS 0.01
 #define MAX_SECONDS 1.0
 #define FLOOR       3.0
 enum { REPEATS = 200, CURVES = 32 };
 
-/* Those of the default that apply are taken. */
+/* Default methods; those that apply to the system are used. */
 static const char *const on_manifolds[] = {"rk4", "dp54", "rk4-projected", "lie-euler", "rkmk4",
                                            "cf4", "cf43", "slgi",          "rkmk54"};
 static const char *const on_rn[] = {"euler",
@@ -28,7 +29,7 @@ static const char *const on_rn[] = {"euler",
 
 typedef struct point {
     size_t steps, rejected, evaluations;
-    double tol; /* 0: equal steps */
+    double tol; /* 0 for equal steps */
     double seconds, error;
 } point;
 
@@ -41,9 +42,9 @@ typedef struct curve {
 
 typedef struct diagram {
     simulation *sim;
-    const char *reference; /* name of its method */
+    const char *reference; /* name of the method that computes the reference */
     double tol, reference_error, size;
-    double *y; /* (dim), the reference */
+    double *y; /* (dim): final state of the reference */
     size_t count;
     curve *curves;
 } diagram;
@@ -69,7 +70,8 @@ static void plan_of(const diagram *d, const lg_scheme *scheme, size_t steps, dou
     out->count = 1;
 }
 
-/* At 1e-13, and how far that is from 1e-12. */
+/* Computes the reference with tolerance d->tol. Its error is its distance from a run with ten times this
+ * tolerance. */
 static void find_reference(diagram *d) {
     const app *self = d->sim->self;
     const lg_scheme *scheme = lg_scheme_find(d->reference);
@@ -90,7 +92,8 @@ static void find_reference(diagram *d) {
     d->reference_error = distance(d, coarse, d->y);
 }
 
-/* One point of a curve. A run that fails is left out: the error of a coarse step may be beyond all bounds. */
+/* Measures one point of a curve. If it fails, the point is left out, because with coarse steps a state may
+ * overflow. */
 static lg_status measure(const diagram *d, const plan *how, point *out) {
     double *y = app_alloc(d->sim->dim, sizeof *y), spent = 0;
     outcome run;
@@ -112,7 +115,7 @@ static lg_status measure(const diagram *d, const plan *how, point *out) {
 
 static size_t first_steps(const diagram *d) {
     if (d->sim->values->steps > 0) return (size_t)d->sim->values->steps;
-    size_t steps = 16; /* h <= 1/8 */
+    size_t steps = 16; /* at least 16, and so many that h <= 1/8 */
     while ((double)steps < 8 * d->sim->t_end && steps < (size_t)1 << 30) steps *= 2;
     return steps;
 }
@@ -136,7 +139,7 @@ static lg_status fill_curve(const diagram *d, curve *at) {
     return LG_OK;
 }
 
-/* ---- which methods ---- */
+/* ---- choosing the methods ---- */
 
 static void add_curve(diagram *d, method what) {
     d->curves[d->count++] = (curve){.what = what, .adaptive = what.scheme.embedded_order > 0};
@@ -173,7 +176,7 @@ static void choose_methods(diagram *d) {
 
 /* ---- results ---- */
 
-/* Observed order between neighbours with equal steps; NaN otherwise. */
+/* Order observed between point i - 1 and point i, if the number of equal steps doubles; otherwise NaN. */
 static double order_at(const curve *at, size_t i) {
     if (at->adaptive || i == 0 || at->points[i].steps != 2 * at->points[i - 1].steps) return (double)NAN;
     return log2(at->points[i - 1].error / at->points[i].error);
@@ -261,7 +264,7 @@ static lg_status draw(const diagram *d, lg_error *error) {
     return app_plot_end(d->sim->self, &plot, error);
 }
 
-/* ---- all of it ---- */
+/* ---- the command ---- */
 
 static void fill(diagram *d) {
     const app *self = d->sim->self;

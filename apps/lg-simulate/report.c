@@ -1,4 +1,4 @@
-/* The result of a run. */
+/* Prints the result of a run. */
 #include "lg-simulate/simulate.h"
 
 #include <math.h>
@@ -16,7 +16,8 @@ static void show_block(FILE *to, const block *at, const double *y) {
     (void)fputc('\n', to);
 }
 
-/* A state; for people a line a part of it, the first ones and the last. */
+/* Writes a state. For people each block is printed on its own lines; of many blocks only the first ones and
+ * the last. */
 static void put_state(app_json *out, const char *key, const simulation *sim, const double *y) {
     const size_t n = sim->block_count, shown = n <= SHOWN_BLOCKS ? n : SHOWN_BLOCKS - 2;
     app_json_reals(out, key, y, sim->reported);

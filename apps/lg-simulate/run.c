@@ -1,4 +1,4 @@
-/* One integration, with equal or adaptive steps, that Ctrl-C can end. */
+/* An integration with equal or adaptive steps, which Ctrl-C can end. */
 #include "lg-simulate/simulate.h"
 
 #include <float.h>
@@ -7,7 +7,7 @@
 #include <string.h>
 #include <time.h>
 
-/* A time this close to the end of a step, relative to the step and up to rounding, is its end. */
+/* A time counts as the end of a step if it is closer to it than SAME_TIME steps, plus rounding. */
 #define SAME_TIME 1e-9
 
 static double cpu_seconds(void) {
@@ -37,7 +37,8 @@ typedef struct runner {
 
 /* ---- equal steps ---- */
 
-/* The times asked for in the step just made, from t to t + h: y at its end, or inside of it. */
+/* Stores the wanted states in the step just made from t to t + h: y at the end of the step, dense output
+ * inside it. */
 static lg_status keep_rows(const runner *run, double t, double h, const double *y, size_t *row,
                            double *rows) {
     const plan *how = run->how;
@@ -71,7 +72,7 @@ static lg_status run_fixed(runner *run, const double *y0, double *rows) {
         run->out->stats.max_angle = fmax(run->out->stats.max_angle, lg_stepper_angle(run->stepper));
         if (how->observe != NULL) status = how->observe(how->observer, t, h, y);
     }
-    /* The last row is the last step's end, whatever rounding says about its time. */
+    /* The last row is the end of the last step, even if its time differs by rounding. */
     if (status == LG_OK) memcpy(rows + (how->count - 1) * run->dim, y, run->dim * sizeof *y);
     free(y);
     run->out->stats.evaluations = lg_stepper_evaluations(run->stepper);
@@ -100,7 +101,7 @@ static lg_status run_adaptive(runner *run, const double *y0, double *rows) {
                                  &run->out->stats);
 }
 
-/* ---- both ---- */
+/* ---- all runs ---- */
 
 lg_status integrate(const simulation *sim, const plan *how, const double *y0, double *rows, outcome *out,
                     lg_error *error) {

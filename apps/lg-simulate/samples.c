@@ -1,4 +1,4 @@
-/* Where states are kept for --out and --plot. */
+/* Chooses the times at which states are kept for --out and --plot. */
 #include "lg-simulate/simulate.h"
 
 #include <float.h>
@@ -6,7 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Points when nobody asks for a number: fewer where states are long. */
+/* Default numbers of points: POINTS, or POINTS_OF_STEPS for equal steps; fewer if all states together exceed
+ * NUMBERS numbers. */
 enum { POINTS = 501, POINTS_OF_STEPS = 1001, NUMBERS = 8000000 };
 
 static size_t default_points(const simulation *sim, size_t points) {
@@ -14,7 +15,7 @@ static size_t default_points(const simulation *sim, size_t points) {
     return points <= most ? points : most > 2 ? most : 2;
 }
 
-/* The start, `inner` times between, t_end. */
+/* Allocates rows for the start, `inner` times in between, and t_end. */
 static void allocate(const simulation *sim, size_t inner, samples *out) {
     *out = (samples){.count = inner + 2, .kept = inner + 2};
     out->t = app_alloc(out->count, sizeof *out->t);
@@ -22,7 +23,7 @@ static void allocate(const simulation *sim, size_t inner, samples *out) {
     out->t[out->count - 1] = sim->t_end;
 }
 
-/* Every k-th step, and the last. */
+/* Every k-th step and the last step. */
 static void from_steps(const simulation *sim, size_t steps, samples *out) {
     const size_t intervals = default_points(sim, POINTS_OF_STEPS) - 1;
     const size_t every = (steps + intervals - 1) / intervals, inner = (steps - 1) / every;
@@ -35,7 +36,7 @@ static void equidistant(const simulation *sim, size_t points, samples *out) {
     for (size_t i = 1; i + 1 < points; i++) out->t[i] = sim->t_end * ((double)i / (double)(points - 1));
 }
 
-/* The given times without 0 and t_end, which are rows anyway. */
+/* The given times. 0 and t_end have rows in any case, so they are not counted as inner times. */
 static void given(const simulation *sim, const lg_reals *times, samples *out) {
     const bool from_zero = times->values[0] == 0, to_end = times->values[times->count - 1] == sim->t_end;
     const size_t inner = times->count - from_zero - to_end;
@@ -45,7 +46,7 @@ static void given(const simulation *sim, const lg_reals *times, samples *out) {
     out->kept = times->count;
 }
 
-/* Between equal steps there are states for schemes with dense output only. */
+/* Ends the command if a time lies between equal steps and the scheme has no dense output. */
 static void check_steps(const simulation *sim, const plan *how, const samples *path) {
     const double h = how->t_end / (double)how->steps;
     if (how->steps == 0 || how->scheme->dense_order > 0) return;

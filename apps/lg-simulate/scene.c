@@ -1,4 +1,4 @@
-/* The scene at hand: system, start, final time, and what its numbers are called. */
+/* The scene: system, start, final time, and the names of the state's numbers. */
 #include "lg-simulate/simulate.h"
 
 #include <math.h>
@@ -59,7 +59,7 @@ const double *parameter_values(const simulation *sim, const char *key, size_t *c
     return NULL;
 }
 
-/* ---- opening ---- */
+/* ---- opening a scene ---- */
 
 static void choose_t_end(simulation *sim, const char *path) {
     const simulate_values *values = sim->values;
@@ -81,7 +81,8 @@ void simulation_open(app *self, const simulate_values *values, const char *path,
     lg_scene *scene = &out->scene;
     *out = (simulation){.self = self, .values = values};
     APP_MUST_FILE(self, path, lg_scene_read(self->context, path, NULL, scene, &error));
-    /* Starts are drawn in Hamiltonian form; an ensemble says itself what is drawn. */
+    /* A start is drawn at random only for the form hamiltonian; in an ensemble --vary and --starts say what
+     * is drawn. */
     if (!scene->has_initial && scene->line_form == 0 && values->ensemble == 0) {
         lg_scene_destroy(scene);
         APP_MUST_FILE(self, path, lg_scene_read(self->context, path, "hamiltonian", scene, &error));
@@ -90,7 +91,7 @@ void simulation_open(app *self, const simulate_values *values, const char *path,
     const char *form = lg_system_form(out->system);
     (void)snprintf(out->title, sizeof out->title, "%s%s%s", lg_system_name(out->system),
                    form != NULL ? ", " : "", form != NULL ? form : "");
-    /* The members of an ensemble have starts of their own. */
+    /* Each member of an ensemble has its own start. */
     if (values->ensemble == 0) app_scene_start(self, scene, path);
     out->dim = lg_system_dim(out->system);
     out->reported = lg_system_reported(out->system);

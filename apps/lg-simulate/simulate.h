@@ -1,5 +1,5 @@
-/* What the parts of lg-simulate share: the scene at hand, methods, runs, what is seen along a run.
- * Options and files that are wrong end the command. Functions that return a status explain a failure in
+/* Declarations that the files of lg-simulate share: the scene, methods, runs, and what is observed along a
+ * run. Wrong options and files end the command. Functions that return a status explain a failure in
  * `error`. */
 #ifndef LG_APPS_SIMULATE_H
 #define LG_APPS_SIMULATE_H
@@ -21,7 +21,7 @@ typedef enum picture_kind {
 
 typedef struct simulate_values {
     const char *method, *scheme, *dexpinv, *out, *plot, *methods, *gradient;
-    const char *vary, *starts, *event, *save, *task; /* of --ensemble */
+    const char *vary, *starts, *event, *save, *task; /* options of --ensemble */
     uint64_t steps, points, checkpoints, levels, max_steps, ensemble;
     double tol, atol, t_end, theta;
     lg_reals times;
@@ -31,13 +31,13 @@ typedef struct simulate_values {
 
 /* ---- the scene (scene.c) ---- */
 
-/* Consecutive numbers of a state or of a list of parameters. */
+/* Consecutive numbers of a state or of a list of parameters, e.g. a vector or a matrix. */
 typedef struct block {
     const char *key;
-    size_t index;  /* from 1; 0: the key alone names it */
-    size_t offset; /* of the first number */
+    size_t index;  /* from 1; 0 if there is only one block with this key */
+    size_t offset; /* index of the block's first number */
     size_t count;
-    size_t columns; /* of a matrix; 1 for vectors */
+    size_t columns; /* columns of a matrix; 1 for a vector */
 } block;
 
 typedef struct simulation {
@@ -45,83 +45,84 @@ typedef struct simulation {
     const simulate_values *values;
     lg_scene scene;
     const lg_system *system;
-    char title[64]; /* "heavy-top, cotangent" */
+    char title[64]; /* for example "heavy-top, cotangent" */
     size_t dim, reported;
     double t_end;
-    double *work; /* of the fields */
+    double *work; /* work memory of the fields */
     lg_system_user user[2];
-    lg_ode ode[2]; /* by lg_coordinates */
-    block *blocks; /* of what is reported, by offset */
+    lg_ode ode[2]; /* indexed by lg_coordinates */
+    block *blocks; /* blocks of the reported part of the state, in order of their offsets */
     size_t block_count;
 } simulation;
 
-/* Reads the scene and looks at --t-end and --times. */
+/* Reads the scene and checks --t-end and --times. */
 void simulation_open(app *self, const simulate_values *values, const char *path, simulation *out);
-void simulation_close(simulation *sim); /* a zeroed one may be closed */
+void simulation_close(simulation *sim); /* a zeroed simulation is allowed */
 
-/* "q2", "R" */
+/* Writes the name of a block, such as "q2" or "R". */
 void block_name(const block *at, char *text, size_t size);
-/* The numbers of a parameter by its key in scenes, *count of them; NULL when the system has none of that
- * name. */
+/* The values of the parameter with this key in scenes, *count of them. NULL if the system has no such
+ * parameter. */
 const double *parameter_values(const simulation *sim, const char *key, size_t *count);
-/* First block of the state with this key, NULL when there is none; those with it follow in order of the
- * index. */
+/* The block of the state with this key and index; a block with index 0 fits any index. NULL if there is none.
+ * Further blocks with the same key are in rising order of the index. */
 const block *find_block(const simulation *sim, const char *key, size_t index);
 
 /* ---- methods (method.c) ---- */
 
 typedef struct method {
     lg_scheme scheme;
-    lg_scheme *file; /* owned, or NULL */
+    lg_scheme *file; /* owned scheme that was read from a file, or NULL */
 } method;
 
-/* What --method, --scheme, --theta and --dexpinv say; the default is rkmk54, and dp54 on R^n. */
+/* The method that --method, --scheme, --theta and --dexpinv ask for; by default rkmk54, and dp54 on R^n. */
 method method_choose(const simulation *sim);
 method method_named(const simulation *sim, const char *option, const char *name);
 method method_read(const simulation *sim, const char *path);
 void method_free(method *what);
-/* Equal or adaptive steps must fit the method. */
+/* Ends the command if the method cannot estimate its error and --steps is not given. */
 void check_control(const simulation *sim, const lg_scheme *scheme);
-/* NULL when the scheme applies to the system, else why it does not. */
+/* Returns NULL if the scheme applies to the system, otherwise the reason why it does not. */
 const char *method_obstacle(const simulation *sim, const lg_scheme *scheme);
 
 /* ---- runs (run.c) ---- */
 
 typedef struct plan {
     const lg_scheme *scheme;
-    size_t steps;        /* > 0: equal ones; 0: adaptive */
-    double rtol, atol;   /* as in lg_step_controller */
-    size_t max_steps;    /* adaptive */
-    double t_end;        /* > 0 */
-    const double *times; /* (count) where the state is wanted, ascending in (0, t_end], the last is t_end */
+    size_t steps;      /* number of equal steps; 0 for adaptive steps */
+    double rtol, atol; /* as in lg_step_controller */
+    size_t max_steps;  /* limit for adaptive steps */
+    double t_end;      /* > 0 */
+    /* (count): times at which the state is wanted, ascending in (0, t_end]; the last one is t_end. */
+    const double *times;
     size_t count;
-    lg_step_observer observe; /* NULL: nobody */
+    lg_step_observer observe; /* called after each step; may be NULL */
     void *observer;
 } plan;
 
 typedef struct outcome {
     lg_run_stats stats;
-    double seconds, cpu; /* of the integration, the observer included */
-    double t;            /* reached */
+    double seconds, cpu; /* time of the integration, including the observer */
+    double t;            /* time that was reached */
 } outcome;
 
-/* Tolerances and steps from the command line. */
+/* Sets steps and tolerances from the command line. */
 void plan_init(const simulation *sim, const lg_scheme *scheme, plan *out);
-/* A relative tolerance, and what --atol makes of it. */
+/* Sets the relative tolerance to `tol`, and the absolute one from --atol or, without --atol, from `tol`. */
 void plan_tolerance(const simulation *sim, double tol, plan *out);
-/* From y0 (dim) to each of the times: rows (count, dim). Ctrl-C ends it with LG_CANCELLED. On failure the
- * rows not reached are NaN; `out` is filled. */
+/* Integrates from y0 (dim) to each of the times; rows (count, dim) are the states there. Ctrl-C ends it with
+ * LG_CANCELLED. On failure the rows that were not reached are NaN, and `out` is filled. */
 lg_status integrate(const simulation *sim, const plan *how, const double *y0, double *rows, outcome *out,
                     lg_error *error);
 
-/* Runs once more at ten times the tolerance of adaptive steps, and warns where the end y (dim) of the run
- * differs so much that few of its digits can be right (horizon.c). */
+/* If the steps are adaptive, repeats the run with ten times the tolerance. Warns if the final state y (dim)
+ * differs so much that only few of its digits can be right (horizon.c). */
 void horizon_warn(const simulation *sim, const plan *how, const double *y);
 
-/* ---- what is seen along a run (watch.c) ---- */
+/* ---- what is observed along a run (watch.c) ---- */
 
-/* A list of (t, h, manifold error, drifts): every accepted step, thinned out to the largest values of
- * neighbours when there are many. */
+/* A list of rows (t, h, manifold error, drift of each invariant), one row per accepted step. If there are
+ * many steps, a row stands for several of them and has their largest values. */
 typedef struct trace {
     size_t width, count, room, stride, pending;
     double *rows; /* (count, width) */
@@ -131,49 +132,52 @@ typedef struct watch {
     const simulation *sim;
     double *work;
     size_t invariants;
-    double *start, *end, *drift; /* (invariants); drift: largest |I - I(start)| */
+    double *start, *end, *drift; /* (invariants) each; drift: largest |I - I(start)| */
     bool energetic;              /* the first invariant is the energy */
-    double *rest, kinetic;       /* (dim): a state without its velocities; the largest kinetic energy */
-    double manifold;             /* largest */
-    double spent;                /* seconds */
+    /* Rest (dim): the state with velocities set to zero; kinetic: largest kinetic energy. */
+    double *rest, kinetic;
+    double manifold; /* largest distance from the manifold */
+    double spent;    /* seconds spent on observing */
     bool traced;
     trace trace;
-    bool recorded; /* keeps all steps */
+    bool recorded; /* t and h of all steps are kept */
     double *t, *h; /* (steps) */
     size_t steps, room;
 } watch;
 
 void watch_begin(watch *self, const simulation *sim, bool traced, bool recorded, const double *y0);
 lg_status watch_step(void *self, double t, double h, const double *y);
-/* Warns of steps that are too long: rotations beyond pi in a step, an energy that changes. */
+/* Warns if the steps are too long: a rotation by more than pi in a step, or a change of the energy. */
 void watch_warn(const watch *self, const plan *how, const outcome *run);
 void watch_end(watch *self);
 
-/* ---- where states are kept (samples.c) ---- */
+/* ---- times at which states are kept (samples.c) ---- */
 
-/* t (count) of all rows; the first is the start, the last t_end. Those from `first` on, `kept` of them, were
- * asked for. */
+/* All rows of a run: t (count), of which the first is the start and the last is t_end. The `kept` rows from
+ * `first` on are those that the user asked for. */
 typedef struct samples {
     size_t count, first, kept;
-    double *t, *y; /* (count), (count, dim) */
+    double *t, *y; /* (count); (count, dim) */
 } samples;
 
-/* By --points, --times, and the steps of the method; without `wanted` the start and the end alone. */
+/* Chooses the times from --points, --times, or the steps of the method. Without `wanted`, only the start and
+ * the end. */
 void samples_choose(const simulation *sim, const plan *how, bool wanted, samples *out);
 void samples_free(samples *self);
 
 /* ---- results ---- */
 
 typedef struct gradient {
-    size_t count;    /* of weights: sim->reported */
-    double *weights; /* (dim), zero beyond */
+    size_t count;    /* number of weights: sim->reported */
+    double *weights; /* (dim); zero from `count` on */
     double j;
-    double *dy0;         /* (dim), projected */
+    double *dy0;         /* (dim): gradient in the start, projected onto the tangent space */
     double *dparameters; /* (lg_system_parameter_count) */
     lg_adjoint_stats stats;
 } gradient;
 
-/* gradient.c: weights from --gradient; then the gradient over the recorded steps. */
+/* In gradient.c: gradient_read reads the weights from --gradient; gradient_compute computes the gradient over
+ * the recorded steps. */
 void gradient_read(const simulation *sim, gradient *out);
 void gradient_compute(const simulation *sim, const lg_scheme *scheme, const watch *seen, gradient *out);
 void gradient_free(gradient *self);
@@ -184,18 +188,18 @@ typedef struct report {
     const outcome *run;
     const watch *seen;
     const samples *path;
-    const gradient *slope; /* NULL: none */
+    const gradient *slope; /* NULL without --gradient */
 } report;
-void report_run(const report *what); /* report.c */
+void report_run(const report *what); /* in report.c */
 
-/* output.c: --out */
+/* output.c: writes the file of --out. */
 lg_status write_trajectory(const report *what, lg_error *error);
 
-/* pictures.c: --plot. 3d: whether there is a picture in space of this system. */
+/* pictures.c: draws the picture of --plot. has_space_picture: there is a 3d picture of this system. */
 bool has_space_picture(const simulation *sim);
 lg_status draw_run(const report *what, lg_error *error);
 
-/* precision.c: --work-precision */
+/* precision.c: does --work-precision. */
 void work_precision(simulation *sim);
 
 #endif

@@ -1,4 +1,5 @@
-/* Pictures in space: the chain's links, the axis of the top, the momentum of the body, the quadrotors. */
+/* 3d pictures: the links of a chain, the axis of a top, the angular momentum or the attitude of a body,
+ * quadrotors. */
 #include "lg-simulate/pictures.h"
 
 #include <math.h>
@@ -7,9 +8,9 @@
 
 enum { SNAPSHOTS = 6 };
 
-/* ---- common ---- */
+/* ---- shared functions ---- */
 
-/* From light to dark with time, s in [0, 1]. */
+/* Colour from light to dark with time, s in [0, 1]. */
 static void shade(double s, char text[8]) {
     static const double light[3] = {190, 210, 235}, dark[3] = {16, 54, 104};
     int part[3];
@@ -30,7 +31,7 @@ static size_t snapshot(const drawing *from, size_t k) {
     return count > 1 ? k * (from->what->path->kept - 1) / (count - 1) : 0;
 }
 
-/* A distance between tics that leaves about five on the longest axis. */
+/* Distance between tics that gives about five tics on the longest axis. */
 static double tic_distance(const double low[3], const double high[3]) {
     double longest = 0;
     for (int i = 0; i < 3; i++) longest = fmax(longest, high[i] - low[i]);
@@ -50,7 +51,7 @@ static void put_axes(FILE *script, const char *title, const double low[3], const
         title, low[0], high[0], low[1], high[1], low[2], high[2], tics, tics, tics);
 }
 
-/* Ranges of equal length around what was drawn. */
+/* A box around everything that is drawn. */
 typedef struct bounds {
     double low[3], high[3];
 } bounds;
@@ -62,7 +63,7 @@ static void bounds_add(bounds *of, const double x[3]) {
     }
 }
 
-/* At least a third of the longest side, a little room around. */
+/* Makes each side at least a third of the longest side, and adds a small margin. */
 static void bounds_end(bounds *of) {
     double longest = 1e-3;
     for (int i = 0; i < 3; i++) longest = fmax(longest, of->high[i] - of->low[i]);
@@ -74,14 +75,16 @@ static void bounds_end(bounds *of) {
     }
 }
 
-/* What moves in space: the path of a point, and some positions of all of it, darker with time. */
+/* A moving system: the path of one of its points, and some snapshots of the whole system, darker with
+ * time. */
 typedef struct motion {
-    const char *title, *axes; /* axes: commands for their labels */
+    const char *title, *axes; /* axes: gnuplot commands for the labels of the axes */
     const char *path, *path_width;
-    /* The point of the path, and all that is to be seen of a state, within the box. */
+    /* Computes the point of the path, and extends the box by everything in the picture of a state. */
     void (*point)(const simulation *sim, const double *y, bounds *box, double x[3]);
-    void (*put)(drawing *to, const double *y, bounds *box); /* rows of a block */
-    char style[64];                                         /* of the block */
+    /* Writes a snapshot as the rows of a data block. */
+    void (*put)(drawing *to, const double *y, bounds *box);
+    char style[64]; /* gnuplot style of the snapshots */
 } motion;
 
 static void draw_motion(drawing *to, const motion *what) {
@@ -113,7 +116,7 @@ static void draw_motion(drawing *to, const motion *what) {
 
 /* ---- chains ---- */
 
-/* x of mass j, 0 the suspension. Freed with free. */
+/* Positions of the masses, (links + 1, 3); mass 0 is the suspension. Freed with free. */
 static double *mass_positions(const simulation *sim, const double *y, size_t *count) {
     const double *lengths = parameter_values(sim, "lengths", count);
     double *x = app_alloc(3 * (*count + 1), sizeof *x);
@@ -199,7 +202,7 @@ static void unit_gamma(const simulation *sim, const double *y, double x[3]) {
     unit(y + find_block(sim, "Gamma", 1)->offset, x);
 }
 
-/* Q chi */
+/* The top's axis Q chi. */
 static void top_axis(const simulation *sim, const double *y, double x[3]) {
     size_t count = 0;
     const double *chi = parameter_values(sim, "chi", &count), *Q = y + find_block(sim, "Q", 1)->offset;
@@ -242,7 +245,7 @@ static void draw_attitude(drawing *to) {
     put_sphere(to, "axes of the body in space", axes, LG_COUNT(axes));
 }
 
-/* ---- quadrotors: e3 points down, pictures up ---- */
+/* ---- quadrotors: e3 points down, but up in the picture is up ---- */
 
 static void turned(const double from[3], double x[3]) {
     x[0] = from[0];
@@ -250,7 +253,7 @@ static void turned(const double from[3], double x[3]) {
     x[2] = -from[2];
 }
 
-/* A row of data: where the segment begins, and its vector; from e3 down to up. */
+/* Writes a row with the beginning of the segment and its vector, both turned so that up is up. */
 static void put_segment(drawing *to, const double from[3], const double end[3], bounds *box) {
     double a[3], b[3];
     turned(from, a);
@@ -261,7 +264,7 @@ static void put_segment(drawing *to, const double from[3], const double end[3], 
                   b[1] - a[1], b[2] - a[2]);
 }
 
-/* The link and the two arms of each quadrotor. */
+/* Writes the link and the two arms of each quadrotor. */
 static void put_quadrotors(drawing *to, const double *y, bounds *box) {
     const simulation *sim = to->what->sim;
     size_t count = 0;
@@ -296,7 +299,7 @@ static void draw_quadrotors(drawing *to) {
                           "payload", "1.2", payload, put_quadrotors, "1:2:3:4:5:6 with vectors nohead lw 2"});
 }
 
-/* ---- which ---- */
+/* ---- pictures by system ---- */
 
 static const space_picture pictures[] = {{"pendulum-chain", draw_chain},
                                          {"heavy-top", draw_top},

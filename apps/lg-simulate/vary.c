@@ -1,5 +1,5 @@
-/* What the members of an ensemble have of their own: distributions of parameters and starts, or the rows of a
- * table. Member i is a function of the seed and i alone. */
+/* What differs between the members of an ensemble: distributions of parameters and starts, or the rows of a
+ * table. The numbers of member i depend only on the seed and i. */
 #include "lg-simulate/ensemble.h"
 
 #include <math.h>
@@ -8,7 +8,7 @@
 
 #include "liegrad/geometry.h"
 
-/* ---- names of numbers ---- */
+/* ---- names of the numbers ---- */
 
 void component_name(const simulation *sim, size_t index, char *text, size_t size) {
     for (size_t i = 0; i < sim->block_count; i++) {
@@ -51,19 +51,20 @@ static bool label_find(const simulation *sim, const char *name, size_t *index) {
 /* ---- distributions ---- */
 
 typedef enum distribution {
-    UNIFORM,  /* low high */
-    NORMAL,   /* mean deviation */
+    UNIFORM,  /* LOW HIGH */
+    NORMAL,   /* MEAN DEVIATION */
     WITHIN,   /* the scene's value + s U(-1, 1) */
     AROUND,   /* the scene's value + s N(0, 1) */
-    SPHERE,   /* a direction, uniform */
-    CONE,     /* a direction at most an angle from the scene's, uniform on the cap */
-    ROTATION, /* uniform on SO(3) */
+    SPHERE,   /* a direction, uniform on the sphere */
+    CONE,     /* a direction within an angle of the scene's direction, uniform on this cap */
+    ROTATION, /* a rotation, uniform on SO(3) */
     DISTRIBUTIONS
 } distribution;
 
 static const struct {
     const char *name;
-    size_t numbers, block; /* that it takes; of consecutive numbers it makes, 0: any */
+    /* numbers: how many numbers follow the name; block: how many consecutive numbers are drawn, 0 for any. */
+    size_t numbers, block;
     const char *usage;
 } distributions[DISTRIBUTIONS] = {[UNIFORM] = {"uniform", 2, 0, "uniform LOW HIGH"},
                                   [NORMAL] = {"normal", 2, 0, "normal MEAN DEVIATION"},
@@ -73,7 +74,7 @@ static const struct {
                                   [CONE] = {"cone", 1, 3, "cone ANGLE"},
                                   [ROTATION] = {"rotation", 0, 9, "rotation"}};
 
-/* One item of the text: a run of numbers of the state or of the parameters. */
+/* One item of --vary: consecutive numbers of the state or of the parameters, and their distribution. */
 typedef struct vary_item {
     bool parameter;
     size_t offset, count;
@@ -87,9 +88,10 @@ struct vary {
     uint64_t seed;
     size_t count, room;
     vary_item *items;
-    lg_table_data table; /* --starts */
-    size_t *column;      /* where each of its columns goes: of the state, then of the parameters */
-    bool of_state;       /* something is drawn for the state */
+    lg_table_data table; /* the table of --starts */
+    /* Destination of each column: an index of the state, or dim + an index of the parameters. */
+    size_t *column;
+    bool of_state; /* whether any item or column is for the state */
 };
 
 static void add_item(vary *self, vary_item item, bool parameter, size_t offset, size_t count) {
@@ -107,7 +109,8 @@ static void add_item(vary *self, vary_item item, bool parameter, size_t offset, 
     self->of_state = self->of_state || !parameter;
 }
 
-/* All numbers of that name: a parameter or one of its numbers, a part of the state, a block, a component. */
+/* Adds all numbers with this name: a parameter or one number of it, all blocks with a key, a block, or a
+ * component. */
 static bool add_named(vary *self, const vary_item *item, const char *name) {
     const simulation *sim = self->sim;
     size_t count = 0, index = 0;
@@ -131,7 +134,7 @@ static bool add_named(vary *self, const vary_item *item, const char *name) {
     return self->count > before;
 }
 
-/* ---- reading ---- */
+/* ---- reading the options ---- */
 
 static void refuse_name(const simulation *sim, const char *option, const char *name) {
     char own[64];
@@ -153,7 +156,7 @@ static char *trimmed(char *text) {
     return text;
 }
 
-/* "normal 0 1", or without blanks "normal:0:1" */
+/* Reads "normal 0 1", or without blanks "normal:0:1". */
 static vary_item read_distribution(const simulation *sim, char *text) {
     char *rest = NULL;
     const char *word = strtok_r(text, " :", &rest);
@@ -204,7 +207,7 @@ static void read_item(vary *self, char *text) {
                        distributions[item.kind].name);
 }
 
-/* Columns of the table by their names. */
+/* Finds the destinations of the table's columns by their names. */
 static void read_table(vary *self, const char *path) {
     const simulation *sim = self->sim;
     APP_CLEAN(lg_table_names_destroy) lg_table_names names = {.count = 0};
@@ -259,7 +262,7 @@ size_t vary_rows(const vary *self) {
     return self->table.rows;
 }
 
-/* ---- drawing ---- */
+/* ---- drawing numbers ---- */
 
 static void draw_direction(lg_rng *rng, double *x) {
     for (double size = 0; !(size > 1e-6);) {
@@ -269,7 +272,7 @@ static void draw_direction(lg_rng *rng, double *x) {
     }
 }
 
-/* Uniform on the cap around x: the cosine is uniform. */
+/* Draws a direction, uniform on the cap around x: the cosine is uniform. */
 static void draw_cone(lg_rng *rng, double angle, double *x) {
     double side[3], turn[3];
     const double cosine = 1.0 - lg_rng_uniform(rng) * (1.0 - cos(fmin(angle, 3.14159265358979323846)));
@@ -281,7 +284,7 @@ static void draw_cone(lg_rng *rng, double angle, double *x) {
     if (size > 0.0) lg_so3_exp_act(turn, x, x);
 }
 
-/* The rotation of a uniform unit quaternion. */
+/* Draws a rotation from a uniform unit quaternion. */
 static void draw_rotation(lg_rng *rng, double *R) {
     double q[4], size = 0.0;
     for (int c = 0; c < 4; c++) q[c] = lg_rng_normal(rng), size += q[c] * q[c];
@@ -344,7 +347,8 @@ lg_status vary_draw(void *user, uint64_t member, double *y0, double *parameters)
         else
             parameters[to - sim->dim] = value;
     }
-    /* What was drawn number by number is brought to the manifold: directions to length 1, omega across q. */
+    /* Numbers were drawn one by one, so the state is projected onto the manifold: directions get length 1,
+     * omega becomes orthogonal to q. */
     if (self->of_state && self->table.rows == 0) lg_space_project(lg_system_space(sim->system), y0);
     return LG_OK;
 }

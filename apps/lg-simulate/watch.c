@@ -1,4 +1,4 @@
-/* What is seen along a run: invariants, distance from the manifold, step sizes. */
+/* What is observed along a run: invariants, distance from the manifold, step sizes. */
 #include "lg-simulate/simulate.h"
 
 #include <math.h>
@@ -7,9 +7,9 @@
 
 enum { TRACE_MAX = 4096 };
 
-/* NaN stays. */
+/* The larger number; NaN if one of them is NaN. */
 static double larger(double a, double b) {
-    return isnan(a) || a > b ? a : b; /* NaN in b: the comparison is false */
+    return isnan(a) || a > b ? a : b; /* if b is NaN, a > b is false */
 }
 
 static double *grown(double *old, size_t used, size_t room) {
@@ -26,7 +26,7 @@ static void merge_rows(double *into, const double *row, size_t width) {
     for (size_t i = 1; i < width; i++) into[i] = larger(into[i], row[i]);
 }
 
-/* Twice as many steps a row from now on. */
+/* Merges pairs of rows; from now on each row stands for twice as many steps. */
 static void thin_out(trace *at) {
     for (size_t i = 0; i < at->count / 2; i++) {
         double *to = at->rows + i * at->width;
@@ -51,14 +51,14 @@ static void trace_add(trace *at, const double *row) {
     at->pending = (at->pending + 1) % at->stride;
 }
 
-/* ---- the watch ---- */
+/* ---- observing ---- */
 
 static double invariant(const watch *self, size_t i, const double *y) {
     return lg_system_invariant(self->sim->system, i, y, self->work);
 }
 
-/* H(q, p) - H(q, 0): momenta and velocities are the second half of R^2n, R^n behind a rotation, and the
- * second group of the other spaces; all of so(3)*. */
+/* Kinetic energy H(q, p) - H(q, 0). The momenta or velocities that are set to zero: the second half of R^2n,
+ * an R^n behind another factor, the second group of numbers of the other spaces, and all of so(3)*. */
 static void look_at_kinetic(watch *self, const double *y) {
     const lg_space *space = lg_system_space(self->sim->system);
     double *rest = self->rest;
@@ -132,8 +132,9 @@ lg_status watch_step(void *user, double t, double h, const double *y) {
     return LG_OK;
 }
 
-/* A method of order 1 is taken to be looked at, and loses energy: it is told when it loses all. A body at
- * rest has rounding alone. */
+/* The energy's drift is reported above ENERGY_TOLD times the largest kinetic energy. A method of order 1
+ * always loses energy, so it is reported only above the whole kinetic energy. For a body at rest a drift
+ * below ENERGY_ROUNDING times the energy is only rounding. */
 #define ENERGY_TOLD     0.1
 #define ENERGY_ROUNDING 1e-10
 
