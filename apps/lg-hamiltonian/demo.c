@@ -1,4 +1,4 @@
-/* lg-hamiltonian demo: the single spherical pendulum from nothing to pictures. */
+/* lg-hamiltonian demo: samples, learns, judges and draws the spherical pendulum. */
 #include "common/train.h"
 #include "hamiltonian/files/recipe.h"
 #include "lg-hamiltonian/learning.h"
@@ -48,7 +48,7 @@ static void write_data(const demo *self, const char *name, lg_trajectories *data
     APP_MUST(self->app, lg_trajectories_write(self->app->context, path, data, &error));
 }
 
-/* m = L = g = 1 */
+/* The spherical pendulum with m = L = g = 1. */
 static void make_scene(demo *self) {
     static const double gravity = 1;
     static const lg_named_values parameters = {"gravity", &gravity, 1};
@@ -110,7 +110,7 @@ static void train_model(demo *self) {
                                                      &self->loss, &error));
 }
 
-/* The model's file has the verdict too. */
+/* Saves the model, judges it, and records the verdict in the model's file. */
 static void judge_model(demo *self) {
     const app *host = self->app;
     const lg_hamiltonian *model = &self->run.model;
@@ -126,7 +126,7 @@ static void judge_model(demo *self) {
                                   &error));
 }
 
-/* The true and the learned energy along the learned flow of the first test start. */
+/* Draws the true and the learned energy along the learned flow from the first start of the test data. */
 static void draw_long(const demo *self) {
     const app *host = self->app;
     const lg_system *system = self->scene.system;

@@ -1,4 +1,4 @@
-/* lg-hamiltonian evaluate: E1 and E2 of a model on test trajectories. */
+/* lg-hamiltonian evaluate: the errors E1 and E2 of a model on test trajectories. */
 #include "hamiltonian/learned.h"
 #include "lg-hamiltonian/learning.h"
 
@@ -63,7 +63,8 @@ static void report(const app *self, const lg_trajectories *test, const verdict *
     app_json_end(&out);
 }
 
-/* A result that is no number was still reported; only an E2 that nobody can know is no failure. */
+/* An E1 or E2 that is not finite is a failure (the report is still printed), except that E2 may be
+ * unknown. */
 static int check_finite(const app *self, const lg_trajectories *test, const verdict *result) {
     if (!isfinite(result->e1))
         return app_fail(self, LG_NOT_FINITE, "%s: E1 is not finite (%g): the squared differences overflow",
@@ -131,7 +132,8 @@ static int evaluate(const app *self, lg_hamiltonian_file *file, const lg_traject
     return code;
 }
 
-/* The model is replaced: a new file in the folder of what a link leads to. */
+/* Checks that --record can replace the model file. The new file is written in the folder of the real file if
+ * the path is a link. */
 static void check_record(const app *self) {
     const char *path = self->arguments[0];
     if (!values.record) return;

@@ -1,4 +1,4 @@
-/* lg-hamiltonian generate: trajectories of a scene into a data file. */
+/* lg-hamiltonian generate: samples trajectories of a scene and writes a data file. */
 #include "lg-hamiltonian/learning.h"
 
 #include "common/pieces.h"
@@ -54,7 +54,7 @@ static void report(const app *self, const lg_trajectories *data, double seconds)
     app_json_end(&out);
 }
 
-/* ---- pieces: trajectories of some starts ---- */
+/* ---- pieces of work: the trajectories of some starts ---- */
 
 enum { STARTS_OF_PIECE = 16 };
 
@@ -63,7 +63,7 @@ typedef struct generating {
     const lg_scene *scene;
     const sampling *how;
     lg_trajectories *data;
-    size_t each; /* trajectories of a piece */
+    size_t each; /* trajectories per piece */
 } generating;
 
 static lg_status make_piece(void *user, size_t piece, lg_error *error) {
@@ -73,7 +73,8 @@ static lg_status make_piece(void *user, size_t piece, lg_error *error) {
                        rest < self->each ? rest : self->each, self->data, error);
 }
 
-/* All trajectories, of all processes; false: another process writes them. */
+/* Computes all trajectories, together with other processes if there are any. False: another process writes
+ * the file. */
 static bool make_all(const app *self, const lg_scene *scene, const sampling *how, lg_trajectories *data,
                      pieces *made) {
     const size_t segments = scene->segments > 0 ? scene->segments : 1;

@@ -1,4 +1,4 @@
-/* How good a learned Hamiltonian is. */
+/* Measures the errors of a learned Hamiltonian. */
 #include "common/flow.h"
 #include "hamiltonian/learned.h"
 #include "lg-hamiltonian/learning.h"
@@ -8,13 +8,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double RELATIVE_LEAST = 1e-8; /* added to a relative error */
+static const double RELATIVE_LEAST = 1e-8; /* added to each relative error */
 
 double default_tolerance(const lg_hamiltonian *model) {
     return model->potential == LG_POTENTIAL_LINEAR ? 1e-13 : 1e-10;
 }
 
-/* A good model takes some ten steps from point to point. */
+/* Limit of the number of steps: a constant, and a number per point. A good model needs about ten steps from
+ * point to point. */
 enum { MOST_STEPS = 20000, MOST_STEPS_A_POINT = 2000 };
 
 typedef struct judgement {
@@ -23,10 +24,10 @@ typedef struct judgement {
     const lg_scheme *scheme;
     const lg_trajectories *test;
     double tolerance;
-    double *predicted;   /* (N, M, d), or NULL */
-    double *squares;     /* (N) */
+    double *predicted;   /* (N, M, d) or NULL */
+    double *squares;     /* (N): sum of the squared differences */
     lg_status *status;   /* (N) */
-    atomic_bool *failed; /* one trajectory did: the others are not begun */
+    atomic_bool *failed; /* set when a trajectory fails, so that no further ones are begun */
 } judgement;
 
 static void judge_one(void *user, size_t i) {
@@ -48,7 +49,7 @@ static void judge_one(void *user, size_t i) {
     }
 }
 
-/* H_Theta at `count` states, `stride` numbers apart. */
+/* H_Theta at `count` states; consecutive states are `stride` numbers apart. */
 static void energies_of(const lg_model *learned, const double *states, size_t count, size_t stride,
                         double *out) {
     APP_FREE void *work = app_alloc(lg_model_work_size(learned), 1);
@@ -69,7 +70,7 @@ lg_status learned_flow(const lg_context *context, const lg_hamiltonian *model, c
     return status;
 }
 
-/* Mean |d - mean d|: H is determined up to a constant. */
+/* Mean |d - mean d|; the mean is subtracted because H is determined only up to a constant. */
 static double energy_error(const lg_model *learned, const lg_trajectories *test) {
     if (test->hamiltonian == NULL) return (double)NAN;
     APP_FREE double *d = app_alloc(test->count, sizeof *d);
@@ -100,7 +101,7 @@ lg_status record_verdict(const lg_context *context, const char *path, const lg_h
     return lg_model_record_hamiltonian(context, path, &file, error);
 }
 
-/* The work with its model made. */
+/* Judges all test trajectories in parallel, with the model in work->learned. */
 static lg_status judge_all(const judgement *work, uint64_t threads, verdict *out, lg_error *error) {
     const lg_trajectories *test = work->test;
     app_parallel(threads, test->count, judge_one, (void *)(uintptr_t)work);
@@ -147,7 +148,8 @@ lg_status judge(const lg_context *context, uint64_t threads, const lg_hamiltonia
 
 /* ---- relative errors ---- */
 
-/* Geometric mean over the points of one trajectory, as a logarithm; z holds two times what is seen. */
+/* Logarithm of the geometric mean of the relative errors over the points of one trajectory. z has room for
+ * what is observed of two states. */
 static lg_status mean_logarithm(const lg_trajectories *test, const double *given, const double *predicted,
                                 double *z, double *work, double *out) {
     const size_t size = lg_system_observed(test->truth), d = test->state_dim;

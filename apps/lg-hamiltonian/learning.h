@@ -1,4 +1,4 @@
-/* What the commands of lg-hamiltonian share: sampling a scene, judging, drawing. Functions that
+/* Declarations that the commands of lg-hamiltonian share: sampling a scene, judging, drawing. Functions that
  * return a status explain a failure in `error`. */
 #ifndef LG_APPS_LEARNING_H
 #define LG_APPS_LEARNING_H
@@ -15,69 +15,72 @@ extern const app_command generate_command, train_command, evaluate_command, pred
 
 /* ---- sampling (sample.c) ---- */
 
-/* Family and n of what is learned from a scene that was read in FORM. Errors: LG_UNSUPPORTED. */
+/* Family and number of copies n of the Hamiltonian that is learned for a scene. The scene must have been read
+ * with the form FORM. LG_UNSUPPORTED: such a system cannot be learned. */
 #define FORM "hamiltonian"
 lg_status scene_family(const lg_scene *scene, const lg_hamiltonian_family **family, uint32_t *n,
                        lg_error *error);
 
 typedef struct sampling {
-    size_t trajectories, points; /* N, M */
+    size_t trajectories, points; /* numbers of trajectories (N) and of points per trajectory (M) */
     double t_end, noise;
     lg_noise noise_kind;
     bool noise_first;
     uint64_t seed;
 } sampling;
-/* Trajectories of the scene's system from random starts as the scene's `starts` say; energies of the starts
- * included. The caller frees. */
-/* Room for all trajectories, and their times; then a part of them, from any thread. */
+/* Samples trajectories of the scene's system, with the energies of the starts. Starts are random, as the
+ * scene's `starts` say. sample_create allocates all trajectories and sets their times; the caller frees them.
+ * sample_part computes `count` trajectories from number `first` on; it may be called from any thread. */
 lg_status sample_create(const lg_context *context, const lg_scene *scene, const sampling *how,
                         lg_trajectories *out, lg_error *error);
 lg_status sample_part(const lg_context *context, const lg_scene *scene, const sampling *how, size_t first,
                       size_t count, lg_trajectories *data, lg_error *error);
-/* Both at once. */
+/* Calls sample_create, and sample_part for all trajectories. */
 lg_status sample_scene(const lg_context *context, const lg_scene *scene, const sampling *how,
                        lg_trajectories *out, lg_error *error);
 /* ---- judging (judge.c) ---- */
 
-/* Tolerance, relative to each number and to its group, of the adaptive reference integrators: 1e-10, and
- * 1e-13 for linear potentials, whose E1 may be 1e-17 and less. */
+/* Default tolerance of the adaptive integration of the learned flow, used for rtol and atol as in app_flow.
+ * It is 1e-10, and 1e-13 for linear potentials, whose E1 may be 1e-17 or less. */
 double default_tolerance(const lg_hamiltonian *model);
-/* The learned flow from `start` at the given times: out (count, d), energy (count) of the learned Hamiltonian
- * along it, or NULL; stats may be NULL. */
+/* Integrates the learned flow from `start` to the given times: out (count, d). energy (count) is the learned
+ * Hamiltonian along it; it may be NULL, as may stats. */
 lg_status learned_flow(const lg_context *context, const lg_hamiltonian *model, const double *theta,
                        double tolerance, const double *start, const double *times, size_t count, double *out,
                        double *energy, lg_run_stats *stats, lg_error *error);
 
 typedef struct verdict {
-    double e1, e2; /* e2 is NaN when the energies of the starts are unknown */
+    double e1, e2; /* e2 is NaN if the energies of the starts are unknown */
     double relative, relative_worst;
 } verdict;
-/* E1: mean over trajectories, coordinates and points, the first included, of the squared difference; both
- * flows integrated accurately. E2: mean |d - mean d|, d = H - H_Theta at the starts. `predicted` (N, M, d)
- * may be NULL. */
+/* E1: mean of the squared difference between the test trajectories and the learned flow, over trajectories,
+ * coordinates and points (the first included). E2: mean |d - mean d|, where d = H - H_Theta at the starts.
+ * predicted (N, M, d) receives the learned flow; may be NULL. */
 lg_status judge(const lg_context *context, uint64_t threads, const lg_hamiltonian *model, const double *theta,
                 const lg_trajectories *test, double tolerance, double *predicted, verdict *out,
                 lg_error *error);
-/* Relative errors r = |z - z'|/|z + z'| + 1e-8 of what is seen (lg_system_observe) of given and predicted
- * states: the geometric mean over all points, the first included, into `relative`; the largest geometric mean
- * of a trajectory into `relative_worst`. test->truth must be known. Errors: those of lg_system_observe. */
+/* Relative errors r = |z - z'|/|z + z'| + 1e-8 between given and predicted states, where z is what
+ * lg_system_observe returns for a state. relative: geometric mean over all points (the first included) of all
+ * trajectories; relative_worst: largest geometric mean of a single trajectory. test->truth must be known.
+ * Errors as of lg_system_observe. */
 lg_status judge_relative(const lg_trajectories *test, const double *predicted, verdict *out, lg_error *error);
-/* Writes a finite verdict and what the test set was into the model file at `path`, which holds this run and
- * theta; all else in it stays. */
+/* Writes a finite verdict and a description of the test set into the model file at `path`, which holds this
+ * run and theta. Everything else in the file stays as it is. */
 lg_status record_verdict(const lg_context *context, const char *path, const lg_hamiltonian_run *run,
                          double *theta, const lg_trajectories *test, const verdict *result, lg_error *error);
 
 /* ---- drawing (pictures.c) ---- */
 
-/* Each reports where the picture went; a missing gnuplot is only a warning. */
-/* True (may be NULL) and predicted (n, points, d) at times t (points): links on the sphere in space; of one
- * degree of freedom the phase portrait, q and p against t; else q_1 against q_2. `title` holds no quotes. */
-enum { SHOWN_TRAJECTORIES = 10 }; /* unless more are asked for */
+/* Without gnuplot these functions only warn. */
+/* Draws true (may be NULL) and predicted trajectories, both (n, points, d), at times t (points). Chains: each
+ * link on a sphere. One degree of freedom: the phase portrait, and q and p against t. Otherwise: q_1 against
+ * q_2. `title` must not contain quotes. */
+enum { SHOWN_TRAJECTORIES = 10 }; /* default number of trajectories in the picture */
 lg_status draw_trajectories(const app *app, const char *picture, const char *title,
                             const lg_hamiltonian *model, const double *t, const double *truth,
                             const double *predicted, size_t n, size_t points, lg_error *error);
-/* |H - H(0)| of the true energy (may be NULL) and of the learned one along one prediction, in units of
- * m = L = g = 1. */
+/* Draws |H - H(0)| along one prediction, for the true energy (may be NULL) and the learned energy, in units
+ * with m = L = g = 1. */
 lg_status draw_energy(const app *app, const char *picture, const double *t, const double *true_energy,
                       const double *learned_energy, size_t count, lg_error *error);
 

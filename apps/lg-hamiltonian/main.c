@@ -1,9 +1,9 @@
-/* lg-hamiltonian: learn the Hamiltonian of a mechanical system from trajectories. */
+/* lg-hamiltonian: learns the Hamiltonian of a mechanical system from trajectories. */
 #include "lg-hamiltonian/learning.h"
 
 #include <stdlib.h>
 
-/* With a line for each family of the table. */
+/* The program's summary, with a line for each family of Hamiltonians. */
 static char *summary(void) {
     char *text =
         app_format("Learns the Hamiltonian of a mechanical system from sampled trajectories. The system's "

@@ -9,14 +9,14 @@ static bool on_spheres(const lg_hamiltonian *model) {
     return model->family->factor[0] == LG_SPACE_TS2;
 }
 
-/* What is drawn of a model: blocks of true points in the file of data, then blocks of predicted ones. */
+/* Which data blocks are drawn: blocks of true points, followed by blocks of predicted points. */
 typedef struct curves {
     size_t true_blocks, predicted_blocks;
-    size_t part, parts; /* of blocks part, part + parts, ... */
+    size_t part, parts; /* the blocks part, part + parts, part + 2 parts, ... are drawn */
 } curves;
 
-/* One block a trajectory and link: the position, on R^(2n) the first two coordinates and 0; then the time.
- * Returns the blocks written. */
+/* Writes a block per trajectory and link. A line has the position (on R^(2n) the first two coordinates and 0)
+ * and then the time. Returns the number of blocks. */
 static size_t put_blocks(app_plot *plot, const lg_hamiltonian *model, const double *t, const double *y,
                          size_t n, size_t points) {
     const bool chain = on_spheres(model);
@@ -45,7 +45,7 @@ static void put_curves(FILE *script, const curves *of, const char *columns, bool
     (void)fputc('\n', script);
 }
 
-/* A sphere for each link; the arrow is the direction of gravity, -e3. */
+/* Draws a sphere for each link; the arrow shows the direction of gravity, -e3. */
 static void put_spheres(FILE *script, size_t links, curves of) {
     (void)fprintf(
         script,
@@ -66,8 +66,8 @@ static void put_spheres(FILE *script, size_t links, curves of) {
     }
 }
 
-/* Systems on R^(2n): panels of what stands against what. Of one degree of freedom the phase portrait and both
- * against time, else the first two positions. */
+/* A panel for a system on R^(2n): which columns are drawn against each other. With one degree of freedom
+ * there are the phase portrait, q against t and p against t; otherwise q_2 against q_1. */
 typedef struct panel {
     const char *columns, *xlabel, *ylabel, *settings;
 } panel;
@@ -88,7 +88,7 @@ static void put_panels(FILE *script, const panel *panels, size_t count, const cu
     }
 }
 
-/* Panels beside each other and below, under one title. */
+/* Begins a grid of panels, PANELS_IN_ROW per row, under one title. */
 static void begin_panels(app_plot *plot, const char *picture, size_t count, int side, const char *title) {
     const size_t columns = count < PANELS_IN_ROW ? count : (size_t)PANELS_IN_ROW;
     const size_t rows = (count + PANELS_IN_ROW - 1) / PANELS_IN_ROW;

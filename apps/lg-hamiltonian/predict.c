@@ -1,4 +1,4 @@
-/* lg-hamiltonian predict: follow the learned flow from one start. */
+/* lg-hamiltonian predict: integrates the learned flow from one start. */
 #include "lg-hamiltonian/learning.h"
 
 #include <math.h>
@@ -37,14 +37,15 @@ typedef struct prediction {
     bool has_scene;
     double t_end;
     double *start;     /* (d) */
-    lg_trajectories y; /* N = 1 */
-    double *truth;     /* (M, d), or NULL without a scene */
-    double *energy;    /* (M), learned */
+    lg_trajectories y; /* a single trajectory, N = 1 */
+    double *truth;     /* (M, d); NULL without a scene */
+    double *energy;    /* (M): the learned energy */
     lg_run_stats stats;
     double seconds;
 } prediction;
 
-/* A start typed by hand may be off the manifold; one that is off by rounding is projected. */
+/* A start from the command line may be off the manifold. Up to a distance of 1e-6 it is projected, with a
+ * warning above 1e-14; a larger distance ends the command. */
 static void check_start(const app *self, prediction *p) {
     const lg_hamiltonian *model = &p->file->run.model;
     lg_space space;

@@ -1,4 +1,4 @@
-/* Trajectories of a scene. */
+/* Samples trajectories of a scene. */
 #include "lg-hamiltonian/learning.h"
 
 lg_status scene_family(const lg_scene *scene, const lg_hamiltonian_family **family, uint32_t *n,

@@ -1,4 +1,4 @@
-/* lg-hamiltonian study: a grid of trainings, resumable. */
+/* lg-hamiltonian study: a resumable grid of trainings. */
 #include "common/train.h"
 #include "hamiltonian/files/recipe.h"
 #include "lg-hamiltonian/study.h"
@@ -16,11 +16,11 @@ static const lg_field picture_options[] = {
 
 static picture_values values;
 
-enum { SEED_TEST = 1 }; /* the other is the row's */
+enum { SEED_TEST = 1 }; /* kind of seed (study_seed) for the test trajectories; kind 0 is the row's seed */
 
 /* ---- the grid ---- */
 
-/* The numbers of a parameter; NULL when the system has none of that key. */
+/* The values of the parameter with this key; NULL if the system has no such parameter. */
 static const double *parameter_of(const lg_system *system, const char *key) {
     const lg_parameter_entry *row = lg_system_parameters(lg_system_name(system), lg_system_form(system));
     const double *numbers = lg_system_parameter_values(system);
@@ -29,13 +29,15 @@ static const double *parameter_of(const lg_system *system, const char *key) {
     return row->key != NULL ? numbers : NULL;
 }
 
-/* Grids of earlier versions lacked these keys: one at its default adds nothing. */
+/* Adds the hyperparameters that grids of earlier versions did not have. One with its default value adds
+ * nothing, so that the tables of those versions keep their protocol. */
 static void write_later_keys(const lg_hamiltonian_run *run, FILE *text) {
     char value[LG_FIELD_TEXT_SIZE], usual[LG_FIELD_TEXT_SIZE];
     lg_hamiltonian_run initial = *run;
     lg_fields_default(lg_hamiltonian_fields, &initial);
     for (const lg_field *row = lg_hamiltonian_fields; row->name != NULL; row++) {
-        if (!row->optional || strcmp(row->name, "schedule") == 0) continue; /* the schedule has its place */
+        /* set_protocol writes the schedule itself. */
+        if (!row->optional || strcmp(row->name, "schedule") == 0) continue;
         lg_field_show(row, run, value, sizeof value);
         lg_field_show(row, &initial, usual, sizeof usual);
         if (strcmp(value, usual) != 0) (void)fprintf(text, "; %s %s", row->name, value);
@@ -136,7 +138,7 @@ static lg_status train_and_judge(const app *self, lg_hamiltonian_run run, uint64
     lg_hamiltonian_state state = {.data = *data};
     APP_CLEAN(lg_learning_release)
     lg_learning learning = lg_learning_of(context, &lg_recipe_hamiltonian, &run, &state);
-    learning.stored = &run; /* without preset */
+    learning.stored = &run; /* no preset changes the run */
     LG_TRY(learning.recipe->learner->describe(&learning, error));
     learning.options = train_fit_options(self, &run.training);
     learning.options.threads = (int)threads;

@@ -5,11 +5,11 @@
 #include "common/study.h"
 #include "lg-hamiltonian/learning.h"
 
-/* Axes and measures of the plan. */
+/* Indices of the plan's axes and measures. */
 enum { AXIS_INTEGRATOR, AXIS_SUBSTEPS, AXIS_N, AXIS_M, AXIS_EPS, AXIS_PENALTY, AXES };
 enum { STUDY_LOSS, STUDY_E1, STUDY_E2, STUDY_SECONDS, MEASURES };
 
-/* A row's value on an axis, as text and as number. */
+/* The value of a row on an axis, as text and as number. */
 static inline const char *text_at(const study_plan *plan, const study_row *row, uint32_t axis) {
     return plan->axes[axis].text[row->at[axis]];
 }
@@ -18,11 +18,11 @@ static inline double number_at(const study_plan *plan, const study_row *row, uin
     return plan->axes[axis].number[row->at[axis]];
 }
 
-/* Medians over the repeats of each cell, geometric means of each integrator. */
+/* Prints the medians over the repeats of each cell, and the geometric means over all runs of each
+ * integrator. */
 void study_report(const app *app, const study_file *file, uint64_t fresh, double seconds);
 
-/* Median E1 against median training time, one mark a cell, one series an integrator and number of substeps.
- */
+/* Draws median E1 against median training time: one mark per cell, one series per integrator and M. */
 lg_status study_draw_work(const app *app, const char *picture, const study_file *file, lg_error *error);
 
 #endif

@@ -1,4 +1,4 @@
-/* The picture of a study: accuracy against time. */
+/* The picture of a study: error against training time. */
 #include "lg-hamiltonian/study.h"
 
 static const char *const colours[] = {"#1f5fa8", "#d1641f", "#2a9d5c", "#8a4fbf", "#c0392b", "#6b7280"};
@@ -7,17 +7,18 @@ static const char *colour_of(size_t series) {
     return colours[series % LG_COUNT(colours)];
 }
 
-/* gnuplot's filled marks: circle, square, triangle up and down, diamond, pentagon. */
+/* Filled marks of gnuplot: circle, square, triangle up, triangle down, diamond, pentagon. */
 static int mark_of(size_t series) {
     static const int marks[] = {7, 5, 9, 11, 13, 15};
     return marks[series % LG_COUNT(marks)];
 }
 
-/* One block: the cells of an integrator and an M; an empty line parts curves over the substeps. */
+/* Writes a data block: the cells of integrator i and of value m of M. A curve goes over the substeps; an
+ * empty line separates curves. */
 static void put_work_block(app_plot *plot, const study_file *file, uint32_t i, uint32_t m) {
     FILE *data = plot->data.stream;
     const study_axis *substeps = &file->plan->axes[AXIS_SUBSTEPS];
-    (void)fputs("nan nan nan\n", data); /* no block is without a line */
+    (void)fputs("nan nan nan\n", data); /* so that no block is empty */
     for (uint64_t c = 0; c < study_cells(file->plan); c++) {
         study_row key = study_run_at(file->plan, c);
         if (key.at[AXIS_INTEGRATOR] != i || key.at[AXIS_M] != m || key.at[AXIS_SUBSTEPS] != 0) continue;

@@ -1,4 +1,4 @@
-/* Summaries of a study. */
+/* The tables of a study. */
 #include "lg-hamiltonian/study.h"
 
 #include <math.h>
@@ -10,7 +10,7 @@ static bool same_on(const study_row *a, const study_row *b, const uint32_t *axes
     return true;
 }
 
-/* Over all runs of the plan with the integrator and number of substeps of `first`. */
+/* Summary over all runs of the plan with the integrator and the number of substeps of `first`. */
 static study_summary integrator_summary(const study_file *file, const study_row *first) {
     static const uint32_t axes[] = {AXIS_INTEGRATOR, AXIS_SUBSTEPS};
     const uint64_t runs = study_runs(file->plan);
@@ -22,7 +22,7 @@ static study_summary integrator_summary(const study_file *file, const study_row 
     return study_end(&c);
 }
 
-/* Row number `index` of the pairs (integrator, substeps), integrators first. */
+/* Pair number `index` of (integrator, substeps); the substeps vary faster. */
 static study_row integrator_at(const study_plan *plan, uint64_t index) {
     const uint32_t substeps = plan->axes[AXIS_SUBSTEPS].count;
     study_row key = {.at = {[AXIS_INTEGRATOR] = (uint32_t)(index / substeps),
@@ -34,7 +34,8 @@ static uint64_t integrators_of(const study_plan *plan) {
     return (uint64_t)plan->axes[AXIS_INTEGRATOR].count * plan->axes[AXIS_SUBSTEPS].count;
 }
 
-/* A combination (integrator, substeps, N, M, penalty) over all noises of one kind and all repeats. */
+/* A combination (integrator, substeps, N, M, penalty), summarised over all repeats and over all noise levels
+ * that are zero, or all that are not. */
 typedef struct combination {
     study_row key;
     study_summary summary;
@@ -60,7 +61,7 @@ static study_summary combination_summary(const study_file *file, study_row key, 
     return study_end(&c);
 }
 
-/* Fills best[0..] in the order of the geometric mean of E1; returns how many there are. */
+/* Fills best[0..] in rising order of the geometric mean of E1; returns their number. */
 static size_t best_combinations(const study_file *file, bool noisy, combination best[BEST]) {
     const study_plan *plan = file->plan;
     const size_t all = (size_t)(study_cells(plan) / plan->axes[AXIS_EPS].count);
@@ -78,13 +79,13 @@ static size_t best_combinations(const study_file *file, bool noisy, combination 
     return n;
 }
 
-/* ---- the result ---- */
+/* ---- results ---- */
 
 static const uint32_t cell_axes[] = {AXIS_INTEGRATOR, AXIS_SUBSTEPS, AXIS_N, AXIS_M, AXIS_EPS, AXIS_PENALTY},
                       combination_axes[] = {AXIS_INTEGRATOR, AXIS_SUBSTEPS, AXIS_N, AXIS_M, AXIS_PENALTY},
                       integrator_axes[] = {AXIS_INTEGRATOR, AXIS_SUBSTEPS};
 
-/* What the row is of, its figures, and the number of its runs. */
+/* Writes a table row: the values on the given axes, the figures, and the numbers of runs and failed runs. */
 static void put_row(app_json *out, const study_plan *plan, const study_row *key, const uint32_t *axes,
                     size_t count, const study_summary *s, const double *figures) {
     app_json_open(out, NULL, '{');

@@ -1,10 +1,10 @@
-/* lg-hamiltonian train: fit a Hamiltonian to trajectories. */
+/* lg-hamiltonian train: fits a Hamiltonian to trajectories. */
 #include "common/train.h"
 #include "hamiltonian/files/recipe.h"
 #include "lg-hamiltonian/learning.h"
 
 static lg_hamiltonian_state state;
-static lg_hamiltonian_run run; /* all that determines the result */
+static lg_hamiltonian_run run; /* everything that determines the result */
 
 static const app_settings settings[] = {{lg_hamiltonian_fields, &run, sizeof run},
                                         TRAIN_PRESET,
