@@ -1,5 +1,5 @@
 /* Declarations that the commands of lg-elastica share: boundary conditions as options, curves, learned
- * curves, pictures. A function without a status ends the command where it fails. */
+ * curves, pictures. A function that does not return a status ends the command if it fails. */
 #ifndef LG_APPS_BEAM_H
 #define LG_APPS_BEAM_H
 
@@ -10,11 +10,11 @@
 extern const app_command solve_command, generate_command, train_command, evaluate_command, predict_command,
     search_command;
 
-/* ---- beams as options (boundary.c) ---- */
+/* ---- options for beams (boundary.c) ---- */
 
-extern const char *const case_names[]; /* in the order of lg_elastica_case */
+extern const char *const case_names[]; /* indexed by lg_elastica_case */
 
-/* Parts of a command's values. */
+/* Groups of options, which are members of the structure with a command's values. */
 typedef struct end_values {
     lg_reals q0, qN;
 } end_values;
@@ -25,7 +25,7 @@ typedef struct beam_values {
 } beam_values;
 
 typedef struct boundary_values {
-    int kind; /* position in case_names */
+    int kind; /* index into case_names */
     double x, theta0, thetaN, rotation;
     end_values ends;
 } boundary_values;
@@ -64,29 +64,30 @@ typedef struct boundary_values {
 
 #define BOUNDARY_ROTATIONS 3
 
-/* Boundary conditions and the possible rotations: the given one, or B - A wrapped to (-pi, pi], one turn less
- * and one turn more. `chosen` is the rotation of the case or the given one; NaN otherwise. */
+/* Boundary conditions and the possible rotations: the given rotation, or B - A wrapped to (-pi, pi], one turn
+ * less and one turn more. `chosen` is the rotation of the case or the given one; otherwise NaN. */
 typedef struct boundary {
-    lg_elastica problem; /* with the first rotation */
+    lg_elastica problem; /* its rotation is `chosen`, or rotation[0] without a choice */
     size_t count;
     double rotation[BOUNDARY_ROTATIONS], chosen;
 } boundary;
 
-/* A beam with these ends, without angles. */
+/* A beam with these ends; the end angles are not set yet. */
 lg_elastica beam_problem(const app *app, const beam_values *beam, const end_values *ends);
-/* `problem`: what the options do not say. `kind`: the case when --x is given alone. */
+/* Reads the boundary conditions. `problem` has the values that the options do not set. `kind` is the case if
+ * --x is given without --case. */
 void boundary_read(const app *app, const boundary_values *values, const lg_elastica *problem,
                    lg_elastica_case kind, boundary *out);
-/* All rotations of a pair of end angles. */
+/* Sets all possible rotations for a pair of end angles. */
 void boundary_rotations(double theta0, double thetaN, boundary *out);
 /* An angle wrapped to (-pi, pi]. */
 double wrap_angle(double angle);
-/* q0, v0, qN, vN. */
+/* Writes the boundary conditions as a vector: q0, v0, qN, vN. */
 void boundary_vector(const lg_elastica *problem, double x[8]);
 
 /* ---- curves (curves.c) ---- */
 
-/* Points of a curve, arrays owned. */
+/* Points of a curve; owns its arrays. */
 typedef struct beam_nodes {
     size_t count;
     double *s, *q, *v, *theta; /* (count), (count, 2), (count, 2), (count) */
@@ -94,38 +95,40 @@ typedef struct beam_nodes {
 beam_nodes beam_nodes_create(size_t count);
 void beam_nodes_destroy(beam_nodes *nodes);
 
-/* An equilibrium at the N + 1 nodes. */
+/* An equilibrium, given at its N + 1 nodes. */
 typedef struct beam_curve {
-    lg_elastica problem; /* with the curve's own rotation */
+    lg_elastica problem; /* with the rotation of this curve */
     beam_nodes at;
     lg_elastica_solution solution;
 } beam_curve;
 beam_curve beam_curve_create(const lg_elastica *problem);
 void beam_curve_destroy(beam_curve *curve);
 
-/* The equilibrium with the chosen rotation, or without one the equilibrium of lowest energy. */
+/* Solves for the equilibrium with the chosen rotation, or, without a choice, for the one with the lowest
+ * energy. */
 void beam_solve(const app *app, const boundary *where, const lg_elastica_options *options, bool continuous,
                 beam_curve *out);
 
 typedef struct beam_curves {
     size_t count;
-    beam_curve *list; /* by rising energy */
+    beam_curve *list; /* in rising order of energy */
     bool full;        /* the search stopped because the list was full */
 } beam_curves;
-/* All equilibria of the discrete problem that the library finds, over the boundary's rotations. `out` is
- * destroyed after failures too. */
+/* Finds all equilibria of the discrete problem that the library can find, for all rotations of the boundary
+ * conditions. The caller destroys `out`, also after a failure. */
 lg_status beam_branches(const lg_context *context, const boundary *where, const lg_elastica_options *options,
                         bool saddles, beam_curves *out, lg_error *error);
 void beam_curves_destroy(beam_curves *curves);
-/* Root of the mean square of the tangents' differences; equal N. */
+/* Root mean square, over the nodes, of the difference of the tangents. Both curves must have the same N. */
 double beam_distance(const beam_curve *a, const beam_curve *b);
 
-/* Columns s,x,y,vx,vy,theta; with `numbered` `branch` before them. No file where `path` is NULL. */
+/* Writes a CSV file with the columns s,x,y,vx,vy,theta; `numbered` puts a column `branch` first. Writes
+ * nothing if `path` is NULL. */
 void write_curves(const app *app, const char *path, const beam_curve *curves, size_t count, bool numbered);
-/* q, v and theta; people see a table of about ten points, or of all. */
+/* Writes q, v and theta. For people it prints a table of about ten nodes, or of all nodes. */
 void result_nodes(app_json *out, const beam_nodes *nodes, bool all);
 
-/* lg-elastica solve --sweep (sweep.c): `problem` tells everything but x. */
+/* lg-elastica solve --sweep (sweep.c). `problem` has everything but the end angles, which depend on x. */
 typedef struct sweep_values {
     size_t points;
     lg_elastica problem;
@@ -137,31 +140,32 @@ void sweep_run(const app *app, const sweep_values *values, const lg_elastica_opt
 
 /* ---- learned curves (learned.c) ---- */
 
-/* Curves whose boundary conditions lie farther from the trained ones than twice their reach. NaN for a model
- * without the boundary conditions of its training part: it has no range. */
+/* Counts the curves whose boundary conditions are farther from the trained ones than twice the reach of the
+ * trained ones (lg_surrogate_reach). reach and largest are NaN if the model file has no boundary conditions
+ * of its training part. */
 typedef struct outside {
-    double reach, largest; /* largest distance */
+    double reach, largest; /* largest: largest distance of a curve */
     size_t count;
 } outside;
-/* `chosen`: rows of `boundary`; NULL: the first ones. */
+/* `chosen` (count): the rows of `boundary` to count; NULL: the first `count` rows. */
 outside count_outside(const lg_surrogate_file *file, const double *boundary, const uint32_t *chosen,
                       size_t count);
 
-/* A network's curves at `points` points, or fewer. */
+/* Evaluates a network's curves at up to `points` points at a time. */
 typedef struct learned {
     lg_surrogate_curves *curves;
     void *work;
 } learned;
 learned learned_open(const app *app, const lg_surrogate_file *file, size_t points);
 void learned_close(learned *curves);
-/* Arc length k of n equidistant ones on [0, length]. */
+/* Number k, from 0, of n equidistant arc lengths on [0, length]. */
 double equidistant(double length, size_t k, size_t n);
 
-/* ---- pictures (pictures.c); where `picture` is NULL nothing is drawn ---- */
+/* ---- pictures (pictures.c); nothing is drawn if `picture` is NULL ---- */
 
-/* Curves in the plane, equal axes; `labelled`: with their energies. */
+/* Draws curves in the plane, with equal scales on both axes; `labelled`: with their energies. */
 void draw_curves(const app *app, const char *picture, const beam_curve *curves, size_t count, bool labelled);
-/* Curves of a set, evenly chosen. */
+/* Draws some curves of a set, evenly chosen. */
 void draw_set(const app *app, const char *picture, const lg_elastica_curves *curves);
 
 typedef struct sweep_point {
@@ -170,10 +174,11 @@ typedef struct sweep_point {
     double rotation;
     size_t branch;
 } sweep_point;
-/* Ordered by branch, then x. */
+/* The points are sorted by branch, then by x. */
 void draw_sweep(const app *app, const char *picture, const sweep_point *points, size_t count);
 
-/* `shown` curves of (intervals + 1) nodes each, true and learned; node_error (N + 1, 2). */
+/* Some curves (`shown`) with `intervals` + 1 nodes each, true and learned; node_error (N + 1, 2) has the mean
+ * errors of q and v at each node. */
 typedef struct comparison {
     size_t shown;
     uint32_t intervals;
@@ -184,7 +189,7 @@ typedef struct comparison {
 } comparison;
 void draw_comparison(const app *app, const char *picture, const comparison *what);
 
-/* A learned curve and, when not NULL, a solution. */
+/* Draws a learned curve and, if `truth` is not NULL, the solution. */
 void draw_prediction(const app *app, const char *picture, const beam_curve *curve, const beam_curve *truth);
 
 #endif

@@ -1,4 +1,4 @@
-/* Boundary conditions from the command line. */
+/* Reads boundary conditions from the command line. */
 #include <math.h>
 
 #include "lg-elastica/beam.h"
@@ -58,7 +58,7 @@ lg_elastica beam_problem(const app *self, const beam_values *beam, const end_val
     return problem;
 }
 
-/* --rotation keeps one of B - A + 2 pi k. */
+/* Keeps only the rotation of --rotation, which must be B - A + 2 pi k for a whole number k. */
 static void fix_rotation(const app *self, double wanted, boundary *out) {
     const double turns = round((wanted - out->rotation[0]) / (2 * pi));
     const double nearest = out->rotation[0] + 2 * pi * turns;

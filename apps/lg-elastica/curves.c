@@ -1,4 +1,4 @@
-/* Equilibria: solving, collecting, comparing, writing. */
+/* Equilibria: solves, collects, compares and writes them. */
 #include <float.h>
 #include <math.h>
 #include <stdlib.h>
@@ -8,7 +8,8 @@
 
 enum { BRANCH_ROOM = 64 };
 
-/* Energies of mirror images differ by rounding: the first one found is kept. */
+/* Relative difference of energies that are taken as equal. Mirror images have equal energies up to rounding;
+ * then the first curve found is kept. */
 static const double same_energy = 1e-9;
 
 beam_nodes beam_nodes_create(size_t count) {
@@ -52,10 +53,10 @@ static lg_status solve_one(const lg_context *context, const lg_elastica_options 
     return status;
 }
 
-/* A lower bound on the energy of curves whose angles differ by at most pi from node to node. Where |r|/N lies
- * below the point whose tangent leads to (pi, 2), the largest convex function under 1 - cos is 1 - cos
- * itself. By Jensen's inequality the minimum then spreads the rotation evenly. The bound is also below the
- * bound EI r^2/(2 L) of the continuous energy. */
+/* A lower bound on the energy of a discrete curve whose angles differ by at most pi from node to node. The
+ * largest convex function below 1 - cos equals 1 - cos up to the point whose tangent goes through (pi, 2);
+ * |r|/N must be below this point. By Jensen's inequality the minimum then spreads the rotation r evenly over
+ * the intervals. The bound is also smaller than the bound EI r^2/(2 L) on the continuous energy. */
 static double energy_bound(const lg_elastica *problem) {
     const double n = (double)problem->intervals, each = fabs(problem->rotation) / n, half = sin(0.5 * each);
     return each <= 0.8 ? problem->stiffness * n / problem->length * n * 2 * half * half : 0;

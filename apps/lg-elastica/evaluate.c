@@ -1,4 +1,4 @@
-/* lg-elastica evaluate: the errors of a model over curves. */
+/* lg-elastica evaluate: the errors of a model on curves. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -31,7 +31,7 @@ static evaluate_values values;
 typedef struct evaluation {
     lg_surrogate_file file;
     lg_elastica_data data;
-    uint32_t *chosen; /* rising */
+    uint32_t *chosen; /* (count): indices of the curves, rising */
     size_t count;
     lg_surrogate_errors errors;
     outside beyond;

@@ -1,4 +1,4 @@
-/* lg-elastica generate: curves over families of boundary conditions into a data file. */
+/* lg-elastica generate: computes curves over families of boundary conditions and writes a data file. */
 #include <math.h>
 
 #include "lg-elastica/beam.h"

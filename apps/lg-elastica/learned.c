@@ -1,11 +1,10 @@
-/* What evaluate and predict have in common: the training range of a network, and the curves that it computes.
- */
+/* What evaluate and predict share: the training range of a network, and the curves that it computes. */
 #include <math.h>
 #include <stdlib.h>
 
 #include "lg-elastica/beam.h"
 
-/* A curve is outside when it is farther away than this many times the reach. */
+/* A curve is outside if its distance exceeds the reach times this factor. */
 static const double outside_factor = 2;
 
 outside count_outside(const lg_surrogate_file *file, const double *boundary_rows, const uint32_t *chosen,

@@ -1,4 +1,4 @@
-/* lg-elastica: equilibria of a clamped beam, and networks that compute them. */
+/* lg-elastica: computes equilibria of a clamped beam, and trains networks that compute them. */
 #include "lg-elastica/beam.h"
 
 int main(int argc, char **argv) {

@@ -15,14 +15,14 @@ static const char *colour(size_t i) {
     return colours[i % LG_COUNT(colours)];
 }
 
-/* One block: a polyline of `points` pairs. */
+/* Writes a data block with a polyline of `points` points. */
 static void put_pairs(app_plot *plot, const double *pairs, size_t points) {
     for (size_t k = 0; k < points; k++)
         (void)fprintf(plot->data.stream, "%.9g %.9g\n", pairs[2 * k], pairs[2 * k + 1]);
     app_plot_block(plot);
 }
 
-/* One block: a beam by cubic Hermite interpolation. */
+/* Writes a data block with a beam, interpolated by cubic Hermite polynomials. */
 static void put_beam(app_plot *plot, const beam_curve *curve) {
     const double *q = curve->at.q, *v = curve->at.v;
     const size_t intervals = curve->problem.intervals;
@@ -41,7 +41,7 @@ static void put_beam(app_plot *plot, const beam_curve *curve) {
     app_plot_block(plot);
 }
 
-/* ---- equal axes ---- */
+/* ---- plots with equal scales on both axes ---- */
 
 typedef struct box {
     double low[2], high[2];
@@ -56,14 +56,15 @@ static void extend(box *b, const double *pairs, size_t points) {
     }
 }
 
-/* Height in pixels of a picture whose curves are 720 wide. */
+/* Height in pixels of a picture in which the curves are 720 pixels wide. */
 static int height_of(const box *b) {
     const double dx = fmax(b->high[0] - b->low[0], 1e-6), dy = b->high[1] - b->low[1];
     const double height = 1.12 * 720 * dy / dx;
     return (height < 120 ? 120 : height > 800 ? 800 : (int)height) + 110;
 }
 
-/* The ticks of y have steps of 1, 2 or 5 times a power of ten: about four, fewer where the box is low. */
+/* Begins a plot. The tics of y have steps of 1, 2 or 5 times a power of ten: about four steps, fewer if the
+ * box is low. */
 static void begin_plane(app_plot *plot, const char *picture, const box *b, int width, int height) {
     const double dx = fmax(b->high[0] - b->low[0], 1e-6), dy = fmax(b->high[1] - b->low[1], 1e-6);
     const double steps = fmin(4, fmax(1, 20 * dy / dx));
@@ -81,9 +82,9 @@ static void end(const app *self, app_plot *plot, const char *picture) {
 }
 
 typedef struct style {
-    bool labelled;                /* with energies */
-    const char *title;            /* or NULL */
-    const char *minimum, *saddle; /* widths of lines */
+    bool labelled;                /* with the energies */
+    const char *title;            /* may be NULL */
+    const char *minimum, *saddle; /* line widths for minima and for saddles */
 } style;
 
 static void draw_beams(const app *self, const char *picture, const beam_curve *curves, size_t count,
@@ -134,8 +135,8 @@ void draw_set(const app *self, const char *picture, const lg_elastica_curves *cu
 
 /* ---- energy against x ---- */
 
-/* A line changes its dash where the branch changes its stability: pieces of equal stability, the last point
- * of one repeated as the first of the next. */
+/* Writes each branch as pieces of equal stability, since stable and unstable pieces have different dashes. A
+ * piece begins with the last point of the piece before it. */
 static void put_branches(app_plot *plot, const sweep_point *points, size_t count) {
     for (size_t i = 0, block = 0; i < count; i++) {
         const bool saddle = points[i].negative_eigenvalues > 0;
@@ -191,7 +192,7 @@ void draw_comparison(const app *self, const char *picture, const comparison *wha
     FILE *script = plot.script.stream;
     for (size_t set = 0; set < LG_COUNT(sets); set++)
         for (size_t i = 0; i < shown; i++) put_pairs(&plot, sets[set] + 2 * nodes * i, nodes);
-    /* An error of exactly 0 (given ends) has no logarithm. */
+    /* An error of exactly 0, as at the given ends, has no logarithm; it is left out as NaN. */
     for (size_t k = 0; k < nodes; k++) {
         const double eq = what->node_error[2 * k], ev = what->node_error[2 * k + 1];
         (void)fprintf(plot.data.stream, "%.9g %.9g %.9g\n",

@@ -1,4 +1,4 @@
-/* lg-elastica predict: the learned curve of one pair of boundary conditions. */
+/* lg-elastica predict: computes the learned curve for given boundary conditions. */
 #include <math.h>
 #include <string.h>
 
@@ -38,10 +38,10 @@ typedef struct prediction {
     lg_surrogate_file file;
     boundary where;
     double x[8];
-    beam_curve curve; /* at the points that were asked for */
+    beam_curve curve; /* the learned curve at the requested points */
     outside beyond;
     double seconds;
-    beam_curve truth; /* with --solve */
+    beam_curve truth; /* the solution; only with --solve */
     double max_error, mse, solve_seconds;
 } prediction;
 
@@ -81,9 +81,9 @@ static void read_points(const app *self, prediction *p) {
     }
 }
 
-/* ---- the curve ---- */
+/* ---- computing the curve ---- */
 
-/* Median over a few calls after a first one. */
+/* Computes the curve. The time is the median over TIMED calls after a first call that is not timed. */
 static void compute(const app *self, prediction *p) {
     double seconds[TIMED];
     const beam_nodes *at = &p->curve.at;
@@ -103,7 +103,7 @@ static void compute(const app *self, prediction *p) {
             app_stop(self, LG_NOT_FINITE, "the curve is not finite at s = %.9g", at->s[i / 2]);
 }
 
-/* The comparison is at the nodes, whatever points the user chose. */
+/* Compares at the nodes, whatever points the user requested. */
 static void compare(const app *self, prediction *p) {
     const lg_surrogate *model = &p->file.run.model;
     const size_t nodes = (size_t)model->intervals + 1;
@@ -123,7 +123,7 @@ static void compare(const app *self, prediction *p) {
     }
 }
 
-/* ---- running ---- */
+/* ---- the command ---- */
 
 static void report(const app *self, const prediction *p) {
     const beam_nodes *at = &p->curve.at;

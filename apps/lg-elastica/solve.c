@@ -1,4 +1,4 @@
-/* lg-elastica solve: one equilibrium, all of them, or all of them over a range of boundary conditions. */
+/* lg-elastica solve: finds one equilibrium, all equilibria, or all over a range of boundary conditions. */
 #include <math.h>
 
 #include "lg-elastica/beam.h"
@@ -73,7 +73,8 @@ static void report_curve(const app *self, const beam_curve *curve, double second
     app_json_end(&out);
 }
 
-/* Compares with the continuous beam. Where that has no answer there is nothing to say. */
+/* Warns if the energy differs by more than 5 % from the energy of the continuous beam. If the continuous beam
+ * cannot be solved, there is no warning. */
 static void warn_of_intervals(const app *self, const lg_elastica *problem, double energy) {
     static const double coarse = 0.05;
     lg_elastica_solution continuous;
@@ -135,7 +136,7 @@ static void solve_branches(const app *self, const boundary *where, const lg_elas
 
 /* ---- the command ---- */
 
-/* Options that exclude each other, or need another one. */
+/* Checks options that exclude each other or need another option. */
 static void check_options(const app *self) {
     static const char *const alone[] = {"x", "theta0", "thetaN", "rotation"};
     const bool many = values.branches || values.sweep > 0;

@@ -1,19 +1,19 @@
-/* lg-elastica solve --sweep: the branches of a case over x, each followed from one x to the next. */
+/* lg-elastica solve --sweep: follows the branches of a case from each x to the next. */
 #include <math.h>
 #include <stdlib.h>
 
 #include "lg-elastica/beam.h"
 
-/* Between neighbouring x a branch moves less than it is away from the others: the tangents' difference (root
- * of the mean square) is at most this many times the step in x, and never more than far_curve. */
+/* Largest distance (beam_distance) between curves of one branch at neighbouring x: `moved` times the step in
+ * x, but at most far_curve. Within this distance a branch is closer to itself than to other branches. */
 static const double moved = 6, far_curve = 0.5;
 
 typedef struct sweep {
     const app *self;
     const sweep_values *values;
     const lg_elastica_options *options;
-    beam_curves *found; /* one for each x */
-    size_t **branch;    /* number of each one's branch */
+    beam_curves *found; /* (points): the curves found at each x */
+    size_t **branch;    /* (points): for each x, the branch number of each curve */
     double *x;
     lg_status *status;
     lg_error *error;
@@ -34,7 +34,7 @@ static void find(void *user, size_t i) {
     s->branch[i] = app_alloc(s->found[i].count, sizeof *s->branch[i]);
 }
 
-/* ---- following ---- */
+/* ---- following the branches ---- */
 
 typedef struct pair {
     double distance;
@@ -45,7 +45,8 @@ static int by_distance(const void *a, const void *b) {
     return lg_compare_doubles(&((const pair *)a)->distance, &((const pair *)b)->distance);
 }
 
-/* Each curve at x[i] takes the branch of the nearest one at x[i - 1] that no nearer one has taken. */
+/* Assigns the curves at x[i] to branches, pair by pair in order of distance: a curve gets the branch of the
+ * nearest curve at x[i - 1] that no nearer curve has taken. The curves that are left begin new branches. */
 static void follow(sweep *s, size_t i) {
     const size_t n = s->found[i].count, m = i > 0 ? s->found[i - 1].count : 0;
     const double reach = i > 0 ? fmin(far_curve, moved * (s->x[i] - s->x[i - 1])) : 0;
@@ -100,7 +101,7 @@ static void write_sweep(const app *self, const char *path, const sweep_point *po
     APP_MUST_FILE(self, path, app_file_end(&file, &error));
 }
 
-/* For people: a row for each branch. */
+/* For people: prints a table row per branch. */
 static void add_branches(app_json *out, const sweep_point *points, size_t count) {
     app_result_rows(out, NULL);
     for (size_t i = 0, last; i < count; i = last) {

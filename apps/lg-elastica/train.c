@@ -1,8 +1,9 @@
-/* lg-elastica train: fit a surrogate to curves; lg-elastica search: random search over its options. */
+/* lg-elastica train: fits a surrogate to curves; lg-elastica search: random search over the options of
+ * train. */
 #include "common/search.h"
 #include "lg-elastica/beam.h"
 
-static lg_surrogate_run run; /* all that determines the result */
+static lg_surrogate_run run; /* everything that determines the result */
 
 static const app_settings settings[] = {
     {lg_surrogate_fields, &run, sizeof run}, TRAIN_PRESET, TRAIN_SHARED, APP_SETTINGS_END};
