@@ -1,4 +1,4 @@
-/* Regression and classification of tables: what the commands share. */
+/* Declarations that the commands of lg-fit share. */
 #ifndef LG_APPS_FIT_H
 #define LG_APPS_FIT_H
 
@@ -7,7 +7,8 @@
 
 extern const app_command train_command, evaluate_command, predict_command, search_command, import_command;
 
-/* What was judged: predicted against true values or the table of confusion, drawn; errors, printed. */
+/* The outcome of judging a model: draw_judgement draws predicted against true values, or the confusion
+ * matrix; judgement_print prints the errors. */
 lg_status draw_judgement(const app *self, const char *picture, const lg_table_state *of, lg_error *error);
 void judgement_print(const lg_table_state *of);
 

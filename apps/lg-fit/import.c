@@ -1,4 +1,4 @@
-/* lg-fit import: a network that was trained elsewhere, from its weights, as a program. */
+/* lg-fit import: makes a program from the weights of a network that was trained elsewhere. */
 #include <ctype.h>
 #include <stdlib.h>
 #include <string.h>
@@ -16,7 +16,7 @@ typedef struct import_values {
     int activation, last, layout;
 } import_values;
 
-/* lg_activation, in its order. */
+/* Names of the activations, in the order of lg_activation. */
 static const char *const activations[] = {"identity", "tanh",       "sigmoid", "swish",
                                           "relu",     "leaky-relu", "sine",    NULL};
 _Static_assert(LG_COUNT(activations) == LG_ACTIVATION_COUNT + 1, "a name for each activation");
@@ -41,27 +41,28 @@ static const lg_field options[] = {
               .names = layouts),
     LG_FIELD_END};
 
-/* A layer y = x W + b; weight (in, out). */
+/* A layer y = x W + b; weight is (in, out). */
 typedef struct layer {
     char name[128];
     size_t in, out;
-    double *weight, *bias; /* bias NULL: none */
+    double *weight, *bias; /* bias is NULL if the layer has none */
 } layer;
 
 typedef struct network {
     layer layers[MOST_LAYERS];
     size_t count;
-    bool by_name; /* names that do not count through put the layers of a file in order */
+    /* The order of a file's layers was decided by names that differ in more than their numbers. */
+    bool by_name;
 } network;
 
 /* ---- layers from tensors ---- */
 
-/* "net.10.weight" behind "net.2.weight". */
+/* Sorts "net.10.weight" behind "net.2.weight". */
 static int compare_layers(const void *a, const void *b) {
     return strverscmp(((const layer *)a)->name, ((const layer *)b)->name);
 }
 
-/* "net.2" of "net.2.weight", "2" of "weight2". */
+/* The layer's name in a tensor's name: "net.2" for "net.2.weight", "2" for "weight2". */
 static void stem_of(const char *name, char *out) {
     const char *dot = strrchr(name, '.');
     while (dot == NULL && isalpha((unsigned char)*name)) name++;
@@ -70,7 +71,7 @@ static void stem_of(const char *name, char *out) {
     out[length] = '\0';
 }
 
-/* Whether they differ in numbers alone. */
+/* Returns whether the two names differ only in their numbers. */
 static bool are_numbered(const char *a, const char *b) {
     const char *const digits = "0123456789";
     while (*a != '\0' && *b != '\0') {
@@ -101,7 +102,7 @@ static bool inputs_first_of(bool told) {
     return values.layout == LAYOUT_IN_OUT || (values.layout == LAYOUT_AUTO && told);
 }
 
-/* Biases of the layers from `first` on. */
+/* Assigns the biases of the file to the layers from index `first` on. */
 static void take_biases(const app *self, const char *path, const lg_tensors *tensors, network *n,
                         size_t first) {
     char stem[128];
@@ -121,7 +122,8 @@ static void take_biases(const app *self, const char *path, const lg_tensors *ten
     }
 }
 
-/* A table network has a linear part beside its layers, and scales: its weights alone are no chain. */
+/* Checks a weight. The weights of a table network are refused: it has a linear part beside its layers, and
+ * scales, so that it is not a chain of layers. */
 static void check_weight(const app *self, const char *path, const lg_tensors *tensors, const lg_tensor *t,
                          size_t layers) {
     if (tensors->inputs_first && strcmp(t->name, "linear.weight") == 0)
@@ -156,9 +158,9 @@ static void take_tensors(const app *self, const char *path, network *n) {
     take_biases(self, path, &tensors, n, first);
 }
 
-/* ---- layers from numpy files: a weight, then its bias, and so on ---- */
+/* ---- layers from numpy files: a weight, then its bias, then the next weight ---- */
 
-/* All columns of a file as one array. */
+/* Reads all columns of a file into one array. */
 static void read_array(const app *self, const char *path, lg_table_data *out) {
     APP_CLEAN(lg_table_names_destroy) lg_table_names names = {0};
     APP_MUST_FILE(self, path, lg_table_names_read(self->context, path, NULL, &names, &error));
@@ -172,7 +174,7 @@ static bool is_bias_of(const layer *l, const lg_table_data *data) {
     return l->bias == NULL && (data->columns == 1 || data->rows == 1) && data->rows * data->columns == l->out;
 }
 
-/* "W1" of "net/W1.npy" */
+/* The name of a file without folder and ending: "W1" for "net/W1.npy". */
 static void name_of_file(const char *path, char *out, size_t size) {
     const char *slash = strrchr(path, '/'), *name = slash != NULL ? slash + 1 : path,
                *dot = strrchr(name, '.');
@@ -195,13 +197,13 @@ static void take_array(const app *self, const char *path, network *n) {
                  MOST_LAYERS);
 }
 
-/* ---- the order ---- */
+/* ---- the order of the layers ---- */
 
 static void add_names(const network *n, lg_text *to) {
     for (size_t i = 0; i < n->count; i++) lg_text_add(to, "%s%s", i > 0 ? "," : "", n->layers[i].name);
 }
 
-/* --layers: each layer once. */
+/* Orders the layers by --layers, which must name each layer once. */
 static void order_layers(const app *self, network *n) {
     if (values.layers == NULL) return;
     APP_FREE char *list = app_format("%s", values.layers);
@@ -221,9 +223,10 @@ static void order_layers(const app *self, network *n) {
                    names.data != NULL ? names.data : "none");
 }
 
-/* Whether the layers make another chain too. The widths w_0 ... w_n are a way through a graph with an edge a
- * layer; there is another way if two pieces between the same two widths can change places, or if the way is
- * closed and can begin elsewhere (Ukkonen, Theoret. Comput. Sci. 92 (1992) 191). */
+/* Returns whether the layers also fit together in another order. The widths w_0 ... w_n are a path through a
+ * graph that has an edge per layer. There is another path if two pieces between the same two widths can
+ * change places, or if the path is closed and can begin elsewhere (Ukkonen, Theoret. Comput. Sci. 92 (1992)
+ * 191). */
 static bool has_other_order(const network *n) {
     size_t w[MOST_LAYERS + 1];
     bool other = false;
@@ -246,7 +249,7 @@ static void warn_order(const app *self, const network *n) {
              names.data);
 }
 
-/* ---- the program ---- */
+/* ---- making the program ---- */
 
 static void check_chain(const app *self, const network *n) {
     if (n->count == 0) app_stop(self, LG_FORMAT, "%s: there is no weight of a layer", self->arguments[0]);
@@ -261,7 +264,8 @@ static void check_chain(const app *self, const network *n) {
     }
 }
 
-/* Parameters: weight1, bias1, ..., those that there are. */
+/* Records the network on the tape. The parameters are weight1, bias1, weight2, ..., without the biases of
+ * layers that have none. */
 static lg_status record(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     const network *n = user;
     lg_var at = x[0];

@@ -5,7 +5,8 @@
 
 enum { PANELS = 4, POINTS = 5000, FEW = 300, PANEL = 460, SHOWN_CLASSES = 12 };
 
-/* Names of columns in gnuplot's quotes: without what would end them or be markup. */
+/* Copies a column's name for a gnuplot string in single quotes. Characters that would end the string or act
+ * as markup become blanks. */
 static void plain(const char *name, char *out, size_t size) {
     size_t n = 0;
     for (; *name != '\0' && n + 1 < size; name++)
@@ -47,7 +48,8 @@ static void draw_scatter(app_plot *plot, const lg_table_file *file, const lg_tab
     (void)fputs("unset multiplot\n", plot->script.stream);
 }
 
-/* The share of each class that is told to be another one. */
+/* Draws the confusion matrix: for each true class, the fraction of its rows that is predicted as each
+ * class. */
 static void draw_confusion(app_plot *plot, const lg_table_file *file, const lg_table_judgement *j) {
     enum { NUMBERED = 12 };
     const uint32_t classes = file->run.model.net.outputs;
@@ -94,7 +96,7 @@ lg_status draw_judgement(const app *self, const char *picture, const lg_table_st
     return app_plot_end(self, &plot, error);
 }
 
-/* ---- for people ---- */
+/* ---- text for people ---- */
 
 static void print_confusion(const lg_table_file *file, const lg_table_judgement *j) {
     const uint32_t classes = file->run.model.net.outputs;

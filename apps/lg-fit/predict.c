@@ -1,4 +1,4 @@
-/* lg-fit predict: the outputs of a model for the rows of a table. */
+/* lg-fit predict: writes the outputs of a model for the rows of a table. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -19,7 +19,7 @@ static predict_values values;
 
 /* ---- CSV ---- */
 
-/* In quotes where it has to be. */
+/* Writes a text, in quotes if it needs them. */
 static void put_text(FILE *to, const char *text) {
     if (strpbrk(text, ",;\t\" #") == NULL) {
         (void)fputs(text, to);
@@ -45,7 +45,7 @@ static void put_header(FILE *to, const lg_table_file *file) {
     (void)fputc('\n', to);
 }
 
-/* Empty cells where y is not known. */
+/* Writes a row; without `known` its cells are empty. */
 static void put_row(FILE *to, const lg_table_file *file, double *y, bool known) {
     const uint32_t outputs = file->run.model.net.outputs;
     const bool regression = file->run.model.options.task == LG_TABLE_REGRESSION;
@@ -82,7 +82,7 @@ static void put_rows(FILE *to, const lg_table_file *file, const lg_model *model,
     }
 }
 
-/* ---- running ---- */
+/* ---- the command ---- */
 
 static void write_rows(const app *self, const lg_table_file *file, const lg_table_sheet *table,
                        counts *found) {

@@ -1,11 +1,11 @@
-/* lg-fit train: fit a network to a table; lg-fit search: random search over the options of train. */
+/* lg-fit train: fits a network to a table; lg-fit search: random search over the options of train. */
 #include "lg-fit/fit.h"
 
 static const lg_field file_options[] = {
     TRAIN_SIZE_ROW, TRAIN_FILE_ROWS("Draw predicted against true values, or the table of confusion"),
     LG_FIELD_END};
 
-static lg_table_run run; /* all that determines the result */
+static lg_table_run run; /* everything that determines the result */
 static lg_table_state state;
 static const app_settings settings[] = {{lg_table_fields, &run, sizeof run},
                                         APP_GIVEN(lg_table_given_rows, state.given),
