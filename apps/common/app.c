@@ -94,7 +94,7 @@ void app_adopt(app *self, const app_settings *settings, const void *from, bool p
     }
 }
 
-/* ---- argp from tables ---- */
+/* ---- argp parsers from tables of options ---- */
 
 enum { COMMON = LG_COUNT(common_options) - 1, HELP_SIZE = 2048 };
 

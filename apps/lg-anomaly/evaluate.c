@@ -83,7 +83,7 @@ static void choose_part(evaluation *e) {
 
 /* ---- voting ---- */
 
-/* For each stored window, the first stored window of its recording. */
+/* For each stored window, the index of the first stored window of its recording. Freed with free. */
 static uint32_t *run_begins(const lg_series *series) {
     uint32_t *begin = app_alloc(series->count, sizeof *begin);
     for (size_t i = 1; i < series->count; i++)

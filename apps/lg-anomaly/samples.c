@@ -166,8 +166,7 @@ static bool refuse_word(sample_reader *reader, const char *p, const char *end) {
 }
 
 /* Stores the numbers of a line in `field` and their count in `fields`; *open: the line ends with a separator.
- * False: the line holds something else, described in `problem`. *end must be '
- * '. */
+ * False: the line holds something else, described in `problem`. The line must end with a newline at `end`. */
 static bool split_line(sample_reader *reader, const char *p, const char *end, bool *open) {
     char separator = '\0';
     reader->fields = 0;
@@ -392,8 +391,7 @@ static bool fill(sample_reader *reader) {
 
 typedef enum found { FOUND_LINE, FOUND_LONG_LINE, FOUND_NOTHING } found;
 
-/* Finds the next line, without its line end, as *from..*to; **to is '
- * '. */
+/* Finds the next line, without its line end, as *from..*to. A newline follows it. */
 static found next_line(sample_reader *reader, const char **from, const char **to) {
     size_t searched = 0; /* bytes after `begin` that are known to hold no line end */
     for (;;) {

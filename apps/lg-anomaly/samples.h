@@ -18,9 +18,9 @@ enum { SAMPLE_HEADERS = 20 }; /* most lines of words before the first sample */
 typedef enum sample_layout { LAYOUT_UNKNOWN, LAYOUT_VALUES, LAYOUT_TIMED } sample_layout;
 
 /* A line has C numbers, or a time in seconds and C numbers, separated by commas, semicolons or blanks. An
- * additional separator at its end, blanks around numbers and \r
- * are allowed. The reader skips blank lines, comments from # on, lines of words before the first sample
- * (names, units), and later repetitions of these lines.
+ * additional separator at its end, blanks around numbers, and a carriage return before the newline are
+ * allowed. The reader skips blank lines, comments from # on, lines of words before the first sample (names,
+ * units), and later repetitions of these lines.
  *
  * The first lines decide once and for all whether lines begin with a time: three lines of the same kind
  * decide, and one of them may be a line of names. After that a line with another number of columns is

@@ -6,7 +6,7 @@
 
 /* Default window and hop of the baseline, in seconds. */
 static const double baseline_window = 600, baseline_hop = 60;
-/* The window in stored windows, used if the rate is unknown; the hop is one stored window. */
+/* If the rate is unknown, the baseline's window has so many stored windows, and its hop is one. */
 enum { BASELINE_STORED = 10 };
 
 /* ---- results of all methods ---- */

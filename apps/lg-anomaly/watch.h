@@ -9,7 +9,8 @@
 
 enum {
     DAY = 86400, /* seconds */
-    /* At most so many samples, or a window's worth, are used to measure the feed's interval. */
+    /* Largest number of first samples from which the feed's interval is measured; a short window takes only
+     * as many as it has. */
     FIRST_TIMES = 100,
     HELD = 16 /* most samples that wait until their times are accepted */
 };
@@ -35,10 +36,11 @@ typedef struct noise_level {
 
 /* Counts samples in which channels have no number. */
 typedef struct silence {
-    /* Samples since the last verdict; without (channels): how many of them have no number of this channel. */
+    /* samples: number since the last verdict; without (channels): how many of them have no number of a
+     * channel. */
     uint64_t samples, *without;
-    /* One bit per window, bit 0 for the latest: the window was not judged because a channel had no
-     * numbers. */
+    /* One bit for each of the last N windows, bit 0 for the latest: the window was not judged because a
+     * channel had no numbers. */
     uint64_t windows;
 } silence;
 
@@ -60,7 +62,7 @@ typedef struct held_sample {
 typedef struct timing {
     held_sample first[FIRST_TIMES], held[HELD];
     float *first_values, *held_values; /* (FIRST_TIMES, channels), (HELD, channels) */
-    /* Firsts, holds: number of stored samples; wanted: number of samples from which the interval is
+    /* firsts, holds: number of stored samples; wanted: number of samples from which the interval is
      * measured. */
     uint32_t firsts, wanted, holds;
     bool measured; /* the interval was measured, or measuring was given up */

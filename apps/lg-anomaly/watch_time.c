@@ -11,14 +11,14 @@ enum {
     MANY_MALFORMED = 20,   /* so many malformed lines in a row: the expected layout is reported */
     LONGEST_GAP = 7 * DAY, /* s */
     LEAST_TIMES = 12,      /* least number of first times that are collected to measure the feed's interval */
-    LEAST_DIFFERENCES = 10, /* least number of differences of these times, if the feed ends earlier */
+    LEAST_DIFFERENCES = 10, /* with fewer differences of these times nothing is measured */
     BELIEVED = 4,           /* number of waiting samples in a line that confirm a jump of the time */
     NEAR = 10               /* largest distance between samples in a line, in intervals of the feed */
 };
 /* Largest relative difference between the feed's rate and the expected rate. */
 static const double rate_tolerance = 0.01;
-/* The clock is corrected by this fraction of the difference between a sample's time and the expected time. It
- * so follows a sampling rate that is slightly wrong, and averages jitter. */
+/* The clock is corrected by this fraction of the difference between a sample's time and the expected time.
+ * The clock thus follows a sampling rate that is slightly wrong, and averages jitter. */
 static const double clock_gain = 0.05;
 /* A difference below this fraction of the sampling interval is only rounding; the clock then takes the
  * sample's time. */

@@ -20,7 +20,7 @@ static const lg_field demo_options[] = {
 
 static demo_values values;
 
-/* Published for CF4, N = 500, M = 5 without noise (thesis, study of section 4.4.3). */
+/* Published errors for CF4, N = 500, M = 5 without noise (thesis, study of section 4.4.3). */
 static const double published_e1 = 1.7e-7, published_e2 = 3.4e-4;
 
 enum { LONG_POINTS = 2001 };

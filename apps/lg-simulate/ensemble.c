@@ -260,8 +260,8 @@ static void choose_times(study *all) {
     all->options.count = all->total->points = points;
 }
 
-/* Adds the starts and parameters of up to 64 members, because they depend on more than the text (tables, the
- * scene). */
+/* Adds the starts and parameters of up to 64 members to the hash, because they depend not only on the text
+ * but also on tables and the scene. */
 static void add_members(const study *all, lg_sha256 *state) {
     enum { LOOKED_AT = 64 };
     const simulation *sim = all->sim;

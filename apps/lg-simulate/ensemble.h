@@ -8,8 +8,8 @@
 
 /* ---- what varies between members (vary.c) ---- */
 
-/* The name of a number of the state, such as "q2.x", "mu.y", "R.13" or "p", and the number with a given
- * name. */
+/* Numbers of a state have names such as "q2.x", "mu.y", "R.13" or "p". component_name writes the name of
+ * number `index`; component_find finds the index. */
 void component_name(const simulation *sim, size_t index, char *text, size_t size);
 bool component_find(const simulation *sim, const char *name, size_t *index);
 
@@ -82,7 +82,7 @@ void result_free(result *self);
 uint64_t result_failed(const result *self);
 /* Adds a failure to the list, which is sorted by member and keeps the first LISTED. */
 void result_list(result *self, const failure *what);
-/* Adds the part `from` to `into`, which must not include it yet. */
+/* Adds the part `from` to `into`, which must not have its members yet. */
 lg_status result_merge(result *into, const result *from, lg_error *error);
 
 /* ensemble_file.c: ensembles as HDF5 files. */
@@ -107,7 +107,8 @@ typedef struct ensemble_run {
 int ensemble_conclude(const app *self, const ensemble_run *run);
 lg_status ensemble_draw(const app *self, const result *what, const char *path, lg_error *error);
 
-/* ensemble.c: runs the ensemble. Returns an exit code, as merge_parts does; all ranks return the same one. */
+/* ensemble.c: runs the ensemble. Returns an exit code, as merge_parts does. Before the end the ranks exchange
+ * their statuses, so that a failure of one rank is a failure of all. */
 int ensemble(simulation *sim, const ensemble_files *files);
 /* merge.c: merge_parts writes one file from the parts and prints its results; merge_main is the command
  * lg-simulate merge OUT.h5 PARTS... */

@@ -9,8 +9,8 @@
 /* Number of times at which two runs are compared, to find when they separate. */
 enum { MOMENTS = 200 };
 
-/* A warning is printed if the relative difference exceeds this, or the square root of a tolerance above
- * TOLD^2. */
+/* A warning is printed if the relative difference exceeds both TOLD and the square root of the larger of the
+ * two tolerances. */
 #define TOLD 1e-2
 
 /* Sizes of the parts of a state. All blocks with the same key form a part: all q_i, or all omega_i. */

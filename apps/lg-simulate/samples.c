@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Default numbers of points: POINTS, or POINTS_OF_STEPS for equal steps; fewer if all states together exceed
- * NUMBERS numbers. */
+/* Default numbers of points: POINTS, or POINTS_OF_STEPS for equal steps; fewer if the states of all
+ * points would have more than NUMBERS numbers. */
 enum { POINTS = 501, POINTS_OF_STEPS = 1001, NUMBERS = 8000000 };
 
 static size_t default_points(const simulation *sim, size_t points) {

@@ -134,7 +134,7 @@ typedef struct watch {
     size_t invariants;
     double *start, *end, *drift; /* (invariants) each; drift: largest |I - I(start)| */
     bool energetic;              /* the first invariant is the energy */
-    /* Rest (dim): the state with velocities set to zero; kinetic: largest kinetic energy. */
+    /* rest (dim): the state with velocities set to zero; kinetic: largest kinetic energy. */
     double *rest, kinetic;
     double manifold; /* largest distance from the manifold */
     double spent;    /* seconds spent on observing */

@@ -245,7 +245,7 @@ static void draw_attitude(drawing *to) {
     put_sphere(to, "axes of the body in space", axes, LG_COUNT(axes));
 }
 
-/* ---- quadrotors: e3 points down, but up in the picture is up ---- */
+/* ---- quadrotors: e3 points down, so the picture has the axes e1, -e2 and -e3 ---- */
 
 static void turned(const double from[3], double x[3]) {
     x[0] = from[0];
@@ -253,7 +253,7 @@ static void turned(const double from[3], double x[3]) {
     x[2] = -from[2];
 }
 
-/* Writes a row with the beginning of the segment and its vector, both turned so that up is up. */
+/* Writes a row with the beginning of the segment and its vector, both in the axes of the picture. */
 static void put_segment(drawing *to, const double from[3], const double end[3], bounds *box) {
     double a[3], b[3];
     turned(from, a);

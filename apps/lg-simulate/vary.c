@@ -51,8 +51,8 @@ static bool label_find(const simulation *sim, const char *name, size_t *index) {
 /* ---- distributions ---- */
 
 typedef enum distribution {
-    UNIFORM,  /* LOW HIGH */
-    NORMAL,   /* MEAN DEVIATION */
+    UNIFORM,  /* uniform from LOW to HIGH, its two numbers */
+    NORMAL,   /* normal with MEAN and DEVIATION, its two numbers */
     WITHIN,   /* the scene's value + s U(-1, 1) */
     AROUND,   /* the scene's value + s N(0, 1) */
     SPHERE,   /* a direction, uniform on the sphere */
