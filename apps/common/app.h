@@ -55,7 +55,7 @@ typedef struct app_settings {
 typedef enum app_together {
     APP_ALONE,  /* the command refuses to run */
     APP_RANKS,  /* the processes compute one result together: app->ranks */
-    APP_WORKERS /* the processes take pieces of work from a queue (common/board.h) */
+    APP_WORKERS /* the processes take pieces of work from a shared board (common/board.h) */
 } app_together;
 
 typedef struct app_command {
@@ -116,7 +116,8 @@ app_slot *app_find_slot(const app *app, const char *option);
  * value points to `text`, which must live on. LG_INVALID_ARGUMENT: nothing is stored, and `error` says
  * why. */
 lg_status app_store(app_slot *slot, const char *text, lg_error *error);
-/* The same with a number, for an option that is a number or a list; a list gets this one element. */
+/* As app_store, with a number instead of a text, for an option that is a number or a list; a list gets this
+ * one element. */
 lg_status app_store_number(app_slot *slot, double value, lg_error *error);
 /* Copies into settings->values every option that was not given on the command line. `from` is a structure of
  * the same type as settings->values. `preset`: only rows without a default of their own are copied. */
@@ -162,8 +163,8 @@ const char *app_sentence(lg_status status, const lg_error *error);
 /* Does nothing for LG_OK. Otherwise prints app_sentence(status, error) and ends the command. For LG_CANCELLED
  * after a signal it prints "stopped by Ctrl-C", or the name of the other signal. */
 void app_must(const app *app, lg_status status, const lg_error *error);
-/* The same for an error with the file `path`. The exit code is 3 whatever the status, except when memory is
- * missing or Ctrl-C stopped the command. */
+/* As app_must, for an error with the file `path`. The exit code is 3 whatever the status, except when memory
+ * is missing or Ctrl-C stopped the command. */
 void app_must_file(const app *app, lg_status status, const lg_error *error, const char *path);
 /* Calls a function of the library that takes `&error` as an argument; a failure ends the command. */
 #define APP_MUST(app, call)                                                                                  \
@@ -185,8 +186,8 @@ void app_free(void *pointer); /* `pointer` is the address of the pointer to be f
 /* Prints a sentence on stderr and returns the exit code of `status`. */
 int app_fail(const app *app, lg_status status, const char *format, ...) __attribute__((format(printf, 3, 4)));
 const char *app_last_failure(void); /* the last sentence that app_fail printed */
-/* The same for an error while reading or writing `path`. The exit code is 3 whatever the status, except when
- * memory is missing or Ctrl-C stopped the command. `error` may be NULL. */
+/* As app_fail, for an error while reading or writing `path`. The exit code is 3 whatever the status, except
+ * when memory is missing or Ctrl-C stopped the command. `error` may be NULL. */
 int app_fail_file(const app *app, lg_status status, const lg_error *error, const char *path);
 /* Fills `error` (may be NULL) and returns `status`. For functions that leave it to their caller to print the
  * error. */
@@ -212,7 +213,7 @@ lg_text app_text(void);
  * failures mean that an optional part is left out. */
 lg_status app_had_memory(lg_status status);
 /* As app_alloc, but returns NULL when there is no memory. For sizes that the user chooses, where the run can
- * go on without. */
+ * go on without the memory. */
 void *app_try_alloc(size_t count, size_t size);
 /* A word of a command line, quoted where a shell needs it. Freed with free. */
 char *app_quote(const char *word);
@@ -277,8 +278,8 @@ void app_result_line(app_json *json, const char *format, ...) __attribute__((for
 /* Opens an array of objects. Each object begins with app_json_open(json, NULL, '{'), and all have the same
  * members. In the table for people each member that is no array is a column, with its key as the heading. */
 void app_result_rows(app_json *json, const char *key);
-/* The same for an object of objects, each of which begins with app_json_open(json, NAME, '{'). In the table
- * the NAMEs are the first column, and `names` is its heading. */
+/* As app_result_rows, for an object of objects, each of which begins with app_json_open(json, NAME, '{'). In
+ * the table the NAMEs are the first column, and `names` is its heading. */
 void app_result_named(app_json *json, const char *key, const char *names);
 void app_result_rows_end(app_json *json);
 

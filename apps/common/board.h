@@ -52,8 +52,8 @@ void board_close(board *b); /* drops this process's claims; NULL is allowed */
 /* Claims the lowest piece that is not done and not claimed by another process. False: there is no such piece
  * now. May be called from any thread. */
 bool board_claim(board *b, size_t *piece);
-/* The same, but waits while other processes may still give up a piece, unless this is a task of a job array.
- * False: all pieces are done, or the command was interrupted. */
+/* As board_claim, but waits while other processes may still give up a piece, unless this is a task of a job
+ * array. False: all pieces are done, or the command was interrupted. */
 bool board_next(board *b, size_t *piece);
 void board_release(board *b, size_t piece); /* gives the claim up; the piece stays undone */
 board_state board_read(board *b, size_t piece, void *record);

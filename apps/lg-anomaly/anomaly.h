@@ -78,8 +78,8 @@ void merge_classes(lg_series *series, const char *first);
 
 lg_status judge_windows(const app *app, const well_model *model, const lg_cut_series *from,
                         const lg_window_list *part, lg_judgement *out, lg_error *error);
-/* The same for a classical model, from the features of all windows: table (windows, d). Runs on one thread,
- * so out->seconds is the time on one thread. */
+/* As judge_windows, for a classical model, from the features of all windows: table (windows, d). Runs on one
+ * thread, so out->seconds is the time on one thread. */
 lg_status judge_rows(const app *app, const well_model *model, const lg_cut_series *from,
                      const lg_window_list *part, const double *table, lg_judgement *out, lg_error *error);
 /* Counts the judged windows that are unlike the training windows; *farthest is the result of the window with

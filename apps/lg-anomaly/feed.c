@@ -94,7 +94,7 @@ static char *put_time(char *at, uint64_t tenths) {
 /* ---- simulating an hour ---- */
 
 typedef struct hour {
-    float *samples; /* (HOUR rate, LG_RISER_CHANNELS) */
+    float *samples; /* (HOUR * rate, LG_RISER_CHANNELS) */
     char *text;
     size_t bytes, lines, gaps, nans;
     lg_status status;

@@ -100,7 +100,7 @@ static double convert_slowly(const char *text, const char *end) {
 }
 
 /* Multiplies or divides the digits by a power of ten up to 10^22. If the digits are below 2^53, both factors
- * are exact and the result is rounded once (Clinger 1990). With up to 19 digits the result may be wrong by
+ * are exact and the result is rounded once (Clinger 1990). With more digits, up to 19, it may be wrong by
  * one unit in its last place. For a float this is good enough, unless the value is so close to the middle
  * between two floats that this unit decides how it is rounded; then, or if `exact` is set, the library
  * converts the number. */

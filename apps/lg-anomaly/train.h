@@ -78,7 +78,7 @@ enum {
     VIEW_ROC
 };
 extern const char *const view_names[];
-/* The same without the pictures that can only be drawn during training. */
+/* view_names without the pictures that can only be drawn during training. */
 extern const char *const evaluate_view_names[];
 extern const int evaluate_views[]; /* the VIEW_... of each name in evaluate_view_names */
 #define EVALUATE_VIEW_HELP                                                                                   \

@@ -36,8 +36,8 @@ typedef struct noise_level {
 
 /* Counts samples in which channels have no number. */
 typedef struct silence {
-    /* samples: number since the last verdict; without (channels): how many of them have no number of a
-     * channel. */
+    /* samples: number since the last verdict; without (channels): for each channel, how many of these samples
+     * lack its number. */
     uint64_t samples, *without;
     /* One bit for each of the last N windows, bit 0 for the latest: the window was not judged because a
      * channel had no numbers. */

@@ -140,9 +140,9 @@ void sweep_run(const app *app, const sweep_values *values, const lg_elastica_opt
 
 /* ---- learned curves (learned.c) ---- */
 
-/* Counts the curves whose boundary conditions are farther from the trained ones than twice the reach of the
- * trained ones (lg_surrogate_reach). reach and largest are NaN if the model file has no boundary conditions
- * of its training part. */
+/* `count`: number of curves whose boundary conditions are farther from the trained ones than twice the reach
+ * of the trained ones (lg_surrogate_reach). `reach` and `largest` are NaN if the model file has no boundary
+ * conditions of its training part. */
 typedef struct outside {
     double reach, largest; /* largest: largest distance of a curve */
     size_t count;
@@ -151,7 +151,7 @@ typedef struct outside {
 outside count_outside(const lg_surrogate_file *file, const double *boundary, const uint32_t *chosen,
                       size_t count);
 
-/* Evaluates a network's curves at up to `points` points at a time. */
+/* A network that is ready to compute its curves at up to `points` points at a time. */
 typedef struct learned {
     lg_surrogate_curves *curves;
     void *work;

@@ -53,10 +53,11 @@ static lg_status solve_one(const lg_context *context, const lg_elastica_options 
     return status;
 }
 
-/* A lower bound on the energy of a discrete curve whose angles differ by at most pi from node to node. The
- * largest convex function below 1 - cos equals 1 - cos up to the point whose tangent goes through (pi, 2);
- * |r|/N must be below this point. By Jensen's inequality the minimum then spreads the rotation r evenly over
- * the intervals. The bound is also smaller than the bound EI r^2/(2 L) on the continuous energy. */
+/* A lower bound on the energy of a discrete curve whose angles differ by at most pi from node to node, with
+ * rotation r over N intervals. The largest convex function below 1 - cos equals 1 - cos up to the point whose
+ * tangent goes through (pi, 2); |r|/N must be below this point. By Jensen's inequality the minimum then
+ * spreads the rotation r evenly over the intervals. The bound is also smaller than the bound EI r^2/(2 L) on
+ * the continuous energy. */
 static double energy_bound(const lg_elastica *problem) {
     const double n = (double)problem->intervals, each = fabs(problem->rotation) / n, half = sin(0.5 * each);
     return each <= 0.8 ? problem->stiffness * n / problem->length * n * 2 * half * half : 0;

@@ -5,7 +5,7 @@
 #include "lg-elastica/beam.h"
 
 /* Largest distance (beam_distance) between curves of one branch at neighbouring x: `moved` times the step in
- * x, but at most far_curve. Within this distance a branch is closer to itself than to other branches. */
+ * x, but at most far_curve. Different branches are farther apart than this. */
 static const double moved = 6, far_curve = 0.5;
 
 typedef struct sweep {

@@ -71,11 +71,11 @@ lg_status record_verdict(const lg_context *context, const char *path, const lg_h
 
 /* ---- drawing (pictures.c) ---- */
 
-/* Without gnuplot these functions only warn. */
+/* If gnuplot is missing, these functions warn and return LG_OK. */
+enum { SHOWN_TRAJECTORIES = 10 }; /* default number of trajectories in the picture */
 /* Draws true (may be NULL) and predicted trajectories, both (n, points, d), at times t (points). Chains: each
  * link on a sphere. One degree of freedom: the phase portrait, and q and p against t. Otherwise: q_2 against
  * q_1. `title` must not contain quotes. */
-enum { SHOWN_TRAJECTORIES = 10 }; /* default number of trajectories in the picture */
 lg_status draw_trajectories(const app *app, const char *picture, const char *title,
                             const lg_hamiltonian *model, const double *t, const double *truth,
                             const double *predicted, size_t n, size_t points, lg_error *error);

@@ -13,8 +13,8 @@ static int mark_of(size_t series) {
     return marks[series % LG_COUNT(marks)];
 }
 
-/* Writes a data block: the cells of integrator i and of value m of M. A curve goes over the substeps; an
- * empty line separates curves. */
+/* Writes a data block: the cells with integrator number i and value number m of M. Each curve goes over
+ * the substeps of otherwise equal cells; an empty line separates the curves. */
 static void put_work_block(app_plot *plot, const study_file *file, uint32_t i, uint32_t m) {
     FILE *data = plot->data.stream;
     const study_axis *substeps = &file->plan->axes[AXIS_SUBSTEPS];

@@ -412,7 +412,7 @@ static lg_status close_rows(study *all, lg_error *error) {
     return app_error(error, LG_FILE, "%s: cannot be written: %s", all->files->trajectories, strerror(code));
 }
 
-/* The statistics are written even if the trajectories could not be written. */
+/* Writes the results: the statistics also if the trajectories could not be written. */
 static int write_out(study *all, bool *written) {
     const app *self = all->sim->self;
     const ensemble_files *files = all->files;

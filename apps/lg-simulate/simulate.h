@@ -195,11 +195,12 @@ void report_run(const report *what); /* in report.c */
 /* output.c: writes the file of --out. */
 lg_status write_trajectory(const report *what, lg_error *error);
 
-/* pictures.c: draws the picture of --plot. has_space_picture: there is a 3d picture of this system. */
+/* pictures.c: has_space_picture returns whether there is a 3d picture of this system; draw_run draws
+ * --plot. */
 bool has_space_picture(const simulation *sim);
 lg_status draw_run(const report *what, lg_error *error);
 
-/* precision.c: does --work-precision. */
+/* precision.c: compares methods, for --work-precision. */
 void work_precision(simulation *sim);
 
 #endif
