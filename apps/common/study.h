@@ -35,11 +35,11 @@ typedef struct study_plan {
 } study_plan;
 
 typedef struct study_row {
-    /* Index of the value on each axis; axes[i].count for a value that only an earlier grid had. */
+    /* Index of the value on each axis. It is the axis' count for a value that only an earlier grid had. */
     uint32_t at[STUDY_AXES];
     uint32_t repeat;
     uint64_t seed;
-    double result[STUDY_MEASURES]; /* NaN when the run failed */
+    double result[STUDY_MEASURES]; /* NaN if the run failed */
     uint64_t epochs;
     bool failed; /* its numbers were not finite, or it did not converge */
 } study_row;

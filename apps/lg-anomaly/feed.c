@@ -225,7 +225,7 @@ static lg_status file_failed(lg_error *error) {
                      strerror(errno));
 }
 
-/* `status` says whether all was written; the file appears under its name only if it is LG_OK. */
+/* Closes the sink. The file appears under its name only if `status`, the status of the writes, is LG_OK. */
 static lg_status sink_close(sink *to, lg_status status, lg_error *error) {
     if (values.out == NULL) return status;
     if (to->direct) return close(to->fd) != 0 && status == LG_OK ? file_failed(error) : status;
