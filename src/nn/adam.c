@@ -22,8 +22,8 @@ static void adam_step(const lg_fit_options *options, uint64_t step, double rate,
     lg_adam_step(&options->adam, options->dtype, step, rate, clip, gradient, n, m, v, theta);
 }
 
-/* A step is at most lr rate C with C = (1 - beta1^2/beta2)^{-1/2} (1 - beta2)^{-1/2} (Cauchy-Schwarz on its
- * two moments). */
+/* A step is at most lr rate C with C = (1 - beta1^2/beta2)^{-1/2} (1 - beta2)^{-1/2}, by the Cauchy-Schwarz
+ * inequality for the moments m and v. */
 static bool adam_bounded(const lg_fit_options *options, double rate) {
     const lg_adam_options *o = &options->adam;
     return o->beta1 * o->beta1 < 0.999 * o->beta2 && o->beta2 <= 1.0 - 1e-12 && o->eps >= 1e-20 &&

@@ -1,5 +1,5 @@
-/* Networks: value and recorded input gradient or directional derivative, with respect to inputs, direction
- * and parameters. */
+/* Cases of the gradient check for networks: their value, and their recorded input gradient or directional
+ * derivative, differentiated by inputs, direction and parameters. */
 #include "autodiff/cases/table.h"
 #include "liegrad/convolution.h"
 #include "liegrad/networks.h"
@@ -12,9 +12,9 @@ typedef struct settings {
     bool last_bias, gradient;
 } settings;
 
-enum { OFFSET = 2 }; /* the network's parameters begin here */
+enum { OFFSET = 2 }; /* index of the network's first parameter in the flat vector */
 
-/* 2 -> 4 -> 3 -> outputs */
+/* A perceptron with layers of 2 -> 4 -> 3 -> outputs. */
 static lg_var build(const void *user, lg_tape *tape, const lg_var *x) {
     static const uint32_t hidden[2] = {4, 3};
     const settings *s = user;
@@ -27,7 +27,8 @@ static lg_var build(const void *user, lg_tape *tape, const lg_var *x) {
     return lg_mlp_record_gradient(tape, &net, &vars, x[0]);
 }
 
-/* 2 4 + 4 + 4 3 + 3 weights and biases, then 3 a neuron of the output */
+/* Parameters: 2 4 + 4 + 4 3 + 3 = 27 weights and biases, then 3 weights per output, and the biases of the
+ * outputs. */
 #define ROW(label, kind, outputs, bias, gradient)                                                            \
     {                                                                                                        \
         .function = {                                                                                        \
@@ -40,7 +41,7 @@ static lg_var build(const void *user, lg_tape *tape, const lg_var *x) {
 #define ROWS(label, kind)                                                                                    \
     ROW("mlp " label, kind, 2, true, false), ROW("mlp " label ", input gradient", kind, 1, false, true)
 
-/* ---- networks of several architectures: 2 -> [3 ->] 3 -> 3 -> 3 -> 2 ---- */
+/* ---- networks of several architectures: layers of 2 -> [embedding 3 ->] 3 -> 3 -> 3 -> 2 ---- */
 
 typedef struct net_settings {
     lg_net_kind kind;
@@ -59,7 +60,7 @@ static lg_var build_net(const void *user, lg_tape *tape, const lg_var *x) {
     return describe(user, tape, &net) ? lg_net_record(tape, &net, x[1], OFFSET, x[0]) : LG_NONE;
 }
 
-/* (4, 2): y, then its derivative in the direction x[2] */
+/* Returns (4, 2): two rows of y, then two rows of its derivative in the direction x[2]. */
 static lg_var build_net_jvp(const void *user, lg_tape *tape, const lg_var *x) {
     lg_net net;
     lg_var both[2];
@@ -68,7 +69,7 @@ static lg_var build_net_jvp(const void *user, lg_tape *tape, const lg_var *x) {
     return lg_concat(tape, both, 2, 0);
 }
 
-/* `count`: the network's parameters */
+/* `count`: number of parameters of the network; `e`: width of the embedding. */
 #define NET_ROWS(label, kind, e, activation, count)                                                          \
     {.function = {.name = label,                                                                             \
                   .build = build_net,                                                                        \
@@ -85,8 +86,8 @@ static lg_var build_net_jvp(const void *user, lg_tape *tape, const lg_var *x) {
         }                                                                                                    \
     }
 
-/* ---- convolutional networks: (9, 2) -> kernel 3, padding 1 -> (5, 3) -> pooling -> (4 or 5, 3) -> kernel 2
- * -> (3 or 4, 2) -> 2 -> 2 ---- */
+/* ---- convolutional networks: (9, 2) -> kernel 3, stride 2, padding 1 -> (5, 3) -> pooling -> (4 or 5, 3)
+ * -> kernel 2 -> (3 or 4, 2) -> plane of 2 -> 2 outputs ---- */
 
 typedef struct cnn_settings {
     lg_activation activation;
@@ -116,8 +117,8 @@ static lg_var build_cnn(const void *user, lg_tape *tape, const lg_var *x) {
     return lg_cnn_record(tape, &net, x[1], OFFSET, x[0], NULL);
 }
 
-/* 3 2 3 + 3, 2 3 2 + 2, 2 2 a sample that is left + 2, 2 2 + 2 parameters. Steps are so short that no kink is
- * crossed where the activation or the pooling has some. */
+/* Parameters: 3 2 3 + 3, 2 3 2 + 2, 2 2 left + 2 and 2 2 + 2, where `left` samples remain before the plane.
+ * `step` scales the inputs and parameters of networks with kinks, so that no difference crosses a kink. */
 #define CNN_ROW(label, kind, pool, left, step)                                                               \
     {                                                                                                        \
         .function = {                                                                                        \

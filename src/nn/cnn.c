@@ -32,7 +32,8 @@ static bool size_fits(uint32_t x) {
     return x >= 1 && x <= MAX_SIZE;
 }
 
-/* Checks block i, counted from 0; *length becomes the length of its output. */
+/* Checks block i, counted from 0, whose input has *length samples; *length becomes the length of its
+ * output. */
 static lg_status check_block(const lg_cnn_block *b, uint32_t i, uint32_t *length, lg_error *error) {
     const uint32_t number = i + 1;
     const bool pooled = b->pooling != LG_POOL_NONE;
@@ -110,7 +111,8 @@ lg_status lg_cnn_init(lg_cnn *net, lg_error *error) {
 enum { DEFAULT_BLOCKS = 3, DEFAULT_KERNEL = 5, DEFAULT_POOL = 2, DEFAULT_PLANE = 2 };
 enum { WIDEST_DEFAULT = 4096, LARGEST_DEFAULT = 1 << 28 };
 
-/* Twice as many channels as come in, unless the block would be huge. */
+/* Twice the number of input channels, but at most WIDEST_DEFAULT, and fewer where the block would have more
+ * than LARGEST_DEFAULT weights. */
 static uint32_t default_channels(uint32_t in) {
     uint32_t out = in < WIDEST_DEFAULT / 2 ? 2 * in : WIDEST_DEFAULT;
     const uint32_t limit = in > 0 ? LARGEST_DEFAULT / DEFAULT_KERNEL / in : out;
@@ -201,8 +203,8 @@ bool lg_cnn_slice(const lg_cnn *net, uint32_t index, lg_slice_info *out) {
     return true;
 }
 
-/* Each layer is drawn as a dense one of the same fan in; the fan out of a convolution is `kernel` times as
- * large. */
+/* Each layer is initialised as a dense layer with the same fan in. For the Glorot kinds the weights of a
+ * convolution are then rescaled, because its fan out is `kernel` times as large. */
 void lg_cnn_initialise(const lg_cnn *net, lg_initialisation kind, lg_rng *rng, double *theta) {
     cnn_layout layout;
     lg_cnn_layout(net, &layout);

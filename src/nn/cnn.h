@@ -1,5 +1,6 @@
-/* The layers of a convolutional network (liegrad/convolution.h) in the order of their parameters in the flat
- * vector: convolutions, the plane if there is one, the output. Each weight is before its bias. */
+/* The layers of a convolutional network (liegrad/convolution.h), in the order of their parameters in the flat
+ * vector: the convolutions, the dense layer "plane" if there is one, the output layer. A weight precedes its
+ * bias. */
 #ifndef LG_CNN_H
 #define LG_CNN_H
 
@@ -7,12 +8,12 @@
 
 #define CNN_MAX_LAYERS (LG_CNN_MAX_BLOCKS + 2)
 
-/* y = x W + b with W (in, out); x is the part of the input under the kernel of a convolution, or all numbers
- * of a series. */
+/* One layer y = x W + b with W (in, out). For a convolution x is the part of the input below the kernel; for
+ * a dense layer it is all numbers of a series. */
 typedef struct cnn_layer {
     size_t in;
     uint32_t out;
-    uint32_t kernel; /* samples; 0: dense */
+    uint32_t kernel; /* length in samples; 0: dense layer */
     size_t weight, bias;
 } cnn_layer;
 
@@ -24,16 +25,16 @@ typedef struct cnn_layout {
 
 void lg_cnn_layout(const lg_cnn *net, cnn_layout *layout);
 
-/* lg_cnn_record with separate operations for convolutions and poolings, so that a program of values and
- * recorded derivatives computes each convolution once. */
+/* The same as lg_cnn_record, but convolutions, activations and poolings are separate operations. A program
+ * that also has recorded derivatives then computes each convolution once. */
 lg_var lg_cnn_record_apart(lg_tape *tape, const lg_cnn *net, lg_var theta, lg_var x);
 
-/* lg_cnn_record that also gives the output of each layer of the layout: (B, L'', O) of a block, else
- * (B, out). */
+/* The same as lg_cnn_record; also returns the output of each layer of the layout: (B, L'', O) for a block,
+ * (B, out) for a dense layer. */
 lg_var lg_cnn_record_layers(lg_tape *tape, const lg_cnn *net, lg_var theta, size_t offset, lg_var x,
                             lg_var layers[CNN_MAX_LAYERS]);
 
-/* Channels and samples of the input of block i; for i = blocks, of the layers behind the last block. */
+/* Number of channels in the input of block i. For i = net->blocks: in the output of the last block. */
 static inline uint32_t cnn_channels(const lg_cnn *net, uint32_t i) {
     return i == 0 ? net->channels : net->block[i - 1].channels;
 }

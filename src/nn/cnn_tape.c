@@ -3,14 +3,14 @@
 #include "nn/cnn.h"
 #include "liegrad/ops.h"
 
-/* Checks the network's parameters and input. */
+/* Whether the parameters and the input x fit the network; else the tape fails. */
 static bool fits(lg_tape *tape, const lg_cnn *net, size_t parameters, size_t offset, lg_var x) {
     if (lg_tape_status(tape) != LG_OK) return false;
     if (parameters > UINT32_MAX || offset > UINT32_MAX - parameters) {
         (void)lg_tape_fail(tape, LG_SHAPE, "cnn", "the parameters of the network end beyond 2^32 elements");
         return false;
     }
-    if (lg_value(tape, x) == NULL) return true; /* a stale handle: the first operation says so */
+    if (lg_value(tape, x) == NULL) return true; /* x is a stale handle: the first operation reports it */
     const lg_shape shape = lg_var_shape(tape, x);
     if (shape.rank == 3 && shape.dims[1] == net->length && shape.dims[2] == net->channels) return true;
     (void)lg_tape_fail(tape, LG_SHAPE, "cnn", "series must be of shape (count, length, channels)");
@@ -28,7 +28,7 @@ static lg_var bias(lg_tape *tape, lg_var theta, size_t offset, const cnn_layer *
     return lg_slice(tape, theta, 0, (uint32_t)(offset + l->bias), l->out);
 }
 
-/* `apart`: convolution, activation and pooling are separate operations. */
+/* Convolution, activation and average pooling of block i. `apart`: as separate operations. */
 static lg_var convolve(lg_tape *tape, const lg_cnn *net, uint32_t i, bool apart, lg_var w, lg_var b,
                        lg_var x) {
     const lg_cnn_block *it = &net->block[i];

@@ -1,4 +1,4 @@
-/* The training loop: options, epochs, validation, stopping, accessors. */
+/* The training loop: options, epochs, validation, checkpoints, accessors. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -8,7 +8,7 @@
 #include "core/median.h"
 #include "nn/fit_internal.h"
 
-#define RNG_STREAM 0x66697400u /* keeps the fit's draws apart from an initialisation with the same seed */
+#define RNG_STREAM 0x66697400u /* gives other random numbers than an initialisation with the same seed */
 
 /* ---- options ---- */
 
@@ -108,7 +108,8 @@ static lg_status check_options(const lg_fit_problem *problem, const lg_fit_optio
     return lg_fit_check_plan(problem, o, error);
 }
 
-/* The validation part of the problem, or the nearest number of samples with at least one on either side. */
+/* Number of validation samples: the problem's own ones, or else `part` of all samples, rounded such that both
+ * parts have at least one sample. */
 static size_t validation_samples(const lg_fit_problem *problem, double part) {
     if (!(part > 0.0)) return problem->validation;
     const size_t count = (size_t)floor(part * (double)problem->samples + 0.5);
@@ -259,13 +260,13 @@ void lg_fit_destroy(lg_fit *fit) {
 
 /* ---- epochs ---- */
 
-/* Called once an epoch, or for the rest of one: within an epoch parameters cannot leave the range in which a
- * moderate step is safe. */
+/* Called at the start of an epoch, or when an interrupted epoch continues. Within one epoch the parameters
+ * cannot grow so much that a step of moderate size might overflow. */
 static void measure_parameters(lg_fit *fit) {
     fit->largest = sqrt(fit->k->dot(fit->problem.parameters, fit->state.theta, fit->state.theta));
 }
 
-/* Draws the epoch's order. */
+/* Draws the order of the samples for a new epoch. */
 static void open_epoch(lg_fit *fit) {
     lg_fit_state *s = &fit->state;
     if (s->open) return;
@@ -274,12 +275,12 @@ static void open_epoch(lg_fit *fit) {
     s->open = true;
 }
 
-/* Ranks stop together: the exchange of a batch tells them. */
+/* Ranks do not read the flag here: they stop together, after the exchange of a batch. */
 static bool to_stop(const lg_fit *fit) {
     return lg_fit_alone(fit) && lg_cancelled(fit->context);
 }
 
-/* All batches, by Adam. */
+/* Takes steps on the batches that are left of this epoch. */
 static lg_status train_batches(lg_fit *fit, double rate, lg_error *error) {
     lg_fit_state *s = &fit->state;
     measure_parameters(fit);
@@ -297,7 +298,8 @@ static lg_status train_batches(lg_fit *fit, double rate, lg_error *error) {
     return LG_OK;
 }
 
-/* Mean loss of the validation part, in batches of the size of training; NaN without such a part. */
+/* Mean loss of the validation part, computed in batches of the training size; NaN without a validation
+ * part. */
 static lg_status validate(lg_fit *fit, double *loss, lg_error *error) {
     const size_t total = fit->problem.samples - fit->training;
     const uint32_t *samples = fit->state.order + fit->training;
@@ -316,7 +318,7 @@ static lg_status validate(lg_fit *fit, double *loss, lg_error *error) {
     return LG_OK;
 }
 
-/* Enters a finished epoch into the history and makes the state that of the next one. */
+/* Writes a finished epoch into the history and makes the state ready for the next one. */
 static void close_epoch(lg_fit *fit, lg_fit_epoch *report) {
     lg_fit_state *s = &fit->state;
     report->loss = s->running_loss / (double)fit->training;
@@ -340,7 +342,7 @@ static void close_epoch(lg_fit *fit, lg_fit_epoch *report) {
     memcpy(s->best, s->theta, fit->problem.parameters * fit->k->size);
 }
 
-/* One evaluation; the loss of the validation part changes only with the point. */
+/* An epoch of a minimiser: one evaluation. The validation loss is computed only if theta has changed. */
 static lg_status evaluate_epoch(lg_fit *fit, lg_fit_epoch *report, lg_error *error) {
     const lg_fit_state *s = &fit->state;
     bool moved = false;
@@ -374,7 +376,7 @@ static lg_status run_epoch(lg_fit *fit, lg_fit_epoch *report, lg_error *error) {
 
 /* ---- dead models ---- */
 
-/* The state before the first epoch, at other parameters. */
+/* Resets the state to that before the first epoch, with other parameters. */
 static void begin_again(lg_fit *fit, const double *theta) {
     const lg_fit_state old = fit->state;
     const size_t bytes = fit->problem.parameters * fit->k->size;
@@ -393,7 +395,7 @@ static void begin_again(lg_fit *fit, const double *theta) {
     start(fit, theta);
 }
 
-/* The best epoch is better than what a dead model can do. */
+/* Whether the best epoch is clearly better than the current one, whose model may be dead. */
 static bool has_learned(const lg_fit *fit) {
     static const double BETTER = 0.9;
     const lg_fit_state *s = &fit->state;
@@ -416,9 +418,9 @@ static lg_status revive(lg_fit *fit, lg_error *error) {
     return LG_OK;
 }
 
-/* ---- the run ---- */
+/* ---- running ---- */
 
-/* Rank 0 gets all that is saved. */
+/* Rank 0 gets what it needs to save the minimiser. */
 static lg_status collect(lg_fit *fit, lg_error *error) {
     return fit->state.minimiser == NULL ? LG_OK : lg_minimiser_collect(fit->state.minimiser, error);
 }
@@ -435,7 +437,8 @@ static lg_status checkpoint(lg_fit *fit, lg_error *error) {
     return lg_fit_agree(fit, status, error);
 }
 
-/* Ends before the planned total; `saved` says that the state at the last end of an epoch is saved. */
+/* Returns `status` before the plan is finished, after a checkpoint. `saved` says that the state at the end of
+ * the last epoch is saved already. */
 static lg_status leave(lg_fit *fit, lg_status status, bool saved, lg_error *error) {
     if (!saved || fit->state.position > 0) LG_TRY(checkpoint(fit, error));
     return status;

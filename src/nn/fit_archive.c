@@ -1,4 +1,5 @@
-/* Saving and loading the state of a training run. One list names what is stored, in both directions. */
+/* Saving and loading the state of a training run. One list names what is stored; saving and loading both use
+ * it. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -10,7 +11,7 @@
 
 typedef struct hyperparameter {
     const char *path;
-    bool real, added; /* added after the format was first written: missing where it is 0 */
+    bool real, added; /* added: newer than the file format; not stored if 0, and 0 if missing */
     uint64_t whole;
     double value;
 } hyperparameter;
@@ -104,14 +105,14 @@ typedef struct item {
     void *data;
 } item;
 
-#define ALWAYS   7 /* scalars of every state */
-#define PHASES   6 /* those after them, which a plan of Adam alone does not have */
-#define RESTARTS 2 /* the last ones, with options.restarts */
+#define ALWAYS   7 /* scalars that every state has */
+#define PHASES   6 /* the next scalars, which a plan of Adam alone does not store */
+#define RESTARTS 2 /* the last scalars, stored only with options.restarts */
 #define SCALARS  (ALWAYS + PHASES + RESTARTS)
 #define ITEMS    (SCALARS + 10)
 
-/* Numbers that say how long the arrays are come first. `open` is a flag of the caller, as a number.
- * Returns how many there are. */
+/* Lists the scalars and returns their number. They come before the arrays, since they tell how long the
+ * arrays are. `open` stands for s->open as a number. */
 static size_t list_scalars(const lg_fit *fit, lg_fit_state *s, uint64_t *open, item out[SCALARS]) {
     const item list[SCALARS] = {
         {"train/epoch", LG_ELEMENT_U64, 0, 1, &s->epoch},
@@ -137,12 +138,12 @@ static size_t list_scalars(const lg_fit *fit, lg_fit_state *s, uint64_t *open, i
     return used + RESTARTS;
 }
 
-/* Whether the present phase has a minimiser, with evaluations. */
+/* Whether the current phase has a minimiser that has made an evaluation. */
 static bool has_minimiser(const lg_fit *fit, const lg_fit_state *s) {
     return !lg_fit_method_batches(lg_fit_method_of(fit, s->phase)) && s->epoch > s->phase_start;
 }
 
-/* Returns how many of `out` are used. */
+/* Lists the arrays in `out` and returns their number. */
 static size_t list_arrays(const lg_fit *fit, lg_fit_state *s, item *out) {
     const lg_element type = fit->options.dtype == LG_F64 ? LG_ELEMENT_F64 : LG_ELEMENT_F32;
     const uint64_t n = fit->problem.parameters;
@@ -174,7 +175,7 @@ static lg_status write_item(const lg_archive_writer *writer, const item *it, lg_
 lg_status lg_fit_save(const lg_fit *fit, const lg_archive_writer *writer, lg_error *error) {
     LG_NEEDS(error, fit, writer);
     (void)lg_fail(error, LG_OK, "%s", "");
-    lg_fit_state copy = fit->state; /* pointers and numbers; only read */
+    lg_fit_state copy = fit->state; /* shares the arrays with fit->state, which are only read */
     uint64_t open = copy.open;
     item items[ITEMS];
     size_t count = list_scalars(fit, &copy, &open, items);

@@ -1,4 +1,4 @@
-/* The training loop: its state, which is saved (lg_fit_state), and its working memory. */
+/* The training loop: its state (lg_fit_state), as fit_archive.c saves it, and its working memory. */
 #ifndef LG_FIT_INTERNAL_H
 #define LG_FIT_INTERNAL_H
 
@@ -8,40 +8,43 @@
 #include "liegrad/nn.h"
 #include "liegrad/ranks.h"
 
-/* Everything that the next step depends on, except the hyperparameters. One allocation each. */
+/* Everything that the next step depends on, except the hyperparameters. `memory` is one allocation that holds
+ * all arrays. */
 typedef struct lg_fit_state {
     void *memory;
-    void *theta, *m, *v, *best; /* (parameters), the fit's type */
+    void *theta, *m, *v, *best; /* (parameters) each, in the fit's type */
     uint32_t *order;            /* permutation of all samples: training part, then validation part */
     double *history[LG_FIT_SERIES_COUNT];
     lg_rng rng;
-    lg_minimiser *minimiser;     /* of the present phase, NULL before its first evaluation and for Adam */
+    /* of the current phase; NULL before its first evaluation, and where the phase takes batches */
+    lg_minimiser *minimiser;
     uint64_t step;               /* Adam steps done */
-    uint64_t adam_epochs;        /* finished */
-    uint64_t phase, phase_start; /* the present one, and the epochs finished before it */
+    uint64_t adam_epochs;        /* epochs finished by methods that take batches */
+    uint64_t phase, phase_start; /* current phase; epochs that were finished before it */
     uint64_t epoch;              /* epochs finished */
     uint64_t position;           /* training samples used in the unfinished epoch; on a batch boundary */
-    uint64_t best_epoch;         /* counted from 1; 0 before the first */
-    double noise;                /* variance taken for that of the data; 0: none */
-    double plateau;              /* loss at iteration plateau_start of the minimiser */
+    uint64_t best_epoch;         /* counted from 1; 0: no epoch is finished */
+    double noise;                /* estimated variance of the noise in the data; 0: the prior is off */
+    double plateau;              /* the minimiser's loss at iteration plateau_start */
     uint64_t plateau_start;
-    bool open;           /* the unfinished epoch has drawn its order */
-    uint64_t restarts;   /* from other parameters, because the model was dead */
-    double lost_seconds; /* of the epochs before the last restart */
-    double running_loss; /* sum of batch loss times samples in the unfinished epoch */
+    bool open;           /* the order of the unfinished epoch is drawn */
+    uint64_t restarts;   /* how often a dead model was given other parameters */
+    double lost_seconds; /* of all epochs before the last restart */
+    double running_loss; /* sum over the batches of the unfinished epoch: loss times samples */
     double running_seconds;
 } lg_fit_state;
 
 typedef struct lg_shard {
-    uint32_t rank;  /* that computes it */
-    lg_tape *tape;  /* NULL: another rank's, or never needed */
-    char *gradient; /* (parameters); NULL where it stays on another rank */
+    uint32_t rank;  /* the rank that computes this shard */
+    lg_tape *tape;  /* NULL: another rank computes the shard, or it is never used */
+    char *gradient; /* (parameters); NULL: its sum stays on another rank */
     const uint32_t *samples;
     size_t count;
     double loss;
-    double bound; /* of the gradient's norm; infinite where none is known */
+    double bound; /* upper bound of the gradient's norm; infinite if unknown */
     lg_status status;
-    /* Of sums of squares alone: the Gauss-Newton matrix (fit_squares.c); room for a Jacobian. */
+    /* Only for sums of squares (fit_squares.c): the Gauss-Newton matrix, and memory for a Jacobian of `rows`
+     * rows. */
     double *matrix, *jacobian;
     size_t rows;
 } lg_shard;
@@ -51,78 +54,85 @@ struct lg_fit {
     lg_fit_problem problem;
     lg_fit_options options;
     const lg_kernels *k;
-    size_t training, batch; /* samples of the training part; of a full batch */
+    size_t training, batch; /* samples of the training part; samples of a full batch */
     lg_fit_state state;
-    double spent;      /* seconds of all finished epochs, those before a restart included */
-    const void *point; /* where loss and gradients are taken */
+    double spent;      /* seconds of all finished epochs, also of epochs before a restart */
+    const void *point; /* parameters at which loss and gradients are taken, in the fit's type */
     lg_thread_pool *pool;
     lg_shard *shards;
-    bool by_work;      /* options.shards was 0: fewer for small batches */
-    size_t used;       /* shards of a full batch; the others are never needed */
-    size_t first, end; /* of them, this rank's */
-    char *message;     /* to and from other ranks (message_room bytes); how long each rank's is */
+    bool by_work;      /* options.shards was 0: small batches have fewer shards */
+    size_t used;       /* shards that any batch can use: at most one per training sample */
+    size_t first, end; /* this rank's shards: first, ..., end - 1 */
+    /* messages of all ranks, one after the other (message_room bytes); (ranks): length of each message */
+    char *message;
     size_t message_room, *message_bytes;
-    uint32_t *stops;  /* (ranks): whether it was asked to stop */
-    lg_ranks counted; /* those of the options, with what they cost */
+    uint32_t *stops; /* (ranks): 1 if the rank was asked to stop */
+    /* options.ranks points to this wrapper, which counts into `cost`; `given` are the caller's ranks */
+    lg_ranks counted;
     const lg_ranks *given;
     lg_fit_cost cost;
-    /* The present batch: pieces in use, its samples, whether gradients and matrices are wanted; then the data
-     * of the step. */
+    /* The current batch: shards in use, samples, whether gradients and matrices are wanted. Then the data of
+     * the step. */
     size_t active, batch_samples;
     bool with_gradient, with_squares;
     const struct lg_fit_batches_row *row; /* the method of this step */
     double clip, rate;
-    size_t blocks;    /* of LG_FIT_BLOCK parameters: the unit of the reduction and of the step */
-    double *partial;  /* (blocks): squared norm of a block's gradient */
-    bool *overflowed; /* (blocks): the step gave a value that is not finite */
-    double largest;   /* norm of the parameters at the start of the epoch: bounds each of them */
-    bool careful;     /* this step might overflow: keep a backup and look at the result */
-    char *backup;     /* theta, m, v before a careful step */
-    double *scratch;  /* (epochs) */
-    double *revived;  /* (parameters); NULL without restarts */
+    /* number of blocks of LG_FIT_BLOCK parameters, by which gradients are summed and steps are taken */
+    size_t blocks;
+    double *partial;  /* (blocks): squared norm of the block's part of the gradient */
+    bool *overflowed; /* (blocks): the step gave a value in this block that is not finite */
+    double largest;   /* norm of all parameters at the start of the epoch; no parameter is larger */
+    bool careful;     /* this step might overflow: keep a backup and check the result */
+    char *backup;     /* theta, m and v before a careful step */
+    double *scratch;  /* (epochs): to compute the median of the seconds */
+    double *revived;  /* (parameters): for problem.revive; NULL without restarts */
 };
 
 #define LG_FIT_BLOCK  4096
-#define LG_FIT_PIECES 4 /* of a batch that is cut by its work */
-/* How many pieces those are, of chunks of at most `chunk` samples. */
+#define LG_FIT_PIECES 4 /* most shards of a batch that is cut by its work (lg_fit_options.shards = 0) */
+/* How many shards a batch of `samples` has if it is cut by its work. A tape takes at most `chunk` samples. */
 size_t lg_fit_pieces(size_t samples, size_t parameters, size_t chunk);
 
 lg_status lg_fit_state_create(const lg_fit *fit, lg_fit_state *out);
 void lg_fit_state_destroy(const lg_fit *fit, lg_fit_state *state);
 
-/* Loss of a batch at the present parameters, summed over shards in order; with gradients in the shards if
- * wanted. The sentence of an error uses `what`. */
+/* Loss of a batch at fit->point, summed over the shards in order. With with_gradient, the shards' gradients
+ * are computed too. The sentence of an error begins with `what`. */
 lg_status lg_fit_batch_loss(lg_fit *fit, const uint32_t *samples, size_t count, bool with_gradient,
                             const char *what, double *loss, lg_error *error);
-/* Cuts the samples into pieces, one a shard. */
+/* Cuts the samples into contiguous pieces, one per shard; sets fit->active and fit->batch_samples. */
 void lg_fit_cut(lg_fit *fit, const uint32_t *samples, size_t count);
-/* Adds `count` samples to the shard's sums. */
+/* Adds the loss and the derivatives of `count` samples to the shard's. */
 typedef lg_status (*lg_fit_chunk)(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count);
-/* Adds a shard's samples a chunk at a time, its loss from 0: a chunk's values stay in the cache, and memory
- * is bounded. */
+/* Sets the shard's loss to 0 and calls `add` for each chunk of its samples. Chunks bound the memory of a tape
+ * and keep its values in the cache. */
 lg_status lg_fit_chunks(const lg_fit *fit, lg_shard *shard, lg_fit_chunk add);
-/* The sum of the shards' losses; the failure of a shard, or a sum that is not finite. */
+/* Sums the losses of the shards. Fails if a shard has failed or the sum is not finite. */
 lg_status lg_fit_sum_losses(const lg_fit *fit, const char *what, double *loss, lg_error *error);
-/* Loss, gradient and matrix of all training samples by residuals; the latter in the first shard. */
+/* Computes loss, gradient and Gauss-Newton matrix of all training samples from the residuals. Gradient and
+ * matrix are in the first shard. */
 lg_status lg_fit_squares(lg_fit *fit, const char *what, double *value, lg_error *error);
-/* Adds `decay` and the problem's own decay to the matrix's diagonal, `prior` to its first `weights` numbers.
- */
+/* Adds `decay` and the problem's own decay to the diagonal of the matrix, and `prior` to its first `weights`
+ * elements. */
 void lg_fit_add_diagonal(lg_fit *fit, size_t weights, double prior, double decay);
-/* Adds the gradients of all shards into that of the first one and returns its norm. */
+/* Adds the gradients of all shards into the first shard's gradient, and returns its norm. */
 double lg_fit_reduce(lg_fit *fit);
-/* The pairs of the tree (0 + 1) + (2 + 3) ... by which arrays of shards are added into the first one's, in
- * their order: `from` is to be added into `to`. LG_PAIRS_HERE: those that this rank adds alone, before the
- * exchange; LG_PAIRS_REST: those that all ranks add after it, without ranks all of them. */
+/* Calls add(fit, user, to, from) for all pairs of the tree (0 + 1) + (2 + 3) ..., in order: it adds shard
+ * `from` into shard `to`, so that shard 0 gets the sum of all. LG_PAIRS_HERE: the pairs that this rank adds
+ * alone, before the exchange. LG_PAIRS_REST: the pairs that every rank adds after it; without ranks, all
+ * pairs. */
 typedef enum lg_pairs { LG_PAIRS_HERE, LG_PAIRS_REST } lg_pairs;
 typedef void (*lg_fit_add)(const lg_fit *fit, void *user, size_t to, size_t from);
 void lg_fit_for_pairs(const lg_fit *fit, lg_pairs pairs, lg_fit_add add, void *user);
-/* Brings a gradient of this norm to at most `limit`: min(1, limit/norm), or 1 for limit 0. */
+/* The factor that shortens a gradient of this norm to at most `limit`: min(1, limit/norm). It is 1 for limit
+ * 0. */
 double lg_clip_factor(double norm, double limit);
-/* What a gradient is not finite in. */
+/* Fails with a sentence that names the element of the gradient that is not finite. */
 lg_status lg_fit_gradient_failure(const lg_fit *fit, const char *what, lg_error *error);
 
-/* Of the matrix of sums of squares: the length of P, which is added over shards, and what is a sample's own
- * in the first shard's matrix, its rows C and its block B. */
+/* The parts of the first shard's Gauss-Newton matrix that belong to one sample: its rows C and its block B.
+ * The part P of the shared parameters, with lg_fit_squares_length numbers, is summed over the shards
+ * instead. */
 typedef struct lg_fit_own {
     double *rows, *block;
     size_t rows_length, block_length;
@@ -135,67 +145,70 @@ lg_fit_own lg_fit_own_of(const lg_fit *fit, uint32_t sample);
 static inline bool lg_fit_alone(const lg_fit *fit) {
     return fit->options.ranks == NULL;
 }
-/* Divides the shards over ranks. */
+/* Divides the shards over the ranks, and wraps options.ranks to count exchanges. */
 lg_status lg_fit_ranks_create(lg_fit *fit);
 void lg_fit_ranks_destroy(lg_fit *fit);
-/* The rank computes the shard, or gets a sum from it. */
+/* Whether this rank needs the shard's gradient and matrix: it computes the shard, or receives a sum from
+ * it. */
 bool lg_fit_holds(const lg_fit *fit, size_t shard);
-/* Runs task(user, i) for i < active, in threads; then with ranks the exchange: afterwards each has the loss
- * and status of all shards, and, if wanted, what LG_PAIRS_REST adds. LG_CANCELLED: a rank was asked to
- * stop. */
+/* Runs task(user, i) in threads for this rank's shards among the first `active`. With ranks an exchange
+ * follows: then every rank has the losses and statuses of all shards and, if wanted, the sums that
+ * LG_PAIRS_REST adds up. Returns LG_CANCELLED if any rank was asked to stop. */
 lg_status lg_fit_run_shards(lg_fit *fit, void (*task)(void *user, size_t shard), lg_error *error);
-/* Before the exchange: adds the pairs of LG_PAIRS_HERE. */
+/* Called before the exchange: add gradients, or matrices, over the pairs of LG_PAIRS_HERE. */
 void lg_fit_reduce_here(lg_fit *fit);
 void lg_fit_squares_here(lg_fit *fit);
-/* The failure of one rank becomes that of all. */
+/* If one rank failed, all ranks return its failure. */
 lg_status lg_fit_agree(const lg_fit *fit, lg_status status, lg_error *error);
-/* Of rank 0, on all ranks. */
+/* *seconds becomes rank 0's value on all ranks. */
 lg_status lg_fit_share_seconds(const lg_fit *fit, double *seconds);
 lg_status lg_fit_cancelled(const lg_fit *fit, lg_error *error);
 
 /* ---- methods (fit_methods.c) ---- */
 
-/* A method that takes batches. It has two numbers for each parameter, m and v >= 0, which start from zero and
- * are saved; they stay through all phases. */
+/* A method that takes batches. It keeps two numbers per parameter, m and v >= 0, which start from zero, are
+ * saved, and stay through all phases. */
 typedef struct lg_fit_batches_row {
     const char *name;
-    /* Step number `step` = 1, 2, ... of n parameters of the type options->dtype. The gradient counts `clip`
-     * times, the learning rate is options->adam.lr times `rate`. */
+    /* Takes step number `step` = 1, 2, ... on n parameters of the type options->dtype. The gradient is
+     * multiplied by `clip`, and the learning rate is options->adam.lr times `rate`. */
     void (*step)(const lg_fit_options *options, uint64_t step, double rate, double clip, const void *gradient,
                  size_t n, void *m, void *v, void *theta);
-    /* A step of moderate gradients changes no parameter by more than 1e10: it need not be looked at for
-     * overflow. NULL: it must be. */
+    /* Whether a step with a gradient of moderate size changes no parameter by more than 1e10. Then the result
+     * is not checked for overflow. NULL: it is always checked. */
     bool (*bounded)(const lg_fit_options *options, double rate);
 } lg_fit_batches_row;
 
-/* The row of a method that takes batches; NULL of another one. */
+/* The row of a method that takes batches; NULL for any other method. */
 const lg_fit_batches_row *lg_fit_batches_of(lg_fit_method method);
-/* The present phase. */
+/* The method of a phase of the plan. */
 lg_fit_method lg_fit_method_of(const lg_fit *fit, uint64_t phase);
-/* Options for a minimiser of a phase without batches. */
+/* Options of the minimiser for a phase without batches. */
 lg_minimise_options lg_fit_minimise_options(const lg_fit *fit, uint64_t phase);
-/* One evaluation of the loss of all training samples; *moved: theta is another point than before. */
+/* Evaluates the loss of all training samples once, and tells the minimiser. *moved: whether theta has
+ * changed. */
 lg_status lg_fit_evaluate(lg_fit *fit, bool *moved, lg_error *error);
-/* After an epoch: goes to the next phase where the present one is over. */
+/* Called after an epoch: begins the next phase if the current one is over. */
 void lg_fit_next_phase(lg_fit *fit);
 lg_status lg_fit_check_plan(const lg_fit_problem *problem, const lg_fit_options *options, lg_error *error);
 
-/* One step on a batch; on failure theta, m, v are as before. */
+/* Takes one step on a batch. On failure theta, m and v are as before. */
 lg_status lg_fit_step(lg_fit *fit, const uint32_t *samples, size_t count, double rate, double *loss,
                       lg_error *error);
 
-/* Batches in the first `samples` samples of an epoch. */
+/* Number of batches in the first `samples` samples of an epoch. */
 static inline uint64_t lg_fit_batches(const lg_fit *fit, uint64_t samples) {
     return (samples + fit->batch - 1) / fit->batch;
 }
 
-/* The loss that decides which epoch is best, for a finished epoch counted from 1. */
+/* The loss by which epochs are compared to find the best one: of the validation part if there is one. `epoch`
+ * counts from 1. */
 static inline double lg_fit_criterion(const lg_fit *fit, uint64_t epoch) {
     const lg_fit_series series = fit->training < fit->problem.samples ? LG_FIT_VALIDATION : LG_FIT_LOSS;
     return fit->state.history[series][epoch - 1];
 }
 
-/* The parameters (`parameters` numbers) as they are now, whatever the best epoch was. */
+/* The current parameters (`parameters` numbers), even if an earlier epoch was better. */
 void lg_fit_current_parameters(const lg_fit *fit, double *theta);
 
 #endif

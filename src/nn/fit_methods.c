@@ -1,4 +1,4 @@
-/* Methods of training and their phases; why training ends. */
+/* Methods of training, plans of phases, and why training ends. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -7,8 +7,8 @@
 #include "nn/fit_internal.h"
 #include "nn/minimise_internal.h"
 
-/* X(name) of the row lg_fit_<name>. The numbers of lg_fit_method: the first row, the minimisers, the other
- * rows. */
+/* X(name) for each row lg_fit_<name>. lg_fit_method numbers the methods: first the first row, then the
+ * minimisers, then the other rows. */
 #define BATCHES(X)    X(adam)
 #define DECLARE(name) extern const lg_fit_batches_row lg_fit_##name;
 #define LIST(name)    &lg_fit_##name,
@@ -27,7 +27,7 @@ const lg_fit_batches_row *lg_fit_batches_of(lg_fit_method method) {
     return number > others && number - others < LG_COUNT(batches) ? batches[number - others] : NULL;
 }
 
-/* NULL: the method takes batches. */
+/* NULL if the method takes batches. */
 static const lg_minimise_row *minimiser_of(lg_fit_method method) {
     return (size_t)method > 0 ? lg_minimise_row_at((size_t)method - 1) : NULL;
 }
@@ -59,7 +59,8 @@ static lg_status no_method(const char *text, size_t length, bool squares, lg_err
                    (int)(length < 40 ? length : 40), text, names);
 }
 
-/* "adam:100" up to `length`; the number may be missing. */
+/* Parses one phase, such as "adam:100", from the first `length` characters. *epochs is 0 if there is no
+ * number. Methods for sums of squares are refused unless `squares`. */
 static lg_status parse_phase(const char *text, size_t length, bool squares, uint32_t *method,
                              uint32_t *epochs, lg_error *error) {
     const char *colon = memchr(text, ':', length);
@@ -149,7 +150,7 @@ static bool is_last(const lg_fit *fit) {
 }
 
 lg_status lg_fit_check_plan(const lg_fit_problem *problem, const lg_fit_options *o, lg_error *error) {
-    /* 8 n^2 bytes: 10000 parameters take 0.8 GB. */
+    /* A matrix of n^2 doubles: for 10000 parameters 0.8 GB. */
     enum { MOST_DENSE = 10000 };
     if (o->plan.phases > LG_FIT_MAX_PHASES)
         return lg_fail(error, LG_INVALID_ARGUMENT, "training options: the plan has too many phases");
@@ -185,7 +186,7 @@ lg_minimise_options lg_fit_minimise_options(const lg_fit *fit, uint64_t phase) {
     lg_minimise_options options;
     lg_minimise_options_init(&options);
     options.method = (lg_minimise_method)((int)lg_fit_method_of(fit, phase) - 1);
-    options.check = false; /* the tape's gradients are checked elsewhere */
+    options.check = false; /* gradients come from the tape and need no check here */
     options.slow = true;
     options.ranks = fit->options.ranks;
     options.block = fit->problem.own;
@@ -193,18 +194,18 @@ lg_minimise_options lg_fit_minimise_options(const lg_fit *fit, uint64_t phase) {
     return options;
 }
 
-/* The numbers of theta that have the prior come first. */
+/* How many numbers of theta the prior applies to; they come first. */
 static size_t weights_of(const lg_fit *fit) {
     return fit->problem.weights > 0 ? fit->problem.weights : fit->problem.parameters;
 }
 
-/* W of W/2 |w|^2, w the weights. */
+/* The factor W of the prior's term W/2 |w|^2, where w are the weights. */
 static double prior_of(const lg_fit *fit) {
     const double spread = fit->options.prior * fit->options.prior * (double)fit->problem.observations;
     return spread > 0.0 ? 2.0 * fit->state.noise / spread : 0.0;
 }
 
-/* Weight decay and prior: their part of the value at x. */
+/* What weight decay and prior add to the loss at x. */
 static double penalty_at(const lg_fit *fit, const double *x) {
     const double *each = fit->problem.decay;
     double sum = 0.0;
@@ -217,8 +218,9 @@ static bool takes_squares(const lg_fit *fit) {
     return lg_fit_method_squares(lg_fit_method_now(fit));
 }
 
-/* Loss and gradient of all training samples (with squares, the matrix too), with W/2 |theta|^2. A value that
- * is not finite is no failure but for the first one: the search shortens its step. */
+/* Loss and gradient of all training samples, and for sums of squares the Gauss-Newton matrix, with weight
+ * decay and prior. Only at the first evaluation is a loss that is not finite a failure; later *value is NaN,
+ * and the search shortens its step. */
 static lg_status full_loss(lg_fit *fit, double *value, lg_error *error) {
     char what[64];
     const double *theta = fit->point;
@@ -248,13 +250,14 @@ static lg_status full_loss(lg_fit *fit, double *value, lg_error *error) {
     return LG_OK;
 }
 
-/* The loss at the lowest point alone. */
+/* The loss at the lowest point, without weight decay and prior. */
 static double plain_loss(const lg_fit *fit) {
     const double value = lg_minimiser_result(fit->state.minimiser).value;
     return value - penalty_at(fit, lg_minimiser_best(fit->state.minimiser));
 }
 
-/* Sets the variance of the noise: value and gradient at the lowest point change with W. */
+/* Sets the variance of the noise, and tells the minimiser how value and gradient at the lowest point change
+ * with W. */
 static void set_noise(lg_fit *fit, double noise) {
     lg_fit_state *s = &fit->state;
     const size_t n = fit->problem.parameters, weights = weights_of(fit);
@@ -268,7 +271,8 @@ static void set_noise(lg_fit *fit, double noise) {
     lg_minimiser_change(s->minimiser, value + 0.5 * change * fit->k->dot(weights, x, x), gradient);
 }
 
-/* After a step: whether the loss still falls. */
+/* Called after an accepted step. If the loss has fallen by less than a tenth in WINDOW iterations, it becomes
+ * the variance of the noise. If it falls to half the noise later, the noise becomes 0 again. */
 static void watch_noise(lg_fit *fit, double loss) {
     enum { WINDOW = 50 };
     static const double FALL = 0.9, ANEW = 0.5;
@@ -329,8 +333,8 @@ void lg_fit_next_phase(lg_fit *fit) {
 
 /* ---- ends ---- */
 
-/* Epochs since the best one; of the minimisers' only those whose step was accepted, which lowers the loss:
- * evaluations of a line search are no chance to get better. */
+/* Epochs since the best one. For a minimiser only epochs whose step was accepted count, which are those where
+ * the loss changed: other evaluations of a line search had no chance to become the best. */
 static uint64_t fruitless(const lg_fit *fit) {
     const lg_fit_state *s = &fit->state;
     const double *loss = s->history[LG_FIT_LOSS];

@@ -1,4 +1,4 @@
-/* A program's function as a problem of lg_fit: its parameters, one after the other, are theta. */
+/* Trains a function of a program by lg_fit. theta is all parameters of the program, one after the other. */
 #include <math.h>
 #include <string.h>
 
@@ -15,15 +15,15 @@ typedef struct training {
     size_t function, inputs, parameters, outputs, rows;
     const lg_port *input;
     bool squares;   /* the first output has a value for each row */
-    size_t numbers; /* of one row of it */
+    size_t numbers; /* of the first output, per row */
     const double *const *data;
     double *theta;
-    size_t count; /* of theta */
+    size_t count; /* length of theta */
 } training;
 
 /* ---- on a tape ---- */
 
-/* Input i with the rows `samples`. */
+/* Records input i with the rows `samples`; a shared input is recorded whole. */
 static lg_var put_rows(const training *t, lg_tape *tape, size_t i, const uint32_t *samples, size_t count) {
     const lg_port *port = &t->input[i];
     const size_t width = lg_shape_count(port->shape);
@@ -37,7 +37,7 @@ static lg_var put_rows(const training *t, lg_tape *tape, size_t i, const uint32_
     return x;
 }
 
-/* The first output for these rows. */
+/* Records the function for these rows; *out is its first output. */
 static lg_status record(const training *t, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                         lg_var *out) {
     lg_var parameters[LG_TRAIN_MOST], in[LG_TRAIN_MOST], outputs[LG_TRAIN_MOST];
@@ -120,7 +120,7 @@ static lg_fit_options default_options(const training *t, size_t count) {
     return options;
 }
 
-/* theta, if it is wanted, from the program; its length. */
+/* Copies the program's parameters to theta, unless it is NULL; returns their number. */
 static size_t take_parameters(const training *t, double *theta) {
     size_t at = 0;
     for (size_t j = 0; j < t->parameters; j++) {
@@ -140,7 +140,7 @@ static lg_status give_parameters(lg_program *program, const double *theta) {
     return LG_OK;
 }
 
-/* The loss of these rows together; *depends: on theta. */
+/* The loss of these rows taken together. *depends: whether it depends on theta. */
 static lg_status loss_of(training *t, lg_tape *tape, const uint32_t *samples, size_t rows, double *value,
                          bool *depends) {
     lg_var out = LG_NONE;
@@ -151,7 +151,8 @@ static lg_status loss_of(training *t, lg_tape *tape, const uint32_t *samples, si
     return lg_read(tape, out, 1, value);
 }
 
-/* Some rows, over all of the data, together and one by one: their loss is the mean of theirs. */
+/* Tries up to MOST_TRIED rows from all over the data: their loss together must be the mean of the losses of
+ * the single rows. */
 static lg_status check_mean(training *t, lg_tape *tape, lg_error *error) {
     uint32_t samples[MOST_TRIED];
     const size_t rows = t->rows < MOST_TRIED ? t->rows : MOST_TRIED;
@@ -177,7 +178,7 @@ static lg_status check_mean(training *t, lg_tape *tape, lg_error *error) {
                    name, rows, together, mean);
 }
 
-/* The loss of all rows, LG_FIT_CHUNK on the tape at once. */
+/* The loss of all rows, with LG_FIT_CHUNK rows at a time on the tape; checks it by check_mean first. */
 static lg_status loss_of_all(training *t, const lg_context *context, double *sum, lg_error *error) {
     lg_tape *tape;
     bool depends;

@@ -1,19 +1,20 @@
-/* Training by ranks. A rank computes a contiguous part of the shards and adds what lies within that part of
- * the tree of sums; the sums that are left go to all ranks, which each add the rest. So every rank has the
- * same state, with the bits of one process.
+/* Training on several ranks. A rank computes a contiguous range of the shards, and adds those sums of the
+ * tree that need only its shards. The results go to all ranks, and each rank adds the rest. So all ranks have
+ * the same state, with the same bits as one process.
  *
- * One message a batch from each rank to all: whether it was asked to stop; loss, bound and status of its
- * shards; its sums of gradients, and of sums of squares the matrices, and the rows and blocks of its
- * samples. */
+ * Per batch, each rank sends one message to all others: whether it was asked to stop; loss, bound and status
+ * of its shards; its sums of gradients; and for sums of squares its sums of matrices and the rows and blocks
+ * of its samples. */
 #include <inttypes.h>
 #include <string.h>
 
 #include "autodiff/tape/tape_internal.h"
 #include "nn/fit_internal.h"
 
-/* ---- the tree ---- */
+/* ---- the tree of sums ---- */
 
-/* The shards below (to, to + stride) lie on several ranks, so that all ranks add. */
+/* Whether the shards that are summed up in shard `to` after this stride lie on several ranks. Then all ranks
+ * add this pair. */
 static bool across(const lg_fit *fit, size_t to, size_t stride) {
     if (lg_fit_alone(fit)) return true;
     const size_t last = to + 2 * stride < fit->used ? to + 2 * stride - 1 : fit->used - 1;
@@ -29,7 +30,7 @@ void lg_fit_for_pairs(const lg_fit *fit, lg_pairs pairs, lg_fit_add add, void *u
         }
 }
 
-/* The shard's sum is not added into another one by its rank alone. */
+/* Whether the shard's sum must be sent, because its rank cannot add it into another shard alone. */
 static bool is_sent(const lg_fit *fit, size_t shard) {
     const size_t stride = shard & (~shard + 1);
     return shard == 0 || across(fit, shard - stride, stride);
@@ -55,7 +56,7 @@ static lg_status counted_gather(void *user, void *all, const size_t *bytes) {
     return status;
 }
 
-/* Of a checkpoint, not of an epoch. */
+/* Counted neither in cost.exchanges nor in seconds: a checkpoint needs it, not an epoch. */
 static lg_status collect(void *user, const void *mine, void *all, const size_t *bytes) {
     const lg_fit *fit = user;
     return fit->given->collect(fit->given->user, mine, all, bytes);
@@ -87,9 +88,10 @@ void lg_fit_ranks_destroy(lg_fit *fit) {
 
 /* ---- messages ---- */
 
-/* A message as a list of arrays: each of them is passed to `take`. */
+/* A message is a list of arrays; list_message calls a `take` for each of them, to count, pack or unpack
+ * it. */
 typedef struct message {
-    char *begin; /* NULL while only the length is wanted */
+    char *begin; /* NULL when only the length is counted */
     size_t length;
 } message;
 typedef void (*take)(message *m, void *data, size_t bytes);
@@ -125,7 +127,8 @@ static void list_shard(lg_fit *fit, size_t index, take each, message *m) {
     }
 }
 
-/* The message of rank `from`, which begins at `begin`. Returns its length. */
+/* Calls `each` for all arrays of the message of rank `from`, which begins at `begin`. Returns its length in
+ * bytes. */
 static size_t list_message(lg_fit *fit, uint32_t from, take each, char *begin) {
     message m = {begin, 0};
     each(&m, &fit->stops[from], sizeof *fit->stops);
@@ -134,7 +137,7 @@ static size_t list_message(lg_fit *fit, uint32_t from, take each, char *begin) {
     return m.length;
 }
 
-/* Lengths of all messages, and room for them. */
+/* Computes the lengths of all messages, and allocates room for them. */
 static lg_status make_room(lg_fit *fit) {
     size_t total = 0;
     for (uint32_t r = 0; r < fit->options.ranks->count; r++) {
@@ -168,7 +171,7 @@ static lg_status exchange(lg_fit *fit, lg_error *error) {
     return stopped != 0 ? lg_fit_cancelled(fit, error) : LG_OK;
 }
 
-/* ---- the pieces of a batch ---- */
+/* ---- running the shards of a batch ---- */
 
 typedef struct work {
     void (*task)(void *user, size_t shard);

@@ -1,23 +1,24 @@
-/* Sums of squares in training: loss, gradient and Gauss-Newton matrix of all training samples. The Jacobian
- * comes from the problem, or by forward mode on the shards' tapes, a column a parameter. The matrix is in the
- * form of lg_minimiser_tell_squares; its part of the shared parameters is summed over shards, the rest has
- * one place for each sample, in the first shard's. */
+/* Training on sums of squares: loss, gradient and Gauss-Newton matrix of all training samples. The Jacobian
+ * comes from the problem's `linearise`, or from forward mode on the shards' tapes, one column per parameter.
+ * The matrix has the form of lg_minimiser_tell_squares. Its part of the shared parameters is summed over the
+ * shards; the parts of single samples are written to the first shard's matrix directly. */
 #include <string.h>
 
 #include "autodiff/tape/tape_internal.h"
 #include "nn/fit_internal.h"
 
-/* Parameters that all samples share. */
+/* Number of parameters that all samples share. */
 static size_t shared_by_all(const lg_fit *fit) {
     return fit->problem.parameters - fit->problem.own * fit->problem.samples;
 }
 
-/* Columns of the Jacobian: one for each shared parameter, one for each of a sample's own. */
+/* Columns of the Jacobian: the shared parameters, then the parameters of one sample. */
 static size_t columns_of(const lg_fit *fit) {
     return shared_by_all(fit) + fit->problem.own;
 }
 
-/* The Jacobian (rows, columns), the residuals, and without `linearise` the Jacobian's transpose. */
+/* Makes room for the Jacobian (rows, columns), the residuals and, without `linearise`, the transposed
+ * Jacobian. */
 static lg_status room_for(const lg_fit *fit, lg_shard *shard, size_t rows) {
     const size_t columns = columns_of(fit), copies = fit->problem.linearise != NULL ? 1 : 2;
     if (shard->rows >= rows) return LG_OK;
@@ -29,7 +30,8 @@ static lg_status room_for(const lg_fit *fit, lg_shard *shard, size_t rows) {
     return LG_OK;
 }
 
-/* Row j of the transpose: the derivative of r by shared parameter j, or by own number j of all samples. */
+/* Fills the transposed Jacobian. Row j is the derivative of r by shared parameter j, or by parameter j -
+ * shared of every sample at once. */
 static lg_status fill_columns(const lg_fit *fit, lg_tape *tape, lg_var theta, lg_var r,
                               const uint32_t *samples, size_t count, size_t rows, double *transposed) {
     const size_t n = fit->problem.parameters, shared = shared_by_all(fit), own = fit->problem.own;
@@ -49,7 +51,7 @@ static lg_status fill_columns(const lg_fit *fit, lg_tape *tape, lg_var theta, lg
     return LG_OK;
 }
 
-/* r and J (rows, columns) by forward sweeps. */
+/* Computes r and J (rows, columns) by forward sweeps. */
 static lg_status sweep_forward(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count,
                                size_t *rows) {
     const size_t n = fit->problem.parameters, columns = columns_of(fit);
@@ -83,7 +85,8 @@ static lg_status linearise(const lg_fit *fit, lg_shard *shard, const uint32_t *s
     return LG_OK;
 }
 
-/* The upper triangle of P += J^T J, P (shared, shared), and the gradient's first part. */
+/* Adds J^T J to the upper triangle of P (shared, shared), and J^T r to the gradient of the shared
+ * parameters. */
 static void add_shared(const lg_fit *fit, lg_shard *shard, size_t rows, const double *jacobian,
                        const double *residuals) {
     enum { WIDTH = 96 };
@@ -111,7 +114,8 @@ lg_fit_own lg_fit_own_of(const lg_fit *fit, uint32_t sample) {
                         .block_length = own * own};
 }
 
-/* A sample's own rows C, block B and part of the gradient, which nobody else writes. */
+/* Writes the rows C and the block B of one sample, and its part of the gradient. No other shard writes
+ * there. */
 static void put_own(const lg_fit *fit, lg_shard *shard, uint32_t sample, size_t rows, const double *jacobian,
                     const double *residuals) {
     const size_t columns = columns_of(fit), n = shared_by_all(fit), own = fit->problem.own;
@@ -123,7 +127,7 @@ static void put_own(const lg_fit *fit, lg_shard *shard, uint32_t sample, size_t 
         fit->k->axpy(own, residuals[row], jacobian + row * columns + n, gradient);
 }
 
-/* Adds |r|^2, J^T r and J^T J of `count` samples to the shard's. */
+/* Adds |r|^2, J^T r and J^T J of `count` samples to the shard's loss, gradient and matrix. */
 static lg_status add_chunk(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count) {
     const size_t columns = columns_of(fit);
     size_t rows = 0;
@@ -143,7 +147,7 @@ static lg_status add_shard(const lg_fit *fit, lg_shard *shard) {
     return lg_fit_chunks(fit, shard, add_chunk);
 }
 
-/* The first shard, which comes last, has room for all of the matrix. */
+/* The first shard holds the whole matrix, the others only P. The first shard is allocated last. */
 static lg_status make_matrices(lg_fit *fit) {
     const size_t n = shared_by_all(fit);
     const lg_minimise_options options = lg_fit_minimise_options(fit, fit->state.phase);
@@ -171,7 +175,8 @@ void lg_fit_squares_here(lg_fit *fit) {
     lg_fit_for_pairs(fit, LG_PAIRS_HERE, add_matrices, NULL);
 }
 
-/* Sums over shards; twice, and the lower triangle as the upper. */
+/* Adds up the shards' gradients and matrices, mirrors the upper triangle of P into the lower one, and doubles
+ * all. */
 static void add_up(lg_fit *fit) {
     const size_t n = shared_by_all(fit), all = fit->problem.parameters;
     double *matrix = fit->shards[0].matrix;

@@ -1,6 +1,6 @@
-/* One step of training. A batch is cut into contiguous pieces, one for each shard, which has its own tape and
+/* One training step. A batch is cut into contiguous pieces, one per shard; each shard has its own tape and
  * gradient. Gradients are added pairwise, (0 + 1) + (2 + 3) ..., then the method takes its step. Results do
- * not depend on the threads: a task writes to its own shard, or to its own block of parameters. */
+ * not depend on the number of threads: a task writes only to its own shard or its own block of parameters. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -9,10 +9,12 @@
 #include "autodiff/tape/tape_internal.h"
 #include "nn/fit_internal.h"
 
-/* Threads are used from this number of blocks on; below, waking them costs more than they save. */
+/* The number of blocks from which threads are used; with fewer blocks, waking threads costs more than it
+ * saves. */
 #define PARALLEL_BLOCKS 16
 
-/* A gradient that one sweep writes alone needs no further pass when it is only checked to be moderate. */
+/* Whether the bound on the norm that a backward sweep returns can replace a pass over the gradient: one sweep
+ * computes the whole gradient, and the norm is not needed for clipping. */
 static bool bound_suffices(const lg_fit *fit, const lg_shard *shard, size_t count) {
     return fit->active == 1 && count == shard->count && fit->options.clip_norm == 0.0;
 }
@@ -21,7 +23,8 @@ static size_t chunk_of(const lg_fit *fit) {
     return fit->problem.chunk > 0 ? fit->problem.chunk : LG_FIT_CHUNK;
 }
 
-/* Adds loss and gradient of `count` samples to the shard's; the first chunk of a shard sets its gradient. */
+/* Adds loss and gradient of `count` samples to the shard's. The first chunk of a shard overwrites the
+ * gradient. */
 static lg_status chunk_loss(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count) {
     lg_tape *tape = shard->tape;
     lg_tape_reset(tape);
@@ -61,8 +64,9 @@ static void shard_task(void *user, size_t index) {
     shard->status = lg_fit_chunks(fit, shard, chunk_loss);
 }
 
-/* A power of two, for three pieces leave one of two threads idle. A small piece takes longer to record than
- * to compute, and few rows have slow products. A piece of several chunks is recorded for each. */
+/* The result is a power of 2, because 3 shards would leave one of two threads idle. Small shards do not pay:
+ * recording takes longer than computing, and products with few rows are slow. A shard of several chunks is
+ * recorded once per chunk anyway, so it may be divided. */
 size_t lg_fit_pieces(size_t samples, size_t parameters, size_t chunk) {
     static const double least_work = 6e4, least_rows = 24;
     const double rows = (double)samples,
@@ -74,7 +78,7 @@ size_t lg_fit_pieces(size_t samples, size_t parameters, size_t chunk) {
     return pieces;
 }
 
-/* Piece i of n of `count` samples: [i count/n, (i + 1) count/n), never empty since n <= count. */
+/* Shard i of n gets the samples [i count/n, (i + 1) count/n), at least one since n <= count. */
 void lg_fit_cut(lg_fit *fit, const uint32_t *samples, size_t count) {
     const size_t most = fit->by_work ? lg_fit_pieces(count, fit->problem.parameters, chunk_of(fit)) : count;
     size_t n = count < fit->options.shards ? count : fit->options.shards;
@@ -93,7 +97,7 @@ static const char *shown(double x) {
     return isnan(x) ? "NaN" : x > 0 ? "inf" : "-inf";
 }
 
-/* The sentence of a shard that failed: its rank has it. */
+/* Reports why a shard failed. Only the rank that computed the shard has the sentence, so it is shared. */
 static lg_status shard_failure(const lg_fit *fit, const char *what, size_t index, lg_error *error) {
     const lg_shard *shard = &fit->shards[index];
     char message[256] = "";
@@ -151,7 +155,8 @@ void lg_fit_reduce_here(lg_fit *fit) {
     for_blocks(fit, reduce_block_here);
 }
 
-/* Adds the gradients of all shards into that of the first one. */
+/* Adds a block of the gradients of all shards into the first shard's gradient; then takes its squared
+ * norm. */
 static void reduce_block(void *user, size_t block) {
     lg_fit *fit = user;
     lg_fit_for_pairs(fit, LG_PAIRS_REST, add_gradients, &block);
@@ -166,7 +171,8 @@ double lg_fit_reduce(lg_fit *fit) {
     return sqrt(squared);
 }
 
-/* Parameters beyond 1e10 make every step careful. */
+/* Whether a step with a gradient of this norm might overflow. Always true if the norm of the parameters
+ * reaches 1e10. */
 static bool may_overflow(const lg_fit *fit, double norm, double rate) {
     const double limit = fit->options.dtype == LG_F32 ? 1e15 : 1e150;
     const bool bounded = fit->row->bounded != NULL && fit->row->bounded(&fit->options, rate);
@@ -187,7 +193,7 @@ static void step_block(void *user, size_t block) {
         if (!fit->k->all_finite(n, arrays[i])) fit->overflowed[block] = true;
 }
 
-/* First element that is not finite, or n. */
+/* Index of the first element that is not finite, and its value; n if all are finite. */
 static size_t first_bad(const lg_fit *fit, const void *x, double *value) {
     const size_t n = fit->problem.parameters;
     for (size_t i = 0; i < n; i++) {
@@ -206,7 +212,7 @@ lg_status lg_fit_gradient_failure(const lg_fit *fit, const char *what, lg_error 
     return lg_fail(error, LG_NOT_FINITE, "%s: the norm of the gradient overflows", what);
 }
 
-/* Reports what overflowed and restores the state before the step. */
+/* Reports the first value that overflowed, and restores the state before the step. */
 static lg_status step_failure(lg_fit *fit, const char *what, lg_error *error) {
     static const char *const names[3] = {"parameter", "first moment of parameter",
                                          "second moment of parameter"};

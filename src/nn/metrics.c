@@ -1,4 +1,4 @@
-/* Confusion matrices, metrics of them, receiver operating characteristics. */
+/* Confusion matrices, metrics computed from them, and receiver operating characteristics. */
 #include <math.h>
 #include <string.h>
 
@@ -37,7 +37,7 @@ static class_metrics metrics_of_class(const uint64_t *confusion, uint32_t classe
         given += (double)confusion[(size_t)j * classes + k];
     }
     const double right = (double)confusion[(size_t)k * classes + k];
-    /* 2 p r/(p + r) = 2 right/(occurs + given) */
+    /* With precision p and recall r: f1 = 2 p r/(p + r) = 2 right/(occurs + given). */
     return (class_metrics){ratio(right, given), ratio(right, occurs), ratio(2.0 * right, occurs + given)};
 }
 
@@ -63,12 +63,13 @@ lg_metrics lg_metrics_of(const uint64_t *confusion, uint32_t classes) {
 
 /* ---- receiver operating characteristic ---- */
 
-/* NaN ranks below every number: such a window is the last one to be called positive. */
+/* The number that scores are sorted by. NaN becomes -infinity, so that such a window is called positive
+ * last. */
 static double key_of(double score) {
     return isnan(score) ? -(double)INFINITY : score;
 }
 
-/* Moves order[root] down in the heap order[0..count-1] whose top is the lowest score. */
+/* Moves order[root] down in the heap order[0..count-1], which has the lowest score at its top. */
 static void sift(uint32_t *order, const double *score, size_t stride, size_t root, size_t count) {
     const uint32_t one = order[root];
     const double key = key_of(score[one * stride]);
@@ -82,8 +83,8 @@ static void sift(uint32_t *order, const double *score, size_t stride, size_t roo
     order[root] = one;
 }
 
-/* Heap sort into falling scores, without memory. The order of equal scores does not matter, because they form
- * one point of the curve. */
+/* Sorts `order` by falling score; heap sort needs no extra memory. The order of equal scores does not matter,
+ * since they form one point of the curve. */
 static void sort_falling(uint32_t *order, const double *score, size_t stride, size_t n) {
     for (size_t i = 0; i < n; i++) order[i] = (uint32_t)i;
     for (size_t i = n / 2; i-- > 0;) sift(order, score, stride, i, n);
@@ -101,7 +102,8 @@ static size_t count_of(const uint32_t *truth, uint32_t positive, size_t n) {
     return count;
 }
 
-/* Passes all positions from i on that have the same score, and counts their windows of both sides. */
+/* Passes all positions from i on that have the same score; adds their windows to *hits (class `positive`) or
+ * *false_alarms. Returns the next position. */
 static size_t next_score(const uint32_t *order, const double *score, size_t stride, const uint32_t *truth,
                          uint32_t positive, size_t i, size_t n, size_t *hits, size_t *false_alarms) {
     const double key = key_of(score[order[i] * stride]);
@@ -127,7 +129,8 @@ size_t lg_roc(const uint32_t *truth, const double *score, size_t n, uint32_t pos
     return points;
 }
 
-/* Pairs (positive, negative) in the right order, ties half, over all pairs (Mann and Whitney 1947). */
+/* The fraction of the pairs (positive, negative) in which the positive window has the higher score; ties
+ * count half (Mann and Whitney 1947). */
 static double area(const uint32_t *truth, uint32_t positive, const double *score, size_t stride, size_t n,
                    uint32_t *order) {
     const size_t positives = count_of(truth, positive, n), negatives = n - positives;

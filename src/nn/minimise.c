@@ -1,4 +1,4 @@
-/* Minimisation: the state machine between evaluations, and its ends. */
+/* The minimiser as a state machine: what happens between two evaluations, and why a run ends. */
 #include <math.h>
 #include <string.h>
 
@@ -8,11 +8,12 @@
 enum { CHECK_POINTS = 4, CHECK_LEVELS = 4, MOST_ENDLESS = 3 };
 static const double SLOW_DECREASE = 1e-4, FIRST_STEP = 0.1, LOWEST = -1e300, LEAST_ENDLESS = 1e-20,
                     PROFIT = 0.1, ROUNDED = 1e-14, FORESEEN = 10.0;
-static const double CHECK_STEP = 1e-4, CHECK_FINER = 1e-2; /* of the variables; at the next level */
+/* relative to 1 + |x_i|; factor from a level to the next */
+static const double CHECK_STEP = 1e-4, CHECK_FINER = 1e-2;
 static const double CHECK_TOLERANCE = 1e-3, CHECK_ROUNDING = 1e-13, CHECK_ROUGH = 10.0;
 
-/* X(name) of the row lg_minimise_<name>, in the order of lg_minimise_method. Methods that no caller names may
- * follow; networks take them by name. */
+/* X(name) for each row lg_minimise_<name>, in the order of lg_minimise_method. Further rows may follow that
+ * the enum does not name; training finds them by name. */
 #define METHODS(X)    X(ssbroyden) X(lbfgs) X(lm)
 #define DECLARE(name) extern const lg_minimise_row lg_minimise_##name;
 #define LIST(name)    &lg_minimise_##name,
@@ -160,7 +161,7 @@ void lg_minimiser_destroy(lg_minimiser *m) {
     lg_free(m->context, m);
 }
 
-/* ---- between evaluations ---- */
+/* ---- helpers of the states ---- */
 
 double lg_largest(const double *x, size_t n) {
     double top = 0.0;
@@ -192,7 +193,7 @@ void lg_minimise_finish(lg_minimiser *m, lg_minimise_end end) {
     memcpy(m->point, m->x, m->n * sizeof *m->x);
 }
 
-/* The point x + step direction. */
+/* m->point = x + step direction. */
 static void set_point(lg_minimiser *m, double step, const double *direction) {
     for (size_t i = 0; i < m->n; i++) m->point[i] = m->x[i] + step * direction[i];
 }
@@ -209,17 +210,17 @@ void lg_minimise_search(lg_minimiser *m, double alpha) {
     set_point(m, m->numbers.alpha, m->d);
 }
 
-/* Down the gradient, H = 1. */
+/* Resets H to 1 and searches along -g. */
 static void restart(lg_minimiser *m) {
     m->counts.pairs = 0;
     for (size_t i = 0; i < m->n; i++) m->d[i] = -m->g[i];
     lg_minimise_search(m, fmin(1.0, FIRST_STEP / sqrt(m->k->dot(m->n, m->g, m->g))));
 }
 
-/* ---- the check: values along a random line against slopes by Simpson's rule ----
+/* ---- the check of g: differences of f along a random line against Simpson's rule on its slopes ----
  *
- * At each level the line is shorter. A level tells nothing where differences of fourth order, which steps
- * of a smooth function do not have, or the rounding of f are as large as the change of f. */
+ * Each level uses a shorter line than the level before. A level is inconclusive if rounding of f or fourth
+ * differences, which are tiny where f is smooth, are as large as the change of f. */
 
 void lg_minimise_check_direction(lg_minimiser *m) {
     lg_rng rng;
@@ -227,7 +228,7 @@ void lg_minimise_check_direction(lg_minimiser *m) {
     for (size_t i = 0; i < m->n; i++) m->s[i] = lg_rng_normal(&rng);
 }
 
-/* The line from the point: m->s; returns the half length of this level. */
+/* Sets m->s to the direction of the line; returns the half length of the line at the current level. */
 static double check_line(lg_minimiser *m) {
     lg_minimise_check_direction(m);
     for (size_t i = 0; i < m->n; i++) m->s[i] *= 1.0 + fabs(m->x[i]);
@@ -248,7 +249,8 @@ static void begin_check(lg_minimiser *m) {
 
 typedef enum check_verdict { UNKNOWN, AGREES, DIFFERS } check_verdict;
 
-/* Slopes at both ends and in the middle of a step against the change of the value; `noise`: of the change. */
+/* Compares the change of f over a step with Simpson's rule on the slopes at its start, middle and end.
+ * `noise` is the error of `change`. */
 static check_verdict compare(double change, double step, const double slopes[3], double noise) {
     const double simpson = step / 6.0 * (slopes[0] + 4.0 * slopes[1] + slopes[2]);
     const double top = fabs(step) * fmax(fabs(slopes[0]), fmax(fabs(slopes[1]), fabs(slopes[2])));
@@ -257,7 +259,8 @@ static check_verdict compare(double change, double step, const double slopes[3],
     return off <= CHECK_TOLERANCE * size + noise ? AGREES : DIFFERS;
 }
 
-/* Of one level. One half of the line decides where the other differs: a kink may lie there. */
+/* Judges a level from its two half lines, to the left and to the right of x. One half that agrees is enough:
+ * the other one may contain a kink. */
 static check_verdict compare_level(const lg_minimiser *m, double slope, double step) {
     const lg_minimise_numbers *s = &m->numbers;
     const double *v = s->check_value, *d = s->check_slope;
@@ -281,7 +284,8 @@ static void end_check(lg_minimiser *m) {
         restart(m);
 }
 
-/* At the start, before any search, and where searches have failed. Wrong: some level differs, none agrees. */
+/* Called at the start, before any search, and after searches have failed. The gradient is wrong if at least
+ * one level differs and none agrees. */
 static void tell_check(lg_minimiser *m, double value, const double *gradient) {
     const size_t i = (size_t)(m->counts.trials % CHECK_POINTS);
     const double step = check_line(m);
@@ -318,7 +322,8 @@ static bool tell_start(lg_minimiser *m, double value, const double *gradient) {
     return false;
 }
 
-/* A second failure in a row: from H = 1 too no step lowers the value. A third: nor does the Newton step. */
+/* First failure: restart from H = 1. Second failure: no step lowers f from H = 1 either. Third failure: the
+ * Newton step does not lower f either. */
 static void fail_search(lg_minimiser *m) {
     m->counts.failures++;
     if (m->counts.failures == 1)
@@ -362,8 +367,10 @@ static void accept(lg_minimiser *m, double value, const double *gradient) {
     const size_t n = m->n;
     const double fall = m->numbers.value - value;
     const bool looked = m->counts.failures > 1, newton = looked && lg_minimise_newton_fits(m);
-    /* A step far beyond the Newton step: the Hessian did not foresee where f falls. A way down that Lanczos'
-     * method shows and that lowers f by less than its rounding was rounding. */
+    /* `last`: the run ends with LG_MINIMISE_ROUNDING. If alpha is at least FORESEEN, the step is far longer
+     * than the Newton step, so the Hessian did not predict where f falls, and the run goes on. After a step
+     * along negative curvature found by Lanczos' method: a fall below the rounding of f shows that the
+     * curvature was a rounding error. */
     const bool last = newton ? lg_minimise_newton_shows(m) && m->numbers.alpha < FORESEEN
                              : looked && fall <= ROUNDED * fabs(value);
     for (size_t i = 0; i < n; i++) {

@@ -1,4 +1,4 @@
-/* Saving and loading a minimiser: the state as a list of arrays. */
+/* Saving and loading a minimiser: the state is a list of arrays. */
 #include <math.h>
 #include <string.h>
 
@@ -13,7 +13,7 @@ typedef struct item {
 
 enum { ITEMS = 7 };
 
-/* `memory` has the layout of m->memory, and `curvature` all rows. */
+/* Lists all arrays. `memory` has the layout of m->memory; `curvature` has the rows of all ranks. */
 static void list(const lg_minimiser *m, double *memory, double *curvature, lg_minimise_counts *counts,
                  lg_minimise_numbers *numbers, item out[ITEMS]) {
     const item all[ITEMS] = {
@@ -28,13 +28,13 @@ static void list(const lg_minimiser *m, double *memory, double *curvature, lg_mi
     memcpy(out, all, sizeof all);
 }
 
-/* ---- ranks: the rows of each, and what stands behind the rows ---- */
+/* ---- ranks: m->curvature has this rank's rows, then numbers that all ranks have ---- */
 
 static bool divided(const lg_minimiser *m) {
     return m->options.ranks != NULL && m->row->by_rows;
 }
 
-/* Numbers in the rows of this rank; 0 of a method without rows. */
+/* Doubles in this rank's rows; 0 for a method without rows. */
 static size_t rows_length(const lg_minimiser *m) {
     return m->row->by_rows ? (m->end - m->first) * lg_minimise_stride(m->n) : 0;
 }
@@ -65,7 +65,7 @@ void lg_minimiser_scatter(lg_minimiser *m) {
     m->whole = NULL;
 }
 
-/* Of all rows those of this rank. */
+/* Copies this rank's rows, and the numbers behind the rows, from the array of all ranks. */
 static void take_rows(const lg_minimiser *m, const double *all, double *curvature) {
     const size_t behind = m->held - rows_length(m);
     memcpy(curvature, all + m->first * lg_minimise_stride(m->n), rows_length(m) * sizeof *all);

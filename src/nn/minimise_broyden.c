@@ -5,7 +5,7 @@
 #include "kernels/lapack.h"
 #include "nn/minimise_internal.h"
 
-/* Scale and weight of the update from b = s.Bs/y.s and h = y.Hy/y.s. */
+/* Computes the scale tau and the weight phi of the update from b = s.Bs/y.s and h = y.Hy/y.s. */
 static void coefficients(size_t n, double b, double h, double *tau, double *phi) {
     const double a = fmax(h * b - 1.0, 1e-16), c = sqrt(a / (1.0 + a));
     const double r = fmin(1.0, h * (1.0 - c));
@@ -16,7 +16,7 @@ static void coefficients(size_t n, double b, double h, double *tau, double *phi)
     *phi = (1.0 - theta) / (1.0 + a * theta);
 }
 
-/* memory: H, rows of n at a stride, then Hy; of H a rank has its rows. */
+/* m->curvature holds the rows of H, at a stride, and then the vector Hy. A rank holds its own rows of H. */
 static size_t length(size_t n, const lg_minimise_options *options) {
     (void)options;
     return (n + 1) * lg_minimise_stride(n);
@@ -34,8 +34,9 @@ static void multiply(lg_minimiser *m, const double *x, double *y) {
     lg_minimise_gather(m, y);
 }
 
-/* H <- (H - Hy Hy'/q + phi q v v')/tau + rho s s', v = rho s - Hy/q, q = y.Hy, rho = 1/y.s: row i is a
- * combination of s, Hy and itself. d <- -H g comes from Hg = Hy - d, without a second product. */
+/* H <- (H - Hy Hy'/q + phi q v v')/tau + rho s s', where v = rho s - Hy/q, q = y.Hy and rho = 1/y.s. So each
+ * row of H becomes a combination of s, Hy and the row itself. The new d = -H g needs no second product: with
+ * the old H, Hg = Hy - d. */
 static void update(lg_minimiser *m, double *s, double *y) {
     const lg_kernels *k = m->k;
     const size_t n = m->n, stride = lg_minimise_stride(n);
@@ -49,7 +50,7 @@ static void update(lg_minimiser *m, double *s, double *y) {
         multiply(m, m->g, hy);
         for (size_t i = 0; i < n; i++) hy[i] += m->d[i];
     }
-    /* With d = -H g before the step and s = alpha d: s.Bs = -alpha g.(s) = alpha^2 (-g.d). */
+    /* Before the step d = -H g, and s = alpha d; so s.Bs = -alpha g.s = alpha^2 (-g.d). */
     const double q = k->dot(n, y, hy);
     const double sbs =
         first ? k->dot(n, s, s) / scale : -m->numbers.alpha * m->numbers.alpha * m->numbers.slope;
@@ -65,7 +66,7 @@ static void update(lg_minimiser *m, double *s, double *y) {
         k->combine(n, phi * q * rho * v / tau + rho * s[i], s, -(hy[i] / q + phi * v) / tau, hy, 1.0 / tau,
                    h + (i - m->first) * stride);
     }
-    /* y is scratch now: H_old g = Hy - d. */
+    /* With H from before the update, H g = Hy - d. */
     const double sg = k->dot(n, s, m->g), hyg = k->dot(n, hy, m->g), vg = rho * sg - hyg / q;
     for (size_t i = 0; i < n; i++) {
         const double v = rho * s[i] - hy[i] / q, hg = hy[i] - m->d[i];
@@ -85,7 +86,7 @@ static void invert(lg_minimiser *m, const double *scale) {
     int info = 0;
     dpotri_("U", &order, h, &order, &info);
     if (info != 0) return;
-    for (size_t i = n; i-- > 0;) { /* rows move to their stride, the last one first */
+    for (size_t i = n; i-- > 0;) { /* rows move to their stride, the last row first */
         memmove(h + i * stride, h + i * n, n * sizeof *h);
         memset(h + i * stride + n, 0, (stride - n) * sizeof *h);
     }

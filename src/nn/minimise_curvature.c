@@ -1,19 +1,21 @@
-/* Where searches fail and the Hessian has too many numbers: Lanczos' method on products with it, which are
- * differences of gradients (Golub & Van Loan, Matrix Computations, 10.1).
+/* When searches fail and the Hessian is too large to compute: Lanczos' method on products with the Hessian A,
+ * which are differences of gradients (Golub & Van Loan, Matrix Computations, 10.1).
  *
- * With S = diag(1 + |x_i|) the products S A S q_k = S (g(x + h S q_k) - g(x))/h of orthonormal q_k give a
- * tridiagonal T with T's eigenvalues within those of S A S. A negative one shows a direction down. */
+ * Let S = diag(1 + |x_i|). The products S A S q_k = S (g(x + h S q_k) - g(x))/h of orthonormal vectors q_k
+ * give a tridiagonal matrix T, whose eigenvalues lie between the extreme eigenvalues of S A S. If T has a
+ * negative eigenvalue, its eigenvector gives a direction in which f falls. */
 #include <math.h>
 #include <string.h>
 
 #include "kernels/lapack.h"
 #include "nn/minimise_internal.h"
 
-static const double DIFFERENCE = 1e-6; /* h, of a vector of length 1 */
-/* Smaller curvature, as a part of the largest, is an error of the differences. */
+static const double DIFFERENCE = 1e-6; /* h: length of the step along q_k, which has length 1 */
+/* Relative to the largest eigenvalue: smaller negative curvature is taken for an error of the differences. */
 static const double NEGATIVE = 1e-4;
-static const double FLAT = 1e-12; /* of f, as for the whole Hessian */
-/* A smaller rest of a product, as a part of the largest eigenvalue, is rounding. */
+/* relative to |f|: smaller negative curvature counts as zero, as in minimise_newton.c */
+static const double FLAT = 1e-12;
+/* Relative to the largest eigenvalue: a smaller remainder of a product is rounding, and T cannot grow. */
 static const double CLOSED = 1e-8;
 static const double STRIDE = 0.1;
 
@@ -21,7 +23,7 @@ static double *vector(const lg_minimiser *m, size_t k) {
     return m->curvature + k * lg_minimise_stride(m->n);
 }
 
-/* T: the diagonal, then the numbers next to the diagonal. */
+/* T: LG_LANCZOS_STEPS diagonal elements, then as many off-diagonal elements. */
 static double *coefficients(const lg_minimiser *m) {
     return vector(m, LG_LANCZOS_STEPS);
 }
@@ -54,8 +56,8 @@ void lg_minimise_curvature_begin(lg_minimiser *m) {
     next_point(m);
 }
 
-/* Returns the least eigenvalue of T (count, count). v: its eigenvector; `largest`: the largest absolute value
- * of an eigenvalue. */
+/* Returns the lowest eigenvalue of T (count, count), or 0 if LAPACK fails. v: its eigenvector (count);
+ * *largest: the largest absolute eigenvalue. */
 static double least_of(const lg_minimiser *m, size_t count, double *v, double *largest) {
     enum { MOST = LG_LANCZOS_STEPS, WORK = 1 + 6 * MOST + 2 * MOST * MOST, INTEGERS = 3 + 5 * MOST };
     const double *diagonal = coefficients(m), *beside = diagonal + MOST;
@@ -72,7 +74,8 @@ static double least_of(const lg_minimiser *m, size_t count, double *v, double *l
     return info == 0 ? values[0] : 0.0;
 }
 
-/* Searches along the combination v of the vectors; the variable that changes most changes by STRIDE. */
+/* Searches along d = S sum_k v[k] q_k, scaled so that the variable that changes most, relative to 1 + |x_i|,
+ * changes by STRIDE (1 + |x_i|). The sign of d is downhill. */
 static void leave(lg_minimiser *m, size_t count, const double *v) {
     double most = 0.0;
     for (size_t i = 0; i < m->n; i++) m->d[i] = 0.0;
@@ -83,12 +86,13 @@ static void leave(lg_minimiser *m, size_t count, const double *v) {
     lg_minimise_leave(m);
 }
 
-/* w <- S A S q_k less its parts along all vectors so far; the diagonal of T. Returns what is left, |w|. */
+/* Computes w = S A S q_k and the diagonal element q_k.w of T; then subtracts from w its components along q_0,
+ * ..., q_k. Returns |w|, which is the next off-diagonal element of T. */
 static double multiply(lg_minimiser *m, const double *gradient, double *w, double *diagonal) {
     const size_t k = (size_t)m->counts.trials, n = m->n;
     for (size_t i = 0; i < n; i++) w[i] = size_of(m, i) * (gradient[i] - m->g[i]) / DIFFERENCE;
     *diagonal = m->k->dot(n, vector(m, k), w);
-    for (size_t j = 0; j < 2 * (k + 1); j++) { /* twice */
+    for (size_t j = 0; j < 2 * (k + 1); j++) { /* all components twice, because of rounding */
         const double *q = vector(m, j % (k + 1));
         m->k->axpy(n, -m->k->dot(n, q, w), q, w);
     }

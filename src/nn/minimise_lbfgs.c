@@ -3,15 +3,16 @@
 
 #include "nn/minimise_internal.h"
 
-/* memory: pairs s_0, y_0, s_1, y_1, ... as a ring, at a stride; then 1/y.s of each, and alphas. Lanczos'
- * vectors may need more. */
+/* m->curvature holds a ring of pairs s_0, y_0, s_1, y_1, ..., each vector at a stride; then 1/y.s of each
+ * pair, and alpha of each pair. It is longer if the Lanczos vectors need more. */
 static size_t length(size_t n, const lg_minimise_options *options) {
     const size_t pairs = (size_t)options->memory * (2 * lg_minimise_stride(n) + 2),
                  least = lg_minimise_curvature_length(n, options);
     return pairs > least ? pairs : least;
 }
 
-/* -H g from the pairs before number `count`; H_0 = (y.s/y.y) 1 of the newest one. */
+/* m->d = -H g from the pairs numbered below `count`, at most options.memory of them. H_0 = (y.s/y.y) 1, from
+ * the newest pair. */
 static void recursion(lg_minimiser *m, uint64_t count) {
     const lg_kernels *k = m->k;
     const size_t n = m->n, stride = lg_minimise_stride(n), most = m->options.memory;

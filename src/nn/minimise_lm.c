@@ -1,5 +1,6 @@
-/* Levenberg-Marquardt: steps of damped Gauss-Newton, the damping after Nielsen (1999). Blocks of variables
- * that do not meet are eliminated: with A = (P C^T; C B), B of blocks, and B = L L^T, Y = L^-1 C,
+/* Levenberg-Marquardt: damped Gauss-Newton steps, with the damping of Nielsen (1999). Blocks of variables of
+ * which no two meet in a residual are eliminated. With A = (P C^T; C B), where B is block diagonal, B = L L^T
+ * and Y = L^-1 C:
  *   (P - Y^T Y) d_p = -g_p + Y^T L^-1 g_b,  d_b = -L^-T (L^-1 g_b + Y d_p). */
 #include <math.h>
 #include <string.h>
@@ -12,14 +13,15 @@ static const double FIRST_DAMPING = 1e-3, LEAST_GAIN = 1e-4, FASTEST_FALL = 0.1,
                     LEAST_DAMPING = 1e-14, LEFT = 1e-8, LEAST_INFLUENCE = 1e-3, FORGET = 0.5,
                     LAST_RISE = 1e-14;
 
-/* ---- memory: rows of p at a stride ---- */
+/* ---- memory: rows of p numbers, padded to the stride ---- */
 
 typedef struct arrow {
-    size_t p, stride, blocks, block, rest; /* rest: blocks block */
-    double *P, *schur;                     /* (p, stride): of A; damped, what is left of it */
-    double *D;                             /* (n) */
-    double *C, *Y;                         /* (rest, stride) */
-    double *B, *L;                         /* (blocks, block, block) */
+    size_t p, stride, blocks, block, rest; /* rest = blocks block: number of eliminated variables */
+    double *P, *schur;                     /* (p, stride): P of A; damped P minus Y^T Y */
+    double *D;                             /* (n): largest diagonal of A so far */
+    double *C, *Y;                         /* (rest, stride) each */
+    /* (blocks, block, block) each: B of A; Cholesky factors of the damped blocks */
+    double *B, *L;
 } arrow;
 
 static arrow sizes_of(size_t n, const lg_minimise_options *o) {
@@ -52,7 +54,9 @@ static arrow arrow_of(const lg_minimiser *m) {
 
 /* ---- the step ---- */
 
-/* A parameter without influence stays. Of lg_least_squares: one with little influence moves with its size. */
+/* The number mu D_i that is added to element i of the diagonal. It is 1 if D_i is 0, so that a variable
+ * without influence does not move. For lg_least_squares D_i is at least LEAST_INFLUENCE f/x_i^2, which limits
+ * the step of a variable with little influence relative to |x_i|. */
 static double damping_of(const lg_minimiser *m, const arrow *a, size_t i) {
     double d = a->D[i];
     if (m->squares != NULL && m->x[i] != 0.0)
@@ -60,7 +64,8 @@ static double damping_of(const lg_minimiser *m, const arrow *a, size_t i) {
     return d > 0.0 ? d * m->numbers.damping : 1.0;
 }
 
-/* L of block b, its rows of Y, and L^-1 g in place of its part of d. False: not positive definite. */
+/* Eliminates block b: computes its L and its rows of Y, and replaces its part of d, which holds -g_b, by
+ * -L^-1 g_b. Returns false if the damped block is not positive definite. */
 static bool eliminate(const lg_minimiser *m, const arrow *a, size_t b) {
     const size_t n = a->block, first = b * n;
     double *L = a->L + first * n, *d = m->d + a->p + first;
@@ -96,14 +101,15 @@ static void put_back(const lg_minimiser *m, const arrow *a, size_t b) {
     }
 }
 
-/* What makes a singular J regular to rounding. */
+/* A tiny damping for the step without damping, so that a singular J can be factored. */
 static double ridge_of(const arrow *a, size_t i) {
     const double square = a->P[i * a->stride + i];
     return square > 0.0 ? LEAST_DAMPING * square : 1.0;
 }
 
-/* The same d as the least |(J; sqrt(mu D/2)) d + (r; 0)|, by Householder reflections: its error grows with
- * the condition of J, not its square. */
+/* Computes the d of solve() from J: it minimises |(J; sqrt(mu D/2)) d + (r; 0)|, by Householder reflections.
+ * The error grows with the condition of J, not with its square. Not damped: ridge_of stands in place of mu
+ * D. */
 static bool solve_residuals(lg_minimiser *m, bool damped) {
     const lg_minimise_squares *q = m->squares;
     const arrow a = arrow_of(m);
@@ -128,7 +134,7 @@ static bool solve_residuals(lg_minimiser *m, bool damped) {
     return m->k->all_finite(n, m->d);
 }
 
-/* d from (A + mu D) d = -g. False: not positive definite. */
+/* Solves (A + mu D) d = -g. Returns false if the matrix is not positive definite. */
 static bool solve(lg_minimiser *m) {
     if (m->squares != NULL) return solve_residuals(m, true);
     const arrow a = arrow_of(m);
@@ -149,7 +155,7 @@ static bool solve(lg_minimiser *m) {
     return info == 0 && m->k->all_finite(m->n, m->d);
 }
 
-/* f - f(x + d) as the model f + g.d + d.A d/2 foretells it. */
+/* The fall f - f(x + d) that the model f + g.d + d.A d/2 predicts. */
 static double foretold(lg_minimiser *m) {
     const arrow a = arrow_of(m);
     double twice = 0.0;
@@ -165,12 +171,14 @@ static double foretold(lg_minimiser *m) {
     return -m->numbers.slope - 0.5 * twice;
 }
 
-/* Whether the step without damping leaves f, or x, as it is. */
+/* Whether the step without damping moves no x_i by more than LEFT of it, or lowers f by at most LEFT of
+ * it. */
 static bool at_minimum(lg_minimiser *m) {
     bool still = true;
     if (!solve_residuals(m, false)) return false;
     for (size_t i = 0; i < m->n; i++) still = still && fabs(m->d[i]) <= LEFT * fabs(m->x[i]);
-    /* Of -r what lies in the columns of J: the first n numbers behind the factor. */
+    /* The part of -r in the column space of J: the first n numbers of the right side, which follows the
+     * factor. */
     const double *in = m->squares->stack + m->n * (m->squares->rows + m->n);
     return still || m->k->dot(m->n, in, in) <= LEFT * m->numbers.value;
 }
@@ -181,15 +189,16 @@ static void refuse(lg_minimiser *m) {
     m->numbers.growth *= 2.0;
 }
 
-/* At a minimum, to the rounding of f: the step without damping has more digits of x. */
+/* x is a minimum to the rounding of f. One more step, without damping, gives more correct digits of x. */
 static void begin_last(lg_minimiser *m) {
     for (size_t i = 0; i < m->n; i++) m->point[i] = m->x[i] + m->d[i];
     m->counts.stage = LG_STAGE_SEARCH;
     m->last = true;
 }
 
-/* The next trial; raises the damping until there is one that differs from x and lowers f by more than the
- * rounding of f. */
+/* Proposes the next trial; raises the damping while the damped matrix is not positive definite. If the step
+ * does not change x, or is predicted to lower f by less than the rounding of f, the run ends or verifies the
+ * minimum. */
 static void propose(lg_minimiser *m) {
     for (; m->counts.failures < MOST_REFUSALS; refuse(m)) {
         if (!solve(m)) continue;
@@ -323,7 +332,7 @@ bool lg_minimiser_tell_squares(lg_minimiser *m, double value, const double *grad
     return false;
 }
 
-/* The Hessian of f lies where the damped matrix does; P stays. */
+/* The Hessian of f overwrites the damped matrix (`schur`), which follows P; P is kept. */
 static size_t before_hessian(const lg_minimiser *m) {
     const arrow a = sizes_of(m->n, &m->options);
     return a.p * a.stride;

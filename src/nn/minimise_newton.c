@@ -1,7 +1,8 @@
-/* Where searches fail: the Hessian A from differences of gradients tells whether the point is a minimum,
- * and a Newton step from it goes on where rounding has spoiled H.
+/* When searches fail: the Hessian A, from differences of gradients, tells whether the point is a minimum. If
+ * it is not, or if rounding has spoiled H, the search goes on along a Newton step with A.
  *
- * A is symmetric, (n, n): the upper triangle and diagonal A, the lower triangle a factor. */
+ * A is symmetric (n, n). Its upper triangle stays; the lower triangle and the diagonal are overwritten by a
+ * Cholesky factor, so m->s keeps the diagonal of A. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -10,11 +11,13 @@
 #include "nn/minimise_internal.h"
 
 enum { MOST_VARIABLES = 200, ITERATIONS = 20 };
-static const double DIFFERENCE = 1e-5; /* of a variable */
-static const double FLAT = 1e-12;      /* curvature that changes f by less than that of it is zero */
-static const double LEAST_SHIFT = 1e-12, MOST_SHIFT = 1e12; /* of the diagonal */
-static const double CONVEX_SHIFT = 1e-9;                    /* up to this A counts as positive semidefinite */
-static const double CLEAR = 1e-4; /* of D: what differences to one side show surely */
+static const double DIFFERENCE = 1e-5; /* step relative to |x_i| */
+static const double FLAT = 1e-12;      /* relative to |f|: curvature that changes f by less counts as zero */
+static const double LEAST_SHIFT = 1e-12, MOST_SHIFT = 1e12; /* relative to the diagonal D */
+/* if no larger shift is needed, A counts as positive semidefinite */
+static const double CONVEX_SHIFT = 1e-9;
+/* relative to D: one-sided differences show the sign of larger eigenvalues */
+static const double CLEAR = 1e-4;
 static const double LEFT = 1e-8, STILL = 1e-12, STRIDE = 0.1, LEAST_SLOPE = 1e-300;
 
 static size_t before_hessian(const lg_minimiser *m) {
@@ -34,8 +37,8 @@ static double step_of(const lg_minimiser *m, size_t i) {
     return DIFFERENCE * fmax(fabs(m->x[i]), DIFFERENCE);
 }
 
-/* The next point of differences: x plus a step along one variable, for all; x minus all steps; x minus one
- * step, for all. */
+/* The next point of the differences. Trials 0 to n - 1: x plus a step along one variable. Trial n: x minus
+ * the steps along all variables. Trials n + 1 to 2 n: x minus a step along one variable. */
 static void next_point(lg_minimiser *m) {
     const size_t n = m->n, trial = (size_t)m->counts.trials;
     memcpy(m->point, m->x, n * sizeof *m->x);
@@ -66,8 +69,9 @@ lg_minimise_end lg_minimise_verify(lg_minimiser *m, lg_minimise_end end) {
     return LG_MINIMISE_RUNNING;
 }
 
-/* D_i: what counts as curvature of variable i, such that A_ij^2 <= D_i D_j. It is A_ii where A is positive
- * semidefinite; of x y, whose diagonal is zero, it is |A_ij| for variables of one size. A is whole. */
+/* D_i, the scale of the curvature of variable i, chosen such that A_ij^2 <= D_i D_j. It is A_ii if A is
+ * positive semidefinite. For f = x y, where the diagonal of A is zero, it is |A_ij| if both variables have
+ * the same size. Needs both triangles of A. */
 static double curvature_of(const lg_minimiser *m, size_t i) {
     const double *row = hessian_of(m) + i * m->n, size = 1.0 + fabs(m->x[i]);
     double most = fmax(FLAT * fabs(m->numbers.value) / (size * size), 1e-300);
@@ -78,7 +82,7 @@ static double curvature_of(const lg_minimiser *m, size_t i) {
     return most;
 }
 
-/* A becomes symmetric; its diagonal goes to m->s, 1/sqrt(D) to m->y. */
+/* Makes A symmetric, puts its diagonal into m->s and 1/sqrt(D) into m->y. */
 static void measure(lg_minimiser *m) {
     const size_t n = m->n;
     double *A = hessian_of(m);
@@ -89,8 +93,8 @@ static void measure(lg_minimiser *m) {
     for (size_t i = 0; i < n; i++) m->y[i] = 1.0 / sqrt(curvature_of(m, i));
 }
 
-/* Factors A + shift D in the lower triangle, scaled by 1/sqrt(D) in m->y to the unit diagonal D; the diagonal
- * of A lies in m->s. False: not positive definite. */
+/* Factors S (A + shift D) S with S = diag(m->y), which makes D the unit matrix. The factor goes to the lower
+ * triangle; the diagonal of A is read from m->s. Returns false if the matrix is not positive definite. */
 static bool factor(lg_minimiser *m, double shift) {
     const size_t n = m->n;
     const int order = (int)n;
@@ -100,20 +104,22 @@ static bool factor(lg_minimiser *m, double shift) {
         for (size_t j = 0; j < i; j++) A[i * n + j] = A[j * n + i] * m->y[i] * m->y[j];
         A[i * n + i] = m->s[i] * m->y[i] * m->y[i] + shift;
     }
-    dpotrf_("U", &order, A, &order, &info); /* its upper is our lower triangle */
+    /* LAPACK's upper triangle (by columns) is our lower triangle (by rows) */
+    dpotrf_("U", &order, A, &order, &info);
     return info == 0;
 }
 
-/* x <- (A + shift D)^-1 x, x and the result scaled by sqrt(D). */
+/* x <- (S (A + shift D) S)^-1 x, with the factor of factor(). */
 static void solve(const lg_minimiser *m, double *x) {
     const int order = (int)m->n, one = 1;
     int info;
     dpotrs_("U", &order, &one, hessian_of(m), &order, x, &order, &info);
 }
 
-/* d += v where f curves downwards: the eigenvector of the lowest eigenvalue, by inverse iteration, at a
- * length of STRIDE of the variable that it changes most. The shift is halved while it can be: the eigenvector
- * then grows at least twice as fast as the eigenvectors of positive eigenvalues. */
+/* Adds to d a step along which f curves downwards: the eigenvector of the lowest eigenvalue, by inverse
+ * iteration. It changes the variable that it changes most, relative to 1 + |x_i|, by STRIDE (1 + |x_i|). The
+ * shift is first halved as often as the matrix stays positive definite. Then the eigenvector grows at least
+ * twice as fast per iteration as eigenvectors of positive eigenvalues. */
 static void add_downwards(lg_minimiser *m, double shift) {
     const size_t n = m->n;
     double *v = m->s, most = 0.0;
@@ -149,15 +155,15 @@ void lg_minimise_leave(lg_minimiser *m) {
     for (size_t i = 0; i < m->n; i++) m->point[i] = m->x[i] + m->d[i];
 }
 
-/* Whether the Newton step lowers f by no more than (sum sqrt(D_i) eps |x_i|)^2/2, by which rounding of x can
- * change f: at a minimum of zero, less than any part of f. */
+/* Whether the Newton step lowers f by at most (sum sqrt(D_i) eps |x_i|)^2/2, the change of f that rounding of
+ * x can cause. This also finds a minimum where f is 0, where no fall is small relative to f. */
 static bool is_rounding(const lg_minimiser *m) {
     double sum = 0.0;
     for (size_t i = 0; i < m->n; i++) sum += fabs(m->x[i]) / m->y[i];
     return -m->k->dot(m->n, m->g, m->d) <= DBL_EPSILON * sum * DBL_EPSILON * sum;
 }
 
-/* Searches along the Newton step d = -(A + shift D)^-1 g, with the least shift of a power of 10 that makes
+/* Searches along the Newton step d = -(A + shift D)^-1 g. The shift is 0 or the lowest power of 10 that makes
  * the matrix positive definite. */
 static void decide(lg_minimiser *m) {
     const size_t n = m->n;
@@ -179,8 +185,9 @@ static void decide(lg_minimiser *m) {
     }
 }
 
-/* Whether differences to one side foretell `gradient` to the other side and show a minimum or a saddle. A
- * stays. */
+/* Whether one-sided differences suffice: A predicts `gradient`, the gradient at x minus all steps, and A
+ * shows a minimum (all eigenvalues above CLEAR) or a saddle (one below -CLEAR), relative to D. A is symmetric
+ * and whole on return. */
 static bool is_clear(lg_minimiser *m, const double *gradient) {
     const size_t n = m->n;
     double *A = hessian_of(m), *off = m->d;
@@ -197,8 +204,8 @@ static bool is_clear(lg_minimiser *m, const double *gradient) {
     return clear;
 }
 
-/* Differences to both sides; where g is zero, to one if they are clear. Trial n, the look at the other side,
- * is left out elsewhere. */
+/* Takes a gradient of the differences. They go to both sides of x. Where g is zero, one side suffices if
+ * is_clear says so; only then trial n, at x minus all steps, is evaluated, else it is skipped. */
 void lg_minimise_newton_tell(lg_minimiser *m, const double *gradient) {
     const size_t n = m->n, trial = (size_t)m->counts.trials;
     const bool back = trial > n;

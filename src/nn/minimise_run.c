@@ -1,23 +1,26 @@
-/* The loop around a minimiser, for functions and for sums of squares. */
+/* The loop that evaluates and tells a minimiser: lg_minimise for functions, lg_least_squares for
+ * residuals. */
 #include <math.h>
 #include <string.h>
 
 #include "kernels/lapack.h"
 #include "nn/minimise_internal.h"
 
-/* Evaluates at the point and tells the minimiser. */
+/* Evaluates at m->point and tells the minimiser. Also returns the status of the caller's function. */
 typedef lg_status (*evaluation)(lg_minimiser *m, void *user);
 
-/* Steps in a row without a fall, the last one of them `iteration`; |f| after the first step. */
+/* Counts steps that do not lower f. iteration: the last step that was counted; steps: how many in a row did
+ * not lower f; value: f after the last step; first: |f| after the first step. */
 typedef struct steps_still {
     uint64_t iteration, steps;
     double value, first;
 } steps_still;
 
 enum { MOST_STILL = 30, MOST_EVALUATIONS = 10000 };
-static const double LEAST_FALL = 1e-200; /* of f at the start: what is left underflows in squares */
+/* relative to steps_still.first: what is smaller underflows when it is squared */
+static const double LEAST_FALL = 1e-200;
 
-/* Whether the last MOST_STILL steps lowered f by less than its rounding. */
+/* Whether each of the last MOST_STILL steps lowered f by at most LEAST_FALL of `first`. */
 static bool still(const lg_minimiser *m, steps_still *s) {
     if (m->counts.iterations == s->iteration) return false;
     if (s->iteration == 0) s->first = fabs(m->numbers.value);
@@ -33,7 +36,8 @@ static uint64_t most_evaluations(const lg_minimiser *m) {
     return m->options.evaluations > 0 ? m->options.evaluations : MOST_EVALUATIONS;
 }
 
-/* Evaluates until an end; *end is RUNNING when an evaluation failed. */
+/* Evaluates until the run ends. If an evaluation fails, returns its status and leaves *end at
+ * LG_MINIMISE_RUNNING; LG_CANCELLED is an end, not a failure. */
 static lg_status run(lg_minimiser *m, evaluation evaluate, void *user, lg_minimise_end *end) {
     const lg_minimise_options *o = &m->options;
     const double begin = lg_seconds();
@@ -60,7 +64,8 @@ static void multiply(size_t n, const double *a, const double *b, double *out) {
     for (size_t i = 0; i < n; i++) out[i] = a[i] * b[i];
 }
 
-/* The end of a call: x, result, sentence. The minimiser is destroyed. */
+/* Ends a call: fills x and *result in the caller's units, writes the sentence of the end to `error`, and
+ * destroys the minimiser. */
 static lg_status conclude(lg_minimiser *m, lg_status status, lg_minimise_end end, double *x,
                           lg_minimise_result *result, lg_error *error) {
     memcpy(x, m->x, m->n * sizeof *x);
@@ -77,17 +82,19 @@ static lg_status conclude(lg_minimiser *m, lg_status status, lg_minimise_end end
     return status;
 }
 
-/* The minimiser sees x/unit and f/value_unit, the units taken from the start: nothing depends on the
- * caller's. */
+/* The minimiser works on x/unit and f/value_unit. Both units come from the start point, so that the result
+ * does not depend on the caller's units. */
 typedef struct given_objective {
     lg_objective function;
     void *user;
-    double *x, *gradient, *unit; /* (n) */
+    double *x, *gradient, *unit; /* (n) each: x and the gradient in the caller's units, units of x */
     double value_unit;           /* a power of 2 */
 } given_objective;
 
-/* Units of variables that start at zero: `size` is what f or r has, slope[i] what a unit of variable i adds
- * to it. A slope that is zero but for rounding tells none. */
+/* Sets the units of variables that start at 0: unit[i] = size/|slope[i]|, so that one unit of x_i changes f
+ * (or r) by about its own size. `size` is |f| or |r|, slope[i] the derivative by x_i. If the slope is zero or
+ * of rounding size, unit[i] is the largest |x_j|; if all x are 0, it is the first finite unit; if there is
+ * none, 1. */
 static void units_of_zeros(size_t n, const double *x, double size, const double *slope, double *unit) {
     static const double ROUNDED = 1e-12;
     double largest = 0.0;
@@ -103,7 +110,8 @@ static void units_of_zeros(size_t n, const double *x, double size, const double 
         if (!(unit[i] > 0.0) || !(unit[i] * ROUNDED <= largest)) unit[i] = largest > 0.0 ? largest : 1.0;
 }
 
-/* The minimiser sees x/unit from now on: 1, -1 or 0 at the start. */
+/* Sets the units to |x_i|, or 1 where x_i = 0. The minimiser now starts at x/unit, whose elements are 1, -1
+ * or 0. */
 static void take_units(lg_minimiser *m, const double *x, double *unit) {
     for (size_t i = 0; i < m->n; i++) {
         unit[i] = x[i] != 0.0 ? fabs(x[i]) : 1.0;
@@ -113,7 +121,8 @@ static void take_units(lg_minimiser *m, const double *x, double *unit) {
     m->value_unit = 1.0;
 }
 
-/* At the start; then the gradient is of size 1. */
+/* Called at the start point: sets the units of variables that start at 0, and value_unit, which scales the
+ * gradient to a norm between 1 and 2. */
 static void complete_units(const lg_minimiser *m, given_objective *given, double value) {
     double sum = 0.0;
     if (!isfinite(value) || !m->k->all_finite(m->n, given->gradient)) return;
@@ -166,15 +175,16 @@ typedef struct given_residuals {
     lg_residuals function;
     void *user;
     size_t m, n;
-    double *r, *jacobian, *transposed, *gradient, *matrix; /* one block */
-    /* Of the check, in the same block: r, J d at the start; J d in the middle of a step; changes of r. */
+    /* one allocation that begins at r and holds all arrays of this struct */
+    double *r, *jacobian, *transposed, *gradient, *matrix;
+    /* For the check of J: r and J d at the start, J d in the middle of a step, J d at its end. */
     double *r0, *slope0, *middle, *change;
     const lg_kernels *k;
     lg_minimise_squares best;
-    double *x, *unit; /* (n): the caller's x; x/unit is the minimiser's */
+    double *x, *unit; /* (n): x in the caller's units, units of x */
 } given_residuals;
 
-/* r and J at the minimiser's `point`. */
+/* Computes r and J at `point`, which is in the minimiser's units. J is the derivative by x/unit. */
 static lg_status call_residuals(const given_residuals *given, const double *point) {
     multiply(given->n, point, given->unit, given->x);
     const lg_status status = given->function(given->user, given->x, given->r, given->jacobian);
@@ -183,7 +193,8 @@ static lg_status call_residuals(const given_residuals *given, const double *poin
     return status;
 }
 
-/* At the start: a variable of zero, whose unit was 1, gets the unit that makes its column as long as r. */
+/* Called at the start point: variables that start at 0 have had the unit 1; they now get a unit that makes
+ * their column of J as long as r. J is converted. */
 static void complete_residual_units(const given_residuals *given) {
     const size_t n = given->n, numbers = given->m * n;
     double *slope = given->gradient;
@@ -194,11 +205,11 @@ static void complete_residual_units(const given_residuals *given) {
     for (size_t i = 0; i < numbers; i++) given->jacobian[i] *= given->unit[i % n];
 }
 
-/* ---- the check of J: changes of r along a random line against J d by Simpson's rule ---- */
+/* ---- the check of J: changes of r along a random line against Simpson's rule on J d ---- */
 
 static const double JACOBIAN_STEP = 1e-3, JACOBIAN_TOLERANCE = 1e-2, JACOBIAN_ROUNDING = 1e-8;
 
-/* |r|, or what the unknowns contribute to it where that is more. */
+/* The largest of |r| and all |x_j| |column j of J|. Rounding errors of r are relative to it. */
 static double residual_size(const given_residuals *given, const double *x) {
     const lg_kernels *k = given->k;
     double size = sqrt(k->dot(given->m, given->r0, given->r0));
@@ -209,7 +220,8 @@ static double residual_size(const given_residuals *given, const double *x) {
     return size;
 }
 
-/* d (n): every unknown changes r by about JACOBIAN_STEP of its size, but none by more of itself. */
+/* Scales the random direction d (n): each variable changes r by about JACOBIAN_STEP of `size`, but moves by
+ * no more than about JACOBIAN_STEP of |x_j| (of 1 where x_j = 0). */
 static void check_line(const given_residuals *given, const double *x, double size, double *d) {
     for (size_t j = 0; j < given->n; j++) {
         const double *column = given->transposed + j * given->m;
@@ -218,7 +230,8 @@ static void check_line(const given_residuals *given, const double *x, double siz
     }
 }
 
-/* r and J at x + step d; out = J d. False: not finite, no evaluation is left, or *status is an error. */
+/* Computes r and J at x + step d, and out = J d. Returns false if a result is not finite, if no evaluation is
+ * left, or if the evaluation failed (*status is not LG_OK). */
 static bool look(lg_minimiser *m, const given_residuals *given, double step, double *out, lg_status *status) {
     const double *d = m->s;
     if (m->counts.evaluations >= most_evaluations(m)) return false;
@@ -230,7 +243,8 @@ static bool look(lg_minimiser *m, const given_residuals *given, double step, dou
     return given->k->all_finite(given->m, given->r) && given->k->all_finite(given->m, out);
 }
 
-/* Whether the change of r over the step is that of J d; also where nothing is known. */
+/* Whether the change of r over the step agrees with J d. Also true if r could not be evaluated, as nothing is
+ * known then. */
 static bool step_agrees(lg_minimiser *m, const given_residuals *given, double step, double size,
                         lg_status *status) {
     const size_t rows = given->m;
@@ -246,7 +260,8 @@ static bool step_agrees(lg_minimiser *m, const given_residuals *given, double st
     return !(sqrt(error) > JACOBIAN_TOLERANCE * sqrt(top) + JACOBIAN_ROUNDING * size);
 }
 
-/* After the first evaluation: on one side of the start at least, at one of two lengths. */
+/* Called after the first evaluation. J is accepted if it agrees with r for one of four steps: forwards or
+ * backwards, at two lengths. Otherwise the run ends with LG_MINIMISE_WRONG_JACOBIAN. */
 static lg_status check_jacobian(lg_minimiser *m, const given_residuals *given) {
     static const double steps[] = {1.0, -1.0, 1e-2, -1e-2};
     lg_status status = LG_OK;
@@ -261,7 +276,7 @@ static lg_status check_jacobian(lg_minimiser *m, const given_residuals *given) {
     return LG_OK;
 }
 
-/* f, 2 J^T r and 2 J^T J */
+/* Tells the minimiser f = |r|^2, its gradient 2 J^T r and the Gauss-Newton matrix 2 J^T J. */
 static lg_status evaluate_residuals(lg_minimiser *m, void *user) {
     const given_residuals *given = user;
     const size_t n = given->n, rows = given->m;
@@ -280,7 +295,8 @@ static lg_status evaluate_residuals(lg_minimiser *m, void *user) {
     return check_jacobian(m, given);
 }
 
-/* |r|^2/(m - n) (J^T J)^-1 from the matrix A = 2 J^T J at the best point, scaled to a unit diagonal. */
+/* The covariance |r|^2/(m - n) (J^T J)^-1, where m is the number of rows. J^T J comes from A = 2 J^T J at the
+ * best point; A is first scaled to a unit diagonal. */
 static void covariance_of(const lg_minimiser *m, size_t rows, double *out) {
     const size_t n = m->n, stride = lg_minimise_stride(n);
     const double *a = m->curvature, variance = m->numbers.value / (double)(rows - n);
@@ -290,7 +306,7 @@ static void covariance_of(const lg_minimiser *m, size_t rows, double *out) {
         for (size_t j = 0; j < n; j++)
             out[i * n + j] = a[i * stride + j] / sqrt(a[i * stride + i] * a[j * stride + j]);
     if (info == 0) dpotrf_("L", &order, out, &order, &info);
-    /* A pivot of rounding size: the combination is not identified. */
+    /* A pivot of rounding size: the data do not identify this combination of variables. */
     for (size_t i = 0; i < n && info == 0; i++)
         info = out[i * n + i] * out[i * n + i] > 1e-13 * (double)n ? 0 : 1;
     if (info == 0) dpotri_("L", &order, out, &order, &info);
@@ -355,7 +371,8 @@ lg_status lg_normal_equations(size_t n, size_t columns, double ridge, double *ma
         double *square = matrix + i * n + i;
         *square = *square != 0.0 ? *square * (1.0 + ridge) : 1.0;
     }
-    dposv_("U", &order, &many, matrix, &order, right, &order, &info); /* its upper is our lower triangle */
+    /* LAPACK's upper triangle (by columns) is our lower triangle (by rows) */
+    dposv_("U", &order, &many, matrix, &order, right, &order, &info);
     for (size_t i = 0; i < n * columns && info == 0; i++) info = !isfinite(right[i]);
     return info == 0 ? LG_OK : LG_CHECK_FAILED;
 }

@@ -1,4 +1,5 @@
-/* The line search: weak Wolfe conditions by bracketing and cubic interpolation. */
+/* The line search: finds a step that meets the weak Wolfe conditions, by bracketing and cubic
+ * interpolation. */
 #include <math.h>
 
 #include "nn/minimise_internal.h"
@@ -17,8 +18,9 @@ void lg_minimise_search_begin(lg_minimiser *m, double alpha) {
     s->low_slope = s->slope;
 }
 
-/* Minimiser of the cubic through values and slopes at both ends of the bracket (Nocedal & Wright, (3.59)),
- * kept away from the ends; the middle where there is none. */
+/* Where the cubic that has f and its slope at both ends of the bracket has its minimum (Nocedal & Wright,
+ * (3.59)). The result keeps NARROWEST of the width away from both ends. It is the middle of the bracket if
+ * the cubic has no minimum. */
 static double interpolate(const lg_minimise_numbers *s) {
     const double width = s->high - s->low;
     const double nearest = s->low + NARROWEST * width, farthest = s->high - NARROWEST * width;

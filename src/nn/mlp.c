@@ -45,7 +45,7 @@ static size_t bias_count(const lg_mlp *net, uint32_t layer) {
     return lg_mlp_has_bias(net, layer) ? net->width[layer + 1] : 0;
 }
 
-/* Parameters of the layers before `layer`. */
+/* The weight follows the parameters of all layers before `layer`. */
 size_t lg_mlp_weight_offset(const lg_mlp *net, uint32_t layer) {
     size_t count = 0;
     for (uint32_t l = 0; l < layer; l++) count += weight_count(net, l) + bias_count(net, l);
@@ -60,11 +60,11 @@ size_t lg_mlp_parameters(const lg_mlp *net) {
     return lg_mlp_weight_offset(net, net->layers);
 }
 
-/* The scale of weights is sqrt(gain/(fan_in + both fan_out)): half the width of a uniform distribution, or a
- * standard deviation. */
+/* Weights have the scale sqrt(gain/(fan_in + both fan_out)). It is the bound of the uniform distribution on
+ * [-scale, scale], or the standard deviation of the normal one. */
 typedef struct initialisation {
     double gain, both;
-    bool normal, bias; /* bias: drawn like the weights, else 0 */
+    bool normal, bias; /* bias: true: drawn like the weights; false: 0 */
 } initialisation;
 
 static const initialisation initialisations[LG_INITIALISATION_COUNT] = {

@@ -1,4 +1,4 @@
-/* Networks of several architectures: description, the pieces of the parameter vector, initialisation. */
+/* Networks of several architectures: description, slices of the parameter vector, initialisation. */
 #include "nn/net.h"
 
 #include <stdio.h>
@@ -8,8 +8,8 @@
 
 #define MAX_WIDTH (1u << 20)
 
-/* The layers between embedding and output. The dense layers of layer i have the names in `steps` and the
- * number i + `number`. */
+/* The dense layers between embedding and output, for each kind of network. A dense layer of layer i = 0, 1,
+ * ... is called by its name in `steps` and the number i + `number`, such as "gate1". */
 static const struct body {
     const char *name;
     const char *heads[NET_MAX_HEADS];

@@ -1,6 +1,6 @@
-/* The dense layers of a network (liegrad/networks.h) in the order of its parameters in the flat vector:
- * embedding, the layers that read the input of the network ("heads": U, V and H for the gated kinds), one or
- * two for each of its l layers, the output. */
+/* The dense layers of a network (liegrad/networks.h), in the order of their parameters in the flat vector:
+ * the embedding; the "heads", which read the embedded input (U, V and H of the gated kinds, else H only); one
+ * or two "steps" for each of the l layers; the output layer. */
 #ifndef LG_NET_H
 #define LG_NET_H
 
@@ -13,29 +13,31 @@
 typedef struct net_dense {
     uint32_t in, out;
     bool has_bias;
-    size_t weight, bias; /* where they begin; `bias` is where the weight ends */
+    size_t weight, bias; /* offsets in the flat vector; without a bias, `bias` is where the weight ends */
 } net_dense;
 
 typedef struct net_layout {
     uint32_t count;
-    uint32_t heads, first_head; /* how many, and which dense layer is the first */
-    uint32_t steps, first_step; /* dense layers in each of the l layers */
+    uint32_t heads, first_head; /* number of heads, and the index of the first one in `dense` */
+    /* number of dense layers in each of the l layers, and the index of the first one in `dense` */
+    uint32_t steps, first_step;
     size_t parameters;
-    net_dense dense[NET_MAX_DENSE]; /* dense[0] is the embedding where there is one, the last the output */
+    /* dense[0] is the embedding, if there is one; the last one is the output layer */
+    net_dense dense[NET_MAX_DENSE];
 } net_layout;
 
 void lg_net_layout(const lg_net *net, net_layout *layout);
 
-/* What a dense layer of net_layout reads, x (B, in), and gives before its activation, x W + b (B, out). */
+/* What a dense layer reads, x (B, in), and what it computes before its activation, x W + b (B, out). */
 typedef struct lg_net_tap {
     lg_var input, output;
 } lg_net_tap;
-/* lg_net_record; taps: NULL, or one for each dense layer, whose products and activations are then recorded
- * apart. */
+/* The same as lg_net_record. taps: NULL, or one element per dense layer, which is filled in; then products
+ * and activations are recorded as separate operations. */
 lg_var lg_net_record_taps(lg_tape *tape, const lg_net *net, lg_var theta, size_t offset, lg_var x,
                           lg_net_tap *taps);
 
-/* Whether H <- (1 - Z) o U + Z o V. */
+/* Whether the layers are H <- (1 - Z) o U + Z o V, where o multiplies elementwise. */
 bool lg_net_gated(const lg_net *net);
 
 #define LG_TWO_PI 6.283185307179586476925286766559

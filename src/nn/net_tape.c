@@ -5,7 +5,8 @@
 #include "autodiff/tape/tape_internal.h"
 #include "core/core.h"
 
-/* The parameters of the dense layers as views of the flat vector; LG_NONE for a missing bias. */
+/* The parameters of the dense layers as views of the flat vector; the bias is LG_NONE where a layer has
+ * none. */
 typedef struct bound {
     net_layout layout;
     lg_var weight[NET_MAX_DENSE], bias[NET_MAX_DENSE];
@@ -36,7 +37,7 @@ static lg_var dense(lg_tape *tape, const bound *b, uint32_t i, lg_var x, lg_acti
     return kind == LG_IDENTITY ? y : lg_act(tape, y, kind);
 }
 
-/* h + x W of dense layer i, which has no bias. */
+/* h + x W, where W is the weight of dense layer i, which has no bias. */
 static lg_var add_dense(lg_tape *tape, const bound *b, uint32_t i, lg_var x, lg_var h) {
     if (b->taps == NULL) return lg_matmul_add(tape, x, b->weight[i], h);
     return lg_add(tape, dense(tape, b, i, x, LG_IDENTITY), h);
@@ -74,7 +75,7 @@ lg_var lg_net_record_taps(lg_tape *tape, const lg_net *net, lg_var theta, size_t
     return bind(tape, net, theta, offset, &b) ? apply(tape, net, &b, x) : LG_NONE;
 }
 
-/* ---- value and directional derivative: the same on pairs ---- */
+/* ---- value and directional derivative: the same computation on pairs (value, derivative) ---- */
 
 static lg_var dual_dense(lg_tape *tape, const bound *b, uint32_t i, lg_var x, lg_activation kind) {
     return lg_dual_dense(tape, x, b->weight[i], b->bias[i], kind);

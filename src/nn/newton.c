@@ -1,5 +1,5 @@
-/* Damped Newton method on the full batch, for models with few parameters. Forward over reverse mode gives the
- * Hessian. */
+/* Newton's method with damping on the full batch, for models with few parameters. The Hessian comes from
+ * forward over reverse mode. */
 #include <math.h>
 #include <string.h>
 
@@ -39,7 +39,7 @@ static lg_status create(newton *w) {
     return lg_tape_create(w->context, NULL, &w->tape);
 }
 
-/* Records the full-batch loss at `at`; the value goes to *value. */
+/* Records the loss of all samples with the parameters `at`; *value is its value. */
 static lg_status record_loss(newton *w, const double *at, lg_var *theta, lg_var *loss, double *value) {
     lg_tape_reset(w->tape);
     *theta = lg_parameter(w->tape, lg_shape1((uint32_t)w->n), at);
@@ -66,7 +66,7 @@ static lg_status derivatives(newton *w, double *value) {
     return LG_OK;
 }
 
-/* Solves (H + damping I) step = -gradient; false when the matrix is not positive definite. */
+/* Solves (H + damping I) step = -gradient. Returns false if the matrix is not positive definite. */
 static bool solve_step(newton *w, double damping) {
     const int n = (int)w->n, one = 1;
     int info = 0;
@@ -79,7 +79,7 @@ static bool solve_step(newton *w, double damping) {
     return info == 0;
 }
 
-/* Raises the damping until a step lowers the loss; *moved false: no step does. */
+/* Raises the damping until a step lowers the loss, and takes this step. *moved is false if no step does. */
 static lg_status descend(newton *w, double value, double scale, double *damping, bool *moved) {
     *moved = false;
     for (int attempt = 0; attempt < 60 && !*moved; attempt++) {

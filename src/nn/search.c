@@ -1,4 +1,4 @@
-/* Random search with early stopping: drawing, stopping and running trials. */
+/* Random search with early stopping: draws, stops and runs trials. */
 #include "nn/search.h"
 
 #include <math.h>
@@ -8,16 +8,17 @@
 #include "core/core.h"
 #include "liegrad/random.h"
 
-/* Streams for drawing trials, different from those of training with the same seed. */
+/* Random streams that draw trials; they differ from the streams of training with the same seed. */
 #define STREAM_TAG UINT64_C(0x7365617263680000)
 
 struct lg_search {
     const lg_search_options *options;
-    const lg_trial *before; /* (count) */
+    const lg_trial *before; /* (count): the earlier trials */
     size_t count;
-    lg_trial *trial; /* the one that runs */
-    bool stopped;    /* a report said so */
-    bool beside;     /* others run at the same time: `known` says what is known of them; may be NULL */
+    lg_trial *trial; /* the trial that is running */
+    bool stopped;    /* a report has told the trial to stop */
+    /* other trials run at the same time; `known`, unless NULL, tells what is known of them */
+    bool beside;
     lg_search_known known;
     void *user;
 };
@@ -35,7 +36,7 @@ void lg_search_options_init(lg_search_options *options) {
 
 /* ---- spaces ---- */
 
-/* Terminated, not empty, and a valid cell of a table without quotes. */
+/* Whether the name is terminated, not empty, and can be a cell of a CSV table without quotes. */
 static bool is_name(const char name[LG_RANGE_NAME]) {
     const char *end = memchr(name, '\0', LG_RANGE_NAME);
     if (end == NULL || end == name) return false;
@@ -111,7 +112,8 @@ static double clamp(double x, double low, double high) {
     return x < low ? low : x > high ? high : x;
 }
 
-/* Keeps rounding within the range, and below the open end of a uniform one. */
+/* Draws a value of the range. Rounding can take it neither out of the range nor to the open end `high` of a
+ * uniform range. */
 static double draw(const lg_range *range, lg_rng *rng) {
     const double low = range->low, high = range->high;
     switch (range->kind) {
@@ -153,17 +155,19 @@ bool lg_search_prune(const lg_search_options *options, const lg_trial *trials, s
         better += isfinite(other) && other < objective;
     }
     if (reached == 0 || reached < options->warm_up) return false;
-    /* 0.1 * 30 is a little more than 3. */
+    /* The last factor is for rounding: 0.1 * 30 is a little more than 3. */
     const double needed = options->quantile * (double)reached * (1 - 1e-12);
     return better > 0 && (double)better >= needed;
 }
 
-/* The first epoch at which the rung is passed: total (rung + 1)/parts, rounded up, without overflow. */
+/* The first epoch at which the trial has passed the rung: total (rung + 1)/parts, rounded up, without
+ * overflow. */
 static uint64_t rung_epoch(uint64_t total, uint32_t rung, uint32_t parts) {
     return total / parts * (rung + 1) + (total % parts * (rung + 1) + parts - 1) / parts;
 }
 
-/* Whether the trial is to be stopped at the rung that it has just reached; false where nobody knows yet. */
+/* Whether the trial is to be stopped at the rung that it has just reached. Where the other trials are not
+ * known yet, only an objective that is not finite stops it. */
 static bool prunes(const lg_search *search, uint32_t rung) {
     const lg_trial *before = search->before, *trial = search->trial;
     size_t count = search->count;
@@ -226,9 +230,9 @@ static lg_status check_earlier(const lg_search_options *options, const lg_trial 
     return LG_OK;
 }
 
-/* Fills `why` of a failed trial where its run left it empty. */
+/* Writes to `why` why a trial has failed, unless its run has done so. */
 static void explain(const lg_trial *trial, lg_status status, lg_error *why) {
-    if (status == LG_OK) /* the run has nothing to say about it */
+    if (status == LG_OK) /* the run itself reported no error */
         (void)lg_fail(why, LG_NOT_FINITE, "trial %llu: the objective is not finite",
                       (unsigned long long)trial->number);
     else if (why->message[0] == '\0')
@@ -237,7 +241,7 @@ static void explain(const lg_trial *trial, lg_status status, lg_error *why) {
     why->status = status == LG_OK ? LG_NOT_FINITE : status;
 }
 
-/* Runs the trial of `search`. False: it was cancelled and is not kept. */
+/* Runs the trial of `search`. Returns false if it was cancelled; it is not kept then. */
 static bool run_trial(lg_search *search, const lg_search_problem *problem, const lg_search_space *space,
                       uint64_t number, lg_error *why) {
     lg_trial *trial = search->trial;
@@ -292,7 +296,7 @@ lg_status lg_search_run(const lg_context *context, const lg_search_space *space,
     return LG_OK;
 }
 
-/* ---- trials beside each other ---- */
+/* ---- trials that run at the same time ---- */
 
 lg_status lg_search_run_trial(const lg_search_space *space, const lg_search_options *options,
                               const lg_search_problem *problem, lg_search_known known, uint64_t number,
@@ -315,7 +319,7 @@ static int by_number(const void *a, const void *b) {
     return (x->number > y->number) - (x->number < y->number);
 }
 
-/* The trial after the report that passed the rungs up to `reports`. */
+/* Makes the trial what it would be if it had been stopped after its first `reports` reports. */
 static void stop_at(lg_trial *trial, uint32_t reports) {
     trial->state = LG_TRIAL_PRUNED;
     trial->reports = reports;
@@ -324,7 +328,8 @@ static void stop_at(lg_trial *trial, uint32_t reports) {
     for (uint32_t r = reports; r < LG_TRIAL_REPORTS; r++) trial->report[r] = 0.0;
 }
 
-/* Rungs that one report passed are stopped at together. */
+/* Stops the trial where lg_search_run would have stopped it, if it ran too long. Rungs that one report passed
+ * at once are judged together, since the trial could only stop after the last of them. */
 static void settle(const lg_search_options *options, const lg_trial *before, lg_trial *trial) {
     for (uint32_t first = 0, end; first < trial->reports; first = end) {
         const uint64_t epoch = trial->report_epoch[first];
