@@ -61,9 +61,10 @@ struct lg_fit {
     lg_thread_pool *pool;
     lg_shard *shards;
     bool by_work;      /* options.shards was 0: small batches have fewer shards */
-    size_t used;       /* shards that any batch can use: at most one per training sample */
+    size_t used;       /* number of shards that can ever be in use: at most one per training sample */
     size_t first, end; /* this rank's shards: first, ..., end - 1 */
-    /* messages of all ranks, one after the other (message_room bytes); (ranks): length of each message */
+    /* message: the messages of all ranks, one after the other, in message_room bytes; message_bytes (ranks):
+     * the length of each message */
     char *message;
     size_t message_room, *message_bytes;
     uint32_t *stops; /* (ranks): 1 if the rank was asked to stop */

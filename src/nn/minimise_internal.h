@@ -134,9 +134,9 @@ double lg_minimise_gradient_size(const lg_minimiser *m);
  * replaced by -g. */
 void lg_minimise_search(lg_minimiser *m, double alpha);
 
-/* The Hessian comes from at most 2 n gradients, when searches have failed; a search along the Newton step
- * follows. Possible with options.check, without ranks, for few variables, and if m->curvature has room for
- * n^2 numbers. */
+/* Whether the Hessian can be computed from differences of gradients, at most 2 n of them, when searches have
+ * failed; a search along the Newton step then follows. True with options.check, without ranks, for few
+ * variables, and if m->curvature has room for n^2 numbers. */
 bool lg_minimise_newton_fits(const lg_minimiser *m);
 /* Called before a run ends for the reason `end`, to verify that x is a minimum. Begins to evaluate the
  * Hessian, or its products with Lanczos vectors, and returns LG_MINIMISE_RUNNING; the run then ends later or
@@ -175,7 +175,8 @@ static inline size_t lg_minimise_stride(size_t n) {
     return (n + 7) / 8 * 8;
 }
 
-/* Doubles for the Lanczos vectors and the coefficients of T. 0 without options.check and with ranks. */
+/* Doubles for the Lanczos vectors and the coefficients of T. 0 if options.check is false or there are
+ * ranks. */
 static inline size_t lg_minimise_curvature_length(size_t n, const lg_minimise_options *options) {
     const bool looks = options->check && options->ranks == NULL;
     return looks ? LG_LANCZOS_STEPS * (lg_minimise_stride(n) + 2) : 0;
