@@ -1,5 +1,6 @@
-/* Learned Hamiltonians, every family of the table: value, gradient and field with respect to the state, the
- * parameters and the input; the training loss through integrators, with respect to all parameters. */
+/* Cases of the gradient check for learned Hamiltonians, for every family of the table: value, gradient and
+ * field, differentiated by the state, the parameters and the input; and the training loss, differentiated
+ * through the integrators by all parameters. */
 #include <stdio.h>
 #include <string.h>
 
@@ -10,11 +11,11 @@ enum { TRAJECTORIES = 2, POINTS = 3, BATCH = 2, MOST_NUMBERS = 64, MOST_ROWS = 2
 
 typedef enum question { VALUE, GRADIENT, FIELD, LOSS } question;
 
-/* What a row checks; it borrows nothing. */
+/* The settings of one case. */
 typedef struct settings {
     lg_hamiltonian model;
     question asked;
-    const lg_scheme *scheme; /* LOSS */
+    const lg_scheme *scheme; /* for LOSS only, like the members up to `distance` */
     double penalty;
     lg_penalty_form form;
     const lg_first_integral *integral;
@@ -25,7 +26,7 @@ typedef struct settings {
 
 /* ---- data ---- */
 
-/* States on the manifold; the points of one trajectory need not belong together. */
+/* Fills `data` with states on the manifold. The points of a trajectory do not follow each other in time. */
 static void fill(const lg_hamiltonian *model, double *data) {
     static const double numbers[] = {2.0 / 3, -1.0 / 3, 2.0 / 3,  0.5,     1.0,     0.0, 0.0,  0.6,
                                      0.8,     0.7,      -0.8,     0.6,     0.6,     0.0, -0.8, 0.8,
@@ -67,7 +68,7 @@ static lg_var build_loss(const settings *s, lg_tape *tape, const lg_var *x) {
     return status == LG_OK ? loss : lg_tape_fail(tape, status, "hamiltonian", "the loss failed");
 }
 
-/* x: theta of a loss; else state (B, d), theta, and for the field the input */
+/* x: theta for LOSS; else state (B, d), theta, and for FIELD the input. */
 static lg_var build(const void *user, lg_tape *tape, const lg_var *x) {
     const settings *s = user;
     lg_hamiltonian_vars vars;
@@ -95,7 +96,7 @@ static lg_gradcheck_argument vectors(size_t width) {
     return (lg_gradcheck_argument){.shape = {2, {BATCH, (uint32_t)width}}};
 }
 
-/* All positive: max(0, b) is off its kink and the mass matrix definite. */
+/* All parameters are positive, so max(0, b) is off its kink and the mass matrix is positive definite. */
 static lg_gradcheck_argument parameters(const lg_hamiltonian *model) {
     const uint32_t count = (uint32_t)lg_hamiltonian_parameters(model);
     return (lg_gradcheck_argument){.shape = {1, {count}}, .low = 0.2, .high = 0.8};
@@ -121,7 +122,7 @@ static settings *add(const lg_hamiltonian *model, question what, const char *lab
     return s;
 }
 
-/* Parameters at which no |G(y_j) - G(x)| of the penalty is near its kink. */
+/* Parameters at which no |G(y_j) - G(x)| of the penalty is near its kink at 0. */
 static const double off_kink[] = {0.41, 0.63, 0.25, 0.77, 0.52, 0.34, 0.68, 0.29, 0.73, 0.46,
                                   0.57, 0.22, 0.61, 0.38, 0.79, 0.43, 0.66, 0.31, 0.27, 0.54};
 
@@ -154,7 +155,7 @@ static void add_geodesic_loss(const lg_hamiltonian *model, const lg_scheme *sche
     (void)strcat(s->name, ", geodesic");
 }
 
-/* Fields of the other potentials of one copy. */
+/* Cases for the other kinds of potentials, with one copy. */
 static void add_potentials(const lg_hamiltonian_family *family) {
     static const uint32_t hidden[1] = {4};
     lg_hamiltonian model;

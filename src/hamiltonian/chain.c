@@ -1,5 +1,5 @@
-/* Family "chain": pendulum chains on (T*S^2)^n; liegrad/hamiltonian.h has the formulas. Parts q, p, v, g: (B,
- * n, 3). */
+/* Family "chain": pendulum chains on (T*S^2)^n; liegrad/hamiltonian.h has the formulas. The parts q and p,
+ * and v = dH/dp and g = dH/dq, have the shape (B, n, 3). */
 #include <math.h>
 
 #include "core/core.h"
@@ -10,9 +10,9 @@
 enum {
     W,
     INVERSE_MII
-}; /* vars->kinetic: m^-1 (1, n, n), NaN where m is not positive definite; 1/m_ii (1, n, 1) */
+}; /* vars->kinetic: m^-1 (1, n, n), NaN unless m is positive definite; 1/m_ii (1, n, 1) */
 
-/* ---- the mass matrix from numbers, off the tape: arrays Gamma (n, n), b (n) ---- */
+/* ---- the mass matrix as numbers, without a tape, from the arrays Gamma (n, n) and b (n) ---- */
 
 static void mass(size_t n, const double *gamma, double *m) {
     const double *b = gamma + n * n;
@@ -43,7 +43,7 @@ lg_status lg_hamiltonian_mass(const lg_hamiltonian *model, const double *theta, 
     LG_NEEDS(NULL, model, theta, m);
     if (model->family != &lg_hamiltonian_chain) return LG_UNSUPPORTED;
     const size_t n = model->n;
-    const double unit = model->scales.part[1] * model->scales.time; /* of p over the unit of q' */
+    const double unit = model->scales.part[1] * model->scales.time; /* unit of p / unit of q' */
     mass(n, theta + lg_hamiltonian_array_offset(model, 0), m);
     for (size_t i = 0; i < n * n; i++) m[i] *= unit;
     return LG_OK;
@@ -67,7 +67,7 @@ static void bind(lg_tape *tape, const lg_var *arrays, lg_hamiltonian_vars *vars)
     vars->kinetic[INVERSE_MII] = lg_div(tape, lg_full(tape, lg_shape3(1, n, 1), 1.0), mii);
 }
 
-/* v = dT/dp and lambda (B, n, 1). For one link W leaves lambda = (q.p)/(q.q). */
+/* v = dT/dp and the multipliers lambda (B, n, 1). For one link W cancels: lambda = (q.p)/(q.q). */
 static lg_var link_velocity(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var q, lg_var p,
                             lg_var *lambda) {
     const lg_var w = vars->kinetic[W];
@@ -93,7 +93,7 @@ static void gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_va
     out[1] = v;
 }
 
-/* One link needs no multiplier where q.p = 0: T = |p|^2/(2 m). */
+/* For one link with q.p = 0 the multiplier is 0: T = |p|^2/(2 m). */
 static void gradient_on_manifold(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y,
                                  lg_var *out) {
     if (vars->model->n > 1) {
@@ -116,7 +116,7 @@ static void field(lg_tape *tape, const lg_var *y, const lg_var *dH, lg_var input
     algebra[1] = eta;
 }
 
-/* T = 1/2 p^T W p + 1/2 u^T S^-1 r off the manifold, summed over the batch. */
+/* The extension of T off the manifold, 1/2 p^T W p + 1/2 u^T S^-1 r, summed over the batch. */
 static lg_var extended_kinetic(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var q, lg_var p) {
     const lg_var w = vars->kinetic[W], inverse_mii = vars->kinetic[INVERSE_MII];
     const lg_var unit = unit_matrix(tape, vars->model->n);
@@ -163,7 +163,7 @@ static bool learns(const lg_system *system, size_t *n) {
     return *n > 0;
 }
 
-/* The larger of | |q| - 1 | and |q.p| / |p|. */
+/* The larger one of the errors | |q| - 1 | and |q.p| / |p|. */
 static double off_manifold(const double *copy) {
     const double *q = copy, *p = copy + 3, along = fabs(lg_dot3(q, p));
     return fmax(fabs(sqrt(lg_dot3(q, q)) - 1), along > 0.0 ? along / sqrt(lg_dot3(p, p)) : 0.0);

@@ -1,4 +1,4 @@
-/* Whether trajectories can come from the Hamiltonian that was learned from them. */
+/* Tests whether trajectories can come from the Hamiltonian that was learned from them. */
 #include <math.h>
 #include <string.h>
 
@@ -7,7 +7,7 @@
 #include "liegrad/integrators.h"
 #include "liegrad/model.h"
 
-/* Mean and variance, one number after the other. */
+/* Running mean and sum of squared deviations. */
 typedef struct moments {
     double count, mean, squares;
 } moments;
@@ -23,15 +23,18 @@ static double deviation(const moments *m) {
     return m->count > 1 ? sqrt(m->squares / (m->count - 1)) : 0.0;
 }
 
-/* Along one trajectory the learned energy is H = a + b S, S the sum of squared steps of the state so far: b
- * is what motion costs, whatever the energy at the start. x = S.H and y = S.S, both about their means. */
+/* The learned energy along one trajectory is modelled as H = a + b S. S is the sum of the squared steps of
+ * the state up to a point, so b says how much energy motion costs, whatever the energy a at the start. x is
+ * the sum over the points of S H, y of S^2, both about their means. */
 typedef struct course {
-    double begin, way, x, y; /* H at the start, S at the end */
+    double begin, way, x, y; /* begin: H at the first point; way: S at the last point */
 } course;
 
-/* b of all trajectories. Each counts about as much as any other: large energies would outweigh all others. */
+/* slope: b, fitted to all trajectories; error: its standard error. Trajectories are weighted such that each
+ * counts about equally; otherwise trajectories of large energy would outweigh all others. */
 typedef struct cost {
-    double slope, error, change, spread; /* change: b S, of the mean S; spread: of the energies */
+    /* change: b times the mean of S; spread: standard deviation of the start energies */
+    double slope, error, change, spread;
     size_t count;
 } cost;
 
@@ -54,17 +57,17 @@ static cost find_cost(const course *courses, size_t count) {
 typedef struct measuring {
     const lg_context *context;
     const lg_hamiltonian_problem *problem;
-    double unit[6 * LG_HAMILTONIAN_MAX_COPIES]; /* of each number of a state, in S */
+    double unit[6 * LG_HAMILTONIAN_MAX_COPIES]; /* scale of each number of a state, for S */
     lg_model *model;
-    void *work;         /* of the model's evaluations */
-    void *flow;         /* of the model's evaluations by `steps` */
-    lg_model_user user; /* of `steps` */
-    lg_stepper *steps;  /* of the scheme of training; NULL: none for this model */
+    void *work;         /* work memory of energy() */
+    void *flow;         /* work memory of the model in `steps` */
+    lg_model_user user; /* the model as an equation, for `steps` */
+    lg_stepper *steps;  /* stepper of the training scheme; NULL: there is none for this model */
     double *predicted;  /* (points, d) */
-    double *way, *gain; /* (points): S; H of the data less H of the scheme's own run */
-    double *error;      /* (2, d): of two steps */
+    double *way, *gain; /* (points) each: S; H of the data minus H of the scheme's own run */
+    double *error;      /* (2, d): errors of two neighbouring steps */
     course *courses;    /* (trajectories) */
-    size_t *different;  /* (trajectories), `differ` of them */
+    size_t *different;  /* (trajectories): indices of different trajectories; the first `differ` are used */
     size_t differ;
 } measuring;
 
@@ -74,7 +77,8 @@ static double energy(const measuring *m, const double *state) {
     return value;
 }
 
-/* The run of the scheme of training from `first`: what it gains is its error, not the data's. */
+/* Integrates the model from `first` by the training scheme. Energy that this run gains is the scheme's error,
+ * not a property of the data. Without a stepper, or on failure, all points are `first`. */
 static void run_scheme(const measuring *m, const double *first, size_t points) {
     const lg_hamiltonian_problem *problem = m->problem;
     const size_t d = lg_model_inputs(m->model);
@@ -112,8 +116,8 @@ static bool is_finite(const course *c) {
     return isfinite(c->begin) && isfinite(c->x) && isfinite(c->y);
 }
 
-/* Different trajectories count, from their second point on, where there is a third: noise in the data
- * raises the energies of all points but, often, the first. */
+/* Measures all different trajectories. If there are three points or more, the first one is skipped: often it
+ * alone has no noise, and noise raises the energies of the other points. */
 static size_t follow_all(const measuring *m, course *out) {
     const size_t d = lg_model_inputs(m->model), points = m->problem->points, skipped = points > 2 ? 1 : 0;
     size_t count = 0;
@@ -124,10 +128,10 @@ static size_t follow_all(const measuring *m, course *out) {
     return count;
 }
 
-/* The scale of each number of a state, by the data. */
+/* Computes the scale of each number of a state from the data. */
 static void number_units(const lg_hamiltonian_problem *problem, double *unit) {
     lg_hamiltonian scaled = *problem->model;
-    (void)lg_hamiltonian_find_scales(problem, &scaled.scales, NULL); /* on failure: the scales of the model */
+    (void)lg_hamiltonian_find_scales(problem, &scaled.scales, NULL); /* failure keeps the model's scales */
     lg_hamiltonian_number_scales(&scaled, unit);
 }
 
@@ -155,7 +159,7 @@ static lg_status make_arrays(measuring *m) {
     return room ? LG_OK : LG_OUT_OF_MEMORY;
 }
 
-/* The caller ends what has begun, in any case. */
+/* The caller must call measuring_end, even after a failure. */
 static lg_status measuring_begin(const lg_context *context, const lg_hamiltonian_problem *problem,
                                  const double *theta, measuring *m, lg_error *error) {
     *m = (measuring){.context = context, .problem = problem};
@@ -170,21 +174,24 @@ static lg_status measuring_begin(const lg_context *context, const lg_hamiltonian
     return LG_OK;
 }
 
-/* What motion costs, compared with the run of the scheme of training or, without `scheme`, with no change. */
+/* How much energy the motion costs, relative to the run of the training scheme; without `scheme`, to a
+ * constant energy. */
 static cost measure(const measuring *m, bool scheme) {
     measuring with = *m;
     if (!scheme) with.steps = NULL;
     return find_cost(m->courses, follow_all(&with, m->courses));
 }
 
-/* More than chance, which few trajectories leave more of, and more than a part of the energies. */
+/* Whether the cost is significant: more than chance, with a wider margin for few trajectories, and more than
+ * a small part of the spread of the energies. */
 static bool is_told(const cost *c) {
     static const double scatter = 4.5, few = 6.0, part = 5e-4;
     return c->count >= (size_t)few && fabs(c->change) > part * c->spread &&
            fabs(c->slope) > scatter * (1.0 + few / (double)c->count) * c->error;
 }
 
-/* Over the second half of the epochs the loss falls by at most this factor, and it does not end in a peak. */
+/* Whether the loss fell by at most the factor `fall` over the second half of the epochs, and does not end at
+ * a peak. */
 static bool has_settled(const lg_fit *fit, double fall) {
     static const double peak = 1.5;
     enum { FEWEST = 16 }; /* epochs */
@@ -196,7 +203,8 @@ static bool has_settled(const lg_fit *fit, double fall) {
     return true;
 }
 
-/* Training ended by itself, or the loss has fallen, so that training was at work, and falls no longer. */
+/* Whether training has converged: the minimiser ended by itself, or the loss has fallen clearly and now stays
+ * constant. */
 static bool has_come_to_rest(const lg_fit *fit) {
     static const double still = 1.05, worked = 1.3;
     const double *history = lg_fit_history(fit, LG_FIT_LOSS);
@@ -204,18 +212,19 @@ static bool has_come_to_rest(const lg_fit *fit) {
            (has_settled(fit, still) && history[0] >= worked * history[lg_fit_epochs_done(fit) - 1]);
 }
 
-/* Whether the fit is near what it can reach. The energy of a model that is not learned changes along any
- * data. Data that lose most of their energy leave most of the motion unexplained; then the loss must be at
- * rest. */
+/* Whether the fit is near the best that it can reach; before, the energy of the model changes along any data.
+ * If the data lose most of their energy, a conservative model leaves most of the motion unexplained; then the
+ * loss must have converged. */
 static bool is_learned(const lg_fit *fit, const lg_hamiltonian_problem *problem, double loss) {
     static const double most = 0.3, slow = 1.5;
     const double left = loss / lg_hamiltonian_unchanged(problem);
     return (left <= most && has_settled(fit, slow)) || (left < 1.01 && has_come_to_rest(fit));
 }
 
-/* Correlation of the errors of neighbouring single steps, of all trajectories. A force that the model lacks
- * gives nearly 1. White noise of the data gives -1/2 or so, for it enters one error with each sign, and 1/2
- * at most, where half a period lies between two points. */
+/* Correlation between the errors of neighbouring single steps, over all trajectories. It is nearly 1 if the
+ * model lacks a force. White noise in the data gives about -1/2, because the noise of a point enters the
+ * errors of both neighbouring steps with opposite signs; it gives 1/2 at most, if half a period lies between
+ * two points. */
 static double error_correlation(const measuring *m) {
     const lg_hamiltonian_problem *problem = m->problem;
     const size_t d = lg_model_inputs(m->model), points = problem->points;
@@ -234,8 +243,9 @@ static double error_correlation(const measuring *m) {
     return square > 0.0 ? product / square : 0.0;
 }
 
-/* A conservative model loses nothing to motion, whatever the noise. A scheme with large steps does; then the
- * energy falls beside its run, or by itself, but not both. */
+/* The energy of a conservative model does not change with motion, whatever the noise. A scheme with large
+ * steps can change it; then the energy falls either relative to the run of the scheme or relative to a
+ * constant, but not both. So both must agree. */
 static bool warn_of_cost(const measuring *m) {
     const cost found = measure(m, false), beside = measure(m, true);
     if (!is_told(&found) || !is_told(&beside) || !(found.change * beside.change > 0.0)) return false;
@@ -249,9 +259,9 @@ static bool warn_of_cost(const measuring *m) {
     return true;
 }
 
-/* When the starts lie on a curve, or have nearly the same energy, a Hamiltonian exists whose energy stays
- * constant along damped trajectories. Its motion differs from the data by more than noise and the error of
- * the scheme. */
+/* Even damped trajectories may have a Hamiltonian that is constant along them, if their starts lie on a curve
+ * or have nearly equal energies. But its motion differs from the data by more than noise and the scheme's
+ * error. */
 static void warn_of_misfit(const measuring *m, double loss) {
     static const double small = 1e-3, alike = 0.5;
     enum { FEWEST = 4 }; /* points */

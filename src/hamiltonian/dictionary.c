@@ -1,4 +1,4 @@
-/* Kinds of potentials: networks of the coordinates x (B, d), or of functions of them. */
+/* Kinds of potentials: networks of the coordinates x (B, d) or of functions of the coordinates. */
 #include "core/core.h"
 #include "liegrad/ops.h"
 #include "hamiltonian/internal.h"
@@ -35,7 +35,8 @@ static uint32_t one_a_pair(uint32_t d) {
     return d * (d - 1) / 2;
 }
 
-/* How many functions of d coordinates, and their values, (B, d) -> (B, count); of an angle: x in radians. */
+/* count: how many functions of d coordinates there are; record: their values, (B, d) -> (B, count); angle: x
+ * is in radians, without scale. */
 static const struct {
     uint32_t (*count)(uint32_t d);
     lg_var (*record)(lg_tape *tape, lg_var x);

@@ -1,14 +1,14 @@
-/* Squared distances between predicted and given points, for the loss; liegrad/hamiltonian.h. */
+/* Squared distances between predicted and given points, for the loss; see liegrad/hamiltonian.h. */
 #include "core/core.h"
 #include "liegrad/ops.h"
 #include "hamiltonian/internal.h"
 
-/* ---- on T*S^2: q, p (B, k, 3) ---- */
+/* ---- distances on T*S^2, with q and p (B, k, 3) ---- */
 
 enum { TERMS = 14 };
 
-/* theta^2 of the angle between unit vectors, x = |a - b|^2: theta^2 = 4 arcsin(sqrt(x)/2)^2
- * = 2 sum_n x^n / (n^2 C(2n, n)), to rounding for x <= 1/4. */
+/* theta^2 from x = |a - b|^2, where theta is the angle between the unit vectors a and b: theta^2 = 4
+ * arcsin(sqrt(x)/2)^2 = 2 sum_n x^n / (n^2 C(2n, n)). Exact to rounding for x <= 1/4. */
 static lg_var series(lg_tape *tape, lg_var x) {
     double c[TERMS + 1];
     double binomial = 1.0;
@@ -23,19 +23,20 @@ static lg_var series(lg_tape *tape, lg_var x) {
 
 static const double near = 0.25, tiny = 1e-30;
 
-/* As long as x. */
+/* A constant in the shape of x. */
 static lg_var constant(lg_tape *tape, lg_var x, double value) {
     return lg_full(tape, lg_var_shape(tape, x), value);
 }
 
-/* m = a + b is small between antipodes, and has all its digits there. |m|^2, which stays above 0: */
+/* Returns |m|^2 for m = a + b, but at least `tiny`. For nearly opposite a and b m is small, but has no
+ * cancellation error. */
 static lg_var squared_sum(lg_tape *tape, lg_var m) {
     lg_var y = lg_rownorm2(tape, m);
     return lg_max(tape, y, constant(tape, y, tiny));
 }
 
-/* theta^2 (B, k, 1): the series where |a - b|^2 <= 1/4, else (2 atan2(|a - b|, |m|))^2. The derivative is 0
- * between antipodes. */
+/* theta^2 (B, k, 1): by the series where |a - b|^2 <= 1/4, else (2 atan2(|a - b|, |m|))^2. Its derivative is
+ * 0 where a and b are opposite. */
 static lg_var squared_angle(lg_tape *tape, lg_var a, lg_var b, lg_var m) {
     lg_var x = lg_rownorm2(tape, lg_sub(tape, a, b)), one = constant(tape, x, 1.0);
     lg_var is_near = lg_ge(tape, constant(tape, x, near), x);
@@ -45,7 +46,8 @@ static lg_var squared_angle(lg_tape *tape, lg_var a, lg_var b, lg_var m) {
     return lg_select(tape, is_near, series(tape, x), lg_scale(tape, lg_square(tape, half), 4.0));
 }
 
-/* p at a, carried along the shortest geodesic to b: reflected at the plane orthogonal to m, since a.p = 0. */
+/* p at a, parallel transported along the shortest geodesic to b. Since a.p = 0, this is the reflection at the
+ * plane orthogonal to m. */
 static lg_var carried(lg_tape *tape, lg_var p, lg_var m) {
     lg_var factor = lg_div(tape, lg_rowdot(tape, m, p), squared_sum(tape, m));
     return lg_sub(tape, p, lg_mul(tape, m, lg_scale(tape, factor, 2.0)));
@@ -58,7 +60,7 @@ static lg_var on_cotangent_spheres(lg_tape *tape, const double *weight, const lg
                   lg_hamiltonian_scaled(tape, lg_sum(tape, lg_square(tape, apart)), weight[1]));
 }
 
-/* ---- the table, by kind of factor ---- */
+/* ---- distances by kind of factor ---- */
 
 static lg_var flat(lg_tape *tape, const double *weight, const lg_var *a, const lg_var *b) {
     return lg_hamiltonian_scaled(tape, lg_sum(tape, lg_square(tape, lg_sub(tape, a[0], b[0]))), weight[0]);
@@ -84,7 +86,7 @@ bool lg_hamiltonian_has_geodesics(const lg_space *space) {
     return true;
 }
 
-/* The parts before this one and this one's sum, or the first. */
+/* total + more; `more` alone if there is no total yet. */
 static lg_var plus(lg_tape *tape, lg_var total, lg_var more) {
     return lg_is_none(total) ? more : lg_add(tape, total, more);
 }

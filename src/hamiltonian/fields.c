@@ -18,7 +18,7 @@ static void put_hidden(void *member, const double *values, uint32_t count) {
     for (uint32_t i = 0; i < count; i++) net->width[i + 1] = (uint32_t)values[i];
 }
 
-/* No points stand for all of them: 0 as text. */
+/* An empty list means all points; as text it is 0. */
 static uint32_t get_points(const void *member, double *values) {
     const lg_penalty_points *points = member;
     values[0] = 0;

@@ -1,11 +1,11 @@
-/* The table of first integrals for the penalty of training; liegrad/hamiltonian.h. */
+/* The table of first integrals for the penalty in training; see liegrad/hamiltonian.h. */
 #include <string.h>
 
 #include "core/core.h"
 #include "liegrad/ops.h"
 #include "hamiltonian/internal.h"
 
-/* Column j of q or p (B, n), as (B, 1). */
+/* Column j of x (B, n), as (B, 1). */
 static lg_var column(lg_tape *tape, lg_var x, uint32_t j) {
     return lg_slice(tape, x, 1, j, 1);
 }
@@ -33,7 +33,7 @@ static lg_var planar_momentum(void *user, lg_tape *tape, const lg_hamiltonian_va
     return lg_sub(tape, first, lg_mul(tape, column(tape, y[0], 1), column(tape, y[1], 0)));
 }
 
-/* sum_i e3.(q_i x p_i) of q, p (B, n, 3) */
+/* sum_i e3.(q_i x p_i), with q and p (B, n, 3) */
 static lg_var vertical_momentum(void *user, lg_tape *tape, const lg_hamiltonian_vars *vars, uint32_t j,
                                 const lg_var *y) {
     (void)user, (void)vars, (void)j;

@@ -1,4 +1,4 @@
-/* What is told of data and of a Hamiltonian that was learned from them. */
+/* Warnings about the data and about a Hamiltonian that was learned from them. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -35,10 +35,12 @@ lg_status lg_hamiltonian_learned(const lg_context *context, const lg_hamiltonian
 
 /* ---- the truncation floor ---- */
 
-/* A floor below this part of the mean square of the data is rounding. */
+/* A floor below rounding_floor times the mean square of the data is caused by rounding. A loss of at most
+ * near_floor times the floor is near it. */
 static const double rounding_floor = 1e-30, near_floor = 3.0;
 
-/* Explicit, without error estimate, on the same space; a splitting in place of a splitting. */
+/* Whether `scheme` may be suggested in place of `old`: it has a higher order, is explicit, has no error
+ * estimate and stays on the same space. A splitting scheme is only replaced by a splitting scheme. */
 static bool replaces(const lg_scheme *old, const lg_scheme *scheme) {
     const lg_scheme_kind kind = scheme->kind;
     const bool splits = old->kind == LG_SCHEME_SPLITTING;
@@ -47,8 +49,8 @@ static bool replaces(const lg_scheme *old, const lg_scheme *scheme) {
            (splits ? kind == LG_SCHEME_SPLITTING : explicit_kind);
 }
 
-/* The one of the highest order that replaces the problem's scheme, of several the one with most stages, which
- * has the least error; NULL: none. */
+/* The scheme of the highest order that can replace the problem's scheme; among equal orders the one with most
+ * stages, since it has the smallest error. NULL: there is none. */
 static const lg_scheme *better_scheme(const lg_hamiltonian_problem *problem) {
     const lg_scheme *best = NULL;
     for (size_t i = 0; i < lg_scheme_count(); i++) {
@@ -82,7 +84,8 @@ void lg_hamiltonian_warn_of_floor(const lg_context *context, const lg_hamiltonia
          better != NULL ? better->name : "");
 }
 
-/* The root mean square of G's change at a point, or of G at point 1. */
+/* The root mean square over the trajectories of the change of G from point 1 to `point`; for point 1, of G
+ * itself. */
 static lg_status integral_at(const lg_context *context, const lg_hamiltonian_problem *problem,
                              const double *theta, size_t point, double *size, lg_error *error) {
     LG_TRY(lg_hamiltonian_integral_change(context, problem, theta, point, size, error));
@@ -90,7 +93,8 @@ static lg_status integral_at(const lg_context *context, const lg_hamiltonian_pro
     return LG_OK;
 }
 
-/* Noise changes G by as much at every point, but for the scatter of a mean over N: a drift by more later. */
+/* Noise changes G equally at every point, except for the scatter of a mean over N trajectories. So the data
+ * do not conserve G if a later point changes G by more than the second point does. */
 lg_status lg_hamiltonian_warn_of_integral(const lg_context *context, const lg_hamiltonian_problem *problem,
                                           const double *theta, lg_error *error) {
     static const double scatter = 4.0, least = 1e-3;
@@ -119,7 +123,7 @@ void lg_warn_of_inputs(const lg_context *context, const char *path, const lg_tra
 
 typedef struct sorted {
     const double *data;
-    size_t index, size; /* size: bytes */
+    size_t index, size; /* size: in bytes */
 } sorted;
 
 static int compare_trajectories(const void *a, const void *b) {

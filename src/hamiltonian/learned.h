@@ -1,5 +1,5 @@
-/* What is told of trajectories and of a Hamiltonian that was learned from them. Sentences go to the context's
- * log as warnings. */
+/* Measures of trajectories and of the Hamiltonian that was learned from them, and warnings about both, which
+ * go to the context's log. */
 #ifndef LG_HAMILTONIAN_LEARNED_H
 #define LG_HAMILTONIAN_LEARNED_H
 
@@ -7,34 +7,34 @@
 #include "liegrad/io.h"
 #include "liegrad/model.h"
 
-/* The model with these parameters; the caller destroys it. */
+/* Makes the model with these parameters; the caller destroys it. */
 lg_status lg_hamiltonian_learned(const lg_context *context, const lg_hamiltonian *model, const double *theta,
                                  lg_model **out, lg_error *error);
-/* The mean squared error of the prediction that nothing changes: each point is the first one. */
+/* The mean squared error of the prediction that every point of a trajectory equals its first point. */
 double lg_hamiltonian_unchanged(const lg_hamiltonian_problem *problem);
-/* The trajectories without those that repeat another one, all numbers alike: their indices (room for all) and
- * how many. */
+/* The trajectories without exact copies of another one: writes their indices to `out`, which has room for
+ * all, and their number to *count. */
 lg_status lg_hamiltonian_different(const lg_context *context, const lg_hamiltonian_problem *problem,
                                    size_t *out, size_t *count);
 
-/* Within 3 times the floor. */
+/* Whether the loss is at most 3 times the floor. */
 bool lg_is_near_floor(double loss, double floor);
-/* When the loss is near the floor: which loss, which floor, and what to change. */
+/* Warns if the loss is near the floor: names both and suggests what to change. */
 void lg_hamiltonian_warn_of_floor(const lg_context *context, const lg_hamiltonian_problem *problem,
                                   double loss, double floor);
-/* When the first integral of the penalty drifts along the data. */
+/* Warns if the data do not conserve the first integral of the penalty. */
 lg_status lg_hamiltonian_warn_of_integral(const lg_context *context, const lg_hamiltonian_problem *problem,
                                           const double *theta, lg_error *error);
-/* Where the learned energy changes along the data as the energy of no conservative system does, and where the
- * model at its least loss leaves errors that are not noise. */
+/* Warns if the learned energy changes along the data in a way that no conservative system allows; or if
+ * training has converged, but the errors of the model are not noise. */
 lg_status lg_hamiltonian_warn_of_drift(const lg_context *context, const lg_hamiltonian_problem *problem,
                                        const lg_fit *fit, const double *theta, double loss, double floor,
                                        lg_error *error);
-/* When nothing moves, when trajectories repeat others, and when the data have fewer numbers than there are
+/* Warns if nothing moves, if trajectories repeat others, or if the data have fewer numbers than the model has
  * parameters. */
 lg_status lg_hamiltonian_warn_of_data(const lg_context *context, const lg_hamiltonian_problem *problem,
                                       const char *path);
-/* Learned systems are autonomous: when the data come with inputs. */
+/* Warns if the data have inputs: learned systems are autonomous and do not use them. */
 void lg_warn_of_inputs(const lg_context *context, const char *path, const lg_trajectories *data);
 
 #endif

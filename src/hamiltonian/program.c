@@ -1,4 +1,4 @@
-/* A learned Hamiltonian as a bundle of functions. */
+/* A learned Hamiltonian as a program, a set of named functions. */
 #include "core/core.h"
 #include "integrators/taped_internal.h"
 #include "hamiltonian/internal.h"
@@ -8,7 +8,7 @@ typedef struct recording {
     const lg_scheme *scheme;
 } recording;
 
-/* Inputs: x, then u where the system has one, then h of a step. */
+/* The inputs of a function are x, then u if the system has inputs, then h for `step`. This is u. */
 static lg_var input_of(const recording *r, const lg_var *x) {
     return lg_hamiltonian_input_dim(r->model) > 0 ? x[1] : LG_NONE;
 }
@@ -34,7 +34,8 @@ static lg_status gradient(void *user, lg_tape *tape, const lg_var *theta, const 
     return lg_tape_status(tape);
 }
 
-/* The field needs dH/dx alone: it calls grad, and a plan leaves out the value. */
+/* The field calls grad and uses only its output dH/dx; a plan then leaves out the computation of the
+ * value. */
 static lg_status field(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     const recording *r = user;
     lg_space space;
@@ -48,7 +49,7 @@ static lg_status field(void *user, lg_tape *tape, const lg_var *theta, const lg_
     return lg_tape_status(tape);
 }
 
-/* The equation of a step; its right-hand sides are calls of the program's functions. */
+/* The equation that `step` integrates; its right-hand sides call other functions of the program. */
 static lg_status call_field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                             lg_var *algebra) {
     const lg_space *space = user;
@@ -140,7 +141,7 @@ static lg_status build(const lg_context *context, recording *r, const double *th
     return lg_program_build(context, &spec, out, error);
 }
 
-/* Adds the Jacobian of the velocity, then gives the program its parameters. */
+/* Adds the Jacobian of `velocity`, then gives the program its parameters. */
 static lg_status finish(lg_program *program, const double *theta, lg_error *error) {
     lg_derivative jacobian;
     lg_derivative_init(&jacobian);
@@ -151,8 +152,8 @@ static lg_status finish(lg_program *program, const double *theta, lg_error *erro
     return status == LG_OK ? LG_OK : lg_fail(error, status, "a parameter is not finite");
 }
 
-/* Recorded and checked at initial parameters, because a singular mass in the given ones makes all values
- * NaN. */
+/* The functions are recorded and checked with initial parameters, because the given ones may have a singular
+ * mass matrix, which makes all values NaN. */
 lg_status lg_hamiltonian_program(const lg_context *context, const lg_hamiltonian *model, const double *theta,
                                  const lg_scheme *scheme, lg_program **out, lg_error *error) {
     LG_NEEDS(error, model, theta, out);

@@ -1,4 +1,4 @@
-/* Learned Hamiltonians on a tape, for every family: binding, functions of states, equations. */
+/* Learned Hamiltonians on a tape, for every family: parameters, functions of states, equations of motion. */
 #include "autodiff/tape/tape_internal.h"
 #include "core/core.h"
 #include "integrators/taped_internal.h"
@@ -21,13 +21,13 @@ void lg_hamiltonian_number_scales(const lg_hamiltonian *model, double *out) {
     for (size_t i = 0; i < space.dim; i++) out[i] = model->scales.part[part[i]];
 }
 
-/* The parts divided by their scales. */
+/* Divides the parts by their scales. */
 static void inside(lg_tape *tape, const lg_hamiltonian *model, size_t parts, const lg_var *y, lg_var *out) {
     for (size_t i = 0; i < parts; i++)
         out[i] = lg_hamiltonian_scaled(tape, y[i], 1.0 / model->scales.part[i]);
 }
 
-/* ---- quantities that depend on theta only ---- */
+/* ---- variables that depend on theta only ---- */
 
 static lg_var array_of(lg_tape *tape, const lg_hamiltonian *model, lg_var theta, size_t index) {
     const uint32_t n = model->n, rank = model->family->arrays[index].rank;
@@ -53,14 +53,14 @@ lg_status lg_hamiltonian_bind(lg_tape *tape, const lg_hamiltonian *model, lg_var
     return LG_OK;
 }
 
-/* ---- for rows ---- */
+/* ---- the potential, for rows of x ---- */
 
 static lg_var flat_inputs(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x) {
     const lg_hamiltonian *model = vars->model;
     return lg_reshape(tape, x, lg_shape2(lg_var_shape(tape, x).dims[0], model->family->inputs * model->n));
 }
 
-/* N (B, 1) of x (B, d), and dN/dx. */
+/* N (B, 1) at x (B, d); the function below gives dN/dx (B, d). */
 static lg_var network(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x) {
     const lg_potential_row *row = lg_potential_row_of(vars->model->potential);
     lg_var inputs = row->record == NULL ? x : row->record(tape, x, vars->model->scales.part[0]);
@@ -75,13 +75,13 @@ static lg_var network_gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, l
     return out;
 }
 
-/* N(-x) has this sign in V. */
+/* The sign in V(x) = (N(x) + sign N(-x))/2; 0: V(x) = N(x). */
 static const double mirrored[] = {
     [LG_SYMMETRY_NONE] = 0.0, [LG_SYMMETRY_EVEN] = 1.0, [LG_SYMMETRY_ODD] = -1.0};
 
 typedef lg_var (*of_inputs)(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x);
 
-/* (f(x) + sign f(-x))/2, or f(x) where V has no symmetry. */
+/* (f(x) + sign f(-x))/2; for sign 0 it is f(x). */
 static lg_var symmetric(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x, of_inputs f, double sign) {
     lg_var at = f(tape, vars, x);
     if (sign == 0.0) return at;
@@ -100,7 +100,7 @@ lg_var lg_hamiltonian_potential_gradient(lg_tape *tape, const lg_hamiltonian_var
     return lg_reshape(tape, gradient, lg_var_shape(tape, x));
 }
 
-/* Checks the shape of the input here, because a wrong width could broadcast. */
+/* The shape of the input is checked here, because a wrong width could broadcast. */
 lg_var lg_hamiltonian_input_like(lg_tape *tape, lg_var input, lg_var part) {
     const lg_shape shape = lg_var_shape(tape, part), given = lg_var_shape(tape, input);
     const size_t rows = shape.dims[0], width = lg_shape_count(shape) / (rows > 0 ? rows : 1);
@@ -109,7 +109,7 @@ lg_var lg_hamiltonian_input_like(lg_tape *tape, lg_var input, lg_var part) {
     return lg_reshape(tape, input, shape);
 }
 
-/* ---- functions of parts ---- */
+/* ---- functions of the parts of a state ---- */
 
 static void gradient_inside(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *out) {
     const lg_hamiltonian_family *family = vars->model->family;
@@ -123,7 +123,7 @@ static void gradient_inside(lg_tape *tape, const lg_hamiltonian_vars *vars, cons
     (void)lg_grad(tape, lg_sum(tape, family->energy(tape, vars, y)), y, lg_taped_parts(&space), out);
 }
 
-/* The same in the units of the data. */
+/* dH/dy of the parts y, all in the units of the data. */
 static void gradient_parts(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *out) {
     const lg_hamiltonian *model = vars->model;
     const double energy = lg_hamiltonian_energy_scale(model);
@@ -136,7 +136,7 @@ static void gradient_parts(lg_tape *tape, const lg_hamiltonian_vars *vars, const
         out[i] = lg_hamiltonian_scaled(tape, out[i], energy / model->scales.part[i]);
 }
 
-/* One of the two. */
+/* gradient_inside, gradient_parts, or a family's gradient_on_manifold. */
 typedef void (*gradient_of)(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *out);
 
 static void field_parts(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var input,
@@ -173,7 +173,7 @@ lg_var lg_hamiltonian_record_drift(lg_tape *tape, const lg_hamiltonian_vars *var
 
 /* ---- functions of states (B, d) ---- */
 
-/* Takes the space and the parts of the state. Returns false when the tape has an error. */
+/* Sets the space and splits the state into parts. Returns false if the tape has an error. */
 static bool parts_of(lg_tape *tape, const lg_hamiltonian *model, lg_var state, lg_space *space, lg_var *y) {
     return lg_hamiltonian_space(model->family, model->n, space) == LG_OK &&
            lg_taped_split(tape, space, state, y) == LG_OK;
@@ -247,7 +247,7 @@ lg_status lg_hamiltonian_taped_ode(lg_hamiltonian_vars *vars, lg_taped_ode *ode)
     return LG_OK;
 }
 
-/* ---- for training: inside, without input ---- */
+/* ---- equations for training: divided by the model's scales, without input ---- */
 
 static lg_status inner_field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                              lg_var *algebra) {

@@ -1,4 +1,4 @@
-/* The size of a potential before training: what the network's forces are to those of the data. */
+/* Scales a potential before training, from the size of its forces relative to the forces in the data. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -8,7 +8,7 @@
 
 enum { MOST_STATES = 256 };
 
-/* Velocities y' (count, d) at the states, on the tape; they stay there until it is reset. */
+/* Computes the velocities y' (count, d) at the states. The variables stay on the tape until it is reset. */
 static lg_status velocities(lg_tape *tape, const lg_hamiltonian *model, const double *theta,
                             const double *states, size_t count, double *out) {
     const uint32_t d = lg_hamiltonian_state_dim(model);
@@ -20,7 +20,9 @@ static lg_status velocities(lg_tape *tape, const lg_hamiltonian *model, const do
     return lg_read(tape, lg_hamiltonian_record_velocity(tape, &vars, y, LG_NONE), count * d, out);
 }
 
-/* Of (count, d): the difference quotients D of the data, y' with the potential and without it. */
+/* The root mean square of the forces in the data over that of the network's forces, of arrays with `count`
+ * numbers: `quotient` is the difference quotient D of the data, `whole` is y' with the potential, `kinetic`
+ * is y' without it. */
 static double ratio_of(size_t count, const double *quotient, const double *whole, const double *kinetic) {
     double wanted = 0.0, have = 0.0;
     for (size_t i = 0; i < count; i++) {
@@ -32,7 +34,7 @@ static double ratio_of(size_t count, const double *quotient, const double *whole
     return have > 0.0 ? sqrt(wanted / have) : 1.0;
 }
 
-/* Starts (count, d), and the mean velocity of each trajectory. */
+/* Takes the first points of `count` trajectories from all over the data, and the mean velocity of each. */
 static void take_states(const lg_hamiltonian_problem *problem, size_t d, size_t count, double *states,
                         double *quotient) {
     const size_t last = problem->points - 1;
@@ -44,7 +46,8 @@ static void take_states(const lg_hamiltonian_problem *problem, size_t d, size_t 
     }
 }
 
-/* memory: 4 count d numbers, then theta with a last layer of zeros. */
+/* memory: states, quotient, whole and kinetic (count, d) each, then a copy of theta whose last layer of V is
+ * 0. */
 static lg_status ratio_with(lg_tape *tape, const lg_hamiltonian_problem *problem, size_t count,
                             const double *theta, double *memory, double *ratio) {
     const lg_mlp *net = &problem->model->net;

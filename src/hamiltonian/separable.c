@@ -2,7 +2,7 @@
 #include "liegrad/ops.h"
 #include "hamiltonian/internal.h"
 
-enum { K }; /* vars->kinetic: A^T A (n, n) */
+enum { K }; /* vars->kinetic[K] is A^T A (n, n) */
 
 static void bind(lg_tape *tape, const lg_var *arrays, lg_hamiltonian_vars *vars) {
     vars->kinetic[K] = lg_matmul_tn(tape, arrays[0], arrays[0]);

@@ -1,4 +1,5 @@
-/* Learned Hamiltonians: the training loss, and fields that only training uses. */
+/* Learned Hamiltonians: the loss that training minimises, checks of a training problem, and means over all
+ * data. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -18,9 +19,9 @@ static void store(lg_dtype dtype, void *values, size_t i, double value) {
         ((float *)values)[i] = (float)value;
 }
 
-/* Points first..last of the samples as states inside, ((last - first + 1) count, d). All samples of one
- * point follow each other, the order of the concatenated predictions. For geodesic distances they are
- * projected. */
+/* Writes points first..last of the samples as states divided by their scales, ((last - first + 1) count, d):
+ * all samples of a point, then all samples of the next point, as the concatenated predictions are ordered.
+ * For geodesic distances the states are projected to the manifold first. */
 static void fill_states(const lg_hamiltonian_problem *problem, const lg_space *space, lg_dtype dtype,
                         const uint32_t *samples, size_t count, size_t first, size_t last, void *values) {
     const size_t d = space->dim;
@@ -36,7 +37,7 @@ static void fill_states(const lg_hamiltonian_problem *problem, const lg_space *s
         }
 }
 
-/* The same points, split into the parts of the space. */
+/* Records the same points, split into the parts of the space. */
 static lg_status given_points(lg_tape *tape, const lg_hamiltonian_problem *problem, const lg_space *space,
                               const uint32_t *samples, size_t count, size_t first, size_t last,
                               lg_var *parts) {
@@ -54,7 +55,7 @@ static const lg_first_integral *integral_of(const lg_hamiltonian_problem *proble
     return problem->penalty_integral != NULL ? problem->penalty_integral : lg_first_integral_at(0);
 }
 
-/* G (B, 1) of a point's parts, in the units of the data. */
+/* G (B, 1) at a point, in the units of the data. `y`: the parts of the point, divided by their scales. */
 static lg_var conserved(lg_tape *tape, const lg_hamiltonian_problem *problem, const lg_hamiltonian_vars *vars,
                         size_t parts, const lg_var *y) {
     const lg_first_integral *integral = integral_of(problem);
@@ -65,7 +66,8 @@ static lg_var conserved(lg_tape *tape, const lg_hamiltonian_problem *problem, co
     return integral->record(integral->user, tape, vars, copy, given);
 }
 
-/* Sum over samples and points of (G(y_j) - G(x))^2, or of 2 |G(y_j) - G(x)|; `y` is M x parts, from x on. */
+/* The sum over samples and points of (G(y_j) - G(x))^2, or of 2 |G(y_j) - G(x)|. `y` has the parts of all M
+ * points, one point after the other; x is the first point. */
 static lg_var penalty_sum(lg_tape *tape, const lg_hamiltonian_problem *problem,
                           const lg_hamiltonian_vars *vars, size_t parts, const lg_var *y) {
     const lg_penalty_points *listed = &problem->penalty_points;
@@ -85,7 +87,8 @@ static lg_var penalty_sum(lg_tape *tape, const lg_hamiltonian_problem *problem,
 
 enum { PREDICTED = LG_HAMILTONIAN_MAX_PARTS * LG_HAMILTONIAN_MAX_POINTS };
 
-/* Points 1..M-1 from `start` with so many steps between two of them, as (M - 1) x parts. */
+/* Predicts points 1..M-1 from `start`, with `substeps` steps between two points; predicted: (M - 1) x
+ * parts. */
 static lg_status predict(lg_tape *tape, const lg_hamiltonian_problem *problem, lg_hamiltonian_vars *vars,
                          uint32_t substeps, const lg_var *start, lg_var *predicted) {
     lg_taped_ode ode;
@@ -95,7 +98,7 @@ static lg_status predict(lg_tape *tape, const lg_hamiltonian_problem *problem, l
     return lg_taped_integrate(tape, problem->scheme, &ode, 0.0, h, steps, substeps, start, predicted);
 }
 
-/* One part of `predicted` at all points, one after the other. */
+/* One part of `predicted` at all points, concatenated. */
 static lg_var all_points(lg_tape *tape, const lg_var *predicted, size_t points, size_t parts, size_t part) {
     lg_var out[LG_HAMILTONIAN_MAX_POINTS];
     for (size_t j = 0; j < points; j++) out[j] = predicted[parts * j + part];
@@ -109,7 +112,8 @@ static const double *weights_of(const lg_hamiltonian_problem *problem) {
     return ones;
 }
 
-/* Weighted sum of squared distances of predicted and other points. */
+/* The weighted sum of squared distances between `predicted`, which has the parts point by point, and
+ * `other`. */
 static lg_var squared_error(lg_tape *tape, const lg_hamiltonian_problem *problem,
                             lg_hamiltonian_distance distance, const lg_space *space, size_t points,
                             const lg_var *predicted, const lg_var *other) {
@@ -123,12 +127,12 @@ static bool is_estimated(const lg_hamiltonian_problem *problem) {
     return problem->starts == LG_START_ESTIMATED;
 }
 
-/* The first point of the loss. */
+/* The index of the first point that is part of the loss. */
 static size_t first_point(const lg_hamiltonian_problem *problem) {
     return is_estimated(problem) ? 0 : 1;
 }
 
-/* exp(a_i) . start of the samples; theta ends with the a_i (N, algebra_dim). */
+/* The estimated starts exp(a_i) . start of the samples. theta ends with the a_i (N, algebra_dim). */
 static lg_status estimated_starts(lg_tape *tape, const lg_hamiltonian_problem *problem, const lg_space *space,
                                   lg_var theta, const uint32_t *samples, size_t count, lg_var *start) {
     const uint32_t n = (uint32_t)problem->trajectories, dim = (uint32_t)space->algebra_dim;
@@ -139,7 +143,7 @@ static lg_status estimated_starts(lg_tape *tape, const lg_hamiltonian_problem *p
     return lg_taped_act(tape, space, a, start, start);
 }
 
-/* The parameters of the model, the space and the starts of the samples. */
+/* Binds the model's parameters, sets the space and records the starts of the samples. */
 static lg_status begin(lg_tape *tape, const lg_hamiltonian_problem *problem, lg_var theta,
                        const uint32_t *samples, size_t count, lg_hamiltonian_vars *vars, lg_space *space,
                        lg_var *start) {
@@ -152,7 +156,7 @@ static lg_status begin(lg_tape *tape, const lg_hamiltonian_problem *problem, lg_
     return estimated_starts(tape, problem, space, theta, samples, count, start);
 }
 
-/* How many squares a mean over `batch` samples has. */
+/* The number of squares in a mean over `batch` samples. */
 static double terms_of(const lg_hamiltonian_problem *problem, const lg_space *space, size_t batch) {
     return (double)batch * (double)space->dim * (double)(problem->points - first_point(problem));
 }
@@ -162,7 +166,7 @@ static lg_status shard_loss(void *user, lg_tape *tape, lg_var theta, const uint3
     const lg_hamiltonian_problem *problem = user;
     lg_hamiltonian_vars vars;
     lg_space space;
-    /* Of points 0..M - 1, x parts. */
+    /* `start` has the parts of points 0..M - 1, one point after the other. */
     lg_var start[PREDICTED], given[LG_HAMILTONIAN_MAX_PARTS];
     LG_TRY(begin(tape, problem, theta, samples, count, &vars, &space, start));
     const size_t parts = lg_taped_parts(&space), first = first_point(problem);
@@ -181,7 +185,7 @@ static lg_status shard_loss(void *user, lg_tape *tape, lg_var theta, const uint3
     return lg_tape_status(tape);
 }
 
-/* As shard_loss, without the penalty: what is squared there, in one column. */
+/* The residuals of shard_loss, without a penalty: the numbers that it squares, in one column. */
 static lg_status shard_residuals(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples,
                                  size_t count, size_t batch, lg_var *r) {
     const lg_hamiltonian_problem *problem = user;
@@ -206,7 +210,8 @@ static lg_status shard_residuals(void *user, lg_tape *tape, lg_var theta, const 
 
 /* ---- means over all data ---- */
 
-/* As shard_loss, of the differences that twice the substeps make. */
+/* Like shard_loss, but for the floor: the predictions are compared with predictions that have twice the
+ * substeps, and the squares are multiplied by Richardson's factor. */
 static lg_status shard_floor(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                              size_t batch, lg_var *floor) {
     const lg_hamiltonian_problem *problem = user;
@@ -228,7 +233,8 @@ static lg_status shard_floor(void *user, lg_tape *tape, lg_var theta, const uint
 
 enum { CHUNK = 128 };
 
-/* The mean over all samples, chunk by chunk, as parts of one batch. */
+/* Adds the loss of all samples chunk by chunk. Each chunk is recorded as a part of one batch, so *sum is the
+ * mean. */
 static lg_status add_chunks(lg_tape *tape, const lg_fit_problem *fit, const double *theta, double *sum) {
     uint32_t samples[CHUNK];
     *sum = 0.0;
@@ -260,7 +266,7 @@ static lg_status mean_of(const lg_context *context, lg_fit_problem *fit, const d
     return status;
 }
 
-/* The loss is in the units of the data. */
+/* Sets weights that take the squares from the model's scales back to the units of the data. */
 static void weigh_in_units(lg_hamiltonian_problem *problem) {
     const lg_hamiltonian_scales *scales = &problem->model->scales;
     for (size_t i = 0; i < LG_HAMILTONIAN_MAX_PARTS; i++)
@@ -296,7 +302,7 @@ lg_status lg_hamiltonian_floor(const lg_context *context, const lg_hamiltonian_p
 
 /* ---- the problem ---- */
 
-/* Whether training can differentiate the scheme on the model's space. */
+/* Fails if training cannot differentiate the scheme on the model's space. */
 static lg_status check_scheme(const lg_hamiltonian *model, const lg_scheme *scheme, lg_error *error) {
     const lg_hamiltonian_family *family = model->family;
     lg_space space;
@@ -362,7 +368,7 @@ lg_status lg_hamiltonian_problem_check(const lg_hamiltonian_problem *problem, lg
     if (problem->points < 2 || problem->points > LG_HAMILTONIAN_MAX_POINTS)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the number of points is %zu, not in 2..%d",
                        problem->points, LG_HAMILTONIAN_MAX_POINTS);
-    /* All points of a batch stand in one tensor. */
+    /* All points of a batch are rows of one tensor. */
     if (problem->trajectories > UINT32_MAX / problem->points)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "%zu trajectories of %zu points are more than 2^32 - 1 points", problem->trajectories,
@@ -382,7 +388,7 @@ lg_status lg_hamiltonian_problem_check(const lg_hamiltonian_problem *problem, lg
 }
 
 void lg_hamiltonian_fit_problem(const lg_hamiltonian_problem *problem, lg_fit_problem *out) {
-    /* The union only drops const: the loss only reads the problem. */
+    /* The union only casts const away: the loss does not write to the problem. */
     union {
         const lg_hamiltonian_problem *borrowed;
         void *user;
@@ -402,14 +408,15 @@ void lg_hamiltonian_fit_problem(const lg_hamiltonian_problem *problem, lg_fit_pr
                             .user = pointer.user};
 }
 
-/* ---- what the data do to the penalty's first integral ---- */
+/* ---- how much the penalty's first integral changes along the data ---- */
 
 typedef struct integral_change {
     const lg_hamiltonian_problem *problem;
-    size_t point; /* from 0 */
+    size_t point; /* counted from 0 */
 } integral_change;
 
-/* As shard_loss: the squares of G at the start for point 0, else of its change. */
+/* Like shard_loss: the mean square of G at the start for point 0, else of its change from the start to the
+ * point. */
 static lg_status shard_change(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                               size_t batch, lg_var *mean) {
     const integral_change *of = user;

@@ -1,4 +1,4 @@
-/* Learned Hamiltonians: scales and weights from trajectories. */
+/* Learned Hamiltonians: scales and weights that are computed from the trajectories. */
 #include <float.h>
 #include <math.h>
 
@@ -6,23 +6,26 @@
 #include "integrators/taped_internal.h"
 #include "hamiltonian/internal.h"
 
-/* Root mean squares over the trajectories, of all numbers of one copy of a part together. */
+/* Root mean squares, per part of the state, over all trajectories. The squares of the numbers of one copy are
+ * added. */
 typedef struct motion {
     size_t parts;
-    double size[LG_HAMILTONIAN_MAX_PARTS], spread[LG_HAMILTONIAN_MAX_PARTS]; /* about 0, about the mean */
-    double rate[LG_HAMILTONIAN_MAX_PARTS];                                   /* of the change with time */
-    double change[LG_HAMILTONIAN_MAX_PARTS]; /* from the first point to others */
+    /* size: about 0; spread: about the mean */
+    double size[LG_HAMILTONIAN_MAX_PARTS], spread[LG_HAMILTONIAN_MAX_PARTS];
+    double rate[LG_HAMILTONIAN_MAX_PARTS];   /* of the change per time */
+    double change[LG_HAMILTONIAN_MAX_PARTS]; /* from the first point to the others */
 } motion;
 
-/* Changes below this part of the size are rounding; a part counts as if it changed by at least this part of
- * what the other one does. */
+/* A change below `rounding` times the size is a rounding error. When weights are computed, a part changes by
+ * at least least_change times what the other part changes by. */
 static const double rounding = 64 * DBL_EPSILON, least_change = 1e-6;
 
 typedef struct walk {
     const lg_hamiltonian_problem *problem;
     size_t d;
     uint8_t part[LG_HAMILTONIAN_LARGEST];
-    double unit[LG_HAMILTONIAN_MAX_PARTS]; /* a power of 2 near the largest number: squares stay in range */
+    /* a power of 2 near the largest number of the part, so that squares do not overflow */
+    double unit[LG_HAMILTONIAN_MAX_PARTS];
 } walk;
 
 static const double *point(const walk *w, size_t trajectory, size_t j) {
@@ -41,7 +44,7 @@ static void find_units(walk *w) {
     }
 }
 
-/* Adds (x - y)^2 of each number to its part. */
+/* Adds (x - y)^2 of each number to the sum of its part. */
 static void add_squares(const walk *w, const double *x, const double *y, double *sum) {
     for (size_t c = 0; c < w->d; c++) {
         const double gap = (x[c] - y[c]) / w->unit[w->part[c]];
@@ -49,7 +52,7 @@ static void add_squares(const walk *w, const double *x, const double *y, double 
     }
 }
 
-/* The root of `sum` over so many points. */
+/* Replaces each sum by its root mean square over so many points and the copies of the part. */
 static void take_roots(const walk *w, size_t points, double *sum) {
     for (size_t i = 0; i < LG_HAMILTONIAN_MAX_PARTS; i++)
         sum[i] = w->unit[i] * sqrt(sum[i] / ((double)points * w->problem->model->n));
@@ -72,8 +75,8 @@ static void measure_sizes(const walk *w, motion *out) {
     take_roots(w, problem->trajectories * (problem->points - 1), out->change);
 }
 
-/* Changes over so many points that one part changes by half its spread, or over all: noise counts for less
- * there than between neighbours. */
+/* Measures the changes over a lag of so many points that one part changes by half its spread, at most over
+ * all points. Over longer lags noise counts less than between neighbouring points. */
 static void measure_rates(const walk *w, motion *out) {
     const lg_hamiltonian_problem *problem = w->problem;
     const size_t last = problem->points - 1;
@@ -108,8 +111,8 @@ static lg_status measure(const lg_hamiltonian_problem *problem, walk *w, motion 
     return LG_OK;
 }
 
-/* The geometric mean, over the parts that change, of the time in which a part changes by its spread; 0: none
- * changes. */
+/* The time in which a part changes by its spread, as geometric mean over the parts that change; 0 if none
+ * does. */
 static double time_of(const motion *m) {
     double product = 1.0;
     size_t count = 0;
@@ -138,7 +141,8 @@ lg_status lg_hamiltonian_find_scales(const lg_hamiltonian_problem *problem, lg_h
                                   {1.0, 1.0}};
     for (size_t i = 0; i < m.parts; i++)
         if (scaled[i] && m.size[i] > 0.0) made.part[i] = m.size[i];
-    /* The second part is a momentum: a mass of 1 moves as the data do. */
+    /* The second part is a momentum. Its scale is such that with a mass of 1 inside, q moves as fast as in
+     * the data. */
     const double mass = m.size[1] / (m.rate[0] * made.time);
     if (m.parts == 2 && scaled[1] && m.change[0] > rounding * m.size[0] && mass > 0.0)
         made.part[1] = made.part[0] * mass;

@@ -14,8 +14,8 @@ const void *lg_family_number(uint32_t value) {
 
 enum { MOST_VALUES = 32 };
 
-/* Every parameter is a unit vector, which for one number is 1, positive and finite. The family does not
- * depend on the parameters. */
+/* Makes the system with parameters of our own, since the family does not depend on them: each parameter
+ * without a default becomes a unit vector, or 1 if it is one number. */
 static lg_status make_system(const char *name, const char *form, lg_system **out) {
     double unit[MOST_VALUES] = {1.0};
     lg_named_values given[LG_MOST_PARAMETERS];
@@ -32,7 +32,7 @@ static lg_status make_system(const char *name, const char *form, lg_system **out
     return lg_system_create(NULL, name, &options, out, NULL);
 }
 
-/* Forms of a system that may be learned, the first that is. */
+/* Forms of a system that may be learned. The first one that a family learns is taken. */
 static const char *const forms[] = {"hamiltonian", NULL};
 
 static const lg_hamiltonian_family *family_of_form(const char *system, const char *form, size_t *n) {

@@ -1,4 +1,4 @@
-/* Grids of runs: the keys of a study beside those of a scene. */
+/* Reads grids of runs: the keys of a study, which stand beside the keys of a scene. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -9,10 +9,10 @@
 #include "mechanics/files/scene.h"
 
 #define LISTS LG_GRID_VALUES
-#define FORM  "hamiltonian" /* learned is a Hamiltonian */
+#define FORM  "hamiltonian" /* the form of the systems that a grid learns */
 
-/* The grid's own keys. Limits of 0 to 0 stand for those of the hyperparameter `row`, which the grid
- * varies. */
+/* The grid's own keys. For penalty and substeps, list_keys sets the limits to those of the hyperparameter of
+ * the same name. */
 enum {
     KEY_INTEGRATORS,
     KEY_PENALTY,
@@ -53,7 +53,7 @@ static const lg_field own_keys[OWN_KEYS] = {
     [KEY_TEST_POINTS] = LG_FIELD(lg_grid, NULL, "test.points", U32, test_points, .low = 2, .high = 1e9),
 };
 
-/* The hyperparameters that a grid varies, and the seed, which it derives. */
+/* Whether all runs of a grid share the hyperparameter: the grid varies some, and derives the seed. */
 static bool is_shared(const lg_field *row) {
     static const char *const varied[] = {"integrator", "penalty", "substeps", "seed"};
     for (size_t i = 0; i < LG_COUNT(varied); i++)
@@ -61,7 +61,7 @@ static bool is_shared(const lg_field *row) {
     return true;
 }
 
-/* All keys: those of the grid, then the hyperparameters that all runs share. */
+/* All keys: the grid's own, then the hyperparameters that all runs share. */
 enum { KEYS = 48 };
 typedef struct grid_keys {
     lg_field keys[KEYS];
@@ -85,7 +85,7 @@ static void list_keys(grid_keys *out) {
     }
 }
 
-/* Beside a scene in a file of its own. */
+/* Keys of a grid whose scene is in another file. */
 enum { KEY_SCENE, KEY_T_END, FILE_KEYS };
 static const lg_field file_keys[FILE_KEYS] = {
     [KEY_SCENE] = {.name = "scene", .type = LG_FIELD_TEXT, .required = true},
@@ -128,7 +128,7 @@ static lg_status fill(lg_yaml *yaml, const grid_keys *keys, const lg_key_value *
     return lg_yaml_store(yaml, keys->keys + OWN_KEYS, v + OWN_KEYS, keys->count - OWN_KEYS, &out->run, error);
 }
 
-/* `scene: FILE`, relative to the folder of the grid. */
+/* Reads the file of key `scene`; a relative path starts from the folder of the grid. */
 static lg_status read_scene_file(const lg_context *context, const lg_yaml *yaml, const lg_key_value *value,
                                  lg_scene *out, lg_error *error) {
     const char *path = lg_yaml_path(yaml), *slash = strrchr(path, '/');

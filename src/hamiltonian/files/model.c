@@ -1,4 +1,4 @@
-/* Learned Hamiltonians as a kind of model. */
+/* Learned Hamiltonians as a kind of model: their recipe, which tells how files store them. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -43,7 +43,7 @@ static const lg_field facts[] = {
 static const lg_hamiltonian_run defaults = {
     .model = {.scales = {1.0, {1.0, 1.0}}}, .substeps = 1, .training = {.schedule = LG_SCHEDULE_STEP}};
 
-/* Above 0, and 1 for parts that have no unit. */
+/* Whether all scales are above 0, and 1 for the parts that the family does not scale. */
 static bool fit(const lg_hamiltonian_scales *scales, const lg_hamiltonian_family *family) {
     for (size_t i = 0; i < LG_HAMILTONIAN_MAX_PARTS; i++)
         if (!(scales->part[i] > 0.0) || (!family->scaled[i] && scales->part[i] != 1.0)) return false;
@@ -103,7 +103,7 @@ static void set_slice(lg_slice_info *s, size_t offset, uint32_t rank, uint64_t f
     s->count = (size_t)(first * (rank == 2 ? second : 1));
 }
 
-/* Order: weights and biases of the potential, then the arrays of the family. */
+/* The slices are the weights and biases of the potential, then the arrays of the family. */
 static bool slice(const void *run, uint32_t index, lg_slice_info *s) {
     const lg_hamiltonian *model = &((const lg_hamiltonian_run *)run)->model;
     const lg_mlp *net = &model->net;
@@ -151,7 +151,7 @@ static lg_status put_real(lg_h5 *h5, const char *name, double value, lg_error *e
     return lg_h5_put_number(h5, "", name, LG_ELEMENT_F64, &value, error);
 }
 
-/* What is unknown is left out. */
+/* Writes what is known of the errors and the test set; unknown numbers are left out. */
 static lg_status put_verdict(lg_h5 *h5, const lg_hamiltonian_file *file, lg_error *error) {
     const lg_test_set *test = &file->test;
     if (file->has_e1) LG_TRY(put_real(h5, "E1", file->e1, error));
@@ -164,7 +164,7 @@ static lg_status put_verdict(lg_h5 *h5, const lg_hamiltonian_file *file, lg_erro
     return test->sha256[0] != '\0' ? lg_h5_put_text(h5, "", "test_sha256", test->sha256, error) : LG_OK;
 }
 
-/* The test set is for people only: an attribute that cannot be read counts as unknown. */
+/* Only people read the test set, so an attribute that cannot be read counts as unknown. */
 static void get_test_set(lg_h5 *h5, lg_test_set *test) {
     lg_test_set got = {.trajectories = 0};
     if (lg_h5_number(h5, "", "test_trajectories", LG_ELEMENT_U64, &got.trajectories, NULL) == LG_OK)
@@ -231,7 +231,7 @@ void lg_hamiltonian_file_destroy(lg_hamiltonian_file *file) {
     *file = (lg_hamiltonian_file){0};
 }
 
-/* ---- outside ---- */
+/* ---- members of the recipe, and the recipe ---- */
 
 static lg_status program(const lg_context *context, const void *user, const lg_scheme *scheme,
                          lg_program **out, lg_error *error) {
@@ -248,13 +248,13 @@ static const lg_scheme *usual_scheme(const void *file) {
     return lg_scheme_find(((const lg_hamiltonian_file *)file)->run.model.family->scheme);
 }
 
-extern const struct lg_learner lg_hamiltonian_learner; /* recipe.c */
+extern const struct lg_learner lg_hamiltonian_learner; /* in recipe.c */
 LG_RECIPE(hamiltonian, "checkpoint", .scheme = usual_scheme, .space = space,
           .learner = &lg_hamiltonian_learner);
 
-/* ---- recording ---- */
+/* ---- recording errors in a model file ---- */
 
-/* A parameter as the file has it. */
+/* The parameter x as a file of this type stores it. */
 static double stored_as(lg_dtype dtype, double x) {
     return dtype == LG_F32 ? (double)(float)x : x;
 }
@@ -285,5 +285,5 @@ lg_status lg_model_record_hamiltonian(const lg_context *context, const char *pat
                                       const lg_hamiltonian_file *file, lg_error *error) {
     if (path == NULL || file == NULL || file->theta == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "a model file needs a name and parameters");
-    return lg_run_edit(context, path, record, (void *)(uintptr_t)file, error); /* only read */
+    return lg_run_edit(context, path, record, (void *)(uintptr_t)file, error); /* record() only reads it */
 }

@@ -1,4 +1,4 @@
-/* How a Hamiltonian is learned from trajectories. */
+/* The learner of Hamiltonians: how one is learned from trajectories. */
 #include "hamiltonian/files/recipe.h"
 
 #include <math.h>
@@ -50,8 +50,8 @@ static void close_data(lg_learning *self) {
 
 /* ---- the run ---- */
 
-/* Preset, option, value; family (NULL: any) and its least n. Later rows replace earlier ones; what stands
- * in no row has its own default. */
+/* Values of options in a preset. `family` (NULL: any family) and `least` (lowest n) restrict a row. Later
+ * rows override earlier ones; options without a row keep their default. */
 static const struct {
     const char *preset, *option, *value, *family;
     uint32_t least;
@@ -66,7 +66,8 @@ static const struct {
     {"best", "integrator", "rkmk5", "chain", 3},
 };
 
-/* What is not given. "thesis": published; "best": ours by measurement (docs/reports/training.md). */
+/* Sets the options that the user did not give. "thesis": the published values; "best": our values, chosen by
+ * measurement (docs/reports/training.md). */
 static void adopt_preset(lg_learning *self) {
     lg_hamiltonian_run *run = self->run;
     const lg_trajectories *data = &((lg_hamiltonian_state *)self->state)->data;
@@ -79,7 +80,7 @@ static void adopt_preset(lg_learning *self) {
         if (fits && !self->given(self, option))
             (void)lg_field_set(lg_field_find(lg_hamiltonian_fields, option), preset_rows[i].value, run, NULL);
     }
-    /* The starts are too many for a dense matrix. */
+    /* Estimated starts are too many parameters for a dense matrix. */
     const bool dense = strcmp(preset, "best") == 0 && run->starts == LG_START_ESTIMATED;
     if (dense && !self->given(self, "method")) (void)lg_fit_plan_parse("lbfgs", &run->training.plan, NULL);
 }
@@ -101,7 +102,7 @@ static lg_hamiltonian_problem problem_of(const lg_hamiltonian_run *run, const lg
                                     .data = data->data};
 }
 
-/* What the data determine, and the model. */
+/* Completes the run by what the data determine, and makes the model. */
 static lg_status complete_run(lg_hamiltonian_run *run, const lg_trajectories *data, lg_error *error) {
     const lg_mlp net = run->model.net;
     const lg_symmetry symmetry = run->model.symmetry;
@@ -119,7 +120,7 @@ static lg_status complete_run(lg_hamiltonian_run *run, const lg_trajectories *da
     return lg_hamiltonian_find_scales(&problem, &run->model.scales, error);
 }
 
-/* Without --penalty-integral the first one that fits the system. */
+/* Without --penalty-integral, chooses the first integral of the table that fits the model. */
 static void choose_integral(lg_learning *self) {
     lg_hamiltonian_run *run = self->run;
     const lg_first_integral *integral;
@@ -142,7 +143,7 @@ static bool has_network(const lg_learning *self) {
     return ((const lg_hamiltonian_run *)self->run)->model.potential == LG_POTENTIAL_MLP;
 }
 
-/* Options that say nothing without another one. */
+/* Refuses options that have no effect without another option. */
 static lg_status check_options(const lg_learning *self, lg_error *error) {
     static const char *const of_network[] = {"hidden", "activation", "prior"};
     static const char *const of_penalty[] = {"penalty-integral", "penalty-copy", "penalty-points",
@@ -180,7 +181,8 @@ static lg_status prepare(lg_learning *self, lg_error *error) {
 
 /* ---- the problem ---- */
 
-/* Weights of the loss by the data; the penalty keeps its ratio to the squares of the momenta. */
+/* Sets the weights of the loss from the data. The penalty is scaled so that its ratio to the most heavily
+ * weighted squares, usually of the momenta, stays the same. */
 static lg_status weigh(lg_hamiltonian_problem *problem, lg_error *error) {
     const lg_status status = lg_hamiltonian_weigh(problem, error);
     if (status != LG_OK || problem->penalty == 0) return status;
@@ -192,8 +194,8 @@ static lg_status weigh(lg_hamiltonian_problem *problem, lg_error *error) {
     return LG_OK;
 }
 
-/* The weights to begin with. They are drawn again where a prediction is not finite: a long chain with a
- * nearly singular mass is too fast for its steps. */
+/* Draws the parameters to start from. They are drawn again if a prediction is not finite: a long chain with a
+ * nearly singular mass matrix moves too fast for the step size. */
 static lg_status draw_weights(lg_learning *self, lg_error *error) {
     enum { DRAWS = 20 };
     const lg_hamiltonian_run *run = self->run;
@@ -227,7 +229,7 @@ static lg_status make_problem(lg_learning *self, lg_error *error) {
     lg_hamiltonian_fit_problem(problem, &self->problem);
     LG_LEARNING_ARRAY(self, self->theta, self->problem.parameters, error);
     LG_TRY(draw_weights(self, error));
-    return self->path_count > 0 ? warn_of_data(self, problem, error) : LG_OK; /* of the user's data */
+    return self->path_count > 0 ? warn_of_data(self, problem, error) : LG_OK; /* the data are the user's */
 }
 
 /* ---- the result ---- */
@@ -257,7 +259,7 @@ static lg_status judge(lg_learning *self, double *theta, lg_error *error) {
     return LG_OK;
 }
 
-/* The predictions of the model's scheme, from measured starts. */
+/* Evaluates the predictions of the model by its training scheme, from measured starts. */
 static lg_status evaluate(lg_learning *self, const void *from, lg_error *error) {
     const lg_hamiltonian_file *file = from;
     lg_hamiltonian_run *run = self->run;

@@ -1,12 +1,12 @@
-/* Learning a Hamiltonian: what demo and study need besides the hooks. */
+/* Learning a Hamiltonian: what lg-hamiltonian's demo and study use besides the learner. */
 #ifndef LG_HAMILTONIAN_RECIPE_H
 #define LG_HAMILTONIAN_RECIPE_H
 
 #include "liegrad/io.h"
 
-/* Of the learner. Who has the trajectories already sets `data` and does not call `read`. */
+/* State of the learner. A caller that has the trajectories already sets `data` and does not call `read`. */
 typedef struct lg_hamiltonian_state {
-    bool newton; /* the option */
+    bool newton; /* option --newton */
     lg_trajectories data;
     lg_hamiltonian_problem problem;
 } lg_hamiltonian_state;

@@ -8,10 +8,10 @@
 #include "hamiltonian/files/family.h"
 #include "liegrad/geometry.h"
 
-#define TIME_TOLERANCE     1e-6 /* of dt */
+#define TIME_TOLERANCE     1e-6 /* relative to dt */
 #define MANIFOLD_TOLERANCE 1e-6
 
-/* Numbers of a state for each of its n copies. */
+/* How many numbers each of the n copies has in a state. */
 static uint32_t numbers_per_copy(const lg_hamiltonian_family *family) {
     lg_space one;
     return lg_hamiltonian_space(family, 1, &one) == LG_OK ? (uint32_t)one.dim : 0;
@@ -70,9 +70,10 @@ lg_status lg_trajectories_create(const lg_context *context, const char *system,
     return LG_OK;
 }
 
-/* ---- the system that made them ---- */
+/* ---- the system that made the data ---- */
 
-/* A system of the row's form from the given parameters; LG_INVALID_ARGUMENT when one is missing. */
+/* Makes data->truth from a form and parameters of the data's system. LG_INVALID_ARGUMENT if a parameter is
+ * missing, or the system does not fit the data. */
 static lg_status make_truth(lg_trajectories *data, const char *form, const lg_named_values *given,
                             size_t count, lg_error *error) {
     lg_system *made = NULL;
@@ -128,7 +129,7 @@ typedef struct read_call {
     lg_h5 *h5;
     lg_trajectories *out;
     bool has_hamiltonian;
-    double epsilon; /* relative spacing of the stored /t */
+    double epsilon; /* relative rounding error of the type that stores /t */
     bool project;
 } read_call;
 
@@ -190,7 +191,7 @@ static lg_status check_times(read_call *call, lg_error *error) {
     return LG_OK;
 }
 
-/* An optional text attribute of the root or of /trajectories; "" when there is none. */
+/* Reads an optional text attribute of the root or of /trajectories; "" if there is none. */
 static lg_status optional_text(read_call *call, const char *name, char *text, size_t size, lg_error *error) {
     static const char *const places[] = {"", "trajectories"};
     text[0] = '\0';
@@ -203,7 +204,7 @@ static lg_status optional_text(read_call *call, const char *name, char *text, si
     return LG_OK;
 }
 
-/* Removes what separates names, so that "q_1, p_1" and "q1 p1" are the same. */
+/* Removes all separators, so that "q_1, p_1" and "q1 p1" become the same. */
 static void squeeze(char *text) {
     char *to = text;
     for (const char *from = text; *from != '\0'; from++)
@@ -213,7 +214,8 @@ static void squeeze(char *text) {
 
 typedef enum layout_kind { LAYOUT_NONE, LAYOUT_NUMBERED, LAYOUT_BLOCKS, LAYOUT_UNKNOWN } layout_kind;
 
-/* Of the family's layouts: NUMBERED q1 p1 q2 p2 ..., BLOCKS q p or q1 q2 ... p1 p2 ... */
+/* Compares the squeezed text with the family's layouts. NUMBERED: q1 p1 q2 p2 ...; BLOCKS: q p, or q1 q2 ...
+ * p1 p2 ... */
 static layout_kind layout_of(const lg_hamiltonian_family *family, const char *text) {
     char numbered[32] = "", blocks[32] = "", counted[32];
     (void)snprintf(counted, sizeof counted, "%s1%s2", family->layout[0], family->layout[0]);
@@ -226,7 +228,7 @@ static layout_kind layout_of(const lg_hamiltonian_family *family, const char *te
     return LAYOUT_UNKNOWN;
 }
 
-/* Of any family. */
+/* The kind of a layout of any family; squeezes the text. */
 static layout_kind parse_layout(char *text) {
     squeeze(text);
     if (text[0] == '\0') return LAYOUT_NONE;
@@ -240,7 +242,8 @@ static layout_kind wanted_layout(const lg_hamiltonian_family *family) {
     return family->numbered ? LAYOUT_NUMBERED : LAYOUT_BLOCKS;
 }
 
-/* The largest distance of a copy of the state from the manifold, and its copy. */
+/* The largest distance of a copy in the state from the manifold; *worst is the index of this copy, unless the
+ * distance is 0. */
 static double off_manifold(const lg_hamiltonian_family *family, const double *state, uint32_t n,
                            uint32_t *worst) {
     const uint32_t per = numbers_per_copy(family);
@@ -273,7 +276,7 @@ static lg_status check_starts(read_call *call, lg_error *error) {
     return LG_OK;
 }
 
-/* Whether d fits the family and every start lies on its manifold. */
+/* Whether d fits the family, and every first point lies on the family's manifold. */
 static bool looks_like(const lg_hamiltonian_family *family, const lg_trajectories *out) {
     const uint32_t per = numbers_per_copy(family);
     uint32_t copy = 0;
@@ -285,9 +288,9 @@ static bool looks_like(const lg_hamiltonian_family *family, const lg_trajectorie
     return true;
 }
 
-/* The family of data without a system: by their layout (squeezed), or without a layout by the manifold on
- * which the starts lie. The first family that fits is taken, else the last one. For one degree of freedom
- * both layouts are the same. */
+/* The family of data without a known system: the first family whose layout the data have (`layout` is
+ * squeezed); without a layout, the first family whose manifold all first points lie on. If none fits, the
+ * last family. For one degree of freedom both layouts are the same. */
 static const lg_hamiltonian_family *guess_family(const lg_trajectories *out, const char *layout) {
     const lg_hamiltonian_family *family = NULL;
     for (size_t i = 0; i < lg_hamiltonian_family_count(); i++) {
@@ -342,8 +345,8 @@ static lg_status check_system(read_call *call, lg_error *error) {
     return LG_OK;
 }
 
-/* `links` is read for numbered layouts only. For others programs disagree on its meaning, and d gives the
- * number. */
+/* `links` is checked for numbered layouts only. For other layouts programs disagree about its meaning, and d
+ * determines n. */
 static lg_status check_links(read_call *call, lg_error *error) {
     static const char *const places[] = {"", "trajectories"};
     const lg_trajectories *out = call->out;
@@ -363,7 +366,7 @@ static void parameter_path(const lg_parameter_entry *row, char path[64]) {
     (void)snprintf(path, 64, "parameters/%s", row->key);
 }
 
-/* Whether the system is known and all its parameters are in the file. */
+/* Whether the system is known (`row` is its list of parameters) and the file has all its parameters. */
 static bool has_parameters(read_call *call, const lg_parameter_entry *row) {
     char path[64];
     for (const lg_parameter_entry *entry = row; entry != NULL && entry->key != NULL; entry++) {
@@ -373,7 +376,7 @@ static bool has_parameters(read_call *call, const lg_parameter_entry *row) {
     return row != NULL;
 }
 
-/* Of the form whose trajectories a family learns. */
+/* Makes out->truth from the parameters in the file, in the form of the system that is learned. */
 static lg_status read_truth(read_call *call, lg_error *error) {
     lg_trajectories *out = call->out;
     lg_named_values given[LG_MOST_PARAMETERS];
