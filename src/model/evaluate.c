@@ -1,4 +1,4 @@
-/* Models in a loop: a function's plan, value and Jacobian. */
+/* Models in a control loop: runs plans of functions; value and Jacobian. */
 #include "core/core.h"
 #include "model/internal.h"
 

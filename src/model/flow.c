@@ -1,4 +1,4 @@
-/* Learned Hamiltonians and machines in a loop: the field with an input, and steps along it. */
+/* Learned Hamiltonians and machines in a control loop: the field with an input, and steps along it. */
 #include "core/core.h"
 #include "model/internal.h"
 
@@ -13,7 +13,7 @@ lg_status lg_model_field(const lg_model *model, const double *state, const doubl
     return LG_OK;
 }
 
-/* ---- states of machines and numbers of logs ---- */
+/* ---- conversion between states of machines and numbers of logs ---- */
 
 static lg_status convert(const lg_model *model, lg_model_function function, const double *const *x, double *y,
                          void *work) {
@@ -41,7 +41,7 @@ lg_status lg_model_machine_positions(const lg_model *model, const double *state,
     return convert(model, LG_MODEL_POSITIONS, &state, positions, work);
 }
 
-/* ---- for an integrator ---- */
+/* ---- the equation for an integrator ---- */
 
 static lg_status ode_field(void *user, double t, const double *y, const double *input, double *algebra) {
     const lg_model_user *self = user;
@@ -64,7 +64,7 @@ static lg_status ode_drift(void *user, double t, const double *p, const double *
     return LG_OK;
 }
 
-/* `work` may be NULL: the equation is then only looked at. */
+/* Without `work` the equation can be inspected, but not evaluated. */
 static lg_status ode_of(const lg_model *model, lg_ode *ode, lg_model_user *user, void *work) {
     if (!lg_model_moves(model)) return LG_UNSUPPORTED;
     lg_ode made = {.space = model->space, .field = ode_field, .user = user};
@@ -83,18 +83,18 @@ lg_status lg_model_ode(const lg_model *model, lg_ode *ode, lg_model_user *user, 
     return ode_of(model, ode, user, work);
 }
 
-/* ---- a stepper in one piece of memory: user, work, stepper ---- */
+/* ---- a stepper in one piece of memory: lg_model_user, work, stepper ---- */
 
 static size_t padded(size_t bytes) {
     return (bytes + LG_ALIGNMENT - 1) / LG_ALIGNMENT * LG_ALIGNMENT;
 }
 
-/* Bytes before the stepper. */
+/* Bytes before the stepper in that memory. */
 static size_t before_stepper(const lg_model *model) {
     return padded(sizeof(lg_model_user)) + padded(model->work);
 }
 
-/* Makes the model's equation and checks that the scheme fits it. */
+/* Makes the model's equation. LG_UNSUPPORTED for variational schemes, which it does not fit. */
 static lg_status equation(const lg_model *model, const lg_scheme *scheme, lg_model_user *user, void *work,
                           lg_ode *ode) {
     if (model == NULL || scheme == NULL) return LG_INVALID_ARGUMENT;
@@ -116,7 +116,7 @@ lg_status lg_model_stepper_init(const lg_model *model, const lg_scheme *scheme, 
     lg_ode ode;
     LG_TRY(equation(model, scheme, &asked, NULL, &ode));
     const size_t before = before_stepper(model);
-    /* The memory is missing, misaligned or too small. A fault of the scheme is reported first. */
+    /* The memory is missing, misaligned or too small. lg_stepper_init reports a fault of the scheme first. */
     if (memory == NULL || (uintptr_t)memory % LG_ALIGNMENT != 0 || bytes < before || out == NULL)
         return lg_stepper_init(scheme, &ode, NULL, NULL, 0);
     char *base = memory;

@@ -1,8 +1,8 @@
 /* Linearisation of the field of a learned Hamiltonian or machine in coordinates of the tangent space.
  *
- * With y' = f(y, u) in ambient coordinates, basis (d, r) and C its coordinates, C basis = I:
- *   A = C df/dy basis,  B = C df/du.
- */
+ * With y' = f(y, u) in ambient coordinates, basis (d, r) of the tangent space, and the matrix C (r, d) that
+ * gives the coordinates of a vector, C basis = I:
+ *   A = C df/dy basis,  B = C df/du. */
 #include <math.h>
 #include <string.h>
 
@@ -14,17 +14,18 @@ size_t lg_model_tangent_dim(const lg_model *model) {
     return lg_model_moves(model) ? model->space.tangent_dim : 0;
 }
 
-/* Arrays that follow the plans' work, in doubles. */
+/* Arrays of doubles in the work memory, behind the plans' work. */
 typedef struct linear_parts {
-    double *zeros;    /* (m): no input */
-    double *jx, *ju;  /* (d, d), (d, m) */
+    double *zeros;    /* (m): an input of zeros */
+    double *jx, *ju;  /* (d, d), (d, m): Jacobians of y' */
     double *basis;    /* (d, r) */
     double *velocity; /* (d) */
     double *c;        /* (r) */
-    double *search;   /* (2 d + 3 r + 2 r r): an equilibrium */
+    double *search;   /* (2 d + 3 r + 2 r r): for lg_model_equilibrium */
 } linear_parts;
 
-/* What does not move has no parts: its inputs may be many, and their square is no memory to ask for. */
+/* Lays out the arrays behind the plans' work; *doubles is their total length. A model that does not move has
+ * no arrays: it may have many inputs, and (d, d) would ask for too much memory. */
 static linear_parts parts_of(const lg_model *model, void *work, size_t *doubles) {
     const size_t d = lg_model_moves(model) ? model->inputs : 0, m = lg_model_input_dim(model),
                  r = lg_model_tangent_dim(model);
@@ -111,7 +112,7 @@ void lg_model_velocity(const lg_model *model, const double *state, const double 
     const double *const x[] = {state, input != NULL ? input : lg_model_no_input(model, work)};
     double *const y[] = {jacobian, NULL};
     size_t doubles;
-    double *field = parts_of(model, work, &doubles).jx; /* algebra_dim <= d d numbers */
+    double *field = parts_of(model, work, &doubles).jx; /* algebra_dim <= d d, so the field fits */
     if (jacobian != NULL) lg_model_run(model, LG_MODEL_LINEAR, x, y, work);
     if (velocity == NULL) return;
     lg_model_run(model, LG_MODEL_FIELD, x, &field, work);
@@ -125,7 +126,7 @@ void lg_model_drift(const lg_model *model, const double *state, const double *in
     lg_space_coordinates(&model->space, state, w.velocity, c);
 }
 
-/* ---- along coordinates ---- */
+/* ---- motion along tangent coordinates ---- */
 
 lg_status lg_model_retract(const lg_model *model, const double *state, const double *c, double *out,
                            void *work) {
@@ -150,12 +151,13 @@ static double squares(size_t n, const double *x) {
 }
 
 typedef struct search {
-    double *at, *trial;           /* (d) */
-    double *drift, *ahead, *step; /* (r) */
-    double *A, *normal;           /* (r, r) */
+    double *at, *trial;           /* (d): state, next state */
+    double *drift, *ahead, *step; /* (r): c' at the state, c' at the next state, step */
+    double *A, *normal;           /* (r, r): A or the Cholesky factor, A^T A */
 } search;
 
-/* (A^T A + tiny) step = -A^T drift; A becomes the factor. False: A is not finite. */
+/* Solves (A^T A + tiny I) step = -A^T drift; the Cholesky factor overwrites A. Returns false if A is not
+ * finite. */
 static bool newton_step(size_t r, const search *s) {
     double trace = 0.0;
     lg_matrix_multiply_tn(r, r, r, s->A, s->A, s->normal);
@@ -167,7 +169,7 @@ static bool newton_step(size_t r, const search *s) {
     return true;
 }
 
-/* Halves the step until the drift falls; false: it does not. */
+/* Takes the step, halved until |drift| falls. Returns false if it does not fall. */
 static bool descend(const lg_model *model, const double *input, const search *s, void *work) {
     const size_t d = model->inputs, r = lg_model_tangent_dim(model);
     for (int halving = 0; halving < 40; halving++) {

@@ -1,4 +1,4 @@
-/* Models in a loop: a program with plans of its functions. */
+/* Models in a control loop: a program, and plans of its functions. */
 #include "liegrad/model.h"
 
 #include "autodiff/program/program.h"
@@ -14,7 +14,7 @@ static const char *const function_names[LG_MODEL_FUNCTIONS] = {
     [LG_MODEL_STATE] = "momenta", [LG_MODEL_VELOCITIES] = "velocities", [LG_MODEL_POSITIONS] = "positions",
 };
 
-/* Makes plans of the functions that the program has, and finds the largest work. */
+/* Makes plans of the functions that the program has, and finds the largest work memory. */
 static lg_status make_plans(lg_model *model, lg_error *error) {
     lg_plan_options options;
     lg_plan_options_init(&options);
@@ -28,10 +28,10 @@ static lg_status make_plans(lg_model *model, lg_error *error) {
     return LG_OK;
 }
 
-/* ---- whether the functions fit together ---- */
+/* ---- checks that the functions fit together ---- */
 
-/* Numbers of a port: D of x, U of an input, Y of y, A of an algebra element, Q and V of positions and
- * velocities in a log. */
+/* How many numbers a port has: D as x, U as the input u, HALF D/2, Y as y, YD and DD and DU as Jacobians, A
+ * as an algebra element, Q and V as positions and velocities in a log. */
 enum { NONE, D, U, HALF, Y, YD, A, DD, DU, Q, V, SIZES };
 
 static const struct {
@@ -116,7 +116,7 @@ static lg_status add_jacobian(lg_model *model, lg_error *error) {
     return lg_program_derive(model->program, &jacobian, error);
 }
 
-/* ---- outside ---- */
+/* ---- the handle ---- */
 
 static lg_status complete(lg_model *made, lg_error *error) {
     if (lg_model_moves(made)) LG_TRY(add_jacobian(made, error));

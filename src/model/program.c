@@ -1,17 +1,17 @@
-/* The program of a model whose kind has no recipe: a copy with a step. */
+/* The program of a model whose kind has no recipe: a copy, with a step added. */
 #include "autodiff/program/program.h"
 #include "core/core.h"
 #include "integrators/taped_internal.h"
 #include "liegrad/program_image.h"
 #include "model/internal.h"
 
-/* ---- a step, whose right-hand sides are calls of the program's functions ---- */
+/* ---- the step: its right-hand sides call functions of the program ---- */
 
 typedef struct recording {
     const lg_space *space;
     const lg_scheme *scheme;
-    size_t inputs;  /* of the field */
-    bool separable; /* force and drift are there */
+    size_t inputs;  /* number of inputs of the field: x, u or x only */
+    bool separable; /* the program has force and drift */
 } recording;
 
 static lg_status call_field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,

@@ -1,4 +1,4 @@
-/* Recordings that programs of learned models share. */
+/* Tape operations that the programs of several learned models use. */
 #include "model/record.h"
 
 #include "kernels/kernels.h"

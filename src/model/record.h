@@ -1,4 +1,4 @@
-/* Recordings that programs of learned models share. */
+/* Tape operations that the programs of several learned models use. */
 #ifndef LG_MODELS_RECORD_H
 #define LG_MODELS_RECORD_H
 
@@ -11,8 +11,8 @@ static inline lg_var lg_columns(lg_tape *tape, lg_var x, uint32_t first, uint32_
 
 /* Repeats each row of x `copies` times in succession: (B, ...) -> (B copies, ...). */
 lg_var lg_record_copies(lg_tape *tape, lg_var x, uint32_t copies);
-/* Unit vectors e_at[0], e_at[1], ... (`at` NULL: e_0, e_1, ...) of n numbers, for each of `rows` rows: (rows
- * count, n). */
+/* Unit vectors e_at[0], e_at[1], ... with n numbers (`at` NULL: e_0, e_1, ...), repeated for each of `rows`
+ * rows: (rows count, n). */
 lg_var lg_record_units(lg_tape *tape, uint32_t rows, const uint32_t *at, uint32_t count, uint32_t n);
 
 #endif

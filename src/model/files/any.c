@@ -1,4 +1,4 @@
-/* A model file of any kind, as one handle. */
+/* Loads a model file of any kind as one handle. */
 #include <stdio.h>
 #include <string.h>
 
@@ -11,7 +11,7 @@
 
 /* ---- the recipes ---- */
 
-/* One more row for who compiles this file with -DLG_OWN_RECIPE=NAME. */
+/* Compile this file with -DLG_OWN_RECIPE=NAME to add a recipe of your own to the list. */
 #ifdef LG_OWN_RECIPE
 extern const lg_recipe LG_OWN_RECIPE;
 #define OWN_ROW &LG_OWN_RECIPE,
@@ -19,7 +19,7 @@ extern const lg_recipe LG_OWN_RECIPE;
 #define OWN_ROW
 #endif
 
-/* X(name) of the row lg_recipe_<name>. */
+/* X(name) for each row lg_recipe_<name>. */
 #define RECIPES(X)    X(hamiltonian) X(surrogate) X(detector) X(table) X(machine_model)
 #define DECLARE(name) extern const lg_recipe lg_recipe_##name;
 #define LIST(name)    &lg_recipe_##name,
@@ -32,9 +32,9 @@ const lg_recipe *lg_recipe_find(const char *name) {
     return lg_recipes[i];
 }
 
-/* ---- what is no model ---- */
+/* ---- files that are no models ---- */
 
-/* Words for the sentence; the last row is for any other kind. */
+/* What other kinds of files are, for the sentence of an error; the last row is for unknown kinds. */
 static const struct {
     const char *kind, *what;
 } others[] = {
@@ -68,9 +68,10 @@ static lg_status refuse(const char *path, const char *kind, lg_error *error) {
                    names, what_is(kind));
 }
 
-/* ---- outside ---- */
+/* ---- loading ---- */
 
-/* What is read of a file: the contents as its recipe has them, functions where there are some. */
+/* What was read from a file: the contents as its recipe stores them, and the program if the file has
+ * functions. moves: `space` is set. */
 typedef struct reading {
     lg_model_file made;
     lg_program *program;
@@ -88,7 +89,7 @@ static lg_status read_contents(reading *r, lg_h5 *h5, lg_error *error) {
     return r->moves ? recipe->space(contents + recipe->file_run, &r->space) : LG_OK;
 }
 
-/* Of a kind that no recipe has. */
+/* Reads the space of a model whose kind has no recipe. */
 static lg_status read_space(reading *r, lg_h5 *h5, lg_error *error) {
     char text[LG_SPACE_TEXT];
     lg_error why = {LG_OK, ""};
@@ -110,14 +111,14 @@ static lg_status read_model(void *user, lg_h5 *h5, lg_error *error) {
     return functions ? lg_program_get(h5, &r->program, error) : LG_OK;
 }
 
-/* Files of version 1 have no functions: the recipe records them. */
+/* Files of format version 1 have no functions; there the recipe makes the program. */
 static lg_status make_model(reading *r, const char *path, lg_error *error) {
     lg_model_file *made = &r->made;
     lg_error why = {LG_OK, ""};
     if (r->program == NULL)
         LG_TRY(made->recipe->program(made->context, made->contents, NULL, &r->program, error));
     lg_program *program = r->program;
-    r->program = NULL; /* lg_model_create takes it */
+    r->program = NULL; /* lg_model_create takes ownership */
     const lg_status status =
         lg_model_create(made->context, program, r->moves ? &r->space : NULL, &made->model, &why);
     if (status == LG_OK) return LG_OK;
@@ -153,7 +154,8 @@ const void *lg_model_file_of(const lg_model_file *file, const lg_recipe *recipe)
     return file != NULL && file->recipe == recipe ? file->contents : NULL;
 }
 
-/* The recipe gives the steps; where it does not, they are made of the file's field. */
+/* Whether the recipe makes the program with its steps. Otherwise steps are made from the field in the
+ * file. */
 static bool has_steps(const lg_model_file *file) {
     return file->recipe != NULL && (file->recipe->scheme != NULL || lg_model_space(file->model) == NULL);
 }

@@ -1,4 +1,4 @@
-/* What all learners share: memory, presets, results, the file. */
+/* What all learners share: memory, presets, results, loss, the model file. */
 #include "model/files/learning.h"
 
 #include <math.h>
@@ -22,7 +22,7 @@ lg_learning lg_learning_of(const lg_context *context, const lg_recipe *recipe, v
 
 /* ---- memory ---- */
 
-/* Before each array of lg_learning_alloc. */
+/* Precedes each array of lg_learning_alloc; all blocks of a learning form a list. */
 struct lg_learning_block {
     struct lg_learning_block *next;
     char gap[LG_ALIGNMENT - sizeof(void *)];
@@ -173,7 +173,7 @@ lg_status lg_learning_hold_out(lg_learning *self, double part, lg_error *error) 
 
 /* ---- the loss ---- */
 
-/* The part of `count` samples from `first` on. */
+/* The part of the loss that belongs to the `count` samples from `first` on. */
 static lg_status part_of_loss(const lg_fit_problem *problem, lg_tape *tape, const double *theta, size_t first,
                               size_t count, double *part) {
     uint32_t samples[LG_FIT_CHUNK];
@@ -202,7 +202,7 @@ lg_status lg_learning_loss(const lg_learning *self, const double *theta, double 
     return status;
 }
 
-/* ---- the fit, the file ---- */
+/* ---- the fit and the model file ---- */
 
 lg_status lg_learning_create_fit(lg_learning *self, lg_error *error) {
     LG_TRY(self->recipe->learner->problem(self, error));

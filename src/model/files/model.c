@@ -1,4 +1,4 @@
-/* Models and checkpoints of any kind. */
+/* Saves and loads models and checkpoints of any kind. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -6,7 +6,7 @@
 #include "model/files/program_file.h"
 #include "model/files/recipe.h"
 
-/* ---- a file structure through the offsets of its kind ---- */
+/* ---- members of a file structure, found by the recipe's offsets ---- */
 
 /* Pointers to the members that all file structures have. */
 typedef struct model_view {
@@ -30,7 +30,7 @@ static const lg_training *training_of(const lg_recipe *kind, const void *run) {
     return (const lg_training *)(const void *)((const char *)run + kind->training);
 }
 
-/* Slice number `index` of the parameters and its name in the file. */
+/* A slice of the parameters, and its path in the file. */
 typedef struct slice {
     lg_slice_info info;
     char name[64];
@@ -76,7 +76,7 @@ static lg_status put_space(lg_h5 *h5, const lg_recipe *kind, const void *run, lg
 
 /* ---- functions ---- */
 
-/* The explicit scheme of models whose own scheme no program has. */
+/* The scheme for models whose own scheme cannot be part of a program, because it is implicit. */
 static const char explicit_scheme[] = "cf4";
 
 static lg_status make_program(const lg_h5 *h5, const lg_recipe *recipe, const void *file,
@@ -88,14 +88,14 @@ static lg_status make_program(const lg_h5 *h5, const lg_recipe *recipe, const vo
     return recipe->program(h5->context, file, *scheme, out, error);
 }
 
-/* The slice that begins at `offset`. */
+/* Finds the slice that begins at `offset` in theta. */
 static bool slice_from(const lg_recipe *recipe, const void *run, size_t offset, slice *s) {
     for (uint32_t i = 0; slice_at(recipe, run, i, s); i++)
         if (s->info.offset == offset && s->info.count > 0) return true;
     return false;
 }
 
-/* theta is its slices in the order of their offsets, without gaps. */
+/* Writes theta as a list of places: the slices in the order of their offsets, which leave no gaps. */
 static lg_status put_parameters(lg_h5 *h5, const lg_recipe *recipe, const void *run,
                                 const lg_program *program, lg_error *error) {
     enum { MOST = LG_PROGRAM_MOST_NAMES };
@@ -133,10 +133,10 @@ static lg_status put_functions(lg_h5 *h5, const lg_recipe *recipe, const void *f
     return status;
 }
 
-/* The archive for lg_fit_save: the root of the file. */
+/* Where lg_fit_save writes: the root of the file. */
 typedef struct fit_target {
     lg_h5 *h5;
-    bool history; /* nothing but the history is kept */
+    bool history; /* only the history is written */
     lg_error error;
 } fit_target;
 
@@ -153,7 +153,8 @@ static lg_status fit_text(void *user, const char *path, const char *value) {
     return lg_h5_put_text(target->h5, "train", path, value, &target->error);
 }
 
-/* The state of methods other than Adam is far larger than the model: it is kept in checkpoints alone. */
+/* The state of a minimiser is far larger than the model, so only checkpoints keep it; a model file keeps the
+ * history. */
 static lg_status put_fit(lg_h5 *h5, const lg_fit *fit, lg_error *error) {
     fit_target target = {.h5 = h5, .history = !lg_fit_method_batches(lg_fit_method_now(fit))};
     const lg_archive_writer writer = {.user = &target, .array = fit_array, .text = fit_text};
@@ -163,7 +164,7 @@ static lg_status put_fit(lg_h5 *h5, const lg_fit *fit, lg_error *error) {
 static lg_status put_model(lg_h5 *h5, const lg_recipe *kind, const void *file, const lg_fit *fit,
                            lg_error *error) {
     slice s;
-    const model_view view = view_of(kind, (void *)(uintptr_t)file); /* only read */
+    const model_view view = view_of(kind, (void *)(uintptr_t)file); /* it is only read */
     const uint64_t epochs = *view.epochs_done;
     LG_TRY(lg_h5_put_header(h5, kind->name, view.provenance, error));
     LG_TRY(lg_run_put(h5, kind, view.run, error));
@@ -181,7 +182,7 @@ static lg_status put_model(lg_h5 *h5, const lg_recipe *kind, const void *file, c
 
 static lg_status check_saved(const char *path, const lg_recipe *kind, const void *file, lg_error *error) {
     slice s;
-    const model_view view = view_of(kind, (void *)(uintptr_t)file); /* only read */
+    const model_view view = view_of(kind, (void *)(uintptr_t)file); /* it is only read */
     if (*view.theta == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "a model file needs a name and parameters");
     LG_TRY(lg_run_check(path, kind, view.run, error));
@@ -208,7 +209,7 @@ lg_status lg_run_save(const lg_context *context, const char *path, const lg_reci
 
 /* ---- loading ---- */
 
-/* Compares shapes before it allocates arrays of the sizes in the attributes. */
+/* Shapes are compared before any array is allocated whose size comes from attributes. */
 static lg_status check_slices(lg_h5 *h5, const lg_recipe *kind, const void *run, lg_error *error) {
     slice s;
     for (uint32_t i = 0; slice_at(kind, run, i, &s); i++) {
@@ -239,8 +240,7 @@ static lg_status get_weights(lg_h5 *h5, const lg_recipe *kind, const model_view 
     return LG_OK;
 }
 
-/* The history is not checked for finiteness, because the validation series of a run without validation part
- * is NaN. */
+/* The history may hold NaN: the validation series is NaN if there is no validation part. */
 static lg_status get_history(lg_h5 *h5, const model_view *view, lg_error *error) {
     bool first = true;
     for (size_t i = 0; i < LG_FIT_SERIES_COUNT; i++) {
@@ -261,7 +261,7 @@ static lg_status get_history(lg_h5 *h5, const model_view *view, lg_error *error)
     return LG_OK;
 }
 
-/* The attribute is for readers who know no kind; files of before have none. */
+/* The attribute is for readers that do not know the kind; older files do not have it. */
 static lg_status check_space(lg_h5 *h5, const lg_recipe *kind, const void *run, lg_error *error) {
     lg_space space, found;
     lg_error reason = {LG_OK, ""};

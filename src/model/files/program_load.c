@@ -64,9 +64,9 @@ lg_status lg_program_get_texts(lg_program_reading *r, const char *path, const ch
     return lg_program_as_format(r, status);
 }
 
-/* Names of parameters or functions, which are parts of paths and cannot lead to another place of the file:
- * attribute `order` of the group, or the texts
- * at `path_1` of format 1. */
+/* Reads the names of parameters or functions: attribute `order` of the group, or in format 1 the texts at
+ * path_1. A name becomes part of a path, so it must be a plain word that cannot lead elsewhere in the
+ * file. */
 static lg_status get_names(lg_program_reading *r, bool format_1, const char *group, const char *path_1,
                            lg_program_texts *out) {
     const char *path = format_1 ? path_1 : group;
@@ -133,7 +133,7 @@ static lg_status get_array(lg_program_reading *r, const char *path, lg_shape *sh
     return lg_check_finite(r->h5->path, path, rank, dims, *values, r->error);
 }
 
-/* A path of plain names. */
+/* Whether the text is a path of plain names. */
 static bool is_path(const char *path) {
     for (const char *c = path; *c != '\0'; c++)
         if (!isalnum((unsigned char)*c) && *c != '_' &&
@@ -142,7 +142,7 @@ static bool is_path(const char *path) {
     return *path != '\0';
 }
 
-/* Appends what stands at a place to `values` of *count numbers. */
+/* Appends the numbers of a place to *values, which has *count numbers. */
 static lg_status get_place(lg_program_reading *r, const char *place, double **values, size_t *count) {
     const char *path;
     lg_shape shape;
@@ -194,7 +194,7 @@ static lg_status get_description(lg_program_reading *r, char text[TEXT]) {
     return lg_program_as_format(r, lg_h5_text(r->h5, "", "description", text, TEXT, r->error));
 }
 
-/* The program with its parameters, without functions. */
+/* Makes the program with its parameters, without functions. */
 static lg_status get_parameters(lg_program_reading *r) {
     const lg_context *context = r->h5->context;
     const size_t count = r->parameters.count;
@@ -225,7 +225,7 @@ static lg_status get_parameters(lg_program_reading *r) {
 
 /* ---- the file ---- */
 
-/* Files that were written by hand may lack the version. */
+/* Files written by hand may lack the attribute format_version. */
 static bool is_format_1(lg_h5 *h5) {
     int64_t version;
     const lg_status status = lg_h5_number(h5, "", "format_version", LG_ELEMENT_I64, &version, NULL);
@@ -257,7 +257,7 @@ lg_status lg_program_get(lg_h5 *h5, lg_program **out, lg_error *error) {
 }
 
 static lg_status load(void *user, lg_h5 *h5, lg_error *error) {
-    const bool functions = lg_h5_has(h5, "functions"); /* of any kind */
+    const bool functions = lg_h5_has(h5, "functions"); /* then the file may be of any kind */
     LG_TRY(lg_h5_check_format(h5, functions ? NULL : "program", false, error));
     return lg_program_get(h5, user, error);
 }

@@ -1,5 +1,6 @@
-/* The functions of programs in files of format 1, as liegrad 1 wrote them. A function is a group; its
- * operations and ports are columns with one number or row for each. /operations has their names. */
+/* Functions of programs in files of format 1, as liegrad 1 wrote them. A function is a group. Its operations
+ * and ports are stored as columns, with one number or row per operation or port. /operations lists the names
+ * of operations. */
 #include <string.h>
 
 #include "model/files/program_file.h"
@@ -7,17 +8,17 @@
 enum { PORTS = 64, MOST_SETS = 40 };
 #define ANY UINT64_MAX
 
-/* A function until the program has it. */
+/* A function while it is being read. */
 typedef struct function {
     lg_program_reading *r;
     const char *path;
-    void *set[MOST_SETS]; /* what was read of it */
+    void *set[MOST_SETS]; /* memory of everything that was read for it */
     size_t sets;
     lg_port port[2][PORTS];
     uint32_t carry[PORTS];
 } function;
 
-/* The operations of the file. */
+/* The operations that the file names. */
 typedef struct known_operations {
     lg_program_texts names;
     const uint32_t *revision;
@@ -31,7 +32,8 @@ static lg_status keep(function *f, const char *path, uint64_t count, size_t size
     return LG_OK;
 }
 
-/* The numbers of a data set of this shape. ANY: dims[0] becomes how many there are. */
+/* Reads the numbers of a data set of this shape. If dims[0] is ANY, any length is accepted and stored in
+ * dims[0]. */
 static lg_status get_numbers(function *f, const char *path, lg_element type, uint32_t rank, uint64_t *dims,
                              void **out) {
     lg_program_reading *r = f->r;
@@ -51,18 +53,19 @@ static lg_status get_list(function *f, const char *path, lg_element type, uint64
     return get_numbers(f, path, type, 1, count, out);
 }
 
-/* Numbers of each operation or port, of shape () or (dims...), and the place of the first one in lg_operation
- * or lg_port. */
+/* A column: per operation or port one number, or an array of shape `dims`. `at` is the offset in lg_operation
+ * or lg_port where it is copied to. */
 typedef struct column {
     const char *name;
     lg_element type;
     uint64_t dims[2];
-    size_t bytes, at; /* of all numbers */
+    size_t bytes, at; /* bytes: of one operation or port */
 } column;
 
 #define AT(type, member) sizeof(((type *)0)->member), offsetof(type, member)
 static const column operation_columns[] = {
-    {"operation", LG_ELEMENT_U32, {0}, AT(lg_operation, revision)}, /* its place in /operations */
+    /* index in /operations; its revision replaces it later */
+    {"operation", LG_ELEMENT_U32, {0}, AT(lg_operation, revision)},
     {"inputs", LG_ELEMENT_U32, {0}, AT(lg_operation, input_count)},
     {"rank", LG_ELEMENT_U32, {0}, AT(lg_operation, rank)},
     {"shape", LG_ELEMENT_I64, {LG_MAX_RANK, 2}, AT(lg_operation, shape)},
@@ -124,7 +127,8 @@ static lg_status get_ports(function *f, const char *name, lg_port *ports, size_t
 
 /* ---- operations ---- */
 
-/* The part of a list that is an operation's follows that of the operation before it. */
+/* Gives each operation its part of a list: the parts follow each other in the order of the operations.
+ * `pointer` and `count` are the offsets of pointer and length in lg_operation. */
 static lg_status point_into(function *f, const char *name, lg_element type, lg_operation *operations,
                             size_t n, size_t pointer, size_t count) {
     const size_t size = type == LG_ELEMENT_U32 ? 4 : 8;
@@ -214,7 +218,7 @@ static lg_status get_each(lg_program_reading *r, const known_operations *known) 
         function f = {.r = r, .path = at.text};
         const size_t before = r->left;
         status = get_function(&f, known, name);
-        r->left = before - (before - r->left) / 2; /* about what the program keeps of it */
+        r->left = before - (before - r->left) / 2; /* an estimate of what the program keeps */
         while (f.sets > 0) lg_free(r->h5->context, f.set[--f.sets]);
     }
     return status;
@@ -226,7 +230,8 @@ lg_status lg_program_get_functions_1(lg_program_reading *r) {
     void *revisions = NULL;
     lg_status status = lg_program_get_texts(r, "operations", NULL, LG_PROGRAM_MOST_NAMES, &known.names);
     uint64_t count = known.names.count;
-    if (status == LG_OK && lg_h5_has(r->h5, "revisions")) /* else written by hand: the first ones */
+    /* files written by hand lack them; all revisions are then 1 */
+    if (status == LG_OK && lg_h5_has(r->h5, "revisions"))
         status = get_list(&file, "revisions", LG_ELEMENT_U32, &count, &revisions);
     known.revision = revisions;
     if (status == LG_OK) status = get_each(r, &known);

@@ -1,4 +1,4 @@
-/* Programs in files: saving. */
+/* Saves programs to files. */
 #include <stdio.h>
 #include <string.h>
 
@@ -42,7 +42,7 @@ static lg_status put_parameter(lg_h5 *h5, const lg_parameter_spec *p, lg_error *
                      p->values, error);
 }
 
-/* Names of parameters or functions. */
+/* Writes the names of all parameters, or of all functions, in order. */
 static lg_status put_order(lg_h5 *h5, const lg_program *program, bool functions, lg_error *error) {
     const size_t count = functions ? lg_program_functions(program) : lg_program_parameters(program);
     char(*names)[LG_PROGRAM_NAME] = lg_alloc(h5->context, count, sizeof *names);
@@ -57,7 +57,7 @@ static lg_status put_order(lg_h5 *h5, const lg_program *program, bool functions,
     return status;
 }
 
-/* ---- parameters whose numbers lie elsewhere ---- */
+/* ---- parameters whose numbers are stored elsewhere in the file ---- */
 
 static double as_it_is(double x) {
     return x;
@@ -91,7 +91,8 @@ lg_program_word lg_program_word_of(const char *place, const char **path) {
     return as_it_is;
 }
 
-/* False: the parameter lies below /parameters. */
+/* Writes the list of places of a parameter. Returns false if it has none: it is then stored below
+ * /parameters. */
 static bool put_places(lg_h5 *h5, const char *parameter, const lg_program_source *places, size_t count,
                        lg_status *status, lg_error *error) {
     size_t n = 0;

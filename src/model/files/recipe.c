@@ -1,4 +1,4 @@
-/* The description of a run: one table for saving, loading and comparing. */
+/* Saves, loads and compares a run by the rows of its recipe. */
 #include "files/h5.h"
 #include "model/files/recipe.h"
 
@@ -8,7 +8,7 @@
 
 #include "settings/files/attributes.h"
 
-/* Row number `index` of a run: facts, then hyperparameters; NULL beyond the last. */
+/* Row `index` of a run: first the facts, then the hyperparameters; NULL beyond the last row. */
 static const lg_field *row_at(const lg_recipe *kind, size_t index) {
     const lg_field *row = kind->facts;
     for (; row->name != NULL && index > 0; row++) index--;
@@ -17,7 +17,8 @@ static const lg_field *row_at(const lg_recipe *kind, size_t index) {
     return row->name != NULL ? row : NULL;
 }
 
-/* Whether the member has the value of a file without the attribute. Attributes of /model are required. */
+/* Whether the member has the value that it gets if its attribute is missing; then its range is not checked.
+ * Attributes of /model are never missing. */
 static bool is_unknown(const lg_recipe *kind, const lg_field *r, const void *run) {
     return strcmp(r->group, "run") == 0 &&
            memcmp((const char *)run + r->offset, (const char *)kind->defaults + r->offset, r->size) == 0;
@@ -77,7 +78,7 @@ lg_status lg_run_compare(const lg_recipe *kind, const void *stored, const void *
     char have[LG_FIELD_TEXT_SIZE], want[LG_FIELD_TEXT_SIZE];
     const lg_field *r;
     if (path == NULL || kind == NULL || stored == NULL || wanted == NULL) return LG_INVALID_ARGUMENT;
-    /* Other data make other scales, too; they are told first. */
+    /* Other data also change the scales, so a difference of the data is reported first. */
     for (size_t i = 0; (r = row_at(kind, i)) != NULL; i++)
         if (strcmp(r->name, "data_sha256") == 0 && differs(r, stored, wanted, have, want))
             return lg_fail(error, LG_INVALID_ARGUMENT, "%s: was written from other data: %s %s, not %s",
