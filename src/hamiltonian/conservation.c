@@ -24,8 +24,9 @@ static double deviation(const moments *m) {
 }
 
 /* The learned energy along one trajectory is modelled as H = a + b S. S is the sum of the squared steps of
- * the state up to a point, so b says how much energy motion costs, whatever the energy a at the start. x is
- * the sum over the points of S H, y of S^2, both about their means. */
+ * the state up to a point, so b is the energy that motion gains per unit of S (negative: what it costs),
+ * whatever the energy a at the start. x is the sum over the points of H S, y of S^2, both about their means;
+ * here H is relative to a run of the training scheme, see follow(). */
 typedef struct course {
     double begin, way, x, y; /* begin: H at the first point; way: S at the last point */
 } course;
@@ -63,10 +64,10 @@ typedef struct measuring {
     void *flow;         /* work memory of the model in `steps` */
     lg_model_user user; /* the model as an equation, for `steps` */
     lg_stepper *steps;  /* stepper of the training scheme; NULL: there is none for this model */
-    double *predicted;  /* (points, d) */
+    double *predicted;  /* (points, d): the scheme's run */
     double *way, *gain; /* (points) each: S; H of the data minus H of the scheme's own run */
     double *error;      /* (2, d): errors of two neighbouring steps */
-    course *courses;    /* (trajectories) */
+    course *courses;    /* (trajectories): one per different trajectory */
     size_t *different;  /* (trajectories): indices of different trajectories; the first `differ` are used */
     size_t differ;
 } measuring;
@@ -194,7 +195,7 @@ static bool is_told(const cost *c) {
  * a peak. */
 static bool has_settled(const lg_fit *fit, double fall) {
     static const double peak = 1.5;
-    enum { FEWEST = 16 }; /* epochs */
+    enum { FEWEST = 16 }; /* epochs to judge by */
     const double *history = lg_fit_history(fit, LG_FIT_LOSS);
     const size_t epochs = lg_fit_epochs_done(fit);
     if (epochs < FEWEST || !(history[epochs / 2] <= fall * history[epochs - 1])) return false;
@@ -264,7 +265,7 @@ static bool warn_of_cost(const measuring *m) {
  * error. */
 static void warn_of_misfit(const measuring *m, double loss) {
     static const double small = 1e-3, alike = 0.5;
-    enum { FEWEST = 4 }; /* points */
+    enum { FEWEST = 4 }; /* points of a trajectory */
     const double left = loss / lg_hamiltonian_unchanged(m->problem);
     if (m->steps == NULL || m->problem->points < FEWEST || !(left > small)) return;
     const double correlation = error_correlation(m);

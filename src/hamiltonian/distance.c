@@ -7,8 +7,9 @@
 
 enum { TERMS = 14 };
 
-/* theta^2 from x = |a - b|^2, where theta is the angle between the unit vectors a and b: theta^2 = 4
- * arcsin(sqrt(x)/2)^2 = 2 sum_n x^n / (n^2 C(2n, n)). Exact to rounding for x <= 1/4. */
+/* theta^2 for unit vectors a and b, where theta is the angle between them, from x = |a - b|^2:
+ *   theta^2 = 4 arcsin(sqrt(x)/2)^2 = 2 sum_n x^n / (n^2 C(2n, n)),
+ * to rounding for x <= 1/4. */
 static lg_var series(lg_tape *tape, lg_var x) {
     double c[TERMS + 1];
     double binomial = 1.0;

@@ -20,9 +20,9 @@ static lg_status velocities(lg_tape *tape, const lg_hamiltonian *model, const do
     return lg_read(tape, lg_hamiltonian_record_velocity(tape, &vars, y, LG_NONE), count * d, out);
 }
 
-/* The root mean square of the forces in the data over that of the network's forces, of arrays with `count`
- * numbers: `quotient` is the difference quotient D of the data, `whole` is y' with the potential, `kinetic`
- * is y' without it. */
+/* The root mean square of the forces in the data, divided by the root mean square of the network's forces.
+ * The arrays have `count` numbers: `quotient` is the difference quotient D of the data, `whole` is y' with
+ * the potential, `kinetic` is y' without it. */
 static double ratio_of(size_t count, const double *quotient, const double *whole, const double *kinetic) {
     double wanted = 0.0, have = 0.0;
     for (size_t i = 0; i < count; i++) {

@@ -52,7 +52,7 @@ static void add_squares(const walk *w, const double *x, const double *y, double 
     }
 }
 
-/* Replaces each sum by its root mean square over so many points and the copies of the part. */
+/* Replaces the sum of each part by the root of its mean over `points` points and the n copies. */
 static void take_roots(const walk *w, size_t points, double *sum) {
     for (size_t i = 0; i < LG_HAMILTONIAN_MAX_PARTS; i++)
         sum[i] = w->unit[i] * sqrt(sum[i] / ((double)points * w->problem->model->n));
@@ -75,8 +75,8 @@ static void measure_sizes(const walk *w, motion *out) {
     take_roots(w, problem->trajectories * (problem->points - 1), out->change);
 }
 
-/* Measures the changes over a lag of so many points that one part changes by half its spread, at most over
- * all points. Over longer lags noise counts less than between neighbouring points. */
+/* Measures the changes over a lag of so many points that one part changes by more than half its spread, at
+ * most over a whole trajectory. At a long lag noise counts less than between neighbouring points. */
 static void measure_rates(const walk *w, motion *out) {
     const lg_hamiltonian_problem *problem = w->problem;
     const size_t last = problem->points - 1;

@@ -18,9 +18,9 @@ size_t lg_model_tangent_dim(const lg_model *model) {
 typedef struct linear_parts {
     double *zeros;    /* (m): an input of zeros */
     double *jx, *ju;  /* (d, d), (d, m): Jacobians of y' */
-    double *basis;    /* (d, r) */
-    double *velocity; /* (d) */
-    double *c;        /* (r) */
+    double *basis;    /* (d, r): of the tangent space */
+    double *velocity; /* (d): an ambient vector, scratch */
+    double *c;        /* (r): coordinates, scratch */
     double *search;   /* (2 d + 3 r + 2 r r): for lg_model_equilibrium */
 } linear_parts;
 
@@ -52,7 +52,7 @@ const double *lg_model_no_input(const lg_model *model, void *work) {
     return zeros;
 }
 
-/* out (r, columns) = C matrix (d, columns) */
+/* out (r, columns) = C times `matrix` (d, columns). */
 static void to_coordinates(const lg_model *model, const double *state, const double *matrix, size_t columns,
                            const linear_parts *w, double *out) {
     const size_t d = model->inputs, r = lg_model_tangent_dim(model);

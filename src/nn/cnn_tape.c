@@ -3,7 +3,7 @@
 #include "nn/cnn.h"
 #include "liegrad/ops.h"
 
-/* Whether the parameters and the input x fit the network; else the tape fails. */
+/* Whether the parameters and the input x fit the network. If not, sets the tape's error. */
 static bool fits(lg_tape *tape, const lg_cnn *net, size_t parameters, size_t offset, lg_var x) {
     if (lg_tape_status(tape) != LG_OK) return false;
     if (parameters > UINT32_MAX || offset > UINT32_MAX - parameters) {

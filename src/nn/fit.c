@@ -54,7 +54,7 @@ static bool not_negative(double x) {
     return x >= 0.0 && isfinite(x);
 }
 
-/* In [0, 1). */
+/* Whether x is in [0, 1). */
 static bool fraction(double x) {
     return x >= 0.0 && x < 1.0;
 }
@@ -437,8 +437,8 @@ static lg_status checkpoint(lg_fit *fit, lg_error *error) {
     return lg_fit_agree(fit, status, error);
 }
 
-/* Returns `status` before the plan is finished, after a checkpoint. `saved` says that the state at the end of
- * the last epoch is saved already. */
+/* Ends a run before the plan is finished: makes a checkpoint, unless the state is saved already, and returns
+ * `status`. saved: the state at the end of the last epoch is saved. */
 static lg_status leave(lg_fit *fit, lg_status status, bool saved, lg_error *error) {
     if (!saved || fit->state.position > 0) LG_TRY(checkpoint(fit, error));
     return status;

@@ -271,8 +271,9 @@ static void set_noise(lg_fit *fit, double noise) {
     lg_minimiser_change(s->minimiser, value + 0.5 * change * fit->k->dot(weights, x, x), gradient);
 }
 
-/* Called after an accepted step. If the loss has fallen by less than a tenth in WINDOW iterations, it becomes
- * the variance of the noise. If it falls to half the noise later, the noise becomes 0 again. */
+/* Called after an accepted step. If WINDOW iterations have lowered the loss by less than a tenth, the loss
+ * becomes the variance of the noise. If the loss later falls below half the noise, the noise becomes 0
+ * again. */
 static void watch_noise(lg_fit *fit, double loss) {
     enum { WINDOW = 50 };
     static const double FALL = 0.9, ANEW = 0.5;

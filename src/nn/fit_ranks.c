@@ -13,8 +13,8 @@
 
 /* ---- the tree of sums ---- */
 
-/* Whether the shards that are summed up in shard `to` after this stride lie on several ranks. Then all ranks
- * add this pair. */
+/* Whether the shards to, ..., to + 2 stride - 1, which the pair with this stride sums up, lie on several
+ * ranks. Then all ranks add this pair. */
 static bool across(const lg_fit *fit, size_t to, size_t stride) {
     if (lg_fit_alone(fit)) return true;
     const size_t last = to + 2 * stride < fit->used ? to + 2 * stride - 1 : fit->used - 1;
@@ -56,7 +56,7 @@ static lg_status counted_gather(void *user, void *all, const size_t *bytes) {
     return status;
 }
 
-/* Counted neither in cost.exchanges nor in seconds: a checkpoint needs it, not an epoch. */
+/* This exchange is not counted in fit->cost, because it is part of a checkpoint, not of an epoch. */
 static lg_status collect(void *user, const void *mine, void *all, const size_t *bytes) {
     const lg_fit *fit = user;
     return fit->given->collect(fit->given->user, mine, all, bytes);

@@ -30,8 +30,8 @@ static lg_status room_for(const lg_fit *fit, lg_shard *shard, size_t rows) {
     return LG_OK;
 }
 
-/* Fills the transposed Jacobian. Row j is the derivative of r by shared parameter j, or by parameter j -
- * shared of every sample at once. */
+/* Fills the transposed Jacobian. Row j is the derivative of r by shared parameter j; beyond the shared ones,
+ * by own parameter number j - shared of all samples at once. */
 static lg_status fill_columns(const lg_fit *fit, lg_tape *tape, lg_var theta, lg_var r,
                               const uint32_t *samples, size_t count, size_t rows, double *transposed) {
     const size_t n = fit->problem.parameters, shared = shared_by_all(fit), own = fit->problem.own;

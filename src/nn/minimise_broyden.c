@@ -16,7 +16,8 @@ static void coefficients(size_t n, double b, double h, double *tau, double *phi)
     *phi = (1.0 - theta) / (1.0 + a * theta);
 }
 
-/* m->curvature holds the rows of H, at a stride, and then the vector Hy. A rank holds its own rows of H. */
+/* m->curvature holds the rows of H, at a stride, and then the vector Hy. With ranks, each rank holds only its
+ * own rows of H. */
 static size_t length(size_t n, const lg_minimise_options *options) {
     (void)options;
     return (n + 1) * lg_minimise_stride(n);

@@ -74,8 +74,8 @@ static double least_of(const lg_minimiser *m, size_t count, double *v, double *l
     return info == 0 ? values[0] : 0.0;
 }
 
-/* Searches along d = S sum_k v[k] q_k, scaled so that the variable that changes most, relative to 1 + |x_i|,
- * changes by STRIDE (1 + |x_i|). The sign of d is downhill. */
+/* Searches along d = S sum_k v[k] q_k, downhill. The length of d is such that the variable with the largest
+ * change relative to 1 + |x_i| changes by STRIDE (1 + |x_i|). */
 static void leave(lg_minimiser *m, size_t count, const double *v) {
     double most = 0.0;
     for (size_t i = 0; i < m->n; i++) m->d[i] = 0.0;

@@ -4,7 +4,7 @@
 #include "nn/minimise_internal.h"
 
 /* m->curvature holds a ring of pairs s_0, y_0, s_1, y_1, ..., each vector at a stride; then 1/y.s of each
- * pair, and alpha of each pair. It is longer if the Lanczos vectors need more. */
+ * pair; then the recursion's alpha of each pair. It is longer if the Lanczos vectors need more. */
 static size_t length(size_t n, const lg_minimise_options *options) {
     const size_t pairs = (size_t)options->memory * (2 * lg_minimise_stride(n) + 2),
                  least = lg_minimise_curvature_length(n, options);

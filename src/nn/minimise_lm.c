@@ -101,14 +101,14 @@ static void put_back(const lg_minimiser *m, const arrow *a, size_t b) {
     }
 }
 
-/* A tiny damping for the step without damping, so that a singular J can be factored. */
+/* Replaces mu D_i in a step without damping: so tiny that it only serves to factor a singular J. */
 static double ridge_of(const arrow *a, size_t i) {
     const double square = a->P[i * a->stride + i];
     return square > 0.0 ? LEAST_DAMPING * square : 1.0;
 }
 
 /* Computes the d of solve() from J: it minimises |(J; sqrt(mu D/2)) d + (r; 0)|, by Householder reflections.
- * The error grows with the condition of J, not with its square. Not damped: ridge_of stands in place of mu
+ * The error grows with the condition of J, not with its square. If `damped` is false, ridge_of replaces mu
  * D. */
 static bool solve_residuals(lg_minimiser *m, bool damped) {
     const lg_minimise_squares *q = m->squares;
@@ -197,8 +197,8 @@ static void begin_last(lg_minimiser *m) {
 }
 
 /* Proposes the next trial; raises the damping while the damped matrix is not positive definite. If the step
- * does not change x, or is predicted to lower f by less than the rounding of f, the run ends or verifies the
- * minimum. */
+ * does not change x, or is predicted to lower f by less than the rounding of f, the run verifies the minimum,
+ * takes a last step or ends. */
 static void propose(lg_minimiser *m) {
     for (; m->counts.failures < MOST_REFUSALS; refuse(m)) {
         if (!solve(m)) continue;

@@ -117,7 +117,7 @@ static void solve(const lg_minimiser *m, double *x) {
 }
 
 /* Adds to d a step along which f curves downwards: the eigenvector of the lowest eigenvalue, by inverse
- * iteration. It changes the variable that it changes most, relative to 1 + |x_i|, by STRIDE (1 + |x_i|). The
+ * iteration. The variable with the largest change relative to 1 + |x_i| changes by STRIDE (1 + |x_i|). The
  * shift is first halved as often as the matrix stays positive definite. Then the eigenvector grows at least
  * twice as fast per iteration as eigenvectors of positive eigenvalues. */
 static void add_downwards(lg_minimiser *m, double shift) {
@@ -204,8 +204,8 @@ static bool is_clear(lg_minimiser *m, const double *gradient) {
     return clear;
 }
 
-/* Takes a gradient of the differences. They go to both sides of x. Where g is zero, one side suffices if
- * is_clear says so; only then trial n, at x minus all steps, is evaluated, else it is skipped. */
+/* Takes one gradient of the differences, which go to both sides of x. Trial n, at x minus all steps, is
+ * evaluated only where g is zero; if is_clear then holds, the differences to one side suffice. */
 void lg_minimise_newton_tell(lg_minimiser *m, const double *gradient) {
     const size_t n = m->n, trial = (size_t)m->counts.trials;
     const bool back = trial > n;

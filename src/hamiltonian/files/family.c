@@ -14,7 +14,7 @@ const void *lg_family_number(uint32_t value) {
 
 enum { MOST_VALUES = 32 };
 
-/* Makes the system with parameters of our own, since the family does not depend on them: each parameter
+/* Makes the system with placeholder parameters, since the family does not depend on them: each parameter
  * without a default becomes a unit vector, or 1 if it is one number. */
 static lg_status make_system(const char *name, const char *form, lg_system **out) {
     double unit[MOST_VALUES] = {1.0};

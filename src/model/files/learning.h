@@ -1,7 +1,7 @@
 /* The training half of a recipe: the learner, a table of hooks, and lg_learning, the state that they work on.
  *
  * The driver (apps/common/train.c) fills a learning with the user's hyperparameters. It calls
- *   read, describe, prepare or hold_out, problem; then it trains; then judge and save; release and close.
+ *   read, describe, prepare or hold_out, problem; trains the model; then calls judge, save, release, close.
  * A comparison of sizes (--size auto) and a search repeat the hooks from describe to release. A hook that
  * returns a failure explains it in `error`; a sentence that begins with the name of an option, "--", is about
  * the command line. Warnings go to LG_WARN. */
@@ -75,14 +75,14 @@ typedef struct lg_learner {
     size_t state_size;
     const lg_field *options; /* fields of `state` that a user sets and no file stores; may be NULL */
     const char *method;      /* name of the field that `methods` in other rows refers to; NULL: none */
-    /* field that a search does not vary, since its --validation replaces it; may be NULL */
+    /* field that a search does not vary, since --validation of the search replaces it; may be NULL */
     const char *held_out;
     const char *kept; /* option that names another input file; may be NULL */
     /* values of the field "hidden" that --size auto compares, from small to large, ended by NULL; NULL: the
      * run has no such field */
     const char *const *sizes;
-    bool prior;   /* the loss is the mean square of noise, as --prior needs it */
-    bool presets; /* the learner has the presets "thesis" and "best" */
+    bool prior;                                 /* the loss is a mean square error, as --prior needs it */
+    bool presets;                               /* the learner has the presets "thesis" and "best" */
     bool (*has_width)(const lg_learning *self); /* whether the model has hidden layers; NULL: always */
 
     /* Reads the data. The sentence of a failure begins with the path of the file, unless it is about the

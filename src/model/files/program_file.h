@@ -19,7 +19,7 @@
 
 enum { LG_PROGRAM_NAME = 65, LG_PROGRAM_MOST_NAMES = 1024 };
 
-/* A path in the file. No path is longer. */
+/* A path in the file; `text` has room for every path. */
 typedef struct lg_program_key {
     char text[256];
 } lg_program_key;

@@ -218,7 +218,7 @@ static lg_status get_each(lg_program_reading *r, const known_operations *known) 
         function f = {.r = r, .path = at.text};
         const size_t before = r->left;
         status = get_function(&f, known, name);
-        r->left = before - (before - r->left) / 2; /* an estimate of what the program keeps */
+        r->left = before - (before - r->left) / 2; /* estimate: the program keeps half of what was read */
         while (f.sets > 0) lg_free(r->h5->context, f.set[--f.sets]);
     }
     return status;
