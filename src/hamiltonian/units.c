@@ -10,10 +10,11 @@
  * added. */
 typedef struct motion {
     size_t parts;
-    /* size: about 0; spread: about the mean */
+    /* root mean square about 0 (size) and about the mean (spread) */
     double size[LG_HAMILTONIAN_MAX_PARTS], spread[LG_HAMILTONIAN_MAX_PARTS];
-    double rate[LG_HAMILTONIAN_MAX_PARTS];   /* of the change per time */
-    double change[LG_HAMILTONIAN_MAX_PARTS]; /* from the first point to the others */
+    /* of the change per unit of time */
+    double rate[LG_HAMILTONIAN_MAX_PARTS];
+    double change[LG_HAMILTONIAN_MAX_PARTS]; /* of the change from the first point to the others */
 } motion;
 
 /* A change below `rounding` times the size is a rounding error. When weights are computed, a part changes by

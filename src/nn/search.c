@@ -241,7 +241,7 @@ static void explain(const lg_trial *trial, lg_status status, lg_error *why) {
     why->status = status == LG_OK ? LG_NOT_FINITE : status;
 }
 
-/* Runs the trial of `search`. Returns false if it was cancelled; it is not kept then. */
+/* Runs the trial of `search`. Returns false if the trial was cancelled; the trial is not kept then. */
 static bool run_trial(lg_search *search, const lg_search_problem *problem, const lg_search_space *space,
                       uint64_t number, lg_error *why) {
     lg_trial *trial = search->trial;

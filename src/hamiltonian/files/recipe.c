@@ -120,7 +120,7 @@ static lg_status complete_run(lg_hamiltonian_run *run, const lg_trajectories *da
     return lg_hamiltonian_find_scales(&problem, &run->model.scales, error);
 }
 
-/* Without --penalty-integral, chooses the first integral of the table that fits the model. */
+/* Without --penalty-integral, chooses the first row in the table of first integrals that fits the model. */
 static void choose_integral(lg_learning *self) {
     lg_hamiltonian_run *run = self->run;
     const lg_first_integral *integral;
