@@ -175,8 +175,7 @@ static lg_status measuring_begin(const lg_context *context, const lg_hamiltonian
     return LG_OK;
 }
 
-/* How much energy the motion costs, relative to the run of the training scheme; without `scheme`, to a
- * constant energy. */
+/* Energy that the motion costs, relative to the training scheme's run; without `scheme`, to a constant. */
 static cost measure(const measuring *m, bool scheme) {
     measuring with = *m;
     if (!scheme) with.steps = NULL;
@@ -191,8 +190,8 @@ static bool is_told(const cost *c) {
            fabs(c->slope) > scatter * (1.0 + few / (double)c->count) * c->error;
 }
 
-/* Whether the loss fell by at most the factor `fall` over the second half of the epochs, and does not end at
- * a peak. */
+/* Whether the loss fell by at most the factor `fall` over the last half of the epochs, without a peak at the
+ * end. */
 static bool has_settled(const lg_fit *fit, double fall) {
     static const double peak = 1.5;
     enum { FEWEST = 16 }; /* epochs to judge by */
@@ -204,8 +203,7 @@ static bool has_settled(const lg_fit *fit, double fall) {
     return true;
 }
 
-/* Whether training has converged: the minimiser ended by itself, or the loss has fallen clearly and now stays
- * constant. */
+/* Whether training has converged: the minimiser ended by itself, or the loss fell clearly and now stays. */
 static bool has_come_to_rest(const lg_fit *fit) {
     static const double still = 1.05, worked = 1.3;
     const double *history = lg_fit_history(fit, LG_FIT_LOSS);

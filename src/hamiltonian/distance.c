@@ -29,8 +29,8 @@ static lg_var constant(lg_tape *tape, lg_var x, double value) {
     return lg_full(tape, lg_var_shape(tape, x), value);
 }
 
-/* Returns |m|^2 for m = a + b, but at least `tiny`. For nearly opposite a and b m is small, but has no
- * cancellation error. */
+/* Returns |m|^2 for m = a + b, at least `tiny`. For nearly opposite a and b m is small, but exact to
+ * rounding. */
 static lg_var squared_sum(lg_tape *tape, lg_var m) {
     lg_var y = lg_rownorm2(tape, m);
     return lg_max(tape, y, constant(tape, y, tiny));

@@ -50,8 +50,7 @@ bool lg_hamiltonian_has_geodesics(const lg_space *space);
 lg_var lg_hamiltonian_squared_distance(lg_tape *tape, lg_hamiltonian_distance kind, const lg_space *space,
                                        const double *weight, const lg_var *a, const lg_var *b);
 
-/* A kind of potential: a network of `count` functions of the d coordinates. layered: it may have hidden
- * layers. */
+/* A kind of potential: a network of `count` functions of the d coordinates; layered: with hidden layers. */
 #define LG_DICTIONARY_COORDINATES (3 * LG_HAMILTONIAN_MAX_COPIES)
 typedef struct lg_potential_row {
     bool layered;

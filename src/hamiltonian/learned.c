@@ -84,8 +84,7 @@ void lg_hamiltonian_warn_of_floor(const lg_context *context, const lg_hamiltonia
          better != NULL ? better->name : "");
 }
 
-/* The root mean square over the trajectories of the change of G from point 1 to `point`; for point 1, of G
- * itself. */
+/* Root mean square over the trajectories: of G's change from point 1 to `point`; for point 1, of G. */
 static lg_status integral_at(const lg_context *context, const lg_hamiltonian_problem *problem,
                              const double *theta, size_t point, double *size, lg_error *error) {
     LG_TRY(lg_hamiltonian_integral_change(context, problem, theta, point, size, error));

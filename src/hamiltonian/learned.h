@@ -30,8 +30,8 @@ lg_status lg_hamiltonian_warn_of_integral(const lg_context *context, const lg_ha
 lg_status lg_hamiltonian_warn_of_drift(const lg_context *context, const lg_hamiltonian_problem *problem,
                                        const lg_fit *fit, const double *theta, double loss, double floor,
                                        lg_error *error);
-/* Warns if nothing moves, if trajectories repeat others, or if the data have fewer numbers than the model has
- * parameters. */
+/* Warns if nothing moves, if trajectories repeat others, or if there are more parameters than numbers in the
+ * data. */
 lg_status lg_hamiltonian_warn_of_data(const lg_context *context, const lg_hamiltonian_problem *problem,
                                       const char *path);
 /* Warns if the data have inputs: learned systems are autonomous and do not use them. */

@@ -34,8 +34,7 @@ static lg_status gradient(void *user, lg_tape *tape, const lg_var *theta, const 
     return lg_tape_status(tape);
 }
 
-/* The field calls grad and uses only its output dH/dx; a plan then leaves out the computation of the
- * value. */
+/* The field uses only the output dH/dx of grad; a plan then leaves out the computation of the value. */
 static lg_status field(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     const recording *r = user;
     lg_space space;

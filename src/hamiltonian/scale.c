@@ -46,8 +46,7 @@ static void take_states(const lg_hamiltonian_problem *problem, size_t d, size_t 
     }
 }
 
-/* memory: states, quotient, whole and kinetic (count, d) each, then a copy of theta whose last layer of V is
- * 0. */
+/* memory: states, quotient, whole, kinetic (count, d) each; then a copy of theta, V's last layer being 0. */
 static lg_status ratio_with(lg_tape *tape, const lg_hamiltonian_problem *problem, size_t count,
                             const double *theta, double *memory, double *ratio) {
     const lg_mlp *net = &problem->model->net;

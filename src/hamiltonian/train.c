@@ -1,5 +1,4 @@
-/* Learned Hamiltonians: the loss that training minimises, checks of a training problem, and means over all
- * data. */
+/* Learned Hamiltonians: the training loss, checks of a training problem, and means over all data. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -87,8 +86,7 @@ static lg_var penalty_sum(lg_tape *tape, const lg_hamiltonian_problem *problem,
 
 enum { PREDICTED = LG_HAMILTONIAN_MAX_PARTS * LG_HAMILTONIAN_MAX_POINTS };
 
-/* Predicts points 1..M-1 from `start`, with `substeps` steps between two points; predicted: (M - 1) x
- * parts. */
+/* Predicts points 1..M-1, with `substeps` steps between two points; predicted: (M - 1) x parts. */
 static lg_status predict(lg_tape *tape, const lg_hamiltonian_problem *problem, lg_hamiltonian_vars *vars,
                          uint32_t substeps, const lg_var *start, lg_var *predicted) {
     lg_taped_ode ode;
@@ -112,8 +110,7 @@ static const double *weights_of(const lg_hamiltonian_problem *problem) {
     return ones;
 }
 
-/* The weighted sum of squared distances between `predicted`, which has the parts point by point, and
- * `other`. */
+/* Weighted sum of squared distances between `predicted`, whose parts lie point by point, and `other`. */
 static lg_var squared_error(lg_tape *tape, const lg_hamiltonian_problem *problem,
                             lg_hamiltonian_distance distance, const lg_space *space, size_t points,
                             const lg_var *predicted, const lg_var *other) {
@@ -233,8 +230,7 @@ static lg_status shard_floor(void *user, lg_tape *tape, lg_var theta, const uint
 
 enum { CHUNK = 128 };
 
-/* Adds the loss of all samples chunk by chunk. Each chunk is recorded as a part of one batch, so *sum is the
- * mean. */
+/* Adds the loss of all samples chunk by chunk. Each chunk is a part of one batch, so *sum is the mean. */
 static lg_status add_chunks(lg_tape *tape, const lg_fit_problem *fit, const double *theta, double *sum) {
     uint32_t samples[CHUNK];
     *sum = 0.0;
@@ -415,8 +411,7 @@ typedef struct integral_change {
     size_t point; /* counted from 0 */
 } integral_change;
 
-/* Like shard_loss: the mean square of G at the start for point 0, else of its change from the start to the
- * point. */
+/* Like shard_loss: mean square of G at the start (point 0), or of its change from the start to the point. */
 static lg_status shard_change(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                               size_t batch, lg_var *mean) {
     const integral_change *of = user;

@@ -6,8 +6,7 @@
 #include "integrators/taped_internal.h"
 #include "hamiltonian/internal.h"
 
-/* Root mean squares, per part of the state, over all trajectories. The squares of the numbers of one copy are
- * added. */
+/* Root mean squares per part, over all trajectories. The squares of the numbers of one copy are added. */
 typedef struct motion {
     size_t parts;
     /* root mean square about 0 (size) and about the mean (spread) */
@@ -112,8 +111,7 @@ static lg_status measure(const lg_hamiltonian_problem *problem, walk *w, motion 
     return LG_OK;
 }
 
-/* The time in which a part changes by its spread, as geometric mean over the parts that change; 0 if none
- * does. */
+/* Time in which a part changes by its spread: geometric mean over the parts that change; 0 if none does. */
 static double time_of(const motion *m) {
     double product = 1.0;
     size_t count = 0;
@@ -142,8 +140,7 @@ lg_status lg_hamiltonian_find_scales(const lg_hamiltonian_problem *problem, lg_h
                                   {1.0, 1.0}};
     for (size_t i = 0; i < m.parts; i++)
         if (scaled[i] && m.size[i] > 0.0) made.part[i] = m.size[i];
-    /* The second part is a momentum. Its scale is such that with a mass of 1 inside, q moves as fast as in
-     * the data. */
+    /* The second part is a momentum; its scale is such that with mass 1, q moves as fast as in the data. */
     const double mass = m.size[1] / (m.rate[0] * made.time);
     if (m.parts == 2 && scaled[1] && m.change[0] > rounding * m.size[0] && mass > 0.0)
         made.part[1] = made.part[0] * mass;

@@ -30,8 +30,7 @@ static inline bool lg_model_moves(const lg_model *model) {
     return model != NULL && model->space.factors > 0;
 }
 
-/* Runs a function. x and y are arrays with its inputs and outputs; y[i] may be NULL if output i is not
- * wanted. */
+/* Runs a function on arrays of its inputs and outputs; y[i] may be NULL if output i is not wanted. */
 void lg_model_run(const lg_model *model, lg_model_function function, const double *const *x, double *const *y,
                   void *work);
 /* Bytes of work, behind the plans' work, that the functions of a moving model need. */

@@ -156,8 +156,7 @@ typedef struct search {
     double *A, *normal;           /* (r, r): A or the Cholesky factor, A^T A */
 } search;
 
-/* Solves (A^T A + tiny I) step = -A^T drift; the Cholesky factor overwrites A. Returns false if A is not
- * finite. */
+/* Solves (A^T A + tiny I) step = -A^T drift; A becomes the Cholesky factor. False: A is not finite. */
 static bool newton_step(size_t r, const search *s) {
     double trace = 0.0;
     lg_matrix_multiply_tn(r, r, r, s->A, s->A, s->normal);

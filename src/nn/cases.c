@@ -27,8 +27,7 @@ static lg_var build(const void *user, lg_tape *tape, const lg_var *x) {
     return lg_mlp_record_gradient(tape, &net, &vars, x[0]);
 }
 
-/* Parameters: 2 4 + 4 + 4 3 + 3 = 27 weights and biases, then 3 weights per output, and the biases of the
- * outputs. */
+/* Parameters: 2 4 + 4 + 4 3 + 3 = 27 weights and biases; per output 3 weights and, if any, a bias. */
 #define ROW(label, kind, outputs, bias, gradient)                                                            \
     {                                                                                                        \
         .function = {                                                                                        \

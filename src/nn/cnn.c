@@ -32,8 +32,7 @@ static bool size_fits(uint32_t x) {
     return x >= 1 && x <= MAX_SIZE;
 }
 
-/* Checks block i, counted from 0, whose input has *length samples; *length becomes the length of its
- * output. */
+/* Checks block i, counted from 0. *length is the length of its input; it becomes that of its output. */
 static lg_status check_block(const lg_cnn_block *b, uint32_t i, uint32_t *length, lg_error *error) {
     const uint32_t number = i + 1;
     const bool pooled = b->pooling != LG_POOL_NONE;

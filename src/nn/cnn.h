@@ -1,6 +1,5 @@
 /* The layers of a convolutional network (liegrad/convolution.h), in the order of their parameters in the flat
- * vector: the convolutions, the dense layer "plane" if there is one, the output layer. A weight precedes its
- * bias. */
+ * vector: convolutions, the dense layer "plane" if there is one, output layer. A bias follows its weight. */
 #ifndef LG_CNN_H
 #define LG_CNN_H
 

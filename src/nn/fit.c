@@ -298,8 +298,7 @@ static lg_status train_batches(lg_fit *fit, double rate, lg_error *error) {
     return LG_OK;
 }
 
-/* Mean loss of the validation part, computed in batches of the training size; NaN without a validation
- * part. */
+/* Mean loss of the validation part, in batches of the training size; NaN if there is no such part. */
 static lg_status validate(lg_fit *fit, double *loss, lg_error *error) {
     const size_t total = fit->problem.samples - fit->training;
     const uint32_t *samples = fit->state.order + fit->training;

@@ -1,5 +1,4 @@
-/* Saving and loading the state of a training run. One list names what is stored; saving and loading both use
- * it. */
+/* Saving and loading the state of a training run. One list names what is stored, for both. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>

@@ -43,8 +43,7 @@ typedef struct lg_shard {
     double loss;
     double bound; /* upper bound of the gradient's norm; infinite if unknown */
     lg_status status;
-    /* Only for sums of squares (fit_squares.c): the Gauss-Newton matrix, and memory for a Jacobian of `rows`
-     * rows. */
+    /* Only for sums of squares: the Gauss-Newton matrix, and memory for a Jacobian of `rows` rows. */
     double *matrix, *jacobian;
     size_t rows;
 } lg_shard;
@@ -72,8 +71,7 @@ struct lg_fit {
     lg_ranks counted;
     const lg_ranks *given;
     lg_fit_cost cost;
-    /* The current batch: shards in use, samples, whether gradients and matrices are wanted. Then the data of
-     * the step. */
+    /* The current batch: shards in use, samples, what is wanted of it. Then the data of the step. */
     size_t active, batch_samples;
     bool with_gradient, with_squares;
     const struct lg_fit_batches_row *row; /* the method of this step */
@@ -113,8 +111,7 @@ lg_status lg_fit_sum_losses(const lg_fit *fit, const char *what, double *loss, l
 /* Computes loss, gradient and Gauss-Newton matrix of all training samples from the residuals. Gradient and
  * matrix are in the first shard. */
 lg_status lg_fit_squares(lg_fit *fit, const char *what, double *value, lg_error *error);
-/* Adds `decay` and the problem's own decay to the diagonal of the matrix, and `prior` to its first `weights`
- * elements. */
+/* Adds `decay` and problem.decay to the matrix's diagonal, and `prior` to its first `weights` elements. */
 void lg_fit_add_diagonal(lg_fit *fit, size_t weights, double prior, double decay);
 /* Adds the gradients of all shards into the first shard's gradient, and returns its norm. */
 double lg_fit_reduce(lg_fit *fit);
@@ -125,8 +122,7 @@ double lg_fit_reduce(lg_fit *fit);
 typedef enum lg_pairs { LG_PAIRS_HERE, LG_PAIRS_REST } lg_pairs;
 typedef void (*lg_fit_add)(const lg_fit *fit, void *user, size_t to, size_t from);
 void lg_fit_for_pairs(const lg_fit *fit, lg_pairs pairs, lg_fit_add add, void *user);
-/* The factor that shortens a gradient of this norm to at most `limit`: min(1, limit/norm). It is 1 for limit
- * 0. */
+/* The factor min(1, limit/norm), which shortens a gradient to at most `limit`; 1 for limit 0. */
 double lg_clip_factor(double norm, double limit);
 /* Fails with a sentence that names the element of the gradient that is not finite. */
 lg_status lg_fit_gradient_failure(const lg_fit *fit, const char *what, lg_error *error);
@@ -149,8 +145,7 @@ static inline bool lg_fit_alone(const lg_fit *fit) {
 /* Divides the shards over the ranks, and wraps options.ranks to count exchanges. */
 lg_status lg_fit_ranks_create(lg_fit *fit);
 void lg_fit_ranks_destroy(lg_fit *fit);
-/* Whether this rank needs the shard's gradient and matrix: it computes the shard, or receives a sum from
- * it. */
+/* Whether the rank needs gradient and matrix of the shard: it computes the shard, or receives its sum. */
 bool lg_fit_holds(const lg_fit *fit, size_t shard);
 /* Runs task(user, i) in threads for this rank's shards among the first `active`. With ranks an exchange
  * follows: then every rank has the losses and statuses of all shards and, if wanted, the sums that
@@ -186,8 +181,7 @@ const lg_fit_batches_row *lg_fit_batches_of(lg_fit_method method);
 lg_fit_method lg_fit_method_of(const lg_fit *fit, uint64_t phase);
 /* Options of the minimiser for a phase without batches. */
 lg_minimise_options lg_fit_minimise_options(const lg_fit *fit, uint64_t phase);
-/* Evaluates the loss of all training samples once, and tells the minimiser. *moved: whether theta has
- * changed. */
+/* Evaluates the loss of all training samples and tells the minimiser. *moved: whether theta has changed. */
 lg_status lg_fit_evaluate(lg_fit *fit, bool *moved, lg_error *error);
 /* Called after an epoch: begins the next phase if the current one is over. */
 void lg_fit_next_phase(lg_fit *fit);
@@ -202,8 +196,7 @@ static inline uint64_t lg_fit_batches(const lg_fit *fit, uint64_t samples) {
     return (samples + fit->batch - 1) / fit->batch;
 }
 
-/* The loss by which epochs are compared to find the best one: of the validation part if there is one. `epoch`
- * counts from 1. */
+/* The loss that decides which epoch is best: the validation loss if there is one. `epoch` counts from 1. */
 static inline double lg_fit_criterion(const lg_fit *fit, uint64_t epoch) {
     const lg_fit_series series = fit->training < fit->problem.samples ? LG_FIT_VALIDATION : LG_FIT_LOSS;
     return fit->state.history[series][epoch - 1];

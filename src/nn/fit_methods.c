@@ -256,8 +256,7 @@ static double plain_loss(const lg_fit *fit) {
     return value - penalty_at(fit, lg_minimiser_best(fit->state.minimiser));
 }
 
-/* Sets the variance of the noise, and tells the minimiser how value and gradient at the lowest point change
- * with W. */
+/* Sets the variance of the noise; tells the minimiser the new value and gradient at the lowest point. */
 static void set_noise(lg_fit *fit, double noise) {
     lg_fit_state *s = &fit->state;
     const size_t n = fit->problem.parameters, weights = weights_of(fit);
@@ -271,9 +270,8 @@ static void set_noise(lg_fit *fit, double noise) {
     lg_minimiser_change(s->minimiser, value + 0.5 * change * fit->k->dot(weights, x, x), gradient);
 }
 
-/* Called after an accepted step. If WINDOW iterations have lowered the loss by less than a tenth, the loss
- * becomes the variance of the noise. If the loss later falls below half the noise, the noise becomes 0
- * again. */
+/* Called after an accepted step. If WINDOW iterations lowered the loss by less than a tenth, the loss becomes
+ * the variance of the noise. If the loss later falls below half the noise, the noise becomes 0 again. */
 static void watch_noise(lg_fit *fit, double loss) {
     enum { WINDOW = 50 };
     static const double FALL = 0.9, ANEW = 0.5;

@@ -178,8 +178,7 @@ static lg_status check_mean(training *t, lg_tape *tape, lg_error *error) {
                    name, rows, together, mean);
 }
 
-/* The loss of all rows, with LG_FIT_CHUNK rows at a time on the tape. First check_mean checks that it is a
- * mean. */
+/* The loss of all rows, LG_FIT_CHUNK rows on the tape at a time. First checks that it is a mean. */
 static lg_status loss_of_all(training *t, const lg_context *context, double *sum, lg_error *error) {
     lg_tape *tape;
     bool depends;

@@ -88,8 +88,7 @@ void lg_fit_ranks_destroy(lg_fit *fit) {
 
 /* ---- messages ---- */
 
-/* A message is a list of arrays; list_message calls a `take` for each of them, to count, pack or unpack
- * it. */
+/* A message is a list of arrays; list_message calls a `take` for each, to count, pack or unpack it. */
 typedef struct message {
     char *begin; /* NULL when only the length is counted */
     size_t length;
@@ -127,8 +126,7 @@ static void list_shard(lg_fit *fit, size_t index, take each, message *m) {
     }
 }
 
-/* Calls `each` for all arrays of the message of rank `from`, which begins at `begin`. Returns its length in
- * bytes. */
+/* Calls `each` for all arrays of the message of rank `from`, at `begin`. Returns its length in bytes. */
 static size_t list_message(lg_fit *fit, uint32_t from, take each, char *begin) {
     message m = {begin, 0};
     each(&m, &fit->stops[from], sizeof *fit->stops);

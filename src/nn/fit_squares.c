@@ -17,8 +17,7 @@ static size_t columns_of(const lg_fit *fit) {
     return shared_by_all(fit) + fit->problem.own;
 }
 
-/* Makes room for the Jacobian (rows, columns), the residuals and, without `linearise`, the transposed
- * Jacobian. */
+/* Makes room for the Jacobian (rows, columns), the residuals and, without `linearise`, its transpose. */
 static lg_status room_for(const lg_fit *fit, lg_shard *shard, size_t rows) {
     const size_t columns = columns_of(fit), copies = fit->problem.linearise != NULL ? 1 : 2;
     if (shard->rows >= rows) return LG_OK;
@@ -85,8 +84,7 @@ static lg_status linearise(const lg_fit *fit, lg_shard *shard, const uint32_t *s
     return LG_OK;
 }
 
-/* Adds J^T J to the upper triangle of P (shared, shared), and J^T r to the gradient of the shared
- * parameters. */
+/* Adds J^T J to the upper triangle of P (shared, shared), J^T r to the shared part of the gradient. */
 static void add_shared(const lg_fit *fit, lg_shard *shard, size_t rows, const double *jacobian,
                        const double *residuals) {
     enum { WIDTH = 96 };
@@ -114,8 +112,7 @@ lg_fit_own lg_fit_own_of(const lg_fit *fit, uint32_t sample) {
                         .block_length = own * own};
 }
 
-/* Writes the rows C and the block B of one sample, and its part of the gradient. No other shard writes
- * there. */
+/* Writes C, B and the part of the gradient of one sample. No other shard writes there. */
 static void put_own(const lg_fit *fit, lg_shard *shard, uint32_t sample, size_t rows, const double *jacobian,
                     const double *residuals) {
     const size_t columns = columns_of(fit), n = shared_by_all(fit), own = fit->problem.own;
@@ -175,8 +172,7 @@ void lg_fit_squares_here(lg_fit *fit) {
     lg_fit_for_pairs(fit, LG_PAIRS_HERE, add_matrices, NULL);
 }
 
-/* Adds up the shards' gradients and matrices, mirrors the upper triangle of P into the lower one, and doubles
- * all. */
+/* Adds up gradients and matrices of all shards, mirrors P's upper triangle to the lower one, doubles all. */
 static void add_up(lg_fit *fit) {
     const size_t n = shared_by_all(fit), all = fit->problem.parameters;
     double *matrix = fit->shards[0].matrix;

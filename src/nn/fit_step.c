@@ -9,8 +9,7 @@
 #include "autodiff/tape/tape_internal.h"
 #include "nn/fit_internal.h"
 
-/* The number of blocks from which threads are used; with fewer blocks, waking threads costs more than it
- * saves. */
+/* Threads are used from so many blocks on; with fewer, waking them costs more than it saves. */
 #define PARALLEL_BLOCKS 16
 
 /* Whether the bound on the norm that a backward sweep returns can replace a pass over the gradient: one sweep
@@ -23,8 +22,7 @@ static size_t chunk_of(const lg_fit *fit) {
     return fit->problem.chunk > 0 ? fit->problem.chunk : LG_FIT_CHUNK;
 }
 
-/* Adds loss and gradient of `count` samples to the shard's. The first chunk of a shard overwrites the
- * gradient. */
+/* Adds loss and gradient of `count` samples to the shard's; its first chunk overwrites the gradient. */
 static lg_status chunk_loss(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count) {
     lg_tape *tape = shard->tape;
     lg_tape_reset(tape);
@@ -155,8 +153,7 @@ void lg_fit_reduce_here(lg_fit *fit) {
     for_blocks(fit, reduce_block_here);
 }
 
-/* Adds a block of the gradients of all shards into the first shard's gradient; then takes its squared
- * norm. */
+/* Adds a block of all shards' gradients into the first shard's, and takes its squared norm. */
 static void reduce_block(void *user, size_t block) {
     lg_fit *fit = user;
     lg_fit_for_pairs(fit, LG_PAIRS_REST, add_gradients, &block);

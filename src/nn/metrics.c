@@ -63,8 +63,7 @@ lg_metrics lg_metrics_of(const uint64_t *confusion, uint32_t classes) {
 
 /* ---- receiver operating characteristic ---- */
 
-/* The number that scores are sorted by. NaN becomes -infinity, so that such a window is called positive
- * last. */
+/* The number that scores are sorted by. NaN becomes -infinity: such a window is called positive last. */
 static double key_of(double score) {
     return isnan(score) ? -(double)INFINITY : score;
 }

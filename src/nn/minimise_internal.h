@@ -130,8 +130,7 @@ bool lg_minimise_creeps(lg_minimiser *m);
 bool lg_minimise_newton_pays(const lg_minimiser *m, double fall);
 /* max |g_i| in the caller's units. */
 double lg_minimise_gradient_size(const lg_minimiser *m);
-/* Begins a line search from x along d with the first step alpha. If d is not a descent direction, it is
- * replaced by -g. */
+/* Begins a line search from x along d, with the first step alpha; along -g if d is no descent direction. */
 void lg_minimise_search(lg_minimiser *m, double alpha);
 
 /* Whether the Hessian can be computed from differences of gradients, at most 2 n of them, when searches have
@@ -175,15 +174,13 @@ static inline size_t lg_minimise_stride(size_t n) {
     return (n + 7) / 8 * 8;
 }
 
-/* Doubles for the Lanczos vectors and the coefficients of T. 0 if options.check is false or there are
- * ranks. */
+/* Doubles for the Lanczos vectors and the coefficients of T; 0 without options.check or with ranks. */
 static inline size_t lg_minimise_curvature_length(size_t n, const lg_minimise_options *options) {
     const bool looks = options->check && options->ranks == NULL;
     return looks ? LG_LANCZOS_STEPS * (lg_minimise_stride(n) + 2) : 0;
 }
 
-/* max |x_i|; 0 for n = 0. After a NaN the maximum starts anew: the result is NaN only if the last element
- * is. */
+/* max |x_i|; 0 for n = 0. After a NaN the maximum starts anew, so a NaN is lost unless it is the last. */
 double lg_largest(const double *x, size_t n);
 
 #endif

@@ -171,14 +171,12 @@ static double foretold(lg_minimiser *m) {
     return -m->numbers.slope - 0.5 * twice;
 }
 
-/* Whether the step without damping moves no x_i by more than LEFT of it, or lowers f by at most LEFT of
- * it. */
+/* Whether the step without damping moves each x_i by at most LEFT |x_i|, or lowers f by at most LEFT f. */
 static bool at_minimum(lg_minimiser *m) {
     bool still = true;
     if (!solve_residuals(m, false)) return false;
     for (size_t i = 0; i < m->n; i++) still = still && fabs(m->d[i]) <= LEFT * fabs(m->x[i]);
-    /* The part of -r in the column space of J: the first n numbers of the right side, which follows the
-     * factor. */
+    /* The part of -r in the column space of J: the first n numbers of the right side, behind the factor. */
     const double *in = m->squares->stack + m->n * (m->squares->rows + m->n);
     return still || m->k->dot(m->n, in, in) <= LEFT * m->numbers.value;
 }

@@ -1,5 +1,4 @@
-/* The loop that evaluates and tells a minimiser: lg_minimise for functions, lg_least_squares for
- * residuals. */
+/* The loop that evaluates and tells a minimiser: lg_minimise and lg_least_squares. */
 #include <math.h>
 #include <string.h>
 
@@ -110,8 +109,7 @@ static void units_of_zeros(size_t n, const double *x, double size, const double 
         if (!(unit[i] > 0.0) || !(unit[i] * ROUNDED <= largest)) unit[i] = largest > 0.0 ? largest : 1.0;
 }
 
-/* Sets the units to |x_i|, or 1 where x_i = 0. The minimiser now starts at x/unit, whose elements are 1, -1
- * or 0. */
+/* Sets the units to |x_i|, or 1 for x_i = 0. So the minimiser starts at 1, -1 or 0 in each variable. */
 static void take_units(lg_minimiser *m, const double *x, double *unit) {
     for (size_t i = 0; i < m->n; i++) {
         unit[i] = x[i] != 0.0 ? fabs(x[i]) : 1.0;
@@ -243,8 +241,7 @@ static bool look(lg_minimiser *m, const given_residuals *given, double step, dou
     return given->k->all_finite(given->m, given->r) && given->k->all_finite(given->m, out);
 }
 
-/* Whether the change of r over the step agrees with J d. Also true if r could not be evaluated, as nothing is
- * known then. */
+/* Whether the change of r over the step agrees with J d; also true if r could not be evaluated. */
 static bool step_agrees(lg_minimiser *m, const given_residuals *given, double step, double size,
                         lg_status *status) {
     const size_t rows = given->m;

@@ -1,5 +1,4 @@
-/* The line search: finds a step that meets the weak Wolfe conditions, by bracketing and cubic
- * interpolation. */
+/* The line search for the weak Wolfe conditions, by bracketing and cubic interpolation. */
 #include <math.h>
 
 #include "nn/minimise_internal.h"

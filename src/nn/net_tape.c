@@ -5,8 +5,7 @@
 #include "autodiff/tape/tape_internal.h"
 #include "core/core.h"
 
-/* The parameters of the dense layers as views of the flat vector; the bias is LG_NONE where a layer has
- * none. */
+/* The parameters of the dense layers as views of the flat vector; LG_NONE for a missing bias. */
 typedef struct bound {
     net_layout layout;
     lg_var weight[NET_MAX_DENSE], bias[NET_MAX_DENSE];

@@ -160,8 +160,7 @@ bool lg_search_prune(const lg_search_options *options, const lg_trial *trials, s
     return better > 0 && (double)better >= needed;
 }
 
-/* The first epoch at which the trial has passed the rung: total (rung + 1)/parts, rounded up, without
- * overflow. */
+/* First epoch at which the trial has passed the rung: total (rung + 1)/parts rounded up, no overflow. */
 static uint64_t rung_epoch(uint64_t total, uint32_t rung, uint32_t parts) {
     return total / parts * (rung + 1) + (total % parts * (rung + 1) + parts - 1) / parts;
 }

@@ -11,8 +11,7 @@
 #define LISTS LG_GRID_VALUES
 #define FORM  "hamiltonian" /* the form of the systems that a grid learns */
 
-/* The grid's own keys. For penalty and substeps, list_keys sets the limits to those of the hyperparameter of
- * the same name. */
+/* The grid's own keys. list_keys sets the limits of penalty and substeps to the hyperparameters' limits. */
 enum {
     KEY_INTEGRATORS,
     KEY_PENALTY,

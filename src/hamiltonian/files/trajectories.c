@@ -214,8 +214,7 @@ static void squeeze(char *text) {
 
 typedef enum layout_kind { LAYOUT_NONE, LAYOUT_NUMBERED, LAYOUT_BLOCKS, LAYOUT_UNKNOWN } layout_kind;
 
-/* Compares the squeezed text with the family's layouts. NUMBERED: q1 p1 q2 p2 ...; BLOCKS: q p, or q1 q2 ...
- * p1 p2 ... */
+/* Layout of squeezed text: NUMBERED q1 p1 q2 p2 ...; BLOCKS q p, or q1 q2 ... p1 p2 ...; else UNKNOWN. */
 static layout_kind layout_of(const lg_hamiltonian_family *family, const char *text) {
     char numbered[32] = "", blocks[32] = "", counted[32];
     (void)snprintf(counted, sizeof counted, "%s1%s2", family->layout[0], family->layout[0]);
@@ -242,8 +241,7 @@ static layout_kind wanted_layout(const lg_hamiltonian_family *family) {
     return family->numbered ? LAYOUT_NUMBERED : LAYOUT_BLOCKS;
 }
 
-/* The largest distance of a copy in the state from the manifold; *worst is the index of this copy, unless the
- * distance is 0. */
+/* The largest distance of a copy from the manifold; *worst becomes the copy's index if it is above 0. */
 static double off_manifold(const lg_hamiltonian_family *family, const double *state, uint32_t n,
                            uint32_t *worst) {
     const uint32_t per = numbers_per_copy(family);
@@ -345,8 +343,7 @@ static lg_status check_system(read_call *call, lg_error *error) {
     return LG_OK;
 }
 
-/* `links` is checked for numbered layouts only. For other layouts programs disagree about its meaning, and d
- * determines n. */
+/* Only for numbered layouts. For other layouts programs disagree what `links` means, and d determines n. */
 static lg_status check_links(read_call *call, lg_error *error) {
     static const char *const places[] = {"", "trajectories"};
     const lg_trajectories *out = call->out;

@@ -154,8 +154,7 @@ const void *lg_model_file_of(const lg_model_file *file, const lg_recipe *recipe)
     return file != NULL && file->recipe == recipe ? file->contents : NULL;
 }
 
-/* Whether the recipe makes the program with its steps. Otherwise steps are made from the field in the
- * file. */
+/* Whether the recipe makes the program with its steps; else steps are made from the field in the file. */
 static bool has_steps(const lg_model_file *file) {
     return file->recipe != NULL && (file->recipe->scheme != NULL || lg_model_space(file->model) == NULL);
 }

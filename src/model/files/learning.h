@@ -85,8 +85,7 @@ typedef struct lg_learner {
     bool presets;                               /* the learner has the presets "thesis" and "best" */
     bool (*has_width)(const lg_learning *self); /* whether the model has hidden layers; NULL: always */
 
-    /* Reads the data. The sentence of a failure begins with the path of the file, unless it is about the
-     * command line. */
+    /* Reads the data. The sentence of a failure begins with the path of a file, or with an option. */
     lg_status (*read)(lg_learning *self, lg_error *error);
     /* Completes the run by what the data determine and, without `stored`, by what a preset says
      * (lg_learning_adopt). The hyperparameters of a stored run are in the run already. */
@@ -158,8 +157,7 @@ lg_status lg_learning_save(lg_learning *self, const char *path, double *theta,
 /* Computes results of the contents of a model file on the data of `paths`: by `evaluate`, or without this
  * hook by `judge`, after the hooks that come before it in a training. */
 lg_status lg_learning_evaluate(lg_learning *self, const void *file, lg_error *error);
-/* lg_learning_release frees the fit and what describe, prepare and problem made; lg_learning_close also frees
- * what read made. */
+/* release frees the fit and what describe, prepare and problem made; close also frees what read made. */
 void lg_learning_release(lg_learning *self);
 void lg_learning_close(lg_learning *self);
 

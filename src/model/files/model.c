@@ -153,7 +153,7 @@ static lg_status fit_text(void *user, const char *path, const char *value) {
     return lg_h5_put_text(target->h5, "train", path, value, &target->error);
 }
 
-/* The state of a minimiser is far larger than the model, so only checkpoints keep it; a model file keeps the
+/* A minimiser's state is far larger than the model: only checkpoints keep it; model files keep the
  * history. */
 static lg_status put_fit(lg_h5 *h5, const lg_fit *fit, lg_error *error) {
     fit_target target = {.h5 = h5, .history = !lg_fit_method_batches(lg_fit_method_now(fit))};

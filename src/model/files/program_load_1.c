@@ -32,8 +32,7 @@ static lg_status keep(function *f, const char *path, uint64_t count, size_t size
     return LG_OK;
 }
 
-/* Reads the numbers of a data set of this shape. If dims[0] is ANY, any length is accepted and stored in
- * dims[0]. */
+/* Reads the numbers of a data set of this shape. If dims[0] is ANY, it becomes the stored length. */
 static lg_status get_numbers(function *f, const char *path, lg_element type, uint32_t rank, uint64_t *dims,
                              void **out) {
     lg_program_reading *r = f->r;

@@ -91,8 +91,7 @@ lg_program_word lg_program_word_of(const char *place, const char **path) {
     return as_it_is;
 }
 
-/* Writes the list of places of a parameter. Returns false if it has none: it is then stored below
- * /parameters. */
+/* Writes the places of a parameter. Returns false if it has none: it is then stored below /parameters. */
 static bool put_places(lg_h5 *h5, const char *parameter, const lg_program_source *places, size_t count,
                        lg_status *status, lg_error *error) {
     size_t n = 0;

@@ -33,8 +33,7 @@ struct lg_recipe {
      * beyond the last slice. */
     size_t (*parameters)(const void *run);
     bool (*slice)(const void *run, uint32_t index, lg_slice_info *out);
-    /* Makes the program of the model in a file structure, with steps of `scheme`; NULL: of the usual
-     * scheme. */
+    /* Makes the program of the model in a file structure. `scheme`: of its steps; NULL: the usual scheme. */
     lg_status (*program)(const lg_context *context, const void *file, const lg_scheme *scheme,
                          lg_program **out, lg_error *error);
     lg_status (*space)(const void *run, lg_space *out); /* of the states; NULL: the model does not move */
@@ -45,8 +44,7 @@ struct lg_recipe {
     /* The file structure: its size, and the offsets of the members that all kinds have. */
     size_t file_size, file_context, file_run, file_parameters, file_theta, file_epochs, file_history,
         file_provenance;
-    /* Write and read the rest of the file; may be NULL. fitted: lg_fit_save writes optimizer and
-     * generator. */
+    /* Write and read the rest of the file; may be NULL. fitted: lg_fit_save writes the optimizer. */
     lg_status (*put_rest)(lg_h5 *h5, const void *file, bool fitted, lg_error *error);
     lg_status (*get_rest)(lg_h5 *h5, void *file, lg_error *error);
     void (*release)(void *file);      /* NULL: the file structure owns only theta and the history */
@@ -57,8 +55,7 @@ struct lg_recipe {
 
 lg_status lg_run_check(const char *path, const lg_recipe *kind, const void *run, lg_error *error);
 lg_status lg_run_put(lg_h5 *h5, const lg_recipe *kind, const void *run, lg_error *error);
-/* complete: all attributes of /run must exist, except optional ones. Otherwise missing ones keep their
- * default. */
+/* complete: all attributes of /run but optional ones must exist; else missing ones keep their default. */
 lg_status lg_run_get(lg_h5 *h5, const lg_recipe *kind, bool complete, void *run, lg_error *error);
 
 /* ---- models and checkpoints (model.c) ---- */
@@ -72,8 +69,7 @@ lg_status lg_run_load(const lg_context *context, const char *path, const lg_read
  * child process of lg_probe. */
 lg_status lg_run_edit(const lg_context *context, const char *path,
                       lg_status (*edit)(void *user, lg_h5 *h5, lg_error *error), void *user, lg_error *error);
-/* The same as lg_run_load, for an open file. On failure the caller must release `file`, which may have
- * arrays. */
+/* lg_run_load for an open file. On failure the caller must release `file`, which may have arrays. */
 lg_status lg_run_get_file(lg_h5 *h5, const lg_recipe *kind, void *file, lg_error *error);
 
 /* Reads an optional attribute of the root, which must be a finite number. */
@@ -83,8 +79,7 @@ void lg_history_destroy(const lg_context *context, double *history[LG_FIT_SERIES
 
 /* ---- the recipe of a kind, and its public functions ---- */
 
-/* Members of a recipe that follow from its kind: names, and offsets in the structures lg_<kind>_run and
- * lg_<kind>_file. */
+/* Members of a recipe that follow from its kind: names, offsets in lg_<kind>_run and lg_<kind>_file. */
 #define LG_RECIPE_LAYOUT(kind)                                                                               \
     .name = #kind, .fields = lg_##kind##_fields, .run_size = sizeof(lg_##kind##_run),                        \
     .training = offsetof(lg_##kind##_run, training), .file_size = sizeof(lg_##kind##_file),                  \
