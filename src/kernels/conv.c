@@ -2,7 +2,8 @@
 
 #include <string.h>
 
-/* Longer inner sums are taken in blocks of so many, each added to the result. */
+/* Inner sums much longer than INNER_BLOCK are computed in blocks of that length. Each block's sum is added to
+ * the result. */
 #define INNER_BLOCK 256
 
 bool lg_windows_count(lg_k_windows *w) {
@@ -14,7 +15,7 @@ bool lg_windows_count(lg_k_windows *w) {
     return true;
 }
 
-/* c [+]= A B with A(i, l) at a[i ra + l ca], rows of B ldb apart */
+/* c [+]= A B. Element (i, l) of A is at a[i ra + l ca], and row l of B begins at b + l ldb. */
 typedef struct product {
     const lg_kernels *kernels;
     size_t m, n, k, ra, ca, ldb;
@@ -40,10 +41,11 @@ static size_t padded_count(const lg_k_windows *w) {
     return w->padding == 0 ? 0 : (w->length + 2 * w->padding) * w->channels;
 }
 
-/* Rows that lie evenly: those of a sample, or of all samples where these follow each other at the same
- * distance. */
+/* The windows as rows of matrices. There is one piece per sample, or a single piece for all samples if the
+ * windows of all samples lie at equal distances in memory. */
 typedef struct layout {
-    size_t pieces, rows, pitch; /* pieces of so many rows, elements from a row to the next */
+    /* Number of pieces, rows per piece, and elements between the beginnings of two rows. */
+    size_t pieces, rows, pitch;
 } layout;
 
 static layout layout_of(const lg_conv *c) {
@@ -54,7 +56,8 @@ static layout layout_of(const lg_conv *c) {
     return (layout){c->batch, w->count, step};
 }
 
-/* The first row of piece i; a padded sample is copied into scratch, whose margins are zero. */
+/* Returns the first row of piece i. With padding, the sample is copied into scratch, between margins of
+ * zeros. */
 static const void *windows_of(const lg_kernels *k, const lg_k_windows *w, const void *x, size_t i,
                               void *scratch) {
     const size_t series = w->length * w->channels * k->size;
@@ -72,11 +75,11 @@ static const void *windows_of(const lg_kernels *k, const lg_k_windows *w, const 
 
 /* ---- convolution ---- */
 
-/* The bias is repeated in scratch, so that several rows pass through the activation as one long row without
- * remainders of vectors. */
+/* The bias is repeated TOGETHER times in scratch. Then as many rows pass through the activation as one long
+ * row, so that vectors are rarely partial. */
 enum { TOGETHER = 16 };
 
-/* What is averaged of a piece. */
+/* Number of activated elements per piece that wait in scratch to be averaged; 0 without a pool. */
 static size_t activated_count(const lg_conv *conv) {
     return conv->pool.count == 0 ? 0 : layout_of(conv).rows * conv->outputs;
 }
@@ -85,7 +88,8 @@ size_t lg_conv_scratch(const lg_conv *conv) {
     return padded_count(&conv->windows) + TOGETHER * conv->outputs + activated_count(conv);
 }
 
-/* y = sigma(z + b), z in y, or, with slopes, there and then sigma'. */
+/* Without slopes: replaces z in y by sigma(z + b). With slopes: z is in `slope`; y becomes sigma(z + b) and
+ * slope becomes sigma'(z + b). */
 static void activate(const lg_kernels *k, lg_k_act kind, size_t rows, size_t n, const void *biases,
                      void *slope, void *y) {
     const size_t together = rows / TOGETHER, rest = rows % TOGETHER, done = together * TOGETHER * n * k->size;
@@ -98,7 +102,8 @@ static void activate(const lg_kernels *k, lg_k_act kind, size_t rows, size_t n, 
     k->act_slope(kind, 1, rest * n, biases, (unsigned char *)slope + done, (unsigned char *)y + done);
 }
 
-/* The bias, or zeros for slopes without one. NULL: none. */
+/* Fills `biases` with TOGETHER copies of the bias and returns it. Without a bias, it is filled with zeros if
+ * `wanted` (slopes need it), else the function returns NULL. */
 static const void *repeat_bias(const lg_kernels *k, size_t n, const void *bias, bool wanted, void *biases) {
     if (bias == NULL && !wanted) return NULL;
     if (bias == NULL) k->fill(TOGETHER * n, 0.0, biases);
@@ -169,7 +174,7 @@ void lg_conv_input(const lg_kernels *k, const lg_conv *conv, const void *g, cons
     }
 }
 
-/* Elements that a product of n columns works on a row: whole vectors. */
+/* Columns that a product with n columns really computes: n rounded up to whole vectors. */
 static size_t vector_width(const lg_kernels *k, size_t n) {
     static const size_t bytes[LG_ISA_COUNT] = {
         [LG_ISA_BASELINE] = 16, [LG_ISA_AVX2] = 32, [LG_ISA_AVX512] = 64, [LG_ISA_NEON] = 16};
@@ -182,7 +187,7 @@ size_t lg_conv_weight_scratch(const lg_conv *conv) {
     return padded_count(w) + 2 * w->size * w->channels * conv->outputs;
 }
 
-/* W or its transpose, whichever fills vectors better. */
+/* Computes A^T G or its transpose G^T A, whichever leaves fewer vector lanes empty. */
 void lg_conv_weight(const lg_kernels *k, const lg_conv *conv, const void *x, const void *g, void *w, bool add,
                     void *scratch) {
     const layout lie = layout_of(conv);
@@ -212,7 +217,8 @@ void lg_conv_weight(const lg_kernels *k, const lg_conv *conv, const void *x, con
     if (add) k->axpy(count, 1.0, back, w);
 }
 
-/* Several rows as one: long rows are added in whole vectors. */
+/* LG_CONV_BIAS_SCRATCH rows are added as one long row, which consists of whole vectors; then their sums are
+ * added up. */
 void lg_conv_bias(const lg_kernels *k, const lg_conv *conv, const void *g, void *bias, bool add,
                   void *scratch) {
     const size_t rows = conv->batch * conv->windows.count, n = conv->outputs;

@@ -1,6 +1,6 @@
-/* One table of kernels. Compiled once for each type (LG_KERNEL_f64, LG_KERNEL_f32) and instruction set
- * (LG_KERNEL_ISA = baseline, avx2, avx512, neon, and LG_KERNEL_ISA_<set>); the only external symbol is the
- * table lg_kernels_<type>_<set>. */
+/* One table of kernels. This file is compiled once for each type (LG_KERNEL_f64, LG_KERNEL_f32) and each
+ * instruction set (LG_KERNEL_ISA = baseline, avx2, avx512 or neon, together with LG_KERNEL_ISA_<set>). Its
+ * only external symbol is the table lg_kernels_<type>_<set>. */
 #include "kernels/act_zeros.h"
 #include "kernels/kernels.h"
 #include "kernels/stumpff.h"

@@ -1,11 +1,13 @@
-/* The kernels: everything that loops over numbers. One source per family, compiled for both types and for
- * each instruction set; a tape holds a pointer to one table and never branches on type.
+/* The kernels: all inner loops over numbers. Each family of kernels has one source file, which is compiled
+ * for both types and for each instruction set. A tape holds a pointer to one table of kernels and never
+ * branches on type.
  *
- * Conventions. Arrays are contiguous unless strides are given; `size_t n` counts elements; pointers are to
- * the table's own type (double or float), 64-byte alignment is usual but not required. Outputs do not overlap
- * inputs except where "in place" is said or y == x / y == a is allowed for elementwise kernels (it is, for
- * all that take n). No kernel allocates, locks or fails. Elementwise results do not depend on an element's
- * position. Reductions (sum, dot) accumulate in double on both types, in a fixed order.
+ * Conventions. Arrays are contiguous unless strides are given. `size_t n` is the number of elements. Pointers
+ * are to the table's type (double or float) unless declared otherwise; 64-byte alignment is usual but not
+ * required. Outputs must not overlap inputs, except where a comment says "in place"; in kernels that take n,
+ * y may also be the same array as an input. No kernel allocates, locks or fails. Elementwise results do not
+ * depend on an element's position. Reductions (sum, dot) accumulate in double for both types, in a fixed
+ * order. "[+]=" means: set, or added to if the flag `add` or `accumulate` says so; [y +] likewise.
  */
 #ifndef LG_KERNELS_H
 #define LG_KERNELS_H
@@ -38,7 +40,7 @@ typedef enum lg_k_unary {
     LG_K_SIN,
     LG_K_COS,
     LG_K_ABS,
-    LG_K_SIGN, /* 1 for x >= 0, else -1 (ties to +1); NaN stays NaN */
+    LG_K_SIGN, /* 1 for x >= 0 (also for zeros), else -1; NaN stays NaN */
     LG_K_RECIPROCAL,
     LG_K_UNARIES
 } lg_k_unary;
@@ -55,50 +57,54 @@ typedef enum lg_k_act {
     LG_K_ACTS
 } lg_k_act;
 
-/* Maps of so(3) and se(3) on rows of three numbers, by their inputs; y and cotangents are as long as the last
- * input. liegrad/geometry.h has the formulas. */
+/* Maps of so(3) and se(3) on rows of three numbers. The comments name the inputs, then the map. The result y
+ * and the cotangents of y have the shape of the last input. liegrad/geometry.h has the formulas. */
 typedef enum lg_k_lie {
-    LG_K_SO3_EXP,     /* u, x: exp(u) x; or x row-major matrices, 9 numbers a row */
+    LG_K_SO3_EXP,     /* u, x: exp(u) x; x is a vector or a row-major matrix, 9 numbers per row */
     LG_K_SO3_DEXP,    /* u, v: dexp_u(v) */
-    LG_K_SE3_ACT,     /* u, v, q, p: the second half of exp(u, v) . (q, p) */
+    LG_K_SE3_ACT,     /* u, v, q, p: the second half (three numbers) of exp(u, v) . (q, p) */
     LG_K_SO3_DEXPINV, /* A, B: dexp_A^-1(B) */
-    LG_K_SE3_DEXPINV, /* A, a, B, b: the second half of dexp_(A, a)^-1(B, b) */
+    LG_K_SE3_DEXPINV, /* A, a, B, b: the second half (three numbers) of dexp_(A, a)^-1(B, b) */
     LG_K_LIE_MAPS
 } lg_k_lie;
 #define LG_K_LIE_INPUTS 4
 
-#define LG_K_ACT_ORDERS 8 /* highest derivative of an activation */
+#define LG_K_ACT_ORDERS 8 /* highest order of derivative of an activation */
 #define LG_LEAKY_SLOPE  0.01
 
-/* A point this close to its manifold is taken as off by rounding alone. The limit is many times the error of
- * a step. */
+/* A point whose distance from its manifold is at most this is assumed to be off by rounding alone, and is put
+ * back. The limit is many times the rounding error of a step. */
 #define LG_LIE_ROUNDING 1e-13
 
-/* A stage of Runge-Kutta-Munthe-Kaas on copies of T*S^2. First, unless f is NULL, k_new = dexp_sigma^-1(f),
- * where f is the field's value at the stage before and sigma its exponent. Then sigma = sum_j c_j k_j +
- * c_new k_new and out = exp(sigma) . y. f and out are plain. The others are packed: blocks in a layout that
- * only the functions of this table read. All arrays are aligned to whole blocks of LG_SE3_BLOCK copies and
- * have room for them. */
+/* One stage of a Runge-Kutta-Munthe-Kaas step on many copies of T*S^2. First, unless f is NULL, k_new =
+ * dexp_sigma^-1(f), where f is the vector field's value at the previous stage and sigma that stage's
+ * exponent. Then sigma = sum_j c_j k_j + c_new k_new and out = exp(sigma) . y. f and out are plain arrays,
+ * six numbers per copy. All others are packed: blocks in a layout that only the functions of this table know.
+ * All arrays are aligned to whole blocks of LG_SE3_BLOCK copies and have room for whole blocks. */
 typedef struct lg_se3_stage {
     size_t count;
     const double *c, *const *k, *y, *f;
     double c_new, *k_new;
-    double *f_packed; /* not NULL: f, for later */
+    double *f_packed; /* if not NULL, f is also stored here, packed */
     double *sigma, *out;
-    double *end;  /* not NULL: the step's end, taken back to the manifold as by se3_act, goes here too */
-    double *most; /* LG_SE3_BLOCK numbers, 0 at first: the largest |u|^2 so far, or NaN, is among them */
+    /* If not NULL, the end of the step is also stored here, put back on the manifold as in se3_act. */
+    double *end;
+    /* LG_SE3_BLOCK numbers, initially 0. The largest of them is the largest |u|^2 so far, or NaN if there was
+     * one. */
+    double *most;
 } lg_se3_stage;
 #define LG_SE3_BLOCK 8
 
-/* `count` windows of `size` rows of a series, one every `stride` rows, the first begins `padding` rows before
- * the series; a row has `channels` numbers. Window t has rows stride t - padding .. + size - 1; those outside
- * of the series are zero. count = (length + 2 padding - size)/stride + 1 or less. */
+/* `count` windows of `size` rows of a series, one every `stride` rows. A row has `channels` numbers. Window t
+ * begins at row stride t - padding of the series; rows outside of the series are zero. count is at most
+ * (length + 2 padding - size)/stride + 1. */
 typedef struct lg_k_windows {
     size_t length, channels, size, stride, padding, count;
 } lg_k_windows;
 
-/* Scalar code: X(enumerator, operands that are results of instructions, all operands). Where there is one
- * more, it is a whole number n (STUMPFF, DEXPINV) or the register of a constant (POW). */
+/* Scalar code: X(name, number of operands that are results of other instructions, number of all operands).
+ * The additional operand of STUMPFF and DEXPINV is an integer n, the one of POW is the register of a
+ * constant. */
 #define LG_SCALAR_LIST(X)                                                                                    \
     X(INPUT, 0, 0)                                                                                           \
     X(CONSTANT, 0, 0)                                                                                        \
@@ -107,7 +113,7 @@ typedef struct lg_k_windows {
     X(MUL, 2, 2)                                                                                             \
     X(DIV, 2, 2)                                                                                             \
     X(NEG, 1, 1)                                                                                             \
-    X(MAX, 2, 2)    /* a NaN wins */                                                                         \
+    X(MAX, 2, 2)    /* if a or b is NaN, the result is NaN */                                                \
     X(GE, 2, 2)     /* a >= b ? 1 : 0 */                                                                     \
     X(SELECT, 3, 3) /* a != 0 ? b : c */                                                                     \
     X(SQRT, 1, 1)                                                                                            \
@@ -121,8 +127,8 @@ typedef struct lg_k_windows {
     X(TANH, 1, 1)                                                                                            \
     X(SIGMOID, 1, 1)                                                                                         \
     X(ATAN2, 2, 2)                                                                                           \
-    X(STUMPFF, 1, 2) /* derivative number n / 16 of c_(n % 16) at a */                                       \
-    X(DEXPINV, 1, 2) /* derivative number n of g2 at a */
+    X(STUMPFF, 1, 2) /* derivative of order n / 16 of c_(n % 16), at a */                                    \
+    X(DEXPINV, 1, 2) /* derivative of order n of g2, at a */
 
 typedef enum lg_scalar_op {
 #define X(name, instructions, all) LG_S_##name,
@@ -131,8 +137,9 @@ typedef enum lg_scalar_op {
         LG_SCALAR_OPS
 } lg_scalar_op;
 
-/* `count` instructions of one sort, none of which needs another one: results in registers result, result + 1,
- * ...; the operands of each, one instruction after the other, from `operands` on. */
+/* `count` instructions of the same operation that do not depend on each other. Their results go to the
+ * registers result, result + 1, ... Their operands begin at index `operands`, one instruction after the
+ * other. */
 typedef struct lg_scalar_group {
     uint32_t op, count, result, operands;
 } lg_scalar_group;
@@ -150,8 +157,8 @@ typedef struct lg_kernels {
     void (*outer)(size_t m, size_t n, const void *u, const void *v, void *y); /* y (m, n) += u v^T */
     /* y = a u + b v + c y */
     void (*combine)(size_t n, double a, const void *u, double b, const void *v, double c, void *y);
-    void (*convert_in)(size_t n, const double *x, void *y);  /* from double */
-    void (*convert_out)(size_t n, const void *x, double *y); /* to double */
+    void (*convert_in)(size_t n, const double *x, void *y);  /* y = x, converted from double */
+    void (*convert_out)(size_t n, const void *x, double *y); /* y = x, converted to double */
     bool (*all_finite)(size_t n, const void *x);
 
     /* y[i] = op(a[i], b[i]) */
@@ -161,35 +168,38 @@ typedef struct lg_kernels {
                                           const void *b, size_t rb, size_t cb, void *y);
     void (*unary[LG_K_UNARIES])(size_t n, double c, const void *x, void *y);
 
-    /* Derivative number `order` (0..8) of an activation, times g when g is not NULL.
-     * h is the stored helper: tanh: tanh(x); sigmoid and swish: sigmoid(x); others: unused, may be NULL.
-     * x may be NULL for tanh and sigmoid when order >= 1 or h is given, and for ReLU and leaky ReLU when h is
-     * given (then h is the activation's value, whose sign is that of x). order 0 with h == NULL computes from
-     * x. tanh^(n), sigmoid^(n): products over their zeros (act_zeros.h). swish^(n) = x s^(n) + n s^(n-1).
-     * ReLU: 1 for x > 0 else 0 (0 at the kink: ties to the zero branch), leaky: LG_LEAKY_SLOPE for x <= 0;
-     * orders >= 2 are 0. sine^(n) = sin(x + n pi/2), exactly +-sin or +-cos. identity: x, 1, 0. */
+    /* The derivative of order `order` (0..8) of an activation sigma, multiplied by g unless g is NULL. h is a
+     * helper that the caller may have stored: tanh(x) for tanh; sigmoid(x) for sigmoid and swish; sigma(x)
+     * for ReLU and leaky ReLU, where it replaces x because it has the same sign; unused for the others. x may
+     * be NULL if h is given for tanh, sigmoid, ReLU and leaky ReLU. If h is NULL, it is computed from x.
+     * - tanh^(n) and sigmoid^(n) are products over their zeros (act_zeros.h). swish^(n) = x s^(n) + n s^(n-1)
+     * with s = sigmoid(x). sine^(n) = sin(x + n pi/2), computed as +-sin or +-cos. ReLU': 1 for x > 0, else 0
+     * (also at x = 0). Leaky ReLU': 1 for x > 0, else LG_LEAKY_SLOPE. Orders >= 2 of these two and of the
+     * identity are 0. */
     void (*act)(lg_k_act kind, int order, size_t n, const void *x, const void *h, const void *g, void *y);
-    /* One reverse step of y = q sigma^(order)(x) (q NULL: ones) with cotangent c: dq [+]= c sigma^(order),
-     * dx [+]= c q sigma^(order + 1); either may be NULL. Whether something is added is said for each.
-     * dq and dx do not overlap. */
+    /* One reverse step of y = q sigma^(order)(x) with the cotangent c of y: dq [+]= c sigma^(order)(x) and dx
+     * [+]= c q sigma^(order + 1)(x). q == NULL stands for ones. dq and dx may be NULL and must not overlap.
+     * add_q and add_x say whether the result is added. */
     void (*act_reverse)(lg_k_act kind, int order, size_t n, const void *x, const void *h, const void *c,
                         const void *q, void *dq, bool add_q, void *dx, bool add_x);
-    /* In place: y[i, j] = sigma(y[i, j] + bias[j]); bias may be NULL. Order 0 only. */
+    /* In place: y[i, j] = sigma(y[i, j] + bias[j]). bias may be NULL. */
     void (*bias_act)(lg_k_act kind, size_t rows, size_t cols, const void *bias, void *y);
-    /* y[i, j] = sigma(x), d[i, j] = sigma'(x) at x = d[i, j] + bias[j]; y does not overlap d. */
+    /* At x = d[i, j] + bias[j]: y[i, j] = sigma(x), and d[i, j] becomes sigma'(x). y must not overlap d. */
     void (*act_slope)(lg_k_act kind, size_t rows, size_t cols, const void *bias, void *d, void *y);
 
     /* y[i] = c[i] != 0 ? a[i] : b[i] */
     void (*select)(size_t n, const void *c, const void *a, const void *b, void *y);
-    /* y = (1 - z) u + z v. reverse: cotangents of in = (z, u, v) from g, y's one, into out[k], NULL where it
-     * is not asked for; added where add[k]. No two of them overlap. */
+    /* mix: y = (1 - z) u + z v. mix_reverse: in = (z, u, v), g is the cotangent of y. The cotangent of in[k]
+     * is written to out[k], or added to it if add[k]; out[k] == NULL means that it is not wanted. No two of
+     * these arrays overlap. */
     void (*mix)(size_t n, const void *z, const void *u, const void *v, void *y);
     void (*mix_reverse)(size_t n, const void *const *in, const void *g, void *const *out, const bool *add);
-    /* Pairs of a value and its derivative in a direction: arrays of 2 n numbers, n = rows cols of values and
-     * n of derivatives. dual_mix: mix of pairs. dual_act, in place: (x, x') -> (sigma(x + bias), sigma'(x +
-     * bias) x'), bias may be NULL; `cosines` (n), of the sine, or NULL. dual_act_reverse: d [+]= the
-     * cotangent of (x + bias, x') from g, that of y; x, the argument with its bias, is read for swish and
-     * sine alone and may be NULL for the others; `cosines` NULL: computed again. */
+    /* Kernels on pairs of a value and its derivative in a direction. A pair is an array of 2 n numbers: n =
+     * rows cols values, then n derivatives. dual_mix is mix on pairs. dual_act replaces (x, x') in y by
+     * (sigma(x + bias), sigma'(x + bias) x'); bias may be NULL. If `cosines` (n numbers) is not NULL and
+     * sigma is the sine, the cosines are stored there. dual_act_reverse: d [+]= the cotangent of (x + bias,
+     * x'), from g, the cotangent of y. x, the argument including the bias, is needed for swish and sine only;
+     * otherwise it may be NULL. If `cosines` is NULL, the cosines are computed again. */
     void (*dual_mix)(size_t n, const void *z, const void *u, const void *v, void *y);
     void (*dual_mix_reverse)(size_t n, const void *const *in, const void *g, void *const *out,
                              const bool *add);
@@ -197,24 +207,27 @@ typedef struct lg_kernels {
     void (*dual_act_reverse)(lg_k_act kind, size_t n, const void *x, const void *cosines, const void *y,
                              const void *g, void *d, bool add);
 
-    /* C(m, n) = [C +] A(m, k) B(k, n): element (i, l) of A at a[i*ra + l*ca] (one of ra, ca is usually 1), B
-     * row-major with leading dimension ldb, C with ldc. Each element of C is one chain of fma over l = 0..k-1
-     * starting from 0 and, with `accumulate`, added to C at the end: the result does not depend on m, n,
-     * blocking or the position in C. k == 0 gives zero. */
+    /* C(m, n) = [C +] A(m, k) B(k, n). Element (i, l) of A is at a[i*ra + l*ca]; one of ra, ca is usually 1.
+     * B is row-major with leading dimension ldb, C with ldc. Each element of C is one chain of fma over l =
+     * 0..k-1 that starts from 0 and, with `accumulate`, is added to C at the end. So the result does not
+     * depend on m, n, blocking or the position in C. k == 0 gives a zero sum. */
     void (*gemm)(size_t m, size_t n, size_t k, const void *a, size_t ra, size_t ca, const void *b, size_t ldb,
                  void *c, size_t ldc, bool accumulate);
-    /* y(m) = [y +] A(m, k) x(k), all contiguous: several partial sums a row, in an order that depends on k
-     * alone where m and k are at least 8. */
+    /* y(m) = [y +] A(m, k) x(k), all contiguous. If m and k are at least 8, each row has several partial
+     * sums, in an order that depends on k alone. */
     void (*matvec)(size_t m, size_t k, const void *a, const void *x, void *y, bool accumulate);
     /* y(cols, rows) = transpose of x(rows, cols), both contiguous */
     void (*transpose)(size_t rows, size_t cols, const void *x, void *y);
 
-    /* Of series x (batch, length, channels) and their windows, y and g (batch, count, channels).
-     * mean: of each window; pick: of h in the row of the window in which x is largest (ties: the first; a NaN
-     * is larger than all); no padding. place: g into that row of `to`, [added to] zeros. fold: x[u] = [x[u]
-     * +] factor times the sum over windows t that have row u, as their row j, of the channels at from[t pitch
-     * + j inner], t ascending; a sample's windows follow the windows of the one before. `times`, as long as
-     * x: each sum is multiplied by its number, and nothing is added to; or NULL. */
+    /* Kernels on series x (batch, length, channels) and their windows; y and g are (batch, count, channels).
+     * - window_mean: the mean of each window, without padding. window_pick: in each window and channel, the
+     * element of h in the row where x is largest. Of equal rows the first one counts, and a NaN counts as the
+     * largest. Without padding. window_place: writes g to these rows of `to` and zeros to all others, or adds
+     * it if `add`.
+     * - window_fold: x[u] = [x[u] +] factor times a sum over all windows t that contain row u. If u is row j
+     * of window t, the term is the row of `channels` numbers at from[t pitch + j inner]. The sum runs in
+     * ascending t. The windows of a sample follow the windows of the previous sample. If `times` (same size
+     * as x) is not NULL, each sum is multiplied by its element of `times`, and nothing may be added to. */
     void (*window_mean)(const lg_k_windows *w, size_t batch, const void *x, void *y);
     void (*window_pick)(const lg_k_windows *w, size_t batch, const void *h, const void *x, void *y);
     void (*window_place)(const lg_k_windows *w, size_t batch, const void *g, const void *x, void *to,
@@ -224,72 +237,80 @@ typedef struct lg_kernels {
 
     double (*sum)(size_t n, const void *x);
     double (*dot)(size_t n, const void *a, const void *b);
-    /* y[j] = [y[j] +] sum_i x[i, j], accumulated in the type over rows in order */
+    /* y[j] = [y[j] +] sum_i x[i, j], accumulated in the table's type, in the order of the rows */
     void (*sum_rows)(size_t rows, size_t cols, const void *x, void *y, bool accumulate);
-    void (*sum_cols)(size_t rows, size_t cols, const void *x, void *y); /* y[i] = sum_j x[i, j], in order */
+    /* y[i] = sum_j x[i, j], in the order of j */
+    void (*sum_cols)(size_t rows, size_t cols, const void *x, void *y);
 
     void (*cross)(size_t rows, const void *a, const void *b, void *y); /* rows of 3 */
     void (*rowdot)(size_t rows, size_t cols, const void *a, const void *b,
                    void *y); /* y[i] = sum_j a[i,j] b[i,j] */
 
-    /* y[i, k] = d^order/dw^order c_k(w[i]), k = 0..K, y is (n, K + 1). Computed in double for both types.
-     * c_k(w) = sum_j (-w)^j/(k + 2j)!; dc_k/dw = (k c_{k+2} - c_{k+1})/2. Any finite w (negative too);
-     * 0 <= order <= 8, 0 <= K <= 8. */
+    /* y[i, k] = d^order/dw^order c_k(w[i]) for k = 0..K; y is (n, K + 1). Computed in double for both types.
+     * c_k(w) = sum_j (-w)^j/(k + 2j)!, and dc_k/dw = (k c_{k+2} - c_{k+1})/2. w may be any finite number,
+     * also negative. 0 <= order <= 8, 0 <= K <= 8. */
     void (*stumpff)(size_t n, int K, int order, const void *w, void *y);
-    /* y[i] = d^order/dw^order g2(w[i]), g2 = (1 - (x/2) cot(x/2))/x^2, w = x^2, pole form; in double. */
+    /* y[i] = d^order/dw^order g2(w[i]), where g2 = (1 - (x/2) cot(x/2))/x^2 and w = x^2. Computed in double
+     * for both types. */
     void (*dexpinv_coef)(size_t n, int order, const void *w, void *y);
 
-    /* Lie group actions on many copies, in double in both tables; results do not depend on a copy's position;
-     * out may be an input. liegrad/geometry.h has the formulas, a = (u, v) six numbers a copy.
-     * se3_act: on T*S^2, y = (q, p) six numbers, exp(a) . y; where |q|^2 is then within LG_LIE_ROUNDING of 1,
-     * it is returned to 1 to first order, and q.p to 0 where it is within LG_LIE_ROUNDING of 0 relative to
-     * (1, r, p).
-     * se3_dexpinv: out = dexp_a^-1(b). se3_angle: the largest |u|, NaN when there is one. */
+    /* Lie group actions on many copies, in double in both tables. Results do not depend on a copy's position.
+     * `out` may be the same array as an input. liegrad/geometry.h has the formulas; a = (u, v) has six
+     * numbers per copy.
+     * - se3_act: out = exp(a) . y on T*S^2, y = (q, p) with six numbers per copy. If |q|^2 of the result is
+     * within LG_LIE_ROUNDING of 1, it is corrected to 1 to first order. If then also |q.p| <= LG_LIE_ROUNDING
+     * |(1, r, p)|, where r is the translation of exp(a), q.p is corrected to 0.
+     * - se3_dexpinv: out = dexp_a^-1(b). se3_angle: returns the largest |u|, or NaN if any is NaN. */
     void (*se3_act)(size_t count, const double *a, const double *y, double *out);
     void (*se3_dexpinv)(size_t count, const double *a, const double *b, double *out);
     double (*se3_angle)(size_t count, const double *a);
-    /* se3_pack: plain to packed. se3_stage: the sum of n terms k_j, 0 <= n. se3_estimate: the same k_new and
-     * sum, out = (the sum) . y, an ambient vector; sigma, end and most stay. */
+    /* se3_pack converts plain copies to packed ones. se3_stage computes a stage whose sum has n >= 0 terms
+     * c_j k_j. se3_estimate computes k_new and the sum of the exponents in the same way, but out = (the sum)
+     * . y, the algebra's action, which is a vector of the ambient space. It leaves sigma, end and most as
+     * they are. */
     void (*se3_pack)(size_t count, const double *x, double *packed);
     void (*se3_stage)(int n, const lg_se3_stage *stage);
     void (*se3_estimate)(int n, const lg_se3_stage *stage);
 
-    /* Scalar code on registers of the table's type. */
+    /* Runs scalar code on an array of registers of the table's type. */
     void (*scalars)(size_t groups, const lg_scalar_group *group, const uint32_t *operands, void *registers);
 
-    /* Of integrators, in double in both tables, the same bits on every set.
-     * stage_sum: out = sum_{j < n} c_j k_j, 1 <= n <= LG_K_STAGES, rows aligned to LG_ALIGNMENT, m a
-     * multiple of LG_K_STAGE_BLOCK.
-     * error_norm: root mean square of error_i / (atol_i + rtol max(|y_i|, |y_next_i|)), 0/0 counts as 0. */
+    /* Kernels for integrators, in double in both tables. All instruction sets give the same bits.
+     * - stage_sum: out = sum_{j < n} c_j k_j, 1 <= n <= LG_K_STAGES. The arrays are aligned to LG_ALIGNMENT
+     * and m is a multiple of LG_K_STAGE_BLOCK.
+     * - error_norm: the root mean square of error_i / (atol_i + rtol max(|y_i|, |y_next_i|)), where 0/0
+     * counts as 0. */
     void (*stage_sum)(size_t m, int n, const double *c, const double *const *k, double *out);
     double (*error_norm)(size_t dim, double rtol, const double *atol, const double *error, const double *y,
                          const double *y_next);
 
-    /* One map on n rows, in double in both tables; `columns`: of the matrices x, 1 for vectors. reverse: the
-     * inputs' cotangents from g, y's one, into out[k], NULL where it is not asked for; added where add[k].
-     * Those that are only written overlap no other. */
+    /* A map of lg_k_lie on n rows, computed in double in both tables. `columns` is the number of columns of
+     * the matrices x, or 1 for vectors. lie_reverse computes the cotangents of the inputs from g, the
+     * cotangent of y. The cotangent of in[k] is written to out[k], or added to it if add[k]; out[k] == NULL
+     * means that it is not wanted. Arrays that are only written overlap no other array. */
     void (*lie[LG_K_LIE_MAPS])(size_t n, size_t columns, const void *const *in, void *y);
     void (*lie_reverse[LG_K_LIE_MAPS])(size_t n, size_t columns, const void *const *in, const void *g,
                                        void *const *out, const bool *add);
 
-    /* Batches of n symmetric positive definite k x k systems. factor: L = Cholesky factor (lower; upper part
-     * zero) of (A + A^T)/2; a row whose pivot is not positive becomes all NaN and is counted in the returned
-     * number. solve: x(n, k, m) = A^-1 b(n, k, m) from L; x == b allowed. */
+    /* Batches of n symmetric positive definite k x k systems. spd_factor: l is the Cholesky factor of (A +
+     * A^T)/2, lower triangular with a zero upper part. If a pivot of a system is not positive, all elements
+     * of its factor become NaN; the number of these systems is returned. spd_solve: x(n, k, m) = A^-1 b(n, k,
+     * m) from the factors l. x may be the same array as b. */
     size_t (*spd_factor)(size_t n, size_t k, const void *a, void *l);
     void (*spd_solve)(size_t n, size_t k, size_t m, const void *l, const void *b, void *x);
 
-    /* One fused pass: g' = clip g; m = b1 m + (1-b1) g'; v = b2 v + (1-b2) g'^2;
-     * theta = theta - lr decay theta - lr (m/(1-b1^t)) / (sqrt(v/(1-b2^t)) + eps). Decoupled weight decay
-     * when `decoupled`, else g' = clip g + decay theta (the L2 form). correction1 = 1-b1^t, correction2 =
-     * 1-b2^t. */
+    /* A step of Adam in one pass: g' = clip g; m = b1 m + (1-b1) g'; v = b2 v + (1-b2) g'^2; theta = theta -
+     * lr decay theta - lr (m/(1-b1^t)) / (sqrt(v/(1-b2^t)) + eps). This is decoupled weight decay
+     * (`decoupled`). Otherwise decay enters through g' = clip g + decay theta (the L2 form) and the term lr
+     * decay theta is absent. correction1 = 1-b1^t, correction2 = 1-b2^t. */
     void (*adam)(size_t n, double lr, double beta1, double beta2, double eps, double correction1,
                  double correction2, double decay, bool decoupled, double clip, const void *g, void *m,
                  void *v, void *theta);
 } lg_kernels;
 
-/* The table for the instruction set in use. Never NULL; constant. */
+/* The table for the instruction set in use. Never NULL; always the same. */
 const lg_kernels *lg_kernels_for(lg_dtype dtype);
-/* A given set's table, or NULL when this build or machine does not have it. For tests. */
+/* The table of a given instruction set, or NULL if this build or machine does not have the set. For tests. */
 const lg_kernels *lg_kernels_of(lg_dtype dtype, lg_isa isa);
 
 #endif

@@ -67,7 +67,7 @@ bool lg_matrix_root(size_t n, const double *a, double *L) {
     for (size_t j = 0; j < n; j++) {
         const double *row = L + j * n, own = a[j * n + j];
         const double pivot = own - lg_kernels_for(LG_F64)->dot(j, row, row);
-        if (!(pivot >= -1e-8 * own)) return false; /* own < 0 too */
+        if (!(pivot >= -1e-8 * own)) return false; /* also false for own < 0 */
         const bool zero = pivot <= 1e-14 * own;
         L[j * n + j] = zero ? 0.0 : sqrt(pivot);
         for (size_t i = j + 1; i < n; i++) {

@@ -1,28 +1,33 @@
-/* Dense products C = [C +] op(A) op(B): which form, which kernel, how many threads.
+/* Dense products C = [C +] op(A) op(B): chooses the form of the computation, the kernel and the split among
+ * threads. "nn", "nt" and "tn" say which of A and B is transposed.
  *
- * nn and tn go straight to the own kernel, which reads A through strides. nt of a single row is B times a
- * vector. Otherwise nt needs rows of B^T: for small B its transpose is made once and kept with the node (a
- * weight is used many times in a step); for large B and few rows the transposed product C^T = B A^T is formed
- * instead, which only transposes A and C. Every form but that of a single row sums over the inner index in
- * the same order, in the same blocks; they agree to the last bit where nothing is added to. All ways of
- * splitting a product among threads agree to the last bit. Without a crew, as in plans, nn is one call of
- * the kernel with the whole inner sum. OpenBLAS takes over where its cache blocking pays
- * for its lock and its packing. The form depends on shapes and on what the tape has kept, never on threads.
+ * nn and tn call the library's gemm kernel, which reads A through strides. nt with a single row of A is B
+ * times a vector. Otherwise nt needs the rows of B^T. For small B, B^T is computed once and kept with the
+ * node, because a weight is used many times in a step. For large B and few rows, the transposed product C^T =
+ * B A^T is formed instead, which only transposes A and C.
+ *
+ * All forms except the single row sum over the inner index in the same order and in the same blocks, so that
+ * they agree to the last bit unless the product is added to C. All ways of splitting a product among threads
+ * agree to the last bit. Without a crew, as in plans, nn is one call of the kernel with the whole inner sum.
+ * OpenBLAS takes over large products, where its cache blocking outweighs its lock and its packing. The form
+ * depends on the shapes and on what the tape has kept, never on threads.
  */
 #include "kernels/product.h"
 
 #include <cblas.h>
 
-/* In multiplications m n k. */
+/* Limits in multiplications, m n k: above the first, OpenBLAS is used; below the second, one thread works. */
 #define OWN_KERNEL_LIMIT 1e9
 #define SPLIT_LIMIT      4e5
-/* Longer inner sums are taken in blocks of so many, each added to C: rounding does not grow with the batch.
- */
+/* Inner sums much longer than INNER_BLOCK are computed in blocks of that length. Each block's sum is added to
+ * C, so that rounding errors do not grow with the batch. */
 #define INNER_BLOCK 256
-/* Elements of B up to which its transpose is kept, and rows of A from which it is made anyway. */
+/* B^T is computed and kept if B has at most KEPT_TRANSPOSE elements. For a larger B it is computed if A has
+ * at least MANY_ROWS rows. */
 #define KEPT_TRANSPOSE 65536
 #define MANY_ROWS      96
-/* Columns of the result up to which a row times W^T is dot products with the rows of W. */
+/* If C is a single row with fewer columns than this, dot products with the rows of B are used and B^T is
+ * not. */
 #define FEW_COLUMNS 12
 
 static void blas(lg_dtype dtype, uint32_t variant, size_t m, size_t n, size_t k, const void *a, const void *b,
@@ -38,18 +43,18 @@ static void blas(lg_dtype dtype, uint32_t variant, size_t m, size_t n, size_t k,
                     (int)n);
 }
 
-/* ---- the own kernel, split over columns or rows of C and over the inner index ---- */
+/* ---- the gemm kernel, split over columns or rows of C and over the inner index ---- */
 
 typedef struct product {
     const lg_kernels *kernels;
-    size_t m, n, k, ra, ca; /* element (i, l) of op(A) at a[i ra + l ca]; B and C with n columns */
+    size_t m, n, k, ra, ca; /* element (i, l) of op(A) is at a[i ra + l ca]; B and C have n columns */
     const unsigned char *a, *b;
     unsigned char *c;
     bool accumulate, by_rows;
-    size_t piece; /* columns or rows of a piece */
+    size_t piece; /* number of columns or rows per piece */
 } product;
 
-/* Rows i0.. and columns j0.. of the product. */
+/* Computes rows i0, i0 + 1, ... and columns j0, j0 + 1, ... of the product. */
 static void run_block(const product *p, size_t i0, size_t rows, size_t j0, size_t columns) {
     const size_t size = p->kernels->size;
     const unsigned char *a = p->a + i0 * p->ra * size, *b = p->b + j0 * size;
@@ -85,9 +90,9 @@ static void run(const lg_crew *crew, product *p) {
     lg_thread_pool_run(crew->workers, (whole + p->piece - 1) / p->piece, run_piece, p);
 }
 
-/* ---- nt ---- */
+/* ---- nt, B transposed ---- */
 
-/* C^T = B A^T, then C = [C +] (C^T)^T. Scratch: A^T, C^T and, to add, its transpose. */
+/* C^T = B A^T, then C = [C +] (C^T)^T. scratch holds C^T, then (C^T)^T if it is to be added, then A^T. */
 static void run_transposed(const lg_kernels *kernels, const lg_crew *crew, const lg_product_size *s,
                            const void *a, const void *b, void *c, bool accumulate, void *scratch) {
     const size_t size = kernels->size;
@@ -129,7 +134,7 @@ void lg_product(const lg_kernels *k, const lg_crew *crew, const lg_product_size 
         return;
     }
     if (s->variant == LG_NT && s->m == 1 &&
-        transposed == NULL) { /* a row lies in memory as a column does: c^T = B a^T */
+        transposed == NULL) { /* a row has the same layout as a column: computes c^T = B a^T */
         k->matvec(s->n, s->k, b, a, c, accumulate);
         return;
     }

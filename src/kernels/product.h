@@ -1,4 +1,4 @@
-/* Dense products of plain memory: C = [C +] op(A) op(B). */
+/* Dense products of arrays in memory: C = [C +] op(A) op(B). */
 #ifndef LG_PRODUCT_H
 #define LG_PRODUCT_H
 
@@ -6,17 +6,17 @@
 
 enum { LG_NN, LG_NT, LG_TN };
 
-/* Who shares the work of a large product: threads, and OpenBLAS where its packing pays. */
+/* What may share the work of a large product: worker threads, and OpenBLAS where its packing pays. */
 typedef struct lg_crew {
-    lg_thread_pool *workers; /* NULL: one thread */
+    lg_thread_pool *workers; /* NULL: a single thread */
     int threads;
 } lg_crew;
 
 typedef enum lg_transpose_use {
-    LG_TRANSPOSE_NONE,    /* of no use */
-    LG_TRANSPOSE_FIXED,   /* worth making once for an input that never changes */
-    LG_TRANSPOSE_IF_KEPT, /* of use if it is there already */
-    LG_TRANSPOSE_MAKE     /* worth making for an input that stays */
+    LG_TRANSPOSE_NONE,    /* B^T does not help */
+    LG_TRANSPOSE_FIXED,   /* worth computing once if B never changes */
+    LG_TRANSPOSE_IF_KEPT, /* helps if it exists already */
+    LG_TRANSPOSE_MAKE     /* worth computing if B stays in memory */
 } lg_transpose_use;
 
 /* op(A) (m, k), op(B) (k, n), C (m, n), row-major. */
@@ -25,11 +25,11 @@ typedef struct lg_product_size {
     size_t m, n, k;
 } lg_product_size;
 
-/* What B^T (k, n) of the nt form is worth. */
+/* Says whether B^T (k, n) helps a product of the nt form. */
 lg_transpose_use lg_product_transpose(const lg_product_size *size, const lg_crew *crew);
-/* Bytes of scratch memory that are needed without B^T. */
+/* Number of bytes of scratch memory that lg_product needs if `transposed` is NULL. */
 size_t lg_product_scratch(const lg_kernels *k, const lg_product_size *size, const lg_crew *crew);
-/* `transposed`: B^T, or NULL: then `scratch` is there. Without a crew no lock is taken. */
+/* `transposed` is B^T or NULL; if it is NULL, `scratch` must be given. Without a crew no lock is taken. */
 void lg_product(const lg_kernels *k, const lg_crew *crew, const lg_product_size *size, const void *a,
                 const void *b, const void *transposed, void *c, bool accumulate, void *scratch);
 

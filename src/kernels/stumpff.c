@@ -6,18 +6,19 @@
 
 /* ---- Stumpff functions ----
  *
- *   c_k^(d)(w) = (-1)^d sum_i (-w)^i ((i+d)!/i!) / (k + 2(i+d))!.
+ *     c_k^(d)(w) = (-1)^d sum_i (-w)^i ((i+d)!/i!) / (k + 2(i+d))!.
  *
- * |w| <= 16: this series. It cancels where w > 4, and next to the zero of c_0. There c_0, c_1 and what
- * follows from them by the last line below is computed from cos and sin of x = sqrt(w), and the rounding
- * error of x is carried along. This keeps the relative accuracy, also next to zeros.
+ * w| <= 16: this series. Its terms cancel for w > 4, and near the zero of c_0. There c_0, c_1 and the
+ * functions that the last recursion below gives from them are computed from cos and sin of x = sqrt(w), and
+ * the rounding error of x is taken into account. This keeps the relative accuracy, also near zeros of the
+ * functions.
  *
- * |w| > 16: c_0, c_1 and c_2 = 2 sin(x/2)^2/w in closed form, then
+ * w| > 16: c_0, c_1 and c_2 = 2 sin(x/2)^2/w in closed form, then
  *
- *   c_{k+2} = (1/k! - c_k)/w,   c_0' = -c_1/2,   2w c_k^(d+1) = c_{k-1}^(d) - (k + 2d) c_k^(d).
+ *     c_{k+2} = (1/k! - c_k)/w,   c_0' = -c_1/2,   2w c_k^(d+1) = c_{k-1}^(d) - (k + 2d) c_k^(d).
  *
- * The last one follows from d/dx (x^k c_k) = x^(k-1) c_{k-1}. Where the series hardly cancels, it is used
- * here too, because these recursions would lose digits.
+ * The last recursion follows from d/dx (x^k c_k) = x^(k-1) c_{k-1}. Functions whose series hardly cancels are
+ * computed from the series here too, because these recursions would lose digits.
  */
 
 enum {
@@ -30,7 +31,7 @@ enum {
 
 #include "kernels/code/inverse_factorial.c" /* inverse_factorial[n] = 1/n!, n <= 63 */
 
-/* (i + d)!/i!, exact */
+/* (i + d)!/i! in row d, column i; exact */
 static const double falling[MAX_ORDER + 1][TERMS] = {
     {1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1},
     {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18},
@@ -47,8 +48,8 @@ static const double falling[MAX_ORDER + 1][TERMS] = {
     {40320, 362880, 1814400, 6652800, 19958400, 51891840, 121080960, 259459200, 518918400, 980179200,
      1764322560, 3047466240, 5079110400, 8204716800, 12893126400, 19769460480, 29654190720, 43609104000}};
 
-/* Four values of k at a time: their coefficients are neighbours in the table of 1/n!. Two chains, of the even
- * and of the odd powers of w, halve the waiting. */
+/* Computes four values of k at a time, because their coefficients are neighbours in the table of 1/n!.
+ * Separate chains for even and odd powers of w halve the latency. */
 typedef double pair __attribute__((vector_size(16), may_alias, aligned(8)));
 
 static void series_row(double w, int K, int order, double *c) {
@@ -72,7 +73,7 @@ static void series_row(double w, int K, int order, double *c) {
     }
 }
 
-/* One function by the series, for |w| (d+1) <= 2 (k+2d+1)(k+2d+2). */
+/* c_k^(d)(w) from the series, for |w| (d+1) <= 2 (k+2d+1)(k+2d+2). */
 static double series_one(double w, int k, int d) {
     double term = (d % 2 == 0 ? 1.0 : -1.0) * falling[d][0] * inverse_factorial[k + 2 * d], total = term;
     for (int i = 0; i < 100 && fabs(term) > 0x1p-60 * fabs(total); i++) {
@@ -83,14 +84,14 @@ static double series_one(double w, int k, int d) {
     return total;
 }
 
-/* x = sqrt(|w|) without and with what rounding took from it */
+/* Returns x = sqrt(|w|) and sets dx to its rounding error, so that x + dx is more exact. */
 static double root(double w, double *dx) {
     const double x = sqrt(fabs(w));
     *dx = fma(-x, x, fabs(w)) / (2.0 * x);
     return x;
 }
 
-/* Sine and cosine of x + dx; dx is not small where x is large. */
+/* sin(x + dx) and cos(x + dx). dx is not small if x is large. */
 static double sine_of(double x, double dx) {
     return fabs(dx) > 1e-9 ? sin(x) * cos(dx) + cos(x) * sin(dx) : sin(x) + dx * cos(x);
 }
@@ -137,7 +138,7 @@ static void recursion(double w, int K, int order, double *out) {
     memcpy(out, c[order], ((size_t)K + 1) * sizeof *out);
 }
 
-/* What the series cancels in, 1 < w <= 16; 1 - c_0 does not cancel for w > 4. */
+/* Recomputes the values in which the series cancels, for 1 < w <= 16. 1 - c_0 does not cancel for w > 4. */
 static void mend_series(double w, int K, int order, double *c) {
     double value[2];
     closed_form(w, value);
@@ -158,8 +159,8 @@ void lg_stumpff(double w, int K, int order, double *c) {
     if ((w > 4.0 && order <= 2) || (w > 1.0 && order < 2 && fabs(c[0]) < 0.25)) mend_series(w, K, order, c);
 }
 
-/* 2 dc_k/dw = k c_{k+2} - c_{k+1}, which cancels for large w, or (c_{k-1} - k c_k)/w, which cancels for small
- * w. */
+/* 2 dc_k/dw is k c_{k+2} - c_{k+1}, which cancels for large w, or (c_{k-1} - k c_k)/w, which cancels for
+ * small w. */
 void lg_stumpff_slopes(double w, double out[5]) {
     const bool large = w > 16.0;
     double c[6];
@@ -169,7 +170,7 @@ void lg_stumpff_slopes(double w, double out[5]) {
     out[4] = large ? (c[2] - 3.0 * c[3]) / w : 3.0 * c[5] - c[4];
 }
 
-/* ---- dexpinv: the text that exported code has ---- */
+/* ---- dexpinv: the same source text as in exported code ---- */
 
 #define real double
 #include "kernels/code/dexpinv.c"

@@ -1,7 +1,9 @@
-/* Derivative number `order` of g2(w) = (1 - (x/2) cot(x/2))/w, x = sqrt(w), in double for every type.
+/* Derivative of order `order` (at most 8) of g2(w) = (1 - (x/2) cot(x/2))/w, x = sqrt(w), in double for every
+ * type.
  *
- * |w| <= 45: the pole 2/(4 pi^2 - w) and a power series of the rest. Beyond: q = (x/2) cot(x/2) satisfies
- * 2w q' = q - q^2 - w/4, and g2 = (1 - q)/w; both differentiated. order <= 8. */
+ * For |w| <= 45 it is the pole 2/(4 pi^2 - w) plus a power series of the rest. Beyond that, q = (x/2)
+ * cot(x/2) satisfies 2w q' = q - q^2 - w/4, and g2 = (1 - q)/w; both equations are differentiated.
+ */
 static const double dexpinv_rest[40] = {
     0.032672741512164448,   0.00010564110705334699, 5.6373702828768453e-7,  3.3571419266574514e-9,
     2.0742872904166046e-11, 1.3000482138698974e-13, 8.1960520556910086e-16, 5.1801181961697243e-18,
