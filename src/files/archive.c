@@ -1,4 +1,4 @@
-/* The archives of liegrad/archive.h over one HDF5 file. */
+/* Implements the archives of liegrad/archive.h on top of an HDF5 file. */
 #include <stdio.h>
 #include <string.h>
 
@@ -10,7 +10,7 @@ struct lg_file_writer {
     const lg_context *context;
     lg_h5 *h5;
     lg_h5_view *views;
-    lg_error failure; /* the first one: it sticks */
+    lg_error failure; /* the first failure; later ones do not replace it */
     bool committed;
 };
 
@@ -18,7 +18,7 @@ struct lg_file_reader {
     const lg_context *context;
     lg_h5 *h5;
     lg_h5_view *views;
-    lg_error failure; /* the last one */
+    lg_error failure; /* the last failure */
 };
 
 static void free_views(const lg_context *context, lg_h5_view *view) {

@@ -1,4 +1,4 @@
-/* Text files of rows. */
+/* CSV files: text files with one row per line. */
 #include "files/csv.h"
 #include "files/h5.h"
 #include "files/read_file.h"
@@ -38,7 +38,7 @@ static lg_status widen(lg_csv *c, lg_error *error) {
     return LG_OK;
 }
 
-/* The next line without its end; *more is false behind the last one. */
+/* Reads the next line without its line ending. *more becomes false when there is no further line. */
 static lg_status next_line(lg_csv *c, bool *more, lg_error *error) {
     int byte = EOF;
     if (lg_cancelled(c->context)) return LG_CANCELLED;
@@ -59,7 +59,7 @@ static lg_status next_line(lg_csv *c, bool *more, lg_error *error) {
     return LG_OK;
 }
 
-/* A line that says nothing: blank, or a comment. */
+/* True for blank lines and for comments. */
 static bool is_empty(const lg_csv *c) {
     return c->line[0] == '#' || c->line[strspn(c->line, " \t\r")] == '\0';
 }
@@ -79,7 +79,8 @@ static bool is_space(const lg_csv *c, char byte) {
     return (byte == ' ' || byte == '\t') && byte != c->separator;
 }
 
-/* Unquotes in place, from behind the first quote; *at goes behind the last one. */
+/* Removes the quotes of a cell in place. *at points behind the opening quote and is moved behind the closing
+ * one. */
 static lg_status unquote(const lg_csv *c, char **at, lg_error *error) {
     char *to = *at, *from = *at;
     for (; *from != '\0'; from++) {

@@ -1,4 +1,4 @@
-/* HDF5 for reading and writing: types of numbers, handles, existence of objects. */
+/* The common part of reading and writing HDF5: number types, file handles, existence of objects. */
 #include "files/h5_internal.h"
 
 #include <string.h>
@@ -63,7 +63,7 @@ void lg_h5_close(lg_h5 *h5) {
     lg_free(h5->context, h5);
 }
 
-/* ---- what is there ---- */
+/* ---- existence of objects ---- */
 
 bool lg_path_exists(lg_h5 *h5, const char *name) {
     char part[512];

@@ -1,4 +1,4 @@
-/* Attributes: reading them, and what those of the file say of it. */
+/* Reading attributes, and checking the file's own attributes: format, version, kind and provenance. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -7,7 +7,7 @@
 
 typedef struct attribute {
     hid_t attribute, type;
-    bool single; /* one element; none for an empty (null) data space */
+    bool single; /* one element; false for an empty (null) data space */
 } attribute;
 
 static void close_attribute(attribute *a) {
@@ -39,7 +39,8 @@ static lg_status open_attribute(lg_h5 *h5, const char *object, const char *name,
     return LG_OK;
 }
 
-/* Any string type, terminated, padding removed. Allocates nothing. */
+/* Reads a text of any string type. The result is terminated and has no padding. Only HDF5 may allocate
+ * memory. */
 static lg_status read_text(lg_h5 *h5, const char *object, const char *name, const attribute *a, char *out,
                            size_t size, lg_error *error) {
     if (H5Tget_class(a->type) != H5T_STRING)
@@ -105,7 +106,7 @@ lg_status lg_h5_number(lg_h5 *h5, const char *object, const char *name, lg_eleme
             status = attribute_error(h5, object, name, LG_FORMAT, "is not an integer", error);
     }
     if (status == LG_OK && type != LG_ELEMENT_F64 && type != LG_ELEMENT_F32) {
-        /* The conversion clips; compare with the value as a double. */
+        /* HDF5 clips numbers that do not fit; the comparison with the value as a double finds them. */
         double got = type == LG_ELEMENT_I64   ? (double)value.i64
                      : type == LG_ELEMENT_U64 ? (double)value.u64
                                               : value.u32;
@@ -117,7 +118,7 @@ lg_status lg_h5_number(lg_h5 *h5, const char *object, const char *name, lg_eleme
     return status;
 }
 
-/* ---- what a file says of itself ---- */
+/* ---- the file's own attributes ---- */
 
 static lg_status check_version(lg_h5 *h5, lg_error *error) {
     int64_t version;

@@ -1,14 +1,15 @@
-/* For the files behind h5.h. h5_read.c, h5_texts.c and h5_write.c use h5.c; h5_texts.c opens data sets with
- * h5_read.c. There are no other calls between them. */
+/* Shared by the files that implement h5.h. All of them use h5.c. h5_attributes.c and h5_texts.c also use
+ * h5_read.c. */
 #ifndef LG_H5_INTERNAL_H
 #define LG_H5_INTERNAL_H
 
 #include "files/h5.h"
 
-/* By how many bytes a file in memory grows. */
+/* Bytes by which HDF5 enlarges a file in memory. */
 #define LG_CORE_INCREMENT ((size_t)1 << 20)
 
-/* HDF5 prints no messages between begin and end; end restores the setting before. */
+/* HDF5 prints no messages between lg_quiet_begin and lg_quiet_end. lg_quiet_end restores the previous
+ * setting. */
 typedef struct lg_h5_quiet {
     H5E_auto2_t report;
     void *user;
@@ -26,27 +27,27 @@ static inline void lg_quiet_end(lg_h5_quiet quiet) {
     (void)H5Eset_auto2(H5E_DEFAULT, quiet.report, quiet.user);
 }
 
-/* A data set that is open. Between lg_quiet_begin and lg_quiet_end only. */
+/* An open data set. Use it only between lg_quiet_begin and lg_quiet_end. */
 typedef struct lg_dataset {
     hid_t set, type;
     uint32_t rank;
     uint64_t dims[LG_MAX_RANK], count;
 } lg_dataset;
 
-/* A data set of any type; LG_FORMAT when it exceeds max_size with `bytes` an element. *d may be closed after
- * a failure too. */
+/* Opens a data set of any type. Fails with LG_FORMAT if it exceeds max_size at `bytes` bytes per element.
+ * After a failure *d may be closed too. */
 lg_status lg_dataset_open(lg_h5 *h5, const char *name, size_t bytes, lg_dataset *d, lg_error *error);
 void lg_dataset_close(lg_dataset *d);
-/* LG_FORMAT with the data set's name. */
+/* Fails with LG_FORMAT and a message that names the data set. */
 lg_status lg_dataset_error(const lg_h5 *h5, const char *name, const char *what, lg_error *error);
-/* Every link on the way exists and the last one leads to an object. */
+/* True if every link of the path exists and the last one leads to an object. */
 bool lg_path_exists(lg_h5 *h5, const char *name);
 
-bool lg_is_number(hid_t type); /* a sound type of floats or integers */
+bool lg_is_number(hid_t type); /* true for undamaged floating-point and integer types */
 bool lg_is_whole(double x);
-hid_t lg_h5_memory_type(lg_element type); /* native, not to be closed */
+hid_t lg_h5_memory_type(lg_element type); /* a native type, which must not be closed */
 size_t lg_element_size(lg_element type);
-/* A handle without a file: path copied, link access list made. */
+/* Creates a handle that has no file yet. It copies the path and creates the link access list. */
 lg_status lg_h5_new(const lg_context *context, const char *path, lg_h5 **out, lg_error *error);
 
 #endif

@@ -7,7 +7,7 @@
 #include "files/h5_internal.h"
 #include "files/read_file.h"
 
-/* Upper bound on the bytes of data in a compressed byte of the file; larger declared sizes are absurd. */
+/* Upper bound on the bytes of data per byte of a compressed file. Files that declare more are refused. */
 #define EXPANSION 8192u
 
 /* ---- opening ---- */
@@ -34,7 +34,8 @@ static hid_t open_file(const char *path) {
     return file;
 }
 
-/* A copy in memory, to be changed. HDF5 takes an image only under the name of a file that is not there. */
+/* Opens a copy in memory that may be changed. HDF5 accepts an image in memory only under the name of a file
+ * that does not exist. */
 static hid_t open_image(void *image, size_t bytes) {
     hid_t access_list = new_access_list(), file = H5I_INVALID_HID;
     if (access_list >= 0 && H5Pset_fapl_core(access_list, LG_CORE_INCREMENT, false) >= 0 &&
@@ -44,7 +45,8 @@ static hid_t open_image(void *image, size_t bytes) {
     return file;
 }
 
-/* HDF5 by itself would open the file for writing, though nothing is written to it. */
+/* Reads the file into memory itself: HDF5 would open the file for writing, though nothing is written to
+ * it. */
 static hid_t open_copy(const lg_context *context, const char *path, uint64_t bytes) {
     FILE *from = NULL;
     uint64_t now;
@@ -126,7 +128,8 @@ lg_status lg_dataset_error(const lg_h5 *h5, const char *name, const char *what, 
     return lg_fail(error, LG_FORMAT, "%s: /%s: %s", lg_shown_path(h5->path), name, what);
 }
 
-/* Data in other files is not read: neither external storage nor virtual data sets. */
+/* False if the data lies in other files, as in external storage and virtual data sets. Such data is not
+ * read. */
 static bool is_local(hid_t set) {
     hid_t list = H5Dget_create_plist(set);
     if (list < 0) return false;
@@ -182,8 +185,8 @@ lg_status lg_dataset_open(lg_h5 *h5, const char *name, size_t bytes, lg_dataset 
     return read_extent(h5, name, bytes, d, error);
 }
 
-/* Whether the bits that the type names lie within its bytes. HDF5 does not look, and its conversions run over
- * the stack in damaged files. */
+/* True if the bits that the type declares lie within its bytes. HDF5 does not check this, and with a damaged
+ * file its conversions write beyond the stack's buffers. */
 static bool is_sound(hid_t type) {
     const size_t bits = 8 * H5Tget_size(type), precision = H5Tget_precision(type);
     const int offset = H5Tget_offset(type);
@@ -234,7 +237,8 @@ static H5T_conv_ret_t no_overflow(H5T_conv_except_t kind, hid_t from, hid_t to, 
                                                                                  : H5T_CONV_UNHANDLED;
 }
 
-/* Whether the data went through a filter that is not available here; its name. */
+/* True if the data was written through a filter that is not available here; `name` becomes the filter's
+ * name. */
 static bool missing_filter(hid_t set, char *name, size_t size) {
     hid_t list = H5Dget_create_plist(set);
     const int filters = list >= 0 ? H5Pget_nfilters(list) : 0;
@@ -252,8 +256,8 @@ static bool missing_filter(hid_t set, char *name, size_t size) {
     return missing;
 }
 
-/* HDF5 converts while it reads, in pieces of a megabyte. `checked`: a number out of range is an error; else
- * numbers beyond the range of a float become infinite. */
+/* Reads part of a data set. HDF5 converts while it reads, in pieces of a megabyte. If `checked`, a number out
+ * of range is an error; otherwise numbers beyond the range of a float become infinite. */
 static lg_status read_part(lg_h5 *h5, const char *name, const lg_dataset *d, hid_t memory, hid_t room,
                            hid_t part, bool checked, void *out, lg_error *error) {
     char filter[64] = "";
@@ -284,7 +288,7 @@ static lg_status read_dataset(lg_h5 *h5, const char *name, const lg_dataset *d, 
     return read_all(h5, name, d, lg_h5_memory_type(type), true, out, error);
 }
 
-/* "(3, 4)" */
+/* Writes a shape as "(3, 4)". */
 static void shape_text(char *text, size_t size, uint32_t rank, const uint64_t *dims) {
     size_t used = (size_t)snprintf(text, size, "(");
     for (uint32_t i = 0; i < rank && used < size; i++)
@@ -410,7 +414,7 @@ lg_status lg_h5_get_floats(lg_h5 *h5, const char *name, float *out, lg_error *er
     return get_all(h5, name, sizeof *out, H5T_NATIVE_FLOAT, false, out, error);
 }
 
-/* Rows of a block: a megabyte, or whole chunks if these are not much larger. */
+/* Number of rows per block: about a megabyte, or whole chunks if these have at most 64 megabytes. */
 static hsize_t rows_of_block(const lg_dataset *d) {
     const uint64_t row = d->count / d->dims[0], megabyte = (1u << 20) / sizeof(double);
     hsize_t rows = row < megabyte ? megabyte / row : 1, chunk[LG_MAX_RANK] = {0};
@@ -461,7 +465,7 @@ lg_status lg_h5_each_rows(lg_h5 *h5, const char *name, lg_h5_rows visit, void *u
     return status;
 }
 
-/* An integer that a double holds exactly: false for fractions, NaN and anything above 2^53. */
+/* True for integers that a double holds exactly; false for fractions, NaN and magnitudes above 2^53. */
 bool lg_is_whole(double x) {
     return fabs(x) <= 0x1p53 && floor(x) == x;
 }
@@ -503,7 +507,7 @@ static herr_t sweep_attribute(hid_t location, const char *name, const H5A_info_t
     hid_t attribute_id = H5Aopen(location, name, H5P_DEFAULT);
     if (attribute_id < 0) return -1;
     hid_t type = H5Aget_type(attribute_id);
-    /* Variable-length texts are not read here. */
+    /* Texts of variable length are not read here. */
     if (type >= 0 && H5Tis_variable_str(type) <= 0 && H5Tget_class(type) != H5T_VLEN &&
         H5Aget_storage_size(attribute_id) <= sizeof small)
         (void)H5Aread(attribute_id, type, small);
@@ -519,7 +523,7 @@ static herr_t sweep_object(hid_t root, const char *name, const H5O_info_t *info,
     (void)H5Aiterate2(object, H5_INDEX_NAME, H5_ITER_NATIVE, NULL, sweep_attribute, s);
     (void)H5Oclose(object);
     lg_dataset d = {.set = H5I_INVALID_HID, .type = H5I_INVALID_HID};
-    /* Types of other programs are skipped; numbers must be readable. */
+    /* Data sets of other types are skipped; data sets of numbers must be readable. */
     if (info->type == H5O_TYPE_DATASET && open_numbers(s->h5, name, &d, NULL) == LG_OK) {
         double *data = lg_alloc(s->h5->context, (size_t)d.count, sizeof *data);
         s->status = data == NULL ? lg_fail(s->error, LG_OUT_OF_MEMORY, "%s: /%s: out of memory",

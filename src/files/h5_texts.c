@@ -1,20 +1,23 @@
-/* Texts in data sets and attributes: fixed or variable length, one or many. */
+/* Reads texts from data sets and attributes. Texts have fixed or variable length; there may be one or
+ * many. */
 #include <string.h>
 
 #include "files/h5_internal.h"
 
-#define PIECE_BYTES     ((size_t)1 << 20) /* read at once, when of fixed length */
-#define PIECE_TEXTS     4096u             /* the same for variable length */
-#define ATTRIBUTE_BYTES ((size_t)1 << 16) /* longest single text of an attribute */
+#define PIECE_BYTES     ((size_t)1 << 20) /* bytes of fixed-length texts that are read at once */
+#define PIECE_TEXTS     4096u             /* number of variable-length texts that are read at once */
+#define ATTRIBUTE_BYTES ((size_t)1 << 16) /* longest single text of an attribute, in bytes */
 
-/* Texts of one type, read piece by piece into `memory`. */
+/* Texts of one HDF5 type, which are read piece by piece into `memory`. */
 typedef struct texts {
     lg_h5 *h5;
     hid_t type;
-    bool variable, spaces; /* variable length; padded with blanks */
-    size_t size, piece;    /* bytes of one in memory; texts read at once */
-    size_t longest;        /* with terminator */
-    char *memory, *one;    /* (piece, size); (size + 1): a text of fixed length with its terminator */
+    bool variable, spaces; /* texts have variable length; texts are padded with blanks */
+    size_t size, piece;    /* bytes per text in `memory`; number of texts read at once */
+    size_t longest;        /* longest text allowed, in bytes with the terminator */
+    /* memory (piece, size): the texts of the current piece. one (size + 1): a fixed-length text with its
+     * terminator. */
+    char *memory, *one;
 } texts;
 
 static lg_status begin_texts(lg_h5 *h5, hid_t type, size_t longest, uint64_t count, texts *t) {
@@ -35,7 +38,8 @@ static void end_texts(texts *t) {
     lg_free(t->h5->context, t->one);
 }
 
-/* Text number `index` of the piece; NULL: too long. Valid until the next call. */
+/* Returns text number `index` of the current piece, or NULL if it is too long. It is valid until the next
+ * call. */
 static const char *text_at(texts *t, size_t index) {
     if (t->variable) {
         const char *text = ((char **)(void *)t->memory)[index];
@@ -68,7 +72,7 @@ static lg_status no_texts(const texts *t, const char *name, lg_status status, lg
 
 /* ---- data sets ---- */
 
-/* Elements first .. first + count - 1 along the first axis; all other extents are 1. */
+/* Selects the elements first..first + count - 1 along the first axis. All other dimensions are 1. */
 static hid_t piece_space(const lg_dataset *d, uint64_t first, size_t count) {
     hid_t space = H5Dget_space(d->set);
     if (space < 0 || d->rank == 0) return space;

@@ -25,7 +25,7 @@ static hid_t file_type(lg_element type) {
     return H5I_INVALID_HID;
 }
 
-/* HDF5 1.10 crashes where there is no memory for the cache of a file. */
+/* False if there is no memory for the cache of a file; HDF5 1.10 would crash then. */
 static bool has_room_for_cache(void) {
     enum { CACHE = 4 << 20 };
     void *volatile room = malloc(CACHE);
@@ -40,8 +40,8 @@ lg_status lg_h5_create(const lg_context *context, const char *path, lg_h5 **out,
     LG_TRY(lg_h5_new(context, path, &h5, error));
     lg_h5_quiet quiet = lg_quiet_begin();
     hid_t create = H5Pcreate(H5P_FILE_CREATE), access = H5Pcreate(H5P_FILE_ACCESS);
-    /* No times are stored: the same content gives the same bytes. The core driver stores nothing under the
-     * name. */
+    /* No times are stored, so that the same content gives the same bytes. The core driver keeps the file in
+     * memory; no file of this name is written. */
     if (create >= 0 && access >= 0 && H5Pset_obj_track_times(create, false) >= 0 &&
         H5Pset_fapl_core(access, LG_CORE_INCREMENT, false) >= 0)
         h5->file = H5Fcreate("liegrad-in-memory", H5F_ACC_TRUNC, create, access);
@@ -61,7 +61,7 @@ static lg_status not_stored(const lg_h5 *h5, const char *object, const char *nam
                    lg_shown_path(h5->path), object, *name == '\0' ? "" : " attribute ", name);
 }
 
-/* A link creation list that makes the missing groups of a path, in UTF-8. */
+/* A link creation list that creates the missing groups of a path and marks names as UTF-8. */
 static hid_t intermediate(void) {
     hid_t list = H5Pcreate(H5P_LINK_CREATE);
     if (list >= 0 &&
@@ -101,7 +101,7 @@ lg_status lg_h5_put(lg_h5 *h5, const char *name, lg_element type, uint32_t rank,
     return stored ? LG_OK : not_stored(h5, name, "", error);
 }
 
-/* A fixed-length UTF-8 type. */
+/* A fixed-length UTF-8 text type. */
 static hid_t text_type(size_t bytes, H5T_str_t padding) {
     hid_t type = H5Tcopy(H5T_C_S1);
     if (type < 0 || (H5Tset_size(type, bytes) >= 0 && H5Tset_cset(type, H5T_CSET_UTF8) >= 0 &&
@@ -123,7 +123,7 @@ lg_status lg_h5_put_texts(lg_h5 *h5, const char *name, const char *texts, size_t
     return stored ? LG_OK : not_stored(h5, name, "", error);
 }
 
-/* Opens an object; makes a group when there is none. */
+/* Opens an object. If it does not exist, creates a group of this name. */
 static hid_t open_or_make(lg_h5 *h5, const char *object) {
     if (*object == '\0') return H5Oopen(h5->file, "/", H5P_DEFAULT);
     if (lg_h5_has(h5, object)) return H5Oopen(h5->file, object, h5->links);
@@ -135,7 +135,7 @@ static hid_t open_or_make(lg_h5 *h5, const char *object) {
     return group;
 }
 
-/* `space` is closed. */
+/* Writes an attribute. Closes `space`. */
 static lg_status put_attribute(lg_h5 *h5, const char *object, const char *name, hid_t stored, hid_t memory,
                                hid_t space, const void *value, lg_error *error) {
     lg_h5_quiet quiet = lg_quiet_begin();
@@ -198,7 +198,7 @@ lg_status lg_h5_remove_attribute(lg_h5 *h5, const char *object, const char *name
 lg_status lg_h5_put_header(lg_h5 *h5, const char *kind, const lg_provenance *provenance, lg_error *error) {
     static const lg_provenance none;
     const lg_provenance *from = provenance != NULL ? provenance : &none;
-    const int64_t version = 1; /* lg_program_put_functions makes it 2 */
+    const int64_t version = 1; /* lg_program_put_functions changes it to 2 */
     const char *writer = from->liegrad_version[0] != '\0' ? from->liegrad_version : lg_version();
     LG_TRY(lg_h5_put_text(h5, "", "format", "liegrad", error));
     LG_TRY(lg_h5_put_number(h5, "", "format_version", LG_ELEMENT_I64, &version, error));

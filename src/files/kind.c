@@ -1,4 +1,4 @@
-/* Which kind of file it is. */
+/* The kind of a file, from its attribute `kind`. */
 #include <string.h>
 
 #include "core/core.h"

@@ -1,7 +1,8 @@
-/* Locks on outputs: one process at a time is at work on a file or folder, and another one is told which.
- * The lock is a record lock of POSIX on a small file beside the output: the kernel lifts it when the
- * process dies, children do not inherit it, and NFS passes it on to the server. The file says who holds it;
- * a killed process leaves it, unlocked, for the next one to take over. */
+/* Locks on outputs. One process at a time works on a file or folder; another process that wants to is told
+ * who holds the lock. The lock is a POSIX record lock on a small file beside the output. The kernel releases
+ * it when the process dies, child processes do not inherit it, and NFS passes it on to the server. The small
+ * file says who holds the lock. A killed process leaves this file behind, unlocked, and the next process
+ * takes it over. */
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
@@ -20,14 +21,15 @@ static struct flock whole_file(void) {
     return (struct flock){.l_type = F_WRLCK, .l_whence = SEEK_SET};
 }
 
-/* The file that was opened still has the name: nobody has removed it before it was locked. */
+/* True if `name` still refers to the opened file, so nobody removed the file before it was locked. */
 static bool has_name(int fd, const char *name) {
     struct stat of_file, of_name;
     return fstat(fd, &of_file) == 0 && lstat(name, &of_name) == 0 && of_file.st_dev == of_name.st_dev &&
            of_file.st_ino == of_name.st_ino;
 }
 
-/* HELD_NEVER: the file system has no locks. */
+/* Tries to lock the file. HELD_NEVER means that the file system has no locks. HELD_GONE means that the file
+ * was removed in between. */
 static held hold(int fd, const char *name) {
     struct flock lock = whole_file();
     if (fcntl(fd, F_SETLK, &lock) != 0)
@@ -35,7 +37,8 @@ static held hold(int fd, const char *name) {
     return has_name(fd, name) ? HELD_HERE : HELD_GONE;
 }
 
-/* Another user's file can be read, not written: it is removed when nobody holds it. */
+/* For a lock file of another user, which can be read but not written. If nobody holds the lock, the file is
+ * removed. */
 static held look_at(int fd, const char *name) {
     struct flock lock = whole_file();
     if (fcntl(fd, F_GETLK, &lock) != 0) return HELD_NEVER;
@@ -43,7 +46,8 @@ static held look_at(int fd, const char *name) {
     return unlink(name) == 0 || errno == ENOENT ? HELD_GONE : HELD_NEVER;
 }
 
-/* What the holder wrote, without unprintable bytes; otherwise its number, where the system tells it. */
+/* Gets what the holder wrote into the file, with unprintable bytes replaced. If the file is empty, gets the
+ * number of the process that holds the lock, where the system knows it. */
 static void read_holder(int fd, char out[WORDS]) {
     struct flock lock = whole_file();
     const ssize_t n = pread(fd, out, WORDS - 1, 0);
@@ -59,7 +63,7 @@ static void read_holder(int fd, char out[WORDS]) {
         (void)snprintf(out, WORDS, "another process");
 }
 
-/* A full disk leaves the file empty; the lock stands nevertheless. */
+/* Writes who holds the lock. If the disk is full the file stays empty; the lock is held nevertheless. */
 static void write_holder(int fd, const char *words) {
     char host[65] = "", text[WORDS];
     (void)gethostname(host, sizeof host - 1);
@@ -71,7 +75,7 @@ static void write_holder(int fd, const char *words) {
     (void)whole;
 }
 
-/* One attempt: *fd stays open where the lock is held here. */
+/* One attempt to take the lock. *fd stays open only if the lock is now held here. */
 static held attempt(const char *name, const char *words, int *fd, char holder[WORDS], int *code) {
     const int flags = O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC;
     *fd = open(name, O_RDWR | O_CREAT | flags, 0666);

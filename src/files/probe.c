@@ -1,5 +1,5 @@
-/* HDF5 1.10 crashes or loops on some damaged files, and a file that is made for it could do worse. Therefore
- * a child process, which may die and can do nothing but read (sandbox.h), reads the file first. */
+/* HDF5 1.10 crashes or loops on some damaged files, and a malicious file could do worse. Therefore a child
+ * process reads the file first. The child may crash, and it can do nothing but read (sandbox.h). */
 #define _DEFAULT_SOURCE /* syscall */
 #include <errno.h>
 #include <limits.h>
@@ -41,7 +41,7 @@ lg_status lg_read_options_resolve(const lg_read_options *options, lg_read_option
     return LG_OK;
 }
 
-/* Lowers a limit; never raises it. */
+/* Lowers a resource limit. It never raises one. */
 static void limit(int resource, rlim_t value) {
     struct rlimit now;
     if (getrlimit(resource, &now) != 0) return;
@@ -51,7 +51,7 @@ static void limit(int resource, rlim_t value) {
     (void)setrlimit(resource, &now);
 }
 
-/* Addresses in use now, in bytes; a generous guess where /proc is missing. */
+/* Bytes of address space in use now. Without /proc, a generous guess. */
 static uint64_t addresses_in_use(void) {
     unsigned long long pages = 0;
     FILE *file = fopen("/proc/self/statm", "re");
@@ -63,8 +63,9 @@ static uint64_t addresses_in_use(void) {
     return pages == 0 || page <= 0 ? (uint64_t)16 << 30 : (uint64_t)pages * (uint64_t)page;
 }
 
-/* Whatever the parent has open but regular files, which cannot be written without room for a single byte: a
- * terminal or a socket would be a way out. HDF5 may read such a file through a descriptor of the parent. */
+/* Closes all descriptors of the parent except regular files. Terminals and sockets would be a way out of the
+ * sandbox. Regular files cannot be written, because the limit on file sizes is 0; HDF5 may read a file
+ * through a descriptor of the parent. */
 static void close_inherited(int report) {
     enum { MOST = 4096 };
     struct rlimit open_files = {MOST, MOST};
@@ -82,17 +83,17 @@ static void close_inherited(int report) {
 static void enter_child(const lg_read_options *options, uint64_t file_bytes, int report) {
     static const int fatal[] = {SIGSEGV, SIGABRT, SIGBUS, SIGFPE, SIGILL, SIGXCPU, SIGTERM};
     for (size_t i = 0; i < LG_COUNT(fatal); i++) (void)signal(fatal[i], SIG_DFL);
-    (void)signal(SIGINT, SIG_IGN); /* Ctrl-C is the parent's; it would look like a crash */
+    (void)signal(SIGINT, SIG_IGN); /* Ctrl-C is for the parent; in the child it would look like a crash */
     (void)signal(SIGPIPE, SIG_IGN);
     int sink = open("/dev/null", O_RDWR);
     for (int fd = STDIN_FILENO; sink >= 0 && fd <= STDERR_FILENO; fd++)
-        if (fd != report) (void)dup2(sink, fd); /* the C library has a message on a broken heap */
+        if (fd != report) (void)dup2(sink, fd); /* hides the C library's messages about damaged heaps */
     close_inherited(report);
     limit(RLIMIT_CORE, 0);
-    uint64_t seconds = options->probe_seconds + (file_bytes >> 25); /* and one for each 32 MiB */
+    uint64_t seconds = options->probe_seconds + (file_bytes >> 25); /* plus one second per 32 MiB */
     limit(RLIMIT_CPU, (rlim_t)seconds);
-    /* A lock that another thread of the parent held at the fork stays locked; waiting for it takes no CPU
-     * time. */
+    /* If another thread of the parent held a lock at the fork, the lock stays locked in the child. Waiting
+     * for it takes no CPU time, so an alarm ends it. */
     (void)signal(SIGALRM, SIG_DFL);
     const uint64_t patience = 60 + 10 * seconds;
     (void)alarm(patience < INT_MAX ? (unsigned)patience : (unsigned)INT_MAX);
@@ -123,11 +124,12 @@ static _Noreturn void run_child(int fd, const lg_read_options *options, uint64_t
     _exit(transfer(fd, &report, sizeof report, true) ? 0 : 1);
 }
 
-/* Seconds without a report after which a sentence says that the check goes on; seconds beyond
- * options->probe_seconds that the child may use no processor: it waits for what does not come. */
+/* PATIENT: after this many seconds without a report, a log message says that the check goes on. STILL: the
+ * child is ended after options->probe_seconds + STILL seconds in which it used no CPU time, because it waits
+ * for something that will not come. */
 enum { PATIENT = 3, STILL = 4 };
 
-/* The child's seconds of processor; -1: not known. */
+/* CPU time of the child in seconds, or -1 if it is not known. */
 static double child_seconds(pid_t child) {
     clockid_t id;
     struct timespec used;
@@ -135,7 +137,8 @@ static double child_seconds(pid_t child) {
     return (double)used.tv_sec + 1e-9 * (double)used.tv_nsec;
 }
 
-/* Until the child reports or dies. LG_CANCELLED, LG_FILE: it is to be ended. */
+/* Waits until the child reports or dies. If it returns LG_CANCELLED or LG_FILE, the caller must kill the
+ * child. */
 static lg_status await_report(const lg_context *context, const char *path, const lg_read_options *options,
                               pid_t child, int fd, lg_error *error) {
     struct pollfd report = {fd, POLLIN, 0};

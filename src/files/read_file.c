@@ -1,4 +1,4 @@
-/* Input files. */
+/* Opening and reading input files. */
 #include <errno.h>
 #include <string.h>
 #include <sys/stat.h>

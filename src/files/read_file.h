@@ -1,4 +1,4 @@
-/* Input files. */
+/* Opening and reading input files. */
 #ifndef LG_READ_FILE_H
 #define LG_READ_FILE_H
 
@@ -7,10 +7,11 @@
 
 #include "liegrad/io.h"
 
-/* A regular file to be read, and its size. Never waits, as opening a pipe that nobody writes to would.
- * Errors: LG_NOT_FOUND; LG_FILE (no regular file, cannot be read). */
+/* Opens a regular file for reading and gets its size. It never blocks, as opening a pipe without a writer
+ * would. Fails with LG_NOT_FOUND, or with LG_FILE if it is not a regular file or cannot be read. */
 lg_status lg_read_open(const char *path, FILE **out, uint64_t *bytes, lg_error *error);
-/* Up to `room` bytes from its beginning; their number, 0 where it cannot be read. */
+/* Reads up to `room` bytes from the beginning of the file. Returns their number, or 0 if the file cannot be
+ * read. */
 size_t lg_read_first(const char *path, void *out, size_t room);
 
 #endif

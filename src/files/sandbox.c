@@ -1,11 +1,13 @@
-/* A filter of system calls: what is not on the list is answered by EPERM. The reader then fails as it does
- * where a call fails for other reasons, so a good file is read even where a library tries something unusual.
+/* A filter of system calls. A call that is not on the list fails with EPERM. The reader then reacts as to any
+ * failed call, so that a good file can be read even if a library tries something unusual.
  *
- * The list is that of a process which reads: glibc, HDF5, and the sanitizers and valgrind under which tests
- * run. Where a call has parameters that decide, these are filtered: `open` for reading, `write` to two
- * descriptors, memory that is shared with no file, signals to oneself. Structures behind pointers cannot be
- * filtered, so openat2 and clone3 are answered by ENOSYS, and the C library takes the older calls. */
-#define _GNU_SOURCE /* syscall numbers, prctl */
+ * The list has the calls that a reading process needs: those of glibc, HDF5, and of the sanitizers and
+ * valgrind, under which tests run. Some calls are allowed only with certain arguments: `open` for reading,
+ * `write` to two descriptors, memory that is not shared with a file, signals to the process itself. The
+ * filter cannot look at structures behind pointers, so openat2 and clone3 fail with ENOSYS, and the C library
+ * then uses the older calls.
+ */
+#define _GNU_SOURCE /* for the numbers of system calls, and prctl */
 #include "files/sandbox.h"
 
 #include <errno.h>
@@ -25,8 +27,8 @@
 
 #include "core/count.h"
 
-/* Also without a filter: a file that is written to stays as long as it is, and a set-uid program that is
- * started gives no rights. */
+/* These limits hold even without the filter: files cannot grow by writing, and starting a set-uid program
+ * gives no additional rights. */
 static void limit_what_is_left(void) {
     const struct rlimit none = {0, 0};
     (void)signal(SIGXFSZ, SIG_IGN);
@@ -46,9 +48,9 @@ bool lg_sandbox_enter(int report) {
 
 #else
 
-/* Calls with any parameters. Those that this architecture has not are passed over. */
+/* Calls that are allowed with any arguments. Calls that this architecture does not have are skipped. */
 static const int free_calls[] = {
-    /* reading, and asking about files */
+    /* reading files, and asking about them */
     SCMP_SYS(read), SCMP_SYS(pread64), SCMP_SYS(readv), SCMP_SYS(preadv), SCMP_SYS(lseek), SCMP_SYS(_llseek),
     SCMP_SYS(close), SCMP_SYS(stat), SCMP_SYS(lstat), SCMP_SYS(fstat), SCMP_SYS(newfstatat),
     SCMP_SYS(fstatat64), SCMP_SYS(statx), SCMP_SYS(statfs), SCMP_SYS(fstatfs), SCMP_SYS(access),
@@ -62,16 +64,16 @@ static const int free_calls[] = {
     SCMP_SYS(futex), SCMP_SYS(futex_time64), SCMP_SYS(sched_yield), SCMP_SYS(nanosleep),
     SCMP_SYS(clock_nanosleep), SCMP_SYS(clock_gettime), SCMP_SYS(clock_getres), SCMP_SYS(gettimeofday),
     SCMP_SYS(time), SCMP_SYS(times), SCMP_SYS(getrusage), SCMP_SYS(alarm), SCMP_SYS(setitimer),
-    /* signals to itself, from others */
+    /* receiving and handling signals */
     SCMP_SYS(rt_sigaction), SCMP_SYS(rt_sigprocmask), SCMP_SYS(rt_sigreturn), SCMP_SYS(rt_sigtimedwait),
     SCMP_SYS(rt_sigpending), SCMP_SYS(sigaltstack), SCMP_SYS(restart_syscall),
-    /* about itself */
+    /* information about the process itself */
     SCMP_SYS(getpid), SCMP_SYS(gettid), SCMP_SYS(getppid), SCMP_SYS(getuid), SCMP_SYS(geteuid),
     SCMP_SYS(getgid), SCMP_SYS(getegid), SCMP_SYS(getrlimit), SCMP_SYS(sched_getaffinity), SCMP_SYS(sysinfo),
     SCMP_SYS(uname), SCMP_SYS(getrandom), SCMP_SYS(getcpu), SCMP_SYS(set_robust_list), SCMP_SYS(rseq),
     SCMP_SYS(arch_prctl), SCMP_SYS(set_tid_address), SCMP_SYS(exit), SCMP_SYS(exit_group)};
 
-/* Calls of which a parameter, masked, has a value. */
+/* A call that is allowed if one of its arguments, masked, has a given value. */
 typedef struct condition {
     int call;
     struct scmp_arg_cmp is;
@@ -79,7 +81,8 @@ typedef struct condition {
 #define IS(parameter, mask, value)                                                                           \
     { (parameter), SCMP_CMP_MASKED_EQ, (mask), (value) }
 
-/* Beyond the descriptors that a program can open: valgrind keeps its own there; otherwise there is none. */
+/* Matches descriptors above the limit of open files. valgrind has its own descriptors there; without valgrind
+ * there are none. */
 static struct scmp_arg_cmp is_beyond_descriptors(void) {
     struct rlimit most = {1024, 1024};
     (void)getrlimit(RLIMIT_NOFILE, &most);
@@ -108,7 +111,7 @@ static size_t list_conditions(int report, condition out[MOST_CONDITIONS]) {
         {SCMP_SYS(fcntl), IS(1, all, F_GETFL)},
         {SCMP_SYS(fcntl), IS(1, all, F_GETLK)},
         {SCMP_SYS(fcntl), IS(1, all, F_DUPFD_CLOEXEC)},
-        {SCMP_SYS(prlimit64), IS(2, all, 0)}, /* asks, and sets nothing */
+        {SCMP_SYS(prlimit64), IS(2, all, 0)}, /* allowed for reading a limit, not for setting one */
     };
     for (; n < LG_COUNT(list); n++) out[n] = list[n];
     return n;

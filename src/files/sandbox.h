@@ -1,13 +1,14 @@
-/* What the child that reads a foreign file may still do. */
+/* Restricts what the child process that reads a foreign file may do. */
 #ifndef LG_SANDBOX_H
 #define LG_SANDBOX_H
 
 #include <stdbool.h>
 
-/* From now on this process, which has one thread, can read files, compute, and write to `report` and to
- * stderr. It cannot write, make, rename or remove files, open sockets, start programs or processes, or reach
- * other processes: the system answers EPERM. There is no way back. False: the system or the build has no such
- * filter, and nothing has changed but that files cannot grow and that no rights are won. */
+/* Restricts this process, which must have a single thread, for the rest of its life. It can read files,
+ * compute, and write to `report` and to stderr. It cannot write, create, rename or remove files, open
+ * sockets, start programs or processes, or affect other processes: such calls fail with EPERM. Returns false
+ * if the system or the build has no such filter. Then only two limits hold: files cannot grow, and the
+ * process cannot gain rights. */
 bool lg_sandbox_enter(int report);
 
 #endif

@@ -1,5 +1,6 @@
-/* Temporary names. Whoever writes one holds a lock on it (flock, which the kernel lifts when a process
- * dies), so that what a killed writer left is known from what another one is writing. */
+/* Temporary files and folders. The process that writes one holds a lock on it (flock, which the kernel
+ * releases when the process dies). So the remains of a killed process can be told from a file that is being
+ * written. */
 #define _DEFAULT_SOURCE /* flock */
 #include <dirent.h>
 #include <errno.h>
@@ -14,11 +15,11 @@
 #include "core/core.h"
 #include "liegrad/io.h"
 
-enum { ROOM = 64 }; /* for what follows the target in a name */
+enum { ROOM = 64 }; /* bytes for the suffix of the name after the target */
 
-/* ---- what killed writers left ---- */
+/* ---- removing what killed processes left ---- */
 
-/* "tmp-PID-i" after the target's own name and a point. */
+/* True if `name` is `base`.tmp-PID-i. */
 static bool is_temporary(const char *name, const char *base) {
     const size_t length = strlen(base);
     long pid;
@@ -28,7 +29,7 @@ static bool is_temporary(const char *name, const char *base) {
     return sscanf(name + length, ".tmp-%ld-%u%n", &pid, &attempt, &end) == 2 && name[length + end] == '\0';
 }
 
-/* A folder holds files alone. */
+/* Removes a folder and its files. Such folders have no subfolders. */
 static void remove_folder(int folder, const char *path) {
     DIR *open_folder = fdopendir(dup(folder));
     const struct dirent *entry;
@@ -53,7 +54,7 @@ static void remove_left(const char *path) {
     (void)close(fd);
 }
 
-/* path: room for the name of any of them. */
+/* Removes what killed processes left for this target. `path` is a buffer of `size` bytes for the names. */
 static void sweep(const char *target, char *path, size_t size) {
     const char *slash = strrchr(target, '/'), *base = slash != NULL ? slash + 1 : target;
     const size_t length = (size_t)(base - target);
@@ -75,15 +76,15 @@ void lg_temporary_sweep(const lg_context *context, const char *target) {
     lg_free(context, path);
 }
 
-/* ---- a new one ---- */
+/* ---- creating a temporary file or folder ---- */
 
 static int create(const char *name, bool folder) {
     if (!folder) return open(name, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
     return mkdir(name, 0777) == 0 ? open(name, O_RDONLY | O_DIRECTORY | O_CLOEXEC) : -1;
 }
 
-/* False: another process has removed it before it was locked. A file system without locks is no reason to
- * fail. */
+/* Locks the new file. Returns false if another process removed it before it was locked. If the file system
+ * has no locks, this is not a failure. */
 static bool hold(int fd) {
     struct stat about;
     if (flock(fd, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) return false;

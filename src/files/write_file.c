@@ -1,4 +1,4 @@
-/* A file is written whole or not at all: temporary name, write, fsync, rename, fsync of the folder. */
+/* Writes a file completely or not at all: writes to a temporary name, fsync, rename, fsync of the folder. */
 #define _XOPEN_SOURCE 700 /* realpath */
 #include <errno.h>
 #include <fcntl.h>
@@ -22,8 +22,9 @@ static lg_status file_error(lg_error *error, const char *path, const char *what,
     return lg_fail(error, LG_FILE, "%s: %s: %s", lg_shown_path(path), what, strerror(code));
 }
 
-/* Beyond RLIMIT_FSIZE the kernel sends SIGXFSZ, which kills by default. The signal is blocked for this thread
- * and consumed, so that write returns EFBIG whatever the process does with signals. */
+/* Writes all bytes. Beyond RLIMIT_FSIZE the kernel sends SIGXFSZ, which kills a process by default. Here the
+ * signal is blocked for this thread and consumed, so that `write` fails with EFBIG, whatever signal handling
+ * the process has. */
 static int write_all(int fd, const unsigned char *data, size_t bytes) {
     sigset_t limit, before, pending;
     sigemptyset(&limit);
@@ -49,7 +50,8 @@ static int write_all(int fd, const unsigned char *data, size_t bytes) {
     return code;
 }
 
-/* Some file systems cannot sync a folder; the file is renamed nevertheless. */
+/* Syncs the folder of the target. Failures are ignored, because some file systems cannot sync a folder and
+ * the file has been renamed already. */
 static void sync_folder(const char *target, char *buffer) {
     const char *slash = strrchr(target, '/');
     size_t length = slash == NULL ? 0 : (size_t)(slash - target) + 1;
@@ -61,8 +63,8 @@ static void sync_folder(const char *target, char *buffer) {
     (void)close(fd);
 }
 
-/* NFS tells of a failed write when a descriptor is closed, which must be before the name is given; a copy is
- * closed, because the descriptor itself holds the lock. */
+/* Closes a duplicate of the descriptor. NFS reports a failed write only when a descriptor is closed, and this
+ * must be known before the rename. `fd` itself must stay open, because it holds the lock. */
 static int close_copy(int fd) {
     const int copy = dup(fd);
     return copy < 0 || close(copy) == 0 || errno == EINTR ? 0 : errno;
@@ -88,7 +90,7 @@ lg_status lg_file_write(const lg_context *context, const char *path, const void 
     bool exists = stat(path, &old) == 0;
     if (exists && !S_ISREG(old.st_mode))
         return lg_fail(error, LG_FILE, "%s: exists and is not a regular file", lg_shown_path(path));
-    /* A symbolic link is kept; its target is replaced. */
+    /* A symbolic link stays; the file that it points to is replaced. */
     char *resolved = exists ? realpath(path, NULL) : NULL;
     const char *target = resolved != NULL ? resolved : path;
     lg_temporary to;
