@@ -1,4 +1,4 @@
-/* Labelled sets of series: /X (n, channels, length), /y, /group, /run (n). */
+/* Reads and writes labelled sets of series: /X (n, channels, length), /y, /group and /run (n). */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -39,7 +39,7 @@ static int compare_runs(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* True when the windows of each run are consecutive; else *which is a run whose windows are not. `sorted`
+/* True if the windows of each run are consecutive; otherwise *which is a run whose windows are not. `sorted`
  * (count) is work memory. */
 static bool runs_together(const uint32_t *run, size_t count, uint32_t *sorted, uint32_t *which) {
     size_t stretches = 0;
@@ -62,20 +62,20 @@ typedef struct read_call {
     const lg_series *like;
     lg_h5 *h5;
     lg_series_data *out;
-    bool wide;     /* /X: lg_h5_about */
-    bool bad_rate; /* the attribute rate of another program is no number */
+    bool wide;     /* `wide` of lg_h5_about for /X */
+    bool bad_rate; /* the attribute rate, written by another program, is not a number */
     lg_precision precision;
-    bool ours;               /* written by this program: its attributes are what they say */
-    bool torn;               /* runs are there and not together, */
-    uint32_t torn_run;       /* such as this one */
-    bool by_number, guessed; /* of lg_labels */
+    bool ours;               /* the file was written by this library, so its attributes must be valid */
+    bool torn;               /* there are runs, but the windows of some run are not consecutive, */
+    uint32_t torn_run;       /* for example those of this run */
+    bool by_number, guessed; /* as in lg_labels */
 } read_call;
 
 static lg_status no_memory(const read_call *call, lg_error *error) {
     return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(call->path));
 }
 
-/* (n, channels, length) or (n, length) */
+/* The shape of /X is (n, channels, length) or (n, length). */
 static lg_status read_shape(read_call *call, lg_error *error) {
     lg_series *s = &call->out->series;
     lg_h5_about about;
@@ -102,7 +102,7 @@ static lg_status read_shape(read_call *call, lg_error *error) {
     return LG_OK;
 }
 
-/* Reads labels first, which give the number of classes; then allocates the set. */
+/* Reads the labels first, because they give the number of classes; then allocates the set. */
 static lg_status read_labels(read_call *call, lg_error *error) {
     lg_series *s = &call->out->series;
     lg_labels labels = {.context = call->context};
@@ -127,7 +127,7 @@ static lg_status read_labels(read_call *call, lg_error *error) {
     return status;
 }
 
-/* Numbers stay as they are, texts become 0, 1, ... in rising order. */
+/* Reads /group or /run. Numbers stay as they are; texts become 0, 1, ... in ascending order of the texts. */
 static lg_status read_units(read_call *call, const char *name, uint32_t *out, lg_error *error) {
     const lg_series *s = &call->out->series;
     if (out == NULL) return LG_OK;
@@ -169,7 +169,8 @@ static lg_status read_samples(read_call *call, lg_error *error) {
 
 /* ---- attributes ---- */
 
-/* NaN when it is unknown; the attribute of another program may be no number. */
+/* Reads a number; NaN if it is unknown. If another program wrote the file, an attribute that is not a number
+ * counts as unknown. */
 static lg_status optional_number(read_call *call, const char *name, double *out, lg_error *error) {
     double value = NAN;
     *out = NAN;
@@ -311,7 +312,7 @@ static lg_status check_written(const lg_context *context, const char *path, cons
 
 static lg_status put_attributes(lg_h5 *h5, const lg_series_data *data, lg_error *error) {
     lg_sensing sensing = sensing_of(&data->series);
-    sensing.class_label = NULL; /* /y is 0, 1, ... here */
+    sensing.class_label = NULL; /* the /y that is written holds class numbers 0, 1, ... */
     LG_TRY(lg_h5_put_header(h5, "series", &data->provenance, error));
     LG_TRY(lg_sensing_put(h5, &sensing, error));
     if (!isnan(data->noise)) LG_TRY(lg_h5_put_number(h5, "", "noise", LG_ELEMENT_F64, &data->noise, error));
@@ -347,7 +348,7 @@ lg_status lg_series_write(const lg_context *context, const char *path, lg_series
     return status;
 }
 
-/* ---- names in files of any kind ---- */
+/* ---- names of classes and channels in files of any kind ---- */
 
 lg_status lg_file_writer_names(lg_file_writer *writer, const lg_series *series, lg_error *error) {
     if (writer == NULL || series == NULL)

@@ -1,4 +1,4 @@
-/* Labels of any type to classes 0, 1, ... */
+/* Maps labels of any type to classes 0, 1, ... */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -50,7 +50,8 @@ static lg_status name_values(const lg_h5 *h5, lg_labels *labels, lg_error *error
     return LG_OK;
 }
 
-/* `values` (count) as read; labels->value: room for as many. */
+/* Fills labels->value and labels->label from `values` (count), the numbers of the file. labels->value must
+ * have room for `count` numbers. */
 static void number_values(const int64_t *values, lg_labels *labels) {
     memcpy(labels->value, values, labels->count * sizeof *values);
     const size_t distinct = sort_distinct(labels->value, labels->count);
@@ -93,7 +94,7 @@ static lg_status meet_text(void *user, uint64_t index, const char *text, lg_erro
     return status == LG_OK ? LG_OK : too_many(call->h5, call->name, error);
 }
 
-/* Names were numbered in the order of their occurrence; they are renumbered by rising name. */
+/* The names were numbered in the order of occurrence. This renumbers them in ascending order. */
 static lg_status sort_texts(const lg_h5 *h5, lg_labels *labels, lg_error *error) {
     lg_names *text = &labels->text;
     lg_names sorted = {.context = h5->context};
@@ -122,7 +123,7 @@ static lg_status read_texts(lg_h5 *h5, const char *name, lg_labels *labels, lg_e
     return sort_texts(h5, labels, error);
 }
 
-/* ---- either ---- */
+/* ---- numbers or texts ---- */
 
 static lg_status check_shape(const lg_h5 *h5, const char *name, const lg_h5_about *about, size_t count,
                              lg_error *error) {
@@ -166,7 +167,7 @@ static bool whole_of(const char *text, double *value) {
     return lg_number_parse(text, value) == LG_OK && floor(*value) == *value;
 }
 
-/* Index in `list` (count) of this text, else of an equal whole number. */
+/* Finds the index in `list` (count) of an equal text, or else of an equal whole number ("1" and "1.0"). */
 static bool find_in(char (*list)[LG_SERIES_NAME], uint32_t count, const char *text, uint32_t *out) {
     double value, other;
     for (uint32_t c = 0; c < count; c++)
@@ -183,7 +184,8 @@ static bool find_in(char (*list)[LG_SERIES_NAME], uint32_t count, const char *te
     return false;
 }
 
-/* The labels that occur, as indices in `list`; false with the first one that is not in the list. */
+/* Sets the class of each distinct label to its index in `list`. Returns false if a label is not in the list;
+ * *missing is then the first such label. */
 static bool find_labels(char (*list)[LG_SERIES_NAME], uint32_t count, lg_labels *labels, uint32_t *missing) {
     for (uint32_t i = 0; i < labels->distinct; i++)
         if (!find_in(list, count, labels->text.name[i], &labels->class_of[i])) {
@@ -200,7 +202,7 @@ static bool any_whole(char (*list)[LG_SERIES_NAME], uint32_t count) {
     return false;
 }
 
-/* "intact|broken" */
+/* Formats a list as "intact|broken". */
 static void show_list(char (*list)[LG_SERIES_NAME], uint32_t count, char *text, size_t size) {
     size_t used = 0;
     text[0] = '\0';
@@ -221,7 +223,7 @@ static lg_status unknown_label(const lg_h5 *h5, const char *label, char (*list)[
                    lg_shown_path(h5->path), label, have, named);
 }
 
-/* `labels->label` becomes low, low + 1, ... of `count` classes. */
+/* The label `low` becomes class 0, low + 1 becomes class 1, and so on, for `count` classes. */
 static lg_status number_from(const lg_h5 *h5, int64_t low, uint32_t count, lg_labels *labels,
                              lg_error *error) {
     for (uint32_t i = 0; i < labels->distinct; i++) labels->class_of[i] = (uint32_t)(labels->value[i] - low);
@@ -241,7 +243,7 @@ static lg_status copy_list(const lg_h5 *h5, char (*list)[LG_SERIES_NAME], uint32
     return LG_OK;
 }
 
-/* The file has the label of each class. */
+/* Uses the attribute class_labels, if the file has it: the label of each class. */
 static lg_status given_labels(lg_h5 *h5, lg_labels *labels, const lg_names *names, bool *given,
                               lg_error *error) {
     uint32_t missing = 0;
@@ -267,8 +269,9 @@ static bool same_names(const lg_names *names, const lg_series *like) {
     return true;
 }
 
-/* The classes are those of `like` in the same order, so the labels of `like` apply. Other numbers are an
- * error; texts may be names. */
+/* If the file has the same classes as `like` in the same order, the labels of `like` apply. If the file's
+ * labels are numbers that are not among numeric labels of `like`, this is an error. Texts that are not among
+ * them may still be class names. */
 static lg_status labels_like(lg_h5 *h5, const lg_series *like, lg_labels *labels, const lg_names *names,
                              bool *done, lg_error *error) {
     uint32_t missing = 0;
@@ -279,7 +282,7 @@ static lg_status labels_like(lg_h5 *h5, const lg_series *like, lg_labels *labels
                          error);
 }
 
-/* From the labels that occur alone. */
+/* Maps labels to the file's class names when nothing else says how. */
 static lg_status own_rule(const lg_h5 *h5, bool ours, lg_labels *labels, const lg_names *names,
                           lg_error *error) {
     const int64_t count = names->count;
@@ -309,7 +312,7 @@ static lg_status own_classes(lg_h5 *h5, bool ours, const lg_series *like, lg_lab
     return done ? LG_OK : own_rule(h5, ours, labels, names, error);
 }
 
-/* Maps classes of the file to those of `like` by name. */
+/* Replaces the classes of the file by the classes of `like` with the same names. */
 static lg_status match_names(const lg_h5 *h5, const lg_series *like, lg_labels *labels, const lg_names *names,
                              lg_error *error) {
     for (uint32_t i = 0; i < labels->distinct; i++) {
@@ -320,8 +323,9 @@ static lg_status match_names(const lg_h5 *h5, const lg_series *like, lg_labels *
     return LG_OK;
 }
 
-/* Maps labels without names to the classes of `like`: by its labels, else by its names. If neither are
- * numbers, labels that begin with 0 are taken as indices of the classes. */
+/* Maps labels of a file without class names to the classes of `like`: by the labels of `like`, or else by its
+ * names. If the labels are numbers from 0 on and neither the labels nor the names of `like` are numbers, the
+ * labels are taken as indices of the classes. */
 static lg_status match_labels(const lg_h5 *h5, const lg_series *like, lg_labels *labels, lg_error *error) {
     const uint32_t count = like->classes;
     uint32_t missing = 0, unnamed = 0;

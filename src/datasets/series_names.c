@@ -1,4 +1,4 @@
-/* Names of classes and channels. */
+/* Lists of names, and the names of classes and channels in files. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -51,7 +51,7 @@ lg_status lg_names_add(lg_names *names, const char *text) {
     return LG_OK;
 }
 
-/* Place in `order` of the first name that is not before `text`. */
+/* Position in `order` of the first name that is not less than `text`. */
 static uint32_t place_of(const lg_names *names, const char *text) {
     uint32_t low = 0, high = names->count;
     while (low < high) {
@@ -89,7 +89,7 @@ typedef struct names_call {
     const char *key;
     bool unique;
     lg_names *names;
-    bool joined; /* one text: names with | between them */
+    bool joined; /* a single text that holds all names, separated by | */
 } names_call;
 
 static lg_status add_name(const names_call *call, const char *text, lg_error *error) {
@@ -132,7 +132,7 @@ static lg_status visit_listed(void *user, uint64_t index, const char *text, lg_e
     return add_name(user, text, error);
 }
 
-/* Number of elements of an attribute, without reading it. */
+/* Counts the texts of an attribute. */
 static lg_status count_text(void *user, uint64_t index, const char *text, lg_error *error) {
     (void)text, (void)error;
     *(uint64_t *)user = index + 1;

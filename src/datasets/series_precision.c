@@ -1,23 +1,25 @@
-/* Converts samples to single precision and measures what each channel loses. */
+/* Converts samples to single precision and measures how much each channel loses by rounding. */
 #include <float.h>
 #include <math.h>
 #include <stdio.h>
 
 #include "datasets/series_files.h"
 
-/* Parts of a channel's standard deviation that may be rounded away. */
+/* Rounding error of a channel, relative to its standard deviation, above which there is a warning or a
+ * failure. */
 static const double worth_a_warning = 0.01, lost = 0.5;
-/* A standard deviation below this part of the largest value is rounding of the doubles themselves. */
+/* A standard deviation below this fraction of the largest value is rounding error of the doubles
+ * themselves. */
 static const double constant = 1e-13;
-/* Halfway between the largest float and the next one beyond the range. */
+/* Halfway between the largest float and 2^128. Numbers from here on round to infinity. */
 static const double beyond = 0x1.ffffffp127;
 
-/* Sum of squares as scale^2 * sum: neither overflows nor vanishes. */
+/* A sum of squares, stored as scale^2 * sum, so that it neither overflows nor underflows. */
 typedef struct squares {
     double scale, sum;
 } squares;
 
-/* Of a channel. Deviations are from its first sample. */
+/* Sums over one channel. Deviations are relative to the channel's first sample. */
 typedef struct channel_sums {
     double first, largest, deviation;
     squares deviations, errors;
@@ -42,7 +44,7 @@ static float to_float(double value) {
     return fabs(value) >= beyond ? (float)copysign(INFINITY, value) : (float)value;
 }
 
-/* One channel of a window; numbers that are not finite are found later. */
+/* Converts one channel of a window. Numbers that are not finite are found later. */
 static void convert(channel_sums *sums, const double *values, size_t length, float *out) {
     double deviation = 0, error = 0, d2 = 0, e2 = 0;
     for (size_t t = 0; t < length; t++) {
@@ -75,7 +77,8 @@ static void convert_rows(void *user, uint64_t row, uint64_t rows, const double *
         }
 }
 
-/* Root mean square of the rounding over the standard deviation, both of n samples; 0 for a constant. */
+/* Root mean square of the rounding errors, divided by the standard deviation, both over n samples. 0 for a
+ * constant channel. */
 static double part_lost(const channel_sums *sums, double n) {
     const double scale = sums->deviations.scale;
     if (!(scale > 0) || sums->errors.scale == 0) return 0;

@@ -1,4 +1,4 @@
-/* Tables as text. */
+/* Reads tables from CSV files. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -6,7 +6,7 @@
 #include "files/csv.h"
 #include "datasets/table_reading.h"
 
-/* Names 0, 1, 2, ... are those of a table without names, as some programs write it. */
+/* True if the names are 0, 1, 2, ... Some programs write such a header for a table without names. */
 static bool counts_columns(const lg_table_reading *r) {
     for (uint32_t i = 0; i < r->all.count; i++) {
         char wanted[16];

@@ -1,11 +1,11 @@
-/* Tables in HDF5: data sets of the root. */
+/* Reads tables from HDF5 files. The columns are data sets of the root group. */
 #include <stdio.h>
 #include <string.h>
 
 #include "files/h5_internal.h"
 #include "datasets/table_reading.h"
 
-/* A data set with its columns of the table. */
+/* A data set, and which columns of the table it has. */
 typedef struct source {
     char name[LG_TABLE_NAME];
     lg_h5_about about;
@@ -41,7 +41,8 @@ static lg_status add_text(void *user, uint64_t index, const char *text, lg_error
     }
 }
 
-/* Columns of a data set (rows, k) by its attribute, or numbered. */
+/* Names the columns of a data set (rows, k) by its attribute `columns`, or else by the data set's name with
+ * numbers. */
 static lg_status name_columns(read_call *call, lg_h5 *h5, const source *s, lg_error *error) {
     bool words = false;
     LG_TRY(lg_h5_each_attribute_text(h5, s->name, "columns", &words, add_text, call, error));
@@ -67,7 +68,7 @@ static lg_status widen(read_call *call, lg_error *error) {
     return LG_OK;
 }
 
-/* One link of the root; what is no array of rows is passed over. */
+/* Adds the data set behind one link of the root. Objects that are not arrays of rows are skipped. */
 static lg_status add_source(read_call *call, lg_h5 *h5, const char *name, lg_error *error) {
     source s = {.first = call->r->all.count, .columns = 1};
     if (strlen(name) >= sizeof s.name) return LG_OK;

@@ -1,4 +1,4 @@
-/* Names of columns in lists; the reader and lg-fit share it. */
+/* Column names in comma-separated lists. Used by the table reader and lg-fit. */
 #ifndef LG_TABLE_NAMES_H
 #define LG_TABLE_NAMES_H
 
@@ -7,8 +7,8 @@
 #include "liegrad/tables.h"
 
 enum { LG_TABLE_QUOTED = 2 * LG_TABLE_NAME + 2 };
-/* The name as it stands in a list with commas: in quotes, as in CSV, where it has a comma, a quote or a blank
- * at an end. `out` (LG_TABLE_QUOTED) is returned; the name is shorter than LG_TABLE_NAME. */
+/* Formats a name for a list with commas. Names with a comma, a quote or a blank at an end are quoted, as in
+ * CSV. Returns `out` (LG_TABLE_QUOTED bytes). The name must be shorter than LG_TABLE_NAME. */
 static inline const char *lg_table_quote(const char *name, char *out) {
     const size_t length = strlen(name);
     const bool plain =

@@ -1,4 +1,5 @@
-/* Tables of numpy: magic, version, length of the header, a Python dictionary as text, then the numbers
+/* Reads tables from files of numpy. Such a file has a magic number, a version, the length of the header, the
+ * header (a Python dictionary as text) and the numbers
  * (https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html). */
 #include <errno.h>
 #include <math.h>
@@ -15,7 +16,7 @@ enum { MAGIC = 8, LONGEST_HEADER = 1 << 16, MOST_BYTES = 8, CHECK = 1 << 16 };
 typedef struct npy {
     FILE *from;
     char header[LONGEST_HEADER + 1];
-    char kind; /* f, i, u, b */
+    char kind; /* f, i, u or b, as in numpy */
     unsigned bytes;
     bool swapped, fortran;
     uint64_t rows, columns;
@@ -48,7 +49,7 @@ static lg_status read_header(const lg_table_reading *r, npy *n, lg_error *error)
     return LG_OK;
 }
 
-/* What stands behind 'key': in the dictionary; NULL: nothing, or the key is there twice. */
+/* Returns the text after 'key': in the dictionary, or NULL if the key is missing or occurs twice. */
 static const char *value_of(const npy *n, const char *key) {
     const char *at = strstr(n->header, key);
     if (at == NULL || strstr(at + 1, key) != NULL) return NULL;
@@ -56,7 +57,7 @@ static const char *value_of(const npy *n, const char *key) {
     return at + strspn(at, " :");
 }
 
-/* '<f8', '|b1', ... */
+/* Parses a type such as '<f8' or '|b1'. */
 static lg_status parse_type(const lg_table_reading *r, npy *n, lg_error *error) {
     const char *at = value_of(n, "'descr'");
     if (at == NULL || *at != '\'' || strlen(at) < 4)
@@ -96,7 +97,8 @@ static lg_status parse_shape(const lg_table_reading *r, npy *n, lg_error *error)
     return LG_OK;
 }
 
-/* The file has the numbers that the header promises and no others, so that no memory is asked for in vain. */
+/* The file must have exactly the numbers that the header declares. This is checked before memory is
+ * allocated. */
 static lg_status check_size(const lg_table_reading *r, const npy *n, lg_error *error) {
     struct stat about;
     lg_read_options options;

@@ -1,4 +1,4 @@
-/* Tables of numbers: names, rows, classes. */
+/* Reads tables of numbers: the common part for names, rows and classes. */
 #include "files/csv.h"
 #include "settings/names.h"
 #include "files/read_file.h"
@@ -46,7 +46,8 @@ void lg_table_reset(lg_table_reading *r) {
 
 /* ---- names ---- */
 
-/* An array of `count` elements with room for `room`; NULL: no memory, the old one stays. */
+/* Returns a copy of an array of `count` elements with room for `room`, and frees `old`. Returns NULL without
+ * memory; then `old` stays. */
 static void *widened(const lg_context *context, void *old, size_t count, size_t room, size_t size) {
     void *wider = lg_alloc(context, room, size);
     if (wider == NULL) return NULL;
@@ -84,7 +85,7 @@ static int by_name(const void *a, const void *b) {
     return strcmp(**(const lg_table_text *const *)a, **(const lg_table_text *const *)b);
 }
 
-/* Number of the column; `sorted` are the names of the file. */
+/* Finds the column with this name. `sorted` points to the names of the file in ascending order. */
 static lg_status find_column(const lg_table_reading *r, const lg_table_text **sorted, const char *name,
                              uint32_t *at, lg_error *error) {
     uint32_t low = 0, high = r->all.count;
@@ -177,7 +178,7 @@ static lg_status check_number(const lg_table_reading *r, size_t row, const char 
 
 /* ---- classes ---- */
 
-/* A number is the same class in whatever form it is written. */
+/* Numbers are normalised, so that a number is the same class in whatever form it is written. */
 lg_status lg_table_set_label(lg_table_reading *r, size_t row, const char *text, lg_error *error) {
     char *to = r->label_text[row];
     double value;
@@ -216,7 +217,7 @@ static int compare_texts(const void *a, const void *b) {
     return strcmp(x, y);
 }
 
-/* Place of the class, or where it would stand. */
+/* Returns the position of the class, or the position where it would have to be inserted. */
 static uint32_t place_of(const lg_table_data *out, const char *text, bool *known) {
     uint32_t low = 0, high = out->classes;
     while (low < high) {
@@ -256,7 +257,7 @@ static lg_status name_classes(lg_table_reading *r, lg_error *error) {
     return LG_OK;
 }
 
-/* Of the numbers, then of the labels. */
+/* Hashes the numbers, then the labels. */
 static void hash(lg_table_reading *r) {
     lg_sha256 state;
     lg_sha256_init(&state);
@@ -314,14 +315,14 @@ lg_port lg_table_port(const lg_table_data *of, const char *name, uint32_t number
     lg_port port = {
         .name = name, .shape = lg_shape1(numbers), .low = (double)INFINITY, .high = -(double)INFINITY};
     for (size_t i = 0; i < of->rows * of->columns; i++) {
-        port.low = fmin(port.low, of->values[i]); /* of NaN and a number, the number */
+        port.low = fmin(port.low, of->values[i]); /* if one is NaN, fmin gives the other one */
         port.high = fmax(port.high, of->values[i]);
     }
     if (!(port.low <= port.high)) port.low = port.high = 0.0;
     return port;
 }
 
-/* ---- outside ---- */
+/* ---- public functions ---- */
 
 static lg_status read_any(lg_table_reading *r, lg_error *error) {
     static const unsigned char h5[8] = {0x89, 'H', 'D', 'F', '\r', '\n', 0x1a, '\n'},

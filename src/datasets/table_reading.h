@@ -1,5 +1,5 @@
-/* Tables on their way in. table_csv.c, table_h5.c and table_npy.c give the names of a file's columns and,
- * where columns are wanted, its rows. */
+/* The state while a table is read. table_csv.c, table_h5.c and table_npy.c supply the names of a file's
+ * columns and, if columns are wanted, its rows. */
 #ifndef LG_TABLE_READING_H
 #define LG_TABLE_READING_H
 
@@ -13,34 +13,35 @@ typedef struct lg_table_reading {
     const lg_context *context;
     const char *path, *shown;
     const lg_read_options *options;
-    lg_table_names all; /* columns of the file */
+    lg_table_names all; /* all columns of the file */
     uint32_t room;
-    /* What is wanted; NULL: the names alone. */
+    /* The wanted columns. names == NULL: only the file's column names are wanted. */
     const char *const *names;
     uint32_t count;
     const char *class_column; /* may be NULL */
-    /* Known after lg_table_find_columns. */
-    uint32_t *to;      /* (columns of the file): which one of `names` it is, from 1; 0: none of them */
-    uint32_t class_at; /* the column of the class */
+    /* Set by lg_table_find_columns. */
+    /* For each column of the file: its index in `names` plus 1, or 0 if it is not wanted. */
+    uint32_t *to;
+    uint32_t class_at; /* number of the class column */
     lg_table_data out;
     size_t row_room;
-    lg_table_text *label_text; /* (row_room) of the rows */
+    lg_table_text *label_text; /* (row_room) class of each row as text */
 } lg_table_reading;
 
-/* Forgets names and rows. */
+/* Discards all names and rows. */
 void lg_table_reset(lg_table_reading *r);
-/* One more column of the file; a name that is too long is cut. */
+/* Adds a column of the file. A name that is too long is cut. */
 lg_status lg_table_add_name(lg_table_reading *r, const char *name, lg_error *error);
-/* After the last name: finds those that are wanted. */
+/* Finds the wanted columns. Call it after all names have been added. */
 lg_status lg_table_find_columns(lg_table_reading *r, lg_error *error);
-/* Room for so many rows, zeroed, as a file with known sizes has them. */
+/* Makes `rows` zeroed rows, for files whose size is known in advance. */
 lg_status lg_table_make_rows(lg_table_reading *r, uint64_t rows, lg_error *error);
-/* One more row: its place in `values`, which the caller fills. */
+/* Adds a row. *values points to its numbers, which the caller fills. `line` is its line in the file. */
 lg_status lg_table_add_row(lg_table_reading *r, size_t line, double **values, lg_error *error);
-/* The class of a row; "" is missing. */
+/* Sets the class of a row; "" means that it is missing. */
 lg_status lg_table_set_label(lg_table_reading *r, size_t row, const char *text, lg_error *error);
-/* The number of a column of a binary file, where that column is wanted; NaN is missing. LG_FORMAT:
- * infinite. */
+/* Sets the number in a column of the file, for binary files. Ignored if that column is not wanted. NaN means
+ * that it is missing; an infinity is LG_FORMAT. */
 lg_status lg_table_set_number(lg_table_reading *r, size_t row, uint32_t column, double value,
                               lg_error *error);
 lg_status lg_table_no_memory(const lg_table_reading *r, lg_error *error);

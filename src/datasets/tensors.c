@@ -1,4 +1,4 @@
-/* Named tensors: safetensors files. The header is JSON, which libyaml reads. */
+/* Reads named tensors from safetensors files. The header is JSON, which libyaml can read. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -38,7 +38,7 @@ static double read_f16(const unsigned char *raw) {
     return of_half((uint16_t)(raw[0] | raw[1] << 8));
 }
 
-/* The upper half of a single. */
+/* A bfloat16 is the upper half of a float. */
 static double read_bf16(const unsigned char *raw) {
     const unsigned char wide[4] = {0, 0, raw[0], raw[1]};
     return read_f32(wide);
@@ -52,7 +52,7 @@ static const struct {
 
 /* ---- the header ---- */
 
-/* Where the numbers of a tensor lie, in bytes behind the header. */
+/* Where the numbers of a tensor are, in bytes after the header. */
 typedef struct place {
     uint64_t begin, end;
     size_t type;
@@ -63,10 +63,10 @@ typedef struct reading {
     const lg_context *context;
     const char *path;
     FILE *from;
-    unsigned char *text; /* of the header */
-    uint64_t bytes;      /* behind the header */
+    unsigned char *text; /* the header */
+    uint64_t bytes;      /* number of bytes after the header */
     lg_yaml *header;
-    place *places; /* one for each tensor */
+    place *places; /* one per tensor */
     lg_tensors *out;
 } reading;
 
@@ -78,7 +78,7 @@ static lg_status no_memory(const reading *r, lg_error *error) {
     return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %s", lg_shown_path(r->path));
 }
 
-/* NULL: no text, or one with a zero in it. */
+/* Returns the text of a node, or NULL if the node is not a text or the text contains a zero byte. */
 static const char *text_of(const yaml_node_t *node) {
     if (node == NULL || node->type != YAML_SCALAR_NODE) return NULL;
     const char *text = (const char *)node->data.scalar.value;
@@ -94,7 +94,7 @@ static yaml_node_t *value_of(yaml_document_t *document, const yaml_node_t *mappi
     return NULL;
 }
 
-/* Keys are texts, each there once; `what` has them, for the sentence. */
+/* Checks that all keys are texts and none occurs twice. `what` names the mapping in error messages. */
 static lg_status check_keys(const reading *r, const yaml_node_t *mapping, const char *what, lg_error *error) {
     yaml_document_t *document = lg_yaml_document(r->header);
     if (mapping->type != YAML_MAPPING_NODE) return LG_OK;
@@ -109,7 +109,7 @@ static lg_status check_keys(const reading *r, const yaml_node_t *mapping, const 
     return LG_OK;
 }
 
-/* A list of at most `most` whole numbers. */
+/* Reads a list of at most `most` nonnegative integers. */
 static bool wholes_of(yaml_document_t *document, const yaml_node_t *list, uint64_t *out, uint32_t most,
                       uint32_t *count) {
     *count = 0;
@@ -154,7 +154,8 @@ static lg_status take_tensor(const reading *r, const char *name, const yaml_node
 
 static lg_status take_all(reading *r, lg_error *error) {
     yaml_document_t *document = lg_yaml_document(r->header);
-    const yaml_node_t *root = yaml_document_get_root_node(document); /* lg_yaml_open_text: a mapping */
+    /* lg_yaml_open_text has checked that the root is a mapping. */
+    const yaml_node_t *root = yaml_document_get_root_node(document);
     const size_t pairs = (size_t)(root->data.mapping.pairs.top - root->data.mapping.pairs.start);
     if (pairs > MOST_TENSORS)
         return lg_fail(error, LG_FORMAT, "%s: more than %d tensors", lg_shown_path(r->path), MOST_TENSORS);
@@ -183,7 +184,8 @@ static int by_place(const void *a, const void *b) {
     return x->end < y->end ? -1 : x->end > y->end;
 }
 
-/* Each byte behind the header belongs to one tensor, as the format demands. The places are sorted. */
+/* Checks that each byte after the header belongs to exactly one tensor, as the format demands. Sorts the
+ * places. */
 static lg_status check_places(const reading *r, lg_error *error) {
     const size_t count = r->out->count;
     uint64_t end = 0, numbers = 0;
@@ -228,7 +230,7 @@ static lg_status read_numbers(const reading *r, const place *p, lg_error *error)
 
 /* ---- the file ---- */
 
-/* The length of the header (8 bytes, the least first), then the header. */
+/* Reads the length of the header (8 bytes, little-endian) and the header. */
 static lg_status read_header(reading *r, lg_error *error) {
     unsigned char first[8] = {0};
     uint64_t length = 0;

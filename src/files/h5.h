@@ -76,7 +76,7 @@ typedef enum lg_h5_class { LG_H5_WHOLE, LG_H5_REAL, LG_H5_WORDS, LG_H5_OTHER } l
 typedef struct lg_h5_about {
     /* LG_H5_WHOLE: integers and enumerations. LG_H5_WORDS: texts of fixed or variable length. */
     lg_h5_class kind;
-    uint32_t rank;    /* at most 4 */
+    uint32_t rank; /* at most 4 */
     uint64_t dims[4], count;
     /* A float cannot hold all numbers exactly: true for reals of more than 4 bytes and integers of 4 bytes or
      * more. */
