@@ -1,4 +1,4 @@
-/* Fields from and to text and numbers. */
+/* Converts fields from and to text and numbers. */
 #include "liegrad/fields.h"
 
 #include <math.h>
@@ -38,7 +38,8 @@ static const void *member_of(const lg_field *row, const void *run) {
     return (const char *)run + row->offset;
 }
 
-/* Number of the row that a pointer points to; beyond the last when it points to none. */
+/* Position in the field's list of values of the entry that a pointer member points to. If it points to none
+ * of them, the number of entries. */
 static uint64_t row_number(const lg_field *row, const void *at) {
     const void *pointer;
     uint32_t value = 0;
@@ -47,7 +48,7 @@ static uint64_t row_number(const lg_field *row, const void *at) {
     return value;
 }
 
-/* The whole number of a name, a flag or an integer member of any width. */
+/* The value of a name, a flag or an integer member of any width, as an integer. */
 static uint64_t whole_at(const lg_field *row, const void *run) {
     const void *at = member_of(row, run);
     if (row->value_at != NULL) return row_number(row, at);
@@ -224,15 +225,15 @@ void lg_fields_default(const lg_field *rows, void *run) {
         if (rows->value != NULL) (void)lg_field_set(rows, rows->value, run, NULL);
 }
 
-/* ---- what a row takes, in words ---- */
+/* ---- descriptions of what a field accepts ---- */
 
-/* Writes 15 digits if they give the number back, else 17. */
+/* Writes the bound with 15 digits if they give it exactly, else with 17. */
 static void bound_text(double bound, char out[32]) {
     (void)snprintf(out, 32, "%.15g", bound);
     if (strtod(out, NULL) != bound) (void)snprintf(out, 32, "%.17g", bound);
 }
 
-/* Whether a number of the list (or the only one) is beyond the upper bound. */
+/* True if some number in `text` (a list or a single number) is above the upper bound. */
 static bool exceeds(const lg_field *row, const char *text) {
     for (char *end;; text = end + 1) {
         const double value = strtod(text, &end);
@@ -241,7 +242,8 @@ static bool exceeds(const lg_field *row, const char *text) {
     }
 }
 
-/* Bounds that mean "none" are named only when `text` is beyond them. */
+/* Describes the accepted range. Bounds so large that they mean "no bound" are named only if `text` exceeds
+ * them. */
 static size_t number_text(const lg_field *row, const char *text, char *out, size_t size) {
     const bool list = is_list(row), whole = row->type == LG_FIELD_WHOLES || is_whole(row);
     const bool low = row->low > -1e300, high = row->high < 0x1p63 || exceeds(row, text);
@@ -273,13 +275,14 @@ static size_t names_text(const lg_field *row, const char *last, char *out, size_
     return used;
 }
 
-/* "adam, lbfgs or lm, or phases as in adam:100,lbfgs": single names, where there are, and the form. */
+/* Names the single values, if there are any, and the form: "adam, lbfgs or lm, or phases as in
+ * adam:100,lbfgs". */
 static void form_text(const lg_field *row, char *out, size_t size) {
     const size_t used = lg_field_name(row, 0) != NULL ? names_text(row, " or ", out, size) : 0;
     if (used < size) (void)snprintf(out + used, size - used, "%s%s", used > 0 ? ", or " : "", row->form);
 }
 
-/* "1 to 1048576", "above 0 to 1", "0 or more". */
+/* Formats the range as "1 to 1048576", "above 0 to 1" or "0 or more". */
 static void span_text(const lg_field *row, char *text, size_t size) {
     char low[32], high[32] = "";
     bound_text(row->low, low);
@@ -313,7 +316,7 @@ int lg_field_describe(const lg_field *row, char *text, size_t size) {
 
 /* ---- from text ---- */
 
-enum { SHOWN = 80 /* so much of a wrong text stands in a sentence */ };
+enum { SHOWN = 80 /* bytes of a wrong text that an error message shows */ };
 
 static lg_status refuse_number(const lg_field *row, const char *text, lg_error *error) {
     char range[256];
@@ -342,7 +345,7 @@ static bool take_real(const lg_field *row, const char *text, double *out) {
     return lg_number_parse(text, out) == LG_OK && in_range(row, *out);
 }
 
-/* One number of a list, `length` bytes of it; whole ones are below 2^53. */
+/* Reads one number of a list, which has `length` bytes. Integers must be below 2^53. */
 static bool take_item(const lg_field *row, const char *text, size_t length, double *out) {
     char item[64];
     uint64_t whole = 0;

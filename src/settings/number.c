@@ -1,4 +1,4 @@
-/* Numbers consumed whole, whatever the locale. */
+/* Parses numbers. The whole text must be a number; the locale does not matter. */
 #include <locale.h>
 #include <math.h>
 #include <stdlib.h>
@@ -11,7 +11,7 @@ static const char *digits(const char *text, bool *any) {
     return text;
 }
 
-/* [+-] digits [. digits] [e [+-] digits], with a digit before or after the point. */
+/* True for [+-] digits [. digits] [e [+-] digits] with at least one digit before or after the point. */
 static bool is_decimal(const char *text) {
     bool mantissa = false, exponent = false;
     if (*text == '+' || *text == '-') text++;

@@ -1,10 +1,11 @@
-/* What readers of fields share. */
+/* Shared by the readers of fields. */
 #ifndef LG_SETTINGS_H
 #define LG_SETTINGS_H
 
 #include "liegrad/fields.h"
 
-/* Sets the value of the run, unchecked: one number, `count` numbers of a list, or positions of names. */
+/* Sets the field's member of `run` without checks. `values` is one number, `count` numbers of a list, or the
+ * position of a name. */
 void lg_field_fill(const lg_field *row, const double *values, uint32_t count, void *run);
 
 #endif

@@ -1,4 +1,4 @@
-/* Plans of methods from and to text. */
+/* Converts training plans (sequences of methods) from and to text. */
 #include "settings/training.h"
 
 #include <stdio.h>

@@ -1,11 +1,11 @@
-/* Rows of a table that is about a training: what the tables of all kinds have in common. */
+/* Rows about training that the field tables of all kinds of models have in common. */
 #ifndef LG_SETTINGS_TRAINING_H
 #define LG_SETTINGS_TRAINING_H
 
 #include "liegrad/io.h"
 #include "settings/names.h"
 
-/* What every kind has: how it is trained. VALUE(text) says the default. */
+/* The options of training of every kind of model. VALUE(text) states the default. */
 #define TRAINING(run_, member, type, ...) LG_FIELD(run_, "run", #member, type, training.member, __VA_ARGS__)
 #define TRAINING_ROWS(run_, method_, losses_, samples, methods_, VALUE)                                      \
     LG_FIELD(run_, "run", method_, PHRASE, training.plan, .parse = lg_plan_parse_##losses_,                  \
@@ -55,7 +55,8 @@
 #define CONSTANT(text) .value = text
 #define PRESET(text)   .otherwise = "the preset's"
 
-/* Plans of methods as fields: of those for a sum of squares, and of those for any loss. */
+/* Training plans as fields. _squares accepts the methods for losses that are sums of squares, _any_loss only
+ * the methods for any loss. */
 lg_status lg_plan_parse_squares(const char *text, void *member, lg_error *error);
 lg_status lg_plan_parse_any_loss(const char *text, void *member, lg_error *error);
 const char *lg_plan_name_squares(uint32_t value);

@@ -1,4 +1,4 @@
-/* Fields as attributes of HDF5 files. */
+/* Reads and writes fields as attributes of HDF5 files. */
 #include "settings/files/attributes.h"
 
 #include <stdio.h>
@@ -50,7 +50,7 @@ static lg_status get_flag(lg_h5 *h5, const lg_field *r, bool *flag, lg_error *er
     return LG_OK;
 }
 
-/* A list or a phrase. The empty text is the empty list. */
+/* Reads a list or a phrase. An empty text is an empty list. */
 static lg_status get_list(lg_h5 *h5, const lg_field *r, void *run, lg_error *error) {
     char text[LG_H5_TEXT];
     lg_error reason = {LG_OK, ""};

@@ -1,4 +1,4 @@
-/* Random search: ranges from YAML, trials as CSV. */
+/* Files of a random search: ranges in YAML, trials in CSV. */
 #include <float.h>
 #include <inttypes.h>
 #include <locale.h>
@@ -14,7 +14,8 @@
 /* ---- ranges ---- */
 
 enum { KEY_FIXED, KEY_RANGES, KEY_COUNT };
-/* Blocks: their keys are the names of options, which no table knows. */
+/* Both values are mappings whose keys are names of options. No table of fields lists these, so they are read
+ * as nodes. */
 static const lg_field keys[KEY_COUNT] = {
     [KEY_FIXED] = {.name = "fixed", .type = LG_FIELD_NODE},
     [KEY_RANGES] = {.name = "ranges", .type = LG_FIELD_NODE, .required = true},
@@ -43,7 +44,8 @@ static size_t pairs_of(const yaml_node_t *map) {
     return (size_t)(map->data.mapping.pairs.top - map->data.mapping.pairs.start);
 }
 
-/* Copies a scalar shorter than `size` and without a NUL; false for other nodes and an empty scalar. */
+/* Copies a scalar that is shorter than `size` and contains no zero byte. Returns false for other nodes and
+ * for an empty scalar. */
 static bool copy_text(const yaml_node_t *node, char *out, size_t size) {
     if (node->type != YAML_SCALAR_NODE) return false;
     const size_t length = node->data.scalar.length;
@@ -53,7 +55,7 @@ static bool copy_text(const yaml_node_t *node, char *out, size_t size) {
     return true;
 }
 
-/* The name of an option: letters, digits, - and _, the first one a letter. */
+/* Copies the name of an option: letters, digits, - and _, beginning with a letter. */
 static bool copy_name(const yaml_node_t *node, char out[LG_RANGE_NAME]) {
     char name[LG_RANGE_NAME];
     if (!copy_text(node, name, sizeof name)) return false;
@@ -66,7 +68,7 @@ static bool copy_name(const yaml_node_t *node, char out[LG_RANGE_NAME]) {
     return true;
 }
 
-/* The line of an earlier entry with this name, 0 when it is new. */
+/* Returns the line of an earlier entry with this name, or 0 if the name is new. */
 static uint32_t seen(const lg_search_file *file, const char *name) {
     for (size_t i = 0; i < file->fixed_count; i++)
         if (strcmp(file->fixed_name[i], name) == 0) return file->fixed_line[i];
@@ -75,7 +77,7 @@ static uint32_t seen(const lg_search_file *file, const char *name) {
     return 0;
 }
 
-/* Name of the next entry of `map`, whose entries number `count` so far. */
+/* Reads the name of the next entry. `count` is the number of entries so far. */
 static lg_status read_key(const reading *r, const yaml_node_t *node, size_t count, char name[LG_RANGE_NAME]) {
     if (count == LG_RANGE_MAX)
         return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "more than %d entries",
@@ -136,7 +138,7 @@ static lg_status read_bounds(const reading *r, const yaml_node_t *list, lg_range
     return LG_OK;
 }
 
-/* {KIND: [...]} */
+/* Reads a range of the form {KIND: [...]}. */
 static lg_status read_range(const reading *r, const yaml_node_t *node, lg_range *range) {
     char kind[LG_RANGE_NAME] = "";
     const bool one = node->type == YAML_MAPPING_NODE && pairs_of(node) == 1;
@@ -204,10 +206,10 @@ lg_status lg_search_file_read(const lg_context *context, const char *path, lg_se
     return status;
 }
 
-/* ---- what a table of trials belongs to ---- */
+/* ---- hashes that tie a table of trials to its search ---- */
 
 #define HASH_DIGITS 16
-#define HEAD_SIZE   128 /* "# seed S space HASH setting HASH" */
+#define HEAD_SIZE   128 /* room for "# seed S space HASH setting HASH" */
 #define MAX_BYTES   ((size_t)64 << 20)
 
 static const char *const columns[] = {"trial", "state", "objective", "parameters", "epochs", "seconds"};
@@ -216,7 +218,7 @@ static void add_text(lg_sha256 *sha, const char *text) {
     lg_sha256_add(sha, text, strlen(text) + 1);
 }
 
-/* Hashes the bits of numbers, and texts with their terminators. */
+/* Hashes the bits of a number in little-endian order. */
 static void add_bits(lg_sha256 *sha, uint64_t bits) {
     uint8_t bytes[8];
     for (int i = 0; i < 8; i++) bytes[i] = (uint8_t)(bits >> (8 * i));
@@ -225,7 +227,7 @@ static void add_bits(lg_sha256 *sha, uint64_t bits) {
 
 static void add_real(lg_sha256 *sha, double x) {
     uint64_t bits;
-    x += 0.0; /* -0 and 0 are one bound */
+    x += 0.0; /* makes -0 the same bound as 0 */
     memcpy(&bits, &x, sizeof bits);
     add_bits(sha, bits);
 }
@@ -304,7 +306,7 @@ static lg_status check_trials(const lg_search_space *space, const lg_trial *tria
 
 /* ---- writing ---- */
 
-#define CELL_SIZE 40 /* longer than any cell: a number of 17 digits, a name, a whole number */
+#define CELL_SIZE 40 /* longer than any cell: a number with 17 digits, a name or an integer */
 
 typedef struct text {
     char *data;
@@ -321,7 +323,7 @@ static void add(text *t, const char *format, ...) {
     t->used += (size_t)length;
 }
 
-/* 17 digits; nan, inf and -inf. */
+/* Adds a number with 17 digits, or nan, inf or -inf. */
 static void add_number(text *t, double x) {
     if (isnan(x))
         add(t, ",nan");
@@ -366,7 +368,8 @@ static void add_trial(text *t, const lg_search_space *space, const lg_trial *tri
     add(t, "\n");
 }
 
-/* Position of the trial with the lowest number above `last` (any, when `first`). */
+/* Returns the position of the trial with the lowest number above `last`, or with the lowest number of all if
+ * `first`. */
 static size_t next_trial(const lg_trial *trials, size_t count, uint64_t last, bool first) {
     size_t found = count;
     for (size_t i = 0; i < count; i++) {
@@ -380,7 +383,7 @@ static lg_status compose(text *t, const lg_search_file *search, uint64_t seed, c
                          const lg_trial *trials, size_t count, uint32_t reports) {
     const locale_t c = newlocale(LC_ALL_MASK, "C", (locale_t)0);
     if (c == (locale_t)0) return LG_OUT_OF_MEMORY;
-    const locale_t caller = uselocale(c); /* decimal points, wherever we are */
+    const locale_t caller = uselocale(c); /* decimal points in any locale */
     add_head(t, search, seed, setting, reports);
     uint64_t last = 0;
     for (size_t i = 0; i < count; i++) {
@@ -421,12 +424,12 @@ lg_status lg_trials_write(const lg_context *context, const char *path, const lg_
 typedef struct table {
     const char *path;
     char *at;      /* the next line */
-    uint32_t line; /* number of the current one */
+    uint32_t line; /* number of the current line */
     uint32_t reports;
     lg_error *error;
 } table;
 
-/* The next complete line, terminated, without its end; NULL: there is none. */
+/* Returns the next complete line, terminated and without its line ending, or NULL if there is none. */
 static char *next_line(table *t) {
     char *line = t->at, *end = strchr(line, '\n');
     if (end == NULL) return NULL;
@@ -437,7 +440,7 @@ static char *next_line(table *t) {
     return line;
 }
 
-/* The next cell, terminated; NULL when there is none. */
+/* Returns the next cell of a line, terminated, or NULL if there is none. */
 static char *next_cell(char **line) {
     char *cell = *line;
     if (cell == NULL) return NULL;
@@ -452,7 +455,7 @@ static lg_status bad(const table *t, const char *column, const char *cell) {
                    column, cell != NULL ? cell : "");
 }
 
-/* What add_number wrote. */
+/* Reads a number as add_number writes it. */
 static bool parse_number(const char *cell, double *out) {
     static const struct {
         const char *word;
@@ -485,7 +488,7 @@ static bool parse_value(const lg_range *range, const char *cell, double *out) {
     return false;
 }
 
-/* The cell of a fixed column. */
+/* Reads a cell of one of the columns that every table has. */
 static bool parse_column(size_t column, const char *cell, lg_trial *trial) {
     switch (column) {
     case 0:
@@ -516,7 +519,7 @@ static lg_status parse_trial(const table *t, const lg_search_space *space, char 
     }
     for (uint32_t i = 0; i < t->reports; i++) {
         const char *cell = next_cell(&line);
-        if (cell != NULL && *cell == '\0') continue; /* this rung was not reached */
+        if (cell != NULL && *cell == '\0') continue; /* the trial did not reach this rung */
         if (cell == NULL || trial->reports != i || !parse_number(cell, &trial->report[i]))
             return bad(t, "a report", cell);
         trial->reports++;
@@ -524,7 +527,7 @@ static lg_status parse_trial(const table *t, const lg_search_space *space, char 
     return line == NULL ? LG_OK : bad(t, "more cells than columns", line);
 }
 
-/* `# seed S space HASH setting HASH` must be what this search writes. */
+/* Checks that the first line is the `# seed S space HASH setting HASH` of this search. */
 static lg_status check_head(table *t, const lg_search_file *search, uint64_t seed, const char *setting) {
     char want[2][HASH_DIGITS + 1], seen_hash[2][HASH_DIGITS + 1], seen_seed[24];
     const char *shown = lg_shown_path(t->path);
@@ -550,7 +553,7 @@ static lg_status check_head(table *t, const lg_search_file *search, uint64_t see
     return LG_OK;
 }
 
-/* The names of the columns; sets the number of reports. */
+/* Checks the names of the columns, and sets the number of reports. */
 static lg_status check_columns(table *t, const lg_search_space *space, char *line) {
     for (size_t i = 0; i < LG_COUNT(columns) + space->count; i++) {
         const char *name = i < LG_COUNT(columns) ? columns[i] : space->ranges[i - LG_COUNT(columns)].name;

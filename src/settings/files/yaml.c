@@ -8,12 +8,12 @@
 #include <yaml.h>
 
 #define MAX_BYTES ((size_t)1 << 20)
-#define MAX_DEPTH 16 /* brackets inside brackets */
+#define MAX_DEPTH 16 /* most brackets that are open at once */
 #define NAME_SIZE 64
 
 struct lg_yaml {
     const lg_context *context;
-    const char *path; /* the caller's */
+    const char *path; /* owned by the caller */
     yaml_document_t document;
     yaml_node_t *root;
 };
@@ -49,7 +49,7 @@ lg_status lg_yaml_bytes(const lg_context *context, const char *path, unsigned ch
     FILE *file;
     uint64_t told;
     LG_TRY(lg_read_open(path, &file, &told, error));
-    /* One byte more than there should be tells that the file grows. */
+    /* One byte more than the file's size, to notice that the file is growing. */
     const size_t room = (told < MAX_BYTES ? (size_t)told : MAX_BYTES) + 1;
     unsigned char *data = lg_alloc(context, room + 1, 1);
     size_t size = data != NULL ? fread(data, 1, room, file) : 0;
@@ -75,8 +75,8 @@ lg_status lg_yaml_bytes(const lg_context *context, const char *path, unsigned ch
     return status;
 }
 
-/* libyaml needs quadratic time for deep nesting; valid files are not deep. Brackets in texts and comments
- * count too. */
+/* libyaml takes quadratic time for deep nesting, which valid files do not have. Brackets in texts and
+ * comments count too. */
 static lg_status check_depth(const char *path, const unsigned char *data, size_t bytes, lg_error *error) {
     unsigned line = 1;
     int depth = 0;
@@ -95,7 +95,7 @@ static lg_status parser_error(const char *path, const yaml_parser_t *parser, con
     if (parser->error == YAML_MEMORY_ERROR)
         return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
     size_t line = parser->problem_mark.line + 1;
-    if (parser->error == YAML_READER_ERROR) { /* has an offset only */
+    if (parser->error == YAML_READER_ERROR) { /* this kind of error has only an offset, no line */
         line = 1;
         for (size_t i = 0; i < parser->problem_offset && i < bytes; i++) line += data[i] == '\n';
     }
@@ -103,7 +103,7 @@ static lg_status parser_error(const char *path, const yaml_parser_t *parser, con
                    parser->problem != NULL ? parser->problem : "unknown problem");
 }
 
-/* Exactly one document. */
+/* Loads a file that must contain exactly one document. */
 static lg_status load(lg_yaml *yaml, yaml_parser_t *parser, const unsigned char *data, size_t bytes,
                       lg_error *error) {
     yaml_document_t next;
@@ -167,7 +167,7 @@ void lg_yaml_close(lg_yaml *yaml) {
 
 /* ---- scalars ---- */
 
-/* A scalar's text as it may stand in a sentence: printable, short. */
+/* Copies a scalar's text for an error message: cut to NAME_SIZE - 1 bytes, control characters replaced. */
 static const char *shown(const yaml_node_t *node, char out[NAME_SIZE]) {
     size_t length = node->data.scalar.length, used = 0;
     for (; used < length && used < NAME_SIZE - 1; used++) {
@@ -178,7 +178,7 @@ static const char *shown(const yaml_node_t *node, char out[NAME_SIZE]) {
     return out;
 }
 
-/* The text of an unbroken scalar shorter than `size`, or NULL. */
+/* Returns the text of a scalar that is shorter than `size` and contains no zero byte, or NULL. */
 static const char *plain_text(const yaml_node_t *node, size_t size) {
     if (node->type != YAML_SCALAR_NODE || node->data.scalar.length >= size) return NULL;
     const char *text = (const char *)node->data.scalar.value;
@@ -267,7 +267,7 @@ static lg_status read_list(lg_yaml *yaml, const lg_field *key, const yaml_node_t
     return add_items(yaml, key, node, value, error);
 }
 
-/* Reads a whole number up to 2^64 - 1, which may be too large for a double to hold exactly. */
+/* True if the field is an integer up to 2^64 - 1, which may be too large for a double to hold exactly. */
 static bool is_exact(const lg_field *key) {
     return key->type == LG_FIELD_U64 && key->high == 0x1p64;
 }
@@ -348,9 +348,9 @@ lg_status lg_yaml_entries(lg_yaml *yaml, const lg_field *key, const lg_key_value
 typedef struct block {
     lg_yaml *yaml;
     const lg_field *key;
-    const size_t *shape; /* 3 levels */
-    double *out;         /* of the next number */
-    uint32_t *line;      /* likewise, or NULL */
+    const size_t *shape; /* length of each of the 3 levels */
+    double *out;         /* where the next number goes */
+    uint32_t *line;      /* where the next number's line goes, or NULL */
     lg_error *error;
 } block;
 
@@ -386,7 +386,7 @@ lg_status lg_yaml_block(lg_yaml *yaml, const lg_field *key, const lg_key_value *
 
 static const yaml_node_t *find_below(const lg_yaml *yaml, const yaml_node_t *map, const char *key,
                                      size_t length) {
-    yaml_document_t *document = (yaml_document_t *)&yaml->document; /* only read */
+    yaml_document_t *document = (yaml_document_t *)&yaml->document; /* only read here */
     const yaml_node_pair_t *pair = map->data.mapping.pairs.start;
     for (; pair < map->data.mapping.pairs.top; pair++) {
         const char *text = plain_text(yaml_document_get_node(document, pair->key), NAME_SIZE);
@@ -431,14 +431,14 @@ static const lg_field *find_key(const reading *r, const char *name, lg_key_value
     return NULL;
 }
 
-/* The key's own name when it stands directly below `prefix`, else NULL. */
+/* If the key is directly below `prefix`, returns its name without the prefix, else NULL. */
 static const char *name_below(const lg_field *key, const char *prefix) {
     const size_t length = strlen(prefix);
     const bool here = strncmp(key->name, prefix, length) == 0 && strchr(key->name + length, '.') == NULL;
     return here ? key->name + length : NULL;
 }
 
-/* `elsewhere`: it is a key of other systems. */
+/* Reports a key that is not in the tables. `elsewhere` says that other systems have this key. */
 static lg_status unknown_key(const reading *r, const yaml_node_t *node, const char *prefix, bool elsewhere) {
     char known[240] = "", show[NAME_SIZE];
     size_t used = 0;
@@ -469,7 +469,7 @@ static lg_status read_pair(const reading *r, const yaml_node_t *key_node, const 
     const char *text = plain_text(key_node, NAME_SIZE);
     if (key_node->type != YAML_SCALAR_NODE)
         return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "a key must be a name");
-    /* With a dot it would be a key of an inner mapping. */
+    /* A name with a dot would be mistaken for a key of an inner mapping. */
     if (text == NULL || strchr(text, '.') != NULL) return unknown_key(r, key_node, prefix, false);
     (void)snprintf(name, sizeof name, "%s%s", prefix, text);
     const lg_field *key = find_key(r, name, &value);
@@ -484,7 +484,7 @@ static lg_status read_pair(const reading *r, const yaml_node_t *key_node, const 
     return read_map(r, node, inner);
 }
 
-/* Keys directly below `prefix` that are required and absent. */
+/* Reports a required key directly below `prefix` that is missing. */
 static lg_status check_required(const reading *r, const yaml_node_t *map, const char *prefix) {
     for (size_t s = 0; s < r->set_count; s++) {
         for (size_t i = 0; i < r->sets[s].count; i++) {

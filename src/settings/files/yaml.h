@@ -1,6 +1,7 @@
-/* Reads YAML and JSON files by tables of fields. A table is flat: "initial.q" is key q of the mapping
- * `initial`. Each value keeps its line. A row without a member (size 0) is looked at by the caller: a text, a
- * name that is more than its number, a NODE once its shape is known. */
+/* Reads YAML and JSON files by tables of fields. A table is flat: "initial.q" is the key q of the mapping
+ * `initial`. The line of each value is kept for error messages. If a row has no member in the struct (size
+ * 0), the caller reads its value: a text, a name that stands for more than its number, or a NODE whose shape
+ * is known only later. */
 #ifndef LG_YAML_H
 #define LG_YAML_H
 
@@ -8,17 +9,17 @@
 #include "liegrad/io.h"
 #include "settings/settings.h"
 
-#define LG_VALUES 32 /* the longest list, but for nodes */
+#define LG_VALUES 32 /* longest list, except in nodes */
 typedef struct lg_key_value {
-    uint32_t line;  /* of the value, from 1; 0: absent */
-    uint32_t count; /* numbers or names read */
+    uint32_t line;  /* line of the value, from 1; 0 if the key is absent */
+    uint32_t count; /* how many numbers or names were read */
     double real[LG_VALUES];
-    uint64_t whole;   /* U64 up to 2^64 - 1 */
-    char text[256];   /* TEXT, PHRASE */
-    const void *node; /* NODE */
+    uint64_t whole;   /* value of a U64 row whose upper bound is 2^64 */
+    char text[256];   /* value of a TEXT or PHRASE row */
+    const void *node; /* value of a NODE row */
 } lg_key_value;
 
-/* A table and what was read, a value for each row. */
+/* A table of `count` rows, and the value that was read for each row. */
 typedef struct lg_key_set {
     const lg_field *keys;
     size_t count;
@@ -28,41 +29,45 @@ typedef struct lg_key_set {
 typedef struct lg_yaml lg_yaml;
 
 lg_status lg_yaml_open(const lg_context *context, const char *path, lg_yaml **out, lg_error *error);
-/* The same of a text in memory; `path` names it in sentences. Both borrow the path, not the text. */
+/* lg_yaml_open reads a file; lg_yaml_open_text reads a text in memory, and `path` names it in error messages.
+ * The path must stay valid until lg_yaml_close; the text need not. */
 lg_status lg_yaml_open_text(const lg_context *context, const char *path, const void *data, size_t bytes,
                             lg_yaml **out, lg_error *error);
-/* The bytes of a file that may be YAML (lg_free); a zero stands behind. */
+/* Reads the bytes of a file that may be YAML, into memory that the caller frees with lg_free. A zero byte
+ * follows them. */
 lg_status lg_yaml_bytes(const lg_context *context, const char *path, unsigned char **out, size_t *bytes,
                         lg_error *error);
-void lg_yaml_close(lg_yaml *yaml); /* NULL is fine */
+void lg_yaml_close(lg_yaml *yaml); /* yaml may be NULL */
 const char *lg_yaml_path(const lg_yaml *yaml);
-/* libyaml's document, for what is below a NODE. */
+/* The document of libyaml, for reading what is below a NODE. */
 struct yaml_document_s *lg_yaml_document(lg_yaml *yaml);
 
-/* True when the top mapping has the key; "initial.q" is key q of its mapping `initial`. */
+/* True if the top mapping has the key. "initial.q" is the key q of its mapping `initial`. */
 bool lg_yaml_has(const lg_yaml *yaml, const char *key);
-/* The value of a required NAME or TEXT key of the top mapping, before the rest is read. */
+/* Reads the value of a required NAME or TEXT key of the top mapping, before everything else is read. */
 lg_status lg_yaml_name(lg_yaml *yaml, const lg_field *key, lg_key_value *value, lg_error *error);
-/* Reads the top mapping. Refuses, with the line: unknown keys, duplicate keys, missing keys, wrong shapes,
- * texts that are no numbers, numbers out of range. `elsewhere` (may be NULL) knows the keys of other systems;
- * `system` is the name of this one. */
+/* Reads the top mapping. Fails, with the line in the message, for unknown, duplicate and missing keys, wrong
+ * shapes, texts where numbers are expected, and numbers out of range. `elsewhere` (may be NULL) returns true
+ * for keys of other systems; `system` is the name of this system. Both serve the message about an unknown
+ * key. */
 lg_status lg_yaml_read(lg_yaml *yaml, const lg_key_set *sets, size_t set_count,
                        bool (*elsewhere)(const char *name), const char *system, lg_error *error);
-/* The same for the mapping of a NODE, or of an item of one; `what` names it in sentences. */
+/* Reads the mapping of a NODE, or of an item of a NODE, in the same way. `what` names it in error
+ * messages. */
 lg_status lg_yaml_read_below(lg_yaml *yaml, const void *node, const lg_key_set *set, const char *what,
                              lg_error *error);
-/* Stores the values that stand in the file, by the rows that have members. */
+/* Stores the values that were in the file into the members of `into`. Rows without a member are skipped. */
 lg_status lg_yaml_store(const lg_yaml *yaml, const lg_field *keys, const lg_key_value *values, size_t count,
                         void *into, lg_error *error);
-/* The number of entries of `inner` numbers in a NODE. A list of `inner` > 1 numbers is one entry, and so is
- * a single number. */
+/* Gets the number of entries in a NODE, where an entry has `inner` numbers. A single list of `inner` > 1
+ * numbers is one entry; so is a single number if `inner` is 1. */
 lg_status lg_yaml_entries(lg_yaml *yaml, const lg_field *key, const lg_key_value *value, size_t inner,
                           size_t *out, lg_error *error);
-/* The numbers of a NODE: lists of lists of lists of these lengths; levels of length one may be left out.
- * `lines` (may be NULL) becomes the line of each number. */
+/* Reads the numbers of a NODE: three levels of lists with the lengths `shape`. Levels of length 1 may be left
+ * out. `lines` (may be NULL) receives the line of each number. */
 lg_status lg_yaml_block(lg_yaml *yaml, const lg_field *key, const lg_key_value *value, const size_t shape[3],
                         double *out, uint32_t *lines, lg_error *error);
-/* "FILE: line 7: ..." */
+/* Fails with the message "FILE: line 7: ...". */
 lg_status lg_yaml_fail(const lg_yaml *yaml, uint32_t line, lg_status status, lg_error *error,
                        const char *format, ...) __attribute__((format(printf, 5, 6)));
 
