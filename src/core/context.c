@@ -10,8 +10,9 @@ struct lg_context {
     lg_context_options options;
 };
 
-/* Blocks of several large pages ask the system for large pages. Parameters, moments and gradients are
- * streamed, and with small pages half the time of a pass over them is spent on address translation. */
+/* For blocks of at least two large pages, the system is asked for large pages. Parameters, moments and
+ * gradients are streamed, and with small pages half the time of a pass over them is spent on address
+ * translation. */
 #define LARGE_PAGE ((size_t)1 << 21)
 
 static void *default_allocate(void *user, size_t bytes) {

@@ -13,7 +13,7 @@
 
 #define LG_ALIGNMENT 64
 
-/* A sanitizer watches memory: it reserves terabytes of addresses and stands before malloc. */
+/* A sanitizer is in use. It reserves terabytes of address space and replaces malloc. */
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 #define LG_SANITIZED
 #elif defined(__has_feature) /* clang */
@@ -22,14 +22,15 @@
 #endif
 #endif
 
-/* Returns the status of the call when it is not LG_OK. */
+/* Returns the status of `call` from the calling function if it is not LG_OK. */
 #define LG_TRY(call)                                                                                         \
     do {                                                                                                     \
         lg_status lg_try_status_ = (call);                                                                   \
         if (lg_try_status_ != LG_OK) return lg_try_status_;                                                  \
     } while (0)
 
-/* Returns LG_INVALID_ARGUMENT, with a sentence in `error` (may be NULL), when one of the pointers is NULL. */
+/* Returns LG_INVALID_ARGUMENT from the calling function if one of the pointers is NULL, with a message in
+ * `error` (may be NULL). */
 #define LG_NEEDS(error, ...)                                                                                 \
     do {                                                                                                     \
         const void *const lg_needs_[] = {__VA_ARGS__};                                                       \
@@ -38,8 +39,8 @@
                 return lg_fail(error, LG_INVALID_ARGUMENT, "one of these is NULL: %s", #__VA_ARGS__);        \
     } while (0)
 
-/* Zeroed memory, 64-byte aligned; NULL on failure or overflow of count * size. count * size == 0 gives a
- * valid pointer. A NULL context means the C library's allocator. */
+/* Returns zeroed memory, aligned to 64 bytes, or NULL on failure or if count * size overflows. If count *
+ * size is 0, the pointer is valid. With a NULL context the C library's allocator is used. */
 void *lg_alloc(const lg_context *context, size_t count, size_t size);
 void lg_free(const lg_context *context, void *memory);
 char *lg_strdup(const lg_context *context, const char *text);
@@ -48,26 +49,28 @@ bool lg_cancelled(const lg_context *context);
 void lg_log_message(const lg_context *context, lg_log_level level, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
-/* Fills `error` (may be NULL) and returns `status`, so that a failure is one statement. */
+/* Fills `error` (may be NULL) and returns `status`, so that a function can fail in one statement. */
 lg_status lg_fail(lg_error *error, lg_status status, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
-/* Of a clock that never goes back. */
+/* Seconds of a monotonic clock. */
 double lg_seconds(void);
 
-/* Worker threads that run task(user, i) for i in 0..count-1. Which thread runs which i is not specified: a
- * task must write only to its own memory. threads - 1 workers are made; the caller works too. */
+/* A pool of worker threads. lg_thread_pool_run runs task(user, i) for i in 0..count-1. Which thread runs
+ * which i is not specified, so a task must not write to memory that other tasks use. The pool has threads - 1
+ * workers, because the calling thread works too. */
 typedef struct lg_thread_pool lg_thread_pool;
 lg_status lg_thread_pool_create(const lg_context *context, int threads, lg_thread_pool **out);
 void lg_thread_pool_destroy(lg_thread_pool *pool);
 void lg_thread_pool_run(lg_thread_pool *pool, size_t count, void (*task)(void *user, size_t index),
                         void *user);
 
-/* Instruction sets: plain C, those of x86-64, that of arm64. Of those that a machine has the last is best. */
+/* Instruction sets: plain C, two sets of x86-64, one of arm64. The last one that a machine has is the
+ * best. */
 typedef enum lg_isa { LG_ISA_BASELINE, LG_ISA_AVX2, LG_ISA_AVX512, LG_ISA_NEON, LG_ISA_COUNT } lg_isa;
-/* The library was compiled for the set, and the machine has it. */
+/* True if the library was compiled for the set and the machine has it. */
 bool lg_isa_is_here(lg_isa isa);
-/* X(NAME, name) for each set that kernels are compiled for besides the baseline. */
+/* X(NAME, name) for each set besides the baseline for which kernels are compiled. */
 #if defined(LG_BASELINE_ALONE) /* builds with sanitizers */
 #define LG_FASTER_SETS(X)
 #elif defined(__x86_64__)
@@ -77,7 +80,8 @@ bool lg_isa_is_here(lg_isa isa);
 #else
 #define LG_FASTER_SETS(X)
 #endif
-/* The set in use: the machine's best, or what LIEGRAD_ISA asks for when the machine has it. Constant. */
+/* The set in use: the one that the environment variable LIEGRAD_ISA names if the machine has it, else the
+ * machine's best. Constant during the process. */
 lg_isa lg_isa_in_use(void);
 const char *lg_isa_name(lg_isa isa);
 

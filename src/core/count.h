@@ -1,4 +1,4 @@
-/* How many elements an array has; `array` is no pointer. */
+/* Number of elements of an array. `array` must not be a pointer. */
 #ifndef LG_CORE_COUNT_H
 #define LG_CORE_COUNT_H
 

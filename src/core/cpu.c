@@ -27,7 +27,7 @@ bool lg_isa_is_here(lg_isa isa) {
                __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512cd");
 #elif defined(__aarch64__)
     case LG_ISA_NEON:
-        return true; /* every such processor has it */
+        return true; /* every arm64 processor has it */
 #endif
     default:
         return false;
@@ -45,7 +45,7 @@ static lg_isa choose(void) {
     return best;
 }
 
-/* Threads may race to the first call: all of them compute and store the same value. */
+/* Several threads may make the first call at once; all of them compute and store the same value. */
 lg_isa lg_isa_in_use(void) {
     static _Atomic int chosen = -1;
     int isa = chosen;

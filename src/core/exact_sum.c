@@ -9,7 +9,7 @@ void lg_exact_add(lg_exact_sum *sum, double x) {
     const uint64_t exponent = bits >> 52 & 0x7ff, fraction = bits & 0xfffffffffffffu;
     const uint64_t mantissa = exponent > 0 ? fraction | 1ull << 52 : fraction;
     const uint64_t place = exponent > 0 ? exponent - 1 : 0, shift = place % 32;
-    /* mantissa 2^shift in three parts of 32 bits */
+    /* mantissa 2^shift, split into three parts of 32 bits */
     const uint64_t low = mantissa << shift, high = shift > 0 ? mantissa >> (64 - shift) : 0;
     const int64_t parts[3] = {(int64_t)(low & 0xffffffffu), (int64_t)(low >> 32), (int64_t)high};
     for (int i = 0; i < 3; i++) sum->part[place / 32 + (uint64_t)i] += bits >> 63 != 0 ? -parts[i] : parts[i];
@@ -19,8 +19,8 @@ void lg_exact_merge(lg_exact_sum *into, const lg_exact_sum *from) {
     for (int i = 0; i < LG_EXACT_PARTS; i++) into->part[i] += from->part[i];
 }
 
-/* With carries every part but the last is in 0..2^32 - 1; a negative sum is negated first, so that no two
- * parts cancel. */
+/* Carries bring every part but the last into 0..2^32 - 1. A negative sum is negated first, so that the parts
+ * do not cancel. */
 double lg_exact_value(const lg_exact_sum *sum) {
     int64_t part[LG_EXACT_PARTS];
     double sign = 1.0, value = 0.0;

@@ -1,4 +1,4 @@
-/* Sorted numbers and their median. */
+/* Sorting numbers, and their median. */
 #ifndef LG_MEDIAN_H
 #define LG_MEDIAN_H
 
@@ -6,7 +6,7 @@
 
 /* Compares two doubles for qsort; NaN comes last. */
 int lg_compare_doubles(const void *a, const void *b);
-/* Sorts the values and returns their median; NaN where count is 0. */
+/* Sorts the values and returns their median, or NaN if count is 0. */
 double lg_median(double *values, size_t count);
 
 #endif

@@ -7,8 +7,8 @@
 #include <sys/mman.h>
 #include <time.h>
 
-/* OpenBLAS' own functions, weak: a BLAS without them links too. The last four are exported but not
- * documented. */
+/* Functions of OpenBLAS. They are weak symbols, so that linking works with other BLAS libraries too. The last
+ * four are exported by OpenBLAS but not documented. */
 #define LG_WEAK __attribute__((weak, visibility("default")))
 extern LG_WEAK char *openblas_get_corename(void);
 extern LG_WEAK char *openblas_get_config(void);
@@ -23,7 +23,7 @@ int lg_cpu_describe(char *text, size_t size) {
     const char *isa = lg_isa_name(lg_isa_in_use());
     if (openblas_get_corename == NULL) return snprintf(text, size, "kernels %s, BLAS unknown", isa);
     const char *config = openblas_get_config != NULL ? openblas_get_config() : "OpenBLAS";
-    const char *end = strchr(config, ' '); /* "OpenBLAS 0.3.21 options...": name and version */
+    const char *end = strchr(config, ' '); /* keeps name and version of "OpenBLAS 0.3.21 options..." */
     end = end != NULL ? strchr(end + 1, ' ') : NULL;
     const int length = end != NULL ? (int)(end - config) : (int)strlen(config);
     const int threads = openblas_get_num_threads != NULL ? openblas_get_num_threads() : 0;
@@ -31,9 +31,9 @@ int lg_cpu_describe(char *text, size_t size) {
                     openblas_get_corename(), threads, threads == 1 ? "" : "s");
 }
 
-/* An OpenBLAS release older than the processor takes it for the newest one that it knows. It then runs AVX2
- * kernels on a machine with AVX-512, at half the speed. OpenBLAS reads the environment when it chooses its
- * table of kernels, so the choice is made again here. */
+/* An OpenBLAS release older than the processor treats it as the newest processor that the release knows. On a
+ * machine with AVX-512 it then runs AVX2 kernels, at half the speed. OpenBLAS reads OPENBLAS_CORETYPE when it
+ * chooses its table of kernels, so this function sets the variable and makes OpenBLAS choose again. */
 static void fit_core_type(void) {
 #if defined(__x86_64__)
     static const char *const narrow[] = {"Haswell", "Zen", "Excavator", "Sandybridge", "Nehalem", "Prescott"};
@@ -57,11 +57,12 @@ void lg_runtime_setup(void) {
     if (openblas_set_num_threads != NULL) openblas_set_num_threads(1);
 }
 
-/* ---- little memory ----
+/* ---- limited memory ----
  *
- * OpenBLAS takes a buffer of address space for each thread that multiplies, up to 128 MiB, and asks for it
- * again without end where there is none. Below a limit (ulimit -v) the buffers are therefore taken at the
- * start, when their lack can be told. */
+ * OpenBLAS reserves up to 128 MiB of address space for each thread that multiplies. If there is no room, it
+ * tries again forever. Under a limit (ulimit -v) the buffers are therefore reserved at the start, where a
+ * failure can be reported.
+ */
 
 enum { BUFFERS = 32 };
 #define BUFFER_SIZE ((size_t)1 << 27)

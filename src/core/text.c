@@ -115,7 +115,7 @@ void lg_text_add_hex_line(lg_text *to, lg_dtype dtype, const double *values, siz
     lg_text_add(to, "*/\n");
 }
 
-/* ---- foreign words ---- */
+/* ---- words, literals and comments ---- */
 
 void lg_text_add_word(lg_text *to, const char *word) {
     static const char plain[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_@%+=:,./-";
@@ -138,7 +138,8 @@ void lg_text_add_literal(lg_text *to, const char *value) {
     lg_text_append(to, "\"", 1);
 }
 
-/* The code point of a UTF-8 sequence of `length` bytes; 0 bytes: none. */
+/* Returns the code point of the UTF-8 sequence at s and sets `length` to its number of bytes, or to 0 if it
+ * is not a valid sequence. */
 static unsigned long code_point(const unsigned char *s, size_t *length) {
     const size_t n = s[0] >= 0xc2 && s[0] <= 0xdf   ? 2
                      : s[0] >= 0xe0 && s[0] <= 0xef ? 3
@@ -154,9 +155,9 @@ static unsigned long code_point(const unsigned char *s, size_t *length) {
     return code;
 }
 
-/* Pairs that mean something in a comment (its end, another beginning, a trigraph) are separated by a blank.
- * A backslash never ends a line. Control characters become blanks. Characters outside ASCII are written as
- * numbers. */
+/* Pairs that have a meaning in a comment (its end, another beginning, a trigraph) are separated by a blank. A
+ * point follows a backslash at the end of a line. Control characters become blanks. Characters outside ASCII
+ * are written as numbers. */
 void lg_text_add_comment(lg_text *to, const char *value) {
     for (const unsigned char *s = (const unsigned char *)value; *s != '\0'; s++) {
         const char next = (char)s[1];

@@ -1,11 +1,11 @@
-/* Worker threads. An atomic counter hands out indices. Between runs a worker first polls for a new round, as
- * the next run often comes within microseconds. Then it sleeps. */
+/* Worker threads. An atomic counter hands out indices. After a run, a worker first polls for the next one,
+ * which often comes within microseconds, and then sleeps. */
 #include <pthread.h>
 #include <stdatomic.h>
 
 #include "core/core.h"
 
-/* Looks before sleeping: about 20 microseconds. */
+/* Number of polls before sleeping: about 20 microseconds. */
 #define PATIENCE 2000
 
 struct lg_thread_pool {
@@ -15,11 +15,13 @@ struct lg_thread_pool {
 
     pthread_mutex_t mutex; /* for entering a round, and for sleeping */
     pthread_cond_t start, done;
-    bool open, stop, waiting; /* a round may be entered; workers end; the caller sleeps until active is 0 */
+    /* open: workers may enter the round. stop: workers must end. waiting: the caller sleeps until active is
+     * 0. */
+    bool open, stop, waiting;
     atomic_uint round;
-    atomic_int active; /* workers inside the round */
+    atomic_int active; /* number of workers inside the round */
 
-    /* Constant while active workers or the caller are inside a round. */
+    /* These do not change while workers or the caller are inside a round, except `next`, which counts up. */
     void (*task)(void *, size_t);
     void *user;
     size_t count;
@@ -42,7 +44,8 @@ static void work(lg_thread_pool *pool) {
     }
 }
 
-/* Waits for a round other than `seen` and enters it if it is still open. False: stop. */
+/* Waits for a round other than `seen` and enters it if it is still open; `inside` says so. Returns false if
+ * the worker must end. */
 static bool enter(lg_thread_pool *pool, unsigned *seen, bool *inside) {
     for (int i = 0; i < PATIENCE && atomic_load_explicit(&pool->round, memory_order_relaxed) == *seen; i++)
         relax();
@@ -121,7 +124,7 @@ static void open_round(lg_thread_pool *pool) {
     pthread_mutex_unlock(&pool->mutex);
 }
 
-/* No worker enters any more; those inside finish what they hold. */
+/* Lets no more workers enter, and waits until those inside have finished their tasks. */
 static void close_round(lg_thread_pool *pool) {
     pthread_mutex_lock(&pool->mutex);
     pool->open = false;
