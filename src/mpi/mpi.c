@@ -1,4 +1,4 @@
-/* Ranks of MPI. Counts of MPI are int: what is longer goes in rounds. */
+/* Implements lg_ranks with MPI. Counts of MPI are of type int, so longer messages are split into rounds. */
 #include "liegrad/mpi.h"
 
 #include <mpi.h>
@@ -8,12 +8,13 @@
 #include "core/core.h"
 #include "liegrad/context.h"
 
-/* Bytes of one rank in one round; the sum over ranks stays below 2^31. */
+/* Largest number of bytes per MPI call. If all ranks together send as much or more, gather broadcasts rank by
+ * rank. */
 #define ROUND ((size_t)1 << 30)
 
 typedef struct link {
     MPI_Comm comm;
-    int *counts, *offsets; /* (ranks) */
+    int *counts, *offsets; /* (number of ranks) */
     bool finalise;
 } link;
 
@@ -36,7 +37,8 @@ static void set_counts(link *l, uint32_t count, const size_t *bytes) {
     }
 }
 
-/* Rank by rank, for messages beyond MPI's counts: from the root's place in `all` to everybody's. */
+/* Gathers messages that are too long for MPI_Allgatherv: each rank in turn broadcasts its part of `all` to
+ * the same place on the other ranks. */
 static lg_status gather_in_rounds(const link *l, char *all, const size_t *bytes, uint32_t count) {
     size_t at = 0;
     for (uint32_t r = 0; r < count; at += bytes[r++])
