@@ -13,7 +13,7 @@ static bool refuse(char *why, const char *sentence) {
     return false;
 }
 
-/* The map of torques to p' at the set point, inverted. */
+/* Computes the inverse of the map from torques to p' at the set point. */
 static bool find_map(controller *self) {
     double B[TANGENT * TORQUE];
     return lg_model_linearise(self->model, self->target, NULL, NULL, B, NULL, self->work) == LG_OK &&
@@ -36,7 +36,7 @@ bool controller_init(controller *self, const lg_model *model, void *work, const 
     return true;
 }
 
-/* p' that is missing for the angular acceleration alpha. */
+/* Computes the moment B u, the change of p' that is needed for the angular acceleration alpha. */
 static bool missing(controller *self, const double *R, const double *Omega, double *moment) {
     double state[STATE], wanted[STATE], field[TANGENT], c[TANGENT], alpha[3];
     if (lg_model_machine_state(self->model, R, Omega, state, self->work) != LG_OK ||
@@ -45,7 +45,7 @@ static bool missing(controller *self, const double *R, const double *Omega, doub
         return false;
     memcpy(self->error, c, sizeof self->error);
     for (int i = 0; i < 3; i++) alpha[i] = -self->stiffness * c[i] - self->damping * Omega[i];
-    /* The momentum of the velocity alpha is M alpha. */
+    /* The machine state with velocity alpha has the momentum M alpha. */
     if (lg_model_machine_state(self->model, R, alpha, wanted, self->work) != LG_OK) return false;
     for (int i = 0; i < 3; i++) moment[i] = wanted[MOMENTUM + i] - field[3 + i];
     return true;
@@ -60,7 +60,7 @@ void controller_step(controller *self, const double *R, const double *Omega, dou
         square += torque[i] * torque[i];
     }
     const double size = sqrt(square);
-    /* NaN must not reach the motor. */
+    /* A NaN must not reach the motor. */
     const double factor = !good || !isfinite(size)  ? 0.0
                           : size > self->torque_max ? self->torque_max * (1.0 - 1e-15) / size
                                                     : 1.0;

@@ -6,7 +6,7 @@
 
 enum { WAVES = 5 };
 
-/* Sums of sines of random frequencies between .2 and 3 Hz. */
+/* A torque per axis that is a sum of sines with random frequencies between 0.2 and 3 Hz. */
 typedef struct waves {
     double amplitude, frequency[TORQUE][WAVES], phase[TORQUE][WAVES];
 } waves;
@@ -29,7 +29,8 @@ static void torque_at(const waves *w, double t, double *torque) {
     }
 }
 
-/* The largest of the four numbers is found first, the others from it. */
+/* Finds the quaternion's largest element first and computes the others from it, so that no division by a
+ * small number occurs. */
 static void quaternion_of(const double *R, double *q) {
     const double four[4] = {1 + R[0] + R[4] + R[8], 1 + R[0] - R[4] - R[8], 1 - R[0] + R[4] - R[8],
                             1 - R[0] - R[4] + R[8]};
@@ -75,7 +76,7 @@ bool log_write(const char *path, const log_options *options) {
         for (int row = 0; row <= rows && good; row++) {
             const double t = row / options->rate;
             torque_at(&w, t, torque);
-            for (int i = 0; i < TORQUE; i++) held[i] = round(1e7 * torque[i]) / 1e7; /* as it is written */
+            for (int i = 0; i < TORQUE; i++) held[i] = round(1e7 * torque[i]) / 1e7; /* as in the file */
             write_row(to, options, &rng, run, t, state, held);
             good = plant_advance(&truth, 1.0 / options->rate, held, state);
         }

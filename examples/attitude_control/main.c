@@ -1,11 +1,12 @@
 /* attitude_control --log LOG.csv [--seed S]
  * attitude_control MODEL.h5 [--starts N] [--seed S] [--duration T] [--noise SIGMA]
  *
- * The first writes a log of the true body (plant.h) for lg-identify. The second holds an attitude at 1 kHz by
- * the learned machine (controller.h) against the true body, from random starts; with --noise it sees the body
- * by sensors and a filter (observer.h). Exit codes: 0; 1 a run does
- * not end at the set point; 2 usage; 3 a file that cannot be read or written, a model that is not one of a
- * body; 5 memory. */
+ * The first form writes a log of the true body (plant.h) for lg-identify. The second form controls the true
+ * body at 1 kHz with the learned machine (controller.h): it holds an attitude, from random starts. With
+ * --noise the controller sees the body through sensors and a filter (observer.h). Exit codes: 0; 1 if a run
+ * does not end at the set point; 2 usage; 3 if a file cannot be read or written, or the model is not a model
+ * of a body; 5 memory.
+ */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -19,7 +20,7 @@
 
 static const double period = 1e-3, hold = 2.0, tolerance = 0.01; /* s, s, rad */
 static const double frequency = 5.0, torque_max = 6.0;           /* rad/s, N m */
-/* Far from every equilibrium of the body, with its centre of mass up and aside. */
+/* Far from every equilibrium of the body: its centre of mass is above the pivot and to the side. */
 static const double set_point[3] = {1.1, -0.7, 0.5}; /* rotation vector */
 
 typedef struct settings {
@@ -27,7 +28,7 @@ typedef struct settings {
     double starts, seed, duration, noise;
 } settings;
 
-/* ---- what a step takes ---- */
+/* ---- latency of a step ---- */
 
 static int ascending(const void *a, const void *b) {
     const int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
@@ -46,7 +47,7 @@ static void print_latency(samples *s) {
 
 /* ---- runs ---- */
 
-/* Prints the table; how many runs do not hold the set point. */
+/* Runs all starts and prints the table. Returns the number of runs that do not hold the set point. */
 static int run_all(const settings *set, plant *truth, controller *control, observer *by, samples *times,
                    double *rate) {
     int failed = 0;
@@ -80,7 +81,8 @@ static int run_all(const settings *set, plant *truth, controller *control, obser
 
 /* ---- the model ---- */
 
-/* What was learned beside what is true: the inertia, as the momenta of unit rates. */
+/* Compares the learned inertia with the true one. Column j of the inertia is the momentum at the unit rate
+ * about axis j. */
 static void print_learned(const lg_model *model, void *work) {
     const double unit[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
     double worst = 0.0;
@@ -93,7 +95,7 @@ static void print_learned(const lg_model *model, void *work) {
                  true_body.J[4]);
 }
 
-/* Rates beyond those of the log are not known to the model. */
+/* Prints the rates of both, because the model does not know rates beyond those of the log. */
 static void print_range(const lg_model_file *file, double rate) {
     const lg_machine_range *range =
         &((const lg_machine_model_file *)lg_model_file_of(file, &lg_recipe_machine_model))->run.range;
@@ -137,7 +139,7 @@ static int control(const settings *set) {
     void *work = aligned_alloc(64, (lg_model_work_size(file.model) + 63) / 64 * 64);
     int code = 5;
     if (work != NULL && times.ns != NULL) {
-        memset(times.ns, 1, room * sizeof(int64_t)); /* no page is new to the loop */
+        memset(times.ns, 1, room * sizeof(int64_t)); /* touches all pages before the loop */
         code = control_with(set, &file, work, &times);
     }
     free(work);

@@ -3,11 +3,10 @@
 #include <math.h>
 #include <stdlib.h>
 
-static const double
-    rate_noise = 10.0,
-    moment_noise = 0.03; /* noise of the rates over noise of the angles, 1/s; unknown moments, N m s^1/2 */
+/* rate_noise: noise of the rates per noise of the angles, 1/s. moment_noise: unknown moments, N m s^1/2. */
+static const double rate_noise = 10.0, moment_noise = 0.03;
 
-/* R exp(noise), Omega + noise. */
+/* The sensors measure R exp(noise) and Omega + noise. */
 static void measure(observer *self, const double *truth) {
     double turn[3], N[ATTITUDE];
     for (int i = 0; i < 3; i++) turn[i] = self->noise * lg_rng_normal(&self->rng);

@@ -1,4 +1,4 @@
-/* Sensors with noise, and an extended Kalman filter on the learned body that reads them. */
+/* Noisy sensors, and an extended Kalman filter on the learned body that reads them. */
 #ifndef OBSERVER_H
 #define OBSERVER_H
 
@@ -10,19 +10,22 @@
 typedef struct observer {
     const lg_model *model;
     lg_ekf *filter;
-    void *work, *memory; /* of the model, of the filter */
-    double noise;        /* standard deviation of measured angles, rad; of rates 10 times as much, rad/s */
+    void *work, *memory; /* memory of the model, memory of the filter */
+    /* Standard deviation of measured angles, rad. For rates it is 10 times as large, rad/s. */
+    double noise;
     lg_rng rng;
-    double measured[PLANT_STATE], seen[PLANT_STATE]; /* attitude and rates: of the sensors, of the filter */
-    double worst; /* standard deviation of an angle, as the filter has it */
+    /* Attitude and rates: from the sensors, from the filter. */
+    double measured[PLANT_STATE], seen[PLANT_STATE];
+    double worst; /* standard deviation of an angle according to the filter */
 } observer;
 
-/* `work`: as for controller_init. False when the model cannot be filtered, or memory is short. */
+/* `work` is as for controller_init. Returns false if the model cannot be filtered or memory is short. */
 bool observer_create(observer *self, const lg_model *model, void *work, double noise, uint64_t seed);
 void observer_destroy(observer *self);
-/* Begins with what the sensors say of the true state. */
+/* Starts the filter with a measurement of the true state. */
 bool observer_start(observer *self, const double *truth);
-/* No allocation, no lock: a look at the true state fills `seen`; a period passes under a torque. */
+/* Neither function allocates or locks. observer_look measures the true state and updates `seen`;
+ * observer_wait predicts over a period under a torque. */
 bool observer_look(observer *self, const double *truth);
 bool observer_wait(observer *self, double period, const double *torque);
 

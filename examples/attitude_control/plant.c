@@ -32,7 +32,7 @@ bool invert3(const double *M, double *out) {
     return true;
 }
 
-/* The algebra element of SO(3) x R^3: R Omega, Omega'. */
+/* The field as an element of the algebra of SO(3) x R^3: R Omega, then Omega'. */
 static lg_status field(void *user, double t, const double *state, const double *torque, double *out) {
     const plant *self = user;
     const body *b = &true_body;
@@ -78,7 +78,7 @@ void plant_attitude(const double *v, double *R) {
             R[3 * i + j] = (i == j ? 1.0 - c * square : 0.0) + s * hat[3 * i + j] + c * v[i] * v[j];
 }
 
-/* Uniform: the rotation of a quaternion of four normal numbers. */
+/* The attitude is uniformly distributed: a quaternion of four normal numbers, normalised. */
 void plant_start(lg_rng *rng, double rate, double *state) {
     double q[4], length = 0.0, vector[3];
     for (int i = 0; i < 4; i++) {

@@ -1,5 +1,5 @@
-/* The true body, which the controller does not know: a rigid body on a pivot, with its centre of mass beside
- * it, a spring that depends on the vertical, and friction. */
+/* The true body, which the controller does not know: a rigid body on a pivot. Its centre of mass is beside
+ * the pivot; a spring that depends on the vertical and friction act on it. */
 #ifndef PLANT_H
 #define PLANT_H
 
@@ -8,7 +8,7 @@
 #include <liegrad/integrators.h>
 #include <liegrad/random.h>
 
-enum { ATTITUDE = 9, PLANT_STATE = 12, TORQUE = 3, PLANT_STEPS = 4 /* of the integrator in a period */ };
+enum { ATTITUDE = 9, PLANT_STATE = 12, TORQUE = 3, PLANT_STEPS = 4 /* integrator steps per period */ };
 
 /* J Omega' = J Omega x Omega + Gamma x dV/dGamma - d Omega - c |Omega| Omega + u, R' = R hat(Omega),
  * with the vertical Gamma = R^T e3 and V = w.Gamma + k Gamma_2^2/2, in kg m^2, N m, rad/s. */
@@ -17,22 +17,22 @@ typedef struct body {
 } body;
 extern const body true_body;
 
-/* State: R (row-major, body to space), then Omega in the body. */
+/* The state is R (row-major, body to space), then Omega in body axes. */
 typedef struct plant {
     lg_stepper *stepper;
-    double inverse[9]; /* of J */
+    double inverse[9]; /* J^-1 */
 } plant;
 
-/* False when memory is short. `self` must stay where it is until plant_destroy. */
+/* Returns false if memory is short. `self` must not move until plant_destroy. */
 bool plant_create(plant *self);
 void plant_destroy(plant *self);
-/* A period further under a torque that is held. False when the state is not finite. */
+/* Advances the state by a period under a constant torque. Returns false if the state is not finite. */
 bool plant_advance(plant *self, double period, const double *torque, double *state);
-/* Any attitude; rates are normal numbers times `rate`. */
+/* Draws a random attitude, and rates that are normal numbers times `rate`. */
 void plant_start(lg_rng *rng, double rate, double *state);
-/* Attitude of a rotation vector. */
+/* The attitude R of a rotation vector. */
 void plant_attitude(const double *vector, double *R);
-/* 3 x 3: false when it is singular. */
+/* Inverts a 3 x 3 matrix. Returns false if it is singular. */
 bool invert3(const double *M, double *out);
 
 #endif

@@ -28,7 +28,8 @@ static void judge(const trial_options *options, double t, double angle, trial_re
     if (t > options->duration - options->hold) r->worst = fmax(r->worst, angle);
 }
 
-/* The state that the controller gets: the observer's estimate, or without an observer the true `state`. */
+/* Returns the state that the controller gets: the observer's estimate, or the true state if there is no
+ * observer. */
 static const double *look(observer *by, const double *state, trial_result *r) {
     if (by == NULL) return state;
     r->finite = observer_look(by, state);

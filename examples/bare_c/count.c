@@ -1,11 +1,12 @@
-/* Instructions a call takes, and the stack it needs, measured on the target. Built with -DMODEL=name
- * -DMODEL_HEADER='"name.h"' and -DHAS_GRAD, -DHAS_FIELD, -DHAS_CURVE, -DHAS_CLASSIFY for the functions that
- * its header declares.
+/* Measures on the target how many instructions a call takes and how much stack it needs. Build with
+ * -DMODEL=name, -DMODEL_HEADER='"name.h"', and -DHAS_GRAD, -DHAS_FIELD, -DHAS_CURVE and -DHAS_CLASSIFY for
+ * the functions that the header declares.
  *
- * Under `qemu-system-arm -icount shift=0` an instruction takes a nanosecond of the machine's own time and
- * SysTick counts that at 25 MHz: ticks times 40 is the number of instructions, to 40. It is not cycles: a
- * Cortex-M4 needs one to three of them for most instructions, 14 for a division or square root in float; on a
- * board SysTick at the core's clock counts cycles. */
+ * Under `qemu-system-arm -icount shift=0` each instruction takes one nanosecond of machine time, and SysTick
+ * counts this time at 25 MHz. So the number of instructions is 40 times the ticks, rounded to a multiple of
+ * 40. This is not a number of cycles: a Cortex-M4 needs one to three cycles for most instructions, and 14 for
+ * a division or square root in float. On a board, SysTick at the core's clock counts cycles.
+ */
 #include <stdint.h>
 #include <stdio.h>
 #include <string.h>
@@ -24,15 +25,15 @@ static OF(real) jacobian[OF(OUTPUTS) * OF(INPUTS)];
 #endif
 
 static volatile uint32_t *const systick = (volatile uint32_t *)0xE000E010; /* control, reload, current */
-extern uint32_t stack_bottom[];                                            /* of the linker script */
+extern uint32_t stack_bottom[];                                            /* from the linker script */
 
-/* Free-running, 24 bits, downwards. */
+/* The counter runs freely, has 24 bits and counts downwards. */
 static uint32_t ticks(void) {
     return systick[2];
 }
 
-/* All of the stack below the caller's frame gets a pattern; what a call overwrote shows its stack. Inlined:
- * no frame of its own. */
+/* Fills the stack below the caller's frame with a pattern. Where a call has overwritten the pattern, it has
+ * used the stack. Inlined, so that it has no frame of its own. */
 #define PATTERN 0xA5C35A3Cu
 __attribute__((always_inline)) static inline const uint32_t *paint(void) {
     uint32_t *top;

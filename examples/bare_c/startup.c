@@ -1,12 +1,12 @@
-/* What runs before main on a Cortex-M without an operating system: vector table, floating-point unit, memory,
- * stack. No library of the vendor. Files and the exit code go through semihosting (newlib's rdimon), that is
- * to the debugger or emulator. */
+/* The code that runs before main on a Cortex-M without an operating system. It sets up the vector table, the
+ * floating-point unit, memory and the stack, and needs no vendor library. Files and the exit code go through
+ * semihosting (newlib's rdimon), which means to the debugger or emulator. */
 #include <errno.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <stdlib.h>
 
-/* Of the linker script. */
+/* Symbols of the linker script. */
 extern uint32_t stack_bottom[], stack_top[], data_load[], data_start[], data_end[], bss_start[], bss_end[];
 extern char heap_start[], heap_end[];
 extern int main(void);
@@ -17,13 +17,13 @@ void *_sbrk(ptrdiff_t bytes);
 void reset(void);
 static void fault(void);
 
-/* newlib calls these; there are no constructors. */
+/* newlib calls these functions. They are empty because there are no constructors. */
 void _init(void) {
 }
 void _fini(void) {
 }
 
-/* newlib's own takes the heap to end where the stack is; here the stack is below it. */
+/* newlib's _sbrk assumes that the heap ends at the stack, but here the stack is below the heap. */
 void *_sbrk(ptrdiff_t bytes) {
     static char *top = heap_start;
     char *const before = top;
@@ -46,16 +46,17 @@ __attribute__((section(".vectors"), used)) static const vector vectors[16] = {
     {.handler = fault},                                           /* usage */
 };
 
-/* The stack is the lowest thing in RAM. Many a board faults below it of its own; that it does so on all, the
- * MPU forbids the 16 MB below (more than a frame can skip), the rest as without it. */
+/* The stack is at the bottom of RAM. On many boards an access below RAM faults anyway. To make it fault on
+ * all boards, the MPU forbids access to the 16 MB below the stack, more than one frame can skip. All other
+ * memory keeps the default map. */
 static void guard_stack(void) {
     volatile uint32_t *const mpu = (volatile uint32_t *)0xE000ED90; /* type, control, number, base, size */
     enum { GUARD_BITS = 24 };
-    if ((mpu[0] >> 8 & 0xFFu) == 0) return; /* has no regions */
+    if ((mpu[0] >> 8 & 0xFFu) == 0) return; /* this MPU has no regions */
     mpu[2] = 0;
     mpu[3] = (uint32_t)stack_bottom - (1u << GUARD_BITS);
     mpu[4] = 1u << 28 | (GUARD_BITS - 1) << 1 | 1u; /* no access, no execution; enabled */
-    mpu[1] = 5; /* on; elsewhere the default map; off in the fault's handler */
+    mpu[1] = 5; /* MPU on; default map elsewhere; MPU off in fault handlers */
     __asm__ volatile("dsb\n isb");
 }
 
@@ -70,8 +71,8 @@ void reset(void) {
     exit(main());
 }
 
-/* A fault ends the emulation with a code that no test returns. When the stack has overflowed there is none
- * left for a handler: it begins with one of its own, and nothing returns to the other. */
+/* A fault ends the emulation with an exit code that no test returns. After a stack overflow no stack is left
+ * for a handler, so the handler switches to a stack of its own. It never returns. */
 enum { FAULT_CODE = 99, FAULT_STACK = 2048 };
 static uint64_t fault_stack[FAULT_STACK / sizeof(uint64_t)];
 

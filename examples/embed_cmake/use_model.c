@@ -1,7 +1,7 @@
-/* use_model MODEL.h5 [CALLS]: loads any trained model and uses it as a control loop would: value, Jacobian,
- * and for learned Hamiltonians field, linearisation and steps of an integrator. Prints microseconds a call.
- * Exit code 1 when a result is not finite, when the Jacobian is not the derivative of the value, or a step
- * leaves the manifold. */
+/* use_model MODEL.h5 [CALLS]: loads any trained model and uses it as a control loop would. It computes values
+ * and Jacobians, and for models that move also the field, the linearisation and integrator steps. It prints
+ * microseconds per call. The exit code is 1 if a result is not finite, if the Jacobian is not the derivative
+ * of the value, or if a step leaves the manifold. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -11,11 +11,11 @@
 #include <liegrad/integrators.h>
 #include <liegrad/io.h>
 
-/* Everything that the loop touches, allocated before it. */
+/* Everything that the loops use, allocated before them. */
 typedef struct session {
     const lg_model *model;
-    int chain;     /* a Hamiltonian of pendulum chains: states lie on a manifold */
-    int conserved; /* without an input: Hamiltonians; machines are damped */
+    int chain;     /* the model is a Hamiltonian of pendulum chains: its states lie on a manifold */
+    int conserved; /* energy is conserved without an input: true for Hamiltonians; machines are damped */
     size_t inputs, outputs, calls;
     double *x, *dx, *y, *near, *jacobian;
     void *work;
@@ -28,7 +28,7 @@ static double now(void) {
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
-/* Zeroed, 64-byte aligned. */
+/* Returns zeroed, 64-byte aligned memory. */
 static void *reserve(size_t bytes) {
     const size_t whole = (bytes + 63) / 64 * 64 + 64;
     char *memory = aligned_alloc(64, whole);
@@ -51,11 +51,12 @@ static int all_finite(const double *x, size_t n) {
     return 1;
 }
 
-/* An input of the right kind and size, different at each call. What the numbers mean: liegrad/model.h. */
+/* Fills an input of the right kind and size; `phase` varies it. liegrad/model.h says what the numbers
+ * mean. */
 static void fill_input(const session *self, double *x, double phase) {
     for (size_t i = 0; i < self->inputs; i++) x[i] = 0.3 * sin(1.0 + (double)i + phase);
     if (!self->chain) return;
-    for (size_t l = 0; l < self->inputs; l += 6) { /* q, |q| = 1, and p, q.p = 0 */
+    for (size_t l = 0; l < self->inputs; l += 6) { /* per link: q with |q| = 1, and p with q.p = 0 */
         double length = 0.0, along = 0.0;
         x[l + 2] -= 1.0;
         for (size_t i = l; i < l + 3; i++) length += x[i] * x[i];
@@ -65,7 +66,7 @@ static void fill_input(const session *self, double *x, double phase) {
     }
 }
 
-/* J dx against (y(x + e dx) - y(x - e dx))/2e, tangent to the manifold for chains. */
+/* Compares J dx with (y(x + e dx) - y(x - e dx))/2e. For chains dx is tangent to the manifold. */
 static void check_jacobian(session *self) {
     const double e = 1e-5;
     double worst = 0.0, size = 1e-3;
@@ -136,7 +137,8 @@ static double off_manifold(const session *self, const double *y) {
     return worst;
 }
 
-/* The learned system with a small input, predicted by an integrator on its manifold. */
+/* Integrates the learned system without input on its manifold, and checks that energy and manifold are
+ * kept. */
 static void predict(session *self) {
     const lg_scheme *scheme = lg_scheme_find("cf4");
     const size_t bytes = lg_model_stepper_size(self->model, scheme);

@@ -1,5 +1,5 @@
-/* own_function: a function recorded on a tape. Its derivatives are checked, then Newton's method minimises it
- * with conjugate gradients, which take no Hessian H, only products H v. */
+/* own_function: records a function on a tape, checks its derivatives, and minimises it by Newton's method.
+ * Conjugate gradients solve for the steps, so the Hessian H is never formed; only products H v are. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -21,7 +21,7 @@ static double value(lg_tape *t, const double *x) {
     const lg_mark mark = lg_tape_mark(t);
     const lg_var at = lg_input_f64(t, lg_shape1(N), x);
     double f = NAN;
-    (void)lg_read(t, valley(NULL, t, &at), 1, &f); /* f stays NaN */
+    (void)lg_read(t, valley(NULL, t, &at), 1, &f); /* on failure f stays NaN */
     return lg_tape_rewind(t, mark) == LG_OK ? f : NAN;
 }
 
@@ -31,14 +31,15 @@ static double dot(const double *a, const double *b) {
     return sum;
 }
 
-/* H v at x, on which f was recorded. */
+/* Computes H v at x, the point where f was recorded. */
 static lg_status product(lg_tape *t, lg_var f, lg_var x, const double *v, double *out) {
     const lg_mark mark = lg_tape_mark(t);
     const lg_status status = lg_read(t, lg_hvp(t, f, x, lg_input_f64(t, lg_shape1(N), v)), N, out);
     return status == LG_OK ? lg_tape_rewind(t, mark) : status;
 }
 
-/* s with H s = -g, or what was found of it before a direction along which f is not convex. */
+/* Solves H s = -g by conjugate gradients. It stops early at a direction along which f is not convex, with the
+ * s found so far. */
 static lg_status solve(lg_tape *t, lg_var f, lg_var x, const double *g, double *s) {
     double r[N], v[N], Hv[N];
     for (int i = 0; i < N; i++) s[i] = 0, v[i] = r[i] = -g[i];
@@ -54,7 +55,7 @@ static lg_status solve(lg_tape *t, lg_var f, lg_var x, const double *g, double *
     return LG_OK;
 }
 
-/* A step from x (in/out); *slope is the gradient's norm at its start. */
+/* Makes a Newton step from x (in/out). *slope becomes the norm of the gradient at the start of the step. */
 static lg_status newton(lg_tape *t, double *x, double *slope) {
     double g[N], s[N], to[N], length = 1;
     lg_tape_reset(t);

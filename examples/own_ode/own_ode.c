@@ -1,7 +1,8 @@
-/* own_ode LOG.csv MODEL.h5: learns x' = f(x, u), x = (angle, rate), from logs of a driven pendulum, so that
- * STEPS predictions agree with them; saves field and step. LOG.csv has rows at equal times and a column
- * `run`: the last of several runs is judged, not learned. No window has a missing or incomplete row. Names,
- * X, widths and STEPS may be changed here: all sizes follow from them. */
+/* own_ode LOG.csv MODEL.h5: learns x' = f(x, u), x = (angle, rate), from logs of a driven pendulum, such that
+ * predictions over STEPS steps agree with the logs. It saves the functions `field` and `step`. LOG.csv has
+ * rows at equal time steps and a column `run`. If there are several runs, the last one is not learned but
+ * used for judging. Windows with missing or incomplete rows are left out. Names, X, widths and STEPS may be
+ * changed here: all sizes follow from them. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,10 +15,10 @@
 #include <liegrad/train.h>
 
 #define COUNT(array) (sizeof(array) / sizeof *(array))
-static const char *const columns[] = {"angle", "rate", "torque"}; /* X states, then inputs */
+static const char *const columns[] = {"angle", "rate", "torque"}; /* X states, then the inputs */
 static const uint32_t hidden[] = {12, 12};
 enum { X = 2, ROW = COUNT(columns), U = ROW - X, STEPS = 8, WINDOW = (STEPS + 1) * ROW };
-static lg_table_data stamps, rows; /* time and run; columns */
+static lg_table_data stamps, rows; /* stamps: time and run; rows: the columns above */
 static double h = INFINITY;
 static lg_error error;
 
@@ -27,7 +28,7 @@ static void need(lg_status status) {
     exit(1);
 }
 
-/* f (B, X) of in[0] = x (B, X), in[1] = u (B, U) */
+/* Records f (B, X) at in[0] = x (B, X) and in[1] = u (B, U). */
 static lg_status field(void *net, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *f) {
     f[0] = lg_mlp_record(t, net, theta[0], 0, lg_concat(t, in, 2, 1));
     return lg_tape_status(t);
@@ -45,7 +46,8 @@ static lg_status step(void *none, lg_tape *t, const lg_var *theta, const lg_var 
                               in, next);
 }
 
-/* STEPS predictions, one after the other, from the first row of the window in[0], less the rows after it. */
+/* Predicts STEPS steps, each from the previous one, starting at the first row of the window in[0]. Records
+ * the predictions minus the rows of the window. */
 static lg_status miss(void *none, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *out) {
     lg_var x[2] = {lg_slice(t, in[0], 1, 0, X)}, next = LG_NONE, off[STEPS] = {LG_NONE};
     for (uint32_t k = 0; k < STEPS && lg_tape_status(t) == LG_OK; k++, x[0] = next) {
@@ -56,7 +58,8 @@ static lg_status miss(void *none, lg_tape *t, const lg_var *theta, const lg_var 
     return lg_tape_status(t);
 }
 
-/* Windows, end to end, of the run `held` or of all others; how many. None crosses runs or a gap. */
+/* Copies windows to `out`, one after the other, of the run `held` or (others) of all other runs. No window
+ * spans two runs or a gap. Returns the number of windows. */
 static size_t windows(uint32_t held, bool others, double *out) {
     size_t count = 0;
     for (size_t i = 0; i + STEPS < rows.rows; i++) {
@@ -105,5 +108,5 @@ int main(int argc, char **argv) {
     need(lg_program_eval(NULL, program, "miss", count, (const double *[]){data}, (double *[]){off}, &error));
     for (size_t i = 0; i < count * STEPS * X; i++) square += off[i] * off[i] / (double)(count * STEPS * X);
     printf("run %s, not learned: rms error %.2g\n", stamps.class_name[held], sqrt(square));
-    return 0; /* what is held goes with the process */
+    return 0; /* the process ends and frees all memory */
 }

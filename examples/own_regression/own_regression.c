@@ -1,6 +1,6 @@
-/* own_regression TABLE.csv MODEL.h5: learns columns of a table from other ones, saves the model, loads it
- * again and evaluates it. `lg-export MODEL.h5 --out DIR` makes C of it. Names, widths and counts of columns
- * may be changed here: all sizes follow from these arrays. */
+/* own_regression TABLE.csv MODEL.h5: learns some columns of a table from others, saves the model, loads it
+ * again and evaluates it. `lg-export MODEL.h5 --out DIR` turns the model into C. Names, widths and numbers of
+ * columns may be changed here: all sizes follow from these arrays. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -30,7 +30,7 @@ typedef struct regression {
     lg_scaler in, out;
 } regression;
 
-/* y (B, OUT) of x[0] (B, IN), in the units of the table. */
+/* Records y (B, OUT) at x[0] (B, IN), in the units of the table. */
 static lg_status value(void *user, lg_tape *t, const lg_var *theta, const lg_var *x, lg_var *y) {
     const regression *r = user;
     const lg_var f = lg_mlp_record(t, &r->net, theta[0], 0, lg_scaler_record(t, &r->in, x[0], false));
@@ -38,10 +38,11 @@ static lg_status value(void *user, lg_tape *t, const lg_var *theta, const lg_var
     return lg_tape_status(t);
 }
 
-/* What training makes small: the error beside the wanted x[1], in deviations of the columns. */
+/* The error that training makes small: the prediction minus the wanted x[1], in standard deviations of the
+ * columns. */
 static lg_status miss(void *user, lg_tape *t, const lg_var *theta, const lg_var *x, lg_var *y) {
     const regression *r = user;
-    (void)value(user, t, theta, x, y); /* a failure stays on the tape */
+    (void)value(user, t, theta, x, y); /* if it fails, the tape keeps the status */
     y[0] = lg_sub(t, lg_scaler_record(t, &r->out, y[0], false), lg_scaler_record(t, &r->out, x[1], false));
     return lg_tape_status(t);
 }
@@ -66,7 +67,8 @@ int main(int argc, char **argv) {
     need(theta != NULL ? LG_OK : LG_OUT_OF_MEMORY);
     lg_rng_seed(&rng, 1, 0);
     lg_mlp_initialise(&r.net, &rng, theta);
-    /* With the range of the data, by which lg_program_build sees an `if` on a value, and refuses it. */
+    /* The ports have the ranges of the data. With values in these ranges lg_program_build detects code that
+     * depends on a value (an `if`) and refuses it. */
     const lg_port in[] = {lg_table_port(&x, "x", IN), lg_table_port(&y, "wanted", OUT)}, out = {.name = "y"};
     const lg_function_spec functions[] = {{"value", in, 1, &out, 1, value, &r},
                                           {"miss", in, 2, &out, 1, miss, &r}};
@@ -82,5 +84,5 @@ int main(int argc, char **argv) {
                          &error));
     for (int k = 0; k < OUT; k++)
         printf("row 1: %s %.4g, predicted %.4g\n", out_names[k], y.values[k], predicted[k]);
-    return 0; /* what is held goes with the process */
+    return 0; /* the process ends and frees all memory */
 }

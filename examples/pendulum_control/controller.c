@@ -4,14 +4,15 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Weights of the energy and of the vertical angular momentum in the Lyapunov function, and the size of its
- * scaled gradient at which the torque reaches its bound. */
+/* Weights of the energy and of the vertical angular momentum in the Lyapunov function. linear_range is the
+ * size of its scaled gradient at which the torque reaches its bound. */
 static const double energy_weight = 1.0, momentum_weight = 1.0, linear_range = 0.02;
-/* Weights of angle and angular velocity against torque in units of the pendulum's own (m g L; sqrt(g/L)). */
+/* Weights of angle and angular velocity relative to the torque, in the pendulum's units (m g L and
+ * sqrt(g/L)). */
 static const double angle_weight = 1.0, rate_weight = 0.2;
-static const double least_cosine = 0.7; /* BALANCE only where q.upright is larger */
+static const double least_cosine = 0.7; /* BALANCE requires that q.upright is larger */
 static const double catch_fraction =
-    0.8; /* BALANCE begins in this part of its region, and lasts in all of it */
+    0.8; /* BALANCE begins in this fraction of its region, and continues in the whole region */
 
 static double dot(const double *a, const double *b) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -33,7 +34,7 @@ size_t controller_work_size(const lg_model *model) {
     return lg_lqr_size(model);
 }
 
-/* The equilibrium at rest nearest to e3. */
+/* Finds the equilibrium at rest that is nearest to e3. */
 static bool find_upright(controller *self, void *work) {
     const double above[STATE] = {0.0, 0.0, 1.0, 0.0, 0.0, 0.0};
     memcpy(self->upright, above, sizeof above);
@@ -41,8 +42,8 @@ static bool find_upright(controller *self, void *work) {
            pendulum_angle(self->upright) < 0.5;
 }
 
-/* Largest eigenvalue of the symmetric positive matrix M (3, 3), by power iteration: a lower bound, tight to
- * rounding when the two largest are equal or apart. */
+/* Largest eigenvalue of the symmetric positive matrix M (3, 3), by power iteration. The result is a lower
+ * bound; it is exact to rounding if the two largest eigenvalues are equal or well separated. */
 static double largest_eigenvalue(const double *M) {
     double x[3] = {0.6, 0.5, 0.4}, value = 0.0;
     for (int iteration = 0; iteration < 200; iteration++) {
@@ -54,10 +55,10 @@ static double largest_eigenvalue(const double *M) {
     return value;
 }
 
-/* u = -K c minimises the integral of c^T Q c + |u|^2. Under the bound the gain acts multiplied by s in (0,
- * 1], and while s >= 1/2 c^T P c still falls (the regulator's gain margin; Anderson and Moore, Optimal
- * Control, 1990, ch. 5): on c^T P c < region, where |K c| <= 2 torque_max. The largest |K c|^2 on c^T P c = 1
- * is the largest eigenvalue of K B = B^T P B. */
+/* u = -K c minimises the integral of c^T Q c + |u|^2. The bound on the torque multiplies the gain by some s
+ * in (0, 1]. While s >= 1/2, c^T P c still decreases (the regulator's gain margin; Anderson and Moore,
+ * Optimal Control, 1990, ch. 5). This holds on c^T P c < region, where |K c| <= 2 torque_max. The largest |K
+ * c|^2 on c^T P c = 1 is the largest eigenvalue of K B = B^T P B. */
 static bool design(controller *self, void *memory, lg_error *error) {
     double Q[TANGENT * TANGENT] = {0.0}, KB[TORQUE * TORQUE] = {0.0};
     const double R[TORQUE * TORQUE] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
@@ -109,7 +110,7 @@ static void scale_to(double *x, double factor) {
     for (int i = 0; i < 3; i++) x[i] *= factor;
 }
 
-/* c^T P c of the deviation c from upright; infinite in the other hemisphere. */
+/* Returns c^T P c for the deviation c from upright, or infinity if the pendulum is too far from upright. */
 static double distance(const controller *self, const double *state, double *c) {
     double sum = 0.0;
     if (!(dot(state, self->upright) > least_cosine)) return INFINITY;
@@ -119,15 +120,15 @@ static double distance(const controller *self, const double *state, double *c) {
     return sum;
 }
 
-/* W = kE (H - H_up)^2/2 + kL L^2/2 with L = e3.(q x p) has W' = torque.g, g = kE (H - H_up) omega + kL L (e3
- * - q (q.e3)): the torque is along -g, saturated (Astrom and Furuta, Automatica 36, 2000, 287-295, for one
- * plane; L brings the motion into one). All in units of the learned pendulum. Hanging at rest g is 0: then a
- * push. */
+/* W = kE (H - H_up)^2/2 + kL L^2/2 with L = e3.(q x p) has W' = torque.g with g = kE (H - H_up) omega + kL L
+ * (e3 - q (q.e3)). The torque is along -g and saturated (Astrom and Furuta, Automatica 36, 2000, 287-295, for
+ * motion in a plane; the term with L brings the motion into a plane). Everything is in units of the learned
+ * pendulum. If the pendulum hangs at rest, g is 0, and a push starts the motion. */
 static void swing_up(const controller *self, const double *state, double *torque) {
     double field[6], about[3], g[3];
     const double *q = state, *p = state + 3;
     if (lg_model_field(self->model, state, NULL, field, self->lqr.work) != LG_OK)
-        return; /* field[0..2]: omega */
+        return; /* field[0..2] is omega */
     cross(q, p, about);
     const double unit = sqrt(self->mass * self->energy_scale);
     const double energy = energy_weight * (self->energy - self->energy_up) / self->energy_scale;
@@ -153,7 +154,8 @@ void controller_step(controller *self, const double *state, double *torque) {
         (void)lg_lqr_control(&self->lqr, state, torque);
     else
         swing_up(self, state, torque);
-    /* The bound shrinks a torque in its own direction, by rounding too; NaN must not reach the motor. */
+    /* A torque beyond the bound, even by rounding, is scaled down in its own direction. A NaN must not reach
+     * the motor. */
     const double size = sqrt(dot(torque, torque));
     if (!isfinite(size))
         torque[0] = torque[1] = torque[2] = 0.0;

@@ -1,7 +1,8 @@
-/* Swing-up and stabilisation of a spherical pendulum with a bounded torque, from a learned Hamiltonian alone.
+/* Swings up and stabilises a spherical pendulum with a bounded torque. The controller knows only the model
+ * file of a learned Hamiltonian and the bound of the torque.
  *
- * What it knows: the model file and the bound of the torque. State: q p, 6 numbers, q a unit vector and q.p =
- * 0. */
+ * The state is (q, p), 6 numbers, where q is a unit vector and q.p = 0.
+ */
 #ifndef CONTROLLER_H
 #define CONTROLLER_H
 
@@ -17,24 +18,25 @@ typedef enum mode { SWING_UP, BALANCE } mode;
 typedef struct controller {
     const lg_model *model;
     double torque_max;
-    double upright[STATE]; /* where the learned potential is stationary, at rest */
-    double energy_up;      /* H there */
-    double energy_scale;   /* m g L as learned: half the difference to the lowest point */
-    double mass;           /* |p| / |q'| as learned, m L^2 */
-    lg_lqr lqr;            /* about it; its memory is the caller's */
-    double region;         /* BALANCE where c^T P c < region */
+    double upright[STATE]; /* stationary point of the learned potential near e3, at rest */
+    double energy_up;      /* H at `upright` */
+    /* Learned m g L: half the difference of H between `upright` and the opposite point. */
+    double energy_scale;
+    double mass;   /* learned m L^2, |p| / |q'| */
+    lg_lqr lqr;    /* regulator about `upright`; the caller owns its memory */
+    double region; /* BALANCE is possible where c^T P c < region */
     mode mode;
-    double energy; /* H at the last state seen */
+    double energy; /* H at the last state */
 } controller;
 
-/* Finds the upright equilibrium, linearises there, solves the Riccati equation. False and a sentence in `why`
- * (256) when the model is no Hamiltonian of one link, has no equilibrium within 0.5 rad of e3, or not an
- * unstable one. `work`: from controller_work_size, 64-byte aligned, the caller's. */
+/* Finds the upright equilibrium, linearises there and solves the Riccati equation. Returns false, with a
+ * message in `why` (256 bytes), if the model is not a Hamiltonian of one link, or has no unstable equilibrium
+ * within 0.5 rad of e3. `work` has controller_work_size bytes, 64-byte aligned; the caller owns it. */
 size_t controller_work_size(const lg_model *model);
 bool controller_init(controller *self, const lg_model *model, void *work, double torque_max, char *why);
 
-/* One control step: the torque (3) to hold until the next. No allocation, no lock, no system call; always
- * |torque| <= torque_max; for a state that is not finite it is zero. */
+/* One control step: computes the torque (3) to hold until the next step. It does not allocate, lock or call
+ * the system. |torque| <= torque_max always holds. If the state is not finite, the torque is zero. */
 void controller_step(controller *self, const double *state, double *torque);
 
 /* Angle between q and e3, rad; accurate near 0. */

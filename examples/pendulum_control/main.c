@@ -1,11 +1,12 @@
 /* pendulum_control MODEL.h5 [--starts N] [--seed S] [--duration T] [--realtime T] [--torque F] [--plots DIR]
  *
  * A learned Hamiltonian swings up and balances a spherical pendulum at 1 kHz. The controller (controller.h)
- * knows the model file and the bound of the torque, 0.35 of what would hold the pendulum horizontal, so that
- * it has to pump energy; the plant (plant.h) is the true pendulum. The first `realtime` seconds of the first
- * run (10; of a shorter run all) wait for the clock, everything else is simulated as fast as it goes. Exit
- * codes: 0; 1 a run does not end upright; 2 usage; 3 a file that cannot be read or written, a model that is
- * not one of a pendulum; 5 memory. */
+ * knows the model file and the bound of the torque: 0.35 of the torque that would hold the pendulum
+ * horizontal, so that it has to pump energy. The plant (plant.h) is the true pendulum. The first `realtime`
+ * seconds of the first run (10 s, or the whole run if it is shorter) run in real time; everything else is
+ * simulated as fast as possible. Exit codes: 0; 1 if a run does not end upright; 2 usage; 3 if a file cannot
+ * be read or written, or the model is not a model of a pendulum; 5 memory.
+ */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -17,11 +18,11 @@
 
 typedef struct settings {
     const char *model, *plots;
-    double starts, seed, torque; /* torque: bound over m g L */
+    double starts, seed, torque; /* torque: bound divided by m g L */
     trial_options trial;
 } settings;
 
-/* Everything that the loops write to, made before them. */
+/* All memory that the loops write to, allocated before them. */
 typedef struct buffers {
     void *work;
     trial_times times;
@@ -95,7 +96,7 @@ static bool reserve(const settings *set, const lg_model *model, buffers *to) {
     if (to->times.unpaced.ns == NULL || to->times.paced.ns == NULL || to->times.wake.ns == NULL ||
         to->times.response.ns == NULL || to->empty.ns == NULL || to->record.rows == NULL || to->work == NULL)
         return false;
-    /* Touched once, so that no page is new to the loop. */
+    /* Touches all pages before the loop. */
     memset(to->times.unpaced.ns, 1, all * sizeof(int64_t));
     memset(to->times.paced.ns, 1, timed * sizeof(int64_t));
     memset(to->times.wake.ns, 1, timed * sizeof(int64_t));
@@ -114,7 +115,7 @@ static void release(buffers *from) {
     free(from->work);
 }
 
-/* Prints the table; how many runs did not end upright. */
+/* Runs all starts and prints the table. Returns the number of runs that did not end upright. */
 static int run_trials(const settings *set, plant *true_plant, controller *control, buffers *memory) {
     int failed = 0;
     (void)printf("\n%3s  %-43s %9s %12s %12s %8s\n", "", "start", "caught at", "held within", "at the end",
@@ -158,7 +159,8 @@ static void print_latencies(buffers *memory) {
 }
 
 static bool draw(const settings *set, const controller *control, const buffers *memory) {
-    /* Those that there are: without real time the second, without anything else the first and the rest. */
+    /* Draws only the series that have samples. Without real time only the second series has some; if all of
+     * it ran in real time, the second has none. */
     const histogram_series all[] = {{"computing, at 1 kHz", &memory->times.paced},
                                     {"computing, back to back", &memory->times.unpaced},
                                     {"empty loop: timer late", &memory->empty},
@@ -195,7 +197,7 @@ int main(int argc, char **argv) {
     settings set = {.starts = 20.0,
                     .seed = 1.0,
                     .torque = 0.35,
-                    .trial = {1e-3, 30.0, 5.0, 1e-2, -1.0}}; /* -1: not said */
+                    .trial = {1e-3, 30.0, 5.0, 1e-2, -1.0}}; /* realtime -1: not given */
     lg_model_file file;
     lg_error error;
     if (!parse(argc, argv, &set)) return usage();

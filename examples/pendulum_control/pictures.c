@@ -9,7 +9,7 @@
 
 extern char **environ;
 
-enum { PATH = 1024, DECADE_BINS = 10, DECADES = 7 }; /* 10 ns to 100 ms */
+enum { PATH = 1024, DECADE_BINS = 10, DECADES = 7 }; /* bins from 10 ns to 100 ms */
 
 static FILE *open_in(const char *folder, const char *name) {
     char path[PATH];
@@ -24,8 +24,8 @@ static bool close_whole(FILE *stream) {
     return fclose(stream) == 0 && whole;
 }
 
-/* gnuplot's command (2 PATH + 8): between single quotes nothing is special but the quote, which is doubled.
- * open_in has seen that the folder is shorter than PATH. */
+/* Writes gnuplot's command `cd` into `command` (2 PATH + 8 bytes). Inside single quotes only the quote itself
+ * is special; it is doubled. open_in has checked that the folder is shorter than PATH. */
 static void change_folder(const char *folder, char *command) {
     size_t used = (size_t)sprintf(command, "cd '");
     for (const char *c = folder; *c != '\0'; c++) {
@@ -35,7 +35,7 @@ static void change_folder(const char *folder, char *command) {
     (void)strcpy(command + used, "'");
 }
 
-/* Writes NAME.gp (the script, in the folder's own names) and lets gnuplot run it. */
+/* Writes the script NAME.gp, whose file names are relative to the folder, and runs it with gnuplot. */
 static bool draw_by_script(const char *folder, const char *name, int height, const char *commands) {
     char file[PATH], change[2 * PATH + 8], load[PATH];
     (void)snprintf(file, sizeof file, "%s.gp", name);
@@ -88,8 +88,8 @@ bool picture_energy(const char *folder, const trace *record, double target, doub
     return draw_by_script(folder, "energy", 760, commands);
 }
 
-/* Fraction of the samples in each bin of a tenth of a decade, 10 ns first; what lies outside counts in the
- * outermost. */
+/* Fraction of the samples in each bin. A bin is a tenth of a decade wide; the first one begins at 10 ns.
+ * Samples outside count in the outermost bins. */
 static void bin(const samples *from, double *fraction) {
     for (int i = 0; i < DECADES * DECADE_BINS; i++) fraction[i] = 0.0;
     for (size_t i = 0; i < from->count; i++) {

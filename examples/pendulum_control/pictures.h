@@ -1,4 +1,4 @@
-/* Energy against time and the histogram of latencies, drawn by gnuplot. */
+/* Pictures, drawn by gnuplot: energy over time, and the histogram of latencies. */
 #ifndef PICTURES_H
 #define PICTURES_H
 
@@ -10,8 +10,8 @@ typedef struct histogram_series {
     const samples *from;
 } histogram_series;
 
-/* Folder `folder` (which exists) gets energy.{dat,gp,svg} and latency.{dat,gp,svg}; without gnuplot the first
- * two of each, and a sentence on stderr. False when a file cannot be written. */
+/* Write energy.{dat,gp,svg} and latency.{dat,gp,svg} into `folder`, which must exist. Without gnuplot only
+ * the .dat and .gp files are written, with a message on stderr. Return false if a file cannot be written. */
 bool picture_energy(const char *folder, const trace *record, double target, double tolerance);
 bool picture_latency(const char *folder, const histogram_series *series, int count);
 

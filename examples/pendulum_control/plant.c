@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* p' gets tau x q: eta gets tau. */
+/* The torque adds torque x q to p', which means that it is added to the algebra element's second half. */
 static lg_status field(void *user, double t, const double *y, const double *torque, double *algebra) {
     const plant *self = user;
     const lg_status status = self->ode.field(self->ode.user, t, y, NULL, algebra);

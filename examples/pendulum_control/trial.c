@@ -19,7 +19,7 @@ static void keep(trace *to, size_t step, const trace_row *row) {
     if (to != NULL && step % to->every == 0 && to->count < to->room) to->rows[to->count++] = *row;
 }
 
-/* What the state after step `t` says. */
+/* Updates the result with the state at time t, after a step. */
 static void judge(const trial_options *options, double t, const double *state, trial_result *result) {
     const double *q = state, *p = state + 3, angle = pendulum_angle(state);
     result->last_angle = angle;
@@ -61,7 +61,7 @@ void empty_loop(double period, double duration, samples *wake) {
     for (size_t n = 0; n < steps; n++) samples_add(wake, clock_sleep_until(begin + (int64_t)n * ns));
 }
 
-/* ---- starts: q, and q' in units of sqrt(g/L) ---- */
+/* ---- starts: q, and q' relative to sqrt(g/L) ---- */
 
 static const struct {
     const char *name;
@@ -75,7 +75,7 @@ static const struct {
 
 enum { HARD = sizeof hard / sizeof *hard };
 
-/* p = m (rate - q (q.rate)) */
+/* p = m L^2 (rate - q (q.rate)), where rate is q' in units of sqrt(g/L). */
 static void place(const plant *true_plant, const double *q, const double *rate, double *state) {
     const double length = norm(q), unit = true_plant->mass * sqrt(true_plant->weight / true_plant->mass);
     double along = 0.0;

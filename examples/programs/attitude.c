@@ -1,8 +1,11 @@
-/* A field on SO(3) x R^3, partly known and partly learned: the attitude R and angular velocity w (in space)
- * of a round body that hangs from its centre by a spring and is driven by a torque u.
+/* A field on SO(3) x R^3 that is partly known and partly learned. The states are the attitude R and the
+ * angular velocity w (in space) of a round body that hangs from its centre by a spring and is driven by a
+ * torque u.
  *
- * R' = hat(w) R is known; w' = N(R, w, u) is a network. A step is one of the scheme CF4 (lg_taped_step_over):
- * R stays a rotation, whatever the network says. State x: R row by row (9), then w (3). */
+ * R' = hat(w) R is known; w' = N(R, w, u) is a network. A step is one step of the scheme CF4
+ * (lg_taped_step_over), so R stays a rotation whatever the network returns. The state x is R row by row (9),
+ * then w (3).
+ */
 #include "programs.h"
 
 #include <math.h>
@@ -17,13 +20,13 @@ enum { SAMPLES = 2000 };
 static const lg_space_factor factors[] = {{.kind = LG_SPACE_SO3, .count = 1},
                                           {.kind = LG_SPACE_RN, .count = 3}};
 
-/* What the field is made of; `theta` is set by who records. */
+/* The network; the function that records sets `theta`. */
 typedef struct learned {
     lg_mlp net;
     lg_var theta;
 } learned;
 
-/* y: R (B, 1, 9), w (B, 3). algebra: the rotation's velocity (B, 1, 3), w' (B, 3). */
+/* y is R (B, 1, 9) and w (B, 3). `algebra` becomes the rotation's velocity (B, 1, 3) and w' (B, 3). */
 static lg_status rate(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                       lg_var *algebra) {
     const learned *l = user;
@@ -35,7 +38,7 @@ static lg_status rate(void *user, lg_tape *tape, lg_taped_time t, const lg_var *
     return lg_tape_status(tape);
 }
 
-/* x (B, 12), u (B, 3), h (B, 1) -> (B, 12) */
+/* Maps x (B, 12), u (B, 3), h (B, 1) to the state after the step (B, 12). */
 static lg_var advance(learned *l, lg_tape *tape, const lg_var *in) {
     lg_taped_ode ode = {.field = rate, .user = l};
     const lg_taped_interval over = {.h_rows = in[2], .input = in[1]};
@@ -47,7 +50,7 @@ static lg_var advance(learned *l, lg_tape *tape, const lg_var *in) {
     return lg_taped_join(tape, &ode.space, y);
 }
 
-/* ---- what lg_program_build records ---- */
+/* ---- the functions that lg_program_build records ---- */
 
 static lg_status field(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
     learned *l = user;
@@ -77,7 +80,7 @@ static lg_status loss(void *user, lg_tape *tape, const lg_var *theta, const lg_v
     return lg_tape_status(tape);
 }
 
-/* ---- data: the plain integrator on the true field w' = u - w/2 - e_3 x R e_3 ---- */
+/* ---- data: the ordinary integrator on the true field w' = u - w/2 - e_3 x R e_3 ---- */
 
 static lg_status truth(void *user, double t, const double *x, const double *u, double *f) {
     (void)user;
@@ -104,7 +107,7 @@ static lg_status draw(void) {
         double turn[6] = {0}, identity[12] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
         for (int c = 0; c < 3; c++) {
             turn[c] = lg_rng_normal(&rng);
-            turn[3 + c] = lg_rng_normal(&rng); /* identity's w is 0: this becomes w */
+            turn[3 + c] = lg_rng_normal(&rng); /* identity's w is 0, so this becomes w */
             data.u[i][c] = lg_rng_uniform_in(&rng, -1, 1);
         }
         lg_space_act(&ode.space, turn, identity, data.x[i]);

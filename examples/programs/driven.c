@@ -1,8 +1,9 @@
-/* A neural differential equation x' = N(x, u), learned from steps of different lengths of a driven pendulum
- * with friction, x = (angle, rate), theta'' = -sin theta - 0.3 theta' + u.
+/* A neural differential equation x' = N(x, u) with x = (angle, rate). It is learned from steps of different
+ * lengths of a driven pendulum with friction, theta'' = -sin theta - 0.3 theta' + u.
  *
- * The step is Runge-Kutta's, written with plain operations, and its length h a variable: one program serves
- * every sample time, and training looks through it. */
+ * The Runge-Kutta step is written with plain operations, and its length h is a variable. So one program
+ * serves every sample time, and training differentiates through the step.
+ */
 #include "programs.h"
 
 #include <math.h>
@@ -13,13 +14,13 @@
 
 enum { SAMPLES = 2000 };
 
-/* (B, 2), (B, 1) -> (B, 2) */
+/* N: maps x (B, 2) and u (B, 1) to x' (B, 2). */
 static lg_var rate(const lg_mlp *net, lg_tape *tape, lg_var theta, lg_var x, lg_var u) {
     const lg_var both[] = {x, u};
     return lg_mlp_record(tape, net, theta, 0, lg_concat(tape, both, 2, 1));
 }
 
-/* h (B, 1) */
+/* One step of length h (B, 1). */
 static lg_var runge_kutta(const lg_mlp *net, lg_tape *tape, lg_var theta, lg_var x, lg_var u, lg_var h) {
     const lg_var half = lg_scale(tape, h, 0.5);
     lg_var k[4];
@@ -31,7 +32,7 @@ static lg_var runge_kutta(const lg_mlp *net, lg_tape *tape, lg_var theta, lg_var
     return lg_add(tape, x, lg_mul(tape, h, lg_linear_combination(tape, k, weights, 4)));
 }
 
-/* ---- what lg_program_build records ---- */
+/* ---- the functions that lg_program_build records ---- */
 
 static lg_status field(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
     out[0] = rate(user, tape, theta[0], in[0], in[1]);
@@ -45,7 +46,7 @@ static lg_status step(void *user, lg_tape *tape, const lg_var *theta, const lg_v
 
 static lg_status loss(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
     const lg_var next = runge_kutta(user, tape, theta[0], in[0], in[1], in[2]);
-    /* Of slopes: long steps do not outweigh short ones. */
+    /* Errors are divided by h, so that long steps do not outweigh short ones. */
     out[0] = lg_mean(tape, lg_square(tape, lg_div(tape, lg_sub(tape, next, in[3]), in[2])));
     return lg_tape_status(tape);
 }
@@ -65,7 +66,7 @@ static void draw(samples *s) {
                speed = s->x[i][1] = lg_rng_uniform_in(&rng, -2, 2);
         s->u[i] = lg_rng_uniform_in(&rng, -1, 1);
         s->h[i] = lg_rng_uniform_in(&rng, 0.05, 0.3);
-        for (int n = 0; n < fine; n++) { /* the midpoint rule, much finer */
+        for (int n = 0; n < fine; n++) { /* midpoint rule with much smaller steps */
             const double dt = s->h[i] / fine;
             const double middle = angle + dt / 2 * speed,
                          middle_speed = speed + dt / 2 * (-sin(angle) - 0.3 * speed + s->u[i]);

@@ -1,5 +1,5 @@
-/* programs FOLDER: makes every model of this folder, derives from it, saves it as FOLDER/<name>.h5, loads
- * that and trains it on; `driven` also as a model that moves. */
+/* programs FOLDER: makes every model of this folder, derives functions from it, saves it as FOLDER/<name>.h5,
+ * loads the file and continues training. `driven` is also saved as a model that moves. */
 #include <stdio.h>
 
 #include <liegrad/io.h>
@@ -7,15 +7,15 @@
 #include "programs.h"
 
 static const struct {
-    const char *name, *function; /* the one that is differentiated */
+    const char *name, *function; /* function: the one that is differentiated */
     lg_status (*make)(lg_program **out, training *how, lg_error *error);
-    int (*also)(const char *folder, lg_program *program); /* or NULL */
+    int (*also)(const char *folder, lg_program *program); /* further use of the program; may be NULL */
 } models[] = {{"throw", "value", make_throw, NULL},
               {"driven", "step", make_driven, moves},
               {"attitude", "step", make_attitude, NULL},
               {"waveforms", "value", make_waveforms, NULL}};
 
-/* What is loaded can be run, trained on, differentiated and exported as what was made. */
+/* A loaded program can be run, trained further, differentiated and exported like the one that was made. */
 static int save_load_and_train(const char *path, const lg_program *program, const char *function,
                                training how) {
     lg_program *again = NULL;

@@ -1,4 +1,5 @@
-/* A program as a model that moves: saved with the space of its states, it is loaded like a trained one. */
+/* A program as a model that moves: it is saved with the space of its states, and loaded like a trained
+ * model. */
 #include "programs.h"
 
 #include <math.h>
@@ -10,7 +11,7 @@
 
 enum { STEPS = 10 };
 
-/* next (2) of `function` at x, u, h; next may be x. */
+/* Evaluates `function` at x, u, h. `next` (2 numbers) may be the same array as x. */
 static lg_status evaluate(const lg_model *model, const char *function, double *x, double *u, double *h,
                           double *next, lg_error *error) {
     lg_plan *plan;
@@ -25,7 +26,8 @@ static lg_status evaluate(const lg_model *model, const char *function, double *x
     return work != NULL ? LG_OK : LG_OUT_OF_MEMORY;
 }
 
-/* Adds `steps`, STEPS steps with the input held: a loop, in memory and in exported C. */
+/* Adds the function `steps`, which makes STEPS steps with a constant input. It is a loop, both in memory and
+ * in exported C. */
 static lg_status save(const char *path, lg_program *driven, lg_error *error) {
     const lg_carry carry = {"y", "x"};
     lg_space space;

@@ -1,7 +1,8 @@
 /* A network between scalers: where a stone lands and how high it flies, from angle, speed and height.
  *
- * y = sigma_y N((x - mu_x)/sigma_x) + mu_y. The scalers are constants of the recording: whoever has the
- * program's file gives metres and gets metres. The network is trained by lg_fit before it becomes a program.
+ * y = sigma_y N((x - mu_x)/sigma_x) + mu_y. The scalers are recorded as constants, so the inputs and outputs
+ * of the saved program are in the units of the data. The network is trained by lg_fit before it becomes a
+ * program.
  */
 #include "programs.h"
 
@@ -21,7 +22,7 @@ typedef struct regression {
     double mean_x[IN], scale_x[IN], mean_y[OUT], scale_y[OUT];
 } regression;
 
-/* (B, 3) -> (B, 2) in the units of the data. */
+/* Maps x (B, 3) to y (B, 2), in the units of the data. */
 static lg_var predict(const regression *r, lg_tape *tape, lg_var theta, lg_var x) {
     const lg_var mean_x = lg_input_f64(tape, lg_shape1(IN), r->mean_x),
                  scale_x = lg_input_f64(tape, lg_shape1(IN), r->scale_x),
@@ -32,13 +33,13 @@ static lg_var predict(const regression *r, lg_tape *tape, lg_var theta, lg_var x
     return lg_add(tape, lg_mul(tape, y, scale_y), mean_y);
 }
 
-/* Mean square of the difference in scaled units, over all rows. */
+/* Mean square of the difference over all rows, in scaled units. */
 static lg_var distance(const regression *r, lg_tape *tape, lg_var y, lg_var wanted) {
     const lg_var scale = lg_input_f64(tape, lg_shape1(OUT), r->scale_y);
     return lg_mean(tape, lg_square(tape, lg_div(tape, lg_sub(tape, y, wanted), scale)));
 }
 
-/* ---- what lg_program_build records ---- */
+/* ---- the functions that lg_program_build records ---- */
 
 static lg_status value(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
     out[0] = predict(user, tape, theta[0], in[0]);
@@ -50,7 +51,7 @@ static lg_status loss(void *user, lg_tape *tape, const lg_var *theta, const lg_v
     return lg_tape_status(tape);
 }
 
-/* ---- what lg_fit asks for: the part of a batch's loss that these samples have ---- */
+/* ---- the function that lg_fit calls: the contribution of these samples to the loss of the batch ---- */
 
 static lg_status part_of_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                               size_t batch, lg_var *out) {
@@ -118,7 +119,8 @@ lg_status make_throw(lg_program **out, training *how, lg_error *error) {
         lg_mlp_initialise(&r.net, &rng, theta);
         status = fit(&r, theta, error);
     }
-    /* low and high: about those of the data, so that lg_program_build records what the data would do. */
+    /* low and high are about the range of the data, so that lg_program_build records with values like the
+     * data. */
     const lg_port in[] = {{.name = "x", .shape = lg_shape1(IN), .unit = "rad, m/s, m", .low = 0, .high = 20},
                           {.name = "wanted", .shape = lg_shape1(OUT), .unit = "m", .low = 0, .high = 50}};
     const lg_port y = {.name = "y", .unit = "m"}, mean = {.name = "mean_square"};

@@ -1,4 +1,4 @@
-/* A plain training loop on lg_program_record. */
+/* A plain training loop that uses lg_program_record. */
 #include "programs.h"
 
 #include <stdlib.h>
@@ -18,7 +18,7 @@ typedef struct loop {
     lg_var on_tape[PARAMETERS];
 } loop;
 
-/* The loss of these samples, on the tape. */
+/* Records the loss of these samples on the tape. */
 static lg_var record(loop *l, const uint32_t *samples, uint32_t count) {
     size_t inputs;
     const lg_port *port = lg_program_inputs(l->program, l->loss, &inputs);

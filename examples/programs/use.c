@@ -1,4 +1,4 @@
-/* What one does with a program, whatever is in it. */
+/* What can be done with any program: running it, deriving functions, comparing. */
 #include "programs.h"
 
 #include <math.h>
@@ -10,7 +10,7 @@
 
 enum { PORTS = 16 };
 
-/* A function ready to run on one row, with memory for its numbers. */
+/* A function ready to run on one row, with memory for its inputs and outputs. */
 typedef struct ready {
     lg_plan *plan;
     size_t inputs, outputs;
@@ -18,7 +18,7 @@ typedef struct ready {
     void *work;
 } ready;
 
-/* 64-byte aligned and zeroed. */
+/* Returns 64-byte aligned, zeroed memory. */
 static void *reserve(size_t bytes) {
     const size_t whole = (bytes + 63) / 64 * 64 + 64;
     unsigned char *memory = aligned_alloc(64, whole);
@@ -57,7 +57,8 @@ static void release(ready *r) {
     lg_plan_destroy(r->plan);
 }
 
-/* Inputs in the ranges that their ports name; the first `from` are those of another function. */
+/* Fills the inputs of r. The first `from` inputs are copied from `like`; the others are random, within the
+ * ranges of their ports. */
 static void draw(const lg_program *program, const char *name, const ready *like, size_t from, ready *r) {
     lg_rng rng;
     size_t function, count;
@@ -83,7 +84,7 @@ static double dot(double *const *a, double *const *b, const lg_plan *plan, size_
 
 static const char *const prefix[LG_DERIVATIVE_KIND_COUNT] = {"fwd1", "adj1", "jac", "jac_adj1"};
 
-/* <c, J v> = <J^T c, v> for a random direction v and cotangent c. */
+/* Checks <c, J v> = <J^T c, v> for a random direction v and a random cotangent c. */
 static int check_derivatives(const lg_program *program, const char *function) {
     char name[2][80];
     for (int k = 0; k < 2; k++) (void)snprintf(name[k], sizeof name[k], "%s_%s", prefix[k], function);

@@ -1,7 +1,8 @@
 /* A small convolution network with max pooling: is a noisy series a sine, a square wave or a saw?
  *
- * series (64, 1) -> 5 taps, 6 channels, ReLU -> largest of 4 -> 3 taps, 8 channels, ReLU -> largest of 4 ->
- * dense -> 3 scores. Every layer's weights are a parameter of their own, named. */
+ * series (64, 1) -> 5 taps, 6 channels, ReLU -> maximum of 4 -> 3 taps, 8 channels, ReLU -> maximum of 4 ->
+ * dense -> 3 scores. The weights of each layer are parameters with names.
+ */
 #include "programs.h"
 
 #include <math.h>
@@ -11,7 +12,7 @@
 
 enum { SAMPLES = 600, LENGTH = 64, CLASSES = 3 };
 
-/* x (B, 64, 1) -> (B, 3) */
+/* Maps x (B, 64, 1) to scores (B, 3). */
 static lg_var scores(lg_tape *tape, const lg_var *w, lg_var x) {
     lg_var a = lg_conv1d_dense(tape, x, w[0], w[1], 1, 2, LG_RELU);
     a = lg_max_pool1d(tape, a, 4, 4);
@@ -46,7 +47,7 @@ static void draw(void) {
         for (int t = 0; t < LENGTH; t++) {
             const double s = fmod(t / period + phase, 1.0), sine = sin(6.283185307179586 * s);
             const double shapes[CLASSES] = {1.4 * sine, s < 0.5 ? 1 : -1,
-                                            1.7 * (2 * s - 1)}; /* of equal power */
+                                            1.7 * (2 * s - 1)}; /* shapes of equal power */
             data.series[i][t] = shapes[kind] + 0.2 * lg_rng_normal(&rng);
         }
     }
