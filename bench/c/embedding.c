@@ -1,11 +1,12 @@
-/* embedding MODEL.h5 SCHEME ROUNDS: the library and the code of lg-export side by side, in one process, in
- * turn.
+/* embedding MODEL.h5 SCHEME ROUNDS: compares the library with the code of lg-export, alternating in one
+ * process.
  *
- * Compiled with the exported folder (--name model) as an include folder, linked with its objects. Each
- * function is timed in ROUNDS rounds of some calls of the library's and as many of the exported one, over 16
- * inputs in turn; microseconds of a call are medians over rounds. Errors: the largest norm of the difference
- * from the library over 1000 random inputs, relative to the root mean square of the norms of what the library
- * gives. Prints one JSON object. */
+ * It is compiled with the exported folder (--name model) as an include folder and linked with its objects.
+ * Each function is timed in ROUNDS rounds. A round has some calls of the library and as many of the exported
+ * code, cycling through 16 inputs. Microseconds per call are medians over rounds. The error is the largest
+ * norm of the difference from the library over 1000 random inputs, relative to the root mean square of the
+ * norms of the library's results. Prints one JSON object.
+ */
 #include <math.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -26,17 +27,17 @@ static struct {
     lg_stepper *stepper;
     void *work;
     double x[CHECKS][INPUTS];
-    model_real narrow[CHECKS][INPUTS]; /* the same; x is rounded to the exported type */
+    model_real narrow[CHECKS][INPUTS]; /* the same inputs; x is rounded to the exported type */
     double *y;
     model_real *to;
     model_real room[model_WORK_SIZE];
 } all;
 
 #ifdef model_STATE_SIZE
-static const double h = 0.01; /* of a step */
+static const double h = 0.01; /* length of a step */
 #endif
 
-/* ---- what is compared: number i, into all.y and all.to ---- */
+/* ---- compared functions: evaluate at input i, into all.y and all.to ---- */
 
 static void library_value(size_t i) {
     lg_model_eval(all.model, all.x[i], all.y, all.work);
@@ -81,7 +82,7 @@ static const struct pair {
 
 /* ---- inputs ---- */
 
-/* A link's q of length 1 and p orthogonal to it. */
+/* Draws a link's q with length 1 and p orthogonal to q. */
 static void draw_link(lg_rng *rng, double *x) {
     double norm = 0.0, along = 0.0;
     for (int c = 0; c < 6; c++) x[c] = lg_rng_normal(rng);
@@ -150,7 +151,7 @@ static double median(double *values, size_t count) {
     return values[count / 2];
 }
 
-/* Calls that take about 20 us. */
+/* Number of calls that take about 20 us together. */
 static int calls_for(const struct pair *p) {
     const double us = time_of(p->library, STATES);
     const int calls = (int)(20.0 / us);

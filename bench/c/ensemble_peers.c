@@ -1,14 +1,16 @@
-/* Many spherical pendulums from random starts to t = 10: ours on lanes, and SUNDIALS in a loop.
+/* Many spherical pendulums from random starts to t = 10: the library's ensembles on lanes, and SUNDIALS in a
+ * loop. Each command writes doubles to FILE.
  *
- *   ensemble_peers starts N FILE                          the starts of members 0..N-1: (N, 6) doubles
- *   ensemble_peers reference N FILE                       their ends by rkmk54 at 1e-13, one at a time
- *   ensemble_peers ours METHOD TOL N THREADS SAMPLE FILE  the ends of the first SAMPLE members
- *   ensemble_peers cvode|erk5|erk8 TOL N SAMPLE FILE
+ *     ensemble_peers starts N FILE                          the starts of members 0..N-1: (N, 6)
+ *     ensemble_peers reference N FILE                       their ends by rkmk54 at 1e-13, one at a time
+ *     ensemble_peers ours METHOD TOL N THREADS SAMPLE FILE  the ends of the first SAMPLE members
+ *     ensemble_peers cvode|erk5|erk8 TOL N SAMPLE FILE      the same by SUNDIALS
  *
- * q uniform on the sphere, omega normal, brought to the tangent space; g = 9.81, L = 1; relative and
- * absolute tolerance are equal. SUNDIALS has one solver that is initialised again for each member, serial
- * vectors and the field written out. Prints one JSON object: seconds of the clock and of the processor,
- * steps a member. */
+ * q is uniform on the sphere; omega is normal, projected to the tangent space; g = 9.81, L = 1. Relative and
+ * absolute tolerance are equal. SUNDIALS has a single solver that is initialised again for each member,
+ * serial vectors, and the field written out. All but the first print one JSON object: wall time and CPU time
+ * in seconds, and steps per member.
+ */
 #define _GNU_SOURCE
 #include <math.h>
 #include <stdio.h>
@@ -66,7 +68,7 @@ static lg_status start_of(void *user, uint64_t member, double *y, double *parame
     return LG_OK;
 }
 
-/* ---- ours ---- */
+/* ---- the library ---- */
 
 typedef struct kept {
     uint64_t sample;

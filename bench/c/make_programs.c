@@ -1,6 +1,6 @@
-/* make_programs FOLDER: a program as a file, FOLDER/p.h5, and as C, FOLDER/p.h, p.c, p_weights.c: y (4), one
- * step of bench/cpp/pendulum.hpp, 0.01 s, written with plain operations on variables of one number a row;
- * functions `step` and its adjoint `adj1_step`. */
+/* make_programs FOLDER: writes a program as a file, FOLDER/p.h5, and as C, FOLDER/p.h, p.c, p_weights.c. Its
+ * function `step` is one step of bench/cpp/pendulum.hpp, y (4) over 0.01 s, written with plain operations on
+ * variables of one number per row. Its adjoint is the function `adj1_step`. */
 #include <stdio.h>
 #include <string.h>
 

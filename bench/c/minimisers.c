@@ -1,5 +1,5 @@
-/* The collections of tests/nn/minimise_problems.h, for bench/minimisers, as a shared library: their
- * functions, and runs of our minimisers with defaults. */
+/* A shared library for bench/minimisers: the functions of the problem collections in
+ * tests/nn/minimise_problems.h, and runs of the library's minimisers with default options. */
 #include "liegrad/minimise.h"
 #include "nn/minimise_problems.h"
 
@@ -8,7 +8,8 @@ size_t problem_count(void) {
     return MINIMISE_PROBLEMS;
 }
 
-/* sizes (4): n, m, starts, whether NIST's. certified (n): NIST's parameters. */
+/* Describes a problem and returns its name. sizes (4): n, m, number of starts, 1 if it is from NIST.
+ * certified (n): NIST's certified parameters, for problems from NIST only. */
 const char *problem_describe(size_t number, size_t *sizes, double *least, double *certified);
 const char *problem_describe(size_t number, size_t *sizes, double *least, double *certified) {
     const minimise_problem p = minimise_problem_at(number);
@@ -40,7 +41,7 @@ static lg_status residuals(void *user, const double *x, double *r, double *jacob
     return LG_OK;
 }
 
-/* x: start and result. The status. */
+/* Runs a minimiser and returns its status. x is the start and becomes the result. */
 int problem_run(size_t number, int method, double *x, double *f, size_t *evaluations);
 int problem_run(size_t number, int method, double *x, double *f, size_t *evaluations) {
     minimise_problem p = minimise_problem_at(number);

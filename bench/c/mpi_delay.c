@@ -1,5 +1,5 @@
-/* A slower network for bench/scale: loaded before MPI (LD_PRELOAD), makes each MPI_Allgatherv take
- * MPI_DELAY seconds longer, and bytes from other ranks over MPI_BANDWIDTH bytes a second. */
+/* Simulates a slower network for bench/scale. It is loaded before MPI (LD_PRELOAD). Each MPI_Allgatherv takes
+ * MPI_DELAY seconds longer, and bytes from other ranks arrive at MPI_BANDWIDTH bytes per second. */
 #define _GNU_SOURCE
 #include <mpi.h>
 #include <stdlib.h>
@@ -10,7 +10,7 @@ static double number(const char *name) {
     return text != NULL ? atof(text) : 0.0;
 }
 
-/* Waits without the processor's time, but for the last 100 microseconds. */
+/* Sleeps until the last 100 microseconds, and polls the clock from then on. */
 static void wait_for(double seconds) {
     struct timespec now, end;
     clock_gettime(CLOCK_MONOTONIC, &end);

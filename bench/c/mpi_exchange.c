@@ -1,6 +1,6 @@
-/* What an exchange costs: medians of MPI_Allgatherv over all ranks, one line "bytes seconds" for each message
- * length of a rank. Between exchanges each rank works for 2 ms, as in training: after a barrier TCP delays
- * short messages by milliseconds. For bench/scale. */
+/* Measures what an exchange costs, for bench/scale: medians of the time of MPI_Allgatherv over all ranks.
+ * Prints one line "bytes seconds" per message length, in bytes per rank. Between exchanges each rank computes
+ * for 2 ms, as in training: after a barrier, TCP delays short messages by milliseconds. */
 #include <mpi.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,17 +1,19 @@
-/* Work against error on chains of pendulums, ours and the peers in one process, in turn.
+/* Work against error on chains of pendulums: the library and other integrators, alternating in one process.
  *
- *   ode_peers [ROUNDS [LINKS...]]     defaults: 7 rounds, 2 6 10 20 links
+ *     ode_peers [ROUNDS [LINKS...]]     defaults: 7 rounds, 2 6 10 20 links
  *
  * Lagrangian form, (q, omega) = (sqrt(1/2), 0, sqrt(1/2), 0, 1, 0) for every link, m = 1, g = 9.81, L = 1,
- * from 0 to T = 3. Relative and absolute tolerance are equal and run through half decades. Peers:
- * - hand: Dormand-Prince 5(4) in ambient coordinates written for this: first same as last, fused loops, the
- *   library's vector field, step control and first step
+ * from 0 to T = 3. Relative and absolute tolerance are equal and decrease in half decades. The other
+ * integrators:
+ * - hand: Dormand-Prince 5(4) in ambient coordinates, written for this comparison: first same as last, fused
+ *   loops, the library's vector field, step control and first step
  * - arkode: ERKStep of SUNDIALS, Dormand-Prince 5(4), serial vectors, the same field (HAVE_ARKODE)
- * - arkode-dense: the same with the angular accelerations from the symmetric 3N x 3N system, by LAPACK
+ * - arkode-dense: the same, but the angular accelerations solve the symmetric 3N x 3N system, by LAPACK
  *
- * Prints one JSON object. Times are seconds for one integration, with everything that it needs but memory;
- * errors are max |y(T) - reference| / max |reference|. The reference is RKMK(5,4) at tolerance 1e-13; its
- * own error is its difference from Dormand-Prince at 1e-13 in ambient coordinates. */
+ * Prints one JSON object. Times are seconds for one integration, without the allocation of memory. Errors are max
+ * |y(T) - reference| / max |reference|. The reference is RKMK(5,4) at tolerance 1e-13; the error of the
+ * reference is estimated by its difference from Dormand-Prince at 1e-13 in ambient coordinates.
+ */
 #define _GNU_SOURCE
 #include <math.h>
 #include <sched.h>
@@ -54,7 +56,7 @@ static void check(lg_status status, const char *what) {
     exit(1);
 }
 
-/* The core that the process is pinned to, -1 for none. */
+/* Pins the process to a core. Returns the core, or -1 if this failed. */
 static int pin(void) {
     cpu_set_t allowed, one;
     if (sched_getaffinity(0, sizeof allowed, &allowed) != 0) return -1;
@@ -72,18 +74,18 @@ static int pin(void) {
 typedef struct problem {
     size_t links, dim;
     lg_system *system;
-    lg_ode ode[2]; /* by lg_coordinates */
+    lg_ode ode[2]; /* indexed by lg_coordinates */
     lg_system_user user[2];
     double *work[2], *y0, *reference, reference_error;
 } problem;
 
-/* What an integration arrived at; `y` holds the end. */
+/* The result of an integration. y is the state at the end. */
 typedef struct outcome {
     double *y;
     size_t steps, rejected, evaluations;
 } outcome;
 
-/* A way to integrate: state that is made once, and runs from start to end. */
+/* A way to integrate. make and end are called once; run integrates from start to end. */
 typedef struct method {
     const char *name;
     void *(*make)(const problem *p);
@@ -150,7 +152,7 @@ static void ours_end(void *self) {
 
 /* ---- Dormand-Prince by hand ---- */
 
-/* Vectors are padded with zeros to whole blocks of LANES. */
+/* All vectors are padded with zeros to whole blocks of LANES. */
 typedef struct hand {
     const lg_ode *ode;
     const double *start;
@@ -191,7 +193,7 @@ static double summed(size_t n, const double lanes[LANES]) {
     return sqrt(sum / (double)n);
 }
 
-/* Root mean square of x / (tolerance (1 + |y|)) */
+/* Root mean square of x / (tolerance (1 + |y|)). */
 static double norm(const hand *d, double tolerance, const double *restrict x, const double *restrict y) {
     double lanes[LANES] = {0.0};
     for (size_t i = 0; i < d->padded; i += LANES)
@@ -202,7 +204,7 @@ static double norm(const hand *d, double tolerance, const double *restrict x, co
     return summed(d->dim, lanes);
 }
 
-/* Hairer, Norsett and Wanner, II.4; k[0] is the field at y. */
+/* Length of the first step after Hairer, Norsett and Wanner, II.4. k[0] is the field at y. */
 static double first_step(hand *d, double tolerance) {
     const size_t n = d->padded;
     const double speed = norm(d, tolerance, d->k[0], d->y);
@@ -214,7 +216,7 @@ static double first_step(hand *d, double tolerance) {
     return fmin(fmin(pow(0.01 / steepest, 0.2), 100.0 * h), t_end);
 }
 
-/* Stages 2 to 7; z becomes the end of the step, k[6] the field there. */
+/* Computes stages 2 to 7. z becomes the end of the step, and k[6] the field at z. */
 static void stages(hand *d, double t, double h) {
     const size_t n = d->padded;
     const double *restrict y = d->y;
@@ -246,7 +248,7 @@ static void stages(hand *d, double t, double h) {
     field(d, t + h, z, d->k[6]);
 }
 
-/* The embedded difference, scaled and summed without being stored. */
+/* The norm of the embedded error estimate, scaled and summed in one pass without being stored. */
 static double estimate(const hand *d, double tolerance, double h) {
     const double e1 = h * 71.0 / 57600.0, e3 = h * -71.0 / 16695.0, e4 = h * 71.0 / 1920.0,
                  e5 = h * -17253.0 / 339200.0, e6 = h * 22.0 / 525.0, e7 = h * -1.0 / 40.0;
@@ -316,7 +318,7 @@ typedef struct arkode {
     SUNContext context;
     void *memory;
     N_Vector y, start;
-    double *matrix, *rest; /* of the dense field */
+    double *matrix, *rest; /* used by arkode_dense only */
 } arkode;
 
 static int arkode_field(double t, N_Vector y, N_Vector out, void *user) {
@@ -337,7 +339,8 @@ static void cross(const double *a, const double *b, double *out) {
     out[2] = a[0] * b[1] - a[1] * b[0];
 }
 
-/* A 3 x 3 block hat(a)^T hat(b) = (a.b) I - b a^T times c, at the upper triangle's place of both */
+/* Writes c times the 3 x 3 block hat(a)^T hat(b) = (a.b) I - b a^T to block (i, j) of the matrix, which is
+ * column-major. i < j is the upper triangle. */
 static void put_block(double *matrix, size_t n, size_t i, size_t j, double c, const double *a,
                       const double *b) {
     const double dot = a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -346,8 +349,9 @@ static void put_block(double *matrix, size_t n, size_t i, size_t j, double c, co
             matrix[(3 * j + s) * n + 3 * i + r] = c * ((r == s ? dot : 0.0) - b[r] * a[s]);
 }
 
-/* m_ii omega_i' + sum_{j != i} m_ij hat(q_i)^T hat(q_j) omega_j' = sum_{j != i} m_ij |omega_j|^2 q_i x q_j -
- * mu_i g q_i x e3, with m_ij = mu_max(i,j) = N - max(i, j) here. `mirror` fills both triangles. */
+/* Sets up m_ii omega_i' + sum_{j != i} m_ij hat(q_i)^T hat(q_j) omega_j' = sum_{j != i} m_ij |omega_j|^2 q_i
+ * x q_j - mu_i g q_i x e3, with m_ij = mu_max(i,j) = N - max(i, j) here. `mirror` fills both triangles,
+ * otherwise the upper one is filled. */
 static void dense_system(const arkode *a, const double *y, bool mirror) {
     const size_t links = a->problem->links, n = 3 * links;
     for (size_t i = 0; i < links; i++) {
@@ -375,7 +379,8 @@ static void dense_system(const arkode *a, const double *y, bool mirror) {
         }
 }
 
-/* By Cholesky's method; off the manifold the matrix may not be positive definite, then by elimination. */
+/* Solves by Cholesky's method. Off the manifold the matrix may not be positive definite; then it solves by
+ * elimination. */
 static int arkode_dense(double t, N_Vector state, N_Vector rate, void *user) {
     const arkode *a = user;
     const double *y = N_VGetArrayPointer(state);
@@ -442,7 +447,7 @@ static bool arkode_run_with(void *self, ARKRhsFn f, double tolerance, outcome *o
     (void)ERKStepGetNumRhsEvals(a->memory, &after);
     (void)ERKStepGetNumSteps(a->memory, &steps);
     (void)ERKStepGetNumStepAttempts(a->memory, &tried);
-    if (after < before) before = 0; /* counted from the start of the run */
+    if (after < before) before = 0; /* the counter restarted with this run */
     if (steps <= before_steps) before_steps = before_tried = 0;
     memcpy(out->y, N_VGetArrayPointer(a->y), a->problem->dim * sizeof(double));
     *out = (outcome){out->y, (size_t)steps, (size_t)(tried - steps), (size_t)after};
@@ -505,7 +510,7 @@ static problem problem_make(size_t links) {
     return p;
 }
 
-/* After this the problem must not move. */
+/* Computes the fields and the reference. From here on the problem must stay at its address. */
 static void problem_prepare(problem *p) {
     outcome exact = {.y = p->reference}, other = {.y = allocate(p->dim, sizeof(double))};
     for (int form = 0; form < 2; form++)
@@ -540,7 +545,7 @@ static double timed(const method *m, void *self, double tolerance, outcome *out,
     return (seconds() - begin) / (double)runs;
 }
 
-/* All methods at one tolerance, in turn; prints their points. */
+/* Runs all methods at one tolerance, alternating, and prints their results. */
 static void compare_at(const problem *p, void *const *self, double tolerance, int rounds, bool first) {
     static double samples[METHODS][MAX_ROUNDS];
     outcome out[METHODS];

@@ -1,4 +1,5 @@
-/* Ways to compute the same, timed in turn: rounds of some calls each, medians over rounds. */
+/* Times several ways to compute the same thing. The ways alternate in rounds of some calls each; results are
+ * medians over rounds. */
 #ifndef BENCH_TIMING_H
 #define BENCH_TIMING_H
 
@@ -11,8 +12,8 @@ enum { WAYS = 4, MOST_ROUNDS = 10001 };
 
 typedef struct way {
     const char *name;
-    void (*call)(size_t input); /* input: number of one of those prepared */
-    const double *result;       /* where it writes, or NULL: not compared */
+    void (*call)(size_t input); /* input: number of a prepared input */
+    const double *result;       /* where the way writes its result */
 } way;
 
 static double bench_now(void) {
@@ -32,7 +33,7 @@ static int bench_ascending(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* The largest norm of the difference from way 0 over the root mean square of its norms. */
+/* The largest norm of the difference from way 0, relative to the root mean square of the norms of way 0. */
 static double bench_error(const way *ways, size_t w, size_t numbers, size_t inputs) {
     double worst = 0, norms = 0;
     for (size_t i = 0; i < inputs; i++) {
@@ -48,7 +49,7 @@ static double bench_error(const way *ways, size_t w, size_t numbers, size_t inpu
     return worst / sqrt(norms / (double)inputs);
 }
 
-/* One JSON object: the name, and a row for each way. */
+/* Prints one JSON object with the name and a row for each way. */
 static void bench_ways(const char *name, const way *ways, size_t count, size_t numbers, size_t inputs,
                        size_t rounds) {
     static double us[WAYS][MOST_ROUNDS];

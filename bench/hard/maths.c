@@ -1,4 +1,4 @@
-/* Elementwise functions, products and sums, maps of Lie groups, derivatives. */
+/* Cases of elementwise functions, products and sums, maps of Lie groups, and derivatives. */
 #include <math.h>
 #include <string.h>
 
@@ -55,13 +55,13 @@ static lg_var bce_of(lg_tape *tape, lg_var x) {
     return lg_loss_record(tape, LG_LOSS_BCE_LOGITS, x, lg_full(tape, lg_shape2(1, 1), 1), LG_NONE);
 }
 
-/* The first half of x times the second one. */
+/* The dot product of the first half of x and the second half. */
 static lg_var dot_of(lg_tape *tape, lg_var x) {
     const uint32_t half = lg_var_shape(tape, x).dims[1] / 2;
     return lg_rowdot(tape, lg_slice(tape, x, 1, 0, half), lg_slice(tape, x, 1, half, half));
 }
 
-/* A (k, k), b (k): the solution of A y = b. */
+/* x holds A (k, k), then b (k). The result is the solution of A y = b. */
 static lg_var solve_of(lg_tape *tape, lg_var x) {
     const uint32_t n = lg_var_shape(tape, x).dims[1];
     uint32_t k = 1;
@@ -70,13 +70,14 @@ static lg_var solve_of(lg_tape *tape, lg_var x) {
     return lg_spd_solve(tape, a, lg_reshape(tape, lg_slice(tape, x, 1, k * k, k), lg_shape3(1, k, 1)));
 }
 
-/* cos(a/4 + 2 b), a and b two equal expressions. */
+/* cos(a/4 + 2 b), where a and b are equal expressions. */
 static lg_var twice_of(lg_tape *tape, lg_var x) {
     const lg_var terms[] = {lg_sin(tape, x), lg_sin(tape, x)};
     return lg_cos(tape, lg_linear_combination(tape, terms, (const double[]){.25, 2}, 2));
 }
 
-/* sqrt(1 + x) - sqrt(x) without cancellation; its gradient. */
+/* sqrt(x) where x > 0, else 0. The inner select keeps the gradient of sqrt finite in the branch that is not
+ * taken. */
 static lg_var select_of(lg_tape *tape, lg_var x) {
     const lg_var zero = lg_full(tape, lg_var_shape(tape, x), 0),
                  one = lg_full(tape, lg_var_shape(tape, x), 1);
@@ -92,7 +93,7 @@ static lg_status so3_exp(const double *in, size_t n, double *out, size_t m) {
     return LG_OK;
 }
 
-/* The largest entry of R^T R - I. */
+/* The largest magnitude of the entries of R^T R - I. */
 static lg_status so3_defect(const double *in, size_t n, double *out, size_t m) {
     (void)n, (void)m;
     double R[9];

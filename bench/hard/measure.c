@@ -1,7 +1,7 @@
 /* hard_cases CASES KNOWN [--all] [--print]: computes the rows of bench/hard/cases.txt and compares them with
- * their references. A row fails when its error is above what conditioning allows; a row of known.txt fails
- * when its error is above the limit there. --all: slow rows too; --print: a line a row, as bench/hard-cases
- * reads it. */
+ * their references. A row fails if its error is above what its conditioning allows. A row that known.txt
+ * lists fails if its error is above the limit given there. --all includes slow rows. --print prints one line
+ * per row, which bench/hard-cases reads. */
 #include <errno.h>
 #include <math.h>
 #include <stdbool.h>
@@ -17,7 +17,7 @@
 enum { ROOM, FUNCTION, CASE, METRIC, HOW, ALLOWS, WHEN, INPUTS, REFERENCE, FIELDS };
 enum { KNOWN_FUNCTION, KNOWN_CASE, KNOWN_LIMIT, KNOWN_SENTENCE, KNOWN_FIELDS };
 
-/* Cuts a line at its tabs; false when it has another number of fields. */
+/* Splits a line at its tabs. Returns false if it does not have `fields` fields. */
 static bool cut(char *line, char **field, size_t fields) {
     line[strcspn(line, "\n")] = 0;
     for (size_t i = 0; i < fields; i++) {
@@ -29,7 +29,7 @@ static bool cut(char *line, char **field, size_t fields) {
     return !line;
 }
 
-/* The numbers of a field, in memory that the caller frees. */
+/* Reads the numbers of a field, into memory that the caller frees. */
 static double *numbers(const char *text, size_t *count) {
     double *out = malloc((strlen(text) / 2 + 2) * sizeof(double));
     if (!out) exit(5);
@@ -75,7 +75,7 @@ static lg_status record(void *user, lg_tape *tape, const lg_var *parameters, con
     return LG_OK;
 }
 
-/* A plan, for one row of n numbers or for n rows of one. */
+/* Evaluates by a plan, at one row of n numbers or at n rows of one number. */
 static lg_status in_plan(const hard_function *f, const double *in, size_t n, double *out) {
     const bool rows = f->way == HARD_ROWS;
     const lg_port x = {.name = "x", .shape = lg_shape1(rows ? 1 : (uint32_t)n)}, y = {.name = "y"};
@@ -99,8 +99,9 @@ static lg_status evaluate(const hard_function *f, const double *in, size_t n, do
 
 /* ---- errors ---- */
 
-/* relative: largest difference over the largest reference; each: largest of the single relative errors;
- * absolute: largest difference. Equal numbers, infinities and NaN have no error. */
+/* Metrics: "relative" is the largest difference over the largest reference; "each" is the largest of the
+ * relative errors of the single numbers; "absolute" is the largest difference. Equal numbers, equal
+ * infinities and NaN for NaN count as no error. */
 static double error_of(const char *metric, const double *got, const double *want, size_t m) {
     double difference = 0, size = 0, each = 0;
     for (size_t i = 0; i < m; i++) {
@@ -114,7 +115,8 @@ static double error_of(const char *metric, const double *got, const double *want
     return strcmp(metric, "absolute") == 0 || difference == 0 ? difference : difference / size;
 }
 
-/* Of a row: its error; of a refusal 0 when the status came, else infinity. */
+/* Returns the error of a row. For the metric "told", where a failure is expected, it returns 0 if the
+ * expected status came, else infinity. */
 static double measure(char **field) {
     const hard_function *f = find(field[FUNCTION]);
     if (!f) {

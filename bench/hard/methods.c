@@ -1,4 +1,5 @@
-/* Riccati equations, held inputs, minimisers, least squares, elastica. */
+/* Cases of Riccati equations, held inputs, minimisers, least squares, elastica, classifier measures and
+ * spectra. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -32,7 +33,7 @@ static lg_status dare(const double *in, size_t n, double *out, size_t m) {
     return riccati(in, out, true);
 }
 
-/* n, m, h, A, B -> Ad, Bd */
+/* inputs: n, m, h, A, B; outputs: Ad, Bd */
 static lg_status hold(const double *in, size_t n, double *out, size_t m) {
     (void)m;
     const size_t states = (size_t)in[0], inputs = (size_t)in[1];
@@ -45,7 +46,7 @@ static lg_status hold(const double *in, size_t n, double *out, size_t m) {
     return status;
 }
 
-/* ---- minimisers: sums of squares of r_i(b), with rows of J = dr/db ---- */
+/* ---- minimisers: sums of squares of r_i(b); the rows of J are dr_i/db ---- */
 
 typedef struct problem {
     double id;
@@ -53,7 +54,8 @@ typedef struct problem {
     const double *x, *y; /* data (m) */
 } problem;
 
-/* Model k of of_methods.py: one residual and its derivatives (n, zero at first). */
+/* Residual number i of the model p->id of of_methods.py, and its derivatives d (n), which are zero on
+ * entry. */
 static double residual(const problem *p, const double *b, size_t i, double *d) {
     const double x = p->x[i], y = p->y[i];
     double value = 0, e, f;
@@ -95,7 +97,7 @@ static double residual(const problem *p, const double *b, size_t i, double *d) {
                : i == 1 ? sqrt(5) * (b[2] - b[3])
                : i == 2 ? (b[1] - 2 * b[2]) * (b[1] - 2 * b[2])
                         : sqrt(10) * (b[0] - b[3]) * (b[0] - b[3]);
-    default: /* 9: y (b_i/x - 1) + b_i^3/x^3 - 1, each variable in its own unit x, in a unit y of f */
+    default: /* 9: y (b_i/x - 1) + b_i^3/x^3 - 1; x is the unit of variable i, y the unit of f */
         e = b[i] / x, d[i] = y * (1 + 3 * e * e) / x;
         return y * (e - 1 + e * e * e - 1);
     }
@@ -122,7 +124,7 @@ static lg_status squares(void *user, const double *b, double *value, double *gra
     return LG_OK;
 }
 
-/* model, n, m, start (n), x (m), y (m) -> b (n) */
+/* inputs: model, n, m, start (n), x (m), y (m); outputs: b (n) */
 static lg_status minimise(const double *in, double *out, lg_minimise_method method) {
     problem p = {.id = in[0], .n = (size_t)in[1], .m = (size_t)in[2]};
     p.x = in + 3 + p.n, p.y = p.x + p.m;
@@ -150,7 +152,7 @@ static lg_status lbfgs(const double *in, size_t n, double *out, size_t m) {
     return minimise(in, out, LG_MINIMISE_LBFGS);
 }
 
-/* n, ridge, A^T A (n, n), A^T y (n) -> x */
+/* inputs: n, ridge, A^T A (n, n), A^T y (n); outputs: the solution */
 static lg_status normal_equations(const double *in, size_t n, double *out, size_t m) {
     double matrix[64];
     (void)n;
@@ -161,7 +163,7 @@ static lg_status normal_equations(const double *in, size_t n, double *out, size_
 
 /* ---- elastica ---- */
 
-/* L, EI, q(0), q(L), theta(0), rotation, intervals -> energy, force */
+/* inputs: L, EI, q(0), q(L), theta(0), rotation, intervals; outputs: energy, force */
 static lg_status elastica(const double *in, bool continuous, double *out, size_t m) {
     lg_elastica beam = {.length = in[0],
                         .stiffness = in[1],
@@ -193,7 +195,7 @@ static lg_status discrete_elastica(const double *in, size_t n, double *out, size
 
 /* ---- measures of classifiers ---- */
 
-/* Scores and then classes of n windows, two classes -> area under the curve */
+/* inputs: the scores of n windows, then their classes (0 or 1); output: area under the curve */
 static lg_status area(const double *in, size_t n, double *out, size_t m) {
     (void)m;
     uint32_t truth[64];
@@ -203,7 +205,7 @@ static lg_status area(const double *in, size_t n, double *out, size_t m) {
     return lg_auc(NULL, truth, score, n / 2, 2, out);
 }
 
-/* A confusion matrix -> accuracy, precision, recall, f1 */
+/* inputs: a confusion matrix; outputs: accuracy, precision, recall, f1 */
 static lg_status measures(const double *in, size_t n, double *out, size_t m) {
     (void)m;
     uint64_t confusion[64];
@@ -215,7 +217,7 @@ static lg_status measures(const double *in, size_t n, double *out, size_t m) {
     return LG_OK;
 }
 
-/* A series -> powers of 4 bands */
+/* inputs: a series; outputs: the powers in m bands */
 static lg_status spectrum(const double *in, size_t n, double *out, size_t m) {
     lg_spectrum of = {0};
     const lg_status status = lg_spectrum_create(NULL, (uint32_t)n, (uint32_t)m, &of, NULL);

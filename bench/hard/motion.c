@@ -1,4 +1,4 @@
-/* Runs of mechanical systems. */
+/* Cases of runs of mechanical systems. */
 #include <stdlib.h>
 #include <string.h>
 

@@ -173,9 +173,9 @@ typedef struct lg_kernels {
      * for ReLU and leaky ReLU, where it replaces x because it has the same sign; unused for the others. x may
      * be NULL if h is given for tanh, sigmoid, ReLU and leaky ReLU. If h is NULL, it is computed from x.
      * - tanh^(n) and sigmoid^(n) are products over their zeros (act_zeros.h). swish^(n) = x s^(n) + n s^(n-1)
-     * with s = sigmoid(x). sine^(n) = sin(x + n pi/2), computed as +-sin or +-cos. ReLU': 1 for x > 0, else 0
-     * (also at x = 0). Leaky ReLU': 1 for x > 0, else LG_LEAKY_SLOPE. Orders >= 2 of these two and of the
-     * identity are 0. */
+     *   with s = sigmoid(x). sine^(n) = sin(x + n pi/2), computed as +-sin or +-cos. ReLU': 1 for x > 0, else
+     *   0 (also at x = 0). Leaky ReLU': 1 for x > 0, else LG_LEAKY_SLOPE. Orders >= 2 of these two and of the
+     *   identity are 0. */
     void (*act)(lg_k_act kind, int order, size_t n, const void *x, const void *h, const void *g, void *y);
     /* One reverse step of y = q sigma^(order)(x) with the cotangent c of y: dq [+]= c sigma^(order)(x) and dx
      * [+]= c q sigma^(order + 1)(x). q == NULL stands for ones. dq and dx may be NULL and must not overlap.
@@ -221,13 +221,13 @@ typedef struct lg_kernels {
 
     /* Kernels on series x (batch, length, channels) and their windows; y and g are (batch, count, channels).
      * - window_mean: the mean of each window, without padding. window_pick: in each window and channel, the
-     * element of h in the row where x is largest. Of equal rows the first one counts, and a NaN counts as the
-     * largest. Without padding. window_place: writes g to these rows of `to` and zeros to all others, or adds
-     * it if `add`.
+     *   element of h in the row where x is largest. Of equal rows the first one counts, and a NaN counts as
+     *   the largest. Without padding. window_place: writes g to these rows of `to` and zeros to all others,
+     *   or adds it if `add`.
      * - window_fold: x[u] = [x[u] +] factor times a sum over all windows t that contain row u. If u is row j
-     * of window t, the term is the row of `channels` numbers at from[t pitch + j inner]. The sum runs in
-     * ascending t. The windows of a sample follow the windows of the previous sample. If `times` (same size
-     * as x) is not NULL, each sum is multiplied by its element of `times`, and nothing may be added to. */
+     *   of window t, the term is the row of `channels` numbers at from[t pitch + j inner]. The sum runs in
+     *   ascending t. The windows of a sample follow the windows of the previous sample. If `times` (same size
+     *   as x) is not NULL, each sum is multiplied by its element of `times`, and nothing may be added to. */
     void (*window_mean)(const lg_k_windows *w, size_t batch, const void *x, void *y);
     void (*window_pick)(const lg_k_windows *w, size_t batch, const void *h, const void *x, void *y);
     void (*window_place)(const lg_k_windows *w, size_t batch, const void *g, const void *x, void *to,
@@ -258,8 +258,8 @@ typedef struct lg_kernels {
      * `out` may be the same array as an input. liegrad/geometry.h has the formulas; a = (u, v) has six
      * numbers per copy.
      * - se3_act: out = exp(a) . y on T*S^2, y = (q, p) with six numbers per copy. If |q|^2 of the result is
-     * within LG_LIE_ROUNDING of 1, it is corrected to 1 to first order. If then also |q.p| <= LG_LIE_ROUNDING
-     * |(1, r, p)|, where r is the translation of exp(a), q.p is corrected to 0.
+     *   within LG_LIE_ROUNDING of 1, it is corrected to 1 to first order. If then also |q.p| <=
+     *   LG_LIE_ROUNDING |(1, r, p)|, where r is the translation of exp(a), q.p is corrected to 0.
      * - se3_dexpinv: out = dexp_a^-1(b). se3_angle: returns the largest |u|, or NaN if any is NaN. */
     void (*se3_act)(size_t count, const double *a, const double *y, double *out);
     void (*se3_dexpinv)(size_t count, const double *a, const double *b, double *out);
@@ -277,9 +277,9 @@ typedef struct lg_kernels {
 
     /* Kernels for integrators, in double in both tables. All instruction sets give the same bits.
      * - stage_sum: out = sum_{j < n} c_j k_j, 1 <= n <= LG_K_STAGES. The arrays are aligned to LG_ALIGNMENT
-     * and m is a multiple of LG_K_STAGE_BLOCK.
+     *   and m is a multiple of LG_K_STAGE_BLOCK.
      * - error_norm: the root mean square of error_i / (atol_i + rtol max(|y_i|, |y_next_i|)), where 0/0
-     * counts as 0. */
+     *   counts as 0. */
     void (*stage_sum)(size_t m, int n, const double *c, const double *const *k, double *out);
     double (*error_norm)(size_t dim, double rtol, const double *atol, const double *error, const double *y,
                          const double *y_next);
