@@ -10,9 +10,9 @@
  * - arkode: ERKStep of SUNDIALS, Dormand-Prince 5(4), serial vectors, the same field (HAVE_ARKODE)
  * - arkode-dense: the same, but the angular accelerations solve the symmetric 3N x 3N system, by LAPACK
  *
- * Prints one JSON object. Times are seconds for one integration, without the allocation of memory. Errors are max
- * |y(T) - reference| / max |reference|. The reference is RKMK(5,4) at tolerance 1e-13; the error of the
- * reference is estimated by its difference from Dormand-Prince at 1e-13 in ambient coordinates.
+ * Prints one JSON object. Times are seconds for one integration, without the allocation of memory. Errors
+ * are max |y(T) - reference| / max |reference|. The reference is RKMK(5,4) at tolerance 1e-13; the error of
+ * the reference is estimated by its difference from Dormand-Prince at 1e-13 in ambient coordinates.
  */
 #define _GNU_SOURCE
 #include <math.h>

@@ -1,5 +1,6 @@
-// Peers of lg-bench scalar: gradient of a trajectory in its start. One JSON object, a row for each way at
-// hand. HAVE_ADOLC, HAVE_ADEPT, HAVE_CPPAD are defined by ../compare when the headers are installed.
+// Other libraries for lg-bench scalar: the gradient of a trajectory with respect to its start. Prints one JSON
+// object with a row for each library that is installed: ../compare defines HAVE_ADOLC, HAVE_ADEPT and
+// HAVE_CPPAD if their headers are.
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -26,9 +27,10 @@ static double seconds() {
 
 static bool first = true;
 static volatile double start[4] = {start_state[0], start_state[1], start_state[2],
-                                   start_state[3]}; // not folded away
+                                   start_state[3]}; // volatile: not folded
 
-// Warm-up, then medians over samples of many calls each; `gradient` is printed so that all can be compared.
+// Warms up, then prints medians over samples of many calls each. `gradient` is printed too, so that the ways
+// can be compared.
 template <class Call> static void measure(const char *name, int repeats, const double *gradient, Call call) {
     double begin = seconds(), one = 0;
     for (int calls = 1; seconds() - begin < 0.1; calls *= 2) {

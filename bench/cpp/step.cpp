@@ -1,8 +1,8 @@
-// A step of the double pendulum and its gradient on the minimal operator tape, for bench/c/pendulum.c.
+// The gradient of a step of the double pendulum on the minimal operator tape, for bench/c/pendulum.c.
 #include "pendulum.hpp"
 #include "tape.hpp"
 
-// gradient = d sum_j c_j y_j(next) / d y
+// gradient = d(sum_j c_j z_j)/dy, where z is the state after a step from y.
 extern "C" void tape_step_gradient(const double *y, const double *c, double *gradient) {
     tape::clear();
     tape::Real y0[4], z[4];

@@ -1,5 +1,5 @@
-// A minimal operator tape: values in the variables, at most two partial derivatives a statement in one array, recorded
-// anew at each call. What a user writes in an afternoon when a library is too slow.
+// A minimal operator tape, as a user writes it in an afternoon when a library is too slow. Variables hold their
+// values. One array holds at most two partial derivatives per statement; it is recorded anew at each call.
 #pragma once
 #include <cmath>
 #include <cstdint>
@@ -12,7 +12,7 @@ struct Statement {
     double da, db;
 };
 
-// Slot 0 belongs to nobody: missing arguments point there with derivative 0.
+// Slot 0 is no statement. Missing arguments point to it, with derivative 0.
 constexpr std::uint32_t capacity = 1u << 20;
 static std::vector<Statement> statements(capacity);
 static std::vector<double> adjoints(capacity);
@@ -26,7 +26,7 @@ inline std::uint32_t push(std::uint32_t a, double da, std::uint32_t b, double db
     return count++;
 }
 
-// Adjoints of all statements from that of `y`.
+// Computes the adjoints of all statements; the adjoint of statement y is 1.
 inline void reverse(std::uint32_t y) {
     double *adjoint = adjoints.data();
     for (std::uint32_t i = 0; i < count; i++) adjoint[i] = 0.0;

@@ -1,4 +1,4 @@
-// use_model_cpp MODEL.h5: the same library from C++: a model that owns its file and its work memory.
+// use_model_cpp MODEL.h5: uses the library from C++, with a class whose objects own a model file and work memory.
 #include <cmath>
 #include <iostream>
 #include <memory>
@@ -8,7 +8,7 @@
 
 #include <liegrad/io.h>
 
-// Closes the file whatever the constructor of Model below does after it.
+// Owns the loaded file, so that it is closed even if the constructor of Model below throws.
 class File {
   public:
     explicit File(const std::string &path) {
@@ -45,7 +45,7 @@ class Model {
     std::size_t outputs() const {
         return lg_model_outputs(file_.model());
     }
-    // x has inputs() numbers, y outputs(); no allocation.
+    // x has inputs() numbers, y has outputs() numbers. Does not allocate memory.
     void eval(const std::vector<double> &x, std::vector<double> &y) {
         if (x.size() != inputs() || y.size() != outputs()) throw std::invalid_argument("sizes of eval");
         lg_model_eval(file_.model(), x.data(), y.data(), work_);

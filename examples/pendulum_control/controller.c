@@ -98,7 +98,7 @@ bool controller_init(controller *self, const lg_model *model, void *work, double
     if (lg_model_linearise(model, self->upright, NULL, A, NULL, NULL, work) != LG_OK)
         return refuse(why, "the model cannot be linearised");
     self->energy_scale = 0.5 * (self->energy_up - energy_down);
-    self->mass = 1.0 / A[2]; /* a_1' = b_1 / m */
+    self->mass = 1.0 / A[2]; /* the linearisation has a_1' = b_1 / m */
     if (!(self->energy_scale > 0.0 && self->mass > 0.0) || !isfinite(self->energy_scale + self->mass))
         return refuse(why, "the learned equilibrium near e3 is not above the one opposite");
     return design(self, work, &error) || refuse(why, error.message);

@@ -13,7 +13,7 @@ struct lg_thread_pool {
     int workers;
     pthread_t *threads;
 
-    pthread_mutex_t mutex; /* for entering a round, and for sleeping */
+    pthread_mutex_t mutex; /* held to enter a round and to sleep */
     pthread_cond_t start, done;
     /* open: workers may enter the round. stop: workers must end. waiting: the caller sleeps until active is
      * 0. */

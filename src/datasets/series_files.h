@@ -58,7 +58,7 @@ lg_status lg_rate_get(lg_h5 *h5, double *rate, lg_error *error);
 typedef struct lg_sensing {
     uint32_t classes, channels;
     char (*class_name)[LG_SERIES_NAME];
-    char (*class_label)[LG_SERIES_NAME]; /* or NULL; as in lg_series */
+    char (*class_label)[LG_SERIES_NAME]; /* may be NULL; as in lg_series */
     char (*channel_name)[LG_SERIES_NAME];
     double rate; /* Hz; 0 if unknown */
 } lg_sensing;

@@ -1,6 +1,6 @@
 /* HDF5 1.10 crashes or loops on some damaged files, and a malicious file could do worse. Therefore a child
  * process reads the file first. The child may crash, and it can do nothing but read (sandbox.h). */
-#define _DEFAULT_SOURCE /* syscall */
+#define _DEFAULT_SOURCE /* for syscall */
 #include <errno.h>
 #include <limits.h>
 #include <poll.h>

@@ -1,7 +1,7 @@
 /* Temporary files and folders. The process that writes one holds a lock on it (flock, which the kernel
  * releases when the process dies). So the remains of a killed process can be told from a file that is being
  * written. */
-#define _DEFAULT_SOURCE /* flock */
+#define _DEFAULT_SOURCE /* for flock */
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>

@@ -1,5 +1,5 @@
 /* Writes a file completely or not at all: writes to a temporary name, fsync, rename, fsync of the folder. */
-#define _XOPEN_SOURCE 700 /* realpath */
+#define _XOPEN_SOURCE 700 /* for realpath */
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>

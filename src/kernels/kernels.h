@@ -242,7 +242,7 @@ typedef struct lg_kernels {
     /* y[i] = sum_j x[i, j], in the order of j */
     void (*sum_cols)(size_t rows, size_t cols, const void *x, void *y);
 
-    void (*cross)(size_t rows, const void *a, const void *b, void *y); /* rows of 3 */
+    void (*cross)(size_t rows, const void *a, const void *b, void *y); /* rows of 3 numbers */
     void (*rowdot)(size_t rows, size_t cols, const void *a, const void *b,
                    void *y); /* y[i] = sum_j a[i,j] b[i,j] */
 
