@@ -1,5 +1,5 @@
-// The planar double pendulum of lg-bench scalar, for any type of number: 100 steps of RK4 with length 0.01. The
-// result is the sum of the elements of the last state.
+// The planar double pendulum of lg-bench scalar, for any type of number: 100 steps of RK4 with length 0.01.
+// The result is the sum of the elements of the last state.
 #pragma once
 #include <cmath>
 

@@ -1,6 +1,6 @@
-// Other libraries for lg-bench scalar: the gradient of a trajectory with respect to its start. Prints one JSON
-// object with a row for each library that is installed: ../compare defines HAVE_ADOLC, HAVE_ADEPT and
-// HAVE_CPPAD if their headers are.
+// Other libraries for lg-bench scalar: the gradient of a trajectory with respect to its start. Prints one
+// JSON object with a row for each available way. ../compare defines HAVE_ADOLC, HAVE_ADEPT and HAVE_CPPAD if
+// the headers of these libraries are installed.
 #include <algorithm>
 #include <chrono>
 #include <cstdio>

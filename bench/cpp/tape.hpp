@@ -1,5 +1,6 @@
-// A minimal operator tape, as a user writes it in an afternoon when a library is too slow. Variables hold their
-// values. One array holds at most two partial derivatives per statement; it is recorded anew at each call.
+// A minimal operator tape, as a user writes it in an afternoon when a library is too slow. Variables hold
+// their values. One array holds at most two partial derivatives per statement; it is recorded anew at each
+// call.
 #pragma once
 #include <cmath>
 #include <cstdint>

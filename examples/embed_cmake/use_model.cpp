@@ -1,4 +1,4 @@
-// use_model_cpp MODEL.h5: uses the library from C++, with a class whose objects own a model file and work memory.
+// use_model_cpp MODEL.h5: uses the library from C++. A class owns the model file and the work memory.
 #include <cmath>
 #include <iostream>
 #include <memory>

@@ -66,8 +66,8 @@ typedef struct read_call {
     bool bad_rate; /* the attribute rate, written by another program, is not a number */
     lg_precision precision;
     bool ours;               /* the file was written by this library, so its attributes must be valid */
-    bool torn;               /* there are runs, but the windows of some run are not consecutive, */
-    uint32_t torn_run;       /* for example those of this run */
+    bool torn;               /* there are runs, but the windows of some run are not consecutive */
+    uint32_t torn_run;       /* a run whose windows are not consecutive */
     bool by_number, guessed; /* as in lg_labels */
 } read_call;
 

@@ -35,7 +35,7 @@ typedef struct lg_dataset {
 } lg_dataset;
 
 /* Opens a data set of any type. Fails with LG_FORMAT if it exceeds max_size at `bytes` bytes per element.
- * After a failure *d may be closed too. */
+ * lg_dataset_close may be called after a failure too. */
 lg_status lg_dataset_open(lg_h5 *h5, const char *name, size_t bytes, lg_dataset *d, lg_error *error);
 void lg_dataset_close(lg_dataset *d);
 /* Fails with LG_FORMAT and a message that names the data set. */
