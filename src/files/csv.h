@@ -20,7 +20,8 @@ typedef struct lg_csv {
     size_t cells; /* number of cells of the header */
 } lg_csv;
 
-/* `what` names the kind of file in error messages: "log", "table". lg_csv_close may be called after a failure too. */
+/* `what` names the kind of file in error messages: "log", "table". lg_csv_close may be called after a failure
+ * too. */
 lg_status lg_csv_open(const lg_context *context, const char *path, const char *what, lg_csv *c,
                       lg_error *error);
 void lg_csv_close(lg_csv *c);
