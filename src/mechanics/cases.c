@@ -1,5 +1,5 @@
-/* Vector fields of the mechanical systems on a tape, with respect to the state and to all parameters, at a
- * state on the manifold from which the numbers of the ambient space are moved freely. */
+/* Gradient-check cases: the taped fields of all mechanical systems, differentiated with respect to the state
+ * and to all parameters. The state is on the manifold; the check perturbs its ambient coordinates freely. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -22,7 +22,7 @@ typedef struct settings {
 
 /* ---- building ---- */
 
-/* Parts side by side, (B, numbers). */
+/* The parts, each flattened to (B, numbers), concatenated along the second axis. */
 static lg_var flat(lg_tape *tape, const lg_var *parts, size_t n) {
     lg_var rows[LG_TAPED_MAX_PARTS];
     for (size_t i = 0; i < n; i++) {
@@ -33,7 +33,7 @@ static lg_var flat(lg_tape *tape, const lg_var *parts, size_t n) {
     return lg_concat(tape, rows, n, 1);
 }
 
-/* x: y (1, dim), or the half that force or velocity takes; parameters (P) */
+/* Variables x: the state (1, dim), or its half q or p for FORCE or VELOCITY; the parameters (P). */
 static lg_var build(const void *user, lg_tape *tape, const lg_var *x) {
     const settings *s = user;
     lg_system_taped_user bound;
@@ -56,9 +56,9 @@ static lg_var build(const void *user, lg_tape *tape, const lg_var *x) {
     return flat(tape, out, parts);
 }
 
-/* ---- a system with all its parameters given ---- */
+/* ---- a system with values for all parameters that have no default ---- */
 
-/* Numbers that the rule allows, different from each other. */
+/* Writes different values that the parameter's rule allows. */
 static void fill_parameter(const lg_parameter_entry *p, size_t count, double *out) {
     static const double unit[3] = {2.0 / 3.0, -1.0 / 3.0, 2.0 / 3.0};
     for (size_t i = 0; i < count; i++) {
@@ -99,7 +99,7 @@ static void draw(lg_rng *rng, size_t n, double *out) {
     for (size_t i = 0; i < n; i++) out[i] = 2.0 * lg_rng_uniform(rng) - 1.0;
 }
 
-/* q a unit vector, v at a right angle to it */
+/* Draws y = (q, v): q is a unit vector, v is orthogonal to it. */
 static void draw_tangent(lg_rng *rng, double *y) {
     draw(rng, 6, y);
     const double length = sqrt(lg_dot3(y, y));
@@ -127,7 +127,7 @@ static void draw_state(const lg_space *space, double *y) {
     }
 }
 
-/* ---- the rows ---- */
+/* ---- the cases ---- */
 
 typedef struct made_row {
     char name[80];
@@ -153,7 +153,7 @@ static void add(lg_system *system, part which, const double *y) {
     own->argument[1] = (lg_gradcheck_argument){.shape = S1((uint32_t)lg_system_parameter_count(system)),
                                                .values = lg_system_parameter_values(system),
                                                .scale = 0.25};
-    /* Chains in Lagrangian form are one custom operation. */
+    /* Chains in Lagrangian form are a custom operation, which programs cannot contain. */
     const bool custom = lg_system_links(system) > 0 && strcmp(form, "lagrangian") == 0;
     rows[used++] = (lg_gradcheck_case){.function = {.name = own->name,
                                                     .inputs = 2,
@@ -179,7 +179,8 @@ static void add_system(const char *name, const char *form, size_t links) {
     add(system, VELOCITY, y);
 }
 
-/* Made once, kept to the end: every row of the table of systems, chains of one link and of three. */
+/* The cases of every row in the table of systems; chains with one and with three links. They are made in the
+ * first call and kept until the program ends. */
 const lg_gradcheck_case *lg_gradcheck_mechanics(size_t *count) {
     const char *name, *form;
     size_t systems = 0;

@@ -1,4 +1,4 @@
-/* The pendulum chain: parameters, constants, and the functions common to both forms. */
+/* The pendulum chain: parameters, constants, and functions that both forms use. */
 #include "mechanics/chain.h"
 
 #include <math.h>
@@ -62,7 +62,8 @@ void lg_chain_apply_w(const lg_chain *chain, const double *x, size_t stride, dou
     apply_w_of(chain, x, stride, out);
 }
 
-/* m = D U diag(m_l) U^T D: the velocities of the masses, then the momenta below each joint. */
+/* Applies the factors of m = D U diag(m_l) U^T D from right to left: the first loop computes the momentum of
+ * each mass, the second one sums the momenta of all masses below each joint. */
 void lg_chain_apply_m(const lg_chain *chain, const double *x, double *out) {
     double sum[3] = {0.0, 0.0, 0.0};
     for (size_t i = 0; i < chain->links; i++)
@@ -88,7 +89,7 @@ void lg_chain_omega_of_velocity(size_t links, const double *v, double *y) {
     for (size_t i = 0; i < links; i++) lg_cross3(y + 6 * i, v + 3 * i, y + 6 * i + 3);
 }
 
-/* v_i is tangent, so the projection leaves m_ii v_i as it is. */
+/* v_i is tangent, so projecting the whole sum leaves its term m_ii v_i unchanged. */
 void lg_chain_momentum_of_velocity(const lg_chain *chain, const double *v, double *y, double *work) {
     lg_chain_apply_m(chain, v, work);
     for (size_t i = 0; i < chain->links; i++) {
@@ -134,7 +135,7 @@ void lg_chain_nodes(const lg_chain *chain, const double *y, const double *v, dou
         }
 }
 
-/* ---- public parts ---- */
+/* ---- public functions ---- */
 
 static bool is_chain(const lg_system *system) {
     return system->row == &lg_system_row_chain_lagrangian || system->row == &lg_system_row_chain_hamiltonian;

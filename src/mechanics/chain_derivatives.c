@@ -1,5 +1,5 @@
-/* Hand-written derivatives of the Lagrangian chain's field. Its parts, for one row (equations at
- * lg_system_ode):
+/* Hand-written derivatives of the Lagrangian chain's field (see lg_system_ode). For one row of the batch the
+ * field is computed as follows:
  *
  *   T lambda = b,  T_ii = s_i + s_{i-1},  T_{i,i+1} = e_i = -s_i q_i.q_{i+1},  s_i = 1/m_i
  *   b_i = L_i |omega_i|^2 - [i = 1] g q_1z
@@ -12,14 +12,14 @@
 
 #include "liegrad/geometry.h"
 
-/* One row, in doubles. */
+/* One row of the batch, in doubles. Names as in the equations above. */
 typedef struct row {
     size_t k;
-    double gravity, *mass, *length; /* as one array, `parameters` */
+    double gravity, *mass, *length; /* mass and length point into `parameters` */
     double *parameters;
     double *q, *omega, *x;          /* (k, 3) */
-    double *s, *lambda, *pivot, *l; /* k each; pivot and l are the factor of T */
-    double *rest;                   /* for the derivatives */
+    double *s, *lambda, *pivot, *l; /* k each; T = L D L^T with pivots D and l below the diagonal of L */
+    double *rest;                   /* scratch for the derivatives */
 } row;
 
 enum { ROW_VECTORS = 3, ROW_SCALARS = 4, REST_VECTORS = 4, REST_SCALARS = 2, PARAMETER_COPIES = 2 };
@@ -49,7 +49,8 @@ static void copy_out(lg_dtype dtype, const double *from, size_t n, void *to, siz
         for (size_t i = 0; i < n; i++) ((float *)to)[first + i] = (float)from[i];
 }
 
-/* The scratch is an input of the operation, so that the tape owns it. Nobody else reads its values. */
+/* The scratch memory is an input of the operation, so that the tape owns it. Writing to it is safe, as
+ * nothing else reads its values. */
 static double *scratch_of(const lg_chain_batch *batch) {
     union {
         const void *lent;
@@ -80,7 +81,7 @@ static row open_batch(const lg_chain_batch *batch, const void *const *in, size_t
 
 /* ---- the value ---- */
 
-/* x = T^-1 b; x may be b. Pivots are not checked: off the manifold T may be anything. */
+/* x = T^-1 b; x may be b. Pivots are not checked: off the manifold T need not be positive definite. */
 static void solve(const row *r, const double *b, double *x) {
     const size_t k = r->k;
     x[0] = b[0];
@@ -99,7 +100,7 @@ static void factor(const row *r) {
     }
 }
 
-/* c_{i+1} - c_i, component */
+/* Component c of c_{i+1} - c_i. */
 static double force(const row *r, size_t i, size_t c) {
     const double own = r->lambda[i] * r->q[3 * i + c];
     return (i + 1 < r->k ? r->lambda[i + 1] * r->q[3 * i + 3 + c] : 0.0) - own;
@@ -139,12 +140,13 @@ void lg_chain_batch_value(const lg_chain_batch *batch, const void *const *in, vo
 /* ---- the adjoint ---- */
 
 typedef struct adjoint {
-    double *g, *q, *omega, *a; /* (k, 3): of v (given), q, omega; of x, then a */
-    double *s, *lambda;        /* k; lambda: then y = T^-1 lambda_bar */
+    /* (k, 3): cotangents of v (given), q and omega; `a` is first used for the cotangent of x, then of a. */
+    double *g, *q, *omega, *a;
+    double *s, *lambda; /* k; lambda is overwritten by y = T^-1 lambda_bar */
     double *parameters, *mass, *length;
 } adjoint;
 
-/* From v to a: v_i = q_i (q_i.x_i) - x_i and x_i = (a_i - a_{i-1} - [i = 1] g e3)/L_i */
+/* Sweeps from v back to a through v_i = q_i (q_i.x_i) - x_i and x_i = (a_i - a_{i-1} - [i = 1] g e3)/L_i. */
 static void adjoint_of_acceleration(const row *r, const adjoint *d) {
     for (size_t i = 0; i < r->k; i++) {
         const double *q = r->q + 3 * i, *x = r->x + 3 * i, *g = d->g + 3 * i;
@@ -160,7 +162,7 @@ static void adjoint_of_acceleration(const row *r, const adjoint *d) {
         for (size_t c = 0; c < 3; c++) d->a[3 * i + c] -= d->a[3 * i + 3 + c];
 }
 
-/* From a to lambda: a_i = s_i (c_{i+1} - c_i), c_i = lambda_i q_i */
+/* Sweeps from a back to lambda through a_i = s_i (c_{i+1} - c_i) and c_i = lambda_i q_i. */
 static void adjoint_of_forces(const row *r, const adjoint *d) {
     for (size_t i = 0; i < r->k; i++)
         for (size_t c = 0; c < 3; c++) {
@@ -179,7 +181,8 @@ static void adjoint_of_forces(const row *r, const adjoint *d) {
     }
 }
 
-/* From lambda to T and b: y = T^-1 lambda_bar, b_bar = y, T_bar = -y lambda^T (both halves of it for e). */
+/* Sweeps from lambda back to T and b through T lambda = b: with y = T^-1 lambda_bar, b_bar = y and
+ * T_bar = -y lambda^T. e_i stands in T twice, so its cotangent is the sum of both entries of T_bar. */
 static void adjoint_of_solve(const row *r, const adjoint *d) {
     const double *y = d->lambda, *lambda = r->lambda;
     solve(r, d->lambda, d->lambda);
@@ -235,7 +238,7 @@ typedef struct tangent {
     double *mass, *length, gravity;
 } tangent;
 
-/* T dlambda = db - dT lambda */
+/* Solves T dlambda = db - dT lambda. */
 static void tangent_of_solve(const row *r, const tangent *d) {
     double from_above = 0.0; /* -de_{i-1} lambda_{i-1} */
     for (size_t i = 0; i < r->k; i++) {
@@ -252,7 +255,7 @@ static void tangent_of_solve(const row *r, const tangent *d) {
     solve(r, d->lambda, d->lambda);
 }
 
-/* Component of dc_i = dlambda_i q_i + lambda_i dq_i; zero beyond the last link. */
+/* Component c of dc_i = dlambda_i q_i + lambda_i dq_i; zero for i = k, behind the last link. */
 static double tangent_of_pull(const row *r, const tangent *d, size_t i, size_t c) {
     return i < r->k ? d->lambda[i] * r->q[3 * i + c] + r->lambda[i] * d->q[3 * i + c] : 0.0;
 }

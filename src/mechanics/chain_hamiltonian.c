@@ -1,5 +1,5 @@
-/* The chain of k spherical pendulums in Hamiltonian form on (T*S^2)^k. The fields stand in
- * fields/chain_hamiltonian.inc. */
+/* The chain of k spherical pendulums in Hamiltonian form on (T*S^2)^k.
+ * Its fields are in fields/chain_hamiltonian.inc. */
 #include <math.h>
 #include <string.h>
 
@@ -14,7 +14,7 @@ typedef lg_chain chain_numbers;
 
 #include "mechanics/fields/chain_hamiltonian.inc"
 
-/* A pivot was not positive. */
+/* LG_NOT_FINITE if lambda is NaN, which means that a pivot was not positive. */
 static lg_status sound(const number *lambda) {
     return isnan(lambda[0]) ? LG_NOT_FINITE : LG_OK;
 }
@@ -41,7 +41,7 @@ static double hamiltonian(const lg_chain *chain, const double *y, double *memory
     return kinetic + potential;
 }
 
-/* sum_i e3.(q_i x p_i): rotations about e3 are a symmetry. */
+/* sum_i e3.(q_i x p_i), which is conserved because rotations about e3 are a symmetry. */
 static double vertical_momentum(const lg_chain *chain, const double *y) {
     double sum = 0.0;
     for (size_t i = 0; i < chain->links; i++, y += 6) sum += y[0] * y[4] - y[1] * y[3];
@@ -75,7 +75,7 @@ static lg_status field_ambient(void *user, double t, const double *y, const doub
     return sound(split_work(chain.links, own->work + 6 * chain.links).lambda);
 }
 
-/* ---- a step of the variational integrator: with velocities ---- */
+/* ---- a step of the variational integrator, which works with velocities ---- */
 
 static lg_status step(void *user, double t, double h, double *y) {
     const lg_system_user *own = user;
@@ -88,7 +88,7 @@ static lg_status step(void *user, double t, double h, double *y) {
     return LG_OK;
 }
 
-/* ---- what is seen, starts in a plane ---- */
+/* ---- observation, starts in a plane ---- */
 
 static lg_status observe(const lg_system *system, const double *y, double *out, double *work) {
     const lg_chain chain = lg_chain_of(system);
@@ -106,7 +106,7 @@ static lg_status plane(const lg_system *system, lg_rng *rng, double *y) {
 }
 
 static size_t work_of(size_t links) {
-    return (6 + 12) * links; /* v and g, then the parts of chain_work */
+    return (6 + 12) * links; /* v and g, then chain_work */
 }
 
 static const lg_state_entry state[] = {

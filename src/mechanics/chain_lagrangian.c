@@ -1,6 +1,5 @@
 /* The chain of k spherical pendulums in Lagrangian form on (TS^2)^k, y = (q_1, omega_1, q_2, omega_2, ...);
- * equations at lg_system_ode in liegrad/mechanics.h. The fields stand in
- * fields/chain_lagrangian.inc. */
+ * equations at lg_system_ode in liegrad/mechanics.h. Its fields are in fields/chain_lagrangian.inc. */
 #include "mechanics/chain.h"
 
 #include "mechanics/fields/scalars.h"
@@ -12,7 +11,7 @@ typedef lg_chain chain_numbers;
 
 typedef double pair __attribute__((vector_size(16), may_alias, aligned(8)));
 
-/* Writes two numbers at a time, because they are read next two at a time. */
+/* Stores two numbers at a time, because the code that reads them next loads two at a time. */
 static inline void write_lie(const double *y, const double *a, double *out) {
     const double along = field_dot(y, a);
     *(pair *)out = (pair){y[3], y[4]};
@@ -74,7 +73,7 @@ static lg_status plane(const lg_system *system, lg_rng *rng, double *y) {
     return LG_OK;
 }
 
-/* lg_chain_velocities needs the most. */
+/* As much as lg_chain_velocities needs, which needs the most. */
 static size_t work_of(size_t links) {
     return (3 + CHAIN_MOMENTUM_WORK) * links;
 }

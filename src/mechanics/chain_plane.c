@@ -1,9 +1,9 @@
 /* Starts of a chain in the plane of e1 and e3 (LG_STARTS_PLANE).
  *
- * Nodes x_i and velocities v_i in R^2, links d_i = x_i - x_{i-1}, u_i = v_i - v_{i-1}. The constraints are
- * f_i = |d_i|^2 - L_i^2 and f_{k+i} = 2 d_i.u_i. A step is z -= J^T (J J^T)^-1 f, no coordinate by more
- * than half the root mean square of z. With C_il = 2 - [i = 1] for i = l, -1 for |i - l| = 1 and 0
- * otherwise,
+ * The unknowns z are the nodes x_i and velocities v_i in R^2. With d_i = x_i - x_{i-1}, u_i = v_i - v_{i-1}
+ * the constraints are f_i = |d_i|^2 - L_i^2 = 0 and f_{k+i} = 2 d_i.u_i = 0. A Newton step of least norm is
+ * z -= J^T (J J^T)^-1 f, J = df/dz; no coordinate changes by more than half the root mean square of z. With
+ * C_il = 2 - [i = 1] for i = l, -1 for |i - l| = 1 and 0 otherwise, D = (d_i) and U = (u_i),
  *   J J^T = 4 [C o DD^T, C o DU^T; C o UD^T, C o (DD^T + UU^T)].
  */
 #include <math.h>
@@ -25,7 +25,7 @@ static double dot2(const double *a, const double *b) {
     return a[0] * b[0] + a[1] * b[1];
 }
 
-/* What stands at row i of (k, 2), minus the row before. */
+/* out = each row of x (k, 2) minus the row before; the first row is copied. */
 static void differences(size_t k, const double *x, double *out) {
     for (size_t i = 0; i < 2 * k; i++) out[i] = x[i] - (i < 2 ? 0.0 : x[i - 2]);
 }
@@ -43,7 +43,7 @@ static void draw(plane_start *s, lg_rng *rng) {
     }
 }
 
-/* Fills d, u and f; returns the root mean square of f. */
+/* Computes d, u and f. Returns the root mean square of f. */
 static double violation(plane_start *s) {
     const size_t k = s->k;
     double sum = 0.0;
@@ -71,7 +71,7 @@ static void normal_matrix(plane_start *s) {
         }
 }
 
-/* f <- (J J^T)^-1 f by Cholesky's method; false when a pivot is not positive. */
+/* f <- (J J^T)^-1 f by Cholesky's method. False if a pivot is not positive. */
 static bool solve(plane_start *s) {
     const size_t n = 2 * s->k;
     for (size_t j = 0; j < n; j++)
@@ -92,7 +92,7 @@ static bool solve(plane_start *s) {
     return true;
 }
 
-/* z -= J^T f, bounded */
+/* z -= J^T f, with the change of each coordinate bounded */
 static void step(plane_start *s) {
     const size_t k = s->k;
     double square = 0.0;
@@ -120,7 +120,7 @@ static bool project(plane_start *s) {
     return false;
 }
 
-/* q_i = d_i/|d_i|, v_i = u_i/L_i without its part along q_i */
+/* q_i = d_i/|d_i|; v_i is u_i/L_i minus its part along q_i. */
 static void put(const plane_start *s, double *y, double *v) {
     for (size_t i = 0; i < s->k; i++) {
         const double *d = s->d + 2 * i, *u = s->u + 2 * i, norm = sqrt(dot2(d, d));

@@ -1,6 +1,6 @@
-/* The chain's fields on a tape, in both forms, as compositions of plain operations on k x k matrices. The
- * Lagrangian composition stands inside a custom operation whose value and first derivatives cost O(k)
- * (chain_derivatives.c).
+/* The chain's fields on a tape, in both forms, as compositions of plain operations on k x k matrices. In
+ * Lagrangian form a custom operation computes the value, and the first derivatives for lg_backward and
+ * lg_jvp, in O(k) (chain_derivatives.c). All other derivatives use the composition.
  */
 #include "liegrad/ops.h"
 #include "mechanics/chain_derivatives.h"
@@ -14,7 +14,7 @@ static void put(lg_tape *tape, void *values, size_t index, double value) {
         ((float *)values)[index] = (float)value;
 }
 
-/* (1, k, k) with three diagonals. */
+/* A constant (1, k, k) that is tridiagonal, with constant diagonals `below`, `main` and `above`. */
 static lg_var band(lg_tape *tape, uint32_t k, double below, double main, double above) {
     void *values = NULL;
     lg_var out = lg_input_buffer(tape, lg_shape3(1, k, k), &values);
@@ -25,7 +25,7 @@ static lg_var band(lg_tape *tape, uint32_t k, double below, double main, double 
     return out;
 }
 
-/* (1, k, k), one on and above the diagonal. */
+/* A constant (1, k, k): 1 on and above the diagonal, 0 below. */
 static lg_var upper_ones(lg_tape *tape, uint32_t k) {
     void *values = NULL;
     lg_var out = lg_input_buffer(tape, lg_shape3(1, k, k), &values);
@@ -35,7 +35,7 @@ static lg_var upper_ones(lg_tape *tape, uint32_t k) {
     return out;
 }
 
-/* (1, rows, 3): e3 in the first row, zero in others. */
+/* A constant (1, rows, 3): e3 in the first row, 0 in the others. */
 static lg_var e3_first(lg_tape *tape, uint32_t rows) {
     void *values = NULL;
     lg_var out = lg_input_buffer(tape, lg_shape3(1, rows, 3), &values);
@@ -72,7 +72,7 @@ static taped_chain bind(lg_tape *tape, uint32_t k, lg_var parameters) {
 
 /* ---- Lagrangian ---- */
 
-/* v of the field, (B, k, 3), from q and omega; notation as in chain_lagrangian.c. */
+/* The second part v = (q_i (q_i.q_i'') - q_i'') of the LIE field, (B, k, 3); notation as at lg_system_ode. */
 static lg_var compose(lg_tape *tape, lg_var q, lg_var omega, lg_var parameters) {
     const uint32_t k = lg_var_shape(tape, q).dims[1];
     const taped_chain c = bind(tape, k, parameters);
@@ -89,15 +89,15 @@ static lg_var compose(lg_tape *tape, lg_var q, lg_var omega, lg_var parameters) 
 }
 
 enum { Q, OMEGA, PARAMETERS, VARIABLES };
-enum { SIZES = VARIABLES, SCRATCH, INPUTS }; /* of the field: two constants follow */
-enum { TANGENT_SIZES = 2 * VARIABLES, TANGENT_SCRATCH, TANGENT_INPUTS }; /* of its derivative */
+enum { SIZES = VARIABLES, SCRATCH, INPUTS };                             /* further inputs of field_op */
+enum { TANGENT_SIZES = 2 * VARIABLES, TANGENT_SCRATCH, TANGENT_INPUTS }; /* further inputs of tangent_op */
 
-/* Copies the inputs to separate variables, for partial derivatives: one input may depend on another. */
+/* Copies the inputs to new variables, for partial derivatives: one input may depend on another input. */
 static void separate(lg_tape *tape, const lg_var *in, size_t n, lg_var *out) {
     for (size_t i = 0; i < n; i++) out[i] = lg_scale(tape, in[i], 1.0);
 }
 
-/* Writes out[i] for those of the first n inputs that need it; y is computed from the variables x. */
+/* For each i < n with need[i], sets out[i] to the cotangent of x[i] for the cotangent g of y. */
 static lg_status pull_back(lg_tape *tape, lg_var y, lg_var g, const lg_var *x, size_t n, const bool *need,
                            lg_var *out) {
     lg_var wanted[2 * VARIABLES], found[2 * VARIABLES];
@@ -111,7 +111,7 @@ static lg_status pull_back(lg_tape *tape, lg_var y, lg_var g, const lg_var *x, s
     return LG_OK;
 }
 
-/* The derivative of the composition at x in the directions dx. */
+/* *out = the derivative of the composition at x in the directions dx. */
 static lg_status push(lg_tape *tape, const lg_var *x, const lg_var *dx, lg_var *out) {
     lg_var y = compose(tape, x[Q], x[OMEGA], x[PARAMETERS]);
     return lg_jvp(tape, &y, 1, x, dx, VARIABLES, out);
@@ -141,7 +141,7 @@ static lg_status tangent_jvp(void *user, lg_tape *tape, const lg_var *in, size_t
     return lg_jvp(tape, &value, 1, moving, direction, count, out);
 }
 
-/* inputs: q, omega, parameters, their tangents, sizes, scratch */
+/* Inputs: q, omega, parameters, their tangents, sizes, scratch. */
 static lg_status tangent_forward(void *user, lg_dtype dtype, const void *const *in, void *y) {
     (void)user;
     lg_chain_batch_tangent(&(lg_chain_batch){dtype, in[TANGENT_SIZES], in[TANGENT_SCRATCH]}, in,
@@ -216,7 +216,7 @@ lg_status lg_chain_taped_lagrangian(const lg_system *system, lg_tape *tape, lg_t
     return lg_tape_status(tape);
 }
 
-/* ---- Hamiltonian: notation as at lg_chain_gradient ---- */
+/* ---- Hamiltonian; notation as at lg_chain_gradient ---- */
 
 lg_status lg_chain_taped_hamiltonian(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
                                      lg_var input, lg_var parameters, lg_var *algebra) {

@@ -4,8 +4,9 @@
  *   v_half = v + h/2 a - 1/h W o (mu_j q_j),   q1 = q + h v_half,        |q1_i| = 1
  *   v1     = v_half + h/2 a - W o (nu_j q1_j),                           q1_i.v1_i = 0
  *
- * with a = -m^-1 grad V = (-g/L_1 e3, 0, ..., 0) and (W o x)_i = sum_j W_ij x_j. Both multipliers come from
- * tridiagonal systems. See Hairer, Lubich, Wanner, Geometric Numerical Integration, VII.1.4.
+ * with a = -m^-1 grad V = (-g/L_1 e3, 0, ..., 0) and (W o x)_i = sum_j W_ij x_j. The multipliers mu (SHAKE)
+ * and nu (RATTLE) come from tridiagonal systems. See Hairer, Lubich, Wanner, Geometric Numerical Integration,
+ * VII.1.4.
  */
 #include <math.h>
 #include <string.h>
@@ -14,8 +15,8 @@
 #include "mechanics/chain.h"
 
 #define NEWTON_MAX     50
-#define ROUNDING       1e-15 /* of (|q|^2 - 1)/2 */
-#define NEARLY         1e-13 /* a residual below this that grows again is rounding */
+#define ROUNDING       1e-15 /* a residual (|q|^2 - 1)/2 up to this ends the iteration */
+#define NEARLY         1e-13 /* so does a residual up to this that no longer falls */
 #define STEP_TOO_LARGE 1e6
 
 typedef struct step_work {
@@ -34,7 +35,8 @@ static step_work split_work(size_t k, double *work) {
                        .scratch = work + 10 * k};
 }
 
-/* x = J^-1 x by elimination without pivoting: J is W o G to first order in h. */
+/* x = J^-1 x for the tridiagonal J, by elimination without pivoting: for small h, J is close to the positive
+ * definite matrix (W_ij q_i.q_j). */
 static void solve_general(size_t k, const double *lower, const double *diagonal, const double *upper,
                           double *x, double *scratch) {
     double pivot = diagonal[0];
@@ -47,7 +49,7 @@ static void solve_general(size_t k, const double *lower, const double *diagonal,
     for (size_t i = k - 1; i-- > 0;) x[i] -= scratch[i + 1] * x[i + 1];
 }
 
-/* out_i -= scale sum_j W_ij x_j q_j, q_j the 3-vectors at q + stride j */
+/* out_i -= scale sum_j W_ij x_j q_j, where q_j is the 3-vector at q + stride j. */
 static void subtract_forces(const lg_chain *chain, double scale, const double *x, const double *q,
                             size_t stride, double *out) {
     const size_t k = chain->links;
@@ -60,7 +62,7 @@ static void subtract_forces(const lg_chain *chain, double scale, const double *x
         }
 }
 
-/* r_i = (|q1_i|^2 - 1)/2; returns the largest, NaN when one is. */
+/* r_i = (|q1_i|^2 - 1)/2. Returns the largest |r_i|, or NaN if an r_i is NaN. */
 static double residual(size_t k, const double *q, double *r) {
     double worst = 0.0;
     for (size_t i = 0; i < k; i++) {
@@ -71,7 +73,8 @@ static double residual(size_t k, const double *q, double *r) {
     return worst;
 }
 
-/* Positions: from y, and q1 = y + h v_half without constraint forces in w->q, w->v. */
+/* Newton's method for the positions. On entry w->v is v_half without constraint forces and w->q = q + h w->v;
+ * on return both include the constraint forces. y holds q. */
 static lg_status shake(const lg_chain *chain, double h, const double *y, step_work *w) {
     const size_t k = chain->links;
     double last = INFINITY;
@@ -93,7 +96,7 @@ static lg_status shake(const lg_chain *chain, double h, const double *y, step_wo
     return LG_NO_CONVERGENCE;
 }
 
-/* Velocities: the tangential part of w->v at w->q. */
+/* Removes from w->v the part that violates q1_i.v1_i = 0 at q1 = w->q. */
 static lg_status rattle(const lg_chain *chain, step_work *w) {
     const size_t k = chain->links;
     for (size_t i = 0; i < k; i++) {

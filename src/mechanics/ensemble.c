@@ -1,4 +1,4 @@
-/* Ensembles: blocks of members go to threads; a block is integrated on lanes, or one member at a time. */
+/* Ensembles: threads take blocks of members. A block is integrated on lanes, or one member at a time. */
 #include "liegrad/ensemble.h"
 
 #include <float.h>
@@ -12,17 +12,17 @@
 #include "mechanics/ensemble_member.h"
 #include "mechanics/system.h"
 
-/* What one thread owns. */
+/* Memory of one thread. */
 typedef struct worker {
-    lg_system *system; /* with the parameters of the member at hand */
+    lg_system *system; /* has the parameters of the current member */
     lg_lane_block block;
-    double *start, *parameter, *constant; /* as in the block; the numbers of one member below */
-    double *own_start, *own_parameter, *work;
-    double *projected;         /* (dim) */
-    size_t groups, *group_end; /* of the state (integrators/groups.h) */
-    unsigned char *refused;    /* (room) */
+    double *start, *parameter, *constant;     /* as in the block */
+    double *own_start, *own_parameter, *work; /* of the current member */
+    double *projected;                        /* (dim) */
+    size_t groups, *group_end;                /* groups of the state (integrators/groups.h) */
+    unsigned char *refused;                   /* (room): the start or the parameters are not allowed */
     void *memory;
-    lg_one_by_one one; /* where there are no lanes */
+    lg_one_by_one one; /* used if lanes are not */
     uint64_t attempts, vectors, failed, steps, rejected;
 } worker;
 
@@ -31,7 +31,7 @@ typedef struct ensemble {
     const lg_system *system;
     lg_ensemble_options options;
     lg_lane_plan plan;
-    const lg_lane_table *lanes; /* NULL: one by one */
+    const lg_lane_table *lanes; /* NULL: one member at a time */
     lg_ensemble_start draw;
     lg_ensemble_keep keep;
     void *draw_user, *keep_user;
@@ -39,7 +39,7 @@ typedef struct ensemble {
     uint64_t blocks;
     worker *workers;
     atomic_ullong next;
-    atomic_int status; /* the first that is not LG_OK */
+    atomic_int status; /* the first status of a block that is not LG_OK */
 } ensemble;
 
 /* ---- options ---- */
@@ -74,7 +74,7 @@ static lg_status check_events(const lg_ensemble_options *o, size_t dim, lg_error
     return LG_OK;
 }
 
-/* Between equal steps there are states for schemes with dense output only. */
+/* With equal steps and no dense output, all times must be multiples of the step. */
 static lg_status check_steps(const lg_ensemble_options *o, lg_error *error) {
     const double h = o->times[o->count - 1] / (double)o->steps;
     if (o->steps == 0 || o->scheme->dense_order > 0) return LG_OK;
@@ -187,23 +187,24 @@ static lg_status make_worker(const ensemble *all, worker *w) {
 /* ---- a block ---- */
 
 #define START_TOLERANCE                                                                                      \
-    1e-6 /* a start this far from the manifold, relative to its groups, is off by rounding */
+    1e-6 /* a start may be this far from the manifold, relative to the sizes of its groups */
 
-/* Whether no number of the start differs from the projected one by more. */
+/* Whether, in each group, the projected start differs from the start by at most START_TOLERANCE times the
+ * size of the group. */
 static bool is_near(const worker *w) {
     for (size_t g = 0, i = 0; g < w->groups; g++) {
         double size = 0.0, moved = 0.0;
         for (; i < w->group_end[g]; i++) {
             size = fmax(size, fabs(w->own_start[i]));
             const double by = fabs(w->projected[i] - w->own_start[i]);
-            moved = by <= moved ? moved : by; /* NaN stays */
+            moved = by <= moved ? moved : by; /* may lose a NaN, for which allowed() checks again */
         }
         if (!(moved <= START_TOLERANCE * size)) return false;
     }
     return true;
 }
 
-/* The start and the parameters of a member; false: they are not allowed. */
+/* Checks the current member's start and parameters, and projects the start. False if they are not allowed. */
 static bool allowed(const ensemble *all, worker *w) {
     if (all->plan.varied && lg_system_set_parameters(w->system, w->own_parameter) != LG_OK) return false;
     const size_t bytes = all->plan.space.dim * sizeof(double);
@@ -251,7 +252,7 @@ static void run_one_by_one(const ensemble *all, worker *w, size_t members) {
     }
 }
 
-/* Times that a failed member did not reach have NaN. */
+/* Counts steps and failures, and sets the states that failed members did not reach to NaN. */
 static void settle_failures(const ensemble *all, worker *w, size_t members) {
     const lg_lane_plan *plan = &all->plan;
     const size_t dim = plan->space.dim, room = all->room;
@@ -297,7 +298,7 @@ static lg_status run_block(const ensemble *all, worker *w, uint64_t index) {
     return all->keep(all->keep_user, &kept);
 }
 
-/* One thread: blocks until there are none. */
+/* The work of thread `index`: it takes blocks until none are left or a block has failed. */
 static void work(void *user, size_t index) {
     ensemble *all = user;
     for (;;) {

@@ -44,7 +44,7 @@ static double event_of(const lg_ensemble_event *event, const double *y) {
     return sum;
 }
 
-/* The velocity at the end of the stepper's step of size about h. */
+/* one->velocity = y' at (t, y), the end of a step of size about h that `stepper` has made. */
 static lg_status find_velocity(lg_one_by_one *one, lg_stepper *stepper, double t, double h, const double *y) {
     const double *f;
     LG_TRY(lg_stepper_last(stepper, t, h, y, &f));
@@ -58,7 +58,7 @@ static double slope_of(const lg_one_by_one *one, const lg_ensemble_event *event)
     return sum;
 }
 
-/* In the step from t to t + h: NaN where the search ends without an event. */
+/* Searches the event's time in the step from t to t + h. *out is NaN if the step has no event. */
 static lg_status find_time(lg_one_by_one *one, const lg_ensemble_event *event, lg_event_search *search,
                            double t, double h, double *out) {
     const double close = 4.0 * DBL_EPSILON * one->plan->t_end / h;
@@ -72,7 +72,8 @@ static lg_status find_time(lg_one_by_one *one, const lg_ensemble_event *event, l
     return LG_OK;
 }
 
-/* Begins a search in the step from `before` to y for each event that had no time yet. */
+/* For each event without a time yet, begins a search in the step from `before` to y if it may lie there;
+ * search[e].event is -1 otherwise. Returns whether there is a search. */
 static bool begin_searches(lg_one_by_one *one, double h, const double *y, lg_event_search *search) {
     bool any = false;
     for (size_t e = 0; e < one->plan->event_count; e++) {
@@ -96,7 +97,7 @@ static bool awaits_event(const lg_one_by_one *one) {
     return false;
 }
 
-/* After a step from `before` to y; h > 0. */
+/* The step observer: looks for events in the step from `before` to y; h > 0. */
 static lg_status look(void *user, double t, double h, const double *y) {
     lg_one_by_one *one = user;
     lg_event_search search[LG_EVENTS_MAX];
@@ -112,14 +113,14 @@ static lg_status look(void *user, double t, double h, const double *y) {
     return LG_OK;
 }
 
-/* At the start, `before`. */
+/* Computes the events' slopes at the start, which is in `before`. */
 static lg_status begin_events(lg_one_by_one *one) {
     LG_TRY(find_velocity(one, one->stepper, 0.0, one->plan->t_end, one->before));
     for (size_t e = 0; e < one->plan->event_count; e++) one->slopes[e] = slope_of(one, &one->plan->events[e]);
     return LG_OK;
 }
 
-/* ---- equal steps ---- */
+/* ---- integration ---- */
 
 static lg_status run_fixed(lg_one_by_one *one, lg_ensemble_member *outcome) {
     const lg_lane_plan *plan = one->plan;

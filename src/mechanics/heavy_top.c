@@ -1,8 +1,8 @@
 /* The heavy top, a rigid body with a fixed point, in four forms.
  *
- * Q takes body to inertial coordinates. I are the principal moments of inertia about the fixed point. The
- * centre of mass lies at the distance l from the fixed point, in the direction of the unit vector chi of the
- * body. M is the mass and Gamma0 gravity in the inertial frame, so that the potential energy is
+ * Q maps body to inertial coordinates. I are the principal moments of inertia about the fixed point. In the
+ * body frame the centre of mass is at l chi from the fixed point, chi a unit vector. M is the mass. Gamma0 is
+ * the gradient of the potential energy per unit mass in the inertial frame, so the potential energy is
  * M l Gamma0.Q chi. With the spatial momentum pi,
  *
  *   Q' = hat(omega) Q, omega = Q I^-1 Q^T pi, pi' = tau = M l Gamma0 x Q chi;
@@ -12,16 +12,16 @@
  *   Pi' = Pi x I^-1 Pi + M l Gamma x chi, Gamma' = Gamma x I^-1 Pi.
  *
  * - cotangent: right-trivialised T*SO(3) as SE(3), f = (dH/dpi, -R_Q^* dH/dQ) = (omega, tau - omega x pi).
- *   The velocity of pi under (u, n) is n + u x pi, and -ad_u^* pi = u x pi: this is the f of the symplectic
- *   integrators.
+ *   Under an algebra element (u, n) pi moves at n + u x pi = n - ad_u^* pi, so this f is also the one that
+ *   the symplectic Lie group integrators (slgi) need.
  * - direct: the direct product SO(3) x R^3, f = (omega, tau).
  * - lie-poisson: (Gamma, Pi) in se(3)* under (R Gamma, R Pi + r x R Gamma), f = -(dH/dPi, dH/dGamma)
  *   = -(I^-1 Pi, M l chi).
  * - quadratic: q in R^3 with a constant momentum p = -M l chi makes the Hamiltonian quadratic,
  *     H = 1/2 Pi.I^-1 Pi + 1/2 |p - Gamma|^2 - 1/2 |Gamma|^2:
  *     pi' = -Gamma0 x Q p, q' = p - Q^T Gamma0, p' = 0.
- *   The state holds p + M l chi, which is zero for the top. This shift of p by a constant is symplectic. With
- *   it the start does not depend on the parameters, and derivatives in M, l, chi are those of the top.
+ *   The state holds p + M l chi in place of p; for the top it is zero. Shifting p by a constant is
+ *   symplectic. It makes the start independent of the parameters, so that derivatives in M, l, chi are right.
  *
  * Celledoni, Cokaj, Leone, Murari, Owren: Lie group integrators for mechanical systems (2022).
  */
@@ -60,7 +60,7 @@ static const double *parameters_of(const void *user) {
 
 /* ---- (Q, pi): the state of cotangent and direct, and the first part of the state of quadratic ---- */
 
-enum { ATTITUDE = 0 }; /* place in the state; the others: fields/rotations.inc */
+enum { ATTITUDE = 0 }; /* offset of Q in the state; the other offsets are in fields/rotations.inc */
 
 static const double identity[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
 
@@ -103,7 +103,7 @@ static lg_status cotangent_field(void *user, double t, const double *y, const do
 /* ---- on a tape ---- */
 
 typedef struct taped_parameters {
-    lg_var inertia, arm, gamma0; /* arm = M l chi; 3 each */
+    lg_var inertia, arm, gamma0; /* arm = M l chi; shape (3) each */
 } taped_parameters;
 
 static taped_parameters slice_parameters(lg_tape *tape, lg_var parameter) {
@@ -114,12 +114,12 @@ static taped_parameters slice_parameters(lg_tape *tape, lg_var parameter) {
                               .gamma0 = lg_slice(tape, parameter, 0, GAMMA0, 3)};
 }
 
-/* Gamma0 x Q arm; Q (B, 1, 9), arm and result (B, 1, 3) */
+/* Gamma0 x Q arm; Q is (B, 1, 9), arm and the result are (B, 1, 3). */
 static lg_var taped_torque(lg_tape *tape, const taped_parameters *of, lg_var Q, lg_var arm) {
     return lg_cross(tape, lg_taped_spread(tape, of->gamma0, arm), lg_taped_rotate(tape, Q, arm));
 }
 
-/* y: Q (B, 1, 9), pi (B, 3) */
+/* Parts of y: Q (B, 1, 9), pi (B, 3). */
 static lg_status direct_taped(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
                               lg_var input, lg_var parameter, lg_var *algebra) {
     const taped_parameters of = slice_parameters(tape, parameter);
@@ -131,14 +131,14 @@ static lg_status direct_taped(const lg_system *system, lg_tape *tape, lg_taped_t
     return lg_tape_status(tape);
 }
 
-/* (omega, tau - omega x pi) for a torque by `arm` */
+/* algebra = (omega, tau - omega x pi) with the torque tau = Gamma0 x Q arm */
 static void taped_cotangent(lg_tape *tape, const taped_parameters *of, const lg_var *y, lg_var arm,
                             lg_var *algebra) {
     algebra[0] = lg_taped_body_velocity(tape, of->inertia, y[0], y[1]);
     algebra[1] = lg_sub(tape, taped_torque(tape, of, y[0], arm), lg_cross(tape, algebra[0], y[1]));
 }
 
-/* y: Q (B, 1, 9), pi (B, 1, 3) */
+/* Parts of y: Q (B, 1, 9), pi (B, 1, 3). */
 static lg_status cotangent_taped(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
                                  lg_var input, lg_var parameter, lg_var *algebra) {
     const taped_parameters of = slice_parameters(tape, parameter);
@@ -189,7 +189,7 @@ const lg_system_row lg_system_row_top_direct = {
 
 /* ---- lie-poisson ---- */
 
-enum { GAMMA = 0 }; /* place in the state */
+enum { GAMMA = 0 }; /* offset in the state */
 
 static const lg_state_entry poisson_state[] = {
     {"Gamma", 1, 1, 3, GAMMA, 3, NULL},
@@ -219,7 +219,7 @@ static lg_status poisson_field(void *user, double t, const double *y, const doub
     return LG_OK;
 }
 
-/* y: Gamma, Pi (B, 1, 3) */
+/* Parts of y: Gamma and Pi, (B, 1, 3) each. */
 static lg_status poisson_taped(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
                                lg_var input, lg_var parameter, lg_var *algebra) {
     const taped_parameters of = slice_parameters(tape, parameter);
@@ -250,7 +250,7 @@ static lg_status quadratic_space(size_t links, lg_space *out) {
     return lg_space_init(out, (const lg_space_factor[]){{LG_SPACE_SE3, 1}, {LG_SPACE_RN, 6}}, 2);
 }
 
-/* The invariant called energy is H - |p|^2/2, the same as in the other forms. */
+/* The invariant "energy" is H - |p|^2/2, which is the energy of the other forms. */
 static double quadratic_invariant(const lg_system *system, size_t index, const double *y, double *work) {
     const double *parameter = system->parameters;
     double arm[3];
@@ -260,7 +260,7 @@ static double quadratic_invariant(const lg_system *system, size_t index, const d
     return spatial_energy(parameter, y, arm);
 }
 
-/* H: the energy plus |p|^2/2, which is constant. */
+/* H, the energy plus the constant |p|^2/2. */
 static double quadratic_generating(const lg_system *system, const double *y, double *work) {
     double arm[3];
     quadratic_arm_of(system->parameters, y, arm);
@@ -273,7 +273,7 @@ static lg_status quadratic_field(void *user, double t, const double *y, const do
     return LG_OK;
 }
 
-/* y: Q (B, 1, 9), pi (B, 1, 3), (q, p + M l chi) (B, 6) */
+/* Parts of y: Q (B, 1, 9), pi (B, 1, 3), (q, p + M l chi) (B, 6). */
 static lg_status quadratic_taped(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
                                  lg_var input, lg_var parameter, lg_var *algebra) {
     const taped_parameters of = slice_parameters(tape, parameter);

@@ -1,6 +1,6 @@
-/* The fields of the systems on lanes, and the loops over steps with them. Compiled once for each instruction
- * set (LG_KERNEL_ISA = baseline, avx2, avx512, neon, and LG_KERNEL_ISA_<set>); the only external symbol is
- * the table lg_lanes_<set>. */
+/* The fields of the systems on lanes, and the integration loops that use them. This file is compiled once for
+ * each instruction set, with LG_KERNEL_ISA = baseline, avx2, avx512 or neon, and LG_KERNEL_ISA_<set> defined.
+ * The only external symbol is the table lg_lanes_<set>. */
 #define LG_KERNEL_f64
 #include "integrators/event_search.h"
 #include "integrators/groups.h"
@@ -20,14 +20,14 @@
 
 typedef lanes number;
 
-/* x where it is positive and finite, else NaN */
+/* x in lanes where it is positive and finite, else NaN */
 INLINE lanes field_positive(lanes x) {
     const lanes zero = {0};
     const lane_test sound = lane_lt(zero, x) & lane_le(x, lie_all(DBL_MAX));
     return lane_choose(sound, x, lie_all((double)NAN));
 }
 
-/* lg_chain of lanes: the parameters g, m, L and the constants in the order of lg_chain_of. */
+/* lg_chain on lanes: the parameters g, m, L, and the constants in the order of lg_chain_of. */
 typedef struct chain_numbers {
     size_t links;
     lanes gravity;
@@ -68,7 +68,7 @@ SEPARABLE(oscillator, 1)
 SEPARABLE(quartic, 2)
 SEPARABLE(coupled, 2)
 
-/* Fields of bodies, which need their parameters alone. */
+/* Fields of rigid bodies, which use parameters but no constants and no workspace. */
 #define BODY(name)                                                                                           \
     INLINE void name##_lanes(const lane_problem *problem, const lanes *y, lanes *out) {                      \
         name##_field_of(problem->parameter, y, out);                                                         \
@@ -118,8 +118,8 @@ static void hamiltonian_ambient_lanes(const lane_problem *problem, const lanes *
     hamiltonian_ambient_of(&chain, y, problem->work, out);
 }
 
-/* The ambient field as the generator of the other one: of a copy of `kind`, then of R^n; m numbers in the
- * algebra. */
+/* The ambient field as the generator of the LIE field, on one copy of `kind` followed by R^n; an algebra
+ * element has m numbers. */
 #define GENERATED(name, m, kind)                                                                             \
     INLINE void name##_ambient_lanes(const lane_problem *problem, const lanes *y, lanes *out) {              \
         lanes a[m];                                                                                          \
@@ -137,7 +137,7 @@ GENERATED(quadratic, 12, LG_SPACE_SE3)
 
 /* ---- the loops ---- */
 
-/* A loop with its own inlined field where the field costs no more than a call. */
+/* A loop for one field, which is inlined: for fields that cost no more than a function call. */
 #define CLASSICAL_LOOP(name, dim)                                                                            \
     static void name##_loop(lane_run *r) {                                                                   \
         r->field = name;                                                                                     \
@@ -163,9 +163,9 @@ static void free_loop(lane_run *r) {
 
 typedef struct lane_entry {
     lg_lane_system system;
-    size_t links;              /* 0: any */
-    lane_field field[2];       /* by lg_coordinates */
-    void (*loop)(lane_run *r); /* of classical schemes; NULL: classical_loop */
+    size_t links;              /* 0: any number */
+    lane_field field[2];       /* index: lg_coordinates */
+    void (*loop)(lane_run *r); /* for classical schemes; NULL: classical_loop */
 } lane_entry;
 
 static const lane_entry entries[] = {

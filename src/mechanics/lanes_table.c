@@ -1,4 +1,4 @@
-/* Which lanes there are, and what runs on them. */
+/* The table of lanes for the instruction set in use, and the check of what lanes support. */
 #include "integrators/lanes.h"
 
 #define DECLARE(NAME, name) extern const lg_lane_table lg_lanes_##name;
@@ -11,7 +11,7 @@ const lg_lane_table *lg_lanes(void) {
     return tables[lg_isa_in_use()];
 }
 
-/* Projections on lanes are those of T*S^2. */
+/* Whether lane_project covers all factors of the space: it projects T*S^2, but not SO(3) and SE(3). */
 static bool projects(const lg_space *space) {
     for (size_t i = 0; i < space->factors; i++)
         if (space->factor[i].kind == LG_SPACE_SO3 || space->factor[i].kind == LG_SPACE_SE3) return false;

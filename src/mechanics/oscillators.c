@@ -1,6 +1,6 @@
-/* Separable systems on R^2n, y = (q, p): the harmonic oscillator; the quartic oscillators coupled through the
- * kinetic energy; and the two oscillators, one of them harmonic, of the experiment with noise and a first
- * integral. None has parameters.
+/* Separable systems on R^2n, y = (q, p), without parameters: the harmonic oscillator; two quartic oscillators
+ * that are coupled through the kinetic energy (quartic); and two uncoupled oscillators, the first of them
+ * harmonic, whose energy G is a further first integral (coupled-oscillators, for the experiment with noise).
  */
 #include "liegrad/ops.h"
 #include "mechanics/fields/scalars.h"
@@ -49,7 +49,7 @@ static lg_status oscillator_velocity(void *user, double t, const double *p, cons
     return LG_OK;
 }
 
-/* L_d(q0, q1) = h ((q1 - q0)^2/h^2 - (q0 + q1)^2/4)/2 with p0 = -D_1 L_d, p1 = D_2 L_d. */
+/* The midpoint rule: L_d(q0, q1) = h ((q1 - q0)^2/h^2 - (q0 + q1)^2/4)/2, p0 = -D_1 L_d, p1 = D_2 L_d. */
 static lg_status oscillator_step(void *user, double t, double h, double *y) {
     const double a = 0.25 * h * h, s = 1.0 / (1.0 + a), q = y[0], p = y[1];
     (void)user, (void)t;

@@ -1,15 +1,15 @@
 /* Two quadrotors that carry a point mass on rigid massless links, under a tracking control law.
  *
- * e3 points along gravity, DOWN. The payload is at y, the links are q_i in S^2, the quadrotors are at
- * y - L_i q_i and have attitudes R_i with body rates Omega_i. The thrusts u_i are split along and across the
- * link; the moments are M_i:
+ * e3 points along gravity, DOWN. The payload is at y, the links have directions q_i in S^2, the quadrotors
+ * are at y - L_i q_i and have attitudes R_i with body rates Omega_i. The thrust u_i is the sum of u_par_i
+ * along the link and u_perp_i across it; M_i are the moments:
  *
  *   M_q (v' - g e3) = sum_i u_par_i - m_i L_i |omega_i|^2 q_i,   M_q = m_y I + sum_i m_i q_i q_i^T
  *   omega_i' = q_i x (v' - g e3)/L_i - q_i x u_perp_i/(m_i L_i),   q_i' = omega_i x q_i
  *   J Omega_i' = -Omega_i x J Omega_i + M_i,   R_i' = hat(omega) R_i, omega = R_i Omega_i
  *
- * The quadrotors deliver the thrusts of the control law exactly. Attitudes and links are not coupled, and
- * M_i = 0. The control law tracks y_d(t) = (t - 5/2, 0, (t - 5/2)^2 - 7) with the error e = y - y_d:
+ * The quadrotors deliver the thrusts of the control law exactly. Therefore attitudes and links are not
+ * coupled, and M_i = 0. The control law tracks y_d(t) = (t - 5/2, 0, (t - 5/2)^2 - 7); with e = y - y_d:
  *
  *   A = y_d'' - kx e - kv e' - g e3, s = (G^T G)^-1 G^T m_y A with G = [q_1 q_2]
  *   u_par_i = (m_i q_i.A + m_i L_i |omega_i|^2 + s_i) q_i
@@ -18,7 +18,7 @@
  *   c_i = -kq q_d,i x q_i - kw (omega_i - P_i omega_d,i) - (q_i.omega_d,i) omega_i x q_i
  *   u_perp_i = -q_i x (m_i q_i x (v' - g e3) - m_i L_i c_i)
  *
- * with A' = y_d''' - kx e' - kv (v' - y_d''). With q_1, q_2 and A in a plane, e'' = -kx e - kv e'.
+ * with A' = y_d''' - kx e' - kv (v' - y_d''). If q_1, q_2 and A lie in one plane, e'' = -kx e - kv e'.
  *
  * T. Lee, K. Sreenath, V. Kumar: Geometric control of cooperating multiple quadrotor UAVs with a suspended
  * payload, CDC 2013; Celledoni, Cokaj, Leone, Murari, Owren: Lie group integrators for mechanical systems
@@ -31,7 +31,7 @@
 
 #include "liegrad/geometry.h"
 
-/* Places in the parameters, in the order of the table. */
+/* Offsets in the parameters. */
 enum { INERTIA = 0, PAYLOAD = 3, MASSES = 4, LENGTHS = 6, GRAVITY = 8, KX = 9, KV, KQ, KW, BETA };
 
 static const double inertia_fallback[3] = {0.0820, 0.0845, 0.1377}, payload_fallback = 0.4,
@@ -54,7 +54,7 @@ static const lg_parameter_entry parameters[] = {
     {.key = NULL},
 };
 
-/* Places in the state: each quadrotor has R (9) and Omega (3), each link q (3) and omega (3). */
+/* Offsets in the state: each quadrotor has R (9) and Omega (3), each link q (3) and omega (3). */
 enum { POSITION = 0, VELOCITY = 3, QUADROTOR = 6, RATE = 9, QUADROTOR_SIZE = 12, LINK = 30, LINK_SIZE = 6 };
 
 static const double position_fallback[3] = {-2.0, 0.0, 0.0}, zero[3] = {0.0, 0.0, 0.0},
@@ -79,7 +79,7 @@ static lg_status space(size_t links, lg_space *out) {
 
 static const char *const no_invariants[] = {NULL};
 
-/* The wanted trajectory of the payload and its derivatives; the third is zero. */
+/* The reference y_d with its first and second derivative; the third derivative is zero. */
 typedef struct reference {
     double y[3], v[3], a[3];
 } reference;
@@ -89,16 +89,16 @@ static reference parabola(double t) {
     return (reference){.y = {s, 0.0, s * s - 7.0}, .v = {1.0, 0.0, 2.0 * s}, .a = {0.0, 0.0, 2.0}};
 }
 
-static const double side[2] = {1.0, -1.0}; /* of link i: the sign of sin(beta) */
+static const double side[2] = {1.0, -1.0}; /* sign of sin(beta) in q_d,i */
 
-/* ---- plain ---- */
+/* ---- the plain field ---- */
 
 /* x += c y */
 static void add_to(double x[3], double c, const double y[3]) {
     for (int i = 0; i < 3; i++) x[i] += c * y[i];
 }
 
-/* z = (G^T G + diag(extra))^-1 r, G = [q_1 q_2]; false when the matrix is not positive definite. */
+/* z = (G^T G + diag(extra))^-1 r, G = [q_1 q_2]. False if the matrix is not positive definite. */
 static bool solve_pair(const double *const q[2], const double extra[2], const double r[2], double z[2]) {
     const double a = lg_dot3(q[0], q[0]) + extra[0], b = lg_dot3(q[0], q[1]),
                  c = lg_dot3(q[1], q[1]) + extra[1], det = a * c - b * b;
@@ -107,7 +107,7 @@ static bool solve_pair(const double *const q[2], const double extra[2], const do
     return det > 0.0;
 }
 
-/* u_par_i = along_i q_i */
+/* Computes along_i, where u_par_i = along_i q_i. False if the links are parallel. */
 static bool thrusts_along(const double *p, const double *const q[2], const double *const w[2],
                           const double A[3], double along[2]) {
     const double r[2] = {p[PAYLOAD] * lg_dot3(q[0], A), p[PAYLOAD] * lg_dot3(q[1], A)};
@@ -120,7 +120,8 @@ static bool thrusts_along(const double *p, const double *const q[2], const doubl
     return solvable;
 }
 
-/* x = v' - g e3, by (m_y + G D G^T)^-1 = (1 - G (m_y D^-1 + G^T G)^-1 G^T)/m_y, D = diag(m_i) */
+/* x = v' - g e3. With D = diag(m_i), M_q = m_y I + G D G^T and
+ * M_q^-1 = (I - G (m_y D^-1 + G^T G)^-1 G^T)/m_y. */
 static void payload(const double *p, const double *const q[2], const double *const w[2],
                     const double along[2], double x[3]) {
     const double extra[2] = {p[PAYLOAD] / p[MASSES], p[PAYLOAD] / p[MASSES + 1]};
@@ -132,12 +133,12 @@ static void payload(const double *p, const double *const q[2], const double *con
     for (int i = 0; i < 3; i++) x[i] = force[i] / p[PAYLOAD];
 }
 
-/* The wanted direction is built from the middle d and the arm n x d. Each has its derivative beside it. */
+/* The vectors d and arm = n x d from which q_d,i is combined, with their time derivatives dd and darm. */
 typedef struct directions {
     double d[3], dd[3], arm[3], darm[3];
 } directions;
 
-/* x / |x| and its derivative; dx that of x. */
+/* out = x/|x| and its time derivative dout; dx is the time derivative of x. */
 static void normalise(const double x[3], const double dx[3], double out[3], double dout[3]) {
     const double length = sqrt(lg_dot3(x, x));
     for (int i = 0; i < 3; i++) out[i] = x[i] / length;
@@ -161,7 +162,7 @@ static directions directions_from(const double A[3], const double dA[3]) {
     return of;
 }
 
-/* c_i, the angular acceleration that the control law wants of link i. */
+/* c_i, the angular acceleration of link i that the control law asks for. */
 static void wanted_acceleration(const double *p, const directions *of, int link, const double q[3],
                                 const double w[3], double c[3]) {
     const double cosine = cos(p[BETA]), sine = side[link] * sin(p[BETA]);
@@ -178,7 +179,7 @@ static void wanted_acceleration(const double *p, const directions *of, int link,
         c[i] = -p[KQ] * turn[i] - p[KW] * (w[i] - (wd[i] - spin * q[i])) - spin * wq[i];
 }
 
-/* omega' of a link of mass m and length L under u_perp = -q x (m q x x - m L c). */
+/* out = omega' of a link with mass m and length L under u_perp = -q x (m q x x - m L c), x = v' - g e3. */
 static void link_acceleration(double m, double L, const double q[3], const double x[3], const double c[3],
                               double out[3]) {
     double qx[3], across[3], turn[3];
@@ -189,7 +190,7 @@ static void link_acceleration(double m, double L, const double q[3], const doubl
     for (int i = 0; i < 3; i++) out[i] = qx[i] / L - across[i] / (m * L);
 }
 
-/* (R Omega, Omega') of the quadrotor whose R, Omega are at y. */
+/* out = (R Omega, Omega') of the quadrotor whose (R, Omega) are at y. */
 static void attitude(const double *J, const double *y, double *out) {
     const double *rate = y + RATE;
     double momentum[3], cross[3];
@@ -199,7 +200,7 @@ static void attitude(const double *J, const double *y, double *out) {
     for (int i = 0; i < 3; i++) out[3 + i] = cross[i] / J[i];
 }
 
-/* A into `A`, and x = v' - g e3, A' from it. */
+/* Computes A, x = v' - g e3 and dA = A'. False if the links are parallel. */
 static bool track(const double *p, double t, const double *y, const double *const q[2],
                   const double *const w[2], double A[3], double dA[3], double x[3]) {
     const reference wanted = parabola(t);
@@ -215,7 +216,8 @@ static bool track(const double *p, double t, const double *y, const double *cons
     return solvable;
 }
 
-/* out: v, v'; R_i Omega_i, Omega_i'; omega_i, q_i x omega_i'. LG_NOT_FINITE where the links are parallel. */
+/* out = (v, v'), then (R_i Omega_i, Omega_i') per quadrotor, then (omega_i, q_i x omega_i') per link.
+ * LG_NOT_FINITE if the links are parallel. */
 static lg_status field(void *user, double t, const double *y, const double *input, double *out) {
     const double *p = ((const lg_system_user *)user)->system->parameters;
     const double *const q[2] = {y + LINK, y + LINK + LINK_SIZE};
@@ -239,13 +241,14 @@ static lg_status field(void *user, double t, const double *y, const double *inpu
     return LG_OK;
 }
 
-/* ---- on a tape: vectors of the payload (B, 1, 3), of both links (B, 2, 3), their numbers (B, 2, 1) ---- */
+/* ---- the field on a tape ---- */
 
+/* Shapes: vectors of the payload are (B, 1, 3), of both links (B, 2, 3); scalars of both links (B, 2, 1). */
 typedef struct taped_system {
     lg_tape *tape;
     lg_var p;            /* parameters */
     lg_var m, L, mL;     /* (2, 1) */
-    lg_var q, w, q1, q2; /* links; q1, q2 (B, 1, 3) */
+    lg_var q, w, q1, q2; /* q_i and omega_i (B, 2, 3); q_1 and q_2 (B, 1, 3) */
     lg_var centrifugal;  /* m_i L_i |omega_i|^2, (B, 2, 1) */
 } taped_system;
 
@@ -261,7 +264,7 @@ static lg_var constant3(lg_tape *tape, const double *x) {
     return lg_input_f64(tape, lg_shape1(3), x);
 }
 
-/* q_i.x for both links, x (B, 1, 3) */
+/* q_i.x for both links; x is (B, 1, 3). */
 static lg_var along_links(const taped_system *s, lg_var x) {
     return lg_rowdot(s->tape, s->q, lg_taped_spread(s->tape, x, s->q));
 }
@@ -276,7 +279,7 @@ static lg_var swap_links(lg_tape *tape, lg_var x) {
     return lg_concat(tape, halves, 2, 1);
 }
 
-/* (G^T G + diag(extra))^-1 r; extra (2, 1) or LG_NONE */
+/* (G^T G + diag(extra))^-1 r; extra is (2, 1), or LG_NONE for 0. */
 static lg_var taped_solve_pair(const taped_system *s, lg_var extra, lg_var r) {
     lg_tape *tape = s->tape;
     lg_var diagonal = lg_rownorm2(tape, s->q), b = lg_rowdot(tape, s->q1, s->q2);
@@ -300,7 +303,7 @@ static lg_var taped_payload(const taped_system *s, lg_var A) {
     return lg_div(tape, lg_sub(tape, force, combine_links(s, z)), my);
 }
 
-/* x / |x| and its derivative, (B, 1, 3) */
+/* *out = x/|x| and its time derivative *dout, all (B, 1, 3). */
 static void taped_normalise(lg_tape *tape, lg_var x, lg_var dx, lg_var *out, lg_var *dout) {
     lg_var length = lg_sqrt(tape, lg_rownorm2(tape, x));
     *out = lg_div(tape, x, length);
@@ -326,7 +329,7 @@ static void taped_directions(const taped_system *s, lg_var A, lg_var dA, lg_var 
     *dqd = lg_add(tape, lg_mul(tape, cosine, dd), lg_mul(tape, sine, darm));
 }
 
-/* c_i */
+/* c_i of both links */
 static lg_var taped_wanted_acceleration(const taped_system *s, lg_var A, lg_var dA) {
     lg_tape *tape = s->tape;
     lg_var qd, dqd;
@@ -338,7 +341,7 @@ static lg_var taped_wanted_acceleration(const taped_system *s, lg_var A, lg_var 
     return lg_linear_combination(tape, terms, (const double[]){-1.0, -1.0, -1.0}, 3);
 }
 
-/* omega_i' */
+/* omega_i' of both links */
 static lg_var taped_link_acceleration(const taped_system *s, lg_var x, lg_var c) {
     lg_tape *tape = s->tape;
     lg_var qx = lg_cross(tape, s->q, lg_taped_spread(tape, x, s->q));
@@ -347,7 +350,7 @@ static lg_var taped_link_acceleration(const taped_system *s, lg_var x, lg_var c)
     return lg_sub(tape, lg_div(tape, qx, s->L), lg_div(tape, lg_cross(tape, s->q, across), s->mL));
 }
 
-/* From R (B, 1, 9) and Omega (B, 3): R Omega (B, 1, 3) and Omega' (B, 3). */
+/* algebra = R Omega (B, 1, 3) and Omega' (B, 3), from y = R (B, 1, 9) and Omega (B, 3). */
 static void taped_attitude(lg_tape *tape, lg_var J, const lg_var *y, lg_var *algebra) {
     const lg_shape flat = lg_var_shape(tape, y[1]);
     lg_var momentum = lg_mul(tape, y[1], J);
@@ -366,7 +369,7 @@ static taped_system taped_system_of(lg_tape *tape, lg_var parameter, lg_var q, l
     return s;
 }
 
-/* s = t - 2.5 of the parabola, (B, 1, 1), as `like` has the batch */
+/* s = t - 2.5, the parameter of the parabola, (B, 1, 1); B is the batch size of `like`. */
 static lg_var along_parabola(lg_tape *tape, lg_taped_time t, lg_var like) {
     const uint32_t batch = lg_var_shape(tape, like).dims[0];
     return lg_reshape(tape, lg_add_scalar(tape, lg_taped_time_rows(tape, t, batch), -2.5),
@@ -375,21 +378,21 @@ static lg_var along_parabola(lg_tape *tape, lg_taped_time t, lg_var like) {
 
 static const double e1[3] = {1.0, 0.0, 0.0}, e3[3] = {0.0, 0.0, 1.0};
 
-/* (s, 0, s^2 - 7) */
+/* y_d = (s, 0, s^2 - 7) */
 static lg_var taped_position(lg_tape *tape, lg_taped_time t, lg_var like) {
     if (!lg_taped_time_varies(t)) return constant3(tape, parabola(t.value).y);
     lg_var s = along_parabola(tape, t, like), up = lg_add_scalar(tape, lg_square(tape, s), -7.0);
     return lg_add(tape, lg_mul(tape, s, constant3(tape, e1)), lg_mul(tape, up, constant3(tape, e3)));
 }
 
-/* (1, 0, 2 s) */
+/* y_d' = (1, 0, 2 s) */
 static lg_var taped_velocity(lg_tape *tape, lg_taped_time t, lg_var like) {
     if (!lg_taped_time_varies(t)) return constant3(tape, parabola(t.value).v);
     lg_var up = lg_scale(tape, along_parabola(tape, t, like), 2.0);
     return lg_add(tape, lg_mul(tape, up, constant3(tape, e3)), constant3(tape, e1));
 }
 
-/* A, A', x = v' - g e3 from y, v (B, 1, 3); down = g e3 */
+/* Computes A, A' and x = v' - g e3 from y and v (B, 1, 3); down = g e3. */
 static void taped_track(const taped_system *s, lg_taped_time t, lg_var y, lg_var v, lg_var down, lg_var *A,
                         lg_var *dA, lg_var *x) {
     lg_tape *tape = s->tape;
@@ -402,7 +405,7 @@ static void taped_track(const taped_system *s, lg_taped_time t, lg_var y, lg_var
     *dA = lg_neg(tape, lg_add(tape, lg_mul(tape, kx, de), lg_mul(tape, kv, dde)));
 }
 
-/* y: (y, v) (B, 6); R_i (B, 1, 9), Omega_i (B, 3); q, omega (B, 2, 3) */
+/* Parts of y: (y, v) (B, 6); R_1 (B, 1, 9); Omega_1 (B, 3); R_2; Omega_2; q (B, 2, 3); omega (B, 2, 3). */
 static lg_status taped(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                        lg_var parameter, lg_var *algebra) {
     const taped_system s = taped_system_of(tape, parameter, y[5], y[6]);

@@ -1,10 +1,10 @@
 /* The free rigid body: its body momentum on so(3)*, and its attitude on SO(3) for a given spatial momentum.
  *
- * Body momentum mu, principal moments of inertia I: Euler's equations mu' = mu x I^-1 mu. Under the action
- * exp(u) mu, the velocity of u is u x mu, so f is -I^-1 mu plus any multiple of mu. The part of I^-1 mu
- * along mu has no effect and is left out. With it, the commutators of the other parts would have to undo a
- * rotation about mu, which costs three digits near a principal axis. The orbits are the spheres |mu| =
- * const, which every scheme on so(3)* keeps.
+ * Body momentum mu with principal moments of inertia I: Euler's equations mu' = mu x I^-1 mu. Under the
+ * action exp(u) mu an algebra element u has the velocity u x mu, so f is -I^-1 mu plus any multiple of mu. f
+ * is chosen orthogonal to mu: a component along mu has no effect on mu', but the commutators of the other
+ * components would have to undo its rotation about mu, which costs three digits near a principal axis. The
+ * orbits are the spheres |mu| = const, which every scheme on so(3)* preserves.
  *
  * Attitude: R' = hat(omega) R, omega = R I^-1 R^T pi, with the spatial momentum pi constant.
  */
@@ -80,7 +80,7 @@ const lg_system_row lg_system_row_rigid_body = {
 
 /* ---- attitude ---- */
 
-enum { ATTITUDE = 0, SPATIAL_MOMENTUM = 9 }; /* places in the state */
+enum { ATTITUDE = 0, SPATIAL_MOMENTUM = 9 }; /* offsets in the state */
 
 static const lg_state_entry attitude_state[] = {
     {"R", 1, 3, 3, ATTITUDE, 9, identity},
@@ -108,7 +108,7 @@ static lg_status attitude_field(void *user, double t, const double *y, const dou
     return LG_OK;
 }
 
-/* y: R (B, 1, 9), pi (B, 3) */
+/* Parts of y: R (B, 1, 9), pi (B, 3). */
 static lg_status attitude_taped(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
                                 lg_var input, lg_var parameter, lg_var *algebra) {
     const lg_shape shape = lg_var_shape(tape, y[1]);

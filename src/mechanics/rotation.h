@@ -1,5 +1,5 @@
-/* Products with one rotation, for systems that hold R in their state: plain, and on a tape with R (B, 1, 9)
- * and vectors (B, 1, 3).
+/* Products with a rotation R that is part of a system's state. On a tape R has shape (B, 1, 9), vectors have
+ * shape (B, 1, 3).
  */
 #ifndef LG_ROTATION_H
 #define LG_ROTATION_H
@@ -30,7 +30,7 @@ static inline lg_var lg_taped_body_velocity(lg_tape *tape, lg_var inertia, lg_va
     return lg_taped_rotate(tape, R, lg_div(tape, lg_taped_rotate_back(tape, R, pi), inertia));
 }
 
-/* `x` repeated to the shape of `like`. */
+/* Broadcasts x to the shape of `like`. */
 static inline lg_var lg_taped_spread(lg_tape *tape, lg_var x, lg_var like) {
     return lg_broadcast_to(tape, x, lg_var_shape(tape, like));
 }

@@ -1,4 +1,4 @@
-/* Fields of separable systems: velocity of p, force of q. */
+/* Fields of separable systems: (velocity(p), force(q)). */
 #include "liegrad/ops.h"
 #include "mechanics/system.h"
 

@@ -1,4 +1,4 @@
-/* Statistics of many numbers in fixed memory, whatever the order in which they come. */
+/* Statistics of many numbers in fixed memory. The order in which numbers are added does not matter. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -11,7 +11,7 @@ typedef struct cell {
     uint64_t count;
     double least, largest;
     lg_statistics_range range;
-    lg_exact_sum sum, square; /* of the numbers less the centre */
+    lg_exact_sum sum, square; /* sums of (x - centre) and of (x - centre)^2 */
 } cell;
 
 struct lg_statistics {
@@ -68,7 +68,7 @@ lg_status lg_statistics_like(const lg_statistics *s, lg_statistics **out) {
 
 /* ---- ranges ---- */
 
-/* Where a number lies in the range of its column. */
+/* x, or its logarithm in a logarithmic column. */
 static double scaled(bool logarithmic, double x) {
     return logarithmic ? log(x > DBL_MIN ? x : DBL_MIN) : x;
 }
@@ -99,7 +99,7 @@ lg_statistics_range lg_statistics_range_of(const lg_statistics *s, size_t column
     return (lg_statistics_range){low - more, high + more, isfinite(centre) ? centre : 0.0};
 }
 
-/* ---- adding ---- */
+/* ---- adding numbers ---- */
 
 static size_t bin_of(const lg_statistics *s, const lg_statistics_range *range, double x) {
     const double place = (x - range->low) / (range->high - range->low) * (double)s->bins;
@@ -127,7 +127,7 @@ void lg_statistics_add(lg_statistics *statistics, size_t row, size_t column, con
     if (isfinite(square)) lg_exact_add(&at->square, square);
 }
 
-/* Parts of sums of 2^30 numbers are at most so large. */
+/* An addition changes a part of an exact sum by at most 2^32: the largest |part| after 2^30 additions. */
 #define LARGEST_PART ((int64_t)1 << 62)
 
 static bool sums_fit(const lg_exact_sum *a, const lg_exact_sum *b) {
@@ -166,7 +166,7 @@ lg_status lg_statistics_merge(lg_statistics *into, const lg_statistics *from) {
     return LG_OK;
 }
 
-/* ---- asking ---- */
+/* ---- queries ---- */
 
 lg_statistics_cell lg_statistics_of(const lg_statistics *s, size_t row, size_t column) {
     const cell *at = cell_of(s, row, column);
@@ -181,7 +181,7 @@ lg_statistics_cell lg_statistics_of(const lg_statistics *s, size_t row, size_t c
     return out;
 }
 
-/* The ends of a bin, as numbers of the column, within what was seen. */
+/* Boundary number `end` between the bins, in the unit of the column, clamped to [least, largest]. */
 static double bin_end(const lg_statistics *s, const cell *at, size_t column, size_t end) {
     const double width = (at->range.high - at->range.low) / (double)s->bins;
     const double x = at->range.low + (double)end * width, value = s->logarithmic[column] ? exp(x) : x;
@@ -209,11 +209,11 @@ lg_statistics_range lg_statistics_range_at(const lg_statistics *statistics, size
     return cell_of(statistics, row, column)->range;
 }
 
-/* ---- archives: each member of the cells as an array ---- */
+/* ---- archives: one array per member of the cells ---- */
 
 typedef struct member {
     const char *name;
-    size_t offset, count; /* in a cell; 8 bytes each */
+    size_t offset, count; /* offset in a cell; number of elements of 8 bytes */
     lg_element type;
 } member;
 
@@ -247,7 +247,7 @@ lg_status lg_statistics_save(const lg_statistics *s, const lg_archive_writer *ar
     return status;
 }
 
-/* A sum of so many numbers, which were added one by one or in blocks. */
+/* Whether a sum of `count` numbers, added singly or in blocks, can have parts of this size. */
 static bool is_sum(const lg_exact_sum *sum, uint64_t count) {
     const uint64_t most = (uint64_t)LARGEST_PART >> 32;
     const int64_t largest = (int64_t)(count < most ? count : most) << 32;

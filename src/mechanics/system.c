@@ -27,7 +27,7 @@ static bool same(const char *a, const char *b) {
     return a && b && strcmp(a, b) == 0;
 }
 
-/* The first row of that name when `form` is NULL. */
+/* If `form` is NULL, the first row with this name. */
 static const lg_system_row *find_row(const char *name, const char *form) {
     for (size_t i = 0; i < LG_COUNT(rows); i++)
         if (same(rows[i]->name, name) && (!form || same(rows[i]->form, form))) return rows[i];
@@ -48,7 +48,7 @@ void lg_system_options_init(lg_system_options *options) {
     *options = (lg_system_options){.size = sizeof(lg_system_options), .links = 1};
 }
 
-/* ---- sentences ---- */
+/* ---- error messages ---- */
 
 typedef struct list_text {
     char text[320];
@@ -124,7 +124,7 @@ lg_status lg_parameter_check(const lg_parameter_entry *p, const double *x, size_
     return LG_OK;
 }
 
-/* The entry that was given for the key, or NULL. */
+/* The entry of `options` with this key, or NULL. */
 static const lg_named_values *given_for(const lg_system_options *options, const char *key) {
     for (size_t i = 0; i < options->parameter_count; i++)
         if (same(options->parameters[i].key, key)) return &options->parameters[i];
@@ -166,7 +166,7 @@ static void copy_parameter(const lg_system_options *options, const lg_parameter_
         out[i] = given ? given->values[i] : p->fallback[p->count > 0 ? i : 0];
 }
 
-/* Offset of the numbers of parameter `index`. Beyond the last parameter: the count of all numbers. */
+/* Offset of the values of parameter `index`; the number of all values if there is no such parameter. */
 static size_t parameter_offset(const lg_system_row *row, size_t links, size_t index) {
     size_t at = 0;
     for (size_t i = 0; i < index && row->parameters[i].key; i++)
@@ -200,7 +200,7 @@ void lg_system_parameter_label(const lg_system *system, size_t index, char *text
 
 /* ---- layout ---- */
 
-/* A text under construction; where `at` is NULL its length is only counted. */
+/* A text under construction. If `at` is NULL, only its length is counted. */
 typedef struct layout_text {
     char *at;
     size_t length;
@@ -219,8 +219,8 @@ static void append_number(layout_text *text, size_t number) {
     append(text, first);
 }
 
-/* Describes the blocks of the state in the order of offsets, up to the first gap. Returns the length of the
- * text. */
+/* Writes the labels of the state's blocks in the order of their offsets, up to the first gap. `out` may be
+ * NULL. Returns the length of the text. */
 static size_t write_layout(const lg_system_row *row, size_t links, char *out) {
     layout_text text = {out, 0};
     size_t at = 0;
@@ -241,7 +241,7 @@ static size_t write_layout(const lg_system_row *row, size_t links, char *out) {
     return text.length;
 }
 
-/* ---- making ---- */
+/* ---- construction ---- */
 
 #define LINKS_MAX 1000000
 
@@ -261,7 +261,7 @@ static lg_status check_options(const lg_system_row *row, const lg_system_options
     return LG_OK;
 }
 
-/* One block: the structure, parameters, constants, the text of the layout. */
+/* A system is one block of memory: the structure, parameters, constants, and the text of the layout. */
 #define HEAD_DOUBLES ((sizeof(lg_system) + 7) / sizeof(double))
 
 static size_t block_size(const lg_system_row *row, size_t links, size_t parameters, size_t constants) {
@@ -349,7 +349,7 @@ void lg_system_destroy(lg_system *system) {
     if (system) lg_free(system->context, system);
 }
 
-/* ---- asking ---- */
+/* ---- queries ---- */
 
 const char *lg_system_name(const lg_system *system) {
     return system->row->name;
@@ -395,8 +395,8 @@ bool lg_system_separable(const lg_system *system) {
     return system->row->separable;
 }
 
-/* Workspace of the row itself. When the ambient field is computed from the LIE field, the value of the LIE
- * field follows it. */
+/* Doubles of workspace that the row needs. If the ambient field is generated from the LIE field, the
+ * workspace has algebra_dim more doubles behind them, for the value of the LIE field. */
 static size_t own_work(const lg_system *system) {
     return system->row->work ? system->row->work(system->links) : 0;
 }
@@ -410,7 +410,7 @@ size_t lg_system_work_size(const lg_system *system) {
     return (work > 0 ? work : 1) * sizeof(double);
 }
 
-/* ---- what is seen ---- */
+/* ---- observation ---- */
 
 size_t lg_system_observed(const lg_system *system) {
     const lg_system_row *row = system->row;

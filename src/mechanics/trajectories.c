@@ -1,4 +1,4 @@
-/* Random starts, and trajectories sampled from a system with the reference integrator. */
+/* Random starts, and trajectories of a system computed with the reference integrator. */
 #include <math.h>
 #include <string.h>
 
@@ -11,11 +11,11 @@ static void box_start(lg_rng *rng, double low, double high, size_t n, double *y)
     for (size_t i = 0; i < n; i++) y[i] = lg_rng_uniform_in(rng, low, high);
 }
 
-/* q uniform on the sphere, p = q x u, u in the box. */
+/* q is uniform on the sphere; p = q x u, with u uniform in the box. */
 static void sphere_start(lg_rng *rng, double low, double high, size_t n, double *y) {
     double norm = 0.0, u[3];
     (void)n;
-    while (!(norm > 1e-8)) { /* (almost) never twice */
+    while (!(norm > 1e-8)) { /* almost always one draw is enough */
         for (int c = 0; c < 3; c++) y[c] = lg_rng_normal(rng);
         norm = sqrt(lg_dot3(y, y));
     }
@@ -24,7 +24,8 @@ static void sphere_start(lg_rng *rng, double low, double high, size_t n, double 
     lg_cross3(y, u, y + 3);
 }
 
-/* How one copy of a factor is drawn, and the low end of its usual box. NULL: it cannot be. */
+/* For each kind of factor: how one copy is drawn, and the low end of the box for LG_STARTS_THESIS. `draw` is
+ * NULL if starts cannot be drawn. */
 static const struct {
     void (*draw)(lg_rng *rng, double low, double high, size_t n, double *y);
     double low;
@@ -82,7 +83,7 @@ static void reference_destroy(const lg_context *context, reference *r) {
     lg_free(context, r->work);
 }
 
-/* Nothing to destroy after a failure. */
+/* After a failure nothing is left to destroy. */
 static lg_status reference_create(const lg_context *context, const lg_system *system, double rtol,
                                   double atol, reference *r) {
     const bool lie = lg_system_constrained(system);
@@ -135,7 +136,8 @@ static const char *options_fault(const lg_trajectory_options *o) {
     return NULL;
 }
 
-/* One job of lg_generate_trajectories. Results stay in memory of its own until all starts have succeeded. */
+/* One call of lg_generate_trajectories. The results are kept here until all starts have succeeded; then they
+ * are copied to the caller's arrays. */
 typedef struct sampling {
     const lg_context *context;
     const lg_system *system;
@@ -151,7 +153,7 @@ static void add_noise(const lg_trajectory_options *o, const lg_space *space, siz
     const size_t d = space->dim;
     lg_rng rng;
     lg_rng_seed(&rng, o->seed, 2 * (uint64_t)number + 1);
-    /* Those of the first point are drawn last: the others do not depend on it. */
+    /* Noise of the first point is drawn last, so that noise_first does not change that of the others. */
     for (size_t j = d; j < (o->points + (o->noise_first ? 1 : 0)) * d; j++)
         trajectory[j % (o->points * d)] +=
             o->noise *
@@ -159,7 +161,7 @@ static void add_noise(const lg_trajectory_options *o, const lg_space *space, siz
     if (o->noise_first) lg_space_project(space, trajectory);
 }
 
-/* Follows the start for a random time; draws nothing for `ahead` 0. */
+/* Moves the start y along its trajectory for a time of U[0, ahead]. Draws no number if `ahead` is 0. */
 static lg_status go_ahead(sampling *s, lg_rng *rng, double *y) {
     const double time = s->options->ahead > 0.0 ? s->options->ahead * lg_rng_uniform(rng) : 0.0;
     double end[1] = {time};
@@ -167,7 +169,8 @@ static lg_status go_ahead(sampling *s, lg_rng *rng, double *y) {
     return lg_integrate_adaptive(s->reference.stepper, &s->reference.control, 0.0, y, end, 1, y, NULL);
 }
 
-/* Segments of the start after `number` others: each begins where the one before ended; noise comes last. */
+/* Computes all segments of start `number` of this call. Each segment begins where the one before ended,
+ * without noise: noise is added after all of them are integrated. */
 static lg_status sample_start(sampling *s, size_t number) {
     const lg_trajectory_options *o = s->options;
     const uint64_t start = o->first / o->segments + number;
@@ -241,7 +244,7 @@ lg_status lg_generate_trajectories(const lg_context *context, const lg_system *s
     return status;
 }
 
-/* ---- judging ---- */
+/* ---- reference solutions ---- */
 
 static lg_status run_references(const lg_context *context, reference *r, size_t d, const double *starts,
                                 size_t n, const double *times, size_t count, double *out, lg_error *error) {

@@ -1,4 +1,4 @@
-/* The fields of this folder for one state: a number is a double. */
+/* `number` for one state: a double. On lanes, mechanics/lanes.c defines it. */
 #ifndef LG_FIELD_SCALARS_H
 #define LG_FIELD_SCALARS_H
 
@@ -6,7 +6,7 @@
 
 typedef double number;
 
-/* x where it is positive and finite, else NaN */
+/* x if it is positive and finite, else NaN */
 static inline number field_positive(number x) {
     return x > 0.0 && isfinite(x) ? x : NAN;
 }

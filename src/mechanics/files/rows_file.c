@@ -1,5 +1,6 @@
-/* Trajectories of an ensemble as they come: HDF5 lays the file out, then rows are written in place, from any
- * thread and in any order, without HDF5. A file on top of several of them is a virtual data set. */
+/* A file for the trajectories of an ensemble. HDF5 lays the file out first. Then rows are written in place
+ * without HDF5, from any thread and in any order. A virtual data set in another file can join several
+ * files. */
 #define _DEFAULT_SOURCE /* flock */
 #include <errno.h>
 #include <fcntl.h>
@@ -18,7 +19,7 @@ struct lg_rows_file {
     const lg_context *context;
     char *path;
     lg_temporary temporary;
-    uint64_t rows, offset; /* of the data in the file */
+    uint64_t rows, offset; /* number of rows; offset of the first one in the file, bytes */
     size_t row_bytes;
 };
 
@@ -28,7 +29,7 @@ static lg_status failed(lg_error *error, const char *path, const char *what) {
 
 /* ---- the layout ---- */
 
-/* /trajectories contiguous, with its place in the file, and not filled. */
+/* Creates the data set /trajectories: contiguous, allocated at once, not filled. *offset: its file offset. */
 static bool lay_out(lg_h5 *h5, const uint64_t dims[3], uint64_t *offset) {
     const hsize_t extent[3] = {dims[0], dims[1], dims[2]};
     hid_t space = H5Screate_simple(3, extent, NULL), create = H5Pcreate(H5P_DATASET_CREATE),
@@ -46,7 +47,7 @@ static bool lay_out(lg_h5 *h5, const uint64_t dims[3], uint64_t *offset) {
     return place != HADDR_UNDEF;
 }
 
-/* The file without its rows, under the name `scratch`. */
+/* Writes the file without its rows, under the name `scratch`. */
 static lg_status write_layout(lg_rows_file *file, const char *scratch, const lg_rows_options *o,
                               lg_error *error) {
     const uint64_t dims[3] = {o->rows, o->points, o->dim};
@@ -71,7 +72,8 @@ static lg_status write_layout(lg_rows_file *file, const char *scratch, const lg_
     return status;
 }
 
-/* The laid-out file takes the temporary's name and its lock, and all of its room on the disk. */
+/* Replaces the temporary file by the file `scratch`: allocates its whole size on the disk, locks it, makes
+ * the temporary's descriptor refer to it and renames it to the temporary's name. */
 static lg_status take_over(lg_rows_file *file, const char *scratch, lg_error *error) {
     struct rlimit limit;
     const uint64_t bytes = file->offset + file->rows * file->row_bytes;
@@ -163,7 +165,7 @@ void lg_rows_file_destroy(lg_rows_file *file) {
     lg_free(file->context, file);
 }
 
-/* ---- what a file holds ---- */
+/* ---- contents of a file ---- */
 
 typedef struct look_call {
     lg_rows_about about;
@@ -192,7 +194,7 @@ lg_status lg_rows_file_look(const lg_context *context, const char *path, lg_rows
     look_call call = {.run = run, .size = size};
     if (!path || !out) return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name");
     lg_read_options_init(&options);
-    /* The rows may be larger than the memory, but not than the file. */
+    /* The rows, which are not read here, may exceed the default max_size, but not the size of the file. */
     if (stat(path, &file) == 0 && (uint64_t)file.st_size > options.max_size)
         options.max_size = (uint64_t)file.st_size;
     LG_TRY(lg_h5_read(context, path, &options, look, &call, error));
@@ -202,7 +204,7 @@ lg_status lg_rows_file_look(const lg_context *context, const char *path, lg_rows
 
 /* ---- several files as one data set ---- */
 
-/* The last part of a path: files stand beside the one that names them. */
+/* The last component of a path: the parts must be in the same folder as the file that refers to them. */
 static const char *base_of(const char *path) {
     const char *slash = strrchr(path, '/');
     return slash ? slash + 1 : path;

@@ -1,4 +1,4 @@
-/* Scenes: keys and shapes come from the table of systems. */
+/* Reads scenes. Their keys and shapes come from the table of systems. */
 #include "mechanics/files/scene_reading.h"
 
 #include <math.h>
@@ -8,23 +8,23 @@
 #include "files/h5.h"
 
 #define UNIT_VECTOR 1e-9
-#define LARGEST     1e300 /* of every number */
+#define LARGEST     1e300 /* bound on every number */
 #define MAX_LINKS   1000000
 
 /* ---- the table of systems ---- */
 
-/* Names by value, each once; NULL beyond the last. */
+/* The names of the systems, each once, by value 0, 1, ...; NULL beyond the last. */
 static const char *system_name(uint32_t value) {
     const char *name, *last = "";
     for (size_t i = 0; lg_system_at(i, &name, NULL); i++) {
-        if (strcmp(name, last) == 0) continue; /* the forms of a system stand together */
+        if (strcmp(name, last) == 0) continue; /* the forms of a system are consecutive rows */
         if (value-- == 0) return name;
         last = name;
     }
     return NULL;
 }
 
-/* The forms of a system by value; NULL beyond the last, and for a system with one form. */
+/* The forms of a system, by value 0, 1, ...; NULL beyond the last, and if the system has only one form. */
 static const char *form_of(const char *system, size_t value) {
     const char *name, *form;
     for (size_t i = 0; lg_system_at(i, &name, &form); i++)
@@ -38,7 +38,7 @@ static const char *find_form(const char *system, const char *text) {
     return form_of(system, i);
 }
 
-/* A Hamiltonian system with one form: `form: hamiltonian` is allowed and has no effect. */
+/* Whether the system has one form only and the state (q, p): `form: hamiltonian` then has no effect. */
 static bool plainly_hamiltonian(const char *system) {
     const lg_state_entry *state = lg_system_state(system, NULL);
     return form_of(system, 0) == NULL && strcmp(state[0].key, "q") == 0 && state[1].key != NULL &&
@@ -53,7 +53,7 @@ static bool has_reference(const char *system) {
     return strcmp(system, "quadrotors") == 0;
 }
 
-/* True when a parameter or a part of the state has one entry for each link. */
+/* Whether a parameter or a part of the state has one entry per link. */
 static bool has_links(const char *system, const char *form) {
     const lg_parameter_entry *parameter = lg_system_parameters(system, form);
     const lg_state_entry *part = lg_system_state(system, form);
@@ -62,7 +62,7 @@ static bool has_links(const char *system, const char *form) {
     return parameter->key != NULL || part->key != NULL;
 }
 
-/* A key that some system has. */
+/* Whether any system has this key. */
 static bool known_elsewhere(const char *name) {
     static const char initial[] = "initial.";
     const char *system, *form;
@@ -184,7 +184,7 @@ static lg_status build_table(const char *system, const char *form, scene_table *
     return lg_fail(error, LG_UNSUPPORTED, "system %s has more than %d keys", system, LG_SCENE_MAX_KEYS);
 }
 
-/* ---- which form ---- */
+/* ---- choice of the form ---- */
 
 static lg_status wrong_form(const lg_yaml *yaml, const char *system, const lg_key_value *value,
                             lg_error *error) {
@@ -199,7 +199,7 @@ static lg_status wrong_form(const lg_yaml *yaml, const char *system, const lg_ke
                         used > 0 ? known : "hamiltonian");
 }
 
-/* The first form all of whose parts are in `initial`, else the system's first. */
+/* The first form for which `initial` has all parts without a default; if there is none, the first form. */
 static const char *form_of_initial(const lg_yaml *yaml, const char *system) {
     for (size_t i = 0; form_of(system, i) != NULL; i++) {
         bool all = true;
@@ -233,7 +233,9 @@ static lg_status choose_form(lg_yaml *yaml, const char *system, const char *want
 
 /* ---- reading ---- */
 
-/* Compares the entries of the value at key `at` with the number of links found so far, which it sets. */
+/* Determines the number of links from the value of key `at`: the number itself, or the number of entries (of
+ * `inner` numbers each) of a list. Fails if it differs from r->links, which was found from key *by; else sets
+ * both. Does nothing if the key is not given. */
 static lg_status count_links(reading *r, size_t at, size_t inner, const char **by) {
     const lg_key_value *value = &r->table->values[at];
     const char *name = r->table->keys[at].name;
@@ -254,7 +256,7 @@ static lg_status count_links(reading *r, size_t at, size_t inner, const char **b
     return LG_OK;
 }
 
-/* Every list has one entry for each link; the first list gives the number of links. */
+/* Finds the number of links. The key `links` and all lists with one entry per link must agree. */
 static lg_status find_links(reading *r) {
     const scene_table *table = r->table;
     const char *by = "", *needed = "links";
@@ -299,7 +301,7 @@ static lg_status read_parameter(const reading *r, size_t index, double *out) {
     return row->rule == LG_PARAMETER_UNIT_VECTOR ? check_unit(r, at, out, count) : LG_OK;
 }
 
-/* `values` is as large as all parameters together, `named` as long as their table. */
+/* `values` has room for the values of all parameters, `named` for one entry per parameter. */
 static lg_status create_system(reading *r, double *values, lg_named_values *named) {
     const scene_table *table = r->table;
     lg_system_options options;

@@ -1,5 +1,7 @@
-/* The start of a scene. Its numbers are put in the order of the state, parts under another key are converted,
- * and a point that is off the manifold by rounding is projected. */
+/* The start of a scene: its numbers are put in the order of the state, a start that is off the manifold by
+ * rounding is projected, and a part that was given under the other key (omega for p, p for omega) is
+ * converted.
+ */
 #include "mechanics/files/scene_reading.h"
 
 #include <math.h>
@@ -7,18 +9,18 @@
 
 #include "liegrad/geometry.h"
 
-#define OFF_MANIFOLD 1e-6  /* beyond it a start is an error, not rounding */
-#define ROUNDING     1e-14 /* below it nothing is said or changed */
+#define OFF_MANIFOLD 1e-6  /* a start farther from the manifold is an error */
+#define ROUNDING     1e-14 /* a start nearer to the manifold is neither changed nor reported */
 
 /* ---- the start: numbers ---- */
 
-/* The state and the line of each of its numbers. */
+/* The state, and the line in the file of each of its numbers. */
 typedef struct start {
     double *y;
     uint32_t *lines;
-    double *numbers; /* of one part, before they are put into place; dim of them */
+    double *numbers; /* numbers of one part in the order of the file; room for dim */
     uint32_t *number_lines;
-    bool other; /* the part `own_key` was given under the other key */
+    bool other; /* the part own_key was given under other_key */
 } start;
 
 static size_t key_of_part(const reading *r, const start *s, size_t part) {
@@ -46,7 +48,7 @@ static lg_status read_part(const reading *r, start *s, size_t part) {
     return LG_OK;
 }
 
-/* Exactly one of the two keys. */
+/* Checks that exactly one of own_key and other_key is given, and sets s->other. */
 static lg_status check_alternatives(const reading *r, start *s) {
     const scene_table *table = r->table;
     if (table->other_at == 0) return LG_OK;
@@ -65,7 +67,7 @@ static lg_status check_alternatives(const reading *r, start *s) {
 
 /* ---- the start: onto the manifold ---- */
 
-/* The key of the number at an offset of the state, and which of its blocks that is, from 1. */
+/* The key in the file that gave number `offset` of the state. *block becomes its block, counted from 1. */
 static const char *find_source(const reading *r, const start *s, size_t offset, size_t *block) {
     const lg_state_entry *parts = r->table->parts;
     for (size_t i = 0; parts[i].key != NULL; i++) {
@@ -89,8 +91,8 @@ static double norm3(const double *a) {
     return sqrt(lg_dot3(a, a));
 }
 
-/* Projects (q, w) at offset `at` to T S^2: q/|q|, w - q (q.w). A point that is off by rounding gives a
- * warning, more is an error. */
+/* Projects (q, w) at offset `at` onto TS^2: q/|q|, w - q (q.w). Fails if they are off by more than
+ * OFF_MANIFOLD; a smaller distance is noted for a warning. */
 static lg_status place_on_sphere(const reading *r, start *s, size_t at) {
     size_t block;
     double *q = s->y + at, *w = q + 3, length = norm3(q), off_sphere = fabs(length - 1);
@@ -121,7 +123,7 @@ static double determinant(const double *a) {
     return lg_dot3(a, minors);
 }
 
-/* The rotation at offset `at`: the first nine numbers of SO(3) and SE(3). */
+/* Does the same for the rotation at offset `at`, the first nine numbers of a copy of SO(3) or SE(3). */
 static lg_status place_rotation(const reading *r, start *s, size_t at) {
     const lg_space_entry *so3 = lg_space_kind_entry(LG_SPACE_SO3);
     double *rotation = s->y + at;
@@ -158,7 +160,7 @@ static lg_status place(const reading *r, start *s) {
     return LG_OK;
 }
 
-/* Converts the part under the other key to that of the system. */
+/* If the part was given under other_key, converts it to own_key. */
 static lg_status convert(const reading *r, start *s) {
     const lg_system *system = r->out->system;
     if (!s->other) return LG_OK;
