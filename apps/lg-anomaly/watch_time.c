@@ -302,7 +302,7 @@ void watch_take(watching *self, const float *sample, double time, uint64_t line)
  * first sample. In a feed with times, the other times show which samples are missing. */
 void watch_take_malformed(watching *self, const sample_reader *reader, const float *sample, double time) {
     const bool timed = reader->layout == LAYOUT_TIMED && self->rate_known;
-    const bool lost = !timed || isfinite(time);
+    const bool lost = timed ? isfinite(time) : self->started;
     count_malformed(self, reader->line, reader->problem, lost);
     if (++self->malformed_in_row == MANY_MALFORMED)
         app_warn(self->app,

@@ -269,7 +269,8 @@ static void whiteness_of(const lg_machine_data *data, const intervals *all, iden
         identify_to_columns(file, log->q + row * nq, log->v + row * nv, NULL, logged);
         identify_to_columns(file, all->run_q + at * nq, all->run_v + at * nv, logged, predicted);
         for (uint32_t c = 0; c < file->column_count; c++)
-            if (identify_is_state(&file->columns[c])) x[c * all->count + i] = predicted[c] - logged[c];
+            if (identify_is_state(&file->columns[c]))
+                x[c * all->count + i] = identify_column_error(file, c, predicted, logged);
     }
     for (uint32_t c = 0; c < file->column_count; c++)
         judge_whiteness(x + c * all->count, all->row, all->count, &out[c]);

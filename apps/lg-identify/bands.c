@@ -26,8 +26,7 @@ static void add_squares(const lg_machine_data *data, const double *q, const doub
         identify_to_columns(file, other_q + row * nq, other_v + row * nv, columns, other);
         for (uint32_t c = 0; c < file->column_count; c++) {
             if (!identify_is_state(&file->columns[c])) continue;
-            const double error = other[c] - columns[c];
-            const double wrapped = identify_is_wrapped(file, c) ? lg_machine_wrap(error) : error;
+            const double wrapped = identify_column_error(file, c, other, columns);
             out[row * file->column_count + c] += wrapped * wrapped;
         }
     }

@@ -8,7 +8,7 @@ bool identify_is_state(const lg_log_column *column) {
     return column->role == LG_LOG_POSITION || column->role == LG_LOG_VELOCITY;
 }
 
-bool identify_is_wrapped(const lg_machine_file *file, uint32_t column) {
+static bool is_angle(const lg_machine_file *file, uint32_t column) {
     const lg_log_column *c = &file->columns[column];
     return c->role == LG_LOG_POSITION && file->machine.coordinates[c->index].kind == LG_COORDINATE_ANGLE;
 }
@@ -84,6 +84,12 @@ void identify_put_names(FILE *stream, const lg_machine_file *file) {
 
 /* ---- errors ---- */
 
+double identify_column_error(const lg_machine_file *file, uint32_t column, const double *predicted,
+                             const double *logged) {
+    const double error = predicted[column] - logged[column];
+    return is_angle(file, column) ? lg_machine_wrap(error) : error;
+}
+
 void identify_column_errors(const identify_given *given, const double *q, const double *v, double *out) {
     const lg_machine_file *file = &given->data.file;
     const lg_machine_log *log = &given->data.logs.log;
@@ -98,8 +104,7 @@ void identify_column_errors(const identify_given *given, const double *q, const 
         identify_to_columns(file, at, v + row * machine->velocities, logged, predicted);
         for (uint32_t c = 0; c < file->column_count; c++) {
             if (!identify_is_state(&file->columns[c]) || isnan(logged[c])) continue;
-            const double error = predicted[c] - logged[c];
-            const double wrapped = identify_is_wrapped(file, c) ? lg_machine_wrap(error) : error;
+            const double wrapped = identify_column_error(file, c, predicted, logged);
             sum[c] += isfinite(wrapped) ? wrapped * wrapped : INFINITY;
             count[c]++;
         }

@@ -117,7 +117,10 @@ static int control_with(const settings *set, const lg_model_file *file, void *wo
         return 3;
     }
     if (seen != NULL && !observer_create(seen, file->model, work, set->noise, (uint64_t)set->seed)) return 5;
-    if (!plant_create(&truth)) return 5;
+    if (!plant_create(&truth)) {
+        if (seen != NULL) observer_destroy(seen);
+        return 5;
+    }
     print_learned(file->model, work);
     const int failed = run_all(set, &truth, &control, seen, times, &rate);
     print_range(file, rate);

@@ -38,7 +38,7 @@ size_t lg_zero_order_hold_work_size(size_t n, size_t m) {
 
 static double largest_row(size_t n, const double *x) {
     double most = 0.0;
-    for (size_t i = 0; i < n; i++) {
+    for (size_t i = 0; i < n && !isnan(most); i++) {
         double sum = 0.0;
         for (size_t j = 0; j < n; j++) sum += fabs(x[i * n + j]);
         if (!(sum <= most)) most = sum;
@@ -235,7 +235,7 @@ static lg_status linearise(const lg_model *model, const lg_lqr_options *options,
     if (options->input != NULL) memcpy(p->input, options->input, m * sizeof *p->input);
     *drift = 0.0;
     lg_model_drift(model, p->state, p->input, p->c, p->work);
-    for (size_t i = 0; i < r; i++)
+    for (size_t i = 0; i < r && !isnan(*drift); i++)
         if (!(fabs(p->c[i]) <= *drift)) *drift = fabs(p->c[i]);
     if (isnan(*drift)) return lg_fail(error, LG_NOT_FINITE, "the field at the state is not finite");
     if (*drift > options->most_drift)

@@ -165,14 +165,14 @@ void lg_minimiser_destroy(lg_minimiser *m) {
 
 double lg_largest(const double *x, size_t n) {
     double top = 0.0;
-    for (size_t i = 0; i < n; i++)
+    for (size_t i = 0; i < n && !isnan(top); i++)
         if (!(fabs(x[i]) <= top)) top = fabs(x[i]);
     return top;
 }
 
 double lg_minimise_gradient_size(const lg_minimiser *m) {
     double top = 0.0;
-    for (size_t i = 0; m->unit != NULL && i < m->n; i++) {
+    for (size_t i = 0; m->unit != NULL && i < m->n && !isnan(top); i++) {
         const double g = fabs(m->g[i]) / m->unit[i] * m->value_unit;
         if (!(g <= top)) top = g;
     }

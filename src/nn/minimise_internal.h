@@ -180,7 +180,7 @@ static inline size_t lg_minimise_curvature_length(size_t n, const lg_minimise_op
     return looks ? LG_LANCZOS_STEPS * (lg_minimise_stride(n) + 2) : 0;
 }
 
-/* max |x_i|; 0 for n = 0. After a NaN the maximum starts anew, so a NaN is lost unless it is the last. */
+/* max |x_i|; 0 for n = 0, NaN if an element is NaN. */
 double lg_largest(const double *x, size_t n);
 
 #endif

@@ -92,7 +92,7 @@ typedef struct given_objective {
 
 /* Sets the units of variables that start at 0: unit[i] = size/|slope[i]|, so that one unit of x_i changes f
  * (or r) by about its own size. `size` is |f| or |r|, slope[i] the derivative by x_i. If the slope is zero or
- * of rounding size, unit[i] is the largest |x_j|; if all x are 0, it is the first finite unit; if there is
+ * of rounding size, unit[i] is the largest |x_j|; if all x are 0, it is the largest finite unit; if there is
  * none, 1. */
 static void units_of_zeros(size_t n, const double *x, double size, const double *slope, double *unit) {
     static const double ROUNDED = 1e-12;
@@ -103,7 +103,8 @@ static void units_of_zeros(size_t n, const double *x, double size, const double 
     }
     for (size_t i = 0; i < n; i++)
         if (x[i] == 0.0) unit[i] = size / fabs(slope[i]);
-    for (size_t i = 0; i < n && largest == 0.0; i++)
+    const bool all_zero = largest == 0.0;
+    for (size_t i = 0; i < n && all_zero; i++)
         if (isfinite(unit[i])) largest = fmax(largest, unit[i]);
     for (size_t i = 0; i < n; i++)
         if (!(unit[i] > 0.0) || !(unit[i] * ROUNDED <= largest)) unit[i] = largest > 0.0 ? largest : 1.0;

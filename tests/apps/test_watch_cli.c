@@ -256,6 +256,12 @@ TEST("values that are missing are lost samples, and other lines are malformed") 
         if (is_lost != (strstr(result.err, "line 21: ") == NULL)) fail_msg("'%s': %s", line, result.err);
     }
     begin();
+    add("1,2,3,4\n"); /* no sample is lost before the first one */
+    add_plain(0, 40);
+    watch_words("", 0, "received 40, absent 0, not finite 0, malformed 1");
+    assert_says(result.err, "line 1: ");
+    assert_says(result.err, "left out");
+    begin();
     add_plain(0, 20);
     for (int i = 0; i < 30; i++) add("what %d\n", i);
     watch_words("", 0, "malformed 30");

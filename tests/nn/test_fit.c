@@ -590,6 +590,22 @@ TEST("a model that died after it had learned keeps its best epoch") {
     }
 }
 
+/* sqrt(a^2) + b^2: at a = 0 the derivative by a alone is NaN. */
+static lg_status kinked_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
+                             size_t batch, lg_var *loss) {
+    (void)user, (void)samples, (void)count, (void)batch;
+    const lg_var a = lg_slice(tape, theta, 0, 0, 1), b = lg_slice(tape, theta, 0, 1, 1);
+    *loss = lg_sum(tape, lg_add(tape, lg_sqrt(tape, lg_square(tape, a)), lg_square(tape, b)));
+    return LG_OK;
+}
+
+TEST("Newton's method says that one derivative is NaN, whatever the derivatives after it are") {
+    const lg_fit_problem problem = {.parameters = 2, .samples = 1, .loss = kinked_loss};
+    double theta[2] = {0, 1};
+    assert_status(lg_newton_fit(NULL, &problem, theta, NULL), LG_NOT_FINITE);
+    assert_true(theta[0] == 0 && theta[1] == 1);
+}
+
 TEST("a run with restarts, in parts, has the bytes of one run") {
     lg_fit_options o = rich_options(LG_F64);
     o.restarts = 3;

@@ -220,6 +220,37 @@ TEST("steps and checks have the size of the variables and of the function") {
         }
 }
 
+/* Two squares whose variables have the units `first` and `second`, and a third variable, along which f does
+ * not fall at 0. */
+static lg_status mixed(const double *x, double first, double second, double *value, double *gradient) {
+    const double u = x[0] / first - 3, v = x[1] / second - 3, w = x[2] / 1e3, z = w * w - 1;
+    *value = u * u + v * v + z * z;
+    gradient[0] = 2 * u / first;
+    gradient[1] = 2 * v / second;
+    gradient[2] = 4 * z * w / 1e3;
+    return LG_OK;
+}
+static lg_status rising(const double *x, size_t n, double *value, double *gradient) {
+    (void)n;
+    return mixed(x, 1e-3, 1e3, value, gradient);
+}
+static lg_status falling(const double *x, size_t n, double *value, double *gradient) {
+    (void)n;
+    return mixed(x, 1e3, 1e-3, value, gradient);
+}
+
+TEST("the order of the variables changes nothing when all of them start at 0") {
+    for (int method = 0; method < LG_MINIMISE_LM; method++) {
+        function f = FUNCTION(rising, 3), g = FUNCTION(falling, 3);
+        double x[3] = {0}, y[3] = {0};
+        const lg_minimise_result a = minimise(&f, (lg_minimise_method)method, x, LG_OK),
+                                 b = minimise(&g, (lg_minimise_method)method, y, LG_OK);
+        assert_close(x[0], 3e-3, 1e-6, 0);
+        assert_int_equal(a.evaluations, b.evaluations);
+        assert_true(x[0] == y[1] && x[1] == y[0] && x[2] == y[2]);
+    }
+}
+
 /* x^2 + x^4 + (y^2 - 1)^2: y = 0 is a saddle that every gradient from (1, 0) runs into. */
 static lg_status two_wells(const double *x, size_t n, double *value, double *gradient) {
     const double w = x[1] * x[1] - 1;
