@@ -1,4 +1,5 @@
-/* Gradients of functionals of a trajectory: plain states at checkpoints, one step at a time on a tape. */
+/* Gradients of functionals of a trajectory: the states are recomputed from checkpoints with the plain
+ * stepper, and each step is recorded alone on a tape and swept backwards. */
 #include "liegrad/adjoint.h"
 
 #include <math.h>
@@ -13,16 +14,16 @@ typedef struct lg_adjoint {
     lg_error *error;
     lg_stepper *stepper;
     lg_tape *tape;
-    size_t dim, segments, longest; /* longest: steps in the longest segment */
+    size_t dim, segments, longest; /* longest: number of steps in the longest segment */
     double *memory;
-    double *checkpoint; /* (segments + 1, dim): the starts of the segments, the end */
-    double *state;      /* (longest, dim): the starts of the steps of the segment at hand */
-    double *after;      /* dJ/dy after the step at hand */
-    double *before;     /* dJ/dy before the step at hand */
-    double *parameters; /* dJ/dparameters of the steps done, or NULL: not asked for */
+    double *checkpoint; /* (segments + 1, dim): the starts of the segments, then the end */
+    double *state;      /* (longest, dim): the starts of all steps in the current segment */
+    double *after;      /* dim: dJ/dy after the current step */
+    double *before;     /* dim: dJ/dy before the current step */
+    double *parameters; /* dJ/dparameters, summed over the steps swept so far; NULL if not wanted */
 } lg_adjoint;
 
-/* A step as the tape has it. */
+/* Variables of one recorded step: start, parameters (or LG_NONE), end. */
 typedef struct lg_recorded {
     lg_var y, parameters, next; /* y and next (1, dim) */
 } lg_recorded;
@@ -44,7 +45,7 @@ static lg_status fail_at(const lg_adjoint *a, lg_status status, size_t n, const 
 
 /* ---- plain states ---- */
 
-/* The first step of segment s; of s = segments: N. The longer segments come first. */
+/* Number of the first step of segment s; N for s = segments. The longer segments come first. */
 static size_t first_step(const lg_adjoint *a, size_t s) {
     const size_t extra = a->problem->steps % a->segments;
     return s * (a->problem->steps / a->segments) + (s < extra ? s : extra);
@@ -56,9 +57,9 @@ static lg_status advance(lg_adjoint *a, size_t n, const double *y, double *next)
     return status == LG_OK ? LG_OK : fail_at(a, status, n, lg_status_sentence(status));
 }
 
-/* Computes the checkpoint at the end of segment s from the one at its start, and keeps the states of the
- * last segment. The stepper forgets the segment before, so that a segment computed again gives the same
- * bits. */
+/* Computes the checkpoint at the end of segment s from the checkpoint at its start. In the last segment it
+ * also stores the state before each step in a->state. The stepper is reset first, so that a segment computed
+ * again gives the same bits. */
 static lg_status cross_segment(lg_adjoint *a, size_t s) {
     const size_t d = a->dim, begin = first_step(a, s), end = first_step(a, s + 1);
     double *y = a->checkpoint + (s + 1) * d;
@@ -83,7 +84,8 @@ static lg_status recompute_segment(lg_adjoint *a, size_t s) {
 
 /* ---- steps on the tape ---- */
 
-/* Splitting schemes take q and p apart: R^2n in one piece is cut. The step refuses other spaces. */
+/* For splitting schemes, replaces the space R^2n by R^n x R^n, so that q and p are two parts. Other spaces
+ * stay; lg_taped_step refuses those that do not fit. */
 static lg_status halve(const lg_scheme *scheme, lg_space *space) {
     const size_t n = space->dim / 2;
     if (scheme->kind != LG_SCHEME_SPLITTING || space->factors != 1) return LG_OK;
@@ -119,8 +121,8 @@ static lg_status fail_recording(const lg_adjoint *a, lg_status status, size_t n)
     return fail_at(a, status, n, message);
 }
 
-/* The caller gives both forms of the equation. If their parameters or formulas differ, the gradient belongs
- * to another problem. */
+/* The caller gives the equation twice: problem->ode, and the form for the tape that bind makes. If they
+ * differ, the gradient would be wrong. Their first steps may differ by this fraction of the largest |y_i|. */
 static const double agreement = 1e-8;
 
 static double largest(size_t n, const double *x) {
@@ -129,7 +131,7 @@ static double largest(size_t n, const double *x) {
     return most;
 }
 
-/* Compares the first step of both forms before the run, so that a long run is not wasted. */
+/* Compares the first step of both forms before the run, so that an inconsistency is found at once. */
 static lg_status compare_forms(lg_adjoint *a, const double *y0) {
     const size_t d = a->dim;
     lg_recorded r;
@@ -150,7 +152,7 @@ static lg_status compare_forms(lg_adjoint *a, const double *y0) {
     return LG_OK;
 }
 
-/* Adds dJ_n/dy, y the state after n steps. */
+/* gradient = dJ_n/dy at y, the state after n steps. */
 static lg_status add_source(lg_adjoint *a, size_t n, const double *y, double *gradient) {
     const lg_adjoint_problem *p = a->problem;
     const size_t last = p->steps - 1;
@@ -161,7 +163,8 @@ static lg_status add_source(lg_adjoint *a, size_t n, const double *y, double *gr
                            : lg_fail(a->error, status, "source %zu: %s", n, lg_status_sentence(status));
 }
 
-/* Takes dJ/dy from after step n, which starts at y, to before it. */
+/* Sweeps back over step n, which starts at y: from dJ/dy after the step (a->after) computes dJ/dy before it,
+ * which is then in a->after. */
 static lg_status reverse_step(lg_adjoint *a, size_t n, const double *y) {
     lg_recorded r;
     if (lg_cancelled(a->context)) return fail_at(a, LG_CANCELLED, n, "cancelled");
@@ -196,7 +199,7 @@ static lg_status reverse(lg_adjoint *a) {
     return LG_OK;
 }
 
-/* ---- the whole ---- */
+/* ---- the whole gradient ---- */
 
 static const char *fault_of(const lg_adjoint_problem *p, const double *y0) {
     if (!p || p->size != sizeof *p) return "the problem was not initialised";

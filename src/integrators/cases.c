@@ -1,7 +1,8 @@
-/* Taped integrators: two steps of every scheme in the library's table, with respect to the start and to the
- * parameters of the field, and one step with respect to those and to step size, time and input, one a row of
- * the batch; on T*S^2 the start is moved along the manifold by SE(3). Then a step on every space, from
- * numbers anywhere, and the maps of the spaces. */
+/* Gradient-check cases of the taped integrators. For every scheme in the library's table: two steps,
+ * differentiated with respect to the start and to the parameters of the field, and one step, differentiated
+ * also with respect to step size, time and input, which differ between the rows of the batch. On T*S^2 the
+ * start is moved along the manifold by SE(3). Then one step on every space, from starts that need not lie on
+ * the manifold, and the maps of the spaces. */
 #include <stdio.h>
 #include <string.h>
 
@@ -15,12 +16,12 @@ enum { BATCH = 2, COPIES = 2, STEPS = 2 };
 typedef lg_status (*pair_fn)(lg_tape *, const lg_space *, const lg_var *, const lg_var *, lg_var *);
 typedef struct settings {
     lg_scheme scheme;
-    bool rows;              /* one step; its h (B, 1), t (B, 1) and input (B, 3) are the last variables */
-    lg_space_factor factor; /* of rows on one space */
-    pair_fn pair;
+    bool rows;              /* one step; the last variables are h (B, 1), t (B, 1) and input (B, 3) */
+    lg_space_factor factor; /* the space, for build_on_space */
+    pair_fn pair;           /* the map, for build_pair */
 } settings;
 
-/* (q, p) of T*S^2, four of them: |q| = 1, q.p = 0 */
+/* Four points (q, p) of T*S^2: |q| = 1, q.p = 0. */
 static const double starts[BATCH * COPIES * 6] = {
     2.0 / 3, -1.0 / 3, 2.0 / 3, 0.5, 1.0,  0.0, 0.0,      0.6,     0.8,     0.7, -0.8, 0.6,
     0.6,     0.0,      -0.8,    0.8, -0.5, 0.6, -1.0 / 3, 2.0 / 3, 2.0 / 3, 0.0, 0.9,  -0.9,
@@ -42,13 +43,13 @@ static lg_status tangent(const void *user, uint32_t argument, const double *y, c
     return LG_OK;
 }
 
-/* The other copy of the pair. */
+/* Exchanges the two copies in x (B, 2, 3). */
 static lg_var exchanged(lg_tape *tape, lg_var x) {
     lg_var halves[2] = {lg_slice(tape, x, 1, 1, 1), lg_slice(tape, x, 1, 0, 1)};
     return lg_concat(tape, halves, 2, 1);
 }
 
-/* A part (B, k, 3) or (B, 3) with the input added to each vector, and the time where it varies. */
+/* Adds to each vector of `part`, (B, k, 3) or (B, 3), the input, and the time if it varies over the rows. */
 static lg_var driven(lg_tape *tape, lg_taped_time t, lg_var input, lg_var part) {
     const bool tall = lg_var_shape(tape, part).rank == 3;
     if (lg_taped_time_varies(t)) {
@@ -59,8 +60,9 @@ static lg_var driven(lg_tape *tape, lg_taped_time t, lg_var input, lg_var part) 
     return lg_add(tape, part, tall ? lg_reshape(tape, input, lg_shape3(BATCH, 1, 3)) : input);
 }
 
-/* xi = a q + q' x p, eta = p / (1 + t) + c q' with the neighbour q', driven; where the time varies it is not
- * in the fraction. User: the variables a and c, of shape (3). */
+/* xi = a q + q' x p, eta = p / (1 + t) + c q', where q' is the q of the other copy; driven() then adds input
+ * and time to eta. If the time varies over the rows, t in the fraction is only its constant part t.value.
+ * `user` points to the variables a and c, of shape (3). */
 static lg_status field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                        lg_var *out) {
     const lg_var *parameters = user;
@@ -71,7 +73,7 @@ static lg_status field(void *user, lg_tape *tape, lg_taped_time t, const lg_var 
     return lg_tape_status(tape);
 }
 
-/* The same on R^6 x R^6. */
+/* The same formulas on R^6 x R^6. */
 static lg_status flat_field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                             lg_var *out) {
     lg_var in[2], f[2] = {LG_NONE, LG_NONE};
@@ -94,12 +96,12 @@ static lg_status velocity(void *user, lg_tape *tape, lg_taped_time t, lg_var p, 
     return lg_tape_status(tape);
 }
 
-/* q and p of all copies, side by side */
+/* The two parts q and p of all copies, concatenated along the last axis. */
 static lg_var joined(lg_tape *tape, lg_status status, const lg_var *parts) {
     return status == LG_OK ? lg_concat(tape, parts, 2, -1) : LG_NONE;
 }
 
-/* `steps` steps from 0.1 of size 0.2, or one with the variables h, t, input at `rows`. */
+/* `steps` steps of size 0.2 from t = 0.1. If s->rows, one step with the variables rows = {h, t, input}. */
 static lg_status advance(const settings *s, lg_tape *tape, const lg_taped_ode *ode, size_t steps,
                          const lg_var *rows, const lg_var *y, lg_var *out) {
     if (!s->rows) return lg_taped_integrate(tape, &s->scheme, ode, 0.1, 0.2, steps, steps, y, out);
@@ -118,7 +120,7 @@ static lg_var integrated(const settings *s, lg_tape *tape, lg_taped_ode *ode, co
     return joined(tape, status, out);
 }
 
-/* x: y (B, k, 6), a (3), c (3) */
+/* Variables x: y (B, k, 6), a (3), c (3). */
 static lg_var build_on_manifold(const void *user, lg_tape *tape, const lg_var *x) {
     lg_var y[2] = {lg_slice(tape, x[0], 2, 0, 3), lg_slice(tape, x[0], 2, 3, 3)},
            parameters[2] = {x[1], x[2]};
@@ -126,7 +128,7 @@ static lg_var build_on_manifold(const void *user, lg_tape *tape, const lg_var *x
     return integrated(user, tape, &ode, &(lg_space_factor){LG_SPACE_TS2, COPIES}, 1, y, x + 3);
 }
 
-/* x: q (B, 6), p (B, 6), a, c */
+/* Variables x: q (B, 6), p (B, 6), a (3), c (3). */
 static lg_var build_ambient(const void *user, lg_tape *tape, const lg_var *x) {
     lg_var parameters[2] = {x[2], x[3]};
     lg_taped_ode ode = {.field = flat_field, .user = parameters};
@@ -143,12 +145,12 @@ static lg_var build_splitting(const void *user, lg_tape *tape, const lg_var *x) 
 
 /* ---- any space ---- */
 
-/* Three numbers of every row of a part. */
+/* The first three numbers of every copy in a part; a part (B, n) of R^n is returned whole. */
 static lg_var vector_of(lg_tape *tape, lg_var part) {
     return lg_var_shape(tape, part).rank == 3 ? lg_slice(tape, part, 2, 0, 3) : part;
 }
 
-/* The field c x + x_next * x, x the vectors of a part. */
+/* The field c x + x_next x (elementwise), x the vectors of a part, x_next the vectors of the next part. */
 typedef struct mixture {
     size_t parts;
     lg_var c; /* (3) */
@@ -163,7 +165,7 @@ static lg_status mix(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y
     return lg_tape_status(tape);
 }
 
-/* x: y (B, dim), c (3) */
+/* Variables x: y (B, dim), c (3). */
 static lg_var build_on_space(const void *user, lg_tape *tape, const lg_var *x) {
     const settings *s = user;
     lg_var y[LG_TAPED_MAX_PARTS];
@@ -186,7 +188,7 @@ static lg_status dexpinv_truncated(lg_tape *tape, const lg_space *space, const l
     return lg_taped_dexpinv(tape, space, 4, a, b, out);
 }
 
-/* x: u, v of (B, k, 3), then the second argument in two parts */
+/* Variables x: the parts u, v (B, k, 3) of the map's first argument, then the two parts of its second one. */
 static lg_var build_pair(const void *user, lg_tape *tape, const lg_var *x) {
     const settings *s = user;
     lg_space space;
@@ -210,14 +212,14 @@ static const double no_angle[BATCH * COPIES * 3] = {0};
 #define ON_SPACE(dim) .build = build_on_space, INPUTS({.shape = S2(BATCH, dim)}, {.shape = S1(3)})
 #define PAIR(...)     .build = build_pair, INPUTS(__VA_ARGS__, __VA_ARGS__, VECTORS, VECTORS)
 
-/* Step size, time and input, behind the others' variables. */
+/* Step size, time and input: the last variables of the one-step cases. */
 static const lg_gradcheck_argument of_a_step[] = {
     {.shape = S2(BATCH, 1), .low = 0.1, .high = 0.3},
     {.shape = S2(BATCH, 1)},
     {.shape = S2(BATCH, 3)},
 };
 
-/* How a scheme of the table is checked. */
+/* The functions with which schemes are checked; function_of chooses one. */
 static const lg_gradcheck_function on_manifold = {ON_MANIFOLD}, on_group = {ON_SPACE(12)};
 static const lg_gradcheck_function ambient = {
     .build = build_ambient,
@@ -256,7 +258,7 @@ static const extra_row extras[] = {
     {{.name = "dexpinv of se(3), truncated", PAIR(VECTORS)}, .pair = dexpinv_truncated},
 };
 
-/* A row as it is made: a name, settings and arguments of its own. */
+/* Memory of one case: its name, settings and arguments. */
 typedef struct made_row {
     char name[64];
     settings settings;
@@ -305,7 +307,7 @@ static lg_gradcheck_case row_of_extra(const extra_row *extra, made_row *own) {
     return complete(&extra->function, own);
 }
 
-/* Made once, kept to the end. */
+/* The cases are made in the first call and kept until the program ends. */
 const lg_gradcheck_case *lg_gradcheck_integrators(size_t *count) {
     static lg_gradcheck_case *rows;
     static made_row *own;
@@ -316,7 +318,7 @@ const lg_gradcheck_case *lg_gradcheck_integrators(size_t *count) {
         own = lg_gradcheck_alloc(most, sizeof *own);
         for (size_t i = 0; i < lg_scheme_count(); i++) {
             const lg_scheme *scheme = lg_scheme_at(i);
-            if (scheme->kind == LG_SCHEME_VARIATIONAL) continue; /* not on the tape */
+            if (scheme->kind == LG_SCHEME_VARIATIONAL) continue; /* cannot be recorded */
             rows[used] = row_of_scheme(scheme, &own[used]);
             used++;
             rows[used] = row_of_step(scheme, &own[used]);

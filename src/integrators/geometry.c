@@ -1,4 +1,4 @@
-/* SO(3) and SE(3) in coordinates; every function is written so that `out` may be an input. */
+/* SO(3) and SE(3) in coordinates. In every function `out` may be one of the inputs. */
 #include "liegrad/geometry.h"
 
 #include <math.h>
@@ -36,7 +36,7 @@ static void so3_function(double g1, double g2, const double u[3], const double b
     for (int i = 0; i < 3; i++) out[i] = b[i] + (g1 * ub[i] + g2 * uub[i]);
 }
 
-/* The same for the three columns of a matrix. */
+/* Applies so3_function to each column of the 3 x 3 matrix B. */
 static void so3_function_columns(double g1, double g2, const double u[3], const double B[9], double out[9]) {
     double result[9];
     for (int j = 0; j < 3; j++) {
@@ -58,8 +58,8 @@ void lg_so3_exp(const double u[3], double R[9]) {
     lg_so3_exp_multiply(u, identity, R);
 }
 
-/* K of q^T K q = tr(R(q)^T A) for unit quaternions q = (scalar, vector), plus `shift` on the diagonal. Of a
- * rotation A = R(q), K + I is 4 q q^T. */
+/* The symmetric matrix K with q^T K q = tr(R(q)^T A) for unit quaternions q = (scalar, vector), plus `shift`
+ * times I. For a rotation A = R(q), K + I = 4 q q^T. */
 static void quaternion_form(const double A[9], double shift, double K[4][4]) {
     const double wx = A[7] - A[5], wy = A[2] - A[6], wz = A[3] - A[1];
     const double xy = A[1] + A[3], xz = A[2] + A[6], yz = A[5] + A[7];
@@ -70,8 +70,8 @@ static void quaternion_form(const double A[9], double shift, double K[4][4]) {
     memcpy(K, rows, sizeof rows);
 }
 
-/* The row of 4 q q^T with the largest diagonal entry has length at least 2, so normalising it loses no
- * digits. */
+/* Reads q off a row of 4 q q^T. The row with the largest diagonal entry has length at least 2, so normalising
+ * it loses no digits. */
 void lg_so3_log(const double R[9], double u[3]) {
     double rows[4][4];
     quaternion_form(R, 1.0, rows);
@@ -111,7 +111,8 @@ void lg_so3_dexpinv(const double u[3], const double b[3], double out[3]) {
     so3_function(-0.5, lg_dexpinv_coef(dot(u, u), 0), u, b, out);
 }
 
-/* Entries far from 1 are scaled by a power of two. Those of rotations are not. */
+/* If the largest |entry| is outside of about 2^-9 .. 2^8, scales R by a power of two that brings it near 1.
+ * Rotations are never scaled. */
 static void scale_entries(double R[9]) {
     double largest = 0.0;
     int exponent;
@@ -123,9 +124,9 @@ static void scale_entries(double R[9]) {
 
 enum { SQUARES = 50 };
 
-/* The quaternion q of the nearest rotation maximises q^T K q (B. K. P. Horn 1987). Squares of K + c I, which
- * has no negative eigenvalue, tend to a multiple of q q^T. A gap of rounding between the two largest
- * eigenvalues does not open in so many squares: then the result is NaN. */
+/* The quaternion q of the nearest rotation maximises q^T K q (B. K. P. Horn 1987). K + c I has no negative
+ * eigenvalue, and repeatedly squared (and divided by its trace) it tends to q q^T. If the two largest
+ * eigenvalues differ by rounding only, SQUARES squarings do not separate them; then the result is NaN. */
 static void nearest_rotation(double R[9]) {
     double sum = 0.0, change = 1.0, P[4][4];
     for (int i = 0; i < 9; i++) sum += fabs(R[i]);
@@ -153,8 +154,9 @@ static void nearest_rotation(double R[9]) {
     for (int i = 0; i < 9; i++) R[i] = change > 1e-9 ? NAN : turn[i];
 }
 
-/* Newton's steps, R^-T = cofactors / determinant: the error after a step is half the square of the one
- * before. Far from rotations the inverse loses digits that the polar factor has. */
+/* Newton's method R <- (R + R^-T)/2 with R^-T = cofactors / determinant: the error after a step is half the
+ * square of the error before. If R is far from a rotation, nearest_rotation is used instead, because the
+ * inverse would lose digits that the polar factor has. */
 void lg_so3_project(double R[9]) {
     double cofactor[9], d[9], change = 1.0;
     scale_entries(R);
@@ -210,7 +212,8 @@ void lg_se3_exp_act(const double a[6], const double y[6], double out[6]) {
     }
 }
 
-/* (u1 x x1, u1 x x2 + v1 x x1): the generator on T*S^2 and the bracket have the same coordinates. */
+/* out = (u x x1, u x x2 + v x x1) for a = (u, v) and x = (x1, x2): the generator on T*S^2 and the bracket of
+ * se(3) have the same formula. */
 static void se3_cross(const double a[6], const double x[6], double out[6]) {
     double first[3], second[3], third[3];
     cross(a, x, first);
@@ -230,7 +233,7 @@ void lg_se3_bracket(const double a[6], const double b[6], double out[6]) {
     se3_cross(a, b, out);
 }
 
-/* A function of ad_a that is 1 at 0, by its coefficients; gt = 2 dg/dw. */
+/* Coefficients of a function phi(ad_a) with phi(0) = 1, w = |u|^2: g1, g2 and gt = 2 dg/dw of each. */
 typedef struct coefficients {
     double g1, gt1, g2, gt2;
 } coefficients;
@@ -246,8 +249,9 @@ static coefficients dexpinv_coefficients(const double a[6]) {
     return (coefficients){-0.5, 0.0, lg_dexpinv_coef(w, 0), 2.0 * lg_dexpinv_coef(w, 1)};
 }
 
-/* phi(ad_a) b. Let x = ad_a b and xx = ad_a ad_a b. The result is b + g1 x + g2 xx. The translational part
- * has one more term: rho times the derivatives of g1 and g2, with the rotational parts of x and xx. */
+/* out = phi(ad_a) b. Let x = ad_a b, xx = ad_a ad_a b and rho = u.v. The result is b + g1 x + g2 xx. Its
+ * translational part (the last three numbers) also has the term rho (gt1 x + gt2 xx), where x and xx mean
+ * their rotational parts (the first three numbers). */
 static void se3_function(coefficients k, const double a[6], const double b[6], double out[6]) {
     double x[6], xx[6];
     se3_cross(a, b, x);

@@ -1,10 +1,11 @@
-/* One implicit stage by Newton's method, and the implicit schemes on R^n.
+/* Newton's method for one implicit stage, and the implicit schemes on R^n.
  *
- * The unknown is z = h f(t + theta h, stage(z)). The Jacobian of the residual is computed by differences. It
- * is kept as long as the corrections shrink tenfold. Steps are damped by the natural monotonicity test
- * (Deuflhard, Newton methods for nonlinear problems, 3.3). When that fails, h is reached in parts, each of
- * which starts from the solution of the part before. Nothing is kept from one step of the integration to the
- * next, so a step depends on its arguments only.
+ * The unknown z solves z = h f(t + theta h, stage(z)). The Jacobian of the residual is computed by
+ * differences. It is used again as long as each correction is at most a tenth of the one before. Corrections
+ * are damped by the natural monotonicity test (Deuflhard, Newton methods for nonlinear problems, 3.3). If
+ * this does not converge, the equation is solved for increasing step sizes up to h, each started from the
+ * solution for the step size before. Nothing is kept from one time step to the next, so a step depends on its
+ * arguments only.
  */
 #include <float.h>
 #include <math.h>
@@ -18,7 +19,8 @@
 
 /* ---- linear systems ---- */
 
-/* Row-major (n, n), in place, with partial pivoting; false when singular or not finite. */
+/* LU factors of the row-major matrix a (n, n), in place, with row pivoting. False if singular or not
+ * finite. */
 static bool factorise(size_t n, double *a, size_t *pivot) {
     for (size_t k = 0; k < n; k++) {
         size_t p = k;
@@ -57,7 +59,7 @@ static void solve(size_t n, const double *a, const size_t *pivot, const double *
 
 /* ---- Newton's method ---- */
 
-/* The equation: z - h f(t, stage(y, z)) = 0, t the time of the stage. */
+/* The equation z - h f(t, stage(y, z)) = 0, where t is the time of the stage. */
 typedef struct lg_equation {
     lg_stepper *s;
     double t, h;
@@ -74,7 +76,7 @@ static lg_status residual(const lg_equation *e, const double *z, double *out) {
     return lg_all_finite(m, out) ? LG_OK : LG_NOT_FINITE;
 }
 
-/* max_i |x_i| / scale_i; NaN when any is */
+/* max_i |x_i| / scale_i, or NaN when an x_i is NaN. */
 static double size_of(const lg_stepper *s, const double *x) {
     double size = 0.0;
     for (size_t i = 0; i < s->ode.space.algebra_dim; i++) {
@@ -84,7 +86,8 @@ static double size_of(const lg_stepper *s, const double *x) {
     return size;
 }
 
-/* At newton.z, where newton.residual is known; overwrites trial and next. */
+/* Computes the Jacobian at newton.z and its factors. newton.residual must hold the residual at newton.z.
+ * Overwrites newton.trial and newton.next. */
 static lg_status linearise(const lg_equation *e) {
     lg_newton *w = &e->s->newton;
     const size_t m = e->s->ode.space.algebra_dim;
@@ -99,8 +102,9 @@ static lg_status linearise(const lg_equation *e) {
     return factorise(m, w->jacobian, w->pivot) ? LG_OK : LG_NO_CONVERGENCE;
 }
 
-/* Tries z - lambda step for lambda = 1, 1/2, ... On LG_OK the point is in `trial`, its residual is known and
- * its correction is in `next`. LG_NO_CONVERGENCE: no lambda shrinks the correction. */
+/* Tries z - lambda step for lambda = 1, 1/2, ... until the correction shrinks. On LG_OK the accepted point is
+ * in newton.trial, its residual in newton.residual and its Newton correction in newton.next.
+ * LG_NO_CONVERGENCE: the correction shrank for no lambda. */
 static lg_status damped(const lg_equation *e, double size, double *next_size, double *lambda) {
     lg_newton *w = &e->s->newton;
     const size_t m = e->s->ode.space.algebra_dim;
@@ -113,7 +117,7 @@ static lg_status damped(const lg_equation *e, double size, double *next_size, do
         solve(m, w->jacobian, w->pivot, w->residual, w->next);
         *next_size = size_of(e->s, w->next);
         if (*next_size <= (1.0 - 0.25 * *lambda) * size) return LG_OK;
-        if (size < 1e-8) break; /* rounding, or an old Jacobian */
+        if (size < 1e-8) break; /* the cause is rounding or an old Jacobian; a smaller lambda will not help */
     }
     return LG_NO_CONVERGENCE;
 }
@@ -124,9 +128,9 @@ static void subtract(size_t n, double *x, const double *y) {
 
 #define ROUNDING (0.05 * DBL_EPSILON)
 
-/* Repeats corrections with one Jacobian, beginning with `newton.step`, as long as they shrink tenfold.
- * *done: newton.z is the solution. Otherwise a new Jacobian is needed, and newton.residual is known at
- * newton.z. */
+/* Repeats corrections with the same Jacobian, the first of them newton.step, as long as each is at most a
+ * tenth of the one before. *done true: newton.z is the solution. *done false with LG_OK: a new Jacobian is
+ * needed; newton.residual holds the residual at newton.z. */
 static lg_status chords(const lg_equation *e, bool *done) {
     lg_newton *w = &e->s->newton;
     const size_t m = e->s->ode.space.algebra_dim;
@@ -138,7 +142,7 @@ static lg_status chords(const lg_equation *e, bool *done) {
         if (*done) return LG_OK;
         const lg_status status = damped(e, size, &next_size, &lambda);
         if (status == LG_NO_CONVERGENCE) {
-            *done = size < (fresh ? 1e-8 : 1e-12); /* as near as rounding lets it come */
+            *done = size < (fresh ? 1e-8 : 1e-12); /* converged as far as rounding allows */
             if (*done) return LG_OK;
             return fresh ? status : residual(e, w->z, w->residual);
         }
@@ -151,7 +155,7 @@ static lg_status chords(const lg_equation *e, bool *done) {
     }
 }
 
-/* From newton.z to the solution in newton.z. */
+/* Newton's method with newton.z as the first guess; on LG_OK the solution is in newton.z. */
 static lg_status iterate(const lg_equation *e) {
     lg_newton *w = &e->s->newton;
     bool done = false;
@@ -164,8 +168,9 @@ static lg_status iterate(const lg_equation *e) {
     return done ? LG_OK : LG_NO_CONVERGENCE;
 }
 
-/* Reaches h in `parts` equal parts, since z is about proportional to h. A single part starts from h f(t, y).
- */
+/* Solves the equation for the step sizes h/parts, 2 h/parts, ..., h. The first guess is h/parts f(t, y); each
+ * further guess is the solution before, scaled by the ratio of the step sizes, as z is nearly proportional to
+ * the step size. */
 static lg_status in_parts(lg_equation e, double t, double theta, double h, int parts) {
     lg_newton *w = &e.s->newton;
     const size_t m = e.s->ode.space.algebra_dim;

@@ -1,4 +1,4 @@
-/* Loops over steps: fixed and adaptive. */
+/* Integration: loops over fixed and over adaptive steps. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -68,9 +68,9 @@ lg_step_decision lg_step_controller_decide(const lg_step_controller *control, do
                                            const lg_step_history *history) {
     const bool turned = !(history->angle <= control->max_angle);
     const bool accept = error <= 1.0 && !turned;
-    double factor = control->factor_min; /* also for an error that is not a number */
+    double factor = control->factor_min; /* kept if the error is infinite or NaN */
     if (error <= DBL_MAX) factor = control->safety * pow(dmax(error, DBL_MIN), -exponent);
-    /* The angle is nearly proportional to the step. This limit avoids a step that would be refused. */
+    /* The angle is nearly proportional to the step: this limit avoids steps that max_angle would reject. */
     if (history->angle > 0.0) factor = dmin(factor, control->safety * control->max_angle / history->angle);
     if (turned) factor = dmin(factor, 0.5);
     if (isnan(history->angle)) factor = control->factor_min;
@@ -87,7 +87,7 @@ double lg_error_norm(double rtol, const double *atol, const double *error, const
 
 /* ---- adaptive steps ---- */
 
-/* The state of a run; steps go in direction `sign`, sizes are positive. */
+/* An adaptive run. Step sizes are positive; time advances by sign times the step size. */
 typedef struct lg_run {
     lg_stepper *stepper;
     const lg_step_controller *control;
@@ -95,18 +95,18 @@ typedef struct lg_run {
     double t, t_end, sign;
     double t_before; /* start of the last accepted step */
     double h, h_min;
-    bool rejected; /* the last attempt */
+    bool rejected; /* the last attempt was rejected */
     lg_run_stats stats;
 } lg_run;
 
-/* The size of x relative to the tolerance at y. */
+/* The norm of x relative to the tolerances of a step from y to y_next (lg_error_norm). */
 static double norm_at(const lg_run *run, const double *x, const double *y, const double *y_next) {
     const lg_stepper *s = run->stepper;
     return lg_error_norm(run->control->rtol, s->tolerance.atol, x, y, y_next, s->ode.space.dim);
 }
 
-/* |f(t + h, exp(h f) . y) - f(t, y)| / h as ambient vectors, relative to the tolerance; NaN where the field
- * is not finite there. */
+/* *out = |y'(t + h) - y'(t)| / h relative to the tolerance: the difference of the ambient velocities at
+ * exp(h f) . y and at y. NaN if the field is not finite at exp(h f) . y. */
 static lg_status curvature(const lg_run *run, double h, const double *f, double *out) {
     lg_stepper *s = run->stepper;
     const size_t n = s->ode.space.dim, m = s->ode.space.algebra_dim;
@@ -123,10 +123,10 @@ static lg_status curvature(const lg_run *run, double h, const double *f, double 
     return LG_OK;
 }
 
-/* After Hairer, Norsett and Wanner, Solving ordinary differential equations I, II.4, in any unit of time.
- * With the sizes d0, d1, d2 of y, y' and y'' in tolerances, the rate is w = max(d1 / d0, sqrt(d2 / d0)). The
- * first step is so small that d0 (h w)^(1/exponent) is 1, and that no rotation exceeds half of the
- * largest angle. */
+/* Chooses the first step after Hairer, Norsett and Wanner, Solving ordinary differential equations I, II.4,
+ * but independently of the unit of time. d0, d1, d2 are the norms of y, y' and y'' relative to the
+ * tolerances, and w = max(d1 / d0, sqrt(d2 / d0)). The first step h satisfies d0 (h w)^(1/exponent) <= 1, and
+ * its rotation angle is at most max_angle / 2. */
 static lg_status first_step(lg_run *run) {
     lg_stepper *s = run->stepper;
     const size_t n = s->ode.space.dim;
@@ -157,8 +157,8 @@ static lg_status first_step(lg_run *run) {
     return LG_OK;
 }
 
-/* One attempt, which ends exactly at `target` when it is clipped. Otherwise h is the difference of the
- * rounded times, so that the steps taken add up to the time. */
+/* Tries one step. If it would reach `target`, it is clipped to end exactly there. Otherwise its size is the
+ * difference of the rounded times, so that the sizes of all steps add up to the time. */
 static lg_status attempt(lg_run *run, double target) {
     lg_stepper *s = run->stepper;
     const double left = fabs(target - run->t), end = run->t + run->sign * run->h;
@@ -187,7 +187,7 @@ static lg_status attempt(lg_run *run, double target) {
     run->t_before = run->t;
     run->t = clipped ? target : end;
     run->h =
-        clipped ? dmax(run->h, decision.h) : decision.h; /* a clipped step says little about larger ones */
+        clipped ? dmax(run->h, decision.h) : decision.h; /* a clipped step must not make later ones shorter */
     run->stats.steps++;
     run->stats.max_angle = dmax(run->stats.max_angle, s->angle);
     if (!run->control->observe) return LG_OK;
@@ -202,7 +202,7 @@ static bool times_are_valid(double t0, const double *times, size_t count) {
     return isfinite(t0);
 }
 
-/* The state at `time`, which the last step has reached or passed. */
+/* The state at `time`, which must lie in the last step. */
 static lg_status state_at(const lg_run *run, double time, double *out) {
     const lg_stepper *s = run->stepper;
     if (time == run->t) {

@@ -1,6 +1,7 @@
-/* Many integrations side by side: a lane of a vector register is a member, with its own time, step and
- * parameters. Compiled once for each instruction set (mechanics/lanes.c). What a member gets does not depend
- * on the other lanes: each operation is that of its own lane, and a lane that waits keeps its numbers. */
+/* Many integrations side by side. Each lane of a vector register integrates one member of an ensemble, with
+ * its own time, step size and parameters. The code is compiled once for each instruction set
+ * (mechanics/lanes.c). The results of a member do not depend on the other lanes: no operation mixes lanes,
+ * and a lane that has to wait keeps its values. */
 #ifndef LG_LANES_H
 #define LG_LANES_H
 
@@ -8,7 +9,7 @@
 #include "liegrad/ensemble.h"
 #include "liegrad/integrators.h"
 
-/* The systems with fields on lanes. */
+/* The systems whose fields exist for lanes. */
 typedef enum lg_lane_system {
     LG_LANES_NONE,
     LG_LANES_OSCILLATOR,
@@ -25,36 +26,36 @@ typedef enum lg_lane_system {
     LG_LANES_SYSTEMS
 } lg_lane_system;
 
-/* What all blocks of an ensemble share. */
+/* Data that is the same for all blocks of an ensemble. */
 typedef struct lg_lane_plan {
     const lg_scheme *scheme;
     lg_lane_system system;
-    lg_space space;    /* the system's */
-    bool ambient;      /* the scheme works on R^dim */
-    size_t links;      /* of a chain */
-    size_t parameters; /* numbers of a member: parameters, then constants made of them, then workspace */
+    lg_space space;    /* the system's space */
+    bool ambient;      /* the scheme works in ambient coordinates, on R^dim */
+    size_t links;      /* number of links of a chain */
+    size_t parameters; /* numbers per member: parameters, constants derived from them, workspace */
     size_t constants, work;
     bool varied; /* each member has its own parameters */
     const lg_step_controller *control;
-    size_t steps; /* > 0: equal ones; 0: adaptive */
+    size_t steps; /* > 0: number of equal steps; 0: adaptive steps */
     double t_end;
-    const double *times; /* (count) where states are kept, ascending; the last is t_end */
+    const double *times; /* (count): times at which states are kept, ascending; the last is t_end */
     size_t count;
     const lg_ensemble_event *events;
     size_t event_count;
 } lg_lane_plan;
 
-/* Members that one thread integrates. Arrays of members have rows of `room` numbers, a number a member. */
+/* The members that one call of `run` integrates. Rows of its arrays have `room` numbers, one per member. */
 typedef struct lg_lane_block {
     size_t members, room;
     const double *start;     /* (dim, room) */
-    const double *parameter; /* (parameters, room), or (parameters) where they are not varied */
-    const double *constant;  /* (constants, room) or (constants) */
+    const double *parameter; /* (parameters, room) if plan->varied, else (parameters) */
+    const double *constant;  /* (constants, room) if plan->varied, else (constants) */
     double *states;          /* (count, dim, room) */
-    double *events; /* (event_count, room): the time of the first one; untouched where there is none */
+    double *events; /* (event_count, room): first time of each event; untouched if it never happens */
     lg_ensemble_member *outcome;
-    uint64_t *attempts; /* of vectors of steps, added */
-    void *memory;       /* of `memory` bytes, aligned */
+    uint64_t *attempts; /* number of attempted vector steps is added to it */
+    void *memory;       /* work memory, as many bytes as `memory` of lg_lane_table says, aligned */
 } lg_lane_block;
 
 typedef struct lg_lane_table {
@@ -63,9 +64,9 @@ typedef struct lg_lane_table {
     void (*run)(const lg_lane_plan *plan, const lg_lane_block *block);
 } lg_lane_table;
 
-/* Of the instruction set in use. */
+/* The table for the instruction set in use. */
 const lg_lane_table *lg_lanes(void);
-/* Whether the system has a field on lanes and the scheme steps on them. */
+/* Whether lanes support the plan's system and scheme. */
 bool lg_lanes_fit(const lg_lane_plan *plan);
 
 #endif

@@ -1,4 +1,4 @@
-/* The schemes of the library, as data, and the check of a scheme's consistency. */
+/* The library's table of schemes, and lg_scheme_check, which checks that a scheme is consistent. */
 #include "liegrad/integrators.h"
 
 #include <math.h>
@@ -11,7 +11,7 @@
     .stages = 4, .order = 4, .c = {0.0, 0.5, 0.5, 1.0}, .a = {{0.0}, {0.5}, {0.0, 0.5}, {0.0, 0.0, 1.0}},    \
     .b = {1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0}
 
-/* Dormand and Prince (1980), RK5(4)7M. Rows 1..6; row 7 equals the weights. */
+/* Dormand and Prince (1980), RK5(4)7M. DP_ROWS are rows 1..6 of a; row 7 equals the weights b. */
 #define DP_ROWS                                                                                              \
     {0.0}, {1.0 / 5.0}, {3.0 / 40.0, 9.0 / 40.0}, {44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0},                   \
         {19372.0 / 6561.0, -25360.0 / 2187.0, 64448.0 / 6561.0, -212.0 / 729.0}, {                           \
@@ -29,8 +29,8 @@
     .embedded = {5179.0 / 57600.0, 0.0,       7571.0 / 16695.0, 393.0 / 640.0, -92097.0 / 339200.0,          \
                  187.0 / 2100.0,   1.0 / 40.0}
 
-/* Their continuous extension of order 4 with the least error (Shampine 1986), b_i(s) = sum_j dense[i][j]
- * s^(j+1). */
+/* Dense output for Dormand-Prince 5(4): the continuous extension of order 4 with the least error (Shampine
+ * 1986), b_i(s) = sum_j dense[i][j] s^(j+1). */
 #define DENSE_DP54                                                                                           \
     .dense_order = 4,                                                                                        \
     .dense = {                                                                                               \
@@ -45,7 +45,7 @@
         {0.0, 40617522.0 / 29380423.0, -110615467.0 / 29380423.0, 69997945.0 / 29380423.0}}
 
 /* Hairer, Norsett and Wanner, Solving ordinary differential equations I, II.5 and II.10: the method of order
- * 8 of their DOP853 (after Dormand and Prince), with its estimate of order 5 alone. */
+ * 8 in their DOP853 (after Dormand and Prince), with only its error estimate of order 5. */
 #define TABLEAU_DP85                                                                                         \
     .stages = 12, .order = 8, .embedded_order = 5,                                                           \
     .c = {0.0,                                                                                               \
@@ -103,8 +103,8 @@
                  0.11944219431891463,                                                                        \
                  0.06706592359165889}
 
-/* Munthe-Kaas and Owren (1999): the classical tableau with the brackets that order 4 needs, in units of h^2.
- */
+/* Munthe-Kaas and Owren (1999): the two commutators with which the classical tableau has order 4 without
+ * dexpinv; h^2 multiplies their weights. */
 static const lg_commutator rkmk4_2c_commutators[] = {{2, 0, 1, -1.0 / 8.0}, {4, 0, 3, -1.0 / 12.0}};
 
 /* Crouch and Grossman (1993) */
@@ -115,7 +115,7 @@ static const lg_cf_row cg3_rows[] = {
     {LG_CF_START, 3, {{13.0 / 51.0}, {0.0, -2.0 / 3.0}, {0.0, 0.0, 24.0 / 17.0}}},
 };
 
-/* Celledoni, Marthinsen and Owren (2003), order 4 with the second stage's point reused by the fourth. */
+/* Celledoni, Marthinsen and Owren (2003), order 4: the fourth stage starts from the second stage's point. */
 static const lg_cf_row cf4_rows[] = {
     {LG_CF_START, 0, {{0.0}}},
     {LG_CF_START, 1, {{0.5}}},
@@ -126,7 +126,7 @@ static const lg_cf_row cf4_rows[] = {
      {{3.0 / 12.0, 2.0 / 12.0, 2.0 / 12.0, -1.0 / 12.0}, {-1.0 / 12.0, 2.0 / 12.0, 2.0 / 12.0, 3.0 / 12.0}}},
 };
 
-/* The same with a solution of order 3 from one more stage (Curry and Owren 2019). */
+/* cf4 with one more stage for an embedded solution of order 3 (Curry and Owren 2019). */
 static const lg_cf_row cf43_rows[] = {
     {LG_CF_START, 0, {{0.0}}},
     {LG_CF_START, 1, {{1.0 / 2.0}}},
@@ -139,7 +139,8 @@ static const lg_cf_row cf43_rows[] = {
     {LG_CF_START, 2, {{1.0 / 3.0}, {-1.0 / 9.0, 1.0 / 3.0, 0.0, 0.0, 4.0 / 9.0}}},
 };
 
-/* Curry and Owren (2019), order 3 with embedded order 2; the update reuses the second or the third point. */
+/* Curry and Owren (2019), order 3 with embedded order 2. The update starts from the second stage's point
+ * (cf32a) or from the third stage's (cf32b). */
 static const lg_cf_row cf32a_rows[] = {
     {LG_CF_START, 0, {{0.0}}},
     {LG_CF_START, 1, {{1.0 / 3.0}}},
@@ -155,10 +156,11 @@ static const lg_cf_row cf32b_rows[] = {
     {LG_CF_START, 1, {{1.0 / 4.0, 0.0, 3.0 / 4.0}}},
 };
 
-/* Forest and Ruth (1990): three steps of Stormer and Verlet, of w, 1 - 2 w and w = 1/(2 - 2^(1/3)). */
+/* Forest and Ruth (1990): Stormer-Verlet steps of sizes w h, (1 - 2 w) h, w h with w = 1/(2 - 2^(1/3)). */
 #define FR_W 1.351207191959657634
 
-/* Blanes and Moan (2002), table 3, SRKN_6^b: symmetric, the numbers in the middle make the sums 1. */
+/* Blanes and Moan (2002), table 3, SRKN_6^b. The coefficients are symmetric; the middle ones follow from the
+ * condition that the kicks and the drifts each sum to 1. */
 #define BM_KICK1  0.0829844064174052
 #define BM_KICK2  0.396309801498368
 #define BM_KICK3  (-0.0390563049223486)
@@ -261,7 +263,7 @@ const lg_scheme *lg_scheme_find(const char *name) {
 
 /* ---- consistency ---- */
 
-/* false for NaN */
+/* |a - b| <= 1e-12; false if one of them is NaN. */
 static bool near(double a, double b) {
     return fabs(a - b) <= 1e-12;
 }
@@ -304,7 +306,7 @@ static const char *commutator_fault(const lg_scheme *s) {
     return s->commutator_count > 0 && s->dense_order > 0 ? "no dense output with commutators" : NULL;
 }
 
-/* b_i(1) = b_i, and sum_i b_i(s) = s */
+/* Checks b_i(1) = b_i for each i, and sum_i b_i(s) = s. */
 static const char *dense_fault(const lg_scheme *s) {
     double powers[LG_DENSE_POWERS] = {0.0};
     if (s->dense_order < 1) return s->dense_order < 0 ? "the order is out of range" : NULL;
@@ -325,7 +327,8 @@ static const char *rkmk_fault(const lg_scheme *s) {
     return fault ? fault : dense_fault(s);
 }
 
-/* Row `index`, whose point lies at time `c`, may use the first `known` stages. */
+/* Checks row `index`: it may use the first `known` stages only, and its coefficients, added to the time of
+ * its base, must give `c`, the time of its point in units of h. */
 static const char *cf_row_fault(const lg_scheme *s, int index, int known, double c) {
     const lg_cf_row *row = &s->rows[index];
     if (row->base < LG_CF_START || row->base >= known) return "a base is not an earlier stage";
@@ -366,7 +369,7 @@ static const char *variational_fault(const lg_scheme *s) {
     return NULL;
 }
 
-/* Only what the kind has is checked. */
+/* Refuses parts that schemes of this kind cannot have. */
 static const char *kind_fault(const lg_scheme *s) {
     const bool rkmk = s->kind == LG_SCHEME_RKMK;
     if (s->embedded_order > 0 && !rkmk && s->kind != LG_SCHEME_COMMUTATOR_FREE)

@@ -1,6 +1,7 @@
-/* Symplectic Lie group integrators on T*(SO(3) x R^m), right-trivialised: (R, r) in SE(3), r the spatial
- * momentum, then perhaps (q, p) in R^2m. After Celledoni, Marthinsen and Owren, An introduction to Lie group
- * integrators, and Bogfjellmo and Marthinsen, High-order symplectic partitioned Lie group methods (2016).
+/* Symplectic Lie group integrators on the right-trivialised T*(SO(3) x R^m). The state is (R, r) in SE(3),
+ * where r is the spatial momentum, optionally followed by (q, p) in R^2m. After Celledoni, Marthinsen and
+ * Owren, An introduction to Lie group integrators, and Bogfjellmo and Marthinsen, High-order symplectic
+ * partitioned Lie group methods (2016).
  *
  * On so(3), dexp_u^* = dexp_{-u} and Ad_{exp(u)}^* = exp(-u), so that with z = (xi, n) = h f(stage):
  *   stage = (exp(theta xi) R0, dexp_xi(r0 + b) - theta dexp_{theta xi} b), b = exp(-theta xi) n
@@ -19,12 +20,12 @@ bool lg_slgi_fits(const lg_space *space) {
     return space->factors == 1 || (space->factors == 2 && f[1].kind == LG_SPACE_RN && f[1].count % 2 == 0);
 }
 
-/* out = exp(u) R, as the space SO(3) has it: orthogonal to rounding however many steps */
+/* out = exp(u) R by the action of the space SO(3), which keeps R orthogonal over any number of steps. */
 static void rotate(const double u[3], const double R[9], double out[9]) {
     lg_space_kind_entry(LG_SPACE_SO3)->act(1, u, R, out);
 }
 
-/* The part in R^2m: q + a x, p + b n */
+/* Writes the R^2m part of `out`: (q + a x, p + b n), where x and n are the last 2 m numbers of z. */
 static void translate(const lg_stepper *s, double a, double b, const double *y, const double *z,
                       double *out) {
     const size_t m = (s->ode.space.dim - 12) / 2;
@@ -56,8 +57,8 @@ static void end(const lg_stepper *s, const double *y, const double *z, double *o
     translate(s, 1.0, 1.0, y, z, out);
 }
 
-/* The scale of xi is 1, as xi is an angle. The scale of n is the momentum. Components in R^2m have their own
- * scales. */
+/* Sets newton.scale: 1 for xi, which is an angle; |r| for n (1 if r is 0); for each component in R^2m its
+ * |y_i|, but at least 1e-3 of the largest of them. */
 static void set_scale(lg_stepper *s, const double *y) {
     double *scale = s->newton.scale;
     const double momentum = sqrt(lg_dot3(y + 9, y + 9));

@@ -1,4 +1,4 @@
-/* Spaces: one table row a kind of factor, and loops over the factors of a product. */
+/* Spaces: a table with one row per kind of factor, and loops over the factors of a product. */
 #include "liegrad/integrators.h"
 
 #include <math.h>
@@ -13,19 +13,19 @@
 #include "liegrad/adjoint.h"
 #include "liegrad/geometry.h"
 
-/* In exact arithmetic the groups keep |q| = 1 and R^T R = I. Rounding does not: the rounding error of a
- * coefficient is the same in every step with the same |u|, so the drift grows with the number of steps.
- * Therefore every action ends with one Newton correction of the constraint. It applies to points whose
- * constraint is off by less than LG_LIE_ROUNDING. Points farther away are taken as intended and keep their
- * distance. Dual spaces have no constraint, but they have invariants whose values follow from the start.
- * There the rotation itself is made exact. */
+/* In exact arithmetic the group actions preserve |q| = 1 and R^T R = I. Rounded actions do not: the rounding
+ * error of a coefficient is the same in every step with the same |u|, so the drift grows with the number of
+ * steps. Therefore every action ends with one Newton correction of the constraint, if the constraint is
+ * violated by less than LG_LIE_ROUNDING. Points farther away are assumed to be intended and keep their
+ * distance from the manifold. Dual spaces have no constraint, but invariants whose values depend on the
+ * start. There the rotation itself is computed so accurately that they do not drift. */
 
-/* The larger one, NaN when either is. */
+/* The larger of a and b, or NaN when one of them is NaN. */
 static double worse(double a, double b) {
     return b > a || isnan(b) ? b : a;
 }
 
-/* 0, or NaN when y holds NaN */
+/* 0, or NaN when y holds a NaN. */
 static double nan_in(size_t n, const double *y) {
     bool found = false;
     for (size_t i = 0; i < n; i++) found = found || isnan(y[i]);
@@ -62,7 +62,7 @@ static void free_gradient(size_t count, const double *y, double *g) {
     (void)g;
 }
 
-/* ---- what the groups share: algebras of so(3) and se(3) ---- */
+/* ---- algebras so(3) and se(3), shared by several spaces ---- */
 
 static void so3_bracket(size_t count, const double *a, const double *b, double *out) {
     for (size_t i = 0; i < count; i++) lg_cross3(a + 3 * i, b + 3 * i, out + 3 * i);
@@ -118,7 +118,8 @@ static double ts2_manifold_error(size_t count, const double *y) {
     return error;
 }
 
-/* The constraints |q|^2/2 and q.p have the gradients (q, 0) and (p, q): g less its part in their span. */
+/* The constraints |q|^2/2 and q.p have the gradients (q, 0) and (p, q). Subtracts from g its orthogonal
+ * projection onto their span. */
 static void ts2_gradient(size_t count, const double *y, double *g) {
     for (size_t i = 0; i < count; i++, y += 6, g += 6) {
         const double *q = y, *p = y + 3;
@@ -133,7 +134,7 @@ static void ts2_gradient(size_t count, const double *y, double *g) {
     }
 }
 
-/* e_1, e_2 of liegrad/integrators.h. */
+/* The tangent vectors e_1 and e_2 at q, as defined in liegrad/integrators.h. */
 static void frame_at(const double *q, double e[2][3]) {
     size_t least = 0;
     for (size_t c = 1; c < 3; c++)
@@ -165,7 +166,7 @@ static void ts2_coordinates(size_t count, const double *y, const double *vector,
     }
 }
 
-/* (u x q, u x p + v x q) = (dq, dp), u and v orthogonal to q: u = q x dq, v = q x (dp - u x p). */
+/* Solves (u x q, u x p + v x q) = (dq, dp) for u and v orthogonal to q: u = q x dq, v = q x (dp - u x p). */
 static void ts2_lift(size_t count, const double *y, const double *vector, double *a) {
     for (size_t i = 0; i < count; i++, y += 6, vector += 6, a += 6) {
         double rest[3];
@@ -180,7 +181,7 @@ static void ts2_lift(size_t count, const double *y, const double *vector, double
 
 enum { SO3_STATE = 9, SE3_STATE = 12 };
 
-/* G = R R^T - I, symmetric; returns the largest entry or NaN */
+/* G = R R^T - I, symmetric. Returns the largest |entry|, or NaN. */
 static double gram(const double R[9], double G[9]) {
     double error = 0.0;
     for (int i = 0; i < 3; i++)
@@ -192,7 +193,7 @@ static double gram(const double R[9], double G[9]) {
     return error;
 }
 
-/* R <- (I - G/2) R (Newton-Schulz) */
+/* One Newton-Schulz step R <- (I - G/2) R, G = R R^T - I; only if no |entry| of G exceeds LG_LIE_ROUNDING. */
 static void settle_rotation(double R[9]) {
     double G[9], d[9];
     if (!(gram(R, G) <= LG_LIE_ROUNDING)) return;
@@ -202,7 +203,7 @@ static void settle_rotation(double R[9]) {
     for (int i = 0; i < 9; i++) R[i] -= 0.5 * d[i];
 }
 
-/* hat(u) R */
+/* out = hat(u) R */
 static void hat_multiply(const double u[3], const double R[9], double out[9]) {
     double result[9];
     for (int j = 0; j < 3; j++) {
@@ -214,7 +215,7 @@ static void hat_multiply(const double u[3], const double R[9], double out[9]) {
     memcpy(out, result, sizeof(result));
 }
 
-/* Largest entry of R^T R - I; a reflection is 2 away. */
+/* The largest |entry| of R^T R - I, or 1 - det R if that is larger and det R < 0: a reflection gives 2. */
 static double rotation_error(const double R[9]) {
     double transposed[9], G[9], c[3];
     for (int i = 0; i < 9; i++) transposed[i] = R[3 * (i % 3) + i / 3];
@@ -224,8 +225,8 @@ static double rotation_error(const double R[9]) {
     return det < 0.0 && !isnan(error) ? worse(error, 1.0 - det) : error;
 }
 
-/* The tangent space is {hat(u) R}, |hat(u) R|^2 = 2 |u|^2: u = 1/2 sum of column of R x column of G, which is
- * R skew(R^T G) for orthogonal R. */
+/* Projects G onto the tangent space {hat(u) R}, in place. As |hat(u) R|^2 = 2 |u|^2, the projection has
+ * u = 1/2 sum_j (column j of R) x (column j of G); for orthogonal R it equals R skew(R^T G). */
 static void rotation_gradient(const double R[9], double G[9]) {
     double u[3] = {0.0, 0.0, 0.0};
     for (int j = 0; j < 3; j++) {
@@ -300,7 +301,7 @@ static void se3_gradient(size_t count, const double *y, double *g) {
     for (size_t i = 0; i < count; i++) rotation_gradient(y + SE3_STATE * i, g + SE3_STATE * i);
 }
 
-/* dR = R hat(c): column j of dR is R (c x e_j). */
+/* dR = R hat(c), so column j of dR is R (c x e_j). */
 static void so3_basis(const double *R, size_t stride, double *directions) {
     for (size_t row = 0; row < 3; row++)
         for (size_t j = 0; j < 3; j++) {
@@ -322,7 +323,7 @@ static void rotation_coordinates(const double *R, const double *dR, double *c) {
     c[2] = 0.5 * (a[3] - a[1]);
 }
 
-/* dR = hat(u) R: u = R c with dR = R hat(c). */
+/* Solves dR = hat(u) R: with dR = R hat(c), u = R c. */
 static void rotation_lift(const double *R, const double *dR, double *u) {
     double c[3];
     rotation_coordinates(R, dR, c);
@@ -351,7 +352,7 @@ static void se3_coordinates(size_t count, const double *y, const double *vector,
     }
 }
 
-/* dr = u x r + v */
+/* From dr = u x r + v: v = dr - u x r. */
 static void se3_lift(size_t count, const double *y, const double *vector, double *a) {
     for (size_t i = 0; i < count; i++, y += SE3_STATE, vector += SE3_STATE, a += 6) {
         double turned[3];
@@ -361,7 +362,7 @@ static void se3_lift(size_t count, const double *y, const double *vector, double
     }
 }
 
-/* A shift of r does not change dr. */
+/* Only the rotation of exp(a) acts on tangent vectors: the translation shifts r but does not change dr. */
 static void se3_carry(size_t count, const double *a, const double *vector, double *out) {
     for (size_t i = 0; i < count; i++, a += 6, vector += SE3_STATE, out += SE3_STATE) {
         const double turn[6] = {a[0], a[1], a[2], 0.0, 0.0, 0.0};
@@ -371,11 +372,11 @@ static void se3_carry(size_t count, const double *a, const double *vector, doubl
 
 /* ---- dual spaces ---- */
 
-/* exp(hat(u)) by a quaternion q = (scalar, v): x + k (scalar v x x + v x (v x x)) is a rotation for any q
- * when k = 2/|q|^2. k has twice the precision, and each sum is rounded once. The error of |x| then does not
- * repeat from step to step: it drifts like a random walk. q is deliberately not of unit length. With k = 2
- * too many sums would lie half-way between two numbers, and the error of k would round them to the same side
- * every time. */
+/* exp(hat(u)) as a quaternion q = (scalar, v): x -> x + k (scalar v x x + v x (v x x)) is a rotation for any
+ * q when k = 2/|q|^2. k is stored in twice the precision, k + k_low, and each sum is rounded once. Then the
+ * error of |x| is not the same in every step: |x| only drifts like a random walk. q deliberately does not
+ * have unit length. With k = 2 too many sums would lie half-way between two doubles, and the error of k would
+ * round them to the same side every time. */
 typedef struct rotor {
     double scalar, v[3], k, k_low;
 } rotor;
@@ -460,7 +461,7 @@ static const lg_space_entry rows[LG_SPACE_KINDS] = {
                            free_project, se3_dual_manifold_error, se3_angle, .tangent = 6},
 };
 
-/* In place: an ambient gradient g at y, orthogonally onto the tangent space. */
+/* Projects the ambient gradient g at y orthogonally onto the tangent space, in place. */
 static void (*const project_gradient[LG_SPACE_KINDS])(size_t count, const double *y, double *g) = {
     [LG_SPACE_RN] = free_gradient, [LG_SPACE_TS2] = ts2_gradient,       [LG_SPACE_SO3] = so3_gradient,
     [LG_SPACE_SE3] = se3_gradient, [LG_SPACE_SO3_DUAL] = free_gradient, [LG_SPACE_SE3_DUAL] = free_gradient,
@@ -498,7 +499,7 @@ bool lg_space_is_abelian(const lg_space *space) {
     return abelian;
 }
 
-/* Widths of the groups of one copy. */
+/* Number of entries in each group (integrators/groups.h) of one copy; at most two groups. */
 static const size_t groups[LG_SPACE_KINDS][2] = {
     [LG_SPACE_RN] = {1},     [LG_SPACE_TS2] = {3, 3},   [LG_SPACE_SO3] = {9},
     [LG_SPACE_SE3] = {9, 3}, [LG_SPACE_SO3_DUAL] = {3}, [LG_SPACE_SE3_DUAL] = {3, 3},
@@ -513,7 +514,8 @@ size_t lg_space_groups(const lg_space *space, size_t *end) {
     return count;
 }
 
-/* Visits the factors with running offsets into state (y) and algebra (a). */
+/* Loops over the factors: `row` is the factor's table row, `n` its number of copies, `y` and `a` its offsets
+ * in the state and in the algebra element. */
 #define FOR_FACTORS(space, row, n, y, a)                                                                     \
     size_t y = 0, a = 0, n = 0;                                                                              \
     const lg_space_entry *row = NULL;                                                                        \
@@ -598,10 +600,10 @@ double lg_space_angle(const lg_space *space, const double *a) {
 
 /* ---- tangent coordinates ---- */
 
-/* `basis` and `carried` have a block for each copy along their diagonals; a pointer walks from block to
- * block. */
+/* The matrices `basis` and `carried` are block diagonal with one block per copy. In the functions below the
+ * pointer moves from one block to the next. */
 
-/* Returns where the next block begins. */
+/* Writes a unit matrix (n, n) whose rows are `stride` apart. Returns where the next block begins. */
 static double *place_unit(size_t n, size_t stride, double *out) {
     for (size_t i = 0; i < n; i++, out += stride + 1) *out = 1.0;
     return out;
@@ -627,7 +629,8 @@ void lg_space_coordinates(const lg_space *space, const double *y, const double *
     }
 }
 
-/* The block of one copy, (tangent, tangent) with rows `stride` apart. */
+/* Writes the block of one copy, (tangent, tangent) with rows `stride` apart: the map from tangent coordinates
+ * at y to those at the point that a step along `vector` reaches. */
 static void carry_copy(const lg_space_entry *row, const double *y, const double *vector, size_t stride,
                        double *block) {
     double a[LG_SPACE_MAX_ALGEBRA], next[LG_SPACE_MAX_STATE], column[LG_SPACE_MAX_STATE];

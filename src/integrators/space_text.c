@@ -1,11 +1,11 @@
-/* Spaces in words: one writer and one reader. */
+/* Spaces as text: lg_space_text writes it, lg_space_read reads it. */
 #include <stdio.h>
 #include <string.h>
 
 #include "core/core.h"
 #include "liegrad/integrators.h"
 
-/* R^n has its count for n. */
+/* R^n has its dimension n behind `power`; other factors have their number of copies behind `copies`. */
 static const char power[] = "R^", copies[] = " x ", next[] = ", ";
 
 /* A factor takes at most 29 bytes: a name of 6, " x " and a count of 20. */
@@ -23,7 +23,7 @@ void lg_space_text(const lg_space *space, char text[LG_SPACE_TEXT]) {
     }
 }
 
-/* Steps over `word`; false: *at does not begin with it. */
+/* Moves *at behind `word`. Returns false if the text at *at does not begin with `word`. */
 static bool take(const char **at, const char *word) {
     const size_t length = strlen(word);
     if (strncmp(*at, word, length) != 0) return false;
@@ -31,7 +31,7 @@ static bool take(const char **at, const char *word) {
     return true;
 }
 
-/* A number from `least` on, without zeros in front. */
+/* Reads a whole number >= `least` without leading zeros. */
 static bool take_count(const char **at, size_t least, size_t *out) {
     size_t value = 0;
     if (**at == '0') return false;

@@ -1,4 +1,4 @@
-/* Explicit steps: short interpreters over the scheme's data. */
+/* Explicit and variational steps: one short interpreter of the scheme's data per kind. */
 #include "integrators/stepper.h"
 
 #include <math.h>
@@ -8,7 +8,7 @@
 
 /* ---- linear combinations ---- */
 
-/* out = h sum_j coefficient_j k_j over j < stages; out is a row, none of the k_j */
+/* out = h sum_j coefficient_j k_j over j < stages. `out` is a row and must not be one of the k_j. */
 static void combine(const lg_stepper *s, double h, const double *coefficient, int stages, double *out) {
     const double *k[LG_SCHEME_MAX_STAGES];
     double c[LG_SCHEME_MAX_STAGES];
@@ -21,7 +21,7 @@ static void combine(const lg_stepper *s, double h, const double *coefficient, in
         memset(out, 0, s->row_stride * sizeof(*out));
 }
 
-/* out = exp(a) . y, and the largest angle so far */
+/* out = exp(a) . y; updates the step's largest rotation angle. */
 static void apply(lg_stepper *s, const double *a, const double *y, double *out) {
     lg_stepper_turn(s, a);
     lg_space_act(&s->ode.space, a, y, out);
@@ -34,7 +34,7 @@ static void rkmk_error(lg_stepper *s, double h) {
     lg_space_generator(&s->ode.space, s->sigma, s->y_next, s->error);
 }
 
-/* sigma = the exponent of stage `row` (row = stages: of the step), with its commutators */
+/* s->sigma = the exponent of stage `row` with its commutators, or of the step if row = stages. */
 static void rkmk_exponent(lg_stepper *s, double h, const double *coefficient, int row) {
     const lg_scheme *scheme = s->scheme;
     combine(s, h, coefficient, row, s->sigma);
@@ -47,8 +47,8 @@ static void rkmk_exponent(lg_stepper *s, double h, const double *coefficient, in
     }
 }
 
-/* Stage i >= 1 at `point`. With `fsal` the point of the last stage is y1. Its f stays in memo[1] for the
- * next step. */
+/* Computes k_i, i >= 1, at the stage point `point`. In an FSAL scheme the last stage point is y1, and f there
+ * is kept in memo[1] for the next step. */
 static lg_status rkmk_stage(lg_stepper *s, int i, double t, double h, const double *point,
                             const double *input) {
     const lg_scheme *scheme = s->scheme;
@@ -86,8 +86,8 @@ void lg_dense_rkmk(const lg_stepper *s, const double *weight, double *y) {
 
 /* ---- commutator-free ---- */
 
-/* Writes the point of the row to `out`, which is neither y nor one of `points`. Returns out, or the base
- * when the row has no exponential. */
+/* Computes the point of a row into `out`, which must be neither y nor one of `points`. Returns `out`, or the
+ * row's base point if the row has no exponentials. */
 static const double *cf_point(lg_stepper *s, const lg_cf_row *row, double h, const double *y,
                               const double *const *points, double *out) {
     const double *from = row->base == LG_CF_START ? y : points[row->base];
@@ -125,7 +125,7 @@ static void add_scaled(size_t n, double c, const double *x, double *y) {
     for (size_t i = 0; i < n; i++) y[i] += c * x[i];
 }
 
-/* memo[0] holds the force at the q of the end of the last step. */
+/* memo[0] holds the force at the end of the last step, if q has not changed since it was evaluated. */
 lg_status lg_step_splitting(lg_stepper *s, double t, double h, const double *y, const double *input) {
     const lg_scheme *scheme = s->scheme;
     const lg_ode *ode = &s->ode;

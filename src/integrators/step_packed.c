@@ -1,5 +1,5 @@
-/* RKMK with exact dexpinv on copies of T*S^2. Each stage is one kernel. k_i and sigma are read by kernels
- * alone, so they are packed. */
+/* RKMK with exact dexpinv on copies of T*S^2. Each stage is one kernel call. Only kernels read k_i and sigma,
+ * so these are kept in the kernels' packed layout. */
 #include "integrators/stepper.h"
 
 #include <math.h>
@@ -12,8 +12,8 @@ bool lg_packed_fits(const lg_scheme *scheme, const lg_space *space) {
            space->factor[0].kind == LG_SPACE_TS2;
 }
 
-/* The exponent and point of a stage from the k_j, j < stages. With an f, the last k_j is computed from it
- * first. */
+/* Arguments of the kernel that computes a stage's exponent and point from the k_j, j < stages. If f is given,
+ * the kernel first computes the last of these k_j from f. */
 typedef struct packed_sum {
     const double *k[LG_SCHEME_MAX_STAGES];
     double c[LG_SCHEME_MAX_STAGES];
@@ -40,7 +40,7 @@ static void packed_begin(packed_sum *p, lg_stepper *s, double h, const double *c
     s->row[known] = p->stage.k_new;
 }
 
-/* The first value, and with it y, packed in memo[0]. */
+/* Obtains f(t, y) and keeps it and y in packed form in memo[0]. */
 static lg_status packed_first(lg_stepper *s, double t, double h, const double *y, const double *input) {
     const size_t count = s->ode.space.factor[0].count;
     const double *f;
@@ -62,7 +62,7 @@ static void packed_angle(lg_stepper *s) {
     s->angle = sqrt(w);
 }
 
-/* The last k, and the estimated error. */
+/* Computes the last k (if f is given) and the estimated error. */
 static void packed_estimate(lg_stepper *s, double h, const double *f) {
     packed_sum sum;
     packed_begin(&sum, s, h, s->difference, s->scheme->stages, f);
@@ -72,7 +72,8 @@ static void packed_estimate(lg_stepper *s, double h, const double *f) {
     s->kernels->se3_estimate(sum.n, &sum.stage);
 }
 
-/* Each kernel makes the k of the point before and goes on to the next one. */
+/* Each kernel call first computes k at the previous point from the field's value f there, then the next
+ * point. On return *f is the field's value at the last point, or NULL if the last point is not a stage. */
 static lg_status packed_points(lg_stepper *s, double t, double h, const double *input, const double **f) {
     const lg_scheme *scheme = s->scheme;
     const int stages = scheme->stages, points = scheme->fsal ? stages : stages + 1;
@@ -119,7 +120,7 @@ void lg_dense_packed(const lg_stepper *s, const double *weight, double *y) {
                                                              .y = s->memo[0].packed[0],
                                                              .sigma = s->sigma,
                                                              .out = s->point,
-                                                             .end = s->sigma, /* is not needed any more */
+                                                             .end = s->sigma, /* sigma is no longer needed */
                                                              .most = s->most});
     memcpy(y, s->point, s->ode.space.dim * sizeof(*y));
 }

@@ -1,4 +1,4 @@
-/* A stepper: the form of its steps, its memory, and one step of any scheme. */
+/* A stepper: choice of the step form, layout of its memory, and one step of any scheme. */
 #include "integrators/stepper.h"
 
 #include <string.h>
@@ -7,15 +7,17 @@
 
 /* ---- memory ---- */
 
-/* The forms of a step, and what each needs of the space and the functions. The first form of the scheme's
- * kind that fits the scheme and the space is used. */
+/* A form is an implementation of steps, with what it requires of the space and of the ode's functions. The
+ * first row of `forms` with the scheme's kind whose `fits` accepts the scheme and the space is used. */
 struct lg_step_form {
     lg_scheme_kind kind;
     bool (*fits)(const lg_scheme *scheme, const lg_space *space); /* NULL: always */
     lg_status (*step)(lg_stepper *s, double t, double h, const double *y, const double *input);
-    void (*dense)(const lg_stepper *s, const double *weight, double *y); /* NULL: it has none */
-    bool abelian, even, field, halves, map;                              /* what it needs */
-    bool packed, newton, points; /* memory: for packed copies, for Newton's method, a point a stage */
+    void (*dense)(const lg_stepper *s, const double *weight, double *y); /* NULL: no dense output */
+    /* Requirements: space R^n, even dimension, ode.field, ode.force and ode.velocity, ode.step. */
+    bool abelian, even, field, halves, map;
+    /* Memory for packed copies, for Newton's method, for one point per stage. */
+    bool packed, newton, points;
 };
 
 static bool slgi_fits(const lg_scheme *scheme, const lg_space *space) {
@@ -33,7 +35,7 @@ static const lg_step_form forms[] = {
     {LG_SCHEME_VARIATIONAL, NULL, lg_step_variational, NULL, .map = true},
 };
 
-/* NULL: none fits. */
+/* Returns NULL if no form fits. */
 static const lg_step_form *form_of(const lg_scheme *scheme, const lg_space *space) {
     for (size_t i = 0; i < LG_COUNT(forms); i++)
         if (forms[i].kind == scheme->kind && (!forms[i].fits || forms[i].fits(scheme, space)))
@@ -47,7 +49,7 @@ static lg_status check_space(const lg_space *given) {
     return space.dim == given->dim && space.algebra_dim == given->algebra_dim ? LG_OK : LG_INVALID_ARGUMENT;
 }
 
-#define NEWTON_MAX ((size_t)1 << 14) /* the Jacobian is full */
+#define NEWTON_MAX ((size_t)1 << 14) /* unknowns; the Jacobian is a full matrix */
 
 static lg_status check(const lg_scheme *scheme, const lg_ode *ode) {
     if (!ode || lg_scheme_check(scheme, NULL) != LG_OK) return LG_INVALID_ARGUMENT;
@@ -65,7 +67,7 @@ static lg_status check(const lg_scheme *scheme, const lg_ode *ode) {
     return ode->manifold.dim == ode->space.dim ? LG_OK : LG_INVALID_ARGUMENT;
 }
 
-/* Hands out parts of a block; with base NULL it only counts. Parts start on 64-byte boundaries. */
+/* Hands out parts of a block of memory, aligned to 64 bytes. If base is NULL, it only counts the doubles. */
 typedef struct lg_carver {
     double *base;
     size_t used;
@@ -134,7 +136,7 @@ lg_status lg_stepper_init(const lg_scheme *scheme, const lg_ode *ode, lg_stepper
     if (!memory || !out || (uintptr_t)memory % LG_ALIGNMENT != 0 || bytes < lg_stepper_size(scheme, ode))
         return LG_INVALID_ARGUMENT;
     lg_stepper *s = memory;
-    memset(memory, 0, lg_stepper_size(scheme, ode)); /* also what lies behind a row's numbers */
+    memset(memory, 0, lg_stepper_size(scheme, ode)); /* also zeroes the padding at the end of each row */
     *s = (lg_stepper){.scheme = scheme, .form = form_of(scheme, &ode->space), .ode = *ode};
     s->memoises = scheme->embedded_order > 0 || scheme->fsal;
     s->abelian = lg_space_is_abelian(&ode->space);
@@ -178,7 +180,7 @@ lg_status lg_step(lg_stepper *stepper, double t, double h, const double *y, cons
     stepper->angle = 0.0;
     stepper->dense = false;
     LG_TRY(stepper->form->step(stepper, t, h, y, input));
-    if (stepper->scheme->project) /* what was found at the end does not hold behind it */
+    if (stepper->scheme->project) /* memo[1] was taken at the point before the projection */
         stepper->memo[1].valid = false;
     project(stepper, stepper->y_next);
     if (!lg_all_finite(n, stepper->y_next)) return LG_NOT_FINITE;

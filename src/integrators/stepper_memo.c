@@ -1,11 +1,11 @@
-/* Shared by steps of all kinds: evaluations of the field, the memo of their values, and angles. */
+/* Shared by steps of all kinds: evaluations of the field, memos of its values, and rotation angles. */
 #include "integrators/stepper.h"
 
 #include <float.h>
 #include <math.h>
 #include <string.h>
 
-/* Times that differ by rounding are the same time. */
+/* Times that differ only by rounding count as equal. */
 static bool same_time(double a, double b, double h) {
     return a == b || fabs(a - b) <= 4.0 * DBL_EPSILON * fmax(fabs(b), fabs(h));
 }
@@ -26,8 +26,8 @@ lg_status lg_stepper_evaluate(lg_stepper *s, double t, const double *y, const do
     return s->ode.field(s->ode.user, t, y, input, out);
 }
 
-/* f(t, y) at the start of a step. memo[0] belongs to the start of the step before (which may have been
- * rejected), memo[1] to its end. Dense output finds the start of the step in memo[0].y. */
+/* On entry memo[0] belongs to the start of the previous step (which may have been rejected), memo[1] to its
+ * end. On return memo[0] belongs to the start of this step; dense output reads the start from memo[0].y. */
 lg_status lg_stepper_first(lg_stepper *s, double t, double h, const double *y, const double *input,
                            const double **f) {
     const size_t n = s->ode.space.dim;
@@ -51,7 +51,8 @@ lg_status lg_stepper_first(lg_stepper *s, double t, double h, const double *y, c
     return LG_OK;
 }
 
-/* Dense output needs what an FSAL scheme has in memo[1]. */
+/* With an FSAL scheme memo[1] must not be overwritten, because dense output needs its value; a value that is
+ * not known yet then goes to s->bracket. */
 lg_status lg_stepper_last(lg_stepper *s, double t, double h, const double *y, const double **f) {
     const size_t n = s->ode.space.dim;
     lg_memo *end = &s->memo[1];
@@ -74,7 +75,7 @@ void lg_stepper_turn(lg_stepper *s, const double *a) {
     if (angle > s->angle || isnan(angle)) s->angle = angle;
 }
 
-/* 0 x is 0, or NaN where x is not finite. Eight independent sums shorten the chain of additions. */
+/* 0 x is 0 if x is finite, else NaN. Eight independent sums shorten the chain of dependent additions. */
 bool lg_all_finite(size_t n, const double *x) {
     double zero[8] = {0.0}, sum = 0.0;
     size_t i = 0;

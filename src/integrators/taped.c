@@ -1,5 +1,5 @@
-/* The taped interpreter: the same scheme tables as the plain one, points and algebra elements as tuples of
- * variables. */
+/* The taped interpreter: it uses the same scheme tables as the plain interpreter. Points and algebra elements
+ * are tuples of variables. */
 #include "integrators/taped_internal.h"
 
 #include "autodiff/tape/tape_internal.h"
@@ -11,8 +11,8 @@ typedef struct run {
     const lg_scheme *scheme;
     const lg_taped_ode *ode;
     size_t parts;
-    lg_taped_span over; /* the step at hand */
-    bool continues;     /* another step follows: what it can use is kept */
+    lg_taped_span over; /* the current step */
+    bool continues;     /* another step follows: values that it can reuse are kept */
     bool has_first;     /* FSAL: f at the start of this step is known */
     lg_parts first;
     lg_var force; /* splitting: the force at the present q, or LG_NONE */
@@ -30,7 +30,7 @@ static lg_status field(const run *r, double c, const lg_parts *y, lg_parts *f) {
     return lg_tape_status(r->tape);
 }
 
-/* The force or the velocity at a half of the state. */
+/* Calls `of`, the force or the velocity, on `half`, which is q or p, and checks the shape of the result. */
 static lg_status half_field(const run *r, lg_taped_half_field of, const lg_taped_time *t, lg_var half,
                             lg_var *out) {
     LG_TRY(of(r->ode->user, r->tape, *t, half, r->over.input, out));
@@ -40,13 +40,13 @@ static lg_status half_field(const run *r, lg_taped_half_field of, const lg_taped
     return lg_tape_status(r->tape);
 }
 
-/* x times the rows of the step, in place. */
+/* Multiplies the parts of x by the step sizes of the rows, in place; does nothing if the step is constant. */
 static void by_rows(const run *r, lg_parts *x) {
     for (size_t p = 0; p < r->parts; p++) x->part[p] = lg_taped_by_rows(r->tape, &r->over, x->part[p]);
 }
 
-/* h sum_j weight_j k_j over the stages with a nonzero weight, without the factor of the rows of the step.
- * False when all weights are zero. */
+/* out = h sum_j weight_j k_j over the stages with a nonzero weight. If the step sizes are a variable, h is 1
+ * and the caller multiplies by them (by_rows). False if all weights are zero. */
 static bool combine(const run *r, const double *weight, const lg_parts *k, int stages, lg_parts *out) {
     int used[LG_SCHEME_MAX_STAGES], n = 0;
     double c[LG_SCHEME_MAX_STAGES];
@@ -66,7 +66,8 @@ static bool combine(const run *r, const double *weight, const lg_parts *k, int s
 
 /* ---- Runge-Kutta-Munthe-Kaas ---- */
 
-/* The exponent of a stage, or of the step (row = stages), h (sum_j a_j k_j + h sum weight [k, k]). */
+/* sigma = h (sum_j a_j k_j + h sum_i weight_i [k_first, k_second]): the exponent of stage `row`, or of the
+ * step if row = stages. *any is false if there are no terms; sigma is then not written. */
 static lg_status exponent(const run *r, int row, const lg_parts *k, bool *any, lg_parts *sigma) {
     const lg_scheme *s = r->scheme;
     const bool last = row == s->stages;
@@ -106,7 +107,7 @@ static lg_status rkmk_stage(run *r, int i, const lg_parts *y, lg_parts *k) {
     return lg_taped_dexpinv(r->tape, &r->ode->space, s->dexpinv, sigma.part, f.part, k[i].part);
 }
 
-/* The number of stages up to the last that the step itself uses. */
+/* Number of stages up to the last one whose k_j the step's own exponent uses. */
 static int rkmk_stages(const lg_scheme *s) {
     int last = 0;
     for (int j = 0; j < s->stages; j++)
@@ -145,7 +146,7 @@ static lg_status cf_point(const run *r, const lg_cf_row *row, const lg_parts *y,
     return LG_OK;
 }
 
-/* The number of stages up to the last that the row uses. */
+/* Number of stages up to the last one that the row uses as a base or with a nonzero coefficient. */
 static int cf_stages(const lg_cf_row *row, int stages) {
     int last = row->base == LG_CF_START ? 0 : row->base;
     for (int e = 0; e < row->exponentials; e++)
@@ -174,11 +175,11 @@ static lg_var moved(const run *r, lg_var from, double weight, lg_var by) {
     return lg_taped_moved(r->tape, from, weight * r->over.h, lg_taped_by_rows(r->tape, &r->over, by));
 }
 
-/* In place on q = half[0], p = half[1]. */
+/* One splitting step, in place on q = half[0] and p = half[1]. */
 static lg_status kicks_and_drifts(run *r, lg_var *half) {
     const lg_scheme *s = r->scheme;
     const lg_taped_ode *ode = r->ode;
-    lg_taped_span at = r->over; /* its start is the time of the positions */
+    lg_taped_span at = r->over; /* at.t is the time that q has reached */
     for (int i = 0; i < s->stages; i++) {
         if (s->kick[i] != 0.0) {
             if (lg_is_none(r->force)) LG_TRY(half_field(r, ode->force, &at.t, half[0], &r->force));
@@ -227,12 +228,12 @@ static lg_status step(run *r, lg_parts *y) {
     LG_TRY(step_of[r->scheme->kind](r, y));
     if (r->scheme->project && r->ode->manifold.factors > 0) {
         LG_TRY(project(r, y));
-        r->has_first = false; /* it was taken at the point before the projection */
+        r->has_first = false; /* r->first is f at the point before the projection */
     }
     return lg_tape_status(r->tape);
 }
 
-/* Two factors of one dimension, q and p, or one of even dimension. */
+/* Whether the space can be split into q and p: two factors of equal dimension, or one of even dimension. */
 static bool splits(const lg_space *space) {
     const lg_space_factor *f = space->factor;
     return space->factors == 1 ? f[0].count % 2 == 0 : space->factors == 2 && f[0].count == f[1].count;
@@ -259,7 +260,7 @@ static lg_status check_space(lg_tape *tape, const lg_scheme *scheme, const lg_ta
     return LG_OK;
 }
 
-/* Before anything is recorded. */
+/* Checks all arguments before anything is recorded. */
 static lg_status check(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode, const lg_var *y) {
     lg_error why;
     LG_TRY(lg_tape_status(tape));
@@ -275,7 +276,7 @@ static lg_status check(lg_tape *tape, const lg_scheme *scheme, const lg_taped_od
 
 /* ---- intervals ---- */
 
-/* `columns` 0: any number of them. LG_NONE passes. */
+/* Fails with `fault` unless x is (batch, columns) or LG_NONE. `columns` 0 allows any number of columns. */
 static void check_rows(lg_tape *tape, lg_var x, uint32_t batch, uint32_t columns, const char *fault) {
     const lg_shape s = lg_var_shape(tape, x);
     if (lg_is_none(x) || (s.rank == 2 && s.dims[0] == batch && (columns == 0 || s.dims[1] == columns)))
@@ -311,7 +312,7 @@ static lg_status start(lg_tape *tape, const lg_scheme *scheme, const lg_taped_od
     return LG_OK;
 }
 
-/* What a field returns without a word on the tape sticks to it too. */
+/* If the step fails with a status that is not on the tape yet (a field may return one), puts it there. */
 static lg_status take_step(run *r, lg_parts *y) {
     const lg_status status = step(r, y);
     return status == LG_OK ? LG_OK : refuse(r->tape, status, lg_status_sentence(status));

@@ -1,14 +1,14 @@
-/* Implicit steps on the tape. The unknown is x = h f(t + theta h, Y(x)), an element of the algebra for each
- * row of the batch. Y is the stage that belongs to x, and the end of the step is a function of y and x.
+/* Implicit steps on the tape. The unknown x solves x = h f(t + theta h, Y(x)); it is an algebra element for
+ * each row of the batch. Y(x) is the stage point, and the end of the step is a function of y and x.
  *
- * Newton's method finds x* in plain numbers, and all that it records is rewound. With the residual r(x) = x
- * - h f(t + theta h, Y(x)) and the constant matrix K = (dr/dx)^-1 at x*, the tape keeps
+ * Newton's method finds the solution x* as plain numbers; what it records is rewound. With the residual
+ * r(x) = x - h f(t + theta h, Y(x)) and the constant matrix K = (dr/dx)^-1 at x*, the tape keeps
  *
  *   x1 = x* - K r(x*),   x2 = x1 - K r(x1).
  *
  * Let x(p) be the solution for the parameters p, with x(p0) = x*. As I - K dr/dx vanishes at (x*, p0), the
- * error x1 - x(p) is of second order in p - p0 and x2 - x(p) is of third order. So the first and second
- * derivatives of x2 are exact. */
+ * error x1 - x(p) is of second order in p - p0, and x2 - x(p) is of third order. So the first and second
+ * derivatives of x2 with respect to p are exact. */
 #include "integrators/taped_internal.h"
 
 #include <float.h>
@@ -25,12 +25,12 @@ typedef struct problem {
     const lg_taped_ode *ode;
     lg_taped_span over;
     const lg_parts *y;
-    uint32_t batch, n; /* rows, numbers of an algebra element */
+    uint32_t batch, n; /* number of rows; numbers in an algebra element */
 } problem;
 
 /* ---- stages and ends ---- */
 
-/* out = y + weight x; a part of y may be a tensor, and that of x is a vector. */
+/* out = y + weight x on R^n. A part of y may be a tensor; the part of x is reshaped to it. */
 static void flat_moved(const problem *s, double weight, const lg_parts *x, lg_parts *out) {
     const size_t parts = lg_taped_parts(&s->ode->space);
     for (size_t p = 0; p < parts; p++) {
@@ -49,7 +49,7 @@ static void flat_end(const problem *s, const lg_parts *x, lg_parts *out) {
     flat_moved(s, 1.0, x, out);
 }
 
-/* (q + a dq, p + b dp) on R^2m */
+/* (q + a dq, p + b dp) on R^2m, with y = (q, p) and x = (dq, dp) */
 static lg_var moved_pair(const problem *s, lg_var y, lg_var x, double a, double b) {
     const uint32_t m = lg_var_shape(s->tape, y).dims[1] / 2;
     lg_var half[2] = {lg_slice(s->tape, x, 1, 0, m), lg_slice(s->tape, x, 1, m, m)};
@@ -58,9 +58,9 @@ static lg_var moved_pair(const problem *s, lg_var y, lg_var x, double a, double 
     return lg_add(s->tape, y, lg_concat(s->tape, half, 2, 1));
 }
 
-/* On T*SO(3), Ad_g = g and dexp_{-xi}^T = dexp_xi; with x = (xi, n):
+/* The stage of LG_SCHEME_SLGI. On T*SO(3), where Ad_g = g and dexp_{-xi}^T = dexp_xi, with x = (xi, n):
  *   Q = exp(theta xi) Q0, M = dexp_xi(mu0 + m) - theta dexp_{theta xi} m, m = exp(-theta xi) n.
- * On R^2m, Ad and dexp are the identity: q = q0 + theta dq, p = p0 + (1 - theta) dp. */
+ * On R^2m, where Ad and dexp are the identity: q = q0 + theta dq, p = p0 + (1 - theta) dp. */
 static void cotangent_stage(const problem *s, const lg_parts *x, lg_parts *out) {
     lg_tape *tape = s->tape;
     const double theta = s->scheme->theta;
@@ -73,7 +73,7 @@ static void cotangent_stage(const problem *s, const lg_parts *x, lg_parts *out) 
         out->part[2] = moved_pair(s, s->y->part[2], x->part[2], theta, 1.0 - theta);
 }
 
-/* (exp(xi) Q0, exp(xi) mu0 + exp((1 - theta) xi) n) */
+/* The end of a step of LG_SCHEME_SLGI: (exp(xi) Q0, exp(xi) mu0 + exp((1 - theta) xi) n); on R^2m: y + x. */
 static void cotangent_end(const problem *s, const lg_parts *x, lg_parts *out) {
     lg_tape *tape = s->tape;
     lg_var xi = x->part[0], rest = lg_scale(tape, xi, 1.0 - s->scheme->theta);
@@ -95,7 +95,7 @@ static const kind_row kinds[LG_SCHEME_KINDS] = {
     [LG_SCHEME_SLGI] = {cotangent_stage, cotangent_end},
 };
 
-/* r(x) = x - h f(t + theta h, Y(x)), (B, n); LG_NONE with a status */
+/* *out = r(x) = x - h f(t + theta h, Y(x)), (B, n). */
 static lg_status residual(const problem *s, lg_var x, lg_var *out) {
     const lg_space *space = &s->ode->space;
     lg_parts increment, stage, f;
@@ -109,9 +109,9 @@ static lg_status residual(const problem *s, lg_var x, lg_var *out) {
     return lg_tape_status(s->tape);
 }
 
-/* ---- Newton's method with numbers ---- */
+/* ---- Newton's method on plain numbers ---- */
 
-/* Rows are independent. */
+/* Each of the B rows has its own system of n equations. */
 typedef struct newton {
     double *x, *r;   /* (B, n) */
     double *column;  /* (B, n) */
@@ -152,7 +152,7 @@ bool lg_taped_invert(size_t n, double *a, double *swaps) {
     return true;
 }
 
-/* r and dr/dx at x. One forward pass a column, for all rows of the batch at once. */
+/* Computes r and dr/dx at w->x: one forward pass (lg_jvp) per column, for all rows of the batch at once. */
 static lg_status linearise(const problem *s, newton *w) {
     const size_t n = s->n, count = (size_t)s->batch * n;
     const lg_mark mark = lg_tape_mark(s->tape);
@@ -172,8 +172,8 @@ static lg_status linearise(const problem *s, newton *w) {
     return lg_tape_rewind(s->tape, mark);
 }
 
-/* One step of the method; *moved and *size the largest numbers in the change and in x. False when a matrix is
- * singular. */
+/* One Newton step in each row. *moved and *size become the largest |change| and the largest |x_i|. False if a
+ * matrix dr/dx is singular. */
 static bool improve(const problem *s, newton *w, double *moved, double *size) {
     const size_t n = s->n;
     *moved = *size = 0.0;
@@ -192,9 +192,10 @@ static bool improve(const problem *s, newton *w, double *moved, double *size) {
     return true;
 }
 
-/* Newton's method from x. It ends when its change is rounding: the change is as small as the rounding of x,
- * or it no longer falls. `state` is the size of y. Errors: LG_NO_CONVERGENCE and LG_NOT_FINITE (at the first
- * x), which do not go to the tape, and those of the field. */
+/* Newton's method, starting from w->x. It ends when the change of x is no larger than the rounding of x, or
+ * when a change that is small relative to x or y no longer falls to a quarter. `state` is the norm of y.
+ * Errors: LG_NO_CONVERGENCE, LG_NOT_FINITE (at the first x), both not put on the tape; errors of the
+ * field. */
 static lg_status iterate(const problem *s, newton *w, double state) {
     enum { LONGEST = 30 };
     const double eps = lg_tape_dtype(s->tape) == LG_F64 ? DBL_EPSILON : FLT_EPSILON;
@@ -215,8 +216,9 @@ static bool failed(lg_status status) {
     return status == LG_NO_CONVERGENCE || status == LG_NOT_FINITE;
 }
 
-/* x* for the step h. When one solution for h is not found, h is reached in parts: x is about proportional to
- * h. */
+/* Finds x* for the step h. If Newton's method fails, the equation is solved for 4, 16 or 64 increasing step
+ * sizes up to h. Each guess is the solution before, scaled by the ratio of the step sizes, as x is nearly
+ * proportional to h. */
 static lg_status solve(const problem *s, newton *w, double state) {
     enum { PARTS_MAX = 64 };
     const size_t count = (size_t)s->batch * s->n;
@@ -237,7 +239,7 @@ static lg_status solve(const problem *s, newton *w, double state) {
 
 /* ---- the step ---- */
 
-/* |y| over all rows */
+/* *size = the norm of y over all rows */
 static lg_status size_of(const problem *s, double *size) {
     const lg_mark mark = lg_tape_mark(s->tape);
     double sum = 0.0;
@@ -250,7 +252,8 @@ static lg_status size_of(const problem *s, double *size) {
     return lg_tape_rewind(s->tape, mark);
 }
 
-/* x* (B, n) and K (B, n, n) as constants. Scratch is payload of the tape, given back by rewinding. */
+/* Computes x* (B, n) and K (B, n, n) as constants on the tape. Scratch memory is allocated on the tape and
+ * freed by rewinding it. */
 static lg_status stage_of(const problem *s, lg_var *x, lg_var *inverse) {
     lg_tape *tape = s->tape;
     const size_t count = (size_t)s->batch * s->n;
@@ -274,7 +277,7 @@ static lg_status stage_of(const problem *s, lg_var *x, lg_var *inverse) {
     return lg_tape_rewind(tape, mark);
 }
 
-/* x - K r(x) */
+/* x <- x - K r(x) */
 static lg_status corrected(const problem *s, lg_var inverse, lg_var *x) {
     lg_var r;
     LG_TRY(residual(s, *x, &r));

@@ -1,5 +1,5 @@
-/* Spaces on the tape: parts, actions, brackets, dexpinv, generators and projections, one table row a kind of
- * factor. */
+/* Spaces on the tape: parts, actions, brackets, dexpinv, generators and projections. A table has one row per
+ * kind of factor. */
 #include "integrators/taped_internal.h"
 
 #include <math.h>
@@ -13,7 +13,8 @@
 
 /* ---- rows ---- */
 
-/* The columns of matrices (B, k, 9) as the rows of (B, k, 3, 3), and back. */
+/* Turns matrices (B, k, 9) into (B, k, 3, 3) whose rows are the matrices' columns; from_columns inverts
+ * it. */
 static lg_var columns_of(lg_tape *tape, lg_var X) {
     const lg_shape s = lg_var_shape(tape, X);
     return lg_transpose(tape, lg_reshape(tape, X, lg_shape4(s.dims[0], s.dims[1], 3, 3)));
@@ -24,7 +25,7 @@ static lg_var from_columns(lg_tape *tape, lg_var columns) {
     return lg_reshape(tape, lg_transpose(tape, columns), lg_shape3(s.dims[0], s.dims[1], 9));
 }
 
-/* Vectors (B, k, 3) beside the three columns of as many matrices: (B, k, 3, 3). */
+/* Repeats each of the vectors (B, k, 3) three times, once per column of columns_of: (B, k, 3, 3). */
 static lg_var beside_columns(lg_tape *tape, lg_var u) {
     const lg_shape s = lg_var_shape(tape, u);
     lg_var one = lg_reshape(tape, u, lg_shape4(s.dims[0], s.dims[1], 1, 3));
@@ -43,7 +44,7 @@ static void act_rn(lg_tape *tape, const lg_var *a, const lg_var *y, lg_var *out)
     out[0] = lg_add(tape, y[0], a[0]);
 }
 
-/* exp(u, v) . (q, p) = (R q, R p + (V v) x R q), see lg_se3_exp_act */
+/* exp(u, v) . (q, p) = (R q, R p + (dexp_u v) x R q), R = exp(u); see lg_se3_exp_act. */
 static void act_ts2(lg_tape *tape, const lg_var *a, const lg_var *y, lg_var *out) {
     lg_var p = lg_se3_act_rows(tape, a[0], a[1], y[0], y[1]);
     out[0] = lg_so3_exp_rows(tape, a[0], y[0]);
@@ -57,7 +58,7 @@ static void act_se3(lg_tape *tape, const lg_var *a, const lg_var *y, lg_var *out
     out[1] = lg_add(tape, r, shift);
 }
 
-/* exp(u) on matrices and on vectors */
+/* exp(u) times a matrix (SO(3)) or a vector (so(3)*) */
 static void act_so3(lg_tape *tape, const lg_var *a, const lg_var *y, lg_var *out) {
     out[0] = lg_so3_exp_rows(tape, a[0], y[0]);
 }
@@ -73,7 +74,8 @@ static void cross_one(lg_tape *tape, const lg_var *a, const lg_var *y, lg_var *o
     out[0] = lg_cross(tape, a[0], y[0]);
 }
 
-/* (u1 x x1, u1 x x2 + v1 x x1): the generator on pairs of vectors, and the bracket of se(3) */
+/* out = (u x x1, u x x2 + v x x1) for a = (u, v) and x = (x1, x2): the generator on T*S^2 and se(3)*, and the
+ * bracket of se(3) */
 static void cross_two(lg_tape *tape, const lg_var *a, const lg_var *x, lg_var *out) {
     lg_var u = lg_cross(tape, a[0], x[0]);
     lg_var v = lg_add(tape, lg_cross(tape, a[0], x[1]), lg_cross(tape, a[1], x[0]));
@@ -114,7 +116,8 @@ static void project_ts2(lg_tape *tape, const lg_var *y, lg_var *out) {
     out[0] = q;
 }
 
-/* (X + X^-T)/2 and the squared length of the change, X (N, 3, 3); NaN when det X is not positive. */
+/* Returns (X + X^-T)/2 for matrices X (N, 3, 3), NaN where det X is not positive. *change becomes the sum of
+ * the squares of all entries of X^-T - X. */
 static lg_var polar_step(lg_tape *tape, lg_var X, lg_var *change) {
     lg_var row[3], cofactor[3];
     for (uint32_t i = 0; i < 3; i++) row[i] = lg_slice(tape, X, 1, i, 1);
@@ -126,9 +129,9 @@ static lg_var polar_step(lg_tape *tape, lg_var X, lg_var *change) {
     return lg_taped_moved(tape, X, 0.5, step);
 }
 
-/* The orthogonal polar factor of X (B, k, 9), see lg_so3_project. The error after a step is half the square
- * of the error before. After a change of 1e-4 three steps leave rounding only, and derivatives below order 8
- * are exact. */
+/* The orthogonal polar factors of X (B, k, 9), see lg_so3_project. The error after a step is half the square
+ * of the error before. The iteration ends with the third step whose change is at most 1e-4: then only
+ * rounding errors are left, and derivatives of order below 8 are exact. */
 static lg_var polar(lg_tape *tape, lg_var X) {
     enum { LONGEST = 100 };
     const lg_shape shape = lg_var_shape(tape, X);
@@ -154,9 +157,9 @@ static void project_se3(lg_tape *tape, const lg_var *y, lg_var *out) {
 
 /* ---- the table ---- */
 
-/* `bracket` and `dexpinv` NULL: abelian, the bracket is zero and dexpinv the identity. `project` NULL: every
- * point is on the manifold. Widths: numbers of one copy in each part, in the order of the plain state; R^n
- * has one part of all its copies. */
+/* One row per kind of factor. `state` and `algebra` are the widths of the parts: how many numbers of one copy
+ * a part has, in the order of the plain state (R^n has one part with all its copies). `bracket` and `dexpinv`
+ * are NULL if the group is abelian, `project` is NULL if every point is on the manifold. */
 typedef void (*pair_fn)(lg_tape *, const lg_var *a, const lg_var *b, lg_var *out);
 typedef struct factor_row {
     uint32_t parts, state[2], algebra[2];
@@ -173,7 +176,7 @@ static const factor_row rows[LG_SPACE_KINDS] = {
     [LG_SPACE_SE3_DUAL] = {2, {3, 3}, {3, 3}, act_ts2, cross_two, cross_two, dexpinv_se3, NULL},
 };
 
-/* Visits the factors with their row and a running offset into arrays of parts. */
+/* Loops over the factors f; `row` is the factor's table row, `at` the index of its first part. */
 #define FOR_FACTORS(space, f, row, at)                                                                       \
     size_t at = 0;                                                                                           \
     const factor_row *row = NULL;                                                                            \
@@ -214,7 +217,7 @@ static bool misfit(lg_tape *tape, const char *operation, side which, size_t part
     return false;
 }
 
-/* (B, n), or a tensor of as many numbers a row */
+/* Whether `given` is a tensor of any shape with the batch size and as many numbers as `wanted`, (B, n). */
 static bool fits_flat(const lg_shape *given, const lg_shape *wanted) {
     return given->rank >= 2 && given->dims[0] == wanted->dims[0] &&
            lg_shape_count(*given) == lg_shape_count(*wanted);
@@ -250,7 +253,7 @@ static bool fit(lg_tape *tape, const lg_space *space, bool algebra, const lg_var
 
 /* ---- split and join ---- */
 
-/* Parts of one factor from its block (B, count width). */
+/* Splits the block of one factor, (B, count (width[0] + width[1])), into its parts. */
 static void split_block(lg_tape *tape, const factor_row *row, const uint32_t *width, uint32_t count,
                         lg_var block, lg_var *parts) {
     if (row == &rows[LG_SPACE_RN]) {
@@ -357,7 +360,7 @@ lg_status lg_taped_project(lg_tape *tape, const lg_space *manifold, const lg_var
     return lg_tape_status(tape);
 }
 
-/* sum_{k <= K} B_k/k! ad_a^k b; odd ones above 1 are zero */
+/* out = sum_{k <= truncation} B_k/k! ad_a^k b; B_k is zero for odd k > 1. */
 static void dexpinv_series(lg_tape *tape, const factor_row *row, int truncation, const lg_var *a,
                            const lg_var *b, lg_var *out) {
     lg_var power[2], sum[2];

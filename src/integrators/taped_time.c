@@ -1,4 +1,4 @@
-/* Times and lengths of steps on a tape: numbers, or rows of a batch. */
+/* Times and step sizes on a tape: plain numbers, or variables with one number per row of the batch. */
 #include "integrators/taped_internal.h"
 #include "liegrad/ops.h"
 

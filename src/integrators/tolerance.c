@@ -1,18 +1,18 @@
-/* Absolute tolerances of a run that are relative to what they are the tolerances of. */
+/* Absolute tolerances of an adaptive run. If atol < 0, they follow the sizes of groups (groups.h). */
 #include "integrators/stepper.h"
 
 #include <math.h>
 
 #include "integrators/groups.h"
 
-/* out_g = the largest of out_g and |x_i| in group g */
+/* out_g = the largest of out_g and all |x_i| in group g */
 static void widen(const lg_tolerance *tol, const double *x, double *out) {
     size_t i = 0;
     for (size_t g = 0; g < tol->groups; g++)
         for (; i < tol->end[g]; i++) out[g] = fabs(x[i]) > out[g] ? fabs(x[i]) : out[g];
 }
 
-/* For a step of size h. */
+/* Sets atol of each number for a step of size h: part tried_g + h noise_g, where g is its group. */
 static void spread(const lg_tolerance *tol, double part, double h) {
     size_t i = 0;
     for (size_t g = 0; g < tol->groups; g++) {
@@ -21,8 +21,9 @@ static void spread(const lg_tolerance *tol, double part, double h) {
     }
 }
 
-/* How far y' moves, by group, when each number of y moves by LG_VECTOR_FIELD_ROUNDING of its group's size.
- * s->error holds y'. */
+/* Measures tol->noise: for each group the largest change of y' when each number of y moves by
+ * LG_VECTOR_FIELD_ROUNDING times its group's size. s->error must hold y'. The noise stays 0 if the field is
+ * not finite at the moved state. */
 static lg_status measure_noise(lg_stepper *s, double t) {
     const lg_tolerance *tol = &s->tolerance;
     double *moved = s->run[1], *velocity = s->point;
@@ -39,7 +40,9 @@ static lg_status measure_noise(lg_stepper *s, double t) {
     return LG_OK;
 }
 
-/* A tolerance of rtol + atol of the whole group, whatever the direction of y in it. */
+/* Sets the tolerances for choosing the first step: (rtol + |atol|) S if atol < 0, otherwise rtol S + atol. S
+ * is the size of the whole group, so the direction of y within the group does not matter. If the size is 0, S
+ * is `span` times the size of the group's velocity, which tol->tried holds. */
 static void spread_first(const lg_tolerance *tol, const lg_step_controller *control, double span) {
     const double relative = control->rtol + fmax(-control->atol, 0.0), absolute = fmax(control->atol, 0.0);
     size_t i = 0;

@@ -1,4 +1,4 @@
-/* Schemes from YAML files: tableaus, rows of exponentials, kicks and drifts. */
+/* Reads schemes from YAML files: tableaus, rows of exponentials, kicks and drifts. */
 #include <math.h>
 #include <string.h>
 #include <yaml.h>
@@ -7,8 +7,8 @@
 
 #define SYNTAX_SIZE 64
 
-/* What a caller gets is the first member. */
-/* The scheme is the first member: lg_scheme_destroy is given its address. */
+/* A scheme with the memory that it points to. The caller gets the address of `scheme`. As this is the first
+ * member, lg_scheme_destroy can convert it back. */
 typedef struct scheme_file {
     lg_scheme scheme;
     const lg_context *context;
@@ -72,7 +72,7 @@ static const lg_field keys[KEY_COUNT] = {
     [KEY_DRIFT] = {.name = "drift", .type = LG_FIELD_NODE},
 };
 
-/* The kinds that must have a key (bits of `needed`), and those that may. */
+/* For each key: the kinds of schemes that may have it and those that must have it, one bit per kind. */
 #define BIT(kind)    (1U << (kind))
 #define TABLEAU_BITS (BIT(KIND_RKMK) | BIT(KIND_RUNGE_KUTTA))
 static const struct {
@@ -120,7 +120,7 @@ static const yaml_node_t *item_of(reader *r, const yaml_node_t *node, size_t i) 
     return yaml_document_get_node(lg_yaml_document(r->yaml), node->data.sequence.items.start[i]);
 }
 
-/* A decimal number, or a quotient "a/b" of two. */
+/* Reads a decimal number or a quotient "a/b" of two decimal numbers. */
 static lg_status read_number(reader *r, const yaml_node_t *node, enum key_index key, double *out) {
     char text[SYNTAX_SIZE] = "";
     double above = NAN, below = 1;
@@ -141,7 +141,7 @@ static lg_status read_number(reader *r, const yaml_node_t *node, enum key_index 
                         "%s: '%s' is neither a number nor a quotient a/b", keys[key].name, text);
 }
 
-/* A list of at most `most` numbers; numbers of `out` beyond its end are unchanged. */
+/* Reads a list of at most `most` numbers into `out`. Entries of `out` beyond the list are unchanged. */
 static lg_status read_list(reader *r, const yaml_node_t *node, enum key_index key, size_t most, double *out,
                            size_t *count) {
     if (node->type != YAML_SEQUENCE_NODE) return fail_at(r, node, key, "a list of numbers is expected");
@@ -153,7 +153,7 @@ static lg_status read_list(reader *r, const yaml_node_t *node, enum key_index ke
     return LG_OK;
 }
 
-/* One number a stage. */
+/* Reads a list with exactly one number per stage. */
 static lg_status read_stages(reader *r, enum key_index key, size_t stages, double *out) {
     const yaml_node_t *node = r->values[key].node;
     size_t count = 0;
@@ -163,7 +163,7 @@ static lg_status read_stages(reader *r, enum key_index key, size_t stages, doubl
                         keys[key].name, count, stages);
 }
 
-/* The number of stages is the length of this list, less `more`. */
+/* Sets the number of stages to the length of the key's list, minus `more`. */
 static lg_status count_stages(reader *r, enum key_index key, size_t more) {
     const yaml_node_t *node = r->values[key].node;
     const size_t stages = items_of(node) - (items_of(node) > more ? more : items_of(node));
@@ -241,7 +241,7 @@ static lg_status read_tableau(reader *r) {
 
 /* ---- rows of exponentials ---- */
 
-/* A single list of numbers means a list with this list as its only entry. */
+/* Reads a list of exponentials, each a list of coefficients. A plain list of numbers is one exponential. */
 static lg_status read_exponentials(reader *r, const yaml_node_t *node, enum key_index key, lg_cf_row *row) {
     size_t count = 0;
     const size_t stages = (size_t)r->out->scheme.stages, items = items_of(node);
@@ -258,7 +258,7 @@ static lg_status read_exponentials(reader *r, const yaml_node_t *node, enum key_
     return LG_OK;
 }
 
-/* {base: i, exponentials: [...]}: base a stage, counted from 1. */
+/* Reads {base: i, exponentials: [...]}; i is the number of a stage, counted from 1. */
 static lg_status read_mapped_row(reader *r, const yaml_node_t *node, enum key_index key, lg_cf_row *row) {
     yaml_document_t *document = lg_yaml_document(r->yaml);
     const yaml_node_pair_t *pair = node->data.mapping.pairs.start;
@@ -316,7 +316,7 @@ static lg_status read_splitting(reader *r) {
     return read_stages(r, KEY_DRIFT, (size_t)s->stages, s->drift);
 }
 
-/* ---- all of it ---- */
+/* ---- the whole file ---- */
 
 static lg_status check_keys(reader *r, file_kind kind) {
     for (int i = 0; i < KEY_COUNT; i++) {
