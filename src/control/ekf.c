@@ -1,4 +1,4 @@
-/* Extended Kalman filter in tangent coordinates, with the lower triangular root of its covariance. */
+/* Extended Kalman filter in tangent coordinates. It keeps the lower triangular root of the covariance. */
 #include <math.h>
 #include <string.h>
 
@@ -8,16 +8,16 @@
 struct lg_ekf {
     const lg_model *model;
     lg_stepper *stepper;
-    void *work; /* of the model */
+    void *work; /* workspace of the model */
     size_t d, r, m, k;
-    bool exact; /* all sensors are numbers of the state */
+    bool exact; /* all sensors measure numbers of the state, so H is exact */
     lg_sensor *sensors;
-    double *state, *root, *noise; /* (d), L (r, r), W^1/2 (r, r) */
-    /* Of one call: states and velocities (d); coordinates (r). */
+    double *state, *root, *noise; /* estimate (d), L (r, r), W^1/2 (r, r) */
+    /* Scratch. next .. column: states and velocities (d); c: coordinates (r). */
     double *next, *middle, *from, *to, *column, *c;
-    double *J, *basis, *stage, *slope, *X; /* (d, d); (d, r) */
-    double *F, *array;                     /* (r, r); (r, 2 r) or (k + r, k + r) */
-    double *H, *nu, *high, *low;           /* (k, r), (k) */
+    double *J, *basis, *stage, *slope, *X; /* J (d, d), the others (d, r) */
+    double *F, *array;                     /* (r, r); array (r, 2 r) or (k + r, k + r) */
+    double *H, *nu, *high, *low;           /* H (k, r), the others (k) */
     double *positions, *velocities;
 };
 
@@ -25,7 +25,7 @@ static size_t outputs_of(const lg_model *model, lg_model_function function) {
     return model->plan[function] != NULL ? lg_plan_output_count(model->plan[function], 0) : 0;
 }
 
-/* The filter stands first, then the stepper. */
+/* Lays out the memory: the filter itself, then the stepper, then the arrays. Returns the bytes needed. */
 static size_t plan_memory(const lg_model *model, const lg_scheme *scheme, size_t k, lg_ekf *e, void *memory,
                           void **stepper) {
     lg_portions from = {memory, 0};
@@ -145,7 +145,7 @@ void lg_ekf_covariance(const lg_ekf *ekf, double *P) {
                 lg_kernels_for(LG_F64)->dot(j + 1, ekf->root + i * r, ekf->root + j * r);
 }
 
-/* out (r, r): coordinates at `state` of the columns of X (d, r). */
+/* Column j of out (r, r) = coordinates at `state` of the tangent vector in column j of X (d, r). */
 static void coordinates(const lg_ekf *e, const double *state, const double *X, double *out) {
     for (size_t j = 0; j < e->r; j++) {
         for (size_t i = 0; i < e->d; i++) e->column[i] = X[i * e->r + j];
@@ -156,7 +156,8 @@ static void coordinates(const lg_ekf *e, const double *state, const double *X, d
 
 /* ---- predict ---- */
 
-/* sum += weight k, k = J (basis + ahead k_before); k_before and k are `slope`. */
+/* One stage of the Runge-Kutta method for X' = J X: with k = J (basis + ahead slope), X += weight k and then
+ * slope = k. */
 static void stage(const lg_ekf *e, double ahead, double weight) {
     const size_t d = e->d, r = e->r;
     for (size_t i = 0; i < d * r; i++) e->stage[i] = e->basis[i] + ahead * e->slope[i];
@@ -164,7 +165,8 @@ static void stage(const lg_ekf *e, double ahead, double weight) {
     lg_matrix_add(d * r, weight, e->slope, e->X);
 }
 
-/* X = (d next/d state) basis(state) by the classical method; to `next` from `state` in h. */
+/* X = (d next/d state) basis(state) by the classical Runge-Kutta method, where `next` is the state reached
+ * from `state` in the time h. */
 static void flow_derivative(const lg_ekf *e, double h, const double *input) {
     const size_t d = e->d, bytes = d * e->r * sizeof *e->X;
     lg_space_basis(&e->model->space, e->state, e->basis);
@@ -183,7 +185,8 @@ static void flow_derivative(const lg_ekf *e, double h, const double *input) {
     stage(e, h, h / 6.0);
 }
 
-/* root = the left r columns of `array` (r, columns), if they are finite; then state = next. */
+/* root = the first r columns of `array` (r, columns), and state = next. If either is not finite, both stay as
+ * they are and LG_NOT_FINITE is returned. */
 static lg_status commit(lg_ekf *e, const double *array, size_t columns) {
     for (size_t i = 0; i < e->r; i++)
         if (!lg_kernels_for(LG_F64)->all_finite(e->r, array + i * columns)) return LG_NOT_FINITE;
@@ -219,7 +222,8 @@ static void measure(const lg_ekf *e, const double *state, double *z) {
     for (size_t i = 0; i < e->k; i++) z[i] = numbers[e->sensors[i].kind][e->sensors[i].index];
 }
 
-/* H: exact rows of the basis, or differences along each coordinate by 1/100 of its standard deviation. */
+/* Computes H: exact rows of the basis if e->exact, else central differences in each coordinate with a step of
+ * 1/100 of its standard deviation. */
 static void measure_derivative(const lg_ekf *e) {
     const size_t r = e->r;
     for (size_t i = 0; i < e->k && e->exact; i++)
@@ -237,7 +241,7 @@ static void measure_derivative(const lg_ekf *e) {
     }
 }
 
-/* The array (R^1/2, H L; 0, L), made lower triangular: (S^1/2, 0; P H^T S^-T/2, L+). */
+/* Fills the array (R^1/2, H L; 0, L) and makes it lower triangular: (S^1/2, 0; P H^T S^-T/2, L+). */
 static void fill_array(const lg_ekf *e) {
     const size_t k = e->k, r = e->r, side = k + r;
     memset(e->array, 0, side * side * sizeof *e->array);
@@ -248,7 +252,7 @@ static void fill_array(const lg_ekf *e) {
     lg_matrix_lower(side, side, e->array);
 }
 
-/* nu = S^-1/2 nu, c = the gain times that; returns |nu|^2. */
+/* nu <- S^-1/2 nu, then c = P H^T S^-T/2 nu, which is the gain times the old nu. Returns |nu|^2 (new nu). */
 static double correction(const lg_ekf *e) {
     const size_t k = e->k, side = k + e->r;
     const lg_kernels *kernels = lg_kernels_for(LG_F64);
@@ -260,7 +264,7 @@ static double correction(const lg_ekf *e) {
     return kernels->dot(k, e->nu, e->nu);
 }
 
-/* next = the state moved by c; root = L+, moved with it. */
+/* Commits the update: the state is moved by c, and L+ is transported to the new state. */
 static lg_status move(lg_ekf *e) {
     const size_t d = e->d, r = e->r, side = e->k + r;
     const lg_space *space = &e->model->space;
@@ -269,7 +273,7 @@ static lg_status move(lg_ekf *e) {
     lg_space_retract(space, e->state, e->from, e->next, flat ? NULL : e->F);
     const double *lower = e->array + e->k * side + e->k;
     if (flat) return commit(e, lower, side);
-    /* L+ is compact in X, its product with F in the stage: both have d r >= r r numbers. */
+    /* X and stage serve as scratch (r, r) for L+ and F L+; they have room for d r >= r r numbers. */
     for (size_t i = 0; i < r; i++) memcpy(e->X + i * r, lower + i * side, r * sizeof *e->X);
     lg_matrix_multiply(r, r, r, e->F, e->X, e->stage);
     lg_matrix_lower(r, r, e->stage);

@@ -1,18 +1,18 @@
-/* Internals of control.h: parts of the caller's memory. */
+/* Internals of liegrad/control.h: allocation in the caller's memory. */
 #ifndef LG_CONTROL_INTERNAL_H
 #define LG_CONTROL_INTERNAL_H
 
 #include "kernels/matrix.h"
 #include "liegrad/control.h"
 
-/* Gives out parts of the caller's memory one after the other, each on a boundary of LG_ALIGNMENT. With base
- * NULL it counts alone. */
+/* Hands out consecutive parts of the caller's memory, each aligned to LG_ALIGNMENT. If base is NULL, it only
+ * counts the bytes. */
 typedef struct lg_portions {
     char *base;
     size_t used;
 } lg_portions;
 void *lg_portion(lg_portions *from, size_t count, size_t size);
-/* Memory from the caller: not NULL, aligned, enough. */
+/* Checks that the caller's memory is not NULL, is aligned and has at least `needed` bytes. */
 lg_status lg_portions_check(const void *memory, size_t bytes, size_t needed, lg_error *error);
 
 #endif

@@ -12,8 +12,8 @@ enum { MOST_SQUARINGS = 1100, BLOCKS = 8 };
 
 typedef struct hold {
     size_t rows; /* n + m */
-    /* M; its powers 2, 4, 6; over and under the fraction's line; scratch (rows, rows). Units of the
-     * variables. */
+    /* (rows, rows) each: M, M^2, M^4, M^6; numerator and denominator of the approximation; next and sum are
+     * scratch. unit (rows): the scales of `balance`. */
     double *M, *M2, *M4, *M6, *over, *under, *next, *sum, *unit;
     int *pivots;
 } hold;
@@ -46,7 +46,7 @@ static double largest_row(size_t n, const double *x) {
     return most;
 }
 
-/* The largest row sum of |M|^power, from products with a vector of ones. */
+/* The largest row sum of the power of (|M_ij|), computed by repeated products with a vector of ones. */
 static double largest_row_of_power(const hold *s, int power) {
     const size_t n = s->rows;
     double *x = s->next, *y = x + n, most = 0.0;
@@ -63,9 +63,9 @@ static double largest_row_of_power(const hold *s, int power) {
     return most;
 }
 
-/* How often M is halved for Pade's approximation [13/13] (Al-Mohy & Higham, SIAM J. Matrix Anal. Appl. 31
- * (2009), algorithm 5.1): from the norms of powers of M, which may be far smaller than those powers of the
- * norm. */
+/* The number k for which M / 2^k is small enough for Pade's approximation [13/13] (Al-Mohy & Higham, SIAM J.
+ * Matrix Anal. Appl. 31 (2009), algorithm 5.1). It follows from norms of powers of M, which may be far
+ * smaller than the powers of the norm of M. */
 static int squarings_of(const hold *s) {
     static const double theta = 4.25, first_error = 8.8299e-36; /* 1/(C(26, 13) 27!) */
     const size_t n = s->rows;
@@ -78,7 +78,7 @@ static int squarings_of(const hold *s) {
     const double size = fmin(fmax(d6, d8), fmax(d8, d10));
     if (!(norm > 0.0) || !isfinite(norm) || !isfinite(size)) return 0;
     int squarings = size > theta ? (int)ceil(log2(size / theta)) : 0;
-    /* The relative error of the approximation, from the 27th power of the matrix of all |M_ij| / 2^k. */
+    /* Bound of the approximation's relative error, from the 27th power of the matrix of all |M_ij| / 2^k. */
     const double left = first_error * largest_row_of_power(s, 27) / norm;
     const double excess = isfinite(left) && left > 0.0 ? log2(left) - 26.0 * squarings + 53.0 : 0.0;
     if (excess > 0.0) squarings += (int)ceil(excess / 26.0);
@@ -99,8 +99,8 @@ static void set_powers(hold *s, int halvings) {
     lg_matrix_multiply(n, n, n, s->M2, s->M4, s->M6);
 }
 
-/* M <- exp(M) by Pade's approximation of M / 2^k, squared k times. The transposes that LAPACK sees commute
- * alike. */
+/* M <- exp(M): Pade's approximation of exp(M / 2^k), squared k times. LAPACK sees row-major matrices as their
+ * transposes; that is no problem here, because numerator and denominator commute. */
 static void exponential(hold *s) {
     /* (26 - k)! 13!/(26! k! (13 - k)!) */
     static const double b[] = {1.0,
@@ -120,18 +120,18 @@ static void exponential(hold *s) {
     const size_t n = s->rows;
     const int size = (int)n;
     const double norm = largest_row(n, s->M);
-    /* Powers of a huge M overflow: their norms come from a smaller M. */
+    /* Powers of a huge M would overflow, so M is made smaller before their norms are computed. */
     const int before = isfinite(norm) && norm > 0x1p80 ? (int)ceil(log2(norm)) - 80 : 0;
     int info;
     set_powers(s, before);
     const int rest = squarings_of(s), squarings = before + rest;
     if (rest > 0) set_powers(s, rest);
-    combine(s, b[9], b[11], b[13], s->over); /* odd powers */
+    combine(s, b[9], b[11], b[13], s->over); /* sum = the terms with odd powers of M */
     lg_matrix_multiply(n, n, n, s->M6, s->over, s->next);
     combine(s, b[3], b[5], b[7], s->over);
     for (size_t i = 0; i < n * n; i++) s->next[i] += s->over[i] + (i % (n + 1) == 0 ? b[1] : 0.0);
     lg_matrix_multiply(n, n, n, s->M, s->next, s->sum);
-    combine(s, b[8], b[10], b[12], s->over); /* even powers */
+    combine(s, b[8], b[10], b[12], s->over); /* next + over = the terms with even powers */
     lg_matrix_multiply(n, n, n, s->M6, s->over, s->next);
     combine(s, b[2], b[4], b[6], s->over);
     for (size_t i = 0; i < n * n; i++) {
@@ -148,8 +148,9 @@ static void exponential(hold *s) {
     memcpy(s->M, s->over, n * n * sizeof *s->M);
 }
 
-/* D^-1 M D with powers of 2: rows and columns of A of a size, and each column of B at most as large as A,
- * with which exp's column grows. */
+/* M <- D^-1 M D, where the diagonal matrix D (s->unit) has powers of 2. Rows and columns of A become about
+ * equally large. The largest number in each column of B becomes about as large as the norm of A, because the
+ * column of the exponential grows with it. */
 static void balance(hold *s, size_t n) {
     const size_t N = s->rows;
     const int size = (int)n;
@@ -159,7 +160,7 @@ static void balance(hold *s, size_t n) {
         for (size_t j = 0; j < n; j++) A[j * n + i] = fabs(s->M[i * N + j]);
     dgebal_("S", &size, A, &size, &low, &high, s->unit, &info);
     for (size_t i = 0; i < n && info != 0; i++) s->unit[i] = 1.0;
-    const double a = largest_row(n, A); /* of the transpose, which dgebal scales alike */
+    const double a = largest_row(n, A); /* A is column-major: its largest column sum after balancing */
     for (size_t j = n; j < N; j++) {
         double b = 0.0;
         for (size_t i = 0; i < n; i++) b = fmax(b, fabs(s->M[i * N + j]) / s->unit[i]);
@@ -204,8 +205,8 @@ void lg_lqr_options_init(lg_lqr_options *options) {
 
 typedef struct parts {
     double *state, *input, *A, *B, *P, *K, *eigenvalues, *c;
-    void *work;  /* of the model */
-    void *solve; /* of the Riccati solver and the hold */
+    void *work;  /* workspace of the model */
+    void *solve; /* workspace of the Riccati solver and of the zero-order hold */
     size_t solve_bytes;
 } parts;
 

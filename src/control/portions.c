@@ -1,4 +1,4 @@
-/* Parts of the caller's memory. */
+/* Allocation in the caller's memory. */
 #include "control/internal.h"
 
 void *lg_portion(lg_portions *from, size_t count, size_t size) {

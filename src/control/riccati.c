@@ -1,14 +1,16 @@
-/* Riccati equations by the stable deflating subspace of their extended pencil, then Newton's method.
+/* Solves Riccati equations by the stable deflating subspace of their extended pencil, then by Newton's
+ * method.
  *
  * With N = 2 n + m, an optimal path solves J z' = H z (discrete: J z+ = H z), z = (x, P x, u):
  *       continuous [ A  0   B ]   [ 1 0 0 ]   discrete [ A  0  B ]   [ 1  0   0 ]
  *            H =   [-Q -A^T -S],  [ 0 1 0 ]       H =  [-Q  1 -S ],  [ 0  A^T 0 ]
  *                  [S^T B^T  R]   [ 0 0 0 ] = J        [S^T 0  R ]   [ 0 -B^T 0 ] = J
- * Rows orthogonal to the last m columns of H are the pencil of (x, P x) (Van Dooren, SIAM J. Sci. Stat.
- * Comput. 2, 1981). Its n stable eigenvalues belong to the columns of (U1; U2), and P = U2 U1^-1. Scaling by
- * D = diag(d, 1/d, e) keeps this form (Benner 2001), P = d P_D d.
+ * Multiplying both sides by 2 n rows that are orthogonal to the last m columns of H eliminates u and gives
+ * the pencil of (x, P x) (Van Dooren, SIAM J. Sci. Stat. Comput. 2, 1981). Its deflating subspace for the n
+ * stable eigenvalues is spanned by the columns of (U1; U2), and P = U2 U1^-1. Scaling by D = diag(d, 1/d, e)
+ * keeps this form (Benner 2001); if P_D is the solution of the scaled problem, P = d P_D d.
  *
- * Arrays that LAPACK gets are column-major; the others are row-major.
+ * Arrays for LAPACK are column-major, all others row-major.
  */
 #include <math.h>
 #include <string.h>
@@ -25,18 +27,20 @@ typedef struct riccati {
     bool discrete;
     size_t n, m, rows; /* rows: N */
     lg_error *error;
-    double *Q, *R; /* symmetrised */
-    /* The pencil, column-major (N, N); what dgges makes of it (2n, 2n); scales (N). */
+    double *Q, *R; /* (X + X^T)/2 of the given Q and R */
+    /* The pencil H, J, column-major (N, N); V (2n, 2n): Schur vectors of dgges; N numbers each: its
+     * generalised eigenvalues (re + i im)/beta, the scales of scale_pencil, and tau of dgeqrf. */
     double *H, *J, *V, *re, *im, *beta, *scale, *tau;
-    /* LAPACK's work: N and 2n integers, `room` numbers. */
+    /* Workspace of LAPACK: N integers, `room` doubles. */
     int *integers;
     double *work;
     int room;
-    /* Newton: the best P, and what follows from a P: gain, closed loop, residual. */
+    /* Newton's method: the best P and its gain K; the trial P with its gain, closed loop and residual. */
     double *P, *trial, *K, *gain, *closed, *residual, *schur, *Z;
     double *t1, *t2, *right, *W, *L;
-    lg_matrix_pair PA, term, PB, twice, doubleW; /* of the residual: (n, n), (n, n), (n, m), (m, n), (m, m) */
-    double *poles, *found;                       /* (n, 2): of the best P, of the trial */
+    /* Terms of the residual in twice the digits: (n, n), (n, n), (n, m), (m, n), (m, m). */
+    lg_matrix_pair PA, term, PB, twice, doubleW;
+    double *poles, *found; /* (n, 2): eigenvalues of the closed loop with the best P, with the trial P */
     lg_riccati_result result;
 } riccati;
 
@@ -70,7 +74,7 @@ size_t lg_riccati_work_size(size_t n, size_t m) {
     return sizes_fit(n, m) ? plan_memory(&s, NULL) : 0;
 }
 
-/* ---- what is given ---- */
+/* ---- checks of the arguments ---- */
 
 static lg_status check_finite(const riccati *s) {
     const lg_riccati *of = s->of;
@@ -90,7 +94,7 @@ static lg_status check_finite(const riccati *s) {
     return LG_OK;
 }
 
-/* to = (x + x^T)/2 */
+/* to = (x + x^T)/2; fails if x is not symmetric to 1e-8 of its largest number. */
 static lg_status take_symmetric(const riccati *s, size_t n, const double *x, const char *name, double *to) {
     double largest = 0.0, apart = 0.0;
     for (size_t i = 0; i < n; i++)
@@ -160,7 +164,8 @@ static void fill_pencil(const riccati *s) {
 #undef AT
 }
 
-/* D^-1 (H, J) D with D = diag(1/d, d, .), powers of 2; scale = (d, ...). */
+/* H <- D^-1 H D and J <- D^-1 J D with D = diag(1/d, d, ...), all powers of 2. s->scale is the diagonal of
+ * D^-1, which begins with d. */
 static void scale_pencil(const riccati *s) {
     const size_t n = s->n, N = s->rows;
     const int size = (int)N;
@@ -170,7 +175,7 @@ static void scale_pencil(const riccati *s) {
     dgebal_("S", &size, sum, &size, &low, &high, scale, &info);
     if (info != 0)
         for (size_t i = 0; i < N; i++) scale[i] = 1.0;
-    double middle = 0.0; /* of the logarithms of the first 2n, which becomes 0 */
+    double middle = 0.0; /* mean of the first 2n logarithms: the form (d, 1/d) below shifts it to 0 */
     for (size_t i = 0; i < 2 * n; i++) middle += log2(scale[i]) / (double)(2 * n);
     for (size_t i = 2 * n; i < N; i++) scale[i] = exp2(nearbyint(middle - log2(scale[i])));
     for (size_t i = 0; i < n; i++) {
@@ -184,7 +189,8 @@ static void scale_pencil(const riccati *s) {
         }
 }
 
-/* Multiplies both by Q^T, H's last m columns = Q (U; 0): their last 2n rows are the pencil of (x, P x). */
+/* Multiplies H and J from the left by Q^T, where Q (U; 0) is the QR decomposition of the last m columns of H.
+ * Then the last 2n rows and first 2n columns of H and J are the pencil of (x, P x). */
 static void take_input_out(const riccati *s) {
     const int N = (int)s->rows, m = (int)s->m, n2 = 2 * (int)s->n;
     double *columns = s->H + 2 * s->n * s->rows;
@@ -203,7 +209,8 @@ static int in_circle(const double *re, const double *im, const double *beta) {
     return hypot(*re, *im) < *beta;
 }
 
-/* Eigenvalues on the boundary to rounding: |Re z| or |1 - |z|| is too small beside |z|. */
+/* Number of eigenvalues z that count as on the boundary of stability: |Re z|, or | |z| - 1 | if discrete, is
+ * at most on_boundary |z|. */
 static size_t count_on_boundary(const riccati *s) {
     size_t count = 0;
     for (size_t i = 0; i < 2 * s->n; i++) {
@@ -222,7 +229,7 @@ static lg_status find_subspace(const riccati *s) {
     double none = 0.0;
     dgges_("N", "V", "S", s->discrete ? in_circle : in_left_half, &n2, s->H + s->m, &N, s->J + s->m, &N,
            &chosen, s->re, s->im, s->beta, &none, &one, s->V, &n2, s->work, &s->room, s->integers, &info);
-    /* info 2n + 2: rounding moved an eigenvalue over the boundary; `chosen` is counted after that. */
+    /* info = 2n + 2: rounding moved an eigenvalue across the boundary; `chosen` takes this into account. */
     if (info != 0 && info != n2 + 2)
         return lg_fail(s->error, LG_NO_CONVERGENCE, "LAPACK's dgges failed with %d", info);
     if (chosen != (int)s->n || count_on_boundary(s) > 0)
@@ -231,7 +238,7 @@ static lg_status find_subspace(const riccati *s) {
     return LG_OK;
 }
 
-/* P = U2 U1^-1, scaled back. */
+/* trial = P = d U2 U1^-1 d, where d undoes the scaling of the pencil. */
 static lg_status solve_subspace(const riccati *s) {
     const size_t n = s->n;
     const int size = (int)n;
@@ -269,8 +276,8 @@ static void close_loop(const riccati *s) {
     for (size_t i = 0; i < n * n; i++) s->closed[i] = s->of->A[i] - s->closed[i];
 }
 
-/* s->right = B^T P + S^T and W (discrete: B^T P A + S^T, R + B^T P B) of the trial P, and the same in twice
- * the digits. */
+/* For the trial P computes right = B^T P + S^T and W = R (discrete: right = B^T P A + S^T, W = R + B^T P B),
+ * and the same in twice the digits: `twice` and `doubleW`. */
 static void weigh(const riccati *s) {
     const size_t n = s->n, m = s->m;
     const lg_matrix_pair A = {(double *)s->of->A, NULL}, B = {(double *)s->of->B, NULL}, P = {s->trial, NULL};
@@ -291,7 +298,7 @@ static void weigh(const riccati *s) {
     memcpy(s->W, s->doubleW.high, m * m * sizeof *s->W);
 }
 
-/* Adds a term in twice the digits, times sign, to the residual, term.high + its rest in t2. */
+/* Adds sign x, or sign x^T if `transposed`, to the residual. residual + t2 hold it in twice the digits. */
 static void add_term(const riccati *s, double sign, lg_matrix_pair x, bool transposed) {
     const size_t n = s->n;
     for (size_t i = 0; i < n; i++)
@@ -304,10 +311,11 @@ static void add_term(const riccati *s, double sign, lg_matrix_pair x, bool trans
         }
 }
 
-/* gain K (m, n), closed = A - B K and the residual of the trial P; *relative: its size. False: W is not
- * positive definite. The residual is what Newton's method divides by the distance of the closed loop from
- * the boundary: its terms are summed in twice the digits, -right^T W^-1 right as K^T (W K - right) -
- * right^T K, in which the rounding of K has no share. */
+/* For the trial P computes the gain K (m, n), closed = A - B K and the residual. *relative is the residual's
+ * norm over the sum of the norms of its terms. False if W is not positive definite. An error of the residual
+ * would enter P divided by the distance of the closed loop from the boundary of stability. Therefore the
+ * terms are summed in twice the digits, and -right^T W^-1 right is computed as K^T (W K - right) - right^T K,
+ * where the rounding error of K has no first-order effect. */
 static bool evaluate(const riccati *s, double *relative) {
     const size_t n = s->n, m = s->m;
     weigh(s);
@@ -345,8 +353,9 @@ static bool evaluate(const riccati *s, double *relative) {
     return true;
 }
 
-/* (d closed d^-1)^T = Z T Z^T with the pencil's scales: what is `closed`, row-major, is its transpose,
- * column-major. Fills `found`, and their margin. */
+/* Eigenvalues of `closed` into `found`, and their *margin. It uses the Schur form (d closed d^-1)^T = Z T Z^T
+ * with the scales d of the pencil; T is in s->schur. The transpose arises because LAPACK reads the row-major
+ * `closed` by columns. False if LAPACK fails. */
 static bool find_poles(const riccati *s, double *margin) {
     const int n = (int)s->n;
     int chosen, info, unused = 0;
@@ -363,8 +372,9 @@ static bool find_poles(const riccati *s, double *margin) {
     return info == 0;
 }
 
-/* t1 = X, closed^T X + X closed = -residual: with Y = Z^T X Z, T Y + Y T^T = -Z^T residual Z (Bartels &
- * Stewart 1972), all of it scaled as P is. Z as row-major is Z^T; a symmetric matrix is its transpose. */
+/* t1 = X, the solution of closed^T X + X closed = -residual: with Y = Z^T X Z, T Y + Y T^T = -Z^T residual Z
+ * (Bartels & Stewart 1972), where X and the residual are scaled like P. The column-major Z read by rows is
+ * Z^T; for symmetric matrices the order does not matter. */
 static void correct_continuous(const riccati *s) {
     const size_t n = s->n;
     const int size = (int)n, plus = 1;
@@ -385,8 +395,8 @@ static void correct_continuous(const riccati *s) {
             s->t1[i * n + j] = s->t2[i * n + j] / -scale * (s->scale[i] * s->scale[j]);
 }
 
-/* t1 = X, closed^T X closed - X = -residual: X = sum_k (closed^k)^T residual closed^k by doubling (Smith
- * 1968). closed is lost. */
+/* t1 = X, the solution of closed^T X closed - X = -residual: X = sum_k (closed^k)^T residual closed^k by
+ * doubling (Smith 1968). Overwrites `closed`. */
 static void correct_discrete(const riccati *s) {
     const size_t n = s->n;
     double *X = s->t1, *power = s->closed, *next = s->schur;
@@ -402,7 +412,8 @@ static void correct_discrete(const riccati *s) {
     }
 }
 
-/* t1 = X of Newton's method at P: 0 = residual + closed^T X + X closed (discrete: closed^T X closed - X). */
+/* t1 = the Newton correction X at P: residual + closed^T X + X closed = 0, or, if discrete,
+ * residual + closed^T X closed - X = 0. */
 static void correct(const riccati *s) {
     if (s->discrete)
         correct_discrete(s);
@@ -410,9 +421,9 @@ static void correct(const riccati *s) {
         correct_continuous(s);
 }
 
-/* The correction that follows X = t1 beside X. At P + X the equation leaves -q, q = right^T W^-1 right with
- * right = B^T X (discrete: B^T X closed, W + B^T X B): taken from X, it has no share of P's rounding. t1 is
- * lost. */
+/* The norm of the Newton correction at P + X over the norm of X, where X = t1 is the correction at P. The
+ * residual at P + X is -right^T W^-1 right with right = B^T X (discrete: right = B^T X closed, W is replaced
+ * by W + B^T X B). As it is computed from X alone, it is free of the rounding errors of P. Overwrites t1. */
 static double contraction(const riccati *s) {
     const size_t n = s->n, m = s->m;
     const double *B = s->of->B, size = lg_matrix_norm(n * n, s->t1);
@@ -442,9 +453,10 @@ static void keep(riccati *s, double residual, double margin) {
     s->result.margin = margin;
 }
 
-/* From the trial P on. A smaller residual is kept; below the rounding of P's digits, which hides it, a P
- * whose correction halves. Whether P is near a solution is seen from the contraction: 0 in the limit, but 1/2
- * with eigenvalues on the boundary. */
+/* Newton's method from the trial P. An iterate is kept if its residual is smaller than the one before.
+ * Residuals below `rounding` say nothing; there an iterate is kept if its correction is less than half of the
+ * one before. P counts as near a solution if `contraction` is small: it tends to 0 at a stabilising solution,
+ * but to 1/2 if there are eigenvalues on the boundary. */
 static lg_status refine(riccati *s) {
     const size_t n = s->n;
     double before = INFINITY, change_before = INFINITY, factor = INFINITY;
@@ -471,7 +483,7 @@ static lg_status refine(riccati *s) {
     return near_one ? LG_OK : explain(s, "Newton's method does not converge");
 }
 
-/* Without weights, a stable system has P = 0. Its residual has no size to be compared with. */
+/* Whether the weights Q and S are 0 and A is stable: then P = 0, and a relative residual is not defined. */
 static bool is_at_rest(const riccati *s) {
     const size_t n = s->n;
     double residual, margin;
@@ -519,7 +531,8 @@ lg_status lg_dare(const lg_riccati *equation, double *P, double *K, double *eige
 
 /* ---- why there is no solution ---- */
 
-/* |matrix v| (rows, n) or |v^T matrix| (n, columns) beside the norms, v = re + i im; im NULL: 0. */
+/* |matrix v| / (|matrix| |v|) for a matrix (other, n), or |v^T matrix| / (|matrix| |v|) for a matrix (n,
+ * other) if from_left. v = re + i im; im may be NULL, which means 0. */
 static double seen(size_t n, size_t other, bool from_left, const double *matrix, const double *re,
                    const double *im) {
     double sum = 0.0, length = 0.0;
@@ -537,13 +550,14 @@ static double seen(size_t n, size_t other, bool from_left, const double *matrix,
     return norm > 0.0 ? sqrt(sum / length) / norm : 0.0;
 }
 
-/* Of a mode of A that is not stable: whether an input reaches it (left eigenvector times B), and on the
- * boundary whether a weight sees it (Q times right eigenvector); Popov, Belevitch, Hautus. */
+/* Fails with the reason: an eigenvalue of A that is not stable and that no input reaches (left eigenvector
+ * times B is 0), or one on the boundary of stability that Q does not see (Q times right eigenvector is 0);
+ * otherwise `finding`. These are the tests of Popov, Belevitch and Hautus. */
 static lg_status explain(const riccati *s, const char *finding) {
     const size_t n = s->n;
     const int size = (int)n;
     double *right_of = s->Z,
-           *left_of = s->schur; /* of A^T, which is what LAPACK sees: left ones of A first */
+           *left_of = s->schur; /* LAPACK sees A^T: right_of are left eigenvectors of A, left_of right ones */
     int info;
     memcpy(s->t1, s->of->A, n * n * sizeof *s->t1);
     dgeev_("V", "V", &size, s->t1, &size, s->re, s->im, left_of, &size, right_of, &size, s->work, &s->room,
