@@ -82,7 +82,7 @@ static bool first_touch(target *t, size_t begin, size_t end) {
 /* ---- blocks ---- */
 
 typedef struct lg_sweep {
-    lg_range range;
+    lg_node_range range;
     void **block;    /* adjoint of each node, NULL until the first contribution */
     target *targets; /* one per wanted variable */
     uint32_t *lent;  /* 1 + index of the target that contains the block; 0: pool memory */

@@ -8,7 +8,7 @@
 
 /* ---- recorded reverse mode ---- */
 
-static void recorded_sweep(lg_tape *tape, lg_range range, const uint8_t *reach, lg_var *adjoint) {
+static void recorded_sweep(lg_tape *tape, lg_node_range range, const uint8_t *reach, lg_var *adjoint) {
     lg_var in[LG_MAX_INPUTS], out[LG_MAX_INPUTS];
     bool need[LG_MAX_INPUTS];
     for (uint32_t i = range.hi + 1; i-- > range.lo && tape->status == LG_OK;) {
@@ -26,7 +26,8 @@ static void recorded_sweep(lg_tape *tape, lg_range range, const uint8_t *reach, 
 
 /* Sets out[i] to the derivative found for list[i], or to zeros when none was found. `out` is written only if
  * everything succeeded. */
-static void collect(lg_tape *tape, lg_range range, lg_var *found, const lg_var *list, size_t n, lg_var *out) {
+static void collect(lg_tape *tape, lg_node_range range, lg_var *found, const lg_var *list, size_t n,
+                    lg_var *out) {
     for (size_t i = 0; i < n && tape->status == LG_OK; i++) {
         lg_var *slot = &found[list[i].index - range.lo];
         if (lg_is_none(*slot)) *slot = lg_zeros_like(tape, list[i]);
@@ -48,7 +49,7 @@ lg_status lg_vjp(lg_tape *tape, const lg_var *y, const lg_var *cotangent, size_t
             lg_tape_fail(tape, LG_SHAPE, "vjp", "a cotangent has another shape than its output");
             return tape->status;
         }
-    const lg_range range = lg_range_of(y, ny, wrt, n);
+    const lg_node_range range = lg_range_of(y, ny, wrt, n);
     size_t length = (size_t)range.hi - range.lo + 1;
     size_t bytes = length * (sizeof(lg_var) + 1);
     lg_var *adjoint = lg_pool_take(tape, bytes);
@@ -78,7 +79,7 @@ lg_status lg_grad(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, lg_var *
 /* ---- recorded forward mode ---- */
 
 /* Clears `reach` for nodes that no output depends on. */
-static void keep_needed(lg_tape *tape, lg_range range, const lg_var *y, size_t ny, uint8_t *reach,
+static void keep_needed(lg_tape *tape, lg_node_range range, const lg_var *y, size_t ny, uint8_t *reach,
                         uint8_t *needed) {
     for (size_t i = 0; i < ny; i++)
         if (y[i].index >= range.lo) needed[y[i].index - range.lo] = 1;
@@ -96,7 +97,7 @@ static void keep_needed(lg_tape *tape, lg_range range, const lg_var *y, size_t n
 
 /* If variable x[i] depends on another variable x[j], its tangent is the sum of its own direction and the
  * tangent that arrives through x[j]. This agrees with reverse mode, which returns total derivatives. */
-static void forward_sweep(lg_tape *tape, lg_range range, const uint8_t *reach, lg_var *tangent) {
+static void forward_sweep(lg_tape *tape, lg_node_range range, const uint8_t *reach, lg_var *tangent) {
     lg_var in[LG_MAX_INPUTS], tangents[LG_MAX_INPUTS];
     for (uint32_t i = range.lo; i <= range.hi && tape->status == LG_OK; i++) {
         const lg_node *node = &tape->nodes[i];
@@ -131,7 +132,7 @@ lg_status lg_jvp(lg_tape *tape, const lg_var *y, size_t ny, const lg_var *x, con
             lg_tape_fail(tape, LG_SHAPE, "jvp", "a tangent has another shape than its variable");
             return tape->status;
         }
-    lg_range range = lg_range_of(y, ny, x, nx);
+    lg_node_range range = lg_range_of(y, ny, x, nx);
     for (size_t j = 0; j < ny; j++)
         if (y[j].index < range.lo) range.lo = y[j].index;
     size_t length = (size_t)range.hi - range.lo + 1;

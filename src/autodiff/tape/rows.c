@@ -13,7 +13,7 @@
 enum { SHARED = 1, CARRIES = 2 };
 
 struct lg_rows {
-    lg_range range;
+    lg_node_range range;
     size_t count;      /* B, number of rows */
     uint32_t theta;    /* node index of theta */
     size_t parameters; /* number of elements of theta */
@@ -32,7 +32,7 @@ static bool is_shared(const lg_rows *rows, uint32_t node) {
     return node >= rows->range.lo && rows->kind[node - rows->range.lo] == SHARED;
 }
 
-lg_rows *lg_rows_open(lg_tape *tape, lg_range range, lg_var theta, size_t count, double *gradient,
+lg_rows *lg_rows_open(lg_tape *tape, lg_node_range range, lg_var theta, size_t count, double *gradient,
                       uint8_t *reach) {
     const size_t length = (size_t)range.hi - range.lo + 1;
     lg_rows *rows = lg_pool_take(tape, sizeof *rows + length * (sizeof *rows->part + 1));

@@ -8,7 +8,7 @@ typedef struct lg_rows lg_rows;
 
 /* Finds the nodes that are shared by all rows and clears `reach` for them, so the ordinary sweep skips them.
  * Sets `gradient` (count, elements of theta) to 0. NULL: error set. */
-lg_rows *lg_rows_open(lg_tape *tape, lg_range range, lg_var theta, size_t count, double *gradient,
+lg_rows *lg_rows_open(lg_tape *tape, lg_node_range range, lg_var theta, size_t count, double *gradient,
                       uint8_t *reach);
 /* Given node i and its cotangent g, adds the part of each row to the gradients of the node's shared
  * inputs. */

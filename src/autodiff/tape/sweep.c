@@ -2,8 +2,8 @@
 
 #include <string.h>
 
-lg_range lg_range_of(const lg_var *newest, size_t n_newest, const lg_var *oldest, size_t n_oldest) {
-    lg_range range = {UINT32_MAX, 0};
+lg_node_range lg_range_of(const lg_var *newest, size_t n_newest, const lg_var *oldest, size_t n_oldest) {
+    lg_node_range range = {UINT32_MAX, 0};
     for (size_t i = 0; i < n_oldest; i++) {
         if (oldest[i].index < range.lo) range.lo = oldest[i].index;
         if (oldest[i].index > range.hi) range.hi = oldest[i].index;
@@ -24,7 +24,7 @@ bool lg_frozen(const lg_node *node, uint32_t input) {
     return input < 32 && ((node->op->frozen >> input) & 1u) != 0;
 }
 
-void lg_mark_reach(const lg_tape *tape, lg_range range, const lg_var *wrt, size_t n, uint8_t *reach) {
+void lg_mark_reach(const lg_tape *tape, lg_node_range range, const lg_var *wrt, size_t n, uint8_t *reach) {
     for (size_t i = 0; i < n; i++) reach[wrt[i].index - range.lo] = 1;
     for (uint32_t i = range.lo; i <= range.hi; i++) {
         const lg_node *node = &tape->nodes[i];
@@ -37,7 +37,7 @@ void lg_mark_reach(const lg_tape *tape, lg_range range, const lg_var *wrt, size_
 
 bool lg_depends_on(lg_tape *tape, lg_var y, lg_var x) {
     if (!lg_valid_list(tape, (lg_var[]){y, x}, 2, "depends") || y.index < x.index) return false;
-    const lg_range range = {x.index, y.index};
+    const lg_node_range range = {x.index, y.index};
     const size_t length = (size_t)range.hi - range.lo + 1;
     uint8_t *reach = lg_pool_take(tape, length);
     if (reach == NULL) return false;
@@ -48,8 +48,8 @@ bool lg_depends_on(lg_tape *tape, lg_var y, lg_var x) {
     return depends;
 }
 
-void lg_reverse_step(lg_tape *tape, lg_range range, const uint8_t *reach, struct lg_sweep *sweep, uint32_t i,
-                     lg_var g, lg_var *in, bool *need, lg_var *out) {
+void lg_reverse_step(lg_tape *tape, lg_node_range range, const uint8_t *reach, struct lg_sweep *sweep,
+                     uint32_t i, lg_var g, lg_var *in, bool *need, lg_var *out) {
     const lg_node *node = &tape->nodes[i];
     const uint32_t *parents = lg_parents_of(tape, node);
     lg_attr attr = node->attr;
