@@ -222,8 +222,8 @@ static void put_page(FILE *page) {
     }
 }
 
-TEST("docs/hyperparameters.md is the page of these tables") {
-    static const char path[] = LG_TEST_DIR "/../docs/hyperparameters.md";
+TEST("docs/data/hyperparameters.md is the page of these tables") {
+    static const char path[] = LG_TEST_DIR "/../docs/data/hyperparameters.md";
     char *wanted = NULL, *found = NULL;
     size_t size = 0, room = 0;
     FILE *page = open_memstream(&wanted, &size);
