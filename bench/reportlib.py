@@ -1,5 +1,5 @@
-"""What the scripts behind a page of docs/reports share: running a program, a cache of trained models, tables between the
-markers of the page, pictures, options."""
+"""What the scripts behind the pages of docs/reports share: running a program, a cache of trained models, tables between the
+markers of a page, pictures, options."""
 import argparse
 import json
 import os
@@ -29,11 +29,15 @@ def processor(bench):
 
 
 class Study:
-    """One page: `page`.md, data/`page`.json and pictures/`page`-*.svg below `out`, all made by `program`. PARTS: by name the
-    methods that fill `tables` and `data`. `also`: other pages with places for tables."""
-    page = program = None
+    """What `program` makes of one subject: tables of `page_file`.md (by default `page`.md), data/`page`.json and
+    pictures/`page`-*.svg below `out`. PARTS: by name the methods that fill `tables` and `data`. `also`: other pages with places
+    for tables. `prefix`: stands before the names in markers, where several scripts fill one page. SHOWN: by the name of a table
+    a function of (head, rows) that gives the head and the rows of the page; None: the table is in the data only."""
+    page = program = page_file = None
+    prefix = ""
     also = ()
     PARTS = {}
+    SHOWN = {}
 
     def __init__(self, args, out):
         self.args, self.out, self.cache = args, out, args.cache
@@ -69,8 +73,11 @@ class Study:
             return list(pool.map(lambda task: function(*task), tasks))
 
     def note(self, name, head, rows):
-        self.tables[name] = lib.table(head, rows)
+        """All rows for the data, what SHOWN chooses of them for the page."""
         self.data[name] = [dict(zip(head, row)) for row in rows]
+        choose = self.SHOWN.get(name, lambda head, rows: (head, rows))
+        if choose:
+            self.tables[name] = lib.table(*choose(head, rows))
 
     def picture(self, name):
         folder = os.path.join(self.out, "pictures")
@@ -95,10 +102,15 @@ class Study:
             json.dump(dict(before, **self.data), file, indent=1)
             file.write("\n")
         left = set(self.tables)
-        for page in (self.page, *self.also):
+        for page in self.pages():
             left -= self.fill(os.path.join(self.out, page + ".md"))
         for name in left:
-            lib.say("%s.md has no place for the table '%s'" % (self.page, name))
+            lib.say("%s.md has no place for the table '%s'" % (self.pages()[0], name))
+
+    @classmethod
+    def pages(cls):
+        """The names of the pages, without .md."""
+        return cls.page_file or cls.page, *cls.also
 
     def fill(self, path):
         """Puts the tables between their markers in a page; the names of those that have a place there."""
@@ -106,7 +118,8 @@ class Study:
             text = file.read()
         placed = set()
         for name, body in self.tables.items():
-            begin, end = "<!-- begin %s -->\n" % name, "<!-- end %s -->" % name
+            begin, end = ("<!-- %s %s%s -->" % (word, self.prefix, name) for word in ("begin", "end"))
+            begin += "\n"
             if begin in text:
                 before, rest = text.split(begin, 1)
                 text = before + begin + body + "\n" + rest[rest.index(end):]
@@ -121,7 +134,7 @@ def main(study, doc):
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--build")
-    parser.add_argument("--out", help="folder of %s.md" % study.page)
+    parser.add_argument("--out", help="folder of %s.md" % study.pages()[0])
     parser.add_argument("--cache", help="folder of data and models (a temporary one)")
     parser.add_argument("--only", help="parts, separated by commas")
     study.options(parser)
@@ -130,7 +143,7 @@ def main(study, doc):
     out = args.out or (tempfile.mkdtemp(prefix="liegrad-report-") if args.quick else reports)
     if os.path.abspath(out) != reports:
         os.makedirs(out, exist_ok=True)
-        for page in (study.page, *study.also):
+        for page in study.pages():
             shutil.copy(os.path.join(reports, page + ".md"), out)
     with lib.workspace() as folder:
         args.cache = args.cache or folder
