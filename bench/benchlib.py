@@ -1,4 +1,5 @@
 """What bench/compare and bench/report share: running lg-bench and its peers, settings, tables."""
+import csv
 import json
 import math
 import os
@@ -242,6 +243,15 @@ def table(head, rows):
                                          for i, (c, w) in enumerate(zip(row, widths))) + " |"
     rule = "|" + "|".join("-" * (w + 1) + ("-" if i == 0 else ":") for i, w in enumerate(widths)) + "|"
     return "\n".join([line(cells[0]), rule] + [line(row) for row in cells[1:]])
+
+
+def save_csv(path, head, rows):
+    """The rows of `table` as a CSV file, numbers as the table shows them."""
+    os.makedirs(os.path.dirname(path), exist_ok=True)
+    with open(path, "w", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(head)
+        writer.writerows([c if isinstance(c, str) else number(c) for c in row] for row in rows)
 
 
 def workspace():
