@@ -1,5 +1,5 @@
 # Packages by CPack, from the build folder: `cpack -G DEB` makes one .deb for each component of an installation, `cpack -G TGZ`
-# an archive of all, `cpack --config CPackSourceConfig.cmake` the sources. scripts/package makes them all; docs/packages.md.
+# an archive of all, `cpack --config CPackSourceConfig.cmake` the sources. scripts/package makes them all; docs/operating.md.
 set(CPACK_PACKAGE_NAME ${PROJECT_NAME})
 set(CPACK_PACKAGE_VENDOR "the liegrad authors")
 # Whoever gives packages to others gives an address: -DCPACK_PACKAGE_CONTACT="Name <address>".

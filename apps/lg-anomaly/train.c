@@ -116,7 +116,7 @@ const app_command train_command = {
     .summary = "Train a detector on labelled windows",
     .details =
         "DATA.h5 holds /X (n, channels, samples) and /y (n), any number of classes; /group, /run and the "
-        "attributes rate, classes and channels if they are known (docs/anomaly.md).\n\nScaling, components "
+        "attributes rate, classes and channels if they are known (docs/detectors.md).\n\nScaling, components "
         "and grids are fitted on the training part only. Metrics are those of the test part: precision, "
         "recall and F1 of class 1 for two classes, otherwise their mean over the classes. "
         "false_alarms_per_day is the number of windows a day that would be given another class if all were "

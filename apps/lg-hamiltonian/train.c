@@ -43,7 +43,7 @@ const app_command train_command = {
         "error that the integrator's steps make, estimated by steps of half the size.\n\nThe defaults above "
         "are "
         "those of --preset thesis. Without options of Adam the preset is best, which changes method, widths, "
-        "epochs, prior and scheme by the system: docs/reports/hamiltonian.md has its table, --json the "
+        "epochs, prior and scheme by the system: docs/reports/accuracy.md has its table, --json the "
         "values "
         "of a run.\n\nCtrl-C "
         "saves a "

@@ -110,7 +110,7 @@ def dot(a, b):
 
 
 def chain(links):
-    """docs/systems.md: pendulum-chain, lagrangian."""
+    """docs/simulate.md: pendulum-chain, lagrangian."""
     def field(x):
         g, m, L = x[3], x[4:4 + links], x[4 + links:4 + 2 * links]
 
@@ -182,7 +182,7 @@ integrated("spherical pendulum, Hamiltonian", exact,
 
 
 def top(x):
-    """Gamma, Pi of the heavy top in its body: docs/systems.md, lie-poisson."""
+    """Gamma, Pi of the heavy top in its body: docs/simulate.md, lie-poisson."""
     I, weight, chi = x[3:6], x[6] * x[7], x[8:11]
 
     def f(y):

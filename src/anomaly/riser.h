@@ -1,5 +1,5 @@
-/* Internals of the riser scene: matrices, force laws of the foundation, waves, time stepping. docs/riser.md
- * has the equations.
+/* Internals of the riser scene: matrices, force laws of the foundation, waves, time stepping.
+ * docs/detectors.md has the equations.
  *
  * An array for one direction has LG_RISER_ROW entries; the entries from LG_RISER_DOF on are zero. An array
  * for both directions has the x part before the y part. Degrees of freedom of a direction: 0 is the offset u,

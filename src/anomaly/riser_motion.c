@@ -10,7 +10,7 @@
 #include "liegrad/random.h"
 #include "anomaly/riser.h"
 
-#define ROUNDS 2 /* fixed-point rounds for the foundation, see docs/riser.md */
+#define ROUNDS 2 /* fixed-point rounds for the foundation, see docs/detectors.md */
 
 /* ---- foundation ---- */
 

@@ -1,6 +1,6 @@
 /* Variational steps of machines with a constant mass; symplectic where the potential's are the only forces.
  *
- * kick (h/2) - drift (h) - kick (h/2), of order 2. docs/machines.md has the formulas.
+ * kick (h/2) - drift (h) - kick (h/2), of order 2. liegrad/machine.h has the formulas.
  *
  * Kick: positions do not change; momenta change by h/2 f(q, v, u) with all forces f. Where forces depend on
  * v, v is the velocity in the middle of the change (implicit midpoint). So the kinetic energy changes by h/2

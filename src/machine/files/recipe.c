@@ -79,7 +79,7 @@ static bool ends_with_lm(const lg_fit_plan *plan) {
     return plan->phases > 0 && plan->phase[plan->phases - 1].method == LG_FIT_LM;
 }
 
-/* Chooses the settings that are not given. docs/reports/machines.md has the measurements behind these
+/* Chooses the settings that are not given. docs/reports/accuracy.md has the measurements behind these
  * choices. */
 static void choose_settings(const lg_learning *self) {
     enum { DENSE = 4000 };
