@@ -142,7 +142,8 @@ static bool sums_fit(const lg_exact_sum *a, const lg_exact_sum *b) {
 lg_status lg_statistics_merge(lg_statistics *into, const lg_statistics *from) {
     LG_NEEDS(NULL, into, from);
     const size_t cells = into->rows * into->columns;
-    if (into->rows != from->rows || into->columns != from->columns || into->bins != from->bins)
+    if (into->rows != from->rows || into->columns != from->columns || into->bins != from->bins ||
+        memcmp(into->logarithmic, from->logarithmic, into->columns * sizeof *into->logarithmic) != 0)
         return LG_SHAPE;
     for (size_t i = 0; i < cells; i++)
         if (memcmp(&into->cells[i].range, &from->cells[i].range, sizeof(lg_statistics_range)) != 0)

@@ -202,7 +202,7 @@ static lg_status loss_of_all(training *t, const lg_context *context, double *sum
 
 static lg_status run(training *t, const lg_context *context, const lg_fit_options *options,
                      lg_program_training *result, lg_error *error) {
-    const lg_fit_options chosen = options != NULL ? *options : default_options(t, t->count);
+    const lg_fit_options defaults = default_options(t, t->count);
     const lg_fit_problem problem = {.parameters = t->count,
                                     .samples = t->rows,
                                     .loss = loss,
@@ -213,7 +213,7 @@ static lg_status run(training *t, const lg_context *context, const lg_fit_option
     lg_fit *fit = NULL;
     (void)take_parameters(t, t->theta);
     LG_TRY(loss_of_all(t, context, &result->before, error));
-    LG_TRY(lg_fit_create(context, &problem, &chosen, t->theta, &fit, error));
+    LG_TRY(lg_fit_create(context, &problem, options != NULL ? options : &defaults, t->theta, &fit, error));
     lg_status status = lg_fit_run(fit, error);
     if (status == LG_OK) {
         lg_fit_parameters(fit, t->theta);

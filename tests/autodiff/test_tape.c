@@ -1061,6 +1061,9 @@ TEST("custom failures name the operation") {
     for (size_t i = 0; i < LG_COUNT(many); i++) many[i] = vector(t, 3, x0);
     assert_true(lg_is_none(lg_custom(t, &custom_table[1], many, LG_COUNT(many), lg_shape1(3))));
     assert_int_equal(lg_tape_status(t), LG_INVALID_ARGUMENT);
+    lg_tape_reset(t);
+    assert_true(lg_is_none(lg_custom(t, &custom_table[1], NULL, 1, lg_shape1(3))));
+    assert_int_equal(lg_tape_status(t), LG_INVALID_ARGUMENT);
 }
 
 /* y = x^2 with both kinds of a vjp, which count their calls. */

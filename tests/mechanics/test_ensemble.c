@@ -675,6 +675,16 @@ TEST("statistics are saved, loaded and merged without loss") {
     lg_statistics *other = make_statistics(16, x, 50), *shifted = make_statistics(32, x + 100, 50);
     assert_status(lg_statistics_merge(other, whole), LG_SHAPE);
     assert_status(lg_statistics_merge(shifted, whole), LG_SHAPE);
+    lg_statistics *linear, *logarithmic; /* equal ranges, one of them of logarithms */
+    const bool yes = true;
+    const lg_statistics_range range = {0};
+    assert_ok(lg_statistics_create(NULL, 1, 1, 8, NULL, &linear));
+    lg_test_owns(linear, release_statistics);
+    assert_ok(lg_statistics_create(NULL, 1, 1, 8, &yes, &logarithmic));
+    lg_test_owns(logarithmic, release_statistics);
+    lg_statistics_set_range(linear, 0, 0, &range);
+    lg_statistics_set_range(logarithmic, 0, 0, &range);
+    assert_status(lg_statistics_merge(linear, logarithmic), LG_SHAPE);
     EVERY_ALLOCATION_FAILS(context, 2, {
         lg_statistics *made = NULL;
         status = lg_statistics_create(context, 3, 2, 10, NULL, &made);

@@ -142,9 +142,11 @@ const lg_op lg_op_custom_derivative = {
 
 lg_var lg_custom(lg_tape *tape, const lg_custom_op *op, const lg_var *inputs, size_t n, lg_shape shape) {
     if (op == NULL || op->name == NULL || op->forward == NULL || n > LG_CUSTOM_MAX_INPUTS ||
-        shape.rank > LG_MAX_RANK || (op->jvp != NULL && op->numeric_jvp != NULL))
-        return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "custom",
-                            "no name or forward, both kinds of a jvp, too many inputs, or rank above 4");
+        (inputs == NULL && n > 0) || shape.rank > LG_MAX_RANK || (op->jvp != NULL && op->numeric_jvp != NULL))
+        return lg_tape_fail(
+            tape, LG_INVALID_ARGUMENT, "custom",
+            "no name, no forward, both kinds of a jvp, missing or too many inputs, or rank above "
+            "4");
     lg_attr attr = {.pointer = op};
     for (uint32_t i = 0; i < LG_MAX_RANK; i++) attr.i[i] = i < shape.rank ? shape.dims[i] : UINT32_MAX;
     lg_scope_push(tape, op->name);
