@@ -30,8 +30,14 @@ static lg_status evaluate(const lg_model *model, const char *function, double *x
  * in exported C. */
 static lg_status save(const char *path, lg_program *driven, lg_error *error) {
     const lg_carry carry = {"y", "x"};
+    const lg_loop_spec loop = {.size = sizeof loop,
+                               .name = "steps",
+                               .function = "step",
+                               .times = STEPS,
+                               .carry = &carry,
+                               .carry_count = 1};
     lg_space space;
-    lg_status status = lg_program_add_loop(driven, "steps", "step", STEPS, &carry, 1, error);
+    lg_status status = lg_program_add_loop(driven, &loop, error);
     if (status == LG_OK) status = lg_space_init_rn(&space, 2);
     return status == LG_OK ? lg_model_save(NULL, path, "driven", driven, &space, NULL, error) : status;
 }

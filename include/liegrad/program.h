@@ -100,6 +100,11 @@ LG_API void lg_program_spec_init(lg_program_spec *spec);
  * The context must outlive the program. */
 LG_API lg_status lg_program_build(const lg_context *context, const lg_program_spec *spec, lg_program **out,
                                   lg_error *error);
+/* Records one more function. Its recording may call all functions of the program (lg_program_call), also
+ * loops and derivatives that were added after lg_program_build: a cost of a whole motion is a function that
+ * calls a loop of steps. Errors as lg_program_build. On failure the program is as before. */
+LG_API lg_status lg_program_add_function(lg_program *program, const lg_function_spec *function,
+                                         lg_error *error);
 LG_API void lg_program_destroy(lg_program *program); /* NULL is fine */
 
 /* ---- contents ---- */
@@ -170,16 +175,31 @@ LG_API lg_status lg_program_sparsity(const lg_program *program, size_t function,
 
 /* ---- loops ---- */
 
-/* Adds a function that calls `function` `times` times. After each call output carry[j].output becomes input
- * carry[j].input (equal ports); the other inputs stay the same. The new function has the ports of `function`.
- * In C it is a loop. Errors: LG_INVALID_ARGUMENT (times 0 or above 2^24, unequal ports, a loop),
- * LG_NOT_FOUND, LG_OUT_OF_MEMORY. */
 typedef struct lg_carry {
     const char *output, *input;
 } lg_carry;
-LG_API lg_status lg_program_add_loop(lg_program *program, const char *name, const char *function,
-                                     size_t times, const lg_carry *carry, size_t carry_count,
-                                     lg_error *error);
+
+typedef struct lg_loop_spec {
+    size_t size;          /* sizeof(lg_loop_spec) */
+    const char *name;     /* of the new function */
+    const char *function; /* that is called; it must not be a loop */
+    size_t times;         /* 1 to 2^24 calls */
+    /* After each call output carry[j].output becomes input carry[j].input, whose port is equal. The other
+     * inputs stay the same. */
+    const lg_carry *carry;
+    size_t carry_count;
+    /* Outputs whose values of all calls are wanted. Output X becomes the further output X_path of shape
+     * (times, shape...), whose last entry equals X. */
+    const char *const *path;
+    size_t path_count;
+} lg_loop_spec;
+
+/* Adds a function that calls another function of the program again and again. It has the inputs and outputs
+ * of the called function, then the paths. In plans and in C it is a loop; on a tape each call is recorded.
+ * Errors: LG_INVALID_ARGUMENT (times, unequal ports, the called function is a loop), LG_NOT_FOUND (function,
+ * input or output), LG_SHAPE (a path of too high a rank or too large), LG_OUT_OF_MEMORY. On failure the
+ * program is as before. */
+LG_API lg_status lg_program_add_loop(lg_program *program, const lg_loop_spec *loop, lg_error *error);
 
 /* ---- running ---- */
 

@@ -53,6 +53,10 @@ typedef struct lg_function_image {
      * `times` times. After a call output carry[i] becomes input i; LG_CARRY_NONE: input i stays. */
     uint32_t times, callee;
     const uint32_t *carry; /* (input_count) */
+    /* The loop's last path_count outputs hold output path[k] of the callee from all calls,
+     * (times, shape...). */
+    const uint32_t *path;
+    size_t path_count;
 } lg_function_image;
 #define LG_CARRY_NONE UINT32_MAX
 
@@ -89,9 +93,10 @@ LG_API lg_status lg_program_add_image(lg_program *program, const lg_function_ima
  *               0 inputs: whole n, n wholes: how many operations back it lies, 1 for the one before
  *               1 shape: whole rank, rank affines      2 to 5 whole[0] to whole[3]: affines      6 real: real
  *               7 reals: whole n, n reals     8 indices: whole n, n wholes     9 reciprocal: affine
- *   function  whole 1 (the version), whole n, n ports (inputs), whole n, n ports (outputs), whole times.
+ *   function  whole 1 or 2 (the version), whole n, n ports (inputs), whole n, n ports (outputs), whole times.
  *             times 0: whole n, n operations, for each output a whole: its operation.
- *             Else a loop: whole callee, for each input a whole: its carry */
+ *             Else a loop: whole callee, for each input a whole: its carry.
+ *             Version 2, a loop with paths: then whole n, n wholes: path */
 
 /* Writes the function to `bytes`, which has room for *size; *size becomes how many they are. NULL: only that.
  * Errors: LG_INVALID_ARGUMENT, with a sentence (no room; names, counts or numbers that cannot be). */

@@ -27,7 +27,9 @@ static inline void save_hamiltonian(const char *name, const lg_hamiltonian_famil
     lg_hamiltonian_initialise(&model, &rng, theta);
     assert_told(lg_hamiltonian_program(NULL, &model, theta, NULL, &program, &told));
     const lg_carry carry = {"next", "x"};
-    assert_told(lg_program_add_loop(program, "ten", "step", 10, &carry, 1, &told));
+    const char *const path = carry.output;
+    const lg_loop_spec loop = {sizeof loop, "ten", "step", 10, &carry, 1, &path, 1};
+    assert_told(lg_program_add_loop(program, &loop, &told));
     (void)derived(program, LG_DERIVATIVE_FORWARD, "value");
     (void)derived(program, LG_DERIVATIVE_ADJOINT, "step");
     (void)derived(program, LG_DERIVATIVE_JACOBIAN, "field");

@@ -443,7 +443,8 @@ TEST("chosen inputs and outputs cost only what they need") {
 
 static void add_loop(lg_program *program, const char *name, size_t times) {
     const lg_carry carry = {"next", "x"};
-    assert_told(lg_program_add_loop(program, name, "step", times, &carry, 1, &told));
+    const lg_loop_spec loop = {sizeof loop, name, "step", times, &carry, 1, NULL, 0};
+    assert_told(lg_program_add_loop(program, &loop, &told));
 }
 
 TEST("loops are single steps") {
@@ -509,14 +510,18 @@ TEST("loops carry several outputs, in any order, and refuse what cannot be") {
     const lg_port out[] = {{.name = "p"}, {.name = "q"}};
     const lg_carry both[] = {{"p", "a"}, {"q", "b"}}, one[] = {{"q", "a"}, {"q", "b"}};
     const lg_port others[] = {{.name = "wide"}, {.name = "one"}};
+    const char *const others_names[] = {"wide", "one"};
     const lg_function_spec functions[] = {{"f", in, 3, out, 2, record_exchange, NULL},
                                           {"uneven", in, 3, others, 2, record_uneven, NULL}};
     const lg_program_spec spec = spec_of(NULL, 0, functions, 2);
     lg_program *program = test_program(&spec);
     lg_error error;
-    assert_ok(lg_program_add_loop(program, "both", "f", 5, both, 2, &error));
-    assert_ok(lg_program_add_loop(program, "one", "f", 4, one, 2, &error));
-    assert_ok(lg_program_add_loop(program, "still", "f", 3, NULL, 0, &error));
+    const char *const paths[] = {"q", "p"}, *const no_path[] = {"r"}, *const unnamed_path[] = {NULL};
+    const lg_loop_spec loops[] = {{sizeof *loops, "both", "f", 5, both, 2, paths, 1},
+                                  {sizeof *loops, "one", "f", 4, one, 2, paths, 2},
+                                  {sizeof *loops, "still", "f", 3, NULL, 0, NULL, 0},
+                                  {sizeof *loops, "uneven_paths", "uneven", 1, NULL, 0, others_names, 2}};
+    for (size_t i = 0; i < LG_COUNT(loops); i++) assert_ok(lg_program_add_loop(program, &loops[i], &error));
     check_all("loops", program);
     /* What cannot be. */
     const lg_carry unknown = {"r", "a"}, nowhere = {"p", "z"}, unnamed = {NULL, "a"}, unset = {"p", NULL},
@@ -530,9 +535,9 @@ TEST("loops carry several outputs, in any order, and refuse what cannot be") {
         const char *says;
     } refused[] = {{"l", "g", 2, both, 2, LG_NOT_FOUND, "there is no function 'g'"},
                    {"l", NULL, 2, both, 2, LG_INVALID_ARGUMENT,
-                    "'l': the program, its function or what is carried is missing"},
+                    "'l': its function, what is carried or a path is missing"},
                    {"l", "f", 2, NULL, 2, LG_INVALID_ARGUMENT,
-                    "'l': the program, its function or what is carried is missing"},
+                    "'l': its function, what is carried or a path is missing"},
                    {"l", "f", 2, &unknown, 1, LG_NOT_FOUND, "'f' has no output 'r'"},
                    {"l", "f", 2, &nowhere, 1, LG_NOT_FOUND, "'f' has no input 'z'"},
                    {"l", "f", 2, &unnamed, 1, LG_INVALID_ARGUMENT, "'l': what is carried has no name"},
@@ -549,21 +554,90 @@ TEST("loops carry several outputs, in any order, and refuse what cannot be") {
                     "'l': output 'one' cannot become input 'a': all rows share one of them"}};
     for (size_t i = 0; i < LG_COUNT(refused); i++) {
         memset(&error, 0, sizeof error);
-        assert_status(lg_program_add_loop(program, refused[i].name, refused[i].function, refused[i].times,
-                                          refused[i].carries, refused[i].count, &error),
-                      refused[i].status);
+        const lg_loop_spec loop = {.size = sizeof loop,
+                                   .name = refused[i].name,
+                                   .function = refused[i].function,
+                                   .times = refused[i].times,
+                                   .carry = refused[i].carries,
+                                   .carry_count = refused[i].count};
+        assert_status(lg_program_add_loop(program, &loop, &error), refused[i].status);
         assert_says(error.message, refused[i].says);
     }
+    const lg_loop_spec paths_refused[] = {{sizeof *paths_refused, "l", "f", 2, both, 2, no_path, 1},
+                                          {sizeof *paths_refused, "l", "f", 2, both, 2, unnamed_path, 1}};
+    assert_status(lg_program_add_loop(program, &paths_refused[0], &error), LG_NOT_FOUND);
+    assert_says(error.message, "'f' has no output 'r'");
+    assert_status(lg_program_add_loop(program, &paths_refused[1], &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "a path is missing");
     /* A loop takes its times the work of a call. */
     lg_plan_options options = plan_options(1, LG_F64);
     lg_plan *plan = NULL;
     options.most_work = 1e4;
-    assert_ok(lg_program_add_loop(program, "few", "f", 100, both, 2, &error));
+    const lg_loop_spec few = {sizeof few, "few", "f", 100, both, 2, NULL, 0},
+                       many = {sizeof many, "many", "f", 1 << 20, both, 2, NULL, 0};
+    assert_ok(lg_program_add_loop(program, &few, &error));
     (void)test_plan(program, lg_program_functions(program) - 1, &options);
-    assert_ok(lg_program_add_loop(program, "many", "f", 1 << 20, both, 2, &error));
+    assert_ok(lg_program_add_loop(program, &many, &error));
     assert_status(lg_plan_create(program, lg_program_functions(program) - 1, &options, &plan, &error),
                   LG_UNSUPPORTED);
     assert_says(error.message, "more than 1e+04");
+}
+
+/* x + tanh(x A)/10 */
+RECORDING(record_walk) {
+    y[0] = lg_add(tape, x[0], lg_scale(tape, lg_act(tape, lg_matmul(tape, x[0], theta[0]), LG_TANH), 0.1));
+}
+
+/* The mean square of all points of a motion of 200 steps. */
+RECORDING(record_cost) {
+    const lg_var motion = lg_program_call(tape, "motion", 1, x);
+    y[0] = lg_mean_axis(tape, lg_mean_axis(tape, lg_square(tape, motion), 2, false), 1, false);
+}
+
+/* The same without a loop. */
+RECORDING(record_long_cost) {
+    lg_var now = x[0], sum = LG_NONE;
+    for (int n = 0; n < 200; n++) {
+        now = lg_program_call(tape, "step", 0, &now);
+        const lg_var part = lg_mean_axis(tape, lg_square(tape, now), 1, false);
+        sum = n == 0 ? part : lg_add(tape, sum, part);
+    }
+    y[0] = lg_scale(tape, sum, 1.0 / 200);
+}
+
+TEST("a function that is added later calls a loop, and its cost over a motion is the cost of single steps") {
+    const lg_port in = {.name = "x", .shape = {1, {2}}}, out = {.name = "next"}, cost = {.name = "cost"};
+    const lg_parameter_spec A = {"A", lg_shape2(2, 2), test_numbers(4, 4, -0.5, 0.5)};
+    const lg_function_spec step = {"step", &in, 1, &out, 1, record_walk, NULL},
+                           added[] = {{"cost", &in, 1, &cost, 1, record_cost, NULL},
+                                      {"long_cost", &in, 1, &cost, 1, record_long_cost, NULL}};
+    const lg_program_spec spec = spec_of(&A, 1, &step, 1);
+    const lg_carry carry = {"next", "x"};
+    const char *const path = "next";
+    const lg_loop_spec loop = {sizeof loop, "motion", "step", 200, &carry, 1, &path, 1};
+    lg_program *program = test_program(&spec);
+    lg_error error;
+    assert_status(lg_program_add_function(program, &added[0], &error), LG_NOT_FOUND); /* no loop yet */
+    assert_ok(lg_program_add_loop(program, &loop, &error));
+    for (size_t i = 0; i < LG_COUNT(added); i++)
+        assert_ok(lg_program_add_function(program, &added[i], &error));
+    assert_status(lg_program_add_function(program, &added[0], &error), LG_INVALID_ARGUMENT); /* twice */
+    assert_true(lg_program_operations(program, 2) <= 6);
+    assert_true(lg_program_operations(program, 3) > 600);
+    const double x[] = {0.3, -0.7, 1.1, 0.4};
+    const double *const inputs[] = {x};
+    double value[2][2], gradient[2][4];
+    for (int i = 0; i < 2; i++) {
+        double *const outputs[] = {value[i]};
+        assert_ok(lg_program_eval(NULL, program, added[i].name, 2, inputs, outputs, &error));
+        const size_t adjoint = derived(program, LG_DERIVATIVE_ADJOINT, added[i].name);
+        const double one[] = {1, 1}, *const both[] = {x, one};
+        double *const slopes[] = {gradient[i]};
+        assert_ok(lg_program_eval(NULL, program, lg_program_function_name(program, adjoint), 2, both, slopes,
+                                  &error));
+    }
+    for (int b = 0; b < 2; b++) assert_close(value[0][b], value[1][b], 1e-14, 0);
+    for (int b = 0; b < 4; b++) assert_close(gradient[0][b], gradient[1][b], 1e-12, 1e-14);
 }
 
 /* ---- options ---- */
@@ -745,6 +819,8 @@ TEST("every allocation may fail, with a sentence, and the program stays as it wa
                                      test_numbers(3, lg_mlp_parameters(&net), -0.3, 0.3)};
     const lg_function_spec function = {"f", &in, 1, &out, 1, record_value, &net};
     lg_program_spec spec = spec_of(&theta, 1, &function, 1);
+    const char *const path = "y";
+    const lg_loop_spec loop = {sizeof loop, "l", "f", 2, NULL, 0, &path, 1};
     lg_derivative what;
     lg_derivative_init(&what);
     what.kind = LG_DERIVATIVE_JACOBIAN;
@@ -757,7 +833,7 @@ TEST("every allocation may fail, with a sentence, and the program stays as it wa
         size_t functions = 0;
         status = lg_program_build(context, &spec, &program, &error);
         if (status == LG_OK) functions++, status = lg_program_derive(program, &what, &error);
-        if (status == LG_OK) functions++, status = lg_program_add_loop(program, "l", "f", 2, NULL, 0, &error);
+        if (status == LG_OK) functions++, status = lg_program_add_loop(program, &loop, &error);
         if (status == LG_OK) functions++;
         assert_int_equal(program != NULL ? lg_program_functions(program) : 0, functions);
         for (size_t f = 0; status == LG_OK && f < functions; f++) {

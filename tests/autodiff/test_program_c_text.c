@@ -78,8 +78,10 @@ static lg_program *all_kinds(const lg_context *context) {
                                           {"calls", state, 2, out, 1, calls, NULL},
                                           {"sum", many, LG_COUNT(many), out, 1, sum, NULL}};
     const lg_program_spec spec = spec_of(parameters, 2, functions, LG_COUNT(functions));
+    const char *const path[] = {"first"};
+    const lg_loop_spec loop = {sizeof loop, "loop", "step", 7, carry, 2, path, 1};
     assert_told(lg_program_build(context, &spec, &program, &told) != LG_OK ||
-                lg_program_add_loop(program, "loop", "step", 7, carry, 2, &told));
+                lg_program_add_loop(program, &loop, &told));
     return program;
 }
 

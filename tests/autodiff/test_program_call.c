@@ -205,3 +205,41 @@ TEST("nothing is left behind when memory ends") {
         });
     }
 }
+
+TEST("images and bytes keep the paths of a loop, and wrong paths are refused") {
+    static const struct {
+        uint32_t path;
+        size_t paths, outputs;
+        lg_status status;
+    } rows[] = {{0, 1, 2, LG_OK},     {1, 1, 2, LG_FORMAT}, {UINT32_MAX, 1, 2, LG_FORMAT},
+                {0, 0, 2, LG_FORMAT}, {0, 1, 1, LG_FORMAT}, {0, 2, 2, LG_FORMAT}};
+    for (size_t r = 0; r < LG_COUNT(rows); r++) {
+        lg_program *program = built(true);
+        size_t count, size = 0, memory = 1 << 20;
+        const char *const path = lg_program_outputs(program, 0, &count)->name;
+        const lg_loop_spec loop = {sizeof loop, "l", lg_program_function_name(program, 0), 3, NULL, 0,
+                                   &path,       1};
+        const uint32_t changed[] = {rows[r].path, 0};
+        lg_function_image *image, *again;
+        lg_error error;
+        assert_int_equal(count, 1);
+        assert_ok(lg_program_add_loop(program, &loop, &error));
+        assert_ok(lg_function_image_create(program, 3, &image));
+        image->path = changed;
+        image->path_count = rows[r].paths;
+        image->output_count = rows[r].outputs;
+        assert_ok(lg_function_pack(image, NULL, &size, &error));
+        void *bytes = TEST_ARRAY(unsigned char, size);
+        assert_ok(lg_function_pack(image, bytes, &size, &error));
+        lg_function_image_destroy(image);
+        assert_ok(lg_function_unpack(NULL, "changed", bytes, size, &memory, &again, &error));
+        assert_int_equal(again->path_count, rows[r].paths);
+        assert_status(lg_program_add_image(program, again, &error), rows[r].status);
+        lg_function_image_destroy(again);
+        if (rows[r].status != LG_OK) continue;
+        double want[64], got[64];
+        (void)values_of(program, 3, 1, LG_F64, true, want);
+        (void)values_of(program, 4, 1, LG_F64, true, got);
+        assert_memory_equal(want, got, 16 * sizeof *want);
+    }
+}

@@ -127,7 +127,8 @@ TEST("programs") {
     lg_var x = lg_input(tape, lg_shape2(1, 1), &number), y;
     size_t index, size = 0;
     unsigned char pattern[1];
-    lg_carry carry = {"y", "x"};
+    const lg_carry carry = {"y", "x"};
+    lg_loop_spec loop = {sizeof loop, "l", "f", 2, &carry, 1, NULL, 0};
     lg_plan *plan;
     lg_c_source *source;
     const double *inputs[1] = {&number};
@@ -139,7 +140,8 @@ TEST("programs") {
     REFUSES(lg_program_record(NEEDED(tape), NEEDED(program), 0, NULL, NEEDED(&x), NEEDED(&y)));
     REFUSES(lg_program_derive(NEEDED(program), NEEDED(&what), NULL));
     REFUSES(lg_program_sparsity(NEEDED(program), 0, 0, 0, NEEDED(pattern), NULL));
-    REFUSES(lg_program_add_loop(NEEDED(program), NEEDED("l"), NEEDED("f"), 2, NEEDED(&carry), 1, NULL));
+    REFUSES(lg_program_add_loop(NEEDED(program), NEEDED(&loop), NULL));
+    REFUSES(lg_program_add_function(NEEDED(bare), NEEDED(&function), NULL));
     REFUSES(lg_plan_create(NEEDED(program), 0, NULL, NEEDED(&plan), NULL));
     REFUSES(lg_program_eval(NULL, NEEDED(program), NEEDED("f"), 1, NEEDED(inputs), NEEDED(outputs), NULL));
     REFUSES(lg_program_write_c(NEEDED(program), NEEDED(&how), NEEDED(&source), NULL));

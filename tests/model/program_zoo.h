@@ -69,7 +69,9 @@ static inline lg_program *zoo_network(void) {
     spec.function_count = LG_COUNT(functions);
     spec.description = ZOO_DESCRIPTION;
     assert_told(lg_program_build(NULL, &spec, &program, &told));
-    assert_told(lg_program_add_loop(program, "ten_steps", "step", 10, &carry, 1, &told));
+    const char *const path = carry.output;
+    const lg_loop_spec loop = {sizeof loop, "ten_steps", "step", 10, &carry, 1, &path, 1};
+    assert_told(lg_program_add_loop(program, &loop, &told));
     return program;
 }
 

@@ -246,7 +246,10 @@ TEST("bytes of a function that are wrong are refused with their place") {
         lg_status status;
         const char *words;
     } cases[] = {
-        {"\x02", 1, LG_VERSION, "function 'f': version"},
+        {"\x03", 1, LG_VERSION, "function 'f': version"},
+        {"\x02\x00\x00\x00\x00", 5, LG_FORMAT, "only for loops with paths"},
+        {"\x02\x00\x00\x01\x00\x00", 6, LG_FORMAT, "only for loops with paths"},
+        {"\x02\x00\x00\x01\x00\x41", 6, LG_FORMAT, "path: there are too many"},
         {"\x01", 1, LG_FORMAT, "inputs: the bytes end too early"},
         {"\x01\x41", 2, LG_FORMAT, "inputs: there are too many"},
         {"\x01\x02\x00", 3, LG_FORMAT, "inputs: there are more than the bytes can hold"},

@@ -70,6 +70,24 @@ static lg_status plan_calls(lg_planning *p, const lg_program *program, const lg_
     return LG_OK;
 }
 
+static lg_status plan_paths(lg_planning *p, const lg_function *f, lg_call_step *step) {
+    const lg_plan *callee = step->callee;
+    uint32_t *path = lg_planning_keep(p, f->paths, sizeof *path);
+    size_t *rows = lg_planning_keep(p, f->paths, sizeof *rows);
+    lg_place *kept = lg_planning_keep(p, f->paths, sizeof *kept);
+    if (p->failed) return LG_OUT_OF_MEMORY;
+    for (size_t k = 0; k < f->paths; k++) {
+        path[k] = f->path[k];
+        rows[k] = f->output[callee->outputs + k].shared ? 1 : p->plan->rows;
+        kept[k] = (lg_place){LG_AREA_WORK, 0, lg_planning_give_room(p, callee->output_count[path[k]])};
+    }
+    step->path = path;
+    step->path_rows = rows;
+    step->kept = kept;
+    step->paths = f->paths;
+    return LG_OK;
+}
+
 static lg_status plan_loop(lg_planning *p, const lg_program *program, const lg_function *f,
                            const lg_plan_options *options) {
     lg_plan *plan = p->plan, *callee;
@@ -94,6 +112,7 @@ static lg_status plan_loop(lg_planning *p, const lg_program *program, const lg_f
     step->call.work =
         (lg_place){LG_AREA_WORK, 0,
                    lg_planning_give_room(p, (lg_plan_work_size(callee) + plan->k->size - 1) / plan->k->size)};
+    if (f->paths > 0) LG_TRY(plan_paths(p, f, &step->call));
     plan->depth = callee->depth * f->times;
     plan->work = callee->work * f->times;
     return LG_OK;

@@ -88,6 +88,12 @@ typedef struct lg_call_step {
     /* For each carried input: work memory for two values, used alternately. */
     lg_place *next;
     lg_place work;
+    /* Output path[k] of the callee goes to entry n of output callee->outputs + k after call n. For each row
+     * (path_rows[k] of them) the entries follow each other. `kept` is memory for the output of one call. */
+    const uint32_t *path;
+    const size_t *path_rows;
+    const lg_place *kept;
+    size_t paths;
 } lg_call_step;
 
 typedef enum lg_plan_step_kind {

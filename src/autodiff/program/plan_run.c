@@ -99,6 +99,19 @@ static void run_scalars(const running *r, const lg_scalar_step *s) {
         store(size, s->out[i].count, s->stored + s->out[i].first, registers, to(r, &s->out[i].place));
 }
 
+/* Copies the output of call n, `value`, to entry n of path k. */
+static void put_path(const running *r, const lg_call_step *s, size_t k, uint32_t n, const void *value) {
+    const size_t rows = s->path_rows[k], bytes = s->callee->output_count[s->path[k]] / rows * r->k->size;
+    const unsigned char *from_row = value;
+    unsigned char *to_row = r->outputs[s->callee->outputs + k];
+    for (size_t b = 0; b < rows; b++)
+        memcpy(to_row + (b * s->times + n) * bytes, from_row + b * bytes, bytes);
+}
+
+static bool wants_path(const running *r, const lg_call_step *s, size_t k) {
+    return r->outputs[s->callee->outputs + k] != NULL;
+}
+
 /* Runs a loop. Values that are carried from run to run alternate between the two halves of their memory; the
  * last run writes to the caller's outputs. */
 static void run_call(const running *r, const lg_call_step *s) {
@@ -115,7 +128,11 @@ static void run_call(const running *r, const lg_call_step *s) {
             if (n % 2 == 1) next.offset += (callee->input_count[i] + 15) / 16 * 16;
             out[s->carry[i]] = to(r, &next);
         }
+        for (size_t k = 0; k < s->paths; k++)
+            if (wants_path(r, s, k) && out[s->path[k]] == NULL) out[s->path[k]] = to(r, &s->kept[k]);
         lg_plan_eval(callee, in, out, work);
+        for (size_t k = 0; k < s->paths; k++)
+            if (wants_path(r, s, k)) put_path(r, s, k, n, out[s->path[k]]);
         for (size_t i = 0; !last && i < callee->inputs; i++)
             if (s->carry[i] != UINT32_MAX) in[i] = out[s->carry[i]];
     }

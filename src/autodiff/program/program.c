@@ -2,6 +2,7 @@
 #include "autodiff/program/program_check.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 /* ---- creation and destruction ---- */
@@ -61,6 +62,7 @@ void lg_function_destroy(const lg_context *context, lg_function *f) {
     lg_free(context, f->indices);
     lg_free(context, f->result);
     lg_free(context, f->carry);
+    lg_free(context, f->path);
     *f = (lg_function){.name = NULL};
 }
 
@@ -114,7 +116,7 @@ lg_status lg_program_add_parameter(lg_program *p, const lg_parameter_spec *spec,
     return LG_OK;
 }
 
-lg_status lg_program_add_function(lg_program *p, lg_function *f, lg_error *error) {
+lg_status lg_program_take_function(lg_program *p, lg_function *f, lg_error *error) {
     size_t there;
     LG_TRY(lg_program_check_name("a function", f->name, error));
     if (lg_program_find(p, f->name, &there) == LG_OK)
@@ -136,14 +138,19 @@ lg_status lg_program_add_function(lg_program *p, lg_function *f, lg_error *error
     return LG_OK;
 }
 
+static size_t find_port(const lg_port *ports, size_t count, const char *name) {
+    size_t i = 0;
+    while (i < count && strcmp(ports[i].name, name) != 0) i++;
+    return i;
+}
+
 /* Sets one entry of loop->carry. `of` is the function that the loop calls; `loop` needs its name for
  * messages. */
 static lg_status add_carry(lg_function *loop, const lg_function *of, const lg_carry *carry, lg_error *error) {
-    size_t i = 0, j = 0;
     if (carry->input == NULL || carry->output == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "loop '%s': what is carried has no name", loop->name);
-    while (i < of->inputs && strcmp(of->input[i].name, carry->input) != 0) i++;
-    while (j < of->outputs && strcmp(of->output[j].name, carry->output) != 0) j++;
+    const size_t i = find_port(of->input, of->inputs, carry->input),
+                 j = find_port(of->output, of->outputs, carry->output);
     if (i == of->inputs)
         return lg_fail(error, LG_NOT_FOUND, "function '%s' has no input '%s'", of->name, carry->input);
     if (j == of->outputs)
@@ -155,30 +162,80 @@ static lg_status add_carry(lg_function *loop, const lg_function *of, const lg_ca
     return LG_OK;
 }
 
-lg_status lg_program_add_loop(lg_program *p, const char *name, const char *function, size_t times,
-                              const lg_carry *carry, size_t carry_count, lg_error *error) {
-    size_t callee;
-    LG_TRY(lg_program_check_name("a function", name, error));
-    if (p == NULL || function == NULL || (carry == NULL && carry_count > 0))
+lg_port lg_path_port(const lg_port *output, uint32_t times, const char *name) {
+    lg_port port = *output;
+    port.name = name;
+    port.shape.rank = output->shape.rank + 1;
+    for (uint32_t d = 1; d < port.shape.rank && d < LG_MAX_RANK; d++)
+        port.shape.dims[d] = output->shape.dims[d - 1];
+    port.shape.dims[0] = times;
+    return port;
+}
+
+/* Copies the outputs of the called function and adds the paths. */
+static lg_status add_outputs(lg_function *loop, const lg_function *of, const lg_loop_spec *spec,
+                             const lg_context *context, lg_error *error) {
+    lg_port port[LG_PROGRAM_MAX_PORTS];
+    char name[LG_PROGRAM_MAX_PORTS][LG_PROGRAM_MAX_NAME + 8];
+    if (of->outputs + spec->path_count > LG_PROGRAM_MAX_PORTS)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "loop '%s' has more than %d outputs", loop->name,
+                       LG_PROGRAM_MAX_PORTS);
+    memcpy(port, of->output, of->outputs * sizeof *port);
+    for (size_t k = 0; k < spec->path_count; k++) {
+        const size_t at = of->outputs + k, j = find_port(of->output, of->outputs, spec->path[k]);
+        if (j == of->outputs)
+            return lg_fail(error, LG_NOT_FOUND, "function '%s' has no output '%s'", of->name, spec->path[k]);
+        if (of->output[j].shape.rank == LG_MAX_RANK)
+            return lg_fail(error, LG_SHAPE, "loop '%s': the path of '%s' has a rank that is too high",
+                           loop->name, spec->path[k]);
+        (void)snprintf(name[at], sizeof name[at], "%s_path", spec->path[k]);
+        port[at] = lg_path_port(&of->output[j], loop->times, name[at]);
+        loop->path[k] = (uint32_t)j;
+    }
+    loop->outputs = of->outputs + spec->path_count;
+    return lg_ports_copy(context, port, loop->outputs, &loop->output);
+}
+
+static lg_status make_loop(lg_program *p, const lg_function *of, const lg_loop_spec *spec, lg_function *f,
+                           lg_error *error) {
+    f->name = lg_strdup(p->context, spec->name);
+    f->carry = lg_alloc(p->context, of->inputs, sizeof *f->carry);
+    f->path = spec->path_count > 0 ? lg_alloc(p->context, spec->path_count, sizeof *f->path) : NULL;
+    if (f->name == NULL || f->carry == NULL || (f->path == NULL && f->paths > 0)) return LG_OUT_OF_MEMORY;
+    for (size_t i = 0; i < of->inputs; i++) f->carry[i] = UINT32_MAX;
+    LG_TRY(lg_ports_copy(p->context, of->input, of->inputs, &f->input));
+    f->inputs = of->inputs;
+    LG_TRY(add_outputs(f, of, spec, p->context, error));
+    for (size_t c = 0; c < spec->carry_count; c++) LG_TRY(add_carry(f, of, &spec->carry[c], error));
+    return lg_program_take_function(p, f, error);
+}
+
+static lg_status check_loop_spec(const lg_program *p, const lg_loop_spec *spec, size_t *callee,
+                                 lg_error *error) {
+    LG_TRY(lg_program_check_name("a function", spec->name, error));
+    bool named = spec->function != NULL && (spec->carry != NULL || spec->carry_count == 0) &&
+                 (spec->path != NULL || spec->path_count == 0);
+    for (size_t k = 0; named && k < spec->path_count; k++) named = spec->path[k] != NULL;
+    if (!named)
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "loop '%s': the program, its function or what is carried is missing", name);
-    if (lg_program_find(p, function, &callee) != LG_OK)
-        return lg_fail(error, LG_NOT_FOUND, "there is no function '%s'", function);
-    if (times < 1 || times > LG_PROGRAM_MAX_TIMES)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "loop '%s' is run %zu times: 1 to %u", name, times,
-                       LG_PROGRAM_MAX_TIMES);
-    const lg_function *of = &p->function[callee];
-    lg_function f = {
-        .inputs = of->inputs, .outputs = of->outputs, .times = (uint32_t)times, .callee = (uint32_t)callee};
-    f.name = lg_strdup(p->context, name);
-    f.carry = lg_alloc(p->context, of->inputs, sizeof *f.carry);
-    lg_status status = f.name == NULL || f.carry == NULL ? LG_OUT_OF_MEMORY : LG_OK;
-    if (status == LG_OK) status = lg_ports_copy(p->context, of->input, of->inputs, &f.input);
-    if (status == LG_OK) status = lg_ports_copy(p->context, of->output, of->outputs, &f.output);
-    for (size_t i = 0; status == LG_OK && i < of->inputs; i++) f.carry[i] = UINT32_MAX;
-    for (size_t c = 0; status == LG_OK && c < carry_count; c++) status = add_carry(&f, of, &carry[c], error);
-    if (status == LG_OK) status = lg_program_add_function(p, &f, error);
-    if (status == LG_OUT_OF_MEMORY) (void)lg_fail(error, status, "no memory for loop '%s'", name);
+                       "loop '%s': its function, what is carried or a path is missing", spec->name);
+    if (lg_program_find(p, spec->function, callee) != LG_OK)
+        return lg_fail(error, LG_NOT_FOUND, "there is no function '%s'", spec->function);
+    if (spec->times < 1 || spec->times > LG_PROGRAM_MAX_TIMES)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "loop '%s' is run %zu times: 1 to %u", spec->name,
+                       spec->times, LG_PROGRAM_MAX_TIMES);
+    return LG_OK;
+}
+
+lg_status lg_program_add_loop(lg_program *p, const lg_loop_spec *spec, lg_error *error) {
+    size_t callee = 0;
+    LG_NEEDS(error, p, spec);
+    if (spec->size != sizeof *spec)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a specification of another version");
+    LG_TRY(check_loop_spec(p, spec, &callee, error));
+    lg_function f = {.times = (uint32_t)spec->times, .callee = (uint32_t)callee, .paths = spec->path_count};
+    lg_status status = make_loop(p, &p->function[callee], spec, &f, error);
+    if (status == LG_OUT_OF_MEMORY) (void)lg_fail(error, status, "no memory for loop '%s'", spec->name);
     if (status == LG_FORMAT) {
         status = LG_INVALID_ARGUMENT;
         if (error != NULL) error->status = status;

@@ -58,6 +58,10 @@ typedef struct lg_function {
      * is the output that becomes input i after each call, or UINT32_MAX if input i stays the same. */
     uint32_t times, callee;
     uint32_t *carry;
+    /* A loop's last `paths` outputs hold the values of all its calls: output path[k] of the callee as
+     * (times, shape...). */
+    uint32_t *path;
+    size_t paths;
 } lg_function;
 
 typedef struct lg_program_parameter_own {
@@ -108,12 +112,15 @@ lg_status lg_program_add_parameter(lg_program *program, const lg_parameter_spec 
  * inputs of a node come before it, the operations' numbers of inputs, attributes and shapes (by the shape
  * rules, at several numbers of rows), payload, that numbers are finite, and the nodes and shapes of
  * outputs. */
-lg_status lg_program_add_function(lg_program *program, lg_function *function, lg_error *error);
+lg_status lg_program_take_function(lg_program *program, lg_function *function, lg_error *error);
 /* Records a function with `spec` and adds it to the program. `derivative`: it is a derivative of a function,
  * for which fewer recordings are compared. */
 lg_status lg_program_record_function(lg_program *program, const lg_function_spec *spec, bool derivative,
                                      lg_error *error);
 void lg_function_destroy(const lg_context *context, lg_function *function);
+/* The port `name` with the values of an output from all calls of a loop: (times, shape...). The output's rank
+ * is below LG_MAX_RANK. */
+lg_port lg_path_port(const lg_port *output, uint32_t times, const char *name);
 
 /* Shape and attributes of a node for this number of rows. False: a dimension or an attribute is negative or
  * too large for this number. attr->pointer points into the function. */

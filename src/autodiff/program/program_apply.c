@@ -124,9 +124,19 @@ static lg_status apply_nodes(applying *a, lg_var *outputs) {
     return a->tape->status;
 }
 
-static lg_status apply_loop(const applying *a, lg_var *outputs) {
+/* The value of one call as an entry of its path: (rows, 1, shape...); (1, shape...) if all rows share it. */
+static lg_var path_entry(const applying *a, const lg_port *port, lg_var value) {
+    const uint32_t axis = port->shared ? 0 : 1;
+    lg_shape shape = lg_port_shape(port, a->rows);
+    shape.dims[axis] = 1;
+    return lg_reshape(a->tape, value, shape);
+}
+
+/* Calls the function again and again; path[k * times + n] becomes entry n of path k. */
+static lg_status apply_calls(const applying *a, lg_var *outputs, lg_var *path) {
     lg_var now[LG_PROGRAM_MAX_PORTS], next[LG_PROGRAM_MAX_PORTS];
     const lg_function *loop = a->f;
+    const size_t called = loop->outputs - loop->paths;
     applying inner = *a;
     inner.f = &a->program->function[loop->callee];
     inner.inputs = now;
@@ -135,9 +145,26 @@ static lg_status apply_loop(const applying *a, lg_var *outputs) {
         LG_TRY(apply_nodes(&inner, next));
         for (size_t i = 0; i < loop->inputs; i++)
             if (loop->carry[i] != UINT32_MAX) now[i] = next[loop->carry[i]];
+        for (size_t k = 0; k < loop->paths; k++)
+            path[k * loop->times + n] = path_entry(a, &loop->output[called + k], next[loop->path[k]]);
     }
-    for (size_t j = 0; j < loop->outputs; j++) outputs[j] = next[j];
+    for (size_t j = 0; j < called; j++) outputs[j] = next[j];
     return LG_OK;
+}
+
+static lg_status apply_loop(const applying *a, lg_var *outputs) {
+    const lg_function *loop = a->f;
+    const size_t called = loop->outputs - loop->paths, bytes = loop->paths * loop->times * sizeof(lg_var);
+    lg_var *path = NULL;
+    if (bytes > 0 && (path = lg_pool_take(a->tape, bytes)) == NULL) return a->tape->status;
+    lg_status status = apply_calls(a, outputs, path);
+    for (size_t k = 0; k < loop->paths && status == LG_OK; k++) {
+        outputs[called + k] =
+            lg_concat(a->tape, path + k * loop->times, loop->times, loop->output[called + k].shared ? 0 : 1);
+        status = a->tape->status;
+    }
+    if (path != NULL) lg_pool_give(a->tape, path, bytes);
+    return status;
 }
 
 lg_status lg_program_record(lg_tape *tape, const lg_program *program, size_t function,

@@ -457,7 +457,7 @@ static lg_status make(building *b) {
     LG_TRY(lg_ports_copy(context, spec->inputs, spec->input_count, &f->input));
     LG_TRY(lg_ports_copy(context, spec->outputs, spec->output_count, &f->output));
     LG_TRY(make_nodes(b));
-    return lg_program_add_function(b->program, f, b->error);
+    return lg_program_take_function(b->program, f, b->error);
 }
 
 static lg_status check_spec(const lg_function_spec *spec, lg_error *error) {
@@ -501,6 +501,11 @@ lg_status lg_program_record_function(lg_program *program, const lg_function_spec
     lg_free(program->context, b.place);
     lg_function_destroy(program->context, &b.made);
     return status;
+}
+
+lg_status lg_program_add_function(lg_program *program, const lg_function_spec *function, lg_error *error) {
+    LG_NEEDS(error, program, function);
+    return lg_program_record_function(program, function, false, error);
 }
 
 static lg_status build(const lg_context *context, const lg_program_spec *spec, lg_program **out,

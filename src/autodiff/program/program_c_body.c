@@ -80,7 +80,61 @@ static size_t half_of(const lg_plan *callee, size_t i) {
     return callee->input_count[i];
 }
 
-/* Writes a loop. In run i, a carried input is read from the caller's input (i = 0) or from half i % 2 of its
+/* The first input that output j is carried into, or callee->inputs if there is none. */
+static size_t carried_to(const lg_call_step *s, size_t j) {
+    size_t i = 0;
+    while (i < s->callee->inputs && s->carry[i] != j) i++;
+    return i;
+}
+
+/* The first path of output j, or `paths` if it has none. */
+static size_t path_of(const lg_call_step *s, size_t j) {
+    size_t k = 0;
+    while (k < s->paths && s->path[k] != j) k++;
+    return k;
+}
+
+/* An input of call i. An output that is carried into several inputs is stored in the memory of the first of
+ * them. */
+static void add_loop_input(lg_c *c, const lg_call_step *s, size_t i) {
+    lg_text *body = &c->frame->body;
+    if (s->carry[i] == UINT32_MAX) {
+        lg_text_add(body, "x%zu", i);
+        return;
+    }
+    const size_t first = carried_to(s, s->carry[i]), half = half_of(s->callee, first);
+    lg_text_add(body, "i == 0 ? x%zu : work + (%zu + i %% 2 * %zu)", i, s->next[first].offset, half);
+    lg_c_use(c, s->next[first], 2 * half);
+}
+
+/* Where call i puts output j. The last call puts it into the caller's output, unless the caller does not want
+ * it and a path needs it. */
+static void add_loop_output(lg_c *c, const lg_call_step *s, size_t j) {
+    lg_text *body = &c->frame->body;
+    const size_t to = carried_to(s, j), k = path_of(s, j);
+    lg_text_add(body, k < s->paths ? "i == %u && y%zu != NULL ? y%zu : " : "i == %u ? y%zu : ", s->times - 1,
+                j, j);
+    if (to < s->callee->inputs)
+        lg_text_add(body, "work + (%zu + (i + 1) %% 2 * %zu)", s->next[to].offset, half_of(s->callee, to));
+    else if (k < s->paths)
+        lg_text_add(body, "work + %zu", s->kept[k].offset);
+    else
+        lg_text_add(body, "NULL");
+    if (k < s->paths) lg_c_use(c, s->kept[k], s->callee->output_count[j]);
+}
+
+/* Copies output path[k] of call i to its entry of the path, where the caller wants the path. */
+static void add_loop_path(lg_c *c, const lg_call_step *s, size_t k) {
+    lg_text *body = &c->frame->body;
+    const size_t j = s->path[k], y = s->callee->outputs + k, count = s->callee->output_count[j];
+    if (!fits_int(c, count * s->times, "a path")) return;
+    lg_c_need(c, &c_copy);
+    lg_text_add(body, "        copy(%zu, ", count);
+    add_loop_output(c, s, j);
+    lg_text_add(body, ", y%zu == NULL ? NULL : y%zu + i * %zu);\n", y, y, count);
+}
+
+/* Writes a loop. In call i, a carried input is read from the caller's input (i = 0) or from half i % 2 of its
  * memory, and its next value is written to half (i + 1) % 2. */
 static void write_call(lg_c *c, const lg_call_step *s) {
     const lg_plan *callee = s->callee;
@@ -90,34 +144,19 @@ static void write_call(lg_c *c, const lg_call_step *s) {
     c->frame = own;
     if (name == NULL) return;
     lg_text *body = &own->body;
-    lg_place inner = s->work;
     lg_text_add(body, "    for (int i = 0; i < %u; i++) {\n        %s(", s->times, name);
     for (size_t i = 0; i < callee->inputs; i++) {
-        if (s->carry[i] == UINT32_MAX) {
-            lg_text_add(body, "x%zu, ", i);
-            continue;
-        }
-        const size_t at = s->next[i].offset;
-        /* an output that is carried into several inputs is stored in the memory of the first of them */
-        size_t first = i;
-        for (size_t k = 0; k < i; k++)
-            if (s->carry[k] == s->carry[i] && k < first) first = k;
-        lg_text_add(body, "i == 0 ? x%zu : work + (%zu + i %% 2 * %zu), ", i,
-                    first == i ? at : s->next[first].offset, half_of(callee, first));
-        lg_c_use(c, s->next[first], 2 * half_of(callee, first));
+        add_loop_input(c, s, i);
+        lg_text_add(body, ", ");
     }
     for (size_t j = 0; j < callee->outputs; j++) {
-        size_t from = callee->inputs;
-        for (size_t i = callee->inputs; i-- > 0;)
-            if (s->carry[i] == j) from = i;
-        if (from == callee->inputs)
-            lg_text_add(body, "i == %u ? y%zu : NULL, ", s->times - 1, j);
-        else
-            lg_text_add(body, "i == %u ? y%zu : work + (%zu + (i + 1) %% 2 * %zu), ", s->times - 1, j,
-                        s->next[from].offset, half_of(callee, from));
+        add_loop_output(c, s, j);
+        lg_text_add(body, ", ");
     }
-    lg_text_add(body, "work + %zu);\n    }\n", inner.offset);
-    lg_c_use(c, inner, work);
+    lg_text_add(body, "work + %zu);\n", s->work.offset);
+    for (size_t k = 0; k < s->paths; k++) add_loop_path(c, s, k);
+    lg_text_add(body, "    }\n");
+    lg_c_use(c, s->work, work);
 }
 
 static void write_steps(lg_c *c, const lg_plan *plan) {

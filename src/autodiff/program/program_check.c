@@ -210,6 +210,13 @@ static lg_status check_carry(const lg_function *f, const lg_port *input, uint32_
     return LG_OK;
 }
 
+static bool is_path(const lg_function *loop, const lg_function *callee, size_t k) {
+    const uint32_t of = loop->path[k];
+    if (of >= callee->outputs || callee->output[of].shape.rank == LG_MAX_RANK) return false;
+    const lg_port wanted = lg_path_port(&callee->output[of], loop->times, NULL);
+    return same_port(&wanted, &loop->output[callee->outputs + k]);
+}
+
 static lg_status check_loop(const lg_program *p, const lg_function *f, lg_error *error) {
     if (f->times > LG_PROGRAM_MAX_TIMES)
         return lg_fail(error, LG_FORMAT, "loop '%s' is run more than %u times", f->name,
@@ -222,9 +229,10 @@ static lg_status check_loop(const lg_program *p, const lg_function *f, lg_error 
     const lg_function *callee = &p->function[f->callee];
     if (callee->times != 0)
         return lg_fail(error, LG_FORMAT, "loop '%s' calls '%s', which is a loop too", f->name, callee->name);
-    bool fits = f->inputs == callee->inputs && f->outputs == callee->outputs && f->carry != NULL;
+    bool fits = f->inputs == callee->inputs && f->outputs == callee->outputs + f->paths && f->carry != NULL;
     for (size_t i = 0; fits && i < f->inputs; i++) fits = same_port(&f->input[i], &callee->input[i]);
-    for (size_t j = 0; fits && j < f->outputs; j++) fits = same_port(&f->output[j], &callee->output[j]);
+    for (size_t j = 0; fits && j < callee->outputs; j++) fits = same_port(&f->output[j], &callee->output[j]);
+    for (size_t k = 0; fits && k < f->paths; k++) fits = is_path(f, callee, k);
     if (!fits)
         return lg_fail(error, LG_FORMAT, "loop '%s' has other ports than '%s', which it calls", f->name,
                        callee->name);

@@ -66,7 +66,9 @@ lg_status lg_function_image_create(const lg_program *p, size_t function, lg_func
                                       .results = f->result,
                                       .times = f->times,
                                       .callee = f->callee,
-                                      .carry = f->carry};
+                                      .carry = f->carry,
+                                      .path = f->path,
+                                      .path_count = f->paths};
     *out = &made->image;
     return LG_OK;
 }
@@ -225,7 +227,9 @@ static lg_status make_function(making *m) {
         f->callee = from->callee;
         f->nodes = (uint32_t)(from->operation_count > 0);
         f->carry = copy_numbers(context, from->carry, from->input_count);
-        return f->carry != NULL ? LG_OK : LG_OUT_OF_MEMORY;
+        f->paths = from->path_count;
+        if (f->paths > 0) f->path = copy_numbers(context, from->path, f->paths);
+        return f->carry != NULL && (f->path != NULL || f->paths == 0) ? LG_OK : LG_OUT_OF_MEMORY;
     }
     LG_TRY(make_lists(m));
     f->result = copy_numbers(context, from->results, from->output_count);
@@ -242,7 +246,7 @@ lg_status lg_program_add_image(lg_program *program, const lg_function_image *ima
     if (error == NULL) m.error = &ignored;
     m.error->message[0] = '\0';
     lg_status status = make_function(&m);
-    if (status == LG_OK) status = lg_program_add_function(program, &m.f, m.error);
+    if (status == LG_OK) status = lg_program_take_function(program, &m.f, m.error);
     if (status == LG_OUT_OF_MEMORY && m.error->message[0] == '\0')
         (void)lg_fail(m.error, status, "no memory for a function");
     lg_function_destroy(program->context, &m.f);

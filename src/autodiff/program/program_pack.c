@@ -6,7 +6,8 @@
 #include "autodiff/program/program.h"
 #include "core/text.h"
 
-enum { VERSION = 1, MOST_NAMES = 256 };
+/* Version 2 has paths of loops. Functions without paths are written as version 1. */
+enum { VERSION = 1, WITH_PATHS = 2, MOST_NAMES = 256 };
 
 /* The state of writing or reading. Writing leaves the image unchanged; if `bytes` is NULL, the bytes are only
  * counted. Reading fills the image and takes memory from `heap`. After a failure all numbers are 0. */
@@ -284,7 +285,8 @@ static void code_operations(coder *c, lg_function_image *f) {
 
 static void code_function(coder *c, lg_function_image *f) {
     c->where = "version";
-    if (coded(c, VERSION) != VERSION && c->status == LG_OK)
+    const uint64_t version = coded(c, f->path_count > 0 ? WITH_PATHS : VERSION);
+    if (version != VERSION && version != WITH_PATHS && c->status == LG_OK)
         refuse(c, LG_VERSION, "these bytes were written by a later version of liegrad");
     code_ports(c, "inputs", &f->inputs, &f->input_count);
     code_ports(c, "outputs", &f->outputs, &f->output_count);
@@ -294,10 +296,17 @@ static void code_function(coder *c, lg_function_image *f) {
         c->where = "callee";
         code_whole(c, &f->callee);
         code_wholes(c, "carry", &f->carry, f->input_count);
+        if (version == WITH_PATHS) {
+            c->where = "path";
+            f->path_count = coded_count(c, f->path_count, LG_PROGRAM_MAX_PORTS);
+            code_wholes(c, "path", &f->path, f->path_count);
+        }
     } else {
         code_operations(c, f);
         code_wholes(c, "results", &f->results, f->output_count);
     }
+    if (version == WITH_PATHS && f->path_count == 0)
+        refuse(c, LG_FORMAT, "this version is only for loops with paths");
 }
 
 lg_status lg_function_pack(const lg_function_image *image, void *bytes, size_t *size, lg_error *error) {

@@ -45,12 +45,13 @@ static bool same_operation(const lg_operation *a, const lg_operation *b) {
 static bool same_image(const lg_function_image *a, const lg_function_image *b) {
     bool same = same_text(a->name, b->name) && a->input_count == b->input_count &&
                 a->output_count == b->output_count && a->operation_count == b->operation_count &&
-                a->times == b->times && a->callee == b->callee;
+                a->times == b->times && a->callee == b->callee && a->path_count == b->path_count;
     same = same && same_ports(a->inputs, b->inputs, a->input_count) &&
            same_ports(a->outputs, b->outputs, a->output_count);
     for (size_t i = 0; same && i < a->operation_count; i++)
         same = same_operation(&a->operations[i], &b->operations[i]);
-    return same && (a->times > 0 ? same_list(a->carry, b->carry, a->input_count, sizeof *a->carry)
+    return same && (a->times > 0 ? same_list(a->carry, b->carry, a->input_count, sizeof *a->carry) &&
+                                       same_list(a->path, b->path, a->path_count, sizeof *a->path)
                                  : same_list(a->results, b->results, a->output_count, sizeof *a->results));
 }
 

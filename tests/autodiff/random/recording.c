@@ -452,7 +452,21 @@ static lg_status add_loop(lg_program *program, const recording *r, uint32_t at, 
         if (f->carry[i] > 0) carry[carries++] = (lg_carry){out.of[f->carry[i] - 1], in.of[i]};
     (void)snprintf(of, sizeof of, "%s%u", prefix, at);
     (void)snprintf(name, sizeof name, "%sloop%u", prefix, at);
-    return lg_program_add_loop(program, name, of, f->times, carry, carries, error);
+    /* Every other loop gives the paths of the outputs whose rank leaves room for one more axis. */
+    const char *path[MOST_OUTPUTS];
+    size_t paths = 0, count;
+    const lg_port *output = lg_program_outputs(program, lg_program_functions(program) - 1, &count);
+    for (size_t j = 0; j < count && r->number % 2 == 1; j++)
+        if (output[j].shape.rank + !output[j].shared < LG_MAX_RANK) path[paths++] = output[j].name;
+    const lg_loop_spec loop = {.size = sizeof loop,
+                               .name = name,
+                               .function = of,
+                               .times = f->times,
+                               .carry = carry,
+                               .carry_count = carries,
+                               .path = path,
+                               .path_count = paths};
+    return lg_program_add_loop(program, &loop, error);
 }
 
 /* What cannot be derived: an order that an operation does not have, rows that meet, nothing that is asked
