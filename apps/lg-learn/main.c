@@ -8,10 +8,10 @@
 
 /* ---- the recipe and its options ---- */
 
-/* Name of number `value` among the recipes that can be learned; NULL beyond the last one. */
+/* Name of recipe number `value`; NULL beyond the last one. */
 static const char *recipe_name(uint32_t value) {
     for (const lg_recipe *const *recipe = lg_recipes; *recipe != NULL; recipe++)
-        if ((*recipe)->learner != NULL && value-- == 0) return (*recipe)->name;
+        if (value-- == 0) return (*recipe)->name;
     return NULL;
 }
 
@@ -40,8 +40,7 @@ static const lg_recipe *find_recipe(int argc, char **argv) {
     for (int i = 1; i < argc; i++) {
         if (strncmp(argv[i], option, length) != 0) continue;
         const char *name = argv[i][length] == '=' ? argv[i] + length + 1 : i + 1 < argc ? argv[i + 1] : "";
-        const lg_recipe *found = lg_recipe_find(name);
-        return found != NULL && found->learner != NULL ? found : NULL;
+        return lg_recipe_find(name);
     }
     return NULL;
 }
@@ -103,7 +102,7 @@ static int run_evaluate(app *self) {
     const char *path = self->arguments[0];
     APP_CLEAN(lg_model_file_destroy) lg_model_file file = {0};
     APP_MUST_FILE(self, path, lg_model_load(self->context, path, NULL, &file, &error));
-    if (file.recipe == NULL || file.recipe->learner == NULL)
+    if (file.recipe == NULL)
         app_stop(self, LG_FORMAT, "%s: no recipe learns models of its kind: nothing says what its data are",
                  path);
     check_data(self, file.recipe, 1);
