@@ -1,5 +1,5 @@
-/* What every test includes: cmocka, tests that state their claims, and comparisons in double that are false
- * for NaN. cmocka's own assert_float_equal compares floats and lets NaN pass: it is not used here. */
+/* Included by every test: cmocka, the TEST macro, and comparisons of doubles that fail for NaN. cmocka's own
+ * assert_float_equal is not used, because it compares floats and lets NaN pass. */
 #ifndef LG_TEST_SUPPORT_H
 #define LG_TEST_SUPPORT_H
 
@@ -19,8 +19,9 @@
 #include "liegrad/random.h"
 #include "liegrad/status.h"
 
-/* TEST("claim") { ... } checks a claim. No list repeats it: a file is a suite, and support/run_tests.c runs
- * the tests of the suite that the first argument names, in their order. */
+/* TEST("claim") { ... } defines and registers a test; the claim says what must hold. A file of tests is a
+ * suite. support/run_tests.c runs the tests of the suite that the first argument names, in the order of the
+ * file. */
 typedef void (*lg_test_body)(void);
 enum { LG_MOST_TESTS = 128 };
 
@@ -35,24 +36,26 @@ typedef struct lg_suite {
 static lg_suite lg_suite_here __attribute__((unused)) = {.file = __BASE_FILE__};
 void lg_test_enter(lg_suite *suite, const char *claim, lg_test_body body);
 
-/* The running test owns `object`: release(object) is called when it ends or fails, the last object first. */
+/* Gives `object` to the running test: release(object) is called when the test ends or fails. The object that
+ * was given last is released first. */
 void lg_test_owns(void *object, void (*release)(void *));
 
-/* name(object) is destroy(object), for lg_test_owns. */
+/* Defines the function name(object), which calls destroy(object). For lg_test_owns. */
 #define RELEASES(name, destroy)                                                                              \
     static inline void name(void *object) {                                                                  \
         destroy(object);                                                                                     \
     }
 
-/* Gives back what the test has come to own since lg_test_owned() was `mark`: for rounds that take much. */
+/* Releases the objects that the test was given since lg_test_owned() returned `mark`. For loops whose rounds
+ * each take much memory. */
 size_t lg_test_owned(void);
 void lg_test_give_back(size_t mark);
 
-/* Zeroed memory of the running test, aligned to 64 bytes. */
+/* Zeroed memory, owned by the running test and aligned to 64 bytes. */
 void *lg_test_memory(size_t bytes);
 #define TEST_ARRAY(type, count) ((type *)lg_test_memory((count) * sizeof(type)))
 
-/* A text of the running test. */
+/* A formatted text, owned by the running test. */
 char *test_text(const char *format, ...) __attribute__((format(printf, 1, 2)));
 
 static inline lg_rng test_rng(uint64_t seed, uint64_t stream) {
@@ -77,7 +80,7 @@ static inline lg_rng test_rng(uint64_t seed, uint64_t stream) {
         lg_suite_here.end = last;                                                                            \
     }
 
-/* |a - e| <= atol + rtol |e|, false when either is NaN; infinities are close only when equal. */
+/* |a - e| <= atol + rtol |e|. False when either is NaN. Infinities are close only when they are equal. */
 static inline bool lg_is_close(double a, double e, double rtol, double atol) {
     if (a == e) return true;
     return isfinite(e) && fabs(a - e) <= atol + rtol * fabs(e);
@@ -91,7 +94,7 @@ static inline bool lg_is_close(double a, double e, double rtol, double atol) {
                      lg_a_ - lg_e_);                                                                         \
     } while (0)
 
-/* `n` numbers; says which one is off. */
+/* Compares `n` numbers; a failure says which one is wrong. */
 #define assert_all_close(a, e, n, rtol, atol)                                                                \
     lg_all_close(#a, (a), (e), (n), (rtol), (atol), __FILE__, __LINE__)
 
@@ -105,7 +108,7 @@ static inline void lg_all_close(const char *name, const double *a, const double 
     }
 }
 
-/* A text holds its part. */
+/* Fails unless `text` contains `part`. */
 #define assert_says(text, part)                                                                              \
     do {                                                                                                     \
         const char *const lg_text_ = (text), *const lg_part_ = (part);                                       \
@@ -118,7 +121,7 @@ static inline void lg_all_close(const char *name, const double *a, const double 
         if (lg_s_ != LG_OK) fail_msg("%s: %s", #call, lg_status_name(lg_s_));                                \
     } while (0)
 
-/* A call that says in &told why it failed. */
+/* Fails unless the call, which may use &told as its lg_error, returns LG_OK; then prints told's message. */
 #define assert_told(call)                                                                                    \
     do {                                                                                                     \
         lg_error told = {LG_OK, ""};                                                                         \
@@ -132,7 +135,7 @@ static inline void lg_all_close(const char *name, const double *a, const double 
             fail_msg("%s: %s, expected %s", #call, lg_status_name(lg_s_), lg_status_name(expected));         \
     } while (0)
 
-/* Least squares slope of points. */
+/* Slope of the least-squares line through points. */
 typedef struct fit_line {
     double n, sx, sy, sxx, sxy;
 } fit_line;

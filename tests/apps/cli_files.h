@@ -1,4 +1,4 @@
-/* Files of the test's folder, read as objects of the running test. */
+/* Reads files in the test's folder into objects that the running test owns. */
 #ifndef LG_CLI_FILES_H
 #define LG_CLI_FILES_H
 

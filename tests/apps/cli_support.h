@@ -1,4 +1,4 @@
-/* Runs executables and looks at what they say: exit code, standard output, standard error, JSON. */
+/* Runs executables and checks their exit code, standard output, standard error and JSON. */
 #ifndef LG_TEST_CLI_SUPPORT_H
 #define LG_TEST_CLI_SUPPORT_H
 
@@ -20,10 +20,10 @@
 enum { CLI_TEXT = 262144, CLI_WORDS = 64 };
 
 typedef struct cli {
-    int code; /* exit code; 1000 + signal when killed */
+    int code; /* exit code; 1000 + signal when a signal killed the program */
     char out[CLI_TEXT], err[CLI_TEXT];
 } cli;
-static cli result; /* of the last command */
+static cli result; /* of the command that ran last */
 
 typedef struct cli_child {
     pid_t pid;
@@ -57,7 +57,7 @@ static inline void cli_remove_folder(void) {
     (void)rmdir(cli_folder);
 }
 
-/* Entries of the folder whose name contains `part`. */
+/* Number of entries of the test's folder whose name contains `part`. */
 static inline int cli_count_files(const char *part) {
     int count = 0;
     DIR *folder = opendir(cli_folder);
@@ -79,7 +79,7 @@ static inline void cli_write(const char *name, const char *text) {
     assert_int_equal(fclose(file), 0);
 }
 
-/* A symbolic link `name` to `target`, both in the folder. */
+/* Makes a symbolic link `name` to `target`; both are in the test's folder. */
 static inline void cli_link(const char *target, const char *name) {
     assert_int_equal(symlink(target, cli_at(name)), 0);
 }
@@ -97,7 +97,8 @@ static inline size_t cli_read(const char *name, char *out, size_t size) {
     return n;
 }
 
-/* Words are separated by blanks. `file_limit` > 0: bytes that a file may have (RLIMIT_FSIZE). */
+/* Starts a program. `arguments` are split at blanks. `file_limit` > 0: the most bytes that a file may have
+ * (RLIMIT_FSIZE). */
 static inline cli_child cli_start(const char *program, const char *arguments, rlim_t file_limit) {
     int out[2], err[2];
     char path[1024];
@@ -128,7 +129,7 @@ static inline cli_child cli_start(const char *program, const char *arguments, rl
     return (cli_child){pid, out[0], err[0]};
 }
 
-/* Appends what can be read now; false at the end of the stream. */
+/* Appends what can be read now to `text`. Returns false at the end of the stream. */
 static inline bool cli_drain(int fd, char *text, size_t *used) {
     char buffer[4096];
     const ssize_t n = read(fd, buffer, sizeof buffer);
@@ -164,7 +165,8 @@ static inline void cli_run_limited(const char *program, const char *arguments, r
     cli_finish(cli_start(program, arguments, file_limit));
 }
 
-/* Fails unless the exit code is `code` and standard error (code != 0) or output holds `words`. */
+/* Runs a command. Fails unless its exit code is `code`, and `words` are in standard error (code != 0) or in
+ * standard output (code 0). */
 static inline void cli_expect_limited(const char *program, const char *arguments, rlim_t file_limit, int code,
                                       const char *words) {
     cli_run_limited(program, arguments, file_limit);
@@ -179,7 +181,7 @@ static inline void cli_expect(const char *program, const char *arguments, int co
     cli_expect_limited(program, arguments, 0, code, words);
 }
 
-/* A command that ends well. */
+/* Runs a command that must succeed. */
 static inline void cli_run(const char *program, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
 static inline void cli_run(const char *program, const char *format, ...) {
@@ -191,7 +193,8 @@ static inline void cli_run(const char *program, const char *format, ...) {
     cli_expect(program, line, 0, "");
 }
 
-/* ---- a strict JSON reader (RFC 8259): position after the value, NULL when there is none ---- */
+/* ---- a strict JSON reader (RFC 8259): each function returns the position after the value, or NULL if there
+ * is none ---- */
 
 static inline const char *json_value(const char *s);
 
@@ -263,14 +266,14 @@ static inline const char *json_value(const char *s) {
     return json_number_end(s);
 }
 
-/* One object and nothing else. */
+/* Whether the text is one JSON object and nothing else. */
 static inline bool json_is_object(const char *text) {
     if (*json_space(text) != '{') return false;
     const char *end = json_value(text);
     return end != NULL && *json_space(end) == '\0';
 }
 
-/* Where the value of a key of the outermost object begins; NULL when it is not there. */
+/* Where the value of a key of the outermost object begins; NULL if the key is missing. */
 static inline const char *json_find(const char *text, const char *key) {
     const char *s = json_space(text) + 1;
     for (;;) {
@@ -292,7 +295,7 @@ static inline double json_number(const char *text, const char *key) {
     return s != NULL && json_number_end(s) != NULL ? strtod(s, NULL) : (double)NAN;
 }
 
-/* Numbers of an array of numbers, or of an array of such arrays, one after the other. */
+/* Reads an array of numbers, or an array of such arrays, into `out`, one number after the other. */
 static inline size_t json_array(const char *text, const char *key, double *out, size_t room) {
     const char *s = json_find(text, key);
     if (s == NULL || *s != '[') fail_msg("no array '%s' in %.200s", key, text);
@@ -310,7 +313,8 @@ static inline size_t json_array(const char *text, const char *key, double *out, 
     return n;
 }
 
-/* Whether the member is as `want` says: * for anything, <x, >x, a number to 1e-12 of it, or its text. */
+/* Whether the member `key` is as `want` says: * accepts anything; <x and >x compare; a number must agree to a
+ * relative error of 1e-12; any other text must be equal. */
 static inline bool json_is(const char *object, const char *key, const char *want) {
     const char *value = json_find(object, key);
     if (value == NULL) fail_msg("no key '%s' in %s", key, object);
@@ -322,7 +326,7 @@ static inline bool json_is(const char *object, const char *key, const char *want
     return *want == '<' ? number < than : *want == '>' ? number > than : lg_is_close(number, than, 1e-12, 0);
 }
 
-/* One object with these members: "points 6, loss <1e-3, preset null, seconds *". */
+/* Fails unless `object` has these members: "points 6, loss <1e-3, preset null, seconds *" (see json_is). */
 static inline void json_expect(const char *object, const char *members) {
     char list[1024], key[64], want[64], *save = NULL;
     (void)snprintf(list, sizeof list, "%s", members);
@@ -332,7 +336,7 @@ static inline void json_expect(const char *object, const char *members) {
     }
 }
 
-/* The command with --json: one object with these members. */
+/* Runs the command with --json. It must print one object with these members. */
 static inline void cli_json(const char *program, const char *arguments, const char *members) {
     const char *line = test_text("%s --json", arguments);
     cli_expect(program, line, 0, "");
@@ -340,13 +344,13 @@ static inline void cli_json(const char *program, const char *arguments, const ch
     json_expect(result.out, members);
 }
 
-/* ---- what programs with several commands share ---- */
+/* ---- for programs with several commands ---- */
 
-/* A folder for the group of tests, with a file that is empty and one that is no HDF5 file. */
+/* Makes a folder for the group of tests, with an empty file and a file that is not HDF5. */
 static inline int cli_begin(void) {
     cli_make_folder();
     if (cli_folder[0] == '\0') return -1;
-    /* The sanitizers end a program that asks for too much, unless told. */
+    /* By default the sanitizers end a program that allocates too much; here malloc must return NULL. */
     (void)setenv("ASAN_OPTIONS", "allocator_may_return_null=1", 0);
     (void)setenv("TSAN_OPTIONS", "allocator_may_return_null=1", 0);
     cli_write("empty.h5", "");
@@ -363,20 +367,20 @@ static inline void cli_release_folder(void *folder) {
     cli_remove_folder();
 }
 
-/* A folder of the running test alone. */
+/* Makes a folder for the running test alone. */
 static inline void cli_test_folder(void) {
     assert_int_equal(cli_begin(), 0);
     lg_test_owns(cli_folder, cli_release_folder);
 }
 
-/* Half a minute for a file to appear. */
+/* Waits up to half a minute for a file to appear. */
 static inline void cli_wait_for(const char *name) {
     const struct timespec pause = {0, 20000000};
     for (int i = 0; i < 1500 && !cli_exists(name); i++) (void)nanosleep(&pause, NULL);
     assert_true(cli_exists(name));
 }
 
-/* Whether the process catches SIGINT by now. */
+/* Whether the process has installed its handler of SIGINT. */
 static inline bool cli_catches_interrupts(pid_t pid) {
     char line[256];
     unsigned long long caught = 0;
@@ -387,7 +391,8 @@ static inline bool cli_catches_interrupts(pid_t pid) {
     return (caught >> (SIGINT - 1) & 1) != 0;
 }
 
-/* A child of a busy machine gets half a minute to begin. */
+/* Sends SIGINT once the child catches it. On a busy machine the child may need up to half a minute to
+ * start. */
 static inline void cli_interrupt(cli_child child) {
     const struct timespec pause = {0, 20000000};
     for (int i = 0; i < 1500 && !cli_catches_interrupts(child.pid); i++) (void)nanosleep(&pause, NULL);

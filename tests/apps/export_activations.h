@@ -1,6 +1,6 @@
-/* tanh and sigmoid as exported code has them, in one precision: EXPORT_NAME(tanh)(n, z) and
- * EXPORT_NAME(sigmoid)(n, z), in place. The file that includes this defines EXPORT_REAL and EXPORT_NAME(x);
- * it may do so again with others. */
+/* tanh and sigmoid of the exported code in one precision: EXPORT_NAME(tanh)(n, z) and EXPORT_NAME(sigmoid)(n,
+ * z) work in place. The including file defines EXPORT_REAL and EXPORT_NAME(x), and may include this header
+ * again with other definitions. */
 #define NAME_real  EXPORT_REAL
 #define real       EXPORT_NAME(real)
 #define exp_core   EXPORT_NAME(exp_core)

@@ -1,6 +1,6 @@
-/* One driver for the exported models of every kind: made, written as C, compiled, compared with the
- * library, built in every way. A suite has a table of rows, which begin with an export_row, and one
- * export_kind. */
+/* Tests exported models of every kind in one way: make the model, export it as C, compile the C, compare it
+ * with the library, and build it with many compilers and options. A suite supplies a table, whose rows begin
+ * with an export_row, and one export_kind. */
 #ifndef LG_TEST_EXPORT_MODELS_H
 #define LG_TEST_EXPORT_MODELS_H
 
@@ -12,17 +12,18 @@
 #include "liegrad/metrics.h"
 #include "liegrad/model.h"
 
-/* A model in NAME.h5, how its comparison is compiled, and the --scheme of its step (NULL or "": its own). */
+/* The model NAME.h5, the compiler and flags for its comparison, and the --scheme of its step (NULL or "": the
+ * model's own scheme). */
 typedef struct export_row {
     const char *name, *compiler, *flags, *scheme;
 } export_row;
 
-/* NAME.h5 as the library has it, and its C in the folder NAME-DTYPE as model `m`. */
+/* NAME.h5 loaded by the library, and its C in the folder NAME-DTYPE as model `m`. */
 typedef struct exported {
     const export_row *row;
     char folder[64];
-    void *of;           /* what a kind makes that is no model in a file */
-    lg_model_file file; /* of all others */
+    void *of;           /* from export_kind.make, where it returns something; otherwise NULL */
+    lg_model_file file; /* the model file; unused where `of` stands for a model */
     const lg_model *model;
     void *work;
     export_library lib;

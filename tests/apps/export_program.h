@@ -36,7 +36,8 @@ static inline void save_hamiltonian(const char *name, const lg_hamiltonian_famil
     save_program(program, name);
 }
 
-/* A window of 20 samples of 2 channels: convolution, sine, maxima, a layer; and a loop-free companion. */
+/* Two functions of a window of 20 samples of 2 channels: "value" (convolution with sine, max pooling, a dense
+ * layer) and "many", which has two results computed from value's. */
 enum { WAVE_W1 = 5 * 2 * 6, WAVE_B1 = 6, WAVE_W2 = 8 * 6 * 3, WAVE_B2 = 3 };
 
 static inline lg_status record_waves(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x,

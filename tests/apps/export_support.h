@@ -1,15 +1,14 @@
-/* Exported models under test: run lg-export, compile what it wrote in many ways, call it, look at its
- * objects.
+/* Tests exported models: runs lg-export, compiles the C with many compilers and flags, calls the functions
+ * and inspects the objects. Use:
  *
- *   TEST_GROUP(export_begin, export_end)                a folder (cli_folder)
- *   lg_model_save_...(cli path of "m.h5")               or by running a program
- *   export_run("m.h5 --out m --dtype f32 --seed 3");
- *   export_library lib = export_open("m", "m", "gcc", "-O1");
- *   export_eval(&lib, x, y); export_grad(&lib, x, y, jacobian); export_call(&lib, "field", 3, ports);
- *   export_close(&lib);
- *   export_check_ways("m", "m");                        warnings, self-tests, sanitizers, C++
- *   export_check_objects("m", "m"); export_check_stack("m");
- */
+ *    TEST_GROUP(export_begin, export_end)                makes and removes a folder (cli_folder)
+ *    lg_model_save_...(cli path of "m.h5")               or a program writes the model
+ *    export_run("m.h5 --out m --dtype f32 --seed 3");
+ *    export_library lib = export_open("m", "m", "gcc", "-O1");
+ *    export_eval(&lib, x, y); export_grad(&lib, x, y, jacobian); export_call(&lib, "field", 3, ports);
+ *    export_close(&lib);
+ *    export_check_ways("m", "m");                        warnings, self-tests, sanitizers, C++
+ *    export_check_objects("m", "m"); export_check_stack("m"); */
 #ifndef LG_TEST_EXPORT_SUPPORT_H
 #define LG_TEST_EXPORT_SUPPORT_H
 
@@ -34,7 +33,7 @@ static inline int export_begin(void **state) {
 
 /* ---- the shell ---- */
 
-/* A command of the shell in the folder, on its way: what it says goes to one stream. */
+/* Starts a shell command in the folder. The stream yields its standard output and standard error. */
 static inline FILE *export_start(const char *command) {
     const char *line = test_text("cd '%s' && { %s; } 2>&1", cli_folder, command);
     (void)fflush(NULL);
@@ -43,7 +42,7 @@ static inline FILE *export_start(const char *command) {
     return stream;
 }
 
-/* Its exit code; what it said is in `out` (EXPORT_TEXT bytes). */
+/* Waits for the command and returns its exit code; its output is in `out` (EXPORT_TEXT bytes). */
 static inline int export_finish(FILE *stream, char *out) {
     size_t used = 0;
     char rest[256];
@@ -72,7 +71,7 @@ static inline bool export_has(const char *compiler) {
     return found;
 }
 
-/* For the group's end: the folder and all in it. */
+/* Ends the group of tests: removes the folder with all its files. */
 static inline int export_end(void **state) {
     char command[300];
     (void)snprintf(command, sizeof command, "rm -rf -- '%s'", cli_folder);
@@ -81,12 +80,12 @@ static inline int export_end(void **state) {
 
 /* ---- exporting ---- */
 
-/* lg-export with these arguments (the folder of --out is under the test's folder); it must succeed. */
+/* Runs lg-export with these arguments; it must succeed. The folder of --out is made in the test's folder. */
 static inline void export_run(const char *arguments) {
     cli_expect("lg-export", arguments, 0, "");
 }
 
-/* The number of `#define NAME_<constant>` in the header. */
+/* The number that `#define NAME_<constant>` has in the exported header. */
 static inline double export_constant(const char *folder, const char *name, const char *constant) {
     char line[EXPORT_LINE];
     const char *path = test_text("%s/%s/%s.h", cli_folder, folder, name);
@@ -101,7 +100,7 @@ static inline double export_constant(const char *folder, const char *name, const
     return value;
 }
 
-/* ---- calling ---- */
+/* ---- calls ---- */
 
 typedef struct export_library {
     void *handle;
@@ -110,11 +109,11 @@ typedef struct export_library {
     size_t inputs, outputs; /* NAME_INPUTS, NAME_OUTPUTS */
     size_t work_size;       /* NAME_WORK_SIZE */
     double tolerance;       /* NAME_TOLERANCE */
-    void *work; /* work_size numbers of the type, filled with NaN before export_eval and export_grad */
+    void *work;             /* work_size numbers of type NAME_real; filled with NaN before every call */
 } export_library;
 
-/* Compiles NAME.c and NAME_weights.c of the folder with the compiler and flags into a shared object, loads
- * it. A compiler of C++ is known by its "++". */
+/* Compiles NAME.c and NAME_weights.c of the folder into a shared object and loads it. A compiler whose name
+ * contains "++" is a C++ compiler. */
 static inline export_library export_open(const char *folder, const char *name, const char *compiler,
                                          const char *flags) {
     static int count;
@@ -145,8 +144,8 @@ static inline void export_close(export_library *lib) {
     *lib = (export_library){.handle = NULL};
 }
 
-/* NAME_<what>: cast to the function's type through a union or memcpy by the caller, or use EXPORT_FUNCTION.
- */
+/* The address of NAME_<what>. The caller casts it to the function's type through a union or memcpy, or uses
+ * EXPORT_FUNCTION. */
 static inline void *export_symbol(const export_library *lib, const char *what) {
     const char *symbol = test_text("%s_%s", lib->name, what);
     void *found = dlsym(lib->handle, symbol);
@@ -159,7 +158,8 @@ static inline void *export_symbol(const export_library *lib, const char *what) {
     result(*pointer) parameters;                                                                             \
     *(void **)&pointer = export_symbol(lib, what)
 
-/* Numbers in the exported type, NULL for NULL; from there; both to be freed. */
+/* export_reals: a copy of `values` in the exported type, NULL for NULL. export_doubles: copies such numbers
+ * back. The caller frees the copy. */
 static inline void *export_reals(const export_library *lib, const double *values, size_t count) {
     if (values == NULL) return NULL;
     void *out = calloc(count > 0 ? count : 1, lib->single ? sizeof(float) : sizeof(double));
@@ -178,7 +178,7 @@ static inline void export_doubles(const export_library *lib, const void *reals, 
         out[i] = lib->single ? (double)((const float *)reals)[i] : ((const double *)reals)[i];
 }
 
-/* A double as the exported type has it: inputs of the library beside those of the code. */
+/* The value rounded to the exported type, so that the library gets the same inputs as the exported code. */
 static inline double export_rounded(const export_library *lib, double value) {
     return lib->single ? (double)(float)value : value;
 }
@@ -192,7 +192,8 @@ static inline void export_spoil(const export_library *lib) {
     }
 }
 
-/* Numbers that a function of the exported code reads (`in`) or writes (`out`); NULL is handed on. */
+/* An array that a function of the exported code reads (`in`) or writes (`out`). A NULL pointer is passed as
+ * NULL. */
 typedef struct export_port {
     const double *in;
     double *out;
@@ -203,7 +204,8 @@ typedef struct export_port {
 #define EXPORT_OUT(numbers, n)                                                                               \
     { .out = (numbers), .count = (n) }
 
-/* NAME_<what> of up to five arrays and the work memory, in doubles whatever the type; work begins as NaN. */
+/* Calls NAME_<what> with 2 to 5 arrays and the work memory. The arrays are doubles for both exported types.
+ * The work memory is filled with NaN before the call. */
 static inline void export_call(const export_library *lib, const char *what, size_t n,
                                const export_port *ports) {
     void *p[5];
@@ -234,7 +236,7 @@ static inline void export_grad(const export_library *lib, const double *x, doubl
                                 EXPORT_OUT(jacobian, lib->inputs * lib->outputs)});
 }
 
-/* ---- comparing ---- */
+/* ---- comparisons ---- */
 
 static inline double export_norm(const double *a, const double *b, size_t size) {
     double sum = 0;
@@ -245,8 +247,8 @@ static inline double export_norm(const double *a, const double *b, size_t size) 
     return sqrt(sum);
 }
 
-/* The largest |got - want| / max(|want|, root mean square of |want| over the rows), Euclidean norms of rows
- * of `size` numbers; NaN when one is. */
+/* The largest of |got - want| / max(|want|, m) over all rows: Euclidean norms of rows of `size` numbers; m is
+ * the root mean square of |want| over the rows. NaN if any of them is NaN. */
 static inline double export_worst(const double *got, const double *want, size_t rows, size_t size) {
     double mean = 0, worst = 0;
     for (size_t r = 0; r < rows; r++) mean += pow(export_norm(want + r * size, NULL, size), 2);
@@ -261,11 +263,11 @@ static inline double export_worst(const double *got, const double *want, size_t 
     return worst;
 }
 
-/* What the exported code and the library compute from x, each in doubles. */
+/* Computes the expected value and Jacobian at x, all in doubles. */
 typedef void (*export_reference)(void *user, const double *x, double *y, double *jacobian);
-typedef void (*export_draw)(void *user, lg_rng *rng, double *x); /* inputs of the model */
+typedef void (*export_draw)(void *user, lg_rng *rng, double *x); /* draws random inputs of the model */
 
-/* One number that is not finite makes all results NaN, whatever they depend on. */
+/* One input that is not finite must make all results NaN, even results that do not depend on it. */
 static inline void export_check_unfit(const export_library *lib, const double *finite) {
     const size_t n = lib->inputs, m = lib->outputs, stride = 1 + n / 8;
     double *x = TEST_ARRAY(double, n), *y = TEST_ARRAY(double, m), *matrix = TEST_ARRAY(double, n *m);
@@ -282,8 +284,8 @@ static inline void export_check_unfit(const export_library *lib, const double *f
     }
 }
 
-/* `rows` random inputs: value, and gradient with the value beside it, within NAME_TOLERANCE of the reference.
- * The worst errors are printed under `title`. */
+/* Compares `rows` random inputs: the value, and the gradient together with its value, must agree with the
+ * reference to NAME_TOLERANCE. Prints the largest errors under `title`. */
 static inline void export_compare(const export_library *lib, const char *title, size_t rows, export_draw draw,
                                   export_reference reference, void *user) {
     const size_t n = lib->inputs, m = lib->outputs, size = n * m;
@@ -310,13 +312,13 @@ static inline void export_compare(const export_library *lib, const char *title, 
     for (int i = 0; i < 2; i++) free(matrix[i]);
 }
 
-/* ---- compiling in every way ---- */
+/* ---- many compilers and flags ---- */
 
 typedef struct export_way {
     const char *compiler, *flags;
 } export_way;
 
-/* Starts the build of the self-test in a folder of its own, and its run. */
+/* Starts a command that builds the self-test in a new folder and runs it. */
 static inline FILE *export_start_way(const char *folder, const char *name, const export_way *way,
                                      size_t index) {
     char command[EXPORT_LINE];
@@ -327,11 +329,12 @@ static inline FILE *export_start_way(const char *folder, const char *name, const
     return export_start(command);
 }
 
-/* Compiles the three C files with each compiler that there is, without a warning, and runs the self-test. */
+/* Compiles the three C files with each compiler that is installed, without warnings, and runs the
+ * self-test. */
 static inline void export_check_each(const char *folder, const char *name, const export_way *ways,
                                      size_t count) {
     static char out[EXPORT_TEXT];
-    FILE *streams[2] = {NULL, NULL}; /* two at a time */
+    FILE *streams[2] = {NULL, NULL}; /* two builds run at a time */
     for (size_t i = 0; i < count + 2; i++) {
         FILE **stream = &streams[i % 2];
         if (*stream != NULL) {
@@ -345,7 +348,7 @@ static inline void export_check_each(const char *folder, const char *name, const
     }
 }
 
-/* A choice that takes a few seconds for a small model. */
+/* A selection that takes a few seconds for a small model. */
 static inline void export_check_ways(const char *folder, const char *name) {
     static const export_way ways[] = {
         {"gcc", "-O0"},
@@ -360,7 +363,7 @@ static inline void export_check_ways(const char *folder, const char *name) {
     export_check_each(folder, name, ways, LG_COUNT(ways));
 }
 
-/* Every optimisation with every compiler. */
+/* All compilers at all optimisation levels. */
 static inline void export_check_all_ways(const char *folder, const char *name) {
     static const export_way ways[] = {
         {"gcc", "-O0"},     {"gcc", "-O1"},
@@ -391,8 +394,8 @@ static inline bool export_may_call(const char *symbol) {
     return false;
 }
 
-/* Symbols by nm: nothing is needed but libm and what compilers insert, nothing can be written, and what is
- * visible begins with NAME_. */
+/* Checks the symbols that nm lists: the objects need only libm and what compilers insert, they have no
+ * writable data, and all visible names begin with NAME_. */
 static inline void export_check_objects_of(const char *folder, const char *name, const char *compiler,
                                            const char *flags) {
     static char out[EXPORT_TEXT];
@@ -424,7 +427,7 @@ static inline void export_check_objects(const char *folder, const char *name) {
     export_check_objects_of(folder, name, "clang", "-O2");
 }
 
-/* `make stack` of the folder: without optimisation, with it, and with everything. */
+/* Runs `make stack` in the folder with -O0, -O2 and -O3 -march=native. */
 static inline void export_check_stack(const char *folder) {
     static const char *const compilers[] = {"gcc", "clang"};
     static const char *const levels[] = {"-O0", "-O2", "-O3 -march=native"};

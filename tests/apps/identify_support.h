@@ -1,4 +1,4 @@
-/* Machines and logs for the tests of lg-identify. */
+/* Descriptions of machines and logs for the tests of lg-identify. */
 #ifndef LG_IDENTIFY_SUPPORT_H
 #define LG_IDENTIFY_SUPPORT_H
 
@@ -27,7 +27,7 @@ static const char oscillator_network[] =
     OSCILLATOR_COLUMNS "mass: diagonal\npotential: {kind: network, of: x, hidden: [6]}\ndamping: diagonal\n"
                        "input_map: {kind: known, values: [[1]]}\n";
 
-/* A column of a CSV file with a header; empty cells are NaN. Returns the number of rows. */
+/* Reads a column of a CSV file with a header; empty cells become NaN. Returns the number of rows. */
 static inline size_t csv_column(const char *name, const char *column, double *out, size_t room) {
     enum { SIZE = 1 << 21 };
     char *text = lg_test_memory(SIZE), *save = NULL;
@@ -55,7 +55,7 @@ static inline const lg_machine_model_file *cli_machine_model(const char *name) {
     return own_lg_machine_model_file(file);
 }
 
-/* A command that ends well and says nothing on standard error. */
+/* Runs a command that must succeed and print nothing on standard error. */
 static inline void identify_run_quietly(const char *line) {
     cli_expect(identify, line, 0, "");
     if (result.err[0] != '\0') fail_msg("lg-identify %s: %s", line, result.err);

@@ -1,12 +1,12 @@
-/* Commands whose results must not depend on the units of mass, length and time: one table. A row has files,
- * data and commands in which every number with a unit says which: <x:a,b,c> is x mass^a length^b time^c.
- * The results of a row are compared with the results in units of 1. */
+/* A table of commands whose results must not depend on the units of mass, length and time. Each row has
+ * files, data and commands in which every number that has a unit is marked: <x:a,b,c> stands for x mass^a
+ * length^b time^c. The results of a row are compared with its results in units of 1. */
 #ifndef LG_UNITS_SUPPORT_H
 #define LG_UNITS_SUPPORT_H
 
 #include "cli_files.h"
 
-/* How many old units a new one has: a number x of a mass becomes x mass. */
+/* How many new units one old unit is: the mass x in old units is x * mass in new units. */
 typedef struct units {
     double mass, length, time;
 } units;
@@ -15,13 +15,16 @@ typedef struct dimension {
     double mass, length, time;
 } dimension;
 
-/* SAME: every number of the value within `bound`, relative to the largest. LESS: at most 3 times as large.
- * STATE: LESS for a mean of squares of positions, whose dimension is given, and momenta: at most as the
- * larger unit makes it; CURVE: of lengths and numbers without a unit. */
+/* How a result is compared with the result in units of 1, after conversion.
+ * SAME: every number agrees within `bound`, relative to the largest number.
+ * LESS: the result is at most 3 times as large.
+ * STATE: as LESS, for a mean of squares of positions and momenta. `of` is the dimension of the positions; the
+ * larger of the two units is used for the conversion.
+ * CURVE: as LESS, for a mean of squares of lengths and numbers without a unit. */
 typedef enum comparison { SAME, LESS, STATE, CURVE } comparison;
 
 typedef struct wanted {
-    const char *key; /* a path of members, a/b/c */
+    const char *key; /* the JSON member; a/b/c is a path of members */
     dimension of;
     comparison how;
     double bound;
@@ -31,13 +34,13 @@ typedef struct units_row {
     const char *name;
     bool quick;
     const char *files[3][2]; /* name, text */
-    /* Made in units of 1: a command, its file, and the columns of a CSV file with their dimensions (NULL:
-     * it is a file of trajectories). Then converted to `name`. */
+    /* Data made in units of 1: the command, the file `made` that it writes, and the columns of the CSV file
+     * with their dimensions (NULL: the file holds trajectories). The converted file is `name`. */
     struct {
         const char *command, *made, *name, *columns;
     } data[2];
-    const char *commands[3]; /* program and arguments; each with --json */
-    wanted results[3][4];    /* of each command */
+    const char *commands[3]; /* program and arguments; --json is added */
+    wanted results[3][4];    /* for each command */
 } units_row;
 
 #define P_CHAIN                                                                                              \
@@ -193,7 +196,7 @@ static double unit_of(dimension of, units in) {
     return pow(in.mass, of.mass) * pow(in.length, of.length) * pow(in.time, of.time);
 }
 
-/* The text with every <x:a,b,c> as a number. */
+/* Copies the text and replaces every <x:a,b,c> by a number in the units `in`. */
 static void expand(const char *text, units in, char *out, size_t size) {
     size_t used = 0;
     while (*text != '\0' && used + 40 < size) {
@@ -213,7 +216,7 @@ static void expand(const char *text, units in, char *out, size_t size) {
     out[used] = '\0';
 }
 
-/* The unit of a column, "name:a,b,c" in the list; 1 where it is not listed. */
+/* The unit of a column, which is listed as "name:a,b,c"; 1 if it is not listed. */
 static double column_unit(const char *columns, const char *name, units in) {
     dimension of;
     const char *wanted_name = test_text("%s:", name);
@@ -249,7 +252,7 @@ static void convert_table(const char *from, const char *to, const char *columns,
     cli_write(to, out);
 }
 
-/* Positions of chains have no unit. */
+/* The positions of chains have no unit. */
 static void convert_trajectories(const char *from, const char *to, units in) {
     lg_trajectories *data = cli_trajectories(from);
     const bool chain = strcmp(data->family->name, "chain") == 0;
@@ -291,7 +294,7 @@ static size_t read_value(const char *json, const char *path, double *out) {
     return 1;
 }
 
-/* False, with a message: a command failed. */
+/* Returns false after printing a message if a command failed. */
 static bool run_row(const units_row *row, units in, units_values *out) {
     char text[4096], program[32];
     for (size_t i = 0; i < LG_COUNT(row->files) && row->files[i][0] != NULL; i++) {
@@ -325,7 +328,8 @@ static bool run_row(const units_row *row, units in, units_values *out) {
     return true;
 }
 
-/* Whether the value in the units is what the value in units of 1 says; the difference goes to `off`. */
+/* Whether the result in the units `in` agrees with the result in units of 1. `off` gets the difference, or
+ * the ratio where w->how is not SAME. */
 static bool agrees(const wanted *w, units in, size_t count, const double *got, const double *base,
                    double *off) {
     const double q = unit_of(w->of, in), p = unit_of((dimension){1, 2, -1}, in) / q;
@@ -345,7 +349,7 @@ static bool agrees(const wanted *w, units in, size_t count, const double *got, c
     return *off <= w->bound;
 }
 
-/* Compares the row in these units with units of 1; says what differs and counts it. */
+/* Compares the row in these units with units of 1. Prints each difference and returns their number. */
 static int compare_row(const units_row *row, units in, const units_values *base) {
     units_values *values = lg_test_memory(sizeof *values);
     int failures = 0;

@@ -1,4 +1,4 @@
-/* An allocator that fails on request and knows what is still taken. Thread safe.
+/* An allocator that fails on request and counts the blocks that are still allocated. Thread safe.
  *
  *     lg_fail_alloc memory;
  *     lg_context *context = lg_fail_alloc_context(&memory);
@@ -10,8 +10,8 @@
  *         assert_int_equal(lg_fail_alloc_live(&memory), 0);
  *     }
  *
- * lg_fail_alloc_live counts blocks taken since the last lg_fail_alloc_arm and not given back; `bytes` is what
- * was asked for since then. */
+ * lg_fail_alloc_live is the number of blocks allocated since the last lg_fail_alloc_arm and not freed.
+ * `bytes` is the sum of the sizes requested since then. */
 #ifndef LG_FAIL_ALLOC_H
 #define LG_FAIL_ALLOC_H
 
@@ -22,11 +22,11 @@
 #include "liegrad/context.h"
 
 typedef struct lg_fail_alloc {
-    atomic_long calls;   /* allocations asked for since armed */
-    atomic_long live;    /* blocks taken minus blocks given back since armed */
-    atomic_ullong bytes; /* asked for since armed */
-    atomic_long fail_at; /* the call that fails, counted from 1; 0: none */
-    atomic_bool ended;   /* all calls behind that one fail too */
+    atomic_long calls;   /* allocations requested since lg_fail_alloc_arm */
+    atomic_long live;    /* blocks allocated minus blocks freed since lg_fail_alloc_arm */
+    atomic_ullong bytes; /* bytes requested since lg_fail_alloc_arm */
+    atomic_long fail_at; /* number of the call that fails, from 1; 0: no call fails */
+    atomic_bool ended;   /* all calls after call `fail_at` fail too */
 } lg_fail_alloc;
 
 static inline void *lg_fail_alloc_take(void *user, size_t bytes) {
@@ -55,7 +55,7 @@ static inline void lg_fail_alloc_arm(lg_fail_alloc *memory, long n) {
     atomic_store(&memory->ended, false);
 }
 
-/* Memory ends with the n-th allocation. */
+/* Makes the n-th allocation and all later ones fail. */
 static inline void lg_fail_alloc_arm_end(lg_fail_alloc *memory, long n) {
     lg_fail_alloc_arm(memory, n);
     atomic_store(&memory->ended, true);
@@ -71,7 +71,7 @@ static inline long lg_fail_alloc_live(lg_fail_alloc *memory) {
     return atomic_load(&memory->live);
 }
 
-/* A context that takes its memory here; NULL when that fails. Nothing is armed. */
+/* A context that allocates from `memory`; NULL if it cannot be made. No allocation is set to fail. */
 static inline lg_context *lg_fail_alloc_context(lg_fail_alloc *memory) {
     lg_fail_alloc_arm(memory, 0);
     lg_context_options options;

@@ -1,4 +1,4 @@
-/* Objects of the running test: it gives them back when it ends. */
+/* Objects that the running test owns and releases when it ends. */
 #ifndef LG_FIXTURES_H
 #define LG_FIXTURES_H
 
@@ -10,7 +10,8 @@
 #include "liegrad/taped.h"
 #include "support/fail_alloc.h"
 
-/* FIELD(name, y) { ... } is a field, or half of one, that puts `out` from t and y and cannot fail. */
+/* FIELD(name, y) { ... } defines a field, or one part of a split field, that computes `out` from t and y and
+ * cannot fail. */
 #define FIELD(name, y)                                                                                       \
     static void name##_at(void *, double, const double *, const double *, double *);                         \
     static lg_status name(void *user, double t, const double *y, const double *input, double *out) {         \
@@ -19,7 +20,7 @@
     }                                                                                                        \
     static void name##_at(void *user, double t, const double *y, const double *input, double *out)
 
-/* The same on a tape, of the parts of y. */
+/* As FIELD, on a tape, from the parts of y. */
 #define TAPED_FIELD(name)                                                                                    \
     static void name##_on_tape(void *, lg_tape *, lg_taped_time, const lg_var *, lg_var, lg_var *);          \
     static lg_status name(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,         \
@@ -30,8 +31,8 @@
     static void name##_on_tape(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,    \
                                lg_var *out)
 
-/* prefix_parse() takes what prefix_name() gives of all values of an enumeration, and leaves its output where
- * it knows no such name. */
+/* prefix_parse() must accept the prefix_name() of every value of an enumeration. For an unknown name it must
+ * leave its output unchanged. */
 #define ASSERT_NAMED(type, prefix, count)                                                                    \
     do {                                                                                                     \
         type found_ = (type)0;                                                                               \
@@ -44,7 +45,7 @@
         assert_string_equal(prefix##_name((type)(count)), "unknown");                                        \
     } while (0)
 
-/* Every name is another one, and a number beyond them is "unknown". */
+/* All names must differ, and the name of any number beyond the enumeration must be "unknown". */
 #define ASSERT_NAMES(type, prefix, count)                                                                    \
     do {                                                                                                     \
         for (int i_ = 0; i_ <= (int)(count); i_++)                                                           \
@@ -53,7 +54,8 @@
         assert_string_equal(prefix##_name((type)(count)), "unknown");                                        \
     } while (0)
 
-/* own_TYPE(value): a copy whose contents the running test gives back with destroy(copy). */
+/* Defines own_TYPE(value): copies the value; when the running test ends, destroy(copy) frees what the copy
+ * holds. */
 #define OWNED(type, destroy)                                                                                 \
     static inline void release_##type(void *value) {                                                         \
         destroy(value);                                                                                      \
@@ -78,7 +80,7 @@ static inline lg_tape *test_tape(lg_dtype dtype) {
     return tape;
 }
 
-/* A variable has `n` numbers, these. */
+/* Fails unless the variable has these `n` numbers. */
 #define assert_reads(tape, v, n, expected, rtol, atol)                                                       \
     do {                                                                                                     \
         double *const lg_read_ = TEST_ARRAY(double, n);                                                      \
@@ -86,7 +88,7 @@ static inline lg_tape *test_tape(lg_dtype dtype) {
         lg_all_close(#v, lg_read_, (expected), (n), (rtol), (atol), __FILE__, __LINE__);                     \
     } while (0)
 
-/* `n` numbers from [low, high]. */
+/* `n` random numbers from [low, high]. */
 static inline double *test_numbers(uint64_t seed, size_t n, double low, double high) {
     double *x = TEST_ARRAY(double, n);
     lg_rng rng = test_rng(seed, 0);
@@ -94,8 +96,9 @@ static inline double *test_numbers(uint64_t seed, size_t n, double low, double h
     return x;
 }
 
-/* What the `count` numbers that f(user, x, y) makes of x change by x[i]: central differences with steps h,
- * h/2, ..., extrapolated `levels` - 1 times. One level for functions with kinks. x is as before. */
+/* The derivatives of the `count` numbers that f(user, x, y) computes from x, with respect to x[i]. Central
+ * differences with steps h, h/2, ..., extrapolated `levels` - 1 times; use one level for functions with
+ * kinks. x is restored. */
 static inline void test_slope(void (*f)(const void *user, const double *x, double *y), const void *user,
                               double *x, size_t i, double h, int levels, size_t count, double *out) {
     const size_t mark = lg_test_owned();
@@ -127,8 +130,8 @@ static inline lg_stepper *test_stepper(const lg_scheme *scheme, const lg_ode *od
     return stepper;
 }
 
-/* Work memory of the running test, at an address divisible by 64 and full of NaN. The 64 bytes behind it must
- * stay as they are until the test ends. */
+/* Work memory of the running test, full of NaN, at an address divisible by 64. When the test ends, the 64
+ * bytes after it must be unchanged. */
 static inline void release_work(void *block) {
     size_t bytes;
     memcpy(&bytes, block, sizeof bytes);
@@ -148,9 +151,9 @@ static inline void *test_work(size_t bytes) {
     return (unsigned char *)block + 64;
 }
 
-/* Runs a block that sets `status` with every allocation of `context` failing in turn. LG_OUT_OF_MEMORY comes
- * each time until all allocations have failed once, `least` of them or more, then LG_OK. Nothing leaks: the
- * block gives back all that it takes. */
+/* Runs a block, which sets `status`, with every allocation of `context` failing in turn. `status` must be
+ * LG_OUT_OF_MEMORY each time until all allocations, at least `least`, have failed once; then LG_OK. The block
+ * must free all memory that it allocates, so nothing may leak. */
 #define EVERY_ALLOCATION_FAILS(context, least, ...)                                                          \
     do {                                                                                                     \
         lg_fail_alloc memory_;                                                                               \

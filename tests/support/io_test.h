@@ -1,5 +1,5 @@
-/* Shared by the tests of files: a scratch folder, damaged copies, HDF5 written as another program would,
- * tables of damage, allocations that fail. */
+/* Shared by the tests of files: a scratch folder, damaged copies, HDF5 files as other programs write them,
+ * tables of damages, and failing allocations. */
 #ifndef LG_IO_TEST_H
 #define LG_IO_TEST_H
 
@@ -18,7 +18,7 @@ static inline int scratch_begin(void **state) {
     return mkdtemp(scratch) == NULL;
 }
 
-/* Names in the scratch folder. */
+/* Number of files in the scratch folder. */
 static inline size_t scratch_files(void) {
     size_t count = 0;
     DIR *folder = opendir(scratch);
@@ -57,7 +57,7 @@ static inline const char *scratch_path(const char *name) {
 
 /* ---- bytes ---- */
 
-/* Memory of the running test; a zero stands behind. */
+/* Reads a file into memory of the running test. A zero byte follows the data. */
 static inline unsigned char *read_bytes_of(const char *path, size_t *size) {
     FILE *file = fopen(path, "rb");
     assert_non_null(file);
@@ -88,14 +88,15 @@ static inline void assert_same_bytes(const char *a, const char *b) {
     assert_memory_equal(da, db, na);
 }
 
-/* A copy: cheaper than writing through the library, which waits for the disk. */
+/* Copies a file. Faster than writing it again through the library, which waits for the disk. */
 static inline void copy_file(const char *from, const char *to) {
     size_t size;
     unsigned char *data = read_bytes_of(from, &size);
     write_bytes_to(to, data, size);
 }
 
-/* A copy of what `write` writes, which is written once: waiting for the disk is dear. */
+/* A copy of the file that `write` makes. `write` runs only for the first copy, because it waits for the
+ * disk. */
 static inline const char *fresh_copy(const char *name, void (*write)(const char *path)) {
     const char *original = test_text("%s.original", name);
     if (access(scratch_path(original), F_OK) != 0) write(scratch_path(original));
@@ -104,9 +105,9 @@ static inline const char *fresh_copy(const char *name, void (*write)(const char 
     return path;
 }
 
-/* ---- readers under damage ---- */
+/* ---- readers of damaged files ---- */
 
-/* Reads the file and frees what it got. */
+/* Reads the file and frees the result. */
 typedef lg_status (*read_fn)(const lg_context *context, const char *path, const lg_read_options *options,
                              lg_error *error);
 
@@ -117,7 +118,7 @@ static inline lg_read_options without_probe(void) {
     return options;
 }
 
-/* Every word is in the sentence ("" for none). */
+/* The reader must return `expected`, and its message must contain both words ("" for none). */
 static inline void assert_refused_by(read_fn reader, const lg_read_options *options, const char *path,
                                      lg_status expected, const char *word1, const char *word2) {
     lg_error error = {LG_OK, ""};
@@ -129,7 +130,7 @@ static inline void assert_refused_by(read_fn reader, const lg_read_options *opti
     const char *const words[] = {strrchr(path, '/') + 1, word1, word2};
     for (size_t i = 0; i < 3; i++)
         if (strstr(error.message, words[i]) == NULL) fail_msg("no '%s' in: %s", words[i], error.message);
-    /* A NULL error is fine too. */
+    /* The error may be NULL. */
     assert_int_equal(reader(NULL, path, options, NULL), expected);
 }
 
@@ -138,8 +139,8 @@ static inline void assert_refused(read_fn reader, const char *path, lg_status ex
     assert_refused_by(reader, NULL, path, expected, word1, word2);
 }
 
-/* Missing, empty, a folder, cut at each tenth, PNG, text: the same for every reader. `line`: what stands in
- * sentences of YAML. */
+/* Every reader must refuse these files in the same way: missing, empty, a folder, the good file cut at each
+ * tenth, PNG, text. `line`: a word that the messages of YAML readers contain. */
 static inline void refuse_damaged_files(read_fn reader, const char *good, const char *line) {
     static const unsigned char png[] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n', 0,
                                         0,    0,   13,  'I', 'H',  'D',  'R',  0xff};
@@ -164,7 +165,7 @@ static inline void refuse_damaged_files(read_fn reader, const char *good, const 
     assert_refused(reader, bad, LG_FORMAT, line, "");
 }
 
-/* Single bytes changed all over a file: any status, but the process lives on. */
+/* Reads copies in which single bytes are changed. Any status is allowed, but the process must not crash. */
 static inline void survive_changed_bytes(read_fn reader, const char *good, size_t changes) {
     size_t size;
     unsigned char *data = read_bytes_of(good, &size);
@@ -182,7 +183,7 @@ static inline void survive_changed_bytes(read_fn reader, const char *good, size_
     }
 }
 
-/* ---- HDF5 as another program writes it ---- */
+/* ---- HDF5 files as other programs write them ---- */
 
 static inline hid_t open_for_change(const char *path) {
     hid_t file = H5Fopen(path, H5F_ACC_RDWR, H5P_DEFAULT);
@@ -190,7 +191,7 @@ static inline hid_t open_for_change(const char *path) {
     return file;
 }
 
-/* A data set as another program stores it; packed: in chunks that do not divide it. */
+/* Writes a data set. `packed`: in chunks whose size does not divide the size of the data set. */
 static inline void put_dataset(hid_t file, const char *name, hid_t stored, hid_t memory, int rank,
                                const hsize_t *dims, bool packed, const void *data) {
     hsize_t chunk[4];
@@ -205,7 +206,7 @@ static inline void put_dataset(hid_t file, const char *name, hid_t stored, hid_t
     assert_true(H5Dclose(set) >= 0 && H5Pclose(plist) >= 0 && H5Sclose(space) >= 0);
 }
 
-/* Puts a data set in place of what stands there. */
+/* Replaces a data set. */
 static inline void replace_dataset(const char *path, const char *name, hid_t stored, hid_t memory, int rank,
                                    const hsize_t *dims, const void *data) {
     hid_t file = open_for_change(path);
@@ -236,7 +237,7 @@ static inline void replace_attribute(const char *path, const char *object, const
     assert_true(H5Aclose(attribute) >= 0 && H5Sclose(space) >= 0 && H5Fclose(file) >= 0);
 }
 
-/* Variable-length text, as h5py writes a str. */
+/* Replaces an attribute by a text of variable length, as h5py writes a str. */
 static inline void replace_text(const char *path, const char *object, const char *name, const char *value) {
     hid_t type = H5Tcopy(H5T_C_S1);
     assert_true(type >= 0 && H5Tset_size(type, H5T_VARIABLE) >= 0 && H5Tset_cset(type, H5T_CSET_UTF8) >= 0);
@@ -244,7 +245,7 @@ static inline void replace_text(const char *path, const char *object, const char
     assert_true(H5Tclose(type) >= 0);
 }
 
-/* A list of equal texts. */
+/* Replaces an attribute by a list of `count` equal texts. */
 static inline void replace_texts(const char *path, const char *object, const char *name, const char *text,
                                  size_t count) {
     const size_t size = strlen(text) + 1;
@@ -263,7 +264,8 @@ static inline void replace_integer(const char *path, const char *object, const c
     replace_attribute(path, object, name, H5T_STD_I64LE, H5T_NATIVE_INT64, &value);
 }
 
-/* Puts a data set of that size, in chunks and without a byte behind it, in place of what stands there. */
+/* Replaces a data set by an empty one that declares this size. It is stored in chunks, and no data are
+ * written. */
 static inline void declare_dataset(const char *path, const char *name, hid_t type, int rank,
                                    const hsize_t *dims) {
     const hsize_t chunk[4] = {1, 1, 1, 1};
@@ -276,7 +278,7 @@ static inline void declare_dataset(const char *path, const char *name, hid_t typ
     assert_true(H5Pclose(plist) >= 0 && H5Fclose(file) >= 0);
 }
 
-/* ---- tables of damage: each row in a fresh copy of a good file ---- */
+/* ---- tables of damages; each row is applied to a new copy of a good file ---- */
 
 typedef const char *(*fresh_fn)(void);
 
@@ -311,8 +313,9 @@ typedef struct change {
         .what = IS_DECLARED, .rank = RANK_OF(__VA_ARGS__), .dims = { __VA_ARGS__ }                           \
     }
 
-/* What is changed: a data set or group "model/conv1", or the attribute "model@links" of one; "@kind" is the
- * root's. The sentence holds the word and, unless the word begins with ~, the name of what is changed. */
+/* `at` says what is changed: a data set or group "model/conv1", or an attribute: "model@links" is the
+ * attribute `links` of `model`, "@kind" an attribute of the root. The message must contain `word` and the
+ * name of the changed object; if `word` begins with ~, only the rest of `word`. */
 typedef struct damage {
     const char *at;
     change change;
@@ -341,7 +344,8 @@ static inline void change_link(const char *path, const char *name, const change 
         replace_dataset(path, name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, c->rank, c->dims, data);
 }
 
-/* The name of what is changed, without the object of an attribute. */
+/* Applies the change. Returns the name of the changed data set, group or attribute, without the attribute's
+ * object. */
 static inline const char *apply_change(const char *path, const char *at, const change *c) {
     const char *mark = strchr(at, '@');
     char object[64] = "/";
@@ -354,7 +358,8 @@ static inline const char *apply_change(const char *path, const char *at, const c
     return mark + 1;
 }
 
-/* HDF5 itself wrote these files: no child reads them first, which takes 20 ms under a sanitizer. */
+/* The files are read without the child process that first reads unknown files (it takes 20 ms under a
+ * sanitizer): HDF5 itself wrote them, so they are well-formed. */
 static inline void refuse_damage(read_fn reader, fresh_fn fresh, const damage *rows, size_t count) {
     const lg_read_options here = without_probe();
     for (size_t i = 0; i < count; i++) {
@@ -365,7 +370,7 @@ static inline void refuse_damage(read_fn reader, fresh_fn fresh, const damage *r
     }
 }
 
-/* HDF5 identifiers that are open. */
+/* Number of open HDF5 identifiers. */
 static inline hsize_t open_identifiers(void) {
     static const H5I_type_t types[] = {H5I_FILE,    H5I_GROUP, H5I_DATATYPE,   H5I_DATASPACE,
                                        H5I_DATASET, H5I_ATTR,  H5I_GENPROP_LST};
@@ -377,15 +382,15 @@ static inline hsize_t open_identifiers(void) {
     return total;
 }
 
-/* ---- allocations that fail ---- */
+/* ---- failing allocations ---- */
 
-/* Calls act(context, user) with every allocation failing in turn; HDF5 keeps no identifier open. Returns how
- * often it failed. */
+/* Calls act(context, user) with every allocation failing in turn. No HDF5 identifier may stay open. Returns
+ * the number of failures. */
 static inline size_t
 fail_every_allocation(lg_status (*act)(const lg_context *context, void *user, lg_error *error), void *user) {
     lg_error error;
     size_t calls = 0;
-    assert_ok(act(NULL, user, &error)); /* HDF5 opens its own identifiers on first use */
+    assert_ok(act(NULL, user, &error)); /* the first call lets HDF5 open identifiers that it keeps */
     const hsize_t open = open_identifiers();
     EVERY_ALLOCATION_FAILS(context, 0, {
         calls++;
@@ -395,7 +400,8 @@ fail_every_allocation(lg_status (*act)(const lg_context *context, void *user, lg
     return calls - 1;
 }
 
-/* Readers in this process: a probe allocates in another. */
+/* A reader that is run in this process; the child process, which checks the file first, would allocate
+ * elsewhere. */
 typedef struct reading {
     read_fn reader;
     const char *path;

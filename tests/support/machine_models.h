@@ -8,10 +8,11 @@
 #include "liegrad/machine_model.h"
 #include "liegrad/model.h"
 
-/* A machine of the running test, of a description and scales that are not 1. */
+/* Destroys a machine model when the test that owns it ends. */
 RELEASES(release_machine_model, lg_machine_model_file_destroy)
 
-/* Ranges of positions, velocities and inputs: -1 to 2. */
+/* Makes a model file from the description, with random parameters and scales other than 1. The stored ranges
+ * of positions, velocities and inputs are -1 to 2. */
 static inline lg_machine_model_file *make_machine_model(const char *yaml, uint64_t seed) {
     lg_error error = {LG_OK, ""};
     lg_machine_file description;
@@ -44,7 +45,8 @@ static inline lg_machine_model_file *make_machine_model(const char *yaml, uint64
                                   .shards = 4,
                                   .seed = 1};
     made->parameters = run->machine.parameters;
-    made->theta = malloc((made->parameters + 1) * sizeof(double)); /* as lg_free releases it */
+    /* allocated with malloc, as lg_free requires */
+    made->theta = malloc((made->parameters + 1) * sizeof(double));
     assert_non_null(made->theta);
     lg_rng rng = test_rng(seed, 0);
     for (size_t i = 0; i < made->parameters; i++) made->theta[i] = lg_rng_uniform_in(&rng, -0.8, 0.8);
@@ -56,7 +58,7 @@ static inline void save_machine_model(const lg_machine_model_file *file, const c
     assert_told(lg_model_save_machine_model(NULL, path, file, NULL, &told));
 }
 
-/* One coordinate of each kind, inputs, networks. */
+/* One coordinate of each kind, inputs, and networks. */
 static const char machine_of_all_kinds[] =
     "coordinates:\n"
     "  - {name: x, kind: line, velocity: vx}\n"
@@ -89,7 +91,7 @@ static const char machine_without_inputs[] =
     "mass: {kind: diagonal}\n"
     "potential: {kind: gravity}\n"
     "damping: {kind: diagonal}\n";
-/* Machines of a named system, with learned terms beside it. */
+/* A machine that adds learned terms to a named system. */
 static const char machine_of_a_top[] =
     "coordinates: [{name: top, kind: rotation, columns: [a, b, c, d], velocity: [e, f, g]}]\n"
     "inputs: {columns: [u]}\n"

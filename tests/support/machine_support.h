@@ -1,4 +1,4 @@
-/* Machines of the tests: descriptions in a few words, and parameters. */
+/* Builds descriptions of machines and their parameters for tests. */
 #ifndef LG_MACHINE_SUPPORT_H
 #define LG_MACHINE_SUPPORT_H
 
@@ -48,7 +48,7 @@ static inline void assert_machine(lg_machine *machine) {
     assert_told(lg_machine_init(machine, &told));
 }
 
-/* Scales other than 1; those of a pose's places and forces are equal. */
+/* Gives the machine scales other than 1. A pose has one scale for its places and one for its forces. */
 static inline void odd_scales(lg_machine *machine) {
     lg_machine_scales *s = &machine->scales;
     uint32_t place = 0, velocity = 0;
@@ -69,12 +69,12 @@ static inline void odd_scales(lg_machine *machine) {
     for (uint32_t j = 0; j < machine->input_count; j++) s->input[j] = 2.0 + j;
 }
 
-/* Random parameters of the size of 1. */
+/* Random parameters from [-0.8, 0.8]. */
 static inline double *machine_theta(const lg_machine *machine, uint64_t seed) {
     return test_numbers(seed, machine->parameters + 1, -0.8, 0.8);
 }
 
-/* `rows` random positions and velocities on the manifold, in the order of logs. */
+/* `rows` random positions and velocities on the manifold, with their columns in the order of logs. */
 static inline void random_rows(const lg_machine *machine, uint64_t seed, size_t rows, double *q, double *v) {
     lg_rng rng = test_rng(seed, 0);
     for (size_t r = 0; r < rows; r++)
@@ -103,7 +103,7 @@ static inline void random_rows(const lg_machine *machine, uint64_t seed, size_t 
         }
 }
 
-/* ---- one machine with every kind of coordinate ---- */
+/* ---- a machine with every kind of coordinate ---- */
 
 static inline void see_everything(const lg_machine *machine, lg_machine_term *term, bool moving,
                                   bool inputs) {
@@ -114,7 +114,7 @@ static inline void see_everything(const lg_machine *machine, lg_machine_term *te
     if (inputs) add_feature(term, LG_FEATURE_INPUT, 0);
 }
 
-/* Line, angle, direction, rotation, pose. */
+/* A machine with a line, an angle, a direction, a rotation and a pose, and two inputs. */
 static inline lg_machine all_coordinates(void) {
     lg_machine machine = empty_machine();
     for (int kind = 0; kind < LG_COORDINATE_KIND_COUNT; kind++)
@@ -130,13 +130,13 @@ static inline double *some_values(uint32_t count) {
     return test_numbers(count, count, 0.3, 1.2);
 }
 
-/* The values that a term of this kind may have. */
+/* How many values the term must have. */
 static inline uint32_t fitting_values(const lg_machine *machine, const lg_machine_term *term) {
     if (term->part == LG_MACHINE_INPUT_MAP) return machine->velocities * machine->input_count;
     return machine->velocities;
 }
 
-/* A machine with one term of the kind, a mass and a potential. */
+/* A machine with a mass, a potential and a term of this kind. */
 static inline lg_machine machine_with(const lg_term_kind *kind, lg_machine_part part) {
     lg_machine machine = all_coordinates();
     machine.velocities = 14;
@@ -158,7 +158,7 @@ static inline lg_machine machine_with(const lg_term_kind *kind, lg_machine_part 
     return machine;
 }
 
-/* The mass depends on the state: the only such kind is a network. */
+/* Whether the mass depends on the state. Only a network makes it do so. */
 static inline bool machine_moves(const lg_machine *machine) {
     for (uint32_t i = 0; i < machine->term_count; i++)
         if (machine->terms[i].part == LG_MACHINE_MASS &&
@@ -167,7 +167,8 @@ static inline bool machine_moves(const lg_machine *machine) {
     return false;
 }
 
-/* Levenberg-Marquardt; theta, in and out: parameters, then starts where they are learned. */
+/* Trains with Levenberg-Marquardt. theta is input and output: the parameters, followed by the starts where
+ * starts are learned. */
 static inline void fit_by_lm(const lg_fit_problem *problem, uint32_t epochs, double *theta) {
     lg_fit_options options;
     lg_fit *fit;

@@ -1,4 +1,4 @@
-/* RTLD_NEXT is a GNU name. */
+/* needed for RTLD_NEXT */
 #define _GNU_SOURCE
 #include "support/malloc_count.h"
 
@@ -28,7 +28,7 @@ lg_counts lg_count_end(void) {
 #else
 
 static _Atomic int counting;
-static _Thread_local int counting_here; /* set in the thread that alone is counted */
+static _Thread_local int counting_here; /* set in the only thread whose calls are counted */
 static _Atomic unsigned long allocations, releases, locks;
 
 bool lg_count_available(void) {
@@ -50,11 +50,11 @@ lg_counts lg_count_end(void) {
     return (lg_counts){allocations, releases, locks};
 }
 
-/* Other libraries must find these definitions: they may not be hidden, as the project's symbols otherwise
- * are. */
+/* Other libraries must find the definitions below, so they must not be hidden like the project's other
+ * symbols. */
 #pragma GCC visibility push(default)
 
-/* glibc's own, under the names that it keeps for those who stand before it. */
+/* The C library's functions under the names that glibc keeps for programs that replace malloc. */
 void *__libc_malloc(size_t bytes);
 void *__libc_calloc(size_t count, size_t bytes);
 void *__libc_realloc(void *memory, size_t bytes);
@@ -106,7 +106,7 @@ void free(void *memory) {
     __libc_free(memory);
 }
 
-/* The next definition of a function after this executable's own. */
+/* Looks up the definition of a function that follows this executable's definition. */
 #define NEXT(type, argument, function)                                                                       \
     static int next_##function(type *argument) {                                                             \
         static _Atomic(uintptr_t) found;                                                                     \

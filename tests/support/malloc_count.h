@@ -1,16 +1,16 @@
-/* Counts what a region of a test takes from the C library: memory and locks, of every thread, OpenBLAS
- * included; with lg_count_begin_here of the calling thread alone (OpenBLAS's threads, which it starts as it
- * is loaded, may still be taking locks then).
+/* Counts the allocations, releases and locks in a region of a test, over all threads, including OpenBLAS.
+ * After lg_count_begin_here only the calling thread is counted: OpenBLAS starts its threads while it is
+ * loaded, and they may still take locks.
  *
  *     lg_count_begin();
  *     ... the region ...
  *     const lg_counts used = lg_count_end();
  *     assert_int_equal(used.allocations, 0);
  *
- * A test file that includes this header is linked with malloc_count.c, which stands before the C library's
- * malloc, calloc, realloc, posix_memalign, aligned_alloc, memalign, free and pthread_mutex_lock,
- * pthread_mutex_trylock, pthread_rwlock_rdlock, pthread_rwlock_wrlock. Sanitizers stand there themselves:
- * then lg_count_available() is false and the test must skip(). Regions do not nest. */
+ * A test file that includes this header is linked with malloc_count.c, which replaces the C library's malloc,
+ * calloc, realloc, posix_memalign, aligned_alloc, memalign, free and pthread_mutex_lock,
+ * pthread_mutex_trylock, pthread_rwlock_rdlock, pthread_rwlock_wrlock. Sanitizers replace these functions
+ * themselves: then lg_count_available() is false and the test must skip(). Regions must not nest. */
 #ifndef LG_MALLOC_COUNT_H
 #define LG_MALLOC_COUNT_H
 
@@ -18,8 +18,8 @@
 
 typedef struct lg_counts {
     unsigned long allocations; /* malloc, calloc, realloc, posix_memalign, aligned_alloc, memalign */
-    unsigned long releases;    /* free of anything but NULL */
-    unsigned long locks;       /* mutexes and read-write locks taken or tried */
+    unsigned long releases;    /* calls of free with a pointer other than NULL */
+    unsigned long locks;       /* calls that lock a mutex or a read-write lock, or try to */
 } lg_counts;
 
 bool lg_count_available(void);
@@ -27,8 +27,8 @@ void lg_count_begin(void);
 void lg_count_begin_here(void);
 lg_counts lg_count_end(void);
 
-/* Runs `statement` and fails the test when it allocated, released or (second form, the calling thread alone)
- * locked. */
+/* Runs `statement`. Fails the test if it allocated or released memory; the second form also fails if it
+ * locked, and counts the calling thread alone. */
 #define assert_no_malloc(statement)                                                                          \
     do {                                                                                                     \
         lg_count_begin();                                                                                    \

@@ -1,4 +1,4 @@
-/* An archive in memory; the running test owns what is stored. */
+/* An archive in memory. The running test owns what is stored in it. */
 #ifndef LG_MEMORY_ARCHIVE_H
 #define LG_MEMORY_ARCHIVE_H
 
@@ -12,13 +12,13 @@ typedef struct memory_item {
     uint32_t rank;
     uint64_t dims[4];
     size_t bytes;
-    void *data; /* of the running test */
+    void *data; /* owned by the running test */
 } memory_item;
 
 typedef struct memory_archive {
     memory_item items[96];
     size_t count;
-    size_t fail_after; /* writes that succeed; 0: all */
+    size_t fail_after; /* number of writes that succeed, later ones fail; 0: all succeed */
 } memory_archive;
 
 static inline memory_item *memory_find(const memory_archive *archive, const char *path) {
@@ -33,7 +33,7 @@ static inline void memory_fill(memory_item *item, const void *data, size_t bytes
     memcpy(item->data, data, bytes);
 }
 
-/* A new item with this path, or NULL when the archive is full. A path is written once. */
+/* Adds an item with this path; returns NULL when the archive is full. No path may be written twice. */
 static inline memory_item *memory_add(memory_archive *archive, const char *path) {
     if (archive->fail_after > 0 && archive->count >= archive->fail_after) return NULL;
     assert_null(memory_find(archive, path));

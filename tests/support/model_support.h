@@ -1,4 +1,4 @@
-/* Small models of every kind behind the one handle; all of them are the running test's. */
+/* Small models of every kind, as lg_model. The running test owns all of them. */
 #ifndef LG_MODEL_SUPPORT_H
 #define LG_MODEL_SUPPORT_H
 
@@ -21,7 +21,7 @@ typedef struct built {
 
 RELEASES(release_model, lg_model_destroy)
 
-/* After the description and the parameters: owns the model and gives it work memory. */
+/* Gives the new model to the running test, and allocates the model's work memory. */
 static inline built ready_to_run(built b) {
     lg_test_owns(b.model, release_model);
     b.work = test_work(lg_model_work_size(b.model));
@@ -32,7 +32,7 @@ static inline double *room(size_t count) {
     return TEST_ARRAY(double, count);
 }
 
-/* From a description and parameters of one's own. */
+/* A model with this description and these parameters. */
 static inline built build_from(const lg_hamiltonian *model, const double *theta) {
     const size_t n = lg_hamiltonian_parameters(model);
     built b = {.hamiltonian = *model, .theta = room(n)};
@@ -109,14 +109,14 @@ static inline lg_space space_of(const built *b) {
     return space;
 }
 
-/* A random state, on the manifold. */
+/* Draws a random state on the manifold. */
 static inline void draw_state(const built *b, lg_rng *rng, double *y) {
     const lg_space space = space_of(b);
     for (size_t i = 0; i < space.dim; i++) y[i] = lg_rng_normal(rng);
     lg_space_project(&space, y);
 }
 
-/* The ambient velocity of the state. */
+/* The velocity of the state, as a vector of the ambient space. */
 static inline void model_velocity(const lg_model *model, const double *y, const double *input, double *out,
                                   void *work) {
     const lg_space *space = lg_model_space(model);
@@ -126,8 +126,8 @@ static inline void model_velocity(const lg_model *model, const double *y, const 
     lg_space_generator(space, field, y, out);
 }
 
-/* The basis is the space's, A and B are central differences of the field along it and in the input, and
- * each of the three is the same alone. */
+/* Checks that the basis is the space's, that A and B agree with central differences of the field along the
+ * basis and in the input, and that each of the three is the same when only it is requested. */
 static inline void check_linearisation(const lg_model *model, const double *y, const double *input,
                                        double tolerance, void *work) {
     const size_t mark = lg_test_owned();
@@ -141,7 +141,7 @@ static inline void check_linearisation(const lg_model *model, const double *y, c
     for (size_t i = 0; i < r * r; i++) largest = fmax(largest, fabs(A[i]));
     assert_true(largest > 1e-3);
     for (size_t j = 0; j < r + m; j++) {
-        const double h = j < r ? 1e-5 : 1.0; /* fields are linear in inputs */
+        const double h = j < r ? 1e-5 : 1.0; /* large, because fields are linear in inputs */
         for (int side = 0; side < 2; side++) {
             for (size_t i = 0; i < r; i++) c[i] = i == j ? (side == 0 ? h : -h) : 0.0;
             for (size_t i = 0; i < m; i++)
@@ -169,7 +169,7 @@ static inline void assert_all_nan(const double *x, size_t n) {
     for (size_t i = 0; i < n; i++) assert_true(isnan(x[i]));
 }
 
-/* A number of x that is not finite makes value, Jacobian and field NaN. */
+/* One number of x that is not finite must make value, Jacobian and field NaN. */
 static inline void check_unfit(const lg_model *model, double *x, void *work) {
     const size_t n = lg_model_inputs(model), m = lg_model_outputs(model);
     double *y = room(m), *jacobian = room(m * n);
@@ -190,7 +190,7 @@ static inline void check_unfit(const lg_model *model, double *x, void *work) {
     }
 }
 
-/* In exactly as many bytes as asked for. */
+/* A stepper in exactly as many bytes of memory as lg_model_stepper_size asks for. */
 static inline lg_stepper *stepper_of(const built *b, const lg_scheme *scheme) {
     lg_stepper *stepper;
     const size_t bytes = lg_model_stepper_size(b->model, scheme);
@@ -199,11 +199,11 @@ static inline lg_stepper *stepper_of(const built *b, const lg_scheme *scheme) {
     return stepper;
 }
 
-/* A learned Hamiltonian in a random state, with a random input. */
+/* A learned Hamiltonian with a random state and a random input. */
 typedef struct moving {
     built b;
     uint32_t n;
-    size_t d, m, r; /* numbers of state, input and tangent coordinates */
+    size_t d, m, r; /* numbers in a state, an input and the tangent coordinates */
     double y[MOST_STATE], u[MOST_INPUT];
 } moving;
 
@@ -220,7 +220,7 @@ static inline moving put_in_motion(built b, uint64_t seed) {
     return s;
 }
 
-/* Models 0, 1, ...: of every family with one to three copies. */
+/* Number of models for make_motion: each family with one, two and three copies. */
 static inline size_t motions(void) {
     return 3 * lg_hamiltonian_family_count();
 }

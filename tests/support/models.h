@@ -1,4 +1,4 @@
-/* Models of descriptions and parameters, for tests. */
+/* Makes models from descriptions and parameters, for tests. */
 #ifndef LG_TEST_MODELS_H
 #define LG_TEST_MODELS_H
 
@@ -9,7 +9,7 @@
 #include "liegrad/surrogate.h"
 #include "liegrad/table.h"
 
-/* A model and its work memory as a function for test_slope. */
+/* A model and its work memory, as the argument `user` of test_slope. */
 typedef struct model_value {
     const lg_model *model;
     void *work;

@@ -1,4 +1,5 @@
-/* Surrogates in tables of tests, and modes without curves: orthogonal vectors of falling length. */
+/* Options of surrogates for tables of tests, and artificial modes: orthogonal vectors of decreasing
+ * length. */
 #ifndef LG_TEST_MODES_H
 #define LG_TEST_MODES_H
 
@@ -8,14 +9,15 @@
 
 #include "liegrad/surrogate.h"
 
-/* Options in one row: kind, network and its sizes, then what else there is. */
+/* Options in one row: kind, network and its sizes, then any other members. */
 #define SURROGATE(kind_, architecture_, embedding_, hidden_, layers_, activation_, ...)                      \
     {                                                                                                        \
         .kind = LG_SURROGATE_##kind_, .architecture = LG_NET_##architecture_, .embedding = embedding_,       \
         .hidden = hidden_, .layers = layers_, .activation = LG_##activation_, __VA_ARGS__                    \
     }
 
-/* Gives the model its modes, k = 1..K: rows of the discrete cosine transform, of length 1/k. */
+/* Gives the model its modes: mode k = 1..K is row k of the discrete cosine transform, scaled to the length
+ * 1/k. */
 static inline void give_modes(lg_surrogate *model) {
     const size_t n = 4 * ((size_t)model->intervals - 1);
     double *modes = TEST_ARRAY(double, lg_surrogate_modes_size(model) + 1);

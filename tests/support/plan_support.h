@@ -1,4 +1,4 @@
-/* Functions of a program made ready, with work memory of their own; all is the running test's. */
+/* Plans of a program's functions with their work memory. The running test owns all of it. */
 #ifndef LG_PLAN_SUPPORT_H
 #define LG_PLAN_SUPPORT_H
 
@@ -15,7 +15,7 @@ typedef struct ready {
 RELEASES(release_plan, lg_plan_destroy)
 RELEASES(release_program, lg_program_destroy)
 
-/* Function `name` that marks what is not finite. */
+/* A plan of the function `name`; inputs that are not finite make its results NaN. */
 static inline ready make_ready(const lg_program *program, const char *name, size_t rows, lg_dtype dtype) {
     ready r;
     lg_plan_options options;
@@ -37,13 +37,14 @@ static inline void run_value(const void *of, const double *x, double *y) {
     lg_plan_eval(r->plan, (const void *const[]){x}, (void *const[]){y}, r->work);
 }
 
-/* y may be NULL. */
+/* Computes value and Jacobian; y may be NULL. */
 static inline void run_gradient(const ready *r, const double *x, double *y, double *jacobian) {
     lg_plan_eval(r->plan, (const void *const[]){x}, (void *const[]){y, jacobian}, r->work);
 }
 
-/* Value and Jacobian in work memory full of NaN: the Jacobian keeps to its size and is the same without the
- * value, which is that of the plan of values. The Jacobian has room for a number more. */
+/* Computes value and Jacobian in work memory full of NaN. The Jacobian must not write beyond its end (the
+ * caller's array has one more number) and must be the same without the value; the value must agree with the
+ * plan that computes only values. */
 static inline void check_gradient(const ready *value, const ready *gradient, const double *x, double *y,
                                   double *jacobian) {
     const size_t outputs = lg_plan_output_count(gradient->plan, 0);

@@ -1,5 +1,5 @@
-/* Ranks (liegrad/ranks.h) as threads of a test: team_run runs one function on each, which returns a status
- * and must not assert. */
+/* Ranks (liegrad/ranks.h) as threads of a test. team_run runs one function on each rank. The function returns
+ * a status and must not use cmocka's assertions. */
 #ifndef LG_RANK_TEAM_H
 #define LG_RANK_TEAM_H
 
@@ -15,7 +15,7 @@ typedef struct rank_team rank_team;
 typedef struct team_member {
     rank_team *team;
     lg_ranks ranks;
-    const void *out; /* of the exchange at hand */
+    const void *out; /* data that this rank sends in the current exchange */
     lg_status status;
     lg_error error;
 } team_member;
@@ -56,7 +56,7 @@ static inline void *team_thread(void *user) {
     return NULL;
 }
 
-/* Runs on `count` ranks; each one's status is in team->members[rank].status. */
+/* Runs the function on `count` ranks. The status of each rank is then in team->members[rank].status. */
 static inline void team_run(rank_team *team, uint32_t count,
                             lg_status (*run)(void *user, const lg_ranks *ranks, lg_error *error),
                             void *user) {

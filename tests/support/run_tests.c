@@ -1,5 +1,5 @@
-/* The main function of a room's executable: SUITE [CLAIM] runs the tests of a file, or those of them whose
- * claims match (* and ? are wildcards). */
+/* The main function of a room's executable. The arguments are SUITE [CLAIM]: it runs the tests of one file,
+ * or only the tests whose claims match CLAIM (* and ? are wildcards). */
 #include "test_support.h"
 
 enum { MOST_OWNED = 1 << 16 };
@@ -23,7 +23,7 @@ void lg_test_give_back(size_t mark) {
     }
 }
 
-static bool passed; /* the body of the test that ran last has come to its end */
+static bool passed; /* the test that ran last has run to its end */
 
 static void run_body(void **state) {
     passed = false;
@@ -31,7 +31,8 @@ static void run_body(void **state) {
     passed = true;
 }
 
-/* Runs after a failed test too. With LG_FIRST_FAILURE no other test runs then (scripts/mutants). */
+/* Runs after every test, also after a failed one. If LG_FIRST_FAILURE is set, a failed test ends the program
+ * (used by scripts/mutants). */
 static int release_owned(void **state) {
     (void)state;
     lg_test_give_back(0);
@@ -77,14 +78,14 @@ char *test_text(const char *format, ...) {
     return text;
 }
 
-/* HDF5 1.10 loses a block of its own free list when a damaged header makes H5Fopen fail. Objects that we
+/* HDF5 1.10 leaks a block of its internal free list when a damaged header makes H5Fopen fail. Objects that we
  * forget to close are found by scratch_end (support/io_test.h) instead. */
 __attribute__((visibility("default"))) const char *__lsan_default_suppressions(void);
 const char *__lsan_default_suppressions(void) {
     return "leak:libhdf5";
 }
 
-/* folder/NAME.c is the suite NAME. */
+/* Whether the suite's file is folder/NAME.c, where `name` is NAME. */
 static bool is_named(const lg_suite *suite, const char *name) {
     const char *slash = strrchr(suite->file, '/'), *file = slash != NULL ? slash + 1 : suite->file;
     const size_t length = strlen(name);

@@ -1,6 +1,7 @@
-/* A recipe as a stranger writes it: one file. A Hamiltonian on R x S^1 with a network V,
+/* A recipe as a user outside the project would write it, in one file. It learns a Hamiltonian on R x S^1 with
+ * a network V,
  *   H = (p_x^2 + p_a^2)/2 + V(x, cos a, sin a),
- * is learned from a table of pairs: a state (x, a, p_x, p_a), and the state `h` seconds later. */
+ * from a table of pairs: a state (x, a, p_x, p_a) and the state `h` seconds later. */
 #include <math.h>
 #include <string.h>
 
@@ -10,7 +11,7 @@
 #include "model/files/learning.h"
 #include "settings/training.h"
 
-#ifdef ROTOR_planted /* the force with the wrong sign */
+#ifdef ROTOR_planted /* planted error: the force has the wrong sign */
 #define FORCE_SIGN 1.0
 #else
 #define FORCE_SIGN -1.0
@@ -155,7 +156,7 @@ static lg_status describe(lg_learning *self, lg_error *error) {
                                                 : lg_fail(error, LG_INVALID_ARGUMENT, "--hidden: no network");
 }
 
-/* The mean square of one step's error. */
+/* The mean square of the errors of one step. */
 static lg_status loss_of(void *user, lg_tape *t, lg_var theta, const uint32_t *samples, size_t count,
                          size_t batch, lg_var *loss) {
     const state *s = user;
@@ -182,7 +183,7 @@ static lg_status make_problem(lg_learning *self, lg_error *error) {
     return LG_OK;
 }
 
-/* The loss over all pairs, and that of a state that does not change. */
+/* Computes the loss over all pairs, and the loss of predicting that the state does not change. */
 static lg_status judge(lg_learning *self, double *theta, lg_error *error) {
     state *s = self->state;
     const size_t rows = s->pairs.rows;

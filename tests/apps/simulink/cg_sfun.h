@@ -1,5 +1,5 @@
-/* Runs the callbacks once: state x, one input port u; the first output port and the derivatives. Stand-in
- * for what MATLAB puts at the end of an S-function. */
+/* Stand-in for the file that MATLAB includes at the end of an S-function. Runs the callbacks once for the
+ * state x and one input port u; `state` gets the first output port, `rate` the derivatives. */
 void stand_in_run(const real_T *x, const real_T *u, real_T *state, real_T *rate);
 void stand_in_run(const real_T *x, const real_T *u, real_T *state, real_T *rate) {
     SimStruct *S = (SimStruct *)calloc(1, sizeof *S);

@@ -1,5 +1,5 @@
-/* A stand-in for MATLAB's header: the names that Simulink's documentation gives for level-2 C MEX
- * S-functions, enough to compile an S-function and to run its callbacks once. */
+/* Stand-in for MATLAB's header. It has the names that Simulink's documentation gives for level-2 C MEX
+ * S-functions, enough to compile an S-function and run its callbacks once. */
 #ifndef SIMSTRUC_H
 #define SIMSTRUC_H
 
