@@ -1,6 +1,6 @@
-/* lg-anomaly (in LG_BIN_DIR) from outside: the scene's data, models of every method on them and on data of
- * other shapes, votes, scores, pictures. What it shares with other executables: test_runs; what it refuses:
- * test_refused; watching: test_watch_cli.
+/* Runs lg-anomaly (in LG_BIN_DIR): the scene's data, models of every method on these and on data of other
+ * shapes, votes, scores, pictures. Elsewhere: what it shares with other executables is in test_runs, what it
+ * refuses in test_refused, and watching in test_watch_cli.
  * ctest-labels: apps/lg-anomaly src/anomaly */
 #include "cli_support.h"
 
@@ -21,15 +21,15 @@ static double number(const char *arguments, const char *key) {
     return json_number(result.out, key);
 }
 
-/* ---- data of other people ---- */
+/* ---- data that other programs made ---- */
 
 typedef struct other {
     const char *name;
     size_t count;
     uint32_t channels, length, classes;
     double rate;
-    uint32_t of_run; /* windows of a recording; 0: unknown */
-    bool half;       /* the second half of each recording is of class 1, otherwise classes take turns */
+    uint32_t of_run; /* windows per recording; 0: unknown */
+    bool half;       /* true: the second half of each recording has class 1; false: the classes alternate */
     bool constant;   /* the last channel does not vary */
 } other;
 
@@ -40,7 +40,8 @@ static const other others[] = {
     {"tiny.h5", 4, 2, 20, 2, 0, 0, false, false},
 };
 
-/* Class c: noise of standard deviation 1 + 3 c about 2 c. */
+/* Writes a file of windows. A window of class c is normal noise of mean 2 c and standard deviation 1 + 3
+ * c. */
 static void write_other(const other *what) {
     lg_series_data data = {.noise = NAN, .severity = NAN};
     data.series = (lg_series){
@@ -84,7 +85,7 @@ static int setup(void **state) {
 
 /* ---- data ---- */
 
-TEST("generated windows are those that are asked for, and the same for the same seed") {
+TEST("generate makes the windows that are asked for, and the same windows for the same seed") {
 #define SAME "generate --runs 4 --hours 0.05 --noise 0 --window 20 "
     json(SAME "--severity 1 --out same.h5 --threads 1", "windows 36, length 100, broken 18");
     const lg_series_data *same = read_back("same.h5");
@@ -95,10 +96,11 @@ TEST("generated windows are those that are asked for, and the same for the same 
     assert_string_equal(s->channel_name[4], "moment_x");
     assert_close(same->severity, 1, 0, 0);
     assert_string_equal(same->housing, "slack");
-    /* Broken with all its stiffness is intact: pairs share their waves, so the windows are the same. */
+    /* Damage with severity 1 leaves all of the stiffness, so the windows are the same as the intact ones:
+     * each pair shares its waves. */
     const size_t size = (size_t)s->channels * s->length, half = 9 * size * sizeof *s->x;
     assert_memory_equal(s->x, s->x + 9 * size, half);
-    /* Channels keep their order: accelerations in m/s^2, moments in N m. */
+    /* The channels keep their order: accelerations in m/s^2, then moments in N m. */
     float largest[2] = {0, 0};
     for (size_t t = 0; t < s->length; t++) {
         largest[0] = fmaxf(largest[0], fabsf(s->x[t]));
@@ -122,7 +124,7 @@ static size_t count_lines(const char *text) {
     return lines;
 }
 
-TEST("a feed has the lines and the columns that are asked for") {
+TEST("a feed has the lines and columns that are asked for") {
     static char whole[CLI_TEXT], again[CLI_TEXT];
     json("feed --hours 0.02 --out feed.csv", "lines 360");
     (void)cli_read("feed.csv", whole, sizeof whole);
@@ -131,16 +133,16 @@ TEST("a feed has the lines and the columns that are asked for") {
     assert_int_equal(count_lines(whole), 361);
     assert_says(whole, "\n71.8,");
     assert_null(strstr(whole, "nan"));
-    /* The same through a pipe, with any number of threads. */
+    /* Through a pipe and with any number of threads the text is the same. */
     cli_run(lg, "feed --hours 0.02 --threads 1");
     assert_string_equal(result.out, whole);
-    /* Until the crack nothing has changed; after it something has. */
+    /* Before the crack the lines are unchanged; after it they differ. */
     cli_run(lg, "feed --hours 0.02 --crack-at 0.01");
     const char *crack = strstr(whole, "\n36.0,");
     assert_non_null(crack);
     assert_memory_equal(result.out, whole, (size_t)(crack - whole));
     assert_string_not_equal(result.out, whole);
-    /* Lines that are there are those of the whole feed, but for a nan. */
+    /* The lines that are left equal those of the complete feed, except for values that are nan. */
     json("feed --hours 0.02 --gaps 20000,2 --nan 20000 --out torn.csv",
          "lines <360, lines >60, nan >5, gaps >1");
     const double lines = json_number(result.out, "lines"), holes = json_number(result.out, "nan");
@@ -158,7 +160,7 @@ TEST("a feed has the lines and the columns that are asked for") {
     assert_int_equal(found + with_nan, (size_t)lines + 1);
 }
 
-TEST("every number of a feed is, to half a unit of its ninth digit, a float") {
+TEST("every number of a feed is a float written with nine digits") {
     static char text[CLI_TEXT];
     cli_run(lg, "feed --hours 0.02 --noise 0 --out digits.csv");
     (void)cli_read("digits.csv", text, sizeof text);
@@ -182,7 +184,8 @@ TEST("every number of a feed is, to half a unit of its ninth digit, a float") {
 
 /* ---- every method ---- */
 
-/* Trains, evaluates what was written on the same data, and compares what both say of the test part. */
+/* Trains a model, evaluates the written model on the same data, and compares the results of both commands for
+ * the test part. */
 static void train_and_evaluate(const char *data, const char *options) {
     static const char *const keys[][2] = {{"accuracy", "accuracy"},
                                           {"precision", "precision"},
@@ -226,7 +229,7 @@ TEST("every method trains, evaluates and predicts") {
     assert_close(json_number(result.out, "false_alarms_per_day"),
                  json_number(result.out, "false_positive_rate") * 2880, 1e-12, 0);
     json("train data.h5 --method svm-rbf --out t.h5", "support_vectors >1, gamma >0, grid *, cv_accuracy *");
-    double chosen[3]; /* all windows train: only the folds differ */
+    double chosen[3]; /* No part is held out, so all windows train and only the folds differ. */
     for (size_t i = 0; i < LG_COUNT(chosen); i++) {
         static const char *const split[] = {"random", "run", "group"};
         char line[128];
@@ -239,8 +242,8 @@ TEST("every method trains, evaluates and predicts") {
     assert_true(chosen[0] != chosen[1] && chosen[0] != chosen[2] && chosen[1] != chosen[2]);
 }
 
-/* Networks in single precision overflow. */
-TEST("scores that are not finite are refused, and no other method has such") {
+/* Networks in single precision overflow for huge inputs; the other methods do not. */
+TEST("scores that are not finite are refused; only networks give such scores") {
     static char scores[1 << 14];
     size_t refused = 0;
     lg_series_data *data = read_back("fresh.h5");
@@ -263,7 +266,7 @@ TEST("scores that are not finite are refused, and no other method has such") {
     assert_true(refused > 0);
 }
 
-/* Classes that a child could tell apart, and every shape. */
+/* The classes are easy to tell apart; the data have every shape. */
 TEST("data of every shape are learned") {
     static const char *const how[] = {"--epochs 3",
                                       "--method logistic",
@@ -289,7 +292,7 @@ TEST("data of every shape are learned") {
     assert_says(result.err, "without a test part");
 }
 
-TEST("a test set may be a file of its own, also of a resumed training") {
+TEST("a test set may be in a separate file, also when training is resumed") {
     const size_t windows[] = {read_back("data.h5")->series.count, read_back("fresh.h5")->series.count};
     json("train data.h5 --test fresh.h5 --method logistic --out given.h5", "");
     assert_close(json_number(result.out, "train_windows"), (double)windows[0], 0, 0);
@@ -305,7 +308,8 @@ TEST("a test set may be a file of its own, also of a resumed training") {
     cli_expect(lg, "train data.h5 --test fresh.h5 --out r.h5 --resume c.h5", 2, "test_fraction");
 }
 
-/* fresh.h5 as another program would write it: no names of classes, /y is low, low + 1, ... */
+/* Writes fresh.h5 as another program would: without names of classes (and of channels, unless `named`), and
+ * with the class numbers low, low + 1, ... in /y. */
 static void write_numbered(const char *name, uint32_t low, bool named) {
     lg_series_data *data = read_back("fresh.h5");
     char(*channels)[LG_SERIES_NAME] = data->series.channel_name;
@@ -320,7 +324,7 @@ static void write_numbered(const char *name, uint32_t low, bool named) {
     assert_true(H5Dclose(set) >= 0 && H5Fclose(file) >= 0);
 }
 
-TEST("a model remembers what stood for its classes, also in files without names") {
+TEST("a model remembers the class labels of its training file, also when the file has no names") {
     static const char *const models[] = {"model.h5", "logistic.h5"};
     write_numbered("from-0.h5", 0, true);
     write_numbered("from-1.h5", 1, true);
@@ -333,7 +337,7 @@ TEST("a model remembers what stood for its classes, also in files without names"
     cli_expect(lg, "evaluate from-1.model.h5 from-0.h5", 3, "class '0' is none of the classes 1|2");
 }
 
-TEST("pictures of a file without names have those that were trained on; one feature is drawn alone") {
+TEST("pictures for a file without names use the names of the training data; a single feature can be drawn") {
     static char text[CLI_TEXT];
     write_numbered("unnamed.h5", 0, false);
     cli_run(lg, "train data.h5 --method tree --features std --out named.h5 --plot named.svg");
@@ -352,7 +356,7 @@ TEST("pictures of a file without names have those that were trained on; one feat
     assert_says(text, "filledcurves");
 }
 
-TEST("without --filters there are as many blocks as fit, three at most") {
+TEST("without --filters the network has as many blocks as fit, but at most three") {
     static const struct {
         const char *options;
         int blocks;
@@ -371,7 +375,7 @@ TEST("without --filters there are as many blocks as fit, three at most") {
     }
 }
 
-TEST("a split by group keeps sea states whole") {
+TEST("a split by group keeps all windows of a sea state in one part") {
     static char text[CLI_TEXT];
     bool tested[32] = {false};
     cli_run(lg, "train data.h5 --method logistic --split group --out parts.h5");
@@ -407,7 +411,7 @@ TEST("a split by group keeps sea states whole") {
     json("train data.h5 --epochs 1 --window 30 --hop 15 --out o.h5", overlap);
 }
 
-/* Six recordings of eight windows of 5 s at 4 Hz, the second half of each damaged: with 2 of 3 votes the
+/* Six recordings of eight windows of 5 s at 4 Hz; the second half of each is damaged. With 2 of 3 votes the
  * alarm comes with the second damaged window, 10 s after the damage began. */
 TEST("votes give the alarm and its delay") {
     cli_run(lg, "train votes.h5 --method logistic --features std --split run --out v.h5");
@@ -423,15 +427,15 @@ TEST("votes give the alarm and its delay") {
     json("evaluate logistic.h5 data.h5 fresh.h5 --votes 3,5", "files *");
 }
 
-/* With a large learning rate that is not the last epoch. */
-TEST("a network no better than the most frequent class ends with exit code 4") {
+/* With a large learning rate the best epoch is not the last one. */
+TEST("a network that is no better than the most frequent class ends with exit code 4") {
     cli_expect(lg, "train data.h5 --lr 1000 --epochs 10 --out wild.h5 --json", 4, "the most frequent class");
     json_expect(result.out, "epochs 10, warnings [\"the model has learned nothing");
     cli_run(lg, "train data.h5 --lr 1e-9 --epochs 3 --out wild.h5");
     assert_says(result.err, "the model has learned nothing");
 }
 
-TEST("a network that died starts again, and is told of if it stays dead") {
+TEST("a network whose units died starts again, and a warning is printed if it stays dead") {
     static const char *const line = "train data.h5 --activation relu --lr 1000 --clip 0 --epochs 3 --json "
                                     "--out dead.h5";
     json("train data.h5 --activation swish --epochs 2 --out living.h5",
@@ -443,7 +447,7 @@ TEST("a network that died starts again, and is told of if it stays dead") {
     json_expect(result.out, "restarts 0");
 }
 
-TEST("with a validation part the best epoch is the model") {
+TEST("with a validation part, the model is taken from the best epoch") {
     static const char *const rates[] = {"0.03", "0.1", "0.3", "0.01"};
     char line[256];
     int best = 12;
@@ -472,7 +476,7 @@ TEST("with a validation part the best epoch is the model") {
     json("train data.h5 --optimizer lbfgs --epochs 2 --out p.h5", "dtype \"f64\"");
 }
 
-TEST("Ctrl-C ends generating and feeding, and leaves no file") {
+TEST("Ctrl-C stops generate and feed, and no file is left") {
     static const char *const lines[] = {"generate --runs 108 --hours 2 --out never.h5",
                                         "feed --hours 1000 --out never.csv"};
     for (size_t i = 0; i < LG_COUNT(lines); i++) {
@@ -483,12 +487,12 @@ TEST("Ctrl-C ends generating and feeding, and leaves no file") {
     }
 }
 
-TEST("a trial that data refuse fails the search") {
+TEST("a search fails when its trials cannot use the data") {
     cli_write("tree.yaml", "fixed: {loss: mse}\nranges:\n  lr: {log-uniform: [1e-4, 1e-1]}\n");
     cli_expect(lg, "search tree.yaml three.h5 --trials 1 --out tree.csv", 4, "is for two classes");
 }
 
-/* ---- pictures: what is drawn by default, and each by name ---- */
+/* ---- pictures: the default one, and each one by name ---- */
 
 TEST("pictures are drawn") {
     static const char *const lines[] = {

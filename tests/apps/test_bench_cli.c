@@ -1,5 +1,5 @@
-/* lg-bench from outside: every case in its smallest form, options, JSON. What it measures is not judged here,
- * what it computes is. */
+/* Runs lg-bench: every case at its smallest size, options, JSON. The computed results are checked, the
+ * measured times are not. */
 #include "cli_support.h"
 
 static int setup(void **state) {
@@ -17,7 +17,7 @@ static void run_case(const char *arguments, double largest_error) {
 TEST("every case runs") {
     static const struct {
         const char *arguments;
-        double error; /* largest; negative: there is none */
+        double error; /* largest accepted error; negative: the case reports no error */
     } cases[] = {
         {"mlp2 --batch 3 --width 8 --repeats 1", 1e-14},
         {"mlp2 --batch 3 --width 8 --repeats 1 --dtype f32", 1e-5},
@@ -43,8 +43,9 @@ TEST("every case runs") {
     for (size_t i = 0; i < LG_COUNT(cases); i++) run_case(cases[i].arguments, cases[i].error);
 }
 
-/* The other program's way: parameters written, read again, judged. Two epochs lower the loss. */
-TEST("a Hamiltonian is trained, read again and judged") {
+/* The parameters are written, read again and judged, as it is done for another program. Two epochs must lower
+ * the loss. */
+TEST("a Hamiltonian is trained, its parameters are read again and judged") {
     run_case("hamiltonian-quartic --epochs 3 --out set --judge", 0.2);
     const double trained = json_number(result.out, "error");
     assert_true(isfinite(json_number(result.out, "E1")));
@@ -64,8 +65,8 @@ TEST("the list names all cases") {
     assert_true(json_is_object(result.out));
 }
 
-/* A chain's rows tell what the solver did, and a step's cost stands behind them. */
-TEST("an integration tells its work") {
+/* A row of a chain reports the solver's work; the time of one step is in the row too. */
+TEST("an integration reports its steps, rejected steps and evaluations") {
     static const char *const keys[] = {"steps", "rejected", "evaluations", "manifold_error",
                                        "reference_error"};
     run_case("ode --links 2 --repeats 1 --only tol=1e-06", 1e-4);
@@ -76,8 +77,8 @@ TEST("an integration tells its work") {
     assert_non_null(strstr(result.out, "ns a link"));
 }
 
-/* What it ran on is told; rows can be chosen. */
-TEST("the report says on what it ran") {
+/* The report names the machine that it ran on. --only selects rows. */
+TEST("the report says what machine it ran on") {
     static const char *const keys[] = {"cpu",      "kernels", "dtype",  "threads",
                                        "error_is", "p10_us",  "p90_us", "rows"};
     run_case("act --width 64 --repeats 1 --only exp", 3);

@@ -1,5 +1,5 @@
-/* lg-hamiltonian (in LG_BIN_DIR) from outside: judging and recording, pictures, studies. What it shares with
- * other executables: test_runs; what it refuses: test_refused.
+/* Runs lg-hamiltonian (in LG_BIN_DIR): judging and recording, pictures, studies. Elsewhere: what it shares
+ * with other executables is in test_runs, what it refuses in test_refused.
  * ctest-labels: apps/lg-hamiltonian src/hamiltonian */
 #include "cli_files.h"
 
@@ -34,7 +34,7 @@ static int setup(void **state) {
     return 0;
 }
 
-TEST("the checker of JSON refuses what is no JSON") {
+TEST("the tests' JSON checker refuses text that is not JSON") {
     assert_true(json_is_object("{\"a\": [1, -2.5e-3, null, true], \"b\": {\"c\": \"x\\u00e9\\n\"}}\n"));
     assert_false(json_is_object("{\"a\": nan}"));
     assert_false(json_is_object("{\"a\": 01}"));
@@ -43,7 +43,7 @@ TEST("the checker of JSON refuses what is no JSON") {
     assert_close(json_number("{\"ab\": {\"b\": 1}, \"b\": 2}", "b"), 2, 0, 0);
 }
 
-TEST("a model is evaluated, and predicts") {
+TEST("a model is evaluated and predicts") {
     cli_json(lg, "evaluate model.h5 test.h5", "E1 >0, E1 <1, E2 >0, E2 <10, trajectories 6, points 8");
     const double e1 = json_number(result.out, "E1");
     cli_json(lg, "--threads 1 evaluate model.h5 test.h5", "");
@@ -56,7 +56,7 @@ TEST("a model is evaluated, and predicts") {
     cli_expect(lg, "predict model.h5 --initial 1,0,0,0,0.5,0 --t-end 0.5", 0, "\ny  ");
 }
 
-TEST("all commands take scenes with and without a start, and say what they make of them") {
+TEST("all commands take scenes with and without `initial`, and say which start they use") {
     cli_expect(lg, "predict model.h5 scene.yaml --seed 4 --t-end 0.1", 0, "\ny  ");
     assert_non_null(strstr(result.err, "scene.yaml: there is no `initial`: the start is drawn with seed 4"));
     cli_expect("lg-simulate", "scene.yaml --seed 4 --t-end 0.1", 0, "");
@@ -70,7 +70,7 @@ TEST("pictures and histories are drawn") {
     cli_expect(lg, "evaluate model.h5 test.h5 --plot ./sphere.svg", 0, "E1");
     assert_true(cli_exists("sphere.dat") && cli_exists("sphere.gp"));
     cli_read("sphere.gp", script, sizeof script);
-    assert_non_null(strstr(script, "datafile = 'sphere.dat'\n")); /* no folder */
+    assert_non_null(strstr(script, "datafile = 'sphere.dat'\n")); /* the path has no folder */
     assert_non_null(strstr(script, "gravity"));
     if (!cli_exists("sphere.svg")) assert_non_null(strstr(result.err, "gnuplot"));
     cli_expect(lg, TRAIN "--epochs 2 --out plotted.h5 --plot loss.svg --history loss.csv", 0, "plotted.h5");
@@ -79,7 +79,8 @@ TEST("pictures and histories are drawn") {
     assert_int_equal(strncmp(text, "epoch,loss,validation,rate,seconds\n1,", 37), 0);
 }
 
-TEST("Newton reaches the floor of a linear potential's loss, below what Adam alone leaves") {
+TEST("with --newton a linear potential's loss is lower than with Adam alone, and cannot be lowered "
+     "further") {
     cli_json(lg, "train train.h5 --potential linear --epochs 3 --out l.h5", "loss *");
     const double adam = json_number(result.out, "loss");
     cli_json(lg, "train train.h5 --potential linear --epochs 3 --newton --out l.h5",
@@ -97,7 +98,7 @@ TEST("Newton reaches the floor of a linear potential's loss, below what Adam alo
     assert_non_null(strstr(result.err, "--integrator rkmk5"));
 }
 
-TEST("the default is the preset best, an option of Adam asks for the published settings") {
+TEST("the default is the preset best; an option of Adam selects the published settings") {
     cli_json(lg, "train train.h5 --epochs 150 --out b.h5",
              "method \"ssbroyden\", hidden [20, evaluations 150, epochs 150, prior 0.15, loss <1e-8");
     cli_json(lg, "train train.h5 --epochs 1 --batch 20 --out b.h5", "method \"adam\", hidden [100");
@@ -106,7 +107,7 @@ TEST("the default is the preset best, an option of Adam asks for the published s
     cli_expect(lg, "train train.h5 --method adam:5,lbfgs --lr 1e-2 --epochs 9 --out b.h5", 0, "9 epochs");
 }
 
-TEST("a training that ends before its epochs says why, and one of some seconds records its evaluations") {
+TEST("training that ends early says why, and training for some seconds records its number of evaluations") {
     cli_json(lg, "train train.h5 --seconds 0.05 --out b.h5", "stopped \"the time is used up\"");
     assert_true(json_number(result.out, "evaluations") < 1000000);
     assert_non_null(strstr(result.err, "the time is used up"));
@@ -121,7 +122,8 @@ TEST("--size auto compares widths and takes the smallest good one") {
     cli_json(lg, "train train.h5 --size 7,5 --epochs 3 --out b.h5", "hidden [7");
 }
 
-TEST("--size auto shares --seconds with the training, and says where there is nothing to race") {
+TEST("--size auto shares the time of --seconds with the training, and says if there are no sizes to "
+     "compare") {
     cli_json(lg, "train train.h5 --size auto --seconds 0.9 --out b.h5", "sizes *, stopped *");
     assert_true(json_number(result.out, "seconds_per_epoch") * json_number(result.out, "epochs") < 0.9);
     assert_true(json_number(result.out, "seconds") < 0.9);
@@ -129,7 +131,7 @@ TEST("--size auto shares --seconds with the training, and says where there is no
     assert_says(result.err, "this model has no network; there is no race");
 }
 
-/* E1 of a model of noisy data, trained from measured or estimated starts. */
+/* E1 of a model of noisy data, trained with measured or with estimated starts. */
 static double error_with(const char *starts) {
     cli_json(lg, test_text("train n.h5 --starts %s --epochs 300 --out b.h5", starts),
              strcmp(starts, "measured") == 0 ? "method \"ssbroyden\"" : "method \"lbfgs\"");
@@ -137,7 +139,7 @@ static double error_with(const char *starts) {
     return json_number(result.out, "E1");
 }
 
-TEST("noise on all points: estimated starts do better than measured ones on most of five sets of data") {
+TEST("with noise on all points, estimated starts are better than measured ones for most of five data sets") {
     enum { SETS = 5 };
     int better = 0;
     for (int seed = 1; seed <= SETS; seed++) {
@@ -153,7 +155,7 @@ TEST("noise on all points: estimated starts do better than measured ones on most
     assert_true(2 * better > SETS);
 }
 
-TEST("a training that learned nothing ends with exit code 4 and says why") {
+TEST("training that learned nothing ends with exit code 4 and says why") {
     cli_expect(lg, TRAIN "--method adam --lr 1000 --epochs 10 --out wild.h5 --json", 4,
                "that of a state that does not change");
     assert_true(json_is_object(result.out));
@@ -170,7 +172,7 @@ TEST("separable systems are trained and judged") {
     cli_expect(lg, "evaluate model.h5 q.h5", 3, "q.h5");
 }
 
-/* ---- errors on record ---- */
+/* ---- recorded errors ---- */
 
 static void shell(const char *format, ...) __attribute__((format(printf, 1, 2)));
 static void shell(const char *format, ...) {
@@ -183,7 +185,7 @@ static void shell(const char *format, ...) {
     if (system(command) != 0) fail_msg("%s", command);
 }
 
-/* Everything in the file but errors and test set. */
+/* Fails unless the two files agree in everything except errors and test set. */
 static void assert_same_training(const lg_hamiltonian_file *a, const lg_hamiltonian_file *b) {
     const size_t bytes = a->parameters * sizeof(double);
     assert_ok(lg_run_compare(&lg_recipe_hamiltonian, &a->run, &b->run, "model", NULL));
@@ -201,7 +203,7 @@ static void assert_same_training(const lg_hamiltonian_file *a, const lg_hamilton
     assert_true(a->provenance.has_seed && a->provenance.seed == b->provenance.seed);
 }
 
-TEST("errors are recorded in the model's file, and nothing else changes") {
+TEST("evaluate --record writes the errors into the model's file and changes nothing else") {
     cli_expect(lg, TRAIN "--epochs 6 --seed 4 --stop-after 2 --checkpoint rc.h5 --out rec.h5", 0, "rec.h5");
     const lg_hamiltonian_file *before = cli_hamiltonian("rec.h5");
     assert_false(before->has_e1 || before->has_e2 || before->test.trajectories > 0);
@@ -221,7 +223,8 @@ TEST("errors are recorded in the model's file, and nothing else changes") {
     assert_close(after->test.t_end, 1, 1e-15, 0);
     assert_string_equal(after->test.sha256, cli_trajectories("test.h5")->sha256);
     assert_same_training(before, after);
-    /* A checkpoint is no model. What goes on from the one beside the model has no errors yet. */
+    /* A checkpoint is not a model, so it is refused. A model that is trained further from its checkpoint has
+     * no errors yet. */
     shell("cp rc.h5 rc.before");
     cli_expect(lg, "evaluate rc.h5 test.h5 --record", 3, "rc.h5");
     shell("cmp rc.h5 rc.before");
@@ -230,9 +233,9 @@ TEST("errors are recorded in the model's file, and nothing else changes") {
     assert_false(after->has_e1 || after->has_e2 || after->test.sha256[0] != '\0');
 }
 
-/* Test data without energies take the E2 of others away; the training data are no test set, which is said. A
- * link to the model stays a link. */
-TEST("recorded errors replace the first ones, and a link to the model stays a link") {
+/* Test data without energies remove an E2 that was recorded with other data. Training data as test set cause
+ * a warning. A link to the model stays a link. */
+TEST("recorded errors replace older ones, and a link to the model stays a link") {
     cli_expect(lg, "evaluate twin.h5 train.h5 --record", 0, "Recorded in twin.h5");
     assert_says(result.err, "train.h5 holds the data that twin.h5 was trained on");
     const lg_hamiltonian_file *file = cli_hamiltonian("model.h5");
@@ -247,7 +250,7 @@ TEST("recorded errors replace the first ones, and a link to the model stays a li
     assert_true(file->has_e1 && !file->has_e2 && file->test.trajectories == 6);
 }
 
-TEST("a folder that cannot be written is told before the evaluation; root may write everywhere") {
+TEST("a folder that cannot be written is reported before the evaluation; root can write everywhere") {
     shell("mkdir shut && cp model.h5 shut && ln -s shut/model.h5 shut.h5 && chmod 555 shut");
     if (geteuid() != 0) {
         cli_expect(lg, "evaluate shut.h5 test.h5 --record", 3, "cannot be written");
@@ -256,7 +259,7 @@ TEST("a folder that cannot be written is told before the evaluation; root may wr
     shell("chmod 777 shut && rm -r shut");
 }
 
-TEST("what the demonstration judges, it records") {
+TEST("the demonstration records the errors that it prints") {
     cli_json(lg, "demo --epochs 1 --t-end 1 --out demo", "E1 *");
     const lg_hamiltonian_file *file = cli_hamiltonian("demo/model.h5");
     assert_true(file->has_e1 && file->has_e2 && file->test.trajectories == 100 && file->test.points == 15);
@@ -266,8 +269,8 @@ TEST("what the demonstration judges, it records") {
     shell("rm -r demo");
 }
 
-/* The first weights of seed 31 have a nearly singular mass: a velocity overflows within a step. */
-TEST("weights that give no finite prediction are drawn again") {
+/* The first weights of seed 31 have a nearly singular mass: a velocity overflows within one step. */
+TEST("initial weights whose predictions are not finite are drawn again") {
     cli_write("planar.yaml", "system: pendulum-chain\nform: hamiltonian\ngravity: 9.81\nt_end: 0.12\n"
                              "masses: [0.93892384, 1.03590655, 1.0822107, 1.17215149, 1.0390508]\n"
                              "lengths: [0.90675322, 1.37093021, 1.3134184, 0.95006977, 1.11671529]\n"
@@ -276,13 +279,13 @@ TEST("weights that give no finite prediction are drawn again") {
     cli_json(lg, "train planar.h5 --seed 31 --integrator cf4 --hidden 8 --epochs 1 --out p.h5", "loss >0");
 }
 
-TEST("the penalty takes the first integral that fits the system") {
+TEST("by default the penalty uses the first integral that fits the system") {
     cli_json(lg, "train train.h5 --penalty 1e-3 --epochs 2 --out p.h5",
              "penalty_integral \"vertical-angular-momentum\"");
     cli_json(lg, "train train.h5 --epochs 2 --out p.h5", "penalty_integral \"oscillator\"");
 }
 
-TEST("a penalty on what the data do not conserve is told, noise alone is not") {
+TEST("a penalty on a quantity that the data do not conserve causes a warning; noise alone does not") {
     cli_write("coupled.yaml", "system: coupled-oscillators\n");
     static const char *const noise[] = {"0", "0.05"};
     for (size_t i = 0; i < LG_COUNT(noise); i++) {
@@ -299,14 +302,14 @@ TEST("a penalty on what the data do not conserve is told, noise alone is not") {
     }
 }
 
-/* ---- study ---- */
+/* ---- studies ---- */
 
-TEST("a study runs, and goes on where it was stopped") {
+TEST("a study runs, and continues where it was stopped") {
     cli_expect(lg, "study grid.yaml --out once.csv --jobs 2 --threads 2 --plot w.png", 0, "Geometric means");
     assert_true(cli_exists("w.gp"));
     if (!cli_exists("w.png")) assert_says(result.err, "gnuplot");
     cli_json(lg, "study grid.yaml --out again.csv --stop-after 1", "done 1");
-    shell("printf 'cf4,1,12,3,0,0,1,12' >> again.csv"); /* a row that was cut */
+    shell("printf 'cf4,1,12,3,0,0,1,12' >> again.csv"); /* an incomplete row */
     cli_json(lg, "study grid.yaml --out again.csv --jobs 1", "done 8, new 7");
     cli_json(lg, "study grid.yaml --out again.csv", "new 0");
     shell("test $(wc -l < once.csv) = 9 && test $(wc -l < again.csv) = 9");
@@ -316,7 +319,7 @@ TEST("a study runs, and goes on where it was stopped") {
     cli_json(lg, "study grid.yaml --out limited.csv", "done 8");
 }
 
-TEST("a study goes on only with the same method, prior and scale") {
+TEST("a study continues only with the same method, prior and scale") {
     shell("{ cat grid.yaml; echo 'method: lbfgs'; echo 'prior: 0.5'; } > later.yaml");
     cli_json(lg, "study later.yaml --out later.csv --jobs 1", "done 8");
     static const char *const changes[] = {"s/lbfgs/ssbroyden/", "s/^prior.*//", "$ a scaled: yes"};

@@ -1,5 +1,5 @@
-/* lg-elastica (in LG_BIN_DIR) from outside: equilibria, curves, networks, searches whose trials fail. What it
- * shares with other executables: test_runs; what it refuses: test_refused.
+/* Runs lg-elastica (in LG_BIN_DIR): equilibria, curves, networks, searches whose trials fail. Elsewhere: what
+ * it shares with other executables is in test_runs, what it refuses in test_refused.
  * ctest-labels: apps/lg-elastica src/elastica */
 #include "cli_support.h"
 
@@ -31,7 +31,7 @@ static int setup(void **state) {
 
 /* ---- solve ---- */
 
-TEST("a solution is told with its energy, force, nodes and angles") {
+TEST("solve prints energy, force, nodes and angles") {
     double q[22], v[22], numbers[11], force[2];
     json("solve --case right-end --x 2 --intervals 10",
          "energy *, v *, seconds *, iterations *, rotation -2, negative_eigenvalues 0, gradient <1e-10, "
@@ -44,7 +44,7 @@ TEST("a solution is told with its energy, force, nodes and angles") {
     assert_all_close(q, ((const double[]){0, 0}), 2, 0, 0);
     assert_all_close(q + 20, ((const double[]){3, 0}), 2, 1e-13, 1e-13);
     assert_all_close(v + 20, ((const double[]){cos(2), -sin(2)}), 2, 1e-13, 0);
-    /* The force is what the energy gains with the distance of the ends. */
+    /* The force is the derivative of the energy with respect to the distance of the ends. */
     const double more = number("solve --case right-end --x 2 --intervals 10 --qN 3.00001,0", "energy");
     const double less = number("solve --case right-end --x 2 --intervals 10 --qN 2.99999,0", "energy");
     assert_close(force[0], (more - less) / 2e-5, 1e-5, 0);
@@ -55,8 +55,8 @@ TEST("a solution is told with its energy, force, nodes and angles") {
     assert_null(json_find(result.out, "lambda"));
 }
 
-/* The energies at N = 1000 were found by another program. */
-TEST("a case, and the angles that it stands for, have the energy that another program found") {
+/* The energies for N = 1000 were computed by another program. */
+TEST("a case, and the same problem given by angles, have the energy that another program found") {
     static const char *const ways[] = {
         "solve --case both-ends --x 1.5707963267948966 --intervals 1000",
         "solve --theta0 1.5707963267948966 --thetaN -1.5707963267948966 --intervals 1000",
@@ -65,23 +65,24 @@ TEST("a case, and the angles that it stands for, have the energy that another pr
         assert_close(number(ways[i], "energy"), 45.752542288901, 1e-10, 0);
 }
 
-TEST("the rotation that is asked for is found or refused") {
+TEST("the requested rotation is found, or refused if there is no such minimum") {
     json("solve --theta0 1 --thetaN -1", "rotation -2");
     const double best = json_number(result.out, "energy");
-    /* The other loop is a minimum for large angles only; otherwise there is nothing to accept. */
+    /* A loop in the other direction is a minimum for large angles only; here there is no minimum to
+     * accept. */
     cli_expect(lg, "solve --theta0 1 --thetaN -1 --rotation 4.283185307179586 --json", 4, "no minimum");
     assert_string_equal(result.out, "");
     json("solve --theta0 3.1 --thetaN -3.1 --rotation 6.366370614359172", "rotation 6.366370614359172");
     const double opposite = json_number(result.out, "energy");
     assert_true(number("solve --theta0 3.1 --thetaN -3.1", "energy") < opposite);
-    /* Without --thetaN the rotation gives it. */
+    /* Without --thetaN the rotation determines it. */
     assert_close(number("solve --theta0 1 --rotation -2", "energy"), best, 1e-12, 0);
-    /* A whole turn is less work here than the smaller angle. */
+    /* Here a turn by the larger angle needs less energy. */
     json("solve --theta0 2.9 --thetaN -2.9", "rotation -5.8");
     json("solve --case both-ends --x 2.9", "rotation -5.8");
 }
 
-/* Energies of the branches; without --saddles they are minima. */
+/* Reads the energies of the branches. Without --saddles all of them are minima. */
 static size_t branch_energies(const char *arguments, double *energies, size_t room) {
     json(arguments, "branches [");
     size_t n = 0;
@@ -98,11 +99,12 @@ TEST("hard cases have their known minima") {
     static const struct {
         const char *arguments;
         size_t minima;
-    } rows[] = {
-        {"solve --case both-ends --x 0.59 --branches", 2}, /* a second minimum up to |w| = 0.1925 pi */
-        {"solve --case both-ends --x 0.62 --branches", 1},
-        {"solve --case right-end --x 0.53 --branches", 2}, /* the wrong-way buckle up to 0.171 pi */
-        {"solve --case right-end --x 0.55 --branches", 1}};
+    } rows[] = {/* there is a second minimum for |w| up to 0.1925 pi */
+                {"solve --case both-ends --x 0.59 --branches", 2},
+                {"solve --case both-ends --x 0.62 --branches", 1},
+                /* the beam that buckles to the other side is stable up to 0.171 pi */
+                {"solve --case right-end --x 0.53 --branches", 2},
+                {"solve --case right-end --x 0.55 --branches", 1}};
     double energies[64];
     assert_int_equal(branch_energies("solve --case both-ends --x 3.141592653589793 --branches", energies, 64),
                      4);
@@ -110,7 +112,7 @@ TEST("hard cases have their known minima") {
     assert_close(number("solve --case both-ends --x 3.141592653589793", "energy"), 420.415, 2e-6, 0);
     for (size_t i = 0; i < LG_COUNT(rows); i++)
         assert_int_equal(branch_energies(rows[i].arguments, energies, 64), rows[i].minima);
-    /* At the bifurcations themselves there is an answer, and it is a minimum. */
+    /* Exactly at the bifurcations solve must still find a minimum. */
     static const char *const angles[] = {"0", "3.141592653589793", "6.283185307179586", "-3.141592653589793"};
     for (size_t i = 0; i < 8; i++) {
         json(test_text("solve --case %s --x %s", i < 4 ? "both-ends" : "right-end", angles[i % 4]),
@@ -118,7 +120,7 @@ TEST("hard cases have their known minima") {
     }
 }
 
-TEST("there are more branches with saddles than without") {
+TEST("--saddles adds branches") {
     double energies[64];
     const size_t few = branch_energies("solve --x 0.3 --intervals 20 --branches", energies, 64);
     assert_true(branch_energies("solve --x 0.3 --intervals 20 --branches --saddles", energies, 64) > few);
@@ -145,7 +147,7 @@ TEST("a sweep follows the branches") {
 
 /* ---- generate ---- */
 
-TEST("generated curves are those that are asked for, and what solve finds") {
+TEST("generated curves are those that are asked for, and agree with solve") {
     double q[16];
     lg_elastica_data data;
     json("generate --case both --count 5 --intervals 7 --gap 0.02 --out g.h5 --plot g.svg",
@@ -153,7 +155,7 @@ TEST("generated curves are those that are asked for, and what solve finds") {
     assert_ok(lg_elastica_data_read(NULL, cli_at("g.h5"), NULL, &data, NULL));
     const lg_elastica_curves *c = &data.curves;
     assert_int_equal(c->count, 10);
-    /* Three values in the first half, two in the second, for each case. */
+    /* For each case: three values in the first half, two in the second. */
     assert_all_close(c->x, ((const double[]){0.02 * PI, 0.5 * PI, 0.98 * PI}), 3, 1e-14, 0);
     assert_int_equal(c->kind[0], LG_ELASTICA_BOTH_ENDS);
     assert_int_equal(c->kind[9], LG_ELASTICA_RIGHT_END);
@@ -170,7 +172,7 @@ TEST("generated curves are those that are asked for, and what solve finds") {
          "test_mse null, floor null, warnings [\"the model has learned nothing");
 }
 
-TEST("nodes that no beam has are told where curves are read") {
+TEST("curves with nodes that no beam can have are refused where they are read") {
     static const double sizes[] = {3.0, -1e4, 1e200, 1e307};
     static const char *const lines[] = {"evaluate model.h5 odd.h5",
                                         "train odd.h5 --hidden 4 --layers 0 --epochs 1 --out odd-model.h5"};
@@ -198,7 +200,7 @@ TEST("nodes that no beam has are told where curves are read") {
     if (strstr(result.out, "no points") != NULL) fail_msg("%s", result.out);
 }
 
-/* Processor time of the children that have ended: a busy machine does not change it. */
+/* Processor time of the children that have ended. Unlike elapsed time it is the same on a busy machine. */
 static double children_seconds(void) {
     struct rusage use;
     assert_int_equal(getrusage(RUSAGE_CHILDREN, &use), 0);
@@ -220,8 +222,8 @@ TEST("interrupted generation ends at once") {
 
 /* ---- train, evaluate, predict ---- */
 
-/* 8 x 12 + 12, 12 x 12 + 12, 12 x 36 + 36 parameters. */
-TEST("a network is trained, and what evaluate says of the parts is what train said") {
+/* The network has 8 x 12 + 12, 12 x 12 + 12 and 12 x 36 + 36 parameters. */
+TEST("a network is trained, and evaluate prints the same errors of the parts as train") {
     json("train data.h5 --method adam --modes 0 --hidden 12 --layers 1 --batch 8 --epochs 4 --out t.h5 "
          "--history t.csv --plot t.svg",
          "seconds_per_epoch *, parameters 732, loss *, epochs 4, threads *, dtype *, seed *, source *, "
@@ -236,7 +238,8 @@ TEST("a network is trained, and what evaluate says of the parts is what train sa
     assert_true(cli_exists("e.gp") && cli_exists("t.gp") && cli_exists("t.csv"));
 }
 
-TEST("published settings are those of the data and the network, but for what is given") {
+TEST("--preset takes the published settings for the data and the network, except for options that are "
+     "given") {
     static const char *const rows[][2] = {
         {"train data.h5 --preset thesis", "hidden 879, layers 4, source \"table 5.3\", preset \"thesis\""},
         {"train data.h5 --preset thesis --hidden 5 --layers 2 --activation swish",
@@ -250,7 +253,7 @@ TEST("published settings are those of the data and the network, but for what is 
 }
 
 /* The mirror image of x is 2 pi - x. */
-TEST("every kind of network is trained, judged and asked, and only --mirror makes it symmetric") {
+TEST("every kind of network is trained, judged and predicts, and only --mirror makes it symmetric") {
     static const struct {
         const char *options, *evaluated;
         bool mirrored;
@@ -288,7 +291,7 @@ TEST("every kind of network is trained, judged and asked, and only --mirror make
     }
 }
 
-TEST("a prediction is told with its place, its reach and its error") {
+TEST("a prediction is printed with its distance to the training range, the reach, and its error") {
     char text[4096];
     double s[5];
     json("predict model.h5 --x 1 --points 5 --solve --out p.csv --plot p.svg",
@@ -306,8 +309,8 @@ TEST("a prediction is told with its place, its reach and its error") {
     assert_says(result.out, "largest difference");
 }
 
-TEST("curves of a network of modes are as wrong as its loss and its truncation say; the curves say how many "
-     "modes there are") {
+TEST("the error of a network of modes is its loss plus its truncation; the curves determine the number "
+     "of modes") {
     json("train data.h5 --modes 3 --epochs 40 --seed 2 --out m3.h5",
          "modes 3, angles false, learned_curves 36");
     const double truncation = json_number(result.out, "truncation");
@@ -321,12 +324,12 @@ TEST("curves of a network of modes are as wrong as its loss and its truncation s
     json("train data.h5 --most-curves 9 --epochs 1 --out m9.h5", "learned_curves 9, train_curves 36");
 }
 
-TEST("--size auto waits for networks that still fall") {
+TEST("--size auto does not drop networks whose loss still falls") {
     cli_expect(lg, "generate --count 100 --intervals 10 --out race.h5", 0, "");
     cli_json(lg, "train race.h5 --size auto --out raced.h5", "hidden >8, train_mse <1e-12");
 }
 
-TEST("boundary conditions alone train a network") {
+TEST("the energy loss trains a network from boundary conditions alone") {
     json("train data.h5 --loss energy --epochs 300 --out e.h5",
          "loss <1e-3, angles true, modes 0, truncation null");
     assert_true(json_number(result.out, "test_mse") < 1e-3);
@@ -336,7 +339,7 @@ TEST("boundary conditions alone train a network") {
          "continuous values contain their difference from these\"]");
 }
 
-TEST("a query that the network was not trained for is answered with a warning") {
+TEST("a prediction outside the training range is printed with a warning") {
     json("predict model.h5 --case right-end --x 2", "inside false");
     assert_says(result.err, "warning: outside the training range");
     assert_true(json_number(result.out, "distance") > 2 * json_number(result.out, "reach"));
@@ -351,7 +354,7 @@ TEST("a query that the network was not trained for is answered with a warning") 
     assert_says(result.err, "trained on discrete values");
 }
 
-TEST("a trial that fails is a row of the table, and the search goes on") {
+TEST("a failed trial becomes a row of the table, and the search goes on") {
     cli_write("wild.yaml", "fixed: {method: adam, dtype: f32, modes: 0, epochs: 9, batch: 8, hidden: 4, "
                            "layers: 14, activation: identity, "
                            "schedule: constant}\nranges:\n  lr: {log-uniform: [5e2, 1e3]}\n");
@@ -362,7 +365,7 @@ TEST("a trial that fails is a row of the table, and the search goes on") {
     assert_null(json_find(result.out, "best"));
     cli_expect(lg, "search wild.yaml data.h5 --trials 2 --out wild.csv --resume", 4,
                "none of the 2 trials in wild.csv was finished");
-    /* No room for a network of 10^13 parameters. */
+    /* There is no memory for a network of 10^13 parameters. */
     cli_write("roomy.yaml", "fixed: {epochs: 1, batch: 8, layers: 14}\n"
                             "ranges:\n  hidden: {choice: [4, 1048576]}\n");
     json("search roomy.yaml data.h5 --trials 6 --out roomy.csv", "done >0, failed >0");
@@ -375,7 +378,7 @@ TEST("a trial that fails is a row of the table, and the search goes on") {
                "lg-elastica train: out of memory: the network has 1");
 }
 
-TEST("too few intervals for a nearly straight beam are told, and enough of them are not") {
+TEST("too few intervals for a nearly straight beam cause a warning; enough intervals do not") {
     static const struct {
         double chord;
         const char *more;

@@ -1,5 +1,5 @@
-/* lg-simulate --ensemble and merge from outside: distributions, statistics with known answers, parts of an
- * ensemble against the whole, trajectories; what is refused: test_refused.
+/* Runs lg-simulate --ensemble and merge: distributions, statistics with known values, parts of an ensemble
+ * compared with the whole, trajectories. What they refuse is in test_refused.
  * ctest-labels: apps/lg-simulate src/mechanics */
 #include "cli_support.h"
 
@@ -38,7 +38,7 @@ static double at_end(const char *column, const char *what) {
     return json_number(within(within(result.out, "end"), column), what);
 }
 
-/* ---- what varies ---- */
+/* ---- distributions of starts and parameters ---- */
 
 TEST("distributions have their means and deviations") {
     enum { N = 20000 };
@@ -64,7 +64,7 @@ TEST("distributions have their means and deviations") {
     cli_run(lg, "circles.yaml --ensemble 2 --vary q=within:0");
 }
 
-TEST("directions, cones and rotations are where they belong") {
+TEST("directions, cones and rotations have the distributions that were asked for") {
     json("pendulums.yaml --ensemble 20000 --times 0 --t-end 1e-3 --vary q=sphere,omega=normal:0:1",
          "failed 0");
     assert_close(at_end("q1.z", "mean"), 0, 0, 0.02);
@@ -77,7 +77,7 @@ TEST("directions, cones and rotations are where they belong") {
     assert_close(at_end("Q.23", "mean"), 0, 0, 0.04);
 }
 
-TEST("parameters vary for each member, and a value against its rule is a failure that is told") {
+TEST("parameters vary for each member; a member whose parameter is not allowed fails and is listed") {
     json("pendulums.yaml --ensemble 4000 --points 3 --vary gravity=uniform:9:10,L1=within:5%", "failed 0");
     assert_true(at_end("drift of energy", "largest") < 1e-6);
     assert_true(at_end("q1.z", "deviation") > 1e-3);
@@ -88,7 +88,7 @@ TEST("parameters vary for each member, and a value against its rule is a failure
     assert_says(result.err, "members failed");
 }
 
-TEST("rows of a table are the members") {
+TEST("each row of a table of starts is a member") {
     cli_write("starts.csv", "q1.x,q1.y,q1.z,g\n0,1,0,0\n0,0,1,1\n0,0,-1,2\n");
     json("pendulums.yaml --ensemble 3 --starts starts.csv --points 2 --t-end 1e-9", "members 3, failed 1");
     assert_says(result.out, "\"member\": 0");
@@ -100,7 +100,7 @@ TEST("rows of a table are the members") {
 
 /* ---- events ---- */
 
-TEST("times of first events") {
+TEST("the times of first events have their known distribution") {
     json("circles.yaml --ensemble 3000 --points 2 --vary q=uniform:1:2,p=uniform:0:0 --event q=0,q>0,p<-1.5 "
          "--method dp85 --tol 1e-10",
          "");
@@ -111,9 +111,9 @@ TEST("times of first events") {
     assert_close(json_number(within(events, "p<-1.5"), "without"), 1500, 0.1, 0);
 }
 
-/* ---- parts ---- */
+/* ---- parts of an ensemble ---- */
 
-/* Two files hold the same numbers under this name. */
+/* Fails unless both files hold the same numbers under this name. */
 static void assert_same(const char *a, const char *b, const char *name) {
     lg_file_reader *readers[2] = {NULL, NULL};
     const char *const files[] = {a, b};
@@ -136,7 +136,7 @@ static void assert_same(const char *a, const char *b, const char *name) {
     for (int i = 0; i < 2; i++) lg_file_reader_destroy(readers[i]);
 }
 
-/* /trajectories of a file as any reader of HDF5 sees it, through the virtual data set. */
+/* Reads /trajectories of a file with HDF5 alone, through the virtual data set. */
 static double *rows_of(const char *name, hsize_t dims[3]) {
     const hid_t file = H5Fopen(cli_at(name), H5F_ACC_RDONLY, H5P_DEFAULT),
                 set = H5Dopen2(file, "trajectories", H5P_DEFAULT);
@@ -155,7 +155,7 @@ static double *rows_of(const char *name, hsize_t dims[3]) {
     "pendulums.yaml --ensemble 5000 --vary q=sphere,gravity=within:5% --event q1.z=0 --points 6 "            \
     "--save 2500 "
 
-TEST("parts merge into the bits of one process, whatever the threads") {
+TEST("merged parts have the bits of a single process, with any number of threads") {
     static const char *const names[] = {"mean",
                                         "deviation",
                                         "least",
@@ -179,7 +179,8 @@ TEST("parts merge into the bits of one process, whatever the threads") {
     assert_int_equal(whole[0], 2500);
     assert_memory_equal(whole, merged, sizeof whole);
     assert_memory_equal(a, b, whole[0] * whole[1] * whole[2] * sizeof(double));
-    assert_true(a[0] != 0.0 && a[2499 * whole[1] * whole[2]] != 0.0); /* no fill values */
+    /* fill values of the virtual data set would be zero */
+    assert_true(a[0] != 0.0 && a[2499 * whole[1] * whole[2]] != 0.0);
     cli_expect(lg, "merge merged.h5 part.part-2-of-3.h5 part.part-0-of-3.h5", 3, "are missing");
     cli_expect(lg, "merge merged.h5 part.part-0-of-3.h5 part.part-0-of-3.h5", 3, "are there twice");
     cli_expect(lg, "merge merged.h5 part.part-0-of-3.h5", 3, "are missing");
@@ -189,7 +190,7 @@ TEST("parts merge into the bits of one process, whatever the threads") {
                "another ensemble");
 }
 
-/* Number `index` of a data set of a copy of a part becomes `bits`. */
+/* Copies a part and overwrites number `index` of a data set by `bits`. */
 static void damage(const char *from, const char *to, const char *dataset, size_t index, uint64_t bits) {
     const char *source = cli_at(from);
     const char *target = cli_at(to);
@@ -209,7 +210,7 @@ static void damage(const char *from, const char *to, const char *dataset, size_t
     assert_true(H5Fclose(file) >= 0);
 }
 
-TEST("a part whose counts, ends or sums contradict each other is refused by merge") {
+TEST("merge refuses a part whose counts, ends or sums contradict each other") {
     enum { TOTAL, FIRST, OWN, BLOCK, STEPS, POINTS = 6, COLUMNS, EVENTS, LISTED };
     static const struct {
         const char *dataset;
@@ -235,7 +236,7 @@ TEST("a part whose counts, ends or sums contradict each other is refused by merg
                 fail_msg("%s[%zu], value %zu: %d\n%s", places[i].dataset, places[i].index, v, result.code,
                          result.err);
         }
-    /* Fewer than lie in the bins, more than lie in the bins. */
+    /* A count smaller than the sum of the bins, and one larger than it. */
     static const struct {
         const char *dataset;
         uint64_t count;
@@ -255,22 +256,22 @@ TEST("a part whose counts, ends or sums contradict each other is refused by merg
     cli_expect(lg, "merge --statistics-only sum.h5 odd.part-0-of-2.h5 bad.h5", 3, "bad.h5");
 }
 
-TEST("lanes and one at a time have the same statistics") {
+TEST("statistics are the same with lanes and one member at a time") {
     json("circles.yaml --ensemble 300 --points 5 --tol 1e-11", "");
     const double mean = at_end("q", "mean");
     json("circles.yaml --ensemble 300 --points 5 --method midpoint --steps 1000", "lanes 1, occupancy null");
     assert_close(at_end("q", "mean"), mean, 0, 1e-4);
 }
 
-TEST("a screen for people, and a picture") {
+TEST("the printed table and the picture contain what they should") {
     cli_expect(lg, "circles.yaml --ensemble 100 --event q=0 --plot bands.svg", 0, "");
     assert_says(result.out, "Time of the first event");
     assert_true(cli_exists("bands.gp") && cli_exists("bands.dat"));
 }
 
-/* ---- parts that do not belong together, and parts without members ---- */
+/* ---- parts that do not belong together, parts without members ---- */
 
-TEST("tasks of an array run side by side, and the same one twice is refused") {
+TEST("tasks of an array run side by side; the same task cannot run twice at a time") {
     const char long_run[] = "pendulums.yaml --ensemble 100000000 --vary q=sphere --save 5000 --out array.h5";
     const char *task = test_text("%s --task 0/2", long_run);
     const cli_child first = cli_start(lg, task, 0);
@@ -284,7 +285,7 @@ TEST("tasks of an array run side by side, and the same one twice is refused") {
     cli_interrupt(first);
 }
 
-TEST("merge claims its output") {
+TEST("merge locks its output") {
     json("pendulums.yaml --ensemble 9 --task 0/1 --out claimed.h5", "members 9");
     const cli_child writer = cli_start(lg, "pendulums.yaml --ensemble 100000000 --out claimed.h5", 0);
     cli_wait_for("claimed.h5.lock");
@@ -313,12 +314,12 @@ static bool has_trajectories(const char *name) {
 #define MERGE   "merge runs.h5 runs.part-0-of-2.h5 runs.part-1-of-2.h5"
 #define PATTERN MERGE " runs.part-0-of-2.trajectories.h5 runs.part-1-of-2.trajectories.h5"
 
-TEST("trajectories are those of the run whose statistics they stand beside, all of them") {
+TEST("trajectories are from the run whose statistics they belong to, and complete") {
     static const char second[] = "runs.part-1-of-2.trajectories.h5";
     hsize_t one[3], two[3];
     json(RUNS "--seed 2 --save 2500", "");
     const double *whole = rows_of("runs.h5", one);
-    /* Another seed's trajectories lie there still. */
+    /* The file of trajectories of the other seed still exists. */
     both_tasks("--seed 1 --save all");
     both_tasks("--seed 2");
     json(MERGE, "members 3000");
@@ -333,7 +334,7 @@ TEST("trajectories are those of the run whose statistics they stand beside, all 
     const double *merged = rows_of("runs.h5", two);
     assert_memory_equal(one, two, sizeof one);
     assert_memory_equal(whole, merged, one[0] * one[1] * one[2] * sizeof(double));
-    /* A file of another seed, of other members, of none. */
+    /* Each of these must be refused: a file of another seed, of other members, and no file. */
     char path[2][1024];
     cli_path(second, path[0], sizeof path[0]);
     cli_path("kept.h5", path[1], sizeof path[1]);
@@ -353,7 +354,7 @@ TEST("trajectories are those of the run whose statistics they stand beside, all 
     cli_expect(lg, "merge runs.h5 runs.part-0-of-2.trajectories.h5", 2, "no part of an ensemble");
 }
 
-TEST("parts of other starts or limits are another ensemble") {
+TEST("parts with other starts or limits belong to another ensemble") {
     cli_write("starts.csv", "q,p\n1,0\n2,0\n3,0\n");
     json("circles.yaml --ensemble 3 --starts starts.csv --task 0/2 --out table.h5", "members 0");
     cli_write("starts.csv", "q,p\n1,0\n2,0\n3,1\n");
@@ -361,7 +362,7 @@ TEST("parts of other starts or limits are another ensemble") {
     cli_expect(lg, "merge table.h5 table.part-0-of-2.h5 table.part-1-of-2.h5", 3, "another ensemble");
 }
 
-TEST("a part without members is a part") {
+TEST("a part without members is accepted") {
     cli_expect(lg, "circles.yaml --ensemble 10 --points 3 --save all --task 0/2 --out few.h5", 0, "");
     assert_says(result.out, "no members: blocks of 1024 go to the parts, and the others have all 10 members");
     assert_null(strstr(result.out, "nan"));
@@ -374,7 +375,7 @@ TEST("a part without members is a part") {
     cli_expect(lg, "merge few.h5 few.part-0-of-2.h5", 3, "members 0 to 9 are missing");
 }
 
-/* ---- trajectories larger than the memory, and lost ones ---- */
+/* ---- trajectories larger than the memory, trajectories that cannot be written ---- */
 
 static long peak_of_children(void) {
     struct rusage used;
@@ -382,7 +383,7 @@ static long peak_of_children(void) {
     return used.ru_maxrss;
 }
 
-TEST("what was saved is not read back") {
+TEST("saved trajectories are not read back into memory") {
     enum { ROWS = 150000, POINTS = 21, KILOBYTES = ROWS * POINTS * 16 / 1024 };
     const char plain[] = "circles.yaml --ensemble 150000 --points 21 --method dp85 --tol 1e-3 --threads 1 ";
     const char *saving = test_text("%s --save all --task 0/1 --out large.h5", plain);
@@ -395,7 +396,7 @@ TEST("what was saved is not read back") {
         fail_msg("%ld KB where nothing is saved, %ld KB where %d KB are", without, with, KILOBYTES);
 }
 
-TEST("trajectories that cannot be written do not take the statistics with them") {
+TEST("if trajectories cannot be written, the statistics are still written") {
     const char arguments[] = "pendulums.yaml --ensemble 400000 --vary q=sphere --points 6 --threads 1 "
                              "--save 100 --out lost.h5";
     const cli_child child = cli_start(lg, arguments, 0);
@@ -413,7 +414,7 @@ TEST("trajectories that cannot be written do not take the statistics with them")
     json("merge found.h5 lost.h5", "members 400000");
 }
 
-/* ---- what ends badly ---- */
+/* ---- signals and failures ---- */
 
 TEST("Ctrl-C ends an ensemble and leaves no file") {
     const cli_child child =
@@ -424,7 +425,7 @@ TEST("Ctrl-C ends an ensemble and leaves no file") {
     assert_int_equal(cli_count_files("gone"), 0);
 }
 
-TEST("signals are named") {
+TEST("the message names the signal that ended the command") {
     static const struct {
         int number;
         const char *words;
@@ -439,7 +440,7 @@ TEST("signals are named") {
     }
 }
 
-TEST("an ensemble whose members all failed has failed") {
+TEST("an ensemble whose members all failed ends with an error") {
     cli_expect(lg, "circles.yaml --ensemble 20 --max-steps 3 --out failed.h5", 4, "all 20 members failed");
     assert_says(result.out, "20  members failed");
     assert_true(cli_exists("failed.h5"));

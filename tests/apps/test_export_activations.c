@@ -1,5 +1,5 @@
-/* tanh and sigmoid of exported code against the mathematics library in extended precision, in double and
- * float. */
+/* Compares tanh and sigmoid of the exported code, in double and float, with the C library's in extended
+ * precision. */
 #include "test_support.h"
 
 #include <float.h>
@@ -43,7 +43,7 @@ static void values_of(const function *f, bool single, int n, double *z) {
     for (int i = 0; i < n; i++) z[i] = (double)narrow[i];
 }
 
-/* Distance of numbers of the type around x. */
+/* Distance between neighbouring numbers of the type near x. */
 static long double spacing(long double x, bool single) {
     int e;
     (void)frexpl(x, &e);
@@ -51,7 +51,8 @@ static long double spacing(long double x, bool single) {
     return ldexpl(1, (e < least ? least : e) - digits);
 }
 
-/* Every size from the least denormal to the largest number, and densely where functions bend. */
+/* Draws numbers of every size from the least denormal to the largest number, many of them where the functions
+ * bend. */
 static void draw(lg_rng *rng, bool single, int block, double *x) {
     for (int i = 0; i < BLOCK; i++) {
         const double sign = lg_rng_uniform(rng) < 0.5 ? -1 : 1, top = single ? 127.9 : 1023.9;
@@ -90,7 +91,7 @@ TEST("errors are at most four units in the last place over the whole range") {
     }
 }
 
-TEST("limits, zeros and NaN come out exactly") {
+TEST("limits, zeros and NaN are exact") {
     static const struct {
         int function;
         double x, value;
@@ -108,7 +109,7 @@ TEST("limits, zeros and NaN come out exactly") {
         }
 }
 
-TEST("an element has the same value wherever it stands in its array") {
+TEST("the result for an element does not depend on its position in the array") {
     enum { N = 61 };
     for (size_t i = 0; i < LG_COUNT(functions); i++)
         for (int single = 0; single < 2; single++) {

@@ -1,6 +1,6 @@
-/* Table networks, detectors and classical classifiers exported as C against the library: value,
- * gradient, features, scores and classes of random inputs in both types; windows whose covariance is
- * singular; what is written beside them.
+/* Compares exported table networks, detectors and classical classifiers with the library: value, gradient,
+ * features, scores and classes of random inputs in both types; windows whose covariance is singular;
+ * headers.
  * ctest-labels: slow apps/lg-export src/anomaly src/table src/nn */
 #include "export_models.h"
 
@@ -16,7 +16,7 @@ enum { ROWS = 1000, CHANNELS = 4, MOST_INPUTS = 1200, MOST = 512 };
 typedef struct table_example {
     export_row row;
     uint32_t inputs, outputs;
-    double size; /* of the columns */
+    double size; /* size of the columns' values */
     lg_table_options options;
 } table_example;
 
@@ -90,9 +90,10 @@ typedef struct detector_example {
     uint32_t classes;
     lg_detector_loss loss;
     bool centred;
-    /* channels, length, blocks, {channels, kernel, stride, padding, pooling, size, stride}, plane, outputs */
+    /* {channels, length, blocks, {channels, kernel, stride, padding, pooling, size, stride}, plane,
+     * outputs} */
     lg_cnn net;
-    double weight, offset; /* added to the last parameters: a weight and the offset of the output layer */
+    double weight, offset; /* added to the last weight and to the offset of the output layer */
 } detector_example;
 
 #define NET(channels, length, blocks, plane, outputs, activation, ...)                                       \
@@ -144,7 +145,7 @@ static const detector_example detector_examples[] = {
      NET(2, 16, 1, 1, 1, IDENTITY, {1, 3, 1, 0, NONE, 1, 1})},
 };
 
-/* Offsets and scales of the channels are far from 0 and 1. */
+/* Makes a detector whose channels have offsets far from 0 and scales far from 1. */
 static void *make_detector(const void *row) {
     const detector_example *of = row;
     lg_rng rng = test_rng(5, (uint64_t)of->net.length);
@@ -182,7 +183,7 @@ static void *make_detector(const void *row) {
     return NULL;
 }
 
-/* The default network for windows of this size; maxima and ReLU where `relu`. */
+/* The default network for windows of this size. `relu`: with max pooling and ReLU. */
 static detector_example default_detector(const char *name, uint32_t channels, uint32_t length,
                                          uint32_t classes, bool relu) {
     detector_example out = {
@@ -203,7 +204,7 @@ static bool has_kinks(const lg_cnn *net) {
     return kinks;
 }
 
-/* Where a kink lies within rounding, the gradient may be that of its other side. */
+/* False if x is so near to a kink that rounding decides which side's gradient is computed. */
 static bool is_smooth(const exported *e, lg_rng *rng, const double *x) {
     static double near[2][4 * MOST_INPUTS], moved[MOST_INPUTS];
     const lg_detector_file *file = detector_of(e);
@@ -237,7 +238,7 @@ static void draw_window(void *user, lg_rng *rng, double *x) {
     } while (!is_smooth(e, rng, x));
 }
 
-/* ---- classical classifiers: every kind of features with every method ---- */
+/* ---- classical classifiers: every kind of features, every method ---- */
 
 typedef struct classifier_example {
     export_row row;
@@ -278,7 +279,8 @@ static const classifier_example classifier_examples[] = {
     {.row = {"spectrum-tree", "clang", "-O3", ""}, SPECTRUM, false, TREE, 5, 3, 33},
     {.row = {"spectrum-linear", "gcc", "-O3 -march=native", ""}, SPECTRUM, true, LINEAR, 0, 3, 33},
     {.row = {"spectrum-rbf", "clang", "-O2", ""}, SPECTRUM, false, RBF, 4, 3, 33},
-    /* Longer than one segment of the spectrum; segments overlap. A tree's jumps are a matter of rounding. */
+    /* Windows longer than one segment of the spectrum, so segments overlap. No trees: rounding would decide
+     * at their thresholds. */
     {.row = {"long-logistic", "gcc", "-O2", ""}, SPECTRUM, false, LOGISTIC, 0, 2, 300},
     {.row = {"long-rbf", "clang", "-O2", ""}, SPECTRUM, false, RBF, 4, 3, 300},
 };
@@ -292,8 +294,8 @@ typedef struct fitted {
     float window[MOST_INPUTS];
 } fitted;
 
-/* A window of a class as recorded: correlated noise, larger in later classes, with an offset; sizes of the
- * channels are far apart. Its size varies from place to place, for the lines of BASELINE. */
+/* A recorded window of a class: correlated noise with an offset, larger for later classes. The sizes of the
+ * channels differ by orders of magnitude. The size also varies within a window, for the lines of BASELINE. */
 static void recorded_window(lg_rng *rng, uint32_t length, uint32_t class, float *x) {
     static const double size[CHANNELS] = {0.02, 3, 400, 5e4}, offset[CHANNELS] = {0.01, 9.81, -50, 1e4};
     const double trend = lg_rng_uniform_in(rng, 0.7, 1.4);
@@ -364,7 +366,7 @@ static fitted *fit(const classifier_example *of) {
     return f;
 }
 
-/* As lg-anomaly train writes it. */
+/* Writes the classifier as lg-anomaly train does. */
 static void save_classifier(const fitted *f) {
     char hash[LG_SHA256_TEXT] = "";
     lg_file_writer *writer = NULL;
@@ -406,7 +408,7 @@ static void as_floats(fitted *f, const double *x) {
     for (size_t i = 0; i < CHANNELS * f->of->length; i++) f->window[i] = (float)x[i];
 }
 
-/* Within rounding of a threshold a window may fall on its other side. */
+/* False if a feature is so near to a threshold that rounding decides on which side the window falls. */
 static bool is_decided(const exported *e) {
     const fitted *of = e->of;
     const lg_classifier *c = &of->classifier;
@@ -447,7 +449,7 @@ static void call_features(const exported *e, const double *x, double *out) {
                                 EXPORT_OUT(out, ((const fitted *)e->of)->classifier.features.count)});
 }
 
-/* The norm of the differences, each in units of what training has seen of the feature. */
+/* The norm of the differences, each relative to the feature's scale in training. */
 static double features_error(const exported *e, const double *x) {
     const fitted *f = e->of;
     const lg_pca *pca = &f->classifier.pca;
@@ -462,7 +464,7 @@ static double features_error(const exported *e, const double *x) {
     return all > 0 ? sqrt(sum / all) : sqrt(sum);
 }
 
-/* Windows on which something vanishes. */
+/* Windows on which some quantity is zero. */
 enum { CONSTANT, ONE_CONSTANT, TWINS, TWO_VALUES, EDGES };
 
 static void edge_window(int kind, uint32_t length, double *x) {
@@ -473,7 +475,7 @@ static void edge_window(int kind, uint32_t length, double *x) {
         x[i] = window[i];
         if (kind == CONSTANT) x[i] = window[i / length * length];
         if (kind == ONE_CONSTANT && i < length) x[i] = window[0];
-        if (kind == TWINS) x[i] = window[i % length]; /* channels are the same: a covariance of rank 1 */
+        if (kind == TWINS) x[i] = window[i % length]; /* equal channels: a covariance of rank 1 */
         if (kind == TWO_VALUES) x[i] = i % length == 5;
     }
 }
@@ -493,8 +495,8 @@ static void check_edges(exported *e) {
         for (size_t i = 0; i < size; i++) assert_true(isfinite(jacobian[i]));
         for (size_t i = 0; i < size && kind == CONSTANT && f->of->kind != RAW; i++)
             assert_true(jacobian[i] == 0);
-        /* Both take the roots of channels that say the same for 0, and nothing along them. Far from all
-         * support vectors single precision has no number for the gradient. */
+        /* Library and exported code both set the singular directions of the covariance's root to 0. Far from
+         * all support vectors the gradient is too small for single precision. */
         const bool some = export_norm(wanted, NULL, size) > 1e-30;
         const double slope = export_worst(jacobian, wanted, 1, size);
         if (some && !(slope <= 100 * e->lib.tolerance))
@@ -506,7 +508,7 @@ static void check_edges(exported *e) {
 
 RELEASES(release_plan, lg_plan_destroy)
 
-/* The library's scores of x: probabilities of detectors, softmax of a table's logits. */
+/* The library's scores of x: a detector's probabilities, or the softmax of a table network's logits. */
 static void scores_of(const exported *e, lg_plan *probability, const double *x, uint32_t classes,
                       double *score) {
     double sum = 0;
@@ -523,8 +525,8 @@ static void scores_of(const exported *e, lg_plan *probability, const double *x, 
     }
 }
 
-/* The exported class is the library's where it is no matter of rounding, and none where x has a NaN.
- * Scores of support vectors jump where classes are close. */
+/* The exported class must be the library's, unless rounding decides it, and no class if x has a NaN. The
+ * scores of support vector machines jump where two classes are close. */
 static void check_classes(const exported *e, const export_kind *kind, uint32_t classes) {
     double x[MOST_INPUTS], got[MOST] = {0}, want[MOST], worst[2] = {0, 0};
     size_t seen[8] = {0}, near = 0;
@@ -562,7 +564,7 @@ static void check_classes(const exported *e, const export_kind *kind, uint32_t c
     assert_int_equal(export_classify(&e->lib, x, got, classes), -1);
 }
 
-/* NAME_EVAL_WORK_SIZE numbers are enough for value and class. */
+/* For value and class, work memory of NAME_EVAL_WORK_SIZE numbers must be enough. */
 static void check_small_work(const exported *e) {
     const size_t size = (size_t)export_constant(e->folder, "m", "EVAL_WORK_SIZE");
     const size_t bytes = e->lib.single ? sizeof(float) : sizeof(double);
@@ -611,13 +613,13 @@ static void more_of_classifier(exported *e) {
 TEST_GROUP(export_begin, export_end)
 
 #ifdef EVERY_WAY
-TEST("every detector and classifier is built in every way") {
+TEST("every detector and classifier is built by all compilers") {
     export_build_all(&detectors);
     export_build_all(&classifiers);
 }
 
-/* Their loops are long enough for compilers to unroll and to spill. */
-TEST("networks of default sizes keep the stated stack") {
+/* Compilers unroll the long loops of these networks and spill registers to the stack. */
+TEST("networks of default sizes need no more than the stated stack") {
     static const struct {
         uint32_t channels, length, classes;
         bool relu;
@@ -634,19 +636,19 @@ TEST("networks of default sizes keep the stated stack") {
 }
 #else
 
-TEST("values, Jacobians, features, scores and classes are the library's in double precision") {
+TEST("values, Jacobians, features, scores and classes agree with the library in double precision") {
     export_compare_all(&tables, "f64");
     export_compare_all(&detectors, "f64");
     export_compare_all(&classifiers, "f64");
 }
 
-TEST("values, Jacobians, features, scores and classes are the library's in single precision") {
+TEST("values, Jacobians, features, scores and classes agree with the library in single precision") {
     export_compare_all(&tables, "f32");
     export_compare_all(&detectors, "f32");
     export_compare_all(&classifiers, "f32");
 }
 
-/* A class without support vectors: the last of four loses its own. */
+/* A class without support vectors: the last of four classes loses all of them. */
 static void *make_lonely(const void *row) {
     fitted *f = fit(row);
     lg_svm *svm = &f->classifier.svm;
@@ -671,9 +673,9 @@ TEST("a class may have no support vectors") {
     }
 }
 
-/* The tolerance of detectors counts offsets of 10 at scales from 0.01 on: the rounding of the mean to
- * float is given beside it. */
-TEST("headers tell what models are, their inputs and classes, and where their numbers come from") {
+/* The tolerance of detectors accounts for channel offsets up to 10 at scales down to 0.01. The rounding of
+ * the mean to float is stated next to it. */
+TEST("headers describe the model, its inputs and classes, and say where its numbers come from") {
     static const struct {
         const export_kind *kind;
         const char *name, *dtype, *words, *of_weights;
@@ -694,7 +696,7 @@ TEST("headers tell what models are, their inputs and classes, and where their nu
          ""},
         {&classifiers, "cov-logistic", "f32", "cov acc_lower_x moment_x|logit of class 1|contains the factor",
          ""}};
-    static char numbers[EXPORT_TEXT]; /* those that are told in hexadecimal are the reals */
+    static char numbers[EXPORT_TEXT]; /* in hexadecimal only real numbers are written */
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         const exported *e =
             export_made(rows[i].kind, export_find(rows[i].kind, rows[i].name), rows[i].dtype, "");
@@ -707,7 +709,7 @@ TEST("headers tell what models are, their inputs and classes, and where their nu
     assert_true(atof(numbers) > 10 && json_number(result.out, "weights_bytes") >= 4.0 * atof(numbers));
 }
 
-TEST("models are built in every way, one of default size with the flags of the Makefile") {
+TEST("models are built by many compilers, and one of default size with the flags of the Makefile") {
     const detector_example of = default_detector("default", 4, 64, 3, false);
     export_build(&tables, export_find(&tables, "large"), "f32", export_check_ways);
     export_build(&tables, export_find(&tables, "classes"), "f64", export_check_ways);
@@ -722,7 +724,7 @@ TEST("models are built in every way, one of default size with the flags of the M
     export_check_stack(e->folder);
 }
 
-/* The mean of a single logit over windows like those of the training data. */
+/* The mean of a single logit over windows that resemble the training data. */
 static double mean_logit(const detector_example *of) {
     enum { DRAWN = 200 };
     exported e = {.row = &of->row};
@@ -739,8 +741,8 @@ static double mean_logit(const detector_example *of) {
     return mean;
 }
 
-TEST("the tolerance tells of a logit that is a small difference of large terms, and self-tests of any seed "
-     "pass") {
+TEST("the tolerance accounts for a logit that is a small difference of large terms, and self-tests of "
+     "any seed pass") {
     detector_example of = default_detector("small", 2, 64, 2, false);
     of.net.activation = LG_SIGMOID;
     of.offset = -mean_logit(&of);
@@ -756,7 +758,8 @@ TEST("the tolerance tells of a logit that is a small difference of large terms, 
     export_expect_words("small-f32/m.h", "contains the factor");
 }
 
-TEST("finite values whose norm is not are refused: the self-test could not tell an error") {
+TEST("a model whose values are finite but whose norm overflows is refused, as its self-test could not "
+     "see errors") {
     detector_example of = default_detector("huge", 2, 64, 2, false);
     of.weight = 1e200;
     make_detector(&of);

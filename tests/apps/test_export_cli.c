@@ -1,6 +1,6 @@
-/* lg-export (in LG_BIN_DIR) from outside: names, folders that exist, damaged files, interruption, a full
- * disk, foreign words in comments; and that the self-test it writes can fail. What it refuses: test_refused;
- * what the code of each kind of model computes is tested with the kinds.
+/* Runs lg-export (in LG_BIN_DIR): names, existing folders, damaged files, interruption, a full disk, texts of
+ * users in comments; and checks that the written self-test can fail. What it refuses is in test_refused. What
+ * the code of each kind of model computes is tested with that kind.
  * ctest-labels: apps/lg-export */
 #include "export_support.h"
 
@@ -9,7 +9,7 @@
 
 static const char lg[] = "lg-export";
 static size_t parameters; /* of the Hamiltonian below */
-static double mass;       /* its gamma, 0: as drawn */
+static double mass;       /* the model's gamma; 0: as it was drawn */
 
 static const char *const suffixes[] = {".h", ".c", "_weights.c", "_test.c"};
 
@@ -21,8 +21,8 @@ static const char *const suffixes[] = {".h", ".c", "_weights.c", "_test.c"};
         .adam_eps = 1e-8, .shards = 1                                                                        \
     }
 
-/* A small learned Hamiltonian; `size` multiplies the weights of its potential, `command` is its provenance.
- */
+/* A small learned Hamiltonian. `size` multiplies the first weight of its potential; `command` is the command
+ * line that it stores. */
 static void make_hamiltonian(const char *name, double size, const char *command) {
     const uint32_t hidden[] = {4};
     lg_hamiltonian_file file = {
@@ -35,7 +35,7 @@ static void make_hamiltonian(const char *name, double size, const char *command)
     double *theta = TEST_ARRAY(double, parameters);
     lg_hamiltonian_initialise(&file.run.model, &rng, theta);
     theta[0] *= size;
-    theta[1] = 10.0 + 11 * 0x1p-20; /* a number of single precision that takes nine digits */
+    theta[1] = 10.0 + 11 * 0x1p-20; /* a float that needs nine digits */
     if (mass > 0) theta[lg_mlp_parameters(&file.run.model.net)] = mass;
     file.theta = theta;
     (void)snprintf(file.provenance.command, sizeof file.provenance.command, "%s", command);
@@ -50,7 +50,7 @@ static int setup(void **state) {
     return 0;
 }
 
-/* ---- folders ---- */
+/* ---- output folders ---- */
 
 static size_t entries(const char *name) {
     size_t count = 0;
@@ -69,7 +69,7 @@ static bool has_all(const char *folder, const char *name) {
     return all && cli_exists(test_text("%s/Makefile", folder));
 }
 
-/* The folder's five files and `others`, and no temporary anywhere. */
+/* The folder must have the model's five files and `others` more, and no temporary file may exist. */
 static void expect_files(const char *folder, const char *name, size_t others) {
     if (!has_all(folder, name)) fail_msg("%s: not all files of %s", folder, name);
     assert_int_equal(entries(folder), 5 + others);
@@ -78,7 +78,7 @@ static void expect_files(const char *folder, const char *name, size_t others) {
 
 /* ---- tests ---- */
 
-TEST("a name is made of the file's, or given") {
+TEST("the model's name is made from the file's name, or given") {
     static const char *const rows[][2] = {
         {"2024.h5", "model_2024"},
         {"spherical-pendulum.v2.h5", "spherical_pendulum_v2"},
@@ -104,14 +104,14 @@ TEST("a name is made of the file's, or given") {
     export_expect("rm -r named");
 }
 
-TEST("a folder is made, replaced when it is empty, or takes the five files beside others") {
+TEST("the output folder is made, replaced when it is empty, or gets the five files beside other files") {
     export_run("pendulum.h5 --out new/");
     expect_files("new", "pendulum", 0);
     export_expect("mkdir -m 750 hollow");
     export_run("pendulum.h5 --out hollow");
     expect_files("hollow", "pendulum", 0);
     export_expect("test $(stat -c %a hollow) = 750");
-    /* Into a folder with other files, twice: they stay, the five are new. */
+    /* A folder with other files, twice: the other files stay, the five are written again. */
     export_expect(
         "mkdir mine && cp pendulum.h5 mine && cp new/pendulum.c mine && echo old >> mine/pendulum.c "
         "&& echo mine > mine/notes");
@@ -128,7 +128,7 @@ TEST("a folder is made, replaced when it is empty, or takes the five files besid
     export_expect("test -L near && rm -r near far mine hollow new");
 }
 
-TEST("files that were not written for this name stay as they are, whichever of the five it is") {
+TEST("files that were not written for this name are not overwritten, whichever of the five it is") {
     static const char *const names[] = {"Makefile", "pendulum.h", "pendulum.c", "pendulum_weights.c",
                                         "pendulum_test.c"};
     static const char *const heads[] = {"", "all:", "/* lg-export: pendulums */", "# lg-export: pend",
@@ -149,21 +149,22 @@ TEST("files that were not written for this name stay as they are, whichever of t
     export_expect("diff -r one before && make -C one test CFLAGS=-O0 && rm -r one before");
 }
 
-TEST("a folder that holds something else under a file's name stays as it is") {
+TEST("a folder with a non-file in the place of one of the files stays unchanged") {
     export_expect("mkdir -p blocked/pendulum_test.c && echo '/* lg-export: pendulum */ old' > blocked/notes");
     cli_expect(lg, "pendulum.h5 --out blocked", 3,
                "blocked/pendulum_test.c: exists and is not a regular file");
     export_expect("test ! -e blocked/pendulum.c && grep -q old blocked/notes");
     assert_int_equal(entries("blocked"), 2);
     export_expect("rm -r blocked");
-    if (geteuid() == 0) return; /* who may write everywhere */
+    if (geteuid() == 0) return; /* root can write everywhere */
     export_expect("mkdir -m 555 fixed");
     cli_expect(lg, "pendulum.h5 --out fixed/o", 3, "Permission denied");
-    export_run("pendulum.h5 --out fixed"); /* empty: replaced as a whole */
+    export_run("pendulum.h5 --out fixed"); /* an empty folder is replaced as a whole */
     export_expect("chmod 755 fixed && rm -r fixed");
 }
 
-/* Exit code 3 (or, where the damage did no harm, 0), no folder and no temporary. */
+/* The exit code must be 3, or 0 if the damage had no effect; with 3 no folder and no temporary file may
+ * exist. */
 static void expect_harmless(const char *name, const char *what, size_t at) {
     cli_run_limited(lg, test_text("%s --out o", name), 0);
     if (result.code != 3 && result.code != 0)
@@ -182,7 +183,7 @@ static void write_bytes(const char *name, const char *data, size_t bytes) {
     assert_int_equal(fclose(file), 0);
 }
 
-TEST("a damaged model is refused or does no harm") {
+TEST("a damaged model is refused, or the damage has no effect") {
     enum { SIZE = 1 << 20, CUTS = 16, FLIPS = 24 };
     static char data[SIZE];
     const size_t bytes = cli_read("pendulum.h5", data, SIZE);
@@ -204,7 +205,7 @@ TEST("a damaged model is refused or does no harm") {
     }
 }
 
-TEST("killed or interrupted at any moment, the folder is whole or not there") {
+TEST("after a kill or an interrupt at any time, the folder is complete or does not exist") {
     for (int i = 0; i < 16; i++) {
         const struct timespec pause = {0, 2000000 * (i / 2)};
         const bool killed = i % 2 == 0;
@@ -219,7 +220,7 @@ TEST("killed or interrupted at any moment, the folder is whole or not there") {
     }
 }
 
-TEST("a full disk is told, and leaves what was there") {
+TEST("a full disk is reported, and existing files stay") {
     static const rlim_t limits[] = {1, 500, 2000, 4000, 8000};
     export_expect("mkdir kept && printf '/* lg-export: pendulum */\\nold\\n' > kept/pendulum.c");
     for (size_t i = 0; i < LG_COUNT(limits); i++) {
@@ -232,7 +233,7 @@ TEST("a full disk is told, and leaves what was there") {
     export_expect("grep -q old kept/pendulum.c && rm -r kept");
 }
 
-TEST("--json tells what was written") {
+TEST("--json prints what was written") {
     static const char *const constants[][2] = {{"work_size", "WORK_SIZE"},
                                                {"stack_size", "STACK_SIZE"},
                                                {"depth", "DEPTH"},
@@ -242,7 +243,7 @@ TEST("--json tells what was written") {
     assert_says(result.out, "\"files\": [\"pendulum.h\", \"pendulum.c\", \"pendulum_weights.c\", "
                             "\"pendulum_test.c\", \"Makefile\"]");
     assert_close(json_number(result.out, "parameters"), (double)parameters, 0, 0);
-    /* One of them is the shift of the mass, which is stored as part of its inverse. */
+    /* One parameter, the shift of the mass, is stored as part of the mass's inverse. */
     assert_true(json_number(result.out, "weights_bytes") >= (double)(4 * (parameters - 1)));
     for (size_t i = 0; i < LG_COUNT(constants); i++)
         assert_close(json_number(result.out, constants[i][0]),
@@ -252,8 +253,8 @@ TEST("--json tells what was written") {
     export_expect("rm -r o");
 }
 
-/* Decimals of NAME_weights.c and the hexadecimal comment below them are the same numbers; returns how many.
- */
+/* Fails unless the decimal numbers of NAME_weights.c equal the hexadecimal numbers in the comment below them.
+ * Returns their number. */
 static size_t same_numbers(const char *name, bool single) {
     static char text[65536];
     size_t count = 0;
@@ -277,7 +278,7 @@ static size_t same_numbers(const char *name, bool single) {
     return count;
 }
 
-TEST("decimals of the weights and the hexadecimal comment below them are the same numbers") {
+TEST("the weights' decimal numbers equal the hexadecimal numbers in the comment below them") {
     cli_expect(lg, "pendulum.h5 --out o --json", 0, "");
     const double bytes = json_number(result.out, "weights_bytes");
     assert_close((double)(8 * same_numbers("o/pendulum_weights.c", false)), bytes, 0, 0);
@@ -286,7 +287,7 @@ TEST("decimals of the weights and the hexadecimal comment below them are the sam
     export_expect("grep -q $(sha256sum pendulum.h5 | cut -c 1-64) o/pendulum.h && rm -r o");
 }
 
-TEST("the same model gives the same bytes, another seed another self-test") {
+TEST("the same model gives the same bytes; another seed gives another self-test") {
     export_run("pendulum.h5 --out one --scheme kutta.yaml");
     export_run("pendulum.h5 --out two --scheme kutta.yaml");
     export_expect("diff -r one two");
@@ -296,7 +297,7 @@ TEST("the same model gives the same bytes, another seed another self-test") {
     export_expect("rm -r one two");
 }
 
-TEST("words of other people in comments neither end nor begin one, give no warning and are ASCII") {
+TEST("a user's texts in comments neither end nor begin a comment, cause no warning and become ASCII") {
     static const export_way ways[] = {{"gcc", "-O0 -Wcomment -Wtrigraphs"},
                                       {"clang", "-O0 -Wcomment -Wtrigraphs"},
                                       {"g++", "-O0 -Wcomment -Wtrigraphs"},
@@ -323,9 +324,9 @@ TEST("words of other people in comments neither end nor begin one, give no warni
     export_expect("rm -r o");
 }
 
-/* What single precision cannot hold is not written in it, and what is not finite, or so large that its norm
- * is not, in no precision. */
-TEST("what the precision cannot hold is not written") {
+/* Refused: in single precision, numbers that a float cannot hold; in both precisions, numbers that are not
+ * finite or so large that their norm is not. */
+TEST("numbers that the precision cannot hold are refused") {
     make_hamiltonian("large.h5", 1e60, "");
     cli_expect(lg, "large.h5 --out o --dtype f32", 3, "large.h5");
     assert_false(cli_exists("o"));
@@ -346,8 +347,8 @@ TEST("what the precision cannot hold is not written") {
     }
 }
 
-/* In C and in files of numbers. */
-TEST("numbers that are too small for single precision are told, in every format, and no other ones") {
+/* Exported as C and as files of numbers. */
+TEST("numbers too small for single precision cause a warning in every format, other numbers do not") {
     static const char *const targets[] = {"c", "package", "onnx", "safetensors"};
     make_hamiltonian("small.h5", 1e-60, "");
     for (size_t i = 0; i < LG_COUNT(targets); i++) {
@@ -364,16 +365,16 @@ TEST("numbers that are too small for single precision are told, in every format,
     }
 }
 
-TEST("units are those of the file") {
+TEST("the header's units are those of the model file") {
     export_run("pendulum.h5 --out o");
     export_expect("grep -q '^ \\* units  *of the inputs: q: 1, p: kg m^2/s$' o/pendulum.h && grep -q '^ \\*  "
                   "*of the outputs: J$' o/pendulum.h && rm -r o");
 }
 
-/* A self-test passes, and fails for another weight, a NaN, a missing assignment, a result that depends on the
- * contents of work. */
-TEST("a self-test fails for another weight, a NaN, a missing assignment, work that matters, a tolerance of "
-     "nothing") {
+/* A self-test must pass, and fail for a changed weight, a NaN, a missing assignment, and a result that
+ * depends on the contents of work. */
+TEST("a self-test fails for a changed weight, a NaN, a missing assignment, dependence on work, and a "
+     "zero tolerance") {
     static char out[EXPORT_TEXT];
     static const struct {
         const char *edit, *words;

@@ -1,5 +1,5 @@
-/* Surrogates of the elastica exported as C against the library: value, Jacobian and curve of random boundary
- * conditions of small networks with random parameters; what the header says.
+/* Compares exported surrogates of the elastica with the library: value, Jacobian and curve for random
+ * boundary conditions, with small networks that have random parameters; and what the header says.
  * ctest-labels: slow apps/lg-export src/elastica */
 #include "export_models.h"
 
@@ -15,7 +15,7 @@ typedef struct example {
     lg_surrogate_options options;
 } example;
 
-/* The last beam is so short that what holds one end counts at the other one too. */
+/* The last beam is so short that the condition at one end also affects the other end. */
 static const example examples[] = {
     {.row = {"plain", "gcc", "-O2", ""},
      8,
@@ -122,7 +122,7 @@ static double length_of(const exported *e) {
     return file_of(e)->run.model.length;
 }
 
-/* Behind s where that is an input. */
+/* For networks with the input s, s comes first, then the boundary conditions. */
 static void draw(void *user, lg_rng *rng, double *x) {
     const exported *e = user;
     if (lg_model_inputs(e->model) == 9) *x++ = lg_rng_uniform_in(rng, -0.02, 1.02) * length_of(e);
@@ -147,7 +147,7 @@ static library curves_of(const exported *e, size_t points) {
     return of;
 }
 
-/* NAME_curve in doubles; work has a guard behind it. */
+/* Calls NAME_curve with doubles. Guard bytes follow the work memory. */
 static void exported_curve(const export_library *lib, const double *x, const double *s, size_t points,
                            double *q, double *v) {
     enum { GUARD = 16 };
@@ -169,7 +169,8 @@ static void exported_curve(const export_library *lib, const double *x, const dou
     free(in);
 }
 
-/* Rising: the ends, nodes, places between; now and then beyond the ends. */
+/* Increasing places: the ends, nodes and points between them; in one of four draws also places beyond the
+ * ends. */
 static void draw_places(const exported *e, lg_rng *rng, double *s) {
     const lg_surrogate *model = &file_of(e)->run.model;
     const bool beyond = lg_rng_below(rng, 4) == 0;
@@ -185,7 +186,7 @@ static void draw_places(const exported *e, lg_rng *rng, double *s) {
     s[POINTS - 1] = export_rounded(&e->lib, 1.02 * model->length);
 }
 
-/* q alone and v alone are what they are together, and a point what it is among others. */
+/* q without v, v without q, and a point alone must be the same as when all are computed together. */
 static void check_parts(const exported *e, const double *x, const double *s, const double *q,
                         const double *v) {
     const double allowed = e->lib.tolerance * (1 + length_of(e));
@@ -203,7 +204,7 @@ static void check_parts(const exported *e, const double *x, const double *s, con
     assert_true(one[0] == 77 && one[2] == 77);
 }
 
-/* Reflected boundary conditions give the reflected curve, digit by digit. */
+/* Reflected boundary conditions must give the reflected curve exactly. */
 static void check_mirror(const exported *e, const double *x, const double *s, const double *q,
                          const double *v) {
     double image[8], at[2 * POINTS], along[2 * POINTS];
@@ -215,8 +216,8 @@ static void check_mirror(const exported *e, const double *x, const double *s, co
     }
 }
 
-/* 200 random curves against the library's. The discrete network's tangents are differences of nodes over L/N:
- * so is their rounding. */
+/* 200 random curves must agree with the library's. The tangents of the discrete network are differences of
+ * nodes over L/N, so their rounding errors are those of the nodes over L/N. */
 static void more(exported *e) {
     enum { CURVES = 200, SIZE = 2 * POINTS };
     const lg_surrogate *model = &file_of(e)->run.model;
@@ -258,8 +259,8 @@ enum {
     ALL = KINDS * NETS * ACTIVATIONS * 2
 };
 
-/* Every kind, architecture and activation, with and without an embedding; other choices change from row
- * to row. */
+/* Every kind, architecture and activation, with and without an embedding. The other choices vary from row to
+ * row. */
 static example every_network(size_t i) {
     static const char *const ways[][2] = {
         {"gcc", "-O1"}, {"clang", "-O1"}, {"g++", "-O2"}, {"clang++", "-O0"}, {"gcc", "-O3"}};
@@ -285,7 +286,7 @@ static example every_network(size_t i) {
                       .angles = turn % 3 == 1 && kind == LG_SURROGATE_DISCRETE}};
 }
 
-TEST("values, Jacobians and curves of every network are the library's") {
+TEST("values, Jacobians and curves of every network agree with the library") {
     for (size_t i = 0; i < ALL; i++) {
         const size_t mark = lg_test_owned();
         const example of = every_network(i);
@@ -294,7 +295,7 @@ TEST("values, Jacobians and curves of every network are the library's") {
     }
 }
 
-TEST("a model of each kind is built by every compiler at every level") {
+TEST("a model of each kind is built by every compiler at every optimisation level") {
     for (size_t i = 0; i < 2 * KINDS; i++) {
         const example of = every_network(i + KINDS * NETS * (i / KINDS));
         export_build(&beams, &of, i < KINDS ? "f64" : "f32", export_check_all_ways);
@@ -302,16 +303,17 @@ TEST("a model of each kind is built by every compiler at every level") {
 }
 #else
 
-TEST("values, Jacobians and curves are the library's in double precision") {
+TEST("values, Jacobians and curves agree with the library in double precision") {
     export_compare_all(&beams, "f64");
 }
 
-TEST("values, Jacobians and curves are the library's in single precision") {
+TEST("values, Jacobians and curves agree with the library in single precision") {
     export_compare_all(&beams, "f32");
 }
 
-/* A place that is not finite loses its own point, a boundary condition all of them. */
-TEST("points of a curve are NaN where their place or the boundary conditions are") {
+/* A place that is not finite makes its own point NaN; a boundary condition that is not finite makes all
+ * points NaN. */
+TEST("a point of a curve is NaN if its place or a boundary condition is") {
     for (size_t i = 0; i < LG_COUNT(examples); i++) {
         double boundary[8], s[] = {0, 0.3, NAN, 0.9}, q[8], v[8];
         lg_rng rng = test_rng(3, i);
@@ -328,8 +330,8 @@ TEST("points of a curve are NaN where their place or the boundary conditions are
     }
 }
 
-/* A plain sum would lose ten times as much. */
-TEST("the sum over thousands of panels in single precision is as good as its terms") {
+/* A plain sum would have ten times the error. */
+TEST("in single precision a sum over thousands of panels is as accurate as its terms") {
     static const example panels = {{"panels", "gcc", "-O2", ""},
                                    20000,
                                    3.3,
@@ -349,7 +351,7 @@ TEST("the sum over thousands of panels in single precision is as good as its ter
     assert_close(error, 0, 0, 4e-7);
 }
 
-TEST("the header tells what a model is, where its numbers come from, and the range it was trained on") {
+TEST("the header describes the model, says where its numbers come from, and gives the training range") {
     static const char *const rows[][2] = {
         {"plain", "discrete network|inner nodes and tangents|L = 3.3, N = 8|q_7x q_7y|mlp"},
         {"fixed", "discrete network|outputs y (76)|q_19x q_19y|mean and 12 modes of the training curves"},
@@ -371,7 +373,7 @@ TEST("the header tells what a model is, where its numbers come from, and the ran
     cli_json("lg-export", "plain.h5 --out told", "kind \"surrogate\", scheme null");
 }
 
-TEST("a model of each kind is built in every way") {
+TEST("a model of each kind is built by many compilers") {
     export_build(&beams, export_find(&beams, "turned"), "f64", export_check_ways);
     export_build(&beams, export_find(&beams, "gated"), "f32", export_check_ways);
     export_build(&beams, export_find(&beams, "bend"), "f64", export_check_ways);

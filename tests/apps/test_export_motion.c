@@ -1,6 +1,6 @@
-/* Learned Hamiltonians and machines exported as C against the library: value, gradient, field, steps,
- * states and linearisation on random states in both types; that steps stay on the manifold; the maps of
- * SE(3) by themselves.
+/* Compares exported Hamiltonians and machines with the library: value, gradient, field, steps, states and
+ * linearisation at random states in both types. Also: steps stay on the manifold, and the maps of SE(3) alone
+ * are accurate.
  * ctest-labels: slow apps/lg-export src/hamiltonian src/machine */
 #include "export_models.h"
 
@@ -17,8 +17,8 @@ enum { ROWS = 1000, MOST = 80 };
 
 typedef struct example {
     export_row row;
-    int evaluations; /* in a step */
-    double off;      /* of the manifold in a long run, in eps of float; 0: no such run */
+    int evaluations; /* of the field in one step */
+    double off;      /* allowed manifold error in a long run, in eps of float; 0: no such run */
     const char *machine;
     const lg_hamiltonian_family *family;
     uint32_t links;
@@ -26,9 +26,9 @@ typedef struct example {
     lg_activation activation;
 } example;
 
-/* A scheme of each kind from a file: Kutta's third order with dexpinv cut behind the fourth term (odd ones
- * are 0 but the first); the classical tableau in brackets only; a reused point; McLachlan and Atela's second
- * order. */
+/* One scheme of each kind, from files: Kutta's of order 3 with dexpinv truncated after the fourth term (of
+ * the odd terms only the first is not 0); the classical tableau with the state updated by brackets; a point
+ * that is used again; McLachlan and Atela's of order 2. */
 static const char truncated_yaml[] =
     "kind: rkmk\norder: 3\na: [[], [1/2], [-1, 2]]\nb: [1/6, 2/3, 1/6]\ndexpinv: 4\n";
 static const char reused_yaml[] =
@@ -79,7 +79,7 @@ static int begin(void **state) {
 
 /* ---- models ---- */
 
-/* Random parameters. */
+/* A model with random parameters. */
 static lg_hamiltonian_file hamiltonian_of(const example *of) {
     static const uint32_t hidden[] = {24, 16};
     lg_hamiltonian_file file = {.run = {.scheme = lg_scheme_find(of->family->scheme),
@@ -117,7 +117,7 @@ static void *make(const void *row) {
     double *gamma = masses_of(&file);
     const uint32_t k = of->links;
     for (uint32_t i = 0; i < k && strcmp(of->row.name, "stiff3") == 0; i++) {
-        /* the last row of Gamma nearly depends on the others */
+        /* the last row of Gamma is nearly a linear combination of the others */
         gamma[(k - 1) * k + i] = 0.5 * gamma[i] - 0.7 * gamma[k + i] + 0.2 * gamma[(k - 1) * k + i];
         gamma[k * k + i] = 0;
     }
@@ -125,11 +125,11 @@ static void *make(const void *row) {
     return NULL;
 }
 
-/* A state on the manifold as far as the exported type has it. */
+/* A random state that is on the manifold to the precision of the exported type. */
 static void draw(void *user, lg_rng *rng, double *y) {
     const exported *e = user;
     const lg_space *space = lg_model_space(e->model);
-    do { /* a reflection has no rotation nearby */
+    do { /* a matrix with determinant -1 has no rotation near it */
         for (size_t i = 0; i < space->dim; i++) y[i] = lg_rng_uniform_in(rng, -1, 1);
         lg_space_project(space, y);
     } while (isnan(lg_space_manifold_error(space, y)));
@@ -141,16 +141,17 @@ static void draw_input(const exported *e, lg_rng *rng, double *u) {
         u[i] = export_rounded(&e->lib, lg_rng_uniform_in(rng, -1, 1));
 }
 
-/* ---- what moves ---- */
+/* ---- fields and steps ---- */
 
 typedef struct motion {
     const exported *e;
     const example *of;
     const lg_space *space;
     const lg_scheme *scheme;
-    lg_scheme *read; /* from a file */
+    lg_scheme *read; /* the scheme read from a file */
     lg_stepper *stepper;
-    size_t d, a, m, nq, nv; /* numbers of state, field, input, and of a log's positions and velocities */
+    /* counts of numbers: state, field, input, and positions and velocities of a log */
+    size_t d, a, m, nq, nv;
 } motion;
 
 RELEASES(release_scheme, lg_scheme_destroy)
@@ -181,7 +182,7 @@ static motion motion_of(const exported *e) {
     return s;
 }
 
-/* `steps` of them; the first one from one array into another, the others in place. */
+/* Does `steps` steps. The first one writes to another array, the others work in place. */
 static void call_steps(const motion *s, double h, size_t steps, const double *y, const double *input,
                        double *out) {
     const export_library *lib = &s->e->lib;
@@ -220,7 +221,8 @@ static double call_hamiltonian(const motion *s, const double *y) {
 
 /* ---- random states ---- */
 
-/* Field and step with and without an input, and what machines have: the library's and the exported code's. */
+/* What is compared: field and step with and without an input, and for machines states, velocities and
+ * positions. */
 enum { FIELD, FREE_FIELD, STEP, FREE_STEP, STATE, VELOCITIES, POSITIONS, QUANTITIES };
 
 typedef struct table {
@@ -300,8 +302,8 @@ static bool has_nan(const double *x, size_t n) {
     return found;
 }
 
-/* NaN anywhere: NaN where the library has it (the force of a linear potential does not see q), and always in
- * the next state. */
+/* With a NaN in the state, the field must be NaN where the library's is (the force of a linear potential does
+ * not depend on q), and the next state must be all NaN. */
 static void check_nan(const motion *s, const double *y) {
     const exported *e = s->e;
     double broken[MOST], out[MOST], want[MOST];
@@ -321,7 +323,8 @@ static void check_nan(const motion *s, const double *y) {
     assert_true(has_nan(out, s->d));
 }
 
-/* In place and from one array to another: the same bits, with the value beside. */
+/* A step in place and a step into another array must have the same bits, also if the value is computed
+ * too. */
 static void check_in_place(const motion *s, const double *y, const double *input) {
     double once[MOST], twice[MOST], again[MOST], value;
     call_steps(s, 0.025, 1, y, input, once);
@@ -345,7 +348,7 @@ static void check_single_states(const motion *s) {
     }
 }
 
-/* Machines are damped and come to rest in a fifth of the steps. */
+/* Machines are damped and come to rest, so a fifth of the steps is enough for them. */
 static void check_long_run(const motion *s) {
     double y[MOST], input[MOST] = {0}, worst = 0;
     lg_rng rng = test_rng(8, 1);
@@ -372,7 +375,7 @@ static const export_kind motions = EXPORT_KIND(examples, make, draw, NULL, more)
 TEST_GROUP(begin, export_end)
 
 #ifdef EVERY_WAY
-TEST("every model is built in every way") {
+TEST("every model is built by all compilers") {
     export_build_all(&motions);
     export_build(&motions, export_find(&motions, "chain2"), "f64", export_check_all_ways);
 }
@@ -386,8 +389,8 @@ TEST("every model agrees with the library in single precision") {
     export_compare_all(&motions, "f32");
 }
 
-/* Rows of the table that have no example, too. */
-TEST("the self test of every family passes") {
+/* Includes the families that are not among the examples. */
+TEST("the self-test of every family passes") {
     for (size_t i = 0; i < lg_hamiltonian_family_count(); i++) {
         const lg_hamiltonian_family *family = lg_hamiltonian_family_at(i);
         const example of = {
@@ -396,9 +399,9 @@ TEST("the self test of every family passes") {
     }
 }
 
-/* A mass matrix that is nearly singular multiplies rounding: the stated tolerance knows, and is not far above
- * what happens. */
-TEST("nearly singular masses have a condition") {
+/* A nearly singular mass matrix amplifies rounding errors. The stated tolerance accounts for it, and must not
+ * be far above the errors that occur. */
+TEST("for nearly singular masses the tolerance accounts for the condition number") {
     static const example of = {{"stiff3", "gcc", "-O2", ""}, 4, 0, NULL, CHAIN, 3, MLP, NONE, LG_TANH};
     for (int single = 0; single < 2; single++) {
         exported *e = export_opened(&motions, &of, single ? "f32" : "f64", "");
@@ -412,7 +415,7 @@ TEST("nearly singular masses have a condition") {
 
 /* ---- large steps ---- */
 
-/* The first link turns by this angle in a step of Lie-Euler, by the field at the state. */
+/* Compares a step of Lie-Euler whose length turns the first link by `angle`. */
 static double turn_first(const motion *s, double angle, lg_rng *rng) {
     double y[MOST], field[MOST], want[MOST], got[MOST];
     draw((void *)(uintptr_t)s->e, rng, y);
@@ -426,7 +429,7 @@ static double turn_first(const motion *s, double angle, lg_rng *rng) {
     return export_norm(got, want, s->d) / export_norm(want, NULL, s->d) / (1 + lg_stepper_angle(s->stepper));
 }
 
-TEST("steps of a turn agree") {
+TEST("steps that turn a link by half a turn, a turn and more agree with the library") {
     static const double angles[] = {3.1, 3.141592653589793, 3.2, 6.2, 6.283185307179586, 6.3, 20};
     for (int single = 0; single < 2; single++) {
         double worst = 0;
@@ -446,7 +449,7 @@ TEST("steps of a turn agree") {
 
 /* ---- the maps of SE(3) ---- */
 
-/* They are static: a copy of the code with two more functions. */
+/* The maps are static functions: this compiles a copy of the code with two more functions that call them. */
 static exported *open_geometry(const char *dtype) {
     static const example of = {{"geometry", "gcc", "-O2", "rkmk4"}, 4, 0, NULL, CHAIN, 1, MLP, NONE, LG_TANH};
     char command[1024];
@@ -466,7 +469,8 @@ static exported *open_geometry(const char *dtype) {
     return e;
 }
 
-/* Errors of both maps at one |u|, in eps (1 + |u| and what conditioning does near the pole of dexpinv). */
+/* Errors of both maps at |u| = angle, in units of eps (1 + |u| and the condition number near the pole of
+ * dexpinv). */
 static void check_maps(const export_library *lib, double angle, lg_rng *rng, double worst[2]) {
     const double eps = lib->single ? (double)FLT_EPSILON : DBL_EPSILON;
     double a[6], y[6], b[6], want[6], got[6], norm;
@@ -497,7 +501,7 @@ static void check_maps(const export_library *lib, double angle, lg_rng *rng, dou
     free(ra);
 }
 
-TEST("maps are accurate at every angle") {
+TEST("the maps of SE(3) are accurate at every angle") {
     static const char angles[] = "0 1e-300 1e-20 1e-9 1e-5 1e-3 0.01 0.1 0.5 1 1.999999 2 2.000001 3 3.14159 "
                                  "3.141592653589793 3.15 4 5 6 6.28 6.283185307179586 6.29 7 9.42 12 30 100";
     for (int single = 0; single < 2; single++) {
@@ -515,7 +519,7 @@ TEST("maps are accurate at every angle") {
 
 /* ---- linearisation ---- */
 
-/* A (TANGENT, TANGENT) and B (TANGENT, INPUT_SIZE), each asked for alone. */
+/* Compares A (TANGENT, TANGENT) and B (TANGENT, INPUT_SIZE), together and with only one of them requested. */
 static void compare_linearisation(const exported *e) {
     enum { POINTS = 100 };
     const size_t d = lg_model_inputs(e->model), r = lg_model_tangent_dim(e->model),
@@ -541,8 +545,9 @@ static void compare_linearisation(const exported *e) {
     assert_close(error, 0, 0, e->lib.tolerance);
 }
 
-/* The code of all kinds of coordinates is long: with its linearisation it is built in every way once. */
-TEST("with --functions linearise there is the linearisation of the library") {
+/* The code for all kinds of coordinates is long, so with its linearisation it is compiled by all compilers
+ * only once. */
+TEST("--functions linearise exports the library's linearisation") {
     for (size_t i = 0; i < LG_COUNT(examples); i++)
         for (int single = 0; single < 2 && examples[i].machine != NULL; single++) {
             const size_t mark = lg_test_owned();
@@ -557,10 +562,10 @@ TEST("with --functions linearise there is the linearisation of the library") {
         }
 }
 
-/* ---- objects, headers, what is refused ---- */
+/* ---- objects, headers, refusals ---- */
 
-/* More compilers and models: test_export_motion_ways. */
-TEST("self-tests pass with every compiler, objects need libm alone, the stack is as stated") {
+/* test_export_motion_ways has more compilers and models. */
+TEST("self-tests pass with every compiler, objects need only libm, and the stack is as stated") {
     static const char *const some[] = {"chain2", "flat2", "body"};
     for (size_t i = 0; i < LG_COUNT(some); i++) {
         const exported *e = export_made(&motions, export_find(&motions, some[i]), i < 2 ? "f64" : "f32", "");
@@ -570,7 +575,7 @@ TEST("self-tests pass with every compiler, objects need libm alone, the stack is
     }
 }
 
-TEST("the header tells state, inputs and the range of the data") {
+TEST("the header describes state and inputs, and gives the range of the data") {
     const exported *e = export_made(&motions, export_find(&motions, "all"), "f64", "");
     export_expect_words(test_text("%s/m.h", e->folder),
                         "x theta hull.x hull.y hull.z rod.q (3) rod.p (3) body.R (9, rows) hull.R|"
@@ -583,8 +588,8 @@ static void expect_header(const char *model, const char *words) {
     export_expect_words(test_text("%s/m.h", model), words);
 }
 
-/* The errors as `evaluate --record` leaves them, with the test set that they are of. */
-TEST("the header tells the errors") {
+/* The errors as `evaluate --record` writes them, with their test set. */
+TEST("the header states the recorded errors") {
     const example *of = export_find(&motions, "flat1");
     lg_hamiltonian_file file = hamiltonian_of(of), judged = file;
     save(&file, "flat1");
@@ -610,7 +615,7 @@ TEST("the header tells the errors") {
     expect_header("own", "over a time of 1.5: THE TRAINING DATA");
 }
 
-/* A mass matrix that is singular, and one whose inverse a float cannot hold. */
+/* A singular mass matrix, and one whose inverse a float cannot hold. */
 TEST("masses without an inverse are refused") {
     const lg_hamiltonian_file file = hamiltonian_of(export_find(&motions, "chain2"));
     double *masses = masses_of(&file);
@@ -623,8 +628,8 @@ TEST("masses without an inverse are refused") {
     assert_false(cli_exists("no"));
 }
 
-/* Whatever is refused: test_refused. */
-TEST("schemes that stay on the manifold are taken") {
+/* test_refused has the schemes that are refused. */
+TEST("schemes that stay on the manifold are accepted") {
     for (int i = 0; i < 2; i++) {
         example of = *(const example *)export_find(&motions, i == 0 ? "cart" : "body");
         of.row.scheme = i == 0 ? "rk4" : "lie-euler";

@@ -1,8 +1,7 @@
-/* Models that the library does not know (examples/programs/), trained, differentiated and exported.
- * Self-tests by three compilers, objects that need libm alone.
- * For one model, and in test_export_outside_ways for all: both types
- * by all compilers, straight code and loops, the stated stack.
- * test_program_c compares the C of each operation with the tape.
+/* Exports programs that the library does not know (examples/programs/), after training and differentiating
+ * them. Their self-tests are run with three compilers, and their objects must need only libm. One model (in
+ * test_export_outside_ways: all models) is also compiled in both types by all compilers, as straight code and
+ * as loops, and its stack is checked. test_program_c compares the C of each operation with the tape.
  * ctest-labels: slow apps/lg-export src/autodiff examples/programs */
 #include "../../examples/programs/programs.h"
 #include "export_support.h"
@@ -16,7 +15,7 @@ static const struct {
               {"attitude", "step", make_attitude},
               {"waveforms", "value", make_waveforms}};
 
-/* Whether the model is compiled in every way; those behind the first two take a minute each. */
+/* Whether the model is compiled by all compilers. From the third model on, this takes a minute per model. */
 static bool in_every_way(size_t i) {
 #ifdef EVERY_MODEL
     return i < LG_COUNT(models);
@@ -27,7 +26,7 @@ static bool in_every_way(size_t i) {
 
 RELEASES(release_program, lg_program_destroy)
 
-/* NAME.h5: a trained program with the derivatives of its function. */
+/* Writes NAME.h5: a trained program with the derivatives of its function. */
 static void make(size_t i) {
     lg_program *program = NULL;
     training how;
@@ -38,7 +37,7 @@ static void make(size_t i) {
     assert_ok(lg_program_save(NULL, cli_at(test_text("%s.h5", models[i].name)), program, NULL, NULL));
 }
 
-TEST("self-tests of models from outside pass, their objects need libm alone and keep the stated stack") {
+TEST("self-tests of the example programs pass, their objects need only libm and keep to the stated stack") {
     static const export_way few[] = {{"gcc", "-O2"}, {"clang", "-O1"}, {"g++", "-O1"}};
     static const char *const options[] = {"--dtype f64", "--dtype f32", "--dtype f64 --compact"};
     for (size_t i = 0; i < LG_COUNT(models); i++) {

@@ -1,4 +1,4 @@
-/* The models of test_export_outside, all of them in every way. ctest-labels: study */
+/* The models of test_export_outside, each compiled by all compilers. ctest-labels: study */
 #include "../../examples/programs/programs.h"
 #include "export_support.h"
 

@@ -1,4 +1,5 @@
-/* Programs exported by lg-export: self-tests in both types, symbols, stacks, what a self-test catches.
+/* Exports programs with lg-export: self-tests in both types, symbols, stacks, and the errors that a self-test
+ * finds.
  * ctest-labels: slow apps/lg-export src/autodiff */
 #include "export_support.h"
 
@@ -12,7 +13,7 @@
 static const export_way few[] = {{"gcc", "-O2"}, {"clang", "-O1"}, {"g++", "-O1"}};
 enum { FEW = LG_COUNT(few) };
 
-TEST("chain as bundle") {
+TEST("a Hamiltonian chain is exported as a program") {
     save_hamiltonian("links", &lg_hamiltonian_chain);
     export_run("links.h5 --out links --name links --seed 3");
     export_check_ways("links", "links");
@@ -20,7 +21,7 @@ TEST("chain as bundle") {
     export_check_stack("links");
 }
 
-TEST("separable in single precision") {
+TEST("a separable Hamiltonian is exported in single precision") {
     save_hamiltonian("flat", &lg_hamiltonian_separable);
     export_run("flat.h5 --out flat --name flat --dtype f32 --golden 20");
     export_check_each("flat", "flat", few, FEW);
@@ -28,7 +29,7 @@ TEST("separable in single precision") {
     export_check_stack("flat");
 }
 
-TEST("convolutions as loops") {
+TEST("convolutions are exported as loops") {
     save_network("waves");
     export_run("waves.h5 --out waves --name waves --compact");
     export_check_ways("waves", "waves");
@@ -38,8 +39,8 @@ TEST("convolutions as loops") {
     export_check_each("single", "waves", few, 1);
 }
 
-/* What one function does not need stays away. */
-TEST("some functions only") {
+/* Code and weights that the chosen functions do not need are left out. */
+TEST("--functions exports only the named functions") {
     static char out[EXPORT_TEXT];
     save_network("some");
     export_run("some.h5 --out some --name some --functions jac_value,value");
@@ -49,7 +50,7 @@ TEST("some functions only") {
     assert_int_not_equal(export_shell("grep -q 'void some_many(' some/some.h", out), 0);
 }
 
-TEST("a file of an unknown kind that holds functions is a program") {
+TEST("a file of an unknown kind that holds functions is exported as a program") {
     static char out[EXPORT_TEXT];
     lg_program *program;
     save_network("network");
@@ -62,8 +63,8 @@ TEST("a file of an unknown kind that holds functions is a program") {
     assert_int_equal(export_shell("cmp network/n_weights.c unknown/n_weights.c", out), 0);
 }
 
-/* Numbers of several functions are stored once. */
-TEST("weights are shared") {
+/* Weights that several functions use are stored once. */
+TEST("functions share their weights") {
     static char out[EXPORT_TEXT];
     save_network("once");
     export_run("once.h5 --out once --name once --compact --functions value");
@@ -72,8 +73,8 @@ TEST("weights are shared") {
     assert_int_equal(export_shell("grep -c 'const once_real once_weights' once/once_weights.c", out), 0);
 }
 
-/* A digit of a weight, signs in the code. */
-TEST("self tests catch errors") {
+/* One changed digit of a weight, or one changed sign in the code. */
+TEST("self-tests find planted errors") {
     static char out[EXPORT_TEXT];
     static const struct {
         const char *file, *change;

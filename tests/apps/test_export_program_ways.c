@@ -1,8 +1,9 @@
-/* Exported programs with every optimisation of every compiler, both types, straight code and loops.
+/* Exported programs with all compilers at all optimisation levels, in both types, as straight code and as
+ * loops.
  * ctest-labels: study */
 #include "export_program.h"
 
-TEST("every program is built in every way") {
+TEST("every program is built by all compilers") {
     static const char *const programs[] = {"links", "flat", "waves"};
     static const char *const options[] = {"", "--dtype f32", "--compact", "--compact --dtype f32"};
     save_hamiltonian("links", &lg_hamiltonian_chain);

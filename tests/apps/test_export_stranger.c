@@ -1,5 +1,5 @@
-/* Models of kinds that the library does not know: their C has the faces for which they have functions, and
- * steps as the library's integrator does.
+/* Exports models of kinds that the library does not know. Their C must have the faces (kinds of interface,
+ * lg-export/faces.h) for which they have functions, and must step as the library's integrator does.
  * ctest-labels: apps/lg-export src/model */
 #include "export_support.h"
 
@@ -51,7 +51,7 @@ static lg_status hamilton_field(void *user, lg_tape *tape, const lg_var *theta, 
     return lg_tape_status(tape);
 }
 
-/* A step of the file's own, which is Euler's. */
+/* A step that the file itself holds: Euler's. */
 static lg_status euler(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     (void)user, (void)theta;
     y[0] = lg_add(tape, x[0], lg_mul(tape, lg_program_call(tape, "field", 0, x), x[1]));
@@ -64,7 +64,7 @@ static lg_status decay(void *user, lg_tape *tape, const lg_var *theta, const lg_
     return lg_tape_status(tape);
 }
 
-/* Logits 3 x and -3 x of two classes, their derivatives, their probabilities. */
+/* Logits 3 x and -3 x of two classes; their derivatives; their probabilities. */
 static lg_status logits(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     (void)user, (void)theta;
     const lg_var both[2] = {lg_scale(tape, x[0], 3.0), lg_scale(tape, x[0], -3.0)};
@@ -120,7 +120,7 @@ static void save_body(void) {
     save("body.h5", "SO(3), R^3", &(lg_function_spec){"field", in, 2, &out, 1, body_field, NULL}, 1);
 }
 
-/* value, grad and field, then the step of the file's own. */
+/* A program with value, grad and field; `own_step`: and with its own function `step`. */
 static void save_pendulum(const char *name, bool own_step) {
     const lg_port in[] = {{.name = "x", .shape = lg_shape1(2)}, {.name = "h", .shape = lg_shape1(1)}},
                   y[] = {{.name = "y"}, {.name = "g"}}, f = {.name = "f"}, next = {.name = "next"};
@@ -135,7 +135,7 @@ typedef void (*field_function)(const double *state, const double *input, double 
 typedef void (*step_function)(double h, const double *state, const double *input, double *next, double *work);
 typedef void (*linear_function)(const double *state, const double *input, double *A, double *B, double *work);
 
-/* NAME_field, NAME_step and, where it is there, NAME_linearise against the library, along a run. */
+/* Compares NAME_field, NAME_step and, if `linear`, NAME_linearise with the library along a run. */
 static void compare(const char *folder, const lg_model *model, const char *scheme_name, bool linear) {
     const lg_scheme *scheme = lg_scheme_find(scheme_name);
     const size_t d = lg_model_inputs(model), r = lg_model_tangent_dim(model), m = lg_model_input_dim(model);
@@ -149,7 +149,8 @@ static void compare(const char *folder, const lg_model *model, const char *schem
     step_function step = (step_function)export_symbol(&lib, "step");
     assert_ok(lg_model_stepper_init(model, scheme, &stepper, test_work(bytes), bytes));
     lg_rng_seed(&rng, 5, 1);
-    for (size_t i = 0; i < d; i++) x[i] = d == 12 && i < 9 && i % 4 == 0 ? 1.0 : 0.0; /* R = 1 */
+    /* the rotation is the identity */
+    for (size_t i = 0; i < d; i++) x[i] = d == 12 && i < 9 && i % 4 == 0 ? 1.0 : 0.0;
     for (size_t i = 0; i < lg_model_space(model)->algebra_dim; i++) element[i] = lg_rng_normal(&rng);
     lg_space_act(lg_model_space(model), element, x, x);
     for (int k = 0; k < 50; k++) {
@@ -171,7 +172,7 @@ static void compare(const char *folder, const lg_model *model, const char *schem
     export_close(&lib);
 }
 
-TEST("a stranger's field on SO(3) x R^3 evaluates, steps and is linearised") {
+TEST("a field of an unknown kind on SO(3) x R^3 is evaluated, stepped and linearised") {
     save_body();
     lg_model_file file = load("body.h5");
     cli_json("lg-export", "body.h5 --out plain --name m", "kind \"stranger\", scheme \"cf4\", outputs 0");
@@ -187,7 +188,7 @@ TEST("a stranger's field on SO(3) x R^3 evaluates, steps and is linearised") {
     lg_model_file_destroy(&file);
 }
 
-TEST("a stranger's energy, gradient and field have the faces of a Hamiltonian") {
+TEST("an unknown kind with energy, gradient and field gets the faces of a Hamiltonian") {
     double y = 0.0, g[2] = {0.0}, want, want_g[2];
     const double x[2] = {0.4, -1.1};
     save_pendulum("pendulum.h5", false);
@@ -211,7 +212,7 @@ TEST("a stranger's energy, gradient and field have the faces of a Hamiltonian") 
     lg_model_file_destroy(&file);
 }
 
-TEST("a step that the file holds is exported as it is, and no other scheme is taken") {
+TEST("a step that the file holds is exported as it is, and no other scheme is accepted") {
     double next[2], field[2];
     const double x[2] = {0.4, -1.1};
     save_pendulum("euler.h5", true);
@@ -226,7 +227,7 @@ TEST("a step that the file holds is exported as it is, and no other scheme is ta
     cli_expect("lg-export", "euler.h5 --out no --scheme rk4", 3, "holds its own function step");
 }
 
-TEST("a stranger's probabilities are classes") {
+TEST("an unknown kind with probabilities is exported as a classifier") {
     const lg_port x = {.name = "x", .shape = lg_shape1(1)}, y[] = {{.name = "y"}, {.name = "g"}},
                   chance = {.name = "probability"};
     const lg_function_spec functions[] = {{"value", &x, 1, y, 1, logits, NULL},
@@ -247,7 +248,7 @@ TEST("a stranger's probabilities are classes") {
     export_check_stack("chances");
 }
 
-TEST("a stranger's model without gradient, or with a step of other numbers, is a program") {
+TEST("an unknown kind without a gradient, or whose step has other inputs, is exported as a program") {
     const lg_port x = {.name = "x", .shape = lg_shape1(2)}, f = {.name = "f"},
                   in[] = {x, {.name = "h", .shape = lg_shape1(1)}};
     const lg_function_spec functions[] = {{"value", &x, 1, &f, 1, energy, NULL},
@@ -261,7 +262,7 @@ TEST("a stranger's model without gradient, or with a step of other numbers, is a
     export_expect("grep -q 'void m_step(const m_real \\*x, const m_real \\*h' other/m.h");
 }
 
-TEST("a stranger's model goes to every target") {
+TEST("a model of an unknown kind can be exported to every target") {
     static const char *const targets[] = {"casadi", "fmu2",        "fmu3",   "simulink",
                                           "onnx",   "safetensors", "package"};
     char line[256];

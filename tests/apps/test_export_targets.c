@@ -1,6 +1,7 @@
-/* What lg-export writes for other tools, built as its Makefile says and called as the tool would: CasADi
- * externals, FMUs, Simulink functions; ONNX and safetensors files are looked at. The reference are plans of
- * the model's program and of its derivatives. The tools themselves are asked in bench/tools.
+/* Tests what lg-export writes for other tools. It is built with its Makefile and called as the tool would
+ * call it: CasADi externals, FMUs, Simulink functions. ONNX and safetensors files are inspected. The
+ * reference are plans of the model's program and of its derivatives. The tools themselves are run in
+ * bench/tools.
  * ctest-labels: slow apps/lg-export src/autodiff */
 #include "../../examples/programs/programs.h"
 #include "export_support.h"
@@ -15,7 +16,7 @@ static training how;
 
 RELEASES(release_program, lg_program_destroy)
 
-/* NAME.h5, and `program`. */
+/* Writes NAME.h5 and keeps its program in `program`. */
 static void make_model(const char *name, lg_status (*make)(lg_program **out, training *t, lg_error *error)) {
     lg_error error = {.status = LG_OK};
     if (make(&program, &how, &error) != LG_OK) fail_msg("%s: %s", name, error.message);
@@ -23,7 +24,7 @@ static void make_model(const char *name, lg_status (*make)(lg_program **out, tra
     assert_ok(lg_program_save(NULL, cli_at(test_text("%s.h5", name)), program, NULL, NULL));
 }
 
-/* Exports NAME.h5 as model `m` for a target and makes it in the folder of the target's name. */
+/* Exports NAME.h5 as model `m` for a target and runs make in the folder named after the target. */
 static void build(const char *name, const char *target) {
     export_run(test_text("%s.h5 --out %s --name m --target %s --golden 2", name, target, target));
     export_expect(test_text("make -s -C %s CFLAGS='-O1 -Wall -Wextra -Werror'", target));
@@ -90,7 +91,8 @@ static external open_external(void *handle, const char *name) {
     return e;
 }
 
-/* {rows, columns, 1}, or compressed columns: the nonzeros of `from` as a full row-major matrix. */
+/* Expands a matrix in CasADi's form to a full row-major matrix. `s` is its pattern: {rows, columns, 1} for a
+ * dense matrix, otherwise compressed columns; `from` holds the nonzeros. */
 static void spread(const long long *s, const double *from, double *to) {
     const bool dense = s[2] == 1;
     for (long long i = 0; i < s[0] * s[1]; i++) to[i] = 0;
@@ -104,8 +106,9 @@ static size_t nonzeros(const long long *s) {
     return (size_t)(s[2] == 1 ? s[0] * s[1] : s[2 + s[1]]);
 }
 
-/* Calls it with numbers by name: `in` of the port that an argument is named after, else zeros. Results as
- * full matrices, one behind the other in `out`; those that are declared empty count. */
+/* Calls the external function. An argument that is named as one of `names` gets the numbers of `in`, others
+ * are zero. `out` gets the results as full matrices, one after the other, including results that are declared
+ * empty. */
 static size_t call_external(const external *e, const char *const *names, const double *const *in,
                             size_t given, double *out) {
     static double room[MOST][NUMBERS], w[1 << 18];
@@ -125,20 +128,21 @@ static size_t call_external(const external *e, const char *const *names, const d
     const int memory = e->checkout();
     assert_int_equal(e->call(arg, res, NULL, w, memory), 0);
     e->release(memory);
-    assert_true(isnan(w[sizes[3]])); /* nothing is written behind the memory that it asks for */
+    /* nothing is written beyond the work memory that the function asked for */
+    assert_true(isnan(w[sizes[3]]));
     for (long long o = 0; o < e->n_out(); o++) {
         const long long *s = e->sparsity_out(o);
         spread(s, room[o], out + at);
         at += (size_t)(s[0] * s[1]);
     }
-    for (long long o = 0; o < e->n_out(); o++) res[o] = NULL; /* nothing is wanted */
+    for (long long o = 0; o < e->n_out(); o++) res[o] = NULL; /* no result is requested */
     assert_int_equal(e->call(arg, res, NULL, w, memory), 0);
     return at;
 }
 
 static const double x_at[2] = {0.3, -0.7}, u_at[1] = {0.4}, h_at[1] = {0.02}, seed[2] = {1.5, -0.25};
 
-TEST("a CasADi external and its derivatives are those of the program") {
+TEST("a CasADi external and its derivatives agree with the program") {
     static double got[NUMBERS], wanted[8][NUMBERS];
     static const char *const names[] = {"x", "u", "h", "adj_y", "fwd_x", "fwd_u", "fwd_h"};
     const double *const in[] = {x_at, u_at, h_at, seed, seed, u_at, h_at};
@@ -179,7 +183,7 @@ TEST("a CasADi external and its derivatives are those of the program") {
     assert_all_close(got + 4, wanted[1], 2, 1e-13, 1e-15);
     assert_all_close(got + 6, wanted[2], 2, 1e-13, 1e-15);
 
-    /* outputs: for adj_x, adj_u, adj_h by x, u, h, out_y (empty), adj_y */
+    /* Outputs: the derivatives of adj_x, adj_u and adj_h with respect to x, u, h, out_y (empty) and adj_y. */
     derive(LG_DERIVATIVE_JACOBIAN_OF_ADJOINT, "step");
     size_t function, count;
     assert_ok(lg_program_find(program, "jac_adj1_step", &function));
@@ -217,7 +221,7 @@ static const char *token_of(const char *folder, const char *attribute) {
     return token;
 }
 
-/* The functions of both versions for the states of an instance. */
+/* The functions of an FMU that keep and restore states, for either FMI version. */
 typedef struct keeping {
     int (*keep)(void *, void **);
     int (*drop)(void *, void **);
@@ -226,7 +230,8 @@ typedef struct keeping {
     int (*read)(void *, const char *, size_t, void **);
 } keeping;
 
-/* The kept state goes through bytes; bytes that differ in one bit, or by one, are refused. */
+/* Serialises a kept state and reads it back. Bytes that differ in one bit, or whose number differs by one,
+ * must be refused. */
 static void check_bytes(const keeping *k, void *instance, bool finite) {
     void *state = NULL, *again = NULL;
     size_t size = 0;
@@ -273,7 +278,7 @@ TEST("an FMU of version 2 has the program's rate, its derivatives, steps and sta
     void *instance = instantiate("a", 1, token_of("fmu2", " guid="), NULL, NULL, 0, 0), *state = NULL;
     assert_non_null(instance);
     assert_int_equal(set(instance, known, 3, values), 0);
-    assert_int_not_equal(set(instance, rates, 1, values), 0); /* a result */
+    assert_int_not_equal(set(instance, rates, 1, values), 0); /* refused: a result cannot be set */
     assert_int_equal(derivatives(instance, got, 2), 0);
     const double *const in[] = {x_at, u_at, h_at};
     double *const out[] = {rate};
@@ -321,7 +326,7 @@ static void tell2(void *environment, const char *name, int status, const char *c
     (void)snprintf(sentence_got, sizeof sentence_got, format, sentence);
 }
 
-TEST("steps of an FMU that cannot be taken are refused with a sentence, and move nothing") {
+TEST("FMU steps that cannot be taken are refused with a message, and the state stays") {
     make_model("driven", make_driven);
     build("driven", "fmu2");
     void *handle = open_library("fmu2/m.so");
@@ -347,7 +352,7 @@ TEST("steps of an FMU that cannot be taken are refused with a sentence, and move
     static const unsigned known[] = {0, 1, 4, 5};
     static const struct {
         double x, u, longest, length;
-        const char *words; /* NULL: a step that is taken */
+        const char *words; /* NULL: the step is taken */
     } rows[] = {{0.3, 0.4, 0.01, 0.02, NULL},
                 {0.3, 0.4, 0.0, 0.02, NULL},
                 {0.3, 0.4, 1e-11, 0.02, "1e9 steps"},
@@ -377,7 +382,7 @@ TEST("steps of an FMU that cannot be taken are refused with a sentence, and move
 }
 
 /* Value references of FMI 3.0 are ports: x 0, x' 1, u 2. */
-TEST("an FMU of version 3 pulls cotangents back as the program does") {
+TEST("an FMU of version 3 computes the program's adjoint derivatives") {
     make_model("driven", make_driven);
     build("driven", "fmu3");
     void *handle = open_library("fmu3/m.so");
@@ -418,9 +423,9 @@ TEST("an FMU of version 3 pulls cotangents back as the program does") {
     assert_int_equal(dlclose(handle), 0);
 }
 
-/* ---- what the numbers are ---- */
+/* ---- descriptions of states and inputs ---- */
 
-/* Broken lines of comments as one, blanks as one. */
+/* Joins comment lines that were wrapped, and replaces several blanks by one. */
 static void join_lines(char *text) {
     char *to = text;
     for (const char *at = text; *at != '\0'; at++) {
@@ -430,7 +435,7 @@ static void join_lines(char *text) {
     *to = '\0';
 }
 
-TEST("targets say what the numbers of a machine are, and that inputs act later") {
+TEST("every target describes the numbers of a machine, and says that inputs act with a delay") {
     static const struct {
         const char *target, *file, *words[3];
     } told[] = {
@@ -473,7 +478,7 @@ TEST("targets say what the numbers of a machine are, and that inputs act later")
 
 /* ---- scenes ---- */
 
-/* The pendulum of two links in steps of the parameter's length, against lg-simulate. */
+/* A pendulum with two links, in steps of the length that the parameter sets, compared with lg-simulate. */
 TEST("a scene becomes an FMU with tunable parameters") {
     cli_write(
         "chain.yaml",
@@ -570,12 +575,12 @@ TEST("functions for Simulink take arrays of constant size; the S-function compil
     assert_int_equal(dlclose(handle), 0);
 }
 
-TEST("ONNX and safetensors files say what they are; an operation without ONNX is named") {
+TEST("ONNX and safetensors files have the right contents; an operation that ONNX lacks is named") {
     static char out[EXPORT_TEXT];
     make_model("throw", make_throw);
     export_run("throw.h5 --out onnx --name m --target onnx");
     export_expect("head -c 40 onnx/m.onnx | grep -qa 'lg-export: m'");
-    export_run("throw.h5 --out onnx --name m --target onnx"); /* again: ours */
+    export_run("throw.h5 --out onnx --name m --target onnx"); /* replaces the first export */
     export_run("throw.h5 --out tensors --name m --target safetensors");
     const int code =
         export_shell("n=$(od -An -tu8 -N8 tensors/m.safetensors); tail -c +9 tensors/m.safetensors | "
@@ -589,7 +594,7 @@ TEST("ONNX and safetensors files say what they are; an operation without ONNX is
                "has no form in ONNX");
 }
 
-/* A program with a long name, and the sign of its input. */
+/* A program whose input has a long name; it computes the sign of the input. */
 static lg_status record_sign(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
     (void)user;
     (void)theta;
@@ -608,7 +613,7 @@ static lg_status make_sign(lg_program **out, training *t, lg_error *error) {
     return lg_program_build(NULL, &spec, out, error);
 }
 
-TEST("ONNX: names of inputs are whole; the sign of zero is 1, as here, which Sign has not") {
+TEST("ONNX: input names are complete; the sign of zero is 1 as in the library, unlike ONNX's Sign") {
     make_model("sign", make_sign);
     export_run("sign.h5 --out signs --name m --target onnx");
     export_expect("test $(grep -aow position_of_the_first_body_in_metres signs/m.onnx | wc -l) = 2");
@@ -649,7 +654,7 @@ static lg_status make_layers(lg_program **out, training *t, lg_error *error) {
     return lg_program_build(NULL, &spec, out, error);
 }
 
-TEST("ONNX: there may be more constants than a function has outputs, and each has its numbers") {
+TEST("ONNX: there may be more constants than function outputs, and each constant has its numbers") {
     static char text[1 << 16];
     make_model("deep", make_layers);
     export_run("deep.h5 --out deep --name m --target onnx");
@@ -661,7 +666,7 @@ TEST("ONNX: there may be more constants than a function has outputs, and each ha
     }
 }
 
-TEST("a scheme that a target does not take is told; a function that is named twice counts once") {
+TEST("a scheme that a target does not support is refused; a function that is named twice counts once") {
     make_model("throw", make_throw);
     export_run("throw.h5 --out twice --name m --target fmu2 --functions value,value");
     export_expect("test $(grep -c 'name=\"value\\[1\\]\"' twice/modelDescription.xml) = 1");
@@ -670,7 +675,7 @@ TEST("a scheme that a target does not take is told; a function that is named twi
                "is for Hamiltonians and machines");
 }
 
-TEST("single precision and missing functions are refused with a sentence") {
+TEST("single precision and missing functions are refused with a message") {
     make_model("driven", make_driven);
     static const char *const targets[] = {"casadi", "fmu2", "fmu3", "simulink"};
     for (size_t i = 0; i < LG_COUNT(targets); i++) {

@@ -1,4 +1,4 @@
-/* lg-fit: what it learns, what it predicts, and what it says of odd tables.
+/* lg-fit: what it learns, what it predicts, and how it reports unusual tables.
  * ctest-labels: apps/lg-fit src/table */
 #include "cli_files.h"
 #include "files/h5.h"
@@ -27,12 +27,12 @@ static void put(sheet *s, const char *format, ...) {
     assert_true(s->used < TEXT);
 }
 
-static double noise(size_t i) { /* of size 1, without a pattern */
+static double noise(size_t i) { /* pseudo-random numbers from -1 to 1 */
     const double x = sin(12.9898 * (double)(i + 1)) * 43758.5453;
     return sqrt(12) * (x - floor(x) - 0.5);
 }
 
-/* y = sin 2a + b c, in columns of odd sizes; d says nothing. */
+/* y = sin 2a + b c + error, in columns of very different sizes. y does not depend on d. */
 static void write_smooth(const char *name, size_t first, size_t rows, double error) {
     sheet *s = TEST_ARRAY(sheet, 1);
     put(s, "a,b,c,d,y,z\n");
@@ -44,7 +44,7 @@ static void write_smooth(const char *name, size_t first, size_t rows, double err
     cli_write(name, s->text);
 }
 
-/* Three classes by the angle in a plane. */
+/* Three classes, determined by the angle of a point in a plane. */
 static void write_classes(const char *name, size_t first, size_t rows) {
     static const char *const classes[] = {"\"north, far\"", "east", "7"};
     sheet *s = TEST_ARRAY(sheet, 1);
@@ -71,7 +71,7 @@ static void need_tables(void) {
     write_classes("more.csv", 900, 300);
 }
 
-/* The number of a column in an object of the result: "rmse", "y". */
+/* The number that belongs to a column in a member of the result: "rmse", "y". */
 static double inner(const char *json, const char *key, const char *column) {
     const char *object = json_find(json, key);
     assert_non_null(object);
@@ -80,7 +80,7 @@ static double inner(const char *json, const char *key, const char *column) {
 
 /* ---- regression ---- */
 
-TEST("a smooth table is learned, by names, and the error on another one is small") {
+TEST("a smooth table is learned with columns given by name, and the error on another table is small") {
     need_tables();
     cli_json(fit, "train smooth.csv --inputs a,b,c,d --outputs y --test other.csv --out smooth.h5",
              "task \"regression\", part \"test\", rows 250, train_rows 250, inputs 4, outputs 1, method "
@@ -91,7 +91,8 @@ TEST("a smooth table is learned, by names, and the error on another one is small
     assert_true(inner(result.out, "rmse", "y") < 0.3);
 }
 
-/* The smooth table; in line `line` column a times `a` and y times `y`, elsewhere both times `unit`. */
+/* A smooth table. In line `line` column a is multiplied by `a` and y by `y`, in the other lines both by
+ * `unit`. */
 static void write_marked(const char *name, size_t line, double a, double y, double unit) {
     sheet *s = TEST_ARRAY(sheet, 1);
     put(s, "a,b,y\n");
@@ -103,7 +104,8 @@ static void write_marked(const char *name, size_t line, double a, double y, doub
     cli_write(name, s->text);
 }
 
-TEST("a cell far from all others is told with line and value, and hides nothing of the other inputs") {
+TEST("a cell far from all others is reported with line and value, and does not hide an input outside the "
+     "range") {
     static const double sizes[] = {1e3, -1e6, 1e12, 1e150, 1e200, -1e307, 1.4e308};
     need_tables();
     write_marked("clean.csv", 0, 1, 1, 1);
@@ -123,14 +125,14 @@ TEST("a cell far from all others is told with line and value, and hides nothing 
         cli_run_limited(fit, "train far.csv --out far.h5 --json", 0);
         if (strstr(result.out, line) == NULL) fail_msg("%s%s", result.out, result.err);
     }
-    /* The range of the inputs is the range of the other cells. */
+    /* The stored range of the inputs is the range of the other cells. */
     write_marked("far.csv", 40, 1e6, 1, 1);
     cli_json(fit, "train far.csv --out far.h5", "inputs 2");
     cli_write("query.csv", "a,b,y\n100,0,0\n");
     cli_json(fit, "evaluate far.h5 query.csv", "outside 1");
 }
 
-TEST("a far cell of an output is told where a table is judged, and the errors are right up to 1e308") {
+TEST("a far cell of an output is reported when a table is judged, and the errors are right up to 1e308") {
     static const double sizes[] = {1e3, -1e6, 1e12, 1e150, 1e200, -1e307, 1e308};
     static const char *const lines[] = {"evaluate clean.h5 far.csv",
                                         "train clean.csv --test far.csv --epochs 2 --out far.h5"};
@@ -149,7 +151,7 @@ TEST("a far cell of an output is told where a table is judged, and the errors ar
     }
 }
 
-TEST("errors that overflow are null and end with a sentence, and no table shows them") {
+TEST("errors that overflow are null in JSON and named in a message, and no table prints them") {
     static const char *const rows[][3] = {
         {"a,b,y\n0,0,-1.7e308\n0,1,1.7e308\n", "rmse {\"y\": 1.7", "column y: scaled_rmse is not finite"},
         {"a,b,y\n1e170,0,1\n1e170,0,1.001\n", "r2 {\"y\": null", "column y: r2 is not finite"},
@@ -171,7 +173,7 @@ TEST("errors that overflow are null and end with a sentence, and no table shows 
     cli_json(fit, "evaluate clean.h5 over.csv", "warnings []");
 }
 
-TEST("numbers too small to be scaled are refused before the training, with the lines") {
+TEST("numbers too small to be scaled are refused before the training, with their lines") {
     static const double units[] = {1e-310, 1e-320};
     need_tables();
     for (size_t i = 0; i < LG_COUNT(units); i++) {
@@ -190,7 +192,7 @@ TEST("numbers too small to be scaled are refused before the training, with the l
     }
 }
 
-TEST("predictions that are not finite are counted, and end with 4") {
+TEST("predictions that are not finite are counted, and the exit code is 4") {
     need_tables();
     cli_json(fit, "train smooth.csv --inputs a,b,c,d --outputs y --out finite.h5", "inputs 4");
     cli_write("huge.csv", "a,b,c,d,y\n0,3e6,0,0,1\n1e308,-1e308,1e308,1,1\n");
@@ -203,11 +205,11 @@ TEST("predictions that are not finite are counted, and end with 4") {
     cli_expect(fit, "predict test.h5 smooth.csv", 0, "y\n");
 }
 
-TEST("the noise of a table is not learned: the priors say how large it is") {
+TEST("the noise of a table is not learned, because the priors estimate its size") {
     need_tables();
     cli_json(fit, "train noisy.csv --inputs a,b,c,d --outputs y --test clear.csv --out noisy.h5",
              "effective_parameters <120, noise >0.2, noise <0.5");
-    /* sqrt(25 d/300) is 1.4 for 23 parameters that the data determine. */
+    /* sqrt(25 d/300) is 1.4 if the data determine d = 23 parameters. */
     assert_true(inner(result.out, "rmse", "y") < 2.5);
     print_message("priors: rmse %.3f\n", inner(result.out, "rmse", "y"));
     cli_json(fit,
@@ -218,7 +220,7 @@ TEST("the noise of a table is not learned: the priors say how large it is") {
     assert_true(inner(result.out, "rmse", "y") > 3.5);
 }
 
-TEST("a width that is given is learned as well as the one that is chosen") {
+TEST("a given width learns as well as the width that is chosen by default") {
     static const char *const widths[] = {"", "--hidden 24", "--hidden 48", "--hidden 10,10"};
     double error[LG_COUNT(widths)];
     need_tables();
@@ -235,7 +237,7 @@ TEST("a width that is given is learned as well as the one that is chosen") {
     }
 }
 
-TEST("two outputs at once, all networks, and methods") {
+TEST("two outputs, all networks and methods are trained") {
     static const char *const lines[] = {"--network resnet --hidden 12,12 --epochs 30",
                                         "--network mult --hidden 10 --epochs 30",
                                         "--network mult-affine --hidden 8,8 --activation swish --epochs 30",
@@ -255,15 +257,15 @@ TEST("two outputs at once, all networks, and methods") {
     }
 }
 
-TEST("a widths' race chooses a size") {
+TEST("--size auto chooses a width") {
     need_tables();
-    write_smooth("few.csv", 0, 100, 0.0); /* of smooth.csv it takes a minute under sanitizers */
+    write_smooth("few.csv", 0, 100, 0.0); /* smooth.csv would take a minute under sanitizers */
     cli_json(fit, "train few.csv --inputs a,b,c --outputs y --test other.csv --out n.h5 --size auto",
              "sizes *");
     assert_true(inner(result.out, "r2", "y") > 0.99);
 }
 
-/* ---- the same bits ---- */
+/* ---- equal bits ---- */
 
 static const lg_table_file *model_of(const char *name) {
     lg_table_file file;
@@ -271,7 +273,7 @@ static const lg_table_file *model_of(const char *name) {
     return own_lg_table_file(file);
 }
 
-TEST("a resumed training ends in the bits of one that never stopped, whatever the threads") {
+TEST("resumed training gives the bits of training that never stopped, with any number of threads") {
     static const char *const methods[] = {"", "--method lbfgs --epochs 40", "--method adam --epochs 6"};
     need_tables();
     for (size_t i = 0; i < LG_COUNT(methods); i++) {
@@ -296,7 +298,7 @@ TEST("a resumed training ends in the bits of one that never stopped, whatever th
 
 /* ---- classification ---- */
 
-TEST("classes with texts as names are told apart, and predicted with probabilities") {
+TEST("classes whose names are texts are learned, and predicted with probabilities") {
     static char text[1 << 16];
     need_tables();
     cli_json(fit, "train classes.csv --class where --test more.csv --out c.h5 --seed 3",
@@ -306,7 +308,7 @@ TEST("classes with texts as names are told apart, and predicted with probabiliti
     (void)cli_read("p.csv", text, sizeof text);
     assert_non_null(strstr(text, "where,probability_7,probability_east,\"probability_north, far\"\n"));
     cli_expect(fit, "train classes.csv --class where --out c.h5 --method lm", 2, "lbfgs");
-    /* True classes by rows: one east is right, one is where 7 is. */
+    /* Rows are true classes: one row of east is classified as east, the other as 7. */
     static const double told[9] = {0, 0, 0, 1, 1, 0, 0, 0, 0};
     double confusion[9];
     cli_write("east.csv", "u,v,where\n1,0,east\n-1,0.5,east\n");
@@ -317,7 +319,7 @@ TEST("classes with texts as names are told apart, and predicted with probabiliti
 
 /* ---- predictions ---- */
 
-TEST("columns are found by name: swapped ones give the same numbers, missing cells give none") {
+TEST("columns are found by name: swapped columns give the same numbers, a missing cell gives no number") {
     static char first[4096], second[4096];
     need_tables();
     cli_expect(fit, "train smooth.csv --inputs a,b,c --outputs y --out s.h5 --test other.csv", 0, "");
@@ -342,10 +344,10 @@ TEST("columns are found by name: swapped ones give the same numbers, missing cel
     cli_expect(fit, "predict s.h5 some.csv --out some.csv", 2, "some.csv");
 }
 
-/* ---- columns that are not used ---- */
+/* ---- columns that are left out ---- */
 
-TEST(
-    "a constant column and one that is left out leave no trace: the bits are those of a table without them") {
+TEST("a constant column and one that --without excludes have no effect: the bits are those of a table "
+     "without them") {
     static char header[1 << 17];
     need_tables();
     sheet *s = TEST_ARRAY(sheet, 1);
@@ -376,7 +378,7 @@ TEST(
     cli_write("bare.csv", "\"rate,kg/s\",a,y\n0.1,0.2,0.3\n-0.1,0.4,0.2\n");
     cli_expect(fit, "predict all.h5 bare.csv", 0, "y\n");
     cli_json(fit, "evaluate all.h5 bare.csv", "judged_rows 2");
-    /* The header says which rows were learned, and how, in words that a shell takes. */
+    /* The header states which rows were learned, and with which options in a form that a shell accepts. */
     cli_expect("lg-export", "two.h5 --out two --name two", 0, "");
     (void)cli_read("two/two.h", header, sizeof header);
     assert_says(header, ", 48 rows");
@@ -391,11 +393,12 @@ TEST(
     cli_expect(fit, "evaluate tag.h5 pump.csv", 0, "accuracy");
 }
 
-TEST("the help says what --plot draws and where its data are, and how the width is chosen") {
+TEST("the help says what --plot draws, where the picture's data are written, and how the width is chosen") {
     static char text[1 << 17];
     size_t used = 0;
     cli_expect(fit, "train --help", 0, "");
-    for (const char *c = result.out; *c != '\0' && used + 1 < sizeof text; c++) /* one line, single blanks */
+    /* all in one line, several blanks replaced by one */
+    for (const char *c = result.out; *c != '\0' && used + 1 < sizeof text; c++)
         if (strchr(" \n", *c) == NULL || (used > 0 && text[used - 1] != ' '))
             text[used++] = *c == '\n' ? ' ' : *c;
     text[used] = '\0';
@@ -406,7 +409,7 @@ TEST("the help says what --plot draws and where its data are, and how the width 
 
 /* ---- HDF5 and numpy ---- */
 
-/* A file of numpy with this header and these numbers. */
+/* Writes a numpy file with this header and these numbers. */
 static void write_npy(const char *name, const char *header, const void *numbers, size_t bytes) {
     const size_t length = strlen(header);
     const unsigned char start[10] = {0x93, 'N', 'U', 'M', 'P', 'Y', 1, 0, (unsigned char)length, 0};
@@ -471,7 +474,7 @@ static void write_h5(const char *name, bool words) {
     lg_h5_close(h5);
 }
 
-TEST("HDF5 files have columns as data sets and as columns of one") {
+TEST("HDF5 files have a data set per column, or columns in a single data set") {
     static const char *const named[] = {"right", "whole"}, *const numbered[] = {"matrix1", "whole"};
     static const double wanted[] = {2, 7, 4, 8, 6, 9};
     write_h5("named.h5", true);
@@ -490,7 +493,7 @@ TEST("HDF5 files have columns as data sets and as columns of one") {
                "the columns are: kind, left, right, short, whole");
 }
 
-/* ---- odd tables ---- */
+/* ---- unusual tables ---- */
 
 typedef struct odd {
     const char *text, *arguments; /* --out m.h5 is added */
@@ -549,7 +552,7 @@ static const odd odds[] = {
     {"a,b,y\n1,2,3\n4,5,6\n", "--decay 1,2", 2, "2 numbers; the model has"},
     {"a,b,y\n1,2,3\n4,5,6\n", "--activation best", 2, "not one of"},
     {",,\n1,2,3\n4,5,6\n", "", 3, "there is no column with a name"},
-    /* These end well. */
+    /* These succeed. */
     {"a,b,y\n1,2,3\n4,5,6\n", "", -1, "there are too few rows: 1 to learn from, with 2 inputs; at least 10"},
     {"a,b,y\n1,2,3\n4,5,6\n7,8,8\n", "", -1, "the validation part has one row"},
     {"a,b,y,z\n1,2,3,x\n4,5,6,y\n7,8,8,x\n", "--without z", -1, "the output is the last column, y;"},
@@ -577,7 +580,7 @@ static const odd odds[] = {
     {"a,b,y\n1,2,3\n4,5,6\n7,8", "", -1, "the last line was cut off and left out"},
 };
 
-TEST("odd tables get a sentence and an exit code, never a crash") {
+TEST("an unusual table causes a message and an exit code, never a crash") {
     for (size_t i = 0; i < LG_COUNT(odds); i++) {
         const odd *o = &odds[i];
         cli_write("odd.csv", o->text);
@@ -594,7 +597,7 @@ TEST("odd tables get a sentence and an exit code, never a crash") {
     }
 }
 
-TEST("files that are no tables get a sentence and an exit code, too") {
+TEST("files that are not tables cause a message and an exit code too") {
     static const struct {
         const char *header, *words;
     } arrays[] = {
@@ -621,7 +624,8 @@ TEST("files that are no tables get a sentence and an exit code, too") {
     cli_expect(fit, "train cut.npy --out m.h5", 3, "ends within the header");
 }
 
-/* Every byte of a good file changed in turn, and every length: it ends with one of the exit codes. */
+/* Every byte of a good file is changed in turn, and the file is cut at every length. The program must end
+ * with one of its exit codes. */
 TEST("damaged tables do not crash the program") {
     static char good[512], text[512];
     (void)snprintf(good, sizeof good, "a,\"b\",k\n1,2,x\n2,3,y\n3,1,x\n4,5,y\n");
@@ -640,7 +644,7 @@ TEST("damaged tables do not crash the program") {
     }
 }
 
-/* y = [1, 2] tanh([[.5, -1], [2, .25]] x + [.1, -.2]) + .3, weights (out, in). */
+/* y = [1, 2] tanh([[.5, -1], [2, .25]] x + [.1, -.2]) + .3; the weights are (out, in). */
 static const double weight1[4] = {0.5, -1, 2, 0.25}, bias1[2] = {0.1, -0.2}, weight2[2] = {1, 2},
                     bias2[1] = {0.3};
 
@@ -659,7 +663,7 @@ static void check_imported(const char *name) {
     assert_close(y, h1 + 2 * h2 + 0.3, 1e-14, 0);
 }
 
-/* The header, then the numbers. */
+/* Writes the header, then the numbers. */
 static void write_tensors(const char *name, const char *header, const void *numbers, size_t bytes) {
     FILE *file = fopen(cli_at(name), "wb");
     assert_non_null(file);
@@ -670,7 +674,7 @@ static void write_tensors(const char *name, const char *header, const void *numb
     assert_int_equal(fclose(file), 0);
 }
 
-TEST("weights from elsewhere become a program: safetensors and numpy, and back") {
+TEST("weights from safetensors and numpy files become a program, and a program can be written back") {
     static const char header[] =
         "{\"net.10.weight\":{\"dtype\":\"F64\",\"shape\":[1,2],\"data_offsets\":[48,64]},"
         "\"net.10.bias\":{\"dtype\":\"F64\",\"shape\":[1],\"data_offsets\":[64,72]},"
@@ -720,7 +724,8 @@ TEST("weights from elsewhere become a program: safetensors and numpy, and back")
     cli_expect(fit, "import bad.safetensors --out bad.h5", 3, "is not a safetensors file");
 }
 
-TEST("the order of imported layers is printed, can be given, and is doubted where the sizes fit others") {
+TEST("the order of imported layers is printed, can be given, and causes a warning if another order fits "
+     "the sizes too") {
     static const char header[] =
         "{\"mlp.0.weight\":{\"dtype\":\"F64\",\"shape\":[2,2],\"data_offsets\":[0,32]},"
         "\"mlp.0.bias\":{\"dtype\":\"F64\",\"shape\":[2],\"data_offsets\":[32,48]},"
@@ -761,7 +766,7 @@ TEST("the order of imported layers is printed, can be given, and is doubted wher
     cli_expect(fit, "import table.safetensors --out t.h5", 3, "no chain of layers");
 }
 
-TEST("an import of more layers than a network may have is refused") {
+TEST("importing more layers than a network may have is refused") {
     enum { MOST = 64 };
     static const double numbers[MOST] = {1.0};
     sheet *header = TEST_ARRAY(sheet, 1);
@@ -782,7 +787,7 @@ TEST("a search finds the better width") {
     assert_true(cli_exists("trials.csv"));
 }
 
-TEST("a search takes columns and classes as train does, and goes on with the same ones alone") {
+TEST("a search takes columns and classes as train does, and continues only with the same ones") {
     need_tables();
     cli_write("ranges.yaml", "ranges:\n  hidden: {integer: [4, 8]}\nfixed: {epochs: 5}\n");
     cli_expect(fit, "search ranges.yaml classes.csv --class where --trials 2 --out classes-trials.csv", 0,

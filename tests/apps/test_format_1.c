@@ -1,4 +1,4 @@
-/* Files of every kind as liegrad 1 wrote them (format_1/README.md) load, evaluate and export as
+/* Files of every kind that liegrad 1 wrote (format_1/README.md) must load, evaluate and export as
  * format_1/expected.txt says. */
 #include "cli_support.h"
 #include "liegrad/io.h"
@@ -9,7 +9,7 @@ enum { NUMBERS = 1 << 14, SOURCE = 1 << 20 };
 typedef struct old_file {
     const char *name;
     enum { MODEL, PROGRAM, CLASSIFIER } what;
-    bool series; /* is judged by windows */
+    bool series; /* evaluated on windows */
 } old_file;
 
 static const old_file files[] = {
@@ -25,7 +25,7 @@ static const char *path_of(const old_file *file) {
     return path;
 }
 
-/* What is found, line by line. LG_FORMAT_1_OUT=FILE keeps it instead of comparing it. */
+/* The results, line by line. With LG_FORMAT_1_OUT=FILE they are written to FILE instead of being compared. */
 static char found[1 << 20];
 static size_t used;
 
@@ -94,7 +94,7 @@ static void judge_windows(const old_file *file) {
 
 /* ---- export ---- */
 
-/* Without comments, which say which liegrad wrote the source. */
+/* Hashes a source without its comments, because a comment names the version of liegrad. */
 static void add_source(lg_sha256 *hash, const char *name) {
     static char text[SOURCE];
     (void)cli_read(name, text, sizeof text);
@@ -118,17 +118,17 @@ static void export_sources(const old_file *file) {
     note("%s code %s\n", file->name, text);
 }
 
-/* ---- what is expected ---- */
+/* ---- comparison with the expected results ---- */
 
-/* Operations are recorded in the order in which the compiler evaluates arguments, which is another one in
- * clang: its code has the same operations in another order. */
+/* Operations are recorded in the order in which the compiler evaluates arguments. clang uses another order,
+ * so its exported code has the same operations in another order and is not compared. */
 #if defined(__clang__)
 static const bool same_order = false;
 #else
 static const bool same_order = true;
 #endif
 
-/* Words are equal, or numbers but for rounding of other mathematics libraries. */
+/* Words must be equal; numbers may differ by the rounding of another mathematics library. */
 static void compare_line(const char *got, const char *expected) {
     if (!same_order && strstr(expected, " code ") != NULL) return;
     char a[64], b[64], *end;
@@ -145,7 +145,7 @@ static void compare_line(const char *got, const char *expected) {
     }
 }
 
-/* Both texts have a line for each thing, in the same order. */
+/* Both texts must have the same lines in the same order. */
 static void compare(char *expected) {
     char *rest = NULL, *others = NULL;
     char *got = strtok_r(found, "\n", &rest), *line = strtok_r(expected, "\n", &others);
@@ -158,7 +158,8 @@ static void compare(char *expected) {
 
 static int begin(void **state) {
     (void)state;
-    return setenv("LIEGRAD_ISA", "baseline", 1); /* numbers are those of the simplest kernels */
+    /* the expected numbers were computed by the simplest kernels */
+    return setenv("LIEGRAD_ISA", "baseline", 1);
 }
 
 TEST_GROUP(begin, NULL)
@@ -185,7 +186,7 @@ TEST("files of liegrad 1 load, evaluate and export as they did") {
     if (path == NULL) compare(expected);
 }
 
-TEST("programs of format 1 that are saved again have the same bits") {
+TEST("programs of format 1 have the same bits after they are saved again") {
     static char before[sizeof found];
     cli_test_folder();
     const char *path = cli_at("again.h5");

@@ -1,8 +1,9 @@
-/* lg-identify check: what is in logs, what is refused, what is a warning. Wrong calls: test_refused.
+/* lg-identify check: what it reports of logs, what it refuses, and what causes a warning. Wrong command lines
+ * are in test_refused.
  * ctest-labels: apps/lg-identify src/machine */
 #include "identify_support.h"
 
-/* ---- a log: x = sin t, y = .5 cos 3t, theta = .8 sin 2t, an attitude about e3 by t ---- */
+/* ---- a log: x = sin t, y = .5 cos 3t, theta = .8 sin 2t, an attitude turning about e3 by t ---- */
 
 enum { ROWS = 200, COLUMNS = 14 };
 #define DT 0.02
@@ -14,7 +15,7 @@ typedef struct sheet {
     double cells[ROWS][COLUMNS], u[ROWS];
 } sheet;
 
-static double noise(size_t i) { /* of size 1, without a pattern */
+static double noise(size_t i) { /* pseudo-random numbers from -1 to 1 */
     const double x = sin(12.9898 * (double)i) * 43758.5453;
     return sqrt(12) * (x - floor(x) - 0.5);
 }
@@ -61,12 +62,13 @@ static int setup(void **state) {
     return 0;
 }
 
-/* ---- what is there ---- */
+/* ---- reports ---- */
 
 TEST("check reports files, rows, steps, gaps and the range of each column") {
     sheet *s = good_sheet();
     s->cells[50][X] = (double)NAN;
-    for (size_t i = 100; i < ROWS; i++) s->cells[i][T] += 5 * DT; /* a gap; the motion goes on as if none */
+    /* a gap; the motion continues as if there were none */
+    for (size_t i = 100; i < ROWS; i++) s->cells[i][T] += 5 * DT;
     write_sheet("log.csv", s);
     cli_json(identify, "check machine.yaml log.csv", "files 1, runs 1, rows 200, parts 2, gaps 1, delay 0");
     assert_close(json_number(result.out, "dt_median"), DT, 1e-9, 0);
@@ -82,7 +84,7 @@ TEST("check reports files, rows, steps, gaps and the range of each column") {
     assert_says(result.out, "column ");
 }
 
-TEST("check finds the noise of a column, and what velocities leave of the motion") {
+TEST("check estimates the noise of a column, and the residual of positions against velocities") {
     sheet *s = good_sheet();
     write_sheet("log.csv", s);
     cli_json(identify, "check machine.yaml log.csv", "warnings []");
@@ -92,7 +94,7 @@ TEST("check finds the noise of a column, and what velocities leave of the motion
     write_sheet("log.csv", s);
     cli_json(identify, "check machine.yaml log.csv", "files 1");
     assert_close(json_number(json_find(json_find(result.out, "columns"), "x"), "noise"), 0.01, 0.2, 0);
-    /* a step of .02 against the difference of two numbers that are off by .01 */
+    /* a step is .02 long; the difference of two numbers with errors of .01 */
     assert_close(json_number(json_find(result.out, "kinematics"), "x"), sqrt(2) * 0.01 / (0.02 * 0.71), 0.5,
                  0);
 }
@@ -106,7 +108,8 @@ TEST("check draws every column of the first run") {
     assert_true(cli_exists("log.svg") && cli_exists("log.dat"));
 }
 
-/* ---- what is hopeless: exit code 3, file, column and remedy; nothing is learned from it either ---- */
+/* ---- logs that are refused: exit code 3; the message has file, column and remedy; fit refuses them too
+ * ---- */
 
 static void expect_hopeless(const char *yaml, const sheet *s, const char *const *words) {
     static const char *const commands[] = {"check %s bad.csv", "fit %s bad.csv --out never.h5"};
@@ -123,11 +126,11 @@ static void expect_hopeless(const char *yaml, const sheet *s, const char *const 
         __VA_ARGS__, NULL                                                                                    \
     }
 
-TEST("swapped columns are refused with the one that fits") {
+TEST("swapped columns are refused, and the message names the column that fits") {
     expect_hopeless("swapped.yaml", good_sheet(), WORDS("columns x and vy", "Column vx fits"));
 }
 
-TEST("degrees and other units are refused with a scale") {
+TEST("degrees and other wrong units are refused, and the message gives a scale") {
     sheet *s = good_sheet();
     for (size_t i = 0; i < ROWS; i++) s->cells[i][THETA] *= 57.295779513;
     expect_hopeless("machine.yaml", s, WORDS("theta", "degrees? scale: {theta: 0.0174"));
@@ -139,7 +142,7 @@ TEST("degrees and other units are refused with a scale") {
     expect_hopeless("machine.yaml", s, WORDS("scale: ", "of all coordinates alike: {t: 0.001"));
 }
 
-TEST("outliers and sensors at the end of their range are told as such, and not as another unit") {
+TEST("outliers and saturated sensors are reported as such, and not as a wrong unit") {
     sheet *s = good_sheet();
     s->cells[77][X] += 50, s->cells[120][X] += 50;
     expect_hopeless("machine.yaml", s,
@@ -150,7 +153,7 @@ TEST("outliers and sensors at the end of their range are told as such, and not a
                     WORDS("column w: stands at its smallest or largest value, -0.5 and 0.5"));
 }
 
-TEST("two clocks are refused with the line") {
+TEST("a time that jumps back is refused, with the line") {
     sheet *s = good_sheet();
     for (size_t i = 120; i < ROWS; i++) s->cells[i][T] -= 1.5;
     expect_hopeless("machine.yaml", s, WORDS("line 122", "column t", "time does not increase", "run"));
@@ -162,13 +165,13 @@ TEST("a column without a value is refused") {
     expect_hopeless("machine.yaml", s, WORDS("column vy", "no value"));
 }
 
-TEST("quaternions off the sphere are refused with their line") {
+TEST("quaternions that are not of length 1 are refused with their line") {
     sheet *s = good_sheet();
     for (int k = QW; k <= QZ; k++) s->cells[77][k] *= 1.3;
     expect_hopeless("machine.yaml", s, WORDS("line 79", "qw, qx, qy, qz", "length 1.3"));
 }
 
-/* What is wrong with one of several files: changes a good sheet, and what the sentence says. */
+/* One fault: changes a good sheet; the message must contain `word`. */
 typedef struct fault {
     void (*make)(sheet *s);
     const char *word;
@@ -215,7 +218,7 @@ static size_t times(const char *text, const char *word) {
     return count;
 }
 
-TEST("of several files the sentence names the one with the fault, once, and no other") {
+TEST("with several files the message names only the file with the fault, once") {
     static const fault faults[] = {{other_sign, "wrong sign"},
                                    {unrelated, "do not belong together"},
                                    {outliers, "line 79: column x: jumps"},
@@ -253,7 +256,7 @@ TEST("of several files the sentence names the one with the fault, once, and no o
     assert_null(strstr(result.err, "first.csv"));
 }
 
-TEST("a file of which nothing is left is told, where others are read") {
+TEST("a file with no usable rows is reported, and the others are read") {
     sheet *s = good_sheet();
     write_sheet("first.csv", s);
     for (size_t i = 0; i < ROWS; i++) s->cells[i][T] *= 10;
@@ -265,7 +268,7 @@ TEST("a file of which nothing is left is told, where others are read") {
     assert_null(strstr(result.err, "first.csv: nothing"));
 }
 
-TEST("the same warning is told once, on standard error and in JSON") {
+TEST("the same warning appears only once, on standard error and in JSON") {
     sheet *s = good_sheet();
     for (size_t i = 0; i < ROWS; i++) s->u[i] = 2;
     s->cells[50][T] = (double)NAN;
@@ -279,9 +282,9 @@ TEST("the same warning is told once, on standard error and in JSON") {
     }
 }
 
-/* ---- what is merely not determined: a warning ---- */
+/* ---- logs that leave something undetermined: a warning ---- */
 
-TEST("constant inputs, feedback, coordinates that never move and a free scale are warnings") {
+TEST("constant inputs, feedback, coordinates that never move and a free scale cause warnings") {
     sheet *s = good_sheet();
     for (size_t i = 0; i < ROWS; i++) s->u[i] = 2;
     write_sheet("log.csv", s);
@@ -302,10 +305,10 @@ TEST("constant inputs, feedback, coordinates that never move and a free scale ar
     assert_says(result.err, "scale of the forces");
 }
 
-/* Changes the input of a log whose motion stays; what is told of it. */
+/* Changes the input of a log without changing its motion. */
 typedef struct input_case {
     void (*make)(sheet *s);
-    const char *told; /* NULL: nothing */
+    const char *told; /* what the warning says; NULL: no warning */
 } input_case;
 
 static void one_jump(sheet *s) {
@@ -363,7 +366,8 @@ static void every_row(sheet *s) {
     for (size_t i = 0; i < ROWS; i++) s->u[i] = noise(i) > 0 ? 3 : -3;
 }
 
-TEST("a jump of an input and back is told with file, line and column, and steps, pulses and noise are not") {
+TEST("an input that jumps and returns is reported with file, line and column; steps, pulses and noise "
+     "are not") {
     static const input_case cases[] = {{one_jump, "line 72: column u: jumps to 10966"},
                                        {two_rows, "line 72: column u: jumps to 10966"},
                                        {several, "the first of 3 such"},
@@ -411,8 +415,8 @@ TEST("a jump of an input and back is told with file, line and column, and steps,
     assert_says(result.err, "second.csv: line 72: column x: jumps to 40");
 }
 
-TEST("a cell so large that the others are lost in its rounding is refused with file, line and column, "
-     "whatever reads it") {
+TEST("every command refuses a cell so large that the others vanish in its rounding, with file, line and "
+     "column") {
     static const char *const commands[] = {"check input.yaml first.csv second.csv",
                                            "fit input.yaml first.csv second.csv --out m.h5",
                                            "fit input.yaml first.csv --validation second.csv --out m.h5"};
@@ -422,7 +426,9 @@ TEST("a cell so large that the others are lost in its rounding is refused with f
         for (size_t k = 0; k < LG_COUNT(values); k++)
             for (size_t column = 0; column < LG_COUNT(spoiled); column++) {
                 const bool idle =
-                    column == 3; /* an input that is 0 else: 1e20 is then all that is known of it */
+                    /* the input is 0 elsewhere: 1e20 may then be its true value, so only larger values are
+                     * refused */
+                    column == 3;
                 sheet *s = good_sheet();
                 if (idle && fabs(values[k]) < 1e154) continue;
                 for (size_t row = 0; row < ROWS && idle; row++) s->u[row] = 0;
@@ -441,8 +447,7 @@ TEST("a cell so large that the others are lost in its rounding is refused with f
     cli_expect(identify, "check place.yaml second.csv", 3, "line 72: column x: 1e+308 is so large");
 }
 
-TEST("positions that are late are told with their lag, noisy or not, and a sensor that is stuck with its "
-     "rows") {
+TEST("late positions are reported with their lag, noisy or not, and a sensor that is stuck with its rows") {
     static const double sizes[] = {0.0, 1e-3};
     for (size_t k = 0; k < LG_COUNT(sizes); k++) {
         sheet *s = good_sheet();
@@ -461,7 +466,7 @@ TEST("positions that are late are told with their lag, noisy or not, and a senso
     assert_says(result.err, "for 9 rows from 1.5 s on while w moves");
 }
 
-TEST("rows that jitter are told from gaps by a warning that names max_step") {
+TEST("irregular time steps are not reported as gaps, but in a warning that names max_step") {
     sheet *s = good_sheet();
     for (size_t i = 0; i < ROWS; i++) s->cells[i][T] += 0.35 * DT * sin((double)(i * i));
     write_sheet("log.csv", s);
@@ -475,7 +480,7 @@ TEST("rows that jitter are told from gaps by a warning that names max_step") {
     cli_json(identify, "check line.yaml log.csv", "gaps 0, parts 1, warnings []");
 }
 
-TEST("momenta are refused where velocities are needed, and are not taken for them") {
+TEST("momenta are refused where velocities are needed, and are not mistaken for them") {
     write_sheet("log.csv", good_sheet());
     cli_write(
         "momenta.yaml",
@@ -485,7 +490,7 @@ TEST("momenta are refused where velocities are needed, and are not taken for the
     cli_expect(identify, "fit momenta.yaml log.csv --out never.h5", 2, "measured: momenta");
 }
 
-TEST("both signs of a quaternion are one rotation, which is said") {
+TEST("both signs of a quaternion are the same rotation, which is reported") {
     sheet *s = good_sheet();
     for (size_t i = 40; i < 90; i++)
         for (int k = QW; k <= QZ; k++) s->cells[i][k] *= -1;
@@ -495,9 +500,10 @@ TEST("both signs of a quaternion are one rotation, which is said") {
     json_expect(json_find(result.out, "kinematics"), "body <1e-3");
 }
 
-/* ---- delay ---- */
+/* ---- delays of inputs ---- */
 
-/* x'' = u - .4 x' - 4 x with u held, logged `late` rows before it acts: steps of a thousandth of a row. */
+/* Writes a log of x'' = u - .4 x' - 4 x, where u is constant between rows and is logged `late` rows before it
+ * acts. It is integrated with a thousand steps per row. */
 static void write_driven(const char *name, size_t late) {
     enum { SIZE = 1 << 16, FINE = 1000 };
     char *text = lg_test_memory(SIZE);
@@ -515,7 +521,7 @@ static void write_driven(const char *name, size_t late) {
     cli_write(name, text);
 }
 
-TEST("a delay of the inputs is estimated, and what is wrong with the log is told once") {
+TEST("the delay of the inputs is estimated, and each fault of the log is reported once") {
     static const char *const expected[] = {"delay 0", "delay 1", "delay 4"};
     static const size_t late[] = {0, 1, 4};
     cli_write("driven.yaml", "columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: vx}]\n"

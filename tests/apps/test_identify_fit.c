@@ -1,6 +1,6 @@
 /* ctest-labels: slow apps/lg-identify src/machine src/nn
- * lg-identify fit from the command line: numbers with errors, the same bits, resumption, Ctrl-C, what is not
- * determined, the demo. */
+ * Runs lg-identify fit: estimated numbers and their errors, equal bits, resumption, Ctrl-C, parameters that
+ * the logs do not determine, the demo. */
 #include "identify_support.h"
 
 static int setup(void **state) {
@@ -13,14 +13,15 @@ static int setup(void **state) {
     return 0;
 }
 
-/* ---- numbers ---- */
+/* ---- estimated numbers ---- */
 
 static const struct {
     const char *name;
     double truth;
 } truths[] = {{"mass.1.1", 2}, {"potential.x^2", 2.5}, {"damping.x", 0.3}};
 
-/* Each within so many of its standard errors, which are below a part of it. */
+/* Each number must be within `errors` standard errors (or `floor`) of its true value, and each standard error
+ * below `part` of the number. */
 static void expect_numbers(double errors, double part, double floor) {
     const char *numbers = json_find(result.out, "identified");
     for (size_t i = 0; i < LG_COUNT(truths); i++) {
@@ -32,12 +33,13 @@ static void expect_numbers(double errors, double part, double floor) {
     }
 }
 
-TEST("generate, then fit: the numbers of a linear oscillator, within their stated errors") {
+TEST("fit finds the numbers of a linear oscillator from generated logs, within the stated errors") {
     cli_json(identify, "fit machine.yaml train.csv --out m.h5", "windows >100, parameters 3");
     expect_numbers(0, 1e-4, 1e-5);
     cli_json(identify, "fit machine.yaml noisy.csv --out m.h5", "windows >100, parameters 3");
     expect_numbers(4, 0.02, 0);
-    /* The errors are no larger than they need be: at least one number is off by a quarter of its own. */
+    /* The standard errors are not too large: at least one number is off by a quarter of its standard
+     * error. */
     const char *numbers = json_find(result.out, "identified");
     double most = 0;
     for (size_t i = 0; i < LG_COUNT(truths); i++) {
@@ -48,7 +50,8 @@ TEST("generate, then fit: the numbers of a linear oscillator, within their state
     assert_true(most > 0.25);
 }
 
-TEST("a residual explains what the other terms leave, a polynomial too: it takes nothing from them") {
+TEST("a residual, also a polynomial, explains only what the other terms leave over, and does not change "
+     "them") {
     cli_write("residual.yaml",
               test_text("%sresidual: {kind: polynomial, degree: 3, of: [x, vx, u]}\n", oscillator_machine));
     cli_json(identify, "fit residual.yaml train.csv --out m.h5 --epochs 20", "parameters 22");
@@ -58,7 +61,7 @@ TEST("a residual explains what the other terms leave, a polynomial too: it takes
     }
 }
 
-TEST("logs for validation are not trained on, and are reported") {
+TEST("logs for validation are not used for training, and their loss is reported") {
     cli_run(identify, "generate scene.yaml --runs 2 --t-end 6 --seed 8 --out other.csv");
     cli_json(identify, "fit network.yaml train.csv --validation other.csv --out m.h5 --epochs 60",
              "validation >0");
@@ -67,7 +70,8 @@ TEST("logs for validation are not trained on, and are reported") {
     assert_close(json_number(result.out, "windows"), windows, 0, 0);
 }
 
-TEST("variational steps fit long windows, stay in the model's file, and are refused with a mass that moves") {
+TEST("variational steps fit long windows, are stored in the model's file, and are refused if the mass "
+     "depends on the state") {
     cli_json(identify,
              "fit machine.yaml train.csv --integrator variational --window 40 --substeps 2 --out v.h5",
              "parameters 3");
@@ -82,7 +86,7 @@ TEST("variational steps fit long windows, stay in the model's file, and are refu
     assert_false(cli_exists("w.h5"));
 }
 
-/* ---- bits ---- */
+/* ---- equal bits ---- */
 
 static void expect_theta(const char *a, const char *b, bool same) {
     const lg_machine_model_file *x = cli_machine_model(a), *y = cli_machine_model(b);
@@ -91,8 +95,8 @@ static void expect_theta(const char *a, const char *b, bool same) {
     if (equal != same) fail_msg("%s and %s %s", a, b, equal ? "are the same" : "differ");
 }
 
-TEST("the same seed gives the same bits on any threads, in one run or resumed, and another seed gives "
-     "others") {
+TEST("the same seed gives the same bits with any number of threads, in one run or resumed; another seed "
+     "gives other bits") {
     static const char *const options[] = {"--method ssbroyden", "--method lbfgs --starts estimated",
                                           "--method adam:20"};
     for (size_t i = 0; i < LG_COUNT(options); i++) {
@@ -120,7 +124,7 @@ TEST("the same seed gives the same bits on any threads, in one run or resumed, a
     assert_false(cli_exists("r.h5"));
 }
 
-TEST("Ctrl-C saves the state of a fit, and leaves no model") {
+TEST("Ctrl-C saves the state of a fit and leaves no model") {
     const cli_child child = cli_start(
         identify,
         "fit network.yaml train.csv --method adam --epochs 1000000 --checkpoint-every 1 --out never.h5", 0);
@@ -132,7 +136,7 @@ TEST("Ctrl-C saves the state of a fit, and leaves no model") {
              "epochs >0");
 }
 
-TEST("a full disk is told, and no part of a model is left") {
+TEST("a full disk is reported, and no part of a model is left") {
     cli_expect_limited(identify, "fit machine.yaml train.csv --out big.h5", 4096, 3, "big.h5");
     assert_false(cli_exists("big.h5"));
     cli_expect_limited(identify, "generate scene.yaml --out big.csv", 4096, 3, "big.csv");
@@ -140,9 +144,9 @@ TEST("a full disk is told, and no part of a model is left") {
     assert_int_equal(cli_count_files("tmp"), 0);
 }
 
-/* ---- what the logs do not determine: a warning and exit code 0 ---- */
+/* ---- parameters that the logs do not determine: a warning, exit code 0 ---- */
 
-TEST("constant inputs leave their map undetermined, which is said") {
+TEST("constant inputs do not determine the input map, which is reported") {
     cli_write("map.yaml", OSCILLATOR_COLUMNS "mass: {kind: known, values: [2]}\n"
                                              "potential: {kind: quadratic, of: x}\ndamping: diagonal\n");
     cli_run(identify, "generate scene.yaml --inputs none --runs 3 --t-end 6 --out still.csv");
@@ -151,8 +155,8 @@ TEST("constant inputs leave their map undetermined, which is said") {
     assert_says(result.err, "input_map.1.1");
 }
 
-TEST("a common factor is told where networks have it too, and a known map of an input that never acts fixes "
-     "nothing") {
+TEST("a free common factor is reported, also if networks have it; a known map of an input that is always "
+     "0 does not fix it") {
     cli_write("factor.yaml",
               OSCILLATOR_COLUMNS "mass: {kind: network, of: x}\npotential: {kind: network, of: x}\n"
                                  "damping: diagonal\ninput_map: {kind: known, values: [[1]]}\n");
@@ -164,7 +168,7 @@ TEST("a common factor is told where networks have it too, and a known map of an 
     json_expect(json_find(json_find(result.out, "identified"), "mass.1.1"), "error <1");
 }
 
-/* The log with 30 added to x. */
+/* Writes the log with 30 added to x. */
 static void shift_log(const char *from, const char *to) {
     enum { ROWS = 4000, SIZE = 1 << 19 };
     static const char *const columns[] = {"t", "run", "x", "vx", "u"};
@@ -180,7 +184,7 @@ static void shift_log(const char *from, const char *to) {
     cli_write(to, text);
 }
 
-TEST("the mass of a network is told where the logs are, and where that is") {
+TEST("the mass of a network is reported at the logged states, with these states") {
     cli_write("push.yaml", OSCILLATOR_COLUMNS "mass: {kind: known, values: [2]}\n"
                                               "input_map: {kind: known, values: [[1]]}\n");
     cli_write("moving.yaml",
@@ -207,11 +211,11 @@ TEST("the mass of a network is told where the logs are, and where that is") {
     shift_log("rest.csv", "away.csv");
     cli_json(identify, "fit moving.yaml away.csv --out m.h5 --epochs 20", "loss <4");
     assert_says(result.err, "the logs do not determine mass.1.1 at x ");
-    /* nothing pulls a mass that the logs leave open away from its start, 1 */
+    /* nothing pulls a mass that the logs do not determine away from its start, 1 */
     assert_close(json_number(json_find(json_find(result.out, "identified"), "mass.1.1"), "value"), 1, 0.3, 0);
 }
 
-TEST("rows of parts that are shorter than a window are told, and the tail of a longer part is learned from") {
+TEST("rows in parts shorter than a window are reported; the end of a longer part is used for training") {
     cli_run(identify, "generate scene.yaml --runs 1 --t-end 24.84 --out long.csv"); /* 1243 rows */
     cli_run(identify, "generate scene.yaml --runs 3 --t-end 0.8 --out short.csv");
     static const struct {
@@ -227,12 +231,13 @@ TEST("rows of parts that are shorter than a window are told, and the tail of a l
     }
 }
 
-TEST("a fit has no option that its networks cannot take: --size") {
+TEST("fit has no option --size, which its networks could not use") {
     cli_run(identify, "fit --help");
     assert_null(strstr(result.out, "--size"));
 }
 
-/* A log of 2 x'' = -5 x - .3 x' + u by another program: RK4, or symplectic Euler, with `digits` decimals. */
+/* A log of 2 x'' = -5 x - .3 x' + u as another program would write it: integrated by RK4 or by symplectic
+ * Euler, with `digits` decimals. */
 static void write_foreign(const char *name, bool euler, int digits) {
     enum { ROWS = 900, SIZE = 1 << 18 };
     char *text = lg_test_memory(SIZE);
@@ -262,8 +267,8 @@ static void write_foreign(const char *name, bool euler, int digits) {
     cli_write(name, text);
 }
 
-TEST("logs that contradict the machine are told from those that it explains: smooth, rounded, noisy, "
-     "positions") {
+TEST("a log that contradicts the machine is reported; smooth, rounded, noisy and position logs that "
+     "agree are not") {
 #define POSITIONS                                                                                            \
     "columns: {time: t, run: run}\nmeasured: positions\ncoordinates:\n  - {name: x, kind: line}\n"           \
     "inputs: {columns: [u], hold: zero}\n"
@@ -274,7 +279,8 @@ TEST("logs that contradict the machine are told from those that it explains: smo
     } machines[] = {
         {"mass: diagonal\npotential: {kind: quadratic, of: x}\ndamping: diagonal\n" MAP, false},
         {"mass: diagonal\npotential: {kind: quadratic, of: x}\n" MAP, true}, /* no friction */
-        {"mass: diagonal\npotential: {kind: quadratic, of: x}\ndamping: quadratic\n" MAP, true}, /* another */
+        /* the wrong friction */
+        {"mass: diagonal\npotential: {kind: quadratic, of: x}\ndamping: quadratic\n" MAP, true},
         {"mass: diagonal\ndamping: diagonal\n" MAP, true}, /* no spring */
         {"mass: {kind: known, values: [4]}\npotential: {kind: quadratic, of: x}\ndamping: diagonal\n" MAP,
          true},
@@ -307,7 +313,8 @@ TEST("logs that contradict the machine are told from those that it explains: smo
 
 /* ---- forces that the model lacks ---- */
 
-/* Of a machine with coordinates x and y (or x alone) and masses 1: y[4] = x, y, x', y', out: x'', y''. */
+/* The equations of motion for the coordinates x and y (or x alone) with unit masses. y[4] = x, y, x', y'; out
+ * = x'', y''. */
 typedef void field(const double *y, double *out);
 static void cubic(const double *y, double c, double *out) {
     out[0] = -4 * y[0] - c * y[0] * y[0] * y[0] - 0.3 * y[2];
@@ -350,7 +357,8 @@ static void run_on(field *f, double h, double *y) {
     for (int i = 0; i < 4; i++) y[i] += h / 6 * sum[i];
 }
 
-/* Three runs of 10 s, every column with noise of so much, and rounded to `digits` decimals. */
+/* Writes a log of three runs of 10 s. Every column has noise of this size and is rounded to `digits`
+ * decimals. */
 static void write_motion(const char *name, field *f, bool velocities, int columns, double noise, int digits,
                          uint64_t seed) {
     enum { RUNS = 3, ROWS = 501, FINE = 8, SIZE = 1 << 19 };
@@ -384,7 +392,8 @@ static void write_motion(const char *name, field *f, bool velocities, int column
 static const struct {
     field *of;
     int columns;
-    const char *right, *wrong; /* NULL: no such model */
+    /* descriptions of a model with the force and of one without it; NULL: there is none */
+    const char *right, *wrong;
 } lacking[] = {{weak_cubic, 1, FOURTH "damping: diagonal\n", SPRING "damping: diagonal\n"},
                {some_cubic, 1, FOURTH "damping: diagonal\n", SPRING "damping: diagonal\n"},
                {strong_cubic, 1, FOURTH "damping: diagonal\n", SPRING "damping: diagonal\n"},
@@ -413,18 +422,19 @@ static void expect_lacking(size_t row, bool velocities, double noise, int digits
                  json_number(result.out, "expected_loss"), result.err);
 }
 
-TEST("forces that the model lacks are told where noise leaves them to be seen, and a right model never is") {
+TEST("forces that the model lacks are reported unless noise hides them; a right model is never reported") {
     static const struct {
         double noise;
         int digits;
-        bool seen; /* whatever is missing */
+        bool seen; /* every missing force must be reported */
     } kinds[] = {{0, 15, true}, {1e-6, 15, true},  {1e-4, 15, true},  {0, 6, true},      {0, 4, true},
                  {0, 3, false}, {1e-3, 15, false}, {1e-2, 15, false}, {0.05, 15, false}, {0, 2, false}};
     for (size_t row = 0; row < LG_COUNT(lacking); row++)
         for (size_t k = 0; k < LG_COUNT(kinds); k++)
             for (int velocities = 0; velocities < 2; velocities++) {
                 const double noise = kinds[k].noise;
-                /* of positions alone with so much noise some fits end elsewhere, with 30 times the loss */
+                /* from positions alone with so much noise, some fits end in another minimum with 30 times the
+                 * loss */
                 if (noise > 0.02 && velocities == 0) continue;
                 write_motion("motion.csv", lacking[row].of, velocities != 0, lacking[row].columns, noise,
                              kinds[k].digits, 1 + k);
@@ -433,9 +443,10 @@ TEST("forces that the model lacks are told where noise leaves them to be seen, a
             }
 }
 
-TEST("the sentence says how large the missing forces are, and numbers are further off than their errors") {
+TEST("the warning says how large the missing forces are, and that numbers may be wrong by more than "
+     "their errors") {
     double part[2];
-    for (size_t row = 0; row < 2; row++) { /* the second cubic spring is ten times the first one */
+    for (size_t row = 0; row < 2; row++) { /* the second cubic spring is ten times as strong as the first */
         write_motion("motion.csv", lacking[row].of, false, 1, 0, 15, 1);
         expect_lacking(row, false, 0, 15, true);
         const char *number = json_find(json_find(result.out, "identified"), "potential.x^2");
@@ -445,11 +456,12 @@ TEST("the sentence says how large the missing forces are, and numbers are furthe
         assert_non_null(about);
         part[row] = strtod(about + strlen("about "), NULL);
     }
-    assert_close(part[0], 0.4, 0.5, 0); /* .03 x^3 of 4 x, less what a linear spring takes; percent */
-    assert_close(part[1] / part[0], 10, 0.3, 0); /* the linear spring that is fitted differs, too */
+    /* percent: .03 x^3 relative to 4 x, minus the part that a linear spring fits */
+    assert_close(part[0], 0.4, 0.5, 0);
+    assert_close(part[1] / part[0], 10, 0.3, 0); /* the fitted linear spring differs too */
 }
 
-TEST("steps that are too long for a stiff machine are told, and do not excuse its loss") {
+TEST("steps that are too long for a stiff machine are reported, and do not excuse its large loss") {
     cli_write("stiff-scene.yaml", OSCILLATOR_COLUMNS
               "mass: {kind: known, values: [1]}\npotential: {kind: known, form: quadratic, of: "
               "x, values: [1000]}\ndamping: {kind: known, values: [300]}\n" MAP);
@@ -477,8 +489,7 @@ TEST("steps that are too long for a stiff machine are told, and do not excuse it
     "coordinates: [{name: d, kind: direction, columns: [x, y, z], velocity: [a, b, c]}]\n"                   \
     "mass: {kind: known, values: [1, 1, 1]}\n"
 
-TEST("the loss of a direction is the one that its noise leaves: anywhere, fast and slow, any starts and "
-     "windows") {
+TEST("the loss of a direction is what its noise explains: for any attitude, speed, starts and windows") {
     static const struct {
         double position, velocity; /* noise */
         const char *spread, *options;
@@ -514,7 +525,7 @@ TEST("the loss of a direction is the one that its noise leaves: anywhere, fast a
         }
 }
 
-TEST("noise of positions counts however far the machine travels") {
+TEST("noise of positions is taken into account however far the machine travels") {
     cli_write("sledge.yaml", OSCILLATOR_COLUMNS "mass: {kind: known, values: [2]}\n"
                                                 "damping: {kind: known, values: [0.1]}\n"
                                                 "input_map: {kind: known, values: [[1]]}\n");
@@ -562,7 +573,7 @@ TEST("logs without accelerations are refused: at rest, and with constant velocit
     }
 }
 
-TEST("a free mass with a free input map is fitted in a gauge that is told") {
+TEST("if mass and input map are both free, one factor is fixed by a convention (gauge) that is reported") {
     cli_write("free.yaml", OSCILLATOR_COLUMNS "mass: diagonal\npotential: {kind: quadratic, of: x}\n"
                                               "damping: diagonal\ninput_map: constant\n");
     cli_json(identify, "fit free.yaml train.csv --out m.h5", "loss <1e-8, gauge \"");
@@ -574,14 +585,14 @@ TEST("a free mass with a free input map is fitted in a gauge that is told") {
     assert_close(json_number(json_find(numbers, "damping.x"), "value"), 0.15, 1e-4, 0);
 }
 
-/* ---- machines of a named system ---- */
+/* ---- machines given as named systems ---- */
 
 #define TOP_COLUMNS                                                                                          \
     "columns: {run: run}\ncoordinates:\n  - {name: top, kind: rotation, columns: [a, b, c, d], "             \
     "velocity: [wx, wy, wz]}\nsystem: heavy-top\n"
 
-TEST("generate and fit a heavy top by name: its numbers with errors, what the logs leave open, the model "
-     "predicts") {
+TEST("generate and fit a heavy top by name: numbers with errors, undetermined parameters, predictions of "
+     "the model") {
     static const struct {
         const char *name;
         double truth;
@@ -611,14 +622,15 @@ TEST("generate and fit a heavy top by name: its numbers with errors, what the lo
                      4 * error);
     }
     const char *correlations = json_find(result.out, "correlations");
-    assert_close(json_number(correlations, "chi2,chi3"), -1, 1e-3, 0); /* chi has length 1 */
+    assert_close(json_number(correlations, "chi2,chi3"), -1, 1e-3, 0); /* because chi has length 1 */
     cli_json(identify, "evaluate top.h5 shaken.csv --horizons 1", "");
     cli_run(identify, "predict top.h5 top.csv --out again.csv");
     cli_json(identify, "fit open.yaml shaken.csv --out open.h5", "loss <10, gauge \"nothing: learning left");
     assert_says(result.err, "m and L appear only as a product: give one of them as known");
     assert_null(strstr(result.err, "do not determine m"));
     cli_write("far.yaml", TOP_COLUMNS "parameters: {length: unknown, inertia: [0.3, unknown, unknown], chi: "
-                                      "unknown}\ndamping: diagonal\n"); /* of 15 kg */
+                                      /* the mass is not given, so it has its default, 15 kg */
+                                      "unknown}\ndamping: diagonal\n");
     cli_json(identify, "fit far.yaml top.csv --out far.h5", "loss <1e-8");
     numbers = json_find(result.out, "identified");
     assert_close(json_number(json_find(numbers, "L"), "value"), 0.25 * 0.8 / 15, 1e-6, 0);
@@ -627,7 +639,7 @@ TEST("generate and fit a heavy top by name: its numbers with errors, what the lo
     cli_expect(identify, "fit known.yaml top.csv --out k.h5", 2, "everything is known");
 }
 
-TEST("an oscillator of 5 mg is learned from masses and springs of 1") {
+TEST("an oscillator of 5 mg is learned from starting values of 1 for masses and springs") {
     cli_write("tiny.yaml", OSCILLATOR_COLUMNS
               "system: oscillator\nparameters: {mass: 5.0e-6, stiffness: 2.0e-3}\n"
               "damping: {kind: known, values: [1.0e-5]}\ninput_map: {kind: known, values: [[1]]}\n");
@@ -647,7 +659,7 @@ TEST("an oscillator of 5 mg is learned from masses and springs of 1") {
 
 /* ---- the demo ---- */
 
-TEST("the demo learns a body from a log and controls the true one with it") {
+TEST("the demo learns a body from a log and controls the true body with the model") {
     cli_run(identify, "demo --out shown --seconds 600 --epochs 40 --json");
     json_expect(result.out, "starts 20, arrived 20, potential <0.1");
     const char *numbers = json_find(result.out, "identified");

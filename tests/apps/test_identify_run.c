@@ -1,16 +1,16 @@
-/* lg-identify generate, predict, evaluate: against motions that are known in closed form.
+/* lg-identify generate, predict and evaluate, compared with motions that are known in closed form.
  * ctest-labels: apps/lg-identify src/machine */
 #include "identify_support.h"
 
 enum { ROOM = 4096 };
 
-/* x'' = -x, no input that matters */
+/* x'' = -x; the input has no effect */
 static const char unit_machine[] =
     "columns: {time: t, run: run}\ncoordinates:\n"
     "  - {name: x, kind: line, velocity: vx}\nmass: {kind: known, values: [1]}\n"
     "potential: {kind: quadratic, of: x}\n";
 
-/* Of the scene, with a network that has 321 weights. */
+/* The scene's machine with a network of 321 weights as potential. */
 static const char wide_machine[] =
     "columns: {time: t, run: run}\ncoordinates:\n  - {name: x, kind: line, velocity: vx}\n"
     "inputs: {columns: [u]}\nmass: diagonal\npotential: {kind: network, of: x}\n"
@@ -29,7 +29,7 @@ static const char body_machine[] =
     "inputs: {columns: [a, b, c]}\nmass: diagonal\npotential: {kind: linear, of: body.up}\n"
     "damping: diagonal\ninput_map: {kind: known, values: [[1,0,0],[0,1,0],[0,0,1]]}\n";
 
-/* Degrees, milliseconds, inputs that act two rows later. */
+/* A crane with degrees, milliseconds, and inputs that act two rows after they are logged. */
 #define CRANE                                                                                                \
     "columns: {time: ms, run: run}\ncoordinates:\n"                                                          \
     "  - {name: s, kind: angle, columns: deg, velocity: rate}\n"                                             \
@@ -62,13 +62,13 @@ static int setup(void **state) {
 
 /* ---- generate ---- */
 
-TEST("generated motions are those of the equations") {
+TEST("generated motions solve the equations of motion") {
     size_t rows;
     cli_run(identify, "generate scene.yaml --inputs none --runs 2 --t-end 5 --dt 0.05 --out free.csv");
     const double *t = column("free.csv", "t", &rows), *x = column("free.csv", "x", &rows),
                  *v = column("free.csv", "vx", &rows), *u = column("free.csv", "u", &rows);
     assert_int_equal(rows, 202);
-    /* x'' + 2 d x' + w^2 x = 0 with d = .075, w^2 = 2.5 */
+    /* The solution of x'' + 2 d x' + w^2 x = 0 with d = .075, w^2 = 2.5 is known. */
     const double d = 0.075, w = sqrt(2.5 - d * d);
     for (size_t i = 0; i < rows; i++) {
         const size_t start = i / 101 * 101;
@@ -81,7 +81,7 @@ TEST("generated motions are those of the equations") {
     assert_true(fabs(x[0] - x[101]) > 1e-3);
 }
 
-TEST("held inputs push as long as they are held") {
+TEST("an input acts exactly as long as it is held") {
     size_t rows;
     cli_write("pulse.csv", "t,run,u\n0,0,0\n1,0,3\n2,0,0\n3,0,0\n4,0,0\n");
     cli_write("mass.yaml", OSCILLATOR_COLUMNS "mass: {kind: known, values: [2]}\n"
@@ -97,7 +97,7 @@ TEST("held inputs push as long as they are held") {
     }
 }
 
-TEST("noise has the size that is asked for, the same seed gives the same bytes") {
+TEST("noise has the given size, and the same seed gives the same bytes") {
     size_t rows;
     double off = 0, slow = 0;
     char a[65536 * 2], b[65536 * 2];
@@ -116,7 +116,7 @@ TEST("noise has the size that is asked for, the same seed gives the same bytes")
     assert_close(sqrt(slow / (double)rows), 0.05, 0.08, 0);
 }
 
-TEST("steps are held, and inputs are within their amplitude") {
+TEST("inputs of the kind `steps` are constant for the given time and within their amplitude") {
     size_t rows, changes = 0;
     cli_run(identify, "generate scene.yaml --inputs steps:0.5 --amplitude 4 --runs 1 --out s.csv");
     const double *u = column("s.csv", "u", &rows);
@@ -130,7 +130,8 @@ TEST("steps are held, and inputs are within their amplitude") {
 
 /* ---- predict ---- */
 
-/* The predicted file is a log of the machine, with the times and inputs of the other one. */
+/* The predicted file must be a log of the machine with the same times and inputs as the given log. Columns
+ * `same` must be equal, columns `near` agree to `tolerance`. */
 static void expect_log(const char *yaml, const char *log, const char *predicted, const char *const *same,
                        const char *const *near, double tolerance) {
     size_t rows, more;
@@ -146,7 +147,7 @@ static void expect_log(const char *yaml, const char *log, const char *predicted,
     }
 }
 
-TEST("the CSV of predict reads back, in quaternions, with the inputs of the log") {
+TEST("the CSV that predict writes can be read as a log, with quaternions and the inputs of the given log") {
     cli_run(identify, "generate body-scene.yaml --runs 3 --t-end 3 --inputs steps --out train.csv");
     cli_run(identify, "generate body-scene.yaml --runs 2 --t-end 3 --seed 4 --out test.csv");
     cli_run(identify, "fit body.yaml train.csv --out body.h5");
@@ -157,7 +158,7 @@ TEST("the CSV of predict reads back, in quaternions, with the inputs of the log"
     assert_true(cli_exists("p.svg"));
 }
 
-TEST("predict scales columns back, and shifts delayed inputs back") {
+TEST("predict writes columns in the log's units, and inputs at the rows where they were logged") {
     size_t rows, more;
     cli_run(identify, "generate crane-scene.yaml --runs 2 --t-end 4 --amplitude 20 --out train.csv");
     cli_run(identify, "fit crane.yaml train.csv --out crane.h5");
@@ -167,18 +168,18 @@ TEST("predict scales columns back, and shifts delayed inputs back") {
     const double *ta = column("train.csv", "ms", &rows), *tb = column("p.csv", "ms", &more);
     const double *ua = column("train.csv", "u", &rows), *ub = column("p.csv", "u", &more);
     assert_int_equal(rows, 402);
-    assert_int_equal(more, 398); /* the first two rows of each run have no input */
+    assert_int_equal(more, 398); /* the first two rows of each run have no input yet */
     for (size_t i = 0; i < more; i++) {
         const size_t at = i + 2 + (i >= 199 ? 2 : 0);
         assert_close(tb[i], ta[at], 1e-12, 1e-9);
         assert_close(b[i], a[at], 0, 1e-3); /* degrees */
-        const bool known = i % 199 < 197;   /* what acts behind the end is not there */
+        const bool known = i % 199 < 197;   /* inputs that would act after the end are missing */
         assert_true(isnan(ub[i]) == !known);
         if (known) assert_close(ub[i], ua[at], 1e-12, 1e-12);
     }
 }
 
-TEST("runs begin at the row that is asked for, and gaps end them") {
+TEST("a prediction begins at the given row, and a gap ends it") {
     size_t rows;
     cli_run(identify, "generate scene.yaml --runs 3 --t-end 5 --noise 0 --out train.csv");
     cli_run(identify, "fit machine.yaml train.csv --out m.h5");
@@ -189,7 +190,8 @@ TEST("runs begin at the row that is asked for, and gaps end them") {
     cli_expect(identify, "predict m.h5 one.csv --start 200 --out p.csv", 2, "row 200");
 }
 
-TEST("bands of a prediction are as wide as its errors, and models without a covariance say so") {
+TEST("bands of a prediction are as wide as its errors; models without a covariance say that there are "
+     "none") {
     size_t rows, more;
     cli_run(identify, "generate scene.yaml --runs 4 --t-end 8 --noise 0.02 --out train.csv");
     cli_run(identify, "fit machine.yaml train.csv --out m.h5");
@@ -213,7 +215,7 @@ TEST("bands of a prediction are as wide as its errors, and models without a cova
     cli_expect(identify, "predict wide.h5 exact.csv --bands --out p.csv", 2, "more than 256");
 }
 
-TEST("predict and evaluate warn of columns that leave the training data, and of no others") {
+TEST("predict and evaluate warn of columns that leave the range of the training data, and of no others") {
     cli_run(identify, "generate scene.yaml --runs 4 --t-end 8 --out train.csv --start-spread 0.5");
     cli_run(identify, "fit machine.yaml train.csv --out m.h5");
     identify_run_quietly("predict m.h5 train.csv --out p.csv");
@@ -226,13 +228,13 @@ TEST("predict and evaluate warn of columns that leave the training data, and of 
     assert_says(result.err, "column vx goes to ");
 }
 
-/* ---- evaluate, against numbers computed here ---- */
+/* ---- evaluate, compared with errors that are computed here ---- */
 
 enum { POINTS = 201 };
 #define STEP 0.05
 #define OFF  0.01
 
-/* x = cos t, every other row but the first is logged OFF too high; v = -sin t. */
+/* A log of x = cos t, v = -sin t in which every second row, but not the first, has OFF added to x. */
 static void write_wrong(const char *name) {
     enum { SIZE = 1 << 15 };
     char *text = lg_test_memory(SIZE);
@@ -252,7 +254,7 @@ static void learn_unit(void) {
     cli_run(identify, "fit unit.yaml train.csv --out unit.h5 --substeps 4");
 }
 
-TEST("errors of free runs and of a machine that stands still are those computed here") {
+TEST("errors of free runs and of the guess that nothing moves agree with errors computed here") {
     double still = 0, moving = 0;
     learn_unit();
     write_wrong("wrong.csv");
@@ -270,7 +272,7 @@ TEST("errors of free runs and of a machine that stands still are those computed 
     }
     assert_close(json_number(json_find(horizon, "unchanged"), "line"), sqrt(still), 1e-9, 0);
     assert_close(json_number(json_find(horizon, "unchanged"), "velocity"), sqrt(moving), 1e-9, 0);
-    /* the machine is linear: the linear model's own fit to these logs is nearly as good */
+    /* The machine is linear, so the linear model that is fitted to these logs is nearly as good. */
     assert_true(json_number(json_find(horizon, "linear"), "line") < 0.02);
     double mean = 0;
     for (int i = 0; i < POINTS; i++) {
@@ -278,14 +280,14 @@ TEST("errors of free runs and of a machine that stands still are those computed 
         mean += log(off / sqrt((2 * x + off) * (2 * x + off) + v * v) + 1e-8) / POINTS;
     }
     assert_close(json_number(result.out, "relative"), exp(mean), 0.5,
-                 0); /* the rounding of rows without error */
+                 0); /* rows without an error have rounding errors */
     cli_expect(identify, "evaluate unit.h5 wrong.csv", 0, "free run");
 }
 
 TEST("relative errors are geometric means over time, then over parts") {
     learn_unit();
     write_wrong("wrong.csv");
-    /* all rows too high by a part that is far above rounding */
+    /* All rows are too high by a part that is far above rounding. */
     enum { SIZE = 1 << 15 };
     char *text = lg_test_memory(SIZE);
     size_t used = (size_t)snprintf(text, SIZE, "run,t,x,vx\n");
@@ -306,7 +308,7 @@ TEST("relative errors are geometric means over time, then over parts") {
     assert_null(json_find(result.out, "relative"));
 }
 
-TEST("the energy balance adds up, and finds the true change, work and damping") {
+TEST("the energy balance adds up, and has the true change, work and damping") {
     size_t rows;
     cli_run(identify, "generate scene.yaml --runs 1 --t-end 10 --out log.csv");
     cli_run(identify, "generate scene.yaml --runs 4 --t-end 10 --out train.csv --seed 2");
@@ -331,14 +333,14 @@ TEST("the energy balance adds up, and finds the true change, work and damping") 
     assert_true(cli_exists("e.svg"));
 }
 
-TEST("the noise of rows makes neighbouring residuals of one step opposite, a wrong model makes them alike") {
+TEST("noise makes neighbouring one-step residuals opposite, a wrong model makes them similar") {
     cli_run(identify, "generate scene.yaml --runs 4 --t-end 10 --out train.csv");
     cli_run(identify, "fit machine.yaml train.csv --out m.h5");
     cli_run(identify, "generate scene.yaml --runs 4 --t-end 10 --noise 0.02 --out noisy.csv");
     cli_json(identify, "evaluate m.h5 noisy.csv --horizons 1", "window_loss >0");
     const char *white = json_find(json_find(result.out, "whiteness"), "x");
     json_expect(white, "lag1 <-0.4, lag1 >-0.6, probability <1e-6, rms >0.02, rms <0.04");
-    /* twice the damping */
+    /* A model with twice the damping. */
     cli_write(
         "wrong.yaml", OSCILLATOR_COLUMNS
         "mass: {kind: known, values: [2]}\npotential: {kind: known, form: quadratic, of: x, values: [2.5]}\n"
@@ -348,7 +350,8 @@ TEST("the noise of rows makes neighbouring residuals of one step opposite, a wro
     json_expect(json_find(json_find(result.out, "whiteness"), "vx"), "lag1 >0.8, probability <1e-6");
 }
 
-TEST("the window loss is a mean over windows and points: of white noise, the residuals' of one step") {
+TEST("the window loss is a mean over windows and points; for white noise it equals the mean square of "
+     "one-step residuals") {
     cli_run(identify, "generate scene.yaml --runs 4 --t-end 10 --noise 0.01 --seed 7 --out noisy.csv");
     cli_json(identify, "evaluate m.h5 noisy.csv --horizons 1 --window 2", "window_loss >0");
     const double loss = json_number(result.out, "window_loss");
@@ -360,7 +363,7 @@ TEST("the window loss is a mean over windows and points: of white noise, the res
     assert_close(json_number(result.out, "window_loss"), loss, 0.2, 0);
 }
 
-TEST("with positions alone starts are estimated from 50 rows that are not scored") {
+TEST("with positions alone the starts are estimated from 50 rows, which are not scored") {
     cli_write("positions-scene.yaml",
               "columns: {time: t, run: run}\nmeasured: positions\ncoordinates:\n  - {name: x, kind: line}\n"
               "inputs: {columns: [u]}\nmass: {kind: known, values: [2]}\n"
@@ -385,7 +388,7 @@ TEST("with positions alone starts are estimated from 50 rows that are not scored
     cli_run(identify, "check positions.yaml p.csv");
 }
 
-TEST("a model that is no better than a simple guess is warned of") {
+TEST("a model that is no better than a simple guess causes a warning") {
     cli_write(
         "stiff.yaml", OSCILLATOR_COLUMNS
         "mass: {kind: known, values: [2]}\npotential: {kind: known, form: quadratic, of: x, values: [90]}\n"
@@ -400,10 +403,11 @@ TEST("a model that is no better than a simple guess is warned of") {
     assert_null(strstr(result.err, "at 2 s"));
 }
 
-TEST("a free run that is not finite is told, and none of its columns counts as white") {
+TEST("a free run that is not finite is reported, and none of its columns counts as white noise") {
     enum { SIZE = 1 << 15 };
     char *text = lg_test_memory(SIZE);
-    static const double starts[] = {0.02, 3}; /* x'' = 4 x^3: from 3 on it is at infinity after .2 s */
+    /* x'' = 4 x^3: from x = 3 the solution is infinite after .2 s */
+    static const double starts[] = {0.02, 3};
     static const char *const files[] = {"near.csv", "far.csv"};
     cli_write("quartic.yaml", "coordinates:\n  - {name: x, kind: line, velocity: vx}\n"
                               "mass: {kind: known, values: [1]}\ndamping: diagonal\npotential: {kind: known, "
@@ -428,7 +432,7 @@ TEST("a free run that is not finite is told, and none of its columns counts as w
     cli_expect(identify, "evaluate m.h5 far.csv", 0, "probability");
 }
 
-TEST("rows that estimate a start are not scored") {
+TEST("rows that were used to estimate a start are not scored") {
     enum { SIZE = 1 << 16 };
     char *text = lg_test_memory(SIZE);
     size_t used = (size_t)snprintf(text, SIZE, "run,t,x\n");
@@ -445,14 +449,15 @@ TEST("rows that estimate a start are not scored") {
     cli_run(identify, "fit still.yaml good.csv --out m.h5");
     cli_json(identify, "evaluate m.h5 bad.csv --horizons 1", "window_loss *");
     const double rms = json_number(json_find(result.out, "free_run"), "x");
-    assert_true(rms > 1e-4 && rms < 0.02); /* all rows: .063 */
+    assert_true(rms > 1e-4 && rms < 0.02); /* if all rows were scored: .063 */
 }
 
-TEST("angles are compared modulo turns") {
+TEST("angles are compared modulo full turns") {
     enum { SIZE = 1 << 16 };
     char *text = lg_test_memory(SIZE);
     size_t used = (size_t)snprintf(text, SIZE, "t,a\n");
-    for (int i = 0; i < 400; i++) { /* a'' = -.1 a' from a' = 1.5: two turns; wrapped */
+    /* a'' = -.1 a' from a' = 1.5 turns two times; the log has a in one turn */
+    for (int i = 0; i < 400; i++) {
         const double a = 15 * (1 - exp(-0.1 * STEP * i)), turn = 6.283185307179586;
         used +=
             (size_t)snprintf(text + used, SIZE - used, "%.17g,%.17g\n", STEP * i, a - turn * floor(a / turn));
@@ -466,7 +471,7 @@ TEST("angles are compared modulo turns") {
     json_expect(json_find(result.out, "free_run"), "a <1e-2");
 }
 
-/* A pose whose velocity is logged in space beside a direction; smooth inputs. */
+/* A pose whose velocity is logged in the inertial frame, and a direction; smooth inputs. */
 #define FERRY                                                                                                \
     "columns: {time: t, run: run}\ncoordinates:\n"                                                           \
     "  - {name: hull, kind: pose, position: [x, y, z], columns: [qw, qx, qy, qz], velocity: [vx, vy, vz],\n" \
@@ -475,7 +480,7 @@ TEST("angles are compared modulo turns") {
     "inputs: {columns: [f, s], hold: cubic}\n"                                                               \
     "input_map: {kind: known, values: [[1,0],[0,0],[0,1],[0,0],[0,1],[0.2,0],[1,0],[0,1],[0,0]]}\n"
 
-TEST("poses with velocities in space, directions and smooth inputs go through all commands") {
+TEST("poses with velocities in the inertial frame, directions and smooth inputs work with all commands") {
     cli_write("ferry-scene.yaml",
               FERRY "mass: {kind: known, values: [2, 2, 2, 0.5, 0.6, 0.3, 1, 1, 1]}\n"
                     "potential: {kind: known, form: linear, of: rod, values: [0, 0, 3]}\n");
@@ -495,7 +500,7 @@ TEST("poses with velocities in space, directions and smooth inputs go through al
                (const char *const[]){"x", "y", "z", "vx", "vy", "vz", "wx", "dx", "ay", NULL}, 1e-3);
 }
 
-/* Columns t, run, x, y, z, ...: the direction of one row is taken out. */
+/* Removes the direction from one row of a file with the columns t, run, x, y, z, .... */
 static void leave_out_direction(const char *name, size_t row) {
     enum { SIZE = 1 << 17 };
     char *text = lg_test_memory(SIZE), *cell = text;
@@ -509,7 +514,7 @@ static void leave_out_direction(const char *name, size_t row) {
     cli_write(name, text);
 }
 
-TEST("a direction that is missing in a row is left out of the errors of runs") {
+TEST("a row without its direction is not counted in the errors of runs") {
     static const char scene[] =
         "columns: {time: t, run: run}\n"
         "coordinates: [{name: d, kind: direction, columns: [x, y, z], velocity: [a, b, c]}]\n"

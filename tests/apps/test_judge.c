@@ -1,5 +1,5 @@
-/* The headline numbers of lg-hamiltonian (in LG_BIN_DIR), computed a second time: E1 and E2 of `evaluate`,
- * starts, noise and energies of `generate`, medians and geometric means of `study`.
+/* Computes the main results of lg-hamiltonian (in LG_BIN_DIR) a second time: E1 and E2 of `evaluate`; starts,
+ * noise and energies of `generate`; medians and geometric means of `study`.
  * ctest-labels: apps/lg-hamiltonian src/hamiltonian */
 #include "support/models.h"
 #include "cli_files.h"
@@ -11,7 +11,7 @@ static const char lg[] = "lg-hamiltonian";
 
 static const char chain1[] = "system: pendulum-chain\ngravity: 1\nmasses: [1]\nlengths: [1]\n";
 static const char chain2[] = "system: pendulum-chain\ngravity: 1\nmasses: [1, 1.3]\nlengths: [1, 0.8]\n";
-/* All u are near (2, 2, 2): p = q x u is then known to 1e-3. */
+/* All u are near (2, 2, 2), so p = q x u is known to 1e-3. */
 static const char chain_box[] = "system: pendulum-chain\ngravity: 1\nmasses: [1, 1]\nlengths: [1, 1]\n"
                                 "starts: { kind: box, low: 2, high: 2.0005 }\n";
 static const char oscillators_box[] =
@@ -64,7 +64,7 @@ static void learned_end(learned *self) {
     free(self->work);
 }
 
-/* Mean over trajectories, points (t = 0 included) and coordinates of the squared difference. */
+/* Mean of the squared difference over trajectories, points (with t = 0) and coordinates. */
 static double first_error(const lg_hamiltonian_file *file, const lg_trajectories *test) {
     const bool chain = test->family == &lg_hamiltonian_chain;
     const size_t size = test->points * test->state_dim;
@@ -90,7 +90,7 @@ static double first_error(const lg_hamiltonian_file *file, const lg_trajectories
     return sum / (double)(test->count * size);
 }
 
-/* Mean |d - mean d|, d = H - H_Theta at the starts. */
+/* Mean of |d - mean d|, where d = H - H_Theta at the starts. */
 static double second_error(const lg_hamiltonian_file *file, const lg_trajectories *test) {
     double d[64], mean = 0, sum = 0;
     learned self;
@@ -108,7 +108,7 @@ static double second_error(const lg_hamiltonian_file *file, const lg_trajectorie
     return sum / (double)test->count;
 }
 
-/* model.h5 learned in a few epochs, and test.h5. */
+/* Trains model.h5 for a few epochs, and writes test.h5. */
 static lg_hamiltonian_file *learn(const char *scene, const char *integrator, const char *noise) {
     char line[512];
     (void)snprintf(line, sizeof line, "%s --trajectories 24 --points 3 --t-end 0.2 --seed 4 --noise %s",
@@ -124,10 +124,10 @@ static lg_hamiltonian_file *learn(const char *scene, const char *integrator, con
     return cli_hamiltonian("model.h5");
 }
 
-TEST("E1 and E2 are those that are computed here") {
+TEST("E1 and E2 agree with those computed here") {
     static const char *const rows[][3] = {
         {"chain1.yaml", "cf4", "0"},         {"chain2.yaml", "lie-euler", "1e-2"},
-        {"chain1.yaml", "rkmk54", "0"},   /* a pair, without control of the step */
+        {"chain1.yaml", "rkmk54", "0"},   /* an embedded pair, used without step size control */
         {"oscillators.yaml", "cf4", "0"}, /* R^n is a Lie group too */
         {"oscillators.yaml", "rk4", "1e-2"},
     };
@@ -141,13 +141,13 @@ TEST("E1 and E2 are those that are computed here") {
     }
 }
 
-/* x_1, x_1 + L_2 q_2 and their velocities, for two links with masses 1, 1.3 and lengths 1, .8. p = M(q) v is
- * solved for the tangent vectors v by iteration. */
+/* The outputs that the relative error is computed from: x_1, x_1 + L_2 q_2 and their velocities, for two
+ * links with masses 1, 1.3 and lengths 1, .8. Iteration solves p = M(q) v for the tangent vectors v. */
 static void seen2(const double *y, double *z) {
     const double *q1 = y, *p1 = y + 3, *q2 = y + 6, *p2 = y + 9, length = 0.8;
     const double m11 = 2.3, m12 = 1.3 * 0.8, m22 = 1.3 * 0.64;
     double v1[3] = {0}, v2[3] = {0};
-    for (int round = 0; round < 400; round++) { /* the error shrinks by m12^2/(m11 m22) = .57 */
+    for (int round = 0; round < 400; round++) { /* the error shrinks by m12^2/(m11 m22) = .57 per round */
         double along1 = 0, along2 = 0;
         for (int c = 0; c < 3; c++) along1 += q1[c] * v2[c];
         for (int c = 0; c < 3; c++) v1[c] = (p1[c] - m12 * (v2[c] - along1 * q1[c])) / m11;
@@ -173,7 +173,7 @@ static const double *predicted2(const double *start) {
     return cli_trajectories("path.h5")->data;
 }
 
-TEST("relative errors are those of the masses' positions and velocities, computed here") {
+TEST("relative errors are those of the masses' positions and velocities, as computed here") {
     (void)learn("chain2.yaml", "cf4", "0");
     const lg_trajectories *test = cli_trajectories("test.h5");
     cli_json(lg, "evaluate model.h5 test.h5 --metric relative --tolerance 1e-12", "relative >0");
@@ -200,15 +200,16 @@ TEST("relative errors are those of the masses' positions and velocities, compute
     assert_close(worst, exp(largest), 1e-5, 0);
 }
 
-TEST("relative errors are of the state where nothing else is seen, and need the parameters of a chain") {
+TEST("relative errors use the state if a system has no other outputs; a chain's parameters must be known") {
     (void)learn("oscillators.yaml", "rk4", "0");
     lg_trajectories *test = cli_trajectories("test.h5");
     for (size_t i = 0; i < test->count;
-         i++) /* further points: predicted and given alike, but far too large */
+         i++) /* all points but the first; the predictions and the data are much larger than for the others */
         for (size_t k = 4; k < 16; k++) test->data[16 * i + k] = 1e6;
     write_data("far.h5", test);
     cli_json(lg, "evaluate model.h5 far.h5 --metric relative", "relative >0");
-    assert_close(json_number(result.out, "relative"), pow(1e-8, 0.25), 1e-4, 0); /* the others are 1 */
+    /* the errors at the other points are 1 */
+    assert_close(json_number(result.out, "relative"), pow(1e-8, 0.25), 1e-4, 0);
     cli_expect(lg, "evaluate model.h5 far.h5 --metric relative", 0, "relative  ");
     (void)learn("chain1.yaml", "cf4", "0");
     test = cli_trajectories("test.h5");
@@ -223,7 +224,7 @@ static void expect_not_finite(const char *name, const char *words, const char *m
     json_expect(result.out, members);
 }
 
-TEST("results that overflow are null and end with a sentence; an unknown E2 is no failure") {
+TEST("results that overflow are null and named in a message; an unknown E2 is no failure") {
     (void)learn("oscillators.yaml", "rk4", "1e-2");
     lg_trajectories *test = cli_trajectories("test.h5"), unknown = *test;
     const size_t last = test->points * test->state_dim - 1;
@@ -240,8 +241,8 @@ TEST("results that overflow are null and end with a sentence; an unknown E2 is n
     cli_json(lg, "evaluate model.h5 unknown.h5", "E2 null");
 }
 
-/* A flow that turns a million times between two points, as the flow of a badly learned model does. */
-TEST("the work of judging ends: a flow that needs too many steps is told") {
+/* A flow that turns a million times between two points, as a badly trained model's flow may. */
+TEST("judging does not run forever: a flow that needs too many steps is reported") {
     (void)learn("chain1.yaml", "cf4", "0");
     lg_trajectories *test = cli_trajectories("test.h5");
     for (size_t j = 0; j < test->points; j++) test->t[j] *= 1e7;
@@ -249,7 +250,7 @@ TEST("the work of judging ends: a flow that needs too many steps is told") {
     cli_expect(lg, "evaluate model.h5 long.h5", 4, "needs more than 28000 steps");
 }
 
-TEST("test data of another system is told") {
+TEST("test data of another system are reported") {
     (void)learn("oscillators.yaml", "rk4", "1e-2");
     lg_trajectories *test = cli_trajectories("test.h5");
     (void)snprintf(test->system, sizeof test->system, "quartic");
@@ -263,7 +264,7 @@ TEST("test data of another system is told") {
     assert_string_equal(result.err, "");
 }
 
-TEST("trajectories of too many points are refused") {
+TEST("trajectories with too many points are refused") {
     (void)generate("oscillators.yaml --trajectories 2 --points 513 --t-end 0.5", "long.h5");
     cli_expect(lg, "train long.h5 --integrator rk4 --epochs 1 --out m.h5", 3,
                "long.h5: /trajectories has 513 points");
@@ -277,7 +278,7 @@ static const double *point(const lg_trajectories *data, size_t i, size_t j) {
     return data->data + (i * data->points + j) * data->state_dim;
 }
 
-TEST("starts of a chain lie in the box that is asked for") {
+TEST("starts of a chain lie in the given box") {
     const lg_trajectories *data =
         generate("chain-box.yaml --trajectories 10 --points 3 --t-end 0.1 --noise 1e-2", "box.h5");
     for (size_t i = 0; i < data->count; i++)
@@ -288,7 +289,7 @@ TEST("starts of a chain lie in the box that is asked for") {
         }
 }
 
-/* H = (q1^2 + p1^2)/2 + p2^2/2 + q2^2/2 + q2^4/4, state q1 q2 p1 p2. */
+/* H = (q1^2 + p1^2)/2 + p2^2/2 + q2^2/2 + q2^4/4 for the state q1 q2 p1 p2. */
 static double oscillators_energy(const double *y) {
     return (y[0] * y[0] + y[2] * y[2] + y[3] * y[3] + y[1] * y[1]) / 2 + pow(y[1], 4) / 4;
 }
@@ -310,11 +311,11 @@ static void check_noise(const lg_trajectories *clean, const char *kind, double e
             sum += off * off;
         }
     }
-    /* 1280 numbers: the mean of their squares is within 20 percent */
+    /* With 1280 numbers the mean of their squares is within 20 percent. */
     assert_close(sum / (double)(clean->count * (clean->points - 1) * d), variance, 0.2, 0);
 }
 
-TEST("starts lie in the box, and the noise is of the size that is asked for") {
+TEST("starts lie in the box, and the noise has the given size") {
     const lg_trajectories *clean =
         generate("oscillators.yaml --trajectories 40 --points 9 --t-end 0.5", "clean.h5");
     for (size_t i = 0; i < clean->count; i++) {
@@ -355,7 +356,8 @@ static size_t read_rows(const char *name, row rows[ROWS]) {
     return n;
 }
 
-/* The rows of an integrator with this noise (eps < 0: all), measure k, in increasing order. */
+/* Collects measure k of the rows of an integrator with this noise (eps < 0: any noise), in increasing
+ * order. */
 static size_t pick(const row rows[ROWS], const char *integrator, double eps, int k, double out[ROWS]) {
     size_t n = 0;
     for (size_t i = 0; i < ROWS; i++) {
@@ -373,7 +375,7 @@ static double geometric(const double *values, size_t n) {
     return product;
 }
 
-/* Objects of the list `key`: each with its own integrator and, where it has one, noise. */
+/* Checks the objects of the list `key`. Each has its own integrator and, in some lists, its own noise. */
 static int check_list(const char *key, const row rows[ROWS], double eps, size_t expected, bool median) {
     int count = 0;
     const char *s = json_find(result.out, key);
@@ -396,7 +398,7 @@ static int check_list(const char *key, const row rows[ROWS], double eps, size_t 
     return count;
 }
 
-TEST("a study judges each of its models") {
+TEST("the results of a study agree with judging each of its models") {
     static const char *const names[] = {"cf4", "euler"};
     row rows[ROWS];
     double values[ROWS];
@@ -422,13 +424,14 @@ TEST("a study judges each of its models") {
 
 /* ---- data that no Hamiltonian explains ---- */
 
-/* Momenta lose `loss` of themselves from point to point. */
+/* Momenta decrease by the part `loss` from point to point. */
 static void damp(lg_trajectories *data, double loss) {
     for (size_t i = 0; i < data->count * data->points; i++)
         for (size_t k = 3; k < 6; k++) data->data[i * 6 + k] *= pow(1.0 - loss, (double)(i % data->points));
 }
 
-TEST("training says that damped data are not conservative, and says nothing of others, noisy or not") {
+TEST("training reports that damped data are not conservative, and does not report other data, noisy or "
+     "not") {
     static const struct {
         const char *generate;
         double loss;
@@ -446,13 +449,13 @@ TEST("training says that damped data are not conservative, and says nothing of o
     }
 }
 
-/* Momenta times `by`, the times as they are: another mass. */
+/* Multiplies momenta by `by` and keeps the times: data of a system with another mass. */
 static void change_mass(lg_trajectories *data, double by) {
     for (size_t i = 0; i < data->count * data->points; i++)
         for (size_t k = 3; k < 6; k++) data->data[i * 6 + k] *= by;
 }
 
-TEST("exact data are not called damped where the model has not learned them, and in no unit") {
+TEST("exact data are not called damped where the model has not learned them yet, in any units") {
     static const struct {
         double mass, t_end;
         const char *options;
@@ -460,7 +463,7 @@ TEST("exact data are not called damped where the model has not learned them, and
     } rows[] = {{1.0, 0.1, "--epochs 3", 0},
                 {1.0, 0.1, "--epochs 8", 0},
                 {1.0, 0.1, "--preset thesis --epochs 3", 0},
-                {1.0, 1.0, "--epochs 2", 0}, /* most is explained, but the loss still falls */
+                {1.0, 1.0, "--epochs 2", 0}, /* most of the data is explained, but the loss still falls */
                 {1.0, 1.0, "--preset thesis --lr 1e-3 --epochs 8", 0},
                 {1.0, 1.0, "--preset thesis --lr 1e-9 --epochs 20", 0}, /* nothing is explained */
                 {1.0, 1.0, "--preset thesis --lr 2e-5 --epochs 40", 0}, /* little is explained */
@@ -483,8 +486,8 @@ TEST("exact data are not called damped where the model has not learned them, and
     }
 }
 
-/* Trajectory i is trajectory i modulo `kinds`; with `rest`, all its points are the first one, without
- * momentum. */
+/* Replaces trajectory i by trajectory i modulo `kinds`. With `rest` all points of a trajectory become its
+ * first point with momentum 0. */
 static void repeat(lg_trajectories *data, size_t kinds, bool rest) {
     const size_t size = data->points * 6;
     for (size_t i = 0; i < data->count; i++)
@@ -493,7 +496,7 @@ static void repeat(lg_trajectories *data, size_t kinds, bool rest) {
         data->data[i] = i % 6 < 3 ? data->data[i / size * size + i % 6] : 0.0;
 }
 
-TEST("trajectories that repeat each other and data at rest are told as what they are") {
+TEST("trajectories that repeat each other, and data at rest, are reported as such") {
     static const struct {
         size_t kinds;
         bool rest;
@@ -514,7 +517,7 @@ TEST("trajectories that repeat each other and data at rest are told as what they
     }
 }
 
-/* q'' = -4 q - c q' from the starts of the data. */
+/* Solutions of q'' = -4 q - c q' from the starts of the data. */
 static void make_damped(lg_trajectories *data, double c) {
     const double rate = c / 2, square = 4 - rate * rate, w = sqrt(fabs(square));
     for (size_t i = 0; i < data->count; i++) {
@@ -529,8 +532,8 @@ static void make_damped(lg_trajectories *data, double c) {
     }
 }
 
-TEST("sixty trajectories of varied energies show that an oscillator is damped, and are silent on one that is "
-     "not") {
+TEST("sixty trajectories of different energies show that an oscillator is damped, and an undamped one is "
+     "not reported") {
     static const struct {
         double c;
         int epochs;
@@ -546,17 +549,18 @@ TEST("sixty trajectories of varied energies show that an oscillator is damped, a
                    "parameters");
         const bool told = strstr(result.err, "not conservative") != NULL;
         const bool unexplained = strstr(result.err, "does not explain") != NULL;
-        assert_int_equal(told || (rows[i].c > 4 && unexplained), rows[i].c > 0); /* hardly a turn is left */
+        /* with this damping hardly one turn is left, so the other message is right too */
+        assert_int_equal(told || (rows[i].c > 4 && unexplained), rows[i].c > 0);
     }
 }
 
-TEST("a model is not judged at a peak of the loss") {
+TEST("a warning does not come from a peak of the loss") {
     (void)generate("chain1.yaml --trajectories 60 --points 9 --t-end 2 --noise 0.03 --seed 2", "peak.h5");
     cli_expect(lg, "train peak.h5 --out peak-model.h5 --preset thesis --epochs 40", 0, "");
     assert_null(strstr(result.err, "not conservative"));
 }
 
-TEST("the error of a scheme is not taken for friction") {
+TEST("the error of an integration scheme is not taken for friction") {
     static const char *const schemes[] = {"euler", "symplectic-euler", "lie-euler"};
     (void)generate("oscillator.yaml --trajectories 60 --points 11 --t-end 2 --seed 3", "scheme.h5");
     for (size_t i = 0; i < LG_COUNT(schemes); i++) {
@@ -569,7 +573,8 @@ TEST("the error of a scheme is not taken for friction") {
     }
 }
 
-/* Trajectory i is a e^(-ct) (cos t, 0, -sin t, 0), a from .5 to 1.5: one of two oscillators rests. */
+/* Trajectory i is a e^(-ct) (cos t, 0, -sin t, 0) with a from .5 to 1.5: the second of two oscillators is at
+ * rest. */
 static void turn_and_shrink(lg_trajectories *data, double c) {
     for (size_t i = 0; i < data->count; i++)
         for (size_t j = 0; j < data->points; j++) {
@@ -579,9 +584,10 @@ static void turn_and_shrink(lg_trajectories *data, double c) {
         }
 }
 
-/* Starts on one ray, and no trajectory comes where another one has been: a Hamiltonian whose energy does not
- * change along them goes through all states, at wrong times. */
-TEST("friction is told where the learned energy does not show it, and noise is not taken for friction") {
+/* All starts lie on one ray, and no trajectory passes where another one has been. A Hamiltonian whose energy
+ * is constant along the trajectories could therefore pass through all states, only at wrong times. */
+TEST("friction is reported even where the learned energy does not show it, and noise is not taken for "
+     "friction") {
     static const struct {
         double friction, noise;
         bool told;
@@ -600,7 +606,7 @@ TEST("friction is told where the learned energy does not show it, and noise is n
     }
 }
 
-TEST("training says as what it takes data of a system that it does not know") {
+TEST("training reports how it interprets data of a system that it does not know") {
     lg_trajectories *data =
         generate("oscillator.yaml --trajectories 8 --points 3 --t-end 0.3 --seed 3", "known.h5");
     cli_expect(lg, "train known.h5 --out m.h5 --epochs 1", 0, "");
@@ -611,7 +617,7 @@ TEST("training says as what it takes data of a system that it does not know") {
     assert_says(result.err, "no system is called 'oscilator': by its layout");
 }
 
-TEST("training says that there are fewer numbers than parameters, with the trajectories that would do") {
+TEST("training warns of fewer numbers than parameters, and says how many trajectories would be enough") {
     lg_trajectories *data =
         generate("chain1.yaml --trajectories 4 --points 5 --t-end 0.4 --seed 2", "few.h5");
     assert_int_equal(data->count, 4);

@@ -1,4 +1,4 @@
-/* lg-learn: what it does with a recipe is what the program of this recipe does.
+/* lg-learn must do the same with a recipe as the recipe's own program.
  * ctest-labels: apps/lg-learn apps/common src/model src/table */
 #include "cli_files.h"
 #include "identify_support.h"
@@ -12,13 +12,13 @@ static const char learn[] = "lg-learn";
 #define SENSOR "1,2,1,0,-1,-2,-1,0,1,2,3,2,1,0,-1,-2,-3,-2,-1,0"
 #define WINDOW SENSOR "," SENSOR "," SENSOR "," SENSOR "," SENSOR "," SENSOR
 
-/* Recipes that are learned: another program's data (NULL: a table), options of train that end soon, a range
- * of a search. */
+/* Recipes with learned models: `generate` makes the data with the program (NULL: the data are a table),
+ * `train` are options of a short training, `range` is a range of a search. */
 static const struct learned {
     const char *recipe, *program, *generate, *train, *range;
-    const char *initial;  /* of a prediction */
-    const char *command;  /* of the program, that trains */
-    const char *training; /* data of a training */
+    const char *initial;  /* --initial of a prediction */
+    const char *command;  /* the program's command that trains */
+    const char *training; /* files of training data */
 } rows[] = {
     {"hamiltonian", "lg-hamiltonian", "generate " LG_TEST_DIR "/../scenes/pendulum.yaml --trajectories 20",
      "--method adam --hidden 6 --epochs 20", "hidden: {integer: [4, 8]}", "1,0,0,0,0.5,0", "train",
@@ -47,7 +47,7 @@ static lg_model_file *load(const char *name) {
     return own_lg_model_file(file);
 }
 
-/* y = sin a + b^2, with an error */
+/* y = sin a + b^2 + error */
 static void make_table(void) {
     const char *text = "a,b,y\n";
     for (int i = 0; i < 60; i++) {
@@ -64,7 +64,7 @@ static void make_data(const struct learned *row) {
         cli_expect(row->program, test_text("%s --out data.h5", row->generate), 0, "");
 }
 
-TEST("lg-learn lists the recipes that have a program of their own, and maybe others") {
+TEST("lg-learn lists all recipes that also have their own program") {
     cli_expect(learn, "list --json", 0, "\"recipes\"");
     size_t found = 0;
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
@@ -75,7 +75,7 @@ TEST("lg-learn lists the recipes that have a program of their own, and maybe oth
     assert_true(found >= LG_COUNT(rows));
 }
 
-TEST("train finds the parameters that the recipe's program finds, to the last bit") {
+TEST("train finds the same bits as the recipe's own program") {
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         const struct learned *row = &rows[i];
         make_data(row);
@@ -96,7 +96,7 @@ TEST("train finds the parameters that the recipe's program finds, to the last bi
     }
 }
 
-TEST("a training that is stopped goes on to the same loss") {
+TEST("training that is stopped and resumed reaches the same loss") {
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         const struct learned *row = &rows[i];
         make_data(row);
@@ -109,7 +109,7 @@ TEST("a training that is stopped goes on to the same loss") {
     }
 }
 
-TEST("evaluate, search and predict take what they do from the file and the recipe") {
+TEST("evaluate, search and predict work from the file and the recipe alone") {
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         const struct learned *row = &rows[i];
         make_data(row);
@@ -127,7 +127,7 @@ TEST("evaluate, search and predict take what they do from the file and the recip
     }
 }
 
-TEST("a detector is judged on the windows that its program judges") {
+TEST("a detector is judged on the same windows as by its program") {
     const struct learned *row = row_of("detector");
     make_data(row);
     cli_expect(learn, test_text("train data.h5 --recipe detector %s --out m.h5", row->train), 0, "");
@@ -138,7 +138,7 @@ TEST("a detector is judged on the windows that its program judges") {
     assert_close(json_number(result.out, "auc"), auc, 0, 0);
 }
 
-TEST("a machine is judged as lg-identify judges it: windows of its length, and runs of a second") {
+TEST("a machine is judged as by lg-identify: windows of its length, and runs of a second") {
     static const char *const errors[] = {"window_loss", "line", "velocity"};
     double theirs[LG_COUNT(errors)];
     make_data(row_of("machine_model"));

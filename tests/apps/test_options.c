@@ -1,7 +1,8 @@
-/* One name, one meaning: the options of all commands of all programs, as --help tells them. */
+/* Checks that an option has the same meaning in all commands of all programs. Reads the options from
+ * --help. */
 #include "cli_support.h"
 
-/* Names whose unit or sentence differs from command to command, and why. */
+/* Options whose unit or description differs between commands, and why. */
 static const char *const meanings[][2] = {
     {"activation", "of hidden layers, or between layers and of all layers of a cnn"},
     {"batch", "its samples are trajectories, curves, windows, rows"},
@@ -44,7 +45,7 @@ static const char *const meanings[][2] = {
     {"window", "seconds of a feed, rows of a log"},
 };
 
-/* Names with one sentence, and a default or range of each command. */
+/* Options with one description whose default or range differs between commands. */
 static const char *const defaults[][2] = {
     {"adam-eps", "presets"},
     {"clip", "presets"},
@@ -71,7 +72,7 @@ typedef struct option {
 static option all[512];
 static size_t count;
 
-/* "Learning rate of Adam (above 0 to 1000; default 1e-2)" into its two parts. */
+/* Splits "Learning rate of Adam (above 0 to 1000; default 1e-2)" into its two parts. */
 static void split(const char *text, option *out) {
     const size_t length = strlen(text);
     size_t at = length;
@@ -91,7 +92,7 @@ static void add(const option *found) {
     all[i].defaults = all[i].defaults || strcmp(all[i].rest, found->rest) != 0;
 }
 
-/* Options of one command; "Commands:" ends the help of a program that has some. */
+/* Reads the options of one command. "Commands:" ends the help of a program that has commands. */
 static void read_options(char *help) {
     char *save = NULL, *end = strstr(help, "Common options:");
     assert_non_null(end);
@@ -126,7 +127,7 @@ static void read_program(const char *program) {
     }
 }
 
-/* The table is that of the names that differ, no more and no fewer. */
+/* The table must list exactly the options that differ. */
 static void expect_table(const char *what, const char *const (*table)[2], size_t rows, bool meaning) {
     size_t differ = 0;
     for (size_t i = 0; i < count; i++) {

@@ -1,6 +1,6 @@
-/* Command lines that executables refuse: exit code, a message that begins with the program's name and holds
- * the words, nothing on standard output, no file. Then files whose text is wrong, each with the command that
- * reads it.
+/* Command lines that executables must refuse: exit code, a message that begins with the program's name and
+ * contains the given words, nothing on standard output, no new file. Then files whose text is wrong, each
+ * with the command that reads it.
  * ctest-labels: apps/common src/settings */
 #include "cli_support.h"
 
@@ -12,8 +12,9 @@
 #include "liegrad/random.h"
 #include "liegrad/series.h"
 
-/* Words in braces in a line are taken in turn, and each stands for % in `words`. A word `--option=x` is
- * `--option x` in the line and `x` in `words`; NULL as `words` is `--option: 'x'`. */
+/* A line may have words in braces; the line is run with each of these words, which also replaces % in
+ * `words`. A word `--option=x` becomes `--option x` in the line and `x` in `words`. If `words` is NULL, the
+ * message must contain `--option: 'x'`. */
 typedef struct refusal {
     const char *line;
     int code;
@@ -26,7 +27,7 @@ static void run(const char *program, const char *const *lines, size_t count) {
 #define RUN(program, ...)                                                                                    \
     run(program, (const char *const[]){__VA_ARGS__}, LG_COUNT(((const char *const[]){__VA_ARGS__})))
 
-/* A number of a data set becomes another one. */
+/* Overwrites one number of a data set. */
 static void spoil(const char *name, const char *set_name, size_t index, double value) {
     static double data[16384];
     const hid_t file = H5Fopen(cli_at(name), H5F_ACC_RDWR, H5P_DEFAULT);
@@ -38,7 +39,7 @@ static void spoil(const char *name, const char *set_name, size_t index, double v
     assert_true(H5Dclose(set) >= 0 && H5Fclose(file) >= 0);
 }
 
-/* A file with nothing but its kind. */
+/* Makes a file that has only its kind. */
 static void make_kind(const char *name, const char *kind) {
     lg_file_writer *writer;
     assert_ok(lg_file_writer_create(NULL, cli_at(name), kind, NULL, &writer, NULL));
@@ -46,12 +47,12 @@ static void make_kind(const char *name, const char *kind) {
     lg_file_writer_destroy(writer);
 }
 
-/* `with` for the bytes from..to-1 of `text`. */
+/* Copies `text` to `out` with the bytes from..to-1 replaced by `with`. */
 static void replace(const char *text, size_t from, size_t to, const char *with, char *out, size_t size) {
     (void)snprintf(out, size, "%.*s%s%s", (int)from, text, with, text + to);
 }
 
-/* The row with this word for its braces, which are the bytes from..to-1 of its line. */
+/* Runs the row with `word` in place of its braces, which are the bytes from..to-1 of its line. */
 static void refuse(const char *program, const refusal *row, size_t from, size_t to, const char *word) {
     char line[1024], words[256], argument[128];
     const size_t equals = strncmp(word, "--", 2) == 0 ? strcspn(word, "=") : 0;
@@ -83,7 +84,7 @@ static void refuse_row(const char *program, const refusal *row) {
         refuse(program, row, from, to + 1, word);
 }
 
-/* All rows; then the folder holds what it held before. */
+/* Runs all rows. The folder must have as many files as before. */
 static void refuse_all(const char *program, const refusal *rows, size_t count) {
     const int before = cli_count_files("");
     for (size_t i = 0; i < count; i++) refuse_row(program, &rows[i]);
@@ -91,7 +92,8 @@ static void refuse_all(const char *program, const refusal *rows, size_t count) {
 }
 #define REFUSE(program, rows) refuse_all(program, rows, LG_COUNT(rows))
 
-/* bad.yaml with the first text makes `line` end with code 3, its name and the second text. */
+/* For each row: `line` must end with code 3 when bad.yaml has the first text; the message must contain the
+ * file's name and the second text. */
 static void refuse_texts(const char *program, const char *line, const char *const (*rows)[2], size_t count) {
     for (size_t i = 0; i < count; i++) {
         cli_write("bad.yaml", rows[i][0]);
@@ -188,7 +190,7 @@ static const refusal hamiltonian[] = {
     {"demo --out scene.yaml", 3, "scene.yaml"},
 };
 
-TEST("lg-hamiltonian refuses with exit code and word, and writes nothing") {
+TEST("lg-hamiltonian refuses wrong command lines and files with exit code and message, and writes nothing") {
     cli_test_folder();
     cli_write("scene.yaml", "system: pendulum-chain\ngravity: 1\nmasses: [1]\nlengths: [1]\n");
     cli_write("start.yaml",
@@ -214,7 +216,7 @@ TEST("lg-hamiltonian refuses with exit code and word, and writes nothing") {
     static const char *const scenes[][2] = {
         {"system: pendulum-chain\nmasses: [1]\nlengths: [1]\nmasses: [2]\ngravity: 1\n", "line 4"},
         {"system: [pendulum-chain\n", "bad.yaml"},
-    }; /* the others: test_scene_files */
+    }; /* test_scene_files has the others */
     refuse_texts("lg-hamiltonian", "generate bad.yaml --out d.h5", scenes, LG_COUNT(scenes));
 }
 #undef TRAIN
@@ -331,7 +333,7 @@ static const refusal elastica[] = {
      2, NULL},
 };
 
-/* Ranges of a search that train would not take: each with the line that is wrong. */
+/* Ranges of a search that train would refuse, each with the line that is wrong. */
 static const char *const elastica_ranges[][2] = {
     {"fixed: {bogus: 1}\nranges:\n  layers: {integer: [0, 4]}\n",
      "line 1: 'bogus' is not an option of train"},
@@ -352,7 +354,7 @@ static const char *const elastica_ranges[][2] = {
      "line 3: 'gamma' is not an option of --network angle"},
 };
 
-TEST("lg-elastica refuses with exit code and word, and writes nothing") {
+TEST("lg-elastica refuses wrong command lines and files with exit code and message, and writes nothing") {
     cli_test_folder();
     cli_write("ranges.yaml", "fixed: {network: discrete}\nranges:\n  layers: {integer: [0, 2]}\n");
     RUN("lg-elastica", "generate --case both-ends --count 40 --intervals 10 --out data.h5",
@@ -394,7 +396,7 @@ TEST("lg-elastica refuses with exit code and word, and writes nothing") {
 #define TRAIN "train data.h5 --out m.h5 "
 #define WATCH "watch tree.h5 --input feed.csv "
 
-/* Noise of standard deviation 1 + 3 c about 2 c in class c. */
+/* Windows of class c are normal noise of mean 2 c and standard deviation 1 + 3 c. */
 static void write_series(const char *name, size_t count, uint32_t channels, uint32_t length,
                          uint32_t classes) {
     lg_series_data data = {.noise = NAN, .severity = NAN};
@@ -508,7 +510,7 @@ static const char *const anomaly_ranges[][2] = {
     {"fixed: {method: tree}\nranges:\n  plane: {integer: [0, 4]}\n", "line 1: 'method' can only be"},
 };
 
-TEST("lg-anomaly refuses with exit code and word, and writes nothing") {
+TEST("lg-anomaly refuses wrong command lines and files with exit code and message, and writes nothing") {
     cli_test_folder();
     cli_write("ranges.yaml", "fixed: {epochs: 1}\nranges:\n  plane: {integer: [0, 3]}\n");
     cli_write("feed.csv", "1,2,3,4,5,6\n");
@@ -612,7 +614,7 @@ static const refusal simulate[] = {
     {"chain.yaml --method euler --steps 40 --t-end 1e6", 4, "not finite"},
 };
 
-/* More stages than there may be. */
+/* A scheme with more stages than the limit. */
 #define TEXT_OF(x) #x
 #define TEXT(x)    TEXT_OF(x)
 #define MANY       "0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01"
@@ -648,7 +650,7 @@ static const char *const schemes[][2] = {
     {"[", "bad.yaml: line"},
 };
 
-TEST("lg-simulate refuses with exit code and word, and writes nothing") {
+TEST("lg-simulate refuses wrong command lines and files with exit code and message, and writes nothing") {
     cli_test_folder();
     cli_write("oscillator.yaml", "system: oscillator\ninitial: {q: 0.6, p: -0.8}\nt_end: 3\n");
     cli_write("no-end.yaml", "system: oscillator\ninitial: {q: 0.6, p: -0.8}\n");
@@ -677,7 +679,7 @@ TEST("lg-simulate refuses with exit code and word, and writes nothing") {
 
 /* ---- lg-fit ---- */
 
-/* Tables whose text is wrong: test_fit_cli. */
+/* test_fit_cli has tables whose text is wrong. */
 static const refusal fit[] = {
     {"train", 2, "missing argument"},
     {"train x.csv", 2, "--out FILE is missing"},
@@ -697,7 +699,7 @@ static const refusal fit[] = {
     {"import x.csv", 2, "--out MODEL.h5 is missing"},
 };
 
-TEST("lg-fit refuses with exit code and word, and writes nothing") {
+TEST("lg-fit refuses wrong command lines and files with exit code and message, and writes nothing") {
     cli_test_folder();
     cli_write("x.csv", "a,y\n1,2\n2,3\n3,5\n");
     cli_write("k.csv", "a,k\n1,x\n2,y\n3,x\n4,y\n");
@@ -728,7 +730,7 @@ static const refusal identify[] = {
     {"generate driven.yaml --out g.csv --amplitude 1,2", 2, "--amplitude: 2 numbers"},
 };
 
-TEST("lg-identify refuses with exit code and word, and writes nothing") {
+TEST("lg-identify refuses wrong command lines and files with exit code and message, and writes nothing") {
     static const char line[] = "coordinates:\n  - {name: x, kind: line, velocity: v}\n";
     static const char known[] = "mass: {kind: known, values: [1]}\n";
     cli_test_folder();
@@ -764,7 +766,7 @@ static const refusal learn[] = {
      "still.h5 does not move"},
 };
 
-TEST("lg-learn refuses with exit code and word, and writes nothing") {
+TEST("lg-learn refuses wrong command lines and files with exit code and message, and writes nothing") {
     cli_test_folder();
     cli_link(LG_TEST_DIR "/format_1/chain.h5", "model.h5");
     cli_link(LG_TEST_DIR "/format_1/program.h5", "program.h5");
@@ -816,7 +818,7 @@ static const refusal export[] = {
     {"pendulum.h5 --out {/dev/null /proc/o dangling}", 3, "%"},
 };
 
-TEST("lg-export refuses with exit code and word, and writes nothing") {
+TEST("lg-export refuses wrong command lines and files with exit code and message, and writes nothing") {
     cli_test_folder();
     cli_write("scene.yaml", "system: pendulum-chain\ngravity: 1\nmasses: [1]\nlengths: [1]\n");
     cli_write("bad.yaml", "kind: rkmk\norder: 3\na: [[], [1/2], [-1, 2]]\nb: [1/6, 2/3]\n");
@@ -848,7 +850,7 @@ static const refusal bench[] = {
     {"hamiltonian-quartic --weights set.weights --out set", 2, "--out: set.weights is an input of --weights"},
 };
 
-TEST("lg-bench refuses with exit code and word, and writes nothing") {
+TEST("lg-bench refuses wrong command lines and files with exit code and message, and writes nothing") {
     cli_test_folder();
     cli_write("scene.yaml", "no weights\n");
     cli_write("set.weights", "");

@@ -1,14 +1,15 @@
-/* What the executables that train have in common: help, the same bits for the same seed, Ctrl-C, resumption,
+/* What all programs that train have in common: help, equal bits for equal seeds, Ctrl-C, resumption,
  * searches, full disks.
  * ctest-labels: apps/common src/settings */
 #include "cli_support.h"
 
 #include "liegrad/io.h"
 
-/* Data are NAME.h5, other data NAME-2.h5. */
+/* The data are NAME.h5, other data NAME-2.h5. */
 static const struct trainer {
     const char *program, *name, *generate, *generate_other, *options;
-    const char *resumed;     /* members of the resumed run's object: options are the checkpoint's */
+    /* JSON members that the resumed run must print; its options come from the checkpoint */
+    const char *resumed;
     const char *not_resumed; /* options that a resumed run refuses */
 } trainers[] = {
     {"lg-hamiltonian", "chain", "generate scene.yaml --trajectories 40 --points 4 --t-end 0.1 --seed 5",
@@ -40,7 +41,7 @@ static int setup(void **state) {
     return 0;
 }
 
-TEST("every command has help, every executable a version") {
+TEST("every command has help, every program prints its version") {
     static const struct {
         const char *program, *commands, *words;
     } rows[] = {
@@ -75,7 +76,7 @@ static void load(const char *name, lg_model_file *file, const double **theta, si
     assert_ok(lg_model_load(NULL, cli_at(name), NULL, file, NULL));
     *count = lg_model_parameters(file->model);
     lg_slice_info slice;
-    assert_true(lg_model_file_slice(file, 0, &slice, theta)); /* the first part: theta begins there */
+    assert_true(lg_model_file_slice(file, 0, &slice, theta)); /* the first slice: theta begins there */
 }
 
 static void expect_weights(const char *a, const char *b, bool same) {
@@ -90,7 +91,7 @@ static void expect_weights(const char *a, const char *b, bool same) {
     for (int i = 0; i < 2; i++) lg_model_file_destroy(&files[i]);
 }
 
-/* Each of the options is named in the message. */
+/* A resumed run must refuse each of these options, and name it in the message. */
 static void expect_not_resumed(const struct trainer *t) {
     char list[256], line[256], *save = NULL;
     (void)snprintf(list, sizeof list, "%s", t->not_resumed);
@@ -106,8 +107,8 @@ static void expect_not_resumed(const struct trainer *t) {
     assert_false(cli_exists("r.h5"));
 }
 
-TEST("the same seed gives the same bits on any threads, in one run or resumed, and another seed gives "
-     "others") {
+TEST("the same seed gives the same bits with any number of threads, in one run or resumed; another seed "
+     "gives other bits") {
     for (const struct trainer *t = trainers; t < trainers + LG_COUNT(trainers); t++) {
         char line[256];
         cli_run(t->program, "train %s.h5 %s --epochs 6 --threads 1 --seed 4 --out one.h5", t->name,
@@ -129,7 +130,7 @@ TEST("the same seed gives the same bits on any threads, in one run or resumed, a
     }
 }
 
-TEST("Ctrl-C saves the state of a training, and leaves no model") {
+TEST("Ctrl-C saves the state of training and leaves no model") {
     for (const struct trainer *t = trainers; t < trainers + LG_COUNT(trainers); t++) {
         char line[256];
         (void)snprintf(
@@ -167,7 +168,7 @@ static const struct searcher {
      "lg-anomaly train riser.h5 --epochs 6", "anomaly anomaly-wide"},
 };
 
-/* A table of trials without its column of seconds, which no two runs share. */
+/* Reads a table of trials without its column of seconds, which differs from run to run. */
 static char *read_trials(const char *name) {
     enum { SIZE = 65536 };
     char *text = lg_test_memory(SIZE), *out = text;
@@ -181,7 +182,8 @@ static char *read_trials(const char *name) {
     return text;
 }
 
-TEST("a search goes on where it was stopped, whatever the threads, and only as it was begun") {
+TEST("a search continues where it was stopped, with any number of threads, and only with the same "
+     "settings") {
     for (const struct searcher *s = searchers; s < searchers + LG_COUNT(searchers); s++) {
         char line[1024], again[512];
         cli_write("ranges.yaml", s->ranges);
@@ -221,8 +223,8 @@ TEST("a search goes on where it was stopped, whatever the threads, and only as i
     }
 }
 
-/* Names and values are such as train takes, which is checked before the data. */
-TEST("the published searches are read") {
+/* The names and values must be ones that train accepts. This is checked before the data are read. */
+TEST("the searches that the project ships can be read") {
     for (const struct searcher *s = searchers; s < searchers + LG_COUNT(searchers); s++) {
         char names[128], line[2048], words[64], *save = NULL;
         (void)snprintf(words, sizeof words, "%s search: empty.h5", s->program);
@@ -235,7 +237,7 @@ TEST("the published searches are read") {
     }
 }
 
-/* What was finished is kept, as a search of so many trials would have it. */
+/* The finished trials must be the same as in a search with that number of trials. */
 TEST("Ctrl-C keeps the table of a search") {
     cli_write("ranges.yaml", searchers[0].ranges);
     const cli_child child =
@@ -250,7 +252,7 @@ TEST("Ctrl-C keeps the table of a search") {
     assert_string_equal(finished, read_trials("short.csv"));
 }
 
-/* ---- the same command line once more, with --resume ---- */
+/* ---- the same command line again with --resume ---- */
 
 static const struct {
     const char *program, *command, *options;
@@ -286,7 +288,7 @@ static void write_table(void) {
                               "mass: diagonal\npotential: {kind: quadratic, of: a}\n");
 }
 
-TEST("the command line of a training, with --resume, goes on with it") {
+TEST("the command line of a training continues it if --resume is added") {
     write_table();
     for (size_t i = 0; i < LG_COUNT(lines); i++) {
         cli_run(lines[i].program, "%s %s --stop-after 1 --out again.h5", lines[i].command, lines[i].options);
@@ -300,7 +302,7 @@ TEST("the command line of a training, with --resume, goes on with it") {
     }
 }
 
-TEST("a resumed preset is the stored one, and ends in the bits of one run") {
+TEST("training with a preset is resumed with the stored preset, and gives the bits of one run") {
     for (size_t i = 0; i < 2; i++) {
         const char *preset = i == 0 ? "thesis" : "best";
         char line[256];
@@ -322,7 +324,7 @@ TEST("a resumed preset is the stored one, and ends in the bits of one run") {
 
 /* ---- full disks ---- */
 
-TEST("a full disk is told with the file's name, and leaves no file") {
+TEST("a full disk is reported with the file's name, and no file is left") {
     static const struct {
         const char *program, *line;
         rlim_t limit;
@@ -335,7 +337,7 @@ TEST("a full disk is told with the file's name, and leaves no file") {
         {"lg-hamiltonian", "predict chain-model.h5 start.yaml --points 500 --out full.h5", 2048, "full.h5"},
         {"lg-hamiltonian", "train chain.h5 --batch 8 --epochs 60 --out m.h5 --history full.csv", 512,
          "full.csv"},
-        /* The data of the picture fit, the picture does not. */
+        /* There is room for the picture's data, but not for the picture. */
         {"lg-hamiltonian", "evaluate chain-model.h5 chain-2.h5 --plot full.svg", 8192, "full.svg"},
         {"lg-elastica", "generate --count 100 --out full.h5", 4096, "full.h5"},
         {"lg-elastica", "train beam.h5 --hidden 12 --epochs 1 --out full.h5", 2048, "full.h5"},
@@ -344,7 +346,7 @@ TEST("a full disk is told with the file's name, and leaves no file") {
         {"lg-elastica", "predict beam-model.h5 --x 1 --points 500 --out full.csv", 2048, "full.csv"},
         {"lg-elastica", "solve --x 1 --intervals 500 --out full.csv", 2048, "full.csv"},
         {"lg-elastica", "search ranges.yaml beam.h5 --trials 6 --rungs 5,2 --out full.csv", 200, "full.csv"},
-        /* First the data are too long, then the script, then the picture. */
+        /* There is no room for the data, then not for the script, then not for the picture. */
         {"lg-elastica", "solve --x 1 --intervals 500 --plot full.svg", 2048, "full.dat"},
         {"lg-elastica", "solve --sweep 3 --intervals 4 --plot full.svg", 300, "full.gp"},
         {"lg-elastica", "solve --x 1 --intervals 20 --plot full.svg", 16384, "full.svg"},
@@ -360,7 +362,7 @@ TEST("a full disk is told with the file's name, and leaves no file") {
     const int before = cli_count_files("");
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         cli_run_limited(rows[i].program, rows[i].line, rows[i].limit);
-        /* Without gnuplot there is no picture that could not be written. */
+        /* Without gnuplot there is no picture to write; then the row is replaced by one that fails. */
         if (result.code == 0 && strstr(rows[i].line, "--plot") != NULL &&
             strstr(result.err, "gnuplot") != NULL)
             cli_run_limited("lg-elastica", "solve --x 1 --intervals 500 --plot full.svg", 2048);

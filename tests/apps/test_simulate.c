@@ -1,5 +1,5 @@
-/* lg-simulate (in LG_BIN_DIR) from outside: numbers with known answers, schemes from files, trajectories,
- * pictures, gradients. What it refuses: test_refused.
+/* Runs lg-simulate (in LG_BIN_DIR): known solutions, schemes from files, trajectories, pictures, gradients.
+ * What it refuses is in test_refused.
  * ctest-labels: apps/lg-simulate src/mechanics */
 #include "cli_support.h"
 
@@ -18,8 +18,8 @@ static const char top_format[] =
     "system: heavy-top\nform: %s\ninertia: [0.5, 0.6, 0.3]\nmass: 1\nlength: 0.5\nchi: [0, 0, 1]\n"
     "gamma0: [0, 0, -9.81]\ninitial: {Q: [[1, 0, 0], [0, 0.8, -0.6], [0, 0.6, 0.8]], pi: [0.2, -1, "
     "2]}\nt_end: 0.5\n";
-/* g, m_2 and the second angular velocity (a, 0.3, b) may be varied: it stays orthogonal to q_2 = (0, 0.6,
- * 0.8) where 0.3 * 0.6 + b * 0.8 = 0. */
+/* g, m_2 and the second angular velocity (a, 0.3, b) can be chosen. The angular velocity is orthogonal to q_2
+ * = (0, 0.6, 0.8) if 0.3 * 0.6 + b * 0.8 = 0. */
 static const char chain_format[] =
     "system: pendulum-chain\nform: lagrangian\ngravity: %.17g\nmasses: [1, %.17g]\nlengths: [1, 0.8]\n"
     "initial: {q: [[0.8, 0, -0.6], [0, 0.6, 0.8]], omega: [[0.3, 0.5, 0.4], [%.17g, 0.3, -0.225]]}\nt_end: "
@@ -48,7 +48,7 @@ static double component_of(const char *arguments, size_t i) {
     return component(i);
 }
 
-/* The state at the end. */
+/* The state at the end of the run. */
 static const double *state_of(const char *arguments, size_t count) {
     double *y = TEST_ARRAY(double, count);
     json(arguments, "");
@@ -67,10 +67,11 @@ static int setup(void **state) {
     return 0;
 }
 
-/* ---- runs with known answers ---- */
+/* ---- runs with known solutions ---- */
 
 TEST("JSON has the shortest text of a number that reads back the same") {
-    /* The last three: subnormal, the least, and a power of two whose nearest 16 digits are another number. */
+    /* The last three: a subnormal number, the smallest one, and a power of two whose nearest decimal with 16
+     * digits is another number. */
     static const char *const texts[] = {"0.1",
                                         "2.5",
                                         "100000",
@@ -85,12 +86,12 @@ TEST("JSON has the shortest text of a number that reads back the same") {
     }
 }
 
-TEST("every method is named in the help") {
+TEST("the help names every method") {
     cli_run(lg, "--help");
     for (size_t i = 0; i < lg_scheme_count(); i++) assert_says(result.out, lg_scheme_at(i)->name);
 }
 
-TEST("an oscillator turns as the cosine does") {
+TEST("an oscillator follows a cosine") {
     const double end[] = {0.6 * cos(3) - 0.8 * sin(3), -0.8 * cos(3) - 0.6 * sin(3)};
     assert_all_close(state_of("oscillator.yaml --tol 1e-12", 2), end, 2, 0, 1e-10);
     json_expect(result.out, "t 3, manifold_error 0, method \"dp54\"");
@@ -100,7 +101,7 @@ TEST("an oscillator turns as the cosine does") {
 }
 
 /* Euler's method multiplies the energy by (1 + h^2)^n. theta = 1/2 is the midpoint rule. */
-TEST("the energy is told at the start, at the end and as its largest drift; theta is given to the method") {
+TEST("the energy is printed for start and end, and its largest drift; --theta is passed to the method") {
     const double growth = pow(1 + 0.03 * 0.03, 100);
     json("oscillator.yaml --method euler --steps 100", "invariants {");
     const char *energy = json_find(json_find(result.out, "invariants"), "energy");
@@ -111,7 +112,7 @@ TEST("the energy is told at the start, at the end and as its largest drift; thet
                  component_of("oscillator.yaml --method midpoint --steps 100", 0), 0, 1e-14);
 }
 
-/* A double pendulum in units of mass and length; the unit of time stays. */
+/* A double pendulum in other units of mass and length; the unit of time is unchanged. */
 static const char *swing(double mass, double length, const char *rates, double t_end) {
     static char text[512];
     (void)snprintf(text, sizeof text,
@@ -122,7 +123,7 @@ static const char *swing(double mass, double length, const char *rates, double t
     return text;
 }
 
-TEST("a state beyond the horizon of prediction is told, with the time, in any unit") {
+TEST("a state beyond the horizon of prediction is reported with the time of the horizon, in any units") {
     static const double units[][2] = {{1, 1}, {1e9, 1}, {1e-9, 1}, {1, 1e9}, {1, 1e-9}};
     static const char *const methods[] = {"rkmk54", "dp54", "dp85"};
     for (size_t i = 0; i < LG_COUNT(units); i++)
@@ -140,7 +141,7 @@ TEST("a state beyond the horizon of prediction is told, with the time, in any un
         }
 }
 
-TEST("motions that can be known are not warned of: all scenes, rest, small swings for long") {
+TEST("predictable motions cause no warning: all scenes, rest, small swings over a long time") {
     static const char *const rows[] = {"heavy.yaml",
                                        "still.yaml",
                                        "small.yaml",
@@ -173,8 +174,8 @@ TEST("motions that can be known are not warned of: all scenes, rest, small swing
     globfree(&scenes);
 }
 
-/* The second half of a row: a piece of the warning, or NULL for silence. */
-TEST("steps that are far too long are told; good ones, short ones of Euler, and rest are not") {
+/* The second text of a row is a part of the warning, or NULL if there must be no warning. */
+TEST("steps that are far too long cause a warning; good steps, short steps of Euler, and rest do not") {
     static const struct {
         const char *arguments, *words;
     } rows[] = {
@@ -202,7 +203,7 @@ TEST("steps that are far too long are told; good ones, short ones of Euler, and 
     }
 }
 
-TEST("a chain is integrated by groups and without, on the manifold or with the distance from it told") {
+TEST("a chain stays on the manifold with group methods; with others the distance from it is printed") {
     const double *y = state_of("chain.yaml --tol 1e-11", 12);
     json_expect(result.out,
                 "method *, steps *, rejected *, evaluations *, seconds *, t *, manifold_error <1e-13");
@@ -215,7 +216,8 @@ TEST("a chain is integrated by groups and without, on the manifold or with the d
     assert_says(result.out, "max_drift");
 }
 
-TEST("dexpinv truncated at ad^2 has order 4 still, at ad^1 not; the exact form is the default") {
+TEST("rkmk4 has order 4 with dexpinv truncated after ad^2, but not after ad^1; the exact form is the "
+     "default") {
     const double exact = component_of("chain.yaml --method rkmk4 --steps 200 --dexpinv exact", 0);
     assert_close(component_of("chain.yaml --method rkmk4 --steps 200", 0), exact, 0, 0);
     assert_close(component_of("chain.yaml --method rkmk4 --steps 200 --dexpinv 10", 0), exact, 0, 1e-13);
@@ -225,7 +227,7 @@ TEST("dexpinv truncated at ad^2 has order 4 still, at ad^1 not; the exact form i
                 10 * fabs(second - exact));
 }
 
-TEST("the forms of the heavy top give the same motion, and theta changes it") {
+TEST("all forms of the heavy top give the same motion, and theta changes it") {
     const double *y = state_of("cotangent.yaml --tol 1e-11", 12);
     assert_all_close(state_of("quadratic.yaml --method slgi --steps 4000", 12), y, 12, 0, 1e-5);
     json_expect(result.out, "theta 0.5");
@@ -233,7 +235,7 @@ TEST("the forms of the heavy top give the same motion, and theta changes it") {
     assert_true(fabs(component_of("cotangent.yaml --method slgi --steps 4000 --theta 0", 0) - middle) > 1e-8);
 }
 
-/* ---- one's own tableau ---- */
+/* ---- tableaus of the user ---- */
 
 static void expect_same(const char *scheme, const char *method) {
     const double *y = state_of(test_text("chain.yaml --method %s --steps 50", method), 12);
@@ -305,7 +307,7 @@ TEST("a trajectory is written as it was computed") {
     expect_text("t.h5", "method", "rkmk54");
     read_array("t.h5", "invariants/energy", 1, dims, t);
     assert_close(t[10], t[0], 1e-7, 0);
-    /* Dense output of the adaptive run, the steps of the other one: the same states. */
+    /* Dense output of the adaptive run must agree with the steps of the other run. */
     cli_run(lg, "chain.yaml --method rkmk4 --steps 1000 --out s.h5 --points 11");
     read_array("s.h5", "trajectory", 2, dims, s);
     assert_all_close(s, y, 132, 0, 1e-6);
@@ -325,7 +327,7 @@ TEST("pictures are drawn") {
         "chain.yaml --plot-kind invariants", "chain.yaml --plot-kind manifold",
         "chain.yaml --plot-kind steps", "chain.yaml --plot-kind 3d", "cotangent.yaml --plot-kind 3d",
         "rigid.yaml --plot-kind 3d", "chain.yaml --method rk4 --steps 20",
-        /* zero all along */
+        /* zero at all times */
         "rigid.yaml --plot-kind manifold"};
     for (size_t i = 0; i < LG_COUNT(arguments); i++) {
         cli_run(lg, "%s --plot p%zu.svg", arguments[i], i);
@@ -335,9 +337,9 @@ TEST("pictures are drawn") {
     }
 }
 
-/* ---- work and precision ---- */
+/* ---- --work-precision ---- */
 
-TEST("work and precision of schemes are compared") {
+TEST("--work-precision compares the error and the work of schemes") {
     double error[4];
     json("rigid.yaml --work-precision --methods rkmk4,rkmk54 --levels 5 --plot w.svg", "work_precision [");
     json_expect(json_find(result.out, "reference"), "error <1e-9");
@@ -346,7 +348,8 @@ TEST("work and precision of schemes are compared") {
         json_expect(s, "method \"rkmk4\", error >0, error <1, seconds >0, evaluations >0");
         error[i] = json_number(s, "error");
     }
-    assert_close(log2(error[2] / error[3]), 4, 0.05, 0); /* the finest pair, whose steps are halved */
+    /* of the two finest levels, whose step lengths differ by a factor of two */
+    assert_close(log2(error[2] / error[3]), 4, 0.05, 0);
     for (; s != NULL && strncmp(json_find(s, "method"), "\"rkmk54\"", 8) != 0; s = strchr(s + 1, '{'))
         continue;
     json_expect(s, "tol *, error >0, error <1");
@@ -370,7 +373,7 @@ static double functional(const char *options) {
     return sum;
 }
 
-/* dJ by symmetric differences of the executable's own runs. */
+/* The derivative of J by central differences of runs of the executable. */
 static double difference(const char *options, const double direction[3]) {
     const double d = 1e-4;
     double j[4];
@@ -382,8 +385,9 @@ static double difference(const char *options, const double direction[3]) {
     return (8 * (j[0] - j[1]) - (j[2] - j[3])) / (12 * d);
 }
 
-/* The start's tangent is at right angles to the normals (q, 0) and (omega, q) of |q| = 1, q.omega = 0. */
-TEST("the gradient of an end is that of differences, in parameters and tangent to the start") {
+/* The gradient with respect to the start is tangent: orthogonal to (q, 0) and (omega, q), the normals of |q|
+ * = 1, q.omega = 0. */
+TEST("the gradient agrees with differences in the parameters and in tangent directions of the start") {
     static const char *const methods[] = {"--method rkmk4 --steps 60", "--method rk4-projected --steps 20",
                                           "--tol 1e-11"};
     for (size_t i = 0; i < LG_COUNT(methods); i++) {
@@ -403,7 +407,7 @@ TEST("the gradient of an end is that of differences, in parameters and tangent t
     }
 }
 
-TEST("weights may stand in a file, checkpoints change no number") {
+TEST("weights can be read from a file, and the number of checkpoints changes no result") {
     double dy0[2];
     cli_write("weights.txt", "0.3 -0.2\n0.5,0.1,\t0.7 -0.4 0.25 -0.6 0.15 0.35 -0.45 0.55\n");
     json("chain.yaml --method rkmk4 --steps 60 --gradient @weights.txt", "");

@@ -1,5 +1,5 @@
-/* Results of commands in other units of mass, length and time: a part of the table, in four changes of
- * units.
+/* Results of commands in other units of mass, length and time: the quick rows of the table, in four systems
+ * of units.
  * ctest-labels: apps/common src/mechanics */
 #include "units_support.h"
 

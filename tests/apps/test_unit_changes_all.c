@@ -1,6 +1,6 @@
 /* ctest-labels: slow study
- * Results of commands in other units of mass, length and time: the whole table, every unit 1e-9 to 1e9
- * times as large. */
+ * Results of commands in other units of mass, length and time: the whole table; each unit in turn is changed
+ * by factors from 1e-9 to 1e9. */
 #include "units_support.h"
 
 static int setup(void **state) {

@@ -1,4 +1,4 @@
-/* lg-anomaly watch: feeds of every shape, gaps, pipes, Ctrl-C, memory.
+/* lg-anomaly watch: feeds in every layout, gaps, pipes, Ctrl-C, memory.
  * ctest-labels: apps/lg-anomaly src/anomaly */
 #include "apps/cli_support.h"
 
@@ -6,10 +6,10 @@
 #include "liegrad/random.h"
 #include "liegrad/series.h"
 
-/* Two channels at 5 Hz, windows of 8 s; intact: values about 0.1, broken: about 10. */
+/* Two channels at 5 Hz, windows of 8 s. Intact values are about 0.1, broken ones about 10. */
 enum { CHANNELS = 2, WINDOW = 40, SETS = 200, RATE = 5, NEVER = 1 << 20 };
 
-static char text[1 << 20], *end = text; /* the feed */
+static char text[1 << 20], *end = text; /* text of the feed */
 static char other[CLI_TEXT];
 
 static float value_at(uint64_t i, uint32_t channel, bool broken) {
@@ -35,7 +35,7 @@ static void write_series(void) {
     lg_series_data_destroy(&data);
 }
 
-/* Windows of one sample. */
+/* Writes windows of one sample. */
 static void write_points(void) {
     lg_series_data data = {.noise = NAN, .severity = NAN};
     data.series = (lg_series){.count = SETS, .channels = CHANNELS, .length = 1, .classes = 2, .rate = RATE};
@@ -57,7 +57,7 @@ static int make_models(void **state) {
     return 0;
 }
 
-/* ---- feeds: begun, continued, watched ---- */
+/* ---- feeds: write, extend, watch ---- */
 
 static void add(const char *format, ...) __attribute__((format(printf, 1, 2)));
 static void add(const char *format, ...) {
@@ -72,7 +72,8 @@ static void begin(void) {
     *end = '\0';
 }
 
-/* Samples first..last-1, broken from `crack` on, in a form of two values, or of the time and two values. */
+/* Adds samples first..last-1, broken from `crack` on. `form` is a format with two values, or with the time
+ * and two values if `timed`. */
 static void add_in(const char *form, bool timed, uint64_t first, uint64_t last, uint64_t crack) {
     for (uint64_t i = first; i < last; i++) {
         const double a = value_at(i, 0, i >= crack), b = value_at(i, 1, i >= crack);
@@ -92,7 +93,7 @@ static void add_plain(uint64_t first, uint64_t last) {
     add_samples(false, first, last, NEVER);
 }
 
-/* Line `index` (from 0) of what was printed; the next call overwrites it. */
+/* Line `index` (from 0) of the output. The next call overwrites the result. */
 static const char *line_of(int index) {
     static char line[4096];
     const char *from = result.out;
@@ -114,7 +115,7 @@ static int count_lines(const char *from) {
     return count;
 }
 
-/* What is printed in words for the feed. */
+/* Runs watch on the feed without --json; the output must contain `words`. */
 static void watch_words(const char *options, int code, const char *words) {
     cli_write("feed.csv", text);
     cli_expect("lg-anomaly", test_text("watch m.h5 %s --input feed.csv", options), code, words);
@@ -137,7 +138,7 @@ static double summary(const char *key) {
 
 /* ---- tests ---- */
 
-TEST("every window has its verdict, place and time") {
+TEST("every window gets a verdict, a number and a time") {
     begin();
     add_samples(false, 0, 20 * WINDOW + 7, 10 * WINDOW);
     watch("--crack-at 80",
@@ -157,14 +158,14 @@ TEST("every window has its verdict, place and time") {
                        w < 5 ? w + 1 : 5);
         json_expect(line_of(w), members);
     }
-    /* Known to be intact longer: what is found before counts as false. */
+    /* A later --crack-at: the system was intact for longer, so alarms before it count as false. */
     watch("--quiet --crack-at 130", "false_alarms 1, false_alarms_per_day 675, "
                                     "false_positive_windows_per_day 4050, time_to_detection 6");
     assert_int_equal(count_lines(result.out), 2);
     watch("", "time_to_detection null, false_alarms null");
 }
 
-TEST("a network watches too") {
+TEST("a network can watch too") {
     begin();
     add_timed(0, 5 * WINDOW);
     cli_write("feed.csv", text);
@@ -174,7 +175,7 @@ TEST("a network watches too") {
     assert_true(score >= 0 && score <= 1);
 }
 
-TEST("the same samples in every form give the same verdicts") {
+TEST("the same samples in every layout give the same verdicts") {
     static const struct {
         const char *before, *form;
         bool timed;
@@ -205,17 +206,17 @@ TEST("the same samples in every form give the same verdicts") {
             fail_msg("row %zu:\n%s\nnot\n%s", r, result.out, other);
         assert_string_equal(result.err, "");
     }
-    /* A last line without an end is a sample. */
+    /* A last line without a newline is a sample. */
     text[strlen(text) - 2] = '\0';
     watch_words("", 0, "# windows 4: judged 4");
 }
 
-TEST("times tell what is missing") {
+TEST("gaps in the times count as missing samples") {
     begin();
     add_timed(0, 50);
-    add_timed(53, 90);   /* 3 in window 1 */
-    add_timed(200, 240); /* 30 of window 2, windows 3 and 4 */
-    add_timed(239, 280); /* one twice */
+    add_timed(53, 90);   /* 3 samples of window 1 are missing */
+    add_timed(200, 240); /* 30 samples of window 2, and windows 3 and 4, are missing */
+    add_timed(239, 280); /* one sample is repeated */
     watch("", "absent 113, repeated 1, samples 280");
     static const int missing[] = {0, 3, 30, 40, 40, 0, 0};
     assert_int_equal(count_lines(result.out), 8);
@@ -226,19 +227,19 @@ TEST("times tell what is missing") {
     }
 }
 
-TEST("times that jitter and drift lose no sample, and a clock that is set does not stop the watch") {
+TEST("times that jitter or drift lose no sample, and a clock that is set back does not stop the watch") {
     begin();
     for (int i = 0; i < 5000; i++) add("%.4f,0.1,-0.1\n", 1.7e9 + i * 0.2003 + 0.05 * sin(1.3 * i));
     watch("--quiet", "received >4989, received <5011, samples >4998, samples <5016");
     begin();
     add_samples(true, 10000, 10080, 0);
     add_samples(true, 0, 80, 0);
-    add("1e300,1,1\n-1e300,1,1\n"); /* nothing goes on from 1e300 */
+    add("1e300,1,1\n-1e300,1,1\n"); /* no later time follows from 1e300 */
     watch("", "judged 4, windows 5, malformed 2");
     assert_says(result.err, "restarts");
 }
 
-TEST("values that are missing are lost samples, and other lines are malformed") {
+TEST("missing values are lost samples, and other lines are malformed") {
     static const char *const lost[] = {"nan,1", "1,", ",", "-inf,NaN", "NA;null", "1e999,1", "1e39,1"};
     static const char *const malformed[] = {"1",    "1,2,3,4", "foo,bar", "1,abc",     "9,81;3,2",
                                             "1,2;", "1.2.3,4", "0x1p3,1", "--1,1",     "1,,2,,,,",
@@ -271,29 +272,29 @@ TEST("values that are missing are lost samples, and other lines are malformed") 
     assert_says(result.err, "only counted");
 }
 
-TEST("a very long line costs no other line") {
+TEST("a very long line does not affect other lines") {
     begin();
     add_plain(0, 20);
     add("%0700000d\n", 7);
     add_plain(21, 60);
-    add("%100000s0.%0500d1,%0400d\n", "", 0, 1); /* blanks, and numbers of very many digits, are fine */
+    add("%100000s0.%0500d1,%0400d\n", "", 0, 1); /* blanks and numbers with very many digits are accepted */
     add_plain(61, 80);
     watch("", "malformed 1, received 79, judged 2");
     assert_says(result.err, "line 21: longer than");
     begin();
-    add("%0700000d", 7); /* a feed that is one line without an end */
+    add("%0700000d", 7); /* a feed that is a single line without end */
     watch_words("", 3, "no line holds 2 numbers");
 }
 
-TEST("the layout is that of lines that agree, though the first ones are cut off") {
+TEST("the layout is taken from lines that agree, even if the first lines are incomplete") {
     static const struct {
         const char *before;
         uint64_t first;
         const char *members;
     } rows[] = {
-        {"1,2\n", 1, "malformed 1, received 199"},         /* cut off */
-        {"time,acc,moment\n1,2\n1,2\n", 2, "malformed 2"}, /* names count as a line */
-        {"Well seven\n", 0, "malformed 0, received 200"},  /* a title of as many words as channels */
+        {"1,2\n", 1, "malformed 1, received 199"},         /* an incomplete line */
+        {"time,acc,moment\n1,2\n1,2\n", 2, "malformed 2"}, /* the line of names counts as malformed too */
+        {"Well seven\n", 0, "malformed 0, received 200"},  /* a title with as many words as channels */
     };
     for (size_t r = 0; r < LG_COUNT(rows); r++) {
         begin();
@@ -303,7 +304,8 @@ TEST("the layout is that of lines that agree, though the first ones are cut off"
     }
 }
 
-TEST("one column less, for a while or for good, is lost samples, never a time taken for a value") {
+TEST("a column that is missing, for some time or for good, means lost samples; a time is never taken for "
+     "a value") {
     for (int timed = 0; timed < 2; timed++) {
         begin();
         add_samples(timed, 0, 100, NEVER);
@@ -320,7 +322,7 @@ TEST("one column less, for a while or for good, is lost samples, never a time ta
     assert_says(result.err, "20 lines in a row could not be read; expected are a time and 2 numbers");
 }
 
-TEST("lines that hold no sample move no clock: every true sample is received") {
+TEST("lines without a sample do not change the clock: every true sample is received") {
     static const struct {
         const char *line;
         int malformed;
@@ -350,7 +352,8 @@ static void feed_at(double rate, int samples, double jitter) {
         add("%.4f,%.5g,0.1\n", i / rate + jitter * sin(0.7 * i), 0.1 * sin(0.9 * i));
 }
 
-TEST("a feed of another rate is refused before anything is judged, or forced onto its grid") {
+TEST("a feed of another rate is refused before any window is judged; --rate puts it on the grid of that "
+     "rate") {
     static const struct {
         double rate, jitter;
         const char *refused;
@@ -384,13 +387,13 @@ TEST("a feed of another rate is refused before anything is judged, or forced ont
     watch("--rate 5", "received 400, absent 399");
 }
 
-TEST("one wrong time costs its own line; what comes again and again is a jump") {
+TEST("a single wrong time costs only its own line; repeated ones are a jump of the clock") {
     static const char *const wrong[] = {"5%.1f", "59%.1f", "-%.1f", "1e%.0f", "%.0fe200", "%.1f"};
     static const int places[] = {0, 1, 2, 57, 300, 318, 319};
     for (size_t k = 0; k < LG_COUNT(wrong); k++)
         for (size_t p = 0; p < LG_COUNT(places); p++) {
             const int where = places[p];
-            const bool inside = where > 0 && where < 319, late = k == 5; /* 59 s too late */
+            const bool inside = where > 0 && where < 319, late = k == 5; /* late: 59 s too late */
             if (k > 0 && k < 5 && where != 57) continue;
             begin();
             add_timed(1000, 1000 + (uint64_t)where);
@@ -401,7 +404,7 @@ TEST("one wrong time costs its own line; what comes again and again is a jump") 
                              : "malformed 1, received 319, absent 0, repeated 0");
             assert_says(result.err, "does not fit the lines around it");
         }
-    /* Two in a row, and one within the samples that confirm a gap. */
+    /* Two wrong times in a row, and one among the samples that confirm a gap. */
     begin();
     add_timed(0, 100);
     add("520.0,0.1,0.1\n3.2,0.1,0.1\n");
@@ -425,7 +428,7 @@ TEST("a long gap is counted, not printed window by window") {
     watch_words("", 0, "# not judged: 997 windows more");
 }
 
-TEST("a last line without an end may hold half a number") {
+TEST("a last line without a newline may hold half a number") {
     static const char *const rows[][2] = {{"15.8,0.1,0.1", "malformed 1, judged 2"},
                                           {"15.8,0.1,0.1 ", "malformed 0, judged 2"},
                                           {"15.8,0.1,0.1,", "malformed 0, judged 2"},
@@ -442,11 +445,11 @@ TEST("a last line without an end may hold half a number") {
         if (r == 0) json_expect(line_of(1), "missing 1");
     }
     begin();
-    add("0.1 0.2"); /* all there is */
+    add("0.1 0.2"); /* the whole feed */
     watch("", "received 1");
 }
 
-TEST("--crack-at beyond the last sample is told") {
+TEST("a --crack-at after the last sample causes a warning") {
     begin();
     add_samples(true, 0, 200, 100);
     watch("--crack-at 20", "");
@@ -457,7 +460,7 @@ TEST("--crack-at beyond the last sample is told") {
     cli_expect("lg-anomaly", "feed --help", 0, "takes seconds");
 }
 
-TEST("windows that overlap vote as they are asked to") {
+TEST("overlapping windows vote as --votes says") {
     begin();
     add_samples(true, 0, 4 * WINDOW, 2 * WINDOW);
     watch_words("--hop 1.6 --votes 1,1", 0, "# windows 16:");
@@ -467,13 +470,13 @@ TEST("windows that overlap vote as they are asked to") {
     assert_says(result.err, "trained at 5 Hz, not 10 Hz");
 }
 
-/* feed.csv through a program of awk. */
+/* Writes feed.csv, changed by an awk program, to the file `to`. */
 static void change(const char *program, const char *to) {
     assert_int_equal(
         system(test_text("cd '%s' && awk -F, -v OFS=, '%.300s' feed.csv > %s", cli_folder, program, to)), 0);
 }
 
-/* The feed with its columns in another order, or without one. */
+/* Writes the feed with its columns in another order, or without one of them. */
 static void reorder(const char *columns, const char *to) {
     change(test_text("{ print %s }", columns), to);
 }
@@ -501,12 +504,12 @@ TEST("channels are found by their names; a feed without one of them is refused")
                "no name of the feed's columns is a channel");
 }
 
-/* In spoilt.csv a field of every sample is an expression of awk. */
+/* Writes spoilt.csv: the feed with an awk expression in one field of every sample. */
 static void spoil(const char *field, const char *expression) {
     change(test_text("NR > 1 { $%s = %s } { print }", field, expression), "spoilt.csv");
 }
 
-TEST("windows unlike anything seen are a third answer, with the reason") {
+TEST("windows unlike all training windows get a third verdict, with the reason") {
     static const struct {
         const char *field, *expression, *reason;
     } faults[] = {{"2", "0", "acc_lower_x: stands still for 300 of 300 samples"},
@@ -536,7 +539,7 @@ TEST("windows unlike anything seen are a third answer, with the reason") {
     }
 }
 
-/* The channels of a set from the last to the first, with their names. */
+/* Reverses the order of the channels, with their names. */
 static void turn_channels(lg_series *s) {
     const size_t n = s->length, last = s->channels - 1;
     for (size_t i = 0; i < s->count * s->channels; i++) {
@@ -555,7 +558,7 @@ static void turn_channels(lg_series *s) {
     }
 }
 
-TEST("data whose channels stand in another order are judged by their names") {
+TEST("data whose channels are in another order are judged by their names") {
     lg_series_data data;
     cli_expect("lg-anomaly", "generate --noise 10 --runs 6 --hours 0.5 --seed 3 --out straight.h5", 0, "");
     assert_ok(lg_series_read(NULL, cli_at("straight.h5"), NULL, NULL, &data, NULL));
@@ -573,7 +576,7 @@ TEST("data whose channels stand in another order are judged by their names") {
     assert_close(mse[0], mse[1], 0, 0);
 }
 
-TEST("a channel without numbers is unlike anything seen, a gap is not") {
+TEST("a channel without numbers makes a window unlike the training windows; a gap does not") {
     for (int word = 0; word < 3; word++) {
         static const char *const words[] = {"\"nan\"", "\"\"", "\"inf\""};
         spoil("4", words[word]);
@@ -591,7 +594,8 @@ TEST("a channel without numbers is unlike anything seen, a gap is not") {
     cli_expect("lg-anomaly", "watch known.h5 --input spoilt.csv", 0, "# unlike anything seen: 0 windows");
 }
 
-TEST("a feed of other noise is told, and a model that knows nothing of its windows") {
+TEST("a feed with other noise causes a warning, and so does a model that does not know its training "
+     "windows") {
     cli_expect("lg-anomaly", "feed --noise 1 --hours 0.4 --seed 5 --out clean.csv", 0, "");
     cli_expect("lg-anomaly", "watch known.h5 --quiet --input clean.csv", 0, "seen: 24 windows");
     assert_says(result.err, "6 of 6 channels have less amplitude above 2.2");
@@ -622,7 +626,7 @@ static void keep_class_0(lg_series *s) {
     s->count = kept;
 }
 
-TEST("a detector of intact data alone raises the alarm, and tells dead sensors apart") {
+TEST("a detector trained on intact data alone raises the alarm, and recognises dead sensors") {
     cli_expect("lg-anomaly", "generate --noise 1 --runs 24 --hours 0.5 --out wells.h5", 0, "");
     cli_expect("lg-anomaly", "train wells.h5 --method novelty --json --out alone.h5", 0, "\"unlike\"");
     cli_expect("lg-anomaly", "feed --noise 1 --hours 1 --crack-at 0.5 --seed 5 --out feed.csv", 0, "");
@@ -636,7 +640,7 @@ TEST("a detector of intact data alone raises the alarm, and tells dead sensors a
     cli_expect("lg-anomaly", "evaluate alone.h5 wells.h5 --json", 0, "\"part\": \"test\"");
     assert_true(json_number(result.out, "recall") > 0.9 &&
                 json_number(result.out, "false_positive_rate") < 0.1);
-    char path[1024]; /* no window of the class that the file names */
+    char path[1024]; /* windows of class 0 only, though the file names a second class */
     lg_series_data data;
     cli_path("wells.h5", path, sizeof path);
     assert_ok(lg_series_read(NULL, path, NULL, NULL, &data, NULL));
@@ -651,14 +655,14 @@ TEST("a detector of intact data alone raises the alarm, and tells dead sensors a
     cli_expect("lg-export", "alone.h5 --out alone", 3, "is not exported");
 }
 
-TEST("an empty feed is told") {
+TEST("an empty feed is reported") {
     begin();
     watch("", "samples 0, days 0");
     watch("--crack-at 5", "samples 0, false_alarms_per_day null");
     cli_expect("lg-anomaly", "watch m.h5 --json --input /dev/null", 0, "\"samples\": 0");
 }
 
-/* Reads from a child's output until `words` appear; false after ten seconds. */
+/* Reads a child's output until `words` appear. Returns false after ten seconds. */
 static bool wait_for(cli_child child, const char *words, size_t *used) {
     for (int i = 0; i < 100 && strstr(result.out, words) == NULL; i++) {
         struct pollfd ready = {child.out, POLLIN, 0};
@@ -682,7 +686,8 @@ TEST("a pipe is watched until Ctrl-C") {
     begin();
     add_samples(true, 0, WINDOW, 0);
     const size_t bytes = strlen(text);
-    assert_int_equal(write(feed[1], text, bytes), bytes); /* the window is complete: its verdict must come */
+    /* the window is complete, so its verdict must come */
+    assert_int_equal(write(feed[1], text, bytes), bytes);
     assert_true(wait_for(child, "\"window\": 0", &used));
     const char part[] = "8.0,1."; /* half a line */
     assert_int_equal(write(feed[1], part, sizeof part - 1), sizeof part - 1);
@@ -691,14 +696,14 @@ TEST("a pipe is watched until Ctrl-C") {
     expect_summary("interrupted true, received 40");
 }
 
-/* Sanitizers keep freed memory and shadows of what is touched first. */
+/* Sanitizers keep freed memory, and memory of their own for each address that is used first. */
 #ifdef LG_SANITIZED
 enum { MORE_KB = 4096 };
 #else
 enum { MORE_KB = 1024 };
 #endif
 
-TEST("memory does not grow with the feed") {
+TEST("memory does not grow with the length of the feed") {
     FILE *file = fopen(cli_at("feed.csv"), "w");
     assert_non_null(file);
     for (int i = 0; i < 600000; i++)
