@@ -1,4 +1,4 @@
-/* Functions of a program as compiled C, loaded. */
+/* Writes a program as C, compiles it and loads its functions. */
 #ifndef LG_COMPILED_H
 #define LG_COMPILED_H
 
@@ -11,7 +11,7 @@
 
 #define WARNINGS "-Wall -Wextra -Wconversion -Wdouble-promotion -Wshadow -pedantic -Werror"
 
-/* A function with arrays of pointers: shim_<function>. */
+/* A function of the compiled program, called with arrays of pointers: shim_<function>. */
 typedef void (*shim)(const void *const *in, void *const *out, void *work);
 
 typedef struct compiled {
@@ -75,7 +75,7 @@ static inline bool write_source(compiled *c, const lg_program *program, lg_dtype
                       3);
 }
 
-/* False: c->why says why. The folder stays then. */
+/* Returns false if a step failed; c->why says which. The folder is then kept. */
 static inline bool compile_program(compiled *c, const lg_program *program, const char *compiler,
                                    const char *flags, lg_dtype dtype, bool compact) {
     char path[128];
@@ -100,7 +100,7 @@ static inline shim shim_of(const compiled *c, const char *function) {
     return found;
 }
 
-/* False: the folder cannot be removed. */
+/* Returns false if the folder cannot be removed. */
 static inline bool discard_compiled(compiled *c) {
     char command[128];
     if (c->handle != NULL) (void)dlclose(c->handle);

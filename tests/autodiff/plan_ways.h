@@ -1,5 +1,5 @@
-/* Functions of a program as plans, of both types and for many numbers of rows, against the tape. A test that
- * includes this includes support/malloc_count.h first. */
+/* Compares plans of a program's functions with the tape, in both types and for many numbers of rows. A test
+ * that includes this header must include support/malloc_count.h first. */
 #ifndef LG_PLAN_WAYS_H
 #define LG_PLAN_WAYS_H
 
@@ -18,7 +18,7 @@ typedef struct numbers {
     double *in[PORTS], *out[PORTS];
 } numbers;
 
-/* `bytes` and 64 more: what is behind is looked at. */
+/* `bytes` and 64 guard bytes, which `run` checks. */
 static inline void *room(size_t bytes) {
     return lg_test_memory(bytes + 64);
 }
@@ -40,7 +40,7 @@ static inline void open_numbers(numbers *n, const lg_program *program, size_t fu
     }
 }
 
-/* What the tape says. */
+/* Evaluates the function on the tape into n->out. */
 static inline void by_tape(const lg_program *program, size_t function, size_t rows, const numbers *n) {
     lg_tape *tape = test_tape(LG_F64);
     lg_var in[PORTS], out[PORTS];
@@ -52,11 +52,11 @@ static inline void by_tape(const lg_program *program, size_t function, size_t ro
     for (size_t j = 0; j < n->outputs; j++) assert_ok(lg_read(tape, out[j], n->out_count[j], n->out[j]));
 }
 
-/* ---- running ---- */
+/* ---- plans ---- */
 
 RELEASES(release_plan, lg_plan_destroy)
 
-/* A plan of the running test; options NULL: one row. */
+/* A plan that the running test owns; options NULL: one row. */
 static inline lg_plan *test_plan(const lg_program *program, size_t function, const lg_plan_options *options) {
     lg_plan *plan = NULL;
     assert_told(lg_plan_create(program, function, options, &plan, &told));
@@ -75,7 +75,7 @@ static inline lg_plan_options plan_options(size_t rows, lg_dtype dtype) {
 typedef struct ready {
     lg_plan *plan;
     void *in[PORTS], *out[PORTS], *work;
-    size_t size; /* of a number */
+    size_t size; /* bytes per number */
 } ready;
 
 static inline void open_plan(ready *r, const lg_program *program, size_t function, size_t rows,
@@ -96,7 +96,8 @@ static inline void open_plan(ready *r, const lg_program *program, size_t functio
     assert_int_equal(lg_plan_input_count(r->plan, n->inputs), 0);
     assert_int_equal(lg_plan_output_count(r->plan, n->outputs), 0);
 }
-/* Memory and outputs are full of NaN before; what is behind the memory stays. */
+/* Runs the plan in work memory filled with `fill`, and with outputs full of NaN. The guard bytes behind each
+ * array must stay. */
 static inline void run(const ready *r, const numbers *n, void *const *out, int fill) {
     const size_t bytes = lg_plan_work_size(r->plan);
     memset(r->work, fill, bytes);
@@ -126,7 +127,8 @@ static inline void compare(const char *name, size_t rows, const ready *r, const 
     }
 }
 
-/* The same bits from other contents of the work memory, and for each output alone. */
+/* The bits must not depend on the contents of the work memory, or on which outputs are requested. A run must
+ * not allocate or lock. */
 static inline void compare_asked(const char *name, const ready *r, const numbers *n) {
     void *other[PORTS] = {NULL};
     run(r, n, other, 0x00);
@@ -154,7 +156,8 @@ static inline void check_function(const char *name, const lg_program *program, s
     }
 }
 
-/* Parameters become single numbers first: both types compute with the same ones. */
+/* Checks all functions. Parameters are first rounded to float, so that both types compute with the same
+ * numbers. */
 static inline void check_all(const char *name, lg_program *program) {
     for (size_t p = 0; p < lg_program_parameters(program); p++) {
         const lg_parameter_spec spec = lg_program_parameter(program, p);

@@ -1,4 +1,4 @@
-/* Programs of the running test. */
+/* Programs that the running test owns. */
 #ifndef LG_PROGRAM_SUPPORT_H
 #define LG_PROGRAM_SUPPORT_H
 
@@ -6,7 +6,8 @@
 
 #include "liegrad/program.h"
 
-/* RECORDING(name) { ... } is a recording that puts `y` on the tape from `theta` and `x`, for `user`. */
+/* RECORDING(name) { ... } defines a recording: it computes `y` on the tape from `theta` and `x`, with
+ * `user`. */
 #define RECORDING(name)                                                                                      \
     static void name##_on_tape(void *, lg_tape *, const lg_var *, const lg_var *, lg_var *);                 \
     static lg_status name(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {      \
@@ -35,7 +36,7 @@ static inline lg_program *test_program(const lg_program_spec *spec) {
     return program;
 }
 
-/* The number of the derivative. */
+/* Adds the derivative and returns its function number. */
 static inline size_t derived(lg_program *program, lg_derivative_kind kind, const char *function) {
     lg_derivative what;
     lg_error error;

@@ -1,4 +1,4 @@
-/* Rows of the gradient check's registry on tapes of the running test. */
+/* Records cases of the gradient check on tapes of the running test. */
 #ifndef LG_ROW_SUPPORT_H
 #define LG_ROW_SUPPORT_H
 
@@ -7,10 +7,11 @@
 #include "autodiff/check/internal.h"
 
 typedef struct row_on_tape {
-    lg_var x[LG_GRADCHECK_MAX_INPUTS], d[LG_GRADCHECK_MAX_INPUTS], y; /* inputs, directions of them, value */
+    lg_var x[LG_GRADCHECK_MAX_INPUTS], d[LG_GRADCHECK_MAX_INPUTS], y; /* inputs, their directions, value */
 } row_on_tape;
 
-/* The row's own point, or one drawn from its range; the generator gives the same on tapes of both types. */
+/* Records the case at its given point, or at a point drawn from its range. The same generator state gives the
+ * same numbers on tapes of both types. */
 static inline row_on_tape record_row(lg_tape *tape, lg_rng *rng, const lg_gradcheck_function *f) {
     row_on_tape r;
     for (uint32_t i = 0; i < f->inputs; i++) {

@@ -1,5 +1,5 @@
-/* Convolution and pooling along time: every table of kernels against naive loops in double, then the
- * operations of the tape against the same loops, with their derivatives. */
+/* Convolution and pooling along time. The kernels of every type and instruction set, then the operations of
+ * the tape with their derivatives, are compared with plain loops in double. */
 #include "kernels/kernel_tables.h"
 #include "support/fixtures.h"
 
@@ -14,8 +14,8 @@ typedef struct sizes {
     uint32_t batch, length, channels, kernel, outputs, stride, padding;
 } sizes;
 
-/* One of everything, kernels as long as the series, strides beyond the kernel, long inner sums, the sizes of
- * a network for 300 samples of 6 channels; then random ones. */
+/* A size of 1 for everything, kernels as long as the series, strides longer than the kernel, long inner sums,
+ * and the sizes of a network for 300 samples of 6 channels. Random sizes follow. */
 static const sizes extreme[] = {
     {1, 1, 1, 1, 1, 1, 0},    {3, 1, 2, 1, 4, 1, 0},     {1, 7, 3, 7, 2, 1, 0},    {4, 7, 3, 7, 2, 1, 0},
     {2, 9, 2, 3, 5, 4, 0},    {2, 9, 2, 3, 5, 3, 0},     {3, 5, 1, 4, 1, 9, 3},    {1, 3, 1, 5, 2, 1, 4},
@@ -54,16 +54,16 @@ static lg_conv conv_for(sizes s) {
     return c;
 }
 
-/* ---- naive loops in double; sums of magnitudes beside, for the bounds ---- */
+/* ---- plain loops in double, with the sums of magnitudes for the error bounds ---- */
 
 typedef struct reference {
     size_t nx, nw, ny;
-    double *x, *w, *b, *g; /* given */
+    double *x, *w, *b, *g; /* inputs and cotangent of y */
     double *y, *dx, *dw, *db;
     double *ay, *adx, *adw, *adb; /* sums of |terms| */
 } reference;
 
-/* Numbers that float holds, so that both types start from the same. */
+/* Numbers that a float represents exactly, so that both types compute with the same ones. */
 static double *random_values(size_t n, uint64_t seed) {
     double *x = test_numbers(seed, n, -1.0, 1.0);
     for (size_t i = 0; i < n; i++) x[i] = (double)(float)x[i];
@@ -100,7 +100,7 @@ static reference reference_of(sizes s) {
     return r;
 }
 
-/* ---- typed memory of exactly the size, so that a sanitizer sees what is beyond ---- */
+/* ---- memory of exactly the needed size, so that a sanitizer sees accesses beyond it ---- */
 
 static void *typed(const lg_kernels *k, const double *x, size_t n) {
     void *y = lg_test_memory(n * k->size);
@@ -108,7 +108,7 @@ static void *typed(const lg_kernels *k, const double *x, size_t n) {
     return y;
 }
 
-/* y is what is expected plus `shift`, up to rounding of a sum of n terms. */
+/* `y` must be `expected` plus `shift`, up to the rounding of a sum of n terms. */
 static void assert_numbers(const lg_kernels *k, const char *what, size_t i, size_t n, const void *y,
                            const double *expected, const double *sum, double shift) {
     const double epsilon = k->dtype == LG_F64 ? DBL_EPSILON : (double)FLT_EPSILON;
@@ -120,9 +120,9 @@ static void assert_numbers(const lg_kernels *k, const char *what, size_t i, size
                      expected[j] + shift, k->dtype == LG_F64 ? "f64" : "f32", (int)k->isa);
 }
 
-/* ---- convolution on plain memory ---- */
+/* ---- convolution kernels ---- */
 
-/* Written over garbage, then added to what is there. */
+/* Kernels first overwrite memory that holds other numbers, then add to it. */
 static void check_convolution(const lg_kernels *k, size_t i) {
     const sizes s = sizes_of(i);
     const lg_conv c = conv_for(s);
@@ -149,13 +149,14 @@ static void check_convolution(const lg_kernels *k, size_t i) {
     }
 }
 
-TEST_EVERY_TABLE("convolution against naive loops", k) {
+TEST_EVERY_TABLE("convolution agrees with plain loops", k) {
     for (size_t i = 0; i < SHAPES; i++) check_convolution(k, i);
 }
 
-/* ---- pooling on plain memory ---- */
+/* ---- pooling kernels ---- */
 
-/* Row of the window in which x is largest; ties to the first, a NaN is larger than all. */
+/* The row of the window's maximum. Of equal numbers the first counts; NaN counts as larger than all
+ * numbers. */
 static size_t argmax(const double *x, size_t size, size_t step) {
     size_t best = 0;
     for (size_t j = 1; j < size; j++) {
@@ -171,7 +172,7 @@ static void check_pooling(const lg_kernels *k, size_t i) {
     if (!lg_windows_count(&w)) return;
     const size_t n = s.channels, nx = s.batch * s.length * n, ny = s.batch * w.count * n;
     double *x = random_values(nx, 1), *h = random_values(nx, 2), *g = random_values(ny, 3);
-    for (size_t j = 0; j < nx; j++) x[j] = floor(3.0 * x[j]); /* many are equal */
+    for (size_t j = 0; j < nx; j++) x[j] = floor(3.0 * x[j]); /* many numbers are equal */
     if (nx > 3) x[nx / 2] = NAN, x[nx / 3] = INFINITY, x[nx - 1] = NAN;
     double *mean = TEST_ARRAY(double, ny), *amean = TEST_ARRAY(double, ny), *spread = TEST_ARRAY(double, nx),
            *aspread = TEST_ARRAY(double, nx);
@@ -213,11 +214,11 @@ static void check_pooling(const lg_kernels *k, size_t i) {
     }
 }
 
-TEST_EVERY_TABLE("pooling against naive loops", k) {
+TEST_EVERY_TABLE("pooling agrees with plain loops", k) {
     for (size_t i = 0; i < SHAPES; i++) check_pooling(k, i);
 }
 
-/* ---- the tape ---- */
+/* ---- operations of the tape ---- */
 
 static void check_on_tape(lg_dtype dtype, size_t i) {
     const lg_kernels *k = lg_kernels_for(dtype);
@@ -239,14 +240,14 @@ static void check_on_tape(lg_dtype dtype, size_t i) {
     assert_numbers(k, "db", i, s.outputs, grad[2], r.db, r.adb, 0.0);
 }
 
-TEST("operations and their cotangents are naive loops") {
+TEST("operations and their cotangents agree with plain loops") {
     for (size_t i = 0; i < SHAPES; i++) {
         check_on_tape(LG_F64, i);
         check_on_tape(LG_F32, i);
     }
 }
 
-/* x (2, 20, 3), w (4, 3, 5), stride 2, padding 1: conv (2, 10, 5). */
+/* x (2, 20, 3), w (4, 3, 5), stride 2, padding 1: the convolution is (2, 10, 5). */
 static lg_var composed(lg_tape *tape, const lg_var *in, lg_activation kind, uint32_t size, uint32_t step) {
     const lg_var z = lg_add(tape, lg_conv1d(tape, in[0], in[1], 2, 1), in[2]);
     return lg_avg_pool1d(tape, lg_act(tape, z, kind), size, step);
@@ -272,7 +273,8 @@ static void check_block(const reference *r, lg_activation kind, uint32_t size, u
     for (int k = 0; k < 3; k++) assert_all_close(grad[0][k], grad[1][k], n[k], 1e-12, 1e-13);
 }
 
-TEST("one node gives what the convolution, the bias, the activation and the pooling give one by one") {
+TEST("the fused node computes the same as convolution, bias, activation and pooling as separate "
+     "operations") {
     static const uint32_t pools[][2] = {{1, 1}, {2, 2}, {3, 2}, {3, 1}, {2, 3}, {1, 2}, {10, 1}};
     reference r = reference_of((sizes){2, 20, 3, 4, 5, 2, 1});
     for (int kind = 0; kind < LG_ACTIVATION_COUNT; kind++)
@@ -280,7 +282,9 @@ TEST("one node gives what the convolution, the bias, the activation and the pool
             check_block(&r, (lg_activation)kind, pools[i][0], pools[i][1]);
 }
 
-TEST_EVERY_TABLE("values and slopes are those of bias_act and act on every set, in rows with remainders", k) {
+TEST_EVERY_TABLE("fused values and slopes equal bias_act and act on every instruction set, also for rows "
+                 "that do not fill vectors",
+                 k) {
     enum { ROWS = 3, COLS = 37, N = ROWS * COLS };
     double *x = random_values(N, 41), *b = random_values(COLS, 42), *z = TEST_ARRAY(double, N);
     for (size_t j = 0; j < N; j++) z[j] = 6.0 * x[j];
@@ -302,7 +306,7 @@ TEST_EVERY_TABLE("values and slopes are those of bias_act and act on every set, 
     }
 }
 
-TEST("a sample alone has the bits that it has among others: value and cotangent") {
+TEST("the bits of a sample's value and cotangent do not depend on the rest of the batch") {
     for (size_t i = 0; i < SHAPES; i++) {
         const sizes s = sizes_of(i);
         const lg_kernels *k = lg_kernels_for(LG_F32);
@@ -327,8 +331,8 @@ TEST("a sample alone has the bits that it has among others: value and cotangent"
     }
 }
 
-/* What is not finite reaches the windows that hold it and no others; a maximum keeps NaN and infinities. */
-TEST("what is not finite reaches the windows that hold it and no others") {
+/* NaN and infinities reach only the windows that contain them; a maximum returns NaN and infinities. */
+TEST("numbers that are not finite affect only the windows that contain them") {
     double x[2 * 9] = {0};
     for (int i = 0; i < 18; i++) x[i] = i % 5;
     x[2 * 4] = NAN;          /* time 4, channel 0 */
@@ -349,20 +353,20 @@ TEST("what is not finite reaches the windows that hold it and no others") {
     }
 }
 
-/* ---- what is refused ---- */
+/* ---- refused shapes and options ---- */
 
 static const struct {
     lg_shape x, w;
-    uint32_t bias, stride, padding; /* bias 0: none */
+    uint32_t bias, stride, padding; /* bias 0: without bias */
     lg_status status;
 } refused[] = {
-    {{3, {1, 4, 2, 0}}, {3, {5, 2, 3, 0}}, 0, 1, 0, LG_SHAPE},            /* nothing is left */
-    {{3, {1, 2, 2, 0}}, {3, {5, 2, 3, 0}}, 0, 1, 1, LG_SHAPE},            /* nor with padding */
-    {{3, {1, 4, 2, 0}}, {3, {3, 1, 3, 0}}, 0, 1, 0, LG_SHAPE},            /* channels */
+    {{3, {1, 4, 2, 0}}, {3, {5, 2, 3, 0}}, 0, 1, 0, LG_SHAPE},            /* the kernel is too long */
+    {{3, {1, 2, 2, 0}}, {3, {5, 2, 3, 0}}, 0, 1, 1, LG_SHAPE},            /* also with padding */
+    {{3, {1, 4, 2, 0}}, {3, {3, 1, 3, 0}}, 0, 1, 0, LG_SHAPE},            /* numbers of channels differ */
     {{2, {4, 2, 0, 0}}, {3, {3, 2, 3, 0}}, 0, 1, 0, LG_SHAPE},            /* rank of x */
     {{3, {1, 4, 2, 0}}, {2, {3, 2, 0, 0}}, 0, 1, 0, LG_SHAPE},            /* rank of w */
     {{3, {1, 4, 2, 0}}, {3, {0, 2, 3, 0}}, 0, 1, 0, LG_SHAPE},            /* an empty kernel */
-    {{3, {1, 4, 2, 0}}, {3, {3, 2, 3, 0}}, 2, 1, 0, LG_SHAPE},            /* bias */
+    {{3, {1, 4, 2, 0}}, {3, {3, 2, 3, 0}}, 2, 1, 0, LG_SHAPE},            /* size of the bias */
     {{3, {1, 4, 2, 0}}, {3, {3, 2, 3, 0}}, 0, 0, 0, LG_INVALID_ARGUMENT}, /* stride */
     {{3, {1, 4, 2, 0}}, {3, {3, 2, 3, 0}}, 0, 1, 3, LG_INVALID_ARGUMENT}, /* padding */
     {{3, {1, 4, 2, 0}}, {3, {3, 2, 3, 0}}, 0, 1, UINT32_MAX, LG_INVALID_ARGUMENT},
@@ -397,7 +401,7 @@ TEST("shapes, strides and paddings that do not fit are refused") {
             assert_true(lg_is_none(pools[p](tape, lg_full(tape, shape, 1.0), bad[i].size, bad[i].stride)));
             assert_status(lg_tape_status(tape), bad[i].status);
         }
-    for (int p = 0; p < 3; p++) { /* windows of pooling: too long, of size 0, every 0 */
+    for (int p = 0; p < 3; p++) { /* pooling windows: too long, of size 0, stride 0 */
         lg_tape_reset(tape);
         const lg_var in = lg_full(tape, lg_shape3(1, 4, 2), 1.0), w = lg_full(tape, lg_shape3(2, 2, 3), 1.0);
         assert_true(lg_is_none(lg_conv1d_pooled(tape, in, w, LG_NONE, 1, 0, LG_TANH,

@@ -1,5 +1,6 @@
-/* The gradient check: the registry passes and is complete, planted errors are caught, and each of the check's
- * parts fails by itself when it should. ctest-labels: isa src/autodiff src/kernels src/integrators */
+/* Tests of the gradient check: all registered cases pass, every operation has a case, planted errors are
+ * caught, and each part of the check fails when it should.
+ * ctest-labels: isa src/autodiff src/kernels src/integrators */
 #include "autodiff/cases/cases.h"
 #include "test_support.h"
 
@@ -8,9 +9,9 @@
 #include "autodiff/ops/op_table.h"
 #include "support/fixtures.h"
 
-/* ---- the registry ---- */
+/* ---- registered cases ---- */
 
-TEST("every row of the registry passes") {
+TEST("every registered case passes") {
     const lg_gradcheck_case *row;
     for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++) {
         lg_gradcheck_result result;
@@ -28,7 +29,7 @@ TEST("every row of the registry passes") {
     }
 }
 
-TEST("every row passes as a program, or says why it is none") {
+TEST("every case passes as a program, or states why it cannot be one") {
     const lg_gradcheck_case *row;
     for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++) {
         lg_gradcheck_program_result result;
@@ -46,9 +47,9 @@ TEST("every row passes as a program, or says why it is none") {
     }
 }
 
-/* A row that is wrong about itself fails: refused without saying so, a program although it says it is none,
- * refused for another reason. */
-TEST("what is refused as a program is refused for the stated reason") {
+/* A case with a wrong statement about itself must fail: it is refused as a program without stating so, it
+ * states so but is a program, or it is refused for another reason. */
+TEST("a case that cannot be a program must be refused for the stated reason") {
     const lg_gradcheck_case *row;
     bool both[2] = {false, false};
     for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++) {
@@ -67,8 +68,8 @@ TEST("what is refused as a program is refused for the stated reason") {
     assert_true(both[0] && both[1]);
 }
 
-/* An operation outside the registry cannot exist: each has a row that names it and has it on its tape. */
-TEST("every operation has a row") {
+/* No operation may exist without a case that names it and has it on its tape. */
+TEST("every operation has a case") {
     const lg_gradcheck_case *row;
     lg_gradcheck_options options;
     lg_gradcheck_options_init(&options);
@@ -88,7 +89,7 @@ TEST("every operation has a row") {
     }
 }
 
-static lg_op stray; /* a copy of a row, which the table does not have */
+static lg_op stray; /* a copy of an operation that is not in the table */
 
 static lg_var build_stray(const void *user, lg_tape *tape, const lg_var *x) {
     (void)user;
@@ -105,7 +106,7 @@ TEST("operations outside the table are refused") {
     assert_says(result.message, "'exp' is not in the table");
 }
 
-TEST("names of rows are different, and their operations exist") {
+TEST("names of cases differ, and their operations exist") {
     const lg_gradcheck_case *row;
     for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++) {
         for (size_t j = 0; j < i; j++)
@@ -124,7 +125,8 @@ TEST("names of rows are different, and their operations exist") {
 typedef struct tally {
     size_t outcome[LG_PLANT_EXCLUDED + 1], caught[LG_OPS_MOST][LG_PLANT_DIRECTIONS][LG_PLANT_MUTATIONS];
     size_t programs[LG_PLANT_EXCLUDED + 1], in_plans[LG_PLANT_PLAN_MUTATIONS];
-    size_t flat[LG_OPS_MOST][LG_PLANT_DIRECTIONS]; /* transpositions of one column or row: nothing changes */
+    /* transposed matrices of one column or row, which change nothing */
+    size_t flat[LG_OPS_MOST][LG_PLANT_DIRECTIONS];
 } tally;
 
 static void count_plant(void *user, const lg_gradcheck_case *row, const lg_gradcheck_plant *plant,
@@ -145,14 +147,14 @@ static void count_plant(void *user, const lg_gradcheck_case *row, const lg_gradc
                  plant->input);
 }
 
-TEST("every plant is caught") {
+TEST("every planted error is caught") {
     static tally t;
     const lg_gradcheck_case *row;
     for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++)
         assert_ok(lg_gradcheck_plant_all(NULL, row, NULL, count_plant, &t));
     assert_int_equal(t.outcome[LG_PLANT_MISSED] + t.programs[LG_PLANT_MISSED], 0);
-    /* Every fault in the scalar code of every operation that has one, and every sort of fault in plans. What
-     * is stopped goes before there is code. */
+    /* In the scalar code of every operation that has some, each kind of error must be caught; in plans too.
+     * stop_gradient vanishes before there is code. */
     for (uint32_t at = 0; lg_ops[at] != NULL; at++)
         for (int mutation = 0; mutation < LG_PLANT_MUTATIONS; mutation++) {
             const lg_op *op = lg_ops[at];
@@ -164,8 +166,8 @@ TEST("every plant is caught") {
     for (int mutation = 0; mutation < LG_PLANT_PLAN_MUTATIONS; mutation++)
         assert_true(t.in_plans[mutation] > 0);
     assert_true(t.outcome[LG_PLANT_CAUGHT] > 3 * t.outcome[LG_PLANT_EXCLUDED]);
-    /* No operation escapes altogether: sign, drop and factor are caught in all that have a derivative, and
-     * transposition in all whose derivative can have two axes. */
+    /* Every operation with a derivative must have caught errors of sign, drop and factor, and of
+     * transposition if its derivative can have two axes. */
     for (uint32_t at = 0; lg_ops[at] != NULL; at++) {
         const lg_op *op = lg_ops[at];
         if (op == &lg_op_leaf || op == &lg_op_custom_derivative || op->frozen == ~0u ||
@@ -190,7 +192,7 @@ static const lg_gradcheck_case *row_named(const char *name) {
     return NULL;
 }
 
-TEST("each part of the check, alone, sees the error that is its own") {
+TEST("each part of the check by itself finds the error that it is for") {
     static const struct {
         const char *row, *operation, *says;
         lg_plant_direction direction;
@@ -221,7 +223,7 @@ TEST("each part of the check, alone, sees the error that is its own") {
     }
 }
 
-/* ---- a user's function ---- */
+/* ---- functions of a user ---- */
 
 static const lg_gradcheck_argument three[] = {{.shape = {1, {3, 0, 0, 0}}}};
 
@@ -229,7 +231,7 @@ static lg_var tanh_of_sin(const void *user, lg_tape *tape, const lg_var *x) {
     return lg_act(tape, lg_sin(tape, x[0]), LG_TANH);
 }
 
-/* Right to first order: the derivative's value is right but it does not know of x. */
+/* Right to first order only: the derivative has the right value, but is constant on the tape. */
 static lg_var once(const void *user, lg_tape *tape, const lg_var *x) {
     return lg_mul(tape, lg_stop_gradient(tape, lg_scale(tape, lg_sin(tape, x[0]), 2.0)), x[0]);
 }
@@ -281,7 +283,7 @@ static lg_var own_failure(const void *user, lg_tape *tape, const lg_var *x) {
 static lg_var none(const void *user, lg_tape *tape, const lg_var *x) {
     return LG_NONE;
 }
-/* A kink closer than the steps: |x| at 1e-4. */
+/* A kink nearer than the difference steps: |x| at 1e-4. */
 static lg_var kinked(const void *user, lg_tape *tape, const lg_var *x) {
     return lg_abs(tape, x[0]);
 }
@@ -299,7 +301,7 @@ static void expect(lg_gradcheck_function f, lg_status status, const char *says, 
     if (failing_order > 1) assert_true(result.order[0].passed);
 }
 
-TEST("functions of a user pass, or fail with the part and order that is wrong") {
+TEST("functions of a user pass, or fail with the part and the order that is wrong") {
     static const double close[3] = {1e-4, 1.0, -1.0};
     static const lg_gradcheck_argument at_kink[] = {{.shape = {1, {3, 0, 0, 0}}, .values = close}};
     expect((lg_gradcheck_function){.name = "right", .build = tanh_of_sin}, LG_OK, "", 0);
@@ -315,7 +317,7 @@ TEST("functions of a user pass, or fail with the part and order that is wrong") 
     expect((lg_gradcheck_function){.name = "none", .build = none}, LG_STALE_HANDLE, "LG_NONE", 0);
 }
 
-TEST("numeric derivatives have no second order") {
+TEST("an operation with a numeric derivative has no second order") {
     lg_gradcheck_function f = {.name = "numeric", .build = custom_of, .user = &numeric_sine};
     expect(f, LG_NOT_DIFFERENTIABLE, "numeric-sine", 2);
     f.first_order_only = true;
@@ -328,7 +330,7 @@ static lg_var zero_claim(const void *user, lg_tape *tape, const lg_var *x) {
     return lg_sin(tape, x[0]);
 }
 
-TEST("a function that is declared zero must be zero") {
+TEST("a function that is declared to be zero must be zero") {
     lg_gradcheck_result result;
     lg_gradcheck_case row = {
         .function = {.name = "not zero", .inputs = 1, .arguments = three, .build = zero_claim}, .zero = true};
@@ -354,7 +356,7 @@ static lg_status no_perturb(const void *user, uint32_t argument, const double *x
     return LG_NO_CONVERGENCE;
 }
 
-TEST("tangents on a manifold are checked against its perturbations") {
+TEST("on a manifold, tangents are compared with its perturbations") {
     lg_gradcheck_result result;
     sphere = row_named("on the sphere")->function;
     sphere.tangent = wrong_tangent;
@@ -369,9 +371,9 @@ TEST("tangents on a manifold are checked against its perturbations") {
     assert_status(lg_gradcheck(NULL, &sphere, NULL, &result), LG_INVALID_ARGUMENT);
 }
 
-/* ---- bad input ---- */
+/* ---- invalid functions and options ---- */
 
-TEST("bad functions and options are refused") {
+TEST("invalid functions and options are refused") {
     lg_gradcheck_result result;
     const lg_gradcheck_function good = {
         .name = "good", .inputs = 1, .arguments = three, .build = tanh_of_sin};

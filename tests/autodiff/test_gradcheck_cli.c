@@ -1,6 +1,6 @@
-/* lg-gradcheck (in LG_BIN_DIR) from outside: exit codes, table, JSON. Its rows are the library's registry and
- * every layer, integrator, system, learned Hamiltonian and surrogate: each has derivatives of first and
- * second order that are differences, a sweep that is the recorded gradient, and plans that are the tape.
+/* Runs lg-gradcheck (in LG_BIN_DIR): exit codes, table, JSON. Its cases are the library's operations and
+ * every layer, integrator, system, learned Hamiltonian and surrogate. For each it compares first and second
+ * derivatives with differences, the backward sweep with the recorded gradient, and plans with the tape.
  * ctest-labels: slow apps/lg-gradcheck src/autodiff src/kernels src/integrators src/nn
  * ctest-labels: src/mechanics src/hamiltonian src/elastica src/machine */
 #include "apps/cli_support.h"
@@ -26,14 +26,14 @@ static const struct {
      0,
      {"\"passed\": true", "\"name\": \"cross (4, 3)\"", "\"adjoint\": ", "\"refused_programs\": 0"},
      {"matmul"}},
-    {"--only scale --json", 0, {"\"slope\": null"}, {NULL}}, /* linear: at rounding */
+    {"--only scale --json", 0, {"\"slope\": null"}, {NULL}}, /* linear: only rounding errors */
     {"--only sin", 0, {"2.0"}, {NULL}},
     {"--version", 0, {"lg-gradcheck"}, {NULL}},
     {"--help", 0, {"--plant"}, {NULL}},
     {"--plant --only matmul", 0, {" 0 missed."}, {"MISSED", "\n0 mutations caught"}},
     {"--plant --only cross", 0, {" 0 missed."}, {"MISSED", "\n0 mutations caught"}},
     {"--plant --only spd_solve", 0, {" 0 missed.", "the transposition changes no number"}, {"MISSED"}},
-    {"--plant", 0, {"caught"}, {NULL}}, /* longer than what is kept of it */
+    {"--plant", 0, {"caught"}, {NULL}}, /* the output is longer than the part that is kept */
     {"--plant --only shift --json",
      0,
      {"\"missed\": 0", "\"outcome\": \"caught\"", "\"mutation\": \"transpose\"",
@@ -41,14 +41,15 @@ static const struct {
      {NULL}},
     {"--only nosuch", 2, {"nosuch"}, {NULL}},
     {"--only nosuch --plant --json", 2, {"nosuch"}, {NULL}},
-    {"--plant --only net", 2, {"there is nothing to plant"}, {NULL}}, /* a network has none of its own */
+    /* a network has no operation of its own to plant errors in */
+    {"--plant --only net", 2, {"there is nothing to plant"}, {NULL}},
     {"--plant --only net --json", 2, {"'net'"}, {NULL}},
     {"--seed -1", 2, {"seed"}, {NULL}},
     {"--bogus", 2, {"bogus"}, {NULL}},
     {"surplus", 2, {"surplus"}, {NULL}},
 };
 
-TEST("every function passes, every plant is caught, and what cannot be run is refused") {
+TEST("every function passes, every planted error is caught, and wrong arguments are refused") {
     for (size_t i = 0; i < LG_COUNT(runs); i++) {
         const bool json = strstr(runs[i].arguments, "--json") != NULL;
         cli_expect(program, runs[i].arguments, runs[i].code, runs[i].says[0]);

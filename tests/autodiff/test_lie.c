@@ -1,6 +1,6 @@
-/* Maps of so(3) and se(3) as operations: values against the plain functions, in every instruction set and
- * both types; cotangents of the kernels against those that the tape records; values and cotangents at extreme
- * angles, plain, on tapes, as plans and in C; third derivatives; bad shapes. */
+/* The maps of so(3) and se(3) as operations: values against the plain functions, with every instruction set
+ * and both types; the kernels' cotangents against recorded ones; values and cotangents at extreme angles by
+ * plain functions, tapes, plans and C; derivatives of higher order; wrong shapes. */
 #include "compiled.h"
 #include "program_support.h"
 #include "support/fixtures.h"
@@ -14,8 +14,8 @@
 
 enum { ROWS = 37, NUMBERS = 9 * ROWS, LONGEST = 4 };
 
-/* Rows of u: angles from 0 to beyond pi, so that every block of lanes has both sides of where the series end.
- */
+/* Draws rows of u with angles from 0 to beyond pi, so that every vector block has angles on both sides of the
+ * limit of the series. */
 static void draw_rotations(double *u) {
     lg_rng rng = test_rng(21, 0);
     for (int i = 0; i < ROWS; i++) {
@@ -45,7 +45,7 @@ static problem *problem_make(void) {
     return p;
 }
 
-/* Map number `map`, or exp(u) on matrices. */
+/* A case is a map number, or MATRICES: exp(u) times a matrix. */
 enum { MATRICES = LG_K_LIE_MAPS, CASES };
 
 static uint32_t inputs_of(int map) {
@@ -87,7 +87,7 @@ static void convert(const lg_kernels *k, const double *x, void *out) {
     k->convert_in(NUMBERS, x, out);
 }
 
-/* The value, then the cotangents of the inputs, added to what their memory holds: one each. */
+/* Computes the value, and then the cotangents of the inputs, which the kernel adds to 1. */
 static void run_kernel(const lg_kernels *k, int map, const problem *p, double (*out)[NUMBERS]) {
     static double in[LG_K_LIE_INPUTS][NUMBERS], g[NUMBERS], y[LG_K_LIE_INPUTS + 1][NUMBERS];
     const void *const values[] = {in[0], in[1], in[2], in[3]};
@@ -102,7 +102,7 @@ static void run_kernel(const lg_kernels *k, int map, const problem *p, double (*
     for (int i = 0; i <= LG_K_LIE_INPUTS; i++) k->convert_out(NUMBERS, y[i], out[i]);
 }
 
-TEST("maps are the plain functions in every table, and so are their cotangents") {
+TEST("values and cotangents of the maps agree with the plain functions for all kernel tables") {
     static double found[LG_K_LIE_INPUTS + 1][NUMBERS], expected[LG_K_LIE_INPUTS + 1][NUMBERS];
     problem *p = problem_make();
     for (int map = 0; map < CASES; map++) {
@@ -125,7 +125,7 @@ TEST("maps are the plain functions in every table, and so are their cotangents")
     }
 }
 
-/* ---- on the tape ---- */
+/* ---- maps on the tape ---- */
 
 static lg_var apply(lg_tape *tape, int map, const lg_var *x) {
     if (map == LG_K_SO3_EXP || map == MATRICES) return lg_so3_exp_rows(tape, x[0], x[1]);
@@ -141,14 +141,14 @@ static const double *table_input(size_t at, int i) {
     return in[i];
 }
 
-/* The largest error of a value and, after it, cotangents of the inputs, in what rounding allows. */
+/* The largest error of a value and of the cotangents that follow it, in units of the allowed error. */
 static double table_error(size_t at, double (*out)[3]) {
     double worst = 0.0;
     for (uint32_t i = 0; i < 3 * (inputs_of(lie_table[at].map) + 1); i++) {
         const double exact = i < 3 ? lie_table[at].y[i] : lie_table[at].slope[i - 3];
         const double allowed = i < 3 ? lie_table[at].allowed : lie_table[at].slack;
         const double error = fabs(out[i / 3][i % 3] - exact) / allowed;
-        worst = error <= worst ? worst : error; /* NaN stays */
+        worst = error <= worst ? worst : error; /* a NaN is kept */
     }
     return worst;
 }
@@ -166,7 +166,7 @@ static void table_by_kernel(const lg_kernels *k, size_t at, double (*out)[3]) {
     for (int i = 0; i <= inputs; i++) k->convert_out(3, y[i], out[i]);
 }
 
-/* The plain function, and the gradient that is recorded. */
+/* The plain function, and the recorded gradient. */
 static void table_by_tape(lg_tape *tape, size_t at, double (*out)[3]) {
     const int map = lie_table[at].map, inputs = (int)inputs_of(map);
     problem *p = TEST_ARRAY(problem, 1);
@@ -183,8 +183,9 @@ static void table_by_tape(lg_tape *tape, size_t at, double (*out)[3]) {
     for (int i = 0; i < inputs; i++) assert_ok(lg_read(tape, slope[i], 3, out[i + 1]));
 }
 
-/* A result that was right but for a change of each number of u by a unit has an error of 1. */
-TEST("maps and cotangents are those of 120 digits at angles from 0 to 1e15: plain, recorded, every table") {
+/* The allowed error is such that changing each number of u by one unit of rounding gives an error of 1. */
+TEST("maps and cotangents agree with 120 digits at angles from 0 to 1e15: plain, recorded, and in every "
+     "kernel table") {
     double out[LG_K_LIE_INPUTS + 1][3];
     lg_tape *tape = test_tape(LG_F64);
     for (size_t i = 0; i < LG_COUNT(lie_table); i++) {
@@ -203,14 +204,14 @@ TEST("maps and cotangents are those of 120 digits at angles from 0 to 1e15: plai
     }
 }
 
-/* ---- in programs: as plans and in C ---- */
+/* ---- maps in programs: plans and C ---- */
 
 RECORDING(record_map) {
     (void)theta;
     y[0] = apply(tape, *(const int *)user, x);
 }
 
-/* Function f<map> and its adjoint, adj1_f<map>, of all maps on vectors. */
+/* A program with the function f<map> and its adjoint adj1_f<map> for each map on vectors. */
 static lg_program *program_of_maps(void) {
     static const lg_port in[LG_K_LIE_INPUTS] = {{.name = "a", .shape = {.rank = 1, .dims = {3}}},
                                                 {.name = "b", .shape = {.rank = 1, .dims = {3}}},
@@ -231,7 +232,7 @@ static lg_program *program_of_maps(void) {
     return program;
 }
 
-/* How a function of a program is evaluated at one row. */
+/* One way to evaluate a function of the program, for one row. */
 typedef struct way {
     const char *name;
     lg_program *program;
@@ -255,7 +256,7 @@ static void run_way(const way *w, const char *function, const void *const *in, v
     lg_plan_destroy(plan);
 }
 
-/* The value at inputs x, and after it cotangents of the inputs. */
+/* The value at the inputs x, followed by the cotangents of the inputs. */
 static void map_by_way(const way *w, int map, const double *const *x, double (*out)[3]) {
     const lg_kernels *k = lg_kernels_for(w->dtype);
     const size_t inputs = inputs_of(map);
@@ -272,7 +273,7 @@ static void map_by_way(const way *w, int map, const double *const *x, double (*o
     for (size_t i = 0; i <= inputs; i++) k->convert_out(3, y[i], out[i]);
 }
 
-/* |u|^2 overflows: no result is a number. */
+/* Where |u|^2 overflows, all results must be NaN or infinite. */
 static void check_overflow(const way *w) {
     static const double sizes[] = {1e155, 1e200, 1e300};
     for (int map = 0; map < LG_K_LIE_MAPS; map++)
@@ -304,7 +305,7 @@ static void check_way(const way *w) {
     check_overflow(w);
 }
 
-TEST("plans of maps and of their adjoints have these digits too") {
+TEST("plans of the maps and of their adjoints have these digits too") {
     lg_program *program = program_of_maps();
     for (int n = 0; n < 4; n++) {
         way w = {.name = n < 2 ? "plan, double" : "plan, single",
@@ -317,7 +318,7 @@ TEST("plans of maps and of their adjoints have these digits too") {
     }
 }
 
-TEST("and C of them") {
+TEST("compiled C of the maps and of their adjoints has these digits too") {
     if (system("command -v gcc >/dev/null") != 0) skip();
     lg_program *program = program_of_maps();
     for (int n = 0; n < 4; n++) {
@@ -332,7 +333,7 @@ TEST("and C of them") {
     }
 }
 
-TEST("the kernels' cotangents are those that are recorded; inputs may be views of one variable") {
+TEST("the kernels' cotangents agree with the recorded ones; inputs may be views of one variable") {
     static double block[LG_K_LIE_INPUTS * NUMBERS], expected[LG_K_LIE_INPUTS * NUMBERS];
     static double found[LG_K_LIE_INPUTS * NUMBERS];
     problem *p = problem_make();
@@ -359,7 +360,7 @@ TEST("the kernels' cotangents are those that are recorded; inputs may be views o
     }
 }
 
-/* d^order/ds^order of <g, map(x + s dx)> at s = `at`, one row */
+/* d^order/ds^order of <g, map(x + s dx)> at s = `at`, for one row. */
 static double along(int map, const problem *p, double at, int order) {
     lg_tape *tape = test_tape(LG_F64);
     lg_var s = lg_input_f64(tape, lg_shape1(1), &at), x[LG_K_LIE_INPUTS];
@@ -383,7 +384,7 @@ static double along(int map, const problem *p, double at, int order) {
     return value;
 }
 
-TEST("derivatives to order 4 are differences of the one below") {
+TEST("derivatives up to order 4 agree with differences of the next lower order") {
     problem *p = problem_make();
     for (int map = 0; map < CASES; map++)
         for (int order = 1; order <= LONGEST; order++) {

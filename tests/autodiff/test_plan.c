@@ -1,6 +1,6 @@
-/* Plans: equal to the tape for many numbers of rows, whatever lies in the work memory and whatever is asked
- * for; shared work is shared rightly. lg-gradcheck holds the plans of every operation, network, scheme and
- * system against the tape, one call at a time. Here are rows, float, Jacobians and memory.
+/* Plans agree with the tape for many numbers of rows, whatever the work memory contains and whichever outputs
+ * are requested; common work is shared correctly. lg-gradcheck compares plans of every operation, network,
+ * scheme and system with the tape, one call at a time. This file tests rows, float, Jacobians and memory.
  * ctest-labels: threads isa */
 #include <pthread.h>
 
@@ -29,9 +29,9 @@ static lg_program *build(const lg_port *in, size_t inputs, const lg_port *out, s
     return test_program(&spec);
 }
 
-/* ---- derivatives, row by row ---- */
+/* ---- derivatives of rows ---- */
 
-/* Jacobians of a function whose rows are independent, of each row by lg_jacobian. */
+/* Compares the Jacobian function of a function whose rows are independent with lg_jacobian of each row. */
 static void check_jacobian(const char *name, const lg_program *program, size_t value, size_t jacobian,
                            size_t rows) {
     numbers n;
@@ -60,8 +60,8 @@ static void check_jacobian(const char *name, const lg_program *program, size_t v
     compare(name, rows, &r, &n, 1e-11);
 }
 
-/* The forward and the adjoint function against lg_jvp and lg_vjp of the value on a tape. Their inputs are
- * those of the value and then directions of its inputs or weights of its outputs. */
+/* Compares the forward or adjoint function with lg_jvp or lg_vjp on a tape. Its inputs are the value's
+ * inputs, followed by directions of the inputs (forward) or weights of the outputs (adjoint). */
 static void check_modes(const char *name, const lg_program *program, size_t value, size_t mode, bool adjoint,
                         size_t rows) {
     numbers n;
@@ -121,7 +121,7 @@ static const lg_port y_ports[] = {{.name = "y"}, {.name = "z"}, {.name = "a"}, {
                                   {.name = "c"}, {.name = "e"}, {.name = "f"}, {.name = "g"},
                                   {.name = "h"}, {.name = "i"}, {.name = "j"}};
 
-TEST("a network's plans and derivatives are those of the tape, for any number of rows") {
+TEST("plans and derivatives of a network agree with the tape, for any number of rows") {
     const lg_port x = {.name = "x", .shape = {1, {3, 0, 0, 0}}};
     for (uint32_t width = 5; width <= 17; width += 12) {
         lg_net net;
@@ -133,7 +133,7 @@ TEST("a network's plans and derivatives are those of the tape, for any number of
 
 /* ---- Hamiltonians and systems ---- */
 
-/* The caller destroys it. */
+/* The caller destroys the program. */
 static lg_program *make_hamiltonian(const lg_hamiltonian_family *family, uint32_t links, const char *scheme) {
     const uint32_t hidden[1] = {6};
     lg_hamiltonian model;
@@ -153,31 +153,30 @@ static lg_program *hamiltonian(const lg_hamiltonian_family *family, uint32_t lin
     return program;
 }
 
-TEST("a learned Hamiltonian's and its steps' plans and derivatives are those of the tape, for any number of "
-     "rows") {
+TEST("plans and derivatives of a learned Hamiltonian and its steps agree with the tape, for any number "
+     "of rows") {
     lg_program *program = hamiltonian(&lg_hamiltonian_chain, 2, "rkmk4");
     check_derivatives("hamiltonian", program, true, false);
 }
 
-/* ---- odd outputs and odd shapes ---- */
+/* ---- unusual outputs and shapes ---- */
 
 RECORDING(record_odd) {
     const uint32_t rows = lg_var_shape(tape, x[0]).dims[0];
-    y[0] = lg_sin(tape, x[0]); /* twice an output */
+    y[0] = lg_sin(tape, x[0]); /* used as two outputs */
     y[1] = y[0];
-    y[2] = x[0];                                                          /* an input */
-    y[3] = lg_full(tape, lg_shape2(rows, 2), 0.25);                       /* a constant */
-    y[4] = lg_reshape(tape, x[0], lg_shape3(rows, 2, 2));                 /* a view of an input */
-    y[5] = lg_reshape(tape, y[0], lg_shape3(rows, 4, 1));                 /* a view of an output */
-    y[6] = lg_slice(tape, lg_reshape(tape, x[1], lg_shape1(6)), 0, 2, 3); /* a part of a shared input */
-    y[7] =
-        lg_reshape(tape, lg_slice(tape, x[0], 1, 0, 1), lg_shape1(rows)); /* of rank 1: no shape of a row */
+    y[2] = x[0];                                                             /* an input */
+    y[3] = lg_full(tape, lg_shape2(rows, 2), 0.25);                          /* a constant */
+    y[4] = lg_reshape(tape, x[0], lg_shape3(rows, 2, 2));                    /* a view of an input */
+    y[5] = lg_reshape(tape, y[0], lg_shape3(rows, 4, 1));                    /* a view of an output */
+    y[6] = lg_slice(tape, lg_reshape(tape, x[1], lg_shape1(6)), 0, 2, 3);    /* a part of a shared input */
+    y[7] = lg_reshape(tape, lg_slice(tape, x[0], 1, 0, 1), lg_shape1(rows)); /* rank 1: a row has no shape */
     y[8] = x[1];
     y[9] = lg_add(tape, x[0], lg_mul(tape, x[2], lg_full(tape, lg_shape1(4), 2.0)));
     y[10] = lg_slice(tape, x[0], 1, 4, 0); /* empty */
 }
 
-TEST("outputs may be inputs, constants, views, empty or the same") {
+TEST("outputs may be inputs, constants, views, empty, or equal to other outputs") {
     const lg_port in[] = {{.name = "x", .shape = {1, {4}}},
                           {.name = "s", .shape = {2, {2, 3}}, .shared = true},
                           {.name = "t", .shape = {0, {0}}, .shared = true}};
@@ -188,10 +187,10 @@ TEST("outputs may be inputs, constants, views, empty or the same") {
     check_all("odd outputs", program);
 }
 
-/* ---- numbers that an operation reads twice ---- */
+/* ---- operations that read the same numbers twice ---- */
 
-/* Recorded twice, sin x is one buffer in a plan. The operation that reads the buffer last may work in place
- * of it, and must not read it afterwards. */
+/* sin x is recorded twice and becomes one buffer in a plan. The last operation that reads the buffer may
+ * write its result there, and must not read the buffer afterwards. */
 RECORDING(record_twice) {
     static const double c[3] = {0.25, 2.0, -1.5};
     lg_var z[2], e[2], h[2], q[2], w[2];
@@ -206,10 +205,10 @@ RECORDING(record_twice) {
     y[1] = lg_exp(tape, lg_linear_combination(tape, (lg_var[]){e[0], lg_cos(tape, x[0]), e[1]}, c, 3));
     y[2] = lg_sin(tape, lg_lerp(tape, h[0], h[1], h[0]));
     y[3] = lg_sin(tape, lg_div(tape, q[0], lg_add(tape, q[0], q[1])));
-    y[4] = lg_exp(tape, lg_sub(tape, w[0], lg_slice(tape, w[1], 0, 0, 1))); /* each row less the first row */
+    y[4] = lg_exp(tape, lg_sub(tape, w[0], lg_slice(tape, w[1], 0, 0, 1))); /* each row minus the first row */
 }
 
-/* A part of a buffer is read again for every element. */
+/* Here a part of a buffer is read again for every element. */
 RECORDING(record_part) {
     const lg_var s = lg_sin(tape, x[0]), e = lg_exp(tape, x[0]), c = lg_cos(tape, x[0]);
     y[0] = lg_cos(tape, lg_mul(tape, s, lg_slice(tape, s, 1, 0, 1))); /* each column times the first one */
@@ -224,7 +223,7 @@ TEST("an operation may read equal numbers twice") {
     check_derivatives("a part", build(&wide, 1, y_ports, 3, 0, record_part, NULL), false, false);
 }
 
-/* x' = sin u with a constant input u: all stages are equal subexpressions. */
+/* x' = sin u with a constant input u: the stages of a step are equal subexpressions. */
 static lg_status sine_of_input(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                                lg_var *algebra) {
     (void)user, (void)t, (void)y;
@@ -239,7 +238,7 @@ RECORDING(record_step_of_input) {
     (void)lg_taped_step_over(tape, user, &ode, &over, x, y);
 }
 
-TEST("a step whose stages are equal is the tape's, by every explicit scheme") {
+TEST("a plan of a step with equal stages agrees with the tape, for every explicit scheme") {
     const lg_port in[] = {{.name = "x", .shape = {1, {1}}}, {.name = "u", .shape = {1, {1}}}};
     for (size_t i = 0; i < lg_scheme_count(); i++) {
         const lg_scheme *scheme = lg_scheme_at(i);
@@ -253,15 +252,15 @@ RECORDING(record_scalar_rows) {
     y[0] = lg_mul(tape, lg_exp(tape, x[0]), lg_sin(tape, x[1]));
 }
 
-TEST("rows may have no shape: (B)") {
+TEST("a row may be a single number: shape (B)") {
     const lg_port in[] = {{.name = "x"}, {.name = "z"}};
     lg_program *program = build(in, 2, y_ports, 1, 0, record_scalar_rows, NULL);
     check_derivatives("rows of rank 0", program, true, true);
 }
 
-/* ---- rows that repeat: where treating them alone would be wrong ---- */
+/* ---- repeated rows, which must not be treated one by one ---- */
 
-/* Every row stands `copies` times, as a Jacobian has them. */
+/* Each row is repeated `copies` times, as in a Jacobian. */
 static lg_var repeated(lg_tape *tape, lg_var x, uint32_t rows, uint32_t width, uint32_t copies) {
     const lg_var one = lg_reshape(tape, x, lg_shape3(rows, 1, width));
     return lg_reshape(tape, lg_broadcast_to(tape, one, lg_shape3(rows, copies, width)),
@@ -270,12 +269,13 @@ static lg_var repeated(lg_tape *tape, lg_var x, uint32_t rows, uint32_t width, u
 
 enum { WIDTH = 4, COPIES = 2 };
 
-/* x (B, 4), w shared (4, 4) */
+/* x (B, 4); w (4, 4) is shared. */
 RECORDING(record_meeting) {
     static const uint32_t chosen[3] = {3, 0, 0};
     const uint32_t rows = lg_var_shape(tape, x[0]).dims[0], all = rows * COPIES;
     const lg_var r = repeated(tape, x[0], rows, WIDTH, COPIES), other = lg_sin(tape, r);
-    /* Rows meet: sums over the batch, x^T y, maxima, slices, pads and joints along the rows. */
+    /* Here rows affect each other: sums over the batch, x^T y, maxima, slices, paddings and concatenations
+     * along the rows. */
     const lg_var mean = lg_mean_axis(tape, other, 0, true);
     y[0] = lg_slice(tape, lg_sub(tape, other, mean), 0, 0, rows);
     y[1] = lg_matmul_tn(tape, r, other);
@@ -290,18 +290,18 @@ RECORDING(record_meeting) {
     y[7] = lg_transpose(tape, y[7]);
     y[8] = lg_slice(tape, lg_matmul(tape, other, lg_matmul_tn(tape, r, r)), 0, 0, rows);
     y[9] = lg_slice(tape, lg_add(tape, lg_matmul(tape, r, x[1]), theta[0]), 0, 0, rows);
-    y[10] = lg_sum_axis(tape, other, 0, false); /* (4): as many numbers as rows when 2 B = 4 */
+    y[10] = lg_sum_axis(tape, other, 0, false); /* (4): as many numbers as repeated rows if 2 B = 4 */
 }
 
-TEST("rows that meet are not treated one by one") {
+TEST("rows that affect each other are not treated one by one") {
     const lg_port in[] = {{.name = "x", .shape = {1, {WIDTH}}},
                           {.name = "w", .shape = {2, {WIDTH, WIDTH}}, .shared = true}};
     lg_program *program = build(in, 2, y_ports, LG_COUNT(y_ports), WIDTH, record_meeting, NULL);
     check_derivatives("rows that meet", program, false, false);
 }
 
-/* Batches times one matrix whose rows repeat, and that has as many rows as the batch when 2 B = 4: its rows
- * are none of the batch. x (B, 4) */
+/* Products of batches with one matrix that has equal rows. If 2 B = 4, it has as many rows as the batch, but
+ * they are not the batch's rows. x (B, 4) */
 RECORDING(record_matrix) {
     static const double right_values[12] = {1, 2, 3, 1, 2, 3, -1, 4, 2, -1, 4, 2},
                         left_values[8] = {1, 2, 1, 2, 3, 4, 3, 4};
@@ -325,16 +325,16 @@ RECORDING(record_matrix) {
     y[5] = lg_gather(tape, from_input, turned, 4);
 }
 
-TEST("a matrix with as many rows as the batch is no batch") {
+TEST("a matrix that happens to have as many rows as the batch is not treated as a batch") {
     const lg_port in[] = {{.name = "x", .shape = {1, {WIDTH}}},
                           {.name = "w", .shape = {2, {2, 2}}, .shared = true}};
     lg_program *program = build(in, 2, y_ports, 6, 4, record_matrix, NULL);
     check_derivatives("a matrix beside a batch", program, false, false);
 }
 
-/* ---- what does not depend on the direction is computed once ---- */
+/* ---- work that does not depend on the direction is done once ---- */
 
-/* Hyperbolic tangents in a plan. */
+/* Number of tanh evaluations in a plan. */
 static size_t tangents(const lg_plan *plan) {
     size_t count = 0;
     for (size_t s = 0; s < plan->steps; s++) {
@@ -366,13 +366,13 @@ TEST("shared work is done once") {
     }
 }
 
-/* Chosen inputs and outputs: only what they need. */
+/* A function of two inputs with two outputs, whose derivatives are taken for chosen inputs and outputs. */
 RECORDING(record_two) {
     y[0] = lg_mlp_record(tape, user, theta[0], 0, x[0]);
     y[1] = lg_mul(tape, lg_sin(tape, x[1]), lg_slice(tape, x[0], 1, 0, 2));
 }
 
-TEST("chosen inputs and outputs cost only what they need") {
+TEST("derivatives by chosen inputs and of chosen outputs compute only what these need") {
     static const char *const by = "z", *const all[2] = {"y", "z"};
     const lg_port in[] = {{.name = "x", .shape = {1, {3}}}, {.name = "u", .shape = {1, {2}}}};
     const uint32_t hidden[1] = {30};
@@ -407,7 +407,7 @@ TEST("chosen inputs and outputs cost only what they need") {
                          chosen[c].network);
     }
     check_all("chosen pairs", program);
-    /* Numbers of one against the tape's. */
+    /* Compares one of these derivatives with the tape. */
     enum { ROWS = 3 };
     size_t j2;
     numbers n;
@@ -447,7 +447,7 @@ static void add_loop(lg_program *program, const char *name, size_t times) {
     assert_told(lg_program_add_loop(program, &loop, &told));
 }
 
-TEST("loops are single steps") {
+TEST("a plan of a loop equals single steps") {
     lg_program *program = hamiltonian(&lg_hamiltonian_chain, 1, NULL);
     size_t step;
     assert_ok(lg_program_find(program, "step", &step));
@@ -472,7 +472,7 @@ TEST("loops are single steps") {
             }
         for (size_t rows = 1; rows <= 7; rows += 3) check_function(name, program, loop, rows);
     }
-    /* Through the loop: lg_program_record of it is the chain of steps on a tape. */
+    /* Derivatives through the loop: lg_program_record of the loop records the chain of its steps. */
     const size_t adjoint = derived(program, LG_DERIVATIVE_ADJOINT, "steps3"),
                  jacobian = derived(program, LG_DERIVATIVE_JACOBIAN, "steps3");
     size_t loop;
@@ -492,19 +492,19 @@ TEST("loops are single steps") {
     assert_memory_equal(n.out[0], single.out[0], n.out_count[0] * sizeof(double));
 }
 
-/* Two outputs change places. */
+/* Two outputs that become each other's inputs. */
 RECORDING(record_exchange) {
     y[0] = lg_scale(tape, x[1], 2.0);
     y[1] = lg_add(tape, x[0], x[2]);
 }
 
-/* An output that is longer than the inputs, and one that all rows share. */
+/* An output that is longer than the inputs, and an output that is shared by all rows. */
 RECORDING(record_uneven) {
     y[0] = lg_concat(tape, x, 2, 1);
     y[1] = lg_mean_axis(tape, x[0], 0, false);
 }
 
-TEST("loops carry several outputs, in any order, and refuse what cannot be") {
+TEST("loops carry several outputs in any order, and refuse impossible ones") {
     const lg_port in[] = {
         {.name = "a", .shape = {1, {2}}}, {.name = "b", .shape = {1, {2}}}, {.name = "c", .shape = {1, {2}}}};
     const lg_port out[] = {{.name = "p"}, {.name = "q"}};
@@ -523,7 +523,7 @@ TEST("loops carry several outputs, in any order, and refuse what cannot be") {
                                   {sizeof *loops, "uneven_paths", "uneven", 1, NULL, 0, others_names, 2}};
     for (size_t i = 0; i < LG_COUNT(loops); i++) assert_ok(lg_program_add_loop(program, &loops[i], &error));
     check_all("loops", program);
-    /* What cannot be. */
+    /* Refused loops. */
     const lg_carry unknown = {"r", "a"}, nowhere = {"p", "z"}, unnamed = {NULL, "a"}, unset = {"p", NULL},
                    twice[] = {{"p", "a"}, {"q", "a"}}, wider = {"wide", "a"}, common = {"one", "a"};
     const struct {
@@ -569,7 +569,7 @@ TEST("loops carry several outputs, in any order, and refuse what cannot be") {
     assert_says(error.message, "'f' has no output 'r'");
     assert_status(lg_program_add_loop(program, &paths_refused[1], &error), LG_INVALID_ARGUMENT);
     assert_says(error.message, "a path is missing");
-    /* A loop takes its times the work of a call. */
+    /* A loop counts as its number of rounds times the work of one call. */
     lg_plan_options options = plan_options(1, LG_F64);
     lg_plan *plan = NULL;
     options.most_work = 1e4;
@@ -642,7 +642,7 @@ TEST("a function that is added later calls a loop, and its cost over a motion is
 
 /* ---- options ---- */
 
-TEST("a plan that marks unfit inputs gives NaN everywhere, else the same bits") {
+TEST("with mark_unfit, unfit inputs make all results NaN, and other inputs give the same bits as without") {
     const double bad[] = {NAN, INFINITY, -INFINITY};
     lg_program *program = hamiltonian(&lg_hamiltonian_chain, 1, NULL);
     add_loop(program, "steps", 3);
@@ -677,7 +677,7 @@ TEST("a plan that marks unfit inputs gives NaN everywhere, else the same bits") 
             }
 }
 
-TEST("without the mark, rows do not touch each other") {
+TEST("without mark_unfit a row with NaN does not affect other rows") {
     lg_program *program = hamiltonian(&lg_hamiltonian_chain, 2, NULL);
     for (size_t f = 0; f < lg_program_functions(program); f++) {
         numbers n;
@@ -699,7 +699,7 @@ TEST("without the mark, rows do not touch each other") {
     }
 }
 
-TEST("max_size bounds a plan, and more memory never hurts") {
+TEST("max_size limits a plan, and a plan that fits also fits into more memory") {
     const lg_port x = {.name = "x", .shape = {1, {16}}};
     const uint32_t hidden[2] = {64, 64};
     lg_mlp net;
@@ -720,7 +720,7 @@ TEST("max_size bounds a plan, and more memory never hurts") {
             } else {
                 assert_int_equal(status, LG_OUT_OF_MEMORY);
                 assert_true(strlen(error.message) > 0);
-                assert_false(made); /* more memory never hurts */
+                assert_false(made); /* a plan that was made with less memory must be made with more */
                 assert_null(plan);
                 refused = true;
             }
@@ -745,12 +745,12 @@ TEST("max_size bounds a plan, and more memory never hurts") {
     lg_plan_destroy(NULL);
 }
 
-TEST("a plan keeps nothing of its program") {
+TEST("a plan keeps no reference to its program") {
     lg_program *program = hamiltonian(&lg_hamiltonian_chain, 2, "rkmk4");
     add_loop(program, "steps", 2);
     for (size_t f = 0; f < lg_program_functions(program); f++) {
         lg_program *other =
-            make_hamiltonian(&lg_hamiltonian_chain, 2, "rkmk4"); /* destroyed before it is run */
+            make_hamiltonian(&lg_hamiltonian_chain, 2, "rkmk4"); /* destroyed before the plan runs */
         add_loop(other, "steps", 2);
         numbers n;
         ready r;
@@ -785,7 +785,7 @@ static void *work_on(void *user) {
     return NULL;
 }
 
-TEST("threads share a plan and get the same bits") {
+TEST("threads can share a plan and get the same bits") {
     lg_program *program = hamiltonian(&lg_hamiltonian_chain, 2, NULL);
     add_loop(program, "steps", 2);
     for (size_t f = 0; f < lg_program_functions(program); f++) {
@@ -810,7 +810,7 @@ TEST("threads share a plan and get the same bits") {
 
 /* ---- every allocation fails in turn ---- */
 
-TEST("every allocation may fail, with a sentence, and the program stays as it was") {
+TEST("if an allocation fails there is a message, and the program is unchanged") {
     const lg_port in = {.name = "x", .shape = {1, {3}}, .unit = "m"}, out = {.name = "y", .unit = "J"};
     const uint32_t hidden[1] = {4};
     lg_mlp net;
@@ -847,11 +847,11 @@ TEST("every allocation may fail, with a sentence, and the program stays as it wa
     });
 }
 
-/* ---- long recordings ---- */
+/* ---- memory of long recordings ---- */
 
 enum { ROUNDS = 3000, WIDE = 20 };
 
-/* x sin(sum x), over and over: a tensor, then scalar code. */
+/* Computes x sin(sum x) many times: alternately a tensor and scalar code. */
 static lg_status record_rounds(void *user, lg_tape *tape, const lg_var *parameters, const lg_var *x,
                                lg_var *y) {
     *y = x[0];
@@ -859,7 +859,7 @@ static lg_status record_rounds(void *user, lg_tape *tape, const lg_var *paramete
     return lg_tape_status(tape);
 }
 
-TEST("long recordings take memory in proportion") {
+TEST("the memory for long recordings is proportional to their length") {
     const lg_port in = {.name = "x", .shape = lg_shape1(WIDE), .shared = true}, out = {.name = "y"};
     const lg_function_spec function = {"rounds", &in, 1, &out, 1, record_rounds, NULL};
     const lg_program_spec spec = spec_of(NULL, 0, &function, 1);

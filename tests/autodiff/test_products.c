@@ -1,6 +1,6 @@
 /* ctest-labels: threads */
-/* Dense products on the tape: every form (own kernel, kept transpose, transposed product, BLAS) against a
- * naive loop, and the same bits whatever the number of threads. */
+/* Dense products on the tape. Each way to compute them (own kernel, stored transpose, transposed product,
+ * BLAS) is compared with a plain loop, and must give the same bits for any number of threads. */
 #include "support/fixtures.h"
 
 #include "liegrad/context.h"
@@ -9,13 +9,13 @@ typedef struct shape {
     uint32_t m, n, k;
 } shape;
 
-/* Around the limits: below the split, split by columns and by rows, B small and large for nt, few and many
- * rows; the last is above the limit of the own kernel. */
+/* Sizes around the limits between the ways: not split, split by columns and by rows, B small and large for
+ * nt, few and many rows; the last one is too large for the own kernel. */
 static const shape shapes[] = {{1, 1, 1},       {3, 5, 7},      {20, 100, 100},
                                {33, 101, 97},   {32, 300, 301}, {500, 100, 60},
                                {130, 300, 300}, {7, 700, 129},  {1009, 997, 1013}};
 
-/* op(A) op(B) and both gradients of its weighted sum, (m n + m k + k n) values. */
+/* op(A) op(B), and both gradients of its weighted sum: (m n + m k + k n) numbers. */
 static double *evaluate(shape s, int variant, const double *a, const double *b, lg_dtype dtype, int threads) {
     static lg_var (*const functions[3])(lg_tape *, lg_var, lg_var) = {lg_matmul, lg_matmul_nt, lg_matmul_tn};
     const size_t mn = (size_t)s.m * s.n, mk = (size_t)s.m * s.k, kn = (size_t)s.k * s.n;
@@ -35,7 +35,7 @@ static double *evaluate(shape s, int variant, const double *a, const double *b, 
     assert_ok(lg_read(tape, c, mn, out));
     assert_ok(lg_read(tape, gradient[0], mk, out + mn));
     assert_ok(lg_read(tape, gradient[1], kn, out + mn + mk));
-    /* Unrecorded, accumulated in place: the same numbers. */
+    /* Gradients that are not recorded but accumulated in place must be the same numbers. */
     void *const grad[2] = {lg_test_memory(mk * bytes), lg_test_memory(kn * bytes)};
     assert_ok(lg_backward(tape, weighted, wrt, 2, grad));
     assert_memory_equal(grad[0], lg_value(tape, gradient[0]), mk * bytes);
@@ -44,8 +44,8 @@ static double *evaluate(shape s, int variant, const double *a, const double *b, 
     return out;
 }
 
-TEST("products are naive loops, and the same bits for any number of threads") {
-    /* BLAS has one thread, as in the executables; the thread sanitizer does not see its others. */
+TEST("products agree with plain loops, and have the same bits for any number of threads") {
+    /* BLAS runs one thread, as in the executables; the thread sanitizer does not see the threads of BLAS. */
     lg_runtime_setup();
     for (size_t i = 0; i < LG_COUNT(shapes) * 6; i++) {
         const shape s = shapes[i / 6];

@@ -1,4 +1,4 @@
-/* Programs: building, what is refused, application on a tape, plans. */
+/* Programs: how they are built, what is refused, recording on a tape, plans. */
 #include "program_support.h"
 
 #include "autodiff/ops/op_rows.h"
@@ -49,7 +49,7 @@ static lg_program *build_network(network *n) {
     return test_program(&spec);
 }
 
-/* Function of the program on a tape, and the recording itself, with `rows` rows: to the last bit. */
+/* Compares a function of the program on a tape with its recording for `rows` rows, to the last bit. */
 static void compare_apply(lg_program *program, size_t function, network *n, lg_record_function record,
                           size_t outputs, size_t rows) {
     lg_rng rng = test_rng(4, rows);
@@ -67,7 +67,7 @@ static void compare_apply(lg_program *program, size_t function, network *n, lg_r
     }
 }
 
-TEST("a program on a tape is its recording, to the last bit") {
+TEST("a program on a tape equals its recording to the last bit") {
     network n;
     make_network(&n, 3, 16, 1, LG_TANH);
     lg_program *program = build_network(&n);
@@ -80,8 +80,8 @@ TEST("a program on a tape is its recording, to the last bit") {
 
 /* ---- derivatives ---- */
 
-/* y = (sin(q u), net(q, u) + q . u): two inputs, two outputs, of every sort of operation that networks and
- * mechanics have. */
+/* y = (sin(q u), net(q, u) + q . u): two inputs and two outputs, with every kind of operation that networks
+ * and mechanics use. */
 enum { Q = 3, U = 2, Y0 = 6, Y1 = 2 };
 
 static lg_status record_pair(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
@@ -106,7 +106,7 @@ static lg_program *build_pair(network *n) {
     return test_program(&spec);
 }
 
-/* ---- what is refused, and how it is said ---- */
+/* ---- refused programs and their messages ---- */
 
 RECORDING(identity) {
     y[0] = lg_scale(tape, x[0], 1.0);
@@ -134,7 +134,7 @@ RECORDING(put_back) {
     y[0] = lg_mul(tape, x[0], copy);
 }
 
-/* Numbers of a parameter, too. */
+/* Reads the value of a parameter, which is refused too. */
 RECORDING(weight_put_back) {
     y[0] = lg_mul(tape, x[0], lg_input(tape, lg_var_shape(tape, theta[0]), lg_value(tape, theta[0])));
 }
@@ -222,7 +222,7 @@ typedef struct refusal {
     lg_status status;
     const char *words[4];
     const char *function, *input, *other, *output; /* names; NULL: f, x, s, y */
-    lg_port port;                                  /* of rank 0: x3 */
+    lg_port port;                                  /* rank 0: the port is x3 */
 } refusal;
 
 static lg_status build_one(const refusal *c, lg_program **program, lg_error *error) {
@@ -238,7 +238,7 @@ static lg_status build_one(const refusal *c, lg_program **program, lg_error *err
     return lg_program_build(NULL, &spec, program, error);
 }
 
-TEST("recordings that depend on numbers or rows are refused by name") {
+TEST("recordings that depend on numbers or on the number of rows are refused, with the function's name") {
     static const refusal cases[] = {
         {branch, LG_UNSUPPORTED, .words = {"'f'", "branch on values", "sin"}},
         {loop_over_rows, LG_UNSUPPORTED, .words = {"'f'", "loop over rows"}},
@@ -285,12 +285,12 @@ TEST("recordings that depend on numbers or rows are refused by name") {
         for (size_t w = 0; w < 4 && cases[i].words[w] != NULL; w++)
             if (strstr(error.message, cases[i].words[w]) == NULL)
                 fail_msg("case %zu: '%s' is not in: %s", i, cases[i].words[w], error.message);
-        assert_int_equal(build_one(&cases[i], &program, NULL), status); /* without a place for the sentence */
+        assert_int_equal(build_one(&cases[i], &program, NULL), status); /* NULL instead of an lg_error */
         assert_null(program);
     }
 }
 
-TEST("parameters that are not finite, named twice or not given are refused, and functions named twice") {
+TEST("parameters that are not finite, not given or named twice are refused, and functions named twice") {
     const double numbers[3] = {0.5, NAN, 1.0}, good[3] = {1.0, 2.0, 3.0}, bad[3] = {1.0, -INFINITY, 3.0};
     const lg_port out = {.name = "y"};
     const lg_function_spec function = {"f", &x3, 1, &out, 1, identity, NULL};
@@ -342,14 +342,14 @@ TEST("parameters that are not finite, named twice or not given are refused, and 
     lg_program_destroy(NULL);
 }
 
-/* ---- derivatives that cannot be; on failure the program is as before ---- */
+/* ---- refused derivatives; the program stays unchanged ---- */
 
 RECORDING(shared_and_not) {
     y[0] = lg_mul(tape, x[0], x[1]);
     y[1] = lg_mean(tape, lg_square(tape, x[0]));
 }
 
-TEST("derivatives that cannot be are refused, and the program stays as it was") {
+TEST("impossible derivatives are refused, and the program stays unchanged") {
     const lg_port in[2] = {x3, {.name = "s", .shape = {1, {3}}, .shared = true}},
                   out[2] = {{.name = "y"}, {.name = "m"}};
     const lg_function_spec function = {"f", in, 2, out, 2, shared_and_not, NULL};
@@ -389,7 +389,8 @@ TEST("derivatives that cannot be are refused, and the program stays as it was") 
         if (strstr(error.message, cases[i].words) == NULL) fail_msg("case %zu: %s", i, error.message);
         assert_int_equal(lg_program_functions(program), 1);
     }
-    /* Chosen by themselves, the shared ones are left out; of forward and adjoint they are in. */
+    /* By default a Jacobian leaves out shared inputs and outputs; forward and adjoint derivatives include
+     * them. */
     size_t count;
     (void)derived(program, LG_DERIVATIVE_JACOBIAN, "f");
     (void)lg_program_outputs(program, lg_program_functions(program) - 1, &count);
@@ -399,7 +400,7 @@ TEST("derivatives that cannot be are refused, and the program stays as it was") 
     assert_int_equal(count, 2);
     assert_string_equal(port[1].name, "adj_s");
     assert_true(port[1].shared);
-    /* Two directions, and the adjoint of an adjoint. */
+    /* The derivative by two directions, and the adjoint of an adjoint. */
     (void)derived(program, LG_DERIVATIVE_FORWARD, "f");
     (void)derived(program, LG_DERIVATIVE_FORWARD, "fwd1_f");
     port = lg_program_inputs(program, lg_program_functions(program) - 1, &count);
@@ -412,7 +413,7 @@ TEST("derivatives that cannot be are refused, and the program stays as it was") 
     assert_string_equal(port[0].name, "adj2_x");
 }
 
-/* Rows that meet, and NaN wherever inputs without a range are tried. */
+/* Rows affect each other, and the inputs without a range that are tried all give NaN. */
 RECORDING(centred_root) {
     const lg_var root = lg_sqrt(tape, lg_add_scalar(tape, x[0], -2.0));
     y[0] = lg_sub(tape, root, lg_mean_axis(tape, root, 0, true));
@@ -422,7 +423,7 @@ RECORDING(centred) {
     y[0] = lg_sub(tape, x[0], lg_mean_axis(tape, x[0], 0, true));
 }
 
-TEST("jacobians of rows that meet are refused") {
+TEST("a Jacobian is refused if rows affect each other") {
     const lg_port out = {.name = "y"};
     const lg_function_spec functions[] = {{"centred", &x3, 1, &out, 1, centred, NULL},
                                           {"centred_root", &x3, 1, &out, 1, centred_root, NULL}};
@@ -444,9 +445,9 @@ TEST("jacobians of rows that meet are refused") {
     assert_ok(lg_program_derive(program, &what, &error));
 }
 
-/* ---- on a tape: errors stick, outputs are untouched ---- */
+/* ---- errors while recording on a tape ---- */
 
-TEST("on a tape errors stick, and outputs are untouched") {
+TEST("on a tape the first error stays, and outputs are not written") {
     network n;
     make_network(&n, 3, 4, 1, LG_TANH);
     lg_program *program = build_network(&n);
@@ -466,18 +467,18 @@ TEST("on a tape errors stick, and outputs are untouched") {
         assert_int_equal(lg_tape_status(tape), expected);
         assert_true(strlen(lg_tape_message(tape)) > 0);
         assert_memory_equal(&y, &mark, sizeof y);
-        assert_int_equal(lg_program_record(tape, program, 0, &theta, &x, &y), expected); /* it sticks */
+        assert_int_equal(lg_program_record(tape, program, 0, &theta, &x, &y), expected); /* the error stays */
         assert_memory_equal(&y, &mark, sizeof y);
     }
 }
 
-/* ---- what depends on parameters alone is computed once ---- */
+/* ---- work that depends only on parameters is done once ---- */
 
 RECORDING(scaled) {
     y[0] = lg_mul(tape, x[0], lg_exp(tape, theta[0]));
 }
 
-/* Whether a step of the plan is this operation, or has it as scalar code. */
+/* Whether a step of the plan is this operation, or contains it as scalar code. */
 static bool computes(const lg_plan *plan, const lg_op *op, lg_scalar_op code) {
     for (size_t s = 0; s < plan->steps; s++) {
         const lg_plan_step *step = &plan->step[s];
@@ -499,7 +500,7 @@ static lg_program *program_of(lg_record_function record) {
     return test_program(&spec);
 }
 
-TEST("what depends on parameters alone is computed once") {
+TEST("results that depend only on parameters are computed once") {
     lg_program *program = program_of(scaled);
     lg_plan *plan;
     lg_error error;
@@ -522,7 +523,7 @@ RECORDING(left_over) {
     y[0] = lg_add(tape, lg_cos(tape, x[0]), lg_mul(tape, lg_sin(tape, x[0]), zero));
 }
 
-TEST("what simplification leaves behind is not computed") {
+TEST("values that are not needed after simplification are not computed") {
     lg_plan *plan;
     lg_error error;
     lg_plan_options options;
@@ -534,10 +535,11 @@ TEST("what simplification leaves behind is not computed") {
     lg_plan_destroy(plan);
 }
 
-TEST("a_{2i+j} = sin(q_i u_j); b = net(q, u) + q . u depends on everything") {
+TEST("output a_{2i+j} = sin(q_i u_j) uses one element each of q and u; b = net(q, u) + q . u uses all") {
     network n;
     make_network(&n, Q + U, 10, Y1, LG_TANH);
-    memset(n.theta, 0, lg_mlp_parameters(&n.net) * sizeof *n.theta); /* the weights do not count */
+    /* zero weights do not hide a dependence */
+    memset(n.theta, 0, lg_mlp_parameters(&n.net) * sizeof *n.theta);
     lg_program *program = build_pair(&n);
     unsigned char by_q[Y0 * Q], by_u[Y0 * U], all[Y1 * Q];
     lg_error error;

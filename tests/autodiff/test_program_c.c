@@ -1,5 +1,5 @@
-/* Programs as C against the tape: every operation that can be in a program, as straight code and as loops
- * over tensors, compiled by gcc and clang, in both types.
+/* Compares programs as C with the tape: every operation that a program can have, as straight code and as
+ * loops over tensors, compiled by gcc and clang, in both types.
  * ctest-labels: slow src/autodiff src/kernels */
 #include <float.h>
 
@@ -12,11 +12,11 @@
 
 enum { POINTS = 1000, SOME = 40, MOST = 12, OUTPUTS = LG_GRADCHECK_MAX_INPUTS };
 
-/* ---- a bundle of the registry's functions ---- */
+/* ---- programs of registered cases ---- */
 
 typedef struct bundle {
     lg_program *program;
-    const lg_gradcheck_case **row; /* by function */
+    const lg_gradcheck_case **row; /* the case of each function */
     size_t functions;
     bool gradients;
 } bundle;
@@ -26,7 +26,7 @@ typedef struct recording {
     bool gradient;
 } recording;
 
-/* sum c_i (y_i + y_i^2/2), c_i a number of i alone: no symmetry makes its gradient vanish. */
+/* sum c_i (y_i + y_i^2/2), where c_i depends on i alone. No symmetry can make its gradient vanish. */
 static lg_var functional(lg_tape *tape, lg_var y) {
     const lg_shape shape = lg_var_shape(tape, y);
     const size_t count = lg_shape_count(shape);
@@ -38,7 +38,8 @@ static lg_var functional(lg_tape *tape, lg_var y) {
     return lg_sum(tape, lg_mul(tape, weights, lg_add(tape, y, square)));
 }
 
-/* The value, or the gradient of a functional by all inputs: what operations become under differentiation. */
+/* Records the value, or the gradient of a functional by all inputs, which has the operations that
+ * differentiation introduces. */
 static lg_status record(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     const recording *r = user;
     const lg_gradcheck_function *f = &r->row->function;
@@ -82,7 +83,7 @@ static void add_function(bundle *b, const lg_gradcheck_case *row, size_t index) 
     b->row[b->functions++] = row;
 }
 
-/* As many rows as a program holds, from *next on. */
+/* A program of as many cases as fit, from case *next on. */
 static bundle make_bundle(bool gradients, size_t *next) {
     bundle b = {.row = TEST_ARRAY(const lg_gradcheck_case *, LG_PROGRAM_MAX_FUNCTIONS),
                 .gradients = gradients};
@@ -96,7 +97,7 @@ static bundle make_bundle(bool gradients, size_t *next) {
     return b;
 }
 
-/* ---- compiled ---- */
+/* ---- compiling ---- */
 
 static compiled compile(const bundle *b, const char *compiler, const char *flags, lg_dtype dtype,
                         bool compact) {
@@ -109,9 +110,10 @@ static void discard(compiled *c) {
     assert_true(discard_compiled(c));
 }
 
-/* ---- compared ---- */
+/* ---- comparing ---- */
 
-/* Near the row's point where it has one, else anywhere in its range; rounded to the type. */
+/* Draws numbers near the case's given point, or anywhere in its range if it has no point; rounded to the
+ * type. */
 static void draw(lg_rng *rng, const lg_gradcheck_argument *a, bool single, double *x) {
     const size_t count = lg_shape_count(a->shape);
     const double low = a->low == 0 && a->high == 0 ? -1 : a->low,
@@ -142,11 +144,12 @@ static double norm(const double *a, size_t count) {
     return sqrt(sum);
 }
 
-/* By how much the registry's functions multiply rounding at the points that are drawn: sums that cancel,
- * quotients, functions of large arguments. */
+/* How much the registered functions amplify rounding at the drawn points: sums that cancel, quotients,
+ * functions of large arguments. */
 static const double condition = 2;
 
-/* Function `i` of what was written against the tape; the worst error in units of eps depth. */
+/* Compares function `i` of the written code with the tape. Returns the largest error in units of eps *
+ * depth. */
 static double compare(const bundle *b, const compiled *c, size_t i, lg_tape *tape, size_t points) {
     const size_t function = c->source->function[i];
     const lg_gradcheck_function *f = &b->row[function]->function;
@@ -246,15 +249,15 @@ static void check_all(bool gradients) {
     }
 }
 
-TEST("values in C are the tape's, for every compiler, type and form") {
+TEST("values in C agree with the tape, for every compiler, type and form") {
     check_all(false);
 }
 
-TEST("gradients in C are the tape's, for every compiler, type and form") {
+TEST("gradients in C agree with the tape, for every compiler, type and form") {
     check_all(true);
 }
 
-/* What one function alone needs, and nothing else, stands in its code: no warning of gcc and g++. */
+/* The code of a single function must contain exactly what it needs, so that gcc and g++ give no warning. */
 static void check_alone(const bundle *b, bool compact, const char *compiler) {
     char folder[] = "/tmp/liegrad-program-c-XXXXXX", command[1024];
     assert_non_null(mkdtemp(folder));
@@ -305,8 +308,8 @@ static lg_status record_family(void *user, lg_tape *tape, const lg_var *theta, c
     return lg_tape_status(tape);
 }
 
-/* Small, across the ends of the series, next to zeros and to the pole, large, negative; squares of extreme
- * angles. */
+/* Squares of angles: small, on both sides of the limits of the series, near the zeros and the pole, large,
+ * negative, and squares of extreme angles. */
 static double angle(lg_rng *rng, size_t i) {
     static const double centres[] = {0.0, 1.0, 4.0, 9.8696044010893586, 16.0, 39.478417604357434, 45.0};
     static const double extreme[] = {
@@ -319,7 +322,7 @@ static double angle(lg_rng *rng, size_t i) {
     return kind == 7 ? lg_rng_uniform_in(rng, -60, 300) : lg_rng_uniform_in(rng, -1, 1);
 }
 
-/* Of the kernels' number: relative, or in units of the largest c_k of the angle next to zeros. */
+/* Error relative to the kernels' number; near a zero, relative to the largest c_k of the angle. */
 static double family_error(const family *f, const double *w, const double *got) {
     double worst = 0;
     for (size_t i = 0; i < ANGLES; i++) {
@@ -337,7 +340,7 @@ static double family_error(const family *f, const double *w, const double *got) 
     return worst;
 }
 
-TEST("functions of the angle in C are the kernels' for all orders") {
+TEST("functions of the angle agree in C with the kernels for all orders") {
     static double w[ANGLES], got[ANGLES * (TOP + 1)];
     family families[2 * (TOP + 1)];
     bundle b = {.functions = 0};
@@ -364,7 +367,7 @@ TEST("functions of the angle in C are the kernels' for all orders") {
     discard(&c);
 }
 
-/* ---- outputs that a call does not want ---- */
+/* ---- outputs that a call does not use ---- */
 
 RECORDING(record_constants) {
     const uint32_t rows = lg_var_shape(tape, x[0]).dims[0];
@@ -393,7 +396,7 @@ RECORDING(record_joined) {
     y[0] = lg_program_call(tape, "still", 0, &joined);
 }
 
-TEST("calls whose outputs are constants, and of which one is wanted, compile without a warning") {
+TEST("calls whose outputs are constants, or of which only one output is used, compile without a warning") {
     const lg_port in = {.name = "x", .shape = {1, {3}}}, out[] = {{.name = "y"}, {.name = "z"}};
     const lg_port wide = {.name = "x", .shape = {1, {18}}};
     const lg_function_spec functions[] = {{"f", &in, 1, out, 2, record_constants, NULL},

@@ -1,4 +1,5 @@
-/* The text of programs as C is whole or refused: where memory ends, and where a number does not fit.
+/* The C text of a program is complete or refused: when memory ends, and when a number does not fit the
+ * type.
  * ctest-labels: src/autodiff src/kernels */
 #include "program_support.h"
 
@@ -7,9 +8,9 @@
 #include "autodiff/cases/cases.h"
 #include "liegrad/nn.h"
 
-/* ---- a program of all kinds of code ---- */
+/* ---- a program with all kinds of code ---- */
 
-/* Blocks of scalar code that hand numbers on, functions of an angle, constants. */
+/* Blocks of scalar code that pass numbers on to each other, functions of an angle, constants. */
 RECORDING(scalars) {
     const lg_attr attr = {.i = {4, 0, 0, 0}};
     lg_var z = x[0];
@@ -21,7 +22,7 @@ RECORDING(scalars) {
     y[2] = lg_max(tape, lg_pow(tape, lg_abs(tape, x[0]), 1.3), lg_atan2(tape, x[0], x[1]));
 }
 
-/* Tables of weights and indices, loops over tensors of unequal shapes, a network with its gradient. */
+/* Tables of weights and indices, loops over tensors of different shapes, a network with its gradient. */
 RECORDING(tensors) {
     static const uint32_t order[5] = {3, 1, 4, 0, 2};
     const lg_var wide = lg_mul(tape, lg_mul(tape, x[0], lg_gather(tape, theta[1], order, 5)), x[1]);
@@ -42,7 +43,7 @@ RECORDING(calls) {
     y[0] = lg_add(tape, at[0], at[1]);
 }
 
-/* A call with more words than a line of C holds. */
+/* A call with more arguments than fit on one line of C. */
 RECORDING(sum) {
     y[0] = lg_concat(tape, x, LG_PROGRAM_MAX_PORTS / 2, 1);
 }
@@ -85,7 +86,7 @@ static lg_program *all_kinds(const lg_context *context) {
     return program;
 }
 
-/* ---- written ---- */
+/* ---- writing the C text ---- */
 
 static void assert_same_source(const lg_c_source *a, const lg_c_source *b) {
     assert_string_equal(a->sizes, b->sizes);
@@ -97,8 +98,8 @@ static void assert_same_source(const lg_c_source *a, const lg_c_source *b) {
     assert_int_equal(a->stack_size, b->stack_size);
 }
 
-/* Every allocation fails, alone and with all that follow: an error and nothing kept, or the text that stands
- * in `whole`. */
+/* Makes each allocation fail, alone and with all later ones. The result must be an error with nothing
+ * allocated, or the complete text `whole`. */
 static void write_where_memory_ends(lg_fail_alloc *memory, const lg_program *program, const lg_c_options *how,
                                     long *failures) {
     lg_c_source *whole = NULL;
@@ -135,7 +136,7 @@ static void write_both_forms(lg_fail_alloc *memory, const lg_program *program, l
     }
 }
 
-TEST("a program of scalars, tensors, calls and loops is written whole or not at all") {
+TEST("a program with scalars, tensors, calls and loops is written completely or not at all") {
     lg_fail_alloc memory;
     lg_context *context = lg_fail_alloc_context(&memory);
     assert_non_null(context);
@@ -154,7 +155,7 @@ TEST("a program of scalars, tensors, calls and loops is written whole or not at 
     print_message("%ld failing allocations\n", failures);
 }
 
-/* ---- every operation ---- */
+/* ---- a program for every operation ---- */
 
 static lg_status record_row(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     const lg_gradcheck_function *f = user;
@@ -176,7 +177,7 @@ static lg_status add_row(lg_program *program, const lg_gradcheck_function *f) {
     return lg_program_record_function(program, &spec, false, NULL);
 }
 
-TEST("every operation of the table is written whole or not at all") {
+TEST("every operation of the table is written completely or not at all") {
     lg_fail_alloc memory;
     lg_context *context = lg_fail_alloc_context(&memory);
     assert_non_null(context);
@@ -193,7 +194,7 @@ TEST("every operation of the table is written whole or not at all") {
     print_message("%ld failing allocations\n", failures);
 }
 
-/* ---- numbers that single precision does not hold ---- */
+/* ---- numbers that a float cannot hold ---- */
 
 RECORDING(scaled) {
     y[0] = lg_scale(tape, x[0], 1e300);
@@ -216,7 +217,7 @@ RECORDING(called) {
     y[0] = lg_program_call(tape, "value", 0, x);
 }
 
-TEST("a constant beyond single precision is refused wherever it stands") {
+TEST("a constant that a float cannot hold is refused wherever it occurs") {
     static const lg_record_function records[] = {scaled, raised, combined, weighted};
     static const lg_port in = {.name = "x", .shape = {1, {3, 0, 0, 0}}}, out = {.name = "y"};
     static const double large[3] = {1, 1e39, 1};

@@ -1,11 +1,13 @@
-/* Calls in programs: the same numbers as without, one copy of what is called, refusals. */
+/* Calls between the functions of a program: the same numbers as without calls, only one copy of the called
+ * function, refusals. */
 #include "program_support.h"
 
 #include "autodiff/program/plan.h"
 #include "liegrad/ops.h"
 #include "liegrad/program_image.h"
 
-/* product(x, y) = (x . y, theta x o y); thrice(x, y) = p(p(p(x))) with p(x) = theta x o y */
+/* product(x, y) = (x . y, theta x o y); thrice(x, y) = p(p(p(x))) with p(x) = theta x o y. "o" multiplies
+ * elementwise. */
 static lg_status product(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     (void)user;
     lg_var both = lg_mul(tape, x[0], x[1]);
@@ -64,7 +66,7 @@ static lg_program *built(bool calls) {
 static const double x[2][12] = {{1, 2, 3, 4, -1, 0.5, 7, 2, 0.1, 0.2, 0.3, 0.4},
                                 {2, -1, 0.5, 3, 1, 1, 1, 1, -2, 4, 0.25, 9}};
 
-/* Numbers of output 0 of `function` for so many rows; the depth of its plan. */
+/* Computes output 0 of `function` for `rows` rows. Returns the depth of its plan. */
 static size_t values_of(lg_program *program, size_t function, size_t rows, lg_dtype dtype, bool calls,
                         double *y) {
     lg_plan_options options;
@@ -95,13 +97,13 @@ static void assert_equal_functions(lg_program *a, lg_program *b, size_t function
         const lg_dtype dtype = single ? LG_F32 : LG_F64;
         const size_t depth = values_of(a, function, rows, dtype, calls, want);
         const size_t plain = values_of(b, function, rows, dtype, calls, got);
-        /* the depth of what is called is that of all its outputs */
+        /* a call counts with the depth of all outputs of the called function */
         assert_true(calls ? depth >= plain : depth == plain);
         for (size_t i = 0; i < count; i++) assert_close(got[i], want[i], single ? 1e-6 : 1e-15, 0);
     }
 }
 
-TEST("a call computes what the called function does, in plans of any rows and in derivatives") {
+TEST("a call computes the called function, in plans for any number of rows and in derivatives") {
     lg_program *with = built(true), *without = built(false);
     for (size_t rows = 1; rows <= 3; rows++) assert_equal_functions(with, without, 2, rows, 4 * rows);
     const size_t jacobian = derived(without, LG_DERIVATIVE_JACOBIAN, "thrice");
@@ -109,7 +111,7 @@ TEST("a call computes what the called function does, in plans of any rows and in
     assert_equal_functions(with, without, jacobian, 1, 16);
 }
 
-TEST("the program keeps calls, and counts them") {
+TEST("the program stores calls, and counts them") {
     lg_program *with = built(true);
     assert_int_equal(lg_program_calls(with, 2, 1), 3);
     assert_int_equal(lg_program_calls(with, 2, 0), 0);
@@ -117,7 +119,7 @@ TEST("the program keeps calls, and counts them") {
     assert_int_equal(lg_program_calls(built(false), 2, 1), 0);
 }
 
-TEST("on a tape a call is what it calls") {
+TEST("on a tape a call equals the called function") {
     lg_program *with = built(true), *without = built(false);
     lg_tape *tape = test_tape(LG_F64);
     lg_var theta = lg_parameter(tape, lg_shape1(4), weights), in[2], a, b;
@@ -127,7 +129,7 @@ TEST("on a tape a call is what it calls") {
     assert_memory_equal(lg_value(tape, a), lg_value(tape, b), 12 * sizeof(double));
 }
 
-TEST("calls of functions or outputs that are not there yet are refused") {
+TEST("calls of functions or outputs that do not exist yet are refused") {
     static const way ways[] = {{true, "thrice", 0}, {true, "nothing", 0}, {true, "product", 2}};
     for (size_t i = 0; i < LG_COUNT(ways); i++) {
         way w = ways[i];
@@ -143,7 +145,8 @@ TEST("calls of functions or outputs that are not there yet are refused") {
     assert_int_equal(lg_tape_status(tape), LG_NOT_FOUND);
 }
 
-/* One number of the image's only call, which makes it call something else. */
+/* Changes one number of the only call in the function's image, so that it calls something else, and adds the
+ * function. */
 static lg_status add_changed(lg_program *program, size_t which, int64_t value, lg_error *error) {
     lg_function_image *image;
     assert_ok(lg_function_image_create(program, 2, &image));
@@ -157,7 +160,7 @@ static lg_status add_changed(lg_program *program, size_t which, int64_t value, l
     return status;
 }
 
-TEST("images keep calls, and may call earlier functions with their shapes alone") {
+TEST("images store calls, and may call only earlier functions with fitting shapes") {
     lg_program *program = built(true);
     lg_error error;
     assert_ok(add_changed(program, 2, 0, &error));
@@ -185,7 +188,7 @@ TEST("images keep calls, and may call earlier functions with their shapes alone"
     }
 }
 
-TEST("nothing is left behind when memory ends") {
+TEST("nothing is leaked when memory ends") {
     const lg_parameter_spec theta = {"theta", lg_shape1(4), weights};
     lg_plan_options options;
     lg_plan_options_init(&options);

@@ -1,6 +1,6 @@
-/* Scalar code of operations: every operation that has some, on every node that the registry of the gradient
- * check puts on a tape, is the same function as the operation's tensors, on every instruction set, in both
- * types. Elementwise operations may work over an input.
+/* The scalar code of each operation must compute the same function as the operation on tensors. Checked for
+ * every operation that has scalar code, on every node that the cases of the gradient check put on a tape,
+ * with every instruction set and in both types. Elementwise operations may overwrite an input.
  * ctest-labels: src/autodiff src/kernels */
 #include "autodiff/cases/cases.h"
 #include "compiled.h"
@@ -16,7 +16,7 @@
 
 typedef void (*visit_fn)(const lg_tape *tape, const lg_node *node, const char *row);
 
-/* All nodes of all rows: of values, of both derivatives and of the derivatives' derivatives. */
+/* Visits all nodes of all cases: of the value, of both derivatives and of the derivatives' derivatives. */
 static void each_node(visit_fn visit) {
     const lg_gradcheck_case *row;
     lg_rng rng = test_rng(5, 1);
@@ -36,11 +36,11 @@ static void each_node(visit_fn visit) {
     }
 }
 
-/* ---- one node, evaluated in all ways ---- */
+/* ---- one node, evaluated in every way ---- */
 
 enum { MOST = 4096 };
 
-/* Inputs in the table's type; NULL where they are not read. */
+/* The inputs in the type of the kernels; NULL where the operation does not read them. */
 typedef struct node_values {
     lg_evaluation e;
     const lg_shape *shapes[LG_MAX_INPUTS];
@@ -95,7 +95,7 @@ static void expand(lg_scalars *s, const node_values *v, const lg_op *op, lg_scal
     assert_true(lg_scalars_expand(s, op, &v->e, in, y));
 }
 
-/* The numbers of the inputs, one after another, as INPUT instructions have them. */
+/* The numbers of all inputs, one after another, in the order of the INPUT instructions. */
 static size_t inputs_of(const node_values *v, double *out) {
     size_t used = 0;
     for (uint32_t i = 0; i < v->e.inputs; i++) {
@@ -107,7 +107,7 @@ static size_t inputs_of(const node_values *v, double *out) {
     return used;
 }
 
-/* ---- the kernel, an instruction at a time ---- */
+/* ---- scalar code run by the kernels, one instruction at a time ---- */
 
 static void walk_by_kernel(const lg_scalars *s, const lg_kernels *k, const double *inputs, double *out) {
     static const uint8_t operands[LG_SCALAR_OPS] = {
@@ -120,7 +120,7 @@ static void walk_by_kernel(const lg_scalars *s, const lg_kernels *k, const doubl
         LG_SCALAR_LIST(X)
 #undef X
     };
-    /* Registers: instructions, then the exponents of powers. */
+    /* Registers: the results of the instructions, then the exponents of powers. */
     unsigned char *r = own(2 * (size_t)s->count, k->size);
     for (uint32_t i = 0; i < s->count; i++) {
         const lg_scalar_code *c = &s->code[i];
@@ -137,7 +137,7 @@ static void walk_by_kernel(const lg_scalars *s, const lg_kernels *k, const doubl
     k->convert_out(s->count, r, out);
 }
 
-/* ---- equal to the tensors ---- */
+/* ---- scalar code equals the tensor operation ---- */
 
 static bool seen[LG_OPS_MOST];
 
@@ -166,7 +166,7 @@ static void check_scalars(const lg_tape *tape, const lg_node *node, const char *
             (void)inputs_of(&v, inputs);
             k->convert_out(node->count, v.y, forward);
             walk_by_kernel(&s, k, inputs, r);
-            double size = 1e-30; /* of inputs: differences cancel */
+            double size = 1e-30; /* size of the inputs, as differences may cancel */
             for (size_t i = 0; i < inputs_of(&v, NULL); i++) size = fmax(size, fabs(inputs[i]));
             compare(row, op->name, y, r, forward, node->count, size, dtype == 0 ? 1e-13 : 2e-5);
             lg_scalars_destroy(&s);
@@ -174,7 +174,7 @@ static void check_scalars(const lg_tape *tape, const lg_node *node, const char *
     seen[lg_op_place(node->op)] = true;
 }
 
-TEST("scalar code equals the operation") {
+TEST("scalar code computes the same as the operation") {
     memset(seen, 0, sizeof seen);
     each_node(check_scalars);
     for (uint32_t i = 0; lg_ops[i] != NULL; i++)
@@ -182,7 +182,7 @@ TEST("scalar code equals the operation") {
             fail_msg("%s was on no tape", lg_ops[i]->name);
 }
 
-/* ---- over an input: what plans do with elementwise operations ---- */
+/* ---- results that overwrite an input, as plans do for elementwise operations ---- */
 
 static void check_over(const lg_tape *tape, const lg_node *node, const char *row) {
     const lg_op *op = node->op;
@@ -211,7 +211,7 @@ static void check_over(const lg_tape *tape, const lg_node *node, const char *row
     seen[lg_op_place(node->op)] = true;
 }
 
-TEST("elementwise operations work over an input") {
+TEST("elementwise operations may overwrite an input") {
     memset(seen, 0, sizeof seen);
     each_node(check_over);
     for (uint32_t i = 0; lg_ops[i] != NULL; i++)
@@ -224,7 +224,7 @@ static bool alike(double a, double b) {
     return a == b ? signbit(a) == signbit(b) || a == 0.0 : isnan(a) && isnan(b);
 }
 
-TEST("not finite numbers are treated alike") {
+TEST("tensors and scalar code treat numbers that are not finite in the same way") {
     static const lg_op *const ops[] = {&lg_op_max, &lg_op_ge, &lg_op_select, &lg_op_sign, &lg_op_abs};
     const double special[] = {NAN, INFINITY, -INFINITY, 0.0, -0.0, 1.0, -1.0, 2.5};
     enum { N = LG_COUNT(special) };
@@ -232,7 +232,8 @@ TEST("not finite numbers are treated alike") {
         for (int dtype = 0; dtype < 2; dtype++)
             for (size_t o = 0; o < LG_COUNT(ops); o++)
                 for (size_t n = 0; n < 2 * (size_t)N * N * N; n++) {
-                    const bool constant = n >= (size_t)N * N * N; /* known beforehand: carried out, or left */
+                    /* known in advance: folded into constants, or not */
+                    const bool constant = n >= (size_t)N * N * N;
                     const lg_kernels *k = lg_kernels_of(dtype == 0 ? LG_F64 : LG_F32, (lg_isa)isa);
                     if (k == NULL) continue;
                     const double in[3] = {special[n % N], special[n / N % N], special[n / N / N % N]};
@@ -272,7 +273,8 @@ TEST("not finite numbers are treated alike") {
                 }
 }
 
-TEST("a matrix that is not positive makes all of its row NaN, whatever zeros are known") {
+TEST("a matrix that is not positive definite makes its whole row NaN, whichever zeros are known in "
+     "advance") {
     const double matrices[][4] = {{2, 0, 0, -1}, {-2, 0, 0, 1},  {0, 0, 0, 1},  {2, 0, 0, 3},
                                   {1, 2, 2, 1},  {NAN, 0, 0, 1}, {1, 0, 0, NAN}};
     for (size_t m = 0; m < LG_COUNT(matrices); m++)
@@ -311,8 +313,9 @@ TEST("a matrix that is not positive makes all of its row NaN, whatever zeros are
         }
 }
 
-/* Every pair of x, -x, y, -y, 0, 1, -1, 2 under every instruction of two operands, simplified or not. */
-TEST("simplified code is the same") {
+/* All pairs of x, -x, y, -y, 0, 1, -1, 2 for every instruction with two operands, with and without
+ * simplification. */
+TEST("simplified code computes the same numbers") {
     static const lg_scalar_op two[] = {LG_S_ADD, LG_S_SUB, LG_S_MUL, LG_S_DIV};
     static const double constants[] = {0.0, 1.0, -1.0, 2.0}, inputs[2] = {0.75, -1.5};
     enum { OPERANDS = 8 };
@@ -347,11 +350,11 @@ TEST("simplified code is the same") {
 
 /* ---- extreme arguments ----
  *
- * What an elementwise row computes, by its tensors, its scalar code and its C, in both types, is the value of
- * the scalar code in long double at arguments that differ by a few units of rounding. A formula that
- * overflows on the way, or that cancels, is found: long double goes on. The derivative is that of the
- * scalar code. Results below the smallest normal number may be 0; derivatives may need the reciprocal of an
- * argument, which has none below it. */
+ * An elementwise operation, computed by its tensors, its scalar code or its C in either type, must agree with
+ * its scalar code in long double at arguments that differ by a few units of rounding. This finds formulas
+ * that overflow or cancel in between, where long double still has digits. The reference derivative is the
+ * derivative of the scalar code. Results below the smallest normal number may be 0; so may derivatives that
+ * need the reciprocal of such an argument. */
 
 enum { UNITS = 4, TRIPLES = 3000 };
 
@@ -359,13 +362,13 @@ typedef struct dual {
     long double v, d;
 } dual;
 
-/* A derivative of zero stays zero, whatever it is multiplied by. */
+/* Product in which a derivative of zero stays zero, even if the factor is infinite. */
 static long double times(long double d, long double factor) {
     return d == 0 ? 0 : d * factor;
 }
 
-/* All instructions at `in`, differentiated by input `by`; false: one of them is a function of an angle, which
- * test_program_c and test_kernels hold against their own references. */
+/* Runs all instructions at `in` with derivatives by input `by`. Returns false if one of them is a function of
+ * an angle; test_program_c and test_kernels compare these with their own references. */
 static bool in_long_double(const lg_scalars *s, lg_dtype dtype, const long double *in, uint32_t by, dual *r) {
     for (uint32_t i = 0; i < s->count; i++) {
         const lg_scalar_code *c = &s->code[i];
@@ -446,7 +449,7 @@ static bool in_long_double(const lg_scalars *s, lg_dtype dtype, const long doubl
     return true;
 }
 
-/* A row with attributes. */
+/* An operation with attributes. */
 typedef struct element_case {
     const lg_op *op;
     lg_attr attr;
@@ -454,7 +457,7 @@ typedef struct element_case {
     double payload[LG_MAX_INPUTS];
 } element_case;
 
-/* Where one of the ways first goes wrong. */
+/* The first error that was found. */
 typedef struct finding {
     bool found;
     char words[256];
@@ -466,12 +469,12 @@ typedef struct element_run {
     lg_scalars s;
     lg_scalar y;
     size_t points;
-    double *x[LG_MAX_INPUTS]; /* (points), numbers of the type */
+    double *x[LG_MAX_INPUTS]; /* (points), numbers that the type can hold */
     dual *r;
 } element_run;
 
-/* Value (by: beyond the inputs) or derivative at point i; input k, if there is one, is moved by so many
- * units. */
+/* The value (if `by` is no input) or the derivative at point i. If input k exists, it is moved by `units`
+ * units of rounding. */
 static long double reference(const element_run *e, size_t i, uint32_t by, uint32_t k, double units) {
     long double in[LG_MAX_INPUTS] = {0};
     const long double eps = e->dtype == LG_F64 ? (long double)DBL_EPSILON : (long double)FLT_EPSILON;
@@ -521,7 +524,7 @@ static void compare_way(const element_run *e, const char *way, uint32_t by, cons
     }
 }
 
-/* ---- points ---- */
+/* ---- drawing points ---- */
 
 static const double sizes[] = {0,
                                0x1p-1074,
@@ -593,8 +596,9 @@ static const double sizes[] = {0,
                                1e200,
                                1e300};
 
-/* What may stand in input k. A helper of a derivative, which is constant to it, is a value of the activation:
- * at most 1. Products of three stay within the range. */
+/* Whether a number of this size may be used as input k. An input that the derivative treats as constant (a
+ * helper) is an activation's value, at most 1. Products of three numbers must stay in the range of the
+ * type. */
 static bool belongs(const element_run *e, uint32_t k, double size) {
     const bool f64 = e->dtype == LG_F64, helper = e->of->op->frozen != ~0u && (e->of->op->frozen >> k & 1u);
     const double most = f64 ? 1e100 : 1e10;
@@ -603,7 +607,7 @@ static bool belongs(const element_run *e, uint32_t k, double size) {
     return f64 || (size <= (double)FLT_MAX && (size == 0 || (float)size != 0));
 }
 
-/* All pairs of signed sizes, or some triples of them. */
+/* All pairs of signed sizes, or for three inputs a sample of triples. */
 static void draw_points(element_run *e) {
     const size_t n = 2 * LG_COUNT(sizes);
     const uint32_t inputs = e->of->inputs;
@@ -624,7 +628,7 @@ static void draw_points(element_run *e) {
     }
 }
 
-/* ---- the ways ---- */
+/* ---- tensors, scalar code and derivatives against the reference ---- */
 
 static void by_scalars(const element_run *e, finding *f) {
     double in[LG_MAX_INPUTS], *got = TEST_ARRAY(double, e->points), *r = TEST_ARRAY(double, e->s.count);
@@ -655,7 +659,7 @@ static void by_tape(const element_run *e, bool derivatives, finding *f) {
     }
 }
 
-/* Code and points; false: the row's code holds a function of an angle. */
+/* Makes the scalar code and the points. Returns false if the code contains a function of an angle. */
 static bool open_run(element_run *e, const element_case *of, lg_dtype dtype) {
     lg_scalar x[LG_MAX_INPUTS];
     const long double nowhere[LG_MAX_INPUTS] = {0};
@@ -681,7 +685,7 @@ static void check_element(const element_case *of, finding *f) {
     }
 }
 
-/* ---- all rows ---- */
+/* ---- all operations ---- */
 
 enum { CASES = 256 };
 static element_case element_cases[CASES];
@@ -703,7 +707,8 @@ static void note_case(const lg_tape *tape, const lg_node *node, const char *row)
     add_case(&c);
 }
 
-/* The derivatives of activations from a stored value, of all orders, without a factor and with one. */
+/* Adds the derivatives of activations computed from a stored value, of all orders, with and without a
+ * factor. */
 static void note_derivatives(void) {
     for (uint32_t kind = 0; kind < LG_ACTIVATION_COUNT; kind++)
         for (uint32_t order = 0; order <= LG_K_ACT_ORDERS; order++)
@@ -715,7 +720,7 @@ static void note_derivatives(void) {
             }
 }
 
-/* All cases but the functions of an angle, whose number is returned. */
+/* Adds all cases except the functions of an angle. Returns the number of those. */
 static size_t note_cases(void) {
     element_count = 0;
     each_node(note_case);
@@ -738,7 +743,7 @@ static size_t note_cases(void) {
     return angles;
 }
 
-TEST("elementwise rows keep their digits at extreme arguments, and their derivatives do") {
+TEST("elementwise operations and their derivatives keep their digits at extreme arguments") {
     memset(seen, 0, sizeof seen);
     const size_t angles = note_cases();
     for (size_t i = 0; i < element_count; i++) {
@@ -752,7 +757,7 @@ TEST("elementwise rows keep their digits at extreme arguments, and their derivat
                   element_count, angles);
 }
 
-/* ---- in C ---- */
+/* ---- the same in C ---- */
 
 static lg_status record_case(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     const element_case *c = user;
@@ -792,7 +797,7 @@ static void by_c(const element_run *e, shim run, finding *f) {
     compare_way(e, "C", UINT32_MAX, got, f);
 }
 
-TEST("in C they keep them too") {
+TEST("elementwise operations keep their digits in C too") {
     if (system("command -v gcc >/dev/null") != 0) skip();
     (void)note_cases();
     lg_program *program = program_of_cases();
@@ -816,9 +821,9 @@ TEST("in C they keep them too") {
     lg_program_destroy(program);
 }
 
-/* ---- formulas that lose their digits, and those that do not ---- */
+/* ---- formulas that lose digits, and good ones ---- */
 
-/* log(1 + u) for u >= 0, relative to its own size (W. Kahan). */
+/* log(1 + u) for u >= 0 with a small relative error (W. Kahan). */
 static lg_scalar log_one_more(lg_scalars *s, lg_scalar u) {
     const lg_scalar one = lg_s_constant(s, 1.0), w = lg_s_add(s, one, u), rest = lg_s_sub(s, w, one);
     const lg_scalar same = lg_s(s, LG_S_GE, lg_s_constant(s, 0.0), rest);
@@ -830,20 +835,20 @@ static lg_scalar square_of(lg_scalars *s, lg_scalar x) {
     return lg_s_mul(s, x, x);
 }
 
-/* asinh x = log(x + sqrt(x^2 + 1)): overflows, and cancels for x < 0 */
+/* asinh x = log(x + sqrt(x^2 + 1)): overflows, and cancels for x < 0. */
 static lg_scalar plain_asinh(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
     const lg_scalar more = lg_s_add(s, square_of(s, x[0]), lg_s_constant(s, 1.0));
     const lg_scalar sum = lg_s_add(s, x[0], lg_s(s, LG_S_SQRT, more, more));
     return lg_s(s, LG_S_LOG, sum, sum);
 }
 
-/* sign x log(|x| + sqrt(x^2 + 1)): overflows, and loses digits near 0 */
+/* sign x log(|x| + sqrt(x^2 + 1)): overflows, and loses digits near 0. */
 static lg_scalar odd_asinh(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
     const lg_scalar size = lg_s(s, LG_S_ABS, x[0], x[0]);
     return lg_s_mul(s, lg_s(s, LG_S_SIGN, x[0], x[0]), plain_asinh(s, attr, &size, 1));
 }
 
-/* The same without overflow: log 2 |x| from 1e9 on. */
+/* As odd_asinh, without overflow: log 2 |x| from 1e9 on. */
 static lg_scalar large_asinh(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
     const lg_scalar size = lg_s(s, LG_S_ABS, x[0], x[0]), limit = lg_s_constant(s, 1e9);
     const lg_scalar large = lg_s(s, LG_S_GE, size, limit), inner = lg_s_select(s, large, limit, size);
@@ -852,7 +857,7 @@ static lg_scalar large_asinh(lg_scalars *s, const lg_attr *attr, const lg_scalar
     return lg_s_mul(s, lg_s(s, LG_S_SIGN, x[0], x[0]), y);
 }
 
-/* And near 0: log(1 + |x| + x^2/(1 + sqrt(x^2 + 1))) */
+/* As large_asinh, and with full digits near 0: log(1 + |x| + x^2/(1 + sqrt(x^2 + 1))). */
 static lg_scalar good_asinh(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
     const lg_scalar size = lg_s(s, LG_S_ABS, x[0], x[0]), limit = lg_s_constant(s, 1e9);
     const lg_scalar large = lg_s(s, LG_S_GE, size, limit), inner = lg_s_select(s, large, limit, size);
@@ -864,7 +869,7 @@ static lg_scalar good_asinh(lg_scalars *s, const lg_attr *attr, const lg_scalar 
     return lg_s_mul(s, lg_s(s, LG_S_SIGN, x[0], x[0]), lg_s_select(s, large, far, near));
 }
 
-/* |x| + log((1 + exp(-2 |x|))/2): cancels near 0 */
+/* |x| + log((1 + exp(-2 |x|))/2): cancels near 0. */
 static lg_scalar plain_logcosh(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
     const lg_scalar size = lg_s(s, LG_S_ABS, x[0], x[0]), twice = lg_s_scale(s, -2.0, size);
     const lg_scalar sum = lg_s_add(s, lg_s_constant(s, 1.0), lg_s(s, LG_S_EXP, twice, twice));
@@ -872,7 +877,7 @@ static lg_scalar plain_logcosh(lg_scalars *s, const lg_attr *attr, const lg_scal
     return lg_s_add(s, size, lg_s(s, LG_S_LOG, half, half));
 }
 
-/* That of docs/adding.md: log(1 + 2 t^2/(1 - t^2)), t = tanh(x/2), for |x| < 1. */
+/* The formula of docs/adding.md: log(1 + 2 t^2/(1 - t^2)), t = tanh(x/2), for |x| < 1. */
 static lg_scalar good_logcosh(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
     const lg_scalar size = lg_s(s, LG_S_ABS, x[0], x[0]), one = lg_s_constant(s, 1.0);
     const lg_scalar large = lg_s(s, LG_S_GE, size, one), half = lg_s_scale(s, 0.5, x[0]);
@@ -882,7 +887,7 @@ static lg_scalar good_logcosh(lg_scalars *s, const lg_attr *attr, const lg_scala
     return lg_s_select(s, large, plain_logcosh(s, attr, x, inputs), log_one_more(s, u));
 }
 
-/* Tensors by the C library. */
+/* The tensor operation by a function of the C library. */
 #define PLANTED_FORWARD(name, function)                                                                      \
     static lg_status name(lg_evaluation *e) {                                                                \
         for (size_t i = 0; i < e->count; i++) {                                                              \
@@ -897,7 +902,7 @@ PLANTED_FORWARD(asinh_forward, asinh(x))
 PLANTED_FORWARD(logcosh_forward, fabs(x) < 1 ? log1p(2 * sinh(x / 2) * sinh(x / 2))
                                              : fabs(x) + log1p(exp(-2 * fabs(x))) - 0.69314718055994531)
 
-TEST("a formula that overflows on the way or cancels is found, and a sound one passes") {
+TEST("a formula that overflows in between or cancels is found, and a good one passes") {
     static const struct {
         const char *name;
         lg_status (*forward)(lg_evaluation *e);
@@ -914,7 +919,7 @@ TEST("a formula that overflows on the way or cancels is found, and a sound one p
         op.name = rows[i].name;
         op.forward = rows[i].forward;
         op.element = rows[i].element;
-        op.frozen = ~0u; /* its derivative is not asked for */
+        op.frozen = ~0u; /* its derivative is not checked */
         const element_case c = {.op = &op, .inputs = 1};
         finding f = {.found = false};
         check_element(&c, &f);

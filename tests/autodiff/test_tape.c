@@ -1,4 +1,5 @@
-/* The tape: handles, marks, errors and their sentences, memory, derivatives against closed forms, both types.
+/* The tape: handles, marks, errors and their messages, memory, derivatives against closed forms, both
+ * types.
  * ctest-labels: isa */
 #include "autodiff/cases/cases.h"
 #include "row_support.h"
@@ -37,7 +38,7 @@ static lg_status identity_forward(void *user, lg_dtype dtype, const void *const 
 
 /* ---- handles ---- */
 
-/* What differentiates, as functions of one handle. */
+/* The functions that differentiate, as functions of one handle. */
 static lg_var call_jacobian(lg_tape *t, lg_var v) {
     return lg_jacobian(t, v, good(t));
 }
@@ -75,7 +76,7 @@ static const struct {
 
 typedef lg_var (*handle_call)(void *user, lg_tape *tape, lg_var v);
 
-/* Input number `at` of a row is v, the others are good. */
+/* Calls a case's function with v as input number `at` and valid handles as the other inputs. */
 typedef struct row_input {
     const lg_gradcheck_function *f;
     uint32_t at;
@@ -93,8 +94,8 @@ static lg_var call_derivative(void *user, lg_tape *tape, lg_var v) {
     return (*(lg_var(**)(lg_tape *, lg_var))user)(tape, v);
 }
 
-/* LG_NONE, rewound, of another tape, and made up. `name`: what the message calls it, or NULL for any name.
- * `optional`: LG_NONE may mean that there is none. */
+/* The call must refuse these handles: LG_NONE, rewound, of another tape, made up. `name`: the operation in
+ * the message, or NULL for any name. `optional`: LG_NONE is allowed. */
 static void refuses_handles(const char *name, handle_call call, void *user, bool optional) {
     lg_tape *tape = test_tape(LG_F64), *other = test_tape(LG_F64);
     for (int kind = 0; kind < 4; kind++) {
@@ -113,14 +114,15 @@ static void refuses_handles(const char *name, handle_call call, void *user, bool
     }
 }
 
-/* A leaf is what it is given. */
+/* The next case that is not a leaf, since a leaf has no input handles. */
 static const lg_gradcheck_case *operation_after(size_t *i) {
     const lg_gradcheck_case *row = lg_gradcheck_operation((*i)++);
     const bool leaf = row != NULL && row->operations[0] != NULL && strcmp(row->operations[0], "leaf") == 0;
     return leaf ? operation_after(i) : row;
 }
 
-TEST("handles that are none, rewound, foreign or made up: each an error that names the operation") {
+TEST("handles that are LG_NONE, rewound, of another tape or made up cause an error that names the "
+     "operation") {
     const lg_gradcheck_case *row;
     for (size_t i = 0; (row = operation_after(&i)) != NULL;)
         for (uint32_t at = 0; at < row->function.inputs; at++) {
@@ -133,7 +135,7 @@ TEST("handles that are none, rewound, foreign or made up: each an error that nam
     }
 }
 
-TEST("After a failure every operation does nothing, and the first sentence stays") {
+TEST("after a failure every operation does nothing, and the first message stays") {
     const lg_gradcheck_case *row;
     lg_tape *tape = test_tape(LG_F64);
     lg_var x = good(tape);
@@ -163,7 +165,7 @@ TEST("After a failure every operation does nothing, and the first sentence stays
     assert_string_equal(lg_tape_message(tape), before);
 }
 
-TEST("readers refuse bad handles") {
+TEST("functions that read values refuse bad handles") {
     lg_tape *tape = test_tape(LG_F64);
     lg_mark mark = lg_tape_mark(tape);
     lg_var x = good(tape);
@@ -175,7 +177,7 @@ TEST("readers refuse bad handles") {
     assert_status(lg_read(tape, x, 6, value), LG_STALE_HANDLE);
     assert_null(lg_value(tape, x));
     assert_int_equal(lg_var_shape(tape, x).rank, 0);
-    lg_var again = good(tape); /* the same index, another generation */
+    lg_var again = good(tape); /* the same index with another generation */
     assert_int_equal(again.index, x.index);
     assert_status(lg_read(tape, x, 6, value), LG_STALE_HANDLE);
     assert_ok(lg_tape_status(tape));
@@ -183,7 +185,7 @@ TEST("readers refuse bad handles") {
 
 /* ---- marks ---- */
 
-TEST("rewinding clears later errors only") {
+TEST("rewinding clears only errors that came after the mark") {
     lg_tape *tape = test_tape(LG_F64);
     lg_var x = good(tape);
     lg_mark before = lg_tape_mark(tape);
@@ -201,7 +203,7 @@ TEST("rewinding clears later errors only") {
     assert_int_equal(tape->count, 0);
 }
 
-TEST("stale and foreign marks are refused") {
+TEST("stale marks and marks of other tapes are refused") {
     lg_tape *tape = test_tape(LG_F64), *other = test_tape(LG_F64);
     lg_var x = good(tape);
     (void)good(other);
@@ -210,11 +212,11 @@ TEST("stale and foreign marks are refused") {
     (void)lg_cos(tape, x);
     lg_mark three = lg_tape_mark(tape);
     assert_ok(lg_tape_rewind(tape, one));
-    assert_status(lg_tape_rewind(tape, three), LG_INVALID_ARGUMENT); /* ahead */
+    assert_status(lg_tape_rewind(tape, three), LG_INVALID_ARGUMENT); /* the mark is ahead */
     (void)lg_exp(tape, x);
     lg_var kept = lg_exp(tape, x);
     assert_status(lg_tape_rewind(tape, three),
-                  LG_INVALID_ARGUMENT); /* its nodes are gone, others stand there */
+                  LG_INVALID_ARGUMENT); /* the nodes of the mark are gone, others have their places */
     assert_status(lg_tape_rewind(tape, lg_tape_mark(other)), LG_INVALID_ARGUMENT);
     assert_int_equal(tape->count, 3);
     assert_close(((const double *)lg_value(tape, kept))[0], exp(1.0), 1e-15, 0);
@@ -222,7 +224,7 @@ TEST("stale and foreign marks are refused") {
     assert_ok(lg_tape_rewind(tape, one)); /* the same mark again */
     assert_int_equal(tape->count, 1);
     assert_close(number(tape, lg_sum(tape, x)), 21.0, 1e-15, 0);
-    /* The mark of an empty tape fits any tape and does not bring foreign memory along. */
+    /* The mark of an empty tape fits any tape and does not bring memory of the other tape along. */
     lg_tape *empty = test_tape(LG_F64);
     (void)lg_tape_fail(empty, LG_SHAPE, "x", "y");
     lg_tape_reset(empty);
@@ -324,7 +326,7 @@ static const int beyond[2] = {0, 2};
     X(lg_custom(t, NULL, NULL, 0, lg_shape0()), LG_INVALID_ARGUMENT, "custom", "no name", NULL)              \
     X(lg_jacobian(t, V1(2), LG_NONE), LG_STALE_HANDLE, "jacobian", "LG_NONE", NULL)
 
-TEST("shapes that do not fit are named with the operation and its scope") {
+TEST("shapes that do not fit are reported with the operation and its scope") {
     lg_tape *t = test_tape(LG_F64);
 #define X(expression, status, operation, one, two)                                                           \
     {                                                                                                        \
@@ -352,7 +354,7 @@ TEST("directions of a wrong shape are refused") {
     assert_int_equal(out.index, 9);
 }
 
-TEST("scopes nest and overflow") {
+TEST("scopes nest, and too many of them are harmless") {
     lg_tape *t = test_tape(LG_F64);
     static const char *const names[10] = {"s0", "s1", "s2", "s3", "s4", "s5", "s6", "s7", "s8", "s9"};
     for (int i = 0; i < 10; i++) lg_scope_push(t, names[i]);
@@ -361,7 +363,7 @@ TEST("scopes nest and overflow") {
     assert_says(lg_tape_message(t), ", in s0");
     assert_null(strstr(lg_tape_message(t), "s1"));
     lg_scope_pop(t);
-    lg_scope_pop(t); /* one too many does no harm */
+    lg_scope_pop(t); /* one pop too many is harmless */
 }
 
 /* ---- memory ---- */
@@ -377,7 +379,8 @@ static model make_model(void) {
     return (model){.theta = test_numbers(5, WEIGHTS, -1, 1), .x = test_numbers(6, 5 * 3, -1, 1)};
 }
 
-/* A network whose input gradient enters the loss: a training step with everything that a tape does. */
+/* A network whose input gradient is part of the loss: a training step that uses everything that a tape
+ * does. */
 static lg_var record_step(lg_tape *t, const model *m, lg_var *theta) {
     static const uint32_t indices[6] = {4, 1, 1, 0, 3, 1};
     *theta = lg_parameter(t, lg_shape1(WEIGHTS), m->theta);
@@ -398,7 +401,7 @@ static lg_status train_step(lg_tape *t, model *m) {
     return lg_backward(t, loss, &theta, 1, &grad);
 }
 
-TEST("no allocation after the first step") {
+TEST("there is no allocation after the first step") {
     lg_fail_alloc memory;
     lg_context *context = lg_fail_alloc_context(&memory);
     lg_tape *tape;
@@ -437,7 +440,7 @@ TEST("every allocation may fail, and the tape works after a reset") {
     });
 }
 
-TEST("max_size bounds the tape") {
+TEST("max_size limits the tape") {
     model m = make_model();
     lg_tape *tape = test_tape(LG_F64);
     assert_ok(train_step(tape, &m));
@@ -451,7 +454,7 @@ TEST("max_size bounds the tape") {
     lg_tape_destroy(tape);
 }
 
-TEST("bad options are refused") {
+TEST("invalid options are refused") {
     lg_tape *tape = NULL;
     lg_tape_options bad[4];
     for (size_t i = 0; i < LG_COUNT(bad); i++) lg_tape_options_init(&bad[i]);
@@ -467,7 +470,7 @@ TEST("bad options are refused") {
 
 /* ---- float against double ---- */
 
-/* Value, vjp and jvp of a row at drawn points, on a tape of either type. */
+/* Value, vjp and jvp of a case at drawn points, on a tape of either type. */
 static size_t derivatives_of(const lg_gradcheck_function *f, lg_dtype dtype, double *out, size_t room) {
     lg_tape *t = test_tape(dtype);
     lg_var all[LG_GRADCHECK_MAX_INPUTS + 2];
@@ -487,7 +490,7 @@ static size_t derivatives_of(const lg_gradcheck_function *f, lg_dtype dtype, dou
     return used;
 }
 
-TEST("values, vjp and jvp of every row agree in float and double") {
+TEST("values, vjp and jvp of every case agree in float and double") {
     const lg_gradcheck_case *row;
     for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++) {
         double in_double[1024], in_float[1024], most = 0.0;
@@ -498,9 +501,9 @@ TEST("values, vjp and jvp of every row agree in float and double") {
     }
 }
 
-/* ---- values: the gradient check only wants derivatives that fit them ---- */
+/* ---- values; the gradient check tests only that derivatives fit the values ---- */
 
-/* X(expression of v, its numbers), at v = (1 -2 3; 4 5 -6) beside (1 2 3; 4 5 6) */
+/* X(expression in v, its numbers) for v = (1 -2 3; 4 5 -6) and a second variable (1 2 3; 4 5 6). */
 #define VALUES(X)                                                                                            \
     X(lg_mean(t, v), 5.0 / 6)                                                                                \
     X(lg_sum_axis(t, v, 0, false), 5, 3, -3)                                                                 \
@@ -521,7 +524,7 @@ TEST("values, vjp and jvp of every row agree in float and double") {
     X(lg_spd_solve(t, lg_input_f64(t, lg_shape3(1, 2, 2), positive), lg_reshape(t, v, lg_shape3(1, 2, 3))),  \
       -0.2, -2.2, 3, 1.4, 2.4, -3)
 
-TEST("values by hand") {
+TEST("values agree with those computed by hand") {
     static const double numbers[6] = {1, -2, 3, 4, 5, -6}, two_less[2] = {2, -1}, positive[4] = {2, 1, 1, 3};
     for (int dtype = 0; dtype < 2; dtype++) {
         lg_tape *t = test_tape((lg_dtype)dtype);
@@ -599,7 +602,7 @@ OP(sigmoid, lg_act(t, v, LG_SIGMOID))
 OP(sine, lg_act(t, v, LG_SINE))
 OP(reciprocal, lg_div(t, lg_full(t, lg_shape0(), 1.0), v))
 
-TEST("closed forms to order 4, in all orders of forward and reverse") {
+TEST("derivatives up to order 4 agree with closed forms, for every sequence of forward and reverse mode") {
     static const struct {
         const char *name;
         lg_var (*build)(lg_tape *, lg_var);
@@ -640,7 +643,7 @@ TEST("closed forms to order 4, in all orders of forward and reverse") {
         }
 }
 
-TEST("activations end at order eight") {
+TEST("activations can be differentiated eight times, not more") {
     lg_tape *tape = test_tape(LG_F64);
     lg_var x = lg_full(tape, lg_shape0(), 0.3), y = lg_act(tape, x, LG_TANH);
     for (int order = 1; order <= 8; order++) assert_ok(lg_grad(tape, y, &x, 1, &y));
@@ -648,14 +651,14 @@ TEST("activations end at order eight") {
     assert_says(lg_tape_message(tape), "act_derivative");
 }
 
-/* f(x) = sum_i x_i^3 + x_0 x_1 x_2: gradient, Hessian and third derivative known. */
+/* f(x) = sum_i x_i^3 + x_0 x_1 x_2. Its gradient, Hessian and third derivative are known. */
 static lg_var cubic(lg_tape *t, lg_var x) {
     lg_var p =
         lg_mul(t, lg_mul(t, lg_slice(t, x, 0, 0, 1), lg_slice(t, x, 0, 1, 1)), lg_slice(t, x, 0, 2, 1));
     return lg_add(t, lg_sum(t, lg_pow(t, x, 3)), lg_sum(t, p));
 }
 
-TEST("a Hessian-vector product and a Hessian by hand") {
+TEST("a Hessian-vector product and a Hessian agree with those computed by hand") {
     static const double x0[3] = {0.5, -1.5, 2.0}, v0[3] = {1.0, 0.25, -0.75}, zeros[3] = {0};
     double product[3], hessian[9];
     lg_tape *t = test_tape(LG_F64);
@@ -671,7 +674,8 @@ TEST("a Hessian-vector product and a Hessian by hand") {
     assert_reads(t, lg_hvp(t, lg_sum(t, x), x, v), 3, zeros, 0, 0); /* of a linear function */
 }
 
-TEST("y = sin(x A): J[a, b] = cos(y_a) A[b, a]; wide, tall, and with more than 64 passes") {
+TEST("the Jacobian of y = sin(x A) is J[a, b] = cos(y_a) A[b, a]: wide, tall, and with more than 64 "
+     "passes") {
     static const uint32_t sizes[][2] = {{3, 5}, {5, 3}, {4, 4}, {70, 90}, {90, 70}};
     const double *a0 = test_numbers(3, 90 * 90, -1, 1), *x0 = test_numbers(4, 90, -1, 1);
     static double expected[90 * 90];
@@ -692,14 +696,15 @@ TEST("y = sin(x A): J[a, b] = cos(y_a) A[b, a]; wide, tall, and with more than 6
     }
 }
 
-/* ---- what is asked for ---- */
+/* ---- gradients by chosen variables ---- */
 
-TEST("backward adds and leaves the tape") {
+TEST("lg_backward adds to its outputs and leaves the tape unchanged") {
     static const double x0[3] = {0.5, -1.5, 2.0}, kept[3] = {7, 8, 9};
     double gx[3] = {10, 20, 30}, gz[3] = {1, 2, 3}, ex[3], ez[3], gy = 5.0, unused[3] = {7, 8, 9};
     lg_tape *t = test_tape(LG_F64);
     lg_var x = vector(t, 3, x0), z = lg_scale(t, x, 3.0), y = lg_sum(t, lg_square(t, z));
-    const lg_var wrt[2] = {z, x}, both[2] = {y, vector(t, 3, x0)}, twice[2] = {x, x}; /* inner before leaf */
+    /* the inner variable is listed before the leaf */
+    const lg_var wrt[2] = {z, x}, both[2] = {y, vector(t, 3, x0)}, twice[2] = {x, x};
     void *const grads[2] = {gz, gx}, *const into[2] = {&gy, unused};
     const size_t nodes = t->count;
     for (int pass = 1; pass <= 3; pass++) {
@@ -710,7 +715,8 @@ TEST("backward adds and leaves the tape") {
         assert_all_close(gz, ez, 3, 1e-14, 0);
         assert_all_close(gx, ex, 3, 1e-14, 0);
     }
-    assert_ok(lg_backward(t, y, both, 2, into)); /* y itself, and what y does not depend on */
+    /* by y itself, and by a variable that y does not depend on */
+    assert_ok(lg_backward(t, y, both, 2, into));
     assert_close(gy, 6.0, 0, 0);
     assert_all_close(unused, kept, 3, 0, 0);
     assert_ok(lg_backward(t, y, wrt, 0, NULL));
@@ -718,14 +724,13 @@ TEST("backward adds and leaves the tape") {
     assert_says(lg_tape_message(t), "twice");
 }
 
-/* lg_backward_set into memory full of NaN equals lg_backward onto zeros to the last bit, whatever parts of a
- * flat parameter are used: random views of 1 to 7 elements of 60, a few of them or more than there are places
- * to remember them; views of views; weights; what nothing reaches; inner variables. */
-TEST("lg_backward_set is lg_backward onto zeros, whatever views are used") {
+/* lg_backward_set into memory full of NaN must equal lg_backward onto zeros to the last bit, for every way to
+ * use a flat parameter: random views of 1 to 7 of its 60 elements (few, or more than the tape has places to
+ * remember them), views of views, weights, a variable that y does not depend on, inner variables. */
+TEST("lg_backward_set equals lg_backward onto zeros, whatever views are used") {
     enum { N = 60, UNUSED = 5 };
     const double *theta = test_numbers(7, N, -1, 1), unused[UNUSED] = {0};
-    double added[3][N], set[3][N],
-        bound; /* of the parameter, of what nothing reaches, of an inner variable */
+    double added[3][N], set[3][N], bound; /* of the parameter, of an unused variable, of an inner variable */
     const size_t sizes[3] = {N, UNUSED, N};
     lg_rng rng = test_rng(7, 0);
     for (uint32_t views = 1; views < 60; views++) {
@@ -760,9 +765,10 @@ TEST("lg_backward_set is lg_backward onto zeros, whatever views are used") {
     }
 }
 
-/* Of two layers and what is not one: equality where a gradient is a single contribution, a product's is of
- * rank one; infinity and NaN in any of them are seen. */
-TEST("the bound of a gradient's norm holds, and is met by single contributions") {
+/* A loss with two layers, and with operations that are no layer. The bound is exact where a gradient has a
+ * single contribution; a product contributes a matrix of rank one. Infinity and NaN in any contribution must
+ * make the bound infinite or NaN. */
+TEST("the bound of a gradient's norm holds, and is exact for single contributions") {
     enum { SIDE = 20, N = SIDE * SIDE + 2 * SIDE };
     static double theta[N], grad[N];
     for (int kind = 0; kind < 6; kind++)
@@ -773,8 +779,10 @@ TEST("the bound of a gradient's norm holds, and is met by single contributions")
             lg_var p = vector(t, N, theta), x = lg_full(t, lg_shape2(rows, SIDE), left);
             lg_var w = lg_reshape(t, lg_slice(t, p, 0, 0, SIDE * SIDE), lg_shape2(SIDE, SIDE));
             lg_var b = lg_slice(t, p, 0, SIDE * SIDE, SIDE), c = lg_slice(t, p, 0, N - SIDE, SIDE);
-            lg_var y = lg_sum(t, lg_scale(t, lg_matmul(t, x, w), right)); /* right left rows in W */
-            if (kind >= 3) y = lg_add(t, y, lg_sum(t, lg_sqrt(t, c)));    /* 1 in c, infinite for kind 3 */
+            /* adds right * left * rows to each element of W's gradient */
+            lg_var y = lg_sum(t, lg_scale(t, lg_matmul(t, x, w), right));
+            /* adds 1 to each element of c's gradient, infinity for kind 3 */
+            if (kind >= 3) y = lg_add(t, y, lg_sum(t, lg_sqrt(t, c)));
             if (kind >= 4) y = lg_add(t, y, lg_sum(t, lg_scale(t, b, kind == 5 ? -INFINITY : 4.0)));
             const lg_var wrt = p;
             void *into = grad;
@@ -795,7 +803,7 @@ TEST("the bound of a gradient's norm holds, and is met by single contributions")
 }
 
 /* Two inputs of one operation are overlapping views of the parameter, longer than a block of the kernels: x
- * and its factor in the derivative of an activation; the vector and the angle of a rotation. */
+ * and its factor in the derivative of an activation; vector and angle of a rotation. */
 TEST("inputs of one operation may be overlapping views") {
     enum { N = 1200, LENGTH = 900 };
     static double set[N], zero[N];
@@ -822,8 +830,9 @@ TEST("inputs of one operation may be overlapping views") {
         }
 }
 
-/* Derivatives are total: what depends on another variable asked for carries on to it, in every mode alike. */
-TEST("derivatives are total: they carry on through other variables asked for") {
+/* Derivatives are total: a variable that depends on another requested variable passes its contribution on to
+ * it, in every mode. */
+TEST("derivatives are total: they pass through other requested variables") {
     lg_tape *t = test_tape(LG_F64);
     lg_var x = lg_full(t, lg_shape0(), 2.0), z = lg_square(t, x), y = lg_mul(t, z, x);
     lg_var wrt[3] = {x, z, x}, out[3], d[2] = {lg_full(t, lg_shape0(), 0.5), lg_full(t, lg_shape0(), 0.25)};
@@ -838,13 +847,13 @@ TEST("derivatives are total: they carry on through other variables asked for") {
     assert_close(gz, 2.0, 1e-15, 0);
     assert_ok(lg_jvp(t, &y, 1, wrt, d, 2, out));
     assert_close(number(t, out[0]), 12.0 * 0.5 + 2.0 * 0.25, 1e-15, 0);
-    /* outputs older than the variables, the variable itself, and no variables at all */
+    /* Outputs that are older than the variables, the variable itself, and no variables at all. */
     lg_var ys[3] = {x, y, z};
     assert_ok(lg_jvp(t, ys, 3, &z, &d[0], 1, out));
     assert_close(number(t, out[0]), 0.0, 0, 0);
     assert_close(number(t, out[1]), 2.0 * 0.5, 1e-15, 0);
     assert_close(number(t, out[2]), 0.5, 0, 0);
-    lg_var same[2] = {x, x}; /* twice: both directions count */
+    lg_var same[2] = {x, x}; /* given twice: both directions are added */
     assert_ok(lg_jvp(t, &y, 1, same, d, 2, out));
     assert_close(number(t, out[0]), 12.0 * 0.75, 1e-15, 0);
     assert_ok(lg_jvp(t, &y, 1, NULL, NULL, 0, out));
@@ -855,7 +864,7 @@ TEST("derivatives are total: they carry on through other variables asked for") {
     assert_close(number(t, out[0]), 2.0 + 8.0 * 12.0 + 4.0 * 4.0, 1e-15, 0);
 }
 
-TEST("a flat parameter whose slices overlap, are reshaped, sliced again, and used many times") {
+TEST("a flat parameter may have slices that overlap, are reshaped, sliced again and used many times") {
     double theta[12], expected[12], grad[12], got[12];
     float theta32[12], grad32[12];
     for (int i = 0; i < 12; i++) theta32[i] = (float)(theta[i] = 0.1 * (i + 1));
@@ -865,7 +874,7 @@ TEST("a flat parameter whose slices overlap, are reshaped, sliced again, and use
         const void *const given = f32 ? (const void *)theta32 : theta;
         lg_var p = lg_parameter(t, lg_shape1(12), given), out;
         assert_ptr_equal(lg_value(t, p), given);                                     /* not copied */
-        lg_var a = lg_slice(t, p, 0, 0, 6), b = lg_slice(t, p, 0, 4, 6);             /* overlap in 4, 5 */
+        lg_var a = lg_slice(t, p, 0, 0, 6), b = lg_slice(t, p, 0, 4, 6);             /* both contain 4, 5 */
         lg_var m = lg_reshape(t, a, lg_shape2(2, 3)), row = lg_slice(t, m, 0, 1, 1); /* 3, 4, 5 */
         lg_var column = lg_slice(t, m, 1, 1, 1); /* 1, 4; not contiguous */
         lg_var y = lg_add(t, lg_sum(t, a), lg_scale(t, lg_sum(t, b), 10.0));
@@ -882,7 +891,7 @@ TEST("a flat parameter whose slices overlap, are reshaped, sliced again, and use
                               (i < 6 ? 2 * (theta[i % 3] + theta[3 + i % 3]) : 0.0);
             assert_ok(lg_grad(t, y, &p, 1, &out));
             assert_reads(t, out, 12, expected, tolerance, 0);
-            const size_t n = with_slice ? 6 : 12; /* of the slice alone: not what goes through b */
+            const size_t n = with_slice ? 6 : 12; /* by the slice alone: without the contribution through b */
             for (int i = 4; with_slice && i < 6; i++) expected[i] -= 10.0;
             void *const into = f32 ? (void *)grad32 : grad;
             assert_ok(lg_backward(t, y, &wrt[with_slice], 1, &into));
@@ -892,7 +901,7 @@ TEST("a flat parameter whose slices overlap, are reshaped, sliced again, and use
     }
 }
 
-/* ---- not a number, kinks ---- */
+/* ---- NaN and kinks ---- */
 
 TEST("NaN is not an error") {
     lg_tape *t = test_tape(LG_F64);
@@ -911,7 +920,7 @@ TEST("NaN is not an error") {
     assert_ok(lg_tape_status(t));
 }
 
-TEST("the documented side at each kink; second derivatives are zero") {
+TEST("at each kink the derivative is that of the documented side; second derivatives are zero") {
     static const struct {
         const char *name;
         lg_var (*call)(lg_tape *, lg_var);
@@ -943,15 +952,16 @@ TEST("the documented side at each kink; second derivatives are zero") {
            gab[2];
     assert_ok(lg_grad(t, lg_max_axis(t, x, 0, false), &x, 1, &g));
     assert_ok(lg_read(t, g, 4, got));
-    for (int i = 0; i < 4; i++) assert_close(got[i], i == 1 ? 1.0 : 0.0, 0, 0); /* the first of equals */
+    /* the first of equal numbers */
+    for (int i = 0; i < 4; i++) assert_close(got[i], i == 1 ? 1.0 : 0.0, 0, 0);
     assert_ok(lg_grad(t, lg_max(t, ab[0], ab[1]), ab, 2, gab));
     assert_close(number(t, gab[0]), 1.0, 0, 0);
     assert_close(number(t, gab[1]), 0.0, 0, 0);
 }
 
-/* ---- solves ---- */
+/* ---- linear solves ---- */
 
-TEST("solves that fail are NaN in their row alone") {
+TEST("a solve that fails is NaN in its row alone") {
     static const double a[12] = {4, 1, 3, 2 /* symmetric part 4 2; 2 2 */, -1, 0, 0, 1, 2, 0, 0, 5},
                         b[6] = {2, 4, 1, 1, 4, 10}, expected[6] = {-1, 3, NAN, NAN, 2, 2};
     double x[6];
@@ -966,7 +976,7 @@ TEST("solves that fail are NaN in their row alone") {
 
 /* ---- losses ---- */
 
-TEST("losses by hand, with and without weights") {
+TEST("losses agree with those computed by hand, with and without weights") {
     static const double y0[4] = {0.5, -2.0, 1.5, 0.25}, t0[4] = {0.0, 1.0, 0.5, 1.0}, w0[2] = {2.0, 0.5};
     double expected[LG_LOSS_COUNT] = {0}, weighted[LG_LOSS_COUNT] = {0};
     for (int i = 0; i < 4; i++) {
@@ -1007,7 +1017,7 @@ static lg_status failing_vjp(void *user, lg_tape *tape, const lg_var *in, size_t
                              const bool *need, lg_var *out) {
     return LG_NO_CONVERGENCE;
 }
-/* Through operations with payload, and writing rubbish where nothing is asked for. */
+/* Uses operations with payload, and writes invalid handles where no cotangent is needed. */
 static lg_status payload_vjp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y, lg_var g,
                              const bool *need, lg_var *out) {
     static const uint32_t order[3] = {0, 1, 2};
@@ -1015,7 +1025,7 @@ static lg_status payload_vjp(void *user, lg_tape *tape, const lg_var *in, size_t
     if (!need[1]) out[1] = (lg_var){4000000000u, 1};
     return LG_OK;
 }
-/* One temporary for both inputs; then one and a view of a part of it. */
+/* Returns one temporary for both inputs; then a temporary and a view of a part of it. */
 static lg_status shared_vjp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y, lg_var g,
                             const bool *need, lg_var *out) {
     out[0] = out[1] = lg_scale(tape, g, 2.0);
@@ -1037,7 +1047,7 @@ static const lg_custom_op custom_table[] = {
     {.name = "shared part", .forward = identity_forward, .vjp = shared_part_vjp},
 };
 
-TEST("custom failures name the operation") {
+TEST("failures of custom operations name the operation") {
     static const double x0[3] = {1, 2, 3};
     static const lg_status expected[4] = {LG_NO_CONVERGENCE, LG_SHAPE, LG_NO_CONVERGENCE,
                                           LG_NOT_DIFFERENTIABLE};
@@ -1066,7 +1076,7 @@ TEST("custom failures name the operation") {
     assert_int_equal(lg_tape_status(t), LG_INVALID_ARGUMENT);
 }
 
-/* y = x^2 with both kinds of a vjp, which count their calls. */
+/* y = x^2 with both kinds of vjp, recorded and numeric, which count their calls. */
 typedef struct both_counts {
     int built, numeric;
 } both_counts;
@@ -1090,7 +1100,7 @@ static lg_status square_numeric_vjp(void *user, lg_dtype dtype, const void *cons
     return LG_OK;
 }
 
-TEST("a custom operation's numeric vjp serves the last pass, the other one all orders") {
+TEST("a custom operation's numeric vjp serves the last pass, the recorded vjp all other orders") {
     static const double x0[3] = {1, 2, 3}, added[3] = {3, 5, 7}, set[3] = {2, 4, 6}, two[3] = {2, 2, 2};
     both_counts counts = {0, 0};
     const lg_custom_op op = {.name = "square",
@@ -1110,13 +1120,14 @@ TEST("a custom operation's numeric vjp serves the last pass, the other one all o
     assert_all_close(first, set, 3, 0, 0);
     assert_ok(lg_grad(t, y, &x, 1, &g));
     assert_true(counts.numeric == 2 && counts.built == 1);
-    /* The operations' own: the square is not in between. */
+    /* Between g and x there are only recorded operations of the tape, not the square, so no vjp is called
+     * again. */
     assert_ok(lg_backward_set(t, g, &x, 1, &into_second));
     assert_all_close(second, two, 3, 0, 0);
     assert_true(counts.numeric == 2 && counts.built == 1);
 }
 
-TEST("a custom vjp gives back its payload after the last pass") {
+TEST("the payload of a custom vjp is freed after the last pass") {
     static const double x0[3] = {1, 2, 3};
     lg_tape *t = test_tape(LG_F64);
     lg_var in[2] = {vector(t, 3, x0), vector(t, 3, x0)};
@@ -1128,13 +1139,14 @@ TEST("a custom vjp gives back its payload after the last pass") {
     size_t bytes = lg_tape_size(t);
     for (int i = 0; i < 10000; i++) assert_ok(lg_backward(t, y, in, 1, &grad));
     lg_mark after = lg_tape_mark(t);
-    assert_int_equal(after.used, before.used); /* payload of the vjp's operations is given back */
+    assert_int_equal(after.used, before.used); /* the payload of the vjp's operations is freed */
     assert_int_equal(after.chunk, before.chunk);
     assert_int_equal(lg_tape_size(t), bytes);
     for (int i = 0; i < 3; i++) assert_close(g[i], 10001.0, 0, 0);
 }
 
-/* A temporary that serves two inputs must not become the adjoint of one while the other still reads it. */
+/* A temporary that serves two inputs must not be used as the adjoint of one input while it is still read for
+ * the other. */
 TEST("a temporary may serve two inputs of a custom vjp") {
     static const double x0[3] = {1, 2, 3}, ten[3] = {10, 20, 30};
     lg_tape *t = test_tape(LG_F64);
@@ -1143,7 +1155,7 @@ TEST("a temporary may serve two inputs of a custom vjp") {
         lg_var x = vector(t, 3, x0), a = lg_scale(t, x, 1.0);
         lg_var b = part ? lg_slice(t, a, 0, 1, 2) : lg_scale(t, x, 1.0), in[2] = {a, b}, g,
                c = vector(t, 3, ten);
-        /* older than the custom operation, so that its cotangents come first */
+        /* Recorded before the custom operation, so that the custom operation's cotangents come first. */
         lg_var aa = lg_mul(t, a, a), bb = lg_mul(t, b, b);
         lg_var y = lg_custom(t, &custom_table[5 + part], in, 2, lg_shape1(3));
         lg_var z = lg_add(t, lg_sum(t, lg_mul(t, c, lg_add(t, y, aa))), lg_sum(t, bb));
@@ -1165,7 +1177,7 @@ TEST("activations have names") {
     ASSERT_NAMES(lg_activation, lg_activation, LG_ACTIVATION_COUNT);
 }
 
-TEST("Empty tensors flow through without reading or writing") {
+TEST("empty tensors pass through without reading or writing") {
     lg_tape *t = test_tape(LG_F64);
     lg_var x = lg_full(t, lg_shape2(0, 3), 1.0), w = lg_full(t, lg_shape2(3, 4), 1.0), g;
     lg_var y = lg_sum(t, lg_act(t, lg_matmul(t, x, w), LG_TANH));
@@ -1201,7 +1213,7 @@ TEST("the last pass cannot run inside itself; the tape is usable again after a r
     assert_all_close(grad, expected, 3, 0, 0);
 }
 
-/* y = sum of tanh(x W + b) exp(c), which differs from row to row in x alone. */
+/* y = sum of tanh(x W + b) exp(c); rows differ in x alone. */
 static lg_var rows_of_layer(lg_tape *t, lg_var theta, lg_var x) {
     const lg_var W = lg_reshape(t, lg_slice(t, theta, 0, 0, 6), lg_shape2(3, 2)),
                  b = lg_slice(t, theta, 0, 6, 2);
@@ -1210,7 +1222,7 @@ static lg_var rows_of_layer(lg_tape *t, lg_var theta, lg_var x) {
     return lg_sum(t, lg_mul(t, h, c));
 }
 
-TEST("gradients of rows are those of each row alone, and rows that meet are refused") {
+TEST("gradients of rows equal those of each row alone, and rows that affect each other are refused") {
     enum { ROWS = 4, N = 10 };
     const double *theta = test_numbers(1, N, -1, 1), *x = test_numbers(2, ROWS * 3, -1, 1);
     double found[ROWS * N], dx[ROWS * 3];

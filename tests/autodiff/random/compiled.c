@@ -1,4 +1,4 @@
-/* Recordings as C: the functions of many recordings are one file, for one row. */
+/* Compares recordings as C. The functions of many recordings are compiled as one file, for one row each. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -8,7 +8,8 @@
 
 enum { POINTS = 3 };
 
-/* Both types, straight code and loops; both compilers, the second where it is there. */
+/* The ways to compile: both types, straight code and loops, both compilers; the second compiler only if it is
+ * installed. */
 static const struct {
     const char *compiler;
     lg_dtype dtype;
@@ -21,7 +22,7 @@ static bool has(const char *compiler) {
     return system(command) == 0;
 }
 
-/* The same bits where output `wanted` alone is asked for, and the work memory was left as it is. */
+/* Whether output `wanted`, requested alone in the work memory as the first run left it, has the same bits. */
 static bool same_alone(const compiled *c, shim run, const truth *t, void *const *in, void *const *out,
                        void *work, finding *f) {
     const size_t wanted = (size_t)(t->seed % t->outputs),
@@ -93,7 +94,8 @@ static bool check_file(const compiled *c, const lg_program *program, const recor
     return good;
 }
 
-/* The way follows from the hundred of the numbers, and stays when one of them is compiled alone. */
+/* The way to compile is chosen by the recordings' number divided by 100. So a single recording is compiled
+ * the same way as in its file. */
 bool check_compiled(const recording *r, size_t *taken, finding *out, size_t *failed) {
     part *parts = room(*taken, sizeof *parts);
     size_t count = 0;

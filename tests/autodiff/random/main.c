@@ -1,12 +1,12 @@
-/* Random recordings on a tape, as plans and as compiled C:
+/* Compares random recordings on a tape with plans and compiled C:
  *
  *     random_programs [--seed N] [--count N] [--compiled N]
  *
- * Recording N, N + 1, ... are functions of some operations of the whole table, with shared and equal
- * operands, calls, loops and derivatives (recording.c). `count` of them are compared with what the tape says
- * (rounding.c) as plans of both types with all options, reloaded and not (plans.c), and `compiled` of them as
- * C, 100 recordings a file (compiled.c). Exit code 1: a recording differs; it is shrunk and printed, and
- * --seed with its number repeats it. */
+ * Recordings N, N + 1, ... are functions of random operations of the whole table, with shared and equal
+ * operands, calls, loops and derivatives (recording.c). `count` of them are compared as plans with the tape's
+ * results (rounding.c): in both types, with all options, and also after the program was stored and read again
+ * (plans.c). `compiled` of them are compared as C, 100 recordings per file (compiled.c). If a recording
+ * differs, the exit code is 1; the recording is shrunk and printed, and --seed with its number repeats it. */
 #include <getopt.h>
 #include <inttypes.h>
 #include <signal.h>
@@ -47,9 +47,9 @@ bool found(finding *out, bool refused, const char *format, ...) {
     return false;
 }
 
-/* ---- what differs ---- */
+/* ---- recordings that differ ---- */
 
-static volatile uint64_t looked_at; /* the number of the recording */
+static volatile uint64_t looked_at; /* number of the current recording */
 
 static void tell_crash(int signal_number) {
     char line[80];
@@ -81,7 +81,7 @@ static void tell(const recording *of, bool compiled, const finding *f) {
     (void)fflush(stdout);
 }
 
-/* ---- all of them ---- */
+/* ---- running all recordings ---- */
 
 static size_t run_plans(uint64_t seed, uint64_t count) {
     size_t different = 0;
@@ -102,7 +102,7 @@ static size_t run_compiled(uint64_t seed, uint64_t count) {
     size_t different = 0, at = 0, some;
     finding f;
     for (uint64_t i = 0; i < count && different < MOST_FOUND; i += some) {
-        const uint64_t rest = A_FILE - (seed + i) % A_FILE; /* files begin at whole hundreds */
+        const uint64_t rest = A_FILE - (seed + i) % A_FILE; /* files begin at multiples of 100 */
         some = (size_t)(count - i < rest ? count - i : rest);
         looked_at = seed + i;
         for (size_t k = 0; k < some; k++) draw_recording(seed + i + k, &r[k]);
@@ -113,7 +113,7 @@ static size_t run_compiled(uint64_t seed, uint64_t count) {
     return different;
 }
 
-/* Every operation that can be recorded is, where there are enough recordings. */
+/* With enough recordings, every operation that a program can have must have been recorded. */
 static bool all_rows_recorded(void) {
     bool all = true;
     size_t rows = 0;

@@ -1,6 +1,6 @@
-/* Pieces come from the registry of gradient checks (liegrad/gradcheck.h), which has every operation in
- * every variant of shapes and attributes that matters: each case is recorded with its first and second
- * derivatives, and the nodes on the tape are taken apart. */
+/* A piece is an operation with shapes and attributes. Pieces are taken from the cases of the gradient check
+ * (liegrad/gradcheck.h), which cover every operation with all relevant shapes and attributes: each case is
+ * recorded with its first and second derivatives, and each node on the tape becomes a piece. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -17,7 +17,7 @@ typedef struct row {
 } row;
 static row rows[LG_OPS_MOST];
 
-/* ---- one node of a tape ---- */
+/* ---- the piece of a tape's node ---- */
 
 static lg_attr plain_attr(const lg_node *n) {
     lg_attr attr = n->attr;
@@ -38,7 +38,7 @@ static bool fits(const lg_tape *tape, const lg_node *n) {
     return true;
 }
 
-/* Numbers in attributes and payload tell no pieces apart. */
+/* Whether there is such a piece already. Real numbers in attributes and payload are not compared. */
 static bool known(const lg_tape *tape, const lg_node *n, const lg_attr *attr) {
     const row *r = &rows[lg_op_place(n->op)];
     for (uint32_t p = 0; p < r->pieces; p++) {
@@ -61,7 +61,7 @@ static void keep_payload(piece *p) {
     p->attr.pointer = own;
 }
 
-/* ---- rows ---- */
+/* ---- axes that can be rows ---- */
 
 static bool holds_with(const piece *p, uint32_t set, uint32_t length) {
     const lg_shape *shapes[MOST_OPERANDS];
@@ -76,7 +76,8 @@ static bool holds_with(const piece *p, uint32_t set, uint32_t length) {
     return p->op->shape(shapes, p->inputs, &p->attr, &out) == LG_OK && lg_same_shape(&out, &wanted);
 }
 
-/* The largest set of inputs whose first axis may have any length, as long as the output's has it too. */
+/* Finds the largest set of inputs whose first axis can have any length if the output's first axis has the
+ * same length. */
 static void find_batches(piece *p) {
     uint32_t best = 0;
     for (uint32_t set = 1; p->out.rank > 0 && set < 1u << p->inputs; set++) {
@@ -90,7 +91,7 @@ static void find_batches(piece *p) {
     for (uint32_t k = 0; k < p->inputs; k++) p->batched[k] = best >> k & 1;
 }
 
-/* Elementwise, and the shape rule takes any shape that all inputs have. */
+/* Whether the operation is elementwise and accepts inputs of any common shape. */
 static bool takes_any_shape(const piece *p) {
     static const lg_shape tried[] = {{0, {0}}, {1, {7}}, {2, {2, 5}}};
     const lg_shape *shapes[MOST_OPERANDS];
@@ -121,7 +122,7 @@ static void add_piece(const lg_tape *tape, const lg_node *n) {
     r->piece[r->pieces++] = p;
 }
 
-/* ---- the registry ---- */
+/* ---- pieces of all cases ---- */
 
 static void put_inputs(lg_tape *tape, const lg_gradcheck_function *f, lg_rng *rng, lg_var *x) {
     for (uint32_t k = 0; k < f->inputs; k++) {
@@ -138,7 +139,7 @@ static void put_inputs(lg_tape *tape, const lg_gradcheck_function *f, lg_rng *rn
     }
 }
 
-/* Weights that no symmetry makes vanish. */
+/* A weighted sum of y. No symmetry can make the gradient vanish. */
 static lg_var weighted(lg_tape *tape, lg_var y, lg_rng *rng) {
     const lg_shape shape = lg_var_shape(tape, y);
     const size_t count = lg_shape_count(shape);
@@ -149,7 +150,8 @@ static lg_var weighted(lg_tape *tape, lg_var y, lg_rng *rng) {
     return lg_mul(tape, weights, y);
 }
 
-/* An order beyond the last is refused, which sticks to the tape: what was recorded before stays. */
+/* Records the case with its derivatives. An order that does not exist is refused, and the tape keeps this
+ * error; what was recorded before stays usable. */
 static void record_case(lg_tape *tape, const lg_gradcheck_function *f, lg_rng *rng) {
     lg_var x[LG_GRADCHECK_MAX_INPUTS], d[LG_GRADCHECK_MAX_INPUTS], g[LG_GRADCHECK_MAX_INPUTS], v;
     put_inputs(tape, f, rng, x);
@@ -189,7 +191,7 @@ static const piece *draw_of(lg_rng *rng, const row *r) {
     return r->piece[lg_rng_below(rng, r->pieces)];
 }
 
-/* Every row of the table is as likely as every other; products, of which plans make layers, more often. */
+/* All operations are equally likely; products, which plans turn into layers, are drawn more often. */
 const piece *draw_piece(lg_rng *rng) {
     uint32_t ops = 0, layer = 0;
     for (; lg_ops[ops] != NULL; ops++)

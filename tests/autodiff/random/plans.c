@@ -1,5 +1,5 @@
-/* Recordings as plans: every function of the program at the recording's rows, as three plans of which the
- * options are drawn, and as a program that was taken apart and put together again. */
+/* Compares recordings as plans: every function of the program, for the recording's number of rows, as three
+ * plans with random options, and in a copy of the program that is built from the stored functions. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -12,7 +12,7 @@
 
 enum { GUARD = 64, PLANS = 3, DRAWS = 3, MOST_NUMBERS = 200000, A_FILE = 200 };
 
-/* ---- a program again ---- */
+/* ---- copies of programs ---- */
 
 static bool same_text(const char *a, const char *b) {
     return strcmp(a != NULL ? a : "", b != NULL ? b : "") == 0;
@@ -55,7 +55,7 @@ static bool same_image(const lg_function_image *a, const lg_function_image *b) {
                                  : same_list(a->results, b->results, a->output_count, sizeof *a->results));
 }
 
-/* From its bytes, as files hold it. */
+/* Adds the function to the copy from its bytes, as a file holds them. */
 static void take_again(const lg_function_image *image, lg_program *copy) {
     lg_error error = {.message = ""};
     lg_function_image *again = NULL;
@@ -100,13 +100,13 @@ static lg_program *again(const lg_program *program, uint64_t number) {
     return number % A_FILE == 0 ? saved_and_loaded(program) : taken_again(program);
 }
 
-/* ---- a plan ---- */
+/* ---- running a plan ---- */
 
 typedef struct run {
     const lg_plan *plan;
     const truth *t;
     lg_dtype dtype;
-    size_t size; /* of a number */
+    size_t size; /* bytes per number */
     void *in[LG_PROGRAM_MAX_PORTS], *out[LG_PROGRAM_MAX_PORTS], *work;
 } run;
 
@@ -133,7 +133,8 @@ static bool is_filled(const void *memory, size_t from, int with) {
     return true;
 }
 
-/* Work memory and outputs are full of `fill` before (0xff is NaN); what is behind them stays. */
+/* Runs the plan with work memory and outputs filled with `fill` (0xff is NaN). Returns false if bytes behind
+ * them changed. */
 static bool evaluate(const run *r, void *const *out, int fill, finding *f) {
     const size_t work = lg_plan_work_size(r->plan);
     memset(r->work, fill, work);
@@ -148,7 +149,7 @@ static bool evaluate(const run *r, void *const *out, int fill, finding *f) {
     return true;
 }
 
-/* The same bits where other memory lay before, and where only output j is wanted. */
+/* The bits must be the same with other contents of the memory, and if only output j is requested. */
 static bool same_alone(const run *r, size_t j, finding *f) {
     void *other[LG_PROGRAM_MAX_PORTS] = {NULL};
     other[j] = room(r->t->out_count[j] * r->size + GUARD, 1);

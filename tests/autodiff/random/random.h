@@ -1,4 +1,4 @@
-/* Random recordings: what tests/autodiff/random shares. main.c says what is done with them. */
+/* Random recordings: what the files of tests/autodiff/random share. main.c describes the program. */
 #ifndef LG_RANDOM_H
 #define LG_RANDOM_H
 
@@ -11,8 +11,8 @@ enum {
     MOST_INPUTS = 3,
     MOST_OUTPUTS = 6,
     MOST_STEPS = 14,
-    MOST_FUNCTIONS = 2, /* of a recording as it is drawn */
-    MOST_ALL = 8,       /* with its loops and derivatives */
+    MOST_FUNCTIONS = 2, /* functions of a recording as drawn */
+    MOST_ALL = 8,       /* functions including loops and derivatives */
     PARAMETERS = 2
 };
 
@@ -20,63 +20,65 @@ static inline bool chance(lg_rng *rng, double p) {
     return lg_rng_uniform(rng) < p;
 }
 
-/* Ends the program: this is not a finding. */
+/* Prints a message and ends the program, for errors that are not findings. */
 void stop(const char *format, ...) __attribute__((format(printf, 1, 2), noreturn));
 void *room(size_t count, size_t size); /* zeroed */
 
-/* ---- pieces: operations as the registry of gradient checks records them, and their derivatives ---- */
+/* ---- pieces: operations from the cases of the gradient check and from their derivatives ---- */
 
 typedef struct piece {
     const lg_op *op;
     lg_attr attr; /* owns its payload */
     uint32_t inputs;
     lg_shape in[MOST_OPERANDS], out;
-    double *point[MOST_OPERANDS]; /* numbers of the inputs that the operation can take */
-    bool any_shape; /* elementwise, and the inputs have the output's shape: which one does not matter */
-    bool batches;   /* the first axis of the output and of the inputs `batched` may be the rows */
+    double *point[MOST_OPERANDS]; /* valid values of the inputs */
+    bool any_shape; /* the operation is elementwise: its inputs can have any shape that equals the output's */
+    bool batches;   /* the first axis of the output and of the inputs `batched` can be the rows */
     bool batched[MOST_OPERANDS];
 } piece;
 
-/* For each row of the table of operations that can be in a program at least one. */
+/* Finds at least one piece for each operation that a program can have. */
 void find_pieces(void);
 size_t rows_with_pieces(void);
 const piece *draw_piece(lg_rng *rng);
-const piece *draw_layer_end(lg_rng *rng); /* an operation that a plan may fuse with a product before it */
+const piece *draw_layer_end(lg_rng *rng); /* an operation that a plan can fuse with the product before it */
 const piece *piece_named(const char *operation);
 
 /* ---- recordings ---- */
 
-/* A variable of a recording: (B, shape...) if it is batched, else `shape`. */
+/* A variable of a recording: of shape (B, shape...) if batched, else of shape `shape`. */
 typedef struct slot {
     bool batched;
     lg_shape shape;
 } slot;
 
-/* An operation of the recording, or a call: output `output` of function `callee`, or of the loop over it.
- * Operands are slots before the step, brought to the shape that the operation takes. */
+/* An operation of the recording, or a call: output `output` of function `callee`, or of the loop over it. The
+ * operands are earlier slots, converted to the shapes that the operation takes. */
 typedef struct step {
     const piece *piece; /* NULL: a call */
     uint32_t callee, output;
     bool loop;
-    uint32_t inputs, operand[MOST_OPERANDS], how[MOST_OPERANDS]; /* slots; how they come to the shape */
-    uint32_t variant;                                            /* the first number of the piece's payload */
-    bool anchored; /* operands are the piece's point, and the slots move it a little */
-    bool left_out; /* by shrinking: who takes it takes its first operand */
+    /* slots; how each is converted to the shape */
+    uint32_t inputs, operand[MOST_OPERANDS], how[MOST_OPERANDS];
+    uint32_t variant; /* first index into the piece's payload */
+    bool anchored;    /* the operands are the piece's valid values, and the slots change them only a little */
+    bool left_out;    /* left out by shrinking: its users take its first operand instead */
     slot made;
 } step;
 
-/* Slots are the parameters, the inputs, then the steps. */
+/* One function. Its slots are the parameters, the inputs and the steps, in this order. */
 typedef struct body {
     uint32_t inputs, steps, outputs;
     slot input[MOST_INPUTS];
     step step[MOST_STEPS];
     uint32_t output[MOST_OUTPUTS]; /* slots */
-    bool apart;                    /* nothing is taken from one row to another */
-    /* A loop over the function: input i becomes output carry[i] - 1, 0: it stays. times 0: there is none. */
+    bool apart;                    /* rows do not affect each other */
+    /* A loop over the function: after each round input i becomes output carry[i] - 1; carry[i] 0: it keeps
+     * its value. times 0: there is no loop. */
     uint32_t times, carry[MOST_INPUTS];
 } body;
 
-/* A derivative of function `of` of the program, counted within the recording. */
+/* A derivative of function `of`, which is a number within the recording. */
 typedef struct derivation {
     uint32_t of;
     lg_derivative_kind kind;
@@ -89,57 +91,59 @@ typedef struct recording {
     derivation derivation[MOST_ALL];
 } recording;
 
-/* Recording `number` is the same whenever it is drawn. */
+/* Recording `number` is the same each time it is drawn. */
 void draw_recording(uint64_t number, recording *out);
 void print_recording(const recording *r);
-/* A program with the parameters of all recordings. */
+/* A program with the parameters that all recordings use. */
 lg_program *empty_program(void);
-/* Adds the functions of the recording; their numbers. What a program refuses is left out. False: a
- * sentence in `error`. */
+/* Adds the functions of the recording. `number` gets their function numbers, `count` how many there are.
+ * Functions that a program refuses are left out. Returns false with a message in `error`. */
 bool add_recording(lg_program *program, const recording *r, size_t *number, size_t *count, lg_error *error);
-/* How many numbers the tape has of a function. */
+/* Number of elements that the tape holds for a function. */
 size_t numbers_of(const lg_program *program, size_t at, size_t rows);
-/* Leaves out whatever does not change that `fails` says true. */
+/* Leaves out every part without which fails() still returns true. */
 void shrink(recording *r, bool (*fails)(void *user, const recording *r), void *user);
-/* How often each row of the table was recorded for a program, by its place. */
+/* How often each operation of the table was recorded, by its place in the table. */
 extern size_t operations_recorded[LG_OPS_MOST];
 
-/* ---- what the tape says, and how far rounding may lead from it ---- */
+/* ---- the tape's results, and how much rounding may change them ---- */
 
 typedef struct truth {
     lg_tape *tape;
     size_t inputs, outputs, rows;
     lg_var in[LG_PROGRAM_MAX_PORTS], out[LG_PROGRAM_MAX_PORTS];
     size_t in_count[LG_PROGRAM_MAX_PORTS], out_count[LG_PROGRAM_MAX_PORTS];
-    bool finite; /* all numbers on the tape are, and none is very large */
+    bool finite; /* all numbers on the tape are finite and not very large */
     uint64_t seed;
 } truth;
 
-/* Evaluates the function at random numbers, which are single numbers. */
+/* Evaluates the function on the tape at random numbers that a float represents exactly. */
 void find_truth(lg_tape *tape, const lg_program *program, size_t function, size_t rows, lg_rng *rng,
                 truth *out);
-/* Whether `got`, of type `dtype`, is output j to what rounding explains; else a sentence. */
+/* Whether `got`, of type `dtype`, differs from output j no more than rounding explains; otherwise false with
+ * a message. */
 bool explained(const truth *t, size_t j, lg_dtype dtype, const void *got, char *sentence, size_t room);
 
-/* ---- checks; false: the sentence says what differs ---- */
+/* ---- checks; they return false with a message about the difference ---- */
 
 typedef struct finding {
-    bool refused; /* the program, a plan or the C compiler refuses the recording; else numbers differ */
+    /* true: the program, a plan or the C compiler refuses the recording; false: numbers differ */
+    bool refused;
     char sentence[512];
 } finding;
 bool found(finding *out, bool refused, const char *format, ...)
-    __attribute__((format(printf, 3, 4))); /* false */
+    __attribute__((format(printf, 3, 4))); /* always returns false */
 
 typedef struct tally {
     size_t recordings, functions, derivatives, loops, plans, unfit, sources;
-    size_t bytes, operations; /* of packed functions */
-    size_t steps[8];          /* of plans, by kind */
+    size_t bytes, operations; /* of stored functions */
+    size_t steps[8];          /* steps of plans, by kind */
 } tally;
 extern tally counted;
 
 bool check_plans(const recording *r, finding *out);
-/* Compiles *taken recordings as one file, or as many of them as a program has room for. *failed: the
- * recording that differs. */
+/* Compiles *taken recordings as one file, or as many of them as fit into a program; *taken becomes their
+ * number. *failed gets the recording that differs. */
 bool check_compiled(const recording *r, size_t *taken, finding *out, size_t *failed);
 
 #endif

@@ -1,4 +1,4 @@
-/* Recordings are drawn, put on a tape, added to a program, shrunk and printed. */
+/* Draws recordings, records them on a tape, adds them to a program, shrinks and prints them. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -7,15 +7,16 @@
 #include "autodiff/ops/op_table.h"
 #include "autodiff/random/random.h"
 
-#define LARGEST_NUMBER 1e3  /* of a variable, where the recording is drawn */
-#define ANCHORED       0.01 /* how far operands are from a piece's point, relative to its largest number */
+#define LARGEST_NUMBER 1e3 /* largest absolute value of a variable while a recording is drawn */
+/* distance of operands from a piece's valid values, relative to the largest of these */
+#define ANCHORED 0.01
 
 enum {
     COSTLIEST = 20000
-}; /* numbers of a row, of a function of which a derivative is taken, and for each direction */
+}; /* most elements per row, of a function whose derivative is taken, times the number of directions */
 size_t operations_recorded[LG_OPS_MOST];
 
-/* ---- the parameters of all recordings ---- */
+/* ---- parameters of all recordings ---- */
 
 static const double weights[12] = {0.5, -1.25, 0.75, 1.5, -0.25, 1.0, -0.5, 0.375, 2.0, -1.0, 0.625, -0.125};
 static const lg_parameter_spec parameters[PARAMETERS] = {{"theta", {2, {4, 3}}, weights},
@@ -41,7 +42,7 @@ static uint32_t slots_of(const body *f) {
     return PARAMETERS + f->inputs + f->steps;
 }
 
-/* What stands for a slot: of a step that is left out, its first operand. */
+/* The slot that is used for slot `at`: a step that is left out is replaced by its first operand. */
 static uint32_t resolved(const body *f, uint32_t at) {
     while (at >= PARAMETERS + f->inputs && f->step[at - PARAMETERS - f->inputs].left_out)
         at = f->step[at - PARAMETERS - f->inputs].operand[0];
@@ -53,14 +54,14 @@ static lg_shape with_rows(bool batched, uint32_t rows, lg_shape shape) {
     return lg_port_shape(&port, rows);
 }
 
-/* ---- an operand in another shape ---- */
+/* ---- conversion of operands to other shapes ---- */
 
 static lg_var flat(lg_tape *tape, lg_var v, bool batched, uint32_t rows, lg_shape shape) {
     const uint32_t count = (uint32_t)lg_shape_count(shape);
     return lg_reshape(tape, v, with_rows(batched, rows, lg_shape1(count)));
 }
 
-/* `m` numbers (of each row) out of `n`: some of them, or all of them again and again, or with zeros. */
+/* Makes `m` numbers (per row) out of `n`: a part of them, repetitions of all, or all with zeros added. */
 static lg_var counted_out(lg_tape *tape, lg_var v, int axis, uint32_t n, uint32_t m, uint32_t how) {
     lg_var parts[4] = {v, v, v, v};
     if (n > m) return lg_slice(tape, v, axis, how % (n - m + 1), m);
@@ -74,7 +75,7 @@ static lg_var counted_out(lg_tape *tape, lg_var v, int axis, uint32_t n, uint32_
     return lg_slice(tape, lg_concat(tape, parts, copies, axis), axis, 0, m);
 }
 
-/* `how` chooses where there is a choice. */
+/* Converts v from `from` to `to`. `how` chooses between the possible ways. */
 static lg_var fit(lg_tape *tape, uint32_t rows, lg_var v, slot from, slot to, uint32_t how) {
     const uint32_t n = (uint32_t)lg_shape_count(from.shape), m = (uint32_t)lg_shape_count(to.shape);
     if (from.batched && !to.batched)
@@ -92,7 +93,7 @@ static lg_var fit(lg_tape *tape, uint32_t rows, lg_var v, slot from, slot to, ui
     return lg_reshape(tape, v, with_rows(to.batched, rows, to.shape));
 }
 
-/* point + small sin v; of a batched operand the first row of the point */
+/* point + small sin v. A batched operand uses the first row of the point. */
 static lg_var anchor(lg_tape *tape, const double *point, slot to, lg_var v) {
     const size_t count = lg_shape_count(to.shape);
     double size = 0.0;
@@ -101,9 +102,10 @@ static lg_var anchor(lg_tape *tape, const double *point, slot to, lg_var v) {
     return lg_add(tape, lg_input(tape, to.shape, point), moved);
 }
 
-/* ---- on a tape ---- */
+/* ---- recording on a tape ---- */
 
-/* Where a recording is put on the tape; calls: the program is being built, else functions are written out. */
+/* How a recording is recorded. calls: true while a program is being built; false: called functions are
+ * recorded in place of the call. */
 typedef struct putting {
     const recording *r;
     bool calls;
@@ -119,7 +121,7 @@ static lg_shape without_first(lg_shape s) {
     return rest;
 }
 
-/* What the step takes as operand k. */
+/* The shape that the step takes as operand k. */
 static slot wanted(const putting *p, const step *s, uint32_t k) {
     if (s->piece == NULL) return p->r->function[s->callee].input[k];
     if (s->piece->any_shape) return s->made;
@@ -127,7 +129,7 @@ static slot wanted(const putting *p, const step *s, uint32_t k) {
     return (slot){batched, batched ? without_first(s->piece->in[k]) : s->piece->in[k]};
 }
 
-/* As often as its loop says. */
+/* Records the rounds of the loop one after the other. */
 static lg_status put_loop(const putting *p, const body *f, lg_tape *tape, const lg_var *theta,
                           const lg_var *x, lg_var *y) {
     lg_var now[MOST_INPUTS];
@@ -151,7 +153,7 @@ static lg_var put_call(const putting *p, const step *s, lg_tape *tape, const lg_
     return status == LG_OK ? y[s->output] : LG_NONE;
 }
 
-/* The piece's payload from number `variant` on, and the rest behind. */
+/* The piece's payload, rotated so that it begins at index `variant`. */
 static const void *turned_payload(lg_tape *tape, const piece *p, uint32_t variant) {
     const bool reals = p->op->payload == LG_PAYLOAD_REALS;
     const uint32_t count = reals ? p->inputs : p->attr.i[0];
@@ -225,7 +227,8 @@ static void draw_inputs(lg_rng *rng, body *f) {
         f->input[i] = (slot){i == 0 || chance(rng, 0.7), shapes[lg_rng_below(rng, LG_COUNT(shapes))]};
 }
 
-/* Late slots more often, and often what the step takes already: operands are shared. */
+/* Late slots are more likely. Operands that the step has already are drawn often, so that operands are
+ * shared. */
 static uint32_t draw_operand(lg_rng *rng, const body *f, const step *s, uint32_t k) {
     const uint32_t all = slots_of(f), late = all < 4 ? all : 4;
     if (k > 0 && chance(rng, 0.4)) return s->operand[lg_rng_below(rng, k)];
@@ -239,7 +242,7 @@ static void draw_operands(lg_rng *rng, const body *f, step *s) {
     }
 }
 
-/* Where rows stay apart, what all rows share is made of what all rows share. */
+/* If rows must not affect each other, an operand without rows must be made from slots without rows. */
 static void keep_apart(lg_rng *rng, const putting *p, const body *f, step *s) {
     for (uint32_t k = 0; f->apart && k < s->inputs; k++)
         for (uint32_t tries = 0; !wanted(p, s, k).batched && slot_of(f, s->operand[k]).batched; tries++)
@@ -279,7 +282,7 @@ static bool sizes_are_usual(const lg_tape *tape, uint32_t from) {
     return true;
 }
 
-/* The step, if it can be recorded and its numbers are of usual size. */
+/* Adds the step if it can be recorded and its numbers are not too large. */
 static bool try_step(const putting *p, body *f, const step *s, uint32_t rows, lg_tape *tape, lg_var *v) {
     const uint32_t at = slots_of(f), before = tape->count;
     v[at] = put_step(p, f, s, rows, tape, v, v);
@@ -290,7 +293,7 @@ static bool try_step(const putting *p, body *f, const step *s, uint32_t rows, lg
     return true;
 }
 
-/* Some steps are recorded twice: equal subexpressions, which plans compute once, or equal but for the
+/* Some steps are recorded twice: as equal subexpressions, which plans compute once, or equal except for the
  * payload. */
 static void draw_steps(lg_rng *rng, const putting *p, body *f, lg_tape *tape, lg_var *v, uint32_t rows) {
     const uint32_t steps = 2 + (uint32_t)lg_rng_below(rng, MOST_STEPS - 4);
@@ -321,8 +324,8 @@ static bool same_slot(slot a, slot b) {
     return a.batched == b.batched && lg_same_shape(&a.shape, &b.shape);
 }
 
-/* What the function has already may become input i: another input, a step, the output that another input
- * becomes. */
+/* Chooses something that the function has already as the next value of input i: another input, a step, or the
+ * output that another input becomes. */
 static bool carries_slot(lg_rng *rng, body *f, uint32_t i) {
     for (uint32_t tries = 0; tries < 6; tries++) {
         const uint32_t at = PARAMETERS + (uint32_t)lg_rng_below(rng, slots_of(f) - PARAMETERS);
@@ -339,7 +342,7 @@ static bool carries_slot(lg_rng *rng, body *f, uint32_t i) {
     return false;
 }
 
-/* For a loop: outputs that can become inputs again. */
+/* Chooses outputs that become the inputs of the next round. */
 static void draw_loop(lg_rng *rng, const putting *p, body *f, lg_tape *tape, lg_var *v, uint32_t rows) {
     const step sine = {.piece = piece_named("sin"), .inputs = 1};
     for (uint32_t i = 0; i < f->inputs && f->steps < MOST_STEPS && f->outputs < MOST_OUTPUTS; i++) {
@@ -397,7 +400,7 @@ void draw_recording(uint64_t number, recording *out) {
                                           : 65 + lg_rng_below(&rng, 936));
 }
 
-/* ---- a program ---- */
+/* ---- building a program ---- */
 
 typedef struct recorded {
     putting p;
@@ -469,8 +472,8 @@ static lg_status add_loop(lg_program *program, const recording *r, uint32_t at, 
     return lg_program_add_loop(program, &loop, error);
 }
 
-/* What cannot be derived: an order that an operation does not have, rows that meet, nothing that is asked
- * for. */
+/* Whether a derivative is impossible for an accepted reason: an order that an operation does not have, rows
+ * that affect each other, no input or output to derive by. */
 static bool refused(lg_status status) {
     return status == LG_UNSUPPORTED || status == LG_NOT_DIFFERENTIABLE || status == LG_INVALID_ARGUMENT;
 }
@@ -485,7 +488,7 @@ size_t numbers_of(const lg_program *program, size_t at, size_t rows) {
     return all;
 }
 
-/* A Jacobian has a direction for each number of a row of the inputs. */
+/* A Jacobian has one direction per number of a row of the inputs. */
 static size_t directions_of(const lg_program *program, size_t at, lg_derivative_kind kind) {
     const lg_function *f = &program->function[at];
     size_t all = 0;

@@ -1,21 +1,21 @@
-/* What rounding explains.
+/* Decides which differences rounding explains.
  *
- * A plan computes what the tape computes, in another order: sums are split, products are regrouped, equal
- * rows are computed once, small tensors are scalar code. All of that moves a result by what a few
- * roundings of the intermediate numbers move it. So the tape's nodes are evaluated again, several times,
- * with every number that an operation reads multiplied by 1 + u, u uniform in [-4, 4] eps, afresh at each
- * reading. How far an element of the output then moves from the tape's element is the width that rounding
- * gives it there: it contains the condition of the element, and contains both sides of a kink (a maximum,
- * a comparison, a pivot of zero) that lies within rounding. Every second evaluation takes the scalar code
- * of operations that have it, and shakes the result of each instruction; how far it moves is measured from
- * the same code unshaken, lest wrong code explain itself. The evaluations are of the plan's type, so that
- * what an operation rounds inside counts too; the tape is of double precision for both types, and its inputs
- * are single numbers.
+ * A plan computes what the tape computes, but in another order: sums are split, products are regrouped, equal
+ * rows are computed once, and small tensors become scalar code. This changes a result as much as a few
+ * roundings of the intermediate numbers. So the tape's nodes are evaluated again several times, and each
+ * number that an operation reads is multiplied by 1 + u, where u is uniform in [-4, 4] eps and drawn anew for
+ * each reading. The distance by which an element of the output moves from the tape's element is its width. It
+ * contains the condition of the element, and it contains both sides of a kink (a maximum, a comparison, a
+ * pivot of zero) that lies within rounding. Every second evaluation uses the scalar code of the operations
+ * that have it, and changes the result of each instruction in this way. Its distance is measured from the
+ * same code without changes, so that wrong code does not explain itself. The evaluations have the plan's
+ * type, so that roundings inside an operation count too. The tape is in double precision for both types, and
+ * its inputs are numbers that a float represents exactly.
  *
- * An element is explained if it differs by at most 2 widths of one or four evaluations, or by 4 widths of
- * 400. An element that half of the evaluations move by more than half of its size has no digit. It is a
- * quotient of roundings, whose tail falls like 1/x: one in 4000 lies beyond 10 times the largest of 400. Such
- * an element may differ by 10 widths. */
+ * An element is explained if it differs by at most 2 widths of one or of four evaluations, or by 4 widths of
+ * 400. If half of the evaluations move an element by more than half of its size, it has no correct digit: it
+ * is a quotient of rounding errors. The tail of its distribution falls like 1/x, and one element in 4000 lies
+ * beyond 10 times the largest of 400. Such an element may differ by 10 widths. */
 #include <float.h>
 #include <math.h>
 #include <stdio.h>
@@ -26,8 +26,8 @@
 #include "autodiff/program/scalars.h"
 
 #define UNITS      4.0  /* eps */
-#define AT_ONCE    8.0  /* eps: a relative difference that needs no width */
-#define VERY_LARGE 1e15 /* numbers on the tape, beyond which a recording is not compared */
+#define AT_ONCE    8.0  /* eps: a relative difference that is accepted without computing a width */
+#define VERY_LARGE 1e15 /* numbers on the tape beyond which a recording is not compared */
 enum { MOST_CODE = 1024 };
 typedef struct stage {
     int evaluations;
@@ -35,7 +35,7 @@ typedef struct stage {
 } stage;
 static const stage stages[] = {{1, 2.0, 2.0}, {4, 2.0, 2.0}, {400, 4.0, 10.0}};
 
-/* ---- the tape ---- */
+/* ---- numbers of the tape ---- */
 
 void find_truth(lg_tape *tape, const lg_program *program, size_t function, size_t rows, lg_rng *rng,
                 truth *out) {
@@ -62,7 +62,7 @@ void find_truth(lg_tape *tape, const lg_program *program, size_t function, size_
             t->finite = t->finite && fabs(((const double *)tape->nodes[n].value)[i]) <= VERY_LARGE;
 }
 
-/* ---- the tape with other roundings ---- */
+/* ---- evaluating the tape with other roundings ---- */
 
 static double eps_of(lg_dtype dtype) {
     return dtype == LG_F64 ? DBL_EPSILON : (double)FLT_EPSILON;
@@ -76,18 +76,18 @@ typedef struct shaking {
     const lg_tape *tape;
     lg_rng rng;
     const lg_kernels *k; /* of the plan's type */
-    double eps, least;   /* of the type: units of relative and absolute rounding */
-    void **value;        /* by node */
+    double eps, least;   /* units of relative and absolute rounding of the type */
+    void **value;        /* of each node */
     unsigned char *memory, *inputs;
-    bool code;    /* by scalar code where there is any */
-    double units; /* by how much numbers are shaken; 0: not at all */
+    bool code;    /* use scalar code where an operation has it */
+    double units; /* largest change in eps; 0: no change */
 } shaking;
 
 static double number_at(const lg_kernels *k, const void *values, size_t i) {
     return k->size == sizeof(double) ? ((const double *)values)[i] : (double)((const float *)values)[i];
 }
 
-/* y = shaken x. Plans do not keep the sign of 0 (scalars.h). */
+/* y = x with random changes. The sign of 0 is random, as plans do not keep it (scalars.h). */
 static void copy_shaken(shaking *s, size_t count, const void *x, void *y) {
     for (size_t i = 0; i < count; i++) {
         const uint64_t bits = lg_rng_next(&s->rng);
@@ -100,7 +100,7 @@ static void copy_shaken(shaking *s, size_t count, const void *x, void *y) {
     }
 }
 
-/* Operations that move numbers only round nothing. */
+/* Operations that only move numbers do not round. */
 static bool rounds(const lg_node *n, const lg_shape *const *shapes) {
     return n->op->terms == NULL || n->op->terms(shapes, &n->attr, &n->shape) > 0;
 }
@@ -109,7 +109,8 @@ static void *of(const shaking *s, void *numbers, size_t i) {
     return (unsigned char *)numbers + i * s->k->size;
 }
 
-/* One instruction: its operands are the results of instructions, then an exponent or a whole number. */
+/* Runs one instruction. Its operands are results of earlier instructions, for some followed by an exponent or
+ * an integer. */
 static void run_instruction(shaking *s, const lg_scalar_code *c, uint32_t at, uint32_t spare, void *results) {
     uint32_t operands[4], count = 0;
     while (count < lg_scalar_instructions(c->op)) {
@@ -123,13 +124,14 @@ static void run_instruction(shaking *s, const lg_scalar_code *c, uint32_t at, ui
     copy_shaken(s, 1, of(s, results, at), of(s, results, at));
 }
 
-/* By the operation's scalar code, if it has any: every result in it is shaken. */
+/* Evaluates the node by the operation's scalar code and changes every result. Returns false if the operation
+ * has no scalar code. */
 static bool evaluate_code(shaking *s, const lg_evaluation *e, const lg_op *op) {
     lg_scalar *x[LG_MAX_INPUTS], *y = room(e->count, sizeof *y);
     lg_scalars code;
     uint32_t inputs = 0;
     lg_scalars_init(&code, NULL);
-    unsigned char *const first = s->inputs; /* e->x[k] follow one another there */
+    unsigned char *const first = s->inputs; /* the e->x[k] follow one another there */
     for (uint32_t k = 0; k < e->inputs; k++) {
         const size_t count = lg_shape_count(*e->in[k]);
         x[k] = room(count, sizeof *x[k]);
@@ -222,7 +224,7 @@ static void close_shaking(shaking *s) {
     free(s->inputs);
 }
 
-/* ---- an output ---- */
+/* ---- checking an output ---- */
 
 static const double *truth_of(const truth *t, size_t j) {
     return lg_node_at(t->tape, t->out[j])->value;
@@ -236,7 +238,8 @@ static bool all_at_once(const truth *t, size_t j, lg_dtype dtype, const void *go
     return true;
 }
 
-/* The first element that the evaluations of `in` do not explain, or SIZE_MAX; its width. */
+/* Index of the first element that the evaluations of `in` do not explain, or SIZE_MAX. *width gets its
+ * width. */
 static size_t unexplained(const truth *t, size_t j, lg_dtype dtype, const void *got, const stage *in,
                           double *width) {
     const double *want = truth_of(t, j);
@@ -257,7 +260,8 @@ static size_t unexplained(const truth *t, size_t j, lg_dtype dtype, const void *
         for (size_t i = 0; i < count; i++) {
             const double by = fabs(number_at(s.k, moved, i) - (s.code ? plain[i] : want[i]));
             lost[i] += by > 0.5 * fabs(want[i]);
-            if (by > spread[i] || isnan(by)) spread[i] = by; /* NaN stays: no number is the truth */
+            /* NaN is kept: then the true result is not a number */
+            if (by > spread[i] || isnan(by)) spread[i] = by;
         }
     }
     for (size_t i = 0; found == SIZE_MAX && i < count; i++) {
