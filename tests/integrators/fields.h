@@ -1,4 +1,4 @@
-/* Small vector fields of the tests of this room, in long double, with wrappers in double. */
+/* Small vector fields for the tests of integrators, in long double with wrappers in double. */
 #ifndef LG_TEST_FIELDS_H
 #define LG_TEST_FIELDS_H
 
@@ -17,8 +17,8 @@ static inline void cross_l(const real *a, const real *b, real *out) {
     out[0] = x, out[1] = y, out[2] = z;
 }
 
-/* Two pendulums in space, y = (q1, omega1, q2, omega2), under gravity g(t) = 9.81 (1 + swing sin 3t). The
- * tensions solve a 2 x 2 system; f = (omega, q (q.q'') - q''). */
+/* Two linked pendulums in space, y = (q1, omega1, q2, omega2), under gravity g(t) = 9.81 (1 + swing sin 3t).
+ * A 2 x 2 system determines the tensions; f = (omega, q (q.q'') - q''). */
 #define CHAIN_DIM 12
 
 static inline void chain_l(real t, real swing, const real *y, real *f) {
@@ -63,7 +63,7 @@ static inline void narrow(size_t n, const real *x, double *out) {
     for (size_t i = 0; i < n; i++) out[i] = (double)x[i];
 }
 
-/* user: double, the swing */
+/* `user` points to a double, the swing. */
 static inline lg_status chain_field(void *user, double t, const double *y, const double *input, double *out) {
     real x[CHAIN_DIM], f[CHAIN_DIM];
     widen(CHAIN_DIM, y, x);
@@ -82,7 +82,7 @@ static inline lg_status chain_ambient_field(void *user, double t, const double *
     return LG_OK;
 }
 
-/* The form of the chain that a scheme wants. */
+/* The equation of the chain in the coordinates that the scheme needs. */
 static inline lg_ode chain_ode(const lg_scheme *scheme, double *swing) {
     lg_ode ode = {.field = chain_field, .user = swing};
     assert_ok(lg_space_init(&ode.space, &(lg_space_factor){LG_SPACE_TS2, 2}, 1));
@@ -93,13 +93,13 @@ static inline lg_ode chain_ode(const lg_scheme *scheme, double *swing) {
     return ode;
 }
 
-/* Nonplanar, off rest, on the manifold to rounding. */
+/* A start that is not in a plane and not at rest, on the manifold up to rounding. */
 static inline void chain_start(double y[CHAIN_DIM]) {
     static const double start[CHAIN_DIM] = {0.6, 0.0, -0.8, 0.4, 0.9, 0.3, 0.0, 0.8, 0.6, -0.7, 0.3, -0.4};
     memcpy(y, start, sizeof(start));
 }
 
-/* Free rigid body: mu' = -J^-1 mu x mu, J = (0.8, 1.3, 2.1) */
+/* Free rigid body: mu' = -J^-1 mu x mu with J = (0.8, 1.3, 2.1). */
 static inline lg_status rigid_field(void *user, double t, const double *y, const double *input, double *out) {
     out[0] = -y[0] / 0.8, out[1] = -y[1] / 1.3, out[2] = -y[2] / 2.1;
     return LG_OK;
@@ -115,7 +115,7 @@ static inline lg_status rigid_ambient_field(void *user, double t, const double *
     return LG_OK;
 }
 
-/* V = q1^4/4 + q2^4/4 + q1^2 q2^2/2 + q1^2/2, K = |p|^2/2; y = (q1, q2, p1, p2) */
+/* V = q1^4/4 + q2^4/4 + q1^2 q2^2/2 + q1^2/2, K = |p|^2/2; y = (q1, q2, p1, p2). */
 static inline lg_status quartic_force(void *user, double t, const double *q, const double *input,
                                       double *out) {
     const double r = q[0] * q[0] + q[1] * q[1];
@@ -135,8 +135,8 @@ static inline lg_status quartic_field(void *user, double t, const double *y, con
     return quartic_force(user, t, y, input, out + 2);
 }
 
-/* The heavy top on T*SO(3), y = (Q, pi), f = (Q J^-1 Q^T pi, tau - omega x pi), tau = M l Gamma0 x Q e2. The
- * symmetric top of Celledoni and Safstrom (2006). */
+/* The symmetric heavy top of Celledoni and Safstrom (2006) on T*SO(3): y = (Q, pi), f = (Q J^-1 Q^T pi, tau -
+ * omega x pi), tau = M l Gamma0 x Q e2. */
 static inline void top_omega_l(const real *y, real *omega) {
     const real inertia[3] = {0.234375L, 0.46875L, 0.234375L};
     real body[3];
@@ -161,7 +161,7 @@ static inline lg_status top_field(void *user, double t, const double *y, const d
     return LG_OK;
 }
 
-/* Turning fast, or slowly enough for a short step to be small. */
+/* `spin` is the angular velocity: large for a fast top, small where a short step must be a small rotation. */
 static inline void top_start(double spin, double y[12]) {
     const double start[12] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 0.0, 0.46875 * spin, 0.234375 * -4.61538};
     memcpy(y, start, sizeof(start));

@@ -1,5 +1,5 @@
 /* exp(A) and phi(A) = (exp(A) - 1)/A of small matrices in long double, by scaling, Taylor's series and
- * doubling: what the closed forms of the groups are measured against. */
+ * doubling. References for the closed forms of the groups. */
 #ifndef LG_MATRIX_FUNCTION_H
 #define LG_MATRIX_FUNCTION_H
 
@@ -19,7 +19,7 @@ static inline matrix matrix_scalar(int n, long double c) {
     return m;
 }
 
-/* c A B + D */
+/* c A B + D. */
 static inline matrix matrix_multiply_add(long double c, const matrix *a, const matrix *b, const matrix *d) {
     matrix m = *d;
     for (int i = 0; i < m.n; i++)
@@ -28,7 +28,7 @@ static inline matrix matrix_multiply_add(long double c, const matrix *a, const m
     return m;
 }
 
-/* phi(2A) = (exp(A) + 1) phi(A)/2 */
+/* The doubling uses phi(2A) = (exp(A) + 1) phi(A)/2. */
 static inline void matrix_functions(const matrix *a, matrix *exponential, matrix *phi) {
     enum { TERMS = 24 };
     matrix small = *a;
@@ -51,7 +51,7 @@ static inline void matrix_functions(const matrix *a, matrix *exponential, matrix
     }
 }
 
-/* out = M x; transposed: M^T x */
+/* out = M x, or M^T x if transposed. */
 static inline void matrix_apply(const matrix *m, int transposed, const double *x, double *out) {
     long double sum[MATRIX_MAX] = {0};
     for (int i = 0; i < m->n; i++)
@@ -72,7 +72,7 @@ static inline matrix matrix_of_bracket(int n, void (*bracket)(const double *, co
     return m;
 }
 
-/* (hat(u), v; 0, 0), whose exponential is (R, r; 0, 1) */
+/* (hat(u), v; 0, 0). Its exponential is (R, r; 0, 1). */
 static inline matrix matrix_of_motion(const double *a) {
     matrix m = {.n = 4};
     for (int i = 0; i < 3; i++) {

@@ -1,33 +1,35 @@
-/* Gradients of trajectories against differences, against a closed form, and against themselves with other
- * checkpoints. */
+/* Compares gradients of trajectories with differences, with a closed form, and with gradients computed with
+ * other numbers of checkpoints. */
 #include "mechanics/system_check.h"
 
 #include "liegrad/adjoint.h"
 
 enum { MOST = 16, STEPS = 23 };
 
-/* J = final.y_N + along/2 sum_n |y_n|^2 */
+/* A functional J = final.y_N + along/2 sum_n |y_n|^2 of a trajectory. */
 typedef struct setup {
     const char *scheme;
     lg_ode ode;
     lg_taped_ode taped;
     double parameters[MOST];
-    size_t parameter_count, fixed; /* the last `fixed` are not moved by differences */
+    size_t parameter_count, fixed; /* the last `fixed` parameters are not varied */
     double y0[MOST], final[MOST], along;
     const double *t, *h;
     size_t steps, checkpoints;
     lg_var theta; /* on the tape */
-    /* A system of the library with these parameters, or NULL. */
+    /* A system of the library with these parameters; NULL: the fields above are used. */
     const char *system, *form;
     size_t links;
     lg_system *made;
     lg_system_user plain_user;
     lg_system_taped_user taped_user;
     double work[SYSTEM_MAX_DIM];
-    lg_status (*watch[2])(double t); /* asked before the plain and the taped field are evaluated, or NULL */
-    double *seen;                    /* (steps + 1, dim): the states that the source was given, or NULL */
-    /* What is told to go wrong. */
-    size_t stop_at; /* source number with status `stop` */
+    /* called before the plain field and the taped field are evaluated; may be NULL */
+    lg_status (*watch[2])(double t);
+    /* (steps + 1, dim): gets the states that the source was called with; may be NULL */
+    double *seen;
+    /* Planted errors. */
+    size_t stop_at; /* index of the source call that returns `stop` */
     lg_status stop;
     double bind_shift; /* added to parameter 0 on the tape only */
     bool bind_dimension;
@@ -113,7 +115,7 @@ static void gradient_of(setup *s, result *r) {
         fail_msg("%s: %s: %s", s->scheme, lg_status_name(error.status), error.message);
 }
 
-/* J by the plain stepper, with the same steps. */
+/* J computed by the plain stepper with the same steps. */
 static double functional(setup *s) {
     const size_t mark = lg_test_owned();
     double y[MOST], J = 0.0;
@@ -130,7 +132,7 @@ static double functional(setup *s) {
     return J;
 }
 
-/* dJ/dx by five points, error O(e^4). */
+/* dJ/dx by a five-point formula with an error of O(e^4). */
 static double difference(setup *s, double *x) {
     static const double weight[4] = {1.0, -8.0, 8.0, -1.0}, place[4] = {-2.0, -1.0, 1.0, 2.0};
     const double x0 = *x, e = 5e-4;
@@ -149,7 +151,7 @@ static double largest(const double *x, size_t n) {
     return most;
 }
 
-/* The largest error of `g` against differences, over the largest number of g. */
+/* The largest error of `g` against differences, relative to the largest number of g. */
 static double worst(setup *s, const double *g, double *x, size_t n) {
     double most = 0.0;
     for (size_t i = 0; i < n; i++) most = fmax(most, fabs(g[i] - difference(s, &x[i])));
@@ -167,7 +169,7 @@ static void against_differences(setup *s, const char *what) {
 
 /* ---- steps ---- */
 
-/* Unequal steps from t = 0.3. */
+/* Steps of different lengths from t = 0.3. */
 static void unequal_steps(double h, double *times, double *sizes, size_t steps) {
     double t = 0.3;
     for (size_t n = 0; n < steps; n++) {
@@ -218,7 +220,7 @@ static setup linear_setup(void) {
     return s;
 }
 
-TEST("gradients of a linear system are differences, through Newton's corrections too") {
+TEST("gradients of a linear system agree with differences, also for implicit schemes with Newton's method") {
     static const char *const schemes[] = {"rk4", "implicit-euler", "midpoint"};
     for (size_t i = 0; i < LG_COUNT(schemes); i++) {
         setup s = linear_setup();
@@ -242,7 +244,7 @@ static setup system_setup(const char *scheme, const char *system, const char *fo
     return s;
 }
 
-/* Two links, (T*S^2)^2: gravity, masses, lengths. */
+/* Two links on (T*S^2)^2. Parameters: gravity, masses, lengths. */
 static setup chain_setup(const char *scheme) {
     static const double parameters[] = {2.0, 1.0, 0.7, 1.0, 1.2},
                         y0[] = {0.6, 0.0, 0.8, 0.8, 0.5, -0.6, 0.0, -0.6, 0.8, 0.9, 0.4, 0.3};
@@ -255,7 +257,7 @@ static setup chain_setup(const char *scheme) {
     return s;
 }
 
-TEST("gradients of two links are differences, for six schemes") {
+TEST("gradients of two links agree with differences, for six schemes") {
     static const char *const schemes[] = {"lie-euler", "rkmk3", "rkmk4", "cf4", "rkmk54", "cf32a"};
     for (size_t i = 0; i < sizeof schemes / sizeof *schemes; i++) {
         setup s = chain_setup(schemes[i]);
@@ -265,8 +267,9 @@ TEST("gradients of two links are differences, for six schemes") {
     }
 }
 
-/* On T*SO(3): inertia, mass, length; direction of the centre, which is a unit vector, and gravity. */
-TEST("gradients of a top are differences, for slgi, RKMK and commutator-free steps") {
+/* A top on T*SO(3). Parameters: inertia, mass, length, direction of the centre of mass (a unit vector),
+ * gravity. */
+TEST("gradients of a top agree with differences, for slgi, RKMK and commutator-free schemes") {
     static const char *const schemes[] = {"slgi", "rkmk4", "cf4"};
     static const double parameters[] = {1.0, 1.6, 0.9, 0.7, 0.5, 0.0, 0.6, 0.8, 0.4, -0.7, -1.1},
                         y0[] = {0.8, -0.6, 0.0, 0.48, 0.64, -0.6, 0.36, 0.48, 0.8, 0.5, -1.2, 0.9};
@@ -282,7 +285,7 @@ TEST("gradients of a top are differences, for slgi, RKMK and commutator-free ste
     }
 }
 
-/* ---- H = p^2/2 + a q^4, pushed by b cos t ---- */
+/* ---- H = p^2/2 + a q^4 with the force b cos t ---- */
 
 FIELD(quartic_force, q) {
     const setup *s = user;
@@ -329,13 +332,13 @@ static setup quartic_setup(const char *scheme) {
     return s;
 }
 
-TEST("gradients of splitting schemes are differences") {
+TEST("gradients of splitting schemes agree with differences") {
     setup verlet = quartic_setup("stormer-verlet"), euler = quartic_setup("symplectic-euler");
     against_differences(&verlet, "quartic, driven");
     against_differences(&euler, "quartic, driven");
 }
 
-/* ---- which steps ---- */
+/* ---- adaptive and single steps ---- */
 
 enum { ADAPTIVE = 400 };
 
@@ -352,7 +355,7 @@ static lg_status observe(void *user, double t, double h, const double *y) {
     return LG_OK;
 }
 
-TEST("the steps of an adaptive run, forward or backward, held fixed") {
+TEST("gradients for the recorded steps of an adaptive run, forward or backward, agree with differences") {
     static accepted steps;
     static const double ends[] = {2.0, -1.5};
     for (int i = 0; i < 2; i++) {
@@ -385,7 +388,7 @@ TEST("the steps of an adaptive run, forward or backward, held fixed") {
     }
 }
 
-TEST("one step takes one checkpoint") {
+TEST("a run of one step needs one checkpoint") {
     setup s = chain_setup("cf4");
     s.steps = 1;
     against_differences(&s, "two links, one step");
@@ -402,10 +405,10 @@ static void assert_bits(const result *a, const result *b) {
     assert_memory_equal(a->dparameters, b->dparameters, sizeof a->dparameters);
 }
 
-TEST("checkpoints change nothing") {
+TEST("the number of checkpoints does not change the gradient") {
     static const size_t counts[] = {1, 2, 7, STEPS - 1, STEPS, 0};
     static const char *const schemes[] = {"rkmk54", "rkmk4", "cf4",
-                                          "cf43"}; /* the first one remembers stages */
+                                          "cf43"}; /* the first scheme reuses stages of the step before */
     for (size_t k = 0; k < sizeof schemes / sizeof *schemes; k++) {
         setup s = chain_setup(schemes[k]);
         result first, r;
@@ -422,8 +425,8 @@ TEST("checkpoints change nothing") {
     }
 }
 
-/* Where time is part of the field, a segment that starts anew differs by the rounding of t + h. */
-TEST("checkpoints of a driven system differ by the rounding of times only") {
+/* If the field depends on time, a segment that starts at a checkpoint differs by the rounding of t + h. */
+TEST("for a driven system, gradients with other checkpoints differ only by the rounding of times") {
     setup s = quartic_setup("stormer-verlet");
     result first, r;
     size_t moved = 0;
@@ -437,7 +440,7 @@ TEST("checkpoints of a driven system differ by the rounding of times only") {
         assert_all_close(r.dy0, first.dy0, 2, 1e-13, 1e-14);
         assert_all_close(r.dparameters, first.dparameters, 2, 1e-13, 1e-13);
     }
-    assert_true(moved > 0); /* or the comparison would say nothing */
+    assert_true(moved > 0); /* otherwise the comparison would prove nothing */
 }
 
 /* ---- a long run ---- */
@@ -456,7 +459,8 @@ static lg_status pendulum_force_taped(void *user, lg_tape *tape, lg_taped_time t
 
 enum { LONG = 100000 };
 
-/* p <- p - h/2 a sin q; q <- q + h p; p <- p - h/2 a sin q, and backwards by hand, all states kept. */
+/* p <- p - h/2 a sin q; q <- q + h p; p <- p - h/2 a sin q, and the hand-written adjoint, which stores all
+ * states. */
 static void pendulum_by_hand(const setup *s, double y[][2], double *lambda, double *da) {
     const double a = s->parameters[0];
     memcpy(y[0], s->y0, sizeof y[0]);
@@ -478,7 +482,7 @@ static void pendulum_by_hand(const setup *s, double y[][2], double *lambda, doub
     }
 }
 
-TEST("the gradient of 10^5 steps is the one by hand, in the memory of a formula") {
+TEST("the gradient of 10^5 steps agrees with a hand-written one, in memory as the formula says") {
     static double t[LONG], h[LONG], y[LONG + 1][2];
     setup s = {.scheme = "stormer-verlet",
                .ode = {.force = pendulum_force, .velocity = plain_velocity},
@@ -510,14 +514,14 @@ TEST("the gradient of 10^5 steps is the one by hand, in the memory of a formula"
     assert_true(r.stats.states_size + r.stats.tape_size < 10000000);
     assert_int_equal(r.stats.states_size, 8 * 2 * (317 + 1 + 316));
     assert_true(r.stats.seconds > 0.0);
-    /* The tape holds one step, however many there are. */
+    /* The tape holds a single step, whatever the number of steps. */
     const size_t tape_bytes = r.stats.tape_size;
     s.steps = 10;
     gradient_of(&s, &r);
     assert_int_equal(r.stats.tape_size, tape_bytes);
 }
 
-/* ---- what may go wrong ---- */
+/* ---- outputs that are left out, errors ---- */
 
 TEST("any output may be left out") {
     setup s = chain_setup("rkmk4");
@@ -528,13 +532,13 @@ TEST("any output may be left out") {
     assert_memory_equal(part.dy0, r.dy0, sizeof r.dy0);
     assert_ok(lg_adjoint_gradient(NULL, &p, s.y0, NULL, NULL, part.dparameters, NULL, NULL));
     assert_memory_equal(part.dparameters, r.dparameters, sizeof r.dparameters);
-    /* Only the end: neither bind nor source is asked. */
+    /* If only the end is requested, neither bind nor source is called. */
     s.stop = LG_CHECK_FAILED;
     s.bind_dimension = true;
     assert_ok(lg_adjoint_gradient(NULL, &p, s.y0, part.y_end, NULL, NULL, NULL, NULL));
     assert_memory_equal(part.y_end, r.y_end, sizeof r.y_end);
     assert_ok(lg_adjoint_gradient(NULL, &p, s.y0, NULL, NULL, NULL, NULL, NULL));
-    /* A field without parameters; the gradient in place of the start. */
+    /* A field without parameters; the gradient may overwrite the start. */
     setup linear = linear_setup();
     linear.scheme = "rkmk4";
     gradient_of(&linear, &r);
@@ -552,7 +556,7 @@ TAPED_FIELD(drift_taped) {
     out[0] = lg_full(tape, lg_shape2(1, 1), lg_is_none(s->theta) ? 2.0 : NAN);
 }
 
-TEST("y' = 2 depends on neither the state nor a parameter") {
+TEST("a field that depends on neither the state nor a parameter has a gradient") {
     setup s = {
         .scheme = "rk4", .ode.field = drift_field, .taped.field = drift_taped, .y0 = {0.5}, .final = {3.0}};
     assert_ok(lg_space_init_rn(&s.ode.space, 1));
@@ -564,7 +568,7 @@ TEST("y' = 2 depends on neither the state nor a parameter") {
     assert_close(r.y_end[0], 0.5 + 2.0 * (sizes[STEPS - 1] + times[STEPS - 1] - times[0]), 1e-14, 0.0);
 }
 
-/* Fails with this status and a sentence that holds the word, and nothing is written. */
+/* The call must fail with this status and a message that contains the word, and must not write anything. */
 static void refused(const lg_context *context, setup *s, const lg_adjoint_problem *p, lg_status expected,
                     const char *word) {
     result r, untouched;
@@ -585,7 +589,7 @@ static void refused_setup(setup *s, lg_status expected, const char *word) {
     refused(NULL, s, &p, expected, word);
 }
 
-TEST("bad problems are refused by name, and nothing is written") {
+TEST("invalid problems are refused with a message, and nothing is written") {
     setup s = chain_setup("rkmk4");
     const lg_adjoint_problem good = problem_of(&s);
     double bad[STEPS];
@@ -619,7 +623,7 @@ TEST("bad problems are refused by name, and nothing is written") {
     s.bind_dimension = true;
     refused_setup(&s, LG_INVALID_ARGUMENT, "dimension");
     s = chain_setup("rkmk4");
-    s.bind_shift = 1e-4; /* the gradient at other parameters */
+    s.bind_shift = 1e-4; /* the gradient would be taken at other parameters */
     refused_setup(&s, LG_INVALID_ARGUMENT, "form that the tape records");
     s = chain_setup("rkmk4");
     s.taped.field = NULL;
@@ -648,7 +652,7 @@ static lg_status own_step(void *user, double t, double h, double *y) {
     return LG_OK;
 }
 
-TEST("schemes without a form that the tape can record are refused") {
+TEST("schemes whose steps cannot be recorded on a tape are refused") {
     setup s = chain_setup("variational");
     s.ode.step = own_step;
     refused_setup(&s, LG_UNSUPPORTED, "a variational scheme cannot be recorded");
@@ -672,14 +676,14 @@ TEST("failures of callbacks end the run, and nothing is written") {
         s.watch[taped] = refusing;
         refused_setup(&s, LG_NO_CONVERGENCE, "converge");
     }
-    /* y' = y^2 leaves the numbers. */
+    /* The solution of y' = y^2 becomes infinite. */
     s = (setup){
         .scheme = "rk4", .ode.field = steep_field, .taped.field = steep_taped, .y0 = {1.5}, .final = {1.0}};
     assert_ok(lg_space_init_rn(&s.ode.space, 1));
     s.taped.space = s.ode.space;
     use_steps(&s, 0.9);
     refused_setup(&s, LG_NOT_FINITE, "NaN");
-    /* The states stay finite, the derivative does not. */
+    /* The states stay finite, but the derivative overflows. */
     use_steps(&s, 0.02);
     s.y0[0] = 1.7;
     s.final[0] = 1e308;
@@ -708,7 +712,7 @@ static lg_status cancelling(double t) {
     return LG_OK;
 }
 
-TEST("a run may be cancelled anywhere") {
+TEST("a run can be cancelled at any time") {
     lg_context_options options;
     lg_context_options_init(&options);
     options.cancel = &cancel_flag;
@@ -717,7 +721,8 @@ TEST("a run may be cancelled anywhere") {
     setup s = chain_setup("rkmk4");
     s.watch[0] = s.watch[1] = cancelling;
     const lg_adjoint_problem p = problem_of(&s);
-    const size_t all = 4 * (2 + 2 * STEPS); /* at least: once forward, once on the tape */
+    /* fewest evaluations: each stage once forward and once on the tape */
+    const size_t all = 4 * (2 + 2 * STEPS);
     for (size_t at = 1; at < all; at += 5) {
         result r, untouched;
         memset(&r, 0x5a, sizeof r);

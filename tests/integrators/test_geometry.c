@@ -1,4 +1,4 @@
-/* SO(3) and SE(3): group axioms, generators, logarithms, duals, dexp and dexpinv against series, matrix
+/* SO(3) and SE(3): group axioms, generators, logarithms, duals; dexp and dexpinv against series, matrix
  * functions and each other. */
 #include "test_support.h"
 
@@ -14,7 +14,7 @@ static void random_vector(lg_rng *rng, int n, double *x) {
     for (int i = 0; i < n; i++) x[i] = lg_rng_uniform_in(rng, -1.0, 1.0);
 }
 
-/* a with |u| = angle and, in general, rho = u.v != 0 */
+/* A random element a = (u, v) with |u| = angle and, in general, rho = u.v != 0. */
 static void random_algebra(lg_rng *rng, double angle, double *a) {
     random_vector(rng, 6, a);
     const double norm = sqrt(lg_dot3(a, a));
@@ -25,7 +25,7 @@ static void assert_same(const double *x, const double *e, int n, double toleranc
     assert_all_close(x, e, (size_t)n, 0.0, tolerance);
 }
 
-/* ---- against matrix functions, on every group ---- */
+/* ---- comparison with matrix functions for both groups ---- */
 
 static void so3_bracket(const double *a, const double *b, double *out) {
     lg_cross3(a, b, out);
@@ -49,11 +49,11 @@ static void so3_coadjoint_of_exp(const double *a, const double *mu, double *out)
 
 typedef void (*map)(const double *, const double *, double *);
 
-/* One row a group; every function takes an algebra element and a vector. */
+/* One row per group. Every function takes an algebra element and a vector. */
 static const struct group {
     const char *name;
     int n;
-    map bracket, dexp, dexpinv, adjoint, coadjoint; /* the last two: NULL where the library has none */
+    map bracket, dexp, dexpinv, adjoint, coadjoint; /* the last two may be NULL: the library has none */
 } groups[] = {
     {"SO(3)", 3, so3_bracket, lg_so3_dexp, lg_so3_dexpinv, so3_adjoint_of_exp, so3_coadjoint_of_exp},
     {"SE(3)", 6, se3_bracket, lg_se3_dexp, lg_se3_dexpinv, NULL, NULL},
@@ -63,8 +63,8 @@ static const struct group {
 static const double wide_angles[] = {0.0, 1e-9, 1e-4, 1.0, 2.9, 3.0, PI - 1e-9, PI, 4.5, 2.0 * PI - 1e-3};
 #define WIDE_ANGLES (sizeof(wide_angles) / sizeof(wide_angles[0]))
 
-/* dexp is phi of ad, dexpinv its inverse (from the right and from the left); Ad of exp is exp of ad, its dual
- * the transpose. dexpinv is as ill-conditioned as its pole is near: 1/(2 pi - |u|), squared for the
+/* dexp must be phi(ad), dexpinv its inverse from both sides, Ad of exp(a) must be exp(ad), and its dual the
+ * transpose. The condition of dexpinv grows near its pole like 1/(2 pi - |u|), and like the square for the
  * translation. */
 static void check_group(const struct group *g, const double *a, double condition) {
     const matrix ad = matrix_of_bracket(g->n, g->bracket, a);
@@ -78,7 +78,7 @@ static void check_group(const struct group *g, const double *a, double condition
         assert_same(x, e, g->n, 2e-14);
         g->dexpinv(a, e, x);
         assert_same(x, unit, g->n, 2e-14 * condition);
-        g->dexpinv(a, e, e); /* out is an input */
+        g->dexpinv(a, e, e); /* out may be the input */
         assert_same(e, x, g->n, 0.0);
         g->dexpinv(a, unit, e);
         matrix_apply(&phi, 0, e, x);
@@ -105,7 +105,7 @@ TEST("dexp, dexpinv and Ad are matrix functions of ad") {
             }
 }
 
-TEST("exp and its action are the matrix exponential") {
+TEST("exp and its action agree with the matrix exponential") {
     lg_rng rng = test_rng(11, 0);
     for (size_t n = 0; n < WIDE_ANGLES; n++) {
         double a[6], b[6], x[6], R[9], r[3], S[9], s[3], T[9], t[3];
@@ -120,7 +120,7 @@ TEST("exp and its action are the matrix exponential") {
             assert_close(r[i], (double)e.at[i][3], 0.0, 5e-15);
             for (int j = 0; j < 3; j++) assert_close(R[3 * i + j], (double)e.at[i][j], 0.0, 5e-15);
         }
-        double turned[3], acted[6], plain[3]; /* the action of (R, r) on (q, p), in place too */
+        double turned[3], acted[6], plain[3]; /* the action of (R, r) on (q, p), also in place */
         for (int i = 0; i < 3; i++) turned[i] = lg_dot3(R + 3 * i, x);
         lg_cross3(r, turned, plain);
         memcpy(acted, x, sizeof(acted));
@@ -139,7 +139,7 @@ TEST("exp and its action are the matrix exponential") {
                 assert_close(T[3 * i + j], lg_dot3(R + 3 * i, column), 0.0, 5e-15);
             }
         }
-        lg_se3_exp_multiply(a, S, s, S, s); /* out is an input */
+        lg_se3_exp_multiply(a, S, s, S, s); /* out may be the input */
         lg_so3_exp_multiply(a, R, R);
         assert_same(S, T, 9, 0.0);
         assert_same(s, t, 3, 0.0);
@@ -148,7 +148,7 @@ TEST("exp and its action are the matrix exponential") {
 
 /* ---- logarithms ---- */
 
-TEST("log is the inverse of exp, near 0 and near pi") {
+TEST("log is the inverse of exp, also near 0 and near pi") {
     const double some[] = {0.0, 1e-300, 1e-160, 1e-12, 1e-9, 1e-4, 0.1, 1.0, 2.0, 3.0, PI - 1e-4, PI - 1e-9};
     lg_rng rng = test_rng(12, 0);
     for (size_t n = 0; n < sizeof(some) / sizeof(some[0]); n++)
@@ -158,13 +158,13 @@ TEST("log is the inverse of exp, near 0 and near pi") {
             lg_se3_exp(a, R, r);
             lg_so3_log(R, x);
             assert_same(x, a, 3, 3e-15);
-            if (some[n] < 1e-8) assert_all_close(x, a, 3, 1e-15, 0.0); /* nothing is lost near 0 */
+            if (some[n] < 1e-8) assert_all_close(x, a, 3, 1e-15, 0.0); /* no digits are lost near 0 */
             lg_se3_log(R, r, x);
             assert_same(x, a, 6, 2e-14);
         }
 }
 
-TEST("beyond pi the logarithm is another one; its exponential is the same") {
+TEST("beyond pi the logarithm differs from the argument, but its exponential is the same") {
     lg_rng rng = test_rng(13, 0);
     for (size_t n = 0; n < WIDE_ANGLES; n++)
         for (int repeat = 0; repeat < 20; repeat++) {
@@ -179,7 +179,7 @@ TEST("beyond pi the logarithm is another one; its exponential is the same") {
         }
 }
 
-TEST("log at pi has a positive largest entry") {
+TEST("log at angle pi has a positive largest entry") {
     static const struct {
         double axis[3], expected[3];
     } turns[] = {
@@ -199,7 +199,7 @@ TEST("log at pi has a positive largest entry") {
     }
 }
 
-TEST("log of what is almost a rotation is as far off") {
+TEST("log of an approximate rotation has an error of the size of the approximation error") {
     lg_rng rng = test_rng(14, 0);
     for (size_t n = 0; n < WIDE_ANGLES; n++)
         for (int repeat = 0; repeat < 50; repeat++) {
@@ -221,7 +221,8 @@ TEST("log of what is almost a rotation is as far off") {
     }
 }
 
-TEST("an exponential is a rotation at every angle, also where the angle itself has no digits") {
+TEST("an exponential is a rotation at every angle, even if the angle is too large to have digits modulo "
+     "2 pi") {
     static const double angles[] = {1e-310, 1e-9, 1.0, 3.7, 1e3, 1e8, 1e13, 1e14, 1e15, 1e16, 1e30, 1e100};
     for (size_t k = 0; k < LG_COUNT(angles); k++) {
         const double u[3] = {0.48 * angles[k], -0.64 * angles[k], 0.6 * angles[k]};
@@ -233,10 +234,10 @@ TEST("an exponential is a rotation at every angle, also where the angle itself h
     }
 }
 
-TEST("the projection is the polar factor") {
+TEST("the projection of a matrix is its polar factor") {
     lg_rng rng = test_rng(15, 0);
     for (int repeat = 0; repeat < 50; repeat++) {
-        /* R S, S symmetric and positive definite, has the polar factor R */
+        /* The polar factor of R S, with S symmetric and positive definite, is R. */
         double a[6], R[9], S[9], X[9], s[6];
         random_algebra(&rng, 3.0, a);
         lg_so3_exp(a, R);
@@ -260,7 +261,8 @@ TEST("the projection is the polar factor") {
     for (int i = 0; i < 9; i++) assert_true(isnan(reflection[i]) && isnan(zero[i]));
 }
 
-/* U diag(values) V^T with random rotations, or the diagonal; its polar factor U V^T. */
+/* A = U diag(values) V^T with random rotations U and V, or the diagonal matrix; `polar` gets its polar factor
+ * U V^T. */
 static void draw_matrix(lg_rng *rng, bool turned, const double values[3], double A[9], double polar[9]) {
     static const double identity[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
     double a[6], U[9], V[9], weighted[9];
@@ -279,8 +281,8 @@ static void draw_matrix(lg_rng *rng, bool turned, const double values[3], double
         }
 }
 
-/* Rounding of the matrix turns the nearest rotation by eps/(sum of the two smallest singular values). The
- * sign of a determinant that is small enough is lost in rounding. */
+/* Rounding of the matrix turns the nearest rotation by eps/(sum of the two smallest singular values). If the
+ * determinant is very small, rounding may change its sign. */
 TEST("the projection of any matrix is the nearest rotation, or NaN") {
     static const double others[][2] = {{1, 1}, {1, 0.3}, {1, 0.01}, {1, 1e-5}, {1, 1e-10}, {1, 1e-17}};
     static const double least[] = {1,      0.1,    1e-3,   1e-7,   1e-10,  1e-13,  1e-15,
@@ -300,7 +302,8 @@ TEST("the projection of any matrix is the nearest rotation, or NaN") {
         for (int i = 0; i < 9; i++) R[i] = A[i] * scale;
         lg_so3_project(R);
         for (int i = 0; i < 9; i++) lost += isnan(R[i]);
-        const double known = turned ? 1e-14 : 1e-300; /* smaller determinants may have the other sign */
+        /* rounding may change the sign of smaller determinants */
+        const double known = turned ? 1e-14 : 1e-300;
         const double gap = other[1] + s, error = 2e-15 / fmin(1.0, turned ? gap : 1.0);
         if (sign < 0 && s * other[1] > known) assert_true(lost == 9);
         if (sign > 0 && s * other[1] > known && gap > 1e-12) assert_true(lost == 0);
@@ -316,7 +319,7 @@ TEST("the projection of any matrix is the nearest rotation, or NaN") {
     }
 }
 
-TEST("spaces that cannot be are refused") {
+TEST("invalid spaces are refused") {
     lg_space space = {.dim = 77};
     const lg_space_factor zero = {LG_SPACE_TS2, 0}, unknown = {LG_SPACE_KINDS, 1},
                           huge = {LG_SPACE_RN, SIZE_MAX};

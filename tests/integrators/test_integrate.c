@@ -10,7 +10,7 @@ static double swing = 0.3;
 
 /* ---- dense output ---- */
 
-/* The solution from t = 0, by short steps of rkmk5. */
+/* The solution from t = 0, computed by short steps of rkmk5. */
 static void reference(double t_end, double *y) {
     const lg_scheme *scheme = lg_scheme_find("rkmk5");
     const lg_ode ode = chain_ode(scheme, &swing);
@@ -35,8 +35,8 @@ static lg_ode rigid_ode(bool ambient) {
     return ode;
 }
 
-/* Error of a rigid body inside the second of two steps of size h / 2, so that a value kept by FSAL takes
- * part. */
+/* Error of dense output for a rigid body, inside the second of two steps of size h / 2, so that a value
+ * reused by FSAL is involved. */
 static double dense_error(const lg_scheme *scheme, double h) {
     const lg_ode ode = rigid_ode(scheme->ambient), lie = rigid_ode(false);
     const double y0[3] = {0.4, 1.1, -0.7};
@@ -50,7 +50,7 @@ static double dense_error(const lg_scheme *scheme, double h) {
     return worst;
 }
 
-/* Local order: one more than the global one. */
+/* The local order, which is the global order plus one. */
 static double dense_slope(const lg_scheme *scheme) {
     fit_line fit = {0};
     for (int i = 0; i <= 20; i++) { /* five halvings */
@@ -61,7 +61,7 @@ static double dense_slope(const lg_scheme *scheme) {
     return fit_slope(&fit);
 }
 
-TEST("dense output has local order 5, and a planted error loses it") {
+TEST("dense output has local order 5, and a planted error reduces the order") {
     static const char *const names[] = {"rkmk54", "dp54"};
     for (int i = 0; i < 2; i++) {
         const lg_scheme *scheme = lg_scheme_find(names[i]);
@@ -69,7 +69,7 @@ TEST("dense output has local order 5, and a planted error loses it") {
         print_message("  %-7s dense output: local order %.3f\n", names[i], slope);
         assert_int_equal(scheme->dense_order, 4);
         assert_true(slope >= 5.0 - 0.15 && slope < 6.0 - 0.15);
-        /* Planted: two coefficients with their consistency kept, order lost. */
+        /* Planted error: coefficients are changed so that they stay consistent but lose the order. */
         lg_scheme wrong = *scheme;
         wrong.dense[2][1] += 1e-2, wrong.dense[2][2] -= 1e-2;
         wrong.dense[3][1] -= 1e-2, wrong.dense[3][2] += 1e-2;
@@ -78,7 +78,7 @@ TEST("dense output has local order 5, and a planted error loses it") {
     }
 }
 
-TEST("dense output meets both ends and stays on the manifold") {
+TEST("dense output meets both ends of a step and stays on the manifold") {
     const lg_scheme *scheme = lg_scheme_find("rkmk54");
     const lg_ode ode = chain_ode(scheme, &swing);
     const lg_space space = chain_ode(lg_scheme_find("rkmk4"), &swing).space;
@@ -98,7 +98,7 @@ TEST("dense output meets both ends and stays on the manifold") {
         }
         memcpy(y, next, sizeof(y));
     }
-    lg_stepper_reset(stepper); /* what the step found is still there */
+    lg_stepper_reset(stepper); /* a reset keeps the result of the last step */
     assert_ok(lg_stepper_dense(stepper, 1.0, out));
     assert_true(difference(out, next) <= 1e-14);
     assert_status(lg_stepper_dense(stepper, 1.1, out), LG_INVALID_ARGUMENT);
@@ -114,7 +114,7 @@ TEST("dense output meets both ends and stays on the manifold") {
 
 enum { TIMES = 200 };
 
-TEST("many times: as accurate as the tolerance, and they cost nothing; both directions") {
+TEST("output at many times is as accurate as the tolerance and costs no evaluations, in both directions") {
     static const char *const names[] = {"rkmk54", "dp54", "cf43"};
     const lg_space space = chain_ode(lg_scheme_find("rkmk4"), &swing).space;
     double times[TIMES], y0[CHAIN_DIM], exact[CHAIN_DIM];
@@ -152,7 +152,7 @@ TEST("many times: as accurate as the tolerance, and they cost nothing; both dire
             worst = fmax(worst, difference(back + i * CHAIN_DIM, out[k] + i * CHAIN_DIM));
         print_message("           largest difference from clipped steps %.2g\n", worst);
         assert_true(worst < 2e-6);
-        c.dense = true; /* and home again */
+        c.dense = true; /* back to the start */
         for (int i = 0; i < TIMES; i++) backwards[i] = times[TIMES - 1 - i];
         memcpy(exact, end, sizeof(exact));
         assert_ok(lg_integrate_adaptive(stepper, &c, 2.0, exact, backwards, TIMES, back, NULL));
@@ -178,7 +178,7 @@ static lg_status observe(void *user, double t, double h, const double *y) {
     return w->count == w->stop_at ? LG_CANCELLED : LG_OK;
 }
 
-TEST("the steps seen are a chain from start to end, and repeating them gives the same bits") {
+TEST("observed steps follow one another from start to end, and repeating them gives the same bits") {
     static watch w;
     static const char *const names[] = {"rkmk54", "dp54", "cf43", "cf32a", "cf32b"};
     double y0[CHAIN_DIM], y[CHAIN_DIM], out[3 * CHAIN_DIM];
@@ -221,7 +221,8 @@ FIELD(turning_field, y) {
     for (int i = 0; i < 3; i++) out[i] = ((const double *)user)[i];
 }
 
-/* Each step begins where the one before has ended, and its length is the difference of the times. */
+/* Checks that each step begins where the last one ended, and that its length is the difference of the
+ * times. */
 typedef struct time_sum {
     double t;
 } time_sum;
@@ -233,7 +234,7 @@ static lg_status add_time(void *user, double t, double h, const double *y) {
     return LG_OK;
 }
 
-TEST("a free rotation is exact for every h: only the angle bounds the step") {
+TEST("a free rotation is exact for every h, so only the angle limits the step") {
     const double a[6] = {30.0, -20.0, 50.0, 0.0, 0.0, 0.0}, y0[6] = {0.6, 0.0, 0.8, 0.8, 0.5, -0.6};
     const double times[] = {10.0};
     for (size_t i = 0; i < lg_scheme_count(); i++) {
@@ -257,7 +258,8 @@ TEST("a free rotation is exact for every h: only the angle bounds the step") {
     }
 }
 
-/* exp(T a) y0 of R^3 turned about a, |a| = w: c + (y0 - c) cos(w T) + (a/w x y0) sin(w T), c along a */
+/* The exact solution exp(T a) y0 of R^3 turned about a, |a| = w: c + (y0 - c) cos(w T) + (a/w x y0) sin(w T),
+ * where c is the part of y0 along a. */
 static void turned(const double a[3], double T, const double y0[3], double out[3]) {
     const double w = sqrt(lg_dot3(a, a)), along = lg_dot3(a, y0) / (w * w);
     double side[3];
@@ -266,8 +268,9 @@ static void turned(const double a[3], double T, const double y0[3], double out[3
         out[i] = along * a[i] + (y0[i] - along * a[i]) * cos(w * T) + side[i] / w * sin(w * T);
 }
 
-/* A wrong time of 1e-5 is an error of 5e-6 here. The angle w T has 1e-16 of itself, and each step an ulp. */
-TEST("time does not drift: the steps taken add up to 1e7 to rounding, in both directions") {
+/* A time that is wrong by 1e-5 gives an error of 5e-6 here. The angle w T has a relative error of 1e-16, and
+ * each step one of an ulp. */
+TEST("time does not drift: the steps up to t = 1e7 add up to rounding, in both directions") {
     const double a[3] = {0.3, 0.4, 0.0}, y0[3] = {0.6, 0.0, 0.8};
     for (int back = 0; back < 2; back++) {
         const double end = back ? -1e7 : 1e7, from = back ? 1e6 : -1e6, T = end - from;
@@ -291,7 +294,7 @@ TEST("time does not drift: the steps taken add up to 1e7 to rounding, in both di
     }
 }
 
-/* R^1: y' = rate y */
+/* R^1: y' = rate y. */
 FIELD(growth, y) {
     out[0] = *(const double *)user * y[0];
 }
@@ -300,7 +303,7 @@ FIELD(from_zero, y) {
     out[0] = t > 0.0 ? 3.0 * t * t : 0.0;
 }
 
-TEST("whatever the scale, few steps are wasted at the start") {
+TEST("at any time scale few steps are rejected at the start") {
     const double rates[] = {1e-12, 1e-3, -1.0, 40.0, -1e6}, y0[1] = {1.0}, zero[1] = {0.0};
     double out[1];
     lg_run_stats stats;
@@ -323,7 +326,8 @@ TEST("whatever the scale, few steps are wasted at the start") {
     const double one[] = {1.0};
     ode.field = from_zero;
     lg_stepper *stepper = test_stepper(lg_scheme_find("dp54"), &ode);
-    assert_ok(lg_integrate_adaptive(stepper, NULL, 0.0, zero, one, 1, out, &stats)); /* no size, no speed */
+    /* initial state and field are zero, so they give no scale for the first step */
+    assert_ok(lg_integrate_adaptive(stepper, NULL, 0.0, zero, one, 1, out, &stats));
     assert_close(out[0], 1.0, 1e-6, 0.0);
 }
 
@@ -334,7 +338,7 @@ FIELD(noise, y) {
     out[0] = 1e12 * (x - floor(x) - 0.5);
 }
 
-TEST("runs that cannot go on say so and keep what is done") {
+TEST("runs that cannot continue return an error and keep the results so far") {
     const double y0[1] = {1.0}, times[] = {0.0, 1.0, 2.0};
     double out[3] = {7.0, 7.0, 7.0};
     lg_run_stats stats;

@@ -1,12 +1,12 @@
-/* Orders of convergence on a nonplanar double pendulum, a rigid body, a heavy top and coupled oscillators,
- * and what planted errors do to them.
+/* Orders of convergence for a nonplanar double pendulum, a rigid body, a heavy top and coupled oscillators,
+ * and the orders that remain with planted errors.
  * ctest-labels: src/integrators */
 #include "fields.h"
 #include "support/fixtures.h"
 
 #include "integrators/stepper.h"
 
-/* ---- problems, and their solutions in long double ---- */
+/* ---- problems and their solutions in long double ---- */
 
 typedef void (*rhs)(real t, const real *y, real *out);
 
@@ -28,7 +28,7 @@ static void quartic_rhs(real t, const real *y, real *out) {
     out[0] = y[2], out[1] = y[3], out[2] = -y[0] * (r + 1.0L), out[3] = -y[1] * r;
 }
 
-/* Q' = hat(u) Q, pi' = u x pi + v */
+/* Q' = hat(u) Q, pi' = u x pi + v. */
 static void top_rhs(real t, const real *y, real *out) {
     real f[6];
     top_l(y, f);
@@ -43,7 +43,7 @@ static void top_rhs(real t, const real *y, real *out) {
 
 #define DIM_MAX 12
 
-/* The classical scheme of order 4. */
+/* Solves with the classical Runge-Kutta scheme of order 4. */
 static void solve_coarse(rhs f, size_t n, real t_end, int steps, const double *y0, real *y) {
     static const real c[4] = {0.0L, 0.5L, 0.5L, 1.0L}, b[4] = {1, 2, 2, 1};
     const real h = t_end / steps;
@@ -59,7 +59,7 @@ static void solve_coarse(rhs f, size_t n, real t_end, int steps, const double *y
     }
 }
 
-/* Extrapolated once: order 5. */
+/* Extrapolates once, which gives order 5. */
 static void solve(rhs f, size_t n, double t_end, const double *y0, double *y) {
     const int steps = 500 + (int)(1500.0 * t_end);
     real coarse[DIM_MAX], fine[DIM_MAX];
@@ -109,9 +109,9 @@ static problem top_problem(double t_end) {
     return p;
 }
 
-/* ---- measuring ---- */
+/* ---- measuring orders ---- */
 
-/* Largest error at t_end; infinity when the run fails. */
+/* Largest error at t_end; infinity if the run fails. */
 static double error_of(const problem *p, lg_stepper *stepper, size_t steps) {
     double error = 0.0, out[2 * DIM_MAX];
     if (lg_integrate_fixed(stepper, 0.0, p->t_end / (double)steps, steps, NULL, 0, steps, p->y0, out, NULL) !=
@@ -121,8 +121,9 @@ static double error_of(const problem *p, lg_stepper *stepper, size_t steps) {
     return error;
 }
 
-/* Slope of log(error) against log(h) by least squares over the step sizes with errors in [1e-11, 1e-3],
- * `density` of them a halving, at most 5.5 halvings; `halvings` is the range of h in powers of 2. */
+/* The slope of log(error) against log(h) by least squares, over step sizes with errors in [1e-11, 1e-3].
+ * There are `density` step sizes per halving and at most 5.5 halvings; *halvings gets the range of h in
+ * powers of 2. */
 static double measured_order(const problem *p, const lg_scheme *scheme, int density, double *halvings) {
     fit_line fit = {0};
     double first = 0.0;
@@ -157,8 +158,8 @@ static void assert_order(const problem *p, const lg_scheme *scheme, int order) {
         fail_msg("%s: measured order %.3f, expected %d", scheme->name, slope, order);
 }
 
-/* Order 5 leaves room for 5.3 halvings between errors of 1e-3 and 1e-11: its runs are long enough for the
- * coarse steps to be asymptotic already. Higher orders have less room: 3.3 halvings for order 8. */
+/* End times. Between errors of 1e-3 and 1e-11 order 5 has 5.3 halvings, and its runs are so long that even
+ * the coarse steps are asymptotic. Higher orders have fewer halvings: order 8 has 3.3. */
 static double chain_time(const lg_scheme *scheme, int order) {
     if (order > 5) return 2.0;
     return order == 1 ? 0.125 : order < 5 ? 1.0 : scheme->ambient ? 5.0 : 3.5;
@@ -169,7 +170,7 @@ static double rigid_time(int order) {
     return order == 1 ? 0.5 : order < 5 ? 4.0 : 28.0;
 }
 
-/* Steps of many stages have small errors: five halvings of a short run would end in rounding. */
+/* Steps with many stages have small errors: in a short run five halvings would reach rounding. */
 static double quartic_time(const lg_scheme *scheme) {
     return scheme->stages < 5 ? 1.0 : 16.0;
 }
@@ -203,7 +204,7 @@ TEST("every splitting scheme has its order") {
     }
 }
 
-TEST("every embedded solution has its order: the estimate is of the next one") {
+TEST("every embedded solution has its order: the error estimate of one step has that order plus one") {
     for (size_t i = 0; i < lg_scheme_count(); i++) {
         const lg_scheme *scheme = lg_scheme_at(i);
         if (scheme->embedded_order == 0) continue;
@@ -225,7 +226,7 @@ TEST("every embedded solution has its order: the estimate is of the next one") {
     }
 }
 
-TEST("slgi has order 2 for theta = 1/2, else 1") {
+TEST("slgi has order 2 for theta = 1/2, otherwise 1") {
     static const struct {
         double theta;
         int order;
@@ -238,7 +239,8 @@ TEST("slgi has order 2 for theta = 1/2, else 1") {
     }
 }
 
-TEST("order 3 needs the bracket once, orders 4 and 5 twice; one term less leaves 2, 3 and 3") {
+TEST("order 3 needs one nested bracket, orders 4 and 5 need two; with one term less the orders are 2, 3 "
+     "and 3") {
     static const struct {
         const char *name;
         int truncation, order;
@@ -263,18 +265,18 @@ static void assert_falls(const lg_scheme *scheme, int order) {
     assert_true(has_order(slope, order));
 }
 
-TEST("wrong brackets and swapped exponentials lose the order") {
+TEST("wrong brackets and swapped exponentials reduce the order") {
     lg_scheme two = *lg_scheme_find("rkmk4-2c"), cf4 = *lg_scheme_find("cf4"), cg3 = *lg_scheme_find("cg3");
     lg_commutator list[2];
     lg_cf_row rows[5];
-    for (int i = 0; i < 2; i++) { /* the sign of each bracket */
+    for (int i = 0; i < 2; i++) { /* changes the sign of each bracket */
         memcpy(list, lg_scheme_find("rkmk4-2c")->commutators, sizeof(list));
         list[i].weight = -list[i].weight;
         two.commutators = list;
         two.name = i == 0 ? "rkmk4-2c, +1/8" : "rkmk4-2c, +1/12";
         assert_falls(&two, 3 - i);
     }
-    memcpy(rows, cf4.rows, sizeof(rows)); /* the last exponentials in the other order */
+    memcpy(rows, cf4.rows, sizeof(rows)); /* the last two exponentials in the other order */
     memcpy(rows[4].coefficient[0], cf4.rows[4].coefficient[1], sizeof(rows[4].coefficient[0]));
     memcpy(rows[4].coefficient[1], cf4.rows[4].coefficient[0], sizeof(rows[4].coefficient[0]));
     cf4.rows = rows, cf4.name = "cf4, swapped";
@@ -286,7 +288,8 @@ TEST("wrong brackets and swapped exponentials lose the order") {
     assert_falls(&cg3, 2);
 }
 
-/* 20 steps forward and back, and whether the evaluations are those of steps with `forces` new forces each. */
+/* Distance from the start after 20 steps forward and 20 back. Also checks that a step costs `forces` new
+ * forces. */
 static double way_back(const problem *p, const lg_scheme *scheme, size_t forces) {
     double out[8], back[8], distance = 0.0;
     lg_run_stats stats;
@@ -300,7 +303,7 @@ static double way_back(const problem *p, const lg_scheme *scheme, size_t forces)
     return distance;
 }
 
-TEST("symmetric splittings are reversible, and a step takes over the last force of the one before") {
+TEST("symmetric splittings are reversible, and a step reuses the last force of the step before") {
     const problem p = quartic_problem(1.0);
     static const struct {
         const char *name;
@@ -314,13 +317,14 @@ TEST("symmetric splittings are reversible, and a step takes over the last force 
 /* ---- order conditions of splittings ---- */
 
 enum { LONGEST = 5 };
-/* A series in two letters that do not commute: a coefficient of each word, its letters as bits, the last one
- * lowest. */
+/* A series in two letters that do not commute, with a coefficient for each word. The letters of a word are
+ * bits, the last letter is the lowest bit. */
 typedef struct series {
     double word[LONGEST + 1][1 << LONGEST];
 } series;
 
-/* s exp(c letter): a word gets those of its beginnings that only `letter` follows. */
+/* Multiplies s by exp(c letter): each word gets contributions from the words that it continues by `letter`
+ * alone. */
 static void times_exp(series *s, unsigned letter, double c) {
     for (int n = LONGEST; n > 0; n--)
         for (unsigned w = 0; w < 1u << n; w++) {
@@ -330,7 +334,8 @@ static void times_exp(series *s, unsigned letter, double c) {
         }
 }
 
-/* Largest difference between the words of length n in the scheme's step and in exp(kick + drift): 1/n!. */
+/* Largest difference between the coefficients of the words of length n in the scheme's step and in exp(kick +
+ * drift), where they are 1/n!. */
 static double defect(const lg_scheme *scheme, int n) {
     series s = {{{0}}};
     double largest = 0.0, factorial = 1.0;
@@ -344,7 +349,7 @@ static double defect(const lg_scheme *scheme, int n) {
     return largest;
 }
 
-TEST("splittings fulfil the conditions of their order, and not those of the next one") {
+TEST("splittings satisfy the order conditions of their order, and not those of the next one") {
     for (size_t i = 0; i < lg_scheme_count(); i++) {
         const lg_scheme *scheme = lg_scheme_at(i);
         if (scheme->kind != LG_SCHEME_SPLITTING) continue;
@@ -353,8 +358,8 @@ TEST("splittings fulfil the conditions of their order, and not those of the next
     }
 }
 
-/* At h = 0.06 the errors of one step of order 4 are 2000 times apart: the coefficients do more than give the
- * order. */
+/* At h = 0.06 the errors of these two schemes of order 4 differ by a factor of 2000 in one step, so the
+ * coefficients matter beyond the order. */
 TEST("the splitting of Blanes and Moan has the smaller error") {
     static const char *const names[] = {"forest-ruth", "blanes-moan"};
     const problem p = quartic_problem(0.06);

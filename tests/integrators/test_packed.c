@@ -1,5 +1,6 @@
-/* Steps on copies of T*S^2 go through kernels of their own. They agree with the interpreter, which the same
- * space as a product of two factors still uses, and do not depend on where a copy stands. */
+/* Steps on copies of T*S^2 use special kernels. They must agree with the interpreter, which is still used for
+ * the same space given as a product of two factors, and the result for a copy must not depend on its
+ * place. */
 #include "support/fixtures.h"
 
 #include "integrators/stepper.h"
@@ -10,7 +11,7 @@ typedef struct field_data {
     size_t copies;
     double scale; /* of the algebra elements */
     int coupled;
-    size_t broken; /* evaluations until a NaN appears in the last copy; 0: never */
+    size_t broken; /* number of evaluations until the last copy gets a NaN; 0: never */
     size_t calls;
 } field_data;
 
@@ -54,13 +55,14 @@ static double largest(size_t n, const double *x) {
     return most;
 }
 
-/* Relative to the largest number. */
+/* The difference must be small relative to the largest number. */
 static void assert_same(size_t n, const double *x, const double *y, double relative) {
     const double size = largest(n, y);
     assert_all_close(x, y, n, 0.0, relative * size);
 }
 
-/* Steps of several sizes, one of them twice from the same state, as after a rejection. */
+/* Compares steps of several sizes. The third step starts from the same state as the second, as after a
+ * rejection. */
 static void compare(const lg_scheme *scheme, size_t copies, double scale, const double *input) {
     static const double sizes[] = {0.1, 0.3, 0.2, -0.1};
     field_data data[2] = {{.copies = copies, .scale = scale, .coupled = 1},
@@ -68,7 +70,7 @@ static void compare(const lg_scheme *scheme, size_t copies, double scale, const 
     lg_stepper *packed = make(scheme, &data[0], 1), *plain = make(scheme, &data[1], 0);
     double y[DIM], a[DIM], b[DIM], t = 0.5;
     const size_t n = 6 * copies;
-    const double close = scale > 1.0 ? 1e-9 : 1e-13; /* large steps enlarge what rounding makes different */
+    const double close = scale > 1.0 ? 1e-9 : 1e-13; /* large steps amplify different roundings */
     fill(copies, y);
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
         assert_ok(lg_step(packed, t, sizes[i], y, input, a));
@@ -79,7 +81,8 @@ static void compare(const lg_scheme *scheme, size_t copies, double scale, const 
         assert_ok(lg_space_init(&space, &(lg_space_factor){LG_SPACE_TS2, copies}, 1));
         assert_true(lg_space_manifold_error(&space, a) <=
                     4e-15 * largest(n, b) + 4.0 * lg_space_manifold_error(&space, b));
-        assert_true(data[0].calls <= data[1].calls); /* y is the end of its own last step, to the bit */
+        /* y has exactly the bits of the last step's end, so its field value is reused */
+        assert_true(data[0].calls <= data[1].calls);
         if (scheme->embedded_order > 0)
             assert_same(n, lg_stepper_error(packed), lg_stepper_error(plain), close);
         if (scheme->dense_order > 0) {
@@ -87,17 +90,18 @@ static void compare(const lg_scheme *scheme, size_t copies, double scale, const 
             assert_ok(lg_stepper_dense(packed, 0.4, c));
             assert_ok(lg_stepper_dense(plain, 0.4, d));
             assert_same(n, c, d, close);
-            if (scheme->embedded_order > 0) /* it is still there */
+            if (scheme->embedded_order > 0) /* the error estimate is still available */
                 assert_same(n, lg_stepper_error(packed), lg_stepper_error(plain), close);
         }
         if (i != 1) memcpy(y, a, n * sizeof *y), t += sizes[i];
     }
 }
 
-TEST("packed steps are the interpreter's") {
+TEST("steps by the special kernels agree with the interpreter") {
     static const char *const names[] = {"lie-euler", "lie-heun", "rkmk3", "rkmk4", "rkmk5", "rkmk54"};
     static const size_t copies[] = {2, 7, 8, 9, 16, 17};
-    static const double scales[] = {0.1, 1.0, 3.0}; /* short series, both, long series and beyond */
+    /* only short series, both, only long series and larger angles */
+    static const double scales[] = {0.1, 1.0, 3.0};
     const double input = 0.9;
     for (size_t i = 0; i < sizeof names / sizeof *names; i++)
         for (size_t j = 0; j < sizeof copies / sizeof *copies; j++)
@@ -107,7 +111,7 @@ TEST("packed steps are the interpreter's") {
             }
 }
 
-TEST("a changed input is seen: no value of the last step is taken") {
+TEST("a changed input is noticed, and no field value of the last step is reused") {
     const double inputs[2] = {0.9, -2.0};
     field_data data = {.copies = 3, .scale = 1.0}, fresh = data;
     lg_stepper *stepper = make(lg_scheme_find("rkmk54"), &data, 1);
@@ -124,9 +128,9 @@ TEST("a changed input is seen: no value of the last step is taken") {
     assert_memory_equal(a, b, sizeof a);
 }
 
-/* Copies that do not see each other: the same bits at every place and in every number of them, whatever the
- * angles of the others. */
-TEST("a copy has the same bits at every place") {
+/* Copies that do not depend on each other have the same bits at every place and for every number of copies,
+ * whatever the angles of the others. */
+TEST("the bits of a copy do not depend on its place") {
     double y[DIM], out[DIM], one[6];
     field_data data = {.copies = MOST, .scale = 1.0};
     fill(MOST, y);
@@ -145,7 +149,7 @@ TEST("a copy has the same bits at every place") {
     }
 }
 
-TEST("what is not finite in one copy is seen at every stage") {
+TEST("a number in one copy that is not finite is noticed at every stage") {
     for (size_t broken = 1; broken <= 7; broken++) {
         field_data data = {.copies = 9, .scale = 1.0, .broken = broken};
         lg_stepper *stepper = make(lg_scheme_find("rkmk54"), &data, 1);
@@ -153,11 +157,11 @@ TEST("what is not finite in one copy is seen at every stage") {
         fill(9, y);
         const lg_status status = lg_step(stepper, 0.0, 0.1, y, NULL, out);
         assert_int_equal(status, broken <= 6 ? LG_NOT_FINITE : LG_OK);
-        if (status == LG_OK)
-            assert_true(isnan(lg_stepper_error(stepper)[52])); /* only the estimate sees the last one */
+        if (status == LG_OK) /* only the error estimate uses the last stage */
+            assert_true(isnan(lg_stepper_error(stepper)[52]));
         else
             assert_true(out[0] == 0.0);
-        data.broken = 0; /* nothing of it stays */
+        data.broken = 0; /* no trace of the NaN is left */
         lg_stepper_reset(stepper);
         assert_ok(lg_step(stepper, 0.0, 0.1, y, NULL, out));
         assert_true(lg_stepper_angle(stepper) < 1.0 && isfinite(lg_stepper_error(stepper)[52]));

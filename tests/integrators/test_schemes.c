@@ -1,6 +1,6 @@
-/* Single steps of every scheme against an interpreter of the same data that shares nothing with the library:
- * long double, 4 x 4 matrices of SE(3), exponentials by scaling and squaring, dexpinv by its series. The data
- * themselves have their orders in test_orders.c. */
+/* Compares single steps of every scheme with an independent interpreter of the same coefficients: in long
+ * double, with 4 x 4 matrices of SE(3), exponentials by scaling and squaring, and dexpinv by its series. The
+ * coefficients themselves are tested by their orders in test_orders.c. */
 #include "fields.h"
 #include "support/fixtures.h"
 
@@ -43,7 +43,7 @@ static mat mat_exp(const real *a) {
     return sum;
 }
 
-/* out = (R q, R w + r x R q) on both links */
+/* out = (R q, R w + r x R q) for both links */
 static alg act(const alg *f, const alg *y) {
     alg out;
     for (int link = 0; link < 2; link++) {
@@ -74,7 +74,7 @@ static alg bracket(const alg *f, const alg *g) {
     return out;
 }
 
-/* B_k; the odd ones after the first are 0. */
+/* B_k. The odd ones except B_1 are 0. */
 static real bernoulli(int k) {
     static const real even[][2] = {
         {1, 1}, {1, 6},       {-1, 30},     {1, 42},        {-1, 30},      {5, 66},           {-691, 2730},
@@ -83,7 +83,7 @@ static real bernoulli(int k) {
     return even[k / 2][0] / even[k / 2][1];
 }
 
-/* sum_{k <= K} B_k/k! ad_a^k b; K < 0: the whole series */
+/* sum_{k <= K} B_k/k! ad_a^k b; K < 0: the whole series. */
 static alg dexpinv(int K, const alg *a, const alg *b) {
     alg out = *b, term = *b;
     real factorial = 1.0L;
@@ -126,7 +126,7 @@ static alg add(const alg *x, const alg *y) {
     return out;
 }
 
-/* ---- the schemes, independently ---- */
+/* ---- independent steps of the schemes ---- */
 
 static real row_sum(const double *a, int n) {
     real s = 0.0L;
@@ -134,7 +134,7 @@ static real row_sum(const double *a, int n) {
     return s;
 }
 
-/* The end of a step; k: the values of its stages in the algebra, one more at the end. */
+/* The end of a step. k gets the stages' values in the algebra, and after them one more for the end. */
 static alg rkmk(const lg_scheme *s, real t, real h, const alg *y, alg *k) {
     for (int i = 0; i <= s->stages; i++) {
         const double *a = i < s->stages ? s->a[i] : s->b;
@@ -173,7 +173,7 @@ static alg projected(alg y) {
     return y;
 }
 
-/* Y = y + theta h F(t + theta h, Y) by iteration, y + h F */
+/* The one-leg scheme: solves Y = y + theta h F(t + theta h, Y) by iteration; the end is y + h F. */
 static alg one_leg(double theta, real t, real h, const alg *y) {
     const double whole = 1.0;
     alg point = *y, f = {{0}};
@@ -207,7 +207,8 @@ static alg commutator_free(const lg_scheme *s, real t, real h, const alg *y, alg
     return end;
 }
 
-/* `error`: the difference to the embedded solution, of RKMK schemes from the algebra by the generator. */
+/* The expected end of a step. `error` gets the difference to the embedded solution; for RKMK schemes it is
+ * the difference in the algebra, mapped by the generator. */
 static alg expected(const lg_scheme *s, real t, real h, const alg *y, alg *error) {
     alg k[LG_SCHEME_MAX_STAGES];
     double weight[LG_SCHEME_MAX_STAGES];
@@ -228,8 +229,8 @@ static double distance(const double *y, const alg *e) {
     return isnan(worst) ? INFINITY : worst;
 }
 
-/* One step of size h at a time where gravity swings: how far it is, with its estimate, from what is expected
- * of `of`. */
+/* Distance of one step of size h by `scheme`, under varying gravity, from the expected step of the scheme
+ * `of`. Also checks the error estimate. */
 static double step_error(const lg_scheme *scheme, const lg_scheme *of, double h) {
     double y[CHAIN_DIM];
     alg start, error;
@@ -243,7 +244,7 @@ static double step_error(const lg_scheme *scheme, const lg_scheme *of, double h)
     return distance(y, &end);
 }
 
-TEST("every scheme's single step is an independent one, in long double") {
+TEST("a single step of every scheme agrees with an independent one in long double") {
     for (size_t i = 0; i < lg_scheme_count(); i++) {
         const lg_scheme *scheme = lg_scheme_at(i);
         if (scheme->kind != LG_SCHEME_RKMK && scheme->kind != LG_SCHEME_COMMUTATOR_FREE &&
@@ -257,23 +258,24 @@ TEST("every scheme's single step is an independent one, in long double") {
     }
 }
 
-TEST("any truncation of dexpinv, by changing a row") {
+TEST("changing a scheme's truncation of dexpinv changes its steps as expected") {
     lg_scheme scheme = *lg_scheme_find("rkmk5"), less = scheme;
     for (scheme.dexpinv = LG_DEXPINV_EXACT; scheme.dexpinv <= LG_DEXPINV_MAX; scheme.dexpinv++)
         assert_true(step_error(&scheme, &scheme, 0.2) <= 1e-12);
-    /* The terms are there: one less is another step. */
+    /* The terms are really used: with one term less the step differs. */
     scheme.dexpinv = 4;
     less.dexpinv = 2;
     assert_true(step_error(&scheme, &less, 0.2) > 1e-9);
 }
 
-/* ---- a user's own schemes ---- */
+/* ---- schemes of a user ---- */
 
 static double uniform(lg_rng *rng) {
     return lg_rng_uniform_in(rng, -1.0, 1.0);
 }
 
-/* Explicit, c the row sums, weights that sum to 1, perhaps commutators, any truncation. */
+/* A random explicit scheme: c are the row sums, the weights sum to 1, there may be commutators, and dexpinv
+ * is truncated anywhere. */
 static lg_scheme random_rkmk(lg_rng *rng, int stages, lg_commutator *list) {
     lg_scheme s = {.name = "mine", .kind = LG_SCHEME_RKMK, .order = 1, .stages = stages, .commutators = list};
     double total = 0.0;
@@ -291,7 +293,7 @@ static lg_scheme random_rkmk(lg_rng *rng, int stages, lg_commutator *list) {
     return s;
 }
 
-TEST("random tableaux with brackets and truncations are those of long double") {
+TEST("steps of random tableaux with brackets and truncations agree with long double") {
     double worst = 0.0;
     lg_rng rng = test_rng(5, 0);
     for (int repeat = 0; repeat < 40; repeat++) {
@@ -305,7 +307,7 @@ TEST("random tableaux with brackets and truncations are those of long double") {
     assert_true(worst <= 1e-12);
 }
 
-/* One row: any earlier base, up to four exponentials; c is what they add up to. */
+/* A random row with any earlier base and up to four exponentials; c is the sum of their coefficients. */
 static void random_row(lg_rng *rng, int known, const double *c, double time, bool fixed, lg_cf_row *row,
                        double *total) {
     row->base = (int)((known + 1) * lg_rng_uniform(rng)) - 1;
@@ -316,7 +318,7 @@ static void random_row(lg_rng *rng, int known, const double *c, double time, boo
     if (fixed) row->coefficient[0][0] += time - *total, *total = time;
 }
 
-TEST("random commutator-free schemes are those of long double") {
+TEST("steps of random commutator-free schemes agree with long double") {
     double worst = 0.0, end;
     lg_rng rng = test_rng(6, 0);
     for (int repeat = 0; repeat < 32; repeat++) {
@@ -332,7 +334,7 @@ TEST("random commutator-free schemes are those of long double") {
     assert_true(worst <= 1e-12);
 }
 
-/* ---- variational ---- */
+/* ---- variational steps ---- */
 
 static lg_status variational(void *user, double t, double h, double *y) {
     if (user) return *(lg_status *)user;
@@ -340,7 +342,7 @@ static lg_status variational(void *user, double t, double h, double *y) {
     return LG_OK;
 }
 
-TEST("a variational step is the system's own") {
+TEST("a variational step calls the system's own step") {
     double y[12];
     lg_status failure = LG_NO_CONVERGENCE;
     lg_ode ode = {.step = NULL};
@@ -362,18 +364,18 @@ TEST("a variational step is the system's own") {
 
 /* ---- implicit schemes ---- */
 
-/* A stiff linear problem, and its exact step. */
+/* A stiff linear problem, whose implicit Euler step is known. */
 FIELD(stiff_field, y) {
     out[0] = -1e6 * (y[0] - t);
     out[1] = y[0] - y[1];
 }
 
-/* y' = y^2 + 1e3: the implicit Euler stage is real for small steps only */
+/* y' = y^2 + 1e3: the stage of implicit Euler has a real solution for small steps only. */
 FIELD(unsolvable_field, y) {
     out[0] = y[0] * y[0] + 1e3;
 }
 
-TEST("implicit steps are exact on stiff problems, or do not converge") {
+TEST("implicit steps are exact on stiff problems, or return LG_NO_CONVERGENCE") {
     double y[2] = {1.0, 2.0}, out[2];
     lg_ode ode = {.field = stiff_field};
     assert_ok(lg_space_init_rn(&ode.space, 2));
@@ -395,16 +397,18 @@ TEST("implicit steps are exact on stiff problems, or do not converge") {
     assert_close(out[0], (1.0 - sqrt(1.0 - 4e-3 * 1.5)) / 2e-3, 1e-12, 0.0);
 }
 
-/* ---- symplectic Lie group integrators: orders are in test_orders.c, the form in test_symplectic.c ---- */
+/* ---- symplectic Lie group integrators; test_orders.c has their orders, test_symplectic.c the symplectic
+ * form ---- */
 
-/* T*(R^m) inside, with SO(3) at rest. */
+/* A pendulum on T*(R^m), next to SO(3) at rest. */
 FIELD(resting_field, y) {
     memset(out, 0, 6 * sizeof(*out));
     out[6] = y[13], out[7] = -sin(y[12]);
 }
 
-/* q = theta q0 + (1 - theta) q1 and p = (1 - theta) p0 + theta p1 move the other one, by iteration. */
-TEST("slgi on R^m is symplectic Euler with p or q first, and the midpoint rule between") {
+/* The force is taken at (1 - theta) q0 + theta q1 and the velocity at theta p0 + (1 - theta) p1; solved by
+ * iteration. */
+TEST("slgi on R^m is symplectic Euler (p or q first) or, for theta = 1/2, the midpoint rule") {
     static const double thetas[] = {0.0, 0.5, 1.0};
     const double h = 0.2;
     for (size_t i = 0; i < LG_COUNT(thetas); i++) {
@@ -434,7 +438,7 @@ FIELD(nan_field, y) {
     for (int i = 0; i < 6; i++) out[i] = NAN;
 }
 
-TEST("spaces and fields that slgi cannot take are refused") {
+TEST("spaces and fields that slgi cannot handle are refused") {
     static const lg_space_factor unfit[][2] = {{{LG_SPACE_TS2, 1}, {LG_SPACE_RN, 2}},
                                                {{LG_SPACE_SE3, 2}, {LG_SPACE_RN, 2}},
                                                {{LG_SPACE_SE3, 1}, {LG_SPACE_RN, 3}},

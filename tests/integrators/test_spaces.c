@@ -1,6 +1,6 @@
-/* Every kind of space by the same properties: action axioms, generator, bracket, projections, and how far
- * 10^5 steps drift from the manifold. Its maps are those of the groups, which test_geometry.c holds against
- * matrix functions.
+/* Checks the same properties for every kind of space: axioms of the action, generator, bracket, projections,
+ * and the drift from the manifold in 10^5 steps. test_geometry compares the maps of the groups with matrix
+ * functions.
  * ctest-labels: src/integrators */
 #include "fields.h"
 #include "support/fixtures.h"
@@ -20,7 +20,7 @@ static void random_vector(lg_rng *rng, size_t n, double *x) {
     for (size_t i = 0; i < n; i++) x[i] = lg_rng_uniform_in(rng, -1.0, 1.0);
 }
 
-/* ---- the kinds ---- */
+/* ---- kinds of spaces ---- */
 
 static void random_ts2(lg_rng *rng, double *y) {
     random_vector(rng, 6, y);
@@ -66,7 +66,7 @@ typedef struct fixture {
     const struct space_case *of;
     const lg_space_entry *row;
     lg_space space;
-    size_t dim, algebra; /* of all copies */
+    size_t dim, algebra; /* of all copies together */
     lg_rng rng;
 } fixture;
 
@@ -83,7 +83,7 @@ static void random_point(fixture *f, double *y) {
     for (size_t at = 0; at < f->dim; at += f->of->state) f->of->point(&f->rng, y + at);
 }
 
-/* Every copy's rotation has this angle. */
+/* A random element in which the rotation of each copy has this angle. */
 static void random_element(fixture *f, double angle, double *a) {
     random_vector(&f->rng, f->algebra, a);
     for (size_t at = 0; at < f->algebra; at += f->of->algebra) {
@@ -98,7 +98,7 @@ static void scaled(const fixture *f, double c, const double *a, double *out) {
 
 /* ---- properties ---- */
 
-TEST("every row has its sizes") {
+TEST("every kind of space has the right dimensions") {
     for (size_t k = 0; k < CASES; k++) {
         fixture f = make(&cases[k], COPIES);
         assert_true(f.row->state == cases[k].state && f.row->algebra == cases[k].algebra && !f.row->abelian);
@@ -107,9 +107,9 @@ TEST("every row has its sizes") {
     }
 }
 
-/* exp(0) y = y, exp(-a) exp(a) y = y, exp(.7 a) exp(.3 a) y = exp(a) y, in place too; |u| is what angle says
- */
-TEST("every action is one: exp(0) = 1, exp(-a) exp(a) = 1, exp(sa) exp(ta) = exp((s + t)a)") {
+/* exp(0) y = y, exp(-a) exp(a) y = y, exp(.7 a) exp(.3 a) y = exp(a) y, also in place. |u| must be the result
+ * of lg_space_angle. */
+TEST("every action is a group action: exp(0) = 1, exp(-a) exp(a) = 1, exp(sa) exp(ta) = exp((s + t)a)") {
     for (size_t k = 0; k < CASES; k++)
         for (size_t n = 0; n < ANGLES; n++) {
             fixture f = make(&cases[k], COPIES);
@@ -128,11 +128,12 @@ TEST("every action is one: exp(0) = 1, exp(-a) exp(a) = 1, exp(sa) exp(ta) = exp
             assert_all_close(back, out, f.dim, 0.0, 1e-14);
             scaled(&f, 0.0, a, part);
             lg_space_act(&f.space, part, y, out);
-            assert_all_close(out, y, f.dim, 0.0, 1e-15); /* the points are off by rounding, and settled */
+            /* points have rounding errors, which the action may correct */
+            assert_all_close(out, y, f.dim, 0.0, 1e-15);
         }
 }
 
-TEST("a copy's result is the same bits wherever it stands and however many there are") {
+TEST("the bits of a copy's result do not depend on its place or on the number of copies") {
     for (size_t k = 0; k < CASES; k++)
         for (size_t copies = 1; copies <= COPIES; copies++) {
             fixture f = make(&cases[k], copies);
@@ -141,7 +142,8 @@ TEST("a copy's result is the same bits wherever it stands and however many there
             random_point(&f, y);
             random_vector(&f.rng, f.algebra, a);
             random_vector(&f.rng, f.algebra, b);
-            a[0] = 2.5; /* beyond the series of the fast kernels, its neighbours are not */
+            /* the fast kernels' series cannot be used for this angle, but for those of its neighbours */
+            a[0] = 2.5;
             lg_space_act(&f.space, a, y, out);
             lg_space_dexpinv(&f.space, LG_DEXPINV_EXACT, a, b, x);
             const lg_space_entry *row = f.row;
@@ -154,7 +156,7 @@ TEST("a copy's result is the same bits wherever it stands and however many there
         }
 }
 
-TEST("the generator is the action's derivative, and stays tangent") {
+TEST("the generator is the derivative of the action, and is tangent") {
     for (size_t k = 0; k < CASES; k++) {
         fixture f = make(&cases[k], 3);
         double a[MAX_ALGEBRA], part[MAX_ALGEBRA], y[MAX_STATE], g[MAX_STATE], plus[MAX_STATE],
@@ -170,13 +172,13 @@ TEST("the generator is the action's derivative, and stays tangent") {
         memcpy(plus, g, f.dim * sizeof(*g));
         lg_space_project_gradient(&f.space, y, plus);
         assert_all_close(plus, g, f.dim, 0.0, 3e-15);
-        lg_space_generator(&f.space, a, y, y); /* out is an input */
+        lg_space_generator(&f.space, a, y, y); /* out may be the input */
         assert_all_close(y, g, f.dim, 0.0, 0.0);
     }
 }
 
-/* Antisymmetry, Jacobi's identity, and with the action: exp(a) exp(b) exp(-a) = exp(Ad b), to second order
- * the bracket is the commutator of the flows. */
+/* Antisymmetry and Jacobi's identity. With the action: exp(a) exp(b) exp(-a) = exp(Ad b), and the bracket is
+ * the commutator of the flows to second order. */
 TEST("every bracket is antisymmetric, a derivation, and the commutator of the flows") {
     for (size_t k = 0; k < CASES; k++) {
         fixture f = make(&cases[k], COPIES);
@@ -205,11 +207,11 @@ TEST("every bracket is antisymmetric, a derivation, and the commutator of the fl
     }
 }
 
-TEST("every action and dexpinv is that of the group, in place too") {
+TEST("every action and dexpinv agrees with the group's, also in place") {
     for (size_t k = 0; k < CASES; k++)
         for (size_t n = 0; n < ANGLES; n++) {
             fixture f = make(&cases[k], COPIES);
-            const double distance = fmin(1.0, 2.0 * PI - angles[n]); /* to the pole of dexpinv */
+            const double distance = fmin(1.0, 2.0 * PI - angles[n]); /* distance to the pole of dexpinv */
             double a[MAX_ALGEBRA], b[MAX_ALGEBRA], x[MAX_ALGEBRA], y[MAX_STATE], e[12];
             random_point(&f, y);
             random_element(&f, angles[n], a);
@@ -229,7 +231,7 @@ TEST("every action and dexpinv is that of the group, in place too") {
                 (f.of->algebra == 3 ? lg_so3_dexpinv : lg_se3_dexpinv)(u, v, e);
                 assert_all_close(x + i * f.of->algebra, e, f.of->algebra, 2e-14 / distance, 2e-14);
             }
-            lg_space_dexpinv(&f.space, LG_DEXPINV_EXACT, a, b, b); /* out is an input */
+            lg_space_dexpinv(&f.space, LG_DEXPINV_EXACT, a, b, b); /* out may be the input */
             assert_all_close(b, x, f.algebra, 0.0, 0.0);
         }
 }
@@ -241,7 +243,7 @@ FIELD(constant_field, y) {
     for (size_t i = 0; i < f->algebra; i++) out[i] = 0.1 * (double)(i % 5) - 0.2 + 0.05 * (double)(i % 3);
 }
 
-/* The largest share of h f in an exponent when all f_i are the same. */
+/* The largest factor of h f in an exponent if all f_i are equal. */
 static double largest_share(const lg_scheme *scheme) {
     double largest = scheme->kind == LG_SCHEME_RKMK ? 1.0 : 0.0;
     for (int i = 0; scheme->kind == LG_SCHEME_RKMK && i < scheme->stages; i++)
@@ -283,7 +285,7 @@ TEST("every scheme is exact for a constant field on every space, and reports its
 
 /* ---- projections ---- */
 
-TEST("every projection lands on its manifold, and NaN is seen") {
+TEST("every projection gives a point of its manifold, and a NaN is noticed") {
     for (size_t k = 0; k < CASES; k++) {
         fixture f = make(&cases[k], COPIES);
         double y[MAX_STATE], off[MAX_STATE];
@@ -294,7 +296,7 @@ TEST("every projection lands on its manifold, and NaN is seen") {
         lg_space_project(&f.space, off);
         assert_true(lg_space_manifold_error(&f.space, off) <= 2e-15);
         assert_all_close(off, y, f.dim, 0.0, 5e-3);
-        off[f.dim - 1] = NAN; /* p, r or R: all are looked at */
+        off[f.dim - 1] = NAN; /* in p, r or R, which must all be checked */
         assert_true(isnan(lg_space_manifold_error(&f.space, off)));
     }
     lg_space space;
@@ -305,9 +307,9 @@ TEST("every projection lands on its manifold, and NaN is seen") {
     assert_true(isnan(lg_space_angle(&space, a)));
 }
 
-/* The projection P of gradients: g.t = (P g).t for tangent t = a . y, P P = P, and P g is a tangent vector
- * itself: it keeps the constraints to first order. */
-TEST("the projection of gradients is tangent and keeps g.t") {
+/* Let P be the projection of gradients. For tangent t = a . y, g.t = (P g).t; P P = P; and P g is a tangent
+ * vector: it keeps the constraints to first order. */
+TEST("the projected gradient is tangent and has the same product with tangent vectors") {
     for (size_t k = 0; k < CASES; k++) {
         fixture f = make(&cases[k], COPIES);
         double y[MAX_STATE], g[MAX_STATE], p[MAX_STATE], pp[MAX_STATE], t[MAX_STATE], a[MAX_ALGEBRA],
@@ -340,8 +342,8 @@ TEST("the projection of gradients is tangent and keeps g.t") {
 
 /* ---- drift ---- */
 
-/* 10^5 steps with the same |u| each, so that the error of the coefficients is the same in each; the largest
- * error seen at every 1000th. */
+/* The largest manifold error, measured every 1000 steps, over 10^5 steps. All steps have the same |u|, so
+ * that each has the same error of the coefficients. */
 static double drift(fixture *f, const double *speed, bool turning, double *y) {
     enum { STEPS = 100000 };
     double a[12], worst = 0.0;
@@ -355,7 +357,8 @@ static double drift(fixture *f, const double *speed, bool turning, double *y) {
     return worst;
 }
 
-/* v orthogonal to u and as small: a screw would carry r and p away. */
+/* Makes v orthogonal to u and of the same size; otherwise r and p would grow along the axis of a screw
+ * motion. */
 static void bounded_orbit(double *a) {
     const double w = lg_dot3(a, a), rho = lg_dot3(a, a + 3);
     for (int i = 0; i < 3; i++) a[3 + i] = 0.3 * sqrt(w) * (a[3 + i] - rho / w * a[i]);
@@ -380,7 +383,7 @@ TEST("every action stays on its manifold over 10^5 steps") {
     }
 }
 
-/* A spherical pendulum (q, omega), and a body that turns with it: rotations of 0.05 to 0.6 a step. */
+/* A spherical pendulum (q, omega), and a body that turns with it: rotations of 0.05 to 0.6 per step. */
 FIELD(turning_field, y) {
     for (int j = 0; j < 3; j++) {
         out[j] = y[3 + j];
@@ -409,7 +412,7 @@ TEST("every Lie group scheme stays on the manifold over 10^5 steps") {
     }
 }
 
-/* Fast and slow. */
+/* With a fast and a slow top. */
 TEST("slgi keeps a heavy top on T*SO(3) over 10^5 steps") {
     enum { STEPS = 100000 };
     lg_ode ode = {.field = top_field};
@@ -442,11 +445,11 @@ TEST("the dual spaces keep |G|^2 and G.P, relative to |G|^2 and |G| |P|") {
         const double first = fabs(lg_dot3(y, y) / norm - 1.0);
         const double second = k == 0 ? 0.0 : fabs(lg_dot3(y, y + 3) - lg_dot3(start, start + 3)) / size;
         print_message("%-8s Casimirs off by %.1e and %.1e\n", f.row->name, first, second);
-        assert_true(first <= 2e-13 && second <= 2e-13); /* a random walk; without k_low 1e-12 */
+        assert_true(first <= 2e-13 && second <= 2e-13); /* a random walk; without k_low it would be 1e-12 */
     }
 }
 
-TEST("a start farther than rounding from the manifold keeps its distance: the action is linear there") {
+TEST("a start that is not on the manifold keeps its distance, since the action is linear") {
     lg_space space;
     double a[6] = {0.3, -0.2, 0.1, 0.5, 0.4, -0.3}, y[6] = {0.6, 0.0, 0.9, 0.3, 0.1, 0.2}, out[6], e[6];
     assert_ok(lg_space_init(&space, &(lg_space_factor){LG_SPACE_TS2, 1}, 1));
@@ -471,11 +474,11 @@ TEST("a start farther than rounding from the manifold keeps its distance: the ac
 
 enum { ROOM = LG_SPACE_MAX_FACTORS * 3 * LG_SPACE_MAX_STATE, PRODUCTS = 80 };
 
-/* A product of all kinds of factors at a state where every copy is one of the hard ones. */
+/* A product of factors of all kinds, at a state where every copy is difficult. */
 typedef struct tangents {
     lg_space space;
     lg_rng rng;
-    double y[ROOM], size; /* the largest number of y, at least 1 */
+    double y[ROOM], size; /* size: the largest number of y, at least 1 */
     double *basis;        /* (dim, tangent_dim) */
 } tangents;
 
@@ -483,7 +486,7 @@ static void draw(lg_rng *rng, size_t n, double scale, double *x) {
     for (size_t i = 0; i < n; i++) x[i] = scale * lg_rng_uniform_in(rng, -1.0, 1.0);
 }
 
-/* Poles, directions near them, and directions with equal components, where frames change. */
+/* Poles, directions near them, and directions with equal components, where the tangent frame changes. */
 static void hard_direction(lg_rng *rng, double *q) {
     const uint64_t what = lg_rng_below(rng, 4), axis = lg_rng_below(rng, 3);
     random_vector(rng, 3, q);
@@ -505,7 +508,7 @@ static void hard_copy(lg_rng *rng, lg_space_kind kind, double scale, double *y) 
     if (kind == LG_SPACE_SO3 || kind == LG_SPACE_SE3) hard_rotation(rng, y);
 }
 
-/* The first products are a single kind each, of each scale. */
+/* The first products consist of a single kind, one for each scale. */
 static tangents *make_tangents(uint64_t number) {
     static const double scales[] = {1.0, 1e-9, 1e9, 0.0}; /* of places and momenta */
     tangents *t = lg_test_memory(sizeof *t);
@@ -530,7 +533,7 @@ static tangents *make_tangents(uint64_t number) {
     return t;
 }
 
-/* basis c */
+/* vector = basis c */
 static void combine(const tangents *t, const double *c, double *vector) {
     const size_t r = t->space.tangent_dim;
     for (size_t i = 0; i < t->space.dim; i++) {
@@ -543,7 +546,7 @@ static void column_of(const tangents *t, size_t j, double *out) {
     for (size_t i = 0; i < t->space.dim; i++) out[i] = t->basis[i * t->space.tangent_dim + j];
 }
 
-TEST("columns of a basis are tangent and have the unit coordinates; every generator is made of them") {
+TEST("columns of a basis are tangent and have unit coordinates; every generator is a combination of them") {
     for (uint64_t number = 0; number < PRODUCTS; number++) {
         tangents *t = make_tangents(number);
         double column[ROOM], flat[ROOM], c[ROOM], a[ROOM];
@@ -564,7 +567,7 @@ TEST("columns of a basis are tangent and have the unit coordinates; every genera
     }
 }
 
-/* Differences of the constraints, which are of degree 2, in states of size 1. */
+/* Differences of the constraints, which are polynomials of degree 2, at states of size 1. */
 TEST("along the columns of a basis the constraints do not change to first order") {
     for (uint64_t number = 0; number < PRODUCTS; number++) {
         tangents *t = make_tangents(number);
@@ -577,7 +580,7 @@ TEST("along the columns of a basis the constraints do not change to first order"
     }
 }
 
-TEST("the generator of a lift is the vector") {
+TEST("the generator of a lifted vector is the vector") {
     for (uint64_t number = 0; number < PRODUCTS; number++) {
         tangents *t = make_tangents(number);
         double c[ROOM], vector[ROOM], a[ROOM], back[ROOM], *y = t->y, *v = vector;
@@ -617,8 +620,8 @@ TEST("a retraction stays on the manifold, and its derivative at 0 is the vector"
     }
 }
 
-/* exp(a) is affine: differences by the whole column are exact. */
-TEST("what a retraction carries are the columns moved by the group, in coordinates there") {
+/* exp(a) is affine, so differences along whole columns are exact. */
+TEST("a retraction also gives the basis columns moved by the group, in coordinates at the new point") {
     for (uint64_t number = 0; number < PRODUCTS; number++) {
         tangents *t = make_tangents(number);
         const size_t r = t->space.tangent_dim, d = t->space.dim;
@@ -648,7 +651,7 @@ TEST("what a retraction carries are the columns moved by the group, in coordinat
     }
 }
 
-TEST("a copy's basis, coordinates and retraction are the same bits wherever it stands") {
+TEST("the bits of a copy's basis, coordinates and retraction do not depend on its place") {
     for (size_t k = 0; k < CASES; k++) {
         fixture f = make(&cases[k], COPIES), one = make(&cases[k], 1);
         double y[MAX_STATE], vector[MAX_STATE], c[MAX_STATE], out[MAX_STATE], alone[MAX_STATE];
@@ -666,7 +669,7 @@ TEST("a copy's basis, coordinates and retraction are the same bits wherever it s
     }
 }
 
-TEST("steps on S^2 are great circles, those on SO(3) turns about the axis in the body") {
+TEST("retractions on S^2 follow great circles, on SO(3) they turn about an axis fixed in the body") {
     lg_rng rng = test_rng(61, 0);
     for (int repeat = 0; repeat < 20; repeat++) {
         lg_space sphere, body;
@@ -694,9 +697,10 @@ TEST("steps on S^2 are great circles, those on SO(3) turns about the axis in the
     }
 }
 
-/* ---- spaces in words ---- */
+/* ---- texts of spaces ---- */
 
-/* What is read is what was written: no two texts are one space. */
+/* A text that can be read must be the text that the space is written as, so that no two texts mean one
+ * space. */
 static void check_text(const char *text) {
     lg_space space;
     lg_error error = {LG_OK, ""};
@@ -720,7 +724,7 @@ static void damage(lg_rng *rng, const char *text, char *out) {
     if (what > 0) memcpy(out + at + (what == 2), text + at + (what == 1), length - at + (what == 2));
 }
 
-TEST("every product is read back from its text, and a damaged text is refused or another space's text") {
+TEST("every product is read back from its text, and a damaged text is refused or is another space's text") {
     lg_rng rng = test_rng(62, 0);
     for (int repeat = 0; repeat < 2000; repeat++) {
         lg_space_factor factors[LG_SPACE_MAX_FACTORS];
@@ -743,7 +747,7 @@ TEST("every product is read back from its text, and a damaged text is refused or
     }
 }
 
-TEST("a text that is no space is refused where it is wrong") {
+TEST("a text that is not a space is refused, and the message shows where it is wrong") {
     static const char *const rows[][2] = {
         {"", "found ''"},
         {"R^", "found 'R^'"},
@@ -772,5 +776,5 @@ TEST("a text that is no space is refused where it is wrong") {
         assert_status(lg_space_read(rows[i][0], &space, &error), LG_FORMAT);
         if (strstr(error.message, rows[i][1]) == NULL) fail_msg("'%s': %s", rows[i][0], error.message);
     }
-    assert_int_equal(space.dim, 20); /* as before */
+    assert_int_equal(space.dim, 20); /* unchanged */
 }

@@ -1,4 +1,4 @@
-/* The stepper and its loops: exact cases, memory, reuse of field values, step control, bad input. */
+/* The stepper and its loops: exact cases, memory, reuse of field values, step control, invalid input. */
 #include "support/fixtures.h"
 
 #include "liegrad/geometry.h"
@@ -6,30 +6,30 @@
 
 #define PI 3.14159265358979323846
 
-/* y' = a . y with constant a behind user */
+/* y' = a . y, where `user` points to the constant a. */
 FIELD(constant_field, y) {
     memcpy(out, user, 6 * sizeof(double));
 }
 
-/* The same as an ambient field. */
+/* constant_field as an ambient field. */
 FIELD(turning_field, y) {
     lg_se3_generator(user, y, out);
 }
 
-/* R^2: y' = (t^4, input or 0) */
+/* R^2: y' = (t^4, input or 0). */
 FIELD(time_field, y) {
     out[0] = t * t * t * t;
     out[1] = input ? input[0] : 0.0;
 }
 
-/* R^1: y' = y^2, which reaches infinity at t = 1/y0; user: NULL, or the status to return */
+/* R^1: y' = y^2, which becomes infinite at t = 1/y0. `user`: NULL, or points to the status to return. */
 static lg_status blow_up_field(void *user, double t, const double *y, const double *input, double *out) {
     out[0] = y[0] * y[0];
     return user ? *(lg_status *)user : LG_OK;
 }
 
 FIELD(sqrt_field, y) {
-    out[0] = sqrt(0.5 - t); /* NaN beyond 1/2 */
+    out[0] = sqrt(0.5 - t); /* NaN for t > 1/2 */
 }
 
 static lg_stepper *make(const char *name, lg_ode ode) {
@@ -42,9 +42,9 @@ static lg_ode ode_on(lg_space_kind kind, size_t count, lg_vector_field field, vo
     return ode;
 }
 
-/* Stages carry t + c_i h: t^4 is integrated exactly by order 5, t^3's quadrature by order 4 is tested by its
- * error. */
-TEST("stages carry time and input") {
+/* Stages must be evaluated at t + c_i h: order 5 integrates t^4 exactly, and the quadrature of order 4 has a
+ * known error. */
+TEST("stages get the right time and the input") {
     double y0[2] = {0.0, 0.0}, out[4 * 2];
     const double inputs[3] = {1.0, -2.0, 4.0};
     lg_stepper *stepper = make("rkmk5", ode_on(LG_SPACE_RN, 2, time_field, NULL));
@@ -58,7 +58,7 @@ TEST("stages carry time and input") {
     assert_close(out[0], (1.0 + 4.0 * pow(1.5, 4.0) + 16.0) / 6.0, 1e-15, 0.0);
 }
 
-TEST("on R^n the Lie group schemes are the classical ones, to the bit") {
+TEST("on R^n the Lie group schemes have the bits of the classical schemes") {
     static const char *const pairs[][2] = {
         {"euler", "lie-euler"}, {"rk4", "rkmk4"}, {"rk4", "rkmk4-2c"}, {"dp54", "rkmk54"}};
     const double y0[1] = {0.3};
@@ -72,7 +72,8 @@ TEST("on R^n the Lie group schemes are the classical ones, to the bit") {
     }
 }
 
-TEST("first same as last: six evaluations a step, and a rejected step costs none for its start") {
+TEST("with first same as last a step takes six evaluations, and a rejected step does not evaluate its "
+     "start again") {
     const double y0[1] = {0.3};
     double out[2], y[1];
     lg_run_stats stats;
@@ -110,15 +111,15 @@ static lg_status drifting(void *user, double t, double h, double *y) {
     return LG_OK;
 }
 
-/* A field value is not carried to where it does not hold: from a step with an input to one without, or past
- * a last drift. The same step by a stepper without a past is the judge. */
-TEST("a field value is not carried to where it does not hold") {
+/* A field value must not be reused where it is invalid: after a step with another input, or after a final
+ * drift. The same step by a stepper that has made no step is the reference. */
+TEST("a field value is not reused where it is invalid") {
     const double y0[2] = {0.2, 0.3}, input[1] = {5.0};
     double y[2], here[2], there[2];
     for (size_t i = 0; i < lg_scheme_count(); i++) {
         const lg_scheme *scheme = lg_scheme_at(i);
         lg_ode ode = ode_on(LG_SPACE_RN, 2, time_field, NULL);
-        if (scheme->kind == LG_SCHEME_SLGI) continue; /* not for R^2 */
+        if (scheme->kind == LG_SCHEME_SLGI) continue; /* not possible on R^2 */
         ode.force = spring, ode.velocity = same, ode.step = drifting;
         lg_stepper *stepper = make(scheme->name, ode), *fresh = make(scheme->name, ode);
         assert_ok(lg_step(stepper, 0.0, 0.1, y0, input, y));
@@ -144,7 +145,7 @@ TEST("a field value is not carried to where it does not hold") {
     }
 }
 
-TEST("a stepper keeps to the caller's memory") {
+TEST("a stepper writes only into the caller's memory") {
     const lg_ode ode = ode_on(LG_SPACE_RN, 3, blow_up_field, NULL);
     const lg_scheme *scheme = lg_scheme_find("rkmk54");
     const size_t bytes = lg_stepper_size(scheme, &ode);
@@ -157,13 +158,13 @@ TEST("a stepper keeps to the caller's memory") {
     assert_ok(lg_stepper_init(scheme, &ode, &stepper, memory, bytes));
     double y[3] = {0.1, 0.2, 0.3};
     assert_ok(lg_step(stepper, 0.0, 0.1, y, NULL, y));
-    assert_true(memory[bytes] == 0xa5); /* nothing beyond the block */
+    assert_true(memory[bytes] == 0xa5); /* nothing is written beyond the block */
     free(memory);
 }
 
 /* ---- step control ---- */
 
-TEST("control is a pure function") {
+TEST("step control depends only on its arguments") {
     lg_step_controller c;
     lg_step_controller_init(&c);
     const lg_step_history plain = {.h = 0.1}, after = {.h = 0.1, .rejected = true};
@@ -173,9 +174,10 @@ TEST("control is a pure function") {
     d = lg_step_controller_decide(&c, 0.2, 32.0, &plain);
     assert_false(d.accept);
     assert_close(d.h, 0.1 * 0.9 / 2.0, 1e-15, 0.0);
-    assert_close(lg_step_controller_decide(&c, 0.2, 1e-20, &plain).h, 0.5, 1e-15, 0.0); /* clamp above */
+    assert_close(lg_step_controller_decide(&c, 0.2, 1e-20, &plain).h, 0.5, 1e-15, 0.0); /* largest growth */
     assert_close(lg_step_controller_decide(&c, 0.2, 0.0, &plain).h, 0.5, 1e-15, 0.0);
-    assert_close(lg_step_controller_decide(&c, 0.2, 1e20, &plain).h, 0.02, 1e-15, 0.0); /* and below */
+    /* largest reduction */
+    assert_close(lg_step_controller_decide(&c, 0.2, 1e20, &plain).h, 0.02, 1e-15, 0.0);
     assert_close(lg_step_controller_decide(&c, 0.2, 1e-20, &after).h, 0.1, 1e-15,
                  0.0); /* no growth after a rejection */
     d = lg_step_controller_decide(&c, 0.2, NAN, &plain);
@@ -196,7 +198,7 @@ TEST("control is a pure function") {
     assert_close(lg_error_norm(1e-6, atol, e, y, next, 2), sqrt(0.5 * 1.5 * 1.5), 1e-14, 0.0);
 }
 
-/* y' = y; the times of the evaluations are noted. */
+/* y' = y; records the times of the evaluations. */
 typedef struct times_seen {
     double t[16];
     size_t count;
@@ -208,8 +210,8 @@ FIELD(noting_field, y) {
     out[0] = y[0];
 }
 
-/* The second step of a run has the length that the first one's error asks for: safety h err^(-1/5). */
-TEST("a run uses the lower order of a pair") {
+/* The second step of a run must have the length that follows from the first error: safety h err^(-1/5). */
+TEST("step control uses the lower order of an embedded pair") {
     const double y0[1] = {1.0}, times[1] = {10.0}, h = 0.25;
     double y[1], out[1];
     times_seen seen = {.count = 0};
@@ -220,16 +222,16 @@ TEST("a run uses the lower order of a pair") {
     lg_stepper *stepper = make("dp54", ode_on(LG_SPACE_RN, 1, noting_field, &seen));
     assert_ok(lg_step(stepper, 0.0, h, y0, NULL, y));
     const double error = lg_error_norm(c.rtol, &c.atol, lg_stepper_error(stepper), y0, y, 1);
-    assert_true(error < 1.0 && error > 1e-3); /* accepted, and not clamped */
+    assert_true(error < 1.0 && error > 1e-3); /* accepted, and within the limits of growth */
     lg_stepper_reset(stepper);
     seen.count = 0;
     assert_ok(lg_integrate_adaptive(stepper, &c, 0.0, y0, times, 1, out, NULL));
-    /* seven evaluations in the first step, the first of the second at its c_2 = 1/5 */
+    /* The first step makes seven evaluations; the first one of the second step is at c_2 = 1/5. */
     assert_close(seen.t[6], h, 1e-15, 0.0);
     assert_close(5.0 * (seen.t[7] - h), 0.9 * h * pow(error, -0.2), 1e-12, 0.0);
 }
 
-TEST("a run that fails keeps what it has reached") {
+TEST("a run that fails keeps the results so far") {
     const double y0[1] = {1.0}, times[] = {0.5, 2.0}, none[] = {0.25, 1.0};
     double out[2] = {7.0, 7.0};
     lg_run_stats stats;
@@ -257,7 +259,7 @@ TEST("a run that fails keeps what it has reached") {
     assert_int_equal(stats.evaluations, 1);
 }
 
-TEST("bad arguments of a run are refused, and nothing is written") {
+TEST("invalid arguments of a run are refused, and nothing is written") {
     const double y0[1] = {1.0}, bad[1] = {NAN}, zigzag[] = {0.5, 0.25}, through[] = {-0.5, 0.5},
                  nan_time[] = {NAN};
     double out[8] = {7.0};
@@ -288,7 +290,7 @@ TEST("bad arguments of a run are refused, and nothing is written") {
     assert_status(lg_integrate_adaptive(s, NULL, 0.0, y0, zigzag, 1, out, NULL), LG_UNSUPPORTED);
 }
 
-/* ---- schemes as data ---- */
+/* ---- checks of schemes ---- */
 
 TEST("every scheme of the table is consistent") {
     for (size_t i = 0; i < lg_scheme_count(); i++) {
@@ -316,7 +318,7 @@ static void assert_faulty(const lg_scheme *scheme) {
     assert_null(stepper);
 }
 
-TEST("faulty schemes are refused") {
+TEST("wrong schemes are refused") {
     const lg_scheme rk4 = *lg_scheme_find("rk4"), cf4 = *lg_scheme_find("cf4"),
                     sv = *lg_scheme_find("stormer-verlet"), dp = *lg_scheme_find("rkmk54");
     lg_scheme s;
@@ -345,7 +347,7 @@ TEST("faulty schemes are refused") {
     s = sv, s.embedded_order = 1, assert_faulty(&s);
 }
 
-TEST("faulty brackets, dense output and angles are refused") {
+TEST("wrong brackets, dense output and angles are refused") {
     const lg_scheme two = *lg_scheme_find("rkmk4-2c"), dp = *lg_scheme_find("rkmk54"),
                     midpoint = *lg_scheme_find("midpoint"), slgi = *lg_scheme_find("slgi");
     static const lg_commutator bad[] = {{0, 0, 0, 1.0}, {5, 0, 1, 1.0},  {2, 2, 1, 1.0},
@@ -372,7 +374,7 @@ TEST("faulty brackets, dense output and angles are refused") {
     s = *lg_scheme_find("rkmk4"), s.project = true, assert_faulty(&s);
 }
 
-TEST("each new state is projected, also that of a scheme that keeps its last value") {
+TEST("each new state is projected, also if the scheme reuses its last field value") {
     double a[6] = {0.5, -0.4, 0.7, 0.3, 0.6, -0.2}, y0[6] = {0.6, 0.0, 0.8, 0.8, 0.5, -0.6}, out[12], next[6];
     lg_scheme dp = *lg_scheme_find("dp54");
     lg_space ts2;
@@ -399,7 +401,7 @@ FIELD(half, x) {
     out[0] = x[0];
 }
 
-TEST("schemes and equations that do not fit are refused") {
+TEST("schemes and equations that do not fit together are refused") {
     lg_stepper *stepper = NULL;
     lg_ode ode = ode_on(LG_SPACE_TS2, 1, constant_field, NULL);
     assert_status(lg_stepper_create(NULL, lg_scheme_find("rk4"), &ode, &stepper), LG_UNSUPPORTED);
@@ -407,7 +409,7 @@ TEST("schemes and equations that do not fit are refused") {
     lg_scheme implicit = *lg_scheme_find("midpoint");
     implicit.ambient = false;
     assert_status(lg_stepper_create(NULL, &implicit, &ode, &stepper), LG_UNSUPPORTED);
-    assert_ok(lg_space_init_rn(&ode.space, 20000)); /* its Jacobian is full */
+    assert_ok(lg_space_init_rn(&ode.space, 20000)); /* the Jacobian is a full matrix, too large here */
     assert_status(lg_stepper_create(NULL, &implicit, &ode, &stepper), LG_UNSUPPORTED);
     assert_int_equal(lg_stepper_size(&implicit, &ode), 0);
     ode = ode_on(LG_SPACE_RN, 3, constant_field, NULL);
@@ -419,7 +421,7 @@ TEST("schemes and equations that do not fit are refused") {
     ode.field = NULL;
     assert_status(lg_stepper_create(NULL, lg_scheme_find("rk4"), &ode, &stepper), LG_INVALID_ARGUMENT);
     ode = ode_on(LG_SPACE_RN, 2, constant_field, NULL);
-    ode.space.dim = 1; /* not what lg_space_init made */
+    ode.space.dim = 1; /* differs from the dimension that lg_space_init computed */
     assert_status(lg_stepper_create(NULL, lg_scheme_find("rk4"), &ode, &stepper), LG_INVALID_ARGUMENT);
     assert_null(stepper);
 }

@@ -1,4 +1,4 @@
-/* Symplecticity through the taped Jacobian: on R^2n, and on T*SO(3) in right-trivialised coordinates. */
+/* Symplecticity by the taped Jacobian, on R^2n and on T*SO(3) in right-trivialised coordinates. */
 #include "mechanics/system_check.h"
 
 #include "liegrad/taped.h"
@@ -69,14 +69,14 @@ static double flat_defect(const char *name, double h) {
     return defect;
 }
 
-TEST("symplectic schemes keep the form on R^4") {
+TEST("symplectic schemes preserve the symplectic form on R^4") {
     for (size_t i = 0; i < lg_scheme_count(); i++)
         if (lg_scheme_at(i)->kind == LG_SCHEME_SPLITTING)
             assert_true(flat_defect(lg_scheme_at(i)->name, 0.1) <= 1e-14);
     assert_true(flat_defect("midpoint", 0.1) <= 1e-14);
 }
 
-TEST("other schemes do not keep the form on R^4") {
+TEST("other schemes do not preserve the form on R^4") {
     assert_true(flat_defect("euler", 0.1) > 1e-3);
     assert_true(flat_defect("implicit-euler", 0.1) > 1e-3);
     assert_true(flat_defect("rk4", 0.1) > 1e-7);
@@ -84,16 +84,16 @@ TEST("other schemes do not keep the form on R^4") {
 
 /* ---- T*SO(3): the heavy top ---- */
 
-/* Inertia, mass, length, direction of the centre, gravity. */
+/* Inertia, mass, length, direction of the centre of mass, gravity. */
 static const double skew_top[] = {1.0, 1.3, 0.6, 1.0, 1.0, 0.48, -0.6, 0.64, 0.0, 0.0, -9.81};
 
-/* Three steps from (exp(e) Q0, mu0 + d): the momenta at start and end, and the end's tangents (6, 6) in the
- * coordinates (xi, dmu), dQ = hat(xi) Q, along those of (e, d). */
+/* Three steps from (exp(e) Q0, mu0 + d): the momenta at start and end, and the tangents at the end (6, 6) in
+ * the coordinates (xi, dmu) with dQ = hat(xi) Q, as derivatives by (e, d). */
 typedef struct flow {
     double before[3], after[3], tangent[6][6];
 } flow;
 
-/* xi of dQ = hat(xi) Q, column j of dQ (9, 6) */
+/* xi with dQ = hat(xi) Q, from column j of dQ (9, 6). */
 static void angular(const double *Q, const double *dQ, int j, double xi[3]) {
     double S[3][3];
     for (int r = 0; r < 3; r++)
@@ -139,7 +139,7 @@ static double dot(const double *a, const double *b) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-/* omega((xi1, dmu1), (xi2, dmu2)) = <dmu2, xi1> - <dmu1, xi2> + sign <mu, [xi1, xi2]>; the canonical form has
+/* omega((xi1, dmu1), (xi2, dmu2)) = <dmu2, xi1> - <dmu1, xi2> + sign <mu, [xi1, xi2]>. The canonical form has
  * sign -1. */
 static double form(double sign, const double *mu, const double *a, const double *b) {
     const double bracket[3] = {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2],
@@ -147,7 +147,7 @@ static double form(double sign, const double *mu, const double *a, const double 
     return dot(b + 3, a) - dot(a + 3, b) + sign * dot(mu, bracket);
 }
 
-/* The largest change of the form over pairs of basis vectors. */
+/* The largest change of the form over all pairs of basis vectors. */
 static double top_defect(const lg_scheme *scheme, double h, double sign) {
     flow f;
     double defect = 0.0;
@@ -164,7 +164,7 @@ static double top_defect(const lg_scheme *scheme, double h, double sign) {
     return defect;
 }
 
-TEST("slgi keeps the form on T*SO(3) for every theta") {
+TEST("slgi preserves the form on T*SO(3) for every theta") {
     static const double theta[] = {0.0, 0.3, 0.5, 1.0};
     for (size_t i = 0; i < sizeof(theta) / sizeof(*theta); i++) {
         lg_scheme scheme = *lg_scheme_find("slgi");
@@ -175,7 +175,7 @@ TEST("slgi keeps the form on T*SO(3) for every theta") {
     }
 }
 
-TEST("other schemes do not keep the form on T*SO(3)") {
+TEST("other schemes do not preserve the form on T*SO(3)") {
     assert_true(top_defect(lg_scheme_find("rkmk4"), 0.05, -1.0) > 1e-8);
     assert_true(top_defect(lg_scheme_find("lie-euler"), 0.05, -1.0) > 1e-3);
 }

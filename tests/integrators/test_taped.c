@@ -1,5 +1,6 @@
-/* The taped interpreter against the plain one, on every scheme of the table and every kind of space; what it
- * keeps and what it refuses. lg-gradcheck holds the derivatives of every scheme against differences. */
+/* Compares the taped interpreter with the plain one for every scheme of the table and every kind of space;
+ * also which values it reuses and what it refuses. lg-gradcheck compares the derivatives of every scheme with
+ * differences. */
 #include "support/fixtures.h"
 
 #include "autodiff/ops/op.h"
@@ -8,15 +9,15 @@
 
 enum { BATCH = 3, STEPS = 4, EVERY = 2, MAX_DIM = 72, INPUTS = 2 };
 
-/* ---- a nonlinear field on any space that depends on time and input ---- */
+/* ---- a nonlinear field that depends on time and input, for any space ---- */
 
-/* f_j(t, y, u) = 0.6 sin(sum_i W_ij y_i + phase_j + 0.7 t + sum_l U_lj u_l); W (dim, m), m the dimension of
- * the algebra, U (INPUTS, m). */
+/* f_j(t, y, u) = 0.6 sin(sum_i W_ij y_i + phase_j + 0.7 t + sum_l U_lj u_l). W is (dim, m) with m the
+ * dimension of the algebra, U is (INPUTS, m). */
 typedef struct wave {
     lg_space space;
     size_t dim, m;
     double W[MAX_DIM * MAX_DIM], phase[MAX_DIM], U[INPUTS * MAX_DIM];
-    int evaluations; /* on the tape */
+    int evaluations; /* evaluations on the tape */
 } wave;
 
 static void wave_init(wave *w, const lg_space *space, size_t dim, size_t m, uint64_t seed) {
@@ -74,7 +75,7 @@ static const lg_space_factor cotangent[] = {{LG_SPACE_SE3, 1}, {LG_SPACE_RN, 4}}
 static const lg_space_factor constrained[] = {
     {LG_SPACE_TS2, 1}, {LG_SPACE_SO3, 2}, {LG_SPACE_SE3, 1}, {LG_SPACE_SE3_DUAL, 1}, {LG_SPACE_RN, 1}};
 
-/* A point in each copy, from which the group moves to a random one. */
+/* A point for each kind of factor; a random group element then moves it. */
 static const double origin[LG_SPACE_KINDS][12] = {
     [LG_SPACE_RN] = {0.4},
     [LG_SPACE_TS2] = {0.6, 0.0, 0.8, 0.8, 1.0, -0.6},
@@ -102,7 +103,7 @@ static void random_start(lg_rng *rng, const lg_space *space, double *y) {
 
 /* ---- every scheme ---- */
 
-/* A scheme's equation in both forms. */
+/* The equation for a scheme, plain and taped. */
 typedef struct pair {
     wave wave;
     lg_ode plain;
@@ -180,7 +181,7 @@ typedef void (*comparison)(lg_tape *tape, const lg_scheme *scheme, double tolera
 static void variants(lg_tape *tape, comparison compared, double tolerance) {
     lg_scheme s = *lg_scheme_find("rkmk4");
     for (s.dexpinv = 0; s.dexpinv <= 8; s.dexpinv++) compared(tape, &s, tolerance);
-    s = *lg_scheme_find("dp54"); /* what FSAL knows does not hold after a projection */
+    s = *lg_scheme_find("dp54"); /* a field value that FSAL reuses is invalid after a projection */
     s.project = true;
     compared(tape, &s, tolerance);
     s = *lg_scheme_find("symplectic-euler"); /* positions at more than one time inside the step */
@@ -198,7 +199,7 @@ static void variants(lg_tape *tape, comparison compared, double tolerance) {
     }
 }
 
-/* The table, then variants. */
+/* Compares all schemes of the table, then variants of some. */
 static void every_scheme(comparison compared, lg_dtype dtype, double tolerance) {
     lg_tape_options options;
     lg_tape *tape;
@@ -211,15 +212,15 @@ static void every_scheme(comparison compared, lg_dtype dtype, double tolerance) 
     lg_tape_destroy(tape);
 }
 
-TEST("every scheme on a tape is the plain one") {
+TEST("every scheme on a tape agrees with the plain one") {
     every_scheme(compare, LG_F64, 1e-13);
 }
 
-TEST("every scheme on a float tape is the plain one") {
+TEST("every scheme on a float tape agrees with the plain one") {
     every_scheme(compare, LG_F32, 1e-5);
 }
 
-/* ---- times, steps and inputs of each row ---- */
+/* ---- times, steps and inputs that differ from row to row ---- */
 
 enum { ROW_TIMES = 1, ROW_STEPS = 2, INPUT = 4, EVERYTHING = 7 };
 
@@ -235,7 +236,8 @@ static lg_taped_interval make_interval(lg_tape *tape, int given, double t, doubl
     return over;
 }
 
-/* One step with what is given against the plain stepper's, row by row. */
+/* Compares one step, with each combination of given times, steps and inputs, with the plain stepper, row by
+ * row. */
 static void compare_rows(lg_tape *tape, const lg_scheme *scheme, double tolerance) {
     static pair p;
     static double expected[MAX_DIM], got[BATCH * MAX_DIM];
@@ -261,15 +263,16 @@ static void compare_rows(lg_tape *tape, const lg_scheme *scheme, double toleranc
     }
 }
 
-TEST("times, steps and inputs of each row are those of plain steps") {
+TEST("steps with times, lengths and inputs of each row agree with plain steps") {
     every_scheme(compare_rows, LG_F64, 1e-13);
 }
 
-TEST("times, steps and inputs of each row on a float tape are those of plain steps") {
+TEST("steps with times, lengths and inputs of each row agree with plain steps on a float tape") {
     every_scheme(compare_rows, LG_F32, 1e-5);
 }
 
-TEST("a time is the sum of what it holds; one that holds a step of its own is a start like any other") {
+TEST("a time is the sum of its parts; a time that contains an earlier step length is a start like any "
+     "other") {
     const lg_scheme *scheme = lg_scheme_find("rkmk4");
     static pair p;
     static double expected[BATCH * MAX_DIM], got[BATCH * MAX_DIM];
@@ -289,7 +292,8 @@ TEST("a time is the sum of what it holds; one that holds a step of its own is a 
     lg_var start = lg_input(tape, lg_shape2(BATCH, (uint32_t)dim), p.start);
     assert_ok(lg_taped_split(tape, &p.taped.space, start, y));
     for (int b = 0; b < BATCH; b++) sum[b] = 0.6 + row_t[b] + 3.0 * other[b];
-    lg_taped_interval over = make_interval(tape, ROW_STEPS, 0.0, 0.0); /* its step is another variable */
+    /* the interval's step length is another variable */
+    lg_taped_interval over = make_interval(tape, ROW_STEPS, 0.0, 0.0);
     over.t = (lg_taped_time){.rows = lg_input(tape, lg_shape2(BATCH, 1), sum)};
     assert_ok(lg_taped_step_over(tape, scheme, &p.taped, &over, y, out));
     assert_ok(lg_read(tape, lg_taped_join(tape, &p.taped.space, out), BATCH * dim, expected));
@@ -299,7 +303,7 @@ TEST("a time is the sum of what it holds; one that holds a step of its own is a 
     assert_states("times", got, expected, BATCH * dim, 1e-14);
 }
 
-/* y' = a y + c t^3, user: a, c */
+/* y' = a y + c t^3; `user` points to a and c. */
 TAPED_FIELD(cubic) {
     const double *of = user;
     lg_var rows = lg_taped_time_rows(tape, t, lg_var_shape(tape, y[0]).dims[0]);
@@ -307,7 +311,7 @@ TAPED_FIELD(cubic) {
     out[0] = lg_linear_combination(tape, terms, of, 2);
 }
 
-/* d^n y1/dx^n of one step of RK4 from y = 0.7, t = 0.4, h = 0.3; x: h or t */
+/* d^n y1/dx^n for one step of RK4 from y = 0.7, t = 0.4, h = 0.3, where x is h or t. */
 static double nth_derivative(double a, double c, int n, bool by_h) {
     const double y0 = 0.7, t0 = 0.4, h0 = 0.3;
     double of[2] = {a, c}, got;
@@ -324,9 +328,9 @@ static double nth_derivative(double a, double c, int n, bool by_h) {
     return got;
 }
 
-/* y' = a y: y1 = y sum_{k <= 4} (a h)^k/k!. y' = t^3: Simpson's rule is exact, y1 = y + ((t + h)^4 - t^4)/4.
- */
-TEST("derivatives in h and t to order 4 are closed forms") {
+/* y' = a y: y1 = y sum_{k <= 4} (a h)^k/k!. y' = t^3: Simpson's rule is exact, y1 = y + ((t + h)^4 -
+ * t^4)/4. */
+TEST("derivatives by h and t up to order 4 agree with closed forms") {
     const double a = -1.3, z = a * 0.3, t = 0.4, e = 0.7;
     const double series[] = {1 + z + z * z / 2 + z * z * z / 6 + z * z * z * z / 24,
                              a * (1 + z + z * z / 2 + z * z * z / 6), a * a * (1 + z + z * z / 2),
@@ -402,7 +406,7 @@ static void check_maps(lg_tape *tape, const lg_space_factor *factors, size_t cou
     }
 }
 
-/* Points off the manifold by 1e-6 and by 0.2. */
+/* Projects points that are off the manifold by 1e-6 and by 0.2. */
 static void check_projection(lg_tape *tape, const lg_space_factor *factors, size_t count) {
     static operands o;
     for (double off = 1e-6; off < 1.0; off *= 2e5) {
@@ -423,7 +427,7 @@ static void check_projection(lg_tape *tape, const lg_space_factor *factors, size
     }
 }
 
-TEST("maps of every kind of space are the plain ones") {
+TEST("the taped maps of every kind of space agree with the plain ones") {
     lg_tape *tape = test_tape(LG_F64);
     for (int kind = 0; kind < LG_SPACE_KINDS; kind++)
         for (size_t copies = 1; copies <= 3; copies += 2) {
@@ -435,9 +439,9 @@ TEST("maps of every kind of space are the plain ones") {
     check_projection(tape, all_kinds, LG_COUNT(all_kinds));
 }
 
-/* ---- what is kept ---- */
+/* ---- values that are reused ---- */
 
-/* Evaluations of the field: of one step, and of three in a row. */
+/* Checks the number of evaluations of the field in one step, and in three steps in a row. */
 static void evaluations(const char *name, int one, int three) {
     static pair p;
     const lg_scheme *scheme = lg_scheme_find(name);
@@ -462,7 +466,7 @@ TEST("known values are not evaluated again") {
     evaluations("stormer-verlet", 3, 7); /* forces and velocities */
 }
 
-/* y' = -y, time and input ignored */
+/* y' = -y; time and input are ignored. */
 TAPED_FIELD(decay) {
     out[0] = lg_neg(tape, y[0]);
 }
@@ -471,7 +475,7 @@ static lg_status half_decay(void *user, lg_tape *tape, lg_taped_time t, lg_var h
     return decay(user, tape, t, &half, input, out);
 }
 
-/* Nodes of one step on R^6 or two copies of so(3)*, over what is given. */
+/* Number of nodes of one step on R^6 or on two copies of so(3)*, when the interval has what `given` says. */
 static size_t nodes_over(const lg_scheme *scheme, int given) {
     lg_taped_ode ode = {.field = decay, .force = half_decay, .velocity = half_decay};
     lg_var y;
@@ -490,7 +494,7 @@ static size_t nodes_over(const lg_scheme *scheme, int given) {
     return nodes;
 }
 
-TEST("a field that does not ask for time or input pays nothing for them") {
+TEST("a field that uses neither time nor input adds no nodes for them") {
     for (size_t i = 0; i < lg_scheme_count(); i++) {
         const lg_scheme *scheme = lg_scheme_at(i);
         if (scheme->kind == LG_SCHEME_VARIATIONAL || scheme->kind == LG_SCHEME_SLGI) continue;
@@ -499,7 +503,7 @@ TEST("a field that does not ask for time or input pays nothing for them") {
     }
 }
 
-/* Two recordings that ought to be the same, with the numbers that they end at. */
+/* Two recordings must have the same number of nodes and the same results. */
 static void assert_recorded_alike(lg_tape *tape, size_t nodes, lg_var got, size_t expected_nodes,
                                   lg_var expected) {
     double a[2 * BATCH], b[2 * BATCH];
@@ -509,8 +513,8 @@ static void assert_recorded_alike(lg_tape *tape, size_t nodes, lg_var got, size_
     assert_memory_equal(a, b, sizeof a);
 }
 
-/* With a constant step the stages are one combination each with the weights h a_ij, as they were before steps
- * could be variables: trained models keep their bits. */
+/* With a constant step length each stage is a single combination with the weights h a_ij, as it was before
+ * step lengths could be variables. So trained models keep their bits. */
 static void check_combinations(double h) {
     const double start[2 * BATCH] = {0.3, -0.7, 1.1, 0.2, -0.9, 0.5};
     const double weights[] = {h * (1.0 / 6), h * (1.0 / 3), h * (1.0 / 3), h * (1.0 / 6)}, half = h * 0.5,
@@ -543,12 +547,12 @@ static void check_combinations(double h) {
     assert_recorded_alike(tape, split_nodes, got, tape->count - from, expected);
 }
 
-TEST("constant steps are plain combinations") {
+TEST("with constant steps a stage is a single combination") {
     check_combinations(0.1);
     check_combinations(1.0);
 }
 
-/* Nodes of one step of size h. */
+/* Number of nodes of one step of size h. */
 static size_t nodes_of(const char *name, double h) {
     static pair p;
     lg_var y[LG_TAPED_MAX_PARTS];
@@ -562,7 +566,7 @@ static size_t nodes_of(const char *name, double h) {
     return nodes;
 }
 
-TEST("R^2n in one part and R^n x R^n are the same to splitting schemes, to the last bit") {
+TEST("splitting schemes give the same bits on R^2n as one part and on R^n x R^n") {
     static pair p;
     const lg_scheme *scheme = lg_scheme_find("stormer-verlet");
     lg_var two[2], ends[2], one;
@@ -583,21 +587,21 @@ TEST("R^2n in one part and R^n x R^n are the same to splitting schemes, to the l
     assert_status(lg_taped_step(tape, scheme, &p.taped, 0.0, 0.1, &y, &one), LG_UNSUPPORTED);
 }
 
-TEST("what Newton's method records is given back, however long it searches") {
+TEST("the nodes of Newton's method are removed from the tape, whatever the number of iterations") {
     assert_int_equal(nodes_of("slgi", 1e-9), nodes_of("slgi", 0.5));
     assert_int_equal(nodes_of("midpoint", 1e-9), nodes_of("midpoint", 0.5));
 }
 
 /* ---- refusals ---- */
 
-/* The state of the pair on a tape that is reset. */
+/* The state of the pair, on the tape after a reset. */
 static void fresh_state(lg_tape *tape, const pair *p, lg_var *y) {
     lg_tape_reset(tape);
     lg_var whole = lg_input(tape, lg_shape2(BATCH, (uint32_t)p->plain.space.dim), p->start);
     assert_ok(lg_taped_split(tape, &p->taped.space, whole, y));
 }
 
-/* The status is the tape's, and its sentence says this. */
+/* The tape must have the status of the call, and a message with these words. */
 #define REFUSED(tape, call, status, words)                                                                   \
     do {                                                                                                     \
         assert_status(call, status);                                                                         \
@@ -605,9 +609,9 @@ static void fresh_state(lg_tape *tape, const pair *p, lg_var *y) {
         assert_says(lg_tape_message(tape), words);                                                           \
     } while (0)
 
-TEST("schemes, spaces and functions that do not fit are refused, and the tape keeps why") {
+TEST("schemes, spaces and functions that do not fit are refused, and the tape keeps the message") {
     static const struct {
-        const char *scheme, *other; /* the pair belongs to `scheme`, the step to `other` */
+        const char *scheme, *other; /* the pair is made for `scheme`, the step is taken with `other` */
         lg_status status;
         const char *words;
     } rows[] = {{"cf4", "rk4", LG_UNSUPPORTED, "for R^n"},
@@ -671,7 +675,7 @@ static lg_status half_stops(void *user, lg_tape *tape, lg_taped_time t, lg_var h
     return LG_CANCELLED;
 }
 
-TEST("a field that ends a step without a word ends the tape too, for every scheme") {
+TEST("a field that fails without a message still fails the tape, for every scheme") {
     static pair p;
     lg_var y[LG_TAPED_MAX_PARTS], out[2 * LG_TAPED_MAX_PARTS] = {LG_NONE};
     lg_tape *tape = test_tape(LG_F64);
@@ -696,8 +700,8 @@ TEST("a field that ends a step without a word ends the tape too, for every schem
 
 enum { BENDS = 6 };
 
-/* A part of another shape than v: one row more or a single one, one number more, an axis more or less, two
- * axes for one another. LG_NONE where that is no change. */
+/* v with another shape: one row more, a single row, one number more, one axis more or fewer, or two axes
+ * exchanged. LG_NONE if this does not change the shape. */
 static lg_var bent(lg_tape *tape, lg_var v, int how) {
     lg_shape s = lg_var_shape(tape, v);
     const lg_shape was = s;
@@ -710,7 +714,7 @@ static lg_var bent(lg_tape *tape, lg_var v, int how) {
     return lg_same_shape(&s, &was) ? LG_NONE : lg_full(tape, s, 0.1);
 }
 
-/* One call of the table with each part of each argument bent in turn. */
+/* One call of the table; each part of each argument is changed by `bent` in turn. */
 typedef struct shaped {
     lg_tape *tape;
     const lg_space *space;
@@ -754,7 +758,8 @@ static lg_status call_integrate(shaped *s, lg_var *out) {
     return lg_taped_integrate(s->tape, s->scheme, s->ode, 0, 0.1, 2, 2, s->arguments[1], out);
 }
 
-/* Of one argument: other rows of a single part, and a tensor on R^n, whose parts alone have rank 2. */
+/* Whether a changed shape is valid all the same: for a single argument, another number of rows of its only
+ * part, or a tensor on R^n. */
 static bool is_sound(const shaped *s, size_t argument, size_t part, int how) {
     if (s->arguments[1 - argument] != NULL) return false;
     return (how <= 1 && lg_taped_parts(s->space) == 1) ||
@@ -781,7 +786,7 @@ static void refuse_bent(shaped *s, size_t *refused) {
             }
 }
 
-TEST("parts of another shape are refused, by maps on every kind of space and by every scheme") {
+TEST("parts of a wrong shape are refused by the maps on every kind of space and by every scheme") {
     static lg_status (*const maps[])(shaped *, lg_var *) = {call_act,     call_generator,     call_bracket,
                                                             call_dexpinv, call_exact_dexpinv, call_join};
     static operands o;
@@ -823,9 +828,9 @@ TEST("parts of another shape are refused, by maps on every kind of space and by 
     assert_true(refused > 1000);
 }
 
-/* What the field gives has its part `part` bent. */
+/* A field whose result has part `part` changed by `bent`. */
 typedef struct bending {
-    wave wave; /* first: it is the user of the fields */
+    wave wave; /* first member, because it is the `user` of the fields */
     size_t part;
     int how;
     bool bent;
@@ -852,7 +857,7 @@ static lg_status bent_half_wave(void *user, lg_tape *tape, lg_taped_time t, lg_v
     return lg_tape_status(tape);
 }
 
-TEST("what a field gives in another shape is refused, for every scheme") {
+TEST("results of a field that have a wrong shape are refused, for every scheme") {
     static pair p;
     static bending b;
     lg_var y[LG_TAPED_MAX_PARTS], out[LG_TAPED_MAX_PARTS] = {LG_NONE};
@@ -912,7 +917,7 @@ TEST("times, steps and inputs of a wrong shape are refused") {
     }
 }
 
-TEST("a time of other rows than asked for is refused") {
+TEST("a time with the wrong number of rows is refused") {
     static const lg_shape shapes[] = {{2, {BATCH + 1, 1}}, {2, {1, 1}}, {2, {BATCH, 2}}, {1, {BATCH}}};
     lg_tape *tape = test_tape(LG_F64);
     for (size_t i = 0; i < LG_COUNT(shapes); i++)
@@ -926,7 +931,7 @@ TEST("a time of other rows than asked for is refused") {
         }
 }
 
-TEST("a manifold that does not fit is refused") {
+TEST("a projection to a manifold that does not fit is refused") {
     static pair p;
     const lg_scheme *scheme = lg_scheme_find("rk4-projected");
     make_pair(&p, scheme);
@@ -938,12 +943,12 @@ TEST("a manifold that does not fit is refused") {
             "the manifold has another dimension");
 }
 
-/* y' = 1 + y^2: y1 = y0 + h (1 + y1^2) has no real solution for h > 1/2 at y0 = 0. */
+/* y' = 1 + y^2: for h > 1/2 and y0 = 0 the equation y1 = y0 + h (1 + y1^2) has no real solution. */
 TAPED_FIELD(without_solution) {
     out[0] = lg_add_scalar(tape, lg_square(tape, y[0]), 1.0);
 }
 
-TEST("implicit steps that do not converge say so") {
+TEST("implicit steps that do not converge return an error") {
     const lg_scheme *scheme = lg_scheme_find("implicit-euler");
     const double y0 = 0.0;
     lg_taped_ode ode = {.field = without_solution};
