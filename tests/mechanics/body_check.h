@@ -1,10 +1,10 @@
-/* A body that turns about a fixed point, written down once more in its own axes. */
+/* A second implementation of a body that turns about a fixed point, in the axes of the body. */
 #ifndef BODY_CHECK_H
 #define BODY_CHECK_H
 
 #include "mechanics/system_check.h"
 
-/* Numbers of a top; of mass 0: a free body. */
+/* Parameters of a top; mass 0: a free body. */
 typedef struct top {
     double inertia[3], mass, length, chi[3], gamma0[3];
 } top;

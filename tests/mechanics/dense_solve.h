@@ -1,11 +1,11 @@
-/* The reference for systems that the library solves in O(N). */
+/* The reference for linear systems that the library solves in O(N). */
 #ifndef DENSE_SOLVE_H
 #define DENSE_SOLVE_H
 
 #include <math.h>
 #include <stddef.h>
 
-/* x = A^-1 b by elimination with pivoting; A (n, n) and b are destroyed. */
+/* x = A^-1 b by elimination with pivoting. A (n, n) and b are overwritten. */
 static void dense_solve(size_t n, double *a, double *b, double *x) {
     for (size_t c = 0; c < n; c++) {
         size_t pivot = c;

@@ -1,4 +1,4 @@
-/* What the tests of systems share: making one, integrating it, random states. */
+/* Shared by the tests of systems: making a system, integrating it, drawing states. */
 #ifndef LG_SYSTEM_CHECK_H
 #define LG_SYSTEM_CHECK_H
 
@@ -11,7 +11,7 @@ enum { SYSTEM_MAX_DIM = 128 };
 
 RELEASES(release_system, lg_system_destroy)
 
-/* A system of the running test. */
+/* Makes a system that the running test owns. */
 static inline lg_system *make_system_with(const char *name, const lg_system_options *options) {
     lg_system *system = NULL;
     lg_error error = {LG_OK, ""};
@@ -36,7 +36,7 @@ static inline size_t system_numbers(const lg_parameter_entry *row, size_t links)
     return row->count > 0 ? row->count : links;
 }
 
-/* With these numbers for all parameters, in the order of the table. */
+/* Makes a system with these numbers as all its parameters, in the order of the table. */
 static inline lg_system *make_system_of(const char *name, const char *form, size_t links,
                                         const double *numbers) {
     enum { MOST = 32 };
@@ -55,7 +55,7 @@ static inline lg_system *make_system_of(const char *name, const char *form, size
     return make_system_with(name, &options);
 }
 
-/* Pendulums; arrays NULL: ones. */
+/* Makes a chain of pendulums. An array that is NULL stands for ones. */
 static inline lg_system *make_chain(const char *form, size_t links, double gravity, const double *masses,
                                     const double *lengths) {
     const lg_named_values given[] = {
@@ -79,14 +79,14 @@ static inline void evaluate(const lg_system *system, double t, const double *y, 
     assert_ok(ode.field(ode.user, t, y, NULL, algebra));
 }
 
-/* y' = f(t, y) . y */
+/* The velocity y' = f(t, y) . y. */
 static inline void velocity(const lg_system *system, double t, const double *y, double *out) {
     double algebra[SYSTEM_MAX_DIM];
     evaluate(system, t, y, algebra);
     lg_space_generator(lg_system_space(system), algebra, y, out);
 }
 
-/* The states at `times` from y0 at 0 with RKMK(5,4) at this relative tolerance. */
+/* The states at `times` from y0 at t = 0, by RKMK(5,4) with this relative tolerance. */
 static inline void integrate(const lg_system *system, double tolerance, const double *y0, const double *times,
                              size_t count, double *out) {
     double work[SYSTEM_MAX_DIM];
@@ -110,7 +110,7 @@ static inline void random_rotation(lg_rng *rng, double R[9]) {
     lg_so3_exp(u, R);
 }
 
-/* (q, omega) of each link: q uniform on the sphere, omega orthogonal to it. */
+/* Draws (q, omega) of each link: q uniformly on the sphere, omega orthogonal to it. */
 static inline void random_links(lg_rng *rng, size_t links, double *y) {
     for (size_t i = 0; i < links; i++, y += 6) {
         double u[3];
@@ -124,7 +124,8 @@ static inline void random_links(lg_rng *rng, size_t links, double *y) {
 
 /* ---- taped fields ---- */
 
-/* Plain algebra in the order of the parts: on factors with parts (u, v) the u of all copies come first. */
+/* Sorts the plain algebra element in the order of the parts: for factors with parts (u, v), the u of all
+ * copies come first. */
 static inline void algebra_in_parts(const lg_space *space, const double *algebra, double *out) {
     for (size_t f = 0; f < space->factors; f++) {
         const size_t copies = space->factor[f].count,

@@ -1,5 +1,5 @@
-/* The Hamiltonian chain against dense linear algebra, difference quotients and the general equations of a
- * constrained Hamiltonian system. */
+/* The Hamiltonian chain compared with dense linear algebra, difference quotients and the general equations of
+ * a constrained Hamiltonian system. */
 #include "mechanics/dense_solve.h"
 #include "mechanics/system_check.h"
 
@@ -12,7 +12,7 @@ static const double masses[MAX_LINKS] = {1.0, 1.3, 0.7, 2.0, 0.4},
                     lengths[MAX_LINKS] = {1.0, 0.8, 1.5, 0.6, 1.1};
 #define GRAVITY 9.81
 
-/* M(q), 3k x 3k: m_ij P_i P_j off the diagonal, m_ii I on it; q contiguous (k, 3) */
+/* M(q), 3k x 3k: blocks m_ij P_i P_j off the diagonal, m_ii I on it. q is (k, 3), contiguous. */
 static void dense_mass(size_t k, const double *m, const double *q, double *M) {
     const size_t n = 3 * k;
     for (size_t i = 0; i < k; i++)
@@ -41,7 +41,7 @@ static double dense_hamiltonian(const lg_system *system, const double *q, const 
     return H;
 }
 
-/* Pairs to rows and back: y = q1 p1 q2 p2 ..., q and p (k, 3). */
+/* Converts between pairs y = q1 p1 q2 p2 ... and the arrays q and p (k, 3). */
 static void unpack(size_t k, const double *y, double *q, double *p) {
     for (size_t i = 0; i < k; i++) {
         memcpy(q + 3 * i, y + 6 * i, 3 * sizeof(*q));
@@ -49,11 +49,11 @@ static void unpack(size_t k, const double *y, double *q, double *p) {
     }
 }
 
-/* Fourth-order difference quotient weights at -2, -1, 1, 2. */
+/* Weights of the fourth-order difference quotient at -2, -1, 1, 2. */
 static const double stencil[4][2] = {{-2, 1.0 / 12}, {-1, -2.0 / 3}, {1, 2.0 / 3}, {2, -1.0 / 12}};
 #define DELTA 1e-3
 
-TEST("on the manifold the gradient is the dense solution's, and the energy too") {
+TEST("on the manifold gradient and energy agree with dense linear algebra") {
     lg_rng rng = test_rng(22, 0);
     for (size_t k = 1; k <= MAX_LINKS; k++) {
         lg_system *system = make_chain("hamiltonian", k, GRAVITY, masses, lengths);
@@ -65,7 +65,7 @@ TEST("on the manifold the gradient is the dense solution's, and the energy too")
                      1e-13);
         assert_ok(lg_chain_gradient(&chain, y, v, g, work));
         assert_all_close(v, dense, 3 * k, 1e-12, 1e-13);
-        for (size_t j = 0; j < 3 * k; j++) { /* dH/dq, the kinetic part through M(q) */
+        for (size_t j = 0; j < 3 * k; j++) { /* dH/dq, whose kinetic part comes from M(q) */
             double quotient = 0.0;
             for (size_t s = 0; s < 4; s++) {
                 double shifted[MAX_N];
@@ -73,7 +73,7 @@ TEST("on the manifold the gradient is the dense solution's, and the energy too")
                 shifted[j] += DELTA * stencil[s][0];
                 quotient += stencil[s][1] / DELTA * dense_hamiltonian(system, shifted, p, NULL);
             }
-            /* Both are gradients of extensions of one function: only the tangential parts agree. */
+            /* Both are gradients of extensions of the same function, so only the tangential parts agree. */
             dense[j] = quotient;
         }
         for (size_t i = 0; i < k; i++) {
@@ -107,7 +107,7 @@ TEST("off the manifold the extended gradient is the gradient of the extended ene
     }
 }
 
-TEST("two links of ones by hand") {
+TEST("for two links with all parameters 1 the mass matrix and the potential agree with those by hand") {
     lg_system *system = make_chain("hamiltonian", 2, 1.0, NULL, NULL);
     double m[4], weights[2];
     const double expected[4] = {2.0, 1.0, 1.0, 1.0};
@@ -117,11 +117,12 @@ TEST("two links of ones by hand") {
     assert_true(weights[0] == 2.0 && weights[1] == 1.0);
 }
 
-TEST("what is seen of a chain are the positions and velocities of its masses; else it is the state") {
+TEST("the outputs of a chain are the positions and velocities of its masses; other systems output the "
+     "state") {
     const double L[2] = {2.0, 0.5}, m[2] = {1.0, 3.0};
     lg_system *chain = make_chain("lagrangian", 2, 1.0, m, L),
               *dual = make_chain("hamiltonian", 2, 1.0, m, L);
-    /* q_1 = e1 turning about e3, q_2 = e2 turning about e1 */
+    /* q_1 = e1 turning about e3, q_2 = e2 turning about e1. */
     const double y[12] = {1, 0, 0, 0, 0, 3, 0, 1, 0, -4, 0, 0};
     const double expected[12] = {2, 0, 0, 2, 0.5, 0, 0, 6, 0, 0, 6, -2};
     double p[12], seen[12], work[64];
@@ -138,7 +139,7 @@ TEST("what is seen of a chain are the positions and velocities of its masses; el
     assert_memory_equal(seen, x, sizeof(x));
 }
 
-TEST("invariants and manifold are kept by chains of up to 200 links, in both forms") {
+TEST("chains of up to 200 links keep invariants and manifold, in both forms") {
     static const size_t links[] = {1, 2, 5, 20, 200};
     for (size_t n = 0; n < 2 * LG_COUNT(links); n++) {
         const bool lagrangian = n % 2 == 1;
@@ -158,12 +159,13 @@ TEST("invariants and manifold are kept by chains of up to 200 links, in both for
                           after - before);
             assert_close(after, before, 1e-10, 1e-10);
         }
-        for (size_t i = 0; i < d; i++) size = fmax(size, fabs(end[i])); /* q.p is kept relative to |p| */
+        for (size_t i = 0; i < d; i++) size = fmax(size, fabs(end[i])); /* q.p = 0 is kept relative to |p| */
         assert_true(lg_space_manifold_error(lg_system_space(system), end) < 2e-14 * size);
     }
 }
 
-/* Upright plus 1e-8 falls: theta grows like exp(t sqrt(g/L)); an essentially relative tolerance sees it. */
+/* A pendulum that is 1e-8 off the upright position falls: theta grows like exp(t sqrt(g/L)). Only a tolerance
+ * that is nearly relative resolves this. */
 TEST("an upright pendulum falls as cosh, an equilibrium stays") {
     lg_system *system = make_chain("hamiltonian", 1, 1.0, NULL, NULL);
     const double y[6] = {1e-8, 0.0, 1.0, 0.0, 0.0, 0.0}, times[2] = {5.0, 10.0},
@@ -172,12 +174,12 @@ TEST("an upright pendulum falls as cosh, an equilibrium stays") {
     assert_ok(lg_reference_trajectories(NULL, system, y, 1, times, 2, 1e-10, 1e-30, out, NULL));
     assert_close(out[0], 1e-8 * cosh(5.0), 1e-9, 0.0);
     assert_close(out[3], 1e-8 * sinh(5.0), 1e-9, 0.0);
-    assert_close(out[6], 1e-8 * cosh(10.0), 1e-7, 0.0); /* sin(theta) is not theta any more: 1e-8 */
+    assert_close(out[6], 1e-8 * cosh(10.0), 1e-7, 0.0); /* sin(theta) differs from theta by 1e-8 */
     assert_ok(lg_reference_trajectories(NULL, system, rest, 1, times, 2, 0.0, 0.0, out, NULL));
     assert_memory_equal(out + 6, rest, sizeof(rest)); /* an equilibrium stays */
 }
 
-TEST("far off the manifold is a status") {
+TEST("a state far off the manifold returns an error") {
     lg_system *system = make_chain("hamiltonian", 2, GRAVITY, masses, lengths);
     const lg_chain chain = lg_chain_of(system);
     double y[12] = {0}, v[6], g[6], work[36];

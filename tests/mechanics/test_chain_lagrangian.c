@@ -1,6 +1,6 @@
-/* The Lagrangian chain against the Hamiltonian form and its own invariants; its field on a tape; the
- * variational integrator of both forms. test_system_properties.c derives the field from the energy,
- * test_chain.c has the energy by dense linear algebra. */
+/* The Lagrangian chain compared with the Hamiltonian form and its invariants; its field on a tape; the
+ * variational integrator of both forms. test_system_properties.c derives the field from the energy;
+ * test_chain.c compares the energy with dense linear algebra. */
 #include "mechanics/system_check.h"
 
 #include "liegrad/ops.h"
@@ -13,7 +13,8 @@ static const double masses[MAX_LINKS] = {1.0, 1.3, 0.7, 2.0, 0.4, 1.1, 0.9, 1.6,
                     lengths[MAX_LINKS] = {1.0, 0.8, 1.5, 0.6, 1.1, 0.7, 1.2, 0.9, 1.0, 0.5,
                                           1.3, 0.8, 0.6, 1.1, 0.9, 1.4, 0.7, 1.0, 1.2, 0.8};
 
-TEST("momenta and velocities are inverse, and both forms have the same invariants") {
+TEST("momenta and velocities are converted back and forth exactly, and both forms have the same "
+     "invariants") {
     lg_rng rng = test_rng(32, 0);
     for (size_t k = 1; k <= 3; k++) {
         lg_system *first = make_chain("lagrangian", k, GRAVITY, masses, lengths),
@@ -33,7 +34,7 @@ TEST("momenta and velocities are inverse, and both forms have the same invariant
     }
 }
 
-/* ---- on a tape: the field is one hand-written operation ---- */
+/* ---- the field on a tape, a single hand-written operation ---- */
 
 TEST("NaN in one row of a tape is no error and stays in that row") {
     lg_system *system = make_chain("lagrangian", 2, GRAVITY, masses, lengths);
@@ -53,9 +54,9 @@ TEST("NaN in one row of a tape is no error and stays in that row") {
     for (int i = 0; i < 12; i++) assert_true(isfinite(f[i]) && isfinite(f[24 + i]));
 }
 
-/* An input that depends on another one: q and omega are both made of x. Derivatives are partial inside, total
- * outside. */
-TEST("inputs may depend on each other: derivatives are total outside") {
+/* The inputs q and omega are both computed from x. Inside the operation derivatives are partial, outside they
+ * are total. */
+TEST("inputs may depend on each other: derivatives are total outside the operation") {
     lg_system *system = make_chain("lagrangian", 2, GRAVITY, masses, lengths);
     lg_tape *t = test_tape(LG_F64);
     const double x0[6] = {0.6, 0.0, 0.8, 0.0, 1.0, 0.0};
@@ -105,8 +106,8 @@ TEST("the variational integrator has order 2") {
     assert_true(slope > 1.85 && slope < 2.85);
 }
 
-/* 2000 steps: on the manifold to rounding, vertical angular momentum kept to rounding, energy within a band;
- * then back again. */
+/* 2000 steps forward and then back. Manifold and vertical angular momentum must be kept to rounding, the
+ * energy within a band. */
 TEST("the variational integrator is reversible and keeps manifold and momentum") {
     enum { N = 2000 };
     for (size_t k = 1; k <= 5; k += 2) {
@@ -147,7 +148,7 @@ TEST("the variational integrators of both forms agree") {
     assert_all_close(z, y, 6 * K, 1e-11, 1e-11);
 }
 
-TEST("variational steps that fail leave the state") {
+TEST("a variational step that fails leaves the state unchanged") {
     lg_system *system = make_chain("lagrangian", 2, GRAVITY, masses, lengths);
     double y[12] = {1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0}, before[12], work[36];
     lg_system_user user;
@@ -156,7 +157,8 @@ TEST("variational steps that fail leave the state") {
     memcpy(before, y, sizeof(y));
     assert_ok(ode.step(&user, 0.0, 0.0, y));
     assert_memory_equal(y, before, sizeof(y));
-    assert_true(ode.step(&user, 0.0, 10.0, y) != LG_OK); /* falls 490 m: no multiplier brings that back */
+    /* a fall by 490 m, which no multiplier can bring back to the manifold */
+    assert_true(ode.step(&user, 0.0, 10.0, y) != LG_OK);
     assert_memory_equal(y, before, sizeof(y));
     assert_status(ode.step(&user, 0.0, NAN, y), LG_NOT_FINITE);
     assert_memory_equal(y, before, sizeof(y));

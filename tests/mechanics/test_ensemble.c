@@ -1,5 +1,5 @@
-/* Ensembles: a member's bits whatever its company, lanes against one member at a time for the whole tables
- * of systems and schemes, events, failures, and statistics that do not depend on any order.
+/* Ensembles: a member's bits do not depend on the other members; lanes agree with one member at a time for
+ * all systems and schemes; events; failures; statistics that do not depend on the order.
  * ctest-labels: isa threads src/mechanics src/integrators */
 #include "mechanics/system_check.h"
 
@@ -13,19 +13,19 @@
 
 enum { MOST = 64, DIM = 32 };
 
-/* What a test keeps of its members. */
+/* What a test records of the members. */
 typedef struct seen {
     const lg_system *system;
-    size_t count;     /* times */
-    uint64_t first;   /* of the members that are kept */
-    bool vary, spoil; /* parameters; some members are refused */
+    size_t count;     /* number of times */
+    uint64_t first;   /* the first member that is recorded */
+    bool vary, spoil; /* vary: parameters vary; spoil: some members get an invalid start or parameter */
     double *states;   /* (members, count, dim) */
     double events[MOST][2];
     lg_ensemble_member member[MOST];
     size_t kept;
 } seen;
 
-/* A random point of the space: directions, rotations, numbers of size 1. */
+/* Draws a random point of the space: directions, rotations, and numbers in [-1, 1]. */
 static lg_status random_start(void *user, uint64_t member, double *y, double *parameters) {
     const seen *my = user;
     const lg_space *space = lg_system_space(my->system);
@@ -39,7 +39,7 @@ static lg_status random_start(void *user, uint64_t member, double *y, double *pa
             at += lg_space_kind_entry(kind)->state;
         }
     for (size_t i = 0; my->vary && i < lg_system_parameter_count(my->system); i++) {
-        /* a direction stays one: its entries are not varied */
+        /* The entries of a direction are not varied, since it must stay a unit vector. */
         char label[32];
         lg_system_parameter_label(my->system, i, label);
         if (strncmp(label, "chi", 3) != 0) parameters[i] *= lg_rng_uniform_in(&rng, 0.9, 1.1);
@@ -87,7 +87,7 @@ static seen run(const lg_system *system, const lg_ensemble_options *o, bool vary
     return my;
 }
 
-/* Whether the scheme can run on the system at all. */
+/* Whether the scheme can run on the system. */
 static bool applies(const lg_system *system, const lg_scheme *scheme) {
     double *work = test_work(lg_system_work_size(system));
     lg_system_user user;
@@ -96,13 +96,14 @@ static bool applies(const lg_system *system, const lg_scheme *scheme) {
     return lg_stepper_size(scheme, &ode) > 0;
 }
 
-/* Calls visit for every system, chains with one and three links, and every explicit scheme that applies. */
+/* Calls `visit` for every explicit scheme that fits and every system; chains have one and three links. */
 static void each_pair(void (*visit)(const lg_system *, const lg_scheme *)) {
     static const double gravity = 9.81;
     static const lg_named_values chain = {"gravity", &gravity, 1};
     const char *name, *form;
     for (size_t i = 0; lg_system_at(i, &name, &form); i++) {
-        if (strcmp(name, "quadrotors") == 0) continue; /* driven to a path: starts at random fly away */
+        /* follows a path under control: random starts would fly away */
+        if (strcmp(name, "quadrotors") == 0) continue;
         const bool links = strcmp(name, "pendulum-chain") == 0;
         for (size_t n = 1; n <= (links ? 3 : 1); n += 2) {
             lg_system_options options;
@@ -118,7 +119,7 @@ static void each_pair(void (*visit)(const lg_system *, const lg_scheme *)) {
     }
 }
 
-/* ---- bits ---- */
+/* ---- equal bits ---- */
 
 static void check_company(const lg_system *system, const lg_scheme *scheme) {
     enum { MEMBERS = 37, CHOSEN = 17 };
@@ -147,11 +148,11 @@ static void check_company(const lg_system *system, const lg_scheme *scheme) {
     assert_int_equal(some.member[6].rejected, all.member[CHOSEN].rejected);
 }
 
-TEST("a member alone has the bits that it has among others, for every system and scheme") {
+TEST("a member alone has the same bits as among others, for every system and scheme") {
     each_pair(check_company);
 }
 
-TEST("blocks and threads do not change a bit") {
+TEST("blocks and threads do not change the bits") {
     const lg_system *system = make_chain("lagrangian", 1, 9.81, NULL, NULL);
     lg_ensemble_options o = options_for(lg_scheme_find("dp85"), MOST);
     const seen few = run(system, &o, false, NULL);
@@ -160,10 +161,10 @@ TEST("blocks and threads do not change a bit") {
     assert_memory_equal(few.states, other.states, MOST * LG_COUNT(times) * 6 * sizeof(double));
 }
 
-/* ---- lanes against steps of one state ---- */
+/* ---- lanes compared with one member at a time ---- */
 
-/* Members that failed have NaN in both; where a coarse method has blown up in both there is nothing to
- * compare. */
+/* The largest difference. Not compared: numbers that are NaN in both (failed members), and numbers above 1e3
+ * in both (a coarse method diverged). */
 static double worst_difference(const double *a, const double *b, size_t n) {
     double worst = 0.0;
     for (size_t i = 0; i < n; i++) {
@@ -197,7 +198,7 @@ TEST("lanes and one member at a time agree, for every system and scheme") {
     each_pair(check_lanes);
 }
 
-TEST("truncated dexpinv on lanes is that of one state, and rotations stay rotations") {
+TEST("truncated dexpinv on lanes agrees with one member at a time, and rotations stay rotations") {
     const lg_system *system = make_system("rigid-body-attitude", NULL, NULL, 0);
     lg_scheme scheme = *lg_scheme_find("rkmk4");
     lg_ensemble_options o = options_for(&scheme, 9);
@@ -213,7 +214,7 @@ TEST("truncated dexpinv on lanes is that of one state, and rotations stay rotati
         assert_true(lg_space_manifold_error(lg_system_space(system), many.states + (m * 4 + 3) * 12) < 5e-15);
 }
 
-TEST("parameters of a member are those that it was given") {
+TEST("every member has the parameters that it was given") {
     enum { MEMBERS = 9 };
     const double masses[] = {1.0, 1.3}, lengths[] = {1.0, 0.8};
     const lg_system *system = make_chain("lagrangian", 2, 9.81, masses, lengths);
@@ -234,7 +235,7 @@ TEST("parameters of a member are those that it was given") {
 
 /* ---- known solutions ---- */
 
-/* q = r cos(t - a): member m has r = 1 + m and a = 0.1 m. */
+/* q = r cos(t - a), where member m has r = 1 + m and a = 0.1 m. */
 static lg_status circle_start(void *user, uint64_t member, double *y, double *parameters) {
     const double r = 1.0 + (double)member, a = 0.1 * (double)member;
     y[0] = r * cos(a);
@@ -250,7 +251,7 @@ static seen run_circle(const lg_ensemble_options *o) {
     return my;
 }
 
-TEST("events have the times of the exact solution, with their directions") {
+TEST("events have the times and directions of the exact solution") {
     static const char *const schemes[] = {"dp54", "dp85", "rk4", "cf4", "stormer-verlet"};
     static const double tolerance[] = {1e-9, 1e-9, 1e-9, 1e-9, 1e-4}, end[] = {0.0, 10.0};
     const lg_ensemble_event events[] = {
@@ -266,14 +267,15 @@ TEST("events have the times of the exact solution, with their directions") {
             if (o.steps > 0) o.steps = 2000;
             const seen my = run_circle(&o);
             for (int m = 0; m < 13; m++) {
-                /* q rises through 0 at t - a = 3 pi/2; p = -r sin(t - a), q - p falls at t - a = 3 pi/4 */
+                /* q rises through 0 at t - a = 3 pi/2. p = -r sin(t - a), so q - p falls at t - a = 3
+                 * pi/4. */
                 assert_close(my.events[m][0], 4.71238898038469 + 0.1 * m, 0, tolerance[s]);
                 assert_close(my.events[m][1], 2.356194490192345 + 0.1 * m, 0, tolerance[s]);
             }
         }
 }
 
-/* Looks until the root of exp(a x) = level in [0, 1] is known to 1e-12. */
+/* Number of evaluations until the root of exp(a x) = level in [0, 1] is known to 1e-12. */
 static int looks_for(double a, double level) {
     lg_event_search s = {.low = 0.0, .high = 1.0, .g_low = 1.0 - level, .g_high = exp(a) - level};
     lg_event_guess(&s);
@@ -282,18 +284,19 @@ static int looks_for(double a, double level) {
     return s.looks;
 }
 
-TEST("the search for an event needs few looks where g bends") {
+TEST("the search for an event needs few evaluations for a curved function") {
     assert_true(looks_for(0.5, 1.2) <= 8);
     assert_true(looks_for(5.0, 20.0) <= 20);
     assert_true(looks_for(-5.0, 0.1) <= 15);
 }
 
-/* 2 sinh(x/2)^2 = cosh x - 1 */
+/* 2 sinh(x/2)^2 = cosh x - 1. */
 static double bowl(double x) {
     return 2.0 * sinh(0.5 * x) * sinh(0.5 * x);
 }
 
-/* Looks for a change of sign of size (cosh(a (x - m)) - 1 - depth) in [0, 1]; its time, or NaN. */
+/* Searches for a change of sign of size (cosh(a (x - m)) - 1 - depth) in [0, 1]. Returns its time, or NaN if
+ * there is none. */
 static double dip_at(double size, double a, double m, double depth, int direction) {
     lg_event_search s = {.direction = direction,
                          .g_low = size * (bowl(a * m) - depth),
@@ -309,7 +312,8 @@ static double dip_at(double size, double a, double m, double depth, int directio
     return s.dips ? (double)NAN : s.fraction;
 }
 
-TEST("a number that turns just beyond 0 has its events, one that turns just before has none, in any unit") {
+TEST("a function with a minimum just below 0 has its events, one with a minimum just above has none, in "
+     "any units") {
     lg_rng rng = test_rng(7, 0);
     for (int k = 0; k < 20000; k++) {
         const double size = (k % 2 == 0 ? 1.0 : -1.0) * pow(10.0, lg_rng_uniform_in(&rng, -60.0, 60.0));
@@ -325,8 +329,8 @@ TEST("a number that turns just beyond 0 has its events, one that turns just befo
     }
 }
 
-/* Pendulums released at rest swing to x = -0.8 (1 + d) and back. d lies in 1e-4 .. 1e-1; every other member
- * turns before -0.8 instead. */
+/* Pendulums that are released at rest swing to x = -0.8 (1 + d) and back. |d| lies in 1e-4 .. 1e-1; every
+ * second member has d < 0 and turns before it reaches -0.8. */
 #define SWING_LEVEL 0.8
 
 static double swing_beyond(uint64_t member) {
@@ -343,7 +347,7 @@ static lg_status swing_start(void *user, uint64_t member, double *y, double *par
     return LG_OK;
 }
 
-/* Times of x falling, then rising through the level. */
+/* Records the times when x falls, and then rises, through the level. */
 static seen run_swings(const char *scheme, bool one_by_one, double tolerance, double h_max) {
     static const double end[] = {1.9};
     const lg_ensemble_event events[] = {
@@ -363,7 +367,7 @@ static seen run_swings(const char *scheme, bool one_by_one, double tolerance, do
     return my;
 }
 
-TEST("a number that passes the value and comes back inside of a step has both events, others have none") {
+TEST("a value crossed twice within a step gives both events, one that is not reached gives none") {
     static const char *const schemes[] = {"dp54", "dp85", "rkmk54", "cf43", "rk4", "rkmk4", "cf4"};
     const seen fine = run_swings("dp85", false, 1e-12, 1e-3);
     for (size_t s = 0; s < LG_COUNT(schemes); s++)
@@ -380,7 +384,7 @@ TEST("a number that passes the value and comes back inside of a step has both ev
         }
 }
 
-TEST("a member without the event has none, and a start on the level is none") {
+TEST("a member may have no event; a start on the level is not an event") {
     static const double end[] = {3.0};
     const lg_ensemble_event events[] = {
         {.terms = 1, .index = {0}, .weight = {1.0}, .level = 5.5, .direction = -1},
@@ -389,10 +393,10 @@ TEST("a member without the event has none, and a start on the level is none") {
     o.times = end, o.count = 1, o.events = events, o.event_count = 2;
     const seen my = run_circle(&o);
     for (int m = 0; m < 8; m++) assert_int_equal(isnan(my.events[m][0]), (1.0 + m) <= 5.5);
-    assert_true(isnan(my.events[0][1])); /* q = cos t leaves 1 at once and does not come back */
+    assert_true(isnan(my.events[0][1])); /* q = cos t leaves 1 at once and does not return */
 }
 
-TEST("states at times inside of steps, at their ends and at the start are those of the exact solution") {
+TEST("states at times within steps, at their ends and at the start agree with the exact solution") {
     static const char *const schemes[] = {"dp54", "dp85", "rkmk54", "cf43", "rk4"};
     for (size_t s = 0; s < LG_COUNT(schemes); s++) {
         lg_ensemble_options o = options_for(lg_scheme_find(schemes[s]), 10);
@@ -406,7 +410,8 @@ TEST("states at times inside of steps, at their ends and at the start are those 
     }
 }
 
-/* A body with equal moments turns about pi: R = exp(t pi), exact in every step. */
+/* A body with equal moments of inertia turns about its momentum: R = exp(t pi), which every step computes
+ * exactly. */
 static lg_status spinning_start(void *user, uint64_t member, double *y, double *parameters) {
     const double pi[3] = {0.01 * (double)(member + 1), 0.02, 0.05};
     for (int i = 0; i < 9; i++) y[i] = i % 4 == 0 ? 1.0 : 0.0;
@@ -414,7 +419,7 @@ static lg_status spinning_start(void *user, uint64_t member, double *y, double *
     return LG_OK;
 }
 
-TEST("time does not drift on lanes: a rotation to t = 1e7") {
+TEST("on lanes time does not drift: a rotation up to t = 1e7") {
     enum { MEMBERS = 2 };
     static const double ones[3] = {1.0, 1.0, 1.0}, end[] = {1e7};
     const lg_system *system =
@@ -434,7 +439,7 @@ TEST("time does not drift on lanes: a rotation to t = 1e7") {
     }
 }
 
-TEST("the upright pendulum stays, and one a little off does not") {
+TEST("the upright pendulum stays, and a pendulum that is slightly off falls") {
     const double start[6] = {0.0, 0.0, 1.0, 0.0, 0.0, 0.0}, off[6] = {1e-6, 0.0, 1.0 - 5e-13, 0.0, 0.0, 0.0};
     const lg_system *system = make_chain("lagrangian", 1, 9.81, NULL, NULL);
     static const double end[] = {6.0};
@@ -477,7 +482,7 @@ TEST("members that are refused or fail are counted, and the others keep their bi
         }
 }
 
-TEST("a member that needs too many steps says when it ended") {
+TEST("a member that needs too many steps reports when it stopped") {
     const lg_system *system = make_chain("lagrangian", 1, 9.81, NULL, NULL);
     for (int one_by_one = 0; one_by_one < 2; one_by_one++) {
         lg_ensemble_options o = options_for(lg_scheme_find("rkmk54"), 9);
@@ -494,7 +499,7 @@ TEST("a member that needs too many steps says when it ended") {
     }
 }
 
-TEST("what an ensemble refuses") {
+TEST("an ensemble refuses invalid options") {
     static const double down[] = {1.0, 0.5}, before[] = {-1.0, 1.0};
     const lg_system *system = make_system("oscillator", NULL, NULL, 0);
     const lg_ensemble_event beyond = {.terms = 1, .index = {2}, .weight = {1.0}};
@@ -524,7 +529,7 @@ static lg_status refuse(void *user, const lg_ensemble_block *block) {
     return block->first == 16 ? LG_CHECK_FAILED : LG_OK;
 }
 
-TEST("a keeper's status ends the run") {
+TEST("an error from the function that keeps blocks ends the run") {
     const lg_system *system = make_system("oscillator", NULL, NULL, 0);
     lg_ensemble_options o = options_for(lg_scheme_find("dp54"), 64);
     assert_status(lg_ensemble_run(NULL, system, &o, NULL, NULL, refuse, NULL, NULL, NULL), LG_CHECK_FAILED);
@@ -543,7 +548,7 @@ TEST("every allocation may fail") {
     }
 }
 
-TEST("members of unlike lengths keep the lanes busy") {
+TEST("members with different numbers of steps keep the lanes busy") {
     enum { MEMBERS = 64 };
     const lg_system *system = make_chain("lagrangian", 1, 9.81, NULL, NULL);
     lg_ensemble_options o = options_for(lg_scheme_find("rkmk54"), MEMBERS);
@@ -555,7 +560,7 @@ TEST("members of unlike lengths keep the lanes busy") {
 
 /* ---- sums and statistics ---- */
 
-TEST("exact sums do not depend on order, and cancel without loss") {
+TEST("exact sums do not depend on the order, and cancel without loss") {
     enum { N = 2000 };
     lg_exact_sum up = {{0}}, down = {{0}}, half = {{0}}, rest = {{0}};
     double *x = TEST_ARRAY(double, N);
@@ -600,7 +605,7 @@ static void add_both(lg_statistics *s, const double *values, size_t count) {
     for (size_t c = 0; c < 2; c++) lg_statistics_add(s, 0, c, values, count);
 }
 
-TEST("mean, deviation, extremes and quantiles are those of the sorted numbers") {
+TEST("mean, deviation, extremes and quantiles agree with those of the sorted numbers") {
     enum { N = 20000, BLOCK = 100 };
     double *x = TEST_ARRAY(double, N), sum = 0.0, square = 0.0;
     lg_rng rng = test_rng(3, 0);
@@ -609,7 +614,7 @@ TEST("mean, deviation, extremes and quantiles are those of the sorted numbers") 
     lg_statistics *s = make_statistics(400, x, 256), *other = make_statistics(400, x, 256);
     for (int i = 0; i < N; i += BLOCK) add_both(s, x + i, BLOCK);
     for (int i = N - BLOCK; i >= 0; i -= BLOCK) add_both(other, x + i, BLOCK);
-    for (int i = 1; i < N; i++) /* sorted */
+    for (int i = 1; i < N; i++) /* sorts x */
         for (int k = i; k > 0 && x[k] < x[k - 1]; k--) {
             const double y = x[k];
             x[k] = x[k - 1], x[k - 1] = y;
@@ -629,7 +634,7 @@ TEST("mean, deviation, extremes and quantiles are those of the sorted numbers") 
     }
 }
 
-TEST("numbers beyond the range of the bins count, those that are none do not") {
+TEST("numbers beyond the range of the bins count, NaN and infinity do not") {
     const double x[] = {0.0, 1.0, 2.0, 3.0}, more[] = {-100.0, (double)NAN, 100.0, (double)INFINITY, 1.5};
     lg_statistics *s = make_statistics(8, x, 4);
     lg_statistics_add(s, 0, 0, more, 5);
@@ -640,7 +645,7 @@ TEST("numbers beyond the range of the bins count, those that are none do not") {
     assert_int_equal(bins[0], 1);
     assert_int_equal(bins[9], 1);
     assert_true(lg_statistics_quantile(s, 0, 0, 1.0) == 100.0);
-    double middles[8]; /* of the bins: their range is symmetric about 1.5, which is in the fifth */
+    double middles[8]; /* of the bins: their range is symmetric about 1.5, which lies in the fifth bin */
     for (int i = 0; i < 8; i++) middles[i] = 1.5 + (i - 3.5) * cell.resolution;
     lg_statistics_add(s, 0, 0, middles, 8);
     for (int i = 0; i < 8; i++) assert_int_equal(bins[1 + i], i == 4 ? 2 : 1);

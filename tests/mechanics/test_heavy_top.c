@@ -1,4 +1,4 @@
-/* The heavy top in four forms: flows against the equations in the body. */
+/* The heavy top in four forms, compared with the equations in the axes of the body. */
 #include "mechanics/body_check.h"
 
 static const char *const forms[] = {"cotangent", "direct", "lie-poisson", "quadratic"};
@@ -16,7 +16,7 @@ static lg_system *make_top(const top *of, int form) {
     return make_system("heavy-top", forms[form], parameters, 5);
 }
 
-/* The state of a form from Q, pi. */
+/* The state of a form for Q, pi. */
 static void state_of(const lg_system *system, const top *of, const double *Q, const double *pi, double *y) {
     if (strcmp(lg_system_form(system), "lie-poisson") == 0) {
         for (int c = 0; c < 3; c++) {
@@ -35,7 +35,7 @@ static void random_start(lg_rng *rng, double size, double *Q, double *pi) {
     for (int i = 0; i < 3; i++) pi[i] = lg_rng_uniform_in(rng, -size, size);
 }
 
-/* ---- flows against the equations in the body ---- */
+/* ---- flows compared with the equations in the axes of the body ---- */
 
 static double largest_difference(const double *a, const double *b, size_t n) {
     double worst = 0.0;
@@ -77,7 +77,7 @@ static void check_flow(const char *name, const top *of, const double *Q, const d
     printf("\n");
 }
 
-TEST("flows of every form are those of the equations in the body") {
+TEST("the flow of every form agrees with the equations in the axes of the body") {
     static const double identity[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
     const double fast[3] = {0.0, 0.46875 * 150.0, 0.234375 * -4.61538}, slow[3] = {0.3, -0.2, 0.5};
     double Q[9], pi[3];
@@ -90,8 +90,9 @@ TEST("flows of every form are those of the equations in the body") {
     }
 }
 
-/* With the symplectic integrator at theta = 1/2, (Q, pi) of quadratic are those of cotangent to rounding. */
-TEST("to slgi the quadratic form is the cotangent one") {
+/* With the symplectic integrator at theta = 1/2, (Q, pi) of the forms quadratic and cotangent agree to
+ * rounding. */
+TEST("slgi gives the same motion for the quadratic and the cotangent form") {
     static const int canonical[] = {COTANGENT, QUADRATIC};
     double end[2][18], start[18], Q[9], pi[3], work[SYSTEM_MAX_DIM];
     lg_rng rng = test_rng(18, 0);

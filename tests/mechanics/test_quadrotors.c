@@ -1,4 +1,4 @@
-/* Two quadrotors with a payload: Newton's laws of the three masses, the control law written out with dense
+/* Two quadrotors with a payload: Newton's laws for the three masses, the control law written with dense
  * algebra, and the closed form of a planar start. */
 #include "mechanics/system_check.h"
 
@@ -42,7 +42,7 @@ static void wanted_force(double t, const double *y, double A[3]) {
                (i == 2 ? gravity : 0.0);
 }
 
-/* q_d of link i from t, y, v. */
+/* The wanted direction q_d of link i at t, y, v. */
 static void wanted_direction(double t, const double *y, int i, double out[3]) {
     double A[3], d[3], n[3], arm[3];
     wanted_force(t, y, A);
@@ -54,7 +54,7 @@ static void wanted_direction(double t, const double *y, int i, double out[3]) {
     for (int j = 0; j < 3; j++) out[j] = cos(BETA) * d[j] + (i == 0 ? 1.0 : -1.0) * sin(BETA) * arm[j];
 }
 
-/* x of M x = b, 3 x 3, by Cramer's rule. */
+/* Solves M x = b, 3 x 3, by Cramer's rule. */
 static void cramer(const double M[9], const double b[3], double x[3]) {
     double columns[3][3], cross[3];
     for (int c = 0; c < 3; c++)
@@ -71,12 +71,13 @@ static void cramer(const double M[9], const double b[3], double x[3]) {
     }
 }
 
-/* The thrusts u_1, u_2, with q_d' by differences along the motion with v' = x + g e3. */
+/* The thrusts u_1, u_2. q_d' is computed by differences along the motion with v' = x + g e3. */
 static void thrusts(double t, const double *y, double u[2][3]) {
     double A[3], s[2], force[3] = {0, 0, 0}, M[9] = {0}, x[3], along[2];
     const double *q[2] = {y + Q, y + Q + LINK}, *w[2] = {y + W, y + W + LINK};
     wanted_force(t, y, A);
-    /* normal equations of min |G s - m_y A|, solved by projection on q_1 and the part of q_2 across it */
+    /* Normal equations of min |G s - m_y A|, solved by projection on q_1 and on the part of q_2 orthogonal to
+     * it. */
     const double b = lg_dot3(q[0], q[1]), r0 = payload * lg_dot3(q[0], A), r1 = payload * lg_dot3(q[1], A);
     s[1] = (r1 - b * r0) / (1.0 - b * b);
     s[0] = r0 - b * s[1];
@@ -118,7 +119,7 @@ static void thrusts(double t, const double *y, double u[2][3]) {
     }
 }
 
-/* Acceleration of quadrotor i, at y - L_i q_i. */
+/* Acceleration of quadrotor i, which is at y - L_i q_i. */
 static void quadrotor_acceleration(const double *y, const double *dy, int i, double out[3]) {
     const double *q = y + Q + i * LINK, *w = q + 3, *dw = dy + W + i * LINK;
     double a[3], b[3];
@@ -128,8 +129,8 @@ static void quadrotor_acceleration(const double *y, const double *dy, int i, dou
     for (int j = 0; j < 3; j++) out[j] = dy[V + j] - lengths[i] * (a[j] + b[j]);
 }
 
-/* Each quadrotor feels its thrust, gravity and the tension T_i of its link; the payload gravity and both
- * tensions. */
+/* On each quadrotor act its thrust, gravity and the tension T_i of its link; on the payload act gravity and
+ * both tensions. */
 TEST("the three masses obey Newton's laws under the thrusts of the control law") {
     lg_rng rng = test_rng(31, 0);
     lg_system *system = make_quadrotors();
@@ -155,7 +156,7 @@ TEST("the three masses obey Newton's laws under the thrusts of the control law")
     }
 }
 
-TEST("positions, attitudes and links move as their velocities say") {
+TEST("positions, attitudes and links change with their velocities") {
     lg_rng rng = test_rng(32, 0);
     lg_system *system = make_quadrotors();
     double y[DIM], dy[DIM], cross[3];
@@ -176,7 +177,7 @@ TEST("positions, attitudes and links move as their velocities say") {
         }
         lg_cross3(q + 3, q, cross);
         for (int j = 0; j < 3; j++) assert_close(dy[Q + i * LINK + j], cross[j], 0.0, 1e-15);
-        /* q.omega' + q'.omega = 0 */
+        /* q.omega' + q'.omega = 0. */
         assert_close(lg_dot3(q, dy + W + i * LINK) + lg_dot3(cross, q + 3), 0.0, 0.0, 1e-11);
     }
 }
@@ -193,8 +194,8 @@ static void thesis_start(double *y) {
     }
 }
 
-/* y - y_d = (e0 + (e0' + 2 e0) t) exp(-2 t) while links and error stay in a plane; the links reach their
- * directions. */
+/* While links and error stay in a plane, y - y_d = (e0 + (e0' + 2 e0) t) exp(-2 t), and the links approach
+ * their wanted directions. */
 TEST("a planar start follows its closed form") {
     enum { POINTS = 10 };
     const double e0[3] = {0.5, 0.0, 0.75}, de0[3] = {-1.0, 0.0, 5.0};
@@ -224,7 +225,7 @@ TEST("a planar start follows its closed form") {
     assert_true(direction < 0.02);
 }
 
-TEST("parallel links cannot hold the payload, and there is no energy") {
+TEST("parallel links cannot hold the payload, and the system has no energy") {
     double y[DIM], work[SYSTEM_MAX_DIM], algebra[ALGEBRA];
     lg_system *system = make_quadrotors();
     lg_system_user user;

@@ -1,4 +1,5 @@
-/* The free rigid body against Jacobi's elliptic functions, its attitude against the equations in the body. */
+/* The free rigid body compared with Jacobi's elliptic functions; its attitude compared with the equations in
+ * the axes of the body. */
 #include "mechanics/body_check.h"
 
 static const double inertia[3] = {1.0, 2.0, 3.0};
@@ -7,8 +8,8 @@ static lg_system *make_body(const char *name, const double *moments) {
     return make_system(name, NULL, &(lg_named_values){"inertia", moments, 3}, 1);
 }
 
-/* sn, cn, dn of u for the modulus with complement m1 = 1 - k^2, by the arithmetic-geometric mean (Abramowitz
- * and Stegun 16.4). */
+/* sn, cn, dn of u for the modulus k with complement m1 = 1 - k^2, by the arithmetic-geometric mean
+ * (Abramowitz and Stegun 16.4). */
 static void jacobi(double u, double m1, double *sn, double *cn, double *dn) {
     enum { LEVELS = 16 };
     double a[LEVELS], c[LEVELS], b = sqrt(m1), phi;
@@ -28,15 +29,16 @@ static void jacobi(double u, double m1, double *sn, double *cn, double *dn) {
     *dn = sqrt(m1 + (1.0 - m1) * *cn * *cn);
 }
 
-/* The solution with 2 E = 1 and I_1 < I_2 < I_3, |mu|^2 > 2 E I_2 (Landau and Lifshitz, Mechanics, 37):
- * omega = (A cn, B sn, C dn) of the phase rate t. */
+/* The solution for 2 E = 1 and I_1 < I_2 < I_3, |mu|^2 > 2 E I_2 (Landau and Lifshitz, Mechanics, 37): omega
+ * = (A cn, B sn, C dn) of the phase rate * t, where (A, B, C) is `amplitude`. */
 typedef struct elliptic {
     double amplitude[3], rate, m1;
 } elliptic;
 
 static elliptic make_elliptic(const double *I, double m1) {
     const double m = 1.0 - m1, p = I[1] - I[0], r = m * (I[2] - I[1]);
-    /* |mu|^2 is what gives this modulus; I_3 - |mu|^2 and |mu|^2 - I_1 without cancellation: */
+    /* |mu|^2 is chosen such that the modulus has this complement. I_3 - |mu|^2 and |mu|^2 - I_1 without
+     * cancellation: */
     const double high = r * (I[2] - I[0]) / (p + r), low = p * (I[2] - I[0]) / (p + r);
     return (elliptic){.amplitude = {sqrt(high / (I[0] * (I[2] - I[0]))), sqrt(high / (I[1] * (I[2] - I[1]))),
                                     sqrt(low / (I[2] * (I[2] - I[0])))},
@@ -50,8 +52,8 @@ static void elliptic_momentum(const elliptic *of, const double *I, double phase,
     for (int i = 0; i < 3; i++) mu[i] = I[i] * of->amplitude[i] * value[i];
 }
 
-/* Starts close to -e_2, to T = 100. m1 = 1 - k^2 is the distance from the separatrix; a perturbation of the
- * start by epsilon shifts the phase by about epsilon/m1 a period. */
+/* Starts near -e_2 and integrates to T = 100. m1 = 1 - k^2 is the distance from the separatrix; a change of
+ * the start by epsilon shifts the phase by about epsilon/m1 per period. */
 static void check_near_the_middle_axis(double m1, double start, double tolerance, double error) {
     enum { POINTS = 20 };
     const elliptic of = make_elliptic(inertia, m1);
@@ -74,12 +76,12 @@ static void check_near_the_middle_axis(double m1, double start, double tolerance
     assert_true(worst < error);
 }
 
-TEST("near the middle axis the solution is Jacobi's, to T = 100") {
+TEST("near the middle axis the solution agrees with Jacobi's up to T = 100") {
     check_near_the_middle_axis(1e-4, -4.0, 1e-12, 5e-7);
     check_near_the_middle_axis(1e-8, -9.0, 1e-14, 2e-5);
 }
 
-TEST("the attitude is that of the equations in the body") {
+TEST("the attitude agrees with the equations in the axes of the body") {
     lg_rng rng = test_rng(3, 0);
     double y[12], body[12], end[12], work[16];
     const double T = 2.0;

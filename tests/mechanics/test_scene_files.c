@@ -1,4 +1,4 @@
-/* Scenes and grids: every key, tables of bad input, the scenes that come with the program. */
+/* Scene and grid files: every key, tables of invalid input, the scenes that the project ships. */
 #include <stdarg.h>
 
 #include "support/io_test.h"
@@ -60,7 +60,7 @@ static const char *file_of(const char *name, const char *text) {
     return path;
 }
 
-/* `text` with `from` replaced by `to`, which must be there. */
+/* `text` with `from`, which must occur, replaced by `to`. */
 static const char *changed(const char *name, const char *text, const char *from, const char *to) {
     const char *at = strstr(text, from);
     assert_non_null(at);
@@ -87,7 +87,7 @@ static lg_grid read_good_grid(const char *path) {
     return *own_lg_grid(grid);
 }
 
-/* The first numbers of a start. */
+/* The state must begin with these numbers. */
 static void assert_state(const lg_scene *scene, const double *expected, size_t count) {
     assert_memory_equal(scene->state, expected, count * sizeof *expected);
 }
@@ -147,7 +147,7 @@ TEST("freed scenes and grids are zero and may be freed again") {
     lg_scene_destroy(NULL);
 }
 
-TEST("one link and one number may leave out their lists; a scalar is a list of one") {
+TEST("one link and one number need no list; a scalar is a list of one") {
     static const struct {
         const char *text, *form;
         size_t links, count;
@@ -164,14 +164,14 @@ TEST("one link and one number may leave out their lists; a scalar is a list of o
          6,
          {0, 0, 1, 1, 0, 0}},
         {"system: oscillator\ninitial: {q: 3, p: [4]}\n", NULL, 0, 2, {3, 4}},
-        /* links may be told by the start alone */
+        /* The number of links may follow from the start alone. */
         {"system: pendulum-chain\ngravity: 1\n"
          "initial: {q: [[0, 0, 1], [0, 1, 0]], omega: [[0, 0, 0], [0, 0, 2]]}\n",
          "lagrangian",
          2,
          12,
          {0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 2}},
-        /* parts that need not be given have their defaults */
+        /* Parts that are left out have their defaults. */
         {"system: heavy-top\ninitial: {pi: [1, 2, 3]}\n",
          "cotangent",
          0,
@@ -200,15 +200,16 @@ TEST("a scene may have many links") {
     assert_close(scene.state[6 * (LINKS - 1) + 3], LINKS - 1, 0, 0);
 }
 
-/* ---- all systems, from their tables ---- */
+/* ---- scenes of all systems, made from their tables ---- */
 
-enum { MOST = 256 }; /* numbers of a system's state and of its parameters; more are noticed */
+/* room for the numbers of a system's state and for its parameters; a system with more fails the test */
+enum { MOST = 256 };
 
 typedef struct whole {
     const char *name, *form;
     size_t links;
-    const char *key, *value; /* what stands in place of the value of this key ("initial.q"); NULL: nothing */
-    bool twice, gone;        /* that key stands twice, or not at all */
+    const char *key, *value; /* text used instead of the value of this key ("initial.q"); NULL: no change */
+    bool twice, gone;        /* the key is written twice, or left out */
     char text[8192];
     size_t used;
     unsigned line, key_line;
@@ -258,7 +259,7 @@ static double number(size_t i) {
     return 0.3 + 0.0625 * (double)i;
 }
 
-/* A point of the space: an exponential that turns and shifts everything. */
+/* Makes a point of the space by a group element that rotates and shifts all copies. */
 static void make_state(const lg_space *space, double *y) {
     double a[MOST];
     size_t at = 0;
@@ -280,7 +281,8 @@ static void gather(const lg_state_entry *row, size_t links, const double *y, dou
         memcpy(out + b * size, y + row->first + b * row->stride, size * sizeof *y);
 }
 
-/* All keys of the system, with values of its own; parameters and state as they should be read. */
+/* Writes a scene with all keys of the system and test values. parameters and y get the numbers that must be
+ * read. */
 static void compose(whole *w, double *parameters, double *y) {
     lg_system *system = NULL;
     lg_system_options options;
@@ -323,7 +325,7 @@ static void compose(whole *w, double *parameters, double *y) {
     }
 }
 
-/* Links that stand for any number; 0 where there are none. */
+/* Number of links for systems with any number of links; 0 for others. */
 static size_t links_of(const char *name, const char *form) {
     for (const lg_state_entry *row = lg_system_state(name, form); row->key != NULL; row++)
         if (row->outer == 0) return 2;
@@ -352,7 +354,7 @@ TEST("scenes of every system are read") {
     }
 }
 
-/* The file of `w` is refused with the line of its key and the key's name. */
+/* The scene of `w` with `value` for the key must be refused, with the line of the key and `word`. */
 static void refuse(whole *w, const char *key, const char *value, const char *word) {
     double parameters[MOST], y[MOST];
     w->key = key;
@@ -362,7 +364,7 @@ static void refuse(whole *w, const char *key, const char *value, const char *wor
                    test_text("line %u: ", w->key_line), word);
 }
 
-/* What no number, no list and no shape of any system may look like. */
+/* Values that are invalid for a number, a list or a shape of any system. */
 static void refuse_values(whole *w, const char *key, bool positive) {
     static const char *const never[] = {"1.0abc", "0x",    "0x1p3", "nan",         ".nan",   "inf",
                                         "-.inf",  "1e999", "1,",    "[1, 2, nan]", "{a: 1}", "\"1\"",
@@ -395,7 +397,7 @@ static void refuse_gone(whole *w, const char *key, bool needed) {
     w->gone = false;
 }
 
-TEST("every system refuses what is wrong with its scene") {
+TEST("for every system, errors in its scene are refused") {
     whole w = {.key = NULL};
     for (size_t i = 0; lg_system_at(i, &w.name, &w.form); i++) {
         w.links = links_of(w.name, w.form);
@@ -416,7 +418,7 @@ TEST("every system refuses what is wrong with its scene") {
     }
 }
 
-TEST("keys of other systems and forms, and keys that nothing has, are refused with those that there are") {
+TEST("keys of other systems and forms and unknown keys are refused, and the valid keys are listed") {
     static const struct {
         const char *text, *line, *word;
     } cases[] = {
@@ -443,13 +445,13 @@ TEST("keys of other systems and forms, and keys that nothing has, are refused wi
                        cases[i].word);
 }
 
-/* ---- forms ---- */
+/* ---- forms of scenes ---- */
 
 static const char *form_read(const char *text, const char *wanted) {
     return lg_system_form(read_text("form.yaml", text, wanted).system);
 }
 
-TEST("the form of a scene follows from what is given, or is asked for") {
+TEST("the form of a scene follows from the given parts of the start, or from the caller") {
     static const char bare[] = "system: pendulum-chain\ngravity: 1\nlinks: 2\n";
     static const char with_p[] =
         "system: pendulum-chain\ngravity: 1\ninitial: {q: [0, 0, 1], p: [1, 0, 0]}\n";
@@ -467,7 +469,7 @@ TEST("the form of a scene follows from what is given, or is asked for") {
                    "grid.yaml", "lg-hamiltonian study");
 }
 
-TEST("the drawn start is the first of the trajectories that are generated with the seed") {
+TEST("the drawn start is the start of the first trajectory that is generated with the same seed") {
     lg_scene scene = read_text("drawn.yaml",
                                "system: pendulum-chain\nform: hamiltonian\ngravity: 1\nlinks: 2\n"
                                "starts: {kind: box, low: 1, high: 3}\n",
@@ -481,13 +483,13 @@ TEST("the drawn start is the first of the trajectories that are generated with t
     assert_ok(lg_scene_draw_start(&scene, 5));
     assert_memory_equal(scene.state, y, 12 * sizeof *y);
     assert_status(lg_scene_draw_start(&scene, 5), LG_INVALID_ARGUMENT);
-    free(scene.state); /* drawn after the scene got its owner */
+    free(scene.state); /* was allocated after the scene got its owner */
     scene = read_text("drawn.yaml", "system: heavy-top\n", NULL);
     assert_status(lg_scene_draw_start(&scene, 5), LG_UNSUPPORTED);
     assert_null(scene.state);
 }
 
-TEST("omega and p give the same motion, read in both forms") {
+TEST("omega and p give the same motion, and either is read in both forms") {
     static const char head[] =
         "system: pendulum-chain\ngravity: 9.81\nmasses: [1, 1.3, 0.7]\nlengths: [1, 0.8, 1.5]\n";
     static const char turn[] = "initial: {q: [[0.6, 0, 0.8], [0, 1, 0], [0.48, 0.6, 0.64]],\n"
@@ -501,7 +503,7 @@ TEST("omega and p give the same motion, read in both forms") {
                 lg_system_work_size(hamiltonian.system) / sizeof(double) <= LG_COUNT(work));
     assert_close(lg_system_hamiltonian(hamiltonian.system, hamiltonian.state, work),
                  lg_system_hamiltonian(lagrangian.system, lagrangian.state, work), 1e-14, 0);
-    /* The last p: m_33 q_3' + P_3 (m_31 q_1' + m_32 q_2'), q' = omega x q. */
+    /* The last p is m_33 q_3' + P_3 (m_31 q_1' + m_32 q_2') with q' = omega x q. */
     const double *y = lagrangian.state;
     double rate[3][3], sum[3], along = 0;
     for (int i = 0; i < 3; i++) lg_cross3(y + 6 * i + 3, y + 6 * i, rate[i]);
@@ -512,7 +514,7 @@ TEST("omega and p give the same motion, read in both forms") {
     for (int c = 0; c < 3; c++)
         assert_close(hamiltonian.state[15 + c], 0.7 * 1.5 * 1.5 * rate[2][c] + sum[c] - along * y[12 + c], 0,
                      1e-14);
-    /* And back. */
+    /* The conversion back. */
     int used = snprintf(text, sizeof text, "%sform: lagrangian\ninitial:\n", head);
     for (int part = 0; part < 2; part++) {
         used += snprintf(text + used, sizeof text - (size_t)used, "  %s:\n", part == 0 ? "q" : "p");
@@ -527,7 +529,7 @@ TEST("omega and p give the same motion, read in both forms") {
     for (int i = 0; i < 18; i++) assert_close(back.state[i], lagrangian.state[i], 0, 1e-14);
 }
 
-/* ---- the manifold ---- */
+/* ---- starts near the manifold ---- */
 
 static char logged[512];
 static void keep_log(void *user, lg_log_level level, const char *message) {
@@ -535,7 +537,7 @@ static void keep_log(void *user, lg_log_level level, const char *message) {
     (void)snprintf(logged, sizeof logged, "%s", message);
 }
 
-TEST("rounding is projected and told, and more is an error") {
+TEST("a start that is off the manifold by rounding is projected, which is reported; more is an error") {
     lg_scene scene;
     lg_context_options options;
     lg_context *context;
@@ -564,7 +566,7 @@ typedef struct bad_text {
     const char *from, *to, *line, *word;
 } bad_text;
 
-/* `good` with each change. */
+/* Each change of `good` must be refused. */
 static void refuse_changes(read_fn reader, const char *good, const bad_text *rows, size_t count) {
     for (size_t i = 0; i < count; i++)
         assert_refused(reader, changed("bad.yaml", good, rows[i].from, rows[i].to), LG_FORMAT, rows[i].line,
@@ -576,8 +578,8 @@ static void refuse_changes(read_fn reader, const char *good, const bad_text *row
     "    [[1, 0, 0], [0, 1, 0],\n [0, 0, 1]]]\n"                                                             \
     "  q: [[0.6, 0, 0.8],\n [-0.6, 0, 0.8]]\n  omega: [[0, 1, 0],\n [0, -1, 0]]\n"
 
-/* Rotations and the links of the quadrotors. */
-TEST("rotations are projected when nearly orthogonal and refused otherwise") {
+/* Tests rotations and the links of the quadrotors. */
+TEST("rotations are projected if nearly orthogonal and refused otherwise") {
     static const char *const tops[] = {
         "system: rigid-body-attitude\ninitial: {pi: [1, 2, 3], R: [[1, 0, 0],\n[0, 1, 0], [0, 0, %s]]}\n",
         "system: heavy-top\nform: cotangent\ninitial: {pi: [1, 2, 3], Q: [[1, 0, 0],\n[0, 1, 0], [0, 0, "
@@ -608,8 +610,8 @@ TEST("rotations are projected when nearly orthogonal and refused otherwise") {
     refuse_changes(read_scene, BODIES, rows, LG_COUNT(rows));
 }
 
-/* What no value of any system may look like: the test of every system. */
-TEST("a bad scene is refused with its line and word") {
+/* Values that are invalid for every system are tested above, for every system. */
+TEST("an invalid scene is refused with its line and a word") {
     static const bad_text cases[] = {
         {"gravity: 9.81", "gravity: 9,81", "line 4", "gravity"},
         {"system: pendulum-chain\n", "", "line 2", "'system' is missing"},
@@ -656,7 +658,7 @@ TEST("a bad scene is refused with its line and word") {
         {"system: pendulum-chain\ngravity: 1\n", "line 1", "links"},
         {"- system\n- quartic\n", "line 1", "keys"},
         {"# only a comment\n", "line 1", "nothing"},
-        {"system: quartic\ninitial: &a {q: *a, p: [1, 2]}\n", "line 2", "initial.q"}}; /* holds itself */
+        {"system: quartic\ninitial: &a {q: *a, p: [1, 2]}\n", "line 2", "initial.q"}}; /* contains itself */
     for (size_t i = 0; i < LG_COUNT(texts); i++)
         assert_refused(read_scene, file_of("bad.yaml", texts[i][0]), LG_FORMAT, texts[i][1], texts[i][2]);
 }
@@ -665,7 +667,8 @@ TEST("a damaged scene is refused") {
     refuse_damaged_files(read_scene, file_of("scene.json", json_scene), "line");
     survive_changed_bytes(read_scene, file_of("scene.json", json_scene), 300);
     survive_changed_bytes(read_scene, file_of("scene.yaml", good_scene), 300);
-    /* A block scene cut short may be a shorter scene; it is read or refused with its line, never worse. */
+    /* A scene in block style that is cut may be a valid shorter scene. It must be read, or refused with a
+     * line. */
     for (size_t tenth = 1; tenth < 10; tenth++) {
         lg_error error = {LG_OK, ""};
         const char *bad = scratch_path("cut.yaml");
@@ -674,7 +677,7 @@ TEST("a damaged scene is refused") {
         assert_true(status == LG_OK ||
                     (status == LG_FORMAT && strstr(error.message, "cut.yaml: line") != NULL));
     }
-    /* Large, and deep in a way that costs a slow parser. */
+    /* A large file, nested so deeply that a slow parser would take very long. */
     size_t bytes = (1 << 20) + 1;
     char *big = TEST_ARRAY(char, bytes);
     memset(big, '[', bytes);
@@ -718,7 +721,7 @@ TEST("every key of a grid is read") {
     assert_true(grid.t_end == 0.3 && grid.eps[0] == 0);
 }
 
-TEST("a bad grid is refused with its line and word") {
+TEST("an invalid grid is refused with its line and a word") {
     static const bad_text cases[] = {
         {"integrators: [cf4, rk4]", "integrators: [cf4, rk5]", "line 2", "rk5"},
         {"integrators: [cf4, rk4]\n", "", "line 1", "'integrators' is missing"},
@@ -747,7 +750,7 @@ TEST("a bad grid is refused with its line and word") {
     refuse_changes(read_grid, good_grid, cases, LG_COUNT(cases));
     assert_refused(read_grid, changed("bad.yaml", good_grid, "scene: scene.yaml", "scene: nothing.yaml"),
                    LG_NOT_FOUND, "line 1", "nothing.yaml");
-    /* A broken scene is told with its own line, and the grid's. */
+    /* An error in the scene is reported with the line of the scene and the line of the grid. */
     (void)changed("scene.yaml", good_scene, "gravity: 9.81", "gravity: heavy");
     assert_refused(read_grid, file_of("bad.yaml", good_grid), LG_FORMAT, "line 1", "line 4");
     assert_refused(read_grid, file_of("bad.yaml", "system: quartic\nintegrators: rk4\nN: 1\nM: 2\n"),
@@ -763,14 +766,14 @@ TEST("a damaged grid is refused") {
     survive_changed_bytes(read_grid, file_of("grid.json", json), 300);
 }
 
-/* ---- what comes with the program ---- */
+/* ---- the shipped scenes ---- */
 
 static bool is_yaml(const char *name) {
     const size_t length = strlen(name);
     return length > 5 && strcmp(name + length - 5, ".yaml") == 0;
 }
 
-TEST("every file of scenes/ is a scene or a grid, and every system has a scene") {
+TEST("every file in scenes/ is a scene or a grid, and every system has a scene") {
     enum { MOST_SYSTEMS = 128 };
     const char *name, *form, *const folder_name = LG_TEST_DIR "/../scenes";
     bool systems[MOST_SYSTEMS] = {false};
@@ -796,10 +799,10 @@ static const char *scene_path(const char *name) {
     return path;
 }
 
-TEST("the files of scenes/ have their form and their start") {
+TEST("the files in scenes/ have their form and their start") {
     static const struct {
         const char *name, *form;
-        size_t dim, at; /* of a number of the start; dim 0: no start */
+        size_t dim, at; /* at: index of a number of the start; dim 0: no start */
         double value;
     } scenes[] = {{"pendulum", "hamiltonian", 0, 0, 0},
                   {"double-pendulum", "hamiltonian", 0, 0, 0},

@@ -1,10 +1,9 @@
-/* Properties of every row of the table of systems, at random parameters and random states on the manifold:
- * forms of the field agree with each other, plain and on tapes of both types; invariants are constant along
- * the field; the field is what the structure of its row makes of the energy. A new row is covered as it
- * stands. lg-gradcheck holds the derivatives of every taped field, in states and parameters, against
- * differences. Derivatives here are central differences of order 8 along the action of the space, so that no
- * state leaves the manifold.
- */
+/* Properties of every system of the table, at random parameters and random states on the manifold: the forms
+ * of the field agree with each other, plain and on tapes of both types; invariants are constant along the
+ * field; the field follows from the energy by the structure that the system states. A new system is tested
+ * without changes here. lg-gradcheck compares the derivatives of every taped field, by states and parameters,
+ * with differences. Here derivatives are central differences of order 8 along the action of the space, so
+ * that no state leaves the manifold. */
 #include "mechanics/system_check.h"
 
 #include <float.h>
@@ -13,7 +12,7 @@
 
 enum { BATCH = 3, SEEDS = 3 };
 static const size_t some_links[] = {1, 2, 3, 5};
-static const double delays[BATCH] = {0.3, -0.2, 0.9}; /* of the rows of a batch */
+static const double delays[BATCH] = {0.3, -0.2, 0.9}; /* added to the time of each row of a batch */
 
 static double *take(size_t count) {
     return TEST_ARRAY(double, count);
@@ -26,7 +25,7 @@ typedef struct sample {
     lg_system *system;
     const lg_space *space;
     lg_rng rng;
-    double t, *work, *y; /* y (BATCH, dim), on the manifold */
+    double t, *work, *y; /* y (BATCH, dim) is on the manifold */
     size_t dim, algebra, parameters;
 } sample;
 
@@ -40,7 +39,7 @@ static void normalise(size_t count, double *x) {
     for (size_t i = 0; i < count; i++) x[i] /= sqrt(square);
 }
 
-/* Numbers within the rule. */
+/* Draws numbers that the rule allows. */
 static void draw_parameter(lg_rng *rng, lg_parameter_rule rule, size_t count, double *out) {
     for (size_t i = 0; i < count; i++) {
         const double sign = rule != LG_PARAMETER_POSITIVE && lg_rng_below(rng, 2) == 0 ? -1.0 : 1.0;
@@ -73,7 +72,8 @@ static void plain(const sample *s, lg_coordinates form, const double *y, double 
     if (status != LG_OK) fail_msg("%s: the plain field: %s", s->label, lg_status_name(status));
 }
 
-/* Projected random numbers; drawn again where they have no projection (a reflection), or no field. */
+/* Draws random numbers and projects them. Draws again if they have no projection (determinant -1) or no field
+ * there. */
 static void draw_state(sample *s, double *y) {
     double *f = take(s->algebra);
     for (int tries = 0; tries < 1000; tries++) {
@@ -125,7 +125,7 @@ static double largest(size_t count, const double *x) {
     return size;
 }
 
-/* Equal to `tolerance`, which is absolute. */
+/* Fails unless the numbers are equal to the absolute tolerance. */
 static void same(const sample *s, const char *what, size_t count, const double *a, const double *b,
                  double tolerance) {
     for (size_t i = 0; i < count; i++)
@@ -134,7 +134,7 @@ static void same(const sample *s, const char *what, size_t count, const double *
                      i, a[i], b[i], a[i] - b[i], tolerance);
 }
 
-/* ---- on a tape ---- */
+/* ---- recording on a tape ---- */
 
 static lg_status call_half(lg_taped_half_field half, const lg_taped_ode *ode, lg_tape *tape, double t,
                            lg_var x, lg_var *out) {
@@ -157,7 +157,7 @@ static lg_status try_recording(const sample *s, lg_coordinates form, lg_dtype dt
     return lg_system_taped_ode(s->system, form, r->parameters, &r->ode, &r->user);
 }
 
-/* Parts side by side, (BATCH, numbers). */
+/* Joins the parts side by side, (BATCH, numbers). */
 static lg_var flat(lg_tape *tape, lg_var *parts, size_t count) {
     for (size_t i = 0; i < count; i++) {
         const size_t numbers = lg_shape_count(lg_var_shape(tape, parts[i]));
@@ -166,7 +166,7 @@ static lg_var flat(lg_tape *tape, lg_var *parts, size_t count) {
     return lg_concat(tape, parts, count, 1);
 }
 
-/* Each row at its own time. */
+/* Records the field; each row has its own time. */
 static lg_var record_field(const sample *s, recording *r) {
     lg_var y[LG_TAPED_MAX_PARTS], out[LG_TAPED_MAX_PARTS];
     const lg_taped_time t = {.value = s->t, .rows = lg_input_f64(r->tape, lg_shape2(BATCH, 1), delays)};
@@ -181,7 +181,7 @@ static void read_out(const sample *s, const recording *r, lg_var x, size_t count
     assert_ok(lg_read(r->tape, x, count, out));
 }
 
-/* Rows of the plain field at y (BATCH, dim), each at its own time, in the order of the parts. */
+/* The plain field at the rows of y (BATCH, dim), each row at its own time, in the order of the parts. */
 static void plain_rows(const sample *s, lg_coordinates form, const double *y, double *out) {
     const size_t n = form == LG_COORDINATES_LIE ? s->algebra : s->dim;
     double *row = take(n);
@@ -211,9 +211,9 @@ static void taped_field(sample *s) {
     compare_forms(s, LG_COORDINATES_LIE, "the field on a tape", s->y);
 }
 
-/* ---- the ambient form ---- */
+/* ---- ambient field ---- */
 
-/* Rows of the generator of the LIE field against the ambient one. */
+/* Compares the ambient field with the generator of the LIE field, for each row. */
 static void compare_generator(const sample *s, const char *what, const double *y) {
     double *f = take(s->algebra), *generated = take(s->dim), *ambient = take(s->dim);
     for (size_t b = 0; b < BATCH; b++) {
@@ -224,7 +224,8 @@ static void compare_generator(const sample *s, const char *what, const double *y
     }
 }
 
-/* The generator on the manifold; beside it, and on a tape, where the row does not say otherwise. */
+/* Compares with the generator on the manifold. Unless the ambient field is an extension (row->extended), also
+ * off the manifold and on a tape. */
 static void ambient_field(sample *s) {
     double *off = take(BATCH * s->dim);
     compare_generator(s, "the ambient field", s->y);
@@ -240,9 +241,9 @@ static void ambient_field(sample *s) {
     compare_forms(s, LG_COORDINATES_AMBIENT, "the ambient field on a tape off the manifold", off);
 }
 
-/* ---- force and velocity ---- */
+/* ---- force and velocity of separable systems ---- */
 
-/* One half of the field (BATCH, n): plain, and on a tape. Both against `expected`. */
+/* Compares one half of the field (BATCH, n), plain and on a tape, with `expected`. */
 static void compare_half(const sample *s, const char *what, const double *x, const double *expected,
                          lg_half_field half, void *user, lg_taped_half_field taped, recording *r) {
     const size_t n = s->dim / 2;
@@ -257,7 +258,7 @@ static void compare_half(const sample *s, const char *what, const double *x, con
     same(s, what, BATCH * n, found, expected, tolerance);
 }
 
-/* Separable: y' = (velocity(p), force(q)), as in the field. */
+/* For separable systems y' = (velocity(p), force(q)) must be the field. */
 static void halves(sample *s) {
     const size_t n = s->dim / 2;
     const bool separable = lg_system_separable(s->system);
@@ -287,8 +288,8 @@ static void halves(sample *s) {
 
 /* ---- differences ---- */
 
-/* Central differences of order 6 and 8: f'(0) h = sum_k w_k (f(k h) - f(-k h)). Their distance and the
- * rounding of f bound the error of the second. */
+/* Central differences of order 6 and 8: f'(0) h = sum_k w_k (f(k h) - f(-k h)). Their distance, and the
+ * rounding of f, bound the error of order 8. */
 #define STEP 0.015625
 static const double sixth[4] = {3.0 / 4, -3.0 / 20, 1.0 / 60, 0.0},
                     eighth[4] = {4.0 / 5, -1.0 / 5, 4.0 / 105, -1.0 / 280};
@@ -301,7 +302,8 @@ typedef struct derivative {
 
 static derivative difference(curve f, const void *of, double h) {
     double low = 0.0, high = 0.0;
-    double size = 1.0; /* that of the terms of f at least, as states and parameters are of size 1 */
+    /* lower bound of the size of the terms of f, as states and parameters have the size 1 */
+    double size = 1.0;
     for (int k = 1; k <= 4; k++) {
         const double ahead = f(of, h * k), behind = f(of, -h * k);
         low += sixth[k - 1] * (ahead - behind) / h;
@@ -311,7 +313,7 @@ static derivative difference(curve f, const void *of, double h) {
     return (derivative){high, fabs(high - low) + 32.0 * DBL_EPSILON * size / h};
 }
 
-/* f'(0): the best of a few steps from `h` down, short ones for where f is steep. */
+/* f'(0): the best result of a few steps from `h` down; short steps are for steep f. */
 static derivative derivative_of(curve f, const void *of, double h) {
     derivative best = {NAN, INFINITY};
     for (int i = 0; i < 3; i++, h /= 8.0) {
@@ -323,7 +325,7 @@ static derivative derivative_of(curve f, const void *of, double h) {
 
 typedef double (*scalar)(const void *of, const double *y);
 
-/* f(exp(s a) . y) */
+/* The function s -> f(exp(s a) . y). */
 typedef struct orbit {
     const sample *s;
     scalar f;
@@ -342,7 +344,7 @@ static double on_orbit(const void *of, double by) {
     return value;
 }
 
-/* d/ds f(exp(s a) . y) at s = 0, and its error. */
+/* d/ds f(exp(s a) . y) at s = 0. *error gets its error. */
 static double slope(const sample *s, scalar f, const void *of, const double *y, const double *a,
                     double *error) {
     const orbit o = {s, f, of, y, a};
@@ -352,7 +354,7 @@ static double slope(const sample *s, scalar f, const void *of, const double *y, 
     return d.value;
 }
 
-/* The slopes along the basis of the algebra; the error is the largest of theirs. */
+/* The slopes along the basis of the algebra. *error gets the largest of their errors. */
 static void slopes(const sample *s, scalar f, const void *of, const double *y, double *out, double *error) {
     const size_t mark = lg_test_owned();
     double *basis = take(s->algebra), own;
@@ -379,7 +381,8 @@ static double invariant(const void *of, const double *y) {
     return lg_system_invariant(q->s->system, q->index, y, q->s->work);
 }
 
-/* The slope along the field is zero to its error and the rounding of the terms it is the sum of. */
+/* The slope along the field must be zero within its error and the rounding of the terms that it is a sum
+ * of. */
 static void check_invariant(const sample *s, size_t index, const double *y) {
     const size_t mark = lg_test_owned();
     const quantity q = {s, index};
@@ -414,9 +417,10 @@ static void cross(const double *a, const double *b, double *out) {
     for (int i = 0; i < 3; i++) out[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
 }
 
-/* The velocity {y, H} of `copies` of a factor from the slopes d of H along the basis of its algebra. */
+/* Functions that compute the velocity {y, H} for `copies` of a factor from the slopes d of H along the basis
+ * of the factor's algebra. */
 
-/* d = (dH/dq, dH/dp) */
+/* d = (dH/dq, dH/dp). */
 static void canonical(size_t copies, const double *y, const double *d, double *out) {
     const size_t n = copies / 2;
     assert_true(copies == 2 * n);
@@ -426,7 +430,7 @@ static void canonical(size_t copies, const double *y, const double *d, double *o
     }
 }
 
-/* Along (u, 0) q and p turn, along (0, v) p moves by v x q: f = (d_v, -d_u). */
+/* Along (u, 0) q and p rotate, along (0, v) p changes by v x q: f = (d_v, -d_u). */
 static void cotangent_sphere(size_t copies, const double *y, const double *d, double *out) {
     for (size_t i = 0; i < copies; i++, y += 6, d += 6, out += 6) {
         const double f[6] = {d[3], d[4], d[5], -d[0], -d[1], -d[2]};
@@ -434,14 +438,14 @@ static void cotangent_sphere(size_t copies, const double *y, const double *d, do
     }
 }
 
-/* On (R, pi): R' = hat(dH/dpi) R, pi' = -(the slope of H along the turn of R alone) + dH/dpi x pi. */
+/* For (R, pi): R' = hat(dH/dpi) R, pi' = -(slope of H when R alone rotates) + dH/dpi x pi. */
 static void rotation_and_momentum(const double *y, const double *turn, const double *velocity, double *out) {
     lg_space_kind_entry(LG_SPACE_SO3)->generator(1, velocity, y, out);
     cross(velocity, y + 9, out + 9);
     for (int i = 0; i < 3; i++) out[9 + i] -= turn[i];
 }
 
-/* Along (u, 0) pi turns too, which adds pi x dH/dpi to the slope. */
+/* Along (u, 0) pi rotates too, which adds pi x dH/dpi to the slope. */
 static void cotangent_rotations(size_t copies, const double *y, const double *d, double *out) {
     for (size_t i = 0; i < copies; i++, y += 12, d += 6, out += 12) {
         double turn[3];
@@ -451,18 +455,18 @@ static void cotangent_rotations(size_t copies, const double *y, const double *d,
     }
 }
 
-/* SO(3) and the R^3 after it: the momentum stays while R turns. */
+/* SO(3) and the R^3 that follows it: pi stays constant while R rotates. */
 static void product_rotations(size_t copies, const double *y, const double *d, double *out) {
     assert_true(copies == 1);
     rotation_and_momentum(y, d, d + 3, out);
 }
 
-/* d = y x dH/dy = y' */
+/* d = y x dH/dy = y'. */
 static void body_momentum(size_t copies, const double *y, const double *d, double *out) {
     memcpy(out, d, 3 * copies * sizeof *out);
 }
 
-/* d_u = G x dH/dG + P x dH/dP = P', d_v = G x dH/dP = G' */
+/* d_u = G x dH/dG + P x dH/dP = P', d_v = G x dH/dP = G'. */
 static void body_momenta(size_t copies, const double *y, const double *d, double *out) {
     for (size_t i = 0; i < copies; i++, d += 6, out += 6) {
         memcpy(out, d + 3, 3 * sizeof *out);
@@ -472,14 +476,14 @@ static void body_momenta(size_t copies, const double *y, const double *d, double
 
 static const struct {
     void (*velocity)(size_t copies, const double *y, const double *d, double *out);
-    size_t factors; /* of the space that it takes, this one and R^3 after it */
+    size_t factors; /* number of factors that it uses: this one, for SO(3) also the R^3 that follows */
 } brackets[LG_SPACE_KINDS] = {
     [LG_SPACE_RN] = {canonical, 1},           [LG_SPACE_TS2] = {cotangent_sphere, 1},
     [LG_SPACE_SO3] = {product_rotations, 2},  [LG_SPACE_SE3] = {cotangent_rotations, 1},
     [LG_SPACE_SO3_DUAL] = {body_momentum, 1}, [LG_SPACE_SE3_DUAL] = {body_momenta, 1},
 };
 
-/* {y, H} on the product */
+/* {y, H} for the whole product. */
 static void bracket_velocity(const sample *s, const double *y, const double *d, double *out) {
     for (size_t f = 0; f < s->space->factors;) {
         const lg_space_factor *factor = &s->space->factor[f];
@@ -511,7 +515,7 @@ static void check_hamiltonian(const sample *s, const double *y) {
 
 /* ---- Euler-Lagrange equations ---- */
 
-/* `lead` numbers of position are followed by as many of velocity, `copies` times. */
+/* A state of `copies` blocks, each with `lead` numbers of position followed by as many of velocity. */
 typedef struct tangent {
     size_t lead, copies;
     bool sphere;
@@ -523,7 +527,7 @@ static tangent tangent_of(const sample *s, const lg_space_factor *factor) {
     return (tangent){3, factor->count, true};
 }
 
-/* K - V = H(q, v) - 2 H(q, 0) */
+/* K - V = H(q, v) - 2 H(q, 0). */
 static double lagrangian(const void *of, const double *y) {
     const sample *s = of;
     const size_t mark = lg_test_owned();
@@ -538,8 +542,8 @@ static double lagrangian(const void *of, const double *y) {
     return value;
 }
 
-/* Number `component` of the momentum of the copy whose state and algebra begin at `place`: dL/dv on R^n; on
- * TS^2 the derivative along the turn of q, (d_v L) x q, as omega moves by v x q. */
+/* Component `component` of the momentum of the copy whose state and algebra begin at `place`. On R^n it is
+ * dL/dv; on TS^2 it is the derivative along the rotation of q, (d_v L) x q, as omega changes by v x q. */
 typedef struct momentum_of {
     const sample *s;
     tangent t;
@@ -563,8 +567,8 @@ static double momentum(const void *of, const double *y) {
     return slope_in_velocity(m, y, a) * y[m->place + b] - slope_in_velocity(m, y, b) * y[m->place + a];
 }
 
-/* The momentum changes by the slope of L along the turn, or the shift, of the position; q' = omega x q, or v.
- */
+/* The momentum must change by the slope of L along the rotation (or shift) of the position, and q' must be
+ * omega x q (or v). */
 static void check_copy(momentum_of m, const double *y, const double *f, const double *velocity,
                        const double *d) {
     const sample *s = m.s;
@@ -595,7 +599,7 @@ static void check_lagrangian(const sample *s, const double *y) {
     }
 }
 
-/* A row with an energy has to say what its field has to do with it. */
+/* A system with an energy must state how its field follows from it. */
 static void structure(sample *s) {
     static void (*const check[])(const sample *, const double *) = {
         [LG_STRUCTURE_HAMILTONIAN] = check_hamiltonian,
@@ -615,7 +619,7 @@ static void structure(sample *s) {
 
 /* ---- the variational step ---- */
 
-/* d/dh of the step at h = 0 is the field. */
+/* The derivative of the step by h at h = 0 must be the field. */
 static void variational_step(sample *s) {
     double *velocity = take(s->dim), *side[2] = {take(s->dim), take(s->dim)}, *rate = take(s->dim);
     lg_system_user user;
@@ -637,15 +641,15 @@ static void variational_step(sample *s) {
 
 /* ---- the tests ---- */
 
-TEST("every field on a tape of either type is the plain one, with a time for each row") {
+TEST("every field on a tape of either type agrees with the plain field, with a time for each row") {
     on_every_sample(taped_field);
 }
 
-TEST("every ambient field is the generator of the field, on a tape and off the manifold too") {
+TEST("every ambient field is the generator of the field, also on a tape and off the manifold") {
     on_every_sample(ambient_field);
 }
 
-TEST("separable systems, and they alone, have a velocity and a force that make up the field") {
+TEST("separable systems, and no others, have a velocity and a force that together are the field") {
     on_every_sample(halves);
 }
 
@@ -653,10 +657,10 @@ TEST("every invariant is constant along the field") {
     on_every_sample(invariants);
 }
 
-TEST("every field is what the structure of its row makes of the energy") {
+TEST("every field follows from the energy by the structure that the system states") {
     on_every_sample(structure);
 }
 
-TEST("every variational step has the field for its derivative at h = 0") {
+TEST("the derivative of every variational step at h = 0 is the field") {
     on_every_sample(variational_step);
 }

@@ -1,5 +1,5 @@
-/* The table of systems: rows, layouts, parameters and their rules, and what is refused with which sentence.
- */
+/* The table of systems: entries, layouts, parameters and their rules, and the messages for what is
+ * refused. */
 #include "mechanics/system_check.h"
 
 static const double gravity = 9.81, ones[3] = {1.0, 1.0, 1.0}, unlike[3] = {1.0, 1.3, 0.7};
@@ -17,7 +17,7 @@ static lg_system_options options_of(const char *form, size_t links, const lg_nam
     return options;
 }
 
-TEST("every row of the table is complete and different") {
+TEST("every system of the table is complete, and all differ") {
     const char *name = NULL, *form = NULL;
     size_t n = 0;
     for (; lg_system_at(n, &name, &form); n++) {
@@ -37,7 +37,7 @@ TEST("every row of the table is complete and different") {
     assert_null(lg_system_parameters("pendulum", NULL));
     assert_null(lg_system_state("oscillator", "lagrangian"));
     assert_null(lg_system_state(NULL, NULL));
-    /* The first form is the one meant without a name. */
+    /* Without a name the first form is used. */
     assert_true(lg_system_state("pendulum-chain", NULL) == lg_system_state("pendulum-chain", "lagrangian"));
     assert_true(lg_system_state("pendulum-chain", NULL) != lg_system_state("pendulum-chain", "hamiltonian"));
     assert_string_equal(lg_system_form(make_system("heavy-top", NULL, NULL, 0)), "cotangent");
@@ -48,7 +48,7 @@ static const char top_labels[] = "I1 I2 I3 m L chi1 chi2 chi3 gamma0_1 gamma0_2 
 static const struct {
     const char *name, *form;
     size_t links;
-    const lg_named_values *given; /* one, or NULL */
+    const lg_named_values *given; /* one parameter, or NULL */
     const char *layout;
     size_t dim, reported, invariants;
     const char *labels;
@@ -68,7 +68,7 @@ static const struct {
      "J1 J2 J3 m_y m1 m2 L1 L2 g kx kv kq kw beta"},
 };
 
-TEST("layouts, sizes and labels of parameters") {
+TEST("layouts, sizes and labels of parameters are right") {
     for (size_t i = 0; i < LG_COUNT(layouts); i++) {
         const lg_system_options options =
             options_of(layouts[i].form, layouts[i].links, layouts[i].given, layouts[i].given != NULL);
@@ -93,7 +93,7 @@ TEST("layouts, sizes and labels of parameters") {
     }
 }
 
-TEST("a million links") {
+TEST("a chain may have a million links") {
     const lg_system_options options = options_of(NULL, 1000000, &only_gravity, 1);
     lg_system *system = make_system_with("pendulum-chain", &options);
     const char *layout = lg_system_layout(system), *end = " q999999 omega999999 q1000000 omega1000000";
@@ -102,7 +102,7 @@ TEST("a million links") {
     assert_string_equal(layout + strlen(layout) - strlen(end), end);
 }
 
-TEST("parameters are in the order of the table, whatever the order given") {
+TEST("parameters are stored in the order of the table, whatever order they are given in") {
     const lg_named_values given[] = {{"lengths", unlike, 3}, {"gravity", &gravity, 1}};
     const double expected[7] = {9.81, 1.0, 1.0, 1.0, 1.0, 1.3, 0.7};
     const lg_system_options options = options_of(NULL, 3, given, 2);
@@ -110,7 +110,7 @@ TEST("parameters are in the order of the table, whatever the order given") {
                         sizeof(expected));
 }
 
-/* status and words of the sentence */
+/* The system must be refused with this status, and the message must contain both words. */
 static void refused(const char *name, const lg_system_options *options, lg_status status, const char *first,
                     const char *second) {
     lg_system *system = NULL;
@@ -126,7 +126,8 @@ static void refused(const char *name, const lg_system_options *options, lg_statu
 static const double zero[] = {1.0, 0.0, 1.0}, negative[] = {-1.0, 1.0, 1.0}, wild[] = {1.0, 1.0, NAN},
                     infinite[] = {INFINITY, 1.0, 1.0}, tall[] = {0.0, 1.1, 0.0};
 
-/* Beside gravity: one more parameter of a chain of three; of other systems the only one. */
+/* In addition to gravity, another parameter of a chain of three links; for other systems the only
+ * parameter. */
 static const struct {
     const char *name;
     lg_named_values given;
@@ -153,7 +154,7 @@ static const struct {
     {"rigid-body-attitude", {"inertia", ones, 2}, "2 numbers", "expected 3"},
 };
 
-TEST("systems, forms and parameters that cannot be are refused by name") {
+TEST("unknown systems and forms and invalid parameters are refused by name") {
     for (size_t i = 0; i < LG_COUNT(bad_values); i++) {
         const lg_named_values given[] = {only_gravity, bad_values[i].given};
         const bool chain = strcmp(bad_values[i].name, "pendulum-chain") == 0;
@@ -186,7 +187,7 @@ TEST("systems, forms and parameters that cannot be are refused by name") {
     lg_system_destroy(NULL);
 }
 
-TEST("functions of chains refuse other systems and coordinates") {
+TEST("functions for chains refuse other systems and coordinates") {
     lg_system *quartic = make_system_with("quartic", NULL), *chain = make_chain(NULL, 1, 1.0, NULL, NULL);
     double x[36] = {0}, work[64];
     lg_system_user user;
@@ -203,7 +204,7 @@ TEST("functions of chains refuse other systems and coordinates") {
     assert_status(lg_system_taped_ode(chain, unknown, LG_NONE, &taped, &taped_user), LG_INVALID_ARGUMENT);
 }
 
-TEST("Figure 1.1's oscillator: the midpoint rule, H kept exactly") {
+TEST("the midpoint rule keeps H of the oscillator of Figure 1.1 exactly") {
     lg_system *system = make_system_with("oscillator", NULL);
     double y[2] = {0.8, -0.6}, work[1], h = 0.3;
     lg_system_user user;

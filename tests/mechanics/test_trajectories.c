@@ -1,4 +1,4 @@
-/* Systems on R^4, starts, sampled trajectories, and bad input. */
+/* Systems on R^4, starts, sampled trajectories, and invalid input. */
 #include "support/fixtures.h"
 #include "mechanics/system_check.h"
 
@@ -8,7 +8,7 @@ static lg_system *make(const char *name, size_t links) {
                                                : make_system(name, NULL, NULL, 0);
 }
 
-TEST("the quartic's energy at one point, by hand (4.3.4)") {
+TEST("the quartic system's energy at one point agrees with (4.3.4) computed by hand") {
     double work[1];
     lg_system *quartic = make("quartic", 1);
     assert_close(lg_system_hamiltonian(quartic, (double[]){1.0, 2.0, 1.0, -1.0}, work), 6.0 + 4.25 + 2.5,
@@ -16,7 +16,7 @@ TEST("the quartic's energy at one point, by hand (4.3.4)") {
     assert_string_equal(lg_system_layout(quartic), "q p");
 }
 
-TEST("the first oscillator of the pair is harmonic: cos and sin; G is kept") {
+TEST("the first of the coupled oscillators is harmonic, and G is kept") {
     lg_system *system = make("coupled-oscillators", 1);
     const double y[4] = {0.4, -0.7, 0.3, 0.6}, times[2] = {0.1, 7.0};
     double out[8], work[1];
@@ -34,7 +34,7 @@ TEST("the first oscillator of the pair is harmonic: cos and sin; G is kept") {
                      1e-11, 0.0);
 }
 
-TEST("starts have the laws of the thesis") {
+TEST("starts have the distributions of the thesis") {
     lg_system *chain = make("pendulum-chain", 3), *quartic = make("quartic", 1);
     double y[18], mean[3] = {0}, tangent[3] = {0}, square = 0.0, box[4], low = 1.0, high = -1.0;
     lg_rng rng = test_rng(1, 0);
@@ -45,7 +45,8 @@ TEST("starts have the laws of the thesis") {
             assert_close(lg_dot3(y + 6 * j, y + 6 * j), 1.0, 1e-15, 0.0);
             assert_close(lg_dot3(y + 6 * j, y + 6 * j + 3), 0.0, 0.0, 1e-15);
             for (int c = 0; c < 3; c++) mean[c] += y[6 * j + c] / (3 * n);
-            /* p = q x u with u uniform in [0, 1)^3: p x q = u - q (q.u), of mean 1/3, of mean square 2/3 */
+            /* p = q x u with u uniform in [0, 1)^3, so p x q = u - q (q.u) has the mean 1/3 and the mean
+             * square 2/3. */
             double along[3];
             lg_cross3(y + 6 * j + 3, y + 6 * j, along);
             for (int c = 0; c < 3; c++) tangent[c] += along[c] / (3 * n);
@@ -67,7 +68,7 @@ TEST("starts have the laws of the thesis") {
     assert_status(lg_system_start(body, NULL, &rng, y), LG_UNSUPPORTED);
 }
 
-TEST("samples keep the energy and depend on the seed alone") {
+TEST("samples keep the energy and depend only on the seed") {
     lg_system *system = make("pendulum-chain", 2);
     lg_trajectory_options o;
     lg_trajectory_options_init(&o);
@@ -76,14 +77,15 @@ TEST("samples keep the energy and depend on the seed alone") {
     double t[M], y[N * M * D], H[N], t2[M], y2[N * M * D], H2[N], work[36];
     assert_ok(lg_generate_trajectories(NULL, system, &o, t, y, H, NULL));
     assert_true(t[0] == 0.0 && t[1] == 0.1 && t[2] == 0.2);
-    /* Independent of the tolerance to 1e-11, and energy is that of the start everywhere. */
+    /* Another tolerance changes the states by less than 1e-8, and the energy is that of the start
+     * everywhere. */
     o.rtol = 1e-9, o.atol = 1e-10;
     assert_ok(lg_generate_trajectories(NULL, system, &o, t2, y2, H2, NULL));
     assert_all_close(y2, y, N * M * D, 0.0, 1e-8);
     for (int i = 0; i < N; i++)
         for (int j = 0; j < M; j++)
             assert_close(lg_system_hamiltonian(system, y + (i * M + j) * D, work), H[i], 1e-11, 1e-11);
-    /* The same seed gives the same bits, and the same starts for another N, M, T and noise. */
+    /* The same seed gives the same bits, and the same starts for other N, M, T and noise. */
     o.rtol = 1e-12, o.atol = -1e-13;
     assert_ok(lg_generate_trajectories(NULL, system, &o, t2, y2, H2, NULL));
     assert_memory_equal(y, y2, sizeof(y));
@@ -98,7 +100,7 @@ TEST("samples keep the energy and depend on the seed alone") {
     assert_true(y2[0] != y[0]);
 }
 
-TEST("noise has its law, and leaves the first point") {
+TEST("noise has its distribution, and leaves the first point unchanged") {
     enum { N = 400, M = 3, D = 6 };
     lg_system *system = make("pendulum-chain", 1);
     lg_trajectory_options o;
@@ -125,8 +127,8 @@ TEST("noise has its law, and leaves the first point") {
     }
 }
 
-/* Of the chain all u are near (2, 2, 2): p = q x u is then known to 1e-3. */
-TEST("starts of a box: u of a chain and states on R^d are in it, and fill it") {
+/* For the chain all u are near (2, 2, 2), so p = q x u is known to 1e-3. */
+TEST("for starts in a box, u of a chain and states on R^d lie in the box and fill it") {
     lg_system *chain = make("pendulum-chain", 3), *quartic = make("quartic", 1);
     lg_trajectory_options o;
     lg_trajectory_options_init(&o);
@@ -148,11 +150,11 @@ TEST("starts of a box: u of a chain and states on R^d are in it, and fill it") {
     assert_status(lg_system_start(quartic, &o, &rng, y), LG_INVALID_ARGUMENT);
 }
 
-/* Links of length 2. Across its link a node moves by 3 (.5 2 w + .4 N), w = N(0, 1), and the second one
- * relative to the first by 3 (.5 2 w + .4 N - .4 N'): the rates have variances 9 (.25 + .04) and 9 (.25 +
- * .08). The angle of the first link is N(0, 1) and what .2 N adds, about N(0, .01), so its mean cosine is
- * exp(-.505). The bounds leave room for the return to the constraints. */
-TEST("starts in a plane lie in it, on the manifold, and have their law in both forms") {
+/* Links of length 2. The first node moves across its link with velocity 3 (.5 2 w + .4 N), w = N(0, 1), and
+ * the second node relative to the first with 3 (.5 2 w + .4 N - .4 N'). So the angular rates have variances 9
+ * (.25 + .04) and 9 (.25 + .08). The angle of the first link is N(0, 1) plus the contribution of .2 N, about
+ * N(0, .01), so its mean cosine is exp(-.505). The bounds allow for the projection to the constraints. */
+TEST("starts in a plane lie in it, on the manifold, and have their distribution in both forms") {
     enum { K = 2, N = 2000 };
     const double ones[K] = {1, 1}, lengths[K] = {2, 2};
     lg_system *system = make_chain("lagrangian", K, 1.0, ones, lengths);
@@ -211,7 +213,7 @@ TEST("trajectories begin a random time after their start") {
     assert_true(most > 1.95);
 }
 
-/* The noise of a trajectory is not drawn from the stream that its start, or another one's, came from. */
+/* The noise of a trajectory must not come from the random stream of its start, or of another start. */
 TEST("noise is independent of the starts") {
     enum { N = 500, M = 2, D = 4 };
     lg_system *system = make("quartic", 1);
@@ -223,7 +225,7 @@ TEST("noise is independent of the starts") {
     o.noise = 1.0, o.noise_kind = LG_NOISE_UNIFORM;
     assert_ok(lg_generate_trajectories(NULL, system, &o, t, noisy, H, NULL));
     for (int shift = 0; shift < 3; shift++) {
-        double correlation = 0.0; /* variances 1/3 and 1/3 */
+        double correlation = 0.0; /* the variances are 1/3 and 1/3 */
         for (int i = 0; i + shift < N; i++)
             for (int c = 0; c < D; c++) {
                 const double e = noisy[(i * M + 1) * D + c] - clean[(i * M + 1) * D + c];
@@ -233,8 +235,9 @@ TEST("noise is independent of the starts") {
     }
 }
 
-/* Three consecutive segments from each start; the last start gives what is left. Noise does not travel. */
-TEST("segments follow each other from one start") {
+/* Each start gives three consecutive segments; the last start gives the rest. Noise is not passed on to the
+ * next segment. */
+TEST("segments of one start follow one another") {
     enum { N = 8, M = 6, D = 4 };
     lg_system *system = make("quartic", 1);
     lg_trajectory_options o;
@@ -256,9 +259,9 @@ TEST("segments follow each other from one start") {
     for (int i = 0; i < N; i++) assert_memory_equal(noisy + i * M * D, y + i * M * D, D * sizeof(double));
 }
 
-/* ---- bad input ---- */
+/* ---- invalid input ---- */
 
-TEST("bad samplings are refused, and nothing is written") {
+TEST("invalid sampling options are refused, and nothing is written") {
     lg_system *chain = make("pendulum-chain", 1);
     double t[8] = {7.0}, y[64] = {7.0}, H[8] = {7.0};
     lg_error error;
@@ -317,7 +320,7 @@ static lg_status sample_chain(const lg_context *context, void *user) {
     return status;
 }
 
-TEST("every allocation may fail, and a run may be cancelled") {
+TEST("every allocation may fail, and a run can be cancelled") {
     sampling s;
     const volatile int cancel = 1;
     lg_context_options options;

@@ -1,6 +1,6 @@
 /* No unit is special: every system of the table, in other units of mass, length and time, has the same
- * relative error at the same tolerance. Units of parameters are those that the table gives; those of the
- * parts of a state stand below.
+ * relative error at the same tolerance. The table gives the units of parameters; the units of the parts of a
+ * state are listed below.
  * ctest-labels: src/mechanics */
 #include "mechanics/system_check.h"
 
@@ -11,7 +11,7 @@ static const char *const unit_names[UNITS] = {"kg", "m", "s"};
 
 /* ---- texts of units: "kg m^2", "m/s^2", "1/s" ---- */
 
-/* The unit's size in units of one system, in those of another one in which kg, m and s are so many. */
+/* The size of the unit `text` when kg, m and s have the sizes scale[]. */
 static double read_unit(const char *text, const double scale[UNITS]) {
     double factor = 1.0;
     int sign = 1;
@@ -31,7 +31,8 @@ static double read_unit(const char *text, const double scale[UNITS]) {
     return factor;
 }
 
-/* What stands behind the last comma of a meaning; angles and directions have no unit. */
+/* The unit of a parameter: the text after the last comma of its meaning. Angles and directions have no
+ * unit. */
 static double parameter_unit(const lg_parameter_entry *p, const double scale[UNITS]) {
     const char *comma = strrchr(p->meaning, ',');
     const bool none = p->rule == LG_PARAMETER_UNIT_VECTOR || p->rule == LG_PARAMETER_ANGLE;
@@ -54,7 +55,7 @@ static size_t state_unit(const char *key) {
     return 0;
 }
 
-/* ---- a problem and its form in other units ---- */
+/* ---- a problem and its conversion to other units ---- */
 
 enum { DIM = 48, PARAMETERS = 32, MEMBERS = 3 };
 typedef struct problem {
@@ -85,7 +86,7 @@ static problem convert(const problem *p, const double scale[UNITS]) {
     return out;
 }
 
-/* Numbers of size 1 within their rules. */
+/* Draws numbers of size 1 that the rules allow. */
 static void draw_parameters(problem *p, lg_rng *rng) {
     double *at = p->parameters;
     for (const lg_parameter_entry *row = lg_system_parameters(p->name, p->form); row->key; row++)
@@ -104,7 +105,7 @@ static void draw_state(problem *p, lg_rng *rng, bool rest) {
         }
 }
 
-/* Falling, or let go. */
+/* Draws a start in motion, or at rest. */
 static problem draw_problem(const char *name, const char *form, size_t links, bool rest) {
     problem p = {.name = name, .form = form, .links = links, .t_end = 1.5};
     lg_rng rng = test_rng(3, links);
@@ -134,7 +135,7 @@ static void solve(const problem *p, const lg_scheme *scheme, double rtol, double
     assert_ok(lg_integrate_adaptive(stepper, &control, 0.0, p->y0, &p->t_end, 1, out, NULL));
 }
 
-/* The largest error of a group relative to its size, in the units of p. */
+/* The largest error of a group of numbers relative to its size, in the units of p. */
 static double error_of(const problem *p, const double *y, const double *exact) {
     double worst = 0.0;
     for (const lg_state_entry *s = lg_system_state(p->name, p->form); s->key; s++)
@@ -151,7 +152,7 @@ static double error_of(const problem *p, const double *y, const double *exact) {
     return worst;
 }
 
-/* ---- the same in lanes ---- */
+/* ---- the same problem computed by an ensemble ---- */
 
 static lg_status put_start(void *user, uint64_t member, double *y, double *parameters) {
     const problem *p = user;
@@ -237,7 +238,8 @@ static void compare_all(const problem *p, solver how, size_t units, double rtol)
     }
 }
 
-/* Every system whose parameters have units. The path of the quadrotors is fixed in metres and seconds. */
+/* Runs every system whose parameters have units. The path of the quadrotors is fixed in metres and seconds,
+ * so they are left out. */
 static void each_problem(solver how, double rtol) {
     const char *name, *form;
     worst_ratio = 1.0;
@@ -258,15 +260,15 @@ TEST("relative errors are the same in all units of mass, length and time") {
     each_problem(solve, 1e-7);
 }
 
-TEST("and those of an ensemble") {
+TEST("relative errors of an ensemble are the same in all units") {
     each_problem(solve_in_lanes, 1e-7);
 }
 
 /* ---- states at rest ---- */
 
-/* y' = A y at a balance of large terms: what is left is rounding. */
+/* y' = A y at an equilibrium of large terms, whose sum is only rounding. */
 typedef struct balance {
-    double force; /* of each of two terms that cancel */
+    double force; /* size of each of the two terms that cancel */
 } balance;
 
 static lg_status balance_field(void *user, double t, const double *y, const double *input, double *out) {
@@ -278,7 +280,7 @@ static lg_status balance_field(void *user, double t, const double *y, const doub
     return LG_OK;
 }
 
-TEST("rounding of the field is no error: a body at rest stays, in any units, in few steps") {
+TEST("rounding of the field is not taken for an error: a body at rest stays, in any units, in few steps") {
     static const double forces[] = {1e-18, 1e-9, 1.0, 1e9, 1e18}, end = 1e3;
     for (size_t i = 0; i < LG_COUNT(forces); i++) {
         balance of = {forces[i]};
@@ -302,7 +304,7 @@ TEST("rounding of the field is no error: a body at rest stays, in any units, in 
     }
 }
 
-TEST("an absolute tolerance that is given stays as given") {
+TEST("a given absolute tolerance is used unchanged") {
     const problem p = draw_problem("rigid-body", NULL, 0, false);
     const lg_system *system = make_system_of(p.name, p.form, 0, p.parameters);
     lg_system_user user;
@@ -321,7 +323,8 @@ TEST("an absolute tolerance that is given stays as given") {
     const double slow = 1e6 * p.t_end;
     assert_ok(lg_integrate_adaptive(stepper, &control, 0.0, p.y0, &p.t_end, 1, y, &large));
     const size_t calls = lg_stepper_evaluations(stepper);
-    assert_int_equal(calls, 2 + 6 * (large.steps + large.rejected)); /* no further value of the field */
+    assert_int_equal(calls, 2 + 6 * (large.steps + large.rejected)); /* no further evaluations of the field */
     assert_ok(lg_integrate_adaptive(stepper, &control, 0.0, y0, &slow, 1, y, &small));
-    assert_true(small.steps < large.steps / 2); /* the same motion a million times smaller, 1e-9 */
+    /* The same motion with momenta a million times smaller, for which 1e-9 is a coarser tolerance. */
+    assert_true(small.steps < large.steps / 2);
 }
