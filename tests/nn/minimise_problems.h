@@ -1,9 +1,10 @@
-/* Collections of problems for minimisers, as sums of squares with exact derivatives:
+/* Collections of problems for minimisers: sums of squares with exact derivatives.
  *   mgh   the 35 problems of More, Garbow, Hillstrom, ACM Trans. Math. Softw. 7 (1981) 17-41
  *   nist  the 27 nonlinear regressions of golden/nist_table.h
  *
- * Residuals are written once, with numbers a + b i, where b is a derivative times a step of 1e-100: products
- * and quotients of complex numbers and the functions below carry it to rounding. */
+ * Residuals are computed with complex numbers a + b i, where b is a derivative times a step of 1e-100.
+ * Products and quotients of complex numbers and the functions below carry the derivative exactly up to
+ * rounding. */
 #ifndef LG_MINIMISE_PROBLEMS_H
 #define LG_MINIMISE_PROBLEMS_H
 
@@ -30,7 +31,7 @@ typedef struct minimise_problem {
     const nist_case *nist;
 } minimise_problem;
 
-/* ---- functions of such numbers ---- */
+/* ---- functions of complex numbers ---- */
 
 static inline num lift(num x, double value, double slope) {
     return value + slope * cimag(x) * I;
@@ -63,14 +64,14 @@ static inline num square(num x) {
 static inline num cube(num x) {
     return x * x * x;
 }
-/* x^c, c a number or a constant */
+/* x^c, where c may be constant or an unknown. */
 static inline num num_pow(num x, num c) {
     const double a = creal(x), b = creal(c), value = pow(a, b);
     const double logarithm = cimag(c) != 0 ? log(a) * cimag(c) : 0;
     return value + (b * pow(a, b - 1) * cimag(x) + value * logarithm) * I;
 }
 
-/* ---- More, Garbow, Hillstrom: numbers as in the paper, i from 0 ---- */
+/* ---- More, Garbow, Hillstrom: numbers as in the paper, but i starts at 0 ---- */
 
 #define MGH(name) static void name(const minimise_problem *p, const num *x, num *r)
 
@@ -333,7 +334,8 @@ MGH(chebyquad) {
 #define START(...) ((const double[]){__VA_ARGS__})
 #define TEN(a)     START(a, a, a, a, a, a, a, a, a, a)
 
-/* x10 and x100 are the start times 10 and 100; of Watson, whose start is 0, all tens and hundreds. */
+/* Starts x10 and x100 are the start times 10 and 100. The start of Watson is 0, so its x10 and x100 are all
+ * tens and all hundreds. */
 static const minimise_problem mgh_table[] = {
     {"Rosenbrock", 2, 2, rosenbrock_pairs, 0, START(-1.2, 1), NULL},
     {"Freudenstein and Roth", 2, 2, freudenstein, 0, START(0.5, -2), NULL},
@@ -379,7 +381,7 @@ static const minimise_problem mgh_table[] = {
      START(1 / 9.0, 2 / 9.0, 3 / 9.0, 4 / 9.0, 5 / 9.0, 6 / 9.0, 7 / 9.0, 8 / 9.0), NULL},
 };
 
-/* ---- NIST ---- */
+/* ---- models of NIST ---- */
 
 #define NIST(name) static num name(const num *b, const double *x)
 
@@ -449,7 +451,7 @@ NIST(bennett) {
 }
 
 static const struct nist_model {
-    const char *name; /* the first letters of the sets' */
+    const char *name; /* the first letters of the data sets' names */
     num (*value)(const num *b, const double *x);
 } nist_models[] = {
     {"Misra1a", misra1a}, {"Misra1b", misra1b}, {"Misra1c", misra1c}, {"Misra1d", misra1d},
@@ -496,7 +498,7 @@ static void minimise_problem_start(const minimise_problem *p, size_t start, doub
     for (size_t i = 0; i < p->n; i++) x[i] = p->residuals == watson && start > 0 ? factor : factor * from[i];
 }
 
-/* r (m) and its Jacobian (m, n) at x. */
+/* The residuals r (m) and their Jacobian (m, n) at x. */
 static void minimise_problem_jacobian(const minimise_problem *p, const double *x, double *r,
                                       double *jacobian) {
     static const double step = 1e-100;

@@ -1,4 +1,4 @@
-/* Shared by the tests of src/nn: fits of the running test and their states, a small regression. */
+/* Shared by the tests of src/nn: fits that the running test owns, their states, a small regression. */
 #ifndef LG_NN_SUPPORT_H
 #define LG_NN_SUPPORT_H
 
@@ -8,7 +8,7 @@
 #include "liegrad/ops.h"
 #include "support/memory_archive.h"
 
-/* A context of the running test that the flag cancels. */
+/* A context that is cancelled when the flag is set. The running test owns it. */
 static inline lg_context *cancelled_by(const volatile int *cancel) {
     lg_context_options options;
     lg_context *context = NULL;
@@ -52,7 +52,7 @@ static inline void assert_message(const lg_error *error, const char *part) {
     if (strstr(error->message, part) == NULL) fail_msg("\"%s\" does not say \"%s\"", error->message, part);
 }
 
-/* ---- states of fits ---- */
+/* ---- stored states of fits ---- */
 
 static inline memory_archive state_of(const lg_fit *fit) {
     memory_archive archive = {.count = 0};
@@ -66,7 +66,7 @@ static inline void load_state(lg_fit *fit, memory_archive *archive) {
     assert_told(lg_fit_load(fit, &reader, &told));
 }
 
-/* Every stored array is the same but the seconds. */
+/* All stored arrays must be the same, except the seconds. */
 static inline void assert_same_state(const memory_archive *x, const memory_archive *y) {
     assert_int_equal(x->count, y->count);
     for (size_t i = 0; i < x->count; i++) {
@@ -89,9 +89,9 @@ static inline void assert_same_fits(const lg_fit *a, const lg_fit *b) {
 typedef struct regression {
     lg_mlp net;
     double x[REGRESSION_SAMPLES], t[REGRESSION_SAMPLES];
-    size_t validation; /* of the problem's own */
-    int poison;        /* a sample whose target is NaN, or -1 */
-    int *cancel_at;    /* counts down with each call of the loss; at 0 raises `cancel`. NULL: never */
+    size_t validation; /* number of samples in the problem's own validation part */
+    int poison;        /* index of a sample whose target is NaN, or -1 */
+    int *cancel_at;    /* decreases with each call of the loss; at 0 it raises `cancel`. NULL: never */
     volatile int *cancel;
 } regression;
 
@@ -106,7 +106,7 @@ static inline regression make_regression(void) {
     return r;
 }
 
-/* Predicted minus given (count, 1). */
+/* Predicted minus given value, (count, 1). */
 static lg_status regression_difference(const regression *r, lg_tape *tape, lg_var theta,
                                        const uint32_t *samples, size_t count, lg_var *d) {
     double x[REGRESSION_SAMPLES], t[REGRESSION_SAMPLES];
@@ -149,7 +149,7 @@ static inline lg_fit_problem regression_problem(regression *r) {
                             .user = r};
 }
 
-/* Where the tests start from. */
+/* The parameters that the tests start from. */
 static inline double *regression_start(const regression *r) {
     double *theta = TEST_ARRAY(double, lg_mlp_parameters(&r->net));
     lg_rng rng = test_rng(3, 0);

@@ -1,10 +1,11 @@
-/* Convolutional networks in which every size differs from every other. */
+/* Convolutional networks in which all sizes differ from each other. */
 #ifndef LG_ODD_NETS_H
 #define LG_ODD_NETS_H
 
 #include "liegrad/convolution.h"
 
-/* Before lg_cnn_init; the activation is the user's. Blocks: channels, kernel, stride, padding, pooling. */
+/* Before lg_cnn_init. The including test sets the activation. Blocks: channels, kernel, stride, padding,
+ * pooling. */
 static const lg_cnn odd_nets[] = {
     {.channels = 3,
      .length = 23,

@@ -1,4 +1,4 @@
-/* Layers as their formulas say, one number at a time. */
+/* Layers computed directly from their formulas, one number at a time. */
 #ifndef LG_PLAIN_LAYERS_H
 #define LG_PLAIN_LAYERS_H
 
@@ -26,7 +26,7 @@ static inline double plain_activation(lg_activation kind, double x) {
     return x;
 }
 
-/* y = sigma(x W + b), the parameters at *theta, which moves past them. */
+/* y = sigma(x W + b). The parameters are at *theta, which is moved behind them. */
 static inline void plain_dense(const double **theta, size_t in, size_t out, bool bias, lg_activation kind,
                                const double *x, double *y) {
     for (size_t j = 0; j < out; j++) {

@@ -1,10 +1,10 @@
-/* Adam against its definition and against steps that can be worked out by hand; clipping; schedules. */
+/* Adam compared with its definition and with steps computed by hand; clipping; schedules. */
 #include "nn_support.h"
 
 #include "nn/fit_internal.h"
 
 #define N 3
-/* Algorithm 1 of Kingma & Ba with L2 (the gradient gets decay theta) or decoupled decay. */
+/* Algorithm 1 of Kingma & Ba, with L2 (decay * theta is added to the gradient) or with decoupled decay. */
 static void reference(const lg_adam_options *o, int step, double rate, double clip, const double *gradient,
                       double *m, double *v, double *theta) {
     const double lr = o->lr * rate;
@@ -42,7 +42,7 @@ static void compare_with_reference(bool decoupled, double decay) {
         }
     }
 }
-TEST("Adam follows its definition, with decay in the gradient and decoupled, in both types") {
+TEST("Adam follows its definition, with L2 and with decoupled decay, in both types") {
     compare_with_reference(false, 0.0);
     compare_with_reference(false, 0.1);
     compare_with_reference(true, 0.1);
@@ -62,7 +62,8 @@ TEST("with a constant gradient a step is lr g/(|g| + eps)") {
         assert_close(theta[2], 1.0, 0.0, 0.0);
     }
 }
-TEST("without a gradient decoupled decay multiplies, and L2 walks with unit speed towards zero") {
+TEST("with zero gradient, decoupled decay multiplies by a factor, and L2 moves with constant steps "
+     "towards zero") {
     lg_adam_options o;
     lg_adam_options_init(&o);
     o.lr = 0.01;
@@ -88,7 +89,7 @@ TEST("clipping is relative to the norm, which does not overflow in floats") {
     assert_close(lg_clip_factor(7.0, 8.0), 1.0, 0.0, 0.0);
     assert_close(lg_clip_factor(7.0, 0.0), 1.0, 0.0, 0.0);
     assert_close(lg_clip_factor(0.0, 1.0), 1.0, 0.0, 0.0);
-    /* squares that overflow a float */
+    /* The squares of these numbers overflow a float. */
     const float large[2] = {3e30f, 4e30f};
     assert_close(sqrt(lg_kernels_for(LG_F32)->dot(2, large, large)), 5e30, 1e-6, 0.0);
 }

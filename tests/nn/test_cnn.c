@@ -1,5 +1,5 @@
-/* Convolutional networks against the loops of their definition: default networks of all sizes, values and
- * gradients on a tape, what is refused. */
+/* Convolutional networks compared with plain loops: default networks of all sizes, values and gradients on a
+ * tape, refusals. */
 #include "support/fixtures.h"
 
 #include "liegrad/convolution.h"
@@ -8,7 +8,8 @@
 
 /* ---- the definition, in double ---- */
 
-/* x (L, C) -> an array (L'', O); *length, *channels become those of the result. */
+/* Computes a block of x (L, C) and returns an array (L'', O). *length and *channels get the sizes of the
+ * result. */
 static const double *naive_block(const lg_cnn *net, const lg_cnn_block *b, const double *x, size_t *length,
                                  size_t *channels, const double **theta) {
     const size_t l = *length, c_in = *channels, o = b->channels;
@@ -45,7 +46,7 @@ static const double *naive_block(const lg_cnn *net, const lg_cnn_block *b, const
     return z;
 }
 
-/* One series x (L, C). */
+/* The outputs for one series x (L, C). */
 static void naive(const lg_cnn *net, const double *theta, const double *x, double *y, double *plane) {
     size_t length = net->length, channels = net->channels;
     const double *h = x;
@@ -107,8 +108,8 @@ static example make(lg_cnn net) {
 
 enum { OFFSET = 3 };
 
-/* Logits and plane of the first `rows` series on a tape. OFFSET numbers that are not the network's lie before
- * its parameters. */
+/* Logits and plane of the first `rows` series on a tape. OFFSET other numbers precede the network's
+ * parameters. */
 static void evaluate(const example *e, lg_tape *tape, uint32_t rows, double *y, double *plane) {
     const lg_cnn *net = &e->net;
     lg_tape_reset(tape);
@@ -124,7 +125,7 @@ static void evaluate(const example *e, lg_tape *tape, uint32_t rows, double *y, 
     if (net->plane > 0) assert_ok(lg_read(tape, at, rows * net->plane, plane));
 }
 
-/* ---- description ---- */
+/* ---- descriptions ---- */
 
 TEST("the default network has its layers, names and lengths") {
     static const char *const names[] = {"conv1/weight",  "conv1/bias", "conv2/weight", "conv2/bias",
@@ -189,7 +190,7 @@ TEST("default networks of all sizes can be made and evaluated") {
     assert_status(lg_cnn_init(&nothing, &error), LG_INVALID_ARGUMENT);
 }
 
-/* Of a line of 9 samples with one block, or of sizes alone. */
+/* LINE: a network for a series of 9 samples. BLOCK: a LINE with one block. */
 #define LINE(...)                                                                                            \
     { .channels = 1, .length = 9, .outputs = 1, __VA_ARGS__ }
 #define BLOCK(...) LINE(.blocks = 1, .block = {{__VA_ARGS__}})
@@ -197,7 +198,7 @@ TEST("default networks of all sizes can be made and evaluated") {
     { .channels = c, .length = l, .outputs = o, .plane = p }
 #define M (1u << 20)
 
-TEST("a description that is refused is told by its block and left as it was") {
+TEST("a refused description is reported with the block, and stays unchanged") {
     static const struct {
         lg_cnn net;
         const char *sentence;
@@ -233,7 +234,7 @@ TEST("a description that is refused is told by its block and left as it was") {
         assert_int_equal(net.lengths[0], 77);
     }
     lg_cnn second = default_net(1, 30, 1, LG_TANH);
-    second.block[1].kernel = 14; /* 13 are left */
+    second.block[1].kernel = 14; /* 13 samples are left */
     assert_status(lg_cnn_init(&second, &error), LG_INVALID_ARGUMENT);
     assert_non_null(strstr(error.message, "block 2"));
 }
@@ -242,7 +243,7 @@ TEST("poolings have their names") {
     ASSERT_NAMED(lg_pooling, lg_pooling, LG_POOLING_COUNT);
 }
 
-TEST("each law of initialisation has its deviation by fan in and fan out, and its biases") {
+TEST("each kind of initialisation has its deviation by fan in and fan out, and its biases") {
     const lg_cnn net = default_net(6, 300, 1, LG_TANH);
     static const struct {
         lg_initialisation kind;
@@ -272,7 +273,7 @@ TEST("each law of initialisation has its deviation by fan in and fan out, and it
 
 /* ---- values ---- */
 
-TEST("networks on a tape are the loops of their definition, in both types") {
+TEST("networks on a tape agree with plain loops, in both types") {
     for (int dtype = LG_F64; dtype <= LG_F32; dtype++) {
         const double rtol = dtype == LG_F64 ? 1e-12 : 2e-5, atol = dtype == LG_F64 ? 1e-13 : 2e-5;
         lg_tape *tape = test_tape((lg_dtype)dtype);

@@ -1,5 +1,5 @@
-/* The training loop: one step after the other against plain loops, convergence, the same bytes whatever the
- * threads and however often interrupted, validation and best epoch, and what stops it.
+/* The training loop: steps compared with plain loops, convergence, equal bytes for any number of threads and
+ * interruptions, validation and best epoch, and what stops it.
  * ctest-labels: isa */
 #include "nn_support.h"
 
@@ -11,7 +11,7 @@ static lg_fit *run_regression(regression *r, const lg_fit_options *o) {
     return fit;
 }
 
-/* ---- against plain loops: line a x + b through 7 points, batches of 3, 3 and 1 ---- */
+/* ---- comparison with plain loops: a line a x + b through 7 points, batches of 3, 3 and 1 ---- */
 typedef struct line {
     double x[7], t[7];
 } line;
@@ -34,7 +34,7 @@ static lg_status line_loss(void *user, lg_tape *tape, lg_var theta, const uint32
 
 static const line points = {{-1.0, 0.5, 2.0, 0.1, -0.7, 1.3, 0.9}, {0.3, 1.1, 4.2, 0.2, -1.0, 2.0, 2.5}};
 
-/* Adam with clipping and a step schedule by hand; returns the last epoch's loss. */
+/* Adam with clipping and a step schedule, written by hand. Returns the loss of the last epoch. */
 static double line_reference(int epochs, size_t batch, double clip, double theta[2]) {
     double m[2] = {0}, v[2] = {0}, loss = 0.0;
     int step = 0;
@@ -86,7 +86,7 @@ static void check_line(size_t batch, uint32_t shards) {
     assert_true(lg_fit_finished(fit));
 }
 
-TEST("steps are those of plain loops, with partial batches and more shards than samples") {
+TEST("steps agree with plain loops, with partial batches and more shards than samples") {
     const size_t batches[] = {3, 1, 0, 7, 100, 4};
     const uint32_t shards[] = {1, 2, 4, 5, 64};
     for (size_t i = 0; i < LG_COUNT(batches); i++)
@@ -95,14 +95,14 @@ TEST("steps are those of plain loops, with partial batches and more shards than 
 
 static lg_status counting_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                                size_t batch, lg_var *loss) {
-    size_t *calls = user; /* how many, and the most samples of one */
+    size_t *calls = user; /* number of calls, and the largest number of samples in one call */
     calls[0]++;
     if (count > calls[1]) calls[1] = count;
     *loss = lg_scale(tape, lg_sum(tape, lg_square(tape, theta)), (double)count / (double)batch);
     return LG_OK;
 }
 
-TEST("shards of 0 are cut by the work: a small batch is one piece, a large one four") {
+TEST("with shards = 0 the work decides: a small batch is one piece, a large one four") {
     static const struct {
         size_t parameters, samples, chunk, pieces;
     } cases[] = {{2, 7, 0, 1},        {2, 128, 0, 1},        {2, 129, 0, 2},      {2, 200, 64, 4},
@@ -136,9 +136,9 @@ static double error_of(regression *r, const double *theta, const uint32_t *sampl
     return error;
 }
 
-/* ---- convergence: a separate implementation of the same protocol, with seven other starts, ends
- * between 1.4e-6 and 1.8e-5 after 1500 epochs, and at 0.7e-4 to 1.7e-4 after 400 ---- */
-TEST("a regression converges in both types, and hands out the parameters of its loss") {
+/* ---- convergence: another implementation of the same training, from seven other starts, reaches losses from
+ * 1.4e-6 to 1.8e-5 after 1500 epochs, and from 0.7e-4 to 1.7e-4 after 400 ---- */
+TEST("a regression converges in both types, and returns the parameters that belong to its loss") {
     for (int dtype = 0; dtype < 2; dtype++) {
         regression r = make_regression();
         lg_fit_options o = options_of(1500, 16);
@@ -158,7 +158,7 @@ TEST("a regression converges in both types, and hands out the parameters of its 
     }
 }
 
-/* ---- the same bytes ---- */
+/* ---- equal bytes ---- */
 static lg_fit_options rich_options(lg_dtype dtype) {
     lg_fit_options o = options_of(40, 7);
     o.dtype = dtype;
@@ -170,7 +170,7 @@ static lg_fit_options rich_options(lg_dtype dtype) {
     return o;
 }
 
-TEST("a fit gives the same bytes whatever the threads, and others with another seed") {
+TEST("a fit gives the same bytes for any number of threads, and other bytes for another seed") {
     for (int dtype = 0; dtype < 2; dtype++) {
         regression r = make_regression();
         lg_fit_options o = rich_options((lg_dtype)dtype);
@@ -180,7 +180,7 @@ TEST("a fit gives the same bytes whatever the threads, and others with another s
             lg_fit *other = run_regression(&r, &o);
             assert_same_fits(one, other);
         }
-        /* another seed, or another number of shards, must show */
+        /* Another seed or another number of shards must change the result. */
         o.seed = 2;
         lg_fit *other = run_regression(&r, &o);
         double a[512], b[512];
@@ -190,7 +190,7 @@ TEST("a fit gives the same bytes whatever the threads, and others with another s
     }
 }
 
-TEST("reduction and Adam over blocks on threads give the same bytes") {
+TEST("reduction and Adam in blocks on threads give the same bytes") {
     regression r = make_regression();
     const uint32_t wide[2] = {320, 320};
     assert_ok(lg_mlp_init(&r.net, 1, wide, 2, 1, LG_TANH, true));
@@ -202,14 +202,14 @@ TEST("reduction and Adam over blocks on threads give the same bytes") {
     assert_same_fits(one, three);
 }
 
-TEST("a resumed fit ends in the bytes of an uninterrupted one") {
+TEST("a resumed fit gives the bytes of an uninterrupted one") {
     for (int dtype = 0; dtype < 2; dtype++) {
         regression r = make_regression();
         lg_fit_options o = rich_options((lg_dtype)dtype);
         lg_fit *whole = run_regression(&r, &o);
         o.stop_after = 20;
         lg_fit *half = regression_fit(NULL, &r, &o);
-        memory_archive archive = state_of(half); /* a state before the first epoch loads too */
+        memory_archive archive = state_of(half); /* a state before the first epoch can be loaded too */
         load_state(half, &archive);
         run_fit(half);
         assert_int_equal(lg_fit_epochs_done(half), 20);
@@ -222,12 +222,12 @@ TEST("a resumed fit ends in the bytes of an uninterrupted one") {
         run_fit(rest);
         assert_true(lg_fit_finished(rest));
         assert_same_fits(whole, rest);
-        run_fit(rest); /* nothing left to do */
+        run_fit(rest); /* nothing is left to do */
         assert_same_fits(whole, rest);
     }
 }
 
-TEST("a fit cancelled anywhere, saved and loaded again and again ends in the same bytes") {
+TEST("a fit that is cancelled anywhere, saved and loaded many times gives the same bytes") {
     regression r = make_regression();
     lg_fit_options o = rich_options(LG_F64);
     lg_fit *whole = run_regression(&r, &o);
@@ -294,11 +294,11 @@ static double part_loss(const lg_fit *fit, regression *r, const double *theta, s
     return error_of(r, theta, order + from, to - from);
 }
 
-TEST("the best epoch of the validation part is kept and reported") {
+TEST("the best epoch by the validation part is kept and reported") {
     regression r = make_regression();
     watcher w = {.stop_at = -1};
     lg_fit_options o = options_of(60, 5);
-    o.adam.lr = 0.05; /* rough: the last epoch is not the best one */
+    o.adam.lr = 0.05; /* large, so that the last epoch is not the best */
     o.validation = 0.2;
     o.keep_best = true;
     o.on_epoch = watch_epoch;
@@ -320,7 +320,7 @@ TEST("the best epoch of the validation part is kept and reported") {
     for (int i = 0; i < 60; i++) assert_true(history[i] >= w.best.validation);
 }
 
-/* ---- a validation part of the problem's own ---- */
+/* ---- a validation part that the problem defines ---- */
 enum { OWN = 11 }; /* the last samples */
 
 static lg_fit_options own_options(void) {
@@ -329,7 +329,7 @@ static lg_fit_options own_options(void) {
     return o;
 }
 
-TEST("the last samples validate in their order, and the others train in a new one") {
+TEST("the last samples validate in their order, and the others train in an order drawn for each epoch") {
     regression r = make_regression();
     r.validation = OWN;
     watcher w = {.stop_at = -1};
@@ -356,7 +356,7 @@ TEST("the last samples validate in their order, and the others train in a new on
     assert_int_equal(lg_fit_best_epoch(fit), w.best.epoch);
 }
 
-TEST("samples behind the training part change no step") {
+TEST("samples after the training part do not change any step") {
     regression r = make_regression(), fewer = r;
     lg_fit_options o = own_options();
     double x[512], y[512];
@@ -374,7 +374,7 @@ TEST("samples behind the training part change no step") {
     assert_memory_equal(x, y, lg_mlp_parameters(&r.net) * sizeof *x);
 }
 
-TEST("a validation part of its own is saved, compared and loaded") {
+TEST("a validation part that the problem defines is saved, compared and loaded") {
     regression r = make_regression();
     r.validation = OWN;
     lg_fit_options o = own_options();
@@ -391,7 +391,7 @@ TEST("a validation part of its own is saved, compared and loaded") {
     }
     assert_same_fits(whole, fit);
 
-    /* another part, none, or one drawn by the seed: another run */
+    /* With another validation part, none, or one drawn by the seed it is another run. */
     const lg_archive_reader reader = memory_reader(&archive);
     lg_error error;
     for (size_t validation = 0; validation < OWN; validation += OWN - 1) {
@@ -406,7 +406,8 @@ TEST("a validation part of its own is saved, compared and loaded") {
     assert_non_null(strstr(error.message, "validation part"));
     assert_same_fits(whole, fit);
 
-    /* without such a part, its number is not there at all: states are as they always were */
+    /* Without such a part the state does not hold its number, so that states are as before there were such
+     * parts. */
     r.validation = 0;
     fit = regression_fit(NULL, &r, &o);
     run_fit(fit);
@@ -421,7 +422,7 @@ TEST("a validation part of its own is saved, compared and loaded") {
     assert_same_fits(fit, old);
 }
 
-TEST("a validation part that leaves nothing to train on, or two of them, are refused") {
+TEST("a validation part that leaves no training samples, or two validation parts, are refused") {
     regression r = make_regression();
     lg_fit_problem problem = regression_problem(&r);
     lg_fit_options o = own_options();
@@ -441,7 +442,7 @@ TEST("a validation part that leaves nothing to train on, or two of them, are ref
     assert_null(fit);
 }
 
-/* One unit for each sample, whatever the parameter. */
+/* The loss is 1 per sample, for any parameter. */
 static lg_status unit_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                            size_t batch, lg_var *loss) {
     (void)user, (void)samples;
@@ -450,7 +451,7 @@ static lg_status unit_loss(void *user, lg_tape *tape, lg_var theta, const uint32
     return LG_OK;
 }
 
-TEST("losses of an epoch are means over the training and over the validation part") {
+TEST("losses of an epoch are means over the training part and over the validation part") {
     const double start[1] = {0.5};
     const lg_fit_problem problem = {.parameters = 1, .samples = 53, .loss = unit_loss};
     for (size_t batch = 0; batch <= 10; batch += 5) {
@@ -478,7 +479,7 @@ TEST("training stops when patience ends") {
 }
 
 /* ---- callbacks ---- */
-TEST("checkpoints come as often as asked for and when stopped, and their failure stops the fit") {
+TEST("checkpoints come as often as requested and when the fit stops, and their failure stops the fit") {
     regression r = make_regression();
     watcher w = {.stop_at = 7};
     lg_fit_options o = options_of(20, 16);
@@ -491,7 +492,7 @@ TEST("checkpoints come as often as asked for and when stopped, and their failure
     lg_error error;
     assert_status(lg_fit_run(fit, &error), LG_CANCELLED);
     assert_int_equal(w.epochs, 7);
-    assert_int_equal(w.saves, 3); /* after 3, 6 and when stopped */
+    assert_int_equal(w.saves, 3); /* after epochs 3, 6 and when stopped */
     assert_int_equal(w.saved_epoch, 7);
     w.save_status = LG_FILE;
     assert_status(lg_fit_run(fit, &error), LG_FILE);
@@ -512,7 +513,8 @@ TEST("checkpoints come as often as asked for and when stopped, and their failure
 
 /* ---- restarts ---- */
 
-/* Says that the model is dead, but for parameters of restart `enough`; or from call `from` on. */
+/* A model that is reported as dead, except with the parameters of restart `enough`, or only from call `from`
+ * on. */
 typedef struct dying {
     regression regression;
     uint64_t enough;
@@ -530,7 +532,7 @@ static lg_status dying_revive(void *user, uint64_t number, double *theta, bool *
 static lg_fit *dying_fit(dying *d, const lg_fit_options *o, double factor) {
     lg_fit_problem problem = regression_problem(&d->regression);
     double *theta = regression_start(&d->regression);
-    problem.revive = dying_revive; /* the user begins with the regression */
+    problem.revive = dying_revive; /* `user` points to a dying, whose first member is the regression */
     for (size_t i = 0; i < problem.parameters; i++) theta[i] *= factor;
     return test_fit(NULL, &problem, o, theta);
 }
@@ -539,7 +541,7 @@ static dying make_dying(uint64_t enough, int from) {
     return (dying){.regression = make_regression(), .enough = enough, .from = from};
 }
 
-TEST("a dead model starts again, from epoch 0 and as if it had started there") {
+TEST("a dead model starts again from epoch 0, as if it had started there") {
     for (int dtype = 0; dtype < 2; dtype++) {
         lg_fit_options o = rich_options((lg_dtype)dtype);
         dying d = make_dying(2, 0), alive = make_dying(0, 0);
@@ -574,7 +576,7 @@ TEST("there are no more restarts than allowed, and none without the option") {
     }
 }
 
-/* The learning rate throws the parameters far away after some epochs. */
+/* With this learning rate the parameters become very large after some epochs. */
 TEST("a model that died after it had learned keeps its best epoch") {
     for (int keep = 0; keep < 2; keep++) {
         lg_fit_options o = options_of(12, 16);
@@ -627,7 +629,7 @@ TEST("a run with restarts, in parts, has the bytes of one run") {
     assert_same_fits(whole, fit);
 
     o.seconds = 1000.0;
-    o.stop_after = 2; /* the first epoch, and that before the second restart */
+    o.stop_after = 2; /* the first epoch, and the epoch before the second restart */
     lg_fit *later = dying_fit(&d, &o, 1.0);
     run_fit(later);
     assert_int_equal(lg_fit_restarts(later), 2);

@@ -1,12 +1,11 @@
-/* Training that cannot go on, or should not start: NaN, failing memory, bad options, states that are not
- * one. */
+/* Training that cannot continue or must not start: NaN, failing memory, invalid options, invalid states. */
 #include "nn_support.h"
 
 #include "nn/fit_internal.h"
 
 /* ---- values that are not finite ---- */
 
-TEST("a loss that is NaN stops before its batch, and goes on when the cause is gone") {
+TEST("a loss that is NaN stops the fit before its batch, and the fit continues once the cause is gone") {
     regression r = make_regression();
     lg_fit_options o = options_of(5, 10);
     o.shuffle = false;
@@ -29,7 +28,7 @@ TEST("a loss that is NaN stops before its batch, and goes on when the cause is g
     lg_fit_parameters(fit, again);
     assert_memory_equal(theta, again, n * sizeof *theta);
 
-    /* with the cause gone it goes on as if nothing had been */
+    /* Without the cause the fit continues as if nothing had happened. */
     r.poison = -1;
     o.stop_after = 0;
     lg_fit *whole = regression_fit(NULL, &r, &o);
@@ -40,12 +39,13 @@ TEST("a loss that is NaN stops before its batch, and goes on when the cause is g
     assert_memory_equal(theta, again, n * sizeof *theta);
 }
 
-/* theta = (W (SIDE, SIDE), b (SIDE)). A sample's loss is right sum(x W) + root sum(sqrt(b - shift)) with
- * x = (left, ..., left), so that the gradient is left right in W and root / (2 sqrt(b - shift)) in b. */
+/* theta = (W (SIDE, SIDE), b (SIDE)). The loss of a sample is right sum(x W) + root sum(sqrt(b - shift)) with
+ * x = (left, ..., left). So the gradient is left right in W and root / (2 sqrt(b - shift)) in b. */
 enum { SIDE = 24, STEEP = SIDE * SIDE + SIDE };
 typedef struct steep {
     double left, right, root, shift;
-    uint32_t sample; /* the only one that is so; the others have left = right = root = 1, shift = 0 */
+    /* the only sample with these numbers; the others have left = right = root = 1, shift = 0 */
+    uint32_t sample;
 } steep;
 
 static lg_status steep_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
@@ -66,8 +66,8 @@ static lg_status steep_loss(void *user, lg_tape *tape, lg_var theta, const uint3
     return lg_tape_status(tape);
 }
 
-/* One good epoch, then one as told; the rate is so small that W stays near 0 and b = 1/4. On failure the
- * state must be that after the good epoch. */
+/* Runs one good epoch, then one with `bad`. The rate is so small that W stays near 0 and b near 1/4. On
+ * failure the state must be that after the good epoch. */
 static lg_status run_steep(const steep *bad, lg_dtype dtype, uint32_t shards, size_t chunk, lg_error *error) {
     steep now = {1.0, 1.0, 1.0, 0.0, UINT32_MAX};
     const lg_fit_problem problem = {
@@ -98,7 +98,7 @@ static lg_status run_steep(const steep *bad, lg_dtype dtype, uint32_t shards, si
     return status;
 }
 
-TEST("gradients that overflow are found however they are cut into shards and chunks") {
+TEST("gradients that overflow are found, however they are divided into shards and chunks") {
     lg_error error;
     for (int dtype = 0; dtype < 2; dtype++)
         for (uint32_t shards = 1; shards <= 2; shards++)
@@ -107,7 +107,7 @@ TEST("gradients that overflow are found however they are cut into shards and chu
                 const double large = f32 ? 1e25 : 1e200, huge = f32 ? 1e25 : 1e155;
                 const struct {
                     steep bad;
-                    const char *words; /* NULL: nothing is wrong */
+                    const char *words; /* NULL: the epoch succeeds */
                 } cases[] = {
                     {{large, large, 1.0, 0.0, 1}, "epoch 2, batch 1: the gradient of parameter 0 is inf"},
                     {{1.0, 1.0, 1.0, 0.25, 1}, "the gradient of parameter 576 is inf"},
@@ -124,7 +124,7 @@ TEST("gradients that overflow are found however they are cut into shards and chu
             }
 }
 
-TEST("a validation loss that is NaN is told") {
+TEST("a validation loss that is NaN is reported") {
     regression r = make_regression();
     lg_fit_options o = options_of(5, 10);
     o.validation = 0.2;
@@ -138,7 +138,7 @@ TEST("a validation loss that is NaN is told") {
     assert_ok(lg_fit_run(fit, &error));
 }
 
-/* ---- the caller's failures ---- */
+/* ---- failures in the caller's loss ---- */
 typedef enum fault { LARGE_LOSS, SHAPES, NO_LOSS, STATUS } fault;
 
 static lg_status faulty_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
@@ -151,7 +151,7 @@ static lg_status faulty_loss(void *user, lg_tape *tape, lg_var theta, const uint
     return kind == STATUS ? LG_CHECK_FAILED : LG_OK;
 }
 
-TEST("a loss that fails, or is none, stops the fit") {
+TEST("a loss that fails or is not a scalar stops the fit") {
     static const lg_status expected[] = {LG_SHAPE, LG_SHAPE, LG_STALE_HANDLE, LG_CHECK_FAILED};
     for (fault kind = LARGE_LOSS; kind <= STATUS; kind++) {
         const lg_fit_problem problem = {.parameters = 3, .samples = 2, .loss = faulty_loss, .user = &kind};
@@ -165,14 +165,15 @@ TEST("a loss that fails, or is none, stops the fit") {
     }
 }
 
-TEST("a tape beyond its limit is out of memory") {
+TEST("a tape beyond max_tape_size returns LG_OUT_OF_MEMORY") {
     regression r = make_regression();
     lg_fit_options o = options_of(2, 0);
     o.max_tape_size = 1000;
     assert_status(lg_fit_run(regression_fit(NULL, &r, &o), NULL), LG_OUT_OF_MEMORY);
 }
 
-/* What fails says so; a fit that cannot be made leaves `fit` as it was. */
+/* Creates, runs and loads a fit. An error must be reported; if a fit cannot be made, `fit` must stay
+ * unchanged. */
 static lg_status create_run_load(const lg_context *context, regression *r, const double *theta,
                                  memory_archive *archive) {
     const lg_fit_problem problem = regression_problem(r);
@@ -214,7 +215,7 @@ TEST("every allocation may fail, and nothing leaks") {
         assert_true(strlen(error.message) > 0);                                                              \
     } while (0)
 
-TEST("bad options and problems are refused") {
+TEST("invalid options and problems are refused") {
     regression r = make_regression();
     lg_fit_problem problem = regression_problem(&r);
     double *theta = regression_start(&r);
@@ -248,7 +249,7 @@ TEST("bad options and problems are refused") {
     lg_fit *fit = NULL;
     theta[3] = INFINITY;
     assert_status(lg_fit_create(NULL, &problem, NULL, theta, &fit, NULL), LG_NOT_FINITE);
-    theta[3] = 1e300; /* finite, but not as a float */
+    theta[3] = 1e300; /* finite, but too large for a float */
     lg_fit_options o = options_of(1, 0);
     o.dtype = LG_F32;
     assert_status(lg_fit_create(NULL, &problem, &o, theta, &fit, NULL), LG_NOT_FINITE);
@@ -256,11 +257,11 @@ TEST("bad options and problems are refused") {
     lg_fit_destroy(NULL);
 }
 
-/* ---- states that do not belong, or are none ---- */
+/* ---- states of other fits, and invalid states ---- */
 typedef struct saved {
     regression r;
     lg_fit_options options;
-    lg_fit *fit; /* further than the archive */
+    lg_fit *fit; /* has run further than the state in the archive */
     memory_archive archive;
 } saved;
 
@@ -275,7 +276,7 @@ static void save_state(saved *s) {
     run_fit(s->fit);
 }
 
-/* A load that fails: status, words, and the state as before. */
+/* Loading must fail with this status and these words, and leave the fit unchanged. */
 static void assert_refused(saved *s, lg_fit *fit, lg_status expected, const char *words) {
     const memory_archive before = state_of(fit);
     const lg_archive_reader reader = memory_reader(&s->archive);
@@ -287,7 +288,7 @@ static void assert_refused(saved *s, lg_fit *fit, lg_status expected, const char
     assert_same_state(&before, &after);
 }
 
-TEST("a state of other hyperparameters is refused by their names") {
+TEST("a state with other hyperparameters is refused with their names") {
     saved s;
     save_state(&s);
 #define DIFFERS(change, name)                                                                                \
@@ -317,7 +318,7 @@ TEST("a state of other hyperparameters is refused by their names") {
     DIFFERS(o.schedule.floor = 0.3, "schedule_floor");
     DIFFERS(o.clip_norm = 1.0, "clip_norm");
     DIFFERS(o.validation = 0.21, "validation");
-    /* these may differ */
+    /* These may differ. */
     lg_fit_options o = s.options;
     o.threads = 2;
     o.stop_after = 1;
@@ -326,7 +327,7 @@ TEST("a state of other hyperparameters is refused by their names") {
     load_state(regression_fit(NULL, &s.r, &o), &s.archive);
 }
 
-/* Of whole numbers those below 0, and those that no whole number holds, stand for the largest. */
+/* Sets an element. For integers, a negative value or one that is too large stands for the largest integer. */
 static void set_element(memory_item *item, size_t at, double value) {
     const uint64_t whole = value >= 0 && value < 0x1p64 ? (uint64_t)value : UINT64_MAX;
     if (item->type == LG_ELEMENT_F64) ((double *)item->data)[at] = value;
@@ -334,7 +335,7 @@ static void set_element(memory_item *item, size_t at, double value) {
     if (item->type == LG_ELEMENT_U32) ((uint32_t *)item->data)[at] = (uint32_t)whole;
 }
 
-TEST("a damaged state is refused by its name and changes nothing") {
+TEST("a damaged state is refused with the name of the array, and changes nothing") {
     static const struct {
         const char *path;
         size_t at;
@@ -342,7 +343,7 @@ TEST("a damaged state is refused by its name and changes nothing") {
         const char *words; /* NULL: the path */
     } cases[] = {
         {"train/epoch", 0, 7, NULL},
-        {"train/epoch", 0, -1, NULL}, /* the largest */
+        {"train/epoch", 0, -1, NULL}, /* the largest integer */
         {"train/epoch", 0, 1, ""},
         {"train/position", 0, 1000, NULL},
         {"train/position", 0, 7, NULL},
@@ -385,7 +386,7 @@ TEST("a damaged state is refused by its name and changes nothing") {
     memory_find(&s.archive, "optimizer/adam/v")->dims[0]--;
     assert_refused(&s, s.fit, LG_SHAPE, "optimizer/adam/v");
     s.archive = good;
-    /* each array missing in turn */
+    /* Leaves out each array in turn. */
     for (size_t i = 0; i < s.archive.count; i++) {
         char path[64];
         memcpy(path, s.archive.items[i].path, sizeof path);
@@ -395,7 +396,7 @@ TEST("a damaged state is refused by its name and changes nothing") {
     }
     load_state(s.fit, &s.archive);
     assert_int_equal(lg_fit_epochs_done(s.fit), 2);
-    /* a writer that fails at each array in turn */
+    /* A writer that fails at each array in turn. */
     for (size_t i = 1; i < s.archive.count; i++) {
         memory_archive full = {.fail_after = i};
         const lg_archive_writer writer = memory_writer(&full);

@@ -1,4 +1,4 @@
-/* Methods of training: plans, full-batch minimisation through lg_fit, its bits, states and ends. */
+/* Methods of training: plans, full-batch minimisation by lg_fit, its bits, states and ends. */
 #include "nn_support.h"
 
 #include "nn/fit_internal.h"
@@ -15,7 +15,7 @@ static lg_fit_options planned(const char *plan, uint64_t epochs) {
     return o;
 }
 
-TEST("plans are read and written, and what is none is refused with a sentence") {
+TEST("plans are read and written, and a text that is no plan is refused with a message") {
     static const char *const good[] = {"adam", "ssbroyden",          "lbfgs",
                                        "lm",   "adam:100,ssbroyden", "adam:3,lbfgs:20,adam:1,ssbroyden:7"};
     static const char *const bad[] = {"",
@@ -43,7 +43,7 @@ TEST("plans are read and written, and what is none is refused with a sentence") 
     }
 }
 
-TEST("the sentence about an unknown method names every method") {
+TEST("the message about an unknown method lists every method") {
     lg_fit_plan plan;
     lg_error error;
     assert_int_equal(lg_fit_plan_parse("sgd", &plan, &error), LG_INVALID_ARGUMENT);
@@ -59,7 +59,7 @@ static double trained(const char *plan, uint64_t epochs) {
     return lg_fit_loss(fit);
 }
 
-TEST("full-batch methods reach in as many evaluations what Adam does not reach") {
+TEST("with the same number of evaluations full-batch methods reach a lower loss than Adam") {
     const double adam = trained("adam", 400), dense = trained("ssbroyden", 400),
                  limited = trained("lbfgs", 400);
     const double squares = trained("lm", 60);
@@ -70,7 +70,7 @@ TEST("full-batch methods reach in as many evaluations what Adam does not reach")
     assert_true(limited < 1e-2 * adam);
 }
 
-TEST("results do not depend on threads") {
+TEST("results do not depend on the number of threads") {
     for (int method = 1; lg_fit_method_name((lg_fit_method)method) != NULL; method++) {
         regression r = make_regression();
         lg_fit_options o = planned(lg_fit_method_name((lg_fit_method)method), 40);
@@ -83,7 +83,7 @@ TEST("results do not depend on threads") {
     }
 }
 
-/* Stops after `part` epochs, saves, loads into a new fit and goes on. */
+/* Stops after `part` epochs, saves, loads the state into a new fit and continues. */
 static void assert_resumes(const lg_fit_options *o, uint64_t part) {
     regression r = make_regression();
     lg_fit *whole = regression_fit(NULL, &r, o), *fit;
@@ -100,7 +100,7 @@ static void assert_resumes(const lg_fit_options *o, uint64_t part) {
     assert_int_equal(lg_fit_why_finished(fit), lg_fit_why_finished(whole));
 }
 
-TEST("a run in parts has the bits of one run, in every phase") {
+TEST("a run in parts has the bits of one run, in every phase of the plan") {
     const char *name = "";
     for (int method = 1; name != NULL; method++)
         for (uint64_t part = 1; part < 9; part += 3) {
@@ -143,8 +143,8 @@ TEST("a fit says why it is finished") {
     assert_int_equal(lg_fit_epochs_done(fit), 4);
 }
 
-/* Five samples are learned by heart, so that the validation part gets worse. */
-TEST("training stops when the validation part has not got better for so long") {
+/* Only five samples train, so they are overfitted and the validation loss rises. */
+TEST("training stops when the validation loss has not improved during the patience") {
     regression r = make_regression();
     r.validation = REGRESSION_SAMPLES - 5;
     lg_fit_options o = planned("ssbroyden", 100000);
@@ -163,8 +163,8 @@ TEST("training stops when the validation part has not got better for so long") {
     for (uint64_t i = best; i < done; i++) assert_true(validation[i] >= validation[best - 1]);
 }
 
-/* The first search takes more than three evaluations. */
-TEST("evaluations of a line search do not use up the patience") {
+/* The first line search takes more than three evaluations. */
+TEST("evaluations within a line search do not count for the patience") {
     regression r = make_regression();
     for (uint64_t patience = 1; patience <= 3; patience++) {
         lg_fit_options o = planned("ssbroyden", 100000);
@@ -182,7 +182,7 @@ TEST("evaluations of a line search do not use up the patience") {
     }
 }
 
-TEST("the loss never rises, and the result is its lowest point") {
+TEST("the loss never rises, and the result is the lowest point") {
     regression r = make_regression();
     lg_fit_options o = planned("ssbroyden", 120);
     lg_fit *fit = regression_fit(NULL, &r, &o);
@@ -199,7 +199,7 @@ TEST("the loss never rises, and the result is its lowest point") {
     assert_close(lg_fit_loss(again), loss[119], 1e-12, 0);
 }
 
-/* Loss at theta times `factor`, without decay. */
+/* The loss at theta times `factor`, without weight decay. */
 static double loss_at(regression *r, const double *theta, double factor) {
     const size_t n = lg_mlp_parameters(&r->net);
     double *x = TEST_ARRAY(double, n);
@@ -227,7 +227,7 @@ static void assert_decays(const char *plan, uint64_t epochs) {
     assert_close(lg_fit_loss(fit), loss_at(&r, theta, 1), 1e-9, 0);
 }
 
-TEST("weight decay is part of what is minimised, and not of the loss that is reported") {
+TEST("weight decay is minimised too, but is not part of the reported loss") {
     assert_decays("ssbroyden", 3000);
     assert_decays("lm", 300);
 }
@@ -239,7 +239,7 @@ static regression noisy_regression(double deviation) {
     return r;
 }
 
-/* A prior of the first `weights` numbers, 0: of all. */
+/* A fit with a prior on the first `weights` parameters; 0: on all. */
 static lg_fit *fit_with_priors(regression *r, size_t weights, double prior, uint64_t epochs) {
     lg_fit_options o = planned("ssbroyden", epochs);
     lg_fit_problem problem = regression_problem(r);
@@ -255,7 +255,7 @@ static lg_fit *fit_with_prior(regression *r, double prior, uint64_t epochs) {
     return fit_with_priors(r, 0, prior, epochs);
 }
 
-/* Mean squared error against the true function. */
+/* Mean squared error relative to the true function. */
 static double true_error(const lg_fit *fit, const regression *r) {
     regression clean = make_regression();
     double *theta = TEST_ARRAY(double, lg_mlp_parameters(&r->net));
@@ -263,7 +263,7 @@ static double true_error(const lg_fit *fit, const regression *r) {
     return loss_at(&clean, theta, 1);
 }
 
-TEST("with a prior the noise of the data is found and not learned") {
+TEST("with a prior the noise of the data is estimated and not learned") {
     const double deviation = 0.1;
     regression r = noisy_regression(deviation);
     lg_fit *with = fit_with_prior(&r, 0.5, 1500), *without = fit_with_prior(&r, 0, 1500);
@@ -275,8 +275,8 @@ TEST("with a prior the noise of the data is found and not learned") {
     assert_true(true_error(with, &r) < 0.3 * true_error(without, &r));
 }
 
-/* At the minimum of L + W/2 |w|^2: dL/dx = -W x for a weight and 0 for what is none. */
-TEST("numbers behind the weights have no prior") {
+/* At the minimum of L + W/2 |w|^2: dL/dx = -W x for a weight x and 0 for any other parameter. */
+TEST("parameters after the weights have no prior") {
     regression r = noisy_regression(0.1);
     const size_t n = lg_mlp_parameters(&r.net);
     const double s = 0.2, e = 1e-5;
@@ -322,7 +322,7 @@ TEST("a run with a prior, in parts, has the bits of one run") {
     assert_true(fit->state.noise > 0);
 }
 
-TEST("a loss that is not finite at the start is an error, and later a shorter step") {
+TEST("a loss that is not finite is an error at the start, and later shortens the step") {
     regression r = make_regression();
     r.poison = 3;
     lg_fit_options o = planned("ssbroyden", 10);

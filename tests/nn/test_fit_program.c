@@ -1,4 +1,4 @@
-/* Training of a program by one call: squares and means, several tensors, what is refused. */
+/* Training of a program by one call: sums of squares and means, several tensors, refusals. */
 #include "support/fixtures.h"
 
 #include "core/core.h"
@@ -12,7 +12,7 @@ enum { ROWS = 300 };
 
 RELEASES(release_program, lg_program_destroy)
 
-/* y = x W + b */
+/* y = x W + b. */
 static lg_var line(lg_tape *tape, const lg_var *theta, lg_var x) {
     return lg_add(tape, lg_matmul(tape, x, theta[0]), theta[1]);
 }
@@ -39,7 +39,7 @@ static lg_status two_means(void *user, lg_tape *tape, const lg_var *theta, const
     return lg_tape_status(tape);
 }
 
-/* Of two inputs and two outputs; the third input, shared, weighs the outputs. */
+/* A program with two inputs and two outputs; the third input, which is shared, weights the outputs. */
 static lg_program *build_line(void) {
     static const double W[4] = {0.1, 0.2, -0.1, 0.3}, b[2] = {0.0, 0.0};
     const lg_port in[] = {{.name = "x", .shape = lg_shape1(2)},
@@ -66,7 +66,7 @@ typedef struct rows {
     const double *data[3];
 } rows;
 
-/* W = (1, 2; 3, -1), b = (0.5, -4), and a part that no line has. */
+/* Data of the line W = (1, 2; 3, -1), b = (0.5, -4), plus `bent` times a part that no line can fit. */
 static rows *make_rows(double bent) {
     rows *r = TEST_ARRAY(rows, 1);
     const double *x = memcpy(r->x, test_numbers(3, 2 * ROWS, -1.0, 1.0), sizeof r->x);
@@ -84,7 +84,7 @@ static void assert_line(const lg_program *program, double tolerance) {
     assert_all_close(lg_program_parameter(program, 1).values, ((double[]){0.5, -4}), 2, 0.0, tolerance);
 }
 
-TEST("squares and a mean lead to the same parameters, in several tensors, with shared data") {
+TEST("a sum of squares and a mean give the same parameters, with several tensors and shared data") {
     const rows *r = make_rows(0.0);
     lg_program *squares = build_line(), *mean = build_line();
     lg_program_training a, b;
@@ -98,7 +98,7 @@ TEST("squares and a mean lead to the same parameters, in several tensors, with s
     assert_true(a.epochs > 0 && a.epochs < 100 && b.epochs < 1000 && strlen(a.end) > 0 && a.seconds > 0.0);
 }
 
-TEST("the least of a loss that is not zero is the one of all rows, whatever the method") {
+TEST("every method finds the minimum over all rows of a loss that cannot become zero") {
     const rows *r = make_rows(1.0);
     lg_program *lm = build_line(), *adam = build_line();
     lg_program_training a, b;
@@ -116,7 +116,7 @@ TEST("the least of a loss that is not zero is the one of all rows, whatever the 
                      1e-2);
 }
 
-TEST("what cannot be trained is refused with a sentence, and the program stays") {
+TEST("impossible trainings are refused with a message, and the program stays unchanged") {
     rows *r = make_rows(0.0);
     lg_program *program = build_line();
     lg_program_training result = {.epochs = 77};
@@ -142,9 +142,9 @@ TEST("what cannot be trained is refused with a sentence, and the program stays")
     assert_true(result.epochs == 77 && lg_program_parameter(program, 0).values[0] == before);
 }
 
-/* ---- what is no mean over rows ---- */
+/* ---- losses that are not means over rows ---- */
 
-/* x (B, 1), weight (B, 1), wanted (1) that all rows share -> e = x theta - wanted, (B, 1) */
+/* x (B, 1), weight (B, 1), wanted (1) shared by all rows -> e = x theta - wanted, (B, 1). */
 static lg_var miss(lg_tape *tape, const lg_var *theta, const lg_var *in) {
     return lg_sub(tape, lg_mul(tape, in[0], theta[0]), in[2]);
 }
@@ -169,7 +169,7 @@ LOSS(of_stopped, lg_mean(tape, lg_square(tape, lg_stop_gradient(tape, e))))
 LOSS(of_sign, lg_mean(tape, lg_mul(tape, lg_sign(tape, e), in[0])))
 LOSS(of_constant_rows, lg_mul(tape, in[0], in[1]))
 
-/* Of a parameter that is `theta` at the beginning, for so many rows. */
+/* Trains a parameter that starts at `theta` with `count` rows. */
 static lg_status train(lg_record_function record, double theta, size_t count, double *after,
                        lg_error *error) {
     const double start[1] = {theta}, wanted[1] = {0.7};
@@ -195,10 +195,10 @@ static lg_status train(lg_record_function record, double theta, size_t count, do
     return status;
 }
 
-TEST("a loss is a mean over rows, whatever the chunks, and depends on a parameter") {
+TEST("a loss must be a mean over rows for any chunks, and depend on a parameter") {
     static const struct {
         lg_record_function record;
-        const char *words; /* NULL: it is trained */
+        const char *words; /* NULL: it can be trained */
     } cases[] = {{of_mean, NULL},
                  {of_mean_and_size, NULL},
                  {of_rows, NULL},
@@ -225,7 +225,8 @@ TEST("a loss is a mean over rows, whatever the chunks, and depends on a paramete
         }
 }
 
-TEST("the loss of all rows is the same in any chunks, and a sum that begins at zero is found at the end") {
+TEST("the loss of all rows is the same for any chunks; a loss that is a sum and starts at zero is found "
+     "at the end") {
     lg_error error = {LG_OK, ""};
     double after, again;
     assert_ok(train(of_mean, 0.3, 2000, &after, &error));

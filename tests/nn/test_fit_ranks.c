@@ -1,14 +1,15 @@
-/* Training by ranks: threads of this process stand for them. Any number of ranks and threads gives the bits
- * of one process, in one run or resumed. ctest-labels: threads */
+/* Training by ranks, which are threads of this process here. Any number of ranks and threads gives the bits
+ * of one process, in one run or resumed.
+ * ctest-labels: threads */
 #include "nn_support.h"
 
 #include "core/core.h"
 #include "nn/fit_internal.h"
 #include "support/rank_team.h"
 
-enum { RANKS = 3 }; /* 1 to 3 */
+enum { RANKS = 3 }; /* ranks 1 to 3 */
 
-/* ---- a problem whose samples have numbers of their own: o_i is added to the prediction ---- */
+/* ---- a problem with data per sample: o_i is added to the prediction ---- */
 
 static lg_status own_residuals(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                                size_t batch, lg_var *residuals) {
@@ -40,10 +41,10 @@ typedef struct trained {
     lg_fit_options options;
     const double *theta;
     memory_archive *from; /* NULL: from the start */
-    memory_archive *to;   /* state at the end, by rank 0 */
+    memory_archive *to;   /* the state at the end, saved by rank 0 */
     const volatile int *cancel[TEAM_MOST];
     lg_fit_end end[TEAM_MOST];
-    double *last[TEAM_MOST]; /* parameters at the end of each rank; NULL: not wanted */
+    double *last[TEAM_MOST]; /* parameters of each rank at the end; NULL: not needed */
 } trained;
 
 static lg_status train_rank(void *user, const lg_ranks *ranks, lg_error *error) {
@@ -75,7 +76,8 @@ static lg_status train_rank(void *user, const lg_ranks *ranks, lg_error *error) 
     return status;
 }
 
-/* State after training by `count` ranks; 0: alone. All must end with `expected`. */
+/* The state after training by `count` ranks; 0: by a fit without ranks. All ranks must end with
+ * `expected`. */
 static memory_archive trained_by(trained *t, uint32_t count, lg_status expected) {
     memory_archive to = {.count = 0};
     rank_team *team = TEST_ARRAY(rank_team, 1);
@@ -132,7 +134,7 @@ TEST("any number of ranks and threads gives the bits of one process, by every me
         }
 }
 
-TEST("in single precision, with decay, a prior and a bound on the gradient as well") {
+TEST("the bits are also equal in single precision, with decay, a prior and gradient clipping") {
     regression r = make_regression();
     trained t = training(&r, "adam", 8);
     t.options.dtype = LG_F32;
@@ -145,7 +147,7 @@ TEST("in single precision, with decay, a prior and a bound on the gradient as we
     compare_numbers_of_ranks(&t);
 }
 
-TEST("samples' own rows and blocks come from the rank of the sample") {
+TEST("rows and blocks that belong to a sample come from the rank that has the sample") {
     regression r = make_regression();
     trained t = training(&r, "lm", 12);
     t.options.validation = 0;
@@ -153,7 +155,8 @@ TEST("samples' own rows and blocks come from the rank of the sample") {
     compare_numbers_of_ranks(&t);
 }
 
-TEST("a matrix of several blocks of rows is divided, saved whole and resumed by another number of ranks") {
+TEST("a matrix with several blocks of rows is divided, saved as a whole and resumed with another number "
+     "of ranks") {
     static const char *const plans[] = {"adam", "ssbroyden", "lbfgs", "lm"};
     regression r = make_regression();
     for (size_t i = 0; i < LG_COUNT(plans); i++) {
@@ -179,8 +182,8 @@ TEST("every rank ends with the same parameters") {
         assert_memory_equal(t.last[0], t.last[k], t.problem.parameters * sizeof(double));
 }
 
-TEST(
-    "one rank's cancel flag stops all on a batch boundary, and they go on with the bits of an unbroken run") {
+TEST("the cancel flag of one rank stops all ranks at the end of a batch, and resumed they reach the same "
+     "bits") {
     static const char *const plans[] = {"adam", "ssbroyden"};
     regression r = make_regression();
     const int yes = 1;
@@ -195,7 +198,7 @@ TEST(
     }
 }
 
-TEST("a sample that cannot be trained on fails on all ranks, with the sentence of the rank that has it") {
+TEST("a sample that cannot be trained on fails all ranks, with the message of the rank that has it") {
     regression r = make_regression();
     rank_team *team = TEST_ARRAY(rank_team, 1);
     trained t = training(&r, "adam", 3);
@@ -221,7 +224,7 @@ static lg_status broken_loss(void *user, lg_tape *tape, lg_var theta, const uint
     return LG_OK;
 }
 
-TEST("an error of the loss on one rank is told by all, with the operation") {
+TEST("an error of the loss on one rank is returned by all ranks, with the operation") {
     regression r = make_regression();
     rank_team *team = TEST_ARRAY(rank_team, 1);
     trained t = training(&r, "lbfgs", 3);
@@ -236,9 +239,9 @@ TEST("an error of the loss on one rank is told by all, with the operation") {
     }
 }
 
-/* ---- parts and agreement ---- */
+/* ---- division of work, common errors ---- */
 
-TEST("parts of a total are contiguous, complete and differ by one at most") {
+TEST("the ranks' parts of a total are contiguous and complete, and their sizes differ by at most one") {
     for (uint32_t count = 1; count < 12; count++)
         for (size_t total = 0; total < 40; total++) {
             size_t before = 0, first, end;
@@ -259,7 +262,7 @@ static lg_status disagree(void *user, const lg_ranks *ranks, lg_error *error) {
     return lg_ranks_agree(ranks, LG_OUT_OF_MEMORY, error);
 }
 
-TEST("the first failure by rank is that of all") {
+TEST("if several ranks fail, all return the error of the lowest rank") {
     rank_team *team = TEST_ARRAY(rank_team, 1);
     uint32_t from = 2;
     team_run(team, 4, disagree, &from);

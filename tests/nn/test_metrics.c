@@ -1,4 +1,4 @@
-/* Metrics against scikit-learn's, ties, empty classes. */
+/* Metrics compared with scikit-learn; ties, empty classes. */
 #include "test_support.h"
 
 #include "golden/metrics_table.h"
@@ -25,7 +25,7 @@ static void expect_golden(const uint32_t *truth, const uint32_t *given, const do
     assert_close(got, auc, 1e-14, 0);
 }
 
-TEST("metrics are scikit-learn's") {
+TEST("metrics agree with scikit-learn") {
     expect_golden(two_truth, two_given, two_score, 2, two_confusion, two_metrics, two_auc);
     expect_golden(four_truth, four_given, four_score, 4, four_confusion, four_metrics, four_auc);
 }
@@ -43,13 +43,13 @@ static void expect_roc(const uint32_t *truth, const double *score, uint32_t clas
     }
 }
 
-TEST("receiver operating characteristics are scikit-learn's") {
+TEST("receiver operating characteristics agree with scikit-learn") {
     expect_roc(two_truth, two_score, 2, two_fpr, two_tpr, two_threshold, sizeof two_fpr / sizeof *two_fpr);
     expect_roc(four_truth, four_score, 4, four_fpr, four_tpr, four_threshold,
                sizeof four_fpr / sizeof *four_fpr);
 }
 
-TEST("a characteristic by hand, with ties, NaN and one class only") {
+TEST("a characteristic agrees with one by hand, with ties, with NaN and with one class only") {
     const uint32_t truth[] = {1, 0, 1, 0};
     const double score[] = {0.9, 0.5, 0.5, 0.1}, flat[] = {2, 2, 2, 2}, missing[] = {0.9, 0.5, NAN, NAN};
     double fpr[5], tpr[5], threshold[5];
@@ -69,7 +69,7 @@ TEST("a characteristic by hand, with ties, NaN and one class only") {
     assert_int_equal(lg_roc(truth, score, 0, 1, fpr, tpr, threshold, order), 0);
 }
 
-TEST("areas by hand, with ties and absent classes") {
+TEST("areas under the curve agree with those by hand, with ties and absent classes") {
     const uint32_t truth[] = {1, 0, 1, 0}, three[] = {0, 0, 2, 2}, none[] = {0, 0, 0, 0};
     const double score[] = {0, 0.9, 0, 0.5, 0, 0.5, 0, 0.1}, flat[8] = {0};
     const double of_three[] = {1, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 1};
@@ -78,7 +78,8 @@ TEST("areas by hand, with ties and absent classes") {
     assert_close(auc, 3.5 / 4, 1e-15, 0);
     assert_ok(lg_auc(NULL, truth, flat, 4, 2, &auc));
     assert_close(auc, 0.5, 1e-15, 0);
-    assert_ok(lg_auc(NULL, three, of_three, 4, 3, &auc)); /* class 1 does not occur: the mean over 0 and 2 */
+    /* class 1 does not occur: the mean over classes 0 and 2 */
+    assert_ok(lg_auc(NULL, three, of_three, 4, 3, &auc));
     assert_close(auc, 1.0, 1e-15, 0);
     assert_ok(lg_auc(NULL, none, score, 4, 2, &auc));
     assert_true(isnan(auc));
@@ -87,7 +88,7 @@ TEST("areas by hand, with ties and absent classes") {
     assert_status(lg_auc(NULL, none, score, 4, 0, &auc), LG_INVALID_ARGUMENT);
 }
 
-TEST("the largest score wins, of equals the later of two and the first of more") {
+TEST("the largest score wins; of equal scores the later of two classes, the first of more classes") {
     const double two[] = {0.5, 0.5}, lower[] = {0.6, 0.4}, three[] = {1, 3, 3}, unknown[] = {NAN, 1};
     assert_int_equal(lg_class_of(two, 2), 1);
     assert_int_equal(lg_class_of(lower, 2), 0);
@@ -97,7 +98,7 @@ TEST("the largest score wins, of equals the later of two and the first of more")
 }
 
 TEST("empty classes count as zero or are left out") {
-    /* class 1 was never given; class 2 does not occur, but was given once */
+    /* Class 1 was never predicted; class 2 does not occur, but was predicted once. */
     const uint64_t confusion[] = {3, 0, 1, 2, 0, 0, 0, 0, 0};
     const lg_metrics m = lg_metrics_of(confusion, 3);
     assert_close(m.accuracy, 0.5, 1e-15, 0);
@@ -117,7 +118,7 @@ TEST("empty classes count as zero or are left out") {
     assert_memory_equal(counted, expected, sizeof expected);
 }
 
-TEST("every allocation may fail, and the area is untouched") {
+TEST("every allocation may fail, and the area is unchanged") {
     EVERY_ALLOCATION_FAILS(context, 1, {
         double auc = 77.0;
         status = lg_auc(context, two_truth, two_score, TABLE_WINDOWS, 2, &auc);

@@ -1,4 +1,4 @@
-/* Minimisation: known minima, the ends of a run, states saved between any two evaluations.
+/* Minimisation: known minima, the ways in which a run ends, states saved between any two evaluations.
  * ctest-labels: src/nn */
 #include "nn_support.h"
 
@@ -9,14 +9,14 @@
 typedef struct function {
     lg_status (*value)(const double *x, size_t n, double *value, double *gradient);
     size_t n;
-    double factor;   /* of gradient component `wrong` */
-    size_t wrong;    /* n: none */
-    uint64_t poison; /* this evaluation gives NaN, counted from 1 */
+    double factor;   /* multiplies gradient component `wrong` */
+    size_t wrong;    /* n: no component is wrong */
+    uint64_t poison; /* number of the evaluation that gives NaN, from 1 */
     uint64_t calls;
-    volatile int *cancel; /* raised at call 5 */
+    volatile int *cancel; /* set in the fifth call */
 } function;
 
-/* sum 100 (x_{i+1} - x_i^2)^2 + (1 - x_i)^2, minimum 0 at ones */
+/* sum 100 (x_{i+1} - x_i^2)^2 + (1 - x_i)^2, minimum 0 at ones. */
 static lg_status rosenbrock(const double *x, size_t n, double *value, double *gradient) {
     *value = 0;
     for (size_t i = 0; i < n; i++) gradient[i] = 0;
@@ -29,7 +29,7 @@ static lg_status rosenbrock(const double *x, size_t n, double *value, double *gr
     return LG_OK;
 }
 
-/* sum 10^(4 i/(n - 1)) (x_i - 1)^2/2 */
+/* sum 10^(4 i/(n - 1)) (x_i - 1)^2/2. */
 static lg_status stiff(const double *x, size_t n, double *value, double *gradient) {
     *value = 0;
     for (size_t i = 0; i < n; i++) {
@@ -73,7 +73,7 @@ static lg_status saddle(const double *x, size_t n, double *value, double *gradie
     return LG_OK;
 }
 
-/* 1/x^2 - 1/x: no value at 0, to which the first step may jump */
+/* 1/x^2 - 1/x: undefined at 0, where the first step may land. */
 static lg_status well(const double *x, size_t n, double *value, double *gradient) {
     *value = 0;
     for (size_t i = 0; i < n; i++) {
@@ -116,11 +116,11 @@ static lg_minimise_result minimise(function *f, lg_minimise_method method, doubl
 
 /* ---- known minima ---- */
 
-TEST("both methods find known minima to rounding within their evaluations") {
+TEST("both methods find known minima to rounding within a given number of evaluations") {
     static const struct {
         lg_status (*value)(const double *x, size_t n, double *value, double *gradient);
         size_t n;
-        uint64_t most[LG_MINIMISE_LM]; /* evaluations */
+        uint64_t most[LG_MINIMISE_LM]; /* largest number of evaluations */
     } cases[] = {{rosenbrock, 2, {90, 90}},
                  {rosenbrock, 10, {300, 200}},
                  {stiff, 1, {20, 20}},
@@ -151,7 +151,7 @@ static lg_status parabola(const double *x, size_t n, double *value, double *grad
     return LG_OK;
 }
 
-TEST("steps that leave the value as it is end a run") {
+TEST("a run ends when steps no longer change the value") {
     for (int method = 0; method < LG_MINIMISE_LM; method++)
         for (size_t n = 2; n <= 50; n *= 5) {
             function f = FUNCTION(parabola, n);
@@ -163,15 +163,15 @@ TEST("steps that leave the value as it is end a run") {
         }
 }
 
-TEST("the dense method takes fewer than three evaluations an iteration") {
+TEST("the dense method takes fewer than three evaluations per iteration") {
     function f = FUNCTION(rosenbrock, 10);
     const lg_minimise_result r = minimise(&f, LG_MINIMISE_SSBROYDEN, start_of(f.n), LG_OK);
     assert_true(r.evaluations < 3 * r.iterations);
 }
 
-/* ---- units ---- */
+/* ---- scales of variables and of f ---- */
 
-/* (x/500 - 2)^2 + cosh(1e4 y - 2) */
+/* (x/500 - 2)^2 + cosh(1e4 y - 2). */
 static lg_status uneven(const double *x, size_t n, double *value, double *gradient) {
     const double u = x[0] / 500 - 2, v = 1e4 * x[1] - 2;
     *value = u * u + cosh(v);
@@ -180,7 +180,7 @@ static lg_status uneven(const double *x, size_t n, double *value, double *gradie
     return LG_OK;
 }
 
-/* sum (x_i/1e-12 - 3)^2, in units of 1e-30 */
+/* sum (x_i/1e-12 - 3)^2, times 1e-30. */
 static lg_status tiny(const double *x, size_t n, double *value, double *gradient) {
     *value = 0;
     for (size_t i = 0; i < n; i++) {
@@ -191,7 +191,7 @@ static lg_status tiny(const double *x, size_t n, double *value, double *gradient
     return LG_OK;
 }
 
-/* sum 2 - cos(x_i - 1e8): 1e-8 of x is a turn. */
+/* sum 2 - cos(x_i - 1e8). The period is 2 pi, about 1e-8 of x. */
 static lg_status turns(const double *x, size_t n, double *value, double *gradient) {
     *value = 0;
     for (size_t i = 0; i < n; i++) {
@@ -201,10 +201,10 @@ static lg_status turns(const double *x, size_t n, double *value, double *gradien
     return LG_OK;
 }
 
-TEST("steps and checks have the size of the variables and of the function") {
+TEST("steps and checks adapt to the sizes of the variables and of the function") {
     static const struct {
         lg_status (*value)(const double *x, size_t n, double *value, double *gradient);
-        double start[2], minimum[2], off; /* off 0: a minimum of many */
+        double start[2], minimum[2], off; /* off 0: one of many minima */
     } cases[] = {{uneven, {500, 1e-4}, {1000, 2e-4}, 1e-7},
                  {tiny, {1e-12, 1e-12}, {3e-12, 3e-12}, 1e-9},
                  {tiny, {0, 0}, {3e-12, 3e-12}, 1e-9},
@@ -251,7 +251,7 @@ TEST("the order of the variables changes nothing when all of them start at 0") {
     }
 }
 
-/* x^2 + x^4 + (y^2 - 1)^2: y = 0 is a saddle that every gradient from (1, 0) runs into. */
+/* x^2 + x^4 + (y^2 - 1)^2: y = 0 is a saddle, and all gradients from (1, 0) on lead into it. */
 static lg_status two_wells(const double *x, size_t n, double *value, double *gradient) {
     const double w = x[1] * x[1] - 1;
     *value = x[0] * x[0] + x[0] * x[0] * x[0] * x[0] + w * w;
@@ -270,8 +270,8 @@ TEST("a saddle is left") {
     }
 }
 
-/* f = sum of z_i^4/4 + s_i z_i^2/2 with s_i = -1 for the first `down`, else 1, at z = Q x with a product Q of
- * reflections. The least is -down/4. */
+/* f = sum of z_i^4/4 + s_i z_i^2/2, where s_i = -1 for the first `down` variables and 1 for the others. z = Q
+ * x, where Q is a product of reflections. The minimum is -down/4. */
 enum { REFLECTIONS = 2 };
 typedef struct wells {
     size_t n, down;
@@ -302,7 +302,8 @@ static lg_status wells_value(void *user, const double *x, double *value, double 
     return LG_OK;
 }
 
-/* Variables along which f curves down start at 0; the others, or none, at 1. */
+/* Variables along which f has negative curvature start at 0. The others start at 1, or at 0 too if
+ * at_rest. */
 static wells make_wells(size_t n, size_t down, bool rotated, bool at_rest, double *x) {
     wells f = {.n = n, .down = down, .rotated = rotated, .z = TEST_ARRAY(double, n)};
     lg_rng rng = test_rng(n, 0);
@@ -320,7 +321,7 @@ static wells make_wells(size_t n, size_t down, bool rotated, bool at_rest, doubl
     return f;
 }
 
-TEST("saddles and tops of any number of variables are left, minima are not") {
+TEST("saddles and maxima of any number of variables are left, minima are not") {
     static const size_t sizes[] = {1, 2, 10, 100, 101, 150, 199, 200, 201, 400, 2000};
     for (size_t row = 0; row < LG_COUNT(sizes) * 32; row++) {
         const size_t n = sizes[row / 32], downs[] = {0, 1, n / 2, n}, down = downs[row / 8 % 4];
@@ -335,7 +336,8 @@ TEST("saddles and tops of any number of variables are left, minima are not") {
         options.evaluations = 2000;
         const lg_status status = lg_minimise(NULL, n, wells_value, &f, &options, x, &r, NULL);
         const bool there = fabs(r.value + 0.25 * (double)down) <= 1e-9 * (double)n;
-        /* From some starts both take thousands of steps through hundreds of wells that are rotated. */
+        /* From some starts both methods take thousands of steps, because the rotated function has hundreds of
+         * wells. */
         const bool slow = r.end == LG_MINIMISE_EVALUATIONS && rotated && n >= 100 && down > 1;
         if (slow ? r.value > -0.24 * (double)down : status != LG_OK || !there)
             fail_msg("%s, n %zu, %zu down%s%s: f %g after %llu evaluations: %s",
@@ -345,7 +347,7 @@ TEST("saddles and tops of any number of variables are left, minima are not") {
     }
 }
 
-/* 1 + sum (x_i - i % 7)^4: the Hessian at the minimum is zero to rounding. */
+/* 1 + sum (x_i - i % 7)^4: at the minimum the Hessian is zero to rounding. */
 static lg_status quartic(const double *x, size_t n, double *value, double *gradient) {
     *value = 1;
     for (size_t i = 0; i < n; i++) {
@@ -356,7 +358,7 @@ static lg_status quartic(const double *x, size_t n, double *value, double *gradi
     return LG_OK;
 }
 
-TEST("a minimum without curvature is one, of any number of variables") {
+TEST("a minimum without curvature counts as a minimum, for any number of variables") {
     static const size_t sizes[] = {1, 10, 100, 150, 201, 1000};
     for (size_t row = 0; row < LG_COUNT(sizes) * LG_MINIMISE_LM; row++) {
         function f = FUNCTION(quartic, sizes[row / LG_MINIMISE_LM]);
@@ -367,7 +369,7 @@ TEST("a minimum without curvature is one, of any number of variables") {
     }
 }
 
-TEST("to look for a way down costs 30 evaluations at most, and none without the check") {
+TEST("the search for a direction of descent costs at most 30 evaluations, and none without the check") {
     static const uint64_t most[] = {0, 30};
     for (int method = 0; method < LG_MINIMISE_LM; method++) {
         uint64_t evaluations[2];
@@ -383,13 +385,13 @@ TEST("to look for a way down costs 30 evaluations at most, and none without the 
             assert_ok(lg_minimise(NULL, 500, wells_value, &f, &options, x, &r, NULL));
             evaluations[check] = r.evaluations;
         }
-        const uint64_t start = 16; /* of the check of the gradient */
+        const uint64_t start = 16; /* evaluations of the gradient check */
         assert_true(evaluations[1] <= evaluations[0] + start + most[1]);
         assert_true(evaluations[1] > evaluations[0]);
     }
 }
 
-/* A function of n variables with a number a. */
+/* A function of n variables with a parameter a. */
 typedef struct landscape {
     double (*value)(const double *x, size_t n, double a, double *gradient);
     size_t n;
@@ -415,7 +417,7 @@ static lg_minimise_result minimise_landscape(landscape f, int method, double *x)
     return r;
 }
 
-/* a + a bowl + two shallow wells of the last variable. The least is a - 0.025. */
+/* a + a bowl + two shallow wells in the last variable. The minimum is a - 0.025. */
 static double raised(const double *x, size_t n, double a, double *gradient) {
     const double y = x[n - 1], y2 = y * y;
     double value;
@@ -424,7 +426,7 @@ static double raised(const double *x, size_t n, double a, double *gradient) {
     return a + value + 0.1 * (y2 * y2 / 4 - y2 / 2);
 }
 
-TEST("a large constant in f hides no way down above the rounding of f") {
+TEST("a large constant in f does not hide a direction of descent that exceeds the rounding of f") {
     static const size_t sizes[] = {201, 400};
     for (size_t row = 0; row < 2 * LG_COUNT(sizes) * LG_MINIMISE_LM; row++)
         for (double height = 1; height < 3e9; height *= 1e3) {
@@ -437,9 +439,9 @@ TEST("a large constant in f hides no way down above the rounding of f") {
         }
 }
 
-/* Functions with a saddle at 0, of which the Hessian has a zero diagonal; a is the unit of x[0]. */
+/* Functions with a saddle at 0 where the diagonal of the Hessian is zero. a is the unit of x[0]. */
 
-/* (x y - 1)^2, and (u.v - 1)^2 of u, v with n/2 elements */
+/* (x y - 1)^2, or (u.v - 1)^2 of vectors u, v with n/2 elements. */
 static double hyperbola(const double *x, size_t n, double a, double *gradient) {
     double w = -1;
     for (size_t i = 0; i < n; i += 2) w += a * x[i] * x[i + 1];
@@ -447,7 +449,7 @@ static double hyperbola(const double *x, size_t n, double a, double *gradient) {
     return w * w;
 }
 
-/* x y + x^4 + y^4: least -1/8 */
+/* x y + x^4 + y^4, minimum -1/8. */
 static double saddle_of_product(const double *x, size_t n, double a, double *gradient) {
     const double u = a * x[0], v = x[n - 1];
     gradient[0] = a * (v + 4 * u * u * u);
@@ -455,7 +457,7 @@ static double saddle_of_product(const double *x, size_t n, double a, double *gra
     return u * v + u * u * u * u + v * v * v * v;
 }
 
-/* sin x sin y: least -1 */
+/* sin x sin y, minimum -1. */
 static double egg_box(const double *x, size_t n, double a, double *gradient) {
     gradient[0] = a * cos(a * x[0]) * sin(x[n - 1]);
     gradient[n - 1] = sin(a * x[0]) * cos(x[n - 1]);
@@ -481,8 +483,8 @@ TEST("a saddle is left where the diagonal of the Hessian is zero") {
         }
 }
 
-/* sum a cos x_i + (x_{i+1} - x_i)^2/2 on a ring: at 0 the Hessian has the eigenvalue -a and the diagonal
- * 2 - a. The least is -a n. */
+/* sum a cos x_i + (x_{i+1} - x_i)^2/2 on a ring. At 0 the Hessian has the eigenvalue -a and the diagonal 2 -
+ * a. The minimum is -a n. */
 static double ring(const double *x, size_t n, double a, double *gradient) {
     double value = 0;
     for (size_t i = 0; i < n; i++) {
@@ -495,25 +497,26 @@ static double ring(const double *x, size_t n, double a, double *gradient) {
     return value;
 }
 
-TEST("a saddle is left where the Hessian curves down by some 1e-9 of its diagonal") {
+TEST("a saddle is left even if the negative curvature is only 1e-9 of the Hessian's diagonal") {
     static const size_t sizes[] = {2, 3, 4, 10, 50, 150, 200};
     for (int method = 0; method < LG_MINIMISE_LM; method++)
         for (size_t k = 0; k < LG_COUNT(sizes); k++)
             for (double a = 1e-2; a > 5e-9; a /= 10) {
                 const landscape f = {ring, sizes[k], a};
-                if (method == LG_MINIMISE_LBFGS && f.n > 100) continue; /* Lanczos' method */
+                if (method == LG_MINIMISE_LBFGS && f.n > 100) continue; /* uses Lanczos' method there */
                 double *x = TEST_ARRAY(double, f.n);
                 const lg_minimise_result r = minimise_landscape(f, method, x);
                 assert_close(r.value, -a * (double)f.n, 1e-12, 0);
             }
 }
 
-TEST("a start close to a saddle ends neither there nor as unbounded") {
+TEST("a run that starts near a saddle neither ends there nor reports an unbounded function") {
     static const size_t sizes[] = {2, 3, 4, 10, 50};
     for (size_t row = 0; row < LG_COUNT(sizes) * LG_MINIMISE_LM; row++)
         for (double start = 1e-1; start > 5e-13; start /= 10)
             for (double a = 1e-3; a < 0.2; a *= 10) {
-                if (start < 5e-9 && (start > 2e-12 || a > 2e-3)) continue; /* f may not change there */
+                /* f may be constant to rounding there */
+                if (start < 5e-9 && (start > 2e-12 || a > 2e-3)) continue;
                 const landscape f = {ring, sizes[row / LG_MINIMISE_LM], a};
                 double *x = TEST_ARRAY(double, f.n);
                 for (size_t i = 0; i < f.n; i++) x[i] = start * (1 + 0.1 * (double)i);
@@ -522,8 +525,8 @@ TEST("a start close to a saddle ends neither there nor as unbounded") {
             }
 }
 
-/* sum u^4 + u^3 - a u^2/2, u = x - 1: differences to one side hide the saddle at 1. The higher minimum is at
- * a/3, -n a^3/54 to first order. */
+/* sum u^4 + u^3 - a u^2/2, u = x - 1. One-sided differences do not show the saddle at u = 0. The higher
+ * minimum is at u = a/3, with the value -n a^3/54 to first order. */
 static double skew(const double *x, size_t n, double a, double *gradient) {
     double value = 0;
     for (size_t i = 0; i < n; i++) {
@@ -534,12 +537,12 @@ static double skew(const double *x, size_t n, double a, double *gradient) {
     return value;
 }
 
-/* The same with springs between neighbours. */
+/* As skew, with springs between neighbours. */
 static double skew_ring(const double *x, size_t n, double a, double *gradient) {
     return ring(x, n, 0, gradient) + skew(x, n, a, gradient);
 }
 
-TEST("a saddle is left where differences to one side do not show it") {
+TEST("a saddle is left where one-sided differences do not show it") {
     static const landscape cases[] = {{skew, 1, 0},      {skew, 7, 0},       {skew, 50, 0},
                                       {skew_ring, 2, 0}, {skew_ring, 10, 0}, {skew_ring, 50, 0}};
     for (size_t row = 0; row < LG_COUNT(cases) * LG_MINIMISE_LM; row++)
@@ -553,7 +556,7 @@ TEST("a saddle is left where differences to one side do not show it") {
         }
 }
 
-/* ---- ends ---- */
+/* ---- ways in which a run ends ---- */
 
 static void assert_end(function f, lg_status status, lg_minimise_end end) {
     for (int method = 0; method < LG_MINIMISE_LM; method++) {
@@ -565,7 +568,7 @@ static void assert_end(function f, lg_status status, lg_minimise_end end) {
     }
 }
 
-TEST("flat, unbounded and undefined functions end with their sentence") {
+TEST("flat, unbounded and undefined functions end with their reason") {
     assert_end((function)FUNCTION(constant, 3), LG_OK, LG_MINIMISE_GRADIENT);
     assert_end((function)FUNCTION(slope, 3), LG_NO_CONVERGENCE, LG_MINIMISE_UNBOUNDED);
     assert_end((function)FUNCTION(saddle, 3), LG_NO_CONVERGENCE, LG_MINIMISE_UNBOUNDED);
@@ -574,7 +577,7 @@ TEST("flat, unbounded and undefined functions end with their sentence") {
     assert_end(f, LG_NOT_FINITE, LG_MINIMISE_NOT_FINITE);
 }
 
-TEST("a wrong component of the gradient is noticed by the check alone") {
+TEST("the check finds a wrong component of the gradient") {
     static const double factors[] = {-1, 0, 2, 0.9};
     for (size_t wrong = 0; wrong < 10; wrong++)
         for (size_t i = 0; i < LG_COUNT(factors); i++) {
@@ -585,7 +588,7 @@ TEST("a wrong component of the gradient is noticed by the check alone") {
         }
 }
 
-TEST("a wrong gradient is noticed where f changes on a scale far below that of x") {
+TEST("a wrong gradient is found where f varies on a scale far below the size of x") {
     function f = FUNCTION(turns, 2);
     f.wrong = 1;
     f.factor = -1;
@@ -594,7 +597,7 @@ TEST("a wrong gradient is noticed where f changes on a scale far below that of x
     assert_int_equal(r.end, LG_MINIMISE_WRONG_GRADIENT);
 }
 
-TEST("a value that is not finite shortens the step, wherever it comes") {
+TEST("a value that is not finite shortens the step, in any evaluation") {
     function f = FUNCTION(well, 3);
     double x[3] = {0.3, 0.5, 4};
     (void)minimise(&f, LG_MINIMISE_SSBROYDEN, x, LG_OK);
@@ -608,7 +611,7 @@ TEST("a value that is not finite shortens the step, wherever it comes") {
     }
 }
 
-TEST("evaluations, seconds and the cancel flag end a run") {
+TEST("limits on evaluations and seconds and the cancel flag end a run") {
     volatile int cancel = 0;
     lg_minimise_options options;
     lg_minimise_result r;
@@ -632,7 +635,7 @@ TEST("evaluations, seconds and the cancel flag end a run") {
     assert_int_equal(f.calls, 5);
 }
 
-TEST("bad arguments are refused before the first evaluation") {
+TEST("invalid arguments are refused before the first evaluation") {
     lg_minimise_options options;
     lg_minimise_options_init(&options);
     function f = FUNCTION(rosenbrock, 2);
@@ -652,7 +655,7 @@ TEST("bad arguments are refused before the first evaluation") {
     assert_int_equal(f.calls, 0);
 }
 
-/* -sum x_i below 3, nothing from there on */
+/* -sum x_i, undefined if an x_i is 3 or more. */
 static lg_status cliff(const double *x, size_t n, double *value, double *gradient) {
     (void)slope(x, n, value, gradient);
     for (size_t i = 0; i < n; i++)
@@ -660,12 +663,12 @@ static lg_status cliff(const double *x, size_t n, double *value, double *gradien
     return LG_OK;
 }
 
-TEST("a search that ends at values that are not finite says so, not rounding") {
+TEST("a search that ends at values that are not finite reports this, and not rounding") {
     assert_end((function)FUNCTION(cliff, 2), LG_OK, LG_MINIMISE_BARRIER);
     assert_end((function)FUNCTION(slope, 2), LG_NO_CONVERGENCE, LG_MINIMISE_UNBOUNDED);
 }
 
-/* ---- states ---- */
+/* ---- saved states ---- */
 
 RELEASES(release_minimiser, lg_minimiser_destroy)
 
@@ -687,14 +690,14 @@ static void advance(lg_minimiser *m, function *f) {
     (void)lg_minimiser_tell(m, value, gradient);
 }
 
-TEST("a run saved and loaded after every evaluation has the bits of one that was not") {
+TEST("a run that is saved and loaded after every evaluation has the bits of one that was not") {
     const function functions[] = {FUNCTION(rosenbrock, 3), FUNCTION(bowl, 201)};
     for (int row = 0; row < 2 * LG_MINIMISE_LM; row++) {
         const lg_minimise_method method = (lg_minimise_method)(row / 2);
         function f = functions[row % 2];
         lg_minimiser *whole = test_minimiser(&f, method), *parts = whole;
         whole = test_minimiser(&f, method);
-        for (int i = 0; i < 100; i++) { /* the look at the Hessian at the end, too */
+        for (int i = 0; i < 100; i++) { /* includes the check of the Hessian at the end */
             memory_archive archive = {.count = 0};
             const lg_archive_writer writer = memory_writer(&archive);
             assert_ok(lg_minimiser_save(parts, &writer, NULL));
@@ -712,7 +715,7 @@ TEST("a run saved and loaded after every evaluation has the bits of one that was
     }
 }
 
-TEST("impossible states are refused and leave the minimiser as it was") {
+TEST("invalid states are refused and leave the minimiser unchanged") {
     function f = FUNCTION(rosenbrock, 3);
     lg_minimiser *m = test_minimiser(&f, LG_MINIMISE_SSBROYDEN);
     for (int i = 0; i < 12; i++) advance(m, &f);
@@ -724,7 +727,7 @@ TEST("impossible states are refused and leave the minimiser as it was") {
         void *good = item->data;
         uint64_t *bad = lg_test_memory(item->bytes);
         memcpy(bad, good, item->bytes);
-        bad[0] = UINT64_MAX; /* NaN, too */
+        bad[0] = UINT64_MAX; /* NaN in arrays of doubles */
         item->data = bad;
         const lg_archive_reader reader = memory_reader(&archive);
         const double before = lg_minimiser_point(m)[0];
@@ -739,11 +742,11 @@ TEST("impossible states are refused and leave the minimiser as it was") {
     assert_int_equal(lg_minimiser_load(other, &reader, NULL), LG_SHAPE);
 }
 
-/* ---- least squares ---- */
+/* ---- nonlinear least squares ---- */
 
 enum { POINTS = 40 };
 
-/* r_i = a exp(-b t_i) + c - y_i; with `twice` the unknown d only adds to c. */
+/* r_i = a exp(-b t_i) + c - y_i. With `twice` there is a fourth unknown d, which is added to c. */
 typedef struct decay {
     double t[POINTS], y[POINTS];
     size_t n;
@@ -770,7 +773,7 @@ static lg_status decay_residuals(void *user, const double *x, double *r, double 
     return ++f->calls == f->poison ? LG_NOT_FINITE : LG_OK;
 }
 
-TEST("least squares find exact parameters, in few Jacobians") {
+TEST("least squares find exact parameters with few Jacobians") {
     decay f = make_decay(0, 1);
     double x[3] = {1, 0.2, 0};
     lg_minimise_result result;
@@ -781,8 +784,8 @@ TEST("least squares find exact parameters, in few Jacobians") {
     assert_true(result.evaluations < 20 && result.value < 1e-26);
 }
 
-/* Over many draws of the noise the estimates scatter as the covariance says. */
-TEST("the covariance is that of estimates from repeated data") {
+/* Over many draws of the noise the estimates must scatter as the covariance predicts. */
+TEST("the covariance agrees with the scatter of estimates from repeated data") {
     enum { DRAWS = 400 };
     double mean[3] = {0}, scatter[9] = {0}, expected[9] = {0};
     static double all[DRAWS][3];
@@ -801,7 +804,7 @@ TEST("the covariance is that of estimates from repeated data") {
         assert_close(scatter[i], expected[i], 0, 0.2 * sqrt(expected[i / 3 * 4] * expected[i % 3 * 4]));
 }
 
-TEST("least squares say what cannot be identified, and refuse too few residuals") {
+TEST("least squares report which parameters cannot be identified, and refuse too few residuals") {
     decay f = make_decay(0.01, 1);
     double x[4] = {1, 1, 0, 0}, covariance[16];
     lg_error error;
@@ -818,9 +821,9 @@ TEST("least squares say what cannot be identified, and refuse too few residuals"
     assert_status(lg_minimise(NULL, 2, evaluate, &g, &options, x, NULL, &error), LG_INVALID_ARGUMENT);
 }
 
-/* A decay through three points, in units of the unknowns. */
+/* A decay through three points; the unknowns are in other units. */
 typedef struct three {
-    double unit[3], factor[3]; /* of the unknowns; of the columns of the Jacobian */
+    double unit[3], factor[3]; /* units of the unknowns; factors of the columns of the Jacobian */
     bool transposed;
     uint64_t calls;
 } three;
@@ -855,7 +858,7 @@ static lg_minimise_end end_of_three(three f, bool check) {
     return result.end;
 }
 
-TEST("a wrong Jacobian is noticed by the check alone, a badly scaled one passes") {
+TEST("the check finds a wrong Jacobian, and accepts a badly scaled one") {
     static const double factors[] = {-1, 0, 2, 0.8};
     static const double units[][3] = {{1, 1, 1}, {1e8, 1e-7, 1e3}, {1e-9, 1e6, 1}};
     for (size_t u = 0; u < LG_COUNT(units); u++) {
@@ -876,7 +879,7 @@ TEST("a wrong Jacobian is noticed by the check alone, a badly scaled one passes"
     }
 }
 
-TEST("residuals that are not finite shorten the step of least squares, and at the start end it") {
+TEST("residuals that are not finite shorten the step of least squares, but are an error at the start") {
     for (uint64_t poison = 1; poison < 8; poison++) {
         decay f = make_decay(0, 1);
         double x[3] = {1, 0.2, 0};
@@ -889,8 +892,8 @@ TEST("residuals that are not finite shorten the step of least squares, and at th
     }
 }
 
-/* Microseconds for seconds and kilometres for metres: the same path. */
-TEST("normal equations find exact numbers, share between equal columns, and refuse what is no square") {
+TEST("normal equations find exact numbers, divide equally between equal columns, and refuse indefinite "
+     "matrices") {
     enum { N = 4, ROWS = 30 };
     const double truth[2][3] = {{1.5, -2.0, 0.25}, {0.0, 1e6, 3.0}};
     double matrix[N * N] = {0}, right[2 * N] = {0};
@@ -915,6 +918,7 @@ TEST("normal equations find exact numbers, share between equal columns, and refu
     assert_status(lg_normal_equations(1, 1, 1e-12, unknown, x), LG_CHECK_FAILED);
 }
 
+/* Microseconds instead of seconds and kilometres instead of metres give the same steps. */
 TEST("least squares do not depend on units") {
     decay f = make_decay(0.01, 1), g = f;
     double x[3] = {1, 0.2, 0}, y[3] = {1e-3, 0.2e-6, 0};

@@ -1,5 +1,5 @@
-/* Minimisers on two collections of problems: no exact gradient is refused, LG_OK means a minimum,
- * parameters have their certified digits, and no unit matters. */
+/* Minimisers on two collections of problems: no exact gradient is refused, LG_OK means a minimum, parameters
+ * have their certified digits, and results do not depend on units. */
 #include "nn_support.h"
 
 #include "liegrad/minimise.h"
@@ -7,7 +7,8 @@
 
 static const char *const method_names[LG_MINIMISE_METHOD_COUNT] = {"ssbroyden", "lbfgs", "least squares"};
 
-/* A problem in other units: x = unit times the caller's, f and r^2 times value. */
+/* A problem in other units: the problem's x is the minimiser's x times `unit`; f and r^2 are multiplied by
+ * `value`. */
 typedef struct scaled_problem {
     minimise_problem of;
     double unit[MOST_VARIABLES], value;
@@ -36,8 +37,8 @@ static lg_status scaled_residuals(void *user, const double *x, double *r, double
 
 typedef struct run_result {
     lg_status status;
-    lg_minimise_result result; /* value in the units of the problem */
-    double x[MOST_VARIABLES];  /* also */
+    lg_minimise_result result; /* value in the units of the original problem */
+    double x[MOST_VARIABLES];  /* in the units of the original problem */
 } run_result;
 
 static run_result run_problem(scaled_problem *p, size_t start, int method) {
@@ -62,18 +63,18 @@ static scaled_problem plain(size_t number) {
     return p;
 }
 
-/* Correct digits of the worst parameter; 0 to 16. */
+/* Number of correct digits of the worst parameter, 0 to 16. */
 static double digits(const minimise_problem *p, const double *x) {
     double least = 16;
     for (size_t i = 0; i < p->n; i++) {
         const double exact = p->start[2 * p->n + i], off = fabs(x[i] - exact) / fabs(exact);
-        least = off < 1 ? fmin(least, -log10(off + 1e-16)) : 0; /* NaN is 0 */
+        least = off < 1 ? fmin(least, -log10(off + 1e-16)) : 0; /* NaN gives 0 */
     }
     return least;
 }
 
-/* Whether x is a minimum nearby: with A the Hessian, scaled to a unit diagonal, A + 1e-8 is positive
- * definite, and a Newton step lowers f by less than 1e-4 of it. */
+/* Whether x is close to a minimum. With A the Hessian scaled to a unit diagonal, A + 1e-8 must be positive
+ * definite, and a Newton step must lower f by less than 1e-4 of f. */
 static bool is_minimum(const minimise_problem *p, const double *x) {
     const size_t n = p->n;
     double A[MOST_VARIABLES][MOST_VARIABLES], g[MOST_VARIABLES], other[MOST_VARIABLES], at[MOST_VARIABLES];
@@ -88,8 +89,8 @@ static bool is_minimum(const minimise_problem *p, const double *x) {
         minimise_problem_value(p, at, &unused, other);
         for (size_t i = 0; i < n; i++) A[j][i] = (A[j][i] - other[i]) / (2 * h);
     }
-    for (size_t j = 0; j < n; j++) /* curvature below 1e-12 f for a change by all of x is none */
-        scale[j] = sqrt(fmax(fabs(A[j][j]), 1e-12 * f / (1 + x[j] * x[j])));
+    /* a curvature below 1e-12 f per change of x by its own size counts as none */
+    for (size_t j = 0; j < n; j++) scale[j] = sqrt(fmax(fabs(A[j][j]), 1e-12 * f / (1 + x[j] * x[j])));
     for (size_t j = 0; j < n; j++) g[j] /= scale[j];
     for (size_t j = 0; j < n; j++) { /* Cholesky, and g <- L^-1 g */
         for (size_t i = j; i < n; i++) {
@@ -110,7 +111,7 @@ TEST("the certified parameters give the certified sums of squares") {
         const minimise_problem p = minimise_problem_at(number);
         double value, gradient[MOST_VARIABLES];
         minimise_problem_value(&p, p.start + 2 * p.n, &value, gradient);
-        /* 11 digits of its parameters leave Lanczos1 4e-21. */
+        /* With 11 digits of its parameters, Lanczos1 has the sum 4e-21. */
         assert_close(value, p.least, 2e-10, 1e-20);
     }
 }
@@ -120,7 +121,7 @@ typedef struct counts {
     uint64_t evaluations;
 } counts;
 
-/* One row of the table. Zero to rounding counts as a minimum of 0. */
+/* Counts one run. For a minimum of 0, a value that is zero to rounding is accepted. */
 static void count(const minimise_problem *p, size_t start, int method, const run_result *r, counts *c) {
     const bool low = r->result.value <= 1.001 * p->least + (p->least == 0 ? 1e-14 : 1e-20);
     c->runs++;
@@ -152,7 +153,7 @@ static counts count_table(int method, scaled_problem (*make)(size_t number)) {
     return c;
 }
 
-TEST("no exact gradient is refused, LG_OK is a minimum, and the regressions have their digits") {
+TEST("no exact gradient is refused, LG_OK is a minimum, and the regressions have their certified digits") {
     static const int least[LG_MINIMISE_METHOD_COUNT] = {49, 45, 53};
     static const uint64_t most[LG_MINIMISE_METHOD_COUNT] = {100000, 75000, 55000}; /* evaluations */
     for (int method = 0; method < LG_MINIMISE_METHOD_COUNT; method++) {
@@ -163,7 +164,7 @@ TEST("no exact gradient is refused, LG_OK is a minimum, and the regressions have
     }
 }
 
-/* Units 2^-30 to 2^30 of the variables and of f, drawn for each problem. */
+/* Units of the variables and of f from 2^-30 to 2^30, drawn for each problem. */
 static scaled_problem in_powers_of_two(size_t number) {
     scaled_problem p = plain(number);
     lg_rng rng = test_rng(7, number);
@@ -172,7 +173,7 @@ static scaled_problem in_powers_of_two(size_t number) {
     return p;
 }
 
-/* The same with powers of ten, 1e-9 to 1e9. */
+/* As in_powers_of_two with powers of ten, 1e-9 to 1e9. */
 static scaled_problem in_powers_of_ten(size_t number) {
     scaled_problem p = plain(number);
     lg_rng rng = test_rng(8, number);
@@ -181,13 +182,14 @@ static scaled_problem in_powers_of_ten(size_t number) {
     return p;
 }
 
-/* A variable that starts at zero where nothing falls along it has no unit: Gaussian's, Watson's. */
+/* False for Gaussian and Watson: a variable starts at zero where f does not fall along it, so nothing tells
+ * its unit. */
 static bool has_units(size_t number, size_t start) {
     return strcmp(minimise_problem_at(number).name, "Gaussian") != 0 &&
            (strcmp(minimise_problem_at(number).name, "Watson") != 0 || start > 0);
 }
 
-TEST("units that are powers of 2 leave every bit as it is") {
+TEST("units that are powers of 2 do not change any bit") {
     for (int method = 0; method < LG_MINIMISE_METHOD_COUNT; method++)
         for (size_t number = 0; number < MINIMISE_PROBLEMS; number++) {
             scaled_problem p = plain(number), q = in_powers_of_two(number);
@@ -204,7 +206,7 @@ TEST("units that are powers of 2 leave every bit as it is") {
         }
 }
 
-TEST("units that are powers of 10 change no decision") {
+TEST("units that are powers of 10 do not change the success of runs") {
     static const int least[LG_MINIMISE_METHOD_COUNT] = {49, 45, 53};
     for (int method = 0; method < LG_MINIMISE_METHOD_COUNT; method++) {
         const counts c = count_table(method, in_powers_of_ten);

@@ -4,7 +4,7 @@
 #include "plain_layers.h"
 #include "support/fixtures.h"
 
-/* OFFSET numbers that are not the network's lie before its parameters. */
+/* OFFSET other numbers precede the network's parameters. */
 enum { ROWS = 5, INPUTS = 3, MOST_OUTPUTS = 2, OFFSET = 3 };
 
 static const uint32_t hidden[2] = {7, 4};
@@ -41,7 +41,7 @@ static fixture setup(lg_activation kind, bool last_bias, uint32_t hidden_layers,
     return f;
 }
 
-TEST("a description counts its parameters and says where they lie") {
+TEST("a description counts its parameters and knows where they are") {
     lg_mlp net;
     assert_ok(lg_mlp_init(&net, 3, hidden, 2, 2, LG_TANH, false));
     assert_int_equal(lg_mlp_parameters(&net), 3 * 7 + 7 + 7 * 4 + 4 + 4 * 2);
@@ -56,7 +56,7 @@ TEST("a description counts its parameters and says where they lie") {
     assert_int_equal(lg_mlp_parameters(&net), 4);
 }
 
-TEST("a description that is refused leaves the network as it was") {
+TEST("a refused description leaves the network unchanged") {
     const uint32_t zero[1] = {0}, huge[1] = {UINT32_MAX}, many[LG_MLP_MAX_LAYERS] = {1};
     lg_mlp net, before;
     assert_ok(lg_mlp_init(&net, 3, hidden, 2, 2, LG_TANH, false));
@@ -71,11 +71,12 @@ TEST("a description that is refused leaves the network as it was") {
     assert_memory_equal(&net, &before, sizeof net);
 }
 
-/* Bounds, second moments (variance of U(+-a) is a^2/3) and biases of each law, on a layer of 80 x 100. */
-TEST("each law of initialisation has its bounds, variance and biases") {
+/* Bounds, second moments (the variance of U(-a, a) is a^2/3) and biases of each kind, for a layer of 80 x
+ * 100. */
+TEST("each kind of initialisation has its bounds, variance and biases") {
     const uint32_t wide[1] = {100};
     const struct {
-        double variance, bound; /* bound 0: none */
+        double variance, bound; /* bound 0: unbounded */
         bool bias;
     } expected[LG_INITIALISATION_COUNT] = {
         {1.0 / 240.0, sqrt(1.0 / 80.0), true},
@@ -104,7 +105,8 @@ TEST("each law of initialisation has its bounds, variance and biases") {
     }
 }
 
-/* What the network gives on a tape, and the gradient of the first output as recorded and by the tape. */
+/* The network's outputs on a tape, and the gradient of the first output: recorded by the network, and by the
+ * tape. */
 typedef struct recorded {
     double y[ROWS * MOST_OUTPUTS], gradient[ROWS * INPUTS], of_tape[ROWS * INPUTS];
 } recorded;
@@ -125,7 +127,7 @@ static recorded record(const fixture *f, lg_tape *tape, uint32_t rows) {
     return r;
 }
 
-TEST("recorded perceptrons are the plain loops, and their recorded gradient is the tape's") {
+TEST("recorded perceptrons agree with plain loops, and their recorded gradient agrees with the tape's") {
     lg_tape *tape = test_tape(LG_F64);
     double expected[MOST_OUTPUTS];
     for (int kind = 0; kind < LG_ACTIVATION_COUNT; kind++)
@@ -145,20 +147,20 @@ TEST("recorded perceptrons are the plain loops, and their recorded gradient is t
                 }
 }
 
-TEST("perceptrons in single precision are those in double precision, to rounding") {
+TEST("perceptrons in single precision agree with double precision to rounding") {
     const fixture f = setup(LG_SWISH, true, 2, 2);
     const recorded r = record(&f, test_tape(LG_F32), ROWS), expected = record(&f, test_tape(LG_F64), ROWS);
     for (size_t i = 0; i < 2 * ROWS; i++) assert_close(r.y[i], expected.y[i], 1e-5, 1e-6);
     for (size_t i = 0; i < INPUTS * ROWS; i++) assert_close(r.gradient[i], expected.gradient[i], 1e-5, 1e-6);
 }
 
-TEST("parameters that are too few, an offset beyond them and inputs of another width are refused") {
+TEST("too few parameters, an offset beyond them, and inputs of another width are refused") {
     const fixture f = setup(LG_TANH, true, 2, 2);
     const uint32_t n = (uint32_t)f.parameters;
     const struct {
         uint32_t parameters, inputs;
         size_t offset;
-        bool fits; /* the parameters are enough */
+        bool fits; /* there are enough parameters */
     } bad[] = {{n - 1, INPUTS, 0, false},
                {n, INPUTS, 1, false},
                {n, INPUTS, SIZE_MAX, true},

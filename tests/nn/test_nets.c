@@ -1,5 +1,5 @@
-/* Networks of several architectures: description, values against a plain evaluation of their formulas,
- * derivatives by every way against each other. */
+/* Networks of several architectures: description, values against a direct evaluation of their formulas, and
+ * derivatives computed in several ways against each other. */
 #include "nn_support.h"
 
 #include "kernels/kernels.h"
@@ -41,7 +41,7 @@ static void plain(const lg_net *net, const double *theta, const double *x, doubl
     plain_dense(&theta, n, net->outputs, true, LG_IDENTITY, h, y);
 }
 
-/* ---- fixture ---- */
+/* ---- networks under test ---- */
 
 typedef struct fixture {
     lg_net net;
@@ -62,7 +62,7 @@ static void setup(fixture *f, lg_net_kind kind, uint32_t embedding, uint32_t lay
     }
 }
 
-/* Every kind, with and without an embedding, with several activations; also without layers. */
+/* Checks every kind, with and without an embedding, with several activations, and also without layers. */
 static void each(void (*check)(fixture *f)) {
     static const lg_activation kinds[4] = {LG_TANH, LG_SIGMOID, LG_SWISH, LG_SINE};
     fixture f;
@@ -75,7 +75,7 @@ static void each(void (*check)(fixture *f)) {
                 }
 }
 
-/* ---- description ---- */
+/* ---- descriptions ---- */
 
 TEST("kinds of networks have their names") {
     ASSERT_NAMES(lg_net_kind, lg_net_kind, LG_NET_KIND_COUNT);
@@ -94,7 +94,7 @@ TEST("networks have the numbers of parameters of their formulas") {
     assert_int_equal(lg_net_parameters(&net), 9 + 2 * (12 + 9) + 4);
 }
 
-TEST("a description that is refused leaves the network as it was") {
+TEST("a refused description leaves the network unchanged") {
     lg_net net, before;
     assert_ok(lg_net_init(&net, LG_NET_MULT, 3, 0, 4, LG_NET_MAX_LAYERS, 2, LG_TANH));
     const uint32_t most = 1u << 20, kinds = LG_NET_KIND_COUNT, acts = LG_ACTIVATION_COUNT;
@@ -114,7 +114,7 @@ TEST("a description that is refused leaves the network as it was") {
     assert_memory_equal(&net, &before, sizeof net);
 }
 
-/* Slices lie one after the other and cover the vector; no name comes twice. */
+/* Slices must follow one another and cover the vector; all names must differ. */
 static void check_slices(fixture *f) {
     lg_slice_info slice = {.rank = 0};
     char names[64][48];
@@ -136,7 +136,7 @@ static void check_slices(fixture *f) {
     assert_string_equal(names[count - 1], "output/bias");
 }
 
-TEST("slices lie one after the other, cover the vector and have names of their own") {
+TEST("slices follow one another, cover the vector and have different names") {
     each(check_slices);
     lg_net net;
     lg_slice_info slice;
@@ -147,7 +147,7 @@ TEST("slices lie one after the other, cover the vector and have names of their o
     assert_string_equal(slice.name, "affine1/bias");
 }
 
-/* Bounds of the uniform law slice by slice, and no slice left out. */
+/* Checks the bounds of the uniform distribution for each slice, and that no slice stays zero. */
 static void check_initialisation(fixture *f) {
     lg_slice_info slice;
     double bound = 0.0;
@@ -159,13 +159,13 @@ static void check_initialisation(fixture *f) {
     }
 }
 
-TEST("initial parameters of every slice lie within the bound of the law") {
+TEST("initial parameters of every slice are within the bound of their distribution") {
     each(check_initialisation);
 }
 
-/* ---- the taped pair ---- */
+/* ---- the taped pair of value and derivative ---- */
 
-/* Value and derivative of the pair, along f->dx or, for one direction, along its first row. */
+/* Value and derivative of the pair along f->dx; for a single direction, along the first row of f->dx. */
 static void record_pair(const fixture *f, lg_tape *tape, uint32_t directions, double *value,
                         double *derivative) {
     lg_var y = LG_NONE, dy = LG_NONE;
@@ -178,7 +178,7 @@ static void record_pair(const fixture *f, lg_tape *tape, uint32_t directions, do
     assert_ok(lg_read(tape, dy, ROWS * 2, derivative));
 }
 
-/* The same by lg_net_record and lg_jvp. */
+/* The same numbers by lg_net_record and lg_jvp. */
 static void record_plain(const fixture *f, lg_tape *tape, uint32_t directions, double *value,
                          double *derivative) {
     lg_var dy = LG_NONE;
@@ -207,7 +207,7 @@ static void check_values(fixture *f) {
     }
 }
 
-TEST("values are those of the formulas, and derivatives of the pair those of lg_jvp") {
+TEST("values agree with the formulas, and the pair's derivatives with lg_jvp") {
     each(check_values);
 }
 
@@ -222,11 +222,11 @@ static void check_single_precision(fixture *f) {
     }
 }
 
-TEST("single precision is double precision to its rounding") {
+TEST("single precision agrees with double precision to rounding") {
     each(check_single_precision);
 }
 
-/* sum of y^2 and of (dy)^2, either by the pair or by recorded forward mode */
+/* Sum of y^2 and (dy)^2, with dy by the pair or by recorded forward mode. */
 static lg_var loss_of(lg_tape *tape, const fixture *f, lg_var theta, lg_var x, lg_var dx, bool pairs) {
     lg_var y = LG_NONE, dy = LG_NONE;
     if (pairs) {
@@ -238,8 +238,9 @@ static lg_var loss_of(lg_tape *tape, const fixture *f, lg_var theta, lg_var x, l
     return lg_add(tape, lg_sum(tape, lg_square(tape, y)), lg_sum(tape, lg_square(tape, dy)));
 }
 
-/* The last pass through the pair, the recorded one, and both through lg_jvp give one gradient, by theta, x
- * and direction. A theta with an element before and after the network's. */
+/* The gradient with respect to theta, x and direction must be the same in four ways: by the last pass or
+ * recorded, each through the pair or through lg_jvp. theta has one more element before and one after the
+ * network's. */
 static void check_gradients(fixture *f) {
     static double flat[MAX_PARAMETERS], out[4][MAX_PARAMETERS], by_x[4][ROWS * 3], by_dx[4][ROWS * 3];
     const uint32_t n = (uint32_t)f->n + 2;
@@ -277,7 +278,7 @@ static void check_gradients(fixture *f) {
     }
 }
 
-TEST("a pass back, a recorded one, by pairs and by lg_jvp give one gradient") {
+TEST("the last pass and recorded gradients agree, through pairs and through lg_jvp") {
     each(check_gradients);
 }
 
@@ -324,7 +325,8 @@ TEST("shapes and offsets that do not fit are refused") {
     assert_true(lg_is_none(lg_net_record(tape, &f.net, theta, 0, lg_input(tape, lg_shape2(ROWS, 3), f.x))));
 }
 
-/* ---- kernels: no element's result depends on where it stands, or on what else is asked for ---- */
+/* ---- kernels: the result for an element depends neither on its position nor on the other requested results
+ * ---- */
 
 enum { N = 37 };
 
@@ -374,7 +376,7 @@ static void check_positions(const lg_kernels *k, const float *z, const float *u,
     }
 }
 
-TEST("kernels of pairs do not depend on the position of an element or on what else is asked for") {
+TEST("results of the pair kernels do not depend on an element's position or on other requested results") {
     float numbers[4][2 * N];
     lg_rng rng = test_rng(5, 0);
     for (int p = 0; p < 4; p++)

@@ -1,4 +1,4 @@
-/* Random search: draws, early stopping, what an interruption leaves. */
+/* Random search: draws, early stopping, and interruptions. */
 #include "test_support.h"
 #include "liegrad/random.h"
 #include "nn/search.h"
@@ -15,7 +15,7 @@ static lg_range choices(const char *name, uint32_t count, const char *const *tex
     return range;
 }
 static const char *const three[] = {"a", "b", "c"};
-/* u in [0, 1), lr in [1e-4, 1e-1], layers in 0..4, kind of three. */
+/* u in [0, 1), lr in [1e-4, 1e-1], layers in 0..4, kind one of three. */
 static lg_search_space example(void) {
     lg_search_space space = {.count = 4};
     space.ranges[0] = bounds("u", LG_RANGE_UNIFORM, 0, 1);
@@ -24,14 +24,14 @@ static lg_search_space example(void) {
     space.ranges[3] = choices("kind", 3, three);
     return space;
 }
-/* ---- spaces ---- */
+/* ---- ranges ---- */
 static void refused(const lg_search_space *space, const char *word) {
     lg_error error = {LG_OK, ""};
     assert_status(lg_search_space_check(space, &error), LG_INVALID_ARGUMENT);
     if (strstr(error.message, word) == NULL) fail_msg("no '%s' in: %s", word, error.message);
     assert_status(lg_search_space_check(space, NULL), LG_INVALID_ARGUMENT);
 }
-TEST("a space of bad ranges is refused by its name") {
+TEST("a space with an invalid range is refused with the range's name") {
     lg_search_space good = example(), s = good;
     assert_ok(lg_search_space_check(&good, NULL));
     refused(NULL, "ranges");
@@ -74,13 +74,13 @@ TEST("a space of bad ranges is refused by its name") {
         refused(&s, "range 3");
     }
     s = good;
-    memset(s.ranges[2].name, 'x', sizeof s.ranges[2].name); /* no end */
+    memset(s.ranges[2].name, 'x', sizeof s.ranges[2].name); /* not terminated by a zero */
     refused(&s, "range 3");
     s = good;
     (void)snprintf(s.ranges[2].name, sizeof s.ranges[2].name, "lr");
     refused(&s, "'lr' stands twice");
 }
-TEST("draws have means and variances of their laws, both ends of whole numbers and all choices") {
+TEST("draws have the mean and variance of their range; integers reach both ends, choices all values") {
     enum { N = 20000 };
     const lg_search_space space = example();
     double sum[2] = {0}, squares[2] = {0};
@@ -96,7 +96,7 @@ TEST("draws have means and variances of their laws, both ends of whole numbers a
         layers[(int)v[2]]++;
         kinds[(int)v[3]]++;
     }
-    /* five standard deviations */
+    /* Five standard deviations. */
     assert_close(sum[0], 0.5, 0, 5 * sqrt(1.0 / 12 / N));
     assert_close(sum[1], -2.5, 0, 5 * sqrt(9.0 / 12 / N));
     assert_close(squares[0] - sum[0] * sum[0], 1.0 / 12, 0.03, 0);
@@ -104,7 +104,7 @@ TEST("draws have means and variances of their laws, both ends of whole numbers a
     for (int i = 0; i < 5; i++) assert_close(layers[i], N / 5.0, 0, 5 * sqrt(N * 0.2 * 0.8));
     for (int i = 0; i < 3; i++) assert_close(kinds[i], N / 3.0, 0, 5 * sqrt(N * 2.0 / 9));
 }
-TEST("draws depend on seed, number and range, and on no range behind") {
+TEST("draws depend on seed, trial number and range, and not on later ranges") {
     lg_search_space space = example();
     double v[3][8], w[8];
     lg_search_draw(&space, 7, 41, v[0]);
@@ -114,14 +114,14 @@ TEST("draws depend on seed, number and range, and on no range behind") {
     assert_memory_equal(v[0], w, 4 * sizeof *w);
     assert_true(v[0][0] != v[1][0] && v[0][0] != v[2][0] && v[1][0] != v[2][0]);
     assert_true(v[0][1] != v[1][1] && v[0][1] != v[2][1]);
-    /* A range more at the end changes nothing before it, and is itself drawn apart. */
+    /* Another range at the end does not change the earlier ones, and has its own draws. */
     space.ranges[4] = bounds("w", LG_RANGE_UNIFORM, 0, 1);
     space.count = 5;
     lg_search_draw(&space, 7, 41, w);
     assert_memory_equal(v[0], w, 4 * sizeof *w);
     assert_true(w[4] != w[0]);
 }
-TEST("ranges as thin and as wide as can be are drawn from") {
+TEST("the narrowest and the widest ranges can be drawn from") {
     lg_search_space space = {.count = 6};
     space.ranges[0] = bounds("one", LG_RANGE_UNIFORM, 2.5, 2.5);
     space.ranges[1] = bounds("wide", LG_RANGE_UNIFORM, -1.7e308, 1.7e308);
@@ -148,7 +148,7 @@ static lg_trial with_report(uint64_t number, uint32_t reports, double value) {
     for (uint32_t i = 0; i < reports; i++) trial.report[i] = value;
     return trial;
 }
-TEST("a trial worse than the quantile of the others is stopped") {
+TEST("a trial that is worse than the quantile of the others is stopped") {
     lg_search_options o;
     lg_search_options_init(&o);
     assert_true(o.size == sizeof o && o.trials == 50 && o.seed == 1 && o.rungs == 5 && o.warm_up == 5);
@@ -159,36 +159,36 @@ TEST("a trial worse than the quantile of the others is stopped") {
     /* Half of four is two: 2.5 is worse than 1 and 2. */
     assert_true(lg_search_prune(&o, t, 4, 4, 0, 2.5));
     assert_false(lg_search_prune(&o, t, 4, 4, 0, 1.5));
-    /* A tie is not worse. */
+    /* An equal objective is not worse. */
     assert_false(lg_search_prune(&o, t, 4, 4, 0, 2));
     assert_true(lg_search_prune(&o, t, 4, 4, 0, 3));
     /* Half of five, rounded up, is three. */
     assert_false(lg_search_prune(&o, t, 5, 5, 0, 2.5));
     assert_true(lg_search_prune(&o, t, 5, 5, 0, 3.5));
-    /* Fewer than the warm-up, or none that came so far. */
+    /* Fewer trials than the warm-up, or no trial that reached this rung. */
     assert_false(lg_search_prune(&o, t, 3, 3, 0, 100));
     assert_false(lg_search_prune(&o, t, 6, 6, 1, 100));
     o.warm_up = 0;
     assert_false(lg_search_prune(&o, t, 0, 0, 0, 100));
     assert_false(lg_search_prune(&o, t, 6, 6, 1, 100));
     assert_true(lg_search_prune(&o, t, 1, 1, 0, 100));
-    /* What is not finite is always stopped, and is worse than all others. */
+    /* An objective that is not finite is always stopped, and counts as worse than all others. */
     assert_true(lg_search_prune(&o, t, 0, 0, 0, NAN));
     assert_true(lg_search_prune(&o, t, 0, 0, 0, INFINITY));
     assert_true(lg_search_prune(&o, t, 0, 0, 0, -INFINITY));
     t[0].report[0] = NAN;
-    t[1].report[0] = -INFINITY; /* 3, 4 and two that diverged: half of four is better than 4.5 */
+    t[1].report[0] = -INFINITY; /* 3, 4 and two that diverged: two of four are better than 4.5 */
     o.warm_up = 4;
     assert_true(lg_search_prune(&o, t, 4, 4, 0, 4.5));
     assert_false(lg_search_prune(&o, t, 4, 4, 0, 3.5));
     for (uint64_t i = 0; i < 6; i++) t[i].report[0] = NAN;
     assert_false(lg_search_prune(&o, t, 6, 6, 0, 1e300));
-    /* Higher numbers do not count, wherever they stand. */
+    /* Trials with higher numbers do not count, wherever they are in the table. */
     for (uint64_t i = 0; i < 6; i++) t[i] = with_report(5 - i, 1, 1);
     assert_true(lg_search_prune(&o, t, 6, 4, 0, 2));
     assert_false(lg_search_prune(&o, t, 6, 3, 0, 2));
 }
-TEST("the quantile says how many better ones stop a trial") {
+TEST("the quantile determines how many better trials stop a trial") {
     lg_search_options o;
     lg_search_options_init(&o);
     o.warm_up = 1;
@@ -196,7 +196,7 @@ TEST("the quantile says how many better ones stop a trial") {
     for (uint64_t i = 0; i < 30; i++) t[i] = with_report(i, 1, (double)i);
     static const struct {
         double quantile;
-        int better; /* least number of better ones that stops */
+        int better; /* the smallest number of better trials that stops a trial */
     } rows[] = {{0.1, 3}, {0.5, 15}, {0.25, 8}, {1, 30}, {1e-6, 1}};
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         o.quantile = rows[i].quantile;
@@ -204,19 +204,19 @@ TEST("the quantile says how many better ones stop a trial") {
             assert_int_equal(lg_search_prune(&o, t, 30, 30, 0, b - 0.5), b >= rows[i].better);
     }
 }
-/* ---- running ---- */
+/* ---- running trials ---- */
 #define TRIALS 24
 #define EPOCHS 12
-/* A trial's curve of objectives falls towards a value that depends on its numbers; some diverge, some fail.
- * `stop_at` counts the epochs of all trials: there the cancel flag is raised. */
+/* Trials whose objective falls towards a value that depends on the drawn numbers; some diverge, some fail.
+ * `stop_at`: the cancel flag is raised when all trials together have run this many epochs. */
 typedef struct training {
     volatile int cancel;
     long stop_at, epochs;
     size_t finished;
-    bool by_status; /* hands on LG_CANCELLED when a report says stop, as a fit does */
+    bool by_status; /* returns LG_CANCELLED when a report says stop, as a fit does */
     uint32_t rungs_seen;
     size_t failures;
-    lg_status save; /* what `finished` returns */
+    lg_status save; /* the status that `finished` returns */
 } training;
 static double curve(const lg_trial *trial, uint64_t done) {
     const double end = trial->value[0] + 0.1 * trial->value[3];
@@ -258,12 +258,12 @@ static lg_search_options few(void) {
     options.seed = 3;
     return options;
 }
-/* Trials equal but for the seconds. */
+/* Trials must be equal except for their seconds. */
 static void assert_same_trials(const lg_trial *a, const lg_trial *b, size_t count) {
     for (size_t i = 0; i < count; i++) {
         lg_trial x = a[i], y = b[i];
         x.seconds = y.seconds = 0;
-        /* NaN has one pattern here: that of NAN. */
+        /* Normalises NaN, so that all have one bit pattern. */
         if (isnan(x.objective) && isnan(y.objective)) x.objective = y.objective = 0;
         for (uint32_t k = 0; k < LG_TRIAL_REPORTS; k++)
             if (isnan(x.report[k]) && isnan(y.report[k])) x.report[k] = y.report[k] = 0;
@@ -305,7 +305,7 @@ TEST("a search runs, stops and fails its trials, and finds the best") {
         assert_int_equal(whole, trials[i].state != LG_TRIAL_FAILED && trials[i].epochs == EPOCHS);
         if (whole) assert_int_equal(trials[i].reports, 5);
         if (trials[i].state == LG_TRIAL_FAILED) assert_true(isnan(trials[i].objective));
-        /* Twelve epochs and five rungs: every second epoch. */
+        /* Twelve epochs and five rungs: a report after every second epoch. */
         if (trials[i].state == LG_TRIAL_PRUNED && !isnan(trials[i].objective)) {
             assert_int_equal(trials[i].epochs, 2 * trials[i].reports);
             assert_close(trials[i].objective, trials[i].report[trials[i].reports - 1], 0, 0);
@@ -316,7 +316,7 @@ TEST("a search runs, stops and fails its trials, and finds the best") {
     print_message("done %zu, pruned %zu, failed %zu\n", states[0], states[1], states[2]);
     assert_true(states[LG_TRIAL_DONE] >= 5 && states[LG_TRIAL_PRUNED] >= 5 && states[LG_TRIAL_FAILED] >= 1);
     assert_int_equal(t.failures, states[LG_TRIAL_FAILED]);
-    /* The status of a fit that a report stopped is no interruption. */
+    /* The status of a fit that a report stopped does not count as an interruption. */
     search_whole(&u, again);
     assert_same_trials(trials, again, TRIALS);
     const size_t best = lg_search_best(trials, TRIALS);
@@ -324,7 +324,7 @@ TEST("a search runs, stops and fails its trials, and finds the best") {
     for (size_t i = 0; i < TRIALS; i++)
         if (trials[i].state == LG_TRIAL_DONE) assert_true(trials[i].objective >= trials[best].objective);
 }
-TEST("a search cancelled at any epoch and continued gives the same table") {
+TEST("a search that is cancelled at any epoch and continued gives the same table") {
     lg_trial whole[TRIALS], parts[TRIALS];
     training t = {.stop_at = 0};
     search_whole(&t, whole);
@@ -341,7 +341,7 @@ TEST("a search cancelled at any epoch and continued gives the same table") {
         size_t count = 0;
         assert_status(lg_search_run(context, &space, &options, &problem, parts, &count, NULL), LG_CANCELLED);
         assert_true(count < TRIALS && count == u.finished);
-        /* Still cancelled: nothing runs. */
+        /* While it is still cancelled nothing runs. */
         const long epochs = u.epochs;
         assert_status(lg_search_run(context, &space, &options, &problem, parts, &count, NULL), LG_CANCELLED);
         assert_int_equal(u.epochs, epochs);
@@ -353,7 +353,7 @@ TEST("a search cancelled at any epoch and continued gives the same table") {
         lg_context_destroy(context);
     }
 }
-TEST("whichever trial is missing comes out as before") {
+TEST("any trial that is missing in the table is run again with the same result") {
     lg_trial whole[TRIALS], parts[TRIALS];
     training t = {.stop_at = 0};
     search_whole(&t, whole);
@@ -370,14 +370,14 @@ TEST("whichever trial is missing comes out as before") {
         assert_int_equal(u.finished, 1);
         assert_same_trials(&whole[hole], &parts[TRIALS - 1], 1);
     }
-    /* Nothing left to do. */
+    /* Nothing is left to do. */
     training u = {.stop_at = 0};
     const lg_search_problem problem = {run, finished, &u};
     size_t count = TRIALS;
     assert_ok(lg_search_run(NULL, &space, &options, &problem, whole, &count, NULL));
     assert_int_equal(u.finished, 0);
 }
-TEST("bad arguments, options and tables are refused, and a table that cannot be saved ends the search") {
+TEST("invalid arguments, options and tables are refused, and a table that cannot be saved ends the search") {
     lg_trial trials[TRIALS];
     training t = {.stop_at = 0};
     const lg_search_space space = example(), empty = {.count = 0};
@@ -409,7 +409,7 @@ TEST("bad arguments, options and tables are refused, and a table that cannot be 
     assert_status(lg_search_run(NULL, &space, &o, &problem, trials, &count, &error), LG_INVALID_ARGUMENT);
     assert_non_null(strstr(error.message, "trial 5 stands twice"));
     assert_int_equal(t.epochs, 0);
-    /* A table that cannot be saved ends the search with its status, and keeps the trial. */
+    /* A table that cannot be saved ends the search with its status; the trial is kept. */
     t.save = LG_FILE;
     count = 0;
     assert_status(lg_search_run(NULL, &space, &o, &problem, trials, &count, &error), LG_FILE);
@@ -425,7 +425,7 @@ TEST("there may be no rungs, and more rungs than epochs") {
     o.rungs = 0;
     assert_ok(lg_search_run(NULL, &space, &o, &problem, trials, &count, NULL));
     assert_int_equal(t.rungs_seen, 0);
-    for (size_t i = 0; i < TRIALS; i++) /* only what diverged was stopped */
+    for (size_t i = 0; i < TRIALS; i++) /* only trials that diverged were stopped */
         if (trials[i].state == LG_TRIAL_PRUNED) assert_true(isnan(trials[i].objective));
     count = 0;
     o.rungs = LG_TRIAL_REPORTS; /* after 12/17, 24/17, ... epochs */
@@ -450,7 +450,7 @@ static lg_status run_once(void *user, lg_search *search, lg_trial *trial, lg_err
     trial->objective = (double)trial->number;
     return LG_OK;
 }
-TEST("at the end of a trial nothing is left to stop") {
+TEST("a trial is not stopped after its last epoch") {
     lg_trial trials[TRIALS];
     const lg_search_space space = example();
     const lg_search_problem problem = {run_once, NULL, NULL};
@@ -469,7 +469,7 @@ TEST("at the end of a trial nothing is left to stop") {
         assert_int_equal(alone[i].reports, 5);
     }
 }
-TEST("the best trial is the first of the least objective that is done") {
+TEST("the best trial is the first done one with the lowest objective") {
     lg_trial t[5];
     static const struct {
         uint64_t number;
@@ -489,15 +489,15 @@ TEST("the best trial is the first of the least objective that is done") {
     assert_string_equal(lg_trial_state_name(LG_TRIAL_PRUNED), "pruned");
     assert_string_equal(lg_trial_state_name((lg_trial_state)LG_TRIAL_STATE_COUNT), "unknown");
 }
-/* ---- trials beside each other ---- */
+/* ---- trials that run at the same time ---- */
 
-/* Trials that run in any order; each knows those before it when all of them have run. */
+/* Trials that run in any order. A trial sees the trials before it once all of them have run. */
 typedef struct beside {
     training training;
     lg_search_options options;
-    lg_trial all[TRIALS]; /* by number */
+    lg_trial all[TRIALS]; /* indexed by trial number */
     bool ran[TRIALS];
-    bool tells; /* a trial may ask */
+    bool tells; /* whether trials may ask if they should stop */
     size_t asked, stopped;
 } beside;
 
@@ -533,8 +533,7 @@ static void run_in_order(beside *b, const size_t *order) {
     }
 }
 
-TEST("trials that ran in any order, knowing of others or not, settle to those of a search one after the "
-     "other") {
+TEST("trials run in any order, seeing others or not, settle to the table of a sequential search") {
     lg_trial whole[TRIALS], mixed[TRIALS];
     training t = {.stop_at = 0};
     search_whole(&t, whole);
@@ -556,14 +555,14 @@ TEST("trials that ran in any order, knowing of others or not, settle to those of
         for (size_t i = 0; i < TRIALS; i++) mixed[i] = b->all[order[i]];
         lg_search_settle(&b->options, mixed, TRIALS);
         assert_same_trials(whole, mixed, TRIALS);
-        /* In the order of numbers nothing is left to settle. */
+        /* If they ran in order, nothing is left to settle. */
         if (round == 0) assert_same_trials(whole, b->all, TRIALS);
         lg_search_settle(&b->options, mixed, TRIALS);
         assert_same_trials(whole, mixed, TRIALS);
     }
 }
 
-TEST("rungs that one report passed are stopped at together, and a cancelled trial is not kept") {
+TEST("rungs that one report passes are decided together, and a cancelled trial is not kept") {
     const lg_search_space space = example();
     lg_trial whole[TRIALS], alone[TRIALS];
     training t = {.stop_at = 0}, u = {.stop_at = 1};
