@@ -1,4 +1,5 @@
-/* Shared by the tests of src/anomaly/classify: clouds of points, features and windows of the running test. */
+/* Shared by the tests of src/anomaly/classify: clouds of points, features and windows that the running test
+ * owns. */
 #ifndef LG_CLASSIFY_SUPPORT_H
 #define LG_CLASSIFY_SUPPORT_H
 
@@ -7,7 +8,8 @@
 #include "liegrad/classify.h"
 #include "liegrad/random.h"
 
-/* n points in d dimensions, class i mod classes, whose centres lie `apart` along different axes. */
+/* n points in d dimensions. Point i has the class i mod classes; the centres of the classes are `apart` from
+ * the origin along different axes. */
 static inline double *clouds(size_t n, uint32_t d, uint32_t classes, double apart, uint64_t seed,
                              uint32_t *label) {
     double *x = TEST_ARRAY(double, n *d);

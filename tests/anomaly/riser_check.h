@@ -1,4 +1,4 @@
-/* The riser written down once more, from its energies: nothing of the library's assembly is used. */
+/* A second implementation of the riser from its energies. It uses nothing of the library's assembly. */
 #ifndef RISER_CHECK_H
 #define RISER_CHECK_H
 
@@ -9,7 +9,7 @@
 
 #define RISER_PI 3.14159265358979323846
 
-/* Offsets of the flex joint, of nodes 1..12 and of the top from degrees of freedom. */
+/* The offsets of the flex joint, of nodes 1..12 and of the top, computed from the degrees of freedom. */
 static inline void riser_shape(const lg_riser_parameters *p, const double *q, double y[LG_RISER_NODES + 2]) {
     y[0] = q[0] + p->bop_height * q[1];
     for (int i = 1; i <= LG_RISER_NODES; i++) y[i] = q[i + 1];
@@ -27,7 +27,8 @@ static inline double riser_kinetic(const lg_riser_parameters *p, const double *v
     return sum;
 }
 
-/* Tension, bending and flex joint; then weight and tension of the BOP, wellhead spring k, soil spring. */
+/* Energy of tension, bending and flex joint, of weight and tension of the BOP, of the wellhead spring k, and
+ * of the soil spring. */
 static inline double riser_line_energy(const lg_riser_parameters *p, const double *q) {
     const double l = (p->depth - p->bop_height) / 13.0;
     double y[LG_RISER_NODES + 2], sum = 0.0;
@@ -51,7 +52,7 @@ static inline double riser_potential(const lg_riser_parameters *p, double k, con
            0.5 * p->soil_stiffness * q[0] * q[0];
 }
 
-/* out (n, n) of a quadratic form. */
+/* The matrix (n, n) of a quadratic form, into `out`. */
 #define RISER_MATRIX(form, out)                                                                              \
     for (size_t i_ = 0; i_ < LG_RISER_DOF; i_++)                                                             \
         for (size_t j_ = 0; j_ < LG_RISER_DOF; j_++) {                                                       \

@@ -1,4 +1,4 @@
-/* Sets, windows and scalers of the running test. */
+/* Sets of series, windows and scalers that the running test owns. */
 #ifndef LG_SERIES_SUPPORT_H
 #define LG_SERIES_SUPPORT_H
 

@@ -1,11 +1,12 @@
 /* ctest-labels: threads
- * The chain: every method on hard tables, through archives and back, archives that lie, cross-validation. */
+ * The chain of features, principal components and method: every method on difficult tables, saving and
+ * loading, damaged archives, cross-validation. */
 #include "classify_support.h"
 #include "support/memory_archive.h"
 
 #include "liegrad/metrics.h"
 
-/* One thread of BLAS, as in the executables: the thread sanitizer cannot see into its own. */
+/* BLAS uses one thread, as in the executables; the thread sanitizer cannot see the threads of BLAS. */
 __attribute__((constructor)) static void one_thread_of_blas(void) {
     lg_runtime_setup();
 }
@@ -34,18 +35,18 @@ static double accuracy(const lg_classifier *c, const double *x, const uint32_t *
     return right / (double)n;
 }
 
-TEST("chains tell clouds apart") {
+TEST("chains separate clouds") {
     for (uint32_t classes = 2; classes <= 4; classes++)
         for (size_t t = 0; t < CHAINS; t++) {
             uint32_t label[160], chosen[80];
             double *x = clouds(160, 5, classes, 6.0, 40, label);
-            for (int i = 0; i < 160; i++) x[5 * i + 1] *= 1e9; /* standardisation sees to that */
+            for (int i = 0; i < 160; i++) x[5 * i + 1] *= 1e9; /* standardisation must remove this factor */
             for (uint32_t i = 0; i < 80; i++) chosen[i] = 2 * (i / classes * classes) + i % classes;
             const lg_method_options o = options_of(t);
             lg_classifier c = {0};
             assert_ok(lg_classifier_fit(NULL, &o, x, label, chosen, 80, 5, classes, &c, NULL));
             assert_true(accuracy(&c, x, label, 160, 5) >= (classes == 2 ? 0.97 : o.components ? 0.7 : 0.93));
-            /* only chosen rows count */
+            /* Only the chosen rows may matter. */
             for (uint32_t i = 0; i < 160; i++) {
                 bool used = false;
                 for (int k = 0; k < 80; k++) used |= chosen[k] == i;
@@ -70,7 +71,7 @@ TEST("wide, short, scaled and contradictory tables give finite scores") {
                 double *x = clouds(n, d, classes, 1.0, s, label);
                 const double factor = variant == 1 ? 1e-12 : variant == 2 ? 1e12 : variant == 3 ? 0.0 : 1.0;
                 for (size_t i = 0; i < n * d; i++) x[i] *= factor;
-                if (variant == 4) memcpy(x + d, x, d * sizeof *x); /* one row, two labels */
+                if (variant == 4) memcpy(x + d, x, d * sizeof *x); /* the same row with two labels */
                 lg_method_options o = options_of(t);
                 if (o.components > (n < d ? n : d)) o.components = n < d ? n : d;
                 lg_classifier c = {0};
@@ -87,7 +88,7 @@ TEST("wide, short, scaled and contradictory tables give finite scores") {
             }
 }
 
-TEST("bad tables and options are refused, and the classifier is untouched") {
+TEST("invalid tables and options are refused, and the classifier is unchanged") {
     uint32_t label[8];
     double *x = clouds(8, 2, 2, 1.0, 3, label);
     lg_classifier c = {.classes = 55};
@@ -127,7 +128,7 @@ static lg_series make_series(void) {
     return *own_lg_series(s);
 }
 
-/* Chain t on features of the series. */
+/* Chain t, fitted to features of the series. */
 static lg_classifier make_classifier(const lg_series *s, size_t t) {
     static const lg_feature_kind kinds[] = {LG_FEATURES_STD, LG_FEATURES_COV, LG_FEATURES_RAW,
                                             LG_FEATURES_BASELINE, LG_FEATURES_SPECTRUM};
@@ -141,7 +142,7 @@ static lg_classifier make_classifier(const lg_series *s, size_t t) {
     return *own_lg_classifier(c);
 }
 
-/* Chain t, saved. */
+/* Chain t and the archive that it was saved to. */
 typedef struct archived {
     lg_classifier c;
     memory_archive archive;
@@ -170,7 +171,8 @@ TEST("archives keep every bit") {
                          lg_classifier_work_size(&a->c) / sizeof(double));
         double *work = TEST_ARRAY(double, lg_classifier_work_size(&a->c) / sizeof(double)), kept[3], read[3];
         assert_int_equal(memory_find(&a->archive, "classifier/features/bands") != NULL,
-                         a->c.features.kind == LG_FEATURES_SPECTRUM); /* others are read by older versions */
+                         /* the other kinds can be read by older versions */
+                         a->c.features.kind == LG_FEATURES_SPECTRUM);
         for (size_t i = 0; i < s.count; i++) {
             assert_ok(lg_classifier_window(&a->c, s.x + i * 240, kept, work));
             assert_ok(lg_classifier_window(&back, s.x + i * 240, read, work));
@@ -180,8 +182,9 @@ TEST("archives keep every bit") {
     }
 }
 
-/* Every entry of every stored array, one at a time, becomes another number; every dimension another size: the
- * reader refuses, or what it returns can be used (the address sanitizer looks on). */
+/* Changes every number of every stored array, one at a time, and every dimension. The reader must refuse the
+ * archive, or return a classifier that can be used without memory errors (checked by the address
+ * sanitizer). */
 static void use(const lg_archive_reader *reader, const float *x) {
     lg_classifier c;
     if (lg_classifier_load(NULL, reader, &c, NULL) != LG_OK) {
@@ -195,7 +198,7 @@ static void use(const lg_archive_reader *reader, const float *x) {
     lg_classifier_destroy(&c);
 }
 
-TEST("archives that lie are refused, or what they give can be used") {
+TEST("damaged archives are refused, or give a classifier that can be used") {
     static const double wrong[] = {-1.0, 0.0, 1.0, 2.5, 1e9, NAN, INFINITY};
     static const uint32_t wrong32[] = {0, 1, 2, 3, 7, 1u << 20, UINT32_MAX};
     lg_series s = make_series();
@@ -220,7 +223,7 @@ TEST("archives that lie are refused, or what they give can be used") {
                 assert_status(lg_classifier_load(NULL, &a->reader, &back, NULL), LG_FORMAT);
                 item->dims[r] ^= 1;
             }
-            const char first = item->path[0]; /* missing */
+            const char first = item->path[0]; /* leaves the array out */
             lg_classifier back;
             item->path[0] = '?';
             assert_status(lg_classifier_load(NULL, &a->reader, &back, NULL), LG_NOT_FOUND);
@@ -229,7 +232,7 @@ TEST("archives that lie are refused, or what they give can be used") {
     }
 }
 
-TEST("lies in an archive are refused by name") {
+TEST("invalid numbers in an archive are refused with the array's name") {
     static const struct {
         size_t chain;
         const char *path;
@@ -280,8 +283,8 @@ static void replace(memory_archive *archive, const char *path, const void *data,
     item->dims[0] = rows;
 }
 
-/* Seven nodes, each the child of one: 0 has 1 and 2, and apart from them 3 has 4 and 5, 4 has 3 and 6. With
- * `honest` 2 has 3 and 4, 4 has 5 and 6. */
+/* Seven nodes, each the child of one other node, with a cycle: 0 has the children 1 and 2; apart from them 3
+ * has 4 and 5, and 4 has 3 and 6. With `honest` there is no cycle: 2 has 3 and 4, and 4 has 5 and 6. */
 TEST("trees with cycles are refused") {
     lg_series s = make_series();
     for (int honest = 0; honest < 2; honest++) {
@@ -332,7 +335,7 @@ TEST("every allocation may fail") {
 
 /* ---- choosing ---- */
 
-TEST("the choice by cross-validation is the one by hand") {
+TEST("the choice by cross-validation agrees with one computed by hand") {
     enum { N = 61, FOLDS = 5 };
     uint32_t chosen[N], own[N], fold[N], n = 0;
     double *x = clouds(70, 4, 2, 1.5, 77, (uint32_t[70]){0});
@@ -349,7 +352,7 @@ TEST("the choice by cross-validation is the one by hand") {
     size_t best = 99, again;
     assert_ok(lg_grid_search(NULL, grid, 4, FOLDS, x, all, NULL, chosen, N, 4, 2, 1, rates, &best, NULL));
     assert_ok(lg_folds(NULL, own, NULL, N, FOLDS, fold));
-    for (uint32_t f = 0; f < FOLDS; f++) { /* option 2 again, by hand */
+    for (uint32_t f = 0; f < FOLDS; f++) { /* The rate of option 2, computed by hand. */
         uint32_t rows[N], count = 0, tested = 0;
         double right = 0, score[2], *work;
         for (uint32_t i = 0; i < N; i++)
@@ -378,9 +381,10 @@ TEST("the choice by cross-validation is the one by hand") {
     }
 }
 
-/* Four recordings of each class, each a tight cloud about a centre of its own that tells nothing of the
- * class. Torn apart, every row is known from its neighbours; as units, none is. */
-TEST("folds do not tear units") {
+/* Four recordings of each class. Each recording is a tight cloud with its own centre, which does not depend
+ * on the class. If recordings are split between folds, rows are recognised by their neighbours; if they are
+ * kept together, no row is. */
+TEST("folds do not split units") {
     enum { UNITS = 12, EACH = 10, N = UNITS * EACH };
     uint32_t label[N], unit[N], chosen[N];
     double x[2 * N], torn, whole, few;
@@ -403,11 +407,11 @@ TEST("folds do not tear units") {
     assert_ok(lg_grid_search(NULL, &o, 1, 3, x, label, unit, chosen, N, 2, 2, 2, &whole, &best, NULL));
     assert_close(torn, 1.0, 0, 0);
     assert_true(whole < 0.6);
-    /* one unit of class 1 alone: no folds, accuracy on the training rows */
+    /* Only one unit of class 1: no folds are possible, so the accuracy on the training rows is returned. */
     for (uint32_t i = 0; i < N; i++) unit[i] = label[i] == 1 ? 99 : i / EACH;
     assert_ok(lg_grid_search(NULL, &o, 1, 3, x, label, unit, NULL, N, 2, 2, 1, &few, &best, NULL));
     assert_close(few, 1.0, 0, 0);
-    /* every row a unit: as without */
+    /* If every row is a unit of its own, the result is the same as without units. */
     double alone, none;
     for (uint32_t i = 0; i < N; i++) unit[i] = i;
     o.gamma = 1e-3;
@@ -417,7 +421,7 @@ TEST("folds do not tear units") {
     assert_true(none < 1.0);
 }
 
-TEST("few rows and wide tables can be chosen from, the first of equals is taken") {
+TEST("small and wide tables can be used for the choice, and of equal options the first is taken") {
     uint32_t label[30];
     double *x = clouds(30, 40, 3, 3.0, 5, label), rate[2];
     lg_method_options o[2];
@@ -427,13 +431,13 @@ TEST("few rows and wide tables can be chosen from, the first of equals is taken"
     assert_ok(lg_grid_search(NULL, o, 2, 3, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e));
     assert_true(rate[0] == rate[1]);
     assert_int_equal(best, 0); /* the first of equals */
-    o[1].components = 30;      /* more than a fold has rows */
+    o[1].components = 30;      /* more than the rows of a fold */
     assert_ok(lg_grid_search(NULL, o, 2, 10, x, label, NULL, NULL, 30, 40, 3, 2, rate, &best, &e));
     assert_ok(lg_grid_search(NULL, o, 1, 10, x, label, NULL, NULL, 3, 40, 3, 2, rate, &best,
-                             &e));    /* one row a class */
+                             &e));    /* one row per class */
     assert_close(rate[0], 1.0, 0, 0); /* on the training rows */
     assert_ok(lg_grid_search(NULL, o, 1, 0, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e));
-    for (int i = 0; i < 30; i++) label[i] = i < 28 ? 0 : 2; /* class 1 nowhere, class 2 rare */
+    for (int i = 0; i < 30; i++) label[i] = i < 28 ? 0 : 2; /* class 1 does not occur, class 2 is rare */
     assert_ok(lg_grid_search(NULL, o, 1, 5, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e));
     memset(label, 0, sizeof label);
     best = 7;

@@ -1,15 +1,15 @@
-/* Decisions of classifiers and their Jacobians: every kind of features with every method against differences
- * extrapolated to step 0, decisions against scores, kinks, bad input.
+/* Decisions of classifiers and their Jacobians: every kind of features with every method compared with
+ * extrapolated differences, decisions against scores, kinks, invalid input.
  *
- * Numbers of the windows are multiples of 2^-10 and steps are powers of two: a perturbed window is exact in
- * single precision. */
+ * The numbers of the windows are multiples of 2^-10 and the steps are powers of two, so that a perturbed
+ * window is exact in single precision. */
 #include "classify_support.h"
 
 #include "liegrad/metrics.h"
 
 enum { WINDOWS = 60, CHANNELS = 6, LENGTH = 50, MOST_OUTPUTS = 8 };
 
-/* Windows whose channels are mixed and scaled by class. */
+/* Windows whose channels are mixed and scaled depending on the class. */
 static lg_series make_series(uint32_t channels, uint32_t length, uint32_t classes) {
     lg_series s = {.count = WINDOWS, .channels = channels, .length = length, .classes = classes};
     assert_ok(lg_series_allocate(NULL, &s, true, false));
@@ -74,7 +74,7 @@ static chain *make(lg_series series, lg_feature_kind kind, bool directions_x, lg
     return f;
 }
 
-/* All of the Jacobian, the memory around it watched. */
+/* The whole Jacobian. Checks that the memory around it is unchanged. */
 static double *jacobian_of(const chain *f, const float *x, double *y) {
     const size_t count = f->outputs * f->inputs,
                  size = lg_classifier_jacobian_work_size(&f->c) / sizeof(double);
@@ -90,7 +90,7 @@ static double *jacobian_of(const chain *f, const float *x, double *y) {
     return jacobian;
 }
 
-/* Of a window whose numbers are floats: steps are powers of two. */
+/* Decisions of a window whose numbers are exact floats. */
 static void decisions(const void *user, const double *x, double *y) {
     const chain *f = user;
     const size_t mark = lg_test_owned();
@@ -109,8 +109,8 @@ static double largest_of(const double *row, size_t n) {
     return largest;
 }
 
-/* Every `every`-th input of a window, to `tolerance` of the largest number of the row. A tree is constant but
- * for jumps, which a step may cross. */
+/* Compares the derivatives by every `every`-th input of a window with differences, to `tolerance` times the
+ * largest number of the row. A tree is constant except for jumps, which a step may cross. */
 static void against_differences(const chain *f, float *x, size_t every, double step, double tolerance) {
     enum { LEVELS = 4 };
     double y[MOST_OUTPUTS], by[MOST_OUTPUTS], *at = TEST_ARRAY(double, f->inputs);
@@ -126,7 +126,7 @@ static void against_differences(const chain *f, float *x, size_t every, double s
     }
 }
 
-/* ---- decisions against scores ---- */
+/* ---- decisions compared with scores ---- */
 
 static void softmax(const double *logit, size_t n, double *p) {
     double sum = 0.0;
@@ -166,7 +166,7 @@ static void against_scores(const chain *f, const float *x) {
     }
 }
 
-/* ---- every kind and method ---- */
+/* ---- every kind of features with every method ---- */
 
 static void all_chains(lg_feature_kind kind) {
     for (int method = 0; method < LG_METHOD_COUNT; method++)
@@ -180,23 +180,23 @@ static void all_chains(lg_feature_kind kind) {
             }
 }
 
-TEST("decisions and Jacobians of every method on raw samples") {
+TEST("decisions and Jacobians of every method on raw samples are right") {
     all_chains(LG_FEATURES_RAW);
 }
 
-TEST("decisions and Jacobians of every method on deviations") {
+TEST("decisions and Jacobians of every method on deviations are right") {
     all_chains(LG_FEATURES_STD);
 }
 
-TEST("decisions and Jacobians of every method on the covariance") {
+TEST("decisions and Jacobians of every method on the covariance are right") {
     all_chains(LG_FEATURES_COV);
 }
 
-TEST("decisions and Jacobians of every method on the spectrum") {
+TEST("decisions and Jacobians of every method on the spectrum are right") {
     all_chains(LG_FEATURES_SPECTRUM);
 }
 
-TEST("Jacobians of spectra of several segments") {
+TEST("Jacobians of spectra with several segments are right") {
     for (int method = LG_METHOD_LOGISTIC; method < LG_METHOD_COUNT; method++) {
         chain *f = make(make_series(2, 300, 2), LG_FEATURES_SPECTRUM, false, (lg_method)method, 0);
         assert_int_equal(f->c.features.spectrum.segments, 4);
@@ -204,11 +204,11 @@ TEST("Jacobians of spectra of several segments") {
     }
 }
 
-TEST("decisions and Jacobians of every method on the baseline") {
+TEST("decisions and Jacobians of every method on the baseline are right") {
     all_chains(LG_FEATURES_BASELINE);
 }
 
-TEST("the whole Jacobian of one chain of each kind, and zeros for channels that are not selected") {
+TEST("one chain of each kind has the right Jacobian, with zeros for channels that are not selected") {
     for (int kind = 0; kind < LG_FEATURE_KIND_COUNT; kind++) {
         chain *f = make(make_series(CHANNELS, LENGTH, 2), (lg_feature_kind)kind, true, LG_METHOD_LOGISTIC, 0);
         double y[MOST_OUTPUTS], *jacobian = jacobian_of(f, f->series.x, y);
@@ -221,7 +221,7 @@ TEST("the whole Jacobian of one chain of each kind, and zeros for channels that 
     }
 }
 
-TEST("Jacobians of all but raw samples sum to zero over a channel") {
+TEST("except for raw samples, Jacobians sum to zero over a channel") {
     for (int kind = LG_FEATURES_STD; kind < LG_FEATURE_KIND_COUNT; kind++) {
         chain *f = make(make_series(CHANNELS, LENGTH, 2), (lg_feature_kind)kind, false, LG_METHOD_SVM_RBF, 0);
         double y[MOST_OUTPUTS], *jacobian = jacobian_of(f, f->series.x, y);
@@ -235,9 +235,10 @@ TEST("Jacobians of all but raw samples sum to zero over a channel") {
 
 /* ---- kinks ---- */
 
-/* Of a constant channel: deviations have a kink, derivative 0; the covariance with the others moves. Central
- * differences take the kink, which is even, away, and leave an error of first order in the step. */
-TEST("a constant channel has the derivative zero, but for the covariance with others") {
+/* For a constant channel deviations have a kink, with derivative 0, but its covariance with the other
+ * channels changes. Central differences cancel the kink, which is even, and have a first-order error in the
+ * step. */
+TEST("a constant channel has the derivative zero, except for its covariance with others") {
     for (int kind = LG_FEATURES_STD; kind < LG_FEATURE_KIND_COUNT; kind++) {
         chain *f =
             make(make_series(CHANNELS, LENGTH, 2), (lg_feature_kind)kind, false, LG_METHOD_LOGISTIC, 0);
@@ -248,25 +249,25 @@ TEST("a constant channel has the derivative zero, but for the covariance with ot
         else
             for (size_t t = 0; t < LENGTH; t++) assert_close(jacobian[t], 0.0, 0, 0);
         if (kind == LG_FEATURES_COV) against_differences(f, f->series.x, 3, 0x1p-10, 2e-3);
-        for (size_t i = 0; i < f->inputs; i++) f->series.x[i] = 3.0f; /* all of them */
+        for (size_t i = 0; i < f->inputs; i++) f->series.x[i] = 3.0f; /* all channels are constant */
         jacobian = jacobian_of(f, f->series.x, y);
         for (size_t i = 0; i < f->inputs; i++) assert_close(jacobian[i], 0.0, 0, 0);
     }
 }
 
-TEST("dependent channels have the derivatives of differences") {
+TEST("derivatives for linearly dependent channels agree with differences") {
     chain *f = make(make_series(CHANNELS, LENGTH, 2), LG_FEATURES_COV, false, LG_METHOD_LOGISTIC, 0);
     for (size_t t = 0; t < LENGTH; t++)
         f->series.x[2 * LENGTH + t] = f->series.x[t] + f->series.x[LENGTH + t];
     against_differences(f, f->series.x, 7, 0x1p-10, 2e-3);
-    /* fewer samples than channels */
+    /* With fewer samples than channels. */
     f = make(make_series(CHANNELS, 4, 2), LG_FEATURES_COV, false, LG_METHOD_LOGISTIC, 0);
     against_differences(f, f->series.x, 1, 0x1p-10, 5e-3);
 }
 
-/* All m channels alike: C = a 1 1^T = s^2 P with s^2 = m a and P the projection on (1, ..., 1), Q = I - P the
- * one on the null space. The cotangent of C from G, that of the root, is (P G Q + Q G P)/s + P G P/(2 s),
- * free of what rounding makes of the eigenvalues 0. */
+/* All m channels are equal: C = a 1 1^T = s^2 P with s^2 = m a, where P is the projection on (1, ..., 1) and
+ * Q = I - P the projection on the null space. If G is the cotangent of the root, the cotangent of C is (P G Q
+ * + Q G P)/s + P G P/(2 s); rounding of the zero eigenvalues must not enter. */
 TEST("identical channels have the derivative of the projection") {
     enum { M = CHANNELS };
     chain *f = make(make_series(M, LENGTH, 2), LG_FEATURES_COV, false, LG_METHOD_LOGISTIC, 0);
@@ -290,7 +291,7 @@ TEST("identical channels have the derivative of the projection") {
     for (size_t t = 0; t < LENGTH; t++) variance += (x[t] - mean) * (x[t] - mean) / LENGTH;
     const double s = sqrt(M * variance);
     for (size_t i = 0; i < M; i++) {
-        double sum = 0.0; /* of row i of the cotangent of C */
+        double sum = 0.0; /* sum of row i of the cotangent of C */
         for (size_t j = 0; j < M; j++) sum += (row[i] + row[j] - 2.0 * all) / s + all / (2.0 * s);
         for (size_t t = 0; t < LENGTH; t++)
             assert_close(jacobian[i * LENGTH + t], 2.0 * sum * (x[t] - mean) / LENGTH, 1e-12,
@@ -302,10 +303,11 @@ static double sign_of(unsigned bits) {
     return (bits ^ bits >> 1 ^ bits >> 2) & 1 ? -1.0 : 1.0;
 }
 
-/* Z = sum_k s_k v_k w_k^T with exact numbers, orthonormal v_k, orthogonal w_k of ones and minus ones: with G,
- * the cotangent of the root, that of Z is 2/n sum_ab v_a (v_a.G v_b) s_b/(s_a + s_b) w_b^T. It is off by eps
- * s_max/s_min, 1e-12; from eigenvectors of Z Z^T it would be by the square of that ratio. */
-TEST("derivatives are exact with roots 4096 times apart") {
+/* Z = sum_k s_k v_k w_k^T with exact numbers: orthonormal v_k, and orthogonal w_k of ones and minus ones. If
+ * G is the cotangent of the root, the cotangent of Z is 2/n sum_ab v_a (v_a.G v_b) s_b/(s_a + s_b) w_b^T. Its
+ * error is eps s_max/s_min = 1e-12; computed from eigenvectors of Z Z^T it would be the square of that ratio
+ * times eps. */
+TEST("derivatives are accurate even if the singular values differ by a factor of 4096") {
     enum { M = 4, N = 8 };
     static const double root[M] = {0x1p-4, 1.0, 0x1p-12, 0x1p-8};
     chain *f = make(make_series(M, N, 2), LG_FEATURES_COV, false, LG_METHOD_LOGISTIC, 0);
@@ -343,8 +345,8 @@ TEST("derivatives are exact with roots 4096 times apart") {
         }
 }
 
-/* Accelerations of the same deviation in all parts: slope 0, and so are its derivatives; the intercept is the
- * mean of the moment's deviations. */
+/* The accelerations have the same deviation in all parts, so slope and its derivatives are 0; the intercept
+ * is the mean of the moment's deviations. */
 TEST("a level baseline has slope zero, with zero derivatives") {
     chain *f = make(make_series(CHANNELS, LENGTH, 2), LG_FEATURES_BASELINE, true, LG_METHOD_LOGISTIC, 0);
     assert_int_equal(f->c.features.count, 2);
@@ -364,7 +366,7 @@ TEST("a level baseline has slope zero, with zero derivatives") {
     }
 }
 
-TEST("windows of one sample have derivatives for raw samples only") {
+TEST("for windows of one sample only raw features have derivatives") {
     for (int method = 0; method < LG_METHOD_COUNT; method++)
         for (int kind = LG_FEATURES_RAW; kind <= LG_FEATURES_COV; kind++) {
             chain *f = make(make_series(3, 1, 3), (lg_feature_kind)kind, false, (lg_method)method, 0);
@@ -388,7 +390,7 @@ TEST("trees have the derivative zero") {
 
 /* ---- classes that do not occur ---- */
 
-TEST("classes that do not occur are never given") {
+TEST("classes that do not occur are never predicted") {
     for (int method = 0; method < LG_METHOD_COUNT; method++) {
         lg_series s = make_series(CHANNELS, LENGTH, 4);
         for (size_t i = 0; i < WINDOWS; i++)

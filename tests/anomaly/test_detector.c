@@ -1,9 +1,9 @@
-/* Detectors: scaling, losses against direct formulas, learning to tell two sounds apart, the same bits
- * whatever the threads and however often interrupted, what is refused. */
+/* Detectors: scaling, losses compared with direct formulas, learning to separate two sounds, equal bits for
+ * any number of threads and interruptions, refusals. */
 #include "anomaly/series_support.h"
 #include "nn/nn_support.h"
 
-/* ---- a small set: sines of one frequency a class, in noise ---- */
+/* ---- a small data set: noisy sines, with one frequency per class ---- */
 
 enum { CHANNELS = 2, LENGTH = 40 };
 
@@ -20,7 +20,7 @@ static double frequency(uint32_t label) {
     return 6.283185307179586 * cycles[label];
 }
 
-/* `rare`: of ten windows, so many are of class 1 where there are two. */
+/* With two classes and rare > 0, `rare` of every ten windows have class 1. */
 static sounds make_sounds(size_t count, uint32_t classes, size_t rare, double noise, bool centred) {
     sounds s = {.series = make_series(count, CHANNELS, LENGTH, classes, false, false)};
     lg_rng rng = test_rng(31, 0);
@@ -82,7 +82,7 @@ static lg_detector_data data_of(const sounds *s, const lg_detector *model, size_
 
 /* ---- scaling ---- */
 
-TEST("windows are scaled by their channel, and centred by their own mean") {
+TEST("windows are scaled by channel, and centred by their own mean if asked") {
     for (int centred = 0; centred < 2; centred++)
         for (int dtype = LG_F64; dtype <= LG_F32; dtype++) {
             sounds s = make_sounds(20, 2, 0, 0.1, centred);
@@ -127,7 +127,7 @@ static void probabilities(const lg_detector *model, const sounds *s, lg_dtype dt
     lg_detector_plan_destroy(plan);
 }
 
-/* The loss as the header has it, from the probabilities. */
+/* The loss as defined in the header, computed from the probabilities. */
 static double direct_loss(const lg_detector *model, const sounds *s, const double *theta,
                           const uint32_t *samples, size_t count) {
     double sum = 0.0, p[3];
@@ -142,7 +142,7 @@ static double direct_loss(const lg_detector *model, const sounds *s, const doubl
     return sum;
 }
 
-TEST("losses are those of the probabilities, in both types and over parts of a batch") {
+TEST("losses follow from the probabilities, in both types and over parts of a batch") {
     static const uint32_t samples[] = {4, 0, 11, 5, 5};
     for (int which = 0; which < 3; which++) {
         const uint32_t classes = which == 2 ? 3 : 2;
@@ -173,7 +173,7 @@ TEST("losses are those of the probabilities, in both types and over parts of a b
     }
 }
 
-TEST("single precision follows double, and logits beyond the range of exp do no harm") {
+TEST("single precision agrees with double, and logits beyond the range of exp are harmless") {
     for (int loss = 0; loss < LG_DETECTOR_LOSS_COUNT; loss++) {
         const lg_detector model = make_detector(2, (lg_detector_loss)loss, false);
         sounds s = make_sounds(10, 2, 0, 0.2, false);
@@ -188,7 +188,7 @@ TEST("single precision follows double, and logits beyond the range of exp do no 
             }
         }
         const size_t last = lg_cnn_parameters(&model.net) - 1;
-        theta[last] = 5000.0; /* the output's bias */
+        theta[last] = 5000.0; /* the bias of the output layer */
         probabilities(&model, &s, LG_F64, theta, 0, p, NULL);
         assert_close(p[0], 0.0, 0, 0);
         assert_close(p[1], 1.0, 0, 0);
@@ -217,7 +217,7 @@ static lg_fit *run_detector(const lg_detector_problem *problem, uint64_t epochs,
     return fit;
 }
 
-/* Windows of the chosen ones from `first` on that are told right. */
+/* Number of chosen windows, from `first` on, that are classified correctly. */
 static size_t told_right(const lg_detector *model, const sounds *s, const lg_fit *fit, size_t first) {
     double *theta = TEST_ARRAY(double, lg_cnn_parameters(&model->net)), p[3];
     size_t right = 0;
@@ -232,7 +232,7 @@ static size_t told_right(const lg_detector *model, const sounds *s, const lg_fit
     return right;
 }
 
-TEST("windows never seen are all told right: by either loss, three classes, one in ten") {
+TEST("all test windows are classified correctly: with both losses, three classes, and one class in ten") {
     static const struct {
         uint32_t classes;
         size_t rare;
@@ -252,7 +252,7 @@ TEST("windows never seen are all told right: by either loss, three classes, one 
     }
 }
 
-TEST("a fit gives the same bits whatever the threads") {
+TEST("a fit gives the same bits for any number of threads") {
     sounds s = make_sounds(60, 2, 0, 0.3, false);
     const lg_detector model = make_detector(2, LG_DETECTOR_CROSS_ENTROPY, false);
     lg_detector_data data = data_of(&s, &model, s.series.count, LG_F32);
@@ -263,7 +263,7 @@ TEST("a fit gives the same bits whatever the threads") {
     assert_same_fits(run_detector(&problem, 6, 7, 1), run_detector(&problem, 6, 7, 2));
 }
 
-TEST("one sample, batches of one window and a single class are odd, but no failure") {
+TEST("one sample, batches of one window and a single class are allowed") {
     static const size_t counts[] = {1, 2, 5};
     for (size_t i = 0; i < 3; i++)
         for (size_t batch = 0; batch < 2; batch++) {
@@ -286,7 +286,7 @@ TEST("one sample, batches of one window and a single class are odd, but no failu
 
 /* ---- settings ---- */
 
-TEST("the presets have their published settings, and losses their names") {
+TEST("the presets have their published settings, and losses have their names") {
     static const struct {
         double noise, lr, decay;
         uint64_t batch;
@@ -310,7 +310,7 @@ TEST("the presets have their published settings, and losses their names") {
     assert_close(lg_detector_preset_find("best", 11.0)->noise, 10, 0, 0);
     assert_close(lg_detector_preset_find("best", 50.0)->training.weight_decay, 1e-3, 0, 0);
     assert_true(
-        isnan(lg_detector_preset_find("best", NAN)->noise)); /* data of unknown noise: a row of their own */
+        isnan(lg_detector_preset_find("best", NAN)->noise)); /* data of unknown noise have their own row */
     assert_close(lg_detector_preset_find("thesis", NAN)->noise, 1, 0, 0);
     assert_null(lg_detector_preset_find("worst", 1.0));
     assert_null(lg_detector_preset_find(NULL, 1.0));
@@ -319,7 +319,7 @@ TEST("the presets have their published settings, and losses their names") {
 
 /* ---- bad input ---- */
 
-TEST("a detector that fits no network or loss is refused") {
+TEST("a detector that does not fit its network or loss is refused") {
     const lg_detector good = make_detector(2, LG_DETECTOR_MSE, false);
     lg_detector bad[6] = {good, good, good, good, good, good};
     static const char *const sentences[6] = {"at least 2 classes", "cross-entropy", "2 outputs",
@@ -364,7 +364,7 @@ TEST("series, scalers and choices that do not fit the detector are refused") {
         {&model, &s.scaler, beyond, 2, LG_INVALID_ARGUMENT, ""},
         {&model, &s.scaler, beyond, 0, LG_INVALID_ARGUMENT, ""},
         {NULL, &s.scaler, NULL, 0, LG_INVALID_ARGUMENT, ""},
-        {&model, &tiny, NULL, 0, LG_NOT_FINITE, ""}, /* as floats */
+        {&model, &tiny, NULL, 0, LG_NOT_FINITE, ""}, /* zero as floats */
         {&model, &s.scaler, NULL, 0, LG_NOT_FINITE, ""},
     };
     lg_detector_data data = {.count = 5};
@@ -414,7 +414,7 @@ TEST("every allocation may fail, and nothing leaks") {
 
 /* ---- dead units ---- */
 
-/* Adds `value` to biases from..to - 1 of slice `name`. */
+/* Adds `value` to the biases from..to - 1 of slice `name`. */
 static void shift(const lg_detector *model, double *theta, const char *name, size_t from, size_t to,
                   double value) {
     lg_slice_info info;
@@ -436,7 +436,7 @@ static void assert_layer(const lg_detector_units *units, uint32_t layer, uint32_
     assert_int_equal(units->layer[layer].zero, zero);
 }
 
-TEST("units that are the same for all windows are counted by layer") {
+TEST("units with the same value for all windows are counted per layer") {
     sounds s = make_sounds(40, 2, 0, 0.2, false);
     lg_detector_units units;
     for (int dtype = LG_F64; dtype <= LG_F32; dtype++) {
@@ -448,7 +448,7 @@ TEST("units that are the same for all windows are counted by layer") {
         assert_false(units.died);
         for (uint32_t i = 0; i < 4; i++) assert_layer(&units, i, i < 3 ? 4u << i : 2, 0, 0);
 
-        /* 3 of 4 in the first layer are zero, 1 of 2 in the plane: not all. */
+        /* In the first layer 3 of 4 units are zero, in the plane 1 of 2: no layer is completely dead. */
         const lg_detector relu = detector_with(LG_RELU);
         double *theta = start_of(&relu);
         problem.model = &relu;
@@ -465,7 +465,7 @@ TEST("units that are the same for all windows are counted by layer") {
         assert_layer(&units, 3, 2, 2, 2);
         assert_true(units.died);
 
-        /* Saturated: constant and not zero. */
+        /* Saturated units: constant, but not zero. */
         const lg_detector tanh_ = detector_with(LG_TANH);
         theta = start_of(&tanh_);
         problem.model = &tanh_;
@@ -476,8 +476,9 @@ TEST("units that are the same for all windows are counted by layer") {
     }
 }
 
-/* A unit that is the same for most windows is not dead; more windows than are looked at once. */
-TEST("all training windows count, and only those") {
+/* A unit with the same value for most windows is not dead. There are more windows than are evaluated at
+ * once. */
+TEST("a dead unit is constant for all training windows, and test windows do not count") {
     sounds s = make_sounds(2 * LG_FIT_CHUNK, 2, 0, 0.2, false);
     const lg_detector relu = detector_with(LG_RELU);
     lg_detector_data data = data_of(&s, &relu, s.training, LG_F64);
@@ -496,7 +497,7 @@ TEST("all training windows count, and only those") {
     assert_ok(lg_detector_count_units(&one, theta, &units));
     assert_false(units.died);
 
-    /* At the largest value in all windows but the first. */
+    /* Unit values at their maximum for all windows but the first. */
     const lg_detector tanh_ = detector_with(LG_TANH);
     const lg_detector_problem saturated = {&tanh_, &data, last, 1};
     theta = start_of(&tanh_);
@@ -528,7 +529,7 @@ TEST("a network that died starts again with the next weights of its seed, and le
     double *theta = TEST_ARRAY(double, n), *other = TEST_ARRAY(double, n);
     lg_detector_units units;
     bool dead;
-    /* A seed whose first two draws live. */
+    /* Finds a seed whose first two draws are not dead. */
     lg_detector_problem problem = {&model, &data, s.training, 0};
     do {
         problem.seed++;
@@ -547,7 +548,7 @@ TEST("a network that died starts again with the next weights of its seed, and le
     assert_int_equal(told_right(&model, &s, again, s.training), s.series.count - s.training);
     assert_true(told_right(&model, &s, left, s.training) < s.series.count - s.training);
 
-    /* Draws follow each other in one generator. */
+    /* Draws come one after another from the same generator. */
     lg_rng rng = test_rng(5, 1);
     for (uint64_t draw = 0; draw < 3; draw++) {
         lg_cnn_initialise(&model.net, LG_INIT_FAN_IN, &rng, theta);
@@ -561,7 +562,7 @@ TEST("a network that died starts again with the next weights of its seed, and le
     lg_detector_initialise(&model, problem.seed, 2, other);
     assert_true(dead);
     assert_memory_equal(theta, other, n * sizeof *theta);
-    /* What lives is left alone. */
+    /* A network that is not dead is not changed. */
     const lg_detector swish = detector_with(LG_SWISH);
     problem.model = &swish;
     assert_ok(fit_problem.revive(fit_problem.user, 1, theta, &dead));
@@ -569,7 +570,7 @@ TEST("a network that died starts again with the next weights of its seed, and le
     assert_memory_equal(theta, other, n * sizeof *theta);
 }
 
-TEST("every allocation of the count may fail, and nothing leaks") {
+TEST("every allocation while counting units may fail, and nothing leaks") {
     sounds s = make_sounds(10, 2, 0, 0.1, false);
     const lg_detector model = make_detector(2, LG_DETECTOR_MSE, false);
     lg_detector_data data = data_of(&s, &model, s.training, LG_F32);

@@ -1,8 +1,8 @@
-/* The text of a detector's blocks; classifiers and the names in files of any kind, and which kind a file is.
- * What all kinds of models share: test_model_files.c. */
+/* The text of a detector's blocks; classifiers, and names in files of any kind; which kind a file has.
+ * test_model_files.c tests what all kinds of models share. */
 #include "model/model_kinds.h"
 
-TEST("blocks are a text that a person reads") {
+TEST("blocks are written as a readable text") {
     for (size_t e = 0; e < LG_COUNT(detector_examples); e++) {
         lg_h5 *h5;
         char blocks[512];
@@ -23,9 +23,9 @@ static void assert_blocks(const char *text, lg_status expected, const char *word
     if (strstr(error.message, word) == NULL) fail_msg("%s: %s", text, error.message);
 }
 
-TEST("the text of the blocks is read as it is written") {
+TEST("the text of the blocks is read back as written") {
     assert_blocks("3 kernel 4 stride 3 padding 3 none", LG_OK, "");
-    /* Another stride or padding leaves another number of samples to the output layer. */
+    /* Another stride or padding leaves another number of samples for the output layer. */
     static const char *const fine[] = {"3 kernel 4 padding 3", "3 kernel 4", "  3  kernel  4  stride 2"};
     for (size_t i = 0; i < LG_COUNT(fine); i++) assert_blocks(fine[i], LG_FORMAT, "output/weight");
     static const char *const bad[] = {"3",
@@ -82,7 +82,7 @@ static lg_series names_only(void) {
     return names;
 }
 
-/* A classifier as the program writes it: names at the root, arrays and texts below /classifier. */
+/* Writes a classifier as the program does: names at the root, arrays and texts below /classifier. */
 static lg_status write_classifier(const lg_context *context, const char *path, lg_error *error) {
     static const double weights[2][3] = {{1, 2, 3}, {4, 5, 6}};
     static const uint32_t counts[3] = {7, 0, 4294967295u};
@@ -143,7 +143,7 @@ static const char *good_classifier(void) {
     return fresh_copy("classifier.h5", write_good_classifier);
 }
 
-TEST("the names and arrays of a classifier come back as they were written") {
+TEST("the names and arrays of a classifier are read back as they were written") {
     lg_file_reader *reader;
     lg_archive_reader archive;
     lg_series names, want = names_only();
@@ -179,7 +179,7 @@ TEST("the names and arrays of a classifier come back as they were written") {
     refuse_damage(read_classifier, good_classifier, rows, LG_COUNT(rows));
 }
 
-TEST("names and rates that could not be read are not written") {
+TEST("names and rates that could not be read back are not written") {
     lg_file_writer *writer;
     lg_series names = names_only();
     lg_error error = {LG_OK, ""};
@@ -202,14 +202,14 @@ static lg_status read_kind(const lg_context *context, const char *path, const lg
     return lg_file_kind(context, path, options, kind, sizeof kind, error);
 }
 
-TEST("a file tells its kind") {
+TEST("a file states its kind") {
     static const struct {
         change format, kind;
         const char *expected;
     } rows[] = {{TEXT("liegrad"), TEXT("hamiltonian"), "hamiltonian"},
                 {TEXT("liegrad"), TEXT("surrogate"), "surrogate"},
                 {TEXT("liegrad"), TEXT("series"), "series"},
-                {GONE, TEXT("detector"), "detector"}, /* written by hand */
+                {GONE, TEXT("detector"), "detector"}, /* a file written by hand */
                 {TEXT("another"), TEXT("detector"), ""},
                 {GONE, WHOLE(7), ""},
                 {GONE, GONE, ""}};

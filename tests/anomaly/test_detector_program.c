@@ -1,6 +1,6 @@
-/* Programs of detectors: logits against the network on a tape, probabilities against the logits; scaling,
- * windows without their means, poolings, strides and paddings, no blocks, both losses. Jacobians:
- * test_recipes. */
+/* Programs of detectors: logits compared with the network on a tape, probabilities with the logits; scaling,
+ * centred windows, poolings, strides and paddings, no blocks, both losses. test_recipes tests their
+ * Jacobians. */
 #include "test_support.h"
 
 #include "anomaly/detector_internal.h"
@@ -67,7 +67,8 @@ static void against_tape(const example *e) {
     for (size_t o = 0; o < e->outputs; o++) assert_close(y[o], logits[o], 1e-13, 1e-14);
 }
 
-/* Sigmoid or softmax of the logits, of the window as recorded and of the scaled one. */
+/* Compares the probabilities with sigmoid or softmax of the logits, for the recorded window and for the
+ * scaled one. */
 static void against_probabilities(const example *e) {
     double y[MOST_OUTPUTS], probability[MOST_OUTPUTS], again[MOST_OUTPUTS], z[MOST_INPUTS], sum = 0.0;
     float x[MOST_INPUTS];
@@ -88,7 +89,7 @@ static void against_probabilities(const example *e) {
     }
 }
 
-TEST("logits are those of a tape, and probabilities those of the logits") {
+TEST("logits agree with a tape, and probabilities follow from the logits") {
     for (int activation = 0; activation < LG_ACTIVATION_COUNT; activation++)
         for (size_t net = 0; net < ODD_NETS; net++)
             for (uint32_t classes = 2; classes <= 3; classes++)
@@ -100,7 +101,7 @@ TEST("logits are those of a tape, and probabilities those of the logits") {
                 }
 }
 
-TEST("without its own mean a window that is moved is the same") {
+TEST("if windows are centred, a constant added to a window changes nothing") {
     for (size_t net = 0; net < ODD_NETS; net++) {
         example e;
         make(&e, net, LG_TANH, 3, true);
@@ -117,7 +118,7 @@ TEST("without its own mean a window that is moved is the same") {
     }
 }
 
-TEST("an offset that is large beside the scale rounds nothing, in single precision either") {
+TEST("an offset that is large relative to the scale causes no rounding errors, in single precision too") {
     for (int centred = 0; centred < 2; centred++) {
         example e;
         make(&e, 1, LG_TANH, 3, centred);
@@ -125,7 +126,7 @@ TEST("an offset that is large beside the scale rounds nothing, in single precisi
         float x[MOST_INPUTS], narrow[MOST_OUTPUTS];
         const size_t n = e.model.net.length;
         run_value(&e.value, e.x, y);
-        for (size_t i = 0; i < e.inputs; i++) { /* numbers of single precision, with room for the offset */
+        for (size_t i = 0; i < e.inputs; i++) { /* floats with free digits for the offset */
             e.x[i] = floor(e.x[i] * 256.0) / 256.0;
             x[i] = (float)(e.x[i] + 4096.0);
         }

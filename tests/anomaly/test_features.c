@@ -1,5 +1,5 @@
-/* Features of windows: formulas against long double, square roots that square to the covariance, names,
- * threads, bad input. */
+/* Features of windows: formulas compared with long double, roots whose squares are the covariance, names,
+ * threads, invalid input. */
 #include "classify_support.h"
 
 #include "core/core.h"
@@ -38,7 +38,7 @@ static double *compute(const lg_features *f, const float *x) {
     return out;
 }
 
-TEST("deviations by their definition, raw samples as they stand") {
+TEST("deviations follow their definition, and raw samples are unchanged") {
     lg_series s = make_series(1, 6, 37, true);
     lg_features f = features_of(LG_FEATURES_STD, false, &s, 37, NULL);
     assert_int_equal(f.count, 6);
@@ -47,16 +47,16 @@ TEST("deviations by their definition, raw samples as they stand") {
         assert_close(out[c], sqrt(covariance(s.x + 37 * c, s.x + 37 * c, 37)), 1e-14, 0);
     for (int t = 0; t < 37; t++) s.x[t] = 1e5f + 0.1f;
     out = compute(&f, s.x);
-    assert_close(out[0], 0.0, 0, 0); /* not what rounding of the mean leaves */
+    assert_close(out[0], 0.0, 0, 0); /* and not the rounding error of the mean */
     f = features_of(LG_FEATURES_RAW, true, &s, 37, NULL);
     assert_int_equal(f.count, 3 * 37);
     out = compute(&f, s.x);
     for (int i = 0; i < 37; i++) assert_close(out[37 + i], s.x[2 * 37 + i], 0, 0);
 }
 
-/* S S = covariance of the scaled channels, S symmetric and positive semidefinite; also with a channel that is
- * the sum of two others and a constant one. */
-TEST("the root squares to the covariance, with dependent and constant channels") {
+/* S S must be the covariance of the scaled channels, with S symmetric and positive semidefinite; also if one
+ * channel is the sum of two others and one is constant. */
+TEST("the root's square is the covariance, with dependent and constant channels") {
     lg_series s = make_series(1, 6, 50, true);
     for (int i = 0; i < 50; i++) {
         s.x[2 * 50 + i] = s.x[i] + s.x[50 + i];
@@ -77,17 +77,18 @@ TEST("the root squares to the covariance, with dependent and constant channels")
             assert_close(square, e, 1e-12, 1e-12 * sqrt(root[i][i] * root[j][j]) + 1e-18);
         }
     for (int i = 0; i < 6; i++) assert_true(root[i][i] >= 0.0);
-    for (int j = 0; j < 6; j++) assert_close(root[5][j], 0.0, 0, 1e-18); /* no rounding of a constant */
+    /* a constant channel has no rounding errors */
+    for (int j = 0; j < 6; j++) assert_close(root[5][j], 0.0, 0, 1e-18);
 }
 
 static double sign_of(unsigned bits) {
     return (bits ^ bits >> 1 ^ bits >> 2) & 1 ? -1.0 : 1.0;
 }
 
-/* Roots far apart: Z = sum_k s_k v_k w_k^T with exact numbers, orthonormal v_k and orthogonal w_k of ones and
- * minus ones, has S = sum_k s_k v_k v_k^T. Eigenvalues s_k^2 of the covariance itself would be off by eps,
- * s_3 by 1e-11. */
-TEST("roots 2^18 apart are right to the last digits") {
+/* Singular values that differ widely: Z = sum_k s_k v_k w_k^T with exact numbers, orthonormal v_k, and
+ * orthogonal w_k of ones and minus ones, has the root S = sum_k s_k v_k v_k^T. The eigenvalues s_k^2 of the
+ * covariance would have an error of eps, and s_3 then one of 1e-11. */
+TEST("the root is right to the last digits even if singular values differ by 2^18") {
     enum { M = 4, N = 8 };
     static const double root[M] = {0x1p-6, 1.0, 0x1p-18, 0x1p-12};
     lg_series s = make_series(1, M, N, false);
@@ -112,7 +113,7 @@ TEST("roots 2^18 apart are right to the last digits") {
         }
 }
 
-TEST("one channel, many, more than samples; copies of each other; the memory behind the work stays") {
+TEST("one channel, many, more than samples, and equal channels work; memory behind the work stays") {
     static const uint32_t channels[] = {1, 2, 9, 40}, lengths[] = {1, 2, 9, 40, 101};
     for (size_t a = 0; a < 4; a++)
         for (size_t b = 0; b < 5; b++)
@@ -143,9 +144,9 @@ TEST("one channel, many, more than samples; copies of each other; the memory beh
             }
 }
 
-/* The spectrum of the channel in units of its scale, from the library's own; a quarter of Nyquist's frequency
- * in the third of eight bands. */
-TEST("powers are those of the centred, scaled channel, with a floor") {
+/* Channel 0 is a tone at 5/16 of Nyquist's frequency, the middle of the third of eight bands; channel 4 is
+ * constant; channel 2 is compared with the library's spectrum of the scaled channel. */
+TEST("band powers are those of the centred, scaled channel, with a floor") {
     enum { N = 200, BANDS = 8 };
     lg_series s = make_series(1, 6, N, true);
     double mean[6] = {0}, scale[6] = {1, 1, 3, 1, 1e3, 1};
@@ -157,7 +158,8 @@ TEST("powers are those of the centred, scaled channel, with a floor") {
     for (int t = 0; t < N; t++) s.x[t] = (float)(8.0 * cos(3.14159265358979 * (0.25 + 0.0625) * t) + 100.0);
     double *out = compute(&f, s.x), z[N], power[BANDS],
            *work = TEST_ARRAY(double, lg_spectrum_work(&f.spectrum));
-    for (int b = 0; b < BANDS; b++) { /* leaks of the tone are far below it, the floor below them */
+    /* leakage of the tone is far below the tone, the floor is below the leakage */
+    for (int b = 0; b < BANDS; b++) {
         if (b == 2)
             assert_close(out[b], log(BANDS * 32.0), 0.05, 0);
         else
@@ -171,7 +173,7 @@ TEST("powers are those of the centred, scaled channel, with a floor") {
     for (int b = 0; b < BANDS; b++) assert_close(exp(out[BANDS + b]), power[b] + 1e-6, 1e-12, 0);
 }
 
-TEST("short windows have as many bands as frequencies") {
+TEST("short windows have at most as many bands as frequencies") {
     lg_series s = make_series(1, 2, 200, false);
     static const uint32_t lengths[] = {4, 5, 6, 15, 16, 128, 129, 200}, bands[] = {2, 2, 3, 7, 8, 8, 8, 8};
     for (size_t i = 0; i < LG_COUNT(lengths); i++) {
@@ -191,14 +193,14 @@ TEST("short windows have as many bands as frequencies") {
     assert_non_null(strstr(e.message, "too short for a spectrum"));
 }
 
-TEST("moments that are 2 acceleration + offset give intercept and slope, in this order") {
+TEST("if the moment's deviation is 2 * acceleration's + 3, the baseline has intercept 3 and slope 2") {
     lg_series s = make_series(1, 6, 100, true);
     for (int part = 0; part < 10; part++)
         for (int t = 0; t < 10; t++) {
             const float sign = t % 2 == 0 ? 1.0f : -1.0f;
             s.x[10 * part + t] = sign * (float)(1 + part) + 4.0f;
             s.x[400 + 10 * part + t] = sign * (3.0f + 2.0f * (float)(1 + part)) - 7.0f;
-            s.x[100 + 10 * part + t] = sign; /* acc_lower_y does not vary over the parts */
+            s.x[100 + 10 * part + t] = sign; /* the deviation of acc_lower_y does not vary over the parts */
         }
     lg_features f = features_of(LG_FEATURES_BASELINE, false, &s, 100, NULL);
     assert_int_equal(f.count, 4);
@@ -222,7 +224,7 @@ TEST("windows of one sample have zeros") {
     }
 }
 
-TEST("a constant channel has zero, not what rounding of its mean leaves") {
+TEST("a constant channel gives zero, and not the rounding error of its mean") {
     double mean[1] = {0}, scale[1] = {3};
     const lg_scaler scaler = {.channels = 1, .mean = mean, .scale = scale};
     for (uint32_t length = 2; length <= 60; length++) {
@@ -234,7 +236,7 @@ TEST("a constant channel has zero, not what rounding of its mean leaves") {
     }
 }
 
-TEST("features have the names of their channels") {
+TEST("features are named after their channels") {
     lg_series s = make_series(1, 6, 20, true);
     static const struct {
         lg_feature_kind kind;
@@ -263,7 +265,7 @@ TEST("features have the names of their channels") {
     assert_status(lg_feature_kind_parse("covariance", &kind), LG_NOT_FOUND);
 }
 
-TEST("threads give the same bits") {
+TEST("any number of threads gives the same bits") {
     lg_series s = make_series(23, 6, 60, false);
     const lg_windows w = windows_of(&s);
     for (int kind = 0; kind < LG_FEATURE_KIND_COUNT; kind++) {
@@ -286,7 +288,7 @@ TEST("windows, scalers and samples that do not fit are refused") {
     lg_error e;
     const lg_status bad = LG_INVALID_ARGUMENT;
     assert_status(lg_features_create(NULL, LG_FEATURES_BASELINE, false, &s, 20, NULL, &f, &e),
-                  bad); /* no pair */
+                  bad); /* there is no pair of channels */
     assert_non_null(strstr(e.message, "moment"));
     assert_status(lg_features_create(NULL, LG_FEATURES_BASELINE, false, &s, 9, NULL, &f, &e), bad);
     assert_status(
@@ -300,7 +302,7 @@ TEST("windows, scalers and samples that do not fit are refused") {
     assert_int_equal(f.count, 77);
     f = features_of(LG_FEATURES_COV, false, &s, 20, NULL);
     double out[6], *work = malloc(lg_features_work_size(&f));
-    for (int t = 0; t < 20; t++) s.x[20 + t] = INFINITY; /* which is constant */
+    for (int t = 0; t < 20; t++) s.x[20 + t] = INFINITY; /* infinity is constant too */
     assert_status(lg_features_compute(&f, s.x, out, work), LG_NOT_FINITE);
     for (int t = 0; t < 20; t++) s.x[20 + t] = 1.0f;
     s.x[30] = NAN;

@@ -1,4 +1,5 @@
-/* Logistic regression against scikit-learn's minimiser and against the gradient of what it minimises. */
+/* Logistic regression compared with scikit-learn's result, and with the gradient of the minimised
+ * function. */
 #include "classify_support.h"
 
 #include "golden/logistic_table.h"
@@ -12,7 +13,7 @@ static const lg_logistic *fit(const double *x, const uint32_t *label, size_t n, 
     return own_lg_logistic(model);
 }
 
-TEST("weights are scikit-learn's") {
+TEST("weights agree with scikit-learn") {
     for (size_t t = 0; t < sizeof logistic_table / sizeof logistic_table[0]; t++) {
         const uint32_t classes = logistic_table[t].classes, n = logistic_table[t].n, d = logistic_table[t].d;
         double x[600];
@@ -32,7 +33,7 @@ TEST("weights are scikit-learn's") {
     }
 }
 
-/* Largest entry of the gradient of C sum -log p + |w|^2/2, with the probabilities as predicted. */
+/* The largest entry of the gradient of C sum -log p + |w|^2/2, computed with the predicted probabilities. */
 static double largest_gradient(const lg_logistic *m, const double *x, const uint32_t *label, size_t n,
                                double c) {
     const uint32_t d = m->inputs, k = m->classes, rows = k == 2 ? 1 : k;
@@ -49,7 +50,7 @@ static double largest_gradient(const lg_logistic *m, const double *x, const uint
     return largest;
 }
 
-TEST("the gradient of what is minimised vanishes") {
+TEST("the gradient of the minimised function vanishes") {
     static const struct {
         uint32_t n, d, classes;
         double c, apart, tolerance;
@@ -73,8 +74,8 @@ TEST("the gradient of what is minimised vanishes") {
     }
 }
 
-/* Series are smooth: neighbouring features are nearly the same, and conjugate gradients alone are slow. */
-TEST("correlated features take few iterations") {
+/* Series are smooth: neighbouring features are nearly equal, so conjugate gradients alone converge slowly. */
+TEST("correlated features need few iterations") {
     enum { N = 200, D = 190 };
     for (uint32_t classes = 2; classes <= 4; classes++) {
         uint32_t label[N];
@@ -83,11 +84,11 @@ TEST("correlated features take few iterations") {
             for (int j = 1; j < D; j++) x[i * D + j] = 0.97 * x[i * D + j - 1] + 0.03 * x[i * D + j];
         const lg_logistic *m = fit(x, label, N, D, classes, 100.0);
         assert_close(largest_gradient(m, x, label, N, 100.0), 0.0, 0, 1e-6);
-        assert_true(m->iterations <= 20); /* of Newton's method: none is wasted on a poor solution */
+        assert_true(m->iterations <= 20); /* Newton iterations; none is spent on an inaccurate solution */
     }
 }
 
-TEST("without a penalty the classes' weights still sum to zero") {
+TEST("without a penalty the weights of the classes still sum to zero") {
     enum { N = 200, D = 13, K = 3 };
     uint32_t label[N];
     double *x = clouds(N, D, K, 0.1, 9, label), largest = 0;
@@ -98,7 +99,7 @@ TEST("without a penalty the classes' weights still sum to zero") {
     assert_close(largest_gradient(m, x, label, N, 1e10), 0.0, 0, 1e-1);
 }
 
-TEST("contradictory, scaled and incomplete tables have their minimiser") {
+TEST("the minimum is found for contradictory, scaled and incomplete tables") {
     uint32_t label[40];
     double *x = clouds(40, 2, 2, 1.0, 6, label), p[120];
     for (int i = 0; i < 40; i++) { /* the same rows with both labels, 3 to 1 */
@@ -117,7 +118,7 @@ TEST("contradictory, scaled and incomplete tables have their minimiser") {
         for (int i = 0; i < 80; i++) assert_true(p[i] >= 0.0 && p[i] <= 1.0);
         assert_close(largest_gradient(m, x, label, 40, 1.0) / factors[f], 0.0, 0, f == 0 ? 1e3 : 1e-4);
     }
-    for (int i = 0; i < 40; i++) label[i] = i % 2 == 0 ? 0 : 2; /* class 1 is not seen */
+    for (int i = 0; i < 40; i++) label[i] = i % 2 == 0 ? 0 : 2; /* class 1 does not occur */
     m = fit(x, label, 40, 2, 3, 1.0);
     lg_logistic_predict(m, x, 40, p);
     for (int i = 0; i < 40; i++) {
@@ -126,7 +127,7 @@ TEST("contradictory, scaled and incomplete tables have their minimiser") {
     }
 }
 
-TEST("bad tables and penalties are refused") {
+TEST("invalid tables and penalties are refused") {
     uint32_t label[6];
     double *x = clouds(6, 2, 2, 1.0, 4, label);
     lg_logistic m = {.inputs = 99};

@@ -6,11 +6,11 @@
 
 enum { CHANNELS = 2, WINDOW = 10, ROOM = 1 << 16 };
 
-/* Copies what it is shown and answers with the script. */
+/* A judge that records the window it is given and answers as its script says. */
 typedef struct witness {
     uint32_t channels, window, seen, missing;
     float x[CHANNELS * 512];
-    const char *script; /* one letter a window: p positive, n novel, f failure, else negative */
+    const char *script; /* one letter per window: p positive, n novel, f failure, others negative */
 } witness;
 
 static lg_status look(void *user, const float *x, uint32_t missing, lg_answer *given, double *score) {
@@ -49,7 +49,8 @@ static float value_at(uint64_t i, uint32_t c) {
     return (float)((double)i * (c == 0 ? 1.0 : -3.0) + 0.5);
 }
 
-/* Sample i of a feed that rises by 1 (falls by 3) a sample; lost where `lost`. */
+/* Pushes sample i of a feed whose channels rise by 1 and fall by 3 per sample; `lost`: the sample is
+ * missing. */
 static bool push(lg_monitor *watch, uint64_t i, bool lost, lg_verdict *verdict) {
     const float sample[CHANNELS] = {value_at(i, 0), value_at(i, 1)};
     bool ready = false;
@@ -57,7 +58,7 @@ static bool push(lg_monitor *watch, uint64_t i, bool lost, lg_verdict *verdict) 
     return ready;
 }
 
-TEST("windows follow every hop") {
+TEST("a window is judged after every hop") {
     const uint32_t hops[] = {0, 1, 3, 7, WINDOW};
     for (size_t h = 0; h < LG_COUNT(hops); h++) {
         const uint32_t hop = hops[h] == 0 ? WINDOW : hops[h];
@@ -82,7 +83,8 @@ TEST("windows follow every hop") {
     }
 }
 
-/* A feed in which samples from..to-1 are lost; the window that is judged last. */
+/* Runs a feed in which samples from..to-1 are lost. Returns the verdict on the last window that was
+ * judged. */
 static lg_verdict run_gap(const lg_monitor_options *options, witness *w, uint64_t from, uint64_t to,
                           uint64_t end) {
     lg_monitor *watch = start(options, w);
@@ -92,7 +94,7 @@ static lg_verdict run_gap(const lg_monitor_options *options, witness *w, uint64_
     return last;
 }
 
-TEST("short gaps are bridged") {
+TEST("short gaps are bridged by a line") {
     lg_monitor_options options = options_of(CHANNELS, WINDOW, 0);
     options.missing = 0.5;
     for (uint64_t gap = 1; gap <= 5; gap++) {
@@ -108,13 +110,14 @@ TEST("short gaps are bridged") {
     }
 }
 
-TEST("a bridge over the edge of windows") {
+TEST("a gap across the end of a window is held there, and bridged once it is closed") {
     lg_monitor_options options = options_of(CHANNELS, WINDOW, 0);
     options.missing = 0.5;
     witness w = {.seen = 0};
     lg_monitor *watch = start(&options, &w);
     lg_verdict v;
-    for (uint64_t i = 0; i < WINDOW; i++) (void)push(watch, i, i >= 8, &v); /* open at the end: held */
+    /* still open: the last value is held */
+    for (uint64_t i = 0; i < WINDOW; i++) (void)push(watch, i, i >= 8, &v);
     for (uint32_t k = 0; k < WINDOW; k++) assert_close(w.x[k], value_at(k < 8 ? k : 7, 0), 1e-6, 0);
     assert_int_equal(v.missing, 2);
     for (uint64_t i = WINDOW; i < 2 * WINDOW; i++) (void)push(watch, i, i < 12, &v); /* closed: a line */
@@ -122,7 +125,7 @@ TEST("a bridge over the edge of windows") {
     assert_int_equal(v.missing, 2);
 }
 
-TEST("long gaps hold the last value") {
+TEST("in long gaps the last value is held") {
     lg_monitor_options options = options_of(CHANNELS, WINDOW, 0);
     options.missing = 0.6;
     witness w = {.seen = 0};
@@ -137,7 +140,7 @@ TEST("long gaps hold the last value") {
     assert_close(w.x[2], value_at(1, 0), 0, 0);
 }
 
-TEST("a bridge longer than the window: only its end is in it") {
+TEST("of a bridged gap longer than the window, the window has only the end") {
     lg_monitor_options options = options_of(CHANNELS, WINDOW, 0);
     options.missing = 1.0;
     options.bridge = 100;
@@ -147,25 +150,26 @@ TEST("a bridge longer than the window: only its end is in it") {
     for (uint32_t k = 0; k < WINDOW; k++) assert_close(w.x[k], value_at(20 + k, 0), 1e-6, 0);
 }
 
-TEST("a feed that begins with lost samples") {
+TEST("lost samples at the start of a feed take the first value, and at its end the last one") {
     lg_monitor_options options = options_of(CHANNELS, WINDOW, 0);
     options.missing = 1.0;
     witness w = {.seen = 0};
     lg_monitor *watch = start(&options, &w);
     lg_verdict v;
     for (uint64_t i = 0; i < 10; i++) (void)push(watch, i, true, &v);
-    assert_false(v.judged); /* nothing received */
+    assert_false(v.judged); /* nothing was received */
     assert_int_equal(w.seen, 0);
     assert_int_equal(v.missing, 10);
     for (uint64_t i = 10; i < 20; i++) (void)push(watch, i, i < 17, &v);
     assert_true(v.judged);
     for (uint32_t k = 0; k < WINDOW; k++) assert_close(w.x[k], value_at(k < 7 ? 17 : 10 + k, 0), 0, 0);
-    for (uint64_t i = 20; i < 30; i++) (void)push(watch, i, i >= 22, &v); /* and one that ends so */
+    /* now a window that ends with lost samples */
+    for (uint64_t i = 20; i < 30; i++) (void)push(watch, i, i >= 22, &v);
     for (uint32_t k = 0; k < WINDOW; k++) assert_close(w.x[k], value_at(k < 2 ? 20 + k : 21, 0), 0, 0);
 }
 
-TEST("too much missing is not judged") {
-    const lg_monitor_options options = options_of(CHANNELS, 300, 0); /* a tenth: 30 */
+TEST("a window with too many missing samples is not judged") {
+    const lg_monitor_options options = options_of(CHANNELS, 300, 0); /* allowed: a tenth, 30 samples */
     witness w = {.seen = 0, .script = "ppppp"};
     assert_true(run_gap(&options, &w, 100, 130, 300).judged);
     w.seen = 0;
@@ -175,7 +179,7 @@ TEST("too much missing is not judged") {
     assert_int_equal(w.seen, 0);
 }
 
-TEST("without judgements the alarm keeps its state") {
+TEST("windows that are not judged do not change the alarm") {
     lg_monitor_options options = options_of(CHANNELS, WINDOW, 0);
     options.votes = 2;
     options.votes_of = 3;
@@ -197,7 +201,7 @@ TEST("without judgements the alarm keeps its state") {
     assert_int_equal(v.window, 7);
 }
 
-TEST("the alarm is k votes of the last n") {
+TEST("the alarm needs k votes of the last n windows") {
     static const struct {
         uint32_t k, n;
         const char *script, *alarm;
@@ -241,7 +245,7 @@ TEST("sixty-four votes are kept") {
     }
 }
 
-TEST("a judge that fails leaves the verdict, and takes no vote") {
+TEST("if the judge fails there is a verdict without a vote") {
     const lg_monitor_options options = options_of(CHANNELS, 2, 0);
     witness w = {.seen = 0, .script = "pf-"};
     lg_monitor *watch = start(&options, &w);
@@ -260,7 +264,7 @@ TEST("a judge that fails leaves the verdict, and takes no vote") {
     assert_int_equal(v.positive_votes, 1);
 }
 
-TEST("values that are not finite are lost samples") {
+TEST("values that are not finite count as lost samples") {
     const lg_monitor_options options = options_of(CHANNELS, WINDOW, 0);
     witness w = {.seen = 0};
     lg_monitor *watch = start(&options, &w);
@@ -287,7 +291,7 @@ TEST("values that are not finite are lost samples") {
     for (uint32_t k = 0; k < WINDOW; k++) assert_close(w.x[k], value_at(k, 0), 1e-6, 0);
 }
 
-TEST("push takes no memory") {
+TEST("push allocates no memory") {
     if (!lg_count_available()) skip();
     const lg_monitor_options options = options_of(CHANNELS, WINDOW, 3);
     witness w = {.seen = 0};
@@ -306,7 +310,7 @@ TEST("push takes no memory") {
     assert_true(w.seen > 100);
 }
 
-TEST("bad options are refused") {
+TEST("invalid options are refused") {
     const lg_monitor_options good = options_of(CHANNELS, WINDOW, 0);
     witness w = {.channels = CHANNELS, .window = WINDOW};
     lg_monitor *watch = (lg_monitor *)(void *)memory;
@@ -338,7 +342,7 @@ TEST("bad options are refused") {
     assert_int_equal(lg_monitor_size(NULL), 0);
 }
 
-TEST("nothing is written behind the size that was told") {
+TEST("nothing is written beyond the stated size") {
     const uint32_t sizes[][2] = {{1, 1}, {2, 7}, {2, 64}, {2, 65}};
     for (size_t s = 0; s < 4; s++) {
         const lg_monitor_options options = options_of(sizes[s][0], sizes[s][1], 1);
@@ -352,7 +356,7 @@ TEST("nothing is written behind the size that was told") {
     }
 }
 
-TEST("novel windows have votes of their own and leave the alarm as it is") {
+TEST("novel windows have separate votes and do not change the alarm") {
     lg_monitor_options options = options_of(CHANNELS, WINDOW, 0);
     options.votes = 2;
     options.votes_of = 3;

@@ -1,4 +1,4 @@
-/* Novelty: distances, causes, limits, files. */
+/* Novelty detection: distances, causes, limits, files. */
 #include "anomaly/series_support.h"
 
 #include "kernels/lapack.h"
@@ -12,8 +12,9 @@ OWNED(lg_novelty, lg_novelty_destroy)
 
 enum { CHANNELS = 3, LENGTH = 200, RUNS = 20, EACH = 10 };
 
-/* Three sensors of one motion, a resonance at .05 cycles a sample whose amplitude is that of the run; class 1
- * has a softer one and more of it in sensor 0. Noise 1e-2 of each; sensor 2 has a range of 1e6. */
+/* Three sensors measure one motion, a resonance at .05 cycles per sample; its amplitude varies from run to
+ * run. In class 1 its frequency is lower and sensor 0 shows more of it. Noise is 1e-2 of each sensor; sensor
+ * 2 has a range of 1e6. */
 static void simulate(lg_rng *rng, uint32_t class_index, double level, double noise, float *x) {
     const double w = 2 * PI * (class_index == 0 ? 0.05 : 0.045), r = 0.97;
     double a = 0, b = 0;
@@ -29,7 +30,7 @@ static void simulate(lg_rng *rng, uint32_t class_index, double level, double noi
     }
 }
 
-/* Runs 0, 2, ... are of class 0. */
+/* Runs 0, 2, ... have class 0. */
 static lg_series make_windows(uint64_t seed, double noise) {
     lg_series s = make_series(RUNS * EACH, CHANNELS, LENGTH, 2, false, true);
     lg_rng rng = test_rng(seed, 7);
@@ -74,14 +75,14 @@ static const char *reason(const lg_novelty *v, const lg_novelty_result *r) {
     return text;
 }
 
-/* Novel, by this channel, for a reason that begins so. */
+/* The window must be novel because of this channel, with a reason that begins with this text. */
 static void expect_novel(const lg_novelty *v, const float *x, const char *begin) {
     const lg_novelty_result r = look(v, x);
     if (!r.novel || strncmp(reason(v, &r), begin, strlen(begin)) != 0)
         fail_msg("novel %d, distance %g, %s; expected %s", r.novel, r.distance, reason(v, &r), begin);
 }
 
-TEST("windows of the same sensors are known, of either class") {
+TEST("windows of the same sensors are known, for both classes") {
     const lg_series s = make_windows(1, 1e-2);
     const lg_novelty v = fit(&s);
     size_t novel = 0, nearest = 0;
@@ -94,7 +95,7 @@ TEST("windows of the same sensors are known, of either class") {
     assert_in_range(nearest, 390, 400);
 }
 
-TEST("faults of a sensor are told with its name") {
+TEST("sensor faults are reported with the sensor's name") {
     const lg_series s = make_windows(1, 1e-2);
     const lg_novelty v = fit(&s);
     for (uint64_t seed = 0; seed < 20; seed++) {
@@ -123,7 +124,7 @@ TEST("faults of a sensor are told with its name") {
     }
 }
 
-TEST("a cut-off channel is told where its distances are not") {
+TEST("a clipped channel is reported even if its distances do not show it") {
     const lg_series s = make_windows(1, 1e-2);
     lg_novelty v = fit(&s);
     float *x = window(3, 0, 1.5, 1e-2);
@@ -135,7 +136,7 @@ TEST("a cut-off channel is told where its distances are not") {
     assert_true(r.novel && r.samples > LENGTH / 8 && r.distance < 1);
 }
 
-TEST("another level of noise is novel, and measured") {
+TEST("another noise level is novel, and is measured") {
     const lg_series s = make_windows(1, 0.1);
     const lg_novelty v = fit(&s);
     double features[256], ratio[CHANNELS], log_ratio[CHANNELS] = {0};
@@ -147,7 +148,8 @@ TEST("another level of noise is novel, and measured") {
         lg_novelty_noise(&v, 0, features, ratio);
         for (uint32_t c = 0; c < CHANNELS; c++) log_ratio[c] += log(ratio[c]) / 20;
     }
-    assert_close(exp(log_ratio[0]), 10, 0.3, 0); /* the channels have little else up there */
+    /* at high frequencies the channels contain almost only noise */
+    assert_close(exp(log_ratio[0]), 10, 0.3, 0);
     assert_close(exp(log_ratio[2]), 10, 0.3, 0);
     assert_close(lg_novelty_noise_from(&v), 0.4375, 0.02, 0);
 }
@@ -164,9 +166,9 @@ TEST("a value that is not finite is novel") {
     }
 }
 
-/* ---- the formulas ---- */
+/* ---- formulas ---- */
 
-/* d' Sigma^-1 d for the features that `keep` names, Sigma the inverse of `precision`. */
+/* d' Sigma^-1 d for the features with keep[i], where Sigma is the inverse of `precision`. */
 static double marginal(const lg_novelty *v, const double *difference, const bool *keep) {
     const int d = (int)v->features, one = 1;
     double *sigma = TEST_ARRAY(double, (size_t)d *d), *part = TEST_ARRAY(double, (size_t)d *d);
@@ -191,7 +193,7 @@ static double marginal(const lg_novelty *v, const double *difference, const bool
     return sum;
 }
 
-TEST("the distance of a group is what the others leave of Mahalanobis' distance") {
+TEST("the distance of a group is Mahalanobis' distance minus the part that the other features explain") {
     const lg_series s = make_windows(1, 1e-2);
     const lg_novelty v = fit(&s);
     const size_t d = v.features;
@@ -210,7 +212,7 @@ TEST("the distance of a group is what the others leave of Mahalanobis' distance"
     }
 }
 
-TEST("features are those of their definition") {
+TEST("features follow their definition") {
     const lg_series s = make_windows(1, 1e-2);
     const lg_novelty v = fit(&s);
     const float *x = window(5, 1, 1.2, 2e-2);
@@ -244,7 +246,7 @@ TEST("features are those of their definition") {
 
 /* ---- fitting ---- */
 
-TEST("the bits do not depend on the threads") {
+TEST("the bits do not depend on the number of threads") {
     const lg_series s = make_windows(1, 1e-2);
     const lg_novelty one = fit_on(&s, NULL, s.count, 1), three = fit_on(&s, NULL, s.count, 3);
     const size_t d = one.features;
@@ -252,7 +254,7 @@ TEST("the bits do not depend on the threads") {
     assert_memory_equal(one.limit, three.limit, lg_novelty_groups(&one) * sizeof *one.limit);
 }
 
-TEST("one class alone: the other is novel") {
+TEST("if one class alone is trained, the other one is novel") {
     const lg_series s = make_windows(1, 1e-2);
     uint32_t chosen[RUNS * EACH];
     size_t count = 0, novel = 0, known = 0;
@@ -269,7 +271,7 @@ TEST("one class alone: the other is novel") {
     assert_in_range(known, 98, 100);
 }
 
-TEST("a class of one window, a constant channel, few windows") {
+TEST("a class of one window, a constant channel and few windows are allowed") {
     lg_series s = make_windows(1, 1e-2);
     for (uint32_t i = 0; i < s.count; i++) {
         s.label[i] = i == 5;
@@ -297,7 +299,7 @@ TEST("an outlier among the training windows does not widen the limits") {
     assert_true(look(&spoiled, x).novel);
 }
 
-TEST("many channels have fewer bands and no pairs; short windows no bands") {
+TEST("many channels have fewer bands and no pairs; short windows have no bands") {
     lg_series s = make_series(40, 100, 64, 1, false, false);
     lg_rng rng = test_rng(1, 1);
     for (size_t i = 0; i < s.count * 100 * 64; i++) s.x[i] = (float)lg_rng_normal(&rng);
@@ -318,7 +320,7 @@ TEST("many channels have fewer bands and no pairs; short windows no bands") {
     assert_close(ratio[1], 1, 0, 0);
 }
 
-TEST("what cannot be fitted is refused with a sentence") {
+TEST("data that cannot be fitted are refused with a message") {
     const lg_series s = make_windows(1, 1e-2), tiny = make_series(40, 2, 1, 1, false, false),
                     wide = make_series(10, LG_NOVELTY_FEATURES, 8, 1, false, false);
     const lg_windows w = cut_windows(&s, 0, 0), one = cut_windows(&tiny, 0, 0),
@@ -371,7 +373,7 @@ TEST("every allocation of a fit may fail") {
 
 /* ---- files ---- */
 
-TEST("saved and loaded, the distances are the same bits") {
+TEST("after saving and loading, the distances have the same bits") {
     const lg_series s = make_windows(1, 1e-2);
     const lg_novelty v = fit(&s);
     memory_archive archive = {.count = 0};
@@ -396,7 +398,7 @@ TEST("a damaged file is refused") {
     const lg_novelty v = fit(&s);
     const struct {
         const char *path;
-        double value; /* of the first entry */
+        double value; /* replaces the first entry */
         lg_status status;
     } wrong[] = {{"novelty/scale", 0, LG_FORMAT},        {"novelty/limit", -1, LG_FORMAT},
                  {"novelty/centre", NAN, LG_NOT_FINITE}, {"novelty/precision", -1, LG_FORMAT},

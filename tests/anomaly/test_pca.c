@@ -1,4 +1,5 @@
-/* Principal components: orthonormal, of the right variance, signs fixed, both routes agree; hard tables. */
+/* Principal components: orthonormal, with the right variances and fixed signs; both ways to compute them
+ * agree; difficult tables. */
 #include "classify_support.h"
 
 #define HALF_ROOT 0.70710678118654752440
@@ -11,7 +12,8 @@ static const lg_pca *fit(const double *x, size_t n, uint32_t d, uint32_t compone
     return own_lg_pca(pca);
 }
 
-/* W orthonormal; projections uncorrelated with variances as told; their sum is the trace. */
+/* W must be orthonormal, the projections uncorrelated with the stated variances, and these must sum to the
+ * trace. */
 static void check_components(const double *x, size_t n, uint32_t d, const lg_pca *p) {
     const uint32_t k = p->components;
     double *z = TEST_ARRAY(double, n *k), *work = TEST_ARRAY(double, d);
@@ -32,7 +34,7 @@ static void check_components(const double *x, size_t n, uint32_t d, const lg_pca
     }
 }
 
-TEST("components are orthonormal, uncorrelated, sorted and of a fixed sign") {
+TEST("components are orthonormal, uncorrelated, sorted, and have a fixed sign") {
     static const uint32_t sizes[][3] = {{50, 4, 4}, {50, 4, 2}, {20, 60, 20},
                                         {7, 7, 7},  {2, 5, 2},  {30, 1, 1}};
     for (size_t i = 0; i < LG_COUNT(sizes); i++) {
@@ -47,9 +49,9 @@ TEST("components are orthonormal, uncorrelated, sorted and of a fixed sign") {
     }
 }
 
-/* A table and the same table with its rows repeated have the same components; d > n goes one way, d < n the
- * other. */
-TEST("both routes agree: more rows or more features") {
+/* A table and the same table with its rows repeated have the same components. They are computed in different
+ * ways: one for d > n, one for d < n. */
+TEST("both ways to compute components agree: for more rows and for more features") {
     uint32_t label[6];
     double *x = clouds(6, 9, 2, 1.0, 8, label), twice[12 * 9];
     memcpy(twice, x, 54 * sizeof *x);
@@ -61,7 +63,7 @@ TEST("both routes agree: more rows or more features") {
     for (int i = 0; i < 45; i++) assert_close(a->vectors[i], b->vectors[i], 1e-10, 1e-11);
 }
 
-TEST("components of two features by hand") {
+TEST("components of two features agree with those by hand") {
     const double x[] = {1, 1, -1, -1, 1, -1, -1, 1, 1, 1, -1, -1}; /* r = (4 - 2)/6 */
     const lg_pca *p = fit(x, 6, 2, 2);
     assert_close(p->variance[0], 4.0 / 3.0, 1e-14, 0);
@@ -70,7 +72,7 @@ TEST("components of two features by hand") {
     for (int i = 0; i < 4; i++) assert_close(p->vectors[i], expected[i], 1e-14, 0);
 }
 
-TEST("scales, constant features and constant tables") {
+TEST("scaled features, constant features and constant tables work") {
     uint32_t label[30];
     double *x = clouds(30, 3, 2, 1.0, 4, label), z[90], expected[90], work[3];
     const lg_pca *p = fit(x, 30, 3, 0);
@@ -86,11 +88,11 @@ TEST("scales, constant features and constant tables") {
     p = fit(x, 30, 3, 0);
     lg_pca_eval(p, x, 30, z, work);
     for (int i = 0; i < 90; i++) assert_close(z[i], expected[i], 1e-8, 1e-8);
-    for (int i = 0; i < 30; i++) x[3 * i + 1] = 0.1; /* constant: scale 1, not its rounding */
+    for (int i = 0; i < 30; i++) x[3 * i + 1] = 0.1; /* constant: scale 1, and not its rounding error */
     p = fit(x, 30, 3, 3);
     assert_close(p->scale[1], 1.0, 0, 0);
     assert_close(p->variance[2], 0.0, 0, 1e-14);
-    for (int i = 0; i < 90; i++) x[i] = 5.0; /* all constant, d > n too: still orthonormal */
+    for (int i = 0; i < 90; i++) x[i] = 5.0; /* all constant, and d > n: still orthonormal */
     p = fit(x, 3, 30, 3);
     check_components(x, 3, 30, p);
     p = fit(x, 1, 5, 1);
@@ -107,7 +109,7 @@ TEST("too many components and numbers that are not finite are refused") {
     assert_status(lg_pca_fit(NULL, x, 0, 3, 0, &p, &e), LG_INVALID_ARGUMENT);
     x[4] = NAN;
     assert_status(lg_pca_fit(NULL, x, 6, 3, 1, &p, &e), LG_NOT_FINITE);
-    x[4] = 1e200; /* its square is not a double */
+    x[4] = 1e200; /* its square overflows */
     assert_status(lg_pca_fit(NULL, x, 6, 3, 1, &p, &e), LG_NOT_FINITE);
     assert_int_equal(p.inputs, 99);
 }

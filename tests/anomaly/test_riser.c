@@ -1,4 +1,4 @@
-/* The riser's structure: periods, matrices, laws of the foundation, energy, order of the time stepping.
+/* The structure of the riser: periods, matrices, foundation, energy, order of the time stepping.
  * ctest-labels: src/mechanics */
 #include "test_support.h"
 
@@ -32,7 +32,7 @@ static lg_riser_parameters odd_ones(void) {
 
 /* ---- linear part ---- */
 
-TEST("periods are the published ones, to half a digit") {
+TEST("periods agree with the published ones to half a digit") {
     static const struct {
         double severity;
         bool locked;
@@ -62,7 +62,8 @@ static double product(const double *a, const double *matrix, const double *b) {
     return sum;
 }
 
-/* The longest periods by inverse iteration; the modes found so far are kept out. modes (count, N). */
+/* Computes the longest periods by inverse iteration, orthogonal to the modes found so far. modes (count,
+ * N). */
 static void inverse_iteration(const double *mass, const double *stiffness, size_t count, double *modes,
                               double *periods) {
     for (size_t m = 0; m < count; m++) {
@@ -85,7 +86,7 @@ static void inverse_iteration(const double *mass, const double *stiffness, size_
     }
 }
 
-TEST("periods and matrices are those of the energies") {
+TEST("periods and matrices agree with those computed from the energies") {
     const lg_riser_parameters cases[] = {standard(LG_HOUSING_TIGHT, 1.0), odd_ones()};
     for (size_t c = 0; c < LG_COUNT(cases); c++) {
         const lg_riser_parameters *p = &cases[c];
@@ -117,7 +118,7 @@ TEST("periods and matrices are those of the energies") {
 
 /* ---- foundation ---- */
 
-TEST("moment and energy of the wellhead and the soil fit each other") {
+TEST("moment and energy of the wellhead and of the soil are consistent") {
     lg_wellhead w;
     const lg_riser_parameters p = standard(LG_HOUSING_SLACK, 0.58);
     const double casing = 0.58 * 150e6, inner = 1.0 / (1.0 / 300e6 + 1.0 / casing), gap = 60e3 / inner;
@@ -147,7 +148,7 @@ TEST("moment and energy of the wellhead and the soil fit each other") {
 
 /* ---- free motion ---- */
 
-/* Linear: tight housing, and a soil that never yields. */
+/* A linear riser: tight housing, and a soil that never yields. */
 static lg_riser_parameters linear(void) {
     lg_riser_parameters p = standard(LG_HOUSING_TIGHT, 1.0);
     p.soil_strength = 1e30;
@@ -192,8 +193,8 @@ TEST("a slack riser keeps its energy to second order") {
     }
 }
 
-/* What is there at the start is the energy of riser_check.h, and damping takes from it all the time. */
-TEST("damping takes energy all the time") {
+/* The energy at the start must agree with riser_check.h, and damping must reduce it in every step. */
+TEST("damping reduces the energy in every step") {
     enum { STEPS = 4000 };
     const lg_riser_parameters p = linear();
     double q[2 * N], v[2 * N], energy[STEPS + 1], start = 0.0;
@@ -205,7 +206,7 @@ TEST("damping takes energy all the time") {
     assert_true(energy[STEPS] < 1e-3 * start);
 }
 
-TEST("in still water drag takes its force times the velocity") {
+TEST("in still water drag takes the power force times velocity") {
     lg_riser_parameters p = linear();
     p.damping_offset = p.damping_rotation = p.damping_riser = 0.0;
     const double l = 90.0 / 13.0, dt = 1e-5;
@@ -222,7 +223,7 @@ TEST("in still water drag takes its force times the velocity") {
     assert_close((energy[1] - energy[0]) / dt, -power, 1e-3, 0.0);
 }
 
-TEST("free motion has order 2: a mode keeps its shape") {
+TEST("free motion has order 2, and a mode keeps its shape") {
     enum { MODES = 3, HALVINGS = 6 };
     const lg_riser_parameters p = linear(), *const pp = &p;
     double mass[N * N], stiffness[N * N], modes[MODES * N], periods[MODES];
@@ -254,7 +255,7 @@ TEST("free motion has order 2: a mode keeps its shape") {
 
 /* ---- forced motion ---- */
 
-/* State (q, v) after `time` from rest, in waves and current. */
+/* The state (q, v) after `time` from rest, in waves and current. */
 static void forced(const lg_riser_parameters *p, double drag_scale, double dt, double time, double *out) {
     lg_riser_run run;
     lg_water water;
@@ -306,7 +307,7 @@ TEST("forced motion has order 2") {
 
 /* ---- bad input ---- */
 
-TEST("bad arguments of free motion are refused, and nothing is written") {
+TEST("invalid arguments of free motion are refused, and nothing is written") {
     lg_riser_parameters p = linear();
     double q[2 * N], v[2 * N], kept[2 * N], energy[3] = {7.0, 7.0, 7.0};
     lg_error error;
@@ -321,7 +322,7 @@ TEST("bad arguments of free motion are refused, and nothing is written") {
     q[3] = NAN;
     assert_status(lg_riser_free_motion(NULL, &p, 0.05, 2, false, q, v, energy, &error), LG_NOT_FINITE);
     q[3] = kept[3];
-    p.bop_weight = 1e12; /* falls over */
+    p.bop_weight = 1e12; /* so heavy that the stack falls over */
     assert_status(lg_riser_free_motion(NULL, &p, 0.05, 2, false, q, v, energy, &error), LG_INVALID_ARGUMENT);
     assert_says(error.message, "stand");
     assert_status(lg_riser_periods(&p, true, kept), LG_INVALID_ARGUMENT);
@@ -335,7 +336,7 @@ TEST("bad arguments of free motion are refused, and nothing is written") {
     assert_true(energy[0] > 0.0 && energy[1] == 7.0);
 }
 
-TEST("parameters that cannot be are refused by name") {
+TEST("impossible parameters are refused by name") {
     lg_riser_parameters p;
     lg_error error;
 #define REFUSED(member, value)                                                                               \

@@ -19,7 +19,7 @@ static double jonswap(double x) {
            pow(3.3, exp(-(x - 1.0) * (x - 1.0) / (2.0 * sigma * sigma)));
 }
 
-/* Simpson's rule. */
+/* By Simpson's rule. */
 static double energy_between(double a, double b) {
     enum { CELLS = 2000 };
     const double h = (b - a) / CELLS;
@@ -31,7 +31,7 @@ static double energy_between(double a, double b) {
     return sum;
 }
 
-TEST("components share the spectrum's energy, with its spread of directions") {
+TEST("wave components share the spectrum's energy, and have its spread of directions") {
     const lg_sea_state sea = {.height = 3.2, .period = 9.0, .direction = 0.4};
     const double total = energy_between(0.4, 1.0) + energy_between(1.0, 5.0);
     printf("energy above 5 peak frequencies: %.2f %%\n", 100.0 * energy_between(5.0, 60.0) / total);
@@ -78,7 +78,8 @@ TEST("wave numbers satisfy the dispersion relation") {
 
 /* ---- kinematics ---- */
 
-/* The sums as they stand, with the C library. row: velocity at stations, generalised inertia force. */
+/* The sums over waves computed directly with the C library. row: velocities at the stations, and the
+ * generalised inertia force. */
 static void direct_row(const lg_riser_parameters *p, const lg_wave *waves, double t, double *row) {
     const double l = (p->depth - p->bop_height) / 13.0, area = RISER_PI / 4.0 * pow(p->hydro_diameter, 2.0);
     memset(row, 0, 2 * LG_RISER_STATE * sizeof *row);
@@ -111,7 +112,7 @@ static void direct_row(const lg_riser_parameters *p, const lg_wave *waves, doubl
     }
 }
 
-TEST("velocities and forces of the water are the sums as they stand") {
+TEST("velocities and forces of the water agree with the direct sums") {
     static const size_t steps[] = {3999, 4000, 4095, 4096, 4097, 4223, 4224, 4225, 4351, 4352, 76000, 7};
     lg_riser_parameters p;
     lg_riser_run run;
@@ -139,7 +140,7 @@ TEST("velocities and forces of the water are the sums as they stand") {
     lg_water_destroy(NULL, &water);
 }
 
-/* ---- sensors at rest ---- */
+/* ---- sensors without waves ---- */
 
 static void simulate(const lg_riser_parameters *p, const lg_riser_run *run, size_t count, float *out) {
     assert_told(lg_riser_simulate(NULL, p, run, count, out, &told));
@@ -176,7 +177,7 @@ TEST("a calm sea moves nothing, and noise has its deviation") {
     }
 }
 
-TEST("in a current alone the riser leans as the linear equations of riser_check.h say") {
+TEST("in a current alone the riser leans as the linear equations of riser_check.h predict") {
     lg_riser_parameters p;
     lg_riser_run run = quiet_run();
     lg_riser_parameters_init(&p);
@@ -206,11 +207,10 @@ TEST("in a current alone the riser leans as the linear equations of riser_check.
     for (int c = 0; c < C; c++) assert_close((double)x[c], expected[c], 1e-6, 1e-12);
 }
 
-/* Moments of a linear foundation tell u and th, three places of the sensors tell u'', th'' and the slope of
- * the riser with its second derivative; Newmark's accelerations belong to those motions exactly: (x_{n+1} - 2
- * x_n
+/* The moments of a linear foundation determine u and th. Three places of the sensors determine u'', th'' and
+ * the slope of the riser with its second derivative. Newmark's accelerations satisfy exactly (x_{n+1} - 2 x_n
  * + x_{n-1})/dt^2 = (x''_{n+1} + 2 x''_n + x''_{n-1})/4. */
-TEST("sensors measure one motion") {
+TEST("all sensors measure the same motion") {
     enum { COUNT = 400, U = 0, TH, SLOPE, KINDS };
     lg_riser_parameters p;
     lg_riser_run run;
@@ -253,7 +253,7 @@ TEST("sensors measure one motion") {
     }
 }
 
-/* ---- responses ---- */
+/* ---- responses to damage ---- */
 
 static void deviations(const float *x, size_t first, size_t count, double out[C]) {
     for (size_t c = 0; c < C; c++) {
@@ -288,7 +288,7 @@ TEST("the response grows with the severity") {
     }
 }
 
-TEST("ratios of broken to intact lie in their bounds") {
+TEST("ratios of broken to intact are within their bounds") {
     enum { COUNT = 6000, CONDITIONS = 9 };
     static const double low[3] = {1.40, 1.05, 0.99}, high[3] = {1.65, 1.12, 1.06};
     float *x = TEST_ARRAY(float, COUNT *C);
@@ -344,7 +344,7 @@ TEST("a crack changes nothing before its time") {
     assert_true(fabsf(cracked[(AT - 1) * C] - intact[(AT - 1) * C]) > 1e-6f);
 }
 
-TEST("streams in pieces are the whole run, and seeds are apart") {
+TEST("streams in pieces equal the whole run, and other seeds differ") {
     enum { COUNT = 700 };
     float whole[COUNT * C], pieces[COUNT * C], other[COUNT * C];
     lg_riser_parameters p;
@@ -384,7 +384,7 @@ TEST("streams in pieces are the whole run, and seeds are apart") {
     assert_true(sum > 1e3);
 }
 
-TEST("standard runs differ in what they should") {
+TEST("standard runs differ in sea state, direction and seed as they should") {
     static const double heights[6] = {1.5, 2.0, 2.5, 3.0, 3.5, 4.5}, directions[3] = {20.0, 45.0, 70.0};
     size_t states[LG_SEA_STATES] = {0};
     uint64_t seeds[LG_RISER_RUNS], noises[LG_RISER_RUNS];
@@ -417,7 +417,7 @@ TEST("standard runs differ in what they should") {
 
 /* ---- bad input ---- */
 
-TEST("bad parameters, runs and seas are refused by name") {
+TEST("invalid parameters, runs and seas are refused by name") {
     float x[3 * C] = {9.0f};
     lg_riser_parameters p;
     lg_riser_run run;
@@ -449,12 +449,13 @@ TEST("bad parameters, runs and seas are refused by name") {
     assert_status(lg_riser_simulate(NULL, &p, &run, SIZE_MAX / 8, x, &error), LG_OUT_OF_MEMORY);
     assert_status(lg_riser_stream_next(NULL, 3, x, &error), LG_INVALID_ARGUMENT);
     lg_riser_stream_destroy(NULL);
-    p.drag = 1e4; /* more than explicit drag bears */
+    p.drag = 1e4; /* too large for the explicit drag term */
     run.sea.height = 20.0;
     assert_status(lg_riser_simulate(NULL, &p, &run, 3, x, &error), LG_NOT_FINITE);
     assert_says(error.message, "too large");
     lg_riser_parameters_init(&p);
-    static const double weights[] = {3e7, 1e9, 1e12}; /* the standard one is 1.6e6; 3e7 m g h is K_r */
+    /* the standard weight is 1.6e6; at 3e7 the moment m g h equals K_r */
+    static const double weights[] = {3e7, 1e9, 1e12};
     for (int i = 0; i < 3; i++) {
         lg_riser_run_init(&run);
         p.bop_weight = 1.2 * weights[i];
@@ -467,7 +468,7 @@ TEST("bad parameters, runs and seas are refused by name") {
     p.severity = 0.5; /* the broken casing does not hold it */
     assert_status(lg_riser_parameters_check(&p, &error), LG_INVALID_ARGUMENT);
     lg_riser_parameters_init(&p);
-    p.submerged_weight = 1e6; /* pulled down more than held up */
+    p.submerged_weight = 1e6; /* the weight is larger than the tension */
     assert_status(lg_riser_parameters_check(&p, &error), LG_INVALID_ARGUMENT);
     assert_true(x[0] == 9.0f);
     const lg_sea_state calm = {0};
@@ -501,9 +502,9 @@ TEST("bad parameters, runs and seas are refused by name") {
     assert_status(lg_riser_simulate(NULL, &p, &run, 3, x, &error), LG_INVALID_ARGUMENT);
     assert_says(error.message, "beyond floating point");
     run.sea.period = 8.0;
-    run.sea.height = 1e308; /* m: the waves exist, their forces do not */
+    run.sea.height = 1e308; /* m; the waves are finite, their forces are not */
     assert_status(lg_riser_simulate(NULL, &p, &run, 3, x, &error), LG_INVALID_ARGUMENT);
-    /* no damping at all, twice the step: still bounded */
+    /* Without any damping and with twice the step the motion stays bounded. */
     lg_riser_parameters_init(&p);
     p.damping_offset = p.damping_rotation = p.damping_riser = 0.0;
     lg_riser_run_init(&run);
@@ -512,7 +513,7 @@ TEST("bad parameters, runs and seas are refused by name") {
     assert_true(fabsf(x[0]) < 1.0f);
 }
 
-TEST("a run may be cancelled, and every allocation may fail") {
+TEST("a run can be cancelled, and every allocation may fail") {
     volatile int cancel = 1;
     lg_context_options options;
     lg_context *context;

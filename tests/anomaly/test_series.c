@@ -1,17 +1,17 @@
-/* Sets of series: memory, windows through stored windows, splits that tear nothing apart, scaling against
- * direct formulas. */
+/* Sets of series: memory, windows across stored windows, splits that keep units together, scaling compared
+ * with direct formulas. */
 #include "anomaly/series_support.h"
 
 #include "liegrad/random.h"
 
 /* ---- helpers ---- */
 
-/* Sample number `at` of channel c in the run that starts at stored window 0. */
+/* Sample number `at` of channel c in the run that starts with stored window 0. */
 static float ramp(size_t c, size_t at) {
     return (float)(1000 * c + at);
 }
 
-/* Every stored window continues the one before, over all runs. */
+/* Every stored window continues the window before it, across all runs. */
 static void fill_ramp(lg_series *s) {
     for (size_t i = 0; i < s->count; i++)
         for (size_t c = 0; c < s->channels; c++)
@@ -21,7 +21,7 @@ static void fill_ramp(lg_series *s) {
 
 /* ---- memory ---- */
 
-TEST("a set has the memory of its sizes, or none") {
+TEST("a set has memory for its sizes, or none") {
     lg_series s = {.count = 3, .channels = 2, .length = 4, .classes = 11, .rate = 5.0};
     assert_ok(lg_series_allocate(NULL, &s, true, false));
     assert_string_equal(s.class_name[0], "0");
@@ -63,7 +63,7 @@ static void check_ramp(const lg_series *s, const lg_windows *w, const size_t *st
     }
 }
 
-/* Two runs of four and two stored windows of ten samples. */
+/* Two runs, of four and of two stored windows with ten samples each. */
 static lg_series two_runs(void) {
     lg_series s = make_series(6, 3, 10, 2, false, true);
     for (size_t i = 0; i < 6; i++) s.label[i] = s.run[i] = i < 4 ? 0 : 1;
@@ -78,9 +78,9 @@ TEST("windows are cut out of runs, across stored windows") {
     } cases[] = {
         {0, 0, 6, {0, 10, 20, 30, 40, 50}}, /* as stored */
         {25, 0, 1, {0}},                    /* 40 = 25 + 15, 20 < 25 */
-        {20, 0, 3, {0, 20, 40}},            /* whole stored windows together */
-        {7, 13, 5, {0, 13, 26, 40, 53}},    /* across and inside */
-        {40, 1, 1, {0}},                    /* all of a run */
+        {20, 0, 3, {0, 20, 40}},            /* whole stored windows joined */
+        {7, 13, 5, {0, 13, 26, 40, 53}},    /* across stored windows and inside */
+        {40, 1, 1, {0}},                    /* a whole run */
         {15, 9, 4, {0, 9, 18, 40}},
         {20, SIZE_MAX, 2, {0, 40}},
     };
@@ -110,7 +110,7 @@ TEST("no window crosses a change of class or group") {
     }
 }
 
-TEST("without runs windows lie inside stored windows") {
+TEST("without runs, windows lie inside stored windows") {
     static const size_t starts[] = {0, 4, 10, 14, 20, 24};
     lg_series s = make_series(3, 2, 10, 1, false, false);
     fill_ramp(&s);
@@ -141,7 +141,7 @@ static counts split_of(const lg_series *s, const lg_windows *w, lg_split kind, d
     return c;
 }
 
-TEST("a random split is one of each class, and its test part depends on the seed alone") {
+TEST("a random split divides each class, and its test part depends only on the seed") {
     enum { N = 250 };
     uint8_t parts[N], again[N], other[N];
     lg_series s = make_series(N, 1, 1, 3, false, false);
@@ -160,7 +160,7 @@ TEST("a random split is one of each class, and its test part depends on the seed
     (void)split_of(&s, &w, LG_SPLIT_RANDOM, 0.2, 0.1, 8, other);
     assert_memory_equal(parts, again, N);
     assert_memory_not_equal(parts, other, N);
-    /* the test part does not depend on how much validates */
+    /* The test part does not depend on the size of the validation part. */
     (void)split_of(&s, &w, LG_SPLIT_RANDOM, 0.2, 0.3, 7, other);
     for (size_t i = 0; i < N; i++) assert_int_equal(parts[i] == LG_PART_TEST, other[i] == LG_PART_TEST);
     assert_int_equal(split_of(&s, &w, LG_SPLIT_RANDOM, 0.0, 0.0, 7, parts).part[LG_PART_TRAIN], N);
@@ -181,7 +181,7 @@ TEST("windows of a run, or of a group, stay together") {
         const uint32_t *unit = kind == LG_SPLIT_RUN ? s.run : s.group;
         const counts c = split_of(&s, &w, (lg_split)kind, 0.2, 0.2, 11, parts);
         const size_t per_unit = w.count / (kind == LG_SPLIT_RUN ? STATES * RUNS : STATES);
-        /* runs: round(0.2 54) of each class; groups: round(0.2 18) of the one stratum */
+        /* runs: round(0.2 * 54) of each class; groups: round(0.2 * 18) of the only stratum */
         assert_int_equal(c.part[LG_PART_TEST], (kind == LG_SPLIT_RUN ? 22 : 4) * per_unit);
         assert_int_equal(c.part[LG_PART_VALIDATION], (kind == LG_SPLIT_RUN ? 22 : 4) * per_unit);
         for (size_t i = 0; i < w.count; i++)
@@ -190,7 +190,7 @@ TEST("windows of a run, or of a group, stay together") {
     }
 }
 
-TEST("whatever the sizes each class trains, or the split is refused") {
+TEST("for any sizes every class has training windows, or the split is refused") {
     lg_rng rng = test_rng(5, 0);
     for (int trial = 0; trial < 200; trial++) {
         uint8_t parts[64];
@@ -219,7 +219,7 @@ TEST("whatever the sizes each class trains, or the split is refused") {
     }
 }
 
-TEST("bad fractions, missing units and empty parts are refused") {
+TEST("invalid fractions, missing units and empty parts are refused") {
     static const struct {
         lg_split kind;
         double test, validation;
@@ -229,7 +229,7 @@ TEST("bad fractions, missing units and empty parts are refused") {
         {LG_SPLIT_RANDOM, 0.5, 0.5, ""},      {LG_SPLIT_RANDOM, 0.0, -1.0, ""},
         {LG_SPLIT_RANDOM, NAN, 0.0, ""},      {LG_SPLIT_RANDOM, 0.0, NAN, ""},
         {LG_SPLIT_RUN, 0.2, 0.0, "no runs"},  {LG_SPLIT_GROUP, 0.2, 0.0, "no groups"},
-        {LG_SPLIT_COUNT, 0.2, 0.0, ""},       {LG_SPLIT_RANDOM, 0.1, 0.0, "empty"}, /* round(0.1 3) = 0 */
+        {LG_SPLIT_COUNT, 0.2, 0.0, ""},       {LG_SPLIT_RANDOM, 0.1, 0.0, "empty"}, /* round(0.1 * 3) = 0 */
         {LG_SPLIT_RANDOM, 0.4, 0.0, "label"}, {LG_SPLIT_RANDOM, 0.4, 0.0, "\"1\""},
     };
     uint8_t parts[6] = {9, 9, 9, 9, 9, 9};
@@ -238,7 +238,8 @@ TEST("bad fractions, missing units and empty parts are refused") {
     for (size_t i = 0; i < LG_COUNT(cases); i++) {
         lg_error error = {LG_OK, ""};
         if (strcmp(cases[i].word, "label") == 0) s.label[3] = 2;
-        if (strcmp(cases[i].word, "\"1\"") == 0) memset(s.label, 0, 6 * sizeof *s.label); /* no class 1 */
+        /* class 1 does not occur */
+        if (strcmp(cases[i].word, "\"1\"") == 0) memset(s.label, 0, 6 * sizeof *s.label);
         assert_status(lg_series_split(NULL, &s, &w, cases[i].kind, cases[i].test, cases[i].validation, 1,
                                       parts, &error),
                       LG_INVALID_ARGUMENT);
@@ -252,7 +253,7 @@ TEST("splits have their names") {
     ASSERT_NAMED(lg_split, lg_split, LG_SPLIT_COUNT);
 }
 
-TEST("folds are dealt class by class") {
+TEST("folds are assigned class by class") {
     static const uint32_t label[] = {0, 0, 1, 0, 2, 1, 0, 0, 1, 1, 5};
     static const uint32_t wanted[] = {0, 1, 0, 2, 0, 1, 0, 1, 2, 0, 0};
     uint32_t fold[11];
@@ -264,8 +265,9 @@ TEST("folds are dealt class by class") {
     for (size_t i = 0; i < 11; i++) assert_int_equal(fold[i], 0);
 }
 
-/* Strata {0}: units 2, 4, 9; {0, 1}: 3, 7; {1}: 5, 6, 8. The second starts where there is least of 0. */
-TEST("folds are dealt to whole units, stratum by stratum") {
+/* Strata: {0} has units 2, 4, 9; {0, 1} has 3, 7; {1} has 5, 6, 8. The second stratum starts with the fold
+ * that has the fewest rows of class 0. */
+TEST("folds are assigned to whole units, stratum by stratum") {
     static const uint32_t unit[] = {9, 4, 4, 2, 2, 2, 7, 7, 3, 3, 3, 5, 6, 8, 8, 9};
     static const uint32_t label[] = {0, 0, 0, 0, 0, 0, 1, 0, 0, 1, 1, 1, 1, 1, 1, 0};
     static const uint32_t wanted[] = {0, 1, 1, 0, 0, 0, 0, 0, 1, 1, 1, 0, 1, 0, 0, 0};
@@ -273,7 +275,8 @@ TEST("folds are dealt to whole units, stratum by stratum") {
     uint32_t fold[16], more[16];
     assert_ok(lg_folds(NULL, label, unit, 16, 2, fold));
     for (size_t i = 0; i < 16; i++) assert_int_equal(fold[i], wanted[i]);
-    assert_ok(lg_folds(NULL, label, unit, 16, 100, more)); /* more folds than units: none shared in a class */
+    /* with more folds than units, no two units of a class share a fold */
+    assert_ok(lg_folds(NULL, label, unit, 16, 100, more));
     for (size_t i = 0; i < 16; i++)
         for (size_t j = 0; j < 16; j++)
             if (label[i] == label[j]) assert_true((more[i] == more[j]) == (unit[i] == unit[j]));
@@ -283,7 +286,7 @@ TEST("folds are dealt to whole units, stratum by stratum") {
     for (size_t i = 0; i < 16; i++) assert_int_equal(fold[i], 0);
 }
 
-TEST("units are never torn, balanced in their strata, and of two classes both train in every fold") {
+TEST("units are never split and are balanced in their strata; two classes both train in every fold") {
     enum { N = 300, UNITS = 40 };
     lg_rng rng = test_rng(12, 0);
     for (uint32_t draw = 0; draw < 200; draw++) {
@@ -298,7 +301,8 @@ TEST("units are never torn, balanced in their strata, and of two classes both tr
         assert_ok(lg_folds(NULL, label, unit, N, folds, fold));
         for (size_t i = 0; i < units; i++) of[i] = fold[i];
         for (size_t i = 0; i < N; i++) assert_true(fold[i] < folds && fold[i] == of[unit[i]]);
-        for (size_t u = 0; u < units; u++) { /* of u's stratum, each fold has as many, or one more */
+        /* the numbers of units of u's stratum in two folds differ by at most one */
+        for (size_t u = 0; u < units; u++) {
             uint32_t most = 0, least = N;
             for (uint32_t f = 0; f < folds; f++) {
                 uint32_t count = 0;
@@ -376,7 +380,7 @@ TEST("the scaler has the means and deviations of the chosen windows") {
     assert_int_equal(none.channels, 5);
 }
 
-TEST("windows that are constant and differ from each other are constant only when centred") {
+TEST("windows that are constant but differ from each other count as constant only if centred") {
     lg_series s = make_series(2, 1, 7, 1, false, false);
     for (size_t t = 0; t < 7; t++) {
         s.x[t] = 0.1f;
@@ -389,7 +393,7 @@ TEST("windows that are constant and differ from each other are constant only whe
     assert_close(scaler.scale[0], 0.5 * ((double)0.3f - (double)0.1f), 1e-14, 0);
 }
 
-/* ---- memory that fails ---- */
+/* ---- failing allocations ---- */
 
 static lg_status all_at_once(const lg_context *context) {
     lg_series s = {.count = 8, .channels = 2, .length = 3, .classes = 2};

@@ -24,9 +24,9 @@ TEST("white noise has its variance in every band") {
     for (uint32_t b = 0; b < BANDS; b++) assert_close(power[b], 4, 0.05, 0); /* 5 standard errors */
 }
 
-/* A sine of amplitude a whose frequency is a bin: a^2/4 n/sum h^2 (sum h)^2/n, spread over three bins, all of
- * the band. sum h = n/2, sum h^2 = 3 n/8. */
-TEST("a sine is in its band") {
+/* A sine of amplitude a whose frequency is that of a bin: its power is a^2/4 n/sum h^2 (sum h)^2/n, in three
+ * bins that all belong to the band. sum h = n/2, sum h^2 = 3 n/8. */
+TEST("the power of a sine is in its band") {
     enum { LENGTH = 300, BANDS = 8 };
     const lg_spectrum s = make(LENGTH, BANDS);
     const double n = s.segment, total = n / 4;
@@ -43,7 +43,7 @@ TEST("a sine is in its band") {
     }
 }
 
-TEST("every sample of a series but the last few is in a segment") {
+TEST("every sample of a series except the last few is in a segment") {
     for (uint32_t length = 4; length < 700; length += 3) {
         const lg_spectrum s = make(length, 2);
         const uint32_t end = (s.segments - 1) * s.hop + s.segment;
@@ -52,7 +52,7 @@ TEST("every sample of a series but the last few is in a segment") {
     }
 }
 
-TEST("bands share the bins out") {
+TEST("bands divide the bins among themselves") {
     assert_int_equal(lg_spectrum_bands(3, 8), 0);
     assert_int_equal(lg_spectrum_bands(4, 8), 2);
     assert_int_equal(lg_spectrum_bands(300, 8), 8);
@@ -69,7 +69,7 @@ TEST("bands share the bins out") {
     assert_int_equal(lg_spectrum_create(NULL, 6, 4, &s, &error), LG_INVALID_ARGUMENT);
 }
 
-TEST("derivatives of the powers are those of differences") {
+TEST("derivatives of the powers agree with differences") {
     enum { LENGTH = 37, BANDS = 5 };
     const lg_spectrum s = make(LENGTH, BANDS);
     const double cotangent[BANDS] = {1, -2, 0.5, 3, 0.25}, h = 1e-3;
@@ -77,7 +77,7 @@ TEST("derivatives of the powers are those of differences") {
     double *work = TEST_ARRAY(double, lg_spectrum_work(&s));
     lg_rng rng = test_rng(1, 1);
     for (uint32_t t = 0; t < LENGTH; t++) z[t] = lg_rng_normal(&rng);
-    for (uint32_t t = 0; t < LENGTH; t++) { /* exact for a quadratic */
+    for (uint32_t t = 0; t < LENGTH; t++) { /* exact for a quadratic function */
         const double kept = z[t];
         expected[t] = 0;
         for (int sign = -1; sign <= 1; sign += 2) {

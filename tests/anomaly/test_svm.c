@@ -1,5 +1,5 @@
-/* Support vectors: decisions equal to libsvm's own, optimality conditions of the dual, planes, absent
- * classes, both layouts of the kernel, hard tables. */
+/* Support vector machines: decisions equal to libsvm's, optimality conditions of the dual, planes, absent
+ * classes, both layouts of the kernel, difficult tables. */
 #include "classify_support.h"
 
 #include <libsvm/svm.h>
@@ -13,7 +13,7 @@ static const lg_svm *fit(lg_kernel kernel, double c, double gamma, const double 
     return own_lg_svm(svm);
 }
 
-/* ---- libsvm on the same rows ---- */
+/* ---- libsvm on the same table ---- */
 
 static void quiet(const char *text) {
 }
@@ -30,7 +30,8 @@ static struct svm_node *node_row(const double *x, uint32_t d, struct svm_node *o
     return out;
 }
 
-/* Rows by class: libsvm numbers the classes as they come. */
+/* Passes the rows to libsvm sorted by class, because libsvm numbers classes in the order in which they
+ * occur. */
 static void reference_train(reference *r, const double *x, const uint32_t *label, size_t n, uint32_t d,
                             uint32_t classes, const lg_svm *like) {
     r->nodes = malloc(n * (d + 1) * sizeof *r->nodes);
@@ -63,7 +64,7 @@ static void reference_free(reference *r) {
     free(r->target);
 }
 
-/* Scores as lg_svm_predict defines them, from libsvm's decisions. */
+/* Scores as lg_svm_predict defines them, computed from libsvm's decisions. */
 static void scores_of(const double *decision, uint32_t classes, double *score) {
     double lean[8] = {0};
     memset(score, 0, classes * sizeof *score);
@@ -84,10 +85,10 @@ static void scores_of(const double *decision, uint32_t classes, double *score) {
     for (uint32_t i = 0; i < classes; i++) score[i] += lean[i] / (3 * (fabs(lean[i]) + 1));
     for (uint32_t i = 1; i < classes; i++)
         if (score[i] > score[largest]) largest = i;
-    score[first] = score[largest]; /* or the next number above it */
+    score[first] = score[largest]; /* or the next larger number */
 }
 
-TEST("ties of votes are broken as libsvm does") {
+TEST("ties of votes are decided as libsvm does") {
     enum { N = 240, D = 2, CLASSES = 6 };
     uint32_t ties = 0, turned = 0;
     for (int kernel = LG_KERNEL_LINEAR; kernel <= LG_KERNEL_RBF; kernel++) {
@@ -126,13 +127,15 @@ TEST("ties of votes are broken as libsvm does") {
     assert_true(ties > 20 && turned > 5);
 }
 
-TEST("decisions are libsvm's, for lists and for tables") {
+TEST("decisions agree with libsvm, for lists and for tables") {
     static const struct {
         lg_kernel kernel;
         uint32_t n, d, classes;
         double c, gamma;
         double
-            rtol; /* few features: the same lists, the same bits; more: a table, within libsvm's tolerance */
+            /* few features: the same lists and the same bits; more features: a table, to libsvm's tolerance
+             *  */
+            rtol;
     } cases[] = {
         {LG_KERNEL_RBF, 120, 4, 2, 1.0, 0.0, 1e-12},   {LG_KERNEL_LINEAR, 120, 4, 2, 10.0, 0.0, 1e-12},
         {LG_KERNEL_RBF, 120, 4, 4, 100.0, 0.3, 1e-12}, {LG_KERNEL_LINEAR, 90, 3, 3, 1.0, 0.0, 1e-12},
@@ -160,7 +163,7 @@ TEST("decisions are libsvm's, for lists and for tables") {
             for (uint32_t c = 0; c < classes; c++) {
                 if (classes == 2 || cases[t].rtol < 1e-6)
                     assert_close(score[i * classes + c], expected[c], cases[t].rtol, cases[t].rtol);
-                else /* a vote may fall the other way */
+                else /* a vote may differ */
                     assert_true(fabs(score[i * classes + c] - expected[c]) < 1.0);
                 assert_close(alone[c], score[i * classes + c], 1e-12, 1e-12);
             }
@@ -170,9 +173,9 @@ TEST("decisions are libsvm's, for lists and for tables") {
     }
 }
 
-/* Karush-Kuhn-Tucker: y f(x) >= 1 for rows that are no vectors, <= 1 at the bound C, = 1 between, each up to
- * libsvm's 1e-3; with a table as with lists. */
-TEST("the dual is optimal (Karush, Kuhn, Tucker)") {
+/* Karush-Kuhn-Tucker conditions: y f(x) >= 1 for rows that are not support vectors, <= 1 at the bound C, = 1
+ * in between, each within libsvm's tolerance of 1e-3; with tables and with lists. */
+TEST("the dual solution is optimal (Karush, Kuhn, Tucker)") {
     for (uint32_t d = 3; d <= 12; d += 9) {
         enum { N = 201 };
         uint32_t label[N];
@@ -199,7 +202,7 @@ TEST("the dual is optimal (Karush, Kuhn, Tucker)") {
     }
 }
 
-TEST("two points: the plane half-way, margin 1 at both; class 1 on the positive side") {
+TEST("for two points the plane is half-way, both margins are 1, and class 1 is on the positive side") {
     const double x[] = {1.0, 0.0, 3.0, 0.0};
     const uint32_t label[] = {0, 1};
     const lg_svm *svm = fit(LG_KERNEL_LINEAR, 10.0, 0.0, x, label, 2, 2, 2);
@@ -215,7 +218,7 @@ TEST("two points: the plane half-way, margin 1 at both; class 1 on the positive 
     assert_status(lg_svm_plane(svm, w, &b), LG_UNSUPPORTED);
 }
 
-TEST("classes that do not occur are never given, and the others as without them") {
+TEST("classes that do not occur are never predicted, and do not affect the others") {
     uint32_t label[60], wide[60];
     double *x = clouds(60, 3, 3, 1.0, 9, label);
     for (int i = 0; i < 60; i++) wide[i] = 2 * label[i];
@@ -226,7 +229,8 @@ TEST("classes that do not occur are never given, and the others as without them"
     for (int i = 0; i < 60; i++) {
         lg_svm_predict(three, x + 3 * i, 1, a, work);
         lg_svm_predict(five, x + 3 * i, 1, b, work);
-        for (int c = 0; c < 3; c++) assert_close(b[2 * c] - a[c], 2.0, 1e-13, 0); /* two votes for nothing */
+        /* two more votes, against the absent classes */
+        for (int c = 0; c < 3; c++) assert_close(b[2 * c] - a[c], 2.0, 1e-13, 0);
         assert_close(b[1], -1.0, 0, 0);
         assert_close(b[3], -1.0, 0, 0);
     }
@@ -241,7 +245,7 @@ TEST("scaled tables have the same decisions") {
         for (int f = 0; f < (kernel == LG_KERNEL_RBF ? 3 : 4); f++) {
             double scaled[2 * N];
             for (int i = 0; i < 2 * N; i++) scaled[i] = x[i] * factors[f];
-            /* a linear kernel with C/f^2 on f x is the same problem */
+            /* A linear kernel with C/f^2 on f x is the same problem. */
             const double c = kernel == LG_KERNEL_RBF ? 1.0 : 1.0 / factors[f] / factors[f];
             const lg_svm *svm = fit((lg_kernel)kernel, c, 0.0, scaled, label, N, 2, 2);
             lg_svm_predict(svm, scaled, N, score, work);
@@ -250,7 +254,7 @@ TEST("scaled tables have the same decisions") {
         }
 }
 
-TEST("bad tables and options are refused") {
+TEST("invalid tables and options are refused") {
     uint32_t label[6];
     double *x = clouds(6, 2, 2, 1.0, 4, label);
     lg_svm m = {.inputs = 99};

@@ -1,4 +1,4 @@
-/* Trees against scikit-learn's, against brute force, and what a tree must not do. */
+/* Trees compared with scikit-learn and with brute force; limits, ties, unusual tables. */
 #include "test_support.h"
 
 #include "golden/tree_table.h"
@@ -29,7 +29,7 @@ static const lg_tree *pruned_at(const lg_tree *tree, double alpha) {
     return own_lg_tree(pruned);
 }
 
-/* A tree of the table, borrowed. */
+/* A tree whose nodes are golden tables. */
 #define GOLDEN(name, of)                                                                                     \
     {                                                                                                        \
         .inputs = TABLE_FEATURES, .classes = TABLE_CLASSES,                                                  \
@@ -51,7 +51,7 @@ static void expect_same(const lg_tree *tree, const lg_tree *golden) {
                         (size_t)tree->count * tree->classes * sizeof *tree->counts);
 }
 
-TEST("same tree as the golden one") {
+TEST("the tree agrees with the golden one") {
     const lg_tree golden[] = {GOLDEN(leaf_gini, LG_GINI), GOLDEN(leaf_entropy, LG_ENTROPY)};
     const double *probability[] = {leaf_gini_probability, leaf_entropy_probability};
     const double alpha[] = {leaf_gini_ccp_alpha, leaf_entropy_ccp_alpha};
@@ -91,7 +91,7 @@ static void expect_path(const lg_tree *tree, const double *alpha, const double *
     assert_int_equal(steps[count - 1].depth, 0);
 }
 
-TEST("same pruning path as the golden one") {
+TEST("the pruning path agrees with the golden one") {
     const lg_tree gini = GOLDEN(leaf_gini, LG_GINI), entropy = GOLDEN(leaf_entropy, LG_ENTROPY);
     const lg_tree full = GOLDEN(full, LG_GINI);
     expect_path(&gini, leaf_gini_alpha, leaf_gini_impurity, LG_COUNT(leaf_gini_alpha));
@@ -99,7 +99,7 @@ TEST("same pruning path as the golden one") {
     expect_path(&full, full_alpha, full_impurity, LG_COUNT(full_alpha));
 }
 
-/* ---- against brute force ---- */
+/* ---- comparison with brute force ---- */
 
 enum { ROWS = 60, FEATURES = 3, CLASSES = 3 };
 
@@ -121,7 +121,7 @@ static double impurity_of(lg_criterion criterion, const uint32_t *counts, uint32
     return sum;
 }
 
-/* samples * impurity of both sides of a split of the rows with in[i]; negative when a side is too small. */
+/* samples * impurity of both sides when the rows with in[i] are split; negative if a side is too small. */
 static double cost_of(lg_criterion criterion, const double *x, const uint32_t *label, const bool *in,
                       uint32_t feature, double threshold, uint32_t leaf) {
     uint32_t counts[2][CLASSES] = {{0}}, samples[2] = {0, 0};
@@ -136,8 +136,8 @@ static double cost_of(lg_criterion criterion, const double *x, const uint32_t *l
            samples[1] * impurity_of(criterion, counts[1], samples[1]);
 }
 
-/* Every node: its rows are those that reach it, no split of them is better, and it is a leaf only when it is
- * pure or cannot be split. */
+/* For every node: its rows are those that reach it, no other split of them is better, and it is a leaf only
+ * if it is pure or cannot be split. */
 static void expect_best_splits(const lg_tree *tree, lg_criterion criterion, const double *x,
                                const uint32_t *label, uint32_t leaf) {
     static bool in[ROWS * 2][ROWS];
@@ -169,7 +169,7 @@ static void expect_best_splits(const lg_tree *tree, lg_criterion criterion, cons
     }
 }
 
-TEST("every split is the best there is") {
+TEST("every split is the best possible one") {
     double x[ROWS * FEATURES];
     uint32_t label[ROWS];
     for (uint64_t seed = 1; seed <= 20; seed++)
@@ -192,7 +192,7 @@ static double risk(const lg_tree *tree, double alpha) {
     return sum;
 }
 
-/* Smallest R_alpha below node t, by recursion: min(leaf, best left + best right). */
+/* The smallest R_alpha below node t, by recursion: min(leaf, best left + best right). */
 static double smallest_risk(const lg_tree *tree, uint32_t t, double alpha) {
     const lg_tree_node *node = &tree->node[t];
     const double leaf = alpha + node->impurity * node->samples / tree->node[0].samples;
@@ -215,7 +215,7 @@ TEST("pruning minimises the risk") {
             if (i > 0)
                 assert_true(steps[i].alpha >= steps[i - 1].alpha && steps[i].nodes < steps[i - 1].nodes);
             if (i + 1 < count && steps[i + 1].alpha <= steps[i].alpha)
-                continue; /* goes together with the next */
+                continue; /* is pruned together with the next one */
             pruned = pruned_at(tree, steps[i].alpha);
             assert_int_equal(pruned->count, steps[i].nodes);
             assert_int_equal(lg_tree_depth(pruned), steps[i].depth);
@@ -228,12 +228,12 @@ TEST("pruning minimises the risk") {
     }
 }
 
-/* ---- limits, ties, strange tables ---- */
+/* ---- limits, ties, unusual tables ---- */
 
 static const double exclusive_x[] = {0, 0, 0, 1, 1, 0, 1, 1};
 static const uint32_t exclusive_y[] = {0, 1, 1, 0};
 
-TEST("a split that gains nothing is made") {
+TEST("a split without gain is made if later splits need it") {
     for (int c = 0; c < LG_CRITERION_COUNT; c++) {
         const lg_tree_options options = options_of((lg_criterion)c, 1);
         const lg_tree *pruned, *tree = fit(&options, exclusive_x, exclusive_y, 4, 2, 2);
@@ -245,15 +245,15 @@ TEST("a split that gains nothing is made") {
             lg_tree_predict(tree, &exclusive_x[2 * i], 1, p);
             assert_close(p[exclusive_y[i]], 1.0, 0, 0);
         }
-        /* Without gain at the root alpha 0 keeps all: the two splits below gain. */
+        /* Although the root gains nothing, alpha 0 keeps all nodes, because the two splits below gain. */
         pruned = pruned_at(tree, 0.0);
         assert_int_equal(pruned->count, 7);
     }
 }
 
-TEST("ties go to the lower feature and threshold") {
-    /* features 1 and 2 are copies, one mirrored; 0 is constant. Cutting after the first or before the last
-     * row is equally good. */
+TEST("ties are decided for the lower feature and threshold") {
+    /* Features 1 and 2 are mirrored copies; feature 0 is constant. A cut after the first row is as good as
+     * one before the last row. */
     const double x[] = {7, 0, 3, 7, 1, 2, 7, 2, 1, 7, 3, 0};
     const uint32_t y[] = {0, 1, 1, 0};
     for (int c = 0; c < LG_CRITERION_COUNT; c++) {
@@ -265,7 +265,7 @@ TEST("ties go to the lower feature and threshold") {
     }
 }
 
-TEST("depth, leaves and splits keep their limits") {
+TEST("depth, leaf size and split size keep their limits") {
     double x[ROWS * FEATURES];
     uint32_t label[ROWS];
     draw_table(3, 1000, x, label);
@@ -297,7 +297,7 @@ TEST("a threshold lies between neighbouring doubles") {
     }
 }
 
-TEST("tables without a split are one leaf") {
+TEST("tables without a possible split give a single leaf") {
     const lg_tree_options options = options_of(LG_ENTROPY, 1);
     const double same[] = {2, 2, 2, -0.0, 0.0, 0.0}, one[] = {5.0};
     const uint32_t y[] = {0, 1, 1};
@@ -315,7 +315,7 @@ TEST("tables without a split are one leaf") {
     assert_close(p[3], 0.0, 0, 0);
 }
 
-TEST("a tree as deep as it has rows: no recursion anywhere") {
+TEST("a tree may be as deep as the table has rows, since nothing recurses") {
     enum { DEEP = 3000 };
     const lg_tree_options options = options_of(LG_GINI, 1);
     double *x = TEST_ARRAY(double, DEEP);
@@ -324,7 +324,7 @@ TEST("a tree as deep as it has rows: no recursion anywhere") {
     assert_true(x != NULL && y != NULL);
     for (uint32_t i = 0; i < DEEP; i++) {
         x[i] = i;
-        y[i] = i % 2; /* the best split cuts off an end */
+        y[i] = i % 2; /* the best split cuts off one end */
     }
     tree = fit(&options, x, y, DEEP, 1, 2);
     assert_int_equal(tree->count, 2 * DEEP - 1);
@@ -333,7 +333,7 @@ TEST("a tree as deep as it has rows: no recursion anywhere") {
     assert_int_equal(pruned->count, 1);
 }
 
-TEST("bad tables and options are refused, and the tree is untouched") {
+TEST("invalid tables and options are refused, and the tree is unchanged") {
     static const double x[] = {1, 2, 3}, bad[] = {1, NAN, 3}, worse[] = {1, 2, -INFINITY};
     static const uint32_t y[] = {0, 1, 0}, out_of_range[] = {0, 2, 0};
     const struct {
@@ -378,7 +378,7 @@ TEST("bad tables and options are refused, and the tree is untouched") {
     assert_status(lg_criterion_parse("Gini", &criterion), LG_NOT_FOUND);
 }
 
-TEST("every allocation may fail, and the tree is untouched") {
+TEST("every allocation may fail, and the tree is unchanged") {
     lg_tree_options options = options_of(LG_ENTROPY, 1);
     options.ccp_alpha = 1e-3;
     EVERY_ALLOCATION_FAILS(context, 15, {
