@@ -1,4 +1,4 @@
-/* Logs of machines: CSV and HDF5. */
+/* Logs of machines in CSV and HDF5. */
 #include "support/io_test.h"
 #include "liegrad/geometry.h"
 #include "liegrad/logs.h"
@@ -71,7 +71,7 @@ static void assert_parts(const lg_logs *logs, size_t parts, const size_t *first)
     assert_int_equal(logs->log.rows, first[parts]);
 }
 
-/* Text that grows. */
+/* A text that grows. */
 typedef struct text {
     char *at;
     size_t used, room;
@@ -122,7 +122,7 @@ TEST("rows are read in any dialect of CSV") {
     }
 }
 
-TEST("what is no log is refused with file, line and column") {
+TEST("a file that is not a log is refused with file, line and column") {
     static const struct {
         const char *text, *word1, *word2;
     } wrong[] = {
@@ -161,7 +161,7 @@ TEST("what is no log is refused with file, line and column") {
     refuse_paths(f, &path, 1, LG_INVALID_ARGUMENT, "needs a name", "");
 }
 
-TEST("a line that was cut off and rows without a time are left out with a warning") {
+TEST("an incomplete line and rows without a time are left out with a warning") {
     const lg_machine_file *f = machine(LINE);
     const lg_logs *logs = read_text(f, "t,q,v\n0,1,1\n,1,1\n1,2,1\n2,3");
     assert_int_equal(logs->log.rows, 2);
@@ -198,7 +198,7 @@ TEST("a file is a run, or a column names the runs") {
                  "1 to 63 bytes");
 }
 
-TEST("steps of more than 1.4 medians, or of more than max_step, are gaps") {
+TEST("time steps longer than 1.4 medians, or longer than max_step, are gaps") {
     static const char log[] = "t,q,v\n0,0,1\n1,1,1\n2,2,1\n3.3,3.3,1\n4.3,4.3,1\n6,6,1\n7,7,1\n";
     static const size_t two[] = {0, 5, 7}, one[] = {0, 7}, three[] = {0, 3, 5, 7};
     const lg_logs *logs = read_text(machine(LINE), log);
@@ -212,7 +212,7 @@ TEST("steps of more than 1.4 medians, or of more than max_step, are gaps") {
                 "scale: {t: 0.001}");
 }
 
-TEST("files of different rates are told") {
+TEST("files with different rates cause a warning") {
     const char *paths[] = {scratch_path("a.csv"), scratch_path("b.csv")};
     write_text_to(paths[0], "t,q,v\n0,1,0\n1,2,0\n2,3,0\n3,4,0\n");
     write_text_to(paths[1], "t,q,v\n0,1,0\n0.3,2,0\n0.6,3,0\n");
@@ -268,7 +268,7 @@ TEST("a delay moves inputs within parts") {
                 "");
 }
 
-TEST("inputs between rows are linear, or cubic where they can be") {
+TEST("inputs between rows are linear, or cubic where possible") {
     static const double t[] = {0, 1, 1.5, 2.7, 3.5, 4.4, 5};
     enum { N = LG_COUNT(t) };
     text log = new_text("t,q,v,u,w");
@@ -288,7 +288,7 @@ TEST("inputs between rows are linear, or cubic where they can be") {
         assert_close(u[1] + u[3], next[1], 1e-12, 1e-12);
         assert_true(u[4] == 0 && u[5] == 0 && u[6] == 0 && u[7] == 0);
     }
-    /* Not-a-knot splines have cubic polynomials exactly, at any steps. */
+    /* Not-a-knot splines reproduce cubic polynomials exactly, for any steps. */
     logs = read_text(machine(cubic), log.at);
     for (int i = 0; i + 1 < N; i++) {
         for (double s = 0; s <= 1; s += 0.25) {
@@ -299,7 +299,7 @@ TEST("inputs between rows are linear, or cubic where they can be") {
         }
     }
     assert_true(logs->u[8 * (N - 1)] == 5 &&
-                logs->u[8 * (N - 1) + 2] == 0); /* no interval behind the last row */
+                logs->u[8 * (N - 1) + 2] == 0); /* there is no interval after the last row */
     logs = read_text(machine(cubic), "t,q,v,u,w\n0,0,1,0,1\n1,1,1,1,2\n2,2,1,4,1\n"); /* three rows */
     assert_true(logs->u[2] == 1 && logs->u[4] == 0 && logs->u[8 + 2] == 3 && logs->u[8 + 3] == -1);
 }
@@ -326,12 +326,12 @@ TEST("cubic inputs have two continuous derivatives and do not cross gaps") {
         assert_close((u[1] + 2 * u[2] + 3 * u[3]) / h, n[1] / g, 0, 1e-11);
         assert_close((2 * u[2] + 6 * u[3]) / (h * h), 2 * n[2] / (g * g), 0, 1e-11);
     }
-    /* The third derivatives of the first two intervals are equal: not a knot. */
+    /* The not-a-knot condition: the third derivatives of the first two intervals are equal. */
     const double h = logs->t[1] - logs->t[0], g = logs->t[2] - logs->t[1];
     assert_close(logs->u[3] / (h * h * h), logs->u[7] / (g * g * g), 1e-10, 0);
 }
 
-TEST("inputs that never change and coordinates that never move are told") {
+TEST("inputs that never change and coordinates that never move cause warnings") {
     const lg_logs *logs =
         read_text(machine(LINE "inputs: {columns: [u]}\n"), "t,q,v,u\n0,1,0,5\n1,1,0,5\n2,1,0,5\n");
     assert_warns(logs, "column u: the input is always 5");
@@ -351,7 +351,7 @@ TEST("inputs that never change and coordinates that never move are told") {
 #define MATRIX                                                                                               \
     "coordinates: [{name: b, kind: rotation, columns: [a, b, c, d, e, f, g, h, i]}]\nmeasured: positions\n"
 
-TEST("quaternions are normalised, made continuous and become rotations") {
+TEST("quaternions are normalised, made continuous and converted to rotations") {
     const lg_logs *logs = read_text(machine(BODY), "t,w,x,y,z\n0,1,0,0,0\n1,-0.6,0,0,-0.8\n2,,0,0,1\n"
                                                    "3,0.8016,0,0,0.6012\n4,-0.6,0,-0.8,0\n");
     static const double turned[] = {0.36 - 0.64, -0.96, 0, 0.96, 0.36 - 0.64, 0, 0, 0, 1};
@@ -369,7 +369,7 @@ TEST("quaternions are normalised, made continuous and become rotations") {
     refuse_text(machine(BODY), "t,w,x,y,z\n0,1,0,0,0\n1,0,0,0,0\n", "line 3", "length 0 ");
 }
 
-TEST("matrices are brought to the nearest rotation, reflections are refused") {
+TEST("matrices are projected to the nearest rotation, those with determinant -1 are refused") {
     const lg_logs *logs = read_text(
         machine(MATRIX), "t,a,b,c,d,e,f,g,h,i\n0,1,0,0,0,1,0,0,0,1\n1,0,-1.002,0,1.002,0,0,0,0,1\n");
     static const double quarter[] = {0, -1, 0, 1, 0, 0, 0, 0, 1};
@@ -386,7 +386,7 @@ TEST("matrices are brought to the nearest rotation, reflections are refused") {
                 "determinant -1, a reflection");
 }
 
-TEST("directions have length one and no rate along themselves") {
+TEST("directions are normalised and have no angular velocity along themselves") {
     const char *yaml = "coordinates: [{name: d, kind: direction, columns: [x, y, z], velocity: [a, b, c]}]\n";
     const lg_logs *logs = read_text(machine(yaml), "t,x,y,z,a,b,c\n0,0,0,1.005,1,2,3\n1,0,0,1,1,2,0\n");
     static const double q[] = {0, 0, 1, 0, 0, 1}, v[] = {1, 2, 0, 1, 2, 0};
@@ -398,7 +398,7 @@ TEST("directions have length one and no rate along themselves") {
                 "line 3: columns x, y, z: no direction", "length 2");
 }
 
-TEST("velocities of a pose in space are turned into the body") {
+TEST("a pose's velocities in space are converted to the axes of the body") {
     const char *yaml =
         "coordinates: [{name: h, kind: pose, position: [x, y, z], columns: [qw, qx, qy, qz], velocity: "
         "[a, b, c], rates: [d, e, f], frame: %s}]\n";
@@ -419,7 +419,7 @@ TEST("velocities of a pose in space are turned into the body") {
 
 #define ANGLE "coordinates: [{name: a, kind: angle}]\nmeasured: positions\n"
 
-/* a = amplitude sin(t) + rate t at 100 rows, times `unit`, wrapped by `turn` when that is above 0. */
+/* a = amplitude sin(t) + rate t at 100 rows, times `unit`; wrapped by `turn` if that is above 0. */
 static const char *angle_log(double amplitude, double rate, double unit, double turn) {
     text log = new_text("t,a");
     for (int i = 0; i < 100; i++) {
@@ -438,12 +438,12 @@ TEST("angles are unwrapped") {
     logs = read_text(machine(ANGLE "unwrap: false\n"), angle_log(2, 4, 1, turn));
     assert_true(fabs(logs->q[99]) < 3.2);
     assert_silent(read_text(machine(ANGLE), angle_log(2, 1, 1, 0)));
-    /* 2.5 radians a row: the jumps are far from 2 pi */
+    /* 2.5 radians per row: the jumps are far from 2 pi. */
     logs = read_text(machine(ANGLE), angle_log(0, 25, 1, turn));
     for (int i = 0; i < 100; i++) assert_close(logs->q[i], 2.5 * i, 1e-12, 1e-12);
 }
 
-TEST("angles in degrees are told") {
+TEST("angles in degrees are recognised") {
     refuse_text(machine(ANGLE), angle_log(2, 4, 180 / acos(-1), 360), "column a: goes from",
                 "scale: {a: 0.0174533}");
     refuse_text(machine(ANGLE), angle_log(2, 0, 180 / acos(-1), 0), "column a: steps by",
@@ -459,7 +459,7 @@ TEST("angles in degrees are told") {
 
 #define TWO "coordinates: [{name: x, kind: line, velocity: vx}, {name: a, kind: angle, velocity: va}]\n"
 
-/* Two sines and their rates, these times `factor`, with noise on positions and rates. */
+/* Two sines and their rates; the rates are multiplied by `factor`, and positions and rates have noise. */
 static const char *two_sines(double factor, double noise) {
     text log = new_text("t,x,vx,a,va");
     const double *n = test_numbers(7, 4 * 400, -1.7320508, 1.7320508);
@@ -483,7 +483,8 @@ TEST("velocities of a wrong unit or sign are refused") {
     assert_silent(read_text(f, two_sines(1.15, 0)));
     refuse_text(f, two_sines(1000, 0), "column vx: the rate of x is 0.001", "wrong unit? scale: {vx: 0.001");
     refuse_text(f, two_sines(1000, 5e-3), "column vx: the rate of x is", "wrong unit? scale: {vx: 0.00");
-    refuse_text(f, two_sines(1000, 5e-2), "column vx: the rate of x is", "wrong unit"); /* over many rows */
+    /* found by using many rows */
+    refuse_text(f, two_sines(1000, 5e-2), "column vx: the rate of x is", "wrong unit");
     refuse_text(f, two_sines(-1, 5e-3), "column vx: the rate of x is -1", "wrong sign? scale: {vx: -1");
     refuse_text(f, two_sines(0.7, 0), "column vx", "wrong unit");
     refuse_text(machine(TWO "scale: {vx: 0.1}\n"), two_sines(1000, 0), "column vx: the rate of x is 0.01",
@@ -496,8 +497,8 @@ TEST("velocities of a wrong unit or sign are refused") {
     assert_true(read_text(machine("measured: momenta\n" TWO), two_sines(1000, 0))->log.rows == 400);
 }
 
-/* Numbers of a right log, with noise, rounded to steps and cut off at the end of the sensors' ranges; 0:
- * not. */
+/* A correct log with noise, rounded to the given steps and clipped at the ends of the sensors' ranges; 0
+ * means not rounded, or not clipped. */
 static const char *rounded(double noise, double step_x, double step_v, double end_x, double end_v) {
     text log = new_text("t,q,v");
     const double *n = test_numbers(7, 2 * 400, -1.7320508, 1.7320508);
@@ -515,13 +516,13 @@ static const char *rounded(double noise, double step_x, double step_v, double en
     return log.at;
 }
 
-TEST("coarse numbers of a right log are no sensor at the end of its range, which is told of coarse ones, "
-     "too") {
+TEST("rounded numbers of a correct log are not taken for a saturated sensor, which is found in rounded "
+     "logs too") {
     static const double steps[] = {0, 1e-3, 0.01, 0.02, 0.05, 0.1, 0.2};
     for (size_t i = 0; i < LG_COUNT(steps); i++)
         for (size_t j = 0; j < LG_COUNT(steps); j++)
             assert_silent(read_text(machine(LINE), rounded(0, steps[i], steps[j], 0, 0)));
-    assert_silent(read_text(machine(LINE), rounded(0, 0.5, 0, 0, 0))); /* five numbers */
+    assert_silent(read_text(machine(LINE), rounded(0, 0.5, 0, 0, 0))); /* only five different numbers */
     refuse_text(machine(LINE), rounded(0.01, 0, 0, 0.2, 0), "column q: stands at its", "end of its range");
     refuse_text(machine(LINE), rounded(0.01, 0, 0, 0, 0.2), "column v: stands at its", "end of its range");
     for (size_t i = 0; i < LG_COUNT(steps) && steps[i] < 0.1; i++) {
@@ -532,7 +533,7 @@ TEST("coarse numbers of a right log are no sensor at the end of its range, which
     }
 }
 
-TEST("velocities that are constant to rounding are right, wherever the machine is and whatever its unit") {
+TEST("velocities that are constant to rounding are right, at any place and in any unit") {
     static const double speeds[] = {0, -3e-18, -3e-9, 1e-3, 1, 1e9}, places[] = {0, 1, -1e3, 1e6},
                         errors[] = {0, 1e-16, 1e-12, 1e-8};
     const double *n = test_numbers(7, 400, -1.7320508, 1.7320508);
@@ -549,7 +550,7 @@ TEST("velocities that are constant to rounding are right, wherever the machine i
     }
 }
 
-TEST("one cell of a velocity or position that is far off is named with its line") {
+TEST("a single outlier of a velocity or position is named with its line") {
     static const double sizes[] = {1e2, -1e3, 1e6, 1e12};
     for (size_t k = 0; k < LG_COUNT(sizes) * 2; k++) {
         const bool velocity = k % 2 == 1;
@@ -565,7 +566,7 @@ TEST("one cell of a velocity or position that is far off is named with its line"
     }
 }
 
-TEST("five rows a period are enough to see a wrong unit") {
+TEST("five rows per period are enough to find a wrong unit") {
     for (int wrong = 0; wrong < 2; wrong++) {
         text log = new_text("t,q,v");
         for (int i = 0; i < 200; i++) {
@@ -577,9 +578,9 @@ TEST("five rows a period are enough to see a wrong unit") {
     }
 }
 
-TEST("rates that come late accuse nobody") {
+TEST("late rates do not cause a wrong accusation") {
     text log = new_text("t,qw,qx,qy,qz,w1,w2,w3");
-    for (int i = 0; i < 400; i++) { /* about one axis: rates in space are those in the body */
+    for (int i = 0; i < 400; i++) { /* about one axis, so rates in space and in the body are the same */
         const double t = 0.02 * i, half = 0.5 * sin(t);
         const double row[] = {t, cos(half), 0, 0, sin(half), 0, 0, cos(t - 0.3)};
         say_row(&log, row, 8);
@@ -600,7 +601,7 @@ TEST("steady velocities of a wrong unit are refused") {
     }
 }
 
-TEST("swapped columns are refused, and the one that fits is named") {
+TEST("swapped columns are refused, and the column that fits is named") {
     refuse_text(
         machine("coordinates: [{name: x, kind: line, velocity: va}, {name: a, kind: angle, velocity: vx}]\n"),
         two_sines(1, 5e-3), "columns x and va do not belong together", "Column vx fits");
@@ -608,7 +609,7 @@ TEST("swapped columns are refused, and the one that fits is named") {
                 "columns x and va do not belong together", "swapped?");
 }
 
-/* A body that turns about all axes, and what its log may have wrong. */
+/* A body that turns about all axes, and possible errors of its log. */
 typedef struct spin {
     bool rates_in_space, scalar_last, conjugate, transpose;
     double factor, noise;
@@ -630,7 +631,7 @@ static void quaternion_of(const double *R, double *q) {
     for (int i = 0; i < 3; i++) q[i + 1] = s * u[i];
 }
 
-/* R(t), body rates w(t), place p(t) with body velocity. */
+/* A log of R(t), body rates w(t), and the place p(t) with velocity in the body. */
 static const char *spin_log(const spin *s, bool matrix) {
     text log = new_text(matrix ? "t,a,b,c,d,e,f,g,h,i,w1,w2,w3,x,y,z,v1,v2,v3"
                                : "t,qw,qx,qy,qz,w1,w2,w3,x,y,z,v1,v2,v3");
@@ -709,7 +710,7 @@ TEST("a wrong frame of a pose is named") {
     (void)sprintf(yaml_text, yaml, "space");
     refuse_text(machine(yaml_text), spin_log(&right, false), "columns x, y, z and v1, v2, v3",
                 "the velocities are in the body: frame: body");
-    /* Columns that are x' in space: a file of lines shows them. */
+    /* Here v1, v2, v3 are x', y', z', the velocity in space. */
     text log = new_text("t,x,y,z,qw,qx,qy,qz,v1,v2,v3,w1,w2,w3");
     for (int i = 0; i < 200; i++) {
         const double t = 0.02 * i;
@@ -728,7 +729,7 @@ TEST("directions are compared with their angular velocity") {
         text log = new_text("t,x,y,z,a,b,c");
         for (int i = 0; i < 300; i++) {
             const double t = 0.02 * i, p = sin(t), rate = cos(t) * (wrong == 1 ? 100 : 1);
-            /* turns about y; or, wrong, about z */
+            /* Turns about y; the wrong log claims about z. */
             const double row[] = {t, sin(p), 0, cos(p), 0, wrong == 2 ? 0 : rate, wrong == 2 ? rate : 0};
             say_row(&log, row, 7);
         }
@@ -765,7 +766,7 @@ TEST("the noise of a column is estimated") {
         const lg_logs *smooth = noisy_log(0, irregular == 1);
         assert_true(smooth->columns[1].noise < 1e-6);
     }
-    /* As smooth as it may be, and few rows: a bound. */
+    /* A very smooth column with few rows gives only an upper bound. */
     text log = new_text("t,q");
     for (int i = 0; i < 100; i++) {
         const double row[] = {i, sin(0.3 * i)};
@@ -775,7 +776,7 @@ TEST("the noise of a column is estimated") {
     assert_true(logs->columns[1].noise_at_most && logs->columns[1].noise < 1e-3);
     assert_true(isnan(read_text(machine(SEEN), "t,q\n0,1\n1,2\n2,4\n3,1\n4,3\n5,3\n6,1\n")
                           ->columns[1]
-                          .noise)); /* 4 windows */
+                          .noise)); /* only 4 windows */
 }
 
 /* ---- HDF5 ---- */
@@ -803,7 +804,7 @@ static void write_h5(const char *path, const char *skip, bool wrong_length) {
 
 static const char h5_yaml[] = "columns: {run: group of runs}\n" LINE "inputs: {columns: [u]}\n";
 
-TEST("HDF5 with a data set for each column is read") {
+TEST("HDF5 with one data set per column is read") {
     const char *path = scratch_path("log.h5");
     static const size_t first[] = {0, 25, 50};
     write_h5(path, "", false);
@@ -826,7 +827,7 @@ static lg_status read_h5(const lg_context *context, const char *path, const lg_r
     return status;
 }
 
-TEST("HDF5 that is no log is refused") {
+TEST("HDF5 that is not a log is refused") {
     const char *path = scratch_path("log.h5");
     const hsize_t rows = ROWS, table[] = {ROWS, 2};
     double data[2 * ROWS] = {0};

@@ -1,12 +1,12 @@
-/* Machines: their equations against their energy and against solutions known in closed form; every kind of
- * coordinate and of term. */
+/* Machines: their equations compared with their energy and with closed forms, for every kind of coordinate
+ * and term. */
 #include "support/machine_support.h"
 
 #include "machine/internal.h"
 
 enum { MOST_NUMBERS = 128, ROWS = 3, MOST = ROWS * (LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES) };
 
-/* The machine on a tape with random rows. */
+/* The machine recorded on a tape, for random rows. */
 typedef struct setting {
     lg_tape *tape;
     lg_machine_vars vars;
@@ -29,7 +29,7 @@ static setting *record(const lg_machine *machine) {
     const lg_var q = lg_input_f64(s->tape, lg_shape2(ROWS, machine->positions), s->q),
                  v = lg_input_f64(s->tape, lg_shape2(ROWS, machine->velocities), s->v);
     assert_ok(lg_machine_record_state(s->tape, &s->vars, q, v, s->parts));
-    /* The momenta are independent variables. */
+    /* Makes the momenta independent variables. */
     for (size_t i = 0; i < lg_taped_parts(&s->space); i++)
         s->parts[i] = lg_stop_gradient(s->tape, s->parts[i]);
     if (machine->input_count > 0)
@@ -40,7 +40,7 @@ static setting *record(const lg_machine *machine) {
     return s;
 }
 
-TEST("positions and velocities come back from the state, with every kind of mass and of bias") {
+TEST("positions and velocities can be recovered from the state, with every kind of mass and bias") {
     const lg_term_kind *kind;
     for (int part = LG_MACHINE_MASS; part <= LG_MACHINE_BIAS; part += LG_MACHINE_BIAS - LG_MACHINE_MASS)
         for (size_t i = 0; (kind = lg_term_kind_at((lg_machine_part)part, i)) != NULL; i++) {
@@ -52,7 +52,7 @@ TEST("positions and velocities come back from the state, with every kind of mass
         }
 }
 
-/* dH/dt along the field, and the power v.f of all forces. */
+/* dH/dt along the field must be v.f, the power of all forces. */
 static void assert_energy_balance(const lg_machine *machine) {
     setting *s = record(machine);
     const size_t parts = lg_taped_parts(&s->space);
@@ -84,7 +84,7 @@ TEST("the energy changes by the power of the forces, with every kind of term") {
     }
 }
 
-TEST("damping of every kind takes energy away at any parameters, and moves what it damps") {
+TEST("damping of every kind takes energy away for any parameters, and acts on the coordinates it damps") {
     const lg_term_kind *kind;
     for (size_t i = 0; (kind = lg_term_kind_at(LG_MACHINE_DAMPING, i)) != NULL; i++) {
         const lg_machine machine = machine_with(kind, LG_MACHINE_DAMPING);
@@ -99,7 +99,7 @@ TEST("damping of every kind takes energy away at any parameters, and moves what 
 
 /* ---- numbers in the units of logs ---- */
 
-/* Kinds whose numbers are the values of the same kind, or of another one. */
+/* Kinds whose numbers can be used as values of the same kind, or of another one. */
 static const struct {
     lg_machine_part part;
     const char *kind, *known;
@@ -110,7 +110,7 @@ static const struct {
     {LG_MACHINE_DAMPING, "quadratic", "quadratic"},   {LG_MACHINE_INPUT_MAP, "constant", "known"},
 };
 
-/* What the term does at some rows: the energy, or the force of its part. */
+/* The effect of the term at some rows: the energy, or the force of its part. */
 static void effect_of(const lg_machine *machine, lg_machine_part part, double *out) {
     setting *s = record(machine);
     const lg_var y = part == LG_MACHINE_POTENTIAL
@@ -119,7 +119,7 @@ static void effect_of(const lg_machine *machine, lg_machine_part part, double *o
     assert_ok(lg_read(s->tape, y, lg_shape_count(lg_var_shape(s->tape, y)), out));
 }
 
-TEST("numbers given back as values of known terms do the same, at any scales") {
+TEST("identified numbers, used as values of known terms, have the same effect at any scales") {
     for (size_t i = 0; i < LG_COUNT(exchanged); i++) {
         lg_machine free = all_coordinates();
         lg_identified numbers[MOST_NUMBERS];
@@ -146,10 +146,10 @@ TEST("numbers given back as values of known terms do the same, at any scales") {
     }
 }
 
-/* M of the network at `positions`, in the units of the log, against energies at q, in scaled units. */
+/* Compares M of the network at `positions`, in the log's units, with energies at q, in scaled units. */
 static void expect_mass_at(const double *positions, const double *q);
 
-TEST("of a mass that is a network the numbers are M at a position: twice the energy of unit velocities") {
+TEST("the numbers of a mass that is a network are M at one position: twice the energy of unit velocities") {
     expect_mass_at(NULL, (const double[]){0, 0});
     expect_mass_at((const double[]){0.3, -0.9}, (const double[]){0.3 / 1.3, -0.9});
 }
@@ -185,11 +185,11 @@ static void expect_mass_at(const double *positions, const double *q) {
     }
 }
 
-/* ---- free flight of a rigid body: known in closed form ---- */
+/* ---- free flight of a rigid body, known in closed form ---- */
 
 enum { STEPS = 20 };
 
-TEST("a thrown rigid body has a parabola and keeps its angular momentum in space, in the log's units") {
+TEST("a thrown rigid body follows a parabola and keeps its angular momentum in space, in the log's units") {
     const double g = 9.81, m[6] = {2, 2, 2, 0.3, 0.5, 0.7}, weight[1] = {2 * 9.81};
     lg_machine machine = empty_machine();
     add_coordinate(&machine, "body", LG_COORDINATE_POSE);
@@ -225,7 +225,7 @@ TEST("a thrown rigid body has a parabola and keeps its angular momentum in space
 
 /* ---- what is refused ---- */
 
-TEST("descriptions that do not fit are refused with a sentence") {
+TEST("descriptions that do not fit are refused with a message") {
     static const struct {
         lg_machine_part part;
         const char *kind;

@@ -1,5 +1,6 @@
 /* ctest-labels: slow src/machine
- * The loss that is expected of a model that explains its logs: the mean over logs whose noise is drawn. */
+ * The loss that is expected of a model that explains its logs must be the mean loss over logs with random
+ * noise. */
 #include "support/machine_support.h"
 
 /* A cart (line) and a pendulum (angle) side by side: 2 x'' = u - .3 x' - 5 x, a'' = -9 sin a - .2 a'. */
@@ -67,10 +68,10 @@ static void draw_noise(logs *l, bool positions_only, uint64_t seed) {
 }
 
 typedef struct way {
-    uint32_t window, stride; /* stride 0: windows that share their ends */
+    uint32_t window, stride; /* stride 0: neighbouring windows share only their ends */
     lg_machine_starts starts;
     bool positions_only;
-    uint64_t seeds; /* of the noise: so many that the mean is known to some .003 */
+    uint64_t seeds; /* number of draws of the noise, such that the mean is known to about .003 */
 } way;
 
 static lg_machine_problem problem_of(logs *l, const lg_machine *machine, const way *w) {
@@ -87,14 +88,14 @@ static lg_machine_problem problem_of(logs *l, const lg_machine *machine, const w
     return p;
 }
 
-/* theta, in and out: the machine's parameters, then room for starts. */
+/* theta is input and output: the machine's parameters, followed by room for starts. */
 static void fit(const lg_machine_problem *p, double *theta) {
     lg_fit_problem problem;
     lg_machine_fit_problem(p, &problem);
     fit_by_lm(&problem, 30, theta);
 }
 
-/* The best fit's loss by that which is expected of it, from the parameters of exact logs. */
+/* The loss of the best fit divided by the expected loss. Starts from the parameters of exact logs. */
 static double ratio_of(logs *l, const lg_machine *machine, const double *truth, const way *w) {
     const lg_machine_problem p = problem_of(l, machine, w);
     lg_machine_noise noise = {{0}, {0}};
@@ -110,7 +111,7 @@ static double ratio_of(logs *l, const lg_machine *machine, const double *truth, 
     return loss / expected.loss;
 }
 
-/* The parameters that logs without noise give, and the scales of these. */
+/* The parameters fitted to logs without noise, and the scales of these logs. */
 static double *learn_exact(logs *l, lg_machine *machine) {
     static const way exact = {5, 0, LG_MACHINE_STARTS_MEASURED, false, 1};
     lg_rng rng = test_rng(1, 0);
@@ -124,7 +125,8 @@ static double *learn_exact(logs *l, lg_machine *machine) {
     return truth;
 }
 
-TEST("the mean loss of fits is within a hundredth of that which is expected: starts, columns, windows") {
+TEST("the mean loss of fits is within a hundredth of the expected loss, for all starts, columns and "
+     "windows") {
     static const way ways[] = {
         {2, 0, LG_MACHINE_STARTS_MEASURED, false, 24},   {5, 0, LG_MACHINE_STARTS_MEASURED, false, 40},
         {9, 3, LG_MACHINE_STARTS_MEASURED, false, 48},   {3, 0, LG_MACHINE_STARTS_ESTIMATED, false, 12},
@@ -148,7 +150,7 @@ TEST("the mean loss of fits is within a hundredth of that which is expected: sta
     }
 }
 
-TEST("parameters cost what they adapt to: a short log, where that is a fortieth of the loss") {
+TEST("each fitted parameter lowers the expected loss: a short log, where this is a fortieth of the loss") {
     enum { FEW = 49 };
     static const way estimated = {20, 0, LG_MACHINE_STARTS_ESTIMATED, false, 1500};
     logs *l = make_logs();

@@ -1,4 +1,4 @@
-/* Machines from YAML. */
+/* Descriptions of machines in YAML. */
 #include "support/io_test.h"
 #include "liegrad/logs.h"
 
@@ -86,7 +86,7 @@ TEST("a complete file is read") {
     assert_int_equal(f->text_bytes, strlen(cartpole));
 }
 
-TEST("terms are read, with the frictions of damping as terms of their own") {
+TEST("terms are read, and each friction of `damping` becomes a term") {
     const lg_machine *m = &parse(cartpole)->machine;
     const lg_machine_file *f = parse(cartpole);
     assert_int_equal(m->term_count, 6);
@@ -106,7 +106,7 @@ TEST("terms are read, with the frictions of damping as terms of their own") {
     assert_true(m->parameters > 0);
 }
 
-TEST("what is not said has its default") {
+TEST("keys that are left out have their defaults") {
     const lg_machine_file *f = parse("coordinates: [{name: q, kind: line, velocity: v}]\n");
     assert_int_equal(f->column_count, 3);
     assert_column(f, 0, "t", LG_LOG_TIME, 0);
@@ -172,7 +172,7 @@ TEST("names in `of` are features") {
         assert_true(t[3].of[i].kind == residual[i].kind && t[3].of[i].index == residual[i].index);
 }
 
-TEST("a bias is of positions of lines and angles, of places and of velocities") {
+TEST("a bias may be of positions of lines and angles, of places and of velocities") {
     const lg_machine_file *f =
         parse("coordinates:\n"
               "  - {name: arm, kind: angle, velocity: w}\n"
@@ -210,7 +210,7 @@ TEST("matrices are lists of rows") {
     assert_true(m->terms[1].value_count == 2 && m->terms[1].values[1] == 0.25);
 }
 
-/* ---- refusals ---- */
+/* ---- refused descriptions ---- */
 
 #define HEAD "coordinates: [{name: q, kind: line, velocity: v}]\n" /* one line */
 
@@ -300,7 +300,7 @@ TEST("a system gives the machine its mass and potential, and numbers that are kn
     assert_int_equal(m->grey.count, 11);
     for (int i = 0; i < 11; i++)
         assert_true(m->grey.start[i] == start[i] && m->grey.unknown[i] == unknown[i]);
-    assert_int_equal(m->parameters, 6 + 3); /* a direction has two */
+    assert_int_equal(m->parameters, 6 + 3); /* a direction has two parameters */
     assert_true(!m->normalised && !m->free_gauge);
     f = parse(TOP);
     assert_int_equal(f->machine.parameters, 0);
@@ -396,7 +396,7 @@ static lg_status read_machine(const lg_context *context, const char *path, const
     return status;
 }
 
-TEST("a file is its text, and damaged files are refused") {
+TEST("a file gives the same as its text, and damaged files are refused") {
     const char *path = scratch_path("cartpole.yaml");
     write_text_to(path, cartpole);
     lg_machine_file *f = TEST_ARRAY(lg_machine_file, 1);
@@ -418,7 +418,7 @@ TEST("every allocation may fail") {
     assert_true(fail_every_reading(read_machine, path) >= 4);
 }
 
-TEST("too much is refused") {
+TEST("descriptions beyond the limits are refused") {
     char text[8192] = "measured: positions\ncoordinates:\n";
     for (int i = 0; i <= LG_MACHINE_COORDINATES; i++)
         (void)sprintf(text + strlen(text), "  - {name: q%d, kind: line}\n", i);

@@ -1,6 +1,6 @@
 /* ctest-labels: slow src/machine
- * Machines of named systems: their parameters learned from trajectories of the systems themselves, or of
- * equations written out here; units; what the logs leave open; what is refused. */
+ * Machines of named systems: their parameters are learned from trajectories of the library's systems, or of
+ * equations that are written here; units; parameters that logs do not determine; refusals. */
 #include "support/machine_support.h"
 
 #include "liegrad/geometry.h"
@@ -16,23 +16,23 @@ typedef struct logs {
     lg_machine_log log;
 } logs;
 
-/* From a state of the system, or of the equations, to positions and velocities in the order of logs. */
+/* Converts a state of the system, or of the equations, to positions and velocities in the order of logs. */
 typedef struct system_case system_case;
 typedef void to_row(const lg_system *system, const double *y, double *q, double *v);
 
 struct system_case {
-    const char *system, *form; /* of lg-simulate; NULL: `field` */
+    const char *system, *form; /* of the simulated system; NULL: `field` is used */
     size_t links;
     const lg_coordinate_kind *coordinates;
     size_t count;
-    lg_named_values given[6]; /* the truth */
+    lg_named_values given[6]; /* the true parameters */
     double spread;            /* of the starts */
     to_row *row;
-    void (*field)(const double *y, double *dy); /* (q, v) of lines and angles */
+    void (*field)(const double *y, double *dy); /* for lines and angles: derivative of y = (q, v) */
     double dt;
-    const char *grey;       /* name of the grey system */
+    const char *grey;       /* name of the machine's system */
     const char *unknown[6]; /* keys, ended by NULL */
-    double factor;          /* starts are so many times the truth */
+    double factor;          /* learning starts at this factor times the truth */
 };
 
 RELEASES(release_system, lg_system_destroy)
@@ -44,7 +44,7 @@ static lg_system *system_of(const system_case *c) {
     options.form = c->form;
     options.links = c->links;
     options.parameters = c->given;
-    const bool none = lg_system_parameters(c->system, c->form)->key == NULL; /* all are 1 */
+    const bool none = lg_system_parameters(c->system, c->form)->key == NULL; /* all parameters are 1 */
     while (!none && options.parameter_count < 6 && c->given[options.parameter_count].key != NULL)
         options.parameter_count++;
     assert_told(lg_system_create(NULL, c->system, &options, &system, &told));
@@ -52,7 +52,7 @@ static lg_system *system_of(const system_case *c) {
     return system;
 }
 
-/* A random group element applied to attitudes 1, directions e3, and 0. */
+/* Applies a random group element to the identity rotation, the direction e3 and 0. */
 static void draw_start(const system_case *c, const lg_space *space, lg_rng *rng, double *y) {
     double origin[STATE] = {0}, element[STATE];
     for (size_t i = 0; i < space->algebra_dim; i++) element[i] = c->spread * lg_rng_normal(rng);
@@ -71,7 +71,7 @@ static void run_system(const system_case *c, logs *l, size_t nq, size_t nv) {
     for (size_t r = 0; r < ALL; r++) c->row(system, out + r * d, l->q + r * nq, l->v + r * nv);
 }
 
-/* The classical method of order 4 at steps so small that rounding is all its error. */
+/* The classical method of order 4, with steps so small that only rounding errors remain. */
 static void advance(const system_case *c, size_t n, double *y) {
     enum { STEPS = 100 };
     static const double at[4] = {0, 0.5, 0.5, 1}, weight[4] = {1.0 / 6, 1.0 / 3, 1.0 / 3, 1.0 / 6};
@@ -100,7 +100,7 @@ static void run_field(const system_case *c, logs *l, size_t n) {
     }
 }
 
-/* Noise that keeps attitudes and directions where they belong. */
+/* Adds noise that keeps attitudes and directions on their manifolds. */
 static void add_noise(const lg_machine *machine, logs *l, double noise) {
     double *q = l->q, *v = l->v;
     lg_rng rng = test_rng(13, 0);
@@ -137,7 +137,7 @@ static logs *make_logs(const system_case *c, const lg_machine *machine, double n
 
 /* ---- the systems ---- */
 
-/* (q, p) with the momenta of diagonal masses of 1. */
+/* (q, p), whose momenta are the velocities for unit masses. */
 static void line_row(const lg_system *system, const double *y, double *q, double *v) {
     const size_t n = lg_system_dim(system) / 2;
     memcpy(q, y, n * sizeof *q);
@@ -175,7 +175,8 @@ static void chain_row(const lg_system *system, const double *y, double *q, doubl
     }
 }
 
-/* The textbook's equations of a cart of 1.2 kg with a point mass of .3 kg at .5 m, theta from the upright. */
+/* The textbook equations of a cart of 1.2 kg with a point mass of .3 kg at a distance of .5 m; theta is 0
+ * upright. */
 static void cart_field(const double *y, double *dy) {
     const double M = 1.2, m = 0.3, L = 0.5, g = 9.81, s = sin(y[1]), c = cos(y[1]);
     const double a = m * s * (L * y[3] * y[3] - g * c) / (M + m * s * s);
@@ -185,7 +186,7 @@ static void cart_field(const double *y, double *dy) {
 static const double arm_masses[2] = {1.5, 0.8}, arm_centres[2] = {0.3, 0.25}, arm_inertia[2] = {0.05, 0.03},
                     arm_length = 0.6, gravity = 9.81, cart = 1.2, pole = 0.3, pole_length = 0.5;
 
-/* Spong's equations of a planar arm, the first angle from straight down. */
+/* Spong's equations of a planar arm; the first angle is 0 straight down. */
 static void arm_field(const double *y, double *dy) {
     const double *m = arm_masses, *c = arm_centres, *I = arm_inertia, L = arm_length;
     const double h = m[1] * L * c[1], C = h * cos(y[1]), S = h * sin(y[1]);
@@ -207,8 +208,8 @@ static const lg_coordinate_kind lines[2] = {LG_COORDINATE_LINE, LG_COORDINATE_LI
                                 cart_and_pole[2] = {LG_COORDINATE_LINE, LG_COORDINATE_ANGLE},
                                 angles[2] = {LG_COORDINATE_ANGLE, LG_COORDINATE_ANGLE};
 
-/* Coordinates and how many, size of the motion, step of its log; machine and factor of the starts that
- * are learned. */
+/* Arguments: the coordinates and their number, the size of the motion, the time step of the log; the
+ * machine's system, and the factor of the starting values of learned parameters. */
 #define CASE(coordinates_, count_, spread_, dt_, grey_, factor_, ...)                                        \
     {                                                                                                        \
         .coordinates = coordinates_, .count = count_, .spread = spread_, .dt = dt_, .grey = grey_,           \
@@ -282,7 +283,7 @@ static void set_system(lg_machine *machine, const char *name) {
     assert_told(lg_machine_set_system(machine, name, &told));
 }
 
-/* The truth; with `unknown` the keys that are learned start off it. */
+/* The machine with true parameters. With `unknown`, the keys that are learned get other starting values. */
 static lg_machine machine_of(const system_case *c, bool unknown) {
     lg_machine machine = empty_machine();
     for (size_t i = 0; i < c->count; i++) {
@@ -296,7 +297,7 @@ static lg_machine machine_of(const system_case *c, bool unknown) {
         const lg_named_values *truth = given_for(c, c->unknown[i]);
         double start[LG_MACHINE_PARAMETERS];
         for (size_t k = 0; k < truth->count; k++) start[k] = truth->values[k] * c->factor;
-        if (truth->values == chi) start[0] = 0.6, start[1] = 0, start[2] = -0.8; /* 115 degrees off */
+        if (truth->values == chi) start[0] = 0.6, start[1] = 0, start[2] = -0.8; /* an error of 115 degrees */
         set_parameter(&machine, c->unknown[i], truth->count, start, true);
     }
     assert_machine(&machine);
@@ -355,7 +356,7 @@ static task *learn(const lg_machine *machine, const logs *l, bool noisy) {
     return t;
 }
 
-/* The true numbers in the order of those that are learned. */
+/* The true numbers in the order of the learned ones. */
 static size_t truth_of(const system_case *c, const lg_machine *machine, double *out) {
     const lg_machine exact = machine_of(c, false);
     size_t count = 0;
@@ -371,7 +372,7 @@ static const lg_identified *number_of(const task *t, const char *name) {
     return NULL;
 }
 
-TEST("exact trajectories of every system give its parameters, from starts that are far off") {
+TEST("exact trajectories of every system give its parameters, from distant starting values") {
     for (size_t i = 0; i < LG_COUNT(cases); i++) {
         const size_t mark = lg_test_owned();
         const lg_machine machine = machine_of(&cases[i], true);
@@ -386,7 +387,7 @@ TEST("exact trajectories of every system give its parameters, from starts that a
     }
 }
 
-TEST("noisy trajectories give them within four of the standard errors that are told") {
+TEST("noisy trajectories give the parameters within four of the stated standard errors") {
     double most = 0;
     for (size_t i = 0; i < LG_COUNT(cases); i++) {
         const size_t mark = lg_test_owned();
@@ -404,7 +405,7 @@ TEST("noisy trajectories give them within four of the standard errors that are t
         }
         lg_test_give_back(mark);
     }
-    assert_true(most > 0.25); /* the errors are no larger than they need be */
+    assert_true(most > 0.25); /* so the standard errors are not too large */
 }
 
 /* ---- units ---- */
@@ -424,8 +425,8 @@ static void fill_decaying(logs *l, double m, double k, double d, double dt) {
     l->first[PARTS] = ALL;
 }
 
-TEST("an oscillator of 5 mg that moves millimetres: spring and damping, or mass and damping, in the log's "
-     "units") {
+TEST("for an oscillator of 5 mg in millimetres, spring and damping or mass and damping are found in the "
+     "log's units") {
     static const struct {
         const char *known, *unknown, *label;
         double given, start, truth;
@@ -460,7 +461,8 @@ static void fill_coordinates(lg_machine *machine, const lg_grey_system *system) 
     odd_scales(machine);
 }
 
-/* A machine of the system with all parameters unknown, off their starts by theta, and damping. */
+/* A machine of the system with all parameters unknown, moved off their starting values by theta, and with
+ * damping. */
 static lg_machine unknown_machine(const lg_grey_system *system) {
     lg_machine machine = empty_machine();
     fill_coordinates(&machine, system);
@@ -479,7 +481,8 @@ static lg_machine unknown_machine(const lg_grey_system *system) {
 
 enum { FEW = 3, MOST = FEW * (LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES) };
 
-TEST("positions and velocities come back from the state, and energy changes by the power of the forces") {
+TEST("positions and velocities are recovered from the state, and energy changes by the power of the "
+     "forces") {
     const lg_grey_system *system;
     for (size_t i = 0; (system = lg_grey_system_at(i)) != NULL; i++) {
         const lg_machine machine = unknown_machine(system);
@@ -516,7 +519,7 @@ TEST("positions and velocities come back from the state, and energy changes by t
     }
 }
 
-/* ---- what the logs leave open ---- */
+/* ---- parameters that logs do not determine ---- */
 
 static void assert_open(const task *t, const char *sentence) {
     char text[512];
@@ -537,7 +540,8 @@ static const system_case *case_of(const char *grey) {
     return &cases[i];
 }
 
-TEST("mass and length of a top appear only as a product, all but one number only up to a factor") {
+TEST("mass and length of a top appear only as a product; all numbers but one are determined only up to a "
+     "factor") {
     const double noises[] = {0, 1e-3};
     for (size_t i = 0; i < LG_COUNT(noises); i++) {
         lg_machine machine = machine_of(case_of("heavy-top"), true);
@@ -559,7 +563,7 @@ TEST("mass and length of a top appear only as a product, all but one number only
     }
 }
 
-TEST("an arm that nothing drives shows masses and inertias only up to a factor") {
+TEST("an arm without inputs shows masses and inertias only up to a factor") {
     lg_machine machine = machine_of(case_of("two-link-arm"), false);
     set_parameter(&machine, "masses", 2, arm_masses, true);
     set_parameter(&machine, "inertia", 2, arm_inertia, true);
@@ -569,11 +573,11 @@ TEST("an arm that nothing drives shows masses and inertias only up to a factor")
     assert_open(t, "m1, m2, I1 and I2 are determined only up to a common factor: give one of them as known");
 }
 
-TEST("a number that ran to 0 has an infinite error and stands alone, others keep theirs") {
+TEST("a number that went to 0 has an infinite error and is listed alone, the others keep their errors") {
     static const double far[] = {-60.0, -700.0, -745.0, -800.0, -1e9};
     const system_case *c = case_of("two-link-arm");
     lg_machine machine = machine_of(c, false);
-    const double little[2] = {1e-9 * arm_inertia[0], arm_inertia[1]}; /* masses make most of M */
+    const double little[2] = {1e-9 * arm_inertia[0], arm_inertia[1]}; /* M consists mostly of the masses */
     set_parameter(&machine, "inertia", 2, little, true);
     assert_machine(&machine);
     task *t = learn(&machine, make_logs(c, &machine, 1e-3), true);
@@ -591,7 +595,7 @@ TEST("a number that ran to 0 has an infinite error and stands alone, others keep
     }
 }
 
-TEST("a free body shows only ratios of its moments; with one of them given the others follow") {
+TEST("a free body shows only ratios of its moments of inertia; if one is given, the others follow") {
     lg_machine machine = empty_machine();
     const system_case free_body = {.system = "rigid-body-attitude",
                                    .coordinates = body,
@@ -619,7 +623,8 @@ TEST("a free body shows only ratios of its moments; with one of them given the o
     assert_close(number_of(t, "I3")->value, inertia[2], 1e-6, 0);
 }
 
-TEST("correlations are those of the errors: 1 on the diagonal, symmetric, strong where two numbers trade") {
+TEST("correlations are those of the errors: 1 on the diagonal, symmetric, large where numbers compensate "
+     "each other") {
     const system_case *c = case_of("cart-pole");
     const lg_machine machine = machine_of(c, true);
     const task *t = learn(&machine, make_logs(c, &machine, 1e-3), true);
@@ -629,11 +634,11 @@ TEST("correlations are those of the errors: 1 on the diagonal, symmetric, strong
             assert_close(r, t->correlations[j * t->count + i], 0, 1e-12);
             assert_true(i == j ? r == 1 : fabs(r) <= 1 + 1e-12);
         }
-    /* theta'' = g/L sin(theta) - ...: gravity and length trade. */
+    /* theta'' = g/L sin(theta) - ...: a change of gravity can be compensated by length. */
     assert_true(t->correlations[1 * t->count + 2] > 0.9);
 }
 
-TEST("a chain in the dark shows ratios of its masses, and with gravity unknown ratios of its lengths") {
+TEST("a chain without inputs shows ratios of its masses, and with unknown gravity ratios of its lengths") {
     const system_case *c = case_of("pendulum-chain") + 1;
     const bool second[2] = {false, true};
     const double start[2] = {chain_masses[0], 2};
@@ -654,9 +659,9 @@ TEST("a chain in the dark shows ratios of its masses, and with gravity unknown r
     assert_open(t, "g, L1 and L2 are determined only up to a common factor: give one of them as known");
 }
 
-/* ---- learned terms on top ---- */
+/* ---- learned terms in addition to a system ---- */
 
-TEST("terms beside the system are learned with it: a spring at the cart and damping") {
+TEST("terms in addition to the system are learned with it: a spring at the cart and damping") {
     const double unit[4] = {1, 0}, friction[2] = {0.4, 0.05}, spring = 1.5;
     lg_machine known = machine_of(case_of("cart-pole"), false);
     add_input(&known, "u");
@@ -717,7 +722,7 @@ static void refuse_system(const lg_coordinate_kind *kinds, size_t count, const c
     assert_int_equal(machine.term_count, 0);
 }
 
-TEST("systems that are no machines, and coordinates that are not those of the system") {
+TEST("systems that are not machines, and coordinates that do not belong to the system, are refused") {
     refuse_system(body, 1, "rigid-body", "rigid-body-attitude");
     refuse_system(body, 1, "quadrotors", "control law");
     refuse_system(body, 1, "pendulum", "there is no machine of a system \"pendulum\"; there are oscillator");
@@ -726,7 +731,7 @@ TEST("systems that are no machines, and coordinates that are not those of the sy
     refuse_system(angles, 2, "cart-pole", "its coordinates are of kind line, angle, in this order");
 }
 
-TEST("parameters that do not fit are refused, and leave the machine as it was") {
+TEST("parameters that do not fit are refused, and the machine stays unchanged") {
     static const struct {
         const char *key;
         size_t count;
@@ -756,7 +761,7 @@ TEST("parameters that do not fit are refused, and leave the machine as it was") 
     assert_says(error.message, "has a system already");
 }
 
-TEST("where everything is known there is nothing to learn, which is said") {
+TEST("if everything is known there is nothing to learn, which is reported") {
     lg_error error = {LG_OK, ""};
     const lg_machine machine = machine_of(case_of("heavy-top"), false);
     const logs *l = make_logs(case_of("heavy-top"), &machine, 0);

@@ -1,4 +1,5 @@
-/* Machines: the Jacobian of windows an interval at a time, against the tape's of their residuals.
+/* Machines: the Jacobian of windows, computed interval by interval, compared with the tape's Jacobian of
+ * their residuals.
  * ctest-labels: src/machine */
 #include "support/machine_support.h"
 
@@ -14,8 +15,8 @@ typedef struct task {
     lg_fit_problem fit;
 } task;
 
-/* Windows of random rows: residuals of the size of 1. Intervals differ; a velocity and a direction are
- * missing. */
+/* Windows of random rows with residuals of size 1. Intervals have different lengths; a velocity and a
+ * direction are missing. */
 static task *make_task(const lg_machine *machine, lg_machine_starts starts, const char *scheme,
                        const double *theta) {
     task *t = TEST_ARRAY(task, 1);
@@ -48,7 +49,8 @@ static task *make_task(const lg_machine *machine, lg_machine_starts starts, cons
 
 enum { DIRECTIONS = 4 };
 
-/* J d of one sample; column j < shared is parameter j, others from `first` on. */
+/* J d for one sample. Column j < shared belongs to parameter j, the other columns to parameters from `first`
+ * on. */
 static void along(size_t rows, size_t columns, size_t shared, size_t first, const double *J, const double *d,
                   double *out) {
     for (size_t row = 0; row < rows; row++)
@@ -62,11 +64,11 @@ static double dot(size_t n, const double *a, const double *b) {
     return sum;
 }
 
-/* Products of r and of J d for some d among each other: those of the tape's residuals are `expected`. */
+/* Compares the inner products of r and of J d for some d with those of the tape's residuals, `expected`. */
 static void assert_products(size_t rows, const double *found, size_t count, const double *expected) {
     for (size_t i = 0; i <= DIRECTIONS; i++)
         for (size_t j = 0; j <= DIRECTIONS; j++) {
-            if (i == 0 && j == 0) continue; /* r may lack what is normal to J */
+            if (i == 0 && j == 0) continue; /* r may lack its part normal to the columns of J */
             const double *a = expected + i * count, *b = expected + j * count;
             const double size = sqrt(dot(count, a, a) * dot(count, b, b)),
                          product = dot(rows, found + i * rows, found + j * rows);
@@ -76,7 +78,7 @@ static void assert_products(size_t rows, const double *found, size_t count, cons
         }
 }
 
-/* known: NULL, or the machine's parameters. */
+/* `known`: the machine's parameters, which are then not learned, or NULL. */
 static void assert_jacobian(const lg_machine *machine, lg_machine_starts starts, const char *scheme,
                             const double *known) {
     static const uint32_t samples[PARTS] = {2, 0, 1};
@@ -111,7 +113,7 @@ static void assert_jacobian(const lg_machine *machine, lg_machine_starts starts,
     assert_products(rows * PARTS, found, count, expected);
 }
 
-TEST("the Jacobian of windows is that of the tape, with every kind of term") {
+TEST("the Jacobian of windows agrees with the tape, with every kind of term") {
     for (uint32_t part = 0; part < LG_MACHINE_PART_COUNT; part++) {
         const lg_term_kind *kind;
         for (size_t i = 0; (kind = lg_term_kind_at((lg_machine_part)part, i)) != NULL; i++) {
@@ -121,18 +123,18 @@ TEST("the Jacobian of windows is that of the tape, with every kind of term") {
     }
 }
 
-TEST("starts are in the Jacobian, each in its own columns") {
+TEST("the Jacobian has the derivatives by the starts, each start in its own columns") {
     const lg_machine machine = machine_with(lg_term_kind_find(LG_MACHINE_MASS, "network"), LG_MACHINE_MASS);
     assert_jacobian(&machine, LG_MACHINE_STARTS_ESTIMATED, "cf4", NULL);
 }
 
-TEST("with known parameters the Jacobian has columns of the starts alone") {
+TEST("with known parameters the Jacobian has only the columns of the starts") {
     const lg_machine machine = machine_with(lg_term_kind_find(LG_MACHINE_MASS, "network"), LG_MACHINE_MASS);
     assert_jacobian(&machine, LG_MACHINE_STARTS_ESTIMATED, "cf4", machine_theta(&machine, 7));
 }
 
-/* The implicit parts of steps are solved: their derivative is that of the solution. */
-TEST("of variational steps too, with every kind of term, and starts among the unknowns") {
+/* Implicit equations of steps are solved; their derivative must be that of the solution. */
+TEST("the Jacobian of variational steps agrees with the tape too, with every kind of term and with starts") {
     for (uint32_t part = 0; part < LG_MACHINE_PART_COUNT; part++) {
         const lg_term_kind *kind;
         for (size_t i = 0; (kind = lg_term_kind_at((lg_machine_part)part, i)) != NULL; i++) {

@@ -1,5 +1,5 @@
-/* Machines as programs and as models in a loop, in the units of the log: against the recording in scaled
- * units and closed forms. */
+/* Machines as programs and as models in a control loop, in the units of the log, compared with the recording
+ * in scaled units and with closed forms. */
 #include "support/machine_support.h"
 #include "support/model_support.h"
 #include "support/plan_support.h"
@@ -16,7 +16,7 @@ static lg_program *program_of(const lg_machine *machine, const double *theta, co
     return program;
 }
 
-/* A machine as a model, in a random state that is on the manifold. */
+/* A machine as a model, in a random state on the manifold. */
 typedef struct driven {
     lg_machine machine;
     lg_space space;
@@ -42,9 +42,10 @@ static driven *drive(const lg_machine *machine, uint64_t seed) {
     return s;
 }
 
-/* ---- the program and the recording in scaled units ---- */
+/* ---- the program compared with the recording in scaled units ---- */
 
-/* Factors of an algebra element and of positions and velocities: the log's number over the scaled one. */
+/* Factors from scaled numbers to numbers in the log's units, for an algebra element, positions and
+ * velocities. */
 typedef struct factors {
     double field[STATE], q[STATE], v[STATE];
 } factors;
@@ -75,7 +76,8 @@ static void times(double *x, const double *factor, size_t rows, size_t n) {
     for (size_t i = 0; i < rows * n; i++) x[i] *= factor[i % n];
 }
 
-/* All functions of `program` at rows of a log, against what the tape records of the same rows scaled. */
+/* Compares all functions of `program` at rows of a log with the tape's results for the same rows in scaled
+ * units. */
 static void check_recording(const lg_machine *machine) {
     const double *theta = machine_theta(machine, 5);
     const lg_program *program = program_of(machine, theta, "cf4");
@@ -114,7 +116,7 @@ static void check_recording(const lg_machine *machine) {
         const lg_shape shape = lg_var_shape(tape, algebra[i]);
         flat[count++] = lg_reshape(tape, algebra[i], lg_shape2(ROWS, (uint32_t)lg_shape_count(shape) / ROWS));
     }
-    /* Parts of directions alternate in the element; there is one direction here at most. */
+    /* In the algebra element the parts of several directions alternate; here is at most one direction. */
     const lg_var all = count == 1 ? flat[0] : lg_concat(tape, flat, count, 1);
     assert_ok(lg_read(tape, all, ROWS * space.algebra_dim, want));
     times(want, f.field, ROWS, space.algebra_dim);
@@ -127,7 +129,7 @@ static void check_recording(const lg_machine *machine) {
     assert_all_close(got, v, ROWS * machine->velocities, 1e-11, 1e-11);
 }
 
-TEST("a program is the recording in the units of the log, with every kind of coordinate and of term") {
+TEST("a program equals the recording in the log's units, with every kind of coordinate and term") {
     for (uint32_t part = 0; part < LG_MACHINE_PART_COUNT; part++) {
         const lg_term_kind *kind;
         for (size_t i = 0; (kind = lg_term_kind_at((lg_machine_part)part, i)) != NULL; i++) {
@@ -137,7 +139,7 @@ TEST("a program is the recording in the units of the log, with every kind of coo
     }
 }
 
-/* One coordinate of a kind, learned constants, with or without inputs. */
+/* A machine with one coordinate of this kind and learned constants, with or without inputs. */
 static lg_machine single(lg_coordinate_kind kind, bool forced) {
     lg_machine machine = empty_machine();
     add_coordinate(&machine, "one", kind);
@@ -150,7 +152,7 @@ static lg_machine single(lg_coordinate_kind kind, bool forced) {
     return machine;
 }
 
-TEST("machines of one coordinate, with and without inputs and potential, have programs") {
+TEST("machines of one coordinate have programs, with and without inputs and potential") {
     for (int kind = 0; kind < LG_COORDINATE_KIND_COUNT; kind++)
         for (int forced = 0; forced < 2; forced++) {
             const lg_machine machine = single((lg_coordinate_kind)kind, forced == 1);
@@ -163,7 +165,7 @@ TEST("machines of one coordinate, with and without inputs and potential, have pr
 static const double weight = 2.3, body[6] = {2, 2, 2, 0.3, 0.5, 0.7}, rod = 1.7,
                     drag[9] = {0.3, 0.3, 0.3, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6};
 
-/* A direction and a pose, all known; input j pushes velocity 2 j + 1 with (j + 1). */
+/* A direction and a pose with known constants. Input j pushes velocity 2 j + 1 by (j + 1). */
 static lg_machine known_machine(void) {
     double mass[9] = {rod, rod, rod}, map[18] = {0};
     lg_machine machine = empty_machine();
@@ -208,7 +210,7 @@ static void known_field(const driven *s, double *field, double *energy) {
     for (int i = 0; i < 3; i++) field[15 + i] = a[i] + b[i] + f[6 + i];
 }
 
-TEST("a rod and a hull of known constants have momenta, energy and field of the closed form") {
+TEST("a rod and a hull with known constants have momenta, energy and field of the closed form") {
     const lg_machine machine = known_machine();
     for (uint64_t seed = 1; seed < 4; seed++) {
         const driven *s = drive(&machine, seed);
@@ -225,9 +227,9 @@ TEST("a rod and a hull of known constants have momenta, energy and field of the 
     }
 }
 
-/* ---- the model ---- */
+/* ---- the machine as lg_model ---- */
 
-/* Every kind of coordinate; mass of networks, potential, damping, residual and inputs. */
+/* A machine with every kind of coordinate, a mass of networks, potential, damping, residual and inputs. */
 static lg_machine learned_machine(void) {
     lg_machine machine = all_coordinates();
     lg_machine_term *mass = add_term(&machine, LG_MACHINE_MASS, "network");
@@ -243,7 +245,7 @@ static lg_machine learned_machine(void) {
     return machine;
 }
 
-TEST("a machine has the sizes of its space, and no inputs are zero inputs") {
+TEST("a machine has the sizes of its space, and NULL as input means zero inputs") {
     const lg_machine machine = learned_machine();
     const driven *s = drive(&machine, 2);
     double free_run[STATE], zero[STATE], driven_by[STATE];
@@ -262,7 +264,7 @@ TEST("a machine has the sizes of its space, and no inputs are zero inputs") {
     assert_true(most > 1e-2);
 }
 
-TEST("a machine's state has the positions and velocities that it was made from") {
+TEST("a state that was made from positions and velocities gives them back") {
     const lg_machine machine = learned_machine();
     const driven *s = drive(&machine, 3);
     double q[STATE], v[STATE];
@@ -272,7 +274,7 @@ TEST("a machine's state has the positions and velocities that it was made from")
     assert_all_close(v, s->v, machine.velocities, 1e-10, 1e-10);
 }
 
-TEST("other kinds of model have no states of machines") {
+TEST("other kinds of model have no machine states") {
     lg_hamiltonian pendulum;
     lg_model *model;
     const double theta[5] = {0, 0, 1, 0, 1};
@@ -304,7 +306,7 @@ TEST("a state that is not finite gives NaN everywhere") {
 
 /* ---- steps ---- */
 
-/* |R^T R - I| of a rotation, entries. */
+/* The largest entry of |R^T R - I| of a rotation. */
 static double off_rotation(const double *R) {
     double worst = 0;
     for (int i = 0; i < 3; i++)
@@ -316,7 +318,7 @@ static double off_rotation(const double *R) {
     return worst;
 }
 
-TEST("a rotation stays on SO(3) to 1e-14 over 1e5 steps, and its energy with it") {
+TEST("over 1e5 steps a rotation stays on SO(3) to 1e-14, and its energy is kept") {
     lg_machine machine = empty_machine();
     add_coordinate(&machine, "body", LG_COORDINATE_ROTATION);
     odd_scales(&machine);
@@ -339,7 +341,7 @@ TEST("a rotation stays on SO(3) to 1e-14 over 1e5 steps, and its energy with it"
     assert_close(after, before, 1e-8, 0);
 }
 
-TEST("classical schemes are for places alone, and implicit ones are for no program") {
+TEST("classical schemes are for machines on R^n alone, and implicit schemes for no program") {
     lg_program *program;
     lg_error error = {LG_OK, ""};
     const lg_machine flat = single(LG_COORDINATE_ANGLE, true), turning = single(LG_COORDINATE_ROTATION, true);
@@ -364,7 +366,7 @@ static void linearise(const driven *s) {
     check_linearisation(s->model, s->y, s->u, 1e-6, s->work);
 }
 
-TEST("linearisations are differences of the stepper's field along the manifold and in the inputs") {
+TEST("linearisations agree with differences of the stepper's field along the manifold and in the inputs") {
     const lg_machine machine = learned_machine();
     for (uint64_t seed = 1; seed < 4; seed++) linearise(drive(&machine, seed));
     const lg_machine known = known_machine();
@@ -375,7 +377,8 @@ TEST("linearisations are differences of the stepper's field along the manifold a
     }
 }
 
-TEST("a deviation is the difference of places and momenta, and the sine of an angle times its axis") {
+TEST("a deviation is the difference of places and momenta, and the axis of a rotation times the sine of "
+     "its angle") {
     const lg_machine machine = single(LG_COORDINATE_POSE, true);
     const driven *s = drive(&machine, 3);
     const double a[3] = {0.3, -0.5, 0.4}, size = sqrt(0.5);

@@ -28,7 +28,7 @@ static lg_machine oscillator(bool known) {
     return machine;
 }
 
-/* Logs of the known oscillator from random starts and with random held inputs. */
+/* Logs of the known oscillator from random starts, with random inputs that are held between rows. */
 typedef struct logs {
     size_t first[PARTS + 1], start[PARTS];
     double t[ALL], q[ALL], v[ALL], u[ALL * 4];
@@ -88,7 +88,7 @@ static task *make_task(const logs *l, lg_machine_starts starts) {
     return t;
 }
 
-/* `own`: starts are eliminated window by window in the matrix. */
+/* `own`: Levenberg-Marquardt eliminates the starts of each window from its matrix. */
 static void fit(task *t, bool own) {
     lg_fit_problem problem;
     lg_machine_fit_problem(&t->problem, &problem);
@@ -108,7 +108,7 @@ static void read_numbers(const task *t, lg_identified *out) {
     for (int i = 0; i < NUMBERS; i++) assert_string_equal(out[i].name, names[i]);
 }
 
-TEST("mass, spring and damping of exact logs come out exact, in the units of the logs") {
+TEST("mass, spring and damping are exact for exact logs, in the units of the logs") {
     task *t = make_task(make_logs(0.0, 3), LG_MACHINE_STARTS_MEASURED);
     lg_identified found[NUMBERS];
     double loss, floor;
@@ -121,7 +121,7 @@ TEST("mass, spring and damping of exact logs come out exact, in the units of the
 
 /* ---- windows ---- */
 
-/* A window that starts at a complete row lies in the part and holds the row. */
+/* Whether a window that contains the row starts at a complete row and lies in the part. */
 static bool is_usable(const lg_machine *machine, const lg_machine_log *log, uint32_t window, bool positions,
                       size_t part, size_t row) {
     for (size_t s = log->first[part]; s <= row && s + window <= log->first[part + 1]; s++)
@@ -129,7 +129,8 @@ static bool is_usable(const lg_machine *machine, const lg_machine_log *log, uint
     return false;
 }
 
-TEST("every row that can be in a window is in one: random lengths, gaps, missing numbers, windows, strides") {
+TEST("every row that can be in a window is in one: random lengths, gaps, missing numbers, windows, "
+     "strides") {
     enum { MOST = 120, CASES = 4000 };
     lg_machine machine = oscillator(false);
     lg_rng rng = test_rng(5, 0);
@@ -153,7 +154,7 @@ TEST("every row that can be in a window is in one: random lengths, gaps, missing
         const size_t count = lg_machine_windows(&machine, &log, window, stride, positions, start);
         assert_int_equal(lg_machine_windows(&machine, &log, window, stride, positions, NULL), count);
         for (size_t p = 0; p < parts; p++) {
-            size_t after = first[p]; /* rows before `after` are behind a window's start */
+            size_t after = first[p]; /* rows before `after` follow the start of a window */
             for (; at < count && start[at] < first[p + 1]; at++) {
                 assert_true(at == 0 || start[at] > start[at - 1]);
                 assert_true(start[at] >= first[p] && start[at] + window <= first[p + 1]);
@@ -170,7 +171,7 @@ TEST("every row that can be in a window is in one: random lengths, gaps, missing
     }
 }
 
-TEST("biases of sensors come out, with measured and with estimated starts") {
+TEST("biases of sensors are found, with measured and with estimated starts") {
     enum { BIASES = 2 };
     static const double bias[BIASES] = {0.3, -0.2};
     for (int starts = 0; starts < 2; starts++) {
@@ -194,7 +195,7 @@ TEST("biases of sensors come out, with measured and with estimated starts") {
     }
 }
 
-TEST("biases of angles are brought to (-pi, pi], and others stay") {
+TEST("biases of angles are converted to (-pi, pi], other biases are not") {
     static const double pi = 3.14159265358979323846;
     static const double angles[][2] = {{0.0, 0.0},
                                        {0.1, 0.1},
@@ -229,7 +230,7 @@ TEST("biases of angles are brought to (-pi, pi], and others stay") {
     assert_true(theta[at + 1] > 0.0 && theta[at + 5] > 0.0);
 }
 
-TEST("starts that are eliminated give the same fit as starts among the parameters") {
+TEST("eliminated starts give the same fit as starts among the parameters") {
     const logs *l = make_logs(0.01, 4);
     task *a = make_task(l, LG_MACHINE_STARTS_ESTIMATED), *b = make_task(l, LG_MACHINE_STARTS_ESTIMATED);
     fit(a, true);
@@ -239,7 +240,7 @@ TEST("starts that are eliminated give the same fit as starts among the parameter
     for (size_t i = 0; i < n; i++) assert_close(a->theta[i], b->theta[i], 1e-6, 1e-8);
 }
 
-TEST("where the machine is known, its starts alone are learned, and nothing without them") {
+TEST("if the machine is known only its starts are learned, and without starts nothing") {
     const logs *l = make_logs(0.01, 6);
     task *all = make_task(l, LG_MACHINE_STARTS_ESTIMATED), *a = make_task(l, LG_MACHINE_STARTS_ESTIMATED),
          *b = make_task(l, LG_MACHINE_STARTS_ESTIMATED);
@@ -268,7 +269,8 @@ static lg_status identify(const task *t, lg_identified *out) {
     return lg_machine_identify(NULL, &t->problem, t->theta, &all, NULL);
 }
 
-TEST("standard errors are those that repeated logs show, starts measured exactly or estimated") {
+TEST("standard errors agree with the scatter over repeated logs, with starts measured exactly or "
+     "estimated") {
     enum { REPEATS = 60 };
     double sum[NUMBERS] = {0}, squares[NUMBERS] = {0}, told[NUMBERS] = {0};
     for (uint64_t i = 0; i < REPEATS; i++) {
@@ -291,7 +293,7 @@ TEST("standard errors are those that repeated logs show, starts measured exactly
     }
 }
 
-TEST("the error of what the logs do not show is infinite: an input map whose input stays 0") {
+TEST("a number that the logs do not show has an infinite error: an input map whose input stays 0") {
     logs *l = make_logs(0.01, 5);
     task *t = make_task(l, LG_MACHINE_STARTS_MEASURED);
     lg_identified found[NUMBERS + 1];
@@ -308,7 +310,7 @@ TEST("the error of what the logs do not show is infinite: an input map whose inp
     assert_true(found[0].error < 0.1 && found[1].error < 0.1 && isinf(found[2].error));
 }
 
-/* Of the damping of the kind, at a parameter moved from the best one. */
+/* Identifies the numbers with damping of this kind, whose parameter is moved from its best value. */
 static void identify_moved(task *t, const char *kind, double damping_at, lg_identification *of) {
     t->machine.terms[2].kind = lg_term_kind_find(LG_MACHINE_DAMPING, kind);
     assert_machine(&t->machine);
@@ -339,9 +341,9 @@ TEST("numbers at a bound have the error that they have near the bound") {
     }
 }
 
-/* ---- where the mass of a network is told ---- */
+/* ---- the position at which the mass of a network is reported ---- */
 
-/* The oscillator with a mass that is a network of x, and logs shifted by `far`. */
+/* The oscillator with a network of x as mass, and logs shifted by `far`. */
 static task *make_network_task(double far) {
     logs *l = make_logs(0.0, 3);
     for (size_t row = 0; row < ALL; row++) l->q[row] += far;
@@ -353,7 +355,8 @@ static task *make_network_task(double far) {
     return t;
 }
 
-TEST("the mass of a network is told at 0 where logs come there, else at the start nearest to their mean") {
+TEST("the mass of a network is reported at 0 if the logs come there, otherwise at the start nearest to "
+     "their mean") {
     double at = 7, mean = 0, best = 1e9;
     assert_false(lg_machine_mass_at(&make_task(make_logs(0.0, 3), LG_MACHINE_STARTS_MEASURED)->problem, &at));
     assert_true(lg_machine_mass_at(&make_network_task(0)->problem, &at));
@@ -370,7 +373,7 @@ TEST("the mass of a network is told at 0 where logs come there, else at the star
     assert_true(fabs(mean - 20) < 1);
 }
 
-TEST("an angle is near to itself after full turns, and windows held out do not count") {
+TEST("an angle counts as the same after full turns, and windows that are held out do not count") {
     task *t = make_network_task(6 * 3.14159265358979323846);
     double at = 7;
     t->machine.coordinates[0].kind = LG_COORDINATE_ANGLE;
@@ -388,11 +391,11 @@ TEST("an angle is near to itself after full turns, and windows held out do not c
     assert_close(at, 2, 0, 0.3);
 }
 
-/* ---- starts of a known machine ---- */
+/* ---- estimated starts of a known machine ---- */
 
 enum { RUNS = 4, RUN = 40, POINTS = RUNS * RUN, WINDOW = 30, STARTS = 4 };
 
-/* A line, a direction and a rotation that are coupled by a network, driven. */
+/* A line, a direction and a rotation, coupled by a network and driven. */
 static lg_machine coupled(void) {
     lg_machine machine = empty_machine();
     add_coordinate(&machine, "x", LG_COORDINATE_LINE);
@@ -417,7 +420,7 @@ typedef struct runs {
     lg_machine_log log;
 } runs;
 
-/* The positions of one row, the direction and the rotation turned by noise. */
+/* The positions of one row with noise; direction and rotation are turned by the noise. */
 static void shake(lg_rng *rng, double noise, const double *q, double *out) {
     double by[7];
     for (int k = 0; k < 7; k++) by[k] = noise * lg_rng_normal(rng);
@@ -426,7 +429,7 @@ static void shake(lg_rng *rng, double noise, const double *q, double *out) {
     lg_so3_exp_multiply(by + 4, q + 4, out + 4);
 }
 
-/* Runs of the machine; the log has positions alone, with noise. */
+/* Runs of the machine; their log has only positions, with noise. */
 static runs *make_runs(double noise) {
     runs *r = TEST_ARRAY(runs, 1);
     r->machine = coupled();
@@ -447,7 +450,7 @@ static runs *make_runs(double noise) {
     return r;
 }
 
-/* The largest errors of the states at rows start[0..STARTS-1]. */
+/* The largest errors of the estimated states at rows start[0..STARTS-1]. */
 static void estimate(const runs *r, const size_t *start, double *position, double *velocity) {
     const uint32_t nq = r->machine.positions, nv = r->machine.velocities;
     double q[STARTS * LG_MACHINE_POSITIONS], v[STARTS * LG_MACHINE_VELOCITIES];
@@ -462,17 +465,18 @@ static void estimate(const runs *r, const size_t *start, double *position, doubl
     }
 }
 
-/* Windows of 30, 30, 12 and 2 rows: the last ones end with their parts. */
+/* Windows of 30, 30, 12 and 2 rows; the last two end with their parts. */
 static const size_t some_starts[STARTS] = {0, RUN + 5, 3 * RUN - 12, 4 * RUN - 2};
 
-TEST("starts of a known machine come from positions alone, also near the end of a part") {
+TEST("starts of a known machine are found from positions alone, also near the end of a part") {
     double position, velocity;
     estimate(make_runs(0.0), some_starts, &position, &velocity);
     print_message("errors of positions %.1e, of velocities %.1e\n", position, velocity);
     assert_true(position < 1e-8 && velocity < 1e-8);
 }
 
-TEST("many noisy rows give a start that is better than its row, and a velocity better than differences") {
+TEST("many noisy rows give a start that is more accurate than its row, and a velocity better than "
+     "differences") {
     const size_t starts[STARTS] = {0, RUN + 3, 2 * RUN + 7, 3 * RUN + 10};
     const double noise = 1e-3;
     double position, velocity;
@@ -481,7 +485,7 @@ TEST("many noisy rows give a start that is better than its row, and a velocity b
     assert_true(position < noise && velocity < 4.0 * noise);
 }
 
-TEST("a start in the last row of a part is refused, and one without a finite run keeps its guess") {
+TEST("a start in the last row of a part is refused, and one without a finite run keeps its first guess") {
     runs *r = make_runs(0.0);
     double q[2 * LG_MACHINE_POSITIONS], v[2 * LG_MACHINE_VELOCITIES];
     const size_t last = RUN - 1, both[2] = {0, RUN};

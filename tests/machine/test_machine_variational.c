@@ -1,10 +1,11 @@
-/* Variational steps of machines: their order, what they keep, and what they learn.
+/* Variational steps of machines: their order, what they preserve, and learning with them.
  * ctest-labels: src/machine */
 #include "support/machine_support.h"
 
 /* ---- runs ---- */
 
-/* A run of `steps` intervals of length h from one row, in the units of the log; u: cubics of intervals. */
+/* A run of `steps` intervals of length h from one row, in the units of the log. The inputs u are cubics in
+ * each interval. */
 typedef struct run {
     const lg_machine *machine;
     const double *theta, *q0, *v0;
@@ -70,7 +71,8 @@ static void assert_order(const lg_machine *machine, const char *name) {
     assert_true(order > 1.9 && order < 2.1);
 }
 
-/* One coordinate, a full mass where there is one, a potential; `forced`: inputs, damping of three kinds. */
+/* A machine with one coordinate, a full mass if possible, and a potential; `forced`: also inputs and three
+ * kinds of damping. */
 static lg_machine single(lg_coordinate_kind kind, bool forced) {
     lg_machine machine = empty_machine();
     add_coordinate(&machine, "q", kind);
@@ -91,7 +93,7 @@ static lg_machine single(lg_coordinate_kind kind, bool forced) {
     return machine;
 }
 
-TEST("the order is 2 on every kind of coordinate, with and without forces") {
+TEST("the order is 2 for every kind of coordinate, with and without forces") {
     for (int kind = 0; kind < LG_COORDINATE_KIND_COUNT; kind++)
         for (int forced = 0; forced < 2; forced++) {
             const lg_machine machine = single((lg_coordinate_kind)kind, forced == 1);
@@ -99,18 +101,18 @@ TEST("the order is 2 on every kind of coordinate, with and without forces") {
         }
 }
 
-TEST("the order is 2 with all coordinates and a mass that couples them") {
+TEST("the order is 2 for all coordinates together with a mass that couples them") {
     const lg_machine machine = machine_with(lg_term_kind_find(LG_MACHINE_MASS, "constant"), LG_MACHINE_MASS);
     assert_order(&machine, "all");
 }
 
-/* ---- what is kept ---- */
+/* ---- conserved quantities ---- */
 
 enum { LONG = 10000 };
 
 static const double inertia[9] = {1.0, 0.2, -0.1, 0.2, 1.4, 0.3, -0.1, 0.3, 0.8};
 
-/* A body about a fixed point with full inertia; `weight`: V = weight . R^T e3, or NULL. */
+/* A body about a fixed point with full inertia. `weight`: V = weight . R^T e3, or NULL. */
 static lg_machine top(const double *weight) {
     lg_machine machine = empty_machine();
     add_coordinate(&machine, "body", LG_COORDINATE_ROTATION);
@@ -136,7 +138,7 @@ static double energy_of(const double *weight, const double *R, const double *Ome
     return sum;
 }
 
-/* The largest |H - H(0)| in the first tenth of a run, and in the last. */
+/* The largest |H - H(0)| in the first and in the last tenth of a run. */
 static void energy_errors(const run *r, const double *weight, double *early, double *late) {
     const double H = energy_of(weight, r->q, r->v);
     *early = *late = 0.0;
@@ -147,7 +149,7 @@ static void energy_errors(const run *r, const double *weight, double *early, dou
     }
 }
 
-TEST("the energy of a heavy top stays where it is for ten thousand steps, that of cf4 drifts") {
+TEST("the energy of a heavy top does not drift in ten thousand steps; with cf4 it does") {
     static const double weight[3] = {0.3, -0.2, 2.0};
     const double R[9] = {1, 0, 0, 0, 0.8, -0.6, 0, 0.6, 0.8}, Omega[3] = {0.4, -0.3, 2.5};
     const lg_machine machine = top(weight);
@@ -163,8 +165,8 @@ TEST("the energy of a heavy top stays where it is for ten thousand steps, that o
     assert_true(late > 5.0 * early);
 }
 
-/* V = 2 (1 - cos q) with M = 1, from 2 rad at rest, where an integrator has most to lose. */
-TEST("the energy of a pendulum stays where it is for a hundred thousand steps, that of cf4 falls") {
+/* V = 2 (1 - cos q) with M = 1, from 2 rad at rest, where the energy errors of an integrator are large. */
+TEST("the energy of a pendulum does not drift in a hundred thousand steps; with cf4 it falls") {
     enum { POINTS = 1000 };
     static const double unit = 1.0, coefficients[2] = {0.0, -2.0}, start = 2.0, rest = 0.0;
     static const char *const schemes[2] = {"variational", "cf4"};
@@ -177,7 +179,7 @@ TEST("the energy of a pendulum stays where it is for a hundred thousand steps, t
     add_values(V, 2, coefficients);
     assert_machine(&machine);
     for (int k = 0; k < 2; k++) {
-        run r = {&machine, NULL, &start, &rest, POINTS, 20.0, NULL, NULL}; /* 100 steps of .2 a row */
+        run r = {&machine, NULL, &start, &rest, POINTS, 20.0, NULL, NULL}; /* 100 steps of .2 per row */
         run_with(&r, schemes[k], 100);
         for (size_t i = 1; i <= POINTS; i++) {
             const double H = 0.5 * r.v[i] * r.v[i] - 2.0 * cos(r.q[i]) + 2.0 * cos(start);
@@ -190,7 +192,7 @@ TEST("the energy of a pendulum stays where it is for a hundred thousand steps, t
     assert_true(errors[1][1] > 5.0 * errors[1][0] && errors[1][1] > 2.0 * errors[0][1]);
 }
 
-TEST("a free body keeps its momentum in space, and R stays a rotation, to rounding") {
+TEST("to rounding a free body keeps its momentum in space, and R stays a rotation") {
     const double R[9] = {1, 0, 0, 0, 0.8, -0.6, 0, 0.6, 0.8}, Omega[3] = {0.4, -1.3, 2.5};
     const lg_machine machine = top(NULL);
     run r = {&machine, NULL, R, Omega, LONG, 0.1, NULL, NULL};
@@ -217,7 +219,7 @@ TEST("a free body keeps its momentum in space, and R stays a rotation, to roundi
 
 /* ---- damping ---- */
 
-/* T of the scaled machine at each point of a run. */
+/* The kinetic energy T of the scaled machine at each point of a run. */
 static void kinetic_energies(const run *r, double *out) {
     const lg_machine *machine = r->machine;
     lg_tape *tape = test_tape(LG_F64);
@@ -238,8 +240,8 @@ static void kinetic_energies(const run *r, double *out) {
     assert_ok(lg_read(tape, lg_machine_record_energy(tape, &vars, parts), rows, out));
 }
 
-/* Every kind of coordinate, which moves freely but for damping; scales are 1. T of a body with unequal
- * inertia changes a little on its free way. */
+/* Every kind of coordinate, moving freely except for damping; all scales are 1. T of a body with unequal
+ * moments of inertia changes slightly even without damping. */
 static lg_machine damped(const lg_term_kind *kind) {
     lg_machine machine = all_coordinates();
     lg_machine_scales_init(&machine.scales);
@@ -254,7 +256,7 @@ static lg_machine damped(const lg_term_kind *kind) {
     return machine;
 }
 
-TEST("damping of every kind only takes energy away, at long steps") {
+TEST("damping of every kind only takes energy away, even with long steps") {
     enum { STEPS = 30 };
     const lg_term_kind *kind;
     for (size_t k = 0; (kind = lg_term_kind_at(LG_MACHINE_DAMPING, k)) != NULL; k++) {
@@ -285,7 +287,7 @@ typedef struct lesson {
 
 static const double drag[3] = {0.25, 0.4, 0.15};
 
-/* A pendulum on SO(3) with one torque; damping: of the truth, else to learn. */
+/* A pendulum on SO(3) with one torque. known: with the true damping; otherwise damping is learned. */
 static lg_machine pendulum(bool known) {
     static const double weight[3] = {0.0, 0.0, 5.0}, torque[3] = {0.0, 1.0, 0.5};
     lg_machine machine = empty_machine();
@@ -302,7 +304,7 @@ static lg_machine pendulum(bool known) {
     return machine;
 }
 
-/* Windows of 50 rows .04 s apart from runs of the truth. */
+/* Windows of 50 rows, .04 s apart, from runs of the true machine. */
 static lesson *make_lesson(void) {
     lesson *l = TEST_ARRAY(lesson, 1);
     const lg_machine truth = pendulum(true);
@@ -334,7 +336,7 @@ static lesson *make_lesson(void) {
     return l;
 }
 
-TEST("windows of fifty rows of a damped pendulum tell its damping") {
+TEST("windows of fifty rows of a damped pendulum determine its damping") {
     lesson *l = make_lesson();
     double theta[3] = {0.1, 0.1, 0.1};
     lg_identified found[3];
@@ -346,7 +348,7 @@ TEST("windows of fifty rows of a damped pendulum tell its damping") {
     }
 }
 
-TEST("the derivative of the loss is the limit of difference quotients") {
+TEST("the derivative of the loss agrees with difference quotients") {
     lesson *l = make_lesson();
     const double theta[3] = {0.3, 0.5, 0.4}, step = 1e-5;
     const uint32_t samples[PARTS] = {0, 1, 2, 3};
@@ -365,9 +367,9 @@ TEST("the derivative of the loss is the limit of difference quotients") {
     }
 }
 
-/* ---- what cannot be ---- */
+/* ---- runs that fail, refusals ---- */
 
-TEST("a run that is not finite leaves the others as they are") {
+TEST("a run that is not finite does not affect the others") {
     const lg_machine machine = pendulum(true);
     const size_t first[3] = {0, 2, 4}, start[2] = {0, 2};
     double t[4] = {0, 0.1, 0, 0.1}, u[16] = {0}, q[36], v[12], both_q[36], both_v[12], q1[18], v1[6];
@@ -404,7 +406,7 @@ TEST("a biased gyroscope shows the same motion with its bias added") {
     }
 }
 
-TEST("masses that depend on the state are refused with a sentence, and so are exported steps") {
+TEST("masses that depend on the state are refused with a message, and so are exported steps") {
     const lg_machine moving = machine_with(lg_term_kind_find(LG_MACHINE_MASS, "network"), LG_MACHINE_MASS),
                      still = pendulum(false);
     lg_error error = {LG_OK, ""};

@@ -1,4 +1,4 @@
-/* The kinds of models in files: examples of each, and functions on files of any kind. */
+/* The kinds of models in files: examples of each kind, and functions that work on files of any kind. */
 #ifndef LG_MODEL_KINDS_H
 #define LG_MODEL_KINDS_H
 
@@ -12,7 +12,8 @@
 #include "support/modes.h"
 #include "hamiltonian/internal.h"
 
-/* As exact as dtype. What a file holds is released by the file's own function: lg_alloc. */
+/* Random numbers that a file of this dtype holds exactly. Allocated with lg_alloc, because the file's own
+ * function frees them. */
 static inline double *drawn(size_t count, lg_rng *rng, lg_dtype dtype) {
     double *out = lg_alloc(NULL, count, sizeof *out);
     assert_non_null(out);
@@ -36,7 +37,7 @@ typedef struct hamiltonian_example {
     lg_dtype dtype;
 } hamiltonian_example;
 
-/* Then one of every family. */
+/* Followed by one example of each family. */
 static const hamiltonian_example hamiltonian_examples[] = {
     {&lg_hamiltonian_chain, 2, LG_POTENTIAL_MLP, LG_F64},
     {&lg_hamiltonian_chain, 1, LG_POTENTIAL_LINEAR, LG_F32},
@@ -130,7 +131,7 @@ static const surrogate_example surrogate_examples[] = {
     {SURROGATE(DISCRETE, MLP, 0, 4, 1, TANH, .mirror = true, .modes = 3), LG_F32},
 };
 
-/* What surrogates and detectors of the tests are trained with. */
+/* The training settings of the surrogates and detectors in tests. */
 static inline lg_training some_training(lg_dtype dtype, double validation) {
     return (lg_training){.dtype = dtype,
                          .epochs = 300,
@@ -160,7 +161,7 @@ static inline lg_surrogate_run make_surrogate_run(size_t which) {
     return run;
 }
 
-/* Example 1 has no test part, example 2 no errors. */
+/* Example 1 has no test part, example 2 has no errors. */
 static inline void draw_surrogate(size_t which, lg_surrogate_file *file) {
     lg_rng rng = test_rng(5, 6);
     *file = (lg_surrogate_file){.run = make_surrogate_run(which),
@@ -198,12 +199,12 @@ static inline void same_surrogate(const lg_surrogate_file *a, const lg_surrogate
 /* ---- detectors ---- */
 
 typedef struct detector_example {
-    lg_cnn net; /* outputs by the loss */
+    lg_cnn net; /* the outputs follow from the loss */
     uint32_t classes;
     lg_detector_loss loss;
     bool centred;
     lg_dtype dtype;
-    const char *blocks; /* as the file says it */
+    const char *blocks; /* the text of the blocks in the file */
 } detector_example;
 
 #define SMALL_BLOCK                                                                                          \
@@ -279,7 +280,7 @@ static inline lg_detector_run make_detector_run(size_t which) {
     return run;
 }
 
-/* Example 1 has no error, example 2 knows neither errors, rate nor channels. */
+/* Example 1 has no error; example 2 has no errors, rate or channels. */
 static inline void draw_detector(size_t which, lg_detector_file *file) {
     const detector_example *e = &detector_examples[which];
     lg_rng rng = test_rng(5, 6);
@@ -439,7 +440,8 @@ static inline void same_table(const lg_table_file *a, const lg_table_file *b) {
 
 /* ---- machines ---- */
 
-/* The first has all terms; the others are for where weights lie and what a loaded machine computes. */
+/* The first one has all kinds of terms; the others test where weights are stored and what a loaded machine
+ * computes. */
 static const char *const machine_model_examples[] = {
     machine_of_all_kinds, machine_of_a_body,  machine_of_a_cart, machine_without_inputs,
     machine_of_a_top,     machine_of_a_chain, machine_of_an_arm};
@@ -476,7 +478,7 @@ static inline void same_machine_model(const lg_machine_model_file *a, const lg_m
         assert_memory_equal(a->spread, b->spread, b->parameters * b->parameters * sizeof(double));
 }
 
-/* ---- the kinds ---- */
+/* ---- table of all kinds ---- */
 
 typedef enum model_kind {
     KIND_HAMILTONIAN,
@@ -509,8 +511,9 @@ typedef struct any_file {
 
 typedef struct kind_row {
     const lg_recipe *recipe;
-    size_t examples, bad, single; /* examples: how many, the one that is made bad, one in single precision */
-    size_t loads, saves;          /* allocations at the least */
+    /* number of examples; index of the example that is damaged; index of one in single precision */
+    size_t examples, bad, single;
+    size_t loads, saves; /* least number of allocations while loading and saving */
     any_run (*make_run)(size_t which);
     void (*make)(size_t which, any_file *out);
     lg_status (*save)(const lg_context *context, const char *path, const any_file *file, const lg_fit *fit,
@@ -519,7 +522,7 @@ typedef struct kind_row {
                       any_file *out, lg_error *error);
     void (*same)(const any_file *a, const any_file *b);
     read_fn read, read_checkpoint;
-    fresh_fn fresh; /* the example that is made bad */
+    fresh_fn fresh; /* a new copy of the example that is damaged */
 } kind_row;
 
 static const kind_row kinds[KIND_COUNT];
@@ -528,7 +531,7 @@ static inline void destroy(any_file *file) {
     kinds[file->kind].recipe->release(file->bytes);
 }
 
-/* What files of all kinds have. */
+/* What files of all kinds have in common. */
 typedef struct common {
     void *run;
     lg_training *training;
@@ -549,7 +552,7 @@ static inline common common_of(any_file *file) {
                     .provenance = (lg_provenance *)(void *)(at + r->file_provenance)};
 }
 
-/* Numbers of examples, those of every family included. */
+/* Number of examples, including one of each family. */
 static inline size_t examples_of(const kind_row *k) {
     return k->examples + (k == &kinds[KIND_HAMILTONIAN] ? lg_hamiltonian_family_count() : 0);
 }

@@ -1,6 +1,6 @@
-/* Programs with something wrong in them, as plain data and as files. What every mutant must come to: a
- * status of a file that is bad and a sentence that can be printed, or a program that runs at any number of
- * rows within the memory it is given. */
+/* Programs with errors, as plain data and as files. Each mutant must either be refused, with the status of an
+ * invalid file and a printable message, or be a program that runs for any number of rows within the memory it
+ * is given. */
 #ifndef LG_PROGRAM_MUTANTS_H
 #define LG_PROGRAM_MUTANTS_H
 
@@ -49,11 +49,11 @@ static inline void change_text(const char *path, const char *name, size_t at, co
     assert_true(H5Sclose(space) >= 0 && H5Tclose(type) >= 0 && H5Dclose(set) >= 0 && H5Fclose(file) >= 0);
 }
 
-/* ---- what is made of mutants ---- */
+/* ---- running mutants ---- */
 
 typedef struct tally {
     size_t refused, sound, ran;
-    double longest; /* seconds of one */
+    double longest; /* longest time of one mutant, in seconds */
     size_t which;
 } tally;
 
@@ -70,7 +70,7 @@ static inline void assert_sentence(const lg_error *error, lg_status status, size
         if ((unsigned char)*c < ' ' || *c == '\x7f') fail_msg("mutant %zu: %s", mutant, error->message);
 }
 
-/* The function as a plan, on zeros. */
+/* Makes the function a plan and runs it on zeros. */
 static inline lg_status plan_mutant(const lg_program *program, size_t function, size_t rows, lg_dtype dtype) {
     lg_plan_options options;
     lg_plan *plan;
@@ -103,14 +103,16 @@ static inline lg_status plan_mutant(const lg_program *program, size_t function, 
     return LG_OK;
 }
 
-/* A sound program runs, in both types and at several numbers of rows; only memory, work or shapes stop it. */
+/* A valid mutant must run in both types and for several numbers of rows. Only limits of memory or work, or
+ * shapes, may stop it. */
 static inline void run_mutant(const lg_program *program, tally *t, size_t mutant) {
     static const size_t rows[] = {1, 2, 7, 300};
     t->sound++;
     for (size_t f = 0; f < lg_program_functions(program); f++) {
         lg_function_image *image;
         assert_ok(lg_function_image_create(program, f, &image));
-        const bool long_loop = image->times > 100; /* as long as it says: the caller's matter */
+        /* a loop may run as often as it states; limiting it is up to the caller */
+        const bool long_loop = image->times > 100;
         lg_function_image_destroy(image);
         for (size_t r = 0; r < LG_COUNT(rows) && !long_loop; r++) {
             const lg_dtype dtype = mutant % 2 == 0 ? LG_F64 : LG_F32;
@@ -142,11 +144,11 @@ static inline void tell(const char *what, size_t count, const tally *t) {
     assert_true(t->refused > 0 && t->sound > 0 && t->ran > 0);
 }
 
-/* ---- plain data ---- */
+/* ---- mutants as plain data ---- */
 
 enum { LONGEST = 4096 };
 
-/* An image whose every part may be written. Lists are as long as an operation may ask for. */
+/* An image whose parts can all be changed. Its lists have room for the longest that an operation may need. */
 typedef struct mutant {
     lg_function_image image;
     char name[2][80];
@@ -202,14 +204,14 @@ static inline uint32_t below_n(lg_rng *rng, size_t n) {
     return (uint32_t)lg_rng_below(rng, n);
 }
 
-/* One of so many that there is room for. */
+/* A random index below n, but within the room of a mutant's list. */
 static inline uint32_t below_room(lg_rng *rng, size_t n) {
     return below_n(rng, n < 64 ? n : 64);
 }
 
 #define PICK(rng, list) ((list)[below_n(rng, LG_COUNT(list))])
 
-/* Numbers at the edges, or near to what stands there. */
+/* A number at a limit, or near the present number. */
 static inline int64_t edge(lg_rng *rng, int64_t now) {
     static const int64_t edges[] = {0,
                                     0,
@@ -289,7 +291,7 @@ static inline lg_affine *some_affine(lg_rng *rng, lg_operation *o) {
     return &o->reciprocal;
 }
 
-/* One value wherever it stands, as a length: shapes stay consistent with each other. */
+/* Replaces a number by the same new one wherever it is used as a length, so that shapes stay consistent. */
 static inline void change_everywhere(mutant *m, lg_rng *rng, lg_operation *o) {
     static const int64_t to[] = {0, 0,    0,     1,       2,       3,         5,         6,
                                  9, 1000, 70000, 1 << 20, 1 << 24, INT32_MAX, UINT32_MAX};
@@ -373,7 +375,7 @@ static inline void change_image(mutant *m, lg_rng *rng) {
     }
 }
 
-/* The program around the function: parameters and the functions before it. */
+/* A program with the parameters, and with the functions before number `function`. */
 static inline lg_program *copy_until(const lg_program *from, size_t function) {
     lg_parameter_spec list[8];
     lg_program_spec spec;
@@ -420,7 +422,7 @@ static inline void mutate_function(const lg_program *program, size_t function, s
     lg_function_image_destroy(image);
 }
 
-/* The network's functions and every operation of the registry in turn. */
+/* Mutates the network's functions and all registered operations in turn. */
 static inline void mutate_images(size_t count, uint64_t seed) {
     tally t = {0};
     lg_program *network = zoo_network(), *programs[512] = {network};
@@ -437,7 +439,7 @@ static inline void mutate_images(size_t count, uint64_t seed) {
     tell("decoded lists", count, &t);
 }
 
-/* ---- bytes of functions ---- */
+/* ---- mutants of packed functions ---- */
 
 static inline unsigned char *packed(const lg_function_image *image, size_t *size) {
     lg_error error = {LG_OK, ""};
@@ -447,7 +449,7 @@ static inline unsigned char *packed(const lg_function_image *image, size_t *size
     return bytes;
 }
 
-/* The bytes end where their memory ends. What loads runs. */
+/* Unpacks the bytes from a block of exactly their size. If that succeeds, the program must run. */
 static inline void take_packed(const lg_program *program, size_t function, const unsigned char *bytes,
                                size_t size, tally *t, size_t number) {
     lg_error error = {LG_OK, ""};
@@ -473,7 +475,7 @@ static inline void take_packed(const lg_program *program, size_t function, const
     free(exact);
 }
 
-/* Functions cut off everywhere, and with bytes changed. */
+/* Functions cut at every length, and with changed bytes. */
 static inline void mutate_packed(const lg_program *program, size_t changed, uint64_t seed, tally *t,
                                  size_t *count) {
     for (size_t f = 0; f < lg_program_functions(program); f++) {
@@ -498,7 +500,7 @@ static inline void mutate_packed(const lg_program *program, size_t changed, uint
     }
 }
 
-/* The network, and every operation of the registry or each `step`th of them. */
+/* Mutates the network, and every `step`th registered operation. */
 static inline void mutate_all_packed(size_t step, size_t changed, uint64_t seed) {
     tally t = {0};
     size_t count = 0;
@@ -514,7 +516,7 @@ static inline void mutate_all_packed(size_t step, size_t changed, uint64_t seed)
     tell("packed functions", count, &t);
 }
 
-/* ---- files ---- */
+/* ---- mutants of files ---- */
 
 static inline void read_mutant(const char *path, bool probe, tally *t, size_t number) {
     lg_read_options options;
@@ -537,7 +539,7 @@ static inline void read_mutant(const char *path, bool probe, tally *t, size_t nu
     note_time(t, begun, number);
 }
 
-/* A file of the network, of format 1 too, and one that holds an operation of the registry. */
+/* A file with the network, also one of format 1, or a file with a registered operation. */
 static inline const char *file_to_mutate(size_t number, lg_rng *rng) {
     if (number % 4 == 0) return LG_TEST_DIR "/format_1/program.h5";
     size_t rows = 0;
@@ -566,7 +568,7 @@ static inline herr_t note_set(hid_t root, const char *name, const H5O_info_t *in
     return 0;
 }
 
-/* One element of one array or text, or an array of another length. */
+/* Changes one element of an array or text, or the length of an array. */
 static inline void change_set(const char *path, lg_rng *rng) {
     static sets s;
     s.count = 0;
@@ -603,8 +605,8 @@ static inline void mutate_arrays(size_t count, uint64_t seed) {
     tell("arrays in files", count, &t);
 }
 
-/* Bytes changed, runs of them overwritten, ends cut off; most of a file is weights and padding, so that many
- * stay sound. */
+/* Changes bytes, overwrites runs of bytes, or cuts the file. Most of a file is weights and padding, so many
+ * mutants stay valid. */
 static inline void mutate_bytes(size_t count, uint64_t seed) {
     tally t = {0};
     for (size_t i = 0; i < count; i++) {

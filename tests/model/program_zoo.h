@@ -1,5 +1,5 @@
-/* Programs for the tests of their files: a network with a loss and a loop, and every operation of the
- * registry of lg-gradcheck with its derivative. */
+/* Programs for the tests of program files: a network with a loss and a loop, and every operation registered
+ * with lg-gradcheck, with its derivative. */
 #ifndef LG_PROGRAM_ZOO_H
 #define LG_PROGRAM_ZOO_H
 
@@ -10,7 +10,7 @@
 #include "liegrad/program.h"
 #include "liegrad/program_image.h"
 
-/* ---- a network ---- */
+/* ---- a network with a loss and a loop ---- */
 
 static inline lg_status zoo_value(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x,
                                   lg_var *y) {
@@ -77,7 +77,8 @@ static inline lg_program *zoo_network(void) {
 
 /* ---- every operation ---- */
 
-/* Value and, where there is one, gradient of the sum of squares: derivatives have operations of their own. */
+/* The value and, if it has one, the gradient of the sum of its squares: derivatives use operations of their
+ * own. */
 static inline lg_status zoo_row(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     const lg_gradcheck_case *row = user;
     (void)theta;
@@ -86,7 +87,8 @@ static inline lg_status zoo_row(void *user, lg_tape *tape, const lg_var *theta, 
     return lg_grad(tape, lg_sum(tape, lg_square(tape, y[0])), x, row->function.inputs, &y[1]);
 }
 
-/* One function of the registry's row, its inputs shared; NULL: it cannot be in a program. */
+/* A program with one function of the registered case, whose inputs are shared. NULL: the case cannot be in a
+ * program. */
 static inline lg_program *zoo_operation(const lg_gradcheck_case *row) {
     static const char *const names[] = {"a", "b", "c", "d", "e", "f", "g", "h"};
     static const char *const results[] = {"y", "ga", "gb", "gc", "gd", "ge", "gf", "gg", "gh"};
@@ -140,7 +142,7 @@ static inline size_t zoo_bytes(const lg_tape *tape, lg_var v) {
     return lg_shape_count(lg_var_shape(tape, v)) * (lg_tape_dtype(tape) == LG_F64 ? 8 : 4);
 }
 
-/* Every way to differentiate y by all x: recorded twice over, forward, and not recorded. */
+/* Differentiates y by all x in every way: recorded twice, in forward mode, and without recording. */
 static inline lg_status zoo_differentiate(lg_tape *tape, lg_var y, const lg_var *x, size_t n) {
     lg_var gradient[64], second[64], tangent;
     void *memory[64];
@@ -160,8 +162,8 @@ static inline lg_status zoo_differentiate(lg_tape *tape, lg_var y, const lg_var 
     return status;
 }
 
-/* Function of the program on a tape with inputs from `seed`, and its first output differentiated by them.
- * Any status; values, where there are any, go into hash. */
+/* Runs a function of the program on a tape with inputs drawn from `seed`, and differentiates its first output
+ * by them. Any status is allowed; the values, if there are any, go into `hash`. */
 static inline lg_status zoo_run(const lg_program *program, size_t function, size_t rows, lg_dtype dtype,
                                 uint64_t seed, size_t max_size, uint64_t *hash) {
     lg_tape_options options;
@@ -189,7 +191,7 @@ static inline lg_status zoo_run(const lg_program *program, size_t function, size
     return status;
 }
 
-/* All functions of two programs give the same bits. */
+/* All functions of the two programs must give the same bits. */
 static inline void assert_same_results(const lg_program *a, const lg_program *b) {
     assert_int_equal(lg_program_functions(a), lg_program_functions(b));
     for (size_t f = 0; f < lg_program_functions(a); f++)

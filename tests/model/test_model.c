@@ -1,5 +1,5 @@
-/* Models in a loop: one handle for all kinds; a learned Hamiltonian's field with inputs, its steps, and its
- * linearisation against differences along the manifold and closed forms. */
+/* Models through lg_model: one type for all kinds; the field of a learned Hamiltonian with inputs, its steps,
+ * and its linearisation compared with differences on the manifold and with closed forms. */
 #include "support/model_support.h"
 
 #include "liegrad/geometry.h"
@@ -28,7 +28,7 @@ TEST("a model has the sizes of its kind") {
     assert_int_equal(lg_model_parameters(b.model), lg_cnn_parameters(&b.detector.net));
 }
 
-TEST("only Hamiltonians have fields, steps and a linearisation") {
+TEST("of these kinds only Hamiltonians have fields, steps and a linearisation") {
     for (int which = 0; which < 2; which++) {
         built b = which == 0 ? build_surrogate(LG_SURROGATE_DISCRETE) : build_detector(LG_SWISH);
         const lg_model *m = b.model;
@@ -58,12 +58,12 @@ static void velocity(const built *b, const double *y, const double *input, doubl
     model_velocity(b->model, y, input, out, b->work);
 }
 
-/* The same system by hand, from the gradient. */
+/* The same system with a field computed here from the gradient. */
 typedef struct by_hand {
     const built *b;
 } by_hand;
 
-/* Families whose field stands here. */
+/* Whether hand_field supports the family. */
 static bool is_by_hand(const built *b) {
     return is_chain(b) || b->hamiltonian.family == &lg_hamiltonian_separable;
 }
@@ -113,8 +113,8 @@ static lg_status hand_velocity(void *user, double t, const double *p, const doub
     return hand_half(self, self->b->hamiltonian.n, p, 0, out);
 }
 
-/* q' is that without input; p_i' has tau_i x q_i more, or u. */
-TEST("the field is that of the gradient by hand, and inputs push the momenta") {
+/* q' must be the same as without an input. p_i' must have the additional term tau_i x q_i, or u. */
+TEST("the field agrees with one computed from the gradient, and inputs push the momenta") {
     for (size_t i = 0; i < motions(); i++) {
         const moving s = make_motion(i, LG_POTENTIAL_MLP, LG_SWISH);
         const double zero[MOST_INPUT] = {0};
@@ -139,7 +139,7 @@ TEST("the field is that of the gradient by hand, and inputs push the momenta") {
     }
 }
 
-TEST("without an input fields of every family keep the energy, and inputs do work") {
+TEST("without an input the fields of all families keep the energy, and inputs do work") {
     for (size_t i = 0; i < motions(); i++) {
         const moving s = make_motion(i, LG_POTENTIAL_MLP, LG_SWISH);
         double dy[MOST_STATE], driven[MOST_STATE], dH[MOST_STATE], power = 0.0, size = 0.0, given = 0.0;
@@ -151,7 +151,7 @@ TEST("without an input fields of every family keep the energy, and inputs do wor
         assert_true(size > 1e-9);
         assert_close(power, 0.0, 0.0, 1e-14 * size);
         if (!is_by_hand(&s.b)) continue;
-        double work = 0.0; /* tau.omega, omega = q x v, or u.dH/dp */
+        double work = 0.0; /* tau.omega with omega = q x v, or u.dH/dp */
         for (size_t j = 0; j < s.n; j++) {
             double omega[3];
             if (is_chain(&s.b)) lg_cross3(s.y + 6 * j, dH + 6 * j + 3, omega);
@@ -164,7 +164,7 @@ TEST("without an input fields of every family keep the energy, and inputs do wor
 
 /* ---- linearisation ---- */
 
-/* The frame as the header tells it. */
+/* The frame that the header defines. */
 static void expected_frame(const double *q, double *e1, double *e2) {
     size_t least = 0;
     for (size_t c = 1; c < 3; c++)
@@ -178,7 +178,7 @@ static void expected_frame(const double *q, double *e1, double *e2) {
     lg_cross3(q, e1, e2);
 }
 
-/* Of each link columns along e_1, e_2 of q, then of p. */
+/* For each link the columns must be e_1, e_2 of q, then of p. */
 static void check_frame(const built *b, const double *y) {
     const size_t r = lg_model_tangent_dim(b->model);
     const lg_space space = space_of(b);
@@ -197,7 +197,7 @@ static void check_frame(const built *b, const double *y) {
     }
 }
 
-/* A random state made special; p keeps what is tangent. */
+/* Special cases of a random state; the tangent part of p is kept. */
 enum { AS_IT_IS, AT_REST, UP, DOWN, NEAR_AXES, ON_AXES_AT_REST, SPECIAL };
 
 static void place_link(int what, size_t link, double *q) {
@@ -218,7 +218,7 @@ static void make_special(const built *b, int what, double *y) {
     lg_space_project(&space, y);
 }
 
-TEST("linearisations are differences of the field along the manifold and in the input") {
+TEST("linearisations agree with differences of the field along the manifold and in the input") {
     for (size_t i = 0; i < motions(); i++)
         for (int potential = 0; potential < LG_POTENTIAL_KIND_COUNT; potential++)
             for (int what = 0; what < SPECIAL; what++) {
@@ -230,7 +230,7 @@ TEST("linearisations are differences of the field along the manifold and in the 
             }
 }
 
-TEST("a pendulum at its equilibria has the linearisation of the closed form") {
+TEST("at its equilibria the linearisation of a pendulum agrees with the closed form") {
     const double m = 0.7, c = 2.3;
     const built b = build_pendulum(m, c);
     for (int sign = -1; sign <= 1; sign += 2) {
@@ -244,8 +244,8 @@ TEST("a pendulum at its equilibria has the linearisation of the closed form") {
                 for (int l = 0; l < 4; l++) square[4 * i + j] += A[4 * i + l] * A[4 * l + j];
             }
         for (int i = 0; i < 16; i++) assert_close(square[i], i % 5 == 0 ? sign * c / m : 0.0, 1e-14, 1e-14);
-        /* e_1 = (1, 0, 0), e_2 = (0, sign, 0): a torque about y pushes along sign x, one about x against y.
-         */
+        /* e_1 = (1, 0, 0), e_2 = (0, sign, 0): a torque about y pushes along sign * x, a torque about x along
+         * -y. */
         const double expected_B[12] = {0, 0, 0, 0, 0, 0, 0, sign, 0, -1, 0, 0};
         for (int i = 0; i < 12; i++) assert_close(B[i], expected_B[i], 0.0, 1e-15);
     }
@@ -276,7 +276,7 @@ TEST("a small swing about the hanging position is a sum of cosines") {
     }
 }
 
-TEST("y + basis c has coordinates c") {
+TEST("y + basis c has the coordinates c") {
     for (size_t i = 0; i < motions(); i++) {
         const moving s = make_motion(i, LG_POTENTIAL_MLP, LG_TANH);
         double other[MOST_STATE], basis[MOST_STATE * MOST_TANGENT], c[MOST_TANGENT], found[MOST_TANGENT];
@@ -306,7 +306,7 @@ static void check_scheme(const moving *s, const lg_scheme *scheme) {
     double y[MOST_STATE], expected[MOST_STATE];
     memcpy(y, s->y, sizeof y);
     memcpy(expected, s->y, sizeof y);
-    for (int n = 0; n < 5; n++) { /* with and without the input, in turn */
+    for (int n = 0; n < 5; n++) { /* alternately with and without the input */
         const double *u = n % 2 == 0 ? s->u : NULL;
         assert_ok(lg_step(by_model, 0.0, 0.02, y, u, y)); /* in place */
         assert_ok(lg_step(expected_stepper, 0.0, 0.02, expected, u, expected));
@@ -315,7 +315,8 @@ static void check_scheme(const moving *s, const lg_scheme *scheme) {
     }
 }
 
-/* What stays on the manifold; on R^d what is not made for a group alone. */
+/* Whether the scheme can step the model: it stays on the manifold; on R^d it must not be made for groups
+ * alone. */
 static bool fits(const built *b, const lg_scheme *scheme) {
     if (scheme->kind == LG_SCHEME_VARIATIONAL || scheme->kind == LG_SCHEME_SLGI) return false;
     const lg_space space = space_of(b);
@@ -323,7 +324,7 @@ static bool fits(const built *b, const lg_scheme *scheme) {
     return lg_space_is_abelian(&space) || !scheme->ambient;
 }
 
-TEST("every scheme steps as by hand and stays on the manifold, or is refused") {
+TEST("every scheme steps as with the field computed here and stays on the manifold, or is refused") {
     for (size_t i = 0; i < motions() * lg_scheme_count(); i++) {
         const moving s = make_motion(i % motions(), LG_POTENTIAL_MLP, LG_SINE);
         const lg_scheme *scheme = lg_scheme_at(i / motions());
@@ -339,7 +340,8 @@ TEST("every scheme steps as by hand and stays on the manifold, or is refused") {
     }
 }
 
-/* Classical Runge-Kutta of the ambient velocity in small steps, taken back to the manifold. */
+/* Integrates the ambient velocity by classical Runge-Kutta in small steps, with projection to the
+ * manifold. */
 static void fine_flow(const built *b, const double *input, double t, double *y) {
     enum { STEPS = 2000 };
     const lg_space space = space_of(b);
@@ -378,7 +380,7 @@ TEST("a step with an input follows the field with that input") {
         }
 }
 
-TEST("memory that is too small or misplaced is refused, and so are bad schemes") {
+TEST("memory that is too small or misaligned is refused, and so are invalid schemes") {
     const built b = build_hamiltonian(&lg_hamiltonian_chain, 1, LG_POTENTIAL_MLP, LG_TANH);
     const lg_scheme *cf4 = lg_scheme_find("cf4");
     lg_scheme bad = *lg_scheme_find("rkmk4");
@@ -405,7 +407,7 @@ TEST("memory that is too small or misplaced is refused, and so are bad schemes")
     assert_null(stepper);
 }
 
-/* ---- what is not a number ---- */
+/* ---- states and inputs that are not finite ---- */
 
 static void check_nan(const moving *s, const double *input) {
     double value = 0.0, gradient[MOST_STATE], A[MOST_TANGENT * MOST_TANGENT], next[MOST_STATE];
@@ -416,7 +418,7 @@ static void check_nan(const moving *s, const double *input) {
     lg_model_jacobian(b->model, s->y, NULL, gradient, b->work);
     assert_ok(lg_model_linearise(b->model, s->y, input, A, NULL, NULL, b->work));
     for (size_t i = 0; i < s->r * s->r; i++) found = found || isnan(A[i]);
-    /* Of a separable system A depends on q alone. */
+    /* For a separable system A depends on q alone. */
     assert_true(found || (!is_chain(b) && !isnan(s->y[0])));
     for (size_t i = 0; i < lg_scheme_count(); i++) {
         if (!fits(b, lg_scheme_at(i))) continue;
@@ -427,7 +429,7 @@ static void check_nan(const moving *s, const double *input) {
     }
 }
 
-TEST("a state or input that is not a number gives NaN and no step") {
+TEST("a state or input that is NaN or infinite gives NaN and no step") {
     for (size_t family = 0; family < lg_hamiltonian_family_count(); family++)
         for (size_t end = 0; end < 2; end++) {
             const moving good = make_motion(3 * family + 1, LG_POTENTIAL_MLP, LG_TANH);
@@ -445,7 +447,7 @@ static void check_unfit_inputs(built b) {
     check_unfit(b.model, x, b.work);
 }
 
-TEST("one input that is not finite makes all outputs NaN, also behind a ReLU") {
+TEST("one input that is not finite makes all outputs NaN, even behind a ReLU") {
     for (size_t family = 0; family < lg_hamiltonian_family_count(); family++)
         check_unfit_inputs(build_hamiltonian(lg_hamiltonian_family_at(family), 2, LG_POTENTIAL_MLP, LG_RELU));
     for (int kind = 0; kind < LG_SURROGATE_KIND_COUNT; kind++)
@@ -475,7 +477,7 @@ TEST("a singular mass gives NaN") {
 
 enum { WIDE = 49, WIDE_INPUT = 2 };
 
-/* f(x, u) = tanh((x - rest) W) + u V: states at `rest` stay there without input. */
+/* f(x, u) = tanh((x - rest) W) + u V: without input, `rest` is an equilibrium. */
 typedef struct wide {
     lg_space space;
     double W[WIDE * WIDE], V[WIDE_INPUT * WIDE], rest[WIDE];
@@ -507,7 +509,7 @@ static wide *make_wide(uint64_t seed) {
     lg_rng rng = test_rng(41, seed);
     for (size_t i = 0; i < WIDE * WIDE; i++) w->W[i] = 0.2 * lg_rng_normal(&rng);
     for (size_t i = 0; i < WIDE_INPUT * WIDE; i++) w->V[i] = lg_rng_normal(&rng);
-    do { /* a reflection has no rotation nearby */
+    do { /* a matrix with determinant -1 has no rotation near it */
         for (size_t i = 0; i < w->space.dim; i++) w->rest[i] = lg_rng_normal(&rng);
         lg_space_project(&w->space, w->rest);
     } while (isnan(lg_space_manifold_error(&w->space, w->rest)));
@@ -525,7 +527,7 @@ static wide *make_wide(uint64_t seed) {
     return w;
 }
 
-TEST("a program on any space is linearised, moved and brought to rest in its coordinates") {
+TEST("a program on any space is linearised, retracted and brought to rest in its coordinates") {
     for (uint64_t seed = 0; seed < LG_SPACE_KINDS; seed++) {
         const wide *w = make_wide(seed);
         const size_t d = w->space.dim, r = w->space.tangent_dim;
@@ -545,7 +547,7 @@ TEST("a program on any space is linearised, moved and brought to rest in its coo
     }
 }
 
-/* The first *user numbers of sin(x), x repeated. */
+/* The first *user numbers of the concatenation of sin(x) and x. */
 static lg_status first_numbers(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     const uint32_t *count = user;
     const lg_var both[2] = {lg_sin(tape, x[0]), x[0]};
@@ -554,7 +556,7 @@ static lg_status first_numbers(void *user, lg_tape *tape, const lg_var *theta, c
     return lg_tape_status(tape);
 }
 
-TEST("functions that do not fit together or the space are refused") {
+TEST("functions that do not fit each other or the space are refused") {
     static const struct {
         struct {
             const char *name;
@@ -564,7 +566,7 @@ TEST("functions that do not fit together or the space are refused") {
     } rows[] = {{{{"field", 6, 6}}, LG_OK},
                 {{{"field", 6, 5}}, LG_SHAPE},
                 {{{"field", 5, 6}}, LG_SHAPE},
-                {{{"value", 6, 1}}, LG_NOT_FOUND}, /* a space and no field */
+                {{{"value", 6, 1}}, LG_NOT_FOUND}, /* a space, but no field */
                 {{{"other", 6, 6}}, LG_NOT_FOUND},
                 {{{"field", 6, 6}, {"drift", 3, 3}}, LG_OK},
                 {{{"field", 6, 6}, {"drift", 2, 3}}, LG_SHAPE},

@@ -1,5 +1,5 @@
-/* Model files and checkpoints of every kind: round trips, fits that go on, and tables of damage. Errors
- * recorded into models of Hamiltonians. */
+/* Model files and checkpoints of every kind: written and read back, resumed fits, tables of damages. Errors
+ * recorded into Hamiltonians. */
 #include "model/model_kinds.h"
 
 #include "files/h5.h"
@@ -25,7 +25,7 @@ static void assert_same_file(const kind_row *k, any_file *a, any_file *b) {
     k->same(a, b);
 }
 
-TEST("a model comes back as it was saved, and may be freed twice") {
+TEST("a model is read back as it was saved, and may be freed twice") {
     for
         EACH_KIND(k)
     for (size_t e = 0; e < examples_of(k); e++) {
@@ -43,7 +43,7 @@ TEST("a model comes back as it was saved, and may be freed twice") {
     }
 }
 
-/* ---- where the weights lie ---- */
+/* ---- where weights are stored ---- */
 
 static void assert_stored(lg_h5 *h5, const lg_slice_info *slice, const double *theta, lg_dtype dtype) {
     double values[512], epsilon;
@@ -57,7 +57,7 @@ static void assert_stored(lg_h5 *h5, const lg_slice_info *slice, const double *t
     assert_true(dtype == LG_F32 ? epsilon > 1e-8 : epsilon < 1e-15);
 }
 
-/* Of a chain of two links the vector is: (in, out) row-major, bias, ..., then the kinetic part. */
+/* For a chain of two links the vector is: weight (in, out) row-major, bias, ..., then the kinetic part. */
 static bool slice_of(const any_file *file, uint32_t i, lg_slice_info *slice) {
     static const lg_slice_info of_chain[] = {
         {.name = "potential/layer1/weight", .rank = 2, .dims = {6, 4}, .offset = 0, .count = 24},
@@ -73,7 +73,7 @@ static bool slice_of(const any_file *file, uint32_t i, lg_slice_info *slice) {
     return i < LG_COUNT(of_chain);
 }
 
-TEST("every slice of the vector lies under its name, in the type of the training") {
+TEST("every slice of the vector is stored under its name, in the type of the training") {
     for
         EACH_KIND(k)
     for (size_t e = 0; e < (number_of(k) == KIND_HAMILTONIAN ? 1 : k->examples); e++) {
@@ -95,9 +95,9 @@ TEST("every slice of the vector lies under its name, in the type of the training
     }
 }
 
-/* ---- what may be left out ---- */
+/* ---- parts that may be left out ---- */
 
-/* A good model without these, which are NULL at their end. */
+/* Removes these links and attributes from a good model. Both lists end with NULL. */
 static const char *stripped(model_kind kind, size_t which, const char *const *links,
                             const char *const *attributes) {
     const char *path = good_model(kind, which);
@@ -106,7 +106,7 @@ static const char *stripped(model_kind kind, size_t which, const char *const *li
     return path;
 }
 
-TEST("a Hamiltonian written by hand may leave out what is not needed, and can be saved") {
+TEST("a Hamiltonian written by hand may leave out optional parts, and can be saved again") {
     static const char *const links[] = {"optimizer", "rng", "train", "run", NULL};
     static const char *const attributes[] = {"E1",          "seed",   "command", "cpu", "liegrad_version",
                                              "conventions", "format", NULL};
@@ -116,12 +116,12 @@ TEST("a Hamiltonian written by hand may leave out what is not needed, and can be
     assert_null(file.adam_m);
     assert_int_equal(file.run.substeps, 1);
     assert_int_equal(file.parameters, 52);
-    /* What is not known is out of no range. */
+    /* An unknown number is not out of range. */
     assert_ok(lg_model_save_hamiltonian(NULL, scratch_path("again.h5"), &file, NULL, NULL));
     lg_hamiltonian_file_destroy(&file);
 }
 
-TEST("a surrogate written by hand may leave out what is not needed") {
+TEST("a surrogate written by hand may leave out optional parts") {
     static const char *const links[] = {"train", "run", "trained", NULL};
     static const char *const attributes[] = {"train_mse", "test_mse", "seed", "command",
                                              "cpu",       "format",   NULL};
@@ -134,7 +134,7 @@ TEST("a surrogate written by hand may leave out what is not needed") {
     lg_surrogate_file_destroy(&file);
 }
 
-TEST("a table network written by hand may leave out what is not needed") {
+TEST("a table network written by hand may leave out optional parts") {
     static const char *const links[] = {"train", "run", "names", "range", NULL};
     static const char *const attributes[] = {"rmse", "seed", "command", "cpu", "format", NULL};
     lg_table_file file;
@@ -151,7 +151,7 @@ static const char *fresh_first_table(void) {
     return good_model(KIND_TABLE, 0);
 }
 
-TEST("what is wrong in a table network is refused by name") {
+TEST("errors in a table network are refused by name") {
     static const damage rows[] = {
         {"model@task", TEXT("guessing"), LG_FORMAT, "task"},
         {"model@hidden", TEXT("4,5"), LG_FORMAT, "one width"},
@@ -163,7 +163,7 @@ TEST("what is wrong in a table network is refused by name") {
     refuse_damage(read_table, fresh_first_table, rows, LG_COUNT(rows));
 }
 
-TEST("a detector written by hand may leave out what is not needed") {
+TEST("a detector written by hand may leave out optional parts") {
     static const char *const links[] = {"train", "run", NULL};
     static const char *const attributes[] = {"classes",  "class_labels", "channels",       "rate",
                                              "accuracy", "f1",           "test_mse",       "seed",
@@ -171,7 +171,8 @@ TEST("a detector written by hand may leave out what is not needed") {
     lg_detector_file file, full;
     assert_ok(lg_model_load_detector(NULL, good_model(KIND_DETECTOR, 1), NULL, &full, NULL));
     const char *path = stripped(KIND_DETECTOR, 1, links, attributes);
-    replace_text(path, "model", "blocks", "  3 kernel 4 stride 3  padding 3 "); /* none is what is left out */
+    /* a pooling that is left out means `none` */
+    replace_text(path, "model", "blocks", "  3 kernel 4 stride 3  padding 3 ");
     assert_ok(lg_model_load_detector(NULL, path, NULL, &file, NULL));
     assert_same_net(&file.run.model.net, &full.run.model.net);
     assert_memory_equal(file.theta, full.theta, full.parameters * sizeof(double));
@@ -184,7 +185,7 @@ TEST("a detector written by hand may leave out what is not needed") {
     lg_detector_file_destroy(&full);
 }
 
-/* ---- damage ---- */
+/* ---- damaged files ---- */
 
 TEST("damaged models and checkpoints are refused") {
     for
@@ -195,7 +196,7 @@ TEST("damaged models and checkpoints are refused") {
         }
 }
 
-TEST("what every kind of file has is refused by name when it is missing or wrong") {
+TEST("parts that every kind of file has are refused by name if missing or wrong") {
     static const damage rows[] = {
         {"@kind", GONE, LG_FORMAT, "missing"},
         {"@kind", TEXT("trajectories"), LG_FORMAT, "trajectories"},
@@ -211,7 +212,8 @@ TEST("what every kind of file has is refused by name when it is missing or wrong
         EACH_KIND(k) refuse_damage(k->read, k->fresh, rows, LG_COUNT(rows));
 }
 
-/* An array of weights that is missing, has other shapes, or holds what is not finite. */
+/* An array of weights must be refused if it is missing, has another shape, or has a number that is not
+ * finite. */
 static void refuse_weights(const kind_row *k, fresh_fn fresh, const lg_slice_info *s) {
     const char *at = test_text("model/%s", s->name);
     change is = {.what = IS_ARRAY, .real = 1, .rank = (int)s->rank};
@@ -230,7 +232,7 @@ static void refuse_weights(const kind_row *k, fresh_fn fresh, const lg_slice_inf
     refuse_damage(k->read, fresh, rows, s->rank == 1 ? 5 : square ? 6 : 7);
 }
 
-TEST("weights of every kind are refused by name when they are missing, of another shape or not finite") {
+TEST("for every kind, weights that are missing, of another shape or not finite are refused by name") {
     for
         EACH_KIND(k) {
             const any_run run = k->make_run(k->bad);
@@ -239,7 +241,7 @@ TEST("weights of every kind are refused by name when they are missing, of anothe
         }
 }
 
-TEST("what is wrong in a Hamiltonian is refused by name") {
+TEST("errors in a Hamiltonian are refused by name") {
     static const damage rows[] = {
         {"optimizer/adam/m", ARRAY(1, 51), LG_FORMAT, "51"},
         {"optimizer/adam/m", ARRAY(1, 52, 1), LG_FORMAT, "rank"},
@@ -249,7 +251,8 @@ TEST("what is wrong in a Hamiltonian is refused by name") {
         {"rng", ARRAY(0.5, 4), LG_FORMAT, "integers"},
         {"model/potential", GONE, LG_FORMAT, "~layer1"},
         {"optimizer/adam/v", GONE, LG_FORMAT, ""},
-        {"model@links", WHOLE(3), LG_FORMAT, "~layer1"}, /* fits lg_hamiltonian_init, but not the arrays */
+        /* accepted by lg_hamiltonian_init, but does not fit the arrays */
+        {"model@links", WHOLE(3), LG_FORMAT, "~layer1"},
         {"model@links", WHOLE(0), LG_FORMAT, ""},
         {"model@links", WHOLE(1 << 20), LG_FORMAT, ""},
         {"model@links", WHOLE(5000000000), LG_FORMAT, ""},
@@ -269,7 +272,7 @@ TEST("what is wrong in a Hamiltonian is refused by name") {
     refuse_damage(read_hamiltonian, fresh_hamiltonian, rows, LG_COUNT(rows));
 }
 
-TEST("what is wrong in a surrogate is refused by name") {
+TEST("errors in a surrogate are refused by name") {
     static const damage rows[] = {
         {"trained", ARRAY(1, 3, 7), LG_FORMAT, "(3, 7)"},
         {"trained", ARRAY(1, 24), LG_FORMAT, "rank"},
@@ -296,7 +299,7 @@ static const char *fresh_modes(void) {
     return good_model(KIND_SURROGATE, 4);
 }
 
-TEST("what is wrong in the modes of a surrogate is refused by name, and files of before have none") {
+TEST("errors in the modes of a surrogate are refused by name, and older files have no modes") {
     static const damage rows[] = {
         {"model/mean", ARRAY(1, 11), LG_FORMAT, "shape"},
         {"model/mean", ARRAY(1, 12, 1), LG_FORMAT, "shape"},
@@ -318,7 +321,7 @@ TEST("what is wrong in the modes of a surrogate is refused by name, and files of
     lg_surrogate_file_destroy(&file);
 }
 
-TEST("what is wrong in a detector is refused by name") {
+TEST("errors in a detector are refused by name") {
     static const damage rows[] = {
         {"model/output/bias", ARRAY(0, 0), LG_FORMAT, "shape"},
         {"scaler/mean", ARRAY(0, 3), LG_FORMAT, "3 numbers, the model has 2"},
@@ -354,13 +357,13 @@ TEST("what is wrong in a detector is refused by name") {
         {"model@classes", WHOLE(6), LG_FORMAT, "~shape"},
         {"model@classes", WHOLE(4000000000), LG_FORMAT, "~no network"},
         {"model@classes", WHOLE((int64_t)1 << 40), LG_FORMAT, ""},
-        {"model@loss", TEXT("mse"), LG_FORMAT, "~2 classes"}, /* of five classes */
+        {"model@loss", TEXT("mse"), LG_FORMAT, "~2 classes"}, /* needs 2 classes, there are five */
         {"run@test_fraction", WHOLE(1), LG_FORMAT, "out of range"},
     };
     refuse_damage(read_detector, fresh_detector, rows, LG_COUNT(rows));
 }
 
-TEST("what is wrong in a machine is refused by name") {
+TEST("errors in a machine are refused by name") {
     static const damage rows[] = {
         {"model@machine", TEXT("coordinates: ["), LG_FORMAT, "~YAML"},
         {"model@machine", TEXT("coordinates: [{name: x, kind: line, velocity: v}]\nmass: none"), LG_FORMAT,
@@ -375,9 +378,9 @@ TEST("what is wrong in a machine is refused by name") {
     refuse_damage(read_machine_model, fresh_machine_model, rows, LG_COUNT(rows));
 }
 
-/* ---- what is not saved ---- */
+/* ---- models that are not saved ---- */
 
-/* The file is as before after each change. */
+/* After each change saving must fail, and the file must stay unchanged. */
 #define REFUSED(k, file, expected, ...)                                                                      \
     do {                                                                                                     \
         const any_file before = file;                                                                        \
@@ -388,7 +391,7 @@ TEST("what is wrong in a machine is refused by name") {
         file = before;                                                                                       \
     } while (0)
 
-TEST("a model that could not be read is not saved") {
+TEST("a model that could not be read back is not saved") {
     any_file h, s, d, t, m;
     kinds[KIND_MACHINE_MODEL].make(0, &m);
     kinds[KIND_TABLE].make(0, &t);
@@ -490,11 +493,11 @@ TEST("a model that could not be read is not saved") {
     assert_int_not_equal(access(scratch_path("refused.h5"), F_OK), 0);
 }
 
-/* ---- how many arrays of weights a file lists ---- */
+/* ---- number of arrays of weights in a file ---- */
 
 static uint32_t arrays_of_weights;
 
-/* One long array and single numbers. */
+/* One long array, and arrays of a single number. */
 static bool many_slices(const void *run, uint32_t index, lg_slice_info *s) {
     const size_t long_one = lg_recipe_table.parameters(run) - (arrays_of_weights - 1);
     if (index >= arrays_of_weights) return false;
@@ -505,7 +508,7 @@ static bool many_slices(const void *run, uint32_t index, lg_slice_info *s) {
     return true;
 }
 
-TEST("a model of as many arrays of weights as a file lists is saved; one of more is refused") {
+TEST("a model with as many arrays of weights as a file may list is saved; with more it is refused") {
     const lg_table_options options = {.network = LG_NET_MLP, .hidden_count = 2, .hidden = {40, 40}};
     const char *path = scratch_path("many.h5");
     lg_recipe recipe = lg_recipe_table;
@@ -533,7 +536,7 @@ TEST("a model of as many arrays of weights as a file lists is saved; one of more
     destroy(&file);
 }
 
-/* ---- a model with the state of its fit ---- */
+/* ---- models with the state of a fit ---- */
 
 static lg_status square_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                              size_t batch, lg_var *loss) {
@@ -544,7 +547,7 @@ static lg_status square_loss(void *user, lg_tape *tape, lg_var theta, const uint
 
 RELEASES(release_fit, lg_fit_destroy)
 
-/* Three epochs at a time, five in all, trained as the bad example is. */
+/* A fit that runs three epochs at a time, five in all, with the training settings of the damaged example. */
 static lg_fit *make_fit(const kind_row *k, const double *theta, size_t parameters) {
     const lg_fit_problem problem = {.parameters = parameters, .samples = 12, .loss = square_loss};
     any_file file;
@@ -563,7 +566,7 @@ static lg_fit *make_fit(const kind_row *k, const double *theta, size_t parameter
     return fit;
 }
 
-/* Saved with its fit of three epochs, and loaded. */
+/* Saves the model with its fit after three epochs, and loads it. */
 static any_file load_fitted(const kind_row *k) {
     any_file file, again;
     const char *path = scratch_path("fitted.h5");
@@ -582,7 +585,7 @@ static any_file load_fitted(const kind_row *k) {
     return again;
 }
 
-TEST("a model comes back with the state of its fit") {
+TEST("a model is read back with the state of its fit") {
     for
         EACH_KIND(k) {
             any_file again = load_fitted(k);
@@ -612,8 +615,8 @@ static void assert_verdict(const char *path, const lg_hamiltonian_file *want) {
     lg_hamiltonian_file_destroy(&got);
 }
 
-/* What the errors do not touch: a model with the state of its fit, and an attribute of somebody else. */
-TEST("recorded errors leave all else in the file as it was") {
+/* Errors must not change a model with the state of its fit, or an attribute that another program wrote. */
+TEST("recording errors leaves everything else in the file unchanged") {
     const kind_row *k = &kinds[KIND_HAMILTONIAN];
     any_file file = load_fitted(k), again;
     lg_h5 *h5;
@@ -642,7 +645,8 @@ TEST("recorded errors leave all else in the file as it was") {
     destroy(&again);
 }
 
-/* What another test set said goes, also where this one says nothing; weights of floats are found again. */
+/* Results of another test set are removed even if the new ones lack them; weights stored as floats are
+ * recognised. */
 TEST("recorded errors replace those of another test set") {
     for (size_t e = 0; e < LG_COUNT(hamiltonian_examples); e++) {
         lg_hamiltonian_file file;
@@ -671,7 +675,7 @@ static lg_status record_into(const lg_context *context, const char *path, const 
     return status;
 }
 
-/* After the change, errors are not recorded into the good model. */
+/* After the change, recording errors into the good model must fail. */
 #define NOT_RECORDED(expected, word, ...)                                                                    \
     do {                                                                                                     \
         const lg_hamiltonian_file before = file;                                                             \
@@ -685,7 +689,7 @@ static lg_status record_into(const lg_context *context, const char *path, const 
         file = before;                                                                                       \
     } while (0)
 
-TEST("errors are recorded only into the model that they are of, and only when finite") {
+TEST("errors are recorded only into the model that they belong to, and only if they are finite") {
     lg_hamiltonian_file file;
     draw_hamiltonian(0, &file);
     set_verdict(&file);
@@ -703,12 +707,12 @@ TEST("errors are recorded only into the model that they are of, and only when fi
     survive_changed_bytes(record_into, fresh_hamiltonian(), 60);
 }
 
-/* A test set is for people. */
-TEST("what is wrong with a test set does not make the model unreadable") {
+/* The test set is only information for readers. */
+TEST("errors in the stored test set do not make the model unreadable") {
     static const struct {
         const char *at;
         change change;
-        const char *sha256; /* that is read */
+        const char *sha256; /* the value that must be read */
     } rows[] = {
         {"@test_trajectories", TEXT("many"), ""},
         {"@test_trajectories", REAL(2.5), ""},
@@ -734,7 +738,7 @@ TEST("what is wrong with a test set does not make the model unreadable") {
 
 /* ---- checkpoints ---- */
 
-/* Of example 0, with the state of a fit of three numbers. */
+/* Writes a checkpoint of example 0 with the state of a fit of three parameters. */
 static lg_status write_checkpoint(const kind_row *k, const lg_context *context, const char *path,
                                   const lg_fit *fit, lg_error *error) {
     any_file file;
@@ -789,8 +793,8 @@ static void look_into_archive(lg_file_reader *reader, const lg_archive_reader *a
     assert_true(rank == 1 && dims[0] == 3);
 }
 
-/* 3 epochs, checkpoint, 2 more: the same bits as 5. */
-TEST("a fit resumed from its checkpoint ends in the same bits") {
+/* 3 epochs, a checkpoint and 2 more epochs must give the same bits as 5 epochs. */
+TEST("a fit resumed from its checkpoint gives the same bits") {
     for
         EACH_KIND(k) {
             double straight[3], resumed[3];
@@ -814,7 +818,7 @@ TEST("a fit resumed from its checkpoint ends in the same bits") {
         }
 }
 
-/* Files of before there were schedules have no key for it: then it is steps. Every other row is there. */
+/* Files that are older than schedules have no key for them, which means steps. All other keys must exist. */
 TEST("a file without a schedule has steps") {
     const kind_row *k = &kinds[KIND_HAMILTONIAN];
     lg_hamiltonian_run run, wanted = make_hamiltonian_run(0);
@@ -831,7 +835,7 @@ TEST("a file without a schedule has steps") {
     assert_ok(lg_model_load_hamiltonian(NULL, path, NULL, &file, NULL));
     assert_ok(lg_run_compare(k->recipe, &file.run, &wanted, path, NULL));
     lg_hamiltonian_file_destroy(&file);
-    /* Their fits were saved with a floor of 0, whatever lr_gamma: they must find it again. */
+    /* Fits in these files were saved with a floor of 0, whatever lr_gamma is, and must get it again. */
     lg_fit_options options;
     lg_fit_options_init(&options);
     lg_training_apply(&run.training, &options);
@@ -839,7 +843,7 @@ TEST("a file without a schedule has steps") {
     assert_close(options.schedule.floor, 0, 0, 0);
 }
 
-TEST("a NaN in the saved state of the optimiser is found when the fit takes it") {
+TEST("a NaN in the saved state of the optimiser is found when the fit loads it") {
     const kind_row *k = &kinds[KIND_HAMILTONIAN];
     const char *path = good_checkpoint(k);
     const double bad[3] = {0, NAN, 0};
@@ -855,7 +859,8 @@ TEST("a NaN in the saved state of the optimiser is found when the fit takes it")
     lg_file_reader_destroy(reader);
 }
 
-TEST("a damaged checkpoint is refused, and no checkpoint is taken for a model or a model for one") {
+TEST("a damaged checkpoint is refused, and a checkpoint is not mistaken for a model or a model for a "
+     "checkpoint") {
     static const damage rows[] = {{"@format_version", WHOLE(7), LG_VERSION, "7"}};
     for
         EACH_KIND(k) {
@@ -870,7 +875,7 @@ TEST("a damaged checkpoint is refused, and no checkpoint is taken for a model or
     assert_refused(record_into, good_checkpoint(&kinds[KIND_HAMILTONIAN]), LG_FORMAT, "checkpoint", "");
 }
 
-/* ---- every row of the tables that describe a run ---- */
+/* ---- every field of a run's description ---- */
 
 static const damage wrong_values[LG_FIELD_SHOWN + 1][2] = {
     [LG_FIELD_REAL] = {{NULL, TEXT("many"), LG_FORMAT, "number"}, {NULL, REAL(NAN), LG_NOT_FINITE, "finite"}},
@@ -882,7 +887,7 @@ static const damage wrong_values[LG_FIELD_SHOWN + 1][2] = {
     [LG_FIELD_PHRASE] = {{NULL, TEXT("no such method"), LG_FORMAT, "no method"},
                          {NULL, TEXT(""), LG_FORMAT, "no method"}}};
 
-/* `whole`: nothing may be missing but what files of earlier versions lack. */
+/* `whole`: no field may be missing, except fields that files of earlier versions lack. */
 static void refuse_row(const lg_field *r, bool whole, read_fn reader, fresh_fn fresh) {
     const char *at = test_text("%s@%s", r->group, r->name);
     const bool needed = !r->optional && (whole || strcmp(r->group, "model") == 0);
@@ -901,7 +906,7 @@ static void refuse_row(const lg_field *r, bool whole, read_fn reader, fresh_fn f
     assert_ok(reader(NULL, path, NULL, NULL));
 }
 
-TEST("every hyperparameter of a model and of a checkpoint is refused by name when it is missing or wrong") {
+TEST("every hyperparameter of a model or checkpoint is refused by name if missing or wrong") {
     for
         EACH_KIND(k) {
             const lg_field *const tables[] = {k->recipe->facts, k->recipe->fields};
@@ -914,7 +919,7 @@ TEST("every hyperparameter of a model and of a checkpoint is refused by name whe
         }
 }
 
-/* Another value of the row; false where the row is shown from several members. */
+/* Gives the field another value. Returns false if the field's text is made from several members. */
 static bool change_row(const lg_field *r, void *run) {
     char *at = (char *)run + r->offset;
     double values[LG_FIELD_LIST_MAX] = {0};
@@ -943,7 +948,7 @@ static void refuse_other_run(const kind_row *k, const any_run *run, const any_ru
     assert_ok(lg_run_compare(k->recipe, wanted, wanted, "a.h5", &error));
 }
 
-TEST("a checkpoint of another run is refused, and the sentence names the difference") {
+TEST("a checkpoint of another run is refused, and the message names the difference") {
     for
         EACH_KIND(k) {
             const lg_field *const tables[] = {k->recipe->facts, k->recipe->fields};
@@ -956,7 +961,8 @@ TEST("a checkpoint of another run is refused, and the sentence names the differe
                     lg_field_show(r, &run, have, sizeof have);
                     lg_field_show(r, &wanted, want, sizeof want);
                     char *says = test_text("%s %s, not %s", r->name, have, want);
-                    if (strlen(says) > 400) says[400] = '\0'; /* the sentence ends within a machine */
+                    /* the message is cut within a machine's description */
+                    if (strlen(says) > 400) says[400] = '\0';
                     refuse_other_run(k, &run, &wanted, says);
                 }
         }
@@ -966,14 +972,14 @@ TEST("a checkpoint of another run is refused, and the sentence names the differe
     refuse_other_run(k, &run, &wanted, "integrator rk4, not cf4");
     k = &kinds[KIND_DETECTOR];
     run = wanted = k->make_run(3);
-    run.detector.model.net.block[7].pool_stride = 4; /* far along the text */
+    run.detector.model.net.block[7].pool_stride = 4; /* late in the text of the blocks */
     refuse_other_run(k, &run, &wanted, "max 2/4, not");
     run = wanted;
     run.detector.model.net.blocks = 7;
     refuse_other_run(k, &run, &wanted, "padding 0 none, not");
 }
 
-TEST("a failing array call sticks to the writer, and no file comes of it") {
+TEST("if writing an array fails the writer keeps the error, and no file is made") {
     lg_file_writer *writer;
     lg_archive_writer archive;
     const char *path = scratch_path("sticky.h5");
@@ -1022,7 +1028,7 @@ static lg_status checkpoint_step(const lg_context *context, void *user, lg_error
     return write_checkpoint(s->kind, context, s->path, NULL, error);
 }
 
-TEST("every allocation may fail, and nothing leaks, no file either") {
+TEST("every allocation may fail; nothing leaks and no file is left") {
     for
         EACH_KIND(k) {
             step model = {k, good_model(number_of(k), 0)}, checkpoint = {k, good_checkpoint(k)};

@@ -1,4 +1,5 @@
-/* Model files of any kind as one handle: each kind, what is no model, damage, failing memory. */
+/* Loading files of any kind through lg_model_load: each kind, files that are not models, damage, failing
+ * memory. */
 #include "model/model_kinds.h"
 
 #include "liegrad/machine_model.h"
@@ -23,7 +24,7 @@ static lg_status read_any(const lg_context *context, const char *path, const lg_
 
 /* ---- models ---- */
 
-/* The handle has the kind and the sizes of another, and computes the same finite numbers. */
+/* The model must have the kind and sizes of the other model, and compute the same finite numbers. */
 static void assert_same_model(const lg_model *model, const lg_model *expected) {
     const size_t n = lg_model_inputs(model), outputs = lg_model_outputs(model);
     assert_int_equal(n, lg_model_inputs(expected));
@@ -45,7 +46,7 @@ static void assert_same_model(const lg_model *model, const lg_model *expected) {
     assert_memory_equal(f, g, n * sizeof *f);
 }
 
-/* Of the functions that the recipe records anew. */
+/* A model of the functions that the recipe records anew. */
 static lg_model *model_of(any_file *file) {
     const lg_recipe *recipe = kinds[file->kind].recipe;
     lg_program *program;
@@ -57,7 +58,7 @@ static lg_model *model_of(any_file *file) {
     return model;
 }
 
-TEST("a file of any kind loads as a model and as what its own loader reads") {
+TEST("a file of any kind loads as a model and by its own loader") {
     for
         EACH_EXAMPLE(kind, which) {
             const char *path = good_model((model_kind)kind, which);
@@ -80,7 +81,7 @@ TEST("a file of any kind loads as a model and as what its own loader reads") {
         }
 }
 
-/* ---- the attribute space ---- */
+/* ---- the attribute `space` ---- */
 
 static void assert_space(const char *path, const char *expected) {
     lg_h5 *h5;
@@ -92,11 +93,11 @@ static void assert_space(const char *path, const char *expected) {
     lg_h5_close(h5);
 }
 
-/* Of the files in tests/format_1, whose numbers test_format_1 checks. */
+/* Files in tests/format_1. test_format_1 checks their numbers. */
 static const char *const of_before[][2] = {
     {"chain", "T*S^2"}, {"separable", "R^2, R^2"}, {"machine", "SO(3), R^3"}};
 
-TEST("files of version 1.0.0 have no space and load; saved again they have one") {
+TEST("files of version 1.0.0 have no space and can be loaded; saved again they have one") {
     for (size_t i = 0; i < LG_COUNT(of_before); i++) {
         lg_model_file file;
         const char *again = scratch_path("again.h5");
@@ -119,12 +120,12 @@ TEST("files of version 1.0.0 have no space and load; saved again they have one")
     }
 }
 
-TEST("models that do not move have no space") {
+TEST("models without motion have no space") {
     for (int kind = 0; kind < KIND_COUNT; kind++)
         if (kinds[kind].recipe->space == NULL) assert_space(fresh((model_kind)kind), "");
 }
 
-TEST("a structure that was moved still finds its numbers") {
+TEST("a structure that was copied elsewhere still finds its numbers") {
     lg_model_file *first = TEST_ARRAY(lg_model_file, 1), second;
     assert_ok(lg_model_load(NULL, fresh(KIND_DETECTOR), NULL, first, NULL));
     second = *first;
@@ -153,7 +154,7 @@ TEST("a freed file is zero and may be freed again") {
 
 /* ---- a kind that the library does not know ---- */
 
-/* x_i' = w_i sin(x_i) on R^3 */
+/* x_i' = w_i sin(x_i) on R^3. */
 static lg_status rotor_field(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     (void)user;
     y[0] = lg_mul(tape, lg_sin(tape, x[0]), theta[0]);
@@ -181,7 +182,7 @@ static const char *save_rotor(void) {
     return path;
 }
 
-TEST("a recipe without a scheme leaves the steps to the field of the file") {
+TEST("for a recipe without a scheme, steps use the field of the file") {
     static const lg_recipe without = {.name = "rotor"};
     lg_model_file file;
     lg_program *program;
@@ -195,7 +196,7 @@ TEST("a recipe without a scheme leaves the steps to the field of the file") {
     lg_model_file_destroy(&file);
 }
 
-TEST("a file of an unknown kind loads, evaluates, is linearised and steps by its functions") {
+TEST("a file of an unknown kind is loaded, evaluated, linearised and stepped by its functions") {
     const double state[3] = {0.3, -0.2, 1.1};
     const char *path = save_rotor();
     lg_model_file file;
@@ -225,9 +226,9 @@ TEST("a file of an unknown kind loads, evaluates, is linearised and steps by its
     assert_refused(read_any, path, LG_FORMAT, "the state has 3 numbers and the space 2", "");
 }
 
-/* ---- what is no model ---- */
+/* ---- files that are not models ---- */
 
-TEST("files that say that they are another kind are refused, whatever is in them") {
+TEST("files that state another kind are refused, whatever they contain") {
     static const char *const others[][2] = {
         {"checkpoint", "checkpoint of an unfinished training"},
         {"surrogate-checkpoint", "checkpoint of an unfinished training"},
@@ -251,8 +252,8 @@ TEST("files that say that they are another kind are refused, whatever is in them
     }
 }
 
-/* As its own writer makes it; checkpoints: test_model_files.c. */
-TEST("data is no model") {
+/* Written by the data's own writer. test_model_files.c has checkpoints. */
+TEST("a data file is not a model") {
     lg_trajectories data;
     const char *path = scratch_path("data.h5");
     assert_ok(
@@ -262,7 +263,7 @@ TEST("data is no model") {
     assert_refused(read_any, path, LG_FORMAT, "trajectories", "data");
 }
 
-TEST("files of other programs, and one kind that says that it is another, are refused") {
+TEST("files of other programs, and files that state a wrong kind, are refused") {
     static const damage rows[] = {{"@format", TEXT("keras"), LG_FORMAT, "~does not say"},
                                   {"@kind", GONE, LG_FORMAT, "~does not say"},
                                   {"@format_version", WHOLE(LG_FORMAT_VERSION + 1), LG_VERSION, ""}};
@@ -279,14 +280,14 @@ TEST("files of other programs, and one kind that says that it is another, are re
     }
 }
 
-TEST("functions and parameters that are missing or wrong are refused by name, of every kind") {
+TEST("missing or wrong functions and parameters are refused by name, for every kind") {
     static const damage rows[] = {
         {"functions@order", GONE, LG_FORMAT, ""},
         {"functions@order", WHOLE(3), LG_FORMAT, ""},
         {"functions@order", TEXT("nothing"), LG_FORMAT, "~functions/nothing"},
         {"functions@order", TEXT("../value"), LG_FORMAT, "~plain"},
         {"functions@order", TEXT("step"), LG_FORMAT,
-         "~functions/step"}, /* it calls others, where there is one */
+         "~functions/step"}, /* a step calls other functions, if the kind has a step */
         {"functions@order", TEXTS("value", 2), LG_FORMAT, "~functions/value"},
         {"functions/value", GONE, LG_FORMAT, ""},
         {"functions/value", ARRAY(1, 100), LG_FORMAT, "integers"},

@@ -1,5 +1,5 @@
-/* A steady training step calls no malloc; what control code calls of a model, and curves, allocate nothing
- * and take no lock. Plans: test_plan.c. */
+/* A training step calls no malloc after the first epochs. Functions of a model that control code calls, and
+ * curves, allocate nothing and take no lock. test_plan.c tests plans. */
 #include "support/models.h"
 #include "support/machine_support.h"
 #include "support/model_support.h"
@@ -15,7 +15,7 @@ typedef struct counting {
     bool done;
 } counting;
 
-/* Epochs 1 and 2 warm up; 3 to 5 are counted. The counters stand outside the library's own work. */
+/* Epochs 1 and 2 warm up, epochs 3 to 5 are counted. The counters are not part of the library. */
 static int count_epochs(void *user, const lg_fit_epoch *report) {
     counting *self = user;
     if (report->epoch == 2) lg_count_begin();
@@ -42,7 +42,7 @@ static void train_counted(const lg_fit_problem *problem, lg_dtype dtype, int thr
     assert_int_equal(counted.used.releases, 0);
 }
 
-TEST("a steady training step of a Hamiltonian calls no malloc") {
+TEST("after warming up a training step of a Hamiltonian calls no malloc") {
     enum { COUNT = 50, POINTS = 3 };
     static const struct {
         const char *scheme;
@@ -75,7 +75,7 @@ TEST("a steady training step of a Hamiltonian calls no malloc") {
     }
 }
 
-TEST("a steady training step of a surrogate calls no malloc") {
+TEST("after warming up a training step of a surrogate calls no malloc") {
     static const uint32_t all[6] = {0, 1, 2, 3, 4, 5};
     const lg_elastica_curves set = make_curves(6, 20);
     if (!lg_count_available()) skip();
@@ -88,7 +88,8 @@ TEST("a steady training step of a surrogate calls no malloc") {
     }
 }
 
-TEST("a steady training step of a detector calls no malloc, and its evaluation takes no lock either") {
+TEST("after warming up a training step of a detector calls no malloc, and its evaluation takes no lock "
+     "either") {
     enum { COUNT = 40 };
     if (!lg_count_available()) skip();
     const built b = build_detector(LG_SWISH);
@@ -112,9 +113,9 @@ TEST("a steady training step of a detector calls no malloc, and its evaluation t
     lg_detector_plan_destroy(plan);
 }
 
-/* ---- what control code calls ---- */
+/* ---- functions that control code calls ---- */
 
-/* Value and derivative, of any kind. */
+/* Value and derivative of a model of any kind. */
 static void count_function(const built *b) {
     const size_t n = lg_model_inputs(b->model), outputs = lg_model_outputs(b->model);
     double *x = room(n), *y = room(outputs), *jacobian = room(outputs * n);
@@ -127,7 +128,7 @@ static void count_function(const built *b) {
     assert_true(sizes > 0 && isfinite(y[0]));
 }
 
-/* The first step after the set-up too. */
+/* The first step after the set-up is counted too. */
 static void count_steps(const moving *s, const lg_scheme *scheme) {
     const lg_model *model = s->b.model;
     lg_stepper *stepper = NULL;
@@ -162,8 +163,8 @@ static void count_motion(const moving *s) {
     for (size_t i = 0; i < lg_scheme_count(); i++) count_steps(s, lg_scheme_at(i));
 }
 
-TEST("a Hamiltonian in a loop allocates nothing and takes no lock") {
-    const uint32_t wide[3] = {100, 100, 100}; /* as trained ones are, where products are large */
+TEST("a Hamiltonian in a control loop allocates nothing and takes no lock") {
+    const uint32_t wide[3] = {100, 100, 100}; /* as large as trained networks, whose products are large */
     lg_hamiltonian model;
     if (!lg_count_available()) skip();
     for (size_t i = 0; i < motions(); i++) {
@@ -178,7 +179,7 @@ TEST("a Hamiltonian in a loop allocates nothing and takes no lock") {
     count_motion(&s);
 }
 
-TEST("a machine with every kind of coordinate in a loop allocates nothing and takes no lock") {
+TEST("a machine with every kind of coordinate in a control loop allocates nothing and takes no lock") {
     enum { STATE = LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES };
     double q[STATE], v[STATE], y[STATE], out[STATE], u[2] = {0.3, -0.4};
     if (!lg_count_available()) skip();
@@ -213,7 +214,7 @@ TEST("a machine with every kind of coordinate in a loop allocates nothing and ta
     }
 }
 
-TEST("surrogates and detectors in a loop, and curves, allocate nothing and take no lock") {
+TEST("surrogates, detectors and curves in a control loop allocate nothing and take no lock") {
     enum { POINTS = 30 };
     static const double x[8] = {0.0, 0.0, 0.8, 0.6, 3.0, 0.0, 0.8, -0.6};
     double at[POINTS], q[2 * POINTS], v[2 * POINTS];

@@ -1,5 +1,4 @@
-/* Files of programs: round trips to the bit, what is refused, damage. The 20000 mutants are in
- * test_program_mutants.c. */
+/* Files of programs: read back to the bit, refusals, damage. test_program_mutants.c has the 20000 mutants. */
 #include "autodiff/cases/cases.h"
 #include "model/program_mutants.h"
 
@@ -38,7 +37,7 @@ static void check_round_trip(const lg_program *program, const lg_read_options *o
     lg_program_destroy(again);
 }
 
-TEST("programs of networks come back as they were saved") {
+TEST("programs of networks are read back as they were saved") {
     char kind[64];
     lg_program *program = zoo_network(), *again;
     check_round_trip(program, NULL);
@@ -72,7 +71,7 @@ TEST("programs of networks come back as they were saved") {
     lg_program_destroy(program);
 }
 
-TEST("every operation that can be in a program comes back, with its derivative") {
+TEST("every operation that a program can have is read back, with its derivative") {
     const lg_read_options here = without_probe();
     const lg_gradcheck_case *row;
     size_t checked = 0;
@@ -86,7 +85,8 @@ TEST("every operation that can be in a program comes back, with its derivative")
     assert_true(checked > 0);
 }
 
-/* Operations that a file may name: leaves, calls, and the rows of the table that run outside the process. */
+/* Operations that a file may name: leaves, calls, and the operations of the table except those that call
+ * functions of the process. */
 static bool is_in_files(const char *name) {
     static const char *const others[] = {"input", "parameter", "constant", "call"};
     const lg_op *op = lg_op_named(name);
@@ -115,10 +115,10 @@ TEST("docs/files.md lists every operation of a program once, and no other") {
     for (uint32_t i = 0; lg_ops[i] != NULL; i++)
         if (is_in_files(lg_ops[i]->name) && listed[i] != 1)
             fail_msg("'%s' is listed %zu times", lg_ops[i]->name, listed[i]);
-    assert_int_equal(listed[LG_OPS_MOST], 4); /* those that are no rows */
+    assert_int_equal(listed[LG_OPS_MOST], 4); /* those that are not in the table */
 }
 
-TEST("an empty program comes back") {
+TEST("an empty program is read back") {
     lg_program_spec spec;
     lg_program *program, *again;
     const char *path = scratch_path("empty.h5");
@@ -132,14 +132,14 @@ TEST("an empty program comes back") {
     lg_program_destroy(again);
 }
 
-/* ---- damage ---- */
+/* ---- damaged files ---- */
 
 TEST("a damaged file is refused") {
     refuse_damaged_files(read_program, fresh(), "");
     survive_changed_bytes(read_program, fresh(), 100);
 }
 
-TEST("what is wrong in a file, or missing, is refused by name") {
+TEST("wrong or missing parts of a file are refused by name") {
     static const damage rows[] = {
         {"functions@order", GONE, LG_FORMAT, ""},
         {"functions@order", TEXT("value ../loss"), LG_FORMAT, "~plain"},
@@ -151,14 +151,14 @@ TEST("what is wrong in a file, or missing, is refused by name") {
         {"parameters/scale", SCALAR(NAN), LG_NOT_FINITE, "~NaN"},
         {"functions/value", ARRAY(1, 100), LG_FORMAT, "integers"},
         {"functions/value", SCALAR(1), LG_FORMAT, "bytes"},
-        /* what a file says of itself does not reach the terminal raw */
+        /* texts from the file are not printed to the terminal unchanged */
         {"@format", TEXT("\x1b[2J\n"), LG_FORMAT, "?[2J?"},
         {"@format_version", WHOLE(3), LG_VERSION, "up to 2"},
     };
     refuse_damage(read_program, fresh, rows, LG_COUNT(rows));
 }
 
-/* ---- what functions say ---- */
+/* ---- names in functions ---- */
 
 typedef struct changed_function {
     enum { OPERATION, REVISION, INPUT_NAME, INPUT_UNIT } what;
@@ -168,7 +168,7 @@ typedef struct changed_function {
     const char *word;
 } changed_function;
 
-/* Function `value` of the file with something changed in it. */
+/* Changes something in the function `value` of the file. */
 static void change_function_value(const char *path, const lg_program *program, const changed_function *c) {
     lg_function_image *image;
     mutant m;
@@ -188,7 +188,7 @@ static void change_function_value(const char *path, const lg_program *program, c
     lg_function_image_destroy(image);
 }
 
-TEST("names of operations and of what would enter C are checked") {
+TEST("names of operations, and names that would become part of C code, are checked") {
     static const changed_function cases[] = {
         {OPERATION, "no_such_operation", 0, LG_FORMAT, "no_such_operation"},
         {OPERATION, "custom", 0, LG_FORMAT, "caller"},
@@ -208,7 +208,7 @@ TEST("names of operations and of what would enter C are checked") {
     lg_program_destroy(program);
 }
 
-TEST("texts that are no names are neither packed nor unpacked") {
+TEST("texts that are not names are neither packed nor unpacked") {
     static const char *const texts[] = {"x y", "", "a;b", "x\x01y", "../x"};
     const lg_port x = {.name = "xyz", .shape = {1, {1}}};
     lg_operation input = {.name = "input", .revision = 1, .rank = 2, .shape = {{0, 1}, {1, 0}}};
@@ -232,14 +232,14 @@ TEST("texts that are no names are neither packed nor unpacked") {
         assert_status(lg_function_pack(&image, NULL, &size, &error), LG_INVALID_ARGUMENT);
         assert_non_null(strstr(error.message, "inputs"));
         bytes[3] =
-            (unsigned char)" ;\x01.\x7f"[i]; /* the version, a count and a length stand before the name */
+            (unsigned char)" ;\x01.\x7f"[i]; /* before the name are the version, a count and a length */
         assert_status(lg_function_unpack(NULL, "f", bytes, whole, &memory, &out, &error), LG_FORMAT);
         assert_non_null(strstr(error.message, "function 'f': inputs"));
     }
     free(bytes);
 }
 
-TEST("bytes of a function that are wrong are refused with their place") {
+TEST("invalid bytes of a function are refused with their position") {
     static const struct {
         const char *bytes;
         size_t size;
@@ -284,7 +284,7 @@ TEST("bytes of a function that are wrong are refused with their place") {
     }
 }
 
-TEST("an image takes no more memory than it may") {
+TEST("an image takes no more memory than allowed") {
     lg_program *program = zoo_network();
     lg_function_image *image, *out;
     lg_error error;
@@ -319,7 +319,7 @@ static const char *fresh_1(void) {
     return path;
 }
 
-TEST("what is wrong in a file of format 1, or missing, is refused by name") {
+TEST("wrong or missing parts of a file of format 1 are refused by name") {
     static const damage rows[] = {
         {"operations", GONE, LG_FORMAT, ""},
         {"function_names", GONE, LG_FORMAT, ""},
@@ -348,7 +348,7 @@ TEST("what is wrong in a file of format 1, or missing, is refused by name") {
     };
     refuse_damage(read_program, fresh_1, rows, LG_COUNT(rows));
     const char *path = fresh_1();
-    delete_link(path, "revisions"); /* of the first revision then */
+    delete_link(path, "revisions"); /* without it, all operations have the first revision */
     assert_ok(read_program(NULL, path, NULL, NULL));
 }
 
@@ -376,7 +376,7 @@ TEST("names in files of format 1 are checked") {
     }
 }
 
-TEST("a file of format 1 of a newer revision is refused") {
+TEST("a file of format 1 with a newer revision is refused") {
     const char *path = fresh_1();
     change_number(path, "revisions", 0, 2.0);
     assert_refused(read_program, path, LG_VERSION, "revision", "");
@@ -388,20 +388,20 @@ TEST("a file of format 1 of a newer revision is refused") {
 TEST("a file beyond the limits is refused") {
     lg_read_options options;
     lg_read_options_init(&options);
-    options.max_size = 3000; /* no array is larger, all together are */
+    options.max_size = 3000; /* each array is smaller, all together are larger */
     lg_error error;
     assert_status(read_program(NULL, fresh(), &options, &error), LG_FORMAT);
     assert_non_null(strstr(error.message, "limit"));
 }
 
-TEST("a file that holds no program is refused") {
+TEST("a file without a program is refused") {
     lg_error error;
     lg_hamiltonian_file model;
     assert_status(lg_model_load_hamiltonian(NULL, fresh(), NULL, &model, &error), LG_FORMAT);
     assert_non_null(strstr(error.message, "program"));
 }
 
-TEST("a function that is not there has no image") {
+TEST("a function that does not exist has no image") {
     lg_program *program = zoo_network();
     lg_function_image *image = NULL;
     assert_status(lg_function_image_create(program, lg_program_functions(program), &image), LG_NOT_FOUND);
@@ -425,10 +425,11 @@ TEST("every allocation may fail, and nothing leaks") {
     assert_true(fail_every_allocation(save_and_load, test_text("%s", fresh())) > 50);
 }
 
-/* ---- attacks ---- */
+/* ---- hostile files ---- */
 
-/* A function of one operation on one shared input, or on two. */
-typedef enum verdict { SOUND, REFUSED, REFUSED_ASIDE } verdict; /* aside: of an operation that is no output */
+/* A function with one operation on one or two shared inputs. */
+/* REFUSED_ASIDE: refused, with a result that is not an output of the function */
+typedef enum verdict { SOUND, REFUSED, REFUSED_ASIDE } verdict;
 typedef struct attack {
     const char *operation;
     uint32_t inputs;
@@ -441,7 +442,7 @@ typedef struct attack {
 #define MOST 4294967295
 
 static const attack attacks[] = {
-    /* nothing to sum, spread or choose from, but the counts are huge */
+    /* Nothing to sum, copy or choose from, but huge counts. */
     {"sum", 1, {{1, {0}}}, {1, {0}}, {MOST, 5, 0, 0}, 0, SOUND},
     {"sum", 1, {{1, {0}}}, {1, {3}}, {3, 0, 1, 0}, 0, SOUND},
     {"broadcast", 1, {{1, {0}}}, {1, {0}}, {MOST, MOST, 0, 0}, 0, SOUND},
@@ -450,7 +451,7 @@ static const attack attacks[] = {
     {"argmax_mask", 1, {{1, {0}}}, {1, {0}}, {MOST, 3, 0, 0}, 0, SOUND},
     {"argmax_mask", 1, {{1, {0}}}, {1, {0}}, {1000000, 0, 1, 0}, 0, REFUSED},
     {"sum", 1, {{1, {8}}}, {1, {4}}, {2147483650, 2, 2147483650, 0}, 0, REFUSED},
-    /* tensors without elements and long loops */
+    /* Tensors without elements, and long loops. */
     {"permute", 1, {{3, {0, 65536, 32768}}}, {3, {65536, 32768, 0}}, {1, 2, 0, 3}, 0, REFUSED},
     {"permute", 1, {{2, {0, 16777217}}}, {2, {16777217, 0}}, {1, 0, 2, 3}, 0, REFUSED},
     {"permute", 1, {{2, {0, 16777217}}}, {2, {16777217, 0}}, {1, 0, 2, 3}, 0, REFUSED_ASIDE},
@@ -458,8 +459,8 @@ static const attack attacks[] = {
     {"broadcast", 1, {{1, {1}}}, {4, {65536, 65536, 65536, 65536}}, {65536, 0, 1, 0}, 0, REFUSED_ASIDE},
     {"permute", 1, {{2, {0, 1000}}}, {2, {1000, 0}}, {1, 0, 2, 3}, 0, SOUND},
     {"permute", 1, {{2, {3, 4}}}, {2, {3, 4}}, {0, 0, 0, 0}, 0, REFUSED},
-    /* no outputs: scratch that no tensor bounds; the first asks for 2^51 bytes, which are refused when it is
-       run */
+    /* No outputs, but scratch memory that no tensor limits. The first one asks for 2^51 bytes, which is
+     * refused when it is run. */
     {"conv1d_input",
      2,
      {{3, {1, 16777216, 0}}, {3, {16777216, 1, 0}}},
@@ -494,7 +495,7 @@ static const attack attacks[] = {
     {"lie", 2, {{2, {3, 3}}, {2, {3, 3}}}, {2, {3, 3}}, {5, 0, 0, 0}, 0, REFUSED},
     {"lie", 2, {{2, {3, 3}}, {2, {3, 3}}}, {2, {3, 3}}, {2, 0, 0, 0}, 0, REFUSED},
     {"lie", 2, {{2, {3, 3}}, {2, {3, 6}}}, {2, {3, 6}}, {0, 0, 0, 0}, 0, REFUSED},
-    /* indices 0 and 4 */
+    /* Indices 0 and 4. */
     {"gather", 1, {{1, {4}}}, {1, {2}}, {2, 4, 0, 0}, 0, REFUSED},
     {"gather", 1, {{1, {5}}}, {1, {2}}, {2, 5, 0, 0}, 0, SOUND},
     {"gather", 1, {{1, {5}}}, {1, {3}}, {3, 5, 0, 0}, 0, REFUSED},
@@ -540,7 +541,7 @@ static lg_status attack_with(const attack *a, lg_program *program, lg_error *err
     return lg_program_add_image(program, &image, error);
 }
 
-TEST("attributes and shapes that lie are refused, or the program runs at once") {
+TEST("false attributes and shapes are refused, or the program runs quickly") {
     for (size_t i = 0; i < LG_COUNT(attacks); i++) {
         lg_program_spec spec;
         lg_program *program;

@@ -1,6 +1,6 @@
-/* 20000 mutants of programs: 14000 of decoded lists, 4500 of arrays in files, 1500 of files' bytes through
- * the probe, which forks for each. Each is refused with a sentence and a status of exit code 3, or is sound
- * and runs within its limits.
+/* 20000 mutants of programs: 14000 of decoded lists, 4500 of arrays in files, and 1500 of files' bytes, which
+ * are read by the probe (a child process for each). Each mutant must be refused with a message and a status
+ * of exit code 3, or be valid and run within its limits.
  * ctest-labels: slow src/autodiff src/model */
 #include "model/program_mutants.h"
 
@@ -8,7 +8,7 @@ TEST("mutated lists are refused or run") {
     mutate_images(14000, 101);
 }
 
-TEST("packed functions that are cut off or mutated are refused or run") {
+TEST("packed functions that are cut or mutated are refused or run") {
     mutate_all_packed(1, 60, 104);
 }
 

@@ -1,5 +1,5 @@
-/* Functions of the models of every recipe, in every way: on a tape, as plans of many rows and of both types,
- * and as the plain stepper's steps. */
+/* The functions of the models of every recipe, evaluated in all ways: on a tape, as plans for many rows and
+ * in both types, and compared with steps of the plain stepper. */
 #include "support/malloc_count.h"
 #include "autodiff/plan_ways.h"
 #include "model/model_kinds.h"
@@ -25,7 +25,7 @@ static recorded *record(size_t kind, size_t which) {
     return r;
 }
 
-TEST("every function of every recipe is the tape's, as a plan of any rows, of both types") {
+TEST("every function of every recipe agrees with the tape as a plan of any rows, in both types") {
     for
         EACH_EXAMPLE(kind, which) {
             const size_t mark = lg_test_owned();
@@ -42,7 +42,7 @@ static void value_at(const void *plan, const double *x, double *y) {
     lg_test_give_back(mark);
 }
 
-/* Function `grad` against differences of `value`, with a step so small that it crosses no kink. */
+/* Compares the function `grad` with differences of `value`, with so small a step that it crosses no kink. */
 static void check_gradient(const recorded *r) {
     size_t value, grad;
     assert_ok(lg_program_find(r->program, "value", &value));
@@ -62,14 +62,14 @@ static void check_gradient(const recorded *r) {
     }
 }
 
-TEST("the gradient of every recipe is that of differences of its value") {
+TEST("the gradient of every recipe agrees with differences of its value") {
     for
         EACH_EXAMPLE(kind, which) check_gradient(record(kind, which));
 }
 
 /* ---- steps ---- */
 
-/* On the manifold; a reflection has no rotation nearby. */
+/* A random state on the manifold; a matrix with determinant -1 has no rotation near it. */
 static double *state_on(const lg_space *space, uint64_t seed) {
     double *y;
     do {
@@ -89,7 +89,7 @@ static lg_model *model_on(const recorded *r, const lg_scheme *scheme, const lg_s
     return model;
 }
 
-/* Function `step` of the program against the stepper, which knows the field. */
+/* Compares the function `step` of the program with the stepper, which uses the field. */
 static void check_step(recorded *r) {
     size_t step;
     lg_space space;
@@ -113,7 +113,7 @@ static void check_step(recorded *r) {
     }
 }
 
-TEST("the step of every recipe that moves is the plain stepper's, with its inputs") {
+TEST("the step of every recipe with motion agrees with the plain stepper, with its inputs") {
     for
         EACH_EXAMPLE(kind, which) if (kinds[kind].recipe->space != NULL) check_step(record(kind, which));
 }
