@@ -1,4 +1,4 @@
-/* Small surrogates, and smooth curves of unit tangents to learn from, without a solver. */
+/* Small surrogates, and smooth curves with unit tangents as training data, made without the solver. */
 #ifndef LG_SURROGATE_SUPPORT_H
 #define LG_SURROGATE_SUPPORT_H
 
@@ -10,7 +10,7 @@
 #define TEST_LENGTH 3.3
 #define TEST_PI     3.14159265358979323846
 
-/* Settings of the tests: every kind with and without its options. */
+/* Options used in the tests: every kind, with and without its options. */
 static const lg_surrogate_options test_options[] = {
     SURROGATE(DISCRETE, MLP, 0, 13, 2, TANH, .gamma = 0.0),
     SURROGATE(DISCRETE, RESNET, 0, 13, 1, TANH, .normalise = true, .mirror = true, .gamma = 0.3),
@@ -32,17 +32,17 @@ static const lg_surrogate_options test_options[] = {
     SURROGATE(DISCRETE, MULT, 0, 8, 1, TANH, .angles = true),
     SURROGATE(DISCRETE, MLP, 0, 9, 1, TANH, .normalise = true, .mirror = true, .angles = true, .gamma = 0.3),
 };
-/* The first of each. */
+/* Index of the first row of each group, and the number of rows. */
 enum { TEST_ANGLE = 8, TEST_MODES = 13, TEST_INNER = 16, TEST_OPTIONS = LG_COUNT(test_options) };
 
-/* A surrogate of the running test. */
+/* A surrogate that the running test owns. */
 typedef struct small {
     lg_surrogate model;
     size_t parameters;
     double *theta;
 } small;
 
-/* Number `which` of the settings, tanh, with parameters drawn by `seed`. */
+/* Row `which` of the options, with tanh and parameters drawn by `seed`. */
 static inline small make_small(size_t which, uint32_t intervals, double length, uint64_t seed) {
     small s;
     lg_surrogate_options options = test_options[which];
@@ -56,7 +56,7 @@ static inline small make_small(size_t which, uint32_t intervals, double length, 
     return s;
 }
 
-/* By a plan of its own, of the parameters as they are now. */
+/* Evaluates the curve by a new plan, with the parameters as they are now. */
 static inline void typed_curve_of(const small *s, lg_dtype dtype, const double *x, const double *at,
                                   size_t points, double *q, double *v) {
     lg_surrogate_curves *curves;
@@ -70,7 +70,7 @@ static inline void curve_of(const small *s, const double *x, const double *at, s
     typed_curve_of(s, LG_F64, x, at, points, q, v);
 }
 
-/* theta(s) of curve i, some turning one way and some the other. */
+/* theta(s) of curve i; even and odd curves bend to opposite sides. */
 static inline double test_angle(size_t i, double t) {
     const double a = 0.4 + 0.23 * (double)i, side = i % 2 == 0 ? 1.0 : -1.0;
     return side * (a * (1.0 - 2.0 * t) + 0.3 * a * t * t + 0.1 * sin(2.0 * TEST_PI * t));
@@ -114,7 +114,7 @@ static inline lg_elastica_curves make_curves(size_t n, uint32_t intervals) {
     return set;
 }
 
-/* These curves as a problem, with the targets of a network of modes. */
+/* A training problem with these curves, including the targets if the network has modes. */
 static inline lg_surrogate_problem problem_of(const small *s, const lg_elastica_curves *set,
                                               const uint32_t *training, size_t count) {
     const size_t modes = s->model.options.modes;

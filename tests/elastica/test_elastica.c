@@ -1,5 +1,5 @@
-/* The discrete elastica: description, energies and nodes known from elsewhere, derivatives and
- * Euler-Lagrange equations against differences, minima, frames, hard cases and bad input. */
+/* The discrete elastica: description, known energies and nodes, derivatives and Euler-Lagrange equations
+ * against differences, minima, rotated frames, hard cases and invalid input. */
 #include "liegrad/elastica.h"
 #include "test_support.h"
 
@@ -22,9 +22,9 @@ static lg_elastica_solution solved(const lg_elastica *p) {
     return s;
 }
 
-/* ---- description ---- */
+/* ---- descriptions ---- */
 
-TEST("families of boundary values by hand") {
+TEST("boundary values of both families agree with those by hand") {
     lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.5 * PI, 50);
     assert_close(p.theta0, 0.5 * PI, 0, 1e-15);
     assert_close(p.rotation, -PI, 0, 1e-15);
@@ -33,7 +33,7 @@ TEST("families of boundary values by hand") {
     p = family(LG_ELASTICA_RIGHT_END, 2.0, 50);
     assert_close(p.theta0, 0.0, 0, 0);
     assert_close(p.rotation, -2.0, 0, 1e-15);
-    assert_close(family(LG_ELASTICA_BOTH_ENDS, -PI, 50).theta0, PI, 0, 0); /* (-pi, pi] */
+    assert_close(family(LG_ELASTICA_BOTH_ENDS, -PI, 50).theta0, PI, 0, 0); /* angles are in (-pi, pi] */
     assert_string_equal(lg_elastica_case_name(LG_ELASTICA_RIGHT_END), "right-end");
 }
 
@@ -46,7 +46,7 @@ static void refused(const lg_elastica *p, const lg_elastica_options *o, lg_statu
     assert_close(theta[0], 77.0, 0, 0);
 }
 
-TEST("bad problems and options are refused, and nothing is written") {
+TEST("invalid problems and options are refused, and nothing is written") {
     const lg_elastica good = family(LG_ELASTICA_BOTH_ENDS, 1.0, 50);
     lg_elastica_options defaults, o;
     lg_elastica p;
@@ -56,7 +56,7 @@ TEST("bad problems and options are refused, and nothing is written") {
     BAD(p.theta0 = NAN, LG_NOT_FINITE);
     BAD(p.rotation = INFINITY, LG_NOT_FINITE);
     BAD(p.q0[1] = NAN, LG_NOT_FINITE);
-    BAD(p.qN[0] = 3.3, LG_INVALID_ARGUMENT); /* straight: exactly the length */
+    BAD(p.qN[0] = 3.3, LG_INVALID_ARGUMENT); /* straight: the chord is exactly the length */
     BAD(p.qN[1] = -4.0, LG_INVALID_ARGUMENT);
     BAD(p.length = 0.0, LG_INVALID_ARGUMENT);
     BAD(p.stiffness = -1.0, LG_INVALID_ARGUMENT);
@@ -76,7 +76,7 @@ TEST("bad problems and options are refused, and nothing is written") {
 
 /* ---- energy, gradient, Euler-Lagrange equations ---- */
 
-/* The action from its definition with Lambda = 0: trapezoidal rule on (EI/2)(|a-|^2 + |a+|^2). */
+/* The action by its definition with Lambda = 0: trapezoidal rule for (EI/2)(|a-|^2 + |a+|^2). */
 static double action(const lg_elastica *p, const double *nodes, const double *tangents) {
     const double h = p->length / p->intervals;
     double sum = 0.0;
@@ -102,9 +102,9 @@ TEST("the energy is the discrete action") {
     assert_close(q[1], p.q0[1], 0, 0);
 }
 
-/* d action / d(q_k, v_k) by central differences, plus 2 h Lambda v: zero at the solution, and equal to the
- * multipliers found. */
-TEST("the solution satisfies the Euler-Lagrange equations, and errors of 1e-6 are seen") {
+/* d action / d(q_k, v_k) by central differences plus 2 h Lambda v must be zero at the solution, and so gives
+ * the multipliers found. */
+TEST("the solution satisfies the Euler-Lagrange equations, and errors of 1e-6 are noticed") {
     const lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.6 * PI, 50);
     const lg_elastica_solution s = solved(&p);
     const double h = p.length / p.intervals, step = 1e-5;
@@ -128,7 +128,7 @@ TEST("the solution satisfies the Euler-Lagrange equations, and errors of 1e-6 ar
             assert_close(d[0], 0.0, 0, 2e-6);
             assert_close(d[1] + 2.0 * h * multiplier[k - 1] * v[2 * k + c], 0.0, 0, 2e-6);
         }
-    q[2 * 20] += 1e-6; /* a node off its place is seen */
+    q[2 * 20] += 1e-6; /* a node that is moved is noticed */
     assert_true(lg_elastica_euler_lagrange(&p, q, v, NULL) > 1e-4);
     q[2 * 20] -= 1e-6;
     v[2 * 20] += 1e-6;
@@ -168,7 +168,7 @@ TEST("solutions are minima, and the force is dE/dq_N") {
 
 /* ---- known values ---- */
 
-TEST("energies known from elsewhere") {
+TEST("energies agree with known values") {
     const struct {
         double x;
         uint32_t n;
@@ -183,7 +183,8 @@ TEST("energies known from elsewhere") {
     }
 }
 
-/* Every x of both families, gap's edges included: a minimum with small residual, and the mirror image. */
+/* For x of both families, including the edges next to the gap: a minimum with small residual, and its mirror
+ * image. */
 TEST("every member of both families is a minimum with a mirror image") {
     for (int i = 0; i < 120; i++) {
         const lg_elastica_case kind = (lg_elastica_case)(i % 2);
@@ -199,7 +200,7 @@ TEST("every member of both families is a minimum with a mirror image") {
     }
 }
 
-TEST("Moved, turned and scaled: the same shape") {
+TEST("a problem that is moved, rotated and scaled has the same shape") {
     const double scale = 2.5, turn = 2.0, EI = 3.0;
     lg_elastica p = family(LG_ELASTICA_RIGHT_END, 2.0, 40);
     const lg_elastica_solution s = solved(&p);
@@ -221,9 +222,9 @@ TEST("Moved, turned and scaled: the same shape") {
     assert_close(theta[40], p.theta0 + p.rotation, 0, 0);
 }
 
-/* ---- guesses ---- */
+/* ---- initial guesses ---- */
 
-TEST("a guess chooses the minimum") {
+TEST("a guess selects the minimum") {
     lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.1, 50);
     lg_elastica_options o;
     lg_elastica_solution s, first = solved(&p);
@@ -231,13 +232,14 @@ TEST("a guess chooses the minimum") {
     lg_elastica_options_init(&o);
     o.guess = other;
     for (size_t k = 0; k <= 50; k++) other[k] = -0.7 * sin(2.0 * PI * (double)k / 50.0);
-    assert_ok(lg_elastica_solve(NULL, &p, &o, theta, &s, &error)); /* the arch below */
+    assert_ok(lg_elastica_solve(NULL, &p, &o, theta, &s, &error)); /* the lower arch */
     assert_true(s.energy > first.energy + 4.0);
     for (size_t k = 0; k <= 50; k++) other[k] = 0.0;
     p = family(LG_ELASTICA_BOTH_ENDS, 0.0, 50);
     assert_status(lg_elastica_solve(NULL, &p, &o, theta, &s, &error), LG_NO_CONVERGENCE);
     assert_says(error.message, "no minimum");
-    assert_true(s.negative_eigenvalues > 0); /* the straight compressed beam, all the same filled in */
+    /* the straight compressed beam; the results are written all the same */
+    assert_true(s.negative_eigenvalues > 0);
     assert_close(s.energy, 18.0 * 10.0 * 2500.0 / pow(3.3, 3.0) * 0.09, 1e-12, 0);
 }
 
@@ -247,7 +249,7 @@ TEST("straight, half-turned and coarse beams have minima") {
     lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.0, 50);
     lg_elastica_solution s = solved(&p);
     assert_int_equal(s.negative_eigenvalues, 0);
-    assert_true(theta[10] > 0.1); /* buckled, upwards */
+    assert_true(theta[10] > 0.1); /* buckled upwards */
     assert_close(s.energy, 11.084103198529, 1e-11, 0);
     p = family(LG_ELASTICA_RIGHT_END, PI, 50);
     assert_close(solved(&p).energy, 130.730254824581, 1e-11, 0);
@@ -258,12 +260,12 @@ TEST("straight, half-turned and coarse beams have minima") {
             assert_int_equal(s.negative_eigenvalues, 0);
             assert_true(s.gradient < 1e-10);
         }
-    p = family(LG_ELASTICA_BOTH_ENDS, 1.0, 2); /* one inner angle: by symmetry 0 */
+    p = family(LG_ELASTICA_BOTH_ENDS, 1.0, 2); /* one inner angle, which is 0 by symmetry */
     (void)solved(&p);
     assert_close(theta[1], 0.0, 0, 1e-14);
 }
 
-TEST("Ends that meet: a circle, E = (EI/2)(2 pi)^2/L; and with half a turn a drop") {
+TEST("if the ends meet the beam is a circle with E = (EI/2)(2 pi)^2/L, or with half a turn a drop") {
     lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.0, 1000);
     p.qN[0] = 0.0;
     p.theta0 = 0.4;
@@ -276,14 +278,14 @@ TEST("Ends that meet: a circle, E = (EI/2)(2 pi)^2/L; and with half a turn a dro
     assert_int_equal(solved(&p).negative_eigenvalues, 0);
 }
 
-TEST("beams of two turns have a minimum while the nodes resolve it") {
+TEST("beams with two turns have a minimum while the nodes resolve it") {
     lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.0, 100);
     p.qN[0] = 1.0;
     p.theta0 = 0.3;
     p.rotation = 4.0 * PI;
     assert_int_equal(solved(&p).negative_eigenvalues, 0);
     for (size_t k = 0; k < 100; k++) assert_true(fabs(theta[k + 1] - theta[k]) < 1.0);
-    p.qN[0] = 3.25; /* loops of a radius below the spacing of the nodes */
+    p.qN[0] = 3.25; /* loops with a radius smaller than the distance of the nodes */
     lg_error error;
     assert_status(lg_elastica_solve(NULL, &p, NULL, theta, NULL, &error), LG_NO_CONVERGENCE);
     assert_true(strlen(error.message) > 10);
@@ -297,18 +299,18 @@ TEST("beams taut to 1e-13 have minima") {
     }
 }
 
-TEST("10^5 intervals are solved") {
+TEST("problems with 10^5 intervals are solved") {
     const uint32_t n = 100000;
     const lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, PI / 3.0, n);
     double *angles = TEST_ARRAY(double, n + 1);
     lg_elastica_solution s;
     lg_error error;
     assert_ok(lg_elastica_solve(NULL, &p, NULL, angles, &s, &error));
-    assert_close(s.energy, 9.69540085496, 1e-9, 0); /* that of the continuous problem but for O(h^2) */
+    assert_close(s.energy, 9.69540085496, 1e-9, 0); /* the energy of the continuous problem up to O(h^2) */
     assert_int_equal(s.negative_eigenvalues, 0);
 }
 
-TEST("random problems, chord and angles anywhere: a minimum each, or a sentence") {
+TEST("random problems with any chord and angles give a minimum or a message") {
     uint32_t seed = 7;
     int found = 0;
     for (int i = 0; i < 40; i++) {

@@ -10,7 +10,8 @@
 static double theta[ROOM * 51];
 static lg_elastica_solution solutions[ROOM];
 
-/* Branches of a family at x = share pi, the rotation `turns` turns beyond that of the global minimum. */
+/* Finds the branches of a family at x = share * pi, with a rotation that differs by `turns` full turns from
+ * that of the global minimum. */
 static size_t branches(lg_elastica_case kind, double share, int turns, bool saddles) {
     lg_elastica p;
     lg_elastica_init(&p);
@@ -27,7 +28,8 @@ static size_t branches(lg_elastica_case kind, double share, int turns, bool sadd
     return count;
 }
 
-/* Both-ends: a second arch, below, up to |w| = 0.1925 pi. Right-end: the wrong-way buckle up to 0.171 pi. */
+/* Both-ends: the second, lower arch exists up to |w| = 0.1925 pi. Right-end: the beam that buckles to the
+ * other side exists up to 0.171 pi. */
 TEST("a second minimum is found") {
     assert_int_equal(branches(LG_ELASTICA_BOTH_ENDS, 0.192, 0, false), 2);
     assert_true(theta[10] > 0.0 && theta[51 + 10] < 0.0);
@@ -36,7 +38,7 @@ TEST("a second minimum is found") {
     assert_int_equal(branches(LG_ELASTICA_RIGHT_END, 0.172, 0, false), 1);
 }
 
-TEST("the same tangents with other rotations: both loops and the asymmetric pair") {
+TEST("the same tangents with other rotations give both loops and the asymmetric pair") {
     assert_int_equal(branches(LG_ELASTICA_BOTH_ENDS, 1.0, 0, false), 1);
     assert_close(solutions[0].energy, 420.415, 0, 5e-4);
     assert_int_equal(branches(LG_ELASTICA_BOTH_ENDS, 1.0, 2, false), 1);
@@ -50,21 +52,22 @@ TEST("the same tangents with other rotations: both loops and the asymmetric pair
     }
 }
 
-/* The clamped straight beam buckles: two arches, two S (one negative eigenvalue each), then two of two. */
-TEST("saddles are found when asked for") {
+/* The clamped straight beam buckles into two arches, two S-shapes (one negative eigenvalue each), then two
+ * shapes with two negative eigenvalues. */
+TEST("saddles are found if requested") {
     assert_true(branches(LG_ELASTICA_BOTH_ENDS, 0.0, 0, true) >= 6);
     const double energies[] = {11.084, 11.084, 22.442, 22.442, 43.774, 43.774};
     for (uint32_t i = 0; i < 6; i++) {
         assert_close(solutions[i].energy, energies[i], 0, 1e-3);
         assert_int_equal(solutions[i].negative_eigenvalues, i / 2);
     }
-    /* between two minima there is a saddle */
+    /* Between two minima there is a saddle. */
     const size_t count = branches(LG_ELASTICA_BOTH_ENDS, 0.03, 0, true);
     assert_true(count >= 3);
     assert_int_equal(solutions[2].negative_eigenvalues, 1);
 }
 
-TEST("bad arguments of branches are refused") {
+TEST("invalid arguments of branches are refused") {
     lg_elastica p;
     lg_elastica_init(&p);
     size_t count = 5;
@@ -80,9 +83,9 @@ TEST("bad arguments of branches are refused") {
     assert_close(solutions[0].energy, 11.084103198529, 1e-10, 0);
 }
 
-/* ---- sets of curves ---- */
+/* ---- generated sets of curves ---- */
 
-TEST("generated curves are the solutions one by one, discrete and continuous, whatever the threads") {
+TEST("generated curves equal single solutions, discrete and continuous, for any number of threads") {
     for (int continuous = 0; continuous < 2; continuous++) {
         lg_elastica_sampling s;
         lg_elastica_sampling_init(&s);
@@ -98,7 +101,8 @@ TEST("generated curves are the solutions one by one, discrete and continuous, wh
         assert_memory_equal(one.q, two.q, 182 * 102 * sizeof(double));
         assert_memory_equal(one.v, two.v, 182 * 102 * sizeof(double));
         assert_memory_equal(one.energy, two.energy, 182 * sizeof(double));
-        const double ends[4] = {0.01 * PI, 0.99 * PI, 1.01 * PI, 1.99 * PI}; /* 46 in the first half */
+        /* 46 values are in the first half */
+        const double ends[4] = {0.01 * PI, 0.99 * PI, 1.01 * PI, 1.99 * PI};
         const double found[4] = {one.x[0], one.x[45], one.x[46], one.x[90]};
         assert_all_close(found, ends, 4, 1e-15, 0);
         for (size_t i = 0; i < one.count; i += 11) {
@@ -122,7 +126,7 @@ TEST("generated curves are the solutions one by one, discrete and continuous, wh
     }
 }
 
-TEST("without a gap the ends are the bifurcations themselves") {
+TEST("without a gap the ends of the range are the bifurcations themselves") {
     lg_elastica_sampling s;
     lg_elastica_sampling_init(&s);
     lg_elastica_curves curves = {.count = 0};
@@ -132,7 +136,7 @@ TEST("without a gap the ends are the bifurcations themselves") {
     assert_close(curves.energy[0], curves.energy[8], 1e-12, 0); /* x = 0 and 2 pi */
     assert_close(curves.energy[4], curves.energy[5], 1e-12, 0); /* pi, twice */
     lg_elastica_curves_destroy(&curves);
-    s.count = 100; /* x = 2 pi is x = 0, whatever its neighbours */
+    s.count = 100; /* x = 2 pi equals x = 0, whatever the neighbours are */
     assert_ok(lg_elastica_generate(NULL, &s, &curves, NULL));
     for (size_t k = 0; k < 102; k++) assert_close(curves.q[99 * 102 + k], curves.q[k], 0, 1e-11);
     lg_elastica_curves_destroy(&curves);
@@ -141,7 +145,7 @@ TEST("without a gap the ends are the bifurcations themselves") {
     lg_elastica_curves_destroy(&curves);
 }
 
-TEST("bad samplings are refused") {
+TEST("invalid samplings are refused") {
     lg_error error;
     lg_elastica_curves curves = {.count = 77};
     lg_elastica_sampling bad[6];
@@ -188,7 +192,7 @@ TEST("every allocation may fail") {
     EVERY_ALLOCATION_FAILS(context, 1, status = everything(context););
 }
 
-TEST("solving and generating may be cancelled") {
+TEST("solving and generating can be cancelled") {
     const volatile int stop = 1;
     lg_context_options o;
     lg_context *context;

@@ -1,5 +1,5 @@
-/* The continuous elastica: against its own first integral, Richardson's extrapolation of discrete solutions,
- * and closed forms. */
+/* The continuous elastica compared with its first integral, with Richardson's extrapolation of discrete
+ * solutions, and with closed forms. */
 #include "liegrad/elastica.h"
 #include "test_support.h"
 
@@ -45,7 +45,7 @@ TEST("the first integral is constant along every solution") {
         }
 }
 
-TEST("the curve and the differential equation hold") {
+TEST("the curve and the differential equation are satisfied") {
     for (size_t i = 0; i < 11; i++) {
         const lg_elastica p = family(LG_ELASTICA_RIGHT_END, shares[i], N);
         const lg_elastica_solution s = solved(&p);
@@ -63,7 +63,7 @@ TEST("the curve and the differential equation hold") {
     }
 }
 
-TEST("Richardson's extrapolation of discrete solutions meets the continuous one") {
+TEST("Richardson's extrapolation of discrete solutions agrees with the continuous one") {
     for (int kind = 0; kind < LG_ELASTICA_CASE_COUNT; kind++)
         for (size_t i = 0; i < 5; i++) {
             lg_elastica p = family((lg_elastica_case)kind, shares[i], N);
@@ -89,7 +89,7 @@ TEST("Richardson's extrapolation of discrete solutions meets the continuous one"
         }
 }
 
-TEST("the result does not depend on the nodes that are asked for") {
+TEST("the result does not depend on the number of requested nodes") {
     lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.99, 400);
     (void)solved(&p);
     memcpy(coarse, theta, 401 * sizeof *theta);
@@ -99,9 +99,9 @@ TEST("the result does not depend on the nodes that are asked for") {
     assert_close(q[4], 3.0, 0, 0);
 }
 
-/* Ends turned by pi: each sheds half a loop of the infinite beam, E = 16 EI/(L - d), force 16 EI/(L - d)^2,
- * up to exp(-L sqrt(force/EI)). A closed beam with a full turn is a circle. */
-TEST("half loops and circles are closed forms") {
+/* If the ends are turned by pi, each holds half a loop of the infinite beam: E = 16 EI/(L - d), force 16
+ * EI/(L - d)^2, up to exp(-L sqrt(force/EI)). A closed beam with a full turn is a circle. */
+TEST("half loops and circles agree with closed forms") {
     lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 1.0, 50);
     lg_elastica_solution s = solved(&p);
     assert_close(s.energy, 1600.0 / 3.0, 1e-12, 0);
@@ -114,9 +114,9 @@ TEST("half loops and circles are closed forms") {
     for (size_t k = 0; k <= 50; k++) assert_close(theta[k], -2.0 - 2.0 * PI * (double)k / 50.0, 0, 1e-11);
 }
 
-/* Clamped ends, 1 - d = x: 2 E(m)/K(m) - 1 = d (as a double), energy 32 K (E - (1 - m) K), force -(4 K)^2;
- * mpmath. */
-TEST("nearly straight beams buckle as the elliptic integrals say, down to a shortening of 1e-12") {
+/* Clamped ends, 1 - d = x: 2 E(m)/K(m) - 1 = d (rounded to double), energy 32 K (E - (1 - m) K), force -(4
+ * K)^2; computed with mpmath. */
+TEST("nearly straight beams buckle as the elliptic integrals predict, down to a shortening of 1e-12") {
     static const double rows[][3] = {
         {1e-1, 4.050408891634514, -41.57025579315579},
         {1e-2, 0.39577485385465958, -39.676926538343484},
@@ -142,8 +142,8 @@ TEST("nearly straight beams buckle as the elliptic integrals say, down to a shor
     }
 }
 
-/* Angles are sqrt(x) times a shape and a sum of terms of order x^1.5. */
-TEST("nearly straight beams between any tangents have one shape, sqrt(1 - d) times as large") {
+/* The angles are sqrt(x) times a shape, plus terms of order x^1.5. */
+TEST("nearly straight beams with any tangents have one shape, with angles proportional to sqrt(1 - d)") {
     static const double ends[][2] = {{0, 0},   {0.9, -0.9}, {0, 0.9},   {0.9, 0},    {1, 1},    {-1, -2},
                                      {1, 0.2}, {3, -3},     {2.5, 0.1}, {1e-3, 0.0}, {-4, 3.5}, {0.3, -0.2}};
     for (size_t i = 0; i < LG_COUNT(ends); i++)
@@ -168,7 +168,7 @@ TEST("nearly straight beams between any tangents have one shape, sqrt(1 - d) tim
         }
 }
 
-TEST("a guess chooses the minimum") {
+TEST("a guess selects the minimum") {
     const lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.1, 50);
     lg_elastica_options o;
     lg_elastica_solution s;

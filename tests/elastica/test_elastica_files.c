@@ -1,12 +1,12 @@
-/* Sets of curves: round trip, files of other programs, the length that the curves tell, the matrix of bad
- * input. */
+/* Sets of curves in files: written and read back, files of other programs, the length found from the curves,
+ * tables of invalid input. */
 #include "support/io_test.h"
 
 #include "elastica/elastica.h"
 
 enum { CURVES = 6, INTERVALS = 10, NODES = INTERVALS + 1 };
 
-/* Arcs of circles from the origin: length and turning are exact. */
+/* Circular arcs from the origin, whose length and turning are exact. */
 static void make_arc(double length, uint32_t intervals, double angle, double turning, double *q, double *v) {
     for (uint32_t k = 0; k <= intervals; k++) {
         const double part = (double)k / intervals, half = 0.5 * part * turning;
@@ -73,7 +73,7 @@ static void assert_same_curves(const lg_elastica_curves *a, const lg_elastica_cu
     assert_memory_equal(a->v, b->v, nodes);
 }
 
-TEST("curves come back as they were written") {
+TEST("curves are read back as they were written") {
     for (int optional = 0; optional < 2; optional++) {
         const char *path = scratch_path("round.h5"), *second = scratch_path("round2.h5");
         lg_elastica_data *data = make_curves(2.75, INTERVALS, CURVES, optional == 1);
@@ -95,11 +95,11 @@ TEST("curves come back as they were written") {
         }
         assert_ok(lg_elastica_data_write(NULL, second, again, NULL));
         assert_same_bytes(path, second);
-        lg_elastica_data_destroy(again); /* once more by the test */
+        lg_elastica_data_destroy(again); /* the test destroys it a second time */
     }
 }
 
-TEST("the hash is that of boundary, q and v as little-endian doubles, one after the other") {
+TEST("the hash is computed from boundary, q and v as little-endian doubles, one after the other") {
     const lg_elastica_data *data = read_curves(good_file());
     lg_sha256 sha;
     char text[LG_SHA256_TEXT];
@@ -113,7 +113,7 @@ TEST("the hash is that of boundary, q and v as little-endian doubles, one after 
 
 /* ---- files of other programs ---- */
 
-/* No attributes, nothing but the three arrays: what h5py writes from three lines. */
+/* A file with only the three arrays and no attributes, as three lines of h5py write it. */
 static const char *foreign_file(const lg_elastica_curves *c, hid_t stored, bool packed) {
     const char *path = scratch_path("foreign.h5");
     const hsize_t boundary[2] = {c->count, 8}, nodes[3] = {c->count, c->intervals + 1, 2};
@@ -151,7 +151,7 @@ TEST("files of other programs are read") {
     }
 }
 
-TEST("optional arrays and attributes are read in the types that other programs choose") {
+TEST("optional arrays and attributes are read in the types that other programs use") {
     const lg_elastica_data *data = make_curves(3.3, INTERVALS, CURVES, false);
     const char *path = foreign_file(&data->curves, H5T_IEEE_F64LE, false);
     const hsize_t n = CURVES;
@@ -171,7 +171,7 @@ TEST("optional arrays and attributes are read in the types that other programs c
     for (size_t i = 0; i < CURVES; i++) assert_int_equal(a->kind[i], kinds[i]);
 }
 
-/* Chords alone, or the trapezoidal rule, would be off by more than the rounding hides. */
+/* Chords alone, or the trapezoidal rule, would have errors above rounding. */
 TEST("the length of a curve is found to rounding") {
     const struct {
         double length;
@@ -186,8 +186,8 @@ TEST("the length of a curve is found to rounding") {
     }
 }
 
-/* What the solver's own curves tell without the attribute: the length they were made with, to the last bit.
- * Coarse discrete curves are no arcs: from N = 10 arcs alone would say 3.27. */
+/* From the solver's curves without the attribute, the length must be found to the last bit. Coarse discrete
+ * curves are no arcs: for N = 10 arcs would give 3.27. */
 TEST("the length of coarse discrete equilibria is found") {
     static const struct {
         uint32_t intervals;
@@ -211,7 +211,7 @@ TEST("the length of coarse discrete equilibria is found") {
     }
 }
 
-/* ---- bad input ---- */
+/* ---- invalid files ---- */
 
 TEST("a damaged file is refused") {
     refuse_damaged_files(read_data, good_file(), "");
@@ -220,7 +220,7 @@ TEST("a damaged file is refused") {
     survive_changed_bytes(read_data, foreign_file(&data->curves, H5T_IEEE_F32BE, true), 60);
 }
 
-TEST("what is wrong in a file is refused by name, and the format of other programs is not") {
+TEST("errors in a file are refused by name, and the format of other programs is accepted") {
     static const damage rows[] = {
         {"boundary", ARRAY(0, 48), LG_FORMAT, "rank"},
         {"boundary", ARRAY(0, 6, 7), LG_FORMAT, "(6, 7)"},
@@ -250,7 +250,7 @@ TEST("what is wrong in a file is refused by name, and the format of other progra
         {"boundary", GONE, LG_FORMAT, ""},
         {"q", GONE, LG_FORMAT, ""},
         {"v", GONE, LG_FORMAT, ""},
-        /* sizes that nobody has memory for, without a byte behind them */
+        /* Sizes for which there is no memory, declared without any data. */
         {"boundary", DECLARED(1000000000000, 8), LG_FORMAT, ""},
         {"q", DECLARED(6, 1000000000, 2), LG_FORMAT, ""},
         {"q", DECLARED(1000000000, 51, 2), LG_FORMAT, ""},
@@ -289,7 +289,7 @@ TEST("curves that shrink to a point have no length") {
     assert_refused(read_data, path, LG_FORMAT, "length 0", "");
 }
 
-/* With another number at that place. */
+/* Writing must fail when *at has the value `bad`. */
 static void not_written(lg_elastica_data *data, double *at, double bad, lg_status status, const char *word) {
     lg_error error = {LG_OK, ""};
     const double good = *at;
@@ -299,7 +299,7 @@ static void not_written(lg_elastica_data *data, double *at, double bad, lg_statu
     *at = good;
 }
 
-TEST("curves that could not be read are not written") {
+TEST("curves that could not be read back are not written") {
     lg_elastica_data *data = make_curves(3.3, INTERVALS, CURVES, true);
     lg_elastica_curves *c = &data->curves;
     const char *path = scratch_path("refused.h5");

@@ -11,14 +11,14 @@ static const double some_x[][8] = {
     {0.1, -0.2, -0.6, -0.8, 2.9, 0.3, -0.8, 0.6}, {0.0, 0.0, -1.0, 0.0, 3.0, 0.0, 0.8, 0.6}};
 enum { SOME = LG_COUNT(some_x) };
 
-/* ---- description ---- */
+/* ---- descriptions ---- */
 
 TEST("kinds of surrogates have their names") {
     ASSERT_NAMES(lg_surrogate_kind, lg_surrogate_kind, LG_SURROGATE_KIND_COUNT);
     assert_string_equal(lg_surrogate_kind_name(LG_SURROGATE_CONTINUOUS), "continuous");
 }
 
-TEST("a description that is refused leaves the surrogate as it was") {
+TEST("a refused description leaves the surrogate unchanged") {
     const lg_surrogate_options good = test_options[0];
     lg_surrogate model, before;
     lg_error error;
@@ -105,7 +105,7 @@ TEST("the presets of the thesis have their published settings") {
         LG_SINE);
 }
 
-TEST("every preset can be built, and each setting has one of ours") {
+TEST("every preset can be built, and for each setting there is a `best` one") {
     const char *const families[] = {"thesis", "best"};
     for (size_t f = 0; f < 2; f++)
         for (int which = 0; which < 80; which++) {
@@ -145,7 +145,7 @@ TEST("every preset can be built, and each setting has one of ours") {
     assert_null(lg_surrogate_preset_find("best", LG_SURROGATE_DISCRETE, false, LG_SURROGATE_MSE, false, NAN));
 }
 
-/* ---- split ---- */
+/* ---- splits ---- */
 
 static size_t count_of(const uint8_t *parts, size_t n, uint8_t part) {
     size_t count = 0;
@@ -153,7 +153,8 @@ static size_t count_of(const uint8_t *parts, size_t n, uint8_t part) {
     return count;
 }
 
-TEST("a split has the parts asked for, a test part of the seed alone, and tests every curve alike") {
+TEST("a split has the given parts, a test part that depends only on the seed, and tests every curve "
+     "equally often") {
     enum { CURVES = 1000 };
     static uint8_t parts[CURVES], whole[CURVES], other[CURVES];
     assert_ok(lg_surrogate_split(CURVES, 0.9, 0.1, 3, whole));
@@ -168,9 +169,9 @@ TEST("a split has the parts asked for, a test part of the seed alone, and tests 
     }
     assert_ok(lg_surrogate_split(CURVES, 0.9, 0.1, 4, other));
     assert_memory_not_equal(whole, other, CURVES);
-    size_t early = count_of(whole, CURVES / 2, LG_PART_TEST); /* spread over both halves */
+    size_t early = count_of(whole, CURVES / 2, LG_PART_TEST); /* the test part is spread over both halves */
     assert_true(early > 30 && early < 70);
-    /* Every curve is tested on with some seed. */
+    /* Every curve is in the test part for some seed. */
     static unsigned tested[20];
     for (uint64_t seed = 0; seed < 4000; seed++) {
         assert_ok(lg_surrogate_split(20, 0.5, 0.25, seed, parts));
@@ -180,7 +181,7 @@ TEST("a split has the parts asked for, a test part of the seed alone, and tests 
     for (size_t i = 0; i < 20; i++) assert_true(tested[i] > 890 && tested[i] < 1110);
 }
 
-TEST("fractions and curves that make no split are refused") {
+TEST("invalid fractions and numbers of curves are refused") {
     uint8_t parts[5] = {9, 9, 9, 9, 9};
     const double bad[][2] = {{1.1, 0.0}, {-0.1, 0.1}, {0.5, -0.1}, {0.6, 0.5}, {NAN, 0.1},
                              {0.5, NAN}, {0.0, 0.5},  {0.0, 0.0},  {0.05, 0.1}};
@@ -188,14 +189,15 @@ TEST("fractions and curves that make no split are refused") {
         assert_status(lg_surrogate_split(5, bad[i][0], bad[i][1], 1, parts), LG_INVALID_ARGUMENT);
     assert_status(lg_surrogate_split(0, 0.9, 0.1, 1, parts), LG_INVALID_ARGUMENT);
     for (size_t i = 0; i < 5; i++) assert_int_equal(parts[i], 9);
-    assert_ok(lg_surrogate_split(5, 0.5, 0.5, 1, parts)); /* 2.5 and 2.5: three and the two that are left */
+    /* 2.5 each: three test, and the two that are left train */
+    assert_ok(lg_surrogate_split(5, 0.5, 0.5, 1, parts));
     assert_int_equal(count_of(parts, 5, LG_PART_TEST), 3);
     assert_int_equal(count_of(parts, 5, LG_PART_TRAIN), 2);
 }
 
-/* ---- range ---- */
+/* ---- training range ---- */
 
-TEST("the distance to what was trained counts ends from q0 and knows the mirror") {
+TEST("the distance to the training curves takes ends relative to q0, and reflects if the model does") {
     const lg_surrogate plain = {.length = 1.0}, folded = {.options = {.mirror = true}};
     double trained[4][8] = {{0.0}, {0.0}, {0.0}, {0.0}}, x[8] = {0.0};
     trained[1][2] = 1.0;
@@ -212,17 +214,17 @@ TEST("the distance to what was trained counts ends from q0 and knows the mirror"
     assert_close(lg_surrogate_distance(&plain, trained[0], 1, x), sqrt(27.25), 1e-15, 0.0);
     assert_close(lg_surrogate_distance(&plain, trained[0], 4, trained[2]), 0.0, 0.0, 0.0);
     assert_true(isinf(lg_surrogate_distance(&plain, trained[0], 0, x)));
-    x[7] = -2.0; /* the mirror image of the last one */
+    x[7] = -2.0; /* the mirror image of the last curve */
     assert_close(lg_surrogate_distance(&plain, trained[0], 4, x), 2.0, 1e-15, 0.0);
     assert_close(lg_surrogate_distance(&folded, trained[0], 4, x), 0.0, 0.0, 0.0);
     x[7] = 2.0;
-    x[0] = x[4] = 7.0; /* the last one moved */
+    x[0] = x[4] = 7.0; /* the last curve, translated */
     assert_close(lg_surrogate_distance(&plain, trained[0], 4, x), 0.0, 0.0, 0.0);
     x[2] = NAN;
     assert_true(isinf(lg_surrogate_distance(&plain, trained[0], 4, x)));
 }
 
-TEST("one curve in a hundred that stands alone does not widen the range, and two do") {
+TEST("one isolated curve in a hundred does not extend the range, two do") {
     enum { COUNT = 100 };
     double trained[COUNT][8];
     memset(trained, 0, sizeof trained);
@@ -236,7 +238,7 @@ TEST("one curve in a hundred that stands alone does not widen the range, and two
 
 /* ---- curves ---- */
 
-/* What the network is shown, as the header says it, and what it answers. */
+/* The network's input for a row, as the header defines it, and the network's output. */
 static void ask(const small *s, const double *row, double *y, double *dy) {
     const double along[9] = {1.0 / s->model.length};
     const lg_net *net = &s->model.net;
@@ -252,9 +254,9 @@ static void ask(const small *s, const double *row, double *y, double *dy) {
     lg_tape_destroy(tape);
 }
 
-/* Setting 0: the boundary conditions as they are. Setting 1: x-coordinates normalised; v0y < vNy reflected.
- */
-TEST("a discrete network's nodes are what it answers to the ends as told") {
+/* Row 0 of the options: the boundary conditions unchanged. Row 1: x-coordinates normalised, reflected if v0y
+ * < vNy. */
+TEST("the nodes of a discrete network are its outputs for the documented inputs") {
     const double shown[2][8] = {{0.0, 0.0, -0.6, -0.8, 2.9 - 0.1, 0.3 + 0.2, -0.8, 0.6},
                                 {-1.0, 0.0, -0.6, 0.8, (2.9 - 0.1 - 1.5) / 1.5, -0.3 - 0.2, -0.8, -0.6}};
     for (size_t which = 0; which < 2; which++) {
@@ -279,14 +281,14 @@ TEST("a discrete network's nodes are what it answers to the ends as told") {
     }
 }
 
-/* Makes the network give these numbers whatever it is shown: its last bias is what it gives. */
+/* Makes the network return these numbers for any input, by its last bias. */
 static void make_constant(const small *s, const double *numbers) {
     const size_t n = s->model.net.outputs;
     memset(s->theta, 0, s->parameters * sizeof *s->theta);
     memcpy(s->theta + s->parameters - n, numbers, n * sizeof *numbers);
 }
 
-TEST("a network of angles has unit tangents, and a curve of the beam's own rule") {
+TEST("a network of angles has unit tangents, and its points follow the beam's discrete rule") {
     for (size_t which = TEST_INNER; which < TEST_OPTIONS; which++) {
         const small s = make_small(which, N, TEST_LENGTH, 21);
         for (size_t x = 0; x < 5; x++) {
@@ -306,7 +308,7 @@ TEST("a network of angles has unit tangents, and a curve of the beam's own rule"
     }
 }
 
-TEST("between the nodes a cubic comes back, with its derivative") {
+TEST("between the nodes a cubic is reproduced, with its derivative") {
     enum { M = 4, POINTS = 97 };
     const small s = make_small(0, M, TEST_LENGTH, 22);
     double numbers[4 * (M - 1)], at[POINTS], q[2 * POINTS], v[2 * POINTS], x[8];
@@ -330,7 +332,7 @@ TEST("between the nodes a cubic comes back, with its derivative") {
     }
 }
 
-TEST("a continuous network's points and tangents are what it answers to s and the ends") {
+TEST("points and tangents of a continuous network are its outputs for s and the documented inputs") {
     const double at = 1.234, sign = -1.0;
     const double shown[3][9] = {
         {1.234 / 3.3, 0.0, 0.0, -0.6, -0.8, 2.9 - 0.1, 0.3 + 0.2, -0.8, 0.6},
@@ -348,7 +350,7 @@ TEST("a continuous network's points and tangents are what it answers to s and th
     }
 }
 
-/* What a symmetric reconstruction adds to the tangent: (qN - q0 - int v ds)/L, else 0. */
+/* The term that a symmetric reconstruction adds to the tangent, (qN - q0 - int v ds)/L; otherwise 0. */
 static void stretch(const small *s, const double *x, double *out) {
     const double end = TEST_LENGTH;
     small plain = *s;
@@ -359,10 +361,10 @@ static void stretch(const small *s, const double *x, double *out) {
         out[c] = s->model.options.symmetric ? (x[4 + c] - q[c]) / TEST_LENGTH : 0.0;
 }
 
-TEST("tangents are the derivatives of points, but for what a symmetric reconstruction adds") {
+TEST("tangents are the derivatives of points, except for the term of a symmetric reconstruction") {
     for (size_t which = 0; which < TEST_OPTIONS; which++) {
-        /* Between nodes, where a cubic's difference quotient is exact after the first extrapolation; the
-         * quadrature of the angle network is good to 1e-9 or so on narrow panels. */
+        /* Places between nodes, where the difference quotient of a cubic is exact after one extrapolation.
+         * The quadrature of the angle network is accurate to about 1e-9 on narrow panels. */
         const bool angle = test_options[which].kind == LG_SURROGATE_ANGLE;
         const double tolerance = angle ? 2e-7 : 1e-9;
         const small s = make_small(which, angle ? 400 : N, TEST_LENGTH, 24);
@@ -386,13 +388,13 @@ TEST("tangents are the derivatives of points, but for what a symmetric reconstru
     }
 }
 
-/* In (-pi, pi], whatever the sign of a zero. */
+/* The angle in (-pi, pi], whatever the sign of a zero. */
 static double angle_of(double x, double y) {
     const double angle = atan2(y, x);
     return angle <= -TEST_PI ? TEST_PI : angle;
 }
 
-TEST("angles are those of the network, reflected or not, with the ends held or not") {
+TEST("angles are the network's outputs, reflected or not, with or without fixed ends") {
     const double at = 0.17;
     for (size_t which = TEST_ANGLE; which < TEST_MODES; which++)
         for (size_t i = 0; i < SOME; i++) {
@@ -414,9 +416,9 @@ TEST("angles are those of the network, reflected or not, with the ends held or n
         }
 }
 
-/* q of the angle network is the integral of its tangents, wherever the points lie; where the ends are held,
- * their weights e^{-100 s^2} are integrated less exactly. */
-TEST("points of the angle network are the integrals of its tangents, wherever they lie") {
+/* q of the angle network is the integral of its tangents, for any places. If the ends are fixed, their
+ * weights e^{-100 s^2} are integrated less accurately. */
+TEST("points of the angle network are the integrals of its tangents, at any places") {
     enum { FINE = 4001 };
     for (size_t which = TEST_ANGLE; which < TEST_MODES; which++) {
         const small s = make_small(which, N, TEST_LENGTH, 26);
@@ -440,9 +442,10 @@ TEST("points of the angle network are the integrals of its tangents, wherever th
     }
 }
 
-/* Unit tangents whatever the parameters; with `boundary` the end angles, of long beams and short ones, to the
- * rounding of both precisions. */
-TEST("tangents of the angle network are units, and its ends are held to rounding in both precisions") {
+/* Tangents have unit length for any parameters. With `boundary` the end angles are exact to the rounding of
+ * both precisions, for long and short beams. */
+TEST("tangents of the angle network are units, and its fixed ends are exact to rounding in both "
+     "precisions") {
     static const double lengths[] = {3.3, 1.0, 0.3, 0.02};
     for (size_t which = TEST_ANGLE; which < TEST_MODES; which++)
         for (size_t l = 0; l < 4; l++)
@@ -469,8 +472,8 @@ TEST("tangents of the angle network are units, and its ends are held to rounding
 
 /* ---- symmetry ---- */
 
-TEST("mirror images have mirror curves exactly where the model folds them") {
-    /* Also where both ends tie, at angles of pi, and with -0. */
+TEST("mirror images have mirror curves exactly if the model has the option `mirror`") {
+    /* Includes equal ends, angles of pi, and -0. */
     static const double more[][8] = {{0.0, 0.0, 0.8, 0.6, 3.0, 0.0, -0.8, 0.6},
                                      {0.0, 0.0, 1.0, 0.0, 3.0, 0.4, 1.0, 0.0},
                                      {0.0, 0.0, -1.0, 0.0, 3.0, 0.0, 0.8, 0.6},
@@ -500,7 +503,7 @@ TEST("mirror images have mirror curves exactly where the model folds them") {
 
 /* ---- precision, memory ---- */
 
-TEST("single precision is double precision to its rounding") {
+TEST("single precision agrees with double precision to rounding") {
     enum { POINTS = 77 };
     for (size_t which = 0; which < TEST_OPTIONS; which++) {
         const small s = make_small(which, N, TEST_LENGTH, 29);
@@ -518,13 +521,13 @@ TEST("single precision is double precision to its rounding") {
     }
 }
 
-/* Neither more than the bytes asked for is touched, nor do the values depend, but for rounding, on how points
- * are grouped or on which of q and v is wanted. */
+/* The points must agree to rounding. Used to check that only the requested bytes are written, and that
+ * results do not depend on the grouping of points or on whether q, v or both are requested. */
 static void assert_points(const double *x, const double *expected, size_t points, double rounding) {
     for (size_t k = 0; k < 2 * points; k++) assert_close(x[k], expected[k], rounding, rounding);
 }
 
-TEST("curves keep to their work memory, however points are grouped and whatever is wanted") {
+TEST("curves stay within their work memory and do not depend on grouping or on requested outputs") {
     static const size_t counts[] = {0, 1, 2, 42, 127, 128, 129, 300};
     enum { MOST = 300 };
     double at[MOST], all_q[2 * MOST], all_v[2 * MOST], q[2 * MOST], v[2 * MOST];
@@ -550,13 +553,13 @@ TEST("curves keep to their work memory, however points are grouped and whatever 
         }
 }
 
-TEST("arc lengths that are none, or beyond the ends, harm nobody") {
+TEST("arc lengths that are NaN, infinite or beyond the ends are harmless") {
     static const double at[] = {-1.0, 4.0, 1e300, -INFINITY, INFINITY, NAN, 1.0, 0.5};
     for (size_t which = 0; which < TEST_OPTIONS; which++) {
         const small s = make_small(which, N, TEST_LENGTH, 31);
         double q[16], v[16];
         curve_of(&s, some_x[0], at, 8, q, v);
-        for (size_t i = 0; i < 16; i++) { /* those that are not finite give NaN, the others do not */
+        for (size_t i = 0; i < 16; i++) { /* places that are not finite give NaN, the others do not */
             assert_true(isnan(q[i]) == !isfinite(at[i / 2]) || at[i / 2] == 1e300);
             assert_true(isnan(v[i]) == !isfinite(at[i / 2]) || at[i / 2] == 1e300);
         }
@@ -578,7 +581,7 @@ TEST("a boundary condition that is not finite makes the whole curve NaN") {
 
 /* ---- evaluation ---- */
 
-TEST("errors of a set are those of its curves one by one") {
+TEST("errors of a set are computed from the errors of its curves") {
     enum { CURVES = 300 };
     lg_elastica_curves set = make_curves(CURVES, 4);
     for (size_t which = 0; which < TEST_OPTIONS; which++) {
@@ -621,7 +624,7 @@ TEST("errors of a set are those of its curves one by one") {
     }
 }
 
-/* What is judged stays as it was when the call fails. */
+/* The output must stay unchanged when the call fails. */
 static void not_judged(const small *s, const lg_elastica_curves *set, const uint32_t *chosen, size_t count,
                        lg_status status) {
     lg_surrogate_errors e = {.mse = 7.0};
@@ -631,7 +634,7 @@ static void not_judged(const small *s, const lg_elastica_curves *set, const uint
     assert_true(e.mse == 7.0 && node[0] == 7.0);
 }
 
-TEST("curves that do not fit the model and numbers that are not finite are not judged") {
+TEST("curves that do not fit the model, and numbers that are not finite, are refused") {
     const uint32_t beyond = 3;
     for (size_t which = 0; which < TEST_OPTIONS; which++) {
         lg_elastica_curves set = make_curves(3, 6), longer = set;

@@ -1,10 +1,10 @@
-/* The fixed last layer: singular vectors against the covariance that they diagonalise, targets, what is left
- * out, and what is refused. */
+/* The fixed last layer of modes: singular vectors compared with the covariance that they diagonalise,
+ * targets, truncation, refusals. */
 #include "elastica/surrogate_support.h"
 
 enum { CURVES = 40, INTERVALS = 9, NUMBERS = 4 * (INTERVALS - 1), MODES = 5 };
 
-/* A network of `modes` modes, not yet found. */
+/* A network with `modes` modes, which are not computed yet. */
 static lg_surrogate network(uint32_t modes, uint32_t intervals, bool mirror) {
     const lg_surrogate_options options = {.kind = LG_SURROGATE_DISCRETE,
                                           .architecture = LG_NET_MLP,
@@ -30,7 +30,8 @@ static double *found(lg_surrogate *model, const lg_elastica_curves *set, size_t 
     return modes;
 }
 
-/* What the network is to hand over for curve i: relative to q0, y-components reflected if v0y < vNy. */
+/* The numbers that the network must output for curve i: relative to q0, with y-components reflected if v0y <
+ * vNy. */
 static void numbers_of(const lg_elastica_curves *set, size_t i, bool mirror, double *y) {
     const double *x = set->boundary + 8 * i;
     const double sign = mirror && x[3] < x[7] ? -1.0 : 1.0;
@@ -48,7 +49,7 @@ static double dot(const double *a, const double *b) {
     return sum;
 }
 
-/* C v, C the covariance of the curves without the directions of the modes. */
+/* C v, where C is the covariance of the curves without the directions of the modes. */
 static void rest_times(double (*rest)[NUMBERS], const double *v, double *out) {
     memset(out, 0, NUMBERS * sizeof *out);
     for (size_t i = 0; i < CURVES; i++) {
@@ -57,7 +58,7 @@ static void rest_times(double (*rest)[NUMBERS], const double *v, double *out) {
     }
 }
 
-TEST("modes are the leading eigenvectors of the curves' covariance, in falling order") {
+TEST("modes are the leading eigenvectors of the curves' covariance, in decreasing order") {
     for (int mirror = 0; mirror < 2; mirror++) {
         const lg_elastica_curves set = make_curves(CURVES, INTERVALS);
         lg_surrogate model = network(MODES, INTERVALS, mirror);
@@ -71,7 +72,7 @@ TEST("modes are the leading eigenvectors of the curves' covariance, in falling o
         for (size_t j = 0; j < NUMBERS; j++) assert_close(modes[j], mean[j], 1e-14, 1e-15);
         for (size_t i = 0; i < CURVES; i++)
             for (size_t j = 0; j < NUMBERS; j++) rest[i][j] -= mean[j];
-        /* m = s u with |u| = 1, C u = s^2 u: C m = |m|^2 m. */
+        /* m = s u with |u| = 1 and C u = s^2 u, so C m = |m|^2 m. */
         for (size_t k = 0; k < MODES; k++) {
             const double *m = modes + NUMBERS * (k + 1), square = dot(m, m);
             rest_times(rest, m, image);
@@ -95,11 +96,12 @@ TEST("modes are the leading eigenvectors of the curves' covariance, in falling o
             for (size_t j = 0; j < NUMBERS; j++) v[j] = image[j] / norm;
         }
         rest_times(rest, v, image);
-        assert_true(dot(v, image) < last); /* the largest variance that is left */
+        assert_true(dot(v, image) < last); /* the largest remaining variance */
     }
 }
 
-TEST("targets have mean 0 and deviation 1; curves are mean, modes and a rest of the truncation's size") {
+TEST("targets have mean 0 and deviation 1; curves are mean plus modes plus a remainder as large as the "
+     "truncation") {
     const lg_elastica_curves set = make_curves(CURVES, INTERVALS);
     double before = INFINITY;
     for (uint32_t count = 1; count <= NUMBERS; count += 3) {
@@ -139,7 +141,7 @@ static uint32_t counted(uint32_t most, const lg_elastica_curves *set, size_t cou
     return modes;
 }
 
-/* What is left of the curves after `modes` > 0 modes; *first becomes the part of the first one. */
+/* The variance that `modes` > 0 modes leave out. *first gets the part that the first mode leaves out. */
 static double left_out(const lg_elastica_curves *set, uint32_t modes, double *first) {
     lg_surrogate model = network(modes, set->intervals, true);
     const size_t n = set->count, numbers = 4 * ((size_t)set->intervals - 1);
@@ -151,7 +153,7 @@ static double left_out(const lg_elastica_curves *set, uint32_t modes, double *fi
     return truncation;
 }
 
-TEST("curves need as many modes as leave 1e-12 of their variance, and none for their noise") {
+TEST("curves get as many modes as leave 1e-12 of their variance, and none for their noise") {
     enum { MANY = 100, FINE = 30, ALL = 4 * (FINE - 1) };
     lg_elastica_curves set = make_curves(MANY, FINE);
     double first;
@@ -191,7 +193,7 @@ TEST("a direction without variance has coefficient 0") {
     assert_true(truncation < 1e-30);
 }
 
-TEST("models and curves that have no modes are refused, and the output stays as it was") {
+TEST("models and curves without modes are refused, and the output stays unchanged") {
     static const uint32_t beyond[MODES + 1] = {0, 1, 2, 3, 4, CURVES};
     lg_elastica_curves set = make_curves(CURVES, INTERVALS), other = make_curves(CURVES, INTERVALS + 1);
     lg_surrogate model = network(MODES, INTERVALS, false), none = network(0, INTERVALS, false);
@@ -221,7 +223,7 @@ TEST("models and curves that have no modes are refused, and the output stays as 
     assert_close(modes[0], 7.0, 0.0, 0.0);
 }
 
-TEST("every allocation of modes and targets may fail, and nothing leaks") {
+TEST("every allocation for modes and targets may fail, and nothing leaks") {
     const lg_elastica_curves set = make_curves(CURVES, INTERVALS);
     const uint32_t *all = all_of(CURVES);
     lg_surrogate model = network(MODES, INTERVALS, true);

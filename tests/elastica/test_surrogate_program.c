@@ -1,6 +1,7 @@
-/* Programs of surrogates: values against the network on a tape and against the curves, Jacobians against
- * central differences, every architecture, activation and option, both sides of the mirror, ends, short
- * beams. Rows of a batch and single precision: test_recipes; numbers that are not finite: test_model.
+/* Programs of surrogates: values compared with the network on a tape and with the curves, Jacobians with
+ * central differences, for every architecture, activation and option, both sides of the mirror, fixed ends,
+ * and short beams. test_recipes tests rows of a batch and single precision, test_model numbers that are not
+ * finite.
  * ctest-labels: src/elastica src/autodiff */
 #include "elastica/surrogate_support.h"
 
@@ -41,8 +42,8 @@ static example make(const lg_surrogate_options *options, double length) {
     return e;
 }
 
-/* Boundary conditions on either side of the mirror (v0y > vNy for side 1), tangents not quite of length 1;
- * behind s where the model has it. */
+/* Boundary conditions on either side of the mirror (v0y > vNy for side 1), with tangents whose length is not
+ * exactly 1; s comes first if the model has it. */
 static void place(const example *e, double side, double s, double *x) {
     const double b[8] = {0.1, -0.2, 0.8, 0.7 * side, 2.6, 0.3, 0.9, -0.35 * side};
     if (e->inputs == 9) *x++ = s;
@@ -73,7 +74,7 @@ static void against_curve(const example *e, const double *x) {
     assert_close(sin(y[0]), v[1], 0, 1e-14);
 }
 
-/* Number `output` of a curve with these inner angles f less the line between the end angles. */
+/* Number `output` of a curve whose inner angles are f plus the line between the end angles. */
 static double of_angles(const example *e, const double *row, const double *f, size_t output) {
     double theta[INTERVALS + 1], q[2 * (INTERVALS + 1)], v[2 * (INTERVALS + 1)];
     const double first = atan2(row[3], row[2]), last = atan2(row[7], row[6]);
@@ -88,7 +89,7 @@ static double of_angles(const example *e, const double *row, const double *f, si
     return output < MOST_OUTPUTS / 2 ? q[2 + output] : v[2 + output - MOST_OUTPUTS / 2];
 }
 
-/* The network on a tape at the row that training lays, as a curve is handed over. */
+/* Output of the network on a tape for the row that training uses, converted to a curve. */
 static double of_network(const example *e, const double *row, size_t output) {
     lg_tape *tape = e->tape;
     double f[MOST_OUTPUTS];
@@ -150,7 +151,7 @@ static bool smooth(lg_activation kind) {
     return kind != LG_RELU && kind != LG_LEAKY_RELU;
 }
 
-/* Of fourth order with a step for smooth networks, else of second order with a tiny one. */
+/* Differences of fourth order for smooth networks; for others of second order with a very small step. */
 static void against_differences(const example *e, double *x) {
     double y[MOST_OUTPUTS], by[MOST_OUTPUTS];
     double jacobian[MOST_OUTPUTS * MOST_INPUTS + 1];
@@ -164,7 +165,7 @@ static void against_differences(const example *e, double *x) {
     }
 }
 
-/* Column 0: the tangent. */
+/* Column 0, the derivative by s, must be the tangent. */
 static void first_column(const example *e, const double *x) {
     double jacobian[2 * MOST_INPUTS], q[2], v[2];
     if (e->model.options.kind != LG_SURROGATE_CONTINUOUS) return;
@@ -196,8 +197,8 @@ static lg_surrogate_options options_of(lg_surrogate_kind kind) {
                                   .activation = LG_TANH};
 }
 
-TEST("every architecture with every number of layers, with and without an embedding, is right in value and "
-     "Jacobian") {
+TEST("value and Jacobian are right for every architecture and number of layers, with and without an "
+     "embedding") {
     for (int kind = 0; kind < LG_SURROGATE_KIND_COUNT; kind++)
         for (int net = 0; net < LG_NET_KIND_COUNT; net++)
             for (uint32_t embedding = 0; embedding <= 5; embedding += 5)
@@ -210,7 +211,7 @@ TEST("every architecture with every number of layers, with and without an embedd
                 }
 }
 
-TEST("every activation in every architecture is right in value and Jacobian") {
+TEST("value and Jacobian are right for every activation in every architecture") {
     for (int kind = 0; kind < LG_SURROGATE_KIND_COUNT; kind++)
         for (int activation = 0; activation < LG_ACTIVATION_COUNT; activation++)
             for (int net = 0; net < LG_NET_KIND_COUNT; net++) {
@@ -221,7 +222,8 @@ TEST("every activation in every architecture is right in value and Jacobian") {
             }
 }
 
-TEST("every option is right on beams of usual length, and so short that the corrections of the ends meet") {
+TEST("every option is right for usual beams, and for beams so short that the corrections of the ends "
+     "overlap") {
     static const double lengths[] = {TEST_LENGTH, 0.5, 0.1};
     for (int kind = 0; kind < LG_SURROGATE_KIND_COUNT; kind++)
         for (unsigned flags = 0; flags < 32; flags++)
@@ -236,7 +238,7 @@ TEST("every option is right on beams of usual length, and so short that the corr
             }
 }
 
-TEST("a network with modes is recorded only with their numbers") {
+TEST("a network with modes can be recorded only with the modes' numbers") {
     lg_surrogate_options o = options_of(LG_SURROGATE_DISCRETE);
     lg_program *program;
     lg_error error;
@@ -247,7 +249,7 @@ TEST("a network with modes is recorded only with their numbers") {
     assert_non_null(strstr(error.message, "3 modes"));
 }
 
-TEST("angles that are held are the given ones, whatever the network, and so are their derivatives") {
+TEST("fixed end angles are the given ones for any network, and so are their derivatives") {
     static const double lengths[] = {TEST_LENGTH, 0.1};
     lg_surrogate_options o = options_of(LG_SURROGATE_ANGLE);
     o.boundary = true;
@@ -270,8 +272,7 @@ TEST("angles that are held are the given ones, whatever the network, and so are 
                 }
 }
 
-TEST(
-    "a continuous network that holds its ends passes through them with their tangents, whatever it learned") {
+TEST("a continuous network with fixed ends passes through them with their tangents, for any parameters") {
     lg_surrogate_options o = options_of(LG_SURROGATE_CONTINUOUS);
     o.boundary = true;
     for (int mirror = 0; mirror < 2; mirror++)
@@ -284,8 +285,8 @@ TEST(
                 run_gradient(&e.gradient, x, y, jacobian);
                 const size_t at = end == 0 ? 1 : 5;
                 assert_all_close(y, x + at, 2, 1e-14, 1e-14);
-                for (size_t i = 0; i < 2; i++)
-                    for (size_t c = 0; c < 9; c++) /* dq/ds = v, dq/dx of the end itself */
+                for (size_t i = 0; i < 2; i++) /* dq/ds = v, and dq/dx is the identity for the end itself */
+                    for (size_t c = 0; c < 9; c++)
                         assert_close(jacobian[9 * i + c],
                                      c == 0        ? x[at + 2 + i]
                                      : c == at + i ? 1.0
@@ -324,7 +325,7 @@ TEST("moving a beam moves its curve, and reflecting it reflects value and Jacobi
     }
 }
 
-TEST("where the first numbers that decide about the mirror are zero, the next ones do") {
+TEST("if the first numbers that decide about the reflection are zero, the next ones decide") {
     static const double ends[][8] = {
         {0.1, -0.2, 0.8, 0.5, 2.6, 0.3, 0.9, 0.5}, {0.1, -0.2, 0.8, -0.5, 2.6, 0.3, 0.9, -0.5},
         {0.1, -0.2, 1.0, 0.0, 2.6, 0.3, 1.0, 0.0}, {0.1, 0.2, 1.0, 0.0, 2.6, -0.3, 1.0, 0.0},
@@ -342,7 +343,7 @@ TEST("where the first numbers that decide about the mirror are zero, the next on
     }
 }
 
-TEST("the function along a curve is the value at each of its places") {
+TEST("the function along a curve equals the value at each of its places") {
     enum { PLACES = 4 };
     for (int kind = LG_SURROGATE_CONTINUOUS; kind < LG_SURROGATE_KIND_COUNT; kind++)
         for (unsigned flags = 0; flags < 4; flags++) {

@@ -1,4 +1,4 @@
-/* Losses of the surrogates: on a tape and from the curves, their parts, gradients, and what is refused.
+/* Losses of the surrogates: on a tape and computed from the curves, parts of batches, gradients, refusals.
  * ctest-labels: src/elastica */
 #include "elastica/surrogate_support.h"
 
@@ -14,7 +14,7 @@ static size_t samples_of(const lg_surrogate_problem *problem, uint32_t *samples)
     return fit.samples;
 }
 
-/* The part of the loss that belongs to these samples, and its gradient where asked for (f64). */
+/* The part of the loss that belongs to these samples, and its gradient if requested (f64). */
 static double loss_of(const lg_surrogate_problem *problem, lg_dtype dtype, const double *theta,
                       const uint32_t *samples, size_t count, size_t batch, double *gradient) {
     lg_fit_problem fit;
@@ -43,7 +43,7 @@ static double square(double x) {
     return x * x;
 }
 
-/* q at the nodes by Gauss's rule of 3 points on each interval of the data, from the model's tangents. */
+/* q at the nodes, by Gauss's rule with 3 points on each interval of the data, from the model's tangents. */
 static void integrate(const small *s, const double *x, size_t n, double *q) {
     static const double weights[3] = {5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0};
     const double h = TEST_LENGTH / (double)n;
@@ -60,13 +60,13 @@ static void integrate(const small *s, const double *x, size_t n, double *q) {
     }
 }
 
-/* q reaches qN, the rest spread evenly. */
+/* Makes q end at qN by distributing the difference evenly. */
 static void spread(const double *x, size_t n, double *q) {
     const double rest[2] = {x[4] - q[2 * n], x[5] - q[2 * n + 1]};
     for (size_t i = 0; i < 2 * (n + 1); i++) q[i] += (double)(i / 2) / (double)n * rest[i % 2];
 }
 
-/* |W e|^2 of (5.4.1), W as a matrix, e the inner numbers of q and of v (N + 1, 2). */
+/* |W e|^2 of (5.4.1) with W as a matrix; e has the inner numbers of q and v (N + 1, 2). */
 static double weighted_square(const double *q, const double *v, size_t n, double gamma) {
     const size_t inner = 2 * (n - 1), m = 2 * inner;
     double *g = TEST_ARRAY(double, m *m), sum = 0.0;
@@ -86,7 +86,7 @@ static double weighted_square(const double *q, const double *v, size_t n, double
     return sum;
 }
 
-/* The loss of the header from the curves that the model gives without a tape. */
+/* The loss as the header defines it, computed from the model's curves without a tape. */
 static double loss_from_curves(const small *s, const lg_surrogate_problem *problem) {
     const lg_elastica_curves *set = problem->curves;
     const size_t n = set->intervals, nodes = n + 1;
@@ -135,8 +135,8 @@ static void check_loss(const small *s, const lg_elastica_curves *set) {
     assert_close(whole_loss(&problem, s->theta, NULL), expected, 1e-12, 0.0);
 }
 
-/* Networks of a continuous s learn from curves of any number of nodes. */
-TEST("the loss on a tape is that of the curves") {
+/* Networks of a continuous s can learn from curves with any number of nodes. */
+TEST("the loss on a tape agrees with the loss computed from curves") {
     static const uint32_t intervals[] = {50, 63, 7, 2};
     for (size_t n = 0; n < LG_COUNT(intervals); n++) {
         const lg_elastica_curves set = make_curves(CURVES, intervals[n]);
@@ -156,7 +156,7 @@ TEST("the loss on a tape is that of the curves") {
     }
 }
 
-/* E L/EI of angles that neighbours continue, from tangents (N + 1, 2). */
+/* E L/EI with continued angles, computed from tangents (N + 1, 2). */
 static double energy_of(const double *x, const double *v, uint32_t n) {
     double *theta = TEST_ARRAY(double, n + 1);
     theta[0] = atan2(v[1], v[0]);
@@ -168,7 +168,8 @@ static double energy_of(const double *x, const double *v, uint32_t n) {
     return lg_elastica_energy(&problem, theta) * TEST_LENGTH / 7.0;
 }
 
-TEST("the loss of energies is the solver's energy over that of the data, and no curve is in its gradient") {
+TEST("the loss of energies is the model's energy over that of the data, and its gradient does not use "
+     "the curves") {
     enum { M = 12, NODES = M + 1 };
     for (size_t which = TEST_INNER; which < TEST_OPTIONS; which++) {
         small s = make_small(which, M, TEST_LENGTH, 5);
@@ -194,7 +195,7 @@ TEST("the loss of energies is the solver's energy over that of the data, and no 
     }
 }
 
-TEST("from boundary conditions alone the network finds the beams that the solver finds") {
+TEST("trained on boundary conditions alone, the network finds the same beams as the solver") {
     enum { M = 10, BEAMS = 12 };
     lg_elastica_sampling sampling;
     lg_elastica_curves set;
@@ -226,14 +227,14 @@ TEST("from boundary conditions alone the network finds the beams that the solver
     lg_elastica_curves_destroy(&set);
 }
 
-/* A cubic in s, another one for each curve and component, and its derivative. */
+/* A cubic in s, different for each curve and component, and its derivative. */
 static void cubic(size_t curve, double s, double *q, double *v) {
     const double a = 0.3 + 0.1 * (double)curve;
     q[0] = a + s - 0.2 * s * s + 0.05 * a * s * s * s, v[0] = 1.0 - 0.4 * s + 0.15 * a * s * s;
     q[1] = 0.1 - a * s + 0.3 * s * s - 0.02 * s * s * s, v[1] = -a + 0.6 * s - 0.06 * s * s;
 }
 
-TEST("samples between the nodes are points of cubics, which both interpolations give back") {
+TEST("samples between the nodes are points of cubics, which both interpolations reproduce") {
     enum { M = 9, ENDS = 20 };
     lg_elastica_curves set = make_curves(CURVES, M);
     uint32_t ends = 0;
@@ -266,7 +267,7 @@ TEST("samples between the nodes are points of cubics, which both interpolations 
     assert_true(ends >= ENDS);
 }
 
-TEST("parts of a batch add up, down to single samples, and to the same gradient") {
+TEST("parts of a batch, down to single samples, add up to the same loss and gradient") {
     static const uint32_t training[3] = {5, 0, 2};
     lg_elastica_curves set = make_curves(CURVES, 6);
     for (size_t which = 0; which < TEST_OPTIONS; which++) {
@@ -287,7 +288,7 @@ TEST("parts of a batch add up, down to single samples, and to the same gradient"
     }
 }
 
-TEST("single precision is double precision to its rounding") {
+TEST("single precision agrees with double precision to rounding") {
     lg_elastica_curves set = make_curves(CURVES, 20);
     for (size_t which = 0; which < TEST_OPTIONS; which++) {
         const small s = make_small(which, 20, TEST_LENGTH, 9);
@@ -299,7 +300,7 @@ TEST("single precision is double precision to its rounding") {
     }
 }
 
-TEST("a problem of modes needs their numbers, and its targets where the loss is of coefficients") {
+TEST("a problem with modes needs the modes' numbers, and targets if its loss is on coefficients") {
     const lg_elastica_curves set = make_curves(CURVES, 6);
     for (size_t which = TEST_MODES; which < TEST_INNER; which++) {
         small s = make_small(which, 6, TEST_LENGTH, 13);
@@ -313,7 +314,7 @@ TEST("a problem of modes needs their numbers, and its targets where the loss is 
     }
 }
 
-TEST("problems without curves, with others or of another length are refused") {
+TEST("problems without curves, with other curves or with another length are refused") {
     static const uint32_t beyond[2] = {0, CURVES};
     const small s = make_small(2, 6, TEST_LENGTH, 13);
     const lg_elastica_curves set = make_curves(CURVES, 6);
@@ -333,7 +334,7 @@ TEST("problems without curves, with others or of another length are refused") {
         assert_status(lg_surrogate_problem_check(&cases[i].problem, NULL), cases[i].status);
 }
 
-TEST("more points than a sample can number are refused") {
+TEST("more points than a sample index can number are refused") {
     enum { LEARNED = 43000 };
     const small s = make_small(2, 6, TEST_LENGTH, 13);
     double number = 0.0;
@@ -350,7 +351,7 @@ TEST("more points than a sample can number are refused") {
     assert_ok(lg_surrogate_problem_check(&problem, NULL));
 }
 
-TEST("a few epochs bring the loss of every kind to a fraction") {
+TEST("a few epochs reduce the loss of every kind to a fraction") {
     lg_elastica_curves set = make_curves(CURVES, 50);
     for (size_t which = 0; which < TEST_OPTIONS; which++) {
         small s = make_small(which, 50, TEST_LENGTH, 14);

@@ -1,4 +1,4 @@
-/* Learned Hamiltonians: the exact parameters reproduce the true system; losses and their gradients.
+/* Learned Hamiltonians: exact parameters reproduce the true system; losses and their gradients.
  * ctest-labels: src/hamiltonian src/model */
 #include "autodiff/compiled.h"
 #include "autodiff/program_support.h"
@@ -53,7 +53,7 @@ static lg_hamiltonian_problem problem_of(const lg_hamiltonian *model, const data
     return problem;
 }
 
-/* Loss of the whole set. */
+/* The loss of the whole data set. */
 static double loss_of(const lg_hamiltonian_problem *problem, const double *theta) {
     uint32_t samples[N];
     lg_fit_problem fit;
@@ -68,8 +68,9 @@ static double loss_of(const lg_hamiltonian_problem *problem, const double *theta
     return value;
 }
 
-/* The exact chain and data of the true one: linear potential with weights (k - i) e3, Gamma upper-right
- * triangular of ones: Gamma^T Gamma has entries k - max(i, j) when Gamma_lj = 1 for l + j < k. */
+/* The exact parameters of a chain, and data of the true chain. The potential is linear with weights (k - i)
+ * e3. Gamma has Gamma_lj = 1 for l + j < k and 0 elsewhere, so that Gamma^T Gamma has the entries k - max(i,
+ * j). */
 typedef struct exact {
     data set;
     lg_hamiltonian model;
@@ -93,7 +94,7 @@ static lg_ode ode_of(const lg_system *system, lg_coordinates coordinates, lg_sys
     return ode;
 }
 
-TEST("an exact chain has the true energy and field") {
+TEST("a chain with exact parameters has the true energy and field") {
     for (size_t k = 1; k <= 3; k++) {
         const exact e = exact_chain(k);
         const built b = build_from(&e.model, e.theta);
@@ -110,7 +111,7 @@ TEST("an exact chain has the true energy and field") {
     }
 }
 
-TEST("of an exact chain the loss is the integrator's error, which falls with its order") {
+TEST("with exact parameters the loss is the integrator's error, which falls with its order") {
     static const struct {
         const char *name;
         double bound;
@@ -123,15 +124,15 @@ TEST("of an exact chain the loss is the integrator's error, which falls with its
             problem.substeps = 2;
             const double two = loss_of(&problem, e.theta);
             assert_true(one <= row[r].bound);
-            /* squared error of a method of order p falls by 4^p; rounding floor 1e-31 */
+            /* The squared error of a method of order p falls by 4^p; rounding limits it to 1e-31. */
             const double order = row[r].bound == 1e-4 ? 1.0 : 4.0;
             if (one > 1e-24) assert_true(two < one * pow(0.25, order) * 1.6);
         }
     }
 }
 
-/* First points are moved by exp(a_i); -a_i brings the starts back, and what is left is the moved points' own
- * distance. */
+/* The first points are moved by exp(a_i). Estimated starts with -a_i undo this, so the loss is only the
+ * distance of the moved points. */
 TEST("estimated starts are exp(a_i) of the first points, which are part of the loss") {
     for (size_t k = 1; k <= 2; k++) {
         exact e = exact_chain(k);
@@ -168,7 +169,7 @@ static double floor_of(const lg_hamiltonian_problem *problem, const double *thet
     return value;
 }
 
-TEST("the floor of an exact chain is its loss") {
+TEST("with exact parameters the floor is the loss") {
     size_t compared = 0;
     for (size_t i = 0; i < 2 * lg_scheme_count(); i++) {
         const exact e = exact_chain(1 + i % 2);
@@ -176,16 +177,17 @@ TEST("the floor of an exact chain is its loss") {
         problem.scheme = lg_scheme_at(i / 2);
         if (lg_hamiltonian_problem_check(&problem, NULL) != LG_OK) continue;
         const double loss = loss_of(&problem, e.theta);
-        if (loss < 1e-26) continue; /* the data have errors, too */
+        if (loss < 1e-26) continue; /* the data have errors too */
         assert_close(floor_of(&problem, e.theta), loss, 0.1, 0.0);
         compared++;
     }
     assert_true(compared >= lg_scheme_count());
 }
 
-/* The order between the last two of the step sizes, where the next order counts least. At order 5 what is
- * left lies between a part of the next order and rounding, within 0.3 at the states of eight seeds; above
- * it, the order over all step sizes is surer. An order that is wrong by 1 is outside everywhere. */
+/* Measures the order between the last two step sizes, where the next order matters least. For order 5 these
+ * lie between the next order's contribution and rounding, and the result is within 0.3 for the states of
+ * eight seeds. For higher orders the fit over all step sizes is more reliable. An order that is wrong by 1 is
+ * always found. */
 static void check_floor(const built *b, const lg_scheme *scheme, const double *y) {
     lg_hamiltonian_problem problem = {.model = &b->hamiltonian,
                                       .scheme = scheme,
@@ -222,9 +224,10 @@ TEST("the floor falls by 4^p with twice the substeps, p the order, for every fam
         }
 }
 
-/* Off the manifold the extension of the learned Hamiltonian is that of the true one: with long steps, whose
- * stages lie far from it, RK4 on the tape makes the points that RK4 makes of the true ambient field. */
-TEST("an exact chain leaves the manifold as the true one") {
+/* Off the manifold the extension of the learned Hamiltonian equals that of the true one: with long steps,
+ * whose stages are far from the manifold, RK4 on the tape gives the same points as RK4 of the true ambient
+ * field. */
+TEST("with exact parameters a chain leaves the manifold in the same way as the true one") {
     for (size_t k = 1; k <= 3; k++) {
         const exact e = exact_chain(k);
         lg_system_user user;
@@ -263,8 +266,8 @@ TEST("a dictionary has the true energy and field of the quartic system") {
     }
 }
 
-/* V by one weight each: theta has 1 at one function. */
-TEST("the functions of a dictionary stand in their order") {
+/* V with the weight 1 for one function at a time. */
+TEST("the functions of a dictionary are in the documented order") {
     const double q[2] = {0.7, -1.3};
     const double y[4] = {q[0], q[1], 0.0, 0.0};
     const double expected[] = {q[0],         q[1],         q[0] * q[0],  q[1] * q[1], pow(q[0], 3),
@@ -282,7 +285,7 @@ TEST("the functions of a dictionary stand in their order") {
     }
 }
 
-TEST("potentials are even or odd, with gradients that are differences") {
+TEST("potentials are even or odd, and their gradients agree with differences") {
     const uint32_t hidden[1] = {5};
     static const double sign[] = {0.0, 1.0, -1.0};
     for (int potential = 0; potential < LG_POTENTIAL_KIND_COUNT; potential++)
@@ -306,7 +309,7 @@ TEST("potentials are even or odd, with gradients that are differences") {
         }
 }
 
-TEST("a negative b is a zero b, and a positive one adds to the mass") {
+TEST("a negative b counts as zero, and a positive b adds to the mass") {
     static const double b[] = {-0.7, 0.0, 0.5}, mass[] = {0.64, 0.64, 1.14};
     const double y[6] = {0.0, 0.6, 0.8, 2.0, 0.0, 0.0};
     lg_hamiltonian model;
@@ -322,7 +325,7 @@ TEST("a negative b is a zero b, and a positive one adds to the mass") {
     }
 }
 
-TEST("both penalties are those of the predicted points") {
+TEST("both penalties are computed from the predicted points") {
     data set = make_data("coupled-oscillators", 2);
     lg_hamiltonian model;
     const uint32_t hidden[1] = {6};
@@ -334,7 +337,7 @@ TEST("both penalties are those of the predicted points") {
     lg_hamiltonian_problem problem = problem_of(&model, &set, "rk4");
     const double plain = loss_of(&problem, theta);
 
-    /* The same prediction by the plain interpreter. */
+    /* The same prediction by the plain stepper. */
     const built b = build_from(&model, theta);
     lg_stepper *stepper = stepper_of(&b, lg_scheme_find("rk4"));
     double squares = 0.0, absolute = 0.0, mse = 0.0;
@@ -363,7 +366,7 @@ TEST("both penalties are those of the predicted points") {
     assert_close(loss_of(&problem, theta), mse + 0.5 * absolute, 1e-12, 0.0);
 }
 
-/* theta^2 + |P p - p'|^2 by the rotation about q x q' that brings q to q': Rodrigues' formula. */
+/* theta^2 + |P p - p'|^2, where P is the rotation about q x q' that moves q to q', by Rodrigues' formula. */
 static double geodesic_of(const double *y, const double *z) {
     const double c = y[0] * z[0] + y[1] * z[1] + y[2] * z[2];
     double n[3], turned = 0.0, np = 0.0, s = 0.0;
@@ -384,8 +387,9 @@ static double geodesic_of(const double *y, const double *z) {
     return theta * theta + turned;
 }
 
-/* Predictions after 0.3 are compared with data that end at 0.06, near and, after a shuffle, far. */
-TEST("geodesic distances are those along great circles with momenta carried along") {
+/* Predictions at t = 0.3 are compared with data that end at 0.06: near the data, and far from them after a
+ * shuffle. */
+TEST("geodesic distances are distances along great circles, with momenta transported along them") {
     const uint32_t hidden[1] = {6};
     for (size_t far = 0; far < 2; far++) {
         data set = make_data("pendulum-chain", 2);
@@ -421,10 +425,8 @@ TEST("geodesic distances are those along great circles with momenta carried alon
     }
 }
 
-/* From a = e3 with momentum p to b = (sin d, 0, -cos d), d = pi - theta, with momentum r; f = (cos theta, 0,
- * -sin theta) is the direction at b. P p = p1 f + p2 e2. Turning b about e3 moves it along e2 by sin d and
- * P p by p2 f + p1 (cos theta - 1) e2 - p2 e1; moving b along f changes theta alone. */
-/* d^2 of (q, p) and (q', p') on T*S^2, and its slope by q': on a tape, as a plan, in C. */
+/* The squared distance of (q, p) and (q', p') on T*S^2, and its derivative by q': on a tape, as a plan, and
+ * in C. */
 RECORDING(record_square) {
     lg_space space;
     (void)user, (void)theta;
@@ -473,10 +475,13 @@ static lg_program *program_of_square(void) {
     return program;
 }
 
-TEST("geodesic distances and their slopes keep their digits up to 1e-12 from the antipode") {
+/* From a = e3 with momentum p to b = (sin d, 0, -cos d), d = pi - theta, with momentum r. f = (cos theta, 0,
+ * -sin theta) is the direction at b, and P p = p1 f + p2 e2. Rotating b about e3 moves it along e2 by sin d,
+ * and P p by p2 f + p1 (cos theta - 1) e2 - p2 e1. Moving b along f changes theta alone. */
+TEST("geodesic distances and their derivatives keep their digits up to 1e-12 from the antipode") {
     static const double gaps[] = {1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2, 0.5, 1.0, 2.0, 2.6};
     static const square_fn ways[] = {square_by_tape, square_by_plan, square_by_c};
-    const double p[2] = {0.7, -0.4}, r[2] = {-0.9, 1.3}, one = 1.0; /* by (e1, e2) and (f, e2) */
+    const double p[2] = {0.7, -0.4}, r[2] = {-0.9, 1.3}, one = 1.0; /* in the bases (e1, e2) and (f, e2) */
     lg_program *program = program_of_square();
     compiled code;
     const bool compiles = system("command -v gcc >/dev/null") == 0;
@@ -484,7 +489,7 @@ TEST("geodesic distances and their slopes keep their digits up to 1e-12 from the
     for (size_t n = 0; n < LG_COUNT(gaps) * (compiles ? 3 : 2); n++) {
         const double d = gaps[n % LG_COUNT(gaps)], theta = acos(-1.0) - d, c = -cos(d), s = sin(d);
         const double value = theta * theta + (p[0] - r[0]) * (p[0] - r[0]) + (p[1] - r[1]) * (p[1] - r[1]);
-        /* (P p - r) . (p2 f + p1 (c - 1) e2 - p2 e1), with e1.f = c */
+        /* (P p - r) . (p2 f + p1 (c - 1) e2 - p2 e1), with e1.f = c. */
         const double turn = (p[0] - r[0]) * (p[1] - p[1] * c) + (p[1] - r[1]) * p[0] * (c - 1.0);
         const double a[2][3] = {{0, 0, 1}, {p[0], p[1], 0}};
         const double b[2][3] = {{s, 0, c}, {r[0] * c, r[1], -r[0] * s}};
@@ -506,7 +511,7 @@ TEST("geodesic distances have a gradient at 0 and between antipodes") {
         double gradient[5] = {0}, y[6] = {0.6, 0.0, 0.8, 0.0, 0.0, 0.0}, value;
         lg_var loss;
         lg_tape *tape = test_tape(LG_F64);
-        /* Without a force a pendulum at rest stays where it is. */
+        /* Without a force a pendulum at rest stays at rest. */
         for (size_t i = 0; i < 3; i++) e.theta[i] = 0.0;
         for (size_t j = 0; j < M; j++)
             for (size_t c = 0; c < 6; c++) e.set.y[6 * j + c] = antipodes && j > 0 ? -y[c] : y[c];
@@ -523,7 +528,7 @@ TEST("geodesic distances have a gradient at 0 and between antipodes") {
     }
 }
 
-/* The Hessian of the first trajectory's loss times (1, ..., 1), of 5 parameters. */
+/* The Hessian of the first trajectory's loss times (1, ..., 1), for 5 parameters. */
 static void curvature_of(const lg_hamiltonian_problem *problem, const double *theta, double *out) {
     static const double ones[5] = {1.0, 1.0, 1.0, 1.0, 1.0};
     const uint32_t sample = 0;
@@ -538,8 +543,8 @@ static void curvature_of(const lg_hamiltonian_problem *problem, const double *th
     assert_ok(lg_read(tape, change, 5, out));
 }
 
-/* A pendulum at rest without a force. */
-TEST("where points are equal to the predictions, geodesic distances have the curvature of ambient ones") {
+/* Tested with a pendulum at rest without a force. */
+TEST("where predictions equal the data, geodesic and ambient distances have the same curvature") {
     exact e = exact_chain(1);
     const double y[6] = {0.0, 0.0, 1.0, 0.0, 0.0, 0.0};
     double geodesic[5], ambient[5], largest = 0.0;
@@ -556,7 +561,7 @@ TEST("where points are equal to the predictions, geodesic distances have the cur
     assert_true(largest > 1e-6);
 }
 
-/* The integrals by their formulas, of states y (d) with n copies. */
+/* The first integrals by their formulas, for a state y (d) with n copies. */
 static double vertical_momentum_of(const double *y, size_t n) {
     double sum = 0.0;
     for (size_t i = 0; i < n; i++, y += 6) sum += y[0] * y[4] - y[1] * y[3];
@@ -577,7 +582,7 @@ static double planar_momentum_of(const double *y, size_t n) {
     return y[0] * y[3] - y[1] * y[2];
 }
 
-/* A function of one's own: 3 q_2. */
+/* A first integral of a user: 3 q_2. */
 static lg_var own_record(void *user, lg_tape *tape, const lg_hamiltonian_vars *vars, uint32_t j,
                          const lg_var *y) {
     (void)vars;
@@ -589,7 +594,7 @@ static double own_of(const double *y, size_t n) {
     return 3.0 * y[1];
 }
 
-TEST("the penalty takes every first integral, at the points that are listed") {
+TEST("the penalty accepts every first integral, at the listed points") {
     double three = 3.0;
     const lg_first_integral own = {.name = "own", .formula = "3 q", .record = own_record, .user = &three};
     const struct {
@@ -644,7 +649,7 @@ TEST("the penalty takes every first integral, at the points that are listed") {
     }
 }
 
-/* With the true parameters what is listed in the table is constant along the flow. */
+/* With the true parameters the listed integral is constant along the flow. */
 TEST("a chain under gravity keeps its vertical angular momentum") {
     for (size_t k = 1; k <= 3; k++) {
         const exact e = exact_chain(k);
@@ -656,8 +661,8 @@ TEST("a chain under gravity keeps its vertical angular momentum") {
     }
 }
 
-/* H = |A p|^2/2 + w.q: p' = -w, whatever A. The data move p by c t: s = |c|/|w|. */
-TEST("the last layer is scaled by the third root of the data's forces over the network's") {
+/* H = |A p|^2/2 + w.q: p' = -w for any A. In the data p changes by c t, so s = |c|/|w|. */
+TEST("the last layer is scaled by the third root of the ratio of the data's forces to the network's") {
     data set = make_data("quartic", 0);
     lg_hamiltonian model;
     assert_ok(
@@ -673,16 +678,16 @@ TEST("the last layer is scaled by the third root of the data's forces over the n
     assert_ok(lg_hamiltonian_scale(NULL, &problem, scaled, &factor));
     assert_close(factor, cbrt(80.0), 1e-12, 0.0);
     for (size_t i = 0; i < 6; i++) assert_close(scaled[i], theta[i] * (i < 2 ? factor : 1.0), 1e-15, 0.0);
-    for (size_t i = 0; i < 2; i++) scaled[i] = 1e3 * w[i]; /* steeper than the data: left as it is */
+    for (size_t i = 0; i < 2; i++) scaled[i] = 1e3 * w[i]; /* steeper than the data: unchanged */
     assert_ok(lg_hamiltonian_scale(NULL, &problem, scaled, &factor));
     assert_true(factor == 1.0 && scaled[0] == 1e3 * w[0] && scaled[1] == 1e3 * w[1]);
     problem.substeps = 0;
     assert_status(lg_hamiltonian_scale(NULL, &problem, scaled, &factor), LG_INVALID_ARGUMENT);
 }
 
-/* Of a chain the numbers at p that do not come from V are left out. What is scaled by f has forces f times as
- * large, so that the factor after it is that of s/f = f^2. */
-TEST("a potential that is scaled is scaled less the next time") {
+/* Numbers of p' of a chain that do not come from V are left out. After scaling by f the forces are f times as
+ * large, so that the next factor follows from s/f = f^2. */
+TEST("a potential that has been scaled is scaled less the next time") {
     const data set = make_data("pendulum-chain", 2);
     const uint32_t hidden[2] = {5, 4};
     lg_hamiltonian model;
@@ -697,7 +702,7 @@ TEST("a potential that is scaled is scaled less the next time") {
     assert_close(second, pow(first, 2.0 / 3.0), 1e-12, 0.0);
 }
 
-TEST("of every family the gradient is the difference of the value along the group action") {
+TEST("for every family the gradient agrees with differences of the value along the group action") {
     for (size_t m = 0; m < motions(); m++) {
         const moving s = make_motion(m, LG_POTENTIAL_MLP, LG_SWISH);
         const lg_space space = space_of(&s.b);
@@ -720,7 +725,7 @@ TEST("of every family the gradient is the difference of the value along the grou
     }
 }
 
-/* What the row's field makes of dH at y: y', (d). */
+/* y' (d) that the family's field computes from dH at y. */
 static void driven_by(const lg_hamiltonian_family *family, const lg_space *space, const double *y,
                       const double *dH, double *velocity) {
     lg_tape *tape = test_tape(LG_F64);
@@ -759,7 +764,7 @@ static void check_system(const lg_system *system) {
     for (size_t i = 0; i < space.dim; i++) assert_close(velocity[i], expected[i], 1e-8, 1e-8);
 }
 
-TEST("of every family and every system that it learns the true energy drives the true motion") {
+TEST("for every family and system that it can learn, the true energy gives the true motion") {
     const char *name, *form;
     for (size_t i = 0; lg_system_at(i, &name, &form); i++) {
         lg_system_options options;
@@ -772,7 +777,7 @@ TEST("of every family and every system that it learns the true energy drives the
     }
 }
 
-TEST("every family has all of its words, and a name of its own") {
+TEST("every family has all of its texts, and a different name") {
     const lg_hamiltonian_family *row;
     for (size_t i = 0; (row = lg_hamiltonian_family_at(i)) != NULL; i++) {
         const char *const words[] = {row->name,        row->description, row->copy,   row->state_units,
@@ -783,7 +788,7 @@ TEST("every family has all of its words, and a name of its own") {
     }
 }
 
-/* Random states as data: the loss of training with the family's scheme, recorded. */
+/* The recorded loss for training with this scheme; random states serve as data. */
 static double loss_by_default(const moving *s, const lg_scheme *scheme) {
     data set = {.d = s->d, .t = {0.0, 0.02}, .y = room(N * M * s->d)};
     lg_rng rng = test_rng(5, 1);
@@ -799,7 +804,8 @@ static double loss_by_default(const moving *s, const lg_scheme *scheme) {
     return loss_of(&problem, s->b.theta);
 }
 
-TEST("of every family the default scheme trains, steps and is a program, the accurate one estimates") {
+TEST("for every family the default scheme trains, steps and is exported, and the accurate one estimates "
+     "errors") {
     for (size_t m = 0; m < motions(); m++) {
         const moving s = make_motion(m, LG_POTENTIAL_MLP, LG_TANH);
         const lg_hamiltonian_family *family = s.b.hamiltonian.family;
@@ -818,7 +824,7 @@ TEST("of every family the default scheme trains, steps and is a program, the acc
     }
 }
 
-TEST("whatever the seed, no start has a nearly singular mass") {
+TEST("for any seed the initial mass is not nearly singular") {
     lg_hamiltonian model;
     double theta[3 + 2], least = INFINITY, largest = 0.0;
     assert_ok(lg_hamiltonian_init(&model, &lg_hamiltonian_chain, 1, LG_POTENTIAL_LINEAR, NULL, 0, LG_TANH));
@@ -834,10 +840,10 @@ TEST("whatever the seed, no start has a nearly singular mass") {
     assert_true(largest > 1.8);
 }
 
-/* m = Gamma^T Gamma + diag(max(0, b)) by hand; none for separable systems. */
+/* m = Gamma^T Gamma + diag(max(0, b)) by hand; separable systems have no mass. */
 TEST("the mass is Gamma^T Gamma + diag(max(0, b)), and separable systems have none") {
     lg_hamiltonian model;
-    /* V linear: 9 weights; Gamma rows (1, 2, 0), (0, 1, 3), (2, 0, 1); b = (0.5, -4, 0). */
+    /* V linear: 9 weights; Gamma has the rows (1, 2, 0), (0, 1, 3), (2, 0, 1); b = (0.5, -4, 0). */
     double theta[21] = {0.0}, m[9];
     const double gamma[9] = {1, 2, 0, 0, 1, 3, 2, 0, 1}, b[3] = {0.5, -4, 0};
     const double want[9] = {5.5, 2, 2, 2, 5, 3, 2, 3, 10};
@@ -851,7 +857,7 @@ TEST("the mass is Gamma^T Gamma + diag(max(0, b)), and separable systems have no
     assert_int_equal(lg_hamiltonian_mass(&model, theta, m), LG_UNSUPPORTED);
 }
 
-TEST("Newton reaches the same floor from two starts") {
+TEST("Newton's method reaches the same lowest loss from two starts") {
     data set = make_data("pendulum-chain", 1);
     lg_hamiltonian model;
     assert_ok(lg_hamiltonian_init(&model, &lg_hamiltonian_chain, 1, LG_POTENTIAL_LINEAR, NULL, 0, LG_TANH));
@@ -871,7 +877,7 @@ TEST("Newton reaches the same floor from two starts") {
     assert_status(lg_newton_fit(NULL, &fit, theta[0], NULL), LG_INVALID_ARGUMENT);
 }
 
-TEST("bad problems and models are refused") {
+TEST("invalid problems and models are refused") {
     lg_hamiltonian chain;
     lg_error error;
     const uint32_t hidden[1] = {4}, zero[1] = {0};

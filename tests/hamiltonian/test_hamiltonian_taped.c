@@ -1,4 +1,4 @@
-/* Learned Hamiltonians on a tape: their gradient and steps; rows of a batch; what they refuse. */
+/* Learned Hamiltonians on a tape: their gradient and steps; rows of a batch; refusals. */
 #include "support/model_support.h"
 #include "support/plan_support.h"
 
@@ -22,7 +22,7 @@ static const learned models[] = {
 };
 enum { MODELS = LG_COUNT(models) };
 
-/* A model with states, inputs and step sizes; on a tape as variables. */
+/* A model with states, inputs and step sizes, which are variables on the tape. */
 typedef struct setting {
     built built;
     size_t d, m, parameters;
@@ -45,7 +45,7 @@ static void record_inputs(setting *s) {
     assert_ok(lg_hamiltonian_bind(s->tape, hamiltonian_of(s), s->theta, &s->vars));
 }
 
-/* `on` the manifold, or anywhere in the ambient space */
+/* `on`: states on the manifold; otherwise anywhere in the ambient space. */
 static setting *make_setting(const learned *of, bool on) {
     setting *s = TEST_ARRAY(setting, 1);
     s->built = build_hamiltonian(of->family, of->n, of->potential, of->activation);
@@ -73,7 +73,7 @@ static void assert_rows(const setting *s, lg_var got, const double *expected, si
     for (size_t i = 0; i < BATCH * width; i++) assert_close(values[i], expected[i], 2e-13, 2e-13);
 }
 
-TEST("the recorded gradient is the tape's of the value, on the manifold and off it") {
+TEST("the recorded gradient agrees with the tape's gradient of the value, on the manifold and off it") {
     for (size_t i = 0; i < MODELS; i++) {
         lg_var by_tape;
         double expected[BATCH * MOST_STATE];
@@ -88,7 +88,8 @@ TEST("the recorded gradient is the tape's of the value, on the manifold and off 
 
 /* ---- steps ---- */
 
-/* A step of each row's own size with input against that of the model's stepper; false when it has none. */
+/* Compares a step with each row's own step size and an input with the model's stepper. Returns false if there
+ * is no stepper for the scheme. */
 static bool compare_step(setting *s, const lg_scheme *scheme) {
     double expected[BATCH * MOST_STATE];
     lg_taped_ode ode;
@@ -108,7 +109,7 @@ static bool compare_step(setting *s, const lg_scheme *scheme) {
     return true;
 }
 
-TEST("steps on a tape are those of the model's stepper, with every scheme that it has") {
+TEST("steps on a tape agree with the model's stepper, for every scheme that it accepts") {
     for (size_t i = 0; i < MODELS; i++) {
         bool any = false;
         setting s = *make_setting(&models[i], true);
@@ -119,7 +120,7 @@ TEST("steps on a tape are those of the model's stepper, with every scheme that i
 
 /* ---- rows and refusals ---- */
 
-TEST("a row that is not a number leaves the others as they are") {
+TEST("a row with NaN does not affect the other rows") {
     for (size_t i = 0; i < MODELS; i++) {
         double before[BATCH * MOST_STATE], after[BATCH * MOST_STATE];
         setting s = *make_setting(&models[i], true);
@@ -135,7 +136,7 @@ TEST("a row that is not a number leaves the others as they are") {
     }
 }
 
-TEST("states, inputs and parameters of the wrong shape are refused") {
+TEST("states, inputs and parameters of a wrong shape are refused") {
     for (size_t i = 0; i < MODELS; i++) {
         setting s = *make_setting(&models[i], true);
         const uint32_t m = (uint32_t)s.m, d = (uint32_t)s.d;

@@ -1,4 +1,4 @@
-/* Learned Hamiltonians with scales: they are the same model in other units, and training does not see
+/* Learned Hamiltonians with scales: they are the same model in other units, and training does not depend on
  * units. */
 #include "support/model_support.h"
 
@@ -23,7 +23,7 @@ static const row rows[] = {
     {&lg_hamiltonian_separable, 2, LG_POTENTIAL_LINEAR, {0.2, {11.0, 0.3}}},
 };
 
-/* The same parameters with scales, and inside. */
+/* A model with scales and the model inside it, with the same parameters. */
 typedef struct pair {
     built scaled, inner;
     size_t d, m;
@@ -45,7 +45,8 @@ static pair make_pair(const row *r) {
     return p;
 }
 
-/* A state inside and in units; momenta come last in a copy, forces are momenta by time. */
+/* Draws a state, for the inner model and in units. Momenta are last in a copy, forces are momenta per
+ * time. */
 static void draw(const pair *p, lg_rng *rng, double *inner, double *y, double *force, double *u) {
     draw_state(&p->inner, rng, inner);
     for (size_t i = 0; i < p->d; i++) y[i] = p->part[i] * inner[i];
@@ -60,7 +61,7 @@ static void assert_scaled(const double *got, const double *expected, const doubl
     for (size_t i = 0; i < n; i++) assert_close(got[i] / (part[i] * by), expected[i], 1e-12, 1e-12 * most);
 }
 
-TEST("a model with scales has the energy, gradient, velocity and steps of the model inside, in its units") {
+TEST("a model with scales has energy, gradient, velocity and steps of the inner model, in its units") {
     for (size_t k = 0; k < LG_COUNT(rows); k++) {
         const pair p = make_pair(&rows[k]);
         lg_rng rng = test_rng(5, k);
@@ -80,7 +81,7 @@ TEST("a model with scales has the energy, gradient, velocity and steps of the mo
     }
 }
 
-TEST("every scheme steps a model with scales as the model inside with the step over T") {
+TEST("every scheme steps a model with scales as the inner model, with the step divided by T") {
     for (size_t k = 0; k < LG_COUNT(rows); k++)
         for (size_t s = 0; s < lg_scheme_count(); s++) {
             const lg_scheme *scheme = lg_scheme_at(s);
@@ -134,7 +135,7 @@ typedef struct training {
 
 RELEASES(release_system, lg_system_destroy)
 
-/* Of a chain q has no unit. */
+/* For a chain q has no unit. */
 static training make_training(const system_row *r, units in) {
     const bool chain = r->family == &lg_hamiltonian_chain;
     const double q = chain ? 1.0 : in.length, p = in.mass * in.length * (chain ? in.length : 1.0) / in.time;
@@ -171,14 +172,14 @@ static training make_training(const system_row *r, units in) {
     return out;
 }
 
-/* The scales of the data; `model` is where the training stands for good. */
+/* Sets the scales found from the data. Sets `model` here, when the training no longer moves in memory. */
 static void scale(training *s) {
     s->problem.model = &s->model;
     assert_ok(lg_hamiltonian_find_scales(&s->problem, &s->model.scales, NULL));
     assert_ok(lg_hamiltonian_weigh(&s->problem, NULL));
 }
 
-/* Loss and gradient of the whole set on a tape of a type. */
+/* Loss and gradient of the whole data set on a tape of this type. */
 static double loss_of(const training *s, lg_dtype dtype, double *gradient) {
     uint32_t samples[N];
     lg_fit_problem fit;
@@ -210,7 +211,7 @@ static void compare(const training *a, const training *b, lg_dtype dtype, double
     for (size_t i = 0; i < n; i++) assert_close(gb[i], ga[i], tolerance, tolerance * most);
 }
 
-TEST("training is the same to the last bit in units that are powers of two apart") {
+TEST("training has the same bits in units that differ by powers of two") {
     static const units in[] = {{8.0, 1.0, 1.0},        {1.0, 0.25, 1.0},     {1.0, 1.0, 0x1p-30},
                                {0x1p30, 0x1p-20, 2.0}, {0x1p-560, 1.0, 1.0}, {0x1p560, 1.0, 1.0}};
     for (size_t k = 0; k < LG_COUNT(systems); k++)
@@ -224,7 +225,7 @@ TEST("training is the same to the last bit in units that are powers of two apart
             }
 }
 
-TEST("training is the same to rounding in units 1e9 and 1e-9 apart") {
+TEST("training is the same to rounding in units that differ by 1e9 and 1e-9") {
     static const double by[] = {1e-9, 1e-6, 1e3, 1e9};
     for (size_t k = 0; k < LG_COUNT(systems); k++)
         for (size_t i = 0; i < 3 * LG_COUNT(by); i++) {
@@ -237,8 +238,8 @@ TEST("training is the same to rounding in units 1e9 and 1e-9 apart") {
         }
 }
 
-/* A, V: zero. */
-TEST("with the weights of the data, a model in which nothing moves has the loss 1") {
+/* A and V are zero. */
+TEST("with the data's weights a model without motion has the loss 1") {
     for (size_t k = 0; k < LG_COUNT(systems); k++) {
         if (systems[k].family != &lg_hamiltonian_separable) continue;
         training s = make_training(&systems[k], (units){3.0, 1e4, 20.0});
@@ -248,7 +249,7 @@ TEST("with the weights of the data, a model in which nothing moves has the loss 
     }
 }
 
-/* On the separable systems; a chain leaves the manifold with rk4. */
+/* For the separable systems; a chain would leave the manifold with rk4. */
 TEST("the mean squared error and the floor are in the units of the data") {
     for (size_t k = 0; k < LG_COUNT(systems); k++) {
         training s = make_training(&systems[k], (units){1e3, 1e-2, 30.0});
@@ -297,7 +298,7 @@ TEST("the squares of lm and the loss have the same weights") {
     }
 }
 
-TEST("a first integral is taken in the units of the data") {
+TEST("a first integral is computed in the units of the data") {
     training s = make_training(&systems[2], (units){1.0, 1.0, 1.0});
     double plain, scaled;
     s.problem.model = &s.model;
@@ -308,8 +309,8 @@ TEST("a first integral is taken in the units of the data") {
     assert_close(scaled, plain, 1e-12, 0.0);
 }
 
-/* q = a cos(w t), p = -m a w sin(w t) over ten periods: T = 1/w, whatever the distance of the points. */
-TEST("the scales of an oscillator are its amplitudes and 1/w, with many points or few") {
+/* q = a cos(w t), p = -m a w sin(w t) over ten periods: T = 1/w for any distance of the points. */
+TEST("the scales of an oscillator are its amplitudes and 1/w, with many or few points") {
     enum { MOST = 512 };
     const double a = 3e-3, w = 40.0, mass = 7.0;
     for (size_t points = 64; points <= MOST; points *= 2) {
@@ -333,7 +334,7 @@ TEST("the scales of an oscillator are its amplitudes and 1/w, with many points o
 
 /* ---- data without motion ---- */
 
-TEST("where nothing moves the scales are sizes and the duration of a trajectory") {
+TEST("without motion the scales are sizes of the state and the duration of a trajectory") {
     training s = make_training(&systems[2], (units){1e5, 1e-4, 1e3});
     s.problem.model = &s.model;
     for (size_t i = 0; i < N * M * s.d; i++) s.data[i] = s.data[i % s.d];
@@ -350,7 +351,7 @@ TEST("where nothing moves the scales are sizes and the duration of a trajectory"
     assert_true(scales.part[0] == 1.0 && scales.part[1] == 1.0);
 }
 
-TEST("sizes that no scale can hold are refused, and so is a problem without data") {
+TEST("sizes beyond the range of a scale are refused, and a problem without data too") {
     training s = make_training(&systems[2], (units){1.0, 1.0, 1e-200});
     lg_hamiltonian_scales scales = {2.0, {3.0, 4.0}};
     s.problem.model = &s.model;

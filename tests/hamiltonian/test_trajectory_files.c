@@ -1,4 +1,4 @@
-/* Trajectory data: round trip, files of other programs, tables of damage. */
+/* Trajectory data: written and read back, files of other programs, tables of damages. */
 #include <sys/resource.h>
 #include <sys/stat.h>
 
@@ -7,7 +7,7 @@
 
 OWNED(lg_trajectories, lg_trajectories_destroy)
 
-/* N trajectories of a chain on T*S^2, noise on all points but the first. */
+/* N trajectories of a chain on T*S^2, with noise on all points but the first. */
 static lg_trajectories *make_chain(uint32_t links, size_t count, size_t points) {
     lg_trajectories *out = own_lg_trajectories((lg_trajectories){.n = 0});
     lg_rng rng = test_rng(7, links);
@@ -61,7 +61,7 @@ static lg_status read_and_free(const lg_context *context, const char *path, cons
     return status;
 }
 
-TEST("trajectories come back as they were written") {
+TEST("trajectories are read back as they were written") {
     for (uint32_t links = 1; links <= 3; links++) {
         const char *path = scratch_path("round.h5"), *second = scratch_path("round2.h5");
         lg_trajectories *d = make_chain(links, 4, 5);
@@ -84,7 +84,7 @@ TEST("trajectories come back as they were written") {
     }
 }
 
-TEST("the system that made them comes back, with all its parameters") {
+TEST("the system that made the data is read back, with all its parameters") {
     const double gravity = 9.81, masses[2] = {1, 1.3}, lengths[2] = {1, 0.8};
     const lg_named_values given[] = {
         {"gravity", &gravity, 1}, {"masses", masses, 2}, {"lengths", lengths, 2}};
@@ -101,7 +101,7 @@ TEST("the system that made them comes back, with all its parameters") {
     assert_status(lg_trajectories_set_truth(data, quartic), LG_INVALID_ARGUMENT);
     assert_status(lg_trajectories_set_truth(short_one, system), LG_INVALID_ARGUMENT);
     assert_ok(lg_trajectories_set_truth(data, system));
-    assert_ok(lg_trajectories_set_truth(data, system)); /* in the place of the first */
+    assert_ok(lg_trajectories_set_truth(data, system)); /* replaces the first one */
     lg_system_destroy(system);
     lg_system_destroy(quartic);
     assert_ok(lg_trajectories_write(NULL, path, data, NULL));
@@ -117,7 +117,7 @@ TEST("the system that made them comes back, with all its parameters") {
     assert_null(read_trajectories(path)->truth);
 }
 
-TEST("the hash is that of t, data and inputs as little-endian doubles") {
+TEST("the hash is computed from t, data and inputs as little-endian doubles") {
     lg_trajectories *data = make_chain(1, 2, 3);
     lg_sha256 sha;
     char digest[LG_SHA256_TEXT];
@@ -141,7 +141,7 @@ static void bare_file(const char *path) {
 }
 
 TEST("numbers are read in the types of other programs") {
-    /* Big-endian floats, 16-bit integers as times, variable-length texts, no attributes of ours. */
+    /* Big-endian floats, 16-bit integers as times, texts of variable length, none of our attributes. */
     const char *path = scratch_path("foreign.h5");
     const float points[2 * 3 * 4] = {0.5f, -0.25f, 1, 0, 0.5f, -0.125f, 1,  1,  2,  3,  4,  5,
                                      6,    7,      8, 9, 10,   11,      12, 13, 14, 15, 16, 17};
@@ -154,7 +154,7 @@ TEST("numbers are read in the types of other programs") {
     replace_dataset(path, "hamiltonian", H5T_STD_I32LE, H5T_NATIVE_INT, 1, &two, energies);
     replace_text(path, "/", "system", "quartic");
     replace_text(path, "/", "layout", "q p");
-    replace_integer(path, "/", "links", 1); /* means nothing here, and does not hurt */
+    replace_integer(path, "/", "links", 1); /* has no meaning here, and is ignored */
     replace_text(path, "/", "format", "somebody else's");
     replace_integer(path, "/", "format_version", 99);
     const lg_trajectories *data = read_trajectories(path);
@@ -178,7 +178,7 @@ TEST("texts are read in the types of other programs") {
     }
 }
 
-TEST("attributes that follow from the data may be missing") {
+TEST("attributes that follow from the data may be left out") {
     static const char *const names[] = {"system",         "links", "layout", "format",
                                         "format_version", "kind",  "seed",   "liegrad_version"};
     const char *path = two_links();
@@ -192,7 +192,7 @@ TEST("attributes that follow from the data may be missing") {
     delete_link(path, "inputs");
     const lg_trajectories *data = read_trajectories(path);
     assert_true(data->hamiltonian == NULL && data->inputs == NULL);
-    /* Attributes on the data set; a system of the user's own with a layout. */
+    /* Attributes on the data set; a user's system with a layout. */
     replace_text(path, "trajectories", "system", "double spherical pendulum on a cart");
     assert_refused(read_and_free, path, LG_FORMAT, "system", "layout");
     replace_text(path, "trajectories", "system", "quadrotors");
@@ -202,7 +202,7 @@ TEST("attributes that follow from the data may be missing") {
     assert_string_equal(read_trajectories(path)->system, "double spherical pendulum on a cart");
 }
 
-TEST("times stored as floats are equidistant to their own rounding") {
+TEST("times stored as floats count as equidistant to their rounding") {
     const char *path = good_file();
     const hsize_t five = 5;
     const double times[5] = {1000.0, 1000.025, 1000.05, 1000.075, 1000.1};
@@ -213,7 +213,7 @@ TEST("times stored as floats are equidistant to their own rounding") {
     assert_refused(read_and_free, path, LG_FORMAT, "/t", "equidistant");
 }
 
-/* ---- bad input ---- */
+/* ---- invalid files ---- */
 
 TEST("a damaged file is refused") {
     refuse_damaged_files(read_and_free, good_file(), "");
@@ -230,18 +230,18 @@ static void put_doubles(const char *path, const char *name, int rank, const hsiz
     replace_dataset(path, name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, rank, dims, data);
 }
 
-/* One row a case: a data set put in place of the good one (3 trajectories, 5 points, d = 6). */
+/* One case per row: a data set that replaces the good one (3 trajectories, 5 points, d = 6). */
 typedef struct bad_data {
     const char *name;
     int rank;
     hsize_t dims[4];
-    size_t bad; /* index of the bad value, SIZE_MAX for none */
+    size_t bad; /* index of the invalid value, SIZE_MAX for none */
     double value;
     lg_status status;
     const char *word1, *word2;
 } bad_data;
 
-TEST("a data set of the wrong shape or value is refused by name") {
+TEST("a data set of a wrong shape or value is refused by name") {
     const bad_data cases[] = {
         {"t", 2, {5, 1}, SIZE_MAX, 0, LG_FORMAT, "/t", "rank"},
         {"t", 1, {4}, SIZE_MAX, 0, LG_FORMAT, "/t", "4"},
@@ -274,13 +274,13 @@ TEST("a data set of the wrong shape or value is refused by name") {
         put_doubles(path, c->name, c->rank, c->dims, c->bad, c->value);
         assert_refused(read_and_free, path, c->status, c->word1, c->word2);
     }
-    /* Noise off the manifold is fine on any point but the first. */
+    /* Noise off the manifold is allowed at all points but the first. */
     const char *path = good_file();
     put_doubles(path, "trajectories", 3, (const hsize_t[]){3, 5, 6}, 36, 1.5);
     assert_ok(read_and_free(NULL, path, NULL, NULL));
 }
 
-TEST("momenta off the cotangent space are refused whatever their unit") {
+TEST("momenta off the cotangent space are refused, whatever their unit") {
     static const double units[] = {1e-9, 1.0, 1e9};
     for (size_t i = 0; i < LG_COUNT(units); i++)
         for (int off = 0; off < 2; off++) {
@@ -298,7 +298,7 @@ TEST("momenta off the cotangent space are refused whatever their unit") {
         }
 }
 
-TEST("first points off the manifold are brought back where that is asked for, and the distance is told") {
+TEST("first points off the manifold are projected if requested, and the distance is returned") {
     lg_read_options options;
     lg_trajectories set;
     const char *path = good_file();
@@ -316,7 +316,7 @@ TEST("first points off the manifold are brought back where that is asked for, an
     lg_trajectories_destroy(&set);
 }
 
-TEST("a value of the wrong type is refused") {
+TEST("a value of a wrong type is refused") {
     static const char *const names[] = {"t", "trajectories", "hamiltonian", "inputs"};
     for (size_t i = 0; i < LG_COUNT(names); i++) {
         const char *path = good_file();
@@ -338,7 +338,7 @@ TEST("a value of the wrong type is refused") {
     }
 }
 
-TEST("an attribute of the wrong value is refused by name, and a size without a byte behind it") {
+TEST("a wrong attribute is refused by name, and a size without data too") {
     static const damage of_one[] = {
         {"trajectories", DECLARED((hsize_t)1 << 40, 5, 6), LG_FORMAT, ""},
         {"trajectories", DECLARED((hsize_t)1 << 62, (hsize_t)1 << 62, 6), LG_FORMAT, ""},
@@ -363,7 +363,7 @@ TEST("an attribute of the wrong value is refused by name, and a size without a b
     refuse_damage(read_and_free, two_links, of_two, LG_COUNT(of_two));
 }
 
-/* Programs that know only doubles store k as 2.0: the same number. */
+/* Programs that have only doubles store k as 2.0, which is read as the integer. */
 TEST("integers stored as whole doubles are read") {
     const double wide = 2;
     const float narrow = 2;
@@ -374,7 +374,7 @@ TEST("integers stored as whole doubles are read") {
     assert_ok(read_and_free(NULL, path, NULL, NULL));
 }
 
-TEST("data is not taken from other files") {
+TEST("data in other files, behind external links, are not read") {
     const char *target = scratch_path("target.h5");
     assert_ok(lg_trajectories_write(NULL, target, make_chain(1, 3, 5), NULL));
     const char *path = good_file();
@@ -394,7 +394,7 @@ TEST("data is not taken from other files") {
     assert_refused(read_and_free, path, LG_FORMAT, "/t", "another file");
 }
 
-TEST("wrong arguments are refused") {
+TEST("invalid arguments are refused") {
     lg_trajectories data, untouched;
     memset(&data, 0x5a, sizeof data);
     memcpy(&untouched, &data, sizeof data);
@@ -428,7 +428,7 @@ TEST("wrong arguments are refused") {
     assert_int_not_equal(access(scratch_path("nan.h5"), F_OK), 0);
 }
 
-/* ---- memory and disk ---- */
+/* ---- failing memory and disk ---- */
 
 static lg_status write_step(const lg_context *context, void *user, lg_error *error) {
     lg_trajectories *const *data = user;
@@ -462,7 +462,7 @@ TEST("a full disk leaves no file") {
     assert_int_equal(getrlimit(RLIMIT_FSIZE, &limit), 0);
     tight = limit;
     lg_trajectories *data = make_chain(3, 30, 5);
-    /* SIGXFSZ keeps its default action, which would kill: the writer must hold it back. */
+    /* The default action of SIGXFSZ would kill the process, so the writer must block it. */
     for (rlim_t bytes = 0; bytes < 4000; bytes += 999) {
         lg_error error = {LG_OK, ""};
         tight.rlim_cur = bytes;
@@ -485,7 +485,7 @@ TEST("a place that cannot be written is refused") {
         assert_status(lg_trajectories_write(NULL, places[i], data, &error), LG_FILE);
         assert_non_null(strstr(error.message, places[i]));
     }
-    /* A symbolic link stays one, the mode of an old file is kept. */
+    /* A symbolic link stays a link, and the mode of an old file is kept. */
     const char *target = scratch_path("pointed.h5"), *link_name = scratch_path("link.h5");
     write_text_to(target, "old");
     assert_int_equal(chmod(target, 0640), 0);
@@ -499,7 +499,8 @@ TEST("a place that cannot be written is refused") {
     assert_ok(read_and_free(NULL, target, NULL, NULL));
 }
 
-/* A reader that dies, loops or eats memory in the child is a sentence in the parent. */
+/* A reader that crashes, loops or uses too much memory in the child process becomes an error in the
+ * parent. */
 static lg_status dies(void *user, lg_error *error) {
     (void)error;
     if (*(int *)user == 0) abort();
@@ -509,7 +510,7 @@ static lg_status dies(void *user, lg_error *error) {
     return *nowhere == 0 ? LG_OK : LG_FORMAT;
 }
 
-TEST("the probe catches a reader that dies") {
+TEST("the probe catches a reader that crashes") {
     const char *path = good_file();
     lg_read_options options;
     lg_read_options_init(&options);
