@@ -1,4 +1,4 @@
-/* files TABLE.csv: writes a table, reads it again, and asks for a model that is not there. */
+/* files TABLE.csv: writes a table, reads it again, and tries to load a model that does not exist. */
 #include <stdio.h>
 #include <string.h>
 

@@ -1,5 +1,6 @@
-/* What a C program outside the tree sees of the library: a network on a tape, its input gradient, and the
- * parameter gradient of the squared norm of that, beside a program of the network and its plan. */
+/* A C program outside the tree that uses the library: a network on a tape, its input gradient, and the
+ * parameter gradient of the squared norm of the input gradient; also a program of the network and its
+ * plan. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -15,7 +16,7 @@ static int close_to(double a, double b) {
     return fabs(a - b) <= 1e-12 * (1.0 + fabs(b));
 }
 
-/* V (rows, 1) and dV/dx (rows, 3), recorded once. */
+/* Records V (rows, 1) and dV/dx (rows, 3). */
 static lg_status record(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *out) {
     lg_mlp_vars vars;
     out[0] = lg_mlp_record(tape, user, theta[0], 0, x[0]);
@@ -24,7 +25,7 @@ static lg_status record(void *user, lg_tape *tape, const lg_var *theta, const lg
     return lg_tape_status(tape);
 }
 
-/* The same by a plan: no tape, and no allocation in the call that evaluates. */
+/* The same by a plan: without a tape, and without allocation in the call that evaluates. */
 static lg_status run(const lg_context *context, lg_mlp *net, const double *theta, const double *x, double *y,
                      double *dx) {
     const lg_port input = {.name = "x", .shape = lg_shape1(3)}, outputs[2] = {{.name = "V"}, {.name = "g"}};
@@ -57,7 +58,7 @@ static lg_status run(const lg_context *context, lg_mlp *net, const double *theta
     return status;
 }
 
-/* Returns 0 when value and input gradient agree on a tape and by a plan and the last pass gives a finite
+/* Returns 0 if value and input gradient agree between tape and plan and the last pass gives a finite
  * gradient. */
 static int use(const lg_context *context) {
     const uint32_t hidden[1] = {HIDDEN};

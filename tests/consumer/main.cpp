@@ -1,4 +1,4 @@
-// What a C++ program outside the tree sees of the library.
+// A C++ program outside the tree that uses the library.
 #include <iostream>
 #include <string>
 

@@ -1,5 +1,5 @@
-/* The extended Kalman filter: exact where the system is linear, its derivative of the flow, consistency of a
- * pendulum and of a spinning body, long runs, its memory. */
+/* The extended Kalman filter: exact for linear systems, its derivative of the flow, consistency for a
+ * pendulum and a spinning body, long runs, memory. */
 #include "support/models.h"
 #include "support/machine_support.h"
 #include "support/model_support.h"
@@ -24,7 +24,7 @@ static lg_ekf *filter_of(const lg_model *model, const char *scheme, const double
     return ekf;
 }
 
-/* (r, r), diagonal of squares */
+/* A diagonal matrix (r, r) with the squares of the deviations. */
 static double *diagonal(size_t r, const double *deviations) {
     double *P = room(r * r);
     for (size_t i = 0; i < r; i++) P[i * r + i] = deviations[i] * deviations[i];
@@ -37,9 +37,9 @@ static double *uniform(size_t r, double deviation) {
     return diagonal(r, deviations);
 }
 
-/* ---- plain dense arithmetic of this file's own ---- */
+/* ---- dense arithmetic of this file, independent of the library ---- */
 
-/* c (m, n) = a (m, k) b (k, n); b transposed: (n, k). c is neither. */
+/* c (m, n) = a (m, k) b (k, n); transposed: b is (n, k). c must not overlap a or b. */
 static void product(size_t m, size_t n, size_t k, const double *a, const double *b, bool transposed,
                     double *c) {
     for (size_t i = 0; i < m; i++)
@@ -50,7 +50,8 @@ static void product(size_t m, size_t n, size_t k, const double *a, const double 
         }
 }
 
-/* a^-1 b for symmetric positive a (n, n) by elimination, in place of b (n, columns); a is lost. */
+/* Replaces b (n, columns) by a^-1 b by elimination; a (n, n) is symmetric positive definite and is
+ * overwritten. */
 static void solve(size_t n, size_t columns, double *a, double *b) {
     for (size_t p = 0; p < n; p++)
         for (size_t i = 0; i < n; i++) {
@@ -71,11 +72,11 @@ static double square_in(size_t n, const double *P, const double *c) {
     return sum;
 }
 
-/* ---- linear: the Kalman filter ---- */
+/* ---- the Kalman filter of a linear system ---- */
 
 enum { N = 4 };
 
-/* Two coupled oscillators with two forces. */
+/* Two coupled oscillators, each with a force. */
 static built build_oscillators(void) {
     double theta[17] = {0.0};
     lg_hamiltonian model;
@@ -87,7 +88,7 @@ static built build_oscillators(void) {
     return build_from(&model, theta);
 }
 
-/* F = 1 + hA + ... + (hA)^4/24, what the classical method makes of c' = A c. */
+/* F = 1 + hA + ... + (hA)^4/24, the step of the classical method for c' = A c. */
 static void polynomial(const double *A, double h, double *F) {
     double power[N * N] = {0.0}, next[N * N];
     for (int i = 0; i < N; i++) power[i * N + i] = 1.0;
@@ -110,7 +111,7 @@ static void kalman_predict(kalman *s, double h, const double *y_next) {
     for (int i = 0; i < N * N; i++) s->P[i] += h * s->W[i];
 }
 
-/* Two numbers of the state, Joseph's form. */
+/* An update with two measured components of the state, in Joseph's form. */
 static double kalman_update(kalman *s, const size_t *of, const double *noise, const double *z) {
     double S[4], T[4], K[2 * N], HP[2 * N], M[N * N], MP[N * N], nu[2];
     for (int i = 0; i < 2; i++) {
@@ -135,7 +136,7 @@ static double kalman_update(kalman *s, const size_t *of, const double *noise, co
     return square_in(2, S, nu);
 }
 
-TEST("a linear system has the Kalman filter, to rounding") {
+TEST("for a linear system the filter is the Kalman filter, to rounding") {
     const built b = build_oscillators();
     const double h = 0.1, zero[N] = {0.0}, start[N] = {1.0, -0.5, 0.2, 0.0}, noise[2] = {0.1, 0.03};
     const size_t of[2] = {0, 3};
@@ -167,7 +168,7 @@ TEST("a linear system has the Kalman filter, to rounding") {
 
 /* ---- the derivative of the flow ---- */
 
-/* Largest difference of the covariance after a step without noise from F P F^T, F by differences. */
+/* Largest difference between the covariance after a step without noise and F P F^T, with F by differences. */
 static double flow_error(const built *b, const double *y, const double *u, double h) {
     const size_t d = lg_model_inputs(b->model), r = lg_model_tangent_dim(b->model);
     const lg_sensor sensor = {LG_SENSOR_STATE, 0, 1.0, 0.0};
@@ -196,7 +197,7 @@ static double flow_error(const built *b, const double *y, const double *u, doubl
     return worst;
 }
 
-TEST("the covariance goes through the derivative of the step, with turning frames and inputs") {
+TEST("the covariance is propagated by the derivative of the step, with rotating frames and inputs") {
     for (size_t i = 0; i < motions(); i++) {
         const moving s = make_motion(i, LG_POTENTIAL_MLP, LG_TANH);
         const double coarse = flow_error(&s.b, s.y, s.u, 0.2), fine = flow_error(&s.b, s.y, s.u, 0.1);
@@ -221,13 +222,15 @@ TEST("the covariance goes through the derivative of the step, with turning frame
 typedef struct trial {
     const built *b;
     const char *scheme;
-    double h, W, sigma, P0; /* deviations of sensors and of the start; W as a deviation a root second */
+    /* deviations: W of the process, as a deviation per root second; sigma of the sensors; P0 of the start */
+    double h, W, sigma, P0;
     const lg_sensor *sensors;
     size_t count;
     void (*measure)(const built *b, const double *y, double *z);
 } trial;
 
-/* Mean of c^T P^-1 c over `runs` runs at the end of `steps` steps, of nu^T S^-1 nu over all updates. */
+/* *nees: the mean of c^T P^-1 c over `runs` runs at the end of `steps` steps. *nis: the mean of nu^T S^-1 nu
+ * over all updates. */
 static void consistency(const trial *t, const double *start, int runs, int steps, double *nees, double *nis) {
     const lg_model *model = t->b->model;
     const size_t d = lg_model_inputs(model), r = lg_model_tangent_dim(model);
@@ -258,7 +261,8 @@ static void consistency(const trial *t, const double *start, int runs, int steps
     }
 }
 
-/* Within 3.5 standard deviations of the mean of `samples` numbers of chi-square of `freedom` degrees. */
+/* The mean of `samples` chi-square numbers with `freedom` degrees must be within 3.5 standard deviations of
+ * its expectation. */
 static void assert_chi_square(const char *name, double mean, double freedom, double samples) {
     const double deviation = sqrt(2.0 * freedom / samples);
     print_message("  %s: %.3f, expected %.0f +- %.3f\n", name, mean, freedom, deviation);
@@ -270,7 +274,7 @@ static void two_of_q(const built *b, const double *y, double *z) {
     z[0] = y[0], z[1] = y[1];
 }
 
-TEST("a pendulum's estimate is as good as its covariance says, though the frames turn and change") {
+TEST("a pendulum's estimate is as good as its covariance says, though the frames rotate and change") {
     enum { RUNS = 200, STEPS = 250 };
     const built b = build_pendulum(1.0, 4.0);
     const lg_sensor sensors[2] = {{LG_SENSOR_STATE, 0, 0.01, 0.0}, {LG_SENSOR_STATE, 1, 0.03, 0.0}};
@@ -301,7 +305,7 @@ static void attitude_and_rate(const built *b, const double *y, double *z) {
     z[9] = velocities[0];
 }
 
-TEST("a spinning body's estimate is consistent through half turns, with an attitude and a gyroscope") {
+TEST("a spinning body's estimate is consistent through half turns, with attitude sensor and gyroscope") {
     enum { RUNS = 150, STEPS = 150 };
     lg_machine machine;
     const built b = build_body(&machine);
@@ -320,7 +324,7 @@ TEST("a spinning body's estimate is consistent through half turns, with an attit
 
 /* ---- long runs ---- */
 
-TEST("100000 steps with sensors a million times better than the start keep P symmetric and definite") {
+TEST("after 100000 steps with sensors a million times better than the start, P is symmetric and definite") {
     enum { R = 4 };
     const built b = build_pendulum(1.0, 4.0);
     const lg_sensor sensors[3] = {
@@ -356,8 +360,8 @@ TEST("100000 steps with sensors a million times better than the start keep P sym
     assert_true(square_in(R, P, c) < 40.0);
 }
 
-TEST("the covariance turns with a state whose frame changes in an update") {
-    /* |q_1| < |q_2| before the correction along e_1, and not after it; e_2 is the axis of that turn. */
+TEST("the covariance is transformed when an update changes the frame of the state") {
+    /* Before the correction along e_1 |q_1| < |q_2|, afterwards not; the correction turns about e_2. */
     const built b = build_pendulum(1.0, 4.0);
     const lg_space space = space_of(&b);
     const lg_sensor sensor = {LG_SENSOR_STATE, 0, 0.01, 0.0};
@@ -380,7 +384,7 @@ TEST("the covariance turns with a state whose frame changes in an update") {
     assert_close(sum, 1e-8, 1e-3, 0.0);
 }
 
-TEST("angles are taken the short way round") {
+TEST("differences of angles are taken in the shorter direction") {
     lg_machine machine = empty_machine();
     const double inertia[1] = {1.0}, start[2] = {3.1, 0.0};
     const lg_sensor sensor = {LG_SENSOR_POSITION, 0, 0.1, 2.0 * 3.14159265358979323846};
@@ -393,12 +397,13 @@ TEST("angles are taken the short way round") {
     b = ready_to_run(b);
     lg_ekf *ekf = filter_of(b.model, "rk4", start, uniform(2, 0.1), uniform(2, 0.0), &sensor, 1);
     assert_ok(lg_ekf_update(ekf, z, NULL));
-    assert_close(lg_ekf_state(ekf)[0], 3.14159265358979323846, 1e-9, 0.0); /* half of 0.083 on */
+    /* half of the difference 0.083 is added */
+    assert_close(lg_ekf_state(ekf)[0], 3.14159265358979323846, 1e-9, 0.0);
 }
 
-/* ---- failures, memory ---- */
+/* ---- errors and memory ---- */
 
-TEST("what a filter cannot take is refused with its reason") {
+TEST("filters that cannot be made and invalid measurements are refused with a reason") {
     const built b = build_pendulum(1.0, 4.0), surrogate = build_surrogate(LG_SURROGATE_DISCRETE);
     const double start[6] = {0.6, 0.0, 0.8, 0.0, 0.0, 0.0};
     double P[16], W[16], z[1] = {NAN}, nis = 7.0, before[6];

@@ -1,4 +1,4 @@
-/* Steps along coordinates, equilibria, the zero-order hold, and regulators whose cost is that of the run. */
+/* Retractions, equilibria, the zero-order hold, and regulators whose predicted cost is the cost of a run. */
 #include <float.h>
 
 #include "support/models.h"
@@ -9,7 +9,7 @@
 
 #include "liegrad/control.h"
 
-/* ---- along coordinates ---- */
+/* ---- retractions and deviations ---- */
 
 static lg_machine every_coordinate(void) {
     return machine_with(lg_term_kind_find(LG_MACHINE_MASS, "network"), LG_MACHINE_MASS);
@@ -28,12 +28,12 @@ static void check_retract(const built *b, const lg_space *space, const double *y
         assert_true(lg_space_manifold_error(space, moved) < 1e-14);
         assert_ok(lg_model_deviation(b->model, y, moved, back, b->work));
         for (size_t i = 0; i < r; i++) off = fmax(off, fabs(back[i] - step[i]));
-        assert_true(off < 1e-13 || !(off > 0.3 * before)); /* a quarter each time */
+        assert_true(off < 1e-13 || !(off > 0.3 * before)); /* the difference falls to a quarter each time */
         before = off;
     }
 }
 
-TEST("a step along coordinates stays on the manifold, and its deviation is the coordinates") {
+TEST("a retraction stays on the manifold, and its deviation gives the coordinates back") {
     for (size_t i = 0; i < motions(); i++) {
         const moving s = make_motion(i, LG_POTENTIAL_MLP, LG_TANH);
         const lg_space space = space_of(&s.b);
@@ -52,7 +52,7 @@ TEST("a step along coordinates stays on the manifold, and its deviation is the c
     check_retract(&b, &space, y);
 }
 
-TEST("equilibria: upright, hanging, under a torque; a run of them is refused") {
+TEST("equilibria are found upright, hanging and under a torque; a state without one nearby is refused") {
     const built b = build_pendulum(2.0, 5.0);
     const double c = sqrt(0.5);
     double up[6] = {0.2, -0.1, 0.9, 0.3, 0.0, 0.0}, down[6] = {0.3, 0.0, -1.0, 0.0, 0.2, 0.1}, drift = 1.0;
@@ -69,7 +69,7 @@ TEST("equilibria: upright, hanging, under a torque; a run of them is refused") {
     assert_all_close(down, ((double[]){0, 0, -1, 0, 0, 0}), 6, 0.0, 1e-12);
     assert_ok(lg_model_equilibrium(b.model, torque, held, NULL, b.work));
     assert_all_close(held, ((double[]){c, 0, c, 0, 0, 0}), 6, 0.0, 1e-7);
-    const double strong[3] = {0.0, 9.0, 0.0}; /* more than gravity can hold */
+    const double strong[3] = {0.0, 9.0, 0.0}; /* more than gravity can balance */
     double before[6];
     memcpy(before, held, sizeof held);
     assert_status(lg_model_equilibrium(b.model, strong, held, &drift, b.work), LG_NO_CONVERGENCE);
@@ -83,7 +83,7 @@ static void hold(size_t n, size_t m, const double *A, const double *B, double h,
     assert_told(lg_zero_order_hold(n, m, A, B, h, Ad, Bd, test_work(bytes), bytes, &told));
 }
 
-TEST("the zero-order hold of integrators, an oscillator and stiff scales is exact to rounding") {
+TEST("the zero-order hold of integrators, an oscillator and stiff systems is exact to rounding") {
     const double chain[4] = {0, 1, 0, 0}, push[2] = {0, 1}, swing[4] = {0, 3, -3, 0};
     double Ad[4], Bd[2];
     hold(2, 1, chain, push, 0.25, Ad, Bd);
@@ -108,7 +108,7 @@ static double distance(size_t count, const double *a, const double *b) {
     return apart > 0.0 ? apart / size : apart;
 }
 
-TEST("the zero-order hold against 50 digits: integrators, stiff, badly scaled, overscaled, huge, tiny") {
+TEST("the zero-order hold agrees with 50 digits: integrators, stiff, badly scaled, overscaled, huge, tiny") {
     print_message("%-28s %9s %9s %9s %9s\n", "relative errors", "Ad", "Bd", "SciPy", "condition");
     for (size_t i = 0; i < LG_COUNT(hold_table); i++) {
         const hold_case *c = &hold_table[i];
@@ -141,7 +141,7 @@ static lg_lqr regulator(const built *b, double period) {
     return lqr;
 }
 
-/* c'Q c + 2 c'S u + u'R u */
+/* The cost c'Q c + 2 c'S u + u'R u. */
 static double cost(const double *c, const double *u) {
     double sum = 0.0;
     for (int i = 0; i < R; i++) {
@@ -159,7 +159,7 @@ static double quadratic(const double *P, const double *c) {
     return sum;
 }
 
-/* The cost of a run of the model itself from a small deviation, u computed anew every `steps` steps. */
+/* The cost of a run of the model from a small deviation; u is computed every `steps` steps. */
 static double run_cost(const built *b, const lg_lqr *lqr, double h, int steps, double *c0) {
     lg_stepper *stepper = stepper_of(b, lg_scheme_find("rkmk4"));
     double y[6], u[M] = {0.0}, total = 0.0;
@@ -175,23 +175,23 @@ static double run_cost(const built *b, const lg_lqr *lqr, double h, int steps, d
     return total;
 }
 
-TEST("a regulator brings the pendulum upright at the cost that P says") {
+TEST("a regulator brings the pendulum upright at the cost that P predicts") {
     const built b = build_pendulum(2.0, 5.0);
     double c0[R] = {1e-3, -5e-4, 2e-3, 1e-3};
     const lg_lqr continuous = regulator(&b, 0.0), held = regulator(&b, 0.1);
     assert_true(continuous.result.margin > 0.0 && held.result.margin > 0.0 && held.drift < 1e-15);
-    /* c' = (0 1/m; c 0) c, the regulator's own A */
+    /* c' = (0 1/m; c 0) c is the regulator's A. */
     assert_close(continuous.A[2], 0.5, 1e-14, 0.0);
     assert_close(continuous.A[2 * R], 5.0, 1e-14, 0.0);
     assert_close(held.A[0], cosh(0.1 * sqrt(2.5)), 1e-13, 0.0);
     assert_close(run_cost(&b, &held, 0.01, 10, c0), quadratic(held.P, c0), 1e-5, 0.0);
-    /* Held for 2e-4 s, trapezoidal sum: what is left is O(h). */
+    /* u is held for 2e-4 s and the cost is a trapezoidal sum, so the remaining error is O(h). */
     const double coarse = run_cost(&b, &continuous, 1e-3, 1, c0),
                  fine = run_cost(&b, &continuous, 5e-4, 1, c0);
     assert_close(2.0 * fine - coarse, quadratic(continuous.P, c0), 1e-5, 0.0);
     /* Any other gain costs more. */
     const double least = run_cost(&b, &held, 0.01, 10, c0);
-    double *K = (double *)held.K; /* in memory of this test */
+    double *K = (double *)held.K; /* its memory belongs to this test */
     for (int i = 0; i < M * R; i += 5) {
         const double kept = K[i];
         for (int sign = -1; sign <= 1; sign += 2) {
@@ -202,7 +202,8 @@ TEST("a regulator brings the pendulum upright at the cost that P says") {
     }
 }
 
-TEST("a regulator refuses what is no equilibrium, has no input or no memory, and says why") {
+TEST("a regulator refuses states that are no equilibria, missing inputs and too little memory, with the "
+     "reason") {
     const built b = build_pendulum(2.0, 5.0), surrogate = build_surrogate(LG_SURROGATE_DISCRETE);
     const double tilted[6] = {0.6, 0, 0.8, 0, 0, 0};
     const size_t bytes = lg_lqr_size(b.model);
@@ -226,7 +227,7 @@ TEST("a regulator refuses what is no equilibrium, has no input or no memory, and
     assert_status(lg_lqr_init(surrogate.model, &options, &lqr, memory, bytes, &error), LG_UNSUPPORTED);
 }
 
-TEST("a regulator in a loop allocates nothing and takes no lock; NaN makes no input") {
+TEST("a regulator in a loop allocates nothing and takes no lock; with NaN it gives no input") {
     const built b = build_pendulum(2.0, 5.0);
     const lg_lqr lqr = regulator(&b, 0.0);
     double y[6] = {0, 0, 1, 0, 0, 0}, u[M] = {7, 7, 7};

@@ -1,5 +1,5 @@
-/* Riccati equations against solutions of 40 digits, their residuals by this file's own arithmetic, and what
- * has no solution. */
+/* Riccati equations: compared with solutions of 40 digits, residuals computed by independent arithmetic, and
+ * equations without a solution. */
 #include <float.h>
 
 #include "support/fixtures.h"
@@ -42,7 +42,8 @@ static double distance(size_t count, const double *a, const double *b) {
     return sqrt(apart / size);
 }
 
-/* The largest number of the residual beside the largest sum of its terms' sizes, by plain sums. */
+/* The largest element of the residual, relative to the largest sum of its terms' magnitudes, by plain
+ * sums. */
 static double residual_of(const solved *s, bool discrete) {
     const size_t n = s->of.n, m = s->of.m;
     const double *A = s->of.A, *B = s->of.B, *P = s->P, *K = s->K;
@@ -89,7 +90,7 @@ static void check_table(const riccati_case *table, size_t count, bool discrete) 
         const double off = distance(s.of.n * s.of.n, s.P, exact);
         print_message("%-28s  %9.1e %9.1e %9.1e %9.1e\n", table[i].name, off, table[i].scipy,
                       s.result.residual, s.result.correction);
-        /* The residual has twice the digits: P is right to its own. */
+        /* The residual has twice the digits, so P is right to its last digits. */
         assert_true(off <= 2.0 * DBL_EPSILON);
         assert_true(off <= 30.0 * s.result.correction + 1e-12);
         assert_true(s.result.residual <= 1e-12 && s.result.margin > 0.0);
@@ -101,15 +102,15 @@ static void check_table(const riccati_case *table, size_t count, bool discrete) 
     }
 }
 
-TEST("continuous equations: the collection, mixed scales, against 40 digits") {
+TEST("continuous equations agree with 40 digits: the collection, and mixed scales") {
     check_table(care_table, LG_COUNT(care_table), false);
 }
 
-TEST("discrete equations: the collection, singular A and R, mixed scales, against 40 digits") {
+TEST("discrete equations agree with 40 digits: the collection, singular A and R, and mixed scales") {
     check_table(dare_table, LG_COUNT(dare_table), true);
 }
 
-/* ---- equations without a table ---- */
+/* ---- equations that are not in the tables ---- */
 
 static lg_riccati random_equation(uint64_t seed, size_t n, size_t m, double growth) {
     lg_riccati of = {.size = sizeof of, .n = n, .m = m};
@@ -124,7 +125,7 @@ static lg_riccati random_equation(uint64_t seed, size_t n, size_t m, double grow
     return of;
 }
 
-TEST("random equations of up to 60 states are solved to rounding") {
+TEST("random equations with up to 60 states are solved to rounding") {
     static const size_t sizes[][2] = {{1, 1}, {2, 3}, {7, 1}, {20, 4}, {60, 5}};
     for (int discrete = 0; discrete < 2; discrete++)
         for (size_t i = 0; i < LG_COUNT(sizes); i++) {
@@ -136,7 +137,7 @@ TEST("random equations of up to 60 states are solved to rounding") {
         }
 }
 
-TEST("without Q, a stable system has P = 0 and an unstable one the gain that mirrors it") {
+TEST("with Q = 0 a stable system has P = 0, and an unstable one the gain that mirrors its eigenvalue") {
     const double zero[1] = {0.0}, one[1] = {1.0}, stable[1] = {-2.0}, unstable[1] = {2.0};
     solved s = {.of = {sizeof s.of, 1, 1, stable, one, zero, one, NULL}};
     assert_ok(attempt(lg_care, &s, NULL));
@@ -148,14 +149,15 @@ TEST("without Q, a stable system has P = 0 and an unstable one the gain that mir
     assert_close(s.eigenvalues[0], -2.0, 1e-14, 0.0);
     assert_ok(attempt(lg_dare, &s, NULL));
     assert_close(s.eigenvalues[0], 0.5, 1e-14, 0.0); /* 1/2 */
-    assert_close(s.P[0], 3.0, 1e-14, 0.0);           /* W = 4, K = 2 3/4 */
+    assert_close(s.P[0], 3.0, 1e-14, 0.0);           /* W = 4, K = 2 * 3/4 */
 }
 
-TEST("without weights, stable systems of several states have P = 0") {
+TEST("with Q = 0 stable systems with several states have P = 0") {
     for (int discrete = 0; discrete < 2; discrete++)
         for (size_t n = 2; n <= 10; n += 4) {
             double *A = test_numbers(70 + n, n * n, -0.9, 0.9), *zero = TEST_ARRAY(double, n *n);
-            for (size_t i = 0; i < n * n; i++) /* rows of sums below 0.9; continuous: less the identity */
+            /* row sums below 0.9; in the continuous case minus the identity */
+            for (size_t i = 0; i < n * n; i++)
                 A[i] = A[i] / (double)n - (!discrete && i % (n + 1) == 0 ? 1.0 : 0.0);
             solved s = {.of = {sizeof s.of, n, 1, A, test_numbers(7, n, -1.0, 1.0), zero, zero, NULL}};
             s.of.R = (const double[1]){2.0};
@@ -165,9 +167,9 @@ TEST("without weights, stable systems of several states have P = 0") {
         }
 }
 
-/* ---- badly conditioned equations: |P| of 1e5 to 1e13, Q = 1, R = 1 ---- */
+/* ---- badly conditioned equations: |P| from 1e5 to 1e13, Q = 1, R = 1 ---- */
 
-/* exp(h (A - B K)) or A - B K, squared 16 times, is 0 to rounding. */
+/* Whether exp(h (A - B K)), or A - B K if discrete, vanishes to rounding after 16 squarings. */
 static bool is_stable(const solved *s, bool discrete) {
     const size_t n = s->of.n, m = s->of.m, bytes = lg_zero_order_hold_work_size(n, 1);
     double *power = TEST_ARRAY(double, n *n), *next = TEST_ARRAY(double, n *n), *zero = TEST_ARRAY(double, n),
@@ -196,14 +198,14 @@ static lg_riccati with_unit_weights(size_t n, double *A, double *B) {
     return (lg_riccati){.size = sizeof(lg_riccati), .n = n, .m = 1, .A = A, .B = B, .Q = Q, .R = R};
 }
 
-/* Numbers of variance `growth`^2. */
+/* A system with random numbers of variance `growth`^2. */
 static lg_riccati random_with_unit_weights(uint64_t seed, size_t n, double growth) {
     const double width = sqrt(3.0) * growth;
     return with_unit_weights(n, test_numbers(seed, n * n, -width, width),
                              test_numbers(seed + 1, n, -sqrt(3.0), sqrt(3.0)));
 }
 
-/* x_i' = x_i+1, x_n' = u; h > 0: Euler steps of it */
+/* x_i' = x_i+1, x_n' = u; h > 0: its Euler steps. */
 static lg_riccati chain(size_t n, double h) {
     double *A = TEST_ARRAY(double, n *n), *B = TEST_ARRAY(double, n);
     for (size_t i = 0; i < n; i++) {
@@ -214,7 +216,7 @@ static lg_riccati chain(size_t n, double h) {
     return with_unit_weights(n, A, B);
 }
 
-/* Inverted pendulums in a row, coupled by springs; a force on the first. */
+/* A row of inverted pendulums that are coupled by springs, with a force on the first one. */
 static lg_riccati pendulums(size_t count) {
     const size_t n = 2 * count;
     double *A = TEST_ARRAY(double, n *n), *B = TEST_ARRAY(double, n);
@@ -229,7 +231,7 @@ static lg_riccati pendulums(size_t count) {
     return with_unit_weights(n, A, B);
 }
 
-/* Widens *worst, {residual, correction, -margin}. */
+/* Solves the equation and updates the maxima in worst: {residual, correction, -margin}. */
 static void check_solved(const char *name, lg_riccati of, bool discrete, double most, double worst[3]) {
     lg_error error = {LG_OK, ""};
     solved s = {.of = of};
@@ -262,7 +264,7 @@ TEST("badly conditioned random equations are solved, and the closed loop is stab
     }
 }
 
-TEST("long chains of integrators and of pendulums are stabilised by one input") {
+TEST("long chains of integrators and of pendulums are stabilised by a single input") {
     const struct {
         const char *name;
         lg_riccati of;
@@ -283,7 +285,7 @@ TEST("long chains of integrators and of pendulums are stabilised by one input") 
 }
 
 TEST("the gain of an estimator is that of the transposed system") {
-    /* dx = -x dt + noise, y = x + noise of unit densities: P^2 + 2 P - 1 = 0. */
+    /* dx = -x dt + noise, y = x + noise with unit densities: P^2 + 2 P - 1 = 0. */
     const double a[1] = {-1.0}, one[1] = {1.0};
     solved s = {.of = {sizeof s.of, 1, 1, a, one, one, one, NULL}};
     assert_ok(attempt(lg_care, &s, NULL));
@@ -291,7 +293,7 @@ TEST("the gain of an estimator is that of the transposed system") {
     assert_close(s.K[0], s.P[0], 1e-15, 0.0);
 }
 
-/* ---- what has no solution ---- */
+/* ---- equations without a solution ---- */
 
 static const double integrators[4] = {0, 1, 0, 0}, swing[4] = {0, 1, -1, 0}, turn[4] = {0.6, 0.8, -0.8, 0.6},
                     identity[4] = {1, 0, 0, 1}, nothing[4] = {0}, last[2] = {0, 1}, first[2] = {1, 0},
@@ -299,7 +301,7 @@ static const double integrators[4] = {0, 1, 0, 0}, swing[4] = {0, 1, -1, 0}, tur
                     negative[1] = {-1}, zero_weight[1] = {0}, skew[4] = {1, 0.1, 0, 1},
                     infinite[4] = {1, 0, 0, INFINITY};
 
-TEST("what has no stabilising solution is refused with its reason, and nothing is written") {
+TEST("equations without a stabilising solution are refused with the reason, and nothing is written") {
     static const struct {
         solver solve;
         const double *A, *B, *Q, *R;
@@ -333,8 +335,8 @@ TEST("what has no stabilising solution is refused with its reason, and nothing i
     }
 }
 
-TEST("an undetectable mode on the boundary is refused beside others that are fine") {
-    /* Two integrators in a row that Q does not see, and one state that it sees. */
+TEST("an undetectable mode on the boundary is refused even if all others are fine") {
+    /* Two integrators in series that Q does not weight, and one state that it weights. */
     const double A[9] = {0, 1, 0, 0, 0, 0, 0, 0, -1}, B[6] = {0, 0, 1, 0, 0, 1}, R[4] = {1, 0, 0, 1};
     const double Q[9] = {0, 0, 0, 0, 0, 0, 0, 0, 1};
     lg_error error = {LG_OK, ""};
@@ -343,11 +345,13 @@ TEST("an undetectable mode on the boundary is refused beside others that are fin
     assert_says(error.message, "no stabilising solution");
 }
 
-TEST("sums in a row that Q does not see are refused in turned coordinates, but for a few") {
+TEST("integrators in series that Q does not weight are refused in rotated coordinates too, except for a "
+     "few") {
     enum { N = 6, ROW = 3, COUNT = 40 };
     int refused = 0;
     for (uint64_t seed = 1; seed <= COUNT; seed++) {
-        /* Turned by 1 - 2 v v^T / |v|^2: three sums in a row, and three states that decay and are seen. */
+        /* Reflected by 1 - 2 v v^T / |v|^2: three integrators in series, and three weighted states that
+         * decay. */
         double turn_by[N][N], A[N * N] = {0}, Q[N * N] = {0}, length = 0.0;
         const double *v = test_numbers(seed, N, -1.0, 1.0), two[4] = {1, 0, 0, 1};
         lg_error error = {LG_OK, ""};
@@ -370,8 +374,8 @@ TEST("sums in a row that Q does not see are refused in turned coordinates, but f
     assert_true(refused >= COUNT * 3 / 4);
 }
 
-TEST("what only rounding makes solvable is refused") {
-    /* Modes 1 and -1 on axes turned by t, of which u reaches the stable one. */
+TEST("an equation that only rounding makes solvable is refused") {
+    /* Modes 1 and -1 along axes rotated by t; u reaches only the stable mode. */
     for (int n = 1; n <= 20; n++) {
         const double t = 0.07 * n, cc = cos(t) * cos(t), ss = sin(t) * sin(t), cs = cos(t) * sin(t);
         const double A[4] = {cc - ss, 2.0 * cs, 2.0 * cs, ss - cc}, B[2] = {-sin(t), cos(t)};

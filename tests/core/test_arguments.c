@@ -1,5 +1,5 @@
-/* NULL arguments: what a function that returns an lg_status needs is refused as NULL, whatever the others
- * are. */
+/* NULL arguments: a function that returns an lg_status must refuse NULL for every pointer that it needs,
+ * whatever its other arguments are. */
 #define _GNU_SOURCE /* MAP_ANONYMOUS */
 #include <glob.h>
 #include <signal.h>
@@ -39,17 +39,17 @@
 #include "liegrad/tables.h"
 #include "liegrad/train.h"
 
-/* REFUSES(lg_f(NEEDED(a), b, NEEDED(&c))): lg_f is called in children, as it stands and with each needed
- * pointer NULL in turn. As it stands LG_INVALID_ARGUMENT is not its status, so that the other calls have it
- * for the sake of the NULL alone. */
+/* REFUSES(lg_f(NEEDED(a), b, NEEDED(&c))) calls lg_f in child processes: once unchanged, and once for each
+ * needed pointer with that pointer NULL. Unchanged it must not return LG_INVALID_ARGUMENT, so that the other
+ * calls return it only because of the NULL. */
 #define NEEDED(p) (nulled(#p) ? NULL : (p))
 #define REFUSES(...)                                                                                         \
     for (int which_ = -1; which_ < PAST; which_ = judged(which_, #__VA_ARGS__))                              \
         if (in_child(which_)) _exit(STATUS + (int)(__VA_ARGS__))
 
-enum { STATUS = 100, PAST = 1000 }; /* a child's exit code: STATUS + the lg_status */
+enum { STATUS = 100, PAST = 1000 }; /* exit code of a child: STATUS + the lg_status */
 
-static int countdown;       /* needed pointers before the NULL */
+static int countdown;       /* needed pointers that precede the NULL */
 static const char **absent; /* in memory shared with the children: the pointer that was NULL, or NULL */
 static pid_t child;
 static int faults;
@@ -69,15 +69,16 @@ static bool in_child(int which) {
     child = fork();
     assert_true(child >= 0);
     if (child > 0) return false;
-    for (size_t i = 0; i < LG_COUNT(crashes); i++) (void)signal(crashes[i], SIG_DFL); /* not cmocka's */
+    /* not cmocka's handlers */
+    for (size_t i = 0; i < LG_COUNT(crashes); i++) (void)signal(crashes[i], SIG_DFL);
     countdown = which;
     return true;
 }
 
-static const char *calls[512]; /* as the tests state them */
+static const char *calls[512]; /* the calls as texts */
 static size_t call_count;
 
-/* The number of the next needed pointer, or PAST. */
+/* Checks the child's exit code. Returns the number of the next needed pointer, or PAST. */
 static int judged(int which, const char *call) {
     int code = 0;
     assert_int_equal(waitpid(child, &code, 0), child);
@@ -93,7 +94,7 @@ static int judged(int which, const char *call) {
     return which + 1;
 }
 
-/* All are named before the run fails. */
+/* Fails the group at the end, after all faults were printed. */
 static int any_faults(void **state) {
     return faults != 0;
 }
@@ -106,7 +107,7 @@ RECORDING(product) {
     y[0] = lg_mul(tape, x[0], theta[0]);
 }
 
-TEST("programs") {
+TEST("functions of programs refuse NULL") {
     static lg_port in = {.name = "x", .shape = {1, {1, 0, 0, 0}}}, out = {.name = "y"};
     double number = 1.0;
     lg_function_spec function = {"f", &in, 1, &out, 1, product, NULL};
@@ -156,7 +157,7 @@ TEST("programs") {
     lg_function_image_destroy(image);
 }
 
-TEST("tapes") {
+TEST("functions of tapes refuse NULL") {
     lg_tape *tape = test_tape(LG_F64), *made;
     const lg_var x = lg_full(tape, lg_shape1(1), 2.0), y = lg_mul(tape, x, x);
     lg_var out[1];
@@ -180,7 +181,7 @@ static void no_report(void *user, const lg_gradcheck_case *test, const lg_gradch
                       lg_plant_outcome outcome, const char *reason) {
 }
 
-TEST("gradient checks") {
+TEST("functions of gradient checks refuse NULL") {
     const lg_gradcheck_argument argument = {.shape = {1, {1, 0, 0, 0}}};
     const lg_gradcheck_case test = {
         .function = {.name = "square", .inputs = 1, .arguments = &argument, .build = square}};
@@ -209,7 +210,7 @@ static lg_status no_source(void *user, size_t n, double t, const double *y, doub
     return LG_OK;
 }
 
-TEST("steps") {
+TEST("functions of integrators refuse NULL") {
     lg_space space;
     assert_ok(lg_space_init_rn(&space, 1));
     lg_ode ode = {.space = space, .field = falling};
@@ -274,7 +275,7 @@ static lg_system *test_system(const char *name, const char *form) {
     return system;
 }
 
-TEST("systems") {
+TEST("functions of systems refuse NULL") {
     lg_system *chain = test_system("pendulum-chain", "hamiltonian"), *made;
     const double *own = lg_system_parameter_values(chain);
     lg_tape *tape = test_tape(LG_F64);
@@ -307,7 +308,7 @@ TEST("systems") {
                                       1e-6, 1e-9, NEEDED(others), NULL));
 }
 
-TEST("ensembles") {
+TEST("functions of ensembles refuse NULL") {
     lg_system *system = test_system("oscillator", NULL);
     lg_ensemble_options options;
     lg_ensemble_options_init(&options);
@@ -342,7 +343,7 @@ static lg_status line(void *user, const double *x, double *r, double *jacobian) 
     return LG_OK;
 }
 
-TEST("minimisers") {
+TEST("functions of minimisers refuse NULL") {
     double x[1] = {1.0}, matrix[1] = {1.0};
     lg_minimiser *minimiser = NULL, *made;
     assert_ok(lg_minimiser_create(NULL, 1, NULL, x, &minimiser, NULL));
@@ -367,7 +368,7 @@ static lg_status fit_loss(void *user, lg_tape *tape, lg_var theta, const uint32_
     return lg_tape_status(tape);
 }
 
-TEST("networks and fits") {
+TEST("functions of networks and fits refuse NULL") {
     lg_pooling pooling;
     lg_fit_plan plan;
     lg_mlp mlp;
@@ -404,7 +405,7 @@ TEST("networks and fits") {
 
 RELEASES(release_model, lg_model_destroy)
 
-TEST("Hamiltonians, models and control") {
+TEST("functions of Hamiltonians, models and control refuse NULL") {
     const lg_hamiltonian_family *family = lg_hamiltonian_family_find("separable");
     const lg_scheme *scheme = lg_scheme_find("rk4");
     lg_hamiltonian h;
@@ -504,7 +505,7 @@ TEST("Hamiltonians, models and control") {
     REFUSES(lg_lqr_init(NEEDED(model), NEEDED(&lqr), NEEDED(&regulator), NEEDED(room), 1 << 20, none));
 }
 
-TEST("elastica and surrogates") {
+TEST("functions of elastica and surrogates refuse NULL") {
     lg_elastica problem;
     lg_elastica_init(&problem);
     problem.intervals = 10;
@@ -563,7 +564,7 @@ TEST("elastica and surrogates") {
     lg_elastica_curves_destroy(&curves);
 }
 
-TEST("tables and files") {
+TEST("functions of tables and files refuse NULL") {
     static lg_table_options shape = {
         .network = LG_NET_MLP, .activation = LG_TANH, .hidden_count = 1, .hidden = {3}, .linear = true};
     lg_table model;
@@ -644,7 +645,7 @@ static lg_status judge(void *user, const float *x, uint32_t missing, lg_answer *
     return LG_OK;
 }
 
-TEST("series and classes") {
+TEST("functions of series and classifiers refuse NULL") {
     lg_series series = {.count = 12, .channels = 1, .length = 8, .classes = 2}, other = series;
     lg_windows windows, cut;
     lg_scaler scaler;
@@ -784,7 +785,7 @@ static lg_status gather(void *user, void *all, const size_t *bytes) {
     return LG_OK;
 }
 
-TEST("risers, searches and ranks") {
+TEST("functions of risers, searches and ranks refuse NULL") {
     lg_riser_parameters riser;
     lg_riser_run run;
     uint32_t label, sea_state;
@@ -819,7 +820,7 @@ TEST("risers, searches and ranks") {
                          NULL));
 }
 
-TEST("machines") {
+TEST("functions of machines refuse NULL") {
     static const char text[] = "coordinates: [{name: x, kind: line, velocity: vx}]\n"
                                "mass: {kind: diagonal}\n"
                                "potential: {kind: polynomial, of: x, degree: 2}\n";
@@ -880,7 +881,8 @@ TEST("machines") {
     REFUSES(lg_machine_model_describe(NEEDED(&file->run), NEEDED("machine"), NEEDED(text), NULL));
 }
 
-/* What the tests above leave out: it has no pointer, needs MPI, or needs more than a few lines of files. */
+/* Functions that the tests above leave out: they have no pointers, need MPI, or need more than a few lines of
+ * files. */
 static const char *const left_out[] = {
     "lg_minimise_end_status",
     "lg_mpi_begin",
@@ -924,11 +926,11 @@ static bool is_left_out(const char *name, size_t length) {
     return false;
 }
 
-/* The last test: those before it state the calls. */
-TEST("every public function that returns an lg_status is called, or named as left out") {
+/* This must be the last test, because it uses the calls that the other tests recorded. */
+TEST("every public function that returns an lg_status is called above, or listed as left out") {
     static const char begin[] = "\nLG_API lg_status ";
     glob_t headers;
-    size_t found = 0; /* of left_out */
+    size_t found = 0; /* number of entries of left_out */
     assert_int_equal(glob(LG_TEST_DIR "/../include/liegrad/*.h", 0, NULL, &headers), 0);
     for (size_t i = 0; i < headers.gl_pathc; i++) {
         static char text[1 << 17];

@@ -1,4 +1,4 @@
-/* The core room: status list, context and allocator, random numbers, worker threads, instruction sets.
+/* Core: statuses, context and allocator, random numbers, worker threads, instruction sets.
  * ctest-labels: threads isa */
 #include "support/fixtures.h"
 
@@ -15,7 +15,8 @@
 
 /* ---- status ---- */
 
-/* The values are part of the interface: written out here, so that a renumbered list turns this red. */
+/* The values are part of the interface. They are repeated here so that a test fails if the list is
+ * renumbered. */
 static const struct {
     lg_status status;
     int value;
@@ -40,7 +41,7 @@ static const struct {
     {LG_CHECK_FAILED, 16, "CHECK_FAILED"},
 };
 
-TEST("every status has the value, name and sentence of the interface, any other is UNKNOWN") {
+TEST("every status has the value, name and message of the interface, and any other value is UNKNOWN") {
     assert_string_equal(lg_status_name((lg_status)1000), "UNKNOWN");
     assert_non_null(lg_status_sentence((lg_status)1000));
 #define COUNT_ONE(code, value, sentence) +1
@@ -57,7 +58,7 @@ TEST("every status has the value, name and sentence of the interface, any other 
     }
 }
 
-TEST("fail fills the message") {
+TEST("lg_fail fills the message") {
     lg_error error;
     memset(&error, 'x', sizeof error);
     assert_int_equal(lg_fail(&error, LG_SHAPE, "line %d", 7), LG_SHAPE);
@@ -121,7 +122,7 @@ static void check_memory(const lg_context *context) {
         if (counts[i] != 0) memset(memory, 0xff, 3 * counts[i]);
         lg_free(context, memory);
     }
-    /* count * size overflows, or comes near enough to the end for an allocator's own additions to overflow */
+    /* count * size overflows, or is so large that an allocator's own additions would overflow. */
     assert_null(lg_alloc(context, SIZE_MAX, 2));
     assert_null(lg_alloc(context, 2, SIZE_MAX));
     assert_null(lg_alloc(context, SIZE_MAX / 2 + 2, 2));
@@ -136,7 +137,7 @@ static void check_memory(const lg_context *context) {
     lg_free(context, copy);
 }
 
-TEST("memory is zeroed, aligned, and refused where its size overflows; it comes from the context") {
+TEST("memory is zeroed, aligned and allocated from the context; sizes that overflow are refused") {
     lg_fail_alloc memory;
     lg_context *counted = lg_fail_alloc_context(&memory), *plain = NULL;
     assert_ok(lg_context_create(NULL, &plain));
@@ -155,7 +156,7 @@ TEST("memory is zeroed, aligned, and refused where its size overflows; it comes 
     lg_context_destroy(plain);
 }
 
-TEST("a pool whose allocations fail leaves nothing behind") {
+TEST("a pool whose allocations fail leaks nothing") {
     EVERY_ALLOCATION_FAILS(context, 1, {
         lg_thread_pool *const untouched = (lg_thread_pool *)(void *)&memory_;
         lg_thread_pool *pool = untouched;
@@ -178,7 +179,7 @@ static void hear(void *user, lg_log_level level, const char *message) {
     (void)snprintf(all->message, sizeof all->message, "%s", message);
 }
 
-TEST("messages and the cancel flag go through the context") {
+TEST("log messages and the cancel flag are passed through the context") {
     heard all = {0, LG_LOG_DEBUG, ""};
     volatile int cancel = 0;
     lg_context_options options;
@@ -209,7 +210,8 @@ TEST("messages and the cancel flag go through the context") {
 
 /* ---- random numbers ---- */
 
-TEST("the reference implementation's first outputs from the state 1, 2, 3, 4 (Blackman & Vigna 2018)") {
+TEST("the first outputs from the state 1, 2, 3, 4 agree with the reference implementation (Blackman & "
+     "Vigna 2018)") {
     static const uint64_t expected[] = {
         11520u,
         0u,
@@ -226,7 +228,7 @@ TEST("the reference implementation's first outputs from the state 1, 2, 3, 4 (Bl
     for (size_t i = 0; i < LG_COUNT(expected); i++) assert_true(lg_rng_next(&rng) == expected[i]);
 }
 
-TEST("seeded sequences never change: files and reports record them") {
+TEST("seeded sequences never change, as files and reports rely on them") {
     static const struct {
         uint64_t seed, stream, next[3];
     } rows[] = {
@@ -240,7 +242,7 @@ TEST("seeded sequences never change: files and reports record them") {
     }
 }
 
-TEST("the state of a generator is all there is") {
+TEST("a copy of a generator's state continues its sequence") {
     lg_rng rng = test_rng(3, 0);
     (void)lg_rng_normal(&rng);
     lg_rng copy = rng;
@@ -250,7 +252,7 @@ TEST("the state of a generator is all there is") {
     }
 }
 
-TEST("outputs of all ones and all zeros: the ends of [0, 1). s[1] is the preimage of the output word") {
+TEST("outputs of all ones and all zeros give the ends of [0, 1); s[1] is computed from the output word") {
     uint64_t inverse5 = 1, inverse9 = 1;
     for (int i = 0; i < 6; i++) { /* Newton's iteration modulo 2^64 */
         inverse5 *= 2 - 5 * inverse5;
@@ -287,7 +289,7 @@ static void moments(const double *x, size_t n, double out[5]) {
 
 enum { SAMPLES = 200000 };
 
-TEST("uniform and normal numbers have their moments") {
+TEST("uniform and normal numbers have the right moments") {
     const double root = 5.0 / sqrt((double)SAMPLES);
     double *x = TEST_ARRAY(double, SAMPLES), m[5];
     for (uint64_t seed = 1; seed <= 3; seed++) {
@@ -389,7 +391,7 @@ TEST("shuffles are permutations, all equally likely") {
 /* ---- worker threads ---- */
 
 typedef struct job {
-    atomic_int *runs; /* one a task */
+    atomic_int *runs; /* one per task */
     double *results;
     atomic_int inside;
 } job;
@@ -419,7 +421,7 @@ static void check_pool(int threads, size_t count, int rounds) {
     lg_thread_pool_destroy(pool);
 }
 
-TEST("pool runs every task once") {
+TEST("a pool runs every task once") {
     for (int threads = 1; threads <= 8; threads++) {
         check_pool(threads, 0, 3);
         check_pool(threads, 1, 3);
@@ -437,7 +439,7 @@ static void wait_for_all(void *user, size_t index) {
     for (int i = 0; i < 20000 && atomic_load(arrived) < 3; i++) nanosleep(&pause, NULL);
 }
 
-TEST("three tasks that wait for each other end only when three threads run them at the same time") {
+TEST("three tasks that wait for each other end only if three threads run them at the same time") {
     lg_thread_pool *pool = NULL;
     assert_ok(lg_thread_pool_create(NULL, 3, &pool));
     atomic_int arrived = 0;
@@ -451,7 +453,7 @@ typedef struct late {
     atomic_int arrived, finished;
 } late;
 
-/* Both threads take one task each; the worker's takes its time. */
+/* Each of the two threads takes one task; the worker's task takes longer. */
 static void finish_late(void *user, size_t index) {
     late *self = user;
     atomic_fetch_add(&self->arrived, 1);
@@ -463,7 +465,7 @@ static void finish_late(void *user, size_t index) {
     atomic_fetch_add(&self->finished, 1);
 }
 
-TEST("a run returns when the last task has ended, even long after the caller's own") {
+TEST("a run returns when the last task has ended, even long after the caller's own task") {
     lg_thread_pool *pool = NULL;
     assert_ok(lg_thread_pool_create(NULL, 2, &pool));
     for (int i = 0; i < 3; i++) {
@@ -474,7 +476,7 @@ TEST("a run returns when the last task has ended, even long after the caller's o
     lg_thread_pool_destroy(pool);
 }
 
-TEST("numbers of threads that cannot be are refused") {
+TEST("invalid numbers of threads are refused") {
     lg_thread_pool *pool = NULL;
     static const int bad[] = {0, -1, -2147483647, 1025};
     for (size_t i = 0; i < LG_COUNT(bad); i++) {
@@ -486,7 +488,7 @@ TEST("numbers of threads that cannot be are refused") {
 
 /* ---- instruction sets ---- */
 
-/* The choice is made once a process: each value of the variable is tried in a child. */
+/* The instruction set is chosen once per process, so each value of the variable is tried in a child. */
 static int isa_with(const char *asked) {
     const pid_t child = fork();
     if (child == 0) {
@@ -501,7 +503,7 @@ static int isa_with(const char *asked) {
     return WEXITSTATUS(status);
 }
 
-TEST("the variable chooses an instruction set that the machine has") {
+TEST("LIEGRAD_ISA chooses an instruction set that the machine has") {
     static const char *const names[LG_ISA_COUNT] = {"baseline", "avx2", "avx512", "neon"};
     const int best = isa_with(NULL);
     assert_in_range(best, 0, LG_ISA_COUNT - 1);
@@ -513,14 +515,14 @@ TEST("the variable chooses an instruction set that the machine has") {
     assert_int_equal(isa_with(""), best);
 }
 
-TEST("isa in use is what was asked for") {
+TEST("the instruction set in use is the requested one") {
     const char *asked = getenv("LIEGRAD_ISA");
     if (asked != NULL && isa_with(asked) == isa_with(NULL)) asked = NULL;
     if (asked != NULL) assert_string_equal(lg_isa_name(lg_isa_in_use()), asked);
     assert_int_equal(lg_isa_in_use(), lg_isa_in_use());
 }
 
-TEST("the description of the machine fits its memory") {
+TEST("the description of the machine fits into its buffer") {
     char text[256], part[8];
     memset(text, 'x', sizeof text);
     const int length = lg_cpu_describe(text, sizeof text);
@@ -534,11 +536,11 @@ TEST("the description of the machine fits its memory") {
     assert_int_equal(lg_cpu_describe(NULL, 0), length);
 }
 
-TEST("the version is the header's") {
+TEST("the version equals the header's") {
     assert_string_equal(lg_version(), LG_VERSION_STRING);
 }
 
-/* ---- the tests' own instruments ---- */
+/* ---- the tests' own tools ---- */
 
 static void take_and_give_back(void) {
     void *volatile memory = malloc(100);
@@ -564,7 +566,7 @@ TEST("counters see allocations, releases and locks") {
 
     lg_rng rng = test_rng(1, 0);
     assert_no_malloc_no_lock((void)lg_rng_normal(&rng));
-    take_and_give_back(); /* outside of a region: not counted */
+    take_and_give_back(); /* outside of a region, so not counted */
     used = lg_count_end();
     assert_int_equal(used.allocations, 0);
 
@@ -584,7 +586,7 @@ TEST("counters see allocations, releases and locks") {
     lg_thread_pool_destroy(pool);
 }
 
-TEST("the comparison that every test stands on: NaN is never close, not even to NaN") {
+TEST("in the comparison that all tests use, NaN is never close, not even to NaN") {
     assert_true(lg_is_close(1.0, 1.0 + 1e-12, 1e-11, 0.0));
     assert_false(lg_is_close(1.0, 1.0 + 1e-10, 1e-11, 0.0));
     assert_false(lg_is_close(NAN, 1.0, 1.0, 1.0));
@@ -595,9 +597,9 @@ TEST("the comparison that every test stands on: NaN is never close, not even to 
     assert_false(lg_is_close(-INFINITY, INFINITY, 1.0, 1.0));
 }
 
-/* Runs last: it changes the process. OpenBLAS computes as before, in one thread; the environment is as it
- * was. */
-TEST("runtime setup") {
+/* Must run last, because it changes the process. OpenBLAS must compute the same, in one thread, and the
+ * environment must be unchanged. */
+TEST("lg_runtime_setup limits OpenBLAS to one thread") {
     enum { N = 96 };
     static double a[N * N], c[N * N];
     const char *before = getenv("OPENBLAS_CORETYPE");

@@ -1,5 +1,6 @@
-/* What must be the same in two files: all but measured times (names with "seconds") and the command line. Of
- * HDF5 files a list of objects, attributes and their bytes, of CSV the other columns, else the whole file. */
+/* Hashes of what must be equal in two files: everything except measured times (names with "seconds") and the
+ * command line. For HDF5 files the hash covers objects, attributes and their bytes, for CSV the other
+ * columns, and for other files all bytes. */
 #ifndef LG_TEST_DIGEST_H
 #define LG_TEST_DIGEST_H
 
@@ -21,7 +22,7 @@ static inline bool digest_skips(const char *name) {
     return strstr(slash != NULL ? slash : name, "seconds") != NULL || strcmp(name, "command") == 0;
 }
 
-/* Type, number and bytes of a dataset or an attribute, as they are stored. */
+/* Hashes type, number of elements and bytes of a data set or attribute, as stored. */
 static inline void digest_value(digesting *d, hid_t value, bool attribute) {
     const hid_t type = attribute ? H5Aget_type(value) : H5Dget_type(value);
     const hid_t space = attribute ? H5Aget_space(value) : H5Dget_space(value);
@@ -71,7 +72,8 @@ static inline bool digest_h5(const char *path, digesting *d) {
     return H5Fclose(file) >= 0 && !d->failed;
 }
 
-/* All cells but those of the columns whose name holds "seconds"; false when the last line has no end. */
+/* Hashes all cells except in columns whose name contains "seconds". Returns false if the last line is
+ * incomplete. */
 static inline bool digest_csv(FILE *file, digesting *d) {
     static char line[65536];
     bool skipped[256] = {false}, head = true, whole = true;
@@ -106,7 +108,7 @@ static inline bool digest_ends(const char *path, const char *ending) {
     return n >= m && strcmp(path + n - m, ending) == 0;
 }
 
-/* False: there is no such file, or it is not whole. */
+/* Returns false if the file does not exist or is incomplete. */
 static inline bool digest_file(const char *path, char text[LG_SHA256_TEXT]) {
     digesting d = {.failed = false};
     bool whole = false;

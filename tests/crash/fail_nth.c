@@ -1,6 +1,7 @@
-/* Stands before malloc in a program (LD_PRELOAD): of the calls from the program and from liegrad's libraries,
- * number LG_FAIL_FROM to LG_FAIL_TO find no memory. Calls that open a stream or a folder are calls too: they
- * allocate. Other libraries always get memory. LG_FAIL_COUNT: a file that gets the number of calls. */
+/* A library for LD_PRELOAD that replaces malloc: calls number LG_FAIL_FROM to LG_FAIL_TO find no memory. Only
+ * calls from the program and from liegrad's libraries count; other libraries always get memory. Calls that
+ * open a stream or a folder count too, as they allocate. LG_FAIL_COUNT: a file that gets the number of
+ * calls. */
 #define _GNU_SOURCE
 #include <dirent.h>
 #include <dlfcn.h>
@@ -12,7 +13,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* glibc's own, under the names that it keeps for programs that stand before it. */
+/* The C library's functions under the names that glibc keeps for programs that replace malloc. */
 void *__libc_malloc(size_t bytes);
 void *__libc_calloc(size_t count, size_t bytes);
 void *__libc_realloc(void *memory, size_t bytes);
@@ -22,7 +23,7 @@ enum { MOST = 16 };
 static struct { uintptr_t from, to; } code[MOST]; /* of the program and liegrad's libraries */
 static int codes;
 static _Atomic unsigned long calls;
-static unsigned long fail_from, fail_to; /* from 1; 0: none */
+static unsigned long fail_from, fail_to; /* numbers from 1; 0: no call fails */
 
 static int visit(struct dl_phdr_info *info, size_t size, void *user) {
     (void)size;
@@ -94,7 +95,7 @@ int posix_memalign(void **out, size_t alignment, size_t bytes) {
     return 0;
 }
 
-/* What opens, and allocates for it. */
+/* Defines a function that opens something and allocates memory for it. */
 #define OPENS(type, function, parameters, values)                                                            \
     type *function parameters {                                                                              \
         if (fails(HERE)) return NULL;                                                                        \

@@ -1,15 +1,16 @@
-/* Kills commands (SIGKILL) at random moments, lets them go on, and compares what comes of it with the
- * unbroken run:
+/* Kills commands (SIGKILL) at random moments, lets them continue, and compares the results with those of an
+ * uninterrupted run:
  *
  *     kills FOLDER-OF-EXECUTABLES [-n KILLS] [-s SEED] [-o NAME]
  *
- * Half of the moments are uniform over the time of the unbroken run; the other half follow by up to 3 ms the
- * beginning of a write that is drawn at random. After a kill each output is absent, what it was before, or
- * complete; a checkpoint can be read and holds what it held before the kill, or more. Then the command runs
- * again, with --resume where there is a checkpoint (and is killed again in a third of the cases). In the end
- * the outputs are those of the unbroken run, the run has written the rest of the checkpoints and no more, and
- * no temporary file or lock is left. Exit code 1: something of this was not so. The table is of Markdown. */
-#define _GNU_SOURCE /* getopt beside POSIX */
+ * Half of the moments are uniform over the time of the uninterrupted run. The other half are up to 3 ms after
+ * the beginning of a randomly drawn write. After a kill each output must be absent, unchanged, or complete,
+ * and a checkpoint must be readable and hold at least what it held before the kill. Then the command runs
+ * again, with --resume if there is a checkpoint; in a third of the cases it is killed again. At the end the
+ * outputs must equal those of the uninterrupted run, the run must have written exactly the missing
+ * checkpoints, and no temporary file or lock may be left. If a check fails the exit code is 1. The results
+ * are printed as a Markdown table. */
+#define _GNU_SOURCE /* getopt in addition to POSIX */
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -29,16 +30,17 @@
 enum { OUTPUTS = 5, WORDS = 64, DRAWS = 40, PATIENCE = 120 };
 static const double after_write = 3e-3; /* s */
 
-/* One command. Inputs are in ../in, outputs in the current folder; a name with a slash at its end is a
+/* A command. Inputs are in ../in, outputs in the current folder. A name that ends with a slash is a
  * folder. */
 typedef struct job {
     const char *name, *program, *arguments;
-    const char *checkpoint; /* what tells how far the command is; NULL: it begins anew */
-    const char *again;      /* is added where the checkpoint exists */
-    bool counted;           /* each step forward is one renaming of the checkpoint */
-    bool keeps;             /* an output that stood there before is replaced at the end only */
-    bool appends;           /* the output is a log, to which the second run appends */
-    bool unordered;         /* rows stand as they were finished */
+    /* the file that shows the progress; NULL: the command starts from the beginning */
+    const char *checkpoint;
+    const char *again; /* options added if the checkpoint exists */
+    bool counted;      /* each step of progress renames the checkpoint once */
+    bool keeps;        /* an existing output is replaced only at the end */
+    bool appends;      /* the output is a log, to which a second run appends */
+    bool unordered;    /* rows are in the order in which they were finished */
     const char *outputs[OUTPUTS];
 } job;
 
@@ -111,7 +113,7 @@ static const job jobs[] = {
      .keeps = true, .outputs = {"run.csv"}},
 };
 
-/* What is there before the kills. */
+/* Files that are made before the kills. */
 static const struct {
     const char *program, *arguments;
 } inputs[] = {
@@ -215,7 +217,7 @@ static int wait_for(pid_t pid) {
     return WIFEXITED(status) ? WEXITSTATUS(status) : 1000 + WTERMSIG(status);
 }
 
-/* ---- the folder of the work ---- */
+/* ---- the working folder ---- */
 
 static const char *work(const char *name) {
     static char path[2][512];
@@ -230,7 +232,7 @@ static bool exists(const char *path) {
     return stat(path, &about) == 0;
 }
 
-/* Names below the folder that hold `part`. */
+/* Number of names below the folder that contain `part`. */
 static int count_left(const char *path, const char *part) {
     int count = 0;
     DIR *folder = opendir(path);
@@ -250,7 +252,7 @@ static int by_name(const void *a, const void *b) {
     return strcmp(a, b);
 }
 
-/* Files of a folder, by name; those being written apart. */
+/* Lists the files of a folder by name, without temporary files. */
 static int list(const char *path, char names[64][256]) {
     int count = 0;
     DIR *folder = opendir(path);
@@ -289,10 +291,10 @@ static bool digest(const job *j, const char *path, char text[LG_SHA256_TEXT]) {
     return is_folder(path) ? digest_folder(path, text) : digest_file(j->unordered ? sorted : path, text);
 }
 
-/* ---- how far a command is ---- */
+/* ---- progress of a command ---- */
 
 static long rows_of(const char *path) {
-    long rows = -1; /* the line of names */
+    long rows = -1; /* minus one for the line of names */
     FILE *file = fopen(path, "r");
     char line[4096];
     if (file == NULL) return 0;
@@ -313,19 +315,19 @@ static long epochs_of(const char *path) {
     return read ? (long)epoch : -1;
 }
 
-/* Epochs or rows of the checkpoint; 0: there is none. -1: it cannot be read. */
+/* Epochs or rows in the checkpoint; 0: there is none; -1: it cannot be read. */
 static long progress(const job *j) {
     const char *path = j->checkpoint != NULL ? work(j->checkpoint) : NULL;
     if (path == NULL || !exists(path)) return 0;
     return digest_ends(path, ".h5") ? epochs_of(path) : rows_of(path);
 }
 
-/* ---- writes, as the folder tells of them ---- */
+/* ---- writes, observed in the folder by inotify ---- */
 
 typedef struct listener {
     int fd;
     const job *job;
-    long begun, saved; /* writes; checkpoints renamed */
+    long begun, saved; /* number of writes; number of checkpoints renamed */
 } listener;
 
 static listener listen_to(const job *j) {
@@ -355,7 +357,7 @@ static void drain(listener *l) {
         }
 }
 
-/* Until `writes` have begun or the process has ended. */
+/* Waits until `writes` writes have begun, or the process has ended. */
 static void wait_for_writes(listener *l, pid_t pid, long writes) {
     struct pollfd on = {l->fd, POLLIN, 0};
     siginfo_t info;
@@ -371,8 +373,8 @@ static void wait_for_writes(listener *l, pid_t pid, long writes) {
 
 typedef struct bench {
     const job *job;
-    double seconds;    /* of the unbroken run */
-    long begun, saved; /* writes in it; checkpoints */
+    double seconds;    /* of the uninterrupted run */
+    long begun, saved; /* writes in it; its checkpoints */
     long end;          /* progress at its end */
     long cut;          /* bytes of the log before this run */
     char wanted[OUTPUTS][LG_SHA256_TEXT];
@@ -393,7 +395,7 @@ static void fail(bench *b, const char *format, ...) {
               (unsigned long long)b->sum.failed);
 }
 
-/* What stands there before: another export, or a file of four bytes. */
+/* Writes older outputs: another export, or a file of four bytes. */
 static void put_old(bench *b) {
     const job *j = b->job;
     for (int i = 0; i < OUTPUTS && j->outputs[i] != NULL; i++) {
@@ -404,7 +406,7 @@ static void put_old(bench *b) {
     }
 }
 
-/* The file is what it was before, or complete. */
+/* Whether the file is as before, or complete. */
 static bool is_whole(const char *path, const char *wanted) {
     char now[LG_SHA256_TEXT], text[8] = "";
     FILE *file = fopen(path, "rb");
@@ -414,7 +416,7 @@ static bool is_whole(const char *path, const char *wanted) {
     return digest_file(path, now) && strcmp(now, wanted) == 0;
 }
 
-/* Each file of the folder is one of the export before, or of the complete one. */
+/* Whether each file of the folder belongs to the older export or to the complete one. */
 static bool is_whole_folder(const char *path) {
     static const char *const sources[] = {"in/old", "new/code"};
     static char names[64][256];
@@ -433,7 +435,7 @@ static bool is_whole_folder(const char *path) {
     return true;
 }
 
-/* Bytes up to the end of the last whole line. */
+/* Number of bytes up to the end of the last complete line. */
 static long whole_lines(const char *path) {
     long at = 0, end = 0;
     FILE *file = fopen(path, "rb");
@@ -445,8 +447,8 @@ static long whole_lines(const char *path) {
     return end;
 }
 
-/* From byte `from` on the log is the beginning of the whole one, or all of it; the line of names stands at
- * the top alone. */
+/* Whether the log from byte `from` on is the beginning of the complete log, or with `all` the whole of it.
+ * Only the first run writes the line of names. */
 static bool continues(const char *path, long from, const char *whole, bool all) {
     FILE *log = fopen(path, "rb"), *model = fopen(whole, "rb");
     bool same = log != NULL && model != NULL && fseek(log, from, SEEK_SET) == 0;
@@ -496,7 +498,7 @@ static const char *more_of(const job *j) {
     return j->again != NULL && exists(work(j->checkpoint)) ? j->again : "";
 }
 
-/* One run that is killed, if the moment comes in time. */
+/* Starts a run and kills it at the drawn moment. Returns false if the run ended before. */
 static bool run_killed(bench *b) {
     const job *j = b->job;
     listener l = listen_to(j);
@@ -522,7 +524,7 @@ static bool run_killed(bench *b) {
     return true;
 }
 
-/* The run that goes on to the end. */
+/* Runs the command to its end. */
 static void run_rest(bench *b) {
     const job *j = b->job;
     const bool resumes = j->checkpoint != NULL && exists(work(j->checkpoint));
@@ -550,7 +552,8 @@ static void clean(void) {
     run_shell("rm -rf '%s/w'; mkdir '%s/w'", base, base);
 }
 
-/* Kills the command until a draw says enough, or, with a checkpoint, a run comes to its end unkilled. */
+/* Kills the command repeatedly, until a random draw ends this or a command with a checkpoint finishes before
+ * its kill. */
 static void kill_once(bench *b, uint64_t wanted) {
     const uint64_t failures = b->sum.failed;
     clean();
@@ -595,7 +598,7 @@ static result run_job(const job *j, uint64_t kills) {
     return b.sum;
 }
 
-/* ---- all ---- */
+/* ---- all jobs ---- */
 
 static void put_text(const char *name, const char *text) {
     char path[512];

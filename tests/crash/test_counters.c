@@ -1,4 +1,4 @@
-/* Counters that pass 2^32. */
+/* Counters beyond 2^32. */
 #include "anomaly/classify/monitor.c" /* its counters */
 
 #include "nn/fit_internal.h"
@@ -41,7 +41,7 @@ TEST("a monitor counts samples, windows and a gap beyond 2^32") {
     assert_true(monitor->gap == top - 1 + 4 * WINDOW);
 }
 
-/* The rest of a fit whose counter of steps stands at `step`. */
+/* Runs the fit, sets its counter of steps to `step`, and runs the rest. */
 static void run_from(lg_fit *fit, uint64_t step) {
     run_fit(fit);
     fit->state.step = step;
@@ -49,8 +49,8 @@ static void run_from(lg_fit *fit, uint64_t step) {
     run_fit(fit);
 }
 
-/* Beyond some 40000 steps both corrections of the moments are 1 in double: where the counter stands is not to
- * be seen in the parameters, unless it begins again at 0. */
+/* After about 40000 steps both bias corrections of Adam are 1 in double precision. Then the parameters do not
+ * depend on the counter, unless it wraps to 0. */
 TEST("Adam's steps are counted beyond 2^32") {
     regression r = make_regression();
     lg_fit_options options = options_of(6, 0);

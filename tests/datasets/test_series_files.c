@@ -1,4 +1,4 @@
-/* Labelled series: round trip, what other programs write, tables of damage. */
+/* Labelled series in files: written and read back, files of other programs, tables of damages. */
 #include "support/io_test.h"
 
 #include "liegrad/series.h"
@@ -62,7 +62,7 @@ static lg_status read_data(const lg_context *context, const char *path, const lg
     return status;
 }
 
-/* Warnings heard in the last reading. */
+/* Warnings during the last reading. */
 static struct {
     int count;
     char last[512];
@@ -80,8 +80,8 @@ static void assert_heard(int count, const char *word) {
     if (count > 0 && strstr(heard.last, word) == NULL) fail_msg("no '%s' in: %s", word, heard.last);
 }
 
-/* Classes like those of `like`, which may be NULL; NULL when it is refused with that word. Warnings are
- * heard. */
+/* Reads a file whose classes must match those of `like`, which may be NULL. `word`: the file must be refused
+ * with this word; then NULL is returned. Warnings are recorded. */
 static lg_series_data *read_like(const char *path, const lg_series *like, const char *word) {
     lg_series_data data;
     lg_context *context;
@@ -111,7 +111,7 @@ static void assert_names(char (*have)[LG_SERIES_NAME], size_t count, const char 
     assert_string_equal(text, joined);
 }
 
-TEST("a series comes back as it was written") {
+TEST("a series is read back as it was written") {
     for (int full = 0; full < 2; full++) {
         const char *path = scratch_path("round.h5"), *second = scratch_path("round2.h5");
         lg_series_data *data = make_series(full == 1);
@@ -139,11 +139,11 @@ TEST("a series comes back as it was written") {
         }
         assert_ok(lg_series_write(NULL, second, again, NULL));
         assert_same_bytes(path, second);
-        lg_series_data_destroy(again); /* once more by the test */
+        lg_series_data_destroy(again); /* the test destroys it a second time */
     }
 }
 
-TEST("the hash is that of x as little-endian floats, then the labels") {
+TEST("the hash is computed from x as little-endian floats, then the labels") {
     const lg_series_data *data = read_series(good_file());
     lg_sha256 sha;
     char text[LG_SHA256_TEXT];
@@ -154,7 +154,7 @@ TEST("the hash is that of x as little-endian floats, then the labels") {
     assert_string_equal(data->sha256, text);
 }
 
-TEST("names that cannot be joined, and more than an attribute holds, come back") {
+TEST("names with separators, and more names than an attribute can hold, are read back") {
     for (size_t many = 0; many < 2; many++) {
         const uint32_t classes = many == 1 ? 3000 : 2;
         lg_series_data *data = own_lg_series_data(
@@ -179,7 +179,7 @@ TEST("names that cannot be joined, and more than an attribute holds, come back")
 
 /* ---- files of other programs ---- */
 
-/* Whole numbers -25..25 in /X of `stored`; no labels yet, no attributes. */
+/* A file with the integers -25..25 in /X, stored as `stored`; without labels and attributes. */
 static const char *foreign_file(hid_t stored, int rank, bool packed) {
     const char *path = scratch_path("foreign.h5");
     const hsize_t three[3] = {WINDOWS, CHANNELS, LENGTH}, two[2] = {WINDOWS, WINDOW};
@@ -197,7 +197,7 @@ static void put_labels(const char *path, const char *name, hid_t stored, int ran
     replace_dataset(path, name, stored, H5T_NATIVE_DOUBLE, rank, dims, values);
 }
 
-/* size 0: variable length */
+/* size 0: variable length. */
 static void put_text_labels(const char *path, const char *name, size_t size, H5T_str_t padding, int rank,
                             const char *const *values) {
     const hsize_t dims[2] = {WINDOWS, 1};
@@ -219,7 +219,7 @@ static void assert_labels(const char *path, const lg_series *like, const char *n
     assert_memory_equal(s->label, expected, WINDOWS * sizeof *expected);
 }
 
-/* Samples of floats, labelled by whole numbers; `classes` NULL: without names. */
+/* A file with samples as floats and integer labels. `classes` NULL: without names. */
 static const char *labelled_file(const double *y, const char *classes) {
     const char *path = foreign_file(H5T_IEEE_F32LE, 3, false);
     put_labels(path, "y", H5T_STD_I32LE, 1, y);
@@ -269,7 +269,7 @@ TEST("labels may be numbers of any type") {
         {H5T_STD_I64LE, 1, {1099511627776, 7, 7, 7, 7, 7}, NULL, "7|1099511627776", {1, 0, 0, 0, 0, 0}},
         {H5T_STD_I8LE, 1, {-1, 1, 1, -1, 1, -1}, "bad|good", "bad|good", {0, 1, 1, 0, 1, 0}},
         {H5T_IEEE_F64LE, 1, {2, 1, 1, 1, 1, 2}, "a|b", "a|b", {1, 0, 0, 0, 0, 1}},
-        /* within 0..K-1 the number is the class, even where one is missing */
+        /* Numbers within 0..K-1 are the classes, even if one does not occur. */
         {H5T_STD_I64BE, 1, {2, 0, 2, 0, 2, 0}, "a|b|c", "a|b|c", {2, 0, 2, 0, 2, 0}},
         {H5T_STD_U64LE, 2, {1, 1, 1, 1, 1, 1}, "a|b", "a|b", {1, 1, 1, 1, 1, 1}},
     };
@@ -283,7 +283,8 @@ TEST("labels may be numbers of any type") {
 
 TEST("labels may be texts") {
     static const char *const words[WINDOWS] = {"ok", "worn out", "ok", "leak", "worn out", "ok"};
-    static const char *const digits[WINDOWS] = {"10", "9", "10", "9", "10", "9"}; /* bytewise: 10 first */
+    /* bytewise, 10 comes first */
+    static const char *const digits[WINDOWS] = {"10", "9", "10", "9", "10", "9"};
     static const uint32_t rising[WINDOWS] = {1, 2, 1, 0, 2, 1}, listed[WINDOWS] = {0, 1, 0, 2, 1, 0};
     static const uint32_t both[WINDOWS] = {0, 1, 0, 1, 0, 1};
     const struct {
@@ -301,7 +302,7 @@ TEST("labels may be texts") {
         assert_labels(path, NULL, "leak|ok|worn out", rising);
         replace_text(path, "/", "classes", "ok|worn out|leak"); /* another order */
         assert_labels(path, NULL, "ok|worn out|leak", listed);
-        replace_text(path, "/", "classes", "L|O|W"); /* other names: in rising order */
+        replace_text(path, "/", "classes", "L|O|W"); /* other names, assigned in increasing order */
         assert_labels(path, NULL, "L|O|W", rising);
         put_text_labels(path, "y", types[i].size, types[i].padding, types[i].rank, digits);
         delete_attribute(path, "/", "classes");
@@ -323,8 +324,8 @@ TEST("labels may be numpy's bool, which is an enumeration") {
     assert_labels(path, NULL, "whole|torn", expected);
 }
 
-/* A list of texts, as attrs["classes"] = ["a", "b"] writes; numbers are no names. */
-TEST("a list of texts is names, and a list of numbers is not") {
+/* A list of texts, as attrs["classes"] = ["a", "b"] writes it; numbers are not names. */
+TEST("a list of texts gives names, and a list of numbers does not") {
     const char *const names[2] = {"dry|cold", "wet"};
     const hsize_t n = 2;
     const uint32_t expected[WINDOWS] = {0, 1, 0, 1, 1, 0};
@@ -343,14 +344,14 @@ TEST("a list of texts is names, and a list of numbers is not") {
     assert_string_equal(s->channel_name[1], "wet");
     replace_integer(path, "/", "classes", 2);
     replace_integer(path, "/", "channels", 2);
-    replace_text(path, "/", "noise", "gaussian"); /* means something else there */
+    replace_text(path, "/", "noise", "gaussian"); /* has another meaning in that program */
     replace_integer(path, "/", "housing", 4);
     replace_text(path, "/", "format", "UCR");
     replace_text(path, "/", "kind", "archive");
     assert_labels(path, NULL, "0|1", expected);
 }
 
-TEST("units of other programs are read") {
+TEST("runs and groups of other programs are read") {
     static const char *const people[WINDOWS] = {"p7", "p7", "p12", "p12", "p9", "p9"};
     static const double runs[WINDOWS] = {40, 40, 3, 3, 3, 0}, rate = 12.5;
     static const uint32_t groups[WINDOWS] = {1, 1, 0, 0, 2, 2};
@@ -366,8 +367,7 @@ TEST("units of other programs are read") {
     assert_names(s->channel_name, 2, "left|");
 }
 
-TEST("runs whose windows do not follow one another, and rates that are no numbers, are left out with a "
-     "warning") {
+TEST("runs whose windows are not consecutive, and invalid rates, are left out with a warning") {
     static const double runs[WINDOWS] = {1, 1, 2, 1, 2, 2};
     const char *path = good_file();
     put_labels(path, "run", H5T_STD_I32LE, 1, runs);
@@ -380,7 +380,7 @@ TEST("runs whose windows do not follow one another, and rates that are no number
     assert_heard(1, "attribute rate");
 }
 
-/* ---- a test file beside a training file ---- */
+/* ---- a test file for a training file ---- */
 
 static const lg_series *classes_like(uint32_t classes, const char *const *names) {
     lg_series_data *like = own_lg_series_data(
@@ -416,7 +416,7 @@ TEST("classes are matched by name") {
     }
 }
 
-TEST("classes that do not match are refused, and what does not occur needs no match") {
+TEST("classes that do not match are refused, and classes that do not occur need no match") {
     static const struct {
         const char *like[3];
         uint32_t classes;
@@ -428,7 +428,7 @@ TEST("classes that do not match are refused, and what does not occur needs no ma
         {{"intact", "broken"}, 2, {1, 1, 1, 1, 1, 1}, NULL, "'1'"}, /* 0..1 or 1..2? */
         {{"intact", "broken"}, 2, {0, 1, 2, 0, 1, 2}, NULL, "'0'"},
         {{"0", "1"}, 2, {0, 1, -1, 0, 1, 0}, NULL, "'-1'"},
-        /* labels without names are names: one that did not occur is no number of a class */
+        /* Labels without names are used as names; a label that did not occur is not the number of a class. */
         {{"1", "2", "3"}, 3, {0, 1, 2, 0, 1, 2}, NULL, "'0' is none of the classes 1|2|3"},
     };
     const uint32_t expected[WINDOWS] = {0, 1, 0, 1, 1, 0};
@@ -442,15 +442,15 @@ TEST("classes that do not match are refused, and what does not occur needs no ma
         LG_INVALID_ARGUMENT);
 }
 
-TEST("what numbers with names mean does not depend on which of them occur") {
+TEST("the meaning of numbers with names does not depend on which of them occur") {
     static const double one[WINDOWS] = {1, 2, 3, 1, 2, 3}, zero[WINDOWS] = {0, 1, 2, 0, 1, 2},
                         odd[WINDOWS] = {-1, 7, 9, -1, 7, 9};
     static const struct {
         const double *train;
         double y[WINDOWS];
-        const char *classes; /* of the second file */
+        const char *classes; /* in the second file */
         uint32_t expected[WINDOWS];
-        const char *word; /* of an error; NULL: none */
+        const char *word; /* in the message; NULL: no error */
     } cases[] = {
         {one, {1, 2, 1, 2, 1, 2}, "a|b|c", {0, 1, 0, 1, 0, 1}, NULL},
         {one, {2, 3, 2, 3, 2, 3}, "a|b|c", {1, 2, 1, 2, 1, 2}, NULL},
@@ -486,8 +486,8 @@ TEST("what numbers with names mean does not depend on which of them occur") {
     }
 }
 
-/* Neither 0 nor K occurs and nothing else tells. */
-TEST("class_labels tells what 0 means; without it 0 is taken, with a warning") {
+/* Neither 0 nor K occurs, and nothing else determines the numbering. */
+TEST("class_labels states what 0 means; without it numbers start at 0, with a warning") {
     static const double y[WINDOWS] = {1, 2, 1, 2, 1, 2};
     static const uint32_t from_zero[WINDOWS] = {1, 2, 1, 2, 1, 2}, given[WINDOWS] = {2, 0, 2, 0, 2, 0};
     const char *path = labelled_file(y, "a|b|c");
@@ -504,7 +504,7 @@ TEST("class_labels tells what 0 means; without it 0 is taken, with a warning") {
     assert_refused(read_data, path, LG_FORMAT, "class_labels", "expected texts");
 }
 
-TEST("what this program writes counts from 0, whatever the file that was read said") {
+TEST("files written by this program count from 0, whatever numbers were read") {
     static const double y[WINDOWS] = {2, 3, 3, 2, 3, 2};
     static const uint32_t expected[WINDOWS] = {1, 2, 2, 1, 2, 1};
     const char *out = scratch_path("again.h5");
@@ -520,7 +520,7 @@ TEST("what this program writes counts from 0, whatever the file that was read sa
 
 /* ---- single precision ---- */
 
-/* Of each channel offset + scale sin(i), in doubles. */
+/* Writes offset + scale sin(i) for each channel, in doubles. */
 static void put_waves(const char *path, const double offset[CHANNELS], const double scale[CHANNELS]) {
     const hsize_t dims[3] = {WINDOWS, CHANNELS, LENGTH};
     double x[WINDOWS * WINDOW];
@@ -531,7 +531,7 @@ static void put_waves(const char *path, const double offset[CHANNELS], const dou
     replace_dataset(path, "X", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 3, dims, x);
 }
 
-TEST("a spread that floats lose is told, or refused") {
+TEST("variations that floats lose cause a warning or are refused") {
     static const struct {
         double offset[CHANNELS], scale[CHANNELS];
         const char *warning, *word;
@@ -539,7 +539,7 @@ TEST("a spread that floats lose is told, or refused") {
         {{0, 5}, {1, 1}, NULL, NULL},
         {{0, 1e4}, {1e-20, 1}, NULL, NULL},
         {{0.1, 1e8}, {0, 0}, NULL, NULL},        /* constant */
-        {{0.1, 1e8}, {1e-17, 1e-8}, NULL, NULL}, /* constant but for the rounding of doubles */
+        {{0.1, 1e8}, {1e-17, 1e-8}, NULL, NULL}, /* constant except for the rounding of doubles */
         {{0, 1e6}, {1, 1}, "channel 2 'moment_x'", NULL},
         {{1e6, 1e6}, {1, 1}, "of others", NULL},
         {{0, 1e8}, {1, 1}, NULL, "channel 2 'moment_x'"},
@@ -556,7 +556,7 @@ TEST("a spread that floats lose is told, or refused") {
     }
 }
 
-TEST("more than one block of rows is read, in chunks that do not divide them") {
+TEST("data with more than one block of rows are read, stored in chunks that do not divide them") {
     enum { ROWS = 700, SAMPLES = 300 };
     const hsize_t dims[2] = {ROWS, SAMPLES};
     double *x = TEST_ARRAY(double, (size_t)ROWS *SAMPLES), y[ROWS];
@@ -574,7 +574,7 @@ TEST("more than one block of rows is read, in chunks that do not divide them") {
     }
 }
 
-/* ---- bad input ---- */
+/* ---- invalid files ---- */
 
 TEST("a damaged file is refused") {
     static const char *const words[WINDOWS] = {"ok", "leak", "ok", "worn out", "leak", "ok"};
@@ -586,7 +586,7 @@ TEST("a damaged file is refused") {
     survive_changed_bytes(read_data, path, 80);
 }
 
-TEST("what is wrong in a file is refused by name") {
+TEST("errors in a file are refused by name") {
     static const damage rows[] = {
         {"X", ARRAY(0, 60), LG_FORMAT, "rank 1"},
         {"X", ARRAY(0, 6, 2, 5, 1), LG_FORMAT, "rank 4"},
@@ -621,7 +621,7 @@ TEST("what is wrong in a file is refused by name") {
         {"run", ARRAY(1, 6, 3), LG_FORMAT, "3 columns"},
         {"X", GONE, LG_FORMAT, "has no"},
         {"y", GONE, LG_FORMAT, "has no"},
-        /* sizes that nobody has memory for, without a byte behind them */
+        /* Sizes for which there is no memory, declared without any data. */
         {"X", DECLARED(1000000000000, 2, 5), LG_FORMAT, ""},
         {"X", DECLARED(6, 1000000000, 1000000), LG_FORMAT, ""},
         {"X", DECLARED(4294967296, 4294967296, 4294967296), LG_FORMAT, ""},
@@ -650,7 +650,7 @@ TEST("what is wrong in a file is refused by name") {
     refuse_damage(read_data, good_file, rows, LG_COUNT(rows));
 }
 
-TEST("the place of the first bad sample is told, and of no other") {
+TEST("the first invalid sample is reported with its place, and no other") {
     const hsize_t dims[3] = {WINDOWS, CHANNELS, LENGTH};
     double x[WINDOWS * WINDOW] = {0};
     x[4 * WINDOW + LENGTH + 3] = NAN;
@@ -658,7 +658,7 @@ TEST("the place of the first bad sample is told, and of no other") {
     const char *path = good_file();
     replace_dataset(path, "X", H5T_IEEE_F64BE, H5T_NATIVE_DOUBLE, 3, dims, x);
     assert_refused(read_data, path, LG_NOT_FINITE, "/X: NaN in window 4, channel 1, sample 3", "");
-    x[4 * WINDOW + LENGTH + 3] = 3.5e38; /* beyond a float by a little */
+    x[4 * WINDOW + LENGTH + 3] = 3.5e38; /* slightly beyond the range of a float */
     replace_dataset(path, "X", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 3, dims, x);
     assert_refused(read_data, path, LG_NOT_FINITE, "precision in window 4, channel 1, sample 3", "");
     x[4 * WINDOW + LENGTH + 3] = 3.4e38;
@@ -666,7 +666,7 @@ TEST("the place of the first bad sample is told, and of no other") {
     assert_refused(read_data, path, LG_NOT_FINITE, "precision in window 5, channel 0, sample 0", "");
 }
 
-TEST("a label that int64 does not hold is refused") {
+TEST("a label that int64 cannot hold is refused") {
     const hsize_t dims[1] = {WINDOWS};
     const uint64_t large[WINDOWS] = {0, 1, 2, 0, 1, (uint64_t)INT64_MAX + 1};
     const char *path = good_file();
@@ -674,7 +674,7 @@ TEST("a label that int64 does not hold is refused") {
     assert_refused(read_data, path, LG_FORMAT, "/y: cannot be read", "out of range");
 }
 
-TEST("texts where numbers belong, and texts that are no names, are refused") {
+TEST("texts in place of numbers, and texts that are not names, are refused") {
     static char longest[65];
     const char *const words[WINDOWS] = {"a", "b", "", "a", "b", "a"};
     const char *const lengthy[WINDOWS] = {"a", longest, "a", "a", "b", "a"};
@@ -702,7 +702,7 @@ TEST("texts where numbers belong, and texts that are no names, are refused") {
     assert_true(H5Tclose(type) >= 0);
 }
 
-TEST("texts of a size that nobody has memory for are refused") {
+TEST("texts of a size for which there is no memory are refused") {
     static const hsize_t sizes[2] = {2000000000000, 1};
     hid_t text = H5Tcopy(H5T_C_S1);
     assert_true(H5Tset_size(text, 2000) >= 0);
@@ -714,7 +714,7 @@ TEST("texts of a size that nobody has memory for are refused") {
     assert_true(H5Tclose(text) >= 0);
 }
 
-/* Data that went through a filter of another program. */
+/* A filter of another program, which changes nothing. */
 static size_t pass_through(unsigned flags, size_t count, const unsigned *values, size_t bytes, size_t *size,
                            void **buffer) {
     (void)flags, (void)count, (void)values, (void)size, (void)buffer;
@@ -743,7 +743,7 @@ TEST("an unknown filter is refused") {
     assert_refused(read_data, path, LG_FORMAT, "/X: is compressed with 'squeeze'", "gzip");
 }
 
-TEST("the limit counts what lies in memory: floats, whatever the stored type") {
+TEST("the limit counts the size in memory: floats, whatever type is stored") {
     lg_error error = {LG_OK, ""};
     lg_read_options options;
     lg_read_options_init(&options);
@@ -756,7 +756,7 @@ TEST("the limit counts what lies in memory: floats, whatever the stored type") {
     assert_non_null(strstr(error.message, "/X"));
 }
 
-TEST("a series that could not be read is not written") {
+TEST("a series that could not be read back is not written") {
     lg_series_data *data = make_series(true);
     lg_error error = {LG_OK, ""};
     const char *path = scratch_path("refused.h5");

@@ -1,5 +1,5 @@
-/* Rows of tables that are complete, ports with the range of a table, files whose sizes are wrong or large,
- * wide tables. lg-fit's tests read files too. */
+/* Tables: complete rows, ports with the range of a table, files whose sizes are wrong or large, wide tables.
+ * lg-fit's tests read files too. */
 #include "support/io_test.h"
 
 #include "liegrad/tables.h"
@@ -18,7 +18,7 @@ static lg_table_data *read_columns(const char *text, const char *columns, const 
 
 static const char holes[] = "a,b,c,run\n1,2,3,x\n4,,5,x\n6,7,,y\n8,9,10,\n11,12,13,y\n";
 
-TEST("rows that are incomplete in one table are left out of all, labels and lines go with them") {
+TEST("rows that are incomplete in one table are left out of all, with their labels and lines") {
     lg_table_data *x = read_columns(holes, "ab", NULL), *y = read_columns(holes, "c", "run");
     size_t left_out = 99;
     assert_ok(lg_table_keep_complete((lg_table_data *[]){x, y}, 2, &left_out, NULL));
@@ -35,7 +35,7 @@ TEST("rows that are incomplete in one table are left out of all, labels and line
     assert_ok(lg_table_keep_complete(NULL, 0, NULL, NULL));
 }
 
-TEST("tables of other rows, or without a complete row, are refused and stay as they are") {
+TEST("tables with different rows, or without a complete row, are refused and stay unchanged") {
     lg_table_data *x = read_columns(holes, "ab", NULL), *y = read_columns("c,d\n1,\n2,\n", "cd", NULL);
     lg_error error = {LG_OK, ""};
     assert_status(lg_table_keep_complete((lg_table_data *[]){x, y}, 2, NULL, &error), LG_INVALID_ARGUMENT);
@@ -46,7 +46,7 @@ TEST("tables of other rows, or without a complete row, are refused and stay as t
     assert_int_equal(y->rows, 2);
 }
 
-TEST("a port has the range of the table's numbers, missing ones apart") {
+TEST("a port has the range of the table's numbers, without missing ones") {
     const lg_table_data *x = read_columns(holes, "ac", NULL);
     const lg_port port = lg_table_port(x, "x", 7);
     assert_string_equal(port.name, "x");
@@ -61,7 +61,7 @@ TEST("a port has the range of the table's numbers, missing ones apart") {
 
 /* ---- files of arrays ---- */
 
-/* The length of the header (safetensors), the header, then zeros up to `size` bytes behind it, as a hole. */
+/* Writes the header's length (safetensors), the header, and then a hole of `size` bytes. */
 static const char *write_hole(const char *name, const char *start, size_t start_bytes, const char *header,
                               uint64_t size) {
     const char *path = scratch_path(name);
@@ -90,7 +90,7 @@ static const char *write_npy(const char *header, uint64_t size) {
 #define TENSOR(name, shape, offsets)                                                                         \
     "\"" name "\":{\"dtype\":\"F64\",\"shape\":[" shape "],\"data_offsets\":[" offsets "]}"
 
-TEST("tensors that fill a file are read, in whatever order the header names them") {
+TEST("tensors that fill a file are read, in whatever order the header lists them") {
     static const struct {
         const char *header;
         uint64_t size;
@@ -109,7 +109,7 @@ TEST("tensors that fill a file are read, in whatever order the header names them
     }
 }
 
-TEST("tensors that share bytes, leave some, or have two names or sizes are refused") {
+TEST("tensors that overlap, leave gaps, or have two names or sizes are refused") {
     static const struct {
         const char *header;
         uint64_t size;
@@ -145,7 +145,7 @@ TEST("tensors that share bytes, leave some, or have two names or sizes are refus
 
 #define TEN_GB 10000000000u
 
-TEST("a large file whose header is wrong, or whose numbers are too many, takes no memory") {
+TEST("a large file with a wrong header, or with too many numbers, takes no memory") {
     static const struct {
         bool npy;
         const char *header;
@@ -179,7 +179,7 @@ TEST("a large file whose header is wrong, or whose numbers are too many, takes n
     lg_context_destroy(context);
 }
 
-TEST("reading arrays and tables stops when it is asked to, and leaves nothing") {
+TEST("reading arrays and tables stops when cancelled, and leaks nothing") {
     const int stop = 1;
     lg_fail_alloc memory;
     lg_context_options options;
@@ -230,13 +230,13 @@ TEST("a wide table takes memory in proportion to its cells, and each column keep
     for (int row = 0; row < ROWS; row++)
         for (int c = 0; c < COLUMNS; c++)
             assert_close(data.values[row * COLUMNS + c], 10 * ((c + 7) % COLUMNS) + row, 0, 0);
-    /* Names of LG_TABLE_NAME bytes, in an array that doubles, and the numbers. */
+    /* Names of LG_TABLE_NAME bytes in an array that doubles when it grows, and the numbers. */
     assert_true(memory.bytes < 5u * COLUMNS * (LG_TABLE_NAME + 8 * ROWS));
     lg_table_data_destroy(&data);
     lg_context_destroy(context);
 }
 
-TEST("a column is asked for once") {
+TEST("a column can be requested only once") {
     static const char *const names[] = {"a", "b", "a"};
     lg_table_data data;
     lg_error error = {LG_OK, ""};

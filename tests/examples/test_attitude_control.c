@@ -1,5 +1,5 @@
-/* examples/attitude_control: the controller on a machine that is exactly the true body, the log, a whole run
- * without allocation. */
+/* examples/attitude_control: the controller with a machine that equals the true body, the log, and a whole
+ * run without allocation. */
 #include "support/models.h"
 #include "support/machine_support.h"
 
@@ -27,7 +27,7 @@ static void release_fixture(void *of) {
     plant_destroy(&self->truth);
 }
 
-/* The true body as a machine of known terms, but for the spring, which is a polynomial of the vertical. */
+/* The true body as a machine with known terms, except that the spring is a polynomial of the vertical. */
 static lg_machine true_machine(void) {
     lg_machine machine = empty_machine();
     const double unit[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
@@ -53,7 +53,7 @@ static lg_model *model_with(const lg_machine *machine, const double *theta) {
     return model;
 }
 
-/* H at rest with the vertical along axis i of the body. */
+/* H at rest, with the vertical along axis i of the body. */
 static double energy_along(const lg_model *model, int axis, void *work) {
     const double turns[3][3] = {{0, -1.5707963267948966, 0}, {1.5707963267948966, 0, 0}, {0, 0, 0}};
     double state[12] = {0}, H;
@@ -63,7 +63,7 @@ static double energy_along(const lg_model *model, int axis, void *work) {
     return H;
 }
 
-/* The parameter in front of Gamma_2^2: twice it along axis 2 adds what it adds along -2, and nothing else. */
+/* Index of the parameter of Gamma_2^2. It adds the same along axis 2 and along -2, and nothing else does. */
 static size_t spring_parameter(const lg_machine *machine) {
     size_t found = machine->parameters, count = 0;
     for (size_t p = 0; p < machine->parameters; p++) {
@@ -100,7 +100,7 @@ static fixture *make(double bound) {
     return self;
 }
 
-TEST("the plant is the machine that is known, and the energy changes by the power of torque and friction") {
+TEST("the plant equals the known machine, and the energy changes by the power of torque and friction") {
     const fixture *self = make(6.0);
     lg_rng rng = test_rng(3, 0);
     for (int n = 0; n < 100; n++) {
@@ -125,7 +125,7 @@ TEST("the plant is the machine that is known, and the energy changes by the powe
     }
 }
 
-/* W = w^2 tr(I - Rd^T R)/2 + |Omega|^2/2 */
+/* W = w^2 tr(I - Rd^T R)/2 + |Omega|^2/2. */
 static double lyapunov(const fixture *self, const double *y) {
     double trace = 0, square = 0;
     for (int i = 0; i < 9; i++) trace += self->Rd[i] * y[i];
@@ -133,7 +133,7 @@ static double lyapunov(const fixture *self, const double *y) {
     return 0.5 * self->control.stiffness * (3 - trace) + 0.5 * square;
 }
 
-TEST("with an exact machine the Lyapunov function falls by damping |Omega|^2 in every period") {
+TEST("with an exact machine the Lyapunov function falls by damping * |Omega|^2 in every period") {
     fixture *self = make(1e3);
     lg_rng rng = test_rng(4, 0);
     for (int n = 0; n < 1000; n++) {
@@ -146,7 +146,7 @@ TEST("with an exact machine the Lyapunov function falls by damping |Omega|^2 in 
     }
 }
 
-TEST("e_R is that of the formula") {
+TEST("e_R agrees with its formula") {
     fixture *self = make(6.0);
     lg_rng rng = test_rng(5, 0);
     double y[PLANT_STATE], torque[3], M[9] = {0};
@@ -169,10 +169,10 @@ TEST("at the set point the torque holds the body still") {
         assert_true(plant_advance(&self->truth, 1e-3, torque, y));
     }
     assert_true(trial_angle(y, self->Rd) < 1e-10);
-    assert_true(trial_norm(torque) > 0.5); /* gravity does not rest there */
+    assert_true(trial_norm(torque) > 0.5); /* gravity alone would not keep it there */
 }
 
-TEST("the torque is bounded, and a state that is not finite gives none") {
+TEST("the torque is bounded, and a state that is not finite gives no torque") {
     fixture *self = make(0.3);
     lg_rng rng = test_rng(6, 0);
     int at_bound = 0;
@@ -189,7 +189,7 @@ TEST("the torque is bounded, and a state that is not finite gives none") {
     assert_true(at_bound > 100);
 }
 
-TEST("machines of another form are refused with a sentence") {
+TEST("machines of another form are refused with a message") {
     lg_machine line = empty_machine();
     controller control;
     char why[256] = "";
@@ -219,7 +219,7 @@ TEST("a run reaches the set point, allocates nothing and takes no lock") {
     const trial_options options = {1e-3, 5.0, 1.0, 0.01};
     lg_counts used = {0, 0, 1};
     samples kept = {TEST_ARRAY(int64_t, 5000), 0, 5000};
-    /* The threads that OpenBLAS starts with the process take a lock each, once. */
+    /* OpenBLAS's threads, which start with the process, each take a lock once. */
     for (int attempt = 0; attempt < 5 && used.locks > 0; attempt++) {
         double y[PLANT_STATE];
         lg_rng_seed(&rng, 7, 0);
@@ -237,7 +237,7 @@ TEST("a run reaches the set point, allocates nothing and takes no lock") {
     assert_int_equal(kept.count, 5000);
 }
 
-TEST("a filter holds the attitude by sensors with noise, without allocation") {
+TEST("a filter with noisy sensors holds the attitude, without allocation") {
     fixture *self = make(6.0);
     lg_rng rng = test_rng(9, 0);
     const trial_options options = {1e-3, 5.0, 1.0, 0.01};
@@ -255,7 +255,7 @@ TEST("a filter holds the attitude by sensors with noise, without allocation") {
     assert_true(r.measured > 0.02 && by.worst < 0.002);
 }
 
-TEST("quaternions of a log are those of its attitudes, whichever number is largest") {
+TEST("quaternions in a log agree with its attitudes, whichever component is largest") {
     lg_rng rng = test_rng(8, 0);
     for (int n = 0; n < 200; n++) {
         double y[PLANT_STATE], q[4], R[9], length = 0;

@@ -1,5 +1,5 @@
-/* examples/pendulum_control: the controller's laws, a whole run without allocation. The
- * learned model is one with a linear potential V = w.q, whose parameters are known. */
+/* examples/pendulum_control: the control laws, and a whole run without allocation. The learned model has a
+ * linear potential V = w.q, whose parameters are known. */
 #include "support/models.h"
 #include "test_support.h"
 
@@ -23,7 +23,7 @@ static void release(void *of) {
     lg_model_destroy(((fixture *)of)->model);
 }
 
-/* Of a model that does not fit `why` says what is wrong. */
+/* `fits` false: the model must be refused, and `why` gets the reason. */
 static fixture *make(const double *w, double mass, double torque_max, bool fits) {
     const double theta[5] = {w[0], w[1], w[2], sqrt(mass), -1.0};
     lg_hamiltonian learned;
@@ -47,9 +47,9 @@ static plant *make_plant(void) {
     return truth;
 }
 
-/* V = w.q: upright along w, m g L = |w|; a'' = |w|/m a + u/m in both directions, the unstable rate is
+/* V = w.q: upright is along w, m g L = |w|; a'' = |w|/m a + u/m in both directions, so the unstable rate is
  * sqrt(|w|/m). */
-TEST("a controller is designed for a tilted potential") {
+TEST("a controller can be designed for a tilted potential") {
     const double w[3] = {0.3, -0.2, 2.0}, mass = 0.5, size = norm(w);
     fixture *self = make(w, mass, 0.7, true);
     const controller *c = &self->control;
@@ -61,8 +61,8 @@ TEST("a controller is designed for a tilted potential") {
         assert_close(c->lqr.A[(2 + j) * TANGENT + j], size, 1e-13, 0.0);
         assert_close(c->lqr.A[j * TANGENT + 2 + j], 1.0 / mass, 1e-13, 0.0);
     }
-    /* Torques along the link do nothing, the gain is at right angles to it and above what holds the unstable
-     * equilibrium. */
+    /* Torques along the link have no effect. The gain is orthogonal to the link, and larger than needed to
+     * hold the unstable equilibrium. */
     for (int j = 0; j < TANGENT; j++) {
         double along = 0.0, across = 0.0;
         for (int i = 0; i < TORQUE; i++) {
@@ -74,7 +74,7 @@ TEST("a controller is designed for a tilted potential") {
     }
 }
 
-TEST("models that cannot be balanced are refused with a sentence") {
+TEST("models that cannot be balanced are refused with a message") {
     const double sideways[3] = {1.0, 0.0, 0.1}, below[3] = {0.01, 0.0, -1.0}, huge[3] = {0.0, 0.0, 1e308};
     const double *const cases[] = {sideways, below, huge}; /* huge: m g L overflows */
     for (size_t i = 0; i < 3; i++) {
@@ -94,9 +94,9 @@ static void draw_state(lg_rng *rng, bool near, double *y) {
     for (int i = 0; i < 3; i++) y[3 + i] = p[i] - y[i] * along;
 }
 
-/* Swinging up, W = (H - 1)^2/2 + L^2/2 of the true pendulum falls whenever the torque is more than rounding;
- * balancing, c^T P c falls. Both over one control period. */
-TEST("Lyapunov functions fall, swinging up and balancing") {
+/* While swinging up, W = (H - 1)^2/2 + L^2/2 of the true pendulum must fall whenever the torque is more than
+ * rounding. While balancing, c^T P c must fall. Both over one control period. */
+TEST("Lyapunov functions fall while swinging up and while balancing") {
     const double w[3] = {0.0, 0.0, 1.0};
     int swings = 0, balances = 0;
     fixture *self = make(w, 1.0, 0.35, true);
@@ -127,7 +127,7 @@ TEST("Lyapunov functions fall, swinging up and balancing") {
     assert_true(swings > 1000 && balances > 300);
 }
 
-TEST("the power of the torque is the gain of energy") {
+TEST("the power of the torque is the rate of change of the energy") {
     plant *truth = make_plant();
     const double torque[3] = {0.1, -0.05, 0.2};
     double y[6] = {0.6, 0.0, 0.8, 0.0, 0.3, 0.0}, power = 0.0, before, rate[3];
@@ -158,7 +158,7 @@ typedef struct run {
 
 enum { STEPS = 30000, TIMED = 20, ROWS = 100 };
 
-/* Hanging at rest; some steps wait for the clock. */
+/* Starts hanging at rest; some steps wait for the clock. */
 static void run_counted(plant *truth, controller *control, run *r, lg_counts *used) {
     const trial_options options = {1e-3, 30.0, 5.0, 1e-2, 0.02};
     double y[6];
@@ -170,7 +170,7 @@ static void run_counted(plant *truth, controller *control, run *r, lg_counts *us
     *used = lg_count_end();
 }
 
-/* With a potential tilted as a learned one is. */
+/* The potential is slightly tilted, as a learned one is. */
 TEST("a run allocates nothing, takes no lock, catches and holds the pendulum") {
     const double w[3] = {1e-3, -1e-3, 0.998};
     fixture *self = make(w, 1.001, 0.35, true);
@@ -181,7 +181,7 @@ TEST("a run allocates nothing, takes no lock, catches and holds the pendulum") {
               {malloc(TIMED * sizeof(int64_t)), 0, TIMED}},
              {malloc(ROWS * sizeof(trace_row)), 0, ROWS, STEPS / ROWS},
              {0}};
-    /* The threads that OpenBLAS starts with the process take a lock each, once, perhaps during the first
+    /* OpenBLAS's threads, which start with the process, each take a lock once, perhaps during the first
      * runs. */
     lg_counts used = {0, 0, 1};
     for (int attempt = 0; attempt < 5 && used.locks > 0; attempt++)
@@ -193,7 +193,7 @@ TEST("a run allocates nothing, takes no lock, catches and holds the pendulum") {
     }
     assert_true(r.result.held && r.result.finite);
     assert_true(r.result.caught > 3.0 &&
-                r.result.caught < 20.0); /* 2 m g L at no more than 0.35 |omega|: some swings */
+                r.result.caught < 20.0); /* 2 m g L at a power of at most 0.35 |omega| needs some swings */
     assert_true(r.result.manifold < 1e-12);
     assert_close(r.result.most_torque, 0.35, 1e-12, 0.0);
     assert_int_equal(r.times.paced.count, TIMED);
@@ -212,7 +212,7 @@ TEST("a run allocates nothing, takes no lock, catches and holds the pendulum") {
     free(r.record.rows);
 }
 
-TEST("latencies are summed up by their quantiles") {
+TEST("latencies are summarised by their quantiles") {
     int64_t ns[2001];
     samples s = {ns, 0, 2001};
     assert_true(isnan(samples_summary(&s).median));
@@ -225,9 +225,9 @@ TEST("latencies are summed up by their quantiles") {
     assert_close(l.most, 2000.0, 0.0, 1e-9);
 }
 
-/* Samples lie between the edge of the row that counts them and the next edge; each series holds all of them,
- * and the script draws from a row's edge to the next (gnuplot: steps). */
-TEST("the histogram counts each sample once, in its own bin") {
+/* A sample lies between the edge of the row that counts it and the next edge; each series has all samples,
+ * and the script draws from one edge to the next (gnuplot: steps). */
+TEST("the histogram counts each sample once, in its bin") {
     enum { EDGES = DECADES * DECADE_BINS + 1 };
     char folder[] = "/tmp/liegrad it's XXXXXX", path[PATH], line[256];
     int64_t few[] = {1500, 1500, 1500, 990000}, ends[] = {0, 1000000000, 1, 200};
@@ -249,7 +249,7 @@ TEST("the histogram counts each sample once, in its own bin") {
                    has_b = edge[0][i] <= 990.0 && 990.0 < edge[0][i + 1];
         assert_close(height[0][i], has_a ? 0.75 : has_b ? 0.25 : 0.0, 0.0, 1e-8);
     }
-    assert_close(height[1][0], 0.5, 0.0, 1e-8); /* what is outside counts in the outermost */
+    assert_close(height[1][0], 0.5, 0.0, 1e-8); /* samples outside the range count in the outermost bins */
     assert_close(height[1][EDGES - 2], 0.25, 0.0, 1e-8);
     assert_close(edge[0][EDGES - 1], 1e5, 1e-5, 0.0);
     (void)snprintf(path, sizeof path, "%s/latency.gp", folder);
@@ -268,7 +268,7 @@ TEST("the histogram counts each sample once, in its own bin") {
     assert_int_equal(remove(folder), 0);
 }
 
-/* What gnuplot is told, a folder's quotes doubled. */
+/* The command for gnuplot, with quotes in the folder's name doubled. */
 TEST("a quote in a folder is doubled for gnuplot") {
     char command[2 * PATH + 8];
     change_folder("it's \"$(x)' #", command);

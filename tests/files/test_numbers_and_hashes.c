@@ -1,4 +1,4 @@
-/* SHA-256 on the vectors of FIPS 180-4; numbers consumed whole. */
+/* SHA-256 for the test vectors of FIPS 180-4; conversion of texts to numbers. */
 #include <locale.h>
 
 #include "support/io_test.h"
@@ -38,7 +38,7 @@ TEST("SHA-256 gives the published hashes") {
     }
 }
 
-TEST("numbers are consumed whole and finite") {
+TEST("a number must be the whole text and finite") {
     static const struct {
         const char *text;
         lg_status status;
@@ -69,7 +69,7 @@ TEST("numbers are consumed whole and finite") {
         {"1e999", LG_NOT_FINITE, 0},
         {"1_000", LG_FORMAT, 0},
     };
-    /* A locale with a decimal comma must not matter; without one installed the C locale stays. */
+    /* A locale with a decimal comma must not matter. If none is installed, the C locale stays. */
     (void)setlocale(LC_ALL, "de_DE.UTF-8");
     for (size_t i = 0; i < LG_COUNT(cases); i++) {
         double value = -77;

@@ -1,4 +1,5 @@
-/* The child that reads a foreign file first: what it cannot do, and that it can still read. */
+/* The probe, a child process that reads a foreign file first: what it must not be able to do, and that it can
+ * still read. */
 #define _GNU_SOURCE /* ptrace, process_vm_writev */
 #include <errno.h>
 #include <fcntl.h>
@@ -15,16 +16,16 @@
 #include "files/sandbox.h"
 #include "support/io_test.h"
 
-/* What the attempts are made on. */
+/* The targets of the attempts. */
 static struct {
-    const char *old, *fresh; /* a file that is there, and one that is not */
-    int descriptor;          /* of the file, opened for writing before the fork */
-    int heard;               /* a pipe's end that is not the report */
+    const char *old, *fresh; /* an existing file, and a path without a file */
+    int descriptor;          /* of the existing file, opened for writing before the fork */
+    int heard;               /* one end of a pipe that is not the pipe of the report */
     pid_t parent;
     int word;
 } scene;
 
-/* ---- attempts: 0, or errno ---- */
+/* ---- attempts; they return 0, or errno ---- */
 
 static int result(long value) {
     return value < 0 ? errno : 0;
@@ -108,7 +109,7 @@ static int forks(void) {
     if (child == 0) _exit(0);
     return child < 0 ? errno : result(waitpid(child, NULL, 0));
 }
-/* Of a program that is not there: where it is allowed, it is not found. */
+/* Starts a program that does not exist: ENOENT means that starting programs is allowed. */
 static int starts_program(void) {
     char *arguments[] = {NULL};
     (void)execve(scene.fresh, arguments, arguments);
@@ -176,14 +177,14 @@ static void set_scene(int pipe_end) {
     assert_true(scene.descriptor >= 0);
 }
 
-/* A reader that does something else. */
+/* A reader that makes an attempt instead of reading. */
 static lg_status attempts_it(void *user, lg_error *error) {
     const struct attempt *it = user;
     const int code = it->attempt();
     return code == 0 ? LG_OK : lg_fail(error, LG_FILE, "%s: %s", it->what, strerror(code));
 }
 
-/* Whether the system and the build confine the child. */
+/* Whether the system and the build can confine the child. */
 static bool is_confined(void) {
     const pid_t child = fork();
     if (child == 0) _exit(lg_sandbox_enter(STDERR_FILENO) ? 0 : 1);
@@ -194,14 +195,14 @@ static bool is_confined(void) {
 
 /* ---- the tests ---- */
 
-TEST("without the probe every attempt succeeds: the table tries what can be done") {
+TEST("without the probe every attempt succeeds, so the table tries what is really possible") {
     int ends[2];
     assert_int_equal(pipe(ends), 0);
     for (size_t i = 0; i < LG_COUNT(attempts); i++) {
         set_scene(ends[1]);
         const int code = attempts[i].attempt();
         if (code != 0) print_message("%s: %s\n", attempts[i].what, strerror(code));
-        /* What a container may forbid, and what qemu has not: ptrace. */
+        /* ptrace may be forbidden in a container, and qemu does not have it. */
         assert_true(code == 0 || code == EPERM || code == ENOSYS);
         (void)close(scene.descriptor);
     }
@@ -210,7 +211,7 @@ TEST("without the probe every attempt succeeds: the table tries what can be done
     (void)close(ends[0]), (void)close(ends[1]);
 }
 
-TEST("in the probe nothing is written, sent, started or signalled, and the parent is told why") {
+TEST("the probe cannot write, send, start or signal anything, and the parent gets the reason") {
     int ends[2];
     if (!is_confined()) skip();
     assert_int_equal(pipe(ends), 0);
@@ -230,7 +231,7 @@ TEST("in the probe nothing is written, sent, started or signalled, and the paren
     (void)close(ends[0]), (void)close(ends[1]);
 }
 
-/* Under the number of a descriptor that may be written. */
+/* Writes to a descriptor that has the number of an allowed one. */
 static lg_status passes_out(void *user, lg_error *error) {
     (void)user;
     (void)close(STDERR_FILENO);
@@ -239,7 +240,7 @@ static lg_status passes_out(void *user, lg_error *error) {
                                                          : lg_fail(error, LG_FILE, "nothing to write to");
 }
 
-TEST("the child has none of the parent's pipes and sockets, whatever number it gives them") {
+TEST("the child has none of the parent's pipes and sockets, whatever numbers it uses") {
     int ends[2], spare;
     assert_int_equal(pipe(ends), 0);
     spare = fcntl(ends[1], F_DUPFD_CLOEXEC, 500);
@@ -254,7 +255,7 @@ TEST("the child has none of the parent's pipes and sockets, whatever number it g
     (void)close(ends[0]);
 }
 
-/* Also where the system has no filter. */
+/* Also on systems without a filter of system calls. */
 static lg_status grows_a_file(void *user, lg_error *error) {
     struct rlimit limit;
     (void)user;
@@ -263,7 +264,7 @@ static lg_status grows_a_file(void *user, lg_error *error) {
     return written > 9 ? LG_OK : lg_fail(error, LG_FILE, "it did not grow");
 }
 
-TEST("no file grows") {
+TEST("no file can grow in the probe") {
     set_scene(-1);
     assert_status(lg_probe(NULL, scene.old, NULL, grows_a_file, NULL, NULL), LG_FILE);
     (void)close(scene.descriptor);
@@ -294,7 +295,7 @@ static void *computes(void *user) {
     return NULL;
 }
 
-TEST("the probe reads, with threads in the parent too, and a crash is a crash") {
+TEST("the probe can read, also if the parent has threads, and a crash is reported as a crash") {
     volatile double x = 1;
     pthread_t thread;
     lg_error error = {LG_OK, ""};
@@ -336,7 +337,8 @@ static double seconds_of_day(void) {
     return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
 }
 
-TEST("a check that stands still is told and ended within its seconds and four, one that works is not") {
+TEST("a check that hangs is ended and reported within its time limit plus four seconds, a working one is "
+     "not") {
     lg_read_options options;
     lg_context_options how;
     lg_context *context;
@@ -368,7 +370,7 @@ TEST("a check that stands still is told and ended within its seconds and four, o
     (void)close(scene.descriptor);
 }
 
-TEST("the parent can do as before") {
+TEST("the parent is not restricted") {
     set_scene(-1);
     assert_ok(lg_probe(NULL, scene.old, NULL, reads, NULL, NULL));
     assert_int_equal(creates(), 0);

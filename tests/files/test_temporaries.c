@@ -1,4 +1,4 @@
-/* Temporary names and locks: what killed writers leave, and two writers of one file. */
+/* Temporary names and locks: files that killed writers leave, and two writers of the same file. */
 #define _XOPEN_SOURCE 700 /* mkdtemp */
 #include <errno.h>
 #include <fcntl.h>
@@ -17,7 +17,7 @@ static void leave_folder(void *path) {
     assert_int_equal(chdir("/") | system(test_text("cd / && rm -r '%s'", (const char *)path)), 0);
 }
 
-/* A folder of the test alone, which is the current one. */
+/* Makes a folder for the test and changes to it. */
 static void io_enter_folder(void) {
     static char path[] = "/tmp/liegrad-test-XXXXXX";
     memcpy(path + strlen(path) - 6, "XXXXXX", 6);
@@ -52,7 +52,7 @@ TEST("a writer removes what killed writers of the same file left, and nothing el
     assert_true(is_there("model.h5.tmp-7-7"));
 }
 
-TEST("a folder that was left goes with its files") {
+TEST("a temporary folder that was left is removed with its files") {
     io_enter_folder();
     lg_temporary t;
     assert_int_equal(mkdir("code.tmp-1-0", 0777), 0);
@@ -96,7 +96,7 @@ TEST("a file that another process is writing stays") {
     assert_true(is_there("theirs.h5"));
 }
 
-TEST("a writer that was killed leaves a file for the next one to remove") {
+TEST("a writer that was killed leaves a file that the next writer removes") {
     io_enter_folder();
     const pid_t child = fork();
     if (child == 0) {
@@ -115,8 +115,8 @@ TEST("a writer that was killed leaves a file for the next one to remove") {
 
 /* ---- locks ---- */
 
-/* A child, of a process group of its own, that takes the lock of `target`, says so and waits; the running
- * test owns it. */
+/* A child in its own process group that takes the lock of `target`, reports it and waits. The running test
+ * owns it. */
 typedef struct holder {
     pid_t pid; /* 0: it was ended */
     int said;
@@ -142,7 +142,7 @@ static holder *hold(const char *target, bool orphan) {
         lg_lock lock;
         (void)setpgid(0, 0);
         if (lg_lock_take(NULL, target, "model --out 'a b'", &lock, NULL) != LG_OK) _exit(1);
-        if (orphan && fork() == 0) /* it inherits the descriptor, and outlives its parent */
+        if (orphan && fork() == 0) /* inherits the descriptor and outlives its parent */
             for (;;) (void)pause();
         (void)!write(ends[1], "x", 1);
         for (;;) (void)pause();
@@ -153,7 +153,7 @@ static holder *hold(const char *target, bool orphan) {
     return h;
 }
 
-TEST("a second process is told who holds the lock, and takes it over when that one was killed") {
+TEST("a second process is told who holds the lock, and takes it over when the holder was killed") {
     lg_lock lock;
     lg_error error = {LG_OK, ""};
     char wanted[256], host[65] = "";
@@ -173,7 +173,7 @@ TEST("a second process is told who holds the lock, and takes it over when that o
     assert_false(is_there("model.h5.lock"));
 }
 
-TEST("a child of a killed holder does not keep the lock, and does not remove it") {
+TEST("a child of a killed holder neither keeps nor removes the lock") {
     lg_lock lock;
     io_enter_folder();
     holder *h = hold("model.h5", true);
@@ -191,7 +191,7 @@ TEST("a child of a killed holder does not keep the lock, and does not remove it"
     assert_false(is_there("model.h5.lock"));
 }
 
-TEST("a holder that could not say who it is is told by its number") {
+TEST("a holder whose name is not known is reported by its process number") {
     lg_lock lock;
     lg_error error = {LG_OK, ""};
     io_enter_folder();
@@ -203,7 +203,7 @@ TEST("a holder that could not say who it is is told by its number") {
     end_holder(h);
 }
 
-TEST("what a lock says is printed without control characters, and long words are cut") {
+TEST("what a lock file says is printed without control characters, and long words are cut") {
     static char words[1000];
     char line[1000] = "";
     lg_lock lock;
@@ -227,7 +227,7 @@ TEST("what a lock says is printed without control characters, and long words are
     end_holder(h);
 }
 
-TEST("a lock where none can be made is refused; where the target's folder is missing, too") {
+TEST("a lock that cannot be made is refused, also if the target's folder is missing") {
     lg_lock lock = {.fd = 7};
     lg_error error = {LG_OK, ""};
     io_enter_folder();
@@ -239,7 +239,7 @@ TEST("a lock where none can be made is refused; where the target's folder is mis
     assert_false(is_there("elsewhere"));
 }
 
-/* Adds 1 to the number in a file, `rounds` times, each under the lock. */
+/* Adds 1 to the number in a file `rounds` times, each time under the lock. */
 static void count_up(int rounds) {
     while (rounds > 0) {
         lg_lock lock;
@@ -258,7 +258,7 @@ static void count_up(int rounds) {
     _exit(0);
 }
 
-TEST("one process at a time holds a lock that is taken and removed all the time") {
+TEST("only one process at a time holds a lock that is taken and removed all the time") {
     enum { PROCESSES = 4, ROUNDS = 400 };
     char text[16] = "";
     io_enter_folder();

@@ -1,14 +1,14 @@
-/* The feed of lg-anomaly watch: its lines, and the places of samples in time. */
+/* The feed of lg-anomaly watch: its lines, and where samples belong in time. */
 #include <math.h>
 #include <stdlib.h>
 
 #include "fuzz.h"
 #include "lg-anomaly/watch.h"
 
-/* Instead of the judge. */
+/* Replaces the function that judges windows. */
 void watch_push(watching *self, const float *sample) {
     self->tally.samples++;
-    if (sample != NULL && isinf(sample[0])) abort(); /* a number is finite, or missing */
+    if (sample != NULL && isinf(sample[0])) abort(); /* a number must be finite, or be missing */
 }
 void watch_end_gap(watching *self) {
     self->gap_windows = 0;
@@ -17,9 +17,10 @@ void watch_end_gap(watching *self) {
 static void take_feed(const app *by, const well_model *model, uint8_t options) {
     static const char *const names[] = {"a", "b"};
     watching self = {.app = by, .bench = {.model = model}, .rate = 1.0, .rate_known = (options & 1) != 0};
-    if (self.rate_known) self.rate = (options & 2) != 0 ? 1e-3 : 0.05; /* Hz: a week has not many samples */
+    /* Hz; low, so that a week has few samples */
+    if (self.rate_known) self.rate = (options & 2) != 0 ? 1e-3 : 0.05;
     self.timing.follow = (options & 4) != 0;
-    static sample_reader fresh; /* its large buffer is made once */
+    static sample_reader fresh; /* its large buffer is allocated only once */
     if (fresh.buffer == NULL) sample_reader_open(fuzz_file_descriptor(), 2, NULL, &fresh);
     sample_reader reader = fresh;
     reader.names = (options & 8) != 0 ? names : NULL;

@@ -1,5 +1,5 @@
-/* Harnesses: each gives any bytes to one reader of files or texts, in this process, and frees what it got.
- * The same table is run by libFuzzer, by AFL++ and by the replay of the corpora in the tests. */
+/* Harnesses. Each passes any bytes to one reader of files or texts, in this process, and frees the result.
+ * The same table is used by libFuzzer, by AFL++, and by the replay of the corpora in the tests. */
 #ifndef LG_FUZZ_H
 #define LG_FUZZ_H
 
@@ -10,21 +10,21 @@
 typedef struct fuzz_harness {
     const char *name;
     void (*run)(const uint8_t *data, size_t size);
-    bool tree;          /* the bytes are a tree (tree.h), which becomes an HDF5 file */
-    size_t most;        /* bytes of an input */
-    const char *reader; /* what is tested */
+    bool tree;          /* the bytes are a tree (tree.h), which is made an HDF5 file */
+    size_t most;        /* largest input in bytes */
+    const char *reader; /* the reader that is tested */
 } fuzz_harness;
 
-/* Ends with a row without a name. */
+/* Ends with a row whose name is NULL. */
 extern const fuzz_harness fuzz_harnesses[];
-/* NULL: none of that name. */
+/* NULL if there is no harness of this name. */
 const fuzz_harness *fuzz_find(const char *name);
 
-/* The bytes as a file; its path, the same for all. */
+/* Writes the bytes to a file and returns its path. All inputs use the same file. */
 const char *fuzz_file(const void *data, size_t size);
 int fuzz_file_descriptor(void);
 
-/* The harnesses of text and of trees. */
+/* The harnesses of texts and of trees. */
 void fuzz_scene(const uint8_t *data, size_t size);
 void fuzz_machine(const uint8_t *data, size_t size);
 void fuzz_scheme(const uint8_t *data, size_t size);

@@ -1,4 +1,4 @@
-/* The table of harnesses, and the file that they read. */
+/* The table of harnesses, and the file that they write for the readers. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -34,7 +34,7 @@ const fuzz_harness *fuzz_find(const char *name) {
     return NULL;
 }
 
-/* ---- the file ---- */
+/* ---- the file for the readers ---- */
 
 static int file = -1;
 static char path[256];
@@ -43,7 +43,7 @@ static void remove_file(void) {
     (void)unlink(path);
 }
 
-/* In TMPDIR, which scripts/fuzz has in memory. One in memory without a name is none for HDF5. */
+/* Opens the file in TMPDIR, which is in memory under scripts/fuzz. HDF5 cannot open a file without a name. */
 static void open_once(void) {
     if (file >= 0) return;
     const char *folder = getenv("TMPDIR");
@@ -68,10 +68,10 @@ int fuzz_file_descriptor(void) {
     return file;
 }
 
-/* ---- in place of the library's own, by the linker ----
+/* ---- functions that the linker puts in place of the library's ----
  *
- * No child reads the file first, so that what it would survive is found here. Arrays are small, so that a
- * thousand files a second can be read. */
+ * No child process reads the file first, so that a crash happens here, where the fuzzer finds it. Arrays are
+ * limited to a small size, so that a thousand files can be read per second. */
 
 lg_status __real_lg_read_options_resolve(const lg_read_options *options, lg_read_options *out,
                                          lg_error *error);

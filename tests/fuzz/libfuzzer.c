@@ -1,4 +1,5 @@
-/* One program for all harnesses, for libFuzzer and the driver of AFL++: LIEGRAD_FUZZ names the harness. */
+/* One program for all harnesses, for libFuzzer and for the driver of AFL++. The environment variable
+ * LIEGRAD_FUZZ names the harness. */
 #include <stdio.h>
 #include <stdlib.h>
 

@@ -1,4 +1,4 @@
-/* Trees changed by their structure: what a hostile file would have differently. */
+/* Changes trees by their structure, as hostile files would differ from valid ones. */
 #include <stdbool.h>
 #include <string.h>
 
@@ -12,7 +12,7 @@ typedef struct mutation {
     tree_record records[TREE_RECORDS];
     size_t count;
     uint64_t random;
-    uint8_t room[ROOM]; /* names and data that are new */
+    uint8_t room[ROOM]; /* memory for new names and data */
     size_t used;
     bytes_mutator mutate;
 } mutation;
@@ -40,7 +40,7 @@ static const tree_type *type_of(const tree_record *r) {
     return &tree_types[r->type % tree_type_count];
 }
 
-/* The data in new memory, `more` bytes longer; NULL: no room. */
+/* Copies the record's data to new memory with `more` bytes added; NULL if there is no room. */
 static uint8_t *own_data(mutation *m, tree_record *r, size_t more) {
     uint8_t *data = r->length + more > UINT16_MAX ? NULL : take_room(m, r->length + more);
     if (data == NULL) return NULL;
@@ -89,11 +89,11 @@ static const uint64_t reals[] = {0,                             /* 0 */
                                  UINT64_C(0xbff0000000000000),  /* -1 */
                                  UINT64_C(0x4000000000000000),  /* 2 */
                                  UINT64_C(0x3fb999999999999a),  /* 0.1 */
-                                 UINT64_C(0x0000000000000001),  /* the least */
+                                 UINT64_C(0x0000000000000001),  /* the smallest */
                                  UINT64_C(0x7fefffffffffffff),  /* the largest */
-                                 UINT64_C(0xffefffffffffffff),  /* */
+                                 UINT64_C(0xffefffffffffffff),  /* -the largest */
                                  UINT64_C(0x7ff0000000000000),  /* infinity */
-                                 UINT64_C(0xfff0000000000000),  /* */
+                                 UINT64_C(0xfff0000000000000),  /* -infinity */
                                  UINT64_C(0x7ff8000000000000),  /* NaN */
                                  UINT64_C(0x43f0000000000000),  /* 2^64 */
                                  UINT64_C(0x41f0000000000000),  /* 2^32 */
@@ -122,7 +122,7 @@ static uint64_t narrowed(uint64_t real) {
     return real == UINT64_C(0x7ff0000000000000) ? 0x7f800000 : bits;
 }
 
-/* One number becomes a remarkable one, or its neighbour. */
+/* Replaces a number by a special value, or by its neighbour. */
 static void change_number(mutation *m, tree_record *r) {
     const tree_type *type = type_of(r);
     const size_t elements = type->bytes == 0 ? 0 : r->length / type->bytes;
@@ -215,7 +215,7 @@ static void change_shape(mutation *m, tree_record *r) {
     }
 }
 
-/* ---- names and places ---- */
+/* ---- names and links ---- */
 
 static void set_name(tree_record *r, const uint8_t *name, size_t length) {
     r->name = name;
@@ -242,7 +242,7 @@ static void swap_names(mutation *m, tree_record *r) {
     set_name(other, was.name, was.name_length);
 }
 
-/* Everything but the name. */
+/* Copies everything but the name from another record. */
 static void take_value(mutation *m, tree_record *r) {
     const tree_record name = *r;
     *r = *any(m);
@@ -280,7 +280,7 @@ static void change_layout(mutation *m, tree_record *r) {
         r->kind ^= (uint8_t)(draw(m, 8));
 }
 
-/* A link in its place, to something that there is. */
+/* Replaces the record by a link to an existing object. */
 static void make_link(mutation *m, tree_record *r) {
     const tree_record *other = any(m);
     const uint8_t *at = memchr(other->name, '@', other->name_length);
@@ -289,9 +289,9 @@ static void make_link(mutation *m, tree_record *r) {
     r->length = at != NULL ? (uint16_t)(at - other->name) : other->name_length;
 }
 
-/* ---- changes that fit together ---- */
+/* ---- changes of several records that stay consistent ---- */
 
-/* All extents of one length, and the whole numbers that are equal to it, become another one. */
+/* Replaces all extents of one length, and all integers equal to it, by another length. */
 static void change_length(mutation *m, tree_record *r) {
     if (r->rank == 0 || r->rank == TREE_NO_SPACE) return;
     const uint32_t from = r->dims[draw(m, r->rank)], to = other_extent(m, from);
@@ -307,7 +307,7 @@ static void change_length(mutation *m, tree_record *r) {
     }
 }
 
-/* A digit within a text, as of a list of widths, and all extents equal to it. */
+/* Changes a number in a text, such as a list of widths, and all extents equal to it. */
 static void change_digit(mutation *m, tree_record *r) {
     if (type_of(r)->nature != NATURE_TEXT || r->length == 0) return;
     uint8_t *data = own_data(m, r, 0);
@@ -327,7 +327,7 @@ static void change_digit(mutation *m, tree_record *r) {
 }
 
 typedef void (*change)(mutation *m, tree_record *r);
-/* What is there more than once is more likely. */
+/* Changes that are listed several times are more likely. */
 static const change changes[] = {
     change_value,  change_value, change_value,  change_value,  change_value,  change_value, change_type,
     change_type,   change_shape, change_shape,  change_shape,  change_name,   take_name,    swap_names,

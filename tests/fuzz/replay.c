@@ -1,5 +1,6 @@
-/* The corpora again, without a fuzzer: replay NAME FILE|FOLDER ... runs every file through the harness once.
- * Also: replay list; replay pack FILE.h5 TREE and replay unpack TREE FILE.h5 for the trees of HDF5. */
+/* Runs the corpora without a fuzzer: replay NAME FILE|FOLDER ... runs every file through the harness once.
+ * Also: replay list; replay pack FILE.h5 TREE and replay unpack TREE FILE.h5 convert between HDF5 and
+ * trees. */
 #include <dirent.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -27,7 +28,8 @@ static int runs;
 static void run_file(const fuzz_harness *harness, const char *path) {
     size_t size;
     uint8_t *bytes = read_whole(path, &size);
-    uint8_t *exact = malloc(size > 0 ? size : 1); /* one byte beyond is seen */
+    /* exactly this size, so that sanitizers see accesses beyond it */
+    uint8_t *exact = malloc(size > 0 ? size : 1);
     if (exact == NULL) exit(1);
     memcpy(exact, bytes, size);
     free(bytes);
@@ -89,7 +91,7 @@ int main(int argc, char **argv) {
                               "FILE.h5\n");
         return 2;
     }
-    if (freopen("/dev/null", "w", stdout) == NULL) return 1; /* what readers say is not of interest */
+    if (freopen("/dev/null", "w", stdout) == NULL) return 1; /* the output of readers is not needed */
     for (int i = 2; i < argc; i++) run_path(harness, argv[i]);
     (void)fprintf(stderr, "%s: %d inputs\n", harness->name, runs);
     return runs > 0 ? 0 : 1;

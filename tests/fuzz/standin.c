@@ -1,9 +1,9 @@
-/* In place of HDF5, for the fuzzer alone: the functions by which src/datasets reads, on a tree in memory.
- * HDF5 takes milliseconds for a small file; this takes some microseconds, so the readers are tested far more
- * often. The replay of the corpora and fuzzer_hdf5 have HDF5 itself.
+/* Replaces HDF5 for the fuzzer: the HDF5 functions that the readers call, working on a tree in memory. HDF5
+ * takes milliseconds for a small file; this takes microseconds, so readers are tested far more often. The
+ * replay of the corpora and fuzzer_hdf5 use HDF5 itself.
  *
- * What a tree declares is here as HDF5 has it: links, shapes, types, missing data. Every handle that the
- * library opens is counted; a file that is closed before the others stops the fuzzer. */
+ * What a tree declares (links, shapes, types, missing data) appears as HDF5 would present it. All handles
+ * that the library opens are counted. Closing a file before its other handles stops the fuzzer. */
 #include <math.h>
 #include <stdbool.h>
 #include <stdio.h>
@@ -16,15 +16,15 @@
 #include "fuzz.h"
 #include "tree.h"
 
-/* ---- the objects of a file ---- */
+/* ---- objects of a file ---- */
 
 enum { MOST_NODES = 2048, MOST_NAME = 256, SLOTS = 8192 };
 typedef enum node_kind { NODE_GROUP, NODE_DATA, NODE_SOFT, NODE_EXTERNAL, NODE_ATTRIBUTE } node_kind;
 typedef struct node {
     node_kind kind;
-    char name[MOST_NAME]; /* "a/b"; of an attribute "3@name", with the number of its object */
+    char name[MOST_NAME]; /* "a/b"; for an attribute "3@name", where 3 is the number of its object */
     const tree_record *record;
-    int same; /* a hard link: the object that it is; else itself */
+    int same; /* for a hard link the number of the object that it links to, otherwise its own number */
 } node;
 
 static node nodes[MOST_NODES];
@@ -38,7 +38,7 @@ static unsigned slot_of(const char *name) {
     return at;
 }
 
-/* -1: none. */
+/* Index of the object; -1 if there is none. */
 static int find(const char *name) {
     for (unsigned at = slot_of(name); slots[at] != 0; at = (at + 1) % SLOTS)
         if (strcmp(nodes[slots[at] - 1].name, name) == 0) return slots[at] - 1;
@@ -62,7 +62,7 @@ static void clear(void) {
     (void)add(NODE_GROUP, "", NULL);
 }
 
-/* "/a//./b" as "a/b". */
+/* Converts "/a//./b" to "a/b". */
 static void plain_name(const char *from, char out[MOST_NAME]) {
     size_t length = 0;
     while (*from != '\0') {
@@ -77,7 +77,7 @@ static void plain_name(const char *from, char out[MOST_NAME]) {
     out[length] = '\0';
 }
 
-/* The object of a path, through links; -1: none. */
+/* The object at a path, following links; -1 if there is none. */
 static int resolve_within(const char *path, int depth) {
     char name[MOST_NAME], parent[MOST_NAME];
     plain_name(path, name);
@@ -107,7 +107,7 @@ static int resolve(const char *path) {
     return resolve_within(path, 0);
 }
 
-/* Groups on the way; false: something else is in the way. */
+/* Adds the groups on the way to `name`. Returns false if another object is in the way. */
 static bool make_way(const char *name) {
     char part[MOST_NAME];
     for (const char *slash = strchr(name, '/'); slash != NULL; slash = strchr(slash + 1, '/')) {
@@ -165,7 +165,7 @@ static void make_record(const tree_record *r) {
     if (made >= 0) nodes[made].same = object;
 }
 
-/* The file on disk is for those who look whether it is one of HDF5. */
+/* The file on disk has only the signature, for code that checks whether a file is HDF5. */
 const char *tree_file(const uint8_t *bytes, size_t size) {
     static const char sign[] = "\x89HDF\r\n\x1a\n";
     static char file[1 << 16];
@@ -185,15 +185,15 @@ typedef struct handle {
     handle_kind kind;
     const tree_record *record;
     int node;
-    bool checked; /* a list for reading: numbers out of range are errors */
-    /* a space */
+    bool checked; /* a property list for reading: numbers out of range are errors */
+    /* for data spaces */
     unsigned rank;
     bool none, selected;
     hsize_t dims[TREE_RANK], start[TREE_RANK], count[TREE_RANK];
 } handle;
 enum { HANDLES = 64 };
 static handle handles[HANDLES];
-static const hid_t mark = (hid_t)1 << 40; /* no handle of HDF5 itself */
+static const hid_t mark = (hid_t)1 << 40; /* differs from all handles of HDF5 */
 
 static hid_t open_handle(handle_kind kind, const tree_record *record, int node) {
     for (int i = 0; i < HANDLES; i++) {
@@ -201,7 +201,7 @@ static hid_t open_handle(handle_kind kind, const tree_record *record, int node) 
         handles[i] = (handle){.kind = kind, .record = record, .node = node};
         return mark | i;
     }
-    abort(); /* somebody forgets to close */
+    abort(); /* some handles are never closed */
 }
 
 static handle *get(hid_t id, handle_kind kind) {
@@ -296,7 +296,7 @@ H5I_type_t H5Iget_type(hid_t id) {
     return h == NULL ? H5I_BADID : nodes[h->node].kind == NODE_DATA ? H5I_DATASET : H5I_GROUP;
 }
 
-/* Of the root: the order is that of the names. */
+/* Order of the root's members: by name. */
 static int compare_names(const void *a, const void *b) {
     return strcmp(*(const char *const *)a, *(const char *const *)b);
 }
@@ -324,7 +324,7 @@ herr_t H5Literate(hid_t group, H5_index_t by, H5_iter_order_t order, hsize_t *at
     return 0;
 }
 
-/* ---- layouts ---- */
+/* ---- layouts of data sets ---- */
 
 hid_t H5Dget_create_plist(hid_t set) {
     return open_handle(A_LIST, get(set, AN_OBJECT)->record, 0);
@@ -362,7 +362,7 @@ htri_t H5Zfilter_avail(H5Z_filter_t filter) {
     return filter == H5Z_FILTER_DEFLATE;
 }
 
-/* ---- spaces ---- */
+/* ---- data spaces ---- */
 
 static hid_t space_of(const tree_record *r) {
     const hid_t id = open_handle(A_SPACE, r, 0);
@@ -482,7 +482,7 @@ int H5Tget_offset(hid_t type) {
     const tree_record *r = type_record(type);
     return r->type % TREE_TYPES == TYPE_ODD_WHOLE ? (r->size >> 6) & 63 : 0;
 }
-/* Of an odd type as a damaged file may have them. */
+/* Fields of an odd type, as a damaged file may have it. */
 herr_t H5Tget_fields(hid_t type, size_t *sign, size_t *exponent, size_t *exponents, size_t *mantissa,
                      size_t *mantissas) {
     const tree_record *r = type_record(type);
@@ -501,7 +501,7 @@ herr_t H5Tget_fields(hid_t type, size_t *sign, size_t *exponent, size_t *exponen
 typedef struct number {
     bool real;
     double value;
-    uint64_t whole; /* of a whole number; `negative`: in two's complement */
+    uint64_t whole; /* value of an integer; `negative`: in two's complement */
     bool negative;
 } number;
 
@@ -558,7 +558,7 @@ static size_t bytes_in_memory(hid_t type) {
     return type == H5T_NATIVE_FLOAT || type == H5T_NATIVE_UINT32 ? 4 : 8;
 }
 
-/* Clips, or with `checked` refuses, what does not fit. */
+/* Clips a number that does not fit, or with `checked` returns an error. */
 static bool store(number n, hid_t memory, bool checked, void *out) {
     if (memory == H5T_NATIVE_DOUBLE) {
         memcpy(out, &n.value, sizeof n.value);
@@ -596,7 +596,7 @@ static bool is_number(const tree_record *r) {
     return nature == NATURE_WHOLE || nature == NATURE_REAL || type == TYPE_ODD_WHOLE || type == TYPE_ODD_REAL;
 }
 
-/* The text of element `at` of a list of texts of any length, as HDF5 gives it: to be freed. */
+/* Element `at` of a list of variable-length texts. The caller frees it, as with HDF5. */
 static char *text_at(const tree_record *r, size_t at) {
     static char words[65537];
     memcpy(words, r->data, r->length);

@@ -1,4 +1,4 @@
-/* Harnesses of files and words that are text. */
+/* Harnesses of text files and of words of the command line. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -12,15 +12,15 @@
 #include "table/files/recipe.h"
 #include "nn/search.h"
 
-/* A reader that refuses says why. */
+/* A reader that returns an error must have a message. */
 static void refused(lg_status status, const lg_error *error) {
     if (status != LG_OK && error->message[0] == '\0') abort();
 }
 
 /* ---- YAML ---- */
 
-/* `links: 1000000` is a fair scene, and takes a hundred times the time of others: more than a thousand are
- * left to the tests. */
+/* `links: 1000000` is a valid scene but takes a hundred times longer than others. Scenes with more than a
+ * thousand links are left to the tests. */
 static bool has_many_links(const uint8_t *data, size_t size) {
     static const char word[] = "links";
     for (const uint8_t *at = data, *end = data + size;; at++) {
@@ -87,7 +87,7 @@ void fuzz_search(const uint8_t *data, size_t size) {
         if (!isfinite(value[i])) abort();
 }
 
-/* ---- tables that commands continue ---- */
+/* ---- tables of searches and studies, which commands resume ---- */
 
 void fuzz_trials(const uint8_t *data, size_t size) {
     enum { ROOM = 64 };
@@ -132,7 +132,7 @@ void fuzz_study(const uint8_t *data, size_t size) {
 
 /* ---- tables and logs ---- */
 
-/* Inputs from the first columns, the last one is the class. */
+/* The first columns are inputs, the last one is the class. */
 static void read_table_file(const char *path) {
     lg_error error = {LG_OK, ""};
     lg_table_names names;
@@ -160,7 +160,7 @@ void fuzz_table(const uint8_t *data, size_t size) {
     read_table_file(fuzz_file(data, size));
 }
 
-/* The bytes behind the magic word of numpy. */
+/* The bytes follow the magic string of numpy. */
 void fuzz_npy(const uint8_t *data, size_t size) {
     static const char magic[] = "\x93NUMPY";
     char bytes[4096];
@@ -179,7 +179,7 @@ void fuzz_tensors(const uint8_t *data, size_t size) {
     if (status == LG_OK) lg_tensors_destroy(&tensors);
 }
 
-/* Machines whose columns are named by single letters, so that a few bytes are a log. */
+/* Machines with one-letter column names, so that a few bytes can be a log. */
 static const char *const machines[] = {
     "columns: {time: t, run: r}\ncoordinates:\n  - {name: x, kind: line, velocity: v}\n"
     "  - {name: a, kind: angle, velocity: w}\ninputs: {columns: [u], hold: cubic, delay: 2}\n"
@@ -226,7 +226,7 @@ static void numbers(const char *text) {
     (void)app_parse_real(text, &real);
 }
 
-/* What is read of a list is written as a list of the same names. */
+/* A list of names that is read must be written as a list of the same names. */
 static void names(const char *text) {
     lg_table_names read, again;
     lg_table_text label;
@@ -245,7 +245,7 @@ static void names(const char *text) {
     (void)lg_table_class_parse(text, label, NULL);
 }
 
-/* A hyperparameter that is set is shown as a text that sets the same. */
+/* A hyperparameter that is set must be shown as a text that sets the same value. */
 static void hyperparameter(const lg_field *table, size_t at, void *run, const char *text) {
     static char shown[LG_FIELD_TEXT_SIZE], again[LG_FIELD_TEXT_SIZE];
     lg_error error = {LG_OK, ""};
@@ -284,7 +284,7 @@ static void option(size_t at, const char *text) {
     refused(app_store(&slot, text, &error), &error);
 }
 
-/* The first two bytes say what the rest is. */
+/* The first two bytes choose the reader for the rest. */
 void fuzz_options(const uint8_t *data, size_t size) {
     static lg_hamiltonian_run hamiltonian;
     static lg_surrogate_run surrogate;
@@ -293,7 +293,7 @@ void fuzz_options(const uint8_t *data, size_t size) {
     lg_fit_plan plan;
     lg_error error = {LG_OK, ""};
     if (size < 2) return;
-    char *text = malloc(size - 1); /* of its exact size: one byte beyond is seen */
+    char *text = malloc(size - 1); /* exactly this size, so that sanitizers see accesses beyond it */
     if (text == NULL) abort();
     memcpy(text, data + 2, size - 2);
     text[size - 2] = '\0';

@@ -1,4 +1,4 @@
-/* Trees as bytes. */
+/* Trees, as a list of bytes. */
 #include "tree.h"
 
 #include <stdbool.h>
@@ -17,7 +17,7 @@ static uint8_t *put_number(uint8_t *to, uint32_t value, size_t bytes) {
     return to;
 }
 
-/* One record at *at; false: it is cut off. */
+/* Reads one record at *at. Returns false if it is incomplete. */
 static bool read_record(const uint8_t **at, const uint8_t *end, tree_record *r) {
     const uint8_t *p = *at;
     if (end - p < 5) return false;

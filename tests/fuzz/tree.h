@@ -1,15 +1,16 @@
-/* The contents of an HDF5 file in a few bytes, of which any make a file: HDF5 itself is out of the game, and
- * what is tested are the readers.
+/* The contents of an HDF5 file in a few bytes. Any bytes are a valid tree, so that the fuzzer tests the
+ * readers and not HDF5 itself.
  *
  * A tree is a list of records, one after the other. Numbers are little-endian.
- *   kind u8      what it is (tree_kind in the low bits), and how its data is laid out (TREE_CHUNKED ...)
- *   type u8      number in the table of types, modulo its length
- *   size u16     bytes of a text, parameters of odd types
- *   rank u8      extents; TREE_NO_SPACE: none at all
+ *   kind u8      what it is (tree_kind in the low bits), and the layout of its data (TREE_CHUNKED ...)
+ *   type u8      index into the table of types, modulo its length
+ *   size u16     bytes of a text, or parameters of odd types
+ *   rank u8      number of extents; TREE_NO_SPACE: no data space
  *   dims u32     (rank)
  *   length u8, name   "a/b"; of an attribute "a/b@name"
- *   length u16, data  of the elements as in the file; too few are repeated; texts of any length end by zeros
- * A record that is cut off is left out. */
+ *   length u16, data  the elements as stored in the file. Missing ones repeat the given ones. Texts of
+ * variable length end with zeros.
+ * An incomplete record at the end is ignored. */
 #ifndef LG_FUZZ_TREE_H
 #define LG_FUZZ_TREE_H
 
@@ -21,9 +22,9 @@ typedef enum tree_kind {
     TREE_DATA,
     TREE_ATTRIBUTE,
     TREE_GROUP,
-    TREE_SOFT,     /* a link; data: its target */
-    TREE_HARD,     /* likewise, to what stands before it */
-    TREE_EXTERNAL, /* likewise, in another file */
+    TREE_SOFT,     /* a soft link; data: its target */
+    TREE_HARD,     /* a hard link to an earlier object; data: its target */
+    TREE_EXTERNAL, /* a link to another file; data: its target */
     TREE_KINDS
 } tree_kind;
 enum { TREE_KIND = 0x07, TREE_CHUNKED = 0x10, TREE_PACKED = 0x20, TREE_COMPACT = 0x40, TREE_ENDLESS = 0x80 };
@@ -32,10 +33,10 @@ typedef struct tree_record {
     uint8_t kind, type, rank, name_length;
     uint16_t size, length;
     uint32_t dims[TREE_RANK];
-    const uint8_t *name, *data; /* within the bytes */
+    const uint8_t *name, *data; /* point into the tree's bytes */
 } tree_record;
 
-/* Places in the table of types: numbers come before. */
+/* Indices into the table of types; numbers come before these. */
 enum {
     TYPE_FIXED = 15,
     TYPE_BLANKS,
@@ -55,22 +56,23 @@ enum {
     TREE_TYPES
 };
 
-/* Records (at most TREE_RECORDS); how many. */
+/* Reads at most TREE_RECORDS records and returns their number. */
 size_t tree_read(const uint8_t *bytes, size_t size, tree_record *out);
-/* The bytes of records, as far as whole ones fit into `most`; how many bytes. */
+/* Writes as many whole records as fit into `most` bytes. Returns the number of bytes. */
 size_t tree_write(const tree_record *records, size_t count, uint8_t *out, size_t most);
 
 enum {
     TREE_BYTES = 1 << 15
-}; /* of the elements of a record that are written; of more the shape alone is declared */
-/* How many elements of so many bytes; TREE_BYTES + 1: more than are written. */
+}; /* most bytes of a record's elements that are written; of larger records only the shape is declared */
+/* Number of elements of this size; TREE_BYTES + 1 if they are too large to be written. */
 size_t tree_count(const tree_record *r, size_t bytes);
-/* The bytes of all elements. */
+/* Writes the bytes of all elements. */
 void tree_fill(const tree_record *r, uint8_t *out, size_t bytes);
 
-/* The tree as an HDF5 file: its path. */
+/* Makes the tree an HDF5 file and returns its path. */
 const char *tree_file(const uint8_t *bytes, size_t size);
-/* Writes the same file to disk; the other way round. 0, or 1 with a sentence on stderr. */
+/* tree_unpack writes the tree as an HDF5 file on disk, tree_pack converts such a file to a tree. They return
+ * 0, or 1 with a message on stderr. */
 int tree_unpack(const uint8_t *bytes, size_t size, const char *path);
 int tree_pack(const char *path, uint8_t *out, size_t most, size_t *size);
 
@@ -80,16 +82,16 @@ typedef enum tree_nature { NATURE_WHOLE, NATURE_REAL, NATURE_TEXT, NATURE_OTHER 
 typedef struct tree_type {
     const char *name;
     tree_nature nature;
-    uint8_t bytes; /* of an element; 0: `size` of the record */
-    uint8_t big;   /* the first byte is the highest */
+    uint8_t bytes; /* bytes per element; 0: `size` of the record */
+    uint8_t big;   /* big-endian */
 } tree_type;
 extern const tree_type tree_types[];
 extern const size_t tree_type_count;
 
-/* Changes a tree in place by its structure; `bytes_mutate` changes plain bytes. The new size. */
+/* Changes a tree in place by its structure; bytes_mutate changes plain bytes. Returns the new size. */
 size_t tree_mutate(uint8_t *data, size_t size, size_t most, unsigned seed,
                    size_t (*bytes_mutate)(uint8_t *data, size_t size, size_t most));
-/* A tree with records of both. */
+/* Makes a tree with records of both trees. */
 size_t tree_cross(const uint8_t *a, size_t size_a, const uint8_t *b, size_t size_b, uint8_t *out, size_t most,
                   unsigned seed);
 

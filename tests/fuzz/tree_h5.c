@@ -1,4 +1,4 @@
-/* Trees to HDF5 and back. */
+/* Converts trees to HDF5 files and back. */
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -38,7 +38,7 @@ static hid_t half(void) {
     return type;
 }
 
-/* Numbers whose bits lie anywhere that HDF5 allows. */
+/* An integer type with any precision and offset of its bits that HDF5 allows. */
 static hid_t odd_whole(uint16_t size) {
     const hid_t type = H5Tcopy(H5T_STD_I64LE);
     (void)H5Tset_precision(type, 1 + (size & 63));
@@ -56,7 +56,7 @@ static hid_t odd_real(uint16_t size) {
     return type;
 }
 
-/* To be closed. */
+/* The caller closes the type. */
 static hid_t type_of(const tree_record *r) {
     static const char *const truth[] = {"FALSE", "TRUE"};
     const size_t bytes = r->size == 0 ? 1 : r->size;
@@ -141,7 +141,8 @@ static hid_t space_of(const tree_record *r, bool *endless) {
 
 /* ---- elements ---- */
 
-/* Texts of any length: the data is cut at its zeros, and begins anew behind its end. */
+/* Texts of variable length: the data are split at zeros, and are reused from the start if they are too
+ * short. */
 static void *texts_of(const tree_record *r, size_t count) {
     static char *pointers[TREE_BYTES / sizeof(char *)];
     static char words[65537];
@@ -156,7 +157,7 @@ static void *texts_of(const tree_record *r, size_t count) {
     return pointers;
 }
 
-/* NULL: nothing to write. */
+/* NULL: there is nothing to write. */
 static const void *elements_of(const tree_record *r, hid_t type) {
     static union {
         uint8_t bytes[TREE_BYTES];
@@ -181,16 +182,18 @@ static struct { hid_t access, creation, links, group, set; } lists;
 static void make_lists(void) {
     if (lists.access > 0) return;
     (void)H5Eset_auto2(H5E_DEFAULT, NULL, NULL);
-    (void)H5set_free_list_limits(-1, -1, -1, -1, -1, -1); /* the tables of an open file are large: kept */
+    /* no limit: the large tables of an open file are kept for reuse */
+    (void)H5set_free_list_limits(-1, -1, -1, -1, -1, -1);
     lists.access = H5Pcreate(H5P_FILE_ACCESS);
-    (void)H5Pset_fapl_core(lists.access, (size_t)1 << 13, true); /* written once, when it is closed */
+    /* in memory; written to disk once, on closing */
+    (void)H5Pset_fapl_core(lists.access, (size_t)1 << 13, true);
     (void)H5Pset_libver_bounds(lists.access, H5F_LIBVER_V18, H5F_LIBVER_V18);
     lists.creation = H5Pcreate(H5P_FILE_CREATE);
     lists.group = H5Pcreate(H5P_GROUP_CREATE);
     lists.set = H5Pcreate(H5P_DATASET_CREATE);
     lists.links = H5Pcreate(H5P_LINK_CREATE);
     (void)H5Pset_create_intermediate_group(lists.links, 1);
-    /* Attributes and links stand in the object, which is the quickest. */
+    /* Stores attributes and links in the object itself, which is the fastest layout. */
     (void)H5Pset_attr_phase_change(lists.creation, 255, 0);
     (void)H5Pset_attr_phase_change(lists.group, 255, 0);
     (void)H5Pset_link_phase_change(lists.group, 255, 0);
@@ -221,8 +224,8 @@ static void make_set(hid_t file, const char *name, const tree_record *r, hid_t t
     if (!plain) (void)H5Pclose(list);
 }
 
-/* The object of an attribute; a group where there is none. The last one stays open: attributes of an object
- * follow each other. */
+/* Opens the object of an attribute; makes a group if there is none. The object stays open until another one
+ * is needed, because attributes of an object follow each other. */
 static hid_t open_object(hid_t file, const char *name) {
     static char last[256];
     static hid_t object = H5I_INVALID_HID, of = H5I_INVALID_HID;
@@ -245,7 +248,7 @@ static void make_attribute(hid_t file, char *name, const tree_record *r, hid_t t
     if (at != NULL) *at = '\0';
     const hid_t object = open_object(file, at != NULL ? name : "");
     if (object < 0 || tree_count(r, H5Tget_size(type)) > TREE_BYTES)
-        return; /* HDF5 itself asks for the memory */
+        return; /* HDF5 itself would allocate this memory */
     const hid_t attribute =
         H5Acreate2(object, at != NULL ? at + 1 : name, type, space, H5P_DEFAULT, H5P_DEFAULT);
     const void *elements = attribute >= 0 ? elements_of(r, type) : NULL;
@@ -316,7 +319,7 @@ int tree_unpack(const uint8_t *bytes, size_t size, const char *path) {
     return 1;
 }
 
-/* Instead of HDF5's own, by the linker: the file is read at once, not object by object. */
+/* Replaces H5Fopen by the linker: the whole file is read at once, not object by object. */
 hid_t __real_H5Fopen(const char *name, unsigned flags, hid_t access);
 hid_t __wrap_H5Fopen(const char *name, unsigned flags, hid_t access);
 hid_t __wrap_H5Fopen(const char *name, unsigned flags, hid_t access) {
@@ -327,7 +330,7 @@ hid_t __wrap_H5Fopen(const char *name, unsigned flags, hid_t access) {
     return file;
 }
 
-/* ---- from a file ---- */
+/* ---- HDF5 files to trees ---- */
 
 typedef struct packing {
     uint8_t *out;
@@ -344,7 +347,7 @@ static void add(packing *to, const tree_record *r) {
     to->size += written;
 }
 
-/* The number of the type in the table; TREE_TYPES: none. */
+/* Index of the type in the table; TREE_TYPES if it has none. */
 static unsigned find_type(hid_t type, uint16_t *size) {
     const bool text = H5Tget_class(type) == H5T_STRING, any = text && H5Tis_variable_str(type) > 0;
     *size = text && !any ? (uint16_t)H5Tget_size(type) : 0;
@@ -363,7 +366,7 @@ static unsigned find_type(hid_t type, uint16_t *size) {
     return TREE_TYPES;
 }
 
-/* Elements of a data set or attribute; 0 bytes when they do not fit. */
+/* Reads the elements of a data set or attribute. Returns 0 bytes if they do not fit. */
 static size_t read_elements(hid_t id, bool attribute, hid_t type, hid_t space, unsigned kind, uint8_t *out) {
     const hssize_t points = H5Sget_simple_extent_npoints(space);
     const size_t count = points > 0 ? (size_t)points : 0, bytes = count * H5Tget_size(type);

@@ -1,4 +1,4 @@
-/* Harnesses of HDF5 files, from trees. */
+/* Harnesses of HDF5 files, which are made from trees. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -20,7 +20,7 @@ static void refused(lg_status status, const lg_error *error) {
     if (status != LG_OK && error->message[0] == '\0') abort();
 }
 
-/* The record of that name; NULL: none. */
+/* The record of this name; NULL if there is none. */
 static const tree_record *find(size_t count, const char *name) {
     const size_t length = strlen(name);
     for (size_t i = 0; i < count; i++)
@@ -78,7 +78,7 @@ void fuzz_model(const uint8_t *data, size_t size) {
     }
 }
 
-/* ---- data ---- */
+/* ---- data files ---- */
 
 static void read_trajectories(const char *path) {
     lg_error error = {LG_OK, ""};
@@ -139,7 +139,7 @@ static void read_table(const char *path) {
     lg_table_names_destroy(&names);
 }
 
-/* Each reader gets the files that have its data set. */
+/* Each reader gets only files that contain its own data set. */
 void fuzz_data(const uint8_t *data, size_t size) {
     static const struct {
         const char *mark;
@@ -157,7 +157,7 @@ void fuzz_data(const uint8_t *data, size_t size) {
 
 /* ---- programs ---- */
 
-/* What has loaded can be planned and run. */
+/* A program that could be loaded must be planned and run without a crash. */
 static void run_program(const lg_program *program, size_t function) {
     enum { PORTS = 16 };
     const void *inputs[PORTS];
@@ -202,7 +202,7 @@ void fuzz_program(const uint8_t *data, size_t size) {
     lg_program_destroy(program);
 }
 
-/* Packed and unpacked again it has the same bytes. */
+/* Packing and unpacking the image again must give the same bytes. */
 static void pack_again(const lg_function_image *image) {
     lg_error error = {LG_OK, ""};
     size_t size = 0, memory = MOST_WORK, again;
@@ -236,7 +236,7 @@ static bool add_packed(lg_program *program, const uint8_t *data, size_t size) {
     return status == LG_OK;
 }
 
-/* Functions of a program one after the other, each after its length (u16, little-endian). */
+/* The input is a list of a program's functions, each after its length (u16, little-endian). */
 void fuzz_packed(const uint8_t *data, size_t size) {
     static const double numbers[86] = {0.5};
     const lg_parameter_spec parameters[] = {{"scale", {0, {0}}, numbers}, {"theta", {1, {86}}, numbers}};

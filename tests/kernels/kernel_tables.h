@@ -1,4 +1,4 @@
-/* Tests of kernels: a claim is made of both types and of every instruction set that this machine has. */
+/* Runs a test of kernels for both types and for every instruction set of this machine. */
 #ifndef LG_KERNEL_TABLES_H
 #define LG_KERNEL_TABLES_H
 
@@ -16,7 +16,7 @@ static inline void every_table(void (*test)(const lg_kernels *)) {
         }
 }
 
-/* TEST_EVERY_TABLE("claim", k) { ... } runs for every table k. */
+/* TEST_EVERY_TABLE("claim", k) { ... } runs for every table k of kernels. */
 #define TEST_EVERY_TABLE(claim, k)        LG_EVERY_TABLE_AT(claim, k, __LINE__)
 #define LG_EVERY_TABLE_AT(claim, k, line) LG_EVERY_TABLE_NAMED(claim, k, line)
 #define LG_EVERY_TABLE_NAMED(claim, k, line)                                                                 \

@@ -1,4 +1,4 @@
-/* The kernels of both types on every instruction set that this machine has. */
+/* The kernels of both types, for every instruction set of this machine. */
 #include "kernels/kernel_tables.h"
 
 #include <float.h>
@@ -36,7 +36,7 @@ static double epsilon(const lg_kernels *k) {
     return k->dtype == LG_F64 ? DBL_EPSILON : (double)FLT_EPSILON;
 }
 
-/* The exact number of elements, so that a sanitizer sees a read or write past the end. */
+/* Memory for exactly n elements, so that a sanitizer sees accesses beyond the end. */
 static void *numbers(const lg_kernels *k, size_t n) {
     return lg_test_memory(n * k->size);
 }
@@ -47,7 +47,7 @@ static void *random_numbers(const lg_kernels *k, lg_rng *rng, size_t n, double l
     return x;
 }
 
-TEST("every table says its type and set, and the one in use is there") {
+TEST("every table states its type and instruction set, and the one in use exists") {
     for (int dtype = 0; dtype < 2; dtype++) {
         const lg_kernels *k = lg_kernels_for((lg_dtype)dtype);
         assert_non_null(k);
@@ -64,10 +64,10 @@ TEST("every table says its type and set, and the one in use is there") {
     }
 }
 
-/* ---- accuracy of the functions ---- */
+/* ---- accuracy of elementary functions ---- */
 
-/* Distance in units in the last place of the type, or in `least` when that is more; 0 for equal infinities
- * and for two NaN. */
+/* Distance in units in the last place of the type, or in units of `least` if that is larger; 0 for equal
+ * infinities and for two NaN. */
 static double ulp_error(const lg_kernels *k, double got, long double exact, double least) {
     if (isnan(exact) || isnan(got)) return isnan(exact) && isnan(got) ? 0 : 1e30;
     const double e = k->dtype == LG_F64 ? (double)exact : (double)(float)exact;
@@ -92,7 +92,7 @@ static const struct {
     const char *name;
     int call, number;
     long double (*exact)(long double);
-    double low, high; /* a dense range */
+    double low, high; /* range for dense points */
     double bound;     /* units in the last place */
 } functions[] = {
     {"exp", CALL_UNARY, LG_K_EXP, expl, -110, 100, 3},
@@ -138,7 +138,7 @@ static size_t special_values(const lg_kernels *k, void *x) {
     return n;
 }
 
-TEST_EVERY_TABLE("functions are right to a few units in the last place", k) {
+TEST_EVERY_TABLE("functions are accurate to a few units in the last place", k) {
     lg_rng rng = test_rng(1, 0);
     void *x = numbers(k, MAX_N), *y = numbers(k, MAX_N);
     for (size_t f = 0; f < LG_COUNT(functions); f++) {
@@ -155,7 +155,8 @@ TEST_EVERY_TABLE("functions are right to a few units in the last place", k) {
             call_function(k, f, n, x, y);
             for (size_t i = 0; i < n; i++) {
                 const double v = get(k, x, i);
-                /* x sigmoid(x) where sigmoid(x) is denormal: the product magnifies its last place */
+                /* In x sigmoid(x) with a denormal sigmoid(x) the product amplifies the error of its last
+                 * place. */
                 const double least = functions[f].exact == swish_exact && !isinf(v)
                                          ? fabs(v) * (k->dtype == LG_F64 ? 0x1p-1074 : 0x1p-149)
                                          : 0;
@@ -176,7 +177,7 @@ TEST_EVERY_TABLE("functions are right to a few units in the last place", k) {
 
 enum { POSITION_N = 37 };
 
-/* Equal bits; of a NaN neither sign nor payload is specified. */
+/* Fails unless the bits are equal; sign and payload of a NaN are not compared. */
 static void assert_same(const lg_kernels *k, const char *name, const void *whole, size_t i, const void *alone,
                         size_t width) {
     bool same = true;
@@ -188,14 +189,15 @@ static void assert_same(const lg_kernels *k, const char *name, const void *whole
                  lg_isa_name(k->isa), name, i, get(k, whole, i * width), get(k, alone, 0));
 }
 
-/* Element i alone, by what comes last, has the bits that it has in y. */
+/* Evaluates the last argument for each i; it computes element i alone, which must have the same bits as in
+ * y. */
 #define ALONE(name, width, ...)                                                                              \
     for (size_t i = 0; i < N; i++) {                                                                         \
         __VA_ARGS__;                                                                                         \
         assert_same(k, name, y, i, one, width);                                                              \
     }
 
-TEST_EVERY_TABLE("an element has the same bits wherever it stands in an array", k) {
+TEST_EVERY_TABLE("the bits of an element do not depend on its position in an array", k) {
     enum { N = POSITION_N };
     lg_rng rng = test_rng(2, 0);
     void *special = numbers(k, 256), *x = numbers(k, N), *g = random_numbers(k, &rng, N, -2, 2),
@@ -246,7 +248,7 @@ TEST_EVERY_TABLE("an element has the same bits wherever it stands in an array", 
 
 /* ---- elementwise ---- */
 
-TEST_EVERY_TABLE("elementwise functions have their values, at kinks and NaN too", k) {
+TEST_EVERY_TABLE("elementwise functions have the right values, also at kinks and for NaN", k) {
     const double a[] = {1, -2, 3, NAN, 0.5, 5}, b[] = {2, -2, 1, 1, NAN, 5};
     static const double max[] = {2, -2, 3, NAN, NAN, 5}, ge[] = {0, 1, 1, 0, 0, 1},
                         sub[] = {-1, 0, 2, NAN, NAN, 0};
@@ -298,7 +300,7 @@ TEST_EVERY_TABLE("elementwise functions have their values, at kinks and NaN too"
     }
 }
 
-TEST_EVERY_TABLE("strided operations are the contiguous ones", k) {
+TEST_EVERY_TABLE("strided operations agree with contiguous ones", k) {
     lg_rng rng = test_rng(3, 0);
     for (size_t rows = 1; rows < 20; rows += 3)
         for (size_t cols = 1; cols < 24; cols += cols < 4 ? 1 : 5)
@@ -321,7 +323,7 @@ TEST_EVERY_TABLE("strided operations are the contiguous ones", k) {
 
 /* ---- activations ---- */
 
-/* Derivatives 0..8 by the Taylor series of the differential equations h' = 1 - h^2 and s' = s - s^2. */
+/* Derivatives 0..8, by Taylor series of the differential equations h' = 1 - h^2 and s' = s - s^2. */
 static void exact_derivatives(lg_k_act kind, long double x, long double d[LG_K_ACT_ORDERS + 1]) {
     long double c[LG_K_ACT_ORDERS + 2], factorial = 1;
     c[0] = kind == LG_K_TANH ? tanhl(x) : sigmoid_exact(x);
@@ -336,7 +338,7 @@ static void exact_derivatives(lg_k_act kind, long double x, long double d[LG_K_A
     }
 }
 
-TEST_EVERY_TABLE("derivatives of activations to order 8 are exact", k) {
+TEST_EVERY_TABLE("derivatives of activations up to order 8 are accurate", k) {
     static const double points[] = {-3.1, -1.0, -0.3, 0, 0.2, 0.9, 2.5, 6.0};
     static const lg_k_act smooth[] = {LG_K_TANH, LG_K_SIGMOID, LG_K_SWISH};
     enum { N = LG_COUNT(points) };
@@ -387,8 +389,8 @@ TEST_EVERY_TABLE("derivatives of activations to order 8 are exact", k) {
         }
 }
 
-/* tanh^(n) = (1 - h^2) Q_n(h), Q_1 = 1, Q_(n+1) = -2 h Q_n + (1 - h^2) Q_n' with whole numbers as
- * coefficients; hence d tanh^(n)/dh = Q_(n+1). */
+/* tanh^(n) = (1 - h^2) Q_n(h), with Q_1 = 1 and Q_(n+1) = -2 h Q_n + (1 - h^2) Q_n', whose coefficients are
+ * integers. Hence d tanh^(n)/dh = Q_(n+1). */
 static long double tanh_polynomial(int n, long double h) {
     long double q[LG_K_ACT_ORDERS + 3] = {1}, y = 0;
     for (int m = 1; m < n; m++) {
@@ -403,7 +405,7 @@ static long double tanh_polynomial(int n, long double h) {
     return y;
 }
 
-/* A derivative at the stored value h, and |y| + |h dy/dh|. */
+/* A derivative y computed from the stored value h, and its size |y| + |h dy/dh|. */
 typedef struct conditioned {
     long double y, size;
 } conditioned;
@@ -414,7 +416,7 @@ static conditioned of_tanh(int n, long double h) {
     return (conditioned){y, fabsl(y) + fabsl(h * tanh_polynomial(n + 1, h))};
 }
 
-/* sigmoid(x) = (1 + tanh(x/2))/2 */
+/* sigmoid(x) = (1 + tanh(x/2))/2. */
 static conditioned of_sigmoid(int n, long double s) {
     if (n == 0) return (conditioned){s, fabsl(s)};
     const long double y = s * (1 - s) * ldexpl(tanh_polynomial(n, 2 * s - 1), 1 - n);
@@ -429,7 +431,7 @@ static conditioned of_activation(lg_k_act kind, int n, long double x, long doubl
     return (conditioned){x * a.y + n * b.y, fabsl(x) * a.size + n * b.size};
 }
 
-TEST_EVERY_TABLE("derivatives from a stored value have all digits that the stored value gives them", k) {
+TEST_EVERY_TABLE("derivatives from a stored value are as accurate as the stored value allows", k) {
     enum { N = 1000 };
     static const lg_k_act smooth[] = {LG_K_TANH, LG_K_SIGMOID, LG_K_SWISH};
     void *x = numbers(k, N), *y = numbers(k, N), *h = numbers(k, N);
@@ -455,7 +457,8 @@ TEST_EVERY_TABLE("derivatives from a stored value have all digits that the store
 }
 
 TEST_EVERY_TABLE(
-    "act_reverse is its passes one by one, to the bit: dq [+]= c s^(order), dx [+]= (c q) s^(order + 1)", k) {
+    "act_reverse has the bits of its passes one by one: dq [+]= c s^(order), dx [+]= (c q) s^(order + 1)",
+    k) {
     lg_rng rng = test_rng(14, 0);
     static const size_t sizes[] = {1, 7, 256, 300, 1000};
     static const lg_k_act kinds[] = {LG_K_TANH, LG_K_SIGMOID, LG_K_SWISH, LG_K_LEAKY_RELU, LG_K_SINE};
@@ -487,7 +490,7 @@ TEST_EVERY_TABLE(
     }
 }
 
-TEST_EVERY_TABLE("bias_act is the addition and then the activation, to the bit", k) {
+TEST_EVERY_TABLE("bias_act has the bits of the addition followed by the activation", k) {
     lg_rng rng = test_rng(4, 0);
     static const size_t shapes[][2] = {{1, 1}, {5, 1}, {3, 37}, {20, 100}, {7, 8}};
     for (size_t s = 0; s < LG_COUNT(shapes); s++)
@@ -509,7 +512,7 @@ TEST_EVERY_TABLE("bias_act is the addition and then the activation, to the bit",
 
 /* ---- products ---- */
 
-/* The definition: one chain over l; a fused multiply-add except on the baseline. */
+/* The definition: one sum over l in order, with fused multiply-adds except on the baseline. */
 static double chain(const lg_kernels *t, size_t k, const void *a, size_t ca, const void *b, size_t ldb) {
     if (t->dtype == LG_F64) {
         double s = 0;
@@ -553,7 +556,7 @@ static void check_gemm(const lg_kernels *t, lg_rng *rng, size_t m, size_t n, siz
     lg_test_give_back(mark);
 }
 
-TEST_EVERY_TABLE("products are chains of multiply-adds, to the bit", t) {
+TEST_EVERY_TABLE("products have the bits of sums of multiply-adds in order", t) {
     lg_rng rng = test_rng(5, 0);
     for (size_t m = 1; m <= 19; m++)
         for (size_t n = 1; n <= 35; n++)
@@ -568,7 +571,7 @@ TEST_EVERY_TABLE("products are chains of multiply-adds, to the bit", t) {
             check_gemm(t, &rng, shapes[s][0], shapes[s][1], shapes[s][2], v & 1, v >> 1 & 1, v >> 2);
 }
 
-TEST_EVERY_TABLE("matvec is right to rounding, the same for every row and number of rows", k) {
+TEST_EVERY_TABLE("matvec is right to rounding, and does not depend on the row or on the number of rows", k) {
     lg_rng rng = test_rng(15, 0);
     for (size_t i = 0; i < 40 * 40; i++) {
         const size_t m = i % 40 + 1, n = i < 1600 - 40 ? i / 40 : 700;
@@ -585,7 +588,8 @@ TEST_EVERY_TABLE("matvec is right to rounding, the same for every row and number
             assert_close(get(k, y, r), sum, 0, 4 * epsilon(k) * (1 + 0.3 * sqrt((double)n)) * size);
         }
         assert_close(get(k, y, m), get(k, z, m), 0, 0);
-        for (size_t l = 0; l < n && n < 20; l++) { /* stays infinite wherever it stands */
+        /* an infinite element makes the result infinite at any place */
+        for (size_t l = 0; l < n && n < 20; l++) {
             const double kept = get(k, a, l);
             set(k, a, l, INFINITY);
             k->matvec(m, n, a, x, y, false);
@@ -600,7 +604,7 @@ TEST_EVERY_TABLE("matvec is right to rounding, the same for every row and number
     }
 }
 
-TEST_EVERY_TABLE("transposes", k) {
+TEST_EVERY_TABLE("transposed matrices are right", k) {
     lg_rng rng = test_rng(6, 0);
     for (size_t rows = 1; rows < 23; rows++)
         for (size_t cols = 1; cols < 23; cols++) {
@@ -625,7 +629,7 @@ TEST_EVERY_TABLE("sums and dot products have the same bits on every instruction 
         }
         assert_close(k->sum(n, x), (double)s, 0, 1e-15 * (double)(n + 1));
         assert_close(k->dot(n, x, y), (double)d, 0, 1e-15 * (double)(n + 1));
-        /* the same bits on every instruction set */
+        /* The same bits on every instruction set. */
         const lg_kernels *base = lg_kernels_of(k->dtype, LG_ISA_BASELINE);
         assert_true(k->sum(n, x) == base->sum(n, x));
         assert_true(k->dot(n, x, y) == base->dot(n, x, y));
@@ -656,7 +660,7 @@ TEST_EVERY_TABLE("sums and dot products have the same bits on every instruction 
 
 /* ---- geometry ---- */
 
-TEST_EVERY_TABLE("cross products and dot products of rows", k) {
+TEST_EVERY_TABLE("cross products and dot products of rows are right", k) {
     lg_rng rng = test_rng(8, 0);
     for (size_t rows = 1; rows < 40; rows += 3) {
         void *a = random_numbers(k, &rng, rows * 5, -1, 1), *b = random_numbers(k, &rng, rows * 5, -1, 1),
@@ -679,9 +683,9 @@ TEST_EVERY_TABLE("cross products and dot products of rows", k) {
     }
 }
 
-/* Relative everywhere, next to the zeros of the functions too: the table's arguments are the very doubles. In
- * single precision only those that rounding does not move are compared. */
-TEST_EVERY_TABLE("Stumpff functions are relatively exact, next to their zeros too", t) {
+/* Relative accuracy is also required next to the zeros, since the table's arguments are exact doubles. In
+ * single precision only arguments that rounding does not change are compared. */
+TEST_EVERY_TABLE("Stumpff functions have full relative accuracy, also next to their zeros", t) {
     const double tolerance = t->dtype == LG_F64 ? 1e-13 : 0.51 * (double)FLT_EPSILON;
     void *x = numbers(t, 1), *y = numbers(t, 9);
     double c[9], part[9];
@@ -690,7 +694,7 @@ TEST_EVERY_TABLE("Stumpff functions are relatively exact, next to their zeros to
         const int order = stumpff_table[i].order;
         lg_stumpff(w, 8, order, c);
         assert_all_close(c, e, 9, order == 0 ? 2e-15 : 1e-13, 0);
-        for (int K = 0; K < 8; K++) { /* the number of functions asked for does not matter */
+        for (int K = 0; K < 8; K++) { /* the result must not depend on the number of requested functions */
             lg_stumpff(w, K, order, part);
             assert_all_close(part, c, (size_t)K + 1, 1e-15, 0);
         }
@@ -706,9 +710,11 @@ TEST_EVERY_TABLE("Stumpff functions are relatively exact, next to their zeros to
 
 /* ---- Lie group actions ---- */
 
-/* Angles on both sides of the limits of the series, 1/4 and 2, in every lane; exact sizes, in place, every
- * position the same bits. */
-TEST_EVERY_TABLE("SE(3) acts as the plain functions do, with the same bits at every place", t) {
+/* Angles on both sides of the limits of the series, 1/4 and 2, in every vector lane; arrays of exact size; in
+ * place; the same bits at every position. */
+TEST_EVERY_TABLE("the action of SE(3) agrees with the plain functions, with the same bits at every "
+                 "position",
+                 t) {
     const double angles[] = {0.0, 1e-9, 0.1, 0.2499, 0.2501, 0.3, 1.0, 1.999, 2.001, 3.0, 5.0};
     lg_rng rng = test_rng(71, 0);
     for (size_t n = 0; n <= 19; n++) {
@@ -753,8 +759,7 @@ TEST_EVERY_TABLE("SE(3) acts as the plain functions do, with the same bits at ev
     }
 }
 
-TEST_EVERY_TABLE("a point off its manifold by rounding is returned to it, one that is farther away is not",
-                 t) {
+TEST_EVERY_TABLE("a point off its manifold by rounding is returned to it, a point farther away is not", t) {
     const double a[6] = {0.1, 0.2, -0.3, 0.4, 0.0, 0.2};
     double y[6] = {0.6, 0.0, 0.8, 1.6 + 1e-14, 2.0, -1.2}, out[6];
     y[0] += 2e-14;
@@ -767,7 +772,7 @@ TEST_EVERY_TABLE("a point off its manifold by rounding is returned to it, one th
     assert_close(lg_dot3(out, out + 3) - lg_dot3(y, y + 3), 0.0, 0, 5e-15);
 }
 
-TEST("lg_dexpinv_coef is relatively exact to order 5") {
+TEST("lg_dexpinv_coef has full relative accuracy up to order 5") {
     for (size_t i = 0; i < LG_COUNT(dexpinv_table); i++)
         for (int order = 0; order < 6; order++) {
             const double e = dexpinv_table[i].g[order];
@@ -781,15 +786,14 @@ TEST("lg_dexpinv_coef is relatively exact to order 5") {
 
 /* ---- small systems ---- */
 
-TEST_EVERY_TABLE("small positive systems are solved, and those that are not positive are NaN and counted",
-                 t) {
+TEST_EVERY_TABLE("small positive definite systems are solved; others give NaN and are counted", t) {
     lg_rng rng = test_rng(9, 0);
-    enum { N = 21, M = 3, MAX_K = 9 }; /* two times eight side by side, and five one by one */
+    enum { N = 21, M = 3, MAX_K = 9 }; /* two blocks of eight side by side, and five one by one */
     for (size_t k = 1; k <= MAX_K; k++) {
         const size_t kk = k * k;
         void *a = numbers(t, N * kk), *l = numbers(t, N * kk), *b = random_numbers(t, &rng, N * k * M, -1, 1),
              *x = numbers(t, N * k * M);
-        for (size_t s = 0; s < N; s++) { /* G G^T + I, and a skew part that symmetrisation removes */
+        for (size_t s = 0; s < N; s++) { /* G G^T + I, plus a skew part that symmetrisation removes */
             double g[MAX_K * MAX_K];
             for (size_t i = 0; i < kk; i++) g[i] = lg_rng_uniform_in(&rng, -1, 1);
             for (size_t i = 0; i < k; i++)
@@ -812,7 +816,7 @@ TEST_EVERY_TABLE("small positive systems are solved, and those that are not posi
                     assert_close(v, get(t, b, s * k * M + i * M + c), 0, 100 * epsilon(t));
                 }
             }
-        for (size_t s = 0; s < N; s++) { /* alone: to the bit */
+        for (size_t s = 0; s < N; s++) { /* each alone must have the same bits */
             double alone[MAX_K * MAX_K], solution[MAX_K * M];
             const size_t at = s * kk * t->size, right = s * k * M * t->size;
             assert_int_equal(t->spd_factor(1, k, (char *)a + at, alone), 0);
@@ -836,7 +840,7 @@ TEST_EVERY_TABLE("small positive systems are solved, and those that are not posi
 
 /* ---- Adam ---- */
 
-TEST_EVERY_TABLE("an update of Adam does not depend on its position", k) {
+TEST_EVERY_TABLE("the bits of an Adam update do not depend on the position", k) {
     lg_rng rng = test_rng(11, 0);
     enum { N = POSITION_N };
     void *g = random_numbers(k, &rng, N, -1, 1), *m = random_numbers(k, &rng, N, -1, 1),

@@ -1,4 +1,4 @@
-/* Tables of hyperparameters: what every row of every kind has to hold. */
+/* Tables of hyperparameters: checks for every field of every kind. */
 #include "support/io_test.h"
 
 #include "liegrad/fields.h"
@@ -33,7 +33,8 @@ TEST("names and options are unique") {
     }
     assert_null(lg_field_find(tables[0], "colour"));
     assert_string_equal(lg_field_find(tables[0], "weight-decay")->name, "weight_decay");
-    /* The part for validation is the detector's own: the option of that name is not lg_fit's. */
+    /* The detector defines its own validation part, so this option differs from lg-fit's option of the same
+     * name. */
     assert_string_equal(lg_field_find(tables[2], "validation")->name, "validation_fraction");
 }
 
@@ -52,7 +53,7 @@ static void assert_sets(const lg_field *row, const char *text, bool good) {
     }
 }
 
-TEST("the limits of a row are taken, and nothing beyond them") {
+TEST("the limits of a field are accepted, and nothing beyond them") {
     EACH_ROW(row) {
         char text[64];
         const bool whole = row->type != LG_FIELD_REAL && row->type != LG_FIELD_REALS;
@@ -79,7 +80,7 @@ TEST("the limits of a row are taken, and nothing beyond them") {
     }
 }
 
-TEST("what is shown is set to the same bits, and one value changes no other") {
+TEST("a value is shown as a text that sets the same bits, and setting one value changes no other") {
     EACH_ROW(row) {
         char text[LG_FIELD_TEXT_SIZE], again[LG_FIELD_TEXT_SIZE];
         const char *value = row->type == LG_FIELD_PHRASE    ? "adam:3,lbfgs"
@@ -103,7 +104,7 @@ TEST("what is shown is set to the same bits, and one value changes no other") {
     }
 }
 
-TEST("a number is stored to the bits that its text sets, or refused by the same sentence") {
+TEST("a number is stored with the bits that its text sets, or refused with the same message") {
     EACH_ROW(row) {
         const double values[] = {row->low, 3, 0.1, 1 / 3.0, row->high, -1, 2 * row->high, NAN, INFINITY};
         for (size_t i = 0; i < LG_COUNT(values); i++) {
@@ -119,7 +120,7 @@ TEST("a number is stored to the bits that its text sets, or refused by the same 
     }
 }
 
-/* Names of the methods, `last` before the last one. */
+/* The names of the methods, with `last` before the last one. */
 static const char *method_names(bool squares, const char *last) {
     const char *names[16], *out = "";
     size_t count = 0;
@@ -131,7 +132,7 @@ static const char *method_names(bool squares, const char *last) {
     return out;
 }
 
-TEST("lm is a method where the loss is a sum of squares, and there alone") {
+TEST("lm is a method if the loss is a sum of squares, and only then") {
     char text[1024];
     lg_error error;
     EACH_ROW(row) {
@@ -148,7 +149,7 @@ TEST("lm is a method where the loss is a sum of squares, and there alone") {
     }
 }
 
-TEST("rows describe themselves") {
+TEST("fields describe themselves") {
     char text[1024];
     EACH_ROW(row) {
         const int length = lg_field_describe(row, text, sizeof text);
@@ -164,7 +165,7 @@ TEST("rows describe themselves") {
     assert_string_equal(text, "Width of the hidden layers (1 to 1048576; default the preset's)");
 }
 
-TEST("defaults are those of the rows") {
+TEST("defaults are those of the fields") {
     memset(&run, 0, sizeof run);
     lg_fields_default(lg_hamiltonian_fields, &run);
     const lg_hamiltonian_run *r = &run.hamiltonian;
@@ -179,13 +180,13 @@ TEST("defaults are those of the rows") {
     lg_fields_default(lg_detector_fields, &run);
     assert_true(run.detector.validation_fraction == 0.1 && run.detector.training.validation == 0);
     assert_true(run.detector.test_fraction == 0.2 && run.detector.model.net.plane == 2);
-    assert_true(run.detector.training.epochs == 0); /* the preset's */
+    assert_true(run.detector.training.epochs == 0); /* 0: the preset's number */
     memset(&run, 0, sizeof run);
     lg_fields_default(lg_surrogate_fields, &run);
     assert_true(run.surrogate.train_fraction == 0.9 && run.surrogate.test_fraction == 0.1);
 }
 
-/* ---- the page ---- */
+/* ---- docs/data/hyperparameters.md ---- */
 
 static const char page_begin[] =
     "# Hyperparameters\n\n"
@@ -222,7 +223,7 @@ static void put_page(FILE *page) {
     }
 }
 
-TEST("docs/data/hyperparameters.md is the page of these tables") {
+TEST("docs/data/hyperparameters.md is generated from these tables") {
     static const char path[] = LG_TEST_DIR "/../docs/data/hyperparameters.md";
     char *wanted = NULL, *found = NULL;
     size_t size = 0, room = 0;

@@ -1,4 +1,4 @@
-/* Ranges from YAML, and tables of trials. */
+/* Ranges of searches in YAML, and tables of trials. */
 #include <locale.h>
 
 #include "support/io_test.h"
@@ -47,7 +47,7 @@ TEST("ranges are read") {
         for (uint32_t c = 0; c < r[i].choices; c++)
             assert_string_equal(r[i].choice[c], expected[i].choice[c]);
     }
-    /* `fixed` may be missing; JSON is YAML. */
+    /* `fixed` may be left out; JSON is YAML. */
     lg_search_file g;
     const char *path = scratch_path("only.json");
     write_text_to(path, "{\"ranges\": {\"lr\": {\"uniform\": [0, 1]}}}\n");
@@ -67,7 +67,7 @@ static lg_status read_ranges(const lg_context *context, const char *path, const 
     return status;
 }
 
-TEST("bad ranges are refused") {
+TEST("invalid ranges are refused") {
     static const struct {
         const char *text, *line, *word;
     } wrong[] = {
@@ -121,7 +121,7 @@ TEST("bad ranges are refused") {
     survive_changed_bytes(read_ranges, scratch_path("ranges.yaml"), 400);
 }
 
-TEST("the published files have their ranges and fixed settings") {
+TEST("the shipped files have their ranges and fixed settings") {
     static const struct {
         const char *name;
         size_t ranges, fixed;
@@ -142,7 +142,7 @@ TEST("the published files have their ranges and fixed settings") {
 #define SEED 18446744073709551615u
 #define N    6
 
-/* Six trials with everything that a trial may hold, by falling number. */
+/* Six trials with everything that a trial can hold, in decreasing order of their numbers. */
 static void make_trials(const lg_search_file *file, lg_trial *trials) {
     static const double awkward[] = {0.1,  1.0 / 3, 5e-324,   1.7976931348623157e308,
                                      -0.0, NAN,     INFINITY, -INFINITY};
@@ -172,7 +172,7 @@ static void assert_same_trial(const lg_trial *a, const lg_trial *b) {
     assert_memory_equal(a->report, b->report, sizeof a->report);
 }
 
-TEST("trials come back as they were written") {
+TEST("trials are read back as they were written") {
     const lg_search_file file = read_example();
     lg_trial trials[N], back[N];
     size_t count = 99;
@@ -186,7 +186,7 @@ TEST("trials come back as they were written") {
     for (size_t i = 0; i < N; i++) assert_same_trial(&back[i], &trials[N - 1 - i]); /* sorted */
     assert_ok(lg_trials_write(NULL, again, &file, SEED, "data 1", back, N, NULL));
     assert_same_bytes(path, again);
-    /* Windows' line ends. */
+    /* Line ends of Windows. */
     size_t size, used = 0;
     unsigned char *data = read_bytes_of(path, &size), *wide = TEST_ARRAY(unsigned char, 2 * size);
     for (size_t i = 0; i < size; i++) {
@@ -196,13 +196,13 @@ TEST("trials come back as they were written") {
     write_bytes_to(again, wide, used);
     assert_ok(lg_trials_read(NULL, again, &file, SEED, "data 1", N, back, &count, NULL));
     assert_int_equal(count, N);
-    /* None yet. */
+    /* No trials yet. */
     assert_ok(lg_trials_write(NULL, path, &file, 1, NULL, NULL, 0, NULL));
     assert_ok(lg_trials_read(NULL, path, &file, 1, "", N, back, &count, NULL));
     assert_int_equal(count, 0);
 }
 
-TEST("the table of trials is text that other programs read") {
+TEST("the table of trials is text that other programs can read") {
     const lg_search_file file = read_example();
     lg_trial t[2] = {{.number = 3,
                       .state = LG_TRIAL_PRUNED,
@@ -215,7 +215,7 @@ TEST("the table of trials is text that other programs read") {
                       .report = {0.75, 0.5}},
                      {.number = 1, .state = LG_TRIAL_FAILED, .objective = NAN, .value = {0, 0, 0, 0.001, 1}}};
     const char *path = scratch_path("text.csv");
-    /* Some locale with a comma, where there is one. */
+    /* A locale with a decimal comma, if there is one. */
     const bool comma = setlocale(LC_NUMERIC, "de_DE.UTF-8") != NULL;
     assert_ok(lg_trials_write(NULL, path, &file, 5, NULL, t, 2, NULL));
     if (comma) (void)setlocale(LC_NUMERIC, "C");
@@ -229,8 +229,8 @@ TEST("the table of trials is text that other programs read") {
                         "3,pruned,0.5,7,100,1.25,resnet,4,0.0078125,0.0625,true,0.75,0.5\n");
 }
 
-/* Cut anywhere: complete lines are read, the last one runs again. */
-TEST("of a table that is cut anywhere the complete lines are read") {
+/* The table is cut anywhere: complete lines are read, and the last trial is run again. */
+TEST("if a table is cut anywhere, its complete lines are read") {
     const lg_search_file file = read_example();
     lg_trial trials[N], back[N];
     const char *path = scratch_path("trials.csv"), *cut = scratch_path("cut.csv");
@@ -252,7 +252,7 @@ TEST("of a table that is cut anywhere the complete lines are read") {
     }
 }
 
-/* Static memory, until the next call. */
+/* Static memory, valid until the next call. */
 static const char *replaced(const char *text, const char *from, const char *to) {
     static char out[2048];
     const char *at = strstr(text, from);
@@ -352,14 +352,14 @@ TEST("a table of another search is refused") {
     OTHER(6, "data", N, "seed 5, not 6", (void)0);
     OTHER(5, "dat", N, "", (void)0);
     OTHER(5, "data", N - 1, "holds 6 trials, more than 5", (void)0);
-    /* Lines say nothing about what is compared. */
+    /* Line numbers do not matter for the comparison. */
     lg_search_file moved = file;
     size_t count;
     moved.line[0] = 40;
     assert_ok(lg_trials_read(NULL, path, &moved, 5, "data", N, back, &count, NULL));
 }
 
-TEST("trials that could not be read are not written") {
+TEST("trials that could not be read back are not written") {
     const lg_search_file file = read_example();
     lg_trial trials[N], changed[N];
     const char *path = scratch_path("unwritten.csv");
@@ -383,7 +383,7 @@ TEST("trials that could not be read are not written") {
     assert_int_not_equal(access(path, F_OK), 0);
 }
 
-/* ---- a search through its file ---- */
+/* ---- a search with its file ---- */
 
 typedef struct session {
     const lg_search_file *file;
@@ -416,7 +416,7 @@ static lg_status session_save(void *user, const lg_trial *trials, size_t count, 
     return lg_trials_write(NULL, s->path, s->file, 1, "d", copy, count, NULL);
 }
 
-/* One call of the program: what the file holds, then the rest. */
+/* One call of the program: reads the trials in the file, then runs the rest. */
 static lg_status session_go(session *s) {
     lg_trial trials[16];
     size_t count = 0, size;
@@ -442,7 +442,7 @@ static lg_status session_go(session *s) {
     return status;
 }
 
-TEST("a resumed search ends as one that was not interrupted") {
+TEST("a resumed search ends as an uninterrupted one") {
     const lg_search_file file = read_example();
     const char *whole = scratch_path("whole.csv"), *parts = scratch_path("parts.csv");
     session one = {.file = &file, .path = whole};

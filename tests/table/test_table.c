@@ -1,4 +1,4 @@
-/* Table networks: Jacobians, scaling, the evidence, the recording beside the plan. */
+/* Table networks: Jacobians, scaling, the evidence, and the recording compared with the plan. */
 #include "support/models.h"
 #include "test_support.h"
 
@@ -40,7 +40,7 @@ static lg_table make(const example *e) {
     return model;
 }
 
-/* y = sin of the sum and a product of the inputs, with noise; x and y of size 1. */
+/* y = sin of the sum, and a product of the inputs, with noise; x and y have size 1. */
 static lg_table_samples *draw(const lg_table *model, size_t rows, double noise, lg_rng *rng) {
     const uint32_t n = model->net.inputs, m = model->net.outputs;
     lg_table_samples made = {.count = rows, .training = rows};
@@ -65,8 +65,8 @@ static double *parameters(const lg_table *model, lg_rng *rng) {
     return theta;
 }
 
-/* By forward sweeps over the recorded residuals, which share no code with the taps. */
-TEST("the Jacobian of the residuals is that of forward sweeps, for every network") {
+/* Compared with forward sweeps over the recorded residuals, which share no code with the Jacobian. */
+TEST("the Jacobian of the residuals agrees with forward sweeps, for every network") {
     for (size_t e = 0; e < LG_COUNT(examples); e++) {
         const lg_table model = make(&examples[e]);
         const size_t n = lg_table_parameters(&model), m = ROWS * (size_t)model.net.outputs;
@@ -136,7 +136,7 @@ TEST("a model scales its inputs and outputs") {
 typedef struct column {
     const char *what;
     double (*cell)(lg_rng *rng, size_t row);
-    size_t far; /* cells */
+    size_t far; /* number of cells that are far */
 } column;
 
 enum { CELLS = 1000, MARKED = 17 };
@@ -159,7 +159,7 @@ static double pair_cell(lg_rng *rng, size_t row) {
 static double one_far_cell(lg_rng *rng, size_t row) {
     return row == MARKED ? 1000.0 : lg_rng_normal(rng);
 }
-static double hidden_cell(lg_rng *rng, size_t row) { /* far, but too few to have half of the squares */
+static double hidden_cell(lg_rng *rng, size_t row) { /* far, but with less than half of the sum of squares */
     return row == MARKED ? 25.0 : 0.3 * lg_rng_normal(rng);
 }
 static double codes_cell(lg_rng *rng, size_t row) {
@@ -175,7 +175,7 @@ static const column columns[] = {{"normal", normal_cell, 0},
                                  {"one that is seven deviations of all", hidden_cell, 1},
                                  {"codes of missing cells", codes_cell, 100}};
 
-TEST("cells far from all others are found in whatever unit, and columns that are only odd have none") {
+TEST("cells far from all others are found in any units, and merely unusual columns have none") {
     static const double units[] = {1.0, -1.0, 1e-9, 1e9, 1e-300, 1e300};
     double *x = TEST_ARRAY(double, 2 * CELLS);
     for (size_t c = 0; c < LG_COUNT(columns); c++)
@@ -195,7 +195,7 @@ TEST("cells far from all others are found in whatever unit, and columns that are
         }
 }
 
-TEST("the median of far cells agrees with a sorted column, and the largest numbers do not overflow") {
+TEST("the median used for far cells agrees with a sorted column, and the largest numbers do not overflow") {
     double x[] = {1.7e308, -1.7e308, 1.0, 2.0, 4.0, 3.0, 5.0, 0.0, 6.0};
     lg_table_far far;
     for (size_t rows = 1; rows <= LG_COUNT(x); rows++) {
@@ -221,7 +221,7 @@ TEST("the median of far cells agrees with a sorted column, and the largest numbe
     EVERY_ALLOCATION_FAILS(context, 1, status = lg_table_find_far(context, x, 1, LG_COUNT(x), &far););
 }
 
-TEST("the work of a model grows with its inputs, not with their square") {
+TEST("the work of a model grows linearly with its inputs, not quadratically") {
     enum { INPUTS = 4000 };
     lg_rng rng = test_rng(12, 0);
     const example wide = {NETWORK(MLP, TANH, 1, 2, true), INPUTS, 1};
@@ -233,7 +233,7 @@ TEST("the work of a model grows with its inputs, not with their square") {
     lg_model_destroy(handle);
 }
 
-TEST("a scaler is fit in two passes: offsets, constants and large numbers do no harm") {
+TEST("a scaler is fit in two passes, so that offsets, constants and large numbers are harmless") {
     enum { N = 5, COLUMNS = 5 };
     double values[N * COLUMNS];
     static const uint32_t chosen[] = {4, 0, 2};
@@ -260,7 +260,7 @@ TEST("a scaler is fit in two passes: offsets, constants and large numbers do no 
     assert_status(lg_table_scaler_fit(NULL, values, COLUMNS, NULL, 0, &s), LG_INVALID_ARGUMENT);
 }
 
-/* ---- the evidence ---- */
+/* ---- the evidence of a network ---- */
 
 typedef struct found {
     double decay[LG_TABLE_SLICES], *theta;
@@ -287,7 +287,7 @@ static double error_on(const lg_table *model, const double *theta, const lg_tabl
     return sqrt(sum);
 }
 
-TEST("the evidence finds the noise of the data, and a network for it that generalises") {
+TEST("the evidence finds the noise of the data, and a network that generalises") {
     static const double noises[] = {0.5, 0.1, 0.01};
     const example e = {NETWORK(MLP, TANH, 1, 16, true), 2, 1};
     const lg_table model = make(&e);
@@ -327,8 +327,8 @@ static double with_penalty(double loss, const double *decay, const double *theta
     return loss;
 }
 
-/* At the end the gradient of loss and penalty, with the decay that is returned, is small: lg_fit goes on
- * there. */
+/* At the end the gradient of loss and penalty, with the returned decay, is small, so lg_fit has nothing to
+ * improve. */
 TEST("parameters and decay of the evidence are a minimum of the loss of lg_fit") {
     const example e = {NETWORK(MLP, TANH, 1, 6, true), 2, 2};
     const lg_table model = make(&e);
@@ -356,7 +356,7 @@ TEST("parameters and decay of the evidence are a minimum of the loss of lg_fit")
         const double before = lg_fit_history(fit, LG_FIT_LOSS)[0], after = lg_fit_loss(fit);
         lg_fit_destroy(fit);
         assert_close(after, before, 3e-3, 0);
-        /* From far away, too, loss and penalty become as small together. */
+        /* From a distant start, loss and penalty together become equally small. */
         for (size_t i = 0; i < n; i++) far[i] = 1.5 * f.theta[i];
         assert_ok(lg_fit_create(NULL, &learned, &options, far, &fit, NULL));
         assert_ok(lg_fit_run(fit, NULL));
@@ -367,7 +367,7 @@ TEST("parameters and decay of the evidence are a minimum of the loss of lg_fit")
         lg_fit_destroy(fit);
         assert_true(whole < 1.005 * with_penalty(before, decay, f.theta, n));
     }
-    /* Without the decay the same start is no minimum. */
+    /* Without the decay the same start is not a minimum. */
     learned.decay = NULL;
     assert_ok(lg_fit_create(NULL, &learned, &options, f.theta, &fit, NULL));
     assert_ok(lg_fit_run(fit, NULL));
@@ -377,7 +377,7 @@ TEST("parameters and decay of the evidence are a minimum of the loss of lg_fit")
     lg_fit_destroy(fit);
 }
 
-TEST("what is no table network is refused with a sentence") {
+TEST("invalid table networks are refused with a message") {
     lg_table model;
     lg_error error = {LG_OK, ""};
     lg_table_options options = NETWORK(MLP, TANH, 2, 4, true);
