@@ -1,4 +1,5 @@
-# For scripts that start programs with mpirun: a folder of their own, and exit 77, skipped, without mpirun or liegrad_mpi.
+# Sourced by scripts that start programs with mpirun: makes a folder for them, and exits with 77 (skipped) without mpirun
+# or liegrad_mpi.
 set -eu
 command -v mpirun >/dev/null && ls "$LG_BIN_DIR"/../libliegrad_mpi.so >/dev/null 2>&1 || { echo "no MPI here"; exit 77; }
 work=$(mktemp -d)

@@ -1,4 +1,4 @@
-# For scripts that test sweeps: a small search and a small study, and tables compared but for their times.
+# Sourced by scripts that test sweeps: makes a small search and a small study, and compares tables except for their times.
 fail() { echo "$*" >&2; exit 1; }
 
 make_sweeps() {
@@ -35,5 +35,5 @@ without_seconds() {
 
 same_table() { diff <(without_seconds "$1") <(without_seconds "$2") >/dev/null; }
 
-# Of the data that a command has written, by its JSON.
+# The hash of the data that a command wrote, from its JSON.
 sha() { grep -o '"sha256": "[0-9a-f]*"' "$1"; }

@@ -1,5 +1,5 @@
-# Searches and studies by several processes give the table of one: tasks of a job array, killed ones among them, and the
-# same command in two terminals.
+# Searches and studies by several processes must give the same table as one process: tasks of a job array, with some of
+# them killed, and the same command in two terminals.
 # ctest-labels: slow apps/common src/settings
 set -eu
 work=$(mktemp -d)
@@ -16,32 +16,33 @@ $study --out study.csv >one 2>&1
 
 for kind in search study; do
     command=${!kind}
-    # Tasks: together all of the work, the table by --merge, and no board behind it.
+    # Tasks do all of the work together, --merge writes the table, and no board is left.
     for i in 0 1 2; do $command --out t.csv --task $i/3 >"task$i" & done
     wait
-    # What is done stays done: a task that finds it all done leaves the results and their seconds.
+    # Finished work stays: a task that finds everything done keeps the results and their seconds.
     before=$(sha256sum <t.csv.board)
     $command --out t.csv --task 0/3 >again
     [ "$before" = "$(sha256sum <t.csv.board)" ] || fail "$kind: what was done is done again"
     $command --out t.csv --merge >merged
     same_table $kind.csv t.csv || fail "$kind: tasks gave another table"
     [ ! -e t.csv.board ] || fail "$kind: the board is left"
-    # A task that comes late has nothing to do.
+    # A task that starts late has nothing to do.
     $command --out t.csv --task 2/3 | grep -q "are done by all tasks; put them together" || fail "$kind: a late task works"
     rm -f t.csv*
 
-    # What killed tasks had not finished the next one does; --merge before that gives a part, and keeps the board.
+    # The next task does the work that killed tasks had not finished. --merge before that writes a part and keeps the
+    # board.
     for kill in 1 2 3; do
         $command --out t.csv --task $kill/4 >task 2>&1 &
         pid=$!
-        sleep "$(printf '0.%02d' $((10 + 10 * kill)))" # of some .5 s
+        sleep "$(printf '0.%02d' $((10 + 10 * kill)))" # of about .5 s
         kill -9 $pid 2>/dev/null || true
         wait $pid 2>/dev/null || true
     done
     $command --out t.csv --merge >part 2>&1 || true
     [ -e t.csv.board ] || same_table $kind.csv t.csv || fail "$kind: the board of unfinished work is gone"
-    # Without --task the command that finds a board takes part, and completes the table. The one that comes when the board
-    # is gone may be refused because the other one writes the table, and for no other reason.
+    # Without --task, a command that finds a board takes part and completes the table. A command that starts when the
+    # board is gone may be refused, but only because the other one is writing the table.
     first=0 second=0
     $command --out t.csv >rest 2>&1 &
     $command --out t.csv >rest2 2>&1 || second=$?
@@ -54,10 +55,10 @@ for kind in search study; do
     rm -f t.csv*
 done
 
-# A trial is not stopped while one before it has not come as far. With the part 1 a trial is stopped where all before it
-# are better; trial 0 is the worst of these three, so none is. The task that has trial 0 is held after its first report, while
-# another task takes the rest.
-state_of_first() { od -An -t u8 -j 168 -N 8 t.csv.board 2>/dev/null | tr -d ' '; } # behind the head of the board: 1 is a part
+# A trial is not stopped before all earlier trials have come as far. With the quantile 1 a trial is stopped if all earlier
+# ones are better; trial 0 is the worst of these three, so none is stopped. The task with trial 0 is suspended after its
+# first report, while another task runs the others.
+state_of_first() { od -An -t u8 -j 168 -N 8 t.csv.board 2>/dev/null | tr -d ' '; } # after the board's head; 1 means unfinished
 sed 's/epochs: 20/epochs: 150/' ranges.yaml >long.yaml
 long="lg-elastica search long.yaml data.h5 --trials 3 --threads 1 --rungs 5,1,1 --seed 6"
 $long --out long.csv >one 2>&1
@@ -75,7 +76,7 @@ $long --out t.csv --merge >merged 2>&1
 same_table long.csv t.csv || fail "a trial was stopped by what was not known yet"
 rm -f t.csv*
 
-# A table of other work is refused, and its board does not stand in the way of the right work. A merge of a part says so.
+# A table of other work is refused, and its board does not block the right work. A merge of a part is reported as such.
 sed 's/seed: 1/seed: 2/' grid.yaml >grid2.yaml
 cp study.csv t.csv
 code=0
@@ -93,7 +94,7 @@ $search --out t.csv --merge 2>err >out || code=$?
 [ $code = 3 ] && grep -q "16 of 16 pieces are not done yet" err || fail "a merge of no trials: $code $(cat err)"
 rm -f t.csv*
 
-# generate: the file of one process.
+# generate must write the same file as a single process.
 generate="lg-hamiltonian generate pendulum.yaml --trajectories 203 --segments 3 --noise 1e-3 --threads 1"
 $generate --out one.h5 --json >one
 for i in 0 1 2; do $generate --out t.h5 --task $i/3 >"task$i" & done

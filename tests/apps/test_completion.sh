@@ -1,4 +1,4 @@
-# What bash completes for the programs: commands, options, choices and files, of every program and command.
+# Completion by bash for every program and command: commands, options, choices and files.
 # shellcheck disable=SC2034 # COMP_WORDS is read by the completion
 set -u
 export LC_ALL=C
@@ -11,13 +11,13 @@ touch model.h5 notes.txt scene.yaml
 # shellcheck source=/dev/null
 . "$LG_TEST_DIR/../apps/completion.bash"
 
-# completed WORD...: what the last word becomes.
+# completed WORD...: prints the completions of the last word.
 completed() {
     COMP_WORDS=("$LG_BIN_DIR/$1" "${@:2}") COMP_CWORD=$(($# - 1)) COMPREPLY=()
     _liegrad
     printf '%s\n' ${COMPREPLY[@]+"${COMPREPLY[@]}"} | sort | paste -sd ' '
 }
-# expect RESULT WORD...
+# expect RESULT WORD...: the completions must be RESULT.
 expect() {
     local expected=$1 found
     shift
@@ -41,7 +41,7 @@ expect 'notes.txt' lg-hamiltonian train --out = no
 expect '' lg-hamiltonian train --epochs = ''
 expect '' lg-hamiltonian nothing --integrator = cf
 
-# Every option that --help has is completed.
+# Every option in --help must be completed.
 for program in "$LG_BIN_DIR"/lg-*; do
     program=$(basename "$program")
     for command in $("$LG_BIN_DIR/$program" --help | sed -n '/^Commands:/,/^$/s/^  \([a-z][^ ]*\)  .*/\1/p' | head -n 6) ''; do
@@ -50,7 +50,7 @@ for program in "$LG_BIN_DIR"/lg-*; do
     done
 done
 
-# Completing a value runs no command, not of those that need no argument either: nothing is written, nothing is said.
+# Completing a value must not run a command, not even one that needs no argument: nothing may be written or printed.
 for program in 'lg-hamiltonian demo' 'lg-anomaly feed' lg-gradcheck; do
     for option in $(completed $program -); do
         completed $program "${option%=}" '' >/dev/null 2>said

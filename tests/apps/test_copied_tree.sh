@@ -1,4 +1,5 @@
-# A build folder that came with a copy of a tree builds the other tree: every script that builds refuses it.
+# In a copied tree, a copied build folder would build the original tree. Every script that builds must refuse such a
+# folder.
 set -u
 status=0
 work=$(mktemp -d)
@@ -14,7 +15,7 @@ done
 PATH=$work/bin:$PATH
 unset LIEGRAD_BUILD
 
-# configured HOME: build/ is of that tree.
+# configured HOME: makes build/ look as if it was configured for the tree HOME.
 configured() { printf 'CMAKE_HOME_DIRECTORY:INTERNAL=%s\n' "$1" >build/CMakeCache.txt; rm -f "$work/said"; }
 
 for command in 'configure build' build test demo; do

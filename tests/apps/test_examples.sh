@@ -1,4 +1,4 @@
-# The examples of the manual pages run, as one script.
+# Runs the examples of the manual pages as one script.
 # ctest-labels: slow apps/examples.sh apps/common
 set -eu
 work=$(mktemp -d)

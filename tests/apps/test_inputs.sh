@@ -1,5 +1,5 @@
-# A pipe that nobody writes to is refused at once by every command that reads a file, and by no command does it
-# outlast SIGTERM.
+# Every command that reads a file must refuse a pipe without a writer at once, and no command may keep running after
+# SIGTERM because of it.
 # shellcheck disable=SC2086 # words are split on purpose
 set -u
 export LC_ALL=C
@@ -10,7 +10,7 @@ cd "$work" || exit 1
 mkfifo pipe
 fail() { echo "$*"; status=1; }
 
-# try PROGRAM WORDS...: code and what was said; 124 where SIGTERM ended it, 137 where SIGTERM did not.
+# try PROGRAM WORDS...: sets the exit code and the output; 124: SIGTERM ended the program, 137: SIGTERM did not.
 try() {
     local program=$1
     shift
@@ -32,11 +32,11 @@ for program in $(cd "$LG_BIN_DIR" && echo lg-*); do
         [ "$verb" = none ] && [ -n "$(verbs "$program")" ] && continue
         [ "$verb" = none ] && verb=
         case "$program $verb" in 'lg-simulate merge' | lg-bench* | lg-gradcheck* | *' demo') continue ;; esac
-        for inputs in pipe 'pipe pipe'; do # as many as the command takes
+        for inputs in pipe 'pipe pipe'; do # as many inputs as the command takes
             try "$program" $verb $inputs --out=x.h5
             case $said in *"option '--out=x.h5'"*) try "$program" $verb $inputs ;; esac
             case $found$said in
-                2*) ;; # the number of arguments, or what else is missing
+                2*) ;; # a wrong number of arguments, or another missing argument
                 3*': pipe: is not a regular file'*) ;;
                 *) fail "$program $verb $inputs: exit code $found: $said" ;;
             esac
@@ -44,7 +44,7 @@ for program in $(cd "$LG_BIN_DIR" && echo lg-*); do
     done
 done
 
-# Files that are read after others, and files of options.
+# Files that are read after other files, and files given by options.
 for i in $(seq 40); do echo "$i,$((i * i % 17)),$((i * 3 + i * i % 5))"; done | sed '1ia,b,y' >table.csv
 cat >machine.yaml <<'END'
 columns: { time: a }
@@ -69,7 +69,7 @@ refused lg-export model.h5 --scheme ./pipe --out x
 try lg-bench hamiltonian --weights pipe
 [ $found = 3 ] || fail "lg-bench --weights: exit code $found: $said"
 
-# A feed is written as it is read: the program waits for it, and ends with the first SIGTERM.
+# A feed is read while it is written: the program waits for it, and ends at the first SIGTERM.
 said=$(timeout -k 2 2 "$LG_BIN_DIR/lg-anomaly" watch detector.h5 --input pipe 2>&1 </dev/null)
 found=$?
 [ $found = 124 ] || fail "lg-anomaly watch --input: exit code $found: $said"

@@ -1,5 +1,5 @@
-# What is printed and does not arrive is a failure, in --help too; and an output that cannot be written is refused
-# before any work, by every command.
+# If printed output cannot be written the command must fail, with --help too. Every command must refuse an output file
+# that cannot be written before it does any work.
 # shellcheck disable=SC2086 # words are split on purpose
 set -u
 export LC_ALL=C
@@ -12,7 +12,7 @@ fail() { echo "$*"; status=1; }
 # verbs PROGRAM: its commands, or one empty word.
 verbs() { "$LG_BIN_DIR/$1" --help | awk '/^Commands:/ { on = 1; next } on && /^$/ { exit } on && /^  [a-z]/ { print $1 }'; }
 
-# expect CODE WORDS COMMAND...: standard output is full where OUTPUT says so.
+# expect CODE WORDS COMMAND...: standard output is a full device if OUTPUT says so.
 expect() {
     local code=$1 words=$2 found
     shift 2
@@ -23,7 +23,7 @@ expect() {
 }
 
 pipe_or_device() {
-    case "$2 $3" in 'feed out' | 'watch log') return 0 ;; esac # written as it comes
+    case "$2 $3" in 'feed out' | 'watch log') return 0 ;; esac # written while the command runs
     return 1
 }
 
@@ -44,11 +44,11 @@ for program in $programs; do
         for option in out history checkpoint; do
             case $help in *"--$option="*) ;; *) continue ;; esac
             pipe_or_device "$program" "$verb" $option && continue
-            case "$program $verb" in 'lg-export ' | *demo | 'lg-elastica solve') continue ;; esac # folders; a case is asked for
+            case "$program $verb" in 'lg-export ' | *demo | 'lg-elastica solve') continue ;; esac # outputs that are folders; a case is required
             out=
             [ $option = out ] || out='--out=x.h5'
             case $help in *--recipe=*) out+=' --recipe=hamiltonian' ;; esac
-            for inputs in '' absent1 'absent1 absent2'; do # as many as the command takes
+            for inputs in '' absent1 'absent1 absent2'; do # as many inputs as the command takes
                 said=$(timeout 60 "$run" $verb $inputs --$option=/dev/null $out 2>&1 </dev/null)
                 found=$?
                 case $said in *' argument'* | *'no start'*) ;; *) break ;; esac

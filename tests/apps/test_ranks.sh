@@ -1,11 +1,11 @@
-# Ranks of mpirun: training with the bits of one process by 1 to 4 ranks of 1 and 2 threads, resumed by another number of
-# them; sweeps whose ranks are killed; what is refused. Skipped without mpirun or liegrad_mpi.
+# Ranks of mpirun: 1 to 4 ranks with 1 and 2 threads train with the bits of one process, also resumed with another number
+# of ranks; sweeps whose ranks are killed; refusals. Skipped without mpirun or liegrad_mpi.
 # ctest-labels: slow src/mpi src/nn apps/common
 . "$LG_TEST_DIR/apps/ranks.sh"
 . "$LG_TEST_DIR/apps/sweeps.sh"
 make_sweeps
 
-# Numbers of a model file, but for times.
+# The numbers of a model file, without its times.
 numbers() { lg-export "$1" --out "$2" --name m >/dev/null 2>&1 && cat "$2"/m_weights.c; }
 same_model() {
     rm -rf a b
@@ -26,7 +26,7 @@ for method in adam ssbroyden lbfgs; do
             grep -q "\"ranks\": $R" out || fail "$method $R: $(cat out)"
         done
     done
-    # In two parts, by other numbers of ranks.
+    # In two parts, with different numbers of ranks.
     for parts in "1 3" "3 2" "4 1"; do
         set -- $parts
         ranks -n $1 $train --threads 1 --out many.h5 --stop-after 6 --checkpoint c.h5 >out 2>err || fail "$method: $(cat err)"
@@ -34,7 +34,7 @@ for method in adam ssbroyden lbfgs; do
         same_model one.h5 many.h5 && same_history one.csv many.csv || fail "$method: resumed by $2 after $1 gives other bits"
     done
 done
-# Levenberg-Marquardt, with numbers of their own for each window.
+# Levenberg-Marquardt for a table.
 awk 'BEGIN {print "x,y"; for (i = 0; i < 200; i++) print i / 100 "," sin(i / 20)}' >table.csv
 fit="lg-fit train table.csv --inputs x --outputs y --hidden 10 --epochs 30 --threads 1"
 $fit --out one.h5 >out 2>&1
@@ -43,7 +43,7 @@ for R in 2 3; do
     same_model one.h5 many.h5 || fail "lm: $R ranks give other bits"
 done
 
-# Sweeps: ranks are killed, the table is that of one process.
+# Sweeps: ranks are killed, and the table must be that of one process.
 search="lg-elastica search ranges.yaml data.h5 --trials 16 --threads 1"
 study="lg-hamiltonian study grid.yaml --threads 1"
 for kind in search study; do
@@ -72,7 +72,7 @@ $generate --out one.h5 >one
 ranks --enable-recovery -n 3 $generate --out many.h5 >many 2>err || fail "generate: $(cat err)"
 [ "$(sha one)" = "$(sha many)" ] || fail "3 ranks generate other data: $(cat many)"
 
-# What is refused, once and with its exit code.
+# Refusals: printed once, with the right exit code.
 code=0
 ranks -n 3 lg-hamiltonian train none.h5 --out x.h5 >out 2>err || code=$?
 [ $code = 3 ] && [ "$(grep -c "none.h5" err)" = 1 ] || fail "a missing file: $code $(cat err)"
@@ -83,7 +83,7 @@ code=0
 ranks -n 1 lg-hamiltonian train h.h5 --out x.h5 --epochs 2 : -n 1 -x LIEGRAD_ISA=baseline lg-hamiltonian train h.h5 --out x.h5 --epochs 2 >out 2>err || code=$?
 [ $code = 2 ] && grep -q "ranks must be of one kind" err || fail "two kinds of processors: $code $(cat err)"
 
-# Ctrl-C: the state is saved, and goes on to the same bits.
+# Ctrl-C saves the state, and training resumed from it reaches the same bits.
 train="lg-hamiltonian train h.h5 --hidden 12,12 --method adam --epochs 4000 --threads 1 --shards 4"
 $train --out one.h5 >out 2>&1
 rm -f c.h5 many.h5

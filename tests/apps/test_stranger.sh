@@ -1,6 +1,6 @@
 #!/bin/bash
-# What a stranger adds: the recipe apps/rotor/rotor.c, one file and one row of the list. It is trained, resumed, searched,
-# judged, followed and exported, and a wrong sign in it is found.
+# Uses the recipe apps/rotor/rotor.c, which a user adds as one file and one row in the list of recipes. A model is
+# trained, resumed, searched, judged, predicted and exported, and a wrong sign in the recipe must be found.
 # ctest-labels: apps/lg-learn apps/common src/model src/settings
 set -u
 export LC_ALL=C
@@ -14,7 +14,7 @@ fail() { echo "$*"; status=1; }
 number() { sed -n "s/.*\"$1\": \([^,}]*\).*/\1/p"; }
 below() { awk -v a="$1" -v b="$2" 'BEGIN { exit !(a != "" && a == a + 0 && a < b) }' || fail "$3: $1 is not below $2"; }
 
-# Pairs of states of H = (px^2 + pa^2)/2 + x^2/2 + (1 + x/2) (1 - cos a), 0.1 s apart, by 100 leapfrog steps.
+# pairs: pairs of states of H = (px^2 + pa^2)/2 + x^2/2 + (1 + x/2) (1 - cos a), 0.1 s apart, by 100 leapfrog steps.
 pairs() {
     awk -v n="$1" -v seed="$2" '
         function fx() { return -x - (1 - cos(a))/2 }
@@ -51,13 +51,13 @@ below "$("$learn" evaluate m.h5 test.csv --json | number loss)" 1e-6 "evaluate"
 printf 'ranges:\n  hidden: { choice: ["8", "16"] }\n  epochs: { integer: [20, 60] }\nfixed: { method: lbfgs }\n' >ranges.yaml
 "$learn" search ranges.yaml train.csv --recipe rotor --trials 4 --out trials.csv | grep -q 'best: trial' || fail "search"
 
-# The second of two pairs of states 0.1 s apart follows from the first one; the energy stays.
+# For the first of two states 0.1 s apart the model must predict the second, and its energy must be constant.
 IFS=, read -r x a px pa x2 a2 px2 pa2 < <(sed -n 2p test.csv)
 "$learn" predict m.h5 --initial "$x,$a,$px,$pa" --t-end 0.1 --points 2 --out flow.csv >/dev/null || fail "predict"
 tail -n 1 flow.csv | awk -F, -v x="$x2" -v a="$a2" -v p="$px2" -v q="$pa2" '
     { d = ($2 - x)^2 + ($3 - a)^2 + ($4 - p)^2 + ($5 - q)^2; exit !(d < 1e-5) }' || fail "predict: $(tail -n 1 flow.csv)"
 
-# drift MODEL: how much the learned energy changes in five seconds, by a program that has no such recipe.
+# drift MODEL: the change of the learned energy in five seconds, computed by a program without this recipe.
 drift() {
     local end
     "$LG_BIN_DIR/lg-learn" predict "$1" --initial "$x,$a,$px,$pa" --t-end 5 --out flow.csv --json >begin.json || fail "predict: $1"

@@ -1,7 +1,7 @@
 #!/bin/bash
-# Every public function has a caller besides its own file and tests: another source file, an app, an example, a benchmark or
-# README.md. A function that has none is private or gone. Comments do not call. Functions that a macro defines (those of each
-# kind of model) are not looked at.
+# Every public function must have a caller outside its own file and the tests: another source file, an app, an example, a
+# benchmark or README.md. A function without a caller should be private or removed. Calls in comments do not count.
+# Functions defined by macros (for each kind of model) are not checked.
 set -u
 cd "$(dirname "$0")/../.." || exit 1
 
@@ -12,7 +12,7 @@ words() {
         {
             line = $0
             code = ""
-            while (line != "") { # cut comments out
+            while (line != "") { # remove comments
                 at = index(line, comment ? "*/" : "/*")
                 if (!comment) code = code (at ? substr(line, 1, at - 1) : line)
                 line = at ? substr(line, at + 2) : ""

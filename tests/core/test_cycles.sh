@@ -1,5 +1,5 @@
 #!/bin/bash
-# Files whose functions call each other in a circle cannot be read one after the other. These do, and no others:
+# Files whose functions call each other in a circle cannot be read one after the other. Only the files listed here may;
 # docs/architecture.md says why. Headers never include each other in a circle.
 set -u
 known='
@@ -20,7 +20,7 @@ machine/files/machine machine/files/terms
 machine/files/model machine/files/recipe
 model/files/program_load model/files/program_load_1
 '
-# Reads "from to" lines; prints each place from which a way leads back to it.
+# Reads lines "from to" and prints each node that lies on a circle.
 on_a_circle() {
     awk '{ to[$1] = to[$1] " " $2 }
         END {

@@ -1,11 +1,11 @@
 #!/bin/bash
-# The rooms of src/ include each other along the arrows of docs/architecture.md, and nothing else. The files and folders
-# that the page names are there: with their path, or, without a folder, anywhere in src or apps. The folders of tests
-# are the rooms of src, and apps, crash and examples.
+# The rooms of src/ may include each other only along the arrows of docs/architecture.md. The files and folders that this
+# page names must exist: at the given path, or, if no folder is given, anywhere in src or apps. The folders of tests are
+# the rooms of src, and some others.
 set -u
 cd "$(dirname "$0")/../../src" || exit 1
 
-# The rooms that a room may include. The last rows are of the subjects, which do not include each other.
+# The rooms that a room may include. The last rows are the subjects, which do not include each other.
 may() {
     case $1 in
         core) ;;

@@ -1,7 +1,7 @@
 #!/bin/bash
-# lg-export where memory ends: the n-th allocation fails, alone or with all behind it, for every target. Either the files
-# are those of a run with enough memory, byte for byte, or one sentence tells why not and nothing is left. Some n; all of
-# them with LG_EVERY=1. Only allocations of liegrad and the C library fail: HDF5 dies of those that it needs.
+# lg-export when memory ends: the n-th allocation fails, alone or with all later ones, for every target. The files must be
+# byte for byte those of a run with enough memory, or there must be a message and no files. Tests some n; all with
+# LG_EVERY=1. Only allocations of liegrad and the C library fail, because HDF5 crashes when its own fail.
 # ctest-labels: slow apps/lg-export
 set -u
 bin=$LG_BIN_DIR
@@ -38,11 +38,11 @@ fail() {
     failures=$((failures + 1))
     echo "$model to $target, $before before, allocations $from to $to fail: $*"
 }
-# is FOLDER: now/out has the files of the folder and no other ones, and nothing stands next to it.
+# is FOLDER: now/out must have the files of the folder and no others, and nothing may be next to it.
 is() {
     [ "$(ls -A now)" = out ] && diff -r now/out "$1" >/dev/null 2>&1
 }
-# try BEFORE FROM TO: BEFORE: what stands at the output, nothing or the files of another model.
+# try BEFORE FROM TO: BEFORE says what is at the output: nothing, or the files of another model.
 try() {
     local before=$1 from=$2 to=$3 code
     rm -rf now
@@ -61,7 +61,7 @@ try() {
         refused=$((refused + 1))
         [ "$(wc -l <now.err)" = 1 ] || fail "told: $(cat now.err)"
         grep -qE "memory|allocation failed" now.err || fail "no word of memory: $(cat now.err)"
-        # the result is told after the files are written
+        # the message is printed after the files are written
         if [ $before = nothing ]; then
             [ -z "$(ls -A now)" ] || is all/out || fail "exit code $code, left: $(cd now && find . -type f | head -3)"
         else
@@ -71,7 +71,8 @@ try() {
     *) fail "exit code $code $(head -c 300 now.err)" ;;
     esac
 }
-# sweep MODEL TARGET OTHER: samples over all n, each alone and with all behind it, and the last n, where files are written.
+# sweep MODEL TARGET OTHER: samples over all n, each alone and with all later ones, and the last n, where files are
+# written.
 sweep() {
     local model=$1 target=$2 other=$3 count step k n before=nothing from=0 to=0
     rm -rf all old
@@ -80,13 +81,13 @@ sweep() {
     LG_FAIL_COUNT=$folder/count LD_PRELOAD=$shim \
         lg-export $model.h5 --json --out all/out --name it --target $target >all.txt 2>all.err || fail "$(cat all.err)"
     count=$(cat count)
-    # without LG_EVERY more of the early ones: a model is taken apart there, later its numbers are written
+    # without LG_EVERY: more of the early n, where a model is taken apart; later its numbers are written
     for ((k = 0, n = 1; n <= count; k++)); do
         try nothing $n $n
         try nothing $((n + count / 50)) 1000000000
         n=$((every > 0 ? n + every : 1 + count * (k + 1) ** 2 / samples ** 2))
     done
-    # the last ones lock and replace; of one target each of them
+    # the last n lock and replace files; for one target all of them are tested
     step=12
     [ $every = 0 ] && [ $target != onnx ] || step=1
     for ((n = count - 20; n <= count + 12; n += step)); do try old $n $n; done

@@ -1,6 +1,6 @@
 #!/bin/bash
-# What the commands do at the limits of the system: a full disk, folders that cannot be written, limits on memory, size of
-# files and descriptors, signals, closed pipes, clocks that jump, two writers of one output. A failure names the line.
+# The commands at the limits of the system: a full disk, folders that cannot be written, limits on memory, file size and
+# descriptors, signals, closed pipes, clocks that jump, two writers of one output. A failure prints the test's line.
 # ctest-labels: slow src/files apps/common
 set -u
 bin=$LG_BIN_DIR
@@ -17,12 +17,13 @@ trap leave EXIT
 cd "$folder" || exit 2
 mkdir in w
 
-# fail WORDS: told with the line of the test.
+# fail WORDS: prints WORDS with the line of the test.
 fail() {
     echo "test_limits.sh: lines ${BASH_LINENO[*]}: $*"
     failures=$((failures + 1))
 }
-# expect CODE WORDS COMMAND...: the exit code, and the words on standard error (none: WORDS is empty).
+# expect CODE WORDS COMMAND...: the command must return CODE, and WORDS must be in standard error (empty: nothing is
+# required).
 expect() {
     local code=$1 words=$2 got
     shift 2
@@ -31,15 +32,15 @@ expect() {
     [ $got = "$code" ] || fail "exit code $got, not $code: $* $(cat err.txt)"
     [ -z "$words" ] || grep -qF -- "$words" err.txt || fail "no '$words' of $*: $(cat err.txt)"
 }
-# Nothing temporary is left below the folder w.
+# No temporary file may be left below the folder w.
 clean() {
     local left
     left=$(find w -name '*.tmp-*' -o -name '*.lock')
     [ -z "$left" ] || fail "left: $left"
 }
-# same FILE COPY: byte for byte.
+# same FILE COPY: compares byte for byte.
 same() { cmp -s "$1" "$2" || fail "$1 is not $2"; }
-# until_file FILE: half a minute for it to appear.
+# until_file FILE: waits up to half a minute for FILE to appear.
 until_file() {
     for _ in $(seq 600); do [ ! -e "$1" ] || return 0; sleep 0.05; done
     fail "no $1"
@@ -81,7 +82,7 @@ lg-anomaly train in/well.h5 --method logistic --out in/alarm.h5 >/dev/null 2>&1 
 lg-anomaly feed --hours 3 --noise 10 --out in/feed.csv >/dev/null || exit 2
 
 train="lg-hamiltonian train in/data.h5 --threads 1 --hidden 16,16"
-# Commands that write w/out, and what else they write.
+# Commands that write w/out, and their other outputs.
 writers=(
     "lg-hamiltonian generate in/pendulum.yaml --trajectories 60 --points 10 --out w/out"
     "$train --epochs 20 --out w/out"
@@ -117,12 +118,12 @@ if mount -t tmpfs -o size=1m tmpfs w 2>/dev/null; then
         clean
         rm -rf w/*
     done
-    # A training that cannot write its model keeps its state elsewhere.
+    # If training cannot write its model, its state is kept elsewhere.
     dd if=/dev/zero of=w/fill bs=4k 2>/dev/null
     expect 3 "the training is kept in check" $train --epochs 20 --checkpoint check --out w/out
     rm w/fill
     expect 0 "" $train --epochs 20 --resume check --checkpoint check --out w/out
-    # Verdicts are written again when there is room; those that were lost are counted, and none is half.
+    # Verdicts are written again when there is room. Lost verdicts are counted, and no verdict is incomplete.
     rm -rf w/*
     lg-anomaly watch in/alarm.h5 <in/feed.csv >whole.txt
     lines=$(wc -l <in/feed.csv)
@@ -162,7 +163,7 @@ if [ "$(id -u)" = 0 ] && setpriv --reuid=65534 --regid=65534 --clear-groups "$bi
     done
     chmod 755 w
     rm w/out
-    # A folder of the user's own in one that is not: an export goes there.
+    # A user's folder in a folder that cannot be written: an export into it works.
     mkdir w/out
     chown 65534 w/out
     expect 0 "" setpriv --reuid=65534 --regid=65534 --clear-groups lg-export in/model.h5 --name energy --out w/out
@@ -183,17 +184,17 @@ fi
 
 # ---- limits of the process ----
 
-# Files that grow too large: no signal kills, the old file stands.
+# Files that grow too large: no signal kills the command, and the old file stays.
 for writer in "${writers[@]}"; do
     rm -rf w/*
-    case $writer in *study* | *search* | *sweep*) continue ;; esac # they write less than a kilobyte
+    case $writer in *study* | *search* | *sweep*) continue ;; esac # these write less than a kilobyte
     expect 3 "File too large" bash -c "ulimit -f 1; exec $writer"
     [ ! -f w/out ] || [ "$(tail -c 1 w/out)" = "" ] || fail "half a line of $writer"
     clean
 done
 rm -rf w/*
 
-# Memory: an exit code and a sentence, never a signal and no waiting without end. Below 80 MB the libraries do not load.
+# Memory: an exit code and a message, never a signal or an endless wait. Below 80 MB the libraries cannot be loaded.
 # limited KILOBYTES: sets got.
 limited() {
     (ulimit -v "$1" && timeout -k 5 60 $train --threads 2 --method ssbroyden --epochs 20 --out w/out >/dev/null 2>err.txt)
@@ -206,7 +207,7 @@ limited() {
     clean
     rm -f w/*
 }
-small=$train # a network whose products OpenBLAS takes
+small=$train # a network so large that its products use OpenBLAS
 train="lg-hamiltonian train in/data.h5 --hidden 300,300"
 limited 200000
 [ $got = 5 ] || fail "200 MB are enough for OpenBLAS"
@@ -222,7 +223,7 @@ while [ $((high - low)) -gt 500 ]; do
 done
 for less in $(seq 250 250 9000); do limited $((high - less)); done
 
-# Descriptors: the same; with very few not even the libraries load (127).
+# Descriptors: the same; with very few of them not even the libraries can be loaded (127).
 for count in 4 5 6 7 8 9 10 11 12 14 16 20; do
     (
         exec >/dev/null 2>err.txt
@@ -243,7 +244,7 @@ done
 # ---- signals ----
 
 long="$train --epochs 1000000 --checkpoint-every 1000000 --checkpoint w/check --out w/out"
-# stopped SIGNAL CODE WORDS COMMAND...: a signal after a second.
+# stopped SIGNAL CODE WORDS COMMAND...: sends a signal after a second.
 stopped() {
     local signal=$1 code=$2 words=$3 pid got
     shift 3
@@ -269,9 +270,9 @@ stopped TERM 143 "stopped after" lg-elastica search in/ranges.yaml in/curves.h5 
 sed "s/repeats: 2/repeats: 9999/" in/grid.yaml >in/long.yaml
 stopped HUP 129 "the same command continues" lg-hamiltonian study in/long.yaml --out w/study.csv
 rm -f w/*
-# nohup: SIGHUP stays ignored.
+# With nohup SIGHUP stays ignored.
 stopped HUP 143 "" nohup bash -c "$long & sleep 2; kill -TERM \$!; wait \$!"
-# The same signal twice: killed at the second one, if the first is not obeyed at once; nothing but that run is lost.
+# The same signal twice: the second one kills if the first is not obeyed at once; only this run is lost.
 timeout -k 5 60 $long >/dev/null 2>err.txt &
 sleep 1
 pkill -TERM -P $!
@@ -336,7 +337,7 @@ rm -f w/killed
 clean
 rm -f w/*
 
-# ---- closed standard descriptors: no file takes their places ----
+# ---- closed standard descriptors: files must not get their numbers ----
 
 expect 3 "" bash -c "$train --epochs 3 --out w/out >&-"
 expect 3 "" bash -c "$train --epochs 3 --out w/out <&- >&- 2>&-"
@@ -345,7 +346,8 @@ rm -f w/*
 
 # ---- a clock that jumps ----
 
-# The system's clock runs 100000 times too fast, from another year on: a second of training is one of the monotonic clock.
+# The system's clock starts in another year and runs 100000 times too fast: the seconds of a training are those of the
+# monotonic clock.
 if command -v faketime >/dev/null; then
     for clock in '@2001-01-01 00:00:00 x100000' '-3000d'; do
         begin=${EPOCHREALTIME/./}

@@ -1,5 +1,5 @@
 #!/bin/bash
-# The log of `lg-anomaly watch --log` while others turn it: no verdict is lost, doubled or half.
+# The log of `lg-anomaly watch --log` while other programs rotate it: no verdict is lost, doubled or incomplete.
 set -u
 export PATH=$LG_BIN_DIR:$PATH LC_ALL=C
 folder=$(mktemp -d "${TMPDIR:-/tmp}/lg-rotation-XXXXXX")
@@ -10,15 +10,15 @@ fail() {
     echo "test_rotation.sh: line ${BASH_LINENO[0]}: $*"
     failures=$((failures + 1))
 }
-# verdicts FILE...: without the lines of names.
+# verdicts FILE...: prints the verdicts without the lines of names.
 verdicts() { cat "$@" | grep -av '^# time'; }
-# until_holds FILE: half a minute for the file to hold something.
+# until_holds FILE: waits up to half a minute until FILE is not empty.
 until_holds() {
     for _ in $(seq 600); do [ ! -s "$1" ] || return 0; sleep 0.05; done
     fail "nothing in $1"
 }
 
-# until_there FILE: the same for the file.
+# until_there FILE: waits up to half a minute until FILE exists.
 until_there() {
     for _ in $(seq 600); do [ ! -e "$1" ] || return 0; sleep 0.05; done
     fail "no $1"
@@ -33,14 +33,14 @@ for kind in "" --json; do
     [ -n "$kind" ] || grep -av '^# [^tn]' whole.txt >whole
     [ -z "$kind" ] || grep -av '"summary"' whole.txt >whole
 
-    # In one piece, and the summary apart.
+    # Without rotation; the summary is separate.
     rm -f log*
     lg-anomaly watch alarm.h5 $kind --log log <feed.csv >summary || fail "the watch ended with $?"
     cmp -s log whole || fail "$kind: the log is not what is printed without it"
     [ "$(cat whole summary | sed 's/^# [0-9.]* s, .*//; s/"seconds".*//')" = \
         "$(sed 's/^# [0-9.]* s, .*//; s/"seconds".*//' whole.txt)" ] || fail "$kind: the summary is another one"
 
-    # Renamed and SIGHUP, 20 times, half of them while samples come.
+    # Renamed, then SIGHUP, 20 times; half of them while samples arrive.
     rm -f log*
     mkfifo pipe
     lg-anomaly watch alarm.h5 $kind --log log <pipe >summary &
@@ -52,7 +52,7 @@ for kind in "" --json; do
         [ $((i % 2)) = 0 ] || wait $!
         mv log "log.$(printf %02d "$i")"
         kill -HUP $watch
-        until_there log # without a verdict, too
+        until_there log # also without a verdict
         wait $!
     done
     exec 3>&-
@@ -61,7 +61,7 @@ for kind in "" --json; do
     [ "$(find . -name 'log.*' -size +0 | wc -l)" = 20 ] || fail "$kind: not 20 pieces"
     [ -n "$kind" ] || [ "$(head -qn 1 log.* | sort -u)" = "$(head -n 1 whole)" ] || fail "a log without names"
 
-    # Copied and cut, while no verdict is written.
+    # Copied and truncated, while no verdict is written.
     rm -f log*
     lg-anomaly watch alarm.h5 $kind --log log <pipe >summary &
     watch=$!
@@ -84,7 +84,7 @@ for kind in "" --json; do
     rm pipe
 done
 
-# A line that a killed watch left unfinished is cut off; another file is not touched.
+# An incomplete line left by a killed watch is removed; a file that is not a log is not touched.
 head -n 3 whole >log
 printf '{"time": 12' >>log
 lg-anomaly watch alarm.h5 --json --log log <feed.csv >/dev/null || fail "the watch ended with $?"
@@ -98,7 +98,7 @@ cmp -s zeros copy || fail "a file without lines was changed"
 lg-anomaly watch alarm.h5 --input feed.csv --log feed.csv >/dev/null 2>&1
 [ $? = 2 ] || fail "the feed was taken for the log"
 
-# logrotate itself, where it is installed.
+# logrotate itself, if it is installed.
 if [ -x /usr/sbin/logrotate ]; then
     rm -f log*
     mkfifo pipe

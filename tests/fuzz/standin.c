@@ -212,7 +212,7 @@ static handle *get(hid_t id, handle_kind kind) {
 
 static herr_t close_handle(hid_t id, handle_kind kind) {
     handle *h = get(id, kind);
-    if (h == NULL) abort(); /* closed twice, or another thing */
+    if (h == NULL) abort(); /* closed twice, or of another kind */
     h->kind = FREE;
     return 0;
 }

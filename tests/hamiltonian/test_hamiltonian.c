@@ -267,7 +267,7 @@ TEST("a dictionary has the true energy and field of the quartic system") {
 }
 
 /* V with the weight 1 for one function at a time. */
-TEST("the functions of a dictionary are in the documented order") {
+TEST("the functions of a dictionary stand in their order") {
     const double q[2] = {0.7, -1.3};
     const double y[4] = {q[0], q[1], 0.0, 0.0};
     const double expected[] = {q[0],         q[1],         q[0] * q[0],  q[1] * q[1], pow(q[0], 3),
@@ -594,7 +594,7 @@ static double own_of(const double *y, size_t n) {
     return 3.0 * y[1];
 }
 
-TEST("the penalty accepts every first integral, at the listed points") {
+TEST("the penalty takes every first integral, at the points that are listed") {
     double three = 3.0;
     const lg_first_integral own = {.name = "own", .formula = "3 q", .record = own_record, .user = &three};
     const struct {
