@@ -52,7 +52,7 @@ static void make(example *e, size_t net, lg_activation activation, uint32_t clas
     }
 }
 
-/* The network on a tape, of the window as training scales it. */
+/* Compares the logits with the network on a tape, for the window scaled as in training. */
 static void against_tape(const example *e) {
     double y[MOST_OUTPUTS], logits[MOST_OUTPUTS], z[MOST_INPUTS];
     float x[MOST_INPUTS];

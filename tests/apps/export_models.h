@@ -33,15 +33,17 @@ typedef struct export_kind {
     const void *rows;
     size_t size, count;
     void *(*make)(
-        const void *row);       /* writes NAME.h5; what stands in for a model, or NULL; the running test's */
-    export_draw draw;           /* the user of both is an exported */
-    export_reference reference; /* NULL: the model's */
-    void (*more)(exported *e);  /* compares what there is beside value and gradient */
+        /* Writes NAME.h5. Returns an object of the running test that stands for the model, or NULL if the
+         * model is loaded from NAME.h5. */
+        const void *row);
+    export_draw draw;           /* draws inputs; `user` of draw and reference is an `exported` */
+    export_reference reference; /* the expected results; NULL: those of lg_model_jacobian */
+    void (*more)(exported *e);  /* compares functions other than value and gradient; may be NULL */
 } export_kind;
 #define EXPORT_KIND(table, ...)                                                                              \
     { table, sizeof(table)[0], LG_COUNT(table), __VA_ARGS__ }
 
-/* Has to be given; what it says stands in the headers. */
+/* Some training settings: a model file must have them, and exported headers print them. */
 static inline lg_training export_training(void) {
     return (lg_training){.dtype = LG_F64,
                          .epochs = 300,
@@ -78,7 +80,7 @@ static inline void export_release(void *of) {
     lg_model_file_destroy(&e->file);
 }
 
-/* NAME.h5, which is there, as C. */
+/* Exports NAME.h5, which exists already, as C. */
 static inline exported *export_saved(const export_row *row, const char *dtype, const char *options) {
     const bool scheme = row->scheme != NULL && row->scheme[0] != '\0';
     exported *e = TEST_ARRAY(exported, 1);
@@ -118,7 +120,7 @@ static inline void export_jacobian(void *user, const double *x, double *y, doubl
     lg_model_jacobian(e->model, x, y, jacobian, e->work);
 }
 
-/* The same row as a library in memory that is loaded, for what compares more. */
+/* Makes the row's model, exports it, and loads its C as a shared library. For further comparisons. */
 static inline exported *export_opened(const export_kind *kind, const void *row, const char *dtype,
                                       const char *options) {
     exported *e = export_made(kind, row, dtype, options);
@@ -126,7 +128,7 @@ static inline exported *export_opened(const export_kind *kind, const void *row, 
     return e;
 }
 
-/* Value and gradient at some inputs, then what else there is. */
+/* Compares value and gradient at `inputs` random inputs, then calls kind->more. */
 static inline void export_compare_one(const export_kind *kind, exported *e, size_t inputs) {
     export_compare(&e->lib, test_text("%s, %s %s", e->folder, e->row->compiler, e->row->flags), inputs,
                    kind->draw, kind->reference != NULL ? kind->reference : export_jacobian, e);
@@ -141,7 +143,8 @@ static inline void export_compare_all(const export_kind *kind, const char *dtype
     }
 }
 
-/* Self-tests by all compilers, objects that need libm alone, the stated stack. */
+/* Runs the self-test compiled by all compilers, and checks that the objects need only libm and that the stack
+ * is as stated. */
 static inline void export_build(const export_kind *kind, const void *row, const char *dtype,
                                 void (*ways)(const char *folder, const char *name)) {
     const size_t mark = lg_test_owned();
@@ -152,14 +155,14 @@ static inline void export_build(const export_kind *kind, const void *row, const 
     lg_test_give_back(mark);
 }
 
-/* All rows, the first two at every level of optimisation. */
+/* Builds all rows; the first two at every optimisation level. */
 static inline void export_build_all(const export_kind *kind) {
     for (size_t i = 0; i < kind->count; i++)
         export_build(kind, export_row_at(kind, i), i % 2 == 0 ? "f64" : "f32",
                      i < 2 ? export_check_all_ways : export_check_ways);
 }
 
-/* The file says each of the words, which are separated by |; of a word behind ! it says nothing. */
+/* `file` must contain each of `words`, which are separated by |. A word that begins with ! must not occur. */
 static inline void export_expect_words(const char *file, const char *words) {
     static char text[CLI_TEXT], list[2048];
     char *save = NULL;
@@ -172,7 +175,7 @@ static inline void export_expect_words(const char *file, const char *words) {
     }
 }
 
-/* NAME_classify: the class; `score` (NULL: not asked for) gets one number a class. */
+/* NAME_classify: returns the class. `score` gets one number per class; it may be NULL. */
 static inline int export_classify(const export_library *lib, const double *x, double *score,
                                   uint32_t classes) {
     void *in = export_reals(lib, x, lib->inputs), *out = export_reals(lib, score, classes);

@@ -1,4 +1,4 @@
-/* Programs for the tests of lg-export, saved under the test's folder. */
+/* Programs for the tests of lg-export, saved in the test's folder. */
 #ifndef LG_TEST_EXPORT_PROGRAM_H
 #define LG_TEST_EXPORT_PROGRAM_H
 
@@ -16,7 +16,7 @@ static inline void save_program(lg_program *program, const char *name) {
     lg_program_destroy(program);
 }
 
-/* Value, gradient, field, step, ten steps, and what is derived of them. */
+/* Saves a program with value, gradient, field, step, ten steps, and derivatives of some of them. */
 static inline void save_hamiltonian(const char *name, const lg_hamiltonian_family *family) {
     static const uint32_t hidden[] = {24, 16};
     lg_hamiltonian model;

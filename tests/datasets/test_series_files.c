@@ -425,7 +425,7 @@ TEST("classes that do not match are refused, and classes that do not occur need 
     } cases[] = {
         {{"intact", "broken"}, 2, {0, 1, 0, 1, 1, 0}, "intact|torn", "'torn'"},
         {{"intact", "broken"}, 2, {1, 2, 1, 2, 1, 2}, NULL, "'1' is none of the classes intact|broken"},
-        {{"intact", "broken"}, 2, {1, 1, 1, 1, 1, 1}, NULL, "'1'"}, /* 0..1 or 1..2? */
+        {{"intact", "broken"}, 2, {1, 1, 1, 1, 1, 1}, NULL, "'1'"}, /* ambiguous: numbered 0..1 or 1..2? */
         {{"intact", "broken"}, 2, {0, 1, 2, 0, 1, 2}, NULL, "'0'"},
         {{"0", "1"}, 2, {0, 1, -1, 0, 1, 0}, NULL, "'-1'"},
         /* Labels without names are used as names; a label that did not occur is not the number of a class. */

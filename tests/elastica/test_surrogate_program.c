@@ -315,7 +315,7 @@ TEST("moving a beam moves its curve, and reflecting it reflects value and Jacobi
                 const double column = i >= first && (i - first) % 2 == 1 ? -1.0 : 1.0;
                 assert_close(b[o_ * e.inputs + i], row * column * a[o_ * e.inputs + i], 0, 0);
             }
-            for (size_t c = 0; c < 2; c++) { /* of a translation */
+            for (size_t c = 0; c < 2; c++) { /* the derivatives by q0 and qN together, which move the beam */
                 const double *by = a + o_ * e.inputs + first;
                 const bool point =
                     kind == LG_SURROGATE_CONTINUOUS || (kind == LG_SURROGATE_DISCRETE && o_ < e.outputs / 2);

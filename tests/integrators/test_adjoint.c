@@ -16,7 +16,7 @@ typedef struct setup {
     double y0[MOST], final[MOST], along;
     const double *t, *h;
     size_t steps, checkpoints;
-    lg_var theta; /* on the tape */
+    lg_var theta; /* the parameters on the tape */
     /* A system of the library with these parameters; NULL: the fields above are used. */
     const char *system, *form;
     size_t links;

@@ -214,7 +214,8 @@ TEST("biases of angles are converted to (-pi, pi], other biases are not") {
     for (uint32_t i = 0; i < 4; i++) add_feature(bias, i == 2 ? LG_FEATURE_PLACE : LG_FEATURE_POSITION, i);
     add_feature(bias, LG_FEATURE_VELOCITY, 1);
     assert_machine(&machine);
-    const size_t at = machine.terms[1].offset; /* x, a, 3 of the hull, b, the rate of a */
+    /* order of the biases: x, a, 3 of the hull, b, the rate of a */
+    const size_t at = machine.terms[1].offset;
     double *theta = TEST_ARRAY(double, machine.parameters);
     for (size_t k = 0; k < LG_COUNT(angles); k++) {
         for (size_t i = 0; i < machine.parameters; i++) theta[i] = 9.0;

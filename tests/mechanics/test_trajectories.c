@@ -198,7 +198,7 @@ TEST("trajectories begin a random time after their start") {
     o.ahead = 2.0;
     assert_ok(lg_generate_trajectories(NULL, system, &o, t, later, H, NULL));
     double mean = 0, most = 0;
-    for (int i = 0; i < N; i++) { /* the first oscillator turns by the time */
+    for (int i = 0; i < N; i++) { /* the first oscillator turns by an angle equal to the time */
         const double *a = at + i * M * D, *b = later + i * M * D;
         const double time = atan2(a[2] * b[0] - a[0] * b[2], a[0] * b[0] + a[2] * b[2]);
         double y[D], work[1];

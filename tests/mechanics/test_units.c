@@ -41,7 +41,7 @@ static double parameter_unit(const lg_parameter_entry *p, const double scale[UNI
 
 static const struct {
     const char *key, *unit;
-    bool moves; /* zero at rest */
+    bool moves; /* true: the part is zero at rest */
 } state_units[] = {
     {"q", "", false},         {"R", "", false},          {"Q", "", false},         {"omega", "1/s", true},
     {"Omega", "1/s", true},   {"p", "kg m^2/s", true},   {"mu", "kg m^2/s", true}, {"pi", "kg m^2/s", true},
