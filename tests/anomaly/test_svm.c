@@ -132,10 +132,8 @@ TEST("decisions agree with libsvm, for lists and for tables") {
         lg_kernel kernel;
         uint32_t n, d, classes;
         double c, gamma;
-        double
-            /* few features: the same lists and the same bits; more features: a table, to libsvm's tolerance
-             *  */
-            rtol;
+        /* few features: the same lists and the same bits; more features: a table, to libsvm's tolerance */
+        double rtol;
     } cases[] = {
         {LG_KERNEL_RBF, 120, 4, 2, 1.0, 0.0, 1e-12},   {LG_KERNEL_LINEAR, 120, 4, 2, 10.0, 0.0, 1e-12},
         {LG_KERNEL_RBF, 120, 4, 4, 100.0, 0.3, 1e-12}, {LG_KERNEL_LINEAR, 90, 3, 3, 1.0, 0.0, 1e-12},

@@ -32,10 +32,9 @@ typedef struct exported {
 typedef struct export_kind {
     const void *rows;
     size_t size, count;
-    void *(*make)(
-        /* Writes NAME.h5. Returns an object of the running test that stands for the model, or NULL if the
-         * model is loaded from NAME.h5. */
-        const void *row);
+    /* Writes NAME.h5. Returns an object of the running test that stands for the model, or NULL if the
+     * model is loaded from NAME.h5. */
+    void *(*make)(const void *row);
     export_draw draw;           /* draws inputs; `user` of draw and reference is an `exported` */
     export_reference reference; /* the expected results; NULL: those of lg_model_jacobian */
     void (*more)(exported *e);  /* compares functions other than value and gradient; may be NULL */

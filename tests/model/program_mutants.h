@@ -9,8 +9,8 @@
 #include "autodiff/cases/cases.h"
 #include "model/program_zoo.h"
 
-#define MUTANT_BYTES ((size_t)8 << 20) /* of a tape */
-#define MUTANT_WORK  1e9               /* operations on numbers of a plan */
+#define MUTANT_BYTES ((size_t)8 << 20) /* limit for a tape */
+#define MUTANT_WORK  1e9               /* limit for a plan: operations on numbers */
 
 /* ---- changing one element of a file ---- */
 
