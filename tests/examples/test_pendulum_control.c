@@ -225,7 +225,7 @@ TEST("latencies are summarised by their quantiles") {
     assert_close(l.most, 2000.0, 0.0, 1e-9);
 }
 
-/* A sample lies between the edge of the row that counts it and the next edge; each series has all samples,
+/* A row of the data counts the samples between its edge and the next edge. Each series contains all samples,
  * and the script draws from one edge to the next (gnuplot: steps). */
 TEST("the histogram counts each sample once, in its bin") {
     enum { EDGES = DECADES * DECADE_BINS + 1 };

@@ -475,9 +475,10 @@ static lg_program *program_of_square(void) {
     return program;
 }
 
-/* From a = e3 with momentum p to b = (sin d, 0, -cos d), d = pi - theta, with momentum r. f = (cos theta, 0,
- * -sin theta) is the direction at b, and P p = p1 f + p2 e2. Rotating b about e3 moves it along e2 by sin d,
- * and P p by p2 f + p1 (cos theta - 1) e2 - p2 e1. Moving b along f changes theta alone. */
+/* The two states are (a, p) and (b, r) with a = e3, b = (sin d, 0, -cos d), d = pi - theta. At b the geodesic
+ * has the direction f = (cos theta, 0, -sin theta), and p transported to b is P p = p1 f + p2 e2. Rotating b
+ * about e3 moves b along e2 by sin d, and changes P p by p2 f + p1 (cos theta - 1) e2 - p2 e1. Moving b along
+ * f changes only theta. */
 TEST("geodesic distances and their derivatives keep their digits up to 1e-12 from the antipode") {
     static const double gaps[] = {1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2, 0.5, 1.0, 2.0, 2.6};
     static const square_fn ways[] = {square_by_tape, square_by_plan, square_by_c};

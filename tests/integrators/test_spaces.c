@@ -142,7 +142,7 @@ TEST("the bits of a copy's result do not depend on its place or on the number of
             random_point(&f, y);
             random_vector(&f.rng, f.algebra, a);
             random_vector(&f.rng, f.algebra, b);
-            /* the fast kernels' series cannot be used for this angle, but for those of its neighbours */
+            /* too large for the series of the fast kernels; the angles of its neighbours are not */
             a[0] = 2.5;
             lg_space_act(&f.space, a, y, out);
             lg_space_dexpinv(&f.space, LG_DEXPINV_EXACT, a, b, x);

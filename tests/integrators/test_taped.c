@@ -475,7 +475,8 @@ static lg_status half_decay(void *user, lg_tape *tape, lg_taped_time t, lg_var h
     return decay(user, tape, t, &half, input, out);
 }
 
-/* Number of nodes of one step on R^6 or on two copies of so(3)*, when the interval has what `given` says. */
+/* Number of nodes of one step on R^6 or on two copies of so(3)*. `given`: flags ROW_TIMES, ROW_STEPS,
+ * INPUT. */
 static size_t nodes_over(const lg_scheme *scheme, int given) {
     lg_taped_ode ode = {.field = decay, .force = half_decay, .velocity = half_decay};
     lg_var y;

@@ -71,7 +71,7 @@ typedef struct way {
     uint32_t window, stride; /* stride 0: neighbouring windows share only their ends */
     lg_machine_starts starts;
     bool positions_only;
-    uint64_t seeds; /* number of draws of the noise, such that the mean is known to about .003 */
+    uint64_t seeds; /* number of draws of the noise; enough to know the mean to about .003 */
 } way;
 
 static lg_machine_problem problem_of(logs *l, const lg_machine *machine, const way *w) {

@@ -133,7 +133,7 @@ TEST("with known parameters the Jacobian has only the columns of the starts") {
     assert_jacobian(&machine, LG_MACHINE_STARTS_ESTIMATED, "cf4", machine_theta(&machine, 7));
 }
 
-/* Implicit equations of steps are solved; their derivative must be that of the solution. */
+/* Variational steps solve implicit equations; the Jacobian must contain the derivative of their solution. */
 TEST("the Jacobian of variational steps agrees with the tape too, with every kind of term and with starts") {
     for (uint32_t part = 0; part < LG_MACHINE_PART_COUNT; part++) {
         const lg_term_kind *kind;

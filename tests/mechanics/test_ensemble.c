@@ -645,7 +645,8 @@ TEST("numbers beyond the range of the bins count, NaN and infinity do not") {
     assert_int_equal(bins[0], 1);
     assert_int_equal(bins[9], 1);
     assert_true(lg_statistics_quantile(s, 0, 0, 1.0) == 100.0);
-    double middles[8]; /* of the bins: their range is symmetric about 1.5, which lies in the fifth bin */
+    /* middles of the bins; their range is symmetric about 1.5, and 1.5 lies in the fifth bin */
+    double middles[8];
     for (int i = 0; i < 8; i++) middles[i] = 1.5 + (i - 3.5) * cell.resolution;
     lg_statistics_add(s, 0, 0, middles, 8);
     for (int i = 0; i < 8; i++) assert_int_equal(bins[1 + i], i == 4 ? 2 : 1);

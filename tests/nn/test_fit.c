@@ -406,8 +406,8 @@ TEST("a validation part that the problem defines is saved, compared and loaded")
     assert_non_null(strstr(error.message, "validation part"));
     assert_same_fits(whole, fit);
 
-    /* Without such a part the state does not hold its number, so that states are as before there were such
-     * parts. */
+    /* Without a validation part of the problem, the state does not contain validation_samples. It is then the
+     * same as the states of versions that had no such parts. */
     r.validation = 0;
     fit = regression_fit(NULL, &r, &o);
     run_fit(fit);

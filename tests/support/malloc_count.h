@@ -27,8 +27,8 @@ void lg_count_begin(void);
 void lg_count_begin_here(void);
 lg_counts lg_count_end(void);
 
-/* Runs `statement`. Fails the test if it allocated or released memory; the second form also fails if it
- * locked, and counts the calling thread alone. */
+/* Runs `statement`. assert_no_malloc fails the test if any thread allocated or released memory. The second
+ * macro counts the calling thread only, and also fails if it took a lock. */
 #define assert_no_malloc(statement)                                                                          \
     do {                                                                                                     \
         lg_count_begin();                                                                                    \
