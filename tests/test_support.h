@@ -16,8 +16,7 @@
 #include <cmocka.h>
 
 #include "core/count.h"
-#include "liegrad/random.h"
-#include "liegrad/status.h"
+#include "liegrad/core.h"
 
 /* TEST("claim") { ... } defines and registers a test; the claim says what must hold. A file of tests is a
  * suite. support/run_tests.c runs the tests of the suite that the first argument names, in the order of the

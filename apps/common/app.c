@@ -10,7 +10,8 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-#include "liegrad/io.h"
+#include "liegrad/files.h"
+#include "liegrad/settings.h"
 
 enum { KEY_COMMON = 0x1000, KEY_COMMAND = 0x2000 };
 

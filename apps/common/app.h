@@ -16,10 +16,8 @@
 #include "core/count.h"
 #include "core/median.h"
 #include "core/text.h"
-#include "liegrad/context.h"
-#include "liegrad/fields.h"
-#include "liegrad/ranks.h"
-#include "liegrad/status.h"
+#include "liegrad/core.h"
+#include "liegrad/settings.h"
 
 enum {
     APP_EXIT_OK = 0,

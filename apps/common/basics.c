@@ -9,7 +9,7 @@
 #include <string.h>
 #include <time.h>
 
-#include "liegrad/io.h"
+#include "liegrad/settings.h"
 
 /* The only table that maps statuses to exit codes. */
 static const struct {

@@ -11,7 +11,8 @@
 #define LG_APPS_BOARD_H
 
 #include "common/app.h"
-#include "liegrad/io.h"
+#include "liegrad/files.h"
+#include "liegrad/settings.h"
 
 typedef enum board_state { BOARD_EMPTY, BOARD_PARTIAL, BOARD_DONE } board_state;
 

@@ -4,9 +4,9 @@
 #ifndef LG_APPS_CLASSIFIER_FILE_H
 #define LG_APPS_CLASSIFIER_FILE_H
 
+#include "liegrad/anomaly.h"
 #include "liegrad/classify.h"
-#include "liegrad/io.h"
-#include "liegrad/novelty.h"
+#include "liegrad/files.h"
 #include "liegrad/series.h"
 
 typedef struct classifier_file {

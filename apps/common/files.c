@@ -7,7 +7,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "liegrad/io.h"
+#include "liegrad/files.h"
+#include "liegrad/settings.h"
 
 FILE *app_open(const char *path) {
     struct stat about;

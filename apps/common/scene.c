@@ -1,6 +1,6 @@
 /* Draws the start of a scene that has none. */
 #include "common/app.h"
-#include "liegrad/io.h"
+#include "liegrad/mechanics.h"
 
 void app_scene_start(const app *self, lg_scene *scene, const char *path) {
     if (scene->has_initial) return;

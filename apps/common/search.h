@@ -5,7 +5,7 @@
 
 #include "common/board.h"
 #include "common/train.h"
-#include "liegrad/search.h"
+#include "liegrad/settings.h"
 
 typedef struct search_values {
     const char *out, *plot;

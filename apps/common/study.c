@@ -6,8 +6,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "liegrad/io.h"
-#include "liegrad/random.h"
+#include "liegrad/core.h"
+#include "liegrad/files.h"
+#include "liegrad/settings.h"
 
 study_values study_given;
 

@@ -12,8 +12,10 @@
 #define LG_APPS_TRAIN_DRIVER_H
 
 #include "common/app.h"
-#include "liegrad/io.h"
-#include "liegrad/nn.h"
+#include "liegrad/files.h"
+#include "liegrad/fit.h"
+#include "liegrad/model.h"
+#include "liegrad/settings.h"
 #include "model/files/learning.h"
 
 typedef struct train_files {

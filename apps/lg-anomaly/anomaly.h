@@ -6,12 +6,8 @@
 
 #include "anomaly/files/recipe.h"
 #include "common/app.h"
+#include "liegrad/anomaly.h"
 #include "liegrad/classify.h"
-#include "liegrad/detector.h"
-#include "liegrad/io.h"
-#include "liegrad/metrics.h"
-#include "liegrad/novelty.h"
-#include "liegrad/riser.h"
 #include "liegrad/series.h"
 
 extern const app_command generate_command, feed_command, train_command, evaluate_command, search_command,

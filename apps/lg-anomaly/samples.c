@@ -12,7 +12,7 @@
 #include <strings.h>
 #include <unistd.h>
 
-#include "liegrad/io.h"
+#include "liegrad/settings.h"
 
 enum {
     ROOM = 1 << 18,   /* bytes in the buffer, which limits the length of a line, if there are few channels */

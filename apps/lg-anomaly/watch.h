@@ -3,7 +3,7 @@
 #ifndef LG_APPS_ANOMALY_WATCH_H
 #define LG_APPS_ANOMALY_WATCH_H
 
-#include "liegrad/monitor.h"
+#include "liegrad/anomaly.h"
 #include "lg-anomaly/anomaly.h"
 #include "lg-anomaly/samples.h"
 

@@ -6,7 +6,7 @@
 #include "common/app.h"
 #include "liegrad/hamiltonian.h"
 #include "liegrad/model.h"
-#include "liegrad/nn.h"
+#include "liegrad/networks.h"
 #include "liegrad/tape.h"
 
 enum { BENCH_ROWS = 96, BENCH_NOTES = 6 };

@@ -8,7 +8,7 @@
 
 #include "kernels/conv.h"
 #include "lg-bench/bench.h"
-#include "liegrad/detector.h"
+#include "liegrad/anomaly.h"
 
 enum { WINDOWS = 4944, CHANNELS = 6, LENGTH = 300, NUMBERS = CHANNELS * LENGTH, JUDGED = 30, SHARDS = 4 };
 enum { STREAM_WEIGHTS = 1, STREAM_WINDOWS = 2 };

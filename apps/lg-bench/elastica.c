@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "lg-bench/bench.h"
-#include "liegrad/surrogate.h"
+#include "liegrad/elastica.h"
 
 enum { STREAM_WEIGHTS = 1, STREAM_CURVES = 2, STREAM_SAMPLES = 3, CURVES = 1000, TRAINING = 900 };
 

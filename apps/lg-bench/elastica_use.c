@@ -6,8 +6,7 @@
 #include <string.h>
 
 #include "lg-bench/bench.h"
-#include "liegrad/io.h"
-#include "liegrad/surrogate.h"
+#include "liegrad/elastica.h"
 
 enum { PROBLEMS = 32, NODES = 51 };
 /* gap: in units of pi; beside: in radians. */

@@ -5,7 +5,7 @@
 
 #include "common/app.h"
 #include "liegrad/elastica.h"
-#include "liegrad/io.h"
+#include "liegrad/settings.h"
 
 extern const app_command solve_command, generate_command, train_command, evaluate_command, predict_command,
     search_command;

@@ -25,9 +25,8 @@
 
 #include "common/app.h"
 #include "core/text.h"
+#include "liegrad/files.h"
 #include "liegrad/integrators.h"
-#include "liegrad/io.h"
-#include "liegrad/model.h"
 #include "liegrad/program.h"
 
 typedef lg_text text;

@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "liegrad/mechanics.h"
+
 enum { ATTEMPTS = 20 };
 
 /* ---- the tables ---- */

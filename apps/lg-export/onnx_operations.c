@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "lg-export/onnx.h"
-#include "liegrad/activation.h"
+#include "liegrad/tape.h"
 
 bool onnx_give(const onnx_operation *o, onnx_name result) {
     onnx_emit_to(o->j, o->out, "Identity", &result, 1, NULL, 0);

@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "liegrad/core.h"
 #include "liegrad/program.h"
-#include "liegrad/random.h"
 
 enum { GOLDEN_STREAM = 11, CONDITION_POINTS = 64 };
 

@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "liegrad/model.h"
+
 #include "lg-export/export.h"
 
 typedef struct job {

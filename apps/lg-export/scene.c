@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "lg-export/export.h"
+#include "liegrad/mechanics.h"
 #include "liegrad/ops.h"
 #include "liegrad/taped.h"
 

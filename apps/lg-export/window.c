@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "lg-export/faces.h"
-#include "liegrad/metrics.h"
+#include "liegrad/series.h"
 
 /* ---- code ---- */
 

@@ -2,6 +2,8 @@
 #ifndef LG_EXPORT_WINDOW_H
 #define LG_EXPORT_WINDOW_H
 
+#include "liegrad/series.h"
+
 #include "lg-export/export.h"
 
 typedef struct export_window {

@@ -5,9 +5,9 @@
 
 #include "core/text.h"
 #include "lg-fit/fit.h"
-#include "liegrad/activation.h"
 #include "liegrad/ops.h"
 #include "liegrad/program.h"
+#include "liegrad/tape.h"
 
 enum { MOST_LAYERS = 64 };
 

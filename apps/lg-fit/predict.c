@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "lg-fit/fit.h"
-#include "liegrad/metrics.h"
+#include "liegrad/series.h"
 
 typedef struct predict_values {
     const char *out;

@@ -6,9 +6,8 @@
 #include "common/app.h"
 #include "common/train.h"
 #include "liegrad/hamiltonian.h"
-#include "liegrad/io.h"
+#include "liegrad/integrators.h"
 #include "liegrad/mechanics.h"
-#include "liegrad/model.h"
 
 extern const app_command generate_command, train_command, evaluate_command, predict_command, study_command,
     demo_command;

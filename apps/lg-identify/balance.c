@@ -5,7 +5,6 @@
 
 #include "core/core.h"
 #include "lg-identify/identify.h"
-#include "liegrad/ops.h"
 
 /* ---- the model's terms at given states, on a tape ---- */
 

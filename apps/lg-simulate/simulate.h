@@ -5,10 +5,10 @@
 #define LG_APPS_SIMULATE_H
 
 #include "common/app.h"
-#include "liegrad/adjoint.h"
 #include "liegrad/integrators.h"
-#include "liegrad/io.h"
 #include "liegrad/mechanics.h"
+#include "liegrad/settings.h"
+#include "liegrad/taped.h"
 
 typedef enum picture_kind {
     PICTURE_OVERVIEW,

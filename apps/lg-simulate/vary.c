@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "liegrad/geometry.h"
+#include "liegrad/table.h"
 
 /* ---- names of the numbers ---- */
 

@@ -14,9 +14,10 @@
 #include <string.h>
 #include <time.h>
 
-#include "liegrad/io.h"
+#include "liegrad/core.h"
+#include "liegrad/hamiltonian.h"
+#include "liegrad/integrators.h"
 #include "liegrad/model.h"
-#include "liegrad/random.h"
 #include "model.h"
 
 enum { INPUTS = model_INPUTS, OUTPUTS = model_OUTPUTS, STATES = 16, CHECKS = 1000, MOST = 100000 };

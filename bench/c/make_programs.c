@@ -4,7 +4,6 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "liegrad/io.h"
 #include "liegrad/ops.h"
 #include "liegrad/program.h"
 

@@ -1,9 +1,8 @@
 /* pendulum FOLDER/p.h5 ROUNDS: compares the gradient of a step of the double pendulum by hand, on the minimal
  * operator tape (bench/cpp/step.cpp), as a program, and as the program's C (p.h, p.c of
  * bench/c/make_programs.c). The ways alternate. */
-#include "liegrad/io.h"
+#include "liegrad/core.h"
 #include "liegrad/program.h"
-#include "liegrad/random.h"
 #include "lg-bench/pendulum.h"
 #include "p.h"
 #include "timing.h"

@@ -5,8 +5,8 @@
 
 #include <stddef.h>
 
-#include "liegrad/ops.h"
-#include "liegrad/status.h"
+#include "liegrad/core.h"
+#include "liegrad/tape.h"
 
 /* How a recorded function is evaluated. */
 typedef enum hard_way {

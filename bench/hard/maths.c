@@ -4,6 +4,7 @@
 
 #include "hard.h"
 #include "liegrad/geometry.h"
+#include "liegrad/ops.h"
 
 /* ---- recorded functions of x (1, n) ---- */
 

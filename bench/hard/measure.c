@@ -11,7 +11,7 @@
 #include <sys/types.h>
 
 #include "hard.h"
-#include "liegrad/context.h"
+#include "liegrad/core.h"
 #include "liegrad/program.h"
 
 enum { ROOM, FUNCTION, CASE, METRIC, HOW, ALLOWS, WHEN, INPUTS, REFERENCE, FIELDS };

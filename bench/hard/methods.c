@@ -5,12 +5,10 @@
 #include <string.h>
 
 #include "hard.h"
-#include "liegrad/classify.h"
 #include "liegrad/control.h"
 #include "liegrad/elastica.h"
-#include "liegrad/metrics.h"
 #include "liegrad/minimise.h"
-#include "liegrad/spectrum.h"
+#include "liegrad/series.h"
 
 static lg_status riccati(const double *in, double *out, bool discrete) {
     const size_t n = (size_t)in[0], m = (size_t)in[1], bytes = lg_riccati_work_size(n, m);

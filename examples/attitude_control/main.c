@@ -12,8 +12,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include <liegrad/io.h>
-#include <liegrad/machine_model.h>
+#include <liegrad/machine.h>
+#include <liegrad/model.h>
+#include <liegrad/settings.h>
 
 #include "log.h"
 #include "trial.h"

@@ -5,8 +5,8 @@
 
 #include <stdbool.h>
 
+#include <liegrad/core.h>
 #include <liegrad/integrators.h>
-#include <liegrad/random.h>
 
 enum { ATTITUDE = 9, PLANT_STATE = 12, TORQUE = 3, PLANT_STEPS = 4 /* integrator steps per period */ };
 

@@ -8,8 +8,10 @@
 #include <stdlib.h>
 #include <time.h>
 
+#include <liegrad/hamiltonian.h>
 #include <liegrad/integrators.h>
-#include <liegrad/io.h>
+#include <liegrad/model.h>
+#include <liegrad/settings.h>
 
 /* Everything that the loops use, allocated before them. */
 typedef struct session {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include <liegrad/io.h>
+#include <liegrad/model.h>
 
 // Owns the loaded file, so that it is closed even if the constructor of Model below throws.
 class File {

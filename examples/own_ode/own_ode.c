@@ -8,11 +8,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include <liegrad/io.h>
+#include <liegrad/fit.h>
+#include <liegrad/integrators.h>
 #include <liegrad/ops.h>
-#include <liegrad/tables.h>
+#include <liegrad/program.h>
+#include <liegrad/table.h>
 #include <liegrad/taped.h>
-#include <liegrad/train.h>
 
 #define COUNT(array) (sizeof(array) / sizeof *(array))
 static const char *const columns[] = {"angle", "rate", "torque"}; /* X states, then the inputs */

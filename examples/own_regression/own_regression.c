@@ -5,11 +5,11 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include <liegrad/io.h>
+#include <liegrad/fit.h>
 #include <liegrad/ops.h>
+#include <liegrad/program.h>
+#include <liegrad/series.h>
 #include <liegrad/table.h>
-#include <liegrad/tables.h>
-#include <liegrad/train.h>
 
 #define COUNT(array) (sizeof(array) / sizeof *(array))
 static const char *const in_names[] = {"angle", "speed", "height"};

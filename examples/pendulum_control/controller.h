@@ -9,7 +9,7 @@
 #include <stdbool.h>
 
 #include <liegrad/control.h>
-#include <liegrad/io.h>
+#include <liegrad/model.h>
 
 enum { STATE = 6, TORQUE = 3, TANGENT = 4 };
 

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include <liegrad/random.h>
+#include <liegrad/core.h>
 
 static double norm(const double *x) {
     return sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]);

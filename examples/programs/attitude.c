@@ -10,9 +10,9 @@
 
 #include <math.h>
 
-#include <liegrad/nn.h>
+#include <liegrad/core.h>
+#include <liegrad/networks.h>
 #include <liegrad/ops.h>
-#include <liegrad/random.h>
 #include <liegrad/taped.h>
 
 enum { SAMPLES = 2000 };

@@ -8,9 +8,9 @@
 
 #include <math.h>
 
-#include <liegrad/nn.h>
+#include <liegrad/core.h>
+#include <liegrad/networks.h>
 #include <liegrad/ops.h>
-#include <liegrad/random.h>
 
 enum { SAMPLES = 2000 };
 

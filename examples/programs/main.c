@@ -2,7 +2,7 @@
  * loads the file and continues training. `driven` is also saved as a model that moves. */
 #include <stdio.h>
 
-#include <liegrad/io.h>
+#include <liegrad/program.h>
 
 #include "programs.h"
 

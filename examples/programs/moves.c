@@ -7,7 +7,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include <liegrad/io.h>
+#include <liegrad/integrators.h>
+#include <liegrad/model.h>
+#include <liegrad/program.h>
 
 enum { STEPS = 10 };
 

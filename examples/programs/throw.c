@@ -9,9 +9,10 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include <liegrad/nn.h>
+#include <liegrad/core.h>
+#include <liegrad/fit.h>
+#include <liegrad/networks.h>
 #include <liegrad/ops.h>
-#include <liegrad/random.h>
 
 enum { SAMPLES = 1000, IN = 3, OUT = 2 };
 

@@ -4,8 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include <liegrad/nn.h>
-#include <liegrad/random.h>
+#include <liegrad/core.h>
+#include <liegrad/fit.h>
 
 enum { PORTS = 8, PARAMETERS = 16 };
 

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include <liegrad/random.h>
+#include <liegrad/core.h>
 
 enum { PORTS = 16 };
 

@@ -7,8 +7,8 @@
 
 #include <math.h>
 
+#include <liegrad/core.h>
 #include <liegrad/ops.h>
-#include <liegrad/random.h>
 
 enum { SAMPLES = 600, LENGTH = 64, CLASSES = 3 };
 

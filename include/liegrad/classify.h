@@ -13,12 +13,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "liegrad/archive.h"
-#include "liegrad/context.h"
-#include "liegrad/export.h"
+#include "liegrad/core.h"
 #include "liegrad/series.h"
-#include "liegrad/spectrum.h"
-#include "liegrad/status.h"
 
 LG_BEGIN_DECLS
 

@@ -16,10 +16,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "liegrad/export.h"
+#include "liegrad/core.h"
 #include "liegrad/integrators.h"
 #include "liegrad/model.h"
-#include "liegrad/status.h"
 
 LG_BEGIN_DECLS
 

@@ -20,12 +20,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "liegrad/archive.h"
-#include "liegrad/context.h"
-#include "liegrad/export.h"
+#include "liegrad/core.h"
 #include "liegrad/integrators.h"
 #include "liegrad/mechanics.h"
-#include "liegrad/status.h"
 
 LG_BEGIN_DECLS
 

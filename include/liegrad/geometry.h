@@ -19,7 +19,7 @@
 #ifndef LIEGRAD_GEOMETRY_H
 #define LIEGRAD_GEOMETRY_H
 
-#include "liegrad/export.h"
+#include "liegrad/core.h"
 
 LG_BEGIN_DECLS
 

@@ -30,12 +30,19 @@
 #ifndef LIEGRAD_HAMILTONIAN_H
 #define LIEGRAD_HAMILTONIAN_H
 
-#include "liegrad/context.h"
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "liegrad/core.h"
+#include "liegrad/files.h"
+#include "liegrad/fit.h"
 #include "liegrad/integrators.h"
 #include "liegrad/mechanics.h"
-#include "liegrad/nn.h"
+#include "liegrad/model.h"
+#include "liegrad/networks.h"
 #include "liegrad/program.h"
-#include "liegrad/random.h"
+#include "liegrad/settings.h"
 #include "liegrad/tape.h"
 #include "liegrad/taped.h"
 
@@ -365,6 +372,170 @@ LG_API lg_var lg_hamiltonian_record_velocity(lg_tape *tape, const lg_hamiltonian
 LG_API lg_status lg_hamiltonian_program(const lg_context *context, const lg_hamiltonian *model,
                                         const double *theta, const lg_scheme *scheme, lg_program **out,
                                         lg_error *error);
+
+/* ---- trajectories (library liegrad_io from here on) ---- */
+
+/* Systems have the names of liegrad/mechanics.h ("pendulum-chain", "quartic", "oscillator", ...). A data
+ * set may have another name, or none; its layout then determines the family. */
+#define LG_SYSTEM_NAME 64
+
+/* N trajectories of M equidistant points of d numbers. */
+typedef struct lg_trajectories {
+    char system[LG_SYSTEM_NAME];         /* "" when the file does not say */
+    const lg_hamiltonian_family *family; /* that learns them */
+    uint32_t n;                          /* copies of its factors: links of a chain, degrees of freedom */
+    size_t count, points;                /* N >= 1, M >= 2 */
+    uint32_t state_dim;                  /* d */
+    uint32_t input_dim;                  /* m, 0 without inputs */
+    double dt;                           /* (t[M-1] - t[0])/(M-1) */
+    double *t;                           /* (M) */
+    double *data;                        /* (N, M, d) */
+    double *hamiltonian;                 /* (N), energies of the starts, or NULL */
+    double *inputs;                      /* (N, M-1, m), or NULL */
+    bool guessed;      /* the file gives neither system nor layout: the family is the first that fits */
+    double starts_off; /* how far first points were off the manifold before they were brought back */
+    lg_system *truth;  /* the system that made them, or NULL: unknown; owned */
+    char sha256[LG_SHA256_TEXT]; /* of t, data and inputs as little-endian doubles, one after the other; set
+                                     by reader and writer */
+    lg_provenance provenance;
+    const lg_context *context; /* whose memory the arrays are in */
+} lg_trajectories;
+
+/* Sets system (may be ""), family, n, sizes, dt and t = 0, dt, ..., t_end; allocates t, data
+ * and, where asked, hamiltonian and inputs, zeroed. `out` is overwritten. Errors: LG_INVALID_ARGUMENT (a
+ * known system of another family or size), LG_OUT_OF_MEMORY. */
+LG_API lg_status lg_trajectories_create(const lg_context *context, const char *system,
+                                        const lg_hamiltonian_family *family, uint32_t n, size_t count,
+                                        size_t points, double t_end, bool with_hamiltonian,
+                                        uint32_t input_dim, lg_trajectories *out);
+/* A copy of the system that made the data becomes data->truth, in the place of an earlier one. Errors:
+ * LG_INVALID_ARGUMENT (a system of another name, family or size), LG_OUT_OF_MEMORY. */
+LG_API lg_status lg_trajectories_set_truth(lg_trajectories *data, const lg_system *system);
+/* Datasets /t (M), /trajectories (N, M, d), optional /hamiltonian (N), /inputs (N, M-1, m) and the
+ * parameters of the system, /parameters/KEY (numbers), any integer or float type. `truth` is made when the
+ * system is known and all its parameters are there. Attributes of the root (or of /trajectories), all
+ * optional where they can be derived: `system`, `links` (chains), `layout`. Checked: /t increasing and
+ * equidistant (each point within 1e-6 dt and the rounding of its stored type), everything finite, d fits
+ * system and links, first points of a chain on T*S^2 within 1e-6 (later ones may carry noise; with
+ * options->project_starts they too). */
+LG_API lg_status lg_trajectories_read(const lg_context *context, const char *path,
+                                      const lg_read_options *options, lg_trajectories *out, lg_error *error);
+/* Fills data->sha256. Non-finite data is refused with LG_NOT_FINITE: a file that could not be read back is
+ * not written. */
+LG_API lg_status lg_trajectories_write(const lg_context *context, const char *path, lg_trajectories *data,
+                                       lg_error *error);
+LG_API void lg_trajectories_destroy(lg_trajectories *data);
+
+/* ---- files of learned Hamiltonians ---- */
+
+/* What training computes in: the units of the data, or scales and weights by the data
+ * (lg_hamiltonian_find_scales, lg_hamiltonian_weigh). */
+typedef enum lg_hamiltonian_units { LG_UNITS_GIVEN, LG_UNITS_DATA } lg_hamiltonian_units;
+
+/* Model, training and data of a run. Models and checkpoints store it, and a resumed run is compared with
+ * it. */
+typedef struct lg_hamiltonian_run {
+    lg_hamiltonian model;
+    char system[LG_SYSTEM_NAME];
+    const lg_scheme *scheme; /* of the library: attribute `integrator` */
+    uint32_t substeps;
+    double penalty; /* mu */
+    lg_penalty_form penalty_form;
+    uint32_t penalty_integral; /* lg_first_integral_at */
+    uint32_t penalty_copy;     /* from 1; 0 is 1 */
+    lg_penalty_points penalty_points;
+    lg_hamiltonian_distance distance;
+    bool scaled; /* lg_hamiltonian_scale before training */
+    lg_hamiltonian_units units;
+    lg_hamiltonian_starts starts;
+    lg_training training;
+    uint64_t trajectories, points; /* N, M */
+    double dt;
+    char data_sha256[LG_SHA256_TEXT];
+} lg_hamiltonian_run;
+LG_API extern const lg_field lg_hamiltonian_fields[]; /* of lg_hamiltonian_run */
+
+/* The test set that a model was judged on. 0 and "": unknown. */
+typedef struct lg_test_set {
+    uint64_t trajectories, points; /* N, M */
+    double t_end;                  /* from the first point to the last */
+    char sha256[LG_SHA256_TEXT];   /* as in lg_trajectories */
+} lg_test_set;
+
+typedef struct lg_hamiltonian_file {
+    lg_hamiltonian_run run;
+    size_t parameters;       /* lg_hamiltonian_parameters(&run.model) */
+    double *theta;           /* (parameters); stored as run.training.dtype */
+    double *adam_m, *adam_v; /* (parameters), or both NULL */
+    uint64_t adam_step;
+    bool has_rng;
+    lg_rng rng;
+    size_t epochs_done;
+    double *history[LG_FIT_SERIES_COUNT]; /* (epochs_done) each, or NULL; may hold NaN (no validation part) */
+    bool has_e1, has_e2;
+    double e1, e2;    /* errors on a test set, if one was evaluated: lg_model_record_hamiltonian */
+    lg_test_set test; /* which one */
+    lg_provenance provenance;
+    const lg_context *context; /* whose memory the arrays are in */
+} lg_hamiltonian_file;
+
+/* /model/potential/layer1/{weight (in, out), bias} ..., /model/mass/{gamma (k, k), b (k)} or
+ * /model/kinetic/A (n, n), /optimizer/adam/{m, v, step}, /rng, /train/history/{loss, validation, seconds,
+ * rate}. `file` is borrowed with everything that it points to. A `fit` (may be NULL) replaces the file's
+ * history by its own, and while it trains by Adam optimizer and rng too; the state of other methods is far
+ * larger than the model and is kept in checkpoints alone. theta is always the file's. The model's functions
+ * are written too (lg_model_save), with the scheme of `step`.
+ * Errors also: LG_NOT_FINITE for parameters that are not finite, LG_INVALID_ARGUMENT for a model that
+ * lg_hamiltonian_init would refuse. */
+LG_API lg_status lg_model_save_hamiltonian(const lg_context *context, const char *path,
+                                           const lg_hamiltonian_file *file, const lg_fit *fit,
+                                           lg_error *error);
+/* Checks that weights are finite and that lg_hamiltonian_init accepts the model. A model written by hand
+ * needs `kind`, `family`, `links`, `potential`, `activation`, `hidden` and /model; everything else becomes
+ * zero or the default. Files of earlier versions lack `schedule`; the schedule is then LG_SCHEDULE_STEP. */
+LG_API lg_status lg_model_load_hamiltonian(const lg_context *context, const char *path,
+                                           const lg_read_options *options, lg_hamiltonian_file *out,
+                                           lg_error *error);
+/* Writes the results on a test set (members has_e1 to test of `file`) into the model file at `path`, where
+ * they replace earlier results. Everything else in the file stays as it is, entries unknown to this version
+ * included. A failure changes nothing.
+ *   E1 = mean over trajectories, coordinates and points (the first included) of the squared difference
+ *        between the test trajectories and the accurately integrated learned flow
+ *   E2 = mean |d - mean d|, d = true H - learned H at the starts. Trajectories determine H up to a function
+ *        that is constant along the motion of every Hamiltonian. On T*S^2 and R^2n that is a number, which E2
+ *        removes. On so(3)* it is a function of |mu|^2, which remains in E2.
+ * Run and theta of `file` must be those of the file at `path`, as loaded or saved. Errors also:
+ * LG_INVALID_ARGUMENT for another model, such as one trained in the meantime; LG_NOT_FINITE for E1 or E2 that
+ * is not finite. */
+LG_API lg_status lg_model_record_hamiltonian(const lg_context *context, const char *path,
+                                             const lg_hamiltonian_file *file, lg_error *error);
+LG_API void lg_hamiltonian_file_destroy(lg_hamiltonian_file *file);
+
+/* ---- grids of `lg-hamiltonian study` ---- */
+
+#define LG_GRID_VALUES 16
+
+/* Runs are the product of the lists: integrators x N x M x eps x penalty x substeps x repeats. */
+typedef struct lg_grid {
+    lg_scene scene; /* in Hamiltonian form, owned; `scene: FILE` (relative to the grid's folder), or `system`
+                       and the scene's keys in the grid itself */
+    uint32_t integrator_count, n_count, m_count, eps_count, penalty_count, substeps_count;
+    const lg_scheme *integrators[LG_GRID_VALUES];  /* required */
+    uint32_t n[LG_GRID_VALUES], m[LG_GRID_VALUES]; /* required; keys N and M */
+    double eps[LG_GRID_VALUES];                    /* 0 */
+    double penalty[LG_GRID_VALUES];                /* 0 */
+    uint32_t substeps[LG_GRID_VALUES];             /* 1 */
+    uint32_t repeats;                              /* 1 */
+    double t_end;                            /* of the grid, else of the scene; required in one of them */
+    lg_hamiltonian_run run;                  /* hyperparameters that all runs share, each under its name in
+                             * lg_hamiltonian_fields; the model is not made yet */
+    lg_noise noise_kind;                     /* normal */
+    uint32_t test_trajectories, test_points; /* 100, 15; key test: {trajectories, points} */
+    uint64_t seed;                           /* 1 */
+} lg_grid;
+
+LG_API lg_status lg_grid_read(const lg_context *context, const char *path, lg_grid *out, lg_error *error);
+LG_API void lg_grid_destroy(lg_grid *grid); /* as lg_scene_destroy */
 
 LG_END_DECLS
 

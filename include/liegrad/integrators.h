@@ -20,10 +20,9 @@
 
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdint.h>
 
-#include "liegrad/context.h"
-#include "liegrad/export.h"
-#include "liegrad/status.h"
+#include "liegrad/core.h"
 
 LG_BEGIN_DECLS
 
@@ -414,6 +413,41 @@ LG_API lg_step_decision lg_step_controller_decide(const lg_step_controller *cont
 LG_API lg_status lg_integrate_adaptive(lg_stepper *stepper, const lg_step_controller *control, double t0,
                                        const double *y0, const double *times, size_t count, double *out,
                                        lg_run_stats *stats);
+
+/* ---- files of schemes (library liegrad_io) ---- */
+
+/* Reads a scheme from a YAML (or JSON) file and checks it with lg_scheme_check. Numbers are decimals or
+ * quotients a/b. Keys of all kinds:
+ *   name            default: the file's name
+ *   kind            rkmk | runge-kutta (in the ambient space) | commutator-free | splitting
+ *   order           of the method
+ *   embedded_order  with `embedded`: order of the embedded solution, for adaptive steps
+ * rkmk and runge-kutta:
+ *   a               a list for each stage; the first one is empty
+ *   b, embedded     one number for each stage
+ *   c               default: the sums of the rows of a
+ * rkmk only:
+ *   dexpinv         exact or the truncation K; default exact, with commutators 0
+ *   commutators     a list of [row, first, second, weight]; stages count from 1, row = stages + 1 is the step
+ * commutator-free:
+ *   rows            one row for each stage and one for the end of the step
+ *   embedded        one row
+ *   A row is a list of exponentials. An exponential is a list of coefficients; the first one in the row is
+ *   applied first. A row with one exponential may be that list itself. {base: i, exponentials: [...]} starts
+ *   at stage i.
+ * splitting:
+ *   kick, drift
+ *
+ * Example:
+ *   kind: rkmk
+ *   order: 3
+ *   a: [[], [1/2], [-1, 2]]
+ *   b: [1/6, 2/3, 1/6]
+ *
+ * lg_scheme_destroy frees the scheme; NULL is fine. */
+LG_API lg_status lg_scheme_read(const lg_context *context, const char *path, lg_scheme **out,
+                                lg_error *error);
+LG_API void lg_scheme_destroy(lg_scheme *scheme);
 
 LG_END_DECLS
 

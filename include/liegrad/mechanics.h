@@ -15,11 +15,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "liegrad/context.h"
-#include "liegrad/export.h"
+#include "liegrad/core.h"
 #include "liegrad/integrators.h"
-#include "liegrad/random.h"
-#include "liegrad/status.h"
 #include "liegrad/taped.h"
 
 LG_BEGIN_DECLS
@@ -263,6 +260,46 @@ LG_API lg_status lg_generate_trajectories(const lg_context *context, const lg_sy
 LG_API lg_status lg_reference_trajectories(const lg_context *context, const lg_system *system,
                                            const double *starts, size_t n, const double *times, size_t count,
                                            double rtol, double atol, double *out, lg_error *error);
+
+/* ---- scene files (library liegrad_io) ---- */
+
+/* A system of liegrad/mechanics.h with its parameters and a start. Keys and shapes are those of its tables
+ * there. */
+typedef struct lg_scene {
+    lg_system *system; /* owned */
+    bool has_initial;
+    double *state;     /* owned: lg_system_dim numbers, in the system's form; NULL without `initial` until
+                          lg_scene_draw_start */
+    bool projected;    /* the start was off the manifold by rounding (<= 1e-6) and was projected */
+    double projection; /* by how much */
+    bool has_t_end;
+    double t_end;
+    bool has_starts; /* otherwise thesis, 1 segment */
+    lg_starts starts;
+    double low, high;   /* box: chains p = q x u, u ~ U[low,high]^3; others U[low,high]^d; -1, 1 */
+    double ahead;       /* trajectories begin where their start is after a time of U[0, ahead]; 0 */
+    uint32_t segments;  /* consecutive trajectories from one start, >= 1 */
+    char ensemble[256]; /* what the members of an ensemble have of their own, as lg-simulate --vary; "" */
+    uint32_t line_system, line_form, line_initial,
+        line_starts;           /* for the caller's own messages; 0 when absent */
+    const lg_context *context; /* whose memory the arrays are in */
+} lg_scene;
+
+/* A YAML (or JSON) file. Keys: `system`; `form`; the parameters of the system; `links` where lists have one
+ * entry a link (else the lists determine it); `initial` with the parts of the state; `t_end`; `starts`
+ * {kind, low, high, segments, ahead}; `ensemble`, a text; quadrotors: `reference` (parabola). Chains take
+ * `omega` or `p` in either form and convert them: p_i = m_ii q_i' + P_i sum_{j != i} m_ij q_j', q_i' =
+ * omega_i x q_i. If the system has the form `form_wanted`, the scene has this form, whatever `form` says. If
+ * form_wanted is NULL, the form is `form`, else the first form whose state `initial` gives, else the
+ * system's first. A projection is logged as a warning with its line. `out` is overwritten. */
+LG_API lg_status lg_scene_read(const lg_context *context, const char *path, const char *form_wanted,
+                               lg_scene *out, lg_error *error);
+/* Draws the start of a scene without `initial` according to `starts`, `ahead` left out. It is the first
+ * start of lg_generate_trajectories with this seed and ahead 0. Errors: LG_INVALID_ARGUMENT (the scene has
+ * a start), LG_OUT_OF_MEMORY, those of lg_system_start. */
+LG_API lg_status lg_scene_draw_start(lg_scene *scene, uint64_t seed);
+/* With the context it was read with. Leaves it zeroed; NULL and a zeroed scene are fine. */
+LG_API void lg_scene_destroy(lg_scene *scene);
 
 LG_END_DECLS
 

@@ -39,11 +39,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "liegrad/archive.h"
-#include "liegrad/context.h"
-#include "liegrad/export.h"
-#include "liegrad/ranks.h"
-#include "liegrad/status.h"
+#include "liegrad/core.h"
 
 LG_BEGIN_DECLS
 

@@ -33,12 +33,16 @@
 #ifndef LIEGRAD_MODEL_H
 #define LIEGRAD_MODEL_H
 
+#include <stdbool.h>
 #include <stddef.h>
+#include <stdint.h>
 
-#include "liegrad/export.h"
+#include "liegrad/core.h"
+#include "liegrad/files.h"
 #include "liegrad/integrators.h"
+#include "liegrad/networks.h"
 #include "liegrad/program.h"
-#include "liegrad/status.h"
+#include "liegrad/settings.h"
 
 LG_BEGIN_DECLS
 
@@ -161,6 +165,81 @@ LG_API lg_status lg_model_machine_velocities(const lg_model *model, const double
                                              void *work);
 LG_API lg_status lg_model_machine_positions(const lg_model *model, const double *state, double *positions,
                                             void *work);
+
+/* ---- files of models (library liegrad_io) ---- */
+
+/* Attribute `kind` of a file written here (or by hand, without `format`), which selects the loader. "" for a
+ * file without `kind` or of another format. LG_INVALID_ARGUMENT: no room in `size` bytes; 64 are enough. */
+LG_API lg_status lg_file_kind(const lg_context *context, const char *path, const lg_read_options *options,
+                              char *kind, size_t size, lg_error *error);
+
+/* A recipe: how a kind of model is trained and stored. The functions below take an lg_hamiltonian_run,
+ * lg_surrogate_run, lg_detector_run, lg_table_run or lg_machine_model_run by its address. Fields:
+ * liegrad/fields.h. */
+typedef struct lg_recipe lg_recipe;
+LG_API extern const lg_recipe lg_recipe_hamiltonian, lg_recipe_surrogate, lg_recipe_detector, lg_recipe_table;
+/* The list of all recipes, ended by NULL. A new kind of model is a row of this list. */
+LG_API extern const lg_recipe *const lg_recipes[];
+/* Finds the recipe with this name, the attribute `kind` of its model files. NULL: no recipe has the name. */
+LG_API const lg_recipe *lg_recipe_find(const char *name);
+
+/* A checkpoint holds the run's description under /run and the state of lg_fit under /fit:
+ *   lg_checkpoint_create -> lg_file_writer_archive(writer, "fit", &archive) -> the fit's save ->
+ *   lg_file_writer_commit
+ * Kinds "checkpoint" (Hamiltonians), "surrogate-checkpoint", "detector-checkpoint",
+ * "table-checkpoint". */
+LG_API lg_status lg_checkpoint_create(const lg_context *context, const char *path, const lg_recipe *kind,
+                                      const void *run, const lg_provenance *provenance, lg_file_writer **out,
+                                      lg_error *error);
+/* Opens a checkpoint and reads its run. lg_file_reader_archive(reader, "fit", &archive) opens /fit. */
+LG_API lg_status lg_checkpoint_open(const lg_context *context, const char *path,
+                                    const lg_read_options *options, const lg_recipe *kind, void *run,
+                                    lg_file_reader **out, lg_error *error);
+/* Compares everything that is stored of two runs. Errors: LG_INVALID_ARGUMENT when `stored` is not the run
+ * `wanted`; the sentence names the first difference ("...: was written with batch 80, not 100"). `path` is
+ * only for the sentence. */
+LG_API lg_status lg_run_compare(const lg_recipe *kind, const void *stored, const void *wanted,
+                                const char *path, lg_error *error);
+
+/* Writes a model as functions: kind, program, and the space of the states (NULL: it does not move). What
+ * lg_model_create takes becomes a file that lg_model_load, lg_program_load and lg-export read, whatever the
+ * kind is called. `provenance` may be NULL. Errors: those of lg_program_save. */
+LG_API lg_status lg_model_save(const lg_context *context, const char *path, const char *kind,
+                               const lg_program *program, const lg_space *space,
+                               const lg_provenance *provenance, lg_error *error);
+
+/* A model file, loaded for use in a control program. */
+typedef struct lg_model_file {
+    const lg_context *context;
+    const lg_recipe *recipe; /* NULL: no recipe has the file's kind */
+    lg_model *model;         /* owned */
+    void *contents;          /* owned: the recipe's file structure; lg_model_file_of gives it with its type */
+} lg_model_file;
+/* Loads the functions of a file of any kind (liegrad/model.h says which it needs), for a recipe its contents
+ * too. Files of version 1 hold no functions: their recipe records them. Errors: those of the recipe's own
+ * loader and of lg_program_load; LG_FORMAT for functions that lg_model_create refuses, and for files without
+ * functions, with a sentence that says what the file is: checkpoints, data, classical classifiers (read by
+ * lg_classifier_load). */
+LG_API lg_status lg_model_load(const lg_context *context, const char *path, const lg_read_options *options,
+                               lg_model_file *out, lg_error *error);
+/* The contents where the file is of this recipe: an lg_hamiltonian_file of lg_recipe_hamiltonian and so on.
+ * NULL where it is of another one. Borrowed. */
+LG_API const void *lg_model_file_of(const lg_model_file *file, const lg_recipe *recipe);
+/* The model's functions as a program, as lg_hamiltonian_program, lg_surrogate_program, ... make it; `scheme`
+ * of its steps, NULL: the model's default. Without a recipe, or where the recipe has no scheme: the file's
+ * functions and, where it has a space and no function `step`, a step made of the field: by rk4 on R^n, by cf4
+ * on other spaces. A file that holds a function `step` takes no other scheme: LG_UNSUPPORTED. The caller
+ * destroys the program. */
+LG_API lg_status lg_model_file_program(const lg_model_file *file, const lg_scheme *scheme, lg_program **out,
+                                       lg_error *error);
+/* The scheme of the model's steps unless another one is chosen; NULL: the model has no steps, or no recipe
+ * has a scheme and the file holds the function `step`. */
+LG_API const lg_scheme *lg_model_file_scheme(const lg_model_file *file);
+/* Part number `index` = 0, 1, ... of the parameters, as it lies below /model in the file: name, shape, and
+ * its numbers (borrowed). False beyond the last. */
+LG_API bool lg_model_file_slice(const lg_model_file *file, uint32_t index, lg_slice_info *out,
+                                const double **values);
+LG_API void lg_model_file_destroy(lg_model_file *file);
 
 LG_END_DECLS
 

@@ -9,7 +9,6 @@
 #ifndef LIEGRAD_OPS_H
 #define LIEGRAD_OPS_H
 
-#include "liegrad/activation.h"
 #include "liegrad/tape.h"
 
 LG_BEGIN_DECLS

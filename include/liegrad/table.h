@@ -15,13 +15,14 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "liegrad/context.h"
-#include "liegrad/export.h"
+#include "liegrad/core.h"
+#include "liegrad/files.h"
+#include "liegrad/fit.h"
+#include "liegrad/model.h"
 #include "liegrad/networks.h"
-#include "liegrad/nn.h"
 #include "liegrad/program.h"
 #include "liegrad/series.h"
-#include "liegrad/status.h"
+#include "liegrad/settings.h"
 
 LG_BEGIN_DECLS
 
@@ -141,6 +142,140 @@ LG_API lg_status lg_table_evidence(const lg_context *context, const lg_table_pro
 LG_API lg_status lg_table_program(const lg_context *context, const lg_table *model, const lg_scaler *inputs,
                                   const lg_scaler *outputs, const double *theta, lg_program **out,
                                   lg_error *error);
+
+/* ---- files of table networks (library liegrad_io from here on) ---- */
+
+#define LG_TABLE_NAME 64 /* bytes of a column's or a class' name */
+
+/* One number for each slice of the parameters (lg_table_slice); none: 0. */
+typedef struct lg_table_decay {
+    uint32_t count;
+    double value[LG_TABLE_SLICES];
+} lg_table_decay;
+
+typedef struct lg_table_run {
+    lg_table model;
+    lg_training training; /* validation: of the rows, drawn by the seed */
+    lg_table_decay decay; /* of lg_table_problem, by slice */
+    uint64_t rows;        /* complete rows of the data */
+    char data_sha256[LG_SHA256_TEXT];
+} lg_table_run;
+LG_API extern const lg_field lg_table_fields[]; /* of lg_table_run */
+
+typedef struct lg_table_file {
+    lg_table_run run;
+    size_t parameters;
+    double *theta;                      /* (parameters); stored as training.dtype */
+    lg_scaler inputs, outputs;          /* outputs: of a regression; else zeros */
+    double *low, *high;                 /* (inputs): least and largest value of the training rows; NULL */
+    char (*input_name)[LG_TABLE_NAME];  /* (inputs) */
+    char (*output_name)[LG_TABLE_NAME]; /* (outputs) columns, or the names of the classes */
+    char class_column[LG_TABLE_NAME];   /* of a classification, "" unknown */
+    double rmse, accuracy, f1;          /* on the rows it was judged on, in scaled outputs; NaN: unknown */
+    size_t epochs_done;
+    double *history[LG_FIT_SERIES_COUNT];
+    lg_provenance provenance;
+    const lg_context *context; /* whose memory the arrays are in */
+} lg_table_file;
+
+/* Kind "table": /model/layer1/weight ... as lg_table_slice names them, /scaler/{inputs, outputs}/{mean,
+ * scale}, /range/{low, high} (inputs), texts /names/{inputs, outputs}, root attributes `class_column`,
+ * `rmse`, `accuracy`, `f1`; laws as for the other kinds. A model written by hand needs `kind`, the weights,
+ * /scaler and the attributes of /model: `task` (regression, classification), `network`, `activation`,
+ * `hidden` ("32,32"), `linear`, `inputs`, `outputs`; without /names columns are "x1", "x2", ... and "y1", ...
+ * */
+LG_API lg_status lg_model_save_table(const lg_context *context, const char *path, const lg_table_file *file,
+                                     const lg_fit *fit, lg_error *error);
+LG_API lg_status lg_model_load_table(const lg_context *context, const char *path,
+                                     const lg_read_options *options, lg_table_file *out, lg_error *error);
+LG_API void lg_table_file_destroy(lg_table_file *file);
+
+/* ---- tables of numbers ----
+ *
+ * Tables of numbers: CSV, HDF5 or numpy files in, columns by name. Library liegrad_io. The guide is
+ * docs/tables.md.
+ *
+ * - CSV: a header with names, then a row a line, separated by commas, semicolons or tabs. Quotes, CRLF, a
+ *   byte order mark, blank lines and lines that begin with # are understood. "", nan, NA, N/A and null are
+ *   missing.
+ * - HDF5: data sets of the root with one number a row are columns of that name, in the order of their names.
+ *   A data set (rows, k) of rank 2 is k columns; attribute `columns` (a list of texts, or one with commas)
+ *   names them, otherwise they are NAME0, NAME1, ... Texts can be classes.
+ * - numpy: one array (.npy, version 1 to 3) of numbers, (rows) or (rows, k), in C or Fortran order: c0, c1,
+ *   ... */
+
+typedef char lg_table_text[LG_TABLE_NAME];
+
+/* The names of all columns of a file, in order; "" for one without a name. Errors: LG_NOT_FOUND, LG_FILE,
+ * LG_FORMAT (nothing that is a table, a header of numbers), LG_OUT_OF_MEMORY. */
+typedef struct lg_table_names {
+    uint32_t count;
+    lg_table_text *name;       /* (count) */
+    const lg_context *context; /* whose memory it is in */
+} lg_table_names;
+LG_API lg_status lg_table_names_read(const lg_context *context, const char *path,
+                                     const lg_read_options *options, lg_table_names *out, lg_error *error);
+LG_API void lg_table_names_destroy(lg_table_names *names); /* NULL or zeros are fine */
+
+#define LG_TABLE_NO_CLASS UINT32_MAX
+
+typedef struct lg_table_data {
+    size_t rows;
+    uint32_t columns;          /* numbers of a row */
+    double *values;            /* (rows, columns); NaN: missing */
+    size_t *line;              /* (rows): of a text file; else the row, from 1 */
+    const char *place;         /* what `line` counts: "line" or "row" */
+    uint32_t *label;           /* (rows) with a class column, or NULL; LG_TABLE_NO_CLASS: missing */
+    uint32_t classes;          /* different labels */
+    lg_table_text *class_name; /* (classes), numbers in rising order, else bytewise */
+    bool cut;                  /* the last line was cut off and is left out */
+    char sha256[LG_SHA256_TEXT];
+    const lg_context *context;
+} lg_table_data;
+
+/* Reads the columns `names` (count) as numbers and, where it is not NULL, `class_column` as labels. Errors:
+ * those of lg_table_names_read; LG_FORMAT with file, line and column: text in a column of numbers, an
+ * infinite number, rows of unequal length, a column that is missing (the sentence lists those there are) or
+ * there twice, no row, more than 1000 classes. */
+LG_API lg_status lg_table_read(const lg_context *context, const char *path, const char *const *names,
+                               uint32_t count, const char *class_column, const lg_read_options *options,
+                               lg_table_data *out, lg_error *error);
+LG_API void lg_table_data_destroy(lg_table_data *data); /* NULL or zeros are fine */
+/* Of `count` tables that were read from the same rows, as inputs and outputs are: leaves the rows out in
+ * which a number or a label of any of them is missing. *left_out (NULL: not wanted): how many. Errors, the
+ * tables as before: LG_INVALID_ARGUMENT (different numbers of rows), LG_FORMAT (no row is complete). */
+LG_API lg_status lg_table_keep_complete(lg_table_data *const *tables, size_t count, size_t *left_out,
+                                        lg_error *error);
+/* A port of a program that takes `numbers` numbers of such rows, with their range: lg_program_build then
+ * records at numbers as the data have them, and so sees a branch in C that the data would take both ways. No
+ * number at all: -1 to 1. `name` is borrowed. */
+LG_API lg_port lg_table_port(const lg_table_data *of, const char *name, uint32_t numbers);
+
+/* ---- named tensors: safetensors files (huggingface.co/docs/safetensors) ---- */
+
+typedef struct lg_tensor {
+    char name[128];
+    uint32_t rank;
+    uint64_t dims[4]; /* row-major */
+    size_t count;
+    double *values; /* (count) */
+} lg_tensor;
+
+typedef struct lg_tensors {
+    size_t count;
+    lg_tensor *tensor;         /* (count), in the order of the header */
+    bool inputs_first;         /* the file says that weights are (in, out), as lg-export writes them */
+    const lg_context *context; /* whose memory it is in */
+} lg_tensors;
+
+/* All tensors of types F64, F32, F16 and BF16. Errors: LG_NOT_FOUND, LG_FILE, LG_FORMAT with the tensor
+ * (another type, a header or offsets that do not fit, a key that is there twice, bytes that belong to two
+ * tensors or to no tensor, more than 4 dimensions, numbers that are not finite, more than 2^30 numbers),
+ * LG_OUT_OF_MEMORY, LG_CANCELLED. The header is checked before a number is read. On failure `out` is
+ * untouched. */
+LG_API lg_status lg_tensors_read(const lg_context *context, const char *path, lg_tensors *out,
+                                 lg_error *error);
+LG_API void lg_tensors_destroy(lg_tensors *tensors); /* NULL or zeros are fine */
 
 LG_END_DECLS
 

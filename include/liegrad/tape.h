@@ -18,11 +18,25 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "liegrad/context.h"
-#include "liegrad/export.h"
-#include "liegrad/status.h"
+#include "liegrad/core.h"
 
 LG_BEGIN_DECLS
+
+/* ---- activations ----
+ *
+ * Activations of networks. Kinks at 0 belong to the branch of x < 0. LeakyReLU's slope is 0.01. */
+
+typedef enum lg_activation {
+    LG_IDENTITY,
+    LG_TANH,
+    LG_SIGMOID,
+    LG_SWISH, /* x sigmoid(x) */
+    LG_RELU,
+    LG_LEAKY_RELU,
+    LG_SINE
+} lg_activation;
+#define LG_ACTIVATION_COUNT 7
+LG_API const char *lg_activation_name(lg_activation kind);
 
 #define LG_MAX_RANK 4
 

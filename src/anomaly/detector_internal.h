@@ -2,7 +2,7 @@
 #ifndef LG_DETECTOR_INTERNAL_H
 #define LG_DETECTOR_INTERNAL_H
 
-#include "liegrad/detector.h"
+#include "liegrad/anomaly.h"
 
 /* Scales one window x (channels, length) and orders it as the network reads it: out (length, channels),
  * numbers of type dtype. */

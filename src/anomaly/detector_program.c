@@ -8,7 +8,7 @@
  * from the differences between the samples and the window's first sample. A large constant offset of a sensor
  * therefore causes no rounding errors, even if the program runs in single precision. */
 #include "core/core.h"
-#include "liegrad/detector.h"
+#include "liegrad/anomaly.h"
 #include "liegrad/ops.h"
 #include "anomaly/detector_internal.h"
 #include "model/record.h"

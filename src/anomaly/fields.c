@@ -1,4 +1,6 @@
 /* The hyperparameters of a fault detector. */
+#include "liegrad/anomaly.h"
+
 #include "settings/training.h"
 
 /* Value of .methods for fields that apply to the network only. The network's validation part is drawn by the

@@ -2,7 +2,6 @@
 #ifndef LG_ANOMALY_JUDGE_H
 #define LG_ANOMALY_JUDGE_H
 
-#include "liegrad/metrics.h"
 #include "liegrad/series.h"
 
 /* Indices of windows in rising order. */

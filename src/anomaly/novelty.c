@@ -1,5 +1,5 @@
 /* Novelty detector: features of a window, its distances to the classes, and the cause of a novelty. */
-#include "liegrad/novelty.h"
+#include "liegrad/anomaly.h"
 
 #include <math.h>
 #include <stdio.h>

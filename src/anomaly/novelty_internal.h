@@ -3,7 +3,7 @@
 #define LG_NOVELTY_INTERNAL_H
 
 #include "core/core.h"
-#include "liegrad/novelty.h"
+#include "liegrad/anomaly.h"
 
 /* Order of the features of a channel. The features of channel c begin at index c (NOVELTY_BAND + bands). The
  * features of the channel pairs (0, 1), (0, 2), ..., (1, 2), ... follow the last channel. */

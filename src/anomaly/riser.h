@@ -10,7 +10,7 @@
 
 #include "kernels/kernels.h"
 #include "core/core.h"
-#include "liegrad/riser.h"
+#include "liegrad/anomaly.h"
 
 #define LG_RISER_ROW    16
 #define LG_RISER_MATRIX (LG_RISER_DOF * LG_RISER_DOF)

@@ -7,7 +7,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "liegrad/random.h"
+#include "liegrad/core.h"
 #include "anomaly/riser.h"
 
 #define ROUNDS 2 /* fixed-point rounds for the foundation, see docs/detectors.md */

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "liegrad/random.h"
+#include "liegrad/core.h"
 #include "anomaly/riser.h"
 
 #define PI        3.14159265358979323846

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "core/core.h"
-#include "liegrad/random.h"
+#include "liegrad/core.h"
 #include "liegrad/series.h"
 
 static const char *const split_names[LG_SPLIT_COUNT] = {"random", "run", "group"};

@@ -1,6 +1,6 @@
 /* Power in frequency bands by Welch's method. One matrix product of all segments with the windowed cosines
  * and sines gives the Fourier coefficients of all segments. */
-#include "liegrad/spectrum.h"
+#include "liegrad/series.h"
 
 #include <math.h>
 

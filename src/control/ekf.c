@@ -2,6 +2,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "liegrad/control.h"
+
 #include "control/internal.h"
 #include "model/internal.h"
 

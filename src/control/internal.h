@@ -3,7 +3,6 @@
 #define LG_CONTROL_INTERNAL_H
 
 #include "kernels/matrix.h"
-#include "liegrad/control.h"
 
 /* Hands out consecutive parts of the caller's memory, each aligned to LG_ALIGNMENT. If base is NULL, it only
  * counts the bytes. */

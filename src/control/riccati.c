@@ -15,6 +15,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "liegrad/control.h"
+
 #include "kernels/lapack.h"
 #include "control/internal.h"
 

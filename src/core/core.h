@@ -8,8 +8,7 @@
 #include <stdint.h>
 
 #include "core/count.h"
-#include "liegrad/context.h"
-#include "liegrad/status.h"
+#include "liegrad/core.h"
 
 #define LG_ALIGNMENT 64
 

@@ -1,4 +1,4 @@
-#include "liegrad/random.h"
+#include "liegrad/core.h"
 
 #include <math.h>
 

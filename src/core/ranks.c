@@ -1,4 +1,4 @@
-#include "liegrad/ranks.h"
+#include "liegrad/core.h"
 
 #include <stdint.h>
 #include <string.h>

@@ -1,4 +1,4 @@
-#include "liegrad/context.h"
+#include "liegrad/core.h"
 
 const char *lg_version(void) {
     return LG_VERSION_STRING;

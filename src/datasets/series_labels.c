@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "liegrad/settings.h"
+
 #include "datasets/series_files.h"
 
 void lg_labels_destroy(lg_labels *labels) {

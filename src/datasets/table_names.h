@@ -4,7 +4,7 @@
 
 #include <string.h>
 
-#include "liegrad/tables.h"
+#include "liegrad/table.h"
 
 enum { LG_TABLE_QUOTED = 2 * LG_TABLE_NAME + 2 };
 /* Formats a name for a list with commas. Names with a comma, a quote or a blank at an end are quoted, as in

@@ -5,7 +5,7 @@
 
 #include "core/core.h"
 #include "files/h5.h"
-#include "liegrad/tables.h"
+#include "liegrad/table.h"
 
 enum { LG_TABLE_MOST_COLUMNS = 1 << 16, LG_TABLE_MOST_CLASSES = 1000 };
 

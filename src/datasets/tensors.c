@@ -8,7 +8,7 @@
 #include "files/h5.h"
 #include "files/read_file.h"
 #include "settings/files/yaml.h"
-#include "liegrad/tables.h"
+#include "liegrad/table.h"
 
 enum { MOST_HEADER = 1 << 20, MOST_TENSORS = 4096, CHUNK = 1 << 16 };
 

@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "liegrad/random.h"
+#include "liegrad/core.h"
 #include "elastica/elastica.h"
 
 #define RANDOM_STARTS 64

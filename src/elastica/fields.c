@@ -1,4 +1,6 @@
 /* The hyperparameters of a beam surrogate. */
+#include "liegrad/elastica.h"
+
 #include "settings/training.h"
 
 enum {

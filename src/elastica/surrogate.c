@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "core/core.h"
-#include "liegrad/random.h"
+#include "liegrad/core.h"
 #include "elastica/surrogate_internal.h"
 
 static const char *const kind_names[LG_SURROGATE_KIND_COUNT] = {"discrete", "continuous", "angle"};

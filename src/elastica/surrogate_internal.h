@@ -2,7 +2,7 @@
 #ifndef LG_SURROGATE_INTERNAL_H
 #define LG_SURROGATE_INTERNAL_H
 
-#include "liegrad/surrogate.h"
+#include "liegrad/elastica.h"
 
 /* Gauss's rule of 3 points on [0, 1]: abscissae (1 - sqrt(3/5))/2, 1/2, (1 + sqrt(3/5))/2, and weights. */
 #define LG_GAUSS_POINTS 3

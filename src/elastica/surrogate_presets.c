@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "core/count.h"
-#include "liegrad/surrogate.h"
+#include "liegrad/elastica.h"
 
 /* The settings of network and training, in the order of the table's columns. */
 #define MODEL(kind_, architecture_, embedding_, layers_, hidden_, activation_, normalise_, mirror_,          \

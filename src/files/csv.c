@@ -6,6 +6,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "liegrad/settings.h"
+
 enum { BLOCK = 1 << 16, LONGEST_LINE = 1 << 20, FIRST_LINE = 1 << 12 };
 
 lg_status lg_csv_fail(const lg_csv *c, lg_error *error, const char *what) {

@@ -8,7 +8,7 @@
 #include <hdf5.h>
 
 #include "core/core.h"
-#include "liegrad/io.h"
+#include "liegrad/files.h"
 
 #define LG_H5_TEXT 4096 /* longest text that is read or written, in bytes with the terminator */
 

@@ -3,6 +3,8 @@
 #ifndef LG_H5_INTERNAL_H
 #define LG_H5_INTERNAL_H
 
+#include "liegrad/tape.h"
+
 #include "files/h5.h"
 
 /* Bytes by which HDF5 enlarges a file in memory. */

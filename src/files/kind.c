@@ -1,6 +1,8 @@
 /* The kind of a file, from its attribute `kind`. */
 #include <string.h>
 
+#include "liegrad/model.h"
+
 #include "core/core.h"
 #include "files/h5.h"
 

@@ -11,7 +11,7 @@
 #include <unistd.h>
 
 #include "core/core.h"
-#include "liegrad/io.h"
+#include "liegrad/files.h"
 
 enum { TRIES = 1000, WORDS = 400 };
 

@@ -5,7 +5,7 @@
 #include <stdint.h>
 #include <stdio.h>
 
-#include "liegrad/io.h"
+#include "liegrad/core.h"
 
 /* Opens a regular file for reading and gets its size. It never blocks, as opening a pipe without a writer
  * would. Fails with LG_NOT_FOUND, or with LG_FILE if it is not a regular file or cannot be read. */

@@ -13,7 +13,7 @@
 #include <unistd.h>
 
 #include "core/core.h"
-#include "liegrad/io.h"
+#include "liegrad/files.h"
 
 enum { ROOM = 64 }; /* bytes for the suffix of the name after the target */
 

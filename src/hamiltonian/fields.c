@@ -1,4 +1,6 @@
 /* The hyperparameters of a learned Hamiltonian. */
+#include "liegrad/hamiltonian.h"
+
 #include "settings/training.h"
 
 static const char *name_integral(uint32_t value) {

@@ -4,7 +4,6 @@
 #define LG_HAMILTONIAN_LEARNED_H
 
 #include "liegrad/hamiltonian.h"
-#include "liegrad/io.h"
 #include "liegrad/model.h"
 
 /* Makes the model with these parameters; the caller destroys it. */

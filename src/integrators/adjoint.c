@@ -1,12 +1,12 @@
 /* Gradients of functionals of a trajectory: the states are recomputed from checkpoints with the plain
  * stepper, and each step is recorded alone on a tape and swept backwards. */
-#include "liegrad/adjoint.h"
+#include "liegrad/ops.h"
+#include "liegrad/taped.h"
 
 #include <math.h>
 #include <string.h>
 
 #include "core/core.h"
-#include "liegrad/ops.h"
 
 typedef struct lg_adjoint {
     const lg_context *context;

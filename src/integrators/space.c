@@ -1,5 +1,7 @@
 /* Spaces: a table with one row per kind of factor, and loops over the factors of a product. */
+#include "liegrad/geometry.h"
 #include "liegrad/integrators.h"
+#include "liegrad/taped.h"
 
 #include <math.h>
 #include <stdint.h>
@@ -10,8 +12,6 @@
 #include "core/core.h"
 #include "integrators/groups.h"
 #include "integrators/series.h"
-#include "liegrad/adjoint.h"
-#include "liegrad/geometry.h"
 
 /* In exact arithmetic the group actions preserve |q| = 1 and R^T R = I. Rounded actions do not: the rounding
  * error of a coefficient is the same in every step with the same |u|, so the drift grows with the number of

@@ -17,7 +17,7 @@
 #include <stdint.h>
 
 #include "core/core.h"
-#include "liegrad/context.h"
+#include "liegrad/core.h"
 
 typedef enum lg_k_binary {
     LG_K_ADD,

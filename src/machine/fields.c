@@ -1,5 +1,5 @@
 /* The hyperparameters of a learned machine. */
-#include "liegrad/machine_model.h"
+#include "liegrad/machine.h"
 
 #include "settings/training.h"
 

@@ -8,7 +8,6 @@
 #include "core/core.h"
 #include "kernels/kernels.h"
 #include "kernels/lapack.h"
-#include "liegrad/ops.h"
 #include "machine/internal.h"
 
 enum { CHUNK = 64 };

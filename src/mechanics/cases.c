@@ -6,10 +6,10 @@
 #include <string.h>
 
 #include "autodiff/cases/table.h"
+#include "liegrad/core.h"
 #include "liegrad/geometry.h"
 #include "liegrad/mechanics.h"
 #include "liegrad/ops.h"
-#include "liegrad/random.h"
 
 enum { PARAMETERS_MAX = 64, KEYS_MAX = 16 };
 

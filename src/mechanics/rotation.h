@@ -4,7 +4,6 @@
 #ifndef LG_ROTATION_H
 #define LG_ROTATION_H
 
-#include "liegrad/geometry.h"
 #include "liegrad/ops.h"
 
 /* 1/2 sum_i x_i^2 / inertia_i */

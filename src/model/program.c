@@ -2,7 +2,7 @@
 #include "autodiff/program/program.h"
 #include "core/core.h"
 #include "integrators/taped_internal.h"
-#include "liegrad/program_image.h"
+#include "liegrad/program.h"
 #include "model/internal.h"
 
 /* ---- the step: its right-hand sides call functions of the program ---- */

@@ -1,12 +1,11 @@
 /* Implements lg_ranks with MPI. Counts of MPI are of type int, so longer messages are split into rounds. */
-#include "liegrad/mpi.h"
+#include "liegrad/core.h"
 
 #include <mpi.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "core/core.h"
-#include "liegrad/context.h"
 
 /* Largest number of bytes per MPI call. If all ranks together send as much or more, gather broadcasts rank by
  * rank. */

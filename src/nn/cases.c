@@ -1,9 +1,7 @@
 /* Cases of the gradient check for networks: their value, and their recorded input gradient or directional
  * derivative, differentiated by inputs, direction and parameters. */
 #include "autodiff/cases/table.h"
-#include "liegrad/convolution.h"
 #include "liegrad/networks.h"
-#include "liegrad/nn.h"
 #include "liegrad/ops.h"
 
 typedef struct settings {

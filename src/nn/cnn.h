@@ -3,7 +3,7 @@
 #ifndef LG_CNN_H
 #define LG_CNN_H
 
-#include "liegrad/convolution.h"
+#include "liegrad/networks.h"
 
 #define CNN_MAX_LAYERS (LG_CNN_MAX_BLOCKS + 2)
 

@@ -4,9 +4,9 @@
 
 #include "kernels/kernels.h"
 #include "core/core.h"
+#include "liegrad/core.h"
+#include "liegrad/fit.h"
 #include "liegrad/minimise.h"
-#include "liegrad/nn.h"
-#include "liegrad/ranks.h"
 
 /* Everything that the next step depends on, except the hyperparameters. `memory` is one allocation that holds
  * all arrays. */

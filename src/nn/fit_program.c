@@ -5,8 +5,9 @@
 #include "autodiff/tape/tape_internal.h"
 #include "core/core.h"
 #include "kernels/kernels.h"
+#include "liegrad/fit.h"
 #include "liegrad/ops.h"
-#include "liegrad/train.h"
+#include "liegrad/program.h"
 
 enum { MOST_EVALUATIONS = 1000, MOST_LM = 64, MOST_DENSE = 2000, MOST_TRIED = 8 };
 

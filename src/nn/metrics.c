@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "core/core.h"
-#include "liegrad/metrics.h"
+#include "liegrad/series.h"
 
 uint32_t lg_class_of(const double *score, uint32_t classes) {
     if (classes == 2) return score[1] >= score[0];

@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "liegrad/random.h"
+#include "liegrad/core.h"
 #include "nn/minimise_internal.h"
 
 enum { CHECK_POINTS = 4, CHECK_LEVELS = 4, MOST_ENDLESS = 3 };

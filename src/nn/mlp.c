@@ -1,5 +1,5 @@
 /* Multilayer perceptrons: description, initialisation, application on a tape. */
-#include "liegrad/nn.h"
+#include "liegrad/networks.h"
 #include "liegrad/ops.h"
 
 #include <math.h>

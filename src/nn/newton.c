@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "kernels/lapack.h"
-#include "liegrad/nn.h"
+#include "liegrad/fit.h"
 #include "nn/minimise_internal.h"
 
 enum { MAX_ITERATIONS = 200 };

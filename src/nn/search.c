@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "core/core.h"
-#include "liegrad/random.h"
+#include "liegrad/core.h"
 
 /* Random streams that draw trials; they differ from the streams of training with the same seed. */
 #define STREAM_TAG UINT64_C(0x7365617263680000)

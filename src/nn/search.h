@@ -2,7 +2,7 @@
 #ifndef LG_SEARCH_INTERNAL_H
 #define LG_SEARCH_INTERNAL_H
 
-#include "liegrad/search.h"
+#include "liegrad/settings.h"
 
 /* Draws value (space->count) of trial `number`. The space must have passed lg_search_space_check. A value
  * depends only on the seed, the number, the range and the position of the range, so a range that is added at

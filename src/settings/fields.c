@@ -1,5 +1,6 @@
 /* Converts fields from and to text and numbers. */
-#include "liegrad/fields.h"
+#include "liegrad/hamiltonian.h"
+#include "liegrad/settings.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -7,7 +8,6 @@
 #include <string.h>
 
 #include "core/core.h"
-#include "liegrad/io.h"
 #include "settings/settings.h"
 
 _Static_assert(sizeof(lg_dtype) == sizeof(uint32_t) && sizeof(lg_activation) == sizeof(uint32_t) &&

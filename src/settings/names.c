@@ -1,8 +1,8 @@
 #include "settings/names.h"
 
-#include "liegrad/nn.h"
-#include "liegrad/networks.h"
+#include "liegrad/fit.h"
 #include "liegrad/integrators.h"
+#include "liegrad/networks.h"
 
 const char *lg_name_activation(uint32_t value) {
     return value < LG_ACTIVATION_COUNT ? lg_activation_name((lg_activation)value) : NULL;

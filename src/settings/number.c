@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "core/core.h"
-#include "liegrad/fields.h"
+#include "liegrad/settings.h"
 
 static const char *digits(const char *text, bool *any) {
     while (*text >= '0' && *text <= '9') text++, *any = true;

@@ -2,7 +2,7 @@
 #ifndef LG_SETTINGS_H
 #define LG_SETTINGS_H
 
-#include "liegrad/fields.h"
+#include "liegrad/settings.h"
 
 /* Sets the field's member of `run` without checks. `values` is one number, `count` numbers of a list, or the
  * position of a name. */

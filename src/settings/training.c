@@ -3,6 +3,8 @@
 
 #include <stdio.h>
 
+#include "liegrad/fit.h"
+
 lg_status lg_plan_parse_squares(const char *text, void *member, lg_error *error) {
     return lg_fit_plan_parse(text, member, error);
 }

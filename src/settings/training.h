@@ -2,7 +2,7 @@
 #ifndef LG_SETTINGS_TRAINING_H
 #define LG_SETTINGS_TRAINING_H
 
-#include "liegrad/io.h"
+#include "liegrad/settings.h"
 #include "settings/names.h"
 
 /* The options of training of every kind of model. VALUE(text) states the default. */

@@ -1,4 +1,6 @@
 /* Hyperparameters of the recipe `table`: network and training. */
+#include "liegrad/table.h"
+
 #include "settings/training.h"
 
 static uint32_t get_widths(const void *member, double *values) {

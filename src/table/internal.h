@@ -2,7 +2,6 @@
 #ifndef LG_MODELS_TABLE_INTERNAL_H
 #define LG_MODELS_TABLE_INTERNAL_H
 
-#include "liegrad/ops.h"
 #include "liegrad/table.h"
 #include "nn/net.h"
 

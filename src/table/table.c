@@ -1,4 +1,5 @@
 /* Table networks: description, parameters, scaling. */
+#include "liegrad/ops.h"
 #include "liegrad/table.h"
 
 #include <float.h>

@@ -2,6 +2,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "liegrad/ops.h"
+
 #include "core/core.h"
 #include "table/internal.h"
 

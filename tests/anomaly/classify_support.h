@@ -6,7 +6,7 @@
 #include "support/fixtures.h"
 
 #include "liegrad/classify.h"
-#include "liegrad/random.h"
+#include "liegrad/core.h"
 
 /* n points in d dimensions. Point i has the class i mod classes; the centres of the classes are `apart` from
  * the origin along different axes. */

@@ -5,7 +5,7 @@
 #include <math.h>
 #include <stddef.h>
 
-#include "liegrad/riser.h"
+#include "liegrad/anomaly.h"
 
 #define RISER_PI 3.14159265358979323846
 

@@ -4,7 +4,7 @@
 
 #include "support/fixtures.h"
 
-#include "liegrad/detector.h"
+#include "liegrad/anomaly.h"
 
 OWNED(lg_series, lg_series_destroy)
 OWNED(lg_windows, lg_windows_destroy)

@@ -4,7 +4,7 @@
 #include "classify_support.h"
 #include "support/memory_archive.h"
 
-#include "liegrad/metrics.h"
+#include "liegrad/series.h"
 
 /* BLAS uses one thread, as in the executables; the thread sanitizer cannot see the threads of BLAS. */
 __attribute__((constructor)) static void one_thread_of_blas(void) {

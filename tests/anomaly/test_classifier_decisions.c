@@ -5,7 +5,7 @@
  * window is exact in single precision. */
 #include "classify_support.h"
 
-#include "liegrad/metrics.h"
+#include "liegrad/series.h"
 
 enum { WINDOWS = 60, CHANNELS = 6, LENGTH = 50, MOST_OUTPUTS = 8 };
 

@@ -1,7 +1,7 @@
 /* Watching a feed: windows, gaps, votes, memory. */
 #include "test_support.h"
 
-#include "liegrad/monitor.h"
+#include "liegrad/anomaly.h"
 #include "support/malloc_count.h"
 
 enum { CHANNELS = 2, WINDOW = 10, ROOM = 1 << 16 };

@@ -2,7 +2,7 @@
 #include "anomaly/series_support.h"
 
 #include "kernels/lapack.h"
-#include "liegrad/random.h"
+#include "liegrad/core.h"
 #include "anomaly/novelty_internal.h"
 #include "support/memory_archive.h"
 

@@ -2,7 +2,7 @@
  * ctest-labels: src/mechanics */
 #include "test_support.h"
 
-#include "liegrad/riser.h"
+#include "liegrad/anomaly.h"
 #include "mechanics/dense_solve.h"
 #include "anomaly/riser_check.h"
 #include "anomaly/riser.h"

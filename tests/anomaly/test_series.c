@@ -2,7 +2,7 @@
  * with direct formulas. */
 #include "anomaly/series_support.h"
 
-#include "liegrad/random.h"
+#include "liegrad/core.h"
 
 /* ---- helpers ---- */
 

@@ -1,8 +1,8 @@
 /* Band powers by Welch's method. */
 #include "anomaly/series_support.h"
 
-#include "liegrad/random.h"
-#include "liegrad/spectrum.h"
+#include "liegrad/core.h"
+#include "liegrad/series.h"
 
 static const double PI = 3.14159265358979323846;
 

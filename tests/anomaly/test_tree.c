@@ -3,7 +3,7 @@
 
 #include "golden/tree_table.h"
 #include "liegrad/classify.h"
-#include "liegrad/random.h"
+#include "liegrad/core.h"
 #include "support/fixtures.h"
 
 static lg_tree_options options_of(lg_criterion criterion, uint32_t leaf) {

@@ -4,7 +4,7 @@
 
 #include "cli_support.h"
 
-#include "liegrad/io.h"
+#include "liegrad/hamiltonian.h"
 #include "support/fixtures.h"
 
 OWNED(lg_trajectories, lg_trajectories_destroy)

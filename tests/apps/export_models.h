@@ -8,8 +8,7 @@
 
 #include <float.h>
 
-#include "liegrad/io.h"
-#include "liegrad/metrics.h"
+#include "liegrad/fit.h"
 #include "liegrad/model.h"
 
 /* The model NAME.h5, the compiler and flags for its comparison, and the --scheme of its step (NULL or "": the

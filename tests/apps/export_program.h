@@ -6,7 +6,6 @@
 #include "export_support.h"
 
 #include "liegrad/hamiltonian.h"
-#include "liegrad/io.h"
 #include "liegrad/ops.h"
 #include "liegrad/program.h"
 #include "hamiltonian/internal.h"

@@ -16,7 +16,7 @@
 
 #include <dlfcn.h>
 
-#include "liegrad/random.h"
+#include "liegrad/core.h"
 
 #define EXPORT_WARNINGS                                                                                      \
     "-Wall -Wextra -Wconversion -Wdouble-promotion -Wshadow -pedantic -Werror -Wstrict-aliasing "

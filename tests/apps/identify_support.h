@@ -4,7 +4,7 @@
 
 #include "cli_support.h"
 
-#include "liegrad/machine_model.h"
+#include "liegrad/machine.h"
 #include "support/fixtures.h"
 
 OWNED(lg_machine_model_file, lg_machine_model_file_destroy)

@@ -6,8 +6,9 @@
 
 #include <hdf5.h>
 
-#include "liegrad/io.h"
-#include "liegrad/random.h"
+#include "liegrad/anomaly.h"
+#include "liegrad/core.h"
+#include "liegrad/series.h"
 #include "support/fixtures.h"
 
 static const char lg[] = "lg-anomaly";

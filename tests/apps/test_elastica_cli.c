@@ -3,7 +3,7 @@
  * ctest-labels: apps/lg-elastica src/elastica */
 #include "cli_support.h"
 
-#include "liegrad/io.h"
+#include "liegrad/elastica.h"
 
 static const char lg[] = "lg-elastica";
 

@@ -6,7 +6,7 @@
 #include <hdf5.h>
 #include <sys/resource.h>
 
-#include "liegrad/io.h"
+#include "liegrad/files.h"
 
 static const char lg[] = "lg-simulate";
 

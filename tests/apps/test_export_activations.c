@@ -14,7 +14,7 @@
 #define EXPORT_SINGLE  1
 #include "export_activations.h"
 
-#include "liegrad/random.h"
+#include "liegrad/core.h"
 
 enum { BLOCK = 1024, BLOCKS = 256 };
 

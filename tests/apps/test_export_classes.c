@@ -5,9 +5,10 @@
 #include "export_models.h"
 
 #include "core/core.h"
+#include "liegrad/anomaly.h"
 #include "liegrad/classify.h"
-#include "liegrad/detector.h"
 #include "liegrad/series.h"
+#include "liegrad/table.h"
 
 enum { ROWS = 1000, CHANNELS = 4, MOST_INPUTS = 1200, MOST = 512 };
 

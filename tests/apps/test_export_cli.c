@@ -4,7 +4,8 @@
  * ctest-labels: apps/lg-export */
 #include "export_support.h"
 
-#include "liegrad/io.h"
+#include "liegrad/hamiltonian.h"
+#include "liegrad/integrators.h"
 #include "hamiltonian/internal.h"
 
 static const char lg[] = "lg-export";

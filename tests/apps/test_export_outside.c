@@ -5,7 +5,7 @@
  * ctest-labels: slow apps/lg-export src/autodiff examples/programs */
 #include "../../examples/programs/programs.h"
 #include "export_support.h"
-#include "liegrad/io.h"
+#include "liegrad/program.h"
 
 static const struct {
     const char *name, *function;

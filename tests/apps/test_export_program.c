@@ -3,9 +3,6 @@
  * ctest-labels: slow apps/lg-export src/autodiff */
 #include "export_support.h"
 
-#include "liegrad/hamiltonian.h"
-#include "liegrad/nn.h"
-#include "liegrad/ops.h"
 #include "liegrad/program.h"
 
 #include "export_program.h"

@@ -3,7 +3,7 @@
  * ctest-labels: apps/lg-export src/model */
 #include "export_support.h"
 
-#include "liegrad/io.h"
+#include "liegrad/integrators.h"
 #include "liegrad/model.h"
 #include "liegrad/ops.h"
 #include "liegrad/program.h"

@@ -5,8 +5,8 @@
  * ctest-labels: slow apps/lg-export src/autodiff */
 #include "../../examples/programs/programs.h"
 #include "export_support.h"
-#include "liegrad/io.h"
 #include "liegrad/ops.h"
+#include "liegrad/program.h"
 #include "support/machine_models.h"
 
 /* ---- models ---- */

@@ -2,8 +2,8 @@
  * ctest-labels: apps/lg-fit src/table */
 #include "cli_files.h"
 #include "files/h5.h"
-#include "liegrad/io.h"
-#include "liegrad/tables.h"
+#include "liegrad/program.h"
+#include "liegrad/table.h"
 
 OWNED(lg_table_file, lg_table_file_destroy)
 OWNED(lg_table_data, lg_table_data_destroy)

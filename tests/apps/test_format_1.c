@@ -1,7 +1,8 @@
 /* Files of every kind that liegrad 1 wrote (format_1/README.md) must load, evaluate and export as
  * format_1/expected.txt says. */
 #include "cli_support.h"
-#include "liegrad/io.h"
+#include "liegrad/files.h"
+#include "liegrad/model.h"
 #include "liegrad/program.h"
 
 enum { NUMBERS = 1 << 14, SOURCE = 1 << 20 };

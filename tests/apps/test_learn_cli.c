@@ -2,7 +2,7 @@
  * ctest-labels: apps/lg-learn apps/common src/model src/table */
 #include "cli_files.h"
 #include "identify_support.h"
-#include "liegrad/io.h"
+#include "liegrad/model.h"
 
 OWNED(lg_model_file, lg_model_file_destroy)
 

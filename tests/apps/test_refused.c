@@ -4,13 +4,13 @@
  * ctest-labels: apps/common src/settings */
 #include "cli_support.h"
 
+#include "liegrad/core.h"
+#include "liegrad/files.h"
 #include "liegrad/integrators.h"
+#include "liegrad/series.h"
 
 #include <hdf5.h>
 
-#include "liegrad/io.h"
-#include "liegrad/random.h"
-#include "liegrad/series.h"
 
 /* A line may have words in braces; the line is run with each of these words, which also replaces % in
  * `words`. A word `--option=x` becomes `--option x` in the line and `x` in `words`. If `words` is NULL, the

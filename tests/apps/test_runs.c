@@ -3,7 +3,7 @@
  * ctest-labels: apps/common src/settings */
 #include "cli_support.h"
 
-#include "liegrad/io.h"
+#include "liegrad/model.h"
 
 /* The data are NAME.h5, other data NAME-2.h5. */
 static const struct trainer {

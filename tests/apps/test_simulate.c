@@ -5,8 +5,8 @@
 
 #include <glob.h>
 
+#include "liegrad/files.h"
 #include "liegrad/integrators.h"
-#include "liegrad/io.h"
 
 static const char lg[] = "lg-simulate";
 

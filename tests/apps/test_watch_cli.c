@@ -2,8 +2,7 @@
  * ctest-labels: apps/lg-anomaly src/anomaly */
 #include "apps/cli_support.h"
 
-#include "liegrad/io.h"
-#include "liegrad/random.h"
+#include "liegrad/core.h"
 #include "liegrad/series.h"
 
 /* Two channels at 5 Hz, windows of 8 s. Intact values are about 0.1, broken ones about 10. */

@@ -8,9 +8,9 @@
 #include "kernels/kernels.h"
 #include "autodiff/ops/lie.h"
 #include "golden/lie_table.h"
+#include "liegrad/core.h"
 #include "liegrad/geometry.h"
 #include "liegrad/ops.h"
-#include "liegrad/random.h"
 
 enum { ROWS = 37, NUMBERS = 9 * ROWS, LONGEST = 4 };
 

@@ -12,7 +12,6 @@
 #include "autodiff/program/program.h"
 #include "liegrad/hamiltonian.h"
 #include "liegrad/networks.h"
-#include "liegrad/nn.h"
 #include "liegrad/taped.h"
 #include "hamiltonian/internal.h"
 

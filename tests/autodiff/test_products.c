@@ -3,7 +3,8 @@
  * BLAS) is compared with a plain loop, and must give the same bits for any number of threads. */
 #include "support/fixtures.h"
 
-#include "liegrad/context.h"
+#include "liegrad/core.h"
+#include "liegrad/ops.h"
 
 typedef struct shape {
     uint32_t m, n, k;

@@ -3,8 +3,8 @@
 
 #include "autodiff/ops/op_rows.h"
 #include "autodiff/program/plan.h"
-#include "liegrad/nn.h"
-#include "liegrad/program_image.h"
+#include "liegrad/networks.h"
+#include "liegrad/program.h"
 #include "liegrad/taped.h"
 
 /* ---- a network with an input gradient ---- */

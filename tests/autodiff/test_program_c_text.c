@@ -6,7 +6,7 @@
 #include "autodiff/program/program.h"
 #include "autodiff/ops/op_rows.h"
 #include "autodiff/cases/cases.h"
-#include "liegrad/nn.h"
+#include "liegrad/networks.h"
 
 /* ---- a program with all kinds of code ---- */
 

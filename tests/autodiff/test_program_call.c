@@ -4,7 +4,7 @@
 
 #include "autodiff/program/plan.h"
 #include "liegrad/ops.h"
-#include "liegrad/program_image.h"
+#include "liegrad/program.h"
 
 /* product(x, y) = (x . y, theta x o y); thrice(x, y) = p(p(p(x))) with p(x) = theta x o y. "o" multiplies
  * elementwise. */

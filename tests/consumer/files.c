@@ -2,8 +2,8 @@
 #include <stdio.h>
 #include <string.h>
 
-#include <liegrad/io.h>
-#include <liegrad/tables.h>
+#include <liegrad/program.h>
+#include <liegrad/table.h>
 
 int main(int argc, char **argv) {
     const char *const names[] = {"x", "y"};

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include <liegrad/nn.h>
+#include <liegrad/networks.h>
 #include <liegrad/ops.h>
 #include <liegrad/program.h>
 

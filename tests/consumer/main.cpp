@@ -2,8 +2,7 @@
 #include <iostream>
 #include <string>
 
-#include <liegrad/context.h>
-#include <liegrad/random.h>
+#include <liegrad/core.h>
 
 int main() {
     lg_context_options options;

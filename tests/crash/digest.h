@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "liegrad/io.h"
+#include "liegrad/files.h"
 
 typedef struct digesting {
     lg_sha256 sha;

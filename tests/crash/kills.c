@@ -25,7 +25,7 @@
 
 #include "core/count.h"
 #include "crash/digest.h"
-#include "liegrad/random.h"
+#include "liegrad/core.h"
 
 enum { OUTPUTS = 5, WORDS = 64, DRAWS = 40, PATIENCE = 120 };
 static const double after_write = 3e-3; /* s */

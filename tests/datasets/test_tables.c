@@ -2,7 +2,7 @@
  * lg-fit's tests read files too. */
 #include "support/io_test.h"
 
-#include "liegrad/tables.h"
+#include "liegrad/table.h"
 
 OWNED(lg_table_data, lg_table_data_destroy)
 OWNED(lg_tensors, lg_tensors_destroy)

@@ -4,7 +4,7 @@
 
 #include "support/fixtures.h"
 
-#include "liegrad/surrogate.h"
+#include "liegrad/elastica.h"
 #include "support/modes.h"
 
 #define TEST_LENGTH 3.3

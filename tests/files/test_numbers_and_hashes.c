@@ -1,6 +1,8 @@
 /* SHA-256 for the test vectors of FIPS 180-4; conversion of texts to numbers. */
 #include <locale.h>
 
+#include "liegrad/settings.h"
+
 #include "support/io_test.h"
 
 static void hash_text(const char *text, size_t times, size_t piece, char out[LG_SHA256_TEXT]) {

@@ -11,7 +11,7 @@
 
 #include "test_support.h"
 
-#include "liegrad/io.h"
+#include "liegrad/files.h"
 
 static void leave_folder(void *path) {
     assert_int_equal(chdir("/") | system(test_text("cd / && rm -r '%s'", (const char *)path)), 0);

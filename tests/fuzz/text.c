@@ -7,8 +7,14 @@
 
 #include "common/study.h"
 #include "fuzz.h"
-#include "liegrad/io.h"
-#include "liegrad/logs.h"
+#include "liegrad/anomaly.h"
+#include "liegrad/elastica.h"
+#include "liegrad/hamiltonian.h"
+#include "liegrad/integrators.h"
+#include "liegrad/machine.h"
+#include "liegrad/mechanics.h"
+#include "liegrad/settings.h"
+#include "liegrad/table.h"
 #include "table/files/recipe.h"
 #include "nn/search.h"
 

@@ -2,7 +2,8 @@
  * other numbers of checkpoints. */
 #include "mechanics/system_check.h"
 
-#include "liegrad/adjoint.h"
+#include "liegrad/ops.h"
+#include "liegrad/taped.h"
 
 enum { MOST = 16, STEPS = 23 };
 

@@ -4,9 +4,9 @@
 
 #include "integrators/matrix_function.h"
 
+#include "liegrad/core.h"
 #include "liegrad/geometry.h"
 #include "liegrad/integrators.h"
-#include "liegrad/random.h"
 
 #define PI 3.14159265358979323846
 

@@ -5,8 +5,8 @@
 #include "fields.h"
 #include "support/fixtures.h"
 
-#include "liegrad/adjoint.h"
 #include "liegrad/geometry.h"
+#include "liegrad/taped.h"
 #include "integrators/stepper.h"
 
 #define PI 3.14159265358979323846

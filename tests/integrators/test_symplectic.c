@@ -1,6 +1,7 @@
 /* Symplecticity by the taped Jacobian, on R^2n and on T*SO(3) in right-trivialised coordinates. */
 #include "mechanics/system_check.h"
 
+#include "liegrad/ops.h"
 #include "liegrad/taped.h"
 
 /* ---- R^4: H = p1^2/2 + p2^2 + (p1 + p2)^4/8 + q1^2/2 + q2^2 + q1^2 q2/2 + q2^4/4 ---- */

@@ -6,8 +6,8 @@
 #include "kernels/kernels.h"
 #include "kernels/stumpff.h"
 #include "golden/stumpff_table.h"
+#include "liegrad/core.h"
 #include "liegrad/geometry.h"
-#include "liegrad/random.h"
 
 enum { MAX_N = 4096 };
 

@@ -1,7 +1,7 @@
 /* Logs of machines in CSV and HDF5. */
 #include "support/io_test.h"
 #include "liegrad/geometry.h"
-#include "liegrad/logs.h"
+#include "liegrad/machine.h"
 
 /* ---- machines and logs of a test ---- */
 

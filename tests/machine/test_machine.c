@@ -1,5 +1,7 @@
 /* Machines: their equations compared with their energy and with closed forms, for every kind of coordinate
  * and term. */
+#include "liegrad/ops.h"
+
 #include "support/machine_support.h"
 
 #include "machine/internal.h"

@@ -1,6 +1,6 @@
 /* Descriptions of machines in YAML. */
 #include "support/io_test.h"
-#include "liegrad/logs.h"
+#include "liegrad/machine.h"
 
 RELEASES(release_file, lg_machine_file_destroy)
 

@@ -5,6 +5,7 @@
 
 #include "liegrad/geometry.h"
 #include "liegrad/mechanics.h"
+#include "liegrad/ops.h"
 
 enum { PARTS = 6, ROWS = 31, ALL = PARTS * ROWS, STATE = 64, NUMBERS = 16 };
 

@@ -3,8 +3,7 @@
  * ctest-labels: src/machine */
 #include "support/machine_support.h"
 
-#include "liegrad/nn.h"
-#include "liegrad/ops.h"
+#include "liegrad/fit.h"
 
 enum { PARTS = 3, WINDOW = 3, ROWS = PARTS * WINDOW };
 

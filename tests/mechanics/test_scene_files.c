@@ -4,6 +4,7 @@
 #include "support/io_test.h"
 
 #include "liegrad/geometry.h"
+#include "liegrad/hamiltonian.h"
 
 static const char good_scene[] = "# a comment\n"                  /* 1 */
                                  "system: pendulum-chain\n"       /* 2 */

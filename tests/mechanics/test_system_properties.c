@@ -8,6 +8,8 @@
 
 #include <float.h>
 
+#include "liegrad/ops.h"
+
 #include "mechanics/system.h"
 
 enum { BATCH = 3, SEEDS = 3 };

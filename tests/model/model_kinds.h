@@ -4,9 +4,10 @@
 
 #include "support/io_test.h"
 
-#include "liegrad/detector.h"
+#include "liegrad/anomaly.h"
 #include "liegrad/model.h"
 #include "liegrad/networks.h"
+#include "liegrad/table.h"
 #include "model/files/recipe.h"
 #include "support/machine_models.h"
 #include "support/modes.h"

@@ -5,10 +5,9 @@
 
 #include "support/io_test.h"
 #include "liegrad/gradcheck.h"
-#include "liegrad/nn.h"
+#include "liegrad/networks.h"
 #include "liegrad/ops.h"
 #include "liegrad/program.h"
-#include "liegrad/program_image.h"
 
 /* ---- a network with a loss and a loop ---- */
 

@@ -2,7 +2,7 @@
  * memory. */
 #include "model/model_kinds.h"
 
-#include "liegrad/machine_model.h"
+#include "liegrad/machine.h"
 #include "model/files/program_file.h"
 
 static const char *fresh(model_kind kind) {

@@ -1,4 +1,6 @@
 /* Files of programs: read back to the bit, refusals, damage. test_program_mutants.c has the 20000 mutants. */
+#include "liegrad/hamiltonian.h"
+
 #include "autodiff/cases/cases.h"
 #include "model/program_mutants.h"
 

@@ -4,7 +4,8 @@
 
 #include "support/fixtures.h"
 
-#include "liegrad/nn.h"
+#include "liegrad/fit.h"
+#include "liegrad/networks.h"
 #include "liegrad/ops.h"
 #include "support/memory_archive.h"
 

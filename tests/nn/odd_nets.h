@@ -2,7 +2,7 @@
 #ifndef LG_ODD_NETS_H
 #define LG_ODD_NETS_H
 
-#include "liegrad/convolution.h"
+#include "liegrad/networks.h"
 
 /* Before lg_cnn_init. The including test sets the activation. Blocks: channels, kernel, stride, padding,
  * pooling. */

@@ -4,7 +4,7 @@
 
 #include <math.h>
 
-#include "liegrad/activation.h"
+#include "liegrad/tape.h"
 
 static inline double plain_activation(lg_activation kind, double x) {
     switch (kind) {

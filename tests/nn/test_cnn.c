@@ -2,7 +2,8 @@
  * tape, refusals. */
 #include "support/fixtures.h"
 
-#include "liegrad/convolution.h"
+#include "liegrad/networks.h"
+#include "liegrad/ops.h"
 #include "nn/odd_nets.h"
 #include "nn/plain_layers.h"
 

@@ -3,10 +3,10 @@
 
 #include "core/core.h"
 
-#include "liegrad/nn.h"
+#include "liegrad/fit.h"
+#include "liegrad/ops.h"
 #include "liegrad/program.h"
 #include "liegrad/series.h"
-#include "liegrad/train.h"
 
 enum { ROWS = 300 };
 

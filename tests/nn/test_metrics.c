@@ -2,7 +2,7 @@
 #include "test_support.h"
 
 #include "golden/metrics_table.h"
-#include "liegrad/metrics.h"
+#include "liegrad/series.h"
 #include "support/fixtures.h"
 
 static void expect_golden(const uint32_t *truth, const uint32_t *given, const double *score, uint32_t classes,

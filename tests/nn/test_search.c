@@ -1,6 +1,6 @@
 /* Random search: draws, early stopping, and interruptions. */
 #include "test_support.h"
-#include "liegrad/random.h"
+#include "liegrad/core.h"
 #include "nn/search.h"
 static lg_range bounds(const char *name, lg_range_kind kind, double low, double high) {
     lg_range range = {.kind = kind, .low = low, .high = high};

@@ -1,8 +1,12 @@
 /* Tables of hyperparameters: checks for every field of every kind. */
 #include "support/io_test.h"
 
-#include "liegrad/fields.h"
-#include "liegrad/machine_model.h"
+#include "liegrad/anomaly.h"
+#include "liegrad/elastica.h"
+#include "liegrad/hamiltonian.h"
+#include "liegrad/machine.h"
+#include "liegrad/settings.h"
+#include "liegrad/table.h"
 
 static union run {
     lg_hamiltonian_run hamiltonian;

@@ -19,7 +19,7 @@
 #include <stdbool.h>
 #include <stdlib.h>
 
-#include "liegrad/context.h"
+#include "liegrad/core.h"
 
 typedef struct lg_fail_alloc {
     atomic_long calls;   /* allocations requested since lg_fail_alloc_arm */

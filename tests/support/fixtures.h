@@ -4,9 +4,8 @@
 
 #include "test_support.h"
 
+#include "liegrad/core.h"
 #include "liegrad/integrators.h"
-#include "liegrad/ops.h"
-#include "liegrad/random.h"
 #include "liegrad/taped.h"
 #include "support/fail_alloc.h"
 

@@ -4,9 +4,7 @@
 
 #include "support/fixtures.h"
 
-#include "liegrad/logs.h"
-#include "liegrad/machine_model.h"
-#include "liegrad/model.h"
+#include "liegrad/machine.h"
 
 /* Destroys a machine model when the test that owns it ends. */
 RELEASES(release_machine_model, lg_machine_model_file_destroy)

@@ -4,7 +4,7 @@
 
 #include "test_support.h"
 
-#include "liegrad/archive.h"
+#include "liegrad/core.h"
 
 typedef struct memory_item {
     char path[64];

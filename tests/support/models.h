@@ -2,11 +2,11 @@
 #ifndef LG_TEST_MODELS_H
 #define LG_TEST_MODELS_H
 
-#include "liegrad/detector.h"
+#include "liegrad/anomaly.h"
+#include "liegrad/elastica.h"
 #include "liegrad/hamiltonian.h"
 #include "liegrad/machine.h"
 #include "liegrad/model.h"
-#include "liegrad/surrogate.h"
 #include "liegrad/table.h"
 
 /* A model and its work memory, as the argument `user` of test_slope. */

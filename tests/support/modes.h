@@ -7,7 +7,7 @@
 
 #include <math.h>
 
-#include "liegrad/surrogate.h"
+#include "liegrad/elastica.h"
 
 /* Options in one row: kind, network and its sizes, then any other members. */
 #define SURROGATE(kind_, architecture_, embedding_, hidden_, layers_, activation_, ...)                      \

@@ -6,7 +6,7 @@
 #include <pthread.h>
 #include <string.h>
 
-#include "liegrad/ranks.h"
+#include "liegrad/core.h"
 #include "test_support.h"
 
 enum { TEAM_MOST = 8 };

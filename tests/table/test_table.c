@@ -2,8 +2,6 @@
 #include "support/models.h"
 #include "test_support.h"
 
-#include "liegrad/gradcheck.h"
-#include "liegrad/minimise.h"
 #include "liegrad/model.h"
 #include "liegrad/table.h"
 #include "core/core.h"

@@ -6,8 +6,8 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "liegrad/metrics.h"
-#include "liegrad/random.h"
+#include "liegrad/core.h"
+#include "liegrad/series.h"
 
 enum { GOLDEN_STREAM = 0x636c6173 };
 static const double PI = 3.14159265358979323846;

@@ -3,8 +3,8 @@
 #include <stdlib.h>
 
 #include "lg-export/anomaly/detector.h"
-#include "liegrad/convolution.h"
-#include "liegrad/detector.h"
+#include "liegrad/anomaly.h"
+#include "liegrad/networks.h"
 
 static int begin(export_model *m) {
     return export_window_check(m->self, m->source, (double)m->source->parameters);

@@ -7,7 +7,8 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "liegrad/convolution.h"
+#include "liegrad/anomaly.h"
+#include "liegrad/networks.h"
 #include "liegrad/program.h"
 
 enum { ROUNDING_STREAM = 0x726f756e };

@@ -5,8 +5,8 @@
 #include <string.h>
 
 #include "lg-export/faces.h"
+#include "liegrad/elastica.h"
 #include "liegrad/networks.h"
-#include "liegrad/surrogate.h"
 
 /* PLACES: arc lengths per golden vector at which q and v of the curve are compared. NUMBERS: number of
  * boundary conditions. */

@@ -3,6 +3,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "liegrad/hamiltonian.h"
+
 #include "lg-export/faces.h"
 
 /* ---- the mass matrix ---- */

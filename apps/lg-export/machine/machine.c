@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "lg-export/faces.h"
-#include "liegrad/machine_model.h"
+#include "liegrad/machine.h"
 
 static const lg_machine_model_run *run_of(const export_model *m) {
     return &((const lg_machine_model_file *)m->file->contents)->run;

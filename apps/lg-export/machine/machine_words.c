@@ -2,7 +2,7 @@
 #include <stdlib.h>
 
 #include "lg-export/faces.h"
-#include "liegrad/machine_model.h"
+#include "liegrad/machine.h"
 
 /* ---- the state ---- */
 

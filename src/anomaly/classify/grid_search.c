@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "liegrad/metrics.h"
+#include "liegrad/series.h"
 
 typedef struct search {
     const lg_context *context;

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "core/core.h"
-#include "liegrad/monitor.h"
+#include "liegrad/anomaly.h"
 
 /* Sample number s of the feed is in slot s % window of the ring. All arrays are behind the structure in the
  * caller's memory. */

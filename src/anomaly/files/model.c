@@ -3,6 +3,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "liegrad/anomaly.h"
+
 #include "settings/names.h"
 #include "model/files/program_file.h"
 #include "model/files/recipe.h"

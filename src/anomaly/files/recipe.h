@@ -4,8 +4,9 @@
 #define LG_ANOMALY_RECIPE_H
 
 #include "anomaly/judge.h"
-#include "liegrad/io.h"
-#include "liegrad/novelty.h"
+#include "liegrad/anomaly.h"
+#include "liegrad/series.h"
+#include "liegrad/settings.h"
 #include "model/files/learning.h"
 
 /* A data file and the windows cut out of it. */

@@ -7,7 +7,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "liegrad/random.h"
+#include "liegrad/core.h"
 
 #define MAX_ARGUMENTS   (LG_GRADCHECK_MAX_INPUTS + 1)
 #define FIRST_STEP      (1.0 / 16.0)

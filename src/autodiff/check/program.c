@@ -8,7 +8,7 @@
 #include "autodiff/ops/op_rows.h"
 #include "autodiff/program/plan.h"
 #include "autodiff/program/program.h"
-#include "liegrad/random.h"
+#include "liegrad/core.h"
 
 enum { MOST = LG_GRADCHECK_MAX_INPUTS, POINTS = 2, VALUE = 0, FORWARD, ADJOINT, FUNCTIONS };
 #define MOVED  0.01 /* how far points are from given values, relative to the argument's scale */

@@ -4,7 +4,7 @@
 #ifndef LG_DUAL_H
 #define LG_DUAL_H
 
-#include "liegrad/ops.h"
+#include "liegrad/tape.h"
 
 /* Makes pairs from x (B, in) and its derivative dx, of shape (B, in) or (1, in). */
 lg_var lg_dual_pair(lg_tape *tape, lg_var x, lg_var dx);

@@ -11,7 +11,6 @@
 #include "autodiff/tape/heap.h"
 #include "autodiff/tape/tape_internal.h"
 #include "liegrad/program.h"
-#include "liegrad/program_image.h"
 
 static inline int64_t lg_affine_at(lg_affine a, size_t rows) {
     return a.base + a.rows * (int64_t)rows;

@@ -10,7 +10,7 @@
 
 #include "autodiff/ops/op_rows.h"
 #include "autodiff/program/program_call.h"
-#include "liegrad/random.h"
+#include "liegrad/core.h"
 
 /* A derivative consists of known operations, so three numbers of rows suffice. The caller's own code may
  * branch on values, which recordings at more points reveal. */

@@ -8,8 +8,8 @@
 #include <string.h>
 
 #include "autodiff/program/program.h"
+#include "liegrad/core.h"
 #include "liegrad/ops.h"
-#include "liegrad/random.h"
 
 enum { PORTS = LG_PROGRAM_MAX_PORTS, NAME = LG_PROGRAM_MAX_NAME + 1 };
 

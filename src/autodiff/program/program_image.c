@@ -1,7 +1,7 @@
 /* Conversion of a program's functions to plain data (images) and back. */
 #include "autodiff/ops/op_rows.h"
 #include "autodiff/ops/op_table.h"
-#include "liegrad/program_image.h"
+#include "liegrad/program.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -4,6 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "liegrad/elastica.h"
+
 #include "files/h5.h"
 #include "settings/names.h"
 

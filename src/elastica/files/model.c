@@ -2,6 +2,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "liegrad/elastica.h"
+
 #include "settings/names.h"
 #include "model/files/program_file.h"
 #include "model/files/recipe.h"

@@ -2,7 +2,7 @@
 #ifndef LG_ELASTICA_RECIPE_H
 #define LG_ELASTICA_RECIPE_H
 
-#include "liegrad/io.h"
+#include "liegrad/elastica.h"
 
 /* Finds out which families are among the boundary conditions (n, 8). A condition is of the right-end family
  * if v0 is along the chord; all others count as both-ends. */

@@ -2,7 +2,7 @@
 #ifndef LG_HAMILTONIAN_FAMILY_H
 #define LG_HAMILTONIAN_FAMILY_H
 
-#include "liegrad/io.h"
+#include "liegrad/hamiltonian.h"
 
 const char *lg_name_family(uint32_t value); /* NULL beyond the last family */
 const void *lg_family_number(uint32_t value);

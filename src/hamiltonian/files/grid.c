@@ -3,6 +3,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "liegrad/hamiltonian.h"
+
 #include "files/h5.h"
 #include "settings/names.h"
 #include "settings/settings.h"

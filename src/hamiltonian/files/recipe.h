@@ -2,7 +2,8 @@
 #ifndef LG_HAMILTONIAN_RECIPE_H
 #define LG_HAMILTONIAN_RECIPE_H
 
-#include "liegrad/io.h"
+#include "liegrad/hamiltonian.h"
+#include "liegrad/settings.h"
 
 /* State of the learner. A caller that has the trajectories already sets `data` and does not call `read`. */
 typedef struct lg_hamiltonian_state {

@@ -6,7 +6,6 @@
 
 #include "files/h5.h"
 #include "hamiltonian/files/family.h"
-#include "liegrad/geometry.h"
 
 #define TIME_TOLERANCE     1e-6 /* relative to dt */
 #define MANIFOLD_TOLERANCE 1e-6

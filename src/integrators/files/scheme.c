@@ -3,6 +3,8 @@
 #include <string.h>
 #include <yaml.h>
 
+#include "liegrad/integrators.h"
+
 #include "settings/files/yaml.h"
 
 #define SYNTAX_SIZE 64

@@ -5,7 +5,7 @@
 #define LG_LOG_TABLE_H
 
 #include "files/csv.h"
-#include "liegrad/logs.h"
+#include "liegrad/machine.h"
 
 typedef struct lg_log_origin {
     size_t line; /* line of a CSV file, or row of an HDF5 file, from 1 */

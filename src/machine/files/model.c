@@ -1,5 +1,5 @@
 /* Machines as a kind of model: their model file. */
-#include "liegrad/machine_model.h"
+#include "liegrad/machine.h"
 
 #include <ctype.h>
 #include <math.h>

@@ -4,7 +4,7 @@
 #define LG_MACHINE_READING_H
 
 #include "settings/files/yaml.h"
-#include "liegrad/logs.h"
+#include "liegrad/machine.h"
 
 struct yaml_node_s;
 

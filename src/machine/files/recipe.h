@@ -4,7 +4,7 @@
 #define LG_MACHINE_RECIPE_H
 
 #include "core/core.h"
-#include "liegrad/machine_model.h"
+#include "liegrad/machine.h"
 
 /* A model keeps the covariance of its parameters up to this number of parameters. */
 #define LG_MACHINE_MOST_SPREAD 256

@@ -2,6 +2,8 @@
 #ifndef LG_SCENE_H
 #define LG_SCENE_H
 
+#include "liegrad/mechanics.h"
+
 #include "settings/files/yaml.h"
 
 /* Reads the top-level mapping, which has the keys of a scene and those in `more` (may be NULL). form_wanted

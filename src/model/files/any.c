@@ -4,7 +4,6 @@
 
 #include "core/core.h"
 #include "files/h5.h"
-#include "liegrad/machine_model.h"
 #include "model/files/program_file.h"
 #include "model/files/recipe.h"
 #include "model/internal.h"

@@ -15,7 +15,7 @@
 
 #include "files/h5.h"
 #include "liegrad/integrators.h"
-#include "liegrad/program_image.h"
+#include "liegrad/program.h"
 
 enum { LG_PROGRAM_NAME = 65, LG_PROGRAM_MOST_NAMES = 1024 };
 

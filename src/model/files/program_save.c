@@ -2,6 +2,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "liegrad/model.h"
+
 #include "model/files/program_file.h"
 
 lg_program_key lg_program_below(const char *group, const char *name) {

@@ -5,9 +5,13 @@
 #ifndef LG_RECIPE_H
 #define LG_RECIPE_H
 
-#include "liegrad/fields.h"
-#include "liegrad/io.h"
+#include "liegrad/files.h"
+#include "liegrad/fit.h"
+#include "liegrad/integrators.h"
+#include "liegrad/model.h"
 #include "liegrad/networks.h"
+#include "liegrad/program.h"
+#include "liegrad/settings.h"
 #include "settings/settings.h"
 
 /* A field for a fact about the model or its data, which no user sets. The last arguments are designated

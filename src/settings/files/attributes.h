@@ -3,6 +3,8 @@
 #ifndef LG_ATTRIBUTES_H
 #define LG_ATTRIBUTES_H
 
+#include "liegrad/settings.h"
+
 #include "files/h5.h"
 
 /* Formats "/run: attribute lr" for error messages. Returns `text`. */

@@ -6,7 +6,7 @@
 #define LG_YAML_H
 
 #include "core/core.h"
-#include "liegrad/io.h"
+#include "liegrad/settings.h"
 #include "settings/settings.h"
 
 #define LG_VALUES 32 /* longest list, except in nodes */

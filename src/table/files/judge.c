@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "datasets/table_names.h"
-#include "liegrad/metrics.h"
+#include "liegrad/series.h"
 #include "table/files/recipe.h"
 
 /* A row is outside if an input is beyond its training range by more than this part of the range. */

@@ -3,7 +3,7 @@
 #define LG_TABLE_RECIPE_H
 
 #include "core/text.h"
-#include "liegrad/tables.h"
+#include "liegrad/table.h"
 #include "model/files/learning.h"
 
 /* ---- columns (columns.c) ---- */

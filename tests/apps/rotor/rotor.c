@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "liegrad/ops.h"
-#include "liegrad/tables.h"
+#include "liegrad/table.h"
 #include "liegrad/taped.h"
 #include "model/files/learning.h"
 #include "settings/training.h"

@@ -8,7 +8,7 @@
 
 #include "autodiff/program/plan.h"
 #include "autodiff/random/random.h"
-#include "liegrad/io.h"
+#include "liegrad/program.h"
 
 enum { GUARD = 64, PLANS = 3, DRAWS = 3, MOST_NUMBERS = 200000, A_FILE = 200 };
 

@@ -4,7 +4,7 @@
 
 #include "autodiff/ops/op_table.h"
 #include "autodiff/program/program.h"
-#include "liegrad/random.h"
+#include "liegrad/core.h"
 
 enum {
     MOST_OPERANDS = 6,

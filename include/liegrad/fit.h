@@ -1,88 +1,18 @@
-/* Networks over a flat parameter vector, Adam, learning rate schedules, and the training loop with its
- * methods.
- *
- * A network is a small immutable description without pointers. Its parameters are a slice of one flat vector
- * theta, so that an optimiser, a file and a gradient see one array.
+/* Training: Adam, learning rate schedules, the training loop lg_fit with its methods, and training of programs.
  */
-#ifndef LIEGRAD_NN_H
-#define LIEGRAD_NN_H
+#ifndef LIEGRAD_FIT_H
+#define LIEGRAD_FIT_H
 
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
-#include "liegrad/activation.h"
-#include "liegrad/archive.h"
-#include "liegrad/context.h"
-#include "liegrad/export.h"
-#include "liegrad/random.h"
-#include "liegrad/ranks.h"
-#include "liegrad/status.h"
+#include "liegrad/core.h"
 #include "liegrad/tape.h"
 
 LG_BEGIN_DECLS
 
-/* ---- multilayer perceptron: description ---- */
-
-#define LG_MLP_MAX_LAYERS 16
-
-/* a_0 = x, a_{l+1} = sigma_l(a_l W_l + b_l), l = 0..layers-1, W_l of shape (width[l], width[l+1]), b_l
- * (width[l+1]). sigma_l is `activation` in the hidden layers and the identity in the last one, which has a
- * bias only when `last_bias`. Parameters: W_0 row-major, b_0, W_1, b_1, ... Plain data, copied freely,
- * immutable after lg_mlp_init. */
-typedef struct lg_mlp {
-    uint32_t layers;                       /* 1..LG_MLP_MAX_LAYERS; layers - 1 hidden ones */
-    uint32_t width[LG_MLP_MAX_LAYERS + 1]; /* input, hidden..., output */
-    lg_activation activation;
-    bool last_bias;
-} lg_mlp;
-
-/* inputs -> hidden[0] -> ... -> hidden[hidden_layers - 1] -> outputs; hidden_layers may be 0 (a linear map;
- * `hidden` may be NULL then). Errors: LG_INVALID_ARGUMENT for a NULL net, widths of 0 or above 2^20, more
- * than LG_MLP_MAX_LAYERS - 1 hidden layers, an unknown activation. */
-LG_API lg_status lg_mlp_init(lg_mlp *net, uint32_t inputs, const uint32_t *hidden, uint32_t hidden_layers,
-                             uint32_t outputs, lg_activation activation, bool last_bias);
-LG_API size_t lg_mlp_parameters(const lg_mlp *net);
-LG_API uint32_t lg_mlp_inputs(const lg_mlp *net);
-LG_API uint32_t lg_mlp_outputs(const lg_mlp *net);
-LG_API bool lg_mlp_has_bias(const lg_mlp *net, uint32_t layer);
-/* Where a layer's weight and bias begin in the flat vector, in elements; layer < net->layers. A layer without
- * bias gives the offset at which its bias would stand. */
-LG_API size_t lg_mlp_weight_offset(const lg_mlp *net, uint32_t layer);
-LG_API size_t lg_mlp_bias_offset(const lg_mlp *net, uint32_t layer);
-
-/* How parameters are drawn, layer by layer, weight then bias. */
-typedef enum lg_initialisation {
-    LG_INIT_FAN_IN,         /* weights and biases U(+-1/sqrt(fan_in)) */
-    LG_INIT_GLOROT_UNIFORM, /* weights U(+-sqrt(6/(fan_in + fan_out))), biases 0 (Glorot & Bengio 2010) */
-    LG_INIT_GLOROT_NORMAL,  /* weights N(0, 2/(fan_in + fan_out)), biases 0 */
-    LG_INIT_HE_UNIFORM,     /* weights U(+-sqrt(6/fan_in)), biases 0 (He et al. 2015) */
-    LG_INIT_HE_NORMAL       /* weights N(0, 2/fan_in), biases 0 */
-} lg_initialisation;
-#define LG_INITIALISATION_COUNT 5
-
-/* Fills theta[0 .. lg_mlp_parameters - 1]; LG_INIT_FAN_IN. */
-LG_API void lg_mlp_initialise(const lg_mlp *net, lg_rng *rng, double *theta);
-LG_API void lg_mlp_initialise_as(const lg_mlp *net, lg_initialisation kind, lg_rng *rng, double *theta);
-
-/* ---- multilayer perceptron: on a tape ---- */
-
-/* Weights and biases as views of the flat vector; LG_NONE where a layer has no bias. Valid until rewound. */
-typedef struct lg_mlp_vars {
-    lg_var weight[LG_MLP_MAX_LAYERS], bias[LG_MLP_MAX_LAYERS];
-} lg_mlp_vars;
-
-/* theta: flat vector (rank 1), whose elements offset .. offset + lg_mlp_parameters - 1 are the network's.
- * Errors: the tape's (LG_SHAPE when theta is too short), which stick. */
-LG_API lg_status lg_mlp_bind(lg_tape *tape, const lg_mlp *net, lg_var theta, size_t offset,
-                             lg_mlp_vars *vars);
-/* x (B, in) -> (B, out) */
-LG_API lg_var lg_mlp_record_bound(lg_tape *tape, const lg_mlp *net, const lg_mlp_vars *vars, lg_var x);
-/* d sum(output[:, 0]) / dx: (B, in) -> (B, in); row b is the gradient of the first output at x_b. Recorded:
- * it may be differentiated again by theta and by x. */
-LG_API lg_var lg_mlp_record_gradient(lg_tape *tape, const lg_mlp *net, const lg_mlp_vars *vars, lg_var x);
-/* Bind and apply in one. */
-LG_API lg_var lg_mlp_record(lg_tape *tape, const lg_mlp *net, lg_var theta, size_t offset, lg_var x);
+typedef struct lg_program lg_program;
 
 /* ---- Adam (Kingma & Ba 2015; decoupled decay: Loshchilov & Hutter 2019) ---- */
 
@@ -397,6 +327,47 @@ typedef struct lg_newton_result {
  * the loss callback's. */
 LG_API lg_status lg_newton_fit(const lg_context *context, const lg_fit_problem *problem, double *theta,
                                lg_newton_result *result);
+
+/* ---- training of programs ----
+ *
+ * Training of a program: the parameters that minimise what one of its functions computes from rows of data.
+ *
+ *   lg_program_build(NULL, &spec, &program, &error);            `value` and `error` = value - wanted
+ *   const double *const data[] = {x, wanted};
+ *   lg_program_train(NULL, program, "error", data, rows, NULL, NULL, &error);
+ *   lg_program_save(NULL, "model.h5", program, NULL, &error);   (liegrad/io.h)
+ *
+ * A program that was loaded is trained on in the same way. */
+
+#define LG_TRAIN_MOST 64 /* parameters (tensors), inputs, outputs */
+
+typedef struct lg_program_training {
+    double before, after; /* the loss of all training rows */
+    double seconds;
+    uint64_t epochs; /* of methods other than Adam: evaluations */
+    const char *end; /* why training is finished, a sentence of static storage without a full stop */
+} lg_program_training;
+
+/* The first output of `function` says what is minimised:
+ *   one value for each row (B, ...)   the mean of its squares over rows and numbers
+ *   one number that all rows share    itself; it must be a mean over the rows, as lg_mean makes it
+ * Both are tried before and after training: the loss of 8 rows, from all over the data, must be the mean
+ * of the losses of each row alone. A sum is refused, and so are rows that depend on each other: rows are
+ * trained on in chunks, and the result would follow the chunks.
+ * data[i]: input i of the function, (rows, numbers of one row); a shared input is there once.
+ *
+ * options NULL: in double precision, by Levenberg-Marquardt where there are squares and at most 64
+ * parameters, else SSBroyden with at most 2000, else L-BFGS; 1000 evaluations, fewer where the loss no longer
+ * falls. All of lg_fit_options is honoured: threads, validation part with keep_best, seconds, methods.
+ *
+ * Success replaces the program's parameters (lg_program_set_parameter). `result` may be NULL. Errors, the
+ * program as before: LG_NOT_FOUND (function), LG_INVALID_ARGUMENT (no rows, NULL, an output that depends on
+ * no parameter, that has several numbers which rows share, or that is no mean over rows), LG_UNSUPPORTED
+ * (LG_TRAIN_MOST), LG_NOT_FINITE (data, and as lg_fit_run), those of lg_fit_create, lg_fit_run and of
+ * operations. */
+LG_API lg_status lg_program_train(const lg_context *context, lg_program *program, const char *function,
+                                  const double *const *data, size_t rows, const lg_fit_options *options,
+                                  lg_program_training *result, lg_error *error);
 
 LG_END_DECLS
 
