@@ -1,26 +1,36 @@
-/* Programs: functions that were recorded once, with operations on a tape, and no longer need the tape.
+/* Programs: functions that were recorded once on a tape and then work without it. Library liegrad; files (the
+ * last section) are in liegrad_io. docs/models.md is the guide.
  *
- * A program is a bundle of named functions on one set of parameters. Each function was recorded from C code
- * (lg_program_build) and can be
+ * A program is a bundle of named functions that share one set of parameters (named tensors of doubles). Each
+ * function was recorded from C code that uses operations on a tape (lg_program_build). A function can be
  *   - run without a tape, in the caller's memory (lg_plan): no allocation, no lock, any number of threads,
- *   - put on a tape again (lg_program_record): differentiated, trained on,
- *   - differentiated into further functions of the bundle (lg_program_derive),
- *   - saved and loaded (liegrad/io.h: files of kind `program`),
+ *   - put on a tape again, to differentiate it or to train its parameters (lg_program_record),
+ *   - differentiated into further functions of the program (lg_program_derive),
+ *   - saved and loaded (lg_program_save, files of kind `program`),
  *   - written as C99 (lg_program_write_c, the executable lg-export).
+ *
+ * A function that computes an MLP whose parameters are theta[0]:
  *
  *   static lg_status value(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
  *       *y = lg_mlp_record(tape, user, theta[0], 0, x[0]);
  *       return lg_tape_status(tape);
  *   }
  *
- * Rows. An input has one value for each row of a batch, (B, shape...) on the tape, or one value that all rows
- * share. A program serves every B >= 1: all numbers of rows in it are affine in B.
+ * Rows. Inputs and outputs of a function are called ports. A port is either batched or shared. A batched port
+ * has one value per row of a batch of B rows; on a tape its shape is (B, shape...). A shared port has one
+ * value that all rows use. A program works for every B >= 1, because every dimension in it is a number of the
+ * form base + rows B.
  *
- * The recording must not depend on the numbers in the inputs or parameters: no branch on a value, no value
- * read from the tape and put back. lg_program_build records eight times, at random points and three numbers
- * of rows. If the recordings differ, it refuses the function and names the difference. It cannot see a branch
- * that all these points take alike: ports should have the range of the data (lg_port.low, high).
- * Operations of the caller's own (lg_custom) cannot be in a program.
+ * What can be recorded. The sequence of operations must not depend on the numbers in inputs or parameters: no
+ * C `if` on a value, no value that is read from the tape and put back as a constant. lg_program_build records
+ * each function eight times, at random points and with three different numbers of rows. If the recordings
+ * differ, it refuses the function and names the difference. It cannot notice a branch that goes the same way
+ * at all these points; so each input should state the range of the real data (lg_port.low, high). Operations
+ * of the caller (lg_custom) cannot be part of a program.
+ *
+ * Threads. A program may be read by several threads at once, but not while one of them changes it. The
+ * context must outlive the program. Strings and arrays that a function returns are borrowed from the program,
+ * unless its comment says otherwise. Functions, ports and parameters are numbered from 0.
  */
 #ifndef LIEGRAD_PROGRAM_H
 #define LIEGRAD_PROGRAM_H
@@ -39,23 +49,26 @@ typedef struct lg_read_options lg_read_options;
 
 typedef struct lg_program lg_program;
 
-/* An input or output of a function. */
+/* A port: an input or output of a function. */
 typedef struct lg_port {
     const char *name; /* a C identifier, unique among the function's inputs and outputs */
-    lg_shape shape;   /* of one row, without the batch axis: rank 0 to 3. Shared: of the whole, rank 0 to 4 */
-    bool shared;      /* one value for all rows */
+    lg_shape shape;   /* batched: of one row, without the batch axis, rank 0 to 3; shared: rank 0 to 4 */
+    bool shared;      /* false: batched, one value per row; true: one value that all rows use */
     const char *unit; /* NULL: unknown; at most 64 bytes, no control characters, \ " ? or comment marks */
-    double low, high; /* inputs: the range in which recordings and checks draw random numbers, best that of
-                         the data; 0, 0: -1 to 1 */
+    /* Range of an input: recordings and checks draw random numbers from it. It should be the range of the
+     * data. 0 and 0 mean -1 to 1. Not used for outputs. */
+    double low, high;
 } lg_port;
 
-/* The port's shape on a tape with `rows` rows: (rows, shape...), or the shape itself if it is shared. */
+/* Returns the shape that the port has on a tape with `rows` rows: (rows, shape...) if it is batched, else
+ * `shape`. */
 LG_API lg_shape lg_port_shape(const lg_port *port, size_t rows);
 
 /* ---- building ---- */
 
-/* Records the function: outputs from parameters and inputs, all variables of `tape` (of double precision).
- * Batched inputs have shape (B, port.shape...). A failure sticks to the tape or is returned. */
+/* The C code of a function: records the outputs, computed from parameters and inputs. `tape` is of double
+ * precision. `parameters` and `inputs` are variables on it; batched inputs have shape (B, port.shape...).
+ * Returns LG_OK, or a status for a failure that the tape does not know. */
 typedef lg_status (*lg_record_function)(void *user, lg_tape *tape, const lg_var *parameters,
                                         const lg_var *inputs, lg_var *outputs);
 
@@ -63,23 +76,27 @@ typedef struct lg_function_spec {
     const char *name; /* a C identifier, unique in the program */
     const lg_port *inputs;
     size_t input_count; /* at least 1 */
-    const lg_port
-        *outputs;        /* names and units; shape and `shared` are found by recording: (B, ...) is batched */
+    /* Only names and units are read. The recordings show the shape of an output, and whether it is batched:
+     * its first axis is then B. */
+    const lg_port *outputs;
     size_t output_count; /* at least 1 */
     lg_record_function record;
-    void *user;
+    void *user; /* passed to `record` */
 } lg_function_spec;
 
-/* To be used inside of a recording for lg_program_build: calls a function that the same program already has
- * and returns one of its outputs. The tape records the function's operations, as lg_program_record does. The
- * program keeps a call: its C, and plans with lg_plan_options.calls, contain the called function once,
- * however often it is called. Inputs: as many as the function has. Errors stick to the tape: LG_NOT_FOUND (no
- * such function or output so far, or no recording), those of lg_program_record. */
+/* Calls another function of the same program, and returns its output number `output`. It may only be used
+ * inside of lg_function_spec.record while lg_program_build runs, and the called function must stand before
+ * this one in the program. `inputs` has as many variables as that function has inputs. On the tape the
+ * operations of the called function are recorded, as by lg_program_record. The program, however, stores a
+ * call: in C, and in plans with lg_plan_options.calls, the code of the called function exists only once,
+ * however often it is called. Errors are kept by the tape: LG_NOT_FOUND (no such function or output so far,
+ * or lg_program_build does not run), the errors of lg_program_record. */
 LG_API lg_var lg_program_call(lg_tape *tape, const char *function, size_t output, const lg_var *inputs);
-/* Number of direct calls of `callee` in `function`. */
+/* Returns how many calls of the function number `callee` stand in the function number `function`; calls
+ * inside of called functions are not counted. */
 LG_API size_t lg_program_calls(const lg_program *program, size_t function, size_t callee);
 
-/* A tensor of weights. */
+/* A parameter of a program: a named tensor. */
 typedef struct lg_parameter_spec {
     const char *name; /* a C identifier, unique in the program */
     lg_shape shape;
@@ -92,91 +109,117 @@ typedef struct lg_program_spec {
     size_t parameter_count; /* may be 0 */
     const lg_function_spec *functions;
     size_t function_count;   /* at least 1 */
-    const char *description; /* a sentence or more, at most 4095 bytes; NULL: none */
+    const char *description; /* one or more sentences, at most 4095 bytes; NULL: none */
 } lg_program_spec;
 
 LG_API void lg_program_spec_init(lg_program_spec *spec);
-/* Errors, explained in `error` (may be NULL) with function, operation and scope: LG_INVALID_ARGUMENT (names,
- * shapes, no functions, nothing to record), LG_UNSUPPORTED (what was recorded differs from one recording to
- * another, an operation that lives in the process only), LG_OUT_OF_MEMORY, the tape's and those of `record`.
- * The context must outlive the program. */
+/* Records all functions of `spec` and makes a program of them; the caller destroys it. `spec` is not kept.
+ * Errors, with the function, the operation and the scope in `error`: LG_INVALID_ARGUMENT (bad names or ports,
+ * no functions, an output that was not recorded), LG_SHAPE (an input is too large or its rank too high),
+ * LG_NOT_FINITE (a parameter or a constant), LG_UNSUPPORTED (the recordings differ, or an operation of the
+ * caller was used), LG_OUT_OF_MEMORY, the status of the tape or of `record`. */
 LG_API lg_status lg_program_build(const lg_context *context, const lg_program_spec *spec, lg_program **out,
                                   lg_error *error);
-/* Records one more function. Its recording may call all functions of the program (lg_program_call), also
- * loops and derivatives that were added after lg_program_build: a cost of a whole motion is a function that
- * calls a loop of steps. Errors as lg_program_build. On failure the program is as before. */
+/* Records one more function and adds it to the program. Its recording may call all functions that the program
+ * already has (lg_program_call), also loops and derivatives that were added after lg_program_build: the cost
+ * of a whole motion is a function that calls a loop of steps. Errors: those of lg_program_build. On failure
+ * the program is unchanged. */
 LG_API lg_status lg_program_add_function(lg_program *program, const lg_function_spec *function,
                                          lg_error *error);
-LG_API void lg_program_destroy(lg_program *program); /* NULL is fine */
+LG_API void lg_program_destroy(lg_program *program); /* NULL is allowed */
 
 /* ---- contents ---- */
 
-LG_API size_t lg_program_functions(const lg_program *program);
-LG_API const char *lg_program_function_name(const lg_program *program, size_t function); /* NULL beyond */
-LG_API lg_status lg_program_find(const lg_program *program, const char *name,
-                                 size_t *function); /* LG_NOT_FOUND */
-/* Ports of a function, borrowed; *count is set. NULL and 0 beyond. */
+LG_API size_t lg_program_functions(const lg_program *program); /* number of functions */
+/* Returns the name of a function; NULL for a number that is too large. */
+LG_API const char *lg_program_function_name(const lg_program *program, size_t function);
+/* Gives the number of the function with this name. Errors: LG_NOT_FOUND (no such function),
+ * LG_INVALID_ARGUMENT (NULL). */
+LG_API lg_status lg_program_find(const lg_program *program, const char *name, size_t *function);
+/* Return the ports of a function and set *count to their number; NULL and 0 for a number that is too
+ * large. */
 LG_API const lg_port *lg_program_inputs(const lg_program *program, size_t function, size_t *count);
 LG_API const lg_port *lg_program_outputs(const lg_program *program, size_t function, size_t *count);
-LG_API size_t lg_program_parameters(const lg_program *program);
-/* Name, shape and values (borrowed) of parameter `index`; zeros beyond. */
+LG_API size_t lg_program_parameters(const lg_program *program); /* number of parameters */
+/* Returns name, shape and values of a parameter; a struct of zeros for a number that is too large. */
 LG_API lg_parameter_spec lg_program_parameter(const lg_program *program, size_t index);
-/* New values, count(shape) of them. Plans made before keep the old ones. LG_NOT_FOUND: no such parameter;
- * LG_NOT_FINITE. */
+/* Replaces the values of a parameter; `values` has lg_shape_count(shape) numbers, which are copied. Plans
+ * that were made before keep the old values. Errors: LG_NOT_FOUND (no such parameter), LG_NOT_FINITE,
+ * LG_INVALID_ARGUMENT (NULL). */
 LG_API lg_status lg_program_set_parameter(lg_program *program, size_t index, const double *values);
-LG_API const char *lg_program_description(const lg_program *program); /* "" for none */
-/* Operations in the function as it was recorded. */
+LG_API const char *lg_program_description(const lg_program *program); /* "" if there is none */
+/* Returns the number of operations of a function as it was recorded, before lg_plan_create simplifies it. */
 LG_API size_t lg_program_operations(const lg_program *program, size_t function);
 
 /* ---- on a tape ---- */
 
-/* Records function number `function` on a tape of either type. `parameters`: lg_program_parameters variables
- * of their shapes, for training; NULL: the stored values, as constants. Inputs as at the recording, with
- * B rows. outputs: as many variables as the function has. Errors stick to the tape: LG_SHAPE,
- * LG_STALE_HANDLE, LG_NOT_FOUND (function), those of operations. On failure outputs are untouched. */
+/* Records the operations of a function on a tape of either type. `parameters` has lg_program_parameters
+ * variables of the parameters' shapes, for example variables that are trained; NULL: the stored values are
+ * recorded as constants. `inputs` has one variable per input, with the shapes of lg_port_shape for a common
+ * number of rows B. `outputs` gets one variable per output. Errors are kept by the tape and returned; then
+ * `outputs` is unchanged: LG_SHAPE, LG_STALE_HANDLE, LG_NOT_FOUND (no such function), LG_INVALID_ARGUMENT
+ * (NULL), the errors of the operations. */
 LG_API lg_status lg_program_record(lg_tape *tape, const lg_program *program, size_t function,
                                    const lg_var *parameters, const lg_var *inputs, lg_var *outputs);
 
-/* ---- derivatives: further functions of the bundle ---- */
+/* ---- derivatives: further functions of the program ---- */
 
+/* What the new function computes. It has the inputs of the given function, followed by the inputs named here,
+ * and the outputs named here (but not the outputs of the given function). J is the Jacobian of the chosen
+ * outputs by the chosen inputs. Directions and tangents of a port, and its cotangents, have the shape of the
+ * port. <input> and <output> stand for names of chosen inputs and outputs. */
 typedef enum lg_derivative_kind {
-    LG_DERIVATIVE_FORWARD,            /* inputs, then fwd_<input> -> fwd_<output>: J times a direction */
-    LG_DERIVATIVE_ADJOINT,            /* inputs, then adj_<output> -> adj_<input>: J^T times a cotangent */
-    LG_DERIVATIVE_JACOBIAN,           /* inputs -> jac_<output>_<input> (count of output, count of input) */
-    LG_DERIVATIVE_JACOBIAN_OF_ADJOINT /* inputs, then adj_<output> -> jac_adj_<input>_<by>, <by> an input or
-                                         an adj_<output>: the Jacobian of the adjoint function */
+    /* J times a direction: further inputs fwd_<input> (the direction), outputs fwd_<output>. */
+    LG_DERIVATIVE_FORWARD,
+    /* J^T times a cotangent: further inputs adj_<output> (the cotangent), outputs adj_<input>. */
+    LG_DERIVATIVE_ADJOINT,
+    /* J itself: outputs jac_<output>_<input>, of shape (count of output, count of input) per row. */
+    LG_DERIVATIVE_JACOBIAN,
+    /* The Jacobian of the function of LG_DERIVATIVE_ADJOINT: further inputs adj_<output>, outputs
+     * jac_adj_<input>_<by>, where <by> is a chosen input or an adj_<output>. */
+    LG_DERIVATIVE_JACOBIAN_OF_ADJOINT
 } lg_derivative_kind;
 #define LG_DERIVATIVE_KIND_COUNT 4
 
 typedef struct lg_derivative {
     size_t size; /* sizeof(lg_derivative) */
     lg_derivative_kind kind;
-    const char *function;
-    const char *const *inputs; /* by which; NULL: all that are batched (adjoint: all) */
+    const char *function; /* name of the function to differentiate */
+    /* Names of the inputs to differentiate by. NULL: all inputs; for the two kinds of Jacobians all batched
+     * inputs. */
+    const char *const *inputs;
     size_t input_count;
-    const char *const *outputs; /* of which; NULL: all that are batched (forward, adjoint: all) */
+    /* Names of the outputs to differentiate. NULL: all outputs; for the two kinds of Jacobians all batched
+     * outputs. */
+    const char *const *outputs;
     size_t output_count;
-    const char *name; /* of the new function; NULL: fwd1_<function>, adj1_<...>, jac_<...>, jac_adj1_<...> */
+    const char *name; /* of the new function; NULL: fwd1_, adj1_, jac_ or jac_adj1_ and the function's name */
 } lg_derivative;
 
 LG_API void lg_derivative_init(lg_derivative *what);
-/* Adds the derivative as a function. A Jacobian differentiates each row of the output by the same row of the
- * input. A trial finds rows that depend on other rows; they are refused. All directions are rows of one
- * batch, and lg_plan computes once what does not depend on the direction. Errors: LG_INVALID_ARGUMENT,
- * LG_NOT_FOUND (function, input or output), LG_UNSUPPORTED (a Jacobian by a shared input or of a shared
- * output), LG_NOT_DIFFERENTIABLE, LG_OUT_OF_MEMORY. On failure the program is as before. */
+/* Adds the derivative to the program, as a new function. A Jacobian is of each row of the outputs by the same
+ * row of the inputs. So an output row must not depend on other rows of the inputs: this is tried at random
+ * points, and refused if it does. The Jacobian's columns (or rows) are computed as additional rows of one
+ * batch, and lg_plan_create makes sure that what they have in common is computed only once. On failure the
+ * program is unchanged. Errors: LG_INVALID_ARGUMENT (bad struct or name, nothing to differentiate, too many
+ * ports), LG_NOT_FOUND (no such function, input or output), LG_UNSUPPORTED (a Jacobian by a shared input or
+ * of a shared output, or rows depend on other rows), LG_NOT_DIFFERENTIABLE, LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_program_derive(lg_program *program, const lg_derivative *what, lg_error *error);
 
-/* Structural sparsity, whatever the parameters: pattern[a * n + b] = 1 where element a of one row of the
- * output may depend on element b of the same row of the input (n elements), else 0; `pattern` has
- * count(output) n bytes, shared ports count as a whole. Of a derived function, of its own outputs: J of
- * `value` is nonzero only where `value` itself depends, the Jacobian of `adj1_value` only where `adj1_value`
- * does. Errors: LG_NOT_FOUND (function, output, input), LG_OUT_OF_MEMORY. */
+/* Finds out which elements of an output depend on which elements of an input, whatever the values of the
+ * parameters are. pattern[a * n + b] = 1 if element a of one row of the output may depend on element b of the
+ * same row of the input, else 0; n is the number of elements of the input's row. `pattern` has n bytes per
+ * element of the output. A shared port counts as one row. Note that a derived function has its own pattern:
+ * an entry of the Jacobian of `value` can only be nonzero where the pattern of `value` is 1, and an entry of
+ * the Jacobian of `adj1_value` only where the pattern of `adj1_value` is 1. Every entry of a loop's pattern
+ * is 1. Errors: LG_NOT_FOUND (no such function, output or input), LG_INVALID_ARGUMENT (NULL),
+ * LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_program_sparsity(const lg_program *program, size_t function, size_t output, size_t input,
                                      unsigned char *pattern, lg_error *error);
 
 /* ---- loops ---- */
 
+/* Output `output` of one call becomes input `input` of the next call. */
 typedef struct lg_carry {
     const char *output, *input;
 } lg_carry;
@@ -184,132 +227,157 @@ typedef struct lg_carry {
 typedef struct lg_loop_spec {
     size_t size;          /* sizeof(lg_loop_spec) */
     const char *name;     /* of the new function */
-    const char *function; /* that is called; it must not be a loop */
-    size_t times;         /* 1 to 2^24 calls */
-    /* After each call output carry[j].output becomes input carry[j].input, whose port is equal. The other
-     * inputs stay the same. */
+    const char *function; /* the function that is called; it must not be a loop itself */
+    size_t times;         /* number of calls, 1 to 2^24 */
+    /* After each call, output carry[j].output becomes input carry[j].input, for j = 0..carry_count-1. The two
+     * ports must have equal shapes and be both batched or both shared. The other inputs stay the same in all
+     * calls. */
     const lg_carry *carry;
     size_t carry_count;
-    /* Outputs whose values of all calls are wanted. Output X becomes the further output X_path of shape
-     * (times, shape...), whose last entry equals X. */
+    /* Names of outputs whose values are wanted from all calls. For an output X of this list the loop has one
+     * more output, X_path, of shape (times, shape of X...). Its last entry equals X. */
     const char *const *path;
     size_t path_count;
 } lg_loop_spec;
 
-/* Adds a function that calls another function of the program again and again. It has the inputs and outputs
- * of the called function, then the paths. In plans and in C it is a loop; on a tape each call is recorded.
- * Errors: LG_INVALID_ARGUMENT (times, unequal ports, the called function is a loop), LG_NOT_FOUND (function,
- * input or output), LG_SHAPE (a path of too high a rank or too large), LG_OUT_OF_MEMORY. On failure the
- * program is as before. */
+/* Adds a function that calls another function of the program `times` times, one call after the other. It has
+ * the inputs and outputs of the called function, then one output per path; the outputs are those of the last
+ * call. In a plan and in C it is a loop; on a tape every call is recorded. On failure the program is
+ * unchanged. Errors: LG_INVALID_ARGUMENT (`times` out of range, the ports do not fit, an input is carried
+ * twice, or the called function is a loop), LG_NOT_FOUND (no such function, input or output), LG_SHAPE (a path
+ * has more than three axes besides the batch axis, or is too large), LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_program_add_loop(lg_program *program, const lg_loop_spec *loop, lg_error *error);
 
 /* ---- running ---- */
 
-/* A function prepared for a number of rows and a type. It has only the operations that the outputs need,
- * values that depend on parameters alone are computed in advance, equal subexpressions are computed once, and
- * memory is packed. Immutable: threads may share it, each with work memory of its own. It keeps nothing of
- * the program. */
+/* A plan is a function that was prepared for a fixed number of rows and a type. It contains only the
+ * operations that the outputs need; values that depend on parameters alone are computed in advance, equal
+ * subexpressions are computed once, and the work memory is packed. A plan does not change after its creation,
+ * so several threads may use it at once, each with its own work memory. It copies what it needs, so the
+ * program may be destroyed before the plan. */
 typedef struct lg_plan lg_plan;
 
 typedef struct lg_plan_options {
-    size_t size;      /* sizeof(lg_plan_options) */
-    size_t rows;      /* B >= 1; 1 */
-    lg_dtype dtype;   /* LG_F64; LG_F32: parameters are rounded, everything is computed in single precision */
-    bool mark_unfit;  /* true: a number of an input that is not finite makes all outputs NaN */
-    bool compact;     /* true: small tensors too are computed in loops, not written out */
-    bool packed;      /* true: less work memory, its tensors are not aligned to 64 bytes; slower */
-    bool calls;       /* true: all calls share one plan of the called function; false: calls are inlined */
-    size_t max_size;  /* of constants and of work memory; planning takes up to four times as much; 1 GiB.
-                        * Beyond: LG_OUT_OF_MEMORY */
-    double most_work; /* most operations on numbers in a run, and in computing constants; 1e13. Beyond:
-                        * LG_UNSUPPORTED, with the number in the sentence */
+    size_t size;     /* sizeof(lg_plan_options) */
+    size_t rows;     /* B, the number of rows, >= 1; default 1 */
+    lg_dtype dtype;  /* default LG_F64; LG_F32: rounds the parameters and computes in single precision */
+    bool mark_unfit; /* true: if any number of an input is not finite, all outputs become NaN */
+    bool compact;    /* true: loops also for small tensors, instead of one instruction per element */
+    bool packed;     /* true: less work memory, but tensors in it are not aligned to 64 bytes; slower */
+    bool calls;      /* true: all calls of a function share one plan of it; false: calls are inlined */
+    /* Limit in bytes on the constants, and on the work memory; beyond it LG_OUT_OF_MEMORY. lg_plan_create
+     * itself needs up to four times as much. Default 1 GiB. */
+    size_t max_size;
+    /* Limit on the number of operations on numbers in one evaluation, and for computing the constants; beyond
+     * it LG_UNSUPPORTED, with the number in the message. Default 1e13. */
+    double most_work;
 } lg_plan_options;
 
 LG_API void lg_plan_options_init(lg_plan_options *options);
-/* `options` NULL: the defaults. Errors: LG_INVALID_ARGUMENT, LG_NOT_FOUND (function), LG_SHAPE (this number
- * of rows does not fit), LG_OUT_OF_MEMORY, LG_UNSUPPORTED (most_work). */
+/* Makes a plan of a function; the caller destroys it. `options` NULL means the defaults. The program's
+ * context must outlive the plan. Errors: LG_INVALID_ARGUMENT (options), LG_NOT_FOUND (no such function),
+ * LG_SHAPE (the function does not work with this number of rows), LG_OUT_OF_MEMORY, LG_UNSUPPORTED
+ * (most_work). */
 LG_API lg_status lg_plan_create(const lg_program *program, size_t function, const lg_plan_options *options,
                                 lg_plan **out, lg_error *error);
-LG_API void lg_plan_destroy(lg_plan *plan); /* NULL is fine */
-/* Bytes, to be aligned to 64. */
+LG_API void lg_plan_destroy(lg_plan *plan); /* NULL is allowed */
+/* Returns the size in bytes of the work memory for lg_plan_eval. It must be aligned to 64 bytes. */
 LG_API size_t lg_plan_work_size(const lg_plan *plan);
-/* Elements of an input or output for all rows; 0 beyond. */
+/* Return the number of elements of an input or output, for all rows; 0 for a number that is too large. */
 LG_API size_t lg_plan_input_count(const lg_plan *plan, size_t input);
 LG_API size_t lg_plan_output_count(const lg_plan *plan, size_t output);
-/* inputs[i], outputs[j]: elements of the plan's type, row after row; outputs[j] NULL: not wanted. Outputs
- * overlap neither inputs nor work. Allocates nothing, takes no lock, cannot fail: a matrix that is not
- * positive definite makes its rows NaN. */
+/* Evaluates the function. inputs[i] and outputs[j] are arrays of the plan's type, row after row. outputs[j]
+ * may be NULL if this output is not wanted. Outputs must not overlap inputs or `work`. It allocates nothing,
+ * takes no lock and cannot fail. If a matrix of lg_spd_solve is not positive definite, the results of its row
+ * are NaN. */
 LG_API void lg_plan_eval(const lg_plan *plan, const void *const *inputs, void *const *outputs, void *work);
 
-/* Plan and evaluation in one, for set-ups and tries: `function` for `rows` rows in double precision; arrays
- * as lg_plan_eval has them, one for each input and output. Allocates. Errors: LG_NOT_FOUND (function),
- * LG_INVALID_ARGUMENT (NULL), those of lg_plan_create. */
+/* Makes a plan of a function for `rows` rows in double precision, evaluates it and destroys it: convenient
+ * for single evaluations. `inputs` and `outputs` have one array per port, as in lg_plan_eval. Errors:
+ * LG_NOT_FOUND (no such function), LG_INVALID_ARGUMENT (NULL), the errors of lg_plan_create. */
 LG_API lg_status lg_program_eval(const lg_context *context, const lg_program *program, const char *function,
                                  size_t rows, const double *const *inputs, double *const *outputs,
                                  lg_error *error);
 
 /* ---- C ---- */
 
-/* Functions as source that is C99 and C++14, needs libm alone, allocates nothing and keeps no state: the
- * steps of a plan of one row, made in double precision. A file NAME.h has `sizes` and `declarations` (in
- * extern "C"); NAME.c begins with #include "NAME.h", then `arrays`, then `code`; NAME_weights.c has the same,
- * and `weights` instead of `code`. */
+/* Writes functions as source code that is both C99 and C++14. The code needs only libm, allocates nothing and
+ * keeps no state. It has the steps of a plan of one row, which is made in double precision even if the code
+ * is in single precision.
+ *
+ * The texts that lg_program_write_c makes are meant for three files. NAME.h has `sizes`, then `declarations`
+ * in extern "C". NAME.c has #include "NAME.h", then `arrays`, then `code`. NAME_weights.c has #include
+ * "NAME.h", then `arrays`, then `weights`. */
 typedef struct lg_c_options {
-    size_t size;              /* sizeof(lg_c_options) */
-    const char *name;         /* a C identifier, with which all that is visible begins */
-    lg_dtype dtype;           /* of the code; LG_F64 */
-    const size_t *functions;  /* which, by number */
-    size_t function_count;    /* 0: all */
-    const char *const *names; /* of those functions in C, C identifiers; NULL, also one of them: its own */
-    const bool *hidden; /* which of them are static and not declared, for code behind them; NULL: none */
-    bool mark_unfit;    /* true (the default): as lg_plan_options has it */
-    bool compact;       /* likewise, false: less code, slower where tensors are small */
+    size_t size;             /* sizeof(lg_c_options) */
+    const char *name;        /* NAME: a C identifier; all visible names of the code begin with it */
+    lg_dtype dtype;          /* type of the numbers in the code; default LG_F64 */
+    const size_t *functions; /* numbers of the functions to write */
+    size_t function_count;   /* 0: all functions are written */
+    /* The next two are only read if function_count > 0. names: the names of the functions in C; NULL, or an
+     * entry NULL: the name in the program. hidden: true for a function that becomes static and is not
+     * declared in `declarations`, for use by code behind `code` in the same file; NULL: none. */
+    const char *const *names;
+    const bool *hidden;
+    bool mark_unfit; /* as in lg_plan_options; default true */
+    bool compact;    /* as in lg_plan_options; default false. true: less code, but slower for small tensors */
 } lg_c_options;
 LG_API void lg_c_options_init(lg_c_options *options);
 
+/* The texts, which end with a null byte, and what a caller must know about the code. */
 typedef struct lg_c_source {
     const lg_context *context;
-    char *sizes; /* typedef ... NAME_real; #define NAME_<function>_WORK_SIZE, NAME_WORK_SIZE: the largest */
-    /* void NAME_<function>(const NAME_real *<input>, ..., NAME_real *<output>, ..., NAME_real *work); for one
-     * row. An output may be NULL: not wanted. work: numbers, any contents before, none of use after. Outputs
-     * overlap neither inputs nor work. Names in capitals alone get a _. */
+    /* The type NAME_real, and macros NAME_<function>_WORK_SIZE (numbers of work memory of a function) and
+     * NAME_WORK_SIZE (the largest of them). */
+    char *sizes;
+    /* For each function: void NAME_<function>(const NAME_real *<input>, ..., NAME_real *<output>, ...,
+     * NAME_real *work). It computes one row. An output may be NULL if it is not wanted. `work` has
+     * NAME_<function>_WORK_SIZE numbers; their values do not matter before the call or after it. Outputs must
+     * not overlap inputs or `work`. The name of a C parameter is the port's name; it gets a trailing _ if it
+     * has no lower-case letter, is "work" or begins with NAME_. */
     char *declarations;
-    char *arrays;     /* extern const ... NAME_weights[...]; "" where there are none */
-    char *code;       /* prelude, functions of operations, functions of the program */
-    char *weights;    /* what `arrays` declares: each number once, whichever functions read it */
-    size_t functions; /* that are written */
-    size_t *function, *work, *depth; /* by function: its number, numbers of work memory, and operations one
-                                        after another at most, a sum of n terms as log2 n + 1 */
-    size_t work_size, most_depth;    /* the largest */
-    size_t stack_size;        /* bytes: bound on the frames of functions that call each other (gcc, clang,
-                                        -O0 to -O3) */
-    size_t stack_calls;       /* so many functions, or fewer, call each other */
-    size_t numbers, integers; /* in the arrays */
-    size_t lost; /* of LG_F32: numbers below 1.2e-38, not 0, that lose digits or become 0: a warning is due */
+    char *arrays;  /* declarations of arrays: extern const ... NAME_weights[...]; "" if there are none */
+    char *code;    /* macros, functions of operations, and the functions of the program */
+    char *weights; /* definitions of these arrays; a number that several functions read stands there once */
+    size_t functions; /* number of functions that were written; length of the next three arrays */
+    /* Per written function: its number in the program; its numbers of work memory; and the length of its
+     * longest chain of dependent operations, where a sum of n terms counts as log2 n + 1 operations. */
+    size_t *function, *work, *depth;
+    size_t work_size, most_depth; /* largest entry of `work` and of `depth` */
+    size_t stack_size;  /* upper bound in bytes on the stack that a call needs (gcc and clang, -O0 to -O3) */
+    size_t stack_calls; /* upper bound on the depth of nested function calls */
+    size_t numbers, integers; /* elements of the arrays of numbers and of integers */
+    /* For LG_F32: how many numbers other than 0 are below 1.2e-38 in magnitude, so that they lose digits or
+     * become 0. The user should be warned if there are any. */
+    size_t lost;
 } lg_c_source;
 
-/* Errors: LG_INVALID_ARGUMENT (options, a name that C or the code has already), LG_NOT_FOUND (a function),
- * LG_UNSUPPORTED (an operation without C, a tensor of 2^31 elements), LG_NOT_FINITE, LG_OUT_OF_MEMORY; those
- * of lg_plan_create. */
+/* Writes functions of a program as C; the caller destroys *out. `options` must not be NULL. Errors:
+ * LG_INVALID_ARGUMENT (options, or a name that is a word of C or is used by the code itself), LG_NOT_FOUND
+ * (no such function), LG_UNSUPPORTED (an operation that cannot be written in C, or a tensor with 2^31
+ * elements or more), LG_NOT_FINITE (a constant is not finite in the type of the code), LG_OUT_OF_MEMORY, the
+ * errors of lg_plan_create. */
 LG_API lg_status lg_program_write_c(const lg_program *program, const lg_c_options *options, lg_c_source **out,
                                     lg_error *error);
-LG_API void lg_c_source_destroy(lg_c_source *source); /* NULL is fine */
+LG_API void lg_c_source_destroy(lg_c_source *source); /* NULL is allowed */
 
 /* ---- programs as plain data ----
  *
- * Functions of a program as plain data, as files hold them. For code that stores, inspects or translates
- * programs.
+ * An image is a function as plain data, in the form in which files hold it. It is meant for code that stores,
+ * inspects or translates programs.
  *
- * An operation is identified by its name and the revision of its meaning. liegrad/ops.h says what each one
- * computes; docs/files.md has names, attributes and formulas. Three operations are leaves without inputs:
- *   `input`      whole[0].base is the number of the input
- *   `parameter`  whole[0].base is the number of the parameter
- *   `constant`   element j is reals[j % real_count]
- * `call` takes the inputs of the earlier function number whole[0].base and gives its output whole[1].base.
+ * An operation is identified by its name and by a revision, which increases when the meaning of the operation
+ * changes. liegrad/ops.h says what each operation computes; docs/files.md lists names, attributes and
+ * formulas. Besides these operations there are three leaves, which have no inputs, and the call:
+ *   `input`      is input number whole[0].base of the function
+ *   `parameter`  is parameter number whole[0].base of the program
+ *   `constant`   has the elements reals[j % real_count], j = 0, 1, ...
+ *   `call`       is output number whole[1].base of function number whole[0].base, called with the operation's
+ *                inputs; that function stands earlier in the program
  *
- * Nothing is lost: lg_program_add_image of an image makes an equal function. */
+ * An image holds everything: lg_program_add_image makes an equal function from it. */
 
-/* The number base + rows B, where B is the number of rows of the batch. */
+/* A number that depends on the number of rows B: base + rows B. */
 typedef struct lg_affine {
     int64_t base, rows;
 } lg_affine;
@@ -318,17 +386,19 @@ typedef struct lg_affine {
 
 typedef struct lg_operation {
     const char *name;
-    uint32_t revision;      /* of the operation's meaning, from 1 on */
-    const uint32_t *inputs; /* (input_count): operations before this one, by their place in the list */
+    uint32_t revision;      /* at least 1 */
+    const uint32_t *inputs; /* (input_count): places of earlier operations in lg_function_image.operations */
     uint32_t input_count;
     uint32_t rank;
-    lg_affine shape[LG_MAX_RANK]; /* of the output; 0 beyond the rank */
+    lg_affine shape[LG_MAX_RANK]; /* of the output; unused axes are 0 */
+    /* Attributes of the operation: whole numbers and one real number. Their meaning depends on the
+     * operation. */
     lg_affine whole[LG_WHOLE_COUNT];
     double real;
-    lg_affine reciprocal; /* not 0: 1/reciprocal is used instead of `real` */
-    const double *reals;  /* (real_count): numbers of a constant, coefficients */
+    lg_affine reciprocal; /* if not 0, the real attribute is 1/reciprocal (for a mean over the batch) */
+    const double *reals;  /* (real_count): the numbers of a constant, or the coefficients of an operation */
     uint32_t real_count;
-    const uint32_t *indices; /* (index_count) */
+    const uint32_t *indices; /* (index_count): the indices of a gather or scatter */
     uint32_t index_count;
 } lg_operation;
 
@@ -340,9 +410,10 @@ typedef struct lg_function_image {
     size_t output_count;
     lg_operation *operations;
     size_t operation_count;
-    const uint32_t *results; /* (output_count): the operation of each output */
-    /* times > 0: the function is a loop without operations. It calls function number `callee` of the program
-     * `times` times. After a call output carry[i] becomes input i; LG_CARRY_NONE: input i stays. */
+    const uint32_t *results; /* (output_count): for each output, the place of its operation */
+    /* If times > 0, the function is a loop and has no operations: it calls function number `callee` of the
+     * program `times` times. After each call, output carry[i] becomes input i; if carry[i] is LG_CARRY_NONE,
+     * input i stays the same. */
     uint32_t times, callee;
     const uint32_t *carry; /* (input_count) */
     /* The loop's last path_count outputs hold output path[k] of the callee from all calls,
@@ -352,66 +423,76 @@ typedef struct lg_function_image {
 } lg_function_image;
 #define LG_CARRY_NONE UINT32_MAX
 
-/* The image borrows everything except `operations` from the program, which must outlive it. Memory comes from
- * the program's context. Errors: LG_NOT_FOUND (no such function), LG_OUT_OF_MEMORY. */
+/* Makes the image of a function; the caller destroys it. The image owns the array `operations`; everything
+ * else is borrowed from the program, which must outlive the image. Errors: LG_NOT_FOUND (no such function),
+ * LG_INVALID_ARGUMENT (NULL), LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_function_image_create(const lg_program *program, size_t function,
                                           lg_function_image **out);
-LG_API void lg_function_image_destroy(lg_function_image *image); /* NULL is fine */
+LG_API void lg_function_image_destroy(lg_function_image *image); /* NULL is allowed */
 
-/* A program with parameters and a description, whose functions lg_program_add_image adds: `spec` has none.
- * Errors, with a sentence: the same as lg_program_build. */
+/* Makes a program that has parameters and a description, but no functions: these are added by
+ * lg_program_add_image. spec->function_count must be 0. Errors: LG_INVALID_ARGUMENT, LG_NOT_FINITE (a
+ * parameter), LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_program_begin(const lg_context *context, const lg_program_spec *spec, lg_program **out,
                                   lg_error *error);
 
-/* Copies the function into the program. Everything is checked: names, order, numbers of inputs, shapes,
- * attributes, payloads, finite numbers. Errors, with a sentence: LG_INVALID_ARGUMENT (names), LG_SHAPE
- * (ports), LG_FORMAT (operations), LG_VERSION (an operation of a later revision), LG_NOT_FINITE,
- * LG_OUT_OF_MEMORY. On failure the program is as before. */
+/* Adds a copy of the function to the program. Everything is checked: names, the order of operations, numbers
+ * of inputs, shapes, attributes, coefficients and indices, and that numbers are finite. On failure the
+ * program is unchanged. Errors: LG_INVALID_ARGUMENT (names or numbers of ports), LG_SHAPE (ports), LG_FORMAT
+ * (operations), LG_VERSION (a revision that this library does not know yet), LG_NOT_FINITE,
+ * LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_program_add_image(lg_program *program, const lg_function_image *image, lg_error *error);
 
 /* ---- functions as bytes ----
  *
- * A function as the data set /functions/NAME of a file holds it; its name is not among the bytes.
+ * The bytes of a function, as they stand in the data set /functions/NAME of a file. NAME is not among the
+ * bytes. The format is built from these elements:
  *
- *   whole     a number from 0 on: seven bits a byte, the lowest first; all bytes but the last have bit 8 set
- *   folded    a whole for a number that may be negative: 0, -1, 1, -2, ... are 0, 1, 2, 3, ...
- *   affine    whole 2 z + s, z the folded base; the folded rows follow if s is 1, else they are 0
- *   real      whole n, then n of the number's 8 bytes (IEEE 754, the lowest first): the lowest 8 - n are 0
- *   text      whole n <= 64, then n bytes. An empty unit is not known; names have letters, digits and _
+ *   whole     a number >= 0: seven bits per byte, the lowest first; the eighth bit is 1 in all but the last
+ *   folded    a whole for a number that may be negative: 0, -1, 1, -2, ... are stored as 0, 1, 2, 3, ...
+ *   affine    whole 2 z + s, where z is the folded base. If s = 1 the folded rows follow; if s = 0 they are 0
+ *   real      whole n, then n of the number's 8 bytes (IEEE 754), lowest first; the lowest 8 - n bytes are 0
+ *   text      whole n <= 64, then n bytes. Names have letters, digits and _; a unit of 0 bytes: unknown
  *   port      text name, text unit, whole 2 rank + shared, rank wholes (the shape), real low, real high
- *   operation whole k, whole m, fields. k counts the different operations, names with revisions, from 0 on;
- *             text name and whole revision follow a k that is new. Bit j of m: field j follows; fields that
- *             do not are 0 or empty:
- *               0 inputs: whole n, n wholes: how many operations back it lies, 1 for the one before
+ *   operation whole k, whole m, fields. k is the number of the pair (name, revision): pairs are numbered from
+ *             0, in the order in which they occur first. After a k that occurs for the first time stand text
+ *             name and whole revision. If bit j of m is set, field j follows; a field that does not follow is
+ *             0 or empty. The fields are:
+ *               0 inputs: whole n, n wholes: how many places back the input stands, 1 for the place before
  *               1 shape: whole rank, rank affines      2 to 5 whole[0] to whole[3]: affines      6 real: real
  *               7 reals: whole n, n reals     8 indices: whole n, n wholes     9 reciprocal: affine
- *   function  whole 1 or 2 (the version), whole n, n ports (inputs), whole n, n ports (outputs), whole times.
- *             times 0: whole n, n operations, for each output a whole: its operation.
- *             Else a loop: whole callee, for each input a whole: its carry.
- *             Version 2, a loop with paths: then whole n, n wholes: path */
+ *   function  whole v (version of the format), whole n, n ports (inputs), whole n, n ports (outputs), whole
+ *             times. If times is 0: whole n, n operations, then one whole per output: the place of its
+ *             operation. Else (a loop): whole callee, then one whole per input: its carry. v is 1, or 2 for
+ *             a loop with paths, after whose carries follow whole n, n wholes: the outputs of the paths */
 
-/* Writes the function to `bytes`, which has room for *size; *size becomes how many they are. NULL: only that.
- * Errors: LG_INVALID_ARGUMENT, with a sentence (no room; names, counts or numbers that cannot be). */
+/* Writes the bytes of a function to `bytes`, which has room for *size bytes. *size becomes the number of
+ * bytes written. If `bytes` is NULL, nothing is written and *size becomes the number of bytes needed. Errors:
+ * LG_INVALID_ARGUMENT (not enough room, or names, counts or numbers that the format cannot hold). */
 LG_API lg_status lg_function_pack(const lg_function_image *image, void *bytes, size_t *size, lg_error *error);
 
-/* The image of `size` bytes, which may come from strangers; lg_program_add_image checks what it means. The
- * image owns its memory, at most *memory bytes; *memory is reduced by the bytes taken. The sentence of an
- * error has function, operation and field. Errors: LG_FORMAT (the bytes end too early or too late, more
- * numbers than they hold or *memory allows, bad texts), LG_VERSION, LG_OUT_OF_MEMORY. On failure *out and
- * *memory are untouched. */
+/* Makes an image from `size` bytes; the caller destroys it. The bytes may come from an untrusted source. Only
+ * the format is checked here; lg_program_add_image checks the meaning. The image owns all its memory: at most
+ * *memory bytes, and *memory is reduced by the bytes that it takes. The message of an error names function,
+ * operation and field. On failure *out and *memory are unchanged. Errors: LG_FORMAT (too few or too many
+ * bytes, counts that are larger than the bytes or *memory allow, bad texts), LG_VERSION, LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_function_unpack(const lg_context *context, const char *name, const void *bytes,
                                     size_t size, size_t *memory, lg_function_image **out, lg_error *error);
 
 /* ---- files of programs (library liegrad_io) ---- */
 
-/* Kind "program": parameters, functions and operations as they were recorded, numbers to the last bit;
- * docs/files.md has the layout. A loaded program makes plans, derivatives and C with the same bits, and the
- * same bytes when it is saved again. `provenance` may be NULL. The program keeps the context. */
+/* Saves a program as a file of kind "program": parameters, and functions with the operations as they were
+ * recorded. No bit of a number is lost. docs/files.md describes the layout. A program that is loaded from the
+ * file makes plans, derivatives and C code that are equal to the last bit, and the same file when it is saved
+ * again. `provenance` (liegrad/files.h) may be NULL. Errors: LG_FILE, LG_INVALID_ARGUMENT (NULL),
+ * LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_program_save(const lg_context *context, const char *path, const lg_program *program,
                                  const lg_provenance *provenance, lg_error *error);
-/* Loads the functions of a program or of a model. Checks everything as lg_program_add_image
- * (liegrad/program_image.h) does for memory: a program that loads is sound. All arrays together are within
- * options->max_size. LG_FORMAT also for unknown operations, LG_VERSION for operations of a later revision. */
+/* Loads the program from a file of kind "program", or the program that is part of a model file; the caller
+ * destroys it. The context must outlive the program. Everything is checked as by lg_program_add_image, so a
+ * program that loads can be used without further checks. All arrays together must fit into options->max_size
+ * (liegrad/files.h). Errors: LG_NOT_FOUND or LG_FILE (the file), LG_FORMAT (also an unknown operation),
+ * LG_VERSION (also an operation of a later revision), LG_INVALID_ARGUMENT (NULL), LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_program_load(const lg_context *context, const char *path, const lg_read_options *options,
                                  lg_program **out, lg_error *error);
 
