@@ -11,9 +11,9 @@
  *     order h^4).
  *   - Both modes agree: <c, J d> = <J^T c, d> up to rounding.
  *   - lg_backward equals lg_vjp up to rounding.
- * For the second order the same tests are made for the function G(x, c) = J(x)^T c. In addition <c, D^2 f[d,
- * e]> = <d, H e> = <e, H d> for another direction e, where H is the Hessian of <c, f>; the left side is
- * computed as the jvp of a jvp and as the vjp of a jvp.
+ * For the second order the same tests are made for the function G(x, c) = J(x)^T c. A further test is that
+ * <c, D^2 f[d, e]> = <d, H e> = <e, H d> for another direction e, where H is the Hessian of <c, f>; the left
+ * side is computed as the jvp of a jvp and as the vjp of a jvp.
  *
  * If an argument lies on a manifold, a direction d is an element of the Lie algebra, and x(h) = exp(h d) . x
  * is computed by the callback `perturb`.

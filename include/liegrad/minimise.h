@@ -1,5 +1,5 @@
-/* Unconstrained minimisation of f(x) from values and gradients, for smooth functions of some thousand
- * variables.
+/* Unconstrained minimisation of a smooth function f(x) of up to some thousand variables, from its values and
+ * gradients; nonlinear least squares; linear least squares from sums over rows. Library liegrad.
  *
  *   static lg_status bowl(void *user, const double *x, double *value, double *gradient) {
  *       *value = x[0] * x[0] + 10 * x[1] * x[1], gradient[0] = 2 * x[0], gradient[1] = 20 * x[1];
@@ -9,28 +9,36 @@
  *   lg_minimise_result result;
  *   lg_status status = lg_minimise(NULL, 2, bowl, NULL, NULL, x, &result, &error);
  *
- * All arithmetic is in double, on the caller's thread, in a fixed order: an objective with the same bits
- * gives the same path. SSBroyden and L-BFGS take a direction d = -H g and a step x + alpha d that satisfies
- * the weak Wolfe conditions
+ * In all comments n is the number of variables and g the gradient of f. All arithmetic is in double
+ * precision, on the caller's thread and in a fixed order: if the objective returns the same bits, the run
+ * takes the same path.
+ *
+ * Search. LG_MINIMISE_SSBROYDEN and LG_MINIMISE_LBFGS keep an approximation H of the inverse Hessian. They
+ * step along d = -H g, to x + alpha d. The step length alpha satisfies the weak Wolfe conditions
  *   f(x + alpha d) <= f(x) + 1e-4 alpha g.d,   g(x + alpha d).d >= 0.9 g.d,
- * found by cubic interpolation. A failing search restarts from H = 1.
+ * and is found by cubic interpolation. If a line search fails, the method starts again with H = 1.
  *
- * lg_minimise and lg_least_squares measure x by its start, |x_i|, and f by its gradient there: units do
- * not matter. (A variable that starts at 0 is measured by what f and its derivative say; where the
- * derivative is zero too, it counts as large as the largest of the others.) Where no step lowers f, or
- * many lower it by little, they look at the Hessian (n up to 200, L-BFGS about 2 memory) by differences of g
- * to both sides, 2 n evaluations. Where g is zero, differences to one side, n + 1 evaluations, are enough if
- * they foretell g on the other side, and show eigenvalues all above 1e-4 or one below -1e-4 of the diagonal.
- * The search then goes on along the Newton step or, from a saddle, down along the lowest eigenvector.
- * LG_MINIMISE_GRADIENT and LG_MINIMISE_ROUNDING then mean a minimum: the Hessian is positive semidefinite to
- * 1e-9 of its diagonal, and the Newton step lowers f by less than 1e-8 of it or than rounding of x changes f,
- * or moves x by less than 1e-8 of it. A plateau counts as a minimum: where the curvature changes f by less
- * than 1e-12 of it while x changes by its size, |x| and |x| at the start.
+ * Units. lg_minimise and lg_least_squares scale the problem, so that the result does not depend on the units
+ * of x and f: each x_i is divided by its start value |x_i|, and f by the size of its gradient at the start. A
+ * variable that starts at 0 gets a unit that changes f (in lg_least_squares: r) by about its own size, as its
+ * derivative tells. If that derivative is zero too, it gets the unit of the largest of the other variables.
  *
- * Of more variables Lanczos' method looks for a way down, at most 30 evaluations each time. It finds negative
- * curvature that 30 steps from a random direction show: more than 1e-4 of the largest curvature, of
- * variables divided by 1 + |x_i|, and surely from about a hundredth on. A saddle that is flatter than that
- * still counts as a minimum.
+ * Verification of a minimum. It is done with options.check and without ranks, when no step lowers f, when
+ * many steps have lowered it only little, or when g is zero. For n <= 200 (L-BFGS: n up to about 2 memory) it
+ * computes the Hessian from differences of g to both sides, by 2 n evaluations. Where g is zero, differences
+ * to one side, n + 1 evaluations, are enough if they predict g on the other side, and if all eigenvalues are
+ * above 1e-4 of the diagonal or one is below -1e-4 of it. Then the run ends, or goes on: along the Newton
+ * step, or from a saddle along the eigenvector of the lowest eigenvalue, downhill. So LG_MINIMISE_GRADIENT
+ * and LG_MINIMISE_ROUNDING mean a minimum: the Hessian is positive semidefinite to 1e-9 of its diagonal. In
+ * addition the Newton step would lower f by less than 1e-8 of f, or by less than rounding of x changes f, or
+ * it would move x by less than 1e-8 of x. A plateau counts as a minimum too: that is a point where the
+ * curvature changes f by less than 1e-12 of f when a variable changes by its magnitude plus its magnitude at
+ * the start.
+ *
+ * For more variables, Lanczos' method looks for a direction of negative curvature, with at most 30
+ * evaluations each time. The curvature is measured in the variables x_i/(1 + |x_i|). A direction is found if
+ * its negative curvature is more than 1e-4 of the largest curvature, and if 30 steps from a random direction
+ * show it; they surely do if it is more than about a hundredth. A saddle that is flatter counts as a minimum.
  */
 #ifndef LIEGRAD_MINIMISE_H
 #define LIEGRAD_MINIMISE_H
@@ -45,143 +53,173 @@ LG_BEGIN_DECLS
 
 typedef enum lg_minimise_method {
     /* Self-scaled Broyden family (Al-Baali; Urban, Stefanou, Pons, J. Comput. Phys. 523 (2025) 113656). H is
-     * dense: 8 n^2 bytes, and about 3 n^2 multiplications an iteration. */
+     * a dense matrix: it takes 8 n^2 bytes, and about 3 n^2 multiplications per iteration. */
     LG_MINIMISE_SSBROYDEN,
-    /* Limited memory BFGS (Nocedal 1980; Liu & Nocedal 1989): 16 n bytes for each pair remembered. */
+    /* Limited memory BFGS (Nocedal 1980; Liu & Nocedal 1989): 16 n bytes per stored pair (options.memory
+     * pairs). */
     LG_MINIMISE_LBFGS,
-    /* Levenberg-Marquardt for sums of squares (Marquardt 1963; damping after Nielsen 1999): the step solves
-     * (A + mu D) d = -g with the Gauss-Newton matrix A and the largest diagonal D that A has had (More
-     * 1978). For lg_least_squares. */
+    /* Levenberg-Marquardt for sums of squares (Marquardt 1963; damping after Nielsen 1999): the step d solves
+     * (A + mu D) d = -g, where A is the Gauss-Newton matrix, mu the damping and D the largest diagonal that A
+     * has had so far (More 1978). lg_minimise does not take it; use lg_least_squares or
+     * lg_minimiser_tell_squares. */
     LG_MINIMISE_LM
 } lg_minimise_method;
 #define LG_MINIMISE_METHOD_COUNT 3
 
 /* Why a run ended. */
 typedef enum lg_minimise_end {
-    LG_MINIMISE_RUNNING,
-    LG_MINIMISE_EVALUATIONS, /* options.evaluations */
-    LG_MINIMISE_SECONDS,     /* options.seconds */
+    LG_MINIMISE_RUNNING,     /* it has not ended */
+    LG_MINIMISE_EVALUATIONS, /* options.evaluations are used up */
+    LG_MINIMISE_SECONDS,     /* options.seconds are used up */
     LG_MINIMISE_GRADIENT,    /* max |g_i| <= options.gradient_tolerance */
-    LG_MINIMISE_SLOW,        /* 200 iterations (LM: 20) lowered f by less than 1e-4 of it */
-    LG_MINIMISE_ROUNDING,    /* no step lowers f, g agrees with f and the Hessian with a minimum; LM: a step
-                                 * would lower f by less than 1e-16 of it */
-    LG_MINIMISE_CANCELLED,   /* the context's flag, or the objective's LG_CANCELLED */
-    LG_MINIMISE_UNBOUNDED,   /* f falls without end along a direction */
-    LG_MINIMISE_NOT_FINITE,  /* f or g is NaN or infinite at the start */
+    LG_MINIMISE_SLOW,        /* with options.slow: 200 iterations (LM: 20) lowered f by less than 1e-4 f */
+    /* No step lowers f any more, because of rounding; g agrees with f, and the Hessian with a minimum. LM: a
+     * step would lower f by less than 1e-16 f. */
+    LG_MINIMISE_ROUNDING,
+    LG_MINIMISE_CANCELLED,      /* the context's cancel flag is set, or the objective returned LG_CANCELLED */
+    LG_MINIMISE_UNBOUNDED,      /* f falls without end along a direction */
+    LG_MINIMISE_NOT_FINITE,     /* f or g is NaN or infinite at the start */
     LG_MINIMISE_WRONG_GRADIENT, /* g disagrees with differences of f */
     LG_MINIMISE_WRONG_JACOBIAN, /* lg_least_squares: J disagrees with differences of r */
-    LG_MINIMISE_BARRIER,        /* no step lowers f, which is not finite beyond x */
-    LG_MINIMISE_STUCK,          /* no step lowers f, and the Hessian does not show a minimum */
-    LG_MINIMISE_LIMIT           /* 10000 evaluations without another end; options.evaluations is 0 */
+    LG_MINIMISE_BARRIER,        /* no step lowers f, because f is not finite beyond x */
+    LG_MINIMISE_STUCK,          /* no step lowers f, but the Hessian does not show a minimum */
+    LG_MINIMISE_LIMIT           /* 10000 evaluations did not lead to another end; options.evaluations is 0 */
 } lg_minimise_end;
 #define LG_MINIMISE_END_COUNT 14
-LG_API const char *lg_minimise_end_sentence(lg_minimise_end end); /* without a full stop; "" while running */
-/* LG_OK for ends that leave a usable x; else LG_CANCELLED, LG_NO_CONVERGENCE (unbounded, stuck, limit),
- * LG_NOT_FINITE, LG_CHECK_FAILED (wrong gradient or Jacobian). */
+/* Returns a sentence about the end, without a full stop; "" for LG_MINIMISE_RUNNING. Static storage. */
+LG_API const char *lg_minimise_end_sentence(lg_minimise_end end);
+/* Returns the status of an end: LG_CANCELLED (cancelled), LG_NO_CONVERGENCE (unbounded, stuck, limit),
+ * LG_NOT_FINITE (not finite at the start), LG_CHECK_FAILED (wrong gradient or Jacobian), and LG_OK for all
+ * other ends. */
 LG_API lg_status lg_minimise_end_status(lg_minimise_end end);
 
 typedef struct lg_minimise_options {
     size_t size;               /* sizeof(lg_minimise_options) */
-    lg_minimise_method method; /* LG_MINIMISE_SSBROYDEN */
-    uint32_t memory;           /* L-BFGS: 50 pairs, 1..1000 */
-    double gradient_tolerance; /* 0: only an exact zero */
-    /* true: g is compared with f along a line, at the start and where no step lowers f: 4 evaluations each,
-     * up to 16 where f is rough or before g is called wrong; the Hessian, or 30 products with it, verifies a
-     * minimum. Of
-     * lg_least_squares: J with r along a line at the start, 2 evaluations, 8 before it is called wrong. */
+    lg_minimise_method method; /* default LG_MINIMISE_SSBROYDEN; not read by lg_least_squares */
+    uint32_t memory;           /* L-BFGS: number of stored pairs, 1 to 1000; default 50 */
+    double gradient_tolerance; /* see LG_MINIMISE_GRADIENT; default 0: only if g is exactly zero */
+    /* true (default): compares g with differences of f along a random line, at the start and when no step
+     * lowers f. This takes 4 evaluations each time, and up to 16 if f is rough or before g is called wrong.
+     * It also verifies minima, as said above. lg_least_squares compares J with differences of r along a
+     * random line at the start: 2 evaluations, and 8 before J is called wrong. */
     bool check;
-    bool slow; /* true: LG_MINIMISE_SLOW ends; false */
-    /* Levenberg-Marquardt: the last blocks x block variables are blocks of `block` of which no two meet in a
-     * residual. They are eliminated: the cost grows with their number, not its cube. 0, 0. */
+    bool slow; /* true: a slow run ends with LG_MINIMISE_SLOW; default false */
+    /* Levenberg-Marquardt: the last `blocks` * `block` variables form blocks of `block` variables each, such
+     * that no residual depends on two of these blocks. The method eliminates the blocks, so its cost grows in
+     * proportion to their number, not to its third power. Default 0 and 0. */
     size_t blocks, block;
-    /* NULL: alone; else ranks that minimise together (liegrad/ranks.h): SSBroyden's H is divided over them by
-     * rows, all else is done by each. Every rank tells the same f and g. */
+    /* NULL (default): one process. Otherwise ranks that minimise together (liegrad/core.h): the rows of
+     * SSBroyden's H are divided over the ranks, and every rank does everything else. All ranks must tell the
+     * same f and g. */
     const lg_ranks *ranks;
-    /* Of lg_minimise alone. */
-    uint64_t evaluations; /* 0: at most 10000, and to use them up is a failure, LG_MINIMISE_LIMIT */
-    double seconds;       /* 0: no limit */
+    /* The next two are read by lg_minimise and lg_least_squares only. */
+    uint64_t evaluations; /* limit; 0 (default): 10000, and to reach it is a failure, LG_MINIMISE_LIMIT */
+    double seconds;       /* limit on the wall time; 0 (default): no limit */
 } lg_minimise_options;
 LG_API void lg_minimise_options_init(lg_minimise_options *options);
 
 typedef struct lg_minimise_result {
     lg_minimise_end end;
-    uint64_t evaluations, iterations; /* values and gradients taken; steps accepted */
+    uint64_t evaluations, iterations; /* evaluations of f and g; accepted steps */
     double value, gradient;           /* f and max |g_i| at x */
 } lg_minimise_result;
 
-/* f and its gradient (n) at x (n). A value or gradient that is not finite makes the search shorten its step;
- * so does a return of LG_NOT_FINITE. Other statuses stop the run and are returned. */
+/* The objective: computes f and its gradient (n) at x (n). It may return LG_NOT_FINITE, or a value or
+ * gradient that is not finite: then the line search shortens its step. Any other failure ends the run;
+ * lg_minimise returns this status. `user` is the pointer that lg_minimise got. */
 typedef lg_status (*lg_objective)(void *user, const double *x, double *value, double *gradient);
 
-/* Minimises from x (n doubles, in/out): on return x is the best point, also after an error. `options` NULL:
- * defaults; `result` may be NULL. Returns lg_minimise_end_status of the end, with its sentence in `error`, or
- * LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY, the objective's status. */
+/* Minimises f, starting from x (n). On return x is the best point, also after a failure during the run.
+ * `options` NULL means the defaults; `result` may be NULL. Returns lg_minimise_end_status of the end of the
+ * run, with its sentence in `error`. Further errors: LG_INVALID_ARGUMENT (NULL, or options out of range),
+ * LG_NOT_FINITE (x), LG_OUT_OF_MEMORY, the status of the objective. */
 LG_API lg_status lg_minimise(const lg_context *context, size_t n, lg_objective objective, void *user,
                              const lg_minimise_options *options, double *x, lg_minimise_result *result,
                              lg_error *error);
 
 /* ---- least squares ---- */
 
-/* r (m), and dr_i/dx_j at jacobian[i n + j], at x (n). As lg_objective otherwise. */
+/* Computes the residuals r (m) and their Jacobian at x (n): jacobian[i n + j] = dr_i/dx_j. Statuses and
+ * `user` are as in lg_objective. */
 typedef lg_status (*lg_residuals)(void *user, const double *x, double *r, double *jacobian);
 
-/* Minimises f = |r|^2 from x (n, in/out; n <= m) by Levenberg-Marquardt, with a QR decomposition of J: the
- * error of a step grows with the condition of J, not its square. options->method is not read; an evaluation
- * is one of r with its Jacobian. covariance (n, n), NULL or the covariance of x for independent residuals of
- * equal, unknown variance: |r|^2/(m - n) (J^T J)^-1; NaN where m = n or J^T J is singular to rounding (a
- * combination of the x cannot be identified). Errors: those of lg_minimise. */
+/* Minimises f = |r|^2 by Levenberg-Marquardt, starting from x (n); n <= m. On return x is the best point,
+ * also after a failure during the run. Each step uses a QR decomposition of J, so its error grows in
+ * proportion to the condition number of J, not to its square. An evaluation is one call of `residuals`.
+ *
+ * `covariance` (n, n) may be NULL. Otherwise it becomes the covariance of x, if the residuals have
+ * independent errors of equal, unknown variance: |r|^2/(m - n) (J^T J)^-1. It is NaN if m = n, or if J^T J is
+ * singular up to rounding, that is, if the data do not determine some combination of the variables. Errors:
+ * as in lg_minimise, and LG_INVALID_ARGUMENT for m < n. */
 LG_API lg_status lg_least_squares(const lg_context *context, size_t n, size_t m, lg_residuals residuals,
                                   void *user, const lg_minimise_options *options, double *x,
                                   double *covariance, lg_minimise_result *result, lg_error *error);
 
-/* The least |A x - y|^2 for each of `columns` vectors y at once, from sums over rows: the lower triangle of
- * matrix = A^T A (n, n), which is overwritten, and right = A^T y (columns, n), which becomes x. The diagonal
- * is first raised by `ridge` times itself, 1e-12 or more: columns of A that are combinations of others to
- * rounding share what is theirs, one of zeros gets 0. LG_CHECK_FAILED: the matrix is not positive definite
- * (NaN is not either); both are overwritten. */
+/* Linear least squares: minimises |A x - y|^2 for each of `columns` right sides y. It needs only sums over
+ * the rows of A: `matrix` = A^T A (n, n), of which the lower triangle is read, and `right` = A^T y (columns,
+ * n), one right side per row. `right` becomes x; `matrix` is overwritten. Each diagonal element is first
+ * multiplied by 1 + `ridge`, where `ridge` should be 1e-12 or more. So if some columns of A are linearly
+ * dependent up to rounding, the solution is divided among them, and a column of zeros gets x_i = 0. Errors:
+ * LG_CHECK_FAILED (the matrix is not positive definite or holds NaN; both arrays are overwritten),
+ * LG_INVALID_ARGUMENT (NULL). */
 LG_API lg_status lg_normal_equations(size_t n, size_t columns, double ridge, double *matrix, double *right);
 
-/* ---- ask and tell: the caller evaluates, and may save the state between any two evaluations ---- */
+/* ---- ask and tell ----
+ *
+ * With lg_minimiser the caller runs the loop: lg_minimiser_point gives the point, the caller evaluates f and
+ * g there and tells them by lg_minimiser_tell, until lg_minimiser_result shows an end. The state can be saved
+ * between any two evaluations. x and f are not scaled here. */
 
 typedef struct lg_minimiser lg_minimiser;
 
-/* x (n) is copied. The context must outlive the minimiser. Errors: LG_INVALID_ARGUMENT, LG_NOT_FINITE (x),
- * LG_OUT_OF_MEMORY. */
+/* Makes a minimiser that starts from x (n, copied); the caller destroys it. `options` NULL means the
+ * defaults. The context and the ranks must outlive the minimiser. Errors: LG_INVALID_ARGUMENT (NULL, or
+ * options out of range), LG_NOT_FINITE (x), LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_minimiser_create(const lg_context *context, size_t n, const lg_minimise_options *options,
                                      const double *x, lg_minimiser **out, lg_error *error);
-LG_API void lg_minimiser_destroy(lg_minimiser *minimiser); /* NULL is fine */
-/* Where f and g are wanted next (n); borrowed until the next call. After an end: the best point. */
+LG_API void lg_minimiser_destroy(lg_minimiser *minimiser); /* NULL is allowed */
+/* Returns the point (n) at which f and g are to be evaluated next; after the end, the best point. Borrowed
+ * until the next call of lg_minimiser_tell. */
 LG_API const double *lg_minimiser_point(const lg_minimiser *minimiser);
-/* Takes f and g (n, copied) at that point. Returns whether x was replaced by this point. */
+/* Tells f and g (n, copied) at the point of lg_minimiser_point. Returns true if this point became the new
+ * best point, that is, if a step was accepted. */
 LG_API bool lg_minimiser_tell(lg_minimiser *minimiser, double value, const double *gradient);
-/* The same for LG_MINIMISE_LM, with the Gauss-Newton matrix 2 J^T J of f. With blocks: its first p = n -
- * blocks block rows and columns (p, p), the rows of the others in the first columns (blocks block, p), the
- * blocks (blocks, block, block), one after the other: lg_minimise_matrix_length numbers. */
+/* Returns the number of elements of `matrix` in lg_minimiser_tell_squares. */
 LG_API size_t lg_minimise_matrix_length(size_t n, const lg_minimise_options *options);
+/* The same as lg_minimiser_tell, for LG_MINIMISE_LM and f = |r|^2. `matrix` is the Gauss-Newton matrix 2 J^T
+ * J (n, n). With options.blocks it has three parts, one after the other, where p = n - blocks * block: the
+ * first p rows and columns of 2 J^T J (p, p); the first p columns of its other rows (blocks * block, p); and
+ * its diagonal blocks (blocks, block, block). */
 LG_API bool lg_minimiser_tell_squares(lg_minimiser *minimiser, double value, const double *gradient,
                                       const double *matrix);
-/* LG_OK, or why ranks could not exchange what a step needs: the minimiser is of no use any more. */
+/* Returns LG_OK, or the status with which an exchange between ranks failed; then the minimiser cannot be used
+ * any more. */
 LG_API lg_status lg_minimiser_status(const lg_minimiser *minimiser);
-/* The lowest point accepted so far (n), borrowed. */
+/* Returns the best point so far (n), borrowed. */
 LG_API const double *lg_minimiser_best(const lg_minimiser *minimiser);
-/* g at the best point (n), borrowed. */
+/* Returns g at the best point (n), borrowed. */
 LG_API const double *lg_minimiser_gradient(const lg_minimiser *minimiser);
-/* The objective has changed a little: f and g (n, copied) at the best point are these from now on. H stays,
- * and the next point is one of a new search. Nothing happens before the first step and after an end. */
+/* Tells that the objective has changed a little: at the best point f and g (n, copied) have these values from
+ * now on. H is kept, and a new line search begins. It does nothing before the first accepted step, after the
+ * end, and for Levenberg-Marquardt. */
 LG_API void lg_minimiser_change(lg_minimiser *minimiser, double value, const double *gradient);
-/* end, evaluations, iterations, and value and gradient at the best point. */
+/* Returns the end (or LG_MINIMISE_RUNNING), the counts so far, and f and max |g_i| at the best point. */
 LG_API lg_minimise_result lg_minimiser_result(const lg_minimiser *minimiser);
 
-/* Ranks, all of them before rank 0 saves: it gets what is divided, and gives it back by lg_minimiser_scatter.
- * Alone they do nothing. Errors: LG_OUT_OF_MEMORY, those of the exchange. */
+/* For ranks: all ranks must call lg_minimiser_collect before rank 0 calls lg_minimiser_save. Rank 0 then has
+ * a copy of H with the rows of all ranks; lg_minimiser_scatter frees this copy after saving. Without ranks
+ * both functions do nothing. Errors: LG_OUT_OF_MEMORY, LG_INVALID_ARGUMENT (NULL), the status of the
+ * exchange. */
 LG_API lg_status lg_minimiser_collect(lg_minimiser *minimiser, lg_error *error);
 LG_API void lg_minimiser_scatter(lg_minimiser *minimiser);
-/* Saves the whole state as minimise/{x,point,gradient,direction,curvature,counts,numbers}. Errors: the
- * writer's, LG_UNSUPPORTED on ranks that do not have all. */
+/* Saves the whole state as minimise/{x,point,gradient,direction,curvature,counts,numbers}. Errors: the status
+ * of the writer, LG_INVALID_ARGUMENT (NULL), LG_UNSUPPORTED (with ranks: this rank has no copy of the whole
+ * H). */
 LG_API lg_status lg_minimiser_save(const lg_minimiser *minimiser, const lg_archive_writer *writer,
                                    lg_error *error);
-/* Replaces the state by one of the same n and options; as before on failure. Errors: the reader's, LG_FORMAT
- * for an impossible state, LG_OUT_OF_MEMORY. */
+/* Replaces the state by a saved one, of a minimiser with the same n and options. On failure the state is
+ * unchanged. Errors: the status of the reader, LG_FORMAT (an impossible state), LG_INVALID_ARGUMENT (NULL),
+ * LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_minimiser_load(lg_minimiser *minimiser, const lg_archive_reader *reader, lg_error *error);
 
 LG_END_DECLS
