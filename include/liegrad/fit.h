@@ -328,8 +328,8 @@ LG_API void lg_fit_destroy(lg_fit *fit); /* NULL is allowed */
  *   between ranks */
 LG_API lg_status lg_fit_run(lg_fit *fit, lg_error *error);
 
-/* Return whether and why training is finished. A fit may be finished because its seconds are used up, and
- * after lg_fit_save and lg_fit_load continue in a fit with more seconds. The sentence has no full stop and
+/* Return whether and why training is finished. A fit that is finished because its seconds are used up can be
+ * continued: save it, and load the state into a fit that has more seconds. The sentence has no full stop and
  * static storage; it is "" while training is not finished. */
 LG_API bool lg_fit_finished(const lg_fit *fit);
 LG_API lg_fit_end lg_fit_why_finished(const lg_fit *fit);

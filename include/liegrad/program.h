@@ -491,8 +491,9 @@ LG_API lg_status lg_program_save(const lg_context *context, const char *path, co
 /* Loads the program from a file of kind "program", or the program that is part of a model file; the caller
  * destroys it. The context must outlive the program. Everything is checked as by lg_program_add_image, so a
  * program that loads can be used without further checks. All arrays together must fit into options->max_size
- * (liegrad/files.h). Errors: LG_NOT_FOUND or LG_FILE (the file), LG_FORMAT (also an unknown operation),
- * LG_VERSION (also an operation of a later revision), LG_INVALID_ARGUMENT (NULL), LG_OUT_OF_MEMORY. */
+ * (liegrad/files.h); `options` NULL means the defaults. Errors: LG_NOT_FOUND or LG_FILE (the file), LG_FORMAT
+ * (also an unknown operation), LG_VERSION (also an operation of a later revision), LG_INVALID_ARGUMENT
+ * (NULL), LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_program_load(const lg_context *context, const char *path, const lg_read_options *options,
                                  lg_program **out, lg_error *error);
 
