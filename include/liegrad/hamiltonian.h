@@ -535,10 +535,10 @@ typedef struct lg_hamiltonian_file {
  * (k)} or /model/kinetic/A (n, n), /optimizer/adam/{m, v, step}, /rng, /train/history/{loss, validation,
  * seconds, rate}, and the model's functions (lg_model_save) with the family's default scheme for `step`.
  * `file` and all that it points to are borrowed. theta always comes from `file`. If `fit` is not NULL, the
- * history comes from the fit instead of `file`, and so do optimizer and rng when the fit trains by Adam;
- * the state of other methods is far larger than the model and is only in checkpoints. Errors:
- * LG_NOT_FINITE (a parameter is not finite), LG_INVALID_ARGUMENT (a model that lg_hamiltonian_init would
- * refuse), LG_FILE, LG_OUT_OF_MEMORY. */
+ * history comes from the fit instead of `file`. So do optimizer and rng when the fit trains by Adam; when
+ * it trains by another method they are left out, because the state of such a method is far larger than the
+ * model and is only kept in checkpoints. Errors: LG_NOT_FINITE (a parameter is not finite),
+ * LG_INVALID_ARGUMENT (a model that lg_hamiltonian_init would refuse), LG_FILE, LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_model_save_hamiltonian(const lg_context *context, const char *path,
                                            const lg_hamiltonian_file *file, const lg_fit *fit,
                                            lg_error *error);

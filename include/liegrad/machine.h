@@ -340,13 +340,13 @@ LG_API lg_status lg_machine_find_scales(lg_machine *machine, const lg_machine_lo
  * LG_SCHEME_COMMUTATOR_FREE), or by LG_SCHEME_VARIATIONAL, of order 2, which does a kick over h/2, a drift
  * over h and a kick over h/2:
  *
- *   kick    p1 = p0 + h/2 f(q, (v0 + v1)/2, u), where f are all forces, with -dV/dq among them. u is taken at
- *           the start of the step for the first kick and at its end for the second. A kick is implicit
- *           where f depends on v. It changes the kinetic energy by h/2 (v0 + v1)/2 . f: damping never adds energy.
- *   drift   Free motion. Lines, angles and directions move exactly; bodies move by the variational integrator
- *           with the discrete Lagrangian h/2 v^T M v, g1 = g0 exp(h v) on SO(3) or SE(3):
- *             p0 = (dexp_{h v}^-1)^T M v,  p1 = Ad_{exp(h v)}^T p0
- *           This is implicit in v. Momenta in space are constant to rounding.
+ * - kick: p1 = p0 + h/2 f(q, (v0 + v1)/2, u), where f are all forces, with -dV/dq among them. u is taken at
+ *   the start of the step for the first kick and at its end for the second. A kick is implicit where f
+ *   depends on v. It changes the kinetic energy by h/2 f.(v0 + v1)/2, so damping adds no energy.
+ * - drift: free motion. Lines, angles and directions move exactly. Bodies move by the variational integrator
+ *   with the discrete Lagrangian h/2 v^T M v, g1 = g0 exp(h v) on SO(3) or SE(3), which is implicit in v:
+ *     p0 = (dexp_{h v}^-1)^T M v,  p1 = Ad_{exp(h v)}^T p0
+ *   Momenta in space are constant to rounding.
  *
  * If -dV/dq is the only force, these steps are symplectic and symmetric. M may be full and couple
  * coordinates. LG_UNSUPPORTED: M depends on the state, or directions are coupled in a chain. Newton's
