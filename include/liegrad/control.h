@@ -54,9 +54,11 @@ LG_API size_t lg_riccati_work_size(size_t n, size_t m);
 
 /* Compute the stabilising solution P (n, n), symmetric, of
  *   lg_care   A^T P + P A - (P B + S) R^-1 (B^T P + S^T) + Q = 0
- *             K = R^-1 (B^T P + S^T), and x' = (A - B K) x is stable; u = -K x minimises the integral of the cost
+ *             K = R^-1 (B^T P + S^T), and x' = (A - B K) x is stable;
+ *             u = -K x minimises the integral of the cost
  *   lg_dare   A^T P A - P - (A^T P B + S) W^-1 (B^T P A + S^T) + Q = 0 with W = R + B^T P B
- *             K = W^-1 (B^T P A + S^T), and x+ = (A - B K) x is stable; u = -K x minimises the sum of the cost
+ *             K = W^-1 (B^T P A + S^T), and x+ = (A - B K) x is stable;
+ *             u = -K x minimises the sum of the cost
  * Further outputs: the gain K (m, n), and `eigenvalues` (n, 2), the real and imaginary parts of the
  * eigenvalues of A - B K. Each output may be NULL.
  *
@@ -85,10 +87,10 @@ LG_API lg_status lg_dare(const lg_riccati *equation, double *P, double *K, doubl
  * seconds, where (Ad, Bd; 0, 1) = exp((A, B; 0, 0) h). Ad (n, n) and Bd (n, m) may be A and B.
  * lg_zero_order_hold_work_size returns the bytes of work memory; 0: sizes out of range. Method: Pade's
  * approximation [13/13] with scaling and squaring (Al-Mohy & Higham, SIAM J. Matrix Anal. Appl. 31, 2009)
- * of the matrix after balancing by powers of 2. The relative errors of Ad and Bd are about 1e-15 max(1,
- * c), where c is the condition number of the exponential: at least |A| h, and far larger where exp(A h) is
- * much smaller than exp(|A| h). Errors: LG_INVALID_ARGUMENT (sizes as for lg_riccati, NULL, memory),
- * LG_NOT_FINITE (A, B, h or the result). */
+ * of the matrix after balancing by powers of 2. The relative errors of Ad and Bd are about
+ * 1e-15 max(1, c), where c is the condition number of the exponential: at least |A| h, and far larger
+ * where exp(A h) is much smaller than exp(|A| h). Errors: LG_INVALID_ARGUMENT (sizes as for lg_riccati,
+ * NULL, memory), LG_NOT_FINITE (A, B, h or the result). */
 LG_API size_t lg_zero_order_hold_work_size(size_t n, size_t m);
 LG_API lg_status lg_zero_order_hold(size_t n, size_t m, const double *A, const double *B, double h,
                                     double *Ad, double *Bd, void *work, size_t bytes, lg_error *error);
@@ -100,9 +102,11 @@ LG_API lg_status lg_zero_order_hold(size_t n, size_t m, const double *A, const d
  *   u = input - K c, where c are the coordinates of the current state (lg_model_deviation)
  * d is the number of numbers in a state, m in an input. */
 typedef struct lg_lqr_options {
-    size_t size;                 /* sizeof(lg_lqr_options) */
-    const double *state, *input; /* (d); (m), or NULL for zero. */
-    const double *Q, *R, *S;     /* Weights of c and of u - input: (r, r), (m, m), (r, m) or NULL. */
+    size_t size; /* sizeof(lg_lqr_options) */
+    /* The equilibrium: state (d), input (m); an input of NULL means zero. */
+    const double *state, *input;
+    /* Q (r, r) weighs c, R (m, m) weighs u - input, S (r, m) their products; S may be NULL. */
+    const double *Q, *R, *S;
     /* 0: the integral of the cost is minimised. > 0: u is held for this many seconds, and the sum over
      * such periods is minimised. */
     double period;
@@ -148,9 +152,9 @@ LG_API lg_status lg_lqr_control(const lg_lqr *lqr, const double *state, double *
  *   P+ = F P F^T + h W; L+ comes from an LQ decomposition of (F L, sqrt(h) W^1/2).
  * - update: nu = z - h(y), H = dh/dc. H is exact if all sensors measure numbers of the state; otherwise it
  *   comes from central differences with steps of 1/100 of the standard deviations. S = H P H^T + R and the
- *   gain G = P H^T S^-1 come from an LQ decomposition of (R^1/2, H L; 0, L). y+ = lg_model_retract(y, G
- *   nu). The group element of this step moves L to y+ (parallel transport), so the frames at y and y+ may
- *   differ. */
+ *   gain G = P H^T S^-1 come from an LQ decomposition of (R^1/2, H L; 0, L). y+ =
+ *   lg_model_retract(y, G nu). The group element of this step moves L to y+ (parallel transport), so the
+ *   frames at y and y+ may differ. */
 typedef enum lg_sensor_kind {
     LG_SENSOR_STATE, /* A number of the state; for all models that move. */
     /* A number of lg_model_machine_positions (row-major rotations, directions, places); machines only. */

@@ -134,8 +134,8 @@ LG_API lg_status lg_ensemble_run(const lg_context *context, const lg_system *sys
  * has the count, mean, standard deviation, least, largest and quantiles of the numbers that were added to
  * it. The sums of single calls of lg_statistics_add are added up without rounding. Therefore the result
  * does not depend on the order of these calls or on how they are spread over objects that are merged
- * later; it does depend on which numbers one call adds, and ensembles add whole blocks. Memory: about (1.1
- * + bins/128) KB per cell. */
+ * later; it does depend on which numbers one call adds, and ensembles add whole blocks. Memory: about
+ * (1.1 + bins/128) KB per cell. */
 typedef struct lg_statistics lg_statistics;
 
 /* Where the bins of a cell lie: `bins` equal bins in [low, high], and one more on either side. In a

@@ -117,7 +117,7 @@ typedef struct lg_hamiltonian_array {
 
 struct lg_hamiltonian_family {
     const char *name;                               /* Its name in files, such as "chain". */
-    const char *description;                        /* In words, for programs. */
+    const char *description;                        /* Description in words, for programs. */
     const char *copy;                               /* What n counts, such as "link". */
     lg_space_kind factor[LG_HAMILTONIAN_MAX_PARTS]; /* The factors of the space, with n copies each. */
     uint32_t factors;
@@ -134,7 +134,7 @@ struct lg_hamiltonian_family {
     /* Names of the parts of a state, such as "q", "p"; NULL ends the list. */
     const char *layout[3];
     bool numbered;                         /* The state is q1 p1 q2 p2 ... instead of q p. */
-    const char *state_units, *energy_unit; /* Texts in files. */
+    const char *state_units, *energy_unit; /* The units of a state and of H, as text in files. */
     /* Words for the headers of exported C: the formula of H, what an input is, what the field is. NULL:
      * not written. */
     const char *formula, *input_meaning, *field_meaning;
@@ -210,7 +210,7 @@ LG_API lg_status lg_hamiltonian_mass(const lg_hamiltonian *model, const double *
  * energy. */
 typedef struct lg_first_integral {
     const char *name;                    /* Such as "vertical-angular-momentum". */
-    const char *formula;                 /* In words. */
+    const char *formula;                 /* The formula of G, as text. */
     const lg_hamiltonian_family *family; /* The family whose states G takes; NULL: any. */
     uint32_t n;                          /* Number of copies for which G is defined; 0: any number. */
     bool numbered;                       /* G belongs to one copy, j. */
@@ -427,8 +427,8 @@ typedef struct lg_trajectories {
     /* Copies of the family's factors: links of a chain, or degrees of freedom. */
     uint32_t n;
     size_t count, points; /* N >= 1, M >= 2 */
-    uint32_t state_dim;   /* d */
-    uint32_t input_dim;   /* m; 0 without inputs. */
+    uint32_t state_dim;   /* d: numbers in a state. */
+    uint32_t input_dim;   /* m: numbers in an input; 0 without inputs. */
     double dt;            /* (t[M-1] - t[0])/(M-1) */
     double *t;            /* (M) */
     double *data;         /* (N, M, d) */
@@ -503,7 +503,8 @@ typedef struct lg_hamiltonian_run {
     double dt;
     char data_sha256[LG_SHA256_TEXT];
 } lg_hamiltonian_run;
-LG_API extern const lg_field lg_hamiltonian_fields[]; /* The hyperparameters of lg_hamiltonian_run. */
+/* The table of the hyperparameters in lg_hamiltonian_run. */
+LG_API extern const lg_field lg_hamiltonian_fields[];
 
 /* The test set on which a model was evaluated. 0 and "" mean unknown. */
 typedef struct lg_test_set {
@@ -516,7 +517,7 @@ typedef struct lg_hamiltonian_file {
     lg_hamiltonian_run run;
     size_t parameters;       /* lg_hamiltonian_parameters(&run.model) */
     double *theta;           /* (parameters), stored with the type run.training.dtype. */
-    double *adam_m, *adam_v; /* (parameters) each, or both NULL. */
+    double *adam_m, *adam_v; /* The state of Adam, (parameters) each, or both NULL. */
     uint64_t adam_step;
     bool has_rng;
     lg_rng rng;

@@ -34,7 +34,7 @@ LG_BEGIN_DECLS
 /* ---- Spaces ---- */
 
 typedef enum lg_space_kind {
-    /* State 1 number, algebra 1 number per copy; n copies are R^n. The group is R^n under addition. */
+    /* R^n under addition. State and algebra have 1 number per copy, so n copies are R^n. */
     LG_SPACE_RN,
     /* T*S^2 (and TS^2) under SE(3). State (q, p), 6 numbers; algebra (u, v), 6 numbers. The action of (R,
      * r) is (R q, R p + r x R q). */
@@ -148,10 +148,10 @@ LG_API void lg_space_bracket(const lg_space *space, const double *a, const doubl
 LG_API void lg_space_dexpinv(const lg_space *space, int truncation, const double *a, const double *b,
                              double *out);
 
-/* Projects the state y onto the manifold, in place. On T*S^2, q becomes q / |q|, then p becomes p - q
- * (q.p). On SO(3) and SE(3), R becomes the nearest rotation, or NaN where its determinant is not positive.
- * R^n and the dual spaces are not changed. It is meant for starts that are off the manifold by rounding,
- * and for schemes with `project`. */
+/* Projects the state y onto the manifold, in place. On T*S^2, q becomes q / |q|, then p becomes
+ * p - q (q.p). On SO(3) and SE(3), R becomes the nearest rotation, or NaN where its determinant is not
+ * positive. R^n and the dual spaces are not changed. It is meant for starts that are off the manifold by
+ * rounding, and for schemes with `project`. */
 LG_API void lg_space_project(const lg_space *space, double *y);
 /* Returns the largest violation of the constraints over all factors, absolute: on T*S^2 of | |q| - 1 | and
  * |q.p|; on SO(3) and SE(3) of the entries of R^T R - I, or 2 for a reflection; 0 on R^n and the dual
@@ -197,9 +197,9 @@ typedef lg_status (*lg_vector_field)(void *user, double t, const double *y, cons
 typedef lg_status (*lg_half_field)(void *user, double t, const double *half, const double *input,
                                    double *out);
 
-/* One step of a variational integrator that belongs to the system, in place: y at time t becomes y at t +
- * h. The function must keep nothing between steps. A status other than LG_OK ends the integration, which
- * returns it. */
+/* One step of a variational integrator that belongs to the system, in place: y at time t becomes y at
+ * t + h. The function must keep nothing between steps. A status other than LG_OK ends the integration,
+ * which returns it. */
 typedef lg_status (*lg_variational_step)(void *user, double t, double h, double *y);
 
 typedef struct lg_ode {
@@ -233,16 +233,16 @@ typedef enum lg_scheme_kind {
      * products of exponentials of linear combinations of the f_j, applied to a point; lg_cf_row describes
      * such a product. */
     LG_SCHEME_COMMUTATOR_FREE,
-    /* Splitting methods on R^2n. For i = 0..stages-1: p += kick_i h force(q), then q += drift_i h
-     * velocity(p). As long as q has not changed, the force is evaluated once only, within a step and from
-     * one step to the next. */
+    /* Splitting methods on R^2n. For i = 0..stages-1: p += kick_i h force(q), then q +=
+     * drift_i h velocity(p). As long as q has not changed, the force is evaluated once only, within a step
+     * and from one step to the next. */
     LG_SCHEME_SPLITTING,
     /* Implicit methods on R^n with one stage, 0 <= theta <= 1:
      *   Y  = y + theta h f(t + theta h, Y)
      *   y1 = y + h f(t + theta h, Y)
      * Newton's method solves for Y to rounding. Its Jacobian is a full matrix from difference quotients;
-     * it takes 8 n^2 bytes of the stepper, and n is at most 16384. theta = 1 is implicit Euler, theta =
-     * 1/2 the midpoint rule. */
+     * it takes 8 n^2 bytes of the stepper, and n is at most 16384. theta = 1 is implicit Euler,
+     * theta = 1/2 the midpoint rule. */
     LG_SCHEME_IMPLICIT,
     /* Symplectic Lie group integrators (Celledoni, Marthinsen, Owren) on T*G, 0 <= theta <= 1, with
      * G = SO(3) x R^m. The space must be one factor SE(3), which may be followed by one factor R^2m with the
@@ -376,7 +376,8 @@ typedef struct lg_stepper lg_stepper;
 LG_API size_t lg_stepper_size(const lg_scheme *scheme, const lg_ode *ode);
 /* Builds a stepper in the caller's `memory` and writes its address to *out. `memory` is 64-byte aligned, has
  * at least lg_stepper_size bytes (`bytes` says how many) and must outlive the stepper. There is nothing to
- * destroy. `ode` is copied; `scheme` and ode->user must outlive the stepper. Errors:
+ * destroy, and lg_stepper_destroy must not be called. `ode` is copied; `scheme` and ode->user must outlive
+ * the stepper. Errors:
  * - LG_INVALID_ARGUMENT: memory too small or misaligned, an inconsistent scheme or space, a function that the
  *   scheme needs is missing, a manifold of another dimension than the space
  * - LG_UNSUPPORTED: an ambient, splitting or implicit scheme on a space that is not R^n; a splitting

@@ -3,8 +3,8 @@
  * logs, what the logs say about the identified numbers, predictions, and the files. The library is liegrad;
  * from the section on machine files on it is liegrad_io. docs/machines.md is the guide.
  *
- * The configuration is a product of coordinates. With velocities v, momenta p = M(q) v and H = 1/2 p^T
- * M(q)^-1 p + V(q):
+ * The configuration is a product of coordinates. With velocities v, momenta p = M(q) v and
+ * H = 1/2 p^T M(q)^-1 p + V(q):
  *
  *   q' = v,  p' = -dH/dq - D(q, v) v + B(q) u + r(q, v, u)
  *
@@ -29,8 +29,8 @@
  * f has 3 torques in space for a direction, 3 torques in the body for a rotation, and 3 forces, then 3
  * torques, both in the body, for a pose.
  *
- * The directions of a chain have one constant mass matrix m (k, k): p_i = P_i sum_j m_ij q_j' with P_i = I -
- * q_i q_i^T, H = 1/2 sum_i p_i.q_i' + V, and with lambda_i = -q_i.sum_j m_ij q_j'
+ * The directions of a chain have one constant mass matrix m (k, k): p_i = P_i sum_j m_ij q_j' with
+ * P_i = I - q_i q_i^T, H = 1/2 sum_i p_i.q_i' + V, and with lambda_i = -q_i.sum_j m_ij q_j'
  *   p_i' = omega_i x p_i + (dV/dq_i x q_i - lambda_i q_i' x q_i + q_i' x p_i + f_i) x q_i.
  *
  * M, V, D, B and r are sums of terms, whose kinds are entries of a table (lg_term_kind_at): known terms are
@@ -143,12 +143,12 @@ LG_API const char *lg_machine_part_name(lg_machine_part part);
  * LG_TERM_* below. */
 typedef struct lg_term_kind lg_term_kind;
 enum {
-    LG_TERM_OF = 1,     /* Has features. */
-    LG_TERM_MOVING = 2, /* Its features may be velocities; those of a residual also inputs. */
-    LG_TERM_HIDDEN = 4, /* Is a network. */
+    LG_TERM_OF = 1,     /* The term has features (`of`). */
+    LG_TERM_MOVING = 2, /* Features may be velocities; in a residual also inputs. */
+    LG_TERM_HIDDEN = 4, /* The term is a network. */
     LG_TERM_DEGREE = 8,
     LG_TERM_VALUES = 16, /* Takes values: must have them if known, else may have them. */
-    LG_TERM_KNOWN = 32,  /* Has no parameters. */
+    LG_TERM_KNOWN = 32,  /* The term has no parameters: all of it is given. */
     LG_TERM_WIDTH = 64
 };
 /* NULL beyond the last. */
@@ -198,7 +198,7 @@ LG_API uint32_t lg_grey_system_coordinates(const lg_grey_system *system);
 typedef struct lg_machine_grey {
     const lg_grey_system *system; /* Static; NULL: the machine has no named system. */
     uint32_t count;
-    double start[LG_MACHINE_PARAMETERS]; /* NaN: must still be given. */
+    double start[LG_MACHINE_PARAMETERS]; /* A number that is NaN must still be given. */
     bool unknown[LG_MACHINE_PARAMETERS];
 } lg_machine_grey;
 
@@ -230,9 +230,10 @@ typedef struct lg_machine {
      * (normalised): in a diagonal mass that of the velocity with the largest acceleration, else the first.
      * Otherwise nothing fixes the factor (free_gauge). */
     bool normalised, free_gauge;
-    uint32_t places, directions, rotations; /* Numbers on R^n; copies of S^2; copies of SO(3). */
-    uint32_t momenta;                       /* Numbers of the momenta of all coordinates except directions. */
-    uint32_t positions, velocities;         /* Numbers in a row of a log. */
+    /* How many positions are on R^n, copies of S^2, copies of SO(3). */
+    uint32_t places, directions, rotations;
+    uint32_t momenta;               /* Numbers in the momenta of all coordinates except directions. */
+    uint32_t positions, velocities; /* How many positions and velocities a row of a log has. */
     /* Length of theta; its first `weights` numbers belong to networks. */
     size_t parameters, weights;
 } lg_machine;
@@ -487,9 +488,9 @@ typedef struct lg_identification {
      * in a row is 1, and each row changes one number that no other row changes. NULL: not computed. */
     double *open;
     size_t open_count;
-    /* W (P, P), row-major, with P the machine's parameters: W W^T is the covariance of theta. So theta + W
-     * x, with x from N(0, 1), is a machine that the logs allow as well. Only here weights of networks have
-     * the prior N(0, 1). NULL: not computed. */
+    /* W (P, P), row-major, with P the machine's parameters: W W^T is the covariance of theta. So
+     * theta + W x, with x from N(0, 1), is a machine that the logs allow as well. Only here weights of
+     * networks have the prior N(0, 1). NULL: not computed. */
     double *spread;
 } lg_identification;
 /* Fills `out`. `theta` has the parameters of the fit, with the starts if they are estimated;
@@ -513,12 +514,12 @@ LG_API lg_status lg_machine_free_run(const lg_context *context, const lg_machine
                                      const lg_machine_log *log, const size_t *start, size_t count,
                                      size_t steps, double *positions, double *velocities, lg_error *error);
 
-/* Estimates the states at the rows start[0..count-1]: those whose runs fit the next `window` rows of the
- * log best, or the rows that are left in the part, at least 2. All positions of these rows must be there.
- * Positions and velocities are weighed by the machine's scales. Writes positions (count, positions) and
- * velocities (count, velocities) in the units of the log. A state whose run is not finite stays at the
- * logged positions and their difference quotients. Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY,
- * LG_CANCELLED, those of the tape. */
+/* Estimates the states at the rows start[0..count-1]: those whose runs fit the log best over the next
+ * `window` rows. Where fewer rows are left in the part, it uses these; there must be at least 2. All
+ * positions of the rows start[0..count-1] must be there. The machine's scales weigh positions against
+ * velocities. Writes positions (count, positions) and velocities (count, velocities) in the units of the
+ * log. A state whose run is not finite stays at the logged positions and their difference quotients.
+ * Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY, LG_CANCELLED, those of the tape. */
 LG_API lg_status lg_machine_estimate_starts(const lg_context *context, const lg_machine *machine,
                                             const double *theta, const lg_scheme *scheme, uint32_t substeps,
                                             const lg_machine_log *log, const size_t *start, size_t count,
@@ -537,7 +538,7 @@ LG_API lg_status lg_machine_estimate_starts(const lg_context *context, const lg_
  *   momenta    (q, v) -> x        the state, from positions and velocities in the order of logs
  *   velocities (x) -> v           the velocities of a state
  *   positions  (x) -> q           the positions of a state
- *   step       (x, u, h) -> next  one step of the explicit `scheme` (NULL: cf4) u constant; not projected
+ *   step       (x, u, h) -> next  one step of `scheme` (explicit; NULL: cf4), u constant, not projected
  * with x (state), u (inputs; absent without inputs), h (1), q (positions), v (velocities), all in the
  * units of the log; momenta have the unit of dL/dv. Scales are constants of the program. Errors: those of
  * lg_program_build; LG_UNSUPPORTED (an implicit scheme; a classical scheme if there are directions or
@@ -559,12 +560,12 @@ typedef enum lg_log_role {
     LG_LOG_TIME,
     LG_LOG_RUN,
     LG_LOG_POSITION,
-    LG_LOG_VELOCITY, /* Or momentum. */
+    LG_LOG_VELOCITY, /* A velocity, or a momentum where momenta are measured. */
     LG_LOG_INPUT
 } lg_log_role;
 
 typedef struct lg_log_column {
-    char name[LG_LOG_NAME]; /* In the log. */
+    char name[LG_LOG_NAME]; /* Name of the column in the log. */
     lg_log_role role;
     uint32_t index; /* Index of the coordinate, or of the input. */
     double scale;   /* Numbers of the log are multiplied by it. */
@@ -600,7 +601,7 @@ typedef struct lg_machine_file {
     bool estimate_delay; /* The file has `delay: estimate`; `delay` is then 0. */
     /* Jumps of angles by more than pi are taken as turns and undone; true by default. */
     bool unwrap;
-    double max_step; /* Longer steps are gaps. Seconds; 0: 1.4 times the median step. */
+    double max_step; /* Longer steps are gaps; seconds. 0: 1.4 times the median step. */
     /* Indices of the columns of time and run; `run` equals column_count when there is no such column. */
     uint32_t column_count, time, run;
     lg_log_column columns[LG_LOG_COLUMNS];
@@ -646,7 +647,7 @@ typedef struct lg_logs {
     size_t rows_read; /* Rows in all files; log.rows counts the rows that are kept. */
     /* Steps between rows of a run, seconds; gaps count in dt_max. */
     double dt_median, dt_max;
-    double max_step; /* Longer steps are gaps. */
+    double max_step; /* Steps longer than this are gaps, seconds. */
     size_t gaps;
     uint32_t delay; /* In rows, as it was applied. */
     /* In the order of the machine file's columns; zeros for the columns of time and run. */

@@ -34,7 +34,8 @@ LG_BEGIN_DECLS
 
 typedef struct lg_system lg_system;
 
-/* The values of one parameter. `key` is the name that scenes use. The caller owns all three. */
+/* The values of one parameter: `key` is its name in scenes, and `values` has `count` numbers. The caller
+ * owns both. */
 typedef struct lg_named_values {
     const char *key;
     const double *values;
@@ -141,10 +142,10 @@ LG_API size_t lg_system_work_size(const lg_system *system);
  * at points off the manifold where the energy is not defined. */
 LG_API double lg_system_hamiltonian(const lg_system *system, const double *y, double *work);
 
-/* lg_system_observe writes what is compared when states are compared with each other: lg_system_observed
- * numbers into `out`, which must not overlap y. For a chain these are the positions x_1, ..., x_k of its
- * masses, x_i = L_1 q_1 + ... + L_i q_i, then their velocities (6k numbers); for other systems the
- * reported part of the state. Errors: LG_NOT_FINITE (the velocities do not follow from the momenta). */
+/* lg_system_observe writes the quantities by which two states are compared: lg_system_observed numbers
+ * into `out`, which must not overlap y. For a chain these are the positions x_1, ..., x_k of its masses,
+ * x_i = L_1 q_1 + ... + L_i q_i, then their velocities (6k numbers); for other systems the reported part
+ * of the state. Errors: LG_NOT_FINITE (the velocities do not follow from the momenta). */
 LG_API size_t lg_system_observed(const lg_system *system);
 LG_API lg_status lg_system_observe(const lg_system *system, const double *y, double *out, double *work);
 
@@ -235,32 +236,29 @@ LG_API lg_status lg_chain_velocities(const lg_system *system, const double *from
 
 /* ---- Starts and trajectories ---- */
 
-/* How random starts are drawn. On T*S^2, q is uniform on the sphere (a normalised N(0, I_3)), and p = q x
- * u with u uniform in a box. On R^n, so(3)* and se(3)* the whole state is uniform in a box. */
+/* How random starts are drawn. On T*S^2, q is uniform on the sphere (a normalised N(0, I_3)), and
+ * p = q x u with u uniform in a box. On R^n, so(3)* and se(3)* the whole state is uniform in a box. */
 typedef enum lg_starts {
     LG_STARTS_THESIS, /* The box is [0, 1]^3 on T*S^2 and [-1, 1]^n elsewhere. */
     LG_STARTS_BOX,    /* The box is [low, high] in every coordinate. */
     /* For chains of at most LG_PLANE_LINKS links: starts in the plane of e1 and e3 that hang along -e3 on
-     * average. First angles a_i and rates w_i are drawn from N(0, 1). They give the nodes x_i = sum_{j <=
-     * i} L_j (sin a_j, -cos a_j) and their velocities v_i. Then x_i + .2 N and 3 (.5 v_i + .4 N), with N
-     * from N(0, I_2), are brought back to the constraints |x_i - x_{i-1}| = L_i by Newton's method with
-     * steps of least norm in (x, v). After Finzi, Wang, Wilson, NeurIPS 2020. */
+     * average. First angles a_i and rates w_i are drawn from N(0, 1). They give the nodes x_i =
+     * sum_{j <= i} L_j (sin a_j, -cos a_j) and their velocities v_i. Then x_i + .2 N and 3 (.5 v_i + .4
+     * N), with N from N(0, I_2), are brought back to the constraints |x_i - x_{i-1}| = L_i by Newton's
+     * method with steps of least norm in (x, v). After Finzi, Wang, Wilson, NeurIPS 2020. */
     LG_STARTS_PLANE
 } lg_starts;
 #define LG_STARTS_COUNT 3
 #define LG_PLANE_LINKS  32
 
-typedef enum lg_noise {
-    LG_NOISE_NORMAL /* noise * N(0, 1) */,
-    LG_NOISE_UNIFORM /* noise * U(-1, 1) */
-} lg_noise;
+typedef enum lg_noise { LG_NOISE_NORMAL /* eps N(0, 1) */, LG_NOISE_UNIFORM /* eps U(-1, 1) */ } lg_noise;
 
 typedef struct lg_trajectory_options {
     size_t size;         /* sizeof(lg_trajectory_options) */
     size_t trajectories; /* N >= 1; default 500. */
     size_t points;       /* M >= 2 points of a trajectory, with the start; default 5. */
-    double t_end;        /* T > 0, with t_j = j T/(M - 1); default 0.1. */
-    double noise;        /* >= 0, in the units of the state; default 0. */
+    double t_end;        /* T > 0, the duration of a trajectory: t_j = j T/(M - 1); default 0.1. */
+    double noise;        /* eps >= 0, in the units of the state; default 0. */
     lg_noise noise_kind; /* Default normal. */
     /* true: first points get noise, too, and are then projected to their manifold. Default false. */
     bool noise_first;
@@ -325,7 +323,7 @@ typedef struct lg_scene {
     double *state;
     /* The start was off the manifold, by at most 1e-6, and was projected. */
     bool projected;
-    double projection; /* The largest distance from the manifold. */
+    double projection; /* How far the start was off the manifold. */
     bool has_t_end;
     double t_end;
     /* The file has the key `starts`. Without it `starts` is thesis and `segments` is 1. */
@@ -340,7 +338,7 @@ typedef struct lg_scene {
      * it is not given. */
     char ensemble[256];
     uint32_t line_system, line_form, line_initial,
-        /* Lines of these keys in the file, for messages of the caller; 0 when the key is absent. */
+        /* Lines of these keys in the file, for the caller's messages; 0: no such key. */
         line_starts;
     const lg_context *context; /* The memory of the arrays comes from it. */
 } lg_scene;

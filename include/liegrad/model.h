@@ -8,12 +8,12 @@
  *   void *work = aligned_alloc(64, lg_model_work_size(model));
  *   lg_model_eval(model, state, &energy, work);
  *
- * After the set-up no function here allocates, locks or fails, except with a status that its comment names.
- * Everything is double precision; the networks of a model that was trained in single precision are evaluated
- * in double. A model is read-only: threads may share it, each with its own work memory. `work` has
- * lg_model_work_size bytes and is 64-byte aligned; what it holds before and after a call does not matter.
- * Outputs must not overlap inputs or work. If a number of x or of a state is not finite, or a mass is not
- * positive definite, all numbers of y, Jacobian and field are NaN.
+ * The functions between lg_model_work_size and the section on files neither allocate nor lock, and they fail
+ * only with a status that their comment names. Everything is double precision; the networks of a model that
+ * was trained in single precision are evaluated in double. A model is read-only: threads may share it, each
+ * with its own work memory. `work` has lg_model_work_size bytes and is 64-byte aligned; what it holds before
+ * and after a call does not matter. Outputs must not overlap inputs or work. If a number of x or of a state
+ * is not finite, or a mass is not positive definite, all numbers of y, Jacobian and field are NaN.
  *
  * The inputs x and outputs y of the kinds of models (in a Jacobian, rows are outputs and columns are inputs):
  *   Hamiltonian            state of its family (chain, 6k: q_1 p_1 q_2 p_2 ...; separable, 2n: q p) -> H (1)
@@ -74,7 +74,7 @@ LG_API const lg_program *lg_model_program(const lg_model *model); /* Belongs to 
 LG_API void lg_model_destroy(lg_model *model);                    /* NULL is allowed. */
 
 /* lg_model_space returns the space of the states; NULL if the model does not move. The other three return
- * the numbers in theta, in x and in y. */
+ * how many numbers theta, x and y have. */
 LG_API const lg_space *lg_model_space(const lg_model *model);
 LG_API size_t lg_model_parameters(const lg_model *model);
 LG_API size_t lg_model_inputs(const lg_model *model);

@@ -195,7 +195,7 @@ typedef struct lg_adjoint_problem {
     size_t parameter_count;
     lg_adjoint_source source;
     void *user; /* First argument of bind and source. */
-    /* N starts of steps and N step sizes, all finite; h < 0 goes back in time. */
+    /* Start times and sizes of the N steps, all finite; h < 0 goes back in time. */
     const double *t, *h;
     size_t steps;       /* N >= 1 */
     size_t checkpoints; /* C in 1..N; 0 means ceil(sqrt(N)). */
