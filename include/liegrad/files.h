@@ -1,26 +1,40 @@
-/* Files: HDF5 data, models and checkpoints; YAML scenes and study grids. Library `liegrad_io`.
+/* Files: rules and statuses for all files that the library reads and writes, complete writing of bytes,
+ * temporary files, locks, SHA-256, and archives in HDF5. The files of one subject (Hamiltonians, series,
+ * tables, ...) are in the header of the subject. Everything here and there that reads or writes files is in
+ * the library liegrad_io, which needs HDF5 and libyaml. The guide is docs/files.md.
  *
- * Rules for every function here:
- * - A failure gives a status. When `error` is not NULL it also gives a sentence with the file, the key and,
- *   for YAML, the line. Outputs are untouched, and nothing leaks.
- * - A structure that owns memory is released by its own `_free` or `_destroy`, which leaves it zeroed. A
- *   zeroed structure may be freed.
- * - HDF5's own messages are silenced while these functions run and restored afterwards. HDF5 as Debian builds
- *   it is not thread-safe: only one thread of the process may read or write HDF5 at a time.
- * - Writers compose the file in memory, write it under a temporary name in the target's folder, fsync it,
- *   rename it, and fsync the folder. The old file stays whole until the rename. After a failure the old file
- *   is still whole, and no temporary file is left; what a killed process left is removed by the next writer
- *   of the file. A target that exists and is not a regular file (a device,
- *   a folder) is refused. A full disk and RLIMIT_FSIZE give LG_FILE.
+ *   lg_file_writer *writer;
+ *   lg_archive_writer archive;
+ *   lg_file_writer_create(NULL, "state.h5", "my-state", NULL, &writer, &error);
+ *   lg_file_writer_archive(writer, "", &archive);
+ *   archive.array(archive.user, "x", LG_ELEMENT_F64, 1, &n, x);
+ *   lg_status status = lg_file_writer_commit(writer, &error);
+ *   lg_file_writer_destroy(writer);
+ *
+ * Rules for every function that reads or writes files:
+ * - A failure gives a status, and in `error` (may be NULL) a sentence with the file, the key and, for YAML,
+ *   the line. Outputs are then untouched, and nothing leaks.
+ * - A structure that owns memory is released by its own `_destroy`, which leaves it zeroed. Destroying a
+ *   zeroed structure is fine.
+ * - The messages of HDF5 itself are silenced while these functions run. HDF5 as Debian builds it is not
+ *   thread-safe: only one thread of a process may read or write HDF5 files at a time.
+ * - Writers compose the file in memory, write it under a temporary name in the folder of the target, fsync
+ *   it, rename it to the target, and fsync the folder. The old file stays whole until the rename. After a
+ *   failure the old file is still whole and no temporary file is left. The temporary file of a killed process
+ *   is removed by the next writer of the same target. A target that exists and is not a regular file (a
+ *   device, a folder) is refused. A full disk and the limit RLIMIT_FSIZE give LG_FILE.
  *
  * Statuses of readers:
- *   LG_NOT_FOUND      no such file (a missing key is LG_FORMAT)
- *   LG_FILE           the file cannot be opened or read, or is not a regular file
- *   LG_FORMAT         the file is empty, truncated, foreign, or has a wrong rank or type, sizes that do not
- *                     fit or exceed the limit, or bad values
- *   LG_NOT_FINITE     a NaN or infinity; the sentence has the key and the first index
- *   LG_VERSION        a newer major format version
- *   LG_OUT_OF_MEMORY
+ *   LG_INVALID_ARGUMENT  a NULL path or output, read options of a wrong size
+ *   LG_NOT_FOUND         there is no such file (a missing key is LG_FORMAT)
+ *   LG_FILE              the file cannot be opened or read, or is not a regular file
+ *   LG_FORMAT            the file is empty, truncated or of another kind, or a key has a wrong rank or type,
+ *   bad
+ *                        values, or sizes that do not fit or exceed the limit
+ *   LG_NOT_FINITE        a number is NaN or infinite; the sentence has the key and the first such index
+ *   LG_VERSION           the file has a newer major format version
+ *   LG_OUT_OF_MEMORY, LG_CANCELLED
+ * Statuses of writers: LG_INVALID_ARGUMENT, LG_NOT_FINITE, LG_FILE, LG_OUT_OF_MEMORY.
  */
 #ifndef LIEGRAD_FILES_H
 #define LIEGRAD_FILES_H
@@ -33,65 +47,80 @@
 
 LG_BEGIN_DECLS
 
-/* The newest major version of files (attribute `format_version`, an integer): files with functions, which are
- * programs and models, have it, data have version 1. Older versions are read, too. */
+/* The newest major version of the file format, the integer attribute `format_version`. Files with functions
+ * (programs and models) are written with this version, data files with version 1. Older versions can be
+ * read. */
 #define LG_FORMAT_VERSION 2
 
-/* For executables, before any file: HDF5 does nothing when the process ends. Files are composed in memory
- * and closed when they are written, so nothing is open then; but HDF5 crashes there after it ran out of
- * memory. */
+/* For executables, before the first file: stops HDF5 from running its clean-up when the process ends. That
+ * clean-up is not needed, because files are composed in memory and closed when they are written; and it
+ * crashes if HDF5 has run out of memory before. */
 LG_API void lg_io_setup(void);
+
+/* ---- options of readers ---- */
 
 typedef struct lg_read_options {
     size_t size; /* sizeof(lg_read_options) */
-    /* HDF5 crashes or loops on some damaged files. With probe, a forked child first reads the complete file,
-     * with limits on memory, CPU time and, far above it, wall time. LG_FORMAT when the child dies, LG_FILE
-     * when it stands still: probe_seconds and 4 s without CPU time. After 3 s a sentence goes to the log.
-     * Default true. Turn it off in a process that must not fork. */
+    /* Default true. HDF5 crashes or loops on some damaged files. With `probe` a forked child process first
+     * reads the complete file, with limits on memory, CPU time and (far above it) wall time. If the child
+     * dies the status is LG_FORMAT. If the child uses no CPU time for probe_seconds + 4 s the status is
+     * LG_FILE. After 3 s a sentence goes to the log. Turn it off in a process that must not fork. */
     bool probe;
-    uint32_t probe_seconds; /* CPU time of the child, default 20 and more for large files */
-    uint64_t max_size;      /* largest array in memory, default 8 GiB: beyond it LG_FORMAT */
-    bool project_starts;    /* trajectories: first points off the manifold are brought back to it; false */
+    uint32_t probe_seconds; /* CPU time of the child: default 20, plus one second per 32 MiB of the file */
+    uint64_t max_size;      /* largest array in memory, bytes; default 8 GiB. A larger one gives LG_FORMAT */
+    /* For trajectories: first points that are not on the manifold are projected to it. Default false. */
+    bool project_starts;
 } lg_read_options;
 
-/* Every `const lg_read_options *` may be NULL for these defaults. */
+/* Sets the defaults. A reader takes NULL for its options as these defaults. */
 LG_API void lg_read_options_init(lg_read_options *options);
 
-/* Writes `bytes` bytes as the complete file `path` by the steps listed above. CSV, SVG and JSON files are
- * written by it too. */
+/* ---- writing bytes ---- */
+
+/* Writes `bytes` bytes as the complete file `path`, by the steps of the rules above. A symbolic link stays,
+ * and the file that it points to is replaced. CSV, SVG and JSON files are written by this function too. */
 LG_API lg_status lg_file_write(const lg_context *context, const char *path, const void *data, size_t bytes,
                                lg_error *error);
 
-/* A file or folder under a temporary name, `target`.tmp-PID-i, until it is whole and is renamed. Its writer
- * holds a lock on it (flock); what killed writers of the same target left is removed first. */
+/* A file or folder that is written under the temporary name `target`.tmp-PID-i, and renamed by its writer
+ * when it is complete. The writer holds a lock on it (flock), so what a killed process left can be told from
+ * a file that is being written. */
 typedef struct lg_temporary {
-    int fd;     /* of the file, for writing, or of the folder; holds the lock */
-    char *name; /* to be renamed, or removed */
+    int fd;     /* descriptor of the file (for writing) or of the folder; holds the lock */
+    char *name; /* the temporary name; the caller renames or removes it */
     const lg_context *context;
 } lg_temporary;
-/* Removes what killed writers of the target left; lg_temporary_create does it, too. */
+/* Removes the temporary files and folders that killed writers of this target left. lg_temporary_create does
+ * this too. */
 LG_API void lg_temporary_sweep(const lg_context *context, const char *target);
-/* Errors: LG_FILE with a sentence, LG_OUT_OF_MEMORY. */
+/* Creates and locks a temporary file, or with `folder` a folder. Errors: LG_FILE with a sentence,
+ * LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_temporary_create(const lg_context *context, const char *target, bool folder,
                                      lg_temporary *out, lg_error *error);
-/* Closes it, after the renaming; that fsync had no error is the caller's business. */
+/* Closes the descriptor and frees the name. Call it after the rename or removal. The caller must have checked
+ * fsync before; this function reports no errors. */
 LG_API void lg_temporary_end(lg_temporary *temporary);
 
-/* Who is at work on a file or folder: a lock on the file `target`.lock, which says process, host and `words`
- * (a command line, say). It is between processes, not threads, and over NFS too; where the file system has no
- * locks it is nobody's. The kernel lifts it when the process dies; the file is then taken over by the next
- * one. Readers need none: files are replaced whole. */
+/* A lock on an output, so that only one process at a time works on a file or folder. It is a lock on the
+ * small file `target`.lock, in which the process, the host and `words` are written. It works between
+ * processes (not between threads of one process), also over NFS. The kernel releases it when the process
+ * dies; the next process then takes over the file. Readers need no lock, because files are replaced as a
+ * whole. */
 typedef struct lg_lock {
-    int fd; /* -1: none is held */
+    int fd; /* -1: no lock is held */
     long process;
     char *name;
     const lg_context *context;
 } lg_lock;
-/* LG_FILE: another process holds it, and the sentence says which. `target` is a path whose links are
- * resolved: two names are two locks. Must not be taken twice in a process. */
+/* Takes the lock. `words` says what the process does, for example its command line. `target` must be a path
+ * whose links are resolved, because two names of a file would be two locks. A process must not take the same
+ * lock twice. Where the file system has no locks the result is LG_OK without a lock (fd -1). Errors, *out is
+ * then without a lock: LG_FILE (another process holds the lock, and the sentence says which; or the lock file
+ * cannot be written), LG_OUT_OF_MEMORY (*out is untouched). */
 LG_API lg_status lg_lock_take(const lg_context *context, const char *target, const char *words, lg_lock *out,
                               lg_error *error);
-/* Removes the file, unless this is a child of the process that took it. */
+/* Releases the lock and removes its file. A forked child of the process that took the lock does not remove
+ * the file. A lock with fd -1 is fine. */
 LG_API void lg_lock_release(lg_lock *lock);
 
 /* ---- SHA-256 (FIPS 180-4) ---- */
@@ -105,89 +134,105 @@ typedef struct lg_sha256 {
 #define LG_SHA256_TEXT 65 /* 64 lower-case hexadecimal digits and the terminator */
 
 LG_API void lg_sha256_init(lg_sha256 *state);
-LG_API void lg_sha256_add(lg_sha256 *state, const void *data, size_t bytes);
+LG_API void lg_sha256_add(lg_sha256 *state, const void *data, size_t bytes); /* may be called many times */
 LG_API void lg_sha256_finish(lg_sha256 *state, char text[LG_SHA256_TEXT]);
 
-/* ---- where a file comes from ---- */
+/* ---- provenance ---- */
 
-/* Files of other programs may lack these texts; they are then empty. Writers fill an empty
- * `liegrad_version`. */
+/* How a file came to be. A reader leaves texts empty that the file does not have, as files of other programs.
+ * Writers put lg_version() for an empty `liegrad_version`. */
 typedef struct lg_provenance {
     char liegrad_version[32];
-    char command[2048]; /* the command line, cut when longer */
-    char cpu[256];      /* lg_cpu_describe: CPU, kernels, BLAS */
+    char command[2048]; /* the command line, cut if it is longer */
+    char cpu[256];      /* the text of lg_cpu_describe: CPU, instruction set, BLAS */
     bool has_seed;
     uint64_t seed;
 } lg_provenance;
 
-/* ---- named arrays in one HDF5 file: archives ---- */
+/* ---- writing an archive (one HDF5 file with named arrays) ---- */
 
-/* A file under construction, in memory. One thread at a time. */
+/* A file that is composed in memory. Only one thread may use it at a time. */
 typedef struct lg_file_writer lg_file_writer;
 
-/* `kind` ("hamiltonian", "checkpoint", "trajectories", ...) becomes attribute `kind`; `format` "liegrad",
- * `format_version`, `liegrad_version`, `conventions` and the provenance (may be NULL) are written too.
- * Nothing touches the disk before the commit. */
+/* Begins a file. `kind` ("hamiltonian", "checkpoint", "trajectories", ...) becomes the attribute `kind`. The
+ * attributes `format` ("liegrad"), `format_version`, `liegrad_version` and `conventions` and the provenance
+ * (may be NULL) are written too. Nothing touches the disk before the commit. Errors: LG_INVALID_ARGUMENT,
+ * LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_file_writer_create(const lg_context *context, const char *path, const char *kind,
                                        const lg_provenance *provenance, lg_file_writer **out,
                                        lg_error *error);
-/* An archive of paths below `prefix` ("" or "fit"; kept by copy, shorter than 64). Texts become attributes of
- * the group that their path names ("a/b" is attribute b of group /a). Valid until the writer is destroyed. A
- * failing call also sticks to the writer: the commit repeats it. */
+/* Makes an archive (liegrad/core.h) whose paths are below `prefix`, such as "" or "fit" (copied, shorter than
+ * 64 bytes). Arrays become datasets. A text becomes an attribute of the group that its path names: "a/b" is
+ * attribute b of group /a. The archive is valid until the writer is destroyed. After a failing call of the
+ * archive nothing more is stored, and the commit returns this failure. Errors: LG_INVALID_ARGUMENT,
+ * LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_file_writer_archive(lg_file_writer *writer, const char *prefix, lg_archive_writer *out);
-/* Writes the image to a temporary file, syncs and renames it. Call it once; after success or failure the
- * writer can only be destroyed. */
+/* Writes the file to the disk, by the steps of the rules above. Call it once; afterwards the writer can only
+ * be destroyed, also after a failure. */
 LG_API lg_status lg_file_writer_commit(lg_file_writer *writer, lg_error *error);
-LG_API void
-lg_file_writer_destroy(lg_file_writer *writer); /* NULL is fine; without a commit no file is made */
+/* Frees the writer. Without a commit no file is made. NULL is fine. */
+LG_API void lg_file_writer_destroy(lg_file_writer *writer);
 
-/* ---- trajectories of an ensemble, written as they come ---- */
+/* ---- trajectories of an ensemble ---- */
 
 typedef struct lg_rows_options {
     const lg_provenance *provenance; /* may be NULL */
-    uint64_t first, rows;            /* members first, first + 1, ... */
-    size_t points, dim;
-    const double *t; /* (points) */
-    const char *layout;
-    const char *run; /* what the ensemble is, as its other files have it; may be NULL */
+    uint64_t first, rows;            /* the rows are the members first, first + 1, ..., first + rows - 1 */
+    size_t points, dim;              /* points in time per row; numbers per point */
+    const double *t;                 /* (points) times */
+    const char *layout;              /* text that says what the `dim` numbers are; attribute `layout` */
+    /* Text that identifies the ensemble, equal in all its files; attribute `ensemble`. May be NULL. */
+    const char *run;
 } lg_rows_options;
 
-/* A file with /t and /trajectories (rows, points, dim), whose rows are written one by one into their places
- * on the disk: no row is kept in memory. All room is taken at once: a disk that is too small is known at the
- * start. Rows that are not put are zeros. */
+/* A file with /t (points) and /trajectories (rows, points, dim). Each row is written directly to its place on
+ * the disk; no row is kept in memory. The file gets its whole size at the start, so a disk that is too small
+ * is noticed then. Rows that are never put are zeros. Errors: LG_INVALID_ARGUMENT (rows, points or dim is 0
+ * or too large), LG_FILE, LG_OUT_OF_MEMORY. */
 typedef struct lg_rows_file lg_rows_file;
 LG_API lg_status lg_rows_file_create(const lg_context *context, const char *path,
                                      const lg_rows_options *options, lg_rows_file **out, lg_error *error);
-/* (points, dim). From any thread; each row once. LG_FILE: errno says why. */
+/* Writes row `row` (0..rows-1), values (points, dim). Any thread may call it; each row may be put once.
+ * Errors: LG_INVALID_ARGUMENT, LG_FILE (errno says why). */
 LG_API lg_status lg_rows_file_put(const lg_rows_file *file, uint64_t row, const double *values);
-/* Under its name once it is on the disk. */
+/* Syncs the file to the disk and renames it to its path. Errors: LG_FILE. */
 LG_API lg_status lg_rows_file_commit(lg_rows_file *file, lg_error *error);
-LG_API void lg_rows_file_destroy(lg_rows_file *file); /* NULL is fine; without a commit no file is left */
+/* Frees the structure. Without a commit no file is left. NULL is fine. */
+LG_API void lg_rows_file_destroy(lg_rows_file *file);
 
-/* What such a file holds. No row is read, however many there are. `run` (size bytes) may be NULL. LG_FORMAT:
- * another file, or one that does not say which run it is of. */
+/* Reads what such a file holds, without reading its rows. run (size bytes), or NULL, becomes the text `run`
+ * of lg_rows_options. Errors: the statuses of readers; LG_FORMAT also for a file of
+ * another kind. If `run` is not NULL: LG_NOT_FOUND for a file without this text, LG_SHAPE if it does not fit
+ * into `size` bytes. */
 typedef struct lg_rows_about {
-    uint64_t first, rows, points, dim;
+    uint64_t first, rows, points, dim; /* as in lg_rows_options */
 } lg_rows_about;
 LG_API lg_status lg_rows_file_look(const lg_context *context, const char *path, lg_rows_about *out, char *run,
                                    size_t size, lg_error *error);
 
-/* /trajectories of the writer's file: a virtual data set, the rows of these files in their order. The files
- * stand in the folder of the writer's file. */
+/* Adds /trajectories to the file of the writer: a virtual dataset that joins the rows of the files parts
+ * (count), in their order. Only the last component of part->path is stored, because these files must be in
+ * the same folder as the file of the writer. points and dim must be as in the parts. Errors:
+ * LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY. */
 typedef struct lg_rows_part {
     const char *path;
-    uint64_t rows;
+    uint64_t rows; /* number of rows in the file */
 } lg_rows_part;
 LG_API lg_status lg_file_writer_rows(lg_file_writer *writer, const lg_rows_part *parts, size_t count,
                                      uint64_t points, uint64_t dim, lg_error *error);
 
+/* ---- reading an archive ---- */
+
 typedef struct lg_file_reader lg_file_reader;
 
-/* `kind` NULL: any. With options->probe every array and attribute of the file is read once in the child. */
+/* Opens a file of this kind; kind NULL accepts any kind. With options->probe the child process reads every
+ * array and attribute of the file once. Errors: the statuses of readers. */
 LG_API lg_status lg_file_reader_create(const lg_context *context, const char *path, const char *kind,
                                        const lg_read_options *options, lg_file_reader **out, lg_error *error);
+/* Makes an archive whose paths are below `prefix`, as in lg_file_writer_archive. It is valid until the reader
+ * is destroyed. Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_file_reader_archive(lg_file_reader *reader, const char *prefix, lg_archive_reader *out);
-/* The sentence of the last failing archive call of this reader, "" if none. */
+/* The sentence of the last failing archive call of this reader, or "". Valid until the next call. */
 LG_API const char *lg_file_reader_message(const lg_file_reader *reader);
 LG_API void lg_file_reader_provenance(const lg_file_reader *reader, lg_provenance *out);
 LG_API void lg_file_reader_destroy(lg_file_reader *reader); /* NULL is fine */

@@ -276,9 +276,10 @@ LG_API lg_status lg_series_read(const lg_context *context, const char *path, con
                                 const lg_series *like, lg_series_data *out, lg_error *error);
 /* Writes a file of kind "series": /X as f32, /y as u32 with the class numbers 0, 1, ... (so class_label is
  * not written), and /group and /run if they are known. Names are joined by |; if the joined text would be
- * longer than 4095 bytes, or a name contains |, they become datasets /classes and /channels of texts. Fills
- * data->sha256. Errors: LG_NOT_FINITE, LG_INVALID_ARGUMENT (no windows, a label that is not below `classes`,
- * empty or repeated class names, a run whose windows are not consecutive), LG_FILE, LG_OUT_OF_MEMORY. */
+ * longer than about 4000 bytes, or a name contains |, they become datasets /classes and /channels of texts.
+ * Fills data->sha256. Errors: LG_NOT_FINITE, LG_INVALID_ARGUMENT (no windows, a label that is not below
+ * `classes`, empty or repeated class names, a run whose windows are not consecutive), LG_FILE,
+ * LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_series_write(const lg_context *context, const char *path, lg_series_data *data,
                                  lg_error *error);
 LG_API void lg_series_data_destroy(lg_series_data *data); /* NULL is fine */
