@@ -1,4 +1,15 @@
-/* Anomaly detection: detectors, novelty, monitoring of a feed, and a well that makes data.
+/* Anomaly detection in sensor data: detectors (convolutional networks that classify windows), novelty
+ * (whether a window is like the training data at all), monitors (which apply a classifier to a feed of
+ * samples), and a simulated drilling riser that generates data. Windows, splits and scalers are in
+ * liegrad/series.h, classical classifiers in liegrad/classify.h. The guide is docs/detectors.md.
+ *
+ * The functions are in the library liegrad, except the section "monitoring of a feed" (liegrad_classify) and
+ * the section "files of detectors" (liegrad_io).
+ *
+ *   lg_detector_plan *plan;
+ *   lg_detector_plan_create(NULL, &model, &scaler, theta, LG_F32, &plan, &error);
+ *   void *work = aligned_alloc(64, lg_detector_work_size(plan));
+ *   lg_detector_eval(plan, x, probability, NULL, work);
  */
 #ifndef LIEGRAD_ANOMALY_H
 #define LIEGRAD_ANOMALY_H
@@ -20,379 +31,428 @@ LG_BEGIN_DECLS
 
 /* ---- detectors ----
  *
- * Detectors: convolutional networks that tell the class of a window of sensor data.
+ * A detector is a convolutional network that gives the class of a window of sensor data.
  *
- * A window (channels, length) is scaled channel by channel, z = (x - mean)/scale, with the numbers of the
- * training part; with `centred` each window's own mean is subtracted first. Loss:
- *   LG_DETECTOR_MSE            two classes, one output: mean of (sigmoid(y) - label)^2
- *   LG_DETECTOR_CROSS_ENTROPY  an output a class: mean of -log softmax(y)[label] */
+ * A window (channels, length) is scaled channel by channel, z = (x - mean)/scale, with mean and scale of the
+ * training part (lg_scaler). With `centred`, the mean of each channel over the window itself is subtracted
+ * first. The loss is
+ *   LG_DETECTOR_MSE            for two classes and one output y: mean of (sigmoid(y) - label)^2
+ *   LG_DETECTOR_CROSS_ENTROPY  with one output per class: mean of -log softmax(y)[label] */
 
 typedef enum lg_detector_loss { LG_DETECTOR_MSE, LG_DETECTOR_CROSS_ENTROPY } lg_detector_loss;
 #define LG_DETECTOR_LOSS_COUNT 2
-LG_API const char *lg_detector_loss_name(lg_detector_loss loss); /* "mse", "cross-entropy" */
+/* "mse" or "cross-entropy"; "unknown" for any other value. Static storage. */
+LG_API const char *lg_detector_loss_name(lg_detector_loss loss);
 
-/* Plain data. net.outputs is 1 for LG_DETECTOR_MSE, `classes` otherwise. */
+/* The description of a detector; plain data. The parameters are a separate vector theta
+ * (lg_cnn_parameters(&net)). */
 typedef struct lg_detector {
-    lg_cnn net;
-    uint32_t classes; /* >= 2; 2 for LG_DETECTOR_MSE */
+    lg_cnn net;       /* from lg_cnn_init; net.outputs must be 1 for LG_DETECTOR_MSE, `classes` otherwise */
+    uint32_t classes; /* >= 2; exactly 2 for LG_DETECTOR_MSE */
     lg_detector_loss loss;
-    bool centred;
+    bool centred; /* subtract the mean of each channel over the window */
 } lg_detector;
-/* `net` must come from lg_cnn_init. Errors: LG_INVALID_ARGUMENT with a sentence. */
+/* Checks a description. Errors: LG_INVALID_ARGUMENT with a sentence. */
 LG_API lg_status lg_detector_check(const lg_detector *model, lg_error *error);
 
 /* ---- training ---- */
 
-/* Windows scaled and ordered as the network reads them: (count, length, channels) of `dtype`. Made once. */
+/* Windows for training: scaled, and in the memory order in which the network reads them. */
 typedef struct lg_detector_data {
     size_t count;
     lg_dtype dtype;
-    void *x;                   /* (count, length, channels) */
+    void *x;                   /* (count, length, channels) numbers of type `dtype` */
     uint32_t *label;           /* (count) */
-    const lg_context *context; /* whose memory the arrays are in */
+    const lg_context *context; /* in whose memory the arrays are */
 } lg_detector_data;
-/* Makes the data of windows `chosen` (count; NULL: all of them), in this order: the training part first, then
- * the validation part. Errors, with a sentence: LG_SHAPE (channels, length or classes other than the
- * model's), LG_INVALID_ARGUMENT (no windows, or one that does not exist), LG_OUT_OF_MEMORY, LG_NOT_FINITE
- * (overflow in dtype). */
+/* Makes the training data from the windows with the indices chosen (count), or from all windows if `chosen`
+ * is NULL. The order is kept; `chosen` must list the training part first and then the validation part. Free
+ * *out with lg_detector_data_destroy. Errors, with a sentence: LG_SHAPE (channels, length or classes differ
+ * from the model's), LG_INVALID_ARGUMENT (no windows, an index out of range), LG_OUT_OF_MEMORY, LG_NOT_FINITE
+ * (a scaled number overflows in `dtype`). */
 LG_API lg_status lg_detector_data_create(const lg_context *context, const lg_detector *model,
                                          const lg_scaler *scaler, const lg_series *series,
                                          const lg_windows *windows, const uint32_t *chosen, size_t count,
                                          lg_dtype dtype, lg_detector_data *out, lg_error *error);
 LG_API void lg_detector_data_destroy(lg_detector_data *data);
 
-/* A model and its data. The first `training` windows are the training part, the others the validation
- * part (lg_fit_problem.validation; set lg_fit_options.keep_best for the parameters of its best epoch).
- * Borrowed. */
+/* A model and its data. All pointers are borrowed. */
 typedef struct lg_detector_problem {
     const lg_detector *model;
     const lg_detector_data *data;
+    /* The first `training` windows of the data are the training part, the others the validation part
+     * (lg_fit_problem.validation). lg_fit_options.keep_best takes the parameters of the epoch with the best
+     * validation. */
     size_t training;
-    uint64_t seed; /* of the weights with which a network that died starts again */
+    uint64_t seed; /* seed of the new weights for a network that died (see below) */
 } lg_detector_problem;
-/* With lg_fit_options.restarts, a network that died (below) starts again with the weights of
- * lg_detector_initialise. */
+/* Fills *out for lg_fit. `problem` is borrowed and must outlive the fit. With lg_fit_options.restarts, a
+ * network that died (see below) starts again with the weights of lg_detector_initialise. */
 LG_API void lg_detector_fit_problem(const lg_detector_problem *problem, lg_fit_problem *out);
-/* Weights by LG_INIT_FAN_IN: draw number `restart` (0: the first) of one generator with this seed. */
+/* Draws the weights theta (lg_cnn_parameters) by LG_INIT_FAN_IN. restart = 0 gives the first draw of the
+ * random generator with this seed, restart = 1 its second draw, and so on. */
 LG_API void lg_detector_initialise(const lg_detector *model, uint64_t seed, uint64_t restart, double *theta);
 
 /* ---- dead units ---- */
 
-/* A unit is a number of the plane, or an output channel of a convolution at all its times, after activation
- * and pooling. It is constant when its least and largest value over all training windows differ by at most
- * 1e-6 max(1, |value|): what is behind it learns nothing of the window from it. Zero: constant, and all
- * values are 0, as those of a ReLU whose argument is never positive; then its own weights have no gradient
- * either. Where all units of a layer are constant, the output is, too, and the network has died: it gives
- * every window the same class, and training cannot change that. */
+/* A unit is one number of the plane, or one output channel of a convolution (with its values at all times),
+ * after activation and pooling. A unit is constant if its least and its largest value over all training
+ * windows differ by at most 1e-6 max(1, |value|). The layers behind a constant unit learn nothing about the
+ * window from it. A unit is zero if all its values are 0, as for a ReLU whose argument is never positive;
+ * then the weights of the unit have no gradient either. If all units of a layer are constant, the output is
+ * constant too, and the network has died: it gives every window the same class, and training cannot change
+ * that. */
 #define LG_DETECTOR_MAX_LAYERS (LG_CNN_MAX_BLOCKS + 1)
 typedef struct lg_detector_units {
-    uint32_t layers; /* the convolutions, then the plane where there is one; the output is none of them */
+    /* Number of layers: the convolutions, and then the plane if there is one; not the output */
+    uint32_t layers;
     struct {
-        uint32_t units, constant, zero;
+        uint32_t units, constant, zero; /* numbers of units, of constant units, of zero units */
     } layer[LG_DETECTOR_MAX_LAYERS];
-    bool died; /* false for a single training window */
+    bool died; /* always false for a single training window */
 } lg_detector_units;
-/* Counts the units for theta (lg_cnn_parameters), in the type of the data. Errors: LG_OUT_OF_MEMORY, the
- * tape's. */
+/* Counts the units of the network with the parameters theta (lg_cnn_parameters), over the training part. The
+ * network is evaluated in the type of the data. Errors: LG_OUT_OF_MEMORY, the errors of the tape. */
 LG_API lg_status lg_detector_count_units(const lg_detector_problem *problem, const double *theta,
                                          lg_detector_units *out);
 
-/* Settings for levels of the sensors' noise: those published for the subsea well ("thesis"), and our own
- * ("best"). Our own include one for data of unknown noise. */
+/* ---- presets ---- */
+
+/* Settings for data of a subsea well with some level of sensor noise (lg_riser_run.noise): published ones
+ * ("thesis") and our own ("best"). */
 typedef struct lg_detector_preset {
     const char *name;   /* "thesis", "best" */
-    double noise;       /* 1, 10, 50, or NaN: unknown. The nearest preset is taken, else the first */
-    const char *source; /* "table 6.5", ... */
+    double noise;       /* noise level 1, 10 or 50, or NaN for data of unknown noise */
+    const char *source; /* where the settings are from: "table 6.5" of the thesis, or "ours" */
     lg_activation activation;
     lg_detector_loss loss;
     lg_training training;
 } lg_detector_preset;
-/* NULL for an unknown name. Static storage. */
+/* Returns the preset with this name whose noise level is nearest to `noise`. For an unknown level (NaN) it
+ * returns the preset for unknown noise, or the first one if there is none. NULL for an unknown name. Static
+ * storage. */
 LG_API const lg_detector_preset *lg_detector_preset_find(const char *name, double noise);
 
 /* ---- as a program ---- */
 
-/* A bundle on the parameters `theta`, `mean`, `mean_rest` and `inverse_scale`; x is a window as recorded
- * (channels, length), z a scaled window (length, channels):
- *   value        x -> y, the logits
- *   grad         x -> y, g: (outputs, channels length)
+/* Makes a program with the parameters `theta`, `mean`, `mean_rest` and `inverse_scale` and the functions
+ * below. x is an unscaled window (channels, length), z a scaled window (length, channels).
+ *   value        x -> y: the logits (outputs)
+ *   grad         x -> y, g: the logits and their Jacobian (outputs, channels length)
  *   probability  x -> probability (classes)
- *   scores       z -> probability, plane (where the network has one)
- * Errors: those of lg_program_build. */
+ *   scores       z -> probability, and `plane` if the network has a plane
+ * theta is copied. `mean` and `mean_rest` sum to the mean of the scaler; `mean` is exact in single precision.
+ * Free *out with lg_program_destroy. Errors: LG_OUT_OF_MEMORY, the errors of lg_program_build. */
 LG_API lg_status lg_detector_program(const lg_context *context, const lg_detector *model,
                                      const lg_scaler *scaler, const double *theta, lg_program **out,
                                      lg_error *error);
 
-/* ---- use, without a tape ---- */
+/* ---- evaluation without a tape ---- */
 
-/* A plan of `scores` above for one window. Immutable: threads may share it, each with its own work memory.
- * Everything is copied. The network computes in `dtype`, to which theta is rounded. Errors: those of
- * lg_detector_program and lg_plan_create. */
+/* A plan that classifies single windows. It is immutable: threads may share it, each with its own work
+ * memory. The model, the scaler and theta are copied; theta is rounded to `dtype`, in which the network
+ * computes. Errors: the errors of lg_detector_program and lg_plan_create. */
 typedef struct lg_detector_plan lg_detector_plan;
 LG_API lg_status lg_detector_plan_create(const lg_context *context, const lg_detector *model,
                                          const lg_scaler *scaler, const double *theta, lg_dtype dtype,
                                          lg_detector_plan **out, lg_error *error);
 LG_API void lg_detector_plan_destroy(lg_detector_plan *plan); /* NULL is fine */
-/* Bytes, to be aligned to 64. */
+/* Bytes of work memory for lg_detector_eval; the memory must be aligned to 64 bytes. */
 LG_API size_t lg_detector_work_size(const lg_detector_plan *plan);
-/* One window x (channels, length), as recorded. probability (classes), plane (net.plane) or NULL. No
- * allocation, no lock. */
+/* Computes probability (classes) of one unscaled window x (channels, length). plane (net.plane), or NULL,
+ * becomes the output of the layer before the last. Does not allocate or lock. */
 LG_API void lg_detector_eval(const lg_detector_plan *plan, const float *x, double *probability, double *plane,
                              void *work);
 
 /* ---- novelty ----
  *
- * Novelty: whether a window of sensor data is like the windows that a model was trained on. A classifier
- * gives any window one of its classes, also one from a dead sensor; this says when its answer means nothing.
+ * A window of sensor data is novel if it is unlike the windows that a model was trained on. A classifier
+ * gives every window one of its classes, even a window of a dead sensor; novelty says when the answer of the
+ * classifier is meaningless.
  *
  * Features of a window z = (x - mean)/scale (channels, length):
- *   a channel   mean m; ln s, s the standard deviation; ln(max |z - m|/s); ln of the power in each of `bands`
- *               frequency bands (liegrad/spectrum.h)
- *   a pair      of channels: artanh of their correlation (up to LG_NOVELTY_PAIRED channels)
- * A thousandth of the channel's scale is added to s and to the amplitudes: less than that is not told from
- * nothing. Each class of the training windows has a normal distribution of the features f: centre c and
- * covariance Sigma, shrunk towards the diagonal by the share that the data ask for (Schaefer & Strimmer,
- * Stat. Appl. Genet. Mol. Biol. 4 (2005) 32). With P = Sigma^-1 and d = f - c the squared distances are
- *   of the window           d' P d                          (Mahalanobis)
- *   of a group of features  (P d)_g' (P_gg)^-1 (P d)_g      the part that the rest of d does not explain
- * where the features of a channel are a group, and all pairs are one. Their limits are `margin` times a
- * quantile of the same distances of training windows that the distributions were not fitted on, or times the
- * number of features, if that is larger. A window is novel when one of its distances is beyond its limit for
- * every class, when a channel stands still, or when too many samples are at the channel's least or largest
- * value. */
+ *   per channel           the mean m; ln s, where s is the standard deviation; ln(max |z - m|/s); and ln of
+ *   the power
+ *                         in each of `bands` frequency bands (lg_spectrum)
+ *   per pair of channels  artanh of their correlation (only for up to LG_NOVELTY_PAIRED channels)
+ * A thousandth of the channel's scale is added to s and to the amplitudes, so motions that are smaller are
+ * not distinguished from no motion. For each class, the features f of the training windows are described by a
+ * normal distribution with centre c and covariance Sigma. Sigma is shrunk towards its diagonal by a share
+ * that is estimated from the data (Schaefer & Strimmer, Stat. Appl. Genet. Mol. Biol. 4 (2005) 32). With P =
+ * Sigma^-1 and d = f - c the squared distances of a window from the class are
+ *   of all features         d' P d                        (Mahalanobis distance)
+ *   of a group g of them    (P d)_g' (P_gg)^-1 (P d)_g    the part of d_g that the rest of d does not explain
+ * The features of each channel are a group, and the features of all pairs together are one group. Each
+ * squared distance has a limit: `margin` times a quantile of the same distance of training windows (measured
+ * from distributions that were fitted without these windows), or `margin` times the number of features in the
+ * group if that is larger. A window is novel if for every class at least one of its distances exceeds its
+ * limit, if a channel stands still, or if too many samples of a channel are at its least or largest value. */
 
-#define LG_NOVELTY_PAIRED   24u   /* channels; with more, pairs are left out */
-#define LG_NOVELTY_FEATURES 1024u /* at most; with many channels there are fewer bands */
+#define LG_NOVELTY_PAIRED   24u   /* with more channels than this there are no features of pairs */
+#define LG_NOVELTY_FEATURES 1024u /* largest number of features; with many channels there are fewer bands */
 
 typedef struct lg_novelty {
     uint32_t channels, length, classes;
-    uint32_t bands, pairs, features;
-    double *mean, *scale; /* (channels) */
-    double *still;        /* (channels): equal consecutive samples that are allowed */
-    double *extreme;      /* (channels): samples at the window's least, or largest, value that are allowed */
-    double *windows;      /* (classes): training windows; a class without any has no distribution */
-    double *centre;       /* (classes, features) */
-    double *spread;       /* (features): standard deviation within the classes */
-    double *precision;    /* (classes, features, features): of (f - centre)/spread */
-    double *limit;        /* (1 + channels + 1): of the window, each channel, the pairs */
-    double *block;        /* Cholesky factors of the groups' blocks of `precision` */
-    lg_spectrum spectrum; /* zero for bands 0 */
+    uint32_t bands, pairs, features; /* numbers of bands, of pairs of channels, of features */
+    double *mean, *scale;            /* (channels) */
+    double *still;                   /* (channels) allowed number of consecutive samples that are equal */
+    double *extreme;   /* (channels) allowed number of samples at the least (or largest) value of a window */
+    double *windows;   /* (classes) number of training windows; a class with 0 has no distribution */
+    double *centre;    /* (classes, features) */
+    double *spread;    /* (features) standard deviation within the classes */
+    double *precision; /* (classes, features, features) inverse covariance of (f - centre)/spread */
+    double *limit;     /* (1 + channels + 1) limits: for all features, for each channel, for the pairs */
+    double *block;     /* Cholesky factors of the blocks P_gg of `precision` */
+    lg_spectrum spectrum; /* zero if bands is 0 */
     const lg_context *context;
 } lg_novelty;
 
+/* The comments give the values of lg_novelty_options_init. */
 typedef struct lg_novelty_options {
     size_t size;     /* sizeof(lg_novelty_options) */
-    uint32_t bands;  /* 8 */
-    uint32_t folds;  /* 5: of the training windows, for the limits */
-    uint32_t most;   /* 20000: windows that are looked at, evenly chosen */
-    double quantile; /* 0.99 */
-    double margin;   /* 3: limit of a squared distance over its quantile */
+    uint32_t bands;  /* default 8 */
+    uint32_t folds;  /* default 5, >= 2: folds of the training windows, for measuring the quantiles */
+    uint32_t most;   /* default 20000, >= 8: of more windows than this, so many are used, evenly chosen */
+    double quantile; /* default 0.99, in (0, 1] */
+    double margin;   /* default 3, > 0: factor from the quantile of a squared distance to its limit */
 } lg_novelty_options;
 LG_API void lg_novelty_options_init(lg_novelty_options *options);
 
-/* Fits it on the windows `chosen` (count; NULL: the first `count`). Windows of a group, or without groups of
- * a run, are in the same fold. The bits do not depend on `threads` >= 1. Errors, with a sentence:
- * LG_INVALID_ARGUMENT (fewer than 8 windows or 2 samples, more than LG_NOVELTY_FEATURES/3 channels),
- * LG_NOT_FINITE, LG_OUT_OF_MEMORY, LG_CANCELLED. */
+/* Fits the distributions and limits to the windows with the indices chosen (count), or to the first `count`
+ * windows if `chosen` is NULL. `options` must not be NULL. Windows of the same group are put into the same
+ * fold; without groups, windows of the same run are. The bits of the result do not depend on `threads` >= 1.
+ * Free *out with lg_novelty_destroy. Errors, with a sentence: LG_INVALID_ARGUMENT (fewer than 8 windows,
+ * windows of one sample, more than LG_NOVELTY_FEATURES/3 channels, an option out of range), LG_NOT_FINITE,
+ * LG_OUT_OF_MEMORY, LG_CANCELLED. */
 LG_API lg_status lg_novelty_fit(const lg_context *context, const lg_novelty_options *options,
                                 const lg_series *series, const lg_windows *windows, const uint32_t *chosen,
                                 size_t count, int threads, lg_novelty *out, lg_error *error);
-LG_API void lg_novelty_destroy(lg_novelty *novelty); /* a zeroed one is fine */
+LG_API void lg_novelty_destroy(lg_novelty *novelty); /* a zeroed structure is fine */
 
-/* ---- use ---- */
+/* ---- evaluation of novelty ---- */
 
 typedef enum lg_novelty_cause {
-    LG_NOVELTY_NONE,
+    LG_NOVELTY_NONE,    /* no cause can be given, because a value of the window is not finite */
     LG_NOVELTY_STILL,   /* `samples` consecutive samples of `channel` are equal */
     LG_NOVELTY_EXTREME, /* `samples` samples of `channel` are at its least or largest value */
-    LG_NOVELTY_CHANNEL, /* `channel` is unlike the others' and its own features in training */
-    LG_NOVELTY_PAIR     /* so is the correlation of `channel` and `other` */
+    LG_NOVELTY_CHANNEL, /* a feature of `channel` deviates most from training */
+    LG_NOVELTY_PAIR     /* the correlation of `channel` and `other` deviates most from training */
 } lg_novelty_cause;
 
 typedef struct lg_novelty_result {
     bool novel;
-    double distance; /* the largest squared distance over its limit, of the nearest class; above 1 is novel */
-    uint32_t nearest;       /* that class */
-    lg_novelty_cause cause; /* told below the limits, too; NONE: a value is not finite */
-    uint32_t channel, other, samples;
-    uint32_t feature;    /* that deviates most, in units of its spread; a channel's if one deviates by 5 */
-    double value, usual; /* of that feature */
-    double deviation;    /* of the channel: standard deviation over the usual */
+    /* For each class, the ratios of the squared distances to their limits are computed, and the largest ratio
+     * is taken. `distance` is the smallest of these numbers over the classes; above 1 the window is novel. */
+    double distance;
+    uint32_t nearest;                 /* the class with this smallest number */
+    lg_novelty_cause cause;           /* what is most unusual; also set if the window is not novel */
+    uint32_t channel, other, samples; /* see lg_novelty_cause */
+    /* Index of the feature that deviates most from the centre of `nearest`, in units of its spread. If a
+     * feature of a single channel deviates by more than 5 spreads, pairs are not considered. */
+    uint32_t feature;
+    double value, usual; /* this feature, and its value in the centre */
+    double deviation;    /* standard deviation of `channel` in the window, relative to the usual one */
 } lg_novelty_result;
 
-/* Bytes, to be aligned to 64, for lg_novelty_eval. */
+/* Bytes of work memory for lg_novelty_eval; the memory must be aligned to 64 bytes. */
 LG_API size_t lg_novelty_work_size(const lg_novelty *novelty);
-/* x (channels, length), as recorded. features: NULL, or (features) for the result. No allocation, no lock. A
- * window with a value that is not finite is novel, its distance infinite. */
+/* Judges an unscaled window x (channels, length). features (novelty->features), or NULL, becomes the features
+ * of the window. A window with a value that is not finite is novel, with an infinite distance. Does not
+ * allocate or lock. */
 LG_API void lg_novelty_eval(const lg_novelty *novelty, const float *x, lg_novelty_result *result,
                             double *features, void *work);
-/* ratio (channels) = amplitude in the highest band over the usual one of a class, from `features`: the noise
- * of the sensors, where they measure nothing else there. bands 0: 1. */
+/* Computes ratio (channels) from the features of a window (lg_novelty_eval): the amplitude in the highest
+ * frequency band, divided by the usual amplitude there of class `class_index`. This is the relative noise of
+ * the sensors if they measure only noise in this band. All ratios are 1 if there are no bands. */
 LG_API void lg_novelty_noise(const lg_novelty *novelty, uint32_t class_index, const double *features,
                              double *ratio);
-/* The lower end of that band, in cycles a sample. */
+/* The lower end of the highest frequency band, in cycles per sample. */
 LG_API double lg_novelty_noise_from(const lg_novelty *novelty);
-/* Writes the cause as snprintf does: "moment_x: standard deviation 0.01 times the usual". names (channels) or
- * NULL: numbers from 1 on; rate Hz, 0: unknown. */
+/* Writes the cause as a text such as "moment_x: standard deviation 0.01 times the usual", and returns its
+ * length as snprintf does. names (channels), or NULL: channels are then numbered from 1. `rate` in Hz; 0 if
+ * it is unknown. */
 LG_API int lg_novelty_explain(const lg_novelty *novelty, const lg_novelty_result *result,
                               char (*names)[LG_SERIES_NAME], double rate, char *text, size_t size);
 
-/* ---- files ---- */
+/* ---- archives of novelty ---- */
 
-/* Arrays below "novelty/". The reader checks sizes and values: LG_FORMAT, LG_NOT_FINITE; LG_NOT_FOUND: there
- * is none. On failure *out is zeroed. */
+/* Save and load the arrays below "novelty/" of an archive (liegrad/core.h). lg_novelty_load checks sizes and
+ * values; on failure *out is zeroed. Free *out with lg_novelty_destroy. Errors of lg_novelty_load:
+ * LG_NOT_FOUND (the archive has no novelty), LG_FORMAT, LG_NOT_FINITE, LG_OUT_OF_MEMORY. Errors of
+ * lg_novelty_save: the errors of the writer. */
 LG_API lg_status lg_novelty_save(const lg_novelty *novelty, const lg_archive_writer *writer, lg_error *error);
 LG_API lg_status lg_novelty_load(const lg_context *context, const lg_archive_reader *reader, lg_novelty *out,
                                  lg_error *error);
 
-/* ---- monitoring of a feed ----
+/* ---- monitoring of a feed (library liegrad_classify) ----
  *
- * Monitoring of a feed by a classifier, in the caller's memory of fixed size. Library `liegrad_classify`. */
+ * A monitor receives the samples of a feed one by one, cuts them into windows, passes each window to a judge
+ * (a callback around any classifier), and raises an alarm when enough of the last windows are positive. It
+ * lives in memory of fixed size that the caller provides. */
 
+/* The comments give the values of lg_monitor_options_init; channels and window must be set. */
 typedef struct lg_monitor_options {
     size_t size;       /* sizeof(lg_monitor_options) */
     uint32_t channels; /* >= 1 */
-    uint32_t window;   /* samples of a window */
-    uint32_t hop;      /* 0: window; samples from one window to the next, <= window */
-    uint32_t bridge;   /* 5: gaps of at most this many samples are filled by straight lines */
-    double missing;    /* 0.1: largest part of a window that may be missing, bridged samples included */
-    uint32_t votes;    /* k = 3: alarm when k of the last n judged windows are positive */
-    uint32_t votes_of; /* n = 5, 1..64 */
+    uint32_t window;   /* samples per window, >= 1 */
+    /* Samples from the beginning of one window to the next, <= window; 0, the default: window */
+    uint32_t hop;
+    uint32_t bridge; /* default 5: gaps of at most so many samples are filled by straight lines */
+    double missing;  /* default 0.1: a window is judged if at most this part of it was lost, bridged or not */
+    /* k, default 3: there is an alarm if at least k of the last n judged windows are positive */
+    uint32_t votes;
+    uint32_t votes_of; /* n, default 5, 1..64 */
 } lg_monitor_options;
 LG_API void lg_monitor_options_init(lg_monitor_options *options);
 
 typedef enum lg_answer {
     LG_ANSWER_NEGATIVE, /* all is well */
-    LG_ANSWER_POSITIVE,
-    LG_ANSWER_NOVEL /* unlike what the judge knows (liegrad/novelty.h): neither of the two */
+    LG_ANSWER_POSITIVE, /* what the monitor looks for */
+    LG_ANSWER_NOVEL     /* the window is unlike the training data (lg_novelty), so there is no answer */
 } lg_answer;
-/* Judges a window (channels, window), `missing` samples of which are filled in: sets *answer and *score
- * (higher means more positive). x lies in the monitor's memory, 64-byte aligned; the judge may use it until
- * it returns. */
+/* Judges a window x (channels, window) and sets *answer and *score (higher means more positive). `missing`
+ * samples of x were lost and are filled in. x is in the memory of the monitor, aligned to 64 bytes, and valid
+ * until the judge returns. */
 typedef lg_status (*lg_monitor_judge)(void *user, const float *x, uint32_t missing, lg_answer *answer,
                                       double *score);
 
+/* The result for one window. */
 typedef struct lg_verdict {
-    uint64_t window;       /* 0, 1, ... */
-    uint64_t first_sample; /* of the feed */
-    bool judged;           /* false: too much was missing; nothing below but `alarm` means anything */
+    uint64_t window;       /* number of the window: 0, 1, ... */
+    uint64_t first_sample; /* number of its first sample in the feed */
+    bool judged;           /* false: too much was lost; `answer` and `score` then have no meaning */
     lg_answer answer;
     double score;
-    uint32_t missing;               /* samples not received, or not finite */
-    uint32_t positive_votes, votes; /* among the last n windows that were judged and not novel */
-    uint32_t novel_votes;           /* among the last n judged windows */
-    bool alarm; /* k of n are positive; the last state while windows are not judged, or novel */
-    bool novel; /* k of n are novel; the last state while windows are not judged */
+    uint32_t missing; /* number of samples of the window that were not received or not finite */
+    /* Number of positive windows among the last windows that were judged and not novel; number of these
+     * windows, at most n. */
+    uint32_t positive_votes, votes;
+    uint32_t novel_votes; /* number of novel windows among the last n judged windows */
+    bool alarm;           /* positive_votes >= k; does not change while windows are not judged or are novel */
+    bool novel;           /* novel_votes >= k; does not change while windows are not judged */
 } lg_verdict;
 
 typedef struct lg_monitor lg_monitor;
-/* Bytes, to be 64-byte aligned: two windows of floats and a small rest. 0 for options that init refuses. */
+/* Bytes of memory for a monitor (two windows of floats and a little more); the memory must be aligned to 64
+ * bytes. 0 for options that lg_monitor_init refuses. */
 LG_API size_t lg_monitor_size(const lg_monitor_options *options);
-/* LG_INVALID_ARGUMENT with a sentence: a size of 0, hop > window, missing outside [0, 1], votes outside
- * 1..votes_of, votes_of outside 1..64, memory that is not aligned or smaller than lg_monitor_size. The
- * monitor lives in `memory` (`size` bytes) and owns nothing else. */
+/* Makes a monitor in `memory` (`size` bytes), which must live as long as the monitor is used. The monitor
+ * owns nothing else, so there is no function that destroys it. `user` is passed to the judge. Errors:
+ * LG_INVALID_ARGUMENT with a sentence (channels or window is 0, hop > window, missing outside [0, 1], votes
+ * outside 1..votes_of, votes_of outside 1..64, memory that is not aligned or has less than lg_monitor_size
+ * bytes). */
 LG_API lg_status lg_monitor_init(const lg_monitor_options *options, lg_monitor_judge judge, void *user,
                                  lg_monitor **out, void *memory, size_t size, lg_error *error);
-/* One sample (channels), or NULL: lost. A sample with a value that is not finite is lost as a whole. *ready:
- * a window is complete, *verdict is set. Window i holds samples i hop .. i hop + window - 1 of the feed, lost
- * ones counted. Lost samples:
- *   - a gap of at most `bridge` samples is filled by straight lines as soon as the next sample is received;
- *   - a longer gap, and one still open when a window is complete, holds the last value received;
- *   - lost samples at the beginning of a feed get the value of the first one received.
- * A window of a feed that has not sent a sample yet is not judged, whatever `missing` allows. No allocation,
- * no lock of its own. Returns the judge's status: unless it is LG_OK, *ready and *verdict are untouched, that
- * window has no vote, and the feed may go on. */
+/* Takes one sample (channels), or NULL for a sample that was lost. A sample with a value that is not finite
+ * counts as lost. *ready becomes true if the sample completes a window; then *verdict is set. Window i has
+ * the samples i hop .. i hop + window - 1 of the feed, counting lost ones. Lost samples are filled in:
+ *   - A gap of at most `bridge` samples is filled by straight lines as soon as the next sample is received.
+ *   - A longer gap, and a gap that is still open when a window is complete, gets the last value received.
+ *   - Samples lost at the beginning of the feed get the value of the first sample received.
+ * Before the first sample is received no window is judged, whatever `missing` allows. Does not allocate or
+ * lock (unless the judge does). Returns the status of the judge. If it is not LG_OK, *ready and *verdict are
+ * untouched and the window has no vote; pushing may go on. */
 LG_API lg_status lg_monitor_push(lg_monitor *monitor, const float *sample, bool *ready, lg_verdict *verdict);
 
 /* ---- a drilling riser ----
  *
- * A drilling riser, blowout preventer (BOP) and wellhead in waves and current. The scene generates sensor
- * data of an intact and of a damaged well. docs/riser.md has the equations, and the parameters with their
- * units and sources.
+ * A simulated drilling riser with blowout preventer (BOP) and wellhead, in waves and current. It generates
+ * sensor data of an intact and of a damaged well. docs/detectors.md has the equations, and the parameters
+ * with their units and sources.
  *
- * Each of the two horizontal directions x and y has 14 degrees of freedom: wellhead offset u, BOP rotation th
- * and 12 riser nodes; the top is fixed. Drag, soil and wellhead act along the resultant and so couple the
- * directions. */
+ * Each of the two horizontal directions x and y has 14 degrees of freedom: the offset u of the wellhead, the
+ * rotation th of the BOP, and the displacements of 12 riser nodes; the top is fixed. Drag, soil and wellhead
+ * act along the resultant of both directions and so couple them. */
 
 #define LG_RISER_NODES      12
-#define LG_RISER_DOF        (LG_RISER_NODES + 2) /* of one direction */
+#define LG_RISER_DOF        (LG_RISER_NODES + 2) /* degrees of freedom of one direction */
 #define LG_RISER_CHANNELS   6
-#define LG_RISER_COMPONENTS 200 /* Airy waves of a sea state */
+#define LG_RISER_COMPONENTS 200 /* number of Airy waves in a sea state */
 
-/* "acc_lower_x", "acc_lower_y", "acc_upper_x", "acc_upper_y", "moment_x", "moment_y": accelerations in m/s^2,
- * moments in N m. NULL beyond. */
+/* Returns the name of channel 0..5: "acc_lower_x", "acc_lower_y", "acc_upper_x", "acc_upper_y" (accelerations
+ * in m/s^2), "moment_x", "moment_y" (moments in N m). NULL for other indices. */
 LG_API const char *lg_riser_channel(uint32_t index);
 
-typedef enum lg_housing { LG_HOUSING_SLACK, LG_HOUSING_TIGHT } lg_housing;
+typedef enum lg_housing { LG_HOUSING_SLACK, LG_HOUSING_TIGHT } lg_housing; /* fit of the wellhead housing */
 #define LG_HOUSING_COUNT 2
 
-/* SI units. See docs/riser.md for each. */
+/* SI units. docs/detectors.md explains each parameter; lg_riser_standard_run sets the standard values. */
 typedef struct lg_riser_parameters {
     size_t size;                /* sizeof(lg_riser_parameters) */
-    double depth, rho, gravity; /* m, kg/m^3, m/s^2 */
+    double depth, rho, gravity; /* water depth, m; density of the water, kg/m^3; m/s^2 */
+    /* kg; kg; m; m; N (submerged); m; drag coefficient; m^3 */
     double bop_mass, bop_added_mass, bop_height, bop_centre, bop_weight, bop_diameter, bop_drag, bop_volume;
+    /* kg/m; m; drag coefficient; added-mass coefficient; N m^2; N/m */
     double riser_mass, hydro_diameter, drag, added_mass, bending_stiffness, submerged_weight;
-    double flex_joint;                                                /* N m/rad */
-    double top_tension;                                               /* N */
-    double housing_stiffness, housing_factor, housing_gap, softening; /* K_r N m/rad, K_sf, M_gap N m, th_s */
-    double soil_stiffness, soil_strength;                             /* K_y N/m, P_u N */
-    double damping_rotation, damping_offset, damping_riser;           /* zeta_r, zeta_u, beta s */
-    double sensor_moment, sensor_lower, sensor_upper;                 /* h_s, z_L, z_U, m */
-    double noise_acceleration, noise_moment; /* standard deviations at noise 1: m/s^2, N m */
-    double current;                          /* at the surface, m/s */
+    double flex_joint;  /* N m/rad */
+    double top_tension; /* N */
+    /* K_r, N m/rad; K_sf, housing relative to casing; M_gap, the moment that closes the gap, N m; th_s,
+     * rad */
+    double housing_stiffness, housing_factor, housing_gap, softening;
+    double soil_stiffness, soil_strength;                   /* K_y, N/m; P_u, N */
+    double damping_rotation, damping_offset, damping_riser; /* zeta_r and zeta_u, of critical; beta, s */
+    double sensor_moment, sensor_lower, sensor_upper;       /* h_s, z_L, z_U, m */
+    double noise_acceleration, noise_moment; /* standard deviations for lg_riser_run.noise = 1: m/s^2, N m */
+    double current;                          /* at the surface, along x, m/s */
     lg_housing housing;
-    double severity; /* r of the broken casing: 1 is intact, 0.58 the standard crack */
+    double severity; /* r of the casing, in (0, 1]: 1 means intact, 0.58 the standard crack */
 } lg_riser_parameters;
-/* LG_INVALID_ARGUMENT with a sentence that names the parameter, or for a structure that cannot stand: the
- * mass or stiffness matrix (with the soil's initial spring, and the housing beyond its gap) is not positive
- * definite or overflows. A structure that is stable only beyond the gap passes; it leans. */
+/* Checks the parameters. Errors: LG_INVALID_ARGUMENT with a sentence, for a parameter out of range (which it
+ * names) or a structure that cannot stand: its mass matrix or stiffness matrix (with the initial spring of
+ * the soil, and the housing beyond its gap) is not positive definite or overflows. A structure that is stable
+ * only beyond the gap is accepted; it leans. */
 LG_API lg_status lg_riser_parameters_check(const lg_riser_parameters *parameters, lg_error *error);
 
 /* ---- sea ---- */
 
-/* JONSWAP (gamma 3.3), cos^12 spreading about `direction`. */
+/* A JONSWAP spectrum (gamma = 3.3) with cos^12 spreading about `direction`. */
 typedef struct lg_sea_state {
-    double height;    /* Hs, m; 0: calm */
-    double period;    /* Tp, s */
-    double direction; /* rad, from x to y */
+    double height;    /* significant wave height Hs, m; 0 means a calm sea */
+    double period;    /* peak period Tp, s */
+    double direction; /* angle from x towards y, rad */
 } lg_sea_state;
 
-#define LG_SEA_STATES 18 /* Hs {1.5, 2, 2.5, 3, 3.5, 4.5} x directions {20, 45, 70} degrees */
-/* Standard sea state `index` (modulo 18); the direction changes fastest. The rng draws the period
- * Tp = 4.2 sqrt(Hs) U(0.95, 1.25) + 1 and adds up to 10 degrees either way to the direction. */
+#define LG_SEA_STATES 18 /* Hs {1.5, 2, 2.5, 3, 3.5, 4.5} m times directions {20, 45, 70} degrees */
+/* Returns standard sea state `index` (modulo 18); sea states with consecutive indices differ in direction
+ * first. The period Tp = 4.2 sqrt(Hs) U(0.95, 1.25) + 1 s is drawn from `rng`, and so is an angle within +-10
+ * degrees that is added to the direction. */
 LG_API lg_sea_state lg_sea_state_draw(uint32_t index, lg_rng *rng);
 
 /* ---- simulation ---- */
 
+/* The comments give the values of lg_riser_run_init. */
 typedef struct lg_riser_run {
-    size_t size; /* sizeof(lg_riser_run) */
-    lg_sea_state sea;
-    uint64_t seed;       /* of the waves */
-    uint64_t noise_seed; /* of the sensors' noise; runs with the same waves may differ in noise */
-    double noise;        /* factor on the noise of the sensors; 0: none; 1 */
-    double dt;           /* 0.05 s; 1/(rate dt) must be whole */
-    double rate;         /* 5 Hz */
-    double discard;      /* 200 s before the first sample */
-    double ramp;         /* 100 s over which the forcing grows */
-    double crack_time;   /* s after the first sample: the well is intact before and has the severity from then
-                        * on. 0: damaged from the start; INFINITY: never */
-    double drag_scale;   /* factor on drag; 1. Energy checks take 0, and no damping */
+    size_t size;      /* sizeof(lg_riser_run) */
+    lg_sea_state sea; /* default Hs 2.5 m, Tp 8 s, along x */
+    uint64_t seed;    /* seed of the waves; default 1 */
+    /* Seed of the sensor noise; default 1. Runs with the same waves may differ in noise */
+    uint64_t noise_seed;
+    double noise;   /* factor on the sensor noise; 0 means no noise; default 1 */
+    double dt;      /* time step, s; default 0.05. 1/(rate dt) must be a whole number */
+    double rate;    /* sampling rate, Hz; default 5 */
+    double discard; /* s that are simulated before the first sample; default 200 */
+    double ramp;    /* s during which the forcing grows from 0 to its full size; default 100 */
+    /* Time of the damage, s after the first sample. Before it the well is intact, afterwards it has
+     * `severity`. 0, the default: damaged from the start. INFINITY: never damaged. */
+    double crack_time;
+    double drag_scale; /* factor on the drag; default 1 */
 } lg_riser_run;
 LG_API void lg_riser_run_init(lg_riser_run *out);
 
-/* samples (count, LG_RISER_CHANNELS) at times 0, 1/rate, ... Equal seeds give equal bits on one instruction
- * set. Threads may call it at the same time. Errors, with a sentence: LG_INVALID_ARGUMENT (also a structure
- * that cannot stand, waves that overflow), LG_OUT_OF_MEMORY, LG_CANCELLED, LG_NOT_FINITE (the step is too
- * large). */
+/* Simulates a run and writes samples (count, LG_RISER_CHANNELS) at the times 0, 1/rate, 2/rate, ... Equal
+ * seeds give equal bits on machines with the same instruction set. Threads may call it at the same time.
+ * Errors, with a sentence: LG_INVALID_ARGUMENT (a number out of range, a structure that cannot stand, waves
+ * that overflow), LG_OUT_OF_MEMORY, LG_CANCELLED, LG_NOT_FINITE (the time step is too large). */
 LG_API lg_status lg_riser_simulate(const lg_context *context, const lg_riser_parameters *parameters,
                                    const lg_riser_run *run, size_t count, float *samples, lg_error *error);
 
 /* ---- the standard set of runs ---- */
 
-/* There are 54 conditions: 3 top tensions with their flex joints times 18 sea states. Run `index` (modulo
- * 108) has condition index/2; it is intact when even and broken when odd. The two runs of a condition share
- * the waves. The three tensions share the period and direction of a sea state but have different waves. Every
- * run has its own noise. *label: 0 intact, 1 broken; *sea_state: 0..17. */
+/* Sets the parameters and the run of standard run `index` (modulo 108). There are 54 conditions: 3 pairs of
+ * top tension and flex joint times 18 sea states. Run `index` has condition index/2; an even run is intact
+ * (*label 0), an odd run has the damage `severity` (*label 1). The two runs of a condition have the same
+ * waves. The three tensions of a sea state have the same period and direction, but different waves. Every run
+ * has its own noise. *sea_state becomes 0..17, the index of the sea state. `seed` determines all draws. */
 #define LG_RISER_RUNS 108
 LG_API void lg_riser_standard_run(uint32_t index, uint64_t seed, double severity,
                                   lg_riser_parameters *parameters, lg_riser_run *run, uint32_t *label,
@@ -400,48 +460,58 @@ LG_API void lg_riser_standard_run(uint32_t index, uint64_t seed, double severity
 
 /* ---- files of detectors (library liegrad_io) ---- */
 
+/* Model, training and data of a run. Models and checkpoints store it. */
 typedef struct lg_detector_run {
     lg_detector model;
-    lg_training training;
+    lg_training training; /* training.validation is 0; validation_fraction below takes its place */
     lg_split split;
-    double test_fraction, validation_fraction; /* of the windows; training.validation is 0 */
-    uint32_t restarts;                         /* at most: lg_fit_options.restarts */
-    uint64_t windows, window, hop;             /* windows cut from the data; samples */
+    double test_fraction, validation_fraction; /* fractions of the windows */
+    uint32_t restarts;                         /* largest number of restarts, lg_fit_options.restarts */
+    uint64_t windows, window, hop; /* number of windows cut from the data; their length and hop, samples */
     char data_sha256[LG_SHA256_TEXT];
 } lg_detector_run;
-/* The rows of lg_detector_run. There is one method, bit 0; rows with methods = 0 belong to the split of the
- * data, which the classical methods share. */
+/* The fields of lg_detector_run, ended by a row whose name is NULL (liegrad/settings.h). Fields with
+ * lg_field.methods = 1 belong to the network. Fields with methods = 0 belong to the split of the data, which
+ * the classical classifiers use too. */
 LG_API extern const lg_field lg_detector_fields[];
 
 typedef struct lg_detector_file {
     lg_detector_run run;
-    size_t parameters;
-    double *theta; /* (parameters); stored as training.dtype */
+    size_t parameters; /* lg_cnn_parameters(&run.model.net) */
+    double *theta;     /* (parameters); stored as training.dtype */
     lg_scaler scaler;
     char (*class_name)[LG_SERIES_NAME];   /* (classes) */
     char (*class_label)[LG_SERIES_NAME];  /* (classes) or NULL; as in lg_series */
     char (*channel_name)[LG_SERIES_NAME]; /* (channels) or NULL */
-    double rate;                          /* Hz, 0 unknown */
-    lg_novelty novelty;                   /* of the training windows; channels 0: none */
-    double accuracy, f1, test_mse;        /* on the test part; NaN without one */
+    double rate;                          /* Hz; 0 if unknown */
+    lg_novelty novelty;                   /* fitted to the training windows; all zero if there is none */
+    double accuracy, f1, test_mse;        /* on the test part; NaN if unknown */
     size_t epochs_done;
-    double *history[LG_FIT_SERIES_COUNT];
+    double *history[LG_FIT_SERIES_COUNT]; /* (epochs_done) each, or NULL; as in lg_hamiltonian_file */
     lg_provenance provenance;
-    const lg_context *context; /* whose memory the arrays are in */
+    const lg_context *context; /* in whose memory the arrays are */
 } lg_detector_file;
 
-/* Kind "detector": /model/conv1/weight ... as lg_cnn_slice names them, /scaler/{mean, scale} (channels),
- * root attributes `classes`, `class_labels`, `channels`, `rate`, `accuracy`, `f1`, `test_mse`, and optional
- * /novelty (lg_novelty_save); laws as for the other kinds. The blocks are an attribute of /model, "12 kernel
- * 5 stride 1 padding 0 average 2/2, 24 kernel ...": channels, pooling `none` or `average`, `max` with
- * size/stride. A model written by hand needs `kind`, /scaler, the weights and the attributes of /model:
- * `channels`, `length`, `blocks` (from `stride` on optional: 1, 0, none), `plane`, `activation`, `classes`,
- * `loss`, `centred`; without root attribute `classes` they are "0", "1", ... */
+/* Saves a model file of kind "detector": the weights /model/conv1/weight, ... with the names of lg_cnn_slice,
+ * /scaler/mean and /scaler/scale (channels), the attributes `classes`, `class_labels`, `channels`, `rate`,
+ * `accuracy`, `f1` and `test_mse` of the root, /novelty (lg_novelty_save) if there is one, and the functions
+ * of the model. The attribute `blocks` of /model lists the blocks of the network as "12 kernel 5 stride 1
+ * padding 0 average 2/2, 24 kernel ...": the number of channels, then kernel, stride and padding, then the
+ * pooling, which is `none`, or `average` or `max` with size/stride. `file` is only read. If `fit` is not NULL
+ * its history is stored instead of the history of `file`, and during training by Adam also the state of the
+ * optimizer; see lg_model_save_hamiltonian. Errors: LG_INVALID_ARGUMENT (a model that lg_detector_check would
+ * refuse, sizes that do not fit, classes without names), LG_NOT_FINITE, LG_FILE, LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_model_save_detector(const lg_context *context, const char *path,
                                         const lg_detector_file *file, const lg_fit *fit, lg_error *error);
+/* Loads such a file; free *out with lg_detector_file_destroy. A file written by hand needs the attribute
+ * `kind`, /scaler, the weights, and the attributes of /model: `channels`, `length`, `blocks` (of each block
+ * everything from `stride` on may be left out; then stride 1, padding 0, no pooling), `plane`, `activation`,
+ * `classes`, `loss` and `centred`. Without the root attribute `classes` the classes are named "0", "1", ...
+ * Errors: the errors of readers (liegrad/files.h). */
 LG_API lg_status lg_model_load_detector(const lg_context *context, const char *path,
                                         const lg_read_options *options, lg_detector_file *out,
                                         lg_error *error);
+/* Frees the arrays and zeroes the structure. NULL is fine. */
 LG_API void lg_detector_file_destroy(lg_detector_file *file);
 
 LG_END_DECLS

@@ -82,8 +82,8 @@ typedef struct lg_field {
     size_t offset, size; /* of the member in the structure */
     double low, high;    /* range of the number, or of each number of a list; both ends are included */
     bool above;          /* `low` itself is not in the range */
-    /* An option with this mark must be given. A key of a YAML file with this mark must be there if the mapping
-     * that it belongs to is there. */
+    /* An option with this mark must be given. A key of a YAML file with this mark must be there if the
+     * mapping that it belongs to is there. */
     bool required;
     lg_file_use file; /* for type STRING */
     bool adam;        /* the field applies only if Adam takes part in the training */
