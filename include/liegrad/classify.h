@@ -1,10 +1,20 @@
-/* Features of windows of sensor data, and classical classifiers on them. Library `liegrad_classify` (LAPACK,
- * libsvm).
+/* Features of windows of sensor data, and classical classifiers on them: logistic regression, decision trees
+ * and support vector machines, their combination with features and principal components, and grid search. The
+ * functions are in the library liegrad_classify, which needs LAPACK and libsvm. The guide is
+ * docs/detectors.md.
  *
- * A classifier is a chain that is fitted on the training part only:
- *   window -> features (d) -> standardise -> [principal components (k)] -> logistic | tree | svm
- * Matrices are row-major; each row is a window. Functions that can fail explain the failure in `error`, which
- * may be NULL.
+ * A classifier is a chain whose stages are all fitted on the training part only:
+ *   window -> features (d) -> standardisation -> [principal components (k)] -> logistic | tree | svm
+ *
+ *   lg_classifier classifier = {0};
+ *   lg_features_create(NULL, LG_FEATURES_SPECTRUM, false, &series, length, &scaler, &classifier.features,
+ *   &error); lg_features_table(NULL, &classifier.features, &series, &windows, 1, table, &error);
+ *   lg_classifier_fit(NULL, &options, table, label, chosen, count, classifier.features.count, series.classes,
+ *                     &classifier, &error);
+ *
+ * Matrices are row-major; each row belongs to a window. Functions with an `error` write a sentence about a
+ * failure to it; it may be NULL. Structures that own memory are freed by their _destroy function, which
+ * accepts NULL and zeroed structures.
  */
 #ifndef LIEGRAD_CLASSIFY_H
 #define LIEGRAD_CLASSIFY_H
@@ -18,213 +28,250 @@
 
 LG_BEGIN_DECLS
 
-/* ---- features (src/anomaly/classify/features.c; a file a kind) ---- */
+/* ---- features ---- */
 
+/* The features of a window of m selected channels, and their number d. */
 typedef enum lg_feature_kind {
-    LG_FEATURES_RAW,      /* the window as it is, channel by channel: m length numbers */
-    LG_FEATURES_STD,      /* standard deviation of each channel: m */
-    LG_FEATURES_COV,      /* upper triangle, row by row, of the symmetric square root of the covariance of the
-                          * scaled channels: m (m + 1)/2. Denominator `length`, as for STD. */
-    LG_FEATURES_SPECTRUM, /* ln(P + LG_FEATURES_FLOOR) with the power P of each channel, less its mean and
-                           * scaled, in each of `bands` bands of frequency (liegrad/spectrum.h): m bands
-                           * numbers. 8 bands, or as many as the window has; of 4 samples at least. */
-    LG_FEATURES_BASELINE  /* standard deviations of moment and acceleration in each of `segments` parts of the
-                          * window, and the regression line of the moment on the acceleration over the parts:
-                          * intercept and slope of each pair, 2 pairs numbers. Slope 0 when the accelerations
-                          * of the parts are equal. */
+    /* The samples themselves, channel by channel: d = m length. */
+    LG_FEATURES_RAW,
+    /* Standard deviation of each channel (denominator `length`): d = m. */
+    LG_FEATURES_STD,
+    /* Symmetric square root of the covariance matrix of the scaled channels (denominator `length`): its upper
+     * triangle, row by row, d = m (m + 1)/2. */
+    LG_FEATURES_COV,
+    /* ln(P + LG_FEATURES_FLOOR), where P is the power of each centred and scaled channel in each of `bands`
+     * frequency bands (lg_spectrum): d = m bands. There are 8 bands, or fewer if the window is too short for
+     * 8; a window needs at least 4 samples. */
+    LG_FEATURES_SPECTRUM,
+    /* For pairs of an acceleration and a moment: the window is cut into `segments` parts, and the standard
+     * deviation of both channels is computed in each part. The features are intercept and slope of the
+     * regression line of the moment's deviations on the acceleration's deviations: d = 2 pairs. The slope is
+     * 0 if the deviations of the acceleration are all equal. */
+    LG_FEATURES_BASELINE
 } lg_feature_kind;
 #define LG_FEATURE_KIND_COUNT 5
-#define LG_FEATURES_FLOOR     1e-6 /* SPECTRUM: a thousandth of the scale, squared */
-LG_API const char *lg_feature_kind_name(lg_feature_kind kind);                  /* "raw", "std", ... */
-LG_API lg_status lg_feature_kind_parse(const char *name, lg_feature_kind *out); /* LG_NOT_FOUND */
+#define LG_FEATURES_FLOOR     1e-6 /* for SPECTRUM: the square of a thousandth of the scale */
+/* "raw", "std", "cov", "spectrum" or "baseline"; "unknown" for any other value. Static storage. */
+LG_API const char *lg_feature_kind_name(lg_feature_kind kind);
+LG_API lg_status lg_feature_kind_parse(const char *name,
+                                       lg_feature_kind *out); /* LG_NOT_FOUND for other names */
 
-/* What is computed from a window. */
+/* A description of the features that are computed from a window. */
 typedef struct lg_features {
     lg_feature_kind kind;
     uint32_t channels, length; /* of the windows */
-    uint32_t selected;         /* m: channels used */
-    uint32_t *select;          /* (m) rising */
+    uint32_t selected;         /* m: number of channels that are used */
+    uint32_t *select;          /* (m) these channels, in rising order */
     uint32_t segments;         /* BASELINE: 10 */
-    uint32_t pairs;            /* BASELINE: (acceleration, moment) channels */
-    uint32_t *pair;            /* (pairs, 2) */
+    uint32_t pairs;            /* BASELINE: number of pairs (acceleration, moment) */
+    uint32_t *pair;            /* (pairs, 2) channels of each pair */
     uint32_t bands;            /* SPECTRUM */
     lg_spectrum spectrum;      /* SPECTRUM */
-    double *scale;             /* (channels): all but RAW and STD divide channels by it */
-    uint32_t count;            /* d */
-    const lg_context *context; /* whose memory the arrays are in */
+    double *scale;             /* (channels) divisor of each channel; not used by RAW and STD */
+    uint32_t count;            /* d: number of features */
+    const lg_context *context; /* in whose memory the arrays are */
 } lg_features;
-/* `directions_x` selects the channels of the x-direction: names that end in "_x", or, in a set without names,
- * channels 0, 2, 4, ... BASELINE pairs acc_lower with the moment of the same ending (acc_lower_x, moment_x);
- * without names the pairs are channels 0 and 4, and 1 and 5. `scaler` is fitted on the training part; NULL:
- * scale 1. Errors: LG_INVALID_ARGUMENT (no channel of the x-direction; BASELINE without a pair, or with fewer
- * samples than segments; SPECTRUM with fewer than 4 samples; more than 2^20 features), LG_OUT_OF_MEMORY. */
+/* Makes features for windows of `length` samples with the channels of `series`. With `directions_x` only
+ * channels of the x-direction are used: those whose names end in "_x", or channels 0, 2, 4, ... of a set
+ * without names. BASELINE pairs each acc_lower with the moment of the same ending, such as acc_lower_x and
+ * moment_x; without names the pairs are channels 0 and 4, and 1 and 5. `scaler` gives the scale of each
+ * channel and must be fitted on the training part; NULL stands for scale 1. Free *out with
+ * lg_features_destroy. Errors: LG_INVALID_ARGUMENT (no channel of the x-direction, BASELINE without a pair or
+ * with fewer samples than segments, SPECTRUM with fewer than 4 samples, a scaler that does not fit, more than
+ * 2^20 features), LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_features_create(const lg_context *context, lg_feature_kind kind, bool directions_x,
                                     const lg_series *series, uint32_t length, const lg_scaler *scaler,
                                     lg_features *out, lg_error *error);
 LG_API void lg_features_destroy(lg_features *features);
-/* Bytes of work for lg_features_compute. */
+/* Bytes of work memory for lg_features_compute. */
 LG_API size_t lg_features_work_size(const lg_features *features);
-/* x (channels, length) -> out (d). A constant channel, or a single sample, has standard deviation and
- * covariance exactly 0; a constant channel has the power 0. The root of a covariance comes from the singular
- * values of the centred, scaled window; its error is a few eps = 2^-52 times its norm. Errors:
- * LG_NO_CONVERGENCE (of these singular values), LG_NOT_FINITE; out is then undefined. */
+/* Computes out (d) from the window x (channels, length). For a constant channel and for windows of one
+ * sample, standard deviation, covariance and power are exactly 0. The root of a covariance is computed from
+ * the singular values of the centred and scaled window; its error is a few eps = 2^-52 times its norm.
+ * Errors, out is then undefined: LG_NO_CONVERGENCE (of the singular values), LG_NOT_FINITE. */
 LG_API lg_status lg_features_compute(const lg_features *features, const float *x, double *out, double *work);
-/* Writes the name of feature `index` and returns its length as snprintf does:
- *   "raw acc_lower_x 17" (the sample), "std acc_lower_x", "cov acc_lower_x moment_x",
- *   "band 0.0117-0.0742 acc_lower_x" (its frequencies in cycles a sample),
+/* Writes the name of feature `index` and returns its length as snprintf does. The names are
+ *   "raw acc_lower_x 17" (17 is the index of the sample), "std acc_lower_x", "cov acc_lower_x moment_x",
+ *   "band 0.0117-0.0742 acc_lower_x" (the frequencies of the band in cycles per sample),
  *   "intercept moment_x acc_lower_x", "slope moment_x acc_lower_x"
- * A channel without a name is written as its number. `series` may be NULL. */
+ * The names of the channels are those of `series`. A channel without a name is written as its number;
+ * `series` may be NULL. */
 LG_API int lg_features_name(const lg_features *features, const lg_series *series, uint32_t index, char *text,
                             size_t size);
-/* The features of all windows: out (windows->count, d). The bits do not depend on `threads` >= 1. The error
- * names the window; out is undefined then. */
+/* Computes the features of all windows: out (windows->count, d). The bits do not depend on `threads` >= 1.
+ * Errors, out is then undefined: LG_INVALID_ARGUMENT (windows that do not fit the features), the errors of
+ * lg_features_compute (the sentence names the window), LG_OUT_OF_MEMORY, LG_CANCELLED. */
 LG_API lg_status lg_features_table(const lg_context *context, const lg_features *features,
                                    const lg_series *series, const lg_windows *windows, int threads,
                                    double *out, lg_error *error);
 
-/* ---- principal components (pca.c) ---- */
+/* ---- principal components ---- */
 
-/* z = (x - mean)/scale, p = z W. The columns of W (d, k) are eigenvectors of Z^T Z/n by falling eigenvalue.
- * The largest component of each is positive; of components equal to 1e-9 it is the first. k = 0 only
- * standardises: p = z. */
+/* Standardises features, z = (x - mean)/scale, and maps them to k components p = z W. The columns of W (d, k)
+ * are the eigenvectors of Z^T Z/n with the largest eigenvalues, in falling order; the rows of Z (n, d) are
+ * the z of the training rows. The sign of an eigenvector is chosen so that its entry with the largest
+ * absolute value is positive; if several absolute values agree up to 1e-9, the first of these entries
+ * decides. For k = 0 there are no components, and p = z. */
 typedef struct lg_pca {
     uint32_t inputs, components; /* d, k */
     double *mean, *scale;        /* (d); a constant feature has scale 1 */
-    double *vectors;             /* (d, k) */
-    double *variance;            /* (variances) all eigenvalues, falling; over their sum: explained ratios */
-    uint32_t variances;          /* min(n, d); 0 for k = 0, where they are not computed */
-    const lg_context *context;   /* whose memory the arrays are in */
+    double *vectors;             /* W (d, k) */
+    double *variance;   /* (variances) all eigenvalues in falling order; divided by their sum they are the
+                                  * explained parts of the variance */
+    uint32_t variances; /* min(n, d); 0 for k = 0, where no eigenvalues are computed */
+    const lg_context *context; /* in whose memory the arrays are */
 } lg_pca;
-/* x (n, d); components 0..min(n, d). For components > 0 the smaller of n and d must be at most 8192. For d >
- * n the eigenvectors come from the Gram matrix Z Z^T. Errors: LG_INVALID_ARGUMENT, LG_NOT_FINITE,
- * LG_NO_CONVERGENCE, LG_OUT_OF_MEMORY. */
+/* Fits standardisation and components to x (n, d). components (k) is 0..min(n, d). For components > 0 the
+ * smaller of n and d must be at most 8192. For d > n the eigenvectors are computed from the Gram matrix Z
+ * Z^T. Free *out with lg_pca_destroy. Errors: LG_INVALID_ARGUMENT, LG_NOT_FINITE, LG_NO_CONVERGENCE,
+ * LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_pca_fit(const lg_context *context, const double *x, size_t n, uint32_t d,
                             uint32_t components, lg_pca *out, lg_error *error);
 LG_API void lg_pca_destroy(lg_pca *pca);
-/* Width of p: k, or d for k = 0. */
+/* Number of columns of p: k, or d for k = 0. */
 LG_API uint32_t lg_pca_outputs(const lg_pca *pca);
-/* x (n, d) -> p (n, k); work: d doubles. */
+/* Computes p (n, lg_pca_outputs) from x (n, d). `work` has d doubles. */
 LG_API void lg_pca_eval(const lg_pca *pca, const double *x, size_t n, double *p, double *work);
 
-/* ---- logistic regression (logistic.c) ---- */
+/* ---- logistic regression ---- */
 
-/* Scores b_c + w_c.x. Two classes have one row, the logit of class 1; K > 2 classes have K rows, softmax. */
+/* The scores are b + w.x. For two classes there is one row of weights, and its score is the logit of class 1.
+ * For K > 2 classes there are K rows, and the softmax of the scores gives the probabilities. */
 typedef struct lg_logistic {
-    uint32_t inputs, classes;
-    double *weight;    /* (rows, d) */
-    double *intercept; /* (rows) */
-    uint32_t iterations;
-    const lg_context *context; /* whose memory the arrays are in */
+    uint32_t inputs, classes;  /* d, K */
+    double *weight;            /* (rows, d) */
+    double *intercept;         /* (rows) */
+    uint32_t iterations;       /* number of Newton steps of the fit */
+    const lg_context *context; /* in whose memory the arrays are */
 } lg_logistic;
-/* Minimises C sum_i -log p(label_i | x_i) + |w|^2/2 by Newton's method with backtracking; intercepts are not
- * penalised. x (n, d), C > 0. For d >= n it works in the span of the rows, which contains the minimiser. With
- * more than two classes the intercepts, and the weights of each feature, add up to 0. A class that does not
- * occur gets weights 0 and intercept -10^4, so its probability is 0. Errors: LG_INVALID_ARGUMENT (fewer than
- * two classes, a label out of range), LG_NO_CONVERGENCE, LG_NOT_FINITE, LG_OUT_OF_MEMORY. */
+/* Fits x (n, d) and label (n): minimises C sum_i -log p(label_i | x_i) + |w|^2/2 by Newton's method with
+ * backtracking. The intercepts are not penalised. C > 0. For d >= n the search is restricted to the span of
+ * the rows, which contains the minimiser. With more than two classes the intercepts add up to 0, and so do
+ * the weights of each feature. A class without rows gets weights 0 and intercept -10^4, so its probability is
+ * 0. Free *out with lg_logistic_destroy. Errors: LG_INVALID_ARGUMENT (fewer than two classes with rows, a
+ * label out of range), LG_NO_CONVERGENCE, LG_NOT_FINITE, LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_logistic_fit(const lg_context *context, const double *x, const uint32_t *label, size_t n,
                                  uint32_t d, uint32_t classes, double c, lg_logistic *out, lg_error *error);
 LG_API void lg_logistic_destroy(lg_logistic *model);
-/* x (n, d) -> probability (n, classes) */
+/* Computes probability (n, classes) of the rows of x (n, d). */
 LG_API void lg_logistic_predict(const lg_logistic *model, const double *x, size_t n, double *probability);
 
-/* ---- decision trees (tree.c): CART (Breiman et al. 1984) ---- */
+/* ---- decision trees: CART (Breiman et al. 1984) ---- */
 
-typedef enum lg_criterion { LG_GINI, LG_ENTROPY } lg_criterion; /* entropy in bits */
+typedef enum lg_criterion { LG_GINI, LG_ENTROPY } lg_criterion; /* impurity of a node; entropy in bits */
 #define LG_CRITERION_COUNT 2
 LG_API const char *lg_criterion_name(lg_criterion criterion);             /* "gini", "entropy" */
-LG_API lg_status lg_criterion_parse(const char *name, lg_criterion *out); /* LG_NOT_FOUND */
+LG_API lg_status lg_criterion_parse(const char *name, lg_criterion *out); /* LG_NOT_FOUND for other names */
 
+/* The comments give the values of lg_tree_options_init. */
 typedef struct lg_tree_options {
     size_t size;                /* sizeof(lg_tree_options) */
-    lg_criterion criterion;     /* Gini */
-    uint32_t max_depth;         /* 0: no limit */
-    uint32_t min_samples_split; /* 2 */
-    uint32_t min_samples_leaf;  /* 1 */
-    double ccp_alpha;           /* 0: no pruning; > 0: cost-complexity pruning with this alpha */
+    lg_criterion criterion;     /* default LG_GINI */
+    uint32_t max_depth;         /* default 0, which means no limit */
+    uint32_t min_samples_split; /* default 2, >= 2: a node with fewer samples is not split */
+    uint32_t min_samples_leaf;  /* default 1, >= 1: each side of a split must have so many samples */
+    double ccp_alpha; /* default 0: no pruning; > 0: the tree is pruned with this alpha (lg_tree_prune) */
 } lg_tree_options;
 LG_API void lg_tree_options_init(lg_tree_options *options);
 
 typedef struct lg_tree_node {
-    uint32_t feature, left, right; /* left == 0: a leaf. Rows with x[feature] <= threshold go left */
+    /* left and right are the indices of the children; left == 0 means that the node is a leaf. Rows with
+     * x[feature] <= threshold go to the left. */
+    uint32_t feature, left, right;
     double threshold, impurity;
-    uint32_t samples;
+    uint32_t samples; /* number of training samples in the node */
 } lg_tree_node;
 typedef struct lg_tree {
-    uint32_t inputs, classes, count; /* nodes; node 0 is the root, children after their parents */
+    uint32_t inputs, classes,
+        count; /* count: number of nodes. Node 0 is the root; parents precede children */
     lg_criterion criterion;
     lg_tree_node *node;        /* (count) */
-    uint32_t *counts;          /* (count, classes): training samples of each class */
-    const lg_context *context; /* whose memory the arrays are in */
+    uint32_t *counts;          /* (count, classes) number of training samples of each class in each node */
+    const lg_context *context; /* in whose memory the arrays are */
 } lg_tree;
-/* Grows a tree from x (n, d) and label (n). A threshold lies half-way between neighbouring distinct values;
- * it is the lower value when half-way rounds to the upper one. The best split has the largest decrease of the
- * impurity; among equal ones (as computed) the lower feature wins, then the lower threshold. An impure node
- * is split whenever options and values allow it, even when the split gains nothing: "exclusive or" needs such
- * a split. Nodes are in depth-first order, left before right. Columns are sorted once; a level then costs
- * O(d n). Memory: 16 d n bytes. Errors: LG_INVALID_ARGUMENT (n, d or classes 0, n > 2^29, a label
- * out of range, min_samples_split < 2, min_samples_leaf < 1, ccp_alpha < 0), LG_NOT_FINITE, LG_OUT_OF_MEMORY,
- * LG_CANCELLED. */
+/* Grows a tree from x (n, d) and label (n). `options` must not be NULL. A threshold lies half-way between two
+ * neighbouring distinct values of a feature; it is the lower value if half-way rounds to the upper one. The
+ * best split has the largest decrease of the impurity; of splits with equal computed decreases, the one with
+ * the lower feature is taken, then the one with the lower threshold. An impure node is split whenever options
+ * and values allow it, even if the split does not decrease the impurity, because "exclusive or" needs such a
+ * split. Nodes are in depth-first order, left before right. Columns are sorted once; then each level of the
+ * tree costs O(d n). Memory: 16 d n bytes. Free *out with lg_tree_destroy. Errors: LG_INVALID_ARGUMENT (n, d
+ * or classes is 0, n > 2^29, a label out of range, min_samples_split < 2, min_samples_leaf < 1, ccp_alpha
+ * negative or not finite), LG_NOT_FINITE, LG_OUT_OF_MEMORY, LG_CANCELLED. */
 LG_API lg_status lg_tree_fit(const lg_context *context, const lg_tree_options *options, const double *x,
                              const uint32_t *label, size_t n, uint32_t d, uint32_t classes, lg_tree *out,
                              lg_error *error);
 LG_API void lg_tree_destroy(lg_tree *tree);
-/* 0 for a single leaf. Samples of children must add up to their parent's. */
+/* Depth of the tree; 0 if the root is a leaf. The samples of the children of a node must add up to the
+ * samples of the node. */
 LG_API uint32_t lg_tree_depth(const lg_tree *tree);
-LG_API uint32_t lg_tree_leaf(const lg_tree *tree, const double *x); /* index of the leaf of x (d) */
-/* Class fractions of the leaf: probability (n, classes). */
+LG_API uint32_t lg_tree_leaf(const lg_tree *tree,
+                             const double *x); /* index of the leaf to which x (d) goes */
+/* Computes probability (n, classes) of the rows of x (n, d): the fractions of the classes in the leaf of each
+ * row. */
 LG_API void lg_tree_predict(const lg_tree *tree, const double *x, size_t n, double *probability);
-/* Minimal cost-complexity pruning with R_alpha(T) = sum over leaves of (n_t/n) impurity_t + alpha leaves. The
- * sequence of trees goes from the whole tree (alpha 0) to the root, and each step removes one branch. Tree i
- * minimises R_a for alpha_i <= a < alpha_{i+1}. Consecutive equal alphas are branches that go together. */
+/* Minimal cost-complexity pruning minimises R_alpha(T) = sum over the leaves t of T of (n_t/n) impurity_t,
+ * plus alpha times the number of leaves. It gives a sequence of trees from the whole tree (alpha_0 = 0) to
+ * the root alone; each step removes one branch. Tree i minimises R_a for alpha_i <= a < alpha_{i+1}. If
+ * several consecutive alphas are equal, their branches are removed together. */
 typedef struct lg_pruning_step {
-    double alpha, impurity; /* impurity: sum over leaves of (n_t/n) impurity_t */
-    uint32_t nodes, depth;
+    double alpha, impurity; /* impurity: sum over the leaves of (n_t/n) impurity_t */
+    uint32_t nodes, depth;  /* of the pruned tree */
 } lg_pruning_step;
-/* Writes the first `room` steps of the sequence; *count becomes the length of the whole sequence. steps may
- * be NULL for room 0. The work is O(nodes (depth + log nodes)). Errors: LG_INVALID_ARGUMENT (an empty tree),
- * LG_OUT_OF_MEMORY. */
+/* Writes the first steps of the sequence to steps (room); *count becomes the length of the whole sequence.
+ * steps may be NULL if room is 0. The work is O(nodes (depth + log nodes)). Errors: LG_INVALID_ARGUMENT (an
+ * empty tree), LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_tree_pruning_path(const lg_context *context, const lg_tree *tree, size_t room,
                                       lg_pruning_step *steps, size_t *count);
-/* The smallest subtree that minimises R_alpha, up to rounding: an alpha of the path gives the tree of its
- * last step. alpha 0 removes splits that gain nothing; infinity leaves the root. *out must not be *tree.
- * LG_INVALID_ARGUMENT (alpha < 0 or NaN, an empty tree), LG_OUT_OF_MEMORY. */
+/* Computes the smallest subtree that minimises R_alpha, up to rounding. For an alpha of the pruning path this
+ * is the tree of the last step with this alpha. alpha = 0 removes splits that do not decrease the impurity;
+ * alpha = infinity leaves only the root. *out must not be *tree; free it with lg_tree_destroy. Errors:
+ * LG_INVALID_ARGUMENT (alpha is negative or NaN, an empty tree), LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_tree_prune(const lg_context *context, const lg_tree *tree, double alpha, lg_tree *out);
 
-/* ---- support vectors (svm.c): libsvm trains, this library evaluates ---- */
+/* ---- support vector machines: trained by libsvm, evaluated by this library ---- */
 
-typedef enum lg_kernel { LG_KERNEL_LINEAR, LG_KERNEL_RBF } lg_kernel; /* x.y, exp(-gamma |x - y|^2) */
+typedef enum lg_kernel {
+    LG_KERNEL_LINEAR,
+    LG_KERNEL_RBF
+} lg_kernel; /* K(x, y): x.y, exp(-gamma |x - y|^2) */
 
-/* One against one: pair (i, j), i < j, has the decision sum_v coefficient K(x_v, x) - rho, positive for class
- * i. */
+/* One against one: each pair of classes (i, j), i < j, has a decision, the sum over the support vectors v of
+ * i and j of coefficient_v K(x_v, x), minus rho. It is positive for class i. */
 typedef struct lg_svm {
     lg_kernel kernel;
     double gamma, c;
-    uint32_t inputs, classes, vectors;
-    uint32_t *vectors_of;      /* (classes); vectors are grouped by class */
-    double *vector;            /* (vectors, d) */
-    double *coefficient;       /* (classes - 1, vectors), libsvm's order */
-    double *rho;               /* (classes (classes - 1)/2) */
-    const lg_context *context; /* whose memory the arrays are in */
+    uint32_t inputs, classes, vectors; /* d, number of classes, number of support vectors */
+    uint32_t
+        *vectors_of;     /* (classes) number of support vectors of each class; vectors are grouped by class */
+    double *vector;      /* (vectors, d) */
+    double *coefficient; /* (classes - 1, vectors), in the order of libsvm */
+    double *rho;         /* (classes (classes - 1)/2) one per pair */
+    const lg_context *context; /* in whose memory the arrays are */
 } lg_svm;
-/* C-SVC with hinge loss, C > 0. gamma <= 0 means 1/(d var x), with the variance over all numbers of x; 1 when
- * they are all equal. A class that does not occur has no vectors and is never the answer. Standardise first:
- * libsvm forms |x - y|^2 from squares and a product. Sets libsvm's print function to one that prints nothing.
- * Errors: those of lg_logistic_fit. */
+/* Trains C-SVC with hinge loss on x (n, d) and label (n). C > 0. gamma <= 0 stands for 1/(d var x), where var
+ * x is the variance over all numbers of x, and for 1 if all numbers are equal; it is not used by the linear
+ * kernel. A class without rows has no support vectors and is never the answer. Features should be
+ * standardised, because libsvm computes |x - y|^2 from squares and a product. The function replaces libsvm's
+ * print function by one that prints nothing. Free *out with lg_svm_destroy. Errors: the errors of
+ * lg_logistic_fit; LG_INVALID_ARGUMENT also for a C that does not fit the size of the features. */
 LG_API lg_status lg_svm_fit(const lg_context *context, lg_kernel kernel, double c, double gamma,
                             const double *x, const uint32_t *label, size_t n, uint32_t d, uint32_t classes,
                             lg_svm *out, lg_error *error);
 LG_API void lg_svm_destroy(lg_svm *svm);
-/* The decision w.x + b of a linear kernel with two classes: w (d), b; positive for class 1. Errors:
- * LG_UNSUPPORTED for another kernel or more classes. */
+/* For a linear kernel and two classes: computes w (d) and b so that w.x + b is positive for class 1. Errors:
+ * LG_UNSUPPORTED (another kernel, or more classes). */
 LG_API lg_status lg_svm_plane(const lg_svm *svm, double *w, double *b);
-/* x (n, d) -> score (n, classes); the answer is the class with the largest score. Two classes: -decision and
- * +decision. More classes: the number of votes plus a term within 1/3 from the decisions, which orders
- * classes of equal votes. libsvm answers with the first class of the most votes; if its score is not the
- * largest, it is raised to the next number above the largest. work: lg_svm_work_size bytes. */
+/* Computes score (n, classes) of the rows of x (n, d); the answer is the class with the largest score. With
+ * two classes the score of class 0 is the decision of the pair (0, 1), and the score of class 1 is minus this
+ * decision. With more classes the score is the number of pairs that the class wins, plus a number between
+ * -1/3 and 1/3 that rises with its decisions and orders classes with equal numbers of wins. libsvm answers
+ * with the first class that has the most wins. If the score of this class is not the largest, it is raised to
+ * the next number above the largest, so that the answer is the same. `work` has lg_svm_work_size bytes. */
 LG_API size_t lg_svm_work_size(const lg_svm *svm);
 LG_API void lg_svm_predict(const lg_svm *svm, const double *x, size_t n, double *score, double *work);
 
-/* ---- the chain (classifier.c) ---- */
+/* ---- the whole chain ---- */
 
 typedef enum lg_method {
     LG_METHOD_LOGISTIC,
@@ -234,79 +281,93 @@ typedef enum lg_method {
 } lg_method;
 #define LG_METHOD_COUNT 4
 LG_API const char *lg_method_name(lg_method method); /* "logistic", "tree", "svm-linear", "svm-rbf" */
-LG_API lg_status lg_method_parse(const char *name, lg_method *out); /* LG_NOT_FOUND */
+LG_API lg_status lg_method_parse(const char *name, lg_method *out); /* LG_NOT_FOUND for other names */
 
+/* The comments give the values of lg_method_options_init. */
 typedef struct lg_method_options {
-    size_t size;         /* sizeof(lg_method_options) */
-    lg_method method;    /* logistic */
-    uint32_t components; /* 0: no principal components */
-    double c;            /* 1 */
-    double gamma;        /* 0: 1/(d var) */
-    lg_tree_options tree;
+    size_t size;          /* sizeof(lg_method_options) */
+    lg_method method;     /* default LG_METHOD_LOGISTIC */
+    uint32_t components;  /* default 0: no principal components */
+    double c;             /* C of logistic regression and SVM; default 1 */
+    double gamma;         /* of the SVM with RBF kernel; default 0, as in lg_svm_fit */
+    lg_tree_options tree; /* default as lg_tree_options_init */
 } lg_method_options;
 LG_API void lg_method_options_init(lg_method_options *options);
 
+/* A fitted chain. Of the models logistic, tree and svm only the model of `method` is used; the others are
+ * zero. */
 typedef struct lg_classifier {
     lg_method method;
     uint32_t classes;
     lg_features features;
     lg_pca pca;
-    lg_logistic logistic; /* of these models only the one of `method` is used; the others are zeroed */
+    lg_logistic logistic;
     lg_tree tree;
     lg_svm svm;
 } lg_classifier;
 
-/* Fits pca and model on rows `chosen` (count; NULL: all) of table x (rows, d). `out->features` does not
- * change. */
+/* Fits standardisation, components and model to rows of a table x (.., d) with labels label (..): to the rows
+ * with the indices chosen (count), or to the first `count` rows if `chosen` is NULL. out->features must be
+ * set, or zero, before and stays as it is; the other members of *out are overwritten. Free *out with
+ * lg_classifier_destroy. Errors: LG_INVALID_ARGUMENT (no rows, an option out of range), the errors of
+ * lg_pca_fit and of the fit of the method. */
 LG_API lg_status lg_classifier_fit(const lg_context *context, const lg_method_options *options,
                                    const double *x, const uint32_t *label, const uint32_t *chosen,
                                    size_t count, uint32_t d, uint32_t classes, lg_classifier *out,
                                    lg_error *error);
-LG_API void lg_classifier_destroy(lg_classifier *classifier);
-/* Bytes of work for the two functions below. */
+LG_API void lg_classifier_destroy(lg_classifier *classifier); /* frees the features too */
+/* Bytes of work memory for the two functions below. */
 LG_API size_t lg_classifier_work_size(const lg_classifier *classifier);
-/* Features f (d) -> score (classes): probabilities; for svm as lg_svm_predict. */
+/* Computes score (classes) from the features f (d) of a window: probabilities, or for an SVM the scores of
+ * lg_svm_predict. */
 LG_API void lg_classifier_score(const lg_classifier *classifier, const double *f, double *score,
                                 double *work);
-/* Window x (channels, length) -> score. LG_NO_CONVERGENCE as lg_features_compute. */
+/* Computes score (classes) from a window x (channels, length). Errors: LG_INVALID_ARGUMENT (the classifier
+ * has no features, or features of another number than it was fitted on), the errors of
+ * lg_features_compute. */
 LG_API lg_status lg_classifier_window(const lg_classifier *classifier, const float *x, double *score,
                                       double *work);
 #define LG_NULL_EIGENVALUE 5.684341886080802e-14 /* 2^-44 */
-/* The numbers that determine the scores, and their Jacobian:
- *   logistic  logits: 1 for two classes (of class 1), else K
- *   tree      class fractions (K); Jacobian 0
- *   svm       decisions of the pairs (i, j), i < j: K (K - 1)/2 numbers, positive for i. For K > 2 the
- *             decision is 1 if only i has vectors, -1 if only j has vectors, 0 if neither has
- * x (channels, length) -> y (lg_classifier_outputs), jacobian (outputs, channels length) or NULL. Derivatives
- * with respect to channels without features are 0, and so are those of a standard deviation of 0, of the root
- * of a covariance within its null space, and of a baseline slope when the accelerations are equal. The null
- * space belongs to eigenvalues (squares of singular values of the window) of at most LG_NULL_EIGENVALUE times
- * the largest. Relative errors of the root's derivatives are a few eps = 2^-52 times the ratio of the largest
- * singular value to the smallest one outside the null space. work: lg_classifier_jacobian_work_size bytes.
- * Errors: those of lg_classifier_window; y and jacobian are untouched then. */
+/* Computes the numbers y (lg_classifier_outputs) that determine the scores of a window x (channels, length),
+ * and their jacobian (outputs, channels length) with respect to x; it may be NULL. y has, with K classes:
+ *   logistic  the logits: 1 number for two classes (the logit of class 1), else K
+ *   tree      the fractions of the classes in the leaf (K); the Jacobian is 0
+ *   svm       the decisions of the pairs (i, j), i < j: K (K - 1)/2 numbers, positive for class i. For K > 2
+ *   the
+ *             decision is 1 if only i has support vectors, -1 if only j has, and 0 if neither has
+ * Derivatives are set to 0 with respect to channels that the features do not use, and where a feature is not
+ * differentiable: for a standard deviation of 0, for the root of a covariance within its null space, and for
+ * a baseline slope when the deviations of the acceleration are equal. The null space belongs to eigenvalues
+ * (squares of singular values of the window) of at most LG_NULL_EIGENVALUE times the largest one. The
+ * relative error of the root's derivatives is a few eps = 2^-52 times the ratio of the largest singular value
+ * to the smallest one outside the null space. `work` has lg_classifier_jacobian_work_size bytes. Errors, y
+ * and jacobian are then untouched: the errors of lg_classifier_window. */
 LG_API size_t lg_classifier_outputs(const lg_classifier *classifier);
 LG_API size_t lg_classifier_jacobian_work_size(const lg_classifier *classifier);
 LG_API lg_status lg_classifier_decisions(const lg_classifier *classifier, const float *x, double *y,
                                          double *jacobian, double *work);
-/* Arrays and texts below "classifier/". The reader checks sizes and values: LG_FORMAT, LG_NOT_FINITE. On
- * failure *out is zeroed. */
+/* Save and load the arrays and texts below "classifier/" of an archive (liegrad/core.h). lg_classifier_load
+ * checks sizes and values; on failure *out is zeroed. Free *out with lg_classifier_destroy. Errors of
+ * lg_classifier_load: LG_FORMAT, LG_NOT_FINITE, LG_OUT_OF_MEMORY. Errors of lg_classifier_save: the errors of
+ * the writer, LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_classifier_save(const lg_classifier *classifier, const lg_archive_writer *writer,
                                     lg_error *error);
 LG_API lg_status lg_classifier_load(const lg_context *context, const lg_archive_reader *reader,
                                     lg_classifier *out, lg_error *error);
 
-/* ---- grid search (grid_search.c) by cross-validation on the training part ---- */
+/* ---- grid search by cross-validation on the training part ---- */
 
-/* Tries every options[i] (count) with `folds` stratified folds of rows `chosen` (rows; NULL: all of x).
- * accuracy (count) becomes the mean over the folds, *best the first option of the highest accuracy. `unit`
- * (NULL: none) has a number for every row of x, like label. Rows with equal numbers, such as the windows of a
- * sea state, fall into one fold (lg_folds, liegrad/series.h). Otherwise a setting could win because it
- * remembers neighbours of the rows that test it. The number of folds is limited to the number of rows, or
- * units, of the rarest class that occurs. With fewer than two folds the accuracy is that on the training
- * rows. A fold with fewer rows than components uses as many components as it has rows. Options that do not
- * converge have accuracy NaN and are
- * not chosen. Errors: LG_NO_CONVERGENCE (no options converge), those of lg_classifier_fit. The result does
- * not depend on `threads` >= 1. */
+/* Tries every options[i] (count) with `folds` stratified folds. The training part is the rows of x (.., d)
+ * with the indices chosen (rows), or the first `rows` rows if `chosen` is NULL. accuracy (count) becomes the
+ * mean accuracy of each option over the folds, and *best the index of the first option with the highest
+ * accuracy. label and unit have one number per row of x; unit may be NULL. Rows with equal unit numbers, such
+ * as the windows of one sea state, are put into the same fold (lg_folds). Otherwise an option could win
+ * because it remembers neighbours of the rows on which it is tested. The number of folds is limited to the
+ * number of rows, or of units, of the rarest class that occurs. With fewer than two folds the accuracy is
+ * measured on the training rows themselves. If the training rows of a fold are fewer than
+ * options[i].components, as many components are used as there are rows. Options that do not converge get the
+ * accuracy NaN and are not chosen. The result does not depend on `threads` >= 1. Errors: LG_NO_CONVERGENCE
+ * (no option converges), LG_CANCELLED, the errors of lg_classifier_fit. */
 LG_API lg_status lg_grid_search(const lg_context *context, const lg_method_options *options, size_t count,
                                 uint32_t folds, const double *x, const uint32_t *label, const uint32_t *unit,
                                 const uint32_t *chosen, size_t rows, uint32_t d, uint32_t classes,
