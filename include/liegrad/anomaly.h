@@ -104,7 +104,7 @@ LG_API void lg_detector_initialise(const lg_detector *model, uint64_t seed, uint
  * that. */
 #define LG_DETECTOR_MAX_LAYERS (LG_CNN_MAX_BLOCKS + 1)
 typedef struct lg_detector_units {
-    /* Number of layers: the convolutions, and then the plane if there is one; not the output */
+    /* Number of layers: the convolutions, then the plane if there is one. The output layer does not count. */
     uint32_t layers;
     struct {
         uint32_t units, constant, zero; /* numbers of units, of constant units, of zero units */
@@ -171,9 +171,8 @@ LG_API void lg_detector_eval(const lg_detector_plan *plan, const float *x, doubl
  * classifier is meaningless.
  *
  * Features of a window z = (x - mean)/scale (channels, length):
- *   per channel           the mean m; ln s, where s is the standard deviation; ln(max |z - m|/s); and ln of
- *   the power
- *                         in each of `bands` frequency bands (lg_spectrum)
+ *   per channel           the mean m; ln s, where s is the standard deviation; ln(max |z - m|/s);
+ *                         and ln of the power in each of `bands` frequency bands (lg_spectrum)
  *   per pair of channels  artanh of their correlation (only for up to LG_NOVELTY_PAIRED channels)
  * A thousandth of the channel's scale is added to s and to the amplitudes, so motions that are smaller are
  * not distinguished from no motion. For each class, the features f of the training windows are described by a
@@ -295,11 +294,12 @@ typedef struct lg_monitor_options {
     size_t size;       /* sizeof(lg_monitor_options) */
     uint32_t channels; /* >= 1 */
     uint32_t window;   /* samples per window, >= 1 */
-    /* Samples from the beginning of one window to the next, <= window; 0, the default: window */
+    /* Samples from the beginning of one window to the beginning of the next, <= `window`. 0, the default,
+     * stands for `window`. */
     uint32_t hop;
     uint32_t bridge; /* default 5: gaps of at most so many samples are filled by straight lines */
     double missing;  /* default 0.1: a window is judged if at most this part of it was lost, bridged or not */
-    /* k, default 3: there is an alarm if at least k of the last n judged windows are positive */
+    /* k, default 3: there is an alarm if at least k of the last n judged windows are positive. */
     uint32_t votes;
     uint32_t votes_of; /* n, default 5, 1..64 */
 } lg_monitor_options;
@@ -425,7 +425,7 @@ typedef struct lg_riser_run {
     size_t size;      /* sizeof(lg_riser_run) */
     lg_sea_state sea; /* default Hs 2.5 m, Tp 8 s, along x */
     uint64_t seed;    /* seed of the waves; default 1 */
-    /* Seed of the sensor noise; default 1. Runs with the same waves may differ in noise */
+    /* Seed of the sensor noise; default 1. Runs with the same waves may have different noise. */
     uint64_t noise_seed;
     double noise;   /* factor on the sensor noise; 0 means no noise; default 1 */
     double dt;      /* time step, s; default 0.05. 1/(rate dt) must be a whole number */

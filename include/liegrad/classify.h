@@ -7,10 +7,10 @@
  *   window -> features (d) -> standardisation -> [principal components (k)] -> logistic | tree | svm
  *
  *   lg_classifier classifier = {0};
- *   lg_features_create(NULL, LG_FEATURES_SPECTRUM, false, &series, length, &scaler, &classifier.features,
- *   &error); lg_features_table(NULL, &classifier.features, &series, &windows, 1, table, &error);
- *   lg_classifier_fit(NULL, &options, table, label, chosen, count, classifier.features.count, series.classes,
- *                     &classifier, &error);
+ *   lg_features *f = &classifier.features;
+ *   lg_features_create(NULL, LG_FEATURES_SPECTRUM, false, &series, length, &scaler, f, &error);
+ *   lg_features_table(NULL, f, &series, &windows, 1, table, &error);
+ *   lg_classifier_fit(NULL, &options, table, label, chosen, count, f->count, classes, &classifier, &error);
  *
  * Matrices are row-major; each row belongs to a window. Functions with an `error` write a sentence about a
  * failure to it; it may be NULL. Structures that own memory are freed by their _destroy function, which
@@ -94,7 +94,7 @@ LG_API lg_status lg_features_compute(const lg_features *features, const float *x
  *   "raw acc_lower_x 17" (17 is the index of the sample), "std acc_lower_x", "cov acc_lower_x moment_x",
  *   "band 0.0117-0.0742 acc_lower_x" (the frequencies of the band in cycles per sample),
  *   "intercept moment_x acc_lower_x", "slope moment_x acc_lower_x"
- * The names of the channels are those of `series`. A channel without a name is written as its number;
+ * The channels are named as in `series`. A channel without a name is written as its number;
  * `series` may be NULL. */
 LG_API int lg_features_name(const lg_features *features, const lg_series *series, uint32_t index, char *text,
                             size_t size);
@@ -242,12 +242,11 @@ typedef struct lg_svm {
     lg_kernel kernel;
     double gamma, c;
     uint32_t inputs, classes, vectors; /* d, number of classes, number of support vectors */
-    uint32_t
-        *vectors_of;     /* (classes) number of support vectors of each class; vectors are grouped by class */
-    double *vector;      /* (vectors, d) */
-    double *coefficient; /* (classes - 1, vectors), in the order of libsvm */
-    double *rho;         /* (classes (classes - 1)/2) one per pair */
-    const lg_context *context; /* in whose memory the arrays are */
+    uint32_t *vectors_of;              /* (classes) number of support vectors of each class */
+    double *vector;                    /* (vectors, d) the support vectors, grouped by class */
+    double *coefficient;               /* (classes - 1, vectors), in the order of libsvm */
+    double *rho;                       /* (classes (classes - 1)/2) one per pair */
+    const lg_context *context;         /* in whose memory the arrays are */
 } lg_svm;
 /* Trains C-SVC with hinge loss on x (n, d) and label (n). C > 0. gamma <= 0 stands for 1/(d var x), where var
  * x is the variance over all numbers of x, and for 1 if all numbers are equal; it is not used by the linear
@@ -333,8 +332,7 @@ LG_API lg_status lg_classifier_window(const lg_classifier *classifier, const flo
  *   logistic  the logits: 1 number for two classes (the logit of class 1), else K
  *   tree      the fractions of the classes in the leaf (K); the Jacobian is 0
  *   svm       the decisions of the pairs (i, j), i < j: K (K - 1)/2 numbers, positive for class i. For K > 2
- *   the
- *             decision is 1 if only i has support vectors, -1 if only j has, and 0 if neither has
+ *             the decision is 1 if only i has support vectors, -1 if only j has, and 0 if neither has
  * Derivatives are set to 0 with respect to channels that the features do not use, and where a feature is not
  * differentiable: for a standard deviation of 0, for the root of a covariance within its null space, and for
  * a baseline slope when the deviations of the acceleration are equal. The null space belongs to eigenvalues

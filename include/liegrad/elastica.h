@@ -138,7 +138,7 @@ LG_API lg_status lg_elastica_solve(const lg_context *context, const lg_elastica 
  * Panels are refined until the defect is at most `gradient_tolerance`. The collocation starts from a discrete
  * solution, which is found from options->guess if it is given. theta (N + 1) and q (N + 1, 2) become the
  * values at the nodes s_k = k h. q may be NULL; it comes from the quadrature of the collocation.
- * negative_eigenvalues counts those of the second variation under the constraint. */
+ * negative_eigenvalues is the number of negative eigenvalues of the second variation under the constraint. */
 LG_API lg_status lg_elastica_solve_continuous(const lg_context *context, const lg_elastica *problem,
                                               const lg_elastica_options *options, double *theta, double *q,
                                               lg_elastica_solution *solution, lg_error *error);
@@ -412,14 +412,12 @@ LG_API void lg_surrogate_fit_problem(const lg_surrogate_problem *problem, lg_fit
  * x of `point` and `place` are: s per row, x (8) or ends (5) shared by all rows.
  *   value  all kinds: x -> y, and grad  x -> y, g: y and its Jacobian, with the inputs and outputs that
  *          liegrad/model.h lists for the kind
- *   side   discrete, continuous: x (8) -> 9 numbers: R, which is -1 if `mirror` reflects x and otherwise 1,
- *   and
- *          the boundary conditions as the network reads them
+ *   side   discrete, continuous: x (8) -> 9 numbers: R, and the boundary conditions as the network reads
+ *          them. R is -1 if `mirror` reflects x, and otherwise 1
  *   point  continuous: s, x -> q, v at s; angle: s, ends -> theta at s
  *   place  continuous: s, x -> q at s
- *   ends   angle: x (8) -> ends: R, theta_0, theta_N, theta_0 - pi f(0), theta_N - pi f(L); the last two are
- *   0
- *          without `boundary`
+ *   ends   angle: x (8) -> ends: R, theta_0, theta_N, theta_0 - pi f(0), theta_N - pi f(L). The last two
+ *          numbers are 0 without `boundary`
  * theta (lg_surrogate_parameters) is copied. Free *out with lg_program_destroy. Errors: LG_INVALID_ARGUMENT
  * (a model with modes whose model->modes is NULL), the errors of lg_program_build. */
 LG_API lg_status lg_surrogate_program(const lg_context *context, const lg_surrogate *model,
@@ -478,9 +476,9 @@ LG_API lg_status lg_surrogate_evaluate(const lg_context *context, const lg_surro
  * distance of two boundary conditions is the Euclidean distance of (v0, qN - q0, vN). A query is outside the
  * trained range if its lg_surrogate_distance is more than twice the lg_surrogate_reach. */
 
-/* Returns the largest distance of a trained boundary condition from its nearest trained neighbour. Before
- * that, the n/100 largest of these distances (at most 32) are left out, because a few conditions may stand
- * alone. 0 for n < 2. */
+/* Returns the reach of the trained boundary conditions: each of them has a distance from its nearest trained
+ * neighbour. The n/100 largest of these distances (at most 32) are left out, because a few conditions may
+ * stand alone; the largest of the others is the reach. 0 for n < 2. */
 LG_API double lg_surrogate_reach(const double *trained, size_t n);
 /* Returns the distance of x (8) from the nearest trained boundary condition; for a model with `mirror` the
  * smaller of the distances of x and of its mirror image. Infinite for n = 0 or a NaN in x. */
@@ -502,11 +500,11 @@ typedef struct lg_elastica_data {
  *
  * Without the attribute `length` the reader estimates L from the curves in two ways. The first estimate joins
  * the nodes by circular arcs: the sum over the intervals of chord (phi/2)/sin(phi/2), where phi is the angle
- * by which the tangent turns. The second estimate is N times the regression coefficient of
- * the second differences of the q_k on (v_{k+1} - v_{k-1})/2; it is exact for minimisers of the discrete
- * energy. The reader takes the estimate that varies less over the curves (between
- * the 10th and the 90th percentile), and rounds the median over the curves to three significant digits, which
- * changes it by at most 0.5 %. A length with more digits needs the attribute.
+ * by which the tangent turns. The second estimate is N times the regression coefficient of the second
+ * differences of the q_k on (v_{k+1} - v_{k-1})/2; it is exact for minimisers of the discrete energy. The
+ * reader takes the estimate that varies less over the curves (between the 10th and the 90th percentile), and
+ * rounds the median over the curves to three significant digits, which changes it by at most 0.5 %. A length
+ * with more digits needs the attribute.
  *
  * Errors: the errors of readers (liegrad/files.h). LG_FORMAT also for N outside LG_ELASTICA_MIN_INTERVALS ..
  * LG_ELASTICA_MAX_INTERVALS, a tangent at an end whose length differs from 1 by more than 1e-6, first or last

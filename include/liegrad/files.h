@@ -29,8 +29,7 @@
  *   LG_NOT_FOUND         there is no such file (a missing key is LG_FORMAT)
  *   LG_FILE              the file cannot be opened or read, or is not a regular file
  *   LG_FORMAT            the file is empty, truncated or of another kind, or a key has a wrong rank or type,
- *   bad
- *                        values, or sizes that do not fit or exceed the limit
+ *                        bad values, or sizes that do not fit or exceed the limit
  *   LG_NOT_FINITE        a number is NaN or infinite; the sentence has the key and the first such index
  *   LG_VERSION           the file has a newer major format version
  *   LG_OUT_OF_MEMORY, LG_CANCELLED

@@ -241,15 +241,13 @@ typedef struct lg_series_data {
  *       2. `like` (see below) has a class_label and the same names in the same order: as in `like`. A numeric
  *          label that is not among numeric labels of `like` is an error.
  *       3. The labels are whole numbers within 1..K, and K occurs: they count from 1. (This rule is not used
- *       for
- *          files that this library wrote.)
+ *          for files that this library wrote.)
  *       4. The labels are whole numbers within 0..K-1: they count from 0. If 0 does not occur this is a
- *       guess, and
- *          there is a warning (but not for files that this library wrote).
+ *          guess, and there is a warning (but not for files that this library wrote).
  *       5. The labels are texts and all are among the names: by name.
  *       6. There are K different labels: in rising order (texts are compared bytewise).
- *     The labels found are stored in series.class_label; with `like` it is a copy of the class_label of
- *     `like`.
+ *     The label of each class is stored in series.class_label; with `like` the class_label of `like` is
+ *     copied instead.
  *   - Attribute `channels`: the names of the channels, in the same form.
  *   - Attribute `rate`: samples per second. In a file of another program a `rate` that is not a valid number
  *     counts as unknown, with a warning.

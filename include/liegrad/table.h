@@ -5,8 +5,7 @@
  *   z = (x - mean)/scale    mean and scale of each column over the training rows
  *   f = net(z) [+ z A]      a network of liegrad/networks.h; with the option `linear` plus a linear map
  *   y = mean + scale f      LG_TABLE_REGRESSION: outputs in the units of the table, with mean and scale of
- *   each
- *                           output column over the training rows
+ *                           each output column over the training rows
  *   y = f                   LG_TABLE_CLASSIFICATION: one logit per class; the probabilities are softmax(y)
  *
  * The loss of a regression is the mean over rows and outputs of (f - t)^2, where t are the scaled outputs of
