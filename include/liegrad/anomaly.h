@@ -121,7 +121,7 @@ LG_API lg_status lg_detector_count_units(const lg_detector_problem *problem, con
 /* Settings for data of a subsea well with some level of sensor noise (lg_riser_run.noise): published ones
  * ("thesis") and our own ("best"). */
 typedef struct lg_detector_preset {
-    const char *name;   /* "thesis", "best" */
+    const char *name;   /* "thesis" or "best" */
     double noise;       /* noise level 1, 10 or 50, or NaN for data of unknown noise */
     const char *source; /* where the settings are from: "table 6.5" of the thesis, or "ours" */
     lg_activation activation;
@@ -202,17 +202,17 @@ typedef struct lg_novelty {
     double *precision; /* (classes, features, features) inverse covariance of (f - centre)/spread */
     double *limit;     /* (1 + channels + 1) limits: for all features, for each channel, for the pairs */
     double *block;     /* Cholesky factors of the blocks P_gg of `precision` */
-    lg_spectrum spectrum; /* zero if bands is 0 */
+    lg_spectrum spectrum; /* all zero if bands is 0 */
     const lg_context *context;
 } lg_novelty;
 
 /* The comments give the values of lg_novelty_options_init. */
 typedef struct lg_novelty_options {
     size_t size;     /* sizeof(lg_novelty_options) */
-    uint32_t bands;  /* default 8 */
+    uint32_t bands;  /* wanted number of frequency bands; default 8 */
     uint32_t folds;  /* default 5, >= 2: folds of the training windows, for measuring the quantiles */
-    uint32_t most;   /* default 20000, >= 8: of more windows than this, so many are used, evenly chosen */
-    double quantile; /* default 0.99, in (0, 1] */
+    uint32_t most;   /* default 20000, >= 8: largest number of windows used, evenly chosen */
+    double quantile; /* quantile of the squared distances; default 0.99, in (0, 1] */
     double margin;   /* default 3, > 0: factor from the quantile of a squared distance to its limit */
 } lg_novelty_options;
 LG_API void lg_novelty_options_init(lg_novelty_options *options);
@@ -243,13 +243,13 @@ typedef struct lg_novelty_result {
     /* For each class, the ratios of the squared distances to their limits are computed, and the largest ratio
      * is taken. `distance` is the smallest of these numbers over the classes; above 1 the window is novel. */
     double distance;
-    uint32_t nearest;                 /* the class with this smallest number */
+    uint32_t nearest;                 /* the class that has this smallest number */
     lg_novelty_cause cause;           /* what is most unusual; also set if the window is not novel */
     uint32_t channel, other, samples; /* see lg_novelty_cause */
     /* Index of the feature that deviates most from the centre of `nearest`, in units of its spread. If a
      * feature of a single channel deviates by more than 5 spreads, pairs are not considered. */
     uint32_t feature;
-    double value, usual; /* this feature, and its value in the centre */
+    double value, usual; /* value of this feature in the window, and in the centre of `nearest` */
     double deviation;    /* standard deviation of `channel` in the window, relative to the usual one */
 } lg_novelty_result;
 
@@ -306,7 +306,7 @@ typedef struct lg_monitor_options {
 LG_API void lg_monitor_options_init(lg_monitor_options *options);
 
 typedef enum lg_answer {
-    LG_ANSWER_NEGATIVE, /* all is well */
+    LG_ANSWER_NEGATIVE, /* the window is normal */
     LG_ANSWER_POSITIVE, /* what the monitor looks for */
     LG_ANSWER_NOVEL     /* the window is unlike the training data (lg_novelty), so there is no answer */
 } lg_answer;
@@ -379,19 +379,20 @@ typedef enum lg_housing { LG_HOUSING_SLACK, LG_HOUSING_TIGHT } lg_housing; /* fi
 /* SI units. docs/detectors.md explains each parameter; lg_riser_standard_run sets the standard values. */
 typedef struct lg_riser_parameters {
     size_t size;                /* sizeof(lg_riser_parameters) */
-    double depth, rho, gravity; /* water depth, m; density of the water, kg/m^3; m/s^2 */
-    /* kg; kg; m; m; N (submerged); m; drag coefficient; m^3 */
+    double depth, rho, gravity; /* water depth, m; density of water, kg/m^3; m/s^2 */
+    /* Units in this order: kg, kg, m, m, N (submerged weight), m, 1 (drag coefficient), m^3. */
     double bop_mass, bop_added_mass, bop_height, bop_centre, bop_weight, bop_diameter, bop_drag, bop_volume;
-    /* kg/m; m; drag coefficient; added-mass coefficient; N m^2; N/m */
+    /* Units in this order: kg/m, m, 1 (drag coefficient), 1 (added-mass coefficient), N m^2, N/m. */
     double riser_mass, hydro_diameter, drag, added_mass, bending_stiffness, submerged_weight;
     double flex_joint;  /* N m/rad */
     double top_tension; /* N */
     /* K_r, N m/rad; K_sf, housing relative to casing; M_gap, the moment that closes the gap, N m; th_s,
      * rad */
     double housing_stiffness, housing_factor, housing_gap, softening;
-    double soil_stiffness, soil_strength;                   /* K_y, N/m; P_u, N */
-    double damping_rotation, damping_offset, damping_riser; /* zeta_r and zeta_u, of critical; beta, s */
-    double sensor_moment, sensor_lower, sensor_upper;       /* h_s, z_L, z_U, m */
+    double soil_stiffness, soil_strength; /* K_y, N/m; P_u, N */
+    double damping_rotation, damping_offset,
+        damping_riser;                                /* zeta_r, zeta_u (of critical damping); beta, s */
+    double sensor_moment, sensor_lower, sensor_upper; /* lever h_s and heights z_L, z_U, m */
     double noise_acceleration, noise_moment; /* standard deviations for lg_riser_run.noise = 1: m/s^2, N m */
     double current;                          /* at the surface, along x, m/s */
     lg_housing housing;
@@ -430,8 +431,8 @@ typedef struct lg_riser_run {
     double noise;   /* factor on the sensor noise; 0 means no noise; default 1 */
     double dt;      /* time step, s; default 0.05. 1/(rate dt) must be a whole number */
     double rate;    /* sampling rate, Hz; default 5 */
-    double discard; /* s that are simulated before the first sample; default 200 */
-    double ramp;    /* s during which the forcing grows from 0 to its full size; default 100 */
+    double discard; /* simulated time before the first sample, s; default 200 */
+    double ramp;    /* time during which the forcing grows from 0 to its full size, s; default 100 */
     /* Time of the damage, s after the first sample. Before it the well is intact, afterwards it has
      * `severity`. 0, the default: damaged from the start. INFINITY: never damaged. */
     double crack_time;
@@ -465,7 +466,7 @@ typedef struct lg_detector_run {
     lg_detector model;
     lg_training training; /* training.validation is 0; validation_fraction below takes its place */
     lg_split split;
-    double test_fraction, validation_fraction; /* fractions of the windows */
+    double test_fraction, validation_fraction; /* fractions of the number of windows */
     uint32_t restarts;                         /* largest number of restarts, lg_fit_options.restarts */
     uint64_t windows, window, hop; /* number of windows cut from the data; their length and hop, samples */
     char data_sha256[LG_SHA256_TEXT];
@@ -503,11 +504,11 @@ typedef struct lg_detector_file {
  * refuse, sizes that do not fit, classes without names), LG_NOT_FINITE, LG_FILE, LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_model_save_detector(const lg_context *context, const char *path,
                                         const lg_detector_file *file, const lg_fit *fit, lg_error *error);
-/* Loads such a file; free *out with lg_detector_file_destroy. A file written by hand needs the attribute
- * `kind`, /scaler, the weights, and the attributes of /model: `channels`, `length`, `blocks` (of each block
- * everything from `stride` on may be left out; then stride 1, padding 0, no pooling), `plane`, `activation`,
- * `classes`, `loss` and `centred`. Without the root attribute `classes` the classes are named "0", "1", ...
- * Errors: the errors of readers (liegrad/files.h). */
+/* Loads a file of kind "detector"; free *out with lg_detector_file_destroy. A file written by hand needs the
+ * attribute `kind`, /scaler, the weights, and the attributes of /model: `channels`, `length`, `blocks` (of
+ * each block everything from `stride` on may be left out; then stride 1, padding 0, no pooling), `plane`,
+ * `activation`, `classes`, `loss` and `centred`. Without the root attribute `classes` the classes are named
+ * "0", "1", ... Errors: the errors of readers (liegrad/files.h). */
 LG_API lg_status lg_model_load_detector(const lg_context *context, const char *path,
                                         const lg_read_options *options, lg_detector_file *out,
                                         lg_error *error);

@@ -53,20 +53,20 @@ typedef enum lg_feature_kind {
 #define LG_FEATURES_FLOOR     1e-6 /* for SPECTRUM: the square of a thousandth of the scale */
 /* "raw", "std", "cov", "spectrum" or "baseline"; "unknown" for any other value. Static storage. */
 LG_API const char *lg_feature_kind_name(lg_feature_kind kind);
-LG_API lg_status lg_feature_kind_parse(const char *name,
-                                       lg_feature_kind *out); /* LG_NOT_FOUND for other names */
+/* LG_NOT_FOUND for other names. */
+LG_API lg_status lg_feature_kind_parse(const char *name, lg_feature_kind *out);
 
 /* A description of the features that are computed from a window. */
 typedef struct lg_features {
     lg_feature_kind kind;
-    uint32_t channels, length; /* of the windows */
+    uint32_t channels, length; /* channels and samples of the windows */
     uint32_t selected;         /* m: number of channels that are used */
     uint32_t *select;          /* (m) these channels, in rising order */
-    uint32_t segments;         /* BASELINE: 10 */
+    uint32_t segments;         /* BASELINE: number of parts of the window, 10 */
     uint32_t pairs;            /* BASELINE: number of pairs (acceleration, moment) */
     uint32_t *pair;            /* (pairs, 2) channels of each pair */
-    uint32_t bands;            /* SPECTRUM */
-    lg_spectrum spectrum;      /* SPECTRUM */
+    uint32_t bands;            /* SPECTRUM: number of frequency bands */
+    lg_spectrum spectrum;      /* SPECTRUM: the plan for `bands` */
     double *scale;             /* (channels) divisor of each channel; not used by RAW and STD */
     uint32_t count;            /* d: number of features */
     const lg_context *context; /* in whose memory the arrays are */
@@ -182,8 +182,8 @@ typedef struct lg_tree_node {
     uint32_t samples; /* number of training samples in the node */
 } lg_tree_node;
 typedef struct lg_tree {
-    uint32_t inputs, classes,
-        count; /* count: number of nodes. Node 0 is the root; parents precede children */
+    /* count is the number of nodes. Node 0 is the root; children follow their parents. */
+    uint32_t inputs, classes, count;
     lg_criterion criterion;
     lg_tree_node *node;        /* (count) */
     uint32_t *counts;          /* (count, classes) number of training samples of each class in each node */
@@ -205,8 +205,8 @@ LG_API void lg_tree_destroy(lg_tree *tree);
 /* Depth of the tree; 0 if the root is a leaf. The samples of the children of a node must add up to the
  * samples of the node. */
 LG_API uint32_t lg_tree_depth(const lg_tree *tree);
-LG_API uint32_t lg_tree_leaf(const lg_tree *tree,
-                             const double *x); /* index of the leaf to which x (d) goes */
+/* Index of the leaf to which x (d) goes. */
+LG_API uint32_t lg_tree_leaf(const lg_tree *tree, const double *x);
 /* Computes probability (n, classes) of the rows of x (n, d): the fractions of the classes in the leaf of each
  * row. */
 LG_API void lg_tree_predict(const lg_tree *tree, const double *x, size_t n, double *probability);
@@ -231,10 +231,8 @@ LG_API lg_status lg_tree_prune(const lg_context *context, const lg_tree *tree, d
 
 /* ---- support vector machines: trained by libsvm, evaluated by this library ---- */
 
-typedef enum lg_kernel {
-    LG_KERNEL_LINEAR,
-    LG_KERNEL_RBF
-} lg_kernel; /* K(x, y): x.y, exp(-gamma |x - y|^2) */
+/* K(x, y) = x.y for the linear kernel, exp(-gamma |x - y|^2) for the RBF kernel. */
+typedef enum lg_kernel { LG_KERNEL_LINEAR, LG_KERNEL_RBF } lg_kernel;
 
 /* One against one: each pair of classes (i, j), i < j, has a decision, the sum over the support vectors v of
  * i and j of coefficient_v K(x_v, x), minus rho. It is positive for class i. */
@@ -288,8 +286,8 @@ typedef struct lg_method_options {
     lg_method method;     /* default LG_METHOD_LOGISTIC */
     uint32_t components;  /* default 0: no principal components */
     double c;             /* C of logistic regression and SVM; default 1 */
-    double gamma;         /* of the SVM with RBF kernel; default 0, as in lg_svm_fit */
-    lg_tree_options tree; /* default as lg_tree_options_init */
+    double gamma;         /* gamma of the RBF kernel; default 0, which stands for 1/(d var x) (lg_svm_fit) */
+    lg_tree_options tree; /* defaults of lg_tree_options_init */
 } lg_method_options;
 LG_API void lg_method_options_init(lg_method_options *options);
 

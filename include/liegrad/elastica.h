@@ -176,7 +176,7 @@ typedef struct lg_elastica_curves {
     double length, stiffness;
     bool continuous;           /* true: nodes of continuous solutions; false: discrete solutions */
     double *boundary;          /* (n, 8): q0, v0, qN, vN */
-    double *q, *v;             /* (n, N + 1, 2) */
+    double *q, *v;             /* (n, N + 1, 2) nodes and tangents */
     double *energy;            /* (n), or NULL */
     double *x;                 /* (n) parameter of the family, or NULL */
     uint32_t *kind;            /* (n) family as lg_elastica_case, or NULL */
@@ -185,11 +185,11 @@ typedef struct lg_elastica_curves {
 
 /* The comments give the values of lg_elastica_sampling_init. */
 typedef struct lg_elastica_sampling {
-    bool both_ends, right_end; /* families to generate, at least one; default both-ends only */
+    bool both_ends, right_end; /* families to generate, at least one; default: both_ends only */
     size_t count;              /* number of curves per family; default 1000 */
-    double gap;          /* distance from x = 0, pi and 2 pi, in units of pi, in [0, 0.5); default 0.01 */
-    bool continuous;     /* true: continuous solutions; false, the default: discrete solutions */
-    lg_elastica problem; /* its end angles are not used; default as lg_elastica_init */
+    double gap;                /* least distance of x/pi from 0, 1 and 2; in [0, 0.5); default 0.01 */
+    bool continuous;           /* true: continuous solutions; false, the default: discrete solutions */
+    lg_elastica problem; /* beam of all curves; its end angles are not used; default as lg_elastica_init */
     int threads;         /* 1 to 1024; default 1 */
 } lg_elastica_sampling;
 LG_API void lg_elastica_sampling_init(lg_elastica_sampling *sampling);
@@ -297,7 +297,7 @@ LG_API const char *lg_surrogate_loss_name(lg_surrogate_loss loss);
 typedef struct lg_surrogate_options {
     lg_surrogate_kind kind;
     lg_net_kind architecture;
-    uint32_t embedding, hidden, layers; /* as in lg_net_init */
+    uint32_t embedding, hidden, layers; /* arguments of lg_net_init */
     lg_activation activation;
     bool normalise, mirror, boundary, between, symmetric;
     uint32_t modes; /* K; 0 means that all layers are learned */
@@ -307,13 +307,14 @@ typedef struct lg_surrogate_options {
     lg_surrogate_penalty penalty;
 } lg_surrogate_options;
 
-/* Immutable after lg_surrogate_init, except `modes`; plain data. */
+/* The description of a network; plain data, immutable after lg_surrogate_init except `modes`. The parameters
+ * are a separate vector theta (lg_surrogate_parameters). */
 typedef struct lg_surrogate {
     lg_surrogate_options options;
     lg_net net;
     uint32_t intervals; /* N of the training data */
     double length;      /* L */
-    double centre;      /* for `normalise` */
+    double centre;      /* scale of the x-coordinates with `normalise` */
     /* (K + 1, 4(N - 1)): mean, then s_k u_k for each mode. The caller sets it (from lg_surrogate_find_modes
      * or from a file) before a model with options.modes > 0 is trained, recorded or saved. Borrowed: the
      * array must live as long as the model is used. */
@@ -361,7 +362,7 @@ LG_API lg_status lg_surrogate_coefficients(const lg_context *context, const lg_s
 
 /* ---- presets ---- */
 
-/* Settings of the thesis, and our own. */
+/* A set of settings: published in the thesis, or our own. */
 typedef struct lg_surrogate_preset {
     const char *name; /* "thesis" or "best" (our own) */
     lg_surrogate_kind kind;
@@ -371,7 +372,7 @@ typedef struct lg_surrogate_preset {
     const char *source;         /* where the settings are from: "table 5.3", ..., or "ours" */
     lg_surrogate_options model; /* model.modes is an upper limit, for lg_surrogate_count_modes */
     lg_training training;
-    uint64_t most_curves; /* learn from at most so many curves; 0: from the whole training part */
+    uint64_t most_curves; /* largest number of curves to learn from; 0: the whole training part */
 } lg_surrogate_preset;
 /* Returns the preset with this name, kind, boundary, model.loss and merged. Of several, it returns the one
  * whose fraction is nearest. NULL for an unknown name or a combination without a preset. Static storage. */
@@ -449,7 +450,7 @@ LG_API size_t lg_surrogate_curves_work_size(const lg_surrogate_curves *curves);
 LG_API void lg_surrogate_curve(const lg_surrogate_curves *curves, const double *x, const double *s,
                                size_t points, double *q, double *v, void *work);
 
-/* Errors over nodes and components. The network is evaluated in double precision. */
+/* Errors of a network over the nodes and components of given curves. The network is evaluated in double. */
 typedef struct lg_surrogate_errors {
     double mse; /* mean square; discrete network: the 4(N-1) inner components, others: all 4(N+1) */
     double mse_q, mse_v;
@@ -489,7 +490,7 @@ LG_API double lg_surrogate_distance(const lg_surrogate *model, const double *tra
 
 typedef struct lg_elastica_data {
     lg_elastica_curves curves;
-    char sha256[LG_SHA256_TEXT]; /* of boundary, q and v as little-endian doubles; set by reader and writer */
+    char sha256[LG_SHA256_TEXT]; /* of boundary, q, v as little-endian doubles; set by reader and writer */
     lg_provenance provenance;
 } lg_elastica_data;
 
@@ -513,9 +514,9 @@ typedef struct lg_elastica_data {
 LG_API lg_status lg_elastica_data_read(const lg_context *context, const char *path,
                                        const lg_read_options *options, lg_elastica_data *out,
                                        lg_error *error);
-/* Writes such a file (kind "elastica") and fills data->sha256. Errors: LG_NOT_FINITE (a number is not
- * finite), LG_INVALID_ARGUMENT (a length or stiffness that is not positive, an unknown family), LG_FILE,
- * LG_OUT_OF_MEMORY. */
+/* Writes a file of curves in this form (kind "elastica") and fills data->sha256. Errors: LG_NOT_FINITE (a
+ * number is not finite), LG_INVALID_ARGUMENT (a length or stiffness that is not positive, an unknown family),
+ * LG_FILE, LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_elastica_data_write(const lg_context *context, const char *path, lg_elastica_data *data,
                                         lg_error *error);
 /* Frees the arrays and zeroes the structure. NULL is fine. */
@@ -528,7 +529,7 @@ typedef struct lg_surrogate_run {
     lg_surrogate model;
     lg_training training;
     double train_fraction, test_fraction;
-    uint64_t most_curves; /* learn from at most so many curves of the training part; 0: from all */
+    uint64_t most_curves; /* largest number of curves of the training part to learn from; 0: all */
     uint64_t curves;      /* number of curves in the data, before the split */
     bool continuous;      /* the data are continuous solutions */
     char data_sha256[LG_SHA256_TEXT];
@@ -562,11 +563,11 @@ typedef struct lg_surrogate_file {
  * without their numbers), LG_NOT_FINITE, LG_FILE, LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_model_save_surrogate(const lg_context *context, const char *path,
                                          const lg_surrogate_file *file, const lg_fit *fit, lg_error *error);
-/* Loads such a file; free *out with lg_surrogate_file_destroy. A file written by hand needs the attribute
- * `kind`, the weights, and the attributes of /model: `network`, `architecture`, `activation`, `embedding`,
- * `hidden`, `layers`, `normalise`, `mirror`, `boundary`, `intervals`, `length` and `centre`; for `modes`
- * above 0 also /model/mean and /model/modes. Without /trained, trained is NULL. Errors: the errors of readers
- * (liegrad/files.h). */
+/* Loads a file of kind "surrogate"; free *out with lg_surrogate_file_destroy. A file written by hand needs
+ * the attribute `kind`, the weights, and the attributes of /model: `network`, `architecture`, `activation`,
+ * `embedding`, `hidden`, `layers`, `normalise`, `mirror`, `boundary`, `intervals`, `length` and `centre`; for
+ * `modes` above 0 also /model/mean and /model/modes. Without /trained, trained is NULL. Errors: the errors of
+ * readers (liegrad/files.h). */
 LG_API lg_status lg_model_load_surrogate(const lg_context *context, const char *path,
                                          const lg_read_options *options, lg_surrogate_file *out,
                                          lg_error *error);

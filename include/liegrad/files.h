@@ -133,7 +133,7 @@ typedef struct lg_sha256 {
 #define LG_SHA256_TEXT 65 /* 64 lower-case hexadecimal digits and the terminator */
 
 LG_API void lg_sha256_init(lg_sha256 *state);
-LG_API void lg_sha256_add(lg_sha256 *state, const void *data, size_t bytes); /* may be called many times */
+LG_API void lg_sha256_add(lg_sha256 *state, const void *data, size_t bytes); /* appends to the hashed data */
 LG_API void lg_sha256_finish(lg_sha256 *state, char text[LG_SHA256_TEXT]);
 
 /* ---- provenance ---- */
@@ -199,10 +199,9 @@ LG_API lg_status lg_rows_file_commit(lg_rows_file *file, lg_error *error);
 /* Frees the structure. Without a commit no file is left. NULL is fine. */
 LG_API void lg_rows_file_destroy(lg_rows_file *file);
 
-/* Reads what such a file holds, without reading its rows. run (size bytes), or NULL, becomes the text `run`
- * of lg_rows_options. Errors: the statuses of readers; LG_FORMAT also for a file of
- * another kind. If `run` is not NULL: LG_NOT_FOUND for a file without this text, LG_SHAPE if it does not fit
- * into `size` bytes. */
+/* Reads the sizes of such a file, without reading its rows. run (size bytes), or NULL, becomes the text `run`
+ * of lg_rows_options. Errors: the statuses of readers; LG_FORMAT also for a file of another kind. If `run` is
+ * not NULL: LG_NOT_FOUND for a file without this text, LG_SHAPE if it does not fit into `size` bytes. */
 typedef struct lg_rows_about {
     uint64_t first, rows, points, dim; /* as in lg_rows_options */
 } lg_rows_about;

@@ -47,9 +47,9 @@ typedef enum lg_field_type {
 /* What a command does with the file whose name is the value of a LG_FIELD_STRING. */
 typedef enum lg_file_use {
     LG_FILE_NOT,      /* the text is not the name of a file, or the command itself does all checks */
-    LG_FILE_READ,     /* reads it */
-    LG_FILE_WRITTEN,  /* replaces it */
-    LG_FILE_STREAMED, /* replaces it; if it is a pipe or a device, writes to it */
+    LG_FILE_READ,     /* reads the file */
+    LG_FILE_WRITTEN,  /* replaces the file */
+    LG_FILE_STREAMED, /* replaces the file; writes to it if it is a pipe or a device */
     LG_FILE_DRAWN /* draws a picture (.svg or .png); replaces its data and script, in the same folder, too */
 } lg_file_use;
 
@@ -79,8 +79,8 @@ typedef struct lg_field {
      * picture, or a key of a scene), and a search cannot vary it. */
     const char *group;
     lg_field_type type;
-    size_t offset, size; /* of the member in the structure */
-    double low, high;    /* range of the number, or of each number of a list; both ends are included */
+    size_t offset, size; /* offset and size of the member in the structure, bytes */
+    double low, high;    /* range of a number, or of each number of a list; both ends are included */
     bool above;          /* `low` itself is not in the range */
     /* An option with this mark must be given. A key of a YAML file with this mark must be there if the
      * mapping that it belongs to is there. */
@@ -111,7 +111,7 @@ typedef struct lg_field {
     const char *form;
     const char *value;     /* the default as text; NULL: there is no fixed default, see `otherwise` */
     const char *otherwise; /* where the default comes from, such as "the preset's"; may be NULL */
-    const char *unit;      /* placeholder for the value in --help; NULL: NAME */
+    const char *unit;      /* placeholder for the value in --help, such as W; NULL stands for NAME */
     const char *meaning;   /* one sentence without its full stop */
 } lg_field;
 
@@ -222,7 +222,7 @@ LG_API const char *lg_trial_state_name(lg_trial_state state); /* "done", "pruned
 #define LG_TRIAL_REPORTS 16 /* largest number of rungs */
 
 typedef struct lg_trial {
-    uint64_t number; /* 0, 1, ... */
+    uint64_t number; /* number of the trial: 0, 1, ... */
     lg_trial_state state;
     double objective; /* to be minimised. The last reported one if the trial was pruned; NaN if it failed */
     double seconds;   /* wall time, set by the search */
@@ -238,7 +238,7 @@ typedef struct lg_trial {
 /* The comments give the values of lg_search_options_init. */
 typedef struct lg_search_options {
     size_t size;     /* sizeof(lg_search_options) */
-    uint64_t trials; /* default 50: planned total, with earlier trials */
+    uint64_t trials; /* default 50: planned number of trials, earlier ones included */
     uint64_t seed;   /* default 1 */
     /* Default 5, 0..LG_TRIAL_REPORTS. The rungs divide the epochs of a trial into rungs + 1 equal parts. 0
      * means that no trial is stopped early. */

@@ -43,7 +43,7 @@ typedef struct lg_table_options {
     lg_activation activation;
     uint32_t hidden_count;            /* number of hidden layers, 1..LG_TABLE_LAYERS */
     uint32_t hidden[LG_TABLE_LAYERS]; /* widths of the hidden layers, which must all be equal */
-    bool linear;                      /* add z A to the network */
+    bool linear;                      /* true: z A is added to the output of the network */
 } lg_table_options;
 
 /* Immutable after lg_table_init; plain data. */
@@ -87,7 +87,7 @@ typedef struct lg_table_far {
  * LG_INVALID_ARGUMENT (no rows, stride 0), LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_table_find_far(const lg_context *context, const double *values, size_t stride,
                                    size_t rows, lg_table_far *out);
-LG_API bool lg_table_is_far(const lg_table_far *far, double x); /* for a cell x of this column */
+LG_API bool lg_table_is_far(const lg_table_far *far, double x); /* true if cell x of this column is far */
 
 /* ---- training ---- */
 
@@ -127,14 +127,14 @@ LG_API void lg_table_fit_problem(const lg_table_problem *problem, lg_fit_problem
 typedef struct lg_table_evidence_options {
     size_t size;          /* sizeof(lg_table_evidence_options) */
     uint32_t evaluations; /* default 200: limit of evaluations of residuals and Jacobian */
-    size_t rows; /* default 4000: of more training rows, so many are used, evenly chosen; 0: all are used */
+    size_t rows; /* default 4000: largest number of training rows used, evenly chosen; 0: all are used */
     bool go_on;  /* default false; true: the search starts with the priors that `decay` holds */
 } lg_table_evidence_options;
 LG_API void lg_table_evidence_options_init(lg_table_evidence_options *options);
 
 typedef struct lg_table_evidence_result {
     uint32_t evaluations; /* number of evaluations used */
-    bool settled;         /* theta and the priors converged within the limit of evaluations */
+    bool settled;         /* whether theta and the priors converged within the limit of evaluations */
     double effective;     /* sum of the gamma_k: effective number of parameters, which the data determine */
     double noise;         /* 1/sqrt(beta), standard deviation of the noise in the scaled outputs */
     /* logarithm of the probability of the data, without terms that depend only on the data */
@@ -196,9 +196,9 @@ typedef struct lg_table_file {
     double *low, *high;        /* (inputs) least and largest value in the training rows; may be NULL */
     char (*input_name)[LG_TABLE_NAME];  /* (inputs) */
     char (*output_name)[LG_TABLE_NAME]; /* (outputs) names of the output columns, or of the classes */
-    char class_column[LG_TABLE_NAME];   /* for a classification; "" if unknown */
-    double rmse, accuracy,
-        f1; /* on the rows used for the last evaluation; rmse in scaled outputs. NaN if unknown */
+    char class_column[LG_TABLE_NAME];   /* name of the class column of a classification; "" if unknown */
+    /* Quality on the rows used for the last evaluation; rmse in scaled outputs. NaN if unknown. */
+    double rmse, accuracy, f1;
     size_t epochs_done;
     double *history[LG_FIT_SERIES_COUNT]; /* (epochs_done) each, or NULL; as in lg_hamiltonian_file */
     lg_provenance provenance;
@@ -214,11 +214,11 @@ typedef struct lg_table_file {
  * do not fit), LG_NOT_FINITE, LG_FILE, LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_model_save_table(const lg_context *context, const char *path, const lg_table_file *file,
                                      const lg_fit *fit, lg_error *error);
-/* Loads such a file; free *out with lg_table_file_destroy. A file written by hand needs the attribute `kind`,
- * the weights, /scaler, and the attributes of /model: `task` (regression or classification), `network`,
- * `activation`, `hidden` (such as "32,32"), `linear`, `inputs` and `outputs`. Without /names the inputs are
- * called "x1", "x2", ..., the outputs "y1", ..., and the classes "class1", ... Errors: the errors of readers
- * (liegrad/files.h). */
+/* Loads a file of kind "table"; free *out with lg_table_file_destroy. A file written by hand needs the
+ * attribute `kind`, the weights, /scaler, and the attributes of /model: `task` (regression or
+ * classification), `network`, `activation`, `hidden` (such as "32,32"), `linear`, `inputs` and `outputs`.
+ * Without /names the inputs are called "x1", "x2", ..., the outputs "y1", ..., and the classes "class1", ...
+ * Errors: the errors of readers (liegrad/files.h). */
 LG_API lg_status lg_model_load_table(const lg_context *context, const char *path,
                                      const lg_read_options *options, lg_table_file *out, lg_error *error);
 /* Frees the arrays and zeroes the structure. NULL is fine. */
@@ -264,7 +264,7 @@ typedef struct lg_table_data {
     uint32_t classes;  /* number of different classes */
     lg_table_text *class_name;   /* (classes) first numbers in rising order, then texts in bytewise order */
     bool cut;                    /* the last line of the file is incomplete and was left out */
-    char sha256[LG_SHA256_TEXT]; /* of the numbers as little-endian doubles, then the labels as texts */
+    char sha256[LG_SHA256_TEXT]; /* of the numbers as little-endian doubles and the labels as texts */
     const lg_context *context;
 } lg_table_data;
 
