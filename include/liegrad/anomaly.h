@@ -149,7 +149,7 @@ LG_API lg_status lg_detector_program(const lg_context *context, const lg_detecto
 
 /* ---- evaluation without a tape ---- */
 
-/* A plan that classifies single windows. It is immutable: threads may share it, each with its own work
+/* Makes a plan that classifies single windows. It is immutable: threads may share it, each with its own work
  * memory. The model, the scaler and theta are copied; theta is rounded to `dtype`, in which the network
  * computes. Errors: the errors of lg_detector_program and lg_plan_create. */
 typedef struct lg_detector_plan lg_detector_plan;
@@ -436,7 +436,7 @@ typedef struct lg_riser_run {
     /* Time of the damage, s after the first sample. Before it the well is intact, afterwards it has
      * `severity`. 0, the default: damaged from the start. INFINITY: never damaged. */
     double crack_time;
-    double drag_scale; /* factor on the drag; default 1 */
+    double drag_scale; /* factor on the drag; default 1; 0 for checks of the energy */
 } lg_riser_run;
 LG_API void lg_riser_run_init(lg_riser_run *out);
 

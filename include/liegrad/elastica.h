@@ -426,8 +426,8 @@ LG_API lg_status lg_surrogate_program(const lg_context *context, const lg_surrog
 
 /* ---- evaluation without a tape ---- */
 
-/* Plans that compute the curves of a network. They are immutable; threads may share them, each with its own
- * work memory. theta is copied and rounded to `dtype`, in which the network computes; the cubics and
+/* Makes plans that compute the curves of a network. They are immutable; threads may share them, each with its
+ * own work memory. theta is copied and rounded to `dtype`, in which the network computes; the cubics and
  * integrals around it are computed in double. `points` is the usual number of points per curve and affects
  * only the speed. Errors: the errors of lg_surrogate_program and lg_plan_create. */
 typedef struct lg_surrogate_curves lg_surrogate_curves;

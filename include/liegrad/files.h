@@ -184,10 +184,10 @@ typedef struct lg_rows_options {
     const char *run;
 } lg_rows_options;
 
-/* A file with /t (points) and /trajectories (rows, points, dim). Each row is written directly to its place on
- * the disk; no row is kept in memory. The file gets its whole size at the start, so a disk that is too small
- * is noticed then. Rows that are never put are zeros. Errors: LG_INVALID_ARGUMENT (rows, points or dim is 0
- * or too large), LG_FILE, LG_OUT_OF_MEMORY. */
+/* Begins a file with /t (points) and /trajectories (rows, points, dim). Each row is written directly to its
+ * place on the disk; no row is kept in memory. The file gets its whole size at the start, so a disk that is
+ * too small is noticed then. Rows that are never put are zeros. Errors: LG_INVALID_ARGUMENT (rows, points or
+ * dim is 0 or too large), LG_FILE, LG_OUT_OF_MEMORY. */
 typedef struct lg_rows_file lg_rows_file;
 LG_API lg_status lg_rows_file_create(const lg_context *context, const char *path,
                                      const lg_rows_options *options, lg_rows_file **out, lg_error *error);
@@ -199,9 +199,10 @@ LG_API lg_status lg_rows_file_commit(lg_rows_file *file, lg_error *error);
 /* Frees the structure. Without a commit no file is left. NULL is fine. */
 LG_API void lg_rows_file_destroy(lg_rows_file *file);
 
-/* Reads the sizes of such a file, without reading its rows. run (size bytes), or NULL, becomes the text `run`
- * of lg_rows_options. Errors: the statuses of readers; LG_FORMAT also for a file of another kind. If `run` is
- * not NULL: LG_NOT_FOUND for a file without this text, LG_SHAPE if it does not fit into `size` bytes. */
+/* Reads the sizes of a file of lg_rows_file_create, without reading its rows. run (size bytes), or NULL,
+ * becomes the text `run` of lg_rows_options. Errors: the statuses of readers; LG_FORMAT also for a file of
+ * another kind. If `run` is not NULL: LG_NOT_FOUND for a file without this text, LG_SHAPE if it does not fit
+ * into `size` bytes. */
 typedef struct lg_rows_about {
     uint64_t first, rows, points, dim; /* as in lg_rows_options */
 } lg_rows_about;

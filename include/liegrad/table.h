@@ -284,10 +284,9 @@ LG_API void lg_table_data_destroy(lg_table_data *data); /* NULL and a zeroed str
 LG_API lg_status lg_table_keep_complete(lg_table_data *const *tables, size_t count, size_t *left_out,
                                         lg_error *error);
 /* Returns a port of a program (liegrad/program.h) for an input with `numbers` numbers. low and high of the
- * port become the range of all numbers of the table. lg_program_build then records with numbers
- * from this range. So it can notice that the C code of a function branches on its inputs, if the data would
- * take both branches. For a table without numbers the range is
- * the default of lg_port. `name` is borrowed. */
+ * port become the range of all numbers of the table. lg_program_build then records with numbers from this
+ * range. So it can notice that the C code of a function branches on its inputs, if the data would take
+ * both branches. For a table without numbers the range is the default of lg_port. `name` is borrowed. */
 LG_API lg_port lg_table_port(const lg_table_data *of, const char *name, uint32_t numbers);
 
 /* ---- named tensors: safetensors files (huggingface.co/docs/safetensors) ---- */
