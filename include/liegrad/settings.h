@@ -67,7 +67,7 @@ typedef struct lg_reals {
     double values[LG_FIELD_LIST_MAX];
 } lg_reals;
 
-/* One field. All texts are static. A table of fields ends with a row whose name is NULL. Members that a type
+/* One field. A table of fields ends with a row whose name is NULL. Members that a type
  * does not need are zero. */
 typedef struct lg_field {
     const char *name; /* name in files and grids, such as lr_step */
