@@ -35,7 +35,7 @@ typedef struct app app;
 /* The first 64 different sentences of app_warn. */
 typedef struct app_warnings app_warnings;
 
-/* Options: a table of rows (liegrad/fields.h) and the structure that holds their values. Before the command
+/* Options: a table of rows (liegrad/settings.h) and the structure that holds their values. Before the command
  * line is read, a structure of `size` bytes is set to zero (size 0: it is not zeroed) and then gets the
  * defaults of the rows. */
 typedef struct app_settings {

@@ -1,4 +1,4 @@
-/* Declarations shared by the source files of the novelty detector (liegrad/novelty.h). */
+/* Declarations shared by the source files of the novelty detector (liegrad/anomaly.h). */
 #ifndef LG_NOVELTY_INTERNAL_H
 #define LG_NOVELTY_INTERNAL_H
 

@@ -1,4 +1,4 @@
-/* Implements the archives of liegrad/archive.h on top of an HDF5 file. */
+/* Implements the archives of liegrad/core.h on top of an HDF5 file. */
 #include <stdio.h>
 #include <string.h>
 

@@ -1,4 +1,4 @@
-/* The layers of a convolutional network (liegrad/convolution.h), in the order of their parameters in the flat
+/* The layers of a convolutional network (liegrad/networks.h), in the order of their parameters in the flat
  * vector: convolutions, the dense layer "plane" if there is one, output layer. A bias follows its weight. */
 #ifndef LG_CNN_H
 #define LG_CNN_H

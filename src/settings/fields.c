@@ -1,5 +1,4 @@
 /* Converts fields from and to text and numbers. */
-#include "liegrad/hamiltonian.h"
 #include "liegrad/settings.h"
 
 #include <math.h>
@@ -24,7 +23,7 @@ void lg_field_option(const lg_field *row, char *text, size_t size) {
 }
 
 const lg_field *lg_field_find(const lg_field *rows, const char *name) {
-    char option[LG_SYSTEM_NAME];
+    char option[64];
     for (; rows->name != NULL; rows++) {
         lg_field_option(rows, option, sizeof option);
         if (strcmp(rows->name, name) == 0 || strcmp(option, name) == 0) return rows;

@@ -11,7 +11,6 @@
 
 #include <hdf5.h>
 
-
 /* A line may have words in braces; the line is run with each of these words, which also replaces % in
  * `words`. A word `--option=x` becomes `--option x` in the line and `x` in `words`. If `words` is NULL, the
  * message must contain `--option: 'x'`. */

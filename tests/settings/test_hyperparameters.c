@@ -194,7 +194,7 @@ TEST("defaults are those of the fields") {
 
 static const char page_begin[] =
     "# Hyperparameters\n\n"
-    "One table for each kind of run (`liegrad/fields.h`, `fields.c` of each subject in `src`) says "
+    "One table for each kind of run (`liegrad/settings.h`, `fields.c` of each subject in `src`) says "
     "name, "
     "range, default\nand meaning; command lines, ranges of searches, grids of studies, attributes of files, "
     "the "

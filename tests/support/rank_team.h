@@ -1,4 +1,4 @@
-/* Ranks (liegrad/ranks.h) as threads of a test. team_run runs one function on each rank. The function returns
+/* Ranks (liegrad/core.h) as threads of a test. team_run runs one function on each rank. The function returns
  * a status and must not use cmocka's assertions. */
 #ifndef LG_RANK_TEAM_H
 #define LG_RANK_TEAM_H

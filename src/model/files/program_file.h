@@ -1,5 +1,5 @@
 /* Programs in files. Parameters are below /parameters; functions are below /functions, as bytes
- * (liegrad/program_image.h); both are found by name. Attribute `order` of these groups lists the names in
+ * (liegrad/program.h); both are found by name. Attribute `order` of these groups lists the names in
  * order.
  *
  * The numbers of a parameter may be stored elsewhere in the file, so that no number is stored twice. Then
