@@ -244,8 +244,8 @@ typedef struct lg_loop_spec {
  * the inputs and outputs of the called function, then one output per path; the outputs are those of the last
  * call. In a plan and in C it is a loop; on a tape every call is recorded. On failure the program is
  * unchanged. Errors: LG_INVALID_ARGUMENT (`times` out of range, the ports do not fit, an input is carried
- * twice, or the called function is a loop), LG_NOT_FOUND (no such function, input or output), LG_SHAPE (a path
- * has more than three axes besides the batch axis, or is too large), LG_OUT_OF_MEMORY. */
+ * twice, or the called function is a loop), LG_NOT_FOUND (no such function, input or output), LG_SHAPE (a
+ * path has more than three axes besides the batch axis, or is too large), LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_program_add_loop(lg_program *program, const lg_loop_spec *loop, lg_error *error);
 
 /* ---- running ---- */

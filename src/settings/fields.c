@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "core/core.h"
+#include "liegrad/tape.h"
 #include "settings/settings.h"
 
 _Static_assert(sizeof(lg_dtype) == sizeof(uint32_t) && sizeof(lg_activation) == sizeof(uint32_t) &&
