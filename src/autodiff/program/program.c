@@ -162,16 +162,6 @@ static lg_status add_carry(lg_function *loop, const lg_function *of, const lg_ca
     return LG_OK;
 }
 
-lg_port lg_path_port(const lg_port *output, uint32_t times, const char *name) {
-    lg_port port = *output;
-    port.name = name;
-    port.shape.rank = output->shape.rank + 1;
-    for (uint32_t d = 1; d < port.shape.rank && d < LG_MAX_RANK; d++)
-        port.shape.dims[d] = output->shape.dims[d - 1];
-    port.shape.dims[0] = times;
-    return port;
-}
-
 /* Copies the outputs of the called function and adds the paths. */
 static lg_status add_outputs(lg_function *loop, const lg_function *of, const lg_loop_spec *spec,
                              const lg_context *context, lg_error *error) {

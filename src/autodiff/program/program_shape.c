@@ -53,3 +53,13 @@ bool lg_program_shape_is_sound(const lg_shape *shape, uint32_t most) {
         if (!grow_count(&count, shape->dims[d])) return false;
     return shape->rank <= most && (lg_shape_count(*shape) > 0 || count <= LG_PROGRAM_MAX_EMPTY);
 }
+
+lg_port lg_path_port(const lg_port *output, uint32_t times, const char *name) {
+    lg_port port = *output;
+    port.name = name;
+    port.shape.rank = output->shape.rank + 1;
+    for (uint32_t d = 1; d < port.shape.rank && d < LG_MAX_RANK; d++)
+        port.shape.dims[d] = output->shape.dims[d - 1];
+    port.shape.dims[0] = times;
+    return port;
+}
