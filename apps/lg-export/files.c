@@ -1,4 +1,5 @@
-/* The exported files: the frames of the C files, and how all files are written to the disk. */
+/* The exported files: what stands around the functions in NAME.h and NAME.c, the files of weights and of the
+ * self-test, the Makefile; and how all files are written to the disk. */
 #include "lg-export/export.h"
 
 #include <dirent.h>

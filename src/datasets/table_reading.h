@@ -1,5 +1,5 @@
 /* The state while a table is read. table_csv.c, table_h5.c and table_npy.c supply the names of a file's
- * columns and, if columns are wanted, its rows. */
+ * columns, and its rows unless only the names are asked for. */
 #ifndef LG_TABLE_READING_H
 #define LG_TABLE_READING_H
 

@@ -24,7 +24,7 @@ typedef struct expecting {
     const double *theta; /* (parameters, numbers of all starts) */
     size_t n, own, rows; /* number of parameters, of numbers per start, of residuals per window */
     double *jacobian;    /* (CHUNK, rows, n + own) */
-    double *residuals;   /* (CHUNK, rows); then add_window's variance, part and of_start */
+    double *residuals;   /* (CHUNK, rows); behind them the work arrays of add_window */
     double *columns;     /* (n + own, rows): the Jacobian of one window, by columns */
     double *J, *K;       /* (n, n): J'^T J' and J'^T C J', summed over windows */
     /* `left`: tr((1 - P) C), summed over windows. `unit`: what one number adds to the loss if its error is

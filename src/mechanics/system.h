@@ -46,7 +46,7 @@ typedef struct lg_system_row {
     /* Draws a start of kind LG_STARTS_PLANE; NULL: not supported. */
     lg_status (*plane)(const lg_system *system, lg_rng *rng, double *y);
     lg_structure structure;
-    /* The function that replaces the energy H in `structure`; NULL: the energy itself. */
+    /* The function H of y' = {y, H} (lg_structure), where it is not the energy; NULL: it is the energy. */
     double (*generating)(const lg_system *system, const double *y, double *work);
     /* Index: lg_coordinates; user: lg_system_user. If AMBIENT is NULL, the generator of LIE is used. */
     lg_vector_field field[2];

@@ -114,7 +114,8 @@ static lg_var build_cnn(const void *user, lg_tape *tape, const lg_var *x) {
     return lg_cnn_record(tape, &net, x[1], OFFSET, x[0], NULL);
 }
 
-/* Parameters: 3 2 3 + 3, 2 3 2 + 2, 2 2 left + 2 and 2 2 + 2, where `left` samples remain before the plane.
+/* Parameters, weights and biases of each layer: 3*2*3 + 3, 2*3*2 + 2, 2*2*left + 2 and 2*2 + 2, where `left`
+ * samples remain before the plane.
  * `step` scales the inputs and parameters of networks with kinks, so that no difference crosses a kink. */
 #define CNN_ROW(label, kind, pool, left, step)                                                               \
     {                                                                                                        \

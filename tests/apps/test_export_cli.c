@@ -348,7 +348,7 @@ TEST("numbers that the precision cannot hold are refused") {
     }
 }
 
-/* Exported as C and as files of numbers. */
+/* Exports to targets that write C (c, package) and to targets that write only numbers (onnx, safetensors). */
 TEST("numbers too small for single precision cause a warning in every format, other numbers do not") {
     static const char *const targets[] = {"c", "package", "onnx", "safetensors"};
     make_hamiltonian("small.h5", 1e-60, "");

@@ -255,7 +255,7 @@ TEST("the child has none of the parent's pipes and sockets, whatever numbers it 
     (void)close(ends[0]);
 }
 
-/* Also on systems without a filter of system calls. */
+/* The limit RLIMIT_FSIZE = 0 keeps files from growing, also where system calls cannot be filtered. */
 static lg_status grows_a_file(void *user, lg_error *error) {
     struct rlimit limit;
     (void)user;

@@ -143,8 +143,8 @@ void *lg_payload_allocate(lg_tape *tape, size_t bytes) {
 }
 
 /* Reserves memory for one more node and its parents, so that pointers to nodes stay valid while the node is
- * made. The array of parents exists from the first leaf on, so that &parents[offset] is never an offset to
- * NULL. */
+ * made. The array of parents exists from the first leaf on, because &parents[offset] of a NULL array is
+ * undefined. */
 static bool reserve(lg_tape *tape, uint32_t inputs) {
     return lg_grow(tape, (void **)&tape->nodes, &tape->capacity, tape->count + 1, sizeof *tape->nodes) &&
            lg_grow(tape, (void **)&tape->parents, &tape->parents_capacity,

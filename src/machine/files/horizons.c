@@ -79,7 +79,7 @@ static double angle_of(const double *a, const double *b, int count, double diame
 }
 
 /* Adds the errors of one point; numbers that the data do not have (NaN) are skipped. The prediction must not
- * contain NaN (count_as_infinite). */
+ * contain NaN: count_as_infinite is called first. */
 static void add_point(const lg_machine *machine, const double *q, const double *v, const double *given_q,
                       const double *given_v, sums *out) {
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
