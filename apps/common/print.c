@@ -43,10 +43,10 @@ void app_json_quote(FILE *stream, const char *text) {
 
 /* Looks for the shortest text that reads back as the same double. 15 digits come first: %g drops zeros at the
  * end, so this is the shortest text of any number that needs at most 15 digits. A subnormal
- * has fewer than 15 correct digits, so there the search starts at 1. At a power of two the next smaller double
- * is nearer than the next larger one. The nearest text with a given number of digits may then lie below the
- * value and read back as the next smaller double, while the next text above the value reads back as the value.
- * So a slightly larger value, (1 + 2^-54) value, is tried too. */
+ * has fewer than 15 correct digits, so there the search starts at 1. At a power of two the next smaller
+ * double is nearer than the next larger one. The nearest text with a given number of digits may then lie
+ * below the value and read back as the next smaller double, while the next text above the value reads back
+ * as the value. So a slightly larger value, (1 + 2^-54) value, is tried too. */
 void app_print_real(FILE *stream, double value) {
     char text[40] = "null";
     bool same = !isfinite(value);

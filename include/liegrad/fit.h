@@ -89,8 +89,8 @@ LG_API double lg_schedule_rate(const lg_schedule *schedule, uint64_t epoch, uint
  * are not needed to 0 or NULL. The callbacks `loss`, `residuals` and `linearise` are called by several
  * threads at once, each with its own tape. All callbacks must be pure functions of their arguments. A
  * callback that fails returns a status other than LG_OK, which ends lg_fit_run; so does a tape that fails.
- * Their argument `samples` lists indices of samples, from 0. A batch has `batch` samples, and a callback gets a part of it,
- * `count` >= 1 samples. */
+ * Their argument `samples` lists indices of samples, from 0. A batch has `batch` samples, and a callback
+ * gets a part of it, `count` >= 1 samples. */
 typedef struct lg_fit_problem {
     size_t parameters; /* length of theta, 1 to 2^32 - 1 */
     size_t samples;    /* size of the data set, validation part included, 1 to 2^32 - 1 */

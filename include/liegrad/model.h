@@ -158,8 +158,9 @@ LG_API lg_status lg_model_retract(const lg_model *model, const double *state, co
                                   void *work);
 /* Moves `state` (in and out) to a nearby equilibrium, where it stays under the constant `input` (NULL:
  * zero). Damped Newton's method for c' = 0, with c' and its matrix A as in lg_model_linearise; where the
- * steps are not unique it takes the shortest one. *drift (may be NULL) becomes the largest |c'_i| that is left. Errors: LG_NO_CONVERGENCE (|c'| stays
- * above 1e-9 |A|_F; `state` is then as before), LG_UNSUPPORTED (the model does not move). */
+ * steps are not unique it takes the shortest one. *drift (may be NULL) becomes the largest |c'_i| that is
+ * left. Errors: LG_NO_CONVERGENCE (|c'| stays above 1e-9 |A|_F; `state` is then as before), LG_UNSUPPORTED
+ * (the model does not move). */
 LG_API lg_status lg_model_equilibrium(const lg_model *model, const double *input, double *state,
                                       double *drift, void *work);
 

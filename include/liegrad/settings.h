@@ -105,8 +105,8 @@ typedef struct lg_field {
     const char *longer; /* advice in the error message for a longer list; may be NULL */
     void (*show)(const void *run, char *text, size_t size); /* for type SHOWN: makes the text */
     /* For type PHRASE: `parse` reads a text into the member and leaves it unchanged on failure; `phrase`
-     * writes the text of the member. `form` describes the allowed texts that are not names of the row, such as
-     * "phases as in adam:100,lbfgs", for --help and error messages. */
+     * writes the text of the member. `form` describes the allowed texts that are not names of the row,
+     * such as "phases as in adam:100,lbfgs", for --help and error messages. */
     lg_status (*parse)(const char *text, void *member, lg_error *error);
     void (*phrase)(const void *member, char *text, size_t size);
     const char *form;
