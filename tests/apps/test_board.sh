@@ -88,6 +88,8 @@ $study --out t.csv --task 0/2 --stop-after 3 >task
 code=0
 $study --out t.csv --merge 2>err >out || code=$?
 [ $code = 3 ] && grep -q "pieces are not done yet" err && [ -s t.csv ] || fail "a merge of three runs: $code $(cat err)"
+$study --out t.csv --task 1/2 >rest && $study --out t.csv --merge >merged
+same_table study.csv t.csv || fail "a second merge wrote the rows of the first one again, or lost some"
 rm -f t.csv*
 code=0
 $search --out t.csv --merge 2>err >out || code=$?
