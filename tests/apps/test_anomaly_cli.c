@@ -432,7 +432,9 @@ TEST("votes give the alarm and its delay") {
 TEST("a network that is no better than the most frequent class ends with exit code 4") {
     cli_expect(lg, "train data.h5 --lr 1000 --epochs 10 --out wild.h5 --json", 4, "the most frequent class");
     json_expect(result.out, "epochs 10, warnings [\"the model has learned nothing");
-    cli_run(lg, "train data.h5 --lr 1e-9 --epochs 3 --out wild.h5");
+    cli_expect(lg, "train data.h5 --lr 1e-9 --epochs 3 --out wild.h5", 0, "");
+    assert_says(result.err, "the model has learned nothing");
+    cli_expect(lg, "train data.h5 --lr 1e-9 --epochs 20 --out wild.h5", 4, ""); /* long enough to be judged */
     assert_says(result.err, "the model has learned nothing");
 }
 
