@@ -35,7 +35,8 @@
         const void *const lg_needs_[] = {__VA_ARGS__};                                                       \
         for (size_t lg_i_ = 0; lg_i_ < LG_COUNT(lg_needs_); lg_i_++)                                         \
             if (lg_needs_[lg_i_] == NULL)                                                                    \
-                return lg_fail(error, LG_INVALID_ARGUMENT, "one of these is NULL: %s", #__VA_ARGS__);        \
+                return lg_fail(error, LG_INVALID_ARGUMENT, "one of these arguments is NULL: %s",             \
+                               #__VA_ARGS__);                                                                \
     } while (0)
 
 /* Returns zeroed memory, aligned to 64 bytes, or NULL on failure or if count * size overflows. If count *

@@ -532,25 +532,28 @@ TEST("loops carry several outputs in any order, and refuse impossible ones") {
         size_t count;
         lg_status status;
         const char *says;
-    } refused[] = {{"l", "g", 2, both, 2, LG_NOT_FOUND, "there is no function 'g'"},
-                   {"l", NULL, 2, both, 2, LG_INVALID_ARGUMENT,
-                    "'l': its function, what is carried or a path is missing"},
-                   {"l", "f", 2, NULL, 2, LG_INVALID_ARGUMENT,
-                    "'l': its function, what is carried or a path is missing"},
-                   {"l", "f", 2, &unknown, 1, LG_NOT_FOUND, "'f' has no output 'r'"},
-                   {"l", "f", 2, &nowhere, 1, LG_NOT_FOUND, "'f' has no input 'z'"},
-                   {"l", "f", 2, &unnamed, 1, LG_INVALID_ARGUMENT, "'l': what is carried has no name"},
-                   {"l", "f", 2, &unset, 1, LG_INVALID_ARGUMENT, "'l': what is carried has no name"},
-                   {"l", "f", 0, both, 2, LG_INVALID_ARGUMENT, "'l' is run 0 times: 1 to 16777216"},
-                   {"l", "f", 1 << 25, both, 2, LG_INVALID_ARGUMENT, "is run 33554432 times: 1 to 16777216"},
-                   {"l", "both", 2, both, 2, LG_INVALID_ARGUMENT, "'l' calls 'both', which is a loop too"},
-                   {"f", "f", 2, both, 2, LG_INVALID_ARGUMENT, "two functions are called 'f'"},
-                   {NULL, "f", 2, both, 2, LG_INVALID_ARGUMENT, "name of a function"},
-                   {"l", "f", 2, twice, 2, LG_INVALID_ARGUMENT, "'l': input 'a' is carried twice"},
-                   {"l", "uneven", 2, &wider, 1, LG_INVALID_ARGUMENT,
-                    "'l': output 'wide' cannot become input 'a': their shapes differ"},
-                   {"l", "uneven", 2, &common, 1, LG_INVALID_ARGUMENT,
-                    "'l': output 'one' cannot become input 'a': all rows share one of them"}};
+    } refused[] = {
+        {"l", "g", 2, both, 2, LG_NOT_FOUND, "there is no function 'g'"},
+        {"l", NULL, 2, both, 2, LG_INVALID_ARGUMENT,
+         "'l': the name of its function, its carries or its paths are NULL"},
+        {"l", "f", 2, NULL, 2, LG_INVALID_ARGUMENT,
+         "'l': the name of its function, its carries or its paths are NULL"},
+        {"l", "f", 2, &unknown, 1, LG_NOT_FOUND, "'f' has no output 'r'"},
+        {"l", "f", 2, &nowhere, 1, LG_NOT_FOUND, "'f' has no input 'z'"},
+        {"l", "f", 2, &unnamed, 1, LG_INVALID_ARGUMENT,
+         "'l': each carry needs the names of an input and of an output"},
+        {"l", "f", 2, &unset, 1, LG_INVALID_ARGUMENT,
+         "'l': each carry needs the names of an input and of an output"},
+        {"l", "f", 0, both, 2, LG_INVALID_ARGUMENT, "'l': times is 0, expected 1 to 16777216"},
+        {"l", "f", 1 << 25, both, 2, LG_INVALID_ARGUMENT, "times is 33554432, expected 1 to 16777216"},
+        {"l", "both", 2, both, 2, LG_INVALID_ARGUMENT, "'l' calls 'both', which is a loop too"},
+        {"f", "f", 2, both, 2, LG_INVALID_ARGUMENT, "two functions are called 'f'"},
+        {NULL, "f", 2, both, 2, LG_INVALID_ARGUMENT, "name of a function"},
+        {"l", "f", 2, twice, 2, LG_INVALID_ARGUMENT, "'l': input 'a' is carried twice"},
+        {"l", "uneven", 2, &wider, 1, LG_INVALID_ARGUMENT,
+         "'l': output 'wide' cannot become input 'a': their shapes differ"},
+        {"l", "uneven", 2, &common, 1, LG_INVALID_ARGUMENT,
+         "'l': output 'one' cannot become input 'a': one of them is shared by all rows"}};
     for (size_t i = 0; i < LG_COUNT(refused); i++) {
         memset(&error, 0, sizeof error);
         const lg_loop_spec loop = {.size = sizeof loop,
@@ -567,7 +570,7 @@ TEST("loops carry several outputs in any order, and refuse impossible ones") {
     assert_status(lg_program_add_loop(program, &paths_refused[0], &error), LG_NOT_FOUND);
     assert_says(error.message, "'f' has no output 'r'");
     assert_status(lg_program_add_loop(program, &paths_refused[1], &error), LG_INVALID_ARGUMENT);
-    assert_says(error.message, "a path is missing");
+    assert_says(error.message, "its paths are NULL");
     /* A loop counts as its number of rounds times the work of one call. */
     lg_plan_options options = plan_options(1, LG_F64);
     lg_plan *plan = NULL;

@@ -242,22 +242,22 @@ TEST("recordings that depend on numbers or on the number of rows are refused, wi
     static const refusal cases[] = {
         {branch, LG_UNSUPPORTED, .words = {"'f'", "branch on values", "sin"}},
         {loop_over_rows, LG_UNSUPPORTED, .words = {"'f'", "loop over rows"}},
-        {put_back, LG_UNSUPPORTED, .words = {"'f'", "taken by mul", "friction", "numbers differ"}},
-        {weight_put_back, LG_UNSUPPORTED, .words = {"taken by mul", "numbers differ"}},
-        {closed_over, LG_UNSUPPORTED, .words = {"taken by sub", "numbers differ", "declare it as an input"}},
-        {implicit, LG_UNSUPPORTED, .words = {"implicit stage", "numbers differ"}},
-        {attribute, LG_UNSUPPORTED, .words = {"operation scale", "depends on numbers"}},
+        {put_back, LG_UNSUPPORTED, .words = {"'f'", "used by mul", "friction", "values differ"}},
+        {weight_put_back, LG_UNSUPPORTED, .words = {"used by mul", "values differ"}},
+        {closed_over, LG_UNSUPPORTED, .words = {"used by sub", "values differ", "declare it as an input"}},
+        {implicit, LG_UNSUPPORTED, .words = {"implicit stage", "values differ"}},
+        {attribute, LG_UNSUPPORTED, .words = {"operation scale", "depends on values"}},
         {coefficients, LG_UNSUPPORTED, .words = {"operation combine", "coefficients"}},
         {quadratic, LG_UNSUPPORTED, .words = {"not affine in the number of rows"}},
-        {square, LG_UNSUPPORTED, .words = {"output 'y'", "neither one value for each row"}},
-        {doubled, LG_UNSUPPORTED, .words = {"output 'y'", "neither one value for each row"}},
+        {square, LG_UNSUPPORTED, .words = {"output 'y'", "neither one value per row"}},
+        {doubled, LG_UNSUPPORTED, .words = {"output 'y'", "neither one value per row"}},
         {custom, LG_UNSUPPORTED, .words = {"operation custom", "triple", "this process only"}},
-        {nothing, LG_INVALID_ARGUMENT, .words = {"output 'y' was not recorded"}},
+        {nothing, LG_INVALID_ARGUMENT, .words = {"has not set output 'y'"}},
         {resets, LG_INVALID_ARGUMENT, .words = {"'f'", "reset the tape"}},
-        {fails, LG_NO_CONVERGENCE, .words = {"'f'", "recording failed"}},
+        {fails, LG_NO_CONVERGENCE, .words = {"'f'", "the callback `record` failed"}},
         {misfits, LG_SHAPE, .words = {"'f'", "cross"}},
         {endless, LG_NOT_FINITE, .words = {"'f'", "constant that is not finite"}},
-        {NULL, LG_INVALID_ARGUMENT, .words = {"no recording"}},
+        {NULL, LG_INVALID_ARGUMENT, .words = {"needs the callback `record`"}},
         {identity, LG_INVALID_ARGUMENT, .words = {"it is empty"}, .function = ""},
         {identity, LG_INVALID_ARGUMENT, .words = {"not a C identifier"}, .function = "a-b"},
         {identity, LG_INVALID_ARGUMENT, .words = {"begin with a letter"}, .function = "_f"},
@@ -266,11 +266,11 @@ TEST("recordings that depend on numbers or on the number of rows are refused, wi
         {identity, LG_INVALID_ARGUMENT, .words = {"'x__1'", "two underscores"}, .input = "x__1"},
         {identity, LG_INVALID_ARGUMENT, .words = {"'int'", "an output", "word of C"}, .output = "int"},
         {identity, LG_INVALID_ARGUMENT, .words = {"'y\?'", "not a C identifier"}, .output = "y\n"},
-        {identity, LG_INVALID_ARGUMENT, .words = {"two ports called 'x'"}, .other = "x"},
-        {identity, LG_INVALID_ARGUMENT, .words = {"two ports called 's'"}, .output = "s"},
-        {identity, LG_INVALID_ARGUMENT, .words = {"'x'", "a range that is none"},
+        {identity, LG_INVALID_ARGUMENT, .words = {"two inputs or outputs called 'x'"}, .other = "x"},
+        {identity, LG_INVALID_ARGUMENT, .words = {"two inputs or outputs called 's'"}, .output = "s"},
+        {identity, LG_INVALID_ARGUMENT, .words = {"'x'", "low must not be above high"},
          .port = {.shape = {1, {3}}, .low = 2.0, .high = 1.0}},
-        {identity, LG_SHAPE, .words = {"input 0", "rank that is too high"},
+        {identity, LG_SHAPE, .words = {"input 0", "rank (with the axis of rows) is above 4"},
          .port = {.shape = {4, {1, 1, 1, 1}}}},
         {identity, LG_INVALID_ARGUMENT, .words = {"too long"},
          .output = "y12345678901234567890123456789012345678901234567890123456789012345678901234567890"},
@@ -304,7 +304,7 @@ TEST("parameters that are not finite, not given or named twice are refused, and 
         const char *words;
     } cases[] = {{&not_finite, 1, LG_NOT_FINITE, "'w' has a number that is not finite"},
                  {twice, 2, LG_INVALID_ARGUMENT, "two parameters are called 'w'"},
-                 {&without, 1, LG_INVALID_ARGUMENT, "'w' has no values"},
+                 {&without, 1, LG_INVALID_ARGUMENT, "'w': its values are NULL"},
                  {&named, 1, LG_INVALID_ARGUMENT, "'double' cannot be the name of a parameter"}};
     lg_program_spec spec;
     lg_program *program = NULL;
@@ -319,12 +319,12 @@ TEST("parameters that are not finite, not given or named twice are refused, and 
     }
     spec = spec_of(twice, 1, NULL, 0);
     assert_status(lg_program_build(NULL, &spec, &program, &error), LG_INVALID_ARGUMENT);
-    assert_says(error.message, "without functions");
+    assert_says(error.message, "at least one function");
     spec = spec_of(NULL, 1, &function, 1);
     assert_status(lg_program_build(NULL, &spec, &program, &error), LG_INVALID_ARGUMENT);
-    assert_says(error.message, "1 parameters are missing");
+    assert_says(error.message, "parameter_count is 1, but `parameters` is NULL");
     assert_status(lg_program_begin(NULL, &spec, &program, &error), LG_INVALID_ARGUMENT);
-    assert_says(error.message, "functions are added later");
+    assert_says(error.message, "add functions later");
     assert_null(program);
     const lg_function_spec alike[2] = {function, function};
     spec = spec_of(NULL, 0, alike, 2);

@@ -174,12 +174,12 @@ TEST("images store calls, and may call only earlier functions with fitting shape
         int64_t value;
         const char *words;
     } bad[] = {{0, 0, ""},
-               {0, 3, "was there before"},
-               {0, 5, "was there before"},
-               {0, -1, "was there before"},
+               {0, 3, "comes before this one"},
+               {0, 5, "comes before this one"},
+               {0, -1, "comes before this one"},
                {1, 0, ""},
-               {1, 2, "other inputs or outputs"},
-               {1, -1, "other inputs or outputs"}};
+               {1, 2, "another number of inputs"},
+               {1, -1, "another number of inputs"}};
     for (size_t i = 0; i < LG_COUNT(bad); i++) {
         lg_program *fresh = built(true);
         assert_int_equal(add_changed(fresh, bad[i].which, bad[i].value, &error), LG_FORMAT);

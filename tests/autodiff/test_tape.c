@@ -288,10 +288,10 @@ static const int beyond[2] = {0, 2};
     X(lg_slice(t, V2(2, 3), 1, UINT32_MAX, 2), LG_INVALID_ARGUMENT, "slice", "range", NULL)                  \
     X(lg_slice(t, V2(2, 3), 2, 0, 1), LG_INVALID_ARGUMENT, "slice", "axis", NULL)                            \
     X(lg_pad(t, V2(2, 3), 2, 0, 1), LG_INVALID_ARGUMENT, "pad", "axis", NULL)                                \
-    X(lg_pad(t, V2(2, 3), 0, UINT32_MAX, 1), LG_INVALID_ARGUMENT, "pad", "long", NULL)                       \
+    X(lg_pad(t, V2(2, 3), 0, UINT32_MAX, 1), LG_INVALID_ARGUMENT, "pad", "padded axis", NULL)                \
     X(lg_concat(t, (lg_var[2]){V2(2, 3), V2(2, 4)}, 2, 0), LG_SHAPE, "concat", "(2, 3)", "(2, 4)")           \
     X(lg_concat(t, (lg_var[2]){V2(2, 3), V1(3)}, 2, 0), LG_SHAPE, "concat", "(2, 3)", "(3)")                 \
-    X(lg_concat(t, NULL, 0, 0), LG_INVALID_ARGUMENT, "concat", "nothing", NULL)                              \
+    X(lg_concat(t, NULL, 0, 0), LG_INVALID_ARGUMENT, "concat", "no tensors", NULL)                           \
     X(lg_transpose(t, V1(3)), LG_SHAPE, "transpose", "rank", NULL)                                           \
     X(lg_permute(t, V3(2, 3, 4), not_axes), LG_INVALID_ARGUMENT, "permute", "permutation", NULL)             \
     X(lg_permute(t, V2(2, 3), beyond), LG_INVALID_ARGUMENT, "permute", "permutation", NULL)                  \
@@ -319,11 +319,11 @@ static const int beyond[2] = {0, 2};
     X(lg_loss_record(t, (lg_loss)LG_LOSS_COUNT, V2(4, 3), V2(4, 3), LG_NONE), LG_INVALID_ARGUMENT, "loss",   \
       "unknown", NULL)                                                                                       \
     X(lg_log_softmax(t, V0), LG_INVALID_ARGUMENT, "max_axis", "axis", NULL)                                  \
-    X(lg_input(t, lg_shape1(2), NULL), LG_INVALID_ARGUMENT, "input", "no data", NULL)                        \
+    X(lg_input(t, lg_shape1(2), NULL), LG_INVALID_ARGUMENT, "input", "the data is NULL", NULL)               \
     X(lg_input_f64(t, (lg_shape){5, {1, 1, 1, 1}}, weights3), LG_INVALID_ARGUMENT, "input", "rank", NULL)    \
-    X(lg_parameter(t, lg_shape1(2), NULL), LG_INVALID_ARGUMENT, "parameter", "no data", NULL)                \
+    X(lg_parameter(t, lg_shape1(2), NULL), LG_INVALID_ARGUMENT, "parameter", "the data is NULL", NULL)       \
     X(lg_full(t, lg_shape4(65535, 65535, 65535, 65535), 1.0), LG_OUT_OF_MEMORY, "tape", "", NULL)            \
-    X(lg_custom(t, NULL, NULL, 0, lg_shape0()), LG_INVALID_ARGUMENT, "custom", "no name", NULL)              \
+    X(lg_custom(t, NULL, NULL, 0, lg_shape0()), LG_INVALID_ARGUMENT, "custom", "a name", NULL)               \
     X(lg_jacobian(t, V1(2), LG_NONE), LG_STALE_HANDLE, "jacobian", "LG_NONE", NULL)
 
 TEST("shapes that do not fit are reported with the operation and its scope") {

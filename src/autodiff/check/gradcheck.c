@@ -132,7 +132,8 @@ static lg_status read_all(check *k, const layout *l, const lg_var *v, double *to
     for (size_t i = 0; i < l->count; i++)
         if (lg_read(k->tape, v[i], l->at[i + 1] - l->at[i], to + l->at[i]) != LG_OK) {
             if (lg_tape_status(k->tape) == LG_OK)
-                lg_tape_fail(k->tape, LG_SHAPE, "gradcheck", "the function's result changed its shape");
+                lg_tape_fail(k->tape, LG_SHAPE, "gradcheck",
+                             "the function's result has another shape than in the first recording");
             return tape_failed(k);
         }
     return LG_OK;
@@ -441,7 +442,9 @@ static lg_status check_refusal(check *k, lg_shape first_output) {
     if (status == LG_OK) status = derivatives(k);
     release(k);
     if (status == LG_OK)
-        return failed(k, "a second derivative was given, although declared impossible", 2, 1);
+        return failed(
+            k, "a second derivative was computed, but the function is declared as differentiable once only",
+            2, 1);
     if (status != LG_NOT_DIFFERENTIABLE) return status;
     k->result->message[0] = '\0';
     return LG_OK;
@@ -505,7 +508,7 @@ lg_status lg_gradcheck(const lg_context *context, const lg_gradcheck_function *f
     if (options != NULL) chosen = *options;
     if (!lg_gradcheck_valid(function, &chosen)) {
         (void)snprintf(result->message, sizeof result->message,
-                       "gradcheck: the function or the options are not valid");
+                       "gradcheck: a member of the function or of the options is missing or out of range");
         return LG_INVALID_ARGUMENT;
     }
     check k = {.context = context, .f = function, .options = &chosen, .result = result};

@@ -12,7 +12,7 @@ static const char *never_asked(const lg_gradcheck_case *test, const lg_gradcheck
     if (op == &lg_op_leaf) return "a leaf has no inputs";
     if (op == &lg_op_custom_derivative) return "the derivative of a numeric derivative is an error";
     if (op->frozen == ~0u || (of_input && input < 32 && (op->frozen >> input & 1u)))
-        return "constant to differentiation";
+        return "the operation counts as constant in this input, so there is no derivative to change";
     return test->zero ? "the derivative is identically zero" : NULL;
 }
 
@@ -30,7 +30,7 @@ static lg_status plant_one(const lg_context *context, const lg_gradcheck_case *t
     lg_status status = lg_gradcheck_run(context, test, &planted, &result);
     if (status != LG_OK && status != LG_CHECK_FAILED) return status;
     if (plant->mutation == LG_PLANT_TRANSPOSE && result.plant_changed == 0)
-        report(user, test, plant, LG_PLANT_EXCLUDED, "the transposition changes no number");
+        report(user, test, plant, LG_PLANT_EXCLUDED, "the transposed derivative has the same numbers");
     else
         report(user, test, plant, status == LG_OK ? LG_PLANT_MISSED : LG_PLANT_CAUGHT, result.message);
     return LG_OK;
@@ -64,7 +64,8 @@ static lg_status plant_in_program(const lg_context *context, const lg_gradcheck_
     if (status != LG_OK && status != LG_CHECK_FAILED) return status;
     if (result.plant_changed == 0)
         report(user, test, plant, LG_PLANT_EXCLUDED,
-               result.plant_applied > 0 ? "it changes no number" : "there is none in the plans");
+               result.plant_applied > 0 ? "the planted error changes no number"
+                                        : "no plan contains this operation");
     else
         report(user, test, plant, status == LG_OK ? LG_PLANT_MISSED : LG_PLANT_CAUGHT, result.message);
     return LG_OK;

@@ -36,8 +36,8 @@ typedef struct check {
 } check;
 
 static lg_status failed(check *k, const char *what, const char *function, double value, double bound) {
-    (void)snprintf(k->result->message, sizeof k->result->message,
-                   "%s, program: %s of the %s (%.3g, bound %.3g)", k->f->name, what, function, value, bound);
+    (void)snprintf(k->result->message, sizeof k->result->message, "%s, program, %s: %s (%.3g, bound %.3g)",
+                   k->f->name, function, what, value, bound);
     return LG_CHECK_FAILED;
 }
 
@@ -233,7 +233,7 @@ static lg_status compare(check *k, const double *got) {
         const double error = difference(k, got + at, k->truth + at, k->count[f], &apart);
         if (!(error <= *errors[f])) *errors[f] = error;
         if (!(error <= tolerance))
-            return failed(k, "a plan differs from the tape", labels[f], error, tolerance);
+            return failed(k, "the plan's result differs from the tape's", labels[f], error, tolerance);
     }
     return LG_OK;
 }
@@ -248,8 +248,8 @@ static lg_status check_point(check *k) {
     LG_TRY(recorded(k, k->truth));
     LG_TRY(applied(k, k->got));
     if (memcmp(k->got, k->truth, all * sizeof *k->got) != 0)
-        return failed(k, "lg_program_record differs in bits", "recording", lg_largest(k->got, all),
-                      lg_largest(k->truth, all));
+        return failed(k, "the result of lg_program_record has other bits than the original recording",
+                      "recording", lg_largest(k->got, all), lg_largest(k->truth, all));
     LG_TRY(run_plans(k, k->plan, k->got));
     if (k->options->plant == NULL) return compare(k, k->got);
     LG_TRY(run_plans(k, k->planted, k->other));
@@ -303,7 +303,9 @@ static lg_status check_refusal(check *k, const lg_gradcheck_case *test, lg_statu
     k->result->refused = status != LG_OK;
     k->result->value = k->result->forward = k->result->adjoint = NAN;
     (void)snprintf(k->result->message, sizeof k->result->message, "%.300s",
-                   status != LG_OK ? error->message : "it became a program, although declared impossible");
+                   status != LG_OK
+                       ? error->message
+                       : "the function became a program, but its case says that this is impossible");
     return status == LG_UNSUPPORTED && strstr(error->message, test->no_program) != NULL ? LG_OK
                                                                                         : LG_CHECK_FAILED;
 }

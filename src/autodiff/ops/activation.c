@@ -260,7 +260,8 @@ lg_var lg_act(lg_tape *tape, lg_var x, lg_activation kind) {
 
 lg_var lg_act_derivative(lg_tape *tape, lg_var x, lg_activation kind, int order) {
     if ((unsigned)kind >= LG_ACTIVATION_COUNT || order < 0)
-        return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "act", "unknown activation or negative order");
+        return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "act",
+                            "the activation is unknown, or the order is negative");
     if (order == 0 && helpers[kind] != HELPER_SIGMOID) return act_node(tape, x, kind);
     lg_var h = LG_NONE;
     if (helpers[kind] == HELPER_VALUE) h = act_node(tape, x, kind);

@@ -458,11 +458,12 @@ const lg_op lg_op_conv1d_block = {
 static bool good_steps(lg_tape *tape, uint32_t stride, const lg_node *w, uint32_t padding,
                        const char *operation) {
     if (stride == 0) {
-        lg_tape_fail(tape, LG_INVALID_ARGUMENT, operation, "the stride is 0");
+        lg_tape_fail(tape, LG_INVALID_ARGUMENT, operation, "the stride is 0, but it must be at least 1");
         return false;
     }
     if (w->shape.rank == 3 && padding > 0 && padding >= w->shape.dims[0]) {
-        lg_tape_fail(tape, LG_INVALID_ARGUMENT, operation, "the padding is not below the kernel's length");
+        lg_tape_fail(tape, LG_INVALID_ARGUMENT, operation,
+                     "the padding must be less than the kernel's length");
         return false;
     }
     return true;
@@ -484,7 +485,8 @@ lg_var lg_conv1d_pooled(lg_tape *tape, lg_var x, lg_var w, lg_var b, uint32_t st
     if ((unsigned)kind >= LG_ACTIVATION_COUNT)
         return lg_tape_fail(tape, LG_INVALID_ARGUMENT, name, "unknown activation");
     if (size == 0 || step == 0)
-        return lg_tape_fail(tape, LG_INVALID_ARGUMENT, name, "the size or the stride of pooling is 0");
+        return lg_tape_fail(tape, LG_INVALID_ARGUMENT, name,
+                            "the size or the stride of pooling is 0, but both must be at least 1");
     const uint32_t inputs = lg_is_none(b) ? 2 : 3;
     const lg_var in[3] = {x, w, b};
     const lg_attr attr = {.i = {stride, padding, size, step}, .c = (double)kind};

@@ -82,7 +82,7 @@ static void custom_vjp(lg_reverse *r) {
     } else if (op->numeric_vjp != NULL) {
         numeric_vjp(r, op);
     } else {
-        fail_custom(r->tape, op, LG_NOT_DIFFERENTIABLE, "it has no vjp");
+        fail_custom(r->tape, op, LG_NOT_DIFFERENTIABLE, "the operation has no vjp");
     }
 }
 
@@ -108,7 +108,7 @@ static lg_var numeric_jvp(const lg_forward *f, const lg_custom_op *op) {
 static lg_var custom_jvp(const lg_forward *f) {
     const lg_custom_op *op = f->attr->pointer;
     if (op->jvp == NULL && op->numeric_jvp == NULL)
-        return fail_custom(f->tape, op, LG_NOT_DIFFERENTIABLE, "it has no jvp");
+        return fail_custom(f->tape, op, LG_NOT_DIFFERENTIABLE, "the operation has no jvp");
     if (op->jvp == NULL) return numeric_jvp(f, op);
     lg_var out = LG_NONE;
     lg_status status = op->jvp(op->user, f->tape, f->in, f->inputs, f->y, f->tangents, &out);
@@ -128,12 +128,12 @@ static lg_status no_forward(lg_evaluation *e) {
 
 static void derivative_vjp(lg_reverse *r) {
     fail_custom(r->tape, r->attr->pointer, LG_NOT_DIFFERENTIABLE,
-                "a numeric derivative is of first order only");
+                "a numeric vjp or jvp cannot be differentiated again");
 }
 
 static lg_var derivative_jvp(const lg_forward *f) {
     return fail_custom(f->tape, f->attr->pointer, LG_NOT_DIFFERENTIABLE,
-                       "a numeric derivative is of first order only");
+                       "a numeric vjp or jvp cannot be differentiated again");
 }
 
 const lg_op lg_op_custom_derivative = {
@@ -143,10 +143,9 @@ const lg_op lg_op_custom_derivative = {
 lg_var lg_custom(lg_tape *tape, const lg_custom_op *op, const lg_var *inputs, size_t n, lg_shape shape) {
     if (op == NULL || op->name == NULL || op->forward == NULL || n > LG_CUSTOM_MAX_INPUTS ||
         (inputs == NULL && n > 0) || shape.rank > LG_MAX_RANK || (op->jvp != NULL && op->numeric_jvp != NULL))
-        return lg_tape_fail(
-            tape, LG_INVALID_ARGUMENT, "custom",
-            "no name, no forward, both kinds of a jvp, missing or too many inputs, or rank above "
-            "4");
+        return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "custom",
+                            "expected a name, forward, at most one of jvp and numeric_jvp, at most 8 inputs, "
+                            "and rank 4 or less");
     lg_attr attr = {.pointer = op};
     for (uint32_t i = 0; i < LG_MAX_RANK; i++) attr.i[i] = i < shape.rank ? shape.dims[i] : UINT32_MAX;
     lg_scope_push(tape, op->name);

@@ -124,7 +124,8 @@ static lg_var index_rows(lg_tape *tape, const lg_op *op, lg_var x, const uint32_
                          uint32_t rows) {
     for (uint32_t i = 0; i < n; i++)
         if (indices[i] >= rows)
-            return lg_tape_fail(tape, LG_INVALID_ARGUMENT, op->name, "an index is out of range");
+            return lg_tape_fail(tape, LG_INVALID_ARGUMENT, op->name,
+                                "an index is not less than the number of rows");
     uint32_t *kept = lg_payload_allocate(tape, (size_t)n * sizeof *kept);
     if (kept == NULL) return LG_NONE;
     memcpy(kept, indices, (size_t)n * sizeof *kept);

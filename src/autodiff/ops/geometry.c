@@ -385,7 +385,8 @@ const lg_op lg_op_stumpff = {
     .expand = stumpff_expand, .write_c = stumpff_c, .rows = lg_rows_each};
 
 lg_var lg_stumpff_functions(lg_tape *tape, lg_var w, int K) {
-    if (K < 0) return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "stumpff", "K is negative");
+    if (K < 0)
+        return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "stumpff", "K is negative, but it must be 0 or more");
     lg_attr attr = {.i = {(uint32_t)K, 0, 0, 0}};
     return lg_record(tape, &lg_op_stumpff, &w, 1, &attr);
 }

@@ -26,7 +26,7 @@ static lg_var record_leaf(lg_tape *tape, lg_shape shape, void *value, uint32_t f
 static void *leaf_memory(lg_tape *tape, const char *name, lg_shape *shape, bool valid) {
     if (tape->status != LG_OK) return NULL;
     if (shape->rank > LG_MAX_RANK || !valid) {
-        lg_tape_fail(tape, LG_INVALID_ARGUMENT, name, "rank above 4, or no data");
+        lg_tape_fail(tape, LG_INVALID_ARGUMENT, name, "the rank is above 4, or the data is NULL");
         return NULL;
     }
     for (uint32_t i = shape->rank; i < LG_MAX_RANK; i++) shape->dims[i] = 0;
@@ -61,7 +61,8 @@ lg_var lg_input_buffer(lg_tape *tape, lg_shape shape, void **values) {
 lg_var lg_parameter(lg_tape *tape, lg_shape shape, const void *data) {
     if (tape->status != LG_OK) return LG_NONE;
     if (shape.rank > LG_MAX_RANK || data == NULL || lg_shape_count(shape) > SIZE_MAX / 16)
-        return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "parameter", "rank above 4, too large, or no data");
+        return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "parameter",
+                            "the rank is above 4, the shape is too large, or the data is NULL");
     for (uint32_t i = shape.rank; i < LG_MAX_RANK; i++) shape.dims[i] = 0;
     /* The cast is safe because the tape never writes to a leaf's value. */
     union {

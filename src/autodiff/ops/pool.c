@@ -262,7 +262,8 @@ static lg_var pool(lg_tape *tape, const lg_op *op, const char *name, lg_var x, b
     const lg_attr attr = {.i = {size, stride, 0, 0}};
     if (tape->status != LG_OK) return LG_NONE;
     if (size == 0 || stride == 0)
-        return lg_tape_fail(tape, LG_INVALID_ARGUMENT, name, "the size or the stride is 0");
+        return lg_tape_fail(tape, LG_INVALID_ARGUMENT, name,
+                            "the size or the stride is 0, but both must be at least 1");
     return lg_record_pool(tape, op, x, twice ? x : LG_NONE, &attr, 0);
 }
 

@@ -263,7 +263,7 @@ static lg_var chain(lg_tape *tape, const lg_op *op, lg_var x, const lg_shape *sm
 static lg_var fit(lg_tape *tape, const lg_op *op, lg_var x, lg_shape shape) {
     const lg_node *node = lg_node_of(tape, x, op->name);
     if (tape->status != LG_OK || node == NULL) return LG_NONE;
-    if (shape.rank > LG_MAX_RANK) return lg_tape_fail(tape, LG_SHAPE, op->name, "rank above 4");
+    if (shape.rank > LG_MAX_RANK) return lg_tape_fail(tape, LG_SHAPE, op->name, "the rank is above 4");
     if (lg_same_shape(&node->shape, &shape)) return x;
     lg_shape from = node->shape;
     const lg_shape *small = op == &lg_op_reduce ? &shape : &from, *big = op == &lg_op_reduce ? &from : &shape;
@@ -308,7 +308,7 @@ static lg_var along_axis(lg_tape *tape, const lg_op *op, lg_var x, int axis, boo
     const lg_node *node = lg_node_of(tape, x, op->name);
     if (tape->status != LG_OK || node == NULL) return LG_NONE;
     int a = lg_axis(axis, node->shape.rank);
-    if (a < 0) return lg_tape_fail(tape, LG_INVALID_ARGUMENT, op->name, "no such axis");
+    if (a < 0) return lg_tape_fail(tape, LG_INVALID_ARGUMENT, op->name, "the tensor has no such axis");
     size_t outer, inner;
     lg_around(&node->shape, (uint32_t)a, &outer, length, &inner);
     return record_sized(tape, op, x, outer, *length, inner, without_axis(node->shape, (uint32_t)a, keep));

@@ -175,7 +175,8 @@ lg_var lg_slice(lg_tape *tape, lg_var x, int axis, uint32_t start, uint32_t leng
     if (node == NULL) return LG_NONE;
     int a = lg_axis(axis, node->shape.rank);
     if (a < 0 || start > node->shape.dims[a] || length > node->shape.dims[a] - start)
-        return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "slice", "no such axis, or the range leaves it");
+        return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "slice",
+                            "the tensor has no such axis, or the range is not within the axis");
     size_t outer, whole, inner;
     lg_around(&node->shape, (uint32_t)a, &outer, &whole, &inner);
     lg_shape shape = node->shape;
@@ -256,7 +257,9 @@ lg_var lg_pad(lg_tape *tape, lg_var x, int axis, uint32_t before, uint32_t after
     if (node == NULL) return LG_NONE;
     int a = lg_axis(axis, node->shape.rank);
     if (a < 0 || (uint64_t)node->shape.dims[a] + before + after > UINT32_MAX)
-        return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "pad", "no such axis, or it becomes too long");
+        return lg_tape_fail(
+            tape, LG_INVALID_ARGUMENT, "pad",
+            "the tensor has no such axis, or the padded axis has more than 2^32 - 1 elements");
     return lg_record(tape, &lg_op_pad, &x, 1, &(lg_attr){.i = {(uint32_t)a, before, after, 0}});
 }
 
@@ -347,13 +350,14 @@ static lg_var concat_some(lg_tape *tape, const lg_var *parts, size_t n, int axis
     const lg_node *first = lg_node_of(tape, parts[0], "concat");
     if (first == NULL) return LG_NONE;
     int a = lg_axis(axis, first->shape.rank);
-    if (a < 0) return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "concat", "no such axis");
+    if (a < 0) return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "concat", "the tensors have no such axis");
     return lg_record(tape, &lg_op_concat, parts, (uint32_t)n, &(lg_attr){.i = {(uint32_t)a, 0, 0, 0}});
 }
 
 lg_var lg_concat(lg_tape *tape, const lg_var *parts, size_t n, int axis) {
     if (tape->status != LG_OK) return LG_NONE;
-    if (n == 0) return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "concat", "nothing to concatenate");
+    if (n == 0)
+        return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "concat", "there are no tensors to concatenate");
     if (n <= LG_MAX_INPUTS) return concat_some(tape, parts, n, axis);
     size_t half = n / 2;
     lg_var both[2] = {lg_concat(tape, parts, half, axis), lg_concat(tape, parts + half, n - half, axis)};
@@ -497,7 +501,7 @@ lg_var lg_permute(lg_tape *tape, lg_var x, const int *axes) {
     for (uint32_t i = 0; i < rank; i++) {
         int a = lg_axis(axes[i], rank);
         if (a < 0 || (seen >> a & 1u))
-            return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "permute", "not a permutation");
+            return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "permute", "the axes are not a permutation");
         seen |= 1u << a;
         attr.i[i] = (uint32_t)a;
     }
@@ -509,7 +513,7 @@ lg_var lg_transpose(lg_tape *tape, lg_var x) {
     const lg_node *node = lg_node_of(tape, x, "transpose");
     if (node == NULL) return LG_NONE;
     int rank = (int)node->shape.rank, axes[LG_MAX_RANK] = {0, 1, 2, 3};
-    if (rank < 2) return lg_tape_fail(tape, LG_SHAPE, "transpose", "rank below 2");
+    if (rank < 2) return lg_tape_fail(tape, LG_SHAPE, "transpose", "the rank is below 2");
     axes[rank - 2] = rank - 1;
     axes[rank - 1] = rank - 2;
     return lg_permute(tape, x, axes);

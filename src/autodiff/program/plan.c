@@ -166,10 +166,11 @@ static lg_status make(lg_planning *p, const lg_program *program, const lg_functi
     LG_TRY(f->times > 0 ? plan_loop(p, program, f, options) : plan_nodes(p, program, f, options));
     if (p->plan->work_count * p->plan->k->size > options->max_size)
         return lg_fail(p->error, LG_OUT_OF_MEMORY,
-                       "function '%s' needs %zu bytes of work memory, more than %zu", f->name,
-                       p->plan->work_count * p->plan->k->size, options->max_size);
+                       "function '%s' needs %zu bytes of work memory, more than the %zu that max_size allows",
+                       f->name, p->plan->work_count * p->plan->k->size, options->max_size);
     if (p->plan->work > options->most_work)
-        return lg_fail(p->error, LG_UNSUPPORTED, "function '%s' takes about %.2g operations, more than %.2g",
+        return lg_fail(p->error, LG_UNSUPPORTED,
+                       "function '%s' takes about %.2g operations, more than the %.2g that most_work allows",
                        f->name, p->plan->work, options->most_work);
     return LG_OK;
 }
@@ -178,25 +179,30 @@ static lg_status choose(const lg_plan_options *options, lg_plan_options *chosen,
     lg_plan_options_init(chosen);
     if (options != NULL) {
         if (options->size != sizeof *options)
-            return lg_fail(error, LG_INVALID_ARGUMENT, "options of another version");
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "the size of the plan's options is %zu, expected %zu: use lg_plan_options_init",
+                           options->size, sizeof *options);
         *chosen = *options;
     }
     if (chosen->rows < 1 || chosen->rows > (size_t)1 << 31 ||
         (chosen->dtype != LG_F64 && chosen->dtype != LG_F32))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a plan has at least one row and a type");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "a plan needs rows from 1 to 2^31 and dtype LG_F64 or LG_F32");
     return LG_OK;
 }
 
 lg_status lg_plan_create(const lg_program *program, size_t function, const lg_plan_options *options,
                          lg_plan **out, lg_error *error) {
     if (program == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the program or the place of the plan is missing");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the program or `out` is NULL");
     lg_plan_options chosen;
     lg_error ignored;
     if (error == NULL) error = &ignored;
     error->message[0] = '\0';
     LG_TRY(choose(options, &chosen, error));
-    if (function >= program->functions) return lg_fail(error, LG_NOT_FOUND, "there is no such function");
+    if (function >= program->functions)
+        return lg_fail(error, LG_NOT_FOUND, "there is no function number %zu; the program has %zu", function,
+                       program->functions);
     const lg_function *f = &program->function[function];
     const lg_context *context = program->context;
     lg_plan *plan = lg_alloc(context, 1, sizeof *plan);

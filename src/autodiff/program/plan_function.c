@@ -120,14 +120,17 @@ static lg_status node(making *m, uint32_t i, lg_error *error) {
     if (writes_out(m, from)) return write_out(m, from, in, &m->of[i], error);
     if (!lg_node_attr_at(f, from, m->rows, &made.attr) ||
         op->shape(pointers, from->inputs, &made.attr, &shape) != LG_OK || !lg_same_shape(&shape, &stated))
-        return lg_fail(error, LG_SHAPE, "function '%s', operation %u (%s) does not fit %zu rows", f->name, i,
-                       op->name, m->rows);
+        return lg_fail(error, LG_SHAPE,
+                       "function '%s', operation %u (%s): its shape with %zu rows is not the one that the "
+                       "program states",
+                       f->name, i, op->name, m->rows);
     made.count = lg_shape_count(stated);
     tidy(&made.attr, made.op);
     m->of[i] = lg_graph_operation(m->g, &made, pointers);
     if (m->g->work > m->g->most_work)
         return lg_fail(error, LG_UNSUPPORTED,
-                       "function '%s': what depends on parameters alone takes more than %.2g operations",
+                       "function '%s': the part that depends on parameters alone takes more than the %.2g "
+                       "operations that most_work allows",
                        f->name, m->g->most_work);
     return m->g->failed ? LG_OUT_OF_MEMORY : LG_OK;
 }

@@ -183,7 +183,8 @@ lg_status lg_program_eval(const lg_context *context, const lg_program *program, 
     lg_plan *plan = NULL;
     size_t number;
     if (program == NULL || function == NULL || inputs == NULL || outputs == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the program, its function or arrays are missing");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the program, the function's name, `inputs` or `outputs` is NULL");
     if (lg_program_find(program, function, &number) != LG_OK)
         return lg_fail(error, LG_NOT_FOUND, "the program has no function '%s'", function);
     lg_plan_options_init(&options);

@@ -85,12 +85,14 @@ void lg_program_destroy(lg_program *p) {
 lg_status lg_program_add_parameter(lg_program *p, const lg_parameter_spec *spec, lg_error *error) {
     LG_TRY(lg_program_check_name("a parameter", spec->name, error));
     if (p->parameters == LG_PROGRAM_MAX_PARAMETERS)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "more than %d parameters", LG_PROGRAM_MAX_PARAMETERS);
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a program can have at most %d parameters",
+                       LG_PROGRAM_MAX_PARAMETERS);
     for (size_t i = 0; i < p->parameters; i++)
         if (strcmp(p->parameter[i].name, spec->name) == 0)
             return lg_fail(error, LG_INVALID_ARGUMENT, "two parameters are called '%s'", spec->name);
     if (!lg_program_shape_is_sound(&spec->shape, LG_MAX_RANK) || spec->values == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "parameter '%s' has no values or is too large",
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "parameter '%s': its values are NULL, its rank is above 4, or it is too large",
                        spec->name);
     const size_t count = lg_shape_count(spec->shape);
     for (size_t i = 0; i < count; i++)
@@ -122,7 +124,8 @@ lg_status lg_program_take_function(lg_program *p, lg_function *f, lg_error *erro
     if (lg_program_find(p, f->name, &there) == LG_OK)
         return lg_fail(error, LG_INVALID_ARGUMENT, "two functions are called '%s'", f->name);
     if (p->functions == LG_PROGRAM_MAX_FUNCTIONS)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "more than %d functions", LG_PROGRAM_MAX_FUNCTIONS);
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a program can have at most %d functions",
+                       LG_PROGRAM_MAX_FUNCTIONS);
     LG_TRY(lg_program_check_function(p, f, error));
     if (p->functions == p->capacity) {
         const size_t capacity = p->capacity == 0 ? 8 : 2 * p->capacity;
@@ -148,7 +151,8 @@ static size_t find_port(const lg_port *ports, size_t count, const char *name) {
  * messages. */
 static lg_status add_carry(lg_function *loop, const lg_function *of, const lg_carry *carry, lg_error *error) {
     if (carry->input == NULL || carry->output == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "loop '%s': what is carried has no name", loop->name);
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "loop '%s': each carry needs the names of an input and of an output", loop->name);
     const size_t i = find_port(of->input, of->inputs, carry->input),
                  j = find_port(of->output, of->outputs, carry->output);
     if (i == of->inputs)
@@ -176,7 +180,9 @@ static lg_status add_outputs(lg_function *loop, const lg_function *of, const lg_
         if (j == of->outputs)
             return lg_fail(error, LG_NOT_FOUND, "function '%s' has no output '%s'", of->name, spec->path[k]);
         if (of->output[j].shape.rank == LG_MAX_RANK)
-            return lg_fail(error, LG_SHAPE, "loop '%s': the path of '%s' has a rank that is too high",
+            return lg_fail(error, LG_SHAPE,
+                           "loop '%s': output '%s' has the highest rank already, so it cannot have a path, "
+                           "which adds an axis",
                            loop->name, spec->path[k]);
         (void)snprintf(name[at], sizeof name[at], "%s_path", spec->path[k]);
         port[at] = lg_path_port(&of->output[j], loop->times, name[at]);
@@ -208,11 +214,11 @@ static lg_status check_loop_spec(const lg_program *p, const lg_loop_spec *spec, 
     for (size_t k = 0; named && k < spec->path_count; k++) named = spec->path[k] != NULL;
     if (!named)
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "loop '%s': its function, what is carried or a path is missing", spec->name);
+                       "loop '%s': the name of its function, its carries or its paths are NULL", spec->name);
     if (lg_program_find(p, spec->function, callee) != LG_OK)
         return lg_fail(error, LG_NOT_FOUND, "there is no function '%s'", spec->function);
     if (spec->times < 1 || spec->times > LG_PROGRAM_MAX_TIMES)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "loop '%s' is run %zu times: 1 to %u", spec->name,
+        return lg_fail(error, LG_INVALID_ARGUMENT, "loop '%s': times is %zu, expected 1 to %u", spec->name,
                        spec->times, LG_PROGRAM_MAX_TIMES);
     return LG_OK;
 }
@@ -221,7 +227,8 @@ lg_status lg_program_add_loop(lg_program *p, const lg_loop_spec *spec, lg_error 
     size_t callee = 0;
     LG_NEEDS(error, p, spec);
     if (spec->size != sizeof *spec)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a specification of another version");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the size of the loop's specification is %zu, expected %zu", spec->size, sizeof *spec);
     LG_TRY(check_loop_spec(p, spec, &callee, error));
     lg_function f = {.times = (uint32_t)spec->times, .callee = (uint32_t)callee, .paths = spec->path_count};
     lg_status status = make_loop(p, &p->function[callee], spec, &f, error);

@@ -97,8 +97,9 @@ static lg_var operation(const applying *a, const lg_program_node *node, lg_shape
     for (uint32_t k = 0; k < node->inputs; k++) in[k] = a->made[a->f->edges[node->first + k]];
     const lg_var made = record(a, node, in, shape);
     if (!lg_is_none(made) && !lg_same_shape(&lg_node_at(a->tape, made)->shape, &shape))
-        return lg_tape_fail(a->tape, LG_SHAPE, node->op->name,
-                            "with so many rows its shape is another one than stated");
+        return lg_tape_fail(
+            a->tape, LG_SHAPE, node->op->name,
+            "its shape with this number of rows differs from the shape that the program states");
     return made;
 }
 
@@ -171,10 +172,11 @@ lg_status lg_program_record(lg_tape *tape, const lg_program *program, size_t fun
                             const lg_var *parameters, const lg_var *inputs, lg_var *outputs) {
     if (tape == NULL) return LG_INVALID_ARGUMENT;
     if (program == NULL || inputs == NULL || outputs == NULL)
-        (void)lg_tape_fail(tape, LG_INVALID_ARGUMENT, "program", "it, its inputs or its outputs are missing");
+        (void)lg_tape_fail(tape, LG_INVALID_ARGUMENT, "program",
+                           "the program, `inputs` or `outputs` is NULL");
     if (tape->status != LG_OK) return tape->status;
     if (function >= program->functions) {
-        lg_tape_fail(tape, LG_NOT_FOUND, "program", "there is no such function");
+        lg_tape_fail(tape, LG_NOT_FOUND, "program", "the program has no function with this number");
         return tape->status;
     }
     applying a = {.tape = tape,

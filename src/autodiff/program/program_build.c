@@ -87,16 +87,19 @@ static lg_status record(building *b, size_t which, lg_var *leaves) {
         return lg_fail(b->error, lg_tape_status(tape), "function '%s': %s", spec->name,
                        lg_tape_message(tape));
     if (status != LG_OK)
-        return lg_fail(b->error, status, "function '%s': its recording failed: %s", spec->name,
+        return lg_fail(b->error, status, "function '%s': the callback `record` failed: %s", spec->name,
                        lg_status_sentence(status));
     const size_t leaf_count = p->parameters + spec->input_count;
     if (leaf_count > 0 && lg_node_of(tape, leaves[leaf_count - 1], "input") == NULL)
-        return lg_fail(b->error, LG_INVALID_ARGUMENT, "function '%s': its recording reset the tape",
+        return lg_fail(b->error, LG_INVALID_ARGUMENT,
+                       "function '%s': the callback `record` has reset the tape, which it must not do",
                        spec->name);
     for (size_t j = 0; j < spec->output_count; j++)
         if (lg_node_of(tape, b->r[which].output[j], "output") == NULL)
-            return lg_fail(b->error, LG_INVALID_ARGUMENT, "function '%s': output '%s' was not recorded",
-                           spec->name, spec->outputs[j].name);
+            return lg_fail(
+                b->error, LG_INVALID_ARGUMENT,
+                "function '%s': the callback `record` has not set output '%s' to a variable of the tape",
+                spec->name, spec->outputs[j].name);
     return LG_OK;
 }
 
@@ -148,7 +151,7 @@ static lg_status refuse(building *b, uint32_t i, const char *why) {
     look_at(b, i);
     const char *where = b->r[0].tape->watched;
     return lg_fail(b->error, LG_UNSUPPORTED, "function '%s': %s%s%s%s%s: %s", b->spec->name,
-                   leaf ? "a constant taken by " : "operation ", leaf ? by : name,
+                   leaf ? "a constant used by " : "operation ", leaf ? by : name,
                    where[0] != '\0' ? " (in " : "", where, where[0] != '\0' ? ")" : "", why);
 }
 
@@ -158,8 +161,8 @@ static lg_status refuse_structure(const building *b, uint32_t i) {
     const uint32_t last = i < b->count ? i : b->count - 1;
     return lg_fail(
         b->error, LG_UNSUPPORTED,
-        "function '%s': another number of rows or other numbers record other operations, from number %u "
-        "(%s) on: a program cannot branch on values or loop over rows",
+        "function '%s': recordings with different numbers of rows or different values have different "
+        "operations, from number %u (%s) on: a program cannot branch on values or loop over rows",
         b->spec->name, i, node_in(b, 0, last)->op->name);
 }
 
@@ -308,12 +311,12 @@ static lg_status payload(building *b, uint32_t i, lg_program_node *node) {
     switch (from->op->payload) {
     case LG_PAYLOAD_REALS:
         if (!same_payload(b, i, from->inputs * sizeof(double)))
-            return refuse(b, i, "its coefficients depend on numbers or on the number of rows");
+            return refuse(b, i, "its coefficients depend on values or on the number of rows");
         return add_reals(b, node, from->attr.pointer, from->inputs);
     case LG_PAYLOAD_INDICES:
         if (node->i[0].rows != 0 || node->i[1].rows != 0 ||
             !same_payload(b, i, from->attr.i[0] * sizeof(uint32_t)))
-            return refuse(b, i, "its indices depend on numbers or on the number of rows");
+            return refuse(b, i, "its indices depend on values or on the number of rows");
         return add_indices(b, node, from->attr.pointer, from->attr.i[0]);
     case LG_PAYLOAD_KEPT:
     case LG_PAYLOAD_NONE:
@@ -350,10 +353,9 @@ static lg_status constant(building *b, uint32_t i, lg_program_node *node) {
         }
         if (fits) return add_reals(b, node, values, periods[c] > 0 ? periods[c] : 1);
     }
-    return refuse(
-        b, i,
-        "its numbers differ from one recording to another: declare it as an input or a parameter, or compute "
-        "it with operations");
+    return refuse(b, i,
+                  "its values differ from one recording to another: declare it as an input or a parameter, "
+                  "or compute it with operations");
 }
 
 static lg_status leaf(building *b, uint32_t i, lg_program_node *node) {
@@ -390,7 +392,7 @@ static lg_status node(building *b, uint32_t i, lg_program_node *out) {
         return refuse(b, i, "an attribute is not affine in the number of rows");
     for (uint32_t k = 0; k < LG_WHOLE_COUNT; k++)
         if (from->op->follows >> k & 1) out->i[k] = (lg_affine){0, 0};
-    if (!real_attribute(b, i, out)) return refuse(b, i, "an attribute depends on numbers");
+    if (!real_attribute(b, i, out)) return refuse(b, i, "an attribute depends on values");
     return from->op == &lg_op_leaf ? leaf(b, i, out) : payload(b, i, out);
 }
 
@@ -403,10 +405,10 @@ static lg_status output_port(building *b, size_t j, lg_port *port) {
         batched = batched && (d == 0 || from->dims[d].rows == 0);
     }
     if (!batched && !fixed)
-        return lg_fail(
-            b->error, LG_UNSUPPORTED,
-            "function '%s': output '%s' has neither one value for each row, (B, ...), nor one for all",
-            b->spec->name, port->name);
+        return lg_fail(b->error, LG_UNSUPPORTED,
+                       "function '%s': output '%s' has neither one value per row, shape (B, ...), nor one "
+                       "value for all rows",
+                       b->spec->name, port->name);
     port->shared = fixed;
     port->shape = (lg_shape){.rank = fixed ? from->rank : from->rank - 1};
     for (uint32_t d = 0; d < port->shape.rank; d++)
@@ -419,7 +421,8 @@ static lg_status output_port(building *b, size_t j, lg_port *port) {
 static lg_status refuse_custom(building *b) {
     for (uint32_t i = 0; i < b->count; i++)
         if (b->place[i] != 0 && node_in(b, 0, i)->op->payload == LG_PAYLOAD_IN_PROCESS)
-            return refuse(b, i, "an operation of the caller's own lives in this process only");
+            return refuse(
+                b, i, "a custom operation exists in this process only, so it cannot be part of a program");
     return LG_OK;
 }
 
@@ -465,7 +468,8 @@ static lg_status check_spec(const lg_function_spec *spec, lg_error *error) {
         spec->output_count < 1 || spec->input_count > LG_PROGRAM_MAX_PORTS ||
         spec->output_count > LG_PROGRAM_MAX_PORTS)
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "a function has no or too many inputs or outputs, or no recording");
+                       "a function needs the callback `record`, 1 to %d inputs and 1 to %d outputs",
+                       LG_PROGRAM_MAX_PORTS, LG_PROGRAM_MAX_PORTS);
     const char *problem = lg_program_name_problem(spec->name);
     if (problem != NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "a function's name cannot be its name: %s", problem);
@@ -473,9 +477,10 @@ static lg_status check_spec(const lg_function_spec *spec, lg_error *error) {
         const lg_port *port = &spec->inputs[i];
         if (port->shape.rank > (port->shared ? LG_MAX_RANK : LG_MAX_RANK - 1) ||
             lg_shape_count(port->shape) >= (size_t)LG_PROGRAM_MAX_DIM / 8)
-            return lg_fail(error, LG_SHAPE,
-                           "function '%s': input %zu has a rank that is too high, or is too large",
-                           spec->name, i);
+            return lg_fail(
+                error, LG_SHAPE,
+                "function '%s': input %zu is too large, or its rank (with the axis of rows) is above 4",
+                spec->name, i);
     }
     return LG_OK;
 }
@@ -515,7 +520,8 @@ static lg_status build(const lg_context *context, const lg_program_spec *spec, l
     if (error == NULL) error = &ignored;
     error->message[0] = '\0';
     if (spec->parameters == NULL && spec->parameter_count > 0)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%zu parameters are missing", spec->parameter_count);
+        return lg_fail(error, LG_INVALID_ARGUMENT, "parameter_count is %zu, but `parameters` is NULL",
+                       spec->parameter_count);
     if (spec->description != NULL && strlen(spec->description) > LG_PROGRAM_MAX_TEXT)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the description has more than %d bytes",
                        LG_PROGRAM_MAX_TEXT);
@@ -540,17 +546,21 @@ static lg_status build(const lg_context *context, const lg_program_spec *spec, l
 lg_status lg_program_build(const lg_context *context, const lg_program_spec *spec, lg_program **out,
                            lg_error *error) {
     if (spec == NULL || spec->size != sizeof *spec || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "no specification, or one of another version");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the specification or `out` is NULL, or the specification's size is wrong");
     if (spec->functions == NULL || spec->function_count == 0)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a program without functions");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a program needs at least one function");
     return build(context, spec, out, error);
 }
 
 lg_status lg_program_begin(const lg_context *context, const lg_program_spec *spec, lg_program **out,
                            lg_error *error) {
     if (spec == NULL || spec->size != sizeof *spec || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "no specification, or one of another version");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the specification or `out` is NULL, or the specification's size is wrong");
     if (spec->function_count > 0)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "functions are added later, or built by lg_program_build");
+        return lg_fail(
+            error, LG_INVALID_ARGUMENT,
+            "function_count must be 0 here: add functions later, or build the program with lg_program_build");
     return build(context, spec, out, error);
 }

@@ -67,7 +67,9 @@ static bool check_function(lg_c *c, const char *title) {
     for (const char *s = title; *s != '\0'; s++) lower = lower || (*s >= 'a' && *s <= 'z');
     bad = bad || !lower;
     for (size_t i = 0; i < LG_COUNT(taken); i++) bad = bad || strcmp(title, taken[i]) == 0;
-    return !bad || lg_c_fail(c, LG_INVALID_ARGUMENT, "the function '%s' cannot have this name in C", title);
+    return !bad ||
+           lg_c_fail(c, LG_INVALID_ARGUMENT,
+                     "the name of function '%s' cannot be used in C: give the function another name", title);
 }
 
 /* ---- arrays ---- */
@@ -171,7 +173,9 @@ static bool write_function(writing *w, size_t index, const char *alias, bool hid
         lg_c_write_shared(c, plan, storage, name, &work);
     else
         (void)lg_c_write_plan(c, plan, storage, name, &work);
-    if (work > INT_MAX) (void)lg_c_fail(c, LG_UNSUPPORTED, "function '%s' is too large for C", f->name);
+    if (work > INT_MAX)
+        (void)lg_c_fail(c, LG_UNSUPPORTED, "function '%s' needs more work memory than an int can count in C",
+                        f->name);
     if (!hidden) {
         add_declaration(c, &w->declarations, f, title, plan, work);
         lg_text_add(&w->sizes, "#define %s_WORK_SIZE %zu\n", name, work > 0 ? work : 1);
@@ -191,7 +195,7 @@ static bool unfit_or_failed(writing *w) {
     for (size_t i = 0; i < LG_COUNT(texts); i++) {
         if (texts[i]->failed) lg_c_fail_memory(&w->c);
         if (texts[i]->unfit)
-            (void)lg_c_fail(&w->c, LG_NOT_FINITE, "the program holds numbers that are not finite%s",
+            (void)lg_c_fail(&w->c, LG_NOT_FINITE, "the program has numbers that are not finite%s",
                             w->c.dtype == LG_F32 ? " in single precision" : "");
     }
     return w->c.status != LG_OK;
@@ -223,7 +227,7 @@ static void write_all(writing *w) {
     for (size_t i = 0; i < count && lg_c_good(c); i++) {
         const size_t index = o->function_count > 0 ? o->functions[i] : i;
         if (index >= c->program->functions)
-            (void)lg_c_fail(c, LG_NOT_FOUND, "there is no such function");
+            (void)lg_c_fail(c, LG_NOT_FOUND, "the program has no function with this number");
         else
             (void)write_function(w, index, o->names != NULL && o->function_count > 0 ? o->names[i] : NULL,
                                  o->hidden != NULL && o->function_count > 0 && o->hidden[i]);
@@ -256,12 +260,14 @@ static void release(writing *w) {
 lg_status lg_program_write_c(const lg_program *program, const lg_c_options *options, lg_c_source **out,
                              lg_error *error) {
     if (program == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the program or the place of the code is missing");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the program or `out` is NULL");
     const lg_context *context = program->context;
     if (options == NULL || options->size != sizeof *options ||
         (options->dtype != LG_F64 && options->dtype != LG_F32))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "options are missing or of another version");
-    const char *problem = options->name != NULL ? lg_program_name_problem(options->name) : "there is none";
+        return lg_fail(
+            error, LG_INVALID_ARGUMENT,
+            "the options are NULL, their size is wrong, or their dtype is neither LG_F64 nor LG_F32");
+    const char *problem = options->name != NULL ? lg_program_name_problem(options->name) : "it is NULL";
     if (problem != NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "the name in C: %s", problem);
     lg_c_source *made = lg_alloc(context, 1, sizeof *made);
     if (made == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "out of memory");

@@ -10,7 +10,8 @@
 
 static bool fits_int(lg_c *c, size_t count, const char *what) {
     if (count <= INT_MAX) return true;
-    return lg_c_fail(c, LG_UNSUPPORTED, "function '%s': %s is too large for C", c->frame->plan->name, what);
+    return lg_c_fail(c, LG_UNSUPPORTED, "function '%s': %s has more numbers than an int can count in C",
+                     c->frame->plan->name, what);
 }
 
 static void write_tensor(lg_c *c, const lg_tensor_step *s) {
@@ -30,7 +31,8 @@ static void write_tensor(lg_c *c, const lg_tensor_step *s) {
     else if (op->element != NULL)
         lg_c_elementwise(c, op, &e);
     else
-        (void)lg_c_fail(c, LG_UNSUPPORTED, "function '%s': %s has no C", c->frame->plan->name, op->name);
+        (void)lg_c_fail(c, LG_UNSUPPORTED, "function '%s': the operation %s cannot be written in C",
+                        c->frame->plan->name, op->name);
 }
 
 static const lg_c_fragment c_dense_rows = {

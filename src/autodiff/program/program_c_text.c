@@ -146,7 +146,8 @@ static void check_name(lg_c *c, const char *text) {
     for (const char *s = text; (s = strstr(s, c->name)) != NULL; s++)
         if (s[length] == '_' && (s == text || !lg_in_word(s[-1])))
             (void)lg_c_fail(c, LG_INVALID_ARGUMENT,
-                            "'%s' cannot be the name: the code uses words that begin so", c->name);
+                            "'%s' cannot be the name in C: the generated code has words that begin with it",
+                            c->name);
 }
 
 static const char *text_of(const lg_c *c, const lg_c_fragment *fragment) {

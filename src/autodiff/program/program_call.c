@@ -90,8 +90,9 @@ lg_var lg_program_call(lg_tape *tape, const char *function, size_t output, const
     if (calls == NULL || lg_program_find(calls->program, function, &number) != LG_OK ||
         calls->program->function[number].outputs <= output)
         return lg_tape_fail(tape, LG_NOT_FOUND, "call",
-                            calls == NULL ? "no program is being built here"
-                                          : "the program has no such function or output, so far");
+                            calls == NULL
+                                ? "lg_program_call works only while a function of a program is recorded"
+                                : "the program has no such function or output yet");
     const uint32_t before = tape->count;
     if (lg_program_record(tape, calls->program, number, calls->parameters, inputs, outputs) != LG_OK)
         return LG_NONE;

@@ -20,28 +20,33 @@ static bool unit_is_sound(const char *unit) {
 static lg_status check_ports(const lg_function *f, lg_error *error) {
     if (f->inputs < 1 || f->inputs > LG_PROGRAM_MAX_PORTS || f->outputs < 1 ||
         f->outputs > LG_PROGRAM_MAX_PORTS)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "function '%s' has no or too many inputs or outputs",
-                       f->name);
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "function '%s' has %zu inputs and %zu outputs, expected 1 to %d of each", f->name,
+                       f->inputs, f->outputs, LG_PROGRAM_MAX_PORTS);
     for (size_t i = 0; i < f->inputs + f->outputs; i++) {
         const lg_port *port = i < f->inputs ? &f->input[i] : &f->output[i - f->inputs];
         LG_TRY(lg_program_check_name(i < f->inputs ? "an input" : "an output", port->name, error));
         for (size_t j = 0; j < i; j++) {
             const lg_port *other = j < f->inputs ? &f->input[j] : &f->output[j - f->inputs];
             if (strcmp(port->name, other->name) == 0)
-                return lg_fail(error, LG_INVALID_ARGUMENT, "function '%s' has two ports called '%s'", f->name,
-                               port->name);
+                return lg_fail(error, LG_INVALID_ARGUMENT,
+                               "function '%s' has two inputs or outputs called '%s'", f->name, port->name);
         }
         if (!lg_program_shape_is_sound(&port->shape, port->shared ? LG_MAX_RANK : LG_MAX_RANK - 1))
-            return lg_fail(error, LG_SHAPE,
-                           "'%s' of function '%s' has a rank that is too high, or is too large", port->name,
-                           f->name);
+            return lg_fail(
+                error, LG_SHAPE,
+                "'%s' of function '%s' is too large, or its rank (with the axis of rows) is above 4",
+                port->name, f->name);
         if (!unit_is_sound(port->unit))
             return lg_fail(error, LG_INVALID_ARGUMENT,
-                           "the unit of '%s' of function '%s' is too long or cannot stand in a comment of C",
+                           "the unit of '%s' of function '%s' is too long, or has characters that a comment "
+                           "in C cannot have",
                            port->name, f->name);
         if (!isfinite(port->low) || !isfinite(port->high) || port->low > port->high)
-            return lg_fail(error, LG_INVALID_ARGUMENT, "'%s' of function '%s' has a range that is none",
-                           port->name, f->name);
+            return lg_fail(
+                error, LG_INVALID_ARGUMENT,
+                "'%s' of function '%s': low and high must be finite, and low must not be above high",
+                port->name, f->name);
     }
     return LG_OK;
 }
@@ -53,11 +58,11 @@ static lg_status bad_node(const lg_function *f, uint32_t i, const char *why, lg_
 
 static lg_status check_leaf(const lg_program *p, const lg_function *f, uint32_t i, lg_error *error) {
     const lg_program_node *node = &f->node[i];
-    if (node->inputs != 0) return bad_node(f, i, "a leaf has inputs", error);
+    if (node->inputs != 0) return bad_node(f, i, "a leaf cannot have inputs", error);
     if (node->leaf == LG_LEAF_CONSTANT) {
         if (node->payload_count == 0 || node->payload > f->real_count ||
             node->payload_count > f->real_count - node->payload)
-            return bad_node(f, i, "its numbers are not there", error);
+            return bad_node(f, i, "its numbers lie outside the list of the function's numbers", error);
         return LG_OK;
     }
     const size_t most = node->leaf == LG_LEAF_INPUT ? f->inputs : p->parameters;
@@ -67,7 +72,7 @@ static lg_status check_leaf(const lg_program *p, const lg_function *f, uint32_t 
         lg_shape shape, wanted = node->leaf == LG_LEAF_INPUT ? lg_port_shape(&f->input[node->number], rows)
                                                              : p->parameter[node->number].shape;
         if (!lg_node_shape_at(node, rows, &shape) || !lg_same_shape(&shape, &wanted))
-            return bad_node(f, i, "its shape is not that of the input or parameter", error);
+            return bad_node(f, i, "its shape differs from the shape of the input or parameter", error);
     }
     return LG_OK;
 }
@@ -77,11 +82,12 @@ static lg_status check_call(const lg_program *p, const lg_function *f, uint32_t 
     const lg_program_node *node = &f->node[i];
     const lg_affine to = node->i[0], output = node->i[1];
     if (to.rows != 0 || to.base < 0 || (uint64_t)to.base >= p->functions)
-        return bad_node(f, i, "it calls no function that was there before", error);
+        return bad_node(f, i, "it must call a function that comes before this one", error);
     const lg_function *callee = &p->function[to.base];
     if (output.rows != 0 || output.base < 0 || (uint64_t)output.base >= callee->outputs ||
         callee->inputs != node->inputs)
-        return bad_node(f, i, "the function that it calls has other inputs or outputs", error);
+        return bad_node(f, i, "the function that it calls has another number of inputs, or no such output",
+                        error);
     for (size_t rows = 1; rows <= 3; rows++)
         for (uint32_t k = 0; k <= node->inputs; k++) {
             const lg_program_node *at = k < node->inputs ? &f->node[f->edges[node->first + k]] : node;
@@ -89,7 +95,7 @@ static lg_status check_call(const lg_program *p, const lg_function *f, uint32_t 
                 lg_port_shape(k < node->inputs ? &callee->input[k] : &callee->output[output.base], rows);
             lg_shape there;
             if (!lg_node_shape_at(at, rows, &there) || !lg_same_shape(&there, &wanted))
-                return bad_node(f, i, "shapes are not those of the function that it calls", error);
+                return bad_node(f, i, "a shape differs from the one in the function that it calls", error);
         }
     return LG_OK;
 }
@@ -98,13 +104,13 @@ static lg_status check_payload(const lg_function *f, uint32_t i, lg_error *error
     const lg_program_node *node = &f->node[i];
     const lg_payload payload = node->op->payload;
     if (payload == LG_PAYLOAD_IN_PROCESS)
-        return bad_node(f, i, "an operation of the caller's own lives in the process only", error);
+        return bad_node(f, i, "a custom operation cannot be part of a program", error);
     if (payload != LG_PAYLOAD_REALS && payload != LG_PAYLOAD_INDICES) return LG_OK;
     const size_t there = payload == LG_PAYLOAD_REALS ? f->real_count : f->index_count;
     if (node->payload > there || node->payload_count > there - node->payload)
-        return bad_node(f, i, "its payload is not there", error);
+        return bad_node(f, i, "its numbers or indices lie outside the function's lists", error);
     if (payload == LG_PAYLOAD_REALS && node->payload_count != node->inputs)
-        return bad_node(f, i, "it has not one coefficient for each input", error);
+        return bad_node(f, i, "the number of its coefficients is not the number of its inputs", error);
     if (payload != LG_PAYLOAD_INDICES) return LG_OK;
     if (node->i[0].rows != 0 || node->i[1].rows != 0 || node->i[0].base != node->payload_count)
         return bad_node(f, i, "the number of its indices is wrong", error);
@@ -152,9 +158,10 @@ static lg_status check_node(const lg_program *p, const lg_function *f, uint32_t 
     if (!isfinite(node->c)) return bad_node(f, i, "an attribute is not finite", error);
     if (node->inputs < op->least || node->inputs > op->most || node->first > f->edge_count ||
         node->inputs > f->edge_count - node->first)
-        return bad_node(f, i, "it has not the right number of inputs", error);
+        return bad_node(f, i, "it has the wrong number of inputs", error);
     for (uint32_t k = 0; k < node->inputs; k++)
-        if (f->edges[node->first + k] >= i) return bad_node(f, i, "an input comes after it", error);
+        if (f->edges[node->first + k] >= i)
+            return bad_node(f, i, "an input is an operation that comes after it", error);
     bool within = affine_within(node->inverse);
     for (int k = 0; k < 4; k++) within = within && affine_within(node->dims[k]) && affine_within(node->i[k]);
     if (!within) return bad_node(f, i, "a dimension or attribute is too large", error);
@@ -166,20 +173,24 @@ static lg_status check_node(const lg_program *p, const lg_function *f, uint32_t 
 
 static lg_status check_nodes(const lg_program *p, const lg_function *f, lg_error *error) {
     if (f->nodes == 0 || f->nodes > LG_PROGRAM_MAX_NODES)
-        return lg_fail(error, LG_FORMAT, "function '%s' has no or too many operations", f->name);
+        return lg_fail(error, LG_FORMAT, "function '%s' has %u operations, expected 1 to %u", f->name,
+                       f->nodes, LG_PROGRAM_MAX_NODES);
     for (size_t i = 0; i < f->real_count; i++)
         if (!isfinite(f->reals[i]))
             return lg_fail(error, LG_NOT_FINITE, "function '%s' has a constant that is not finite", f->name);
     for (uint32_t i = 0; i < f->nodes; i++) LG_TRY(check_node(p, f, i, error));
     for (size_t j = 0; j < f->outputs; j++) {
         if (f->result[j] >= f->nodes)
-            return lg_fail(error, LG_FORMAT, "output '%s' of function '%s' is no operation of it",
-                           f->output[j].name, f->name);
+            return lg_fail(
+                error, LG_FORMAT,
+                "output '%s' of function '%s' refers to an operation that the function does not have",
+                f->output[j].name, f->name);
         for (size_t rows = 1; rows <= 3; rows++) {
             lg_shape shape;
             const lg_shape wanted = lg_port_shape(&f->output[j], rows);
             if (!lg_node_shape_at(&f->node[f->result[j]], rows, &shape) || !lg_same_shape(&shape, &wanted))
-                return lg_fail(error, LG_FORMAT, "output '%s' of function '%s' has another shape than stated",
+                return lg_fail(error, LG_FORMAT,
+                               "output '%s' of function '%s' has another shape than the function states",
                                f->output[j].name, f->name);
         }
     }
@@ -194,15 +205,15 @@ static bool same_port(const lg_port *a, const lg_port *b) {
 static lg_status check_carry(const lg_function *f, const lg_port *input, uint32_t from, lg_error *error) {
     if (from == UINT32_MAX) return LG_OK;
     if (from >= f->outputs)
-        return lg_fail(error, LG_FORMAT, "loop '%s': what becomes input '%s' is no output", f->name,
+        return lg_fail(error, LG_FORMAT,
+                       "loop '%s': input '%s' is carried from an output that does not exist", f->name,
                        input->name);
     const lg_port *output = &f->output[from];
     if (output->shared != input->shared)
-        return lg_fail(
-            error, LG_FORMAT,
-            "loop '%s': output '%s' cannot become input '%s': all rows share one of them, and each "
-            "row has the other",
-            f->name, output->name, input->name);
+        return lg_fail(error, LG_FORMAT,
+                       "loop '%s': output '%s' cannot become input '%s': one of them is shared by all rows, "
+                       "the other has a value per row",
+                       f->name, output->name, input->name);
     if (!lg_same_shape(&output->shape, &input->shape))
         return lg_fail(error, LG_FORMAT,
                        "loop '%s': output '%s' cannot become input '%s': their shapes differ", f->name,
@@ -219,23 +230,26 @@ static bool is_path(const lg_function *loop, const lg_function *callee, size_t k
 
 static lg_status check_loop(const lg_program *p, const lg_function *f, lg_error *error) {
     if (f->times > LG_PROGRAM_MAX_TIMES)
-        return lg_fail(error, LG_FORMAT, "loop '%s' is run more than %u times", f->name,
+        return lg_fail(error, LG_FORMAT, "loop '%s': times must be at most %u", f->name,
                        LG_PROGRAM_MAX_TIMES);
     if (f->nodes != 0)
-        return lg_fail(error, LG_FORMAT, "loop '%s' holds operations, and it may only repeat a function",
+        return lg_fail(error, LG_FORMAT, "loop '%s' has operations, but a loop can only repeat a function",
                        f->name);
     if (f->callee >= p->functions)
-        return lg_fail(error, LG_FORMAT, "loop '%s' calls no function that was there before it", f->name);
+        return lg_fail(error, LG_FORMAT, "loop '%s' must call a function that comes before it", f->name);
     const lg_function *callee = &p->function[f->callee];
     if (callee->times != 0)
-        return lg_fail(error, LG_FORMAT, "loop '%s' calls '%s', which is a loop too", f->name, callee->name);
+        return lg_fail(error, LG_FORMAT,
+                       "loop '%s' calls '%s', which is a loop too: a loop cannot call a loop", f->name,
+                       callee->name);
     bool fits = f->inputs == callee->inputs && f->outputs == callee->outputs + f->paths && f->carry != NULL;
     for (size_t i = 0; fits && i < f->inputs; i++) fits = same_port(&f->input[i], &callee->input[i]);
     for (size_t j = 0; fits && j < callee->outputs; j++) fits = same_port(&f->output[j], &callee->output[j]);
     for (size_t k = 0; fits && k < f->paths; k++) fits = is_path(f, callee, k);
     if (!fits)
-        return lg_fail(error, LG_FORMAT, "loop '%s' has other ports than '%s', which it calls", f->name,
-                       callee->name);
+        return lg_fail(error, LG_FORMAT,
+                       "loop '%s' and function '%s', which it calls, have different inputs or outputs",
+                       f->name, callee->name);
     for (size_t i = 0; i < f->inputs; i++) LG_TRY(check_carry(f, &f->input[i], f->carry[i], error));
     return LG_OK;
 }

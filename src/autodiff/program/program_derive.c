@@ -206,14 +206,15 @@ static lg_status choose(const char *const *names, size_t count, const lg_port *p
         if (i == there) return lg_fail(error, LG_NOT_FOUND, "there is no %s '%s'", what, names[c]);
         if (!all && ports[i].shared)
             return lg_fail(error, LG_UNSUPPORTED,
-                           "%s '%s' is shared by all rows: a Jacobian is of each row by the same row", what,
+                           "%s '%s' is shared by all rows, but a Jacobian needs one value per row", what,
                            names[c]);
-        if (*chosen_count == PORTS) return lg_fail(error, LG_INVALID_ARGUMENT, "too many ports");
+        if (*chosen_count == PORTS)
+            return lg_fail(error, LG_INVALID_ARGUMENT, "too many inputs or outputs are named");
         chosen[(*chosen_count)++] = i;
     }
     return *chosen_count > 0
                ? LG_OK
-               : lg_fail(error, LG_INVALID_ARGUMENT, "there is no %s to differentiate by", what);
+               : lg_fail(error, LG_INVALID_ARGUMENT, "the derivative has no %s: name at least one", what);
 }
 
 /* Makes the adjoint a function that can be differentiated: inputs and cotangents of outputs -> cotangents of
@@ -294,7 +295,7 @@ static lg_status open_trial(row_trial *t, lg_error *error) {
         t->one[j] = trial_memory(t, lg_plan_output_count(t->single, j) * sizeof(double));
         failed = failed || t->out[j] == NULL || t->one[j] == NULL;
     }
-    return failed ? lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a trial of rows") : LG_OK;
+    return failed ? lg_fail(error, LG_OUT_OF_MEMORY, "no memory to compare the rows") : LG_OK;
 }
 
 static void close_trial(row_trial *t) {
@@ -341,11 +342,11 @@ static lg_status compare_rows(row_trial *t, lg_error *error) {
         lg_plan_eval(t->single, in, (void *const *)t->one, t->work);
         for (size_t j = 0; j < f->of_count; j++)
             if (!row_agrees(t, f->of[j], r))
-                return lg_fail(
-                    error, LG_UNSUPPORTED,
-                    "function '%s': a row of output '%s' depends on other rows of the batch, or is NaN at "
-                    "random points (low and high of its inputs): a Jacobian is of each row by the same row",
-                    f->program->function[f->function].name, f->out[f->of[j]].name);
+                return lg_fail(error, LG_UNSUPPORTED,
+                               "function '%s': a row of output '%s' depends on other rows of the batch, or "
+                               "is NaN at random points between low and high of the inputs: a Jacobian needs "
+                               "rows that depend on the same row of the inputs only",
+                               f->program->function[f->function].name, f->out[f->of[j]].name);
     }
     return LG_OK;
 }
@@ -402,7 +403,9 @@ static lg_status derive(deriving *d, lg_program *program, const lg_derivative *w
 lg_status lg_program_derive(lg_program *program, const lg_derivative *what, lg_error *error) {
     if (program == NULL || what == NULL || what->size != sizeof *what || what->function == NULL ||
         (unsigned)what->kind >= LG_DERIVATIVE_KIND_COUNT)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "no function, or a derivative of another version");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the program, the derivative or its function's name is NULL, or the derivative's size "
+                       "or kind is wrong");
     deriving *d = lg_alloc(program->context, 1, sizeof *d);
     if (d == NULL)
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a derivative of '%s'", what->function);

@@ -110,8 +110,9 @@ static lg_status find_operation(const making *m, size_t i, lg_program_node *node
     if (node->op == NULL || (node->op == &lg_op_leaf && node->leaf == LG_LEAF_NONE))
         return refuse(m, i, LG_FORMAT, "there is no such operation");
     const uint32_t known = node->op == &lg_op_leaf ? 1u : 1u + node->op->revision;
-    if (o->revision > known) return refuse(m, i, LG_VERSION, "it is of a later revision than is known here");
-    if (o->revision < known) return refuse(m, i, LG_FORMAT, "it is of a revision that is not read any more");
+    if (o->revision > known) return refuse(m, i, LG_VERSION, "its revision is newer than this library knows");
+    if (o->revision < known)
+        return refuse(m, i, LG_FORMAT, "its revision is too old: this library does not read it any more");
     return LG_OK;
 }
 
@@ -123,7 +124,7 @@ static lg_status take_payload(making *m, size_t i, lg_program_node *node) {
     const bool reals = node->leaf == LG_LEAF_CONSTANT || payload == LG_PAYLOAD_REALS;
     const bool indices = payload == LG_PAYLOAD_INDICES;
     if ((o->real_count > 0 && !reals) || (o->index_count > 0 && !indices))
-        return refuse(m, i, LG_FORMAT, "it has numbers or indices that it does not take");
+        return refuse(m, i, LG_FORMAT, "it has numbers or indices, but this operation takes none");
     node->payload = (uint32_t)(reals ? f->real_count : f->index_count);
     node->payload_count = reals ? o->real_count : o->index_count;
     if (o->real_count > 0) memcpy(f->reals + f->real_count, o->reals, o->real_count * sizeof *o->reals);
@@ -164,7 +165,7 @@ static lg_status make_lists(making *m) {
     uint64_t edges = 0, reals = 0, indices = 0;
     char shown[LG_SHOWN_NAME];
     if (from->operation_count > LG_PROGRAM_MAX_NODES)
-        return lg_fail(m->error, LG_FORMAT, "function '%s' has no or too many operations",
+        return lg_fail(m->error, LG_FORMAT, "function '%s' has too many operations",
                        lg_shown_name(from->name, shown));
     for (size_t i = 0; i < from->operation_count; i++) {
         const lg_operation *o = &from->operations[i];
@@ -204,7 +205,8 @@ static lg_status make_ports(making *m) {
     char shown[LG_SHOWN_NAME];
     if (from->input_count < 1 || from->input_count > LG_PROGRAM_MAX_PORTS || from->output_count < 1 ||
         from->output_count > LG_PROGRAM_MAX_PORTS)
-        return lg_fail(m->error, LG_INVALID_ARGUMENT, "function '%s' has no or too many inputs or outputs",
+        return lg_fail(m->error, LG_INVALID_ARGUMENT,
+                       "function '%s' has the wrong number of inputs or outputs: expected 1 to 64 of each",
                        lg_shown_name(from->name, shown));
     f->inputs = from->input_count;
     LG_TRY(lg_ports_copy(context, from->inputs, from->input_count, &f->input));
@@ -240,7 +242,7 @@ static lg_status make_function(making *m) {
 
 lg_status lg_program_add_image(lg_program *program, const lg_function_image *image, lg_error *error) {
     if (program == NULL || image == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the program or the image is missing");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the program or the image is NULL");
     making m = {.program = program, .from = image, .error = error};
     lg_error ignored;
     if (error == NULL) m.error = &ignored;

@@ -111,12 +111,11 @@ const char *lg_program_name_problem(const char *name) {
     for (; name[length] != '\0'; length++) {
         const char c = name[length];
         if (!is_letter(c) && !(c >= '0' && c <= '9')) return "it is not a C identifier";
-        if (c == '_' && name[length + 1] == '_')
-            return "it has two underscores together, as C++ reserves them";
+        if (c == '_' && name[length + 1] == '_') return "it has two underscores in a row, which C++ reserves";
         if (length >= LG_PROGRAM_MAX_NAME) return "it is too long";
     }
     for (size_t i = 0; i < LG_COUNT(reserved); i++)
-        if (strcmp(name, reserved[i]) == 0) return "it is a word of C or C++";
+        if (strcmp(name, reserved[i]) == 0) return "it is a reserved word of C or C++";
     return NULL;
 }
 

@@ -43,7 +43,7 @@ static void *room(coder *c, const void *there, uint64_t count, size_t size) {
     const bool limit = count * size + LG_ALIGNMENT > c->heap->most - c->heap->bytes;
     if (memory == NULL)
         refuse(c, limit ? LG_FORMAT : LG_OUT_OF_MEMORY,
-               limit ? "needs more than the limit allows" : "no memory");
+               limit ? "it needs more memory than the limit allows" : "no memory");
     return memory;
 }
 
@@ -51,7 +51,8 @@ static void *room(coder *c, const void *there, uint64_t count, size_t size) {
 
 static void code_byte(coder *c, unsigned char *byte) {
     if (c->status == LG_OK && c->at == c->size)
-        refuse(c, LG_FORMAT, c->reading ? "the bytes end too early" : "there is no room for the bytes");
+        refuse(c, LG_FORMAT,
+               c->reading ? "the bytes end too early" : "the buffer is too small for the bytes");
     if (c->status != LG_OK)
         *byte = 0;
     else if (c->reading)
@@ -88,8 +89,9 @@ static uint64_t coded_below(coder *c, uint64_t number, uint64_t end) {
  * at least one byte. */
 static size_t coded_count(coder *c, size_t count, size_t most) {
     const uint64_t got = coded(c, count);
-    if (got > most) refuse(c, LG_FORMAT, "there are too many");
-    if (c->reading && got > c->size - c->at) refuse(c, LG_FORMAT, "there are more than the bytes can hold");
+    if (got > most) refuse(c, LG_FORMAT, "there are too many entries");
+    if (c->reading && got > c->size - c->at)
+        refuse(c, LG_FORMAT, "there are more entries than the bytes can hold");
     return c->status == LG_OK ? (size_t)got : 0;
 }
 
@@ -306,7 +308,8 @@ static void code_function(coder *c, lg_function_image *f) {
         code_wholes(c, "results", &f->results, f->output_count);
     }
     if (version == WITH_PATHS && f->path_count == 0)
-        refuse(c, LG_FORMAT, "this version is only for loops with paths");
+        refuse(c, LG_FORMAT,
+               "the version of the bytes is the one for loops with paths, but there are no paths");
 }
 
 lg_status lg_function_pack(const lg_function_image *image, void *bytes, size_t *size, lg_error *error) {
@@ -335,7 +338,7 @@ lg_status lg_function_unpack(const lg_context *context, const char *name, const 
     if (own != NULL) made->image.name = memcpy(own, name, strlen(name) + 1);
     code_function(&c, &made->image);
     c.where = "end";
-    if (c.at < size) refuse(&c, LG_FORMAT, "there are more bytes than the function has");
+    if (c.at < size) refuse(&c, LG_FORMAT, "there are bytes after the end of the function");
     if (c.status == LG_OK) {
         *memory -= made->heap.bytes;
         *out = &made->image;

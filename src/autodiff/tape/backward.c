@@ -336,7 +336,7 @@ static void open_targets(lg_tape *tape, lg_sweep *sweep, const lg_var *wrt, size
         const bool twice = sweep->reach[at] == ASKED;
         if (twice || grad[i] == NULL) {
             lg_tape_fail(tape, LG_INVALID_ARGUMENT, "backward",
-                         twice ? "a variable is asked for twice" : "a gradient has no memory");
+                         twice ? "a variable is asked for twice" : "the memory for a gradient is NULL");
             return;
         }
         sweep->reach[at] = ASKED;
@@ -395,7 +395,7 @@ static lg_status backward(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, 
     if (!lg_valid_list(tape, &y, 1, "backward") || !lg_valid_list(tape, wrt, n, "backward"))
         return tape->status;
     if (tape->unrecorded) {
-        lg_tape_fail(tape, LG_UNSUPPORTED, "backward", "it cannot be called by a vjp that it runs");
+        lg_tape_fail(tape, LG_UNSUPPORTED, "backward", "a vjp that lg_backward runs cannot call lg_backward");
         return tape->status;
     }
     if (n == 0) return LG_OK;
@@ -436,7 +436,8 @@ lg_status lg_backward_rows(lg_tape *tape, lg_var y, lg_var x, double *grad, lg_v
     void *const into[] = {grad};
     if (!lg_valid_list(tape, &theta, 1, "backward")) return tape->status;
     if (tape->k->dtype != LG_F64 || tape->nodes[theta.index].inputs > 0) {
-        lg_tape_fail(tape, LG_UNSUPPORTED, "backward", "rows are of double leaves");
+        lg_tape_fail(tape, LG_UNSUPPORTED, "backward",
+                     "gradients per row need a tape of type LG_F64 and a leaf as theta");
         return tape->status;
     }
     return backward(tape, y, &x, 1, into, false, NULL, &rows);

@@ -84,7 +84,8 @@ static double *parts_of(lg_tape *tape, lg_rows *rows, uint32_t node, size_t *str
 /* ---- one node that carries rows ---- */
 
 static void meet(lg_tape *tape, const char *operation) {
-    (void)lg_tape_fail(tape, LG_UNSUPPORTED, operation, "its rows meet");
+    (void)lg_tape_fail(tape, LG_UNSUPPORTED, operation,
+                       "the operation mixes rows, so there is no gradient per row");
 }
 
 /* y = a W, a W^T or either plus b, with a shared W or b. Row r contributes the outer product of a_r and g_r
