@@ -57,8 +57,8 @@ static lg_status check_block(const lg_cnn_block *b, uint32_t i, uint32_t *length
     const uint32_t convolved = (padded - b->kernel) / b->stride + 1;
     if (pooled && convolved < b->pool_size)
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "block %" PRIu32 ": pooling over %" PRIu32
-                       " samples, and its convolution leaves %" PRIu32,
+                       "block %" PRIu32 ": the pooling size is %" PRIu32
+                       ", but the convolution leaves only %" PRIu32 " samples",
                        number, b->pool_size, convolved);
     *length = pooled ? (convolved - b->pool_size) / b->pool_stride + 1 : convolved;
     return LG_OK;
@@ -79,7 +79,7 @@ static bool few_parameters(const lg_cnn *net) {
 
 lg_status lg_cnn_init(lg_cnn *net, lg_error *error) {
     (void)lg_fail(error, LG_OK, "%s", "");
-    if (net == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "there is no network");
+    if (net == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "the network is NULL");
     if (net->blocks > LG_CNN_MAX_BLOCKS)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%" PRIu32 " blocks; at most %d are possible", net->blocks,
                        LG_CNN_MAX_BLOCKS);

@@ -90,7 +90,7 @@ static lg_status check_options(const lg_fit_problem *problem, const lg_fit_optio
         {positive(o->adam.eps), "eps must be positive and finite"},
         {not_negative(o->adam.weight_decay), "weight_decay must be finite and not negative"},
         {(int)s->kind >= 0 && (int)s->kind < LG_SCHEDULE_COUNT, "the schedule is unknown"},
-        {s->kind != LG_SCHEDULE_STEP || s->every >= 1, "the schedule's epochs a step must be at least 1"},
+        {s->kind != LG_SCHEDULE_STEP || s->every >= 1, "the schedule's epochs per step must be at least 1"},
         {s->kind != LG_SCHEDULE_STEP || positive(s->gamma),
          "the schedule's gamma must be positive and finite"},
         {s->kind != LG_SCHEDULE_COSINE || (s->floor >= 0.0 && s->floor <= 1.0),
@@ -101,7 +101,7 @@ static lg_status check_options(const lg_fit_problem *problem, const lg_fit_optio
         {fraction(o->validation), "validation must be in [0, 1)"},
         {!(o->validation > 0.0) || problem->samples >= 2, "a validation part needs at least 2 samples"},
         {!(o->validation > 0.0) || problem->validation == 0,
-         "validation must be 0 where the problem has a validation part of its own"},
+         "validation must be 0 because the problem already has a validation part"},
     };
     for (size_t i = 0; i < LG_COUNT(rules); i++)
         if (!rules[i].good) return lg_fail(error, LG_INVALID_ARGUMENT, "training options: %s", rules[i].rule);
@@ -200,11 +200,10 @@ lg_status lg_fit_create(const lg_context *context, const lg_fit_problem *problem
     lg_fit_options chosen;
     lg_fit_options_init(&chosen);
     if (options != NULL && options->size != sizeof *options)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the size of the training options is %zu, not %zu",
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the size of the training options is %zu, expected %zu",
                        options->size, sizeof *options);
     if (options != NULL) chosen = *options;
-    if (theta == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "theta or the output is NULL");
+    if (theta == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "theta or `out` is NULL");
     LG_TRY(check_problem(problem, error));
     LG_TRY(check_options(problem, &chosen, error));
 
@@ -232,7 +231,7 @@ lg_status lg_fit_create(const lg_context *context, const lg_fit_problem *problem
     if (!fit->k->all_finite(problem->parameters, fit->state.theta)) {
         lg_fit_destroy(fit);
         return lg_fail(error, LG_NOT_FINITE,
-                       "the parameters to start from are not finite in the training's type");
+                       "the initial parameters are not finite in the type (dtype) of the training");
     }
     *out = fit;
     return LG_OK;
@@ -411,8 +410,9 @@ static lg_status revive(lg_fit *fit, lg_error *error) {
     const lg_status status =
         fit->problem.revive(fit->problem.user, fit->state.restarts + 1, fit->revived, &dead);
     if (status != LG_OK)
-        return lg_fail(error, status, "epoch %" PRIu64 ": whether the model is dead: %s", fit->state.epoch,
-                       lg_status_sentence(status));
+        return lg_fail(error, status,
+                       "epoch %" PRIu64 ": the check for a model that no longer learns failed: %s",
+                       fit->state.epoch, lg_status_sentence(status));
     if (dead) begin_again(fit, fit->revived);
     return LG_OK;
 }

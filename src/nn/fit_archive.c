@@ -218,7 +218,7 @@ static lg_status check_scalars(const lg_fit *fit, const lg_fit_state *s, uint64_
         {s->epoch <= fit->options.epochs, "train/epoch is larger than the planned epochs"},
         {s->position <= fit->training, "train/position is larger than the training part"},
         {s->position % fit->batch == 0 || s->position == fit->training,
-         "train/position is no batch boundary"},
+         "train/position is not at the end of a batch"},
         {open <= 1 && (open == 1 || s->position == 0), "train/open does not fit train/position"},
         {s->epoch < fit->options.epochs || open == 0, "train/open is set after the last epoch"},
         {s->best_epoch <= s->epoch && (s->best_epoch > 0) == (s->epoch > 0),
@@ -227,7 +227,7 @@ static lg_status check_scalars(const lg_fit *fit, const lg_fit_state *s, uint64_
         {isfinite(s->noise) && s->noise >= 0.0, "train/noise is negative or not finite"},
         {isfinite(s->running_loss), "train/running_loss is not finite"},
         {isfinite(s->running_seconds), "train/running_seconds is not finite"},
-        {s->restarts <= fit->options.restarts, "train/restarts is larger than allowed"},
+        {s->restarts <= fit->options.restarts, "train/restarts is larger than the option restarts"},
         {isfinite(s->lost_seconds) && s->lost_seconds >= 0.0,
          "train/restart_seconds is negative or not finite"},
     };
@@ -249,11 +249,13 @@ static lg_status check_permutation(const lg_fit *fit, const uint32_t *order, lg_
     while (i < n && order[i] < n && !seen[order[i]]) seen[order[i++]] = true;
     lg_free(fit->context, seen);
     if (i < n)
-        return lg_fail(error, LG_FORMAT, "train/permutation is none: entry %zu is %" PRIu32, i, order[i]);
+        return lg_fail(error, LG_FORMAT, "train/permutation is not a permutation: entry %zu is %" PRIu32, i,
+                       order[i]);
     for (i = n - fit->problem.validation; i < n; i++)
         if (order[i] != i)
-            return lg_fail(error, LG_FORMAT,
-                           "train/permutation moves sample %zu of the validation part, which is fixed", i);
+            return lg_fail(
+                error, LG_FORMAT,
+                "train/permutation moves sample %zu of the validation part, which must stay in place", i);
     return LG_OK;
 }
 

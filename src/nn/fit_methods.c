@@ -55,7 +55,7 @@ static lg_status no_method(const char *text, size_t length, bool squares, lg_err
     for (int i = 0; (name = lg_fit_method_name((lg_fit_method)i)) != NULL && used < sizeof names; i++)
         if (squares || !lg_fit_method_squares((lg_fit_method)i))
             used += (size_t)snprintf(names + used, sizeof names - used, "%s%s", i > 0 ? ", " : "", name);
-    return lg_fail(error, LG_INVALID_ARGUMENT, "'%.*s' is no method; there are %s",
+    return lg_fail(error, LG_INVALID_ARGUMENT, "'%.*s' is not a method of training; the methods are %s",
                    (int)(length < 40 ? length : 40), text, names);
 }
 
@@ -74,12 +74,12 @@ static lg_status parse_phase(const char *text, size_t length, bool squares, uint
     for (const char *c = colon; c != NULL && ++c < text + length;) {
         if (*c < '0' || *c > '9' || *epochs > 100000000)
             return lg_fail(error, LG_INVALID_ARGUMENT,
-                           "a method's epochs are a whole number from 1 to 10^9, as in adam:100");
+                           "the epochs of a method must be a whole number from 1 to 10^9, as in adam:100");
         *epochs = 10 * *epochs + (uint32_t)(*c - '0');
     }
     if (colon != NULL && *epochs == 0)
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "a method's epochs are a whole number from 1 to 10^9, as in adam:100");
+                       "the epochs of a method must be a whole number from 1 to 10^9, as in adam:100");
     return LG_OK;
 }
 
@@ -88,7 +88,7 @@ static lg_status parse_plan(const char *text, bool squares, lg_fit_plan *out, lg
     for (const char *at = text;;) {
         const size_t length = strcspn(at, ",");
         if (plan.phases == LG_FIT_MAX_PHASES)
-            return lg_fail(error, LG_INVALID_ARGUMENT, "more than %d methods one after the other",
+            return lg_fail(error, LG_INVALID_ARGUMENT, "at most %d methods can follow each other",
                            LG_FIT_MAX_PHASES);
         LG_TRY(parse_phase(at, length, squares, &plan.phase[plan.phases].method,
                            &plan.phase[plan.phases].epochs, error));
@@ -96,7 +96,7 @@ static lg_status parse_plan(const char *text, bool squares, lg_fit_plan *out, lg
         if (at[length] == '\0') break;
         if (plan.phase[plan.phases - 1].epochs == 0)
             return lg_fail(error, LG_INVALID_ARGUMENT,
-                           "a method that others follow needs its epochs, as in adam:100,ssbroyden");
+                           "each method except the last needs a number of epochs, as in adam:100,ssbroyden");
         at += length + 1;
     }
     if (plan.phases == 1 && plan.phase[0].method == LG_FIT_ADAM && plan.phase[0].epochs == 0) plan.phases = 0;
@@ -173,8 +173,8 @@ lg_status lg_fit_check_plan(const lg_fit_problem *problem, const lg_fit_options 
         const size_t own = row->squares ? problem->own * problem->samples : 0;
         if (row->dense && problem->parameters - own > MOST_DENSE)
             return lg_fail(error, LG_INVALID_ARGUMENT,
-                           "training options: %s takes a matrix of parameters squared, %zu are too many (at "
-                           "most %d): take lbfgs, or a smaller network",
+                           "training options: %s needs a matrix with a row and a column per parameter, and "
+                           "%zu parameters are too many (at most %d): use lbfgs, or a smaller network",
                            row->name, problem->parameters - own, MOST_DENSE);
     }
     return LG_OK;

@@ -80,7 +80,7 @@ static lg_status check_data(const training *t, lg_error *error) {
     for (size_t i = 0; i < t->inputs; i++) {
         const size_t width = lg_shape_count(t->input[i].shape), rows = t->input[i].shared ? 1 : t->rows;
         if (t->data[i] == NULL)
-            return lg_fail(error, LG_INVALID_ARGUMENT, "there is no data for the input '%s'",
+            return lg_fail(error, LG_INVALID_ARGUMENT, "the data of the input '%s' are NULL",
                            t->input[i].name);
         for (size_t k = 0; k < rows * width; k++)
             if (!isfinite(t->data[i][k]))
@@ -92,7 +92,9 @@ static lg_status check_data(const training *t, lg_error *error) {
 
 static lg_status open_function(training *t, const char *function, lg_error *error) {
     if (t->program == NULL || function == NULL || t->data == NULL || t->rows == 0 || t->rows >= UINT32_MAX)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the program, its function or the rows are missing");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the program, the function's name or the data are NULL, or the number of rows is not "
+                       "1 to 2^32 - 2");
     if (lg_program_find(t->program, function, &t->function) != LG_OK)
         return lg_fail(error, LG_NOT_FOUND, "the program has no function '%s'", function);
     const lg_port *output = lg_program_outputs(t->program, t->function, &t->outputs);
@@ -102,9 +104,11 @@ static lg_status open_function(training *t, const char *function, lg_error *erro
     t->numbers = lg_shape_count(output->shape);
     if (t->parameters == 0) return lg_fail(error, LG_INVALID_ARGUMENT, "the program has no parameters");
     if (t->parameters > LG_TRAIN_MOST || t->inputs > LG_TRAIN_MOST || t->outputs > LG_TRAIN_MOST)
-        return lg_fail(error, LG_UNSUPPORTED, "more than %d parameters, inputs or outputs", LG_TRAIN_MOST);
+        return lg_fail(error, LG_UNSUPPORTED, "the program has more than %d parameters, inputs or outputs",
+                       LG_TRAIN_MOST);
     if (!t->squares && t->numbers != 1)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "'%s' has %zu numbers that all rows share: one is a loss",
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "output '%s' has %zu numbers that all rows share, expected one, the loss",
                        output->name, t->numbers);
     return check_data(t, error);
 }
@@ -163,8 +167,8 @@ static lg_status check_mean(training *t, lg_tape *tape, lg_error *error) {
     for (size_t r = 0; r < rows; r++) samples[r] = (uint32_t)(r * t->rows / rows);
     LG_TRY(loss_of(t, tape, samples, rows, &together, &depends));
     if (!depends)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "'%s' depends on no parameter: there is nothing to learn",
-                       name);
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "output '%s' depends on no parameter: there is nothing to learn", name);
     for (size_t r = 0; r < rows; r++) {
         LG_TRY(loss_of(t, tape, &samples[r], 1, &one, &depends));
         mean += one / (double)rows;
@@ -172,10 +176,11 @@ static lg_status check_mean(training *t, lg_tape *tape, lg_error *error) {
     }
     if (!isfinite(together) || fabs(together - mean) <= 1e-8 * fmax(size, fabs(together))) return LG_OK;
     return lg_fail(error, LG_INVALID_ARGUMENT,
-                   t->squares ? "a row of '%s' depends on other rows: the mean square of %zu rows is %.6g "
-                                "together and %.6g one by one"
-                              : "'%s' is no mean over rows: %zu rows give %.6g together, and one by one %.6g "
-                                "in the mean: take lg_mean, or give each row a value",
+                   t->squares
+                       ? "a row of output '%s' depends on other rows: the mean square of %zu rows is %.6g if "
+                         "computed together and %.6g if computed one by one"
+                       : "output '%s' is not a mean over rows: %zu rows give %.6g if computed together, but "
+                         "a mean of %.6g if computed one by one: use lg_mean, or give each row a value",
                    name, rows, together, mean);
 }
 

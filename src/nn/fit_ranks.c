@@ -153,7 +153,7 @@ static lg_status exchange(lg_fit *fit, lg_error *error) {
     const lg_ranks *ranks = fit->options.ranks;
     fit->stops[ranks->rank] = fit->with_gradient && lg_cancelled(fit->context);
     if (make_room(fit) != LG_OK)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for what %u ranks exchange", ranks->count);
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the exchange between %u ranks", ranks->count);
     char *at = fit->message;
     for (uint32_t r = 0; r < ranks->rank; r++) at += fit->message_bytes[r];
     (void)list_message(fit, ranks->rank, pack, at);

@@ -31,11 +31,12 @@ static const struct {
     [LG_MINIMISE_RUNNING] = {LG_OK, ""},
     [LG_MINIMISE_EVALUATIONS] = {LG_OK, "the evaluations are used up"},
     [LG_MINIMISE_SECONDS] = {LG_OK, "the time is used up"},
-    [LG_MINIMISE_GRADIENT] = {LG_OK, "the gradient is zero to its tolerance"},
-    [LG_MINIMISE_SLOW] = {LG_OK, "many iterations lowered the value by less than 1e-4 of it"},
+    [LG_MINIMISE_GRADIENT] = {LG_OK, "the gradient is zero within the tolerance"},
+    [LG_MINIMISE_SLOW] = {LG_OK,
+                          "many iterations together lowered the value by a relative amount below 1e-4"},
     [LG_MINIMISE_ROUNDING] = {LG_OK, "no step lowers the value any more: rounding is the limit"},
     [LG_MINIMISE_CANCELLED] = {LG_CANCELLED, "the caller asked to stop"},
-    [LG_MINIMISE_UNBOUNDED] = {LG_NO_CONVERGENCE, "the function falls without end along a direction"},
+    [LG_MINIMISE_UNBOUNDED] = {LG_NO_CONVERGENCE, "the function decreases without bound along a direction"},
     [LG_MINIMISE_NOT_FINITE] = {LG_NOT_FINITE, "the value or the gradient is not finite at the start"},
     [LG_MINIMISE_WRONG_GRADIENT] = {LG_CHECK_FAILED,
                                     "the gradient disagrees with differences of the function"},
@@ -64,8 +65,8 @@ void lg_minimise_options_init(lg_minimise_options *options) {
 
 static lg_status check_options(size_t n, const lg_minimise_options *o, lg_error *error) {
     if (o->size != sizeof *o)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the size of the options of minimisation is %zu, not %zu",
-                       o->size, sizeof *o);
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the size of the options of minimisation is %zu, expected %zu", o->size, sizeof *o);
     if (n == 0 || n > UINT32_MAX)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%zu variables; 1 to 2^32 - 1 are possible", n);
     if (lg_minimise_row_at((size_t)o->method) == NULL)
@@ -116,7 +117,7 @@ lg_status lg_minimiser_create(const lg_context *context, size_t n, const lg_mini
     lg_minimise_options chosen;
     lg_minimise_options_init(&chosen);
     if (options != NULL) chosen = *options;
-    if (x == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "x or the output is NULL");
+    if (x == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "x or `out` is NULL");
     LG_TRY(check_options(n, &chosen, error));
     const lg_kernels *k = lg_kernels_for(LG_F64);
     if (!k->all_finite(n, x)) return lg_fail(error, LG_NOT_FINITE, "the point to start from is not finite");

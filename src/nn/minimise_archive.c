@@ -114,13 +114,13 @@ static lg_status check(const lg_minimiser *m, const double *memory, const double
              c->pairs <= c->iterations,
          "minimise/counts does not fit together"},
         {c->stage != LG_STAGE_HESSIAN || (lg_minimise_newton_fits(m) && c->trials <= 2 * m->n),
-         "minimise/counts has more points of a Hessian than there are"},
+         "minimise/counts has more points of a Hessian than the method uses"},
         {c->stage != LG_STAGE_CURVATURE || (lg_minimise_curvature_fits(m) && c->trials < LG_LANCZOS_STEPS),
-         "minimise/counts has more Lanczos vectors than there are"},
+         "minimise/counts has more Lanczos vectors than the method uses"},
         {!searching || (isfinite(numbers->alpha) && isfinite(numbers->value) && numbers->slope < 0.0),
-         "minimise/numbers is no state of a search"},
+         "minimise/numbers is not a valid state of a line search"},
         {m->k->all_finite((size_t)(m->s - m->memory), memory) && m->k->all_finite(m->length, curvature),
-         "minimise/ has values that are not finite"},
+         "an array of minimise/ has values that are not finite"},
     };
     for (size_t i = 0; i < LG_COUNT(rules); i++)
         if (!rules[i].good) return lg_fail(error, LG_FORMAT, "%s", rules[i].rule);

@@ -150,7 +150,8 @@ lg_status lg_minimise(const lg_context *context, size_t n, lg_objective objectiv
     if (objective == NULL || x == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the objective or x is NULL");
     if (options != NULL && options->method == LG_MINIMISE_LM)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "lm is for sums of squares: lg_least_squares");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the method lm minimises sums of squares only: call lg_least_squares");
     lg_minimiser *m = NULL;
     LG_TRY(lg_minimiser_create(context, n, options, x, &m, error));
     given_objective given = {objective, user, lg_alloc(context, 3 * n, sizeof(double)), NULL, NULL, 1.0};
@@ -328,7 +329,8 @@ lg_status lg_least_squares(const lg_context *context, size_t n, size_t rows, lg_
         return lg_fail(error, LG_INVALID_ARGUMENT, "the residuals or x is NULL");
     if (rows < n || rows > UINT32_MAX)
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "%zu residuals for %zu unknowns: at least as many are wanted", rows, n);
+                       "%zu residuals for %zu unknowns: expected at least as many residuals as unknowns",
+                       rows, n);
     lg_minimiser *m = NULL;
     LG_TRY(lg_minimiser_create(context, n, &chosen, x, &m, error));
     given_residuals given = {.function = residuals, .user = user, .m = rows, .n = n, .k = m->k};

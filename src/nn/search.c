@@ -71,9 +71,13 @@ static lg_status check_bounds(const lg_range *range, lg_error *error) {
     const double low = range->low, high = range->high;
     if (!isfinite(low) || !isfinite(high))
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s: a bound is not finite", range->name);
-    if (low > high) return lg_fail(error, LG_INVALID_ARGUMENT, "%s: %g is above %g", range->name, low, high);
+    if (low > high)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: the lower bound %g is above the upper bound %g",
+                       range->name, low, high);
     if (range->kind == LG_RANGE_LOG_UNIFORM && !(low > 0))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: %g has no logarithm", range->name, low);
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "%s: the lower bound of a log-uniform range must be above 0, found %g", range->name,
+                       low);
     if (range->kind == LG_RANGE_INTEGER && (!is_whole(low) || !is_whole(high)))
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s: %.17g is not a whole number up to 2^53", range->name,
                        is_whole(low) ? high : low);
@@ -98,7 +102,8 @@ static lg_status check_range(const lg_search_space *space, size_t index, lg_erro
     case LG_RANGE_CHOICE:
         return check_choices(range, error);
     }
-    return lg_fail(error, LG_INVALID_ARGUMENT, "%s: unknown kind %d", range->name, (int)range->kind);
+    return lg_fail(error, LG_INVALID_ARGUMENT, "%s: the range has the unknown kind %d", range->name,
+                   (int)range->kind);
 }
 
 lg_status lg_search_space_check(const lg_search_space *space, lg_error *error) {
@@ -197,10 +202,11 @@ bool lg_search_report(lg_search *search, uint64_t done, uint64_t total, double o
 
 static lg_status check_options(const lg_search_options *options, lg_error *error) {
     if (options->size != sizeof *options)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the options of a search were not initialised");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the size of the search's options is wrong: initialise the options first");
     if (options->rungs > LG_TRIAL_REPORTS)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "rungs: %u is more than %d", options->rungs,
-                       LG_TRIAL_REPORTS);
+        return lg_fail(error, LG_INVALID_ARGUMENT, "rungs: %u is too large; at most %d are possible",
+                       options->rungs, LG_TRIAL_REPORTS);
     if (!(options->quantile > 0 && options->quantile <= 1))
         return lg_fail(error, LG_INVALID_ARGUMENT, "quantile: %g is outside (0, 1]", options->quantile);
     return LG_OK;
@@ -218,13 +224,13 @@ static lg_status check_earlier(const lg_search_options *options, const lg_trial 
         const unsigned long long number = trials[i].number;
         if (number >= options->trials)
             return lg_fail(error, LG_INVALID_ARGUMENT,
-                           "trial %llu was already run, and %llu trials are planned in all", number,
+                           "trial %llu was already run, but only %llu trials are planned in all", number,
                            (unsigned long long)options->trials);
         if (has_number(trials, i, number))
             return lg_fail(error, LG_INVALID_ARGUMENT, "trial %llu stands twice", number);
         if (trials[i].reports > LG_TRIAL_REPORTS)
-            return lg_fail(error, LG_INVALID_ARGUMENT, "trial %llu has %u reports, more than %d", number,
-                           trials[i].reports, LG_TRIAL_REPORTS);
+            return lg_fail(error, LG_INVALID_ARGUMENT, "trial %llu has %u reports; at most %d are possible",
+                           number, trials[i].reports, LG_TRIAL_REPORTS);
     }
     return LG_OK;
 }
@@ -272,7 +278,8 @@ lg_status lg_search_run(const lg_context *context, const lg_search_space *space,
     lg_search_options_init(&defaults);
     if (options == NULL) options = &defaults;
     if (problem == NULL || problem->run == NULL || trials == NULL || count == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a search needs something to run and room for trials");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the problem, its function `run`, or an argument for the trials is NULL");
     LG_TRY(lg_search_space_check(space, error));
     LG_TRY(check_options(options, error));
     LG_TRY(check_earlier(options, trials, *count, error));
@@ -303,7 +310,8 @@ lg_status lg_search_run_trial(const lg_search_space *space, const lg_search_opti
     lg_error unasked;
     if (why == NULL) why = &unasked;
     if (problem == NULL || problem->run == NULL || trial == NULL || options == NULL)
-        return lg_fail(why, LG_INVALID_ARGUMENT, "a search needs something to run and room for trials");
+        return lg_fail(why, LG_INVALID_ARGUMENT,
+                       "the problem, its function `run`, or an argument for the trials is NULL");
     LG_TRY(lg_search_space_check(space, why));
     LG_TRY(check_options(options, why));
     lg_search one = {

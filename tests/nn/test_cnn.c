@@ -218,7 +218,7 @@ TEST("a refused description is reported with the block, and stays unchanged") {
         {BLOCK(1, 2, 1, 2, LG_POOL_NONE, 0, 0), "padding of 2"},
         {BLOCK(1, 2, 1, UINT32_MAX, LG_POOL_NONE, 0, 0), "padding"},
         {BLOCK(1, 2, 1, 0, LG_POOL_MAX, 0, 0), "pooling size"},
-        {BLOCK(1, 2, 1, 0, LG_POOL_MAX, 9, 1), "block 1: pooling over 9"},
+        {BLOCK(1, 2, 1, 0, LG_POOL_MAX, 9, 1), "block 1: the pooling size is 9"},
         {BLOCK(1, 2, 1, 0, (lg_pooling)LG_POOLING_COUNT, 0, 0), "pooling"},
         {SIZES_OF(1 << 16, 1 << 16, 1, 0), "2^31 parameters"},
         {SIZES_OF(M, M, M, M), "2^31 parameters"},

@@ -438,7 +438,7 @@ TEST("a validation part that leaves no training samples, or two validation parts
     problem.validation = 1;
     o.validation = 0.1;
     assert_status(lg_fit_create(NULL, &problem, &o, theta, &fit, &error), LG_INVALID_ARGUMENT);
-    assert_non_null(strstr(error.message, "part of its own"));
+    assert_non_null(strstr(error.message, "already has a validation part"));
     assert_null(fit);
 }
 

@@ -349,7 +349,7 @@ TEST("single precision and too many parameters are refused") {
     o = planned("ssbroyden", 10);
     problem.parameters = 20000;
     assert_int_equal(lg_fit_create(NULL, &problem, &o, theta, &fit, &error), LG_INVALID_ARGUMENT);
-    assert_message(&error, "take lbfgs");
+    assert_message(&error, "use lbfgs");
 }
 
 TEST("a state of another plan, or with an impossible phase, is refused") {

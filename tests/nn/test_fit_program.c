@@ -138,7 +138,7 @@ TEST("impossible trainings are refused with a message, and the program stays unc
             "row 3 of the input 'x'");
     r->data[1] = NULL, r->x[7] = 0.0;
     REFUSED(lg_program_train(NULL, program, "error", r->data, ROWS, NULL, &result, &error),
-            LG_INVALID_ARGUMENT, "no data for the input 'wanted'");
+            LG_INVALID_ARGUMENT, "the data of the input 'wanted' are NULL");
     assert_true(result.epochs == 77 && lg_program_parameter(program, 0).values[0] == before);
 }
 
@@ -202,11 +202,11 @@ TEST("a loss must be a mean over rows for any chunks, and depend on a parameter"
     } cases[] = {{of_mean, NULL},
                  {of_mean_and_size, NULL},
                  {of_rows, NULL},
-                 {of_sum, "no mean over rows"},
-                 {of_product, "no mean over rows"},
-                 {of_root, "no mean over rows"},
-                 {of_largest, "no mean over rows"},
-                 {of_weighted, "no mean over rows"},
+                 {of_sum, "not a mean over rows"},
+                 {of_product, "not a mean over rows"},
+                 {of_root, "not a mean over rows"},
+                 {of_largest, "not a mean over rows"},
+                 {of_weighted, "not a mean over rows"},
                  {of_spread, "depends on other rows"},
                  {of_nothing, "depends on no parameter"},
                  {of_stopped, "depends on no parameter"},
@@ -234,7 +234,7 @@ TEST("the loss of all rows is the same for any chunks; a loss that is a sum and 
     assert_close(again, after, 1e-9, 0.0);
     assert_ok(train(of_sum, 0.3, 1, &after, &error));
     assert_status(train(of_product, 0.0, 100, &after, &error), LG_INVALID_ARGUMENT);
-    assert_says(error.message, "no mean over rows");
+    assert_says(error.message, "not a mean over rows");
 }
 
 TEST("a program is evaluated by name, for any number of rows") {

@@ -44,10 +44,14 @@ TEST("a space with an invalid range is refused with the range's name") {
         double low, high;
         const char *word;
     } wrong[] = {
-        {LG_RANGE_UNIFORM, 1, 0, "above"},          {LG_RANGE_UNIFORM, NAN, 1, "finite"},
-        {LG_RANGE_UNIFORM, 0, INFINITY, "finite"},  {LG_RANGE_LOG_UNIFORM, 0, 1, "logarithm"},
-        {LG_RANGE_LOG_UNIFORM, -1, 1, "logarithm"}, {LG_RANGE_INTEGER, 0, 1.5, "whole"},
-        {LG_RANGE_INTEGER, -0.5, 2, "whole"},       {LG_RANGE_INTEGER, 0, 0x1p54, "whole"},
+        {LG_RANGE_UNIFORM, 1, 0, "above"},
+        {LG_RANGE_UNIFORM, NAN, 1, "finite"},
+        {LG_RANGE_UNIFORM, 0, INFINITY, "finite"},
+        {LG_RANGE_LOG_UNIFORM, 0, 1, "log-uniform"},
+        {LG_RANGE_LOG_UNIFORM, -1, 1, "log-uniform"},
+        {LG_RANGE_INTEGER, 0, 1.5, "whole"},
+        {LG_RANGE_INTEGER, -0.5, 2, "whole"},
+        {LG_RANGE_INTEGER, 0, 0x1p54, "whole"},
         {(lg_range_kind)9, 0, 1, "kind"},
     };
     for (size_t i = 0; i < LG_COUNT(wrong); i++) {
