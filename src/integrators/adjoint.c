@@ -105,7 +105,8 @@ static lg_status record(lg_adjoint *a, size_t n, const double *y, lg_recorded *r
     LG_TRY(lg_tape_status(a->tape));
     LG_TRY(p->bind(p->user, a->tape, r->parameters, &ode));
     if (ode.space.dim != a->dim) {
-        (void)lg_tape_fail(a->tape, LG_INVALID_ARGUMENT, "bind", "the taped space has another dimension");
+        (void)lg_tape_fail(a->tape, LG_INVALID_ARGUMENT, "bind",
+                           "the recorded equation has a space of another dimension than the plain one");
         return LG_INVALID_ARGUMENT;
     }
     LG_TRY(halve(p->scheme, &ode.space));
@@ -143,11 +144,10 @@ static lg_status compare_forms(lg_adjoint *a, const double *y0) {
     for (size_t i = 0; i < d; i++) {
         const double difference = fabs(a->before[i] - a->after[i]);
         if (difference <= agreement * scale) continue;
-        return lg_fail(
-            a->error, LG_INVALID_ARGUMENT,
-            "after the first step number %zu of the state is %.17g in the form that the tape records "
-            "and %.17g in the plain one",
-            i, a->before[i], a->after[i]);
+        return lg_fail(a->error, LG_INVALID_ARGUMENT,
+                       "the recorded and the plain equation differ: after the first step, number %zu of the "
+                       "state is %.17g on the tape and %.17g in the plain integration",
+                       i, a->before[i], a->after[i]);
     }
     return LG_OK;
 }
@@ -187,7 +187,7 @@ static lg_status reverse_step(lg_adjoint *a, size_t n, const double *y) {
 static lg_status reverse(lg_adjoint *a) {
     LG_TRY(add_source(a, a->problem->steps, a->checkpoint + a->segments * a->dim, a->after));
     if (!finite_numbers(a->dim, a->after))
-        return fail_at(a, LG_NOT_FINITE, a->problem->steps - 1, "the source after it is not finite");
+        return fail_at(a, LG_NOT_FINITE, a->problem->steps - 1, "the source after this step is not finite");
     for (size_t s = a->segments; s-- > 0;) {
         const size_t begin = first_step(a, s);
         LG_TRY(recompute_segment(a, s));
@@ -205,14 +205,15 @@ static const char *fault_of(const lg_adjoint_problem *p, const double *y0) {
     if (!p || p->size != sizeof *p) return "the problem was not initialised";
     if (!p->scheme || !p->ode || !p->bind || !p->source || !p->t || !p->h || !y0)
         return "an argument is NULL";
-    if (p->steps < 1) return "there are no steps";
+    if (p->steps < 1) return "the number of steps is 0";
     if (p->checkpoints > p->steps) return "more checkpoints than steps";
-    if (p->parameter_count > 0 && !p->parameters) return "parameters are counted but not given";
+    if (p->parameter_count > 0 && !p->parameters)
+        return "parameter_count is above 0, but `parameters` is NULL";
     if (p->ode->space.dim < 1 || p->ode->space.dim > UINT32_MAX || p->parameter_count > UINT32_MAX)
         return "a state or the parameters are too large";
     if (!finite_numbers(p->steps, p->t) || !finite_numbers(p->steps, p->h))
         return "a time or a step is not finite";
-    if (!finite_numbers(p->ode->space.dim, y0)) return "the start is not finite";
+    if (!finite_numbers(p->ode->space.dim, y0)) return "the initial state is not finite";
     if (!finite_numbers(p->parameter_count, p->parameters)) return "a parameter is not finite";
     return NULL;
 }
@@ -237,7 +238,8 @@ static lg_status open_adjoint(lg_adjoint *a, bool parameters) {
     const size_t rows = a->segments + 1 + a->longest + 2, extra = parameters ? p->parameter_count : 0;
     const lg_status status = lg_stepper_create(a->context, p->scheme, p->ode, &a->stepper);
     if (status != LG_OK)
-        return lg_fail(a->error, status, "scheme and equation: %s", lg_status_sentence(status));
+        return lg_fail(a->error, status, "the scheme cannot step this equation: %s",
+                       lg_status_sentence(status));
     if (rows <= SIZE_MAX / sizeof(double) / 2 / a->dim)
         a->memory = lg_alloc(a->context, rows * a->dim + extra, sizeof(double));
     if (!a->memory || lg_tape_create(a->context, NULL, &a->tape) != LG_OK)

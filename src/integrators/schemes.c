@@ -276,7 +276,7 @@ static double sum(const double *x, int n) {
 
 static const char *tableau_fault(const lg_scheme *s) {
     for (int i = 0; i < s->stages; i++) {
-        if (!near(sum(s->a[i], s->stages), s->c[i])) return "c_i is not the sum of row i of a";
+        if (!near(sum(s->a[i], s->stages), s->c[i])) return "a number of c is not the sum of its row of a";
         for (int j = i; j < s->stages; j++)
             if (s->a[i][j] != 0.0) return "the scheme is not explicit";
     }
@@ -285,37 +285,43 @@ static const char *tableau_fault(const lg_scheme *s) {
         return "the embedded weights do not sum to 1";
     bool differs = s->embedded_order == 0;
     for (int j = 0; j < s->stages; j++) differs = differs || s->embedded[j] != s->b[j];
-    if (!differs) return "the embedded weights are the weights: no error could be estimated";
+    if (!differs) return "the embedded weights are equal to the weights, so they cannot estimate the error";
     for (int j = 0; s->fsal && j < s->stages; j++)
-        if (!near(s->a[s->stages - 1][j], s->b[j])) return "fsal: the last row of a is not b";
-    if (s->fsal && s->stages < 2) return "fsal needs two stages";
+        if (!near(s->a[s->stages - 1][j], s->b[j])) return "fsal: the last row of a must be equal to b";
+    if (s->fsal && s->stages < 2) return "fsal needs at least two stages";
     return NULL;
 }
 
 static const char *commutator_fault(const lg_scheme *s) {
     if (s->commutator_count < 0 || (s->commutator_count > 0 && !s->commutators))
-        return "commutators are missing";
+        return "commutator_count is negative, or commutators is NULL";
     for (int i = 0; i < s->commutator_count; i++) {
         const lg_commutator *c = &s->commutators[i];
         if (c->row < 1 || c->row > s->stages) return "a commutator's row is out of range";
         if (c->first < 0 || c->first >= c->row || c->second < 0 || c->second >= c->row)
-            return "a commutator is not explicit";
+            return "a commutator uses a stage that its row does not know yet";
         if (!isfinite(c->weight)) return "a commutator's weight is not finite";
-        if (s->fsal && c->row == s->stages) return "fsal: the step's commutators belong to the last stage";
+        if (s->fsal && c->row == s->stages)
+            return "fsal: the row of the step cannot have commutators; give them to the row of the last "
+                   "stage";
     }
-    return s->commutator_count > 0 && s->dense_order > 0 ? "no dense output with commutators" : NULL;
+    return s->commutator_count > 0 && s->dense_order > 0
+               ? "a scheme with commutators cannot have dense output"
+               : NULL;
 }
 
 /* Checks b_i(1) = b_i for each i, and sum_i b_i(s) = s. */
 static const char *dense_fault(const lg_scheme *s) {
     double powers[LG_DENSE_POWERS] = {0.0};
-    if (s->dense_order < 1) return s->dense_order < 0 ? "the order is out of range" : NULL;
+    if (s->dense_order < 1) return s->dense_order < 0 ? "the order of dense output is negative" : NULL;
     for (int i = 0; i < s->stages; i++) {
-        if (!near(sum(s->dense[i], LG_DENSE_POWERS), s->b[i])) return "dense output does not end at b";
+        if (!near(sum(s->dense[i], LG_DENSE_POWERS), s->b[i]))
+            return "the weights of dense output at the end of the step are not b";
         for (int j = 0; j < LG_DENSE_POWERS; j++) powers[j] += s->dense[i][j];
     }
     for (int j = 0; j < LG_DENSE_POWERS; j++)
-        if (!near(powers[j], j == 0 ? 1.0 : 0.0)) return "the weights of dense output do not sum to s";
+        if (!near(powers[j], j == 0 ? 1.0 : 0.0))
+            return "the weights of dense output do not sum to s, the fraction of the step";
     return NULL;
 }
 
@@ -331,16 +337,16 @@ static const char *rkmk_fault(const lg_scheme *s) {
  * its base, must give `c`, the time of its point in units of h. */
 static const char *cf_row_fault(const lg_scheme *s, int index, int known, double c) {
     const lg_cf_row *row = &s->rows[index];
-    if (row->base < LG_CF_START || row->base >= known) return "a base is not an earlier stage";
+    if (row->base < LG_CF_START || row->base >= known) return "the base of a row must be an earlier stage";
     if (row->exponentials < 0 || row->exponentials > LG_SCHEME_MAX_EXPONENTIALS)
-        return "the number of exponentials is out of range";
+        return "a row has a negative or too large number of exponentials";
     double total = row->base == LG_CF_START ? 0.0 : s->c[row->base];
     for (int e = 0; e < row->exponentials; e++) {
         total += sum(row->coefficient[e], s->stages);
         for (int j = known; j < s->stages; j++)
             if (row->coefficient[e][j] != 0.0) return "the scheme is not explicit";
     }
-    return near(total, c) ? NULL : "the coefficients of a row do not sum to its time";
+    return near(total, c) ? NULL : "the coefficients of a row do not sum to the time of its stage";
 }
 
 static const char *cf_fault(const lg_scheme *s) {
@@ -360,7 +366,7 @@ static const char *splitting_fault(const lg_scheme *s) {
 }
 
 static const char *theta_fault(const lg_scheme *s) {
-    if (s->stages != 1) return "the scheme has one stage";
+    if (s->stages != 1) return "a scheme of this kind must have one stage";
     return s->theta >= 0.0 && s->theta <= 1.0 ? NULL : "theta is outside 0..1";
 }
 
@@ -373,10 +379,10 @@ static const char *variational_fault(const lg_scheme *s) {
 static const char *kind_fault(const lg_scheme *s) {
     const bool rkmk = s->kind == LG_SCHEME_RKMK;
     if (s->embedded_order > 0 && !rkmk && s->kind != LG_SCHEME_COMMUTATOR_FREE)
-        return "this kind has no embedded solution";
-    if (s->dense_order != 0 && !rkmk) return "this kind has no dense output";
-    if (s->commutator_count != 0 && !rkmk) return "this kind has no commutators";
-    return s->project && !s->ambient ? "only ambient schemes project" : NULL;
+        return "a scheme of this kind cannot have an embedded solution";
+    if (s->dense_order != 0 && !rkmk) return "a scheme of this kind cannot have dense output";
+    if (s->commutator_count != 0 && !rkmk) return "a scheme of this kind cannot have commutators";
+    return s->project && !s->ambient ? "project is for ambient schemes only" : NULL;
 }
 
 lg_status lg_scheme_check(const lg_scheme *scheme, lg_error *error) {

@@ -64,7 +64,7 @@ lg_status lg_space_read(const char *text, lg_space *out, lg_error *error) {
     do {
         const char *begin = at;
         if (count == LG_SPACE_MAX_FACTORS)
-            return lg_fail(error, LG_FORMAT, "a space has at most %d factors", LG_SPACE_MAX_FACTORS);
+            return lg_fail(error, LG_FORMAT, "a space can have at most %d factors", LG_SPACE_MAX_FACTORS);
         if (!take_factor(&at, &factors[count++]) || (*at != '\0' && strncmp(at, next, strlen(next)) != 0))
             return lg_fail(
                 error, LG_FORMAT,
@@ -72,6 +72,6 @@ lg_status lg_space_read(const char *text, lg_space *out, lg_error *error) {
                 begin);
     } while (take(&at, next));
     if (lg_space_init(out, factors, count) != LG_OK)
-        return lg_fail(error, LG_FORMAT, "'%.40s' has more copies than a space may have", text);
+        return lg_fail(error, LG_FORMAT, "'%.40s' has more copies of a factor than a space can have", text);
     return LG_OK;
 }

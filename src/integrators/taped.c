@@ -36,7 +36,7 @@ static lg_status half_field(const run *r, lg_taped_half_field of, const lg_taped
     LG_TRY(of(r->ode->user, r->tape, *t, half, r->over.input, out));
     const lg_shape wanted = lg_var_shape(r->tape, half), given = lg_var_shape(r->tape, *out);
     if (lg_is_none(*out) || !lg_same_shape(&wanted, &given))
-        (void)lg_tape_fail(r->tape, LG_SHAPE, "field", "a force or velocity has another shape than q and p");
+        (void)lg_tape_fail(r->tape, LG_SHAPE, "field", "a force or velocity must have the shape of q and p");
     return lg_tape_status(r->tape);
 }
 
@@ -250,13 +250,14 @@ static lg_status check_space(lg_tape *tape, const lg_scheme *scheme, const lg_ta
     if (kind == LG_SCHEME_VARIATIONAL)
         return refuse(tape, LG_UNSUPPORTED, "a variational scheme cannot be recorded");
     if (flat && !lg_space_is_abelian(&ode->space))
-        return refuse(tape, LG_UNSUPPORTED, "the scheme is for R^n, and the space is another one");
+        return refuse(tape, LG_UNSUPPORTED, "the scheme is for R^n only, but the space is not R^n");
     if (kind == LG_SCHEME_SPLITTING && !splits(&ode->space))
-        return refuse(tape, LG_UNSUPPORTED, "a splitting scheme is for R^n x R^n or R^2n");
+        return refuse(tape, LG_UNSUPPORTED, "a splitting scheme needs the space R^n x R^n or R^2n");
     if (kind == LG_SCHEME_SLGI && !lg_slgi_fits(&ode->space))
-        return refuse(tape, LG_UNSUPPORTED, "the scheme is for T*G, and the space is another one");
+        return refuse(tape, LG_UNSUPPORTED, "the scheme is for T*G only, but the space is not T*G");
     if (scheme->project && ode->manifold.factors > 0 && ode->manifold.dim != ode->space.dim)
-        return refuse(tape, LG_INVALID_ARGUMENT, "the manifold has another dimension than the space");
+        return refuse(tape, LG_INVALID_ARGUMENT,
+                      "the dimension of the manifold differs from the dimension of the space");
     return LG_OK;
 }
 
@@ -267,9 +268,10 @@ static lg_status check(lg_tape *tape, const lg_scheme *scheme, const lg_taped_od
     if (lg_scheme_check(scheme, &why) != LG_OK) return refuse(tape, why.status, why.message);
     LG_TRY(check_space(tape, scheme, ode));
     if (scheme->kind == LG_SCHEME_SPLITTING && (ode->force == NULL || ode->velocity == NULL))
-        return refuse(tape, LG_INVALID_ARGUMENT, "the force or the velocity is missing");
+        return refuse(tape, LG_INVALID_ARGUMENT,
+                      "a splitting scheme needs `force` and `velocity`, but one of them is NULL");
     if (scheme->kind != LG_SCHEME_SPLITTING && ode->field == NULL)
-        return refuse(tape, LG_INVALID_ARGUMENT, "the field is missing");
+        return refuse(tape, LG_INVALID_ARGUMENT, "the scheme needs `field`, which is NULL");
     (void)lg_taped_fits(tape, &ode->space, false, y, NULL, "step");
     return lg_tape_status(tape);
 }
@@ -288,10 +290,14 @@ static lg_status make_span(lg_tape *tape, const lg_space *space, const lg_taped_
                            lg_taped_span *out) {
     const uint32_t batch = lg_var_shape(tape, state).dims[0];
     const bool constant = lg_is_none(over->h_rows);
-    check_rows(tape, over->t.rows, batch, 1, "the time is not (B, 1) with the state's B");
-    check_rows(tape, over->t.step, batch, 1, "the time is not (B, 1) with the state's B");
-    check_rows(tape, over->h_rows, batch, 1, "the step size is not (B, 1) with the state's B");
-    check_rows(tape, over->input, batch, 0, "the input is not (B, m) with the state's B");
+    check_rows(tape, over->t.rows, batch, 1,
+               "the time must have shape (B, 1), where B is the state's number of rows");
+    check_rows(tape, over->t.step, batch, 1,
+               "the time must have shape (B, 1), where B is the state's number of rows");
+    check_rows(tape, over->h_rows, batch, 1,
+               "the step size must have shape (B, 1), where B is the state's number of rows");
+    check_rows(tape, over->input, batch, 0,
+               "the input must have shape (B, m), where B is the state's number of rows");
     LG_TRY(lg_tape_status(tape));
     *out = (lg_taped_span){
         .t = over->t, .h = constant ? over->h : 1.0, .rows = over->h_rows, .input = over->input};
@@ -342,7 +348,8 @@ lg_status lg_taped_integrate(lg_tape *tape, const lg_scheme *scheme, const lg_ta
     lg_parts y;
     LG_TRY(start(tape, scheme, ode, y0, out, &r));
     if (steps == 0 || every == 0 || steps % every != 0)
-        return refuse(tape, LG_INVALID_ARGUMENT, "there are no steps, or no multiple of those that are kept");
+        return refuse(tape, LG_INVALID_ARGUMENT,
+                      "`steps` and `every` must be above 0, and `steps` must be a multiple of `every`");
     for (size_t p = 0; p < r.parts; p++) y.part[p] = y0[p];
     for (size_t n = 0; n < steps; n++) {
         r.continues = n + 1 < steps;

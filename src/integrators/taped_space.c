@@ -274,7 +274,8 @@ static lg_status split(lg_tape *tape, const lg_space *space, side which, lg_var 
     if (lg_is_none(y))
         (void)lg_tape_fail(tape, LG_STALE_HANDLE, "split", "the state is LG_NONE");
     else if (shape.rank != 2 || shape.dims[1] != dim)
-        (void)lg_tape_fail(tape, LG_SHAPE, "split", "the state is not (B, dim) of the space");
+        (void)lg_tape_fail(tape, LG_SHAPE, "split",
+                           "the state must have shape (B, dim), where dim is the dimension of the space");
     FOR_FACTORS(space, f, row, at) {
         const uint32_t *width = widths(row, which), count = (uint32_t)space->factor[f].count;
         const uint32_t length = count * (width[0] + width[1]);
@@ -378,7 +379,8 @@ lg_status lg_taped_dexpinv(lg_tape *tape, const lg_space *space, int truncation,
                            const lg_var *b, lg_var *out) {
     LG_TRY(lg_tape_needs(tape, "dexpinv", space != NULL && a != NULL && b != NULL && out != NULL));
     if (truncation < LG_DEXPINV_EXACT || truncation > LG_DEXPINV_MAX)
-        (void)lg_tape_fail(tape, LG_INVALID_ARGUMENT, "dexpinv", "there is no such truncation");
+        (void)lg_tape_fail(tape, LG_INVALID_ARGUMENT, "dexpinv",
+                           "the truncation must be LG_DEXPINV_EXACT or 0 to LG_DEXPINV_MAX");
     if (!fit(tape, space, true, a, b, "dexpinv")) return lg_tape_status(tape);
     FOR_FACTORS(space, f, row, at) {
         if (row->dexpinv == NULL)

@@ -12,7 +12,8 @@ lg_var lg_taped_time_rows(lg_tape *tape, lg_taped_time t, uint32_t batch) {
     lg_var sum = n == 1 && c[0] == 1.0 ? terms[0] : lg_linear_combination(tape, terms, c, n);
     const lg_shape shape = lg_var_shape(tape, sum);
     if (!lg_is_none(sum) && (shape.rank != 2 || shape.dims[0] != batch || shape.dims[1] != 1))
-        return lg_tape_fail(tape, LG_SHAPE, "time", "it is not (B, 1) with the rows asked for");
+        return lg_tape_fail(tape, LG_SHAPE, "time",
+                            "the time must have shape (B, 1), where B is the wanted number of rows");
     return t.value != 0.0 ? lg_add_scalar(tape, sum, t.value) : sum;
 }
 

@@ -606,15 +606,15 @@ TEST("invalid problems are refused with a message, and nothing is written") {
     WITH(p.source = NULL, "NULL");
     WITH(p.t = NULL, "NULL");
     WITH(p.h = NULL, "NULL");
-    WITH(p.steps = 0, "no steps");
+    WITH(p.steps = 0, "the number of steps is 0");
     WITH(p.checkpoints = STEPS + 1, "checkpoints");
-    WITH(p.parameters = NULL, "not given");
+    WITH(p.parameters = NULL, "`parameters` is NULL");
     WITH(p.h = bad, "finite");
     WITH(p.t = bad, "finite");
 #undef WITH
     assert_status(lg_adjoint_gradient(NULL, &good, NULL, NULL, NULL, NULL, NULL, NULL), LG_INVALID_ARGUMENT);
     s.y0[3] = INFINITY;
-    refused_setup(&s, LG_INVALID_ARGUMENT, "start");
+    refused_setup(&s, LG_INVALID_ARGUMENT, "initial state");
     s = chain_setup("rkmk4");
     s.parameters[1] = NAN;
     refused_setup(&s, LG_INVALID_ARGUMENT, "parameter");
@@ -625,7 +625,7 @@ TEST("invalid problems are refused with a message, and nothing is written") {
     refused_setup(&s, LG_INVALID_ARGUMENT, "dimension");
     s = chain_setup("rkmk4");
     s.bind_shift = 1e-4; /* the gradient would be taken at other parameters */
-    refused_setup(&s, LG_INVALID_ARGUMENT, "form that the tape records");
+    refused_setup(&s, LG_INVALID_ARGUMENT, "the recorded and the plain equation differ");
     s = chain_setup("rkmk4");
     s.taped.field = NULL;
     refused_setup(&s, LG_INVALID_ARGUMENT, "step 1");

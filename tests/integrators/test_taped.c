@@ -621,8 +621,8 @@ TEST("schemes, spaces and functions that do not fit are refused, and the tape ke
                 {"rk4", "stormer-verlet", LG_UNSUPPORTED, "R^n x R^n or R^2n"},
                 {"cf4", "slgi", LG_UNSUPPORTED, "for T*G"},
                 {"cf4", "variational", LG_UNSUPPORTED, "cannot be recorded"},
-                {"stormer-verlet", "rk4", LG_INVALID_ARGUMENT, "the field is missing"},
-                {"midpoint", "stormer-verlet", LG_INVALID_ARGUMENT, "the force or the velocity is missing"}};
+                {"stormer-verlet", "rk4", LG_INVALID_ARGUMENT, "the scheme needs `field`"},
+                {"midpoint", "stormer-verlet", LG_INVALID_ARGUMENT, "needs `force` and `velocity`"}};
     static pair p;
     lg_var y[LG_TAPED_MAX_PARTS], out[4 * LG_TAPED_MAX_PARTS] = {LG_NONE};
     lg_tape *tape = test_tape(LG_F64);
@@ -630,7 +630,7 @@ TEST("schemes, spaces and functions that do not fit are refused, and the tape ke
         const lg_scheme *other = lg_scheme_find(rows[i].other);
         make_pair(&p, lg_scheme_find(rows[i].scheme));
         if (strcmp(rows[i].words, "R^n x R^n or R^2n") == 0) assert_ok(lg_space_init_rn(&p.taped.space, 3));
-        if (strcmp(rows[i].words, "the force or the velocity is missing") == 0)
+        if (strcmp(rows[i].words, "needs `force` and `velocity`") == 0)
             assert_ok(lg_space_init_rn(&p.taped.space, 4));
         for (int integrates = 0; integrates < 2; integrates++) {
             lg_tape_reset(tape);
@@ -651,7 +651,7 @@ TEST("schemes, spaces and functions that do not fit are refused, and the tape ke
         REFUSED(tape,
                 lg_taped_integrate(tape, lg_scheme_find("cf4"), &p.taped, 0, 0.1, counts[i][0], counts[i][1],
                                    y, out),
-                LG_INVALID_ARGUMENT, "no steps, or no multiple");
+                LG_INVALID_ARGUMENT, "`steps` must be a multiple of `every`");
     }
     for (int truncation = -2; truncation < 12; truncation += 13) {
         fresh_state(tape, &p, y);
@@ -890,14 +890,14 @@ typedef struct bad_interval {
 
 TEST("times, steps and inputs of a wrong shape are refused") {
     static const bad_interval rows[] = {
-        {.rows = {1, {BATCH}}, .fault = "the time is not (B, 1)"},
-        {.rows = {2, {BATCH, 2}}, .fault = "the time is not (B, 1)"},
-        {.step = {2, {1, 1}}, .fault = "the time is not (B, 1)"},
-        {.h = {2, {BATCH + 1, 1}}, .fault = "the step size is not (B, 1)"},
-        {.h = {2, {1, 1}}, .fault = "the step size is not (B, 1)"},
-        {.h = {3, {BATCH, 1, 1}}, .fault = "the step size is not (B, 1)"},
-        {.input = {2, {1, 4}}, .fault = "the input is not (B, m)"},
-        {.input = {1, {BATCH}}, .fault = "the input is not (B, m)"},
+        {.rows = {1, {BATCH}}, .fault = "the time must have shape (B, 1)"},
+        {.rows = {2, {BATCH, 2}}, .fault = "the time must have shape (B, 1)"},
+        {.step = {2, {1, 1}}, .fault = "the time must have shape (B, 1)"},
+        {.h = {2, {BATCH + 1, 1}}, .fault = "the step size must have shape (B, 1)"},
+        {.h = {2, {1, 1}}, .fault = "the step size must have shape (B, 1)"},
+        {.h = {3, {BATCH, 1, 1}}, .fault = "the step size must have shape (B, 1)"},
+        {.input = {2, {1, 4}}, .fault = "the input must have shape (B, m)"},
+        {.input = {1, {BATCH}}, .fault = "the input must have shape (B, m)"},
     };
     static pair p;
     const lg_scheme *cf4 = lg_scheme_find("cf4");
@@ -941,7 +941,7 @@ TEST("a projection to a manifold that does not fit is refused") {
     assert_ok(lg_taped_step(tape, scheme, &p.taped, 0, 0.1, &y, &out));
     assert_ok(lg_space_init(&p.taped.manifold, &(lg_space_factor){LG_SPACE_TS2, 1}, 1));
     REFUSED(tape, lg_taped_step(tape, scheme, &p.taped, 0, 0.1, &y, &out), LG_INVALID_ARGUMENT,
-            "the manifold has another dimension");
+            "the dimension of the manifold differs");
 }
 
 /* y' = 1 + y^2: for h > 1/2 and y0 = 0 the equation y1 = y0 + h (1 + y1^2) has no real solution. */

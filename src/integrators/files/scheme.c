@@ -161,8 +161,9 @@ static lg_status read_stages(reader *r, enum key_index key, size_t stages, doubl
     size_t count = 0;
     LG_TRY(read_list(r, node, key, stages, out, &count));
     if (count == stages) return LG_OK;
-    return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "%s: %zu numbers for %zu stages",
-                        keys[key].name, count, stages);
+    return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
+                        "%s: %zu numbers are given, expected one for each of the %zu stages", keys[key].name,
+                        count, stages);
 }
 
 /* Sets the number of stages to the length of the key's list, minus `more`. */
@@ -171,7 +172,7 @@ static lg_status count_stages(reader *r, enum key_index key, size_t more) {
     const size_t stages = items_of(node) - (items_of(node) > more ? more : items_of(node));
     if (stages < 1 || stages > LG_SCHEME_MAX_STAGES)
         return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
-                            "%s: %zu stages, 1 to %d are possible", keys[key].name, stages,
+                            "%s: the scheme has %zu stages, expected 1 to %d", keys[key].name, stages,
                             LG_SCHEME_MAX_STAGES);
     r->out->scheme.stages = (int)stages;
     return LG_OK;
@@ -216,7 +217,7 @@ static lg_status read_dexpinv(reader *r) {
     const bool exact = strcmp(value->text, "exact") == 0;
     if (!exact && (lg_integer_parse(value->text, &terms) != LG_OK || terms > LG_DEXPINV_MAX))
         return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error,
-                            "dexpinv: '%s' is neither exact nor a whole number of at most %d", value->text,
+                            "dexpinv: '%s' is neither `exact` nor a whole number from 0 to %d", value->text,
                             LG_DEXPINV_MAX);
     r->out->scheme.dexpinv = exact ? LG_DEXPINV_EXACT : (int)terms;
     return LG_OK;
@@ -271,7 +272,8 @@ static lg_status read_mapped_row(reader *r, const yaml_node_t *node, enum key_in
         const char *text = name->type == YAML_SCALAR_NODE ? (const char *)name->data.scalar.value : "";
         const unsigned bit = strcmp(text, "base") == 0 ? 1U : strcmp(text, "exponentials") == 0 ? 2U : 0U;
         if (bit == 0 || (seen & bit) != 0)
-            return fail_at(r, name, key, "`base` and `exponentials` are expected, once");
+            return fail_at(r, name, key,
+                           "the keys `base` and `exponentials` are expected, each at most once");
         seen |= bit;
         if (bit == 2U) {
             LG_TRY(read_exponentials(r, value, key, row));
@@ -301,7 +303,8 @@ static lg_status read_rows(reader *r) {
         LG_TRY(read_row(r, item_of(r, node, (size_t)i), KEY_ROWS, row));
         if (i == s->stages) break;
         if (row->base >= i)
-            return fail_at(r, item_of(r, node, (size_t)i), KEY_ROWS, "base is not an earlier stage");
+            return fail_at(r, item_of(r, node, (size_t)i), KEY_ROWS,
+                           "base must be the number of an earlier stage");
         s->c[i] = row->base >= 0 ? s->c[row->base] : 0;
         for (int e = 0; e < row->exponentials; e++) s->c[i] += sum(row->coefficient[e], LG_SCHEME_MAX_STAGES);
     }
@@ -333,7 +336,7 @@ static lg_status check_keys(reader *r, file_kind kind) {
     const uint32_t weights = r->values[KEY_EMBEDDED].line, order = r->values[KEY_EMBEDDED_ORDER].line;
     if ((weights > 0) != (order > 0))
         return lg_yaml_fail(r->yaml, weights > 0 ? weights : order, LG_FORMAT, r->error,
-                            "embedded and embedded_order belong together");
+                            "embedded and embedded_order must be given together");
     return LG_OK;
 }
 
@@ -373,7 +376,7 @@ static lg_status read_scheme(reader *r) {
 
 lg_status lg_scheme_read(const lg_context *context, const char *path, lg_scheme **out, lg_error *error) {
     lg_yaml *yaml = NULL;
-    if (out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "out is NULL");
+    if (out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "`out` is NULL");
     LG_TRY(lg_yaml_open(context, path, &yaml, error));
     reader *r = lg_alloc(context, 1, sizeof *r);
     scheme_file *file = lg_alloc(context, 1, sizeof *file);
