@@ -52,7 +52,7 @@ void lg_ensemble_options_init(lg_ensemble_options *options) {
 static lg_status check_times(const lg_ensemble_options *o, lg_error *error) {
     if (!o->times || o->count < 1 || !(o->times[0] >= 0.0) || !(o->times[o->count - 1] > 0.0))
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "an ensemble needs times from 0 on, and a final time above 0");
+                       "an ensemble needs times that are 0 or later, and a last time above 0");
     for (size_t i = 0; i < o->count; i++)
         if (!isfinite(o->times[i]) || (i > 0 && !(o->times[i] > o->times[i - 1])))
             return lg_fail(error, LG_INVALID_ARGUMENT, "the times of an ensemble do not ascend at index %zu",
@@ -62,14 +62,19 @@ static lg_status check_times(const lg_ensemble_options *o, lg_error *error) {
 
 static lg_status check_events(const lg_ensemble_options *o, size_t dim, lg_error *error) {
     if (o->event_count > LG_EVENTS_MAX || (o->event_count > 0 && !o->events))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "more than %d events, or none given", LG_EVENTS_MAX);
+        return lg_fail(error, LG_INVALID_ARGUMENT, "event_count is above %d, or `events` is NULL",
+                       LG_EVENTS_MAX);
     for (size_t e = 0; e < o->event_count; e++) {
         const lg_ensemble_event *event = &o->events[e];
         bool sound = event->terms >= 1 && event->terms <= LG_EVENT_TERMS && isfinite(event->level) &&
                      event->direction >= -1 && event->direction <= 1;
         for (size_t i = 0; sound && i < event->terms; i++)
             sound = event->index[i] < dim && isfinite(event->weight[i]);
-        if (!sound) return lg_fail(error, LG_INVALID_ARGUMENT, "event %zu does not fit the state", e);
+        if (!sound)
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "event %zu has a wrong number of terms, an index outside the state, a number that "
+                           "is not finite, or a wrong direction",
+                           e);
     }
     return LG_OK;
 }
@@ -82,7 +87,7 @@ static lg_status check_steps(const lg_ensemble_options *o, lg_error *error) {
         const double n = o->times[i] / h;
         if (fabs(n - round(n)) > 1e-9 + 4.0 * DBL_EPSILON * n)
             return lg_fail(error, LG_INVALID_ARGUMENT,
-                           "the time %.17g is no multiple of the step %.17g, and '%s' has no dense output",
+                           "the time %.17g is not a multiple of the step %.17g, and '%s' has no dense output",
                            o->times[i], h, o->scheme->name);
     }
     return LG_OK;
@@ -105,12 +110,15 @@ static lg_status prepare(ensemble *all, lg_error *error) {
     LG_TRY(check_events(o, system->space.dim, error));
     LG_TRY(check_steps(o, error));
     if (o->threads < 1 || o->threads > 1024)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%d threads", o->threads);
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the number of threads is %d, expected 1 to 1024",
+                       o->threads);
     if (o->steps == 0 && o->scheme->embedded_order < 1)
-        return lg_fail(error, LG_UNSUPPORTED, "'%s' does not estimate its error: it needs a number of steps",
+        return lg_fail(error, LG_UNSUPPORTED,
+                       "'%s' does not estimate its error, so it needs a number of equal steps",
                        o->scheme->name);
     if (o->steps == 0 && !lg_step_controller_valid(&o->control))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the step control of an ensemble is not valid");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the step control of the ensemble is not valid: start from lg_step_controller_init");
     o->control.observe = NULL;
     o->control.dense = true;
     all->plan = (lg_lane_plan){
@@ -341,7 +349,9 @@ lg_status lg_ensemble_run(const lg_context *context, const lg_system *system,
                           const lg_ensemble_options *options, lg_ensemble_start start, void *start_user,
                           lg_ensemble_keep keep, void *keep_user, lg_ensemble_stats *stats, lg_error *error) {
     if (!system || !options || options->size != sizeof(*options) || options->members > SIZE_MAX / 2)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "an ensemble needs a system and options of this version");
+        return lg_fail(
+            error, LG_INVALID_ARGUMENT,
+            "the system or the options are NULL, the options' size is wrong, or there are too many members");
     ensemble all = {.context = context,
                     .system = system,
                     .options = *options,

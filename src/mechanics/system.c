@@ -71,11 +71,11 @@ static lg_status fail_row(const char *name, const char *form, lg_error *error) {
         else if (!row && (i == 0 || strcmp(rows[i]->name, rows[i - 1]->name) != 0))
             list_add(&known, rows[i]->name);
     if (!row)
-        return lg_fail(error, LG_NOT_FOUND, "there is no system \"%s\"; there are %s", name ? name : "(null)",
-                       known.text);
+        return lg_fail(error, LG_NOT_FOUND, "there is no system \"%s\"; the systems are %s",
+                       name ? name : "(null)", known.text);
     if (known.length == 0)
         return lg_fail(error, LG_NOT_FOUND, "%s has no form \"%s\"; it has one form only", name, form);
-    return lg_fail(error, LG_NOT_FOUND, "%s has no form \"%s\"; it has %s", name, form, known.text);
+    return lg_fail(error, LG_NOT_FOUND, "%s has no form \"%s\"; its forms are %s", name, form, known.text);
 }
 
 static lg_status fail_key(const char *system, const lg_parameter_entry *table, const char *key,
@@ -83,9 +83,9 @@ static lg_status fail_key(const char *system, const lg_parameter_entry *table, c
     list_text known = {.length = 0};
     for (const lg_parameter_entry *p = table; p->key; p++) list_add(&known, p->key);
     if (known.length == 0)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%s has no parameter \"%s\"; it has none", system,
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s has no parameter \"%s\"; it has no parameters", system,
                        key ? key : "(null)");
-    return lg_fail(error, LG_INVALID_ARGUMENT, "%s has no parameter \"%s\"; it has %s", system,
+    return lg_fail(error, LG_INVALID_ARGUMENT, "%s has no parameter \"%s\"; its parameters are %s", system,
                    key ? key : "(null)", known.text);
 }
 
@@ -115,8 +115,8 @@ lg_status lg_parameter_check(const lg_parameter_entry *p, const double *x, size_
             return lg_fail(error, LG_INVALID_ARGUMENT, "%s%s = %g is not a positive number", p->key, place,
                            x[i]);
         if (p->rule == LG_PARAMETER_ANGLE && !(fabs(x[i]) <= 3.14159265358979323846))
-            return lg_fail(error, LG_INVALID_ARGUMENT,
-                           "%s%s = %g is not an angle in radians, at most pi in size", p->key, place, x[i]);
+            return lg_fail(error, LG_INVALID_ARGUMENT, "%s%s = %g is not an angle in radians from -pi to pi",
+                           p->key, place, x[i]);
         square += x[i] * x[i];
     }
     if (p->rule == LG_PARAMETER_UNIT_VECTOR && !(fabs(sqrt(square) - 1.0) <= 1e-9))
@@ -155,7 +155,7 @@ static lg_status check_parameter(const lg_system_row *row, const lg_system_optio
     if (!given->values || given->count != n)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s: %zu number%s given, expected %zu%s", p->key,
                        given->values ? given->count : 0, given->values && given->count == 1 ? "" : "s", n,
-                       p->count == 0 ? ", one a link" : "");
+                       p->count == 0 ? ", one per link" : "");
     return lg_parameter_check(p, given->values, n, error);
 }
 
@@ -254,7 +254,7 @@ static bool has_links(const lg_system_row *row) {
 static lg_status check_options(const lg_system_row *row, const lg_system_options *options, size_t links,
                                lg_error *error) {
     if (has_links(row) && (links < 1 || links > LINKS_MAX))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "links = %zu is outside 1..%d", links, LINKS_MAX);
+        return lg_fail(error, LG_INVALID_ARGUMENT, "links = %zu is not in 1 to %d", links, LINKS_MAX);
     LG_TRY(check_keys(row, options, error));
     for (const lg_parameter_entry *p = row->parameters; p->key; p++)
         LG_TRY(check_parameter(row, options, p, links, error));
@@ -305,7 +305,8 @@ lg_status lg_system_create(const lg_context *context, const char *name, const lg
     lg_system_options_init(&defaults);
     if (!options) options = &defaults;
     if (options->size != sizeof(lg_system_options))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "system options of unknown size %zu", options->size);
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the size of the system's options is %zu, expected %zu",
+                       options->size, sizeof(lg_system_options));
     const lg_system_row *row = find_row(name, options->form);
     if (!row) return fail_row(name, options->form, error);
     const size_t links = has_links(row) ? options->links : 0;

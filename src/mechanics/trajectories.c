@@ -35,8 +35,8 @@ static const struct {
                               [LG_SPACE_SE3_DUAL] = {box_start, -1.0}};
 
 static const char *starts_fault(const lg_trajectory_options *o) {
-    if (o->size != sizeof(*o)) return "options of unknown size";
-    if ((unsigned)o->starts >= LG_STARTS_COUNT) return "unknown kind of starts";
+    if (o->size != sizeof(*o)) return "the size of the options is wrong: initialise the options first";
+    if ((unsigned)o->starts >= LG_STARTS_COUNT) return "the kind of the starts is unknown";
     if (o->starts == LG_STARTS_BOX && !(o->low < o->high && isfinite(o->low) && isfinite(o->high)))
         return "low must be below high";
     return NULL;
@@ -127,7 +127,7 @@ static const char *options_fault(const lg_trajectory_options *o) {
     if (o->points < 2) return "points must be at least 2";
     if (!(o->t_end > 0.0) || !isfinite(o->t_end)) return "t_end must be positive";
     if (!(o->noise >= 0.0) || !isfinite(o->noise)) return "noise must not be negative";
-    if ((unsigned)o->noise_kind > LG_NOISE_UNIFORM) return "unknown kind of noise";
+    if ((unsigned)o->noise_kind > LG_NOISE_UNIFORM) return "the kind of the noise is unknown";
     if (!(o->ahead >= 0.0) || !isfinite(o->ahead)) return "ahead must not be negative";
     if (o->segments < 1) return "segments must be at least 1";
     if (o->first % o->segments != 0) return "first must be a multiple of segments";

@@ -510,13 +510,13 @@ TEST("an ensemble refuses invalid options") {
     assert_status(lg_ensemble_run(NULL, system, &o, NULL, NULL, NULL, NULL, NULL, &error), status);          \
     assert_says(error.message, part)
     REFUSED(LG_INVALID_ARGUMENT, "ascend", o.times = down, o.count = 2);
-    REFUSED(LG_INVALID_ARGUMENT, "times from 0", o.times = before, o.count = 2);
-    REFUSED(LG_INVALID_ARGUMENT, "final time", o.count = 0);
+    REFUSED(LG_INVALID_ARGUMENT, "times that are 0 or later", o.times = before, o.count = 2);
+    REFUSED(LG_INVALID_ARGUMENT, "last time", o.count = 0);
     REFUSED(LG_INVALID_ARGUMENT, "event 0", o.events = &beyond, o.event_count = 1);
     REFUSED(LG_INVALID_ARGUMENT, "threads", o.threads = 0);
     REFUSED(LG_INVALID_ARGUMENT, "options", o.size = 1);
     REFUSED(LG_INVALID_ARGUMENT, "control", o.control.rtol = -1.0);
-    REFUSED(LG_UNSUPPORTED, "number of steps", o.scheme = lg_scheme_find("rk4"));
+    REFUSED(LG_UNSUPPORTED, "number of equal steps", o.scheme = lg_scheme_find("rk4"));
     REFUSED(LG_INVALID_ARGUMENT, "multiple of the step", o.scheme = lg_scheme_find("rk4"), o.steps = 7);
     REFUSED(LG_UNSUPPORTED, "", o.scheme = lg_scheme_find("slgi"), o.steps = 40);
 #undef REFUSED

@@ -595,7 +595,7 @@ TEST("rotations are projected if nearly orthogonal and refused otherwise") {
         assert_close(scene.state[8], 1, 0, 1e-15);
         assert_close(lg_space_manifold_error(lg_system_space(scene.system), scene.state), 0, 0, 1e-15);
         assert_refused(read_scene, file_of("top.yaml", test_text(tops[i], "1.00001")), LG_FORMAT,
-                       i == 0 ? "line 2" : "line 3", "no rotation");
+                       i == 0 ? "line 2" : "line 3", "not a rotation");
         assert_refused(read_scene, file_of("top.yaml", test_text(tops[i], "-1")), LG_FORMAT,
                        i == 0 ? "initial.R" : "initial.Q", "determinant is -1");
     }
@@ -633,7 +633,7 @@ TEST("an invalid scene is refused with its line and a word") {
         {"[0, 1, 0]]", "[0, one, 0]]", "line 9", "'one'"},
         {"[0, 1, 0]]", "0]", "line 9", "initial.q"},
         {"  p: [[0, 2, 0], [1, 0, -3]]\n", "  p: [[0, 2, 0]]\n", "line 10", "initial.p"},
-        {"  p: ", "  omega: [[0, 2, 0], [1, 0, -3]]\n  p: ", "line 8", "exclude"},
+        {"  p: ", "  omega: [[0, 2, 0], [1, 0, -3]]\n  p: ", "line 8", "not both"},
         {"t_end: 3", "t_end: 0", "line 11", "t_end"},
         {"t_end: 3", "t_end: -1", "line 11", "t_end"},
         {"t_end: 3", "t_end: 3 s", "line 11", "t_end"},

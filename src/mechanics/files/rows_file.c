@@ -94,7 +94,8 @@ static lg_status take_over(lg_rows_file *file, const char *scratch, lg_error *er
 lg_status lg_rows_file_create(const lg_context *context, const char *path, const lg_rows_options *options,
                               lg_rows_file **out, lg_error *error) {
     if (!path || !options || !out || options->rows < 1 || options->points < 1 || options->dim < 1)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "rows need a file and a shape");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "an argument is NULL, or the number of rows, points or numbers per state is 0");
     if (options->points > SIZE_MAX / 64 / options->dim ||
         options->rows > (uint64_t)INT64_MAX / 2 / (options->points * options->dim * sizeof(double)))
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s: too many numbers", lg_shown_path(path));
@@ -180,7 +181,9 @@ static lg_status look(void *user, lg_h5 *h5, lg_error *error) {
     LG_TRY(lg_h5_number(h5, "", "first", LG_ELEMENT_U64, &call->about.first, error));
     if (call->run) LG_TRY(lg_h5_text(h5, "", "ensemble", call->run, call->size, error));
     LG_TRY(lg_h5_look(h5, "trajectories", sizeof(double), &rows, error));
-    if (rows.rank != 3) return lg_fail(error, LG_FORMAT, "%s: /trajectories: rank is not 3", h5->path);
+    if (rows.rank != 3)
+        return lg_fail(error, LG_FORMAT,
+                       "%s: /trajectories: the rank must be 3: (rows, points, numbers per state)", h5->path);
     call->about.rows = rows.dims[0];
     call->about.points = rows.dims[1];
     call->about.dim = rows.dims[2];

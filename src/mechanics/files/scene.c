@@ -246,11 +246,11 @@ static lg_status count_links(reading *r, size_t at, size_t inner, const char **b
     else
         LG_TRY(lg_yaml_entries(r->yaml, &r->table->keys[at], value, inner, &count, r->error));
     if (count > MAX_LINKS)
-        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error, "%s: is for more than %d links", name,
-                            MAX_LINKS);
+        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error,
+                            "%s: gives more than %d links, the largest possible number", name, MAX_LINKS);
     if (r->links != 0 && count != r->links)
-        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error, "%s: is for %zu links, %s for %zu",
-                            name, count, *by, r->links);
+        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error,
+                            "%s: gives %zu links, but %s gives %zu", name, count, *by, r->links);
     r->links = count;
     *by = name;
     return LG_OK;
@@ -345,7 +345,8 @@ static lg_status read_starts(reading *r) {
     if (!out->has_starts) return LG_OK;
     uint32_t bounds = v[KEY_HIGH].line != 0 ? v[KEY_HIGH].line : v[KEY_LOW].line;
     if (bounds != 0 && out->starts != LG_STARTS_BOX)
-        return lg_yaml_fail(r->yaml, bounds, LG_FORMAT, r->error, "starts: low and high belong to kind: box");
+        return lg_yaml_fail(r->yaml, bounds, LG_FORMAT, r->error,
+                            "starts: low and high can be given with kind: box only");
     if (!(out->low < out->high))
         return lg_yaml_fail(r->yaml, bounds, LG_FORMAT, r->error, "starts: low must be below high");
     return LG_OK;
@@ -377,7 +378,7 @@ static lg_status read_scene(const lg_context *context, lg_yaml *yaml, const char
                             const lg_key_set *more, scene_table *table, lg_scene *out, lg_error *error) {
     const char *form;
     if (!lg_yaml_has(yaml, "system") && lg_yaml_has(yaml, "integrators"))
-        return lg_fail(error, LG_FORMAT, "%s: not a scene but a grid of `lg-hamiltonian study`",
+        return lg_fail(error, LG_FORMAT, "%s: this file is a grid for `lg-hamiltonian study`, not a scene",
                        lg_shown_path(lg_yaml_path(yaml)));
     LG_TRY(lg_yaml_name(yaml, &common_keys[KEY_SYSTEM], &table->values[KEY_SYSTEM], error));
     const char *system = system_name((uint32_t)table->values[KEY_SYSTEM].real[0]);
@@ -406,7 +407,7 @@ lg_status lg_scene_from(const lg_context *context, lg_yaml *yaml, const char *fo
 lg_status lg_scene_read(const lg_context *context, const char *path, const char *form_wanted, lg_scene *out,
                         lg_error *error) {
     lg_yaml *yaml;
-    if (out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "a scene is read into something");
+    if (out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "`out` is NULL");
     LG_TRY(lg_yaml_open(context, path, &yaml, error));
     const lg_status status = lg_scene_from(context, yaml, form_wanted, NULL, out, error);
     lg_yaml_close(yaml);

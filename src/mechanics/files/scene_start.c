@@ -60,7 +60,7 @@ static lg_status check_alternatives(const reading *r, start *s) {
     if ((own->line != 0) != s->other) return LG_OK;
     if (s->other)
         return lg_yaml_fail(r->yaml, r->out->line_initial, LG_FORMAT, r->error,
-                            "initial: %s and %s exclude each other", table->own_key, table->other_key);
+                            "initial: give either %s or %s, not both", table->own_key, table->other_key);
     return lg_yaml_fail(r->yaml, r->out->line_initial, LG_FORMAT, r->error,
                         "key 'initial.%s' (or 'initial.%s') is missing", table->own_key, table->other_key);
 }
@@ -109,7 +109,8 @@ static lg_status place_on_sphere(const reading *r, start *s, size_t at) {
     if (!(off_tangent <= OFF_MANIFOLD)) {
         const char *key = find_source(r, s, at + 3, &block);
         return lg_yaml_fail(r->yaml, s->lines[at + 3], LG_FORMAT, r->error,
-                            "%s: row %zu is not orthogonal to q: their product is %.9g", key, block, along);
+                            "%s: row %zu is not orthogonal to q: their dot product is %.9g, expected 0", key,
+                            block, along);
     }
     if (off_tangent <= ROUNDING) along = 0;
     for (int i = 0; i < 3; i++) w[i] -= along * q[i];
@@ -131,11 +132,10 @@ static lg_status place_rotation(const reading *r, start *s, size_t at) {
     if (!(off <= OFF_MANIFOLD)) {
         size_t block;
         const char *key = find_source(r, s, at, &block);
-        return lg_yaml_fail(
-            r->yaml, s->lines[at], LG_FORMAT, r->error,
-            "%s: matrix %zu is no rotation: its transpose times itself is off the identity by "
-            "%.3g, its determinant is %.9g",
-            key, block, off, det);
+        return lg_yaml_fail(r->yaml, s->lines[at], LG_FORMAT, r->error,
+                            "%s: matrix %zu is not a rotation: its transpose times itself differs from the "
+                            "identity by %.3g, and its determinant is %.9g",
+                            key, block, off, det);
     }
     if (off > ROUNDING) so3->project(1, rotation);
     note(r->out, off);
@@ -172,7 +172,7 @@ static lg_status convert(const reading *r, start *s) {
     lg_free(r->context, work);
     if (status == LG_OK) return LG_OK;
     return lg_yaml_fail(r->yaml, r->out->line_initial, LG_FORMAT, r->error,
-                        "initial: %s does not follow from %s: %s", r->table->own_key, r->table->other_key,
+                        "initial: %s cannot be computed from %s: %s", r->table->own_key, r->table->other_key,
                         lg_status_sentence(status));
 }
 
