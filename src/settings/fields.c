@@ -248,8 +248,8 @@ static size_t number_text(const lg_field *row, const char *text, char *out, size
     const bool list = is_list(row), whole = row->type == LG_FIELD_WHOLES || is_whole(row);
     const bool low = row->low > -1e300, high = row->high < 0x1p63 || exceeds(row, text);
     char bound[32];
-    size_t used = (size_t)snprintf(out, size, "%s%s", list ? "a list, separated by commas, of: " : "",
-                                   whole ? "a whole number" : "a number");
+    size_t used = (size_t)snprintf(out, size, "%s%s%s", list ? "a list of " : "a ",
+                                   whole ? "whole number" : "number", list ? "s" : "");
     bound_text(row->low, bound);
     if (low)
         used +=
@@ -260,6 +260,7 @@ static size_t number_text(const lg_field *row, const char *text, char *out, size
     else if (high)
         used +=
             (size_t)snprintf(out + used, size - used, " %s %s", low ? "and at most" : "of at most", bound);
+    if (list) used += (size_t)snprintf(out + used, size - used, ", separated by commas");
     return used;
 }
 
@@ -364,8 +365,9 @@ static lg_status set_list(const lg_field *row, const char *text, void *run, lg_e
     for (const char *c = text; *c != '\0'; c++) items += *c == ',';
     const uint32_t most = row->most > 0 ? row->most : LG_FIELD_LIST_MAX;
     if (items > most)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a list of %u numbers is too long: at most %u%s%s", items,
-                       most, row->longer != NULL ? "; " : "", row->longer != NULL ? row->longer : "");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "a list of %u numbers is too long; at most %u are allowed%s%s", items, most,
+                       row->longer != NULL ? "; " : "", row->longer != NULL ? row->longer : "");
     const char *at = text;
     for (uint32_t i = 0; i < items; i++) {
         const size_t length = strcspn(at, ",");

@@ -12,12 +12,12 @@
              .phrase = lg_plan_show, .value_name = lg_plan_name_##losses_,                                   \
              .form = "phases as in adam:100,ssbroyden", .optional = true, .methods = methods_,               \
              VALUE("adam"), .unit = "M",                                                                     \
-             .meaning = "Method of training; an epoch of the others is one "                                 \
-                        "evaluation of the loss of all data"),                                               \
+             .meaning = "Method of training; with a method other than adam an epoch is one evaluation of "   \
+                        "the loss on all data"),                                                             \
         TRAINING(run_, dtype, NAME, LG_NAMES([LG_F64] = "f64", [LG_F32] = "f32"), .methods = methods_,       \
                  VALUE("f64"), .meaning = "Type of the weights in training"),                                \
         TRAINING(run_, epochs, U64, .low = 1, .high = 1e9, .methods = methods_, VALUE("100"), .unit = "E",   \
-                 .meaning = "Planned total number of epochs, those before a resume included"),               \
+                 .meaning = "Planned total number of epochs, including the epochs before a resume"),         \
         TRAINING(run_, batch, U64, .adam = true, .low = 1, .high = 1e9, .methods = methods_, VALUE("80"),    \
                  .unit = "B", .meaning = samples " in a batch"),                                             \
         TRAINING(run_, lr, REAL, .adam = true, .high = 1e3, .above = true, .methods = methods_,              \
@@ -26,26 +26,30 @@
                  .methods = methods_, VALUE("step"), .meaning = "Schedule of the learning rate"),            \
         TRAINING(run_, lr_step, U64, .adam = true, .low = 1, .high = 1e9, .methods = methods_, VALUE("50"),  \
                  .unit = "E",                                                                                \
-                 .meaning = "step: number of epochs after which the rate is multiplied by --lr-gamma"),      \
-        TRAINING(run_, lr_gamma, REAL, .adam = true, .high = 1, .methods = methods_, VALUE("0.1"),           \
-                 .unit = "G", .meaning = "step: that factor, above 0; cosine: the last factor"),             \
+                 .meaning =                                                                                  \
+                     "Schedule step: number of epochs after which the rate is multiplied by --lr-gamma"),    \
+        TRAINING(                                                                                            \
+            run_, lr_gamma, REAL, .adam = true, .high = 1, .methods = methods_, VALUE("0.1"), .unit = "G",   \
+            .meaning =                                                                                       \
+                "Schedule step: this factor, above 0; schedule cosine: the factor of the rate at the end"),  \
         TRAINING(run_, weight_decay, REAL, .high = 1e3, .methods = methods_, VALUE("0"), .unit = "W",        \
                  .meaning = "L2 penalty in the gradient"),                                                   \
         TRAINING(run_, prior, REAL, .high = 1e6, .optional = true, .methods = methods_, VALUE("0"),          \
                  .unit = "S",                                                                                \
-                 .meaning = "Standard deviation of the weights before any data: with it "                    \
-                            "ssbroyden and lbfgs do not learn the noise of the data; 0 for none"),           \
+                 .meaning = "Standard deviation of a Gaussian prior of the weights, so that ssbroyden and "  \
+                            "lbfgs do not learn the noise of the data; 0 for no prior"),                     \
         TRAINING(run_, adam_eps, REAL, .adam = true, .high = 1, .above = true, .methods = methods_,          \
                  VALUE("1e-12"), .unit = "EPS", .meaning = "Adam's eps"),                                    \
         TRAINING(run_, clip, REAL, .adam = true, .high = 1e300, .methods = methods_, VALUE("1e-3"),          \
-                 .unit = "NORM", .meaning = "Bound on the gradient's norm, 0 for none"),                     \
+                 .unit = "NORM", .meaning = "Bound on the gradient's norm; 0 for no bound"),                 \
         TRAINING(run_, shards, U32, .high = 1024, .methods = methods_, VALUE("0"), .unit = "n",              \
-                 .meaning = "Pieces of a batch that threads work on, 0: by the work, 1 to 4; the bits "      \
-                            "of the result depend on it"),                                                   \
+                 .meaning = "Number of pieces of a batch, which threads work on; 0 chooses 1 to 4 by the "   \
+                            "amount of work; the bits of the result depend on this number"),                 \
         TRAINING(run_, patience, U64, .high = 1e9, .optional = true, .methods = methods_, VALUE("0"),        \
                  .unit = "E",                                                                                \
-                 .meaning = "Stop after so many epochs, or accepted steps of the other methods than Adam, "  \
-                            "without a lower loss, of the validation part if there is one; 0 for never"),    \
+                 .meaning =                                                                                  \
+                     "Stop after this many epochs (adam) or accepted steps (other methods) without a lower " \
+                     "loss, which is the loss of the validation part if there is one; 0 for never"),         \
         TRAINING(run_, seed, U64, .high = 0x1p64, .option = "", .value = "1", .unit = "S",                   \
                  .meaning = "Seed of all random numbers")
 #define VALIDATION                                                                                           \

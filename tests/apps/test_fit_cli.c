@@ -797,7 +797,7 @@ TEST("a search takes columns and classes as train does, and continues only with 
     cli_expect(fit,
                "search ranges.yaml smooth.csv --inputs a,b,c --outputs z --trials 2 --out columns.csv "
                "--resume",
-               2, "trials with other");
+               2, "the trials were made with other");
     cli_expect(fit,
                "search ranges.yaml smooth.csv --inputs a,b,c --outputs y --trials 2 --out columns.csv "
                "--resume",

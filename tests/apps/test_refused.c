@@ -120,7 +120,7 @@ static const refusal hamiltonian[] = {
     {TRAIN "{--epochs=0 --lr=0 --hidden=10,,3 --threads=0 --seed=-1 --integrator=leapfrog --plot=loss.pdf}",
      2, NULL},
     {TRAIN "--hidden 1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1", 2,
-     "--hidden: a list of 20 numbers is too long: at most 15"},
+     "--hidden: a list of 20 numbers is too long; at most 15 are allowed"},
     {TRAIN "--integrator leapfrog", 2, "is not one of euler"},
     {TRAIN "--integrator stormer-verlet", 2, "stormer-verlet needs a separable"},
     {TRAIN "--integrator variational", 2, "variational cannot be differentiated"},
@@ -251,7 +251,7 @@ static const refusal elastica[] = {
     {"solve --x 1 --saddles", 2, "--saddles: needs --branches"},
     {"solve --x 1 --sweep 5", 2, "--x: --sweep already varies the x of a case"},
     {"solve --sweep 5 --branches", 2, "--branches and --sweep cannot be given together"},
-    {"solve --x 1 --qN 1,nan", 2, "'1,nan' is not a list, separated by commas, of: a number\n"},
+    {"solve --x 1 --qN 1,nan", 2, "'1,nan' is not a list of numbers, separated by commas\n"},
     {"solve --x 1 --intervals 99999999", 2, "of at least 2 and at most"},
     {"solve --x 1 --stiffness 1e301", 2, "'1e301' is not a number above 0 and at most 1e+300\n"},
     {"solve --x 1 --stiffness 0", 2, "'0' is not a number above 0\n"},
@@ -383,7 +383,8 @@ TEST("lg-elastica refuses wrong command lines and files with exit code and messa
     for (int i = 1; i < 256; i++) (void)strcat(line, ",1");
     RUN("lg-elastica", line);
     (void)strcat(line, ",1");
-    cli_expect("lg-elastica", line, 2, "--s: a list of 257 numbers is too long: at most 256; use --points\n");
+    cli_expect("lg-elastica", line, 2,
+               "--s: a list of 257 numbers is too long; at most 256 are allowed; use --points\n");
     (void)strcat(line, ",x");
     cli_expect("lg-elastica", line, 2, "a list of 258 numbers");
     (void)strcpy(line + sizeof "predict model.h5 --x 1 --s 0" + 300, "x");
@@ -455,7 +456,8 @@ static const refusal anomaly[] = {
     {"train data.h5 --out fresh.h5 --test fresh.h5", 2, "--out: fresh.h5 is an input of --test"},
     {TRAIN "--test fresh.h5 --test-fraction 0.1", 2, "--test and --test-fraction cannot be given together"},
     {TRAIN "--kernel 200", 2, "block"},
-    {TRAIN "--filters 1,2,3,4,5,6,7,8,9", 2, "--filters: a list of 9 numbers is too long: at most 8"},
+    {TRAIN "--filters 1,2,3,4,5,6,7,8,9", 2,
+     "--filters: a list of 9 numbers is too long; at most 8 are allowed"},
     {TRAIN "--method logistic --components 1000", 2, "component"},
     {TRAIN "--method logistic --features spectrum --window 0.6", 2,
      "too short for a spectrum, which needs 4"},

@@ -98,7 +98,7 @@ TEST("invalid ranges are refused") {
         {"ranges:\n  lr: {uniform: [0, .inf]}\n", "line 2", "not a number"},
         {"ranges:\n  lr: {uniform: [0, 1e999]}\n", "line 2", "finite"},
         {"ranges:\n  lr: {uniform: [1, 0]}\n", "line 2", "above"},
-        {"ranges:\n  a: {uniform: [0, 1]}\n  lr: {log-uniform: [0, 1]}\n", "line 3", "logarithm"},
+        {"ranges:\n  a: {uniform: [0, 1]}\n  lr: {log-uniform: [0, 1]}\n", "line 3", "log-uniform"},
         {"ranges:\n  n: {integer: [0, 1.5]}\n", "line 2", "whole"},
         {"ranges:\n  n: {choice: mlp}\n", "line 2", "a list"},
         {"ranges:\n  n: {choice: []}\n", "line 2", "choices"},
@@ -283,7 +283,7 @@ TEST("a damaged table is refused") {
         {",rung2", ",rung3", "line 2", "column"},
         {"1,done,", "x,done,", "line 3", "trial"},
         {"1,done,", "-1,done,", "line 3", "trial"},
-        {"1,done,", "2,done,", "line 4", "second time"},
+        {"1,done,", "2,done,", "line 4", "in the table already"},
         {"1,done,", "1,finished,", "line 3", "state"},
         {"done,0.5,", "done,0.5x,", "line 3", "objective"},
         {"done,0.5,", "done,,", "line 3", "objective"},
@@ -351,7 +351,7 @@ TEST("a table of another search is refused") {
     OTHER(5, "data", N, "other fixed options", other.fixed_count = 2);
     OTHER(6, "data", N, "seed 5, not 6", (void)0);
     OTHER(5, "dat", N, "", (void)0);
-    OTHER(5, "data", N - 1, "holds 6 trials, more than 5", (void)0);
+    OTHER(5, "data", N - 1, "holds 6 trials, but at most 5 fit", (void)0);
     /* Line numbers do not matter for the comparison. */
     lg_search_file moved = file;
     size_t count;

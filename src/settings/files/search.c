@@ -80,7 +80,7 @@ static uint32_t seen(const lg_search_file *file, const char *name) {
 /* Reads the name of the next entry. `count` is the number of entries so far. */
 static lg_status read_key(const reading *r, const yaml_node_t *node, size_t count, char name[LG_RANGE_NAME]) {
     if (count == LG_RANGE_MAX)
-        return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "more than %d entries",
+        return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "there are more than %d entries",
                             LG_RANGE_MAX);
     if (!copy_name(node, name))
         return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
@@ -118,8 +118,8 @@ static lg_status read_choices(const reading *r, const yaml_node_t *list, lg_rang
     for (; item < list->data.sequence.items.top; item++) {
         const yaml_node_t *node = node_at(r, *item);
         if (range->choices == LG_RANGE_MAX_CHOICES)
-            return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "%s: more than %d choices",
-                                range->name, LG_RANGE_MAX_CHOICES);
+            return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
+                                "%s: there are more than %d choices", range->name, LG_RANGE_MAX_CHOICES);
         if (!copy_text(node, range->choice[range->choices], LG_RANGE_NAME))
             return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
                                 "%s: a choice of 1 to %d bytes is expected", range->name, LG_RANGE_NAME - 1);
@@ -194,7 +194,7 @@ static lg_status read_file(lg_yaml *yaml, lg_search_file *out, lg_error *error) 
 lg_status lg_search_file_read(const lg_context *context, const char *path, lg_search_file *out,
                               lg_error *error) {
     lg_yaml *yaml;
-    if (out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "a search is read into something");
+    if (out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "`out` is NULL");
     LG_TRY(lg_yaml_open(context, path, &yaml, error));
     lg_search_file *made = lg_alloc(context, 1, sizeof *made);
     lg_status status = made == NULL
@@ -269,7 +269,7 @@ static void setting_hash(const lg_search_file *search, const char *setting, char
 }
 
 static lg_status check_search(const lg_search_file *search, lg_error *error) {
-    if (search == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "trials belong to a search");
+    if (search == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "the search is NULL");
     if (search->fixed_count > LG_RANGE_MAX)
         return lg_fail(error, LG_INVALID_ARGUMENT, "more than %d fixed options", LG_RANGE_MAX);
     for (size_t i = 0; i < search->fixed_count; i++)
@@ -297,8 +297,8 @@ static lg_status check_trials(const lg_search_space *space, const lg_trial *tria
         for (size_t k = 0; good && k < i; k++) good = trials[k].number != trial->number;
         if (!good)
             return lg_fail(error, LG_INVALID_ARGUMENT,
-                           "trial %" PRIu64 " stands twice or has a state, value or number of reports that "
-                           "cannot be",
+                           "trial %" PRIu64
+                           " is given twice, or its state, a value or its number of reports is not possible",
                            trial->number);
     }
     return LG_OK;
@@ -400,7 +400,7 @@ lg_status lg_trials_write(const lg_context *context, const char *path, const lg_
                           uint64_t seed, const char *setting, const lg_trial *trials, size_t count,
                           lg_error *error) {
     if (path == NULL || (trials == NULL && count > 0))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name and trials");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name or the trials are NULL");
     LG_TRY(check_search(search, error));
     LG_TRY(check_trials(&search->space, trials, count, error));
     uint32_t reports = 0;
@@ -451,8 +451,8 @@ static char *next_cell(char **line) {
 }
 
 static lg_status bad(const table *t, const char *column, const char *cell) {
-    return lg_fail(t->error, LG_FORMAT, "%s: line %u: %s: '%.60s' cannot be", lg_shown_path(t->path), t->line,
-                   column, cell != NULL ? cell : "");
+    return lg_fail(t->error, LG_FORMAT, "%s: line %u: %s: '%.60s' is not allowed here",
+                   lg_shown_path(t->path), t->line, column, cell != NULL ? cell : "");
 }
 
 /* Reads a number as add_number writes it. */
@@ -524,7 +524,7 @@ static lg_status parse_trial(const table *t, const lg_search_space *space, char 
             return bad(t, "a report", cell);
         trial->reports++;
     }
-    return line == NULL ? LG_OK : bad(t, "more cells than columns", line);
+    return line == NULL ? LG_OK : bad(t, "the line has more cells than columns", line);
 }
 
 /* Checks that the first line is the `# seed S space HASH setting HASH` of this search. */
@@ -543,13 +543,14 @@ static lg_status check_head(table *t, const lg_search_file *search, uint64_t see
         return lg_fail(t->error, LG_FORMAT, "%s: line 1: '# seed S space HASH setting HASH' is expected",
                        shown);
     if (number != seed)
-        return lg_fail(t->error, LG_INVALID_ARGUMENT, "%s: trials of seed %" PRIu64 ", not %" PRIu64, shown,
-                       number, seed);
+        return lg_fail(t->error, LG_INVALID_ARGUMENT,
+                       "%s: the trials were made with seed %" PRIu64 ", not %" PRIu64, shown, number, seed);
     if (strcmp(seen_hash[0], want[0]) != 0)
-        return lg_fail(t->error, LG_INVALID_ARGUMENT, "%s: trials of other ranges", shown);
+        return lg_fail(t->error, LG_INVALID_ARGUMENT, "%s: the trials were made with other ranges", shown);
     if (strcmp(seen_hash[1], want[1]) != 0)
         return lg_fail(t->error, LG_INVALID_ARGUMENT,
-                       "%s: trials with other fixed options or settings, or on other data", shown);
+                       "%s: the trials were made with other fixed options or settings, or from other data",
+                       shown);
     return LG_OK;
 }
 
@@ -579,7 +580,7 @@ static lg_status read_rows(table *t, const lg_search_space *space, lg_trial *tri
         lg_trial *trial = found < room ? &trials[found] : &one;
         LG_TRY(parse_trial(t, space, line, trial));
         for (size_t i = 0; i < found && i < room; i++)
-            if (trials[i].number == trial->number) return bad(t, "trial, a second time", line);
+            if (trials[i].number == trial->number) return bad(t, "this trial is in the table already", line);
     }
     *count = found;
     return LG_OK;
@@ -632,7 +633,8 @@ lg_status lg_trials_read(const lg_context *context, const char *path, const lg_s
     char *data = NULL;
     size_t found = 0;
     if (path == NULL || *path == '\0' || count == NULL || (trials == NULL && room > 0))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name, and its trials room");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the file's name is missing, or the memory for its trials is NULL");
     LG_TRY(check_search(search, error));
     LG_TRY(read_text(context, path, &data, error));
     table t = {.path = path, .at = data, .error = error};
@@ -643,7 +645,7 @@ lg_status lg_trials_read(const lg_context *context, const char *path, const lg_s
     else
         status = parse_table(&t, search, seed, setting, made, room, &found);
     if (status == LG_OK && trials != NULL && found > room)
-        status = lg_fail(error, LG_INVALID_ARGUMENT, "%s: holds %zu trials, more than %zu",
+        status = lg_fail(error, LG_INVALID_ARGUMENT, "%s: holds %zu trials, but at most %zu fit",
                          lg_shown_path(path), found, room);
     if (status == LG_OK && trials != NULL && found > 0) memcpy(trials, made, found * sizeof *made);
     if (status == LG_OK) *count = found;

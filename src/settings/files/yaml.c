@@ -113,7 +113,7 @@ static lg_status load(lg_yaml *yaml, yaml_parser_t *parser, const unsigned char 
     yaml->root = yaml_document_get_root_node(&yaml->document);
     lg_status status = LG_OK;
     if (yaml->root == NULL)
-        status = lg_fail(error, LG_FORMAT, "%s: line 1: holds nothing", lg_shown_path(yaml->path));
+        status = lg_fail(error, LG_FORMAT, "%s: line 1: holds no keys and values", lg_shown_path(yaml->path));
     else if (yaml->root->type != YAML_MAPPING_NODE)
         status = lg_yaml_fail(yaml, line_of(yaml->root), LG_FORMAT, error, "keys and values are expected");
     if (status == LG_OK && !yaml_parser_load(parser, &next))
@@ -121,7 +121,8 @@ static lg_status load(lg_yaml *yaml, yaml_parser_t *parser, const unsigned char 
     else if (status == LG_OK) {
         const yaml_node_t *second = yaml_document_get_root_node(&next);
         if (second != NULL)
-            status = lg_yaml_fail(yaml, line_of(second), LG_FORMAT, error, "a second document");
+            status = lg_yaml_fail(yaml, line_of(second), LG_FORMAT, error,
+                                  "a second document begins here, but a file can have only one");
         yaml_document_delete(&next);
     }
     if (status != LG_OK) yaml_document_delete(&yaml->document);
@@ -239,7 +240,8 @@ static bool is_names(const lg_field *key) {
 static lg_status add_scalar(const lg_yaml *yaml, const lg_field *key, const yaml_node_t *node,
                             lg_key_value *value, lg_error *error) {
     if (value->count >= LG_VALUES)
-        return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: too many values", key->name);
+        return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: there are too many values",
+                            key->name);
     double number = 0;
     LG_TRY(is_names(key) ? read_name(yaml, key, node, &number, error)
                          : read_number(yaml, key, node, &number, error));
@@ -468,7 +470,7 @@ static lg_status read_pair(const reading *r, const yaml_node_t *key_node, const 
     uint32_t line = line_of(key_node);
     const char *text = plain_text(key_node, NAME_SIZE);
     if (key_node->type != YAML_SCALAR_NODE)
-        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "a key must be a name");
+        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "a key must be a plain name");
     /* A name with a dot would be mistaken for a key of an inner mapping. */
     if (text == NULL || strchr(text, '.') != NULL) return unknown_key(r, key_node, prefix, false);
     (void)snprintf(name, sizeof name, "%s%s", prefix, text);
