@@ -55,8 +55,8 @@ static lg_status check_function(const lg_model *model, lg_model_function functio
         const size_t in = lg_plan_input_count(plan, i), out = lg_plan_output_count(plan, i);
         if (in != sizes[ports[function].in[i]] || out != sizes[ports[function].out[i]])
             return lg_fail(error, LG_SHAPE,
-                           "function %s: input %zu has %zu numbers and output %zu has %zu; "
-                           "%zu and %zu fit the other functions and the space",
+                           "function %s: input %zu has %zu numbers and output %zu has %zu, but the other "
+                           "functions and the space need %zu and %zu",
                            function_names[function], i + 1, in, i + 1, out, sizes[ports[function].in[i]],
                            sizes[ports[function].out[i]]);
     }
@@ -65,7 +65,8 @@ static lg_status check_function(const lg_model *model, lg_model_function functio
 
 static lg_status check_state(const lg_model *model, size_t numbers, lg_error *error) {
     if (numbers == model->space.dim) return LG_OK;
-    return lg_fail(error, LG_SHAPE, "the state has %zu numbers and the space %zu", numbers, model->space.dim);
+    return lg_fail(error, LG_SHAPE, "the state has %zu numbers, but the space needs %zu", numbers,
+                   model->space.dim);
 }
 
 static lg_status check_functions(const lg_model *model, lg_error *error) {
@@ -98,7 +99,7 @@ static lg_status add_velocity(lg_model *model, lg_error *error) {
     size_t field, inputs;
     const lg_port out = {.name = "f"};
     if (lg_program_find(model->program, "field", &field) != LG_OK)
-        return lg_fail(error, LG_NOT_FOUND, "the model has a space and no function field");
+        return lg_fail(error, LG_NOT_FOUND, "the model has a space, but no function 'field'");
     const lg_port *in = lg_program_inputs(model->program, field, &inputs);
     LG_TRY(check_state(model, lg_shape_count(in[0].shape), error));
     const lg_function_spec spec = {"velocity", in, inputs, &out, 1, velocity, &model->space};
@@ -123,7 +124,8 @@ static lg_status complete(lg_model *made, lg_error *error) {
     LG_TRY(make_plans(made, error));
     const lg_plan *value = made->plan[LG_MODEL_VALUE], *field = made->plan[LG_MODEL_FIELD];
     if (value == NULL && field == NULL)
-        return lg_fail(error, LG_NOT_FOUND, "the program has neither value nor field");
+        return lg_fail(error, LG_NOT_FOUND,
+                       "the program has neither a function 'value' nor a function 'field'");
     if (lg_program_parameters(made->program) > 0)
         made->parameters = lg_shape_count(lg_program_parameter(made->program, 0).shape);
     made->inputs = lg_plan_input_count(value != NULL ? value : field, 0);

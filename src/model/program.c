@@ -107,7 +107,7 @@ lg_status lg_model_copy_program(const lg_model *model, const lg_scheme *scheme, 
     lg_program *made;
     if (own && scheme != NULL)
         return lg_fail(error, LG_UNSUPPORTED,
-                       "the file holds its own function step: no other scheme can be had");
+                       "the file has a function 'step', so no other scheme can be chosen");
     lg_program_spec_init(&spec);
     spec.description = lg_program_description(from);
     LG_TRY(lg_program_begin(model->context, &spec, &made, error));

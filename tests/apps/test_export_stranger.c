@@ -224,7 +224,7 @@ TEST("a step that the file holds is exported as it is, and no other scheme is ac
     export_close(&lib);
     export_check_ways("own", "m");
     export_expect("grep -q 'step  *as the file holds it' own/m.h");
-    cli_expect("lg-export", "euler.h5 --out no --scheme rk4", 3, "holds its own function step");
+    cli_expect("lg-export", "euler.h5 --out no --scheme rk4", 3, "has a function 'step', so no other scheme");
 }
 
 TEST("an unknown kind with probabilities is exported as a classifier") {

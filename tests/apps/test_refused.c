@@ -758,7 +758,7 @@ static const refusal learn[] = {
     {"search ranges.yaml data.h5 more.h5 --recipe hamiltonian --out t.csv", 2, "takes DATA.h5 alone"},
     {"train machine.yaml --recipe machine_model --out m.h5", 2, "MACHINE.yaml LOG... are needed"},
     {"evaluate model.h5 data.h5 more.h5", 2, "takes DATA.h5 alone"},
-    {"evaluate data.h5 data.h5", 3, "it holds data, trajectories"},
+    {"evaluate data.h5 data.h5", 3, "it is a data file with trajectories"},
     {"evaluate model.h5 foreign.h5", 3, "foreign.h5"},
     {"evaluate program.h5 data.h5", 3, "no recipe learns models of its kind"},
     {"predict model.h5", 2, "--initial: 0 numbers, but the model takes 6"},

@@ -114,7 +114,7 @@ TEST("files of version 1.0.0 have no space and can be loaded; saved again they h
         assert_refused(read_any, again, LG_FORMAT, "/model: attribute space: is 'SO(3) x 2, R^1'",
                        of_before[i][1]);
         replace_text(again, "model", "space", "SO(3)\nR^1");
-        assert_refused(read_any, again, LG_FORMAT, "found 'SO(3)?R^1'", "or remove space");
+        assert_refused(read_any, again, LG_FORMAT, "found 'SO(3)?R^1'", "or remove the attribute space");
         delete_attribute(again, "model", "space");
         assert_ok(read_any(NULL, again, NULL, NULL));
     }
@@ -223,7 +223,7 @@ TEST("a file of an unknown kind is loaded, evaluated, linearised and stepped by 
     assert_ok(lg_program_load(NULL, path, NULL, &program, NULL));
     lg_program_destroy(program);
     replace_text(path, "model", "space", "R^2");
-    assert_refused(read_any, path, LG_FORMAT, "the state has 3 numbers and the space 2", "");
+    assert_refused(read_any, path, LG_FORMAT, "the state has 3 numbers, but the space needs 2", "");
 }
 
 /* ---- files that are not models ---- */
@@ -301,9 +301,9 @@ TEST("missing or wrong functions and parameters are refused by name, for every k
         {"parameters@theta", WHOLE(3), LG_FORMAT, ""},
         {"parameters@theta", TEXTS("model/nothing", LG_PROGRAM_MOST_NAMES), LG_FORMAT, "~model/nothing"},
         {"parameters@theta", TEXTS("model/nothing", LG_PROGRAM_MOST_NAMES + 1), LG_FORMAT,
-         "~/parameters: has more entries than may be"},
+         "~/parameters: has too many entries"},
         {"functions@order", TEXTS("value", LG_PROGRAM_MOST_NAMES + 1), LG_FORMAT,
-         "~/functions: has more entries than may be"},
+         "~/functions: has too many entries"},
     };
     for (int kind = 0; kind < KIND_COUNT; kind++)
         refuse_damage(read_any, kinds[kind].fresh, rows, LG_COUNT(rows));

@@ -249,12 +249,12 @@ TEST("invalid bytes of a function are refused with their position") {
         const char *words;
     } cases[] = {
         {"\x03", 1, LG_VERSION, "function 'f': version"},
-        {"\x02\x00\x00\x00\x00", 5, LG_FORMAT, "only for loops with paths"},
-        {"\x02\x00\x00\x01\x00\x00", 6, LG_FORMAT, "only for loops with paths"},
+        {"\x02\x00\x00\x00\x00", 5, LG_FORMAT, "the one for loops with paths"},
+        {"\x02\x00\x00\x01\x00\x00", 6, LG_FORMAT, "the one for loops with paths"},
         {"\x02\x00\x00\x01\x00\x41", 6, LG_FORMAT, "path: there are too many"},
         {"\x01", 1, LG_FORMAT, "inputs: the bytes end too early"},
         {"\x01\x41", 2, LG_FORMAT, "inputs: there are too many"},
-        {"\x01\x02\x00", 3, LG_FORMAT, "inputs: there are more than the bytes can hold"},
+        {"\x01\x02\x00", 3, LG_FORMAT, "inputs: there are more entries than the bytes can hold"},
         {"\x01\x00\x00\xff\xff\xff\xff\x7f", 8, LG_FORMAT, "times: a number is too large"},
         {"\x01\x00\x00\xff\xff\xff\xff\xff\xff\xff\xff\xff\x7f", 13, LG_FORMAT,
          "times: a number is too large"},
@@ -272,7 +272,7 @@ TEST("invalid bytes of a function are refused with their position") {
         {"\x01\x01\x01"
          "a\x01\x00\x00\x00\x00",
          9, LG_FORMAT, "inputs: it has control characters"},
-        {"\x01\x00\x00\x00\x00\x00", 6, LG_FORMAT, "end: there are more bytes"},
+        {"\x01\x00\x00\x00\x00\x00", 6, LG_FORMAT, "end: there are bytes after the end"},
     };
     for (size_t i = 0; i < LG_COUNT(cases); i++) {
         lg_function_image *out = NULL;

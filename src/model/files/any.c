@@ -40,10 +40,10 @@ static const struct {
     {"", "the file does not say what it is (attribute kind)"},
     {"classifier", "it is a classical classifier, for lg-anomaly or lg_classifier_load"},
     {"program", "it is a program of functions, for lg-export or lg_program_load"},
-    {"trajectories", "it holds data, trajectories"},
-    {"trajectory", "it holds data, a trajectory"},
-    {"elastica", "it holds data, curves of the elastica"},
-    {"series", "it holds data, labelled series"},
+    {"trajectories", "it is a data file with trajectories"},
+    {"trajectory", "it is a data file with a trajectory"},
+    {"elastica", "it is a data file with curves of the elastica"},
+    {"series", "it is a data file with labelled series"},
     {NULL, "its kind is unknown"},
 };
 
@@ -128,7 +128,7 @@ static lg_status make_model(reading *r, const char *path, lg_error *error) {
 lg_status lg_model_load(const lg_context *context, const char *path, const lg_read_options *options,
                         lg_model_file *out, lg_error *error) {
     if (path == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a model file needs a name, the model a place");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name or `out` is NULL");
     reading r = {.made.context = context};
     lg_status status = lg_h5_read(context, path, options, read_model, &r, error);
     if (status == LG_OK) status = make_model(&r, path, error);

@@ -184,10 +184,10 @@ static lg_status check_saved(const char *path, const lg_recipe *kind, const void
     slice s;
     const model_view view = view_of(kind, (void *)(uintptr_t)file); /* it is only read */
     if (*view.theta == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a model file needs a name and parameters");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name, the model or its parameters are NULL");
     LG_TRY(lg_run_check(path, kind, view.run, error));
     if (*view.parameters != kind->parameters(view.run))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: %zu parameters, the model has %zu",
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: %zu parameters are given, but the model has %zu",
                        lg_shown_path(path), *view.parameters, kind->parameters(view.run));
     for (uint32_t i = 0; slice_at(kind, view.run, i, &s); i++)
         LG_TRY(lg_check_finite(path, s.name, s.info.rank, s.info.dims, *view.theta + s.info.offset, error));
@@ -197,7 +197,7 @@ static lg_status check_saved(const char *path, const lg_recipe *kind, const void
 lg_status lg_run_save(const lg_context *context, const char *path, const lg_recipe *kind, const void *file,
                       const lg_fit *fit, lg_error *error) {
     if (path == NULL || file == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a model file needs a name and parameters");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name, the model or its parameters are NULL");
     LG_TRY(check_saved(path, kind, file, error));
     lg_h5 *h5;
     LG_TRY(lg_h5_create(context, path, &h5, error));
@@ -250,8 +250,8 @@ static lg_status get_history(lg_h5 *h5, const model_view *view, lg_error *error)
         if (!lg_h5_has(h5, name)) continue;
         LG_TRY(lg_h5_shape(h5, name, &rank, dims, NULL, error));
         if (rank != 1 || (!first && dims[0] != *view->epochs_done))
-            return lg_fail(error, LG_FORMAT, "%s: /%s: expected one number an epoch", lg_shown_path(h5->path),
-                           name);
+            return lg_fail(error, LG_FORMAT, "%s: /%s: expected one number per epoch",
+                           lg_shown_path(h5->path), name);
         first = false;
         *view->epochs_done = (size_t)dims[0];
         view->history[i] = lg_alloc(h5->context, *view->epochs_done, sizeof(double));
@@ -275,8 +275,8 @@ static lg_status check_space(lg_h5 *h5, const lg_recipe *kind, const void *run, 
         (void)lg_fail(&reason, LG_FORMAT, "is '%s'", text);
     }
     return lg_fail(error, LG_FORMAT,
-                   "%s: /model: attribute space: %s; the other attributes make a model on %s: write this, "
-                   "correct them, or remove space",
+                   "%s: /model: attribute space: %s, but the other attributes describe a model on %s: "
+                   "correct one of them, or remove the attribute space",
                    lg_shown_path(h5->path), reason.message, expected);
 }
 
@@ -369,7 +369,8 @@ lg_status lg_checkpoint_create(const lg_context *context, const char *path, cons
                                const void *run, const lg_provenance *provenance, lg_file_writer **out,
                                lg_error *error) {
     if (path == NULL || kind == NULL || run == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a checkpoint needs a name and a run");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the checkpoint's name, its kind, its run or `out` is NULL");
     lg_file_writer *writer;
     LG_TRY(lg_run_check(path, kind, run, error));
     LG_TRY(lg_file_writer_create(context, path, kind->checkpoint, provenance, &writer, error));
@@ -384,7 +385,7 @@ lg_status lg_checkpoint_create(const lg_context *context, const char *path, cons
 lg_status lg_checkpoint_open(const lg_context *context, const char *path, const lg_read_options *options,
                              const lg_recipe *kind, void *run, lg_file_reader **out, lg_error *error) {
     if (kind == NULL || run == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a checkpoint is read into a run and a reader");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the checkpoint's kind, its run or `out` is NULL");
     lg_file_reader *reader;
     LG_TRY(lg_file_reader_create(context, path, kind->checkpoint, options, &reader, error));
     void *got = lg_alloc(context, 1, kind->run_size);

@@ -21,7 +21,7 @@ lg_status lg_program_as_format(const lg_program_reading *r, lg_status status) {
 
 lg_status lg_program_take(lg_program_reading *r, const char *path, uint64_t count, size_t size, void **out) {
     if (count > r->left / size)
-        return lg_program_bad(r, path, "holds more than the file can hold or the limit allows");
+        return lg_program_bad(r, path, "declares more data than the file can hold or the limit allows");
     r->left -= (size_t)count * size;
     *out = lg_alloc(r->h5->context, (size_t)count, size);
     return *out != NULL ? LG_OK : lg_program_no_memory(r->h5, r->error);
@@ -39,7 +39,7 @@ typedef struct listing {
 static lg_status keep_text(void *user, uint64_t index, const char *text, lg_error *error) {
     const listing *l = user;
     (void)error;
-    if (index >= l->most) return lg_program_bad(l->r, l->path, "has more entries than may be");
+    if (index >= l->most) return lg_program_bad(l->r, l->path, "has too many entries");
     if (strlen(text) >= LG_PROGRAM_NAME) return lg_program_bad(l->r, l->path, "has a text that is too long");
     (void)snprintf(l->out->text[index], LG_PROGRAM_NAME, "%s", text);
     l->out->count = (size_t)index + 1;
@@ -73,7 +73,8 @@ static lg_status get_names(lg_program_reading *r, bool format_1, const char *gro
     LG_TRY(lg_program_get_texts(r, path, format_1 ? NULL : "order", LG_PROGRAM_MOST_NAMES, out));
     for (size_t i = 0; i < out->count; i++)
         if (!lg_is_word(out->text[i]))
-            return lg_program_bad(r, path, "an entry of the order is no plain name");
+            return lg_program_bad(
+                r, path, "an entry of the order is not a plain name (letters, digits and underscores)");
     return LG_OK;
 }
 
@@ -149,7 +150,9 @@ static lg_status get_place(lg_program_reading *r, const char *place, double **va
     double *part = NULL;
     void *longer = NULL;
     const lg_program_word word = lg_program_word_of(place, &path);
-    if (!is_path(path)) return lg_program_bad(r, "parameters", "an entry is no path of plain names");
+    if (!is_path(path))
+        return lg_program_bad(r, "parameters",
+                              "an entry is not a path of plain names (letters, digits and underscores)");
     lg_status status = get_array(r, path, &shape, &part);
     const size_t more = status == LG_OK ? lg_shape_count(shape) : 0;
     if (status == LG_OK) status = lg_program_take(r, path, *count + more, sizeof **values, &longer);
@@ -265,6 +268,6 @@ static lg_status load(void *user, lg_h5 *h5, lg_error *error) {
 lg_status lg_program_load(const lg_context *context, const char *path, const lg_read_options *options,
                           lg_program **out, lg_error *error) {
     if (path == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name, the program a place");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name or `out` is NULL");
     return lg_h5_read(context, path, options, load, out, error);
 }

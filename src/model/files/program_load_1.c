@@ -110,7 +110,7 @@ static lg_status get_ports(function *f, const char *name, lg_port *ports, size_t
     LG_TRY(get_texts(f, lg_program_below(at.text, "name").text, &names));
     LG_TRY(get_texts(f, unit.text, &units));
     if (units.count != names.count)
-        return lg_program_bad(f->r, unit.text, "has another number of entries than there are names");
+        return lg_program_bad(f->r, unit.text, "the number of entries differs from the number of names");
     uint64_t n = *count = names.count;
     LG_TRY(get_columns(f, at.text, port_columns, LG_COUNT(port_columns), n, ports, sizeof *ports));
     LG_TRY(get_list(f, lg_program_below(at.text, "shared").text, LG_ELEMENT_U32, &n, &shared));
@@ -142,8 +142,9 @@ static lg_status point_into(function *f, const char *name, lg_element type, lg_o
         memcpy((char *)&operations[i] + pointer, &here, sizeof here);
         used += own;
     }
-    return used == there ? LG_OK
-                         : lg_program_bad(f->r, at.text, "has another length than its operations say");
+    return used == there
+               ? LG_OK
+               : lg_program_bad(f->r, at.text, "the length differs from the length that the operations give");
 }
 
 static lg_status get_operations(function *f, const known_operations *known, lg_function_image *image) {
@@ -158,7 +159,7 @@ static lg_status get_operations(function *f, const known_operations *known, lg_f
     for (size_t i = 0; i < n; i++) {
         const uint32_t k = list[i].revision;
         if (k >= known->names.count)
-            return lg_program_bad(f->r, at.text, "an operation's number is beyond the list /operations");
+            return lg_program_bad(f->r, at.text, "the number of an operation is not in the list /operations");
         list[i].name = known->names.text[k];
         list[i].revision = known->revision != NULL ? known->revision[k] : 1;
     }
@@ -186,11 +187,11 @@ static lg_status get_loop(function *f, lg_function_image *image) {
     LG_TRY(get_list(f, at.text, LG_ELEMENT_I64, &inputs, &carry));
     if (image->times == 0) return lg_program_bad(r, f->path, "attribute times is 0");
     if (lg_program_find(r->program, callee, &number) != LG_OK)
-        return lg_program_bad(r, f->path, "attribute calls names no function that comes before this one");
+        return lg_program_bad(r, f->path, "attribute calls must name a function that comes before this one");
     for (size_t i = 0; i < inputs; i++) {
         const int64_t from = ((const int64_t *)carry)[i];
         if (from < -1 || from >= (int64_t)image->output_count)
-            return lg_program_bad(r, at.text, "an entry is no output");
+            return lg_program_bad(r, at.text, "an entry is not the number of an output");
         f->carry[i] = from < 0 ? LG_CARRY_NONE : (uint32_t)from;
     }
     image->callee = (uint32_t)number;

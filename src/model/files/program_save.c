@@ -154,7 +154,7 @@ lg_status lg_model_save(const lg_context *context, const char *path, const char 
                         lg_error *error) {
     lg_h5 *h5;
     if (path == NULL || kind == NULL || program == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name, a kind and a program");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name, its kind or the program is NULL");
     LG_TRY(lg_h5_create(context, path, &h5, error));
     lg_status status = put_model(h5, kind, program, space, provenance, error);
     if (status == LG_OK) status = lg_h5_commit(h5, error);

@@ -106,7 +106,7 @@ void lg_history_destroy(const lg_context *context, double *history[LG_FIT_SERIES
     lg_status lg_model_load_##kind(const lg_context *context, const char *path,                              \
                                    const lg_read_options *options, lg_##kind##_file *out, lg_error *error) { \
         if (path == NULL || out == NULL)                                                                     \
-            return lg_fail(error, LG_INVALID_ARGUMENT, "a model file needs a name");                         \
+            return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name or `out` is NULL");                  \
         lg_##kind##_file made = {.context = context};                                                        \
         LG_TRY(lg_run_load(context, path, options, &lg_recipe_##kind, &made, error));                        \
         *out = made;                                                                                         \
