@@ -77,15 +77,19 @@ static lg_status check_sensors(const lg_model *model, const lg_ekf_options *opti
     for (size_t i = 0; i < options->sensor_count; i++) {
         const lg_sensor *s = &options->sensors[i];
         if ((unsigned)s->kind >= LG_SENSOR_KIND_COUNT)
-            return lg_fail(error, LG_INVALID_ARGUMENT, "sensor %zu: no kind %d", i, (int)s->kind);
+            return lg_fail(error, LG_INVALID_ARGUMENT, "sensor %zu: the kind %d is unknown", i, (int)s->kind);
         if (numbers[s->kind] == 0)
-            return lg_fail(error, LG_UNSUPPORTED, "sensor %zu: the model is no machine", i);
-        if (s->index >= numbers[s->kind])
-            return lg_fail(error, LG_INVALID_ARGUMENT, "sensor %zu: number %zu of %zu", i, s->index,
-                           numbers[s->kind]);
-        if (!(s->noise > 0.0) || !isfinite(s->noise) || !(s->period >= 0.0) || !isfinite(s->period))
-            return lg_fail(error, LG_INVALID_ARGUMENT, "sensor %zu: the noise has to be > 0, a period >= 0",
+            return lg_fail(error, LG_UNSUPPORTED,
+                           "sensor %zu: the model has no such quantities; positions and velocities need a "
+                           "model of a machine",
                            i);
+        if (s->index >= numbers[s->kind])
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "sensor %zu: its index is %zu, but there are only %zu numbers of its kind", i,
+                           s->index, numbers[s->kind]);
+        if (!(s->noise > 0.0) || !isfinite(s->noise) || !(s->period >= 0.0) || !isfinite(s->period))
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "sensor %zu: the noise must be above 0 and the period 0 or more", i);
         *exact = *exact && s->kind == LG_SENSOR_STATE;
     }
     return LG_OK;
@@ -110,11 +114,12 @@ lg_status lg_ekf_init(const lg_model *model, const lg_ekf_options *options, lg_e
     LG_NEEDS(error, model, options, out, memory);
     if (options == NULL || options->size != sizeof *options || out == NULL || options->scheme == NULL ||
         options->state == NULL || options->P == NULL || options->W == NULL || options->sensors == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "options, or something in them, are missing");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the options' size is wrong, or their scheme, state, P, W or sensors are NULL");
     const size_t k = options->sensor_count, needed = lg_ekf_size(model, options->scheme, k);
     if (needed == 0)
         return lg_fail(error, LG_UNSUPPORTED,
-                       "the model does not move, the scheme does not fit it, or there is no sensor");
+                       "the model has no field, the scheme does not fit the model, or there is no sensor");
     bool exact;
     LG_TRY(lg_portions_check(memory, bytes, needed, error));
     LG_TRY(check_sensors(model, options, &exact, error));

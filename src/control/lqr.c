@@ -176,13 +176,14 @@ lg_status lg_zero_order_hold(size_t n, size_t m, const double *A, const double *
                              double *Bd, void *work, size_t bytes, lg_error *error) {
     hold s = {.rows = n + m};
     if (!hold_fits(n, m) || A == NULL || B == NULL || Ad == NULL || Bd == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%zu states, %zu inputs, or a matrix is missing", n, m);
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "%zu states or %zu inputs are too few or too many, or a matrix is NULL", n, m);
     LG_TRY(lg_portions_check(work, bytes, lg_zero_order_hold_work_size(n, m), error));
     (void)plan_hold(&s, work);
     const size_t N = s.rows;
     const lg_kernels *k = lg_kernels_for(LG_F64);
     if (!isfinite(h) || !k->all_finite(n * n, A) || !k->all_finite(n * m, B))
-        return lg_fail(error, LG_NOT_FINITE, "a number of A, B or the time is not finite");
+        return lg_fail(error, LG_NOT_FINITE, "A, B or the time has a number that is not finite");
     memset(s.M, 0, N * N * sizeof *s.M);
     for (size_t i = 0; i < n; i++) {
         for (size_t j = 0; j < n; j++) s.M[i * N + j] = h * A[i * n + j];
@@ -243,8 +244,8 @@ static lg_status linearise(const lg_model *model, const lg_lqr_options *options,
     if (isnan(*drift)) return lg_fail(error, LG_NOT_FINITE, "the field at the state is not finite");
     if (*drift > options->most_drift)
         return lg_fail(error, LG_CHECK_FAILED,
-                       "the state is no equilibrium: a coordinate changes by %.3g a second (most_drift; "
-                       "lg_model_equilibrium finds one)",
+                       "the state is not an equilibrium: a coordinate changes by %.3g per second, more than "
+                       "most_drift; lg_model_equilibrium finds an equilibrium",
                        *drift);
     LG_TRY(lg_model_linearise(model, p->state, p->input, p->A, p->B, NULL, p->work));
     if (options->period == 0.0) return LG_OK;
@@ -258,10 +259,11 @@ lg_status lg_lqr_init(const lg_model *model, const lg_lqr_options *options, lg_l
     lg_riccati_result result;
     double drift;
     const size_t needed = lg_lqr_size(model), r = lg_model_tangent_dim(model), m = lg_model_input_dim(model);
-    if (needed == 0) return lg_fail(error, LG_UNSUPPORTED, "the model has no inputs or does not move");
+    if (needed == 0) return lg_fail(error, LG_UNSUPPORTED, "the model has no inputs or no field");
     if (options == NULL || options->size != sizeof *options || out == NULL || options->state == NULL ||
         !(options->period >= 0.0))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "options, state or result are missing, or period < 0");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the options' size is wrong, their state is NULL, or their period is negative");
     LG_TRY(lg_portions_check(memory, bytes, needed, error));
     (void)plan_parts(model, &p, memory);
     LG_TRY(linearise(model, options, &p, &drift, error));

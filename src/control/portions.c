@@ -9,7 +9,7 @@ void *lg_portion(lg_portions *from, size_t count, size_t size) {
 
 lg_status lg_portions_check(const void *memory, size_t bytes, size_t needed, lg_error *error) {
     if (memory == NULL || (uintptr_t)memory % LG_ALIGNMENT != 0)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the memory is missing or not aligned to %d bytes",
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the memory is NULL or not aligned to %d bytes",
                        LG_ALIGNMENT);
     if (bytes < needed)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%zu bytes of memory are given, %zu are needed", bytes,

@@ -115,9 +115,10 @@ static lg_status begin(riccati *s, const lg_riccati *of, void *work, size_t byte
     if (of == NULL || of->size != sizeof *of || of->A == NULL || of->B == NULL || of->Q == NULL ||
         of->R == NULL)
         return lg_fail(s->error, LG_INVALID_ARGUMENT,
-                       "A, B, Q or R is missing, or the structure has another size");
+                       "A, B, Q or R is NULL, or the structure's size is wrong");
     if (!sizes_fit(of->n, of->m))
-        return lg_fail(s->error, LG_INVALID_ARGUMENT, "%zu states and %zu inputs: 1 or more, 2 n + m <= %d",
+        return lg_fail(s->error, LG_INVALID_ARGUMENT,
+                       "n = %zu states and m = %zu inputs: each must be at least 1, and 2 n + m at most %d",
                        of->n, of->m, MOST_ROWS);
     s->of = of, s->n = of->n, s->m = of->m, s->rows = 2 * of->n + of->m;
     LG_TRY(lg_portions_check(work, bytes, lg_riccati_work_size(s->n, s->m), s->error));
@@ -261,7 +262,7 @@ static lg_status solve_subspace(const riccati *s) {
         dgecon_("1", &size, s->t1, &size, &sum, &reciprocal, s->work, iwork, &info);
     }
     if (info != 0 || !(reciprocal > 2.2e-16))
-        return explain(s, "the stable subspace gives no P in double precision");
+        return explain(s, "P cannot be computed from the stable subspace in double precision");
     dgetrs_("T", &size, &size, s->t1, &size, s->integers, s->t2, &size, &info);
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < n; j++) s->trial[i * n + j] = s->scale[i] * s->t2[i * n + j] * s->scale[j];
@@ -512,7 +513,8 @@ static lg_status solve(bool discrete, const lg_riccati *of, double *P, double *K
     LG_TRY(find_first(&s));
     LG_TRY(refine(&s));
     if (!(s.result.residual <= most_residual))
-        return lg_fail(error, LG_NO_CONVERGENCE, "the equation is solved to %.2g of its terms only",
+        return lg_fail(error, LG_NO_CONVERGENCE,
+                       "the solution is too inaccurate: its residual is %.2g of the terms of the equation",
                        s.result.residual);
     if (P != NULL) memcpy(P, s.P, s.n * s.n * sizeof *P);
     if (K != NULL) memcpy(K, s.K, s.m * s.n * sizeof *K);
@@ -575,8 +577,8 @@ static lg_status explain(const riccati *s, const char *finding) {
                            im);
         if (s->of->S == NULL && out <= near && seen(n, n, false, s->Q, see, im > 0.0 ? see + n : NULL) < 1e-9)
             return lg_fail(s->error, LG_CHECK_FAILED,
-                           "no stabilising solution: Q does not see the eigenvalue %.6g%+.6gi of A, which "
-                           "is on the boundary of stability",
+                           "no stabilising solution: Q gives no weight to the eigenvalue %.6g%+.6gi of A, "
+                           "which is on the boundary of stability",
                            re, im);
     }
     return lg_fail(s->error, LG_CHECK_FAILED, "no stabilising solution found: %s", finding);

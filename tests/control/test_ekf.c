@@ -432,9 +432,9 @@ TEST("filters that cannot be made and invalid measurements are refused with a re
     W[5] = 1.0, sensor.index = 6;
     REFUSED(LG_INVALID_ARGUMENT, "number 6 of 6");
     sensor.index = 0, sensor.noise = 0.0;
-    REFUSED(LG_INVALID_ARGUMENT, "noise has to be > 0");
+    REFUSED(LG_INVALID_ARGUMENT, "noise must be above 0");
     sensor.noise = 1.0, sensor.kind = LG_SENSOR_VELOCITY;
-    REFUSED(LG_UNSUPPORTED, "no machine");
+    REFUSED(LG_UNSUPPORTED, "need a model of a machine");
     sensor.kind = LG_SENSOR_STATE, options.scheme = lg_scheme_find("rk4");
     REFUSED(LG_UNSUPPORTED, "scheme does not fit");
     assert_null(ekf);

@@ -214,7 +214,7 @@ TEST("a regulator refuses states that are no equilibria, missing inputs and too 
     lg_lqr_options_init(&options);
     options.state = tilted, options.Q = Q, options.R = weights;
     assert_status(lg_lqr_init(b.model, &options, &lqr, memory, bytes, &error), LG_CHECK_FAILED);
-    assert_says(error.message, "no equilibrium: a coordinate changes by 3 a second");
+    assert_says(error.message, "not an equilibrium: a coordinate changes by 3 per second");
     options.most_drift = 3.1;
     assert_ok(lg_lqr_init(b.model, &options, &lqr, memory, bytes, &error));
     lqr.r = 77;
