@@ -89,9 +89,11 @@ static lg_status read_shape(read_call *call, lg_error *error) {
                        shown, about.rank);
     const uint64_t length = about.dims[about.rank - 1], channels = about.rank == 3 ? about.dims[1] : 1;
     if (about.count == 0)
-        return lg_fail(error, LG_FORMAT, "%s: /X: %llu windows of %llu channels and %llu samples", shown,
-                       (unsigned long long)about.dims[0], (unsigned long long)channels,
-                       (unsigned long long)length);
+        return lg_fail(
+            error, LG_FORMAT,
+            "%s: /X: has %llu windows of %llu channels and %llu samples, expected at least one of each",
+            shown, (unsigned long long)about.dims[0], (unsigned long long)channels,
+            (unsigned long long)length);
     if (about.dims[0] > UINT32_MAX || channels > UINT32_MAX || length > UINT32_MAX)
         return lg_fail(error, LG_FORMAT, "%s: /X: more than %u windows, channels or samples", shown,
                        UINT32_MAX);
@@ -225,32 +227,35 @@ static lg_status read_checked(void *user, lg_h5 *h5, lg_error *error) {
 static void warn(const read_call *call) {
     const char *shown = lg_shown_path(call->path);
     if (call->torn)
-        lg_log_message(call->context, LG_LOG_WARNING,
-                       "%s: /run: the windows of run %u do not stand together: runs are taken as unknown",
-                       shown, call->torn_run);
+        lg_log_message(
+            call->context, LG_LOG_WARNING,
+            "%s: /run: the windows of run %u do not follow each other: runs are treated as unknown", shown,
+            call->torn_run);
     if (call->by_number)
         lg_log_message(call->context, LG_LOG_WARNING,
-                       "%s: /y: the labels are no names of the classes wanted and are taken as their "
+                       "%s: /y: the labels are not names of the expected classes and are taken as their "
                        "numbers: 0 is '%s'",
                        shown, call->out->series.class_name[0]);
     if (call->bad_rate)
-        lg_log_message(call->context, LG_LOG_WARNING,
-                       "%s: attribute rate is no number of samples a second: the rate is taken as unknown",
-                       shown);
+        lg_log_message(
+            call->context, LG_LOG_WARNING,
+            "%s: attribute rate is not a number of samples per second: the rate is treated as unknown",
+            shown);
     lg_precision_warn(call->context, call->path, &call->precision);
     if (call->guessed)
         lg_log_message(call->context, LG_LOG_WARNING,
                        "%s: /y: neither 0 nor the number of classes occurs: labels are taken as numbers from "
-                       "0 on; attribute class_labels, such as '1|2|3', would tell",
+                       "0 on; attribute class_labels, such as '1|2|3', can say which label is which class",
                        shown);
 }
 
 lg_status lg_series_read(const lg_context *context, const char *path, const lg_read_options *options,
                          const lg_series *like, lg_series_data *out, lg_error *error) {
-    if (path == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name");
+    if (path == NULL || out == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name or `out` is NULL");
     if (like != NULL && (like->classes < 1 || like->class_name == NULL))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: the series to compare with has no classes",
-                       lg_shown_path(path));
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "%s: the series that gives the expected classes has no classes", lg_shown_path(path));
     lg_series_data made = {.series = {.context = context}};
     read_call call = {.context = context, .path = path, .like = like, .out = &made};
     const lg_status status = lg_h5_read(context, path, options, read_checked, &call, error);
@@ -278,7 +283,8 @@ static lg_sensing sensing_of(const lg_series *s) {
 static lg_status check_labels(const char *path, const lg_series *s, lg_error *error) {
     for (size_t i = 0; i < s->count; i++)
         if (s->label[i] >= s->classes)
-            return lg_fail(error, LG_INVALID_ARGUMENT, "%s: /y: class %u at index (%zu), there are %u",
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "%s: /y: class %u at index (%zu), but there are only %u classes",
                            lg_shown_path(path), s->label[i], i, s->classes);
     return LG_OK;
 }
@@ -292,8 +298,9 @@ static lg_status check_written_runs(const lg_context *context, const char *path,
     const bool together = runs_together(s->run, s->count, sorted, &which);
     lg_free(context, sorted);
     return together ? LG_OK
-                    : lg_fail(error, LG_INVALID_ARGUMENT, "%s: /run: the windows of run %u stand apart",
-                              lg_shown_path(path), which);
+                    : lg_fail(error, LG_INVALID_ARGUMENT,
+                              "%s: /run: the windows of run %u do not follow each other", lg_shown_path(path),
+                              which);
 }
 
 static lg_status check_written(const lg_context *context, const char *path, const lg_series_data *data,
@@ -303,7 +310,8 @@ static lg_status check_written(const lg_context *context, const char *path, cons
     if (isinf(data->noise) || isinf(data->severity))
         return lg_fail(error, LG_NOT_FINITE, "%s: noise or severity is infinite", lg_shown_path(path));
     if (memchr(data->housing, '\0', sizeof data->housing) == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: housing is not terminated", lg_shown_path(path));
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: the text housing does not end with a zero byte",
+                       lg_shown_path(path));
     LG_TRY(lg_sensing_check(context, path, &sensing, error));
     LG_TRY(check_labels(path, s, error));
     LG_TRY(check_written_runs(context, path, s, error));
@@ -337,7 +345,8 @@ lg_status lg_series_write(const lg_context *context, const char *path, lg_series
     if (path == NULL || data == NULL || data->series.x == NULL || data->series.label == NULL ||
         data->series.count < 1 || data->series.count > UINT32_MAX || data->series.channels < 1 ||
         data->series.length < 1)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "series need a file name, samples and labels");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the file's name, the samples or the labels are NULL, or there are no samples");
     lg_h5 *h5;
     LG_TRY(check_written(context, path, data, error));
     LG_TRY(lg_h5_create(context, path, &h5, error));
@@ -352,7 +361,7 @@ lg_status lg_series_write(const lg_context *context, const char *path, lg_series
 
 lg_status lg_file_writer_names(lg_file_writer *writer, const lg_series *series, lg_error *error) {
     if (writer == NULL || series == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "names need a file and classes");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the file or the series is NULL");
     lg_h5 *h5 = lg_file_writer_h5(writer);
     const lg_sensing sensing = sensing_of(series);
     LG_TRY(lg_sensing_check(h5->context, h5->path, &sensing, error));
@@ -361,7 +370,7 @@ lg_status lg_file_writer_names(lg_file_writer *writer, const lg_series *series, 
 
 lg_status lg_file_reader_names(lg_file_reader *reader, lg_series *out, lg_error *error) {
     if (reader == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "names need a file and a place");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the file or `out` is NULL");
     lg_h5 *h5 = lg_file_reader_h5(reader);
     lg_sensing sensing = {.classes = 0};
     LG_TRY(lg_sensing_get(h5, &sensing, error));

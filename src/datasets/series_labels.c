@@ -134,14 +134,14 @@ static lg_status check_shape(const lg_h5 *h5, const char *name, const lg_h5_abou
         return lg_fail(error, LG_FORMAT, "%s: /%s: holds neither numbers nor texts", shown, name);
     if (about->rank == 2 && about->dims[1] > 1 && about->dims[0] == count)
         return lg_fail(error, LG_FORMAT,
-                       "%s: /%s: %llu columns a window, expected one label: write the class, not one column "
-                       "a class",
+                       "%s: /%s: has %llu columns per window, expected one label: write the class, not one "
+                       "column per class",
                        shown, name, (unsigned long long)about->dims[1]);
     if (about->rank < 1 || about->rank > 2 || (about->rank == 2 && about->dims[1] != 1))
-        return lg_fail(error, LG_FORMAT, "%s: /%s: has rank %u, expected one number or text a window", shown,
-                       name, about->rank);
+        return lg_fail(error, LG_FORMAT, "%s: /%s: has rank %u, expected one number or text per window",
+                       shown, name, about->rank);
     if (about->dims[0] != count)
-        return lg_fail(error, LG_FORMAT, "%s: /%s: %llu of them, /X has %zu windows", shown, name,
+        return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu labels, but /X has %zu windows", shown, name,
                        (unsigned long long)about->dims[0], count);
     return LG_OK;
 }
@@ -301,7 +301,7 @@ static lg_status own_rule(const lg_h5 *h5, bool ours, lg_labels *labels, const l
         return copy_list(h5, labels->text.name, labels->text.count, &labels->of_class, error);
     return lg_fail(error, LG_FORMAT,
                    "%s: classes: %u names, but /y has %u different labels from '%s' to '%s', which are not "
-                   "all of 0..%u or 1..%u: attribute class_labels may say which is which",
+                   "the numbers 0..%u or 1..%u: attribute class_labels can say which label is which class",
                    lg_shown_path(h5->path), names->count, labels->distinct, labels->text.name[0],
                    labels->text.name[labels->distinct - 1], names->count - 1, names->count);
 }

@@ -166,8 +166,9 @@ lg_status lg_names_check(const lg_context *context, const char *path, const char
         uint32_t index;
         bool known = false;
         if (memchr(name[i], '\0', LG_SERIES_NAME) == NULL || (unique && name[i][0] == '\0'))
-            status = lg_fail(error, LG_INVALID_ARGUMENT, "%s: %s: name number %u is empty or not terminated",
-                             shown, what, i + 1);
+            status = lg_fail(error, LG_INVALID_ARGUMENT,
+                             "%s: %s: name number %u is empty or does not end with a zero byte", shown, what,
+                             i + 1);
         else if (unique)
             status = lg_names_meet(&met, name[i], &index, &known);
         if (status == LG_OUT_OF_MEMORY) (void)lg_fail(error, status, "%s: out of memory", shown);
@@ -205,7 +206,8 @@ lg_status lg_sensing_check(const lg_context *context, const char *path, const lg
                            lg_error *error) {
     if (!(isfinite(sensing->rate) && sensing->rate >= 0))
         return lg_fail(error, isfinite(sensing->rate) ? LG_INVALID_ARGUMENT : LG_NOT_FINITE,
-                       "%s: the rate is %g", lg_shown_path(path), sensing->rate);
+                       "%s: the rate is %g, expected 0 (unknown) or more", lg_shown_path(path),
+                       sensing->rate);
     if (sensing->class_name == NULL || sensing->classes < 1)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s: the classes have no names", lg_shown_path(path));
     LG_TRY(lg_names_check(context, path, "classes", (const char(*)[LG_SERIES_NAME])sensing->class_name,
@@ -253,7 +255,8 @@ lg_status lg_rate_get(lg_h5 *h5, double *rate, lg_error *error) {
     LG_TRY(lg_h5_number(h5, "", "rate", LG_ELEMENT_F64, rate, error));
     if (isfinite(*rate) && *rate >= 0) return LG_OK;
     return lg_fail(error, isfinite(*rate) ? LG_FORMAT : LG_NOT_FINITE,
-                   "%s: attribute rate is %g, expected samples a second", lg_shown_path(h5->path), *rate);
+                   "%s: attribute rate is %g, expected a number of samples per second",
+                   lg_shown_path(h5->path), *rate);
 }
 
 lg_status lg_sensing_get(lg_h5 *h5, lg_sensing *sensing, lg_error *error) {

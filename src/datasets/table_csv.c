@@ -34,10 +34,10 @@ static lg_status read_header(lg_table_reading *r, lg_csv *c, lg_error *error) {
         LG_TRY(lg_csv_cell(c, &at, &cell, error));
         for (const char *byte = cell; *byte != '\0'; byte++)
             if ((unsigned char)*byte < ' ')
-                return lg_csv_fail(c, error, "is no header: it has control characters");
+                return lg_csv_fail(c, error, "is not a header: it has control characters");
         LG_TRY(lg_table_add_name(r, cell, error));
     }
-    if (r->all.count != c->cells) return lg_csv_fail(c, error, "a quote stands inside of a cell");
+    if (r->all.count != c->cells) return lg_csv_fail(c, error, "a quote is inside a cell");
     LG_TRY(check_header(r, c, error));
     return lg_table_find_columns(r, error);
 }
@@ -50,7 +50,7 @@ static lg_status read_row(lg_table_reading *r, lg_csv *c, lg_error *error) {
     LG_TRY(lg_table_add_row(r, c->number, &values, error));
     for (uint32_t i = 0; at != NULL; i++) {
         LG_TRY(lg_csv_cell(c, &at, &cell, error));
-        if (i == r->all.count) return lg_csv_fail(c, error, "a quote stands inside of a cell");
+        if (i == r->all.count) return lg_csv_fail(c, error, "a quote is inside a cell");
         if (i == r->class_at)
             LG_TRY(lg_table_set_label(r, r->out.rows - 1, lg_csv_missing(cell) ? "" : cell, error));
         if (r->to[i] > 0) LG_TRY(lg_csv_number(c, cell, r->all.name[i], &values[r->to[i] - 1], error));

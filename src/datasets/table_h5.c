@@ -109,7 +109,7 @@ static lg_status list_sources(read_call *call, lg_h5 *h5, lg_error *error) {
         status = add_source(call, h5, all.name[i], error);
     lg_free(call->r->context, all.name);
     if (status == LG_OK && call->r->all.count == 0)
-        return lg_fail(error, LG_FORMAT, "%s: has no data set of the root that is a column of numbers",
+        return lg_fail(error, LG_FORMAT, "%s: has no data set at its root that is a column of numbers",
                        call->r->shown);
     return status;
 }

@@ -35,16 +35,14 @@ static bool big_endian(void) {
 
 static lg_status read_header(const lg_table_reading *r, npy *n, lg_error *error) {
     unsigned char start[MAGIC + 4];
-    if (fread(start, 1, MAGIC, n->from) != MAGIC) return fail(r, "ends within the header of numpy", error);
+    if (fread(start, 1, MAGIC, n->from) != MAGIC) return fail(r, "ends within numpy's header", error);
     const unsigned version = start[6], wide = version == 1 ? 2 : 4;
     if (version < 1 || version > 3) return fail(r, "is of an unknown version of numpy's format", error);
-    if (fread(start + MAGIC, 1, wide, n->from) != wide)
-        return fail(r, "ends within the header of numpy", error);
+    if (fread(start + MAGIC, 1, wide, n->from) != wide) return fail(r, "ends within numpy's header", error);
     uint32_t length = 0;
     for (unsigned i = wide; i-- > 0;) length = length << 8 | start[MAGIC + i];
-    if (length > LONGEST_HEADER) return fail(r, "has a header of numpy of more than 65536 bytes", error);
-    if (fread(n->header, 1, length, n->from) != length)
-        return fail(r, "ends within the header of numpy", error);
+    if (length > LONGEST_HEADER) return fail(r, "has a numpy header of more than 65536 bytes", error);
+    if (fread(n->header, 1, length, n->from) != length) return fail(r, "ends within numpy's header", error);
     n->header[length] = '\0';
     return LG_OK;
 }
@@ -61,7 +59,7 @@ static const char *value_of(const npy *n, const char *key) {
 static lg_status parse_type(const lg_table_reading *r, npy *n, lg_error *error) {
     const char *at = value_of(n, "'descr'");
     if (at == NULL || *at != '\'' || strlen(at) < 4)
-        return fail(r, "holds no plain array of numbers (descr)", error);
+        return fail(r, "does not hold a plain array of numbers (descr)", error);
     const char order = at[1];
     n->kind = at[2];
     n->bytes = (unsigned)(at[3] - '0');
@@ -70,9 +68,10 @@ static lg_status parse_type(const lg_table_reading *r, npy *n, lg_error *error) 
                        (n->bytes == 1 || n->bytes == 2 || n->bytes == 4 || n->bytes == 8);
     const bool real = n->kind == 'f' && (n->bytes == 4 || n->bytes == 8);
     if (at[4] == '\'' && (whole || real || (n->kind == 'b' && n->bytes == 1))) return LG_OK;
-    return lg_fail(error, LG_FORMAT,
-                   "%s: holds numbers of type %.8s; f4, f8, i1 to i8, u1 to u8 and b1 are read", r->shown,
-                   at);
+    return lg_fail(
+        error, LG_FORMAT,
+        "%s: holds numbers of type %.8s; the types that can be read are f4, f8, i1 to i8, u1 to u8 and b1",
+        r->shown, at);
 }
 
 static lg_status parse_shape(const lg_table_reading *r, npy *n, lg_error *error) {
@@ -85,14 +84,14 @@ static lg_status parse_shape(const lg_table_reading *r, npy *n, lg_error *error)
         char *end;
         const unsigned long long value = strtoull(at, &end, 10);
         if (end == at || rank == 2)
-            return fail(r, "is not an array of one or two extents: (rows) or (rows, columns)", error);
+            return fail(r, "is not an array with one or two dimensions: (rows) or (rows, columns)", error);
         dims[rank++] = value;
         at = end + strspn(end, ", ");
     }
-    if (rank == 0) return fail(r, "is a single number, no array", error);
+    if (rank == 0) return fail(r, "is a single number, not an array", error);
     n->rows = dims[0];
     n->columns = dims[1];
-    if (n->rows == 0 || n->columns == 0) return fail(r, "has no numbers: one of its extents is 0", error);
+    if (n->rows == 0 || n->columns == 0) return fail(r, "has no numbers: one of its dimensions is 0", error);
     if (n->columns > LG_TABLE_MOST_COLUMNS) return fail(r, "has more than 65536 columns", error);
     return LG_OK;
 }
@@ -108,10 +107,10 @@ static lg_status check_size(const lg_table_reading *r, const npy *n, lg_error *e
         return lg_fail(error, LG_FILE, "%s: %s", r->shown, strerror(errno));
     const uint64_t have = (uint64_t)about.st_size - (uint64_t)at;
     if (n->rows > have || n->rows * n->columns > have || n->rows * n->columns * n->bytes > have)
-        return lg_fail(error, LG_FORMAT, "%s: is cut off: (%llu, %llu) numbers are promised", r->shown,
-                       (unsigned long long)n->rows, (unsigned long long)n->columns);
+        return lg_fail(error, LG_FORMAT, "%s: is cut off: its header announces (%llu, %llu) numbers",
+                       r->shown, (unsigned long long)n->rows, (unsigned long long)n->columns);
     if (n->rows * n->columns * n->bytes < have)
-        return lg_fail(error, LG_FORMAT, "%s: %llu bytes stand behind its array", r->shown,
+        return lg_fail(error, LG_FORMAT, "%s: %llu bytes follow after its array", r->shown,
                        (unsigned long long)(have - n->rows * n->columns * n->bytes));
     if (n->rows * n->columns > options.max_size / sizeof(double))
         return lg_fail(error, LG_FORMAT, "%s: has (%llu, %llu) numbers; at most %llu are read", r->shown,

@@ -172,8 +172,8 @@ lg_status lg_table_add_row(lg_table_reading *r, size_t line, double **values, lg
 static lg_status check_number(const lg_table_reading *r, size_t row, const char *column, double value,
                               lg_error *error) {
     if (!isinf(value)) return LG_OK;
-    return lg_fail(error, LG_FORMAT, "%s: row %zu: column %s: is infinite; nan is missing", r->shown, row + 1,
-                   column);
+    return lg_fail(error, LG_FORMAT, "%s: row %zu: column %s: is infinite; write nan for a missing value",
+                   r->shown, row + 1, column);
 }
 
 /* ---- classes ---- */
@@ -183,7 +183,7 @@ lg_status lg_table_set_label(lg_table_reading *r, size_t row, const char *text, 
     char *to = r->label_text[row];
     double value;
     if (strlen(text) >= LG_TABLE_NAME)
-        return lg_fail(error, LG_FORMAT, "%s: %s %zu: column %s: a class of more than %d bytes", r->shown,
+        return lg_fail(error, LG_FORMAT, "%s: %s %zu: column %s: the class has more than %d bytes", r->shown,
                        r->out.place, r->out.line[row], r->class_column, LG_TABLE_NAME - 1);
     if (*text != '\0' && lg_number_parse(text, &value) == LG_OK)
         (void)snprintf(to, LG_TABLE_NAME, "%.15g", value == 0.0 ? 0.0 : value);
@@ -295,7 +295,8 @@ lg_status lg_table_keep_complete(lg_table_data *const *tables, size_t count, siz
     size_t complete = 0, kept = 0;
     for (size_t i = 0; i < count; i++)
         if (tables[i]->rows != rows)
-            return lg_fail(error, LG_INVALID_ARGUMENT, "tables of %zu and %zu rows are not of one file", rows,
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "the tables have %zu and %zu rows, so they are not from the same file", rows,
                            tables[i]->rows);
     for (size_t row = 0; row < rows; row++) complete += are_complete(tables, count, row);
     if (complete == 0 && rows > 0)
@@ -336,7 +337,8 @@ static lg_status read_any(lg_table_reading *r, lg_error *error) {
 
 lg_status lg_table_names_read(const lg_context *context, const char *path, const lg_read_options *options,
                               lg_table_names *out, lg_error *error) {
-    if (path == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "a table needs a name");
+    if (path == NULL || out == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the table's name or `out` is NULL");
     lg_table_reading r = {.context = context, .path = path, .shown = lg_shown_path(path), .options = options};
     lg_table_reset(&r);
     const lg_status status = read_any(&r, error);
@@ -352,7 +354,7 @@ lg_status lg_table_read(const lg_context *context, const char *path, const char 
                         const char *class_column, const lg_read_options *options, lg_table_data *out,
                         lg_error *error) {
     if (path == NULL || names == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a table needs a name, and names of columns");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the table's name, the names of columns or `out` is NULL");
     lg_table_reading r = {.context = context,
                           .path = path,
                           .shown = lg_shown_path(path),
@@ -363,7 +365,7 @@ lg_status lg_table_read(const lg_context *context, const char *path, const char 
     lg_table_reset(&r);
     lg_status status = read_any(&r, error);
     if (status == LG_OK && r.out.rows == 0)
-        status = lg_fail(error, LG_FORMAT, "%s: has a header and no rows", r.shown);
+        status = lg_fail(error, LG_FORMAT, "%s: has a header, but no rows", r.shown);
     if (status == LG_OK) status = name_classes(&r, error);
     if (status == LG_OK) {
         hash(&r);

@@ -158,7 +158,8 @@ static lg_status take_all(reading *r, lg_error *error) {
     const yaml_node_t *root = yaml_document_get_root_node(document);
     const size_t pairs = (size_t)(root->data.mapping.pairs.top - root->data.mapping.pairs.start);
     if (pairs > MOST_TENSORS)
-        return lg_fail(error, LG_FORMAT, "%s: more than %d tensors", lg_shown_path(r->path), MOST_TENSORS);
+        return lg_fail(error, LG_FORMAT, "%s: has more than %d tensors", lg_shown_path(r->path),
+                       MOST_TENSORS);
     LG_TRY(check_keys(r, root, "the header", error));
     r->out->tensor = lg_alloc(r->context, pairs + 1, sizeof *r->out->tensor);
     r->places = lg_alloc(r->context, pairs + 1, sizeof *r->places);
@@ -195,11 +196,12 @@ static lg_status check_places(const reading *r, lg_error *error) {
     for (size_t i = 0; i < count; end = r->places[i++].end) {
         const place *p = &r->places[i];
         if (p->begin < end) return bad(r, error, p->tensor->name, "shares bytes with another tensor");
-        if (p->begin > end) return bad(r, error, p->tensor->name, "stands behind bytes of no tensor");
+        if (p->begin > end)
+            return bad(r, error, p->tensor->name, "begins after bytes that belong to no tensor");
         numbers += p->tensor->count;
     }
     if (end < r->bytes)
-        return lg_fail(error, LG_FORMAT, "%s: %llu bytes behind the last tensor belong to no tensor",
+        return lg_fail(error, LG_FORMAT, "%s: %llu bytes after the last tensor belong to no tensor",
                        lg_shown_path(r->path), (unsigned long long)(r->bytes - end));
     if (numbers > options.max_size / sizeof(double))
         return lg_fail(error, LG_FORMAT, "%s: has %llu numbers; at most %llu are read",

@@ -85,7 +85,7 @@ lg_archive_writer lg_h5_view_writer(lg_h5_view *view) {
 lg_status lg_file_writer_create(const lg_context *context, const char *path, const char *kind,
                                 const lg_provenance *provenance, lg_file_writer **out, lg_error *error) {
     if (path == NULL || kind == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name and a kind");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name, its kind or `out` is NULL");
     lg_file_writer *writer = lg_alloc(context, 1, sizeof *writer);
     if (writer == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
     writer->context = context;
@@ -109,7 +109,7 @@ lg_status lg_file_writer_archive(lg_file_writer *writer, const char *prefix, lg_
 
 lg_status lg_file_writer_commit(lg_file_writer *writer, lg_error *error) {
     if (writer == NULL || writer->committed)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a file is committed once");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the file was committed before, or the writer is NULL");
     writer->committed = true;
     if (writer->failure.status != LG_OK)
         return lg_fail(error, writer->failure.status, "%s", writer->failure.message);
@@ -183,7 +183,8 @@ static lg_status probe_all(void *user, lg_error *error) {
 
 lg_status lg_file_reader_create(const lg_context *context, const char *path, const char *kind,
                                 const lg_read_options *options, lg_file_reader **out, lg_error *error) {
-    if (path == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name");
+    if (path == NULL || out == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name or `out` is NULL");
     open_call call = {context, path, kind, options, NULL};
     LG_TRY(lg_probe(context, path, options, probe_all, &call, error));
     lg_file_reader *reader = lg_alloc(context, 1, sizeof *reader);

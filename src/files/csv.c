@@ -105,7 +105,7 @@ lg_status lg_csv_cell(const lg_csv *c, char **at, char **cell, lg_error *error) 
         LG_TRY(unquote(c, &end, error));
         while (is_space(c, *end)) end++;
         if (*end != '\0' && *end != c->separator)
-            return lg_csv_fail(c, error, "text stands behind a closed quote");
+            return lg_csv_fail(c, error, "text follows a closing quote");
     } else {
         while (*end != '\0' && *end != c->separator) end++;
         for (char *last = end; last > *cell && is_space(c, last[-1]); last--) last[-1] = '\0';
@@ -183,7 +183,7 @@ lg_status lg_csv_number(const lg_csv *c, const char *cell, const char *column, d
     (void)snprintf(show, sizeof show, "%s", cell);
     return lg_fail(error, LG_FORMAT, "%s: line %zu: column %s: '%s' is not a %snumber%s", c->shown, c->number,
                    column, lg_tamed(show), status == LG_NOT_FINITE ? "finite " : "",
-                   strchr(cell, ',') != NULL ? "; decimals stand behind a point" : "");
+                   strchr(cell, ',') != NULL ? "; write decimals with a point" : "");
 }
 
 /* ---- the file ---- */

@@ -34,7 +34,7 @@ static lg_status open_attribute(lg_h5 *h5, const char *object, const char *name,
     if (space >= 0) (void)H5Sclose(space);
     if (a->type < 0 || count < 0 || count > 1)
         return attribute_error(h5, object, name, LG_FORMAT,
-                               count > 1 ? "has more than one value" : "cannot be read", error);
+                               count > 1 ? "has more than one value, expected one" : "cannot be read", error);
     a->single = count == 1;
     return LG_OK;
 }
@@ -129,7 +129,8 @@ static lg_status check_version(lg_h5 *h5, lg_error *error) {
         return lg_fail(error, LG_VERSION, "%s: attribute format_version is %lld, this program reads up to %d",
                        shown, (long long)version, LG_FORMAT_VERSION);
     if (version < 1)
-        return lg_fail(error, LG_FORMAT, "%s: attribute format_version is %lld", shown, (long long)version);
+        return lg_fail(error, LG_FORMAT, "%s: attribute format_version is %lld, expected 1 or more", shown,
+                       (long long)version);
     return LG_OK;
 }
 

@@ -150,8 +150,8 @@ static lg_status read_extent(const lg_h5 *h5, const char *name, size_t bytes, lg
     if (space >= 0) (void)H5Sclose(space);
     if (rank < 0) return lg_dataset_error(h5, name, "has no shape", error);
     if (rank > LG_MAX_RANK)
-        return lg_fail(error, LG_FORMAT, "%s: /%s: has rank %d, at most %d is read", lg_shown_path(h5->path),
-                       name, rank, LG_MAX_RANK);
+        return lg_fail(error, LG_FORMAT, "%s: /%s: has rank %d, but at most %d can be read",
+                       lg_shown_path(h5->path), name, rank, LG_MAX_RANK);
     uint64_t most = h5->max_size / bytes;
     d->rank = (uint32_t)rank;
     d->count = 1;

@@ -27,11 +27,12 @@ lg_status lg_file_kind(const lg_context *context, const char *path, const lg_rea
                        char *kind, size_t size, lg_error *error) {
     char text[LG_H5_KIND] = "";
     if (path == NULL || kind == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name, its kind a place");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name or the memory for its kind is NULL");
     LG_TRY(lg_h5_read(context, path, options, read_kind, text, error));
     const size_t length = strlen(text);
     if (length >= size)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: no room for kind '%s'", lg_shown_path(path), text);
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: the memory for the kind is too small for '%s'",
+                       lg_shown_path(path), text);
     memcpy(kind, text, length + 1);
     return LG_OK;
 }

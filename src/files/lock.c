@@ -94,7 +94,7 @@ static held attempt(const char *name, const char *words, int *fd, char holder[WO
 lg_status lg_lock_take(const lg_context *context, const char *target, const char *words, lg_lock *out,
                        lg_error *error) {
     if (target == NULL || words == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a lock needs a target and who takes it");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the lock's target, its words or `out` is NULL");
     const size_t size = strlen(target) + sizeof ".lock";
     char holder[WORDS];
     int code = 0;
@@ -114,7 +114,7 @@ lg_status lg_lock_take(const lg_context *context, const char *target, const char
     if (got == HELD_ELSEWHERE) return lg_fail(error, LG_FILE, "%s: is being written by %s", target, holder);
     if (got == HELD_NEVER && code == 0) return LG_OK;
     return lg_fail(error, LG_FILE, "%s: cannot be written: its lock %s.lock: %s", target, target,
-                   code != 0 ? strerror(code) : "comes and goes");
+                   code != 0 ? strerror(code) : "is made and removed again and again");
 }
 
 void lg_lock_release(lg_lock *lock) {

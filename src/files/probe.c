@@ -36,7 +36,8 @@ lg_status lg_read_options_resolve(const lg_read_options *options, lg_read_option
     lg_read_options_init(out);
     if (options == NULL) return LG_OK;
     if (options->size != sizeof *options)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "read options: wrong size");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the size of the read options is wrong: initialise them first");
     *out = *options;
     return LG_OK;
 }
@@ -154,7 +155,8 @@ static lg_status await_report(const lg_context *context, const char *path, const
         still = now > used || now < 0.0 ? 0 : still + 1;
         used = now;
         if (still >= most)
-            return lg_fail(error, LG_FILE, "%s: the check of the file has stood still for %u s and was ended",
+            return lg_fail(error, LG_FILE,
+                           "%s: the check of the file made no progress for %u s and was ended",
                            lg_shown_path(path), still);
     }
 }
@@ -167,7 +169,8 @@ lg_status lg_probe(const lg_context *context, const char *path, const lg_read_op
     if (!chosen.probe || path == NULL || stat(path, &about) != 0 || !S_ISREG(about.st_mode)) return LG_OK;
     int ends[2];
     if (pipe(ends) != 0)
-        return lg_fail(error, LG_FILE, "%s: no pipe for the check: %s", lg_shown_path(path), strerror(errno));
+        return lg_fail(error, LG_FILE, "%s: the file cannot be checked: no pipe: %s", lg_shown_path(path),
+                       strerror(errno));
     pid_t child = fork();
     if (child == 0) {
         (void)close(ends[0]);
@@ -177,8 +180,8 @@ lg_status lg_probe(const lg_context *context, const char *path, const lg_read_op
     (void)close(ends[1]);
     if (child < 0) {
         (void)close(ends[0]);
-        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: no process for the check: %s", lg_shown_path(path),
-                       strerror(code));
+        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: the file cannot be checked: no process: %s",
+                       lg_shown_path(path), strerror(code));
     }
     lg_error report;
     const lg_status waiting = await_report(context, path, &chosen, child, ends[0], error);

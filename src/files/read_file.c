@@ -13,7 +13,7 @@ lg_status lg_read_open(const char *path, FILE **out, uint64_t *bytes, lg_error *
         return lg_fail(error, errno == ENOENT || errno == ENOTDIR ? LG_NOT_FOUND : LG_FILE, "%s: %s", shown,
                        strerror(errno));
     if (!S_ISREG(about.st_mode))
-        return lg_fail(error, LG_FILE, "%s: is not a regular file; save what a pipe gives as a file first",
+        return lg_fail(error, LG_FILE, "%s: is not a regular file; save the output of a pipe in a file first",
                        shown);
     FILE *file = fopen(path, "rb");
     if (file == NULL) return lg_fail(error, LG_FILE, "%s: cannot be read: %s", shown, strerror(errno));

@@ -85,7 +85,7 @@ static lg_status write_temporary(const char *path, const char *target, const lg_
 lg_status lg_file_write(const lg_context *context, const char *path, const void *data, size_t bytes,
                         lg_error *error) {
     if (path == NULL || *path == '\0' || (data == NULL && bytes > 0))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name and data");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name is missing, or its data are NULL");
     struct stat old;
     bool exists = stat(path, &old) == 0;
     if (exists && !S_ISREG(old.st_mode))

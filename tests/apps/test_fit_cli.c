@@ -505,8 +505,8 @@ static const odd odds[] = {
     {"", "", 3, "is empty"},
     {"\n\n\n", "", 3, "is empty"},
     {"# only a remark\n", "", 3, "is empty"},
-    {"a,b,y\n", "", 3, "has a header and no rows"},
-    {"a,b,y\n\n\n", "", 3, "has a header and no rows"},
+    {"a,b,y\n", "", 3, "has a header, but no rows"},
+    {"a,b,y\n\n\n", "", 3, "has a header, but no rows"},
     {"a,b,y\n1,2,3\n", "", 3, "one complete row"},
     {"a,b,y\n1,2,3\n,5,6\n", "", 3, "one complete row"},
     {"a,b,y\n1,2,\n1,,3\n,2,3\n", "", 3, "all 3 rows have missing cells"},
@@ -514,7 +514,7 @@ static const odd odds[] = {
     {"a,b,y\n1,2,3\n4,5,6,7\n", "", 3, "line 3: has 4 cells"},
     {"a,b,y\n1,2,3\n4,many,6\n", "", 3, "line 3: column b: 'many' is not a number"},
     {"a,b,y\n1,2,3\n4,5 m,6\n", "", 3, "line 3: column b: '5 m' is not a number"},
-    {"a;b;y\n1;2,5;3\n", "", 3, "line 2: column b: '2,5' is not a number; decimals stand behind a point"},
+    {"a;b;y\n1;2,5;3\n", "", 3, "line 2: column b: '2,5' is not a number; write decimals with a point"},
     {"a,b,y\n1,2,3\n4,inf,6\n", "", 3, "line 3: column b: 'inf' is not a number"},
     {"a,b,y\n1,2,3\n4,1e999,6\n", "", 3, "line 3: column b: '1e999' is not a finite number"},
     {"a,b,y\n1,0x10,3\n4,5,6\n", "", 3, "'0x10' is not a number"},
@@ -546,7 +546,7 @@ static const odd odds[] = {
     {"a,k\n1,x\n2,x\n3,x\n", "--class k", 3, "one class only"},
     {"a,k\n1,x\n2,\n3,x\n", "--class k", 3, "one class only"},
     {"a,b,y\n1,\"2,3\n4,5,6\n", "", 3, "a quote is not closed"},
-    {"a,b,y\n1,\"2\"3,4\n4,5,6\n", "", 3, "text stands behind a closed quote"},
+    {"a,b,y\n1,\"2\"3,4\n4,5,6\n", "", 3, "text follows a closing quote"},
     {"a\001,b,y\n1,2,3\n4,5,6\n", "", 3, "control characters"},
     {"a,b,y\n1,2,3\n4,5,6\n", "--hidden 4,5", 2, "one width"},
     {"a,b,y\n1,2,3\n4,5,6\n", "--decay 1,2", 2, "2 numbers; the model has"},
@@ -604,9 +604,9 @@ TEST("files that are not tables cause a message and an exit code too") {
         {"{'descr': '<c16', 'fortran_order': False, 'shape': (2, 2), }\n", "type"},
         {"{'descr': '|O', 'fortran_order': False, 'shape': (2, 2), }\n", "type"},
         {"{'descr': [('a', '<f8')], 'fortran_order': False, 'shape': (2,), }\n", "descr"},
-        {"{'descr': '<f8', 'fortran_order': False, 'shape': (2, 2, 2), }\n", "one or two extents"},
+        {"{'descr': '<f8', 'fortran_order': False, 'shape': (2, 2, 2), }\n", "one or two dimensions"},
         {"{'descr': '<f8', 'fortran_order': False, 'shape': (), }\n", "single number"},
-        {"{'descr': '<f8', 'fortran_order': False, 'shape': (0, 3), }\n", "extents is 0"},
+        {"{'descr': '<f8', 'fortran_order': False, 'shape': (0, 3), }\n", "dimensions is 0"},
         {"{'descr': '<f8', 'fortran_order': False, 'shape': (9, 3), }\n", "cut off"},
         {"{'descr': '<f8', 'fortran_order': False, 'shape': (4611686018427387905, 4), }\n", "cut off"},
         {"{'fortran_order': False, 'shape': (2, 2), }\n", "descr"},
@@ -621,7 +621,7 @@ TEST("files that are not tables cause a message and an exit code too") {
               sizeof infinite);
     cli_expect(fit, "train odd.npy --out m.h5", 3, "row 2: column c0: is infinite");
     cli_write("cut.npy", "\x93NUMPY\x01");
-    cli_expect(fit, "train cut.npy --out m.h5", 3, "ends within the header");
+    cli_expect(fit, "train cut.npy --out m.h5", 3, "ends within numpy's header");
 }
 
 /* Every byte of a good file is changed in turn, and the file is cut at every length. The program must end
@@ -692,7 +692,7 @@ TEST("weights from safetensors and numpy files become a program, and a program c
                {"{\"a.bias\":{\"dtype\":\"F64\",\"shape\":[9],\"data_offsets\":[0,72]}}", "bias of no layer"},
                {"{\"a\":[1]}", "type is not F64"},
                {"{\"a.weight\":{\"dtype\":\"F64\",\"shape\":[2,2],\"data_offsets\":[0,32]}}",
-                "40 bytes behind the last tensor"}};
+                "40 bytes after the last tensor"}};
     static const char shape[] = "layers 2, inputs 2, outputs 1, parameters 9";
     double numbers[9];
     memcpy(numbers, weight1, sizeof weight1);

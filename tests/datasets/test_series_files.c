@@ -594,7 +594,7 @@ TEST("errors in a file are refused by name") {
         {"X", ARRAY(0, 6, 0, 5), LG_FORMAT, "0 channels"},
         {"X", ARRAY(0, 6, 2, 0), LG_FORMAT, "0 samples"},
         {"X", ARRAY(0, 6, 0), LG_FORMAT, "0 samples"},
-        {"X", ARRAY(0, 7, 2, 5), LG_FORMAT, "/y: 6 of them, /X has 7 windows"},
+        {"X", ARRAY(0, 7, 2, 5), LG_FORMAT, "/y: has 6 labels, but /X has 7 windows"},
         {"X", ARRAY(NAN, 6, 2, 5), LG_NOT_FINITE, "NaN in window 0, channel 0, sample 0"},
         {"X", ARRAY(INFINITY, 6, 2, 5), LG_NOT_FINITE, "single precision in window 0"},
         {"X", ARRAY(-1e39, 6, 2, 5), LG_NOT_FINITE, "single precision"},

@@ -114,25 +114,24 @@ TEST("tensors that overlap, leave gaps, or have two names or sizes are refused")
         const char *header;
         uint64_t size;
         const char *words;
-    } bad[] = {
-        {"{" TENSOR("a", "2", "0,16") "," TENSOR("b", "2", "8,24") "}", 24, "'b': shares bytes"},
-        {"{" TENSOR("a", "2", "0,16") "," TENSOR("b", "2", "0,16") "}", 16, "shares bytes"},
-        {"{" TENSOR("a", "4", "0,32") "," TENSOR("b", "1", "8,16") "}", 32, "'b': shares bytes"},
-        {"{" TENSOR("a", "2", "8,24") "}", 24, "'a': stands behind bytes of no tensor"},
-        {"{" TENSOR("a", "1", "0,8") "," TENSOR("b", "1", "16,24") "}", 24, "'b': stands behind bytes"},
-        {"{" TENSOR("a", "2", "0,16") "}", 17, "1 bytes behind the last tensor"},
-        {"{}", 8, "8 bytes behind the last tensor"},
-        {"{" TENSOR("a", "2", "0,16") "}", 15, "do not fit the shape or the file"},
-        {"{" TENSOR("a", "2", "0,8") "}", 8, "do not fit the shape or the file"},
-        {"{" TENSOR("a", "2", "16,0") "}", 16, "do not fit the shape or the file"},
-        {"{" TENSOR("a", "99999999,99999999,99999999", "0,16") "}", 16, "do not fit the shape"},
-        {"{" TENSOR("a", "1", "0,8") "," TENSOR("a", "1", "8,16") "}", 16, "key 'a' is there twice"},
-        {"{\"__metadata__\":{},\"__metadata__\":{}}", 0, "key '__metadata__' is there twice"},
-        {"{\"a\":{\"dtype\":\"F64\",\"shape\":[1],\"shape\":[2],\"data_offsets\":[0,8]}}", 8,
-         "key 'shape' is there twice"},
-        {"{\"a\":{\"dtype\":\"F64\",\"dtype\":\"F32\",\"shape\":[1],\"data_offsets\":[0,8]}}", 8,
-         "key 'dtype' is there twice"},
-        {"{" TENSOR("a\\u0000b", "1", "0,8") "}", 8, "a key is not a text"}};
+    } bad[] = {{"{" TENSOR("a", "2", "0,16") "," TENSOR("b", "2", "8,24") "}", 24, "'b': shares bytes"},
+               {"{" TENSOR("a", "2", "0,16") "," TENSOR("b", "2", "0,16") "}", 16, "shares bytes"},
+               {"{" TENSOR("a", "4", "0,32") "," TENSOR("b", "1", "8,16") "}", 32, "'b': shares bytes"},
+               {"{" TENSOR("a", "2", "8,24") "}", 24, "'a': begins after bytes that belong to no tensor"},
+               {"{" TENSOR("a", "1", "0,8") "," TENSOR("b", "1", "16,24") "}", 24, "'b': begins after bytes"},
+               {"{" TENSOR("a", "2", "0,16") "}", 17, "1 bytes after the last tensor"},
+               {"{}", 8, "8 bytes after the last tensor"},
+               {"{" TENSOR("a", "2", "0,16") "}", 15, "do not fit the shape or the file"},
+               {"{" TENSOR("a", "2", "0,8") "}", 8, "do not fit the shape or the file"},
+               {"{" TENSOR("a", "2", "16,0") "}", 16, "do not fit the shape or the file"},
+               {"{" TENSOR("a", "99999999,99999999,99999999", "0,16") "}", 16, "do not fit the shape"},
+               {"{" TENSOR("a", "1", "0,8") "," TENSOR("a", "1", "8,16") "}", 16, "key 'a' is there twice"},
+               {"{\"__metadata__\":{},\"__metadata__\":{}}", 0, "key '__metadata__' is there twice"},
+               {"{\"a\":{\"dtype\":\"F64\",\"shape\":[1],\"shape\":[2],\"data_offsets\":[0,8]}}", 8,
+                "key 'shape' is there twice"},
+               {"{\"a\":{\"dtype\":\"F64\",\"dtype\":\"F32\",\"shape\":[1],\"data_offsets\":[0,8]}}", 8,
+                "key 'dtype' is there twice"},
+               {"{" TENSOR("a\\u0000b", "1", "0,8") "}", 8, "a key is not a text"}};
     for (size_t i = 0; i < LG_COUNT(bad); i++) {
         lg_tensors made;
         lg_error error = {LG_OK, ""};
@@ -151,11 +150,12 @@ TEST("a large file with a wrong header, or with too many numbers, takes no memor
         const char *header;
         const char *words;
     } bad[] = {
-        {false, "{" TENSOR("a", "2", "0,16") "}", "9999999984 bytes behind the last tensor"},
+        {false, "{" TENSOR("a", "2", "0,16") "}", "9999999984 bytes after the last tensor"},
         {false, "{" TENSOR("a", "1250000000", "0,10000000000") "}", "1250000000 numbers; at most 1073741824"},
-        {false, "{" TENSOR("a", "9", "9999999928,10000000000") "}", "stands behind bytes of no tensor"},
+        {false, "{" TENSOR("a", "9", "9999999928,10000000000") "}",
+         "begins after bytes that belong to no tensor"},
         {true, "{'descr': '<f8', 'fortran_order': False, 'shape': (2,), }\n",
-         "9999999984 bytes stand behind"},
+         "9999999984 bytes follow after"},
         {true, "{'descr': '<f8', 'fortran_order': True, 'shape': (1250000000,), }\n", "at most 1073741824"},
         {true, "{'descr': '<f8', 'shape': (9,), 'fortran_order': True, 'shape': (2,), }\n", "has no shape"},
         {true, "{'descr': '<f8', 'descr': '<f4', 'fortran_order': True, 'shape': (2,), }\n", "descr"}};

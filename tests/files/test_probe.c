@@ -355,7 +355,7 @@ TEST("a check that hangs is ended and reported within its time limit plus four s
     options.probe_seconds = 1;
     double begin = seconds_of_day();
     assert_status(lg_probe(context, scene.old, &options, stands_still, NULL, &error), LG_FILE);
-    assert_says(error.message, "has stood still");
+    assert_says(error.message, "made no progress");
     assert_says(words, "is still being checked");
     assert_true(seconds_of_day() - begin < 30);
     options.probe_seconds = 20;
