@@ -243,7 +243,7 @@ static void parse_with_commands(app *self, int argc, char **argv, const char *su
         free(doc);
         doc = longer;
     }
-    char *whole = app_format("%s\n%s COMMAND --help says more.", doc, self->program);
+    char *whole = app_format("%s\n%s COMMAND --help describes the options of a command.", doc, self->program);
     char texts[COMMON * HELP_SIZE];
     struct argp_option *options = argp_table(self, texts);
     const struct argp argp = {options, parse_top, "COMMAND ...", whole, NULL, NULL, NULL};
@@ -362,12 +362,11 @@ static void keep_standard_places(void) {
 
 static int reserve(const app *self) {
     if (!is_limited() || lg_runtime_reserve((int)self->threads)) return APP_EXIT_OK;
-    return app_fail(
-        self, LG_OUT_OF_MEMORY,
-        "out of memory: the limit (ulimit -v) leaves less than the %llu MiB of addresses that %llu "
-        "thread%s of OpenBLAS take: raise it, or reduce --threads",
-        (unsigned long long)self->threads * 128, (unsigned long long)self->threads,
-        self->threads == 1 ? "" : "s");
+    return app_fail(self, LG_OUT_OF_MEMORY,
+                    "out of memory: the limit on addresses (ulimit -v) leaves less than the %llu MiB that "
+                    "%llu thread%s of OpenBLAS may use: raise the limit, or reduce --threads",
+                    (unsigned long long)self->threads * 128, (unsigned long long)self->threads,
+                    self->threads == 1 ? "" : "s");
 }
 
 /* Checks the options that name files: required ones are given, and outputs can be written. */

@@ -95,8 +95,11 @@ bool board_wanted(app *self, const board_values *values, const char *out) {
         APP_FREE char *first =
             app_format("%.*s", slash != NULL ? (int)(slash - values->task) : 0, values->task);
         if (slash == NULL || !app_parse_size(first, &i) || !app_parse_size(slash + 1, &n) || i >= n)
-            app_stop_usage(self, "--task: i/n with i from 0 to n - 1 is expected, as in 3/16");
-        if (values->merge) app_stop_usage(self, "--task works, and --merge does not; give one of them");
+            app_stop_usage(self, "--task: expected i/n with i from 0 to n - 1, as in 3/16");
+        if (values->merge)
+            app_stop_usage(
+                self,
+                "--task does a part of the work and --merge only collects the results; give one of them");
     }
     APP_FREE char *path = app_format("%s.board", out);
     self->shares = self->rank_count > 1 || values->task != NULL || values->merge || access(path, F_OK) == 0;
@@ -156,7 +159,8 @@ static lg_status check_head(const board *b, const head *mine, bool *fresh, lg_er
     if (whole && memcmp(found.magic, mine->magic, sizeof found.magic) == 0 && found.record == mine->record &&
         found.count == mine->count && memcmp(found.sweep, mine->sweep, sizeof found.sweep) == 0)
         return LG_OK;
-    return app_error(error, LG_FORMAT, "%s: belongs to other work; remove it, or write to another file",
+    return app_error(error, LG_FORMAT,
+                     "%s: belongs to work with other options or data; remove it, or write to another file",
                      b->path);
 }
 
@@ -176,7 +180,7 @@ lg_status board_open(const app *self, const board_values *values, const char *ou
     (void)pthread_mutex_init(&b->mutex, NULL);
     lg_status status = open_file(b, self->rank == 0, error);
     if (status == LG_NOT_FOUND && !is_over(out))
-        status = app_error(error, LG_FILE, "%s: rank 0 has not made it", b->path);
+        status = app_error(error, LG_FILE, "%s: is missing: rank 0 has not created it", b->path);
     if (status == LG_OK) status = check_head(b, &mine, fresh, error);
     if (status == LG_OK)
         *board_out = b;
@@ -288,8 +292,8 @@ lg_status board_unfinished(const board *b, size_t left, lg_error *error) {
 int board_report(const app *self, const board_values *values, size_t done, size_t count) {
     app_json out;
     app_result_begin(&out, self);
-    app_result_line(&out, "task %s: %zu of %zu are done by all tasks%s", values->task, done, count,
-                    done == count ? "; put them together by --merge" : "");
+    app_result_line(&out, "task %s: all tasks together have done %zu of %zu pieces%s", values->task, done,
+                    count, done == count ? "; collect them with --merge" : "");
     app_json_text(&out, "task", values->task);
     app_json_size(&out, "done", done);
     app_json_size(&out, "count", count);

@@ -26,11 +26,12 @@ typedef struct board_values {
 } board_values;
 #define BOARD_ROWS(type)                                                                                     \
     LG_OPTION(type, board.task, STRING, "i/n",                                                               \
-              "Task i of n (i from 0) of a job array: takes pieces of the work beside the others and "       \
-              "leaves the results in FILE.board, for --merge",                                               \
+              "Work as task i of n (i from 0) of a job array: do pieces of the work that no other task has " \
+              "taken, and leave the results in FILE.board, for --merge",                                     \
               .option = "task"),                                                                             \
         LG_OPTION(type, board.merge, SWITCH, NULL,                                                           \
-                  "Put what the tasks have finished into the output, and do no work", .option = "merge")
+                  "Collect the results that the tasks have finished in the output, without doing any work",  \
+                  .option = "merge")
 
 /* Returns whether this command shares a board with other processes, and sets app->shares: there are several
  * processes, or an earlier run left a board. `out`: path of the output. A wrong --task ends the command. */

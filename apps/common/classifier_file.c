@@ -83,7 +83,7 @@ static lg_status read_texts(const lg_archive_reader *from, classifier_file *out,
     LG_TRY(from->text(from->user, "run/data_sha256", out->data_sha256, sizeof out->data_sha256));
     out->method = known_method(method);
     if (out->method == NULL || lg_split_parse(split, &out->split) != LG_OK)
-        return app_error(error, LG_FORMAT, "/run: a classifier has no such method or split");
+        return app_error(error, LG_FORMAT, "/run: the attribute method or split is unknown");
     return LG_OK;
 }
 
@@ -96,7 +96,8 @@ static lg_status read_models(const lg_context *context, const lg_archive_reader 
     if (status == LG_NOT_FOUND && !alone) return LG_OK;
     LG_TRY(status);
     if (!alone && (out->novelty.channels != f->channels || out->novelty.length != f->length))
-        return app_error(error, LG_FORMAT, "novelty is of other windows than the classifier");
+        return app_error(error, LG_FORMAT,
+                         "the novelty detector is for windows of another shape than the classifier");
     return LG_OK;
 }
 
@@ -104,7 +105,7 @@ static lg_status read_names(lg_file_reader *reader, classifier_file *out, lg_err
     LG_TRY(lg_file_reader_names(reader, &out->names, error));
     const uint32_t classes = classifier_file_is_novelty(out) ? 2 : out->classifier.classes;
     if (out->names.classes != classes)
-        return app_error(error, LG_FORMAT, "the file names %u classes, its classifier has %u",
+        return app_error(error, LG_FORMAT, "the file names %u classes, but its classifier has %u",
                          out->names.classes, classes);
     return LG_OK;
 }

@@ -131,7 +131,7 @@ static int check_output(const app *self, const used_file *files, size_t at) {
                    *option = file->option != NULL ? file->option : "";
         if (other->written)
             return app_usage(self, "%s%s%s%s is also %s%s", dashes, option, colon, file->path,
-                             other->option != NULL ? "the output file of --" : "written",
+                             other->option != NULL ? "the output file of --" : "an output file",
                              other->option != NULL ? other->option : "");
         return app_usage(self, "%s%s%s%s is an input%s%s and would be replaced", dashes, option, colon,
                          file->path, other->option != NULL ? " of --" : "",

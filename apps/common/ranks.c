@@ -85,12 +85,13 @@ int app_join_ranks(app *self) {
     lg_error error = {LG_OK, ""};
     if (self->rank_count == 1) return APP_EXIT_OK;
     if (self->command->together == APP_ALONE)
-        return app_usage(self, "runs alone, and mpirun started %u of it", self->rank_count);
+        return app_usage(self, "this command runs in one process only, but mpirun started %u processes",
+                         self->rank_count);
     if (self->command->together == APP_WORKERS) return APP_EXIT_OK;
     if (!load())
         return app_usage(self,
-                         "mpirun started %u ranks, but there is no liegrad_mpi (%s): install it, or build "
-                         "with MPI",
+                         "mpirun started %u ranks, but the library liegrad_mpi could not be loaded (%s): "
+                         "install it, or build with MPI",
                          self->rank_count, dlerror());
     const lg_status status = mpi.begin(NULL, &mpi.ranks, &error);
     if (status != LG_OK) return app_fail(self, status, "%s", error.message);

@@ -11,19 +11,19 @@ enum { RUNGS, WARM_UP, QUANTILE }; /* indices of the numbers R, W and Q of --run
 search_values search_given;
 
 const lg_field search_options[] = {
-    LG_OPTION(search_values, trials, U64, "n", "Planned number of trials, earlier ones included", .low = 1,
-              .high = 1000000, .value = "50"),
+    LG_OPTION(search_values, trials, U64, "n",
+              "Planned number of trials, including earlier trials in the table", .low = 1, .high = 1000000,
+              .value = "50"),
     LG_OPTION(search_values, out, STRING, "FILE.csv", "Table of trials, written after each trial"),
     LG_OPTION(search_values, resume, SWITCH, NULL,
               "Continue the search of this table; without --resume an existing table is replaced"),
-    LG_OPTION(
-        search_values, rungs, REALS, "R[,W[,Q]]",
-        "A trial is compared with earlier ones at R points (0: never), and stopped where at least the part "
-        "Q of W or more trials that passed the point was better (default 5,5,0.5)",
-        .high = 1e6, .most = 3),
+    LG_OPTION(search_values, rungs, REALS, "R[,W[,Q]]",
+              "Compare a trial with earlier trials at R points (0: never), and stop it at a point that W or "
+              "more trials have passed if at least the fraction Q of them was better there (default 5,5,0.5)",
+              .high = 1e6, .most = 3),
     LG_OPTION(search_values, validation, REAL, "F",
-              "Part of the training data that is held out; the objective is the error on it", .low = 1e-9,
-              .high = 0.9, .value = "0.1"),
+              "Fraction of the training data that is held out; the objective is the error on this part",
+              .low = 1e-9, .high = 0.9, .value = "0.1"),
     LG_OPTION(search_values, plot, STRING, "FILE.svg|.png",
               "Draw the objective of each trial and the "
               "best so far"),
@@ -69,7 +69,7 @@ static lg_status virtual_set(app *v, train_task *task, const char *name, const c
     lg_error reason = {LG_OK, ""};
     app_slot *slot = app_find_slot(v, name);
     if (!is_hyperparameter(task, slot))
-        return app_error(error, LG_FORMAT, "'%s' is not an option of train that determines its result", name);
+        return app_error(error, LG_FORMAT, "'%s' is not an option of train that changes its result", name);
     if (task->only != NULL && strcmp(name, task->recipe->learner->method) == 0 &&
         (text == NULL || strcmp(text, task->only) != 0))
         return app_error(error, LG_FORMAT, "'%s' can only be %s in a search", name, task->only);
@@ -597,8 +597,10 @@ int search_main(app *self, const app_command *train, train_task *task) {
     if (!take_rungs(rungs)) {
         char text[128];
         lg_field_show(lg_field_find(search_options, "rungs"), &search_given, text, sizeof text);
-        return app_usage(self, "--rungs: '%s' is not R,W,Q with whole R (0 to %d) and W, and Q above 0 to 1",
-                         text, LG_TRIAL_REPORTS);
+        return app_usage(
+            self,
+            "--rungs: '%s' is not R,W,Q with whole numbers R (0 to %d) and W, and a Q above 0 and at most 1",
+            text, LG_TRIAL_REPORTS);
     }
     const bool together = board_wanted(self, &values->board, values->out);
     int code = app_check_outputs(self, paths, LG_COUNT(paths));

@@ -130,14 +130,15 @@ int train_size(app *self, train_task *task, const char *size, train_race *race) 
     if (size == NULL) return APP_EXIT_OK;
     const lg_learner *learner = task->recipe->learner;
     app_slot *slot = learner->sizes != NULL ? app_find_slot(self, "hidden") : NULL;
-    if (slot == NULL) return app_usage(self, "--size: this network has no width to choose");
+    if (slot == NULL) return app_usage(self, "--size: the width of this network cannot be chosen");
     const bool automatic = strcmp(size, "auto") == 0;
     if (learner->has_width != NULL && !learner->has_width(&task->learning)) {
         if (!automatic) return app_usage(self, "--size: this model has no network");
-        app_warn(self, "--size auto: this model has no network; there is no race");
+        app_warn(self, "--size auto: this model has no network, so there is no width to choose");
         return APP_EXIT_OK;
     }
-    if (slot->given) return app_usage(self, "--size and --hidden say the same; give one of them");
+    if (slot->given)
+        return app_usage(self, "--size and --hidden both set the widths of the network; give one of them");
     if (!automatic) {
         if (app_store(slot, size, &error) == LG_OK) return APP_EXIT_OK;
         return app_usage(self, "--size: %s, or auto", error.message);

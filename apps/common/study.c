@@ -14,7 +14,7 @@ study_values study_given;
 
 const lg_field study_options[] = {
     LG_OPTION(study_values, out, STRING, "FILE.csv",
-              "Table of runs; runs that it already has are not repeated", .required = true),
+              "Table of runs; runs that are in it already are not repeated", .required = true),
     LG_OPTION(study_values, jobs, U64, "J",
               "Number of simultaneous runs (default: --threads); each uses threads/jobs threads", .low = 1,
               .high = 256),

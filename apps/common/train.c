@@ -239,7 +239,7 @@ static int broken(train_session *self, lg_status status, const lg_error *fit_err
         (void)on_checkpoint(self, fit_of(self));
         if (self->checkpoint_status == LG_OK) {
             char *path = checkpoint_path();
-            const int code = app_fail(self->app, status, "%s; the state before it is in %s",
+            const int code = app_fail(self->app, status, "%s; the state before this failure is in %s",
                                       app_sentence(status, fit_error), path);
             free(path);
             return code;
@@ -376,7 +376,7 @@ const lg_field train_preset_rows[] = {
      .size = sizeof train_preset_given,
      .value_name = lg_preset_name,
      .otherwise = "best; thesis where Adam is asked for",
-     .meaning = "Source of options that are not given: the published settings or ours"},
+     .meaning = "Source of options that are not given: the published settings (thesis) or ours (best)"},
     LG_FIELD_END};
 
 /* Returns whether a method of the plan can use the prior: one that minimises a general loss, so neither a
@@ -396,7 +396,7 @@ static int check_method(const app *self, const train_task *task) {
     lg_fit_plan_show(&train_training(task)->plan, plan);
     const bool prior = app_given(self, "prior") && train_training(task)->prior > 0;
     if (prior && !task->recipe->learner->prior)
-        return app_usage(self, "--prior: this training has no use for it");
+        return app_usage(self, "--prior: the training of this model does not use a prior");
     if (prior && !takes_prior(&train_training(task)->plan))
         return app_usage(self, "--prior: is for ssbroyden and lbfgs; training by %s has no such option",
                          plan);

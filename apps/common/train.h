@@ -31,9 +31,10 @@ extern const lg_field train_file_options[];
 #define TRAIN_SHARED         APP_GIVEN(train_file_options, train_given_files)
 #define TRAIN_SHARED_NO_SIZE APP_GIVEN(train_file_options + 1, train_given_files)
 #define TRAIN_SIZE_ROW                                                                                       \
-    LG_OPTION(train_files, size, STRING, "auto|W,...",                                                       \
-              "auto: choose --hidden by a race of a few widths on a validation part, each for half of "      \
-              "the epochs and all for a third of --seconds, which counts them; else as --hidden")
+    LG_OPTION(                                                                                               \
+        train_files, size, STRING, "auto|W,...",                                                             \
+        "Widths of the network, as --hidden; or auto: train a few widths, each for half of the epochs and "  \
+        "all together for at most a third of --seconds, and take the one with the best validation loss")
 /* The rows of the other options. `drawn` is the help text of --plot, for a command whose picture is not the
  * loss. */
 #define TRAIN_FILE_ROWS(drawn)                                                                               \

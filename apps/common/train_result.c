@@ -38,9 +38,8 @@ static int judge(const app *self, const lg_learning *learning) {
     const bool useless = guessed > 0 && !(error < learned * guessed);
     const bool risen = epoch > 1 && !(loss[epoch - 1] < loss[0]);
     if (useless)
-        app_warn(self,
-                 "the model has learned nothing: its %s %.3g is not below %.3g, that of %s; %strain longer",
-                 what, error, guessed, guess, adam ? "decrease --lr, or " : "");
+        app_warn(self, "the model has learned nothing: its %s is %.3g, and %s reaches %.3g; %strain longer",
+                 what, error, guess, guessed, adam ? "decrease --lr, or " : "");
     if (risen)
         app_warn(self, "the loss has not fallen: %.3g in epoch %llu, %.3g in the first one%s",
                  loss[epoch - 1], (unsigned long long)epoch, loss[0], adam ? "; decrease --lr" : "");

@@ -12,8 +12,10 @@ typedef struct values {
 static values given;
 
 static const lg_field options[] = {
-    LG_OPTION(values, only, STRING, "TEXT", "Only rows of the operation TEXT, or whose name contains TEXT"),
-    LG_OPTION(values, plant, SWITCH, NULL, "Plant wrong derivatives; succeed only if every one is caught"),
+    LG_OPTION(values, only, STRING, "TEXT",
+              "Check only functions of the operation TEXT, or functions whose name contains TEXT"),
+    LG_OPTION(values, plant, SWITCH, NULL,
+              "Plant wrong derivatives; succeed only if the check catches each of them"),
     LG_FIELD_END};
 
 /* Ignores the case of letters. */
@@ -189,11 +191,13 @@ static int gradcheck(struct app *program) {
     run r = {.app = program};
     extent found = {0, 0};
     (void)each_row(count_row, &found);
-    if (found.rows == 0) app_stop_usage(program, "--only: nothing is called '%s'", given.only);
+    if (found.rows == 0)
+        app_stop_usage(program, "--only: no operation is called '%s', and no function has it in its name",
+                       given.only);
     if (given.plant && found.operations == 0)
         app_stop_usage(program,
-                       "--plant: none of the %zu functions that '%s' chooses has a registered derivative of "
-                       "its own: there is nothing to plant",
+                       "--plant: none of the %zu functions that '%s' chooses tests an operation with a "
+                       "registered derivative, so there is nothing to plant",
                        found.rows, given.only);
     lg_gradcheck_options_init(&r.options);
     if (program->seed_given) r.options.seed = program->seed;

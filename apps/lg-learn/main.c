@@ -70,8 +70,8 @@ static void check_data(const app *self, const lg_recipe *chosen, int first) {
     if (chosen == NULL) app_stop_usage(self, "--recipe NAME is missing");
     const char *data = chosen->learner->data;
     if (self->argument_count > first + 1 && strstr(data, "...") == NULL)
-        app_stop_usage(self, "%s: the recipe %s takes %s alone", self->arguments[first + 1], chosen->name,
-                       data);
+        app_stop_usage(self, "%s: there are too many arguments; the recipe %s takes only %s",
+                       self->arguments[first + 1], chosen->name, data);
 }
 
 static int run_train(app *self) {
@@ -83,10 +83,10 @@ static const app_command train_command = {
     .name = "train",
     .arguments = "DATA...",
     .summary = "Learn a model from data",
-    .details =
-        "With --recipe NAME the options of this kind of model stand above. A search draws values of the "
-        "same options.\n\nCtrl-C saves a checkpoint and ends with exit code 130; --resume continues to "
-        "the same bits.",
+    .details = "With --recipe NAME the options of this kind of model are listed above. The command search "
+               "draws values of the same options.\n\nCtrl-C saves a checkpoint and ends with exit code 130; "
+               "--resume continues to "
+               "the same bits.",
     .settings = train_settings,
     .run = run_train,
     .together = APP_RANKS};
@@ -103,8 +103,10 @@ static int run_evaluate(app *self) {
     APP_CLEAN(lg_model_file_destroy) lg_model_file file = {0};
     APP_MUST_FILE(self, path, lg_model_load(self->context, path, NULL, &file, &error));
     if (file.recipe == NULL)
-        app_stop(self, LG_FORMAT, "%s: no recipe learns models of its kind: nothing says what its data are",
-                 path);
+        app_stop(
+            self, LG_FORMAT,
+            "%s: no recipe belongs to this kind of model, so its data are unknown and it cannot be evaluated",
+            path);
     check_data(self, file.recipe, 1);
     APP_FREE void *run = app_alloc(1, file.recipe->run_size);
     const app_settings settings[] = {{file.recipe->fields, run, 0}, APP_SETTINGS_END};
@@ -134,12 +136,14 @@ typedef struct predict_values {
 static predict_values values;
 
 static const lg_field predict_options[] = {
-    LG_OPTION(predict_values, initial, REALS, "X,X,...", "The start, in the layout of the model's state",
+    LG_OPTION(predict_values, initial, REALS, "X,X,...",
+              "The start in the order of the model's state, or the inputs of a model without a flow",
               LG_ANY_REAL),
-    LG_OPTION(predict_values, t_end, REAL, "T", "Time of the last point, for a model that moves", LG_POSITIVE,
-              .value = "1"),
-    LG_OPTION(predict_values, points, U64, "M", "Equidistant points of the trajectory, the start included",
-              .low = 2, .high = 1e8, .value = "101"),
+    LG_OPTION(predict_values, t_end, REAL, "T", "Time of the last point, for a model with a flow",
+              LG_POSITIVE, .value = "1"),
+    LG_OPTION(predict_values, points, U64, "M",
+              "Number of equidistant points of the trajectory, including the start", .low = 2, .high = 1e8,
+              .value = "101"),
     LG_OPTION(predict_values, tolerance, REAL, "TOL",
               "Tolerance of the adaptive integration of the learned flow", .low = 1e-14, .high = 1e-2,
               .value = "1e-10"),
@@ -155,7 +159,9 @@ static void project(const app *self, const lg_space *space, double *state, size_
     memcpy(given, state, dim * sizeof *given);
     lg_space_project(space, state);
     for (size_t i = 0; i < dim; i++) distance = fmax(distance, fabs(state[i] - given[i]));
-    if (!(distance <= 1e-6)) app_stop_usage(self, "--initial: the start is off the manifold by %g", distance);
+    if (!(distance <= 1e-6))
+        app_stop_usage(self, "--initial: the start is off the manifold by %g, more than the allowed 1e-6",
+                       distance);
     if (distance > 1e-14) app_warn(self, "the start was off the manifold by %g and is projected", distance);
 }
 
@@ -201,7 +207,8 @@ static void refuse_flow(const app *self) {
     static const char *const of_flow[] = {"t-end", "points", "tolerance", "out"};
     for (size_t i = 0; i < LG_COUNT(of_flow); i++)
         if (app_given(self, of_flow[i]))
-            app_stop_usage(self, "--%s: %s does not move", of_flow[i], self->arguments[0]);
+            app_stop_usage(self, "--%s: is for models with a flow (a space and a field), and %s has none",
+                           of_flow[i], self->arguments[0]);
 }
 
 static int run_predict(app *self) {
@@ -210,8 +217,8 @@ static int run_predict(app *self) {
     app_json out;
     APP_MUST_FILE(self, path, lg_model_load(self->context, path, NULL, &file, &error));
     if (values.initial.count != lg_model_inputs(file.model))
-        app_stop_usage(self, "--initial: %zu numbers, but the model takes %zu", values.initial.count,
-                       lg_model_inputs(file.model));
+        app_stop_usage(self, "--initial: %zu numbers are given, but the model takes %zu",
+                       values.initial.count, lg_model_inputs(file.model));
     if (lg_model_space(file.model) == NULL) refuse_flow(self);
     app_result_begin(&out, self);
     if (lg_model_outputs(file.model) > 0) calculate(file.model, values.initial.values, &out);
@@ -250,18 +257,18 @@ int main(int argc, char **argv) {
         {SEARCH_COMMAND("DATA..."), .settings = search_settings, .run = run_search},
         {.name = "evaluate",
          .arguments = "MODEL.h5 DATA...",
-         .summary = "Judge a model on data, as its recipe does",
+         .summary = "Evaluate a model on data",
          .run = run_evaluate},
         {.name = "predict",
          .arguments = "MODEL.h5",
-         .summary = "Value of a model, and its flow where it moves",
-         .details = "A model that does not move takes its inputs as --initial.",
+         .summary = "Value of a model, and its trajectory if it has a flow",
+         .details = "A model without a flow takes its inputs as --initial.",
          .settings = APP_SETTINGS(APP_GIVEN(predict_options, values)),
          .run = run_predict},
-        {.name = "list", .summary = "The recipes that there are", .run = run_list},
+        {.name = "list", .summary = "List the recipes", .run = run_list},
         {.run = NULL}};
-    return app_main(argc, argv, "lg-learn",
-                    "Models of any recipe: learned, searched, judged, predicted. A new recipe can be used "
-                    "without another program.",
-                    commands);
+    return app_main(
+        argc, argv, "lg-learn",
+        "Trains, searches, evaluates and predicts models of any recipe. A new recipe needs no new program.",
+        commands);
 }

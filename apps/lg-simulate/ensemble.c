@@ -40,13 +40,14 @@ void result_list(result *self, const failure *what) {
 
 lg_status result_merge(result *into, const result *from, lg_error *error) {
     if (strcmp(into->what, from->what) != 0)
-        return app_error(error, LG_FORMAT, "a part of another ensemble: %.200s", from->what);
+        return app_error(error, LG_FORMAT, "it is a part of another ensemble: %.200s", from->what);
     lg_status status = lg_statistics_merge(into->states, from->states);
     if (status == LG_OK && into->times != NULL) status = lg_statistics_merge(into->times, from->times);
     if (status == LG_CHECK_FAILED || into->steps > UINT64_MAX - from->steps ||
         into->rejected > UINT64_MAX - from->rejected)
-        return app_error(error, LG_FORMAT, "parts whose counts or sums overflow: one of them is damaged");
-    if (status != LG_OK) return app_error(error, LG_FORMAT, "a part with other cells or ranges");
+        return app_error(error, LG_FORMAT, "counts or sums overflow, so one of the parts is damaged");
+    if (status != LG_OK)
+        return app_error(error, LG_FORMAT, "its histograms have other cells or ranges than the other parts");
     into->members += from->members;
     into->steps += from->steps;
     into->rejected += from->rejected;
@@ -218,7 +219,8 @@ static void read_event(const simulation *sim, char *text, lg_ensemble_event *eve
     if (!component_find(sim, text, &index)) {
         char own[NAME_SIZE];
         component_name(sim, 0, own, sizeof own);
-        app_stop_usage(sim->self, "--event: '%s' is no number of the state %s; the first one is %s", text,
+        app_stop_usage(sim->self,
+                       "--event: '%s' is not a number of the state %s; the first number is called %s", text,
                        lg_system_layout(sim->system), own);
     }
     *event = (lg_ensemble_event){.terms = 1,
@@ -238,7 +240,8 @@ static void read_events(study *all, lg_ensemble_event events[LG_EVENTS_MAX]) {
     for (char *rest = NULL, *item = strtok_r(copy, ",", &rest); item != NULL;
          item = strtok_r(NULL, ",", &rest)) {
         const size_t e = all->total->events++;
-        if (e == LG_EVENTS_MAX) app_stop_usage(sim->self, "--event: at most %d of them", LG_EVENTS_MAX);
+        if (e == LG_EVENTS_MAX)
+            app_stop_usage(sim->self, "--event: at most %d events can be given", LG_EVENTS_MAX);
         read_event(sim, item, &events[e], all->total->event[e]);
     }
     all->options.events = events;
@@ -356,7 +359,8 @@ static lg_status run_pilot(study *all, lg_error *error) {
                                             logarithmic, &total->states);
     if (status == LG_OK && total->events > 0)
         status = lg_statistics_create(all->sim->self->context, 1, total->events, BINS, NULL, &total->times);
-    if (status != LG_OK) return app_error(error, status, "the statistics of %zu points", total->points);
+    if (status != LG_OK)
+        return app_error(error, status, "the statistics of %zu points could not be created", total->points);
     for (size_t e = 0; e < total->events; e++)
         lg_statistics_set_range(total->times, 0, e, &(lg_statistics_range){0.0, all->sim->t_end, 0.0});
     pilot.first = 0;
@@ -444,7 +448,9 @@ static int run_and_write(study *all, bool *written, lg_ensemble_stats *stats, lg
     if (*status == LG_OK) *status = run_all(all, stats, &error);
     if (*status == LG_OK) return write_out(all, written);
     if (*status == LG_CANCELLED)
-        return app_fail(self, *status, "stopped by %s: an ensemble is not written in part", app_stopper());
+        return app_fail(self, *status,
+                        "stopped by %s: nothing was written, because the ensemble is not complete",
+                        app_stopper());
     if (*status == LG_FILE) return app_fail_file(self, *status, &error, all->files->trajectories);
     return app_fail(self, *status, "%s", app_sentence(*status, &error));
 }
@@ -558,8 +564,9 @@ int ensemble(simulation *sim, const ensemble_files *files) {
     all.varied = vary_open(sim, text, values->starts);
     prepare(&all, &chosen.scheme, events);
     if (text[0] == '\0' && values->starts == NULL && sim->scene.has_initial)
-        app_warn(sim->self,
-                 "nothing varies: all members are the same; give --vary, --starts or the key `ensemble`");
+        app_warn(
+            sim->self,
+            "all members are the same, because nothing varies; give --vary, --starts or the key `ensemble`");
     total.what = describe(&all, text);
     return run_and_show(&all);
 }

@@ -9,7 +9,8 @@ static ensemble_task read_task(const app *self, const char *text) {
     ensemble_task out = {0, 0};
     if (self->rank_count > 1) out = (ensemble_task){self->rank, self->rank_count};
     if (text == NULL) return out;
-    if (out.count > 0) app_stop_usage(self, "--task is not for ranks of mpirun, which are tasks themselves");
+    if (out.count > 0)
+        app_stop_usage(self, "--task cannot be given with mpirun, whose ranks already are the tasks");
     const char *slash = strchr(text, '/');
     APP_FREE char *index = app_format("%.*s", slash != NULL ? (int)(slash - text) : 0, text);
     if (slash == NULL || !app_parse_size(index, &out.index) || !app_parse_size(slash + 1, &out.count) ||

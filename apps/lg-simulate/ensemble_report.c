@@ -89,7 +89,8 @@ static void report_ensemble(const app *self, const ensemble_run *run) {
     put_failures(&out, what);
     if (what->members == 0)
         app_result_line(&out,
-                        "no members: blocks of %llu go to the parts, and the others have all %llu members",
+                        "this part has no members: parts get blocks of %llu members, and other parts have "
+                        "all %llu members",
                         (unsigned long long)what->block, (unsigned long long)what->total);
     put_states(&out, what);
     put_events(&out, what);
@@ -105,7 +106,7 @@ int ensemble_conclude(const app *self, const ensemble_run *run) {
     const bool all = failed > 0 && failed == what->total;
     size_t most = 0;
     if (failed > 0 && !all)
-        app_warn(self, "%llu of %llu members failed; the statistics are of what they reached",
+        app_warn(self, "%llu of %llu members failed; the statistics include them up to their failure",
                  (unsigned long long)failed, (unsigned long long)what->members);
     report_ensemble(self, run);
     for (size_t i = 0; i < STATUSES; i++)

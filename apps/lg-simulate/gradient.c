@@ -15,7 +15,7 @@ static char *read_text(const app *self, const char *path) {
     const size_t used = file != NULL ? fread(text, 1, MAX_TEXT - 1, file) : 0;
     if (file == NULL || ferror(file))
         app_stop(self, LG_FILE, "%s: cannot be read: %s", path, strerror(errno));
-    if (!feof(file) || strlen(text) != used) app_stop(self, LG_FILE, "%s: is no list of numbers", path);
+    if (!feof(file) || strlen(text) != used) app_stop(self, LG_FILE, "%s: is not a list of numbers", path);
     (void)fclose(file);
     return text;
 }

@@ -101,12 +101,11 @@ void horizon_warn(const simulation *sim, const plan *how, const double *y) {
     if (integrate(sim, &coarse, sim->scene.state, end, &run, &error) == LG_OK) {
         const double apart = difference(&size, y, end);
         if (apart > bound)
-            app_warn(
-                sim->self,
-                "from t = %.4g on the result is not known at this tolerance: a run at ten times the "
-                "tolerance differs there by %.2g of the size of the state, and at the end by %.2g; give a "
-                "smaller --tol, or ask for statistics of many runs (--ensemble)",
-                parting(sim, *how, coarse, &size, bound), bound, apart);
+            app_warn(sim->self,
+                     "from t = %.4g on the result is not reliable: a run at ten times the tolerance differs "
+                     "from it by %.2g of the size of the state there, and by %.2g at the end; give a "
+                     "smaller --tol, or ask for statistics of many runs (--ensemble)",
+                     parting(sim, *how, coarse, &size, bound), bound, apart);
     }
     free(end);
     sizes_free(&size);

@@ -16,8 +16,8 @@ static const lg_field options[] = {
     LG_OPTION(simulate_values, tol, REAL, "T", "Adaptive steps; the tolerance of component i is T |y_i| + A",
               .low = 1e-15, .high = 1, .value = "1e-9"),
     LG_OPTION(simulate_values, atol, REAL, "A",
-              "Absolute part of the tolerance (default 1e-4 T, at least 1e-16, of the largest size that "
-              "q, omega, p, R, ... of that body has had)",
+              "Absolute part of the tolerance (default: 1e-4 T, but at least 1e-16, times the largest size "
+              "so far of the vector q, omega, p, R, ... that component i belongs to)",
               .high = 1e300),
     LG_OPTION(simulate_values, max_steps, U64, "N",
               "Stop after this many adaptive steps, rejected ones included", .low = 1, .high = 1e12,
@@ -30,8 +30,9 @@ static const lg_field options[] = {
               "RKMK methods: closed form, or the series up to ad^K, K = 0..10"),
     LG_OPTION(simulate_values, out, STRING, "FILE.h5", "Write the trajectory (HDF5)"),
     LG_OPTION(simulate_values, points, U64, "M",
-              "Equidistant points of the trajectory, the start included (default 501, or steps)", .low = 2,
-              .high = 1e8),
+              "Number of equidistant points of the trajectory, including the start (default 501, or "
+              "according to --steps)",
+              .low = 2, .high = 1e8),
     LG_OPTION(simulate_values, times, REALS, "T,T,...",
               "Ascending times of the trajectory, instead "
               "of --points",
@@ -45,33 +46,35 @@ static const lg_field options[] = {
     LG_OPTION(simulate_values, methods, STRING, "NAME,NAME,...",
               "Methods of --work-precision (default: a selection of those that apply)"),
     LG_OPTION(simulate_values, levels, U64, "L",
-              "Runs of each method in --work-precision; from run to run steps are doubled, tolerances "
-              "divided by 10",
+              "Number of runs of each method in --work-precision; each run has twice the steps, or a tenth "
+              "of the tolerance, of the run before",
               .low = 1, .high = 40, .value = "9"),
-    LG_OPTION(simulate_values, gradient, STRING, "W,W,...|@FILE",
-              "Compute J = sum W_k y_k at the end and its gradient by the start and the parameters"),
+    LG_OPTION(
+        simulate_values, gradient, STRING, "W,W,...|@FILE",
+        "Compute J = sum W_k y_k at the end and its gradient with respect to the start and the parameters"),
     LG_OPTION(simulate_values, checkpoints, U64, "C",
               "Number of states stored for --gradient (default: the square root of the number of steps)",
               .low = 1, .high = 1e12),
-    LG_OPTION(
-        simulate_values, ensemble, U64, "N",
-        "N runs side by side from other starts or with other parameters: statistics at the points (default "
-        "51)",
-        .low = 1, .high = MEMBERS_MAX),
+    LG_OPTION(simulate_values, ensemble, U64, "N",
+              "N runs from different starts or with different parameters, and their statistics at the points "
+              "(default 51)",
+              .low = 1, .high = MEMBERS_MAX),
     LG_OPTION(
         simulate_values, vary, STRING, "NAME=DISTRIBUTION,...",
         "What differs between members (default: the scene's key `ensemble`): uniform:LOW:HIGH, "
         "normal:MEAN:DEVIATION, within:S, within:S% or around:S of the scene's value, sphere, cone:ANGLE, "
         "rotation; e.g. q=sphere,omega=normal:0:1,masses=within:5%"),
     LG_OPTION(simulate_values, starts, STRING, "FILE.csv|.h5|.npy",
-              "A member a row: columns named as numbers of the state or parameters (q1.x, m2)"),
+              "A table with one row per member; its columns have the names of numbers of the state or of "
+              "parameters (q1.x, m2)"),
     LG_OPTION(
         simulate_values, event, STRING, "NAME=VALUE,...",
         "Times when a number of the state first passes a value; NAME>VALUE upwards, NAME<VALUE downwards"),
     LG_OPTION(simulate_values, save, STRING, "all|K",
               "Keep the trajectories of all or of the first K members"),
     LG_OPTION(simulate_values, task, STRING, "i/n",
-              "Part i of n (i from 0) of the ensemble, into a file for `lg-simulate merge OUT.h5 PARTS...`"),
+              "Run part i of n (i from 0) of the ensemble and write a file for `lg-simulate merge OUT.h5 "
+              "PARTS...`"),
     LG_FIELD_END};
 
 /* ---- options that need or exclude each other ---- */
@@ -213,7 +216,9 @@ static int run(app *self) {
     APP_CLEAN(simulation_close) simulation sim = {.self = NULL};
     APP_CLEAN(ensemble_files_free) ensemble_files files = {.out = NULL};
     if (self->rank_count > 1 && values.ensemble == 0)
-        app_stop_usage(self, "runs alone without --ensemble, and mpirun started %u of it", self->rank_count);
+        app_stop_usage(
+            self, "without --ensemble this program runs in one process only, but mpirun started %u processes",
+            self->rank_count);
     check_options(self);
     ensemble_files_choose(self, &values, &files);
     check_outputs(self, &files);

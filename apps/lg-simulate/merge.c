@@ -72,7 +72,8 @@ static void read_parts(const app *self, part_list *list, const char *const *path
         result_read(self, next->path, &next->is);
         next->members = next->is.members;
     }
-    if (list->count == 0) app_stop_usage(self, "there are trajectories, but no part of an ensemble");
+    if (list->count == 0)
+        app_stop_usage(self, "only trajectories are given; give at least one part of an ensemble");
     qsort(list->parts, list->count, sizeof *list->parts, by_first);
 }
 
@@ -102,16 +103,16 @@ static lg_rows_about check_rows(const app *self, const part *of, const char *pat
     APP_FREE char *run = app_alloc(RUN_SIZE, 1);
     APP_MUST_FILE(self, path, lg_rows_file_look(self->context, path, &about, run, RUN_SIZE, &error));
     if (strcmp(run, of->is.what) != 0)
-        app_stop(self, LG_FORMAT, "%s: holds trajectories of another run than %s: %s" WITHOUT, path, of->path,
-                 run);
+        app_stop(self, LG_FORMAT, "%s: holds trajectories of another run than %s: its run is %s" WITHOUT,
+                 path, of->path, run);
     if (about.first != of->is.first || about.rows != rows || about.points != of->is.points)
-        app_stop(self, LG_FORMAT,
-                 "%s: holds %llu members from %llu on, but those of %s are %llu from %llu on" WITHOUT, path,
-                 (unsigned long long)about.rows, (unsigned long long)about.first, of->path,
-                 (unsigned long long)rows, (unsigned long long)of->is.first);
+        app_stop(
+            self, LG_FORMAT,
+            "%s: holds %llu members from number %llu on, but %s has %llu members from number %llu on" WITHOUT,
+            path, (unsigned long long)about.rows, (unsigned long long)about.first, of->path,
+            (unsigned long long)rows, (unsigned long long)of->is.first);
     if (!same_folder(path, out))
-        app_stop(self, LG_FILE, "%s: does not lie in the folder of %s, which would refer to it" WITHOUT, path,
-                 out);
+        app_stop(self, LG_FILE, "%s: must be in the folder of %s, which refers to it" WITHOUT, path, out);
     return about;
 }
 
@@ -120,7 +121,7 @@ static void find_rows(const app *self, part_list *list, const char *out) {
         const part *of = &list->parts[i], *first = &list->parts[0];
         if (of->is.saved != first->is.saved)
             app_stop(self, LG_FORMAT,
-                     "%s keeps the trajectories of %llu members of the ensemble, %s those of %llu" WITHOUT,
+                     "%s keeps the trajectories of %llu members of the ensemble, but %s keeps %llu" WITHOUT,
                      first->path, (unsigned long long)first->is.saved, of->path,
                      (unsigned long long)of->is.saved);
         if (rows_among(of->is.saved, of->is.first, of->members) == 0) continue;
@@ -139,7 +140,9 @@ static void tell_of_unused(const app *self, const part_list *list) {
         bool used = false;
         for (size_t k = 0; k < list->row_count && !used; k++)
             used = app_same_file(list->given[i], list->rows[k].path);
-        if (!used) app_warn(self, "%s: trajectories of no part that was given: left out", list->given[i]);
+        if (!used)
+            app_warn(self, "%s: these trajectories belong to none of the given parts and are left out",
+                     list->given[i]);
     }
 }
 
@@ -190,13 +193,12 @@ static int run(app *self) {
 
 int merge_main(int argc, char **argv) {
     static const app_settings settings[] = {APP_GIVEN(options, values), APP_SETTINGS_END};
-    static const app_command command[] = {
-        {.name = "merge",
-         .arguments = "OUT.h5 PART.h5...",
-         .summary =
-             "Merges the parts of an ensemble that --task wrote: the statistics are those of one process.",
-         .settings = settings,
-         .run = run},
-        {.name = NULL}};
+    static const app_command command[] = {{.name = "merge",
+                                           .arguments = "OUT.h5 PART.h5...",
+                                           .summary = "Merges the parts of an ensemble that --task wrote. "
+                                                      "The statistics are the same as from one process.",
+                                           .settings = settings,
+                                           .run = run},
+                                          {.name = NULL}};
     return app_main(argc, argv, "lg-simulate", command[0].summary, command);
 }

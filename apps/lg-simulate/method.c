@@ -94,7 +94,7 @@ void method_free(method *what) {
 static void set_theta(const simulation *sim, lg_scheme *scheme) {
     if (scheme->kind != LG_SCHEME_IMPLICIT && scheme->kind != LG_SCHEME_SLGI)
         app_stop_usage(sim->self,
-                       "--theta: '%s' has no such parameter; slgi, midpoint and implicit-euler have",
+                       "--theta: '%s' has no parameter theta; slgi, midpoint and implicit-euler have one",
                        scheme->name);
     scheme->theta = sim->values->theta;
     scheme->order = scheme->theta == 0.5 ? 2 : 1;

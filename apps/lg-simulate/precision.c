@@ -84,8 +84,8 @@ static void find_reference(diagram *d) {
     if (status == LG_OK) status = run_to_end(d, &how, d->y, &run);
     if (status == LG_CANCELLED) app_stop(self, status, "stopped by %s", app_stopper());
     if (status != LG_OK)
-        app_stop(self, status, "the reference, %s at tolerance %g: %s (t = %g)", scheme->name, d->tol,
-                 lg_status_sentence(status), run.t);
+        app_stop(self, status, "the reference solution with %s at tolerance %g failed: %s (t = %g)",
+                 scheme->name, d->tol, lg_status_sentence(status), run.t);
     d->size = 0;
     for (size_t i = 0; i < d->sim->reported; i++) d->size += d->y[i] * d->y[i];
     d->size = d->size > 0 ? sqrt(d->size) : 1;
@@ -149,10 +149,11 @@ static void add_named(diagram *d, const char *list) {
     APP_FREE char *names = app_format("%s", list);
     for (char *save = NULL, *name = strtok_r(names, ",", &save); name != NULL;
          name = strtok_r(NULL, ",", &save)) {
-        if (d->count == CURVES) app_stop_usage(d->sim->self, "--methods: more than %d", CURVES);
+        if (d->count == CURVES)
+            app_stop_usage(d->sim->self, "--methods: at most %d methods can be given", CURVES);
         add_curve(d, method_named(d->sim, "methods", name));
     }
-    if (d->count == 0) app_stop_usage(d->sim->self, "--methods: no name in the list");
+    if (d->count == 0) app_stop_usage(d->sim->self, "--methods: the list has no name");
 }
 
 static void add_default(diagram *d, bool flat) {

@@ -61,7 +61,7 @@ static void check_steps(const simulation *sim, const plan *how, const samples *p
                 (unsigned long long)sim->values->points, (unsigned long long)sim->values->points - 1,
                 how->steps, how->scheme->name);
         app_stop_usage(sim->self,
-                       "--times: %.17g is no multiple of the step %.17g, and '%s' has no dense output",
+                       "--times: %.17g is not a multiple of the step %.17g, and '%s' has no dense output",
                        path->t[i], h, how->scheme->name);
     }
 }

@@ -68,13 +68,15 @@ static void choose_t_end(simulation *sim, const char *path) {
                  : sim->scene.has_t_end ? sim->scene.t_end
                  : times->count > 0     ? times->values[times->count - 1]
                                         : 0;
-    if (!(sim->t_end > 0)) app_stop_usage(sim->self, "no final time: give --t-end T, or t_end in %s", path);
+    if (!(sim->t_end > 0))
+        app_stop_usage(sim->self, "there is no final time: give --t-end T, or the key t_end in %s", path);
     for (size_t i = 0; i < times->count; i++)
         if (times->values[i] < 0 || times->values[i] > sim->t_end ||
             (i > 0 && times->values[i] <= times->values[i - 1]))
-            app_stop_usage(sim->self,
-                           "--times: %g is not allowed there; times must ascend and lie in [0, %g]",
-                           times->values[i], sim->t_end);
+            app_stop_usage(
+                sim->self,
+                "--times: %g is out of order or out of range; times must ascend and lie in [0, %g]",
+                times->values[i], sim->t_end);
 }
 
 void simulation_open(app *self, const simulate_values *values, const char *path, simulation *out) {

@@ -183,7 +183,8 @@ static vary_item read_distribution(const simulation *sim, char *text) {
     const bool ordered = kind != UNIFORM || item.value[0] <= item.value[1];
     const double size = item.value[kind == NORMAL];
     if (strtok_r(NULL, " :", &rest) != NULL || !ordered || (kind != UNIFORM && size < 0))
-        app_stop_usage(sim->self, "--vary: expected '%s', with LOW <= HIGH and sizes from 0 on",
+        app_stop_usage(sim->self,
+                       "--vary: expected '%s', with LOW <= HIGH, sizes of 0 or more, and nothing after it",
                        distributions[kind].usage);
     return item;
 }
@@ -192,7 +193,7 @@ static void read_item(vary *self, char *text) {
     const simulation *sim = self->sim;
     char *equal = strchr(text, '=');
     if (equal == NULL)
-        app_stop_usage(sim->self, "--vary: expected NAME = DISTRIBUTION, ... in '%s'", trimmed(text));
+        app_stop_usage(sim->self, "--vary: expected NAME = DISTRIBUTION, ..., found '%s'", trimmed(text));
     *equal = '\0';
     const char *name = trimmed(text);
     const vary_item item = read_distribution(sim, trimmed(equal + 1));
@@ -200,11 +201,12 @@ static void read_item(vary *self, char *text) {
     if (!add_named(self, &item, name)) refuse_name(sim, "vary", name);
     for (size_t i = before; i < self->count; i++)
         if (block_size > 0 && self->items[i].count != block_size)
-            app_stop_usage(sim->self, "--vary: %s: '%s' is for blocks of %zu numbers, not of %zu", name,
+            app_stop_usage(sim->self,
+                           "--vary: %s: '%s' is for vectors or matrices of %zu numbers, not of %zu", name,
                            distributions[item.kind].name, block_size, self->items[i].count);
     const bool relative = item.kind == WITHIN || item.kind == AROUND || item.kind == CONE;
     if (relative && !self->items[before].parameter && !sim->scene.has_initial)
-        app_stop_usage(sim->self, "--vary: %s: '%s' needs the scene's own value: give `initial`", name,
+        app_stop_usage(sim->self, "--vary: %s: '%s' needs a value in the scene: give the key `initial`", name,
                        distributions[item.kind].name);
 }
 

@@ -27,7 +27,7 @@ for kind in search study; do
     same_table $kind.csv t.csv || fail "$kind: tasks gave another table"
     [ ! -e t.csv.board ] || fail "$kind: the board is left"
     # A task that starts late has nothing to do.
-    $command --out t.csv --task 2/3 | grep -q "are done by all tasks; put them together" || fail "$kind: a late task works"
+    $command --out t.csv --task 2/3 | grep -q "pieces; collect them with --merge" || fail "$kind: a late task works"
     rm -f t.csv*
 
     # The next task does the work that killed tasks had not finished. --merge before that writes a part and keeps the
@@ -115,7 +115,7 @@ $generate --out two.h5 --threads 2 --json >two
 $search --out t.csv --task 0/2 >task
 code=0
 lg-elastica search ranges.yaml data.h5 --trials 16 --threads 1 --seed 2 --out t.csv 2>err || code=$?
-[ $code = 3 ] && grep -q "belongs to other work" err || fail "another search took the board: $code $(cat err)"
+[ $code = 3 ] && grep -q "belongs to work with other options or data" err || fail "another search took the board: $code $(cat err)"
 for task in 2/2 x 1 /2 1/ -1/2; do
     code=0
     $search --out t.csv --task=$task 2>err >out || code=$?

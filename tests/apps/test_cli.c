@@ -58,7 +58,8 @@ TEST("a model is evaluated and predicts") {
 
 TEST("all commands take scenes with and without `initial`, and say which start they use") {
     cli_expect(lg, "predict model.h5 scene.yaml --seed 4 --t-end 0.1", 0, "\ny  ");
-    assert_non_null(strstr(result.err, "scene.yaml: there is no `initial`: the start is drawn with seed 4"));
+    assert_non_null(
+        strstr(result.err, "scene.yaml: the key `initial` is missing: the start is drawn with seed 4"));
     cli_expect("lg-simulate", "scene.yaml --seed 4 --t-end 0.1", 0, "");
     assert_non_null(strstr(result.err, "the start is drawn with seed 4"));
     cli_expect(lg, "generate start.yaml --trajectories 4 --points 2 --out drawn.h5", 0, "drawn.h5");
@@ -128,7 +129,7 @@ TEST("--size auto shares the time of --seconds with the training, and says if th
     assert_true(json_number(result.out, "seconds_per_epoch") * json_number(result.out, "epochs") < 0.9);
     assert_true(json_number(result.out, "seconds") < 0.9);
     cli_expect(lg, "train train.h5 --potential linear --size auto --epochs 2 --out b.h5", 0, "b.h5");
-    assert_says(result.err, "this model has no network; there is no race");
+    assert_says(result.err, "this model has no network, so there is no width to choose");
 }
 
 /* E1 of a model of noisy data, trained with measured or with estimated starts. */

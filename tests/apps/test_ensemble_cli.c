@@ -326,7 +326,7 @@ TEST("trajectories are from the run whose statistics they belong to, and complet
     assert_false(has_trajectories("runs.h5"));
     json(PATTERN, "members 3000");
     assert_false(has_trajectories("runs.h5"));
-    assert_says(result.err, "trajectories of no part that was given");
+    assert_says(result.err, "belong to none of the given parts");
     json(RUNS "--seed 2 --save 2500 --task 0/2", "");
     cli_expect(lg, MERGE, 3, "keeps the trajectories of 2500 members of the ensemble");
     both_tasks("--seed 2 --save 2500");
@@ -347,11 +347,11 @@ TEST("trajectories are from the run whose statistics they belong to, and complet
     assert_false(has_trajectories("runs.h5"));
     cli_unlink(second);
     cli_link("runs.part-0-of-2.trajectories.h5", second);
-    cli_expect(lg, MERGE, 3, "holds 1024 members from 0 on");
+    cli_expect(lg, MERGE, 3, "holds 1024 members from number 0 on");
     cli_unlink(second);
     cli_link("kept.h5", second);
     json(MERGE, "members 3000");
-    cli_expect(lg, "merge runs.h5 runs.part-0-of-2.trajectories.h5", 2, "no part of an ensemble");
+    cli_expect(lg, "merge runs.h5 runs.part-0-of-2.trajectories.h5", 2, "at least one part of an ensemble");
 }
 
 TEST("parts with other starts or limits belong to another ensemble") {
@@ -364,7 +364,9 @@ TEST("parts with other starts or limits belong to another ensemble") {
 
 TEST("a part without members is accepted") {
     cli_expect(lg, "circles.yaml --ensemble 10 --points 3 --save all --task 0/2 --out few.h5", 0, "");
-    assert_says(result.out, "no members: blocks of 1024 go to the parts, and the others have all 10 members");
+    assert_says(
+        result.out,
+        "this part has no members: parts get blocks of 1024 members, and other parts have all 10 members");
     assert_null(strstr(result.out, "nan"));
     json("circles.yaml --ensemble 10 --points 3 --save all --task 1/2 --out few.h5", "members 10, first 0");
     json("merge few.h5 few.part-1-of-2.h5 few.part-0-of-2.h5", "members 10");

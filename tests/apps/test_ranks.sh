@@ -78,7 +78,7 @@ ranks -n 3 lg-hamiltonian train none.h5 --out x.h5 >out 2>err || code=$?
 [ $code = 3 ] && [ "$(grep -c "none.h5" err)" = 1 ] || fail "a missing file: $code $(cat err)"
 code=0
 ranks -n 2 lg-export one.h5 --out x >out 2>err || code=$?
-[ $code = 2 ] && grep -q "runs alone" err || fail "an export by two: $code $(cat err)"
+[ $code = 2 ] && grep -q "runs in one process only" err || fail "an export by two: $code $(cat err)"
 code=0
 ranks -n 1 lg-hamiltonian train h.h5 --out x.h5 --epochs 2 : -n 1 -x LIEGRAD_ISA=baseline lg-hamiltonian train h.h5 --out x.h5 --epochs 2 >out 2>err || code=$?
 [ $code = 2 ] && grep -q "ranks must be of one kind" err || fail "two kinds of processors: $code $(cat err)"

@@ -139,7 +139,7 @@ static const refusal hamiltonian[] = {
     {TRAIN "--newton", 2, "--newton"},
     {TRAIN "--starts estimated --newton --potential linear", 2, "--newton"},
     {TRAIN "--method lbfgs --lr 1e-2", 2, "--lr: is for adam"},
-    {TRAIN "--size 7 --hidden 7", 2, "say the same"},
+    {TRAIN "--size 7 --hidden 7", 2, "both set the widths"},
     {TRAIN "--size seven", 2, "--size: 'seven'"},
     {TRAIN "--potential dictionary --size 8", 2, "--size: this model has no network"},
     {"train {missing.h5 empty.h5 foreign.h5 model.h5 .} --out m.h5", 3, "%"},
@@ -439,7 +439,7 @@ static const refusal anomaly[] = {
     {TRAIN "--method logistic --gamma 1", 2, "--gamma: --method logistic"},
     {TRAIN "--method svm-rbf --c 1 --grid 1,2", 2, "--grid and --c cannot be given together"},
     {TRAIN "--method svm-rbf --grid 1,0", 2, "--grid: C must be above 0"},
-    {TRAIN "--prior 0.1", 2, "--prior: this training has no use for it"},
+    {TRAIN "--prior 0.1", 2, "--prior: the training of this model does not use a prior"},
     {TRAIN "--method tree --seconds=1", 2, "--method tree has no such option"},
     {TRAIN "--size auto", 2, "unrecognized option '--size'"},
     {TRAIN "--method tree --ccp-alpha 0.1", 2, "--ccp-alpha: needs --prune post"},
@@ -532,7 +532,7 @@ TEST("lg-anomaly refuses wrong command lines and files with exit code and messag
                TRAIN
                "--filters 30,30,30,30,30,30,30,30 --kernel 1 --pooling none --activation identity --lr 1e3 "
                "--schedule constant --epochs 3",
-               4, "; the state before it is in m.h5.checkpoint");
+               4, "; the state before this failure is in m.h5.checkpoint");
 }
 
 /* ---- lg-simulate ---- */
@@ -558,7 +558,7 @@ static const refusal simulate[] = {
      "--t-end=-1 --t-end=inf --points=1}",
      2, NULL},
     {"cotangent.yaml --method slgi --steps 10 {--theta=1.5 --theta=-0.1}", 2, NULL},
-    {"chain.yaml --method rkmk4 --steps 10 --theta 0.5", 2, "--theta: 'rkmk4' has no such parameter"},
+    {"chain.yaml --method rkmk4 --steps 10 --theta 0.5", 2, "--theta: 'rkmk4' has no parameter theta"},
     {"chain.yaml --dexpinv {11 most}", 2, "--dexpinv: '%' is neither"},
     {"chain.yaml --method cf4 --steps 10 --dexpinv 2", 2, "--dexpinv: 'cf4' has no dexpinv"},
     {"chain.yaml --scheme missing.yaml", 3, "missing.yaml"},
@@ -581,7 +581,7 @@ static const refusal simulate[] = {
     {"chain.yaml --method rk4 --steps 10 --points 4 --out t.h5", 2,
      "3 intervals, which do not divide 10 steps"},
     {"chain.yaml --method rk4 --steps 10 --times 0.25 --out t.h5", 2,
-     "--times: 0.25 is no multiple of the step"},
+     "--times: 0.25 is not a multiple of the step"},
     {"chain.yaml --gradient 1,2", 2, "2 weights, but the state has 12 numbers: q1 omega1 q2 omega2"},
     {"chain.yaml --gradient 1,x", 2, "'x' is not a number"},
     {"chain.yaml --gradient @missing.txt", 3, "missing.txt"},
@@ -599,11 +599,11 @@ static const refusal simulate[] = {
     {"oscillator.yaml --ensemble 5 --vary x=normal:0:1", 2, "'x' is neither a parameter"},
     {"oscillator.yaml --ensemble 5 --vary q=gauss:0:1", 2, "'gauss' is not one of"},
     {"oscillator.yaml --ensemble 5 --vary q=normal:0", 2, "expected 'normal MEAN DEVIATION'"},
-    {"oscillator.yaml --ensemble 5 --vary q=normal:0:-1", 2, "sizes from 0 on"},
+    {"oscillator.yaml --ensemble 5 --vary q=normal:0:-1", 2, "sizes of 0 or more"},
     {"oscillator.yaml --ensemble 5 --vary q=uniform:2:1", 2, "LOW <= HIGH"},
-    {"oscillator.yaml --ensemble 5 --vary q=sphere", 2, "blocks of 3 numbers"},
+    {"oscillator.yaml --ensemble 5 --vary q=sphere", 2, "vectors or matrices of 3 numbers"},
     {"oscillator.yaml --ensemble 5 --event q", 2, "expected NAME=VALUE"},
-    {"oscillator.yaml --ensemble 5 --event z=1", 2, "'z' is no number of the state"},
+    {"oscillator.yaml --ensemble 5 --event z=1", 2, "'z' is not a number of the state"},
     {"oscillator.yaml --ensemble 5 --task 1/2", 2, "give --out"},
     {"oscillator.yaml --ensemble 5 --task 2/2 --out a.h5", 2, "0 <= i < n"},
     {"oscillator.yaml --ensemble 5 --save all", 2, "give --out"},
@@ -760,12 +760,12 @@ static const refusal learn[] = {
     {"evaluate model.h5 data.h5 more.h5", 2, "takes DATA.h5 alone"},
     {"evaluate data.h5 data.h5", 3, "it is a data file with trajectories"},
     {"evaluate model.h5 foreign.h5", 3, "foreign.h5"},
-    {"evaluate program.h5 data.h5", 3, "no recipe learns models of its kind"},
-    {"predict model.h5", 2, "--initial: 0 numbers, but the model takes 6"},
-    {"predict model.h5 --initial 1,0,0", 2, "--initial: 3 numbers, but the model takes 6"},
+    {"evaluate program.h5 data.h5", 3, "no recipe belongs to this kind of model"},
+    {"predict model.h5", 2, "--initial: 0 numbers are given, but the model takes 6"},
+    {"predict model.h5 --initial 1,0,0", 2, "--initial: 3 numbers are given, but the model takes 6"},
     {"predict model.h5 --initial 1,1,0,0,0,0", 2, "the start is off the manifold by 0.29"},
     {"predict still.h5 --initial 0,0 {--t-end=3 --points=5 --tolerance=1e-6 --out=w.csv}", 2,
-     "still.h5 does not move"},
+     "and still.h5 has none"},
 };
 
 TEST("lg-learn refuses wrong command lines and files with exit code and message, and writes nothing") {

@@ -133,7 +133,7 @@ TEST("a state beyond the horizon of prediction is reported with the time of the 
             json(test_text("chaos.yaml --method %s", methods[m]), "warnings [");
             const char *told = strstr(json_find(result.out, "warnings"), "from t = ");
             assert_non_null(told);
-            assert_says(result.err, "the result is not known at this tolerance");
+            assert_says(result.err, "the result is not reliable");
             assert_int_equal(sscanf(told, "from t = %lf", &from), 1);
             assert_true(from > 15 && from < 35);
             cli_run(lg, "chaos.yaml --method %s --t-end %g", methods[m], 0.5 * from);
@@ -161,7 +161,7 @@ TEST("predictable motions cause no warning: all scenes, rest, small swings over 
               "t_end: 100\n");
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         cli_run(lg, "%s", rows[i]);
-        if (strstr(result.err, "not known") != NULL) fail_msg("%s: %s", rows[i], result.err);
+        if (strstr(result.err, "not reliable") != NULL) fail_msg("%s: %s", rows[i], result.err);
     }
     assert_int_equal(glob(LG_TEST_DIR "/../scenes/*.yaml", 0, NULL, &scenes), 0);
     assert_true(scenes.gl_pathc >= 15);
@@ -169,7 +169,7 @@ TEST("predictable motions cause no warning: all scenes, rest, small swings over 
         if (strstr(scenes.gl_pathv[i], "/study-") != NULL || strstr(scenes.gl_pathv[i], "-ensemble.") != NULL)
             continue;
         cli_run(lg, "%s", scenes.gl_pathv[i]);
-        if (strstr(result.err, "not known") != NULL) fail_msg("%s: %s", scenes.gl_pathv[i], result.err);
+        if (strstr(result.err, "not reliable") != NULL) fail_msg("%s: %s", scenes.gl_pathv[i], result.err);
     }
     globfree(&scenes);
 }
