@@ -47,11 +47,10 @@ extern const lg_field train_file_options[];
                   .high = 1e9),                                                                              \
         LG_OPTION(train_files, stop_after, U64, "n", "Save the state and stop after n epochs of this run",   \
                   .low = 1, .high = 1e9),                                                                    \
-        LG_OPTION(                                                                                           \
-            train_files, seconds, REAL, "S",                                                                 \
-            "Stop after so many seconds of training; with a method other than adam and no --epochs this is " \
-            "the only limit",                                                                                \
-            .high = 1e9),                                                                                    \
+        LG_OPTION(train_files, seconds, REAL, "S",                                                           \
+                  "Stop after this many seconds of training; with a method other than adam and no --epochs " \
+                  "this is the only limit",                                                                  \
+                  .high = 1e9),                                                                              \
         LG_OPTION(train_files, resume, STRING, "FILE",                                                       \
                   "Continue from a checkpoint; the result has the same bits as one run. Options not given "  \
                   "are the checkpoint's"),                                                                   \

@@ -20,7 +20,7 @@ static const lg_field recipe_rows[] = {{.name = "recipe",
                                         .type = LG_FIELD_NAME,
                                         .size = sizeof recipe_given,
                                         .value_name = recipe_name,
-                                        .meaning = "The kind of model; its own options follow"},
+                                        .meaning = "The kind of model; the options of this kind follow"},
                                        LG_FIELD_END};
 
 enum { SETTINGS = 8 };

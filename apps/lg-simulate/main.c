@@ -44,7 +44,7 @@ static const lg_field options[] = {
     LG_OPTION(simulate_values, work_precision, SWITCH, NULL,
               "Compare methods: error at the final time against CPU time and evaluations"),
     LG_OPTION(simulate_values, methods, STRING, "NAME,NAME,...",
-              "Methods of --work-precision (default: a selection of those that apply)"),
+              "Methods of --work-precision (default: a selection of the methods that apply)"),
     LG_OPTION(simulate_values, levels, U64, "L",
               "Number of runs of each method in --work-precision; each run has twice the steps, or a tenth "
               "of the tolerance, of the run before",

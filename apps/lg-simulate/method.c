@@ -31,7 +31,7 @@ static const struct {
     [LG_SCHEME_SLGI] = {on_cotangent_group,
                         "it needs a system on the cotangent bundle of SO(3): heavy-top, form cotangent or "
                         "quadratic"},
-    [LG_SCHEME_VARIATIONAL] = {has_variational_step, "the system has no discrete Lagrangian of its own"}};
+    [LG_SCHEME_VARIATIONAL] = {has_variational_step, "the system defines no discrete Lagrangian"}};
 
 const char *method_obstacle(const simulation *sim, const lg_scheme *scheme) {
     if (demands[scheme->kind].fits == NULL || demands[scheme->kind].fits(sim)) return NULL;

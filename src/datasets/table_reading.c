@@ -110,7 +110,7 @@ static lg_status find_all(lg_table_reading *r, const lg_table_text **sorted, lg_
         uint32_t at = 0;
         LG_TRY(find_column(r, sorted, r->names[i], &at, error));
         if (r->to[at] > 0)
-            return lg_fail(error, LG_INVALID_ARGUMENT, "%s: column '%s' is asked for twice", r->shown,
+            return lg_fail(error, LG_INVALID_ARGUMENT, "%s: column '%s' is requested twice", r->shown,
                            r->names[i]);
         r->to[at] = i + 1;
     }

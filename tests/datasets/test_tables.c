@@ -243,7 +243,7 @@ TEST("a column can be requested only once") {
     write_text_to(scratch_path("t.csv"), "a,b,c,c\n1,2,3,4\n");
     assert_status(lg_table_read(NULL, scratch_path("t.csv"), names, 3, NULL, NULL, &data, &error),
                   LG_INVALID_ARGUMENT);
-    assert_non_null(strstr(error.message, "'a' is asked for twice"));
+    assert_non_null(strstr(error.message, "'a' is requested twice"));
     const char *const twice = "c", *const missing = "d";
     assert_status(lg_table_read(NULL, scratch_path("t.csv"), &twice, 1, NULL, NULL, &data, &error),
                   LG_FORMAT);

@@ -336,7 +336,7 @@ static void open_targets(lg_tape *tape, lg_sweep *sweep, const lg_var *wrt, size
         const bool twice = sweep->reach[at] == ASKED;
         if (twice || grad[i] == NULL) {
             lg_tape_fail(tape, LG_INVALID_ARGUMENT, "backward",
-                         twice ? "a variable is asked for twice" : "the memory for a gradient is NULL");
+                         twice ? "a variable is in the list twice" : "the memory for a gradient is NULL");
             return;
         }
         sweep->reach[at] = ASKED;
