@@ -141,7 +141,7 @@ static lg_status check_shape(const lg_h5 *h5, const char *name, const lg_h5_abou
         return lg_fail(error, LG_FORMAT, "%s: /%s: has rank %u, expected one number or text per window",
                        shown, name, about->rank);
     if (about->dims[0] != count)
-        return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu labels, but /X has %zu windows", shown, name,
+        return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu entries, but /X has %zu windows", shown, name,
                        (unsigned long long)about->dims[0], count);
     return LG_OK;
 }

@@ -582,7 +582,7 @@ TEST("loops carry several outputs in any order, and refuse impossible ones") {
     assert_ok(lg_program_add_loop(program, &many, &error));
     assert_status(lg_plan_create(program, lg_program_functions(program) - 1, &options, &plan, &error),
                   LG_UNSUPPORTED);
-    assert_says(error.message, "more than 1e+04");
+    assert_says(error.message, "more than the 1e+04");
 }
 
 /* x + tanh(x A)/10 */

@@ -430,7 +430,7 @@ TEST("filters that cannot be made and invalid measurements are refused with a re
     W[5] = INFINITY;
     REFUSED(LG_NOT_FINITE, "W is not finite");
     W[5] = 1.0, sensor.index = 6;
-    REFUSED(LG_INVALID_ARGUMENT, "number 6 of 6");
+    REFUSED(LG_INVALID_ARGUMENT, "its index is 6, but there are only 6 numbers");
     sensor.index = 0, sensor.noise = 0.0;
     REFUSED(LG_INVALID_ARGUMENT, "noise must be above 0");
     sensor.noise = 1.0, sensor.kind = LG_SENSOR_VELOCITY;

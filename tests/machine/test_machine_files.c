@@ -317,7 +317,7 @@ TEST("wrong systems and parameters are refused with their line") {
         {HEAD "system: rigid-body\n", "line 2", "take rigid-body-attitude"},
         {HEAD "mass: system\n", "line 2", "mass: kind 'system' is none of"},
         {TOP "form: indirect\n", "line 3", "heavy-top has no form 'indirect'"},
-        {TOP "parameters: {masse: 1}\n", "line 3", "no parameter \"masse\"; it has inertia"},
+        {TOP "parameters: {masse: 1}\n", "line 3", "no parameter \"masse\"; its parameters are inertia"},
         {TOP "parameters: {mass: 1, mass: 2}\n", "line 3", "key 'mass' stands twice"},
         {TOP "parameters: {inertia: [1, 2]}\n", "line 3", "inertia: 2 numbers are given, 3 are expected"},
         {TOP "parameters:\n  mass: -1\n", "line 4", "mass = -1 is not a positive number"},

@@ -740,7 +740,7 @@ TEST("parameters that do not fit are refused, and the machine stays unchanged") 
         bool unknown[3];
         const char *sentence;
     } rows[] = {
-        {"masse", 1, {1}, {false}, "heavy-top has no parameter \"masse\"; it has inertia, mass"},
+        {"masse", 1, {1}, {false}, "heavy-top has no parameter \"masse\"; its parameters are inertia, mass"},
         {"inertia", 2, {1, 1}, {false}, "inertia: 2 numbers are given, 3 are expected"},
         {"mass", 2, {1, 1}, {false}, "mass: 2 numbers are given, 1 is expected"},
         {"mass", 1, {-1}, {true}, "mass = -1 is not a positive number"},

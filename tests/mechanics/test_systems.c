@@ -145,7 +145,7 @@ static const struct {
     {"pendulum-chain", {"masses", ones, 2}, "2 numbers", "expected 3, one per link"},
     {"pendulum-chain", {"masses", ones, 1}, "1 number given", "one per link"},
     {"pendulum-chain", {"masses", NULL, 3}, "0 numbers", "masses"},
-    {"oscillator", {"gravity", &gravity, 1}, "\"gravity\"", "none"},
+    {"oscillator", {"gravity", &gravity, 1}, "\"gravity\"", "it has no parameters"},
     {"heavy-top", {"chi", tall, 3}, "chi", ""},
     {"heavy-top", {"mass", negative, 1}, "mass", ""},
     {"heavy-top", {"gravity", negative, 1}, "gravity", ""},
