@@ -248,13 +248,12 @@ static double error_correlation(const measuring *m) {
 static bool warn_of_cost(const measuring *m) {
     const cost found = measure(m, false), beside = measure(m, true);
     if (!is_told(&found) || !is_told(&beside) || !(found.change * beside.change > 0.0)) return false;
-    lg_log_message(
-        m->context, LG_LOG_WARNING,
-        "the data are not conservative: along a trajectory the learned energy %s by %.2g on average "
-        "(standard error %.1g; energies spread by %.2g), which no Hamiltonian can do; lg-identify "
-        "learns damped and driven machines",
-        found.change < 0 ? "falls" : "rises", fabs(found.change),
-        fabs(found.change * found.error / found.slope), found.spread);
+    lg_log_message(m->context, LG_LOG_WARNING,
+                   "the data are not conservative: along a trajectory the learned energy %s by %.2g on "
+                   "average (standard error %.1g; energies spread by %.2g), which cannot happen in a "
+                   "Hamiltonian system; lg-identify learns damped and driven machines",
+                   found.change < 0 ? "falls" : "rises", fabs(found.change),
+                   fabs(found.change * found.error / found.slope), found.spread);
     return true;
 }
 
@@ -268,13 +267,13 @@ static void warn_of_misfit(const measuring *m, double loss) {
     if (m->steps == NULL || m->problem->points < FEWEST || !(left > small)) return;
     const double correlation = error_correlation(m);
     if (correlation > alike)
-        lg_log_message(
-            m->context, LG_LOG_WARNING,
-            "the model does not explain the data: it is wrong by %.2g %% of the motion (root mean square), "
-            "and neighbouring steps err alike (correlation %.2f), as they do when a force is missing, not "
-            "with noise: the data may not be conservative (lg-identify learns damped and driven machines), "
-            "the network too small, the training too short, or the steps too long (--substeps)",
-            100.0 * sqrt(left), correlation);
+        lg_log_message(m->context, LG_LOG_WARNING,
+                       "the model does not explain the data: its error is %.2g %% of the motion (root mean "
+                       "square), and the errors of neighbouring steps are correlated (%.2f), as with a "
+                       "missing force, not as with noise; possible causes: the data are not conservative "
+                       "(lg-identify learns damped and driven machines), the network is too small, the "
+                       "training is too short, or the steps are too long (--substeps)",
+                       100.0 * sqrt(left), correlation);
 }
 
 lg_status lg_hamiltonian_warn_of_drift(const lg_context *context, const lg_hamiltonian_problem *problem,

@@ -43,46 +43,49 @@ const lg_field lg_hamiltonian_fields[] = {
                 .value = "mlp", .meaning = "The potential energy"),
     HAMILTONIAN("model", "symmetry", NAME, model.symmetry,
                 LG_NAMES([LG_SYMMETRY_NONE] = "none", [LG_SYMMETRY_EVEN] = "even", [LG_SYMMETRY_ODD] = "odd"),
-                .optional = true, .value = "none", .meaning = "V(-q) = V(q) or -V(q)"),
+                .optional = true, .value = "none", .meaning = "even: V(-q) = V(q); odd: V(-q) = -V(q)"),
     HAMILTONIAN("model", "activation", NAME, model.net.activation, .value_name = lg_name_activation,
                 .value = "tanh", .meaning = "Activation of the hidden layers"),
     HAMILTONIAN("model", "hidden", WHOLES, model.net, .get = get_hidden, .put = put_hidden, .low = 1,
                 .high = 1 << 20, .most = LG_MLP_MAX_LAYERS - 1, .value = "100,100,100", .unit = "W,W,...",
                 .meaning = "Widths of the hidden layers of the potential"),
     HAMILTONIAN("run", "integrator", NAME, scheme, .value_name = lg_name_scheme, .value_at = lg_scheme_number,
-                .otherwise = "that of the family, see lg-hamiltonian --help",
+                .otherwise = "the integrator of the family, see lg-hamiltonian --help",
                 .meaning = "Scheme of the steps between two points of the data"),
     HAMILTONIAN("run", "substeps", U32, substeps, .low = 1, .high = 1e6, .value = "1", .unit = "n",
                 .meaning = "Integrator steps between two points of the data"),
     HAMILTONIAN("run", "penalty", REAL, penalty, .high = 1e12, .value = "0", .unit = "MU",
                 .meaning = "Penalty on the change of a first integral, 0 for none"),
-    HAMILTONIAN("run", "penalty_integral", NAME, penalty_integral, .value_name = name_integral,
-                .optional = true, .value = "oscillator",
-                .meaning =
-                    "The first integral of the penalty; not given, the first one that fits the system"),
+    HAMILTONIAN(
+        "run", "penalty_integral", NAME, penalty_integral, .value_name = name_integral, .optional = true,
+        .value = "oscillator",
+        .meaning =
+            "The first integral whose change is penalised; if not given, the first one that fits the system"),
     HAMILTONIAN("run", "penalty_copy", U32, penalty_copy, .optional = true, .high = LG_HAMILTONIAN_MAX_COPIES,
                 .value = "0", .unit = "j",
-                .meaning = "oscillator and anharmonic: number of the degree of freedom, from 1; 0 is 1"),
+                .meaning =
+                    "oscillator and anharmonic: number of the degree of freedom, counted from 1; 0 means 1"),
     HAMILTONIAN("run", "penalty_points", WHOLES, penalty_points, .get = get_points, .put = put_points,
                 .high = LG_HAMILTONIAN_MAX_POINTS, .most = LG_PENALTY_POINTS, .optional = true, .value = "0",
                 .unit = "j,j,...",
-                .meaning =
-                    "Points that have the penalty, from 2 on because a trajectory starts at 1; 0 for all"),
-    HAMILTONIAN("run", "penalty_form", NAME, penalty_form,
-                LG_NAMES([LG_PENALTY_MEAN_SQUARE] = "text", [LG_PENALTY_SUM_ABSOLUTE] = "published"),
-                .value = "text",
-                .meaning = "text: mean over the batch of squares; published: sum over the batch of absolute "
-                           "values"),
-    HAMILTONIAN("run", "distance", NAME, distance,
-                LG_NAMES([LG_DISTANCE_AMBIENT] = "ambient", [LG_DISTANCE_GEODESIC] = "geodesic"),
-                .optional = true, .value = "ambient",
-                .meaning = "Distance of points in the loss: that of R^d, or along geodesics of the manifold"),
+                .meaning = "Numbers of the points where the penalty applies: 2 or more, as point 1 is the "
+                           "start; 0: all points"),
+    HAMILTONIAN(
+        "run", "penalty_form", NAME, penalty_form,
+        LG_NAMES([LG_PENALTY_MEAN_SQUARE] = "text", [LG_PENALTY_SUM_ABSOLUTE] = "published"), .value = "text",
+        .meaning = "text: mean of squares over the batch; published: sum of absolute values over the batch"),
+    HAMILTONIAN(
+        "run", "distance", NAME, distance,
+        LG_NAMES([LG_DISTANCE_AMBIENT] = "ambient", [LG_DISTANCE_GEODESIC] = "geodesic"), .optional = true,
+        .value = "ambient",
+        .meaning =
+            "Distance of points in the loss: ambient (Euclidean in R^d) or along geodesics of the manifold"),
     HAMILTONIAN("run", "scaled", FLAG, scaled, .value_name = lg_name_yes, .optional = true, .value = "no",
                 .meaning =
                     "Scale the potential's last layer before training, towards the forces of the data"),
     HAMILTONIAN(
-        "run", "units", NAME, units,
-        LG_NAMES([LG_UNITS_GIVEN] = "given", [LG_UNITS_DATA] = "data"), .optional = true, .value = "given",
+        "run", "units", NAME, units, LG_NAMES([LG_UNITS_GIVEN] = "given", [LG_UNITS_DATA] = "data"),
+        .optional = true, .value = "given",
         .meaning =
             "Units in which training computes and weighs its loss (given: the units of the data; data: "
             "scales of the data, so that the result does not depend on the units)"),

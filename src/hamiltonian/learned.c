@@ -76,8 +76,8 @@ void lg_hamiltonian_warn_of_floor(const lg_context *context, const lg_hamiltonia
     double square = 0;
     for (size_t i = 0; i < size; i++) square += problem->data[i] * problem->data[i] / (double)size;
     if (!lg_is_near_floor(loss, floor) || floor < rounding_floor * square) return;
-    WARN("the loss %.3g is near the floor %.3g, the error of %s with %u step%s between two points: more "
-         "training fits this error; use --substeps %u (floor about %.1g)%s%s",
+    WARN("the loss %.3g is near the floor %.3g, which is the error of %s with %u step%s between two points: "
+         "more training would fit this error, not the system; use --substeps %u (floor about %.1g)%s%s",
          loss, floor, scheme->name, problem->substeps, problem->substeps == 1 ? "" : "s",
          2 * problem->substeps, ldexp(floor, -2 * scheme->order),
          better != NULL ? " or a scheme of higher order, --integrator " : "",
@@ -107,8 +107,9 @@ lg_status lg_hamiltonian_warn_of_integral(const lg_context *context, const lg_ha
     }
     const double grown = 1 + scatter / sqrt((double)problem->trajectories);
     if (largest > grown * second && largest > least * whole)
-        WARN("the data do not conserve %s: it changes by %.2g to the second point and by up to %.2g later, "
-             "its size is %.2g (root mean squares); the penalty trains the model to conserve it",
+        WARN("the data do not conserve %s: it changes by %.2g between the first and the second point and by "
+             "up to %.2g later, and its size is %.2g (root mean squares); but the penalty trains the model "
+             "to conserve it",
              problem->penalty_integral->name, second, largest, whole);
     return LG_OK;
 }
@@ -117,7 +118,8 @@ lg_status lg_hamiltonian_warn_of_integral(const lg_context *context, const lg_ha
 
 void lg_warn_of_inputs(const lg_context *context, const char *path, const lg_trajectories *data) {
     if (data->inputs != NULL)
-        WARN("%s: /inputs (%u a step) are not used: the learned system has no inputs", path, data->input_dim);
+        WARN("%s: /inputs (%u numbers per step) is not used: the learned system has no inputs", path,
+             data->input_dim);
 }
 
 typedef struct sorted {
@@ -158,13 +160,16 @@ lg_status lg_hamiltonian_warn_of_data(const lg_context *context, const lg_hamilt
     if (status != LG_OK) return status;
     const double numbers = (double)count * (double)(problem->points - 1) * (double)d;
     if (!lg_hamiltonian_moves(problem))
-        WARN("%s: nothing moves: every trajectory stays at its first point, as with any constant H", path);
+        WARN("%s: nothing moves: every trajectory stays at its first point, so any constant H explains the "
+             "data",
+             path);
     if (count < given)
-        WARN("%s: %zu of %zu trajectories repeat another one: there is as much to learn from as in %zu", path,
-             given - count, given, count);
+        WARN(
+            "%s: %zu of %zu trajectories repeat another one: only %zu different ones are there to learn from",
+            path, given - count, given, count);
     if (numbers < (double)parameters)
-        WARN("%.0f numbers are given, fewer than the %zu parameters that are learned: they fit these data, "
-             "not the system; take %.0f trajectories or more, or smaller --hidden",
+        WARN("the data have %.0f numbers, fewer than the %zu parameters that are learned: the model may fit "
+             "the data without learning the system; give %.0f trajectories or more, or a smaller --hidden",
              numbers, parameters, ceil((double)parameters / numbers * (double)count));
     return LG_OK;
 }

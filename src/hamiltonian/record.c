@@ -44,7 +44,8 @@ lg_status lg_hamiltonian_bind(lg_tape *tape, const lg_hamiltonian *model, lg_var
     lg_var arrays[LG_HAMILTONIAN_MAX_ARRAYS];
     const lg_shape shape = lg_var_shape(tape, theta);
     if (!lg_is_none(theta) && (shape.rank != 1 || shape.dims[0] != lg_hamiltonian_parameters(model)))
-        (void)lg_tape_fail(tape, LG_SHAPE, "hamiltonian", "theta is not as long as the model's parameters");
+        (void)lg_tape_fail(tape, LG_SHAPE, "hamiltonian",
+                           "theta must be a vector with one number for each parameter of the model");
     LG_TRY(lg_mlp_bind(tape, &model->net, theta, 0, &made.net));
     for (size_t i = 0; family->arrays[i].rank > 0; i++) arrays[i] = array_of(tape, model, theta, i);
     if (family->bind != NULL) family->bind(tape, arrays, &made);
@@ -105,7 +106,8 @@ lg_var lg_hamiltonian_input_like(lg_tape *tape, lg_var input, lg_var part) {
     const lg_shape shape = lg_var_shape(tape, part), given = lg_var_shape(tape, input);
     const size_t rows = shape.dims[0], width = lg_shape_count(shape) / (rows > 0 ? rows : 1);
     if (given.rank != 2 || given.dims[0] != rows || given.dims[1] != width)
-        return lg_tape_fail(tape, LG_SHAPE, "hamiltonian", "the input is not a force for each row");
+        return lg_tape_fail(tape, LG_SHAPE, "hamiltonian",
+                            "the input must have one row of forces for each row of states");
     return lg_reshape(tape, input, shape);
 }
 

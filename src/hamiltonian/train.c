@@ -289,7 +289,8 @@ lg_status lg_hamiltonian_floor(const lg_context *context, const lg_hamiltonian_p
     lg_fit_problem fit;
     LG_TRY(lg_hamiltonian_problem_check(problem, error));
     if (problem->substeps > UINT32_MAX / 2)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "twice %u substeps are too many", problem->substeps);
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "%u substeps are too many: twice their number must be below 2^32", problem->substeps);
     weigh_in_units(&plain);
     lg_hamiltonian_fit_problem(&plain, &fit);
     fit.loss = shard_floor;
@@ -307,12 +308,15 @@ static lg_status check_scheme(const lg_hamiltonian *model, const lg_scheme *sche
         return lg_fail(error, LG_UNSUPPORTED,
                        "%s cannot be differentiated: it has no form that the tape can record", scheme->name);
     if (scheme->kind == LG_SCHEME_SPLITTING && family->force == NULL)
-        return lg_fail(error, LG_UNSUPPORTED, "%s needs a separable Hamiltonian; that of family %s is not",
+        return lg_fail(error, LG_UNSUPPORTED,
+                       "%s needs a separable Hamiltonian; the Hamiltonian of family %s is not separable",
                        scheme->name, family->name);
     if (scheme->kind == LG_SCHEME_SLGI && !lg_slgi_fits(&space))
         return lg_fail(error, LG_UNSUPPORTED, "%s is for SE(3), not for family %s", scheme->name,
                        family->name);
-    if (scheme->project) return lg_fail(error, LG_UNSUPPORTED, "%s: training does not project", scheme->name);
+    if (scheme->project)
+        return lg_fail(error, LG_UNSUPPORTED,
+                       "%s projects states onto the manifold, which training does not support", scheme->name);
     return LG_OK;
 }
 
@@ -331,11 +335,11 @@ static lg_status check_penalty(const lg_hamiltonian_problem *problem, lg_error *
                        "first integral %s = %s of the penalty does not fit family %s with n = %u",
                        integral->name, integral->formula, model->family->name, model->n);
     if (integral->numbered && problem->penalty_copy > model->n)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "penalty on %s number %u of %u", model->family->copy,
-                       problem->penalty_copy, model->n);
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the penalty is on %s number %u, but the model has %u",
+                       model->family->copy, problem->penalty_copy, model->n);
     if (!increases(&problem->penalty_points, problem->points))
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "points of the penalty must increase, from 2 to at most %zu", problem->points);
+                       "the points of the penalty must be increasing numbers from 2 to %zu", problem->points);
     return LG_OK;
 }
 
@@ -360,9 +364,10 @@ lg_status lg_hamiltonian_problem_check(const lg_hamiltonian_problem *problem, lg
     LG_NEEDS(error, problem);
     if (problem->model == NULL || problem->data == NULL || problem->trajectories == 0 ||
         problem->substeps == 0)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "no model, no data, no trajectories or no substeps");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the problem has no model, no data, no trajectories or no substeps");
     if (problem->points < 2 || problem->points > LG_HAMILTONIAN_MAX_POINTS)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the number of points is %zu, not in 2..%d",
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a trajectory has %zu points; 2 to %d are possible",
                        problem->points, LG_HAMILTONIAN_MAX_POINTS);
     /* All points of a batch are rows of one tensor. */
     if (problem->trajectories > UINT32_MAX / problem->points)
@@ -372,12 +377,14 @@ lg_status lg_hamiltonian_problem_check(const lg_hamiltonian_problem *problem, lg
     if (!(problem->dt > 0.0 && problem->dt <= DBL_MAX) ||
         !(problem->penalty >= 0.0 && problem->penalty <= DBL_MAX))
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "dt must be positive and the penalty not negative, both finite");
+                       "dt is %g and the penalty %g: dt must be positive, the penalty must not be negative, "
+                       "and both must be finite",
+                       problem->dt, problem->penalty);
     if ((unsigned)problem->penalty_form > LG_PENALTY_SUM_ABSOLUTE)
         return lg_fail(error, LG_INVALID_ARGUMENT, "unknown form of the penalty");
     if ((unsigned)problem->starts > LG_START_ESTIMATED)
         return lg_fail(error, LG_INVALID_ARGUMENT, "unknown kind of starts");
-    if (problem->scheme == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "no integrator");
+    if (problem->scheme == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "the problem has no integrator");
     LG_TRY(check_scheme(problem->model, problem->scheme, error));
     LG_TRY(check_distance(problem, error));
     return problem->penalty != 0.0 ? check_penalty(problem, error) : LG_OK;
@@ -438,7 +445,8 @@ lg_status lg_hamiltonian_integral_change(const lg_context *context, const lg_ham
     LG_TRY(lg_hamiltonian_problem_check(problem, error));
     LG_TRY(check_penalty(problem, error));
     if (point < 1 || point > problem->points)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "point %zu is outside 1..%zu", point, problem->points);
+        return lg_fail(error, LG_INVALID_ARGUMENT, "there is no point %zu; the points are 1 to %zu", point,
+                       problem->points);
     lg_hamiltonian_fit_problem(problem, &fit);
     fit.loss = shard_change;
     fit.user = &of;

@@ -99,7 +99,9 @@ static lg_status measure(const lg_hamiltonian_problem *problem, walk *w, motion 
     *out = (motion){.parts = 0};
     if (problem->model == NULL || problem->data == NULL || problem->trajectories == 0 ||
         problem->points < 2 || !(problem->dt > 0.0))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "no model, no data or no time between points");
+        return lg_fail(
+            error, LG_INVALID_ARGUMENT,
+            "the problem has no model, no data, fewer than two points, or a dt that is not positive");
     LG_TRY(lg_hamiltonian_space(problem->model->family, problem->model->n, &space));
     w->problem = problem;
     w->d = space.dim;
@@ -150,7 +152,9 @@ lg_status lg_hamiltonian_find_scales(const lg_hamiltonian_problem *problem, lg_h
     }
     const bool fit = is_scale(made.time) && is_scale(made.part[0]) && is_scale(made.part[1]) &&
                      is_scale(made.part[0] * made.part[1] / made.time);
-    if (!fit) return lg_fail(error, LG_NOT_FINITE, "the sizes of the data are out of range");
+    if (!fit)
+        return lg_fail(error, LG_NOT_FINITE,
+                       "the numbers of the data are too large or too small to be scaled");
     *out = made;
     return LG_OK;
 }

@@ -125,7 +125,7 @@ static const refusal hamiltonian[] = {
     {TRAIN "--integrator stormer-verlet", 2, "stormer-verlet needs a separable"},
     {TRAIN "--integrator variational", 2, "variational cannot be differentiated"},
     {TRAIN "--integrator slgi", 2, "slgi is for SE(3)"},
-    {TRAIN "--integrator rk4-projected", 2, "rk4-projected: training does not project"},
+    {TRAIN "--integrator rk4-projected", 2, "rk4-projected projects states onto the manifold"},
     {"--threads -2 train train.h5 --out m.h5", 2, "--threads: '-2'"},
     {TRAIN "--penalty 1e-3 --penalty-integral oscillator", 2,
      "oscillator = (q_j^2 + p_j^2)/2 of the penalty"},

@@ -694,7 +694,8 @@ TEST("errors are recorded only into the model that they belong to, and only if t
     draw_hamiltonian(0, &file);
     set_verdict(&file);
     const double last = file.theta[51];
-    NOT_RECORDED(LG_INVALID_ARGUMENT, "other parameters", file.theta[51] = nextafter(last, 9));
+    NOT_RECORDED(LG_INVALID_ARGUMENT, "not the parameters that were judged",
+                 file.theta[51] = nextafter(last, 9));
     file.theta[51] = last;
     NOT_RECORDED(LG_INVALID_ARGUMENT, "seed", file.run.training.seed = 5);
     NOT_RECORDED(LG_INVALID_ARGUMENT, "links", file.run = make_hamiltonian_run(1));

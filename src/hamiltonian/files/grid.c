@@ -171,7 +171,7 @@ lg_status lg_grid_read(const lg_context *context, const char *path, lg_grid *out
     lg_yaml *yaml;
     grid_keys keys;
     lg_grid made = {.repeats = 0};
-    if (out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "a grid is read into something");
+    if (out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "the place for the grid is NULL");
     LG_TRY(lg_yaml_open(context, path, &yaml, error));
     list_keys(&keys);
     lg_key_value *values = lg_alloc(context, KEYS + FILE_KEYS, sizeof *values);

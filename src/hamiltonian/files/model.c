@@ -195,8 +195,8 @@ static lg_status get_moment(lg_h5 *h5, const char *name, size_t count, double **
     uint64_t dims[4];
     LG_TRY(lg_as_format(lg_h5_get_doubles(h5, name, 1, dims, out, error), error));
     if (dims[0] == count) return LG_OK;
-    return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu values for %zu parameters", lg_shown_path(h5->path),
-                   name, (unsigned long long)dims[0], count);
+    return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu values, but the model has %zu parameters",
+                   lg_shown_path(h5->path), name, (unsigned long long)dims[0], count);
 }
 
 static lg_status get_optimizer(lg_h5 *h5, lg_hamiltonian_file *out, lg_error *error) {
@@ -208,7 +208,8 @@ static lg_status get_optimizer(lg_h5 *h5, lg_hamiltonian_file *out, lg_error *er
             lg_h5_get(h5, "optimizer/adam/step", LG_ELEMENT_U64, 0, NULL, &out->adam_step, error), error));
         for (size_t i = 0; i < out->parameters; i++)
             if (out->adam_v[i] < 0)
-                return lg_fail(error, LG_FORMAT, "%s: /optimizer/adam/v: is negative at index (%zu)",
+                return lg_fail(error, LG_FORMAT,
+                               "%s: /optimizer/adam/v: the value at index (%zu) is negative",
                                lg_shown_path(h5->path), i);
     }
     out->has_rng = lg_h5_has(h5, "rng");
@@ -267,7 +268,8 @@ static lg_status check_judged(const lg_h5 *h5, const lg_hamiltonian_file *judged
         same = stored->theta[i] == stored_as(judged->run.training.dtype, judged->theta[i]);
     return same ? LG_OK
                 : lg_fail(error, LG_INVALID_ARGUMENT,
-                          "%s: holds other parameters than those that were judged", lg_shown_path(h5->path));
+                          "%s: the parameters in this file are not the parameters that were judged",
+                          lg_shown_path(h5->path));
 }
 
 static lg_status record(void *user, lg_h5 *h5, lg_error *error) {

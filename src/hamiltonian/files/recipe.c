@@ -26,18 +26,19 @@ static lg_status read_data(lg_learning *self, lg_error *error) {
     reading.project_starts = self->given(self, "starts") || self->resumed;
     LG_TRY(lg_trajectories_read(self->context, path, &reading, data, error));
     if (data->starts_off > 1e-6 && run->starts == LG_START_MEASURED)
-        LG_WARN(
-            self,
-            "%s: first points were off the manifold by up to %.2g and are brought back; --starts estimated "
-            "takes them as unknown",
-            path, data->starts_off);
+        LG_WARN(self,
+                "%s: the first points were off the manifold by up to %.2g and are projected onto it; if they "
+                "are noisy, --starts estimated learns them",
+                path, data->starts_off);
     if (data->guessed)
         LG_WARN(self,
-                "%s: gives neither attribute system nor layout: its %u numbers a point are taken for states "
-                "of %s (%s)",
+                "%s: the attributes system and layout are both missing: the %u numbers of each point are "
+                "taken as a state of family %s (%s)",
                 path, data->state_dim, data->family->name, data->family->formula);
     if (data->system[0] != '\0' && lg_system_parameters(data->system, NULL) == NULL)
-        LG_WARN(self, "%s: no system is called '%s': by its layout its data are taken for states of %s (%s)",
+        LG_WARN(self,
+                "%s: attribute system: '%s' is not a known system: from attribute layout, the data are taken "
+                "as states of family %s (%s)",
                 path, data->system, data->family->name, data->family->formula);
     lg_warn_of_inputs(self->context, path, data);
     memcpy(self->sha256, data->sha256, sizeof self->sha256);
@@ -167,14 +168,14 @@ static lg_status prepare(lg_learning *self, lg_error *error) {
     const size_t parameters = lg_hamiltonian_parameters(&run->model);
     LG_TRY(check_options(self, error));
     if (s->newton && run->starts == LG_START_ESTIMATED)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "--newton: is not for --starts estimated");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "--newton cannot be used with --starts estimated");
     if (s->newton && parameters > LG_NEWTON_MAX_PARAMETERS)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "--newton: the model has %zu parameters, at most %d are possible", parameters,
                        LG_NEWTON_MAX_PARAMETERS);
     if (s->data.points > LG_HAMILTONIAN_MAX_POINTS)
         return lg_fail(error, LG_FORMAT,
-                       "%s: /trajectories has %zu points a trajectory; training takes at most %d",
+                       "%s: /trajectories has %zu points per trajectory; training takes at most %d",
                        self->paths[0], s->data.points, LG_HAMILTONIAN_MAX_POINTS);
     return LG_OK;
 }
@@ -266,8 +267,8 @@ static lg_status evaluate(lg_learning *self, const void *from, lg_error *error) 
     const lg_trajectories *data = &((lg_hamiltonian_state *)self->state)->data;
     double loss = 0;
     if (data->family != run->model.family || data->n != run->model.n)
-        return lg_fail(error, LG_SHAPE, "%s: states of %u numbers, but the model has %u", self->paths[0],
-                       data->state_dim, lg_hamiltonian_state_dim(&run->model));
+        return lg_fail(error, LG_SHAPE, "%s: a state has %u numbers, but a state of the model has %u",
+                       self->paths[0], data->state_dim, lg_hamiltonian_state_dim(&run->model));
     run->starts = LG_START_MEASURED;
     const lg_hamiltonian_problem problem = problem_of(run, data);
     LG_TRY(lg_hamiltonian_mean_squared_error(self->context, &problem, file->theta, &loss, error));

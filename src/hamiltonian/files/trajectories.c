@@ -86,7 +86,7 @@ static lg_status make_truth(lg_trajectories *data, const char *form, const lg_na
     LG_TRY(lg_system_create(data->context, data->system, &options, &made, error));
     if (lg_hamiltonian_family_for(made, &n) != data->family || n != data->n) {
         lg_system_destroy(made);
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the system is another one than the data's");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the system is not the system of the data");
     }
     lg_system_destroy(data->truth);
     data->truth = made;
@@ -148,19 +148,22 @@ static lg_status read_arrays(read_call *call, lg_error *error) {
             6 * LG_HAMILTONIAN_MAX_COPIES);
     LG_TRY(lg_h5_get_doubles(call->h5, "t", 1, t, &out->t, error));
     if (t[0] != data[1])
-        return lg_fail(error, LG_FORMAT, "%s: /t: has %llu times, /trajectories has %llu points", shown,
+        return lg_fail(error, LG_FORMAT, "%s: /t: has %llu times, but /trajectories has %llu points", shown,
                        (unsigned long long)t[0], (unsigned long long)data[1]);
     call->has_hamiltonian = lg_h5_has(call->h5, "hamiltonian");
     if (call->has_hamiltonian)
         LG_TRY(lg_h5_get_doubles(call->h5, "hamiltonian", 1, h, &out->hamiltonian, error));
     if (call->has_hamiltonian && h[0] != data[0])
-        return lg_fail(error, LG_FORMAT, "%s: /hamiltonian: has %llu values for %llu trajectories", shown,
-                       (unsigned long long)h[0], (unsigned long long)data[0]);
+        return lg_fail(error, LG_FORMAT, "%s: /hamiltonian: has %llu values, but there are %llu trajectories",
+                       shown, (unsigned long long)h[0], (unsigned long long)data[0]);
     if (lg_h5_has(call->h5, "inputs")) {
         LG_TRY(lg_h5_get_doubles(call->h5, "inputs", 3, inputs, &out->inputs, error));
         if (inputs[0] != data[0] || inputs[1] != data[1] - 1 || inputs[2] < 1 || inputs[2] > UINT32_MAX)
-            return lg_fail(error, LG_FORMAT, "%s: /inputs: expected shape (%llu, %llu, m)", shown,
-                           (unsigned long long)data[0], (unsigned long long)data[1] - 1);
+            return lg_fail(error, LG_FORMAT,
+                           "%s: /inputs: shape (%llu, %llu, %llu), expected (%llu, %llu, m) with m >= 1",
+                           shown, (unsigned long long)inputs[0], (unsigned long long)inputs[1],
+                           (unsigned long long)inputs[2], (unsigned long long)data[0],
+                           (unsigned long long)data[1] - 1);
     }
     out->count = (size_t)data[0], out->points = (size_t)data[1], out->state_dim = (uint32_t)data[2];
     out->input_dim = (uint32_t)inputs[2];
@@ -174,7 +177,9 @@ static lg_status check_times(read_call *call, lg_error *error) {
     double dt = (t[last] - t[0]) / (double)last, largest = fmax(fabs(t[0]), fabs(t[last]));
     double tolerance = TIME_TOLERANCE * dt + 2 * call->epsilon * largest;
     if (!isfinite(dt))
-        return lg_fail(error, LG_FORMAT, "%s: /t: its span overflows", lg_shown_path(call->path));
+        return lg_fail(error, LG_FORMAT,
+                       "%s: /t: the time from the first to the last point is not a finite number",
+                       lg_shown_path(call->path));
     for (size_t i = 1; i <= last; i++) {
         if (!(t[i] > t[i - 1]))
             return lg_fail(error, LG_FORMAT, "%s: /t: does not increase at index (%zu)",
@@ -183,8 +188,10 @@ static lg_status check_times(read_call *call, lg_error *error) {
     for (size_t i = 1; i < last; i++) {
         double off = fabs(t[i] - (t[0] + (double)i * dt));
         if (off > tolerance)
-            return lg_fail(error, LG_FORMAT, "%s: /t: is not equidistant: index (%zu) is off by %.3g steps",
-                           lg_shown_path(call->path), i, off / dt);
+            return lg_fail(
+                error, LG_FORMAT,
+                "%s: /t: the times are not equidistant: the time at index (%zu) is off by %.3g steps",
+                lg_shown_path(call->path), i, off / dt);
     }
     out->dt = dt;
     return LG_OK;
@@ -264,11 +271,11 @@ static lg_status check_starts(read_call *call, lg_error *error) {
         if (off > MANIFOLD_TOLERANCE && call->project)
             lg_space_project(&space, start);
         else if (off > MANIFOLD_TOLERANCE)
-            return lg_fail(error, LG_FORMAT,
-                           "%s: /trajectories: the first point of trajectory %zu is off the manifold by %.3g "
-                           "(%s %u: %s are wanted; where this is noise, --starts brings it back)",
-                           lg_shown_path(call->path), k, off, out->family->copy, copy + 1,
-                           out->family->manifold);
+            return lg_fail(
+                error, LG_FORMAT,
+                "%s: /trajectories: the first point of trajectory %zu is off the manifold by %.3g (%s %u "
+                "must satisfy %s; if the difference is noise, give --starts measured or estimated)",
+                lg_shown_path(call->path), k, off, out->family->copy, copy + 1, out->family->manifold);
     }
     return LG_OK;
 }
@@ -304,11 +311,11 @@ static lg_status check_size(const lg_trajectories *out, const char *shown, size_
     const uint32_t per = numbers_per_copy(out->family);
     if (out->state_dim % per != 0 || out->state_dim / per > LG_HAMILTONIAN_MAX_COPIES)
         return lg_fail(error, LG_FORMAT,
-                       "%s: /trajectories: d = %u is not %u numbers for each of 1 to %d %ss", shown,
+                       "%s: /trajectories: d = %u, expected %u numbers for each of 1 to %d %ss", shown,
                        out->state_dim, per, LG_HAMILTONIAN_MAX_COPIES, out->family->copy);
     if (known_n != 0 && known_n != out->state_dim / per)
-        return lg_fail(error, LG_FORMAT, "%s: /trajectories: d = %u, %s has %zu", shown, out->state_dim,
-                       out->system, known_n * per);
+        return lg_fail(error, LG_FORMAT, "%s: /trajectories: d = %u, but a state of %s has %zu numbers",
+                       shown, out->state_dim, out->system, known_n * per);
     return LG_OK;
 }
 
@@ -322,13 +329,16 @@ static lg_status check_system(read_call *call, lg_error *error) {
     const lg_hamiltonian_family *known = lg_family_of(out->system, &known_n);
     const layout_kind kind = parse_layout(layout);
     if (kind == LAYOUT_UNKNOWN)
-        return lg_fail(error, LG_FORMAT, "%s: attribute layout: expected 'q1 p1 q2 p2 ...' or 'q p'", shown);
+        return lg_fail(error, LG_FORMAT,
+                       "%s: attribute layout: is '%.100s', expected 'q1 p1 q2 p2 ...' or 'q p'", shown,
+                       layout);
     const bool named = out->system[0] != '\0', listed = lg_system_parameters(out->system, NULL) != NULL;
     if (known == NULL && named && kind == LAYOUT_NONE)
         return lg_fail(error, LG_FORMAT,
-                       listed ? "%s: attribute system: no family of learned Hamiltonians takes '%s'; "
+                       listed ? "%s: attribute system: '%s' fits no family of learned Hamiltonians; "
                                 "lg-identify learns other machines"
-                              : "%s: attribute system: '%s' is unknown; then attribute layout is needed",
+                              : "%s: attribute system: '%s' is not a known system; for other systems "
+                                "attribute layout is needed",
                        shown, out->system);
     out->guessed = !named && kind == LAYOUT_NONE;
     out->family = known != NULL ? known : guess_family(out, layout);
@@ -336,7 +346,7 @@ static lg_status check_system(read_call *call, lg_error *error) {
     out->n = out->state_dim / numbers_per_copy(out->family);
     const layout_kind wanted = wanted_layout(out->family);
     if (kind != LAYOUT_NONE && kind != wanted && out->n > 1)
-        return lg_fail(error, LG_FORMAT, "%s: attribute layout: '%s' is wanted for %s", shown,
+        return lg_fail(error, LG_FORMAT, "%s: attribute layout: expected '%s' for %s", shown,
                        wanted == LAYOUT_NUMBERED ? "q1 p1 q2 p2 ..." : "q p",
                        known != NULL ? out->system : "this system");
     return LG_OK;
@@ -351,7 +361,8 @@ static lg_status check_links(read_call *call, lg_error *error) {
         if (!lg_h5_has_attribute(call->h5, places[i], "links")) continue;
         LG_TRY(lg_h5_number(call->h5, places[i], "links", LG_ELEMENT_I64, &links, error));
         if (links != (int64_t)out->n)
-            return lg_fail(error, LG_FORMAT, "%s: attribute links is %lld, but d = %u means %u",
+            return lg_fail(error, LG_FORMAT,
+                           "%s: attribute links is %lld, but states of d = %u numbers have %u",
                            lg_shown_path(call->path), (long long)links, out->state_dim, out->n);
         return LG_OK;
     }
@@ -418,7 +429,8 @@ static lg_status read_checked(void *user, lg_h5 *h5, lg_error *error) {
 
 lg_status lg_trajectories_read(const lg_context *context, const char *path, const lg_read_options *options,
                                lg_trajectories *out, lg_error *error) {
-    if (path == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name");
+    if (path == NULL || out == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the path or the place for the data is NULL");
     lg_trajectories made = {.context = context};
     const bool project = options != NULL && options->project_starts;
     read_call call = {.context = context, .path = path, .project = project, .out = &made};
@@ -481,7 +493,9 @@ lg_status lg_trajectories_write(const lg_context *context, const char *path, lg_
                                 lg_error *error) {
     if (path == NULL || data == NULL || data->t == NULL || data->data == NULL || data->count < 1 ||
         data->points < 2)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "trajectories need a file name, times and points");
+        return lg_fail(
+            error, LG_INVALID_ARGUMENT,
+            "to write trajectories, a path, times, and at least one trajectory of two points are needed");
     lg_h5 *h5;
     LG_TRY(check_written(path, data, error));
     LG_TRY(lg_h5_create(context, path, &h5, error));
