@@ -46,7 +46,7 @@ static lg_status find_system(const char *name, const lg_grey_system **out, lg_er
     }
     for (const lg_grey_refused *r = lg_grey_refusals; r->name != NULL; r++)
         if (strcmp(r->name, name) == 0) return lg_fail(error, LG_NOT_FOUND, "%s: %s", name, r->why);
-    return lg_fail(error, LG_NOT_FOUND, "there is no machine of a system \"%.40s\"; there are %s", name,
+    return lg_fail(error, LG_NOT_FOUND, "there is no machine for system \"%.40s\"; the systems are: %s", name,
                    known);
 }
 
@@ -71,7 +71,8 @@ static lg_status check_coordinates(const lg_machine *machine, const lg_grey_syst
     if (fits) return LG_OK;
     describe_coordinates(system, wanted, sizeof wanted);
     return lg_fail(error, LG_INVALID_ARGUMENT,
-                   "%s: its coordinates are of kind %s, in this order and no others", system->name, wanted);
+                   "%s: the coordinates must be of kind %s, in this order, and no others", system->name,
+                   wanted);
 }
 
 /* ---- parameters of a system ---- */
@@ -110,13 +111,13 @@ static lg_status check_entry(const lg_machine *machine, const lg_parameter_entry
     for (size_t i = at; i < at + n; i++)
         if (isnan(grey->start[i]))
             return lg_fail(error, LG_INVALID_ARGUMENT,
-                           grey->unknown[i] ? "%s: parameter \"%s\" (%s) has no default to start from: "
+                           grey->unknown[i] ? "%s: parameter \"%s\" (%s) has no default to start from: give "
                                               "{start: ..., unknown: true}"
                                             : "%s: parameter \"%s\" (%s) must be given",
                            grey->system->name, p->key, p->meaning);
     if (p->rule == LG_PARAMETER_UNIT_VECTOR && unknown > 0 && unknown < n)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: the numbers of a direction are unknown together",
-                       p->key);
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "%s: either all numbers of a direction are unknown, or none of them", p->key);
     return lg_parameter_check(p, grey->start + at, n, error);
 }
 
@@ -127,7 +128,8 @@ lg_status lg_grey_check(const lg_machine *machine, lg_error *error) {
         term = term || machine->terms[i].kind == &lg_grey_mass_kind;
     if (system == NULL && !term) return LG_OK;
     if (system == NULL || !term)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a system and its terms belong together");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "a machine has either a system and the terms of this system, or neither");
     LG_TRY(check_coordinates(machine, system, error));
     for (const lg_parameter_entry *p = lg_grey_system_parameters(system); p->key != NULL; p++)
         LG_TRY(check_entry(machine, p, error));
@@ -140,7 +142,8 @@ lg_status lg_machine_set_parameter(lg_machine *machine, const char *key, size_t 
     if (count > 0) LG_NEEDS(error, values);
     const lg_grey_system *system = machine->grey.system;
     const lg_parameter_entry *p = NULL;
-    if (system == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "parameters are those of a system");
+    if (system == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the machine has no system, so it has no parameters");
     LG_TRY(lg_parameter_find(system->name, lg_grey_system_parameters(system), key, &p, error));
     const size_t n = lg_parameter_numbers(p, links_of(machine));
     if (count != 0 && count != n)
@@ -335,7 +338,7 @@ lg_status lg_machine_set_system(lg_machine *machine, const char *name, lg_error 
     LG_NEEDS(error, machine, name);
     const lg_grey_system *system = NULL;
     if (machine->grey.system != NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the machine has a system already");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the machine already has a system");
     if (machine->term_count + 2 > LG_MACHINE_TERMS)
         return lg_fail(error, LG_INVALID_ARGUMENT, "more than %d terms", LG_MACHINE_TERMS);
     LG_TRY(find_system(name, &system, error));

@@ -66,8 +66,9 @@ static lg_status count_coordinates(lg_machine *machine, lg_error *error) {
     machine->positions = all.position;
     machine->velocities = all.velocity;
     if (all.velocity > LG_MACHINE_VELOCITIES || all.position > LG_MACHINE_POSITIONS)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the coordinates have %u velocities, at most %d",
-                       all.velocity, LG_MACHINE_VELOCITIES);
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the coordinates have %u velocities; at most %d are possible", all.velocity,
+                       LG_MACHINE_VELOCITIES);
     return LG_OK;
 }
 
@@ -123,7 +124,7 @@ static lg_status check_term(const lg_machine *machine, const lg_machine_term *te
     if (term->kind->values != NULL) term->kind->values(machine, term, fits);
     const bool needed = (options & LG_TERM_KNOWN) != 0, given = term->value_count > 0;
     if ((needed || given) && term->value_count != fits[0] && term->value_count != fits[1])
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%s of kind %s: has %u values, %zu%s%.0zu are expected",
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s of kind %s: has %u values, expected %zu%s%.0zu",
                        lg_machine_part_name(term->part), term->kind->name, term->value_count, fits[0],
                        fits[1] != fits[0] && fits[1] > 0 ? " or " : "",
                        fits[1] != fits[0] ? fits[1] : (size_t)0);
@@ -139,7 +140,7 @@ static void set_heights(const lg_machine *machine, lg_machine_term *term) {
 
 static lg_status set_term(const lg_machine *machine, lg_machine_term *term, lg_error *error) {
     if (term->kind == NULL || term->kind->part != term->part)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a term has no kind, or one of another part");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a term has no kind, or a kind of another part");
     if (term->kind->heights) {
         if (term->of_count == 0) set_heights(machine, term);
         for (uint32_t i = 0; i < term->of_count; i++)
@@ -222,8 +223,8 @@ static lg_status check_positive(const lg_machine *machine, lg_machine_part part,
     }
     if (known == NULL || is_definite(machine->velocities, sum, alone ? rounding : -rounding)) return LG_OK;
     return term_fails(known, error,
-                      alone ? "the values must be above 0, a matrix symmetric and positive definite"
-                            : "the values must not be below 0, a matrix not indefinite");
+                      alone ? "the values must be above 0; a matrix must be symmetric and positive definite"
+                            : "the values must not be below 0; a matrix must not be indefinite");
 }
 
 /* ---- common factor ---- */

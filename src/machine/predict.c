@@ -87,7 +87,7 @@ lg_status lg_machine_free_run(const lg_context *context, const lg_machine *machi
     lg_space space;
     lg_tape *tape = NULL;
     if (count == 0 || count > UINT32_MAX || substeps == 0)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "free runs need a start and a substep");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "free runs need at least one start and one substep");
     LG_TRY(lg_machine_space(machine, &space));
     runs r = {machine, theta,     scheme,     substeps, log,  start, count,
               steps,   positions, velocities, NULL,     NULL, NULL};

@@ -231,8 +231,8 @@ lg_status lg_machine_program(const lg_context *context, const lg_machine *machin
     lg_program *made;
     if (scheme != NULL && scheme->kind == LG_SCHEME_VARIATIONAL)
         return lg_fail(error, LG_UNSUPPORTED,
-                       "%s finds its step by iteration, which no program has; take cf4, rkmk4 or another "
-                       "explicit Lie group scheme",
+                       "%s finds its step by iteration, which a program cannot do; take cf4, rkmk4 or "
+                       "another explicit Lie group scheme",
                        scheme->name);
     LG_TRY(lg_machine_space(machine, &r.space));
     fill_state(&r);

@@ -131,7 +131,7 @@ size_t lg_identification_sentence(const lg_identification *of, size_t count, siz
     list_moving(&l, of->numbers, count, move, moving, !equal && !pair);
     add(&l, "%s: give one of them as known",
         pair          ? " appear only as a product"
-        : !equal      ? " can change together without a trace in the logs"
+        : !equal      ? " can change together without changing what the logs show"
         : moving == 2 ? " appear only as a ratio"
                       : " are determined only up to a common factor");
     return moving;

@@ -33,8 +33,8 @@ const char *lg_machine_variational_fault(const lg_machine *machine) {
         return "variational is for masses that do not depend on the state (known, diagonal, constant); take "
                "cf4, rkmk4 or another explicit Lie group scheme";
     if (machine->grey.system != NULL && machine->directions > 1)
-        return "variational is for directions with a mass each; those of a chain have a matrix in common: "
-               "take cf4, rkmk4 or another explicit Lie group scheme";
+        return "variational is for directions that each have a mass; the directions of a chain share a mass "
+               "matrix: take cf4, rkmk4 or another explicit Lie group scheme";
     return NULL;
 }
 

@@ -133,24 +133,24 @@ TEST("swapped columns are refused, and the message names the column that fits") 
 TEST("degrees and other wrong units are refused, and the message gives a scale") {
     sheet *s = good_sheet();
     for (size_t i = 0; i < ROWS; i++) s->cells[i][THETA] *= 57.295779513;
-    expect_hopeless("machine.yaml", s, WORDS("theta", "degrees? scale: {theta: 0.0174"));
+    expect_hopeless("machine.yaml", s, WORDS("theta", "in degrees, set scale: {theta: 0.0174"));
     s = good_sheet();
     for (size_t i = 0; i < ROWS; i++) s->cells[i][X] *= 1000;
     expect_hopeless("machine.yaml", s, WORDS("the rate of x", "scale: {vx: 1000", "or {x: 0.00"));
     s = good_sheet();
     for (size_t i = 0; i < ROWS; i++) s->cells[i][T] *= 1000;
-    expect_hopeless("machine.yaml", s, WORDS("scale: ", "of all coordinates alike: {t: 0.001"));
+    expect_hopeless("machine.yaml", s, WORDS("scale: ", "if all coordinates show this: {t: 0.001"));
 }
 
 TEST("outliers and saturated sensors are reported as such, and not as a wrong unit") {
     sheet *s = good_sheet();
     s->cells[77][X] += 50, s->cells[120][X] += 50;
-    expect_hopeless("machine.yaml", s,
-                    WORDS("line 79", "column x: jumps to 5", "4 steps in all", "outliers?"));
+    expect_hopeless(
+        "machine.yaml", s,
+        WORDS("line 79", "column x: jumps to 5", "4 steps are more than", "if these cells are outliers"));
     s = good_sheet();
     for (size_t i = 0; i < ROWS; i++) s->cells[i][W] = fmax(-0.5, fmin(0.5, s->cells[i][W]));
-    expect_hopeless("machine.yaml", s,
-                    WORDS("column w: stands at its smallest or largest value, -0.5 and 0.5"));
+    expect_hopeless("machine.yaml", s, WORDS("column w: is at its smallest or largest value, -0.5 and 0.5"));
 }
 
 TEST("a time that jumps back is refused, with the line") {
@@ -222,7 +222,7 @@ TEST("with several files the message names only the file with the fault, once") 
     static const fault faults[] = {{other_sign, "wrong sign"},
                                    {unrelated, "do not belong together"},
                                    {outliers, "line 79: column x: jumps"},
-                                   {clipped, "stands at its smallest"},
+                                   {clipped, "is at its smallest"},
                                    {degrees, "scale: {theta: 0.0174"},
                                    {backwards, "line 122: column t"},
                                    {no_velocity, "column vy: has no value"},
@@ -264,8 +264,8 @@ TEST("a file with no usable rows is reported, and the others are read") {
     cli_write("short.yaml", "columns: {time: t, max_step: 0.1}\ncoordinates:\n  - {name: x, kind: line}\n"
                             "measured: positions\nmass: {kind: known, values: [1]}\n");
     cli_json(identify, "check short.yaml first.csv second.csv", "rows_kept 200");
-    assert_says(result.err, "second.csv: nothing of it is used");
-    assert_null(strstr(result.err, "first.csv: nothing"));
+    assert_says(result.err, "second.csv: no row of this file is used");
+    assert_null(strstr(result.err, "first.csv: no row"));
 }
 
 TEST("the same warning appears only once, on standard error and in JSON") {
@@ -496,7 +496,7 @@ TEST("both signs of a quaternion are the same rotation, which is reported") {
         for (int k = QW; k <= QZ; k++) s->cells[i][k] *= -1;
     write_sheet("log.csv", s);
     cli_json(identify, "check machine.yaml log.csv", "files 1");
-    assert_says(result.err, "q and -q are one rotation");
+    assert_says(result.err, "q and -q are the same rotation");
     json_expect(json_find(result.out, "kinematics"), "body <1e-3");
 }
 

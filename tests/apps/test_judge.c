@@ -501,8 +501,8 @@ TEST("trajectories that repeat each other, and data at rest, are reported as suc
         size_t kinds;
         bool rest;
         const char *told, *also;
-    } rows[] = {{1, false, "149 of 150 trajectories repeat another one", "24 numbers are given"},
-                {7, false, "143 of 150 trajectories repeat another one", "168 numbers are given"},
+    } rows[] = {{1, false, "149 of 150 trajectories repeat another one", "the data have 24 numbers"},
+                {7, false, "143 of 150 trajectories repeat another one", "the data have 168 numbers"},
                 {150, true, "nothing moves", NULL}};
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         lg_trajectories *data =

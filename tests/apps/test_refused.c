@@ -756,7 +756,7 @@ static const refusal learn[] = {
     {"train data.h5 more.h5 --recipe hamiltonian --out m.h5", 2,
      "more.h5: the recipe hamiltonian takes DATA.h5"},
     {"search ranges.yaml data.h5 more.h5 --recipe hamiltonian --out t.csv", 2, "takes DATA.h5 alone"},
-    {"train machine.yaml --recipe machine_model --out m.h5", 2, "MACHINE.yaml LOG... are needed"},
+    {"train machine.yaml --recipe machine_model --out m.h5", 2, "needs MACHINE.yaml LOG..."},
     {"evaluate model.h5 data.h5 more.h5", 2, "takes DATA.h5 alone"},
     {"evaluate data.h5 data.h5", 3, "it is a data file with trajectories"},
     {"evaluate model.h5 foreign.h5", 3, "foreign.h5"},

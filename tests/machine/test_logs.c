@@ -130,7 +130,7 @@ TEST("a file that is not a log is refused with file, line and column") {
         {"# only this\n", "line 2", "is empty"},
         {"t,q\n0,1\n", "line 1: there is no column 'v'", "the columns are: t, q"},
         {"# a\n\ntime;q;v\n", "line 3: there is no column 't'", "time, q, v"},
-        {"t,q,v,q\n0,1,1,1\n", "line 1", "column 'q' is there twice"},
+        {"t,q,v,q\n0,1,1,1\n", "line 1", "there are two columns 'q'"},
         {"t,q,v\n0,1,1\n1,one,1\n", "line 3", "column q: 'one' is not a number"},
         {"t;q;v\n0;1,5;1\n", "line 2: column q: '1,5'", "write decimals with a point"},
         {"t,q,v\n0,1e999,1\n", "line 2: column q", "not a finite number"},
@@ -195,7 +195,7 @@ TEST("a file is a run, or a column names the runs") {
     refuse_paths(machine(LINE), paths, 2, LG_FORMAT, "a.csv: line 4", "does not increase");
     write_text_to(paths[0], "t,q,v,r\n0,1,0,\n");
     refuse_paths(machine("columns: {run: r}\n" LINE), paths, 1, LG_FORMAT, "line 2: column r",
-                 "1 to 63 bytes");
+                 "expected 1 to 63");
 }
 
 TEST("time steps longer than 1.4 medians, or longer than max_step, are gaps") {
@@ -237,7 +237,7 @@ TEST("a missing input ends its part") {
     assert_parts(logs, 2, linear);
     assert_true(logs->t[0] == 1 && logs->t[2] == 4);
     refuse_text(machine(LINE "inputs: {columns: [u]}\n"), "t,q,v,u\n0,1,1,\n1,1,1,\n2,1,1,4\n",
-                "no two rows follow each other with their inputs", "");
+                "no two rows with inputs follow each other", "");
 }
 
 TEST("a delay moves inputs within parts") {
@@ -362,7 +362,7 @@ TEST("quaternions are normalised, made continuous and converted to rotations") {
     for (int i = 0; i < 9; i++) assert_true(isnan(logs->q[18 + i]));
     assert_all_close(logs->q + 27, third, 9, 0, 1e-12);
     assert_warns(logs, "columns w, x, y, z: 2 changes of sign were undone");
-    assert_warns(logs, "1 rows are off by more than 0.001, at most by 0.002");
+    assert_warns(logs, "1 rows were off by more than 0.001, at most by 0.002");
     assert_int_equal(logs->warning_count, 2);
     refuse_text(machine(BODY), "t,w,x,y,z\n0,1,0,0,0\n1,0.98,0,0,0\n",
                 "line 3: columns w, x, y, z: no quaternion", "length 0.98");
@@ -374,16 +374,16 @@ TEST("matrices are projected to the nearest rotation, those with determinant -1 
         machine(MATRIX), "t,a,b,c,d,e,f,g,h,i\n0,1,0,0,0,1,0,0,0,1\n1,0,-1.002,0,1.002,0,0,0,0,1\n");
     static const double quarter[] = {0, -1, 0, 1, 0, 0, 0, 0, 1};
     assert_all_close(logs->q + 9, quarter, 9, 0, 1e-12);
-    assert_warns(logs, "1 rows are off by more than 0.001");
+    assert_warns(logs, "1 rows were off by more than 0.001");
     const lg_logs *part =
         read_text(machine(MATRIX),
                   "t,a,b,c,d,e,f,g,h,i\n0,1,0,0,0,1,0,0,0,1\n1,1,0,0,0,1,,0,0,1\n2,1,0,0,0,1,0,0,0,1\n");
     for (int i = 0; i < 9; i++) assert_true(isnan(part->q[9 + i]) && !isnan(part->q[18 + i]));
     refuse_text(machine(MATRIX), "t,a,b,c,d,e,f,g,h,i\n0,1,0,0,0,1,0,0,0,1\n1,1.02,0,0,0,1,0,0,0,1\n",
-                "line 3: columns a, b, c, d, e, f, g, h, i: no rotation matrix",
-                "off the nearest one by 0.02");
+                "line 3: columns a, b, c, d, e, f, g, h, i: not a rotation matrix",
+                "differs from the nearest one by 0.02");
     refuse_text(machine(MATRIX), "t,a,b,c,d,e,f,g,h,i\n0,1,0,0,0,1,0,0,0,-1\n1,1,0,0,0,1,0,0,0,1\n", "line 2",
-                "determinant -1, a reflection");
+                "determinant -1, so it is a reflection");
 }
 
 TEST("directions are normalised and have no angular velocity along themselves") {
@@ -392,8 +392,8 @@ TEST("directions are normalised and have no angular velocity along themselves") 
     static const double q[] = {0, 0, 1, 0, 0, 1}, v[] = {1, 2, 0, 1, 2, 0};
     assert_all_close(logs->q, q, 6, 0, 1e-15);
     assert_all_close(logs->v, v, 6, 0, 1e-15);
-    assert_warns(logs, "columns a, b, c: 0.688 of the angular velocity is along the direction");
-    assert_warns(logs, "columns x, y, z: 1 rows are off");
+    assert_warns(logs, "columns a, b, c: a part of 0.688 of the angular velocity is about the direction");
+    assert_warns(logs, "columns x, y, z: 1 rows were off");
     refuse_text(machine(yaml), "t,x,y,z,a,b,c\n0,0,0,1,0,0,0\n1,0,0,2,0,0,0\n",
                 "line 3: columns x, y, z: no direction", "length 2");
 }
@@ -446,10 +446,10 @@ TEST("angles are unwrapped") {
 TEST("angles in degrees are recognised") {
     refuse_text(machine(ANGLE), angle_log(2, 4, 180 / acos(-1), 360), "column a: goes from",
                 "scale: {a: 0.0174533}");
-    refuse_text(machine(ANGLE), angle_log(2, 0, 180 / acos(-1), 0), "column a: steps by",
+    refuse_text(machine(ANGLE), angle_log(2, 0, 180 / acos(-1), 0), "column a: changes by",
                 "scale: {a: 0.0174533}");
     assert_warns(read_text(machine(ANGLE "unwrap: false\n"), angle_log(2, 0, 180 / acos(-1), 0)),
-                 "if they are degrees, scale: {a: 0.0174533}");
+                 "if they are degrees, set scale: {a: 0.0174533}");
     const lg_logs *logs =
         read_text(machine(ANGLE "scale: {a: 0.017453292519943295}\n"), angle_log(2, 4, 180 / acos(-1), 360));
     assert_close(logs->q[99], 2 * sin(9.9) + 39.6, 1e-12, 0);
@@ -481,14 +481,17 @@ TEST("velocities of a wrong unit or sign are refused") {
     assert_silent(read_text(f, two_sines(1, 5e-3)));
     assert_silent(read_text(f, two_sines(1, 5e-2)));
     assert_silent(read_text(f, two_sines(1.15, 0)));
-    refuse_text(f, two_sines(1000, 0), "column vx: the rate of x is 0.001", "wrong unit? scale: {vx: 0.001");
-    refuse_text(f, two_sines(1000, 5e-3), "column vx: the rate of x is", "wrong unit? scale: {vx: 0.00");
+    refuse_text(f, two_sines(1000, 0), "column vx: the rate of x is 0.001",
+                "if the unit is wrong, set scale: {vx: 0.001");
+    refuse_text(f, two_sines(1000, 5e-3), "column vx: the rate of x is",
+                "if the unit is wrong, set scale: {vx: 0.00");
     /* found by using many rows */
     refuse_text(f, two_sines(1000, 5e-2), "column vx: the rate of x is", "wrong unit");
-    refuse_text(f, two_sines(-1, 5e-3), "column vx: the rate of x is -1", "wrong sign? scale: {vx: -1");
+    refuse_text(f, two_sines(-1, 5e-3), "column vx: the rate of x is -1",
+                "if the sign is wrong, set scale: {vx: -1");
     refuse_text(f, two_sines(0.7, 0), "column vx", "wrong unit");
     refuse_text(machine(TWO "scale: {vx: 0.1}\n"), two_sines(1000, 0), "column vx: the rate of x is 0.01",
-                "wrong unit? scale: {vx: 0.001");
+                "if the unit is wrong, set scale: {vx: 0.001");
     const char *path = scratch_path("log.csv");
     lg_log_options options;
     lg_log_options_init(&options);
@@ -523,12 +526,12 @@ TEST("rounded numbers of a correct log are not taken for a saturated sensor, whi
         for (size_t j = 0; j < LG_COUNT(steps); j++)
             assert_silent(read_text(machine(LINE), rounded(0, steps[i], steps[j], 0, 0)));
     assert_silent(read_text(machine(LINE), rounded(0, 0.5, 0, 0, 0))); /* only five different numbers */
-    refuse_text(machine(LINE), rounded(0.01, 0, 0, 0.2, 0), "column q: stands at its", "end of its range");
-    refuse_text(machine(LINE), rounded(0.01, 0, 0, 0, 0.2), "column v: stands at its", "end of its range");
+    refuse_text(machine(LINE), rounded(0.01, 0, 0, 0.2, 0), "column q: is at its", "end of its range");
+    refuse_text(machine(LINE), rounded(0.01, 0, 0, 0, 0.2), "column v: is at its", "end of its range");
     for (size_t i = 0; i < LG_COUNT(steps) && steps[i] < 0.1; i++) {
-        refuse_text(machine(LINE), rounded(0, steps[i], 0, 0.6, 0), "column q: stands at its",
+        refuse_text(machine(LINE), rounded(0, steps[i], 0, 0.6, 0), "column q: is at its",
                     "end of its range");
-        refuse_text(machine(LINE), rounded(0, 0, steps[i], 0, 0.6), "column v: stands at its",
+        refuse_text(machine(LINE), rounded(0, 0, steps[i], 0, 0.6), "column v: is at its",
                     "end of its range");
     }
 }
@@ -562,7 +565,7 @@ TEST("a single outlier of a velocity or position is named with its line") {
         }
         refuse_text(machine(LINE), log.at,
                     velocity ? "line 202: column v: jumps to" : "line 202: column q: jumps to",
-                    "2 steps in all");
+                    "2 steps are more than");
     }
 }
 
@@ -677,11 +680,12 @@ TEST("rates in space and other orders of quaternions are named") {
         const char *words;
     } rows[] = {
         {{.factor = 1, .rates_in_space = true},
-         "qw, qx, qy, qz and w1, w2, w3: the rates are in space: body rates"},
-        {{.factor = 1, .rates_in_space = true, .noise = 0.1}, "the rates are in space"},
+         "qw, qx, qy, qz and w1, w2, w3: the rates are in the space frame: give body rates"},
+        {{.factor = 1, .rates_in_space = true, .noise = 0.1}, "the rates are in the space frame"},
         {{.factor = 1, .scalar_last = true}, "the quaternion is x, y, z, w: name"},
-        {{.factor = 1, .conjugate = true}, "the rotation is space to body"},
-        {{.factor = 1, .scalar_last = true, .rates_in_space = true}, "x, y, z, w and the rates are in space"},
+        {{.factor = 1, .conjugate = true}, "the rotation maps space to body"},
+        {{.factor = 1, .scalar_last = true, .rates_in_space = true},
+         "x, y, z, w and the rates are in the space frame"},
         {{.factor = 57.3}, "the rate of qw, qx, qy, qz is 0.0174"},
         {{.factor = -1}, "wrong sign"},
     };
@@ -693,9 +697,9 @@ TEST("rates in space and other orders of quaternions are named") {
     for (size_t i = 0; i < LG_COUNT(rows); i++)
         refuse_text(f, spin_log(&rows[i].spin, false), rows[i].words, "");
     const spin transposed = {.factor = 1, .transpose = true}, space = {.factor = 1, .rates_in_space = true};
-    refuse_text(g, spin_log(&transposed, true), "the rotation is space to body", "its inverse");
-    refuse_text(g, spin_log(&space, true), "a, b, c, d, e, f, g, h, i and w1, w2, w3: the rates are in space",
-                "");
+    refuse_text(g, spin_log(&transposed, true), "the rotation maps space to body", "its inverse");
+    refuse_text(g, spin_log(&space, true),
+                "a, b, c, d, e, f, g, h, i and w1, w2, w3: the rates are in the space frame", "");
 }
 
 TEST("a wrong frame of a pose is named") {
@@ -709,7 +713,7 @@ TEST("a wrong frame of a pose is named") {
     assert_true(logs->log.rows == 600);
     (void)sprintf(yaml_text, yaml, "space");
     refuse_text(machine(yaml_text), spin_log(&right, false), "columns x, y, z and v1, v2, v3",
-                "the velocities are in the body: frame: body");
+                "the velocities are in the body frame: set frame: body");
     /* Here v1, v2, v3 are x', y', z', the velocity in space. */
     text log = new_text("t,x,y,z,qw,qx,qy,qz,v1,v2,v3,w1,w2,w3");
     for (int i = 0; i < 200; i++) {
@@ -720,7 +724,7 @@ TEST("a wrong frame of a pose is named") {
     }
     assert_silent(read_text(machine(yaml_text), log.at));
     (void)sprintf(yaml_text, yaml, "body");
-    refuse_text(machine(yaml_text), log.at, "the velocities are in space: frame: space", "");
+    refuse_text(machine(yaml_text), log.at, "the velocities are in the space frame: set frame: space", "");
 }
 
 TEST("directions are compared with their angular velocity") {
@@ -834,14 +838,14 @@ TEST("HDF5 that is not a log is refused") {
     write_h5(path, "v", false);
     assert_refused(read_h5, path, LG_FORMAT, "there is no data set 'v'", "group of runs, q, t, u");
     write_h5(path, "", true);
-    assert_refused(read_h5, path, LG_FORMAT, "/v: has 49 rows, /t has 50", "");
+    assert_refused(read_h5, path, LG_FORMAT, "/v: has 49 rows, but /t has 50", "");
     write_h5(path, "v", false);
     replace_dataset(path, "v", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 2, table, data);
-    assert_refused(read_h5, path, LG_FORMAT, "/v: one number a row", "");
+    assert_refused(read_h5, path, LG_FORMAT, "/v: expected one number per row", "");
     write_h5(path, "v", false);
     data[7] = INFINITY;
     replace_dataset(path, "v", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 1, &rows, data);
-    assert_refused(read_h5, path, LG_FORMAT, "row 8: column v: is infinite", "");
+    assert_refused(read_h5, path, LG_FORMAT, "row 8: column v: the value is infinite", "");
     write_h5(path, "t", false);
     data[7] = 0;
     replace_dataset(path, "t", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 1, &rows, data);

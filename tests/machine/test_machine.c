@@ -235,8 +235,8 @@ TEST("descriptions that do not fit are refused with a message") {
         const char *sentence;
     } rows[] = {
         {LG_MACHINE_POTENTIAL, "network", 0, 0, "needs `of`"},
-        {LG_MACHINE_DAMPING, "known", 3, 0, "has 3 values, 2 or 4 are expected"},
-        {LG_MACHINE_INPUT_MAP, "known", 1, 0, "has 1 values, 2 are expected"},
+        {LG_MACHINE_DAMPING, "known", 3, 0, "has 3 values, expected 2 or 4"},
+        {LG_MACHINE_INPUT_MAP, "known", 1, 0, "has 1 values, expected 2"},
         {LG_MACHINE_POTENTIAL, "polynomial", 0, 1, "degree"},
         {LG_MACHINE_DAMPING, "coulomb", 0, 0, "width"},
     };

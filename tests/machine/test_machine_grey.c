@@ -726,10 +726,11 @@ static void refuse_system(const lg_coordinate_kind *kinds, size_t count, const c
 TEST("systems that are not machines, and coordinates that do not belong to the system, are refused") {
     refuse_system(body, 1, "rigid-body", "rigid-body-attitude");
     refuse_system(body, 1, "quadrotors", "control law");
-    refuse_system(body, 1, "pendulum", "there is no machine of a system \"pendulum\"; there are oscillator");
-    refuse_system(lines, 1, "heavy-top", "heavy-top: its coordinates are of kind rotation");
-    refuse_system(lines, 2, "oscillator", "oscillator: its coordinates are of kind line");
-    refuse_system(angles, 2, "cart-pole", "its coordinates are of kind line, angle, in this order");
+    refuse_system(body, 1, "pendulum",
+                  "there is no machine for system \"pendulum\"; the systems are: oscillator");
+    refuse_system(lines, 1, "heavy-top", "heavy-top: the coordinates must be of kind rotation");
+    refuse_system(lines, 2, "oscillator", "oscillator: the coordinates must be of kind line");
+    refuse_system(angles, 2, "cart-pole", "the coordinates must be of kind line, angle, in this order");
 }
 
 TEST("parameters that do not fit are refused, and the machine stays unchanged") {
@@ -745,7 +746,11 @@ TEST("parameters that do not fit are refused, and the machine stays unchanged") 
         {"mass", 2, {1, 1}, {false}, "mass: 2 numbers are given, 1 is expected"},
         {"mass", 1, {-1}, {true}, "mass = -1 is not a positive number"},
         {"chi", 3, {1, 1, 0}, {false}, "chi has length 1.41421"},
-        {"chi", 3, {1, 0, 0}, {true, false, false}, "chi: the numbers of a direction are unknown together"},
+        {"chi",
+         3,
+         {1, 0, 0},
+         {true, false, false},
+         "chi: either all numbers of a direction are unknown, or none"},
     };
     lg_machine machine = machine_of(case_of("heavy-top"), true);
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
@@ -759,7 +764,7 @@ TEST("parameters that do not fit are refused, and the machine stays unchanged") 
     }
     lg_error error = {LG_OK, ""};
     assert_status(lg_machine_set_system(&machine, "heavy-top", &error), LG_INVALID_ARGUMENT);
-    assert_says(error.message, "has a system already");
+    assert_says(error.message, "already has a system");
 }
 
 TEST("if everything is known there is nothing to learn, which is reported") {

@@ -61,7 +61,7 @@ static lg_status estimate_delay(const lg_context *context, size_t training, lg_m
         best = delay;
     }
     lg_log_message(context, LG_LOG_WARNING,
-                   "the inputs act %lld rows after they are logged, as far as a quadratic model can tell",
+                   "the inputs act %lld rows after they are logged (estimated with a quadratic model)",
                    (long long)best);
     return read_logs(context, best, training, out, error);
 }
@@ -102,7 +102,7 @@ void lg_machine_data_destroy(lg_machine_data *data) {
 lg_status lg_machine_refuse_momenta(const lg_machine_file *file, const char *path, lg_error *error) {
     if (file->measured != LG_MEASURED_MOMENTA) return LG_OK;
     return lg_fail(error, LG_UNSUPPORTED,
-                   "%s: measured: momenta is not possible here: log velocities, or positions alone", path);
+                   "%s: `measured: momenta` is not possible here: log velocities, or positions alone", path);
 }
 
 /* ---- noise ---- */

@@ -46,7 +46,7 @@ static const yaml_node_t *item_of(const reading *r, const yaml_node_t *node, siz
 static lg_status check_items(const reading *r, const char *key, const yaml_node_t *node, size_t *count) {
     *count = items_of(node);
     if (*count > 0 && *count <= LG_MACHINE_PARAMETERS) return LG_OK;
-    return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "%s: 1 to %d numbers are expected", key,
+    return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "%s: expected 1 to %d numbers", key,
                         LG_MACHINE_PARAMETERS);
 }
 
@@ -81,7 +81,7 @@ static lg_status read_truths(const reading *r, const yaml_node_t *node, paramete
         p->unknown[i] = is_word(item, lg_name_truth(1));
         if (!p->unknown[i] && !is_word(item, lg_name_truth(0)))
             return lg_yaml_fail(r->yaml, line_of(item), LG_FORMAT, r->error,
-                                "%s: unknown: true, false, or a list of them is expected", p->key);
+                                "%s: unknown: expected true, false, or a list of true and false", p->key);
     }
     return LG_OK;
 }
@@ -99,15 +99,16 @@ static lg_status read_start(const reading *r, const yaml_node_t *node, parameter
     LG_TRY(lg_yaml_read_below(r->yaml, node, &set, p->key, r->error));
     LG_TRY(read_numbers(r, values[KEY_START].node, p));
     if (p->count == 0)
-        return lg_yaml_fail(r->yaml, values[KEY_START].line, LG_FORMAT, r->error, "%s: start: is a number",
-                            p->key);
+        return lg_yaml_fail(r->yaml, values[KEY_START].line, LG_FORMAT, r->error,
+                            "%s: start: expected a number, or a list of numbers", p->key);
     p->unknowns = 1;
     p->unknown[0] = true;
     if (values[KEY_UNKNOWN].line != 0) LG_TRY(read_truths(r, values[KEY_UNKNOWN].node, p));
     if (p->unknowns != 1 && p->unknowns != p->count)
-        return lg_yaml_fail(r->yaml, values[KEY_UNKNOWN].line, LG_FORMAT, r->error,
-                            "%s: unknown: one truth, or one for each of %zu numbers, is expected", p->key,
-                            p->count);
+        return lg_yaml_fail(
+            r->yaml, values[KEY_UNKNOWN].line, LG_FORMAT, r->error,
+            "%s: unknown: expected true or false, once or for each of the %zu numbers of start", p->key,
+            p->count);
     for (size_t i = 1; i < p->count && p->unknowns == 1; i++) p->unknown[i] = p->unknown[0];
     return LG_OK;
 }
@@ -127,7 +128,7 @@ static lg_status read_parameter(reading *r, const char *key, const yaml_node_t *
 static lg_status read_parameters(reading *r, const lg_key_value *value) {
     const yaml_node_t *map = value->node;
     if (map->type != YAML_MAPPING_NODE)
-        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error, "parameters: {KEY: ...} is expected");
+        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error, "parameters: expected {KEY: ...}");
     const yaml_node_pair_t *first = map->data.mapping.pairs.start;
     for (const yaml_node_pair_t *pair = first; pair < map->data.mapping.pairs.top; pair++) {
         const yaml_node_t *name = node_at(r, pair->key);
@@ -138,7 +139,7 @@ static lg_status read_parameters(reading *r, const lg_key_value *value) {
         for (const yaml_node_pair_t *other = first; other < pair; other++)
             if (is_word(node_at(r, other->key), key))
                 return lg_yaml_fail(r->yaml, line_of(name), LG_FORMAT, r->error,
-                                    "parameters: key '%s' stands twice", key);
+                                    "parameters: key '%s' is given twice", key);
         LG_TRY(read_parameter(r, key, node_at(r, pair->value)));
     }
     return LG_OK;
@@ -151,11 +152,11 @@ lg_status lg_machine_read_system(reading *r, const lg_key_value *system, const l
     if (system->line == 0 && without->line == 0) return LG_OK;
     if (system->line == 0)
         return lg_yaml_fail(r->yaml, without->line, LG_FORMAT, r->error,
-                            "key 'system' is missing, of which this is a part");
+                            "key 'system' is missing: only a system has a form or parameters");
     if (lg_machine_set_system(&r->out->machine, system->text, &inner) != LG_OK)
         return lg_yaml_fail(r->yaml, system->line, LG_FORMAT, r->error, "system: %s", inner.message);
     if (form->line != 0 && lg_system_parameters(system->text, form->text) == NULL)
-        return lg_yaml_fail(r->yaml, form->line, LG_FORMAT, r->error, "form: %s has no form '%.40s'",
+        return lg_yaml_fail(r->yaml, form->line, LG_FORMAT, r->error, "form: system %s has no form '%.40s'",
                             system->text, form->text);
     return parameters->line != 0 ? read_parameters(r, parameters) : LG_OK;
 }

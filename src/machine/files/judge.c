@@ -39,13 +39,12 @@ static void find_place(const lg_machine_problem *problem, lg_machine_verdict *ou
 /* Warns if mass, potential, damping and input map are determined only up to a common factor. */
 static void warn_of_gauge(const lg_learning *self, const lg_machine *machine) {
     if (machine->normalised)
-        LG_WARN(self,
-                "nothing in the machine's file fixes the common factor of mass, potential, damping and "
-                "input map: one mass, that without an error below, is set to 1; give a mass or the input map "
-                "to fix it");
+        LG_WARN(self, "nothing in the machine's file fixes the common factor of mass, potential, damping and "
+                      "input map: one mass, which has no standard error below, is set to 1; to fix the "
+                      "factor, give a mass or the input map");
     if (machine->free_gauge && machine->grey.system == NULL)
         LG_WARN(self, "nothing fixes the common factor of mass, potential, damping and input map: only their "
-                      "ratios mean something; give the input map, or a mass that is known or constant");
+                      "ratios are meaningful; give the input map, or a mass that is known or constant");
 }
 
 /* Keeps the open directions in which more than one number moves, and drops the other directions. */
@@ -162,29 +161,29 @@ static void warn_of_misfit(const lg_learning *self, const lg_machine_verdict *wh
     const double numbers = 2.0 * (double)run->windows * run->window * run->machine.velocities,
                  more = 1.5 + 4.0 * sqrt(2.0 / numbers);
     if (floor > what->tolerated)
-        LG_WARN(
-            self,
-            "the steps are too long: their error makes %.2g of the loss, where the noise leaves %.2g; take "
-            "more --substeps: only then the loss tells whether the model explains the logs",
-            floor, what->tolerated);
+        LG_WARN(self,
+                "the integrator's steps are too long: their error makes %.2g of the loss, but the noise "
+                "leaves only %.2g; give more --substeps, otherwise the loss does not show whether the model "
+                "explains the logs",
+                floor, what->tolerated);
     const bool large = what->loss > more * what->expected, missing = are_missing(what, floor);
     char size[128] = "", forces[256] = "";
     if (large)
         (void)snprintf(size, sizeof size,
-                       "the loss is %.2g, where their noise and the steps leave %.2g at most", what->loss,
+                       "the loss is %.2g, but their noise and the steps explain at most %.2g", what->loss,
                        what->expected);
     if (missing)
         (void)snprintf(forces, sizeof forces,
-                       "forces that it does not have, functions of positions, velocities and inputs that are "
-                       "about %.2g %% of all forces, make %.2g of the loss of %.2g",
+                       "forces that the model lacks (functions of positions, velocities and inputs, about "
+                       "%.2g %% of all forces) make %.2g of the loss of %.2g",
                        100.0 * sqrt(what->missing.loss / what->forces), what->missing.loss, what->loss);
     if (large || missing)
         LG_WARN(self,
-                "the model does not explain the logs: %s%s%s; standard errors mean nothing then, the numbers "
-                "are further off. More epochs, if the loss still falls; else a term is missing%s",
+                "the model does not explain the logs: %s%s%s; the standard errors are too small then. Train "
+                "more epochs if the loss still falls; otherwise a term is missing%s",
                 size, large && missing ? "; " : "", forces,
-                large ? ", or the logs contradict themselves: the sign or order of inputs, their delay, "
-                        "sensors on two clocks"
+                large ? ", or the logs are wrong: check the sign, order and delay of the inputs, and whether "
+                        "all sensors have one clock"
                       : "");
 }
 

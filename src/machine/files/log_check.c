@@ -33,21 +33,21 @@ typedef struct way {
 
 static const way rotation_ways[] = {
     {false, false, false, ""},
-    {false, false, true, "the rates are in space: body rates are wanted (R^T omega)"},
+    {false, false, true, "the rates are in the space frame: give body rates (R^T omega)"},
     {true, false, false, "the quaternion is x, y, z, w: name its columns in the order w, x, y, z"},
     {true, false, true,
-     "the quaternion is x, y, z, w and the rates are in space: name the columns in the order w, x, y, z, and "
-     "give body "
-     "rates"},
-    {false, true, false, "the rotation is space to body: its inverse (conjugate, transpose) is wanted"},
+     "the quaternion is x, y, z, w and the rates are in the space frame: name the columns in the order w, x, "
+     "y, z, and give body rates"},
+    {false, true, false, "the rotation maps space to body: give its inverse (conjugate or transpose)"},
     {false, true, true,
-     "the rotation is space to body and the rates are in space: the inverse and body rates are wanted"},
-    {true, true, false,
-     "the quaternion is x, y, z, w and space to body: name the columns in the order w, x, y, z and give the "
-     "conjugate"},
-    {true, true, true,
-     "the quaternion is x, y, z, w and space to body, and the rates are in space: give body to space and "
+     "the rotation maps space to body and the rates are in the space frame: give the inverse rotation and "
      "body rates"},
+    {true, true, false,
+     "the quaternion is x, y, z, w and maps space to body: name the columns in the order w, x, y, z and give "
+     "the conjugate"},
+    {true, true, true,
+     "the quaternion is x, y, z, w and maps space to body, and the rates are in the space frame: give w, x, "
+     "y, z of the conjugate, and body rates"},
 };
 
 /* Compares position columns with velocity columns, `count` numbers each, over the parts of one file or of all
@@ -301,7 +301,7 @@ static void other_scale(const check *c, const fit *f, char *text, size_t size) {
     if (c->positions == 1)
         used += (size_t)snprintf(text, size, " or {%s: %.6g}", q->name, q->scale / f->slope);
     if (f->slope > 0)
-        (void)snprintf(text + used, size - used, "; of all coordinates alike: {%s: %.6g}", t->name,
+        (void)snprintf(text + used, size - used, "; if all coordinates show this: {%s: %.6g}", t->name,
                        f->slope * t->scale);
 }
 
@@ -314,7 +314,8 @@ static lg_status wrong_slope(const check *c, const fit *f, lg_error *error) {
     lg_log_names_of(c->table, c->velocity, c->velocities, &v);
     if (is_degrees(c, f))
         return lg_fail(error, LG_FORMAT,
-                       "%s: column %s: it moves %.4g times as fast as %s says: degrees? scale: {%s: %.6g}",
+                       "%s: column %s: it moves %.4g times as fast as column %s says: if it is in degrees, "
+                       "set scale: {%s: %.6g}",
                        path_of(c), q.text, f->slope, v.text, q.text,
                        (f->slope < 0 ? -DEGREE : DEGREE) * c->table->machine->columns[c->position].scale);
     for (uint32_t i = 0; i < c->velocities && used < sizeof scale; i++)
@@ -322,8 +323,8 @@ static lg_status wrong_slope(const check *c, const fit *f, lg_error *error) {
                                  column[i].name, f->slope * column[i].scale);
     other_scale(c, f, other, sizeof other);
     return lg_fail(error, LG_FORMAT,
-                   "%s: column%s %s: the rate of %s is %.4g times %s: wrong %s? scale: {%s}%s", path_of(c),
-                   c->velocities > 1 ? "s" : "", v.text, q.text, f->slope, v.text,
+                   "%s: column%s %s: the rate of %s is %.4g times %s: if the %s is wrong, set scale: {%s}%s",
+                   path_of(c), c->velocities > 1 ? "s" : "", v.text, q.text, f->slope, v.text,
                    f->slope < 0 ? "sign" : "unit", scale, other);
 }
 
@@ -332,8 +333,8 @@ static lg_status unrelated(const check *c, const fit *f, const char *hint, lg_er
     lg_log_names_of(c->table, c->position, c->positions, &q);
     lg_log_names_of(c->table, c->velocity, c->velocities, &v);
     return lg_fail(error, LG_FORMAT,
-                   "%s: columns %s and %s do not belong together (correlation %.2f): swapped?%s", path_of(c),
-                   q.text, v.text, f->correlation, hint);
+                   "%s: columns %s and %s do not belong together (correlation %.2f): are columns swapped?%s",
+                   path_of(c), q.text, v.text, f->correlation, hint);
 }
 
 /* ---- failing sensors ---- */
@@ -374,12 +375,11 @@ static lg_status refuse_outliers(const check *c, const way *w, uint32_t column, 
     const size_t count = count_jumps(&without, &row);
     const fit f = compare(&without, w, 1);
     if (count == 0 || f.correlation < FITS || !slope_is_right(&f)) return LG_OK;
-    return lg_log_fail(
-        c->table, row, error,
-        "column %s: jumps to %.6g, and %zu steps in all are more than %.0f times the usual one, "
-        "which column %s does not show: outliers? leave these cells empty",
-        c->table->machine->columns[column].name, lg_log_row(c->table, row)[column], count, far,
-        c->table->machine->columns[other].name);
+    return lg_log_fail(c->table, row, error,
+                       "column %s: jumps to %.6g; %zu steps are more than %.0f times the usual step, but "
+                       "column %s does not show them: if these cells are outliers, leave them empty",
+                       c->table->machine->columns[column].name, lg_log_row(c->table, row)[column], count, far,
+                       c->table->machine->columns[other].name);
 }
 
 /* Refuses a column that often stands at its smallest or largest value, like a sensor at the end of its range.
@@ -404,11 +404,10 @@ static lg_status refuse_clipped(const check *c, const way *w, uint32_t column, s
     if (step_of(c, column) > 0 &&
         (rest.n < FEWEST || !(1 - rest.correlation < better * (1 - f->correlation))))
         return LG_OK;
-    return lg_fail(
-        error, LG_FORMAT,
-        "%s: column %s: stands at its smallest or largest value, %.6g and %.6g, in %zu of %zu rows: a "
-        "sensor at the end of its range? leave these cells empty",
-        path_of(c), table->machine->columns[column].name, without.low, without.high, count, rows);
+    return lg_fail(error, LG_FORMAT,
+                   "%s: column %s: is at its smallest or largest value, %.6g and %.6g, in %zu of %zu rows: "
+                   "if the sensor is at the end of its range, leave these cells empty",
+                   path_of(c), table->machine->columns[column].name, without.low, without.high, count, rows);
 }
 
 /* Refuses lines and angles whose position and velocity do not belong together because a sensor fails. */
@@ -482,10 +481,10 @@ static lg_status judge(check *c, const way *ways, size_t count, lg_error *error)
 }
 
 static const way plain_ways[] = {{.words = ""}};
-static const way body_ways[] = {{.words = ""},
-                                {.space = true, .words = "the velocities are in space: frame: space"}};
-static const way space_ways[] = {{.words = ""},
-                                 {.space = true, .words = "the velocities are in the body: frame: body"}};
+static const way body_ways[] = {
+    {.words = ""}, {.space = true, .words = "the velocities are in the space frame: set frame: space"}};
+static const way space_ways[] = {
+    {.words = ""}, {.space = true, .words = "the velocities are in the body frame: set frame: body"}};
 
 static lg_status check_coordinate(const check *where, uint32_t index, lg_error *error) {
     lg_log_table *table = where->table;

@@ -81,16 +81,15 @@ static lg_status mend_attitude(cleaning *c, size_t row, double *x) {
     }
     lg_log_names_of(c->table, c->where->attitude, count, &names);
     if (reflection)
-        return lg_log_fail(
-            c->table, row, c->error,
-            "columns %s: determinant -1, a reflection and no rotation: is an axis turned round, or "
-            "are two columns swapped?",
-            names.text);
+        return lg_log_fail(c->table, row, c->error,
+                           "columns %s: the matrix has determinant -1, so it is a reflection, not a "
+                           "rotation: is an axis reversed, or are two columns swapped?",
+                           names.text);
     if (count == 9)
         return lg_log_fail(c->table, row, c->error,
-                           "columns %s: no rotation matrix: it is off the nearest one by %.3g", names.text,
-                           off);
-    return lg_log_fail(c->table, row, c->error, "columns %s: no %s: length %.6g instead of 1", names.text,
+                           "columns %s: not a rotation matrix: it differs from the nearest one by %.3g",
+                           names.text, off);
+    return lg_log_fail(c->table, row, c->error, "columns %s: not a %s: length %.6g instead of 1", names.text,
                        whats[count], before);
 }
 
@@ -190,19 +189,20 @@ static lg_status check_angle(cleaning *c) {
     const double range = known->high - known->low, scale = DEGREE * table->machine->columns[column].scale;
     const steps s = look_at_steps(c);
     if (range > 50 && s.largest > 300 && s.largest < 420)
-        return lg_log_fail(table, s.at, c->error,
-                           "column %s: goes from %.6g to %.6g and jumps by %.6g: degrees? scale: {%s: %.6g}",
-                           name, known->low, known->high, s.largest, name, scale);
+        return lg_log_fail(
+            table, s.at, c->error,
+            "column %s: goes from %.6g to %.6g and jumps by %.6g: if it is in degrees, set scale: {%s: %.6g}",
+            name, known->low, known->high, s.largest, name, scale);
     if (table->machine->unwrap && range > 1.1 * TURN && s.odd > 0)
         return lg_log_fail(
             table, s.odd, c->error,
-            "column %s: steps by %.4g in one row, which is no turn of 2 pi. Degrees: scale: {%s: "
-            "%.6g}; radians that are not wrapped: unwrap: false",
+            "column %s: changes by %.4g from one row to the next, which is not a turn of 2 pi: for degrees, "
+            "set scale: {%s: %.6g}; for radians that are not wrapped, set unwrap: false",
             name, lg_log_row(table, s.odd)[column] - lg_log_row(table, s.odd - 1)[column], name, scale);
     if (range > 50)
         return lg_log_warn(table,
-                           "column %s: goes from %.6g to %.6g: many turns, if these are radians; if they "
-                           "are degrees, scale: {%s: %.6g}",
+                           "column %s: goes from %.6g to %.6g: these are many turns if they are radians; if "
+                           "they are degrees, set scale: {%s: %.6g}",
                            name, known->low, known->high, name, scale);
     return LG_OK;
 }
@@ -216,23 +216,23 @@ static lg_status tell(const cleaning *c) {
     lg_log_names_of(c->table, where->attitudes > 0 ? where->attitude : where->place,
                     where->attitudes > 0 ? where->attitudes : 1, &names);
     if (c->flips > 0)
-        LG_TRY(lg_log_warn(table, "columns %s: %zu changes of sign were undone: q and -q are one rotation",
+        LG_TRY(lg_log_warn(table,
+                           "columns %s: %zu changes of sign were undone: q and -q are the same rotation",
                            names.text, c->flips));
     if (c->mended > 0)
-        LG_TRY(lg_log_warn(table,
-                           "columns %s: %zu rows are off by more than %g, at most by %.3g, and were mended",
-                           names.text, c->mended, NOTABLE_OFF, c->worst));
+        LG_TRY(lg_log_warn(
+            table, "columns %s: %zu rows were off by more than %g, at most by %.3g, and were corrected",
+            names.text, c->mended, NOTABLE_OFF, c->worst));
     if (c->turns > 0)
         LG_TRY(lg_log_warn(table, "column %s: %zu jumps of 2 pi were undone: the angle is unwrapped",
                            names.text, c->turns));
     const double part = c->across > 0 ? sqrt(c->along / c->across) : 0;
     lg_log_names_of(c->table, where->velocity, where->velocities, &names);
     if (part > NOTABLE_OFF)
-        LG_TRY(
-            lg_log_warn(table,
-                        "columns %s: %.3g of the angular velocity is along the direction, which a direction "
-                        "does not show: it was taken off",
-                        names.text, part));
+        LG_TRY(lg_log_warn(table,
+                           "columns %s: a part of %.3g of the angular velocity is about the direction "
+                           "itself, which this does not move: that part was removed",
+                           names.text, part));
     return LG_OK;
 }
 

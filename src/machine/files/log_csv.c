@@ -36,16 +36,16 @@ static lg_status read_names(csv *c, lg_error *error) {
     char *at = c->text.line, *cell = NULL;
     for (size_t k = 0; at != NULL; k++) {
         LG_TRY(lg_csv_cell(&c->text, &at, &cell, error));
-        if (k == c->text.cells) return lg_csv_fail(&c->text, error, "a quote stands inside of a cell");
+        if (k == c->text.cells) return lg_csv_fail(&c->text, error, "a cell has a quote inside");
         const uint32_t column = column_of(machine, cell);
         c->column[k] = column;
         for (char *byte = cell; *byte != '\0'; byte++)
             if ((unsigned char)*byte < ' ')
-                return lg_csv_fail(&c->text, error, "is no header: it has control characters");
+                return lg_csv_fail(&c->text, error, "is not a header: it has control characters");
         lg_csv_add_name(&have, cell);
         if (column == NO_COLUMN) continue;
         if (seen[column])
-            return lg_fail(error, LG_FORMAT, "%s: line %zu: column '%s' is there twice", c->text.shown,
+            return lg_fail(error, LG_FORMAT, "%s: line %zu: there are two columns '%s'", c->text.shown,
                            c->text.number, cell);
         seen[column] = true;
     }
@@ -67,9 +67,10 @@ static lg_status read_header(csv *c, lg_error *error) {
 static lg_status read_run(csv *c, const char *cell, bool *again, lg_error *error) {
     const size_t length = strlen(cell);
     if (length == 0 || length >= sizeof c->run)
-        return lg_fail(error, LG_FORMAT, "%s: line %zu: column %s: 1 to %zu bytes are expected",
+        return lg_fail(error, LG_FORMAT,
+                       "%s: line %zu: column %s: the name of the run has %zu bytes, expected 1 to %zu",
                        c->text.shown, c->text.number, c->table->machine->columns[c->table->machine->run].name,
-                       sizeof c->run - 1);
+                       length, sizeof c->run - 1);
     *again = strcmp(cell, c->run) == 0;
     memcpy(c->run, cell, length + 1);
     return LG_OK;

@@ -23,8 +23,10 @@ static lg_status missing_column(const read_call *call, lg_h5 *h5, const char *na
     lg_h5_quiet quiet = lg_quiet_begin();
     (void)H5Literate(h5->file, H5_INDEX_NAME, H5_ITER_INC, NULL, add_link, &have);
     lg_quiet_end(quiet);
-    return lg_fail(error, LG_FORMAT, "%s: there is no data set '%s' for that column; the file has: %s",
-                   call->shown, name, lg_tamed(have.text));
+    return lg_fail(
+        error, LG_FORMAT,
+        "%s: there is no data set '%s', which the machine file names as a column; the file has: %s",
+        call->shown, name, lg_tamed(have.text));
 }
 
 static lg_status check_shape(const read_call *call, lg_h5 *h5, const char *name, uint64_t *rows,
@@ -36,7 +38,7 @@ static lg_status check_shape(const read_call *call, lg_h5 *h5, const char *name,
     if (about.kind != LG_H5_WHOLE && about.kind != LG_H5_REAL)
         return lg_fail(error, LG_FORMAT, "%s: /%s: does not hold numbers", call->shown, name);
     if (about.rank < 1 || about.count != about.dims[0])
-        return lg_fail(error, LG_FORMAT, "%s: /%s: one number a row is expected", call->shown, name);
+        return lg_fail(error, LG_FORMAT, "%s: /%s: expected one number per row", call->shown, name);
     *rows = about.dims[0];
     return LG_OK;
 }
@@ -58,7 +60,7 @@ static lg_status read_columns(void *user, lg_h5 *h5, lg_error *error) {
         const char *name = machine->columns[i].name;
         LG_TRY(check_shape(call, h5, name, &rows, error));
         if (i > 0 && rows != call->rows)
-            return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu rows, /%s has %llu", call->shown, name,
+            return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu rows, but /%s has %llu", call->shown, name,
                            (unsigned long long)rows, machine->columns[0].name,
                            (unsigned long long)call->rows);
         call->rows = rows;
@@ -84,7 +86,7 @@ static lg_status append_rows(lg_log_table *table, uint32_t file, const read_call
         if (machine->run < machine->column_count) {
             const double now = values[machine->run];
             if (!isfinite(now))
-                return lg_fail(error, LG_FORMAT, "%s: /%s: row %zu has no run", call->shown,
+                return lg_fail(error, LG_FORMAT, "%s: /%s: row %zu has no number of its run", call->shown,
                                machine->columns[machine->run].name, row + 1);
             new_run = new_run || now != run;
             run = now;

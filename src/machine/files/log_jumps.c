@@ -67,8 +67,8 @@ static lg_status warn_of_column(lg_log_table *t, uint32_t column, size_t first, 
     }
     if (count == 0) return LG_OK;
     return lg_log_warn_at(t, at,
-                          "column %s: jumps to %.6g and back, where most rows are between %.6g and %.6g, the "
-                          "first of %zu such jumps: outliers? leave these cells empty",
+                          "column %s: jumps to %.6g and back, but most rows are between %.6g and %.6g; this "
+                          "is the first of %zu such jumps: if these cells are outliers, leave them empty",
                           t->machine->columns[column].name, lg_log_row(t, at)[column], b.low, b.high, count);
 }
 
@@ -83,12 +83,11 @@ static lg_status refuse_huge(const lg_log_table *t, uint32_t column, size_t firs
         if (isnan(x) || (isfinite(x * x) && !(found && distance(&b, x) * DBL_EPSILON > b.far))) continue;
         char others[80] = "";
         if (found)
-            (void)snprintf(others, sizeof others, ", most rows are between %.6g and %.6g", b.low, b.high);
-        return lg_log_fail(
-            t, row, error,
-            "column %s: %.6g is so large that the other rows are lost in its rounding%s: an outlier? "
-            "leave this cell empty",
-            t->machine->columns[column].name, x, others);
+            (void)snprintf(others, sizeof others, " (most rows are between %.6g and %.6g)", b.low, b.high);
+        return lg_log_fail(t, row, error,
+                           "column %s: %.6g is so large that the other rows vanish in its rounding error%s: "
+                           "if this cell is an outlier, leave it empty",
+                           t->machine->columns[column].name, x, others);
     }
     return LG_OK;
 }

@@ -95,8 +95,10 @@ lg_status lg_log_append(lg_log_table *table, uint32_t file, size_t line, const d
     for (uint32_t i = 0; i < table->columns; i++) {
         to[i] = values[i] * columns[i].scale;
         if (isinf(to[i]))
-            return lg_log_fail(table, row, error, "column %s: is infinite; an empty cell or nan is missing",
-                               columns[i].name);
+            return lg_log_fail(
+                table, row, error,
+                "column %s: the value is infinite; for a missing value leave the cell empty or write nan",
+                columns[i].name);
     }
     return LG_OK;
 }

@@ -58,8 +58,8 @@ static lg_status steps_of_file(reading *r, size_t *row, double *steps, size_t *c
         if (!(now > before))
             return lg_log_fail(
                 t, *row, r->error,
-                "column %s: time does not increase: %.9g after %.9g. Two clocks, a restart, or rows out "
-                "of order? Name a column that separates the runs (columns: {run: ...}), or sort",
+                "column %s: time does not increase: %.9g after %.9g. Two clocks, a restart, or rows out of "
+                "order? Name a column that separates the runs (columns: {run: ...}), or sort the rows",
                 time->name, now, before);
         steps[(*count)++] = now - before;
     }
@@ -81,7 +81,7 @@ static lg_status find_steps(reading *r, double *steps) {
         if (middle > most) most = middle, slow = file;
         total += count;
     }
-    if (total == 0) return lg_fail(r->error, LG_FORMAT, "%s: no run has two rows", first_path(r));
+    if (total == 0) return lg_fail(r->error, LG_FORMAT, "%s: no run has two rows or more", first_path(r));
     out->dt_median = median(steps, total);
     out->dt_max = steps[total - 1];
     out->max_step =
@@ -166,9 +166,8 @@ static lg_status warn_of_columns(reading *r) {
         const lg_log_column *c = &r->table.machine->columns[i];
         const lg_log_statistics *s = &r->table.out->columns[i];
         if (c->role == LG_LOG_INPUT && s->low == s->high)
-            LG_TRY(lg_log_warn(&r->table,
-                               "column %s: the input is always %.6g: what it does cannot be learned", c->name,
-                               s->low + 0.0)); /* + 0.0 turns -0 into 0 */
+            LG_TRY(lg_log_warn(&r->table, "column %s: the input is always %.6g: its effect cannot be learned",
+                               c->name, s->low + 0.0)); /* + 0.0 turns -0 into 0 */
     }
     for (uint32_t i = 0; i < m->coordinate_count; i++) {
         bool moves = false;
@@ -178,11 +177,10 @@ static lg_status warn_of_columns(reading *r) {
             moves = moves || (c->role == LG_LOG_POSITION && c->index == i && s->low < s->high);
         }
         if (!moves)
-            LG_TRY(lg_log_warn(
-                &r->table,
-                "coordinate %s never moves: nothing of it can be learned, numbers of its mass and "
-                "forces stay near where learning begins; leave it out of the machine, or move it",
-                m->coordinates[i].name));
+            LG_TRY(lg_log_warn(&r->table,
+                               "coordinate %s never moves: its mass and forces cannot be learned and stay "
+                               "near their starting values; leave it out of the machine, or log its motion",
+                               m->coordinates[i].name));
     }
     return LG_OK;
 }
@@ -253,10 +251,9 @@ static lg_status warn_of_files(lg_log_table *t) {
     for (size_t part = 0; part <= t->parts; part++) {
         const uint32_t next = part < t->parts ? t->origin[t->first[part]].file : t->files;
         for (; file < next; file++)
-            LG_TRY(lg_log_warn(t,
-                               "%s: nothing of it is used: no two rows follow each other within %.4g s with "
-                               "their inputs",
-                               lg_shown_path(t->paths[file]), t->out->max_step));
+            LG_TRY(lg_log_warn(
+                t, "%s: no row of this file is used: no two rows with inputs follow each other within %.4g s",
+                lg_shown_path(t->paths[file]), t->out->max_step));
         file = next + 1;
     }
     return LG_OK;
@@ -280,11 +277,11 @@ static lg_status cut(reading *r) {
         return lg_fail(
             r->error, LG_FORMAT,
             "%s: every step is longer than max_step (%.4g s), the median is %.4g s: is column %s in seconds? "
-            "scale: {%s: 0.001} for milliseconds; or set columns: {max_step: ...}",
+            "For milliseconds, set scale: {%s: 0.001}; otherwise set columns: {max_step: ...}",
             first_path(r), t->out->max_step, t->out->dt_median, t->machine->columns[t->machine->time].name,
             t->machine->columns[t->machine->time].name);
-    return lg_fail(r->error, LG_FORMAT, "%s: no two rows follow each other with their inputs%s",
-                   first_path(r), r->delay > 0 ? ": is the delay longer than the runs?" : "");
+    return lg_fail(r->error, LG_FORMAT, "%s: no two rows with inputs follow each other%s", first_path(r),
+                   r->delay > 0 ? ": is the delay longer than the runs?" : "");
 }
 
 /* ---- logs in the machine's order ---- */

@@ -118,7 +118,7 @@ static lg_status visit_text(reading *r, const yaml_node_t *node, const char *wha
     const size_t length = scalar ? node->data.scalar.length : 0;
     if (length == 0 || length >= sizeof text || memchr(node->data.scalar.value, '\0', length) != NULL)
         return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
-                            "%s: a name of 1 to %zu bytes is expected", what, sizeof text - 1);
+                            "%s: expected a name of 1 to %zu bytes", what, sizeof text - 1);
     memcpy(text, node->data.scalar.value, length);
     text[length] = '\0';
     for (const char *c = text; *c != '\0'; c++)
@@ -190,13 +190,13 @@ static lg_status check_keys(reading *r, lg_coordinate_kind kind, const lg_key_va
     for (int k = OF_COLUMNS; k <= OF_RATES; k++) {
         if (values[k].line != 0 && takes[kind][k].count == 0)
             return lg_yaml_fail(r->yaml, values[k].line, LG_FORMAT, r->error,
-                                "%s: a coordinate of kind %s takes none", coordinate_keys[k].name,
+                                "%s: a coordinate of kind %s does not take this key", coordinate_keys[k].name,
                                 name_kind(kind));
     }
     if (values[OF_FRAME].line != 0 && kind != LG_COORDINATE_POSE)
         return lg_yaml_fail(r->yaml, values[OF_FRAME].line, LG_FORMAT, r->error,
-                            "frame: is of poses; the rates of a rotation are those in the body, those of a "
-                            "direction in space");
+                            "frame: only poses take this key; the rates of a rotation are in the body frame, "
+                            "the rates of a direction in the space frame");
     return LG_OK;
 }
 
@@ -214,14 +214,15 @@ static lg_status read_columns(reading *r, int k, uint32_t line, const lg_key_val
     if (value->line == 0 && k == OF_COLUMNS && expected == 1)
         LG_TRY(add_column(r, line, c->name, &what));
     else if (value->line == 0)
-        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "%s: key '%s' is missing: %u column%s%s",
-                            c->name, coordinate_keys[k].name, expected, expected == 1 ? "" : "s",
+        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error,
+                            "%s: key '%s' is missing: it names %u column%s%s", c->name,
+                            coordinate_keys[k].name, expected, expected == 1 ? "" : "s",
                             other != expected ? " (w, x, y, z) or 9 (the matrix, row by row)" : "");
     else
         LG_TRY(lg_machine_texts(r, value->node, coordinate_keys[k].name, add_column, &what));
     *count = out->column_count - *first;
     if (*count == expected || *count == other) return LG_OK;
-    return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error, "%s: %s: %u columns, %u%s are expected",
+    return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error, "%s: %s: has %u columns, expected %u%s",
                         c->name, coordinate_keys[k].name, *count, expected,
                         other != expected ? " (w, x, y, z) or 9 (the matrix, row by row)" : "");
 }
@@ -240,7 +241,8 @@ static lg_status read_velocities(reading *r, uint32_t line, const lg_key_value *
     for (int k = OF_VELOCITY; k <= OF_FRAME; k++)
         if (values[k].line != 0)
             return lg_yaml_fail(r->yaml, values[k].line, LG_FORMAT, r->error,
-                                "%s: with `measured: positions` there is none", coordinate_keys[k].name);
+                                "%s: this key is not allowed with `measured: positions`",
+                                coordinate_keys[k].name);
     return LG_OK;
 }
 
@@ -257,7 +259,7 @@ static lg_status read_coordinate(reading *r, const yaml_node_t *node) {
     const char *name = values[OF_NAME].text;
     if (!is_name(name))
         return lg_yaml_fail(r->yaml, values[OF_NAME].line, LG_FORMAT, r->error,
-                            "name: up to %d letters, digits, _ and - are expected", LG_MACHINE_NAME - 1);
+                            "name: expected 1 to %d letters, digits, _ and -", LG_MACHINE_NAME - 1);
     for (uint32_t k = 0; k < i; k++)
         if (strcmp(m->coordinates[k].name, name) == 0)
             return lg_yaml_fail(r->yaml, values[OF_NAME].line, LG_FORMAT, r->error,
@@ -278,7 +280,7 @@ static lg_status read_coordinates(reading *r, const lg_key_value *value) {
     const yaml_node_t *list = value->node;
     if (list->type != YAML_SEQUENCE_NODE || list->data.sequence.items.start == list->data.sequence.items.top)
         return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error,
-                            "coordinates: a list of {name: ..., kind: ...} is expected");
+                            "coordinates: expected a list of {name: ..., kind: ...}");
     const yaml_node_item_t *item = list->data.sequence.items.start;
     for (; item < list->data.sequence.items.top; item++) LG_TRY(read_coordinate(r, node_at(r, *item)));
     return LG_OK;
@@ -313,7 +315,7 @@ static lg_status read_inputs(reading *r, const lg_key_value *values) {
     if (delay->line == 0 || r->out->estimate_delay) return LG_OK;
     if (lg_integer_parse(delay->text, &rows) != LG_OK || rows > 1000000)
         return lg_yaml_fail(r->yaml, delay->line, LG_FORMAT, r->error,
-                            "inputs.delay: a whole number of rows, or `estimate`, is expected");
+                            "inputs.delay: expected a whole number of rows from 0 to 1000000, or `estimate`");
     r->out->delay = (uint32_t)rows;
     return LG_OK;
 }
@@ -328,7 +330,7 @@ static lg_status read_numbers(reading *r, const lg_field *key, const lg_key_valu
     bool seen[LG_LOG_COLUMNS] = {false};
     if (value->line == 0) return LG_OK;
     if (map->type != YAML_MAPPING_NODE)
-        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error, "%s: {COLUMN: number} is expected",
+        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error, "%s: expected {COLUMN: number}",
                             key->name);
     for (pair = map->data.mapping.pairs.start; pair < map->data.mapping.pairs.top; pair++) {
         const yaml_node_t *name = node_at(r, pair->key), *number = node_at(r, pair->value);
@@ -337,10 +339,10 @@ static lg_status read_numbers(reading *r, const lg_field *key, const lg_key_valu
                                     : NULL;
         if (column == NULL)
             return lg_yaml_fail(r->yaml, line_of(name), LG_FORMAT, r->error,
-                                "%s: '%.40s' is no column of this machine", key->name,
+                                "%s: '%.40s' is not a column of this machine", key->name,
                                 name->type == YAML_SCALAR_NODE ? (const char *)name->data.scalar.value : "?");
         if (seen[column - r->out->columns])
-            return lg_yaml_fail(r->yaml, line_of(name), LG_FORMAT, r->error, "%s: column '%s' stands twice",
+            return lg_yaml_fail(r->yaml, line_of(name), LG_FORMAT, r->error, "%s: column '%s' is given twice",
                                 key->name, column->name);
         seen[column - r->out->columns] = true;
         double *out = (double *)((char *)column + offset);
@@ -348,8 +350,8 @@ static lg_status read_numbers(reading *r, const lg_field *key, const lg_key_valu
         const lg_key_value at = {.line = line_of(number), .node = number};
         LG_TRY(lg_yaml_block(r->yaml, &one, &at, (const size_t[3]){1, 1, 1}, out, NULL, r->error));
         if (*out == 0)
-            return lg_yaml_fail(r->yaml, line_of(number), LG_FORMAT, r->error, "%s: %s: must not be 0",
-                                key->name, column->name);
+            return lg_yaml_fail(r->yaml, line_of(number), LG_FORMAT, r->error,
+                                "%s: %s: the number must not be 0", key->name, column->name);
     }
     return LG_OK;
 }
@@ -426,7 +428,7 @@ static lg_status parse_machine(const lg_context *context, const char *name, cons
 lg_status lg_machine_file_parse(const lg_context *context, const char *name, const char *text, size_t bytes,
                                 lg_machine_file *out, lg_error *error) {
     if (name == NULL || text == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a machine is read from a text into something");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the name, the text or the place for the machine is NULL");
     lg_machine_file *made = lg_alloc(context, 1, sizeof *made);
     if (made == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(name));
     const lg_status status = parse_machine(context, name, text, bytes, made, error);
@@ -439,7 +441,7 @@ lg_status lg_machine_file_read(const lg_context *context, const char *path, lg_m
                                lg_error *error) {
     unsigned char *data = NULL;
     size_t bytes = 0;
-    if (out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "a machine is read into something");
+    if (out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "the place for the machine is NULL");
     LG_TRY(lg_yaml_bytes(context, path, &data, &bytes, error));
     const lg_status status = lg_machine_file_parse(context, path, (const char *)data, bytes, out, error);
     lg_free(context, data);

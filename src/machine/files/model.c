@@ -118,7 +118,7 @@ static lg_status build(lg_h5 *h5, void *user, lg_error *error) {
     lg_machine_file description;
     if (run->scheme == NULL) run->scheme = lg_scheme_at(0);
     if (!positive(&run->scales))
-        return lg_fail(error, LG_FORMAT, "%s: /model: attribute scales has numbers that are not above 0",
+        return lg_fail(error, LG_FORMAT, "%s: /model: attribute scales: all numbers must be above 0",
                        lg_shown_path(h5->path));
     LG_TRY(lg_as_format(
         lg_machine_file_parse(h5->context, h5->path, run->text, strlen(run->text), &description, error),
@@ -220,7 +220,7 @@ static lg_status get_rest(lg_h5 *h5, void *user, lg_error *error) {
     if (!lg_h5_has(h5, spread_name)) return LG_OK;
     LG_TRY(lg_as_format(lg_h5_get_doubles(h5, spread_name, 2, dims, &file->spread, error), error));
     if (dims[0] == file->parameters && dims[1] == file->parameters) return LG_OK;
-    return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu x %llu values for %zu parameters",
+    return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu x %llu values, but the model has %zu parameters",
                    lg_shown_path(h5->path), spread_name, (unsigned long long)dims[0],
                    (unsigned long long)dims[1], file->parameters);
 }

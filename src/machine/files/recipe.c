@@ -18,7 +18,7 @@ static lg_status read_data(lg_learning *self, lg_error *error) {
     const bool model = self->file != NULL;
     const size_t first = model ? 0 : 1;
     if (self->path_count <= first)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "--recipe machine_model: MACHINE.yaml LOG... are needed");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "--recipe machine_model: needs MACHINE.yaml LOG...");
     const lg_machine_sources from = {.machine = model ? self->model : self->paths[0],
                                      .text = model ? run->text : NULL,
                                      .logs = self->paths + first,
@@ -135,9 +135,10 @@ static lg_status check_data(const lg_learning *self, lg_error *error) {
     const size_t longest = longest_part(&data->training);
     LG_TRY(lg_machine_refuse_momenta(&data->file, self->paths[0], error));
     if (longest >= SHORTEST_LOG) return LG_OK;
-    return lg_fail(error, LG_FORMAT,
-                   "%s: the longest part without a gap has %zu rows; accelerations take %d at least",
-                   data->paths[0], longest, SHORTEST_LOG);
+    return lg_fail(
+        error, LG_FORMAT,
+        "%s: the longest part without a gap has %zu rows; at least %d are needed to estimate accelerations",
+        data->paths[0], longest, SHORTEST_LOG);
 }
 
 static lg_status describe(lg_learning *self, lg_error *error) {
@@ -180,8 +181,8 @@ static void warn_of_rows(const lg_learning *self) {
     }
     if (run->stride <= run->window && 100 * (all - rows) > all)
         LG_WARN(self,
-                "%zu of %zu rows are in no window of %u rows, and are not learned from: they lie in parts "
-                "without a gap that are shorter, or behind the last complete row; take a shorter --window",
+                "%zu of %zu rows are in no window of %u rows and are not used: their part without a gap is "
+                "shorter than a window, or they come after its last complete row; give a shorter --window",
                 all - rows, all, run->window);
 }
 

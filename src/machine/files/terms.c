@@ -113,8 +113,8 @@ static lg_status unknown_feature(reading *r, uint32_t line, const char *text) {
                                  m->coordinates[i].name);
     return lg_yaml_fail(
         r->yaml, line, LG_FORMAT, r->error,
-        "of: '%s' is none of %s, nor NAME.velocity, NAME.height, NAME.place, NAME.rotation (poses), NAME.up "
-        "(rotations, poses), an input or a velocity's column",
+        "of: '%s' is unknown; expected one of %s, or NAME.velocity, NAME.height, NAME.place, NAME.rotation "
+        "(poses), NAME.up (rotations, poses), an input, or a column of a velocity",
         text, known);
 }
 
@@ -135,7 +135,7 @@ static lg_status add_feature(reading *r, uint32_t line, const char *text, void *
                             "of: '%s' is an input; only a residual depends on inputs", text);
     for (uint32_t i = 0; i < term->of_count; i++)
         if (term->of[i].kind == feature.kind && term->of[i].index == feature.index)
-            return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "of: '%s' stands twice", text);
+            return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "of: '%s' is given twice", text);
     if (term->of_count == LG_MACHINE_FEATURES)
         return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "of: more than %d names",
                             LG_MACHINE_FEATURES);
@@ -175,7 +175,7 @@ static lg_status unknown_kind(reading *r, lg_machine_part part, uint32_t line, c
     if (part == LG_MACHINE_POTENTIAL) used += (size_t)snprintf(known + used, sizeof known - used, ", known");
     for (size_t i = 0; (kind = lg_term_kind_at(part, i)) != NULL && used < sizeof known; i++)
         used += (size_t)snprintf(known + used, sizeof known - used, ", %s", lg_term_kind_name(kind));
-    return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "%s: kind '%.40s' is none of %s",
+    return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "%s: kind '%.40s' is unknown; expected one of %s",
                         lg_machine_part_name(part), name, known);
 }
 
@@ -214,7 +214,7 @@ static lg_status check_keys(reading *r, lg_machine_part part, const char *kind, 
         if (k == KEY_WIDTH) taken = damping && width;
         if (values[k].line != 0 && !taken)
             return lg_yaml_fail(r->yaml, values[k].line, LG_FORMAT, r->error,
-                                "%s: %s of kind %s takes no such key%s", keys[k].name,
+                                "%s: %s of kind %s does not take this key%s", keys[k].name,
                                 lg_machine_part_name(part), kind,
                                 k == KEY_WIDTH ? " without `coulomb: true`" : "");
     }
@@ -255,12 +255,12 @@ static lg_status kind_of(reading *r, lg_machine_part part, const lg_key_value *v
     for (size_t i = 0; i < LG_COUNT(needed); i++)
         if (values[needed_key[i]].line == 0)
             return lg_yaml_fail(r->yaml, values[KEY_KIND].line, LG_FORMAT, r->error,
-                                "potential: a known one needs key '%s'", needed[i]);
+                                "potential: kind known needs key '%s'", needed[i]);
     *out = values[KEY_FORM].text;
     const lg_term_kind *row = lg_term_kind_find(part, *out);
     if (row != NULL && (lg_term_kind_options(row) & LG_TERM_VALUES) != 0) return LG_OK;
     return lg_yaml_fail(r->yaml, values[KEY_FORM].line, LG_FORMAT, r->error,
-                        "form: '%.40s' is none of linear, quadratic, polynomial, gravity", *out);
+                        "form: '%.40s' is unknown; expected linear, quadratic, polynomial or gravity", *out);
 }
 
 static lg_status read_mapping(reading *r, lg_machine_part part, const yaml_node_t *node) {
@@ -285,8 +285,9 @@ static lg_status read_word(reading *r, uint32_t line, const char *text, void *us
     const lg_machine_part part = *(const lg_machine_part *)user;
     if (strcmp(text, "none") == 0) return LG_OK;
     if (part == LG_MACHINE_POTENTIAL && strcmp(text, "known") == 0)
-        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error,
-                            "potential: a known one is {kind: known, form: ..., of: [...], values: ...}");
+        return lg_yaml_fail(
+            r->yaml, line, LG_FORMAT, r->error,
+            "potential: for kind known, give {kind: known, form: ..., of: [...], values: ...}");
     return add_term(r, part, line, text, &term);
 }
 
@@ -295,7 +296,7 @@ static lg_status read_one(reading *r, lg_machine_part part, const yaml_node_t *n
     if (node->type == YAML_SCALAR_NODE)
         return lg_machine_texts(r, node, lg_machine_part_name(part), read_word, &part);
     return lg_yaml_fail(r->yaml, (uint32_t)node->start_mark.line + 1, LG_FORMAT, r->error,
-                        "%s: {kind: ...}, a list of such, or the name of a kind is expected",
+                        "%s: expected {kind: ...}, a list of these, or the name of a kind",
                         lg_machine_part_name(part));
 }
 
@@ -308,7 +309,7 @@ lg_status lg_machine_read_terms(reading *r, lg_machine_part part, const lg_key_v
     const yaml_node_t *node = value->node;
     if (node->type != YAML_SEQUENCE_NODE) return read_one(r, part, node);
     if (node->data.sequence.items.start == node->data.sequence.items.top)
-        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error, "%s: is an empty list",
+        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error, "%s: the list is empty",
                             lg_machine_part_name(part));
     const yaml_node_item_t *item = node->data.sequence.items.start;
     for (; item < node->data.sequence.items.top; item++)
