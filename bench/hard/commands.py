@@ -177,8 +177,8 @@ for name, code, sentence, text in (
         ("a cell of 1e308", 0, "1e+308", table(cell="1e308")), ("an input of 1e-310", 3, "give the column in a smaller unit", table(unit=1e-310)),
         ("constant output", 0, "column y is constant", "a,b,y\n" + "".join("%d,%d,3\n" % (i, i * i % 7) for i in range(50))),
         ("constant input", 0, "column a is constant", "a,b,y\n" + "".join("5,%d,%d\n" % (i * i % 7, i) for i in range(50))),
-        ("every row the same", 3, "all inputs are constant", "a,b,y\n" + "1,2,3\n" * 50), ("one row", 3, "has one complete row", "a,b,y\n1,2,3\n"),
-        ("every row twice", 0, "200 rows are repetitions of others", table() + table().split("\n", 1)[1]), ("a row too short", 3, "line 202", table() + "1,2\n"),
+        ("every row the same", 3, "all inputs are constant", "a,b,y\n" + "1,2,3\n" * 50), ("one row", 3, "has 1 complete row", "a,b,y\n1,2,3\n"),
+        ("every row twice", 0, "200 rows repeat other rows", table() + table().split("\n", 1)[1]), ("a row too short", 3, "line 202", table() + "1,2\n"),
         ("a column twice", 3, "column 'a' is there twice", "a,a,y\n1,2,3\n"), ("9,81 for 9.81", 3, "line 52", table(cell="9,81")), ("no rows", 3, "no rows", "a,b,y\n")):
     told("tables", name, code, sentence, TRAIN, t_csv=text)
 told("detectors", "a table of one class", 3, "one class only", "lg-fit train t.csv --class y --out m.h5",

@@ -40,7 +40,8 @@ static lg_var build(const void *user, lg_tape *tape, const lg_var *x) {
     if (status != LG_OK) return lg_tape_fail(tape, status, "surrogate", "not a learning problem");
     lg_surrogate_fit_problem(&problem, &fit);
     if (fit.parameters != lg_var_shape(tape, x[0]).dims[0])
-        return lg_tape_fail(tape, LG_SHAPE, "surrogate", "the row has another number of parameters");
+        return lg_tape_fail(tape, LG_SHAPE, "surrogate",
+                            "the number of parameters is not the number of the surrogate");
     for (uint32_t i = 0; i < fit.samples; i++) samples[i] = i;
     status = fit.loss(fit.user, tape, x[0], samples, fit.samples, fit.samples, &loss);
     return status == LG_OK ? loss : lg_tape_fail(tape, status, "surrogate", "the loss failed");

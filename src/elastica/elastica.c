@@ -50,7 +50,7 @@ void lg_elastica_set_case(lg_elastica *problem, lg_elastica_case kind, double x)
 /* ---- checks ---- */
 
 lg_status lg_elastica_check(const lg_elastica *problem, lg_error *error) {
-    if (!problem) return lg_fail(error, LG_INVALID_ARGUMENT, "elastica: no problem");
+    if (!problem) return lg_fail(error, LG_INVALID_ARGUMENT, "elastica: the problem is NULL");
     const double numbers[] = {problem->length, problem->stiffness, problem->q0[0],  problem->q0[1],
                               problem->qN[0],  problem->qN[1],     problem->theta0, problem->rotation};
     static const char *const names[] = {"length", "stiffness", "q0", "q0", "qN", "qN", "theta0", "rotation"};
@@ -69,20 +69,22 @@ lg_status lg_elastica_check(const lg_elastica *problem, lg_error *error) {
                        "elastica: length %g and stiffness %g leave the range of numbers", L,
                        problem->stiffness);
     if (problem->intervals < LG_ELASTICA_MIN_INTERVALS || problem->intervals > LG_ELASTICA_MAX_INTERVALS)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "elastica: %u intervals, not %d to %d", problem->intervals,
-                       LG_ELASTICA_MIN_INTERVALS, LG_ELASTICA_MAX_INTERVALS);
+        return lg_fail(error, LG_INVALID_ARGUMENT, "elastica: %u intervals; %d to %d are possible",
+                       problem->intervals, LG_ELASTICA_MIN_INTERVALS, LG_ELASTICA_MAX_INTERVALS);
     const double distance = hypot(problem->qN[0] - problem->q0[0], problem->qN[1] - problem->q0[1]);
     if (!(distance < L))
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "elastica: the ends are %.17g apart, which a beam of length %.17g does not bridge",
-                       distance, L);
+        return lg_fail(
+            error, LG_INVALID_ARGUMENT,
+            "elastica: the ends are %.17g apart, but the beam has length %.17g, which must be larger",
+            distance, L);
     if (!(fabs(problem->theta0) <= ANGLE_MAX))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "elastica: theta0 = %g is beyond %g", problem->theta0,
-                       ANGLE_MAX);
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "elastica: theta0 = %g is too large: its absolute value must be at most %g",
+                       problem->theta0, ANGLE_MAX);
     const double turns = fmin(TURNS_MAX, 0.5 * n);
     if (!(fabs(problem->rotation) <= turns * 2.0 * LG_PI))
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "elastica: a rotation by %g is more than %g turns, the most for %u intervals",
+                       "elastica: a rotation by %g is more than %g turns, the maximum for %u intervals",
                        problem->rotation, turns, problem->intervals);
     return LG_OK;
 }
@@ -92,11 +94,15 @@ lg_status lg_elastica_options_take(const lg_elastica_options *options, lg_elasti
     lg_elastica_options_init(out);
     if (!options) return LG_OK;
     if (options->size != sizeof(*options))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "elastica: options of unknown size");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "elastica: the options were not initialised: their size is unknown");
     if (!(options->gradient_tolerance > 0.0 && options->gradient_tolerance < 1.0))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "elastica: gradient_tolerance must be in (0, 1)");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "elastica: gradient_tolerance is %g, expected a number in (0, 1)",
+                       options->gradient_tolerance);
     if (!(options->max_step > 1e-4 && options->max_step <= 1.0))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "elastica: max_step must be in (1e-4, 1]");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "elastica: max_step is %g, expected a number in (1e-4, 1]",
+                       options->max_step);
     if (options->max_iterations < 1)
         return lg_fail(error, LG_INVALID_ARGUMENT, "elastica: max_iterations must be at least 1");
     *out = *options;

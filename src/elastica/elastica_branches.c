@@ -290,7 +290,8 @@ lg_status lg_elastica_branches(const lg_context *context, const lg_elastica *pro
     LG_TRY(lg_elastica_check(problem, error));
     LG_TRY(lg_elastica_options_take(options, &o, error));
     if (room == 0 || !theta || !solutions || !count)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "elastica: no room for branches");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "elastica: the place for the branches is NULL or has no room");
     const lg_beam_frame frame = lg_beam_frame_make(problem);
     const size_t n = frame.beam.n;
     if (lg_beam_work_create(context, n, &work) != LG_OK)

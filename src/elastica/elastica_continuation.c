@@ -175,19 +175,19 @@ lg_status lg_elastica_no_minimum(lg_beam_end end, const lg_beam *beam, const lg_
     case LG_BEAM_MINIMUM:
         return lg_fail(error, LG_OK, "%s", "");
     case LG_BEAM_SADDLE:
-        return lg_fail(
-            error, LG_NO_CONVERGENCE,
-            "elastica: the equilibrium found is no minimum, %u negative eigenvalues (relative gradient %.3g)",
-            work->negative, gradient);
+        return lg_fail(error, LG_NO_CONVERGENCE,
+                       "elastica: no minimum was found: the energy at the equilibrium has %u negative "
+                       "eigenvalues, so this is a saddle (relative gradient %.3g)",
+                       work->negative, gradient);
     case LG_BEAM_FOLDED:
-        return lg_fail(
-            error, LG_NO_CONVERGENCE,
-            "elastica: no minimum with this rotation, angles of neighbouring nodes differ by pi or more "
-            "(relative gradient %.3g); more intervals may help",
-            gradient);
+        return lg_fail(error, LG_NO_CONVERGENCE,
+                       "elastica: no minimum with this rotation was found: angles of neighbouring nodes "
+                       "differ by pi or more (relative gradient %.3g); more intervals may help",
+                       gradient);
     default:
         return lg_fail(error, LG_NO_CONVERGENCE,
-                       "elastica: no equilibrium found, relative gradient %.3g reached", gradient);
+                       "elastica: no equilibrium was found: the search ended at a relative gradient of %.3g",
+                       gradient);
     }
 }
 
@@ -236,7 +236,7 @@ lg_status lg_elastica_solve(const lg_context *context, const lg_elastica *proble
     lg_beam_end end = LG_BEAM_LOST;
     LG_TRY(lg_elastica_check(problem, error));
     LG_TRY(lg_elastica_options_take(options, &o, error));
-    if (!theta) return lg_fail(error, LG_INVALID_ARGUMENT, "elastica: nowhere to put the angles");
+    if (!theta) return lg_fail(error, LG_INVALID_ARGUMENT, "elastica: the place for the angles is NULL");
     const lg_beam_frame frame = lg_beam_frame_make(problem);
     const size_t n = frame.beam.n;
     if (lg_beam_work_create(context, n, &work) != LG_OK)

@@ -153,7 +153,7 @@ lg_status lg_elastica_solve_continuous(const lg_context *context, const lg_elast
     double *guess = NULL;
     LG_TRY(lg_elastica_check(problem, error));
     LG_TRY(lg_elastica_options_take(options, &o, error));
-    if (!theta) return lg_fail(error, LG_INVALID_ARGUMENT, "elastica: nowhere to put the angles");
+    if (!theta) return lg_fail(error, LG_INVALID_ARGUMENT, "elastica: the place for the angles is NULL");
     const lg_beam_frame frame = lg_beam_frame_make(problem);
     lg_beam fine = frame.beam;
     fine.n = lg_collocation_grid(&frame.beam);

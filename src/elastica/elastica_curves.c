@@ -54,13 +54,15 @@ void lg_elastica_sampling_init(lg_elastica_sampling *sampling) {
 
 static lg_status check_sampling(const lg_elastica_sampling *s, lg_error *error) {
     if (!s->both_ends && !s->right_end)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "elastica: curves of neither family");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "elastica: no family of curves is chosen");
     if (s->count < 1) return lg_fail(error, LG_INVALID_ARGUMENT, "elastica: count must be at least 1");
     if (isnan(s->gap)) return lg_fail(error, LG_NOT_FINITE, "elastica: the gap is not finite");
     if (!(s->gap >= 0.0 && s->gap < 0.5))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "elastica: a gap of %g is not in [0, 0.5)", s->gap);
+        return lg_fail(error, LG_INVALID_ARGUMENT, "elastica: the gap is %g, expected a number in [0, 0.5)",
+                       s->gap);
     if (s->threads < 1 || s->threads > 1024)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "elastica: %d threads", s->threads);
+        return lg_fail(error, LG_INVALID_ARGUMENT, "elastica: %d threads; 1 to 1024 are possible",
+                       s->threads);
     lg_elastica problem = s->problem;
     /* Valid end angles; lg_elastica_generate replaces the caller's end angles anyway. */
     lg_elastica_set_case(&problem, LG_ELASTICA_BOTH_ENDS, 1.0);
@@ -191,7 +193,7 @@ static lg_status run(job *j, size_t tasks, lg_error *error) {
     lg_thread_pool *pool = NULL;
     const size_t useful = tasks < (size_t)j->sampling->threads ? tasks : (size_t)j->sampling->threads;
     if (lg_thread_pool_create(j->context, (int)useful, &pool) != LG_OK)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "elastica: no threads");
+        return lg_fail(error, LG_OUT_OF_MEMORY, "elastica: the threads could not be started");
     lg_thread_pool_run(pool, tasks, run_task, j);
     lg_thread_pool_destroy(pool);
     for (size_t i = 0; i < tasks; i++)
@@ -202,7 +204,9 @@ static lg_status run(job *j, size_t tasks, lg_error *error) {
 
 lg_status lg_elastica_generate(const lg_context *context, const lg_elastica_sampling *sampling,
                                lg_elastica_curves *out, lg_error *error) {
-    if (!sampling || !out) return lg_fail(error, LG_INVALID_ARGUMENT, "elastica: nothing to generate");
+    if (!sampling || !out)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "elastica: the sampling or the place for the curves is NULL");
     LG_TRY(check_sampling(sampling, error));
     const size_t families = (size_t)sampling->both_ends + sampling->right_end;
     const size_t blocks = (sampling->count - 1) / BLOCK + 1;

@@ -48,10 +48,11 @@ const lg_field lg_surrogate_fields[] = {
                "Fixed last layer: leading singular vectors of the training curves, 0 for a learned one"),
     OPTION("model", angles, FLAG, .value_name = lg_name_truth, .optional = true, PRESET(),
            .methods = DISCRETE,
-           .meaning = "Discrete network of the inner angles: tangents are units, nodes follow from them"),
+           .meaning = "Discrete network gives the inner angles: tangents are then unit vectors, nodes follow "
+                      "from them"),
     OPTION("run", loss, NAME, .value_name = name_loss, .optional = true, .value = "mse", .methods = DISCRETE,
-           .meaning = "mse of the curves, or the energy of the predicted ones, which needs --angles true and "
-                      "no curves"),
+           .meaning = "mse: mean squared error of the curves; energy: energy of the predicted curves, which "
+                      "needs --angles true but no solved curves"),
     OPTION("run", gamma, REAL, .high = 1e12, PRESET(), .unit = "G", .methods = DISCRETE | CONTINUOUS,
            .meaning = "discrete: weight of node-to-node differences; continuous: of |v|^2 = 1"),
     SURROGATE("run", "penalty_form", NAME, model.options.penalty,
@@ -66,9 +67,10 @@ const lg_field lg_surrogate_fields[] = {
               .meaning = "Part of the curves for training"),
     SURROGATE("run", "test_fraction", REAL, test_fraction, .high = 1, .value = "0.1", .unit = "F",
               .meaning = "Part of the curves for testing, the same for every --train-fraction"),
-    SURROGATE("run", "most_curves", U64, most_curves, .high = 1e9, .optional = true, PRESET(), .unit = "n",
-              .meaning =
-                  "Learn from at most so many curves of the training part, evenly chosen; 0: from all"),
+    SURROGATE(
+        "run", "most_curves", U64, most_curves, .high = 1e9, .optional = true, PRESET(), .unit = "n",
+        .meaning =
+            "Learn from at most this many curves of the training part, evenly chosen; 0: from all curves"),
     TRAINING_ROWS(lg_surrogate_run, "method", any_loss, "Curves (continuous: points)", 0, PRESET),
     TRAINING(lg_surrogate_run, validation, REAL, PRESET(), VALIDATION),
     LG_FIELD_END};

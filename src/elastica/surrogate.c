@@ -36,11 +36,11 @@ static lg_status check_discrete(const lg_surrogate_options *o, uint32_t interval
     if (o->modes > 0 && o->angles)
         return lg_fail(error, LG_INVALID_ARGUMENT, "a network gives modes or angles, not both");
     if (o->modes > numbers)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%u modes of curves that have %u numbers", o->modes,
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%u modes are too many: a curve has %u numbers", o->modes,
                        numbers);
     if ((unsigned)o->loss >= LG_SURROGATE_LOSS_COUNT || (o->loss == LG_SURROGATE_ENERGY && !o->angles))
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "the energy is learned by the discrete network of angles alone");
+                       "only the discrete network of angles can learn the energy");
     return LG_OK;
 }
 
@@ -50,7 +50,7 @@ static lg_status check(const lg_surrogate_options *o, uint32_t intervals, double
         return lg_fail(error, LG_INVALID_ARGUMENT, "unknown kind of surrogate");
     if (o->boundary && o->kind == LG_SURROGATE_DISCRETE)
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "the discrete network has no `boundary`: its curves begin and end as they should");
+                       "the discrete network has no `boundary`: its curves always have the given ends");
     if (o->symmetric && o->kind != LG_SURROGATE_ANGLE)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "a symmetric reconstruction belongs to the angle network, not to the %s one",
@@ -72,7 +72,7 @@ static lg_status check(const lg_surrogate_options *o, uint32_t intervals, double
 lg_status lg_surrogate_init(lg_surrogate *model, const lg_surrogate_options *options, uint32_t intervals,
                             double length, double centre, lg_error *error) {
     if (model == NULL || options == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "no model or no options");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the model or the options are NULL");
     LG_TRY(check(options, intervals, length, centre, error));
     static const uint32_t inputs[] = {8, 9, 3};
     const uint32_t nodes = options->angles ? intervals - 1 : 4 * (intervals - 1);
@@ -83,7 +83,8 @@ lg_status lg_surrogate_init(lg_surrogate *model, const lg_surrogate_options *opt
                     options->hidden, options->layers, outputs[options->kind], options->activation);
     if (status != LG_OK)
         return lg_fail(error, status,
-                       "no network of %u layers of %u, embedding %u, architecture %d, activation %d",
+                       "these numbers do not describe a possible network: %u layers of width %u, embedding "
+                       "%u, architecture %d, activation %d",
                        options->layers, options->hidden, options->embedding, (int)options->architecture,
                        (int)options->activation);
     *model = made;
@@ -163,8 +164,8 @@ lg_status lg_surrogate_check_curves(const lg_surrogate *model, const lg_elastica
                        curves->length, model->length);
     if (model->options.kind == LG_SURROGATE_DISCRETE && curves->intervals != model->intervals)
         return lg_fail(error, LG_SHAPE,
-                       "curves of %u intervals do not fit a discrete network of %u; train one for them, or "
-                       "use a continuous or angle network",
+                       "curves of %u intervals do not fit a discrete network for %u intervals; train one for "
+                       "them, or use a continuous or angle network",
                        curves->intervals, model->intervals);
     return LG_OK;
 }

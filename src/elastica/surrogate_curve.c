@@ -502,10 +502,12 @@ static lg_status finish(judging *j, const lg_surrogate *model, double *node_erro
 }
 
 static lg_status check_chosen(const judging *j, lg_error *error) {
-    if (j->count == 0) return lg_fail(error, LG_INVALID_ARGUMENT, "no curves to evaluate on");
+    if (j->count == 0)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "there are no curves to evaluate the network on");
     for (size_t i = 0; j->chosen != NULL && i < j->count; i++)
         if (j->chosen[i] >= j->curves->count)
-            return lg_fail(error, LG_INVALID_ARGUMENT, "curve %u is asked for; there are %zu", j->chosen[i],
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "there is no curve %u (counted from 0): there are %zu curves", j->chosen[i],
                            j->curves->count);
     return LG_OK;
 }

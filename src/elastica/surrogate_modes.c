@@ -17,7 +17,7 @@ size_t lg_surrogate_modes_size(const lg_surrogate *model) {
 lg_status lg_surrogate_check_modes(const lg_surrogate *model, lg_error *error) {
     if (model->options.modes == 0 || model->modes != NULL) return LG_OK;
     return lg_fail(error, LG_INVALID_ARGUMENT,
-                   "a network of %u modes needs their numbers: lg_surrogate_find_modes",
+                   "a network of %u modes needs the numbers of the modes: call lg_surrogate_find_modes first",
                    model->options.modes);
 }
 
@@ -34,11 +34,12 @@ lg_var lg_surrogate_sum_modes(lg_tape *tape, const lg_surrogate *model, lg_var c
 
 static lg_status check(const lg_surrogate *model, const lg_elastica_curves *curves, const uint32_t *training,
                        size_t count, lg_error *error) {
-    if (model->options.modes == 0) return lg_fail(error, LG_INVALID_ARGUMENT, "a network without modes");
+    if (model->options.modes == 0) return lg_fail(error, LG_INVALID_ARGUMENT, "the network has no modes");
     LG_TRY(lg_surrogate_check_curves(model, curves, error));
     for (size_t i = 0; i < count; i++)
         if (training[i] >= curves->count)
-            return lg_fail(error, LG_INVALID_ARGUMENT, "curve %u is asked for; there are %zu", training[i],
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "there is no curve %u (counted from 0): there are %zu curves", training[i],
                            curves->count);
     return LG_OK;
 }
@@ -174,13 +175,15 @@ static lg_status take_apart(const lg_context *context, const lg_surrogate *model
                             lg_error *error) {
     LG_TRY(check(model, curves, training, d->count, error));
     if (d->count == 0 || d->count > INT_MAX)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "modes of no curve, or of 2^31 curves or more");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "modes cannot be computed from %zu curves; 1 to 2^31 - 1 are possible", d->count);
     d->n = lg_surrogate_outputs(model);
     d->least = d->count < d->n ? d->count : d->n;
     if (reserve(context, d) != LG_OK)
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the modes of %zu curves", d->count);
     if (!lay_out(d, model, curves, training) || decompose(d, d->work, (int)d->work[0]) != 0)
-        return lg_fail(error, LG_NOT_FINITE, "the curves have no modes: numbers are not finite");
+        return lg_fail(error, LG_NOT_FINITE,
+                       "the modes cannot be computed: numbers of the curves are not finite");
     return LG_OK;
 }
 

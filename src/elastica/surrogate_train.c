@@ -478,19 +478,22 @@ lg_status lg_surrogate_problem_check(const lg_surrogate_problem *problem, lg_err
     const lg_elastica_curves *curves = problem->curves;
     if (problem->model == NULL || curves == NULL || problem->training == NULL ||
         problem->training_count == 0 || curves->boundary == NULL || curves->q == NULL || curves->v == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "no model, no curves, or nothing to learn from");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the problem has no model, no curves, or nothing to learn from");
     if (curves->intervals < LG_ELASTICA_MIN_INTERVALS || curves->intervals > LG_ELASTICA_MAX_INTERVALS)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "curves of %u intervals; %d to %d are possible",
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the curves have %u intervals; %d to %d are possible",
                        curves->intervals, LG_ELASTICA_MIN_INTERVALS, LG_ELASTICA_MAX_INTERVALS);
     LG_TRY(lg_surrogate_check_curves(problem->model, curves, error));
     LG_TRY(lg_surrogate_check_modes(problem->model, error));
     if (problem->model->options.modes > 0 && problem->model->options.gamma == 0.0 &&
         problem->coefficients == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "a network of modes learns coefficients: lg_surrogate_coefficients");
+        return lg_fail(
+            error, LG_INVALID_ARGUMENT,
+            "a network of modes learns coefficients: compute them first with lg_surrogate_coefficients");
     for (size_t i = 0; i < problem->training_count; i++)
         if (problem->training[i] >= curves->count)
-            return lg_fail(error, LG_INVALID_ARGUMENT, "curve %u is to be learned; there are %zu",
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "there is no curve %u (counted from 0) to learn: there are %zu curves",
                            problem->training[i], curves->count);
     const uint64_t per_curve = sample_count(problem) / problem->training_count;
     if (problem->training_count > UINT32_MAX / per_curve)

@@ -247,7 +247,7 @@ lg_status lg_table_evidence(const lg_context *context, const lg_table_problem *p
     lg_table_evidence_options_init(&chosen);
     if (options != NULL) chosen = *options;
     if (problem->model->options.task != LG_TABLE_REGRESSION)
-        return lg_fail(error, LG_UNSUPPORTED, "the evidence is that of a regression");
+        return lg_fail(error, LG_UNSUPPORTED, "the evidence can be computed for a regression only");
     evidence e = {.context = context,
                   .problem = problem,
                   .k = lg_kernels_for(LG_F64),

@@ -36,9 +36,8 @@ const lg_field lg_table_fields[] = {
           .value = "tanh", .meaning = "Activation of the hidden layers"),
     TABLE("model", "hidden", WHOLES, model.options, .get = get_widths, .put = put_widths, .low = 1,
           .high = 1 << 20, .most = LG_TABLE_LAYERS,
-          .otherwise = "one layer, as wide as the evidence of the data says; 32 for a classification; where "
-                       "Adam takes part or "
-                       "weight decay is given, by rows and columns",
+          .otherwise = "one layer, whose width the evidence of the data decides; 32 for a classification; "
+                       "with Adam or a given weight decay, numbers of rows and columns decide",
           .unit = "W,W,...",
           .meaning = "Widths of the hidden layers, all equal; the first one reads the inputs"),
     TABLE("model", "linear", FLAG, model.options.linear, .value_name = lg_name_truth, .value = "true",
@@ -48,7 +47,8 @@ const lg_field lg_table_fields[] = {
           .otherwise = "by the evidence of the data; none for a classification, or where --weight-decay or "
                        "--prior is given",
           .unit = "D,D,...",
-          .meaning = "Weights D/2 of the squares of each array of parameters, in their order in the file"),
+          .meaning = "Weights D/2 of the squares of each array of parameters, in the order of the arrays in "
+                     "the model file"),
     TRAINING_ROWS(lg_table_run, "method", squares, "Rows", 0, PRESET),
     TRAINING(lg_table_run, validation, REAL, .otherwise = "0.1; 0 with --test, for a regression", VALIDATION),
     LG_FIELD_END};

@@ -51,7 +51,7 @@ static lg_status probability(void *user, lg_tape *t, const lg_var *theta, const 
 static lg_status check_scaler(const lg_scaler *scaler, uint32_t columns, const char *what, lg_error *error) {
     if (scaler != NULL && scaler->channels == columns && scaler->mean != NULL && scaler->scale != NULL)
         return LG_OK;
-    return lg_fail(error, LG_INVALID_ARGUMENT, "the scaling of the %s is not that of %u columns", what,
+    return lg_fail(error, LG_INVALID_ARGUMENT, "the scaling of the %s does not have %u columns", what,
                    columns);
 }
 

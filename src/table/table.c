@@ -25,17 +25,17 @@ static lg_status check_widths(const lg_table_options *o, lg_error *error) {
     for (uint32_t i = 1; i < o->hidden_count; i++)
         if (o->hidden[i] != o->hidden[0])
             return lg_fail(error, LG_INVALID_ARGUMENT,
-                           "hidden layers of %u and %u: they must have one width, as in 32,32", o->hidden[0],
-                           o->hidden[i]);
+                           "hidden layers of widths %u and %u: all must have the same width, as in 32,32",
+                           o->hidden[0], o->hidden[i]);
     return LG_OK;
 }
 
 lg_status lg_table_init(lg_table *model, const lg_table_options *options, uint32_t inputs, uint32_t outputs,
                         lg_error *error) {
     if (model == NULL || options == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "no model or no options");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the model or the options are NULL");
     if ((unsigned)options->task >= LG_TABLE_TASK_COUNT)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "an unknown task");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "unknown task");
     if (options->task == LG_TABLE_CLASSIFICATION && outputs < 2)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%u classes; a classification has two at least", outputs);
     LG_TRY(check_widths(options, error));
@@ -43,7 +43,8 @@ lg_status lg_table_init(lg_table *model, const lg_table_options *options, uint32
     if (lg_net_init(&made.net, options->network, inputs, 0, options->hidden[0], options->hidden_count - 1,
                     outputs, options->activation) != LG_OK)
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "no network of %u inputs, %u layers of %u and %u outputs: widths are 1 to 2^20",
+                       "no network is possible with %u inputs, %u layers of width %u and %u outputs: widths "
+                       "must be 1 to 2^20",
                        inputs, options->hidden_count, options->hidden[0], outputs);
     *model = made;
     return LG_OK;

@@ -190,14 +190,14 @@ TEST("curves with nodes that no beam can have are refused where they are read") 
         for (size_t k = 0; k < LG_COUNT(lines); k++) {
             cli_run_limited(lg, lines[k], 0);
             if (strstr(result.err,
-                       "odd.h5: 1 nodes are no points of a beam, the first is node 5 of curve 3") == NULL)
+                       "odd.h5: 1 nodes cannot be points of a beam; the first is node 5 of curve 3") == NULL)
                 fail_msg("%s: %s", lines[k], result.err);
             if (fabs(sizes[i / 2]) > 1e100) assert_int_equal(result.code, 4);
         }
     }
     lg_elastica_data_destroy(&data);
     cli_json(lg, "evaluate model.h5 both.h5", "");
-    if (strstr(result.out, "no points") != NULL) fail_msg("%s", result.out);
+    if (strstr(result.out, "cannot be points") != NULL) fail_msg("%s", result.out);
 }
 
 /* Processor time of the children that have ended. Unlike elapsed time it is the same on a busy machine. */
@@ -335,8 +335,9 @@ TEST("the energy loss trains a network from boundary conditions alone") {
     assert_true(json_number(result.out, "test_mse") < 1e-3);
     cli_run(lg, "generate --count 12 --intervals 40 --continuous --out smooth.h5");
     json("train smooth.h5 --loss energy --epochs 300 --out e.h5",
-         "warnings [\"--loss energy learns the beams of the discrete energy on 40 intervals; errors against "
-         "continuous values contain their difference from these\"]");
+         "warnings [\"--loss energy learns solutions of the discrete problem with 40 intervals, but the data "
+         "are "
+         "continuous solutions: the errors include the difference between the two\"]");
 }
 
 TEST("a prediction outside the training range is printed with a warning") {

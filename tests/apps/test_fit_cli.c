@@ -362,7 +362,7 @@ TEST("a constant column and one that --without excludes have no effect: the bits
     if (strstr(result.err, "warning") != NULL) fail_msg("%s", result.err);
     cli_expect(fit, "train pump.csv --without tag --out all.h5 --validation 0.2", 0,
                "48 of 60 rows, 2 inputs");
-    assert_says(result.err, "column unit is constant: it says nothing and is left out");
+    assert_says(result.err, "column unit is constant: it carries no information and is left out");
     cli_expect(fit,
                "train pump.csv --without tag --out part.h5 --validation 0.2 --stop-after 2 --checkpoint "
                "pump.chk",
@@ -387,7 +387,7 @@ TEST("a constant column and one that --without excludes have no effect: the bits
     cli_expect(fit,
                "search ranges.yaml pump.csv --outputs \"rate,kg/s\" --without tag --trials 1 --out p.csv", 0,
                "train pump.csv --outputs '\"rate,kg/s\"' --without tag --epochs 3");
-    assert_says(result.err, "column unit is constant: it says nothing and is left out");
+    assert_says(result.err, "column unit is constant: it carries no information and is left out");
     cli_expect(fit, "train pump.csv --class \"tag\" --inputs a,y --out tag.h5 --epochs 3", 0,
                "classification");
     cli_expect(fit, "evaluate tag.h5 pump.csv", 0, "accuracy");
@@ -403,7 +403,7 @@ TEST("the help says what --plot draws, where the picture's data are written, and
             text[used++] = *c == '\n' ? ' ' : *c;
     text[used] = '\0';
     assert_says(text, "Draw predicted against true values, or the table of confusion; its data and script");
-    assert_says(text, "as wide as the evidence of the data says");
+    assert_says(text, "whose width the evidence of the data decides");
     if (strstr(text, "Draw the loss") != NULL) fail_msg("%s", result.out);
 }
 
@@ -507,8 +507,8 @@ static const odd odds[] = {
     {"# only a remark\n", "", 3, "is empty"},
     {"a,b,y\n", "", 3, "has a header, but no rows"},
     {"a,b,y\n\n\n", "", 3, "has a header, but no rows"},
-    {"a,b,y\n1,2,3\n", "", 3, "one complete row"},
-    {"a,b,y\n1,2,3\n,5,6\n", "", 3, "one complete row"},
+    {"a,b,y\n1,2,3\n", "", 3, "has 1 complete row; at least two are needed"},
+    {"a,b,y\n1,2,3\n,5,6\n", "", 3, "has 1 complete row; at least two are needed"},
     {"a,b,y\n1,2,\n1,,3\n,2,3\n", "", 3, "all 3 rows have missing cells"},
     {"a,b,y\n1,2,3\n4,5\n", "", 3, "line 3: has 2 cells, the header has 3"},
     {"a,b,y\n1,2,3\n4,5,6,7\n", "", 3, "line 3: has 4 cells"},
@@ -539,17 +539,17 @@ static const odd odds[] = {
     {"a,b,k\n1,2,3\n4,5,6\n", "--without k --class k", 2, "--without: column k is an output"},
     {"a,b,y\n1,2,3\n4,5,6\n", "--without a,b", 3, "there is no column to learn from"},
     {"a,b,y\n4,2,3\n4,2,6\n4,2,7\n", "", 3, "all inputs are constant: there is nothing to learn from"},
-    {"a,b,y\n1,2,3\n4,5,6\n", "--inputs a,a", 2, "'a' is there twice"},
+    {"a,b,y\n1,2,3\n4,5,6\n", "--inputs a,a", 2, "'a' is given twice"},
     {"a,b,y\n1,2,3\n4,5,6\n", "--inputs a,y --outputs y", 2, "column y is an input and an output"},
-    {"a,b,y\n1,2,3\n4,5,6\n", "--outputs y --class b", 2, "by regression or by classification"},
+    {"a,b,y\n1,2,3\n4,5,6\n", "--outputs y --class b", 2, "--outputs and --class cannot be given together"},
     {"y\n1\n2\n3\n", "", 3, "there is no column to learn from"},
     {"a,k\n1,x\n2,x\n3,x\n", "--class k", 3, "one class only"},
     {"a,k\n1,x\n2,\n3,x\n", "--class k", 3, "one class only"},
     {"a,b,y\n1,\"2,3\n4,5,6\n", "", 3, "a quote is not closed"},
     {"a,b,y\n1,\"2\"3,4\n4,5,6\n", "", 3, "text follows a closing quote"},
     {"a\001,b,y\n1,2,3\n4,5,6\n", "", 3, "control characters"},
-    {"a,b,y\n1,2,3\n4,5,6\n", "--hidden 4,5", 2, "one width"},
-    {"a,b,y\n1,2,3\n4,5,6\n", "--decay 1,2", 2, "2 numbers; the model has"},
+    {"a,b,y\n1,2,3\n4,5,6\n", "--hidden 4,5", 2, "all must have the same width"},
+    {"a,b,y\n1,2,3\n4,5,6\n", "--decay 1,2", 2, "--decay: has 2 numbers, but the model has"},
     {"a,b,y\n1,2,3\n4,5,6\n", "--activation best", 2, "not one of"},
     {",,\n1,2,3\n4,5,6\n", "", 3, "there is no column with a name"},
     /* These succeed. */
@@ -567,16 +567,16 @@ static const odd odds[] = {
     {",b,y\n0,2,3\n1,5,6\n2,8,8\n", "", -1, "column 1 has no name and is not used"},
     {"a,b,\n0,2,3\n1,5,6\n2,8,8\n", "", -1, "the output is the last column, b;"},
     {"a,b,y\n1,2,3\n4,5,6\n7,nan,9\n7,8,8\n", "", -1, "1 of 4 rows have missing cells"},
-    {"a,b,y\n1,2,3\n4,2,6\n7,2,8\n", "", -1, "column b is constant: it says nothing and is left out"},
+    {"a,b,y\n1,2,3\n4,2,6\n7,2,8\n", "", -1,
+     "column b is constant: it carries no information and is left out"},
     {"a,b,y\n1,2,3\n4,5,3\n7,8,3\n", "", -1, "column y is constant"},
-    {"a,b,y\n1,2,3\n4,5,6\n1,2,3\n4,5,6\n1,2,3\n", "--validation 0.4", -1,
-     "3 rows are repetitions of others"},
+    {"a,b,y\n1,2,3\n4,5,6\n1,2,3\n4,5,6\n1,2,3\n", "--validation 0.4", -1, "3 rows repeat other rows"},
     {"a,b,y\n1,2,3\n1,2,3\n1,2,3\n1,2,3\n2,3,4\n1,2,3\n1,2,3\n", "--validation 0.5", -1,
-     "in the training and in the validation part"},
+     "both in the training and in the validation part"},
     {"a,b,y\n1e300,2,3\n-1e300,5,6\n3,8,8\n", "", -1, ""},
     {"a,b,y\n1e-300,2,1e-300\n2e-300,5,1e-305\n3e-300,8,2e-300\n", "", -1, ""},
     {"a,b,y\n1,2,1e300\n4,5,-1e300\n7,8,1e299\n", "", -1, ""},
-    {"a,k\n1,x\n2,y\n3,x\n4,x\n", "--class k", -1, "class 'y' has 1 row"},
+    {"a,k\n1,x\n2,y\n3,x\n4,x\n", "--class k", -1, "class 'y' has only 1 row"},
     {"a,b,y\n1,2,3\n4,5,6\n7,8", "", -1, "the last line was cut off and left out"},
 };
 

@@ -280,7 +280,7 @@ static const refusal elastica[] = {
     {TRAIN "--resume {data.h5 missing.h5 model.h5}", 3, "%"},
     {TRAIN "--resume data.h5 --checkpoint data.h5", 2, "--checkpoint: data.h5 is an input"},
     {TRAIN "--modes 40", 2, "40 modes"},
-    {TRAIN "--loss energy --angles false", 2, "angles alone"},
+    {TRAIN "--loss energy --angles false", 2, "only the discrete network of angles"},
     {TRAIN "--network angle --gamma 1", 2, "--gamma: --network angle has no such option"},
     {"evaluate model.h5 link.dat --plot link.svg", 2, "--plot: link.dat is an input"},
     {"predict model.h5 --x 1 --out model.h5", 2, "--out: model.h5 is an input"},

@@ -235,7 +235,7 @@ TEST("errors in a file are refused by name, and the format of other programs is 
         {"q", ARRAY(0, 5, 11, 2), LG_FORMAT, "5 curves"},
         {"q", ARRAY(INFINITY, 6, 11, 2), LG_NOT_FINITE, "(0, 0, 0)"},
         {"q", ARRAY(0, 6, 11, 2), LG_FORMAT, "ends at"},
-        {"v", ARRAY(0, 6, 12, 2), LG_FORMAT, "12 nodes a curve, /q has 11"},
+        {"v", ARRAY(0, 6, 12, 2), LG_FORMAT, "has 12 nodes per curve, but /q has 11"},
         {"v", ARRAY(0, 7, 11, 2), LG_FORMAT, "7 curves"},
         {"v", ARRAY(NAN, 6, 11, 2), LG_NOT_FINITE, "(0, 0, 0)"},
         {"v", ARRAY(0.6, 6, 11, 2), LG_FORMAT, "begins at"},

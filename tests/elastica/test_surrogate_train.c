@@ -151,7 +151,7 @@ TEST("the loss on a tape agrees with the loss computed from curves") {
             }
             const lg_surrogate_problem problem = problem_of(&other, &set, everything, CURVES);
             assert_status(lg_surrogate_problem_check(&problem, &error), LG_SHAPE);
-            assert_non_null(strstr(error.message, "a discrete network of 12;"));
+            assert_non_null(strstr(error.message, "a discrete network for 12 intervals;"));
         }
     }
 }

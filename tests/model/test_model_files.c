@@ -154,7 +154,7 @@ static const char *fresh_first_table(void) {
 TEST("errors in a table network are refused by name") {
     static const damage rows[] = {
         {"model@task", TEXT("guessing"), LG_FORMAT, "task"},
-        {"model@hidden", TEXT("4,5"), LG_FORMAT, "one width"},
+        {"model@hidden", TEXT("4,5"), LG_FORMAT, "all must have the same width"},
         {"scaler/inputs/mean", GONE, LG_FORMAT, "scaler/inputs/mean"},
         {"scaler/outputs/scale", GONE, LG_FORMAT, "scaler/outputs/scale"},
         {"run@decay", TEXT("1,2"), LG_FORMAT, "decay"},

@@ -381,7 +381,7 @@ TEST("invalid table networks are refused with a message") {
     lg_table_options options = NETWORK(MLP, TANH, 2, 4, true);
     options.hidden[1] = 5;
     assert_status(lg_table_init(&model, &options, 2, 1, &error), LG_INVALID_ARGUMENT);
-    assert_says(error.message, "one width");
+    assert_says(error.message, "all must have the same width");
     options.hidden_count = 0;
     assert_status(lg_table_init(&model, &options, 2, 1, &error), LG_INVALID_ARGUMENT);
     options.hidden_count = 1;

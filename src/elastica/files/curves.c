@@ -57,8 +57,8 @@ static lg_status read_nodes(read_call *call, const char *name, uint64_t dims[4],
 }
 
 static lg_status wrong_count(const read_call *call, const char *name, uint64_t got, lg_error *error) {
-    return lg_fail(error, LG_FORMAT, "%s: /%s: %llu curves, /boundary has %zu", lg_shown_path(call->path),
-                   name, (unsigned long long)got, call->out->curves.count);
+    return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu curves, but /boundary has %zu",
+                   lg_shown_path(call->path), name, (unsigned long long)got, call->out->curves.count);
 }
 
 static lg_status read_arrays(read_call *call, lg_error *error) {
@@ -75,7 +75,7 @@ static lg_status read_arrays(read_call *call, lg_error *error) {
     LG_TRY(read_nodes(call, "v", v, &c->v, error));
     if (v[0] != c->count) return wrong_count(call, "v", v[0], error);
     if (v[1] != q[1])
-        return lg_fail(error, LG_FORMAT, "%s: /v: %llu nodes a curve, /q has %llu", shown,
+        return lg_fail(error, LG_FORMAT, "%s: /v: has %llu nodes per curve, but /q has %llu", shown,
                        (unsigned long long)v[1], (unsigned long long)q[1]);
     c->intervals = (uint32_t)(q[1] - 1);
     return LG_OK;
@@ -223,7 +223,8 @@ static lg_status estimate_length(const read_call *call, lg_error *error) {
     const double length = agreed_length(c, lengths);
     lg_free(call->context, lengths);
     if (!(length >= 1e-100 && length <= 1e100))
-        return lg_fail(error, LG_FORMAT, "%s: /q: curves of length %g", lg_shown_path(call->path), length);
+        return lg_fail(error, LG_FORMAT, "%s: /q: the length of the curves is %g, expected 1e-100 to 1e100",
+                       lg_shown_path(call->path), length);
     c->length = rounded(length);
     return LG_OK;
 }
@@ -291,7 +292,8 @@ static lg_status read_checked(void *user, lg_h5 *h5, lg_error *error) {
 
 lg_status lg_elastica_data_read(const lg_context *context, const char *path, const lg_read_options *options,
                                 lg_elastica_data *out, lg_error *error) {
-    if (path == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name");
+    if (path == NULL || out == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the path or the place for the data is NULL");
     lg_elastica_data made = {.curves = {.context = context}};
     read_call call = {.context = context, .path = path, .out = &made};
     const lg_status status = lg_h5_read(context, path, options, read_checked, &call, error);
@@ -340,8 +342,8 @@ static lg_status check_written(const char *path, const lg_elastica_curves *c, lg
                 lg_check_finite(path, arrays[i].name, arrays[i].rank, arrays[i].dims, arrays[i].data, error));
     for (size_t i = 0; c->kind != NULL && i < c->count; i++)
         if (c->kind[i] >= LG_ELASTICA_CASE_COUNT)
-            return lg_fail(error, LG_INVALID_ARGUMENT, "%s: /case: %u at index (%zu)", lg_shown_path(path),
-                           c->kind[i], i);
+            return lg_fail(error, LG_INVALID_ARGUMENT, "%s: /case: is %u at index (%zu), expected 0 to %d",
+                           lg_shown_path(path), c->kind[i], i, LG_ELASTICA_CASE_COUNT - 1);
     return LG_OK;
 }
 
@@ -368,7 +370,8 @@ lg_status lg_elastica_data_write(const lg_context *context, const char *path, lg
         data->curves.v == NULL || data->curves.count < 1 ||
         data->curves.intervals < LG_ELASTICA_MIN_INTERVALS ||
         data->curves.intervals > LG_ELASTICA_MAX_INTERVALS)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "curves need a file name, boundary conditions and nodes");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "to write curves, a path, boundary conditions and nodes are needed");
     lg_h5 *h5;
     LG_TRY(check_written(path, &data->curves, error));
     LG_TRY(lg_h5_create(context, path, &h5, error));

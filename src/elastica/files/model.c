@@ -32,8 +32,8 @@ static lg_status build(lg_h5 *h5, void *user, lg_error *error) {
     const lg_surrogate_options options = model->options;
     if (lg_surrogate_init(&run->model, &options, model->intervals, model->length, model->centre, &reason) !=
         LG_OK)
-        return lg_fail(error, LG_FORMAT, "%s: /model: the attributes are no network: %s", shown,
-                       reason.message);
+        return lg_fail(error, LG_FORMAT, "%s: /model: the attributes do not describe a possible network: %s",
+                       shown, reason.message);
     return LG_OK;
 }
 
@@ -74,7 +74,8 @@ static bool slice(const void *run, uint32_t index, lg_slice_info *out) {
 /* ---- other arrays and numbers of the file ---- */
 
 static lg_status missing_modes(const lg_h5 *h5, lg_status status, lg_error *error) {
-    return lg_fail(error, status, "%s: a model with modes without their numbers", lg_shown_path(h5->path));
+    return lg_fail(error, status, "%s: the model has modes, but the numbers of the modes are missing",
+                   lg_shown_path(h5->path));
 }
 
 /* Writes /model/mean (n) and /model/modes (K, n), n = 4(N - 1). */
@@ -95,7 +96,7 @@ static lg_status get_fixed(lg_h5 *h5, const char *name, uint32_t rank, const uin
     uint32_t found;
     LG_TRY(lg_as_format(lg_h5_shape(h5, name, &found, dims, NULL, error), error));
     if (found != rank || memcmp(dims, wanted, rank * sizeof *dims) != 0)
-        return lg_fail(error, LG_FORMAT, "%s: /%s: has the wrong shape for the attributes of /model",
+        return lg_fail(error, LG_FORMAT, "%s: /%s: the shape does not fit the attributes of /model",
                        lg_shown_path(h5->path), name);
     LG_TRY(lg_as_format(lg_h5_get(h5, name, LG_ELEMENT_F64, rank, wanted, out, error), error));
     return lg_check_finite(h5->path, name, rank, wanted, out, error);

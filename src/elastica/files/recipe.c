@@ -43,11 +43,11 @@ lg_status lg_elastica_data_judge(const lg_context *context, const char *path, lg
         for (size_t k = (size_t)curves->intervals + 1; k-- > 0;)
             if (is_impossible(curves, i, k)) curve = i, node = k, count++;
     if (count > 0)
-        lg_log_message(
-            context, LG_LOG_WARNING,
-            "%s: %zu nodes are no points of a beam, the first is node %zu of curve %zu (from 0): more than "
-            "twice the length from its start, or a tangent longer than 2; most of the error comes from them",
-            path, count, node, curve);
+        lg_log_message(context, LG_LOG_WARNING,
+                       "%s: %zu nodes cannot be points of a beam; the first is node %zu of curve %zu (both "
+                       "counted from 0): such a node is farther from the beam's start than twice the length, "
+                       "or its tangent is longer than 2; most of the error comes from these nodes",
+                       path, count, node, curve);
     return LG_OK;
 }
 
@@ -121,8 +121,8 @@ static lg_status hold_out(lg_learning *self, double validation, lg_error *error)
     for (size_t i = 0; i < s->test.count; i++) s->test.list[i] = whole.list[s->test.list[i]];
     if (status == LG_OK && s->train.count > 0 && s->test.count > 0) return LG_OK;
     return lg_fail(error, LG_INVALID_ARGUMENT,
-                   "--validation %g: of %zu curves, the training or validation part has none", validation,
-                   whole.count);
+                   "--validation %g: the training part or the validation part has none of the %zu curves",
+                   validation, whole.count);
 }
 
 /* Picks `most` curves of a part at even distances in it, or all curves if `most` is 0. */
@@ -320,8 +320,8 @@ static lg_status judge(lg_learning *self, double *theta, lg_error *error) {
     LG_TRY(errors_of(self, &s->test, theta, &test, error));
     if (model->options.loss == LG_SURROGATE_ENERGY && s->data.curves.continuous)
         LG_WARN(self,
-                "--loss energy learns the beams of the discrete energy on %u intervals; errors against "
-                "continuous values contain their difference from these",
+                "--loss energy learns solutions of the discrete problem with %u intervals, but the data are "
+                "continuous solutions: the errors include the difference between the two",
                 model->intervals);
     self->verdict = (lg_learning_verdict){.what = "mean squared error",
                                           .guess = "the mean curve",

@@ -81,10 +81,10 @@ lg_status lg_table_names_parse(const lg_context *context, const char *option, co
         at = take_name(at, name);
         if (at == NULL)
             return lg_fail(error, LG_INVALID_ARGUMENT,
-                           "--%s: names of 1 to %d bytes are expected, with commas between them", option,
+                           "--%s: expected names of 1 to %d bytes, with commas between them", option,
                            LG_TABLE_NAME - 1);
         if (has_name(out, name))
-            return lg_fail(error, LG_INVALID_ARGUMENT, "--%s: '%s' is there twice", option, name);
+            return lg_fail(error, LG_INVALID_ARGUMENT, "--%s: '%s' is given twice", option, name);
         add_name(out, name);
         if (*at == '\0') return LG_OK;
     }
@@ -95,7 +95,7 @@ lg_status lg_table_class_parse(const char *text, lg_table_text out, lg_error *er
     const char *end = text[0] == '"' ? take_name(text, out) : text + strlen(text);
     if (text[0] != '"' && strlen(text) < LG_TABLE_NAME) (void)snprintf(out, LG_TABLE_NAME, "%s", text);
     if (end != NULL && *end == '\0' && out[0] != '\0') return LG_OK;
-    return lg_fail(error, LG_INVALID_ARGUMENT, "--class: one name of 1 to %d bytes is expected",
+    return lg_fail(error, LG_INVALID_ARGUMENT, "--class: expected one name of 1 to %d bytes",
                    LG_TABLE_NAME - 1);
 }
 
@@ -201,7 +201,8 @@ lg_status lg_table_choose(lg_learning *self, lg_error *error) {
     lg_table_names all = {.count = 0};
     if (s->given.outputs != NULL && !lg_table_is_regression(s))
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "--outputs and --class: a table is learned by regression or by classification");
+                       "--outputs and --class cannot be given together: one is for a regression, the other "
+                       "for a classification");
     LG_TRY(lg_table_names_read(self->context, self->paths[0], NULL, &all, error));
     const lg_status status = name_columns(self, &all, error);
     lg_table_names_destroy(&all);

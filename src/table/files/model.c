@@ -34,11 +34,12 @@ static lg_status build(lg_h5 *h5, void *user, lg_error *error) {
     const char *shown = lg_shown_path(h5->path);
     lg_error reason = {LG_OK, ""};
     if (lg_table_init(&run->model, &options, run->model.net.inputs, run->model.net.outputs, &reason) != LG_OK)
-        return lg_fail(error, LG_FORMAT, "%s: /model: the attributes are no network: %s", shown,
-                       reason.message);
+        return lg_fail(error, LG_FORMAT, "%s: /model: the attributes do not describe a possible network: %s",
+                       shown, reason.message);
     if (!decay_fits(run))
-        return lg_fail(error, LG_FORMAT, "%s: /run: attribute decay: %u numbers, the model has %u arrays",
-                       shown, run->decay.count, lg_table_slices(&run->model));
+        return lg_fail(error, LG_FORMAT,
+                       "%s: /run: attribute decay: has %u numbers, but the model has %u arrays", shown,
+                       run->decay.count, lg_table_slices(&run->model));
     return LG_OK;
 }
 
@@ -104,7 +105,7 @@ static lg_status put_scaler(lg_h5 *h5, const char *name, const lg_scaler *scaler
                             lg_error *error) {
     char path[64];
     if (scaler->channels != columns || scaler->mean == NULL || scaler->scale == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: /scaler/%s: %u columns, the model has %u",
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: /scaler/%s: has %u columns, but the model has %u",
                        lg_shown_path(h5->path), name, scaler->channels, columns);
     LG_TRY(check_scales(h5, name, scaler, LG_INVALID_ARGUMENT, error));
     (void)snprintf(path, sizeof path, "scaler/%s/mean", name);
@@ -152,7 +153,7 @@ static lg_status get_column(lg_h5 *h5, const char *name, uint32_t count, double 
     uint64_t dims[4];
     LG_TRY(lg_as_format(lg_h5_get_doubles(h5, name, 1, dims, out, error), error));
     if (dims[0] == count) return LG_OK;
-    return lg_fail(error, LG_FORMAT, "%s: /%s: %llu numbers, the model has %u columns",
+    return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu numbers, but the model has %u columns",
                    lg_shown_path(h5->path), name, (unsigned long long)dims[0], count);
 }
 
@@ -179,7 +180,7 @@ static lg_status take_name(void *user, uint64_t index, const char *text, lg_erro
     const size_t length = strlen(text);
     (void)index;
     if (call->found >= call->count || length == 0 || length >= LG_TABLE_NAME)
-        return lg_fail(error, LG_FORMAT, "%s: /%s: %u names of 1 to %d bytes are expected",
+        return lg_fail(error, LG_FORMAT, "%s: /%s: expected %u names of 1 to %d bytes",
                        lg_shown_path(call->h5->path), call->name, call->count, LG_TABLE_NAME - 1);
     char *to = call->names[call->found++];
     memset(to, 0, LG_TABLE_NAME);
@@ -198,7 +199,7 @@ static lg_status get_names(lg_h5 *h5, const char *name, const char *letter, uint
     if (!lg_h5_has(h5, name)) return LG_OK;
     LG_TRY(lg_as_format(lg_h5_each_text(h5, name, take_name, &call, error), error));
     if (call.found == count) return LG_OK;
-    return lg_fail(error, LG_FORMAT, "%s: /%s: %u names, the model has %u columns or classes",
+    return lg_fail(error, LG_FORMAT, "%s: /%s: has %u names, but the model has %u columns or classes",
                    lg_shown_path(h5->path), name, call.found, count);
 }
 

@@ -61,10 +61,9 @@ static lg_table_run usual_run(const lg_table_state *s) {
 static lg_status check_plan(const lg_table_state *s, const lg_fit_plan *plan, lg_error *error) {
     for (uint32_t i = 0; i < plan->phases && !lg_table_is_regression(s); i++)
         if (lg_fit_method_squares((lg_fit_method)plan->phase[i].method))
-            return lg_fail(
-                error, LG_UNSUPPORTED,
-                "--method lm: takes sums of squares; a classification is learned by lbfgs, ssbroyden "
-                "or adam");
+            return lg_fail(error, LG_UNSUPPORTED,
+                           "--method lm minimises only sums of squares; for a classification, take lbfgs, "
+                           "ssbroyden or adam");
     return LG_OK;
 }
 
@@ -115,7 +114,7 @@ static lg_status fit_scaler(lg_learning *self, lg_error *error) {
         lg_table_scaler_fit(self->context, data->values, data->columns, s->order, s->trained, &s->scaler);
     for (uint32_t c = 0; c < s->inputs.count && status == LG_OK; c++)
         status = fit_without_far(self->context, s, c, column, chosen);
-    return status == LG_OK ? LG_OK : lg_fail(error, status, "the scaling of the columns");
+    return status == LG_OK ? LG_OK : lg_fail(error, status, "the columns cannot be scaled");
 }
 
 /* `count` columns of the scaler from `first` on; borrows its arrays. */
@@ -162,8 +161,8 @@ static void warn_few(const lg_learning *self) {
     if (s->few_told || s->trained >= least) return;
     s->few_told = true;
     LG_WARN(self,
-            "%s: there are too few rows: %zu to learn from, with %zu inputs; at least %zu are wanted; errors "
-            "and noise say little",
+            "%s: there are too few rows: %zu to learn from, with %zu inputs; at least %zu are needed for "
+            "reliable figures of errors and noise",
             s->table.path, s->trained, inputs, least);
 }
 
@@ -202,7 +201,7 @@ static lg_status find_start(lg_learning *self, lg_error *error) {
     if (seeks_evidence(self)) return lg_table_find_start(self, !self->given(self, "hidden"), error);
     if (given != 0 && given != slices)
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "--decay: %u numbers; the model has %u arrays of parameters", given, slices);
+                       "--decay: has %u numbers, but the model has %u arrays of parameters", given, slices);
     return lg_table_first_parameters(self, &self->theta, error);
 }
 
@@ -319,7 +318,7 @@ static lg_status judge_parts(lg_learning *self, lg_error *error) {
 static lg_status warn_far_outputs(const lg_learning *self, const lg_table_sheet *sheet, lg_error *error) {
     const lg_table_file *file = &((lg_table_state *)self->state)->file;
     return lg_table_warn_far(self->context, sheet, sheet->inputs, file->output_name, sheet->outputs,
-                             "most of the error comes from them", error);
+                             "most of the error comes from these cells", error);
 }
 
 static lg_status warn_of_parts(lg_learning *self, lg_error *error) {
@@ -328,8 +327,8 @@ static lg_status warn_of_parts(lg_learning *self, lg_error *error) {
     LG_TRY(lg_table_warn_repeated(self, error));
     if (j->rows < 2)
         LG_WARN(self,
-                "the %s part has one row, which cannot say how good the model is; --test TABLE judges it on "
-                "others",
+                "the %s part has one row, which is too few to judge the model; --test TABLE judges it on "
+                "other rows",
                 s->part);
     if (s->given.test == NULL) return LG_OK;
     lg_table_warn_outside(self->context, j->outside, j->rows, s->given.test, self->model);
@@ -365,8 +364,8 @@ static void judge_training(lg_learning *self) {
             (lg_learning_verdict){.what = what, .guess = simple, .error = wrong, .guessed = guess};
     else if (!(wrong < LEARNED * guess))
         LG_WARN(self,
-                "the model has learned nothing: its %s %.3g is not below %.3g, that of %s; the inputs say "
-                "nothing of the outputs, or there are too few rows",
+                "the model has learned nothing: its %s %.3g is not below %.3g, which always predicting %s "
+                "gives; the inputs do not determine the outputs, or there are too few rows",
                 what, wrong, guess, simple);
     self->verdict.failed = lg_table_warn_errors(self->context, &s->file, &s->judged,
                                                 s->given.test != NULL ? s->given.test : s->table.path);

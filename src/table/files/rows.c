@@ -121,8 +121,8 @@ static lg_status fail_columns(lg_learning *self, lg_error *error) {
     lg_table_names_list(&bad, &list);
     if (list.data != NULL) lg_text_add_word(&word, list.data);
     if (word.data != NULL)
-        (void)lg_fail(error, was.status, "%.250s; --without %s leaves out what is no number", was.message,
-                      word.length <= MOST_SHOWN ? word.data : "A,B,...");
+        (void)lg_fail(error, was.status, "%.250s; --without %s leaves out columns that are not numbers",
+                      was.message, word.length <= MOST_SHOWN ? word.data : "A,B,...");
     lg_text_destroy(&word);
     lg_text_destroy(&list);
     return was.status;
@@ -168,7 +168,8 @@ static lg_status leave_constant(lg_learning *self, lg_error *error) {
         if (constant)
             LG_WARN(self, "%s: column %s is constant: %s", s->table.path,
                     lg_table_quote(column_name(s, c), quoted),
-                    input ? "it says nothing and is left out" : "there is nothing to learn of it");
+                    input ? "it carries no information and is left out"
+                          : "there is nothing to learn about it");
     }
     keep_columns(s, keep);
     if (s->inputs.count > 0) return LG_OK;
@@ -192,8 +193,8 @@ static lg_status check_spread(const lg_table_state *s, uint32_t column, lg_error
     const double least = values[low * data->columns], largest = values[high * data->columns];
     if (largest == least || largest - least >= DBL_MIN * sqrt(2.0 * (double)data->rows)) return LG_OK;
     return lg_fail(error, LG_FORMAT,
-                   "%s: column %s: its values, from %.3g in %s %zu to %.3g in %s %zu, differ by less than "
-                   "can be scaled: give the column in a smaller unit",
+                   "%s: column %s: its values, from %.3g in %s %zu to %.3g in %s %zu, differ by too little "
+                   "to be scaled: give the column in a smaller unit",
                    s->table.path, lg_table_quote(column_name(s, column), quoted), least, data->place,
                    data->line[low], largest, data->place, data->line[high]);
 }
@@ -212,7 +213,7 @@ lg_status lg_table_warn_far(const lg_context *context, const lg_table_sheet *she
         if (far.count == 0 || told++ >= MOST_TOLD) continue;
         lg_log_message(context, LG_LOG_WARNING,
                        "%s: column %s: %zu of %zu cells %s far from all others, the farthest in %s %zu: %.6g "
-                       "(the median is %.6g); %s; a cell that is an error is to be left empty",
+                       "(the median is %.6g); %s; if a cell is an error, leave it empty",
                        sheet->path, lg_table_quote(name[c], quoted), far.count, data->rows,
                        far.count == 1 ? "lies" : "lie", data->place, data->line[far.farthest],
                        values[far.farthest * data->columns], far.median, follows);
@@ -229,9 +230,10 @@ static lg_status check_cells(lg_learning *self, lg_error *error) {
     const lg_table_sheet *sheet = &s->table;
     for (uint32_t c = 0; c < sheet->data.columns; c++) LG_TRY(check_spread(s, c, error));
     LG_TRY(lg_table_warn_far(self->context, sheet, 0, s->inputs.name, s->inputs.count,
-                             "the column is scaled without them, and the fit has to follow them", error));
+                             "the column is scaled without these cells, but the fit has to follow them",
+                             error));
     return lg_table_warn_far(self->context, sheet, s->inputs.count, s->outputs.name, sheet->outputs,
-                             "the fit follows them, and most of its error comes from them", error);
+                             "the fit follows these cells, and most of its error comes from them", error);
 }
 
 /* ---- classes ---- */
@@ -248,7 +250,7 @@ static lg_status count_classes(lg_learning *self, uint64_t *members, lg_error *e
                        s->table.path, s->class_name);
     for (uint32_t c = 0; c < data->classes; c++)
         if (members[c] < 2)
-            LG_WARN(self, "%s: class '%s' has %llu %s", s->table.path, data->class_name[c],
+            LG_WARN(self, "%s: class '%s' has only %llu %s", s->table.path, data->class_name[c],
                     (unsigned long long)members[c], members[c] == 1 ? "row" : "complete rows");
     return LG_OK;
 }
@@ -278,7 +280,8 @@ static lg_status read_learned(lg_learning *self, lg_error *error) {
     warn_cut(self->context, sheet);
     LG_TRY(leave_incomplete(self, sheet, error));
     if (sheet->data.rows < 2)
-        return lg_fail(error, LG_FORMAT, "%s: has one complete row; two at least are needed", sheet->path);
+        return lg_fail(error, LG_FORMAT, "%s: has %zu complete row%s; at least two are needed", sheet->path,
+                       sheet->data.rows, sheet->data.rows == 1 ? "" : "s");
     LG_TRY(leave_constant(self, error));
     LG_TRY(check_cells(self, error));
     return lg_table_is_regression(s) ? LG_OK : take_classes(self, error);
@@ -341,11 +344,11 @@ lg_status lg_table_warn_repeated(lg_learning *self, lg_error *error) {
         if (!same) first = i, both = false;
         if (same && !both && rows[i].trained != rows[first].trained) both = true, shared++;
     }
-    if (repeated > 0) LG_WARN(self, "%s: %zu rows are repetitions of others", s->table.path, repeated);
+    if (repeated > 0) LG_WARN(self, "%s: %zu rows repeat other rows", s->table.path, repeated);
     if (shared > 0)
         LG_WARN(self,
-                "%s: %zu different rows are in the training and in the validation part: the errors there are "
-                "too good",
+                "%s: %zu different rows are both in the training and in the validation part: the validation "
+                "errors are too small",
                 s->table.path, shared);
     return LG_OK;
 }

@@ -140,7 +140,9 @@ static lg_status choose_width(lg_learning *self, size_t rows, lg_error *error) {
     *run = r.best;
     self->theta = r.theta;
     if (status != LG_OK) return status;
-    return r.theta != NULL ? LG_OK : lg_fail(error, LG_NOT_FINITE, "no width has finite residuals");
+    return r.theta != NULL
+               ? LG_OK
+               : lg_fail(error, LG_NOT_FINITE, "the residuals are not finite at any width of the network");
 }
 
 /* ---- priors ---- */
@@ -164,11 +166,11 @@ static lg_status find_priors(lg_learning *self, bool go_on, double least_rows, l
     const lg_status status = lg_table_evidence(self->context, &s->problem, &options, self->theta,
                                                run->decay.value, &s->evidence, error);
     if (status == LG_OK && !go_on && !s->evidence.settled && 2 * options.evaluations < most)
-        LG_WARN(
-            self,
-            "the search for weight decays ended after %u evaluations, before it settled: the network may be "
-            "fitted too loosely; take a narrower one, or --method ssbroyden --weight-decay 0",
-            s->evidence.evaluations);
+        LG_WARN(self,
+                "the search for weight decays ended after %u evaluations, before it settled: the network may "
+                "not follow the data closely enough; take a narrower network (--hidden), or --method "
+                "ssbroyden --weight-decay 0",
+                s->evidence.evaluations);
     s->evidence.evaluations += before;
     return status;
 }
