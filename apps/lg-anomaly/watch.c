@@ -533,7 +533,7 @@ static void open_novelty(watching *self) {
     self->silence.without = app_alloc(b->model->channels, sizeof *self->silence.without);
     if (novelty->channels == 0) {
         app_warn(self->app,
-                 "the model does not know what its training windows look like: a dead sensor gets a "
+                 "the model has no record of what its training windows look like: a dead sensor gets a "
                  "class, too; train it again");
         return;
     }

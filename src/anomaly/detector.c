@@ -15,7 +15,7 @@ const char *lg_detector_loss_name(lg_detector_loss loss) {
 
 lg_status lg_detector_check(const lg_detector *model, lg_error *error) {
     (void)lg_fail(error, LG_OK, "%s", "");
-    if (model == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "there is no detector");
+    if (model == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "the detector is NULL");
     if ((unsigned)model->loss >= LG_DETECTOR_LOSS_COUNT)
         return lg_fail(error, LG_INVALID_ARGUMENT, "unknown loss");
     if (model->classes < 2)
@@ -29,13 +29,13 @@ lg_status lg_detector_check(const lg_detector *model, lg_error *error) {
     const uint32_t outputs = mse ? 1 : model->classes;
     if (model->net.outputs != outputs)
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "a network of %" PRIu32 " outputs; %" PRIu32 " classes with the loss \"%s\" take "
-                       "%" PRIu32,
+                       "the network has %" PRIu32 " outputs, but %" PRIu32
+                       " classes with the loss \"%s\" need %" PRIu32,
                        model->net.outputs, model->classes, loss_names[model->loss], outputs);
     lg_cnn again = model->net;
     LG_TRY(lg_cnn_init(&again, error));
     if (memcmp(again.lengths, model->net.lengths, sizeof again.lengths) != 0)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the network has not been through lg_cnn_init");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the network was not initialised with lg_cnn_init");
     return LG_OK;
 }
 

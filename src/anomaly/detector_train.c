@@ -20,12 +20,14 @@ static lg_status check_data(const lg_detector *model, const lg_scaler *scaler, c
                        " samples do not fit a detector for %" PRIu32 " channels and %" PRIu32 " samples",
                        series->channels, windows->length, model->net.channels, model->net.length);
     if (scaler->channels != series->channels)
-        return lg_fail(error, LG_SHAPE, "the scaling is of %" PRIu32 " channels, the windows have %" PRIu32,
+        return lg_fail(error, LG_SHAPE,
+                       "the scaling is for %" PRIu32 " channels, but the windows have %" PRIu32,
                        scaler->channels, series->channels);
     for (size_t i = 0; i < count; i++) {
         const size_t window = chosen != NULL ? chosen[i] : i;
         if (window >= windows->count)
-            return lg_fail(error, LG_INVALID_ARGUMENT, "window %zu is asked for; there are %zu", window,
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "there is no window %zu (counted from 0): there are %zu windows", window,
                            windows->count);
         const uint32_t label = series->label[windows->first[window]];
         if (label >= model->classes)
@@ -43,7 +45,9 @@ lg_status lg_detector_data_create(const lg_context *context, const lg_detector *
                                   lg_error *error) {
     (void)lg_fail(error, LG_OK, "%s", "");
     if (model == NULL || scaler == NULL || series == NULL || windows == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "no detector, scaling, series or windows");
+        return lg_fail(
+            error, LG_INVALID_ARGUMENT,
+            "the detector, the scaling, the series, the windows or the place for the data is NULL");
     if (chosen == NULL) count = windows->count;
     LG_TRY(check_data(model, scaler, series, windows, chosen, count, error));
     const lg_kernels *k = lg_kernels_for(dtype);
@@ -63,7 +67,8 @@ lg_status lg_detector_data_create(const lg_context *context, const lg_detector *
         lg_detector_scale(model, scaler, dtype, window, row);
         made.label[i] = series->label[windows->first[index]];
         if (!k->all_finite(numbers, row))
-            status = lg_fail(error, LG_NOT_FINITE, "window %zu is not finite when it is scaled", index);
+            status = lg_fail(error, LG_NOT_FINITE, "window %zu has numbers that are not finite after scaling",
+                             index);
     }
     lg_free(context, window);
     if (status != LG_OK) {

@@ -41,9 +41,8 @@ const lg_field lg_detector_fields[] = {
              .methods = NETWORK, VALIDATION),
     DETECTOR("run", "max_restarts", U32, restarts, .high = 1000, .optional = true, .value = "10", .unit = "n",
              .methods = NETWORK,
-             .meaning =
-                 "cnn: at most so many times a network that died (a layer is constant over all training "
-                 "windows) starts again with other weights of the same seed"),
+             .meaning = "cnn: how often at most a network that died (a layer is constant over all training "
+                        "windows) is started again, with other weights from the same seed"),
     TRAINING_ROWS(lg_detector_run, "optimizer", any_loss, "cnn: windows", NETWORK, PRESET),
     TRAINING(lg_detector_run, validation, REAL, .value = "0", .option = "", VALIDATION),
     LG_FIELD_END};

@@ -127,8 +127,8 @@ lg_status lg_judgement_check(const lg_judgement *judged, lg_error *error) {
         if (!isfinite(judged->score[i])) infinite++, first = i / judged->classes;
     if (infinite > 0)
         return lg_fail(error, LG_NOT_FINITE,
-                       "%zu scores of %zu windows are not finite, the first of window %u (from 0): its "
-                       "numbers are too large for the model",
+                       "%zu scores of %zu windows are not finite, the first of window %u (counted from 0): "
+                       "its numbers are too large for the model",
                        infinite, judged->count, judged->window[first]);
     return LG_OK;
 }

@@ -68,9 +68,10 @@ static lg_status read_sizes(const lg_archive_reader *r, uint32_t size[SIZES], lg
                       bands == lg_spectrum_bands(length, bands) &&
                       (NOVELTY_BAND + bands) * channels <= LG_NOVELTY_FEATURES;
     return fits ? LG_OK
-                : lg_fail(error, LG_FORMAT,
-                          "novelty: %u channels, %u samples, %u classes, %u bands do not fit", channels,
-                          length, classes, bands);
+                : lg_fail(
+                      error, LG_FORMAT,
+                      "novelty: %u channels, %u samples, %u classes and %u bands are not possible together",
+                      channels, length, classes, bands);
 }
 
 /* Compares the shapes in the file with the expected ones before any array of that size is allocated. */

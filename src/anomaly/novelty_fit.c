@@ -246,7 +246,9 @@ static lg_status fit_all(fitting *f, int threads, lg_error *error) {
         LG_TRY(fit_classes(f, fold, error));
         measured = measure_fold(f, fold, measured);
     }
-    if (measured == 0) return lg_fail(error, LG_INVALID_ARGUMENT, "every class has a single window");
+    if (measured == 0)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "every class has a single window; one class needs at least two");
     set_limits(f, measured);
     return fit_classes(f, UINT32_MAX, error);
 }
@@ -265,11 +267,13 @@ static lg_status check(const lg_novelty_options *o, const lg_series *series, con
         !(o->margin > 0) || o->most < LEAST_WINDOWS || threads < 1)
         return lg_fail(error, LG_INVALID_ARGUMENT, "options of novelty are out of range");
     if (count < LEAST_WINDOWS)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%zu windows are fewer than %d", count, LEAST_WINDOWS);
-    if (windows->length < 2) return lg_fail(error, LG_INVALID_ARGUMENT, "windows of one sample");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%zu windows are too few; at least %d are needed", count,
+                       LEAST_WINDOWS);
+    if (windows->length < 2)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the windows have fewer than two samples");
     if (series->channels > LG_NOVELTY_FEATURES / NOVELTY_BAND)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%u channels are more than %u", series->channels,
-                       LG_NOVELTY_FEATURES / NOVELTY_BAND);
+        return lg_fail(error, LG_INVALID_ARGUMENT, "there are %u channels; at most %u are possible",
+                       series->channels, LG_NOVELTY_FEATURES / NOVELTY_BAND);
     return LG_OK;
 }
 

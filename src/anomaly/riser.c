@@ -208,7 +208,8 @@ static bool stands(const lg_riser_parameters *p) {
 lg_status lg_riser_parameters_check(const lg_riser_parameters *p, lg_error *error) {
     static const char *const words[] = {"positive", "zero or positive", "finite"};
     if (!p || p->size != sizeof(*p))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "riser parameters of unknown size");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "riser: the parameters were not initialised: their size is unknown");
     for (size_t i = 0; i < LG_COUNT(ranges); i++) {
         double x;
         memcpy(&x, (const char *)p + ranges[i].offset, sizeof x);
@@ -226,8 +227,9 @@ lg_status lg_riser_parameters_check(const lg_riser_parameters *p, lg_error *erro
                        "riser: bop_height is %g, it must be below the surface (depth %g)", p->bop_height,
                        p->depth);
     if (!stands(p))
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "riser: these parameters make a structure that does not stand (negative stiffness)");
+        return lg_fail(
+            error, LG_INVALID_ARGUMENT,
+            "riser: with these parameters the structure does not stand (its stiffness is negative)");
     return lg_fail(error, LG_OK, "%s", "");
 }
 

@@ -270,7 +270,7 @@ static lg_status too_large_a_step(lg_error *error, double dt, double time) {
 
 static lg_status not_stable(lg_error *error) {
     return lg_fail(error, LG_INVALID_ARGUMENT,
-                   "riser: these parameters make a structure that does not stand (negative stiffness)");
+                   "riser: with these parameters the structure does not stand (its stiffness is negative)");
 }
 
 static lg_status run_freely(const lg_context *context, lg_riser_motion *m, size_t steps, double *energy,
@@ -340,7 +340,7 @@ static bool is_size(double x) {
 }
 
 static const char *run_fault(const lg_riser_run *r) {
-    if (!r || r->size != sizeof(*r)) return "a run of unknown size";
+    if (!r || r->size != sizeof(*r)) return "the run was not initialised: its size is unknown";
     if (!is_size(r->sea.height)) return "the height of the sea must be zero or positive";
     if (r->sea.height > 0.0 && !(r->sea.period > 0.0 && isfinite(r->sea.period)))
         return "the period of the sea must be positive";
@@ -398,10 +398,10 @@ static lg_status stream_init(lg_riser_stream *s, const lg_riser_parameters *p, c
 static lg_status no_water(lg_error *error, lg_status status, const lg_riser_parameters *p,
                           const lg_riser_run *run) {
     if (status == LG_OUT_OF_MEMORY) return lg_fail(error, status, "no memory for the riser's waves");
-    return lg_fail(error, status,
-                   "riser: waves of height %g m and period %g s in a depth of %g m have numbers beyond "
-                   "floating point",
-                   run->sea.height, run->sea.period, p->depth);
+    return lg_fail(
+        error, status,
+        "riser: waves of height %g m and period %g s in a depth of %g m cannot be computed: numbers overflow",
+        run->sea.height, run->sea.period, p->depth);
 }
 
 lg_status lg_riser_stream_create(const lg_context *context, const lg_riser_parameters *p,

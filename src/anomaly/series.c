@@ -121,10 +121,12 @@ lg_status lg_windows_create(const lg_context *context, const lg_series *series, 
                        "not one window of %zu samples fits: the series are stored in windows of %" PRIu32
                        " samples%s",
                        length, series->length,
-                       series->run != NULL ? ", and no run is long enough without a change of its class"
-                                           : " and tell no runs through which a window could reach");
+                       series->run != NULL
+                           ? ", and in no run does a class last that long"
+                           : " and have no runs, so that a window cannot continue into the next stored one");
     if (made.count > UINT32_MAX)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%zu windows; below 2^32 are possible: take a larger hop",
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "%zu windows are too many: fewer than 2^32 are possible; take a larger hop",
                        made.count);
     made.first = lg_alloc(context, made.count, sizeof *made.first);
     made.offset = lg_alloc(context, made.count, sizeof *made.offset);

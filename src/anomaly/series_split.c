@@ -190,9 +190,10 @@ static lg_status run_split(split_task *t, uint64_t seed, uint8_t *parts, lg_erro
         return lg_fail(error, LG_INVALID_ARGUMENT, "there is no window of class \"%s\" to train on",
                        t->series->class_name != NULL ? t->series->class_name[unseen] : "?");
     if (t->test > 0.0 && tested == 0)
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "a test part of %g of %zu %s is empty: each kind of them must keep one to train on",
-                       t->test, t->set.units, unit_names[t->split]);
+        return lg_fail(
+            error, LG_INVALID_ARGUMENT,
+            "the test part, %g of %zu %s, is empty: of each class at least one must be left to train on",
+            t->test, t->set.units, unit_names[t->split]);
     write_parts(t, parts);
     return LG_OK;
 }
@@ -214,10 +215,11 @@ static lg_status check_split(const split_task *t, const uint8_t *parts, lg_error
                        t->test, t->validation);
     if ((t->split == LG_SPLIT_RUN && series->run == NULL) ||
         (t->split == LG_SPLIT_GROUP && series->group == NULL))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the series tell no %s to split by", unit_names[t->split]);
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the series have no %s to split by", unit_names[t->split]);
     for (size_t i = 0; i < series->count; i++)
         if (series->label[i] >= series->classes)
-            return lg_fail(error, LG_INVALID_ARGUMENT, "the label of window %zu is %u of %u classes", i,
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "window %zu is of class %u (counted from 0), but there are %u classes", i,
                            (unsigned)series->label[i], (unsigned)series->classes);
     return LG_OK;
 }

@@ -52,8 +52,9 @@ lg_status lg_spectrum_create(const lg_context *context, uint32_t length, uint32_
                              lg_error *error) {
     LG_NEEDS(error, out);
     if (bands == 0 || bands != lg_spectrum_bands(length, bands))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%u bands of a series of %u samples: at most %u", bands,
-                       length, lg_spectrum_bands(length, LG_SPECTRUM_BANDS));
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "%u bands are not possible for a series of %u samples: at most %u are", bands, length,
+                       lg_spectrum_bands(length, LG_SPECTRUM_BANDS));
     lg_spectrum s = {.context = context};
     cut(length, bands, &s);
     s.wave = lg_alloc(context, (size_t)s.segment * 2 * s.bins, sizeof *s.wave);

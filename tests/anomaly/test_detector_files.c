@@ -65,7 +65,8 @@ TEST("the text of the blocks is read back as written") {
                                           "3 kernel 4294967295 padding 4294967294",
                                           "4294967295 kernel 4",
                                           "1048576 kernel 9, 1048576 kernel 1"};
-    for (size_t i = 0; i < LG_COUNT(hostile); i++) assert_blocks(hostile[i], LG_FORMAT, "no network: ");
+    for (size_t i = 0; i < LG_COUNT(hostile); i++)
+        assert_blocks(hostile[i], LG_FORMAT, "do not describe a possible network: ");
     assert_blocks("", LG_FORMAT, "wrong shape");
 }
 

@@ -334,7 +334,9 @@ TEST("data that cannot be fitted are refused with a message") {
         const lg_windows *windows;
         size_t count;
         const char *says;
-    } wrong[] = {{&s, &w, 7, "7 windows"}, {&tiny, &one, 40, "one sample"}, {&wide, &many, 10, "channels"}};
+    } wrong[] = {{&s, &w, 7, "7 windows"},
+                 {&tiny, &one, 40, "fewer than two samples"},
+                 {&wide, &many, 10, "channels"}};
     for (size_t i = 0; i < LG_COUNT(wrong); i++) {
         assert_int_equal(lg_novelty_fit(NULL, &options, wrong[i].series, wrong[i].windows, NULL,
                                         wrong[i].count, 1, &v, &error),

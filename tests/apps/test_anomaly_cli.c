@@ -255,7 +255,8 @@ TEST("scores that are not finite are refused; only networks give such scores") {
         cli_run_limited(lg, test_text("train data.h5 %s --out large-model.h5", methods[i]), 0);
         cli_run_limited(lg, "evaluate large-model.h5 large.h5 --scores large.csv", 0);
         if (result.code == 4) {
-            assert_says(result.err, "scores of 48 windows are not finite, the first of window 0 (from 0)");
+            assert_says(result.err,
+                        "scores of 48 windows are not finite, the first of window 0 (counted from 0)");
             refused++;
             continue;
         }
@@ -284,7 +285,7 @@ TEST("data of every shape are learned") {
     json("train three.h5 --method logistic --features std --out t.h5",
          "accuracy >0.9, false_alarms_per_day null");
     cli_expect(lg, "train tiny.h5 --method logistic --out t.h5", 2,
-               "a test part of 0.2 of 4 windows is empty");
+               "the test part, 0.2 of 4 windows, is empty");
     json("train tiny.h5 --method logistic --test-fraction 0.5 --out t.h5", "");
     json("train tiny.h5 --epochs 1 --test-fraction 0.5 --out t.h5", "");
     json("train three.h5 --test-fraction 0 --method tree --out t.h5",

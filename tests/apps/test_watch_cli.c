@@ -607,9 +607,11 @@ TEST("a feed with other noise causes a warning, and so does a model that does no
     cli_expect("lg-anomaly", "evaluate known.h5 clean.h5 --json", 0, "\"unlike\": 180,");
     assert_says(result.err, "180 of 180 windows are unlike those of training, the farthest by ");
     cli_expect("lg-anomaly", "train point.h5 --method tree --features std --out old.h5", 0, "");
-    assert_says(result.err, "does not know what its windows look like (windows of one sample)");
+    assert_says(
+        result.err,
+        "has no record of what its training windows look like (the windows have fewer than two samples)");
     cli_expect("lg-anomaly", "watch old.h5 --input /dev/null", 0, "");
-    assert_says(result.err, "does not know what its training windows look like");
+    assert_says(result.err, "has no record of what its training windows look like");
 }
 
 static void keep_class_0(lg_series *s) {

@@ -324,7 +324,7 @@ TEST("errors in the modes of a surrogate are refused by name, and older files ha
 TEST("errors in a detector are refused by name") {
     static const damage rows[] = {
         {"model/output/bias", ARRAY(0, 0), LG_FORMAT, "shape"},
-        {"scaler/mean", ARRAY(0, 3), LG_FORMAT, "3 numbers, the model has 2"},
+        {"scaler/mean", ARRAY(0, 3), LG_FORMAT, "has 3 numbers, but the model has 2"},
         {"scaler/mean", ARRAY(0, 2, 1), LG_FORMAT, "rank"},
         {"scaler/mean", ARRAY(NAN, 2), LG_NOT_FINITE, "(0)"},
         {"scaler/mean", GONE, LG_FORMAT, ""},
@@ -348,14 +348,14 @@ TEST("errors in a detector are refused by name") {
         {"model@channels", WHOLE(0), LG_FORMAT, ""},
         {"model@channels", WHOLE(3), LG_FORMAT, "~shape"},
         {"model@channels", WHOLE(1 << 20), LG_FORMAT, "~shape"},
-        {"model@channels", WHOLE(1 << 21), LG_FORMAT, "~no network"},
+        {"model@channels", WHOLE(1 << 21), LG_FORMAT, "~do not describe a possible network"},
         {"model@length", WHOLE(0), LG_FORMAT, ""},
         {"model@length", WHOLE(90), LG_FORMAT, "~shape"},
         {"model@length", WHOLE(4000000000), LG_FORMAT, "~sizes"},
         {"model@plane", WHOLE(1 << 20), LG_FORMAT, "plane/weight"},
         {"model@classes", WHOLE(1), LG_FORMAT, ""},
         {"model@classes", WHOLE(6), LG_FORMAT, "~shape"},
-        {"model@classes", WHOLE(4000000000), LG_FORMAT, "~no network"},
+        {"model@classes", WHOLE(4000000000), LG_FORMAT, "~do not describe a possible network"},
         {"model@classes", WHOLE((int64_t)1 << 40), LG_FORMAT, ""},
         {"model@loss", TEXT("mse"), LG_FORMAT, "~2 classes"}, /* needs 2 classes, there are five */
         {"run@test_fraction", WHOLE(1), LG_FORMAT, "out of range"},

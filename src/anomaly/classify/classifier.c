@@ -88,9 +88,10 @@ lg_status lg_classifier_fit(const lg_context *context, const lg_method_options *
                             uint32_t classes, lg_classifier *out, lg_error *error) {
     (void)lg_fail(error, LG_OK, "%s", "");
     if (options == NULL || options->size != sizeof *options || x == NULL || label == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is missing, or options were not initialised");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "an argument is NULL, or the options were not initialised");
     if ((unsigned)options->method >= LG_METHOD_COUNT)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "no such method");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "unknown method");
     if (count == 0 || d == 0)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%zu rows of %u features: nothing to learn from", count,
                        d);

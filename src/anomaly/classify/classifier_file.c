@@ -283,10 +283,10 @@ static lg_status check_features(const lg_classifier *c, lg_error *error) {
     const lg_features *f = &c->features;
     for (uint32_t i = 0; i < f->selected; i++)
         if (f->select[i] >= f->channels || (i > 0 && f->select[i] <= f->select[i - 1]))
-            return wrong(error, "features/select", "is no rising list of channels");
+            return wrong(error, "features/select", "is not a rising list of channels");
     for (uint32_t i = 0; i < 2 * f->pairs; i++)
         if (f->pair[i] >= f->channels)
-            return wrong(error, "features/pair", "names a channel that is not there");
+            return wrong(error, "features/pair", "names a channel that does not exist");
     if (f->count > 0 && !positive(f->scale, f->channels))
         return wrong(error, "features/scale", "is not positive");
     if (!positive(c->pca.scale, c->pca.inputs)) return wrong(error, "pca/scale", "is not positive");
@@ -303,19 +303,20 @@ static bool is_index(double x, double below) {
 static const char *unpack_nodes(lg_tree *tree, const double *rows, bool *child) {
     for (uint32_t i = 0; i < tree->count; i++) {
         const double *row = rows + 6 * (size_t)i;
-        if (!is_index(row[0], tree->inputs)) return "has a feature that is not there";
+        if (!is_index(row[0], tree->inputs)) return "names a feature that does not exist";
         if (!is_index(row[1], tree->count) || !is_index(row[2], tree->count))
-            return "has a child that is not there";
-        if (!is_index(row[5], 0x1p32)) return "has a number of samples that is none";
+            return "names a child node that does not exist";
+        if (!is_index(row[5], 0x1p32))
+            return "has a number of samples that is not a whole number from 0 to 2^32 - 1";
         const uint32_t left = (uint32_t)row[1], right = (uint32_t)row[2];
         if ((left == 0) != (right == 0)) return "has a node with one child";
         if (left != 0 && (left <= i || right <= i || left == right || child[left] || child[right]))
-            return "is no tree";
+            return "is not a tree: a child comes before its parent, or has two parents";
         if (left != 0) child[left] = child[right] = true;
         tree->node[i] = (lg_tree_node){(uint32_t)row[0], left, right, row[3], row[4], (uint32_t)row[5]};
     }
     for (uint32_t i = 1; i < tree->count; i++)
-        if (!child[i]) return "has a node that nothing leads to";
+        if (!child[i]) return "has a node that is no child of any node";
     return NULL;
 }
 
@@ -331,7 +332,7 @@ static lg_status check_tree(const lg_context *context, lg_tree *tree, const doub
         uint64_t sum = 0;
         for (uint32_t c = 0; c < tree->classes; c++) sum += tree->counts[(size_t)i * tree->classes + c];
         if (sum == 0 || sum != tree->node[i].samples)
-            return wrong(error, "tree/counts", "does not add up to the samples of the nodes");
+            return wrong(error, "tree/counts", "does not add up to the number of samples of each node");
     }
     return LG_OK;
 }
@@ -339,7 +340,9 @@ static lg_status check_tree(const lg_context *context, lg_tree *tree, const doub
 static lg_status check_svm(const lg_svm *svm, lg_error *error) {
     uint64_t sum = 0;
     for (uint32_t c = 0; c < svm->classes; c++) sum += svm->vectors_of[c];
-    return sum == svm->vectors ? LG_OK : wrong(error, "svm/vectors_of", "does not add up to the vectors");
+    return sum == svm->vectors
+               ? LG_OK
+               : wrong(error, "svm/vectors_of", "does not add up to the number of support vectors");
 }
 
 static lg_status read_classifier(const lg_context *context, const lg_archive_reader *r, lg_classifier *c,

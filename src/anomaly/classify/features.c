@@ -80,13 +80,13 @@ uint64_t lg_features_count(const lg_features *f) {
 static lg_status check_create(lg_feature_kind kind, const lg_series *series, uint32_t length,
                               const lg_scaler *scaler, lg_error *error) {
     if ((unsigned)kind >= LG_FEATURE_KIND_COUNT)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "no such kind of features");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "unknown kind of features");
     if (series->channels == 0 || length == 0)
         return lg_fail(error, LG_INVALID_ARGUMENT, "windows of %u channels and %u samples have no features",
                        series->channels, length);
     if (series->channels > LG_FEATURES_MAX)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%u channels are more than %u", series->channels,
-                       LG_FEATURES_MAX);
+        return lg_fail(error, LG_INVALID_ARGUMENT, "there are %u channels; at most %u are possible",
+                       series->channels, LG_FEATURES_MAX);
     if (length < kinds[kind]->segments)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "a window of %u samples is too short for the baseline, which cuts it into %u parts",
@@ -100,14 +100,15 @@ static lg_status check_create(lg_feature_kind kind, const lg_series *series, uin
                        scaler->channels, series->channels);
     for (uint32_t i = 0; i < scaler->channels; i++)
         if (!(scaler->scale[i] > 0.0) || !isfinite(scaler->scale[i]))
-            return lg_fail(error, LG_INVALID_ARGUMENT, "the scale of channel %u is %g", i, scaler->scale[i]);
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "the scale of channel %u is %g, expected a positive number", i, scaler->scale[i]);
     return LG_OK;
 }
 
 static lg_status check_made(const lg_features *f, bool directions_x, lg_error *error) {
     if (f->selected == 0)
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "no channel is of the x-direction: none has a name that ends in _x");
+                       "there is no channel of the x-direction: no name ends in _x");
     if (f->segments > 0 && f->pairs == 0)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "the baseline needs a lower acceleration and a moment of the same direction%s: "
@@ -117,7 +118,8 @@ static lg_status check_made(const lg_features *f, bool directions_x, lg_error *e
     const uint64_t count = lg_features_count(f);
     if (count > LG_FEATURES_MAX)
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "%llu features of kind %s are more than %u: take a shorter window or fewer channels",
+                       "there are %llu features of kind %s, but at most %u are possible: take a shorter "
+                       "window or fewer channels",
                        (unsigned long long)count, lg_feature_kind_name(f->kind), LG_FEATURES_MAX);
     return LG_OK;
 }

@@ -51,11 +51,12 @@ lg_status lg_features_table(const lg_context *context, const lg_features *featur
                             const lg_windows *windows, int threads, double *out, lg_error *error) {
     (void)lg_fail(error, LG_OK, "%s", "");
     if (features == NULL || series == NULL || windows == NULL || out == NULL || threads < 1)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is missing, or fewer than one thread");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL, or there is less than one thread");
     if (series->channels != features->channels || windows->length != features->length)
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "the features are of windows of %u channels and %u samples, these have %u and %u",
-                       features->channels, features->length, series->channels, windows->length);
+        return lg_fail(
+            error, LG_INVALID_ARGUMENT,
+            "the features are for windows of %u channels and %u samples, but these windows have %u and %u",
+            features->channels, features->length, series->channels, windows->length);
     if (windows->count == 0) return LG_OK;
     table_job job = {context, features, series, windows, out, 0, 0, NULL, NULL, NULL};
     job.parts = (size_t)threads < windows->count ? (size_t)threads : windows->count;

@@ -175,7 +175,7 @@ lg_status lg_grid_search(const lg_context *context, const lg_method_options *opt
                          double *accuracy, size_t *best, lg_error *error) {
     (void)lg_fail(error, LG_OK, "%s", "");
     if (options == NULL || count == 0 || x == NULL || label == NULL || accuracy == NULL || best == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is missing");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL");
     if (rows == 0 || rows > UINT32_MAX || d == 0 || classes < 2 || classes > LG_CLASSES_MAX || threads < 1)
         return lg_fail(
             error, LG_INVALID_ARGUMENT,

@@ -522,7 +522,7 @@ static lg_status fit_model(const lg_context *context, const double *x, const uin
     p.worth = FACTOR_COST * (double)p.q * (1.0 + (double)p.q / (3.0 * (double)n)) / (double)p.rows;
     p.spent = START;
     if (p.unknowns > INT_MAX / 2)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%u classes of %u features are too many", classes, d);
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%u classes with %u features are too many", classes, d);
     span s = {0};
     double *mean = lg_alloc(context, d, sizeof *mean);
     model->weight = lg_alloc(context, rows, d * sizeof *model->weight);
@@ -542,7 +542,8 @@ lg_status lg_logistic_fit(const lg_context *context, const double *x, const uint
                           uint32_t d, uint32_t classes, double c, lg_logistic *out, lg_error *error) {
     (void)lg_fail(error, LG_OK, "%s", "");
     if (label == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL");
-    if (!(c > 0.0) || !isfinite(c)) return lg_fail(error, LG_INVALID_ARGUMENT, "C is %g, not positive", c);
+    if (!(c > 0.0) || !isfinite(c))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "C is %g, expected a positive number", c);
     if (classes < 2 || classes > LG_CLASSES_MAX)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%u classes: 2 to %u are expected", classes,
                        LG_CLASSES_MAX);

@@ -47,7 +47,7 @@ void lg_monitor_options_init(lg_monitor_options *options) {
 static lg_status check(const lg_monitor_options *o, lg_error *error) {
     if (o == NULL || o->size != sizeof *o)
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "options of a monitor that lg_monitor_options_init did not make");
+                       "the options of the monitor were not initialised with lg_monitor_options_init");
     if (o->channels == 0 || o->window == 0 || o->channels > (size_t)1 << 31 || o->window > (size_t)1 << 31 ||
         (uint64_t)o->channels * o->window > (uint64_t)1 << 32)
         return lg_fail(
@@ -55,15 +55,18 @@ static lg_status check(const lg_monitor_options *o, lg_error *error) {
             "a window of %u channels and %u samples: each must be at least 1, and together at most 2^32",
             o->channels, o->window);
     if (o->hop > o->window)
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "windows of %u samples every %u samples: samples between them would go unseen",
-                       o->window, o->hop);
+        return lg_fail(
+            error, LG_INVALID_ARGUMENT,
+            "windows of %u samples, one every %u samples: samples between the windows would not be seen",
+            o->window, o->hop);
     if (!(o->missing >= 0.0 && o->missing <= 1.0))
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "the part of a window that may be missing is %g, not in [0, 1]", o->missing);
+                       "the part of a window that may be missing is %g, expected a number in [0, 1]",
+                       o->missing);
     if (o->votes_of < 1 || o->votes_of > 64 || o->votes < 1 || o->votes > o->votes_of)
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "an alarm at %u of %u windows: the first must be 1 to the second, the second 1 to 64",
+                       "an alarm at %u of the last %u windows is not possible: the second number must be 1 "
+                       "to 64, and the first 1 to the second",
                        o->votes, o->votes_of);
     return LG_OK;
 }
@@ -90,8 +93,8 @@ lg_status lg_monitor_init(const lg_monitor_options *options, lg_monitor_judge ju
         return lg_fail(error, LG_INVALID_ARGUMENT, "a monitor needs a judge and memory aligned to %d bytes",
                        LG_ALIGNMENT);
     if (size < needed)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a monitor needs %zu bytes of memory, not %zu", needed,
-                       size);
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the monitor needs %zu bytes of memory, but was given %zu",
+                       needed, size);
     memset(memory, 0, needed);
     lg_monitor *monitor = memory;
     char *at = (char *)memory + padded(sizeof *monitor);

@@ -31,7 +31,8 @@ lg_status lg_eigen(double *a, size_t n, double *values, double *work) {
 
 lg_status lg_check_table(const double *x, size_t n, uint32_t d, lg_error *error) {
     if (x == NULL || n == 0 || d == 0)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a table of %zu rows and %u features holds nothing", n, d);
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a table of %zu rows and %u features is empty or NULL", n,
+                       d);
     if (n > INT_MAX / 2 || d > LG_FEATURES_MAX)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "a table of %zu rows and %u features is too large: at most %d and %u", n, d,
@@ -49,7 +50,8 @@ lg_status lg_check_labels(const uint32_t *label, size_t n, uint32_t classes, siz
     memset(counts, 0, classes * sizeof *counts);
     for (size_t i = 0; i < n; i++) {
         if (label[i] >= classes)
-            return lg_fail(error, LG_INVALID_ARGUMENT, "row %zu is of class %u, of %u classes", i, label[i],
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "row %zu is of class %u (counted from 0), but there are %u classes", i, label[i],
                            classes);
         if (counts[label[i]]++ == 0) present++;
     }
@@ -197,7 +199,7 @@ static lg_status fit_into(const lg_context *context, const double *x, size_t n, 
 lg_status lg_pca_fit(const lg_context *context, const double *x, size_t n, uint32_t d, uint32_t components,
                      lg_pca *out, lg_error *error) {
     (void)lg_fail(error, LG_OK, "%s", "");
-    if (out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "no place for the result");
+    if (out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "the place for the result is NULL");
     LG_TRY(lg_check_table(x, n, d, error));
     const size_t small = n < d ? n : d;
     if (components > small)
@@ -205,9 +207,10 @@ lg_status lg_pca_fit(const lg_context *context, const double *x, size_t n, uint3
                        "%u principal components asked for; %zu rows of %u features have at most %zu",
                        components, n, d, small);
     if (components > 0 && small > LG_EIGEN_MAX)
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "principal components need at most %d rows or %d features, these are %zu and %u",
-                       LG_EIGEN_MAX, LG_EIGEN_MAX, n, d);
+        return lg_fail(
+            error, LG_INVALID_ARGUMENT,
+            "principal components need at most %d rows or %d features; here are %zu rows and %u features",
+            LG_EIGEN_MAX, LG_EIGEN_MAX, n, d);
     lg_pca p = {.inputs = d, .components = components, .context = context};
     p.variances = components > 0 ? (uint32_t)small : 0;
     const lg_status status = fit_into(context, x, n, &p, error);

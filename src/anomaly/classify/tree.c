@@ -319,12 +319,12 @@ static void fill_columns(grower *g, const double *x, const uint32_t *label) {
 static lg_status check_options(const lg_tree_options *o, lg_error *error) {
     if (o->size != sizeof *o || (unsigned)o->criterion >= LG_CRITERION_COUNT)
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "options of a tree that lg_tree_options_init did not make");
+                       "the options of the tree were not initialised with lg_tree_options_init");
     if (o->min_samples_split < 2)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "min_samples_split is %u: a split needs two samples",
+        return lg_fail(error, LG_INVALID_ARGUMENT, "min_samples_split is %u, expected 2 or more",
                        o->min_samples_split);
     if (o->min_samples_leaf < 1)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "min_samples_leaf is 0: a leaf has a sample");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "min_samples_leaf is 0, expected 1 or more");
     if (!(o->ccp_alpha >= 0.0) || !isfinite(o->ccp_alpha))
         return lg_fail(error, LG_INVALID_ARGUMENT, "ccp_alpha is %g: it must be 0 or a positive number",
                        o->ccp_alpha);
@@ -340,7 +340,8 @@ static lg_status check_table(const double *x, const uint32_t *label, size_t n, u
             classes);
     for (size_t i = 0; i < n; i++)
         if (label[i] >= classes)
-            return lg_fail(error, LG_INVALID_ARGUMENT, "label %u of row %zu: there are %u classes", label[i],
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "label %u of row %zu is too large: there are %u classes, counted from 0", label[i],
                            i, classes);
     for (size_t i = 0; i < n * d; i++)
         if (!isfinite(x[i]))
@@ -378,7 +379,7 @@ lg_status lg_tree_fit(const lg_context *context, const lg_tree_options *options,
                       lg_error *error) {
     grower g = {.context = context, .n = n};
     if (options == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a tree needs options and a place to go");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the options or the place for the tree is NULL");
     LG_TRY(check_options(options, error));
     LG_TRY(check_table(x, label, n, d, classes, error));
     g.options = *options;

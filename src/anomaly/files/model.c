@@ -133,12 +133,12 @@ static lg_status build(lg_h5 *h5, void *user, lg_error *error) {
                        shown, LG_CNN_MAX_BLOCKS);
     model->net.outputs = outputs_of(model);
     if (lg_cnn_init(&model->net, &reason) != LG_OK || lg_detector_check(model, &reason) != LG_OK)
-        return lg_fail(error, LG_FORMAT, "%s: /model: the attributes are no network: %s", shown,
-                       reason.message);
+        return lg_fail(error, LG_FORMAT, "%s: /model: the attributes do not describe a possible network: %s",
+                       shown, reason.message);
     if (check_fractions(run) != LG_OK)
-        return lg_fail(error, LG_FORMAT,
-                       "%s: /run: attributes test_fraction and validation_fraction: 1 or more together",
-                       shown);
+        return lg_fail(
+            error, LG_FORMAT,
+            "%s: /run: attributes test_fraction and validation_fraction: their sum must be below 1", shown);
     return LG_OK;
 }
 
@@ -200,7 +200,7 @@ static lg_status put_scaler(lg_h5 *h5, const lg_detector_file *file, lg_error *e
     const lg_scaler *scaler = &file->scaler;
     const uint64_t channels = file->run.model.net.channels;
     if (scaler->channels != channels || scaler->mean == NULL || scaler->scale == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: /scaler: %u channels, the model has %u",
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: /scaler: has %u channels, but the model has %u",
                        lg_shown_path(h5->path), scaler->channels, file->run.model.net.channels);
     LG_TRY(lg_check_finite(h5->path, "scaler/mean", 1, &channels, scaler->mean, error));
     LG_TRY(lg_check_finite(h5->path, "scaler/scale", 1, &channels, scaler->scale, error));
@@ -214,9 +214,10 @@ static lg_status check_novelty(const lg_h5 *h5, const lg_detector_file *file, lg
     const lg_novelty *v = &file->novelty;
     const lg_cnn *net = &file->run.model.net;
     if (v->channels == 0 || (v->channels == net->channels && v->length == net->length)) return LG_OK;
-    return lg_fail(error, status,
-                   "%s: /novelty: of windows of %u channels and %u samples, the model's have %u and %u",
-                   lg_shown_path(h5->path), v->channels, v->length, net->channels, net->length);
+    return lg_fail(
+        error, status,
+        "%s: /novelty: is for windows of %u channels and %u samples, but windows of the model have %u and %u",
+        lg_shown_path(h5->path), v->channels, v->length, net->channels, net->length);
 }
 
 static lg_status put_novelty(lg_h5 *h5, const lg_detector_file *file, lg_error *error) {
@@ -268,7 +269,7 @@ static lg_status get_scaler(lg_h5 *h5, lg_detector_file *file, lg_error *error) 
         uint64_t dims[4];
         LG_TRY(lg_as_format(lg_h5_get_doubles(h5, arrays[i].name, 1, dims, arrays[i].out, error), error));
         if (dims[0] != file->run.model.net.channels)
-            return lg_fail(error, LG_FORMAT, "%s: /%s: %llu numbers, the model has %u channels",
+            return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu numbers, but the model has %u channels",
                            lg_shown_path(h5->path), arrays[i].name, (unsigned long long)dims[0],
                            file->run.model.net.channels);
     }

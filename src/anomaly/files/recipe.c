@@ -19,7 +19,7 @@ const lg_field lg_detector_options[] = {
     ROW("hop", REAL, hop, .high = 1e9, .unit = "SECONDS", .otherwise = "the window; baseline: 60 s",
         .meaning = "Distance from one window to the next"),
     ROW("preset", NAME, preset, .value_name = lg_preset_name, .value = "best", .methods = NETWORK,
-        .meaning = "cnn: source of options that are not given: the published settings or ours"),
+        .meaning = "cnn: where options that are not given come from: the published settings or ours"),
     ROW("filters", WHOLES, filters, .low = 1, .high = 1 << 20, .most = LG_CNN_MAX_BLOCKS, .unit = "n,n,...",
         .methods = NETWORK,
         .otherwise = "2, 4, 8 times the channels of the data; fewer blocks if windows are too short for "
@@ -28,7 +28,7 @@ const lg_field lg_detector_options[] = {
     ROW("kernel", U64, kernel, .low = 1, .high = 1 << 20, .value = "5", .unit = "n", .methods = NETWORK,
         .meaning = "cnn: samples of a kernel"),
     ROW("stride", U64, stride, .low = 1, .high = 1 << 20, .value = "1", .unit = "n", .methods = NETWORK,
-        .meaning = "cnn: of convolutions"),
+        .meaning = "cnn: stride of the convolutions"),
     ROW("pooling", NAME, pooling, .value_name = pooling_name, .value = "average", .methods = NETWORK,
         .meaning = "cnn: pooling after each convolution"),
     ROW("pool_size", U64, pool_size, .low = 1, .high = 1 << 20, .value = "2", .unit = "n", .methods = NETWORK,
@@ -47,8 +47,8 @@ static lg_status read_test(lg_learning *self, lg_error *error) {
     LG_TRY(
         lg_series_read(self->context, s->test, NULL, s->any_class ? NULL : series, &s->foreign.data, error));
     if (test->channels != series->channels)
-        return lg_fail(error, LG_SHAPE, "%s: %u channels, %s has %u", s->test, test->channels, self->paths[0],
-                       series->channels);
+        return lg_fail(error, LG_SHAPE, "%s: has %u channels, but %s has %u", s->test, test->channels,
+                       self->paths[0], series->channels);
     self->failed = NULL;
     if (strcmp(s->foreign.data.sha256, s->all.data.sha256) == 0)
         LG_WARN(self, "%s holds the same windows as %s: there is no test on unseen data", s->test,
@@ -178,7 +178,7 @@ static lg_status adopt_preset(lg_learning *self, lg_error *error) {
     const lg_series_data *data = &s->all.data;
     const char *name = lg_preset_name(s->preset);
     const lg_detector_preset *preset = s->from = lg_detector_preset_find(name, data->noise);
-    if (preset == NULL) return lg_fail(error, LG_UNSUPPORTED, "--preset: %s has no settings", name);
+    if (preset == NULL) return lg_fail(error, LG_UNSUPPORTED, "--preset: there are no settings for %s", name);
     const lg_detector_run from = {
         .model = {.net.activation = preset->activation,
                   .loss = data->series.classes == 2 ? preset->loss : LG_DETECTOR_CROSS_ENTROPY},
@@ -328,7 +328,8 @@ static void warn_of_units(const lg_learning *self) {
     const lg_detector_units *units = &((const lg_detector_state *)self->state)->units;
     const uint64_t restarts = lg_fit_restarts(self->fit);
     if (restarts > 0)
-        LG_WARN(self, "the network died; it started again with other weights, restart %llu of at most %u",
+        LG_WARN(self,
+                "the network died and was started again with other weights (restart %llu of at most %u)",
                 (unsigned long long)restarts, run->restarts);
     for (uint32_t i = 0; i < units->layers; i++) {
         lg_slice_info info;

@@ -11,8 +11,8 @@ static void warn_of_names(const lg_context *context, const char *path, const lg_
     if (like->channel_name == NULL || series->channel_name == NULL) return;
     for (uint32_t c = 0; c < like->channels; c++)
         if (strcmp(like->channel_name[c], series->channel_name[c]) != 0) {
-            lg_log_message(context, LG_LOG_WARNING, "%s: channel %u is '%s', in training it was '%s'", path,
-                           c + 1, series->channel_name[c], like->channel_name[c]);
+            lg_log_message(context, LG_LOG_WARNING, "%s: channel %u is '%s', but in training it was '%s'",
+                           path, c + 1, series->channel_name[c], like->channel_name[c]);
             return;
         }
 }
@@ -55,13 +55,14 @@ lg_status lg_series_read_like(const lg_context *context, const char *path, const
     lg_series *series = &out->series;
     LG_TRY(lg_series_read(context, path, NULL, like->classes > 0 ? like : NULL, out, error));
     if (series->channels != like->channels)
-        return lg_fail(error, LG_SHAPE, "%s: %u channels, the model was trained on %u", path,
+        return lg_fail(error, LG_SHAPE, "%s: has %u channels, but the model was trained on %u", path,
                        series->channels, like->channels);
     LG_TRY(order_channels(context, series, like->channel_name));
     warn_of_names(context, path, series, like);
     if (like->rate > 0 && series->rate > 0 && fabs(series->rate / like->rate - 1) > 1e-3)
-        lg_log_message(context, LG_LOG_WARNING, "%s: %g samples a second, the model was trained on %g", path,
-                       series->rate, like->rate);
+        lg_log_message(context, LG_LOG_WARNING,
+                       "%s: has %g samples per second, but the model was trained on %g", path, series->rate,
+                       like->rate);
     return LG_OK;
 }
 
@@ -72,8 +73,9 @@ lg_status lg_series_read_like(const lg_context *context, const char *path, const
 static lg_status samples_of(const char *option, double value, double rate, uint64_t *out, lg_error *error) {
     const double samples = rate > 0 ? value * rate : value, whole = floor(samples + 0.5);
     if (!(whole >= 1 && whole < 4294967296.0))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "--%s %g: is %g samples%s", option, value, samples,
-                       rate > 0 ? "" : " (the data do not tell their rate)");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "--%s %g: is %g samples, expected at least 1 and fewer than 2^32%s", option, value,
+                       samples, rate > 0 ? "" : " (the sampling rate of the data is unknown)");
     if (fabs(samples - whole) > 1e-6 * samples)
         return lg_fail(error, LG_INVALID_ARGUMENT, "--%s %g: is %.6g samples, not a whole number%s", option,
                        value, samples,
@@ -169,8 +171,8 @@ lg_status lg_detector_fit_novelty(const lg_learning *self, lg_novelty *out) {
     if (status == LG_CANCELLED) return status;
     if (status != LG_OK)
         LG_WARN(self,
-                "the model does not know what its windows look like (%s): `watch` will not tell windows "
-                "that are unlike them",
+                "the model has no record of what its training windows look like (%s): `watch` will not "
+                "notice windows that are unlike them",
                 why.message);
     return LG_OK;
 }
