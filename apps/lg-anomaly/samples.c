@@ -318,7 +318,7 @@ static bool find_columns(sample_reader *reader, const char *from, const char *to
         for (uint32_t c = 0; c < reader->channels; c++) {
             if (!is_name(reader, c, name, length)) continue;
             if (column[c] != UINT32_MAX) {
-                (void)snprintf(reader->problem, sizeof reader->problem, "column %.64s stands twice",
+                (void)snprintf(reader->problem, sizeof reader->problem, "there are two columns %.64s",
                                reader->names[c]);
                 return false;
             }
@@ -343,7 +343,7 @@ static bool set_places(sample_reader *reader, const uint32_t *column, uint32_t c
     for (uint32_t c = 0; c < reader->channels; c++) {
         if (timed > 1 || (timed == 1 && column[c] == 0)) {
             (void)snprintf(reader->problem, sizeof reader->problem,
-                           "%u columns, not those of the %u channels alone or behind one of times", columns,
+                           "%u columns; expected the %u channels, alone or after a column of times", columns,
                            reader->channels);
             return false;
         }

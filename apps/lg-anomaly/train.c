@@ -102,7 +102,7 @@ static int run_train(app *self) {
     int code = train_check_options(self);
     if (code != APP_EXIT_OK) return code;
     if (train_given.method == METHOD_CNN) return train_main(self, &network_recipe);
-    if (self->rank_count > 1) return app_usage(self, "--method cnn alone trains by ranks");
+    if (self->rank_count > 1) return app_usage(self, "only --method cnn can be trained by several ranks");
     train_state.any_class = train_given.method == METHOD_NOVELTY; /* all classes but the first count as one */
     code = train_open(self, &network_recipe);
     if (code == APP_EXIT_OK) run_classical(self);

@@ -53,7 +53,7 @@ static const char *view_missing(const well_model *model, int view, bool training
         return classical && model->classifier.pca.variances > 0 ? NULL
                                                                 : "needs principal components (--components)";
     case VIEW_TREE:
-        return classical && model->classifier.method == LG_METHOD_TREE ? NULL : "the model is no tree";
+        return classical && model->classifier.method == LG_METHOD_TREE ? NULL : "the model is not a tree";
     case VIEW_MARGIN:
         return has_margin(model) ? NULL : "needs svm-linear with two classes and three components";
     case VIEW_REGRESSIONS:
@@ -219,8 +219,9 @@ static lg_status view_roc(const viewing *v, lg_error *error) {
         if (points_here > 0)
             curves[count++] = (roc_curve){v->model->class_name[c], fpr, tpr, points_here, area};
     }
-    return count > 0 ? draw_roc(v->app, v->picture, curves, count, error)
-                     : app_error(error, LG_INVALID_ARGUMENT, "all windows are of one class: no ROC");
+    return count > 0
+               ? draw_roc(v->app, v->picture, curves, count, error)
+               : app_error(error, LG_INVALID_ARGUMENT, "all windows are of one class: there is no ROC curve");
 }
 
 /* Computes the standard deviations of the window's segments for the first pair of channels, scaled as in the

@@ -165,13 +165,13 @@ static void warn_of_noise(const watching *self) {
         if (fabs(noise->sum[c]) > fabs(noise->sum[most])) most = c;
     }
     if (2 * more <= model->channels && 2 * less <= model->channels) return;
-    app_warn(
-        self->app,
-        "the noise of the feed is not that of training: %u of %u channels have %s amplitude above %.3g %s, "
-        "channel %u %.3g times; a model that was trained at another level of noise misses damage",
-        more > less ? more : less, model->channels, more > less ? "more" : "less",
-        lg_novelty_noise_from(&model->novelty) * rate, model->rate > 0 ? "Hz" : "cycles a sample", most + 1,
-        exp(noise->sum[most] / noise->windows));
+    app_warn(self->app,
+             "the noise of the feed differs from the noise in training: %u of %u channels have %s amplitude "
+             "above %.3g %s, channel %u %.3g times the usual one; a model that was trained at another level "
+             "of noise misses damage",
+             more > less ? more : less, model->channels, more > less ? "more" : "less",
+             lg_novelty_noise_from(&model->novelty) * rate, model->rate > 0 ? "Hz" : "cycles a sample",
+             most + 1, exp(noise->sum[most] / noise->windows));
 }
 
 /* Measures the level of noise in the first windows without missing samples and with all sensors alive. */
@@ -440,10 +440,11 @@ static void set_options(const app *self, const well_model *model, watching *w, l
     o->votes = values.votes.values[0];
     o->votes_of = voters();
     if (o->votes > o->votes_of)
-        app_stop_usage(self, "--votes: %u of %u windows cannot vote", o->votes, o->votes_of);
+        app_stop_usage(self, "--votes: %u of %u windows: the first number must not be larger than the second",
+                       o->votes, o->votes_of);
     if (app_given(self, "hop") && !samples_of(values.hop, w->rate, 1, model->window, &o->hop))
-        app_stop_usage(self, "--hop %.6g: allowed are one sample (%.6g s) to a window (%.6g s)", values.hop,
-                       1 / w->rate, model->window / w->rate);
+        app_stop_usage(self, "--hop %.6g: expected a time from one sample (%.6g s) to one window (%.6g s)",
+                       values.hop, 1 / w->rate, model->window / w->rate);
     if (!samples_of(values.bridge, w->rate, 0, 4e9, &o->bridge))
         app_stop_usage(self, "--bridge %.6g: at most 4e9 samples", values.bridge);
     w->hop = o->hop == 0 ? o->window : o->hop;
@@ -464,8 +465,8 @@ static const char **names_of(const well_model *model) {
 static void refuse_feed(const app *self, const sample_reader *reader, sample_kind kind) {
     if (kind == SAMPLE_READ && reader->unnamed && !reader->named)
         app_stop(self, LG_FILE,
-                 "%s: no name of the feed's columns is a channel of the model (%s, ...): rename them, or "
-                 "leave the line of names out, and they are taken in their order",
+                 "%s: no column of the feed has the name of a channel of the model (%s, ...): rename the "
+                 "columns, or leave the line of names out; columns without names are taken in their order",
                  feed_name(), reader->names[0]);
     if (kind == SAMPLE_REFUSED)
         app_stop(self, LG_FILE, "%s: line %llu: %s", feed_name(), (unsigned long long)reader->line,

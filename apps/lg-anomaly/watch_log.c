@@ -22,7 +22,7 @@ static lg_status end_line(const watch_log *log, int fd, lg_error *error) {
         ssize_t n = pread(fd, text, LONGEST_LINE, from);
         while (n > 0 && text[n - 1] != '\n') n--;
         if (n <= 0 && from > 0)
-            status = app_error(error, LG_FORMAT, "%s: is not a file of lines", log->path);
+            status = app_error(error, LG_FORMAT, "%s: is not a text file", log->path);
         else if (n >= 0 && from + n < about.st_size && ftruncate(fd, from + n) != 0)
             status = app_error(error, LG_FILE, "%s: %s", log->path, strerror(errno));
     }
@@ -54,7 +54,8 @@ void watch_log_turn(watch_log *log) {
     int fd = -1;
     if (log->fd < 0 || !app_reopen_asked()) return;
     if (open_file(log, &fd, &error) != LG_OK) {
-        app_warn(log->app, "the log is written on where it was: %s", error.message);
+        app_warn(log->app, "the log cannot be opened again and is written to the old file: %s",
+                 error.message);
         return;
     }
     if (close(log->fd) != 0 && errno != EINTR) app_warn(log->app, "%s: %s", log->path, strerror(errno));

@@ -52,13 +52,14 @@ typedef struct boundary_values {
               .option = "case", .names = case_names),                                                        \
         LG_OPTION(type, field.x, REAL, "X", "The case's parameter, radians", .option = "x", .low = -1e6,     \
                   .high = 1e6),                                                                              \
-        LG_OPTION(type, field.theta0, REAL, "A", "Instead: tangent angle at s = 0, radians",                 \
-                  .option = "theta0", .low = -1e6, .high = 1e6),                                             \
-        LG_OPTION(type, field.thetaN, REAL, "B", "and at s = L", .option = "thetaN", .low = -1e6,            \
-                  .high = 1e6),                                                                              \
+        LG_OPTION(type, field.theta0, REAL, "A",                                                             \
+                  "Instead of --case and --x: tangent angle at s = 0, radians", .option = "theta0",          \
+                  .low = -1e6, .high = 1e6),                                                                 \
+        LG_OPTION(type, field.thetaN, REAL, "B", "With --theta0: tangent angle at s = L, radians",           \
+                  .option = "thetaN", .low = -1e6, .high = 1e6),                                             \
         LG_OPTION(type, field.rotation, REAL, "R",                                                           \
-                  "Turning of the tangent along the beam: B - A and whole turns (default: that of lowest "   \
-                  "energy among B - A and one turn more or less)",                                           \
+                  "Turning of the tangent along the beam: B - A plus whole turns (default: of B - A and "    \
+                  "one turn more or less, the one with the lowest energy)",                                  \
                   .option = "rotation", .low = -1e6, .high = 1e6),                                           \
         END_ROWS(type, field.ends, begins, ends_at)
 

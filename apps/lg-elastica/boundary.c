@@ -38,7 +38,8 @@ void boundary_rotations(double theta0, double thetaN, boundary *out) {
 
 static void read_point(const app *self, const char *option, const lg_reals *given, double point[2]) {
     if (given->count == 0) return;
-    if (given->count != 2) app_stop_usage(self, "--%s: two numbers, x,y; not %zu", option, given->count);
+    if (given->count != 2)
+        app_stop_usage(self, "--%s: expected two numbers x,y, not %zu", option, given->count);
     point[0] = given->values[0];
     point[1] = given->values[1];
 }

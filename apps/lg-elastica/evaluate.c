@@ -114,8 +114,9 @@ static void warn_of_range(const app *self, const evaluation *e) {
     const bool trained = e->file.run.continuous, given = e->data.curves.continuous;
     if (e->beyond.count > 0)
         app_warn(self,
-                 "%zu of %zu curves lie outside the training range of %s (boundary conditions up to %.3g "
-                 "away; those of the training part are at most %.3g apart): expect large errors there",
+                 "%zu of %zu curves lie outside the training range of %s (their boundary conditions are up "
+                 "to %.3g away from the training part, whose boundary conditions are at most %.3g apart): "
+                 "expect large errors there",
                  e->beyond.count, e->count, self->arguments[0], e->beyond.largest, e->beyond.reach);
     if (trained != given)
         app_warn(self,

@@ -164,10 +164,11 @@ static int run(app *self) {
     read_points(self, &p);
     p.beyond = count_outside(&p.file, p.x, NULL, 1);
     if (p.beyond.count > 0)
-        app_warn(self,
-                 "outside the training range: the nearest boundary conditions of the training part are %.3g "
-                 "away, and these are at most %.3g apart; the curve may be meaningless",
-                 p.beyond.largest, p.beyond.reach);
+        app_warn(
+            self,
+            "outside the training range: the nearest boundary conditions of the training part are %.3g away, "
+            "but neighbours in the training part are at most %.3g apart; the curve may be meaningless",
+            p.beyond.largest, p.beyond.reach);
     compute(self, &p);
     if (values.solve) compare(self, &p);
     write_curves(self, values.out, &p.curve, 1, false);

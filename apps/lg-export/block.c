@@ -142,7 +142,7 @@ static bool is_output(const char *function, const char *rate) {
 /* Warns about a function that --functions names but that is only a part of the rate. */
 static void warn_left_out(const block *b, const char *function, const char *rate) {
     if (b->source->options->functions != NULL && strcmp(function, rate) != 0 && strcmp(function, "step") != 0)
-        app_warn(b->self, "%s is left out: it is a part of the rate, %s, and no output of a block", function,
+        app_warn(b->self, "%s is left out: it is a part of the rate %s, not an output of a block", function,
                  rate);
 }
 
@@ -178,11 +178,10 @@ int block_collect(block *b, bool derivatives) {
     b->step = b->rate && fits_step(b);
     if (b->step) use(b, "step");
     if (!fits)
-        return app_usage(
-            b->self,
-            "the functions do not fit one block: at most %d variables, and an input of one name has one "
-            "size; choose with --functions",
-            MOST_PORTS);
+        return app_usage(b->self,
+                         "the functions do not fit into one block: a block has at most %d variables, and "
+                         "inputs of the same name must have the same size; choose with --functions",
+                         MOST_PORTS);
     return APP_EXIT_OK;
 }
 

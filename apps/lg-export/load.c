@@ -56,7 +56,7 @@ static lg_status load_model(const app *self, const char *path, export_source *so
 }
 
 void export_warn_program(const app *self, const lg_error *why) {
-    app_warn(self, "%s: only its functions are exported, as of a program", why->message);
+    app_warn(self, "%s: only its functions are exported, as for a program", why->message);
 }
 
 int export_load(const app *self, const char *path, const char *kind, export_source *source,
@@ -132,10 +132,10 @@ static void add_usual(const lg_program *program, const char *const *usual, text 
 static void refuse_function(const app *self, const lg_program *program, const char *name) {
     size_t at;
     if (strcmp(name, "linearise") == 0 && lg_program_find(program, "step", &at) == LG_OK)
-        (void)app_usage(self,
-                        "--functions: linearise is for --target c alone; other targets have derivatives of "
-                        "velocity and step by x and u (casadi: jac_NAME_velocity, jac_NAME_step; FMUs: "
-                        "directional derivatives)");
+        (void)app_usage(
+            self,
+            "--functions: linearise is for --target c only; other targets have derivatives of velocity and "
+            "step by x and u (casadi: jac_NAME_velocity, jac_NAME_step; FMUs: directional derivatives)");
     else
         (void)app_usage(self, "--functions: the model has no function '%s'", name);
 }

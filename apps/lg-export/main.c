@@ -28,13 +28,10 @@ const export_target export_target_c = {.build = NULL};
 static const char *const dtypes[] = {"f64", "f32", NULL};
 
 static const lg_field options[] = {
-    LG_OPTION(
-        export_values, out, STRING, "DIR",
-        "Folder for the files (required); it is made if it does not exist, the folder that it is in is not. "
-        "A folder "
-        "that holds a file "
-        "of these names is refused unless lg-export wrote it for the same NAME: each model needs its own "
-        "folder"),
+    LG_OPTION(export_values, out, STRING, "DIR",
+              "Folder for the files (required); it is made if it does not exist, but its parent folder must "
+              "exist. A folder that holds a file of these names is refused unless lg-export wrote it for the "
+              "same NAME: each model needs its own folder"),
     LG_OPTION(export_values, name, STRING, "NAME",
               "Name of the functions and files (default: the model file's name as a C identifier)"),
     LG_OPTION(export_values, dtype, NAME, NULL,
@@ -88,7 +85,8 @@ static int choose_name(job *j) {
     if (given.name != NULL) {
         const char *problem = export_name_problem(given.name);
         if (problem != NULL)
-            return app_usage(j->self, "--name: '%s' cannot be the name: %s", given.name, problem);
+            return app_usage(j->self, "--name: '%s' cannot be the name of functions and files: %s",
+                             given.name, problem);
         j->name = app_format("%s", given.name);
     } else {
         j->name = export_name_from(j->options.file);
@@ -230,10 +228,10 @@ static int build_target(job *j, const char *kind) {
     const export_target *target = targets[given.target];
     const bool scene = strcmp(kind, "scene") == 0;
     if (strcmp(kind, "classifier") == 0)
-        return app_usage(j->self, "--target %s: %s is a classifier, which is exported as C alone",
+        return app_usage(j->self, "--target %s: %s is a classifier, which can be exported as C only",
                          target_names[given.target], j->path);
     if (target->wide != NULL && j->options.dtype != LG_F64)
-        return app_usage(j->self, "--target %s: %s in double precision, --dtype f32 is not for it",
+        return app_usage(j->self, "--target %s: %s in double precision, so --dtype f32 is not possible",
                          target_names[given.target], target->wide);
     j->kind = kind;
     j->options.compact = true;
@@ -248,7 +246,7 @@ static int build_target(job *j, const char *kind) {
 }
 
 static int refuse_scene(const job *j) {
-    return app_usage(j->self, "%s: a scene is exported with --target, to casadi, fmu2, fmu3, simulink",
+    return app_usage(j->self, "%s: a scene can be exported only with --target casadi, fmu2, fmu3 or simulink",
                      j->path);
 }
 

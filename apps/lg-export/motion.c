@@ -22,10 +22,10 @@ int export_check_scheme(const app *self, const lg_space *space, bool separable, 
         return APP_EXIT_OK;
     return app_usage(
         self,
-        flat ? "%s is not explicit: rk4, cf4 and other rows or files of the kinds runge-kutta, rkmk and "
-               "commutator-free can be had%s"
-             : "%s is no explicit Lie group scheme, which a step of this model needs: cf4, rkmk4, lie-euler "
-               "and other rows or files of the kinds rkmk and commutator-free can be had%s",
+        flat ? "%s is not explicit; possible are rk4, cf4 and other explicit schemes or files of the kinds "
+               "runge-kutta, rkmk and commutator-free%s"
+             : "%s is not an explicit Lie group scheme, which a step of this model needs; possible are cf4, "
+               "rkmk4, lie-euler and other explicit schemes or files of the kinds rkmk and commutator-free%s",
         scheme_name(scheme), separable ? ", or stormer-verlet and other splittings" : "");
 }
 

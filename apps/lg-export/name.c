@@ -37,10 +37,10 @@ static bool begins_a_word(const char *name, const char *code) {
 const char *export_name_problem(const char *name) {
     char word[LONGEST + 3];
     const size_t length = strlen(name);
-    if (length == 0 || length > LONGEST) return "it must have 1 to 40 letters";
+    if (length == 0 || length > LONGEST) return "it must have 1 to 40 characters";
     if (!is_letter(name[0])) return "it must begin with a letter";
     for (const char *s = name; *s != '\0'; s++)
-        if (!lg_in_word(*s)) return "letters, digits and _ only";
+        if (!lg_in_word(*s)) return "it may have only letters, digits and _";
     if (strstr(name, "__") != NULL || name[length - 1] == '_') return "__ and a _ at the end are reserved";
     (void)snprintf(word, sizeof word, " %s ", name);
     if (strstr(reserved, word) != NULL) return "the word is reserved by C or C++";

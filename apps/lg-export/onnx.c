@@ -109,7 +109,7 @@ static void choose_type(const app *self, const graph *g, export_source *source, 
     const char *single = options->dtype == LG_F64 ? onnx_single_only(g) : NULL;
     if (single == NULL) return;
     if (app_given(self, "dtype")) {
-        app_warn(self, "onnxruntime has no %s in double precision: --dtype f32 is for it", single);
+        app_warn(self, "onnxruntime has no %s in double precision: use --dtype f32 with it", single);
         return;
     }
     app_warn(self, "written in single precision: onnxruntime has no %s in double; --dtype f64 writes double",

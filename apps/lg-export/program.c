@@ -302,7 +302,7 @@ static int choose(const job *j, const char *names, size_t *chosen, size_t *count
         for (size_t i = 0; i < *count; i++) twice = twice || chosen[i] == at;
         if (!twice) chosen[(*count)++] = at;
     }
-    if (code == APP_EXIT_OK && *count == 0) code = app_usage(j->self, "--functions: none is named");
+    if (code == APP_EXIT_OK && *count == 0) code = app_usage(j->self, "--functions: no function is named");
     free(list);
     return code;
 }

@@ -81,8 +81,8 @@ static lg_status build(const app *self, recording *r, lg_program **out, lg_error
 }
 
 static int refuse(const app *self, const char *path, const lg_system *system) {
-    return app_fail(self, LG_FORMAT, "%s: %s depends on time, which exported functions have not got", path,
-                    lg_system_name(system));
+    return app_fail(self, LG_FORMAT, "%s: %s depends on time, but exported functions have no time as input",
+                    path, lg_system_name(system));
 }
 
 /* Takes the initial state, the parameters' values and the end time from the scene. */

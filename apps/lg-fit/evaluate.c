@@ -48,7 +48,7 @@ const app_command evaluate_command = {
     .arguments = "MODEL.h5 TABLE",
     .summary = "Judge a model on a table",
     .details =
-        "Columns are found by their names, in any order. Rows with missing cells are left out. A row is "
-        "outside of the training range where an input is beyond it by more than a tenth of it.",
+        "Columns are found by their names, in any order. Rows with missing cells are left out. A row lies "
+        "outside the training range if an input exceeds its range by more than a tenth of the range.",
     .settings = APP_SETTINGS(APP_GIVEN(evaluate_options, values)),
     .run = run};

@@ -31,9 +31,9 @@ static const lg_field options[] = {
     LG_OPTION(import_values, layers, STRING, "A,B,...",
               "The layers in their order from input to output, by their stems (numpy files: by their names "
               "without ending); default: by the numbers and letters of the stems, files as given"),
-    LG_OPTION(import_values, activation, NAME, NULL, "Between the layers", .names = activations,
+    LG_OPTION(import_values, activation, NAME, NULL, "Activation between the layers", .names = activations,
               .value = "tanh"),
-    LG_OPTION(import_values, last, NAME, NULL, "After the last layer", .names = activations,
+    LG_OPTION(import_values, last, NAME, NULL, "Activation after the last layer", .names = activations,
               .value = "identity"),
     LG_OPTION(import_values, layout, NAME, NULL,
               "Weights are (out, in), as PyTorch has them, or (in, out); auto (default): as the file says, "
@@ -128,11 +128,12 @@ static void check_weight(const app *self, const char *path, const lg_tensors *te
                          size_t layers) {
     if (tensors->inputs_first && strcmp(t->name, "linear.weight") == 0)
         app_stop(self, LG_FORMAT,
-                 "%s: was written by lg-export from a table network, which adds the linear part '%s' to "
-                 "its layers: it is no chain of layers, and cannot be imported; use the model itself",
+                 "%s: was written by lg-export from a table network, which adds the linear part '%s' to its "
+                 "layers: it is not a chain of layers and cannot be imported; use the model itself",
                  path, t->name);
     if (t->rank != 2 || t->count == 0 || layers == MOST_LAYERS)
-        app_stop(self, LG_FORMAT, "%s: tensor '%s' is no weight of a dense layer (rank 2, at most %d layers)",
+        app_stop(self, LG_FORMAT,
+                 "%s: tensor '%s' is not the weight of a dense layer: expected rank 2 and at most %d layers",
                  path, t->name, MOST_LAYERS);
 }
 
@@ -193,7 +194,7 @@ static void take_array(const app *self, const char *path, network *n) {
     else if (n->count < MOST_LAYERS)
         add_weight(n, name, data.values, data.rows, data.columns, inputs_first_of(false));
     else
-        app_stop(self, LG_FORMAT, "%s: is the weight of one more layer than the %d that there may be", path,
+        app_stop(self, LG_FORMAT, "%s: is the weight of one layer too many; at most %d are possible", path,
                  MOST_LAYERS);
 }
 
@@ -219,7 +220,7 @@ static void order_layers(const app *self, network *n) {
     if (at < n->count && done == n->count) return;
     lg_text names = app_text();
     add_names(n, &names);
-    app_stop_usage(self, "--layers: '%s' does not name each layer once; in some order: %s", values.layers,
+    app_stop_usage(self, "--layers: '%s' does not name each layer once; the layers are: %s", values.layers,
                    names.data != NULL ? names.data : "none");
 }
 
@@ -244,15 +245,16 @@ static void warn_order(const app *self, const network *n) {
     APP_CLEAN(lg_text_destroy) lg_text names = app_text();
     add_names(n, &names);
     app_warn(self,
-             "the layers fit each other in other orders too; taken in the order of their names, %s: give "
-             "another with --layers",
+             "the layers fit each other in other orders too; they are taken in the order of their names, %s: "
+             "give another order with --layers",
              names.data);
 }
 
 /* ---- making the program ---- */
 
 static void check_chain(const app *self, const network *n) {
-    if (n->count == 0) app_stop(self, LG_FORMAT, "%s: there is no weight of a layer", self->arguments[0]);
+    if (n->count == 0)
+        app_stop(self, LG_FORMAT, "%s: there is no tensor that is the weight of a layer", self->arguments[0]);
     for (size_t i = 1; i < n->count; i++) {
         const layer *from = &n->layers[i - 1], *to = &n->layers[i];
         if (from->out != to->in)
@@ -370,13 +372,10 @@ const app_command import_command = {
     .name = "import",
     .arguments = "WEIGHTS.safetensors | W1.npy B1.npy ...",
     .summary = "Make a program of the weights of a network that was trained elsewhere",
-    .details =
-        "Dense layers y = sigma(x W + b). A safetensors file has STEM.weight and STEM.bias of each layer; "
-        "the "
-        "layers follow the order of their stems, numbers in them counted, or --layers; the order is printed. "
-        "Numpy files follow each other: a "
-        "weight, "
-        "its bias if it has one, the next weight. The program has the function value (x) -> y; lg-export and "
-        "liegrad/program.h differentiate, run and export it.",
+    .details = "Dense layers y = sigma(x W + b). A safetensors file has STEM.weight and STEM.bias of each "
+               "layer; the layers are taken in the order of their stems, where numbers compare as numbers, "
+               "or in the order of --layers; the order is printed. Numpy files are given in the order "
+               "weight, bias if there is one, next weight. The program has the function value (x) -> y; "
+               "lg-export and liegrad/program.h differentiate, run and export it.",
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
     .run = run};

@@ -26,7 +26,7 @@ static const lg_field evaluate_options[] = {
               .otherwise = "1e-10; 1e-13 for linear potentials"),
     LG_OPTION(evaluate_values, plot, STRING, "FILE.svg|.png",
               "Draw the test trajectories, true and predicted", .file = LG_FILE_DRAWN),
-    LG_OPTION(evaluate_values, drawn, U64, "n", "plot: so many of them (default 10)", .low = 1,
+    LG_OPTION(evaluate_values, drawn, U64, "n", "plot: number of trajectories (default 10)", .low = 1,
               .high = 10000),
     LG_OPTION(evaluate_values, metric, NAME, NULL,
               "relative: also the geometric mean of |z - z'|/|z + z'| + 1e-8 over trajectories and points, "
@@ -92,9 +92,9 @@ static void warn_of_training_data(const app *self, const char *trained, const ch
 static void check_shape(const app *self, const lg_hamiltonian *model, const lg_trajectories *test) {
     const bool other = model->family != test->family;
     if (other || model->n != test->n)
-        app_stop(self, LG_SHAPE, "%s: states of %u numbers, but the model %s has %u%s", self->arguments[1],
-                 test->state_dim, self->arguments[0], lg_hamiltonian_state_dim(model),
-                 other ? " of another layout" : "");
+        app_stop(self, LG_SHAPE, "%s: a state has %u numbers, but a state of the model %s has %u%s",
+                 self->arguments[1], test->state_dim, self->arguments[0], lg_hamiltonian_state_dim(model),
+                 other ? " in another layout" : "");
     if (values.metric == METRIC_RELATIVE && test->truth == NULL)
         app_stop(self, LG_FORMAT, "%s: --metric relative needs the parameters of the system, /parameters",
                  self->arguments[1]);
@@ -138,7 +138,7 @@ static void check_record(const app *self) {
     const char *path = self->arguments[0];
     if (!values.record) return;
     if (app_same_file(path, self->arguments[1]))
-        app_stop_usage(self, "--record: %s is the model and the test data too", path);
+        app_stop_usage(self, "--record: %s is both the model and the test data", path);
     char *real = realpath(path, NULL);
     APP_MUST_FILE(self, path, app_check_writable(real != NULL ? real : path, &error));
     free(real);

@@ -18,7 +18,8 @@ static const lg_field generate_options[] = {
     LG_OPTION(generate_values, trajectories, U64, "N", "Number of trajectories", .low = 1, .high = 1e9,
               .value = "500"),
     LG_OPTION(generate_values, points, U64, "M",
-              "Points of each, the start included (default 5); dt = T/(M-1)", .low = 2, .high = 1e9),
+              "Points of each trajectory, the start included (default 5); dt = T/(M-1)", .low = 2,
+              .high = 1e9),
     LG_OPTION(generate_values, segments, U64, "s",
               "Consecutive trajectories from one start (default: the scene's, or 1)", .low = 1, .high = 1e6),
     LG_OPTION(generate_values, t_end, REAL, "T",
@@ -27,7 +28,8 @@ static const lg_field generate_options[] = {
     LG_OPTION(generate_values, noise_kind, NAME, NULL, "normal: EPS N(0,1); uniform: EPS U(-1,1)",
               .names = noise_names),
     LG_OPTION(generate_values, noise_on, NAME, NULL,
-              "later: all points but the first; all: the first, too, which then goes back to its manifold",
+              "later: all points but the first; all: the first point too, which is then projected onto its "
+              "manifold",
               .names = noise_on_names),
     LG_OPTION(generate_values, out, STRING, "FILE", "The HDF5 file to write", .required = true),
     BOARD_ROWS(generate_values),
@@ -138,8 +140,8 @@ static int run(app *self) {
     }
     if (scene.has_initial)
         app_warn(self,
-                 "%s: line %u: `initial` is a single start and was not used; the starts were drawn (key "
-                 "`starts`)",
+                 "%s: line %u: `initial` is a single start and was not used; the starts were drawn at random "
+                 "(see key `starts`)",
                  path, scene.line_initial);
     return APP_EXIT_OK;
 }

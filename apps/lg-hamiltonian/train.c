@@ -34,20 +34,16 @@ const app_command train_command = {
     .arguments = "DATA.h5",
     .summary = "Fit a Hamiltonian to trajectories",
     .details =
-        "Loss: the mean squared difference over trajectories, coordinates and points (the first "
-        "excluded; with --starts estimated it counts too) between the data and the integrator's prediction "
-        "with the learned Hamiltonian; "
-        "with --penalty, plus the penalty. The `loss` reported is this mean squared error (no "
-        "penalty) over all trajectories of the file, in double precision, at the parameters that are "
-        "written; `running_loss` is the last epoch's mean over its batches. `floor` is the part of this "
+        "Loss: the mean squared difference over trajectories, coordinates and points (the first excluded; "
+        "with --starts estimated it counts too) between the data and the integrator's prediction with the "
+        "learned Hamiltonian; with --penalty, plus the penalty. The `loss` reported is this mean squared "
+        "error (no penalty) over all trajectories of the file, in double precision, at the parameters that "
+        "are written; `running_loss` is the last epoch's mean over its batches. `floor` is the part of this "
         "error that the integrator's steps make, estimated by steps of half the size.\n\nThe defaults above "
-        "are "
-        "those of --preset thesis. Without options of Adam the preset is best, which changes method, widths, "
-        "epochs, prior and scheme by the system: docs/reports/accuracy.md has its table, --json the "
-        "values "
-        "of a run.\n\nCtrl-C "
-        "saves a "
-        "checkpoint and ends with exit code 130; --resume continues to the same bits.",
+        "belong to --preset thesis. If no option of Adam is given, the preset is best: it chooses method, "
+        "widths, epochs, prior and scheme for the system. docs/reports/accuracy.md has its table; --json "
+        "prints the values of a run.\n\nCtrl-C saves a checkpoint and ends with exit code 130; --resume "
+        "continues to the same bits.",
     .settings = settings,
     .run = run_train,
     .together = APP_RANKS};

@@ -75,7 +75,7 @@ static void warn_of_inputs(const app *self, const lg_machine_data *data) {
             app_warn(
                 self,
                 "column %s: the input is a linear function of the state and the other inputs (all but %.1g "
-                "of it): feedback, or a copy; what it does cannot be told from damping and potential",
+                "of it): feedback, or a copy; its effect cannot be told apart from damping and potential",
                 machine->inputs[k], part);
     }
 }
@@ -89,13 +89,12 @@ static void warn_of_clocks(const app *self, const lg_machine_data *data, const d
     lg_machine_lags(data, lag, left);
     for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++)
         if (lag[i] != 0)
-            app_warn(
-                self,
-                "%s: its positions are %d rows (%.3g s) %s than its velocities: with that shift they explain "
-                "its motion up to %.2g of it, as logged up to %.2g: two clocks, or a delay of one sensor; "
-                "shift the columns before they are learned from",
-                data->file.machine.coordinates[i].name, abs(lag[i]), fabs(lag[i] * data->logs.dt_median),
-                lag[i] < 0 ? "later" : "earlier", left[i], motions[i]);
+            app_warn(self,
+                     "%s: its positions are %d rows (%.3g s) %s than its velocities: with that shift the "
+                     "velocities explain all but %.2g of the motion, as logged all but %.2g; if the sensors "
+                     "have two clocks, or one has a delay, shift the columns before you learn from them",
+                     data->file.machine.coordinates[i].name, abs(lag[i]), fabs(lag[i] * data->logs.dt_median),
+                     lag[i] < 0 ? "later" : "earlier", left[i], motions[i]);
 }
 
 static void warn_of_stuck(const app *self, const lg_machine_data *data) {
@@ -104,8 +103,8 @@ static void warn_of_stuck(const app *self, const lg_machine_data *data) {
         APP_MUST(self, lg_machine_stuck(self->context, data, i, &at, &error));
         if (at.rows > 0)
             app_warn(self,
-                     "column %s: stands at %.6g for %zu rows from %.6g s on while %s moves: a sensor that is "
-                     "stuck; leave these rows empty",
+                     "column %s: stands at %.6g for %zu rows from %.6g s on while %s moves: if the sensor is "
+                     "stuck, leave these rows empty",
                      data->file.columns[data->file.coordinates[i].place].name, at.value, at.rows,
                      data->logs.log.t[at.row], data->file.columns[data->file.coordinates[i].velocity].name);
     }
@@ -115,23 +114,24 @@ static void warn_of_stuck(const app *self, const lg_machine_data *data) {
 static void warn_of_gaps(const app *self, const lg_logs *logs) {
     enum { OFTEN = 50 };
     if (OFTEN * logs->gaps > logs->rows_read)
-        app_warn(
-            self,
-            "%zu of %zu steps are longer than %.4g s and count as gaps, which leave %zu parts: if the rows "
-            "jitter, columns: {max_step: ...} says how long a step may be (the median is %.4g s)",
-            logs->gaps, logs->rows_read, logs->max_step, logs->log.parts, logs->dt_median);
+        app_warn(self,
+                 "%zu of %zu steps are longer than %.4g s and count as gaps, which leave %zu parts: if the "
+                 "times of the rows jitter, set columns: {max_step: ...} to the longest step that is not a "
+                 "gap (the median is %.4g s)",
+                 logs->gaps, logs->rows_read, logs->max_step, logs->log.parts, logs->dt_median);
 }
 
 /* Warns if the common factor of masses, potential, damping and input map is not determined. */
 static void warn_of_gauge(const app *self, const lg_machine *machine) {
     if (machine->normalised)
         app_warn(self,
-                 "nothing that is given fixes the scale of the forces: the first mass is taken as 1, and "
-                 "the others are ratios to it (give an input map or a mass as known to fix it)");
+                 "nothing that is given fixes the scale of the forces: the first mass is taken as 1, and the "
+                 "other numbers are relative to it (to fix the scale, give an input map or a mass as known)");
     if (machine->free_gauge)
-        app_warn(self,
-                 "nothing that is given fixes the scale of the forces: mass, potential, damping and input "
-                 "map are known up to a common factor (give an input map or a mass as known to fix it)");
+        app_warn(
+            self,
+            "nothing that is given fixes the scale of the forces: mass, potential, damping and input map can "
+            "be learned only up to a common factor (to fix it, give an input map or a mass as known)");
 }
 
 /* ---- report ---- */
@@ -199,10 +199,9 @@ static int run(app *self) {
 const app_command check_command = {
     .name = "check",
     .arguments = "MACHINE.yaml LOG...",
-    .summary = "Say what is in the logs, and whether the columns are what the machine says",
-    .details =
-        "Logs that cannot be what MACHINE.yaml says (swapped columns, wrong units, two clocks) end with "
-        "exit code 3 and a sentence that names file, column and remedy. What is merely not determined "
-        "by them is a warning.",
+    .summary = "Show what is in the logs, and check that the columns are what MACHINE.yaml says",
+    .details = "If the logs contradict MACHINE.yaml (swapped columns, wrong units, two clocks), the exit "
+               "code is 3, and a sentence names file, column and remedy. There is a warning for each "
+               "quantity that the logs do not determine.",
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
     .run = run};

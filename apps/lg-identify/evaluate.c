@@ -237,8 +237,8 @@ static void leave_out(const lg_machine *machine, const lg_machine_log *log, cons
 static void warn_of_runs(const app *self, const lg_machine_file *file, const verdict *v) {
     for (uint32_t c = 0; c < file->column_count; c++) {
         if (!identify_is_state(&file->columns[c]) || !isinf(v->free_run[c])) continue;
-        app_warn(self, "the free run is not finite: the model leaves what it has learned, or needs more "
-                       "--substeps");
+        app_warn(self, "the free run is not finite: the model leaves the range of its training data, or "
+                       "needs more --substeps");
         return;
     }
 }
@@ -300,7 +300,9 @@ static void verdict_destroy(verdict *v) {
 static int run(app *self) {
     APP_CLEAN(identify_given_destroy) identify_given given = {.model = {.machine = NULL}};
     APP_CLEAN(verdict_destroy) verdict v = {.relative = (double)NAN, .relative_worst = (double)NAN};
-    if (values.horizons.count > MOST_HORIZONS) app_stop_usage(self, "--horizons: at most %d", MOST_HORIZONS);
+    if (values.horizons.count > MOST_HORIZONS)
+        app_stop_usage(self, "--horizons: %zu numbers, at most %d are possible", values.horizons.count,
+                       MOST_HORIZONS);
     identify_load(self, values.substeps, &given);
     const uint32_t window = values.window > 0 ? (uint32_t)values.window : given.file.run.window;
     APP_MUST(self, lg_machine_window_loss(self->context, &given.model, &given.data.logs.log, window,
@@ -317,10 +319,9 @@ const app_command evaluate_command = {
     .name = "evaluate",
     .arguments = "MODEL.h5 LOG...",
     .summary = "Free runs of a model against logs",
-    .details =
-        "Runs start every so many rows and go on without the log but for its inputs. Errors are root "
-        "mean squares over all rows up to the horizon, beside those of a machine that stands still and "
-        "of v' = A (q, v, u, 1), fitted to the same logs. With positions alone 50 rows estimate the "
-        "state at each start and are not scored.",
+    .details = "A run starts every n rows (--every) and takes only the inputs from the log. Errors are root "
+               "mean squares over all rows up to the horizon. Beside them are the errors of a machine that "
+               "stands still and of a linear model v' = A (q, v, u, 1), fitted to the same logs. With "
+               "positions alone, 50 rows estimate the state at each start; these rows do not count.",
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
     .run = run};

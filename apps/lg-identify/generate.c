@@ -21,10 +21,10 @@ static const lg_field options[] = {
         generate_values, inputs, STRING, "multisine[:F]|steps[:S]|none|FILE.csv",
         "What the inputs do (default multisine): sines up to F Hz (default one period in 25 rows), steps "
         "of S seconds (default 25 rows), nothing; a file has the columns of time and inputs"),
-    LG_OPTION(
-        generate_values, amplitude, REALS, "A,A,...",
-        "Of each input, or one for all (default 1): largest step; twice the root mean square of a multisine",
-        LG_ANY_REAL),
+    LG_OPTION(generate_values, amplitude, REALS, "A,A,...",
+              "Amplitude of each input, or one for all (default 1): the largest step, or twice the root mean "
+              "square of a multisine",
+              LG_ANY_REAL),
     LG_OPTION(generate_values, noise, REALS, "SIGMA[,SIGMA]",
               "Standard deviation of the noise of positions (radians), and of velocities (default the same); "
               "not given: the machine's `noise`",
@@ -134,8 +134,10 @@ static void read_inputs(const app *self, making *m) {
     const double length = log->t[log->first[1] - 1] - log->t[0];
     if (!app_given(self, "t-end")) m->t_end = length;
     if (m->t_end > length * (1 + 1e-9) + values.dt)
-        app_stop(self, LG_FORMAT, "%s: its first part without a gap is %.4g s long, a run %.4g s: --t-end",
-                 path, length, m->t_end);
+        app_stop(
+            self, LG_FORMAT,
+            "%s: its first part without a gap is %.4g s long, but a run takes %.4g s: give a smaller --t-end",
+            path, length, m->t_end);
 }
 
 /* Takes the file's inputs at the times of the rows: held, or interpolated linearly between two rows. */
@@ -296,11 +298,12 @@ static double largest_difference(const double *a, const double *b, size_t n) {
 static void check_accuracy(const app *self, const making *m) {
     if (!isfinite(m->accuracy))
         app_stop(self, LG_NOT_FINITE,
-                 "%s: the motion is not finite: smaller --dt, --amplitude or --start-spread",
+                 "%s: the motion is not finite: give a smaller --dt, --amplitude or --start-spread",
                  self->arguments[0]);
     if (m->accuracy > 1e-6)
         app_warn(self,
-                 "with %u steps between two rows the motion is known to %.1e only: chaotic, or --dt is long",
+                 "with %u steps between two rows the motion is accurate to %.1e only: it is chaotic, or --dt "
+                 "is too long",
                  m->substeps, m->accuracy);
 }
 
@@ -379,14 +382,14 @@ static void check_scene(const app *self, const lg_machine_file *file) {
         const lg_machine_term *term = &file->machine.terms[i];
         if (term->parameters > 0)
             app_stop(self, LG_FORMAT,
-                     "%s: %s: a term of kind '%s' is to be learned; a scene's terms are known: {kind: known, "
-                     "values: ...}",
+                     "%s: %s: a term of kind '%s' has no values; in a scene all terms must be known: {kind: "
+                     "known, values: ...}",
                      path, lg_machine_part_name(term->part), lg_term_kind_name(term->kind));
     }
     if (values.runs > 1 && file->run >= file->column_count)
         app_stop(self, LG_FORMAT,
-                 "%s: %llu runs need a column that tells them apart, columns: {run: ...}; or --runs 1", path,
-                 (unsigned long long)values.runs);
+                 "%s: %llu runs need a column that tells them apart: give columns: {run: ...}, or --runs 1",
+                 path, (unsigned long long)values.runs);
     APP_MUST(self, lg_machine_refuse_momenta(file, path, &error));
 }
 
@@ -397,11 +400,11 @@ static void check_options(const app *self, const lg_machine_file *file) {
                        file->machine.input_count);
     (void)find_form(); /* Reads the number after the colon. */
     if (isnan(values.after_colon))
-        app_stop_usage(self, "--inputs: '%s': a number above 0 follows the colon", values.inputs);
+        app_stop_usage(self, "--inputs: '%s': expected a number above 0 after the colon", values.inputs);
     if (file->machine.input_count == 0 && find_form() == LG_COUNT(forms))
         app_stop_usage(self, "--inputs: '%s' is a file, but the machine has no inputs", values.inputs);
-    if (values.noise.count > 2) app_stop_usage(self, "--noise: one number or two");
-    if (values.spread.count > 2) app_stop_usage(self, "--start-spread: one number or two");
+    if (values.noise.count > 2) app_stop_usage(self, "--noise: expected one or two numbers");
+    if (values.spread.count > 2) app_stop_usage(self, "--start-spread: expected one or two numbers");
 }
 
 static void begin(const app *self, making *m) {

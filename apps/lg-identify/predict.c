@@ -15,12 +15,13 @@ static const lg_field options[] = {
     LG_OPTION(predict_values, out, STRING, "FILE.csv", "Write the predicted rows in the columns of the log",
               .file = LG_FILE_WRITTEN, .required = true),
     LG_OPTION(predict_values, start, U64, "n",
-              "Begin at row n of each part without a gap, from 0; the next complete one is taken",
+              "Begin at row n (counted from 0) of each part without a gap, or at the next complete row",
               .high = 1e12),
     LG_OPTION(predict_values, substeps, U64, "n", "Integrator steps between two points of the data", .low = 1,
               .high = 1e6, .otherwise = "the model's"),
-    LG_OPTION(predict_values, bands, SWITCH, NULL,
-              "Add columns NAME.sd: the standard deviation that the uncertainty of the parameters makes"),
+    LG_OPTION(
+        predict_values, bands, SWITCH, NULL,
+        "Add columns NAME.sd: the standard deviation that results from the uncertainty of the parameters"),
     LG_OPTION(predict_values, plot, STRING, "FILE.svg|.png", "Draw the first run, logged and predicted",
               .file = LG_FILE_DRAWN),
     LG_FIELD_END};
@@ -42,7 +43,7 @@ static void find_starts(const app *self, prediction *p) {
     p->runs = identify_first_rows(&p->given.model, log, values.start, p->start);
     if (p->runs == 0)
         app_stop(self, LG_INVALID_ARGUMENT,
-                 "%s: no part of the log has a complete row at or after row %llu that another one follows",
+                 "%s: no part of the log has, at or after row %llu, a complete row that another row follows",
                  self->arguments[1], (unsigned long long)values.start);
     if (p->runs < log->parts)
         app_warn(self, "%zu of %zu parts have no complete row to begin at, and are left out",
@@ -156,8 +157,8 @@ static int run(app *self) {
     identify_load(self, values.substeps, &p.given);
     if (values.bands && p.given.file.spread == NULL)
         app_stop(self, LG_UNSUPPORTED,
-                 "%s: has no covariance of its parameters for --bands: it has more than %d of them, or none "
-                 "that the logs determine",
+                 "%s: has no covariance of its parameters, which --bands needs: the model has more than %d "
+                 "parameters, or the logs determine none of them",
                  self->arguments[0], LG_MACHINE_MOST_SPREAD);
     find_starts(self, &p);
     predict(self, &p);
@@ -167,11 +168,10 @@ static int run(app *self) {
                           &data->file, &data->logs.log, identify_first_run(&data->logs), p.q, p.v, p.bands);
     report(self, &p);
     if (p.finite) return APP_EXIT_OK;
-    return app_fail(
-        self, LG_NOT_FINITE,
-        "%s: the prediction is not finite from some row on (empty cells): the model leaves what it "
-        "has learned, or needs more --substeps",
-        values.out);
+    return app_fail(self, LG_NOT_FINITE,
+                    "%s: the prediction is not finite from some row on (empty cells): the model leaves the "
+                    "range of its training data, or needs more --substeps",
+                    values.out);
 }
 
 const app_command predict_command = {

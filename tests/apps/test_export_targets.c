@@ -467,7 +467,7 @@ TEST("every target describes the numbers of a machine, and says that inputs act 
                        told[i].target, told[i].target);
         cli_expect("lg-export", line, 0, "");
         assert_non_null(strstr(result.err, "inputs act 3 rows of the log, 0.06 in time, later"));
-        assert_non_null(strstr(result.err, "delay them yourself"));
+        assert_non_null(strstr(result.err, "delay the inputs before you pass them"));
         (void)snprintf(line, sizeof line, "late-%s/%s", told[i].target, told[i].file);
         assert_true(cli_read(line, text, sizeof text) > 0);
         join_lines(text);

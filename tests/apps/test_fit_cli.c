@@ -719,7 +719,7 @@ TEST("weights from safetensors and numpy files become a program, and a program c
         cli_expect(fit, "import bad.safetensors --out bad.h5", 3, bad[i].words);
     }
     write_tensors("bad.safetensors", "{}", numbers, 0);
-    cli_expect(fit, "import bad.safetensors --out bad.h5", 3, "no weight");
+    cli_expect(fit, "import bad.safetensors --out bad.h5", 3, "there is no tensor that is the weight");
     cli_write("bad.safetensors", "short");
     cli_expect(fit, "import bad.safetensors --out bad.h5", 3, "is not a safetensors file");
 }
@@ -763,7 +763,7 @@ TEST("the order of imported layers is printed, can be given, and causes a warnin
     cli_expect(fit, "import square.safetensors --out s.h5", 0, "layers: layers.0 2 -> 2, layers.10 2");
     assert_null(strstr(result.err, "warning"));
     write_tensors("table.safetensors", table, numbers, 64);
-    cli_expect(fit, "import table.safetensors --out t.h5", 3, "no chain of layers");
+    cli_expect(fit, "import table.safetensors --out t.h5", 3, "not a chain of layers");
 }
 
 TEST("importing more layers than a network may have is refused") {
@@ -777,7 +777,8 @@ TEST("importing more layers than a network may have is refused") {
     write_tensors("deep.safetensors", header->text, numbers, sizeof numbers);
     cli_write("one.csv", "w\n1\n");
     cli_json(fit, "import deep.safetensors one.csv --out deep.h5", "layers 64, parameters 65");
-    cli_expect(fit, "import deep.safetensors one.csv one.csv --out d.h5", 3, "one more layer than the 64");
+    cli_expect(fit, "import deep.safetensors one.csv one.csv --out d.h5", 3,
+               "one layer too many; at most 64");
 }
 
 TEST("a search finds the better width") {

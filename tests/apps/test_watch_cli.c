@@ -495,12 +495,12 @@ TEST("channels are found by their names; a feed without one of them is refused")
     reorder("$1, $2, $3, $4, $5, $6", "cut.csv");
     cli_expect("lg-anomaly", "watch named.h5 --input cut.csv", 3, "there is no column");
     reorder("$1, $2, $3, $4, $5, $6, $2", "twice.csv");
-    cli_expect("lg-anomaly", "watch named.h5 --input twice.csv", 3, "stands twice");
+    cli_expect("lg-anomaly", "watch named.h5 --input twice.csv", 3, "there are two columns");
     reorder("$2, $3, $1, $4, $5, $6, $7", "late.csv");
-    cli_expect("lg-anomaly", "watch named.h5 --input late.csv", 3, "behind one of times");
+    cli_expect("lg-anomaly", "watch named.h5 --input late.csv", 3, "after a column of times");
     reorder("$1, NR == 1 ? \"a,b,c,d,e,f\" : $2 \",\" $3 \",\" $4 \",\" $5 \",\" $6 \",\" $7", "others.csv");
     cli_expect("lg-anomaly", "watch named.h5 --input others.csv", 3,
-               "no name of the feed's columns is a channel");
+               "no column of the feed has the name of a channel");
 }
 
 /* Writes spoilt.csv: the feed with an awk expression in one field of every sample. */

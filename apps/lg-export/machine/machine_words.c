@@ -116,6 +116,8 @@ void export_machine_words(const void *contents, export_source *source) {
 
 void export_warn_delay(const app *self, const export_source *source) {
     if (source->delay.length > 0)
-        app_warn(self, "the model's %s; what is exported takes them at once: delay them yourself",
-                 source->delay.data);
+        app_warn(
+            self,
+            "the model's %s; the exported functions do not delay them: delay the inputs before you pass them",
+            source->delay.data);
 }
