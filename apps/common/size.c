@@ -34,8 +34,8 @@ static void read_lane(const lg_fit *fit, train_lane *lane) {
 static lg_status run_lane(app *self, train_task *task, app_slot *slot, double seconds, train_lane *lane,
                           lg_error *error) {
     const double begin = app_seconds();
-    lg_training *training = train_training(task);
-    const lg_training kept = *training;
+    lg_fit_settings *training = train_training(task);
+    const lg_fit_settings kept = *training;
     lg_status status = app_store(slot, lane->size, error);
     training->seed = self->seed;
     if (status == LG_OK) status = train_describe(self, task, NULL, error);

@@ -195,10 +195,10 @@ static int on_epoch(void *user, const lg_fit_epoch *report) {
 
 /* ---- training ---- */
 
-lg_fit_options train_fit_options(const app *self, const lg_training *training) {
+lg_fit_options train_fit_options(const app *self, const lg_fit_settings *training) {
     lg_fit_options options;
     lg_fit_options_init(&options);
-    lg_training_apply(training, &options);
+    lg_fit_settings_apply(training, &options);
     options.threads = (int)self->threads;
     options.ranks = self->ranks;
     return options;
@@ -326,8 +326,8 @@ typedef struct stored_run {
     void *run;
 } stored_run;
 
-static const lg_training *stored_training(const train_task *task, const stored_run *stored) {
-    return (const lg_training *)(const void *)((const char *)stored->run + task->recipe->training);
+static const lg_fit_settings *stored_training(const train_task *task, const stored_run *stored) {
+    return (const lg_fit_settings *)(const void *)((const char *)stored->run + task->recipe->training);
 }
 
 /* With --preset the run is not taken from the checkpoint. It is derived again from preset and options, and
@@ -363,7 +363,7 @@ static int compare(const app *self, const train_task *task, const stored_run *st
     lg_error error = {LG_OK, ""};
     if (stored->reader == NULL) return APP_EXIT_OK;
     const lg_status status =
-        lg_run_compare(task->recipe, stored->run, task->settings[0].values, files->resume, &error);
+        lg_recipe_compare_runs(task->recipe, stored->run, task->settings[0].values, files->resume, &error);
     return status == LG_OK ? APP_EXIT_OK : fail(self, status, &error);
 }
 
@@ -410,7 +410,7 @@ static int check_method(const app *self, const train_task *task) {
 }
 
 /* The histories of 10^6 epochs take 40 MB. */
-uint64_t train_epochs(const app *self, const lg_training *training) {
+uint64_t train_epochs(const app *self, const lg_fit_settings *training) {
     enum { NO_LIMIT = 1000000 };
     const bool limited = files->resume != NULL || app_given(self, "epochs") || !(files->seconds > 0);
     return lg_fit_plan_ends_in_batches(&training->plan) || limited ? training->epochs : NO_LIMIT;
@@ -421,7 +421,7 @@ uint64_t train_epochs(const app *self, const lg_training *training) {
 static int run_with(app *self, train_task *task, stored_run *stored, const train_race *race) {
     lg_error error = {LG_OK, ""};
     train_session session = {.app = self, .task = task, .race = *race};
-    lg_training *training = train_training(task);
+    lg_fit_settings *training = train_training(task);
     const bool again = derives_again(self), splits = task->recipe->learner->prepare != NULL;
     training->seed = self->seed;
     const lg_status status = train_describe(self, task, again ? NULL : stored->run, &error);

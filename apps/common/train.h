@@ -101,7 +101,7 @@ double train_race_seconds(const train_race *race); /* the part of --seconds that
 void train_size_json(const train_race *race, app_json *json);
 /* The planned number of epochs. It is 10^6 if the training ends with a method other than Adam and only
  * --seconds limits it. */
-uint64_t train_epochs(const app *app, const lg_training *training);
+uint64_t train_epochs(const app *app, const lg_fit_settings *training);
 
 struct train_session {
     app *app;
@@ -123,7 +123,7 @@ int train_evaluate(const app *app, train_task *task, const void *file);
 
 /* ---- parts of train_main, also used by race and search ---- */
 
-static inline lg_training *train_training(const train_task *task) {
+static inline lg_fit_settings *train_training(const train_task *task) {
     return lg_learning_training(&task->learning);
 }
 /* Prepares task->learning; its data files are the command's arguments from index `argument` on. */
@@ -144,7 +144,7 @@ extern uint32_t train_preset_given;
 #define TRAIN_PRESET                                                                                         \
     { train_preset_rows, &train_preset_given, sizeof train_preset_given }
 /* Options of the fit: the run's hyperparameters, and app's threads and ranks. */
-lg_fit_options train_fit_options(const app *app, const lg_training *training);
+lg_fit_options train_fit_options(const app *app, const lg_fit_settings *training);
 /* Returns the chosen method, as in "--network angle", if it does not have the option `slot`; otherwise NULL.
  * The text is in static storage. */
 const char *train_refuses(const train_task *task, const app_slot *slot);

@@ -48,9 +48,10 @@ void well_model_load(const app *app, const char *path, well_model *out);
 void well_model_destroy(well_model *model); /* a zeroed model is allowed */
 /* Number of bytes of work memory that well_model_score needs. */
 size_t well_model_work(const well_model *model);
-/* Scores one window: x (channels, window), as recorded -> score (classes). The class is lg_class_of(score).
- * `plane` as in lg_detector_eval; NULL unless the model is a network. A WELL_NOVELTY model gives the scores 1
- * and the distance of lg_novelty_eval. `work` is aligned to 64 bytes. Allocates nothing. */
+/* Scores one window: x (channels, window), as recorded -> score (classes). The class is
+ * lg_metrics_class(score). `plane` as in lg_detector_eval; NULL unless the model is a network. A
+ * WELL_NOVELTY model gives the scores 1 and the distance of lg_novelty_eval. `work` is aligned to 64
+ * bytes. Allocates nothing. */
 lg_status well_model_score(const well_model *model, const float *x, double *score, double *plane, void *work);
 /* A single score for "not class 0". Two classes: the score of class 1. More classes: 1 minus the probability
  * of class 0, or without probabilities the best other score minus the score of class 0. */

@@ -11,7 +11,7 @@
 static void load_detector(const app *self, const char *path, well_model *out) {
     lg_detector_file file;
     const lg_detector_run *run = &file.run;
-    APP_MUST_FILE(self, path, lg_model_load_detector(self->context, path, NULL, &file, &error));
+    APP_MUST_FILE(self, path, lg_detector_load(self->context, path, NULL, &file, &error));
     *out = (well_model){.sort = WELL_NETWORK,
                         .method = "cnn",
                         .classes = run->model.classes,
@@ -87,7 +87,7 @@ static void load_classifier(const app *self, const char *path, well_model *out) 
 
 void well_model_load(const app *self, const char *path, well_model *out) {
     char kind[64];
-    APP_MUST_FILE(self, path, lg_file_kind(self->context, path, NULL, kind, sizeof kind, &error));
+    APP_MUST_FILE(self, path, lg_model_file_kind(self->context, path, NULL, kind, sizeof kind, &error));
     if (strcmp(kind, "detector") == 0)
         load_detector(self, path, out);
     else if (strcmp(kind, "classifier") == 0)

@@ -11,7 +11,7 @@ static const double default_grid[] = {0.1, 1, 10, 100};
 /* The candidates for the options, and the chosen candidate. */
 typedef struct choice {
     size_t count, best;
-    lg_method_options *options; /* (count) */
+    lg_classifier_options *options; /* (count) */
     double *accuracy; /* (count): accuracy in cross-validation; NULL if there was only one candidate */
     double seconds;
 } choice;
@@ -85,12 +85,12 @@ static void compute_features(classical *self) {
 
 /* ---- candidates for the options ---- */
 
-static lg_method method_of(int method) {
-    static const lg_method methods[] = {[METHOD_LOGISTIC] = LG_METHOD_LOGISTIC,
-                                        [METHOD_TREE] = LG_METHOD_TREE,
-                                        [METHOD_SVM_LINEAR] = LG_METHOD_SVM_LINEAR,
-                                        [METHOD_SVM_RBF] = LG_METHOD_SVM_RBF,
-                                        [METHOD_BASELINE] = LG_METHOD_LOGISTIC};
+static lg_classifier_method method_of(int method) {
+    static const lg_classifier_method methods[] = {[METHOD_LOGISTIC] = LG_METHOD_LOGISTIC,
+                                                   [METHOD_TREE] = LG_METHOD_TREE,
+                                                   [METHOD_SVM_LINEAR] = LG_METHOD_SVM_LINEAR,
+                                                   [METHOD_SVM_RBF] = LG_METHOD_SVM_RBF,
+                                                   [METHOD_BASELINE] = LG_METHOD_LOGISTIC};
     return methods[method];
 }
 
@@ -110,14 +110,14 @@ static double published_alpha(const train_values *values, double noise) {
     return entropy ? 0.01 : 0.003;
 }
 
-static lg_method_options base_options(const app *self, const train_values *values, double noise) {
-    lg_method_options options;
-    lg_method_options_init(&options);
+static lg_classifier_options base_options(const app *self, const train_values *values, double noise) {
+    lg_classifier_options options;
+    lg_classifier_options_init(&options);
     options.method = method_of(values->method);
     options.components = (uint32_t)values->components;
     options.c = values->c;
     options.gamma = values->gamma;
-    options.tree.criterion = (lg_criterion)values->criterion;
+    options.tree.criterion = (lg_tree_criterion)values->criterion;
     options.tree.max_depth = (uint32_t)values->max_depth;
     options.tree.min_samples_leaf = (uint32_t)values->min_leaf;
     if (values->prune == PRUNE_POST)
@@ -127,7 +127,7 @@ static lg_method_options base_options(const app *self, const train_values *value
 }
 
 static void list_candidates(const app *self, const train_values *values, double noise, choice *out) {
-    const lg_method_options base = base_options(self, values, noise);
+    const lg_classifier_options base = base_options(self, values, noise);
     const bool svm = values->method == METHOD_SVM_LINEAR || values->method == METHOD_SVM_RBF;
     out->options = app_alloc(MAX_GRID, sizeof *out->options);
     out->count = 0;
@@ -135,7 +135,7 @@ static void list_candidates(const app *self, const train_values *values, double 
         for (uint32_t depth = 2; depth <= deepest(values); depth++)
             for (uint32_t split = 2; split <= 4; split++)
                 for (uint32_t leaf = 1; leaf <= 2; leaf++) {
-                    lg_method_options *option = &out->options[out->count++];
+                    lg_classifier_options *option = &out->options[out->count++];
                     *option = base;
                     option->tree.max_depth = depth;
                     option->tree.min_samples_split = split;
@@ -160,15 +160,15 @@ static void choose(classical *self) {
     if (chosen->count == 1) return;
     chosen->accuracy = app_alloc(chosen->count, sizeof *chosen->accuracy);
     const double begin = app_seconds();
-    APP_MUST(self->app,
-             lg_grid_search(self->app->context, chosen->options, chosen->count, (uint32_t)train_given.folds,
+    APP_MUST(self->app, lg_classifier_search(
+                            self->app->context, chosen->options, chosen->count, (uint32_t)train_given.folds,
                             self->table, self->label, self->unit, state->train.list, state->train.count,
                             self->model.classifier.features.count, self->model.classes,
                             (int)self->app->threads, chosen->accuracy, &chosen->best, &error));
     chosen->seconds = app_seconds() - begin;
 }
 
-static lg_status fit(const classical *self, const lg_method_options *options, lg_classifier *out,
+static lg_status fit(const classical *self, const lg_classifier_options *options, lg_classifier *out,
                      lg_error *error) {
     return lg_classifier_fit(self->app->context, options, self->table, self->label, state->train.list,
                              state->train.count, self->model.classifier.features.count, self->model.classes,
@@ -232,7 +232,7 @@ static void draw_path(const classical *self, const char *picture, const lg_class
 }
 
 static void draw_alphas(const classical *self, const char *picture) {
-    lg_method_options options = self->chosen.options[self->chosen.best];
+    lg_classifier_options options = self->chosen.options[self->chosen.best];
     APP_CLEAN(lg_classifier_destroy) lg_classifier whole = {.classes = 0};
     options.tree.ccp_alpha = 0;
     APP_MUST_FILE(self->app, picture, fit(self, &options, &whole, &error));
@@ -258,7 +258,7 @@ static void json_choice(app_json *json, const classical *self) {
     app_json_real(json, "grid_seconds", chosen->seconds);
     app_json_open(json, "grid", '[');
     for (size_t i = 0; i < chosen->count; i++) {
-        const lg_method_options *option = &chosen->options[i];
+        const lg_classifier_options *option = &chosen->options[i];
         app_json_open(json, NULL, '{');
         if (tree) {
             app_json_size(json, "max_depth", option->tree.max_depth);
@@ -275,11 +275,11 @@ static void json_choice(app_json *json, const classical *self) {
 
 static void json_method(app_json *json, const classical *self) {
     const lg_classifier *model = &self->model.classifier;
-    const lg_method_options *option = &self->chosen.options[self->chosen.best];
+    const lg_classifier_options *option = &self->chosen.options[self->chosen.best];
     if (model->method == LG_METHOD_TREE) {
         app_json_size(json, "depth", lg_tree_depth(&model->tree));
         app_json_size(json, "nodes", model->tree.count);
-        app_json_text(json, "criterion", lg_criterion_name(option->tree.criterion));
+        app_json_text(json, "criterion", lg_tree_criterion_name(option->tree.criterion));
         app_json_real(json, "ccp_alpha", option->tree.ccp_alpha);
         app_json_size(json, "max_depth", option->tree.max_depth);
         app_json_size(json, "min_samples_split", option->tree.min_samples_split);
@@ -319,7 +319,7 @@ static void report_json(const classical *self) {
 
 static void report(const classical *self) {
     const lg_classifier *model = &self->model.classifier;
-    const lg_method_options *option = &self->chosen.options[self->chosen.best];
+    const lg_classifier_options *option = &self->chosen.options[self->chosen.best];
     if (self->app->json) {
         report_json(self);
         return;
@@ -343,7 +343,7 @@ static void report(const classical *self) {
 /* ---- training ---- */
 
 void train_classical(const app *program) {
-    const lg_method method = method_of(train_given.method);
+    const lg_classifier_method method = method_of(train_given.method);
     classical self = {.app = program};
     self.model = trained_model(WELL_CLASSICAL, train_method_name(train_given.method));
     self.model.classifier.method = method;

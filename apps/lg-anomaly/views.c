@@ -213,7 +213,7 @@ static lg_status view_roc(const viewing *v, lg_error *error) {
     for (uint32_t c = first; c < classes; c++) {
         double *fpr = memory + 3 * room * c, *tpr = fpr + room;
         for (size_t i = 0; i < n; i++) score[i] = judged->score[i * classes + c];
-        const size_t points_here = lg_roc(judged->truth, score, n, c, fpr, tpr, tpr + room, order);
+        const size_t points_here = lg_metrics_roc(judged->truth, score, n, c, fpr, tpr, tpr + room, order);
         double area = 0;
         for (size_t i = 1; i < points_here; i++) area += 0.5 * (fpr[i] - fpr[i - 1]) * (tpr[i] + tpr[i - 1]);
         if (points_here > 0)

@@ -77,7 +77,7 @@ static lg_status judge(void *user, const float *x, uint32_t missing, lg_answer *
     bench *b = user;
     const lg_status status = well_model_score(b->model, x, b->score, NULL, b->work);
     if (status != LG_OK) return status;
-    b->given = lg_class_of(b->score, b->model->classes);
+    b->given = lg_metrics_class(b->score, b->model->classes);
     *score = well_model_alarm(b->model, b->score);
     *answer = b->given != 0 ? LG_ANSWER_POSITIVE : LG_ANSWER_NEGATIVE;
     if (b->novelty_work == NULL) return LG_OK;

@@ -172,7 +172,7 @@ void bench_elastica_curve(bench *b) {
     use u = {.intervals = NODES - 1};
     if (b->given->weights == NULL)
         exit(app_usage(b->app, "elastica-curve needs a model: --weights MODEL.h5"));
-    const lg_status status = lg_model_load_surrogate(b->app->context, b->given->weights, NULL, &file, &error);
+    const lg_status status = lg_surrogate_load(b->app->context, b->given->weights, NULL, &file, &error);
     if (status != LG_OK) exit(app_fail_file(b->app, status, &error, b->given->weights));
     u.model = &file.run.model;
     if (u.model->intervals != u.intervals)

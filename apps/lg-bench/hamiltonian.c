@@ -49,7 +49,7 @@ static void sample(const bench *b, const learning *l, size_t trajectories, size_
     options.t_end = l->what->t_end;
     options.segments = segments;
     options.seed = seed;
-    bench_check(b, lg_generate_trajectories(b->app->context, l->system, &options, t, data, energies, &error),
+    bench_check(b, lg_system_generate(b->app->context, l->system, &options, t, data, energies, &error),
                 error.message);
 }
 

@@ -123,7 +123,7 @@ static void work_against_error(bench *b, size_t links) {
 /* Makes one step, always from the same state. */
 static void step_once(void *user) {
     chain *c = user;
-    bench_check(c->bench, lg_step(c->stepper, 0, step_size, c->start, NULL, c->end), "a step");
+    bench_check(c->bench, lg_stepper_step(c->stepper, 0, step_size, c->start, NULL, c->end), "a step");
 }
 
 static void cost_of_a_step(bench *b, size_t links) {

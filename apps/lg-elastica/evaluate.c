@@ -151,7 +151,7 @@ static void evaluation_destroy(evaluation *e) {
 static int run(app *self) {
     APP_CLEAN(evaluation_destroy) evaluation e = {.count = 0};
     const char *model = self->arguments[0], *data = self->arguments[1];
-    APP_MUST_FILE(self, model, lg_model_load_surrogate(self->context, model, NULL, &e.file, &error));
+    APP_MUST_FILE(self, model, lg_surrogate_load(self->context, model, NULL, &e.file, &error));
     APP_MUST_FILE(self, data, lg_elastica_data_judge(self->context, data, &e.data, &error));
     choose(self, &e);
     evaluate(self, &e);

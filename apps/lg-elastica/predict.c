@@ -159,7 +159,7 @@ static int run(app *self) {
     const char *model = self->arguments[0];
     if (values.s.count > 0 && values.points > 0)
         app_stop_usage(self, "--s and --points cannot be given together");
-    APP_MUST_FILE(self, model, lg_model_load_surrogate(self->context, model, NULL, &p.file, &error));
+    APP_MUST_FILE(self, model, lg_surrogate_load(self->context, model, NULL, &p.file, &error));
     read_where(self, &p);
     read_points(self, &p);
     p.beyond = count_outside(&p.file, p.x, NULL, 1);

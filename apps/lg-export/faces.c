@@ -128,7 +128,7 @@ static void draw_state(export_model *m, double *x) {
 static void draw_start(export_model *m, double *x) {
     size_t count;
     if (m->space != NULL) {
-        if (lg_space_start(m->space, NULL, &m->rng, x) != LG_OK) draw_state(m, x);
+        if (lg_space_draw_start(m->space, NULL, &m->rng, x) != LG_OK) draw_state(m, x);
         return;
     }
     export_draw_port(export_ports(m->program, "value", false, &count), &m->rng, x);

@@ -255,7 +255,7 @@ static int build(job *j) {
     lg_error error = {LG_OK, ""};
     if (is_text(j->path))
         return targets[given.target]->build != NULL ? build_target(j, "scene") : refuse_scene(j);
-    const lg_status status = lg_file_kind(j->self->context, j->path, NULL, own, sizeof own, &error);
+    const lg_status status = lg_model_file_kind(j->self->context, j->path, NULL, own, sizeof own, &error);
     if (status != LG_OK) return app_fail_file(j->self, status, &error, j->path);
     const bool classifier = strcmp(own, "classifier") == 0;
     if (lg_recipe_find(own) == NULL && !classifier && !has_functions(j)) return refuse_file(j, own);

@@ -211,7 +211,7 @@ static lg_status take_steps(export_model *m, size_t at) {
     for (size_t i = 0; i < golden->count && status == LG_OK; i++) {
         const double *const x[] = {golden->x + i * m->dim, m->forces > 0 ? m->input : &m->h, &m->h};
         double *next = export_extra(m, at, i) + m->algebra;
-        status = scheme != NULL ? lg_step(stepper, 0.0, m->h, x[0], m->input, next)
+        status = scheme != NULL ? lg_stepper_step(stepper, 0.0, m->h, x[0], m->input, next)
                                 : lg_program_eval(m->self->context, m->program, "step", 1, x, &next, NULL);
     }
     free(memory);

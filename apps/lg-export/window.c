@@ -152,7 +152,7 @@ static size_t classes_extras(const export_model *m) {
 /* Computes probabilities and class of golden vector v. Returns false if rounding could change the class. */
 static bool draw_classes(export_model *m, size_t v, double *extra) {
     export_evaluate(&m->probability, m->source->golden.x + v * m->source->inputs, extra);
-    extra[m->window.classes] = lg_class_of(extra, m->window.classes);
+    extra[m->window.classes] = lg_metrics_class(extra, m->window.classes);
     return export_window_clear(extra, m->window.classes);
 }
 

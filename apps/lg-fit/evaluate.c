@@ -34,7 +34,7 @@ static int run(app *self) {
     const char *model = self->arguments[0];
     APP_CLEAN(lg_table_file_destroy) lg_table_file file = {0};
     train_task task = {.recipe = &lg_recipe_table, .settings = settings, .state = &state};
-    APP_MUST_FILE(self, model, lg_model_load_table(self->context, model, NULL, &file, &error));
+    APP_MUST_FILE(self, model, lg_table_load(self->context, model, NULL, &file, &error));
     const int code = train_evaluate(self, &task, &file);
     if (values.plot != NULL)
         APP_MUST_FILE(self, values.plot, draw_judgement(self, values.plot, &state, &error));

@@ -51,7 +51,7 @@ static void put_row(FILE *to, const lg_table_file *file, double *y, bool known) 
     const bool regression = file->run.model.options.task == LG_TABLE_REGRESSION;
     if (known && !regression) {
         lg_table_softmax(y, outputs);
-        put_text(to, file->output_name[lg_class_of(y, outputs)]);
+        put_text(to, file->output_name[lg_metrics_class(y, outputs)]);
     }
     for (uint32_t o = 0; o < outputs; o++) {
         if (o > 0 || !regression) (void)fputc(',', to);
@@ -113,7 +113,7 @@ static int run(app *self) {
     counts found = {0};
     if (self->json && values.out == NULL)
         app_stop_usage(self, "--json: give --out FILE; without it the predictions go to standard output");
-    APP_MUST_FILE(self, model, lg_model_load_table(self->context, model, NULL, &file, &error));
+    APP_MUST_FILE(self, model, lg_table_load(self->context, model, NULL, &file, &error));
     const lg_table_names inputs = {file.run.model.net.inputs, file.input_name, NULL}, none = {.count = 0};
     APP_MUST_FILE(self, path, lg_table_sheet_read(self->context, path, &inputs, &none, NULL, &table, &error));
     write_rows(self, &file, &table, &found);

@@ -85,7 +85,7 @@ static int on_epoch(void *user, const lg_fit_epoch *report) {
 static void train_model(demo *self) {
     const app *host = self->app;
     lg_learning *learning = &self->learning;
-    lg_training *training = &self->run.training;
+    lg_fit_settings *training = &self->run.training;
     lg_fields_default(lg_hamiltonian_fields, &self->run);
     self->state.data = self->data;
     *learning = lg_learning_of(host->context, &lg_recipe_hamiltonian, &self->run, &self->state);

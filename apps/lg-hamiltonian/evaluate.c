@@ -151,7 +151,7 @@ static int run(app *self) {
     APP_CLEAN(lg_hamiltonian_file_destroy) lg_hamiltonian_file file = {0};
     APP_CLEAN(lg_trajectories_destroy) lg_trajectories test = {0};
     check_record(self);
-    APP_MUST_FILE(self, model, lg_model_load_hamiltonian(self->context, model, NULL, &file, &error));
+    APP_MUST_FILE(self, model, lg_hamiltonian_load(self->context, model, NULL, &file, &error));
     APP_MUST_FILE(self, data, lg_trajectories_read(self->context, data, NULL, &test, &error));
     lg_warn_of_inputs(self->context, data, &test);
     warn_of_systems(self, file.run.system, test.system);

@@ -98,7 +98,7 @@ lg_status record_verdict(const lg_context *context, const char *path, const lg_h
                                          .points = test->points,
                                          .t_end = test->t[test->points - 1] - test->t[0]}};
     memcpy(file.test.sha256, test->sha256, sizeof test->sha256);
-    return lg_model_record_hamiltonian(context, path, &file, error);
+    return lg_hamiltonian_save_errors(context, path, &file, error);
 }
 
 /* Judges all test trajectories in parallel, with the model in work->learned. */

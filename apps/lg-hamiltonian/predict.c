@@ -103,8 +103,8 @@ static void integrate(const app *self, prediction *p) {
     p->y.hamiltonian[0] = p->energy[0];
     if (!p->has_scene) return;
     p->truth = app_alloc(points * p->dim, sizeof *p->truth);
-    const lg_status status = lg_reference_trajectories(self->context, p->scene.system, p->start, 1, p->y.t,
-                                                       points, 0, 0, p->truth, &why);
+    const lg_status status =
+        lg_system_solve(self->context, p->scene.system, p->start, 1, p->y.t, points, 0, 0, p->truth, &why);
     if (status != LG_OK) app_stop(self, status, "the true flow: %s", why.message);
 }
 
@@ -164,7 +164,7 @@ static int run(app *self) {
     if (scene == (values.initial.count > 0))
         app_stop_usage(self, scene ? "--initial and a scene cannot be given together"
                                    : "no start: give --initial X,X,... or a scene");
-    APP_MUST_FILE(self, path, lg_model_load_hamiltonian(self->context, path, NULL, &file, &error));
+    APP_MUST_FILE(self, path, lg_hamiltonian_load(self->context, path, NULL, &file, &error));
     p.dim = lg_hamiltonian_state_dim(&file.run.model);
     p.start = app_alloc(p.dim, sizeof *p.start);
     if (scene)

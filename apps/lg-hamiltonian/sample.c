@@ -47,9 +47,9 @@ lg_status sample_part(const lg_context *context, const lg_scene *scene, const sa
     options.segments = scene->segments > 0 ? scene->segments : 1;
     options.seed = how->seed;
     APP_FREE double *t = app_alloc(data->points, sizeof *t);
-    return lg_generate_trajectories(context, scene->system, &options, t,
-                                    data->data + first * data->points * data->state_dim,
-                                    data->hamiltonian + first, error);
+    return lg_system_generate(context, scene->system, &options, t,
+                              data->data + first * data->points * data->state_dim, data->hamiltonian + first,
+                              error);
 }
 
 lg_status sample_scene(const lg_context *context, const lg_scene *scene, const sampling *how,

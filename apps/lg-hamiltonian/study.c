@@ -59,7 +59,7 @@ static void set_protocol(const lg_grid *grid, study_plan *plan) {
     for (size_t i = 0; i < links; i++)
         (void)fprintf(text, " %.17g %.17g", masses != NULL ? masses[i] : 0, lengths != NULL ? lengths[i] : 0);
     const lg_hamiltonian_run *run = &grid->run;
-    const lg_training *how = &run->training;
+    const lg_fit_settings *how = &run->training;
     (void)fprintf(text, "; %.17g %llu %llu %llu %.17g %.17g %.17g %.17g %.17g;", grid->t_end,
                   (unsigned long long)how->epochs, (unsigned long long)how->batch,
                   (unsigned long long)how->lr_step, how->lr, how->lr_gamma, how->weight_decay, how->adam_eps,

@@ -10,7 +10,7 @@ void identify_read(const app *self, const lg_machine_sources *from, lg_machine_d
 void identify_load(app *self, uint64_t substeps, identify_given *out) {
     const char *path = self->arguments[0];
     const lg_machine_model_run *run = &out->file.run;
-    APP_MUST_FILE(self, path, lg_model_load_machine_model(self->context, path, NULL, &out->file, &error));
+    APP_MUST_FILE(self, path, lg_machine_model_load(self->context, path, NULL, &out->file, &error));
     const lg_machine_sources from = {.machine = path,
                                      .text = run->text,
                                      .logs = self->arguments + 1,

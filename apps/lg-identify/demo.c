@@ -309,7 +309,7 @@ static void load(demo *d) {
     APP_MUST_FILE(d->app, path,
                   lg_machine_file_parse(d->app->context, "truth.yaml", truth_text, strlen(truth_text),
                                         &d->truth, &error));
-    APP_MUST_FILE(d->app, path, lg_model_load_machine_model(d->app->context, path, NULL, &d->model, &error));
+    APP_MUST_FILE(d->app, path, lg_machine_model_load(d->app->context, path, NULL, &d->model, &error));
 }
 
 static void demo_destroy(demo *d) {

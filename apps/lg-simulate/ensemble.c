@@ -371,8 +371,9 @@ static lg_status run_pilot(study *all, lg_error *error) {
 }
 
 static lg_status like(const result *total, result *part) {
-    lg_status status = lg_statistics_like(total->states, &part->states);
-    if (status == LG_OK && total->times != NULL) status = lg_statistics_like(total->times, &part->times);
+    lg_status status = lg_statistics_create_like(total->states, &part->states);
+    if (status == LG_OK && total->times != NULL)
+        status = lg_statistics_create_like(total->times, &part->times);
     part->what = app_format("%s", total->what);
     return status;
 }

@@ -64,7 +64,7 @@ static lg_status run_fixed(runner *run, const double *y0, double *rows) {
     memcpy(y, y0, run->dim * sizeof *y);
     for (size_t n = 0; n < how->steps && status == LG_OK; n++) {
         const double t = (double)n * h;
-        status = app_interrupted() ? LG_CANCELLED : lg_step(run->stepper, t, h, y, NULL, y);
+        status = app_interrupted() ? LG_CANCELLED : lg_stepper_step(run->stepper, t, h, y, NULL, y);
         if (status == LG_OK) status = keep_rows(run, t, h, y, &row, rows);
         if (status != LG_OK) break;
         run->out->stats.steps++;

@@ -61,7 +61,7 @@ static void exported_field(size_t i) {
 }
 static void library_step(size_t i) {
     lg_stepper_reset(all.stepper);
-    (void)lg_step(all.stepper, 0.0, h, all.x[i], NULL, all.y);
+    (void)lg_stepper_step(all.stepper, 0.0, h, all.x[i], NULL, all.y);
 }
 static void exported_step(size_t i) {
     model_step((model_real)h, all.narrow[i], NULL, all.to, all.room);

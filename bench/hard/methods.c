@@ -200,7 +200,7 @@ static lg_status area(const double *in, size_t n, double *out, size_t m) {
     double score[128];
     for (size_t i = 0; i < n / 2; i++)
         truth[i] = (uint32_t)in[n / 2 + i], score[2 * i] = 0, score[2 * i + 1] = in[i];
-    return lg_auc(NULL, truth, score, n / 2, 2, out);
+    return lg_metrics_auc(NULL, truth, score, n / 2, 2, out);
 }
 
 /* inputs: a confusion matrix; outputs: accuracy, precision, recall, f1 */

@@ -64,7 +64,8 @@ void plant_destroy(plant *self) {
 
 bool plant_advance(plant *self, double period, const double *torque, double *state) {
     for (int i = 0; i < PLANT_STEPS; i++)
-        if (lg_step(self->stepper, 0.0, period / PLANT_STEPS, state, torque, state) != LG_OK) return false;
+        if (lg_stepper_step(self->stepper, 0.0, period / PLANT_STEPS, state, torque, state) != LG_OK)
+            return false;
     return isfinite(state[0] + state[ATTITUDE]);
 }
 

@@ -152,7 +152,7 @@ static void predict(session *self) {
     lg_model_eval(self->model, self->x, energy, self->work);
     double begin = now();
     for (size_t n = 0; n < self->calls && status == LG_OK; n++)
-        status = lg_step(stepper, 0.0, 1e-3, self->x, input, self->x);
+        status = lg_stepper_step(stepper, 0.0, 1e-3, self->x, input, self->x);
     print_time("step", now() - begin, self->calls);
     check(self, status == LG_OK, "a step failed");
     worst = off_manifold(self, self->x);

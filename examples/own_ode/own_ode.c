@@ -77,7 +77,7 @@ int main(int argc, char **argv) {
     lg_mlp net;
     lg_rng rng;
     lg_program *program;
-    lg_program_training done;
+    lg_program_fit_result done;
     double square = 0;
     if (argc != 3) return (void)fputs("usage: own_ode LOG.csv MODEL.h5\n", stderr), 2;
     need(lg_table_read(NULL, argv[1], (const char *[]){"time"}, 1, "run", NULL, &stamps, &error));
@@ -102,7 +102,7 @@ int main(int argc, char **argv) {
     need(lg_program_build(NULL, &spec, &program, &error));
     const uint32_t held = stamps.classes > 1 ? stamps.classes - 1 : UINT32_MAX;
     size_t count = windows(held, true, data);
-    need(lg_program_train(NULL, program, "miss", (const double *[]){data}, count, NULL, &done, &error));
+    need(lg_program_fit(NULL, program, "miss", (const double *[]){data}, count, NULL, &done, &error));
     printf("rms error of %d steps %.2g after %.1f s: %s\n", STEPS, sqrt(done.after), done.seconds, done.end);
     need(lg_program_save(NULL, argv[2], program, NULL, &error));
     if ((count = windows(held, false, data)) == 0) return 0;

@@ -51,7 +51,7 @@ int main(int argc, char **argv) {
     regression r;
     lg_table_data x, y;
     lg_program *program;
-    lg_program_training done;
+    lg_program_fit_result done;
     lg_rng rng;
     size_t incomplete;
     double predicted[OUT];
@@ -75,8 +75,8 @@ int main(int argc, char **argv) {
     const lg_parameter_spec weights = {"theta", lg_shape1((uint32_t)lg_mlp_parameters(&r.net)), theta};
     const lg_program_spec spec = {sizeof spec, &weights, 1, functions, 2, "where a thrown stone lands"};
     need(lg_program_build(NULL, &spec, &program, &error));
-    need(lg_program_train(NULL, program, "miss", (const double *[]){x.values, y.values}, x.rows, NULL, &done,
-                          &error));
+    need(lg_program_fit(NULL, program, "miss", (const double *[]){x.values, y.values}, x.rows, NULL, &done,
+                        &error));
     printf("rms error %.2g deviations after %.1f s: %s\n", sqrt(done.after), done.seconds, done.end);
     need(lg_program_save(NULL, argv[2], program, NULL, &error));
     need(lg_program_load(NULL, argv[2], NULL, &program, &error));

@@ -113,9 +113,9 @@ static lg_status draw(void) {
         lg_space_act(&ode.space, turn, identity, data.x[i]);
         data.h[i] = lg_rng_uniform_in(&rng, 0.05, 0.2);
         lg_stepper_reset(stepper);
-        status = lg_step(stepper, 0, data.h[i] / 2, data.x[i], data.u[i], data.next[i]);
+        status = lg_stepper_step(stepper, 0, data.h[i] / 2, data.x[i], data.u[i], data.next[i]);
         if (status == LG_OK)
-            status = lg_step(stepper, 0, data.h[i] / 2, data.next[i], data.u[i], data.next[i]);
+            status = lg_stepper_step(stepper, 0, data.h[i] / 2, data.next[i], data.u[i], data.next[i]);
     }
     lg_stepper_destroy(stepper);
     return status;

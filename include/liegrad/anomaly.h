@@ -126,7 +126,7 @@ typedef struct lg_detector_preset {
     const char *source; /* where the settings are from: "table 6.5" of the thesis, or "ours" */
     lg_activation activation;
     lg_detector_loss loss;
-    lg_training training;
+    lg_fit_settings training;
 } lg_detector_preset;
 /* Returns the preset with this name whose noise level is nearest to `noise`. For an unknown level (NaN) it
  * returns the preset for unknown noise, or the first one if there is none. NULL for an unknown name. Static
@@ -464,7 +464,7 @@ LG_API void lg_riser_standard_run(uint32_t index, uint64_t seed, double severity
 /* Model, training and data of a run. Models and checkpoints store it. */
 typedef struct lg_detector_run {
     lg_detector model;
-    lg_training training; /* training.validation is 0; validation_fraction below takes its place */
+    lg_fit_settings training; /* training.validation is 0; validation_fraction below takes its place */
     lg_split split;
     double test_fraction, validation_fraction; /* fractions of the number of windows */
     uint32_t restarts;                         /* largest number of restarts, lg_fit_options.restarts */
@@ -500,18 +500,17 @@ typedef struct lg_detector_file {
  * padding 0 average 2/2, 24 kernel ...": the number of channels, then kernel, stride and padding, then the
  * pooling, which is `none`, or `average` or `max` with size/stride. `file` is only read. If `fit` is not NULL
  * its history is stored instead of the history of `file`, and during training by Adam also the state of the
- * optimizer; see lg_model_save_hamiltonian. Errors: LG_INVALID_ARGUMENT (a model that lg_detector_check would
+ * optimizer; see lg_hamiltonian_save. Errors: LG_INVALID_ARGUMENT (a model that lg_detector_check would
  * refuse, sizes that do not fit, classes without names), LG_NOT_FINITE, LG_FILE, LG_OUT_OF_MEMORY. */
-LG_API lg_status lg_model_save_detector(const lg_context *context, const char *path,
-                                        const lg_detector_file *file, const lg_fit *fit, lg_error *error);
+LG_API lg_status lg_detector_save(const lg_context *context, const char *path, const lg_detector_file *file,
+                                  const lg_fit *fit, lg_error *error);
 /* Loads a file of kind "detector"; free *out with lg_detector_file_destroy. A file written by hand needs the
  * attribute `kind`, /scaler, the weights, and the attributes of /model: `channels`, `length`, `blocks` (of
  * each block everything from `stride` on may be left out; then stride 1, padding 0, no pooling), `plane`,
  * `activation`, `classes`, `loss` and `centred`. Without the root attribute `classes` the classes are named
  * "0", "1", ... Errors: the errors of readers (liegrad/files.h). */
-LG_API lg_status lg_model_load_detector(const lg_context *context, const char *path,
-                                        const lg_read_options *options, lg_detector_file *out,
-                                        lg_error *error);
+LG_API lg_status lg_detector_load(const lg_context *context, const char *path, const lg_read_options *options,
+                                  lg_detector_file *out, lg_error *error);
 /* Frees the arrays and zeroes the structure. NULL is fine. */
 LG_API void lg_detector_file_destroy(lg_detector_file *file);
 

@@ -158,18 +158,22 @@ LG_API void lg_logistic_predict(const lg_logistic *model, const double *x, size_
 
 /* ---- decision trees: CART (Breiman et al. 1984) ---- */
 
-typedef enum lg_criterion { LG_GINI, LG_ENTROPY } lg_criterion; /* impurity of a node; entropy in bits */
+typedef enum lg_tree_criterion {
+    LG_GINI,
+    LG_ENTROPY
+} lg_tree_criterion; /* impurity of a node; entropy in bits */
 #define LG_CRITERION_COUNT 2
-LG_API const char *lg_criterion_name(lg_criterion criterion);             /* "gini", "entropy" */
-LG_API lg_status lg_criterion_parse(const char *name, lg_criterion *out); /* LG_NOT_FOUND for other names */
+LG_API const char *lg_tree_criterion_name(lg_tree_criterion criterion); /* "gini", "entropy" */
+LG_API lg_status lg_tree_criterion_parse(const char *name,
+                                         lg_tree_criterion *out); /* LG_NOT_FOUND for other names */
 
 /* The comments give the values of lg_tree_options_init. */
 typedef struct lg_tree_options {
-    size_t size;                /* sizeof(lg_tree_options) */
-    lg_criterion criterion;     /* default LG_GINI */
-    uint32_t max_depth;         /* default 0, which means no limit */
-    uint32_t min_samples_split; /* default 2, >= 2: a node with fewer samples is not split */
-    uint32_t min_samples_leaf;  /* default 1, >= 1: each side of a split must have so many samples */
+    size_t size;                 /* sizeof(lg_tree_options) */
+    lg_tree_criterion criterion; /* default LG_GINI */
+    uint32_t max_depth;          /* default 0, which means no limit */
+    uint32_t min_samples_split;  /* default 2, >= 2: a node with fewer samples is not split */
+    uint32_t min_samples_leaf;   /* default 1, >= 1: each side of a split must have so many samples */
     double ccp_alpha; /* default 0: no pruning; > 0: the tree is pruned with this alpha (lg_tree_prune) */
 } lg_tree_options;
 LG_API void lg_tree_options_init(lg_tree_options *options);
@@ -184,7 +188,7 @@ typedef struct lg_tree_node {
 typedef struct lg_tree {
     /* count is the number of nodes. Node 0 is the root; children follow their parents. */
     uint32_t inputs, classes, count;
-    lg_criterion criterion;
+    lg_tree_criterion criterion;
     lg_tree_node *node;        /* (count) */
     uint32_t *counts;          /* (count, classes) number of training samples of each class in each node */
     const lg_context *context; /* in whose memory the arrays are */
@@ -270,31 +274,33 @@ LG_API void lg_svm_predict(const lg_svm *svm, const double *x, size_t n, double 
 
 /* ---- the whole chain ---- */
 
-typedef enum lg_method {
+typedef enum lg_classifier_method {
     LG_METHOD_LOGISTIC,
     LG_METHOD_TREE,
     LG_METHOD_SVM_LINEAR,
     LG_METHOD_SVM_RBF
-} lg_method;
+} lg_classifier_method;
 #define LG_METHOD_COUNT 4
-LG_API const char *lg_method_name(lg_method method); /* "logistic", "tree", "svm-linear", "svm-rbf" */
-LG_API lg_status lg_method_parse(const char *name, lg_method *out); /* LG_NOT_FOUND for other names */
+LG_API const char *
+lg_classifier_method_name(lg_classifier_method method); /* "logistic", "tree", "svm-linear", "svm-rbf" */
+LG_API lg_status lg_classifier_method_parse(const char *name,
+                                            lg_classifier_method *out); /* LG_NOT_FOUND for other names */
 
-/* The comments give the values of lg_method_options_init. */
-typedef struct lg_method_options {
-    size_t size;          /* sizeof(lg_method_options) */
-    lg_method method;     /* default LG_METHOD_LOGISTIC */
-    uint32_t components;  /* default 0: no principal components */
-    double c;             /* C of logistic regression and SVM; default 1 */
+/* The comments give the values of lg_classifier_options_init. */
+typedef struct lg_classifier_options {
+    size_t size;                 /* sizeof(lg_classifier_options) */
+    lg_classifier_method method; /* default LG_METHOD_LOGISTIC */
+    uint32_t components;         /* default 0: no principal components */
+    double c;                    /* C of logistic regression and SVM; default 1 */
     double gamma;         /* gamma of the RBF kernel; default 0, which stands for 1/(d var x) (lg_svm_fit) */
     lg_tree_options tree; /* defaults of lg_tree_options_init */
-} lg_method_options;
-LG_API void lg_method_options_init(lg_method_options *options);
+} lg_classifier_options;
+LG_API void lg_classifier_options_init(lg_classifier_options *options);
 
 /* A fitted chain. Of the models logistic, tree and svm only the model of `method` is used; the others are
  * zero. */
 typedef struct lg_classifier {
-    lg_method method;
+    lg_classifier_method method;
     uint32_t classes;
     lg_features features;
     lg_pca pca;
@@ -308,7 +314,7 @@ typedef struct lg_classifier {
  * set, or zero, before and stays as it is; the other members of *out are overwritten. Free *out with
  * lg_classifier_destroy. Errors: LG_INVALID_ARGUMENT (no rows, an option out of range), the errors of
  * lg_pca_fit and of the fit of the method. */
-LG_API lg_status lg_classifier_fit(const lg_context *context, const lg_method_options *options,
+LG_API lg_status lg_classifier_fit(const lg_context *context, const lg_classifier_options *options,
                                    const double *x, const uint32_t *label, const uint32_t *chosen,
                                    size_t count, uint32_t d, uint32_t classes, lg_classifier *out,
                                    lg_error *error);
@@ -357,17 +363,18 @@ LG_API lg_status lg_classifier_load(const lg_context *context, const lg_archive_
  * with the indices chosen (rows), or the first `rows` rows if `chosen` is NULL. accuracy (count) becomes the
  * mean accuracy of each option over the folds, and *best the index of the first option with the highest
  * accuracy. label and unit have one number per row of x; unit may be NULL. Rows with equal unit numbers, such
- * as the windows of one sea state, are put into the same fold (lg_folds). Otherwise an option could win
- * because it remembers neighbours of the rows on which it is tested. The number of folds is limited to the
- * number of rows, or of units, of the rarest class that occurs. With fewer than two folds the accuracy is
+ * as the windows of one sea state, are put into the same fold (lg_series_folds). Otherwise an option could
+ * win because it remembers neighbours of the rows on which it is tested. The number of folds is limited to
+ * the number of rows, or of units, of the rarest class that occurs. With fewer than two folds the accuracy is
  * measured on the training rows themselves. If the training rows of a fold are fewer than
  * options[i].components, as many components are used as there are rows. Options that do not converge get the
  * accuracy NaN and are not chosen. The result does not depend on `threads` >= 1. Errors: LG_NO_CONVERGENCE
  * (no option converges), LG_CANCELLED, the errors of lg_classifier_fit. */
-LG_API lg_status lg_grid_search(const lg_context *context, const lg_method_options *options, size_t count,
-                                uint32_t folds, const double *x, const uint32_t *label, const uint32_t *unit,
-                                const uint32_t *chosen, size_t rows, uint32_t d, uint32_t classes,
-                                int threads, double *accuracy, size_t *best, lg_error *error);
+LG_API lg_status lg_classifier_search(const lg_context *context, const lg_classifier_options *options,
+                                      size_t count, uint32_t folds, const double *x, const uint32_t *label,
+                                      const uint32_t *unit, const uint32_t *chosen, size_t rows, uint32_t d,
+                                      uint32_t classes, int threads, double *accuracy, size_t *best,
+                                      lg_error *error);
 
 LG_END_DECLS
 

@@ -191,7 +191,7 @@ LG_API size_t lg_ekf_size(const lg_model *model, const lg_scheme *scheme, size_t
 LG_API lg_status lg_ekf_init(const lg_model *model, const lg_ekf_options *options, lg_ekf **out, void *memory,
                              size_t bytes, lg_error *error);
 /* Predicts over a step of h > 0 seconds; `input` (m) may be NULL, which is zero. Errors: LG_NOT_FINITE,
- * LG_INVALID_ARGUMENT (h), those of lg_step; the estimate is then as before. */
+ * LG_INVALID_ARGUMENT (h), those of lg_stepper_step; the estimate is then as before. */
 LG_API lg_status lg_ekf_predict(lg_ekf *ekf, double h, const double *input);
 /* Corrects the estimate by the measurements z (k), in the order of the sensors. *nis (may be NULL) becomes
  * nu^T S^-1 nu, which is chi-square distributed with k degrees of freedom if model and noise are right.

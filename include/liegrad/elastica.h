@@ -371,7 +371,7 @@ typedef struct lg_surrogate_preset {
     double fraction;            /* part of the data that is used for training */
     const char *source;         /* where the settings are from: "table 5.3", ..., or "ours" */
     lg_surrogate_options model; /* model.modes is an upper limit, for lg_surrogate_count_modes */
-    lg_training training;
+    lg_fit_settings training;
     uint64_t most_curves; /* largest number of curves to learn from; 0: the whole training part */
 } lg_surrogate_preset;
 /* Returns the preset with this name, kind, boundary, model.loss and merged. Of several, it returns the one
@@ -527,7 +527,7 @@ LG_API void lg_elastica_data_destroy(lg_elastica_data *data);
 /* Model, training and data of a run. Models and checkpoints store it. */
 typedef struct lg_surrogate_run {
     lg_surrogate model;
-    lg_training training;
+    lg_fit_settings training;
     double train_fraction, test_fraction;
     uint64_t most_curves; /* largest number of curves of the training part to learn from; 0: all */
     uint64_t curves;      /* number of curves in the data, before the split */
@@ -544,7 +544,7 @@ typedef struct lg_surrogate_file {
     double *theta;     /* (parameters); stored as training.dtype */
     size_t trained_count;
     double *trained; /* (trained_count, 8): boundary conditions of the training part, or NULL */
-    /* After loading: the array to which run.model.modes points. lg_model_save_surrogate does not read it. */
+    /* After loading: the array to which run.model.modes points. lg_surrogate_save does not read it. */
     double *modes;
     bool has_errors;            /* train_mse and test_mse are known */
     double train_mse, test_mse; /* test_mse is NaN without a test part */
@@ -558,19 +558,18 @@ typedef struct lg_surrogate_file {
  * lg_net_slice, /trained (n, 8), the attributes `train_mse` and `test_mse` of the root, for a model with
  * modes /model/mean (4(N - 1)) and /model/modes (K, 4(N - 1)) with s_k u_k, and the functions of the model.
  * `file` is only read. If `fit` is not NULL its history is stored instead of the history of `file`, and
- * during training by Adam also the state of the optimizer; see lg_model_save_hamiltonian. Errors:
+ * during training by Adam also the state of the optimizer; see lg_hamiltonian_save. Errors:
  * LG_INVALID_ARGUMENT (a model that lg_surrogate_init would refuse, a wrong number of parameters, modes
  * without their numbers), LG_NOT_FINITE, LG_FILE, LG_OUT_OF_MEMORY. */
-LG_API lg_status lg_model_save_surrogate(const lg_context *context, const char *path,
-                                         const lg_surrogate_file *file, const lg_fit *fit, lg_error *error);
+LG_API lg_status lg_surrogate_save(const lg_context *context, const char *path, const lg_surrogate_file *file,
+                                   const lg_fit *fit, lg_error *error);
 /* Loads a file of kind "surrogate"; free *out with lg_surrogate_file_destroy. A file written by hand needs
  * the attribute `kind`, the weights, and the attributes of /model: `network`, `architecture`, `activation`,
  * `embedding`, `hidden`, `layers`, `normalise`, `mirror`, `boundary`, `intervals`, `length` and `centre`; for
  * `modes` above 0 also /model/mean and /model/modes. Without /trained, trained is NULL. Errors: the errors of
  * readers (liegrad/files.h). */
-LG_API lg_status lg_model_load_surrogate(const lg_context *context, const char *path,
-                                         const lg_read_options *options, lg_surrogate_file *out,
-                                         lg_error *error);
+LG_API lg_status lg_surrogate_load(const lg_context *context, const char *path,
+                                   const lg_read_options *options, lg_surrogate_file *out, lg_error *error);
 /* Frees the arrays and zeroes the structure. NULL is fine. */
 LG_API void lg_surrogate_file_destroy(lg_surrogate_file *file);
 

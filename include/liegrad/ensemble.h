@@ -47,8 +47,9 @@ typedef struct lg_ensemble_event {
 } lg_ensemble_event;
 
 typedef struct lg_ensemble_member {
-    /* LG_OK, or why the member ended at the time `reached`: a status of lg_integrate_adaptive or lg_step,
-     * or LG_INVALID_ARGUMENT for a start off the manifold or a parameter against its rule. */
+    /* LG_OK, or why the member ended at the time `reached`: a status of lg_integrate_adaptive or
+     * lg_stepper_step, or LG_INVALID_ARGUMENT for a start off the manifold or a parameter against its
+     * rule. */
     lg_status status;
     double reached; /* The last time that was reached. */
     uint64_t steps, rejected;
@@ -152,7 +153,7 @@ LG_API lg_status lg_statistics_create(const lg_context *context, size_t rows, si
                                       const bool *logarithmic, lg_statistics **out);
 LG_API void lg_statistics_destroy(lg_statistics *statistics); /* NULL is allowed. */
 /* Makes empty statistics with the same cells, bins and ranges. Errors: LG_OUT_OF_MEMORY. */
-LG_API lg_status lg_statistics_like(const lg_statistics *statistics, lg_statistics **out);
+LG_API lg_status lg_statistics_create_like(const lg_statistics *statistics, lg_statistics **out);
 /* Sets the range of a cell; must be called before a number is added to it. */
 LG_API void lg_statistics_set_range(lg_statistics *statistics, size_t row, size_t column,
                                     const lg_statistics_range *range);

@@ -201,7 +201,7 @@ typedef enum lg_fit_end {
 /* The hyperparameters of lg_fit_options in the form of command lines and settings files (liegrad/settings.h).
  * Unless a comment says otherwise, a member has the meaning of the member of lg_fit_options with the same
  * name. */
-typedef struct lg_training {
+typedef struct lg_fit_settings {
     lg_fit_plan plan;
     lg_dtype dtype;
     uint64_t epochs;
@@ -218,7 +218,7 @@ typedef struct lg_training {
     uint64_t patience; /* 0: no limit */
     uint32_t shards;
     uint64_t seed;
-} lg_training;
+} lg_fit_settings;
 
 /* The report about a finished epoch. */
 typedef struct lg_fit_epoch {
@@ -301,7 +301,7 @@ typedef struct lg_fit_options {
 LG_API void lg_fit_options_init(lg_fit_options *options);
 /* Copies the hyperparameters to *options, and leaves its other members. keep_best becomes true if
  * training->validation > 0. */
-LG_API void lg_training_apply(const lg_training *training, lg_fit_options *options);
+LG_API void lg_fit_settings_apply(const lg_fit_settings *training, lg_fit_options *options);
 
 /* ---- training: running ---- */
 
@@ -386,10 +386,10 @@ LG_API size_t lg_fit_tape_size(const lg_fit *fit);
 
 #define LG_NEWTON_MAX_PARAMETERS 512
 
-typedef struct lg_newton_result {
+typedef struct lg_fit_newton_result {
     uint64_t iterations;
     double loss, gradient_norm; /* the loss and max |g_i|, where derivatives were computed last */
-} lg_newton_result;
+} lg_fit_newton_result;
 
 /* Minimises the loss of all samples by Newton's method with Levenberg's damping: a step s solves (H + mu I) s
  * = -g, where g is the gradient and H the exact Hessian (forward over reverse mode). A step is only taken if
@@ -399,12 +399,12 @@ typedef struct lg_newton_result {
  * more because of rounding, or after 200 iterations. On failure theta is unchanged. Errors:
  * LG_INVALID_ARGUMENT (NULL, no samples, or the number of parameters is not in 1..LG_NEWTON_MAX_PARAMETERS),
  * LG_OUT_OF_MEMORY, LG_NOT_FINITE, LG_CANCELLED, the status of the loss callback or of the tape. */
-LG_API lg_status lg_newton_fit(const lg_context *context, const lg_fit_problem *problem, double *theta,
-                               lg_newton_result *result);
+LG_API lg_status lg_fit_newton(const lg_context *context, const lg_fit_problem *problem, double *theta,
+                               lg_fit_newton_result *result);
 
 /* ---- training of programs ----
  *
- * lg_program_train finds the parameters of a program (liegrad/program.h) for which one of its functions, the
+ * lg_program_fit finds the parameters of a program (liegrad/program.h) for which one of its functions, the
  * loss or the residuals, becomes as small as possible over rows of data. A program that was loaded from a
  * file can be trained in the same way.
  *
@@ -412,18 +412,18 @@ LG_API lg_status lg_newton_fit(const lg_context *context, const lg_fit_problem *
  *
  *   lg_program_build(NULL, &spec, &program, &error);
  *   const double *const data[] = {x, wanted};
- *   lg_program_train(NULL, program, "error", data, rows, NULL, NULL, &error);
+ *   lg_program_fit(NULL, program, "error", data, rows, NULL, NULL, &error);
  *   lg_program_save(NULL, "model.h5", program, NULL, &error);
  */
 
-#define LG_TRAIN_MOST 64 /* largest number of parameters (tensors), of inputs, and of outputs */
+#define LG_PROGRAM_FIT_MOST 64 /* largest number of parameters (tensors), of inputs, and of outputs */
 
-typedef struct lg_program_training {
+typedef struct lg_program_fit_result {
     double before, after; /* the loss of all rows, before and after training */
     double seconds;       /* wall time */
     uint64_t epochs;      /* finished epochs; for a minimiser, evaluations */
     const char *end;      /* why training is finished: a sentence without a full stop, static storage */
-} lg_program_training;
+} lg_program_fit_result;
 
 /* Trains all parameters of the program. The first output of `function` decides what is minimised:
  *   batched (B, ...)          the mean of the squares of all its numbers, over all rows
@@ -442,11 +442,11 @@ typedef struct lg_program_training {
  * On success the parameters of the program are replaced. On failure the program is unchanged. `result` may be
  * NULL. Errors: LG_NOT_FOUND (no such function), LG_INVALID_ARGUMENT (NULL, no rows; the output depends on no
  * parameter, is shared and has several numbers, or fails the test above), LG_UNSUPPORTED (more than
- * LG_TRAIN_MOST parameters, inputs or outputs), LG_NOT_FINITE (data, or as in lg_fit_run), LG_OUT_OF_MEMORY,
- * the errors of lg_fit_create, lg_fit_run and of operations. */
-LG_API lg_status lg_program_train(const lg_context *context, lg_program *program, const char *function,
-                                  const double *const *data, size_t rows, const lg_fit_options *options,
-                                  lg_program_training *result, lg_error *error);
+ * LG_PROGRAM_FIT_MOST parameters, inputs or outputs), LG_NOT_FINITE (data, or as in lg_fit_run),
+ * LG_OUT_OF_MEMORY, the errors of lg_fit_create, lg_fit_run and of operations. */
+LG_API lg_status lg_program_fit(const lg_context *context, lg_program *program, const char *function,
+                                const double *const *data, size_t rows, const lg_fit_options *options,
+                                lg_program_fit_result *result, lg_error *error);
 
 LG_END_DECLS
 

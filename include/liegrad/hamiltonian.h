@@ -498,7 +498,7 @@ typedef struct lg_hamiltonian_run {
     bool scaled; /* lg_hamiltonian_scale was applied before training. */
     lg_hamiltonian_units units;
     lg_hamiltonian_starts starts;
-    lg_training training;
+    lg_fit_settings training;
     uint64_t trajectories, points; /* N, M */
     double dt;
     char data_sha256[LG_SHA256_TEXT];
@@ -525,7 +525,7 @@ typedef struct lg_hamiltonian_file {
     /* (epochs_done) each, or NULL; NaN where there is no value (no validation part). */
     double *history[LG_FIT_SERIES_COUNT];
     bool has_e1, has_e2;
-    /* E1 and E2 of lg_model_record_hamiltonian, if the model was evaluated on a test set. */
+    /* E1 and E2 of lg_hamiltonian_save_errors, if the model was evaluated on a test set. */
     double e1, e2;
     lg_test_set test; /* That test set. */
     lg_provenance provenance;
@@ -540,17 +540,16 @@ typedef struct lg_hamiltonian_file {
  * it trains by another method they are left out, because the state of such a method is far larger than the
  * model and is only kept in checkpoints. Errors: LG_NOT_FINITE (a parameter is not finite),
  * LG_INVALID_ARGUMENT (a model that lg_hamiltonian_init would refuse), LG_FILE, LG_OUT_OF_MEMORY. */
-LG_API lg_status lg_model_save_hamiltonian(const lg_context *context, const char *path,
-                                           const lg_hamiltonian_file *file, const lg_fit *fit,
-                                           lg_error *error);
+LG_API lg_status lg_hamiltonian_save(const lg_context *context, const char *path,
+                                     const lg_hamiltonian_file *file, const lg_fit *fit, lg_error *error);
 /* Reads a model file; lg_hamiltonian_file_destroy frees it. Checks that weights are finite and that
  * lg_hamiltonian_init accepts the model. A model written by hand needs `kind`, `family`, `links`,
  * `potential`, `activation`, `hidden` and /model; everything else becomes zero or the default. Files of
  * earlier versions lack `schedule`; the schedule is then LG_SCHEDULE_STEP. `options` may be NULL. Errors:
  * LG_NOT_FOUND (no such file), LG_FILE, LG_FORMAT, LG_OUT_OF_MEMORY. */
-LG_API lg_status lg_model_load_hamiltonian(const lg_context *context, const char *path,
-                                           const lg_read_options *options, lg_hamiltonian_file *out,
-                                           lg_error *error);
+LG_API lg_status lg_hamiltonian_load(const lg_context *context, const char *path,
+                                     const lg_read_options *options, lg_hamiltonian_file *out,
+                                     lg_error *error);
 /* Writes the results on a test set (members has_e1 to test of `file`) into the model file at `path`, where
  * they replace earlier results. Everything else in the file stays as it is, also entries that this version
  * does not know. A failure changes nothing.
@@ -561,9 +560,9 @@ LG_API lg_status lg_model_load_hamiltonian(const lg_context *context, const char
  *        which E2 removes. On so(3)* it is a function of |mu|^2, which remains in E2.
  * `run` and `theta` of `file` must be those in the file at `path`. Errors: LG_INVALID_ARGUMENT (the file
  * holds another model, for example one that was trained in the meantime), LG_NOT_FINITE (E1 or E2 is not
- * finite), those of lg_model_load_hamiltonian. */
-LG_API lg_status lg_model_record_hamiltonian(const lg_context *context, const char *path,
-                                             const lg_hamiltonian_file *file, lg_error *error);
+ * finite), those of lg_hamiltonian_load. */
+LG_API lg_status lg_hamiltonian_save_errors(const lg_context *context, const char *path,
+                                            const lg_hamiltonian_file *file, lg_error *error);
 LG_API void lg_hamiltonian_file_destroy(lg_hamiltonian_file *file);
 
 /* ---- Grids of `lg-hamiltonian study` ---- */

@@ -187,8 +187,9 @@ LG_API void lg_space_retract(const lg_space *space, const double *y, const doubl
 /* ---- Differential equations ---- */
 
 /* The right-hand side: writes algebra = f(t, y), ode.space.algebra_dim numbers. `y` has ode.space.dim
- * numbers. `input` is the input that lg_step got, or NULL. A status other than LG_OK ends the integration,
- * which returns it. One exception: after LG_NOT_FINITE an adaptive integration first tries smaller steps. */
+ * numbers. `input` is the input that lg_stepper_step got, or NULL. A status other than LG_OK ends the
+ * integration, which returns it. One exception: after LG_NOT_FINITE an adaptive integration first tries
+ * smaller steps. */
 typedef lg_status (*lg_vector_field)(void *user, double t, const double *y, const double *input,
                                      double *algebra);
 /* The right-hand side of one half of a separable system on R^2n, y = (q, p). For the force -dV/dq, `half`
@@ -397,8 +398,8 @@ LG_API void lg_stepper_destroy(lg_stepper *stepper); /* NULL is allowed. */
  * Therefore call lg_stepper_reset after you change data behind ode.user. Errors: those of the field;
  * LG_NOT_FINITE (y_next would not be finite); LG_NO_CONVERGENCE (Newton's method in implicit and
  * variational schemes). After an error y_next is untouched. */
-LG_API lg_status lg_step(lg_stepper *stepper, double t, double h, const double *y, const double *input,
-                         double *y_next);
+LG_API lg_status lg_stepper_step(lg_stepper *stepper, double t, double h, const double *y,
+                                 const double *input, double *y_next);
 /* Forgets the values of the field that are kept from earlier steps. */
 LG_API void lg_stepper_reset(lg_stepper *stepper);
 
@@ -425,8 +426,8 @@ typedef struct lg_run_stats {
  * must divide `steps`: out (steps/every + 1, dim) gets every `every`-th state, and its row 0 is y0. out
  * must not overlap y0. `inputs` is NULL or an array (steps, input_dim), whose row n is the constant input
  * of step n. `stats` may be NULL. Errors: LG_INVALID_ARGUMENT (steps or every is 0, every does not divide
- * steps, t0, h or y0 is not finite), those of lg_step. On failure the rows of the times that were reached
- * are written, the others are untouched, and `stats` is filled. */
+ * steps, t0, h or y0 is not finite), those of lg_stepper_step. On failure the rows of the times that were
+ * reached are written, the others are untouched, and `stats` is filled. */
 LG_API lg_status lg_integrate_fixed(lg_stepper *stepper, double t0, double h, size_t steps,
                                     const double *inputs, size_t input_dim, size_t every, const double *y0,
                                     double *out, lg_run_stats *stats);

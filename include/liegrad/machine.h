@@ -696,7 +696,7 @@ typedef struct lg_machine_model_run {
     double position_scale[LG_MACHINE_COORDINATES]; /* Scales of the loss, in the units of the log. */
     double velocity_scale[LG_MACHINE_COORDINATES];
     uint32_t delay; /* Rows by which inputs act later than they are logged. */
-    lg_training training;
+    lg_fit_settings training;
     uint64_t windows;
     double dt; /* Median step between rows, seconds. */
     char data_sha256[LG_SHA256_TEXT];
@@ -730,12 +730,11 @@ LG_API void lg_machine_log_sha256(const lg_machine *machine, const lg_machine_lo
 LG_API void lg_machine_find_range(const lg_machine *machine, const lg_machine_log *log,
                                   lg_machine_range *out);
 
-LG_API lg_status lg_model_save_machine_model(const lg_context *context, const char *path,
-                                             const lg_machine_model_file *file, const lg_fit *fit,
-                                             lg_error *error);
-LG_API lg_status lg_model_load_machine_model(const lg_context *context, const char *path,
-                                             const lg_read_options *options, lg_machine_model_file *out,
-                                             lg_error *error);
+LG_API lg_status lg_machine_model_save(const lg_context *context, const char *path,
+                                       const lg_machine_model_file *file, const lg_fit *fit, lg_error *error);
+LG_API lg_status lg_machine_model_load(const lg_context *context, const char *path,
+                                       const lg_read_options *options, lg_machine_model_file *out,
+                                       lg_error *error);
 LG_API void lg_machine_model_file_destroy(lg_machine_model_file *file);
 
 LG_END_DECLS

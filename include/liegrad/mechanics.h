@@ -284,13 +284,13 @@ LG_API void lg_trajectory_options_init(lg_trajectory_options *options);
  * options say; the other options are not used. `options` NULL means the defaults. Errors:
  * LG_INVALID_ARGUMENT, LG_UNSUPPORTED (the space has a factor SO(3) or SE(3), or `starts` is
  * LG_STARTS_PLANE). */
-LG_API lg_status lg_space_start(const lg_space *space, const lg_trajectory_options *options, lg_rng *rng,
-                                double *y);
-/* Like lg_space_start, on the system's space; here chains may have LG_STARTS_PLANE. `ahead` is not used.
- * lg_generate_trajectories draws its first start from stream 0 of the seed with this function. Errors:
- * those of lg_space_start, LG_NO_CONVERGENCE (LG_STARTS_PLANE). */
-LG_API lg_status lg_system_start(const lg_system *system, const lg_trajectory_options *options, lg_rng *rng,
-                                 double *y);
+LG_API lg_status lg_space_draw_start(const lg_space *space, const lg_trajectory_options *options, lg_rng *rng,
+                                     double *y);
+/* Like lg_space_draw_start, on the system's space; here chains may have LG_STARTS_PLANE. `ahead` is not used.
+ * lg_system_generate draws its first start from stream 0 of the seed with this function. Errors:
+ * those of lg_space_draw_start, LG_NO_CONVERGENCE (LG_STARTS_PLANE). */
+LG_API lg_status lg_system_draw_start(const lg_system *system, const lg_trajectory_options *options,
+                                      lg_rng *rng, double *y);
 
 /* Samples trajectories with adaptive steps of rkmk54 on manifolds and of dp54 on R^n. Outputs: t (M),
  * trajectories (N, M, d) with d numbers per state, and hamiltonian (N), the energy H of each trajectory's
@@ -299,17 +299,17 @@ LG_API lg_status lg_system_start(const lg_system *system, const lg_trajectory_op
  * segments = 1, so the starts are the same for every noise, N, M and T. `options` NULL means the defaults.
  * Errors, explained in `error` (may be NULL): LG_INVALID_ARGUMENT, LG_UNSUPPORTED (the kind of starts),
  * LG_OUT_OF_MEMORY, LG_CANCELLED, those of lg_integrate_adaptive. On failure nothing is written. */
-LG_API lg_status lg_generate_trajectories(const lg_context *context, const lg_system *system,
-                                          const lg_trajectory_options *options, double *t,
-                                          double *trajectories, double *hamiltonian, lg_error *error);
+LG_API lg_status lg_system_generate(const lg_context *context, const lg_system *system,
+                                    const lg_trajectory_options *options, double *t, double *trajectories,
+                                    double *hamiltonian, lg_error *error);
 
 /* The same reference integration from given starts (n, d), without noise, for judging models. `times`
  * (count) are as in lg_integrate_adaptive, from t0 = 0; out has shape (n, count, d). rtol <= 0 means
  * 1e-12, and atol = 0 means -1e-13; else both are as in lg_step_controller. Errors: those of
- * lg_generate_trajectories. On failure nothing is written. */
-LG_API lg_status lg_reference_trajectories(const lg_context *context, const lg_system *system,
-                                           const double *starts, size_t n, const double *times, size_t count,
-                                           double rtol, double atol, double *out, lg_error *error);
+ * lg_system_generate. On failure nothing is written. */
+LG_API lg_status lg_system_solve(const lg_context *context, const lg_system *system, const double *starts,
+                                 size_t n, const double *times, size_t count, double rtol, double atol,
+                                 double *out, lg_error *error);
 
 /* ---- Scene files (library liegrad_io) ---- */
 
@@ -358,8 +358,8 @@ typedef struct lg_scene {
 LG_API lg_status lg_scene_read(const lg_context *context, const char *path, const char *form_wanted,
                                lg_scene *out, lg_error *error);
 /* Draws the start of a scene without `initial` as `starts`, `low` and `high` say; `ahead` is not used. It
- * is the first start of lg_generate_trajectories with this seed and ahead = 0. Errors: LG_INVALID_ARGUMENT
- * (the scene has a start), LG_OUT_OF_MEMORY, those of lg_system_start. */
+ * is the first start of lg_system_generate with this seed and ahead = 0. Errors: LG_INVALID_ARGUMENT
+ * (the scene has a start), LG_OUT_OF_MEMORY, those of lg_system_draw_start. */
 LG_API lg_status lg_scene_draw_start(lg_scene *scene, uint64_t seed);
 /* Frees what the scene owns and zeroes the struct. NULL and a zeroed scene are allowed. */
 LG_API void lg_scene_destroy(lg_scene *scene);

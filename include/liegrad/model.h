@@ -108,9 +108,9 @@ LG_API lg_status lg_model_field(const lg_model *model, const double *state, cons
 
 /* The learned system as an equation for an integrator: lg_model_ode fills `ode` with the space of the
  * states (for a chain (T*S^2)^k; R^2n with force and velocity for separable systems; lg_machine_space),
- * and fills `user`. The `input` of lg_step is u. `user`, `model` and `work` (lg_model_work_size bytes)
- * must outlive the use of `ode`. Errors: LG_INVALID_ARGUMENT (an argument is NULL), LG_UNSUPPORTED (the
- * model does not move). */
+ * and fills `user`. The `input` of lg_stepper_step is u. `user`, `model` and `work` (lg_model_work_size
+ * bytes) must outlive the use of `ode`. Errors: LG_INVALID_ARGUMENT (an argument is NULL), LG_UNSUPPORTED
+ * (the model does not move). */
 typedef struct lg_model_user {
     const lg_model *model;
     void *work;
@@ -118,9 +118,9 @@ typedef struct lg_model_user {
 LG_API lg_status lg_model_ode(const lg_model *model, lg_ode *ode, lg_model_user *user, void *work);
 
 /* Put the learned system and a scheme into one piece of the caller's memory, which is 64-byte aligned and has
- * lg_model_stepper_size bytes (`bytes` says how many it has). lg_step(stepper, t, h, state, input, next) then
- * makes a step, which stays on the manifold and neither allocates nor locks. `memory`, `model` and `scheme`
- * must outlive the stepper. There is nothing to destroy. Errors:
+ * lg_model_stepper_size bytes (`bytes` says how many it has). lg_stepper_step(stepper, t, h, state, input,
+ * next) then makes a step, which stays on the manifold and neither allocates nor locks. `memory`, `model`
+ * and `scheme` must outlive the stepper. There is nothing to destroy. Errors:
  * - LG_UNSUPPORTED, and lg_model_stepper_size is 0: classical schemes on a space other than R^d (they leave
  *   the manifold), splitting schemes for a family without force and drift, variational schemes, slgi where
  *   the space is not SE(3) x R^2m
@@ -182,8 +182,8 @@ LG_API lg_status lg_model_machine_positions(const lg_model *model, const double 
  * function loads the file. "" for a file of another format or without `kind`. The file may also be written
  * by hand, without the attribute `format`. Errors: LG_INVALID_ARGUMENT (too little room; 64 bytes are
  * enough), those of opening the file. */
-LG_API lg_status lg_file_kind(const lg_context *context, const char *path, const lg_read_options *options,
-                              char *kind, size_t size, lg_error *error);
+LG_API lg_status lg_model_file_kind(const lg_context *context, const char *path,
+                                    const lg_read_options *options, char *kind, size_t size, lg_error *error);
 
 /* A recipe: how a kind of model is trained and stored. The functions below take the address of a run, an
  * lg_hamiltonian_run, lg_surrogate_run, lg_detector_run, lg_table_run or lg_machine_model_run. Fields of
@@ -215,8 +215,8 @@ LG_API lg_status lg_checkpoint_open(const lg_context *context, const char *path,
                                     lg_file_reader **out, lg_error *error);
 /* Compares everything that files store of two runs. Errors: LG_INVALID_ARGUMENT when they differ; `error`
  * names the first difference ("...: was written with batch 80, not 100"), and `path` is only used there. */
-LG_API lg_status lg_run_compare(const lg_recipe *kind, const void *stored, const void *wanted,
-                                const char *path, lg_error *error);
+LG_API lg_status lg_recipe_compare_runs(const lg_recipe *kind, const void *stored, const void *wanted,
+                                        const char *path, lg_error *error);
 
 /* Writes a model file from a program: `kind`, the functions, and the space of the states (NULL: the model
  * does not move). It takes what lg_model_create takes; lg_model_load, lg_program_load and lg-export read

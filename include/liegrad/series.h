@@ -112,8 +112,8 @@ LG_API lg_status lg_series_split(const lg_context *context, const lg_series *ser
  * begins at the fold that so far holds the smallest share of the units with its classes; of equal folds at
  * the first one. With more folds than units some folds stay empty. folds = 0 counts as 1. Memory: folds
  * (largest label + 1) doubles and 60 bytes per item. Errors: LG_OUT_OF_MEMORY; fold is then untouched. */
-LG_API lg_status lg_folds(const lg_context *context, const uint32_t *label, const uint32_t *unit,
-                          size_t count, uint32_t folds, uint32_t *fold);
+LG_API lg_status lg_series_folds(const lg_context *context, const uint32_t *label, const uint32_t *unit,
+                                 size_t count, uint32_t folds, uint32_t *fold);
 
 /* ---- scaling ---- */
 
@@ -185,11 +185,11 @@ LG_API void lg_spectrum_reverse(const lg_spectrum *spectrum, const double *cotan
 
 /* Returns the class with the largest score (classes); of equal scores the first. With two classes equal
  * scores give class 1. */
-LG_API uint32_t lg_class_of(const double *score, uint32_t classes);
+LG_API uint32_t lg_metrics_class(const double *score, uint32_t classes);
 /* Computes the confusion matrix (classes, classes): entry (i, j) is the number of windows with true class i
  * that were given class j. truth and given (n). Windows with a class out of range are not counted. */
-LG_API void lg_confusion(const uint32_t *truth, const uint32_t *given, size_t n, uint32_t classes,
-                         uint64_t *confusion);
+LG_API void lg_metrics_confusion(const uint32_t *truth, const uint32_t *given, size_t n, uint32_t classes,
+                                 uint64_t *confusion);
 
 /* With two classes, precision, recall and f1 are computed for class 1. With more classes they are means over
  * all classes ("macro"). A class that was never given has precision 0. A class that does not occur has recall
@@ -198,7 +198,7 @@ typedef struct lg_metrics {
     double accuracy, precision, recall, f1;
     double false_positive_rate; /* part of class 0 that was given another class; NaN without class 0 */
 } lg_metrics;
-/* Computes the metrics from a confusion matrix of lg_confusion. */
+/* Computes the metrics from a confusion matrix of lg_metrics_confusion. */
 LG_API lg_metrics lg_metrics_of(const uint64_t *confusion, uint32_t classes);
 
 /* Computes the receiver operating characteristic for class `positive` against all other classes; truth and
@@ -206,15 +206,15 @@ LG_API lg_metrics lg_metrics_of(const uint64_t *confusion, uint32_t classes);
  * equal scores form one point. fpr, tpr and threshold must have room for n + 1 numbers; threshold[0] =
  * infinity. `order` (n < 2^32) is work memory. A NaN score counts as -infinity. Returns the number of points;
  * 0 if no window is positive or all windows are. */
-LG_API size_t lg_roc(const uint32_t *truth, const double *score, size_t n, uint32_t positive, double *fpr,
-                     double *tpr, double *threshold, uint32_t *order);
+LG_API size_t lg_metrics_roc(const uint32_t *truth, const double *score, size_t n, uint32_t positive,
+                             double *fpr, double *tpr, double *threshold, uint32_t *order);
 /* Computes the area under the receiver operating characteristic. truth (n), score (n, classes). With two
  * classes it is the area for class 1. With more classes it is the mean of the areas of each class against all
  * others, over the classes for which the area exists. Equal scores count half. *auc is NaN if no area exists,
  * because all windows have the same class. Errors: LG_OUT_OF_MEMORY, LG_INVALID_ARGUMENT (no classes, 2^32
  * windows or more). */
-LG_API lg_status lg_auc(const lg_context *context, const uint32_t *truth, const double *score, size_t n,
-                        uint32_t classes, double *auc);
+LG_API lg_status lg_metrics_auc(const lg_context *context, const uint32_t *truth, const double *score,
+                                size_t n, uint32_t classes, double *auc);
 
 /* ---- files of series (library liegrad_io) ---- */
 

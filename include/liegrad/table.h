@@ -180,7 +180,7 @@ typedef struct lg_table_decay {
 typedef struct lg_table_run {
     lg_table model;
     /* training.validation is a fraction of the rows, which are drawn by training.seed */
-    lg_training training;
+    lg_fit_settings training;
     lg_table_decay decay; /* lg_table_problem.decay, by slice */
     uint64_t rows;        /* number of complete rows in the data */
     char data_sha256[LG_SHA256_TEXT];
@@ -210,17 +210,17 @@ typedef struct lg_table_file {
  * the texts /names/inputs and /names/outputs, the attributes `class_column`, `rmse`, `accuracy` and `f1` of
  * the root, and the functions of the model. `file` is only read. If `fit` is not NULL its history is stored
  * instead of the history of `file`, and during training by Adam also the state of the optimizer; see
- * lg_model_save_hamiltonian. Errors: LG_INVALID_ARGUMENT (a model that lg_table_init would refuse, sizes that
+ * lg_hamiltonian_save. Errors: LG_INVALID_ARGUMENT (a model that lg_table_init would refuse, sizes that
  * do not fit), LG_NOT_FINITE, LG_FILE, LG_OUT_OF_MEMORY. */
-LG_API lg_status lg_model_save_table(const lg_context *context, const char *path, const lg_table_file *file,
-                                     const lg_fit *fit, lg_error *error);
+LG_API lg_status lg_table_save(const lg_context *context, const char *path, const lg_table_file *file,
+                               const lg_fit *fit, lg_error *error);
 /* Loads a file of kind "table"; free *out with lg_table_file_destroy. A file written by hand needs the
  * attribute `kind`, the weights, /scaler, and the attributes of /model: `task` (regression or
  * classification), `network`, `activation`, `hidden` (such as "32,32"), `linear`, `inputs` and `outputs`.
  * Without /names the inputs are called "x1", "x2", ..., the outputs "y1", ..., and the classes "class1", ...
  * Errors: the errors of readers (liegrad/files.h). */
-LG_API lg_status lg_model_load_table(const lg_context *context, const char *path,
-                                     const lg_read_options *options, lg_table_file *out, lg_error *error);
+LG_API lg_status lg_table_load(const lg_context *context, const char *path, const lg_read_options *options,
+                               lg_table_file *out, lg_error *error);
 /* Frees the arrays and zeroes the structure. NULL is fine. */
 LG_API void lg_table_file_destroy(lg_table_file *file);
 

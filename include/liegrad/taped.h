@@ -23,7 +23,7 @@
  * on, and the input, the time and the step size where they are variables. Implicit schemes
  * (LG_SCHEME_IMPLICIT, LG_SCHEME_SLGI) are an exception: they find their stage with plain numbers and
  * record two Newton corrections there, whose first and second derivatives are exact; higher derivatives
- * are not. lg_step and lg_taped_step agree to rounding for every scheme that can be recorded.
+ * are not. lg_stepper_step and lg_taped_step agree to rounding for every scheme that can be recorded.
  * LG_SCHEME_VARIATIONAL, dense output and error estimates cannot be recorded. */
 #ifndef LIEGRAD_TAPED_H
 #define LIEGRAD_TAPED_H

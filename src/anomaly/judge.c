@@ -92,8 +92,8 @@ lg_status lg_judgement_begin(const lg_context *context, const lg_series *series,
 
 static lg_status conclude(lg_judgement *out, bool probabilities) {
     for (size_t i = 0; i < out->count; i++)
-        out->given[i] = lg_class_of(out->score + i * out->classes, out->classes);
-    lg_confusion(out->truth, out->given, out->count, out->classes, out->confusion);
+        out->given[i] = lg_metrics_class(out->score + i * out->classes, out->classes);
+    lg_metrics_confusion(out->truth, out->given, out->count, out->classes, out->confusion);
     out->metrics = lg_metrics_of(out->confusion, out->classes);
     if (out->classes == 2 && probabilities) {
         double sum = 0;
@@ -103,7 +103,7 @@ static lg_status conclude(lg_judgement *out, bool probabilities) {
         }
         out->mse = sum / (double)out->count;
     }
-    return lg_auc(out->context, out->truth, out->score, out->count, out->classes, &out->auc);
+    return lg_metrics_auc(out->context, out->truth, out->score, out->count, out->classes, &out->auc);
 }
 
 lg_status lg_judgement_end(lg_judgement *judged, bool probabilities, lg_status status, lg_error *error) {

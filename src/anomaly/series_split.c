@@ -33,7 +33,7 @@ typedef struct unit {
     uint32_t id;
     size_t count;
     const uint32_t *classes;
-    uint32_t part; /* LG_PART_... in a split, the number of the fold in lg_folds */
+    uint32_t part; /* LG_PART_... in a split, the number of the fold in lg_series_folds */
 } unit;
 
 /* The units of a list of items, each of which has a unit number (id) and a class. */
@@ -286,8 +286,8 @@ static void deal_folds(fold_task *t) {
     qsort(units, t->set.units, sizeof *units, by_id);
 }
 
-lg_status lg_folds(const lg_context *context, const uint32_t *label, const uint32_t *number, size_t count,
-                   uint32_t folds, uint32_t *fold) {
+lg_status lg_series_folds(const lg_context *context, const uint32_t *label, const uint32_t *number,
+                          size_t count, uint32_t folds, uint32_t *fold) {
     LG_NEEDS(NULL, label, fold);
     fold_task t = {.folds = folds > 0 ? folds : 1, .classes = 1};
     for (size_t i = 0; i < count; i++)

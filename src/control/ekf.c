@@ -208,7 +208,7 @@ lg_status lg_ekf_predict(lg_ekf *ekf, double h, const double *input) {
     lg_ekf *e = ekf;
     const size_t r = e->r;
     if (!(h > 0.0) || !isfinite(h)) return LG_INVALID_ARGUMENT;
-    LG_TRY(lg_step(e->stepper, 0.0, h, e->state, input, e->next));
+    LG_TRY(lg_stepper_step(e->stepper, 0.0, h, e->state, input, e->next));
     flow_derivative(e, h, input);
     coordinates(e, e->next, e->X, e->F);
     lg_kernels_for(LG_F64)->gemm(r, r, r, e->F, r, 1, e->root, r, e->array, 2 * r, false);

@@ -23,8 +23,8 @@ static lg_status read_kind(void *user, lg_h5 *h5, lg_error *error) {
     return lg_h5_kind(h5, user, error);
 }
 
-lg_status lg_file_kind(const lg_context *context, const char *path, const lg_read_options *options,
-                       char *kind, size_t size, lg_error *error) {
+lg_status lg_model_file_kind(const lg_context *context, const char *path, const lg_read_options *options,
+                             char *kind, size_t size, lg_error *error) {
     char text[LG_H5_KIND] = "";
     if (path == NULL || kind == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name or the memory for its kind is NULL");

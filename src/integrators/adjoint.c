@@ -53,7 +53,7 @@ static size_t first_step(const lg_adjoint *a, size_t s) {
 
 static lg_status advance(lg_adjoint *a, size_t n, const double *y, double *next) {
     if (lg_cancelled(a->context)) return fail_at(a, LG_CANCELLED, n, "cancelled");
-    const lg_status status = lg_step(a->stepper, a->problem->t[n], a->problem->h[n], y, NULL, next);
+    const lg_status status = lg_stepper_step(a->stepper, a->problem->t[n], a->problem->h[n], y, NULL, next);
     return status == LG_OK ? LG_OK : fail_at(a, status, n, lg_status_sentence(status));
 }
 

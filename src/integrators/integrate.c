@@ -30,7 +30,7 @@ lg_status lg_integrate_fixed(lg_stepper *stepper, double t0, double h, size_t st
     memcpy(out, y0, n * sizeof(*y));
     for (size_t i = 0; i < steps; i++) {
         const double *input = inputs ? inputs + i * input_dim : NULL;
-        status = lg_step(stepper, t0 + (double)i * h, h, y, input, y);
+        status = lg_stepper_step(stepper, t0 + (double)i * h, h, y, input, y);
         if (status != LG_OK) break;
         run.steps++;
         run.max_angle = dmax(run.max_angle, stepper->angle);
@@ -166,7 +166,7 @@ static lg_status attempt(lg_run *run, double target) {
     const double h = clipped ? left : fabs(end - run->t);
     double error = NAN;
     if (run->stats.steps + run->stats.rejected >= run->control->max_steps) return LG_TOO_MANY_STEPS;
-    const lg_status status = lg_step(s, run->t, run->sign * h, s->run[0], NULL, s->run[1]);
+    const lg_status status = lg_stepper_step(s, run->t, run->sign * h, s->run[0], NULL, s->run[1]);
     if (status == LG_OK) {
         lg_tolerance_try(s, run->control, h, s->run[1]);
         error = norm_at(run, s->error, s->run[0], s->run[1]);

@@ -173,8 +173,8 @@ static void project(const lg_stepper *s, double *y) {
     if (s->scheme->project && s->ode.manifold.factors > 0) lg_space_project(&s->ode.manifold, y);
 }
 
-lg_status lg_step(lg_stepper *stepper, double t, double h, const double *y, const double *input,
-                  double *y_next) {
+lg_status lg_stepper_step(lg_stepper *stepper, double t, double h, const double *y, const double *input,
+                          double *y_next) {
     if (!stepper || !y || !y_next) return LG_INVALID_ARGUMENT;
     const size_t n = stepper->ode.space.dim;
     stepper->angle = 0.0;

@@ -64,7 +64,7 @@ static lg_status find_time(lg_one_by_one *one, const lg_ensemble_event *event, l
     const double close = 4.0 * DBL_EPSILON * one->plan->t_end / h;
     for (bool done = false; !done;) {
         const double part = search->fraction * h;
-        LG_TRY(lg_step(one->looker, t, part, one->before, NULL, one->trial));
+        LG_TRY(lg_stepper_step(one->looker, t, part, one->before, NULL, one->trial));
         if (search->dips) LG_TRY(find_velocity(one, one->looker, t + part, part, one->trial));
         done = lg_event_look(search, event_of(event, one->trial), h * slope_of(one, event), close);
     }
@@ -130,7 +130,7 @@ static lg_status run_fixed(lg_one_by_one *one, lg_ensemble_member *outcome) {
     if (plan->times[0] == 0.0) memcpy(one->rows + dim * row++, one->y, dim * sizeof(double));
     for (size_t n = 0; n < plan->steps; n++) {
         const double t = (double)n * h, end = (double)(n + 1) * h;
-        LG_TRY(lg_step(one->stepper, t, h, one->y, NULL, one->y));
+        LG_TRY(lg_stepper_step(one->stepper, t, h, one->y, NULL, one->y));
         for (; row < plan->count && plan->times[row] <= end + near; row++) {
             double *to = one->rows + row * dim;
             if (plan->times[row] >= end - near)

@@ -59,7 +59,7 @@ void lg_statistics_destroy(lg_statistics *statistics) {
     lg_free(statistics->context, statistics);
 }
 
-lg_status lg_statistics_like(const lg_statistics *s, lg_statistics **out) {
+lg_status lg_statistics_create_like(const lg_statistics *s, lg_statistics **out) {
     LG_NEEDS(NULL, s, out);
     LG_TRY(lg_statistics_create(s->context, s->rows, s->columns, s->bins, s->logarithmic, out));
     for (size_t i = 0; i < s->rows * s->columns; i++) (*out)->cells[i].range = s->cells[i].range;

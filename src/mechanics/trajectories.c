@@ -42,8 +42,8 @@ static const char *starts_fault(const lg_trajectory_options *o) {
     return NULL;
 }
 
-lg_status lg_space_start(const lg_space *space, const lg_trajectory_options *options, lg_rng *rng,
-                         double *y) {
+lg_status lg_space_draw_start(const lg_space *space, const lg_trajectory_options *options, lg_rng *rng,
+                              double *y) {
     lg_trajectory_options defaults;
     lg_trajectory_options_init(&defaults);
     const lg_trajectory_options *o = options ? options : &defaults;
@@ -61,11 +61,11 @@ lg_status lg_space_start(const lg_space *space, const lg_trajectory_options *opt
     return LG_OK;
 }
 
-lg_status lg_system_start(const lg_system *system, const lg_trajectory_options *options, lg_rng *rng,
-                          double *y) {
+lg_status lg_system_draw_start(const lg_system *system, const lg_trajectory_options *options, lg_rng *rng,
+                               double *y) {
     const bool plane = options && options->size == sizeof(*options) && options->starts == LG_STARTS_PLANE;
     if (!system) return LG_INVALID_ARGUMENT;
-    if (!plane || !system->row->plane) return lg_space_start(&system->space, options, rng, y);
+    if (!plane || !system->row->plane) return lg_space_draw_start(&system->space, options, rng, y);
     return rng && y ? system->row->plane(system, rng, y) : LG_INVALID_ARGUMENT;
 }
 
@@ -136,7 +136,7 @@ static const char *options_fault(const lg_trajectory_options *o) {
     return NULL;
 }
 
-/* One call of lg_generate_trajectories. The results are kept here until all starts have succeeded; then they
+/* One call of lg_system_generate. The results are kept here until all starts have succeeded; then they
  * are copied to the caller's arrays. */
 typedef struct sampling {
     const lg_context *context;
@@ -178,7 +178,7 @@ static lg_status sample_start(sampling *s, size_t number) {
     const size_t last = first + o->segments < o->trajectories ? first + o->segments : o->trajectories;
     lg_rng rng;
     lg_rng_seed(&rng, o->seed, 2 * start);
-    LG_TRY(lg_system_start(s->system, o, &rng, s->trajectories + first * block));
+    LG_TRY(lg_system_draw_start(s->system, o, &rng, s->trajectories + first * block));
     LG_TRY(go_ahead(s, &rng, s->trajectories + first * block));
     for (size_t i = first; i < last; i++) {
         double *y = s->trajectories + i * block;
@@ -205,9 +205,9 @@ static lg_status sample_all(sampling *s, lg_error *error) {
     return LG_OK;
 }
 
-lg_status lg_generate_trajectories(const lg_context *context, const lg_system *system,
-                                   const lg_trajectory_options *options, double *t, double *trajectories,
-                                   double *hamiltonian, lg_error *error) {
+lg_status lg_system_generate(const lg_context *context, const lg_system *system,
+                             const lg_trajectory_options *options, double *t, double *trajectories,
+                             double *hamiltonian, lg_error *error) {
     lg_trajectory_options defaults;
     lg_trajectory_options_init(&defaults);
     const lg_trajectory_options *o = options ? options : &defaults;
@@ -259,9 +259,9 @@ static lg_status run_references(const lg_context *context, reference *r, size_t 
     return LG_OK;
 }
 
-lg_status lg_reference_trajectories(const lg_context *context, const lg_system *system, const double *starts,
-                                    size_t n, const double *times, size_t count, double rtol, double atol,
-                                    double *out, lg_error *error) {
+lg_status lg_system_solve(const lg_context *context, const lg_system *system, const double *starts, size_t n,
+                          const double *times, size_t count, double rtol, double atol, double *out,
+                          lg_error *error) {
     reference r;
     if (!system || !starts || !times || !out || n < 1 || count < 1 || !isfinite(rtol) || !isfinite(atol))
         return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL, empty or not finite");

@@ -25,7 +25,7 @@ void lg_fit_options_init(lg_fit_options *options) {
     lg_adam_options_init(&options->adam);
 }
 
-void lg_training_apply(const lg_training *training, lg_fit_options *options) {
+void lg_fit_settings_apply(const lg_fit_settings *training, lg_fit_options *options) {
     options->plan = training->plan;
     options->dtype = training->dtype;
     options->epochs = training->epochs;

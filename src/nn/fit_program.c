@@ -41,7 +41,7 @@ static lg_var put_rows(const training *t, lg_tape *tape, size_t i, const uint32_
 /* Records the function for these rows; *out is its first output. */
 static lg_status record(const training *t, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                         lg_var *out) {
-    lg_var parameters[LG_TRAIN_MOST], in[LG_TRAIN_MOST], outputs[LG_TRAIN_MOST];
+    lg_var parameters[LG_PROGRAM_FIT_MOST], in[LG_PROGRAM_FIT_MOST], outputs[LG_PROGRAM_FIT_MOST];
     uint32_t at = 0;
     for (size_t j = 0; j < t->parameters; j++) {
         const lg_shape shape = lg_program_parameter(t->program, j).shape;
@@ -103,9 +103,10 @@ static lg_status open_function(training *t, const char *function, lg_error *erro
     t->squares = !output->shared;
     t->numbers = lg_shape_count(output->shape);
     if (t->parameters == 0) return lg_fail(error, LG_INVALID_ARGUMENT, "the program has no parameters");
-    if (t->parameters > LG_TRAIN_MOST || t->inputs > LG_TRAIN_MOST || t->outputs > LG_TRAIN_MOST)
+    if (t->parameters > LG_PROGRAM_FIT_MOST || t->inputs > LG_PROGRAM_FIT_MOST ||
+        t->outputs > LG_PROGRAM_FIT_MOST)
         return lg_fail(error, LG_UNSUPPORTED, "the program has more than %d parameters, inputs or outputs",
-                       LG_TRAIN_MOST);
+                       LG_PROGRAM_FIT_MOST);
     if (!t->squares && t->numbers != 1)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "output '%s' has %zu numbers that all rows share, expected one, the loss",
@@ -207,7 +208,7 @@ static lg_status loss_of_all(training *t, const lg_context *context, double *sum
 }
 
 static lg_status run(training *t, const lg_context *context, const lg_fit_options *options,
-                     lg_program_training *result, lg_error *error) {
+                     lg_program_fit_result *result, lg_error *error) {
     const lg_fit_options defaults = default_options(t, t->count);
     const lg_fit_problem problem = {.parameters = t->count,
                                     .samples = t->rows,
@@ -232,11 +233,11 @@ static lg_status run(training *t, const lg_context *context, const lg_fit_option
     return status;
 }
 
-lg_status lg_program_train(const lg_context *context, lg_program *program, const char *function,
-                           const double *const *data, size_t rows, const lg_fit_options *options,
-                           lg_program_training *result, lg_error *error) {
+lg_status lg_program_fit(const lg_context *context, lg_program *program, const char *function,
+                         const double *const *data, size_t rows, const lg_fit_options *options,
+                         lg_program_fit_result *result, lg_error *error) {
     training t = {.program = program, .data = data, .rows = rows};
-    lg_program_training made = {.end = ""};
+    lg_program_fit_result made = {.end = ""};
     LG_TRY(open_function(&t, function, error));
     t.count = take_parameters(&t, NULL);
     t.theta = lg_alloc(context, t.count, sizeof *t.theta);

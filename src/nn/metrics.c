@@ -5,7 +5,7 @@
 #include "core/core.h"
 #include "liegrad/series.h"
 
-uint32_t lg_class_of(const double *score, uint32_t classes) {
+uint32_t lg_metrics_class(const double *score, uint32_t classes) {
     if (classes == 2) return score[1] >= score[0];
     uint32_t best = 0;
     for (uint32_t k = 1; k < classes; k++)
@@ -15,8 +15,8 @@ uint32_t lg_class_of(const double *score, uint32_t classes) {
 
 /* ---- confusion ---- */
 
-void lg_confusion(const uint32_t *truth, const uint32_t *given, size_t n, uint32_t classes,
-                  uint64_t *confusion) {
+void lg_metrics_confusion(const uint32_t *truth, const uint32_t *given, size_t n, uint32_t classes,
+                          uint64_t *confusion) {
     memset(confusion, 0, (size_t)classes * classes * sizeof *confusion);
     for (size_t i = 0; i < n; i++)
         if (truth[i] < classes && given[i] < classes) confusion[(size_t)truth[i] * classes + given[i]]++;
@@ -111,8 +111,8 @@ static size_t next_score(const uint32_t *order, const double *score, size_t stri
     return i;
 }
 
-size_t lg_roc(const uint32_t *truth, const double *score, size_t n, uint32_t positive, double *fpr,
-              double *tpr, double *threshold, uint32_t *order) {
+size_t lg_metrics_roc(const uint32_t *truth, const double *score, size_t n, uint32_t positive, double *fpr,
+                      double *tpr, double *threshold, uint32_t *order) {
     const size_t positives = count_of(truth, positive, n), negatives = n - positives;
     size_t points = 1, hits = 0, false_alarms = 0;
     if (positives == 0 || negatives == 0) return 0;
@@ -145,8 +145,8 @@ static double area(const uint32_t *truth, uint32_t positive, const double *score
     return pairs / ((double)positives * (double)negatives);
 }
 
-lg_status lg_auc(const lg_context *context, const uint32_t *truth, const double *score, size_t n,
-                 uint32_t classes, double *auc) {
+lg_status lg_metrics_auc(const lg_context *context, const uint32_t *truth, const double *score, size_t n,
+                         uint32_t classes, double *auc) {
     if (truth == NULL || score == NULL || auc == NULL || classes == 0 || n > UINT32_MAX)
         return LG_INVALID_ARGUMENT;
     uint32_t *order = lg_alloc(context, n, sizeof *order);

@@ -96,7 +96,7 @@ static lg_status descend(newton *w, double value, double scale, double *damping,
     return LG_OK;
 }
 
-static lg_status iterate(newton *w, lg_newton_result *result) {
+static lg_status iterate(newton *w, lg_fit_newton_result *result) {
     double damping = 1e-3;
     for (result->iterations = 0; result->iterations < MAX_ITERATIONS; result->iterations++) {
         if (lg_cancelled(w->context)) return LG_CANCELLED;
@@ -113,14 +113,14 @@ static lg_status iterate(newton *w, lg_newton_result *result) {
     return LG_OK;
 }
 
-lg_status lg_newton_fit(const lg_context *context, const lg_fit_problem *problem, double *theta,
-                        lg_newton_result *result) {
+lg_status lg_fit_newton(const lg_context *context, const lg_fit_problem *problem, double *theta,
+                        lg_fit_newton_result *result) {
     if (problem == NULL || problem->loss == NULL || theta == NULL) return LG_INVALID_ARGUMENT;
     if (problem->parameters == 0 || problem->parameters > LG_NEWTON_MAX_PARAMETERS || problem->samples == 0 ||
         problem->samples > UINT32_MAX)
         return LG_INVALID_ARGUMENT;
     newton w = {.context = context, .problem = problem, .n = problem->parameters};
-    lg_newton_result found = {0};
+    lg_fit_newton_result found = {0};
     lg_status status = create(&w);
     if (status == LG_OK) {
         memcpy(w.theta, theta, w.n * sizeof *theta);

@@ -12,15 +12,15 @@ __attribute__((constructor)) static void one_thread_of_blas(void) {
 }
 
 static const struct {
-    lg_method method;
+    lg_classifier_method method;
     uint32_t components;
 } chains[] = {{LG_METHOD_LOGISTIC, 0},   {LG_METHOD_LOGISTIC, 2}, {LG_METHOD_TREE, 0},   {LG_METHOD_TREE, 2},
               {LG_METHOD_SVM_LINEAR, 2}, {LG_METHOD_SVM_RBF, 0},  {LG_METHOD_SVM_RBF, 2}};
 #define CHAINS (LG_COUNT(chains))
 
-static lg_method_options options_of(size_t chain) {
-    lg_method_options o;
-    lg_method_options_init(&o);
+static lg_classifier_options options_of(size_t chain) {
+    lg_classifier_options o;
+    lg_classifier_options_init(&o);
     o.method = chains[chain].method;
     o.components = chains[chain].components;
     return o;
@@ -30,7 +30,7 @@ static double accuracy(const lg_classifier *c, const double *x, const uint32_t *
     double *work = TEST_ARRAY(double, (lg_classifier_work_size(c) / sizeof(double) + c->classes)), right = 0;
     for (size_t i = 0; i < n; i++) {
         lg_classifier_score(c, x + i * d, work, work + c->classes);
-        right += lg_class_of(work, c->classes) == label[i];
+        right += lg_metrics_class(work, c->classes) == label[i];
     }
     return right / (double)n;
 }
@@ -42,7 +42,7 @@ TEST("chains separate clouds") {
             double *x = clouds(160, 5, classes, 6.0, 40, label);
             for (int i = 0; i < 160; i++) x[5 * i + 1] *= 1e9; /* standardisation must remove this factor */
             for (uint32_t i = 0; i < 80; i++) chosen[i] = 2 * (i / classes * classes) + i % classes;
-            const lg_method_options o = options_of(t);
+            const lg_classifier_options o = options_of(t);
             lg_classifier c = {0};
             assert_ok(lg_classifier_fit(NULL, &o, x, label, chosen, 80, 5, classes, &c, NULL));
             assert_true(accuracy(&c, x, label, 160, 5) >= (classes == 2 ? 0.97 : o.components ? 0.7 : 0.93));
@@ -72,7 +72,7 @@ TEST("wide, short, scaled and contradictory tables give finite scores") {
                 const double factor = variant == 1 ? 1e-12 : variant == 2 ? 1e12 : variant == 3 ? 0.0 : 1.0;
                 for (size_t i = 0; i < n * d; i++) x[i] *= factor;
                 if (variant == 4) memcpy(x + d, x, d * sizeof *x); /* the same row with two labels */
-                lg_method_options o = options_of(t);
+                lg_classifier_options o = options_of(t);
                 if (o.components > (n < d ? n : d)) o.components = n < d ? n : d;
                 lg_classifier c = {0};
                 lg_error e;
@@ -94,7 +94,7 @@ TEST("invalid tables and options are refused, and the classifier is unchanged") 
     lg_classifier c = {.classes = 55};
     lg_error e;
     for (size_t t = 0; t < CHAINS; t++) {
-        lg_method_options o = options_of(t);
+        lg_classifier_options o = options_of(t);
         x[3] = NAN;
         assert_status(lg_classifier_fit(NULL, &o, x, label, NULL, 8, 2, 2, &c, &e), LG_NOT_FINITE);
         x[3] = 0;
@@ -106,12 +106,12 @@ TEST("invalid tables and options are refused, and the classifier is unchanged") 
         assert_status(lg_classifier_fit(NULL, &o, x, label, NULL, 8, 2, 2, &c, &e), LG_INVALID_ARGUMENT);
     }
     assert_int_equal(c.classes, 55);
-    lg_method method;
+    lg_classifier_method method;
     for (int m = 0; m < LG_METHOD_COUNT; m++) {
-        assert_ok(lg_method_parse(lg_method_name((lg_method)m), &method));
+        assert_ok(lg_classifier_method_parse(lg_classifier_method_name((lg_classifier_method)m), &method));
         assert_int_equal(method, m);
     }
-    assert_status(lg_method_parse("svm", &method), LG_NOT_FOUND);
+    assert_status(lg_classifier_method_parse("svm", &method), LG_NOT_FOUND);
 }
 
 /* ---- archives ---- */
@@ -137,7 +137,7 @@ static lg_classifier make_classifier(const lg_series *s, size_t t) {
     assert_ok(lg_features_create(NULL, kinds[t % LG_COUNT(kinds)], false, s, 40, NULL, &c.features, NULL));
     double *x = TEST_ARRAY(double, w.count *c.features.count);
     assert_ok(lg_features_table(NULL, &c.features, s, &w, 1, x, NULL));
-    const lg_method_options o = options_of(t);
+    const lg_classifier_options o = options_of(t);
     assert_ok(lg_classifier_fit(NULL, &o, x, s->label, NULL, w.count, c.features.count, 3, &c, NULL));
     return *own_lg_classifier(c);
 }
@@ -317,7 +317,7 @@ TEST("every allocation may fail") {
         static const uint32_t unit[12] = {0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3};
         uint32_t label[12];
         double *x = clouds(12, 3, 3, 1.0, 2, label);
-        const lg_method_options o = options_of(t);
+        const lg_classifier_options o = options_of(t);
         for (int what = 0; what < 3; what++)
             EVERY_ALLOCATION_FAILS(context, 1, {
                 double rates[1];
@@ -326,8 +326,8 @@ TEST("every allocation may fail") {
                 if (what == 0) status = lg_classifier_load(context, &a->reader, &back, NULL);
                 if (what == 1) status = lg_classifier_fit(context, &o, x, label, NULL, 12, 3, 3, &back, NULL);
                 if (what == 2)
-                    status = lg_grid_search(context, &o, 1, 2, x, label, unit, NULL, 12, 3, 3, 1, rates,
-                                            &best, NULL);
+                    status = lg_classifier_search(context, &o, 1, 2, x, label, unit, NULL, 12, 3, 3, 1, rates,
+                                                  &best, NULL);
                 lg_classifier_destroy(&back);
             });
     }
@@ -343,15 +343,16 @@ TEST("the choice by cross-validation agrees with one computed by hand") {
     for (uint32_t i = 0; i < 70; i++) all[i] = i % 2;
     for (uint32_t i = 9; i < 70; i++) chosen[n++] = 78 - i; /* not in order */
     for (uint32_t i = 0; i < N; i++) own[i] = all[chosen[i]];
-    lg_method_options grid[4];
-    for (int i = 0; i < 4; i++) lg_method_options_init(&grid[i]);
+    lg_classifier_options grid[4];
+    for (int i = 0; i < 4; i++) lg_classifier_options_init(&grid[i]);
     grid[1].method = LG_METHOD_TREE;
     grid[2].method = LG_METHOD_SVM_RBF;
     grid[3].components = 1;
     double rates[4], expected = 0, other[4];
     size_t best = 99, again;
-    assert_ok(lg_grid_search(NULL, grid, 4, FOLDS, x, all, NULL, chosen, N, 4, 2, 1, rates, &best, NULL));
-    assert_ok(lg_folds(NULL, own, NULL, N, FOLDS, fold));
+    assert_ok(
+        lg_classifier_search(NULL, grid, 4, FOLDS, x, all, NULL, chosen, N, 4, 2, 1, rates, &best, NULL));
+    assert_ok(lg_series_folds(NULL, own, NULL, N, FOLDS, fold));
     for (uint32_t f = 0; f < FOLDS; f++) { /* The rate of option 2, computed by hand. */
         uint32_t rows[N], count = 0, tested = 0;
         double right = 0, score[2], *work;
@@ -363,7 +364,7 @@ TEST("the choice by cross-validation agrees with one computed by hand") {
         for (uint32_t i = 0; i < N; i++) {
             if (fold[i] != f) continue;
             lg_classifier_score(&c, x + 4 * chosen[i], score, work);
-            right += lg_class_of(score, 2) == own[i];
+            right += lg_metrics_class(score, 2) == own[i];
             tested++;
         }
         expected += right / tested / FOLDS;
@@ -374,8 +375,8 @@ TEST("the choice by cross-validation agrees with one computed by hand") {
     for (int i = 0; i < 4; i++)
         assert_true(rates[i] <= rates[best] && (i >= (int)best || rates[i] < rates[best]));
     for (int threads = 2; threads <= 5; threads += 3) {
-        assert_ok(lg_grid_search(NULL, grid, 4, FOLDS, x, all, NULL, chosen, N, 4, 2, threads, other, &again,
-                                 NULL));
+        assert_ok(lg_classifier_search(NULL, grid, 4, FOLDS, x, all, NULL, chosen, N, 4, 2, threads, other,
+                                       &again, NULL));
         assert_memory_equal(other, rates, sizeof rates);
         assert_int_equal(again, best);
     }
@@ -397,26 +398,26 @@ TEST("folds do not split units") {
         x[2 * i + 1] = 10.0 * (u / 4) + 0.01 * lg_rng_normal(&rng);
         chosen[i] = (i * 7) % N;
     }
-    lg_method_options o;
-    lg_method_options_init(&o);
+    lg_classifier_options o;
+    lg_classifier_options_init(&o);
     o.method = LG_METHOD_SVM_RBF;
     o.gamma = 10.0;
     o.c = 100.0;
     size_t best;
-    assert_ok(lg_grid_search(NULL, &o, 1, 3, x, label, NULL, chosen, N, 2, 2, 1, &torn, &best, NULL));
-    assert_ok(lg_grid_search(NULL, &o, 1, 3, x, label, unit, chosen, N, 2, 2, 2, &whole, &best, NULL));
+    assert_ok(lg_classifier_search(NULL, &o, 1, 3, x, label, NULL, chosen, N, 2, 2, 1, &torn, &best, NULL));
+    assert_ok(lg_classifier_search(NULL, &o, 1, 3, x, label, unit, chosen, N, 2, 2, 2, &whole, &best, NULL));
     assert_close(torn, 1.0, 0, 0);
     assert_true(whole < 0.6);
     /* Only one unit of class 1: no folds are possible, so the accuracy on the training rows is returned. */
     for (uint32_t i = 0; i < N; i++) unit[i] = label[i] == 1 ? 99 : i / EACH;
-    assert_ok(lg_grid_search(NULL, &o, 1, 3, x, label, unit, NULL, N, 2, 2, 1, &few, &best, NULL));
+    assert_ok(lg_classifier_search(NULL, &o, 1, 3, x, label, unit, NULL, N, 2, 2, 1, &few, &best, NULL));
     assert_close(few, 1.0, 0, 0);
     /* If every row is a unit of its own, the result is the same as without units. */
     double alone, none;
     for (uint32_t i = 0; i < N; i++) unit[i] = i;
     o.gamma = 1e-3;
-    assert_ok(lg_grid_search(NULL, &o, 1, 7, x, label, NULL, NULL, N, 2, 2, 1, &none, &best, NULL));
-    assert_ok(lg_grid_search(NULL, &o, 1, 7, x, label, unit, NULL, N, 2, 2, 1, &alone, &best, NULL));
+    assert_ok(lg_classifier_search(NULL, &o, 1, 7, x, label, NULL, NULL, N, 2, 2, 1, &none, &best, NULL));
+    assert_ok(lg_classifier_search(NULL, &o, 1, 7, x, label, unit, NULL, N, 2, 2, 1, &alone, &best, NULL));
     assert_close(alone, none, 0, 0);
     assert_true(none < 1.0);
 }
@@ -424,29 +425,29 @@ TEST("folds do not split units") {
 TEST("small and wide tables can be used for the choice, and of equal options the first is taken") {
     uint32_t label[30];
     double *x = clouds(30, 40, 3, 3.0, 5, label), rate[2];
-    lg_method_options o[2];
-    for (int i = 0; i < 2; i++) lg_method_options_init(&o[i]);
+    lg_classifier_options o[2];
+    for (int i = 0; i < 2; i++) lg_classifier_options_init(&o[i]);
     size_t best = 7;
     lg_error e;
-    assert_ok(lg_grid_search(NULL, o, 2, 3, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e));
+    assert_ok(lg_classifier_search(NULL, o, 2, 3, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e));
     assert_true(rate[0] == rate[1]);
     assert_int_equal(best, 0); /* the first of equals */
     o[1].components = 30;      /* more than the rows of a fold */
-    assert_ok(lg_grid_search(NULL, o, 2, 10, x, label, NULL, NULL, 30, 40, 3, 2, rate, &best, &e));
-    assert_ok(lg_grid_search(NULL, o, 1, 10, x, label, NULL, NULL, 3, 40, 3, 2, rate, &best,
-                             &e));    /* one row per class */
-    assert_close(rate[0], 1.0, 0, 0); /* on the training rows */
-    assert_ok(lg_grid_search(NULL, o, 1, 0, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e));
+    assert_ok(lg_classifier_search(NULL, o, 2, 10, x, label, NULL, NULL, 30, 40, 3, 2, rate, &best, &e));
+    assert_ok(lg_classifier_search(NULL, o, 1, 10, x, label, NULL, NULL, 3, 40, 3, 2, rate, &best,
+                                   &e)); /* one row per class */
+    assert_close(rate[0], 1.0, 0, 0);    /* on the training rows */
+    assert_ok(lg_classifier_search(NULL, o, 1, 0, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e));
     for (int i = 0; i < 30; i++) label[i] = i < 28 ? 0 : 2; /* class 1 does not occur, class 2 is rare */
-    assert_ok(lg_grid_search(NULL, o, 1, 5, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e));
+    assert_ok(lg_classifier_search(NULL, o, 1, 5, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e));
     memset(label, 0, sizeof label);
     best = 7;
-    assert_status(lg_grid_search(NULL, o, 1, 5, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e),
+    assert_status(lg_classifier_search(NULL, o, 1, 5, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e),
                   LG_INVALID_ARGUMENT);
     label[0] = 3;
-    assert_status(lg_grid_search(NULL, o, 1, 5, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e),
+    assert_status(lg_classifier_search(NULL, o, 1, 5, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e),
                   LG_INVALID_ARGUMENT);
-    assert_status(lg_grid_search(NULL, o, 0, 5, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e),
+    assert_status(lg_classifier_search(NULL, o, 0, 5, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e),
                   LG_INVALID_ARGUMENT);
     assert_int_equal(best, 7);
 }

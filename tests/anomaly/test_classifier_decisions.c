@@ -45,7 +45,7 @@ static void release(void *of) {
     lg_series_destroy(&f->series);
 }
 
-static chain *make(lg_series series, lg_feature_kind kind, bool directions_x, lg_method method,
+static chain *make(lg_series series, lg_feature_kind kind, bool directions_x, lg_classifier_method method,
                    uint32_t components) {
     chain *f = TEST_ARRAY(chain, 1);
     f->series = series;
@@ -59,8 +59,8 @@ static chain *make(lg_series series, lg_feature_kind kind, bool directions_x, lg
     const uint32_t d = f->c.features.count;
     double *table = TEST_ARRAY(double, WINDOWS *d);
     assert_ok(lg_features_table(NULL, &f->c.features, &f->series, &f->windows, 1, table, NULL));
-    lg_method_options o;
-    lg_method_options_init(&o);
+    lg_classifier_options o;
+    lg_classifier_options_init(&o);
     o.method = method;
     o.components = components < d ? components : d;
     if (lg_classifier_fit(NULL, &o, table, f->series.label, NULL, WINDOWS, d, f->series.classes, &f->c, &e) !=
@@ -160,7 +160,8 @@ static void against_scores(const chain *f, const float *x) {
     } else {
         assert_int_equal(f->outputs, classes * (classes - 1) / 2);
         votes(y, classes, wanted);
-        assert_int_equal(lg_class_of(score, (uint32_t)classes), lg_class_of(wanted, (uint32_t)classes));
+        assert_int_equal(lg_metrics_class(score, (uint32_t)classes),
+                         lg_metrics_class(wanted, (uint32_t)classes));
         for (size_t i = 0; i < classes; i++)
             assert_close(score[i], f->c.svm.vectors_of[i] > 0 ? wanted[i] : -1.0, 0, 0.34);
     }
@@ -173,8 +174,8 @@ static void all_chains(lg_feature_kind kind) {
         for (uint32_t classes = 2; classes <= 4; classes++)
             for (uint32_t components = 0; components <= 3; components += 3) {
                 const bool directions_x = classes == 3;
-                chain *f = make(make_series(CHANNELS, LENGTH, classes), kind, directions_x, (lg_method)method,
-                                components);
+                chain *f = make(make_series(CHANNELS, LENGTH, classes), kind, directions_x,
+                                (lg_classifier_method)method, components);
                 for (size_t i = 0; i < WINDOWS; i++) against_scores(f, f->series.x + i * f->inputs);
                 against_differences(f, f->series.x + 7 * f->inputs, 13, 0x1p-5, 1e-9);
             }
@@ -198,7 +199,7 @@ TEST("decisions and Jacobians of every method on the spectrum are right") {
 
 TEST("Jacobians of spectra with several segments are right") {
     for (int method = LG_METHOD_LOGISTIC; method < LG_METHOD_COUNT; method++) {
-        chain *f = make(make_series(2, 300, 2), LG_FEATURES_SPECTRUM, false, (lg_method)method, 0);
+        chain *f = make(make_series(2, 300, 2), LG_FEATURES_SPECTRUM, false, (lg_classifier_method)method, 0);
         assert_int_equal(f->c.features.spectrum.segments, 4);
         against_differences(f, f->series.x, 37, 0x1p-5, 1e-9);
     }
@@ -369,7 +370,8 @@ TEST("a level baseline has slope zero, with zero derivatives") {
 TEST("for windows of one sample only raw features have derivatives") {
     for (int method = 0; method < LG_METHOD_COUNT; method++)
         for (int kind = LG_FEATURES_RAW; kind <= LG_FEATURES_COV; kind++) {
-            chain *f = make(make_series(3, 1, 3), (lg_feature_kind)kind, false, (lg_method)method, 0);
+            chain *f =
+                make(make_series(3, 1, 3), (lg_feature_kind)kind, false, (lg_classifier_method)method, 0);
             double y[MOST_OUTPUTS], *jacobian = jacobian_of(f, f->series.x, y);
             for (size_t i = 0; kind != LG_FEATURES_RAW && i < f->outputs * f->inputs; i++)
                 assert_close(jacobian[i], 0.0, 0, 0);
@@ -395,7 +397,7 @@ TEST("classes that do not occur are never predicted") {
         lg_series s = make_series(CHANNELS, LENGTH, 4);
         for (size_t i = 0; i < WINDOWS; i++)
             if (s.label[i] == 1) s.label[i] = 3;
-        chain *f = make(s, LG_FEATURES_STD, false, (lg_method)method, 0);
+        chain *f = make(s, LG_FEATURES_STD, false, (lg_classifier_method)method, 0);
         double y[MOST_OUTPUTS], *jacobian = jacobian_of(f, f->series.x, y);
         against_differences(f, f->series.x, 13, 0x1p-5, 1e-9);
         against_scores(f, f->series.x);

@@ -206,7 +206,7 @@ static lg_fit *run_detector(const lg_detector_problem *problem, uint64_t epochs,
     lg_fit_options options;
     lg_detector_fit_problem(problem, &fit_problem);
     lg_fit_options_init(&options);
-    lg_training_apply(&lg_detector_preset_find("best", NAN)->training, &options);
+    lg_fit_settings_apply(&lg_detector_preset_find("best", NAN)->training, &options);
     options.epochs = epochs;
     options.batch = batch;
     options.threads = threads;

@@ -200,7 +200,7 @@ TEST("names and rates that could not be read back are not written") {
 static lg_status read_kind(const lg_context *context, const char *path, const lg_read_options *options,
                            lg_error *error) {
     char kind[64];
-    return lg_file_kind(context, path, options, kind, sizeof kind, error);
+    return lg_model_file_kind(context, path, options, kind, sizeof kind, error);
 }
 
 TEST("a file states its kind") {
@@ -220,15 +220,15 @@ TEST("a file states its kind") {
         const char *path = fresh_detector();
         (void)apply_change(path, "@format", &rows[i].format);
         (void)apply_change(path, "@kind", &rows[i].kind);
-        assert_ok(lg_file_kind(NULL, path, NULL, kind, sizeof kind, NULL));
+        assert_ok(lg_model_file_kind(NULL, path, NULL, kind, sizeof kind, NULL));
         assert_string_equal(kind, rows[i].expected);
     }
     const char *path = fresh_detector();
-    assert_status(lg_file_kind(NULL, path, NULL, kind, 8, &error), LG_INVALID_ARGUMENT);
+    assert_status(lg_model_file_kind(NULL, path, NULL, kind, 8, &error), LG_INVALID_ARGUMENT);
     assert_string_equal(kind, "");
-    assert_ok(lg_file_kind(NULL, path, NULL, kind, 9, NULL));
+    assert_ok(lg_model_file_kind(NULL, path, NULL, kind, 9, NULL));
     assert_string_equal(kind, "detector");
-    assert_ok(lg_file_kind(NULL, good_classifier(), NULL, kind, sizeof kind, NULL));
+    assert_ok(lg_model_file_kind(NULL, good_classifier(), NULL, kind, sizeof kind, NULL));
     assert_string_equal(kind, "classifier");
     static const damage newer[] = {{"@format_version", WHOLE(3), LG_VERSION, ""}};
     refuse_damage(read_kind, fresh_detector, newer, LG_COUNT(newer));

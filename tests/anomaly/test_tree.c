@@ -6,7 +6,7 @@
 #include "liegrad/core.h"
 #include "support/fixtures.h"
 
-static lg_tree_options options_of(lg_criterion criterion, uint32_t leaf) {
+static lg_tree_options options_of(lg_tree_criterion criterion, uint32_t leaf) {
     lg_tree_options options;
     lg_tree_options_init(&options);
     options.criterion = criterion;
@@ -60,7 +60,7 @@ TEST("the tree agrees with the golden one") {
     const uint32_t whole_depth[] = {leaf_gini_depth, leaf_entropy_depth};
     double got[TABLE_TESTS * TABLE_CLASSES];
     for (int c = 0; c < 2; c++) {
-        lg_tree_options options = options_of((lg_criterion)c, 8);
+        lg_tree_options options = options_of((lg_tree_criterion)c, 8);
         const lg_tree *tree = fit(&options, table_x, table_y, TABLE_ROWS, TABLE_FEATURES, TABLE_CLASSES);
         expect_same(tree, &golden[c]);
         assert_int_equal(lg_tree_depth(tree), whole_depth[c]);
@@ -109,7 +109,7 @@ static void draw_table(uint64_t seed, uint32_t levels, double *x, uint32_t *labe
     for (int i = 0; i < ROWS; i++) label[i] = (uint32_t)lg_rng_below(&rng, CLASSES);
 }
 
-static double impurity_of(lg_criterion criterion, const uint32_t *counts, uint32_t samples) {
+static double impurity_of(lg_tree_criterion criterion, const uint32_t *counts, uint32_t samples) {
     double sum = criterion == LG_GINI ? 1.0 : 0.0;
     for (int k = 0; k < CLASSES; k++) {
         const double p = (double)counts[k] / samples;
@@ -122,7 +122,7 @@ static double impurity_of(lg_criterion criterion, const uint32_t *counts, uint32
 }
 
 /* samples * impurity of both sides when the rows with in[i] are split; negative if a side is too small. */
-static double cost_of(lg_criterion criterion, const double *x, const uint32_t *label, const bool *in,
+static double cost_of(lg_tree_criterion criterion, const double *x, const uint32_t *label, const bool *in,
                       uint32_t feature, double threshold, uint32_t leaf) {
     uint32_t counts[2][CLASSES] = {{0}}, samples[2] = {0, 0};
     for (int i = 0; i < ROWS; i++) {
@@ -138,7 +138,7 @@ static double cost_of(lg_criterion criterion, const double *x, const uint32_t *l
 
 /* For every node: its rows are those that reach it, no other split of them is better, and it is a leaf only
  * if it is pure or cannot be split. */
-static void expect_best_splits(const lg_tree *tree, lg_criterion criterion, const double *x,
+static void expect_best_splits(const lg_tree *tree, lg_tree_criterion criterion, const double *x,
                                const uint32_t *label, uint32_t leaf) {
     static bool in[ROWS * 2][ROWS];
     memset(in, 0, sizeof in);
@@ -175,10 +175,10 @@ TEST("every split is the best possible one") {
     for (uint64_t seed = 1; seed <= 20; seed++)
         for (int c = 0; c < LG_CRITERION_COUNT; c++) {
             const uint32_t leaf = seed % 3 == 0 ? 4 : 1;
-            const lg_tree_options options = options_of((lg_criterion)c, leaf);
+            const lg_tree_options options = options_of((lg_tree_criterion)c, leaf);
             draw_table(seed, seed % 2 == 0 ? 5 : 1000, x, label);
             const lg_tree *tree = fit(&options, x, label, ROWS, FEATURES, CLASSES);
-            expect_best_splits(tree, (lg_criterion)c, x, label, leaf);
+            expect_best_splits(tree, (lg_tree_criterion)c, x, label, leaf);
         }
 }
 
@@ -205,7 +205,7 @@ TEST("pruning minimises the risk") {
     uint32_t label[ROWS];
     lg_pruning_step steps[ROWS];
     for (uint64_t seed = 1; seed <= 10; seed++) {
-        const lg_tree_options options = options_of((lg_criterion)(seed % 2), 1);
+        const lg_tree_options options = options_of((lg_tree_criterion)(seed % 2), 1);
         const lg_tree *tree, *pruned;
         size_t count;
         draw_table(seed, 1000, x, label);
@@ -235,7 +235,7 @@ static const uint32_t exclusive_y[] = {0, 1, 1, 0};
 
 TEST("a split without gain is made if later splits need it") {
     for (int c = 0; c < LG_CRITERION_COUNT; c++) {
-        const lg_tree_options options = options_of((lg_criterion)c, 1);
+        const lg_tree_options options = options_of((lg_tree_criterion)c, 1);
         const lg_tree *pruned, *tree = fit(&options, exclusive_x, exclusive_y, 4, 2, 2);
         assert_int_equal(tree->count, 7);
         assert_int_equal(tree->node[0].feature, 0);
@@ -257,7 +257,7 @@ TEST("ties are decided for the lower feature and threshold") {
     const double x[] = {7, 0, 3, 7, 1, 2, 7, 2, 1, 7, 3, 0};
     const uint32_t y[] = {0, 1, 1, 0};
     for (int c = 0; c < LG_CRITERION_COUNT; c++) {
-        lg_tree_options options = options_of((lg_criterion)c, 1);
+        lg_tree_options options = options_of((lg_tree_criterion)c, 1);
         options.max_depth = 1;
         const lg_tree *tree = fit(&options, x, y, 4, 3, 2);
         assert_int_equal(tree->node[0].feature, 1);
@@ -353,7 +353,7 @@ TEST("invalid tables and options are refused, and the tree is unchanged") {
     options[0].min_samples_split = 1;
     options[1].min_samples_leaf = 0;
     options[2].ccp_alpha = NAN;
-    options[3].criterion = (lg_criterion)LG_CRITERION_COUNT;
+    options[3].criterion = (lg_tree_criterion)LG_CRITERION_COUNT;
     lg_tree tree = {.inputs = 77};
     lg_error error;
     for (size_t i = 0; i < LG_COUNT(tables); i++) {
@@ -371,11 +371,11 @@ TEST("invalid tables and options are refused, and the tree is unchanged") {
     assert_status(lg_tree_prune(NULL, &empty, 0.0, &tree), LG_INVALID_ARGUMENT);
     assert_status(lg_tree_pruning_path(NULL, &empty, 0, NULL, &count), LG_INVALID_ARGUMENT);
     assert_int_equal(tree.inputs, 77);
-    lg_criterion criterion = LG_GINI;
-    assert_ok(lg_criterion_parse("entropy", &criterion));
+    lg_tree_criterion criterion = LG_GINI;
+    assert_ok(lg_tree_criterion_parse("entropy", &criterion));
     assert_int_equal(criterion, LG_ENTROPY);
-    assert_string_equal(lg_criterion_name(LG_GINI), "gini");
-    assert_status(lg_criterion_parse("Gini", &criterion), LG_NOT_FOUND);
+    assert_string_equal(lg_tree_criterion_name(LG_GINI), "gini");
+    assert_status(lg_tree_criterion_parse("Gini", &criterion), LG_NOT_FOUND);
 }
 
 TEST("every allocation may fail, and the tree is unchanged") {

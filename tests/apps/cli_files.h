@@ -18,7 +18,7 @@ static inline lg_trajectories *cli_trajectories(const char *name) {
 
 static inline lg_hamiltonian_file *cli_hamiltonian(const char *name) {
     lg_hamiltonian_file file;
-    assert_ok(lg_model_load_hamiltonian(NULL, cli_at(name), NULL, &file, NULL));
+    assert_ok(lg_hamiltonian_load(NULL, cli_at(name), NULL, &file, NULL));
     return own_lg_hamiltonian_file(file);
 }
 

@@ -42,16 +42,16 @@ typedef struct export_kind {
     { table, sizeof(table)[0], LG_COUNT(table), __VA_ARGS__ }
 
 /* Some training settings: a model file must have them, and exported headers print them. */
-static inline lg_training export_training(void) {
-    return (lg_training){.dtype = LG_F64,
-                         .epochs = 300,
-                         .batch = 10,
-                         .lr = 1e-3,
-                         .lr_step = 1,
-                         .lr_gamma = 0.5,
-                         .adam_eps = 1e-8,
-                         .shards = 4,
-                         .seed = 1};
+static inline lg_fit_settings export_training(void) {
+    return (lg_fit_settings){.dtype = LG_F64,
+                             .epochs = 300,
+                             .batch = 10,
+                             .lr = 1e-3,
+                             .lr_step = 1,
+                             .lr_gamma = 0.5,
+                             .adam_eps = 1e-8,
+                             .shards = 4,
+                             .seed = 1};
 }
 
 static inline const char *export_path(const char *name) {

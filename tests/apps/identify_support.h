@@ -51,7 +51,7 @@ static inline size_t csv_column(const char *name, const char *column, double *ou
 
 static inline const lg_machine_model_file *cli_machine_model(const char *name) {
     lg_machine_model_file file;
-    assert_ok(lg_model_load_machine_model(NULL, cli_at(name), NULL, &file, NULL));
+    assert_ok(lg_machine_model_load(NULL, cli_at(name), NULL, &file, NULL));
     return own_lg_machine_model_file(file);
 }
 

@@ -467,8 +467,7 @@ TEST("with a validation part, the model is taken from the best epoch") {
     cli_run(lg, "%s", line);
     lg_detector_file files[2];
     for (int k = 0; k < 2; k++) {
-        assert_ok(
-            lg_model_load_detector(NULL, cli_at(k == 0 ? "long.h5" : "best.h5"), NULL, &files[k], NULL));
+        assert_ok(lg_detector_load(NULL, cli_at(k == 0 ? "long.h5" : "best.h5"), NULL, &files[k], NULL));
     }
     assert_int_equal(files[0].parameters, files[1].parameters);
     assert_memory_equal(files[0].theta, files[1].theta, files[0].parameters * sizeof *files[0].theta);

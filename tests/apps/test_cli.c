@@ -189,7 +189,7 @@ static void shell(const char *format, ...) {
 /* Fails unless the two files agree in everything except errors and test set. */
 static void assert_same_training(const lg_hamiltonian_file *a, const lg_hamiltonian_file *b) {
     const size_t bytes = a->parameters * sizeof(double);
-    assert_ok(lg_run_compare(&lg_recipe_hamiltonian, &a->run, &b->run, "model", NULL));
+    assert_ok(lg_recipe_compare_runs(&lg_recipe_hamiltonian, &a->run, &b->run, "model", NULL));
     assert_memory_equal(a->theta, b->theta, bytes);
     assert_memory_equal(a->adam_m, b->adam_m, bytes);
     assert_memory_equal(a->adam_v, b->adam_v, bytes);

@@ -68,7 +68,7 @@ static void *make_table(const void *row) {
         (void)snprintf(file.input_name[c], LG_TABLE_NAME, "in */ %u", c);
     (void)snprintf(file.run.data_sha256, sizeof file.run.data_sha256, "%064d", 42);
     (void)snprintf(file.provenance.command, sizeof file.provenance.command, "lg-fit train soil.csv");
-    assert_ok(lg_model_save_table(NULL, export_path(of->row.name), &file, NULL, NULL));
+    assert_ok(lg_table_save(NULL, export_path(of->row.name), &file, NULL, NULL));
     return NULL;
 }
 
@@ -180,7 +180,7 @@ static void *make_detector(const void *row) {
     }
     for (uint32_t c = 0; c < of->classes; c++)
         (void)snprintf(file.class_name[c], LG_SERIES_NAME, "state\t\"%u\" \xc3\xa9?\?/ */", c);
-    assert_ok(lg_model_save_detector(NULL, export_path(of->row.name), &file, NULL, NULL));
+    assert_ok(lg_detector_save(NULL, export_path(of->row.name), &file, NULL, NULL));
     return NULL;
 }
 
@@ -245,7 +245,7 @@ typedef struct classifier_example {
     export_row row;
     lg_feature_kind kind;
     bool directions_x;
-    lg_method method;
+    lg_classifier_method method;
     uint32_t components, classes, length;
 } classifier_example;
 
@@ -342,7 +342,7 @@ static lg_series series_of(const classifier_example *of) {
 static fitted *fit(const classifier_example *of) {
     lg_error error = {LG_OK, ""};
     lg_windows windows;
-    lg_method_options options;
+    lg_classifier_options options;
     fitted *f = TEST_ARRAY(fitted, 1);
     f->of = of;
     f->series = series_of(of);
@@ -354,7 +354,7 @@ static fitted *fit(const classifier_example *of) {
                                  features, &error));
     double *table = TEST_ARRAY(double, windows.count * features->count);
     assert_ok(lg_features_table(NULL, features, &f->series, &windows, 1, table, &error));
-    lg_method_options_init(&options);
+    lg_classifier_options_init(&options);
     options.method = of->method;
     options.components = of->components < features->count ? of->components : features->count;
     if (lg_classifier_fit(NULL, &options, table, f->series.label, NULL, windows.count, features->count,
@@ -391,7 +391,7 @@ static void save_classifier(const fitted *f) {
     assert_ok(lg_file_writer_names(writer, &f->series, NULL));
     for (size_t i = 0; i < LG_COUNT(rows); i++)
         assert_ok(to.array(to.user, rows[i].path, rows[i].type, 0, NULL, rows[i].value));
-    assert_ok(to.text(to.user, "run/method", lg_method_name(f->classifier.method)));
+    assert_ok(to.text(to.user, "run/method", lg_classifier_method_name(f->classifier.method)));
     assert_ok(to.text(to.user, "run/split", "random"));
     assert_ok(to.text(to.user, "run/data_sha256", hash));
     assert_ok(lg_classifier_save(&f->classifier, &to, NULL));
@@ -541,7 +541,7 @@ static void check_classes(const exported *e, const export_kind *kind, uint32_t c
         kind->draw((void *)(uintptr_t)e, &rng, x);
         for (size_t i = 0; i < e->lib.inputs; i++) x[i] = export_rounded(&e->lib, x[i]);
         scores_of(&with_room, plan, x, classes, want);
-        const uint32_t class = lg_class_of(want, classes);
+        const uint32_t class = lg_metrics_class(want, classes);
         double second = -INFINITY, size = 1;
         for (uint32_t k = 0; k < classes; k++) {
             if (k != class) second = fmax(second, want[k]);

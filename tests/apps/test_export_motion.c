@@ -100,7 +100,7 @@ static lg_hamiltonian_file hamiltonian_of(const example *of) {
 }
 
 static void save(const lg_hamiltonian_file *file, const char *name) {
-    assert_told(lg_model_save_hamiltonian(NULL, export_path(name), file, NULL, &told));
+    assert_told(lg_hamiltonian_save(NULL, export_path(name), file, NULL, &told));
 }
 
 static double *masses_of(const lg_hamiltonian_file *file) {
@@ -258,7 +258,7 @@ static void fill_row(const motion *s, double h, lg_rng *rng, table *t, size_t r)
         double *step = t->of[STEP + idle][1] + r * s->d;
         assert_ok(lg_model_field(e->model, y, input, t->of[FIELD + idle][0] + r * s->a, e->work));
         call_field(s, y, input, t->of[FIELD + idle][1] + r * s->a);
-        assert_ok(lg_step(s->stepper, 0, h, y, input, t->of[STEP + idle][0] + r * s->d));
+        assert_ok(lg_stepper_step(s->stepper, 0, h, y, input, t->of[STEP + idle][0] + r * s->d));
         call_steps(s, h, 1, y, input, step);
         t->off = fmax(t->off, lg_space_manifold_error(s->space, step));
     }
@@ -421,7 +421,7 @@ static double turn_first(const motion *s, double angle, lg_rng *rng) {
     draw((void *)(uintptr_t)s->e, rng, y);
     assert_ok(lg_model_field(s->e->model, y, NULL, field, s->e->work));
     const double h = export_rounded(&s->e->lib, angle / sqrt(lg_dot3(field, field)));
-    assert_ok(lg_step(s->stepper, 0, h, y, NULL, want));
+    assert_ok(lg_stepper_step(s->stepper, 0, h, y, NULL, want));
     assert_close(lg_stepper_angle(s->stepper) >= angle * 0.999, 1, 0, 0);
     call_steps(s, h, 1, y, NULL, got);
     assert_true(lg_space_manifold_error(s->space, got) <=
@@ -598,14 +598,14 @@ TEST("the header states the recorded errors") {
     judged.e1 = 1.23456e-7, judged.e2 = 3.45678e-4;
     judged.test = (lg_test_set){.trajectories = 100, .points = 15, .t_end = 1.5};
     (void)snprintf(judged.test.sha256, sizeof judged.test.sha256, "%064d", 7);
-    assert_ok(lg_model_record_hamiltonian(NULL, export_path("flat1"), &judged, NULL));
+    assert_ok(lg_hamiltonian_save_errors(NULL, export_path("flat1"), &judged, NULL));
     expect_header("flat1", "E1            1.2346e-07: mean squared error|E2            3.4568e-04: mean |"
                            "test set      100 trajectories of 15 points over a time of 1.5\n|"
                            "test SHA-256  0000000000000000000000000000000000000000000000000000000000000007\n|"
                            "!test set      none recorded|!over a time of 1.5: THE TRAINING DATA");
     judged.has_e2 = false;
     judged.test = (lg_test_set){.trajectories = 0};
-    assert_ok(lg_model_record_hamiltonian(NULL, export_path("flat1"), &judged, NULL));
+    assert_ok(lg_hamiltonian_save_errors(NULL, export_path("flat1"), &judged, NULL));
     expect_header("flat1", "E1            1.2346e-07|test set      of unknown size|!E2  |!test SHA-256");
     file.has_e1 = true;
     file.test = (lg_test_set){.trajectories = 2, .points = 15, .t_end = 1.5};

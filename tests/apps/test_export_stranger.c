@@ -164,7 +164,7 @@ static void compare(const char *folder, const lg_model *model, const char *schem
             assert_true(export_norm(got, want, r * r) <= 1e-12);
             assert_true(export_norm(B, want_B, r * m) <= 1e-12);
         }
-        assert_ok(lg_step(stepper, 0.0, 0.05, x, input, want));
+        assert_ok(lg_stepper_step(stepper, 0.0, 0.05, x, input, want));
         step(0.05, x, input, x, lib.work);
         assert_true(export_norm(x, want, d) <= 1e-13);
     }

@@ -269,7 +269,7 @@ TEST("--size auto chooses a width") {
 
 static const lg_table_file *model_of(const char *name) {
     lg_table_file file;
-    assert_ok(lg_model_load_table(NULL, cli_at(name), NULL, &file, NULL));
+    assert_ok(lg_table_load(NULL, cli_at(name), NULL, &file, NULL));
     return own_lg_table_file(file);
 }
 

@@ -155,7 +155,7 @@ TEST("for a linear system the filter is the Kalman filter, to rounding") {
     for (int n = 0; n < 300; n++) {
         const double u[2] = {sin(0.3 * n), 0.2}, z[2] = {cos(0.1 * n), 0.3 * sin(0.17 * n)};
         double next[N];
-        assert_ok(lg_step(stepper, 0.0, h, s.y, u, next));
+        assert_ok(lg_stepper_step(stepper, 0.0, h, s.y, u, next));
         kalman_predict(&s, h, next);
         assert_ok(lg_ekf_predict(ekf, h, u));
         assert_ok(lg_ekf_update(ekf, z, &nis));
@@ -180,14 +180,14 @@ static double flow_error(const built *b, const double *y, const double *u, doubl
     lg_ekf *ekf = filter_of(b->model, scheme->name, y, uniform(r, 1.0), uniform(r, 0.0), &sensor, 1);
     assert_ok(lg_ekf_predict(ekf, h, u));
     lg_ekf_covariance(ekf, P);
-    assert_ok(lg_step(stepper, 0.0, h, y, u, next));
+    assert_ok(lg_stepper_step(stepper, 0.0, h, y, u, next));
     assert_all_close(lg_ekf_state(ekf), next, d, 0.0, 0.0);
     for (size_t j = 0; j < r; j++) {
         for (int side = 0; side < 2; side++) {
             memset(c, 0, r * sizeof *c);
             c[j] = side == 0 ? e : -e;
             assert_ok(lg_model_retract(b->model, y, c, moved, b->work));
-            assert_ok(lg_step(stepper, 0.0, h, moved, u, end));
+            assert_ok(lg_stepper_step(stepper, 0.0, h, moved, u, end));
             assert_ok(lg_model_deviation(b->model, next, end, columns + (size_t)side * r, b->work));
         }
         for (size_t i = 0; i < r; i++) F[i * r + j] = (columns[i] - columns[r + i]) / (2.0 * e);
@@ -245,7 +245,7 @@ static void consistency(const trial *t, const double *start, int runs, int steps
         for (size_t i = 0; i < r; i++) c[i] = t->P0 * lg_rng_normal(&rng);
         assert_ok(lg_model_retract(model, start, c, y, t->b->work));
         for (int n = 0; n < steps; n++) {
-            assert_ok(lg_step(stepper, 0.0, t->h, y, NULL, y));
+            assert_ok(lg_stepper_step(stepper, 0.0, t->h, y, NULL, y));
             for (size_t i = 0; i < r; i++) c[i] = sqrt(t->h) * t->W * lg_rng_normal(&rng);
             assert_ok(lg_model_retract(model, y, c, y, t->b->work));
             t->measure(t->b, y, z);
@@ -338,7 +338,7 @@ TEST("after 100000 steps with sensors a million times better than the start, P i
     lg_rng rng = test_rng(12, 0);
     for (int n = 0; n < 100000; n++) {
         double z[3];
-        assert_ok(lg_step(stepper, 0.0, 0.01, y, NULL, y));
+        assert_ok(lg_stepper_step(stepper, 0.0, 0.01, y, NULL, y));
         assert_ok(lg_ekf_predict(ekf, 0.01, NULL));
         for (int i = 0; i < 3; i++) z[i] = y[i] + 1e-6 * lg_rng_normal(&rng);
         assert_ok(lg_ekf_update(ekf, z, &nis));

@@ -169,7 +169,7 @@ static double run_cost(const built *b, const lg_lqr *lqr, double h, int steps, d
             assert_ok(lg_lqr_control(lqr, y, u));
             total += cost(lqr->c, u) * (lqr->period > 0.0 ? 1.0 : n == 0 ? 0.5 * h : h);
         }
-        assert_ok(lg_step(stepper, 0.0, h, y, u, y));
+        assert_ok(lg_stepper_step(stepper, 0.0, h, y, u, y));
     }
     assert_true(fabs(y[0]) < 1e-9 && fabs(y[3]) < 1e-9);
     return total;

@@ -149,7 +149,7 @@ TEST("functions of programs refuse NULL") {
     REFUSES(lg_model_save(NULL, NEEDED("/nonexistent/file.h5"), NEEDED("rotor"), NEEDED(program), NULL, NULL,
                           NULL));
     REFUSES(lg_program_save(NULL, NEEDED("/nonexistent/file.h5"), NEEDED(program), NULL, NULL));
-    REFUSES(lg_program_train(NULL, NEEDED(program), NEEDED("f"), NEEDED(inputs), 1, NULL, NULL, NULL));
+    REFUSES(lg_program_fit(NULL, NEEDED(program), NEEDED("f"), NEEDED(inputs), 1, NULL, NULL, NULL));
     lg_function_image_destroy(image);
 }
 
@@ -214,7 +214,7 @@ TEST("functions of integrators refuse NULL") {
     const lg_scheme *scheme = lg_scheme_find("dp54");
     lg_stepper *stepper = test_stepper(scheme, &ode), *made;
     const lg_space_factor factor = {LG_SPACE_RN, 1};
-    assert_ok(lg_step(stepper, 0.0, 0.1, numbers, NULL, others));
+    assert_ok(lg_stepper_step(stepper, 0.0, 0.1, numbers, NULL, others));
     REFUSES(lg_space_init(NEEDED(&space), NEEDED(&factor), 1));
     REFUSES(lg_space_init_rn(NEEDED(&space), 1));
     REFUSES(lg_space_read(NEEDED("R^2"), NEEDED(&space), NULL));
@@ -222,7 +222,7 @@ TEST("functions of integrators refuse NULL") {
     REFUSES(lg_stepper_init(NEEDED(scheme), NEEDED(&ode), NEEDED(&made), NEEDED(test_work(sizeof work)),
                             sizeof work));
     REFUSES(lg_stepper_create(NULL, NEEDED(scheme), NEEDED(&ode), NEEDED(&made)));
-    REFUSES(lg_step(NEEDED(stepper), 0.0, 0.1, NEEDED(numbers), NULL, NEEDED(others)));
+    REFUSES(lg_stepper_step(NEEDED(stepper), 0.0, 0.1, NEEDED(numbers), NULL, NEEDED(others)));
     REFUSES(lg_stepper_dense(NEEDED(stepper), 0.5, NEEDED(others)));
     REFUSES(
         lg_integrate_fixed(NEEDED(stepper), 0.0, 0.1, 1, NULL, 0, 1, NEEDED(numbers), NEEDED(others), NULL));
@@ -296,12 +296,12 @@ TEST("functions of systems refuse NULL") {
     REFUSES(lg_chain_potential_weights(NEEDED(chain), NEEDED(others)));
     REFUSES(lg_chain_momenta(NEEDED(chain), NEEDED(hanging), NEEDED(others), NEEDED(work)));
     REFUSES(lg_chain_velocities(NEEDED(chain), NEEDED(hanging), NEEDED(others), NEEDED(work)));
-    REFUSES(lg_space_start(NEEDED(lg_system_space(chain)), NULL, NEEDED(&rng), NEEDED(others)));
-    REFUSES(lg_system_start(NEEDED(chain), NULL, NEEDED(&rng), NEEDED(others)));
-    REFUSES(lg_generate_trajectories(NULL, NEEDED(chain), &few, NEEDED(others), NEEDED(others + 100),
-                                     NEEDED(others + 200), NULL));
-    REFUSES(lg_reference_trajectories(NULL, NEEDED(chain), NEEDED(hanging), 1, NEEDED(&(double){0.1}), 1,
-                                      1e-6, 1e-9, NEEDED(others), NULL));
+    REFUSES(lg_space_draw_start(NEEDED(lg_system_space(chain)), NULL, NEEDED(&rng), NEEDED(others)));
+    REFUSES(lg_system_draw_start(NEEDED(chain), NULL, NEEDED(&rng), NEEDED(others)));
+    REFUSES(lg_system_generate(NULL, NEEDED(chain), &few, NEEDED(others), NEEDED(others + 100),
+                               NEEDED(others + 200), NULL));
+    REFUSES(lg_system_solve(NULL, NEEDED(chain), NEEDED(hanging), 1, NEEDED(&(double){0.1}), 1, 1e-6, 1e-9,
+                            NEEDED(others), NULL));
 }
 
 TEST("functions of ensembles refuse NULL") {
@@ -320,7 +320,7 @@ TEST("functions of ensembles refuse NULL") {
     assert_ok(lg_statistics_save(statistics, &first));
     REFUSES(lg_ensemble_run(NULL, NEEDED(system), NEEDED(&options), NULL, NULL, NULL, NULL, NULL, NULL));
     REFUSES(lg_statistics_create(NULL, 1, 1, 4, NULL, NEEDED(&made)));
-    REFUSES(lg_statistics_like(NEEDED(statistics), NEEDED(&made)));
+    REFUSES(lg_statistics_create_like(NEEDED(statistics), NEEDED(&made)));
     REFUSES(lg_statistics_merge(NEEDED(statistics), NEEDED(statistics)));
     REFUSES(lg_statistics_save(NEEDED(statistics), NEEDED(&writer)));
     REFUSES(lg_statistics_load(NEEDED(statistics), NEEDED(&reader)));
@@ -395,7 +395,7 @@ TEST("functions of networks and fits refuse NULL") {
     REFUSES(lg_fit_run(NEEDED(fit), NULL));
     REFUSES(lg_fit_save(NEEDED(fit), NEEDED(&writer), NULL));
     REFUSES(lg_fit_load(NEEDED(fit), NEEDED(&reader), NULL));
-    REFUSES(lg_newton_fit(NULL, NEEDED(&problem), NEEDED(others), NULL));
+    REFUSES(lg_fit_newton(NULL, NEEDED(&problem), NEEDED(others), NULL));
     lg_fit_destroy(fit);
 }
 
@@ -618,15 +618,15 @@ TEST("functions of tables and files refuse NULL") {
     REFUSES(lg_rows_file_look(NULL, NEEDED(path), NEEDED(&about), NULL, 0, NULL));
     REFUSES(lg_file_reader_create(NULL, NEEDED(path), NULL, NULL, NEEDED(&reader), NULL));
     REFUSES(lg_trajectories_read(NULL, NEEDED(path), NULL, NEEDED(&trajectories), NULL));
-    REFUSES(lg_model_load_hamiltonian(NULL, NEEDED(path), NULL, NEEDED(&hamiltonian), NULL));
+    REFUSES(lg_hamiltonian_load(NULL, NEEDED(path), NULL, NEEDED(&hamiltonian), NULL));
     REFUSES(lg_elastica_data_read(NULL, NEEDED(path), NULL, NEEDED(&elastica), NULL));
-    REFUSES(lg_model_load_surrogate(NULL, NEEDED(path), NULL, NEEDED(&surrogate), NULL));
+    REFUSES(lg_surrogate_load(NULL, NEEDED(path), NULL, NEEDED(&surrogate), NULL));
     REFUSES(lg_series_read(NULL, NEEDED(path), NULL, NULL, NEEDED(&series), NULL));
-    REFUSES(lg_model_load_detector(NULL, NEEDED(path), NULL, NEEDED(&detector), NULL));
-    REFUSES(lg_model_load_table(NULL, NEEDED(path), NULL, NEEDED(&filed), NULL));
-    REFUSES(lg_model_load_machine_model(NULL, NEEDED(path), NULL, NEEDED(&machine_model), NULL));
+    REFUSES(lg_detector_load(NULL, NEEDED(path), NULL, NEEDED(&detector), NULL));
+    REFUSES(lg_table_load(NULL, NEEDED(path), NULL, NEEDED(&filed), NULL));
+    REFUSES(lg_machine_model_load(NULL, NEEDED(path), NULL, NEEDED(&machine_model), NULL));
     REFUSES(lg_program_load(NULL, NEEDED(path), NULL, NEEDED(&program), NULL));
-    REFUSES(lg_file_kind(NULL, NEEDED(path), NULL, NEEDED(kind), sizeof kind, NULL));
+    REFUSES(lg_model_file_kind(NULL, NEEDED(path), NULL, NEEDED(kind), sizeof kind, NULL));
     REFUSES(lg_model_load(NULL, NEEDED(path), NULL, NEEDED(&file), NULL));
     REFUSES(lg_search_file_read(NULL, NEEDED(path), NEEDED(&search), NULL));
     REFUSES(lg_scene_read(NULL, NEEDED(path), NULL, NEEDED(&scene), NULL));
@@ -657,7 +657,7 @@ TEST("functions of series and classifiers refuse NULL") {
     REFUSES(lg_split_parse(NEEDED(lg_split_name((lg_split)0)), NEEDED(&split)));
     REFUSES(lg_series_split(NULL, NEEDED(&series), NEEDED(&windows), (lg_split)0, 0.25, 0.25, 1,
                             NEEDED(parts), NULL));
-    REFUSES(lg_folds(NULL, NEEDED(series.label), NULL, 12, 2, NEEDED(fold)));
+    REFUSES(lg_series_folds(NULL, NEEDED(series.label), NULL, 12, 2, NEEDED(fold)));
     REFUSES(lg_scaler_fit(NULL, NEEDED(&series), NEEDED(&windows), NULL, 12, true, NEEDED(&scaler)));
 
     lg_spectrum spectrum;
@@ -688,8 +688,8 @@ TEST("functions of series and classifiers refuse NULL") {
     REFUSES(lg_monitor_push(NEEDED(monitor), NULL, NEEDED(&ready), NEEDED(&verdict)));
 
     lg_feature_kind kind;
-    lg_criterion criterion;
-    lg_method method;
+    lg_tree_criterion criterion;
+    lg_classifier_method method;
     lg_features features, made;
     lg_pca pca;
     lg_logistic logistic;
@@ -698,8 +698,8 @@ TEST("functions of series and classifiers refuse NULL") {
     lg_tree_options_init(&growth);
     lg_pruning_step steps[8];
     lg_svm svm;
-    lg_method_options chain, *grid = &chain;
-    lg_method_options_init(&chain);
+    lg_classifier_options chain, *grid = &chain;
+    lg_classifier_options_init(&chain);
     lg_classifier classifier = {0};
     size_t count;
     const double *x = test_numbers(4, 24, -1.0, 1.0);
@@ -708,8 +708,8 @@ TEST("functions of series and classifiers refuse NULL") {
     assert_ok(lg_tree_fit(NULL, &growth, x, label, 12, 2, 2, &tree, &error));
     assert_ok(lg_svm_fit(NULL, LG_KERNEL_LINEAR, 1.0, 0.0, x, label, 12, 2, 2, &svm, &error));
     REFUSES(lg_feature_kind_parse(NEEDED("raw"), NEEDED(&kind)));
-    REFUSES(lg_criterion_parse(NEEDED("gini"), NEEDED(&criterion)));
-    REFUSES(lg_method_parse(NEEDED("tree"), NEEDED(&method)));
+    REFUSES(lg_tree_criterion_parse(NEEDED("gini"), NEEDED(&criterion)));
+    REFUSES(lg_classifier_method_parse(NEEDED("tree"), NEEDED(&method)));
     REFUSES(lg_features_create(NULL, LG_FEATURES_STD, false, NEEDED(&series), 8, NULL, NEEDED(&made), NULL));
     REFUSES(lg_features_compute(NEEDED(&features), NEEDED(series.x), NEEDED(others), NEEDED(work)));
     REFUSES(lg_features_table(NULL, NEEDED(&features), NEEDED(&series), NEEDED(&windows), 1, NEEDED(others),
@@ -724,8 +724,8 @@ TEST("functions of series and classifiers refuse NULL") {
     REFUSES(lg_svm_plane(NEEDED(&svm), NEEDED(others), NEEDED(others + 2)));
     REFUSES(lg_classifier_fit(NULL, NEEDED(&chain), NEEDED(x), NEEDED(label), NULL, 12, 2, 2,
                               NEEDED(&classifier), NULL));
-    REFUSES(lg_grid_search(NULL, NEEDED(grid), 1, 2, NEEDED(x), NEEDED(label), NULL, NULL, 12, 2, 2, 1,
-                           NEEDED(others), NEEDED(&count), NULL));
+    REFUSES(lg_classifier_search(NULL, NEEDED(grid), 1, 2, NEEDED(x), NEEDED(label), NULL, NULL, 12, 2, 2, 1,
+                                 NEEDED(others), NEEDED(&count), NULL));
     lg_classifier fitted = {.features = features}, loaded;
     assert_ok(lg_classifier_fit(NULL, &chain, x, label, NULL, 12, 1, 2, &fitted, &error));
     memory_archive *archive = TEST_ARRAY(memory_archive, 1), *new = TEST_ARRAY(memory_archive, 1);
@@ -764,7 +764,7 @@ TEST("functions of series and classifiers refuse NULL") {
                                     NEEDED(&plan), NULL));
     lg_detector_data_destroy(&data);
     lg_scaler_destroy(&scaler);
-    REFUSES(lg_auc(NULL, NEEDED(label), NEEDED(x), 12, 2, NEEDED(others)));
+    REFUSES(lg_metrics_auc(NULL, NEEDED(label), NEEDED(x), 12, 2, NEEDED(others)));
     lg_features_destroy(&features);
     lg_tree_destroy(&tree);
     lg_svm_destroy(&svm);
@@ -873,7 +873,7 @@ TEST("functions of machines refuse NULL") {
                                        NEEDED(&problem.log), NEEDED(start), 2, 4, NEEDED(others),
                                        NEEDED(others + 8), NULL));
     REFUSES(lg_machine_program(NULL, NEEDED(machine), NEEDED(theta), NULL, NEEDED(&program), NULL));
-    REFUSES(lg_model_save_machine_model(NULL, NEEDED("/nonexistent/file.h5"), NEEDED(file), NULL, NULL));
+    REFUSES(lg_machine_model_save(NULL, NEEDED("/nonexistent/file.h5"), NEEDED(file), NULL, NULL));
     REFUSES(lg_machine_model_describe(NEEDED(&file->run), NEEDED("machine"), NEEDED(text), NULL));
 }
 
@@ -889,18 +889,18 @@ static const char *const left_out[] = {
     "lg_rows_file_commit",
     "lg_file_writer_rows",
     "lg_file_reader_archive",
-    "lg_model_save_hamiltonian",
-    "lg_model_record_hamiltonian",
+    "lg_hamiltonian_save",
+    "lg_hamiltonian_save_errors",
     "lg_elastica_data_write",
-    "lg_model_save_surrogate",
+    "lg_surrogate_save",
     "lg_series_write",
     "lg_file_writer_names",
     "lg_file_reader_names",
-    "lg_model_save_detector",
-    "lg_model_save_table",
+    "lg_detector_save",
+    "lg_table_save",
     "lg_checkpoint_create",
     "lg_checkpoint_open",
-    "lg_run_compare",
+    "lg_recipe_compare_runs",
     "lg_model_file_program",
     "lg_trials_write",
     "lg_trials_read",

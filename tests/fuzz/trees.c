@@ -64,7 +64,7 @@ void fuzz_model(const uint8_t *data, size_t size) {
     const char *path = tree_file(data, size);
     lg_error error = {LG_OK, ""};
     char kind[64] = "";
-    lg_status status = lg_file_kind(NULL, path, NULL, kind, sizeof kind, &error);
+    lg_status status = lg_model_file_kind(NULL, path, NULL, kind, sizeof kind, &error);
     refused(status, &error);
     if (status == LG_OK && strcmp(kind, "classifier") == 0) {
         classifier_file file;
@@ -274,7 +274,7 @@ static lg_status no_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t
 }
 
 static void load_fit(const lg_recipe *kind, const void *run, lg_file_reader *reader, size_t samples) {
-    const lg_training *training = (const lg_training *)((const char *)run + kind->training);
+    const lg_fit_settings *training = (const lg_fit_settings *)((const char *)run + kind->training);
     const size_t parameters = kind->parameters(run);
     lg_error error = {LG_OK, ""};
     lg_archive_reader archive;
@@ -284,7 +284,7 @@ static void load_fit(const lg_recipe *kind, const void *run, lg_file_reader *rea
     const lg_fit_problem problem = {.parameters = parameters, .samples = samples, .loss = no_loss};
     double *theta = lg_alloc(NULL, parameters, sizeof *theta);
     lg_fit_options_init(&options);
-    lg_training_apply(training, &options);
+    lg_fit_settings_apply(training, &options);
     options.shards = 1;
     lg_status status = lg_fit_create(NULL, &problem, &options, theta, &fit, &error);
     if (status == LG_OK && lg_file_reader_archive(reader, "fit", &archive) == LG_OK) {

@@ -40,7 +40,7 @@ static data make_data(const char *name, size_t links) {
     to.points = M;
     to.t_end = 0.06;
     to.seed = 3;
-    assert_ok(lg_generate_trajectories(NULL, set.system, &to, set.t, set.y, set.H, NULL));
+    assert_ok(lg_system_generate(NULL, set.system, &to, set.t, set.y, set.H, NULL));
     return set;
 }
 
@@ -236,7 +236,7 @@ TEST("with exact parameters a chain leaves the manifold in the same way as the t
         for (size_t i = 0; i < N; i++)
             for (size_t j = 0; j + 1 < M; j++) {
                 double *y = e.set.y + (i * M + j) * e.set.d;
-                assert_ok(lg_step(stepper, 0.0, 0.3, y, NULL, y + e.set.d));
+                assert_ok(lg_stepper_step(stepper, 0.0, 0.3, y, NULL, y + e.set.d));
             }
         lg_hamiltonian_problem problem = problem_of(&e.model, &e.set, "rk4");
         problem.dt = 0.3;
@@ -346,7 +346,7 @@ TEST("both penalties are computed from the predicted points") {
         memcpy(y, set.y + i * M * 4, sizeof y);
         const double G0 = 0.5 * (y[0] * y[0] + y[2] * y[2]);
         for (size_t j = 1; j < M; j++) {
-            assert_ok(lg_step(stepper, 0.0, problem.dt, y, NULL, y));
+            assert_ok(lg_stepper_step(stepper, 0.0, problem.dt, y, NULL, y));
             const double G = 0.5 * (y[0] * y[0] + y[2] * y[2]);
             squares += (G - G0) * (G - G0);
             absolute += 2.0 * fabs(G - G0);
@@ -410,7 +410,7 @@ TEST("geodesic distances are distances along great circles, with momenta transpo
             double y[12];
             memcpy(y, set.y + i * M * 12, sizeof y);
             for (size_t j = 1; j < M; j++) {
-                assert_ok(lg_step(stepper, 0.0, problem.dt, y, NULL, y));
+                assert_ok(lg_stepper_step(stepper, 0.0, problem.dt, y, NULL, y));
                 for (size_t c = 0; c < 12; c += 6) sum += geodesic_of(y + c, set.y + (i * M + j) * 12 + c);
             }
         }
@@ -632,7 +632,7 @@ TEST("the penalty takes every first integral, at the points that are listed") {
             const double later = row[r].value(y, 2) - row[r].value(set.y + (i * M + M - 1) * set.d, 2);
             of_data[0] += G0 * G0 / N, of_data[1] += later * later / N;
             for (size_t j = 2; j <= M; j++) {
-                assert_ok(lg_step(stepper, 0.0, problem.dt, y, NULL, y));
+                assert_ok(lg_stepper_step(stepper, 0.0, problem.dt, y, NULL, y));
                 const double gap = row[r].value(y, 2) - G0;
                 if (j != 3) squares += gap * gap;
             }
@@ -820,7 +820,7 @@ TEST("for every family the default scheme trains, steps and is exported, and the
         lg_program_destroy(program);
         for (size_t i = 0; i < LG_COUNT(schemes); i++) {
             double next[MOST_STATE];
-            assert_ok(lg_step(stepper_of(&s.b, schemes[i]), 0.0, 0.01, s.y, s.u, next));
+            assert_ok(lg_stepper_step(stepper_of(&s.b, schemes[i]), 0.0, 0.01, s.y, s.u, next));
         }
     }
 }
@@ -866,16 +866,16 @@ TEST("Newton's method reaches the same lowest loss from two starts") {
     lg_fit_problem fit;
     lg_hamiltonian_fit_problem(&problem, &fit);
     double theta[2][5] = {{0.3, -0.2, 0.4, 0.7, 0.3}, {-0.5, 0.1, 0.2, 0.9, 0.6}};
-    lg_newton_result result[2];
+    lg_fit_newton_result result[2];
     for (int i = 0; i < 2; i++) {
         const double before = loss_of(&problem, theta[i]);
-        assert_ok(lg_newton_fit(NULL, &fit, theta[i], &result[i]));
+        assert_ok(lg_fit_newton(NULL, &fit, theta[i], &result[i]));
         assert_true(result[i].loss < 1e-9 * before);
     }
     assert_close(result[0].loss, result[1].loss, 1e-6, 0.0);
     for (int j = 0; j < 3; j++) assert_close(theta[0][j], theta[1][j], 0.0, 1e-10);
     fit.parameters = LG_NEWTON_MAX_PARAMETERS + 1;
-    assert_status(lg_newton_fit(NULL, &fit, theta[0], NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_fit_newton(NULL, &fit, theta[0], NULL), LG_INVALID_ARGUMENT);
 }
 
 TEST("invalid problems and models are refused") {

@@ -97,8 +97,8 @@ static bool compare_step(setting *s, const lg_scheme *scheme) {
     if (lg_model_stepper_size(s->built.model, scheme) == 0) return false;
     lg_stepper *stepper = stepper_of(&s->built, scheme);
     for (size_t b = 0; b < BATCH; b++)
-        assert_ok(
-            lg_step(stepper, 0.0, s->h[b], s->state + b * s->d, s->input + b * s->m, expected + b * s->d));
+        assert_ok(lg_stepper_step(stepper, 0.0, s->h[b], s->state + b * s->d, s->input + b * s->m,
+                                  expected + b * s->d));
     record_inputs(s);
     assert_ok(lg_hamiltonian_taped_ode(&s->vars, &ode));
     assert_ok(lg_taped_split(s->tape, &ode.space, s->y, parts));

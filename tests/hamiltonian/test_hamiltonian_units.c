@@ -94,8 +94,8 @@ TEST("every scheme steps a model with scales as the inner model, with the step d
             draw(&p, &rng, x, y, f, u);
             lg_stepper *scaled = stepper_of(&p.scaled, scheme), *inner = stepper_of(&p.inner, scheme);
             for (int n = 0; n < 3; n++) {
-                assert_ok(lg_step(inner, 0.0, 0.01, x, f, x));
-                assert_ok(lg_step(scaled, 0.0, 0.01 * p.time, y, u, y));
+                assert_ok(lg_stepper_step(inner, 0.0, 0.01, x, f, x));
+                assert_ok(lg_stepper_step(scaled, 0.0, 0.01 * p.time, y, u, y));
             }
             assert_scaled(y, x, p.part, 1.0, p.d);
             lg_test_give_back(mark);
@@ -157,7 +157,7 @@ static training make_training(const system_row *r, units in) {
     out.data = room(N * M * out.d);
     lg_trajectory_options_init(&to);
     to.trajectories = N, to.points = M, to.t_end = 0.25, to.seed = 3;
-    assert_ok(lg_generate_trajectories(NULL, system, &to, t, out.data, H, NULL));
+    assert_ok(lg_system_generate(NULL, system, &to, t, out.data, H, NULL));
     for (size_t i = 0; i < N * M * out.d; i++) out.data[i] *= (i % out.d / block) % 2 == 0 ? q : p;
     assert_ok(lg_hamiltonian_init(&out.model, r->family, r->n, LG_POTENTIAL_MLP, hidden, 1, LG_TANH));
     out.theta = room(lg_hamiltonian_parameters(&out.model));
@@ -264,9 +264,9 @@ TEST("the mean squared error and the floor are in the units of the data") {
             const double *y = s.data + i * M * s.d, h = s.problem.dt;
             memcpy(once, y, s.d * sizeof *y), memcpy(finer, y, s.d * sizeof *y);
             for (size_t j = 1; j < M; j++) {
-                assert_ok(lg_step(stepper, 0.0, h, once, NULL, once));
-                assert_ok(lg_step(stepper, 0.0, 0.5 * h, finer, NULL, finer));
-                assert_ok(lg_step(stepper, 0.0, 0.5 * h, finer, NULL, finer));
+                assert_ok(lg_stepper_step(stepper, 0.0, h, once, NULL, once));
+                assert_ok(lg_stepper_step(stepper, 0.0, 0.5 * h, finer, NULL, finer));
+                assert_ok(lg_stepper_step(stepper, 0.0, 0.5 * h, finer, NULL, finer));
                 for (size_t c = 0; c < s.d; c++) {
                     sum += pow(once[c] - y[j * s.d + c], 2.0);
                     twice += pow(factor * (once[c] - finer[c]), 2.0);

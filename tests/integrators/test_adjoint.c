@@ -126,7 +126,7 @@ static double functional(setup *s) {
     memcpy(y, s->y0, d * sizeof *y);
     for (size_t n = 0; n <= s->steps; n++) {
         for (size_t i = 0; i < d; i++) J += 0.5 * s->along * y[i] * y[i];
-        if (n < s->steps) assert_ok(lg_step(stepper, s->t[n], s->h[n], y, NULL, y));
+        if (n < s->steps) assert_ok(lg_stepper_step(stepper, s->t[n], s->h[n], y, NULL, y));
     }
     for (size_t i = 0; i < d; i++) J += s->final[i] * y[i];
     lg_test_give_back(mark);

@@ -42,8 +42,8 @@ static double dense_error(const lg_scheme *scheme, double h) {
     const double y0[3] = {0.4, 1.1, -0.7};
     double y[3], out[3], exact[6], worst = 0.0;
     lg_stepper *stepper = test_stepper(scheme, &ode), *fine = test_stepper(lg_scheme_find("rkmk5"), &lie);
-    assert_ok(lg_step(stepper, 0.0, h / 2, y0, NULL, y));
-    assert_ok(lg_step(stepper, h / 2, h / 2, y, NULL, y));
+    assert_ok(lg_stepper_step(stepper, 0.0, h / 2, y0, NULL, y));
+    assert_ok(lg_stepper_step(stepper, h / 2, h / 2, y, NULL, y));
     assert_ok(lg_stepper_dense(stepper, 0.4, out));
     assert_ok(lg_integrate_fixed(fine, 0.0, 0.7 * h / 400, 400, NULL, 0, 400, y0, exact, NULL));
     for (int i = 0; i < 3; i++) worst = fmax(worst, fabs(out[i] - exact[3 + i]));
@@ -87,7 +87,7 @@ TEST("dense output meets both ends of a step and stays on the manifold") {
     chain_start(y);
     assert_status(lg_stepper_dense(stepper, 0.5, out), LG_INVALID_ARGUMENT); /* no step yet */
     for (int n = 0; n < 20; n++) {
-        assert_ok(lg_step(stepper, 0.1 * n, 0.1, y, n % 3 == 2 ? input : NULL, next));
+        assert_ok(lg_stepper_step(stepper, 0.1 * n, 0.1, y, n % 3 == 2 ? input : NULL, next));
         assert_ok(lg_stepper_dense(stepper, 0.0, out));
         assert_true(difference(out, y) <= 1e-15);
         assert_ok(lg_stepper_dense(stepper, 1.0, out));
@@ -105,7 +105,7 @@ TEST("dense output meets both ends of a step and stays on the manifold") {
     assert_status(lg_stepper_dense(stepper, -0.1, out), LG_INVALID_ARGUMENT);
     assert_status(lg_stepper_dense(stepper, NAN, out), LG_INVALID_ARGUMENT);
     y[0] = NAN;
-    assert_status(lg_step(stepper, 0.0, 0.1, y, NULL, next), LG_NOT_FINITE);
+    assert_status(lg_stepper_step(stepper, 0.0, 0.1, y, NULL, next), LG_NOT_FINITE);
     assert_status(lg_stepper_dense(stepper, 0.5, out), LG_INVALID_ARGUMENT); /* that step failed */
     const lg_ode same = chain_ode(lg_scheme_find("cf4"), &swing);
     stepper = test_stepper(lg_scheme_find("cf4"), &same);
@@ -199,7 +199,7 @@ TEST("observed steps follow one another from start to end, and repeating them gi
         assert_true(w.t[0] == 0.0);
         memcpy(y, y0, sizeof(y));
         for (size_t n = 0; n < w.count; n++) {
-            assert_ok(lg_step(again, w.t[n], w.h[n], y, NULL, y));
+            assert_ok(lg_stepper_step(again, w.t[n], w.h[n], y, NULL, y));
             assert_memory_equal(y, w.y[n], sizeof(y));
             assert_close(w.t[n] + w.h[n], n + 1 < w.count ? w.t[n + 1] : 1.0, 1e-15, 0.0);
         }

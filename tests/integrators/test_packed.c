@@ -73,8 +73,8 @@ static void compare(const lg_scheme *scheme, size_t copies, double scale, const 
     const double close = scale > 1.0 ? 1e-9 : 1e-13; /* large steps amplify different roundings */
     fill(copies, y);
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
-        assert_ok(lg_step(packed, t, sizes[i], y, input, a));
-        assert_ok(lg_step(plain, t, sizes[i], y, input, b));
+        assert_ok(lg_stepper_step(packed, t, sizes[i], y, input, a));
+        assert_ok(lg_stepper_step(plain, t, sizes[i], y, input, b));
         assert_same(n, a, b, close);
         assert_close(lg_stepper_angle(packed), lg_stepper_angle(plain), close, 0.0);
         lg_space space;
@@ -117,14 +117,14 @@ TEST("a changed input is noticed, and no field value of the last step is reused"
     lg_stepper *stepper = make(lg_scheme_find("rkmk54"), &data, 1);
     double y[18], a[18], b[18];
     fill(3, y);
-    assert_ok(lg_step(stepper, 0.0, 0.1, y, &inputs[0], y));
-    assert_ok(lg_step(stepper, 0.1, 0.1, y, NULL, a));
+    assert_ok(lg_stepper_step(stepper, 0.0, 0.1, y, &inputs[0], y));
+    assert_ok(lg_stepper_step(stepper, 0.1, 0.1, y, NULL, a));
     lg_stepper *other = make(lg_scheme_find("rkmk54"), &fresh, 1);
-    assert_ok(lg_step(other, 0.1, 0.1, y, NULL, b));
+    assert_ok(lg_stepper_step(other, 0.1, 0.1, y, NULL, b));
     assert_memory_equal(a, b, sizeof a);
-    assert_ok(lg_step(stepper, 0.1, 0.1, y, &inputs[1], a));
+    assert_ok(lg_stepper_step(stepper, 0.1, 0.1, y, &inputs[1], a));
     lg_stepper_reset(other);
-    assert_ok(lg_step(other, 0.1, 0.1, y, &inputs[1], b));
+    assert_ok(lg_stepper_step(other, 0.1, 0.1, y, &inputs[1], b));
     assert_memory_equal(a, b, sizeof a);
 }
 
@@ -137,11 +137,11 @@ TEST("the bits of a copy do not depend on its place") {
     for (size_t i = 0; i < MOST; i++)
         for (int j = 3; j < 6; j++) y[6 * i + (size_t)j] *= i % 3 == 0 ? 0.01 : i % 3 == 1 ? 1.0 : 9.0;
     lg_stepper *all = make(lg_scheme_find("rkmk54"), &data, 1);
-    assert_ok(lg_step(all, 0.0, 0.2, y, NULL, out));
+    assert_ok(lg_stepper_step(all, 0.0, 0.2, y, NULL, out));
     for (size_t i = 0; i < MOST; i++) {
         field_data alone = {.copies = 1, .scale = 1.0};
         lg_stepper *single = make(lg_scheme_find("rkmk54"), &alone, 1);
-        assert_ok(lg_step(single, 0.0, 0.2, y + 6 * i, NULL, one));
+        assert_ok(lg_stepper_step(single, 0.0, 0.2, y + 6 * i, NULL, one));
         assert_memory_equal(one, out + 6 * i, sizeof one);
         for (int j = 0; j < 6; j++)
             assert_true(lg_stepper_error(single)[j] == lg_stepper_error(all)[6 * i + (size_t)j]);
@@ -155,7 +155,7 @@ TEST("a number in one copy that is not finite is noticed at every stage") {
         lg_stepper *stepper = make(lg_scheme_find("rkmk54"), &data, 1);
         double y[54], out[54] = {0.0};
         fill(9, y);
-        const lg_status status = lg_step(stepper, 0.0, 0.1, y, NULL, out);
+        const lg_status status = lg_stepper_step(stepper, 0.0, 0.1, y, NULL, out);
         assert_int_equal(status, broken <= 6 ? LG_NOT_FINITE : LG_OK);
         if (status == LG_OK) /* only the error estimate uses the last stage */
             assert_true(isnan(lg_stepper_error(stepper)[52]));
@@ -163,7 +163,7 @@ TEST("a number in one copy that is not finite is noticed at every stage") {
             assert_true(out[0] == 0.0);
         data.broken = 0; /* no trace of the NaN is left */
         lg_stepper_reset(stepper);
-        assert_ok(lg_step(stepper, 0.0, 0.1, y, NULL, out));
+        assert_ok(lg_stepper_step(stepper, 0.0, 0.1, y, NULL, out));
         assert_true(lg_stepper_angle(stepper) < 1.0 && isfinite(lg_stepper_error(stepper)[52]));
     }
 }

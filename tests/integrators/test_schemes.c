@@ -239,7 +239,7 @@ static double step_error(const lg_scheme *scheme, const lg_scheme *of, double h)
     chain_start(y);
     widen(CHAIN_DIM, y, start.x);
     const alg end = expected(of, 0.3L, h, &start, &error);
-    assert_ok(lg_step(stepper, 0.3, h, y, NULL, y));
+    assert_ok(lg_stepper_step(stepper, 0.3, h, y, NULL, y));
     if (scheme->embedded_order > 0) assert_true(distance(lg_stepper_error(stepper), &error) <= 1e-14);
     return distance(y, &end);
 }
@@ -353,12 +353,12 @@ TEST("a variational step calls the system's own step") {
     ode.step = variational;
     chain_start(y);
     stepper = test_stepper(scheme, &ode);
-    assert_ok(lg_step(stepper, 3.0, 0.5, y, NULL, y));
+    assert_ok(lg_stepper_step(stepper, 3.0, 0.5, y, NULL, y));
     assert_close(y[0], 0.6 + 1.5, 1e-15, 0.0);
     assert_int_equal(lg_stepper_evaluations(stepper), 1);
     ode.user = &failure;
     stepper = test_stepper(scheme, &ode);
-    assert_status(lg_step(stepper, 3.0, 0.5, y, NULL, y), LG_NO_CONVERGENCE);
+    assert_status(lg_stepper_step(stepper, 3.0, 0.5, y, NULL, y), LG_NO_CONVERGENCE);
     assert_close(y[0], 0.6 + 1.5, 1e-15, 0.0);
 }
 
@@ -380,20 +380,20 @@ TEST("implicit steps are exact on stiff problems, or return LG_NO_CONVERGENCE") 
     lg_ode ode = {.field = stiff_field};
     assert_ok(lg_space_init_rn(&ode.space, 2));
     lg_stepper *stepper = test_stepper(lg_scheme_find("implicit-euler"), &ode);
-    assert_ok(lg_step(stepper, 0.5, 0.1, y, NULL, out));
+    assert_ok(lg_stepper_step(stepper, 0.5, 0.1, y, NULL, out));
     const double first = (1.0 + 1e5 * 0.6) / (1.0 + 1e5);
     assert_close(out[0], first, 1e-12, 0.0);
     assert_close(out[1], (2.0 + 0.1 * first) / 1.1, 1e-12, 0.0);
     y[0] = y[1] = 0.0; /* from the origin */
-    assert_ok(lg_step(stepper, 0.0, 0.1, y, NULL, out));
+    assert_ok(lg_stepper_step(stepper, 0.0, 0.1, y, NULL, out));
     assert_close(out[0], 1e5 * 0.1 / (1.0 + 1e5), 1e-12, 0.0);
     ode.field = unsolvable_field;
     assert_ok(lg_space_init_rn(&ode.space, 1));
     stepper = test_stepper(lg_scheme_find("implicit-euler"), &ode);
     y[0] = out[0] = 0.5;
-    assert_status(lg_step(stepper, 0.0, 1.0, y, NULL, out), LG_NO_CONVERGENCE);
+    assert_status(lg_stepper_step(stepper, 0.0, 1.0, y, NULL, out), LG_NO_CONVERGENCE);
     assert_true(out[0] == 0.5);
-    assert_ok(lg_step(stepper, 0.0, 1e-3, y, NULL, out)); /* 1e-3 Y^2 - Y + 1.5 = 0 */
+    assert_ok(lg_stepper_step(stepper, 0.0, 1e-3, y, NULL, out)); /* 1e-3 Y^2 - Y + 1.5 = 0 */
     assert_close(out[0], (1.0 - sqrt(1.0 - 4e-3 * 1.5)) / 2e-3, 1e-12, 0.0);
 }
 
@@ -421,7 +421,7 @@ TEST("slgi on R^m is symplectic Euler (p or q first) or, for theta = 1/2, the mi
         lg_stepper *stepper = test_stepper(&scheme, &ode);
         for (int n = 0; n < 20; n++) {
             double q1 = q, p1 = p;
-            assert_ok(lg_step(stepper, 0.0, h, x, NULL, x));
+            assert_ok(lg_stepper_step(stepper, 0.0, h, x, NULL, x));
             for (int k = 0; k < 60; k++) {
                 p1 = p - h * sin((1.0 - theta) * q + theta * q1);
                 q1 = q + h * (theta * p + (1.0 - theta) * p1);
@@ -456,6 +456,6 @@ TEST("spaces and fields that slgi cannot handle are refused") {
     ode.field = nan_field;
     assert_ok(lg_space_init(&ode.space, &(lg_space_factor){LG_SPACE_SE3, 1}, 1));
     stepper = test_stepper(lg_scheme_find("slgi"), &ode);
-    assert_status(lg_step(stepper, 0.0, 0.01, y, NULL, y), LG_NOT_FINITE);
+    assert_status(lg_stepper_step(stepper, 0.0, 0.01, y, NULL, y), LG_NOT_FINITE);
     assert_memory_equal(y, before, sizeof(y));
 }

@@ -54,7 +54,7 @@ TEST("stages get the right time and the input") {
     assert_close(out[5], -0.5, 1e-15, 0.0);
     assert_close(out[7], 1.5, 1e-15, 0.0);
     stepper = make("cf4", ode_on(LG_SPACE_RN, 2, time_field, NULL)); /* Simpson's rule on R^n */
-    assert_ok(lg_step(stepper, 1.0, 1.0, y0, NULL, out));
+    assert_ok(lg_stepper_step(stepper, 1.0, 1.0, y0, NULL, out));
     assert_close(out[0], (1.0 + 4.0 * pow(1.5, 4.0) + 16.0) / 6.0, 1e-15, 0.0);
 }
 
@@ -88,13 +88,13 @@ TEST("with first same as last a step takes six evaluations, and a rejected step 
         assert_int_equal(stats.steps, 10);
     }
     lg_stepper *stepper = make("rkmk54", ode_on(LG_SPACE_RN, 1, blow_up_field, NULL));
-    assert_ok(lg_step(stepper, 0.0, 0.2, y0, NULL, y));
-    assert_ok(lg_step(stepper, 0.0, 0.1, y0, NULL, y));
+    assert_ok(lg_stepper_step(stepper, 0.0, 0.2, y0, NULL, y));
+    assert_ok(lg_stepper_step(stepper, 0.0, 0.1, y0, NULL, y));
     assert_int_equal(lg_stepper_evaluations(stepper), 7 + 6);
-    assert_ok(lg_step(stepper, 0.1, 0.1, y, NULL, y));
+    assert_ok(lg_stepper_step(stepper, 0.1, 0.1, y, NULL, y));
     assert_int_equal(lg_stepper_evaluations(stepper), 7 + 6 + 6);
     lg_stepper_reset(stepper);
-    assert_ok(lg_step(stepper, 0.2, 0.1, y, NULL, y));
+    assert_ok(lg_stepper_step(stepper, 0.2, 0.1, y, NULL, y));
     assert_int_equal(lg_stepper_evaluations(stepper), 7 + 6 + 6 + 7);
 }
 
@@ -122,9 +122,9 @@ TEST("a field value is not reused where it is invalid") {
         if (scheme->kind == LG_SCHEME_SLGI) continue; /* not possible on R^2 */
         ode.force = spring, ode.velocity = same, ode.step = drifting;
         lg_stepper *stepper = make(scheme->name, ode), *fresh = make(scheme->name, ode);
-        assert_ok(lg_step(stepper, 0.0, 0.1, y0, input, y));
-        assert_ok(lg_step(stepper, 0.1, 0.1, y, NULL, here));
-        assert_ok(lg_step(fresh, 0.1, 0.1, y, NULL, there));
+        assert_ok(lg_stepper_step(stepper, 0.0, 0.1, y0, input, y));
+        assert_ok(lg_stepper_step(stepper, 0.1, 0.1, y, NULL, here));
+        assert_ok(lg_stepper_step(fresh, 0.1, 0.1, y, NULL, there));
         assert_memory_equal(here, there, sizeof(here));
     }
     const lg_scheme drift_last = {.name = "kick-drift",
@@ -139,7 +139,7 @@ TEST("a field value is not reused where it is invalid") {
     memcpy(y, y0, sizeof(y));
     for (int i = 0; i < 2; i++) {
         const double p = y[1] - 0.1 * y[0], q = y[0] + 0.1 * p;
-        assert_ok(lg_step(stepper, 0.1 * i, 0.1, y, NULL, y));
+        assert_ok(lg_stepper_step(stepper, 0.1 * i, 0.1, y, NULL, y));
         assert_close(y[0], q, 1e-15, 0.0);
         assert_close(y[1], p, 1e-15, 0.0);
     }
@@ -157,7 +157,7 @@ TEST("a stepper writes only into the caller's memory") {
     assert_null(stepper);
     assert_ok(lg_stepper_init(scheme, &ode, &stepper, memory, bytes));
     double y[3] = {0.1, 0.2, 0.3};
-    assert_ok(lg_step(stepper, 0.0, 0.1, y, NULL, y));
+    assert_ok(lg_stepper_step(stepper, 0.0, 0.1, y, NULL, y));
     assert_true(memory[bytes] == 0xa5); /* nothing is written beyond the block */
     free(memory);
 }
@@ -220,7 +220,7 @@ TEST("step control uses the lower order of an embedded pair") {
     c.h_initial = h;
     c.atol = 1e-9;
     lg_stepper *stepper = make("dp54", ode_on(LG_SPACE_RN, 1, noting_field, &seen));
-    assert_ok(lg_step(stepper, 0.0, h, y0, NULL, y));
+    assert_ok(lg_stepper_step(stepper, 0.0, h, y0, NULL, y));
     const double error = lg_error_norm(c.rtol, &c.atol, lg_stepper_error(stepper), y0, y, 1);
     assert_true(error < 1.0 && error > 1e-3); /* accepted, and within the limits of growth */
     lg_stepper_reset(stepper);
@@ -250,7 +250,7 @@ TEST("a run that fails keeps the results so far") {
     assert_status(lg_integrate_adaptive(stepper, NULL, 0.0, y0, none, 2, out, NULL), LG_NOT_FINITE);
     assert_true(out[1] == 7.0);
     double start[1] = {1.0};
-    assert_status(lg_step(stepper, 0.4, 0.5, start, NULL, start), LG_NOT_FINITE);
+    assert_status(lg_stepper_step(stepper, 0.4, 0.5, start, NULL, start), LG_NOT_FINITE);
     assert_true(start[0] == 1.0);
     lg_status cancelled = LG_CANCELLED;
     stepper = make("dp54", ode_on(LG_SPACE_RN, 1, blow_up_field, &cancelled));
@@ -389,8 +389,8 @@ TEST("each new state is projected, also if the scheme reuses its last field valu
         lg_stepper *fresh = test_stepper(cases[i], &ode);
         assert_ok(lg_integrate_fixed(stepper, 0.0, 0.3, 20, NULL, 0, 20, y0, out, NULL));
         assert_true((lg_space_manifold_error(&ts2, out + 6) < 1e-15) == (i > 0));
-        assert_ok(lg_step(stepper, 6.0, 0.3, out + 6, NULL, out));
-        assert_ok(lg_step(fresh, 6.0, 0.3, out + 6, NULL, next));
+        assert_ok(lg_stepper_step(stepper, 6.0, 0.3, out + 6, NULL, out));
+        assert_ok(lg_stepper_step(fresh, 6.0, 0.3, out + 6, NULL, next));
         assert_memory_equal(out, next, sizeof(next));
         assert_ok(lg_space_init(&ode.manifold, &(lg_space_factor){LG_SPACE_TS2, 2}, 1));
         if (i > 0) assert_status(lg_stepper_create(NULL, cases[i], &ode, &stepper), LG_INVALID_ARGUMENT);

@@ -256,8 +256,9 @@ static void compare_rows(lg_tape *tape, const lg_scheme *scheme, double toleranc
         assert_ok(lg_read(tape, lg_taped_join(tape, &p.taped.space, y), BATCH * dim, got));
         for (size_t b = 0; b < BATCH; b++) {
             lg_stepper_reset(stepper);
-            assert_ok(lg_step(stepper, given & ROW_TIMES ? row_t[b] : t, given & ROW_STEPS ? row_h[b] : h,
-                              p.start + b * dim, given & INPUT ? row_u + b * INPUTS : NULL, expected));
+            assert_ok(lg_stepper_step(stepper, given & ROW_TIMES ? row_t[b] : t,
+                                      given & ROW_STEPS ? row_h[b] : h, p.start + b * dim,
+                                      given & INPUT ? row_u + b * INPUTS : NULL, expected));
             assert_states(scheme->name, got + b * dim, expected, dim, tolerance);
         }
     }

@@ -68,7 +68,7 @@ static void run_system(const system_case *c, logs *l, size_t nq, size_t nv) {
     double *y = TEST_ARRAY(double, PARTS *d), *out = TEST_ARRAY(double, ALL *d);
     lg_rng rng = test_rng(11, 0);
     for (size_t p = 0; p < PARTS; p++) draw_start(c, lg_system_space(system), &rng, y + p * d);
-    assert_ok(lg_reference_trajectories(NULL, system, y, PARTS, l->t, ROWS, 1e-13, 1e-14, out, NULL));
+    assert_ok(lg_system_solve(NULL, system, y, PARTS, l->t, ROWS, 1e-13, 1e-14, out, NULL));
     for (size_t r = 0; r < ALL; r++) c->row(system, out + r * d, l->q + r * nq, l->v + r * nv);
 }
 

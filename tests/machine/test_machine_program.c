@@ -333,7 +333,7 @@ TEST("over 1e5 steps a rotation stays on SO(3) to 1e-14, and its energy is kept"
     assert_ok(lg_model_stepper_init(s->model, scheme, &stepper, test_work(bytes), bytes));
     lg_model_eval(s->model, s->y, &before, s->work);
     for (int i = 0; i < 100000; i++) {
-        assert_ok(lg_step(stepper, 0, 1e-3, s->y, NULL, s->y));
+        assert_ok(lg_stepper_step(stepper, 0, 1e-3, s->y, NULL, s->y));
         worst = fmax(worst, off_rotation(s->y));
     }
     lg_model_eval(s->model, s->y, &after, s->work);

@@ -59,7 +59,7 @@ TEST("on the manifold gradient and energy agree with dense linear algebra") {
         lg_system *system = make_chain("hamiltonian", k, GRAVITY, masses, lengths);
         const lg_chain chain = lg_chain_of(system);
         double y[2 * MAX_N], q[MAX_N], p[MAX_N], v[MAX_N], g[MAX_N], dense[MAX_N], work[18 * MAX_LINKS];
-        assert_ok(lg_system_start(system, NULL, &rng, y));
+        assert_ok(lg_system_draw_start(system, NULL, &rng, y));
         unpack(k, y, q, p);
         assert_close(lg_system_hamiltonian(system, y, work), dense_hamiltonian(system, q, p, dense), 1e-13,
                      1e-13);
@@ -91,7 +91,7 @@ TEST("off the manifold the extended gradient is the gradient of the extended ene
         lg_system *system = make_chain("hamiltonian", k, GRAVITY, masses, lengths);
         const lg_chain chain = lg_chain_of(system);
         double y[2 * MAX_N], v[MAX_N], g[MAX_N], work[18 * MAX_LINKS], shifted[2 * MAX_N];
-        assert_ok(lg_system_start(system, NULL, &rng, y));
+        assert_ok(lg_system_draw_start(system, NULL, &rng, y));
         for (size_t i = 0; i < 6 * k; i++) y[i] += lg_rng_uniform_in(&rng, -0.03, 0.03);
         assert_ok(lg_chain_gradient_extended(&chain, y, v, g, work));
         for (size_t j = 0; j < 6 * k; j++) {
@@ -151,7 +151,7 @@ TEST("chains of up to 200 links keep invariants and manifold, in both forms") {
         const double time = k > 10 ? 0.5 : 3.0;
         lg_rng rng = test_rng(24, k);
         random_links(&rng, k, y);
-        assert_ok(lg_reference_trajectories(NULL, system, y, 1, &time, 1, 0.0, 0.0, end, NULL));
+        assert_ok(lg_system_solve(NULL, system, y, 1, &time, 1, 0.0, 0.0, end, NULL));
         for (size_t i = 0; i < lg_system_invariants(system); i++) {
             const double before = lg_system_invariant(system, i, y, work),
                          after = lg_system_invariant(system, i, end, work);
@@ -171,11 +171,11 @@ TEST("an upright pendulum falls as cosh, an equilibrium stays") {
     const double y[6] = {1e-8, 0.0, 1.0, 0.0, 0.0, 0.0}, times[2] = {5.0, 10.0},
                  rest[6] = {0.0, 0.0, 1.0, 0.0, 0.0, 0.0};
     double out[12];
-    assert_ok(lg_reference_trajectories(NULL, system, y, 1, times, 2, 1e-10, 1e-30, out, NULL));
+    assert_ok(lg_system_solve(NULL, system, y, 1, times, 2, 1e-10, 1e-30, out, NULL));
     assert_close(out[0], 1e-8 * cosh(5.0), 1e-9, 0.0);
     assert_close(out[3], 1e-8 * sinh(5.0), 1e-9, 0.0);
     assert_close(out[6], 1e-8 * cosh(10.0), 1e-7, 0.0); /* sin(theta) differs from theta by 1e-8 */
-    assert_ok(lg_reference_trajectories(NULL, system, rest, 1, times, 2, 0.0, 0.0, out, NULL));
+    assert_ok(lg_system_solve(NULL, system, rest, 1, times, 2, 0.0, 0.0, out, NULL));
     assert_memory_equal(out + 6, rest, sizeof(rest)); /* an equilibrium stays */
 }
 

@@ -658,7 +658,7 @@ TEST("statistics are saved, loaded and merged without loss") {
     const double *x = test_numbers(4, N, 0.1, 2.0);
     lg_statistics *whole = make_statistics(32, x, 50), *parts[2], *loaded = make_statistics(32, x, 1);
     for (int i = 0; i < 2; i++) {
-        assert_ok(lg_statistics_like(whole, &parts[i]));
+        assert_ok(lg_statistics_create_like(whole, &parts[i]));
         lg_test_owns(parts[i], release_statistics);
     }
     for (int i = 0; i < N; i += 50) {

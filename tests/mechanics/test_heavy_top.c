@@ -105,7 +105,8 @@ TEST("slgi gives the same motion for the quadratic and the cotangent form") {
         memcpy(end[f], start, sizeof(start));
         assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &ode, &user, work));
         lg_stepper *stepper = test_stepper(lg_scheme_find("slgi"), &ode);
-        for (int n = 0; n < 50; n++) assert_ok(lg_step(stepper, 0.01 * n, 0.01, end[f], NULL, end[f]));
+        for (int n = 0; n < 50; n++)
+            assert_ok(lg_stepper_step(stepper, 0.01 * n, 0.01, end[f], NULL, end[f]));
     }
     assert_all_close(end[1], end[0], 12, 0.0, 1e-12);
     assert_true(largest_difference(end[0], start, 12) > 0.1);

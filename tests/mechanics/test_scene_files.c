@@ -480,7 +480,7 @@ TEST("the drawn start is the start of the first trajectory that is generated wit
     options.trajectories = 2, options.points = 2, options.seed = 5;
     options.starts = LG_STARTS_BOX, options.low = 1, options.high = 3;
     double t[2], y[2 * 2 * 12], energy[2];
-    assert_ok(lg_generate_trajectories(NULL, scene.system, &options, t, y, energy, NULL));
+    assert_ok(lg_system_generate(NULL, scene.system, &options, t, y, energy, NULL));
     assert_ok(lg_scene_draw_start(&scene, 5));
     assert_memory_equal(scene.state, y, 12 * sizeof *y);
     assert_status(lg_scene_draw_start(&scene, 5), LG_INVALID_ARGUMENT);
@@ -708,7 +708,7 @@ TEST("every key of a grid is read") {
     assert_true(grid.n[1] == 500 && grid.m[0] == 5 && grid.m_count == 1 && grid.substeps[1] == 2);
     assert_true(grid.eps[2] == 0.1 && grid.penalty[1] == 1e-3 && grid.t_end == 0.1);
     const lg_mlp *net = &grid.run.model.net;
-    const lg_training *how = &grid.run.training;
+    const lg_fit_settings *how = &grid.run.training;
     assert_true(net->layers == 3 && net->width[2] == 30 && net->activation == LG_TANH);
     assert_true(how->dtype == LG_F32 && grid.run.model.potential == LG_POTENTIAL_MLP);
     assert_true(grid.test_trajectories == 7 && grid.test_points == 9 && grid.seed == UINT64_MAX);

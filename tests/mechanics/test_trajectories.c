@@ -20,7 +20,7 @@ TEST("the first of the coupled oscillators is harmonic, and G is kept") {
     lg_system *system = make("coupled-oscillators", 1);
     const double y[4] = {0.4, -0.7, 0.3, 0.6}, times[2] = {0.1, 7.0};
     double out[8], work[1];
-    assert_ok(lg_reference_trajectories(NULL, system, y, 1, times, 2, 0.0, 0.0, out, NULL));
+    assert_ok(lg_system_solve(NULL, system, y, 1, times, 2, 0.0, 0.0, out, NULL));
     for (int i = 0; i < 2; i++) {
         assert_close(out[4 * i], 0.4 * cos(times[i]) + 0.3 * sin(times[i]), 0.0, 2e-12);
         assert_close(out[4 * i + 2], 0.3 * cos(times[i]) - 0.4 * sin(times[i]), 0.0, 2e-12);
@@ -40,7 +40,7 @@ TEST("starts have the distributions of the thesis") {
     lg_rng rng = test_rng(1, 0);
     const int n = 2000;
     for (int i = 0; i < n; i++) {
-        assert_ok(lg_system_start(chain, NULL, &rng, y));
+        assert_ok(lg_system_draw_start(chain, NULL, &rng, y));
         for (int j = 0; j < 3; j++) {
             assert_close(lg_dot3(y + 6 * j, y + 6 * j), 1.0, 1e-15, 0.0);
             assert_close(lg_dot3(y + 6 * j, y + 6 * j + 3), 0.0, 0.0, 1e-15);
@@ -52,7 +52,7 @@ TEST("starts have the distributions of the thesis") {
             for (int c = 0; c < 3; c++) tangent[c] += along[c] / (3 * n);
             square += lg_dot3(along, along) / (3 * n);
         }
-        assert_ok(lg_system_start(quartic, NULL, &rng, box));
+        assert_ok(lg_system_draw_start(quartic, NULL, &rng, box));
         for (int c = 0; c < 4; c++) low = fmin(low, box[c]), high = fmax(high, box[c]);
     }
     for (int c = 0; c < 3; c++)
@@ -62,10 +62,10 @@ TEST("starts have the distributions of the thesis") {
     assert_true(low >= -1.0 && low < -0.99 && high <= 1.0 && high > 0.99);
     lg_system *dual = make("rigid-body", 1), *body = make("rigid-body-attitude", 1);
     for (int i = 0; i < 100; i++) {
-        assert_ok(lg_system_start(dual, NULL, &rng, y));
+        assert_ok(lg_system_draw_start(dual, NULL, &rng, y));
         for (int c = 0; c < 3; c++) assert_true(fabs(y[c]) <= 1.0 && y[c] != 0.0);
     }
-    assert_status(lg_system_start(body, NULL, &rng, y), LG_UNSUPPORTED);
+    assert_status(lg_system_draw_start(body, NULL, &rng, y), LG_UNSUPPORTED);
 }
 
 TEST("samples keep the energy and depend only on the seed") {
@@ -75,28 +75,28 @@ TEST("samples keep the energy and depend only on the seed") {
     o.trajectories = 7, o.points = 3, o.t_end = 0.2, o.seed = 5;
     enum { N = 7, M = 3, D = 12 };
     double t[M], y[N * M * D], H[N], t2[M], y2[N * M * D], H2[N], work[36];
-    assert_ok(lg_generate_trajectories(NULL, system, &o, t, y, H, NULL));
+    assert_ok(lg_system_generate(NULL, system, &o, t, y, H, NULL));
     assert_true(t[0] == 0.0 && t[1] == 0.1 && t[2] == 0.2);
     /* Another tolerance changes the states by less than 1e-8, and the energy is that of the start
      * everywhere. */
     o.rtol = 1e-9, o.atol = 1e-10;
-    assert_ok(lg_generate_trajectories(NULL, system, &o, t2, y2, H2, NULL));
+    assert_ok(lg_system_generate(NULL, system, &o, t2, y2, H2, NULL));
     assert_all_close(y2, y, N * M * D, 0.0, 1e-8);
     for (int i = 0; i < N; i++)
         for (int j = 0; j < M; j++)
             assert_close(lg_system_hamiltonian(system, y + (i * M + j) * D, work), H[i], 1e-11, 1e-11);
     /* The same seed gives the same bits, and the same starts for other N, M, T and noise. */
     o.rtol = 1e-12, o.atol = -1e-13;
-    assert_ok(lg_generate_trajectories(NULL, system, &o, t2, y2, H2, NULL));
+    assert_ok(lg_system_generate(NULL, system, &o, t2, y2, H2, NULL));
     assert_memory_equal(y, y2, sizeof(y));
     o.trajectories = 3, o.points = 2, o.t_end = 0.1, o.noise = 0.1;
-    assert_ok(lg_generate_trajectories(NULL, system, &o, t2, y2, H2, NULL));
+    assert_ok(lg_system_generate(NULL, system, &o, t2, y2, H2, NULL));
     for (int i = 0; i < 3; i++) {
         assert_memory_equal(y2 + i * 2 * D, y + i * M * D, D * sizeof(double));
         assert_true(H2[i] == H[i]);
     }
     o.seed = 6;
-    assert_ok(lg_generate_trajectories(NULL, system, &o, t2, y2, H2, NULL));
+    assert_ok(lg_system_generate(NULL, system, &o, t2, y2, H2, NULL));
     assert_true(y2[0] != y[0]);
 }
 
@@ -107,11 +107,11 @@ TEST("noise has its distribution, and leaves the first point unchanged") {
     lg_trajectory_options_init(&o);
     o.trajectories = N, o.points = M;
     static double clean[N * M * D], noisy[N * M * D], H[N], t[M];
-    assert_ok(lg_generate_trajectories(NULL, system, &o, t, clean, H, NULL));
+    assert_ok(lg_system_generate(NULL, system, &o, t, clean, H, NULL));
     for (int kind = 0; kind < 2; kind++) {
         double sum = 0, square = 0, largest = 0;
         o.noise = 1e-2, o.noise_kind = (lg_noise)kind;
-        assert_ok(lg_generate_trajectories(NULL, system, &o, t, noisy, H, NULL));
+        assert_ok(lg_system_generate(NULL, system, &o, t, noisy, H, NULL));
         for (int i = 0; i < N * M * D; i++) {
             const double e = (noisy[i] - clean[i]) / 1e-2;
             if (i / D % M == 0) {
@@ -137,17 +137,17 @@ TEST("for starts in a box, u of a chain and states on R^d lie in the box and fil
     double y[18], low = 3.0, high = -3.0;
     for (int i = 0; i < 200; i++) {
         o.low = 2.0, o.high = 2.0005;
-        assert_ok(lg_system_start(chain, &o, &rng, y));
+        assert_ok(lg_system_draw_start(chain, &o, &rng, y));
         for (const double *q = y; q < y + 18; q += 6)
             for (int c = 0; c < 3; c++)
                 assert_close(q[3 + c], 2.0 * (q[(c + 1) % 3] - q[(c + 2) % 3]), 0.0, 2e-3);
         o.low = -3.0, o.high = 2.0;
-        assert_ok(lg_system_start(quartic, &o, &rng, y));
+        assert_ok(lg_system_draw_start(quartic, &o, &rng, y));
         for (int c = 0; c < 4; c++) low = fmin(low, y[c]), high = fmax(high, y[c]);
     }
     assert_true(low >= -3.0 && low < -2.9 && high <= 2.0 && high > 1.9);
     o.low = o.high;
-    assert_status(lg_system_start(quartic, &o, &rng, y), LG_INVALID_ARGUMENT);
+    assert_status(lg_system_draw_start(quartic, &o, &rng, y), LG_INVALID_ARGUMENT);
 }
 
 /* Links of length 2. The first node moves across its link with velocity 3 (.5 2 w + .4 N), w = N(0, 1), and
@@ -167,8 +167,8 @@ TEST("starts in a plane lie in it, on the manifold, and have their distribution 
         lg_rng rng, same;
         lg_rng_seed(&rng, 3, (uint64_t)i);
         same = rng;
-        assert_ok(lg_system_start(system, &o, &rng, y));
-        assert_ok(lg_system_start(dual, &o, &same, z));
+        assert_ok(lg_system_draw_start(system, &o, &rng, y));
+        assert_ok(lg_system_draw_start(dual, &o, &same, z));
         assert_ok(lg_chain_momenta(system, y, p, work));
         assert_all_close(z, p, 6 * K, 1e-14, 1e-14);
         cosine -= y[2] / N;
@@ -183,8 +183,9 @@ TEST("starts in a plane lie in it, on the manifold, and have their distribution 
     assert_close(square[0], 9 * 0.29, 0.12, 0);
     assert_close(square[1], 9 * 0.33, 0.12, 0);
     lg_rng rng = test_rng(1, 0);
-    assert_status(lg_system_start(make("quartic", 1), &o, &rng, y), LG_UNSUPPORTED);
-    assert_status(lg_system_start(make("pendulum-chain", LG_PLANE_LINKS + 1), &o, &rng, y), LG_UNSUPPORTED);
+    assert_status(lg_system_draw_start(make("quartic", 1), &o, &rng, y), LG_UNSUPPORTED);
+    assert_status(lg_system_draw_start(make("pendulum-chain", LG_PLANE_LINKS + 1), &o, &rng, y),
+                  LG_UNSUPPORTED);
 }
 
 TEST("trajectories begin a random time after their start") {
@@ -194,9 +195,9 @@ TEST("trajectories begin a random time after their start") {
     lg_trajectory_options_init(&o);
     o.trajectories = N, o.points = M;
     static double at[N * M * D], later[N * M * D], H[N], t[M];
-    assert_ok(lg_generate_trajectories(NULL, system, &o, t, at, H, NULL));
+    assert_ok(lg_system_generate(NULL, system, &o, t, at, H, NULL));
     o.ahead = 2.0;
-    assert_ok(lg_generate_trajectories(NULL, system, &o, t, later, H, NULL));
+    assert_ok(lg_system_generate(NULL, system, &o, t, later, H, NULL));
     double mean = 0, most = 0;
     for (int i = 0; i < N; i++) { /* the first oscillator turns by an angle equal to the time */
         const double *a = at + i * M * D, *b = later + i * M * D;
@@ -204,7 +205,7 @@ TEST("trajectories begin a random time after their start") {
         double y[D], work[1];
         if (time == 0.0) continue;
         assert_true(time > 0.0 && time <= 2.0);
-        assert_ok(lg_reference_trajectories(NULL, system, a, 1, &time, 1, 0, 0, y, NULL));
+        assert_ok(lg_system_solve(NULL, system, a, 1, &time, 1, 0, 0, y, NULL));
         assert_all_close(b, y, D, 0, 1e-10);
         assert_close(H[i], lg_system_hamiltonian(system, b, work), 0, 0);
         mean += time / N, most = fmax(most, time);
@@ -221,9 +222,9 @@ TEST("noise is independent of the starts") {
     lg_trajectory_options_init(&o);
     o.trajectories = N, o.points = M, o.t_end = 1e-3, o.starts = LG_STARTS_BOX;
     static double clean[N * M * D], noisy[N * M * D], H[N], t[M];
-    assert_ok(lg_generate_trajectories(NULL, system, &o, t, clean, H, NULL));
+    assert_ok(lg_system_generate(NULL, system, &o, t, clean, H, NULL));
     o.noise = 1.0, o.noise_kind = LG_NOISE_UNIFORM;
-    assert_ok(lg_generate_trajectories(NULL, system, &o, t, noisy, H, NULL));
+    assert_ok(lg_system_generate(NULL, system, &o, t, noisy, H, NULL));
     for (int shift = 0; shift < 3; shift++) {
         double correlation = 0.0; /* the variances are 1/3 and 1/3 */
         for (int i = 0; i + shift < N; i++)
@@ -244,7 +245,7 @@ TEST("segments of one start follow one another") {
     lg_trajectory_options_init(&o);
     o.trajectories = N, o.points = M, o.t_end = 0.3, o.segments = 3;
     double t[M], y[N * M * D], H[N], noisy[N * M * D], work[1];
-    assert_ok(lg_generate_trajectories(NULL, system, &o, t, y, H, NULL));
+    assert_ok(lg_system_generate(NULL, system, &o, t, y, H, NULL));
     for (int i = 0; i < N; i++) {
         const double *start = y + i * M * D;
         if (i % 3 > 0)
@@ -255,7 +256,7 @@ TEST("segments of one start follow one another") {
         if (i % 3 > 0) assert_close(H[i], H[i - 1], 1e-11, 0.0);
     }
     o.noise = 0.1;
-    assert_ok(lg_generate_trajectories(NULL, system, &o, t, noisy, H, NULL));
+    assert_ok(lg_system_generate(NULL, system, &o, t, noisy, H, NULL));
     for (int i = 0; i < N; i++) assert_memory_equal(noisy + i * M * D, y + i * M * D, D * sizeof(double));
 }
 
@@ -271,7 +272,7 @@ TEST("invalid sampling options are refused, and nothing is written") {
         lg_trajectory_options_init(&o);                                                                      \
         o.trajectories = 2, o.points = 2;                                                                    \
         change;                                                                                              \
-        assert_status(lg_generate_trajectories(NULL, chain, &o, t, y, H, &error), expected);                 \
+        assert_status(lg_system_generate(NULL, chain, &o, t, y, H, &error), expected);                       \
         assert_true(error.status == (expected) && strlen(error.message) > 0);                                \
     } while (0)
     REFUSED(o.size = 1, LG_INVALID_ARGUMENT);
@@ -290,10 +291,8 @@ TEST("invalid sampling options are refused, and nothing is written") {
     REFUSED((o.starts = LG_STARTS_BOX, o.low = o.high), LG_INVALID_ARGUMENT);
     REFUSED(o.trajectories = SIZE_MAX / 8, LG_OUT_OF_MEMORY);
     const double starts[6] = {0.0, 0.0, NAN, 0.0, 0.0, 0.0}, times[2] = {2.0, 1.0};
-    assert_status(lg_reference_trajectories(NULL, chain, starts, 1, times, 1, 0, 0, y, &error),
-                  LG_INVALID_ARGUMENT);
-    assert_status(lg_reference_trajectories(NULL, chain, starts, 0, times, 1, 0, 0, y, NULL),
-                  LG_INVALID_ARGUMENT);
+    assert_status(lg_system_solve(NULL, chain, starts, 1, times, 1, 0, 0, y, &error), LG_INVALID_ARGUMENT);
+    assert_status(lg_system_solve(NULL, chain, starts, 0, times, 1, 0, 0, y, NULL), LG_INVALID_ARGUMENT);
     assert_true(t[0] == 7.0 && y[0] == 7.0 && H[0] == 7.0);
 }
 
@@ -314,7 +313,7 @@ static lg_status sample_chain(const lg_context *context, void *user) {
     chain.form = "hamiltonian", chain.parameters = &given, chain.parameter_count = 1;
     s->t[0] = s->y[0] = 7.0;
     lg_status status = lg_system_create(context, "pendulum-chain", &chain, &system, NULL);
-    if (status == LG_OK) status = lg_generate_trajectories(context, system, &o, s->t, s->y, s->H, NULL);
+    if (status == LG_OK) status = lg_system_generate(context, system, &o, s->t, s->y, s->H, NULL);
     lg_system_destroy(system);
     if (status != LG_OK) assert_true(s->t[0] == 7.0 && s->y[0] == 7.0);
     return status;

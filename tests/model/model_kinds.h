@@ -133,20 +133,20 @@ static const surrogate_example surrogate_examples[] = {
 };
 
 /* The training settings of the surrogates and detectors in tests. */
-static inline lg_training some_training(lg_dtype dtype, double validation) {
-    return (lg_training){.dtype = dtype,
-                         .epochs = 300,
-                         .batch = 32,
-                         .lr = 0.002,
-                         .schedule = LG_SCHEDULE_STEP,
-                         .lr_step = 100,
-                         .lr_gamma = 0.1,
-                         .weight_decay = 1e-7,
-                         .adam_eps = 1e-8,
-                         .clip = 0.5,
-                         .validation = validation,
-                         .shards = 2,
-                         .seed = 77};
+static inline lg_fit_settings some_training(lg_dtype dtype, double validation) {
+    return (lg_fit_settings){.dtype = dtype,
+                             .epochs = 300,
+                             .batch = 32,
+                             .lr = 0.002,
+                             .schedule = LG_SCHEDULE_STEP,
+                             .lr_step = 100,
+                             .lr_gamma = 0.1,
+                             .weight_decay = 1e-7,
+                             .adam_eps = 1e-8,
+                             .clip = 0.5,
+                             .validation = validation,
+                             .shards = 2,
+                             .seed = 77};
 }
 
 static inline lg_surrogate_run make_surrogate_run(size_t which) {
@@ -535,7 +535,7 @@ static inline void destroy(any_file *file) {
 /* What files of all kinds have in common. */
 typedef struct common {
     void *run;
-    lg_training *training;
+    lg_fit_settings *training;
     size_t parameters, epochs_done;
     double *theta, **history;
     lg_provenance *provenance;
@@ -545,7 +545,7 @@ static inline common common_of(any_file *file) {
     const lg_recipe *r = kinds[file->kind].recipe;
     char *at = file->bytes;
     return (common){.run = at + r->file_run,
-                    .training = (lg_training *)(void *)(at + r->file_run + r->training),
+                    .training = (lg_fit_settings *)(void *)(at + r->file_run + r->training),
                     .parameters = *(size_t *)(void *)(at + r->file_parameters),
                     .epochs_done = *(size_t *)(void *)(at + r->file_epochs),
                     .theta = *(double **)(void *)(at + r->file_theta),

@@ -264,7 +264,7 @@ TEST("a small swing about the hanging position is a sum of cosines") {
     const lg_space space = space_of(&b);
     lg_space_project(&space, y);
     for (int n = 1; n <= 300; n++) {
-        assert_ok(lg_step(stepper, 0.0, h, y, NULL, y));
+        assert_ok(lg_stepper_step(stepper, 0.0, h, y, NULL, y));
         assert_ok(lg_model_deviation(b.model, rest, y, found, b.work));
         const double t = n * h;
         for (int j = 0; j < 2; j++) {
@@ -308,8 +308,8 @@ static void check_scheme(const moving *s, const lg_scheme *scheme) {
     memcpy(expected, s->y, sizeof y);
     for (int n = 0; n < 5; n++) { /* alternately with and without the input */
         const double *u = n % 2 == 0 ? s->u : NULL;
-        assert_ok(lg_step(by_model, 0.0, 0.02, y, u, y)); /* in place */
-        assert_ok(lg_step(expected_stepper, 0.0, 0.02, expected, u, expected));
+        assert_ok(lg_stepper_step(by_model, 0.0, 0.02, y, u, y)); /* in place */
+        assert_ok(lg_stepper_step(expected_stepper, 0.0, 0.02, expected, u, expected));
         for (size_t i = 0; i < s->d; i++) assert_close(y[i], expected[i], 1e-13, 1e-13);
         assert_true(lg_space_manifold_error(&ode.space, y) <= 1e-14);
     }
@@ -370,7 +370,7 @@ TEST("a step with an input follows the field with that input") {
             if (!fits(&s.b, lg_scheme_find(names[i]))) continue;
             lg_stepper *stepper = stepper_of(&s.b, lg_scheme_find(names[i]));
             memcpy(fine, s.y, sizeof fine);
-            for (int n = 0; n < 50; n++) assert_ok(lg_step(stepper, 0.0, 0.01, s.y, s.u, s.y));
+            for (int n = 0; n < 50; n++) assert_ok(lg_stepper_step(stepper, 0.0, 0.01, s.y, s.u, s.y));
             fine_flow(&s.b, s.u, 0.5, fine);
             for (size_t j = 0; j < s.d; j++) {
                 assert_close(s.y[j], fine[j], tolerance[i], tolerance[i]);
@@ -423,7 +423,8 @@ static void check_nan(const moving *s, const double *input) {
     for (size_t i = 0; i < lg_scheme_count(); i++) {
         if (!fits(b, lg_scheme_at(i))) continue;
         memset(next, 0, sizeof next);
-        const lg_status status = lg_step(stepper_of(b, lg_scheme_at(i)), 0.0, 0.01, s->y, input, next);
+        const lg_status status =
+            lg_stepper_step(stepper_of(b, lg_scheme_at(i)), 0.0, 0.01, s->y, input, next);
         assert_true(status == LG_NOT_FINITE || status == LG_NO_CONVERGENCE);
         for (size_t j = 0; j < s->d; j++) assert_true(next[j] == 0.0);
     }

@@ -14,7 +14,7 @@ static model_kind number_of(const kind_row *k) {
 
 static void assert_same_file(const kind_row *k, any_file *a, any_file *b) {
     const common have = common_of(a), want = common_of(b);
-    assert_ok(lg_run_compare(k->recipe, have.run, want.run, "a.h5", NULL));
+    assert_ok(lg_recipe_compare_runs(k->recipe, have.run, want.run, "a.h5", NULL));
     assert_int_equal(have.parameters, want.parameters);
     assert_memory_equal(have.theta, want.theta, want.parameters * sizeof(double));
     assert_int_equal(have.epochs_done, want.epochs_done);
@@ -112,12 +112,12 @@ TEST("a Hamiltonian written by hand may leave out optional parts, and can be sav
                                              "conventions", "format", NULL};
     lg_hamiltonian_file file;
     const char *path = stripped(KIND_HAMILTONIAN, 0, links, attributes);
-    assert_ok(lg_model_load_hamiltonian(NULL, path, NULL, &file, NULL));
+    assert_ok(lg_hamiltonian_load(NULL, path, NULL, &file, NULL));
     assert_null(file.adam_m);
     assert_int_equal(file.run.substeps, 1);
     assert_int_equal(file.parameters, 52);
     /* An unknown number is not out of range. */
-    assert_ok(lg_model_save_hamiltonian(NULL, scratch_path("again.h5"), &file, NULL, NULL));
+    assert_ok(lg_hamiltonian_save(NULL, scratch_path("again.h5"), &file, NULL, NULL));
     lg_hamiltonian_file_destroy(&file);
 }
 
@@ -127,7 +127,7 @@ TEST("a surrogate written by hand may leave out optional parts") {
                                              "cpu",       "format",   NULL};
     lg_surrogate_file file;
     const char *path = stripped(KIND_SURROGATE, 2, links, attributes);
-    assert_ok(lg_model_load_surrogate(NULL, path, NULL, &file, NULL));
+    assert_ok(lg_surrogate_load(NULL, path, NULL, &file, NULL));
     assert_true(file.trained == NULL && file.trained_count == 0 && !file.has_errors && file.epochs_done == 0);
     assert_int_equal(file.run.model.options.kind, LG_SURROGATE_ANGLE);
     assert_true(file.run.model.options.boundary);
@@ -139,7 +139,7 @@ TEST("a table network written by hand may leave out optional parts") {
     static const char *const attributes[] = {"rmse", "seed", "command", "cpu", "format", NULL};
     lg_table_file file;
     const char *path = stripped(KIND_TABLE, 0, links, attributes);
-    assert_ok(lg_model_load_table(NULL, path, NULL, &file, NULL));
+    assert_ok(lg_table_load(NULL, path, NULL, &file, NULL));
     assert_null(file.low);
     assert_true(isnan(file.rmse) && file.run.decay.count == 0);
     assert_string_equal(file.input_name[2], "x3");
@@ -169,11 +169,11 @@ TEST("a detector written by hand may leave out optional parts") {
                                              "accuracy", "f1",           "test_mse",       "seed",
                                              "command",  "format",       "format_version", NULL};
     lg_detector_file file, full;
-    assert_ok(lg_model_load_detector(NULL, good_model(KIND_DETECTOR, 1), NULL, &full, NULL));
+    assert_ok(lg_detector_load(NULL, good_model(KIND_DETECTOR, 1), NULL, &full, NULL));
     const char *path = stripped(KIND_DETECTOR, 1, links, attributes);
     /* a pooling that is left out means `none` */
     replace_text(path, "model", "blocks", "  3 kernel 4 stride 3  padding 3 ");
-    assert_ok(lg_model_load_detector(NULL, path, NULL, &file, NULL));
+    assert_ok(lg_detector_load(NULL, path, NULL, &file, NULL));
     assert_same_net(&file.run.model.net, &full.run.model.net);
     assert_memory_equal(file.theta, full.theta, full.parameters * sizeof(double));
     assert_string_equal(file.class_name[4], "4");
@@ -316,7 +316,7 @@ TEST("errors in the modes of a surrogate are refused by name, and older files ha
     lg_surrogate_file file;
     const char *path = good_model(KIND_SURROGATE, 0);
     delete_attribute(path, "model", "modes");
-    assert_ok(lg_model_load_surrogate(NULL, path, NULL, &file, NULL));
+    assert_ok(lg_surrogate_load(NULL, path, NULL, &file, NULL));
     assert_true(file.run.model.options.modes == 0 && file.run.model.modes == NULL);
     lg_surrogate_file_destroy(&file);
 }
@@ -554,12 +554,12 @@ static lg_fit *make_fit(const kind_row *k, const double *theta, size_t parameter
     lg_fit_options options;
     lg_fit *fit;
     k->make(k->bad, &file);
-    lg_training training = *common_of(&file).training;
+    lg_fit_settings training = *common_of(&file).training;
     destroy(&file);
     lg_fit_options_init(&options);
     training.epochs = 5;
     training.batch = 5;
-    lg_training_apply(&training, &options);
+    lg_fit_settings_apply(&training, &options);
     options.stop_after = 3;
     assert_ok(lg_fit_create(NULL, &problem, &options, theta, &fit, NULL));
     lg_test_owns(fit, release_fit);
@@ -605,7 +605,7 @@ static void set_verdict(lg_hamiltonian_file *file) {
 
 static void assert_verdict(const char *path, const lg_hamiltonian_file *want) {
     lg_hamiltonian_file got;
-    assert_ok(lg_model_load_hamiltonian(NULL, path, NULL, &got, NULL));
+    assert_ok(lg_hamiltonian_load(NULL, path, NULL, &got, NULL));
     assert_true(got.has_e1 == want->has_e1 && got.has_e2 == want->has_e2);
     assert_close(got.e1, want->e1, 0, 0);
     if (want->has_e2) assert_close(got.e2, want->e2, 0, 0);
@@ -626,7 +626,7 @@ TEST("recording errors leaves everything else in the file unchanged") {
     const char *path = scratch_path("fitted.h5"), *once = scratch_path("once.h5");
     replace_text(path, "model/mass", "note", "weighed");
     set_verdict(&file.hamiltonian);
-    assert_ok(lg_model_record_hamiltonian(NULL, path, &file.hamiltonian, NULL));
+    assert_ok(lg_hamiltonian_save_errors(NULL, path, &file.hamiltonian, NULL));
     assert_verdict(path, &file.hamiltonian);
     assert_ok(k->load(NULL, path, NULL, &again, NULL));
     assert_same_file(k, &again, &file);
@@ -639,7 +639,7 @@ TEST("recording errors leaves everything else in the file unchanged") {
     lg_h5_close(h5);
     assert_memory_equal(moment, file.hamiltonian.adam_m, sizeof moment);
     copy_file(path, once);
-    assert_ok(lg_model_record_hamiltonian(NULL, path, &again.hamiltonian, NULL));
+    assert_ok(lg_hamiltonian_save_errors(NULL, path, &again.hamiltonian, NULL));
     assert_same_bytes(path, once);
     destroy(&file);
     destroy(&again);
@@ -654,11 +654,11 @@ TEST("recorded errors replace those of another test set") {
         draw_hamiltonian(e, &file);
         if (hamiltonian_examples[e].dtype == LG_F32) file.theta[0] = nextafter(file.theta[0], 2);
         set_verdict(&file);
-        assert_ok(lg_model_record_hamiltonian(NULL, path, &file, NULL));
+        assert_ok(lg_hamiltonian_save_errors(NULL, path, &file, NULL));
         file.has_e2 = false;
         file.e1 = 0.25;
         file.test = (lg_test_set){.trajectories = 3};
-        assert_ok(lg_model_record_hamiltonian(NULL, path, &file, NULL));
+        assert_ok(lg_hamiltonian_save_errors(NULL, path, &file, NULL));
         assert_verdict(path, &file);
         lg_hamiltonian_file_destroy(&file);
     }
@@ -670,7 +670,7 @@ static lg_status record_into(const lg_context *context, const char *path, const 
     (void)options;
     draw_hamiltonian(0, &file);
     set_verdict(&file);
-    const lg_status status = lg_model_record_hamiltonian(context, path, &file, error);
+    const lg_status status = lg_hamiltonian_save_errors(context, path, &file, error);
     lg_hamiltonian_file_destroy(&file);
     return status;
 }
@@ -683,7 +683,7 @@ static lg_status record_into(const lg_context *context, const char *path, const 
         lg_error error = {LG_OK, ""};                                                                        \
         copy_file(path, copy);                                                                               \
         __VA_ARGS__;                                                                                         \
-        assert_status(lg_model_record_hamiltonian(NULL, path, &file, &error), expected);                     \
+        assert_status(lg_hamiltonian_save_errors(NULL, path, &file, &error), expected);                      \
         if (strstr(error.message, word) == NULL) fail_msg("no '%s' in: %s", word, error.message);            \
         assert_same_bytes(path, copy);                                                                       \
         file = before;                                                                                       \
@@ -701,8 +701,8 @@ TEST("errors are recorded only into the model that they belong to, and only if t
     NOT_RECORDED(LG_INVALID_ARGUMENT, "links", file.run = make_hamiltonian_run(1));
     NOT_RECORDED(LG_NOT_FINITE, "E1", file.e1 = NAN);
     NOT_RECORDED(LG_NOT_FINITE, "E2", file.e2 = INFINITY);
-    assert_status(lg_model_record_hamiltonian(NULL, NULL, &file, NULL), LG_INVALID_ARGUMENT);
-    assert_status(lg_model_record_hamiltonian(NULL, "model.h5", NULL, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_hamiltonian_save_errors(NULL, NULL, &file, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_hamiltonian_save_errors(NULL, "model.h5", NULL, NULL), LG_INVALID_ARGUMENT);
     lg_hamiltonian_file_destroy(&file);
     refuse_damaged_files(record_into, fresh_hamiltonian(), "");
     survive_changed_bytes(record_into, fresh_hamiltonian(), 60);
@@ -806,7 +806,7 @@ TEST("a fit resumed from its checkpoint gives the same bits") {
             for (int i = 0; i < 2; i++) assert_ok(lg_fit_run(whole, NULL));
             lg_fit_parameters(whole, straight);
             assert_ok(lg_checkpoint_open(NULL, good_checkpoint(k), NULL, k->recipe, &run, &reader, NULL));
-            assert_ok(lg_run_compare(k->recipe, &run, &wanted, "check.h5", NULL));
+            assert_ok(lg_recipe_compare_runs(k->recipe, &run, &wanted, "check.h5", NULL));
             if (number_of(k) == KIND_DETECTOR)
                 assert_same_net(&run.detector.model.net, &wanted.detector.model.net);
             assert_ok(lg_file_reader_archive(reader, "fit", &archive));
@@ -830,16 +830,16 @@ TEST("a file without a schedule has steps") {
     assert_ok(lg_checkpoint_open(NULL, path, NULL, k->recipe, &run, &reader, NULL));
     lg_file_reader_destroy(reader);
     wanted.training.schedule = LG_SCHEDULE_STEP;
-    assert_ok(lg_run_compare(k->recipe, &run, &wanted, path, NULL));
+    assert_ok(lg_recipe_compare_runs(k->recipe, &run, &wanted, path, NULL));
     path = fresh_hamiltonian();
     delete_attribute(path, "run", "schedule");
-    assert_ok(lg_model_load_hamiltonian(NULL, path, NULL, &file, NULL));
-    assert_ok(lg_run_compare(k->recipe, &file.run, &wanted, path, NULL));
+    assert_ok(lg_hamiltonian_load(NULL, path, NULL, &file, NULL));
+    assert_ok(lg_recipe_compare_runs(k->recipe, &file.run, &wanted, path, NULL));
     lg_hamiltonian_file_destroy(&file);
     /* Fits in these files were saved with a floor of 0, whatever lr_gamma is, and must get it again. */
     lg_fit_options options;
     lg_fit_options_init(&options);
-    lg_training_apply(&run.training, &options);
+    lg_fit_settings_apply(&run.training, &options);
     assert_close(options.schedule.gamma, 0.1, 0, 0);
     assert_close(options.schedule.floor, 0, 0, 0);
 }
@@ -943,10 +943,10 @@ static bool change_row(const lg_field *r, void *run) {
 
 static void refuse_other_run(const kind_row *k, const any_run *run, const any_run *wanted, const char *says) {
     lg_error error;
-    assert_status(lg_run_compare(k->recipe, run, wanted, "a.h5", &error), LG_INVALID_ARGUMENT);
+    assert_status(lg_recipe_compare_runs(k->recipe, run, wanted, "a.h5", &error), LG_INVALID_ARGUMENT);
     assert_says(error.message, "a.h5: was written ");
     assert_says(error.message, says);
-    assert_ok(lg_run_compare(k->recipe, wanted, wanted, "a.h5", &error));
+    assert_ok(lg_recipe_compare_runs(k->recipe, wanted, wanted, "a.h5", &error));
 }
 
 TEST("a checkpoint of another run is refused, and the message names the difference") {

@@ -105,8 +105,8 @@ TEST("files of version 1.0.0 have no space and can be loaded; saved again they h
         assert_space(path, "");
         assert_ok(lg_model_load(NULL, path, NULL, &file, NULL));
         assert_ok(file.recipe == &lg_recipe_machine_model
-                      ? lg_model_save_machine_model(NULL, again, file.contents, NULL, NULL)
-                      : lg_model_save_hamiltonian(NULL, again, file.contents, NULL, NULL));
+                      ? lg_machine_model_save(NULL, again, file.contents, NULL, NULL)
+                      : lg_hamiltonian_save(NULL, again, file.contents, NULL, NULL));
         assert_space(again, of_before[i][1]);
         lg_model_file_destroy(&file);
         assert_ok(read_any(NULL, again, NULL, NULL));
@@ -216,7 +216,7 @@ TEST("a file of an unknown kind is loaded, evaluated, linearised and stepped by 
     const size_t bytes = lg_model_stepper_size(file.model, scheme);
     lg_stepper *stepper;
     assert_ok(lg_model_stepper_init(file.model, scheme, &stepper, test_work(bytes), bytes));
-    assert_ok(lg_step(stepper, 0.0, 0.1, state, NULL, found));
+    assert_ok(lg_stepper_step(stepper, 0.0, 0.1, state, NULL, found));
     for (size_t i = 0; i < 3; i++) /* tan(x/2) grows by exp(w h) */
         assert_close(found[i], 2.0 * atan(tan(0.5 * state[i]) * exp(0.1 * weights[i])), 1e-6, 0.0);
     lg_model_file_destroy(&file);

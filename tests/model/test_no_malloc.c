@@ -142,7 +142,7 @@ static void count_steps(const moving *s, const lg_scheme *scheme) {
     assert_no_malloc_no_lock(status = lg_model_stepper_init(model, scheme, &stepper, memory, bytes));
     assert_ok(status);
     for (int n = 0; n < 4; n++) {
-        assert_no_malloc_no_lock(status = lg_step(stepper, 0.0, 0.01, y, n < 2 ? s->u : NULL, y));
+        assert_no_malloc_no_lock(status = lg_stepper_step(stepper, 0.0, 0.01, y, n < 2 ? s->u : NULL, y));
         assert_ok(status);
     }
 }
@@ -209,7 +209,7 @@ TEST("a machine with every kind of coordinate in a control loop allocates nothin
     void *memory = test_work(bytes);
     assert_ok(lg_model_stepper_init(model, lg_scheme_find("cf4"), &stepper, memory, bytes));
     for (int n = 0; n < 4; n++) {
-        assert_no_malloc_no_lock(stepped = lg_step(stepper, 0.0, 0.01, y, n < 2 ? u : NULL, y));
+        assert_no_malloc_no_lock(stepped = lg_stepper_step(stepper, 0.0, 0.01, y, n < 2 ? u : NULL, y));
         assert_ok(stepped);
     }
 }

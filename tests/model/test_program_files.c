@@ -47,7 +47,7 @@ TEST("programs of networks are read back as they were saved") {
     const lg_provenance provenance = {.command = "make", .has_seed = true, .seed = 5};
     assert_ok(lg_program_save(NULL, path, program, &provenance, NULL));
     assert_ok(lg_program_load(NULL, path, NULL, &again, NULL));
-    assert_ok(lg_file_kind(NULL, path, NULL, kind, sizeof kind, NULL));
+    assert_ok(lg_model_file_kind(NULL, path, NULL, kind, sizeof kind, NULL));
     assert_string_equal(kind, "program");
     assert_string_equal(lg_program_description(again), ZOO_DESCRIPTION);
     assert_int_equal(lg_program_parameters(again), lg_program_parameters(program));
@@ -399,7 +399,7 @@ TEST("a file beyond the limits is refused") {
 TEST("a file without a program is refused") {
     lg_error error;
     lg_hamiltonian_file model;
-    assert_status(lg_model_load_hamiltonian(NULL, fresh(), NULL, &model, &error), LG_FORMAT);
+    assert_status(lg_hamiltonian_load(NULL, fresh(), NULL, &model, &error), LG_FORMAT);
     assert_non_null(strstr(error.message, "program"));
 }
 

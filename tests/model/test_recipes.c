@@ -108,7 +108,7 @@ static void check_step(recorded *r) {
         double *next = TEST_ARRAY(double, space.dim), *expected = TEST_ARRAY(double, space.dim);
         const void *const in[] = {y, inputs > 0 ? (const void *)u : &h, &h};
         lg_plan_eval(plan, in, (void *const[]){next}, test_work(lg_plan_work_size(plan)));
-        assert_ok(lg_step(stepper, 0.0, h, y, inputs > 0 ? u : NULL, expected));
+        assert_ok(lg_stepper_step(stepper, 0.0, h, y, inputs > 0 ? u : NULL, expected));
         assert_all_close(next, expected, space.dim, 2e-13, 2e-13);
     }
 }

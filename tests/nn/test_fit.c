@@ -604,7 +604,7 @@ static lg_status kinked_loss(void *user, lg_tape *tape, lg_var theta, const uint
 TEST("Newton's method says that one derivative is NaN, whatever the derivatives after it are") {
     const lg_fit_problem problem = {.parameters = 2, .samples = 1, .loss = kinked_loss};
     double theta[2] = {0, 1};
-    assert_status(lg_newton_fit(NULL, &problem, theta, NULL), LG_NOT_FINITE);
+    assert_status(lg_fit_newton(NULL, &problem, theta, NULL), LG_NOT_FINITE);
     assert_true(theta[0] == 0 && theta[1] == 1);
 }
 

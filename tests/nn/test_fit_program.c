@@ -87,10 +87,10 @@ static void assert_line(const lg_program *program, double tolerance) {
 TEST("a sum of squares and a mean give the same parameters, with several tensors and shared data") {
     const rows *r = make_rows(0.0);
     lg_program *squares = build_line(), *mean = build_line();
-    lg_program_training a, b;
+    lg_program_fit_result a, b;
     lg_error error;
-    assert_told(lg_program_train(NULL, squares, "error", r->data, ROWS, NULL, &a, &told));
-    assert_ok(lg_program_train(NULL, mean, "loss", r->data, ROWS, NULL, &b, &error));
+    assert_told(lg_program_fit(NULL, squares, "error", r->data, ROWS, NULL, &a, &told));
+    assert_ok(lg_program_fit(NULL, mean, "loss", r->data, ROWS, NULL, &b, &error));
     assert_line(squares, 1e-9);
     assert_line(mean, 1e-6);
     assert_close(a.before, b.before, 1e-13, 0.0);
@@ -101,14 +101,14 @@ TEST("a sum of squares and a mean give the same parameters, with several tensors
 TEST("every method finds the minimum over all rows of a loss that cannot become zero") {
     const rows *r = make_rows(1.0);
     lg_program *lm = build_line(), *adam = build_line();
-    lg_program_training a, b;
+    lg_program_fit_result a, b;
     lg_fit_options options;
     lg_fit_options_init(&options);
     options.epochs = 400;
     options.adam.lr = 0.05;
     options.schedule.kind = LG_SCHEDULE_COSINE;
-    assert_ok(lg_program_train(NULL, lm, "error", r->data, ROWS, NULL, &a, NULL));
-    assert_ok(lg_program_train(NULL, adam, "error", r->data, ROWS, &options, &b, NULL));
+    assert_ok(lg_program_fit(NULL, lm, "error", r->data, ROWS, NULL, &a, NULL));
+    assert_ok(lg_program_fit(NULL, adam, "error", r->data, ROWS, &options, &b, NULL));
     assert_true(a.after > 0.1 && b.epochs == 400);
     assert_close(b.after, a.after, 1e-4, 0.0);
     for (size_t i = 0; i < 4; i++)
@@ -119,7 +119,7 @@ TEST("every method finds the minimum over all rows of a loss that cannot become 
 TEST("impossible trainings are refused with a message, and the program stays unchanged") {
     rows *r = make_rows(0.0);
     lg_program *program = build_line();
-    lg_program_training result = {.epochs = 77};
+    lg_program_fit_result result = {.epochs = 77};
     lg_error error;
     const double before = lg_program_parameter(program, 0).values[0];
 #define REFUSED(call, status, part)                                                                          \
@@ -127,18 +127,18 @@ TEST("impossible trainings are refused with a message, and the program stays unc
         assert_status(call, status);                                                                         \
         assert_says(error.message, part);                                                                    \
     } while (0)
-    REFUSED(lg_program_train(NULL, program, "lost", r->data, ROWS, NULL, &result, &error), LG_NOT_FOUND,
+    REFUSED(lg_program_fit(NULL, program, "lost", r->data, ROWS, NULL, &result, &error), LG_NOT_FOUND,
             "'lost'");
-    REFUSED(lg_program_train(NULL, program, "loss", r->data, 0, NULL, &result, &error), LG_INVALID_ARGUMENT,
+    REFUSED(lg_program_fit(NULL, program, "loss", r->data, 0, NULL, &result, &error), LG_INVALID_ARGUMENT,
             "rows");
-    REFUSED(lg_program_train(NULL, program, "sums", r->data, ROWS, NULL, &result, &error),
-            LG_INVALID_ARGUMENT, "2 numbers that all rows share");
+    REFUSED(lg_program_fit(NULL, program, "sums", r->data, ROWS, NULL, &result, &error), LG_INVALID_ARGUMENT,
+            "2 numbers that all rows share");
     r->x[7] = NAN;
-    REFUSED(lg_program_train(NULL, program, "error", r->data, ROWS, NULL, &result, &error), LG_NOT_FINITE,
+    REFUSED(lg_program_fit(NULL, program, "error", r->data, ROWS, NULL, &result, &error), LG_NOT_FINITE,
             "row 3 of the input 'x'");
     r->data[1] = NULL, r->x[7] = 0.0;
-    REFUSED(lg_program_train(NULL, program, "error", r->data, ROWS, NULL, &result, &error),
-            LG_INVALID_ARGUMENT, "the data of the input 'wanted' are NULL");
+    REFUSED(lg_program_fit(NULL, program, "error", r->data, ROWS, NULL, &result, &error), LG_INVALID_ARGUMENT,
+            "the data of the input 'wanted' are NULL");
     assert_true(result.epochs == 77 && lg_program_parameter(program, 0).values[0] == before);
 }
 
@@ -180,7 +180,7 @@ static lg_status train(lg_record_function record, double theta, size_t count, do
     const lg_function_spec function = {"loss", in, 3, &out, 1, record, NULL};
     const lg_parameter_spec parameter = {"theta", lg_shape1(1), start};
     const double *const data[] = {test_numbers(5, count, 0.5, 1.5), test_numbers(6, count, 1.0, 2.0), wanted};
-    lg_program_training result = {.epochs = 77};
+    lg_program_fit_result result = {.epochs = 77};
     lg_program_spec spec;
     lg_program *program = NULL;
     lg_program_spec_init(&spec);
@@ -188,7 +188,7 @@ static lg_status train(lg_record_function record, double theta, size_t count, do
     spec.functions = &function, spec.function_count = 1;
     assert_ok(lg_program_build(NULL, &spec, &program, error));
     lg_test_owns(program, release_program);
-    const lg_status status = lg_program_train(NULL, program, "loss", data, count, NULL, &result, error);
+    const lg_status status = lg_program_fit(NULL, program, "loss", data, count, NULL, &result, error);
     if (status != LG_OK)
         assert_true(result.epochs == 77 && lg_program_parameter(program, 0).values[0] == theta);
     *after = result.after;

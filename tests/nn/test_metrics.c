@@ -10,10 +10,10 @@ static void expect_golden(const uint32_t *truth, const uint32_t *given, const do
     uint32_t own[TABLE_WINDOWS];
     uint64_t counted[16];
     for (int i = 0; i < TABLE_WINDOWS; i++) {
-        own[i] = lg_class_of(&score[(size_t)i * classes], classes);
+        own[i] = lg_metrics_class(&score[(size_t)i * classes], classes);
         assert_int_equal(own[i], given[i]);
     }
-    lg_confusion(truth, own, TABLE_WINDOWS, classes, counted);
+    lg_metrics_confusion(truth, own, TABLE_WINDOWS, classes, counted);
     assert_memory_equal(counted, confusion, classes * classes * sizeof *counted);
     const lg_metrics m = lg_metrics_of(counted, classes);
     assert_close(m.accuracy, metrics[0], 1e-14, 0);
@@ -21,7 +21,7 @@ static void expect_golden(const uint32_t *truth, const uint32_t *given, const do
     assert_close(m.recall, metrics[2], 1e-14, 0);
     assert_close(m.f1, metrics[3], 1e-14, 0);
     double got = 0.0;
-    assert_ok(lg_auc(NULL, truth, score, TABLE_WINDOWS, classes, &got));
+    assert_ok(lg_metrics_auc(NULL, truth, score, TABLE_WINDOWS, classes, &got));
     assert_close(got, auc, 1e-14, 0);
 }
 
@@ -35,7 +35,7 @@ static void expect_roc(const uint32_t *truth, const double *score, uint32_t clas
     double column[TABLE_WINDOWS], x[TABLE_WINDOWS + 1], y[TABLE_WINDOWS + 1], t[TABLE_WINDOWS + 1];
     uint32_t order[TABLE_WINDOWS];
     for (int i = 0; i < TABLE_WINDOWS; i++) column[i] = score[(size_t)i * classes + 1];
-    assert_int_equal(lg_roc(truth, column, TABLE_WINDOWS, 1, x, y, t, order), points);
+    assert_int_equal(lg_metrics_roc(truth, column, TABLE_WINDOWS, 1, x, y, t, order), points);
     for (size_t i = 0; i < points; i++) {
         assert_close(x[i], fpr[i], 1e-15, 0);
         assert_close(y[i], tpr[i], 1e-15, 0);
@@ -54,19 +54,20 @@ TEST("a characteristic agrees with one by hand, with ties, with NaN and with one
     const double score[] = {0.9, 0.5, 0.5, 0.1}, flat[] = {2, 2, 2, 2}, missing[] = {0.9, 0.5, NAN, NAN};
     double fpr[5], tpr[5], threshold[5];
     uint32_t order[4];
-    assert_int_equal(lg_roc(truth, score, 4, 1, fpr, tpr, threshold, order), 4);
+    assert_int_equal(lg_metrics_roc(truth, score, 4, 1, fpr, tpr, threshold, order), 4);
     const double f[] = {0, 0, 0.5, 1}, t[] = {0, 0.5, 1, 1}, h[] = {INFINITY, 0.9, 0.5, 0.1};
     for (int i = 0; i < 4; i++) {
         assert_close(fpr[i], f[i], 0, 0);
         assert_close(tpr[i], t[i], 0, 0);
         assert_close(threshold[i], h[i], 0, 0);
     }
-    assert_int_equal(lg_roc(truth, flat, 4, 1, fpr, tpr, threshold, order), 2);
-    assert_int_equal(lg_roc(truth, missing, 4, 1, fpr, tpr, threshold, order), 4);
+    assert_int_equal(lg_metrics_roc(truth, flat, 4, 1, fpr, tpr, threshold, order), 2);
+    assert_int_equal(lg_metrics_roc(truth, missing, 4, 1, fpr, tpr, threshold, order), 4);
     assert_close(threshold[3], -INFINITY, 0, 0);
-    assert_int_equal(lg_roc(truth, score, 4, 2, fpr, tpr, threshold, order), 0);
-    assert_int_equal(lg_roc(truth + 2, score, 1, 1, fpr, tpr, threshold, order), 0); /* positives only */
-    assert_int_equal(lg_roc(truth, score, 0, 1, fpr, tpr, threshold, order), 0);
+    assert_int_equal(lg_metrics_roc(truth, score, 4, 2, fpr, tpr, threshold, order), 0);
+    assert_int_equal(lg_metrics_roc(truth + 2, score, 1, 1, fpr, tpr, threshold, order),
+                     0); /* positives only */
+    assert_int_equal(lg_metrics_roc(truth, score, 0, 1, fpr, tpr, threshold, order), 0);
 }
 
 TEST("areas under the curve agree with those by hand, with ties and absent classes") {
@@ -74,27 +75,27 @@ TEST("areas under the curve agree with those by hand, with ties and absent class
     const double score[] = {0, 0.9, 0, 0.5, 0, 0.5, 0, 0.1}, flat[8] = {0};
     const double of_three[] = {1, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 1};
     double auc = 0.0;
-    assert_ok(lg_auc(NULL, truth, score, 4, 2, &auc));
+    assert_ok(lg_metrics_auc(NULL, truth, score, 4, 2, &auc));
     assert_close(auc, 3.5 / 4, 1e-15, 0);
-    assert_ok(lg_auc(NULL, truth, flat, 4, 2, &auc));
+    assert_ok(lg_metrics_auc(NULL, truth, flat, 4, 2, &auc));
     assert_close(auc, 0.5, 1e-15, 0);
     /* class 1 does not occur: the mean over classes 0 and 2 */
-    assert_ok(lg_auc(NULL, three, of_three, 4, 3, &auc));
+    assert_ok(lg_metrics_auc(NULL, three, of_three, 4, 3, &auc));
     assert_close(auc, 1.0, 1e-15, 0);
-    assert_ok(lg_auc(NULL, none, score, 4, 2, &auc));
+    assert_ok(lg_metrics_auc(NULL, none, score, 4, 2, &auc));
     assert_true(isnan(auc));
-    assert_ok(lg_auc(NULL, none, score, 0, 2, &auc));
+    assert_ok(lg_metrics_auc(NULL, none, score, 0, 2, &auc));
     assert_true(isnan(auc));
-    assert_status(lg_auc(NULL, none, score, 4, 0, &auc), LG_INVALID_ARGUMENT);
+    assert_status(lg_metrics_auc(NULL, none, score, 4, 0, &auc), LG_INVALID_ARGUMENT);
 }
 
 TEST("the largest score wins; of equal scores the later of two classes, the first of more classes") {
     const double two[] = {0.5, 0.5}, lower[] = {0.6, 0.4}, three[] = {1, 3, 3}, unknown[] = {NAN, 1};
-    assert_int_equal(lg_class_of(two, 2), 1);
-    assert_int_equal(lg_class_of(lower, 2), 0);
-    assert_int_equal(lg_class_of(three, 3), 1);
-    assert_int_equal(lg_class_of(three, 1), 0);
-    assert_int_equal(lg_class_of(unknown, 2), 0);
+    assert_int_equal(lg_metrics_class(two, 2), 1);
+    assert_int_equal(lg_metrics_class(lower, 2), 0);
+    assert_int_equal(lg_metrics_class(three, 3), 1);
+    assert_int_equal(lg_metrics_class(three, 1), 0);
+    assert_int_equal(lg_metrics_class(unknown, 2), 0);
 }
 
 TEST("empty classes count as zero or are left out") {
@@ -113,7 +114,7 @@ TEST("empty classes count as zero or are left out") {
     assert_close(lg_metrics_of(nothing, 2).f1, 0.0, 0, 0);
     uint64_t counted[4] = {9, 9, 9, 9};
     const uint32_t truth[] = {0, 1, 5}, given[] = {1, 1, 0};
-    lg_confusion(truth, given, 3, 2, counted);
+    lg_metrics_confusion(truth, given, 3, 2, counted);
     const uint64_t expected[] = {0, 1, 0, 1};
     assert_memory_equal(counted, expected, sizeof expected);
 }
@@ -121,7 +122,7 @@ TEST("empty classes count as zero or are left out") {
 TEST("every allocation may fail, and the area is unchanged") {
     EVERY_ALLOCATION_FAILS(context, 1, {
         double auc = 77.0;
-        status = lg_auc(context, two_truth, two_score, TABLE_WINDOWS, 2, &auc);
+        status = lg_metrics_auc(context, two_truth, two_score, TABLE_WINDOWS, 2, &auc);
         if (status != LG_OK) assert_close(auc, 77.0, 0, 0);
     });
 }

@@ -173,7 +173,7 @@ TEST("defaults are those of the fields") {
     memset(&run, 0, sizeof run);
     lg_fields_default(lg_hamiltonian_fields, &run);
     const lg_hamiltonian_run *r = &run.hamiltonian;
-    const lg_training *how = &r->training;
+    const lg_fit_settings *how = &r->training;
     assert_true(how->dtype == LG_F64 && how->epochs == 100 && how->batch == 80 && how->lr == 1e-2);
     assert_true(how->schedule == LG_SCHEDULE_STEP && how->lr_step == 50 && how->lr_gamma == 0.1);
     assert_true(how->adam_eps == LG_HAMILTONIAN_ADAM_EPS && how->clip == LG_HAMILTONIAN_CLIP);

@@ -33,15 +33,15 @@ static inline lg_machine_model_file *make_machine_model(const char *yaml, uint64
     run->stride = 1;
     run->windows = 20;
     run->dt = 0.02;
-    run->training = (lg_training){.dtype = LG_F64,
-                                  .epochs = 1,
-                                  .batch = 10,
-                                  .lr = 1e-3,
-                                  .lr_step = 1,
-                                  .lr_gamma = 1,
-                                  .adam_eps = 1e-8,
-                                  .shards = 4,
-                                  .seed = 1};
+    run->training = (lg_fit_settings){.dtype = LG_F64,
+                                      .epochs = 1,
+                                      .batch = 10,
+                                      .lr = 1e-3,
+                                      .lr_step = 1,
+                                      .lr_gamma = 1,
+                                      .adam_eps = 1e-8,
+                                      .shards = 4,
+                                      .seed = 1};
     made->parameters = run->machine.parameters;
     /* allocated with malloc, as lg_free requires */
     made->theta = malloc((made->parameters + 1) * sizeof(double));
@@ -53,7 +53,7 @@ static inline lg_machine_model_file *make_machine_model(const char *yaml, uint64
 }
 
 static inline void save_machine_model(const lg_machine_model_file *file, const char *path) {
-    assert_told(lg_model_save_machine_model(NULL, path, file, NULL, &told));
+    assert_told(lg_machine_model_save(NULL, path, file, NULL, &told));
 }
 
 /* One coordinate of each kind, inputs, and networks. */

@@ -154,7 +154,7 @@ static bool draw(drawing *d, size_t v, double spread, const double *size) {
     for (size_t i = 0; i < j->source->inputs; i++) x[i] = d->window[i];
     if (lg_features_compute(&j->c->features, d->window, d->feature, d->work) != LG_OK) return false;
     lg_classifier_score(j->c, d->feature, extra, d->work);
-    extra[j->c->classes] = lg_class_of(extra, j->c->classes);
+    extra[j->c->classes] = lg_metrics_class(extra, j->c->classes);
     if (golden->extras > j->c->classes + 1)
         for (size_t i = 0; i < j->d; i++) extra[j->c->classes + 1 + i] = d->feature[i] * size[i];
     lg_pca_eval(pca, d->feature, 1, d->made, d->work);

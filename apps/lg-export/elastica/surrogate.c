@@ -159,7 +159,7 @@ static void add_options(text *to, const lg_surrogate *model) {
 }
 
 static void add_training(text *to, const lg_surrogate_file *file) {
-    const lg_training *t = &file->run.training;
+    const lg_fit_settings *t = &file->run.training;
     lg_text_add(
         to, "training      %zu of %llu epochs, batches of %llu, learning rate %.6g, weight decay %.6g, %s\n",
         file->epochs_done, (unsigned long long)t->epochs, (unsigned long long)t->batch, t->lr,

@@ -10,22 +10,22 @@ static const char *const method_names[LG_METHOD_COUNT] = {
     [LG_METHOD_SVM_RBF] = "svm-rbf",
 };
 
-const char *lg_method_name(lg_method method) {
+const char *lg_classifier_method_name(lg_classifier_method method) {
     return (unsigned)method < LG_METHOD_COUNT ? method_names[method] : "unknown";
 }
 
-lg_status lg_method_parse(const char *name, lg_method *out) {
+lg_status lg_classifier_method_parse(const char *name, lg_classifier_method *out) {
     if (name == NULL || out == NULL) return LG_INVALID_ARGUMENT;
     for (int i = 0; i < LG_METHOD_COUNT; i++)
         if (strcmp(name, method_names[i]) == 0) {
-            *out = (lg_method)i;
+            *out = (lg_classifier_method)i;
             return LG_OK;
         }
     return LG_NOT_FOUND;
 }
 
-void lg_method_options_init(lg_method_options *options) {
-    *options = (lg_method_options){.size = sizeof *options, .method = LG_METHOD_LOGISTIC, .c = 1.0};
+void lg_classifier_options_init(lg_classifier_options *options) {
+    *options = (lg_classifier_options){.size = sizeof *options, .method = LG_METHOD_LOGISTIC, .c = 1.0};
     lg_tree_options_init(&options->tree);
 }
 
@@ -33,7 +33,7 @@ void lg_method_options_init(lg_method_options *options) {
 
 typedef struct fitting {
     const lg_context *context;
-    const lg_method_options *options;
+    const lg_classifier_options *options;
     size_t n;
     uint32_t d;
     double *x, *p;   /* (n, d) features, (n, k) components */
@@ -41,7 +41,7 @@ typedef struct fitting {
 } fitting;
 
 static lg_status fit_method(const fitting *f, uint32_t k, lg_classifier *c, lg_error *error) {
-    const lg_method_options *o = f->options;
+    const lg_classifier_options *o = f->options;
     switch (o->method) {
     case LG_METHOD_LOGISTIC:
         return lg_logistic_fit(f->context, f->p, f->label, f->n, k, c->classes, o->c, &c->logistic, error);
@@ -83,7 +83,7 @@ static void free_fitted(lg_classifier *c) {
     lg_svm_destroy(&c->svm);
 }
 
-lg_status lg_classifier_fit(const lg_context *context, const lg_method_options *options, const double *x,
+lg_status lg_classifier_fit(const lg_context *context, const lg_classifier_options *options, const double *x,
                             const uint32_t *label, const uint32_t *chosen, size_t count, uint32_t d,
                             uint32_t classes, lg_classifier *out, lg_error *error) {
     (void)lg_fail(error, LG_OK, "%s", "");

@@ -143,11 +143,11 @@ lg_status lg_classifier_save(const lg_classifier *classifier, const lg_archive_w
     list_arrays(&c, &nodes, arrays);
     const item reals[2] = {{ROOT "svm/gamma", LG_ELEMENT_F64, 0, {0, 0}, &gamma, true},
                            {ROOT "svm/c", LG_ELEMENT_F64, 0, {0, 0}, &penalty, true}};
-    lg_status status = write_text(writer, ROOT "method", lg_method_name(c.method), error);
+    lg_status status = write_text(writer, ROOT "method", lg_classifier_method_name(c.method), error);
     if (status == LG_OK)
         status = write_text(writer, ROOT "features/kind", lg_feature_kind_name(f->kind), error);
     if (status == LG_OK)
-        status = write_text(writer, ROOT "tree/criterion", lg_criterion_name(c.tree.criterion), error);
+        status = write_text(writer, ROOT "tree/criterion", lg_tree_criterion_name(c.tree.criterion), error);
     if (status == LG_OK) status = write_items(writer, scalars, SCALARS, error);
     if (status == LG_OK) status = write_items(writer, reals, 2, error);
     if (status == LG_OK) status = write_items(writer, arrays, ARRAYS, error);
@@ -170,12 +170,12 @@ static lg_status wrong(lg_error *error, const char *path, const char *what) {
 static lg_status read_texts(const lg_archive_reader *r, lg_classifier *c, lg_error *error) {
     char text[32];
     LG_TRY(refused(r->text(r->user, ROOT "method", text, sizeof text), ROOT "method", error));
-    if (lg_method_parse(text, &c->method) != LG_OK) return wrong(error, "method", "is unknown");
+    if (lg_classifier_method_parse(text, &c->method) != LG_OK) return wrong(error, "method", "is unknown");
     LG_TRY(refused(r->text(r->user, ROOT "features/kind", text, sizeof text), ROOT "features/kind", error));
     if (lg_feature_kind_parse(text, &c->features.kind) != LG_OK)
         return wrong(error, "features/kind", "is unknown");
     LG_TRY(refused(r->text(r->user, ROOT "tree/criterion", text, sizeof text), ROOT "tree/criterion", error));
-    if (lg_criterion_parse(text, &c->tree.criterion) != LG_OK)
+    if (lg_tree_criterion_parse(text, &c->tree.criterion) != LG_OK)
         return wrong(error, "tree/criterion", "is unknown");
     return LG_OK;
 }

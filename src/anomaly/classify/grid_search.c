@@ -9,7 +9,7 @@
 
 typedef struct search {
     const lg_context *context;
-    const lg_method_options *options;
+    const lg_classifier_options *options;
     size_t count; /* number of options */
     uint32_t folds;
     const double *x;
@@ -39,7 +39,7 @@ static double accuracy_of(const search *s, const lg_classifier *c, const uint32_
     size_t right = 0;
     for (size_t i = 0; i < n; i++) {
         lg_classifier_score(c, s->x + (size_t)rows[i] * s->d, score, work);
-        right += lg_class_of(score, s->classes) == s->label[rows[i]];
+        right += lg_metrics_class(score, s->classes) == s->label[rows[i]];
     }
     return n > 0 ? (double)right / (double)n : NAN;
 }
@@ -48,7 +48,7 @@ static lg_status try_fold(const search *s, size_t option, uint32_t fold, double 
     uint32_t *rows = lg_alloc(s->context, s->rows, sizeof *rows);
     if (rows == NULL) return LG_OUT_OF_MEMORY;
     size_t n = gather(s, fold, false, rows);
-    lg_method_options o = s->options[option];
+    lg_classifier_options o = s->options[option];
     /* Training on a part of the rows may allow fewer components than training on all rows. */
     const size_t most = n < s->d ? n : s->d;
     if (o.components > most && most < s->rows) o.components = (uint32_t)most;
@@ -105,7 +105,8 @@ static lg_status limit_folds(search *s, uint32_t folds, size_t *counts, lg_error
     for (uint32_t c = 0; c < s->classes; c++)
         if (counts[c] > 0 && counts[c] < smallest) smallest = counts[c];
     s->folds = folds < smallest ? folds : (uint32_t)smallest;
-    return s->folds < 2 ? LG_OK : lg_folds(s->context, s->own, s->own_unit, s->rows, s->folds, s->fold);
+    return s->folds < 2 ? LG_OK
+                        : lg_series_folds(s->context, s->own, s->own_unit, s->rows, s->folds, s->fold);
 }
 
 static lg_status prepare(search *s, uint32_t folds, lg_error *error) {
@@ -169,10 +170,10 @@ static lg_status run(search *s, uint32_t folds, int threads, double *accuracy, s
     return collect(s, accuracy, best, error);
 }
 
-lg_status lg_grid_search(const lg_context *context, const lg_method_options *options, size_t count,
-                         uint32_t folds, const double *x, const uint32_t *label, const uint32_t *unit,
-                         const uint32_t *chosen, size_t rows, uint32_t d, uint32_t classes, int threads,
-                         double *accuracy, size_t *best, lg_error *error) {
+lg_status lg_classifier_search(const lg_context *context, const lg_classifier_options *options, size_t count,
+                               uint32_t folds, const double *x, const uint32_t *label, const uint32_t *unit,
+                               const uint32_t *chosen, size_t rows, uint32_t d, uint32_t classes, int threads,
+                               double *accuracy, size_t *best, lg_error *error) {
     (void)lg_fail(error, LG_OK, "%s", "");
     if (options == NULL || count == 0 || x == NULL || label == NULL || accuracy == NULL || best == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL");

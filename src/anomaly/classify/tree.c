@@ -16,15 +16,15 @@
 
 static const char *const criterion_names[LG_CRITERION_COUNT] = {"gini", "entropy"};
 
-const char *lg_criterion_name(lg_criterion criterion) {
+const char *lg_tree_criterion_name(lg_tree_criterion criterion) {
     return (unsigned)criterion < LG_CRITERION_COUNT ? criterion_names[criterion] : "unknown";
 }
 
-lg_status lg_criterion_parse(const char *name, lg_criterion *out) {
+lg_status lg_tree_criterion_parse(const char *name, lg_tree_criterion *out) {
     if (name == NULL || out == NULL) return LG_INVALID_ARGUMENT;
     for (int i = 0; i < LG_CRITERION_COUNT; i++)
         if (strcmp(name, criterion_names[i]) == 0) {
-            *out = (lg_criterion)i;
+            *out = (lg_tree_criterion)i;
             return LG_OK;
         }
     return LG_NOT_FOUND;
@@ -72,7 +72,7 @@ typedef struct grower {
     uint32_t room; /* number of nodes for which there is memory */
 } grower;
 
-static double impurity_of(lg_criterion criterion, const uint32_t *counts, uint32_t classes,
+static double impurity_of(lg_tree_criterion criterion, const uint32_t *counts, uint32_t classes,
                           uint32_t samples) {
     const double n = samples;
     double sum = 0.0;

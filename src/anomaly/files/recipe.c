@@ -174,7 +174,7 @@ static lg_status complete_model(const lg_learning *self, lg_error *error) {
 
 static lg_status adopt_preset(lg_learning *self, lg_error *error) {
     lg_detector_state *s = self->state;
-    lg_training *training = lg_learning_training(self);
+    lg_fit_settings *training = lg_learning_training(self);
     const lg_series_data *data = &s->all.data;
     const char *name = lg_preset_name(s->preset);
     const lg_detector_preset *preset = s->from = lg_detector_preset_find(name, data->noise);

@@ -262,7 +262,7 @@ static double stored_as(lg_dtype dtype, double x) {
 
 static lg_status check_judged(const lg_h5 *h5, const lg_hamiltonian_file *judged,
                               const lg_hamiltonian_file *stored, lg_error *error) {
-    LG_TRY(lg_run_compare(&lg_recipe_hamiltonian, &stored->run, &judged->run, h5->path, error));
+    LG_TRY(lg_recipe_compare_runs(&lg_recipe_hamiltonian, &stored->run, &judged->run, h5->path, error));
     bool same = judged->parameters == stored->parameters;
     for (size_t i = 0; same && i < stored->parameters; i++)
         same = stored->theta[i] == stored_as(judged->run.training.dtype, judged->theta[i]);
@@ -283,8 +283,8 @@ static lg_status record(void *user, lg_h5 *h5, lg_error *error) {
     return status == LG_OK ? put_verdict(h5, judged, error) : status;
 }
 
-lg_status lg_model_record_hamiltonian(const lg_context *context, const char *path,
-                                      const lg_hamiltonian_file *file, lg_error *error) {
+lg_status lg_hamiltonian_save_errors(const lg_context *context, const char *path,
+                                     const lg_hamiltonian_file *file, lg_error *error) {
     if (path == NULL || file == NULL || file->theta == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "a model file needs a name and parameters");
     return lg_run_edit(context, path, record, (void *)(uintptr_t)file, error); /* record() only reads it */

@@ -239,9 +239,9 @@ static lg_status judge(lg_learning *self, double *theta, lg_error *error) {
     const lg_hamiltonian_state *s = self->state;
     const lg_hamiltonian_problem *problem = &s->problem;
     const bool newton = s->newton && lg_fit_finished(self->fit);
-    lg_newton_result found = {0};
+    lg_fit_newton_result found = {0};
     double loss = 0;
-    if (newton) LG_TRY(lg_newton_fit(self->context, &self->problem, theta, &found));
+    if (newton) LG_TRY(lg_fit_newton(self->context, &self->problem, theta, &found));
     LG_TRY(lg_hamiltonian_mean_squared_error(self->context, problem, theta, &loss, error));
     if (!isfinite(loss)) return LG_NOT_FINITE;
     LG_TRY(lg_hamiltonian_floor(self->context, problem, theta, &self->floor, error));

@@ -425,7 +425,7 @@ lg_status lg_scene_draw_start(lg_scene *scene, uint64_t seed) {
     if (state == NULL) return LG_OUT_OF_MEMORY;
     lg_rng rng;
     lg_rng_seed(&rng, seed, 0);
-    const lg_status status = lg_system_start(scene->system, &options, &rng, state);
+    const lg_status status = lg_system_draw_start(scene->system, &options, &rng, state);
     if (status == LG_OK)
         scene->state = state;
     else

@@ -64,8 +64,8 @@ void lg_learning_close(lg_learning *self) {
 
 /* ---- the run ---- */
 
-lg_training *lg_learning_training(const lg_learning *self) {
-    return (lg_training *)(void *)((char *)self->run + self->recipe->training);
+lg_fit_settings *lg_learning_training(const lg_learning *self) {
+    return (lg_fit_settings *)(void *)((char *)self->run + self->recipe->training);
 }
 
 static bool is_given(const lg_learning *self, const lg_field *row) {
@@ -80,7 +80,7 @@ void lg_learning_adopt(lg_learning *self, const void *from, bool preset) {
 }
 
 static bool asks_adam(const lg_learning *self) {
-    const lg_training *training = lg_learning_training(self);
+    const lg_fit_settings *training = lg_learning_training(self);
     bool adam = training->dtype == LG_F32;
     for (const lg_field *row = self->recipe->fields; row->name != NULL; row++) {
         if (!is_given(self, row)) continue;
@@ -229,7 +229,7 @@ static lg_status judge_again(lg_learning *self, const void *file, lg_error *erro
     LG_TRY(learner->describe(self, error));
     if (learner->prepare != NULL) LG_TRY(learner->prepare(self, error));
     lg_fit_options_init(&self->options);
-    lg_training_apply(lg_learning_training(self), &self->options);
+    lg_fit_settings_apply(lg_learning_training(self), &self->options);
     LG_TRY(learner->problem(self, error));
     memcpy(self->theta, theta, recipe->parameters(self->run) * sizeof *theta);
     return learner->judge(self, self->theta, error);

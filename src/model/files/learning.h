@@ -123,8 +123,8 @@ void *lg_learning_alloc(lg_learning *self, size_t count, size_t size, lg_error *
         (pointer) = lg_learning_alloc(self, count, sizeof *(pointer), error);                                \
         if ((pointer) == NULL) return LG_OUT_OF_MEMORY;                                                      \
     } while (0)
-/* The lg_training in the run. */
-lg_training *lg_learning_training(const lg_learning *self);
+/* The lg_fit_settings in the run. */
+lg_fit_settings *lg_learning_training(const lg_learning *self);
 /* Copies from the run `from` all hyperparameters that the user did not give. preset: only those without a
  * default value. */
 void lg_learning_adopt(lg_learning *self, const void *from, bool preset);

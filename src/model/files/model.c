@@ -26,8 +26,8 @@ static model_view view_of(const lg_recipe *kind, void *file) {
                         .provenance = (lg_provenance *)(void *)(at + kind->file_provenance)};
 }
 
-static const lg_training *training_of(const lg_recipe *kind, const void *run) {
-    return (const lg_training *)(const void *)((const char *)run + kind->training);
+static const lg_fit_settings *training_of(const lg_recipe *kind, const void *run) {
+    return (const lg_fit_settings *)(const void *)((const char *)run + kind->training);
 }
 
 /* A slice of the parameters, and its path in the file. */

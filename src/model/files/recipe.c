@@ -73,8 +73,8 @@ static bool differs(const lg_field *r, const void *stored, const void *wanted, c
     return strcmp(have, want) != 0;
 }
 
-lg_status lg_run_compare(const lg_recipe *kind, const void *stored, const void *wanted, const char *path,
-                         lg_error *error) {
+lg_status lg_recipe_compare_runs(const lg_recipe *kind, const void *stored, const void *wanted,
+                                 const char *path, lg_error *error) {
     char have[LG_FIELD_TEXT_SIZE], want[LG_FIELD_TEXT_SIZE];
     const lg_field *r;
     if (path == NULL || kind == NULL || stored == NULL || wanted == NULL) return LG_INVALID_ARGUMENT;

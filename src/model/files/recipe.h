@@ -26,7 +26,7 @@ struct lg_recipe {
     const char *checkpoint; /* attribute `kind` of a checkpoint */
     /* The fields of the run. Both tables end with a row without a name. */
     const lg_field *facts, *fields;
-    size_t run_size, training; /* size of the run; offset of lg_training in it */
+    size_t run_size, training; /* size of the run; offset of lg_fit_settings in it */
     const void *defaults;      /* a run with the values for attributes that a file lacks */
     lg_status (*build)(lg_h5 *h5, void *run,
                        lg_error *error); /* makes the model after the rows are read; may be NULL */

@@ -79,7 +79,7 @@ static void add_class(const lg_table_file *file, const lg_table_sheet *sheet, si
                       lg_table_judgement *j) {
     const uint32_t classes = file->run.model.net.outputs, truth = sheet->data.label[row];
     lg_table_softmax(y, classes);
-    j->confusion[truth * classes + lg_class_of(y, classes)]++;
+    j->confusion[truth * classes + lg_metrics_class(y, classes)]++;
     j->log_loss -= log(fmax(y[truth], 1e-300)) / (double)j->rows;
 }
 

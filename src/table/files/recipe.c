@@ -168,7 +168,7 @@ static void warn_few(const lg_learning *self) {
 
 static lg_status prepare(lg_learning *self, lg_error *error) {
     lg_table_state *s = self->state;
-    const lg_training *training = lg_learning_training(self);
+    const lg_fit_settings *training = lg_learning_training(self);
     const size_t rows = s->table.data.rows;
     size_t held = (size_t)floor(training->validation * (double)rows + 0.5);
     if (training->validation > 0.0 && held == 0) held = 1;

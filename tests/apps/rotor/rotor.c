@@ -21,7 +21,7 @@ enum { D = 4, PAIR = 2 * D };
 /* ---- the run, the file, the options ---- */
 
 typedef struct lg_rotor_run {
-    lg_training training;
+    lg_fit_settings training;
     lg_wholes hidden;
     double h;
     char data_sha256[LG_SHA256_TEXT];
