@@ -136,8 +136,7 @@ typedef struct predict_values {
 static predict_values values;
 
 static const lg_field predict_options[] = {
-    LG_OPTION(predict_values, initial, REALS, "X,X,...",
-              "The start in the order of the model's state, or the inputs of a model without a flow",
+    LG_OPTION(predict_values, initial, REALS, "X,X,...", "The start, in the layout of the model's state",
               LG_ANY_REAL),
     LG_OPTION(predict_values, t_end, REAL, "T", "Time of the last point, for a model with a flow",
               LG_POSITIVE, .value = "1"),

@@ -270,9 +270,9 @@ static void warn_of_misfit(const measuring *m, double loss) {
         lg_log_message(m->context, LG_LOG_WARNING,
                        "the model does not explain the data: its error is %.2g %% of the motion (root mean "
                        "square), and the errors of neighbouring steps are correlated (%.2f), as with a "
-                       "missing force, not as with noise; possible causes: the data are not conservative "
-                       "(lg-identify learns damped and driven machines), the network is too small, the "
-                       "training is too short, or the steps are too long (--substeps)",
+                       "missing force, not as with noise; possible causes: damping or driving forces "
+                       "(lg-identify learns such machines), a network that is too small, a training that is "
+                       "too short, or steps that are too long (--substeps)",
                        100.0 * sqrt(left), correlation);
 }
 

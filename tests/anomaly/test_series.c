@@ -225,19 +225,19 @@ TEST("invalid fractions, missing units and empty parts are refused") {
         double test, validation;
         const char *word;
     } cases[] = {
-        {LG_SPLIT_RANDOM, -0.1, 0.0, ""},     {LG_SPLIT_RANDOM, 1.0, 0.0, ""},
-        {LG_SPLIT_RANDOM, 0.5, 0.5, ""},      {LG_SPLIT_RANDOM, 0.0, -1.0, ""},
-        {LG_SPLIT_RANDOM, NAN, 0.0, ""},      {LG_SPLIT_RANDOM, 0.0, NAN, ""},
-        {LG_SPLIT_RUN, 0.2, 0.0, "no runs"},  {LG_SPLIT_GROUP, 0.2, 0.0, "no groups"},
-        {LG_SPLIT_COUNT, 0.2, 0.0, ""},       {LG_SPLIT_RANDOM, 0.1, 0.0, "empty"}, /* round(0.1 * 3) = 0 */
-        {LG_SPLIT_RANDOM, 0.4, 0.0, "label"}, {LG_SPLIT_RANDOM, 0.4, 0.0, "\"1\""},
+        {LG_SPLIT_RANDOM, -0.1, 0.0, ""},       {LG_SPLIT_RANDOM, 1.0, 0.0, ""},
+        {LG_SPLIT_RANDOM, 0.5, 0.5, ""},        {LG_SPLIT_RANDOM, 0.0, -1.0, ""},
+        {LG_SPLIT_RANDOM, NAN, 0.0, ""},        {LG_SPLIT_RANDOM, 0.0, NAN, ""},
+        {LG_SPLIT_RUN, 0.2, 0.0, "no runs"},    {LG_SPLIT_GROUP, 0.2, 0.0, "no groups"},
+        {LG_SPLIT_COUNT, 0.2, 0.0, ""},         {LG_SPLIT_RANDOM, 0.1, 0.0, "empty"}, /* round(0.1 * 3) = 0 */
+        {LG_SPLIT_RANDOM, 0.4, 0.0, "class 2"}, {LG_SPLIT_RANDOM, 0.4, 0.0, "\"1\""},
     };
     uint8_t parts[6] = {9, 9, 9, 9, 9, 9};
     lg_series s = make_series(6, 1, 1, 2, false, false);
     lg_windows w = cut_windows(&s, 0, 0);
     for (size_t i = 0; i < LG_COUNT(cases); i++) {
         lg_error error = {LG_OK, ""};
-        if (strcmp(cases[i].word, "label") == 0) s.label[3] = 2;
+        if (strcmp(cases[i].word, "class 2") == 0) s.label[3] = 2;
         /* class 1 does not occur */
         if (strcmp(cases[i].word, "\"1\"") == 0) memset(s.label, 0, 6 * sizeof *s.label);
         assert_status(lg_series_split(NULL, &s, &w, cases[i].kind, cases[i].test, cases[i].validation, 1,

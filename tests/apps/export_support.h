@@ -2,7 +2,7 @@
  * and inspects the objects. Use:
  *
  *    TEST_GROUP(export_begin, export_end)                makes and removes a folder (cli_folder)
- *    lg_model_save_...(cli path of "m.h5")               or a program writes the model
+ *    lg_..._save(cli path of "m.h5")               or a program writes the model
  *    export_run("m.h5 --out m --dtype f32 --seed 3");
  *    export_library lib = export_open("m", "m", "gcc", "-O1");
  *    export_eval(&lib, x, y); export_grad(&lib, x, y, jacobian); export_call(&lib, "field", 3, ports);

@@ -158,7 +158,7 @@ TEST("with noise on all points, estimated starts are better than measured ones f
 
 TEST("training that learned nothing ends with exit code 4 and says why") {
     cli_expect(lg, TRAIN "--method adam --lr 1000 --epochs 10 --out wild.h5 --json", 4,
-               "that of a state that does not change");
+               "a state that does not change reaches");
     assert_true(json_is_object(result.out));
     json_expect(result.out, "epochs 10, warnings [\"the model has learned nothing");
 }

@@ -219,17 +219,13 @@ static size_t times(const char *text, const char *word) {
 }
 
 TEST("with several files the message names only the file with the fault, once") {
-    static const fault faults[] = {{other_sign, "wrong sign"},
-                                   {unrelated, "do not belong together"},
-                                   {outliers, "line 79: column x: jumps"},
-                                   {clipped, "is at its smallest"},
-                                   {degrees, "scale: {theta: 0.0174"},
-                                   {backwards, "line 122: column t"},
-                                   {no_velocity, "column vy: has no value"},
-                                   {no_input, "column u: has no value"},
-                                   {never_complete, "no row is complete"},
-                                   {too_long, "line 79: columns qw"},
-                                   {late_rates, "columns qw, qx, qy, qz"}};
+    static const fault faults[] = {
+        {other_sign, "the sign is wrong"},        {unrelated, "do not belong together"},
+        {outliers, "line 79: column x: jumps"},   {clipped, "is at its smallest"},
+        {degrees, "scale: {theta: 0.0174"},       {backwards, "line 122: column t"},
+        {no_velocity, "column vy: has no value"}, {no_input, "column u: has no value"},
+        {never_complete, "no row is complete"},   {too_long, "line 79: columns qw"},
+        {late_rates, "columns qw, qx, qy, qz"}};
     static const char *const files[] = {"first.csv", "second.csv", "third.csv"};
     static const char *const lines[] = {
         "check machine.yaml first.csv second.csv third.csv",

@@ -365,7 +365,7 @@ TEST("quaternions are normalised, made continuous and converted to rotations") {
     assert_warns(logs, "1 rows were off by more than 0.001, at most by 0.002");
     assert_int_equal(logs->warning_count, 2);
     refuse_text(machine(BODY), "t,w,x,y,z\n0,1,0,0,0\n1,0.98,0,0,0\n",
-                "line 3: columns w, x, y, z: no quaternion", "length 0.98");
+                "line 3: columns w, x, y, z: not a quaternion", "length 0.98");
     refuse_text(machine(BODY), "t,w,x,y,z\n0,1,0,0,0\n1,0,0,0,0\n", "line 3", "length 0 ");
 }
 
@@ -395,7 +395,7 @@ TEST("directions are normalised and have no angular velocity along themselves") 
     assert_warns(logs, "columns a, b, c: a part of 0.688 of the angular velocity is about the direction");
     assert_warns(logs, "columns x, y, z: 1 rows were off");
     refuse_text(machine(yaml), "t,x,y,z,a,b,c\n0,0,0,1,0,0,0\n1,0,0,2,0,0,0\n",
-                "line 3: columns x, y, z: no direction", "length 2");
+                "line 3: columns x, y, z: not a direction", "length 2");
 }
 
 TEST("a pose's velocities in space are converted to the axes of the body") {
@@ -486,10 +486,10 @@ TEST("velocities of a wrong unit or sign are refused") {
     refuse_text(f, two_sines(1000, 5e-3), "column vx: the rate of x is",
                 "if the unit is wrong, set scale: {vx: 0.00");
     /* found by using many rows */
-    refuse_text(f, two_sines(1000, 5e-2), "column vx: the rate of x is", "wrong unit");
+    refuse_text(f, two_sines(1000, 5e-2), "column vx: the rate of x is", "the unit is wrong");
     refuse_text(f, two_sines(-1, 5e-3), "column vx: the rate of x is -1",
                 "if the sign is wrong, set scale: {vx: -1");
-    refuse_text(f, two_sines(0.7, 0), "column vx", "wrong unit");
+    refuse_text(f, two_sines(0.7, 0), "column vx", "the unit is wrong");
     refuse_text(machine(TWO "scale: {vx: 0.1}\n"), two_sines(1000, 0), "column vx: the rate of x is 0.01",
                 "if the unit is wrong, set scale: {vx: 0.001");
     const char *path = scratch_path("log.csv");
@@ -577,7 +577,8 @@ TEST("five rows per period are enough to find a wrong unit") {
             say_row(&log, row, 3);
         }
         if (!wrong) assert_silent(read_text(machine(LINE), log.at));
-        if (wrong) refuse_text(machine(LINE), log.at, "column v: the rate of q is 0.0012", "wrong unit");
+        if (wrong)
+            refuse_text(machine(LINE), log.at, "column v: the rate of q is 0.0012", "the unit is wrong");
     }
 }
 
@@ -600,7 +601,8 @@ TEST("steady velocities of a wrong unit are refused") {
             say_row(&log, row, 3);
         }
         if (!wrong) assert_silent(read_text(machine(LINE), log.at));
-        if (wrong) refuse_text(machine(LINE), log.at, "column v: the rate of q is 0.001", "wrong unit");
+        if (wrong)
+            refuse_text(machine(LINE), log.at, "column v: the rate of q is 0.001", "the unit is wrong");
     }
 }
 
@@ -687,7 +689,7 @@ TEST("rates in space and other orders of quaternions are named") {
         {{.factor = 1, .scalar_last = true, .rates_in_space = true},
          "x, y, z, w and the rates are in the space frame"},
         {{.factor = 57.3}, "the rate of qw, qx, qy, qz is 0.0174"},
-        {{.factor = -1}, "wrong sign"},
+        {{.factor = -1}, "the sign is wrong"},
     };
     const lg_machine_file *f = machine(SPIN), *g = machine(SPIN9);
     const spin right = {.factor = 1}, noisy = {.factor = 1, .noise = 0.1};
@@ -739,7 +741,8 @@ TEST("directions are compared with their angular velocity") {
         }
         if (wrong == 0) assert_silent(read_text(machine(yaml), log.at));
         if (wrong == 1)
-            refuse_text(machine(yaml), log.at, "the rate of x, y, z is 0.01 times a, b, c", "wrong unit");
+            refuse_text(machine(yaml), log.at, "the rate of x, y, z is 0.01 times a, b, c",
+                        "the unit is wrong");
         if (wrong == 2)
             refuse_text(machine(yaml), log.at, "columns x, y, z and a, b, c do not belong together", "");
     }

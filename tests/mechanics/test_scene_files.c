@@ -658,7 +658,7 @@ TEST("an invalid scene is refused with its line and a word") {
         {"system: quartic\nform: lagrangian\n", "line 2", "hamiltonian"},
         {"system: pendulum-chain\ngravity: 1\n", "line 1", "links"},
         {"- system\n- quartic\n", "line 1", "keys"},
-        {"# only a comment\n", "line 1", "nothing"},
+        {"# only a comment\n", "line 1", "no keys and values"},
         {"system: quartic\ninitial: &a {q: *a, p: [1, 2]}\n", "line 2", "initial.q"}}; /* contains itself */
     for (size_t i = 0; i < LG_COUNT(texts); i++)
         assert_refused(read_scene, file_of("bad.yaml", texts[i][0]), LG_FORMAT, texts[i][1], texts[i][2]);

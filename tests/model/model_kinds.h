@@ -583,12 +583,12 @@ static inline const char *good_model(model_kind kind, size_t which) {
     }                                                                                                        \
     static lg_status save_any_##k(const lg_context *context, const char *path, const any_file *file,         \
                                   const lg_fit *fit, lg_error *error) {                                      \
-        return lg_model_save_##k(context, path, &file->k, fit, error);                                       \
+        return lg_##k##_save(context, path, &file->k, fit, error);                                           \
     }                                                                                                        \
     static lg_status load_##k(const lg_context *context, const char *path, const lg_read_options *options,   \
                               any_file *out, lg_error *error) {                                              \
         out->kind = KIND_##K;                                                                                \
-        return lg_model_load_##k(context, path, options, &out->k, error);                                    \
+        return lg_##k##_load(context, path, options, &out->k, error);                                        \
     }                                                                                                        \
     static void same_any_##k(const any_file *a, const any_file *b) {                                         \
         same_##k(&a->k, &b->k);                                                                              \

@@ -193,7 +193,7 @@ static void change_function_value(const char *path, const lg_program *program, c
 TEST("names of operations, and names that would become part of C code, are checked") {
     static const changed_function cases[] = {
         {OPERATION, "no_such_operation", 0, LG_FORMAT, "no_such_operation"},
-        {OPERATION, "custom", 0, LG_FORMAT, "caller"},
+        {OPERATION, "custom", 0, LG_FORMAT, "custom operation"},
         {REVISION, NULL, 2, LG_VERSION, "revision"},
         {REVISION, NULL, 0, LG_FORMAT, "revision"},
         {INPUT_NAME, "int", 0, LG_FORMAT, "word of C"},
@@ -307,7 +307,7 @@ TEST("an image takes no more memory than allowed") {
     }
     size_t room = size - 1;
     assert_status(lg_function_pack(image, bytes, &room, &error), LG_INVALID_ARGUMENT);
-    assert_non_null(strstr(error.message, "room"));
+    assert_non_null(strstr(error.message, "too small for the bytes"));
     free(bytes);
     lg_function_image_destroy(image);
     lg_program_destroy(program);
@@ -338,7 +338,7 @@ TEST("wrong or missing parts of a file of format 1 are refused by name") {
         {"parameters/theta", ARRAY(1, 5), LG_FORMAT, "~functions/value"},
         {"parameters/scale", SCALAR(NAN), LG_NOT_FINITE, "~NaN"},
         {"functions/value/operations/real", ARRAY(1, 3), LG_FORMAT, "~expected"},
-        {"functions/value/inputs/range", ARRAY(NAN, 1, 2), LG_FORMAT, "~range"},
+        {"functions/value/inputs/range", ARRAY(NAN, 1, 2), LG_FORMAT, "~low and high"},
         {"functions/value/inputs/range", ARRAY(0, 2, 2), LG_FORMAT, "~expected"},
         {"functions/value/reals", ARRAY(0, 100), LG_FORMAT, "~length"},
         {"functions/ten_steps@calls", TEXT("ten_steps"), LG_FORMAT, "before"},
@@ -360,7 +360,7 @@ TEST("names in files of format 1 are checked") {
     } cases[] = {
         {"operations", "no_such_operation", "no_such_operation"},
         {"operations", "bad\x01\x1b[31m", "bad??[31m"},
-        {"operations", "custom", "caller"},
+        {"operations", "custom", "custom operation"},
         {"functions/value/inputs/name", "int", "word of C"},
         {"functions/value/inputs/name", "x; system(\"id\");", "identifier"},
         {"functions/value/inputs/name", "__x", "begin"},

@@ -93,18 +93,18 @@ void lg_history_destroy(const lg_context *context, double *history[LG_FIT_SERIES
     .file_history = offsetof(lg_##kind##_file, history),                                                     \
     .file_provenance = offsetof(lg_##kind##_file, provenance)
 
-/* Defines lg_recipe_<kind>, lg_model_save_<kind> and lg_model_load_<kind>. The source file must define facts,
+/* Defines lg_recipe_<kind>, lg_<kind>_save and lg_<kind>_load. The source file must define facts,
  * defaults, build, check, describe, parameters, slice, program, put_rest and get_rest of the kind. The common
  * members have the same names in every file structure; the kind itself provides lg_<kind>_file_destroy.
  * Further members of the row may follow as arguments. */
 #define LG_RECIPE(kind, checkpoint_name, ...)                                                                \
-    lg_status lg_model_save_##kind(const lg_context *context, const char *path,                              \
-                                   const lg_##kind##_file *file, const lg_fit *fit, lg_error *error) {       \
+    lg_status lg_##kind##_save(const lg_context *context, const char *path, const lg_##kind##_file *file,    \
+                               const lg_fit *fit, lg_error *error) {                                         \
         return lg_run_save(context, path, &lg_recipe_##kind, file, fit, error);                              \
     }                                                                                                        \
                                                                                                              \
-    lg_status lg_model_load_##kind(const lg_context *context, const char *path,                              \
-                                   const lg_read_options *options, lg_##kind##_file *out, lg_error *error) { \
+    lg_status lg_##kind##_load(const lg_context *context, const char *path, const lg_read_options *options,  \
+                               lg_##kind##_file *out, lg_error *error) {                                     \
         if (path == NULL || out == NULL)                                                                     \
             return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name or `out` is NULL");                  \
         lg_##kind##_file made = {.context = context};                                                        \
