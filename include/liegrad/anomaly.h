@@ -160,7 +160,7 @@ LG_API void lg_detector_plan_destroy(lg_detector_plan *plan); /* NULL is fine */
 /* Bytes of work memory for lg_detector_eval; the memory must be aligned to 64 bytes. */
 LG_API size_t lg_detector_work_size(const lg_detector_plan *plan);
 /* Computes probability (classes) of one unscaled window x (channels, length). plane (net.plane), or NULL,
- * becomes the output of the layer before the last. Does not allocate or lock. */
+ * receives the output of the layer before the last one. Does not allocate or lock. */
 LG_API void lg_detector_eval(const lg_detector_plan *plan, const float *x, double *probability, double *plane,
                              void *work);
 

@@ -629,8 +629,8 @@ void lg_space_coordinates(const lg_space *space, const double *y, const double *
     }
 }
 
-/* Writes the block of one copy, (tangent, tangent) with rows `stride` apart: the map from tangent coordinates
- * at y to those at the point that a step along `vector` reaches. */
+/* Writes the matrix for one copy of the factor, (tangent, tangent) with rows `stride` apart: the map from
+ * tangent coordinates at y to those at the point that a step along `vector` reaches. */
 static void carry_copy(const lg_space_entry *row, const double *y, const double *vector, size_t stride,
                        double *block) {
     double a[LG_SPACE_MAX_ALGEBRA], next[LG_SPACE_MAX_STATE], column[LG_SPACE_MAX_STATE];

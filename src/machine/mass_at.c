@@ -98,8 +98,8 @@ bool lg_machine_mass_learned(const lg_machine *machine) {
     return false;
 }
 
-/* Reads M (momenta, momenta), the sum of all terms of the mass, at rest at `positions` into `m`, in scaled
- * units. */
+/* Evaluates M (momenta, momenta), the sum of all terms of the mass, at rest at `positions`; writes it to
+ * `m` in scaled units. */
 static lg_status moving_mass(lg_tape *tape, const lg_machine *machine, const double *theta,
                              const double *positions, double *m) {
     lg_machine_vars vars;

@@ -192,7 +192,8 @@ static bool uniform(const lg_machine *machine, const lg_machine_log *log, const 
     return true;
 }
 
-/* Coefficients of power k of the rows' inputs, (count, inputs); LG_NONE if k > 0 and all are 0. */
+/* Coefficients of t^k in the polynomials of the inputs over these rows, (count, inputs); LG_NONE if k > 0 and
+ * all are 0. */
 static lg_var coefficients(lg_tape *tape, const lg_machine *machine, const lg_machine_log *log,
                            const size_t *at, uint32_t count, uint32_t k) {
     void *memory;

@@ -101,7 +101,8 @@ static void put_back(const lg_minimiser *m, const arrow *a, size_t b) {
     }
 }
 
-/* Replaces mu D_i in a step without damping: so tiny that it only serves to factor a singular J. */
+/* This number replaces mu D_i in a step without damping. It is tiny, and only makes a singular J
+ * factorable. */
 static double ridge_of(const arrow *a, size_t i) {
     const double square = a->P[i * a->stride + i];
     return square > 0.0 ? LEAST_DAMPING * square : 1.0;

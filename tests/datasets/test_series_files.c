@@ -428,7 +428,8 @@ TEST("classes that do not match are refused, and classes that do not occur need 
         {{"intact", "broken"}, 2, {1, 1, 1, 1, 1, 1}, NULL, "'1'"}, /* ambiguous: numbered 0..1 or 1..2? */
         {{"intact", "broken"}, 2, {0, 1, 2, 0, 1, 2}, NULL, "'0'"},
         {{"0", "1"}, 2, {0, 1, -1, 0, 1, 0}, NULL, "'-1'"},
-        /* Labels without names are used as names; a label that did not occur is not the number of a class. */
+        /* Without names of classes, the labels become the names. A label that did not occur in training is
+         * then not taken as the index of a class. */
         {{"1", "2", "3"}, 3, {0, 1, 2, 0, 1, 2}, NULL, "'0' is none of the classes 1|2|3"},
     };
     const uint32_t expected[WINDOWS] = {0, 1, 0, 1, 1, 0};

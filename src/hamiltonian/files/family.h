@@ -10,7 +10,7 @@ const void *lg_family_number(uint32_t value);
 /* The family that learns the system with this name, and the n of the system; *n is 0 if any n is possible.
  * NULL: the system is unknown, no family learns it, or it cannot be made. */
 const lg_hamiltonian_family *lg_family_of(const char *system, size_t *n);
-/* The form of a system that is learned: "hamiltonian"; NULL: the system has one form only. */
+/* Which form of the system models are learned in: "hamiltonian". NULL: the system has only one form. */
 const char *lg_learned_form(const char *system);
 
 /* No system has more parameters. */

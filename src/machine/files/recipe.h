@@ -63,9 +63,9 @@ void lg_machine_motions(const lg_machine_data *data, int lag, double *out);
  * less than half of what velocities of the same rows leave; else 0. `left`: what the velocities at this lag
  * leave, as in lg_machine_motions; if the lag is 0, half of it. */
 void lg_machine_lags(const lg_machine_data *data, int *lag, double *left);
-/* Noise of the position of a line or angle, from differences of its changes and the integrated velocity:
- * noise gives neighbouring differences opposite signs, curvature does not. 0: no noise, or another kind of
- * coordinate. */
+/* Noise of the position of a line or angle, from the differences between its changes and the integrated
+ * velocity: noise gives neighbouring differences opposite signs, curvature does not. 0: no noise, or
+ * another kind of coordinate. */
 double lg_machine_position_noise(const lg_machine_data *data, uint32_t coordinate);
 /* The longest run of rows in which a line or angle keeps its position although the integrated velocity says
  * that it moves. */
@@ -152,7 +152,7 @@ typedef struct lg_machine_verdict {
     /* The loss, and the largest loss that is expected of a model that explains the logs. */
     double loss, expected;
     double tolerated; /* `expected` without the error of the integration steps */
-    double forces;    /* about the loss of a model in which no forces act */
+    double forces;    /* about the loss that a model without any forces would have */
     lg_machine_missing missing;
     lg_identification identified; /* memory of the lg_learning */
     size_t count;                 /* number of identified numbers */
