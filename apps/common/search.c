@@ -337,7 +337,7 @@ static lg_status open_board(searching *search, lg_error *error) {
     if (status != LG_OK) return status;
     if (fresh) status = post_earlier(search, error);
     if (status == LG_OK) return board_begin(search->board, error);
-    /* the table belongs to other work, so the new board is removed */
+    /* the earlier table could not be taken over, so the new board is removed */
     if (fresh) board_end(search->board, false);
     return status;
 }

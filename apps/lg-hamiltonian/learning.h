@@ -40,7 +40,7 @@ lg_status sample_scene(const lg_context *context, const lg_scene *scene, const s
 /* ---- judging (judge.c) ---- */
 
 /* Default tolerance of the adaptive integration of the learned flow, used for rtol and atol as in app_flow.
- * It is 1e-10, and 1e-13 for linear potentials, whose E1 may be 1e-17 or less. */
+ * It is 1e-10, and 1e-13 for LG_POTENTIAL_LINEAR, whose error E1 may be 1e-17 or less. */
 double default_tolerance(const lg_hamiltonian *model);
 /* Integrates the learned flow from `start` to the given times: out (count, d). energy (count) is the learned
  * Hamiltonian along it; it may be NULL, as may stats. */

@@ -59,7 +59,8 @@ static lg_status miss(void *none, lg_tape *t, const lg_var *theta, const lg_var 
     return lg_tape_status(t);
 }
 
-/* Copies windows to `out`, one after the other, of the run `held` or (others) of all other runs. No window
+/* Copies windows to `out`, one after the other, those of the run `held`, or, if `others` is
+ * true, those of all other runs. No window
  * spans two runs or a gap. Returns the number of windows. */
 static size_t windows(uint32_t held, bool others, double *out) {
     size_t count = 0;

@@ -48,7 +48,8 @@
             SECOND_ORDER(epochs, batch, 4), curves                                                           \
     }
 /* Multilayer perceptron from the boundary conditions to all inner nodes. It has more parameters than a batch
- * has numbers; that is why there is only one shard. */
+ * has numbers, so adding up the gradients of several shards would cost more than it saves: there is one
+ * shard. */
 #define DISCRETE(name, merged, fraction, source, layers, hidden, act, normalise, mirror, gamma, ...)         \
     {                                                                                                        \
         name, LG_SURROGATE_DISCRETE, false, merged, fraction, source,                                        \

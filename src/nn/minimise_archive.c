@@ -94,7 +94,8 @@ lg_status lg_minimiser_save(const lg_minimiser *m, const lg_archive_writer *writ
     (void)lg_fail(error, LG_OK, "%s", "");
     double *curvature = divided(m) ? m->whole : m->curvature;
     if (curvature == NULL)
-        return lg_fail(error, LG_UNSUPPORTED, "rank 0 alone can save, when it has collected all rows");
+        return lg_fail(error, LG_UNSUPPORTED,
+                       "only rank 0 can save, and only after it has collected the rows of all ranks");
     return save_all(m, curvature, writer, error);
 }
 

@@ -243,7 +243,8 @@ static bool look(lg_minimiser *m, const given_residuals *given, double step, dou
     return given->k->all_finite(given->m, given->r) && given->k->all_finite(given->m, out);
 }
 
-/* Whether the change of r over the step agrees with J d; also true if r could not be evaluated. */
+/* Whether the change of r over the step agrees with the integral of J d along it (Simpson's rule); also
+ * true if r could not be evaluated. */
 static bool step_agrees(lg_minimiser *m, const given_residuals *given, double step, double size,
                         lg_status *status) {
     const size_t rows = given->m;

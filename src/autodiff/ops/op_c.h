@@ -43,7 +43,7 @@ extern const lg_c_fragment lg_c_dot;           /* dot(n, a, b) */
 extern const lg_c_fragment lg_c_dense_add;     /* dense_add(in, out, w, x, y): y += x w */
 extern const lg_c_fragment lg_c_first_maximum; /* first_maximum(n, apart, x): index of the largest number */
 extern const lg_c_fragment lg_c_stumpff;       /* inverse_factorial, stumpff_row: c_k and derivatives */
-extern const lg_c_fragment lg_c_dexpinv;       /* dexpinv_coef: g2 and its derivatives */
+extern const lg_c_fragment lg_c_dexpinv;       /* dexpinv_coef: g_2 of lg_so3_dexpinv and its derivatives */
 
 /* The writer of C, as write_c sees it. The first failure sticks to it. */
 typedef struct lg_c lg_c;
