@@ -362,8 +362,8 @@ lg_status app_make_folder(const char *path, lg_error *error);
 
 /* ---- plots through gnuplot ---- */
 
-/* A picture FILE.svg or FILE.png; beside it the data go to FILE.dat and the script to FILE.gp. app_plot_block
- * separates blocks of data, which the script addresses as `index k` of `datafile`. */
+/* A picture FILE.svg or FILE.png; the data go to FILE.dat and the script to FILE.gp in the same folder.
+ * app_plot_block separates blocks of data, which the script addresses as `index k` of `datafile`. */
 typedef struct app_plot {
     char *picture;
     app_file data, script;

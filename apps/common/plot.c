@@ -1,4 +1,4 @@
-/* Pictures drawn by gnuplot, from a script and data that are kept beside the picture. */
+/* gnuplot draws the pictures from a script and data, which stay in the folder of the picture. */
 #include "common/app.h"
 
 #include <errno.h>

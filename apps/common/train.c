@@ -84,7 +84,7 @@ lg_provenance app_provenance(const app *self, uint64_t seed) {
 
 /* ---- before training: options and files ---- */
 
-/* The path of the checkpoint: --checkpoint, or beside --out. Freed with free. */
+/* Returns the path of the checkpoint: --checkpoint, else a name made from --out. The caller frees it. */
 static char *checkpoint_path(void) {
     return files->checkpoint != NULL ? app_format("%s", files->checkpoint)
                                      : app_format("%s.checkpoint", files->out);
@@ -121,8 +121,8 @@ static int check_options(const app *self, const train_task *task) {
     return APP_EXIT_OK;
 }
 
-/* Removes temporary files that a killed training left beside the checkpoint that is resumed; does nothing
- * while another process works on the checkpoint. */
+/* Removes temporary files that a killed training left in the folder of the checkpoint that is resumed;
+ * does nothing while another process works on the checkpoint. */
 static void tidy(const app *self, const char *checkpoint) {
     lg_lock lock;
     if (lg_lock_take(self->context, checkpoint, self->command_line, &lock, NULL) != LG_OK) return;

@@ -3,8 +3,8 @@
 
 #include "lg-anomaly/train.h"
 
-/* Smaller than the default margin, which is for a third answer beside a classifier's classes. Here single
- * windows beyond the limit are outvoted, while damage stays beyond it. */
+/* Smaller than the default margin, which is for a third answer in addition to the classes of a classifier.
+ * Here single windows beyond the limit are outvoted, while damage stays beyond it. */
 static const double MARGIN = 1.6;
 
 typedef struct alone {

@@ -9,7 +9,7 @@
 #include "liegrad/elastica.h"
 
 enum { PROBLEMS = 32, NODES = 51 };
-/* gap: in units of pi; beside: in radians. */
+/* `gap` is in units of pi, `beside` in radians. */
 static const double pi = 3.14159265358979323846, gap = 0.012, beside = 0.01;
 
 /* Parameter x of problem i. `neighbour`: x of a nearby problem, whose solution is used as a warm start. */
