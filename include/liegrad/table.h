@@ -166,6 +166,37 @@ LG_API lg_status lg_table_program(const lg_context *context, const lg_table *mod
                                   const lg_scaler *outputs, const double *theta, lg_program **out,
                                   lg_error *error);
 
+/* ---- a regression in one call ---- */
+
+/* The comments give the values of lg_table_fit_options_init. */
+typedef struct lg_table_fit_options {
+    size_t size;            /* sizeof(lg_table_fit_options) */
+    lg_table_options model; /* default: regression by an MLP with two hidden layers of 16, tanh */
+    lg_table_evidence_options evidence;
+    uint32_t starts; /* default 3: fits from this many random starts; the highest evidence wins */
+    uint64_t seed;   /* default 1 */
+} lg_table_fit_options;
+LG_API void lg_table_fit_options_init(lg_table_fit_options *options);
+
+typedef struct lg_table_fit_result {
+    lg_table_evidence_result evidence; /* of the best start; noise is in units of the outputs' deviations */
+    uint32_t start;                    /* number of the best start, from 0 */
+} lg_table_fit_result;
+
+/* Learns y (rows, outputs) as a function of x (rows, inputs): scales the columns, finds weights and weight
+ * decay by lg_table_evidence, so that a wide network does not learn the noise, and makes the program of
+ * lg_table_program with the functions `value` and `grad`. It takes and gives numbers in the units of x and y.
+ *
+ *   lg_table_fit(NULL, x, 1, y, 1, rows, NULL, &program, NULL, &error);
+ *   lg_program_eval(NULL, program, "value", 1, inputs, outputs, &error);
+ *
+ * `options` NULL stands for the defaults; `result` may be NULL. Free *out with lg_program_destroy. Errors, in
+ * which case *out is untouched: LG_INVALID_ARGUMENT (NULL, no rows, a task other than regression, no start,
+ * options that lg_table_init refuses), LG_NOT_FINITE (a number of x or y), LG_OUT_OF_MEMORY, LG_CANCELLED. */
+LG_API lg_status lg_table_fit(const lg_context *context, const double *x, uint32_t inputs, const double *y,
+                              uint32_t outputs, size_t rows, const lg_table_fit_options *options,
+                              lg_program **out, lg_table_fit_result *result, lg_error *error);
+
 /* ---- files of table networks (library liegrad_io from here on) ---- */
 
 #define LG_TABLE_NAME 64 /* bytes of the name of a column or class, with the terminator */

@@ -395,3 +395,66 @@ TEST("invalid table networks are refused with a message") {
     double theta[64] = {0}, decay[LG_TABLE_SLICES];
     assert_status(lg_table_evidence(NULL, &problem, NULL, theta, decay, NULL, &error), LG_UNSUPPORTED);
 }
+
+/* ---- a regression in one call ---- */
+
+static void release_made(void *program) {
+    lg_program_destroy(program);
+}
+
+/* Fits y = sin(x) + noise on [-3, 3] with x and y in other units, and returns the root mean square error of
+ * the prediction against sin(x), in the unit of sin(x). */
+static double error_of_fit(double x_unit, double y_unit, double noise, lg_table_fit_result *result) {
+    enum { TRAIN = 64, TEST = 101 };
+    double x[TRAIN], y[TRAIN], at[TEST], found[TEST], sum = 0;
+    lg_program *program = NULL;
+    lg_error error;
+    lg_rng rng = test_rng(31, 1);
+    for (int i = 0; i < TRAIN; i++) {
+        const double a = -3 + 6.0 * i / (TRAIN - 1);
+        x[i] = a * x_unit;
+        y[i] = (sin(a) + noise * lg_rng_normal(&rng)) * y_unit;
+    }
+    for (int i = 0; i < TEST; i++) at[i] = (-3 + 6.0 * i / (TEST - 1)) * x_unit;
+    assert_told(lg_table_fit(NULL, x, 1, y, 1, TRAIN, NULL, &program, result, &told));
+    lg_test_owns(program, release_made);
+    const double *const in[] = {at};
+    double *const out[] = {found};
+    assert_ok(lg_program_eval(NULL, program, "value", TEST, in, out, &error));
+    for (int i = 0; i < TEST; i++) sum += pow(found[i] / y_unit - sin(at[i] / x_unit), 2) / TEST;
+    return sqrt(sum);
+}
+
+TEST("a regression in one call finds the function below the noise, in any units") {
+    lg_table_fit_result result;
+    const double exact = error_of_fit(1, 1, 0, &result), noisy = error_of_fit(1, 1, 0.1, &result),
+                 huge = error_of_fit(0x1p30, 0x1p-30, 0.1, NULL);
+    print_message("error %.2g without noise, %.2g with noise 0.1 (estimated %.2g)\n", exact, noisy,
+                  result.evidence.noise * 0.7);
+    assert_true(exact < 1e-3);
+    assert_true(noisy < 0.05);
+    assert_true(result.evidence.noise > 0.05 && result.evidence.noise < 0.25);
+    assert_true(huge == noisy); /* powers of 2 change no bit */
+    assert_true(result.start < 3);
+}
+
+TEST("a regression in one call refuses what it cannot fit") {
+    double x[4] = {0, 1, 2, 3}, y[4] = {0, 1, 4, 9};
+    lg_table_fit_options options;
+    lg_program *program = NULL;
+    lg_error error;
+    lg_table_fit_options_init(&options);
+    assert_status(lg_table_fit(NULL, x, 1, y, 1, 0, NULL, &program, NULL, &error), LG_INVALID_ARGUMENT);
+    options.starts = 0;
+    assert_status(lg_table_fit(NULL, x, 1, y, 1, 4, &options, &program, NULL, &error), LG_INVALID_ARGUMENT);
+    options.starts = 1;
+    options.model.task = LG_TABLE_CLASSIFICATION;
+    assert_status(lg_table_fit(NULL, x, 1, y, 1, 4, &options, &program, NULL, &error), LG_INVALID_ARGUMENT);
+    options.model.task = LG_TABLE_REGRESSION;
+    options.size--;
+    assert_status(lg_table_fit(NULL, x, 1, y, 1, 4, &options, &program, NULL, &error), LG_INVALID_ARGUMENT);
+    y[2] = NAN;
+    assert_status(lg_table_fit(NULL, x, 1, y, 1, 4, NULL, &program, NULL, &error), LG_NOT_FINITE);
+    assert_says(error.message, "outputs");
+    assert_null(program);
+}

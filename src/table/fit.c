@@ -1,0 +1,107 @@
+/* A regression in one call. */
+#include "liegrad/table.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "core/core.h"
+
+enum { WIDTH = 16 };
+
+void lg_table_fit_options_init(lg_table_fit_options *options) {
+    *options = (lg_table_fit_options){.size = sizeof *options, .starts = 3, .seed = 1};
+    options->model = (lg_table_options){.task = LG_TABLE_REGRESSION,
+                                        .network = LG_NET_MLP,
+                                        .activation = LG_TANH,
+                                        .hidden_count = 2,
+                                        .hidden = {WIDTH, WIDTH}};
+    lg_table_evidence_options_init(&options->evidence);
+}
+
+/* Everything that the fit owns. `theta` and `decay` are of the present start, `best` is of the best one. */
+typedef struct fitting {
+    const lg_context *context;
+    const lg_table_fit_options *options;
+    lg_table model;
+    lg_scaler inputs, outputs;
+    lg_table_samples samples;
+    double *theta, *best;
+    lg_table_fit_result result;
+} fitting;
+
+/* (x - mean)/scale of each column of x (rows, columns). */
+static double *scaled(const lg_context *context, const double *x, size_t rows, const lg_scaler *scaler,
+                      uint32_t columns) {
+    double *out = lg_alloc(context, rows * columns, sizeof *out);
+    for (size_t i = 0; out != NULL && i < rows; i++)
+        for (uint32_t c = 0; c < columns; c++)
+            out[i * columns + c] = (x[i * columns + c] - scaler->mean[c]) / scaler->scale[c];
+    return out;
+}
+
+static lg_status prepare(fitting *f, const double *x, const double *y, size_t rows, lg_error *error) {
+    const uint32_t n = f->model.net.inputs, m = f->model.net.outputs;
+    const lg_status x_status = lg_table_scaler_fit(f->context, x, n, NULL, rows, &f->inputs),
+                    y_status = x_status == LG_OK
+                                   ? lg_table_scaler_fit(f->context, y, m, NULL, rows, &f->outputs)
+                                   : x_status;
+    if (y_status != LG_OK)
+        return lg_fail(error, y_status, "the %s of the rows: %s", x_status != LG_OK ? "inputs" : "outputs",
+                       lg_status_sentence(y_status));
+    f->samples = (lg_table_samples){.count = rows,
+                                    .training = rows,
+                                    .x = scaled(f->context, x, rows, &f->inputs, n),
+                                    .y = scaled(f->context, y, rows, &f->outputs, m)};
+    f->theta = lg_alloc(f->context, lg_table_parameters(&f->model), sizeof *f->theta);
+    f->best = lg_alloc(f->context, lg_table_parameters(&f->model), sizeof *f->best);
+    if (f->samples.x == NULL || f->samples.y == NULL || f->theta == NULL || f->best == NULL)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu rows", rows);
+    return LG_OK;
+}
+
+/* Fits from start number `start`, and keeps the parameters if their evidence is the highest so far. */
+static lg_status try_start(fitting *f, uint32_t start, lg_error *error) {
+    const lg_table_problem problem = {.model = &f->model, .samples = &f->samples};
+    double decay[LG_TABLE_SLICES];
+    lg_table_evidence_result found;
+    lg_rng rng;
+    lg_rng_seed(&rng, f->options->seed, start);
+    lg_table_initialise(&f->model, &rng, f->theta);
+    LG_TRY(lg_table_evidence(f->context, &problem, &f->options->evidence, f->theta, decay, &found, error));
+    if (start > 0 && !(found.evidence > f->result.evidence.evidence)) return LG_OK;
+    f->result = (lg_table_fit_result){.evidence = found, .start = start};
+    memcpy(f->best, f->theta, lg_table_parameters(&f->model) * sizeof *f->best);
+    return LG_OK;
+}
+
+static lg_status fit(fitting *f, const double *x, const double *y, size_t rows, lg_program **out,
+                     lg_error *error) {
+    LG_TRY(prepare(f, x, y, rows, error));
+    for (uint32_t start = 0; start < f->options->starts; start++) LG_TRY(try_start(f, start, error));
+    return lg_table_program(f->context, &f->model, &f->inputs, &f->outputs, f->best, out, error);
+}
+
+lg_status lg_table_fit(const lg_context *context, const double *x, uint32_t inputs, const double *y,
+                       uint32_t outputs, size_t rows, const lg_table_fit_options *options, lg_program **out,
+                       lg_table_fit_result *result, lg_error *error) {
+    lg_table_fit_options defaults;
+    LG_NEEDS(error, x, y, out);
+    lg_table_fit_options_init(&defaults);
+    fitting f = {.context = context, .options = options != NULL ? options : &defaults};
+    if (f.options->size != sizeof *options)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "options of another version");
+    if (f.options->starts < 1 || f.options->model.task != LG_TABLE_REGRESSION)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s",
+                       f.options->starts < 1 ? "0 starts: at least one is needed"
+                                             : "lg_table_fit is for regressions only");
+    LG_TRY(lg_table_init(&f.model, &f.options->model, inputs, outputs, error));
+    const lg_status status = fit(&f, x, y, rows, out, error);
+    if (status == LG_OK && result != NULL) *result = f.result;
+    lg_scaler_destroy(&f.inputs);
+    lg_scaler_destroy(&f.outputs);
+    lg_free(context, f.samples.x);
+    lg_free(context, f.samples.y);
+    lg_free(context, f.theta);
+    lg_free(context, f.best);
+    return status;
+}
