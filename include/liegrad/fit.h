@@ -31,11 +31,11 @@
 #include <stdint.h>
 
 #include "liegrad/core.h"
+#include "liegrad/networks.h"
+#include "liegrad/program.h"
 #include "liegrad/tape.h"
 
 LG_BEGIN_DECLS
-
-typedef struct lg_program lg_program;
 
 /* ---- Adam (Kingma & Ba 2015; decoupled decay: Loshchilov & Hutter 2019) ---- */
 
@@ -423,6 +423,7 @@ typedef struct lg_program_fit_result {
     double seconds;       /* wall time */
     uint64_t epochs;      /* finished epochs; for a minimiser, evaluations */
     const char *end;      /* why training is finished: a sentence without a full stop, static storage */
+    uint32_t start;       /* lg_program_fit_starts: number of the best start, from 0; otherwise 0 */
 } lg_program_fit_result;
 
 /* Trains all parameters of the program. The first output of `function` decides what is minimised:
@@ -447,6 +448,26 @@ typedef struct lg_program_fit_result {
 LG_API lg_status lg_program_fit(const lg_context *context, lg_program *program, const char *function,
                                 const double *const *data, size_t rows, const lg_fit_options *options,
                                 lg_program_fit_result *result, lg_error *error);
+
+/* Where lg_program_fit_starts begins. draw writes start values of parameter number `parameter` of the program
+ * to `values`. Each start has its own random numbers. For a program whose only parameter is the weights of an
+ * lg_mlp, `draw` is lg_mlp_draw and `user` is the address of the lg_mlp. */
+typedef struct lg_fit_starts {
+    uint32_t count; /* number of starts, >= 1 */
+    void (*draw)(void *user, size_t parameter, lg_rng *rng, double *values);
+    void *user;    /* passed to `draw` */
+    uint64_t seed; /* of the random numbers */
+} lg_fit_starts;
+
+/* Runs lg_program_fit from several random starts and keeps the parameters with the lowest loss, because the
+ * training of a network can end in a poor minimum. A start that gives numbers that are not finite is skipped.
+ * The result describes the best start; its seconds are those of all starts together. `starts` NULL means
+ * lg_program_fit. Errors: those of lg_program_fit, of which LG_NOT_FINITE only if all starts fail;
+ * LG_INVALID_ARGUMENT (no starts, `draw` is NULL). */
+LG_API lg_status lg_program_fit_starts(const lg_context *context, lg_program *program, const char *function,
+                                       const double *const *data, size_t rows, const lg_fit_options *options,
+                                       const lg_fit_starts *starts, lg_program_fit_result *result,
+                                       lg_error *error);
 
 LG_END_DECLS
 

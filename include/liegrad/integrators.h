@@ -502,6 +502,24 @@ LG_API lg_status lg_integrate_adaptive(lg_stepper *stepper, const lg_step_contro
                                        const double *y0, const double *times, size_t count, double *out,
                                        lg_run_stats *stats);
 
+/* Solves y' = f(t, y) . y in one call. `space` is a text of lg_space_read, such as "R^2" or "SO(3), R^3"; field
+ * and user are those of lg_ode. y0 (dim) is the state at times[0]; out (count, dim) becomes the states at
+ * `times`, which only rise or only fall. The scheme is rkmk54 (on R^n it is dp54) with adaptive steps, whose
+ * relative error stays near `tolerance`, such as 1e-8 (rtol = tolerance, atol = -tolerance).
+ *
+ *   static lg_status pendulum(void *user, double t, const double *y, const double *input, double *f) {
+ *       f[0] = y[1], f[1] = -sin(y[0]);
+ *       return LG_OK;
+ *   }
+ *   lg_ode_solve(NULL, "R^2", pendulum, NULL, 1e-8, times, 101, (double[]){1, 0}, out, &error);
+ *
+ * Errors, with the time that was reached in `error`: LG_FORMAT (the space), LG_OUT_OF_MEMORY,
+ * LG_INVALID_ARGUMENT (NULL, tolerance, times, a start that is not finite), the other errors of
+ * lg_integrate_adaptive. Rows of times that were reached are written. */
+LG_API lg_status lg_ode_solve(const lg_context *context, const char *space, lg_vector_field field, void *user,
+                              double tolerance, const double *times, size_t count, const double *y0,
+                              double *out, lg_error *error);
+
 /* ---- Files of schemes (library liegrad_io) ---- */
 
 /* lg_scheme_read reads a scheme from a YAML (or JSON) file and checks it with lg_scheme_check. Numbers are

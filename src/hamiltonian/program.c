@@ -8,13 +8,9 @@ typedef struct recording {
     const lg_scheme *scheme;
 } recording;
 
-/* The inputs of a function are x, then u if the system has inputs, then h for `step`. This is u. */
+/* The inputs of a function are x, then u if the system has inputs. This is u. */
 static lg_var input_of(const recording *r, const lg_var *x) {
     return lg_hamiltonian_input_dim(r->model) > 0 ? x[1] : LG_NONE;
-}
-
-static lg_var step_of(const recording *r, const lg_var *x) {
-    return lg_hamiltonian_input_dim(r->model) > 0 ? x[2] : x[1];
 }
 
 static lg_status value(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
@@ -48,41 +44,6 @@ static lg_status field(void *user, lg_tape *tape, const lg_var *theta, const lg_
     return lg_tape_status(tape);
 }
 
-/* The equation that `step` integrates; its right-hand sides call other functions of the program. */
-static lg_status call_field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
-                            lg_var *algebra) {
-    const lg_space *space = user;
-    const lg_var in[2] = {lg_taped_join(tape, space, y), input};
-    (void)t;
-    return lg_taped_split_algebra(tape, space, lg_program_call(tape, "field", 0, in), algebra);
-}
-
-static lg_status call_force(void *user, lg_tape *tape, lg_taped_time t, lg_var q, lg_var input, lg_var *out) {
-    const lg_var in[2] = {q, input};
-    (void)user, (void)t;
-    *out = lg_program_call(tape, "force", 0, in);
-    return lg_tape_status(tape);
-}
-
-static lg_status call_drift(void *user, lg_tape *tape, lg_taped_time t, lg_var p, lg_var input, lg_var *out) {
-    (void)user, (void)t, (void)input;
-    *out = lg_program_call(tape, "drift", 0, &p);
-    return lg_tape_status(tape);
-}
-
-static lg_status step(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    const recording *r = user;
-    lg_taped_ode ode = {.field = call_field, .force = call_force, .velocity = call_drift, .user = &ode.space};
-    lg_var parts[LG_HAMILTONIAN_MAX_PARTS];
-    (void)theta;
-    LG_TRY(lg_hamiltonian_space(r->model->family, r->model->n, &ode.space));
-    LG_TRY(lg_taped_split(tape, &ode.space, x[0], parts));
-    const lg_taped_interval over = {.h_rows = step_of(r, x), .input = input_of(r, x)};
-    LG_TRY(lg_taped_step_over(tape, r->scheme, &ode, &over, parts, parts));
-    y[0] = lg_taped_join(tape, &ode.space, parts);
-    return lg_tape_status(tape);
-}
-
 static lg_status force(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     const recording *r = user;
     lg_hamiltonian_vars vars;
@@ -107,18 +68,16 @@ static lg_status velocity(void *user, lg_tape *tape, const lg_var *theta, const 
     return lg_tape_status(tape);
 }
 
-enum { MOST_FUNCTIONS = 7 };
+enum { MOST_FUNCTIONS = 6 };
 
 static lg_status build(const lg_context *context, recording *r, const double *theta, lg_program **out,
                        lg_error *error) {
     const lg_hamiltonian *model = r->model;
     const uint32_t d = lg_hamiltonian_state_dim(model), m = lg_hamiltonian_input_dim(model);
     const size_t inputs = m > 0 ? 2 : 1;
-    const lg_port h = {.name = "h", .shape = lg_shape1(1), .low = 0.001, .high = 0.05};
-    lg_port in[3] = {{.name = "x", .shape = lg_shape1(d)}, {.name = "u", .shape = lg_shape1(m)}};
-    in[inputs] = h;
+    const lg_port in[] = {{.name = "x", .shape = lg_shape1(d)}, {.name = "u", .shape = lg_shape1(m)}};
     const lg_port half[] = {{.name = "x", .shape = lg_shape1(d / 2)}, {.name = "u", .shape = lg_shape1(m)}};
-    const lg_port energy[] = {{.name = "y"}, {.name = "g"}}, rate = {.name = "f"}, next = {.name = "next"};
+    const lg_port energy[] = {{.name = "y"}, {.name = "g"}}, rate = {.name = "f"};
     lg_function_spec functions[MOST_FUNCTIONS] = {{"value", in, 1, energy, 1, value, r},
                                                   {"grad", in, 1, energy, 2, gradient, r},
                                                   {"field", in, inputs, &rate, 1, field, r}};
@@ -128,7 +87,6 @@ static lg_status build(const lg_context *context, recording *r, const double *th
         functions[count++] = (lg_function_spec){"drift", half, 1, &rate, 1, drift, r};
     }
     functions[count++] = (lg_function_spec){"velocity", in, inputs, &rate, 1, velocity, r};
-    functions[count++] = (lg_function_spec){"step", in, inputs + 1, &next, 1, step, r};
     const lg_parameter_spec weights = {"theta", lg_shape1((uint32_t)lg_hamiltonian_parameters(model)), theta};
     lg_program_spec spec;
     lg_program_spec_init(&spec);
@@ -140,9 +98,12 @@ static lg_status build(const lg_context *context, recording *r, const double *th
     return lg_program_build(context, &spec, out, error);
 }
 
-/* Adds the Jacobian of `velocity`, then gives the program its parameters. */
-static lg_status finish(lg_program *program, const double *theta, lg_error *error) {
+/* Adds the step and the Jacobian of `velocity`, then gives the program its parameters. */
+static lg_status finish(const recording *r, lg_program *program, const double *theta, lg_error *error) {
+    lg_space space;
     lg_derivative jacobian;
+    LG_TRY(lg_hamiltonian_space(r->model->family, r->model->n, &space));
+    LG_TRY(lg_program_add_step(program, &space, r->scheme, 0.001, 0.05, error));
     lg_derivative_init(&jacobian);
     jacobian.kind = LG_DERIVATIVE_JACOBIAN;
     jacobian.function = "velocity";
@@ -166,7 +127,7 @@ lg_status lg_hamiltonian_program(const lg_context *context, const lg_hamiltonian
     lg_status status = build(context, &r, initial, &made, error);
     lg_free(context, initial);
     if (status != LG_OK) return status;
-    status = finish(made, theta, error);
+    status = finish(&r, made, theta, error);
     if (status == LG_OK)
         *out = made;
     else

@@ -124,28 +124,6 @@ static lg_status velocity(void *user, lg_tape *tape, const lg_var *theta, const 
     return lg_tape_status(tape);
 }
 
-static lg_status call_field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
-                            lg_var *algebra) {
-    const lg_space *space = user;
-    const lg_var in[2] = {lg_taped_join(tape, space, y), input};
-    (void)t;
-    return lg_taped_split_algebra(tape, space, lg_program_call(tape, "field", 0, in), algebra);
-}
-
-static lg_status step(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    const recording *r = user;
-    const bool forced = r->machine->input_count > 0;
-    lg_taped_ode ode = {.space = r->space, .field = call_field};
-    const lg_taped_interval over = {.h_rows = forced ? x[2] : x[1], .input = forced ? x[1] : LG_NONE};
-    lg_var parts[LG_TAPED_MAX_PARTS];
-    (void)theta;
-    ode.user = &ode.space;
-    LG_TRY(lg_taped_split(tape, &r->space, x[0], parts));
-    LG_TRY(lg_taped_step_over(tape, r->scheme, &ode, &over, parts, parts));
-    y[0] = lg_taped_join(tape, &r->space, parts);
-    return lg_tape_status(tape);
-}
-
 static lg_status momenta(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     const recording *r = user;
     lg_machine_vars vars;
@@ -193,15 +171,11 @@ static lg_status build(const lg_context *context, recording *r, const double *th
     const lg_machine *machine = r->machine;
     const uint32_t m = machine->input_count;
     const size_t inputs = m > 0 ? 2 : 1;
-    const double T = machine->scales.time;
-    const lg_port h = {.name = "h", .shape = lg_shape1(1), .low = 0.001 * T, .high = 0.05 * T};
-    lg_port in[3] = {port_of("x", r->state, (uint32_t)r->space.dim)};
+    lg_port in[2] = {port_of("x", r->state, (uint32_t)r->space.dim)};
     if (m > 0) in[1] = port_of("u", machine->scales.input, m);
-    in[inputs] = h;
     const lg_port logged[2] = {port_of("q", r->positions, machine->positions),
                                port_of("v", r->velocities, machine->velocities)};
-    const lg_port energy[2] = {{.name = "y"}, {.name = "g"}}, rate = {.name = "f"}, next = {.name = "next"};
-    const lg_port state = {.name = "x"};
+    const lg_port energy[2] = {{.name = "y"}, {.name = "g"}}, rate = {.name = "f"}, state = {.name = "x"};
     lg_function_spec functions[] = {
         {"value", in, 1, energy, 1, value, r},
         {"grad", in, 1, energy, 2, gradient, r},
@@ -210,7 +184,6 @@ static lg_status build(const lg_context *context, recording *r, const double *th
         {"momenta", logged, 2, &state, 1, momenta, r},
         {"velocities", in, 1, &logged[1], 1, velocities, r},
         {"positions", in, 1, &logged[0], 1, positions, r},
-        {"step", in, inputs + 1, &next, 1, step, r},
     };
     const lg_parameter_spec weights = {"theta", lg_shape1((uint32_t)machine->parameters), theta};
     lg_program_spec spec;
@@ -241,7 +214,9 @@ lg_status lg_machine_program(const lg_context *context, const lg_machine *machin
     lg_derivative_init(&jacobian);
     jacobian.kind = LG_DERIVATIVE_JACOBIAN;
     jacobian.function = "velocity";
-    const lg_status status = lg_program_derive(made, &jacobian, error);
+    const double T = machine->scales.time;
+    lg_status status = lg_program_add_step(made, &r.space, r.scheme, 0.001 * T, 0.05 * T, error);
+    if (status == LG_OK) status = lg_program_derive(made, &jacobian, error);
     if (status == LG_OK)
         *out = made;
     else

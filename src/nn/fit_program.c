@@ -18,8 +18,8 @@ typedef struct training {
     bool squares;   /* the first output has a value for each row */
     size_t numbers; /* of the first output, per row */
     const double *const *data;
-    double *theta;
-    size_t count; /* length of theta */
+    double *theta, *best; /* best: parameters of the best start so far; NULL without starts */
+    size_t count;         /* length of theta and best */
 } training;
 
 /* ---- on a tape ---- */
@@ -218,7 +218,6 @@ static lg_status run(training *t, const lg_context *context, const lg_fit_option
                                     .observations = t->squares ? t->rows * t->numbers : 0};
     const double begin = lg_seconds();
     lg_fit *fit = NULL;
-    (void)take_parameters(t, t->theta);
     LG_TRY(loss_of_all(t, context, &result->before, error));
     LG_TRY(lg_fit_create(context, &problem, options != NULL ? options : &defaults, t->theta, &fit, error));
     lg_status status = lg_fit_run(fit, error);
@@ -233,18 +232,65 @@ static lg_status run(training *t, const lg_context *context, const lg_fit_option
     return status;
 }
 
-lg_status lg_program_fit(const lg_context *context, lg_program *program, const char *function,
-                         const double *const *data, size_t rows, const lg_fit_options *options,
-                         lg_program_fit_result *result, lg_error *error) {
+/* Runs all starts. theta becomes the parameters of the start with the lowest loss. A start whose numbers do not
+ * stay finite loses; it is an error only if no other start ends well. */
+static lg_status run_starts(training *t, const lg_context *context, const lg_fit_options *options,
+                            const lg_fit_starts *starts, lg_program_fit_result *result, lg_error *error) {
+    const double begin = lg_seconds();
+    lg_status status = LG_OK;
+    result->after = INFINITY;
+    for (uint32_t start = 0; start < starts->count; start++) {
+        lg_program_fit_result made = {.end = "", .start = start};
+        lg_rng rng;
+        lg_rng_seed(&rng, starts->seed, start);
+        double *to = t->theta;
+        for (size_t j = 0; j < t->parameters; j++) {
+            starts->draw(starts->user, j, &rng, to);
+            to += lg_shape_count(lg_program_parameter(t->program, j).shape);
+        }
+        status = run(t, context, options, &made, error);
+        if (status != LG_OK && status != LG_NOT_FINITE) return status;
+        if (status != LG_OK || !(made.after < result->after)) continue;
+        *result = made;
+        memcpy(t->best, t->theta, t->count * sizeof *t->best);
+    }
+    if (result->after == INFINITY) return status;
+    memcpy(t->theta, t->best, t->count * sizeof *t->best);
+    result->seconds = lg_seconds() - begin;
+    return LG_OK;
+}
+
+static lg_status fit(training *t, const lg_context *context, const lg_fit_options *options,
+                     const lg_fit_starts *starts, lg_program_fit_result *result, lg_error *error) {
+    t->theta = lg_alloc(context, t->count, sizeof *t->theta);
+    if (starts != NULL) t->best = lg_alloc(context, t->count, sizeof *t->best);
+    if (t->theta == NULL || (starts != NULL && t->best == NULL))
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu parameters", t->count);
+    if (starts != NULL) return run_starts(t, context, options, starts, result, error);
+    (void)take_parameters(t, t->theta);
+    return run(t, context, options, result, error);
+}
+
+lg_status lg_program_fit_starts(const lg_context *context, lg_program *program, const char *function,
+                                const double *const *data, size_t rows, const lg_fit_options *options,
+                                const lg_fit_starts *starts, lg_program_fit_result *result, lg_error *error) {
     training t = {.program = program, .data = data, .rows = rows};
     lg_program_fit_result made = {.end = ""};
     LG_TRY(open_function(&t, function, error));
+    if (starts != NULL && (starts->count < 1 || starts->draw == NULL))
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the number of starts is 0 or there is no function that draws them");
     t.count = take_parameters(&t, NULL);
-    t.theta = lg_alloc(context, t.count, sizeof *t.theta);
-    if (t.theta == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu parameters", t.count);
-    lg_status status = run(&t, context, options, &made, error);
+    lg_status status = fit(&t, context, options, starts, &made, error);
     if (status == LG_OK) status = give_parameters(program, t.theta);
     if (status == LG_OK && result != NULL) *result = made;
     lg_free(context, t.theta);
+    lg_free(context, t.best);
     return status;
+}
+
+lg_status lg_program_fit(const lg_context *context, lg_program *program, const char *function,
+                         const double *const *data, size_t rows, const lg_fit_options *options,
+                         lg_program_fit_result *result, lg_error *error) {
+    return lg_program_fit_starts(context, program, function, data, rows, options, NULL, result, error);
 }

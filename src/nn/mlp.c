@@ -96,6 +96,11 @@ void lg_mlp_initialise(const lg_mlp *net, lg_rng *rng, double *theta) {
     lg_mlp_initialise_as(net, LG_INIT_FAN_IN, rng, theta);
 }
 
+void lg_mlp_draw(void *net, size_t parameter, lg_rng *rng, double *theta) {
+    (void)parameter;
+    lg_mlp_initialise(net, rng, theta);
+}
+
 /* ---- on a tape ---- */
 
 lg_status lg_mlp_bind(lg_tape *tape, const lg_mlp *net, lg_var theta, size_t offset, lg_mlp_vars *vars) {

@@ -406,7 +406,7 @@ static void release_made(void *program) {
  * the prediction against sin(x), in the unit of sin(x). */
 static double error_of_fit(double x_unit, double y_unit, double noise, lg_table_fit_result *result) {
     enum { TRAIN = 64, TEST = 101 };
-    double x[TRAIN], y[TRAIN], at[TEST], found[TEST], sum = 0;
+    double x[TRAIN], y[TRAIN], at[TEST], predicted[TEST], sum = 0;
     lg_program *program = NULL;
     lg_error error;
     lg_rng rng = test_rng(31, 1);
@@ -419,9 +419,9 @@ static double error_of_fit(double x_unit, double y_unit, double noise, lg_table_
     assert_told(lg_table_fit(NULL, x, 1, y, 1, TRAIN, NULL, &program, result, &told));
     lg_test_owns(program, release_made);
     const double *const in[] = {at};
-    double *const out[] = {found};
+    double *const out[] = {predicted};
     assert_ok(lg_program_eval(NULL, program, "value", TEST, in, out, &error));
-    for (int i = 0; i < TEST; i++) sum += pow(found[i] / y_unit - sin(at[i] / x_unit), 2) / TEST;
+    for (int i = 0; i < TEST; i++) sum += pow(predicted[i] / y_unit - sin(at[i] / x_unit), 2) / TEST;
     return sqrt(sum);
 }
 

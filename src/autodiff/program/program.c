@@ -90,12 +90,11 @@ lg_status lg_program_add_parameter(lg_program *p, const lg_parameter_spec *spec,
     for (size_t i = 0; i < p->parameters; i++)
         if (strcmp(p->parameter[i].name, spec->name) == 0)
             return lg_fail(error, LG_INVALID_ARGUMENT, "two parameters are called '%s'", spec->name);
-    if (!lg_program_shape_is_sound(&spec->shape, LG_MAX_RANK) || spec->values == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "parameter '%s': its values are NULL, its rank is above 4, or it is too large",
+    if (!lg_program_shape_is_sound(&spec->shape, LG_MAX_RANK))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "parameter '%s': its rank is above 4, or it is too large",
                        spec->name);
     const size_t count = lg_shape_count(spec->shape);
-    for (size_t i = 0; i < count; i++)
+    for (size_t i = 0; i < count && spec->values != NULL; i++)
         if (!isfinite(spec->values[i]))
             return lg_fail(error, LG_NOT_FINITE, "parameter '%s' has a number that is not finite",
                            spec->name);
@@ -110,7 +109,7 @@ lg_status lg_program_add_parameter(lg_program *p, const lg_parameter_spec *spec,
         lg_free(p->context, made.values);
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for parameter '%s'", spec->name);
     }
-    memcpy(made.values, spec->values, count * sizeof(double));
+    if (spec->values != NULL) memcpy(made.values, spec->values, count * sizeof(double));
     if (p->parameters > 0) memcpy(grown, p->parameter, p->parameters * sizeof *grown);
     grown[p->parameters++] = made;
     lg_free(p->context, p->parameter);
