@@ -14,6 +14,7 @@
 static const char *const columns[] = {"angle", "rate", "torque"}; /* X states, then the inputs */
 static const uint32_t hidden[] = {12, 12};
 enum { X = 2, ROW = COUNT(columns), U = ROW - X, STEPS = 8 };
+static lg_scaler scale; /* of the columns: networks learn best from numbers near 1 */
 static lg_error error;
 
 static void need(lg_status status) {
@@ -24,7 +25,8 @@ static void need(lg_status status) {
 
 /* Records f (B, X) at in[0] = x (B, X) and in[1] = u (B, U). */
 static lg_status field(void *net, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *f) {
-    f[0] = lg_mlp_record(t, net, theta[0], 0, lg_concat(t, in, 2, 1));
+    const lg_var row = lg_scaler_record(t, &scale, lg_concat(t, in, 2, 1), false);
+    f[0] = lg_mlp_record(t, net, theta[0], 0, row);
     return lg_tape_status(t);
 }
 
@@ -49,20 +51,20 @@ int main(int argc, char **argv) {
     double square = 0;
     if (argc != 3) return (void)fputs("usage: own_ode LOG.csv MODEL.h5\n", stderr), 2;
     need(lg_table_windows_read(NULL, argv[1], "time", "run", columns, ROW, STEPS, &w, &error));
+    need(lg_table_scaler_fit(NULL, w.data.values, ROW, NULL, w.data.rows, &scale));
     need(lg_mlp_init(&net, ROW, hidden, COUNT(hidden), X, LG_TANH, true));
     need(lg_space_init_rn(&space, X));
-    const lg_port x = lg_table_port(&w.data, "x", X), u = lg_table_port(&w.data, "u", U), f = {.name = "f"};
-    const lg_port rows = lg_table_port(&w.data, "rows", (STEPS + 1) * ROW),
-                  h = {.name = "h", .shape = lg_shape1(1), .high = 0.1};
-    const lg_function_spec the_field = {"field", (lg_port[]){x, u}, 2, &f, 1, field, &net};
-    const lg_function_spec the_miss = {"miss", (lg_port[]){rows, h}, 2, &f, 1, miss, NULL};
+    const lg_port in[] = {lg_table_port(&w.data, "x", X), lg_table_port(&w.data, "u", U)}, f = {.name = "f"};
+    const lg_port window[] = {lg_table_port(&w.data, "rows", (STEPS + 1) * ROW), {"h", lg_shape1(1)}};
+    const lg_function_spec the_field = {"field", in, 2, &f, 1, field, &net};
+    const lg_function_spec the_miss = {"miss", window, 2, &f, 1, miss, NULL};
     const lg_parameter_spec theta = {.name = "theta", .shape = lg_shape1((uint32_t)lg_mlp_parameters(&net))};
     const lg_program_spec spec = {sizeof spec, &theta, 1, &the_field, 1, "driven pendulum"};
     need(lg_program_build(NULL, &spec, &program, &error));
     need(lg_program_add_step(program, &space, lg_scheme_find("rk4"), 0, 0.1, &error));
     need(lg_program_add_function(program, &the_miss, &error));
-    need(lg_program_fit_starts(NULL, program, "miss", (const double *[]){w.rows, w.step}, w.count, NULL,
-                               &(lg_fit_starts){2, lg_mlp_draw, &net, 1}, &done, &error));
+    need(lg_program_fit(NULL, program, "miss", (const double *[]){w.rows, w.step}, w.count, NULL,
+                        &(lg_fit_starts){2, lg_mlp_draw, &net, 1}, &done, &error));
     printf("rms error of %d steps %.2g after %.1f s: %s\n", STEPS, sqrt(done.after), done.seconds, done.end);
     need(lg_model_save(NULL, argv[2], "driven", program, &space, NULL, &error));
     if (w.held == 0) return 0;
@@ -72,5 +74,6 @@ int main(int argc, char **argv) {
     need(lg_program_eval(NULL, program, "miss", w.held, held, &off, &error));
     for (size_t i = 0; i < w.held * STEPS * X; i++) square += off[i] * off[i] / (double)(w.held * STEPS * X);
     printf("run %s, not learned: rms error %.2g\n", w.held_run, sqrt(square));
-    return 0; /* the process ends and frees all memory */
+    lg_table_windows_destroy(&w);
+    return 0; /* the process ends and frees the other memory */
 }

@@ -74,8 +74,8 @@ int main(int argc, char **argv) {
     need(lg_program_add_function(program, &loop, &error));
     need(lg_program_add_loop(program, &motion, &error));
     need(lg_program_add_function(program, &last, &error));
-    need(lg_program_fit_starts(NULL, program, "cost", (const double *[]){x, h}, STARTS, NULL,
-                               &(lg_fit_starts){4, lg_mlp_draw, &net, 1}, &done, &error));
+    need(lg_program_fit(NULL, program, "cost", (const double *[]){x, h}, STARTS, NULL,
+                        &(lg_fit_starts){4, lg_mlp_draw, &net, 1}, &done, &error));
     for (int i = 0; i < STARTS; i++) x[2 * i] += 0.1; /* other starts than those that it learned from */
     need(lg_program_eval(NULL, program, "motion", STARTS, (const double *[]){x, h}, (double *[]){end, NULL},
                          &error));

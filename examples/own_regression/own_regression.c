@@ -1,6 +1,6 @@
 /* own_regression TABLE.csv MODEL.h5: learns some columns of a table from others, saves the model, loads it
- * again and evaluates it. `lg-export MODEL.h5 --out DIR` turns the model into C. The names of the columns may
- * be changed here: all sizes follow from them. */
+ * again and evaluates it. `lg-export MODEL.h5 --out DIR` turns the model into C. The names of the columns and the
+ * width of the network's two hidden layers may be changed here: all sizes follow from them. */
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -9,7 +9,7 @@
 #define COUNT(array) (sizeof(array) / sizeof *(array))
 static const char *const in_names[] = {"angle", "speed", "height"};
 static const char *const out_names[] = {"range", "top"};
-enum { IN = COUNT(in_names), OUT = COUNT(out_names) };
+enum { IN = COUNT(in_names), OUT = COUNT(out_names), WIDTH = 12 };
 static lg_error error;
 
 static void need(lg_status status) {
@@ -22,6 +22,7 @@ static void need(lg_status status) {
 int main(int argc, char **argv) {
     lg_table_data x, y;
     lg_program *program;
+    lg_table_fit_options how;
     lg_table_fit_result done;
     size_t incomplete;
     double predicted[OUT];
@@ -30,7 +31,9 @@ int main(int argc, char **argv) {
     need(lg_table_read(NULL, argv[1], out_names, OUT, NULL, NULL, &y, &error));
     need(lg_table_keep_complete((lg_table_data *[]){&x, &y}, 2, &incomplete, &error));
     if (incomplete > 0) printf("%zu incomplete rows left out\n", incomplete);
-    need(lg_table_fit(NULL, x.values, IN, y.values, OUT, x.rows, NULL, &program, &done, &error));
+    lg_table_fit_options_init(&how);
+    how.model.hidden[0] = how.model.hidden[1] = WIDTH;
+    need(lg_table_fit(NULL, x.values, IN, y.values, OUT, x.rows, &how, &program, &done, &error));
     printf("noise of the table %.2g deviations\n", done.evidence.noise);
     need(lg_program_save(NULL, argv[2], program, NULL, &error));
     need(lg_program_load(NULL, argv[2], NULL, &program, &error));

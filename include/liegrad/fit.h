@@ -412,7 +412,7 @@ LG_API lg_status lg_fit_newton(const lg_context *context, const lg_fit_problem *
  *
  *   lg_program_build(NULL, &spec, &program, &error);
  *   const double *const data[] = {x, wanted};
- *   lg_program_fit(NULL, program, "error", data, rows, NULL, NULL, &error);
+ *   lg_program_fit(NULL, program, "error", data, rows, NULL, NULL, NULL, &error);
  *   lg_program_save(NULL, "model.h5", program, NULL, &error);
  */
 
@@ -423,8 +423,19 @@ typedef struct lg_program_fit_result {
     double seconds;       /* wall time */
     uint64_t epochs;      /* finished epochs; for a minimiser, evaluations */
     const char *end;      /* why training is finished: a sentence without a full stop, static storage */
-    uint32_t start;       /* lg_program_fit_starts: number of the best start, from 0; otherwise 0 */
+    uint32_t start;       /* number of the best start, from 0; 0 without lg_fit_starts */
 } lg_program_fit_result;
+
+/* Random starts of a training, because the training of a network can end in a poor minimum. draw writes start
+ * values of parameter number `parameter` of the program to `values`; each start has its own random numbers.
+ * For a program whose only parameter is the weights of an lg_mlp, `draw` is lg_mlp_draw and `user` is the
+ * address of the lg_mlp. */
+typedef struct lg_fit_starts {
+    uint32_t count; /* number of starts, >= 1 */
+    void (*draw)(void *user, size_t parameter, lg_rng *rng, double *values);
+    void *user;    /* passed to `draw` */
+    uint64_t seed; /* of the random numbers */
+} lg_fit_starts;
 
 /* Trains all parameters of the program. The first output of `function` decides what is minimised:
  *   batched (B, ...)          the mean of the squares of all its numbers, over all rows
@@ -440,34 +451,18 @@ typedef struct lg_program_fit_result {
  * if a sum of squares is minimised and there are at most 64 numbers, otherwise SSBroyden. With `options`, all
  * members of lg_fit_options have their meaning.
  *
+ * `starts` NULL: training begins with the parameters of the program. Otherwise it is repeated from each start,
+ * and the parameters with the lowest loss are kept. A start whose training fails with LG_NOT_FINITE is skipped.
+ * The result describes the best start, but its seconds are the time of all starts.
+ *
  * On success the parameters of the program are replaced. On failure the program is unchanged. `result` may be
- * NULL. Errors: LG_NOT_FOUND (no such function), LG_INVALID_ARGUMENT (NULL, no rows; the output depends on no
- * parameter, is shared and has several numbers, or fails the test above), LG_UNSUPPORTED (more than
- * LG_PROGRAM_FIT_MOST parameters, inputs or outputs), LG_NOT_FINITE (data, or as in lg_fit_run),
- * LG_OUT_OF_MEMORY, the errors of lg_fit_create, lg_fit_run and of operations. */
+ * NULL. Errors: LG_NOT_FOUND (no such function), LG_INVALID_ARGUMENT (NULL, no rows, no starts; the output
+ * depends on no parameter, is shared and has several numbers, or fails the test above), LG_UNSUPPORTED (more
+ * than LG_PROGRAM_FIT_MOST parameters, inputs or outputs), LG_NOT_FINITE (data; as in lg_fit_run, in all
+ * starts), LG_OUT_OF_MEMORY, the errors of lg_fit_create, lg_fit_run and of operations. */
 LG_API lg_status lg_program_fit(const lg_context *context, lg_program *program, const char *function,
                                 const double *const *data, size_t rows, const lg_fit_options *options,
-                                lg_program_fit_result *result, lg_error *error);
-
-/* Where lg_program_fit_starts begins. draw writes start values of parameter number `parameter` of the program
- * to `values`. Each start has its own random numbers. For a program whose only parameter is the weights of an
- * lg_mlp, `draw` is lg_mlp_draw and `user` is the address of the lg_mlp. */
-typedef struct lg_fit_starts {
-    uint32_t count; /* number of starts, >= 1 */
-    void (*draw)(void *user, size_t parameter, lg_rng *rng, double *values);
-    void *user;    /* passed to `draw` */
-    uint64_t seed; /* of the random numbers */
-} lg_fit_starts;
-
-/* Runs lg_program_fit from several random starts and keeps the parameters with the lowest loss, because the
- * training of a network can end in a poor minimum. A start that gives numbers that are not finite is skipped.
- * The result describes the best start; its seconds are those of all starts together. `starts` NULL means
- * lg_program_fit. Errors: those of lg_program_fit, of which LG_NOT_FINITE only if all starts fail;
- * LG_INVALID_ARGUMENT (no starts, `draw` is NULL). */
-LG_API lg_status lg_program_fit_starts(const lg_context *context, lg_program *program, const char *function,
-                                       const double *const *data, size_t rows, const lg_fit_options *options,
-                                       const lg_fit_starts *starts, lg_program_fit_result *result,
-                                       lg_error *error);
+                                const lg_fit_starts *starts, lg_program_fit_result *result, lg_error *error);
 
 LG_END_DECLS
 

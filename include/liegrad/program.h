@@ -100,7 +100,7 @@ LG_API size_t lg_program_calls(const lg_program *program, size_t function, size_
 typedef struct lg_parameter_spec {
     const char *name; /* a C identifier, unique in the program */
     lg_shape shape;
-    const double *values; /* copied; NULL: zeros, which lg_program_fit_starts replaces */
+    const double *values; /* copied; NULL: zeros, which lg_program_fit replaces */
 } lg_parameter_spec;
 
 typedef struct lg_program_spec {

@@ -199,6 +199,7 @@ static lg_status build(const lg_context *context, recording *r, const double *th
 lg_status lg_machine_program(const lg_context *context, const lg_machine *machine, const double *theta,
                              const lg_scheme *scheme, lg_program **out, lg_error *error) {
     LG_NEEDS(error, machine, out);
+    if (machine->parameters > 0) LG_NEEDS(error, theta);
     recording r = {.machine = machine, .scheme = scheme != NULL ? scheme : lg_scheme_find("cf4")};
     lg_derivative jacobian;
     lg_program *made;

@@ -271,9 +271,9 @@ static lg_status fit(training *t, const lg_context *context, const lg_fit_option
     return run(t, context, options, result, error);
 }
 
-lg_status lg_program_fit_starts(const lg_context *context, lg_program *program, const char *function,
-                                const double *const *data, size_t rows, const lg_fit_options *options,
-                                const lg_fit_starts *starts, lg_program_fit_result *result, lg_error *error) {
+lg_status lg_program_fit(const lg_context *context, lg_program *program, const char *function,
+                         const double *const *data, size_t rows, const lg_fit_options *options,
+                         const lg_fit_starts *starts, lg_program_fit_result *result, lg_error *error) {
     training t = {.program = program, .data = data, .rows = rows};
     lg_program_fit_result made = {.end = ""};
     LG_TRY(open_function(&t, function, error));
@@ -287,10 +287,4 @@ lg_status lg_program_fit_starts(const lg_context *context, lg_program *program, 
     lg_free(context, t.theta);
     lg_free(context, t.best);
     return status;
-}
-
-lg_status lg_program_fit(const lg_context *context, lg_program *program, const char *function,
-                         const double *const *data, size_t rows, const lg_fit_options *options,
-                         lg_program_fit_result *result, lg_error *error) {
-    return lg_program_fit_starts(context, program, function, data, rows, options, NULL, result, error);
 }

@@ -290,13 +290,22 @@ TEST("recordings that depend on numbers or on the number of rows are refused, wi
     }
 }
 
-TEST("parameters that are not finite, not given or named twice are refused, and functions named twice") {
+TEST("a parameter without values is zero") {
+    const lg_port out = {.name = "y"};
+    const lg_function_spec function = {"f", &x3, 1, &out, 1, identity, NULL};
+    const lg_parameter_spec without = {"w", lg_shape1(3), NULL};
+    const lg_program_spec spec = spec_of(&without, 1, &function, 1);
+    lg_program *program = test_program(&spec);
+    for (int i = 0; i < 3; i++) assert_true(lg_program_parameter(program, 0).values[i] == 0.0);
+}
+
+TEST("parameters that are not finite or named twice are refused, and functions named twice") {
     const double numbers[3] = {0.5, NAN, 1.0}, good[3] = {1.0, 2.0, 3.0}, bad[3] = {1.0, -INFINITY, 3.0};
     const lg_port out = {.name = "y"};
     const lg_function_spec function = {"f", &x3, 1, &out, 1, identity, NULL};
     const lg_parameter_spec not_finite = {"w", lg_shape1(3), numbers},
                             twice[2] = {{"w", lg_shape1(3), good}, {"w", lg_shape1(3), good}},
-                            without = {"w", lg_shape1(3), NULL}, named = {"double", lg_shape1(3), good};
+                            named = {"double", lg_shape1(3), good};
     const struct {
         const lg_parameter_spec *specs;
         size_t count;
@@ -304,7 +313,6 @@ TEST("parameters that are not finite, not given or named twice are refused, and 
         const char *words;
     } cases[] = {{&not_finite, 1, LG_NOT_FINITE, "'w' has a number that is not finite"},
                  {twice, 2, LG_INVALID_ARGUMENT, "two parameters are called 'w'"},
-                 {&without, 1, LG_INVALID_ARGUMENT, "'w': its values are NULL"},
                  {&named, 1, LG_INVALID_ARGUMENT, "'double' cannot be the name of a parameter"}};
     lg_program_spec spec;
     lg_program *program = NULL;

@@ -149,7 +149,10 @@ TEST("functions of programs refuse NULL") {
     REFUSES(lg_model_save(NULL, NEEDED("/nonexistent/file.h5"), NEEDED("rotor"), NEEDED(program), NULL, NULL,
                           NULL));
     REFUSES(lg_program_save(NULL, NEEDED("/nonexistent/file.h5"), NEEDED(program), NULL, NULL));
-    REFUSES(lg_program_fit(NULL, NEEDED(program), NEEDED("f"), NEEDED(inputs), 1, NULL, NULL, NULL));
+    REFUSES(lg_program_fit(NULL, NEEDED(program), NEEDED("f"), NEEDED(inputs), 1, NULL, NULL, NULL, NULL));
+    lg_space line;
+    assert_ok(lg_space_init_rn(&line, 1));
+    REFUSES(lg_program_add_step(NEEDED(program), NEEDED(&line), NEEDED(lg_scheme_find("rk4")), 0, 1, NULL));
     lg_function_image_destroy(image);
 }
 
@@ -226,6 +229,8 @@ TEST("functions of integrators refuse NULL") {
     REFUSES(lg_stepper_dense(NEEDED(stepper), 0.5, NEEDED(others)));
     REFUSES(
         lg_integrate_fixed(NEEDED(stepper), 0.0, 0.1, 1, NULL, 0, 1, NEEDED(numbers), NEEDED(others), NULL));
+    REFUSES(lg_ode_solve(NULL, NEEDED("R^1"), NEEDED(ode.field), NULL, 1.0, NEEDED(&(double){1.0}), 1,
+                         NEEDED(numbers), NEEDED(numbers), NULL));
     REFUSES(lg_integrate_adaptive(NEEDED(stepper), NULL, 0.0, NEEDED(numbers), NEEDED(&(double){1.0}), 1,
                                   NEEDED(others), NULL));
 
@@ -576,6 +581,8 @@ TEST("functions of tables and files refuse NULL") {
     REFUSES(lg_table_find_far(NULL, NEEDED(values), 2, 8, NEEDED(&far)));
     REFUSES(lg_table_program(NULL, NEEDED(&model), NEEDED(&scaler), NEEDED(&scaler), NEEDED(theta),
                              NEEDED(&program), NULL));
+    REFUSES(
+        lg_table_fit(NULL, NEEDED(values), 1, NEEDED(values + 8), 1, 8, NULL, NEEDED(&program), NULL, NULL));
     lg_scaler_destroy(&scaler);
 
     static const char path[] = "/nonexistent/file.h5", text[] = "coordinates:";
@@ -585,6 +592,9 @@ TEST("functions of tables and files refuse NULL") {
     const char *const column = "a";
     REFUSES(lg_table_names_read(NULL, NEEDED(path), NULL, NEEDED(&names), NULL));
     REFUSES(lg_table_read(NULL, NEEDED(path), NEEDED(&column), 1, NULL, NULL, NEEDED(&table), NULL));
+    lg_table_windows windows;
+    REFUSES(lg_table_windows_read(NULL, NEEDED(path), NEEDED("t"), NULL, NEEDED(&column), 1, 1,
+                                  NEEDED(&windows), NULL));
     REFUSES(lg_tensors_read(NULL, NEEDED(path), NEEDED(&tensors), NULL));
 
     double number;

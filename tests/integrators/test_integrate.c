@@ -360,3 +360,47 @@ TEST("runs that cannot continue return an error and keep the results so far") {
         assert_int_equal(stats.steps + stats.rejected, 4);
     }
 }
+
+/* ---- an equation in one call ---- */
+
+FIELD(blow_up, y) {
+    (void)user, (void)t;
+    out[0] = y[0] * y[0];
+}
+
+TEST("an equation on a named space is solved as by a stepper of rkmk54 with this tolerance") {
+    const double times[] = {0.5, 0.5, 1.0, 3.0}, y0[3] = {0.4, 1.1, -0.7};
+    double expected[4 * 3], got[4 * 3];
+    const lg_ode ode = rigid_ode(false);
+    lg_step_controller c;
+    lg_error error;
+    lg_step_controller_init(&c);
+    for (double tolerance = 1e-3; tolerance > 1e-11; tolerance /= 100) {
+        c.rtol = tolerance, c.atol = -tolerance;
+        lg_stepper *stepper = test_stepper(lg_scheme_find("rkmk54"), &ode);
+        assert_ok(lg_integrate_adaptive(stepper, &c, 0.5, y0, times, 4, expected, NULL));
+        assert_ok(lg_ode_solve(NULL, "so(3)*", rigid_field, NULL, tolerance, times, 4, y0, got, &error));
+        assert_memory_equal(got, expected, sizeof got);
+    }
+}
+
+TEST("an equation that cannot be solved is refused with the reason and the time that was reached") {
+    const double y0[1] = {1.0}, rising[] = {0.0, 0.5, 2.0}, mixed[] = {0.0, 1.0, 0.5}, bad[1] = {NAN};
+    double out[3] = {7.0, 7.0, 7.0};
+    lg_error error;
+    const lg_status status = lg_ode_solve(NULL, "R^1", blow_up, NULL, 1e-6, rising, 3, y0, out, &error);
+    assert_true(status == LG_STEP_TOO_SMALL || status == LG_NOT_FINITE || status == LG_TOO_MANY_STEPS);
+    assert_says(error.message, "at t = 1"); /* y = 1/(1 - t) */
+    assert_true(out[0] == 1.0 && fabs(out[1] - 2.0) < 1e-4 && out[2] == 7.0);
+    assert_status(lg_ode_solve(NULL, "R^1", blow_up, NULL, 1e-6, mixed, 3, y0, out, &error),
+                  LG_INVALID_ARGUMENT);
+    assert_says(error.message, "only rise or only fall");
+    assert_status(lg_ode_solve(NULL, "R^1", blow_up, NULL, 1e-6, rising, 3, bad, out, &error),
+                  LG_INVALID_ARGUMENT);
+    assert_status(lg_ode_solve(NULL, "S^9", blow_up, NULL, 1e-6, rising, 3, y0, out, &error), LG_FORMAT);
+    assert_says(error.message, "S^9");
+    assert_status(lg_ode_solve(NULL, "R^1", blow_up, NULL, 0.0, rising, 3, y0, out, &error),
+                  LG_INVALID_ARGUMENT);
+    assert_status(lg_ode_solve(NULL, "R^1", blow_up, NULL, 1e-6, rising, 0, y0, out, &error),
+                  LG_INVALID_ARGUMENT);
+}

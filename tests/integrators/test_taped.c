@@ -972,3 +972,84 @@ TEST("implicit steps that do not converge return an error") {
     assert_status(lg_taped_step(tape, scheme, &ode, 0.0, 0.4, &y, &out), LG_NOT_FINITE);
     assert_true(lg_is_none(out));
 }
+
+/* ---- a step as a function of a program ---- */
+
+static const char *const step_spaces[] = {"R^3", "so(3)*"};
+
+/* f = u - x/2 + (x_2, x_3, x_1)/3, with u (B, 1) in all three numbers. */
+static lg_status program_field(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *f) {
+    const lg_var turned = lg_concat(
+        tape, (const lg_var[]){lg_slice(tape, in[0], 1, 1, 2), lg_slice(tape, in[0], 1, 0, 1)}, 2, 1);
+    f[0] = lg_add(
+        tape,
+        lg_linear_combination(tape, (const lg_var[]){in[0], turned}, (const double[]){-0.5, 1.0 / 3.0}, 2),
+        in[1]);
+    return lg_tape_status(tape);
+}
+
+static lg_status plain_field(void *user, double t, const double *x, const double *u, double *f) {
+    for (int i = 0; i < 3; i++) f[i] = -0.5 * x[i] + x[(i + 1) % 3] / 3.0 + u[0];
+    return LG_OK;
+}
+
+static lg_program *field_program(void) {
+    const lg_port in[] = {{.name = "x", .shape = lg_shape1(3)}, {.name = "u", .shape = lg_shape1(1)}},
+                  out = {.name = "f"};
+    const lg_function_spec field = {"field", in, 2, &out, 1, program_field, NULL};
+    const lg_program_spec spec = {sizeof spec, NULL, 0, &field, 1, NULL};
+    lg_program *program;
+    lg_error error;
+    assert_ok(lg_program_build(NULL, &spec, &program, &error));
+    return program;
+}
+
+TEST("the function step of a program makes the steps of every scheme, and is refused where a stepper is") {
+    const double x[3] = {0.4, -1.1, 0.7}, u[1] = {0.3}, h[1] = {0.15};
+    double got[3], expected[3];
+    lg_error error;
+    size_t made = 0;
+    for (size_t k = 0; k < 2; k++)
+        for (size_t i = 0; i < lg_scheme_count(); i++) {
+            const lg_scheme *scheme = lg_scheme_at(i);
+            lg_ode ode = {.field = plain_field};
+            lg_stepper *stepper = NULL;
+            lg_program *program = field_program();
+            assert_ok(lg_space_read(step_spaces[k], &ode.space, &error));
+            const lg_status plain = lg_stepper_create(NULL, scheme, &ode, &stepper),
+                            status = lg_program_add_step(program, &ode.space, scheme, 0.0, 0.2, &error);
+            if (scheme->kind == LG_SCHEME_IMPLICIT) {
+                assert_int_not_equal(status, LG_OK); /* its iteration depends on values */
+            } else if (plain == LG_OK) {
+                assert_ok(status);
+                assert_ok(lg_program_eval(NULL, program, "step", 1, (const double *const[]){x, u, h},
+                                          (double *const[]){got}, &error));
+                assert_ok(lg_stepper_step(stepper, 0.0, h[0], x, u, expected));
+                assert_states(scheme->name, got, expected, 3, 1e-14);
+                made++;
+            } else {
+                assert_int_not_equal(status, LG_OK);
+                assert_int_equal(lg_program_functions(program), 1);
+            }
+            lg_stepper_destroy(stepper);
+            lg_program_destroy(program);
+        }
+    assert_true(made > 20);
+}
+
+TEST("steps of a program without a field, or with a field of another space, are refused") {
+    lg_space space;
+    lg_error error;
+    lg_program *program = field_program();
+    const lg_scheme *rk4 = lg_scheme_find("rk4");
+    assert_ok(lg_space_init_rn(&space, 2));
+    assert_status(lg_program_add_step(program, &space, rk4, 0.0, 0.1, &error), LG_SHAPE);
+    assert_says(error.message, "2 numbers of a state");
+    assert_ok(lg_space_init_rn(&space, 3));
+    assert_status(lg_program_add_step(program, &space, rk4, 0.2, 0.1, &error), LG_INVALID_ARGUMENT);
+    assert_status(lg_program_add_step(program, &space, rk4, 0.0, NAN, &error), LG_INVALID_ARGUMENT);
+    assert_ok(lg_program_add_step(program, &space, rk4, 0.0, 0.1, &error));
+    assert_status(lg_program_add_step(program, &space, rk4, 0.0, 0.1, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "step");
+    lg_program_destroy(program);
+}

@@ -89,8 +89,8 @@ TEST("a sum of squares and a mean give the same parameters, with several tensors
     lg_program *squares = build_line(), *mean = build_line();
     lg_program_fit_result a, b;
     lg_error error;
-    assert_told(lg_program_fit(NULL, squares, "error", r->data, ROWS, NULL, &a, &told));
-    assert_ok(lg_program_fit(NULL, mean, "loss", r->data, ROWS, NULL, &b, &error));
+    assert_told(lg_program_fit(NULL, squares, "error", r->data, ROWS, NULL, NULL, &a, &told));
+    assert_ok(lg_program_fit(NULL, mean, "loss", r->data, ROWS, NULL, NULL, &b, &error));
     assert_line(squares, 1e-9);
     assert_line(mean, 1e-6);
     assert_close(a.before, b.before, 1e-13, 0.0);
@@ -107,8 +107,8 @@ TEST("every method finds the minimum over all rows of a loss that cannot become 
     options.epochs = 400;
     options.adam.lr = 0.05;
     options.schedule.kind = LG_SCHEDULE_COSINE;
-    assert_ok(lg_program_fit(NULL, lm, "error", r->data, ROWS, NULL, &a, NULL));
-    assert_ok(lg_program_fit(NULL, adam, "error", r->data, ROWS, &options, &b, NULL));
+    assert_ok(lg_program_fit(NULL, lm, "error", r->data, ROWS, NULL, NULL, &a, NULL));
+    assert_ok(lg_program_fit(NULL, adam, "error", r->data, ROWS, &options, NULL, &b, NULL));
     assert_true(a.after > 0.1 && b.epochs == 400);
     assert_close(b.after, a.after, 1e-4, 0.0);
     for (size_t i = 0; i < 4; i++)
@@ -127,19 +127,91 @@ TEST("impossible trainings are refused with a message, and the program stays unc
         assert_status(call, status);                                                                         \
         assert_says(error.message, part);                                                                    \
     } while (0)
-    REFUSED(lg_program_fit(NULL, program, "lost", r->data, ROWS, NULL, &result, &error), LG_NOT_FOUND,
+    REFUSED(lg_program_fit(NULL, program, "lost", r->data, ROWS, NULL, NULL, &result, &error), LG_NOT_FOUND,
             "'lost'");
-    REFUSED(lg_program_fit(NULL, program, "loss", r->data, 0, NULL, &result, &error), LG_INVALID_ARGUMENT,
-            "rows");
-    REFUSED(lg_program_fit(NULL, program, "sums", r->data, ROWS, NULL, &result, &error), LG_INVALID_ARGUMENT,
-            "2 numbers that all rows share");
+    REFUSED(lg_program_fit(NULL, program, "loss", r->data, 0, NULL, NULL, &result, &error),
+            LG_INVALID_ARGUMENT, "rows");
+    REFUSED(lg_program_fit(NULL, program, "sums", r->data, ROWS, NULL, NULL, &result, &error),
+            LG_INVALID_ARGUMENT, "2 numbers that all rows share");
     r->x[7] = NAN;
-    REFUSED(lg_program_fit(NULL, program, "error", r->data, ROWS, NULL, &result, &error), LG_NOT_FINITE,
+    REFUSED(lg_program_fit(NULL, program, "error", r->data, ROWS, NULL, NULL, &result, &error), LG_NOT_FINITE,
             "row 3 of the input 'x'");
     r->data[1] = NULL, r->x[7] = 0.0;
-    REFUSED(lg_program_fit(NULL, program, "error", r->data, ROWS, NULL, &result, &error), LG_INVALID_ARGUMENT,
-            "the data of the input 'wanted' are NULL");
+    REFUSED(lg_program_fit(NULL, program, "error", r->data, ROWS, NULL, NULL, &result, &error),
+            LG_INVALID_ARGUMENT, "the data of the input 'wanted' are NULL");
     assert_true(result.epochs == 77 && lg_program_parameter(program, 0).values[0] == before);
+}
+
+/* ---- several starts ---- */
+
+/* The mean over rows of x ((w^2 - 1)^2 + 0.3 w): its minimum near w = 1 is higher than the one near w = -1. */
+static lg_status two_wells(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
+    const lg_var wall = lg_square(tape, lg_add_scalar(tape, lg_square(tape, theta[0]), -1.0));
+    out[0] = lg_mean(tape, lg_mul(tape, in[0], lg_add(tape, wall, lg_scale(tape, theta[0], 0.3))));
+    return lg_tape_status(tape);
+}
+
+typedef struct drawing {
+    const double *start; /* the parameter of each start */
+    double number[4];    /* the first random number of each start */
+    uint32_t drawn;
+} drawing;
+
+static void draw_next(void *user, size_t parameter, lg_rng *rng, double *values) {
+    drawing *d = user;
+    assert_int_equal(parameter, 0);
+    d->number[d->drawn] = lg_rng_uniform_in(rng, 0.0, 1.0);
+    values[0] = d->start[d->drawn++];
+}
+
+static lg_program *build_wells(void) {
+    const lg_port in = {.name = "x", .shape = lg_shape1(1)}, out = {.name = "loss"};
+    const lg_function_spec function = {"loss", &in, 1, &out, 1, two_wells, NULL};
+    const lg_parameter_spec w = {"w", lg_shape1(1), NULL};
+    const lg_program_spec spec = {sizeof spec, &w, 1, &function, 1, NULL};
+    lg_program *program;
+    assert_told(lg_program_build(NULL, &spec, &program, &told));
+    lg_test_owns(program, release_program);
+    return program;
+}
+
+static lg_status fit_wells(lg_program *program, const double *starts, uint32_t count, drawing *d,
+                           lg_program_fit_result *result, lg_error *error) {
+    static const double x[2] = {0.5, 1.5};
+    *d = (drawing){.start = starts};
+    return lg_program_fit(NULL, program, "loss", (const double *const[]){x}, 2, NULL,
+                          &(lg_fit_starts){count, draw_next, d, 5}, result, error);
+}
+
+TEST("of several starts the one with the lowest loss is kept, and starts that are not finite are skipped") {
+    lg_program *program = build_wells();
+    lg_program_fit_result result, again;
+    lg_error error;
+    drawing d, e;
+    assert_ok(fit_wells(program, (const double[]){1.1, NAN, -0.8, 0.9}, 4, &d, &result, &error));
+    assert_int_equal(result.start, 2);
+    assert_true(result.after < -0.3 && lg_program_parameter(program, 0).values[0] < -1.0);
+    assert_true(d.number[0] != d.number[1] && d.number[1] != d.number[2] && d.number[2] != d.number[3]);
+    assert_ok(fit_wells(program, (const double[]){1.1, 0.9}, 2, &e, &again, &error));
+    assert_true(again.after > 0.0 && lg_program_parameter(program, 0).values[0] > 0.9);
+    assert_true(e.number[0] == d.number[0] && e.number[1] == d.number[1]);
+}
+
+TEST("if all starts fail or there are none, the program stays unchanged") {
+    lg_program *program = build_wells();
+    lg_program_fit_result result = {.epochs = 77};
+    lg_error error;
+    drawing d;
+    const double x[1] = {1.0};
+    const lg_fit_starts no_draw = {1, NULL, NULL, 0};
+    assert_status(fit_wells(program, (const double[]){NAN, INFINITY}, 2, &d, &result, &error), LG_NOT_FINITE);
+    assert_int_equal(d.drawn, 2);
+    assert_status(fit_wells(program, NULL, 0, &d, &result, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "number of starts is 0");
+    assert_status(
+        lg_program_fit(NULL, program, "loss", (const double *const[]){x}, 1, NULL, &no_draw, &result, &error),
+        LG_INVALID_ARGUMENT);
+    assert_true(result.epochs == 77 && lg_program_parameter(program, 0).values[0] == 0.0);
 }
 
 /* ---- losses that are not means over rows ---- */
@@ -188,7 +260,7 @@ static lg_status train(lg_record_function record, double theta, size_t count, do
     spec.functions = &function, spec.function_count = 1;
     assert_ok(lg_program_build(NULL, &spec, &program, error));
     lg_test_owns(program, release_program);
-    const lg_status status = lg_program_fit(NULL, program, "loss", data, count, NULL, &result, error);
+    const lg_status status = lg_program_fit(NULL, program, "loss", data, count, NULL, NULL, &result, error);
     if (status != LG_OK)
         assert_true(result.epochs == 77 && lg_program_parameter(program, 0).values[0] == theta);
     *after = result.after;
