@@ -1,6 +1,6 @@
 /* own_motion: solves the equations of a free rigid body on SO(3) x R^3, and says how far energy and the
- * spatial momentum drift. The state is the attitude R (9 numbers, row-major) and the angular velocity W in the
- * body: R' = R hat(W), J W' = J W x W. */
+ * spatial momentum drift. The state is the attitude R (9 numbers, row-major) and the angular velocity W in
+ * the body: R' = R hat(W), J W' = J W x W. */
 #include <math.h>
 #include <stdio.h>
 

@@ -1,6 +1,6 @@
 /* own_policy MODEL.h5: learns a policy u = LIMIT tanh(net(x)) that swings a damped pendulum up and holds it
- * there, although the torque is too weak to lift it at once. The cost is computed over STEPS steps of the closed
- * loop and differentiated through all of them. lg-export makes C of the policy in MODEL.h5. */
+ * there, although the torque is too weak to lift it at once. The cost is computed over STEPS steps of the
+ * closed loop and differentiated through all of them. lg-export makes C of the policy in MODEL.h5. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

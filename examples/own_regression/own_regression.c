@@ -1,6 +1,6 @@
 /* own_regression TABLE.csv MODEL.h5: learns some columns of a table from others, saves the model, loads it
- * again and evaluates it. `lg-export MODEL.h5 --out DIR` turns the model into C. The names of the columns and the
- * width of the network's two hidden layers may be changed here: all sizes follow from them. */
+ * again and evaluates it. `lg-export MODEL.h5 --out DIR` turns the model into C. The names of the columns
+ * and the width of the network's two hidden layers may be changed here: all sizes follow from them. */
 #include <stdio.h>
 #include <stdlib.h>
 

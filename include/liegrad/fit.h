@@ -451,9 +451,9 @@ typedef struct lg_fit_starts {
  * if a sum of squares is minimised and there are at most 64 numbers, otherwise SSBroyden. With `options`, all
  * members of lg_fit_options have their meaning.
  *
- * `starts` NULL: training begins with the parameters of the program. Otherwise it is repeated from each start,
- * and the parameters with the lowest loss are kept. A start whose training fails with LG_NOT_FINITE is skipped.
- * The result describes the best start, but its seconds are the time of all starts.
+ * `starts` NULL: training begins with the parameters of the program. Otherwise it is repeated from each
+ * start, and the parameters with the lowest loss are kept. A start whose training fails with LG_NOT_FINITE
+ * is skipped. The result describes the best start, but its seconds are the time of all starts.
  *
  * On success the parameters of the program are replaced. On failure the program is unchanged. `result` may be
  * NULL. Errors: LG_NOT_FOUND (no such function), LG_INVALID_ARGUMENT (NULL, no rows, no starts; the output

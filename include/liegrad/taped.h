@@ -154,16 +154,16 @@ LG_API lg_status lg_taped_integrate(lg_tape *tape, const lg_scheme *scheme, cons
 
 /* ---- A step as a function of a program ---- */
 
-/* Adds the function `step` (x, u, h -> next) to a program that has the function `field`: next (dim) is the state
- * one step of size h (1) after x (dim), by `scheme`. `field` (x, u -> algebra element of `space`) is the
- * equation; u may be missing, then step has no u either. u is constant over the step. Splitting schemes take
- * the functions force (q, u -> p') and drift (p -> q') instead. h_low and h_high are the range of step sizes
- * (lg_port). Other functions can call `step`, and lg_program_add_loop repeats it:
+/* Adds the function `step` (x, u, h -> next) to a program that has the function `field`: next (dim) is the
+ * state one step of size h (1) after x (dim), by `scheme`. `field` (x, u -> algebra element of `space`) is
+ * the equation; u may be missing, then step has no u either. u is constant over the step. Splitting
+ * schemes take the functions force (q, u -> p') and drift (p -> q') instead. h_low and h_high are the
+ * range of step sizes (lg_port). Other functions can call `step`, and lg_program_add_loop repeats it:
  *   lg_space_init_rn(&space, 2);
  *   lg_program_add_step(program, &space, lg_scheme_find("rk4"), 0.01, 0.1, &error);
  * Errors: LG_NOT_FOUND (no function `field`), LG_SHAPE (inputs of `field` that do not fit the space),
- * LG_INVALID_ARGUMENT (NULL, step sizes), LG_UNSUPPORTED (a scheme that cannot be recorded, or does not fit the
- * space), those of lg_program_add_function. On failure the program is unchanged. */
+ * LG_INVALID_ARGUMENT (NULL, step sizes), LG_UNSUPPORTED (a scheme that cannot be recorded, or does not
+ * fit the space), those of lg_program_add_function. On failure the program is unchanged. */
 LG_API lg_status lg_program_add_step(lg_program *program, const lg_space *space, const lg_scheme *scheme,
                                      double h_low, double h_high, lg_error *error);
 

@@ -232,8 +232,8 @@ static lg_status run(training *t, const lg_context *context, const lg_fit_option
     return status;
 }
 
-/* Runs all starts. theta becomes the parameters of the start with the lowest loss. A start whose numbers do not
- * stay finite loses; it is an error only if no other start ends well. */
+/* Runs all starts. theta becomes the parameters of the start with the lowest loss. A start whose numbers
+ * do not stay finite loses; it is an error only if no other start ends well. */
 static lg_status run_starts(training *t, const lg_context *context, const lg_fit_options *options,
                             const lg_fit_starts *starts, lg_program_fit_result *result, lg_error *error) {
     const double begin = lg_seconds();

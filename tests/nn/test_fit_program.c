@@ -144,7 +144,8 @@ TEST("impossible trainings are refused with a message, and the program stays unc
 
 /* ---- several starts ---- */
 
-/* The mean over rows of x ((w^2 - 1)^2 + 0.3 w): its minimum near w = 1 is higher than the one near w = -1. */
+/* The mean over rows of x ((w^2 - 1)^2 + 0.3 w): its minimum near w = 1 is higher than the one near w =
+ * -1. */
 static lg_status two_wells(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
     const lg_var wall = lg_square(tape, lg_add_scalar(tape, lg_square(tape, theta[0]), -1.0));
     out[0] = lg_mean(tape, lg_mul(tape, in[0], lg_add(tape, wall, lg_scale(tape, theta[0], 0.3))));
