@@ -59,8 +59,8 @@ static app virtual_begin(const app *self, const app_command *train) {
 
 static bool is_hyperparameter(train_task *task, const app_slot *slot) {
     return slot != NULL && slot->row->group != NULL &&
-           (task->recipe->learner->held_out == NULL ||
-            strcmp(slot->name, task->recipe->learner->held_out) != 0);
+           (task->recipe->trainer->held_out == NULL ||
+            strcmp(slot->name, task->recipe->trainer->held_out) != 0);
 }
 
 /* Sets the option to `text`, or to `number` if `text` is NULL. */
@@ -70,7 +70,7 @@ static lg_status virtual_set(app *v, train_task *task, const char *name, const c
     app_slot *slot = app_find_slot(v, name);
     if (!is_hyperparameter(task, slot))
         return app_error(error, LG_FORMAT, "'%s' is not an option of train that changes its result", name);
-    if (task->only != NULL && strcmp(name, task->recipe->learner->method) == 0 &&
+    if (task->only != NULL && strcmp(name, task->recipe->trainer->method) == 0 &&
         (text == NULL || strcmp(text, task->only) != 0))
         return app_error(error, LG_FORMAT, "'%s' can only be %s in a search", name, task->only);
     if ((text != NULL ? app_store(slot, text, &reason) : app_store_number(slot, number, &reason)) != LG_OK)
@@ -127,7 +127,7 @@ static lg_status check_range(app *v, train_task *task, const lg_range *range, lg
 static lg_status check_method(const app *v, const train_task *task, const lg_search_file *file,
                               uint32_t *line, lg_error *error) {
     const lg_search_space *space = &file->space;
-    const char *method = task->recipe->learner->method;
+    const char *method = task->recipe->trainer->method;
     for (size_t i = 0; i < space->count; i++)
         if (method == NULL || strcmp(space->ranges[i].name, method) == 0) return LG_OK;
     for (size_t i = 0; i < file->fixed_count + space->count; i++) {
@@ -169,7 +169,7 @@ typedef struct search_trial {
 } search_trial;
 
 static double objective_of(const search_trial *self) {
-    return lg_learning_objective(&self->search->task->learning);
+    return lg_training_objective(&self->search->task->training);
 }
 
 /* Computes the objective only in epochs in which the trial passes a rung. */
@@ -191,8 +191,8 @@ static lg_status run_fit(search_trial *self, lg_error *error) {
     options.user = self;
     lg_status status = train_create(task, &options, error);
     if (status != LG_OK) return status;
-    lg_fit *fit = task->learning.fit;
-    self->trial->parameters = task->recipe->parameters(task->learning.run);
+    lg_fit *fit = task->training.fit;
+    self->trial->parameters = task->recipe->parameters(task->training.run);
     status = lg_fit_run(fit, error);
     self->trial->epochs = lg_fit_epochs_done(fit);
     if (status != LG_OK) return status;
@@ -211,9 +211,9 @@ static lg_status run_trial(void *user, lg_search *session, lg_trial *trial, lg_e
     if (status == LG_OK) status = set_drawn(&v, task, &search->file->space, trial->value, error);
     train_training(task)->seed = v.seed;
     if (status == LG_OK) status = train_describe(&v, task, NULL, error);
-    if (status == LG_OK) status = lg_learning_hold_out(&task->learning, search->values->validation, error);
+    if (status == LG_OK) status = lg_training_hold_out(&task->training, search->values->validation, error);
     if (status == LG_OK) status = run_fit(&self, error);
-    lg_learning_release(&task->learning);
+    lg_training_release(&task->training);
     return status;
 }
 
@@ -621,12 +621,12 @@ int search_main(app *self, const app_command *train, train_task *task) {
                             .trials = app_alloc((size_t)values->trials, sizeof *search.trials)};
         (void)snprintf(search.setting, sizeof search.setting,
                        "data %s validation %.17g rungs %.17g warm-up %.17g quantile %.17g",
-                       task->learning.sha256, values->validation, search.rungs[RUNGS], search.rungs[WARM_UP],
+                       task->training.sha256, values->validation, search.rungs[RUNGS], search.rungs[WARM_UP],
                        search.rungs[QUANTILE]);
         code = run_search(&search, together);
         free(search.trials);
     }
     free(file);
-    lg_learning_close(&task->learning);
+    lg_training_close(&task->training);
     return code;
 }

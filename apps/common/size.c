@@ -48,12 +48,12 @@ static lg_status run_lane(app *self, train_task *task, app_slot *slot, double se
     lg_fit_options options = train_fit_options(self, training);
     options.seconds = seconds;
     if (status == LG_OK) status = train_create(task, &options, error);
-    if (status == LG_OK) status = lg_fit_run(task->learning.fit, error);
+    if (status == LG_OK) status = lg_fit_run(task->training.fit, error);
     if (status == LG_OK) {
-        lane->parameters = task->recipe->parameters(task->learning.run);
-        read_lane(task->learning.fit, lane);
+        lane->parameters = task->recipe->parameters(task->training.run);
+        read_lane(task->training.fit, lane);
     }
-    lg_learning_release(&task->learning);
+    lg_training_release(&task->training);
     *training = kept;
     lane->seconds = app_seconds() - begin;
     /* All ranks use the time that rank 0 measured, so that they race the same networks. */
@@ -111,11 +111,11 @@ static void print_race(const train_race *race) {
 static int run_race(app *self, train_task *task, app_slot *slot, train_race *race) {
     lg_error error = {LG_OK, ""};
     size_t count = 0;
-    while (count < TRAIN_LANES && task->recipe->learner->sizes[count] != NULL) count++;
+    while (count < TRAIN_LANES && task->recipe->trainer->sizes[count] != NULL) count++;
     const double seconds = SHARE * train_given_files.seconds / (double)count;
     for (size_t i = 0; i < count && !decided(race); i++) {
         train_lane *lane = &race->lane[i];
-        lane->size = task->recipe->learner->sizes[i];
+        lane->size = task->recipe->trainer->sizes[i];
         const lg_status status = run_lane(self, task, slot, seconds, lane, &error);
         if (status != LG_OK)
             return app_fail(self, status, "--size auto, %s: %s", lane->size, app_sentence(status, &error));
@@ -128,11 +128,11 @@ int train_size(app *self, train_task *task, const char *size, train_race *race) 
     lg_error error = {LG_OK, ""};
     *race = (train_race){.count = 0};
     if (size == NULL) return APP_EXIT_OK;
-    const lg_learner *learner = task->recipe->learner;
-    app_slot *slot = learner->sizes != NULL ? app_find_slot(self, "hidden") : NULL;
+    const lg_trainer *trainer = task->recipe->trainer;
+    app_slot *slot = trainer->sizes != NULL ? app_find_slot(self, "hidden") : NULL;
     if (slot == NULL) return app_usage(self, "--size: the width of this network cannot be chosen");
     const bool automatic = strcmp(size, "auto") == 0;
-    if (learner->has_width != NULL && !learner->has_width(&task->learning)) {
+    if (trainer->has_width != NULL && !trainer->has_width(&task->training)) {
         if (!automatic) return app_usage(self, "--size: this model has no network");
         app_warn(self, "--size auto: this model has no network, so there is no width to choose");
         return APP_EXIT_OK;

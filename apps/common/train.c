@@ -14,10 +14,10 @@ const lg_field train_file_options[] = {TRAIN_SIZE_ROW, TRAIN_FILE_ROWS("Draw the
 
 static const train_files *const files = &train_given_files;
 
-/* ---- calls of the learner's hooks; their errors are printed ---- */
+/* ---- calls of the trainer's hooks; their errors are printed ---- */
 
-static bool given(const lg_learning *learning, const char *option) {
-    return app_given(learning->user, option);
+static bool given(const lg_training *training, const char *option) {
+    return app_given(training->user, option);
 }
 
 /* A message that begins with an option is about the command line. */
@@ -32,47 +32,47 @@ static int fail(const app *self, lg_status status, const lg_error *error) {
 
 void train_begin(const app *self, train_task *task, int argument) {
     const lg_recipe *recipe = task->recipe;
-    if (task->state == NULL && recipe->learner->state_size > 0)
-        task->state = app_alloc(1, recipe->learner->state_size);
-    task->learning = lg_learning_of(self->context, recipe, task->settings[0].values, task->state);
-    task->learning.paths = self->arguments + argument;
-    task->learning.path_count = (size_t)(self->argument_count - argument);
-    task->learning.model = files->out;
-    task->learning.threads = self->threads;
-    task->learning.given = given;
-    task->learning.user = self;
+    if (task->state == NULL && recipe->trainer->state_size > 0)
+        task->state = app_alloc(1, recipe->trainer->state_size);
+    task->training = lg_training_of(self->context, recipe, task->settings[0].values, task->state);
+    task->training.paths = self->arguments + argument;
+    task->training.path_count = (size_t)(self->argument_count - argument);
+    task->training.model = files->out;
+    task->training.threads = self->threads;
+    task->training.given = given;
+    task->training.user = self;
 }
 
 int train_read(const app *self, train_task *task) {
-    lg_learning *learning = &task->learning;
+    lg_training *training = &task->training;
     lg_error error = {LG_OK, ""};
-    learning->resumed = files->resume != NULL;
-    const lg_status status = task->recipe->learner->read(learning, &error);
+    training->resumed = files->resume != NULL;
+    const lg_status status = task->recipe->trainer->read(training, &error);
     if (status == LG_OK) return APP_EXIT_OK;
     if (is_usage(status, &error)) return fail(self, status, &error);
     return app_fail_file(self, status, &error,
-                         learning->failed != NULL ? learning->failed : learning->paths[0]);
+                         training->failed != NULL ? training->failed : training->paths[0]);
 }
 
 lg_status train_describe(const app *self, train_task *task, const void *stored, lg_error *error) {
-    lg_learning *learning = &task->learning;
-    learning->user = self;
-    learning->stored = stored;
-    learning->preset = app_given(self, "preset") ? lg_preset_name(train_preset_given) : NULL;
-    return task->recipe->learner->describe(learning, error);
+    lg_training *training = &task->training;
+    training->user = self;
+    training->stored = stored;
+    training->preset = app_given(self, "preset") ? lg_preset_name(train_preset_given) : NULL;
+    return task->recipe->trainer->describe(training, error);
 }
 
 int train_prepare(const app *self, train_task *task) {
-    const lg_learner *learner = task->recipe->learner;
+    const lg_trainer *trainer = task->recipe->trainer;
     lg_error error = {LG_OK, ""};
-    const lg_status status = learner->prepare != NULL ? learner->prepare(&task->learning, &error) : LG_OK;
+    const lg_status status = trainer->prepare != NULL ? trainer->prepare(&task->training, &error) : LG_OK;
     if (status != LG_OK) return fail(self, status, &error);
-    return task->check != NULL ? task->check(self, &task->learning) : APP_EXIT_OK;
+    return task->check != NULL ? task->check(self, &task->training) : APP_EXIT_OK;
 }
 
 lg_status train_create(train_task *task, const lg_fit_options *options, lg_error *error) {
-    task->learning.options = *options;
-    return lg_learning_create_fit(&task->learning, error);
+    task->training.options = *options;
+    return lg_training_create_fit(&task->training, error);
 }
 
 lg_provenance app_provenance(const app *self, uint64_t seed) {
@@ -92,9 +92,9 @@ static char *checkpoint_path(void) {
 
 static const lg_field *method_row(const train_task *task, void **values) {
     const app_settings *settings = task->settings;
-    for (; task->recipe->learner->method != NULL && settings->rows != NULL; settings++) {
+    for (; task->recipe->trainer->method != NULL && settings->rows != NULL; settings++) {
         *values = settings->values;
-        const lg_field *row = lg_field_find(settings->rows, task->recipe->learner->method);
+        const lg_field *row = lg_field_find(settings->rows, task->recipe->trainer->method);
         if (row != NULL) return row;
     }
     return NULL;
@@ -107,7 +107,7 @@ const char *train_refuses(const train_task *task, const app_slot *slot) {
     if (method == NULL || slot->row->methods == 0) return NULL;
     const uint32_t number = (uint32_t)lg_field_whole(method, values);
     if ((slot->row->methods & 1u << number) != 0) return NULL;
-    (void)snprintf(text, sizeof text, "--%s %s", task->recipe->learner->method,
+    (void)snprintf(text, sizeof text, "--%s %s", task->recipe->trainer->method,
                    lg_field_name(method, number));
     return text;
 }
@@ -133,7 +133,7 @@ static void tidy(const app *self, const char *checkpoint) {
 /* Checks that --out is given and that no output file is also an input or another output. */
 static int check_files(app *self, const train_task *task) {
     if (files->out == NULL) return app_usage(self, "--out FILE is missing");
-    const char *const kept_name = task->recipe->learner->kept;
+    const char *const kept_name = task->recipe->trainer->kept;
     const app_slot *kept = kept_name != NULL ? app_find_slot(self, kept_name) : NULL;
     char *checkpoint = checkpoint_path();
     /* A resumed run may write its checkpoints to the file that it was resumed from. */
@@ -154,7 +154,7 @@ static int check_files(app *self, const train_task *task) {
 }
 
 static lg_fit *fit_of(const train_session *self) {
-    return self->task->learning.fit;
+    return self->task->training.fit;
 }
 
 /* ---- callbacks of the fit ---- */
@@ -288,7 +288,7 @@ static int run_fit(train_session *self) {
     app_progress_begin(&self->progress, lg_fit_epochs_done(fit_of(self)), train_training(self->task)->epochs);
     const lg_status status = lg_fit_run(fit_of(self), &error);
     app_progress_end(&self->progress);
-    self->task->learning.seconds = app_seconds() - begin;
+    self->task->training.seconds = app_seconds() - begin;
     app_end_exchanges(self->app);
     return self->app->rank == 0 ? conclude(self, status, &error) : app_exit_code(status);
 }
@@ -395,7 +395,7 @@ static int check_method(const app *self, const train_task *task) {
     char plan[LG_FIT_PLAN_TEXT];
     lg_fit_plan_show(&train_training(task)->plan, plan);
     const bool prior = app_given(self, "prior") && train_training(task)->prior > 0;
-    if (prior && !task->recipe->learner->prior)
+    if (prior && !task->recipe->trainer->prior)
         return app_usage(self, "--prior: the training of this model does not use a prior");
     if (prior && !takes_prior(&train_training(task)->plan))
         return app_usage(self, "--prior: is for ssbroyden and lbfgs; training by %s has no such option",
@@ -422,7 +422,7 @@ static int run_with(app *self, train_task *task, stored_run *stored, const train
     lg_error error = {LG_OK, ""};
     train_session session = {.app = self, .task = task, .race = *race};
     lg_fit_settings *training = train_training(task);
-    const bool again = derives_again(self), splits = task->recipe->learner->prepare != NULL;
+    const bool again = derives_again(self), splits = task->recipe->trainer->prepare != NULL;
     training->seed = self->seed;
     const lg_status status = train_describe(self, task, again ? NULL : stored->run, &error);
     int code = status == LG_OK ? APP_EXIT_OK : fail(self, status, &error);
@@ -436,7 +436,7 @@ static int run_with(app *self, train_task *task, stored_run *stored, const train
     if (code == APP_EXIT_OK) code = train_prepare(self, task);
     if (code == APP_EXIT_OK && splits) code = compare(self, task, stored);
     if (code == APP_EXIT_OK) code = train(&session, stored->reader);
-    lg_learning_release(&task->learning);
+    lg_training_release(&task->training);
     return code;
 }
 
@@ -456,6 +456,6 @@ int train_main(app *self, train_task *task) {
     if (code == APP_EXIT_OK) code = run_with(self, task, &stored, &race);
     lg_file_reader_destroy(stored.reader);
     free(stored.run);
-    lg_learning_close(&task->learning);
+    lg_training_close(&task->training);
     return code;
 }

@@ -1,8 +1,8 @@
 /* What every `train` command shares: its options for files, and everything from the command line to the end
  * of training: --resume, checkpoints, progress, Ctrl-C, --history, exit codes, JSON.
  *
- * A command fills a train_task and returns train_main(...). The learner of the task's recipe
- * (model/files/learning.h) does what is special to a kind of model. The rows of settings[0] are the
+ * A command fills a train_task and returns train_main(...). The trainer of the task's recipe
+ * (model/files/training.h) does what is special to a kind of model. The rows of settings[0] are the
  * hyperparameters: checkpoints store them, and a resumed run is compared with them. The search driver
  * (common/search.h) trains the same task.
  *
@@ -16,7 +16,7 @@
 #include "liegrad/fit.h"
 #include "liegrad/model.h"
 #include "liegrad/settings.h"
-#include "model/files/learning.h"
+#include "model/files/training.h"
 
 typedef struct train_files {
     const char *out, *checkpoint, *resume, *history, *plot, *size;
@@ -25,7 +25,7 @@ typedef struct train_files {
 } train_files;
 
 /* The values from the command line, and the table of these options, which a command lists in its settings.
- * TRAIN_SHARED_NO_SIZE leaves out --size, for a command whose learner has no `sizes`. */
+ * TRAIN_SHARED_NO_SIZE leaves out --size, for a command whose trainer has no `sizes`. */
 extern train_files train_given_files;
 extern const lg_field train_file_options[];
 #define TRAIN_SHARED         APP_GIVEN(train_file_options, train_given_files)
@@ -66,14 +66,14 @@ typedef struct train_task {
     const lg_recipe *recipe;
     const app_settings *settings; /* the command's settings; the first one describes the run */
     const char *only;             /* the only method that a search may train; NULL: any method */
-    void *state;                  /* the learner's state; if NULL, train_begin allocates it */
+    void *state;                  /* the trainer's state; if NULL, train_begin allocates it */
     /* Called after the data are split and before training; returns an exit code. May be NULL. */
-    int (*check)(const app *app, const lg_learning *learning);
+    int (*check)(const app *app, const lg_training *training);
     /* Prints the outcome for people. NULL: each result is printed on a line of its own. */
-    void (*print)(const lg_learning *learning);
+    void (*print)(const lg_training *training);
     /* draws the picture of --plot; NULL: the loss is drawn */
-    int (*draw)(const app *app, const lg_learning *learning);
-    lg_learning learning; /* set and used by the driver */
+    int (*draw)(const app *app, const lg_training *training);
+    lg_training training; /* set and used by the driver */
 } train_task;
 
 /* The race of --size auto (size.c). */
@@ -114,7 +114,7 @@ struct train_session {
 
 int train_main(app *app, train_task *task);
 /* The first part of train_main, for a command that can also train without a recipe: checks options and files,
- * and reads the data. Returns an exit code; whatever it is, the caller then calls lg_learning_close. */
+ * and reads the data. Returns an exit code; whatever it is, the caller then calls lg_training_close. */
 int train_open(app *app, train_task *task);
 /* Computes the results of a loaded model file (`file`: its contents) on the data files, arguments 1 and
  * following. An error ends the command. APP_EXIT_NUMERIC: the results are useless, and a warning has said
@@ -124,9 +124,9 @@ int train_evaluate(const app *app, train_task *task, const void *file);
 /* ---- parts of train_main, also used by race and search ---- */
 
 static inline lg_fit_settings *train_training(const train_task *task) {
-    return lg_learning_training(&task->learning);
+    return lg_training_settings(&task->training);
 }
-/* Prepares task->learning; its data files are the command's arguments from index `argument` on. */
+/* Prepares task->training; its data files are the command's arguments from index `argument` on. */
 void train_begin(const app *app, train_task *task, int argument);
 int train_read(const app *app, train_task *task);
 /* Completes the run from the options that were given to `app`. `stored`: the run that is resumed, or NULL. */
@@ -136,9 +136,9 @@ int train_prepare(const app *app, train_task *task);
 lg_status train_create(train_task *task, const lg_fit_options *options, lg_error *error);
 /* Called when the training has done all that was asked: judges and writes the model, draws and reports. */
 int train_finish(train_session *session);
-/* Adds results number `first` to `end` - 1 of the learning to a command's results. */
-void train_put_results(app_json *out, const lg_learning *learning, size_t first, size_t end);
-/* The option --preset, one of the settings of a task (lg_learning_preset). */
+/* Adds results number `first` to `end` - 1 of the training to a command's results. */
+void train_put_results(app_json *out, const lg_training *training, size_t first, size_t end);
+/* The option --preset, one of the settings of a task (lg_training_preset). */
 extern const lg_field train_preset_rows[];
 extern uint32_t train_preset_given;
 #define TRAIN_PRESET                                                                                         \

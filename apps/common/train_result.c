@@ -15,7 +15,7 @@ enum { LOOK = 10, FULL_LOOK = 100 };
 
 /* The epoch whose parameters are the model: the epoch with the lowest validation loss, or the last epoch if
  * there is no validation part. */
-static uint64_t model_epoch(const lg_learning *self) {
+static uint64_t model_epoch(const lg_training *self) {
     const uint64_t done = lg_fit_epochs_done(self->fit);
     return done > 0 && isfinite(lg_fit_history(self->fit, LG_FIT_VALIDATION)[done - 1])
                ? lg_fit_best_epoch(self->fit)
@@ -26,14 +26,14 @@ static uint64_t model_epoch(const lg_learning *self) {
  * Returns APP_EXIT_NUMERIC if both hold, if one of them holds after LOOK epochs (FULL_LOOK for a full-batch
  * method), or if the error is enormous. The model is written all the same. A training that --stop-after ended
  * is only warned about. */
-static int judge(const app *self, const lg_learning *learning) {
-    const lg_learning_verdict *verdict = &learning->verdict;
+static int judge(const app *self, const lg_training *training) {
+    const lg_training_verdict *verdict = &training->verdict;
     const char *what = verdict->what, *guess = verdict->guess;
     const double error = verdict->error, guessed = verdict->guessed;
     if (what == NULL) return APP_EXIT_OK;
-    const uint64_t done = lg_fit_epochs_done(learning->fit), epoch = model_epoch(learning);
-    const double *loss = lg_fit_history(learning->fit, LG_FIT_LOSS);
-    const bool adam = lg_fit_plan_ends_in_batches(&lg_learning_training(learning)->plan),
+    const uint64_t done = lg_fit_epochs_done(training->fit), epoch = model_epoch(training);
+    const double *loss = lg_fit_history(training->fit, LG_FIT_LOSS);
+    const bool adam = lg_fit_plan_ends_in_batches(&lg_training_settings(training)->plan),
                looked = done >= (adam ? LOOK : FULL_LOOK);
     const bool useless = guessed > 0 && !(error < learned * guessed);
     const bool risen = epoch > 1 && !(loss[epoch - 1] < loss[0]);
@@ -45,7 +45,7 @@ static int judge(const app *self, const lg_learning *learning) {
                  loss[epoch - 1], (unsigned long long)epoch, loss[0], adam ? "; decrease --lr" : "");
     const bool diverged = useless && done > 1 && error > enormous * guessed;
     const bool failed = (useless && risen) || diverged || ((useless || risen) && looked);
-    return failed && lg_fit_finished(learning->fit) ? APP_EXIT_NUMERIC : APP_EXIT_OK;
+    return failed && lg_fit_finished(training->fit) ? APP_EXIT_NUMERIC : APP_EXIT_OK;
 }
 
 /* ---- results ---- */
@@ -64,11 +64,11 @@ static void put_value(app_json *out, const lg_result *result) {
     if (result->type == LG_FIELD_STRING) app_result_text(out, result->name, result->text, result->label);
 }
 
-void train_put_results(app_json *out, const lg_learning *learning, size_t first, size_t end) {
+void train_put_results(app_json *out, const lg_training *training, size_t first, size_t end) {
     size_t depth = 0;
-    if (learning->results_lost) app_out_of_memory();
+    if (training->results_lost) app_out_of_memory();
     for (size_t i = first; i < end; i++) {
-        const lg_result *result = &learning->results[i];
+        const lg_result *result = &training->results[i];
         if (result->bracket == '[' || result->bracket == '{') {
             app_json_open(out, result->name, result->bracket);
             depth++;
@@ -96,14 +96,14 @@ static void json_ranks(const app *self, const lg_fit *fit, app_json *json) {
  * `evaluations` counts gradients over all data; `stopped` says why the training ended, null if it has not. */
 static void json_training(const train_session *session, app_json *json) {
     const app *self = session->app;
-    const lg_learning *learning = &session->task->learning;
+    const lg_training *training = &session->task->training;
     char cpu[256];
-    const lg_fit *fit = learning->fit;
+    const lg_fit *fit = training->fit;
     const uint64_t done = lg_fit_epochs_done(fit);
     (void)lg_cpu_describe(cpu, sizeof cpu);
     app_json_size(json, "epochs", done);
     app_json_size(json, "evaluations", done);
-    app_json_real(json, "floor", learning->floor);
+    app_json_real(json, "floor", training->floor);
     app_json_real(json, "running_loss", lg_fit_loss(fit));
     app_json_real(json, "validation_loss",
                   done > 0 ? lg_fit_history(fit, LG_FIT_VALIDATION)[done - 1] : (double)NAN);
@@ -111,7 +111,7 @@ static void json_training(const train_session *session, app_json *json) {
     app_json_bool(json, "finished", lg_fit_finished(fit));
     app_json_text(json, "stopped", lg_fit_finished(fit) ? lg_fit_end_sentence(fit) : NULL);
     app_json_real(json, "seconds_per_epoch", lg_fit_seconds_per_epoch(fit));
-    app_json_real(json, "seconds", learning->seconds);
+    app_json_real(json, "seconds", training->seconds);
     app_json_size(json, "threads", self->threads);
     json_ranks(self, fit, json);
     app_json_size(json, "steps", lg_fit_steps_done(fit));
@@ -163,13 +163,13 @@ lg_status train_draw_loss(const app *self, const char *picture, const double *lo
 }
 
 /* Draws the loss if --plot is given. */
-static int draw_loss(const app *self, const lg_learning *learning) {
+static int draw_loss(const app *self, const lg_training *training) {
     lg_error error = {LG_OK, ""};
     const char *picture = train_given_files.plot;
-    const lg_fit *fit = learning->fit;
+    const lg_fit *fit = training->fit;
     if (picture == NULL) return APP_EXIT_OK;
     const double *validation =
-        lg_learning_training(learning)->validation > 0 ? lg_fit_history(fit, LG_FIT_VALIDATION) : NULL;
+        lg_training_settings(training)->validation > 0 ? lg_fit_history(fit, LG_FIT_VALIDATION) : NULL;
     const lg_status status = train_draw_loss(self, picture, lg_fit_history(fit, LG_FIT_LOSS), validation,
                                              (size_t)lg_fit_epochs_done(fit), &error);
     return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, picture);
@@ -179,56 +179,56 @@ static int draw_loss(const app *self, const lg_learning *learning) {
 
 static void report(const train_session *session) {
     const train_task *task = session->task;
-    const lg_learning *learning = &task->learning;
+    const lg_training *training = &task->training;
     app_json out;
     if (!session->app->json && task->print != NULL) {
-        task->print(learning);
+        task->print(training);
         return;
     }
     app_result_begin(&out, session->app);
-    train_put_results(&out, learning, 0, learning->first_count);
+    train_put_results(&out, training, 0, training->first_count);
     json_training(session, &out);
-    train_put_results(&out, learning, learning->first_count, learning->result_count);
+    train_put_results(&out, training, training->first_count, training->result_count);
     app_json_end(&out);
 }
 
 /* Judges the fit's parameters, writes the model, draws and reports. */
 static int conclude(const train_session *session, double *theta) {
     train_task *task = session->task;
-    lg_learning *learning = &task->learning;
+    lg_training *training = &task->training;
     const app *self = session->app;
     const char *out = train_given_files.out;
     lg_error error = {LG_OK, ""};
-    lg_fit_parameters(learning->fit, theta);
-    lg_status status = task->recipe->learner->judge(learning, theta, &error);
+    lg_fit_parameters(training->fit, theta);
+    lg_status status = task->recipe->trainer->judge(training, theta, &error);
     if (status != LG_OK)
         return app_fail(self, status, "after the last epoch: %s", app_sentence(status, &error));
-    const int judged = judge(self, learning);
+    const int judged = judge(self, training);
     const lg_provenance provenance = app_provenance(self, train_training(task)->seed);
-    status = lg_learning_save(learning, out, theta, &provenance, &error);
+    status = lg_training_save(training, out, theta, &provenance, &error);
     if (status == LG_CANCELLED) return app_fail(self, status, "stopped by %s", app_stopper());
     if (status != LG_OK) return app_fail_file(self, status, &error, out);
-    const int code = (task->draw != NULL ? task->draw : draw_loss)(self, learning);
+    const int code = (task->draw != NULL ? task->draw : draw_loss)(self, training);
     if (code != APP_EXIT_OK) return code;
     report(session);
-    return judged == APP_EXIT_OK && learning->verdict.failed ? APP_EXIT_NUMERIC : judged;
+    return judged == APP_EXIT_OK && training->verdict.failed ? APP_EXIT_NUMERIC : judged;
 }
 
 int train_finish(train_session *session) {
-    lg_learning *learning = &session->task->learning;
+    lg_training *training = &session->task->training;
     lg_error error = {LG_OK, ""};
-    double *theta = lg_learning_alloc(learning, learning->problem.parameters, sizeof *theta, &error);
+    double *theta = lg_training_alloc(training, training->problem.parameters, sizeof *theta, &error);
     if (theta == NULL)
         return app_fail(session->app, LG_OUT_OF_MEMORY, "after the last epoch: %s", error.message);
     return conclude(session, theta);
 }
 
 int train_evaluate(const app *self, train_task *task, const void *file) {
-    lg_learning *learning = &task->learning;
+    lg_training *training = &task->training;
     lg_error error = {LG_OK, ""};
     train_begin(self, task, 1);
-    learning->model = self->arguments[0];
-    const lg_status status = lg_learning_evaluate(learning, file, &error);
-    app_must_file(self, status, &error, learning->failed != NULL ? learning->failed : learning->paths[0]);
-    return learning->verdict.failed ? APP_EXIT_NUMERIC : APP_EXIT_OK;
+    training->model = self->arguments[0];
+    const lg_status status = lg_training_evaluate(training, file, &error);
+    app_must_file(self, status, &error, training->failed != NULL ? training->failed : training->paths[0]);
+    return training->verdict.failed ? APP_EXIT_NUMERIC : APP_EXIT_OK;
 }

@@ -24,7 +24,7 @@ static const lg_field evaluate_options[] = {
               .names = part_names),
     LG_OPTION(evaluate_values, votes, WHOLES, "K,N",
               "Raise an alarm when K of the last N windows of a recording are not of the first class; "
-              "report time to detection and false alarms a day",
+              "report time to detection and false alarms per day",
               .low = 1, .high = MAX_VOTES),
     LG_OPTION(evaluate_values, scores, STRING, "FILE.csv",
               "Write one row for each window: run, group, truth, class, scores", .file = LG_FILE_WRITTEN),

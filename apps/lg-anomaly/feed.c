@@ -32,10 +32,10 @@ static const lg_field feed_options[] = {
               .high = 1, .value = "0.58"),
     LG_OPTION(
         feed_values, gaps, REALS, "N[,S]",
-        "Average number of gaps a day (default 0), and their mean length in seconds (default 30); a gap "
+        "Average number of gaps per day (default 0), and their mean length in seconds (default 30); a gap "
         "is a series of missing lines",
         .high = 86400, .most = 2),
-    LG_OPTION(feed_values, nan, REAL, "N", "Average number of samples a day with one value nan (default 0)",
+    LG_OPTION(feed_values, nan, REAL, "N", "Average number of samples per day with one value nan (default 0)",
               .high = 432000),
     LG_OPTION(feed_values, noise, REAL, "F", "Noise of the sensors as a multiple of the data sheet's",
               .high = 1e6, .value = "1"),

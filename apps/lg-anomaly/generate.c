@@ -165,7 +165,7 @@ static void report(const app *self, const lg_series_data *data, double seconds) 
     app_result_size(&out, "broken", broken, NULL);
     app_result_size(&out, "channels", series->channels, NULL);
     app_result_size(&out, "length", series->length, "samples of a window");
-    app_result_real(&out, "rate", series->rate, "samples a second");
+    app_result_real(&out, "rate", series->rate, "samples per second");
     app_result_real(&out, "noise", values.noise, NULL);
     app_result_text(&out, "housing", data->housing, NULL);
     app_result_real(&out, "severity", values.severity, NULL);
@@ -213,7 +213,7 @@ static void cut(const app *self, uint32_t *length, size_t *windows) {
     lg_riser_run_init(&defaults);
     const double samples = values.window * defaults.rate, whole = floor(samples + 0.5);
     if (fabs(samples - whole) > 1e-6 * samples)
-        app_stop_usage(self, "--window %g: is %g samples at %g a second, not a whole number", values.window,
+        app_stop_usage(self, "--window %g: is %g samples at %g per second, not a whole number", values.window,
                        samples, defaults.rate);
     const double count = floor(values.hours * 3600 * defaults.rate / whole + 1e-9);
     if (!(count >= 1))

@@ -77,10 +77,10 @@ size_t count_novel(const app *self, const well_model *model, const lg_cut_series
 /* ---- printing ---- */
 
 void json_metrics(app_json *json, const lg_judgement *judged, uint64_t hop, double rate) {
-    lg_learning list = {.results = NULL};
+    lg_training list = {.results = NULL};
     lg_detector_tell(&list, judged, hop, rate);
     train_put_results(json, &list, 0, list.result_count);
-    lg_learning_clear(&list);
+    lg_training_clear(&list);
 }
 
 enum { SHOWN_CLASSES = 12 };
@@ -112,6 +112,6 @@ void print_metrics(const lg_judgement *judged, const well_model *model) {
     (void)printf(" on %zu windows%s\n", judged->count,
                  model->classes == 2 ? "" : " (precision, recall and F1: mean over the classes)");
     const double alarms = lg_judgement_alarms(judged, model->cut.hop, model->rate);
-    if (isfinite(alarms)) (void)printf("false alarms a day: %.3g\n", alarms);
+    if (isfinite(alarms)) (void)printf("false alarms per day: %.3g\n", alarms);
     print_confusion(stdout, judged, model);
 }

@@ -43,9 +43,9 @@ well_model trained_model(well_sort sort, const char *method) {
 }
 
 void json_trained(app_json *json, const well_model *model) {
-    lg_learning *learning = &network_recipe.learning;
-    lg_detector_tell_training(learning, model->method, model->classes, model->class_name);
-    train_put_results(json, learning, 0, learning->result_count);
+    lg_training *training = &network_recipe.training;
+    lg_detector_tell_training(training, model->method, model->classes, model->class_name);
+    train_put_results(json, training, 0, training->result_count);
 }
 
 void print_trained(const well_model *model) {
@@ -78,7 +78,7 @@ static void merge_into_two(void) {
 }
 
 static void run_classical(const app *self) {
-    lg_learning *learning = &network_recipe.learning;
+    lg_training *training = &network_recipe.training;
     const lg_series_data *data = &train_state.all.data;
     const bool alone = train_given.method == METHOD_NOVELTY;
     if (train_state.test != NULL) train_run.test_fraction = 0;
@@ -91,8 +91,8 @@ static void run_classical(const app *self) {
         app_stop(self, LG_INVALID_ARGUMENT, "all windows are of one class, '%s'", data->series.class_name[0]);
     if (train_given.method == METHOD_BASELINE)
         baseline_defaults(&data->series, &train_run.window, &train_run.hop);
-    APP_MUST(self, lg_detector_window(learning, &train_run.window, &train_run.hop, &error));
-    APP_MUST(self, lg_detector_split(learning, &error));
+    APP_MUST(self, lg_detector_window(training, &train_run.window, &train_run.hop, &error));
+    APP_MUST(self, lg_detector_split(training, &error));
     (alone ? train_novelty : train_classical)(self);
 }
 
@@ -106,7 +106,7 @@ static int run_train(app *self) {
     train_state.any_class = train_given.method == METHOD_NOVELTY; /* all classes but the first count as one */
     code = train_open(self, &network_recipe);
     if (code == APP_EXIT_OK) run_classical(self);
-    lg_learning_close(&network_recipe.learning);
+    lg_training_close(&network_recipe.training);
     return code;
 }
 
@@ -119,7 +119,7 @@ const app_command train_command = {
         "attributes rate, classes and channels if they are known (docs/detectors.md).\n\nScaling, components "
         "and grids are fitted on the training part only. Metrics are those of the test part: precision, "
         "recall and F1 of class 1 for two classes, otherwise their mean over the classes. "
-        "false_alarms_per_day is the number of windows a day that would be given another class if all were "
+        "false_alarms_per_day is the number of windows per day that would be given another class if all were "
         "of class 0.\n\nCtrl-C saves a checkpoint (cnn) and ends with exit code 130; --resume continues to "
         "the same bits.",
     .settings = train_settings,

@@ -42,7 +42,7 @@ int train_check_options(const app *app);
 
 /* ---- training ---- */
 
-/* The task of `train --method cnn` and of `search` (train_network.c). Other methods use its `learning` for
+/* The task of `train --method cnn` and of `search` (train_network.c). Other methods use its `training` for
  * data and results. */
 extern train_task network_recipe;
 /* Trains another method. The data in train_state have been read, cut and split. */

@@ -336,7 +336,7 @@ static void report(const classical *self) {
         (void)printf(" (best of %zu by cross-validation: %.4f)", self->chosen.count,
                      self->chosen.accuracy[self->chosen.best]);
     (void)printf("\nfeatures in %.3f s, fitted in %.4f s\n", self->feature_seconds,
-                 network_recipe.learning.seconds);
+                 network_recipe.training.seconds);
     print_trained(&self->model);
 }
 
@@ -352,10 +352,10 @@ void train_classical(const app *program) {
     choose(&self);
     const double begin = app_seconds();
     APP_MUST(program, fit(&self, &self.chosen.options[self.chosen.best], &self.model.classifier, &error));
-    network_recipe.learning.seconds = app_seconds() - begin;
+    network_recipe.training.seconds = app_seconds() - begin;
     check_picture(program, &self.model);
     judge(&self);
-    APP_MUST(program, lg_detector_fit_novelty(&network_recipe.learning, &self.model.novelty));
+    APP_MUST(program, lg_detector_fit_novelty(&network_recipe.training, &self.model.novelty));
     save_trained(program, &self.model);
     draw(&self);
     report(&self);

@@ -11,22 +11,22 @@ static well_model model_of(double *theta) {
     return out;
 }
 
-static int check(const app *self, const lg_learning *learning) {
+static int check(const app *self, const lg_training *training) {
     const well_model shape = model_of(NULL);
-    (void)learning;
+    (void)training;
     check_picture(self, &shape);
     return APP_EXIT_OK;
 }
 
-static void print(const lg_learning *learning) {
+static void print(const lg_training *training) {
     const lg_detector_state *state = &train_state;
-    const lg_fit *fit = learning->fit;
+    const lg_fit *fit = training->fit;
     const well_model model = model_of(NULL);
     (void)printf("%s: cnn, %u blocks, %zu parameters", train_given_files.out, train_run.model.net.blocks,
-                 learning->problem.parameters);
+                 training->problem.parameters);
     if (state->from != NULL) (void)printf(" (preset %s: %s)", state->from->name, state->from->source);
     (void)printf("\n%llu epochs (%.4f s each, %.1f s in all)", (unsigned long long)lg_fit_epochs_done(fit),
-                 lg_fit_seconds_per_epoch(fit), learning->seconds);
+                 lg_fit_seconds_per_epoch(fit), training->seconds);
     if (state->validation.count > 0)
         (void)printf(", the parameters are those of epoch %llu, the best one on %zu validation windows",
                      (unsigned long long)lg_fit_best_epoch(fit), state->validation.count);
@@ -37,11 +37,11 @@ static void print(const lg_learning *learning) {
                      state->train_judged.mse);
 }
 
-static int draw(const app *self, const lg_learning *learning) {
-    const lg_fit *fit = learning->fit;
+static int draw(const app *self, const lg_training *training) {
+    const lg_fit *fit = training->fit;
     const char *picture = train_given_files.plot;
     if (picture == NULL) return APP_EXIT_OK;
-    APP_FREE double *theta = app_alloc(learning->problem.parameters, sizeof *theta);
+    APP_FREE double *theta = app_alloc(training->problem.parameters, sizeof *theta);
     lg_fit_parameters(fit, theta);
     const well_model model = model_of(theta);
     const int view = view_of(&model, train_given.picture, true);

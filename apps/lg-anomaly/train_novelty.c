@@ -47,7 +47,7 @@ static void report(const alone *self) {
     const lg_novelty *novelty = &self->model.novelty;
     if (!self->app->json) {
         (void)printf("%s: novelty, %u features, windows of '%s' alone (%.3f s)\n", train_given_files.out,
-                     novelty->features, self->names[0], network_recipe.learning.seconds);
+                     novelty->features, self->names[0], network_recipe.training.seconds);
         print_trained(&self->model);
         return;
     }
@@ -73,7 +73,7 @@ static void fit(alone *self) {
     APP_MUST(self->app, lg_novelty_fit(self->app->context, &options, &state->all.data.series,
                                        &state->all.windows, state->train.list, state->train.count,
                                        (int)self->app->threads, &self->model.novelty, &error));
-    network_recipe.learning.seconds = app_seconds() - begin;
+    network_recipe.training.seconds = app_seconds() - begin;
 }
 
 void train_novelty(const app *program) {

@@ -408,7 +408,7 @@ static void print_summary(const watching *self, const totals *all) {
             (void)printf("# crack at %.15g s: not detected\n", values.crack_at);
         else
             (void)printf("# crack at %.15g s: detected after %.6g s\n", values.crack_at, all->delay);
-        (void)printf("# before it: false alarms %llu, a day %.4g; false positive windows a day %.4g\n",
+        (void)printf("# before it: false alarms %llu, per day %.4g; false positive windows per day %.4g\n",
                      (unsigned long long)t->alarms_before, all->false_alarms, all->false_windows);
     }
     (void)printf("# %.3g s, %.3g samples/s, memory %llu KiB, of the watch %zu bytes\n", all->seconds,

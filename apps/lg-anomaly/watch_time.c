@@ -260,13 +260,13 @@ static bool check_rate(watching *self) {
         self->refused = true;
         (void)app_fail(
             self->app, LG_FILE,
-            "the times of the feed give %.4g samples a second, the model was trained at %.4g: resample the "
+            "the times of the feed give %.4g samples per second, the model was trained at %.4g: resample the "
             "feed, or force it with --rate %.4g (windows of the same number of samples, so shorter or "
             "longer)",
             1 / interval, self->rate, 1 / interval);
         return false;
     }
-    app_warn(self->app, "the times of the feed give %.4g samples a second; the grid of --rate %.4g is used",
+    app_warn(self->app, "the times of the feed give %.4g samples per second; the grid of --rate %.4g is used",
              1 / interval, self->rate);
     t->follow = false;
     t->usual = fmax(1, ceil(steps - rate_tolerance));

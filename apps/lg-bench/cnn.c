@@ -46,15 +46,15 @@ static double products(const lg_cnn *net, bool gradient) {
 
 /* ---- an epoch ---- */
 
-typedef struct learning {
+typedef struct training {
     lg_detector model;
     lg_detector_data data;
     lg_detector_problem problem;
     lg_fit_problem fit;
     double *theta;
-} learning;
+} training;
 
-static void open_windows(const bench *b, learning *l) {
+static void open_windows(const bench *b, training *l) {
     double *x = bench_uniform((size_t)WINDOWS * NUMBERS, STREAM_WINDOWS);
     l->data = (lg_detector_data){.count = WINDOWS, .dtype = b->dtype};
     l->data.label = app_alloc(WINDOWS, sizeof *l->data.label);
@@ -67,7 +67,7 @@ static void open_windows(const bench *b, learning *l) {
 }
 
 /* Gradient of the loss of the first windows at the initial parameters, computed in `dtype`. */
-static double *first_gradient(const bench *b, const learning *l, lg_dtype dtype) {
+static double *first_gradient(const bench *b, const training *l, lg_dtype dtype) {
     const size_t n = l->fit.parameters;
     void *theta = bench_typed(dtype, l->theta, n), *gradient = app_alloc(n, bench_size(dtype));
     uint32_t samples[JUDGED];
@@ -83,7 +83,7 @@ static double *first_gradient(const bench *b, const learning *l, lg_dtype dtype)
     return out;
 }
 
-static void judge(const bench *b, const learning *l, bench_row *row) {
+static void judge(const bench *b, const training *l, bench_row *row) {
     row->error_is = "largest difference of a gradient from that in f64, relative to its largest element";
     if (b->dtype == LG_F64) return;
     double *ours = first_gradient(b, l, b->dtype), *exact = first_gradient(b, l, LG_F64);
@@ -91,7 +91,7 @@ static void judge(const bench *b, const learning *l, bench_row *row) {
     free(ours), free(exact);
 }
 
-static void train(bench *b, learning *l) {
+static void train(bench *b, training *l) {
     const bench_options *given = b->given;
     lg_fit_options options;
     lg_fit *fit = NULL;
@@ -127,7 +127,7 @@ static void train(bench *b, learning *l) {
 }
 
 void bench_cnn(bench *b) {
-    learning l = {.theta = NULL};
+    training l = {.theta = NULL};
     open_windows(b, &l);
     for (size_t i = 0; i < LG_COUNT(activations); i++) {
         if (!bench_wanted(b, lg_activation_name(activations[i]))) continue;

@@ -49,7 +49,7 @@ static const experiment experiments[] = {
      2},
 };
 
-typedef struct learning {
+typedef struct training {
     const experiment *what;
     lg_elastica_curves curves;
     uint32_t training[TRAINING];
@@ -59,7 +59,7 @@ typedef struct learning {
     lg_surrogate_problem problem;
     lg_fit_problem inner;
     double *theta;
-} learning;
+} training;
 
 static uint32_t *shuffled(size_t n, uint64_t stream) {
     lg_rng rng;
@@ -70,7 +70,7 @@ static uint32_t *shuffled(size_t n, uint64_t stream) {
     return order;
 }
 
-static void open_curves(const bench *b, learning *l) {
+static void open_curves(const bench *b, training *l) {
     lg_elastica_sampling sampling;
     lg_elastica_sampling_init(&sampling);
     lg_error error = {LG_OK, ""};
@@ -87,12 +87,12 @@ static void open_curves(const bench *b, learning *l) {
  * the fixed order. */
 static lg_status ordered_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                               size_t batch, lg_var *loss) {
-    const learning *l = user;
+    const training *l = user;
     if (samples[count - 1] - samples[0] != count - 1) return LG_CHECK_FAILED;
     return l->inner.loss(l->inner.user, tape, theta, l->order + samples[0], count, batch, loss);
 }
 
-static void open_model(const bench *b, learning *l, lg_net_kind architecture) {
+static void open_model(const bench *b, training *l, lg_net_kind architecture) {
     lg_surrogate_options options = l->what->model;
     lg_error error = {LG_OK, ""};
     lg_rng rng;
@@ -107,7 +107,7 @@ static void open_model(const bench *b, learning *l, lg_net_kind architecture) {
     lg_net_initialise(&l->model.net, LG_INIT_FAN_IN, &rng, l->theta);
 }
 
-static void fill_row(const bench *b, const learning *l, const lg_fit *fit, bench_row *row) {
+static void fill_row(const bench *b, const training *l, const lg_fit *fit, bench_row *row) {
     const size_t epochs = (size_t)lg_fit_epochs_done(fit);
     lg_surrogate_errors errors;
     lg_error error = {LG_OK, ""};
@@ -131,7 +131,7 @@ static void fill_row(const bench *b, const learning *l, const lg_fit *fit, bench
     memcpy(row->series, lg_fit_history(fit, LG_FIT_LOSS), epochs * sizeof *row->series);
 }
 
-static void train(bench *b, learning *l) {
+static void train(bench *b, training *l) {
     const lg_fit_problem problem = {.parameters = l->inner.parameters,
                                     .samples = l->inner.samples,
                                     .loss = ordered_loss,
@@ -168,7 +168,7 @@ static void train(bench *b, learning *l) {
 
 /* Writes two files. PREFIX.data: boundary conditions (900, 8), then q and v (900, 51, 2) of the training
  * curves. PREFIX.order: the samples in the order of an epoch. */
-static void write_curves(const bench *b, const learning *l) {
+static void write_curves(const bench *b, const training *l) {
     const lg_elastica_curves *c = &l->curves;
     const size_t nodes = 2 * ((size_t)c->intervals + 1);
     double *data = app_alloc(TRAINING * (8 + 2 * nodes), sizeof *data);
@@ -188,8 +188,8 @@ static void write_curves(const bench *b, const learning *l) {
 }
 
 void bench_elastica(bench *b) {
-    static learning l;
-    l = (learning){.what = NULL};
+    static training l;
+    l = (training){.what = NULL};
     for (size_t i = 0; i < LG_COUNT(experiments); i++)
         if (strcmp(experiments[i].name, b->what->name) == 0) l.what = &experiments[i];
     open_curves(b, &l);

@@ -29,7 +29,7 @@ static const experiment experiments[] = {
     {"hamiltonian-quartic", "quartic", 2, 900, 6, 3, 0.3, "stormer-verlet", 3, {100, 50, 50}, 30, 20},
 };
 
-typedef struct learning {
+typedef struct training {
     const experiment *what;
     lg_system *system;
     size_t dim;
@@ -37,9 +37,9 @@ typedef struct learning {
     lg_hamiltonian model;
     lg_hamiltonian_problem problem;
     double *theta;
-} learning;
+} training;
 
-static void sample(const bench *b, const learning *l, size_t trajectories, size_t points, size_t segments,
+static void sample(const bench *b, const training *l, size_t trajectories, size_t points, size_t segments,
                    uint64_t seed, double *t, double *data, double *energies) {
     lg_trajectory_options options;
     lg_error error = {LG_OK, ""};
@@ -53,7 +53,7 @@ static void sample(const bench *b, const learning *l, size_t trajectories, size_
                 error.message);
 }
 
-static void open_learning(const bench *b, learning *l) {
+static void open_learning(const bench *b, training *l) {
     const experiment *e = l->what;
     lg_system_options options;
     lg_rng rng;
@@ -92,7 +92,7 @@ static void open_learning(const bench *b, learning *l) {
     lg_hamiltonian_initialise(&l->model, &rng, l->theta);
 }
 
-static void close_learning(learning *l) {
+static void close_learning(training *l) {
     lg_system_destroy(l->system);
     free(l->t);
     free(l->data);
@@ -114,7 +114,7 @@ lg_model *bench_model(const bench *b, const lg_hamiltonian *model, const double 
 /* ---- E1: the true and the learned flow are integrated accurately; mean squared difference over all points
  * ---- */
 
-static double e1(const bench *b, const learning *l, const double *theta) {
+static double e1(const bench *b, const training *l, const double *theta) {
     enum { TEST = 100 };
     const size_t points = l->what->test_points, size = points * l->dim;
     double *t = app_alloc(points, sizeof *t), *truth = app_alloc(TEST * size, sizeof *truth);
@@ -148,7 +148,7 @@ static double e1(const bench *b, const learning *l, const double *theta) {
 }
 
 /* Mean squared error over the whole training set in double precision. */
-static double full_loss(const bench *b, const learning *l, const double *theta) {
+static double full_loss(const bench *b, const training *l, const double *theta) {
     lg_fit_problem problem;
     lg_var loss = LG_NONE;
     double value = NAN;
@@ -165,7 +165,7 @@ static double full_loss(const bench *b, const learning *l, const double *theta) 
     return value;
 }
 
-static void judge_row(const bench *b, const learning *l, const double *theta, bench_row *row) {
+static void judge_row(const bench *b, const training *l, const double *theta, bench_row *row) {
     row->error = full_loss(b, l, theta);
     row->error_is = "mean squared error over the training set, f64";
     if (b->given->judge || b->given->weights != NULL) bench_note_add(row, "E1", e1(b, l, theta));
@@ -173,7 +173,7 @@ static void judge_row(const bench *b, const learning *l, const double *theta, be
 
 /* ---- training ---- */
 
-static void train(bench *b, learning *l) {
+static void train(bench *b, training *l) {
     lg_fit_problem problem;
     lg_fit_options options;
     lg_fit *fit = NULL;
@@ -214,7 +214,7 @@ static void train(bench *b, learning *l) {
 
 /* ---- parameters trained by other programs ---- */
 
-static void read_weights(const bench *b, learning *l) {
+static void read_weights(const bench *b, training *l) {
     const size_t n = lg_hamiltonian_parameters(&l->model);
     FILE *file = app_open(b->given->weights);
     const bool whole = file != NULL && fread(l->theta, sizeof *l->theta, n, file) == n && fgetc(file) == EOF;
@@ -224,7 +224,7 @@ static void read_weights(const bench *b, learning *l) {
 
 /* Does not train: computes the error and E1 of given parameters. The row's time is the time of this
  * judgement. */
-static void judge_weights(bench *b, learning *l) {
+static void judge_weights(bench *b, training *l) {
     read_weights(b, l);
     const double start = app_seconds();
     bench_row judged = {.error = NAN};
@@ -238,7 +238,7 @@ static void judge_weights(bench *b, learning *l) {
 }
 
 void bench_hamiltonian(bench *b) {
-    learning l = {.what = NULL};
+    training l = {.what = NULL};
     for (size_t i = 0; i < LG_COUNT(experiments); i++)
         if (strcmp(experiments[i].name, b->what->name) == 0) l.what = &experiments[i];
     open_learning(b, &l);

@@ -8,29 +8,29 @@ static lg_surrogate_run run; /* everything that determines the result */
 static const app_settings settings[] = {
     {lg_surrogate_fields, &run, sizeof run}, TRAIN_PRESET, TRAIN_SHARED, APP_SETTINGS_END};
 
-static double real(const lg_learning *learning, const char *name) {
-    return lg_result_find(learning, name)->real;
+static double real(const lg_training *training, const char *name) {
+    return lg_result_find(training, name)->real;
 }
 
-static uint64_t whole(const lg_learning *learning, const char *name) {
-    return lg_result_find(learning, name)->whole;
+static uint64_t whole(const lg_training *training, const char *name) {
+    return lg_result_find(training, name)->whole;
 }
 
-static void print(const lg_learning *learning) {
+static void print(const lg_training *training) {
     const lg_surrogate_options *options = &run.model.options;
-    const char *preset = lg_result_find(learning, "preset")->text;
+    const char *preset = lg_result_find(training, "preset")->text;
     (void)printf("%s: %s network, %s %u x %u, %zu parameters", train_given_files.out,
                  lg_surrogate_kind_name(options->kind), lg_net_kind_name(options->architecture),
                  options->hidden, options->layers, lg_surrogate_parameters(&run.model));
-    if (preset != NULL) (void)printf(" (preset %s: %s)", preset, lg_result_find(learning, "source")->text);
+    if (preset != NULL) (void)printf(" (preset %s: %s)", preset, lg_result_find(training, "source")->text);
     (void)printf("\n%llu epochs (%.4f s each, %.1f s in all); mean squared error %.4e on %llu curves trained "
                  "on",
-                 (unsigned long long)lg_fit_epochs_done(learning->fit),
-                 lg_fit_seconds_per_epoch(learning->fit), learning->seconds, real(learning, "train_mse"),
-                 (unsigned long long)whole(learning, "train_curves"));
-    if (whole(learning, "test_curves") > 0)
-        (void)printf(", %.4e on %llu test curves", real(learning, "test_mse"),
-                     (unsigned long long)whole(learning, "test_curves"));
+                 (unsigned long long)lg_fit_epochs_done(training->fit),
+                 lg_fit_seconds_per_epoch(training->fit), training->seconds, real(training, "train_mse"),
+                 (unsigned long long)whole(training, "train_curves"));
+    if (whole(training, "test_curves") > 0)
+        (void)printf(", %.4e on %llu test curves", real(training, "test_mse"),
+                     (unsigned long long)whole(training, "test_curves"));
     (void)printf("\n");
 }
 

@@ -27,7 +27,7 @@ static void add_window(export_source *source, const export_window *window) {
     export_size(source, "CLASSES", window->classes, NULL);
     lg_text_add(&source->sizes, "#define %s_RATE ", source->options->name);
     lg_text_add_real(&source->sizes, LG_F64, window->rate);
-    lg_text_add(&source->sizes, " /* samples a second of the training data%s */\n",
+    lg_text_add(&source->sizes, " /* samples per second of the training data%s */\n",
                 window->rate > 0 ? "" : ", not known");
 }
 

@@ -17,15 +17,15 @@ static lg_table_run run_of;
 static lg_table_state state;
 static const app_settings settings[] = {{lg_table_fields, &run_of, 0}, APP_SETTINGS_END};
 
-static void report(const app *self, const lg_learning *learning) {
+static void report(const app *self, const lg_training *training) {
     app_json out;
     if (!self->json) {
         judgement_print(&state);
         return;
     }
     app_json_begin(&out);
-    train_put_results(&out, learning, 0, learning->result_count);
-    app_json_real(&out, "seconds", learning->seconds);
+    train_put_results(&out, training, 0, training->result_count);
+    app_json_real(&out, "seconds", training->seconds);
     app_json_warnings(&out, self);
     app_json_end(&out);
 }
@@ -38,8 +38,8 @@ static int run(app *self) {
     const int code = train_evaluate(self, &task, &file);
     if (values.plot != NULL)
         APP_MUST_FILE(self, values.plot, draw_judgement(self, values.plot, &state, &error));
-    report(self, &task.learning);
-    lg_learning_close(&task.learning);
+    report(self, &task.training);
+    lg_training_close(&task.training);
     return code;
 }
 

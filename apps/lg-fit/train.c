@@ -12,7 +12,7 @@ static const app_settings settings[] = {{lg_table_fields, &run, sizeof run},
                                         APP_GIVEN(file_options, train_given_files),
                                         APP_SETTINGS_END};
 
-static void print(const lg_learning *learning) {
+static void print(const lg_training *training) {
     const lg_table_file *file = &state.file;
     const size_t rows = state.table.data.rows;
     (void)printf("%s: %s of %zu of %zu rows, %u inputs, %s network, %zu parameters\n", train_given_files.out,
@@ -20,16 +20,16 @@ static void print(const lg_learning *learning) {
                  lg_net_kind_name(file->run.model.options.network), file->parameters);
     if (state.evidence.evaluations > 0)
         (void)printf("the data determine %.1f parameters; noise about %.3g of the outputs' deviation\n",
-                     state.evidence.effective, lg_result_find(learning, "noise")->real);
+                     state.evidence.effective, lg_result_find(training, "noise")->real);
     (void)printf("%s rows (%zu%s):\n", state.part, state.judged.rows,
                  state.given.test == NULL && state.trained < rows ? ", not learned" : "");
     judgement_print(&state);
 }
 
-static int draw(const app *self, const lg_learning *learning) {
+static int draw(const app *self, const lg_training *training) {
     const char *picture = train_given_files.plot;
     lg_error error = {LG_OK, ""};
-    (void)learning;
+    (void)training;
     const lg_status status = picture != NULL ? draw_judgement(self, picture, &state, &error) : LG_OK;
     return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, picture);
 }

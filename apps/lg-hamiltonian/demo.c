@@ -1,7 +1,7 @@
 /* lg-hamiltonian demo: samples, learns, judges and draws the spherical pendulum. */
 #include "common/train.h"
 #include "hamiltonian/files/recipe.h"
-#include "lg-hamiltonian/learning.h"
+#include "lg-hamiltonian/training.h"
 
 #include <stdlib.h>
 
@@ -31,7 +31,7 @@ typedef struct demo {
     lg_trajectories data, test;
     lg_hamiltonian_run run;
     lg_hamiltonian_state state;
-    lg_learning learning;
+    lg_training training;
     double *theta, *predicted;
     double loss, sampling_seconds, training_seconds, judging_seconds;
     verdict verdict;
@@ -84,28 +84,28 @@ static int on_epoch(void *user, const lg_fit_epoch *report) {
 
 static void train_model(demo *self) {
     const app *host = self->app;
-    lg_learning *learning = &self->learning;
-    lg_fit_settings *training = &self->run.training;
+    lg_training *training = &self->training;
+    lg_fit_settings *settings = &self->run.training;
     lg_fields_default(lg_hamiltonian_fields, &self->run);
     self->state.data = self->data;
-    *learning = lg_learning_of(host->context, &lg_recipe_hamiltonian, &self->run, &self->state);
-    learning->preset = "best";
-    training->seed = host->seed;
-    APP_MUST(host, learning->recipe->learner->describe(learning, &error));
-    if (values.epochs > 0) training->epochs = values.epochs;
-    learning->options = train_fit_options(host, training);
-    learning->options.on_epoch = on_epoch;
-    learning->options.user = self;
-    APP_MUST(host, lg_learning_create_fit(learning, &error));
+    *training = lg_training_of(host->context, &lg_recipe_hamiltonian, &self->run, &self->state);
+    training->preset = "best";
+    settings->seed = host->seed;
+    APP_MUST(host, training->recipe->trainer->describe(training, &error));
+    if (values.epochs > 0) settings->epochs = values.epochs;
+    training->options = train_fit_options(host, settings);
+    training->options.on_epoch = on_epoch;
+    training->options.user = self;
+    APP_MUST(host, lg_training_create_fit(training, &error));
     const double begin = app_seconds();
-    app_progress_begin(&self->progress, 0, training->epochs);
+    app_progress_begin(&self->progress, 0, settings->epochs);
     lg_error why = {LG_OK, ""};
-    const lg_status status = lg_fit_run(learning->fit, &why);
+    const lg_status status = lg_fit_run(training->fit, &why);
     app_progress_end(&self->progress);
     app_must(host, status, &why);
     self->training_seconds = app_seconds() - begin;
-    self->theta = app_alloc(learning->problem.parameters, sizeof *self->theta);
-    lg_fit_parameters(learning->fit, self->theta);
+    self->theta = app_alloc(training->problem.parameters, sizeof *self->theta);
+    lg_fit_parameters(training->fit, self->theta);
     APP_MUST(host, lg_hamiltonian_mean_squared_error(host->context, &self->state.problem, self->theta,
                                                      &self->loss, &error));
 }
@@ -117,7 +117,7 @@ static void judge_model(demo *self) {
     const lg_provenance provenance = app_provenance(host, self->run.training.seed);
     const double begin = app_seconds();
     APP_FREE char *path = inside("model.h5");
-    APP_MUST(host, lg_learning_save(&self->learning, path, self->theta, &provenance, &error));
+    APP_MUST(host, lg_training_save(&self->training, path, self->theta, &provenance, &error));
     self->predicted = app_alloc(self->test.count * self->test.points * self->test.state_dim, sizeof(double));
     APP_MUST(host, judge(host->context, host->threads, model, self->theta, &self->test,
                          default_tolerance(model), self->predicted, &self->verdict, &error));
@@ -146,7 +146,7 @@ static void draw_long(const demo *self) {
 static void draw_all(const demo *self) {
     const app *host = self->app;
     const lg_trajectories *test = &self->test;
-    const lg_fit *fit = self->learning.fit;
+    const lg_fit *fit = self->training.fit;
     APP_FREE char *sphere = inside("trajectories.svg"), *loss = inside("loss.svg");
     APP_FREE char *history = inside("loss.csv");
     APP_MUST(host, train_save_history(history, fit, &error));
@@ -162,7 +162,7 @@ static void draw_all(const demo *self) {
 }
 
 static void report(const demo *self, double seconds) {
-    const lg_fit *fit = self->learning.fit;
+    const lg_fit *fit = self->training.fit;
     app_json out;
     app_result_begin(&out, self->app);
     app_result_line(
@@ -194,7 +194,7 @@ static void report(const demo *self, double seconds) {
 }
 
 static void demo_end(demo *self) {
-    if (self->learning.recipe != NULL) lg_learning_release(&self->learning);
+    if (self->training.recipe != NULL) lg_training_release(&self->training);
     lg_trajectories_destroy(&self->data);
     lg_trajectories_destroy(&self->test);
     lg_scene_destroy(&self->scene);

@@ -1,6 +1,6 @@
 /* lg-hamiltonian evaluate: the errors E1 and E2 of a model on test trajectories. */
 #include "hamiltonian/learned.h"
-#include "lg-hamiltonian/learning.h"
+#include "lg-hamiltonian/training.h"
 
 #include <errno.h>
 #include <math.h>

@@ -1,5 +1,5 @@
 /* lg-hamiltonian generate: samples trajectories of a scene and writes a data file. */
-#include "lg-hamiltonian/learning.h"
+#include "lg-hamiltonian/training.h"
 
 #include "common/pieces.h"
 

@@ -1,7 +1,7 @@
 /* Measures the errors of a learned Hamiltonian. */
 #include "common/flow.h"
 #include "hamiltonian/learned.h"
-#include "lg-hamiltonian/learning.h"
+#include "lg-hamiltonian/training.h"
 
 #include <math.h>
 #include <stdatomic.h>

@@ -1,5 +1,5 @@
 /* lg-hamiltonian: learns the Hamiltonian of a mechanical system from trajectories. */
-#include "lg-hamiltonian/learning.h"
+#include "lg-hamiltonian/training.h"
 
 #include <stdlib.h>
 

@@ -1,5 +1,5 @@
 /* The pictures of lg-hamiltonian. */
-#include "lg-hamiltonian/learning.h"
+#include "lg-hamiltonian/training.h"
 
 #include <math.h>
 

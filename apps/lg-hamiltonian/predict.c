@@ -1,5 +1,5 @@
 /* lg-hamiltonian predict: integrates the learned flow from one start. */
-#include "lg-hamiltonian/learning.h"
+#include "lg-hamiltonian/training.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -1,5 +1,5 @@
 /* Samples trajectories of a scene. */
-#include "lg-hamiltonian/learning.h"
+#include "lg-hamiltonian/training.h"
 
 lg_status scene_family(const lg_scene *scene, const lg_hamiltonian_family **family, uint32_t *n,
                        lg_error *error) {

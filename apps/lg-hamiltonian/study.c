@@ -136,20 +136,20 @@ static lg_status train_and_judge(const app *self, lg_hamiltonian_run run, uint64
     const lg_context *context = self->context;
     verdict result = {.e1 = 0};
     lg_hamiltonian_state state = {.data = *data};
-    APP_CLEAN(lg_learning_release)
-    lg_learning learning = lg_learning_of(context, &lg_recipe_hamiltonian, &run, &state);
-    learning.stored = &run; /* no preset changes the run */
-    LG_TRY(learning.recipe->learner->describe(&learning, error));
-    learning.options = train_fit_options(self, &run.training);
-    learning.options.threads = (int)threads;
-    LG_TRY(lg_learning_create_fit(&learning, error));
+    APP_CLEAN(lg_training_release)
+    lg_training training = lg_training_of(context, &lg_recipe_hamiltonian, &run, &state);
+    training.stored = &run; /* no preset changes the run */
+    LG_TRY(training.recipe->trainer->describe(&training, error));
+    training.options = train_fit_options(self, &run.training);
+    training.options.threads = (int)threads;
+    LG_TRY(lg_training_create_fit(&training, error));
     const double begin = app_seconds();
-    const lg_status status = lg_fit_run(learning.fit, error);
+    const lg_status status = lg_fit_run(training.fit, error);
     row->result[STUDY_SECONDS] = app_seconds() - begin;
     LG_TRY(status);
-    APP_FREE double *theta = app_alloc(learning.problem.parameters, sizeof *theta);
-    row->epochs = lg_fit_epochs_done(learning.fit);
-    lg_fit_parameters(learning.fit, theta);
+    APP_FREE double *theta = app_alloc(training.problem.parameters, sizeof *theta);
+    row->epochs = lg_fit_epochs_done(training.fit);
+    lg_fit_parameters(training.fit, theta);
     LG_TRY(
         lg_hamiltonian_mean_squared_error(context, &state.problem, theta, &row->result[STUDY_LOSS], error));
     LG_TRY(judge(context, threads, &run.model, theta, test, default_tolerance(&run.model), NULL, &result,

@@ -3,7 +3,7 @@
 #define LG_APPS_STUDY_H
 
 #include "common/study.h"
-#include "lg-hamiltonian/learning.h"
+#include "lg-hamiltonian/training.h"
 
 /* Indices of the plan's axes and measures. */
 enum { AXIS_INTEGRATOR, AXIS_SUBSTEPS, AXIS_N, AXIS_M, AXIS_EPS, AXIS_PENALTY, AXES };

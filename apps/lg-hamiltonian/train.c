@@ -1,7 +1,7 @@
 /* lg-hamiltonian train: fits a Hamiltonian to trajectories. */
 #include "common/train.h"
 #include "hamiltonian/files/recipe.h"
-#include "lg-hamiltonian/learning.h"
+#include "lg-hamiltonian/training.h"
 
 static lg_hamiltonian_state state;
 static lg_hamiltonian_run run; /* everything that determines the result */
@@ -12,14 +12,14 @@ static const app_settings settings[] = {{lg_hamiltonian_fields, &run, sizeof run
                                         TRAIN_SHARED,
                                         APP_SETTINGS_END};
 
-static void print(const lg_learning *learning) {
+static void print(const lg_training *training) {
     (void)printf("%s: %zu parameters, %llu epochs or evaluations with %s, mean squared error %.3e, floor "
                  "%.1e (%.4f s an epoch, "
                  "%.1f s in all)\n",
                  train_given_files.out, lg_hamiltonian_parameters(&run.model),
-                 (unsigned long long)lg_fit_epochs_done(learning->fit), run.scheme->name,
-                 lg_result_find(learning, "loss")->real, learning->floor,
-                 lg_fit_seconds_per_epoch(learning->fit), learning->seconds);
+                 (unsigned long long)lg_fit_epochs_done(training->fit), run.scheme->name,
+                 lg_result_find(training, "loss")->real, training->floor,
+                 lg_fit_seconds_per_epoch(training->fit), training->seconds);
 }
 
 static train_task recipe = {

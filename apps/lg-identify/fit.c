@@ -26,14 +26,14 @@ static void show_identified(const lg_machine_verdict *what) {
     app_table_end(&table, stdout);
 }
 
-static void print(const lg_learning *learning) {
+static void print(const lg_training *training) {
     const lg_machine_verdict *what = &state.verdict;
-    (void)learning;
+    (void)training;
     (void)printf("%s: %zu parameters, %llu windows, %llu evaluations, loss %.3e (noise and steps leave "
                  "%.1e at most), floor of the steps %.1e, %.1f s\n",
                  train_given_files.out, run.machine.parameters, (unsigned long long)run.windows,
-                 (unsigned long long)lg_fit_epochs_done(learning->fit), what->loss, what->expected,
-                 learning->floor, learning->seconds);
+                 (unsigned long long)lg_fit_epochs_done(training->fit), what->loss, what->expected,
+                 training->floor, training->seconds);
     show_identified(what);
 }
 

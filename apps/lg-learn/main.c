@@ -48,15 +48,15 @@ static const lg_recipe *find_recipe(int argc, char **argv) {
 static void choose_recipe(const lg_recipe *chosen) {
     recipe = (train_task){.recipe = chosen, .settings = train_settings};
     if (chosen != NULL) {
-        const lg_learner *learner = chosen->learner;
-        recipe.state = app_alloc(1, learner->state_size + 1);
+        const lg_trainer *trainer = chosen->trainer;
+        recipe.state = app_alloc(1, trainer->state_size + 1);
         add(train_settings, chosen->fields, app_alloc(1, chosen->run_size), chosen->run_size);
-        if (learner->presets)
+        if (trainer->presets)
             add(train_settings, train_preset_rows, &train_preset_given, sizeof train_preset_given);
-        add(train_settings, learner->options, recipe.state, 0);
-        add(search_settings, learner->options, recipe.state, 0);
+        add(train_settings, trainer->options, recipe.state, 0);
+        add(search_settings, trainer->options, recipe.state, 0);
     }
-    const bool sizes = chosen != NULL && chosen->learner->sizes != NULL;
+    const bool sizes = chosen != NULL && chosen->trainer->sizes != NULL;
     add(train_settings, recipe_rows, &recipe_given, 0);
     add(train_settings, sizes ? train_file_options : train_file_options + 1, &train_given_files, 0);
     add(search_settings, recipe_rows, &recipe_given, 0);
@@ -68,7 +68,7 @@ static void choose_recipe(const lg_recipe *chosen) {
 /* Checks the data arguments, which begin at argument number `first`. */
 static void check_data(const app *self, const lg_recipe *chosen, int first) {
     if (chosen == NULL) app_stop_usage(self, "--recipe NAME is missing");
-    const char *data = chosen->learner->data;
+    const char *data = chosen->trainer->data;
     if (self->argument_count > first + 1 && strstr(data, "...") == NULL)
         app_stop_usage(self, "%s: there are too many arguments; the recipe %s takes only %s",
                        self->arguments[first + 1], chosen->name, data);
@@ -114,12 +114,12 @@ static int run_evaluate(app *self) {
     app_json out;
     const int code = train_evaluate(self, &task, file.contents);
     app_result_begin(&out, self);
-    train_put_results(&out, &task.learning, 0, task.learning.result_count);
+    train_put_results(&out, &task.training, 0, task.training.result_count);
     app_json_text(&out, "recipe", file.recipe->name);
-    app_result_real(&out, "seconds", task.learning.seconds, NULL);
+    app_result_real(&out, "seconds", task.training.seconds, NULL);
     app_json_warnings(&out, self);
     app_json_end(&out);
-    lg_learning_close(&task.learning);
+    lg_training_close(&task.training);
     free(task.state);
     return code;
 }
@@ -240,7 +240,7 @@ static int run_list(app *self) {
         while (fields[count].name != NULL) count++;
         app_json_open(&out, NULL, '{');
         app_json_text(&out, "name", found->name);
-        app_json_text(&out, "data", found->learner->data);
+        app_json_text(&out, "data", found->trainer->data);
         app_json_size(&out, "options", count);
         app_json_close(&out, '}');
     }

@@ -356,10 +356,10 @@ TEST("a feed of another rate is refused before any window is judged; --rate puts
     static const struct {
         double rate, jitter;
         const char *refused;
-    } rows[] = {{50, 0, "give 50 samples a second"},
-                {2.5, 0, "give 2.5 samples a second"},
-                {5.1, 0, "give 5.1 samples a second"},
-                {4.9, 0, "give 4.9 samples a second"},
+    } rows[] = {{50, 0, "give 50 samples per second"},
+                {2.5, 0, "give 2.5 samples per second"},
+                {5.1, 0, "give 5.1 samples per second"},
+                {4.9, 0, "give 4.9 samples per second"},
                 {5.04, 0, NULL},
                 {4.96, 0, NULL},
                 {5, 0, NULL},
@@ -380,7 +380,7 @@ TEST("a feed of another rate is refused before any window is judged; --rate puts
     feed_at(50, 10000, 0);
     watch("--rate 5", "received >998, received <1002, absent 0");
     assert_close(json_number(line_of(20), "time"), 20 * 8 + 7.8, 0, 0.11);
-    assert_says(result.err, "give 50 samples a second; the grid of --rate 5");
+    assert_says(result.err, "give 50 samples per second; the grid of --rate 5");
     watch("--rate 50", "received 10000");
     feed_at(2.5, 400, 0);
     watch("--rate 5", "received 400, absent 399");

@@ -334,5 +334,5 @@ static const lg_program_source places[] = {{"mean", "single scaler/mean"},
                                            {"inverse_scale", "inverse scaler/scale"},
                                            {NULL, NULL}};
 
-extern const struct lg_learner lg_detector_learner; /* defined in recipe.c */
-LG_RECIPE(detector, "detector-checkpoint", .places = places, .learner = &lg_detector_learner);
+extern const struct lg_trainer lg_detector_learner; /* defined in recipe.c */
+LG_RECIPE(detector, "detector-checkpoint", .places = places, .trainer = &lg_detector_learner);

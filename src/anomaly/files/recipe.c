@@ -1,4 +1,4 @@
-/* The learner of detectors: how a convolutional network is trained on labelled series. */
+/* The trainer of detectors: how a convolutional network is trained on labelled series. */
 #include "anomaly/files/recipe.h"
 
 #include <math.h>
@@ -39,7 +39,7 @@ const lg_field lg_detector_options[] = {
 
 /* ---- the data ---- */
 
-static lg_status read_test(lg_learning *self, lg_error *error) {
+static lg_status read_test(lg_training *self, lg_error *error) {
     lg_detector_state *s = self->state;
     const lg_series *series = &s->all.data.series, *test = &s->foreign.data.series;
     if (s->test == NULL) return LG_OK;
@@ -56,7 +56,7 @@ static lg_status read_test(lg_learning *self, lg_error *error) {
     return LG_OK;
 }
 
-static lg_status read_data(lg_learning *self, lg_error *error) {
+static lg_status read_data(lg_training *self, lg_error *error) {
     lg_detector_state *s = self->state;
     const lg_detector_file *file = self->file;
     if (file != NULL) {
@@ -73,7 +73,7 @@ static lg_status read_data(lg_learning *self, lg_error *error) {
     return read_test(self, error);
 }
 
-static void close_data(lg_learning *self) {
+static void close_data(lg_training *self) {
     lg_detector_state *s = self->state;
     lg_series_data_destroy(&s->all.data);
     lg_series_data_destroy(&s->foreign.data);
@@ -81,14 +81,14 @@ static void close_data(lg_learning *self) {
 
 /* ---- the run ---- */
 
-static bool any_given(const lg_learning *self, const char *const *options, size_t count) {
+static bool any_given(const lg_training *self, const char *const *options, size_t count) {
     for (size_t i = 0; i < count; i++)
         if (self->given(self, options[i])) return true;
     return false;
 }
 
 /* Applies the options that the user has given for all blocks. */
-static void adopt_block(const lg_learning *self, lg_cnn_block *block) {
+static void adopt_block(const lg_training *self, lg_cnn_block *block) {
     const lg_detector_state *s = self->state;
     if (self->given(self, "kernel")) block->kernel = (uint32_t)s->kernel;
     if (self->given(self, "stride")) block->stride = (uint32_t)s->stride;
@@ -99,7 +99,7 @@ static void adopt_block(const lg_learning *self, lg_cnn_block *block) {
 /* Sets the default blocks with the convolutions and pooling that the user has given: three blocks, or fewer
  * if a further block would leave no sample of the window. The first block is set in any case, so that
  * lg_cnn_init can report it as wrong. */
-static void default_blocks(const lg_learning *self, lg_cnn *net) {
+static void default_blocks(const lg_training *self, lg_cnn *net) {
     lg_cnn full;
     lg_cnn_init_default(&full, net->channels, DEFAULT_LENGTH, net->outputs, net->activation);
     const bool pooling_given = self->given(self, "pooling") || self->given(self, "pool-size");
@@ -119,7 +119,7 @@ static void default_blocks(const lg_learning *self, lg_cnn *net) {
 
 /* Sets the blocks from the options that are given; without any of these options the blocks stay as they are.
  * `fresh`: there is no stored model to continue from. */
-static void build_blocks(const lg_learning *self, bool fresh, lg_cnn *net) {
+static void build_blocks(const lg_training *self, bool fresh, lg_cnn *net) {
     static const char *const options[] = {"filters", "kernel", "stride", "pooling", "pool-size"};
     const lg_detector_state *s = self->state;
     if (!any_given(self, options, LG_COUNT(options))) return;
@@ -144,7 +144,7 @@ static void build_blocks(const lg_learning *self, bool fresh, lg_cnn *net) {
 /* Completes run->model from the options, the data and the stored model, if there is one. Activation and plane
  * are hyperparameters and come from the run; the blocks of a stored model are kept, except for options that
  * are given. */
-static lg_status complete_model(const lg_learning *self, lg_error *error) {
+static lg_status complete_model(const lg_training *self, lg_error *error) {
     const lg_series *series = &((lg_detector_state *)self->state)->all.data.series;
     const lg_detector_run *stored = self->stored;
     lg_detector_run *run = self->run;
@@ -172,9 +172,9 @@ static lg_status complete_model(const lg_learning *self, lg_error *error) {
     return lg_detector_check(model, error);
 }
 
-static lg_status adopt_preset(lg_learning *self, lg_error *error) {
+static lg_status adopt_preset(lg_training *self, lg_error *error) {
     lg_detector_state *s = self->state;
-    lg_fit_settings *training = lg_learning_training(self);
+    lg_fit_settings *training = lg_training_settings(self);
     const lg_series_data *data = &s->all.data;
     const char *name = lg_preset_name(s->preset);
     const lg_detector_preset *preset = s->from = lg_detector_preset_find(name, data->noise);
@@ -183,7 +183,7 @@ static lg_status adopt_preset(lg_learning *self, lg_error *error) {
         .model = {.net.activation = preset->activation,
                   .loss = data->series.classes == 2 ? preset->loss : LG_DETECTOR_CROSS_ENTROPY},
         .training = preset->training};
-    lg_learning_adopt(self, &from, true);
+    lg_training_adopt(self, &from, true);
     const lg_fit_plan *plan = &training->plan;
     for (uint32_t i = 0; i < plan->phases && !self->given(self, "dtype"); i++)
         if (!lg_fit_method_batches((lg_fit_method)plan->phase[i].method))
@@ -191,7 +191,7 @@ static lg_status adopt_preset(lg_learning *self, lg_error *error) {
     return LG_OK;
 }
 
-static lg_status describe(lg_learning *self, lg_error *error) {
+static lg_status describe(lg_training *self, lg_error *error) {
     lg_detector_state *s = self->state;
     lg_detector_run *run = self->run;
     const lg_detector_run *stored = self->stored;
@@ -211,7 +211,7 @@ static lg_status describe(lg_learning *self, lg_error *error) {
     return complete_model(self, error);
 }
 
-static lg_status hold_out(lg_learning *self, double validation, lg_error *error) {
+static lg_status hold_out(lg_training *self, double validation, lg_error *error) {
     ((lg_detector_run *)self->run)->validation_fraction = validation;
     LG_TRY(lg_detector_split_training(self, error));
     if (((lg_detector_state *)self->state)->validation.count > 0) return LG_OK;
@@ -220,13 +220,13 @@ static lg_status hold_out(lg_learning *self, double validation, lg_error *error)
 
 /* ---- the problem ---- */
 
-static lg_status make_problem(lg_learning *self, lg_error *error) {
+static lg_status make_problem(lg_training *self, lg_error *error) {
     lg_detector_state *s = self->state;
     const lg_detector_run *run = self->run;
     const lg_cut_series *all = &s->all;
     const size_t count = s->train.count + s->validation.count;
     uint32_t *chosen;
-    LG_LEARNING_ARRAY(self, chosen, count, error);
+    LG_TRAINING_ARRAY(self, chosen, count, error);
     memcpy(chosen, s->train.list, s->train.count * sizeof *chosen);
     memcpy(chosen + s->train.count, s->validation.list, s->validation.count * sizeof *chosen);
     const lg_status scaled = lg_scaler_fit(self->context, &all->data.series, &all->windows, s->train.list,
@@ -238,12 +238,12 @@ static lg_status make_problem(lg_learning *self, lg_error *error) {
     lg_detector_fit_problem(&s->problem, &self->problem);
     self->options.keep_best = self->problem.validation > 0;
     self->options.restarts = run->restarts;
-    LG_LEARNING_ARRAY(self, self->theta, self->problem.parameters, error);
+    LG_TRAINING_ARRAY(self, self->theta, self->problem.parameters, error);
     lg_detector_initialise(&run->model, run->training.seed, 0, self->theta);
     return LG_OK;
 }
 
-static void release(lg_learning *self) {
+static void release(lg_training *self) {
     lg_detector_state *s = self->state;
     lg_window_list *const parts[] = {&s->train, &s->validation, &s->tested};
     for (size_t i = 0; i < LG_COUNT(parts); i++) {
@@ -274,7 +274,7 @@ static lg_status score(void *user, size_t i, const float *x, void *work) {
     return LG_OK;
 }
 
-static lg_status judge_part(const lg_learning *self, const lg_detector_plan *plan, const lg_cut_series *from,
+static lg_status judge_part(const lg_training *self, const lg_detector_plan *plan, const lg_cut_series *from,
                             const lg_window_list *part, lg_judgement *out, lg_error *error) {
     const lg_detector *model = &((const lg_detector_run *)self->run)->model;
     scoring user = {plan, out};
@@ -286,7 +286,7 @@ static lg_status judge_part(const lg_learning *self, const lg_detector_plan *pla
 }
 
 /* Judges the training part (if it has windows) and the test part. */
-static lg_status judge_parts(const lg_learning *self, const lg_scaler *scaler, const double *theta,
+static lg_status judge_parts(const lg_training *self, const lg_scaler *scaler, const double *theta,
                              lg_error *error) {
     lg_detector_state *s = self->state;
     const lg_detector_run *run = self->run;
@@ -314,7 +314,7 @@ static double rare_share(const lg_judgement *judged) {
 }
 
 /* Counts the dead units of the result. A network that has died makes the training fail. */
-static lg_status judge_units(lg_learning *self, const double *theta, uint64_t *dead, lg_error *error) {
+static lg_status judge_units(lg_training *self, const double *theta, uint64_t *dead, lg_error *error) {
     lg_detector_state *s = self->state;
     const lg_status status = lg_detector_count_units(&s->problem, theta, &s->units);
     if (status != LG_OK) return lg_fail(error, status, "dead units: %s", lg_status_sentence(status));
@@ -323,7 +323,7 @@ static lg_status judge_units(lg_learning *self, const double *theta, uint64_t *d
     return LG_OK;
 }
 
-static void warn_of_units(const lg_learning *self) {
+static void warn_of_units(const lg_training *self) {
     const lg_detector_run *run = self->run;
     const lg_detector_units *units = &((const lg_detector_state *)self->state)->units;
     const uint64_t restarts = lg_fit_restarts(self->fit);
@@ -343,7 +343,7 @@ static void warn_of_units(const lg_learning *self) {
                       "--activation swish, another --seed or a wider --plane");
 }
 
-void lg_detector_tell(lg_learning *self, const lg_judgement *judged, uint64_t hop, double rate) {
+void lg_detector_tell(lg_training *self, const lg_judgement *judged, uint64_t hop, double rate) {
     const lg_metrics *metrics = &judged->metrics;
     const char *mean = judged->classes == 2 ? NULL : "mean over the classes";
     lg_result_real(self, "accuracy", metrics->accuracy, NULL);
@@ -367,7 +367,7 @@ void lg_detector_tell(lg_learning *self, const lg_judgement *judged, uint64_t ho
     lg_result_close(self, ']');
 }
 
-void lg_detector_tell_training(lg_learning *self, const char *method, uint32_t classes,
+void lg_detector_tell_training(lg_training *self, const char *method, uint32_t classes,
                                char (*class_name)[LG_SERIES_NAME]) {
     const lg_detector_state *s = self->state;
     const lg_detector_run *run = self->run;
@@ -384,7 +384,7 @@ void lg_detector_tell_training(lg_learning *self, const char *method, uint32_t c
     lg_result_whole(self, "channels", series->channels, NULL);
     lg_result_whole(self, "window", run->window, "samples");
     lg_result_whole(self, "hop", run->hop, "samples");
-    lg_result_real(self, "rate", series->rate > 0 ? series->rate : (double)NAN, "samples a second");
+    lg_result_real(self, "rate", series->rate > 0 ? series->rate : (double)NAN, "samples per second");
     lg_result_whole(self, "windows", s->all.windows.count, NULL);
     lg_result_whole(self, "train_windows", s->train.count, NULL);
     lg_result_whole(self, "validation_windows", s->validation.count, NULL);
@@ -393,7 +393,7 @@ void lg_detector_tell_training(lg_learning *self, const char *method, uint32_t c
     lg_result_text(self, "data_sha256", run->data_sha256, NULL);
 }
 
-static void tell_network(lg_learning *self, const lg_cnn *net) {
+static void tell_network(lg_training *self, const lg_cnn *net) {
     lg_result_whole(self, "parameters", lg_cnn_parameters(net), NULL);
     lg_result_open(self, "blocks", '[');
     for (uint32_t i = 0; i < net->blocks; i++) {
@@ -411,13 +411,13 @@ static void tell_network(lg_learning *self, const lg_cnn *net) {
     lg_result_close(self, ']');
 }
 
-static lg_status judge(lg_learning *self, double *theta, lg_error *error) {
+static lg_status judge(lg_training *self, double *theta, lg_error *error) {
     const lg_detector_state *s = self->state;
     const lg_detector_run *run = self->run;
     const lg_series *series = &s->all.data.series;
     uint64_t dead = 0;
     LG_TRY(judge_parts(self, &s->scaler, theta, error));
-    self->verdict = (lg_learning_verdict){.what = "share of wrong windows",
+    self->verdict = (lg_training_verdict){.what = "share of wrong windows",
                                           .guess = "the most frequent class",
                                           .error = 1.0 - s->train_judged.metrics.accuracy,
                                           .guessed = rare_share(&s->train_judged)};
@@ -435,7 +435,7 @@ static lg_status judge(lg_learning *self, double *theta, lg_error *error) {
 }
 
 /* The warnings about dead units are here because `save` runs after the verdict has been told. */
-static lg_status save(lg_learning *self, void *into, lg_error *error) {
+static lg_status save(lg_training *self, void *into, lg_error *error) {
     lg_detector_state *s = self->state;
     const lg_series *series = &s->all.data.series;
     lg_detector_file *file = into;
@@ -456,7 +456,7 @@ static lg_status save(lg_learning *self, void *into, lg_error *error) {
 
 /* Evaluates a stored model. If the data are the ones that the model was trained on, only the test part is
  * used; otherwise all windows are used. */
-static lg_status evaluate(lg_learning *self, const void *from, lg_error *error) {
+static lg_status evaluate(lg_training *self, const void *from, lg_error *error) {
     const lg_detector_file *file = from;
     const lg_detector_run *run = self->run;
     lg_detector_state *s = self->state;
@@ -474,7 +474,7 @@ static lg_status evaluate(lg_learning *self, const void *from, lg_error *error) 
     return LG_OK;
 }
 
-const lg_learner lg_detector_learner = {.data = "DATA.h5",
+const lg_trainer lg_detector_learner = {.data = "DATA.h5",
                                         .state_size = sizeof(lg_detector_state),
                                         .options = lg_detector_options,
                                         .method = "method",

@@ -1,4 +1,4 @@
-/* Declarations for learning a detector from labelled series that are shared by the recipe, the classical
+/* Declarations for training a detector from labelled series that are shared by the recipe, the classical
  * methods and the program `evaluate`. */
 #ifndef LG_ANOMALY_RECIPE_H
 #define LG_ANOMALY_RECIPE_H
@@ -7,7 +7,7 @@
 #include "liegrad/anomaly.h"
 #include "liegrad/series.h"
 #include "liegrad/settings.h"
-#include "model/files/learning.h"
+#include "model/files/training.h"
 
 /* A data file and the windows cut out of it. */
 typedef struct lg_cut_series {
@@ -15,7 +15,7 @@ typedef struct lg_cut_series {
     lg_windows windows;
 } lg_cut_series;
 
-/* State of the learner of detectors. The values of its options come first. */
+/* State of the trainer of detectors. The values of its options come first. */
 typedef struct lg_detector_state {
     const char *test;
     double window, hop;
@@ -51,23 +51,23 @@ lg_status lg_series_read_like(const lg_context *context, const char *path, const
 /* Determines the length of a window and the distance between windows, in samples, from the options --window
  * and --hop and the rate of the data. On entry *window and *hop are the defaults; a hop of 0 becomes the
  * window. */
-lg_status lg_detector_window(const lg_learning *self, uint64_t *window, uint64_t *hop, lg_error *error);
+lg_status lg_detector_window(const lg_training *self, uint64_t *window, uint64_t *hop, lg_error *error);
 /* Lists the windows that are in the part `wanted` if the windows are split as `run` says. run = NULL lists
  * all windows. */
 lg_status lg_window_part(const lg_context *context, const lg_cut_series *from, const lg_detector_run *run,
                          lg_part wanted, lg_window_list *out, lg_error *error);
 /* Cuts the data into windows, splits them into parts, and writes their number to run->windows. Warns if the
  * split makes the results misleading. */
-lg_status lg_detector_split(lg_learning *self, lg_error *error);
-lg_status lg_detector_split_training(lg_learning *self, lg_error *error); /* the same without the test part */
+lg_status lg_detector_split(lg_training *self, lg_error *error);
+lg_status lg_detector_split_training(lg_training *self, lg_error *error); /* the same without the test part */
 /* Fits the novelty detector to the training windows. Of all failures only LG_CANCELLED is returned; others
  * cause a warning and leave *out unchanged. */
-lg_status lg_detector_fit_novelty(const lg_learning *self, lg_novelty *out);
+lg_status lg_detector_fit_novelty(const lg_training *self, lg_novelty *out);
 /* Writes the results accuracy, precision, recall, f1, auc, false_positive_rate, false_alarms_per_day and
  * confusion. */
-void lg_detector_tell(lg_learning *self, const lg_judgement *judged, uint64_t hop, double rate);
+void lg_detector_tell(lg_training *self, const lg_judgement *judged, uint64_t hop, double rate);
 /* Writes the results of the test part and the numbers that all methods report about their training. */
-void lg_detector_tell_training(lg_learning *self, const char *method, uint32_t classes,
+void lg_detector_tell_training(lg_training *self, const char *method, uint32_t classes,
                                char (*class_name)[LG_SERIES_NAME]);
 
 #endif

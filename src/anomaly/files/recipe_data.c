@@ -85,7 +85,7 @@ static lg_status samples_of(const char *option, double value, double rate, uint6
     return LG_OK;
 }
 
-lg_status lg_detector_window(const lg_learning *self, uint64_t *window, uint64_t *hop, lg_error *error) {
+lg_status lg_detector_window(const lg_training *self, uint64_t *window, uint64_t *hop, lg_error *error) {
     const lg_detector_state *s = self->state;
     const double rate = s->all.data.series.rate;
     if (self->given(self, "window")) {
@@ -119,7 +119,7 @@ const lg_cut_series *lg_detector_tested(const lg_detector_state *state) {
     return state->test != NULL ? &state->foreign : &state->all;
 }
 
-static void warn_of_cut(const lg_learning *self) {
+static void warn_of_cut(const lg_training *self) {
     const lg_detector_run *run = self->run;
     const bool alone = run->split == LG_SPLIT_RANDOM;
     if (run->validation_fraction > 0 && ((lg_detector_state *)self->state)->validation.count == 0)
@@ -132,13 +132,13 @@ static void warn_of_cut(const lg_learning *self) {
                       "use --split run or --split group");
 }
 
-static lg_status cut_windows(const lg_learning *self, lg_cut_series *of, lg_error *error) {
+static lg_status cut_windows(const lg_training *self, lg_cut_series *of, lg_error *error) {
     const lg_detector_run *run = self->run;
     return lg_windows_create(self->context, &of->data.series, (size_t)run->window, (size_t)run->hop,
                              &of->windows, error);
 }
 
-lg_status lg_detector_split_training(lg_learning *self, lg_error *error) {
+lg_status lg_detector_split_training(lg_training *self, lg_error *error) {
     lg_detector_state *s = self->state;
     lg_detector_run *run = self->run;
     LG_TRY(cut_windows(self, &s->all, error));
@@ -147,7 +147,7 @@ lg_status lg_detector_split_training(lg_learning *self, lg_error *error) {
     return lg_window_part(self->context, &s->all, run, LG_PART_VALIDATION, &s->validation, error);
 }
 
-lg_status lg_detector_split(lg_learning *self, lg_error *error) {
+lg_status lg_detector_split(lg_training *self, lg_error *error) {
     lg_detector_state *s = self->state;
     lg_error why = {LG_OK, ""};
     LG_TRY(lg_detector_split_training(self, error));
@@ -161,7 +161,7 @@ lg_status lg_detector_split(lg_learning *self, lg_error *error) {
     return LG_OK;
 }
 
-lg_status lg_detector_fit_novelty(const lg_learning *self, lg_novelty *out) {
+lg_status lg_detector_fit_novelty(const lg_training *self, lg_novelty *out) {
     const lg_detector_state *s = self->state;
     lg_novelty_options options;
     lg_error why = {LG_OK, ""};

@@ -170,5 +170,5 @@ static lg_status program(const lg_context *context, const void *user, const lg_s
 
 static const lg_program_source places[] = {{"mean", "model/mean"}, {"modes", "model/modes"}, {NULL, NULL}};
 
-extern const struct lg_learner lg_surrogate_learner; /* defined in recipe.c */
-LG_RECIPE(surrogate, "surrogate-checkpoint", .places = places, .learner = &lg_surrogate_learner);
+extern const struct lg_trainer lg_surrogate_learner; /* defined in recipe.c */
+LG_RECIPE(surrogate, "surrogate-checkpoint", .places = places, .trainer = &lg_surrogate_learner);

@@ -1,10 +1,10 @@
-/* The learner of surrogates: how a surrogate learns curves. */
+/* The trainer of surrogates: how a surrogate learns curves. */
 #include "elastica/files/recipe.h"
 
 #include <math.h>
 #include <string.h>
 
-#include "model/files/learning.h"
+#include "model/files/training.h"
 
 enum { STREAM_WEIGHTS = 1 };
 
@@ -51,14 +51,14 @@ lg_status lg_elastica_data_judge(const lg_context *context, const char *path, lg
     return LG_OK;
 }
 
-static lg_status read_data(lg_learning *self, lg_error *error) {
+static lg_status read_data(lg_training *self, lg_error *error) {
     state *s = self->state;
     LG_TRY(lg_elastica_data_judge(self->context, self->paths[0], &s->data, error));
     memcpy(self->sha256, s->data.sha256, sizeof self->sha256);
     return LG_OK;
 }
 
-static void close_data(lg_learning *self) {
+static void close_data(lg_training *self) {
     lg_elastica_data_destroy(&((state *)self->state)->data);
 }
 
@@ -91,28 +91,28 @@ lg_status lg_surrogate_part(const lg_context *context, const lg_surrogate_run *r
     return status;
 }
 
-static lg_status take_part(lg_learning *self, lg_part wanted, part *out, lg_error *error) {
+static lg_status take_part(lg_training *self, lg_part wanted, part *out, lg_error *error) {
     const lg_surrogate_run *run = self->run;
-    LG_LEARNING_ARRAY(self, out->list, (size_t)run->curves, error);
+    LG_TRAINING_ARRAY(self, out->list, (size_t)run->curves, error);
     return lg_surrogate_part(self->context, run, wanted, out->list, &out->count, error);
 }
 
-static lg_status prepare(lg_learning *self, lg_error *error) {
+static lg_status prepare(lg_training *self, lg_error *error) {
     state *s = self->state;
     LG_TRY(take_part(self, LG_PART_TRAIN, &s->train, error));
     return take_part(self, LG_PART_TEST, &s->test, error);
 }
 
 /* Divides the training part: some curves are held out as s->test, the others stay in s->train. */
-static lg_status hold_out(lg_learning *self, double validation, lg_error *error) {
+static lg_status hold_out(lg_training *self, double validation, lg_error *error) {
     state *s = self->state;
     const lg_surrogate_run *run = self->run;
     part whole = {NULL, 0};
     uint8_t *parts;
     LG_TRY(take_part(self, LG_PART_TRAIN, &whole, error));
-    LG_LEARNING_ARRAY(self, parts, whole.count, error);
-    LG_LEARNING_ARRAY(self, s->train.list, whole.count, error);
-    LG_LEARNING_ARRAY(self, s->test.list, whole.count, error);
+    LG_TRAINING_ARRAY(self, parts, whole.count, error);
+    LG_TRAINING_ARRAY(self, s->train.list, whole.count, error);
+    LG_TRAINING_ARRAY(self, s->test.list, whole.count, error);
     const lg_status status =
         lg_surrogate_split(whole.count, 1 - validation, validation, run->training.seed, parts);
     s->train = indices_of(parts, whole.count, LG_PART_TRAIN, s->train.list);
@@ -126,9 +126,9 @@ static lg_status hold_out(lg_learning *self, double validation, lg_error *error)
 }
 
 /* Picks `most` curves of a part at even distances in it, or all curves if `most` is 0. */
-static lg_status thin(lg_learning *self, const part *from, uint64_t most, part *out, lg_error *error) {
+static lg_status thin(lg_training *self, const part *from, uint64_t most, part *out, lg_error *error) {
     out->count = most > 0 && most < from->count ? (size_t)most : from->count;
-    LG_LEARNING_ARRAY(self, out->list, out->count, error);
+    LG_TRAINING_ARRAY(self, out->list, out->count, error);
     for (size_t i = 0; i < out->count; i++)
         out->list[i] = from->list[out->count > 1 ? i * (from->count - 1) / (out->count - 1) : 0];
     return LG_OK;
@@ -161,7 +161,7 @@ static double centre_of(const lg_elastica_curves *curves) {
 
 /* Sets the number of modes. The preset's number is an upper limit; the curves that will be learned determine
  * how many are needed. */
-static lg_status modes_of_curves(lg_learning *self, lg_error *error) {
+static lg_status modes_of_curves(lg_training *self, lg_error *error) {
     const lg_elastica_curves *curves = &((state *)self->state)->data.curves;
     lg_surrogate_run *run = self->run;
     lg_surrogate_options options = run->model.options;
@@ -175,13 +175,13 @@ static lg_status modes_of_curves(lg_learning *self, lg_error *error) {
                                     &run->model.options.modes, error);
 }
 
-static lg_status adopt_preset(lg_learning *self, lg_error *error) {
+static lg_status adopt_preset(lg_training *self, lg_error *error) {
     state *s = self->state;
     lg_surrogate_run *run = self->run;
     const lg_surrogate_options *options = &run->model.options;
     const lg_elastica_families found = lg_elastica_families_of(s->data.curves.boundary, s->data.curves.count);
     const bool merged = found.both_ends && found.right_end;
-    const char *name = lg_learning_preset(self);
+    const char *name = lg_training_preset(self);
     s->preset = lg_surrogate_preset_find(name, options->kind, options->boundary, options->loss, merged,
                                          run->train_fraction);
     if (s->preset == NULL)
@@ -193,13 +193,13 @@ static lg_status adopt_preset(lg_learning *self, lg_error *error) {
     const lg_surrogate_run from = {.model.options = s->preset->model,
                                    .training = s->preset->training,
                                    .most_curves = s->preset->most_curves};
-    lg_learning_adopt(self, &from, true);
+    lg_training_adopt(self, &from, true);
     if (options->angles && !self->given(self, "modes")) run->model.options.modes = 0;
     if (options->modes == 0 || self->given(self, "modes")) return LG_OK;
     return modes_of_curves(self, error);
 }
 
-static lg_status describe(lg_learning *self, lg_error *error) {
+static lg_status describe(lg_training *self, lg_error *error) {
     state *s = self->state;
     lg_surrogate_run *run = self->run;
     const lg_elastica_curves *curves = &s->data.curves;
@@ -216,13 +216,13 @@ static lg_status describe(lg_learning *self, lg_error *error) {
 /* ---- the problem ---- */
 
 /* Computes the modes and the targets of the coefficients from the curves that are learned. */
-static lg_status find_modes(lg_learning *self, lg_error *error) {
+static lg_status find_modes(lg_training *self, lg_error *error) {
     state *s = self->state;
     lg_surrogate_run *run = self->run;
     s->truncation = (double)NAN;
     if (run->model.options.modes == 0) return LG_OK;
-    LG_LEARNING_ARRAY(self, s->modes, lg_surrogate_modes_size(&run->model), error);
-    LG_LEARNING_ARRAY(self, s->coefficients, s->learned.count * run->model.options.modes, error);
+    LG_TRAINING_ARRAY(self, s->modes, lg_surrogate_modes_size(&run->model), error);
+    LG_TRAINING_ARRAY(self, s->coefficients, s->learned.count * run->model.options.modes, error);
     run->model.modes = s->modes;
     LG_TRY(lg_surrogate_find_modes(self->context, &run->model, &s->data.curves, s->learned.list,
                                    s->learned.count, s->modes, error));
@@ -230,7 +230,7 @@ static lg_status find_modes(lg_learning *self, lg_error *error) {
                                      s->learned.count, s->coefficients, &s->truncation, error);
 }
 
-static lg_status make_problem(lg_learning *self, lg_error *error) {
+static lg_status make_problem(lg_training *self, lg_error *error) {
     state *s = self->state;
     lg_surrogate_run *run = self->run;
     lg_rng rng;
@@ -240,13 +240,13 @@ static lg_status make_problem(lg_learning *self, lg_error *error) {
                                         s->coefficients};
     LG_TRY(lg_surrogate_problem_check(&s->problem, error));
     lg_surrogate_fit_problem(&s->problem, &self->problem);
-    LG_LEARNING_ARRAY(self, self->theta, self->problem.parameters, error);
+    LG_TRAINING_ARRAY(self, self->theta, self->problem.parameters, error);
     lg_rng_seed(&rng, run->training.seed, STREAM_WEIGHTS);
     lg_net_initialise(&run->model.net, LG_INIT_FAN_IN, &rng, self->theta);
     return LG_OK;
 }
 
-static void release(lg_learning *self) {
+static void release(lg_training *self) {
     state *s = self->state;
     ((lg_surrogate_run *)self->run)->model.modes = s->modes = s->coefficients = NULL;
     s->train = s->test = s->learned = (part){NULL, 0};
@@ -255,7 +255,7 @@ static void release(lg_learning *self) {
 /* ---- result ---- */
 
 /* Computes the errors over a part. All are NaN if the part has no curves. */
-static lg_status errors_of(const lg_learning *self, const part *of, const double *theta,
+static lg_status errors_of(const lg_training *self, const part *of, const double *theta,
                            lg_surrogate_errors *out, lg_error *error) {
     const state *s = self->state;
     const double none = (double)NAN;
@@ -265,10 +265,10 @@ static lg_status errors_of(const lg_learning *self, const part *of, const double
                                  &s->data.curves, of->list, of->count, NULL, out, error);
 }
 
-static double objective(lg_learning *self) {
+static double objective(lg_training *self) {
     const state *s = self->state;
     lg_surrogate_errors errors;
-    double *theta = lg_learning_alloc(self, self->problem.parameters, sizeof *theta, NULL);
+    double *theta = lg_training_alloc(self, self->problem.parameters, sizeof *theta, NULL);
     if (theta == NULL) return (double)NAN;
     lg_fit_parameters(self->fit, theta);
     return errors_of(self, &s->test, theta, &errors, NULL) == LG_OK ? errors.mse : (double)NAN;
@@ -292,7 +292,7 @@ static double mean_curve_error(const state *s, lg_surrogate_kind kind) {
     return sum / (n * 2.0 * (double)(row - 2 * edge));
 }
 
-static void tell(lg_learning *self, const lg_surrogate_errors *train, const lg_surrogate_errors *test) {
+static void tell(lg_training *self, const lg_surrogate_errors *train, const lg_surrogate_errors *test) {
     const state *s = self->state;
     const lg_surrogate_run *run = self->run;
     const lg_surrogate_preset *preset = s->preset;
@@ -312,7 +312,7 @@ static void tell(lg_learning *self, const lg_surrogate_errors *train, const lg_s
     lg_result_text(self, "data_sha256", run->data_sha256, NULL);
 }
 
-static lg_status judge(lg_learning *self, double *theta, lg_error *error) {
+static lg_status judge(lg_training *self, double *theta, lg_error *error) {
     const state *s = self->state;
     const lg_surrogate *model = &((lg_surrogate_run *)self->run)->model;
     lg_surrogate_errors train, test;
@@ -323,7 +323,7 @@ static lg_status judge(lg_learning *self, double *theta, lg_error *error) {
                 "--loss energy learns solutions of the discrete problem with %u intervals, but the data are "
                 "continuous solutions: the errors include the difference between the two",
                 model->intervals);
-    self->verdict = (lg_learning_verdict){.what = "mean squared error",
+    self->verdict = (lg_training_verdict){.what = "mean squared error",
                                           .guess = "the mean curve",
                                           .error = train.mse,
                                           .guessed = mean_curve_error(s, model->options.kind)};
@@ -331,11 +331,11 @@ static lg_status judge(lg_learning *self, double *theta, lg_error *error) {
     return LG_OK;
 }
 
-static lg_status save(lg_learning *self, void *into, lg_error *error) {
+static lg_status save(lg_training *self, void *into, lg_error *error) {
     const state *s = self->state;
     lg_surrogate_file *file = into;
     file->trained_count = s->learned.count;
-    LG_LEARNING_ARRAY(self, file->trained, 8 * file->trained_count, error);
+    LG_TRAINING_ARRAY(self, file->trained, 8 * file->trained_count, error);
     for (size_t i = 0; i < file->trained_count; i++)
         memcpy(file->trained + 8 * i, s->data.curves.boundary + 8 * (size_t)s->learned.list[i],
                8 * sizeof *file->trained);
@@ -346,12 +346,12 @@ static lg_status save(lg_learning *self, void *into, lg_error *error) {
 }
 
 /* Evaluates the model on all curves. */
-static lg_status evaluate(lg_learning *self, const void *from, lg_error *error) {
+static lg_status evaluate(lg_training *self, const void *from, lg_error *error) {
     const lg_surrogate_file *file = from;
     const lg_elastica_curves *curves = &((state *)self->state)->data.curves;
     lg_surrogate_errors errors;
     uint32_t *all;
-    LG_LEARNING_ARRAY(self, all, curves->count, error);
+    LG_TRAINING_ARRAY(self, all, curves->count, error);
     for (size_t i = 0; i < curves->count; i++) all[i] = (uint32_t)i;
     LG_TRY(lg_surrogate_evaluate(self->context, &file->run.model, file->theta, curves, all, curves->count,
                                  NULL, &errors, error));
@@ -365,7 +365,7 @@ static lg_status evaluate(lg_learning *self, const void *from, lg_error *error) 
 
 static const char *const sizes[] = {"8", "12", "16", "24", "32", "64", NULL};
 
-const lg_learner lg_surrogate_learner = {.data = "DATA.h5",
+const lg_trainer lg_surrogate_learner = {.data = "DATA.h5",
                                          .state_size = sizeof(state),
                                          .method = "network",
                                          .sizes = sizes,

@@ -249,9 +249,9 @@ static const lg_scheme *usual_scheme(const void *file) {
     return lg_scheme_find(((const lg_hamiltonian_file *)file)->run.model.family->scheme);
 }
 
-extern const struct lg_learner lg_hamiltonian_learner; /* in recipe.c */
+extern const struct lg_trainer lg_hamiltonian_learner; /* in recipe.c */
 LG_RECIPE(hamiltonian, "checkpoint", .scheme = usual_scheme, .space = space,
-          .learner = &lg_hamiltonian_learner);
+          .trainer = &lg_hamiltonian_learner);
 
 /* ---- recording errors in a model file ---- */
 

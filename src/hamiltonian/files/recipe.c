@@ -1,11 +1,11 @@
-/* The learner of Hamiltonians: how one is learned from trajectories. */
+/* The trainer of Hamiltonians: how one is learned from trajectories. */
 #include "hamiltonian/files/recipe.h"
 
 #include <math.h>
 #include <string.h>
 
 #include "hamiltonian/learned.h"
-#include "model/files/learning.h"
+#include "model/files/training.h"
 
 enum { STREAM_WEIGHTS = 1 };
 
@@ -17,7 +17,7 @@ const lg_field lg_hamiltonian_options[] = {
 
 /* ---- the data ---- */
 
-static lg_status read_data(lg_learning *self, lg_error *error) {
+static lg_status read_data(lg_training *self, lg_error *error) {
     const lg_hamiltonian_run *run = self->run;
     lg_trajectories *data = &((lg_hamiltonian_state *)self->state)->data;
     const char *path = self->paths[0];
@@ -45,7 +45,7 @@ static lg_status read_data(lg_learning *self, lg_error *error) {
     return LG_OK;
 }
 
-static void close_data(lg_learning *self) {
+static void close_data(lg_training *self) {
     lg_trajectories_destroy(&((lg_hamiltonian_state *)self->state)->data);
 }
 
@@ -69,10 +69,10 @@ static const struct {
 
 /* Sets the options that the user did not give. "thesis": the published values; "best": our values, chosen by
  * measurement (docs/reports/training.md). */
-static void adopt_preset(lg_learning *self) {
+static void adopt_preset(lg_training *self) {
     lg_hamiltonian_run *run = self->run;
     const lg_trajectories *data = &((lg_hamiltonian_state *)self->state)->data;
-    const char *preset = lg_learning_preset(self);
+    const char *preset = lg_training_preset(self);
     if (!self->given(self, "integrator")) run->scheme = lg_scheme_find(data->family->scheme);
     for (size_t i = 0; i < LG_COUNT(preset_rows); i++) {
         const char *option = preset_rows[i].option, *of = preset_rows[i].family;
@@ -122,7 +122,7 @@ static lg_status complete_run(lg_hamiltonian_run *run, const lg_trajectories *da
 }
 
 /* Without --penalty-integral, chooses the first row in the table of first integrals that fits the model. */
-static void choose_integral(lg_learning *self) {
+static void choose_integral(lg_training *self) {
     lg_hamiltonian_run *run = self->run;
     const lg_first_integral *integral;
     if (run->penalty == 0 || self->given(self, "penalty-integral")) return;
@@ -133,19 +133,19 @@ static void choose_integral(lg_learning *self) {
     }
 }
 
-static lg_status describe(lg_learning *self, lg_error *error) {
+static lg_status describe(lg_training *self, lg_error *error) {
     if (self->stored == NULL) adopt_preset(self);
     LG_TRY(complete_run(self->run, &((lg_hamiltonian_state *)self->state)->data, error));
     if (self->stored == NULL) choose_integral(self);
     return LG_OK;
 }
 
-static bool has_network(const lg_learning *self) {
+static bool has_network(const lg_training *self) {
     return ((const lg_hamiltonian_run *)self->run)->model.potential == LG_POTENTIAL_MLP;
 }
 
 /* Refuses options that have no effect without another option. */
-static lg_status check_options(const lg_learning *self, lg_error *error) {
+static lg_status check_options(const lg_training *self, lg_error *error) {
     static const char *const of_network[] = {"hidden", "activation", "prior"};
     static const char *const of_penalty[] = {"penalty-integral", "penalty-copy", "penalty-points",
                                              "penalty-form"};
@@ -162,7 +162,7 @@ static lg_status check_options(const lg_learning *self, lg_error *error) {
     return LG_OK;
 }
 
-static lg_status prepare(lg_learning *self, lg_error *error) {
+static lg_status prepare(lg_training *self, lg_error *error) {
     const lg_hamiltonian_state *s = self->state;
     const lg_hamiltonian_run *run = self->run;
     const size_t parameters = lg_hamiltonian_parameters(&run->model);
@@ -197,7 +197,7 @@ static lg_status weigh(lg_hamiltonian_problem *problem, lg_error *error) {
 
 /* Draws the parameters to start from. They are drawn again if a prediction is not finite: a long chain with a
  * nearly singular mass matrix moves too fast for the step size. */
-static lg_status draw_weights(lg_learning *self, lg_error *error) {
+static lg_status draw_weights(lg_training *self, lg_error *error) {
     enum { DRAWS = 20 };
     const lg_hamiltonian_run *run = self->run;
     const lg_hamiltonian_problem *problem = &((lg_hamiltonian_state *)self->state)->problem;
@@ -215,12 +215,12 @@ static lg_status draw_weights(lg_learning *self, lg_error *error) {
     return LG_OK;
 }
 
-static lg_status warn_of_data(lg_learning *self, const lg_hamiltonian_problem *problem, lg_error *error) {
+static lg_status warn_of_data(lg_training *self, const lg_hamiltonian_problem *problem, lg_error *error) {
     LG_TRY(lg_hamiltonian_warn_of_data(self->context, problem, self->paths[0]));
     return lg_hamiltonian_warn_of_integral(self->context, problem, self->theta, error);
 }
 
-static lg_status make_problem(lg_learning *self, lg_error *error) {
+static lg_status make_problem(lg_training *self, lg_error *error) {
     lg_hamiltonian_state *s = self->state;
     const lg_hamiltonian_run *run = self->run;
     lg_hamiltonian_problem *problem = &s->problem;
@@ -228,14 +228,14 @@ static lg_status make_problem(lg_learning *self, lg_error *error) {
     LG_TRY(lg_hamiltonian_problem_check(problem, error));
     if (run->units == LG_UNITS_DATA) LG_TRY(weigh(problem, error));
     lg_hamiltonian_fit_problem(problem, &self->problem);
-    LG_LEARNING_ARRAY(self, self->theta, self->problem.parameters, error);
+    LG_TRAINING_ARRAY(self, self->theta, self->problem.parameters, error);
     LG_TRY(draw_weights(self, error));
     return self->path_count > 0 ? warn_of_data(self, problem, error) : LG_OK; /* the data are the user's */
 }
 
 /* ---- the result ---- */
 
-static lg_status judge(lg_learning *self, double *theta, lg_error *error) {
+static lg_status judge(lg_training *self, double *theta, lg_error *error) {
     const lg_hamiltonian_state *s = self->state;
     const lg_hamiltonian_problem *problem = &s->problem;
     const bool newton = s->newton && lg_fit_finished(self->fit);
@@ -247,7 +247,7 @@ static lg_status judge(lg_learning *self, double *theta, lg_error *error) {
     LG_TRY(lg_hamiltonian_floor(self->context, problem, theta, &self->floor, error));
     lg_hamiltonian_warn_of_floor(self->context, problem, loss, self->floor);
     LG_TRY(lg_hamiltonian_warn_of_drift(self->context, problem, self->fit, theta, loss, self->floor, error));
-    self->verdict = (lg_learning_verdict){.what = "mean squared error",
+    self->verdict = (lg_training_verdict){.what = "mean squared error",
                                           .guess = "a state that does not change",
                                           .error = loss,
                                           .guessed = lg_hamiltonian_unchanged(problem)};
@@ -261,7 +261,7 @@ static lg_status judge(lg_learning *self, double *theta, lg_error *error) {
 }
 
 /* Evaluates the predictions of the model by its training scheme, from measured starts. */
-static lg_status evaluate(lg_learning *self, const void *from, lg_error *error) {
+static lg_status evaluate(lg_training *self, const void *from, lg_error *error) {
     const lg_hamiltonian_file *file = from;
     lg_hamiltonian_run *run = self->run;
     const lg_trajectories *data = &((lg_hamiltonian_state *)self->state)->data;
@@ -279,7 +279,7 @@ static lg_status evaluate(lg_learning *self, const void *from, lg_error *error) 
 
 static const char *const sizes[] = {"8,8", "12,12", "16,16", "20,20", "32,32", "48,48", NULL};
 
-const lg_learner lg_hamiltonian_learner = {.data = "DATA.h5",
+const lg_trainer lg_hamiltonian_learner = {.data = "DATA.h5",
                                            .state_size = sizeof(lg_hamiltonian_state),
                                            .options = lg_hamiltonian_options,
                                            .held_out = "validation",

@@ -1,11 +1,11 @@
-/* Learning a Hamiltonian: what lg-hamiltonian's demo and study use besides the learner. */
+/* Learning a Hamiltonian: what lg-hamiltonian's demo and study use besides the trainer. */
 #ifndef LG_HAMILTONIAN_RECIPE_H
 #define LG_HAMILTONIAN_RECIPE_H
 
 #include "liegrad/hamiltonian.h"
 #include "liegrad/settings.h"
 
-/* State of the learner. A caller that has the trajectories already sets `data` and does not call `read`. */
+/* State of the trainer. A caller that has the trajectories already sets `data` and does not call `read`. */
 typedef struct lg_hamiltonian_state {
     bool newton; /* option --newton */
     lg_trajectories data;

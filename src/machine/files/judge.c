@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "machine/files/recipe.h"
-#include "model/files/learning.h"
+#include "model/files/training.h"
 
 /* ---- position at which a network mass is reported ---- */
 
@@ -37,7 +37,7 @@ static void find_place(const lg_machine_problem *problem, lg_machine_verdict *ou
 /* ---- numbers and their common factor ---- */
 
 /* Warns if mass, potential, damping and input map are determined only up to a common factor. */
-static void warn_of_gauge(const lg_learning *self, const lg_machine *machine) {
+static void warn_of_gauge(const lg_training *self, const lg_machine *machine) {
     if (machine->normalised)
         LG_WARN(self, "nothing in the machine's file fixes the common factor of mass, potential, damping and "
                       "input map: one mass, which has no standard error below, is set to 1; to fix the "
@@ -89,7 +89,7 @@ static bool is_open(const lg_identification *of, size_t count, size_t i) {
     return false;
 }
 
-static void warn_of_open(const lg_learning *self, const lg_identification *of, size_t count) {
+static void warn_of_open(const lg_training *self, const lg_identification *of, size_t count) {
     char text[512];
     for (size_t k = 0; k < of->open_count; k++) {
         (void)lg_identification_sentence(of, count, k, text, sizeof text);
@@ -99,7 +99,7 @@ static void warn_of_open(const lg_learning *self, const lg_identification *of, s
 
 /* Warns of numbers whose error exceeds their value, unless the error is next to nothing against the largest
  * number of the same kind. */
-static void warn_of_numbers(const lg_learning *self, const lg_machine_verdict *what) {
+static void warn_of_numbers(const lg_training *self, const lg_machine_verdict *what) {
     static const double nothing = 0.02;
     const lg_identification *of = &what->identified;
     const size_t count = what->count;
@@ -120,7 +120,7 @@ static void warn_of_numbers(const lg_learning *self, const lg_machine_verdict *w
 
 /* The loss to expect of a model that explains the logs: what their noise leaves, for numbers without noise
  * what .8 % of the forces would make, and the steps' error, which counts at most as much as all of these. */
-static lg_status find_expected(const lg_learning *self, const double *theta, lg_machine_verdict *what,
+static lg_status find_expected(const lg_training *self, const double *theta, lg_machine_verdict *what,
                                lg_error *error) {
     static const double small = 8e-3;
     const lg_machine_state *s = self->state;
@@ -153,7 +153,7 @@ static bool are_missing(const lg_machine_verdict *what, double floor) {
     return missing->ratio > chance && missing->loss > fmax(floor, least * least * what->forces);
 }
 
-static void warn_of_misfit(const lg_learning *self, const lg_machine_verdict *what) {
+static void warn_of_misfit(const lg_training *self, const lg_machine_verdict *what) {
     const lg_machine_model_run *run = self->run;
     const double floor = self->floor;
     /* The loss may exceed the expected loss by half and by four standard deviations of its random
@@ -190,7 +190,7 @@ static void warn_of_misfit(const lg_learning *self, const lg_machine_verdict *wh
 /* ---- results ---- */
 
 /* Writes {name: {value, error}}. */
-static void tell_numbers(lg_learning *self, const lg_machine_verdict *what) {
+static void tell_numbers(lg_training *self, const lg_machine_verdict *what) {
     lg_result_open(self, "identified", '{');
     for (size_t i = 0; i < what->count; i++) {
         const lg_identified *number = &what->identified.numbers[i];
@@ -203,7 +203,7 @@ static void tell_numbers(lg_learning *self, const lg_machine_verdict *what) {
 }
 
 /* Writes {coordinate: its positions}. */
-static void tell_place(lg_learning *self, const lg_machine *machine, const lg_machine_verdict *what) {
+static void tell_place(lg_training *self, const lg_machine *machine, const lg_machine_verdict *what) {
     const double *q = what->positions;
     if (!what->placed) return;
     lg_result_open(self, "mass_at", '{');
@@ -217,7 +217,7 @@ static void tell_place(lg_learning *self, const lg_machine *machine, const lg_ma
 }
 
 /* Writes {"a,b": r} for pairs of numbers with a correlation |r| above .9. */
-static lg_status tell_correlations(lg_learning *self, const lg_machine_verdict *what, lg_error *error) {
+static lg_status tell_correlations(lg_training *self, const lg_machine_verdict *what, lg_error *error) {
     enum { BOTH = 2 * LG_IDENTIFIED_NAME + 2 };
     static const double strong = 0.9;
     const lg_identification *of = &what->identified;
@@ -227,7 +227,7 @@ static lg_status tell_correlations(lg_learning *self, const lg_machine_verdict *
             const double r = of->correlations[i * what->count + j];
             char *both;
             if (!(fabs(r) > strong)) continue;
-            LG_LEARNING_ARRAY(self, both, BOTH, error);
+            LG_TRAINING_ARRAY(self, both, BOTH, error);
             (void)snprintf(both, BOTH, "%s,%s", of->numbers[i].name, of->numbers[j].name);
             lg_result_real(self, both, r, NULL);
         }
@@ -237,7 +237,7 @@ static lg_status tell_correlations(lg_learning *self, const lg_machine_verdict *
 
 /* Writes what fixes the common factor. If nothing does, names a number and the value at which learning left
  * it. */
-static void tell_gauge(lg_learning *self, const lg_machine *machine, lg_machine_verdict *what) {
+static void tell_gauge(lg_training *self, const lg_machine *machine, lg_machine_verdict *what) {
     const lg_identified *open = first_open(&what->identified, what->count);
     const bool free = machine->free_gauge || what->identified.open_count > 0;
     (void)snprintf(what->gauge, sizeof what->gauge, "the values given in the machine's file");
@@ -251,7 +251,7 @@ static void tell_gauge(lg_learning *self, const lg_machine *machine, lg_machine_
     lg_result_text(self, "gauge", what->gauge, NULL);
 }
 
-static lg_status tell(lg_learning *self, lg_machine_verdict *what, lg_error *error) {
+static lg_status tell(lg_training *self, lg_machine_verdict *what, lg_error *error) {
     const lg_machine_model_run *run = self->run;
     const lg_machine *machine = &run->machine;
     const uint64_t done = lg_fit_epochs_done(self->fit);
@@ -270,25 +270,25 @@ static lg_status tell(lg_learning *self, lg_machine_verdict *what, lg_error *err
     return LG_OK;
 }
 
-/* ---- hook of the learner ---- */
+/* ---- hook of the trainer ---- */
 
-static lg_status find_numbers(lg_learning *self, const double *theta, lg_machine_verdict *out,
+static lg_status find_numbers(lg_training *self, const double *theta, lg_machine_verdict *out,
                               lg_error *error) {
     const lg_machine_problem *problem = &((const lg_machine_state *)self->state)->problem;
     const size_t n = problem->machine->parameters,
                  count = lg_machine_numbers(problem->machine, theta, 0, NULL);
     lg_identification *of = &out->identified;
     out->count = count;
-    LG_LEARNING_ARRAY(self, of->numbers, count + 1, error);
-    LG_LEARNING_ARRAY(self, of->correlations, count * count + 1, error);
-    LG_LEARNING_ARRAY(self, of->open, count * count + 1, error);
-    if (n <= LG_MACHINE_MOST_SPREAD) LG_LEARNING_ARRAY(self, of->spread, n * n + 1, error);
+    LG_TRAINING_ARRAY(self, of->numbers, count + 1, error);
+    LG_TRAINING_ARRAY(self, of->correlations, count * count + 1, error);
+    LG_TRAINING_ARRAY(self, of->open, count * count + 1, error);
+    if (n <= LG_MACHINE_MOST_SPREAD) LG_TRAINING_ARRAY(self, of->spread, n * n + 1, error);
     LG_TRY(lg_machine_identify(self->context, problem, theta, of, error));
     keep_several(of, count);
     return LG_OK;
 }
 
-lg_status lg_machine_judge(lg_learning *self, double *theta, lg_error *error) {
+lg_status lg_machine_judge(lg_training *self, double *theta, lg_error *error) {
     lg_machine_state *s = self->state;
     const lg_machine *machine = s->problem.machine;
     lg_machine_verdict *what = &s->verdict;

@@ -247,9 +247,9 @@ static const lg_scheme *usual_scheme(const void *file) {
     return ((const lg_machine_model_file *)file)->run.scheme;
 }
 
-extern const struct lg_learner lg_machine_model_learner; /* in recipe.c */
+extern const struct lg_trainer lg_machine_model_learner; /* in recipe.c */
 LG_RECIPE(machine_model, "machine-checkpoint", .scheme = usual_scheme, .space = space,
-          .learner = &lg_machine_model_learner);
+          .trainer = &lg_machine_model_learner);
 
 /* ---- about logs ---- */
 

@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "model/files/learning.h"
+#include "model/files/training.h"
 
 enum { STREAM_WEIGHTS = 1, SHORTEST_LOG = 3 };
 
@@ -12,7 +12,7 @@ enum { STREAM_WEIGHTS = 1, SHORTEST_LOG = 3 };
 
 /* Paths are MACHINE.yaml LOG...; when a model file is given, which contains its machine, they are LOG...
  * alone. */
-static lg_status read_data(lg_learning *self, lg_error *error) {
+static lg_status read_data(lg_training *self, lg_error *error) {
     lg_machine_state *s = self->state;
     lg_machine_model_run *run = self->run;
     const bool model = self->file != NULL;
@@ -34,7 +34,7 @@ static lg_status read_data(lg_learning *self, lg_error *error) {
     return LG_OK;
 }
 
-static void close_data(lg_learning *self) {
+static void close_data(lg_training *self) {
     lg_machine_data_destroy(&((lg_machine_state *)self->state)->data);
 }
 
@@ -81,7 +81,7 @@ static bool ends_with_lm(const lg_fit_plan *plan) {
 
 /* Chooses the settings that are not given. docs/reports/accuracy.md has the measurements behind these
  * choices. */
-static void choose_settings(const lg_learning *self) {
+static void choose_settings(const lg_training *self) {
     enum { DENSE = 4000 };
     static const double prior = 0.3;
     const lg_machine_state *s = self->state;
@@ -130,7 +130,7 @@ static void set_loss_scales(lg_machine_model_run *run, const lg_machine_state *s
     }
 }
 
-static lg_status check_data(const lg_learning *self, lg_error *error) {
+static lg_status check_data(const lg_training *self, lg_error *error) {
     const lg_machine_data *data = &((const lg_machine_state *)self->state)->data;
     const size_t longest = longest_part(&data->training);
     LG_TRY(lg_machine_refuse_momenta(&data->file, self->paths[0], error));
@@ -141,7 +141,7 @@ static lg_status check_data(const lg_learning *self, lg_error *error) {
         data->paths[0], longest, SHORTEST_LOG);
 }
 
-static lg_status describe(lg_learning *self, lg_error *error) {
+static lg_status describe(lg_training *self, lg_error *error) {
     const lg_machine_state *s = self->state;
     lg_machine_model_run *run = self->run;
     LG_TRY(check_data(self, error));
@@ -169,7 +169,7 @@ static lg_status describe(lg_learning *self, lg_error *error) {
 
 /* Warns if more than a hundredth of the rows is in no window, unless --stride, longer than a window, leaves
  * them out. */
-static void warn_of_rows(const lg_learning *self) {
+static void warn_of_rows(const lg_training *self) {
     const lg_machine_model_run *run = self->run;
     const lg_machine_state *s = self->state;
     const size_t all = s->data.training.rows, *start = s->problem.start;
@@ -186,12 +186,12 @@ static void warn_of_rows(const lg_learning *self) {
                 all - rows, all, run->window);
 }
 
-static lg_status prepare(lg_learning *self, lg_error *error) {
+static lg_status prepare(lg_training *self, lg_error *error) {
     lg_machine_state *s = self->state;
     const lg_machine_model_run *run = self->run;
     const lg_machine_log *log = &s->data.logs.log;
     size_t *start;
-    LG_LEARNING_ARRAY(self, start, log->rows, error);
+    LG_TRAINING_ARRAY(self, start, log->rows, error);
     const size_t all = lg_machine_windows(&run->machine, log, run->window, run->stride, s->positions, start);
     s->problem = (lg_machine_problem){.machine = &run->machine,
                                       .scheme = run->scheme,
@@ -209,14 +209,14 @@ static lg_status prepare(lg_learning *self, lg_error *error) {
     return LG_OK;
 }
 
-static lg_status make_problem(lg_learning *self, lg_error *error) {
+static lg_status make_problem(lg_training *self, lg_error *error) {
     const lg_machine_model_run *run = self->run;
     const lg_machine_problem *problem = &((const lg_machine_state *)self->state)->problem;
     lg_fit_options *options = &self->options;
     const double begin = lg_seconds();
     lg_rng rng;
     lg_machine_fit_problem(problem, &self->problem);
-    LG_LEARNING_ARRAY(self, self->theta, self->problem.parameters, error);
+    LG_TRAINING_ARRAY(self, self->theta, self->problem.parameters, error);
     lg_rng_seed(&rng, run->training.seed, STREAM_WEIGHTS);
     lg_machine_initialise(&run->machine, &rng, self->theta);
     if (self->stored == NULL) LG_TRY(lg_machine_warm_up(self, self->theta, error));
@@ -227,7 +227,7 @@ static lg_status make_problem(lg_learning *self, lg_error *error) {
 
 /* ---- results ---- */
 
-static lg_status save(lg_learning *self, void *into, lg_error *error) {
+static lg_status save(lg_training *self, void *into, lg_error *error) {
     const lg_machine_verdict *verdict = &((const lg_machine_state *)self->state)->verdict;
     (void)error;
     ((lg_machine_model_file *)into)->spread = verdict->count > 0 ? verdict->identified.spread : NULL;
@@ -235,7 +235,7 @@ static lg_status save(lg_learning *self, void *into, lg_error *error) {
 }
 
 /* Reports the loss over windows, and errors of free runs of one second. */
-static lg_status evaluate(lg_learning *self, const void *from, lg_error *error) {
+static lg_status evaluate(lg_training *self, const void *from, lg_error *error) {
     enum { EVERY = 25 };
     const lg_machine_model_file *file = from;
     const lg_machine_state *s = self->state;
@@ -254,7 +254,7 @@ static lg_status evaluate(lg_learning *self, const void *from, lg_error *error) 
     return LG_OK;
 }
 
-const lg_learner lg_machine_model_learner = {.data = "MACHINE.yaml LOG...",
+const lg_trainer lg_machine_model_learner = {.data = "MACHINE.yaml LOG...",
                                              .state_size = sizeof(lg_machine_state),
                                              .held_out = "validation-part",
                                              .prior = true,

@@ -1,4 +1,4 @@
-/* How the learner and the commands of lg-identify read machines and logs. Sentences for the user go to the
+/* How the trainer and the commands of lg-identify read machines and logs. Sentences for the user go to the
  * context's log as warnings. */
 #ifndef LG_MACHINE_RECIPE_H
 #define LG_MACHINE_RECIPE_H
@@ -145,7 +145,7 @@ lg_status lg_machine_window_loss(const lg_context *context, const lg_learned_mac
 lg_status lg_machine_residuals(const lg_context *context, const lg_learned_machine *model,
                                const lg_machine_problem *problem, lg_machine_noise *out, lg_error *error);
 
-/* ---- the learner (recipe.c) ---- */
+/* ---- the trainer (recipe.c) ---- */
 
 /* How well a model explains the logs, and what they say of its numbers (judge.c). */
 typedef struct lg_machine_verdict {
@@ -154,7 +154,7 @@ typedef struct lg_machine_verdict {
     double tolerated; /* `expected` without the error of the integration steps */
     double forces;    /* about the loss that a model without any forces would have */
     lg_machine_missing missing;
-    lg_identification identified; /* memory of the lg_learning */
+    lg_identification identified; /* memory of the lg_training */
     size_t count;                 /* number of identified numbers */
     /* A network mass is reported at `positions`; `place` has them as text: "at x 1.2, theta 3.1". */
     bool placed;
@@ -176,11 +176,11 @@ typedef struct lg_machine_state {
 /* Whether the machine has so few parameters that Levenberg-Marquardt, with one forward sweep for each, is
  * fastest. */
 bool lg_machine_is_small(const lg_machine *machine);
-struct lg_learning;
+struct lg_training;
 /* Improves theta, the machine's parameters (in and out), on short windows until longer windows can be
  * predicted. Also sets the scales of the loss, and the substeps unless they are given (warm_up.c). */
-lg_status lg_machine_warm_up(struct lg_learning *self, double *theta, lg_error *error);
-/* The learner's hook `judge`: fills the verdict, and warns of what is wrong with the model. */
-lg_status lg_machine_judge(struct lg_learning *self, double *theta, lg_error *error);
+lg_status lg_machine_warm_up(struct lg_training *self, double *theta, lg_error *error);
+/* The trainer's hook `judge`: fills the verdict, and warns of what is wrong with the model. */
+lg_status lg_machine_judge(struct lg_training *self, double *theta, lg_error *error);
 
 #endif

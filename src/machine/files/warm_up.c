@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "machine/files/recipe.h"
-#include "model/files/learning.h"
+#include "model/files/training.h"
 
 bool lg_machine_is_small(const lg_machine *machine) {
     enum { FEW = 60 };
@@ -69,12 +69,12 @@ static void quieten(const lg_machine *machine, double *theta) {
 
 /* Takes the fit's parameters if they lower the loss by more than rounding error. Along directions that the
  * logs leave open, a fit would follow rounding error arbitrarily far. */
-static lg_status take_lower(lg_learning *self, const lg_machine_problem *problem, const lg_fit *fit,
+static lg_status take_lower(lg_training *self, const lg_machine_problem *problem, const lg_fit *fit,
                             double *theta, lg_error *error) {
     static const double rounding = 1e-9;
     const size_t n = lg_machine_problem_parameters(problem);
     double before = 0, after = 0, *found;
-    LG_LEARNING_ARRAY(self, found, n, error);
+    LG_TRAINING_ARRAY(self, found, n, error);
     lg_fit_parameters(fit, found);
     LG_TRY(lg_machine_loss(self->context, problem, theta, &before, NULL, error));
     LG_TRY(lg_machine_loss(self->context, problem, found, &after, NULL, error));
@@ -88,7 +88,7 @@ enum { SHORTEST = 3 };
 
 /* Fits windows of at most `window` rows. theta, in and out: the parameters of `machine`; with positions alone
  * the parameters of the starts follow. */
-static lg_status fit_short(lg_learning *self, const lg_machine *machine, const lg_scheme *scheme,
+static lg_status fit_short(lg_training *self, const lg_machine *machine, const lg_scheme *scheme,
                            uint32_t window, double *theta, lg_error *error) {
     enum { EPOCHS = 200 };
     const lg_machine_model_run *run = self->run;
@@ -121,7 +121,7 @@ static lg_status fit_short(lg_learning *self, const lg_machine *machine, const l
 /* Enlarges the position scale of a coordinate whose positions are predicted much worse, in units of their
  * scale, than its velocities (logs of another program's integrator, a sensor with a lag): both errors then
  * count alike. *changed: a scale was enlarged. */
-static lg_status balance(lg_learning *self, const lg_machine *machine, const double *theta, bool *changed,
+static lg_status balance(lg_training *self, const lg_machine *machine, const double *theta, bool *changed,
                          lg_error *error) {
     static const double tolerated = 2.0;
     lg_machine_noise found;
@@ -142,7 +142,7 @@ static lg_status balance(lg_learning *self, const lg_machine *machine, const dou
 }
 
 /* The loss of the shortest windows: one step, or SHORTEST rows if positions alone are measured. */
-static lg_status short_loss(const lg_learning *self, const lg_machine *machine, const double *theta,
+static lg_status short_loss(const lg_training *self, const lg_machine *machine, const double *theta,
                             double *loss, lg_error *error) {
     const lg_machine_state *s = self->state;
     lg_machine_problem problem = s->problem;
@@ -164,13 +164,13 @@ static void copy_system(const lg_machine *machine, const double *from, double *t
 /* The initial parameters of a system may make it too stiff for the integrator's steps. A step of explicit
  * Euler is linear in the acceleration and works from any start. Euler's own error would appear as damping, so
  * that only the system's parameters are kept, and only if they do not raise the loss. */
-static lg_status approach(lg_learning *self, const lg_machine *machine, double *theta, lg_error *error) {
+static lg_status approach(lg_training *self, const lg_machine *machine, double *theta, lg_error *error) {
     const uint32_t window = ((const lg_machine_state *)self->state)->positions ? SHORTEST : 2;
     double before = 0, after = 0, *own, *start;
     if (machine->grey.system == NULL) return LG_OK;
     const size_t n = machine->parameters;
-    LG_LEARNING_ARRAY(self, own, n + 1, error);
-    LG_LEARNING_ARRAY(self, start, n + 1, error);
+    LG_TRAINING_ARRAY(self, own, n + 1, error);
+    LG_TRAINING_ARRAY(self, start, n + 1, error);
     memcpy(own, theta, n * sizeof *own);
     memcpy(start, theta, n * sizeof *start);
     LG_TRY(short_loss(self, machine, theta, &before, error));
@@ -183,7 +183,7 @@ static lg_status approach(lg_learning *self, const lg_machine *machine, double *
 
 /* With positions alone fits windows of growing length. Else fits the shortest windows, until the scales of
  * the loss no longer change. */
-static lg_status fit_windows(lg_learning *self, const lg_machine *machine, double *theta, lg_error *error) {
+static lg_status fit_windows(lg_training *self, const lg_machine *machine, double *theta, lg_error *error) {
     enum { ROUNDS = 4 };
     static const uint32_t growing[] = {SHORTEST, 15, 50};
     const lg_machine_state *s = self->state;
@@ -204,7 +204,7 @@ static lg_status fit_windows(lg_learning *self, const lg_machine *machine, doubl
 
 /* Chooses the number of steps between two rows unless it is given: the error of the steps must be small
  * against the loss that the parameters from short windows leave, or below all that matters. */
-static lg_status find_substeps(lg_learning *self, const lg_machine *machine, const double *theta,
+static lg_status find_substeps(lg_training *self, const lg_machine *machine, const double *theta,
                                lg_error *error) {
     enum { MOST = 4 };
     static const double enough = 1e-11, part = 1e-2;
@@ -224,15 +224,15 @@ static lg_status find_substeps(lg_learning *self, const lg_machine *machine, con
     return LG_OK;
 }
 
-lg_status lg_machine_warm_up(lg_learning *self, double *theta, lg_error *error) {
+lg_status lg_machine_warm_up(lg_training *self, double *theta, lg_error *error) {
     const lg_machine *machine = &((const lg_machine_model_run *)self->run)->machine;
     const lg_machine_state *s = self->state;
     /* With positions alone short windows also give the parameters of all starts. */
     const size_t starts = s->positions ? lg_machine_problem_parameters(&s->problem) - machine->parameters : 0;
     plain_machine *plain;
     double *own;
-    LG_LEARNING_ARRAY(self, plain, 1, error);
-    LG_LEARNING_ARRAY(self, own, machine->parameters + starts + 1, error);
+    LG_TRAINING_ARRAY(self, plain, 1, error);
+    LG_TRAINING_ARRAY(self, own, machine->parameters + starts + 1, error);
     LG_TRY(make_plain(machine, plain, error));
     copy_parameters(machine, plain, theta, own, true);
     if (plain->machine.parameters > 0) LG_TRY(fit_windows(self, &plain->machine, own, error));

@@ -52,7 +52,7 @@ struct lg_recipe {
     lg_status (*put_rest)(lg_h5 *h5, const void *file, bool fitted, lg_error *error);
     lg_status (*get_rest)(lg_h5 *h5, void *file, lg_error *error);
     void (*release)(void *file);      /* NULL: the file structure owns only theta and the history */
-    const struct lg_learner *learner; /* the training half, never NULL (model/files/learning.h) */
+    const struct lg_trainer *trainer; /* the training half, never NULL (model/files/training.h) */
 };
 
 /* ---- runs (recipe.c) ---- */

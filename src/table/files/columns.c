@@ -113,7 +113,7 @@ static bool is_learned(const lg_table_state *s, const char *name) {
 }
 
 /* Makes inputs of all columns that have a name, are not learned, and are not left out by --without. */
-static lg_status default_inputs(lg_learning *self, const lg_table_names *all, lg_error *error) {
+static lg_status default_inputs(lg_training *self, const lg_table_names *all, lg_error *error) {
     lg_table_state *s = self->state;
     LG_TRY(make_names(self->context, all->count, &s->inputs, error));
     for (uint32_t i = 0; i < all->count; i++) {
@@ -131,7 +131,7 @@ static bool may_be_used(const lg_table_state *s, const char *name) {
 }
 
 /* Makes an output of the last column that has a name and is not left out. */
-static lg_status default_outputs(lg_learning *self, const lg_table_names *all, lg_error *error) {
+static lg_status default_outputs(lg_training *self, const lg_table_names *all, lg_error *error) {
     lg_table_state *s = self->state;
     char quoted[LG_TABLE_QUOTED];
     uint32_t last = all->count;
@@ -145,7 +145,7 @@ static lg_status default_outputs(lg_learning *self, const lg_table_names *all, l
     return LG_OK;
 }
 
-static lg_status no_column(const lg_learning *self, const lg_table_names *have, const char *name,
+static lg_status no_column(const lg_training *self, const lg_table_names *have, const char *name,
                            lg_error *error) {
     enum { SHOWN = 20 };
     const lg_table_names first = {.count = have->count < SHOWN ? have->count : SHOWN, .name = have->name};
@@ -158,7 +158,7 @@ static lg_status no_column(const lg_learning *self, const lg_table_names *have, 
 }
 
 /* Reads --class, one name, and --without, names of columns of the table. */
-static lg_status name_others(lg_learning *self, const lg_table_names *all, lg_error *error) {
+static lg_status name_others(lg_training *self, const lg_table_names *all, lg_error *error) {
     lg_table_state *s = self->state;
     if (!lg_table_is_regression(s)) LG_TRY(lg_table_class_parse(s->given.class_column, s->class_name, error));
     if (s->given.without == NULL) return LG_OK;
@@ -169,7 +169,7 @@ static lg_status name_others(lg_learning *self, const lg_table_names *all, lg_er
 }
 
 /* Chooses inputs and outputs from all columns of the table. */
-static lg_status name_columns(lg_learning *self, const lg_table_names *all, lg_error *error) {
+static lg_status name_columns(lg_training *self, const lg_table_names *all, lg_error *error) {
     lg_table_state *s = self->state;
     LG_TRY(name_others(self, all, error));
     if (s->given.outputs != NULL)
@@ -196,7 +196,7 @@ static lg_status check_roles(const lg_table_state *s, lg_error *error) {
     return LG_OK;
 }
 
-lg_status lg_table_choose(lg_learning *self, lg_error *error) {
+lg_status lg_table_choose(lg_training *self, lg_error *error) {
     const lg_table_state *s = self->state;
     lg_table_names all = {.count = 0};
     if (s->given.outputs != NULL && !lg_table_is_regression(s))

@@ -84,26 +84,26 @@ static void add_class(const lg_table_file *file, const lg_table_sheet *sheet, si
 }
 
 /* Allocates the arrays of a judgement; j->rows must be set. */
-static lg_status make_arrays(lg_learning *self, const lg_table_file *file, lg_table_judgement *j,
+static lg_status make_arrays(lg_training *self, const lg_table_file *file, lg_table_judgement *j,
                              lg_error *error) {
     const size_t outputs = file->run.model.net.outputs;
-    LG_LEARNING_ARRAY(self, j->rmse, outputs, error);
-    LG_LEARNING_ARRAY(self, j->r2, outputs, error);
-    LG_LEARNING_ARRAY(self, j->confusion, is_regression(file) ? 1 : outputs * outputs, error);
+    LG_TRAINING_ARRAY(self, j->rmse, outputs, error);
+    LG_TRAINING_ARRAY(self, j->r2, outputs, error);
+    LG_TRAINING_ARRAY(self, j->confusion, is_regression(file) ? 1 : outputs * outputs, error);
     if (!is_regression(file)) return LG_OK;
-    LG_LEARNING_ARRAY(self, j->truth, j->rows * outputs, error);
-    LG_LEARNING_ARRAY(self, j->prediction, j->rows * outputs, error);
+    LG_TRAINING_ARRAY(self, j->truth, j->rows * outputs, error);
+    LG_TRAINING_ARRAY(self, j->prediction, j->rows * outputs, error);
     return LG_OK;
 }
 
-static lg_status run_rows(lg_learning *self, const lg_table_file *file, const lg_model *model,
+static lg_status run_rows(lg_training *self, const lg_table_file *file, const lg_model *model,
                           const lg_table_sheet *sheet, const uint32_t *chosen, lg_table_judgement *j,
                           lg_error *error) {
     const uint32_t inputs = file->run.model.net.inputs, outputs = file->run.model.net.outputs;
     char *work;
     double *y;
-    LG_LEARNING_ARRAY(self, work, lg_model_work_size(model), error);
-    LG_LEARNING_ARRAY(self, y, outputs, error);
+    LG_TRAINING_ARRAY(self, work, lg_model_work_size(model), error);
+    LG_TRAINING_ARRAY(self, y, outputs, error);
     for (size_t i = 0; i < j->rows; i++) {
         const size_t row = chosen != NULL ? chosen[i] : i;
         const double *x = lg_table_sheet_row(sheet, row);
@@ -128,7 +128,7 @@ lg_status lg_table_model(const lg_context *context, const lg_table_file *file, l
     return lg_model_create(context, program, NULL, out, error);
 }
 
-lg_status lg_table_judge(lg_learning *self, const lg_table_file *file, const lg_table_sheet *sheet,
+lg_status lg_table_judge(lg_training *self, const lg_table_file *file, const lg_table_sheet *sheet,
                          const uint32_t *chosen, size_t count, lg_table_judgement *out, lg_error *error) {
     lg_model *model;
     *out = (lg_table_judgement){.rows = chosen != NULL ? count : sheet->data.rows,
@@ -149,7 +149,7 @@ lg_status lg_table_judge(lg_learning *self, const lg_table_file *file, const lg_
 
 /* ---- results and warnings ---- */
 
-static void tell_columns(lg_learning *self, const lg_table_file *file, const char *name,
+static void tell_columns(lg_training *self, const lg_table_file *file, const char *name,
                          const double *values) {
     lg_result_open(self, name, '{');
     for (uint32_t o = 0; o < file->run.model.net.outputs; o++)
@@ -157,7 +157,7 @@ static void tell_columns(lg_learning *self, const lg_table_file *file, const cha
     lg_result_close(self, '}');
 }
 
-static void tell_confusion(lg_learning *self, const lg_table_file *file, const lg_table_judgement *j) {
+static void tell_confusion(lg_training *self, const lg_table_file *file, const lg_table_judgement *j) {
     const uint32_t classes = file->run.model.net.outputs;
     lg_result_open(self, "confusion", '[');
     for (uint32_t c = 0; c < classes; c++) {
@@ -172,7 +172,7 @@ static void tell_confusion(lg_learning *self, const lg_table_file *file, const l
     lg_result_close(self, ']');
 }
 
-void lg_table_tell(lg_learning *self, const lg_table_file *file, const lg_table_judgement *j) {
+void lg_table_tell(lg_training *self, const lg_table_file *file, const lg_table_judgement *j) {
     if (is_regression(file)) {
         tell_columns(self, file, "rmse", j->rmse);
         tell_columns(self, file, "r2", j->r2);

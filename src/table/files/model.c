@@ -261,5 +261,5 @@ static const lg_program_source places[] = {{"mean", "single scaler/inputs/mean"}
                                            {"output_scale", "scaler/outputs/scale"},
                                            {NULL, NULL}};
 
-extern const struct lg_learner lg_table_learner; /* in recipe.c */
-LG_RECIPE(table, "table-checkpoint", .places = places, .learner = &lg_table_learner);
+extern const struct lg_trainer lg_table_learner; /* in recipe.c */
+LG_RECIPE(table, "table-checkpoint", .places = places, .trainer = &lg_table_learner);

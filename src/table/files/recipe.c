@@ -8,7 +8,7 @@ enum { STREAM_SPLIT = 2 };
 
 /* ---- the data ---- */
 
-static lg_status read_data(lg_learning *self, lg_error *error) {
+static lg_status read_data(lg_training *self, lg_error *error) {
     const lg_table_state *s = self->state;
     if (self->file == NULL) LG_TRY(lg_table_choose(self, error));
     LG_TRY(lg_table_read_rows(self, error));
@@ -16,7 +16,7 @@ static lg_status read_data(lg_learning *self, lg_error *error) {
     return LG_OK;
 }
 
-static void close_data(lg_learning *self) {
+static void close_data(lg_training *self) {
     lg_table_state *s = self->state;
     lg_table_data_destroy(&s->table.data);
     lg_table_data_destroy(&s->test.data);
@@ -67,11 +67,11 @@ static lg_status check_plan(const lg_table_state *s, const lg_fit_plan *plan, lg
     return LG_OK;
 }
 
-static lg_status describe(lg_learning *self, lg_error *error) {
+static lg_status describe(lg_training *self, lg_error *error) {
     const lg_table_state *s = self->state;
     lg_table_run *run = self->run;
     const lg_table_run from = usual_run(s);
-    if (self->stored == NULL) lg_learning_adopt(self, &from, true);
+    if (self->stored == NULL) lg_training_adopt(self, &from, true);
     run->rows = s->table.data.rows;
     memcpy(run->data_sha256, s->table.data.sha256, sizeof run->data_sha256);
     lg_table_options options = run->model.options;
@@ -102,14 +102,14 @@ static lg_status fit_without_far(const lg_context *context, lg_table_state *s, u
 
 /* Inputs are scaled without far cells, which would make the differences between all other cells vanish.
  * Outputs are scaled with all cells, because the loss contains all of them. */
-static lg_status fit_scaler(lg_learning *self, lg_error *error) {
+static lg_status fit_scaler(lg_training *self, lg_error *error) {
     lg_table_state *s = self->state;
     const lg_table_data *data = &s->table.data;
     double *column;
     uint32_t *chosen;
-    LG_LEARNING_ARRAY(self, column, s->trained, error);
-    LG_LEARNING_ARRAY(self, chosen, s->trained, error);
-    LG_LEARNING_ARRAY(self, s->far, s->inputs.count, error);
+    LG_TRAINING_ARRAY(self, column, s->trained, error);
+    LG_TRAINING_ARRAY(self, chosen, s->trained, error);
+    LG_TRAINING_ARRAY(self, s->far, s->inputs.count, error);
     lg_status status =
         lg_table_scaler_fit(self->context, data->values, data->columns, s->order, s->trained, &s->scaler);
     for (uint32_t c = 0; c < s->inputs.count && status == LG_OK; c++)
@@ -124,12 +124,12 @@ static lg_scaler part_of(const lg_scaler *scaler, uint32_t first, uint32_t count
 
 /* Writes `count` columns from `first` on, scaled, training rows first. Far cells are cut to MOST deviations,
  * whose squares can still be summed. */
-static lg_status scaled_rows(lg_learning *self, uint32_t first, uint32_t count, double **out,
+static lg_status scaled_rows(lg_training *self, uint32_t first, uint32_t count, double **out,
                              lg_error *error) {
     static const double MOST = 1e100;
     const lg_table_state *s = self->state;
     const lg_scaler scaler = part_of(&s->scaler, first, count);
-    LG_LEARNING_ARRAY(self, *out, s->samples.count * count, error);
+    LG_TRAINING_ARRAY(self, *out, s->samples.count * count, error);
     for (size_t i = 0; i < s->samples.count; i++) {
         const double *row = lg_table_sheet_row(&s->table, s->order[i]) + first;
         for (uint32_t c = 0; c < count; c++)
@@ -138,7 +138,7 @@ static lg_status scaled_rows(lg_learning *self, uint32_t first, uint32_t count, 
     return LG_OK;
 }
 
-static lg_status make_samples(lg_learning *self, lg_error *error) {
+static lg_status make_samples(lg_training *self, lg_error *error) {
     lg_table_state *s = self->state;
     const size_t rows = s->table.data.rows;
     LG_TRY(fit_scaler(self, error));
@@ -146,7 +146,7 @@ static lg_status make_samples(lg_learning *self, lg_error *error) {
     LG_TRY(scaled_rows(self, 0, s->inputs.count, &s->samples.x, error));
     if (lg_table_is_regression(s))
         return scaled_rows(self, s->inputs.count, s->outputs.count, &s->samples.y, error);
-    LG_LEARNING_ARRAY(self, s->samples.label, rows, error);
+    LG_TRAINING_ARRAY(self, s->samples.label, rows, error);
     for (size_t i = 0; i < rows; i++) s->samples.label[i] = s->table.data.label[s->order[i]];
     return LG_OK;
 }
@@ -154,7 +154,7 @@ static lg_status make_samples(lg_learning *self, lg_error *error) {
 /* ---- training and validation part ---- */
 
 /* Warns of too few training rows, once, however many fits are made. */
-static void warn_few(const lg_learning *self) {
+static void warn_few(const lg_training *self) {
     enum { LEAST = 10 };
     lg_table_state *s = self->state;
     const size_t inputs = s->inputs.count, least = inputs + 2 > LEAST ? inputs + 2 : LEAST;
@@ -166,16 +166,16 @@ static void warn_few(const lg_learning *self) {
             s->table.path, s->trained, inputs, least);
 }
 
-static lg_status prepare(lg_learning *self, lg_error *error) {
+static lg_status prepare(lg_training *self, lg_error *error) {
     lg_table_state *s = self->state;
-    const lg_fit_settings *training = lg_learning_training(self);
+    const lg_fit_settings *training = lg_training_settings(self);
     const size_t rows = s->table.data.rows;
     size_t held = (size_t)floor(training->validation * (double)rows + 0.5);
     if (training->validation > 0.0 && held == 0) held = 1;
     if (held >= rows) held = rows - 1;
     lg_rng rng;
     lg_rng_seed(&rng, training->seed, STREAM_SPLIT);
-    LG_LEARNING_ARRAY(self, s->order, rows, error);
+    LG_TRAINING_ARRAY(self, s->order, rows, error);
     for (size_t i = 0; i < rows; i++) s->order[i] = (uint32_t)i;
     lg_rng_shuffle(&rng, s->order, rows);
     s->trained = rows - held;
@@ -186,7 +186,7 @@ static lg_status prepare(lg_learning *self, lg_error *error) {
 /* ---- the problem ---- */
 
 /* Whether the priors come from the evidence of the data. */
-static bool seeks_evidence(const lg_learning *self) {
+static bool seeks_evidence(const lg_training *self) {
     const lg_table_run *run = self->run;
     return lg_table_is_regression(self->state) && self->stored == NULL &&
            !lg_fit_plan_batches(&run->training.plan) && !self->given(self, "decay") &&
@@ -195,7 +195,7 @@ static bool seeks_evidence(const lg_learning *self) {
 }
 
 /* Finds the priors and initial parameters. */
-static lg_status find_start(lg_learning *self, lg_error *error) {
+static lg_status find_start(lg_training *self, lg_error *error) {
     const lg_table_run *run = self->run;
     const uint32_t given = run->decay.count, slices = lg_table_slices(&run->model);
     if (seeks_evidence(self)) return lg_table_find_start(self, !self->given(self, "hidden"), error);
@@ -206,13 +206,13 @@ static lg_status find_start(lg_learning *self, lg_error *error) {
 }
 
 /* The decay of each parameter from the decay of its slice. */
-static lg_status spread_decay(lg_learning *self, lg_error *error) {
+static lg_status spread_decay(lg_training *self, lg_error *error) {
     lg_table_state *s = self->state;
     const lg_table_run *run = self->run;
     lg_slice_info info;
     double *decay;
     if (run->decay.count == 0) return LG_OK;
-    LG_LEARNING_ARRAY(self, decay, lg_table_parameters(&run->model), error);
+    LG_TRAINING_ARRAY(self, decay, lg_table_parameters(&run->model), error);
     for (uint32_t k = 0; k < run->decay.count && lg_table_slice(&run->model, k, &info); k++)
         for (size_t i = 0; i < info.count; i++) decay[info.offset + i] = run->decay.value[k];
     s->problem.decay = decay;
@@ -221,7 +221,7 @@ static lg_status spread_decay(lg_learning *self, lg_error *error) {
 
 /* Chooses the method, and the evaluations unless they are limited: Levenberg-Marquardt if its matrix is
  * small, with as many evaluations as are quick. */
-static void choose_method(lg_learning *self) {
+static void choose_method(lg_training *self) {
     enum { LEAST = 5, MOST = 60, OTHERS = 300 };
     static const double WORK = 8e9;
     const lg_table_state *s = self->state;
@@ -237,7 +237,7 @@ static void choose_method(lg_learning *self) {
     self->options.plan = run->training.plan;
 }
 
-static lg_status make_problem(lg_learning *self, lg_error *error) {
+static lg_status make_problem(lg_training *self, lg_error *error) {
     lg_table_state *s = self->state;
     s->problem = (lg_table_problem){&((lg_table_run *)self->run)->model, &s->samples, NULL};
     s->evidence = (lg_table_evidence_result){0};
@@ -250,7 +250,7 @@ static lg_status make_problem(lg_learning *self, lg_error *error) {
     return LG_OK;
 }
 
-static void release(lg_learning *self) {
+static void release(lg_training *self) {
     lg_scaler_destroy(&((lg_table_state *)self->state)->scaler);
 }
 
@@ -270,7 +270,7 @@ static void find_ranges(const lg_table_state *s, double *low, double *high) {
 }
 
 /* The file's number of rows is the number of training rows. */
-static lg_status make_file(lg_learning *self, double *theta, lg_error *error) {
+static lg_status make_file(lg_training *self, double *theta, lg_error *error) {
     lg_table_state *s = self->state;
     const uint32_t inputs = s->inputs.count, outputs = s->outputs.count;
     lg_table_file file = {.run = *(const lg_table_run *)self->run,
@@ -282,14 +282,14 @@ static lg_status make_file(lg_learning *self, double *theta, lg_error *error) {
     if (lg_table_is_regression(s)) file.outputs = part_of(&s->scaler, inputs, outputs);
     file.run.rows = s->trained;
     memcpy(file.class_column, s->class_name, sizeof file.class_column);
-    LG_LEARNING_ARRAY(self, file.low, inputs, error);
-    LG_LEARNING_ARRAY(self, file.high, inputs, error);
+    LG_TRAINING_ARRAY(self, file.low, inputs, error);
+    LG_TRAINING_ARRAY(self, file.high, inputs, error);
     find_ranges(s, file.low, file.high);
     s->file = file;
     return LG_OK;
 }
 
-static lg_status save(lg_learning *self, void *into, lg_error *error) {
+static lg_status save(lg_training *self, void *into, lg_error *error) {
     const lg_table_state *s = self->state;
     lg_table_file *file = into;
     const lg_provenance provenance = file->provenance;
@@ -304,7 +304,7 @@ static lg_status save(lg_learning *self, void *into, lg_error *error) {
 
 /* ---- results ---- */
 
-static lg_status judge_parts(lg_learning *self, lg_error *error) {
+static lg_status judge_parts(lg_training *self, lg_error *error) {
     lg_table_state *s = self->state;
     const size_t held = s->table.data.rows - s->trained;
     LG_TRY(lg_table_judge(self, &s->file, &s->table, s->order, s->trained, &s->learned, error));
@@ -315,13 +315,13 @@ static lg_status judge_parts(lg_learning *self, lg_error *error) {
 }
 
 /* Warns of far cells in the outputs of a regression's table that is judged. */
-static lg_status warn_far_outputs(const lg_learning *self, const lg_table_sheet *sheet, lg_error *error) {
+static lg_status warn_far_outputs(const lg_training *self, const lg_table_sheet *sheet, lg_error *error) {
     const lg_table_file *file = &((lg_table_state *)self->state)->file;
     return lg_table_warn_far(self->context, sheet, sheet->inputs, file->output_name, sheet->outputs,
                              "most of the error comes from these cells", error);
 }
 
-static lg_status warn_of_parts(lg_learning *self, lg_error *error) {
+static lg_status warn_of_parts(lg_training *self, lg_error *error) {
     const lg_table_state *s = self->state;
     const lg_table_judgement *j = &s->judged;
     LG_TRY(lg_table_warn_repeated(self, error));
@@ -351,7 +351,7 @@ static double guessed(const lg_table_state *s) {
 /* Compares the training error with the error of a simple guess. After a search for the evidence the fit
  * starts near its minimum and its loss hardly falls; the caller's check of self->verdict would fault that, so
  * this function warns instead. */
-static void judge_training(lg_learning *self) {
+static void judge_training(lg_training *self) {
     static const double LEARNED = 0.99;
     const lg_table_state *s = self->state;
     const lg_table_judgement *j = &s->learned;
@@ -361,7 +361,7 @@ static void judge_training(lg_learning *self) {
     const double wrong = regression ? j->scaled_rmse * j->scaled_rmse : 1.0 - j->accuracy, guess = guessed(s);
     if (s->evidence.evaluations == 0)
         self->verdict =
-            (lg_learning_verdict){.what = what, .guess = simple, .error = wrong, .guessed = guess};
+            (lg_training_verdict){.what = what, .guess = simple, .error = wrong, .guessed = guess};
     else if (!(wrong < LEARNED * guess))
         LG_WARN(self,
                 "the model has learned nothing: its %s %.3g is not below %.3g, which always predicting %s "
@@ -372,7 +372,7 @@ static void judge_training(lg_learning *self) {
 }
 
 /* Reports the evidence; values are NaN if none was sought. */
-static void tell_evidence(lg_learning *self) {
+static void tell_evidence(lg_training *self) {
     const lg_table_state *s = self->state;
     const lg_table_evidence_result *found = &s->evidence;
     const bool sought = found->evaluations > 0;
@@ -387,7 +387,7 @@ static void tell_evidence(lg_learning *self) {
     lg_result_real(self, "noise", sought ? noise : (double)NAN, "in units of the outputs' deviation");
 }
 
-static void tell(lg_learning *self) {
+static void tell(lg_training *self) {
     const lg_table_state *s = self->state;
     lg_table_tell(self, &s->file, &s->judged);
     lg_result_text(self, "part", s->part, "the rows that were judged");
@@ -404,7 +404,7 @@ static void tell(lg_learning *self) {
     self->first_count = self->result_count;
 }
 
-static lg_status judge(lg_learning *self, double *theta, lg_error *error) {
+static lg_status judge(lg_training *self, double *theta, lg_error *error) {
     LG_TRY(make_file(self, theta, error));
     LG_TRY(judge_parts(self, error));
     LG_TRY(warn_of_parts(self, error));
@@ -413,7 +413,7 @@ static lg_status judge(lg_learning *self, double *theta, lg_error *error) {
     return LG_OK;
 }
 
-static lg_status evaluate(lg_learning *self, const void *file, lg_error *error) {
+static lg_status evaluate(lg_training *self, const void *file, lg_error *error) {
     lg_table_state *s = self->state;
     const lg_table_judgement *j = &s->judged;
     s->file = *(const lg_table_file *)file;
@@ -429,7 +429,7 @@ static lg_status evaluate(lg_learning *self, const void *file, lg_error *error) 
 
 static const char *const sizes[] = {"4", "8", "16", "32", "16,16", "32,32", NULL};
 
-const lg_learner lg_table_learner = {.data = "TABLE",
+const lg_trainer lg_table_learner = {.data = "TABLE",
                                      .state_size = sizeof(lg_table_state),
                                      .options = lg_table_given_rows,
                                      .held_out = "validation",

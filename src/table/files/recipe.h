@@ -4,7 +4,7 @@
 
 #include "core/text.h"
 #include "liegrad/table.h"
-#include "model/files/learning.h"
+#include "model/files/training.h"
 
 /* ---- columns (columns.c) ---- */
 
@@ -18,7 +18,7 @@ extern const lg_field lg_table_given_rows[], lg_table_column_rows[];
 /* Chooses inputs, outputs, the column with the classes and columns to leave out, from the options or by
  * default. Errors, with a sentence about an option or the file: a column that is missing, named twice, or has
  * two roles. */
-lg_status lg_table_choose(lg_learning *self, lg_error *error);
+lg_status lg_table_choose(lg_training *self, lg_error *error);
 /* Reads a list of names like a,"b, in s",c. Names with commas stand in quotes as in CSV; blanks around names
  * do not count. Errors, with a sentence about the option: LG_INVALID_ARGUMENT (empty, long and repeated
  * names), LG_OUT_OF_MEMORY. The caller must destroy `out` even after an error. */
@@ -48,13 +48,13 @@ static inline const double *lg_table_sheet_row(const lg_table_sheet *sheet, size
 }
 /* Reads the table to learn from, without its constant inputs, and the table of --test; or, with self->file,
  * the table on which that model is judged. */
-lg_status lg_table_read_rows(lg_learning *self, lg_error *error);
+lg_status lg_table_read_rows(lg_training *self, lg_error *error);
 /* Warns of cells in columns first .. first + count - 1 that lie far from all other cells of their column, for
  * at most eight columns. `follows` is the part of the sentence that says what such cells do. */
 lg_status lg_table_warn_far(const lg_context *context, const lg_table_sheet *sheet, uint32_t first,
                             const lg_table_text *name, uint32_t count, const char *follows, lg_error *error);
 /* Warns of rows that occur repeatedly, and of rows that are in both the training and the validation part. */
-lg_status lg_table_warn_repeated(lg_learning *self, lg_error *error);
+lg_status lg_table_warn_repeated(lg_training *self, lg_error *error);
 
 /* ---- judging (judge.c) ---- */
 
@@ -72,10 +72,10 @@ typedef struct lg_table_judgement {
 lg_status lg_table_model(const lg_context *context, const lg_table_file *file, lg_model **out,
                          lg_error *error);
 /* Judges the model on the rows `chosen` (count; NULL: all rows). Arrays of `out` are memory of the
- * learning. */
-lg_status lg_table_judge(lg_learning *self, const lg_table_file *file, const lg_table_sheet *sheet,
+ * training. */
+lg_status lg_table_judge(lg_training *self, const lg_table_file *file, const lg_table_sheet *sheet,
                          const uint32_t *chosen, size_t count, lg_table_judgement *out, lg_error *error);
-void lg_table_tell(lg_learning *self, const lg_table_file *file, const lg_table_judgement *j);
+void lg_table_tell(lg_training *self, const lg_table_file *file, const lg_table_judgement *j);
 /* Warn of predictions or errors that are not finite; return whether there are any. */
 bool lg_table_warn_infinite(const lg_context *context, size_t infinite, size_t rows, const char *path);
 bool lg_table_warn_errors(const lg_context *context, const lg_table_file *file, const lg_table_judgement *j,
@@ -97,13 +97,13 @@ enum { LG_TABLE_MOST_LM = 1500 };
 double lg_table_work(const lg_table *model, double rows);
 uint32_t lg_table_slices(const lg_table *model); /* number of arrays of parameters */
 /* Draws parameters with the run's seed. */
-lg_status lg_table_first_parameters(lg_learning *self, double **theta, lg_error *error);
+lg_status lg_table_first_parameters(lg_training *self, double **theta, lg_error *error);
 /* Only for a regression: gives the run priors and, with `any_width`, one hidden layer of the width with the
  * highest evidence; self->theta gets the parameters to start from. The effort is bounded by work, not by a
  * clock. Errors: from lg_table_init and lg_table_evidence. */
-lg_status lg_table_find_start(lg_learning *self, bool any_width, lg_error *error);
+lg_status lg_table_find_start(lg_training *self, bool any_width, lg_error *error);
 
-/* ---- the learner (recipe.c) ---- */
+/* ---- the trainer (recipe.c) ---- */
 
 typedef struct lg_table_state {
     lg_table_given given;           /* must be the first member: the options write to it */

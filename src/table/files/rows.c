@@ -41,7 +41,7 @@ lg_status lg_table_sheet_read(const lg_context *context, const char *path, const
 }
 
 /* Leaves out rows with missing cells, and warns of them. */
-static lg_status leave_incomplete(lg_learning *self, lg_table_sheet *sheet, lg_error *error) {
+static lg_status leave_incomplete(lg_training *self, lg_table_sheet *sheet, lg_error *error) {
     lg_table_data *data = &sheet->data;
     lg_error why = {LG_OK, ""};
     const lg_status status = lg_table_keep_complete(&data, 1, &sheet->left_out, &why);
@@ -53,11 +53,11 @@ static lg_status leave_incomplete(lg_learning *self, lg_table_sheet *sheet, lg_e
 }
 
 /* Replaces labels by indices of the model's classes. */
-static lg_status match_classes(lg_learning *self, lg_table_sheet *sheet, const lg_table_names *classes,
+static lg_status match_classes(lg_training *self, lg_table_sheet *sheet, const lg_table_names *classes,
                                lg_error *error) {
     lg_table_data *data = &sheet->data;
     uint32_t *number;
-    LG_LEARNING_ARRAY(self, number, data->classes, error);
+    LG_TRAINING_ARRAY(self, number, data->classes, error);
     for (uint32_t c = 0; c < data->classes; c++)
         while (number[c] < classes->count && strcmp(classes->name[number[c]], data->class_name[c]) != 0)
             number[c]++;
@@ -73,7 +73,7 @@ static lg_status match_classes(lg_learning *self, lg_table_sheet *sheet, const l
 
 /* Reads the complete rows of a table on which a model is judged. `outputs`: columns of the outputs or, with a
  * class column, names of the classes. */
-static lg_status read_judged(lg_learning *self, const char *path, const lg_table_names *inputs,
+static lg_status read_judged(lg_training *self, const char *path, const lg_table_names *inputs,
                              const lg_table_names *outputs, const char *classes, lg_table_sheet *out,
                              lg_error *error) {
     const lg_table_names none = {.count = 0};
@@ -86,7 +86,7 @@ static lg_status read_judged(lg_learning *self, const char *path, const lg_table
 /* ---- columns that cannot be read ---- */
 
 /* Whether the table can be read with these inputs, the outputs and the classes. */
-static bool is_readable(const lg_learning *self, const lg_table_names *inputs) {
+static bool is_readable(const lg_training *self, const lg_table_names *inputs) {
     const lg_table_state *s = self->state;
     lg_table_sheet sheet;
     const lg_status status =
@@ -96,12 +96,12 @@ static bool is_readable(const lg_learning *self, const lg_table_names *inputs) {
 }
 
 /* Finds the inputs that cannot be read as numbers, if all other columns can be read. */
-static lg_status find_unreadable(lg_learning *self, lg_table_names *bad, lg_error *error) {
+static lg_status find_unreadable(lg_training *self, lg_table_names *bad, lg_error *error) {
     enum { MOST_TRIED = 100 }; /* each try reads the file again */
     const lg_table_names *inputs = &((lg_table_state *)self->state)->inputs;
     *bad = (lg_table_names){.count = 0};
     if (inputs->count > MOST_TRIED || !is_readable(self, bad)) return LG_OK;
-    LG_LEARNING_ARRAY(self, bad->name, inputs->count, error);
+    LG_TRAINING_ARRAY(self, bad->name, inputs->count, error);
     for (uint32_t i = 0; i < inputs->count; i++) {
         const lg_table_names one = {.count = 1, .name = inputs->name + i};
         if (!is_readable(self, &one)) memcpy(bad->name[bad->count++], one.name, sizeof *bad->name);
@@ -110,7 +110,7 @@ static lg_status find_unreadable(lg_learning *self, lg_table_names *bad, lg_erro
 }
 
 /* If inputs were not named and some columns are not numbers, adds to the message how to leave them out. */
-static lg_status fail_columns(lg_learning *self, lg_error *error) {
+static lg_status fail_columns(lg_training *self, lg_error *error) {
     enum { MOST_SHOWN = 200 };
     const lg_error was = *error;
     lg_table_names bad = {.count = 0};
@@ -156,12 +156,12 @@ static void keep_columns(lg_table_state *s, const bool *keep) {
 }
 
 /* Leaves constant inputs out as if they had not been named: they would change the width and the priors. */
-static lg_status leave_constant(lg_learning *self, lg_error *error) {
+static lg_status leave_constant(lg_training *self, lg_error *error) {
     lg_table_state *s = self->state;
     const lg_table_data *data = &s->table.data;
     char quoted[LG_TABLE_QUOTED];
     bool *keep;
-    LG_LEARNING_ARRAY(self, keep, data->columns, error);
+    LG_TRAINING_ARRAY(self, keep, data->columns, error);
     for (uint32_t c = 0; c < data->columns; c++) {
         const bool input = c < s->inputs.count, constant = is_constant(data, c);
         keep[c] = !input || !constant;
@@ -225,7 +225,7 @@ lg_status lg_table_warn_far(const lg_context *context, const lg_table_sheet *she
 }
 
 /* Checks all cells of the inputs and outputs. */
-static lg_status check_cells(lg_learning *self, lg_error *error) {
+static lg_status check_cells(lg_training *self, lg_error *error) {
     const lg_table_state *s = self->state;
     const lg_table_sheet *sheet = &s->table;
     for (uint32_t c = 0; c < sheet->data.columns; c++) LG_TRY(check_spread(s, c, error));
@@ -239,7 +239,7 @@ static lg_status check_cells(lg_learning *self, lg_error *error) {
 /* ---- classes ---- */
 
 /* Counts the rows of each class. Fails if fewer than two classes have rows. */
-static lg_status count_classes(lg_learning *self, uint64_t *members, lg_error *error) {
+static lg_status count_classes(lg_training *self, uint64_t *members, lg_error *error) {
     const lg_table_state *s = self->state;
     const lg_table_data *data = &s->table.data;
     uint32_t present = 0;
@@ -256,11 +256,11 @@ static lg_status count_classes(lg_learning *self, uint64_t *members, lg_error *e
 }
 
 /* Makes the classes the names of the outputs. */
-static lg_status take_classes(lg_learning *self, lg_error *error) {
+static lg_status take_classes(lg_training *self, lg_error *error) {
     lg_table_state *s = self->state;
     const lg_table_data *data = &s->table.data;
     uint64_t *members;
-    LG_LEARNING_ARRAY(self, members, data->classes, error);
+    LG_TRAINING_ARRAY(self, members, data->classes, error);
     LG_TRY(count_classes(self, members, error));
     s->outputs = (lg_table_names){
         data->classes, lg_alloc(self->context, data->classes, sizeof(lg_table_text)), self->context};
@@ -269,10 +269,10 @@ static lg_status take_classes(lg_learning *self, lg_error *error) {
     return LG_OK;
 }
 
-/* ---- tables of the learner ---- */
+/* ---- tables of the trainer ---- */
 
 /* Reads the complete rows of the table to learn from: inputs, outputs and classes. */
-static lg_status read_learned(lg_learning *self, lg_error *error) {
+static lg_status read_learned(lg_training *self, lg_error *error) {
     lg_table_state *s = self->state;
     lg_table_sheet *sheet = &s->table;
     if (load(self->context, self->paths[0], &s->inputs, &s->outputs, class_column(s), sheet, error) != LG_OK)
@@ -287,7 +287,7 @@ static lg_status read_learned(lg_learning *self, lg_error *error) {
     return lg_table_is_regression(s) ? LG_OK : take_classes(self, error);
 }
 
-lg_status lg_table_read_rows(lg_learning *self, lg_error *error) {
+lg_status lg_table_read_rows(lg_training *self, lg_error *error) {
     lg_table_state *s = self->state;
     const lg_table_file *file = self->file;
     if (file != NULL) {
@@ -331,12 +331,12 @@ static void sort_rows(const lg_table_state *s, sorted_row *rows) {
     qsort(rows, data->rows, sizeof *rows, compare_sorted);
 }
 
-lg_status lg_table_warn_repeated(lg_learning *self, lg_error *error) {
+lg_status lg_table_warn_repeated(lg_training *self, lg_error *error) {
     const lg_table_state *s = self->state;
     size_t repeated = 0, shared = 0, first = 0;
     bool both = false;
     sorted_row *rows;
-    LG_LEARNING_ARRAY(self, rows, s->table.data.rows, error);
+    LG_TRAINING_ARRAY(self, rows, s->table.data.rows, error);
     sort_rows(s, rows);
     for (size_t i = 1; i < s->table.data.rows; i++) {
         const bool same = compare_sorted(&rows[i - 1], &rows[i]) == 0;

@@ -10,10 +10,10 @@ static const double RACE_WORK = 8e9, EVIDENCE_WORK = 3e9, GIVEN_WORK = 7e11;
 
 /* ---- parameters ---- */
 
-lg_status lg_table_first_parameters(lg_learning *self, double **theta, lg_error *error) {
+lg_status lg_table_first_parameters(lg_training *self, double **theta, lg_error *error) {
     const lg_table_run *run = self->run;
     lg_rng rng;
-    LG_LEARNING_ARRAY(self, *theta, lg_table_parameters(&run->model), error);
+    LG_TRAINING_ARRAY(self, *theta, lg_table_parameters(&run->model), error);
     lg_rng_seed(&rng, run->training.seed, STREAM_WEIGHTS);
     lg_table_initialise(&run->model, &rng, *theta);
     return LG_OK;
@@ -76,7 +76,7 @@ typedef struct race {
 
 /* Searches priors and parameters with one width. Fills *theta, the priors of the run, and *found with the
  * evidence. */
-static lg_status try_width(lg_learning *self, uint32_t width, bool grown, race *r, double **theta,
+static lg_status try_width(lg_training *self, uint32_t width, bool grown, race *r, double **theta,
                            lg_table_evidence_result *found, lg_error *error) {
     const lg_table_state *s = self->state;
     lg_table_run *run = self->run;
@@ -96,7 +96,7 @@ static lg_status try_width(lg_learning *self, uint32_t width, bool grown, race *
 }
 
 /* Runs a lane: one width, from parameters as they are drawn, or grown from the best narrower model. */
-static lg_status run_lane(lg_learning *self, uint32_t width, bool grown, race *r, lg_error *error) {
+static lg_status run_lane(lg_training *self, uint32_t width, bool grown, race *r, lg_error *error) {
     static const double CLEARLY = 2.0; /* in log evidence: e^2, about 7 times as probable */
     lg_table_run *run = self->run;
     double *theta = NULL;
@@ -113,7 +113,7 @@ static lg_status run_lane(lg_learning *self, uint32_t width, bool grown, race *r
 
 /* Runs both lanes of a width, first from grown and then from drawn parameters; the drawn lane alone if the
  * work for both is too much. */
-static lg_status run_lanes(lg_learning *self, uint32_t width, double lane, race *r, lg_error *error) {
+static lg_status run_lanes(lg_training *self, uint32_t width, double lane, race *r, lg_error *error) {
     lg_status status = LG_OK;
     r->better = false;
     if (r->theta != NULL && r->work + 2.0 * lane <= RACE_WORK) status = run_lane(self, width, true, r, error);
@@ -123,7 +123,7 @@ static lg_status run_lanes(lg_learning *self, uint32_t width, double lane, race 
 /* Chooses the width with the highest evidence. Tries widths from small to large, until three in a row are not
  * clearly better or RACE_WORK is used up. The run gets the best model and its priors, self->theta its
  * parameters. */
-static lg_status choose_width(lg_learning *self, size_t rows, lg_error *error) {
+static lg_status choose_width(lg_training *self, size_t rows, lg_error *error) {
     static const uint32_t widths[] = {1, 2, 4, 6, 8, 12, 16, 24, 32, 48};
     enum { WORSE = 3 };
     lg_table_run *run = self->run;
@@ -148,7 +148,7 @@ static lg_status choose_width(lg_learning *self, size_t rows, lg_error *error) {
 /* ---- priors ---- */
 
 /* Finds the priors of the run's model on as many rows as its weights need. */
-static lg_status find_priors(lg_learning *self, bool go_on, double least_rows, lg_error *error) {
+static lg_status find_priors(lg_training *self, bool go_on, double least_rows, lg_error *error) {
     static const double FOR_WEIGHTS = 3.0;
     lg_table_state *s = self->state;
     lg_table_run *run = self->run;
@@ -175,7 +175,7 @@ static lg_status find_priors(lg_learning *self, bool go_on, double least_rows, l
     return status;
 }
 
-lg_status lg_table_find_start(lg_learning *self, bool any_width, lg_error *error) {
+lg_status lg_table_find_start(lg_training *self, bool any_width, lg_error *error) {
     static const double LEAST_ROWS = 1000.0;
     const size_t rows = (size_t)fmin(LEAST_ROWS, (double)((lg_table_state *)self->state)->trained);
     LG_TRY(any_width ? choose_width(self, rows, error)

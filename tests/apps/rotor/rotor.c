@@ -8,7 +8,7 @@
 #include "liegrad/ops.h"
 #include "liegrad/table.h"
 #include "liegrad/taped.h"
-#include "model/files/learning.h"
+#include "model/files/training.h"
 #include "settings/training.h"
 
 #ifdef ROTOR_planted /* planted error: the force has the wrong sign */
@@ -137,17 +137,17 @@ typedef struct state {
     double h;
 } state;
 
-static lg_status read_pairs(lg_learning *self, lg_error *error) {
+static lg_status read_pairs(lg_training *self, lg_error *error) {
     static const char *const names[PAIR] = {"x", "a", "px", "pa", "x2", "a2", "px2", "pa2"};
     state *s = self->state;
     LG_TRY(lg_table_read(self->context, self->paths[0], names, PAIR, NULL, NULL, &s->pairs, error));
     memcpy(self->sha256, s->pairs.sha256, sizeof self->sha256);
     return LG_OK;
 }
-static void close_pairs(lg_learning *self) {
+static void close_pairs(lg_training *self) {
     lg_table_data_destroy(&((state *)self->state)->pairs);
 }
-static lg_status describe(lg_learning *self, lg_error *error) {
+static lg_status describe(lg_training *self, lg_error *error) {
     lg_rotor_run *run = self->run;
     state *s = self->state;
     memcpy(run->data_sha256, s->pairs.sha256, sizeof run->data_sha256);
@@ -172,23 +172,23 @@ static lg_status loss_of(void *user, lg_tape *t, lg_var theta, const uint32_t *s
     return lg_tape_status(t);
 }
 
-static lg_status make_problem(lg_learning *self, lg_error *error) {
+static lg_status make_problem(lg_training *self, lg_error *error) {
     state *s = self->state;
     lg_rng rng;
     self->problem = (lg_fit_problem){
         .parameters = parameters(self->run), .samples = s->pairs.rows, .loss = loss_of, .user = s};
-    LG_LEARNING_ARRAY(self, self->theta, self->problem.parameters, error);
-    lg_rng_seed(&rng, lg_learning_training(self)->seed, 1);
+    LG_TRAINING_ARRAY(self, self->theta, self->problem.parameters, error);
+    lg_rng_seed(&rng, lg_training_settings(self)->seed, 1);
     lg_mlp_initialise(&s->motion.net, &rng, self->theta);
     return LG_OK;
 }
 
 /* Computes the loss over all pairs, and the loss of predicting that the state does not change. */
-static lg_status judge(lg_learning *self, double *theta, lg_error *error) {
+static lg_status judge(lg_training *self, double *theta, lg_error *error) {
     state *s = self->state;
     const size_t rows = s->pairs.rows;
     double loss = 0, unchanged = 0;
-    LG_TRY(lg_learning_loss(self, theta, &loss, error));
+    LG_TRY(lg_training_loss(self, theta, &loss, error));
     for (size_t i = 0; i < rows * D; i++) {
         const double *row = s->pairs.values + i / D * PAIR + i % D;
         unchanged += (row[D] - row[0]) * (row[D] - row[0]) / (double)(rows * D);
@@ -197,12 +197,12 @@ static lg_status judge(lg_learning *self, double *theta, lg_error *error) {
     lg_result_whole(self, "parameters", parameters(self->run), NULL);
     self->first_count = self->result_count;
     self->verdict =
-        (lg_learning_verdict){"mean squared error", "a state that does not change", loss, unchanged, false};
+        (lg_training_verdict){"mean squared error", "a state that does not change", loss, unchanged, false};
     return LG_OK;
 }
 
 static const char *const sizes[] = {"8", "16", "32", NULL};
-static const lg_learner learner = {.data = "PAIRS.csv",
+static const lg_trainer trainer = {.data = "PAIRS.csv",
                                    .state_size = sizeof(state),
                                    .held_out = "validation",
                                    .sizes = sizes,
@@ -217,4 +217,4 @@ const lg_recipe lg_recipe_rotor = {LG_RECIPE_LAYOUT(rotor), .checkpoint = "rotor
                                    .facts = facts,          .defaults = &defaults,
                                    .check = check,          .parameters = parameters,
                                    .slice = slice,          .program = program,
-                                   .space = space,          .learner = &learner};
+                                   .space = space,          .trainer = &trainer};

@@ -1,12 +1,12 @@
-/* The training half of a recipe: the learner, a table of hooks, and lg_learning, the state that they work on.
+/* The training half of a recipe: the trainer, a table of hooks, and lg_training, the state that they work on.
  *
- * The driver (apps/common/train.c) fills a learning with the user's hyperparameters. It calls
+ * The driver (apps/common/train.c) fills a training with the user's hyperparameters. It calls
  *   read, describe, prepare or hold_out, problem; trains the model; then calls judge, save, release, close.
  * A comparison of sizes (--size auto) and a search repeat the hooks from describe to release. A hook that
  * returns a failure explains it in `error`; a sentence that begins with the name of an option, "--", is about
  * the command line. Warnings go to LG_WARN. */
-#ifndef LG_LEARNING_H
-#define LG_LEARNING_H
+#ifndef LG_TRAINING_H
+#define LG_TRAINING_H
 
 #include "core/core.h"
 #include "model/files/recipe.h"
@@ -26,18 +26,18 @@ typedef struct lg_result {
 /* How good the model is on the data that it learned from. `what` names the measure of `error` ("mean squared
  * error"; NULL: not known); `guessed` is the same measure for a simple guess, which `guess` names ("the mean
  * curve"). */
-typedef struct lg_learning_verdict {
+typedef struct lg_training_verdict {
     const char *what, *guess;
     double error, guessed;
     bool failed; /* the result is useless, and a warning has said why */
-} lg_learning_verdict;
+} lg_training_verdict;
 
-typedef struct lg_learning lg_learning;
-struct lg_learning {
+typedef struct lg_training lg_training;
+struct lg_training {
     const lg_context *context;
     const lg_recipe *recipe;
     void *run; /* (recipe->run_size bytes): hyperparameters, and facts about model and data */
-    /* (learner->state_size bytes): the learner's own state; at the beginning zero, except for its options */
+    /* (trainer->state_size bytes): the trainer's own state; at the beginning zero, except for its options */
     void *state;
     const char *const *paths; /* arguments of the command; paths[0] is the data */
     size_t path_count;
@@ -49,7 +49,7 @@ struct lg_learning {
     const void *stored;
     const void *file;   /* contents of the model file that is evaluated; NULL in training */
     const char *preset; /* preset that the user asked for; may be NULL */
-    bool (*given)(const lg_learning *self, const char *option); /* whether the user gave the option */
+    bool (*given)(const lg_training *self, const char *option); /* whether the user gave the option */
     const void *user;                                           /* for `given` */
     /* `read` fills these members. */
     char sha256[LG_SHA256_TEXT];
@@ -65,12 +65,12 @@ struct lg_learning {
     /* the first first_count results are shown before the results of training */
     size_t result_count, result_room, first_count;
     bool results_lost; /* results are missing because memory ran out */
-    lg_learning_verdict verdict;
+    lg_training_verdict verdict;
     double floor; /* truncation error of the integrator, in units of the loss; NaN: unknown */
-    struct lg_learning_block *blocks; /* memory of lg_learning_alloc */
+    struct lg_training_block *blocks; /* memory of lg_training_alloc */
 };
 
-typedef struct lg_learner {
+typedef struct lg_trainer {
     const char *data; /* the arguments, as shown to people: "DATA.h5"; "..." means that there may be more */
     size_t state_size;
     const lg_field *options; /* fields of `state` that a user sets and no file stores; may be NULL */
@@ -82,83 +82,83 @@ typedef struct lg_learner {
      * run has no such field */
     const char *const *sizes;
     bool prior;                                 /* the loss is a mean square error, as --prior needs it */
-    bool presets;                               /* the learner has the presets "thesis" and "best" */
-    bool (*has_width)(const lg_learning *self); /* whether the model has hidden layers; NULL: always */
+    bool presets;                               /* the trainer has the presets "thesis" and "best" */
+    bool (*has_width)(const lg_training *self); /* whether the model has hidden layers; NULL: always */
 
     /* Reads the data. The sentence of a failure begins with the path of a file, or with an option. */
-    lg_status (*read)(lg_learning *self, lg_error *error);
+    lg_status (*read)(lg_training *self, lg_error *error);
     /* Completes the run by what the data determine and, without `stored`, by what a preset says
-     * (lg_learning_adopt). The hyperparameters of a stored run are in the run already. */
-    lg_status (*describe)(lg_learning *self, lg_error *error);
+     * (lg_training_adopt). The hyperparameters of a stored run are in the run already. */
+    lg_status (*describe)(lg_training *self, lg_error *error);
     /* prepare splits the data into training and test part. hold_out is for a search: it holds out `part` of
      * the training part. What they find out about the data goes into the run. prepare may be NULL. */
-    lg_status (*prepare)(lg_learning *self, lg_error *error);
-    lg_status (*hold_out)(lg_learning *self, double part, lg_error *error); /* NULL: the fit draws the part */
-    lg_status (*problem)(lg_learning *self, lg_error *error);
+    lg_status (*prepare)(lg_training *self, lg_error *error);
+    lg_status (*hold_out)(lg_training *self, double part, lg_error *error); /* NULL: the fit draws the part */
+    lg_status (*problem)(lg_training *self, lg_error *error);
     /* Computes results, verdict and floor at theta (problem.parameters), and may improve theta. */
-    lg_status (*judge)(lg_learning *self, double *theta, lg_error *error);
+    lg_status (*judge)(lg_training *self, double *theta, lg_error *error);
     /* The number that a search lowers. NULL: the loss of the validation part at the best epoch so far. */
-    double (*objective)(lg_learning *self);
+    double (*objective)(lg_training *self);
     /* Fills the rest of the file structure; run, theta and provenance are set. Arrays are borrowed. NULL:
      * there is no rest. */
-    lg_status (*save)(lg_learning *self, void *file, lg_error *error);
+    lg_status (*save)(lg_training *self, void *file, lg_error *error);
     /* Computes results of the model in a file on the data that were read. The run is the file's. NULL:
      * `judge` is called with the parameters of the file. */
-    lg_status (*evaluate)(lg_learning *self, const void *file, lg_error *error);
-    void (*release)(lg_learning *self); /* frees what prepare, hold_out and problem made; may be NULL */
-    void (*close)(lg_learning *self);   /* frees what read made; may be NULL */
-} lg_learner;
+    lg_status (*evaluate)(lg_training *self, const void *file, lg_error *error);
+    void (*release)(lg_training *self); /* frees what prepare, hold_out and problem made; may be NULL */
+    void (*close)(lg_training *self);   /* frees what read made; may be NULL */
+} lg_trainer;
 
 /* Warns the user: a sentence for the context's log. */
 #define LG_WARN(self, ...) lg_log_message((self)->context, LG_LOG_WARNING, __VA_ARGS__)
 
-/* A learning without paths and options. A caller that has the data puts them into `state`. */
-lg_learning lg_learning_of(const lg_context *context, const lg_recipe *recipe, void *run, void *state);
-/* Zeroed memory that lg_learning_release frees. NULL if there is none; `error` then tells the size of the
+/* A training without paths and options. A caller that has the data puts them into `state`. */
+lg_training lg_training_of(const lg_context *context, const lg_recipe *recipe, void *run, void *state);
+/* Zeroed memory that lg_training_release frees. NULL if there is none; `error` then tells the size of the
  * network. */
-void *lg_learning_alloc(lg_learning *self, size_t count, size_t size, lg_error *error);
+void *lg_training_alloc(lg_training *self, size_t count, size_t size, lg_error *error);
 /* Sets the pointer to a new array, or returns LG_OUT_OF_MEMORY from the hook. */
-#define LG_LEARNING_ARRAY(self, pointer, count, error)                                                       \
+#define LG_TRAINING_ARRAY(self, pointer, count, error)                                                       \
     do {                                                                                                     \
-        (pointer) = lg_learning_alloc(self, count, sizeof *(pointer), error);                                \
+        (pointer) = lg_training_alloc(self, count, sizeof *(pointer), error);                                \
         if ((pointer) == NULL) return LG_OUT_OF_MEMORY;                                                      \
     } while (0)
 /* The lg_fit_settings in the run. */
-lg_fit_settings *lg_learning_training(const lg_learning *self);
+lg_fit_settings *lg_training_settings(const lg_training *self);
 /* Copies from the run `from` all hyperparameters that the user did not give. preset: only those without a
  * default value. */
-void lg_learning_adopt(lg_learning *self, const void *from, bool preset);
+void lg_training_adopt(lg_training *self, const void *from, bool preset);
 /* "thesis" or "best", as the user asked for. If the user did not ask: "thesis" if Adam is asked for, by a
  * method that ends with Adam or, without a method, by an option that only Adam has (a rate, a batch) or by
  * single precision; else "best". */
-const char *lg_learning_preset(const lg_learning *self);
+const char *lg_training_preset(const lg_training *self);
 const char *lg_preset_name(uint32_t value); /* NULL beyond the last preset */
 /* Append a result; results are shown in the order of these calls. */
-void lg_result_real(lg_learning *self, const char *name, double value, const char *label);
-void lg_result_whole(lg_learning *self, const char *name, uint64_t value, const char *label);
-void lg_result_text(lg_learning *self, const char *name, const char *value, const char *label);
+void lg_result_real(lg_training *self, const char *name, double value, const char *label);
+void lg_result_whole(lg_training *self, const char *name, uint64_t value, const char *label);
+void lg_result_text(lg_training *self, const char *name, const char *value, const char *label);
 /* Begin and end a list, with bracket '[' and ']', or an object, with '{' and '}'. The results between are its
  * members, which only JSON shows. */
-void lg_result_open(lg_learning *self, const char *name, char bracket);
-void lg_result_close(lg_learning *self, char bracket);
-void lg_learning_clear(lg_learning *self); /* removes all results */
+void lg_result_open(lg_training *self, const char *name, char bracket);
+void lg_result_close(lg_training *self, char bracket);
+void lg_training_clear(lg_training *self); /* removes all results */
 /* Finds a result by name. NULL: there is none outside lists and objects. */
-const lg_result *lg_result_find(const lg_learning *self, const char *name);
-/* Call the hook of the learner, or do its default. */
-double lg_learning_objective(lg_learning *self);
-lg_status lg_learning_hold_out(lg_learning *self, double part, lg_error *error);
+const lg_result *lg_result_find(const lg_training *self, const char *name);
+/* Call the hook of the trainer, or do its default. */
+double lg_training_objective(lg_training *self);
+lg_status lg_training_hold_out(lg_training *self, double part, lg_error *error);
 /* The loss of the problem over all samples, in double precision. */
-lg_status lg_learning_loss(const lg_learning *self, const double *theta, double *loss, lg_error *error);
+lg_status lg_training_loss(const lg_training *self, const double *theta, double *loss, lg_error *error);
 /* Calls `problem` and creates the fit. The data must be read and the run described. */
-lg_status lg_learning_create_fit(lg_learning *self, lg_error *error);
+lg_status lg_training_create_fit(lg_training *self, lg_error *error);
 /* Writes the model file with these parameters and the state of the fit. */
-lg_status lg_learning_save(lg_learning *self, const char *path, double *theta,
+lg_status lg_training_save(lg_training *self, const char *path, double *theta,
                            const lg_provenance *provenance, lg_error *error);
 /* Computes results of the contents of a model file on the data of `paths`: by `evaluate`, or without this
  * hook by `judge`, after the hooks that come before it in a training. */
-lg_status lg_learning_evaluate(lg_learning *self, const void *file, lg_error *error);
+lg_status lg_training_evaluate(lg_training *self, const void *file, lg_error *error);
 /* release frees the fit and what describe, prepare and problem made; close also frees what read made. */
-void lg_learning_release(lg_learning *self);
-void lg_learning_close(lg_learning *self);
+void lg_training_release(lg_training *self);
+void lg_training_close(lg_training *self);
 
 #endif

@@ -1,17 +1,17 @@
-/* What all learners share: memory, presets, results, loss, the model file. */
-#include "model/files/learning.h"
+/* What all trainers share: memory, presets, results, loss, the model file. */
+#include "model/files/training.h"
 
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
 
-static bool none_given(const lg_learning *self, const char *option) {
+static bool none_given(const lg_training *self, const char *option) {
     (void)self, (void)option;
     return false;
 }
 
-lg_learning lg_learning_of(const lg_context *context, const lg_recipe *recipe, void *run, void *state) {
-    return (lg_learning){.context = context,
+lg_training lg_training_of(const lg_context *context, const lg_recipe *recipe, void *run, void *state) {
+    return (lg_training){.context = context,
                          .recipe = recipe,
                          .run = run,
                          .state = state,
@@ -22,14 +22,14 @@ lg_learning lg_learning_of(const lg_context *context, const lg_recipe *recipe, v
 
 /* ---- memory ---- */
 
-/* Precedes each array of lg_learning_alloc; all blocks of a learning form a list. */
-struct lg_learning_block {
-    struct lg_learning_block *next;
+/* Precedes each array of lg_training_alloc; all blocks of a training form a list. */
+struct lg_training_block {
+    struct lg_training_block *next;
     char gap[LG_ALIGNMENT - sizeof(void *)];
 };
 
-void *lg_learning_alloc(lg_learning *self, size_t count, size_t size, lg_error *error) {
-    struct lg_learning_block *block = NULL;
+void *lg_training_alloc(lg_training *self, size_t count, size_t size, lg_error *error) {
+    struct lg_training_block *block = NULL;
     if (count <= (SIZE_MAX - sizeof *block) / size)
         block = lg_alloc(self->context, 1, sizeof *block + count * size);
     if (block == NULL) {
@@ -42,45 +42,45 @@ void *lg_learning_alloc(lg_learning *self, size_t count, size_t size, lg_error *
     return block + 1;
 }
 
-void lg_learning_release(lg_learning *self) {
-    const lg_learner *learner = self->recipe->learner;
+void lg_training_release(lg_training *self) {
+    const lg_trainer *trainer = self->recipe->trainer;
     lg_fit_destroy(self->fit);
-    if (learner->release != NULL) learner->release(self);
+    if (trainer->release != NULL) trainer->release(self);
     while (self->blocks != NULL) {
-        struct lg_learning_block *next = self->blocks->next;
+        struct lg_training_block *next = self->blocks->next;
         lg_free(self->context, self->blocks);
         self->blocks = next;
     }
-    lg_learning_clear(self);
+    lg_training_clear(self);
     self->fit = NULL;
     self->theta = NULL;
 }
 
-void lg_learning_close(lg_learning *self) {
-    const lg_learner *learner = self->recipe->learner;
-    lg_learning_release(self);
-    if (learner->close != NULL) learner->close(self);
+void lg_training_close(lg_training *self) {
+    const lg_trainer *trainer = self->recipe->trainer;
+    lg_training_release(self);
+    if (trainer->close != NULL) trainer->close(self);
 }
 
 /* ---- the run ---- */
 
-lg_fit_settings *lg_learning_training(const lg_learning *self) {
+lg_fit_settings *lg_training_settings(const lg_training *self) {
     return (lg_fit_settings *)(void *)((char *)self->run + self->recipe->training);
 }
 
-static bool is_given(const lg_learning *self, const lg_field *row) {
+static bool is_given(const lg_training *self, const lg_field *row) {
     char option[64];
     lg_field_option(row, option, sizeof option);
     return self->given(self, option);
 }
 
-void lg_learning_adopt(lg_learning *self, const void *from, bool preset) {
+void lg_training_adopt(lg_training *self, const void *from, bool preset) {
     for (const lg_field *row = self->recipe->fields; row->name != NULL; row++)
         if (!is_given(self, row) && !(preset && row->value != NULL)) lg_field_copy(row, from, self->run);
 }
 
-static bool asks_adam(const lg_learning *self) {
-    const lg_fit_settings *training = lg_learning_training(self);
+static bool asks_adam(const lg_training *self) {
+    const lg_fit_settings *training = lg_training_settings(self);
     bool adam = training->dtype == LG_F32;
     for (const lg_field *row = self->recipe->fields; row->name != NULL; row++) {
         if (!is_given(self, row)) continue;
@@ -95,14 +95,14 @@ const char *lg_preset_name(uint32_t value) {
     return value < LG_COUNT(names) ? names[value] : NULL;
 }
 
-const char *lg_learning_preset(const lg_learning *self) {
+const char *lg_training_preset(const lg_training *self) {
     if (self->preset != NULL) return self->preset;
     return lg_preset_name(asks_adam(self) ? 0 : 1);
 }
 
 /* ---- results ---- */
 
-static bool make_room(lg_learning *self) {
+static bool make_room(lg_training *self) {
     const size_t room = 2 * self->result_room + 32;
     lg_result *longer = lg_alloc(self->context, room, sizeof *longer);
     if (longer == NULL) return false;
@@ -113,13 +113,13 @@ static bool make_room(lg_learning *self) {
     return true;
 }
 
-void lg_learning_clear(lg_learning *self) {
+void lg_training_clear(lg_training *self) {
     lg_free(self->context, self->results);
     self->results = NULL;
     self->result_count = self->result_room = self->first_count = 0;
 }
 
-static lg_result *add_result(lg_learning *self, const char *name, lg_field_type type, const char *label) {
+static lg_result *add_result(lg_training *self, const char *name, lg_field_type type, const char *label) {
     static lg_result none;
     self->results_lost = self->results_lost || (self->result_count == self->result_room && !make_room(self));
     lg_result *out = self->results_lost ? &none : &self->results[self->result_count++];
@@ -127,27 +127,27 @@ static lg_result *add_result(lg_learning *self, const char *name, lg_field_type 
     return out;
 }
 
-void lg_result_real(lg_learning *self, const char *name, double value, const char *label) {
+void lg_result_real(lg_training *self, const char *name, double value, const char *label) {
     add_result(self, name, LG_FIELD_REAL, label)->real = value;
 }
 
-void lg_result_whole(lg_learning *self, const char *name, uint64_t value, const char *label) {
+void lg_result_whole(lg_training *self, const char *name, uint64_t value, const char *label) {
     add_result(self, name, LG_FIELD_U64, label)->whole = value;
 }
 
-void lg_result_text(lg_learning *self, const char *name, const char *value, const char *label) {
+void lg_result_text(lg_training *self, const char *name, const char *value, const char *label) {
     add_result(self, name, LG_FIELD_STRING, label)->text = value;
 }
 
-void lg_result_open(lg_learning *self, const char *name, char bracket) {
+void lg_result_open(lg_training *self, const char *name, char bracket) {
     add_result(self, name, LG_FIELD_NODE, NULL)->bracket = bracket;
 }
 
-void lg_result_close(lg_learning *self, char bracket) {
+void lg_result_close(lg_training *self, char bracket) {
     add_result(self, NULL, LG_FIELD_NODE, NULL)->bracket = bracket;
 }
 
-const lg_result *lg_result_find(const lg_learning *self, const char *name) {
+const lg_result *lg_result_find(const lg_training *self, const char *name) {
     size_t depth = 0;
     for (size_t i = 0; i < self->result_count; i++) {
         const lg_result *result = &self->results[i];
@@ -158,17 +158,17 @@ const lg_result *lg_result_find(const lg_learning *self, const char *name) {
     return NULL;
 }
 
-double lg_learning_objective(lg_learning *self) {
-    if (self->recipe->learner->objective != NULL) return self->recipe->learner->objective(self);
+double lg_training_objective(lg_training *self) {
+    if (self->recipe->trainer->objective != NULL) return self->recipe->trainer->objective(self);
     const uint64_t best = lg_fit_best_epoch(self->fit);
     return best > 0 ? lg_fit_history(self->fit, LG_FIT_VALIDATION)[best - 1] : (double)NAN;
 }
 
-lg_status lg_learning_hold_out(lg_learning *self, double part, lg_error *error) {
-    const lg_learner *learner = self->recipe->learner;
-    if (learner->hold_out != NULL) return learner->hold_out(self, part, error);
-    lg_learning_training(self)->validation = part;
-    return learner->prepare != NULL ? learner->prepare(self, error) : LG_OK;
+lg_status lg_training_hold_out(lg_training *self, double part, lg_error *error) {
+    const lg_trainer *trainer = self->recipe->trainer;
+    if (trainer->hold_out != NULL) return trainer->hold_out(self, part, error);
+    lg_training_settings(self)->validation = part;
+    return trainer->prepare != NULL ? trainer->prepare(self, error) : LG_OK;
 }
 
 /* ---- the loss ---- */
@@ -185,7 +185,7 @@ static lg_status part_of_loss(const lg_fit_problem *problem, lg_tape *tape, cons
     return lg_read(tape, loss, 1, part);
 }
 
-lg_status lg_learning_loss(const lg_learning *self, const double *theta, double *loss, lg_error *error) {
+lg_status lg_training_loss(const lg_training *self, const double *theta, double *loss, lg_error *error) {
     const lg_fit_problem *problem = &self->problem;
     lg_tape *tape;
     double part = 0, sum = 0;
@@ -204,45 +204,45 @@ lg_status lg_learning_loss(const lg_learning *self, const double *theta, double 
 
 /* ---- the fit and the model file ---- */
 
-lg_status lg_learning_create_fit(lg_learning *self, lg_error *error) {
-    LG_TRY(self->recipe->learner->problem(self, error));
+lg_status lg_training_create_fit(lg_training *self, lg_error *error) {
+    LG_TRY(self->recipe->trainer->problem(self, error));
     return lg_fit_create(self->context, &self->problem, &self->options, self->theta, &self->fit, error);
 }
 
-lg_status lg_learning_save(lg_learning *self, const char *path, double *theta,
+lg_status lg_training_save(lg_training *self, const char *path, double *theta,
                            const lg_provenance *provenance, lg_error *error) {
     const lg_recipe *recipe = self->recipe;
-    char *file = lg_learning_alloc(self, 1, recipe->file_size, error);
+    char *file = lg_training_alloc(self, 1, recipe->file_size, error);
     if (file == NULL) return LG_OUT_OF_MEMORY;
     memcpy(file + recipe->file_run, self->run, recipe->run_size);
     *(size_t *)(void *)(file + recipe->file_parameters) = recipe->parameters(self->run);
     *(double **)(void *)(file + recipe->file_theta) = theta;
     *(lg_provenance *)(void *)(file + recipe->file_provenance) = *provenance;
-    if (recipe->learner->save != NULL) LG_TRY(recipe->learner->save(self, file, error));
+    if (recipe->trainer->save != NULL) LG_TRY(recipe->trainer->save(self, file, error));
     return lg_run_save(self->context, path, recipe, file, self->fit, error);
 }
 
-static lg_status judge_again(lg_learning *self, const void *file, lg_error *error) {
+static lg_status judge_again(lg_training *self, const void *file, lg_error *error) {
     const lg_recipe *recipe = self->recipe;
-    const lg_learner *learner = recipe->learner;
+    const lg_trainer *trainer = recipe->trainer;
     const double *theta = *(double *const *)(const void *)((const char *)file + recipe->file_theta);
-    LG_TRY(learner->describe(self, error));
-    if (learner->prepare != NULL) LG_TRY(learner->prepare(self, error));
+    LG_TRY(trainer->describe(self, error));
+    if (trainer->prepare != NULL) LG_TRY(trainer->prepare(self, error));
     lg_fit_options_init(&self->options);
-    lg_fit_settings_apply(lg_learning_training(self), &self->options);
-    LG_TRY(learner->problem(self, error));
+    lg_fit_settings_apply(lg_training_settings(self), &self->options);
+    LG_TRY(trainer->problem(self, error));
     memcpy(self->theta, theta, recipe->parameters(self->run) * sizeof *theta);
-    return learner->judge(self, self->theta, error);
+    return trainer->judge(self, self->theta, error);
 }
 
-lg_status lg_learning_evaluate(lg_learning *self, const void *file, lg_error *error) {
+lg_status lg_training_evaluate(lg_training *self, const void *file, lg_error *error) {
     const lg_recipe *recipe = self->recipe;
     memcpy(self->run, (const char *)file + recipe->file_run, recipe->run_size);
     self->stored = (const char *)file + recipe->file_run;
     self->file = file;
-    LG_TRY(recipe->learner->read(self, error));
+    LG_TRY(recipe->trainer->read(self, error));
     const double begin = lg_seconds();
-    LG_TRY(recipe->learner->evaluate != NULL ? recipe->learner->evaluate(self, file, error)
+    LG_TRY(recipe->trainer->evaluate != NULL ? recipe->trainer->evaluate(self, file, error)
                                              : judge_again(self, file, error));
     self->seconds = lg_seconds() - begin;
     return LG_OK;
