@@ -15,7 +15,7 @@ set(CPACK_SOURCE_PACKAGE_FILE_NAME ${PROJECT_NAME}-${PROJECT_VERSION})
 # The files that the working tree may hold beside the sources: .gitignore.
 string(REGEX REPLACE "([][+.*()^?])" "\\\\\\1" here ${PROJECT_SOURCE_DIR})
 set(CPACK_SOURCE_IGNORE_FILES "^${here}/[.]git/" "^${here}/[.]cache/" "^${here}/build[^/]*/" "^${here}/examples/.*/build[^/]*/"
-  "^${here}/(liegrad-demo|liegrad-reproduce|liegrad-packages|pendulum-control|exported|examples/bare_c/exported)/"
+  "^${here}/(liegrad-demo|liegrad-reproduce|liegrad-packages|liegrad-site|pendulum-control|exported|examples/bare_c/exported)/"
   "^${here}/compile_commands[.]json$" "[.]o$" "[.]pyc$" "/__pycache__/" "~$"
   "/_CPack_Packages/" "[.](deb|tar[.]gz)([.]sha256)?$")
 
