@@ -49,7 +49,9 @@ function line_of(text,    n, parts, i, out) { # a quote ends Doxygen's code of o
 FNR == 1 { page = FILENAME; if (index(page, ENVIRON["root"] "/") == 1) page = substr(page, length(ENVIRON["root"]) + 2) }
 /^ *(```|~~~)/ { fence = !fence; print; next }
 fence { print; next }
-/^<!-- site: .* -->$/ { gsub(/^<!-- site: | -->$/, ""); print; next }
+/^<!-- site: .* -->$/ { # a picture that the site alone has
+    file = $3; sub(/^<!-- site: [^ ]+ /, ""); sub(/ -->$/, ""); print "![" $0 "](" file ")\n\n" $0; next
+}
 /^#+ / {
     level = index($0, " ") - 1
     text = $0; sub(/^#+ +/, "", text)
