@@ -1,5 +1,5 @@
 # A header for Doxygen: its plain comments become documentation. A comment above a declaration, or behind one on its line, is
-# its text; the comment at the top that of the file; "---- title ----" begins a group of members. Paragraphs and lists of "- "
+# its text; the comment at the top that of the file; "---- title ----" begins a group of members, with a number (scripts/docs). Paragraphs and lists of "- "
 # flow, indented lines stay as they are. Names of the interface (ENVIRON["names"]) become links.
 function marked(text,    out, name, page) {
     gsub(/[\\@#%$~|]/, "\\\\&", text)
@@ -54,9 +54,15 @@ function borrowed(declaration,    name) { # what a function without a comment of
     match(declaration, /lg_[a-z0-9_]+\(/)
     name = substr(declaration, RSTART, RLENGTH - 1)
     if (name ~ /_destroy$/) return "Destroys the object. NULL is allowed.\n"
-    if (above != "" && (index(above, name) || above ~ /^[ \n]*[A-Z][a-z]*[^ .s] / || last ~ /size$|outputs$/)) return above
+    if (above != "" && (index(above, name) || last ~ /^typedef|^#define|_size$|_outputs$/ ||
+            above ~ /^[ \n]*([A-Z][a-z]*[^ .s]|out) |other (two|three)/)) return above
     if (name ~ /_init$/) return "Sets the initial values of the structure.\n"
     return above == "" ? section : ""
+}
+function has_members(i) { # of the section from here on; Doxygen does not count structures
+    for (; L[i] !~ /^(\/\* ----|LG_END_DECLS)/; i++)
+        if (L[i] ~ /^(LG_API|#define|enum|typedef enum|typedef .*\(\*|static inline)/) return 1
+    return 0
 }
 { L[FNR] = $0 }
 /^ *X\([A-Z_]+, [0-9]+, ".*"\)/ { # a status, which the enumeration has by LG_STATUS_LIST
@@ -70,9 +76,12 @@ END {
             if (i == 1) print "/** @file\n" documentation(i, end) "*/"
             else if (L[i] ~ /\/\* ---- /) {
                 title = L[i]; sub(/^\/\* ---- /, "", title); sub(/ ----.*$/, "", title)
+                title = toupper(substr(title, 1, 1)) substr(title, 2)
                 if (open) print "/** @} */"
-                section = documentation(i, end); open = 1; above = ""
-                print "/** @name " toupper(substr(title, 1, 1)) substr(title, 2) "\n" section "*/\n/** @{ */"
+                section = documentation(i, end); above = ""
+                open = has_members(end + 1)
+                if (open) printf "/** @name %03d %s\n%s*/\n/** @{ */\n", ++groups, title, section
+                else if (section ~ /[a-z]/) print "/** @file\n<b>" title ".</b> " section "*/"
             } else { t = documentation(i, end); if (L[i] ~ /^\//) above = t; print "/** " t "*/"; own = 1 }
             i = end
             continue
@@ -89,6 +98,7 @@ END {
             if (L[end] ~ /\/\*/) above = ""
             last = L[i]; sub(/\(.*/, "", last)
         }
+        if (own && L[i] ~ /^(typedef|#define)/) last = L[i]
         own = 0
         for (rest = L[i]; (at = index(rest, "/*")) && (end = index(rest, "*/")); rest = substr(rest, end + 2)) {
             L[0] = substr(rest, at, end + 2 - at)

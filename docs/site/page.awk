@@ -1,5 +1,6 @@
 # A page for Doxygen. Headings get names as GitHub makes them, behind that of the page: docs/start.md#install is
 # docs-start.html#docs-start-install. Links are from the root of the tree (ENVIRON["root"]) and lead to pages of the site.
+# With -v terms=1 it prints lines "word, kind, target, section" for the search: kind 1 stands for headings, code and bold words.
 function name_of(path) { # docs/start.md, examples/mpc/README.md
     if (path == "README.md") return "index"
     sub(/(\/README)?\.md$/, "", path); gsub(/[\/.]/, "-", path)
@@ -46,18 +47,40 @@ function line_of(text,    n, parts, i, out) { # a quote ends Doxygen's code of o
     }
     return out
 }
+function terms_of(text, kind,    n, i, parts) {
+    gsub(/\]\([^)]*\)/, " ", text)
+    n = split(text, parts, /[^A-Za-z0-9_.-]+/)
+    for (i = 1; i <= n; i++) {
+        gsub(/^[^A-Za-z]+|[^A-Za-z0-9]+$/, "", parts[i])
+        if (length(parts[i]) > 2 - kind && parts[i] !~ /^([Tt]he|and|for|from|with|that|this|are|is|of|in|on|to|or|by|as|at|an|it|its|not|[Ww]hat|[Ww]hich|[Hh]ow)$/)
+            print tolower(parts[i]) "\t" kind "\t" url "\t" section
+    }
+}
+function search(text,    parts, n, i) {
+    gsub(/\*\*/, "`", text)
+    n = split(text, parts, "`")
+    for (i = 1; i <= n; i++) terms_of(parts[i], i % 2 == 0)
+}
 FNR == 1 { page = FILENAME; if (index(page, ENVIRON["root"] "/") == 1) page = substr(page, length(ENVIRON["root"]) + 2) }
-/^ *(```|~~~)/ { fence = !fence; print; next }
-fence { print; next }
+/^ *(```|~~~)/ { fence = !fence; if (!terms) print; next }
+fence { if (!terms) print; next }
 /^<!-- site: .* -->$/ { # a picture that the site alone has
-    file = $3; sub(/^<!-- site: [^ ]+ /, ""); sub(/ -->$/, ""); print "![" $0 "](" file ")\n\n" $0; next
+    file = $3; sub(/^<!-- site: [^ ]+ /, ""); sub(/ -->$/, ""); if (!terms) print "![" $0 "](" file ")\n\n" $0
+    next
 }
 /^#+ / {
     level = index($0, " ") - 1
     text = $0; sub(/^#+ +/, "", text)
-    id = slug(text); again = seen[id]++
-    print line_of($0) " {#" (level > 1 ? name_of(page) "-" id (again ? "-" again : "") : page == "README.md" ? "mainpage" : name_of(page)) "}"
-    if (level == 1 && page != "README.md") print "\n[TOC]"
+    id = slug(text); id = id (seen[page, id]++ ? "-" seen[page, id] - 1 : "")
+    anchor = level > 1 ? name_of(page) "-" id : page == "README.md" ? "mainpage" : name_of(page)
+    if (terms) {
+        url = name_of(page) ".html" (level > 1 ? "#" anchor : "")
+        if (level == 1) title = text
+        section = level > 1 ? title ": " text : text
+        terms_of(text, 1)
+        print tolower(text) "\t1\t" url "\t" section
+    } else print line_of($0) " {#" anchor "}" (level == 1 && page != "README.md" ? "\n\n[TOC]" : "")
     next
 }
+terms { search($0); next }
 { print line_of($0) }
