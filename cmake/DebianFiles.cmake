@@ -42,6 +42,18 @@ foreach(component IN LISTS CPACK_COMPONENTS_ALL)
     string(REPLACE "](LICENSE)" "](../${CPACK_DEBIAN_${upper}_PACKAGE_NAME}/copyright)" text "${text}")
     file(WRITE ${usr}/share/doc/liegrad/README.md "${text}")
   endif()
+  set(site ${usr}/share/doc/liegrad/html)
+  if(EXISTS ${site}/index.html)
+    file(REMOVE ${site}/LICENSE)
+    file(READ ${site}/index.html text)
+    string(REPLACE "\"./LICENSE\"" "\"../../${CPACK_DEBIAN_${upper}_PACKAGE_NAME}/copyright\"" text "${text}")
+    file(WRITE ${site}/index.html "${text}")
+    file(WRITE ${usr}/share/doc-base/${CPACK_DEBIAN_${upper}_PACKAGE_NAME}.liegrad "\
+Document: liegrad\nTitle: liegrad\nAuthor: ${CPACK_PACKAGE_VENDOR}\n\
+Abstract: Pages and headers of liegrad, a machine-learning framework in C\n for mechanics and control.\n\
+Section: Science/Mathematics\n\nFormat: HTML\nIndex: /usr/share/doc/liegrad/html/index.html\n\
+Files: /usr/share/doc/liegrad/html/*.html\n")
+  endif()
   if(EXISTS ${usr}/share/doc/liegrad/CHANGELOG.md)
     file(RENAME ${usr}/share/doc/liegrad/CHANGELOG.md ${doc}/changelog)
     compress(${doc}/changelog)

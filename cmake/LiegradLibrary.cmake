@@ -138,7 +138,8 @@ function(liegrad_install_texts)
   install(FILES ${PROJECT_SOURCE_DIR}/README.md ${PROJECT_SOURCE_DIR}/CHANGELOG.md DESTINATION ${pages}
     COMPONENT documentation)
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/docs DESTINATION ${pages} COMPONENT documentation
-    FILES_MATCHING PATTERN "*.md" PATTERN "*.svg" PATTERN "*.png" PATTERN "*.json" PATTERN "*.csv")
+    FILES_MATCHING PATTERN "*.md" PATTERN "*.svg" PATTERN "*.png" PATTERN "*.json" PATTERN "*.csv" PATTERN site EXCLUDE)
+  install(DIRECTORY ${PROJECT_BINARY_DIR}/site/ DESTINATION ${pages}/html COMPONENT documentation OPTIONAL) # scripts/docs
   # Links of pages to headers lead to where these are installed.
   file(RELATIVE_PATH headers ${CMAKE_INSTALL_FULL_DATAROOTDIR}/doc/liegrad/docs ${CMAKE_INSTALL_FULL_INCLUDEDIR})
   install(CODE "
