@@ -20,7 +20,12 @@ function flow(text,    n, i, parts) { # `code` among words
     for (i = 2; i <= n; i++) parts[1] = parts[1] parts[i]
     return parts[1]
 }
+function deepen(to) { # begins or ends indented lines in a list
+    if (to != deep) { text = text flow(words) (to ? "<pre>" : "</pre>"); words = "" }
+    deep = to
+}
 function leave(to) { # ends what `mode` began, begins `to`
+    deepen(0)
     if (words) text = text flow(words)
     text = text (mode == "ul" ? "</li></ul>" : mode == "pre" ? "</pre>" : "") "\n"
     text = text (to == "ul" ? "<ul>" : to == "pre" ? "<pre>" : "")
@@ -35,9 +40,11 @@ function documentation(from, to,    i, line, gap) { # the comment in these lines
         if (line ~ /^---- .* ----$/) continue
         if (line == "") { if (mode == "pre") gap = gap "\n"; else if (mode) leave(""); continue }
         if (mode != "pre" && line ~ /^ *- /) {
-            if (mode != "ul") leave("ul"); else text = text flow(words) "</li>"
-            sub(/^ *- /, "", line); text = text "<li>"; words = line
-        } else if (mode == "ul" && line ~ /^  /) { sub(/^ */, " ", line); words = words line }
+            if (mode != "ul") leave("ul"); else { deepen(0); text = text flow(words) "</li>" }
+            item = index(line, "-") + 1; sub(/^ *- /, "", line); text = text "<li>"; words = line
+        } else if (mode == "ul" && match(line, /^ */) && RLENGTH > item + 1) {
+            deepen(1); text = text marked(substr(line, item + 1)) "\n"
+        } else if (mode == "ul" && line ~ /^  /) { deepen(0); sub(/^ */, " ", line); words = words line }
         else if (line ~ /^  /) {
             if (mode != "pre") leave("pre")
             line = marked(line)

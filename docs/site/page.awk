@@ -40,6 +40,8 @@ function line_of(text,    n, parts, i, out) { # a quote ends Doxygen's code of o
     if (n % 2 == 0) return words(text) # code goes on in the next line
     for (i = 1; i <= n; i++) out = out (i % 2 ? parts[i] : "\001" i "\002")
     out = words(out)
+    while (match(out, /\*\*[^*]+\*\*/))
+        out = substr(out, 1, RSTART - 1) "<b>" substr(out, RSTART + 2, RLENGTH - 4) "</b>" substr(out, RSTART + RLENGTH)
     for (i = 2; i <= n; i += 2) {
         at = index(out, "\001" i "\002")
         quote = parts[i] ~ /'/ ? "``" : "`"
@@ -61,6 +63,10 @@ function search(text,    parts, n, i) {
     n = split(text, parts, "`")
     for (i = 1; i <= n; i++) terms_of(parts[i], i % 2 == 0)
 }
+function heading(text) { # its code would be seen as HTML
+    gsub(/`/, "", text); gsub(/--/, "\\--", text); gsub(/[<>]/, "\\\\&", text)
+    return substr("######", 1, level) " " text
+}
 FNR == 1 { page = FILENAME; if (index(page, ENVIRON["root"] "/") == 1) page = substr(page, length(ENVIRON["root"]) + 2) }
 /^ *(```|~~~)/ { fence = !fence; if (!terms) print; next }
 fence { if (!terms) print; next }
@@ -79,7 +85,7 @@ fence { if (!terms) print; next }
         section = level > 1 ? title ": " text : text
         terms_of(text, 1)
         print tolower(text) "\t1\t" url "\t" section
-    } else print line_of($0) " {#" anchor "}" (level == 1 && page != "README.md" ? "\n\n[TOC]" : "")
+    } else print heading(text) " {#" anchor "}" (level == 1 && page != "README.md" ? "\n\n[TOC]" : "")
     next
 }
 terms { search($0); next }
