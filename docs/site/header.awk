@@ -1,14 +1,15 @@
 # A header for Doxygen: its plain comments become documentation. A comment above a declaration, or behind one on its line, is
-# its text; the comment at the top that of the file; "---- title ----" begins a group of members, with a number (scripts/docs). Paragraphs and lists of "- "
-# flow, indented lines stay as they are. Names of the interface (ENVIRON["names"]) become links.
+# its text; the comment at the top that of the file; "---- title ----" begins a group of members, with a number for scripts/docs.
+# Paragraphs and lists of "- " flow, indented lines stay as they are. Names of the interface (ENVIRON["names"]) become links.
 function marked(text,    out, name, page) {
     gsub(/[\\@#%$~|]/, "\\\\&", text)
     gsub(/&/, "\\&amp;", text); gsub(/</, "\\&lt;", text); gsub(/>/, "\\&gt;", text)
     gsub(/\*/, "\\&lowast;", text); gsub(/"/, "\\&quot;", text); gsub(/--/, "\\&minus;\\&minus;", text)
     while (match(text, /docs\/[a-z-]+\.md|[A-Za-z_][A-Za-z0-9_]*/)) {
         name = page = substr(text, RSTART, RLENGTH)
-        if (name ~ /^docs\//) { sub(/\//, "-", page); sub(/\.md$/, "", page); name = "@ref " page " \"" name "\"" }
-        else if (index(ENVIRON["names"], " " name " ")) name = substr(text, RSTART + RLENGTH, 1) == "(" ? "@ref " name " \"" name "\"" : "#" name
+        if (sub(/^docs\//, "docs-", page) && sub(/\.md$/, "", page)) name = "@ref " page " \"" name "\""
+        else if (index(ENVIRON["names"], " " name " "))
+            name = (substr(text, RSTART + RLENGTH, 1) == "(" ? "@ref " name " \"" name "\"" : "#" name)
         out = out substr(text, 1, RSTART - 1) name
         text = substr(text, RSTART + RLENGTH)
     }

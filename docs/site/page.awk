@@ -54,7 +54,8 @@ function terms_of(text, kind,    n, i, parts) {
     n = split(text, parts, /[^A-Za-z0-9_.-]+/)
     for (i = 1; i <= n; i++) {
         gsub(/^[^A-Za-z]+|[^A-Za-z0-9]+$/, "", parts[i])
-        if (length(parts[i]) > 2 - kind && parts[i] !~ /^([Tt]he|and|for|from|with|that|this|are|is|of|in|on|to|or|by|as|at|an|it|its|not|[Ww]hat|[Ww]hich|[Hh]ow)$/)
+        if (length(parts[i]) > 2 - kind && !index(" the and for from with that this are is of in on to or by as at an it its " \
+                                                  "not what which how ", " " tolower(parts[i]) " "))
             print tolower(parts[i]) "\t" kind "\t" url "\t" section
     }
 }
@@ -71,7 +72,7 @@ FNR == 1 { page = FILENAME; if (index(page, ENVIRON["root"] "/") == 1) page = su
 /^ *(```|~~~)/ { fence = !fence; if (!terms) print; next }
 fence { if (!terms) print; next }
 /^<!-- site: .* -->$/ { # a picture that the site alone has
-    file = $3; sub(/^<!-- site: [^ ]+ /, ""); sub(/ -->$/, ""); if (!terms) print "![" $0 "](" file ")\n\n" $0
+    file = $3; sub(/^<!-- site: [^ ]+ /, ""); sub(/ -->$/, ""); if (!terms) print "<a href=\"" file "\"><img src=\"" file "\" alt=\"" $0 "\"/></a>\n\n" $0
     next
 }
 /^#+ / {
