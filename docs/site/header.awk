@@ -94,6 +94,7 @@ END {
             i = end
             continue
         }
+        if (L[i] ~ /^#include </) continue # the graphs show liegrad's own
         if (L[i] ~ /^ *LG_STATUS_LIST\(LG_STATUS_ENUM\)/) {
             printf "%s", codes
             continue
