@@ -208,7 +208,7 @@ LG_API void lg_elastica_curves_destroy(lg_elastica_curves *curves);
 /* ---- surrogates ----
  *
  * Networks that give the curve of a clamped beam from its boundary conditions x = (q0, v0, qN, vN), 8
- * numbers. "The thesis" is the published work that docs/reports/elastica.md reproduces.
+ * numbers. "The thesis" is the published work that docs/reports/accuracy.md reproduces.
  *
  * - LG_SURROGATE_DISCRETE: x -> the inner nodes and tangents (q_1, ..., q_{N-1}, v_1, ..., v_{N-1}), 4(N-1)
  *   numbers. The ends are taken from x.

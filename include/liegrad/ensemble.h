@@ -186,6 +186,7 @@ LG_API double lg_statistics_quantile(const lg_statistics *statistics, size_t row
 /* Returns the counts of a cell, (bins + 2): below the range, in each bin, above the range. They belong to
  * the statistics. */
 LG_API const uint64_t *lg_statistics_bins(const lg_statistics *statistics, size_t row, size_t column);
+/* Returns the range of the bins of a cell. */
 LG_API lg_statistics_range lg_statistics_range_at(const lg_statistics *statistics, size_t row, size_t column);
 
 /* Save and load all contents as the arrays count, least, largest, sum, square, bins, low, high and centre.

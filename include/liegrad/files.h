@@ -134,7 +134,7 @@ typedef struct lg_sha256 {
 
 LG_API void lg_sha256_init(lg_sha256 *state);
 LG_API void lg_sha256_add(lg_sha256 *state, const void *data, size_t bytes); /* appends to the hashed data */
-LG_API void lg_sha256_finish(lg_sha256 *state, char text[LG_SHA256_TEXT]);
+LG_API void lg_sha256_finish(lg_sha256 *state, char text[LG_SHA256_TEXT]);   /* writes the hash as text */
 
 /* ---- provenance ---- */
 

@@ -187,7 +187,7 @@ LG_API lg_status lg_hamiltonian_space(const lg_hamiltonian_family *family, uint3
 LG_API lg_status lg_hamiltonian_init(lg_hamiltonian *model, const lg_hamiltonian_family *family, uint32_t n,
                                      lg_potential_kind potential, const uint32_t *hidden,
                                      uint32_t hidden_layers, lg_activation activation);
-LG_API size_t lg_hamiltonian_parameters(const lg_hamiltonian *model);
+LG_API size_t lg_hamiltonian_parameters(const lg_hamiltonian *model);  /* Number of parameters. */
 LG_API uint32_t lg_hamiltonian_state_dim(const lg_hamiltonian *model); /* d: numbers in a state. */
 /* m = forces n: numbers in an input. */
 LG_API uint32_t lg_hamiltonian_input_dim(const lg_hamiltonian *model);
@@ -591,6 +591,8 @@ typedef struct lg_grid {
     uint64_t seed;                           /* Default 1. */
 } lg_grid;
 
+/* Reads the grid of a study from a YAML file. Errors, explained in `error`: the errors of readers
+ * (liegrad/files.h). */
 LG_API lg_status lg_grid_read(const lg_context *context, const char *path, lg_grid *out, lg_error *error);
 LG_API void lg_grid_destroy(lg_grid *grid); /* Frees what the grid owns and zeroes it; NULL is allowed. */
 

@@ -143,11 +143,11 @@ LG_API const char *lg_machine_part_name(lg_machine_part part);
  * LG_TERM_* below. */
 typedef struct lg_term_kind lg_term_kind;
 enum {
-    LG_TERM_OF = 1,     /* The term has features (`of`). */
-    LG_TERM_MOVING = 2, /* Features may be velocities; in a residual also inputs. */
-    LG_TERM_HIDDEN = 4, /* The term is a network. */
-    LG_TERM_DEGREE = 8,
-    LG_TERM_VALUES = 16, /* Takes values: must have them if known, else may have them. */
+    LG_TERM_OF = 1,      /* The term has features (`of`). */
+    LG_TERM_MOVING = 2,  /* Features may be velocities; in a residual also inputs. */
+    LG_TERM_HIDDEN = 4,  /* The term is a network. */
+    LG_TERM_DEGREE = 8,  /* The term has a degree (`degree`). */
+    LG_TERM_VALUES = 16, /* The term has numbers (`values`): required if the term is known, else optional. */
     LG_TERM_KNOWN = 32,  /* The term has no parameters: all of it is given. */
     LG_TERM_WIDTH = 64
 };
@@ -155,8 +155,8 @@ enum {
 LG_API const lg_term_kind *lg_term_kind_at(lg_machine_part part, size_t index);
 /* NULL: unknown name. */
 LG_API const lg_term_kind *lg_term_kind_find(lg_machine_part part, const char *name);
-LG_API const char *lg_term_kind_name(const lg_term_kind *kind);
-LG_API uint32_t lg_term_kind_options(const lg_term_kind *kind);
+LG_API const char *lg_term_kind_name(const lg_term_kind *kind); /* Its name in machine files. */
+LG_API uint32_t lg_term_kind_options(const lg_term_kind *kind); /* The sum of LG_TERM_... that apply. */
 
 #define LG_MACHINE_HIDDEN 4
 typedef struct lg_machine_term {
@@ -179,8 +179,8 @@ typedef struct lg_machine_term {
 
 /* An entry of the table of systems; docs/machines.md lists them. */
 typedef struct lg_grey_system lg_grey_system;
-LG_API const lg_grey_system *lg_grey_system_at(size_t index); /* NULL beyond the last. */
-LG_API const char *lg_grey_system_name(const lg_grey_system *system);
+LG_API const lg_grey_system *lg_grey_system_at(size_t index);         /* NULL beyond the last. */
+LG_API const char *lg_grey_system_name(const lg_grey_system *system); /* Its name in machine files. */
 /* The system's parameters: a list that ends with a NULL key. It is that of lg_system_parameters, except
  * for systems that liegrad/mechanics.h does not have, which have their own list. */
 LG_API const lg_parameter_entry *lg_grey_system_parameters(const lg_grey_system *system);
@@ -257,6 +257,7 @@ LG_API lg_status lg_machine_set_system(lg_machine *machine, const char *name, lg
  * unknown). After an error nothing is changed. */
 LG_API lg_status lg_machine_set_parameter(lg_machine *machine, const char *key, size_t count,
                                           const double *values, const bool *unknown, lg_error *error);
+/* Fills `space` with the space of the machine's states. Errors: those of lg_space_init. */
 LG_API lg_status lg_machine_space(const lg_machine *machine, lg_space *space);
 
 /* Draws theta (`parameters` numbers; here and below NULL is allowed for a machine without parameters).

@@ -112,7 +112,7 @@ LG_API void lg_system_destroy(lg_system *system); /* NULL is allowed. */
 LG_API lg_status lg_system_copy(const lg_context *context, const lg_system *system, lg_system **out);
 LG_API lg_status lg_system_set_parameters(lg_system *system, const double *values);
 
-LG_API const char *lg_system_name(const lg_system *system);
+LG_API const char *lg_system_name(const lg_system *system); /* Its name in the table of systems. */
 LG_API const char *lg_system_form(const lg_system *system); /* NULL when the system has one form only. */
 /* The order of the numbers in a state, as text that lives as long as the system: "q1 omega1 q2 omega2",
  * "q p", "y v R1 Omega1 R2 Omega2 q1 omega1 q2 omega2". */

@@ -53,7 +53,8 @@ LG_API lg_status lg_mlp_init(lg_mlp *net, uint32_t inputs, const uint32_t *hidde
 LG_API size_t lg_mlp_parameters(const lg_mlp *net); /* number of parameters */
 LG_API uint32_t lg_mlp_inputs(const lg_mlp *net);   /* width of the input */
 LG_API uint32_t lg_mlp_outputs(const lg_mlp *net);  /* width of the output */
-LG_API bool lg_mlp_has_bias(const lg_mlp *net, uint32_t layer);
+LG_API bool lg_mlp_has_bias(const lg_mlp *net,
+                            uint32_t layer); /* all layers have one, except perhaps the last */
 /* Return the index in the network's parameters at which the weight or the bias of a layer begins; layer <
  * net->layers. For a layer without a bias, it is the index at which a bias would begin. */
 LG_API size_t lg_mlp_weight_offset(const lg_mlp *net, uint32_t layer);

@@ -62,13 +62,13 @@ LG_API lg_var lg_add_scalar(lg_tape *tape, lg_var x, double c); /* x + c */
 /* x^exponent, as C's pow: NaN where x < 0 and the exponent is not a whole number. */
 LG_API lg_var lg_pow(lg_tape *tape, lg_var x, double exponent);
 LG_API lg_var lg_square(lg_tape *tape, lg_var x); /* x^2 */
-LG_API lg_var lg_sqrt(lg_tape *tape, lg_var x);
-LG_API lg_var lg_exp(lg_tape *tape, lg_var x);
-LG_API lg_var lg_log(lg_tape *tape, lg_var x);  /* natural logarithm */
-LG_API lg_var lg_sin(lg_tape *tape, lg_var x);  /* x in radians */
-LG_API lg_var lg_cos(lg_tape *tape, lg_var x);  /* x in radians */
-LG_API lg_var lg_abs(lg_tape *tape, lg_var x);  /* |x|; the derivative is +1 at x = 0 */
-LG_API lg_var lg_sign(lg_tape *tape, lg_var x); /* +1 for x >= 0, else -1; the derivative is 0 */
+LG_API lg_var lg_sqrt(lg_tape *tape, lg_var x);   /* square root */
+LG_API lg_var lg_exp(lg_tape *tape, lg_var x);    /* e^x */
+LG_API lg_var lg_log(lg_tape *tape, lg_var x);    /* natural logarithm */
+LG_API lg_var lg_sin(lg_tape *tape, lg_var x);    /* x in radians */
+LG_API lg_var lg_cos(lg_tape *tape, lg_var x);    /* x in radians */
+LG_API lg_var lg_abs(lg_tape *tape, lg_var x);    /* |x|; the derivative is +1 at x = 0 */
+LG_API lg_var lg_sign(lg_tape *tape, lg_var x);   /* +1 for x >= 0, else -1; the derivative is 0 */
 
 /* The activation function `kind` (liegrad/tape.h), elementwise. Derivatives exist up to order 8; beyond, the
  * tape fails with LG_NOT_DIFFERENTIABLE. Where the activation is flat (far from 0), a derivative has an error

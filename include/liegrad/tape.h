@@ -119,8 +119,8 @@ LG_API void lg_tape_options_init(lg_tape_options *options);
 /* Creates an empty tape; the caller destroys it. `options` is copied, NULL means the defaults. The context
  * must outlive the tape. Errors: LG_INVALID_ARGUMENT (an option is out of range), LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_tape_create(const lg_context *context, const lg_tape_options *options, lg_tape **out);
-LG_API void lg_tape_destroy(lg_tape *tape); /* NULL is allowed */
-LG_API lg_dtype lg_tape_dtype(const lg_tape *tape);
+LG_API void lg_tape_destroy(lg_tape *tape);         /* NULL is allowed */
+LG_API lg_dtype lg_tape_dtype(const lg_tape *tape); /* the type of its numbers */
 
 /* Returns the bytes that the tape has allocated. Rewinding keeps memory for the next recording, so this is
  * the most that the tape has needed so far. */
