@@ -63,12 +63,14 @@ static const char energy_declaration[] =
     "/* H(state) = NAME_eval */\n"
     "NAME_real NAME_hamiltonian(const NAME_real *state, NAME_real *work);\n\n";
 static const char motion_declarations[] =
-    "/* The field of the flow with an input, or NULL; both as said at the top. */\n"
+    "/* The field at this state. The top of the file says what the state, the input and the field are. The\n"
+    " * input may be NULL, which means zero. */\n"
     "void NAME_field(const NAME_real *state, const NAME_real *input, NAME_real *field, NAME_real *work);\n"
     "\n"
-    "/* One step of length h, which may be negative, the input held constant over it, or NULL. next may be\n"
-    " * state; h = 0 copies it. Differences from the library stay below NAME_TOLERANCE\n"
-    " * NAME_STEP_EVALUATIONS relative to the state while rotations are a few turns a step and less. */\n"
+    "/* One step of length h, which may be negative; h = 0 copies the state. The input is constant over the\n"
+    " * step, and may be NULL, which means zero. next may be state. Relative to the state, differences from "
+    "the\n"
+    " * library stay below NAME_TOLERANCE NAME_STEP_EVALUATIONS if a step has at most a few turns. */\n"
     "void NAME_step(NAME_real h, const NAME_real *state, const NAME_real *input, NAME_real *next,\n"
     "               NAME_real *work);\n";
 

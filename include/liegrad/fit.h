@@ -249,12 +249,12 @@ typedef struct lg_fit_options {
     lg_adam_options adam; /* default: as set by lg_adam_options_init */
     lg_schedule schedule; /* default: constant */
     /* 0 (default): off. Otherwise the standard deviation s of the prior distribution N(0, s^2) of the
-     * weights, which keeps SSBroyden and L-BFGS from learning the noise in the data. If 50 iterations lower
-     * the loss L by less than a tenth, L is taken as the variance of the noise. From then on the most
-     * probable weights are sought, for normally distributed noise: L + W/2 |w|^2 is minimised. Here W = 2
-     * v/(n s^2), where v is that variance, n is lg_fit_problem.observations and w are the elements of theta
-     * selected by lg_fit_problem.weights. If the loss later falls below half of that variance, W becomes 0
-     * again. */
+     * weights. It keeps SSBroyden and L-BFGS from learning the noise in the data; the other methods do not
+     * use it. The variance v of the noise is estimated: it is 0 until 50 iterations have lowered the loss L by
+     * less than a tenth; then v is L. From then on L + W/2 |w|^2 is minimised with W = 2 v/(n s^2), which
+     * gives the most probable weights for normal noise. n is lg_fit_problem.observations, and w are the
+     * elements of theta selected by lg_fit_problem.weights. If L falls below v/2 later, v was too large and
+     * becomes 0 again. With keep_best the best epoch may be one before the prior acts. */
     double prior;
     double clip_norm;  /* bound on the Euclidean norm of Adam's gradient; default 0: no bound */
     uint64_t seed;     /* of the random numbers; default 1 */
@@ -422,8 +422,10 @@ typedef struct lg_program_fit_result {
     double before, after; /* the loss of all rows, before and after training */
     double seconds;       /* wall time */
     uint64_t epochs;      /* finished epochs; for a minimiser, evaluations */
-    const char *end;      /* why training is finished: a sentence without a full stop, static storage */
-    uint32_t start;       /* number of the best start, from 0; 0 without lg_fit_starts */
+    /* Why training is finished: a sentence without a full stop, static storage. "the planned epochs are done":
+     * the limit of epochs or evaluations was reached, and the loss may fall further with a higher limit. */
+    const char *end;
+    uint32_t start; /* number of the best start, from 0; 0 without lg_fit_starts */
 } lg_program_fit_result;
 
 /* Random starts of a training, because the training of a network can end in a poor minimum. draw writes start
@@ -448,8 +450,9 @@ typedef struct lg_fit_starts {
  *
  * `options` NULL: trains in double precision with at most 1000 evaluations, fewer if the loss does not fall
  * any more. The method is L-BFGS for more than 2000 numbers in the parameters, otherwise Levenberg-Marquardt
- * if a sum of squares is minimised and there are at most 64 numbers, otherwise SSBroyden. With `options`, all
- * members of lg_fit_options have their meaning.
+ * if a sum of squares is minimised and there are at most 64 numbers, otherwise SSBroyden. To change one of
+ * these options, begin with lg_program_fit_options_init, not with lg_fit_options_init, whose method is Adam.
+ * Data with noise: set `prior`, such as 0.1, if the parameters are weights of a network.
  *
  * `starts` NULL: training begins with the parameters of the program. Otherwise it is repeated from each
  * start, and the parameters with the lowest loss are kept. A start whose training fails with LG_NOT_FINITE
@@ -463,6 +466,15 @@ typedef struct lg_fit_starts {
 LG_API lg_status lg_program_fit(const lg_context *context, lg_program *program, const char *function,
                                 const double *const *data, size_t rows, const lg_fit_options *options,
                                 const lg_fit_starts *starts, lg_program_fit_result *result, lg_error *error);
+
+/* Sets the options that lg_program_fit takes if its `options` are NULL. Errors: LG_INVALID_ARGUMENT,
+ * LG_NOT_FOUND, LG_UNSUPPORTED, as for lg_program_fit. */
+LG_API lg_status lg_program_fit_options_init(const lg_program *program, const char *function,
+                                             lg_fit_options *options, lg_error *error);
+/* Computes what lg_program_fit minimises, with the parameters of the program and for other data, such as rows
+ * that were not learned. Errors: those of lg_program_fit. */
+LG_API lg_status lg_program_loss(const lg_context *context, const lg_program *program, const char *function,
+                                 const double *const *data, size_t rows, double *loss, lg_error *error);
 
 LG_END_DECLS
 

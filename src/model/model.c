@@ -124,8 +124,10 @@ static lg_status complete(lg_model *made, lg_error *error) {
     LG_TRY(make_plans(made, error));
     const lg_plan *value = made->plan[LG_MODEL_VALUE], *field = made->plan[LG_MODEL_FIELD];
     if (value == NULL && field == NULL)
-        return lg_fail(error, LG_NOT_FOUND,
-                       "the program has neither a function 'value' nor a function 'field'");
+        return lg_fail(
+            error, LG_NOT_FOUND,
+            "the program has neither a function 'value' nor a function 'field': it is not a model, "
+            "but lg_program_load can load it");
     if (lg_program_parameters(made->program) > 0)
         made->parameters = lg_shape_count(lg_program_parameter(made->program, 0).shape);
     made->inputs = lg_plan_input_count(value != NULL ? value : field, 0);

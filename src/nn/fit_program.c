@@ -77,6 +77,9 @@ static lg_status loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *s
 /* ---- set-up ---- */
 
 static lg_status check_data(const training *t, lg_error *error) {
+    if (t->data == NULL || t->rows == 0 || t->rows >= UINT32_MAX)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the data are NULL, or the number of rows is not 1 to 2^32 - 2");
     for (size_t i = 0; i < t->inputs; i++) {
         const size_t width = lg_shape_count(t->input[i].shape), rows = t->input[i].shared ? 1 : t->rows;
         if (t->data[i] == NULL)
@@ -90,11 +93,20 @@ static lg_status check_data(const training *t, lg_error *error) {
     return LG_OK;
 }
 
+/* Copies the program's parameters to theta, unless it is NULL; returns their number. */
+static size_t take_parameters(const training *t, double *theta) {
+    size_t at = 0;
+    for (size_t j = 0; j < t->parameters; j++) {
+        const lg_parameter_spec p = lg_program_parameter(t->program, j);
+        const size_t count = lg_shape_count(p.shape);
+        if (theta != NULL) memcpy(theta + at, p.values, count * sizeof *theta);
+        at += count;
+    }
+    return at;
+}
+
 static lg_status open_function(training *t, const char *function, lg_error *error) {
-    if (t->program == NULL || function == NULL || t->data == NULL || t->rows == 0 || t->rows >= UINT32_MAX)
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "the program, the function's name or the data are NULL, or the number of rows is not "
-                       "1 to 2^32 - 2");
+    LG_NEEDS(error, t->program, function);
     if (lg_program_find(t->program, function, &t->function) != LG_OK)
         return lg_fail(error, LG_NOT_FOUND, "the program has no function '%s'", function);
     const lg_port *output = lg_program_outputs(t->program, t->function, &t->outputs);
@@ -111,31 +123,18 @@ static lg_status open_function(training *t, const char *function, lg_error *erro
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "output '%s' has %zu numbers that all rows share, expected one, the loss",
                        output->name, t->numbers);
-    return check_data(t, error);
+    t->count = take_parameters(t, NULL);
+    return LG_OK;
 }
 
-static lg_fit_options default_options(const training *t, size_t count) {
-    lg_fit_options options;
-    const lg_fit_method method = count > MOST_DENSE               ? LG_FIT_LBFGS
-                                 : t->squares && count <= MOST_LM ? LG_FIT_LM
-                                                                  : LG_FIT_SSBROYDEN;
-    lg_fit_options_init(&options);
-    options.plan.phases = 1;
-    options.plan.phase[0].method = (uint32_t)method;
-    options.epochs = MOST_EVALUATIONS;
-    return options;
-}
-
-/* Copies the program's parameters to theta, unless it is NULL; returns their number. */
-static size_t take_parameters(const training *t, double *theta) {
-    size_t at = 0;
-    for (size_t j = 0; j < t->parameters; j++) {
-        const lg_parameter_spec p = lg_program_parameter(t->program, j);
-        const size_t count = lg_shape_count(p.shape);
-        if (theta != NULL) memcpy(theta + at, p.values, count * sizeof *theta);
-        at += count;
-    }
-    return at;
+static void set_defaults(const training *t, lg_fit_options *options) {
+    const lg_fit_method method = t->count > MOST_DENSE               ? LG_FIT_LBFGS
+                                 : t->squares && t->count <= MOST_LM ? LG_FIT_LM
+                                                                     : LG_FIT_SSBROYDEN;
+    lg_fit_options_init(options);
+    options->plan.phases = 1;
+    options->plan.phase[0].method = (uint32_t)method;
+    options->epochs = MOST_EVALUATIONS;
 }
 
 static lg_status give_parameters(lg_program *program, const double *theta) {
@@ -209,7 +208,7 @@ static lg_status loss_of_all(training *t, const lg_context *context, double *sum
 
 static lg_status run(training *t, const lg_context *context, const lg_fit_options *options,
                      lg_program_fit_result *result, lg_error *error) {
-    const lg_fit_options defaults = default_options(t, t->count);
+    lg_fit_options defaults;
     const lg_fit_problem problem = {.parameters = t->count,
                                     .samples = t->rows,
                                     .loss = loss,
@@ -218,6 +217,7 @@ static lg_status run(training *t, const lg_context *context, const lg_fit_option
                                     .observations = t->squares ? t->rows * t->numbers : 0};
     const double begin = lg_seconds();
     lg_fit *fit = NULL;
+    set_defaults(t, &defaults);
     LG_TRY(loss_of_all(t, context, &result->before, error));
     LG_TRY(lg_fit_create(context, &problem, options != NULL ? options : &defaults, t->theta, &fit, error));
     lg_status status = lg_fit_run(fit, error);
@@ -277,14 +277,37 @@ lg_status lg_program_fit(const lg_context *context, lg_program *program, const c
     training t = {.program = program, .data = data, .rows = rows};
     lg_program_fit_result made = {.end = ""};
     LG_TRY(open_function(&t, function, error));
+    LG_TRY(check_data(&t, error));
     if (starts != NULL && (starts->count < 1 || starts->draw == NULL))
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "the number of starts is 0 or there is no function that draws them");
-    t.count = take_parameters(&t, NULL);
     lg_status status = fit(&t, context, options, starts, &made, error);
     if (status == LG_OK) status = give_parameters(program, t.theta);
     if (status == LG_OK && result != NULL) *result = made;
     lg_free(context, t.theta);
     lg_free(context, t.best);
+    return status;
+}
+
+lg_status lg_program_fit_options_init(const lg_program *program, const char *function,
+                                      lg_fit_options *options, lg_error *error) {
+    training t = {.program = program};
+    LG_NEEDS(error, options);
+    LG_TRY(open_function(&t, function, error));
+    set_defaults(&t, options);
+    return LG_OK;
+}
+
+lg_status lg_program_loss(const lg_context *context, const lg_program *program, const char *function,
+                          const double *const *data, size_t rows, double *loss, lg_error *error) {
+    training t = {.program = program, .data = data, .rows = rows};
+    LG_NEEDS(error, loss);
+    LG_TRY(open_function(&t, function, error));
+    LG_TRY(check_data(&t, error));
+    t.theta = lg_alloc(context, t.count, sizeof *t.theta);
+    if (t.theta == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu parameters", t.count);
+    (void)take_parameters(&t, t.theta);
+    const lg_status status = loss_of_all(&t, context, loss, error);
+    lg_free(context, t.theta);
     return status;
 }

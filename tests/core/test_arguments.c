@@ -150,6 +150,9 @@ TEST("functions of programs refuse NULL") {
                           NULL));
     REFUSES(lg_program_save(NULL, NEEDED("/nonexistent/file.h5"), NEEDED(program), NULL, NULL));
     REFUSES(lg_program_fit(NULL, NEEDED(program), NEEDED("f"), NEEDED(inputs), 1, NULL, NULL, NULL, NULL));
+    lg_fit_options of_fit;
+    REFUSES(lg_program_fit_options_init(NEEDED(program), NEEDED("f"), NEEDED(&of_fit), NULL));
+    REFUSES(lg_program_loss(NULL, NEEDED(program), NEEDED("f"), NEEDED(inputs), 1, NEEDED(others), NULL));
     lg_space line;
     assert_ok(lg_space_init_rn(&line, 1));
     REFUSES(lg_program_add_step(NEEDED(program), NEEDED(&line), NEEDED(lg_scheme_find("rk4")), 0, 1, NULL));

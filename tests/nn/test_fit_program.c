@@ -98,6 +98,31 @@ TEST("a sum of squares and a mean give the same parameters, with several tensors
     assert_true(a.epochs > 0 && a.epochs < 100 && b.epochs < 1000 && strlen(a.end) > 0 && a.seconds > 0.0);
 }
 
+TEST("the loss of a program is what training minimises, for any rows; its options are the defaults of "
+     "training") {
+    const rows *r = make_rows(1.0);
+    lg_program *program = build_line(), *same = build_line();
+    lg_program_fit_result result, again;
+    lg_fit_options options;
+    lg_error error;
+    double loss, means, some, rest;
+    assert_ok(lg_program_fit_options_init(program, "error", &options, &error));
+    assert_true(options.plan.phases == 1 && options.plan.phase[0].method == LG_FIT_LM);
+    assert_ok(lg_program_fit(NULL, program, "error", r->data, ROWS, NULL, NULL, &result, &error));
+    assert_ok(lg_program_fit(NULL, same, "error", r->data, ROWS, &options, NULL, &again, &error));
+    assert_true(result.after == again.after && result.epochs == again.epochs);
+    assert_ok(lg_program_loss(NULL, program, "error", r->data, ROWS, &loss, &error));
+    assert_ok(lg_program_loss(NULL, program, "loss", r->data, ROWS, &means, &error));
+    assert_true(loss == result.after);
+    assert_close(means, loss, 1e-14, 0.0);
+    const double *const part[] = {r->x + 200, r->wanted + 200, r->weight};
+    assert_ok(lg_program_loss(NULL, program, "error", r->data, 100, &some, &error));
+    assert_ok(lg_program_loss(NULL, program, "error", part, ROWS - 100, &rest, &error));
+    assert_close((100 * some + 200 * rest) / 300, loss, 1e-13, 0.0);
+    assert_status(lg_program_loss(NULL, program, "sums", r->data, ROWS, &loss, &error), LG_INVALID_ARGUMENT);
+    assert_status(lg_program_fit_options_init(program, "lost", &options, &error), LG_NOT_FOUND);
+}
+
 TEST("every method finds the minimum over all rows of a loss that cannot become zero") {
     const rows *r = make_rows(1.0);
     lg_program *lm = build_line(), *adam = build_line();
