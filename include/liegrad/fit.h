@@ -250,9 +250,9 @@ typedef struct lg_fit_options {
     lg_schedule schedule; /* default: constant */
     /* 0 (default): off. Otherwise the standard deviation s of the prior distribution N(0, s^2) of the
      * weights. It keeps SSBroyden and L-BFGS from learning the noise in the data; the other methods do not
-     * use it. The variance v of the noise is estimated: it is 0 until 50 iterations have lowered the loss L by
-     * less than a tenth; then v is L. From then on L + W/2 |w|^2 is minimised with W = 2 v/(n s^2), which
-     * gives the most probable weights for normal noise. n is lg_fit_problem.observations, and w are the
+     * use it. The variance v of the noise is estimated: it is 0 until 50 iterations have lowered the loss
+     * L by less than a tenth; then v is L. From then on L + W/2 |w|^2 is minimised with W = 2 v/(n s^2),
+     * which gives the most probable weights for normal noise. n is lg_fit_problem.observations, and w are the
      * elements of theta selected by lg_fit_problem.weights. If L falls below v/2 later, v was too large and
      * becomes 0 again. With keep_best the best epoch may be one before the prior acts. */
     double prior;
@@ -422,8 +422,9 @@ typedef struct lg_program_fit_result {
     double before, after; /* the loss of all rows, before and after training */
     double seconds;       /* wall time */
     uint64_t epochs;      /* finished epochs; for a minimiser, evaluations */
-    /* Why training is finished: a sentence without a full stop, static storage. "the planned epochs are done":
-     * the limit of epochs or evaluations was reached, and the loss may fall further with a higher limit. */
+    /* Why training is finished: a sentence without a full stop, static storage. "the planned epochs are
+     * done": the limit of epochs or evaluations was reached, and the loss may fall further with a higher
+     * limit. */
     const char *end;
     uint32_t start; /* number of the best start, from 0; 0 without lg_fit_starts */
 } lg_program_fit_result;

@@ -86,11 +86,12 @@ typedef struct lg_function_spec {
 
 /* Calls another function of the same program, and returns its output number `output`. It may only be used
  * inside of lg_function_spec.record, while lg_program_build or lg_program_add_function runs. The called
- * function must stand before this one in the program. `inputs` has as many variables as that function has inputs. On the tape the
- * operations of the called function are recorded, as by lg_program_record. The program, however, stores a
- * call: in C, and in plans with lg_plan_options.calls, the code of the called function exists only once,
- * however often it is called. Errors are kept by the tape: LG_NOT_FOUND (no such function or output so far,
- * or no function of a program is being recorded), the errors of lg_program_record. */
+ * function must stand before this one in the program. `inputs` has as many variables as that function has
+ * inputs. On the tape the operations of the called function are recorded, as by lg_program_record. The
+ * program, however, stores a call: in C, and in plans with lg_plan_options.calls, the code of the called
+ * function exists only once, however often it is called. Errors are kept by the tape: LG_NOT_FOUND (no
+ * such function or output so far, or no function of a program is being recorded), the errors of
+ * lg_program_record. */
 LG_API lg_var lg_program_call(lg_tape *tape, const char *function, size_t output, const lg_var *inputs);
 /* Returns how many calls of the function number `callee` stand in the function number `function`; calls
  * inside of called functions are not counted. */
