@@ -63,7 +63,7 @@ lg-identify, lg-simulate and others."
 liegrad_package(development liegrad-dev "development files"
 "This package has the headers, which are the manual, archives for static
 linking, what CMake and pkg-config read, and examples."
-  SECTION libdevel DEPENDS "${same}" SUGGESTS liegrad-doc
+  SECTION libdevel DEPENDS "${same}" SUGGESTS "liegrad-doc, liegrad-mpi"
   RECOMMENDS "libopenblas-dev, libhdf5-dev, libyaml-dev, libseccomp-dev, libsvm-dev, pkg-config")
 liegrad_package(tools liegrad-tools "checks and measurements"
 "This package has lg-gradcheck, which checks every derivative of the library,

@@ -35,6 +35,7 @@ int main(int argc, char **argv) {
     how.model.hidden[0] = how.model.hidden[1] = WIDTH;
     need(lg_table_fit(NULL, x.values, IN, y.values, OUT, x.rows, &how, &program, &done, &error));
     printf("noise of the table %.2g deviations\n", done.evidence.noise);
+    if (!done.evidence.settled) puts("the training ended at its limit of evaluations");
     need(lg_program_save(NULL, argv[2], program, NULL, &error));
     need(lg_program_load(NULL, argv[2], NULL, &program, &error));
     need(lg_program_eval(NULL, program, "value", 1, (const double *[]){x.values}, (double *[]){predicted},

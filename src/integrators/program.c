@@ -52,7 +52,10 @@ static lg_status step(void *user, lg_tape *tape, const lg_var *theta, const lg_v
 lg_status lg_program_add_step(lg_program *program, const lg_space *space, const lg_scheme *scheme,
                               double h_low, double h_high, lg_error *error) {
     size_t field, other, count;
-    LG_NEEDS(error, program, space, scheme);
+    LG_NEEDS(error, program, space);
+    if (scheme == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the scheme is NULL, which lg_scheme_find returns for a name that it does not know");
     if (!isfinite(h_low) || !isfinite(h_high) || h_low > h_high)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "step sizes from %g to %g: expected finite numbers, low <= high", h_low, h_high);

@@ -243,10 +243,12 @@ static lg_status run_starts(training *t, const lg_context *context, const lg_fit
         lg_program_fit_result made = {.end = "", .start = start};
         lg_rng rng;
         lg_rng_seed(&rng, starts->seed, start);
+        (void)take_parameters(t, t->theta);
         double *to = t->theta;
         for (size_t j = 0; j < t->parameters; j++) {
-            starts->draw(starts->user, j, &rng, to);
-            to += lg_shape_count(lg_program_parameter(t->program, j).shape);
+            const size_t count = lg_shape_count(lg_program_parameter(t->program, j).shape);
+            starts->draw(starts->user, j, count, &rng, to);
+            to += count;
         }
         status = run(t, context, options, &made, error);
         if (status != LG_OK && status != LG_NOT_FINITE) return status;

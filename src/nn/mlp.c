@@ -96,9 +96,9 @@ void lg_mlp_initialise(const lg_mlp *net, lg_rng *rng, double *theta) {
     lg_mlp_initialise_as(net, LG_INIT_FAN_IN, rng, theta);
 }
 
-void lg_mlp_draw(void *net, size_t parameter, lg_rng *rng, double *theta) {
+void lg_mlp_draw(void *net, size_t parameter, size_t count, lg_rng *rng, double *theta) {
     (void)parameter;
-    lg_mlp_initialise(net, rng, theta);
+    if (count == lg_mlp_parameters(net)) lg_mlp_initialise(net, rng, theta);
 }
 
 /* ---- on a tape ---- */

@@ -136,7 +136,7 @@ TEST("calls of functions or outputs that do not exist yet are refused") {
         lg_program *program = NULL;
         lg_error error;
         assert_int_equal(build(&w, &program, &error), LG_NOT_FOUND);
-        assert_non_null(strstr(error.message, "no such function or output"));
+        assert_non_null(strstr(error.message, "the program has no function '"));
         assert_null(program);
     }
     lg_tape *tape = test_tape(LG_F64);

@@ -183,9 +183,9 @@ typedef struct drawing {
     uint32_t drawn;
 } drawing;
 
-static void draw_next(void *user, size_t parameter, lg_rng *rng, double *values) {
+static void draw_next(void *user, size_t parameter, size_t count, lg_rng *rng, double *values) {
     drawing *d = user;
-    assert_int_equal(parameter, 0);
+    assert_true(parameter == 0 && count == 1);
     d->number[d->drawn] = lg_rng_uniform_in(rng, 0.0, 1.0);
     values[0] = d->start[d->drawn++];
 }
@@ -221,6 +221,38 @@ TEST("of several starts the one with the lowest loss is kept, and starts that ar
     assert_ok(fit_wells(program, (const double[]){1.1, 0.9}, 2, &e, &again, &error));
     assert_true(again.after > 0.0 && lg_program_parameter(program, 0).values[0] > 0.9);
     assert_true(e.number[0] == d.number[0] && e.number[1] == d.number[1]);
+}
+
+/* k net(x) - wanted, with the parameters k (1) and theta. */
+static lg_status scaled_network(void *net, lg_tape *tape, const lg_var *theta, const lg_var *in,
+                                lg_var *out) {
+    const lg_var y = lg_mlp_record(tape, net, theta[1], 0, in[0]);
+    out[0] = lg_sub(tape, lg_mul(tape, y, theta[0]), in[1]);
+    return lg_tape_status(tape);
+}
+
+TEST("drawn networks leave the other parameters as they are") {
+    const double k[1] = {3.0}, *x = test_numbers(7, 20, -1.0, 1.0);
+    lg_mlp net;
+    assert_ok(lg_mlp_init(&net, 1, (const uint32_t[]){4}, 1, 1, LG_TANH, true));
+    const lg_port in[] = {{.name = "x", .shape = lg_shape1(1)}, {.name = "wanted", .shape = lg_shape1(1)}},
+                  out = {.name = "y"};
+    const lg_function_spec function = {"miss", in, 2, &out, 1, scaled_network, &net};
+    const lg_parameter_spec parameters[] = {{"k", lg_shape1(1), k},
+                                            {"theta", lg_shape1((uint32_t)lg_mlp_parameters(&net)), NULL}};
+    const lg_program_spec spec = {sizeof spec, parameters, 2, &function, 1, NULL};
+    lg_program *program;
+    lg_fit_options options;
+    lg_program_fit_result result;
+    lg_error error;
+    assert_ok(lg_program_build(NULL, &spec, &program, &error));
+    lg_test_owns(program, release_program);
+    lg_fit_options_init(&options);
+    options.epochs = 1, options.adam.lr = 1e-9;
+    assert_told(lg_program_fit(NULL, program, "miss", (const double *const[]){x, x}, 20, &options,
+                               &(lg_fit_starts){2, lg_mlp_draw, &net, 1}, &result, &told));
+    assert_close(lg_program_parameter(program, 0).values[0], 3.0, 1e-8, 0.0);
+    assert_true(fabs(lg_program_parameter(program, 1).values[0]) > 1e-6);
 }
 
 TEST("if all starts fail or there are none, the program stays unchanged") {

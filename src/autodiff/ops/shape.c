@@ -4,6 +4,7 @@
 #include "autodiff/program/scalars.h"
 #include "autodiff/tape/tape_internal.h"
 
+#include <stdio.h>
 #include <string.h>
 
 extern const lg_op lg_op_slice, lg_op_pad, lg_op_concat, lg_op_permute;
@@ -174,9 +175,14 @@ lg_var lg_slice(lg_tape *tape, lg_var x, int axis, uint32_t start, uint32_t leng
     const lg_node *node = lg_node_of(tape, x, "slice");
     if (node == NULL) return LG_NONE;
     int a = lg_axis(axis, node->shape.rank);
-    if (a < 0 || start > node->shape.dims[a] || length > node->shape.dims[a] - start)
-        return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "slice",
-                            "the tensor has no such axis, or the range is not within the axis");
+    if (a < 0 || start > node->shape.dims[a] || length > node->shape.dims[a] - start) {
+        char reason[160];
+        (void)snprintf(reason, sizeof reason,
+                       a < 0 ? "there is no axis %d in a tensor of rank %u"
+                             : "axis %d has %u elements, of which %u elements from number %u on are wanted",
+                       axis, a < 0 ? node->shape.rank : node->shape.dims[a], length, start);
+        return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "slice", reason);
+    }
     size_t outer, whole, inner;
     lg_around(&node->shape, (uint32_t)a, &outer, &whole, &inner);
     lg_shape shape = node->shape;

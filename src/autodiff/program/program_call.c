@@ -1,5 +1,6 @@
 #include "autodiff/program/program_call.h"
 
+#include <stdio.h>
 #include <string.h>
 
 #include "autodiff/program/plan.h"
@@ -87,12 +88,17 @@ lg_var lg_program_call(lg_tape *tape, const char *function, size_t output, const
     lg_var outputs[LG_PROGRAM_MAX_PORTS];
     size_t number;
     if (tape->status != LG_OK) return LG_NONE;
-    if (calls == NULL || lg_program_find(calls->program, function, &number) != LG_OK ||
-        calls->program->function[number].outputs <= output)
+    if (calls == NULL)
         return lg_tape_fail(tape, LG_NOT_FOUND, "call",
-                            calls == NULL
-                                ? "lg_program_call works only while a function of a program is recorded"
-                                : "the program has no such function or output yet");
+                            "lg_program_call works only while a function of a program is recorded");
+    if (lg_program_find(calls->program, function, &number) != LG_OK ||
+        calls->program->function[number].outputs <= output) {
+        char reason[160];
+        (void)snprintf(reason, sizeof reason,
+                       "the program has no function '%.64s' with an output number %zu yet",
+                       function != NULL ? function : "NULL", output);
+        return lg_tape_fail(tape, LG_NOT_FOUND, "call", reason);
+    }
     const uint32_t before = tape->count;
     if (lg_program_record(tape, calls->program, number, calls->parameters, inputs, outputs) != LG_OK)
         return LG_NONE;
