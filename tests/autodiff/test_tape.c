@@ -284,10 +284,8 @@ static const int beyond[2] = {0, 2};
     X(lg_broadcast_to(t, V1(2), (lg_shape){5, {1, 1, 1, 1}}), LG_SHAPE, "broadcast", "rank", NULL)           \
     X(lg_reshape(t, V2(2, 3), lg_shape1(5)), LG_SHAPE, "reshape", "(2, 3)", NULL)                            \
     X(lg_reshape(t, V2(2, 3), (lg_shape){7, {6, 1, 1, 1}}), LG_SHAPE, "reshape", "(2, 3)", NULL)             \
-    X(lg_slice(t, V2(2, 3), 1, 2, 2), LG_INVALID_ARGUMENT, "slice",                                          \
-      "axis 1 has 3 elements, of which 2 elements from number 2 on", NULL)                                   \
-    X(lg_slice(t, V2(2, 3), 1, UINT32_MAX, 2), LG_INVALID_ARGUMENT, "slice",                                 \
-      "axis 1 has 3 elements, of which 2 elements from number 2 on", NULL)                                   \
+    X(lg_slice(t, V2(2, 3), 1, 2, 2), LG_INVALID_ARGUMENT, "slice", "number 2 on", NULL)                     \
+    X(lg_slice(t, V2(2, 3), 1, UINT32_MAX, 2), LG_INVALID_ARGUMENT, "slice", "axis 1 has 3 elements", NULL)  \
     X(lg_slice(t, V2(2, 3), 2, 0, 1), LG_INVALID_ARGUMENT, "slice", "axis", NULL)                            \
     X(lg_pad(t, V2(2, 3), 2, 0, 1), LG_INVALID_ARGUMENT, "pad", "axis", NULL)                                \
     X(lg_pad(t, V2(2, 3), 0, UINT32_MAX, 1), LG_INVALID_ARGUMENT, "pad", "padded axis", NULL)                \
@@ -309,8 +307,7 @@ static const int beyond[2] = {0, 2};
     X(lg_spd_solve(t, V2(3, 3), V2(3, 1)), LG_SHAPE, "spd_factor", "(3, 3)", NULL)                           \
     X(lg_spd_solve(t, V3(1, 1, 1), V3(2, 1, 1)), LG_SHAPE, "spd_solve", "(1, 1, 1)", "(2, 1, 1)")            \
     X(lg_stumpff_functions(t, V2(2, 3), 3), LG_SHAPE, "stumpff", "(2, 3)", NULL)                             \
-    X(lg_stumpff_functions(t, V2(2, 1), 9), LG_INVALID_ARGUMENT, "stumpff",                                  \
-      "axis 1 has 3 elements, of which 2 elements from number 2 on", NULL)                                   \
+    X(lg_stumpff_functions(t, V2(2, 1), 9), LG_INVALID_ARGUMENT, "stumpff", "range", NULL)                   \
     X(lg_stumpff_functions(t, V2(2, 1), -1), LG_INVALID_ARGUMENT, "stumpff", "negative", NULL)               \
     X(lg_stumpff_functions(t, V0, 1), LG_SHAPE, "stumpff", "()", NULL)                                       \
     X(lg_dexpinv_coefficient(t, V1(3), 0), LG_SHAPE, "dexpinv_coef", "(3)", NULL)                            \
