@@ -5,9 +5,9 @@
 #include "liegrad/model.h"
 
 /* Integrates from `start` at times[0] and writes the states at all `count` times to `out`, (count, d).
- * Adaptive scheme with rtol = tolerance and atol = -tolerance, that is, relative to the largest value in the
- * component's group (lg_step_controller). most: largest number of steps, 0 for the default. stats may be
- * NULL. Errors as of lg_integrate_adaptive. */
+ * The scheme is adaptive. Its error per step is relative to the largest value so far of the component's group
+ * (lg_step_controller with rtol = tolerance, atol = -tolerance). most: largest number of steps, 0 for the
+ * default. stats may be NULL. Errors as of lg_integrate_adaptive. */
 lg_status app_flow(const lg_context *context, const lg_model *learned, const lg_scheme *scheme,
                    double tolerance, size_t most, const double *start, const double *times, size_t count,
                    double *out, lg_run_stats *stats);

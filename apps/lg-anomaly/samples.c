@@ -353,7 +353,9 @@ static bool set_places(sample_reader *reader, const uint32_t *column, uint32_t c
     return true;
 }
 
-/* Processes a line of words before the first sample. False: its names do not fit the model's channels. */
+/* Processes a line of words before the first sample. Returns false if it names only some of the channels,
+ * names one twice, or has a wrong number of columns. If it names no channel, it returns true, and the feed
+ * may be refused at the first sample. */
 static bool take_names(sample_reader *reader, const char *from, const char *to) {
     uint32_t columns, found;
     if (reader->names == NULL || reader->named) return true;

@@ -58,8 +58,8 @@ typedef struct boundary_values {
         LG_OPTION(type, field.thetaN, REAL, "B", "With --theta0: tangent angle at s = L, radians",           \
                   .option = "thetaN", .low = -1e6, .high = 1e6),                                             \
         LG_OPTION(type, field.rotation, REAL, "R",                                                           \
-                  "Turning of the tangent along the beam: B - A plus whole turns (default: of B - A and "    \
-                  "one turn more or less, the one with the lowest energy)",                                  \
+                  "Turning of the tangent along the beam: B - A plus whole turns (default: of B - A "        \
+                  "wrapped to (-pi, pi], one turn more and one less, the one with the lowest energy)",       \
                   .option = "rotation", .low = -1e6, .high = 1e6),                                           \
         END_ROWS(type, field.ends, begins, ends_at)
 

@@ -68,9 +68,10 @@ static const char motion_declarations[] =
     "void NAME_field(const NAME_real *state, const NAME_real *input, NAME_real *field, NAME_real *work);\n"
     "\n"
     "/* One step of length h, which may be negative; h = 0 copies the state. The input is constant over the\n"
-    " * step, and may be NULL, which means zero. next may be state. Relative to the state, differences from "
-    "the\n"
-    " * library stay below NAME_TOLERANCE NAME_STEP_EVALUATIONS if a step has at most a few turns. */\n"
+    " * step, and may be NULL, which means zero. next may be state. Relative to the state, differences from\n"
+    " * the library stay below NAME_TOLERANCE * NAME_STEP_EVALUATIONS, if rotations turn at most a few "
+    "times\n"
+    " * per step. */\n"
     "void NAME_step(NAME_real h, const NAME_real *state, const NAME_real *input, NAME_real *next,\n"
     "               NAME_real *work);\n";
 

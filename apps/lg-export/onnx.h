@@ -88,7 +88,8 @@ bool onnx_translate(onnx_job *j, uint32_t node);
 /* Returns an operation of the function that onnxruntime offers in single precision only, or NULL. */
 const char *onnx_single_only(const graph *g);
 
-/* Rows of the table of operations that stand in other files. */
+/* Functions that translate one operation each. The table of operations calls them; they are defined in other
+ * files. */
 bool onnx_factor(const onnx_operation *o);
 bool onnx_solve(const onnx_operation *o);
 bool onnx_convolution(const onnx_operation *o);

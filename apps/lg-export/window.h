@@ -18,7 +18,8 @@ typedef struct export_window {
 
 /* Adds the sizes of the window to NAME.h, and adds NAME_classify and NAME_class_names. */
 void export_window_code(export_source *source, const export_window *window);
-/* Describes x, channel by channel, and the units. */
+/* Writes the description of the window x into the comment of the exported header: its channels and their
+ * units. */
 void export_window_words(export_source *source, const export_window *window);
 void export_window_score_words(text *to, const export_window *window);
 /* Allocates the golden vectors; fewer than options->golden if windows are large. */

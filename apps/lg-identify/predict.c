@@ -46,8 +46,11 @@ static void find_starts(const app *self, prediction *p) {
                  "%s: no part of the log has, at or after row %llu, a complete row that another row follows",
                  self->arguments[1], (unsigned long long)values.start);
     if (p->runs < log->parts)
-        app_warn(self, "%zu of %zu parts have no complete row to begin at, and are left out",
-                 log->parts - p->runs, log->parts);
+        app_warn(
+            self,
+            "%zu of %zu parts have, at or after row %llu, no complete row that another row follows, and are "
+            "left out",
+            log->parts - p->runs, log->parts, (unsigned long long)values.start);
 }
 
 static void predict(const app *self, prediction *p) {

@@ -1,4 +1,5 @@
-/* Runs of all parts of a log; where positions alone are measured, also the estimates of the starts. */
+/* Predicts all parts of a log by free runs of the model. If only positions were measured, the states at the
+ * starts of the runs are estimated first. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -315,7 +315,8 @@ typedef struct lg_surrogate {
     uint32_t intervals; /* N of the training data */
     double length;      /* L */
     double centre;      /* scale of the x-coordinates with `normalise` */
-    /* (K + 1, 4(N - 1)): mean, then s_k u_k for each mode. The caller sets it (from lg_surrogate_find_modes
+    /* (K + 1, 4(N - 1)): the mean curve, then s_k u_k for each of the K modes: its singular value times its
+     * singular vector. The caller sets it (from lg_surrogate_find_modes
      * or from a file) before a model with options.modes > 0 is trained, recorded or saved. Borrowed: the
      * array must live as long as the model is used. */
     const double *modes;

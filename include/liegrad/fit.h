@@ -429,8 +429,8 @@ typedef struct lg_program_fit_result {
     uint32_t start; /* number of the best start, from 0; 0 without lg_fit_starts */
 } lg_program_fit_result;
 
-/* Random starts of a training, because the training of a network can end in a poor minimum. draw is called for
- * each parameter of the program; `values` are its `count` numbers as the program has them, and draw may
+/* Random starts of a training, because the training of a network can end in a poor minimum. draw is called
+ * for each parameter of the program; `values` are its `count` numbers as the program has them, and draw may
  * replace them. Each start has its own random numbers. For an lg_mlp, `draw` is lg_mlp_draw and `user` is the
  * address of the lg_mlp; other parameters, such as a mass beside the network, then start as they are. */
 typedef struct lg_fit_starts {

@@ -253,8 +253,8 @@ typedef struct lg_penalty_points {
  * - GEODESIC, on each T*S^2 with y = (q, p) and z = (q', p'): D^2 = theta^2 + |P p - p'|^2. theta is the
  *   angle between q and q'. P is the parallel transport along the geodesic from q to q': P p = p - 2 m
  *   (m.p)/|m|^2 with m = q + q'. This D is the length of the path that goes from q to q' with p carried
- *   along, and then from P p to p', in Sasaki's metric, which T*S^2 has from S^2. D^2 is analytic at 0,
- *   where it equals |y - z|^2 to first order; it has a kink where q' = -q. Given points are projected to
+ *   along, and then from P p to p', in Sasaki's metric, which T*S^2 has from S^2. For y near z, D^2 is
+ *   |y - z|^2 plus terms of higher order; it has a kink where q' = -q. Given points are projected to
  *   the manifold first. On R^n it is the same as AMBIENT. */
 typedef enum lg_hamiltonian_distance { LG_DISTANCE_AMBIENT, LG_DISTANCE_GEODESIC } lg_hamiltonian_distance;
 
@@ -352,15 +352,16 @@ LG_API lg_status lg_hamiltonian_integral_change(const lg_context *context,
 LG_API lg_status lg_hamiltonian_floor(const lg_context *context, const lg_hamiltonian_problem *problem,
                                       const double *theta, double *out, lg_error *error);
 
-/* Multiplies the last layer of V in theta, after lg_hamiltonian_initialise, by max(1, s^(1/3)). s is the root
- * mean square of the forces in the data over that of the network's forces. With y' = f + g, where g is the
- * part that comes from V,
- *   s^2 = sum (D - f)^2 / sum g^2 over the numbers where g is not 0, at up to 256 starts,
- * where D is the difference of the last and the first point divided by the time between them. A potential
- * that is far too flat at first lets full-batch methods adapt the mass matrix first, and they may end in a
- * minimum where V hardly varies; one that is too steep in its last layer alone takes longer to train. The
- * power 1/3 was found by measurement (docs/reports/training.md). `factor` (may be NULL) becomes the
- * factor. Errors: those of lg_hamiltonian_problem_check, LG_OUT_OF_MEMORY. */
+/* Makes the initial potential V steeper if its forces are too small for the data: full-batch methods then
+ * adapt the mass matrix first, and may end in a minimum where V hardly varies. Call it after
+ * lg_hamiltonian_initialise. It multiplies the last layer of V in theta by max(1, s^(1/3)), where s is the
+ * root mean square of the forces in the data divided by that of the network's forces:
+ *   s^2 = sum (D - f)^2 / sum g^2
+ * Here y' = f + g, and g is the part that comes from V. D is the mean velocity from the first to the last
+ * point of a trajectory. The sums are over up to 256 trajectories and over the components of the state in
+ * which g is not 0. The whole factor s would make V too steep, which takes longer to train; the power 1/3 was
+ * found by measurement (docs/reports/training.md). `factor` (may be NULL) becomes the factor.
+ * Errors: those of lg_hamiltonian_problem_check, LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_hamiltonian_scale(const lg_context *context, const lg_hamiltonian_problem *problem,
                                       double *theta, double *factor);
 

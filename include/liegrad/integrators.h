@@ -502,10 +502,11 @@ LG_API lg_status lg_integrate_adaptive(lg_stepper *stepper, const lg_step_contro
                                        const double *y0, const double *times, size_t count, double *out,
                                        lg_run_stats *stats);
 
-/* Solves y' = f(t, y) . y in one call. `space` is a text of lg_space_read, such as "R^2" or "SO(3), R^3";
- * field and user are those of lg_ode. y0 (dim) is the state at times[0]; out (count, dim) becomes the
- * states at `times`, which only rise or only fall. The scheme is rkmk54 (on R^n it is dp54) with adaptive
- * steps, whose relative error stays near `tolerance`, such as 1e-8 (rtol = tolerance, atol = -tolerance).
+/* Solves y' = f(t, y) . y in one call (on R^n: y' = f(t, y)). `space` is a text of lg_space_read, such as
+ * "R^2" or "SO(3), R^3"; field and user are those of lg_ode. y0 (dim) is the state at times[0];
+ * out (count, dim) becomes the states at `times`, which only rise or only fall. The scheme is rkmk54 (on
+ * R^n it is dp54) with adaptive steps, whose relative error stays near `tolerance`, such as 1e-8 (rtol =
+ * tolerance, atol = -tolerance).
  *
  *   static lg_status pendulum(void *user, double t, const double *y, const double *input, double *f) {
  *       f[0] = y[1], f[1] = -sin(y[0]);

@@ -515,12 +515,13 @@ LG_API lg_status lg_machine_free_run(const lg_context *context, const lg_machine
                                      const lg_machine_log *log, const size_t *start, size_t count,
                                      size_t steps, double *positions, double *velocities, lg_error *error);
 
-/* Estimates the states at the rows start[0..count-1]: those whose runs fit the log best over the next
- * `window` rows. Where fewer rows are left in the part, it uses these; there must be at least 2. All
- * positions of the rows start[0..count-1] must be there. The machine's scales weigh positions against
- * velocities. Writes positions (count, positions) and velocities (count, velocities) in the units of the
- * log. A state whose run is not finite stays at the logged positions and their difference quotients.
- * Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY, LG_CANCELLED, those of the tape. */
+/* Estimates the states at the rows start[0..count-1]: the states from which a run fits the log best over
+ * `window` rows, of which the start row is the first. If the part has fewer rows, it uses these; there
+ * must be at least 2. All positions of the rows start[0..count-1] must be there. The machine's scales
+ * weigh positions against velocities. Writes positions (count, positions) and velocities (count,
+ * velocities) in the units of the log. A state whose run is not finite keeps the logged positions and
+ * velocities; difference quotients of the positions replace missing velocities. Errors:
+ * LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY, LG_CANCELLED, those of the tape. */
 LG_API lg_status lg_machine_estimate_starts(const lg_context *context, const lg_machine *machine,
                                             const double *theta, const lg_scheme *scheme, uint32_t substeps,
                                             const lg_machine_log *log, const size_t *start, size_t count,

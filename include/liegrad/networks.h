@@ -75,8 +75,8 @@ typedef enum lg_initialisation {
  * the bias. lg_mlp_initialise uses LG_INIT_FAN_IN. */
 LG_API void lg_mlp_initialise(const lg_mlp *net, lg_rng *rng, double *theta);
 LG_API void lg_mlp_initialise_as(const lg_mlp *net, lg_initialisation kind, lg_rng *rng, double *theta);
-/* lg_mlp_initialise in the form of lg_fit_starts.draw (liegrad/fit.h). net is an lg_mlp. Draws every parameter
- * of the program that has lg_mlp_parameters(net) numbers, and leaves the others as they are. */
+/* lg_mlp_initialise in the form of lg_fit_starts.draw (liegrad/fit.h). net is an lg_mlp. Draws every
+ * parameter of the program that has lg_mlp_parameters(net) numbers, and leaves the others as they are. */
 LG_API void lg_mlp_draw(void *net, size_t parameter, size_t count, lg_rng *rng, double *theta);
 
 /* ---- multilayer perceptron: on a tape ---- */

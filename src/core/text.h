@@ -4,7 +4,8 @@
 
 #include "core/core.h"
 
-/* Initialise with {.context = c}. After an allocation has failed, everything that is added is lost. */
+/* Initialise with {.context = c}. If an allocation fails, the text so far stays, and everything that is added
+ * later is discarded. */
 typedef struct lg_text {
     const lg_context *context;
     char *data; /* terminated, or NULL if nothing was added */

@@ -15,8 +15,8 @@ typedef struct texts {
     bool variable, spaces; /* texts have variable length; texts are padded with blanks */
     size_t size, piece;    /* bytes per text in `memory`; number of texts read at once */
     size_t longest;        /* longest text allowed, in bytes with the terminator */
-    /* memory (piece, size): the texts of the current piece. one (size + 1): a fixed-length text with its
-     * terminator. */
+    /* `memory` (piece, size) holds the texts of the current piece. `one` (size + 1) holds a single text of
+     * fixed length with its terminator. */
     char *memory, *one;
 } texts;
 

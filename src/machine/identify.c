@@ -33,7 +33,8 @@ typedef struct normal {
     double *residuals; /* (rows) */
     double *stack;     /* (n + rows, n), column-major: R above the columns of a chunk */
     double *triangle;  /* (n, n): R */
-    /* NULL, or (n, n): products of the columns with the columns shifted by one row of the log. */
+    /* (n, n): products of the columns of the Jacobian with the same columns one row of the log later, for
+     * errors that are correlated in time. NULL if they are not wanted. */
     double *lagged;
     double squares, weighted;
 } normal;

@@ -41,7 +41,7 @@ void __attribute__((format(printf, 3, 4)))
 lg_numbers_put(lg_number_list *list, double value, const char *format, ...);
 
 /* A row of the table of terms. `record` returns, by part:
- *   mass       M of the momenta on R^n, (B, n, n) or (1, n, n)
+ *   mass       the mass matrix M, (B, n, n) or (1, n, n), of the coordinates whose momenta are in R^n
  *   potential  V (B, 1)
  *   damping, input map, residual   forces (B, velocities)
  *   bias       (1, positions + velocities), which logs have added to the true values */

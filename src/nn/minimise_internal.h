@@ -61,8 +61,8 @@ typedef struct lg_minimise_row {
      * = -H g with the new gradient m->g. May overwrite s and y. */
     void (*update)(struct lg_minimiser *m, double *s, double *y);
     void (*direction)(struct lg_minimiser *m); /* m->d = -H g; needs counts.pairs > 0 */
-    /* Sets H = S (L L^T)^-1 S, where S = diag(scale) and L is lower triangular, packed (n, n), in
-     * m->curvature. NULL: the method cannot set H. */
+    /* Replaces the inverse Hessian by H = S (L L^T)^-1 S with S = diag(scale). On entry m->curvature holds
+     * the lower triangular L, packed (n, n). NULL: the method cannot replace it. */
     void (*invert)(struct lg_minimiser *m, const double *scale);
 } lg_minimise_row;
 

@@ -82,7 +82,8 @@ static double curvature_of(const lg_minimiser *m, size_t i) {
     return most;
 }
 
-/* Makes A symmetric, puts its diagonal into m->s and 1/sqrt(D) into m->y. */
+/* Makes A symmetric. m->s becomes the diagonal of A, and m->y becomes 1/sqrt(D), where D_i is curvature_of
+ * variable i. */
 static void measure(lg_minimiser *m) {
     const size_t n = m->n;
     double *A = hessian_of(m);

@@ -279,7 +279,7 @@ lg_status lg_search_run(const lg_context *context, const lg_search_space *space,
     if (options == NULL) options = &defaults;
     if (problem == NULL || problem->run == NULL || trials == NULL || count == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "the problem, its function `run`, or an argument for the trials is NULL");
+                       "the problem, its function `run`, the options or the trials are NULL");
     LG_TRY(lg_search_space_check(space, error));
     LG_TRY(check_options(options, error));
     LG_TRY(check_earlier(options, trials, *count, error));
@@ -311,7 +311,7 @@ lg_status lg_search_run_trial(const lg_search_space *space, const lg_search_opti
     if (why == NULL) why = &unasked;
     if (problem == NULL || problem->run == NULL || trial == NULL || options == NULL)
         return lg_fail(why, LG_INVALID_ARGUMENT,
-                       "the problem, its function `run`, or an argument for the trials is NULL");
+                       "the problem, its function `run`, the options or the trials are NULL");
     LG_TRY(lg_search_space_check(space, why));
     LG_TRY(check_options(options, why));
     lg_search one = {

@@ -83,9 +83,9 @@ static lg_status residuals(void *user, lg_tape *tape, lg_var theta, const uint32
 
 /* ---- the Jacobian of the residuals ---- */
 
-/* Fills the columns of one dense layer in the rows of J for one output, in which samples are `stride` apart.
- * `in` (count, layer->in): the layer's inputs; `by` (count, layer->out): derivative of the output with
- * respect to the layer's outputs. */
+/* Fills the entries of the Jacobian for the weights and the bias of one dense layer and for one output of the
+ * network; the rows of consecutive samples begin `stride` numbers apart. `in` (count, layer->in): the
+ * layer's inputs; `by` (count, layer->out): derivative of the output with respect to the layer's outputs. */
 static void fill_layer(const net_dense *layer, const double *in, const double *by, size_t count,
                        double factor, size_t stride, double *jacobian) {
     for (size_t i = 0; i < count; i++, in += layer->in, by += layer->out, jacobian += stride) {

@@ -142,7 +142,7 @@ static lg_classifier make_classifier(const lg_series *s, size_t t) {
     return *own_lg_classifier(c);
 }
 
-/* Chain t and the archive that it was saved to. */
+/* A classifier with its features, made with the options number t, and the archive that it was saved to. */
 typedef struct archived {
     lg_classifier c;
     memory_archive archive;

@@ -109,8 +109,9 @@ static double largest_of(const double *row, size_t n) {
     return largest;
 }
 
-/* Compares the derivatives by every `every`-th input of a window with differences, to `tolerance` times the
- * largest number of the row. A tree is constant except for jumps, which a step may cross. */
+/* Compares columns 0, every, 2 every, ... of the Jacobian with difference quotients, to `tolerance` times the
+ * largest number of the row of the Jacobian. A tree is constant except for jumps: its Jacobian must be 0, and
+ * difference quotients are left out, because their step may cross a jump. */
 static void against_differences(const chain *f, float *x, size_t every, double step, double tolerance) {
     enum { LEVELS = 4 };
     double y[MOST_OUTPUTS], by[MOST_OUTPUTS], *at = TEST_ARRAY(double, f->inputs);

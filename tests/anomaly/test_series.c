@@ -265,8 +265,9 @@ TEST("folds are assigned class by class") {
     for (size_t i = 0; i < 11; i++) assert_int_equal(fold[i], 0);
 }
 
-/* Strata: {0} has units 2, 4, 9; {0, 1} has 3, 7; {1} has 5, 6, 8. The second stratum starts with the fold
- * that has the fewest rows of class 0. */
+/* A stratum is the set of units whose rows have the same classes. Units 2, 4, 9 have class 0 only, units 3, 7
+ * have both classes, units 5, 6, 8 have class 1 only. The second stratum starts with the fold that has the
+ * fewest rows of class 0. */
 TEST("folds are assigned to whole units, stratum by stratum") {
     static const uint32_t unit[] = {9, 4, 4, 2, 2, 2, 7, 7, 3, 3, 3, 5, 6, 8, 8, 9};
     static const uint32_t label[] = {0, 0, 0, 0, 0, 0, 1, 0, 0, 1, 1, 1, 1, 1, 1, 0};

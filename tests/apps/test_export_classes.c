@@ -94,7 +94,7 @@ typedef struct detector_example {
     /* {channels, length, blocks, {channels, kernel, stride, padding, pooling, size, stride}, plane,
      * outputs} */
     lg_cnn net;
-    double weight, offset; /* added to the last weight and to the offset of the output layer */
+    double weight, offset; /* added to the last weight and to the bias of the output layer */
 } detector_example;
 
 #define NET(channels, length, blocks, plane, outputs, activation, ...)                                       \

@@ -253,7 +253,8 @@ static void check_bytes(const keeping *k, void *instance, bool finite) {
     assert_int_equal(k->drop(instance, &state), 0);
 }
 
-/* Value references of FMI 2.0: x 0, 1; x' 2, 3; u 4; step 5... as modelDescription.xml lists them. */
+/* The value references in modelDescription.xml of FMI 2.0: 0 and 1 are x, 2 and 3 are x', 4 is u, 5 is the
+ * parameter longest_step. */
 TEST("an FMU of version 2 has the program's rate, its derivatives, steps and states") {
     make_model("driven", make_driven);
     build("driven", "fmu2");

@@ -367,8 +367,8 @@ static long double times(long double d, long double factor) {
     return d == 0 ? 0 : d * factor;
 }
 
-/* Runs all instructions at `in` with derivatives by input `by`. Returns false if one of them is a function of
- * an angle; test_program_c and test_kernels compare these with their own references. */
+/* Runs all instructions at `in` with derivatives by input `by`. Returns false if one of them is
+ * STUMPFF or DEXPINV, which test_program_c and test_kernels compare with their own references. */
 static bool in_long_double(const lg_scalars *s, lg_dtype dtype, const long double *in, uint32_t by, dual *r) {
     for (uint32_t i = 0; i < s->count; i++) {
         const lg_scalar_code *c = &s->code[i];

@@ -781,7 +781,8 @@ TEST("the bound of a gradient's norm holds, and is exact for single contribution
             lg_var b = lg_slice(t, p, 0, SIDE * SIDE, SIDE), c = lg_slice(t, p, 0, N - SIDE, SIDE);
             /* adds right * left * rows to each element of W's gradient */
             lg_var y = lg_sum(t, lg_scale(t, lg_matmul(t, x, w), right));
-            /* adds 1 to each element of c's gradient, infinity for kind 3 */
+            /* kinds 3 to 5: adds 1 to each element of c's gradient; for kind 3 it is infinite for the last
+             * one */
             if (kind >= 3) y = lg_add(t, y, lg_sum(t, lg_sqrt(t, c)));
             if (kind >= 4) y = lg_add(t, y, lg_sum(t, lg_scale(t, b, kind == 5 ? -INFINITY : 4.0)));
             const lg_var wrt = p;
@@ -891,7 +892,8 @@ TEST("a flat parameter may have slices that overlap, are reshaped, sliced again 
                               (i < 6 ? 2 * (theta[i % 3] + theta[3 + i % 3]) : 0.0);
             assert_ok(lg_grad(t, y, &p, 1, &out));
             assert_reads(t, out, 12, expected, tolerance, 0);
-            const size_t n = with_slice ? 6 : 12; /* by the slice alone: without the contribution through b */
+            /* The slice a has 6 elements; what y gets through b does not count for it. */
+            const size_t n = with_slice ? 6 : 12;
             for (int i = 4; with_slice && i < 6; i++) expected[i] -= 10.0;
             void *const into = f32 ? (void *)grad32 : grad;
             assert_ok(lg_backward(t, y, &wrt[with_slice], 1, &into));

@@ -136,7 +136,8 @@ TEST("without a gap the ends of the range are the bifurcations themselves") {
     assert_close(curves.energy[0], curves.energy[8], 1e-12, 0); /* x = 0 and 2 pi */
     assert_close(curves.energy[4], curves.energy[5], 1e-12, 0); /* pi, twice */
     lg_elastica_curves_destroy(&curves);
-    s.count = 100; /* x = 2 pi equals x = 0, whatever the neighbours are */
+    s.count =
+        100; /* the last curve, at x = 2 pi, equals the first one, at x = 0, for other distances of x too */
     assert_ok(lg_elastica_generate(NULL, &s, &curves, NULL));
     for (size_t k = 0; k < 102; k++) assert_close(curves.q[99 * 102 + k], curves.q[k], 0, 1e-11);
     lg_elastica_curves_destroy(&curves);

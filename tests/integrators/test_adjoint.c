@@ -722,7 +722,8 @@ TEST("a run can be cancelled at any time") {
     setup s = chain_setup("rkmk4");
     s.watch[0] = s.watch[1] = cancelling;
     const lg_adjoint_problem p = problem_of(&s);
-    /* fewest evaluations: each stage once forward and once on the tape */
+    /* Lower bound on the evaluations of the field: 4 stages, once forward and once on the tape per step,
+     * and in the two computations of the first step that are compared. */
     const size_t all = 4 * (2 + 2 * STEPS);
     for (size_t at = 1; at < all; at += 5) {
         result r, untouched;

@@ -15,7 +15,9 @@ typedef struct field_data {
     size_t calls;
 } field_data;
 
-/* u_i = scale (q_i x p_i + (t, input or 1/2, -1/4)), v_i = scale (p_i + q_(i+1) |q_i|) */
+/* The algebra element of copy i is u_i = scale (q_i x p_i + (t, input, -1/4)), where a missing input is
+ * 1/2, and v_i = scale (p_i + (y, z, x)), where (x, y, z) is q of the next copy; without `coupled` it is
+ * q_i. */
 FIELD(swirl, y) {
     field_data *d = user;
     d->calls++;
@@ -100,7 +102,8 @@ static void compare(const lg_scheme *scheme, size_t copies, double scale, const 
 TEST("steps by the special kernels agree with the interpreter") {
     static const char *const names[] = {"lie-euler", "lie-heun", "rkmk3", "rkmk4", "rkmk5", "rkmk54"};
     static const size_t copies[] = {2, 7, 8, 9, 16, 17};
-    /* only short series, both, only long series and larger angles */
+    /* Angles so small that only the short series are used; so that short and long ones are used; so large
+     * that only the long ones are used. */
     static const double scales[] = {0.1, 1.0, 3.0};
     const double input = 0.9;
     for (size_t i = 0; i < sizeof names / sizeof *names; i++)

@@ -14,8 +14,8 @@ typedef struct task {
     lg_fit_problem fit;
 } task;
 
-/* Windows of random rows with residuals of size 1. Intervals have different lengths; a velocity and a
- * direction are missing. */
+/* Windows of random rows with residuals of size 1. The time steps have different lengths. In one row a
+ * velocity is NaN, and in one row a direction is. */
 static task *make_task(const lg_machine *machine, lg_machine_starts starts, const char *scheme,
                        const double *theta) {
     task *t = TEST_ARRAY(task, 1);

@@ -76,8 +76,8 @@ static void thrusts(double t, const double *y, double u[2][3]) {
     double A[3], s[2], force[3] = {0, 0, 0}, M[9] = {0}, x[3], along[2];
     const double *q[2] = {y + Q, y + Q + LINK}, *w[2] = {y + W, y + W + LINK};
     wanted_force(t, y, A);
-    /* Normal equations of min |G s - m_y A|, solved by projection on q_1 and on the part of q_2 orthogonal to
-     * it. */
+    /* s minimises |s_1 q_1 + s_2 q_2 - payload A|. The normal equations are solved by projection on q_1
+     * and on the part of q_2 orthogonal to q_1. */
     const double b = lg_dot3(q[0], q[1]), r0 = payload * lg_dot3(q[0], A), r1 = payload * lg_dot3(q[1], A);
     s[1] = (r1 - b * r0) / (1.0 - b * b);
     s[0] = r0 - b * s[1];

@@ -164,7 +164,7 @@ TEST("without an input the fields of all families keep the energy, and inputs do
 
 /* ---- linearisation ---- */
 
-/* The frame that the header defines. */
+/* The tangent frame e_1, e_2 at q, as the comment before lg_space_basis defines it. */
 static void expected_frame(const double *q, double *e1, double *e2) {
     size_t least = 0;
     for (size_t c = 1; c < 3; c++)

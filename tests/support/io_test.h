@@ -400,8 +400,8 @@ fail_every_allocation(lg_status (*act)(const lg_context *context, void *user, lg
     return calls - 1;
 }
 
-/* A reader that is run in this process; the child process, which checks the file first, would allocate
- * elsewhere. */
+/* A reader that is called without the child process that otherwise checks a file first: allocations in the
+ * child process could not be made to fail. */
 typedef struct reading {
     read_fn reader;
     const char *path;

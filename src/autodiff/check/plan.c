@@ -112,7 +112,8 @@ static bool constant(lg_plan *plan, lg_plan_step *s) {
 
 /* ---- LG_PLANT_CLOBBER: a place that is still needed is overwritten ---- */
 
-/* Calls fn(user, place, written) for every place of the step. */
+/* Calls fn(user, place, written) for the operands and results of the step, but not for its work memory,
+ * and for nothing in steps that are calls. */
 typedef void (*place_fn)(void *user, lg_place *place, bool written);
 static void each_place(lg_plan_step *s, place_fn fn, void *user) {
     switch (s->kind) {

@@ -22,8 +22,8 @@ typedef struct lg_place {
     size_t offset;
 } lg_place;
 
-/* A tensor operation. y may be the place of an input when the operation works elementwise
- * (lg_op.over_first). */
+/* A tensor operation. If the operation works elementwise, y may be the place of an input; if
+ * lg_op.over_first is set, only of input 0. */
 typedef struct lg_tensor_step {
     const lg_op *op;
     lg_attr attr; /* its pointer points into the plan's memory */

@@ -50,7 +50,8 @@ typedef struct lg_planning {
     lg_plan_constants constants;
     lg_exchange exchange;
     lg_error *error;
-    bool compact, packed, failed; /* failed: out of memory */
+    bool compact, packed; /* as in lg_plan_options */
+    bool failed;          /* out of memory */
 } lg_planning;
 
 /* The nodes of one step, node[first .. first + count - 1] of the order: one tensor, or a run of scalar

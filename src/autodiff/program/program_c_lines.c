@@ -81,8 +81,9 @@ static void put(lg_c_graph *g, uint32_t i) {
     g->place[i] = g->ordered;
 }
 
-/* Adds the instruction to the order, together with needed instructions that are cheap to compute with it: SIN
- * and COS of the same angle, or Stumpff functions of the same argument and order. */
+/* Appends the instruction to the sequence g->order, together with needed instructions that are cheap to
+ * compute at the same time: SIN and COS of the same angle, or Stumpff functions of the same argument and
+ * derivative. */
 static void put_family(lg_c_graph *g, uint32_t i) {
     put(g, i);
     if (!has_siblings(&g->code[i])) return;

@@ -236,8 +236,8 @@ lg_status lg_backward_rows(lg_tape *tape, lg_var y, lg_var x, double *grad, lg_v
                            double *gradients);
 
 lg_var lg_zeros_like(lg_tape *tape, lg_var v);
-/* Whether y depends on x through inputs that are not frozen; if not, the derivative is zero for all values.
- * Returns false on failure. */
+/* Whether y depends on x through inputs that pass on derivatives (lg_op.frozen marks the others). If not, the
+ * derivative is zero for all values. Also returns false on failure. */
 bool lg_depends_on(lg_tape *tape, lg_var y, lg_var x);
 /* a + b, where LG_NONE stands for zero. */
 static inline lg_var lg_add_or(lg_tape *tape, lg_var a, lg_var b) {

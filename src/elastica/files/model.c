@@ -140,7 +140,7 @@ static lg_status get_rest(lg_h5 *h5, void *user, lg_error *error) {
     if (lg_h5_has(h5, "trained")) {
         LG_TRY(lg_as_format(lg_h5_get_doubles(h5, "trained", 2, dims, &file->trained, error), error));
         if (dims[0] < 1 || dims[1] != BOUNDARY)
-            return lg_fail(error, LG_FORMAT, "%s: /trained: shape (%llu, %llu), expected (n, %d)",
+            return lg_fail(error, LG_FORMAT, "%s: /trained: shape (%llu, %llu), expected (n, %d), n >= 1",
                            lg_shown_path(h5->path), (unsigned long long)dims[0], (unsigned long long)dims[1],
                            BOUNDARY);
         file->trained_count = (size_t)dims[0];

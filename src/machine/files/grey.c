@@ -92,7 +92,8 @@ static const lg_field keys[KEY_COUNT] = {
     [KEY_UNKNOWN] = {.name = "unknown", .type = LG_FIELD_NODE},
 };
 
-/* Reads {start: ..., unknown: true}. */
+/* Reads {start: ..., unknown: ...}. `unknown` is a truth value, or one per number of `start`; default
+ * true. */
 static lg_status read_start(const reading *r, const yaml_node_t *node, parameter *p) {
     lg_key_value values[KEY_COUNT] = {{.line = 0}};
     const lg_key_set set = {keys, KEY_COUNT, values};

@@ -11,7 +11,7 @@
 #include "machine/files/log_table.h"
 
 #define DEFAULT_STEP 1.4  /* max_step by default, in median steps */
-#define SAME_STEP    1e-9 /* relative tolerance of steps */
+#define ROUNDING     1e-9 /* a time step that exceeds max_step by at most this fraction is not a gap */
 #define OTHER_RATE   3.0  /* files whose median steps differ by more are warned of */
 
 typedef struct reading {
@@ -189,7 +189,7 @@ static lg_status warn_of_columns(reading *r) {
 
 static bool follows(const lg_log_table *t, size_t row) {
     return t->origin[row].run == t->origin[row - 1].run &&
-           lg_log_time(t, row) - lg_log_time(t, row - 1) <= t->out->max_step * (1 + SAME_STEP);
+           lg_log_time(t, row) - lg_log_time(t, row - 1) <= t->out->max_step * (1 + ROUNDING);
 }
 
 /* Delays inputs in a stretch without gaps: row j gets the inputs of row j - delay; the first rows get

@@ -260,7 +260,8 @@ lg_status lg_program_get(lg_h5 *h5, lg_program **out, lg_error *error) {
 }
 
 static lg_status load(void *user, lg_h5 *h5, lg_error *error) {
-    const bool functions = lg_h5_has(h5, "functions"); /* then the file may be of any kind */
+    const bool functions =
+        lg_h5_has(h5, "functions"); /* a file with the group `functions` may be of any kind */
     LG_TRY(lg_h5_check_format(h5, functions ? NULL : "program", false, error));
     return lg_program_get(h5, user, error);
 }

@@ -314,7 +314,8 @@ static lg_status judge_parts(lg_training *self, lg_error *error) {
                           held > 0 ? held : s->trained, &s->judged, error);
 }
 
-/* Warns of far cells in the outputs of a regression's table that is judged. */
+/* Warns of far cells (lg_table_find_far) in the output columns of the table on which a regression is
+ * judged. */
 static lg_status warn_far_outputs(const lg_training *self, const lg_table_sheet *sheet, lg_error *error) {
     const lg_table_file *file = &((lg_table_state *)self->state)->file;
     return lg_table_warn_far(self->context, sheet, sheet->inputs, file->output_name, sheet->outputs,

@@ -242,7 +242,8 @@ static void draw_operands(lg_rng *rng, const body *f, step *s) {
     }
 }
 
-/* If rows must not affect each other, an operand without rows must be made from slots without rows. */
+/* If rows must not affect each other, an operand that is not batched is drawn again until its slot is not
+ * batched either. */
 static void keep_apart(lg_rng *rng, const putting *p, const body *f, step *s) {
     for (uint32_t k = 0; f->apart && k < s->inputs; k++)
         for (uint32_t tries = 0; !wanted(p, s, k).batched && slot_of(f, s->operand[k]).batched; tries++)
