@@ -94,8 +94,8 @@ static lg_classifier_method method_of(int method) {
     return methods[method];
 }
 
-/* Published values of pruning: the largest depth by features and criterion (table 6.7). A spectrum is treated
- * like the covariance. */
+/* The largest depth of trees that `--prune pre` tries, as published (table 6.7), by features and criterion. A
+ * spectrum has the value of the covariance. */
 static uint32_t deepest(const train_values *values) {
     if (values->features != LG_FEATURES_COV && values->features != LG_FEATURES_SPECTRUM) return 13;
     if (values->components > 0) return 8;

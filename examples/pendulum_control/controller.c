@@ -57,9 +57,9 @@ static double largest_eigenvalue(const double *M) {
 
 /* u = -K c minimises the integral of c^T Q c + |u|^2. Where |K c| exceeds torque_max, the torque is u = -s
  * K c with s < 1. c^T P c still decreases if s >= 1/2 (the regulator's gain margin; Anderson and Moore,
- * Optimal Control, 1990, ch. 5), that is, if |K c| <= 2 torque_max. `region` is the largest number such
- * that this is true for all c with c^T P c < region. It follows from the largest |K c|^2 on c^T P c = 1,
- * which is the largest eigenvalue of K B = B^T P B. */
+ * Optimal Control, 1990, ch. 5), that is, if |K c| <= 2 torque_max. The controller balances where c^T P c <
+ * region. `region` is chosen so that |K c| <= 2 torque_max there: it is (2 torque_max)^2 divided by the
+ * largest |K c|^2 on c^T P c = 1, which is the largest eigenvalue of K B = B^T P B. */
 static bool design(controller *self, void *memory, lg_error *error) {
     double Q[TANGENT * TANGENT] = {0.0}, KB[TORQUE * TORQUE] = {0.0};
     const double R[TORQUE * TORQUE] = {1, 0, 0, 0, 1, 0, 0, 0, 1};

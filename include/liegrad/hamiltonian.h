@@ -252,10 +252,10 @@ typedef struct lg_penalty_points {
  * - AMBIENT: D = |y - z| in R^d.
  * - GEODESIC, on each T*S^2 with y = (q, p) and z = (q', p'): D^2 = theta^2 + |P p - p'|^2. theta is the
  *   angle between q and q'. P is the parallel transport along the geodesic from q to q': P p = p - 2 m
- *   (m.p)/|m|^2 with m = q + q'. This D is the length of the path that goes from q to q' with p carried
- *   along, and then from P p to p', in Sasaki's metric, which T*S^2 has from S^2. For y near z, D^2 is
- *   |y - z|^2 plus terms of higher order; it has a kink where q' = -q. Given points are projected to
- *   the manifold first. On R^n it is the same as AMBIENT. */
+ *   (m.p)/|m|^2 with m = q + q'. D is the length, in the metric that Sasaki
+ *   gives T*S^2, of the path on which q moves along the geodesic to q' while the carried p changes evenly to
+ *   p'. For y near z, D^2 is |y - z|^2 - ((q' - q).p)^2 to leading order. It has a kink where q' = -q.
+ *   Given points are projected to the manifold first. On R^n it is the same as AMBIENT. */
 typedef enum lg_hamiltonian_distance { LG_DISTANCE_AMBIENT, LG_DISTANCE_GEODESIC } lg_hamiltonian_distance;
 
 /* Where predictions start. MEASURED: at the first points, which then are not in the loss. ESTIMATED, for

@@ -62,7 +62,7 @@ typedef struct lg_minimise_row {
     void (*update)(struct lg_minimiser *m, double *s, double *y);
     void (*direction)(struct lg_minimiser *m); /* m->d = -H g; needs counts.pairs > 0 */
     /* Replaces the inverse Hessian by H = S (L L^T)^-1 S with S = diag(scale). On entry m->curvature holds
-     * the lower triangular L, packed (n, n). NULL: the method cannot replace it. */
+     * the lower triangular L as n rows of n numbers. NULL: the method cannot replace it. */
     void (*invert)(struct lg_minimiser *m, const double *scale);
 } lg_minimise_row;
 

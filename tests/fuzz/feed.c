@@ -17,7 +17,7 @@ void watch_end_gap(watching *self) {
 static void take_feed(const app *by, const well_model *model, uint8_t options) {
     static const char *const names[] = {"a", "b"};
     watching self = {.app = by, .bench = {.model = model}, .rate = 1.0, .rate_known = (options & 1) != 0};
-    /* Hz; low rates, so that the feeds, which last up to a week, have few samples */
+    /* Hz; low rates, so that the longest gap that watch fills, a week, has few samples */
     if (self.rate_known) self.rate = (options & 2) != 0 ? 1e-3 : 0.05;
     self.timing.follow = (options & 4) != 0;
     static sample_reader fresh; /* its large buffer is allocated only once */

@@ -21,7 +21,7 @@ enum { MOST_SPAN = 32, FEWEST = 8, MOST_COMPARED = 100000, MOST_SORTED = 50000 }
 #define DEGREE      0.0174532925199433
 #define STEADY      1e-12 /* variances below this part of the mean square are rounding */
 #define ABOVE_NOISE 25    /* least ratio of a motion's variance to its noise's variance */
-#define MOST_ANGLE  0.5   /* radians over a span: only small changes of attitude add up */
+#define MOST_ANGLE  0.5   /* radians; bound on the change of attitude over a span of several rows */
 
 /* A way to read the columns. The first way of a list is the way of the machine's file. */
 typedef struct way {
