@@ -93,8 +93,10 @@ void well_model_load(const app *self, const char *path, well_model *out) {
     else if (strcmp(kind, "classifier") == 0)
         load_classifier(self, path, out);
     else
-        app_stop(self, LG_FORMAT, "%s: holds %s%s%s, not a detector or classifier written by train", path,
-                 kind[0] != '\0' ? "a '" : "no model of liegrad", kind, kind[0] != '\0' ? "'" : "");
+        app_stop(
+            self, LG_FORMAT,
+            "%s: attribute kind is '%s', expected 'detector' or 'classifier', which lg-anomaly train writes",
+            path, kind);
 }
 
 void well_model_destroy(well_model *model) {

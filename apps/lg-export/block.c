@@ -85,7 +85,7 @@ static bool add_outputs(block *b, const char *function) {
 
 static bool has(const block *b, const char *function) {
     size_t at;
-    return lg_program_find(b->program, function, &at) == LG_OK;
+    return lg_program_find(b->program, function, &at, NULL) == LG_OK;
 }
 
 /* Returns whether the function computes x' from x and inputs: it has one result, as long as the first

@@ -71,7 +71,7 @@ int export_bundle(const app *self, export_source *source, lg_program *program, e
     for (size_t i = 0; i < count; i++) {
         names[i] = functions[i].name;
         hidden[i] = functions[i].hidden;
-        (void)lg_program_find(program, functions[i].function, &chosen[i]);
+        (void)lg_program_find(program, functions[i].function, &chosen[i], NULL);
     }
     const lg_status status = export_c(source, program, &how, source->outputs > 0 ? 2 : 0, &c, &error);
     for (size_t i = 0; status == LG_OK && i < count; i++)

@@ -66,7 +66,7 @@ static unsigned char *pattern_of(const job *j, const char *function, const char 
                                  size_t size) {
     size_t ins, outs;
     size_t at = 0;
-    (void)lg_program_find(j->program, function, &at);
+    (void)lg_program_find(j->program, function, &at, NULL);
     const lg_port *in = export_ports(j->program, function, false, &ins),
                   *out = export_ports(j->program, function, true, &outs);
     const int i = port_named(in, ins, input), o = port_named(out, outs, output);

@@ -32,7 +32,7 @@ const export_kind *export_kind_of(const lg_recipe *recipe) {
 /* ---- choosing faces ---- */
 
 static bool has_function(const lg_program *program, const char *name) {
-    return lg_program_find(program, name, &(size_t){0}) == LG_OK;
+    return lg_program_find(program, name, &(size_t){0}, NULL) == LG_OK;
 }
 
 bool export_has(const export_model *m, const export_face *face) {
@@ -167,7 +167,8 @@ static void make_golden(export_model *m) {
 static lg_status add_golden(export_model *m) {
     lg_status status = LG_OK;
     size_t function;
-    if (export_has(m, &export_face_classes) && lg_program_find(m->program, "probability", &function) == LG_OK)
+    if (export_has(m, &export_face_classes) &&
+        lg_program_find(m->program, "probability", &function, NULL) == LG_OK)
         LG_TRY(export_evaluation_open(m->program, function, LG_F64, 0, &m->probability, NULL));
     lg_rng_seed(&m->rng, m->source->options->seed, m->kind->stream);
     make_golden(m);
@@ -206,7 +207,7 @@ static lg_status measure_condition(export_model *m, lg_error *error) {
             for (size_t k = 0; k < m->forces && f > 1; k++) x[at++] = (double)(float)m->input[k];
             if (f == 3) x[at++] = (double)(float)m->h;
         }
-        status = lg_program_find(m->program, names[f], &function);
+        status = lg_program_find(m->program, names[f], &function, NULL);
         if (status == LG_OK)
             status =
                 export_amplification(m->program, function, x, golden->count, m->source->depth, &found, error);

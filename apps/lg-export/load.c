@@ -75,7 +75,7 @@ int export_load(const app *self, const char *path, const char *kind, export_sour
 
 const lg_port *export_ports(const lg_program *program, const char *function, bool outputs, size_t *count) {
     size_t at = SIZE_MAX;
-    (void)lg_program_find(program, function, &at);
+    (void)lg_program_find(program, function, &at, NULL);
     return outputs ? lg_program_outputs(program, at, count) : lg_program_inputs(program, at, count);
 }
 
@@ -108,7 +108,7 @@ static void add_given(const char *functions, const lg_program *program, text *li
     char *given = app_format("%s", functions);
     for (char *save = NULL, *name = strtok_r(given, ",", &save); name != NULL && *missing == NULL;
          name = strtok_r(NULL, ",", &save)) {
-        if (lg_program_find(program, name, &at) == LG_OK)
+        if (lg_program_find(program, name, &at, NULL) == LG_OK)
             add_name(list, name);
         else
             *missing = app_format("%s", name);
@@ -119,7 +119,7 @@ static void add_given(const char *functions, const lg_program *program, text *li
 static void add_usual(const lg_program *program, const char *const *usual, text *list) {
     size_t at;
     for (size_t i = 0; usual[i] != NULL; i++)
-        if (lg_program_find(program, usual[i], &at) == LG_OK) add_name(list, usual[i]);
+        if (lg_program_find(program, usual[i], &at, NULL) == LG_OK) add_name(list, usual[i]);
     const bool all = list->length == 0;
     for (size_t i = 0; all && i < lg_program_functions(program); i++) {
         const char *name = lg_program_function_name(program, i);
@@ -131,13 +131,14 @@ static void add_usual(const lg_program *program, const char *const *usual, text 
  * have derivatives of functions instead. */
 static void refuse_function(const app *self, const lg_program *program, const char *name) {
     size_t at;
-    if (strcmp(name, "linearise") == 0 && lg_program_find(program, "step", &at) == LG_OK)
+    lg_error error = {LG_OK, ""};
+    if (strcmp(name, "linearise") == 0 && lg_program_find(program, "step", &at, NULL) == LG_OK)
         (void)app_usage(
             self,
             "--functions: linearise is for --target c only; other targets have derivatives of velocity and "
             "step by x and u (casadi: jac_NAME_velocity, jac_NAME_step; FMUs: directional derivatives)");
-    else
-        (void)app_usage(self, "--functions: the model has no function '%s'", name);
+    else if (lg_program_find(program, name, &at, &error) != LG_OK)
+        (void)app_usage(self, "--functions: %s", error.message);
 }
 
 char *export_choose(const app *self, const export_options *options, const lg_program *program,
@@ -167,7 +168,7 @@ char *export_derive(const app *self, lg_program *program, lg_derivative_kind kin
     lg_error error = {LG_OK, ""};
     lg_derivative what;
     char *name = app_format("%s%s", begins[kind], function);
-    if (lg_program_find(program, name, &at) == LG_OK) return name;
+    if (lg_program_find(program, name, &at, NULL) == LG_OK) return name;
     lg_derivative_init(&what);
     what.kind = kind;
     what.function = function;

@@ -149,7 +149,10 @@ static int refuse_scheme(const job *j) {
 }
 
 static int refuse_functions(const job *j) {
-    return app_usage(j->self, "--functions and --compact are for programs; %s is a %s", j->path, j->kind);
+    return app_usage(j->self,
+                     "%s is a %s: --compact is for programs, and --functions for programs, for targets other "
+                     "than c, and, with the name linearise, for models that move",
+                     j->path, j->kind);
 }
 
 /* Refuses options that faces do not have: --compact, and --functions unless the model moves and the only name

@@ -103,9 +103,9 @@ static bool is_plain(const export_model *m) {
 static size_t evaluations_of(const export_model *m) {
     static const char *const callees[] = {"field", "force"};
     size_t step, callee, count = 0;
-    if (lg_program_find(m->program, "step", &step) != LG_OK) return 0;
+    if (lg_program_find(m->program, "step", &step, NULL) != LG_OK) return 0;
     for (size_t i = 0; i < LG_COUNT(callees); i++)
-        if (lg_program_find(m->program, callees[i], &callee) == LG_OK)
+        if (lg_program_find(m->program, callees[i], &callee, NULL) == LG_OK)
             count += lg_program_calls(m->program, step, callee);
     return count;
 }

@@ -130,7 +130,7 @@ static int build(const app *self, const char *path, lg_program *program, export_
         *comma = '\0';
         app_warn(self, "an ONNX file has one function: this one has %s; --functions chooses another", chosen);
     }
-    (void)lg_program_find(program, chosen, &function);
+    (void)lg_program_find(program, chosen, &function, NULL);
     free(chosen);
     lg_status status = graph_make(program, function, &g, &error);
     export_options options = *source->options;

@@ -295,8 +295,9 @@ static int choose(const job *j, const char *names, size_t *chosen, size_t *count
          name = strtok_r(NULL, ",", &save)) {
         size_t at;
         bool twice = false;
-        if (lg_program_find(j->program, name, &at) != LG_OK) {
-            code = app_usage(j->self, "--functions: the program has no function '%s'", name);
+        lg_error error = {LG_OK, ""};
+        if (lg_program_find(j->program, name, &at, &error) != LG_OK) {
+            code = app_usage(j->self, "--functions: %s", error.message);
             break;
         }
         for (size_t i = 0; i < *count; i++) twice = twice || chosen[i] == at;

@@ -102,11 +102,15 @@ static int run_evaluate(app *self) {
     const char *path = self->arguments[0];
     APP_CLEAN(lg_model_file_destroy) lg_model_file file = {0};
     APP_MUST_FILE(self, path, lg_model_load(self->context, path, NULL, &file, &error));
-    if (file.recipe == NULL)
+    if (file.recipe == NULL) {
+        char kind[64] = "";
+        (void)lg_model_file_kind(self->context, path, NULL, kind, sizeof kind, NULL);
         app_stop(
             self, LG_FORMAT,
-            "%s: no recipe belongs to this kind of model, so its data are unknown and it cannot be evaluated",
-            path);
+            "%s: no recipe belongs to the kind '%s', so its data are unknown and it cannot be evaluated; "
+            "lg-learn list names the recipes",
+            path, kind);
+    }
     check_data(self, file.recipe, 1);
     APP_FREE void *run = app_alloc(1, file.recipe->run_size);
     const app_settings settings[] = {{file.recipe->fields, run, 0}, APP_SETTINGS_END};

@@ -58,7 +58,7 @@ static void tape_gradient(size_t i) {
 static int prepare(const lg_program *program, const char *name, lg_plan **out, size_t *work) {
     size_t function;
     lg_error error = {.status = LG_OK};
-    if (lg_program_find(program, name, &function) != LG_OK ||
+    if (lg_program_find(program, name, &function, NULL) != LG_OK ||
         lg_plan_create(program, function, NULL, out, &error) != LG_OK)
         return 0;
     if (lg_plan_work_size(*out) > *work) *work = lg_plan_work_size(*out);

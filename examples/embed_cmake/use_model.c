@@ -9,9 +9,7 @@
 #include <time.h>
 
 #include <liegrad/hamiltonian.h>
-#include <liegrad/integrators.h>
 #include <liegrad/model.h>
-#include <liegrad/settings.h>
 
 /* Everything that the loops use, allocated before them. */
 typedef struct session {

@@ -10,7 +10,6 @@
 
 #include <math.h>
 
-#include <liegrad/core.h>
 #include <liegrad/networks.h>
 #include <liegrad/ops.h>
 #include <liegrad/taped.h>

@@ -7,10 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include <liegrad/integrators.h>
 #include <liegrad/model.h>
 #include <liegrad/ops.h>
-#include <liegrad/program.h>
 
 enum { STEPS = 10 };
 
@@ -57,7 +55,7 @@ static lg_status save(const char *path, lg_program *driven, lg_error *error) {
     size_t step;
     lg_space space;
     lg_status status = lg_program_add_loop(driven, &loop, error);
-    if (status == LG_OK) status = lg_program_find(driven, "step", &step);
+    if (status == LG_OK) status = lg_program_find(driven, "step", &step, NULL);
     if (status == LG_OK) cost.inputs = lg_program_inputs(driven, step, &cost.input_count);
     if (status == LG_OK) status = lg_program_add_function(driven, &cost, error);
     if (status == LG_OK) status = lg_space_init_rn(&space, 2);

@@ -9,9 +9,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include <liegrad/core.h>
 #include <liegrad/fit.h>
-#include <liegrad/networks.h>
 #include <liegrad/ops.h>
 
 enum { SAMPLES = 1000, IN = 3, OUT = 2 };

@@ -70,7 +70,7 @@ static lg_status run(loop *l, uint32_t *order, double *first, double *last) {
 lg_status train(lg_program *program, const training *how, double *first, double *last, lg_error *error) {
     loop l = {.program = program, .how = how, .parameters = lg_program_parameters(program)};
     uint32_t *order = calloc(how->samples, sizeof *order);
-    lg_status status = lg_program_find(program, "loss", &l.loss);
+    lg_status status = lg_program_find(program, "loss", &l.loss, NULL);
     bool memory = order != NULL && l.parameters <= PARAMETERS;
     for (size_t j = 0; memory && j < l.parameters; j++) {
         const lg_parameter_spec p = lg_program_parameter(program, j);

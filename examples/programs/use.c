@@ -31,7 +31,7 @@ static ready prepare(const lg_program *program, const char *name) {
     ready r = {.plan = NULL};
     lg_error error;
     size_t function;
-    if (lg_program_find(program, name, &function) != LG_OK ||
+    if (lg_program_find(program, name, &function, NULL) != LG_OK ||
         lg_plan_create(program, function, NULL, &r.plan, &error) != LG_OK) {
         (void)fprintf(stderr, "%s cannot be run\n", name);
         exit(1);
@@ -63,7 +63,7 @@ static void draw(const lg_program *program, const char *name, const ready *like,
     lg_rng rng;
     size_t function, count;
     lg_rng_seed(&rng, 5, from);
-    if (lg_program_find(program, name, &function) != LG_OK) return;
+    if (lg_program_find(program, name, &function, NULL) != LG_OK) return;
     const lg_port *port = lg_program_inputs(program, function, &count);
     for (size_t i = 0; i < count; i++) {
         const bool open = port[i].low == 0 && port[i].high == 0;

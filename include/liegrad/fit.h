@@ -453,7 +453,8 @@ typedef struct lg_fit_starts {
  * any more. The method is L-BFGS for more than 2000 numbers in the parameters, otherwise Levenberg-Marquardt
  * if a sum of squares is minimised and there are at most 64 numbers, otherwise SSBroyden. To change one of
  * these options, begin with lg_program_fit_options_init, not with lg_fit_options_init, whose method is Adam.
- * Data with noise: set `prior`, such as 0.1, if the parameters are weights of a network.
+ * If the data have noise and the parameters are weights of a network, set `prior`, such as 0.1. It acts
+ * with SSBroyden and L-BFGS on an output with a value per row.
  *
  * `starts` NULL: training begins with the parameters of the program. Otherwise it is repeated from each
  * start, and the parameters with the lowest loss are kept. A start whose training fails with LG_NOT_FINITE

@@ -149,7 +149,7 @@ enum {
     LG_TERM_DEGREE = 8,  /* The term has a degree (`degree`). */
     LG_TERM_VALUES = 16, /* The term has numbers (`values`): required if the term is known, else optional. */
     LG_TERM_KNOWN = 32,  /* The term has no parameters: all of it is given. */
-    LG_TERM_WIDTH = 64
+    LG_TERM_WIDTH = 64   /* The term has a width (`width`). */
 };
 /* NULL beyond the last. */
 LG_API const lg_term_kind *lg_term_kind_at(lg_machine_part part, size_t index);

@@ -203,17 +203,17 @@ typedef struct lg_system_user {
 LG_API lg_status lg_system_ode(const lg_system *system, lg_coordinates coordinates, lg_ode *ode,
                                lg_system_user *user, double *work);
 
+/* What lg_system_taped_ode fills. */
+typedef struct lg_system_taped_user {
+    const lg_system *system;
+    lg_var parameters;
+} lg_system_taped_user;
 /* Like lg_system_ode, for a tape (liegrad/taped.h). `parameters` is a variable of
  * lg_system_parameter_count elements; `user` is filled; `user` and `system` must outlive the use of `ode`.
  * Chains in Lagrangian form are one custom operation with hand-written first derivatives, which cost O(k)
  * in lg_backward and lg_jvp. Derivatives of these derivatives, and lg_grad, are made of plain operations
  * on k x k matrices, to any order. Errors: LG_INVALID_ARGUMENT, LG_UNSUPPORTED (AMBIENT for chains in
  * Hamiltonian form). */
-typedef struct lg_system_taped_user {
-    const lg_system *system;
-    lg_var parameters;
-} lg_system_taped_user;
-
 LG_API lg_status lg_system_taped_ode(const lg_system *system, lg_coordinates coordinates, lg_var parameters,
                                      lg_taped_ode *ode, lg_system_taped_user *user);
 

@@ -134,9 +134,10 @@ LG_API void lg_program_destroy(lg_program *program); /* NULL is allowed */
 LG_API size_t lg_program_functions(const lg_program *program); /* number of functions */
 /* Returns the name of a function; NULL for a number that is too large. */
 LG_API const char *lg_program_function_name(const lg_program *program, size_t function);
-/* Gives the number of the function with this name. Errors: LG_NOT_FOUND (no such function),
- * LG_INVALID_ARGUMENT (NULL). */
-LG_API lg_status lg_program_find(const lg_program *program, const char *name, size_t *function);
+/* Gives the number of the function with this name. Errors: LG_NOT_FOUND (no such function; the message names
+ * the functions of the program), LG_INVALID_ARGUMENT (NULL). */
+LG_API lg_status lg_program_find(const lg_program *program, const char *name, size_t *function,
+                                 lg_error *error);
 /* Return the ports of a function and set *count to their number; NULL and 0 for a number that is too
  * large. */
 LG_API const lg_port *lg_program_inputs(const lg_program *program, size_t function, size_t *count);

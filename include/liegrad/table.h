@@ -325,14 +325,15 @@ LG_API lg_port lg_table_port(const lg_table_data *of, const char *name, uint32_t
 /* Pieces of a log that a learned equation of motion must reproduce: each window has steps + 1 rows of one run
  * at equal time steps. Free with lg_table_windows_destroy. */
 typedef struct lg_table_windows {
-    size_t steps;    /* steps per window */
-    size_t count;    /* number of windows to learn from */
-    size_t held;     /* number of windows of the last run, to judge by; 0 if the log has only one run */
-    double *rows;    /* (count + held, steps + 1, columns); the windows of the last run are the last ones */
-    double *step;    /* (count + held) mean time step of each window */
+    size_t steps; /* steps per window */
+    size_t count; /* number of windows to learn from */
+    size_t held;  /* number of windows of the run that is kept to judge by; 0 if the log has only one run */
+    double *rows; /* (count + held, steps + 1, columns); the held windows are the last ones */
+    double *step; /* (count + held) mean time step of each window */
     size_t left_out; /* number of rows with missing cells */
-    lg_table_text held_run; /* name of the last run; "" if the log has only one */
-    lg_table_data data;     /* all complete rows, for lg_table_port */
+    lg_table_text
+        held_run;       /* name of the held run: the last one by number or name; "" if the log has only one */
+    lg_table_data data; /* all complete rows, for lg_table_port */
 } lg_table_windows;
 
 /* Reads the columns names (count) of a log and cuts them into windows that follow each other: the last row of

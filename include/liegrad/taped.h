@@ -157,7 +157,7 @@ LG_API lg_status lg_taped_integrate(lg_tape *tape, const lg_scheme *scheme, cons
 /* Adds the function `step` (x, u, h -> next) to a program that has the function `field`: next (dim) is the
  * state one step of size h (1) after x (dim), by `scheme`. `field` (x, u -> algebra element of `space`) is
  * the equation; u may be missing, then step has no u either. u is constant over the step. Splitting
- * schemes take the functions force (q, u -> p') and drift (p -> q') instead. h_low and h_high are the
+ * schemes also need the functions force (q, u -> p') and drift (p -> q'). h_low and h_high are the
  * range of step sizes (lg_port). Other functions can call `step`, and lg_program_add_loop repeats it:
  *   lg_space_init_rn(&space, 2);
  *   lg_program_add_step(program, &space, lg_scheme_find("rk4"), 0.01, 0.1, &error);

@@ -114,7 +114,7 @@ static lg_status make_scores(lg_detector_plan *made, const double *theta, lg_err
     LG_TRY(lg_detector_build(made->context, &made->model, &made->scaler, theta, true, &program, error));
     lg_plan_options_init(&options);
     options.dtype = made->dtype;
-    lg_status status = lg_program_find(program, "scores", &function);
+    lg_status status = lg_program_find(program, "scores", &function, NULL);
     if (status == LG_OK) status = lg_plan_create(program, function, &options, &made->scores, error);
     lg_program_destroy(program);
     return status;

@@ -75,7 +75,8 @@ lg_status lg_elastica_check(const lg_elastica *problem, lg_error *error) {
     if (!(distance < L))
         return lg_fail(
             error, LG_INVALID_ARGUMENT,
-            "elastica: the ends are %.17g apart, but the beam has length %.17g, which must be larger",
+            "elastica: the ends are %.9g apart, but the beam has length %.9g; it must be longer: change the "
+            "positions of the ends or the length",
             distance, L);
     if (!(fabs(problem->theta0) <= ANGLE_MAX))
         return lg_fail(error, LG_INVALID_ARGUMENT,

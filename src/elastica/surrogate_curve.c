@@ -103,7 +103,7 @@ static lg_status make_plan(lg_surrogate_curves *c, const lg_program *program, as
     lg_plan_options options;
     size_t function;
     const bool unused = which == VALUE && c->model.options.kind != LG_SURROGATE_DISCRETE;
-    if (unused || lg_program_find(program, functions[which].name, &function) != LG_OK) return LG_OK;
+    if (unused || lg_program_find(program, functions[which].name, &function, NULL) != LG_OK) return LG_OK;
     lg_plan_options_init(&options);
     options.rows = rows;
     options.dtype = c->dtype;

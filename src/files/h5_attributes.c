@@ -153,8 +153,8 @@ lg_status lg_h5_check_format(lg_h5 *h5, const char *kind, bool foreign, lg_error
         return status == LG_SHAPE ? lg_fail(error, LG_FORMAT, "%s: attribute kind is too long", shown)
                                   : status;
     if (strcmp(text, kind) != 0 && (ours || !foreign))
-        return lg_fail(error, LG_FORMAT, "%s: attribute kind is '%s', expected '%s'", shown, lg_tamed(text),
-                       kind);
+        return lg_fail(error, LG_FORMAT, "%s: attribute kind is '%s', expected '%s': %s", shown,
+                       lg_tamed(text), kind, lg_h5_what_is(text));
     return LG_OK;
 }
 

@@ -56,11 +56,15 @@ lg_status lg_program_add_step(lg_program *program, const lg_space *space, const 
     if (scheme == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "the scheme is NULL, which lg_scheme_find returns for a name that it does not know");
+    if (scheme->kind == LG_SCHEME_IMPLICIT || scheme->kind == LG_SCHEME_SLGI)
+        return lg_fail(error, LG_UNSUPPORTED,
+                       "%s solves equations in each step, which a program cannot do: take an "
+                       "explicit scheme, such as rk4",
+                       scheme->name);
     if (!isfinite(h_low) || !isfinite(h_high) || h_low > h_high)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "step sizes from %g to %g: expected finite numbers, low <= high", h_low, h_high);
-    if (lg_program_find(program, "field", &field) != LG_OK)
-        return lg_fail(error, LG_NOT_FOUND, "the program has no function 'field', from which steps are made");
+    LG_TRY(lg_program_find(program, "field", &field, error));
     const lg_port *of_field = lg_program_inputs(program, field, &count);
     if (count > 2 || of_field[0].shared || lg_shape_count(of_field[0].shape) != space->dim)
         return lg_fail(
@@ -71,8 +75,8 @@ lg_status lg_program_add_step(lg_program *program, const lg_space *space, const 
     recording r = {.space = space,
                    .scheme = scheme,
                    .inputs = count,
-                   .separable = lg_program_find(program, "force", &other) == LG_OK &&
-                                lg_program_find(program, "drift", &other) == LG_OK};
+                   .separable = lg_program_find(program, "force", &other, NULL) == LG_OK &&
+                                lg_program_find(program, "drift", &other, NULL) == LG_OK};
     const lg_port h = {.name = "h", .shape = lg_shape1(1), .low = h_low, .high = h_high},
                   next = {.name = "next"};
     const lg_port in[3] = {of_field[0], count > 1 ? of_field[1] : h, h};

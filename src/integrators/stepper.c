@@ -16,7 +16,7 @@ struct lg_step_form {
     void (*dense)(const lg_stepper *s, const double *weight, double *y); /* NULL: no dense output */
     /* Requirements: space R^n, even dimension, ode.field, ode.force and ode.velocity, ode.step. */
     bool abelian, even, field, halves, map;
-    /* Memory for packed copies, for Newton's method, for one point per stage. */
+    /* The memory that the form needs: packed copies, Newton's method, one point per stage. */
     bool packed, newton, points;
 };
 

@@ -20,7 +20,7 @@ static lg_status make_plans(lg_model *model, lg_error *error) {
     lg_plan_options_init(&options);
     options.mark_unfit = true;
     for (size_t i = 0; i < LG_MODEL_FUNCTIONS; i++) {
-        if (lg_program_find(model->program, function_names[i], &(size_t){0}) != LG_OK) continue;
+        if (lg_program_find(model->program, function_names[i], &(size_t){0}, NULL) != LG_OK) continue;
         LG_TRY(lg_model_find(model, function_names[i], &options, &model->plan[i], error));
         const size_t bytes = lg_plan_work_size(model->plan[i]);
         if (bytes > model->plan_work) model->plan_work = bytes;
@@ -98,7 +98,7 @@ static lg_status velocity(void *user, lg_tape *tape, const lg_var *theta, const 
 static lg_status add_velocity(lg_model *model, lg_error *error) {
     size_t field, inputs;
     const lg_port out = {.name = "f"};
-    if (lg_program_find(model->program, "field", &field) != LG_OK)
+    if (lg_program_find(model->program, "field", &field, NULL) != LG_OK)
         return lg_fail(error, LG_NOT_FOUND, "the model has a space, but no function 'field'");
     const lg_port *in = lg_program_inputs(model->program, field, &inputs);
     LG_TRY(check_state(model, lg_shape_count(in[0].shape), error));
@@ -112,8 +112,8 @@ static lg_status add_jacobian(lg_model *model, lg_error *error) {
     lg_derivative_init(&jacobian);
     jacobian.kind = LG_DERIVATIVE_JACOBIAN;
     jacobian.function = "velocity";
-    if (lg_program_find(model->program, function_names[LG_MODEL_LINEAR], &at) == LG_OK) return LG_OK;
-    if (lg_program_find(model->program, "velocity", &at) != LG_OK) LG_TRY(add_velocity(model, error));
+    if (lg_program_find(model->program, function_names[LG_MODEL_LINEAR], &at, NULL) == LG_OK) return LG_OK;
+    if (lg_program_find(model->program, "velocity", &at, NULL) != LG_OK) LG_TRY(add_velocity(model, error));
     return lg_program_derive(model->program, &jacobian, error);
 }
 
@@ -159,8 +159,7 @@ lg_status lg_model_find(const lg_model *model, const char *function, const lg_pl
                         lg_plan **out, lg_error *error) {
     LG_NEEDS(error, model, function, out);
     size_t at;
-    if (lg_program_find(model->program, function, &at) != LG_OK)
-        return lg_fail(error, LG_NOT_FOUND, "the model has no function '%s'", function);
+    LG_TRY(lg_program_find(model->program, function, &at, error));
     return lg_plan_create(model->program, at, options, out, error);
 }
 

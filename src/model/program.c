@@ -6,7 +6,7 @@
 #include "model/internal.h"
 
 static bool has(const lg_program *program, const char *function) {
-    return lg_program_find(program, function, &(size_t){0}) == LG_OK;
+    return lg_program_find(program, function, &(size_t){0}, NULL) == LG_OK;
 }
 
 const lg_scheme *lg_model_usual_scheme(const lg_model *model) {

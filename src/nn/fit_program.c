@@ -107,8 +107,7 @@ static size_t take_parameters(const training *t, double *theta) {
 
 static lg_status open_function(training *t, const char *function, lg_error *error) {
     LG_NEEDS(error, t->program, function);
-    if (lg_program_find(t->program, function, &t->function) != LG_OK)
-        return lg_fail(error, LG_NOT_FOUND, "the program has no function '%s'", function);
+    LG_TRY(lg_program_find(t->program, function, &t->function, error));
     const lg_port *output = lg_program_outputs(t->program, t->function, &t->outputs);
     t->input = lg_program_inputs(t->program, t->function, &t->inputs);
     t->parameters = lg_program_parameters(t->program);

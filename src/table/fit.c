@@ -39,8 +39,24 @@ static double *scaled(const lg_context *context, const double *x, size_t rows, c
     return out;
 }
 
+/* `what` names the columns of x (rows, columns) in a message. */
+static lg_status check_finite(const double *x, const char *what, size_t rows, uint32_t columns,
+                              lg_error *error) {
+    if (rows == 0) return lg_fail(error, LG_INVALID_ARGUMENT, "0 rows: at least one is needed");
+    for (size_t i = 0; i < rows * columns; i++)
+        if (!isfinite(x[i]))
+            return lg_fail(
+                error, LG_NOT_FINITE,
+                "row %zu of the %s, column %zu (both from 0): %g is not a finite number; leave out "
+                "rows with missing values",
+                i / columns, what, i % columns, x[i]);
+    return LG_OK;
+}
+
 static lg_status prepare(fitting *f, const double *x, const double *y, size_t rows, lg_error *error) {
     const uint32_t n = f->model.net.inputs, m = f->model.net.outputs;
+    LG_TRY(check_finite(x, "inputs", rows, n, error));
+    LG_TRY(check_finite(y, "outputs", rows, m, error));
     const lg_status x_status = lg_table_scaler_fit(f->context, x, n, NULL, rows, &f->inputs),
                     y_status = x_status == LG_OK
                                    ? lg_table_scaler_fit(f->context, y, m, NULL, rows, &f->outputs)
@@ -89,7 +105,9 @@ lg_status lg_table_fit(const lg_context *context, const double *x, uint32_t inpu
     lg_table_fit_options_init(&defaults);
     fitting f = {.context = context, .options = options != NULL ? options : &defaults};
     if (f.options->size != sizeof *options)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "options of another version");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the size of the options is %zu, expected %zu: begin with lg_table_fit_options_init",
+                       f.options->size, sizeof *options);
     if (f.options->starts < 1 || f.options->model.task != LG_TABLE_REGRESSION)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s",
                        f.options->starts < 1 ? "0 starts: at least one is needed"

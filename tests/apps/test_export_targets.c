@@ -52,7 +52,7 @@ enum { MOST = 16, NUMBERS = 4096 };
 static void evaluate(const char *function, const double *const *in, double *const *out) {
     size_t at;
     lg_plan *plan;
-    assert_ok(lg_program_find(program, function, &at));
+    assert_ok(lg_program_find(program, function, &at, NULL));
     assert_ok(lg_plan_create(program, at, NULL, &plan, NULL));
     void *work = aligned_alloc(64, (lg_plan_work_size(plan) + 127) / 64 * 64);
     lg_plan_eval(plan, (const void *const *)in, (void *const *)out, work);
@@ -186,7 +186,7 @@ TEST("a CasADi external and its derivatives agree with the program") {
     /* Outputs: the derivatives of adj_x, adj_u and adj_h with respect to x, u, h, out_y (empty) and adj_y. */
     derive(LG_DERIVATIVE_JACOBIAN_OF_ADJOINT, "step");
     size_t function, count;
-    assert_ok(lg_program_find(program, "jac_adj1_step", &function));
+    assert_ok(lg_program_find(program, "jac_adj1_step", &function, NULL));
     const lg_port *ports = lg_program_outputs(program, function, &count);
     static double all[MOST][NUMBERS];
     double *results[MOST];

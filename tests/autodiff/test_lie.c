@@ -248,7 +248,7 @@ static void run_way(const way *w, const char *function, const void *const *in, v
     }
     lg_plan *plan = NULL;
     size_t number;
-    assert_ok(lg_program_find(w->program, function, &number));
+    assert_ok(lg_program_find(w->program, function, &number, NULL));
     assert_ok(lg_plan_create(w->program, number, &w->options, &plan, NULL));
     void *work = lg_alloc(NULL, lg_plan_work_size(plan) + 1, 1);
     lg_plan_eval(plan, in, out, work);

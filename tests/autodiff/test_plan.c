@@ -411,7 +411,7 @@ TEST("derivatives by chosen inputs and of chosen outputs compute only what these
     size_t j2;
     numbers n;
     ready r;
-    assert_ok(lg_program_find(program, "j2", &j2));
+    assert_ok(lg_program_find(program, "j2", &j2, NULL));
     open_numbers(&n, program, j2, ROWS, false);
     for (size_t row = 0; row < ROWS; row++)
         for (size_t i = 0; i < 2; i++)
@@ -449,7 +449,7 @@ static void add_loop(lg_program *program, const char *name, size_t times) {
 TEST("a plan of a loop equals single steps") {
     lg_program *program = hamiltonian(&lg_hamiltonian_chain, 1, NULL);
     size_t step;
-    assert_ok(lg_program_find(program, "step", &step));
+    assert_ok(lg_program_find(program, "step", &step, NULL));
     for (size_t times = 1; times <= 7; times += times < 3 ? 1 : 4) {
         const char *name = test_text("steps%zu", times);
         add_loop(program, name, times);
@@ -475,7 +475,7 @@ TEST("a plan of a loop equals single steps") {
     const size_t adjoint = derived(program, LG_DERIVATIVE_ADJOINT, "steps3"),
                  jacobian = derived(program, LG_DERIVATIVE_JACOBIAN, "steps3");
     size_t loop;
-    assert_ok(lg_program_find(program, "steps3", &loop));
+    assert_ok(lg_program_find(program, "steps3", &loop, NULL));
     check_jacobian("loop", program, loop, jacobian, 3);
     check_function("adjoint of a loop", program, adjoint, 2);
     numbers n;
@@ -533,7 +533,8 @@ TEST("loops carry several outputs in any order, and refuse impossible ones") {
         lg_status status;
         const char *says;
     } refused[] = {
-        {"l", "g", 2, both, 2, LG_NOT_FOUND, "there is no function 'g'"},
+        {"l", "g", 2, both, 2, LG_NOT_FOUND,
+         "the program has no function 'g'; it has f, uneven, both, one, still, uneven_paths"},
         {"l", NULL, 2, both, 2, LG_INVALID_ARGUMENT,
          "'l': the name of its function, its carries or its paths are NULL"},
         {"l", "f", 2, NULL, 2, LG_INVALID_ARGUMENT,

@@ -191,7 +191,7 @@ TEST("for a recipe without a scheme, steps use the field of the file") {
     file.recipe = &without;
     assert_ptr_equal(lg_model_file_scheme(&file), lg_scheme_find("rk4"));
     assert_ok(lg_model_file_program(&file, lg_scheme_find("rkmk4"), &program, NULL));
-    assert_ok(lg_program_find(program, "step", &at));
+    assert_ok(lg_program_find(program, "step", &at, NULL));
     lg_program_destroy(program);
     lg_model_file_destroy(&file);
 }

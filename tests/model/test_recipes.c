@@ -45,8 +45,8 @@ static void value_at(const void *plan, const double *x, double *y) {
 /* Compares the function `grad` with differences of `value`, with so small a step that it crosses no kink. */
 static void check_gradient(const recorded *r) {
     size_t value, grad;
-    assert_ok(lg_program_find(r->program, "value", &value));
-    assert_ok(lg_program_find(r->program, "grad", &grad));
+    assert_ok(lg_program_find(r->program, "value", &value, NULL));
+    assert_ok(lg_program_find(r->program, "grad", &grad, NULL));
     const lg_plan *of_value = test_plan(r->program, value, NULL), *both = test_plan(r->program, grad, NULL);
     const size_t n = lg_plan_input_count(of_value, 0), m = lg_plan_output_count(of_value, 0);
     double *x = test_numbers(31, n, -1, 1), *y = TEST_ARRAY(double, m), *slope = TEST_ARRAY(double, m),
@@ -100,7 +100,7 @@ static void check_step(recorded *r) {
     const lg_model *model = model_on(r, scheme, &space);
     const size_t bytes = lg_model_stepper_size(model, scheme), inputs = lg_model_input_dim(model);
     assert_ok(lg_model_stepper_init(model, scheme, &stepper, test_work(bytes), bytes));
-    assert_ok(lg_program_find(r->program, "step", &step));
+    assert_ok(lg_program_find(r->program, "step", &step, NULL));
     const lg_plan *plan = test_plan(r->program, step, NULL);
     for (uint64_t seed = 0; seed < 3; seed++) {
         const double *y = state_on(&space, seed), *u = test_numbers(7 + seed, inputs + 1, -1, 1),

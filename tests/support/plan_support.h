@@ -24,7 +24,7 @@ static inline ready make_ready(const lg_program *program, const char *name, size
     options.rows = rows;
     options.dtype = dtype;
     options.mark_unfit = true;
-    assert_ok(lg_program_find(program, name, &function));
+    assert_ok(lg_program_find(program, name, &function, NULL));
     assert_told(lg_plan_create(program, function, &options, &r.plan, &told));
     lg_test_owns(r.plan, release_plan);
     r.bytes = lg_plan_work_size(r.plan);

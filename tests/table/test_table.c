@@ -455,6 +455,7 @@ TEST("a regression in one call refuses what it cannot fit") {
     assert_status(lg_table_fit(NULL, x, 1, y, 1, 4, &options, &program, NULL, &error), LG_INVALID_ARGUMENT);
     y[2] = NAN;
     assert_status(lg_table_fit(NULL, x, 1, y, 1, 4, NULL, &program, NULL, &error), LG_NOT_FINITE);
+    assert_non_null(strstr(error.message, "of the outputs, column 0 (both from 0): nan"));
     assert_says(error.message, "outputs");
     assert_null(program);
 }

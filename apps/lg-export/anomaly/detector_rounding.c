@@ -139,7 +139,7 @@ static lg_status growth_of_sums(const export_model *m, lg_rng *rng, double *out,
     export_evaluation wide = {.plan = NULL}, narrow = {.plan = NULL};
     size_t grad = 0;
     lg_status status = network_program(m, &program);
-    if (status == LG_OK) status = lg_program_find(program, "grad", &grad);
+    if (status == LG_OK) status = lg_program_find(program, "grad", &grad, NULL);
     if (status == LG_OK) status = export_evaluation_open(program, grad, LG_F64, 0, &wide, error);
     if (status == LG_OK) status = export_evaluation_open(program, grad, LG_F32, 0, &narrow, error);
     double *x = app_alloc(n, sizeof *x), *here = app_alloc(2 * outputs * (n + 1), sizeof *here);

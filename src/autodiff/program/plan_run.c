@@ -185,8 +185,7 @@ lg_status lg_program_eval(const lg_context *context, const lg_program *program, 
     if (program == NULL || function == NULL || inputs == NULL || outputs == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "the program, the function's name, `inputs` or `outputs` is NULL");
-    if (lg_program_find(program, function, &number) != LG_OK)
-        return lg_fail(error, LG_NOT_FOUND, "the program has no function '%s'", function);
+    LG_TRY(lg_program_find(program, function, &number, error));
     lg_plan_options_init(&options);
     options.rows = rows;
     LG_TRY(lg_plan_create(program, number, &options, &plan, error));

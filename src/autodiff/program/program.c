@@ -120,7 +120,7 @@ lg_status lg_program_add_parameter(lg_program *p, const lg_parameter_spec *spec,
 lg_status lg_program_take_function(lg_program *p, lg_function *f, lg_error *error) {
     size_t there;
     LG_TRY(lg_program_check_name("a function", f->name, error));
-    if (lg_program_find(p, f->name, &there) == LG_OK)
+    if (lg_program_find(p, f->name, &there, NULL) == LG_OK)
         return lg_fail(error, LG_INVALID_ARGUMENT, "two functions are called '%s'", f->name);
     if (p->functions == LG_PROGRAM_MAX_FUNCTIONS)
         return lg_fail(error, LG_INVALID_ARGUMENT, "a program can have at most %d functions",
@@ -214,8 +214,7 @@ static lg_status check_loop_spec(const lg_program *p, const lg_loop_spec *spec, 
     if (!named)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "loop '%s': the name of its function, its carries or its paths are NULL", spec->name);
-    if (lg_program_find(p, spec->function, callee) != LG_OK)
-        return lg_fail(error, LG_NOT_FOUND, "there is no function '%s'", spec->function);
+    LG_TRY(lg_program_find(p, spec->function, callee, error));
     if (spec->times < 1 || spec->times > LG_PROGRAM_MAX_TIMES)
         return lg_fail(error, LG_INVALID_ARGUMENT, "loop '%s': times is %zu, expected 1 to %u", spec->name,
                        spec->times, LG_PROGRAM_MAX_TIMES);
@@ -250,14 +249,23 @@ const char *lg_program_function_name(const lg_program *p, size_t function) {
     return function < p->functions ? p->function[function].name : NULL;
 }
 
-lg_status lg_program_find(const lg_program *p, const char *name, size_t *function) {
-    if (p == NULL || name == NULL || function == NULL) return LG_INVALID_ARGUMENT;
-    for (size_t i = 0; i < p->functions; i++)
-        if (strcmp(p->function[i].name, name) == 0) {
+static lg_status refuse_name(const lg_program *p, const char *name, lg_error *error) {
+    char names[160] = "none";
+    for (size_t i = 0, used = 0; i < p->functions && used < sizeof names; i++)
+        used += (size_t)snprintf(names + used, sizeof names - used, "%s%s", i > 0 ? ", " : "",
+                                 p->function[i].name);
+    if (strlen(names) == sizeof names - 1) memcpy(names + sizeof names - 4, "...", 4);
+    return lg_fail(error, LG_NOT_FOUND, "the program has no function '%.64s'; it has %s", name, names);
+}
+
+lg_status lg_program_find(const lg_program *program, const char *name, size_t *function, lg_error *error) {
+    LG_NEEDS(error, program, name, function);
+    for (size_t i = 0; i < program->functions; i++)
+        if (strcmp(program->function[i].name, name) == 0) {
             *function = i;
             return LG_OK;
         }
-    return LG_NOT_FOUND;
+    return error == NULL ? LG_NOT_FOUND : refuse_name(program, name, error);
 }
 
 const lg_port *lg_program_inputs(const lg_program *p, size_t function, size_t *count) {

@@ -91,12 +91,13 @@ lg_var lg_program_call(lg_tape *tape, const char *function, size_t output, const
     if (calls == NULL)
         return lg_tape_fail(tape, LG_NOT_FOUND, "call",
                             "lg_program_call works only while a function of a program is recorded");
-    if (lg_program_find(calls->program, function, &number) != LG_OK ||
-        calls->program->function[number].outputs <= output) {
+    lg_error error = {LG_OK, ""};
+    if (lg_program_find(calls->program, function, &number, &error) != LG_OK)
+        return lg_tape_fail(tape, LG_NOT_FOUND, "call", error.message);
+    if (calls->program->function[number].outputs <= output) {
         char reason[160];
-        (void)snprintf(reason, sizeof reason,
-                       "the program has no function '%.64s' with an output number %zu yet",
-                       function != NULL ? function : "NULL", output);
+        (void)snprintf(reason, sizeof reason, "'%.64s' has no output number %zu; it has %zu outputs",
+                       function, output, calls->program->function[number].outputs);
         return lg_tape_fail(tape, LG_NOT_FOUND, "call", reason);
     }
     const uint32_t before = tape->count;

@@ -373,8 +373,7 @@ static lg_status derive(deriving *d, lg_program *program, const lg_derivative *w
                                                                  "jac_adj1_%s%s"};
     differentiable *f = &d->f;
     const bool rows = what->kind == LG_DERIVATIVE_JACOBIAN || what->kind == LG_DERIVATIVE_JACOBIAN_OF_ADJOINT;
-    if (lg_program_find(program, what->function, &f->function) != LG_OK)
-        return lg_fail(error, LG_NOT_FOUND, "there is no function '%s'", what->function);
+    LG_TRY(lg_program_find(program, what->function, &f->function, error));
     const lg_function *of = &program->function[f->function];
     d->kind = what->kind;
     f->record = record_function;

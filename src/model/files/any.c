@@ -33,38 +33,19 @@ const lg_recipe *lg_recipe_find(const char *name) {
 
 /* ---- files that are no models ---- */
 
-/* What other kinds of files are, for the sentence of an error; the last row is for unknown kinds. */
-static const struct {
-    const char *kind, *what;
-} others[] = {
-    {"", "the file does not say what it is (attribute kind)"},
-    {"classifier", "it is a classical classifier, for lg-anomaly or lg_classifier_load"},
-    {"program", "it is a program of functions, for lg-export or lg_program_load"},
-    {"trajectories", "it is a data file with trajectories"},
-    {"trajectory", "it is a data file with a trajectory"},
-    {"elastica", "it is a data file with curves of the elastica"},
-    {"series", "it is a data file with labelled series"},
-    {NULL, "its kind is unknown"},
-};
-
 static const char *what_is(const char *kind) {
-    size_t i = 0;
     for (const lg_recipe *const *recipe = lg_recipes; *recipe != NULL; recipe++)
         if (strcmp((*recipe)->checkpoint, kind) == 0) return "it is the checkpoint of an unfinished training";
-    while (others[i].kind != NULL && strcmp(others[i].kind, kind) != 0) i++;
-    return others[i].what;
+    return lg_h5_what_is(kind);
 }
 
 static lg_status refuse(const char *path, const char *kind, lg_error *error) {
     char names[256] = "";
     for (size_t i = 0, used = 0; lg_recipes[i] != NULL && used < sizeof names; i++)
-        used += (size_t)snprintf(names + used, sizeof names - used, "%s%s",
-                                 i == 0                      ? ""
-                                 : lg_recipes[i + 1] == NULL ? " or "
-                                                             : ", ",
+        used += (size_t)snprintf(names + used, sizeof names - used, "%s%s", i == 0 ? "" : ", ",
                                  lg_recipes[i]->name);
-    return lg_fail(error, LG_FORMAT, "%s: attribute kind is '%s', expected %s: %s", lg_shown_path(path), kind,
-                   names, what_is(kind));
+    return lg_fail(error, LG_FORMAT, "%s: attribute kind is '%s', expected %s or any kind with functions: %s",
+                   lg_shown_path(path), kind, names, what_is(kind));
 }
 
 /* ---- loading ---- */

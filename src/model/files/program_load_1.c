@@ -186,7 +186,7 @@ static lg_status get_loop(function *f, lg_function_image *image) {
         r, lg_h5_number(r->h5, f->path, "times", LG_ELEMENT_U32, &image->times, r->error)));
     LG_TRY(get_list(f, at.text, LG_ELEMENT_I64, &inputs, &carry));
     if (image->times == 0) return lg_program_bad(r, f->path, "attribute times is 0");
-    if (lg_program_find(r->program, callee, &number) != LG_OK)
+    if (lg_program_find(r->program, callee, &number, NULL) != LG_OK)
         return lg_program_bad(r, f->path, "attribute calls must name a function that comes before this one");
     for (size_t i = 0; i < inputs; i++) {
         const int64_t from = ((const int64_t *)carry)[i];
