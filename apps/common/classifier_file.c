@@ -68,7 +68,8 @@ lg_status classifier_file_save(const lg_context *context, const char *path, cons
 
 /* ---- reading ---- */
 
-static const char *const methods[] = {"logistic", "tree", "svm-linear", "svm-rbf", "baseline", "novelty"};
+static const char *const methods[] = {"logistic", "tree",   "svm-linear", "svm-rbf",
+                                      "baseline", "rocket", "novelty"};
 
 static const char *known_method(const char *name) {
     for (size_t i = 0; i < LG_COUNT(methods); i++)

@@ -14,7 +14,7 @@ typedef struct classifier_file {
     lg_novelty novelty;       /* channels is 0 if there is no novelty model */
     /* Names of classes and channels, and the rate; no windows. channels is 0 if they have no names. */
     lg_series names;
-    /* "logistic", "tree", "svm-linear", "svm-rbf", "baseline" or "novelty"; static storage */
+    /* "logistic", "tree", "svm-linear", "svm-rbf", "baseline", "rocket" or "novelty"; static storage */
     const char *method;
     lg_split split;
     double test_fraction;

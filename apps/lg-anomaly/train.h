@@ -12,9 +12,16 @@ enum {
     METHOD_SVM_LINEAR,
     METHOD_SVM_RBF,
     METHOD_BASELINE,
+    METHOD_ROCKET,
     METHOD_NOVELTY
 };
 enum { PRUNE_NONE, PRUNE_PRE, PRUNE_POST };
+
+/* A value that is one of the names of a field, or a number. */
+typedef struct name_or_number {
+    uint32_t name;   /* index of the name, if number is 0 */
+    uint64_t number; /* 0: a name was given */
+} name_or_number;
 
 /* Values from the command line, except for files, train_run and train_state. */
 typedef struct train_values {
@@ -22,7 +29,8 @@ typedef struct train_values {
     lg_reals grid;
     /* Hyperparameters of the classical methods. */
     uint32_t method;
-    uint32_t features, directions, criterion, prune;
+    name_or_number features, prune; /* numbers: random convolution features, and how many of them are kept */
+    uint32_t directions, criterion;
     uint64_t components, max_depth, min_leaf, folds;
     double ccp_alpha, c, gamma;
 } train_values;

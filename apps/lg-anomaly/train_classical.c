@@ -39,10 +39,21 @@ static void create_features(classical *self) {
     const lg_status scaled = lg_scaler_fit(context, series, &state->all.windows, state->train.list,
                                            state->train.count, false, &scaler);
     if (scaled != LG_OK) app_stop(self->app, scaled, "scaling: %s", lg_status_sentence(scaled));
-    APP_MUST(self->app,
-             lg_features_create(context, baseline ? LG_FEATURES_BASELINE : (lg_feature_kind)values->features,
-                                values->directions == 1, series, (uint32_t)train_run.window, &scaler,
-                                &self->model.classifier.features, &error));
+    lg_features *out = &self->model.classifier.features;
+    if (values->method == METHOD_ROCKET) {
+        lg_rocket_options options;
+        lg_rocket_options_init(&options);
+        options.seed = self->app->seed;
+        options.directions_x = values->directions == 1;
+        if (values->features.number > 0) options.features = (uint32_t)values->features.number;
+        APP_MUST(self->app, lg_rocket_fit(context, &options, series, &state->all.windows, state->train.list,
+                                          state->train.count, &scaler, out, &error));
+    } else {
+        APP_MUST(self->app,
+                 lg_features_create(
+                     context, baseline ? LG_FEATURES_BASELINE : (lg_feature_kind)values->features.name,
+                     values->directions == 1, series, (uint32_t)train_run.window, &scaler, out, &error));
+    }
     lg_scaler_destroy(&scaler);
 }
 
@@ -86,25 +97,24 @@ static void compute_features(classical *self) {
 /* ---- candidates for the options ---- */
 
 static lg_classifier_method method_of(int method) {
-    static const lg_classifier_method methods[] = {[METHOD_LOGISTIC] = LG_METHOD_LOGISTIC,
-                                                   [METHOD_TREE] = LG_METHOD_TREE,
-                                                   [METHOD_SVM_LINEAR] = LG_METHOD_SVM_LINEAR,
-                                                   [METHOD_SVM_RBF] = LG_METHOD_SVM_RBF,
-                                                   [METHOD_BASELINE] = LG_METHOD_LOGISTIC};
+    static const lg_classifier_method methods[] = {
+        [METHOD_LOGISTIC] = LG_METHOD_LOGISTIC,     [METHOD_TREE] = LG_METHOD_TREE,
+        [METHOD_SVM_LINEAR] = LG_METHOD_SVM_LINEAR, [METHOD_SVM_RBF] = LG_METHOD_SVM_RBF,
+        [METHOD_BASELINE] = LG_METHOD_LOGISTIC,     [METHOD_ROCKET] = LG_METHOD_RIDGE};
     return methods[method];
 }
 
 /* The largest depth of trees that `--prune pre` tries, as published (table 6.7), by features and criterion. A
  * spectrum has the value of the covariance. */
 static uint32_t deepest(const train_values *values) {
-    if (values->features != LG_FEATURES_COV && values->features != LG_FEATURES_SPECTRUM) return 13;
+    if (values->features.name != LG_FEATURES_COV && values->features.name != LG_FEATURES_SPECTRUM) return 13;
     if (values->components > 0) return 8;
     return values->criterion == LG_ENTROPY ? 5 : 6;
 }
 
 static double published_alpha(const train_values *values, double noise) {
     const bool entropy = values->criterion == LG_ENTROPY;
-    if (values->features == LG_FEATURES_STD) return entropy ? 0.003 : 0.002;
+    if (values->features.name == LG_FEATURES_STD) return entropy ? 0.003 : 0.002;
     /* The published level nearest to this noise is 50. */
     if (entropy && values->components > 0 && noise > 30) return 0.003;
     return entropy ? 0.01 : 0.003;
@@ -120,7 +130,7 @@ static lg_classifier_options base_options(const app *self, const train_values *v
     options.tree.criterion = (lg_tree_criterion)values->criterion;
     options.tree.max_depth = (uint32_t)values->max_depth;
     options.tree.min_samples_leaf = (uint32_t)values->min_leaf;
-    if (values->prune == PRUNE_POST)
+    if (values->prune.name == PRUNE_POST)
         options.tree.ccp_alpha =
             app_given(self, "ccp-alpha") ? values->ccp_alpha : published_alpha(values, noise);
     return options;
@@ -131,7 +141,7 @@ static void list_candidates(const app *self, const train_values *values, double 
     const bool svm = values->method == METHOD_SVM_LINEAR || values->method == METHOD_SVM_RBF;
     out->options = app_alloc(MAX_GRID, sizeof *out->options);
     out->count = 0;
-    if (values->method == METHOD_TREE && values->prune == PRUNE_PRE) {
+    if (values->method == METHOD_TREE && values->prune.name == PRUNE_PRE) {
         for (uint32_t depth = 2; depth <= deepest(values); depth++)
             for (uint32_t split = 2; split <= 4; split++)
                 for (uint32_t leaf = 1; leaf <= 2; leaf++) {
@@ -173,6 +183,31 @@ static lg_status fit(const classical *self, const lg_classifier_options *options
     return lg_classifier_fit(self->app->context, options, self->table, self->label, state->train.list,
                              state->train.count, self->model.classifier.features.count, self->model.classes,
                              out, error);
+}
+
+/* ---- pruning of random convolution features ---- */
+
+/* Moves the columns keep (count) of a table (rows, d) to its front, as a table (rows, count). */
+static void keep_columns(double *table, size_t rows, size_t d, const uint32_t *keep, size_t count) {
+    for (size_t i = 0; i < rows; i++)
+        for (size_t j = 0; j < count; j++) table[i * count + j] = table[i * d + keep[j]];
+}
+
+/* Keeps the features with the largest weights, and fits the others' model again without them. */
+static void prune(classical *self) {
+    lg_classifier *model = &self->model.classifier;
+    const size_t d = model->features.count, count = train_given.prune.number;
+    if (count == 0 || count >= d) return;
+    APP_FREE uint32_t *keep = app_alloc(count, sizeof *keep);
+    lg_classifier whole = *model;
+    APP_MUST(self->app, lg_classifier_largest(self->app->context, model, count, keep, &error));
+    APP_MUST(self->app, lg_rocket_prune(&model->features, keep, count, &error));
+    keep_columns(self->table, state->all.windows.count, d, keep, count);
+    if (self->tested_table != self->table)
+        keep_columns(self->tested_table, state->foreign.windows.count, d, keep, count);
+    APP_MUST(self->app, fit(self, &self->chosen.options[self->chosen.best], model, &error));
+    whole.features = (lg_features){0};
+    lg_classifier_destroy(&whole);
 }
 
 static void judge(const classical *self) {
@@ -286,6 +321,10 @@ static void json_method(app_json *json, const classical *self) {
         app_json_size(json, "min_samples_leaf", option->tree.min_samples_leaf);
         return;
     }
+    if (model->method == LG_METHOD_RIDGE) {
+        app_json_real(json, "penalty", model->logistic.penalty);
+        return;
+    }
     app_json_real(json, "c", option->c);
     if (model->method == LG_METHOD_LOGISTIC) {
         app_json_size(json, "iterations", model->logistic.iterations);
@@ -329,6 +368,8 @@ static void report(const classical *self) {
     if (model->pca.components > 0) (void)printf(", %u components", model->pca.components);
     if (model->method == LG_METHOD_TREE)
         (void)printf("; %u nodes, depth %u", model->tree.count, lg_tree_depth(&model->tree));
+    else if (model->method == LG_METHOD_RIDGE)
+        (void)printf("; penalty %g", model->logistic.penalty);
     else
         (void)printf("; C = %g", option->c);
     if (model->svm.vectors > 0) (void)printf(", %u support vectors", model->svm.vectors);
@@ -352,6 +393,7 @@ void train_classical(const app *program) {
     choose(&self);
     const double begin = app_seconds();
     APP_MUST(program, fit(&self, &self.chosen.options[self.chosen.best], &self.model.classifier, &error));
+    prune(&self);
     network_recipe.training.seconds = app_seconds() - begin;
     check_picture(program, &self.model);
     judge(&self);

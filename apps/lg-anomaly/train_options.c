@@ -1,6 +1,8 @@
 /* The options of lg-anomaly train. */
 #include "lg-anomaly/train.h"
 
+#include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 /* ---- names ---- */
@@ -12,12 +14,47 @@
     }
 NAMES(extern, train_method_name, [METHOD_CNN] = "cnn", [METHOD_LOGISTIC] = "logistic", [METHOD_TREE] = "tree",
       [METHOD_SVM_LINEAR] = "svm-linear", [METHOD_SVM_RBF] = "svm-rbf", [METHOD_BASELINE] = "baseline",
-      [METHOD_NOVELTY] = "novelty")
+      [METHOD_ROCKET] = "rocket", [METHOD_NOVELTY] = "novelty")
 NAMES(static, features_name, [LG_FEATURES_RAW] = "raw", [LG_FEATURES_STD] = "std", [LG_FEATURES_COV] = "cov",
       [LG_FEATURES_SPECTRUM] = "spectrum")
 NAMES(static, directions_name, "xy", "x")
 NAMES(static, criterion_name, [LG_GINI] = "gini", [LG_ENTROPY] = "entropy")
 NAMES(static, prune_name, [PRUNE_NONE] = "none", [PRUNE_PRE] = "pre", [PRUNE_POST] = "post")
+
+static lg_status parse_name_or_number(const char *text, const char *(*name)(uint32_t), name_or_number *out,
+                                      lg_error *error) {
+    char *end;
+    const unsigned long long number = strtoull(text, &end, 10);
+    if (text[0] >= '1' && text[0] <= '9' && *end == '\0' && number <= UINT32_MAX) {
+        *out = (name_or_number){.number = number};
+        return LG_OK;
+    }
+    for (uint32_t i = 0; name(i) != NULL; i++)
+        if (strcmp(text, name(i)) == 0) {
+            *out = (name_or_number){.name = i};
+            return LG_OK;
+        }
+    return lg_fail(error, LG_INVALID_ARGUMENT, "'%s' is neither a name from the list of --help nor a number",
+                   text);
+}
+
+static void phrase_name_or_number(const name_or_number *value, const char *(*name)(uint32_t), char *text,
+                                  size_t size) {
+    if (value->number > 0)
+        (void)snprintf(text, size, "%llu", (unsigned long long)value->number);
+    else
+        (void)snprintf(text, size, "%s", name(value->name));
+}
+
+#define NAME_OR_NUMBER(row)                                                                                  \
+    static lg_status parse_##row(const char *text, void *member, lg_error *error) {                          \
+        return parse_name_or_number(text, row##_name, member, error);                                        \
+    }                                                                                                        \
+    static void phrase_##row(const void *member, char *text, size_t size) {                                  \
+        phrase_name_or_number(member, row##_name, text, size);                                               \
+    }
+NAME_OR_NUMBER(features)
+NAME_OR_NUMBER(prune)
 
 /* ---- hyperparameters that are not in lg_detector_run ---- */
 
@@ -28,6 +65,7 @@ enum {
     LINEAR = 1u << METHOD_SVM_LINEAR,
     RBF = 1u << METHOD_SVM_RBF,
     BASELINE = 1u << METHOD_BASELINE,
+    ROCKET = 1u << METHOD_ROCKET,
     CLASSICAL = LOGISTIC | TREE | LINEAR | RBF
 };
 
@@ -36,21 +74,24 @@ static const lg_field rows[] = {
     ROW("method", NAME, method, .value_name = train_method_name, .value = "cnn",
         .meaning =
             "The network (cnn) or a classical method; baseline: windows of ten minutes every minute, "
-            "regression lines of moment against acceleration, logistic regression; novelty: learns the "
-            "first class alone, the others only test it"),
-    ROW("features", NAME, features, .value_name = features_name, .value = "cov", .methods = CLASSICAL,
+            "regression lines of moment against acceleration, logistic regression; rocket: ridge regression "
+            "on random convolutions; novelty: learns the first class alone, the others only test it"),
+    ROW("features", PHRASE, features, .value_name = features_name, .parse = parse_features,
+        .phrase = phrase_features, .form = "a number", .value = "cov", .methods = CLASSICAL | ROCKET,
         .meaning = "Features of classical methods: the samples, standard deviations, the square root of the "
-                   "covariance, or the logarithms of the power in bands of frequency"),
+                   "covariance, or the logarithms of the power in bands of frequency; rocket: their number "
+                   "(10000)"),
     ROW("components", U64, components, .high = 1 << 20, .value = "0", .unit = "k",
         .methods = CLASSICAL | BASELINE, .meaning = "Number of principal components; 0: none"),
     ROW("directions", NAME, directions, .value_name = directions_name, .value = "xy",
-        .methods = CLASSICAL | BASELINE,
+        .methods = CLASSICAL | BASELINE | ROCKET,
         .meaning = "Channels to use: all, or x (names that end in _x, or every second channel)"),
     ROW("criterion", NAME, criterion, .value_name = criterion_name, .value = "gini", .methods = TREE,
         .meaning = "Trees: measure of impurity"),
-    ROW("prune", NAME, prune, .value_name = prune_name, .value = "none", .methods = TREE,
+    ROW("prune", PHRASE, prune, .value_name = prune_name, .parse = parse_prune, .phrase = phrase_prune,
+        .form = "a number", .value = "none", .methods = TREE | ROCKET,
         .meaning = "Trees: pre (depth and leaf sizes by cross-validation) or post (cost-complexity with "
-                   "--ccp-alpha)"),
+                   "--ccp-alpha); rocket: number of features to keep, those with the largest weights"),
     ROW("ccp_alpha", REAL, ccp_alpha, .high = 1e300, .unit = "A", .methods = TREE,
         .otherwise = ".002 or .003 for std, .003 or .01 otherwise, gini or entropy",
         .meaning = "post: the alpha of cost-complexity pruning"),
@@ -109,9 +150,19 @@ int train_check_options(const app *self) {
         return app_usage(self, "--grid and --c cannot be given together: both choose C");
     for (size_t i = 0; i < values->grid.count; i++)
         if (!(values->grid.values[i] > 0)) return app_usage(self, "--grid: C must be above 0");
-    if (app_given(self, "ccp-alpha") && values->prune != PRUNE_POST)
+    const bool rocket = values->method == METHOD_ROCKET;
+    if (app_given(self, "features") && (values->features.number > 0) != rocket)
+        return app_usage(self, "--features: %s",
+                         rocket ? "--method rocket needs a number, such as 10000"
+                                : "only --method rocket takes a number");
+    if (app_given(self, "prune") && (values->prune.number > 0) != rocket)
+        return app_usage(self, "--prune: %s",
+                         rocket ? "--method rocket needs a number, such as 1000"
+                                : "--method tree takes none, pre or post");
+    const bool pre = values->prune.name == PRUNE_PRE;
+    if (app_given(self, "ccp-alpha") && values->prune.name != PRUNE_POST)
         return app_usage(self, "--ccp-alpha: needs --prune post");
-    if (values->prune == PRUNE_PRE && (app_given(self, "max-depth") || app_given(self, "min-samples-leaf")))
+    if (pre && (app_given(self, "max-depth") || app_given(self, "min-samples-leaf")))
         return app_usage(self, "--prune pre: chooses --max-depth and --min-samples-leaf");
     if (app_given(self, "picture") && train_given_files.plot == NULL)
         return app_usage(self, "--picture: needs --plot FILE");

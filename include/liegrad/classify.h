@@ -4,7 +4,7 @@
  * docs/detectors.md.
  *
  * A classifier is a chain whose stages are all fitted on the training part only:
- *   window -> features (d) -> standardisation -> [principal components (k)] -> logistic | tree | svm
+ *   window -> features (d) -> standardisation -> [principal components (k)] -> logistic | tree | svm | ridge
  *
  *   lg_classifier classifier = {0};
  *   lg_features *f = &classifier.features;
@@ -47,14 +47,43 @@ typedef enum lg_feature_kind {
      * deviation of both channels is computed in each part. The features are intercept and slope of the
      * regression line of the moment's deviations on the acceleration's deviations: d = 2 pairs. The slope is
      * 0 if the deviations of the acceleration are all equal. */
-    LG_FEATURES_BASELINE
+    LG_FEATURES_BASELINE,
+    /* Random convolutions: the parts of the window where a convolution is above a threshold, d numbers in
+     * [0, 1]. lg_rocket has the formula; lg_rocket_fit makes these features, which depend on training
+     * windows. */
+    LG_FEATURES_ROCKET
 } lg_feature_kind;
-#define LG_FEATURE_KIND_COUNT 5
+#define LG_FEATURE_KIND_COUNT 6
 #define LG_FEATURES_FLOOR     1e-6 /* for SPECTRUM: the square of a thousandth of the scale */
-/* "raw", "std", "cov", "spectrum" or "baseline"; "unknown" for any other value. Static storage. */
+/* "raw", "std", "cov", "spectrum", "baseline" or "rocket"; "unknown" for any other value. Static storage. */
 LG_API const char *lg_feature_kind_name(lg_feature_kind kind);
 /* LG_NOT_FOUND for other names. */
 LG_API lg_status lg_feature_kind_parse(const char *name, lg_feature_kind *out);
+
+/* Random convolution features, after MiniRocket (Dempster, Schmidt, Webb, KDD 2021; its version for several
+ * channels draws channels as here). Kernels have nine taps: 84 kernels have weights -1, and 2 at three taps,
+ * and are numbered by the choices of three in lexicographic order; 12 kernels have nine weights 1. With
+ * z = (x - mean)/scale, which is zero outside of the window, a convolution is
+ *   y_t = sum over its channels c of s_c sum_{j = 0..8} w_j z_c,t + (j - 4) dilation,   s_c = 1 or -1,
+ * and its features are the parts of its samples t with y_t > bias r. For the 84 kernels r is the root mean
+ * square of z over the window and the selected channels, for the 12 kernels it is 1. All samples count if the
+ * convolution is `padded`, otherwise the samples where no tap lies outside of the window. z and y are
+ * computed in float, by sums in a fixed order, so the counts are the same on all machines.
+ *   MiniRocket has neither the 12 kernels, nor signs, nor r. Its weights add up to 0, so it sees no constant
+ * offset of a channel, and sums alone do not compare channels. Thresholds in units of r hold for windows of
+ * any amplitude, such as other sea states; the 12 kernels see the amplitude, too. */
+typedef struct lg_rocket_convolution {
+    uint32_t kernel, dilation, padded; /* 0..95; 1..(length - 1)/8; 0 or 1 */
+    uint32_t channels, features;       /* how many entries of `channel` and `bias` belong to this one */
+} lg_rocket_convolution;
+typedef struct lg_rocket {
+    uint32_t count, listed;             /* numbers of convolutions and of entries of `channel` */
+    lg_rocket_convolution *convolution; /* (count) by rising dilation */
+    /* (listed) of each convolution in turn: 2 i for channel select[i], 2 i + 1 if it is subtracted. */
+    uint32_t *channel;
+    float *bias;  /* (d) */
+    double *mean; /* (channels) */
+} lg_rocket;
 
 /* A description of the features that are computed from a window. */
 typedef struct lg_features {
@@ -67,6 +96,7 @@ typedef struct lg_features {
     uint32_t *pair;            /* (pairs, 2) channels of each pair */
     uint32_t bands;            /* SPECTRUM: number of frequency bands */
     lg_spectrum spectrum;      /* SPECTRUM: the plan for `bands` */
+    lg_rocket rocket;          /* ROCKET */
     double *scale;             /* (channels) divisor of each channel; not used by RAW and STD */
     uint32_t count;            /* d: number of features */
     const lg_context *context; /* in whose memory the arrays are */
@@ -83,6 +113,30 @@ LG_API lg_status lg_features_create(const lg_context *context, lg_feature_kind k
                                     const lg_series *series, uint32_t length, const lg_scaler *scaler,
                                     lg_features *out, lg_error *error);
 LG_API void lg_features_destroy(lg_features *features);
+
+/* The comments give the values of lg_rocket_options_init. */
+typedef struct lg_rocket_options {
+    size_t size;       /* sizeof(lg_rocket_options) */
+    uint32_t features; /* default 10000, at least 96; rounded down to a multiple of 96 */
+    bool directions_x; /* default false; as in lg_features_create */
+    uint64_t seed;     /* default 1 */
+} lg_rocket_options;
+LG_API void lg_rocket_options_init(lg_rocket_options *options);
+/* Makes random convolution features for windows like those with the indices chosen (count), or like the first
+ * `count` windows if `chosen` is NULL. `scaler`, of the same windows, gives means and scales. Every kernel
+ * has the same number of features. Its dilations are floor(2^e), with at most 32 values e evenly spaced
+ * from 0 to log2((length - 1)/8); padding alternates; the number of channels that are added
+ * up is 2^u with a uniform u, at most 9. A bias is a quantile of the convolution of one random training
+ * window, at the levels frac((i + 1) phi), phi the golden ratio. Free *out with lg_features_destroy.
+ * Errors: LG_INVALID_ARGUMENT (no windows, fewer than 9 samples, `features` out of range, a scaler that
+ * does not fit), LG_NOT_FINITE, LG_OUT_OF_MEMORY. */
+LG_API lg_status lg_rocket_fit(const lg_context *context, const lg_rocket_options *options,
+                               const lg_series *series, const lg_windows *windows, const uint32_t *chosen,
+                               size_t count, const lg_scaler *scaler, lg_features *out, lg_error *error);
+/* Leaves out all random convolution features but those with the indices keep (count), in rising order.
+ * Errors, in which case *features is unchanged: LG_UNSUPPORTED (another kind), LG_INVALID_ARGUMENT,
+ * LG_OUT_OF_MEMORY. */
+LG_API lg_status lg_rocket_prune(lg_features *features, const uint32_t *keep, size_t count, lg_error *error);
 /* Bytes of work memory for lg_features_compute. */
 LG_API size_t lg_features_work_size(const lg_features *features);
 /* Computes out (d) from the window x (channels, length). For a constant channel and for windows of one
@@ -141,7 +195,8 @@ typedef struct lg_logistic {
     uint32_t inputs, classes;  /* d, K */
     double *weight;            /* (rows, d) */
     double *intercept;         /* (rows) */
-    uint32_t iterations;       /* number of Newton steps of the fit */
+    uint32_t iterations;       /* number of Newton steps of the fit; 0 for lg_ridge_fit */
+    double penalty;            /* chosen by lg_ridge_fit; 0 for lg_logistic_fit */
     const lg_context *context; /* in whose memory the arrays are */
 } lg_logistic;
 /* Fits x (n, d) and label (n): minimises C sum_i -log p(label_i | x_i) + |w|^2/2 by Newton's method with
@@ -155,6 +210,21 @@ LG_API lg_status lg_logistic_fit(const lg_context *context, const double *x, con
 LG_API void lg_logistic_destroy(lg_logistic *model);
 /* Computes probability (n, classes) of the rows of x (n, d). */
 LG_API void lg_logistic_predict(const lg_logistic *model, const double *x, size_t n, double *probability);
+
+/* ---- ridge regression on classes ---- */
+
+/* Fits b + w.x to 1 for rows of a class and -1 for all others: minimises sum_i |target_i - b - w.x_i|^2 +
+ * penalty |w|^2. The penalty is the one of ten, n 10^-3 to n 10^3, for which rows that are left out are
+ * predicted with the smallest mean square error (Hastie, Tibshirani, Friedman, The Elements of Statistical
+ * Learning, 7.10); b is not penalised. It is meant for many standardised features. The result has the
+ * layout of lg_logistic: for two classes one row of weights, whose score is positive for class 1,
+ * otherwise a row for each class. x (n, d) is overwritten. Memory: 16 min(n, d)^2 bytes, and for n > d the
+ * size of x again. Free *out with lg_logistic_destroy. Errors: the errors of lg_logistic_fit. */
+LG_API lg_status lg_ridge_fit(const lg_context *context, double *x, const uint32_t *label, size_t n,
+                              uint32_t d, uint32_t classes, lg_logistic *out, lg_error *error);
+/* Computes score (n, classes) of the rows of x (n, d); the answer is the class with the largest score. With
+ * two classes the scores are -s and s. */
+LG_API void lg_ridge_predict(const lg_logistic *model, const double *x, size_t n, double *score);
 
 /* ---- decision trees: CART (Breiman et al. 1984) ---- */
 
@@ -278,11 +348,12 @@ typedef enum lg_classifier_method {
     LG_METHOD_LOGISTIC,
     LG_METHOD_TREE,
     LG_METHOD_SVM_LINEAR,
-    LG_METHOD_SVM_RBF
+    LG_METHOD_SVM_RBF,
+    LG_METHOD_RIDGE
 } lg_classifier_method;
-#define LG_METHOD_COUNT 4
-LG_API const char *
-lg_classifier_method_name(lg_classifier_method method); /* "logistic", "tree", "svm-linear", "svm-rbf" */
+#define LG_METHOD_COUNT 5
+/* "logistic", "tree", "svm-linear", "svm-rbf" or "ridge". */
+LG_API const char *lg_classifier_method_name(lg_classifier_method method);
 LG_API lg_status lg_classifier_method_parse(const char *name,
                                             lg_classifier_method *out); /* LG_NOT_FOUND for other names */
 
@@ -298,7 +369,7 @@ typedef struct lg_classifier_options {
 LG_API void lg_classifier_options_init(lg_classifier_options *options);
 
 /* A fitted chain. Of the models logistic, tree and svm only the model of `method` is used; the others are
- * zero. */
+ * zero. A ridge regression is in `logistic`. */
 typedef struct lg_classifier {
     lg_classifier_method method;
     uint32_t classes;
@@ -319,10 +390,15 @@ LG_API lg_status lg_classifier_fit(const lg_context *context, const lg_classifie
                                    size_t count, uint32_t d, uint32_t classes, lg_classifier *out,
                                    lg_error *error);
 LG_API void lg_classifier_destroy(lg_classifier *classifier); /* frees the features too */
+/* Finds the `count` features with the largest norms of weights over the classes, for the methods logistic and
+ * ridge without principal components: index (count), in rising order. Errors: LG_INVALID_ARGUMENT (NULL, more
+ * features than there are), LG_UNSUPPORTED (another method, or components), LG_OUT_OF_MEMORY. */
+LG_API lg_status lg_classifier_largest(const lg_context *context, const lg_classifier *classifier,
+                                       size_t count, uint32_t *index, lg_error *error);
 /* Bytes of work memory for the two functions below. */
 LG_API size_t lg_classifier_work_size(const lg_classifier *classifier);
 /* Computes score (classes) from the features f (d) of a window: probabilities, or for an SVM the scores of
- * lg_svm_predict. */
+ * lg_svm_predict, for a ridge regression the scores of lg_ridge_predict. */
 LG_API void lg_classifier_score(const lg_classifier *classifier, const double *f, double *score,
                                 double *work);
 /* Computes score (classes) from a window x (channels, length). Errors: LG_INVALID_ARGUMENT (the classifier
@@ -335,6 +411,7 @@ LG_API lg_status lg_classifier_window(const lg_classifier *classifier, const flo
  * and their jacobian (outputs, channels length) with respect to x; it may be NULL. y has, with K classes:
  *   logistic  the logits: 1 number for two classes (the logit of class 1), else K
  *   tree      the fractions of the classes in the leaf (K); the Jacobian is 0
+ *   ridge     the scores of lg_ridge_fit: 1 number for two classes, else K
  *   svm       the decisions of the pairs (i, j), i < j: K (K - 1)/2 numbers, positive for class i. For K > 2
  *             the decision is 1 if only i has support vectors, -1 if only j has, and 0 if neither has
  * Derivatives are set to 0 with respect to channels that the features do not use, and where a feature is not

@@ -17,6 +17,8 @@
 #include "kernels/gemm.inc"
 #include "kernels/window.inc"
 
+#include "kernels/taps.inc"
+
 #include "kernels/reduce.inc"
 #include "kernels/geometry.inc"
 #include "kernels/lie.inc"
@@ -97,6 +99,9 @@ const lg_kernels TABLE = {
     .window_pick = window_pick,
     .window_place = window_place,
     .window_fold = window_fold,
+    .taps_sum = taps_sum,
+    .taps_apply = taps_apply,
+    .count_above = count_above,
     .sum = sum,
     .dot = dot,
     .sum_rows = sum_rows,

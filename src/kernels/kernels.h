@@ -235,6 +235,15 @@ typedef struct lg_kernels {
     void (*window_fold)(const lg_k_windows *w, size_t batch, double factor, const void *from, size_t pitch,
                         size_t inner, const void *times, void *x, bool add);
 
+    /* Convolutions with nine taps, `step` samples apart. taps_sum: y[t] = sum_{j < 9} x[t + j step].
+     * taps_apply: y[t] = [y[t] +] sign (3 (x[0][t] + x[1][t] + x[2][t]) - sum[t]), that is, weight 2 for the
+     * three taps at x[0], x[1], x[2] and weight -1 for the six others; sign is 1 or -1. count_above:
+     * count[j] = how many of the n numbers of x are above level[j]. All three have the same bits for all
+     * instruction sets. */
+    void (*taps_sum)(size_t n, const void *x, size_t step, void *y);
+    void (*taps_apply)(size_t n, const void *const *x, const void *sum, double sign, void *y, bool add);
+    void (*count_above)(size_t n, const void *x, size_t levels, const void *level, uint32_t *count);
+
     double (*sum)(size_t n, const void *x);
     double (*dot)(size_t n, const void *a, const void *b);
     /* y[j] = [y[j] +] sum_i x[i, j], accumulated in the table's type, in the order of the rows */
@@ -308,8 +317,9 @@ typedef struct lg_kernels {
                  void *v, void *theta);
 } lg_kernels;
 
-/* The table for the instruction set in use. Never NULL; always the same. */
-const lg_kernels *lg_kernels_for(lg_dtype dtype);
+/* The table for the instruction set in use. Never NULL; always the same. Exported because liegrad_classify
+ * uses it. */
+LG_API const lg_kernels *lg_kernels_for(lg_dtype dtype);
 /* The table of a given instruction set, or NULL if this build or machine does not have the set. For tests. */
 const lg_kernels *lg_kernels_of(lg_dtype dtype, lg_isa isa);
 

@@ -40,4 +40,23 @@ static inline lg_windows windows_of(const lg_series *series) {
     return *own_lg_windows(w);
 }
 
+/* At least 96 random convolution features, fitted to all windows of the series. */
+static inline lg_features rocket_made(const lg_series *series, uint32_t count, uint64_t seed) {
+    const lg_windows w = windows_of(series);
+    lg_rocket_options options;
+    lg_scaler scaler;
+    lg_features f;
+    lg_rocket_options_init(&options);
+    options.features = count;
+    options.seed = seed;
+    assert_ok(lg_scaler_fit(NULL, series, &w, NULL, w.count, false, &scaler));
+    assert_ok(lg_rocket_fit(NULL, &options, series, &w, NULL, w.count, &scaler, &f, NULL));
+    lg_scaler_destroy(&scaler);
+    return f;
+}
+
+static inline lg_features rocket_of(const lg_series *series, uint32_t count, uint64_t seed) {
+    return *own_lg_features(rocket_made(series, count, seed));
+}
+
 #endif

@@ -14,8 +14,9 @@ __attribute__((constructor)) static void one_thread_of_blas(void) {
 static const struct {
     lg_classifier_method method;
     uint32_t components;
-} chains[] = {{LG_METHOD_LOGISTIC, 0},   {LG_METHOD_LOGISTIC, 2}, {LG_METHOD_TREE, 0},   {LG_METHOD_TREE, 2},
-              {LG_METHOD_SVM_LINEAR, 2}, {LG_METHOD_SVM_RBF, 0},  {LG_METHOD_SVM_RBF, 2}};
+} chains[] = {{LG_METHOD_LOGISTIC, 0}, {LG_METHOD_LOGISTIC, 2},   {LG_METHOD_TREE, 0},
+              {LG_METHOD_TREE, 2},     {LG_METHOD_SVM_LINEAR, 2}, {LG_METHOD_RIDGE, 0},
+              {LG_METHOD_SVM_RBF, 0},  {LG_METHOD_SVM_RBF, 2},    {LG_METHOD_RIDGE, 2}};
 #define CHAINS (LG_COUNT(chains))
 
 static lg_classifier_options options_of(size_t chain) {
@@ -130,11 +131,15 @@ static lg_series make_series(void) {
 
 /* Chain t, fitted to features of the series. */
 static lg_classifier make_classifier(const lg_series *s, size_t t) {
-    static const lg_feature_kind kinds[] = {LG_FEATURES_STD, LG_FEATURES_COV, LG_FEATURES_RAW,
-                                            LG_FEATURES_BASELINE, LG_FEATURES_SPECTRUM};
+    static const lg_feature_kind kinds[] = {LG_FEATURES_STD,      LG_FEATURES_COV,      LG_FEATURES_RAW,
+                                            LG_FEATURES_BASELINE, LG_FEATURES_SPECTRUM, LG_FEATURES_ROCKET};
+    const lg_feature_kind kind = kinds[t % LG_COUNT(kinds)];
     lg_classifier c = {0};
     const lg_windows w = windows_of(s);
-    assert_ok(lg_features_create(NULL, kinds[t % LG_COUNT(kinds)], false, s, 40, NULL, &c.features, NULL));
+    if (kind == LG_FEATURES_ROCKET)
+        c.features = rocket_made(s, 96, 1);
+    else
+        assert_ok(lg_features_create(NULL, kind, false, s, 40, NULL, &c.features, NULL));
     double *x = TEST_ARRAY(double, w.count *c.features.count);
     assert_ok(lg_features_table(NULL, &c.features, s, &w, 1, x, NULL));
     const lg_classifier_options o = options_of(t);

@@ -269,7 +269,8 @@ TEST("any number of threads gives the same bits") {
     lg_series s = make_series(23, 6, 60, false);
     const lg_windows w = windows_of(&s);
     for (int kind = 0; kind < LG_FEATURE_KIND_COUNT; kind++) {
-        lg_features f = features_of((lg_feature_kind)kind, false, &s, 60, NULL);
+        lg_features f = kind == LG_FEATURES_ROCKET ? rocket_of(&s, 200, 1)
+                                                   : features_of((lg_feature_kind)kind, false, &s, 60, NULL);
         double *one = TEST_ARRAY(double, 23 * f.count), *more = TEST_ARRAY(double, 23 * f.count);
         assert_ok(lg_features_table(NULL, &f, &s, &w, 1, one, NULL));
         double *row = compute(&f, s.x + 22 * 6 * 60);

@@ -3,7 +3,7 @@
 #include "test_support.h"
 
 #include "liegrad/anomaly.h"
-#include "mechanics/dense_solve.h"
+#include "support/dense_solve.h"
 #include "anomaly/riser_check.h"
 #include "anomaly/riser.h"
 #include "support/fixtures.h"

@@ -254,10 +254,12 @@ typedef struct classifier_example {
 #define COV      LG_FEATURES_COV
 #define BASELINE LG_FEATURES_BASELINE
 #define SPECTRUM LG_FEATURES_SPECTRUM
+#define ROCKET   LG_FEATURES_ROCKET
 #define LOGISTIC LG_METHOD_LOGISTIC
 #define TREE     LG_METHOD_TREE
 #define LINEAR   LG_METHOD_SVM_LINEAR
 #define RBF      LG_METHOD_SVM_RBF
+#define RIDGE    LG_METHOD_RIDGE
 
 static const classifier_example classifier_examples[] = {
     {.row = {"cov-logistic", "gcc", "-O2", ""}, COV, false, LOGISTIC, 0, 2, 33},
@@ -280,6 +282,10 @@ static const classifier_example classifier_examples[] = {
     {.row = {"spectrum-tree", "clang", "-O3", ""}, SPECTRUM, false, TREE, 5, 3, 33},
     {.row = {"spectrum-linear", "gcc", "-O3 -march=native", ""}, SPECTRUM, true, LINEAR, 0, 3, 33},
     {.row = {"spectrum-rbf", "clang", "-O2", ""}, SPECTRUM, false, RBF, 4, 3, 33},
+    {.row = {"rocket-ridge", "gcc", "-O3 -march=native", ""}, ROCKET, false, RIDGE, 0, 2, 33},
+    {.row = {"rocket-ridge-3", "clang", "-O2", ""}, ROCKET, true, RIDGE, 0, 3, 60},
+    {.row = {"rocket-rbf", "gcc", "-O0", ""}, ROCKET, false, RBF, 4, 2, 33},
+    {.row = {"cov-ridge", "gcc", "-O2", ""}, COV, false, RIDGE, 0, 3, 33},
     /* Windows longer than one segment of the spectrum, so segments overlap. No trees: rounding would decide
      * at their thresholds. */
     {.row = {"long-logistic", "gcc", "-O2", ""}, SPECTRUM, false, LOGISTIC, 0, 2, 300},
@@ -350,8 +356,17 @@ static fitted *fit(const classifier_example *of) {
     assert_ok(lg_windows_create(NULL, &f->series, 0, 0, &windows, &error));
     assert_ok(lg_scaler_fit(NULL, &f->series, &windows, NULL, windows.count, false, &f->scaler));
     lg_features *features = &f->classifier.features;
-    assert_ok(lg_features_create(NULL, of->kind, of->directions_x, &f->series, of->length, &f->scaler,
-                                 features, &error));
+    if (of->kind == ROCKET) {
+        lg_rocket_options rocket;
+        lg_rocket_options_init(&rocket);
+        rocket.features = 96;
+        rocket.directions_x = of->directions_x;
+        assert_ok(lg_rocket_fit(NULL, &rocket, &f->series, &windows, NULL, windows.count, &f->scaler,
+                                features, &error));
+    } else {
+        assert_ok(lg_features_create(NULL, of->kind, of->directions_x, &f->series, of->length, &f->scaler,
+                                     features, &error));
+    }
     double *table = TEST_ARRAY(double, windows.count * features->count);
     assert_ok(lg_features_table(NULL, features, &f->series, &windows, 1, table, &error));
     lg_classifier_options_init(&options);
@@ -391,7 +406,8 @@ static void save_classifier(const fitted *f) {
     assert_ok(lg_file_writer_names(writer, &f->series, NULL));
     for (size_t i = 0; i < LG_COUNT(rows); i++)
         assert_ok(to.array(to.user, rows[i].path, rows[i].type, 0, NULL, rows[i].value));
-    assert_ok(to.text(to.user, "run/method", lg_classifier_method_name(f->classifier.method)));
+    const lg_classifier_method method = f->classifier.method;
+    assert_ok(to.text(to.user, "run/method", method == RIDGE ? "rocket" : lg_classifier_method_name(method)));
     assert_ok(to.text(to.user, "run/split", "random"));
     assert_ok(to.text(to.user, "run/data_sha256", hash));
     assert_ok(lg_classifier_save(&f->classifier, &to, NULL));

@@ -729,6 +729,26 @@ TEST("functions of series and classifiers refuse NULL") {
                               NULL));
     REFUSES(lg_pca_fit(NULL, NEEDED(x), 12, 2, 1, NEEDED(&pca), NULL));
     REFUSES(lg_logistic_fit(NULL, NEEDED(x), NEEDED(label), 12, 2, 2, 1.0, NEEDED(&logistic), NULL));
+    lg_rocket_options convolutions;
+    lg_rocket_options_init(&convolutions);
+    lg_series long_series = {.count = 2, .channels = 1, .length = 9, .classes = 2};
+    lg_windows long_windows;
+    lg_features convolved;
+    double zero = 0, one = 1;
+    const lg_scaler unit = {.channels = 1, .mean = &zero, .scale = &one};
+    const uint32_t kept[] = {0};
+    assert_ok(lg_series_allocate(NULL, &long_series, false, false));
+    assert_ok(lg_windows_create(NULL, &long_series, 9, 9, &long_windows, &error));
+    convolutions.features = 96;
+    REFUSES(lg_rocket_fit(NULL, NEEDED(&convolutions), NEEDED(&long_series), NEEDED(&long_windows), NULL, 2,
+                          NEEDED(&unit), NEEDED(&made), NULL));
+    assert_ok(
+        lg_rocket_fit(NULL, &convolutions, &long_series, &long_windows, NULL, 2, &unit, &convolved, &error));
+    REFUSES(lg_rocket_prune(NEEDED(&convolved), NEEDED(kept), 1, NULL));
+    lg_features_destroy(&convolved);
+    lg_windows_destroy(&long_windows);
+    lg_series_destroy(&long_series);
+    REFUSES(lg_ridge_fit(NULL, NEEDED(others), NEEDED(label), 12, 2, 2, NEEDED(&logistic), NULL));
     REFUSES(lg_tree_fit(NULL, NEEDED(&growth), NEEDED(x), NEEDED(label), 12, 2, 2, NEEDED(&pruned), NULL));
     REFUSES(lg_tree_pruning_path(NULL, NEEDED(&tree), 8, NEEDED(steps), NEEDED(&count)));
     REFUSES(lg_tree_prune(NULL, NEEDED(&tree), 0.0, NEEDED(&pruned)));
@@ -741,6 +761,8 @@ TEST("functions of series and classifiers refuse NULL") {
                                  NEEDED(others), NEEDED(&count), NULL));
     lg_classifier fitted = {.features = features}, loaded;
     assert_ok(lg_classifier_fit(NULL, &chain, x, label, NULL, 12, 1, 2, &fitted, &error));
+    uint32_t largest[1];
+    REFUSES(lg_classifier_largest(NULL, NEEDED(&fitted), 1, NEEDED(largest), NULL));
     memory_archive *archive = TEST_ARRAY(memory_archive, 1), *new = TEST_ARRAY(memory_archive, 1);
     const lg_archive_writer writer = memory_writer(new), first = memory_writer(archive);
     const lg_archive_reader reader = memory_reader(archive);

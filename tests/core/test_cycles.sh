@@ -12,7 +12,7 @@ elastica/elastica_branches elastica/elastica_continuation
 anomaly/detector_train anomaly/detector_units
 anomaly/riser anomaly/riser_motion anomaly/riser_sea
 anomaly/classify/features anomaly/classify/features_baseline anomaly/classify/features_channel
-anomaly/classify/features_cov anomaly/classify/features_spectrum
+anomaly/classify/features_cov anomaly/classify/features_rocket anomaly/classify/features_spectrum
 anomaly/classify/tree anomaly/classify/tree_prune
 datasets/table_csv datasets/table_h5 datasets/table_npy datasets/table_reading
 machine/files/log_csv machine/files/log_h5 machine/files/log_table

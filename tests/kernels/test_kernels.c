@@ -857,3 +857,42 @@ TEST_EVERY_TABLE("the bits of an Adam update do not depend on the position", k) 
                 at_mutable(k, copy[1], i), at_mutable(k, copy[2], i));
     for (int a = 0; a < 3; a++) assert_memory_equal(copy[a], all[a], N * k->size);
 }
+
+/* ---- convolutions with nine taps ---- */
+
+TEST_EVERY_TABLE("sums of nine taps, and counts above levels, follow their definition", k) {
+    enum { MOST = 70, STEP = 3 };
+    lg_rng rng = test_rng(12, 0);
+    for (size_t n = 0; n <= MOST; n += n < 20 ? 1 : 7) {
+        void *x = numbers(k, MOST + 8 * STEP), *sum = numbers(k, MOST), *y = numbers(k, MOST);
+        for (size_t i = 0; i < MOST + 8 * STEP; i++) set(k, x, i, (double)lg_rng_below(&rng, 64) / 8);
+        const void *taps[3] = {at(k, x, 0), at(k, x, 4 * STEP), at(k, x, 8 * STEP)};
+        k->taps_sum(n, x, STEP, sum);
+        for (int sign = 1; sign >= -1; sign -= 2)
+            for (int add = 0; add < 2; add++) {
+                k->fill(MOST, 0.5, y);
+                k->taps_apply(n, taps, sum, sign, y, add);
+                for (size_t i = 0; i < MOST; i++) {
+                    double all = 0, three = 0;
+                    for (size_t j = 0; j < 9; j++) all += get(k, x, i + j * STEP);
+                    for (size_t j = 0; j < 9; j += 4) three += get(k, x, i + j * STEP);
+                    if (i < n) assert_close(get(k, sum, i), all, 0, 0);
+                    assert_close(get(k, y, i), i < n ? (add ? 0.5 : 0) + sign * (3 * three - all) : 0.5, 0,
+                                 0);
+                }
+            }
+        uint32_t count[6] = {0};
+        void *level = numbers(k, 5);
+        for (size_t j = 0; j < 5; j++) set(k, level, j, 2.0 * (double)j - 0.25);
+        for (size_t levels = 0; levels <= 5; levels++) {
+            count[levels] = 77;
+            k->count_above(n, x, levels, level, count);
+            assert_int_equal(count[levels], 77);
+            for (size_t j = 0; j < levels; j++) {
+                uint32_t above = 0;
+                for (size_t i = 0; i < n; i++) above += get(k, x, i) > get(k, level, j);
+                assert_int_equal(count[j], above);
+            }
+        }
+    }
+}

@@ -1,6 +1,6 @@
 /* The Hamiltonian chain compared with dense linear algebra, difference quotients and the general equations of
  * a constrained Hamiltonian system. */
-#include "mechanics/dense_solve.h"
+#include "support/dense_solve.h"
 #include "mechanics/system_check.h"
 
 #include "mechanics/chain.h"

@@ -3,6 +3,7 @@
 #include "lg-export/anomaly/classifier.h"
 
 #include <math.h>
+#include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -100,6 +101,48 @@ static void add_spectrum(const classifier_job *j) {
     free(sine);
 }
 
+static size_t rocket_margin(const lg_rocket *r) {
+    return r->count > 0 ? 4 * (size_t)r->convolution[r->count - 1].dilation : 0; /* dilations rise */
+}
+
+/* Adds the tables of the convolutions, a column each. */
+static void add_rocket(const classifier_job *j) {
+    const lg_rocket *r = &j->c->features.rocket;
+    static const struct {
+        const char *name, *comment;
+        size_t offset;
+    } columns[] = {
+        {"kernel", "kernel of each convolution", offsetof(lg_rocket_convolution, kernel)},
+        {"dilation", "distance of its taps", offsetof(lg_rocket_convolution, dilation)},
+        {"padded", "0: only samples where all taps lie in the window",
+         offsetof(lg_rocket_convolution, padded)},
+        {"added", "how many channels it adds up", offsetof(lg_rocket_convolution, channels)},
+        {"compared", "how many thresholds it is compared with", offsetof(lg_rocket_convolution, features)},
+    };
+    uint32_t *column = app_alloc(r->count, sizeof *column);
+    double *bias = app_alloc(j->d, sizeof *bias);
+    for (size_t i = 0; i < LG_COUNT(columns); i++) {
+        for (size_t c = 0; c < r->count; c++)
+            memcpy(&column[c], (const char *)&r->convolution[c] + columns[i].offset, sizeof *column);
+        export_integers(j->source, columns[i].name, columns[i].comment, column, r->count);
+    }
+    for (size_t i = 0; i < j->d; i++) bias[i] = (double)r->bias[i];
+    export_integers(j->source, "channel", "2 i: channel select[i] is added, 2 i + 1: subtracted", r->channel,
+                    r->listed);
+    export_array(j->source, "bias", &(export_part){"thresholds, by convolution", j->d, bias}, 1);
+    export_array(j->source, "channel_mean",
+                 &(export_part){"mean of each channel", j->c->features.channels, r->mean}, 1);
+    export_constant(j->source, "CONVOLUTIONS", r->count);
+    export_constant(j->source, "MARGIN", rocket_margin(r));
+    free(column);
+    free(bias);
+}
+
+/* Returns whether the outputs are constant between thresholds. */
+static bool is_constant(const lg_classifier *c) {
+    return c->method == LG_METHOD_TREE || c->features.kind == LG_FEATURES_ROCKET;
+}
+
 /* Returns whether features of this kind divide the channels by their scale. */
 static bool is_scaled(lg_feature_kind kind) {
     return kind != LG_FEATURES_RAW && kind != LG_FEATURES_STD;
@@ -125,6 +168,7 @@ static void add_features(const classifier_job *j) {
         export_constant(j->source, "SELECTED", f->selected);
     }
     if (f->kind == LG_FEATURES_SPECTRUM) add_spectrum(j);
+    if (f->kind == LG_FEATURES_ROCKET) add_rocket(j);
 }
 
 /* Adds NAME_weights (principal components, then the weights and offsets of linear decisions) and the layers
@@ -219,6 +263,8 @@ static size_t features_work(const lg_features *f) {
         return m * (length + 3 * m + 2);
     case LG_FEATURES_SPECTRUM:
         return 2 * length + f->spectrum.segment + m * f->bands;
+    case LG_FEATURES_ROCKET:
+        return 2 * m * (length + rocket_margin(&f->rocket)) + length;
     default:
         return length + 2 * (size_t)f->segments * f->pairs;
     }
@@ -229,7 +275,7 @@ static size_t features_work(const lg_features *f) {
 static void add_places(const classifier_job *j) {
     const lg_classifier *c = j->c;
     const size_t kernel = c->method == LG_METHOD_SVM_RBF ? c->svm.vectors : 0;
-    const bool gradient = c->method != LG_METHOD_TREE;
+    const bool gradient = !is_constant(c);
     const struct {
         const char *name;
         size_t count;
@@ -258,14 +304,16 @@ static void add_fragments(const classifier_job *j) {
     static const char *const kinds[LG_FEATURE_KIND_COUNT] = {
         [LG_FEATURES_RAW] = "features_raw",           [LG_FEATURES_STD] = "features_std",
         [LG_FEATURES_COV] = "features_cov",           [LG_FEATURES_SPECTRUM] = "features_spectrum",
-        [LG_FEATURES_BASELINE] = "features_baseline",
+        [LG_FEATURES_BASELINE] = "features_baseline", [LG_FEATURES_ROCKET] = "features_rocket",
     };
     const lg_classifier *c = j->c;
     const lg_feature_kind kind = c->features.kind;
     const bool raw = kind == LG_FEATURES_RAW, cov = kind == LG_FEATURES_COV,
                deviations = kind == LG_FEATURES_STD || kind == LG_FEATURES_BASELINE, two = c->classes == 2,
                tree = c->method == LG_METHOD_TREE, rbf = c->method == LG_METHOD_SVM_RBF,
-               single = j->source->options->dtype == LG_F32, pca = c->pca.components > 0;
+               rocket = kind == LG_FEATURES_ROCKET, slopes = !is_constant(c),
+               ridge = c->method == LG_METHOD_RIDGE, single = j->source->options->dtype == LG_F32,
+               pca = c->pca.components > 0;
     char vjp[64];
     (void)snprintf(vjp, sizeof vjp, "%s_vjp", kinds[kind]);
     const struct {
@@ -273,31 +321,32 @@ static void add_fragments(const classifier_job *j) {
         bool wanted;
     } fragments[] = {
         {"rolled", true},
-        {"features_sums", !raw || rbf},
-        {"features_centre", !raw},
+        {"features_sums", !(raw || rocket) || rbf},
+        {"features_centre", !(raw || rocket)},
         {"features_cov_factor", cov},
         {kinds[kind], true},
-        {"features_deviation_vjp", !tree && deviations},
-        {vjp, !tree},
+        {"features_deviation_vjp", slopes && deviations},
+        {vjp, slopes},
         {"features_standardise_rest", single},
         {"features_standardise", !single},
         {pca ? "project" : "project_none", true},
-        {"row_products", pca && !tree},
-        {pca ? "project_vjp" : "project_none_vjp", !tree},
+        {"row_products", pca && slopes},
+        {pca ? "project_vjp" : "project_none_vjp", slopes},
         {"decide_rows", classifier_is_linear(c)},
-        {"decide_rows_vjp", classifier_is_linear(c)},
+        {"decide_rows_vjp", classifier_is_linear(c) && slopes},
         {"tree", tree},
         {"svm_distance", rbf},
         {"svm_rbf", rbf},
-        {"svm_rbf_vjp", rbf},
-        {"tree_scores", tree},
+        {"svm_rbf_vjp", rbf && slopes},
+        {"tree_scores", tree || (ridge && !two)},
+        {"ridge_two_scores", ridge && two},
         {"scores_sigmoid", c->method == LG_METHOD_LOGISTIC && two},
         {"scores_softmax", c->method == LG_METHOD_LOGISTIC && !two},
         {"svm_two_scores", is_svm(c) && two},
         {"svm_votes", is_svm(c) && !two},
         {"detector_class", true},
         {"classifier_main", true},
-        {tree ? "classifier_grad_zero" : "classifier_grad", true},
+        {slopes ? "classifier_grad" : "classifier_grad_zero", true},
     };
     for (size_t i = 0; i < LG_COUNT(fragments); i++)
         if (fragments[i].wanted) export_code(j->source, fragments[i].name);
@@ -332,10 +381,15 @@ static void add_outputs(const classifier_job *j, text *to) {
     else if (j->c->method == LG_METHOD_LOGISTIC)
         lg_text_add(to, "outputs y (%zu): a logit a class; probabilities are exp(y_i)/sum_j exp(y_j).",
                     j->outputs);
+    else if (j->c->method == LG_METHOD_RIDGE)
+        lg_text_add(to, two ? "outputs y (1): the score of class 1, positive for class 1."
+                            : "outputs y: the score of each class; the largest is the answer.");
     else
         lg_text_add(to, "outputs y (%zu): decisions of the pairs of classes (i, j), i < j, positive for i%s.",
                     j->outputs, two ? "" : ", in the order (0, 1), (0, 2), ..., (1, 2), ...");
-    if (j->c->method != LG_METHOD_TREE)
+    if (j->c->method != LG_METHOD_TREE && is_constant(j->c))
+        lg_text_add(to, " Gradient: 0, since counts of samples are constant between thresholds.\n\n");
+    else if (j->c->method != LG_METHOD_TREE)
         lg_text_add(to,
                     " Gradient: d y/d x, one row an output, by the window as recorded; that of a standard "
                     "deviation of 0 is 0.\n\n");
@@ -421,7 +475,7 @@ static export_window window_of(const classifier_file *file) {
                            .channel_name = named ? file->names.channel_name : NULL,
                            .accuracy = file->accuracy,
                            .f1 = file->f1,
-                           .scores = is_svm(c) ? "scores" : "probabilities",
+                           .scores = is_svm(c) || c->method == LG_METHOD_RIDGE ? "scores" : "probabilities",
                            .score_words = score_words[!is_svm(c)        ? 0
                                                       : c->classes == 2 ? 1
                                                                         : 2]};

@@ -88,7 +88,9 @@ static void draw_waves(drawing *d) {
 static void draw_window(drawing *d) {
     const lg_features *f = &d->j->c->features;
     for (size_t c = 0; c < f->channels; c++)
-        for (size_t t = 0; t < f->length; t++) put(d, c, t, lg_rng_normal(&d->rng) * f->scale[c]);
+        for (size_t t = 0; t < f->length; t++)
+            put(d, c, t,
+                lg_rng_normal(&d->rng) * f->scale[c] + (f->rocket.mean != NULL ? f->rocket.mean[c] : 0));
     if (f->kind == LG_FEATURES_COV) draw_mixed(d);
     if (f->kind == LG_FEATURES_BASELINE) draw_parts(d);
     if (f->kind == LG_FEATURES_SPECTRUM) draw_waves(d);

@@ -7,7 +7,8 @@
 #include <string.h>
 
 bool classifier_is_linear(const lg_classifier *c) {
-    return c->method == LG_METHOD_LOGISTIC || c->method == LG_METHOD_SVM_LINEAR;
+    return c->method == LG_METHOD_LOGISTIC || c->method == LG_METHOD_RIDGE ||
+           c->method == LG_METHOD_SVM_LINEAR;
 }
 
 /* Rounding error, in eps, of the logarithm of a power P in a channel whose mean power is A: amplitudes are
@@ -29,6 +30,7 @@ double classifier_size_of(const classifier_job *j, size_t i) {
     case LG_FEATURES_RAW:
         return 0;
     case LG_FEATURES_STD:
+    case LG_FEATURES_ROCKET:
         return fabs(mean[i]);
     case LG_FEATURES_COV:
         return sqrt(2) * export_norm(mean, NULL, j->d);

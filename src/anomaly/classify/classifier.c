@@ -1,13 +1,12 @@
 /* The classifier's chain: features, standardisation, principal components, model. */
 #include "anomaly/classify/classify_internal.h"
 
+#include <stdlib.h>
 #include <string.h>
 
 static const char *const method_names[LG_METHOD_COUNT] = {
-    [LG_METHOD_LOGISTIC] = "logistic",
-    [LG_METHOD_TREE] = "tree",
-    [LG_METHOD_SVM_LINEAR] = "svm-linear",
-    [LG_METHOD_SVM_RBF] = "svm-rbf",
+    [LG_METHOD_LOGISTIC] = "logistic", [LG_METHOD_TREE] = "tree",   [LG_METHOD_SVM_LINEAR] = "svm-linear",
+    [LG_METHOD_SVM_RBF] = "svm-rbf",   [LG_METHOD_RIDGE] = "ridge",
 };
 
 const char *lg_classifier_method_name(lg_classifier_method method) {
@@ -36,7 +35,7 @@ typedef struct fitting {
     const lg_classifier_options *options;
     size_t n;
     uint32_t d;
-    double *x, *p;   /* (n, d) features, (n, k) components */
+    double *x, *p;   /* (n, d) features, (n, k) components; without components both are the same array */
     uint32_t *label; /* (n) */
 } fitting;
 
@@ -47,6 +46,8 @@ static lg_status fit_method(const fitting *f, uint32_t k, lg_classifier *c, lg_e
         return lg_logistic_fit(f->context, f->p, f->label, f->n, k, c->classes, o->c, &c->logistic, error);
     case LG_METHOD_TREE:
         return lg_tree_fit(f->context, &o->tree, f->p, f->label, f->n, k, c->classes, &c->tree, error);
+    case LG_METHOD_RIDGE:
+        return lg_ridge_fit(f->context, f->p, f->label, f->n, k, c->classes, &c->logistic, error);
     default:
         return lg_svm_fit(f->context, o->method == LG_METHOD_SVM_RBF ? LG_KERNEL_RBF : LG_KERNEL_LINEAR, o->c,
                           o->gamma, f->p, f->label, f->n, k, c->classes, &c->svm, error);
@@ -68,7 +69,7 @@ static lg_status fit_chain(fitting *f, const double *x, const uint32_t *label, c
     LG_TRY(lg_pca_fit(f->context, f->x, f->n, f->d, f->options->components, &c->pca, error));
     const uint32_t k = lg_pca_outputs(&c->pca);
     double *work = lg_alloc(f->context, d, sizeof *work);
-    f->p = lg_alloc(f->context, f->n, k * sizeof *f->p);
+    f->p = c->pca.components == 0 ? f->x : lg_alloc(f->context, f->n, k * sizeof *f->p);
     const bool good = work != NULL && f->p != NULL;
     if (good) lg_pca_eval(&c->pca, f->x, f->n, f->p, work);
     lg_free(f->context, work);
@@ -98,8 +99,8 @@ lg_status lg_classifier_fit(const lg_context *context, const lg_classifier_optio
     lg_classifier made = {.method = options->method, .classes = classes};
     fitting f = {.context = context, .options = options, .n = count, .d = d};
     const lg_status status = fit_chain(&f, x, label, chosen, &made, error);
+    if (f.p != f.x) lg_free(context, f.p);
     lg_free(context, f.x);
-    lg_free(context, f.p);
     lg_free(context, f.label);
     if (status != LG_OK) {
         free_fitted(&made);
@@ -115,6 +116,49 @@ void lg_classifier_destroy(lg_classifier *classifier) {
     lg_features_destroy(&classifier->features);
     free_fitted(classifier);
     *classifier = (lg_classifier){0};
+}
+
+/* ---- the most important features ---- */
+
+typedef struct weighted {
+    double squares;
+    uint32_t index;
+} weighted;
+
+/* By falling weight, then by index. */
+static int by_weight(const void *a, const void *b) {
+    const weighted *x = a, *y = b;
+    if (x->squares != y->squares) return x->squares < y->squares ? 1 : -1;
+    return (x->index > y->index) - (x->index < y->index);
+}
+
+static int by_index(const void *a, const void *b) {
+    const uint32_t x = *(const uint32_t *)a, y = *(const uint32_t *)b;
+    return (x > y) - (x < y);
+}
+
+lg_status lg_classifier_largest(const lg_context *context, const lg_classifier *c, size_t count,
+                                uint32_t *index, lg_error *error) {
+    LG_NEEDS(error, c, index);
+    const uint32_t d = c->pca.inputs;
+    if (!lg_method_is_linear(c->method) || c->pca.components > 0)
+        return lg_fail(error, LG_UNSUPPORTED,
+                       "only logistic and ridge regression without components have a weight per feature");
+    if (count > d) return lg_fail(error, LG_INVALID_ARGUMENT, "%zu of %u features", count, d);
+    weighted *all = lg_alloc(context, d, sizeof *all);
+    if (all == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %u features", d);
+    for (uint32_t i = 0; i < d; i++) {
+        all[i] = (weighted){0, i};
+        for (size_t row = 0; row < (c->classes == 2 ? 1 : c->classes); row++) {
+            const double w = c->logistic.weight[row * d + i];
+            all[i].squares += w * w;
+        }
+    }
+    qsort(all, d, sizeof *all, by_weight);
+    for (size_t i = 0; i < count; i++) index[i] = all[i].index;
+    qsort(index, count, sizeof *index, by_index);
+    lg_free(context, all);
+    return LG_OK;
 }
 
 /* ---- scores. work: d features, k components, then memory that the stages use one after the other ---- */
@@ -139,6 +183,9 @@ void lg_classifier_score(const lg_classifier *c, const double *f, double *score,
         break;
     case LG_METHOD_TREE:
         lg_tree_predict(&c->tree, p, 1, score);
+        break;
+    case LG_METHOD_RIDGE:
+        lg_ridge_predict(&c->logistic, p, 1, score);
         break;
     default:
         lg_svm_predict(&c->svm, p, 1, score, rest);
@@ -176,6 +223,7 @@ size_t lg_classifier_outputs(const lg_classifier *c) {
     const size_t classes = c->classes;
     switch (c->method) {
     case LG_METHOD_LOGISTIC:
+    case LG_METHOD_RIDGE:
         return classes == 2 ? 1 : classes;
     case LG_METHOD_TREE:
         return classes;
@@ -193,6 +241,7 @@ size_t lg_classifier_jacobian_work_size(const lg_classifier *c) {
 static void decide(const lg_classifier *c, const pieces *p, double *y) {
     switch (c->method) {
     case LG_METHOD_LOGISTIC:
+    case LG_METHOD_RIDGE:
         lg_logistic_scores(&c->logistic, p->p, y);
         break;
     case LG_METHOD_TREE:
@@ -206,7 +255,7 @@ static void decide(const lg_classifier *c, const pieces *p, double *y) {
 /* Returns the derivative of output o with respect to the components p. Not for trees, whose derivative is
  * 0. */
 static const double *gradient_of(const lg_classifier *c, const pieces *p, size_t o) {
-    if (c->method == LG_METHOD_LOGISTIC) return c->logistic.weight + o * c->logistic.inputs;
+    if (lg_method_is_linear(c->method)) return c->logistic.weight + o * c->logistic.inputs;
     lg_svm_decision_gradient(&c->svm, p->p, p->kernel, o, p->by_p);
     return p->by_p;
 }

@@ -18,47 +18,50 @@ typedef struct item {
     bool used;
 } item;
 
-#define SCALARS 14
-#define ARRAYS  15
+#define SCALARS 16
+#define ARRAYS  19
 
 /* The numbers in the file that determine the sizes of all arrays. */
 typedef struct header {
     uint32_t classes, channels, length, selected, segments, pairs, bands, count, inputs, components,
-        variances, nodes, vectors, iterations;
+        variances, nodes, vectors, iterations, convolutions, listed;
 } header;
 
-/* `bands` is stored for spectrum features only. */
+/* `bands` is stored for spectrum features only, `convolutions` and `listed` for random convolutions. */
 static void list_scalars(header *h, lg_feature_kind kind, item out[SCALARS]) {
     const struct {
         const char *path;
         uint32_t *data;
+        bool used;
     } rows[SCALARS] = {
-        {ROOT "classes", &h->classes},
-        {ROOT "features/channels", &h->channels},
-        {ROOT "features/length", &h->length},
-        {ROOT "features/selected", &h->selected},
-        {ROOT "features/segments", &h->segments},
-        {ROOT "features/pairs", &h->pairs},
-        {ROOT "features/bands", &h->bands},
-        {ROOT "features/count", &h->count},
-        {ROOT "pca/inputs", &h->inputs},
-        {ROOT "pca/components", &h->components},
-        {ROOT "pca/variances", &h->variances},
-        {ROOT "tree/nodes", &h->nodes},
-        {ROOT "svm/vectors", &h->vectors},
-        {ROOT "logistic/iterations", &h->iterations},
+        {ROOT "classes", &h->classes, true},
+        {ROOT "features/channels", &h->channels, true},
+        {ROOT "features/length", &h->length, true},
+        {ROOT "features/selected", &h->selected, true},
+        {ROOT "features/segments", &h->segments, true},
+        {ROOT "features/pairs", &h->pairs, true},
+        {ROOT "features/bands", &h->bands, kind == LG_FEATURES_SPECTRUM},
+        {ROOT "features/count", &h->count, true},
+        {ROOT "pca/inputs", &h->inputs, true},
+        {ROOT "pca/components", &h->components, true},
+        {ROOT "pca/variances", &h->variances, true},
+        {ROOT "tree/nodes", &h->nodes, true},
+        {ROOT "svm/vectors", &h->vectors, true},
+        {ROOT "logistic/iterations", &h->iterations, true},
+        {ROOT "rocket/convolutions", &h->convolutions, kind == LG_FEATURES_ROCKET},
+        {ROOT "rocket/listed", &h->listed, kind == LG_FEATURES_ROCKET},
     };
-    for (size_t i = 0; i < SCALARS; i++) {
-        const bool used = rows[i].data != &h->bands || kind == LG_FEATURES_SPECTRUM;
-        out[i] = (item){rows[i].path, LG_ELEMENT_U32, 0, {0, 0}, rows[i].data, used};
-    }
+    for (size_t i = 0; i < SCALARS; i++)
+        out[i] = (item){rows[i].path, LG_ELEMENT_U32, 0, {0, 0}, rows[i].data, rows[i].used};
 }
 
 /* Lists the arrays of the method and features in *c, whose sizes must be set. The nodes of a tree are stored
  * as one array *nodes (count, 6): feature, left, right, threshold, impurity, samples. */
 static void list_arrays(lg_classifier *c, double **nodes, item out[ARRAYS]) {
-    const bool features = c->features.count > 0, logistic = c->method == LG_METHOD_LOGISTIC;
-    const bool tree = c->method == LG_METHOD_TREE, svm = !logistic && !tree;
+    const bool features = c->features.count > 0, logistic = lg_method_is_linear(c->method);
+    const bool tree = c->method == LG_METHOD_TREE, svm = lg_method_is_svm(c->method);
+    const bool rocket = features && c->features.kind == LG_FEATURES_ROCKET;
+    lg_rocket *r = &c->features.rocket;
     const uint64_t m = c->features.selected, d = c->pca.inputs, k = c->pca.components, classes = c->classes;
     const uint64_t inputs = lg_pca_outputs(&c->pca), rows = classes == 2 ? 1 : classes;
     const item list[ARRAYS] = {
@@ -87,6 +90,10 @@ static void list_arrays(lg_classifier *c, double **nodes, item out[ARRAYS]) {
         {ROOT "svm/vector", LG_ELEMENT_F64, 2, {c->svm.vectors, inputs}, &c->svm.vector, svm},
         {ROOT "svm/coefficient", LG_ELEMENT_F64, 2, {classes - 1, c->svm.vectors}, &c->svm.coefficient, svm},
         {ROOT "svm/rho", LG_ELEMENT_F64, 1, {classes * (classes - 1) / 2, 0}, &c->svm.rho, svm},
+        {ROOT "rocket/convolution", LG_ELEMENT_U32, 2, {r->count, 5}, &r->convolution, rocket},
+        {ROOT "rocket/channel", LG_ELEMENT_U32, 1, {r->listed, 0}, &r->channel, rocket},
+        {ROOT "rocket/bias", LG_ELEMENT_F32, 1, {c->features.count, 0}, &r->bias, rocket},
+        {ROOT "rocket/mean", LG_ELEMENT_F64, 1, {c->features.channels, 0}, &r->mean, rocket},
     };
     memcpy(out, list, sizeof list);
 }
@@ -132,9 +139,10 @@ lg_status lg_classifier_save(const lg_classifier *classifier, const lg_archive_w
     /* A copy that is only read, because the list takes pointers without const. */
     lg_classifier c = *classifier;
     const lg_features *f = &c.features;
-    header h = {c.classes,       f->channels,  f->length,     f->selected,          f->segments,
-                f->pairs,        f->bands,     f->count,      c.pca.inputs,         c.pca.components,
-                c.pca.variances, c.tree.count, c.svm.vectors, c.logistic.iterations};
+    header h = {c.classes,       f->channels,  f->length,     f->selected,           f->segments,
+                f->pairs,        f->bands,     f->count,      c.pca.inputs,          c.pca.components,
+                c.pca.variances, c.tree.count, c.svm.vectors, c.logistic.iterations, f->rocket.count,
+                f->rocket.listed};
     double gamma = c.svm.gamma, penalty = c.svm.c, *nodes = NULL;
     item scalars[SCALARS], arrays[ARRAYS];
     list_scalars(&h, f->kind, scalars);
@@ -209,7 +217,7 @@ static lg_status check_rules(const rule *rules, size_t count, lg_error *error) {
 static lg_status take_sizes(const header *h, lg_classifier *c, lg_error *error) {
     lg_features *f = &c->features;
     const bool baseline = f->kind == LG_FEATURES_BASELINE, spectrum = f->kind == LG_FEATURES_SPECTRUM;
-    const bool svm = c->method >= LG_METHOD_SVM_LINEAR;
+    const bool rocket = f->kind == LG_FEATURES_ROCKET, svm = lg_method_is_svm(c->method);
     f->channels = h->channels, f->length = h->length, f->selected = h->selected;
     f->segments = h->segments, f->pairs = h->pairs, f->bands = h->bands, f->count = h->count;
     c->classes = c->logistic.classes = c->tree.classes = c->svm.classes = h->classes;
@@ -230,8 +238,11 @@ static lg_status take_sizes(const header *h, lg_classifier *c, lg_error *error) 
         {h->pairs <= h->channels && (baseline || h->pairs == 0), "features/pairs", "is out of range"},
         {h->bands == lg_spectrum_bands(h->length, h->bands) && (h->bands > 0) == (spectrum && h->count > 0),
          "features/bands", "is out of range"},
-        {h->count == lg_features_count(f) && h->count <= LG_FEATURES_MAX, "features/count",
+        {(rocket || h->count == lg_features_count(f)) && h->count <= LG_FEATURES_MAX, "features/count",
          "does not fit the kind of the features"},
+        {h->convolutions <= h->count && (h->convolutions > 0) == (rocket && h->count > 0),
+         "rocket/convolutions", "does not fit the features"},
+        {h->listed <= (uint64_t)h->convolutions * h->selected, "rocket/listed", "does not fit the channels"},
         {h->inputs >= 1 && h->inputs <= LG_FEATURES_MAX && (h->count == 0 || h->inputs == h->count),
          "pca/inputs", "is not the number of features"},
         {h->components <= h->inputs, "pca/components", "is larger than the number of features"},
@@ -242,7 +253,9 @@ static lg_status take_sizes(const header *h, lg_classifier *c, lg_error *error) 
         {isfinite(c->svm.gamma) && c->svm.gamma >= 0.0, "svm/gamma", "is out of range"},
         {isfinite(c->svm.c) && (c->svm.c > 0.0) == svm, "svm/c", "is out of range"},
     };
-    return check_rules(rules, LG_COUNT(rules), error);
+    LG_TRY(check_rules(rules, LG_COUNT(rules), error));
+    f->rocket.count = h->convolutions, f->rocket.listed = h->listed;
+    return LG_OK;
 }
 
 static size_t element_size(lg_element type) {
@@ -265,11 +278,12 @@ static lg_status read_array(const lg_context *context, const lg_archive_reader *
     if (block == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory to read %s", it->path);
     memcpy(it->data, &block, sizeof block); /* sets the array pointer, whatever its type */
     LG_TRY(refused(r->array(r->user, it->path, it->type, it->rank, it->dims, block), it->path, error));
-    if (it->type != LG_ELEMENT_F64) return LG_OK;
-    for (size_t i = 0; i < count; i++)
-        if (!isfinite(((const double *)block)[i]))
-            return lg_fail(error, LG_NOT_FINITE, "%s: entry %zu is %g", it->path, i,
-                           ((const double *)block)[i]);
+    for (size_t i = 0; i < count && it->type != LG_ELEMENT_U32; i++) {
+        const double number =
+            it->type == LG_ELEMENT_F64 ? ((const double *)block)[i] : (double)((const float *)block)[i];
+        if (!isfinite(number))
+            return lg_fail(error, LG_NOT_FINITE, "%s: entry %zu is %g", it->path, i, number);
+    }
     return LG_OK;
 }
 
@@ -290,7 +304,8 @@ static lg_status check_features(const lg_classifier *c, lg_error *error) {
     if (f->count > 0 && !positive(f->scale, f->channels))
         return wrong(error, "features/scale", "is not positive");
     if (!positive(c->pca.scale, c->pca.inputs)) return wrong(error, "pca/scale", "is not positive");
-    return LG_OK;
+    const char *what = f->rocket.count > 0 ? lg_rocket_check(f) : NULL;
+    return what == NULL ? LG_OK : wrong(error, "rocket/convolution", what);
 }
 
 static bool is_index(double x, double below) {
@@ -360,15 +375,15 @@ static lg_status read_classifier(const lg_context *context, const lg_archive_rea
         LG_TRY(
             lg_spectrum_create(context, c->features.length, c->features.bands, &c->features.spectrum, error));
     if (c->method == LG_METHOD_TREE) return check_tree(context, &c->tree, *nodes, error);
-    if (c->method >= LG_METHOD_SVM_LINEAR) return check_svm(&c->svm, error);
+    if (lg_method_is_svm(c->method)) return check_svm(&c->svm, error);
     return LG_OK;
 }
 
 /* Clears the models of the other methods; only their sizes have been set. */
 static void forget_others(lg_classifier *c) {
-    if (c->method != LG_METHOD_LOGISTIC) c->logistic = (lg_logistic){0};
+    if (!lg_method_is_linear(c->method)) c->logistic = (lg_logistic){0};
     if (c->method != LG_METHOD_TREE) c->tree = (lg_tree){0};
-    if (c->method < LG_METHOD_SVM_LINEAR) c->svm = (lg_svm){0};
+    if (!lg_method_is_svm(c->method)) c->svm = (lg_svm){0};
 }
 
 lg_status lg_classifier_load(const lg_context *context, const lg_archive_reader *reader, lg_classifier *out,

@@ -12,6 +12,14 @@
 #define LG_EIGEN_MAX   8192
 #define LG_CLASSES_MAX (UINT32_C(1) << 16)
 
+/* What the methods' models are: rows of weights in `logistic`, or support vectors in `svm`. */
+static inline bool lg_method_is_linear(lg_classifier_method method) {
+    return method == LG_METHOD_LOGISTIC || method == LG_METHOD_RIDGE;
+}
+static inline bool lg_method_is_svm(lg_classifier_method method) {
+    return method == LG_METHOD_SVM_LINEAR || method == LG_METHOD_SVM_RBF;
+}
+
 /* Size of the work memory of lg_eigen for an n x n matrix, in doubles. The memory holds LAPACK's doubles,
  * then its integers. */
 size_t lg_eigen_work(size_t n);
@@ -43,6 +51,9 @@ static inline double lg_sum_of(const double *a, size_t n) {
  * becomes the number of rows of each class. */
 lg_status lg_check_table(const double *x, size_t n, uint32_t d, lg_error *error);
 lg_status lg_check_labels(const uint32_t *label, size_t n, uint32_t classes, size_t *counts, lg_error *error);
+
+/* Checks convolutions that were read from a file. Returns NULL, or what is wrong with their table. */
+const char *lg_rocket_check(const lg_features *features);
 
 /* Number of features for the kind, channels and window length in *features. */
 uint64_t lg_features_count(const lg_features *features);

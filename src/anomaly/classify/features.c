@@ -9,7 +9,7 @@
 static const lg_feature_row *const kinds[LG_FEATURE_KIND_COUNT] = {
     [LG_FEATURES_RAW] = &lg_feature_raw,           [LG_FEATURES_STD] = &lg_feature_std,
     [LG_FEATURES_COV] = &lg_feature_cov,           [LG_FEATURES_SPECTRUM] = &lg_feature_spectrum,
-    [LG_FEATURES_BASELINE] = &lg_feature_baseline,
+    [LG_FEATURES_BASELINE] = &lg_feature_baseline, [LG_FEATURES_ROCKET] = &lg_feature_rocket,
 };
 
 const char *lg_feature_kind_name(lg_feature_kind kind) {
@@ -106,6 +106,7 @@ static lg_status check_create(lg_feature_kind kind, const lg_series *series, uin
 }
 
 static lg_status check_made(const lg_features *f, bool directions_x, lg_error *error) {
+    if (f->kind == LG_FEATURES_ROCKET && f->selected > 0) return LG_OK;
     if (f->selected == 0)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "there is no channel of the x-direction: no name ends in _x");
@@ -124,11 +125,9 @@ static lg_status check_made(const lg_features *f, bool directions_x, lg_error *e
     return LG_OK;
 }
 
-lg_status lg_features_create(const lg_context *context, lg_feature_kind kind, bool directions_x,
-                             const lg_series *series, uint32_t length, const lg_scaler *scaler,
-                             lg_features *out, lg_error *error) {
-    (void)lg_fail(error, LG_OK, "%s", "");
-    if (series == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL");
+lg_status lg_features_begin(const lg_context *context, lg_feature_kind kind, bool directions_x,
+                            const lg_series *series, uint32_t length, const lg_scaler *scaler,
+                            lg_features *out, lg_error *error) {
     LG_TRY(check_create(kind, series, length, scaler, error));
     lg_features f = {.kind = kind, .channels = series->channels, .length = length, .context = context};
     f.select = lg_alloc(context, f.channels, sizeof *f.select);
@@ -146,12 +145,23 @@ lg_status lg_features_create(const lg_context *context, lg_feature_kind kind, bo
         if (status == LG_OK && f.bands > 0)
             status = lg_spectrum_create(context, length, f.bands, &f.spectrum, error);
     }
-    if (status != LG_OK) {
+    if (status == LG_OK)
+        *out = f;
+    else
         lg_features_destroy(&f);
-        return status;
-    }
-    f.count = (uint32_t)lg_features_count(&f);
-    *out = f;
+    return status;
+}
+
+lg_status lg_features_create(const lg_context *context, lg_feature_kind kind, bool directions_x,
+                             const lg_series *series, uint32_t length, const lg_scaler *scaler,
+                             lg_features *out, lg_error *error) {
+    (void)lg_fail(error, LG_OK, "%s", "");
+    if (series == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL");
+    if (kind == LG_FEATURES_ROCKET)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "random convolution features depend on training windows: take lg_rocket_fit");
+    LG_TRY(lg_features_begin(context, kind, directions_x, series, length, scaler, out, error));
+    out->count = (uint32_t)lg_features_count(out);
     return LG_OK;
 }
 
@@ -161,6 +171,7 @@ void lg_features_destroy(lg_features *features) {
     lg_free(features->context, features->pair);
     lg_free(features->context, features->scale);
     lg_spectrum_destroy(&features->spectrum);
+    lg_rocket_destroy(features->context, &features->rocket);
     *features = (lg_features){0};
 }
 

@@ -24,7 +24,13 @@ typedef struct lg_feature_row {
 } lg_feature_row;
 
 extern const lg_feature_row lg_feature_raw, lg_feature_std, lg_feature_cov, lg_feature_spectrum,
-    lg_feature_baseline;
+    lg_feature_baseline, lg_feature_rocket;
+
+/* As lg_features_create, for any kind, but without `count`. */
+lg_status lg_features_begin(const lg_context *context, lg_feature_kind kind, bool directions_x,
+                            const lg_series *series, uint32_t length, const lg_scaler *scaler,
+                            lg_features *out, lg_error *error);
+void lg_rocket_destroy(const lg_context *context, lg_rocket *rocket);
 
 /* Length of the work memory of lg_features_compute in doubles. */
 size_t lg_features_work_doubles(const lg_features *features);

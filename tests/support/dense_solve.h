@@ -6,7 +6,7 @@
 #include <stddef.h>
 
 /* x = A^-1 b by elimination with pivoting. A (n, n) and b are overwritten. */
-static void dense_solve(size_t n, double *a, double *b, double *x) {
+static inline void dense_solve(size_t n, double *a, double *b, double *x) {
     for (size_t c = 0; c < n; c++) {
         size_t pivot = c;
         for (size_t r = c + 1; r < n; r++)

@@ -1,0 +1,277 @@
+/* Random convolution features against their definition, and ridge regression against refits without each
+ * row. */
+#include "classify_support.h"
+#include "support/dense_solve.h"
+
+#include <math.h>
+
+#include "core/core.h"
+
+static const double PHI = 1.618033988749895;
+
+static lg_series make_series(size_t count, uint32_t channels, uint32_t length, uint64_t seed) {
+    lg_series s = {.count = count, .channels = channels, .length = length, .classes = 2};
+    assert_ok(lg_series_allocate(NULL, &s, false, false));
+    lg_rng rng = test_rng(seed, 2);
+    for (size_t i = 0; i < count * channels * length; i++) s.x[i] = (float)lg_rng_normal(&rng);
+    return *own_lg_series(s);
+}
+
+static double *compute(const lg_features *f, const float *x) {
+    double *out = TEST_ARRAY(double, f->count),
+           *work = TEST_ARRAY(double, lg_features_work_size(f) / sizeof(double));
+    assert_ok(lg_features_compute(f, x, out, work));
+    return out;
+}
+
+/* The nine weights of a kernel. */
+static void weights_of(uint32_t kernel, double weight[9]) {
+    uint32_t number = 0;
+    for (int j = 0; j < 9; j++) weight[j] = kernel < 84 ? -1 : 1;
+    for (int a = 0; a < 9; a++)
+        for (int b = a + 1; b < 9; b++)
+            for (int c = b + 1; c < 9; c++)
+                if (number++ == kernel) weight[a] = weight[b] = weight[c] = 2;
+}
+
+/* Compares the features of a window with their definition. All sums of the window must be exact in float. */
+static void against_definition(const lg_features *f, const float *x) {
+    const lg_rocket *r = &f->rocket;
+    const double *found = compute(f, x);
+    const uint32_t *channel = r->channel;
+    const float *bias = r->bias;
+    double squares = 0;
+    for (size_t i = 0; i < (size_t)f->channels * f->length; i++) squares += (double)x[i] * (double)x[i];
+    const float rms = (float)sqrt(squares / ((double)f->channels * f->length));
+    for (uint32_t i = 0; i < r->count; i++) {
+        const lg_rocket_convolution *c = &r->convolution[i];
+        const int n = (int)f->length, step = (int)c->dilation, first = c->padded ? 0 : 4 * step;
+        double weight[9], *y = TEST_ARRAY(double, f->length);
+        weights_of(c->kernel, weight);
+        for (uint32_t k = 0; k < c->channels; k++)
+            for (int t = 0; t < n; t++)
+                for (int j = 0; j < 9; j++) {
+                    const int at = t + (j - 4) * step;
+                    const double z =
+                        at >= 0 && at < n ? (double)x[channel[k] / 2 * f->length + (size_t)at] : 0;
+                    y[t] += (channel[k] % 2 == 1 ? -1 : 1) * weight[j] * z;
+                }
+        for (uint32_t b = 0; b < c->features; b++) {
+            const float level = c->kernel < 84 ? bias[b] * rms : bias[b];
+            int above = 0;
+            for (int t = first; t < n - first; t++) above += y[t] > (double)level;
+            assert_close(*found++, above / (double)(n - 2 * first), 0, 0);
+        }
+        channel += c->channels, bias += c->features;
+    }
+}
+
+TEST("random convolution features follow their definition, for any length and number of channels") {
+    static const struct {
+        uint32_t channels, length;
+    } cases[] = {{1, 9}, {1, 24}, {2, 17}, {3, 100}, {12, 33}, {1, 300}};
+    for (size_t i = 0; i < LG_COUNT(cases); i++) {
+        const uint32_t channels = cases[i].channels;
+        lg_series s = make_series(4, channels, cases[i].length, i);
+        for (size_t k = 0; k < 4 * (size_t)channels * s.length; k++) s.x[k] = roundf(8 * s.x[k]) / 8;
+        double *mean = TEST_ARRAY(double, channels), *scale = TEST_ARRAY(double, channels);
+        for (uint32_t c = 0; c < channels; c++) scale[c] = 1;
+        const lg_scaler scaler = {.channels = channels, .mean = mean, .scale = scale};
+        const lg_windows w = windows_of(&s);
+        lg_rocket_options options;
+        lg_features f;
+        lg_rocket_options_init(&options);
+        options.features = 960;
+        assert_ok(lg_rocket_fit(NULL, &options, &s, &w, NULL, 4, &scaler, &f, NULL));
+        f = *own_lg_features(f);
+        assert_int_equal(f.count, 960);
+        for (size_t k = 0; k < 4; k++) against_definition(&f, s.x + k * channels * s.length);
+    }
+}
+
+TEST("dilations are powers of 2 rounded down, and every kernel has the same number of features") {
+    for (uint32_t length = 9; length < 400; length += 13) {
+        lg_series s = make_series(2, 1, length, 3);
+        const lg_features f = rocket_of(&s, 3000, 5);
+        uint32_t of_kernel[96] = {0}, last = 0, dilations = 0;
+        for (uint32_t i = 0; i < f.rocket.count; i++) {
+            const lg_rocket_convolution *c = &f.rocket.convolution[i];
+            of_kernel[c->kernel] += c->features;
+            assert_true(c->dilation >= last);
+            dilations += c->dilation > last;
+            last = c->dilation;
+        }
+        for (int k = 0; k < 96; k++) assert_int_equal(of_kernel[k], 3000 / 96);
+        assert_int_equal(f.rocket.convolution[0].dilation, 1);
+        assert_int_equal(last, (length - 1) / 8); /* exponents end at log2((length - 1)/8) */
+        assert_in_range(dilations, 1, last);
+    }
+}
+
+/* Fitted to one window, feature number i of this window is the part of the samples above the quantile
+ * frac((i + 1) phi). */
+TEST("thresholds are quantiles of a training window") {
+    lg_series s = make_series(1, 1, 200, 7);
+    const lg_features f = rocket_of(&s, 1920, 1);
+    const double *part = compute(&f, s.x);
+    for (uint32_t i = 0, at = 0; i < f.rocket.count; i++) {
+        const lg_rocket_convolution *c = &f.rocket.convolution[i];
+        const double samples = c->padded ? 200 : 200 - 8.0 * c->dilation;
+        for (uint32_t k = 0; k < c->features; k++, at++)
+            assert_close(part[at], 1 - fmod((at + 1) * PHI, 1), 0, 1.01 / samples);
+    }
+}
+
+TEST("units of the channels do not matter, and padding sees a level that the kernels do not") {
+    lg_series s = make_series(6, 3, 80, 11);
+    const lg_features f = rocket_of(&s, 960, 2);
+    const double *plain = compute(&f, s.x);
+    static const double units[] = {1024, 1e9, 1e-9};
+    for (size_t u = 0; u < LG_COUNT(units); u++) {
+        lg_series other = make_series(6, 3, 80, 11);
+        for (size_t i = 0; i < 6 * 3 * 80; i++)
+            if (i / 80 % 3 == 1) other.x[i] = (float)((double)other.x[i] * units[u]);
+        const lg_features g = rocket_of(&other, 960, 2);
+        const double *scaled = compute(&g, other.x);
+        size_t different = 0;
+        for (uint32_t i = 0; i < f.count; i++) {
+            assert_close(scaled[i], plain[i], 0, units[u] == 1024 ? 0 : 1.01 / 16);
+            different += scaled[i] != plain[i];
+        }
+        assert_in_range(different, 0, 10);
+    }
+}
+
+TEST("pruned features are a part of the features") {
+    lg_series s = make_series(5, 4, 60, 13);
+    const lg_features whole = rocket_of(&s, 960, 2);
+    const double *all = compute(&whole, s.x);
+    lg_features f = rocket_made(&s, 960, 2);
+    uint32_t keep[] = {0, 1, 5, 300, 301, 302, 958, 959};
+    lg_error error;
+    static const uint32_t falling[] = {3, 2}, beyond[] = {2, 960};
+    assert_status(lg_rocket_prune(&f, falling, 2, &error), LG_INVALID_ARGUMENT);
+    assert_status(lg_rocket_prune(&f, beyond, 2, &error), LG_INVALID_ARGUMENT);
+    assert_status(lg_rocket_prune(&f, keep, 0, &error), LG_INVALID_ARGUMENT);
+    const uint32_t before = f.rocket.count;
+    assert_ok(lg_rocket_prune(&f, keep, LG_COUNT(keep), &error));
+    assert_int_equal(f.count, LG_COUNT(keep));
+    assert_true(f.rocket.count < before);
+    const double *part = compute(&f, s.x);
+    for (size_t i = 0; i < LG_COUNT(keep); i++) assert_close(part[i], all[keep[i]], 0, 0);
+    lg_features_destroy(&f);
+    lg_features deviations = features_of(LG_FEATURES_STD, false, &s, 60, NULL);
+    assert_status(lg_rocket_prune(&deviations, keep, 2, &error), LG_UNSUPPORTED);
+    assert_says(error.message, "std");
+}
+
+TEST("windows, options and samples that do not fit are refused with a reason") {
+    lg_series s = make_series(3, 2, 30, 17), small = make_series(3, 2, 8, 17);
+    const lg_windows w = windows_of(&s), narrow = windows_of(&small);
+    double mean[2] = {0}, scale[2] = {1, 1};
+    const lg_scaler scaler = {.channels = 2, .mean = mean, .scale = scale};
+    lg_rocket_options o;
+    lg_features f;
+    lg_error e;
+    lg_rocket_options_init(&o);
+    assert_status(lg_rocket_fit(NULL, &o, &small, &narrow, NULL, 3, &scaler, &f, &e), LG_INVALID_ARGUMENT);
+    assert_says(e.message, "8 samples");
+    assert_status(lg_rocket_fit(NULL, &o, &s, &w, NULL, 0, &scaler, &f, &e), LG_INVALID_ARGUMENT);
+    assert_says(e.message, "0 training windows");
+    o.features = 95;
+    assert_status(lg_rocket_fit(NULL, &o, &s, &w, NULL, 3, &scaler, &f, &e), LG_INVALID_ARGUMENT);
+    assert_says(e.message, "95");
+    o.features = 96;
+    o.size--;
+    assert_status(lg_rocket_fit(NULL, &o, &s, &w, NULL, 3, &scaler, &f, &e), LG_INVALID_ARGUMENT);
+    o.size++;
+    assert_status(lg_features_create(NULL, LG_FEATURES_ROCKET, false, &s, 30, &scaler, &f, &e),
+                  LG_INVALID_ARGUMENT);
+    assert_says(e.message, "lg_rocket_fit");
+    f = rocket_of(&s, 96, 1);
+    double *work = TEST_ARRAY(double, lg_features_work_size(&f) / sizeof(double)), out[96];
+    s.x[40] = NAN;
+    assert_status(lg_features_compute(&f, s.x, out, work), LG_NOT_FINITE);
+    s.x[40] = 0;
+    for (int i = 0; i < 60; i++) s.x[i] = 0; /* a window without motion is judged */
+    assert_ok(lg_features_compute(&f, s.x, out, work));
+}
+
+/* ---- ridge regression ---- */
+
+/* out (d + 1): weights and intercept of the ridge regression without row `left_out`, or with all rows if it
+ * is n. */
+static void refit(const double *x, const uint32_t *label, uint32_t class, size_t n, size_t d, double penalty,
+                  size_t left_out, double *out) {
+    double *a = TEST_ARRAY(double, (d + 1) * (d + 1)), *b = TEST_ARRAY(double, d + 1);
+    for (size_t j = 0; j < d; j++) a[j * (d + 2)] = penalty;
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; i != left_out && j <= d; j++) {
+            const double xj = j < d ? x[i * d + j] : 1;
+            b[j] += xj * (label[i] == class ? 1 : -1);
+            for (size_t k = 0; k <= d; k++) a[j * (d + 1) + k] += xj * (k < d ? x[i * d + k] : 1);
+        }
+    dense_solve(d + 1, a, b, out);
+}
+
+static void against_refits(size_t n, uint32_t d, uint32_t classes) {
+    uint32_t *label = TEST_ARRAY(uint32_t, n);
+    double *x = clouds(n, d, classes, 0.7, n + d, label), *copy = TEST_ARRAY(double, n *d),
+           *w = TEST_ARRAY(double, d + 1);
+    lg_logistic found;
+    memcpy(copy, x, n * d * sizeof *x);
+    assert_told(lg_ridge_fit(NULL, copy, label, n, d, classes, &found, &told));
+    double best = INFINITY, penalty = 0;
+    for (int p = 0; p < 10; p++) {
+        const double candidate = (double)n * pow(10, -3 + 6.0 * p / 9);
+        double sum = 0;
+        for (uint32_t c = classes == 2 ? 1 : 0; c < classes; c++)
+            for (size_t i = 0; i < n; i++) {
+                refit(x, label, c, n, d, candidate, i, w);
+                double miss = w[d] - (label[i] == c ? 1 : -1);
+                for (size_t j = 0; j < d; j++) miss += w[j] * x[i * d + j];
+                sum += miss * miss;
+            }
+        if (sum < best) best = sum, penalty = candidate;
+    }
+    assert_close(found.penalty, penalty, 1e-12, 0);
+    for (uint32_t c = classes == 2 ? 1 : 0; c < classes; c++) {
+        const size_t row = classes == 2 ? 0 : c;
+        refit(x, label, c, n, d, penalty, n, w);
+        for (size_t j = 0; j < d; j++) assert_close(found.weight[row * d + j], w[j], 1e-7, 1e-9);
+        assert_close(found.intercept[row], w[d], 1e-7, 1e-9);
+    }
+    lg_logistic_destroy(&found);
+}
+
+TEST("ridge regression chooses the penalty of refits without each row, for few and for many features") {
+    against_refits(30, 4, 2);
+    against_refits(30, 4, 3);
+    against_refits(12, 20, 2);
+    against_refits(15, 40, 4);
+    against_refits(9, 9, 2);
+    for (size_t n = 6; n < 30; n++) against_refits(n, 5, 2); /* small data move the choice most */
+}
+
+TEST("the features with the largest weights are found") {
+    uint32_t label[40], index[2];
+    double *x = clouds(40, 5, 2, 0.0, 3, label);
+    for (size_t i = 0; i < 40; i++)
+        x[5 * i + 3] += label[i] == 1 ? 4 : -4, x[5 * i + 1] += label[i] == 1 ? -2 : 2;
+    lg_classifier_options o;
+    lg_classifier c = {0};
+    lg_error e;
+    lg_classifier_options_init(&o);
+    o.method = LG_METHOD_RIDGE;
+    assert_ok(lg_classifier_fit(NULL, &o, x, label, NULL, 40, 5, 2, &c, &e));
+    assert_ok(lg_classifier_largest(NULL, &c, 2, index, &e));
+    assert_int_equal(index[0], 1);
+    assert_int_equal(index[1], 3);
+    uint32_t most[6];
+    assert_status(lg_classifier_largest(NULL, &c, 6, most, &e), LG_INVALID_ARGUMENT);
+    lg_classifier_destroy(&c);
+    o.method = LG_METHOD_TREE;
+    assert_ok(lg_classifier_fit(NULL, &o, x, label, NULL, 40, 5, 2, &c, &e));
+    assert_status(lg_classifier_largest(NULL, &c, 2, index, &e), LG_UNSUPPORTED);
+    lg_classifier_destroy(&c);
+}
