@@ -296,6 +296,14 @@ TEST("windows share their ends, skip gaps and incomplete rows, and the last run 
     }
 }
 
+TEST("a window does not reach from one run into the next, even if the times continue") {
+    const lg_table_windows *w = read_windows("1,0,1,0\n1,1,2,0\n1,2,3,0\n2,3,4,0\n2,4,5,0\n2,5,6,0\n"
+                                             "3,6,7,0\n3,7,8,0\n3,8,9,0\n",
+                                             "run", 2);
+    assert_true(w->count == 2 && w->held == 1);
+    for (int k = 0; k < 3; k++) assert_true(w->rows[6 * k] == 3 * k + 1);
+}
+
 TEST("a log of one run has no windows to judge by; a log without windows is refused") {
     static const char four[] = "7,0,1,0\n7,1,2,0\n7,2,3,0\n7,3,4,0\n";
     static const char *const names[] = {"x", "u"};

@@ -390,7 +390,8 @@ TEST("an equation that cannot be solved is refused with the reason and the time 
     lg_error error;
     const lg_status status = lg_ode_solve(NULL, "R^1", blow_up, NULL, 1e-6, rising, 3, y0, out, &error);
     assert_true(status == LG_STEP_TOO_SMALL || status == LG_NOT_FINITE || status == LG_TOO_MANY_STEPS);
-    assert_says(error.message, "at t = 4"); /* y = 1/(4 - t) */
+    assert_says(error.message, "at t = ");
+    assert_close(strtod(strstr(error.message, "at t = ") + 7, NULL), 4.0, 1e-3, 0); /* y = 1/(4 - t) */
     assert_true(out[0] == 1.0 && fabs(out[1] - 2.0) < 1e-4 && out[2] == 7.0);
     assert_status(lg_ode_solve(NULL, "R^1", blow_up, NULL, 1e-6, mixed, 3, y0, out, &error),
                   LG_INVALID_ARGUMENT);

@@ -438,6 +438,33 @@ TEST("a regression in one call finds the function below the noise, in any units"
     assert_true(result.start < 3);
 }
 
+TEST("a regression in one call keeps the best of its starts") {
+    double x[ROWS], y[ROWS], last = -INFINITY;
+    bool kept = false;
+    lg_rng rng = test_rng(33, 1);
+    uint32_t best = 0;
+    for (int i = 0; i < ROWS; i++) {
+        x[i] = i;
+        y[i] = sin(0.5 * i) + 0.1 * lg_rng_normal(&rng);
+    }
+    for (uint32_t starts = 1; starts <= 5; starts++) {
+        lg_table_fit_options options;
+        lg_table_fit_result result;
+        lg_program *program = NULL;
+        lg_table_fit_options_init(&options);
+        options.starts = starts;
+        assert_told(lg_table_fit(NULL, x, 1, y, 1, ROWS, &options, &program, &result, &told));
+        lg_test_owns(program, release_made);
+        assert_true(result.start < starts);
+        assert_true(result.evidence.evidence >= last);
+        if (result.evidence.evidence > last) best = starts - 1;
+        assert_int_equal(result.start, best);
+        kept = kept || best + 1 < starts;
+        last = result.evidence.evidence;
+    }
+    assert_true(kept); /* an earlier start was the best one at least once */
+}
+
 TEST("a regression in one call refuses what it cannot fit") {
     double x[4] = {0, 1, 2, 3}, y[4] = {0, 1, 4, 9};
     lg_table_fit_options options;
