@@ -432,7 +432,7 @@ typedef struct lg_program_fit_result {
 /* Random starts of a training, because the training of a network can end in a poor minimum. draw is called
  * for each parameter of the program; `values` are its `count` numbers as the program has them, and draw may
  * replace them. Each start has its own random numbers. For an lg_mlp, `draw` is lg_mlp_draw and `user` is the
- * address of the lg_mlp. lg_mlp_draw leaves other parameters unchanged, such as a mass beside the network. */
+ * address of the lg_mlp. A parameter that is no network, such as a mass, keeps its value then. */
 typedef struct lg_fit_starts {
     uint32_t count; /* number of starts, >= 1 */
     void (*draw)(void *user, size_t parameter, size_t count, lg_rng *rng, double *values);
