@@ -50,10 +50,8 @@ static void check_start(const app *self, prediction *p) {
     const lg_hamiltonian *model = &p->file->run.model;
     lg_space space;
     app_must(self, lg_hamiltonian_space(model->family, model->n, &space), NULL);
-    const size_t copy = p->dim / model->n;
-    double distance = 0;
-    for (size_t i = 0; i < model->n && model->family->off_manifold != NULL; i++)
-        distance = fmax(distance, model->family->off_manifold(p->start + copy * i));
+    uint32_t copy = 0;
+    const double distance = lg_hamiltonian_off_manifold(model->family, model->n, p->start, &copy);
     if (!(distance <= 1e-6))
         app_stop_usage(self, "--initial: the start is off the manifold, %s, by %g", model->family->manifold,
                        distance);

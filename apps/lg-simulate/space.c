@@ -245,6 +245,17 @@ static void draw_attitude(drawing *to) {
     put_sphere(to, "axes of the body in space", axes, LG_COUNT(axes));
 }
 
+/* The numbers of the pendulum's direction start at 12. */
+static void pendulum_direction(const simulation *sim, const double *y, double x[3]) {
+    (void)sim;
+    memcpy(x, y + 12, 3 * sizeof *x);
+}
+
+static void draw_satellite(drawing *to) {
+    static const sphere_curve curves[] = {{"R e_3", body_axis_3}, {"pendulum q", pendulum_direction}};
+    put_sphere(to, "axis of the body and direction of the pendulum", curves, LG_COUNT(curves));
+}
+
 /* ---- quadrotors: e3 points down, so the picture has the axes e1, -e2 and -e3 ---- */
 
 static void turned(const double from[3], double x[3]) {
@@ -301,11 +312,9 @@ static void draw_quadrotors(drawing *to) {
 
 /* ---- pictures by system ---- */
 
-static const space_picture pictures[] = {{"pendulum-chain", draw_chain},
-                                         {"heavy-top", draw_top},
-                                         {"rigid-body", draw_body},
-                                         {"rigid-body-attitude", draw_attitude},
-                                         {"quadrotors", draw_quadrotors}};
+static const space_picture pictures[] = {
+    {"pendulum-chain", draw_chain},         {"heavy-top", draw_top},       {"rigid-body", draw_body},
+    {"rigid-body-attitude", draw_attitude}, {"satellite", draw_satellite}, {"quadrotors", draw_quadrotors}};
 
 const space_picture *find_space_picture(const simulation *sim) {
     for (size_t i = 0; i < LG_COUNT(pictures); i++)

@@ -70,10 +70,11 @@ typedef enum lg_potential_kind {
  * (N(x) - N(-x))/2. */
 typedef enum lg_symmetry { LG_SYMMETRY_NONE, LG_SYMMETRY_EVEN, LG_SYMMETRY_ODD } lg_symmetry;
 
-#define LG_HAMILTONIAN_MAX_COPIES 32  /* Largest n. */
-#define LG_HAMILTONIAN_MAX_POINTS 512 /* Most points of a training trajectory. */
-#define LG_HAMILTONIAN_MAX_ARRAYS 2
-#define LG_HAMILTONIAN_MAX_PARTS  2
+#define LG_HAMILTONIAN_MAX_COPIES  32  /* Largest n. */
+#define LG_HAMILTONIAN_MAX_POINTS  512 /* Most points of a training trajectory. */
+#define LG_HAMILTONIAN_MAX_ARRAYS  3
+#define LG_HAMILTONIAN_MAX_FACTORS 5
+#define LG_HAMILTONIAN_MAX_PARTS   6
 
 typedef struct lg_hamiltonian_family lg_hamiltonian_family;
 
@@ -100,7 +101,7 @@ typedef struct lg_hamiltonian {
 typedef struct lg_hamiltonian_vars {
     const lg_hamiltonian *model;
     lg_mlp_vars net;
-    lg_var kinetic[2]; /* What the family's `bind` makes of its arrays. */
+    lg_var kinetic[4]; /* What the family's `bind` makes of its arrays. */
 } lg_hamiltonian_vars;
 
 /* ---- Families ----
@@ -112,17 +113,27 @@ typedef struct lg_hamiltonian_vars {
  * `tape`, and their errors stick to it. */
 typedef struct lg_hamiltonian_array {
     const char *name; /* Its name in files, below /model, such as "mass/gamma". */
-    uint32_t rank;    /* Shape: 1 for (n), 2 for (n, n); 0 ends the list. */
+    uint32_t rank;    /* Shape: 1 for (m), 2 for (m, m) with m = each * n; 0 ends the list. */
+    uint32_t each;    /* 0 stands for 1. */
 } lg_hamiltonian_array;
 
 struct lg_hamiltonian_family {
-    const char *name;                               /* Its name in files, such as "chain". */
-    const char *description;                        /* Description in words, for programs. */
-    const char *copy;                               /* What n counts, such as "link". */
-    lg_space_kind factor[LG_HAMILTONIAN_MAX_PARTS]; /* The factors of the space, with n copies each. */
+    const char *name;        /* Its name in files, such as "chain". */
+    const char *description; /* Description in words, for programs. */
+    const char *copy;        /* What n counts, such as "link". */
+    uint32_t most;           /* Largest n; 0 stands for LG_HAMILTONIAN_MAX_COPIES. */
+    /* The factors of the space. Factor i has each[i] * n copies, where each[i] = 0 stands for 1. The parts of
+     * a state are pairs: positions, then the momenta that are conjugate to them. */
+    lg_space_kind factor[LG_HAMILTONIAN_MAX_FACTORS];
+    uint32_t each[LG_HAMILTONIAN_MAX_FACTORS];
     uint32_t factors;
+    /* For families of bodies: how many rotations, directions and lines one copy has. */
+    struct {
+        uint32_t rotations, directions, lines;
+    } bodies;
     /* true for the parts of a state that have a unit, and so a scale; the scales of the other parts are 1.
-     * The product of these units must be the unit of an action (energy times time), as for q and p. */
+     * In each pair of parts the product of the two units must be the unit of an action (energy times time),
+     * as for q and p. */
     bool scaled[LG_HAMILTONIAN_MAX_PARTS];
     /* With n >= `many`, lg_hamiltonian_find_scales makes T `stretch` times longer and s_2 `stretch` times
      * smaller. Then V is larger in scaled units, and small networks learn such systems better (measured,
@@ -132,7 +143,7 @@ struct lg_hamiltonian_family {
     uint32_t inputs; /* Numbers per copy that V takes. */
     uint32_t forces; /* Numbers per copy of an input u. */
     /* Names of the parts of a state, such as "q", "p"; NULL ends the list. */
-    const char *layout[3];
+    const char *layout[LG_HAMILTONIAN_MAX_PARTS + 1];
     bool numbered;                         /* The state is q1 p1 q2 p2 ... instead of q p. */
     const char *state_units, *energy_unit; /* The units of a state and of H, as text in files. */
     /* Words for the headers of exported C: the formula of H, what an input is, what the field is. NULL:
@@ -143,7 +154,7 @@ struct lg_hamiltonian_family {
     lg_hamiltonian_array arrays[LG_HAMILTONIAN_MAX_ARRAYS + 1];
     /* Initial arrays are drawn from U[0, 1], and drawn again while this function returns false. NULL:
      * always usable. */
-    bool (*usable)(uint32_t n, const double *arrays);
+    bool (*usable)(const lg_hamiltonian_family *family, uint32_t n, const double *arrays);
     /* Makes vars->kinetic from the arrays, which are variables of their shapes. NULL: nothing to do. */
     void (*bind)(lg_tape *tape, const lg_var *arrays, lg_hamiltonian_vars *vars);
     /* Records H (B, 1). */
@@ -155,7 +166,11 @@ struct lg_hamiltonian_family {
     void (*gradient_on_manifold)(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y,
                                  lg_var *out);
     /* Records the field, an algebra element, from dH/dy. `input` is (B, forces n) or LG_NONE. */
-    void (*field)(lg_tape *tape, const lg_var *y, const lg_var *gradient, lg_var input, lg_var *algebra);
+    void (*field)(const lg_hamiltonian *model, lg_tape *tape, const lg_var *y, const lg_var *gradient,
+                  lg_var input, lg_var *algebra);
+    /* For variational steps: records K (1, N, N), constant in y, and z' (B, N) with the kinetic energy 1/2
+     * z'.K z', where z has the positions of all parts one after the other. NULL: no variational steps. */
+    void (*ambient)(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *K, lg_var *rate);
     /* Records y' for schemes that leave the manifold. NULL: y' is the generator of `field` at y. */
     void (*velocity)(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *out);
     /* For separable systems and splitting schemes: `force` records -dH/dq + input from q, `drift` records
@@ -164,10 +179,7 @@ struct lg_hamiltonian_family {
     lg_var (*drift)(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var p);
     /* Whether trajectories of this system can be learned; *n becomes the n of the model. */
     bool (*learns)(const lg_system *system, size_t *n);
-    /* The distance of one copy of the state from the manifold, where a momentum's violation counts
-     * relative to its size. NULL: every state lies on the manifold. `manifold` says in words what must
-     * hold on it. */
-    double (*off_manifold)(const double *copy);
+    /* Says in words what holds on the manifold of the states. NULL: every state lies on it. */
     const char *manifold;
 };
 
@@ -178,11 +190,17 @@ LG_API const lg_hamiltonian_family *lg_hamiltonian_family_find(const char *name)
 LG_API const lg_hamiltonian_family *lg_hamiltonian_family_for(const lg_system *system, size_t *n);
 /* Writes the space of the states. Errors: those of lg_space_init. */
 LG_API lg_status lg_hamiltonian_space(const lg_hamiltonian_family *family, uint32_t n, lg_space *space);
+/* Returns the distance of a state from the manifold, the largest over all copies of all factors: on T*S^2
+ * the larger one of ||q| - 1| and |q.p|/|p|; on SO(3) the largest number of |R^T R - I|, or 2 if the
+ * determinant of R is not positive. If the distance is above 0, *copy becomes the index, from 0, of the
+ * worst copy in its factor. */
+LG_API double lg_hamiltonian_off_manifold(const lg_hamiltonian_family *family, uint32_t n,
+                                          const double *state, uint32_t *copy);
 
 /* ---- Description of a model ---- */
 
 /* Fills `model`. `hidden` has `hidden_layers` widths; both, and `activation`, count only for
- * LG_POTENTIAL_MLP. Errors: LG_INVALID_ARGUMENT (n outside 1..LG_HAMILTONIAN_MAX_COPIES, unknown
+ * LG_POTENTIAL_MLP. Errors: LG_INVALID_ARGUMENT (n outside 1..family->most, unknown
  * potential, a hidden width of 0, too many layers, family NULL). */
 LG_API lg_status lg_hamiltonian_init(lg_hamiltonian *model, const lg_hamiltonian_family *family, uint32_t n,
                                      lg_potential_kind potential, const uint32_t *hidden,

@@ -1,42 +1,18 @@
 /* Family "chain": pendulum chains on (T*S^2)^n; liegrad/hamiltonian.h has the formulas. The parts q and p,
  * and v = dH/dp and g = dH/dq, have the shape (B, n, 3). */
-#include <math.h>
-
 #include "core/core.h"
-#include "liegrad/geometry.h"
 #include "liegrad/ops.h"
 #include "hamiltonian/internal.h"
 
 enum {
     W,
-    INVERSE_MII
-}; /* vars->kinetic: m^-1 (1, n, n), NaN unless m is positive definite; 1/m_ii (1, n, 1) */
+    INVERSE_MII,
+    M
+}; /* vars->kinetic: m^-1 (1, n, n), NaN unless m is positive definite; 1/m_ii (1, n, 1); m (1, n, n) */
 
-/* ---- the mass matrix as numbers, without a tape, from the arrays Gamma (n, n) and b (n) ---- */
-
-static void mass(size_t n, const double *gamma, double *m) {
-    const double *b = gamma + n * n;
-    for (size_t i = 0; i < n; i++)
-        for (size_t j = 0; j < n; j++) {
-            double sum = 0.0;
-            for (size_t l = 0; l < n; l++) sum += gamma[l * n + i] * gamma[l * n + j];
-            m[i * n + j] = i == j && b[i] > 0.0 ? sum + b[i] : sum;
-        }
-}
-
-/* Whether all Cholesky pivots of m are at least LG_HAMILTONIAN_LEAST_PIVOT. */
-static bool usable(uint32_t n, const double *arrays) {
-    double m[LG_HAMILTONIAN_MAX_COPIES * LG_HAMILTONIAN_MAX_COPIES];
-    mass(n, arrays, m);
-    for (size_t j = 0; j < n; j++)
-        for (size_t i = j; i < n; i++) {
-            double sum = m[i * n + j];
-            for (size_t l = 0; l < j; l++) sum -= m[i * n + l] * m[j * n + l];
-            m[i * n + j] = i == j ? (sum > 0.0 ? sqrt(sum) : NAN) : sum / m[j * n + j];
-        }
-    for (size_t i = 0; i < n; i++)
-        if (!(m[i * n + i] * m[i * n + i] >= LG_HAMILTONIAN_LEAST_PIVOT)) return false;
-    return true;
+static bool usable(const lg_hamiltonian_family *family, uint32_t n, const double *arrays) {
+    (void)family;
+    return lg_hamiltonian_gram_usable(n, arrays);
 }
 
 lg_status lg_hamiltonian_mass(const lg_hamiltonian *model, const double *theta, double *m) {
@@ -44,24 +20,18 @@ lg_status lg_hamiltonian_mass(const lg_hamiltonian *model, const double *theta, 
     if (model->family != &lg_hamiltonian_chain) return LG_UNSUPPORTED;
     const size_t n = model->n;
     const double unit = model->scales.part[1] * model->scales.time; /* unit of p / unit of q' */
-    mass(n, theta + lg_hamiltonian_array_offset(model, 0), m);
+    lg_hamiltonian_gram(n, theta + lg_hamiltonian_array_offset(model, 0), m);
     for (size_t i = 0; i < n * n; i++) m[i] *= unit;
     return LG_OK;
 }
 
 /* ---- energy and gradient ---- */
 
-static lg_var unit_matrix(lg_tape *tape, uint32_t n) {
-    double unit[LG_HAMILTONIAN_MAX_COPIES * LG_HAMILTONIAN_MAX_COPIES] = {0.0};
-    for (uint32_t i = 0; i < n; i++) unit[i * n + i] = 1.0;
-    return lg_input_f64(tape, lg_shape3(1, n, n), unit);
-}
-
 static void bind(lg_tape *tape, const lg_var *arrays, lg_hamiltonian_vars *vars) {
     const uint32_t n = vars->model->n;
-    lg_var diagonal = lg_reshape(tape, arrays[1], lg_shape3(1, 1, n)), unit = unit_matrix(tape, n);
-    lg_var gram = lg_reshape(tape, lg_matmul_tn(tape, arrays[0], arrays[0]), lg_shape3(1, n, n));
-    lg_var m = lg_add(tape, gram, lg_mul(tape, unit, lg_act(tape, diagonal, LG_RELU)));
+    lg_var unit = lg_hamiltonian_record_unit(tape, n);
+    lg_var m = lg_hamiltonian_record_gram(tape, n, arrays[0], arrays[1]);
+    vars->kinetic[M] = m;
     vars->kinetic[W] = lg_spd_solve(tape, m, unit);
     lg_var mii = lg_sum_axis(tape, lg_mul(tape, m, unit), -1, true);
     vars->kinetic[INVERSE_MII] = lg_div(tape, lg_full(tape, lg_shape3(1, n, 1), 1.0), mii);
@@ -105,9 +75,21 @@ static void gradient_on_manifold(lg_tape *tape, const lg_hamiltonian_vars *vars,
     out[0] = potential;
 }
 
+/* The velocities q' and the mass m_ij I of the ambient positions, for variational steps. */
+static void ambient(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *K,
+                    lg_var *rate) {
+    const uint32_t n = vars->model->n;
+    lg_var lambda, v = link_velocity(tape, vars, y[0], y[1], &lambda);
+    *rate = lg_reshape(tape, v, lg_shape2(lg_var_shape(tape, v).dims[0], 3 * n));
+    *K =
+        lg_reshape(tape, lg_hamiltonian_record_blocks(tape, n, vars->kinetic[M]), lg_shape3(1, 3 * n, 3 * n));
+}
+
 /* ---- fields ---- */
 
-static void field(lg_tape *tape, const lg_var *y, const lg_var *dH, lg_var input, lg_var *algebra) {
+static void field(const lg_hamiltonian *model, lg_tape *tape, const lg_var *y, const lg_var *dH, lg_var input,
+                  lg_var *algebra) {
+    (void)model;
     const lg_var g = dH[0], v = dH[1];
     lg_var xi = lg_cross(tape, y[0], v);
     lg_var eta = lg_add(tape, lg_cross(tape, g, y[0]), lg_cross(tape, v, y[1]));
@@ -119,7 +101,7 @@ static void field(lg_tape *tape, const lg_var *y, const lg_var *dH, lg_var input
 /* The extension of T off the manifold, 1/2 p^T W p + 1/2 u^T S^-1 r, summed over the batch. */
 static lg_var extended_kinetic(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var q, lg_var p) {
     const lg_var w = vars->kinetic[W], inverse_mii = vars->kinetic[INVERSE_MII];
-    const lg_var unit = unit_matrix(tape, vars->model->n);
+    const lg_var unit = lg_hamiltonian_record_unit(tape, vars->model->n);
     lg_var wp = lg_matmul(tape, w, p);
     lg_var u = lg_rowdot(tape, q, wp);
     lg_var gap = lg_add_scalar(tape, lg_neg(tape, lg_rownorm2(tape, q)), 1.0);
@@ -163,12 +145,6 @@ static bool learns(const lg_system *system, size_t *n) {
     return *n > 0;
 }
 
-/* The larger one of the errors | |q| - 1 | and |q.p| / |p|. */
-static double off_manifold(const double *copy) {
-    const double *q = copy, *p = copy + 3, along = fabs(lg_dot3(q, p));
-    return fmax(fabs(sqrt(lg_dot3(q, q)) - 1), along > 0.0 ? along / sqrt(lg_dot3(p, p)) : 0.0);
-}
-
 const lg_hamiltonian_family lg_hamiltonian_chain = {
     .name = "chain",
     .description = "learned Hamiltonian of a chain",
@@ -197,8 +173,8 @@ const lg_hamiltonian_family lg_hamiltonian_chain = {
     .gradient = gradient,
     .gradient_on_manifold = gradient_on_manifold,
     .field = field,
+    .ambient = ambient,
     .velocity = velocity,
     .learns = learns,
-    .off_manifold = off_manifold,
     .manifold = "|q| = 1 and q.p = 0",
 };

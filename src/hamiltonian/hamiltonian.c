@@ -1,22 +1,57 @@
 /* Learned Hamiltonians: description and initialisation. */
+#include <math.h>
+
 #include "core/core.h"
 #include "hamiltonian/internal.h"
+#include "liegrad/geometry.h"
 
 lg_status lg_hamiltonian_space(const lg_hamiltonian_family *family, uint32_t n, lg_space *space) {
     LG_NEEDS(NULL, family, space);
-    lg_space_factor factors[LG_HAMILTONIAN_MAX_PARTS];
-    for (uint32_t i = 0; i < family->factors; i++) factors[i] = (lg_space_factor){family->factor[i], n};
+    lg_space_factor factors[LG_HAMILTONIAN_MAX_FACTORS];
+    for (uint32_t i = 0; i < family->factors; i++)
+        factors[i] = (lg_space_factor){family->factor[i], (family->each[i] > 0 ? family->each[i] : 1) * n};
     return lg_space_init(space, factors, family->factors);
+}
+
+/* The larger one of the errors | |q| - 1 | and |q.p| / |p|. */
+static double off_sphere(const double *copy) {
+    const double *q = copy, *p = copy + 3, along = fabs(lg_dot3(q, p));
+    return fmax(fabs(sqrt(lg_dot3(q, q)) - 1), along > 0.0 ? along / sqrt(lg_dot3(p, p)) : 0.0);
+}
+
+/* The largest number of |R^T R - I|, or 2 if det R is not positive. */
+static double off_rotations(const double *R) {
+    double normal[3];
+    lg_cross3(R, R + 3, normal);
+    return lg_dot3(normal, R + 6) > 0.0 ? lg_space_kind_entry(LG_SPACE_SO3)->manifold_error(1, R) : 2.0;
+}
+
+double lg_hamiltonian_off_manifold(const lg_hamiltonian_family *family, uint32_t n, const double *state,
+                                   uint32_t *copy) {
+    static double (*const rows[LG_SPACE_KINDS])(const double *) = {
+        [LG_SPACE_TS2] = off_sphere, [LG_SPACE_SO3] = off_rotations};
+    lg_space space;
+    double most = 0.0;
+    if (lg_hamiltonian_space(family, n, &space) != LG_OK) return most;
+    for (size_t f = 0; f < space.factors; f++) {
+        const lg_space_kind kind = space.factor[f].kind;
+        for (uint32_t i = 0; i < space.factor[f].count; i++, state += lg_space_kind_entry(kind)->state) {
+            const double off = rows[kind] != NULL ? rows[kind](state) : 0.0;
+            if (off > most) most = off, *copy = i;
+        }
+    }
+    return most;
 }
 
 lg_status lg_hamiltonian_init(lg_hamiltonian *model, const lg_hamiltonian_family *family, uint32_t n,
                               lg_potential_kind potential, const uint32_t *hidden, uint32_t hidden_layers,
                               lg_activation activation) {
     LG_NEEDS(NULL, model, family);
-    if (family == NULL || n < 1 || n > LG_HAMILTONIAN_MAX_COPIES) return LG_INVALID_ARGUMENT;
+    if (family == NULL || n < 1 || n > lg_hamiltonian_most_copies(family)) return LG_INVALID_ARGUMENT;
     const lg_potential_row *row = lg_potential_row_of(potential);
     if (row == NULL) return LG_INVALID_ARGUMENT;
-    lg_hamiltonian made = {.family = family, .n = n, .potential = potential, .scales = {1.0, {1.0, 1.0}}};
+    lg_hamiltonian made = {
+        .family = family, .n = n, .potential = potential, .scales = LG_HAMILTONIAN_NO_SCALES};
     const uint32_t layers = row->layered ? hidden_layers : 0, functions = row->count(family->inputs * n);
     LG_TRY(lg_mlp_init(&made.net, functions, hidden, layers, 1, activation, false));
     *model = made;
@@ -24,8 +59,8 @@ lg_status lg_hamiltonian_init(lg_hamiltonian *model, const lg_hamiltonian_family
 }
 
 static size_t array_size(const lg_hamiltonian *model, size_t index) {
-    const uint32_t rank = model->family->arrays[index].rank;
-    return rank == 0 ? 0 : rank == 1 ? model->n : (size_t)model->n * model->n;
+    const size_t rank = model->family->arrays[index].rank, m = lg_hamiltonian_array_length(model, index);
+    return rank == 0 ? 0 : rank == 1 ? m : m * m;
 }
 
 size_t lg_hamiltonian_array_offset(const lg_hamiltonian *model, size_t index) {
@@ -55,6 +90,6 @@ void lg_hamiltonian_initialise(const lg_hamiltonian *model, lg_rng *rng, double 
     lg_mlp_initialise(&model->net, rng, theta);
     for (int draw = 0; draw < DRAWS; draw++) {
         for (double *x = arrays; x < end; x++) *x = lg_rng_uniform(rng);
-        if (model->family->usable == NULL || model->family->usable(model->n, arrays)) return;
+        if (model->family->usable == NULL || model->family->usable(model->family, model->n, arrays)) return;
     }
 }

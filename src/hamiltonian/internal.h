@@ -8,13 +8,42 @@
 
 /* The table of families: X(name) stands for the row lg_hamiltonian_<name>. Data that do not name their system
  * are assigned to the first family that they fit. */
-#define LG_HAMILTONIAN_FAMILIES(X) X(chain) X(separable)
+#define LG_HAMILTONIAN_FAMILIES(X)                                                                           \
+    X(chain)                                                                                                 \
+    X(rotation)                                                                                              \
+    X(rotation_direction) X(rotation_line) X(pose) X(pose_direction) X(direction_line) X(separable)
 
 #define LG_HAMILTONIAN_DECLARE(name) extern const lg_hamiltonian_family lg_hamiltonian_##name;
 LG_HAMILTONIAN_FAMILIES(LG_HAMILTONIAN_DECLARE)
 #undef LG_HAMILTONIAN_DECLARE
 
 enum { LG_HAMILTONIAN_LARGEST = 6 * LG_HAMILTONIAN_MAX_COPIES }; /* most numbers in a state */
+#define LG_HAMILTONIAN_AMBIENT (3 * LG_HAMILTONIAN_MAX_COPIES) /* most numbers in the positions of a state */
+#define LG_HAMILTONIAN_NO_SCALES                                                                             \
+    {                                                                                                        \
+        1.0, {                                                                                               \
+            1.0, 1.0, 1.0, 1.0, 1.0, 1.0                                                                     \
+        }                                                                                                    \
+    }
+
+static inline uint32_t lg_hamiltonian_most_copies(const lg_hamiltonian_family *family) {
+    return family->most > 0 ? family->most : LG_HAMILTONIAN_MAX_COPIES;
+}
+/* m of array `index` of the family, which has the shape (m) or (m, m). */
+static inline uint32_t lg_hamiltonian_array_length(const lg_hamiltonian *model, size_t index) {
+    const uint32_t each = model->family->arrays[index].each;
+    return model->n * (each > 0 ? each : 1);
+}
+/* m = Gamma^T Gamma + diag(max(0, b)), (n, n), from the arrays Gamma (n, n) and b (n); and whether all its
+ * Cholesky pivots are at least LG_HAMILTONIAN_LEAST_PIVOT. */
+void lg_hamiltonian_gram(size_t n, const double *arrays, double *m);
+bool lg_hamiltonian_gram_usable(size_t n, const double *arrays);
+/* The same matrix on a tape, (1, n, n). */
+lg_var lg_hamiltonian_record_gram(lg_tape *tape, uint32_t n, lg_var gamma, lg_var b);
+/* The matrix (3 n, 3 n) with the blocks m_ij I; m is (1, n, n). */
+lg_var lg_hamiltonian_record_blocks(lg_tape *tape, uint32_t n, lg_var m);
+/* The unit matrix (1, n, n), n <= LG_HAMILTONIAN_AMBIENT. */
+lg_var lg_hamiltonian_record_unit(lg_tape *tape, uint32_t n);
 
 /* x times `by`; for 1 it is x itself, without an operation. */
 static inline lg_var lg_hamiltonian_scaled(lg_tape *tape, lg_var x, double by) {
@@ -33,6 +62,18 @@ lg_var lg_hamiltonian_record_drift(lg_tape *tape, const lg_hamiltonian_vars *var
 lg_var lg_hamiltonian_potential(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x);
 lg_var lg_hamiltonian_potential_gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x);
 lg_var lg_hamiltonian_input_like(lg_tape *tape, lg_var input, lg_var part);
+
+/* The positions (odd = 0) or the momenta (odd = 1) of all pairs of parts y, one after the other, (B, N); and
+ * the inverse, which cuts x into out[odd], out[2 + odd], ... in the shapes of these parts of y. */
+lg_var lg_hamiltonian_joined(lg_tape *tape, const lg_hamiltonian_family *family, const lg_var *y, size_t odd);
+void lg_hamiltonian_cut(lg_tape *tape, const lg_hamiltonian_family *family, const lg_var *y, lg_var x,
+                        size_t odd, lg_var *out);
+/* sum_j a_j x b_j over the columns of matrices a and b (B, c, 9), as (B, 3 c). */
+lg_var lg_hamiltonian_columns_crossed(lg_tape *tape, lg_var a, lg_var b);
+/* One step of LG_SCHEME_VARIATIONAL of size h, inside and without input; out may be y. For families with
+ * `ambient`. */
+lg_status lg_hamiltonian_variational_step(lg_tape *tape, const lg_hamiltonian_vars *vars, double h,
+                                          const lg_var *y, lg_var *out);
 
 /* The equation of motion for lg_taped_step_over, in the units of the data; with force and velocity (dH/dp) if
  * the family has them. `vars` must outlive the use of `ode`. */

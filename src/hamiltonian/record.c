@@ -8,9 +8,7 @@
 /* ---- scales ---- */
 
 double lg_hamiltonian_energy_scale(const lg_hamiltonian *model) {
-    double action = 1.0;
-    for (size_t i = 0; i < LG_HAMILTONIAN_MAX_PARTS; i++) action *= model->scales.part[i];
-    return action / model->scales.time;
+    return model->scales.part[0] * model->scales.part[1] / model->scales.time;
 }
 
 void lg_hamiltonian_number_scales(const lg_hamiltonian *model, double *out) {
@@ -30,10 +28,10 @@ static void inside(lg_tape *tape, const lg_hamiltonian *model, size_t parts, con
 /* ---- variables that depend on theta only ---- */
 
 static lg_var array_of(lg_tape *tape, const lg_hamiltonian *model, lg_var theta, size_t index) {
-    const uint32_t n = model->n, rank = model->family->arrays[index].rank;
-    const uint32_t from = (uint32_t)lg_hamiltonian_array_offset(model, index), count = rank == 1 ? n : n * n;
-    lg_var slice = lg_slice(tape, theta, 0, from, count);
-    return rank == 1 ? slice : lg_reshape(tape, slice, lg_shape2(n, n));
+    const uint32_t m = lg_hamiltonian_array_length(model, index), rank = model->family->arrays[index].rank;
+    const uint32_t from = (uint32_t)lg_hamiltonian_array_offset(model, index);
+    lg_var slice = lg_slice(tape, theta, 0, from, rank == 1 ? m : m * m);
+    return rank == 1 ? slice : lg_reshape(tape, slice, lg_shape2(m, m));
 }
 
 lg_status lg_hamiltonian_bind(lg_tape *tape, const lg_hamiltonian *model, lg_var theta,
@@ -145,7 +143,7 @@ static void field_parts(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg
                         gradient_of gradient, lg_var *out) {
     lg_var dH[LG_HAMILTONIAN_MAX_PARTS];
     gradient(tape, vars, y, dH);
-    vars->model->family->field(tape, y, dH, input, out);
+    vars->model->family->field(vars->model, tape, y, dH, input, out);
 }
 
 static lg_status velocity_parts(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var input,

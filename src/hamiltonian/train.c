@@ -86,13 +86,29 @@ static lg_var penalty_sum(lg_tape *tape, const lg_hamiltonian_problem *problem,
 
 enum { PREDICTED = LG_HAMILTONIAN_MAX_PARTS * LG_HAMILTONIAN_MAX_POINTS };
 
+/* Variational steps; the point after every `every`-th step is kept. */
+static lg_status predict_variational(lg_tape *tape, const lg_hamiltonian_vars *vars, double h, size_t steps,
+                                     size_t every, const lg_var *start, lg_var *out) {
+    const char *const *layout = vars->model->family->layout;
+    lg_var y[LG_HAMILTONIAN_MAX_PARTS];
+    size_t parts = 0;
+    for (; layout[parts] != NULL; parts++) y[parts] = start[parts];
+    for (size_t i = 1; i <= steps; i++) {
+        LG_TRY(lg_hamiltonian_variational_step(tape, vars, h, y, y));
+        for (size_t k = 0; i % every == 0 && k < parts; k++) *out++ = y[k];
+    }
+    return LG_OK;
+}
+
 /* Predicts points 1..M-1, with `substeps` steps between two points; predicted: (M - 1) x parts. */
 static lg_status predict(lg_tape *tape, const lg_hamiltonian_problem *problem, lg_hamiltonian_vars *vars,
                          uint32_t substeps, const lg_var *start, lg_var *predicted) {
     lg_taped_ode ode;
-    LG_TRY(lg_hamiltonian_training_ode(tape, vars, problem->scheme, start, &ode));
     const size_t steps = substeps * (problem->points - 1);
     const double h = problem->dt / problem->model->scales.time / substeps;
+    if (problem->scheme->kind == LG_SCHEME_VARIATIONAL)
+        return predict_variational(tape, vars, h, steps, substeps, start, predicted);
+    LG_TRY(lg_hamiltonian_training_ode(tape, vars, problem->scheme, start, &ode));
     return lg_taped_integrate(tape, problem->scheme, &ode, 0.0, h, steps, substeps, start, predicted);
 }
 
@@ -104,7 +120,7 @@ static lg_var all_points(lg_tape *tape, const lg_var *predicted, size_t points, 
 }
 
 static const double *weights_of(const lg_hamiltonian_problem *problem) {
-    static const double ones[LG_HAMILTONIAN_MAX_PARTS] = {1.0, 1.0};
+    static const double ones[LG_HAMILTONIAN_MAX_PARTS] = {1.0, 1.0, 1.0, 1.0, 1.0, 1.0};
     for (size_t i = 0; i < LG_HAMILTONIAN_MAX_PARTS; i++)
         if (problem->weight[i] != 0.0) return problem->weight;
     return ones;
@@ -304,9 +320,12 @@ static lg_status check_scheme(const lg_hamiltonian *model, const lg_scheme *sche
     const lg_hamiltonian_family *family = model->family;
     lg_space space;
     LG_TRY(lg_hamiltonian_space(family, model->n, &space));
-    if (scheme->kind == LG_SCHEME_VARIATIONAL)
-        return lg_fail(error, LG_UNSUPPORTED,
-                       "%s cannot be differentiated: it has no form that the tape can record", scheme->name);
+    if (scheme->kind == LG_SCHEME_VARIATIONAL && family->ambient == NULL)
+        return lg_fail(
+            error, LG_UNSUPPORTED,
+            "%s steps are for families on a manifold, not for family %s: take stormer-verlet, which "
+            "is symplectic, too",
+            scheme->name, family->name);
     if (scheme->kind == LG_SCHEME_SPLITTING && family->force == NULL)
         return lg_fail(error, LG_UNSUPPORTED,
                        "%s needs a separable Hamiltonian; the Hamiltonian of family %s is not separable",

@@ -122,11 +122,27 @@ static double time_of(const motion *m) {
         product *= m->spread[i] / m->rate[i];
         count++;
     }
-    return count == 0 ? 0.0 : count == 1 ? product : sqrt(product);
+    return count == 0   ? 0.0
+           : count == 1 ? product
+           : count == 2 ? sqrt(product)
+                        : pow(product, 1.0 / (double)count);
 }
 
 static bool is_scale(double x) {
     return x > 0.0 && x <= DBL_MAX && 1.0 / x <= DBL_MAX;
+}
+
+/* The scales of the pairs after the first one, in which each action is a = s_1 s_2: of positions without a
+ * unit 1 and a; of others s and a/s, where s is such that with mass 1 they move as fast as in the data. */
+static void scale_other_pairs(const lg_hamiltonian_family *family, const motion *m,
+                              lg_hamiltonian_scales *out) {
+    const double action = out->part[0] * out->part[1];
+    for (size_t i = 2; i < m->parts; i += 2) {
+        const double square = action * out->time * m->rate[i] / m->size[i + 1];
+        const bool moves = m->change[i] > rounding * m->size[i] && square > 0.0;
+        if (family->scaled[i]) out->part[i] = moves ? sqrt(square) : m->size[i] > 0.0 ? m->size[i] : 1.0;
+        out->part[i + 1] = action / out->part[i];
+    }
 }
 
 lg_status lg_hamiltonian_find_scales(const lg_hamiltonian_problem *problem, lg_hamiltonian_scales *out,
@@ -138,20 +154,20 @@ lg_status lg_hamiltonian_find_scales(const lg_hamiltonian_problem *problem, lg_h
     const lg_hamiltonian_family *family = problem->model->family;
     const bool *scaled = family->scaled;
     const double time = time_of(&m);
-    lg_hamiltonian_scales made = {time > 0.0 ? time : problem->dt * (double)(problem->points - 1),
-                                  {1.0, 1.0}};
-    for (size_t i = 0; i < m.parts; i++)
+    lg_hamiltonian_scales made = LG_HAMILTONIAN_NO_SCALES;
+    made.time = time > 0.0 ? time : problem->dt * (double)(problem->points - 1);
+    for (size_t i = 0; i < 2; i++)
         if (scaled[i] && m.size[i] > 0.0) made.part[i] = m.size[i];
     /* The second part is a momentum; its scale is such that with mass 1, q moves as fast as in the data. */
     const double mass = m.size[1] / (m.rate[0] * made.time);
-    if (m.parts == 2 && scaled[1] && m.change[0] > rounding * m.size[0] && mass > 0.0)
-        made.part[1] = made.part[0] * mass;
+    if (scaled[1] && m.change[0] > rounding * m.size[0] && mass > 0.0) made.part[1] = made.part[0] * mass;
     if (family->many > 0 && problem->model->n >= family->many && scaled[1]) {
         made.time *= family->stretch;
         made.part[1] /= family->stretch;
     }
-    const bool fit = is_scale(made.time) && is_scale(made.part[0]) && is_scale(made.part[1]) &&
-                     is_scale(made.part[0] * made.part[1] / made.time);
+    bool fit = is_scale(made.time) && is_scale(made.part[0] * made.part[1] / made.time);
+    scale_other_pairs(family, &m, &made);
+    for (size_t i = 0; i < m.parts; i++) fit = fit && is_scale(made.part[i]);
     if (!fit)
         return lg_fail(error, LG_NOT_FINITE,
                        "the numbers of the data are too large or too small to be scaled");

@@ -55,4 +55,11 @@ bool lg_taped_invert(size_t n, double *a, double *swaps);
 lg_status lg_taped_implicit_step(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode,
                                  const lg_taped_span *over, const lg_parts *y, lg_parts *out);
 
+/* Records r(x), the equations r = 0 of independent rows; x and r are (B, n). */
+typedef lg_status (*lg_row_equations)(void *user, lg_tape *tape, lg_var x, lg_var *r);
+/* Solves r(x) = 0 for x near `first` (B, n) by Newton's method; the values should be around 1. First and
+ * second derivatives of *x are exact. Rows without a solution become NaN. The equations may use variables
+ * that were made before, and must not keep variables that they make. */
+lg_status lg_taped_root(lg_tape *tape, lg_row_equations equations, void *user, lg_var first, lg_var *x);
+
 #endif

@@ -193,13 +193,6 @@ lg_status lg_machine_relate(const lg_context *context, size_t count, double *cov
 
 /* ---- intervals (machine/step.c) ---- */
 
-/* Records r(x), the equations r = 0 of independent rows; x and r are (B, n). */
-typedef lg_status (*lg_row_equations)(void *user, lg_tape *tape, lg_var x, lg_var *r);
-/* Solves r(x) = 0 for x near `first` (B, n) by Newton's method; the values should be around 1. First and
- * second derivatives of *x are exact. Rows without a solution become NaN. The equations may use variables
- * that were made before, and must not keep variables that they make. */
-lg_status lg_machine_root(lg_tape *tape, lg_row_equations equations, void *user, lg_var first, lg_var *x);
-
 /* Moves `parts` by one step of LG_SCHEME_VARIATIONAL (machine/variational.c). The step's length is h, or h
  * times `rows` (B, 1) unless this is LG_NONE. u: inputs (B, inputs) at its start and end, or LG_NONE. */
 typedef struct lg_machine_span {

@@ -110,6 +110,6 @@ extern const lg_system_row lg_system_row_chain_lagrangian, lg_system_row_chain_h
 extern const lg_system_row lg_system_row_rigid_body, lg_system_row_attitude;
 extern const lg_system_row lg_system_row_top_cotangent, lg_system_row_top_direct,
     lg_system_row_top_lie_poisson, lg_system_row_top_quadratic;
-extern const lg_system_row lg_system_row_quadrotors;
+extern const lg_system_row lg_system_row_satellite, lg_system_row_quadrotors;
 
 #endif

@@ -24,15 +24,42 @@ static void sphere_start(lg_rng *rng, double low, double high, size_t n, double 
     lg_cross3(y, u, y + 3);
 }
 
+/* A uniform (Haar) rotation: of the quaternion of four normal numbers, divided by its norm. */
+static void rotation_start(lg_rng *rng, double low, double high, size_t n, double *R) {
+    double x[4], norm = 0.0;
+    (void)low, (void)high, (void)n;
+    while (!(norm > 1e-8)) {
+        norm = 0.0;
+        for (int i = 0; i < 4; i++) x[i] = lg_rng_normal(rng);
+        for (int i = 0; i < 4; i++) norm += x[i] * x[i];
+    }
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) {
+            const int k = 3 - i - j;
+            const double sign = (j - i + 3) % 3 == 1 ? -1.0 : 1.0; /* of the number k of the vector part */
+            const double square = i == j ? norm - 2.0 * (x[1 + (i + 1) % 3] * x[1 + (i + 1) % 3] +
+                                                         x[1 + (i + 2) % 3] * x[1 + (i + 2) % 3])
+                                         : 2.0 * (x[1 + i] * x[1 + j] + sign * x[0] * x[1 + k]);
+            R[3 * i + j] = square / norm;
+        }
+    lg_so3_project(R);
+}
+
+/* A uniform rotation, and three numbers in the box. */
+static void body_start(lg_rng *rng, double low, double high, size_t n, double *y) {
+    rotation_start(rng, low, high, n, y);
+    box_start(rng, low, high, 3, y + 9);
+}
+
 /* For each kind of factor: how one copy is drawn, and the low end of the box for LG_STARTS_THESIS. `draw` is
  * NULL if starts cannot be drawn. */
 static const struct {
     void (*draw)(lg_rng *rng, double low, double high, size_t n, double *y);
     double low;
-} samplers[LG_SPACE_KINDS] = {[LG_SPACE_RN] = {box_start, -1.0},
-                              [LG_SPACE_TS2] = {sphere_start, 0.0},
-                              [LG_SPACE_SO3_DUAL] = {box_start, -1.0},
-                              [LG_SPACE_SE3_DUAL] = {box_start, -1.0}};
+} samplers[LG_SPACE_KINDS] = {
+    [LG_SPACE_RN] = {box_start, -1.0},       [LG_SPACE_TS2] = {sphere_start, 0.0},
+    [LG_SPACE_SO3] = {rotation_start, -1.0}, [LG_SPACE_SE3] = {body_start, -1.0},
+    [LG_SPACE_SO3_DUAL] = {box_start, -1.0}, [LG_SPACE_SE3_DUAL] = {box_start, -1.0}};
 
 static const char *starts_fault(const lg_trajectory_options *o) {
     if (o->size != sizeof(*o)) return "the size of the options is wrong: initialise the options first";

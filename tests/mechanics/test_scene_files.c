@@ -486,6 +486,7 @@ TEST("the drawn start is the start of the first trajectory that is generated wit
     assert_status(lg_scene_draw_start(&scene, 5), LG_INVALID_ARGUMENT);
     free(scene.state); /* was allocated after the scene got its owner */
     scene = read_text("drawn.yaml", "system: heavy-top\n", NULL);
+    scene.starts = LG_STARTS_PLANE;
     assert_status(lg_scene_draw_start(&scene, 5), LG_UNSUPPORTED);
     assert_null(scene.state);
 }

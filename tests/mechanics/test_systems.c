@@ -64,6 +64,7 @@ static const struct {
     {"heavy-top", "direct", 0, NULL, "Q pi", 12, 12, 2, top_labels},
     {"heavy-top", "lie-poisson", 0, NULL, "Gamma Pi", 6, 6, 3, top_labels},
     {"heavy-top", "quadratic", 0, NULL, "Q pi", 18, 12, 2, top_labels},
+    {"satellite", NULL, 0, NULL, "R pi q p", 18, 18, 4, "I1 I2 I3 m L d1 d2 d3 k a1 a2 a3"},
     {"quadrotors", NULL, 0, &two_masses, "y v R1 Omega1 R2 Omega2 q1 omega1 q2 omega2", 42, 42, 0,
      "J1 J2 J3 m_y m1 m2 L1 L2 g kx kv kq kw beta"},
 };

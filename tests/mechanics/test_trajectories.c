@@ -65,7 +65,36 @@ TEST("starts have the distributions of the thesis") {
         assert_ok(lg_system_draw_start(dual, NULL, &rng, y));
         for (int c = 0; c < 3; c++) assert_true(fabs(y[c]) <= 1.0 && y[c] != 0.0);
     }
-    assert_status(lg_system_draw_start(body, NULL, &rng, y), LG_UNSUPPORTED);
+    assert_ok(lg_system_draw_start(body, NULL, &rng, y));
+}
+
+/* For a uniform rotation E R_ij = 0, E R_ij^2 = 1/3, E tr R = 0, E (tr R)^2 = 1, and E det is 1. */
+TEST("drawn rotations are uniform, and the momenta of bodies lie in the box") {
+    static const char *const names[] = {"rigid-body-attitude", "heavy-top", "satellite"};
+    const int n = 4000;
+    for (size_t k = 0; k < LG_COUNT(names); k++) {
+        lg_system *system = make(names[k], 1);
+        lg_rng rng = test_rng(31, k);
+        double y[18], mean[9] = {0}, square[9] = {0}, trace = 0, traces = 0, most = 0;
+        for (int i = 0; i < n; i++) {
+            assert_ok(lg_system_draw_start(system, NULL, &rng, y));
+            assert_true(lg_space_manifold_error(lg_system_space(system), y) < 1e-14);
+            double normal[3];
+            lg_cross3(y, y + 3, normal);
+            assert_close(lg_dot3(normal, y + 6), 1.0, 0.0, 1e-14);
+            for (int c = 0; c < 9; c++) mean[c] += y[c] / n, square[c] += y[c] * y[c] / n;
+            trace += (y[0] + y[4] + y[8]) / n;
+            traces += (y[0] + y[4] + y[8]) * (y[0] + y[4] + y[8]) / n;
+            for (int c = 9; c < 12; c++) most = fmax(most, fabs(y[c]));
+        }
+        for (int c = 0; c < 9; c++) {
+            assert_close(mean[c], 0.0, 0.0, 4.0 * sqrt(1.0 / 3.0 / n));
+            assert_close(square[c], 1.0 / 3.0, 0.0, 4.0 * sqrt(4.0 / 45.0 / n));
+        }
+        assert_close(trace, 0.0, 0.0, 4.0 / sqrt(n));
+        assert_close(traces, 1.0, 0.0, 4.0 * sqrt(2.0 / n));
+        assert_true(most <= 1.0 && most > 0.99);
+    }
 }
 
 TEST("samples keep the energy and depend only on the seed") {

@@ -45,6 +45,7 @@ static inline built build_hamiltonian(const lg_hamiltonian_family *family, uint3
                                       lg_potential_kind potential, lg_activation activation) {
     const uint32_t hidden[2] = {9, 8};
     lg_hamiltonian model;
+    if (family->most > 0 && n > family->most) n = family->most;
     assert_ok(lg_hamiltonian_init(&model, family, n, potential, hidden, 2, activation));
     double *theta = room(lg_hamiltonian_parameters(&model));
     lg_rng rng = test_rng(21, n);
@@ -114,6 +115,7 @@ static inline void draw_state(const built *b, lg_rng *rng, double *y) {
     const lg_space space = space_of(b);
     for (size_t i = 0; i < space.dim; i++) y[i] = lg_rng_normal(rng);
     lg_space_project(&space, y);
+    if (b->hamiltonian.family->bodies.rotations > 0) assert_ok(lg_space_draw_start(&space, NULL, rng, y));
 }
 
 /* The velocity of the state, as a vector of the ambient space. */

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "hamiltonian/files/family.h"
+#include "hamiltonian/internal.h"
 #include "files/h5.h"
 #include "model/files/recipe.h"
 
@@ -17,13 +18,21 @@ enum { SCALES = sizeof(lg_hamiltonian_scales) / sizeof(double) };
 _Static_assert(sizeof(lg_hamiltonian_scales) == SCALES * sizeof(double),
                "scales are numbers one after the other");
 
+/* The list has the time and two parts, and further parts up to the last one whose scale is not 1. */
+enum { LEAST_SCALES = 3 };
+
 static uint32_t get_scales(const void *member, double *values) {
+    uint32_t count = SCALES;
     memcpy(values, member, sizeof(lg_hamiltonian_scales));
-    return SCALES;
+    while (count > LEAST_SCALES && values[count - 1] == 1.0) count--;
+    return count;
 }
 
 static void put_scales(void *member, const double *values, uint32_t count) {
-    if (count == SCALES) memcpy(member, values, sizeof(lg_hamiltonian_scales));
+    const lg_hamiltonian_scales ones = LG_HAMILTONIAN_NO_SCALES;
+    if (count < LEAST_SCALES || count > SCALES) return;
+    memcpy(member, &ones, sizeof ones);
+    memcpy(member, values, count * sizeof *values);
 }
 
 #define FACT(group, name, type, member, ...)                                                                 \
@@ -41,7 +50,7 @@ static const lg_field facts[] = {
     LG_FIELD_END};
 
 static const lg_hamiltonian_run defaults = {
-    .model = {.scales = {1.0, {1.0, 1.0}}}, .substeps = 1, .training = {.schedule = LG_SCHEDULE_STEP}};
+    .model = {.scales = LG_HAMILTONIAN_NO_SCALES}, .substeps = 1, .training = {.schedule = LG_SCHEDULE_STEP}};
 
 /* Whether all scales are above 0, and 1 for the parts that the family does not scale. */
 static bool fit(const lg_hamiltonian_scales *scales, const lg_hamiltonian_family *family) {
@@ -107,7 +116,6 @@ static void set_slice(lg_slice_info *s, size_t offset, uint32_t rank, uint64_t f
 static bool slice(const void *run, uint32_t index, lg_slice_info *s) {
     const lg_hamiltonian *model = &((const lg_hamiltonian_run *)run)->model;
     const lg_mlp *net = &model->net;
-    const uint64_t n = model->n;
     for (uint32_t layer = 0; layer < net->layers; layer++) {
         if (index-- == 0) {
             set_slice(s, lg_mlp_weight_offset(net, layer), 2, net->width[layer], net->width[layer + 1]);
@@ -123,7 +131,8 @@ static bool slice(const void *run, uint32_t index, lg_slice_info *s) {
     }
     if (index >= LG_HAMILTONIAN_MAX_ARRAYS || model->family->arrays[index].rank == 0) return false;
     const lg_hamiltonian_array *array = &model->family->arrays[index];
-    set_slice(s, lg_hamiltonian_array_offset(model, index), array->rank, n, n);
+    const uint64_t m = lg_hamiltonian_array_length(model, index);
+    set_slice(s, lg_hamiltonian_array_offset(model, index), array->rank, m, m);
     (void)snprintf(s->name, sizeof s->name, "%s", array->name);
     return true;
 }

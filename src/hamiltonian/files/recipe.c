@@ -191,7 +191,9 @@ static lg_status weigh(lg_hamiltonian_problem *problem, lg_error *error) {
     for (size_t i = 0; i < LG_HAMILTONIAN_MAX_PARTS; i++)
         unit *= pow(problem->model->scales.part[i], problem->penalty_integral->power[i]);
     if (problem->penalty_form == LG_PENALTY_MEAN_SQUARE) unit *= unit;
-    problem->penalty *= fmax(problem->weight[0], problem->weight[1]) / unit;
+    double most = 0;
+    for (size_t i = 0; i < LG_HAMILTONIAN_MAX_PARTS; i++) most = fmax(most, problem->weight[i]);
+    problem->penalty *= most / unit;
     return LG_OK;
 }
 

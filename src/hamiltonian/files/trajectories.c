@@ -6,6 +6,7 @@
 
 #include "files/h5.h"
 #include "hamiltonian/files/family.h"
+#include "hamiltonian/internal.h"
 
 #define TIME_TOLERANCE     1e-6 /* relative to dt */
 #define MANIFOLD_TOLERANCE 1e-6
@@ -40,7 +41,7 @@ lg_status lg_trajectories_create(const lg_context *context, const char *system,
                                  double t_end, bool with_hamiltonian, uint32_t input_dim,
                                  lg_trajectories *out) {
     if (system == NULL || out == NULL || strlen(system) >= LG_SYSTEM_NAME) return LG_INVALID_ARGUMENT;
-    if (family == NULL || n < 1 || n > LG_HAMILTONIAN_MAX_COPIES || count < 1 || points < 2)
+    if (family == NULL || n < 1 || n > lg_hamiltonian_most_copies(family) || count < 1 || points < 2)
         return LG_INVALID_ARGUMENT;
     if (!isfinite(t_end) || t_end <= 0) return LG_INVALID_ARGUMENT;
     size_t known_n;
@@ -247,18 +248,6 @@ static layout_kind wanted_layout(const lg_hamiltonian_family *family) {
     return family->numbered ? LAYOUT_NUMBERED : LAYOUT_BLOCKS;
 }
 
-/* The largest distance of a copy from the manifold; *worst becomes the copy's index if it is above 0. */
-static double off_manifold(const lg_hamiltonian_family *family, const double *state, uint32_t n,
-                           uint32_t *worst) {
-    const uint32_t per = numbers_per_copy(family);
-    double most = 0;
-    for (uint32_t i = 0; i < n && family->off_manifold != NULL; i++) {
-        const double off = family->off_manifold(state + (size_t)per * i);
-        if (off > most) most = off, *worst = i;
-    }
-    return most;
-}
-
 static lg_status check_starts(read_call *call, lg_error *error) {
     lg_trajectories *out = call->out;
     lg_space space;
@@ -266,7 +255,7 @@ static lg_status check_starts(read_call *call, lg_error *error) {
     for (size_t k = 0; k < out->count; k++) {
         uint32_t copy = 0;
         double *start = out->data + k * out->points * out->state_dim;
-        const double off = off_manifold(out->family, start, out->n, &copy);
+        const double off = lg_hamiltonian_off_manifold(out->family, out->n, start, &copy);
         out->starts_off = off > out->starts_off ? off : out->starts_off;
         if (off > MANIFOLD_TOLERANCE && call->project)
             lg_space_project(&space, start);
@@ -284,10 +273,11 @@ static lg_status check_starts(read_call *call, lg_error *error) {
 static bool looks_like(const lg_hamiltonian_family *family, const lg_trajectories *out) {
     const uint32_t per = numbers_per_copy(family);
     uint32_t copy = 0;
-    if (out->state_dim % per != 0) return false;
+    if (out->state_dim % per != 0 || out->state_dim / per > lg_hamiltonian_most_copies(family)) return false;
     for (size_t k = 0; k < out->count; k++) {
         const double *start = out->data + k * out->points * out->state_dim;
-        if (off_manifold(family, start, out->state_dim / per, &copy) > MANIFOLD_TOLERANCE) return false;
+        if (lg_hamiltonian_off_manifold(family, out->state_dim / per, start, &copy) > MANIFOLD_TOLERANCE)
+            return false;
     }
     return true;
 }
@@ -309,10 +299,11 @@ static const lg_hamiltonian_family *guess_family(const lg_trajectories *out, con
 
 static lg_status check_size(const lg_trajectories *out, const char *shown, size_t known_n, lg_error *error) {
     const uint32_t per = numbers_per_copy(out->family);
-    if (out->state_dim % per != 0 || out->state_dim / per > LG_HAMILTONIAN_MAX_COPIES)
+    const uint32_t most = lg_hamiltonian_most_copies(out->family);
+    if (out->state_dim % per != 0 || out->state_dim / per > most)
         return lg_fail(error, LG_FORMAT,
-                       "%s: /trajectories: d = %u, expected %u numbers for each of 1 to %d %ss", shown,
-                       out->state_dim, per, LG_HAMILTONIAN_MAX_COPIES, out->family->copy);
+                       "%s: /trajectories: d = %u, expected %u numbers for each of 1 to %u %ss", shown,
+                       out->state_dim, per, most, out->family->copy);
     if (known_n != 0 && known_n != out->state_dim / per)
         return lg_fail(error, LG_FORMAT, "%s: /trajectories: d = %u, but a state of %s has %zu numbers",
                        shown, out->state_dim, out->system, known_n * per);

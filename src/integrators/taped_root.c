@@ -1,4 +1,4 @@
-/* Machines: solves equations, one system for each row of a batch, by Newton's method on plain numbers.
+/* Solves equations on a tape, one system for each row of a batch, by Newton's method on plain numbers.
  *
  * x* is the solution and K = (dr/dx)^-1 at x*; both enter the tape as constants. The tape records x1 = x* - K
  * r(x*) and x2 = x1 - K r(x1), which has the first and second derivatives of the solution; taped_implicit.c
@@ -9,7 +9,6 @@
 
 #include "autodiff/tape/tape_internal.h"
 #include "integrators/taped_internal.h"
-#include "machine/internal.h"
 
 typedef struct newton {
     lg_tape *tape;
@@ -117,7 +116,7 @@ static lg_status solution(newton *s, lg_var first, lg_var *x, lg_var *inverse) {
     return lg_tape_rewind(tape, mark);
 }
 
-lg_status lg_machine_root(lg_tape *tape, lg_row_equations equations, void *user, lg_var first, lg_var *x) {
+lg_status lg_taped_root(lg_tape *tape, lg_row_equations equations, void *user, lg_var first, lg_var *x) {
     const lg_shape shape = lg_var_shape(tape, first);
     LG_TRY(lg_tape_status(tape));
     newton s = {.tape = tape,

@@ -1,0 +1,386 @@
+/* Families of bodies: rotations R in SO(3), directions q in S^2 and lines x in R, coupled by masses.
+ *
+ * The columns r_1, r_2, r_3 of each R, the directions q and, for each line, x e with a vector e of three
+ * parameters are the vectors of the system. They move as points of bodies move, so with the Gram matrix m
+ *
+ *   T = 1/2 sum_ij m_ij v_i'.v_j'.
+ *
+ * For one body m is the matrix of its second moments, integral of x x^T dm in the body, and the inertia is
+ * trace(m) I - m. For a body and a pendulum of mass M and length l with its pivot at d in the body, the last
+ * row of m is M l (d_1, d_2, d_3, l).
+ *
+ * z (N) is the ambient position: the numbers of all R, of all q, then all x. w (D) is the velocity: spatial
+ * rates omega of the rotations, q' of the directions, x'. Then z' = A(z) w, where A is affine in z, and
+ *
+ *   p = A^T K A w,  K = E^T (m o I_3) E,  q_i.q_i' = 0.
+ *
+ * E takes z' to the velocities of the vectors, and m o I_3 has the blocks m_ij I. With C^T w = 0 for the
+ * directions, M = A^T K A and multipliers lambda:
+ *
+ *   w = M^-1 (p - C lambda),  C^T M^-1 C lambda = C^T M^-1 p.
+ *
+ * From the stationary form H = max_w p.w - 1/2 w^T M w - lambda.C^T w + V the gradient by z at fixed p is
+ * dV/dz - d/dz (y.A(z) w) - lambda_i w_i, with the constant y = K z'. With g = dH/dz and the spatial angular
+ * momenta pi the equations are
+ *
+ *   R' = hat(omega) R, pi' = omega x pi - sum_j r_j x g_j;  q, p as in a chain;  x' = w, p' = -g. */
+#include <string.h>
+
+#include "core/core.h"
+#include "hamiltonian/internal.h"
+#include "liegrad/ops.h"
+
+/* vars->kinetic: K (1, N, N); the linear part of A (N, N D) and its constant part (N D); what makes C of z,
+ * (N, D k), or LG_NONE without directions. */
+enum { MASS, TURN, REST, TIE };
+
+enum { MOST_AMBIENT = 30, MOST_RATES = 18, MOST_VECTORS = 10 };
+
+/* The numbers of rotations, directions, lines and vectors; N and D. */
+typedef struct counts {
+    uint32_t rotations, directions, lines, vectors, ambient, rates;
+} counts;
+
+static counts counts_of(const lg_hamiltonian_family *family, uint32_t n) {
+    counts c = {
+        .rotations = n * family->bodies.rotations,
+        .directions = n * family->bodies.directions,
+        .lines = n * family->bodies.lines,
+    };
+    c.vectors = 3 * c.rotations + c.directions + c.lines;
+    c.ambient = 9 * c.rotations + 3 * c.directions + c.lines;
+    c.rates = 3 * c.rotations + 3 * c.directions + c.lines;
+    return c;
+}
+
+/* Where component i of vector v is in z. For a line there is one component. */
+static uint32_t place_of(const counts *c, uint32_t v, uint32_t i) {
+    if (v < 3 * c->rotations) return 9 * (v / 3) + 3 * i + v % 3;
+    v -= 3 * c->rotations;
+    if (v < c->directions) return 9 * c->rotations + 3 * v + i;
+    return 9 * c->rotations + 3 * c->directions + (v - c->directions);
+}
+
+/* ---- constants ---- */
+
+static lg_var constant(lg_tape *tape, uint32_t rows, uint32_t columns, const double *values) {
+    return lg_input_f64(tape, lg_shape2(rows, columns), values);
+}
+
+/* K from m (1, V, V) and the vectors e of the lines (3 l), or LG_NONE. */
+static lg_var ambient_mass(lg_tape *tape, const counts *c, lg_var m, lg_var axes) {
+    const uint32_t rows = 3 * c->vectors, bound = c->vectors - c->lines;
+    double fixed[3 * MOST_VECTORS * MOST_AMBIENT] = {0.0}, column[3 * MOST_VECTORS * MOST_VECTORS] = {0.0};
+    for (uint32_t r = 0; r < rows; r++) {
+        if (r < 3 * bound)
+            fixed[r * c->ambient + place_of(c, r / 3, r % 3)] = 1.0;
+        else
+            column[(r - 3 * bound) * c->lines + r / 3 - bound] = 1.0;
+    }
+    lg_var E = constant(tape, rows, c->ambient, fixed);
+    if (c->lines > 0) {
+        lg_var along = lg_mul(tape, lg_reshape(tape, axes, lg_shape2(3 * c->lines, 1)),
+                              constant(tape, 3 * c->lines, c->lines, column));
+        along = lg_pad(tape, lg_pad(tape, along, 0, 3 * bound, 0), 1, c->ambient - c->lines, 0);
+        E = lg_add(tape, E, along);
+    }
+    lg_var K = lg_matmul_tn(tape, E, lg_matmul(tape, lg_hamiltonian_record_blocks(tape, c->vectors, m), E));
+    return lg_reshape(tape, K, lg_shape3(1, c->ambient, c->ambient));
+}
+
+/* The linear part of A: r' = omega x r for the columns of each R. */
+static lg_var turning(lg_tape *tape, const counts *c) {
+    double turn[MOST_AMBIENT * MOST_AMBIENT * MOST_RATES] = {0.0};
+    for (uint32_t v = 0; v < 3 * c->rotations; v++)
+        for (uint32_t i = 0; i < 3; i++) {
+            const uint32_t to = place_of(c, v, i), a = (i + 1) % 3, b = (i + 2) % 3, first = 3 * (v / 3);
+            turn[(place_of(c, v, b) * c->ambient + to) * c->rates + first + a] = 1.0;
+            turn[(place_of(c, v, a) * c->ambient + to) * c->rates + first + b] = -1.0;
+        }
+    return constant(tape, c->ambient, c->ambient * c->rates, turn);
+}
+
+/* The constant part of A: the velocities of directions and lines are part of w. */
+static lg_var resting(lg_tape *tape, const counts *c) {
+    double rest[MOST_AMBIENT * MOST_RATES] = {0.0};
+    const uint32_t row = 9 * c->rotations, column = 3 * c->rotations;
+    for (uint32_t i = 0; i < 3 * c->directions + c->lines; i++) rest[(row + i) * c->rates + column + i] = 1.0;
+    return constant(tape, 1, c->ambient * c->rates, rest);
+}
+
+/* C (D, k) has q_i in the rows of direction i. */
+static lg_var tying(lg_tape *tape, const counts *c) {
+    double tie[MOST_AMBIENT * MOST_RATES * MOST_VECTORS] = {0.0};
+    const uint32_t k = c->directions;
+    for (uint32_t i = 0; i < 3 * k; i++)
+        tie[(9 * c->rotations + i) * c->rates * k + (3 * c->rotations + i) * k + i / 3] = 1.0;
+    return k > 0 ? constant(tape, c->ambient, c->rates * k, tie) : LG_NONE;
+}
+
+static bool usable(const lg_hamiltonian_family *family, uint32_t n, const double *arrays) {
+    return lg_hamiltonian_gram_usable(counts_of(family, n).vectors, arrays);
+}
+
+static void bind(lg_tape *tape, const lg_var *arrays, lg_hamiltonian_vars *vars) {
+    const counts c = counts_of(vars->model->family, vars->model->n);
+    lg_var m = lg_hamiltonian_record_gram(tape, c.vectors, arrays[0], arrays[1]);
+    vars->kinetic[MASS] = ambient_mass(tape, &c, m, c.lines > 0 ? arrays[2] : LG_NONE);
+    vars->kinetic[TURN] = turning(tape, &c);
+    vars->kinetic[REST] = resting(tape, &c);
+    vars->kinetic[TIE] = tying(tape, &c);
+}
+
+/* ---- kinetic energy ---- */
+
+/* A (B, N, D), w (B, D, 1), and lambda (B, k, 1) or LG_NONE, from z (B, N) and p (B, D). */
+typedef struct motion {
+    lg_var A, w, lambda;
+} motion;
+
+static motion motion_of(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var z, lg_var p) {
+    const counts c = counts_of(vars->model->family, vars->model->n);
+    const uint32_t rows = lg_var_shape(tape, z).dims[0], k = c.directions;
+    motion s = {.lambda = LG_NONE};
+    s.A = lg_add(tape, lg_matmul(tape, z, vars->kinetic[TURN]), vars->kinetic[REST]);
+    s.A = lg_reshape(tape, s.A, lg_shape3(rows, c.ambient, c.rates));
+    lg_var M = lg_matmul_tn(tape, s.A, lg_matmul(tape, vars->kinetic[MASS], s.A));
+    lg_var column = lg_reshape(tape, p, lg_shape3(rows, c.rates, 1));
+    if (k == 0) {
+        s.w = lg_spd_solve(tape, M, column);
+        return s;
+    }
+    lg_var C = lg_reshape(tape, lg_matmul(tape, z, vars->kinetic[TIE]), lg_shape3(rows, c.rates, k));
+    const lg_var both[2] = {column, C};
+    lg_var solved = lg_spd_solve(tape, M, lg_concat(tape, both, 2, 2));
+    lg_var free = lg_slice(tape, solved, 2, 0, 1), tied = lg_slice(tape, solved, 2, 1, k);
+    s.lambda = lg_spd_solve(tape, lg_matmul_tn(tape, C, tied), lg_matmul_tn(tape, C, free));
+    s.w = lg_sub(tape, free, lg_matmul(tape, tied, s.lambda));
+    return s;
+}
+
+static lg_var energy(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y) {
+    const lg_hamiltonian_family *family = vars->model->family;
+    const lg_var z = lg_hamiltonian_joined(tape, family, y, 0), p = lg_hamiltonian_joined(tape, family, y, 1);
+    const motion s = motion_of(tape, vars, z, p);
+    lg_var twice = lg_rowdot(tape, p, lg_reshape(tape, s.w, lg_var_shape(tape, p)));
+    return lg_add(tape, lg_scale(tape, twice, 0.5), lg_hamiltonian_potential(tape, vars, z));
+}
+
+/* d/dz (y.A(z) w) with y = K z' (B, N). */
+static lg_var turned(lg_tape *tape, const lg_hamiltonian_vars *vars, const motion *s) {
+    const lg_shape shape = lg_var_shape(tape, s->A);
+    lg_var rate = lg_matmul(tape, s->A, s->w);
+    lg_var y = lg_matmul(tape, vars->kinetic[MASS], rate);
+    lg_var products = lg_reshape(tape, lg_matmul_nt(tape, y, s->w),
+                                 lg_shape2(shape.dims[0], shape.dims[1] * shape.dims[2]));
+    return lg_matmul_nt(tape, products, vars->kinetic[TURN]);
+}
+
+static void gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *out) {
+    const lg_hamiltonian_family *family = vars->model->family;
+    const counts c = counts_of(family, vars->model->n);
+    const lg_var z = lg_hamiltonian_joined(tape, family, y, 0), p = lg_hamiltonian_joined(tape, family, y, 1);
+    const motion s = motion_of(tape, vars, z, p);
+    const lg_var w = lg_reshape(tape, s.w, lg_var_shape(tape, p));
+    lg_var g = lg_hamiltonian_potential_gradient(tape, vars, z);
+    if (c.rotations > 0) g = lg_sub(tape, g, turned(tape, vars, &s));
+    lg_hamiltonian_cut(tape, family, y, g, 0, out);
+    lg_hamiltonian_cut(tape, family, y, w, 1, out);
+    if (c.directions == 0) return;
+    const size_t q = c.rotations > 0 ? 2 : 0;
+    out[q] = lg_sub(tape, out[q], lg_mul(tape, out[q + 1], s.lambda));
+}
+
+/* K and z' = A w (B, N), for variational steps. */
+static void ambient(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *K,
+                    lg_var *rate) {
+    const lg_hamiltonian_family *family = vars->model->family;
+    const lg_var z = lg_hamiltonian_joined(tape, family, y, 0), p = lg_hamiltonian_joined(tape, family, y, 1);
+    const motion s = motion_of(tape, vars, z, p);
+    *K = vars->kinetic[MASS];
+    *rate = lg_reshape(tape, lg_matmul(tape, s.A, s.w), lg_var_shape(tape, z));
+}
+
+/* ---- field ---- */
+
+/* The force on a part plus the numbers of the input that belong to it. The numbers before *from belong to
+ * earlier parts. */
+static lg_var pushed(lg_tape *tape, lg_var force, lg_var input, uint32_t *from) {
+    const lg_shape shape = lg_var_shape(tape, force);
+    const uint32_t width = (uint32_t)(lg_shape_count(shape) / shape.dims[0]);
+    if (lg_is_none(input)) return force;
+    lg_var own = lg_slice(tape, input, 1, *from, width);
+    *from += width;
+    return lg_add(tape, force, lg_reshape(tape, own, shape));
+}
+
+static void field(const lg_hamiltonian *model, lg_tape *tape, const lg_var *y, const lg_var *dH, lg_var input,
+                  lg_var *algebra) {
+    const counts c = counts_of(model->family, model->n);
+    uint32_t from = 0;
+    if (!lg_is_none(input)) {
+        /* Checks the shape of the input. */
+        const lg_var like = lg_hamiltonian_joined(tape, model->family, y, 1);
+        input = lg_hamiltonian_input_like(tape, input, like);
+    }
+    if (c.rotations > 0) {
+        const lg_shape flat = lg_var_shape(tape, y[1]), tall = lg_shape3(flat.dims[0], c.rotations, 3);
+        lg_var carried = lg_cross(tape, lg_reshape(tape, dH[1], tall), lg_reshape(tape, y[1], tall));
+        lg_var torque =
+            lg_add(tape, lg_hamiltonian_columns_crossed(tape, dH[0], y[0]), lg_reshape(tape, carried, flat));
+        algebra[0] = lg_reshape(tape, dH[1], tall);
+        algebra[1] = pushed(tape, torque, input, &from);
+        algebra += 2, y += 2, dH += 2;
+    }
+    if (c.directions > 0) {
+        lg_var eta = lg_add(tape, lg_cross(tape, dH[0], y[0]), lg_cross(tape, dH[1], y[1]));
+        algebra[0] = lg_cross(tape, y[0], dH[1]);
+        algebra[1] = pushed(tape, eta, input, &from);
+        algebra += 2, y += 2, dH += 2;
+    }
+    if (c.lines > 0) {
+        algebra[0] = dH[1];
+        algebra[1] = pushed(tape, lg_neg(tape, dH[0]), input, &from);
+    }
+}
+
+/* ---- rows ---- */
+
+static bool is_one_of(const lg_system *system, const char *const *names) {
+    for (size_t i = 0; names[i] != NULL; i++)
+        if (strcmp(lg_system_name(system), names[i]) == 0) return true;
+    return false;
+}
+
+/* Whether a state of the system has the parts R and pi only. */
+static bool learns_rotation(const lg_system *system, size_t *n) {
+    static const char *const names[] = {"heavy-top", "rigid-body-attitude", NULL};
+    *n = 1;
+    return is_one_of(system, names) && lg_system_dim(system) == 12;
+}
+
+static bool learns_satellite(const lg_system *system, size_t *n) {
+    static const char *const names[] = {"satellite", NULL};
+    *n = 1;
+    return is_one_of(system, names);
+}
+
+static bool learns_none(const lg_system *system, size_t *n) {
+    (void)system;
+    *n = 0;
+    return false;
+}
+
+#define SHARED(c, k, l)                                                                                      \
+    .bodies = {c, k, l}, .most = 1, .inputs = 9 * (c) + 3 * (k) + (l), .forces = 3 * (c) + 3 * (k) + (l),    \
+    .energy_unit = "J", .scheme = "cf4", .accurate = "rkmk54",                                               \
+    .arrays = {{"mass/gamma", 2, 3 * (c) + (k) + (l)},                                                       \
+               {"mass/b", 1, 3 * (c) + (k) + (l)},                                                           \
+               {"mass/axis", (l) > 0 ? 1 : 0, 3 * (l)}},                                                     \
+    .usable = usable, .bind = bind, .energy = energy, .gradient = gradient, .field = field,                  \
+    .ambient = ambient
+
+#define ROTATION  "R^T R = I"
+#define DIRECTION "|q| = 1 and q.p = 0"
+
+const lg_hamiltonian_family lg_hamiltonian_rotation = {
+    .name = "rotation",
+    .description = "learned Hamiltonian of bodies that turn about fixed points",
+    .copy = "body",
+    .factor = {LG_SPACE_SO3, LG_SPACE_RN},
+    .each = {1, 3},
+    .factors = 2,
+    .scaled = {false, true},
+    .layout = {"R", "pi"},
+    .state_units = "R: 1, pi: kg m^2/s",
+    .formula = "1/2 pi.J(R)^-1 pi + V(R) on T*SO(3)",
+    .input_meaning = "torques in space",
+    .field_meaning = "omega in space, then pi': R' = hat(omega) R",
+    .learns = learns_rotation,
+    .manifold = ROTATION,
+    SHARED(1, 0, 0)};
+
+const lg_hamiltonian_family lg_hamiltonian_rotation_direction = {
+    .name = "rotation-direction",
+    .description = "learned Hamiltonian of a body with a pendulum",
+    .copy = "body with a direction",
+    .factor = {LG_SPACE_SO3, LG_SPACE_RN, LG_SPACE_TS2},
+    .each = {1, 3, 1},
+    .factors = 3,
+    .scaled = {false, true, false, true},
+    .layout = {"R", "pi", "q", "p"},
+    .state_units = "R, q: 1, pi, p: kg m^2/s",
+    .formula = "1/2 p.M(R,q)^-1 p + V(R,q) on T*(SO(3) x S^2)",
+    .input_meaning = "torques in space: on the body, then on the direction about its pivot",
+    .field_meaning = "omega, pi' of the body, then (xi, eta) of the direction as in a chain",
+    .learns = learns_satellite,
+    .manifold = ROTATION ", " DIRECTION,
+    SHARED(1, 1, 0)};
+
+const lg_hamiltonian_family lg_hamiltonian_rotation_line = {
+    .name = "rotation-line",
+    .description = "learned Hamiltonian of a body with a coordinate",
+    .copy = "body with a coordinate",
+    .factor = {LG_SPACE_SO3, LG_SPACE_RN, LG_SPACE_RN, LG_SPACE_RN},
+    .each = {1, 3, 1, 1},
+    .factors = 4,
+    .scaled = {false, true, true, true},
+    .layout = {"R", "pi", "x", "px"},
+    .state_units = "R: 1, pi: kg m^2/s, x: m, px: kg m/s",
+    .formula = "1/2 p.M(R)^-1 p + V(R,x) on T*(SO(3) x R)",
+    .input_meaning = "torques in space, then the force along x",
+    .field_meaning = "omega, pi', x', px'",
+    .learns = learns_none,
+    .manifold = ROTATION,
+    SHARED(1, 0, 1)};
+
+const lg_hamiltonian_family lg_hamiltonian_pose = {
+    .name = "pose",
+    .description = "learned Hamiltonian of a free body",
+    .copy = "body",
+    .factor = {LG_SPACE_SO3, LG_SPACE_RN, LG_SPACE_RN, LG_SPACE_RN},
+    .each = {1, 3, 3, 3},
+    .factors = 4,
+    .scaled = {false, true, true, true},
+    .layout = {"R", "pi", "x", "px"},
+    .state_units = "R: 1, pi: kg m^2/s, x: m, px: kg m/s",
+    .formula = "1/2 p.M(R)^-1 p + V(R,x) on T*SE(3)",
+    .input_meaning = "torques in space about x, then forces in space",
+    .field_meaning = "omega, pi', x', px'",
+    .learns = learns_none,
+    .manifold = ROTATION,
+    SHARED(1, 0, 3)};
+
+const lg_hamiltonian_family lg_hamiltonian_pose_direction = {
+    .name = "pose-direction",
+    .description = "learned Hamiltonian of a free body with a pendulum",
+    .copy = "body with a direction",
+    .factor = {LG_SPACE_SO3, LG_SPACE_RN, LG_SPACE_TS2, LG_SPACE_RN, LG_SPACE_RN},
+    .each = {1, 3, 1, 3, 3},
+    .factors = 5,
+    .scaled = {false, true, false, true, true, true},
+    .layout = {"R", "pi", "q", "p", "x", "px"},
+    .state_units = "R, q: 1, pi, p: kg m^2/s, x: m, px: kg m/s",
+    .formula = "1/2 p.M(R,q)^-1 p + V(R,q,x) on T*(SE(3) x S^2)",
+    .input_meaning = "torques in space: on the body, on the direction; then forces in space",
+    .field_meaning = "omega, pi', then (xi, eta) of the direction as in a chain, then x', px'",
+    .learns = learns_none,
+    .manifold = ROTATION ", " DIRECTION,
+    SHARED(1, 1, 3)};
+
+const lg_hamiltonian_family lg_hamiltonian_direction_line = {
+    .name = "direction-line",
+    .description = "learned Hamiltonian of a cart with a spherical pendulum",
+    .copy = "direction with a coordinate",
+    .factor = {LG_SPACE_TS2, LG_SPACE_RN, LG_SPACE_RN},
+    .each = {1, 1, 1},
+    .factors = 3,
+    .scaled = {false, true, true, true},
+    .layout = {"q", "p", "x", "px"},
+    .state_units = "q: 1, p: kg m^2/s, x: m, px: kg m/s",
+    .formula = "1/2 p.M(q)^-1 p + V(q,x) on T*(S^2 x R)",
+    .input_meaning = "the torque in space on the direction about its pivot, then the force along x",
+    .field_meaning = "(xi, eta) of the direction as in a chain, then x', px'",
+    .learns = learns_none,
+    .manifold = DIRECTION,
+    SHARED(0, 1, 1)};
