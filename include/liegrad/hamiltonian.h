@@ -66,9 +66,23 @@ typedef enum lg_potential_kind {
 } lg_potential_kind;
 #define LG_POTENTIAL_KIND_COUNT 3
 
-/* The symmetry of V. With N the network, linear function or dictionary, V(x) = N(x), (N(x) + N(-x))/2 or
- * (N(x) - N(-x))/2. */
-typedef enum lg_symmetry { LG_SYMMETRY_NONE, LG_SYMMETRY_EVEN, LG_SYMMETRY_ODD } lg_symmetry;
+/* The symmetry of V, with N the network, linear function or dictionary.
+ *   NONE       V(x) = N(x)
+ *   EVEN, ODD  V(x) = (N(x) + N(-x))/2 and (N(x) - N(-x))/2
+ *   AXIAL      chains: rotations about e3 do not change V. V = N(e3.q_i, q_i.q_j, e3.(q_i x q_j)) of all i
+ *              and all pairs i < j, in this order. The last ones change sign in a mirror. With the kinetic
+ *              energy of a chain, V conserves sum_i e3.(q_i x p_i).
+ *   SPHERICAL  no rotation changes V. Chains of two links and more: V = N(q_i.q_j), i < j. Separable systems:
+ *              V = N(|q|^2); the kinetic energy is then |A|^2 |p|^2/(2 n), with |A|^2 the sum of squares, so
+ *              that every q_i p_j - q_j p_i is conserved. */
+typedef enum lg_symmetry {
+    LG_SYMMETRY_NONE,
+    LG_SYMMETRY_EVEN,
+    LG_SYMMETRY_ODD,
+    LG_SYMMETRY_AXIAL,
+    LG_SYMMETRY_SPHERICAL
+} lg_symmetry;
+#define LG_SYMMETRY_COUNT 5
 
 #define LG_HAMILTONIAN_MAX_COPIES  32  /* Largest n. */
 #define LG_HAMILTONIAN_MAX_POINTS  512 /* Most points of a training trajectory. */
@@ -89,9 +103,9 @@ typedef struct lg_hamiltonian {
     const lg_hamiltonian_family *family;
     uint32_t n; /* Copies of the family's factors: links of a chain, or degrees of freedom. */
     lg_potential_kind potential;
-    lg_symmetry symmetry; /* Symmetry of V: NONE after lg_hamiltonian_init; the caller may change it. */
-    /* V as a network with one output. Its inputs are the family->inputs n coordinates, or the functions of
-     * the dictionary. Only LG_POTENTIAL_MLP has hidden layers. */
+    lg_symmetry symmetry; /* Symmetry of V: NONE after lg_hamiltonian_init. */
+    /* V as a network with one output. Its inputs are the family->inputs n coordinates or the invariants of
+     * the symmetry, or the functions of the dictionary of these. Only LG_POTENTIAL_MLP has hidden layers. */
     lg_mlp net;
     lg_hamiltonian_scales scales; /* 1 after lg_hamiltonian_init; the caller may change them. */
 } lg_hamiltonian;
@@ -205,6 +219,11 @@ LG_API double lg_hamiltonian_off_manifold(const lg_hamiltonian_family *family, u
 LG_API lg_status lg_hamiltonian_init(lg_hamiltonian *model, const lg_hamiltonian_family *family, uint32_t n,
                                      lg_potential_kind potential, const uint32_t *hidden,
                                      uint32_t hidden_layers, lg_activation activation);
+/* Sets the symmetry of the model's potential, and with it the number of inputs of model->net. Call it before
+ * parameters are made. Errors, the model is then unchanged: LG_INVALID_ARGUMENT (an unknown symmetry, a model
+ * that lg_hamiltonian_init did not make), LG_UNSUPPORTED (the family's coordinates have no such symmetry; V
+ * would be constant, as for SPHERICAL and one link; a dictionary of more than 96 invariants). */
+LG_API lg_status lg_hamiltonian_set_symmetry(lg_hamiltonian *model, lg_symmetry symmetry);
 LG_API size_t lg_hamiltonian_parameters(const lg_hamiltonian *model);  /* Number of parameters. */
 LG_API uint32_t lg_hamiltonian_state_dim(const lg_hamiltonian *model); /* d: numbers in a state. */
 /* m = forces n: numbers in an input. */

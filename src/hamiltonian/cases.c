@@ -173,6 +173,11 @@ static void add_potentials(const lg_hamiltonian_family *family) {
     (void)add(&model, FIELD, "field of an even potential");
     model.symmetry = LG_SYMMETRY_ODD;
     (void)add(&model, FIELD, "field of an odd potential");
+    if (lg_hamiltonian_init(&model, family, 2, LG_POTENTIAL_MLP, hidden, 1, LG_TANH) != LG_OK) return;
+    if (lg_hamiltonian_set_symmetry(&model, LG_SYMMETRY_AXIAL) == LG_OK)
+        (void)add(&model, FIELD, "field of an axial potential");
+    if (lg_hamiltonian_set_symmetry(&model, LG_SYMMETRY_SPHERICAL) == LG_OK)
+        (void)add(&model, FIELD, "field of a spherical potential");
 }
 
 static void add_family(const lg_hamiltonian_family *family) {

@@ -18,13 +18,16 @@ static lg_var fourth(lg_tape *tape, lg_var x) {
     return lg_square(tape, lg_square(tape, x));
 }
 
-/* x_1 x_2, x_1 x_3, ..., x_2 x_3, ... */
-static lg_var products(lg_tape *tape, lg_var x) {
-    const uint32_t d = lg_var_shape(tape, x).dims[1];
+lg_var lg_hamiltonian_pairs(lg_tape *tape, lg_var a, lg_var b) {
+    const uint32_t n = lg_var_shape(tape, a).dims[1];
     lg_var out[LG_DICTIONARY_COORDINATES];
-    for (uint32_t i = 0; i + 1 < d; i++)
-        out[i] = lg_mul(tape, lg_slice(tape, x, 1, i, 1), lg_slice(tape, x, 1, i + 1, d - i - 1));
-    return lg_concat(tape, out, d - 1, 1);
+    for (uint32_t i = 0; i + 1 < n; i++)
+        out[i] = lg_mul(tape, lg_slice(tape, a, 1, i, 1), lg_slice(tape, b, 1, i + 1, n - i - 1));
+    return lg_concat(tape, out, n - 1, 1);
+}
+
+static lg_var products(lg_tape *tape, lg_var x) {
+    return lg_hamiltonian_pairs(tape, x, x);
 }
 
 static uint32_t one_each(uint32_t d) {

@@ -42,8 +42,12 @@ const lg_field lg_hamiltonian_fields[] = {
                          [LG_POTENTIAL_DICTIONARY] = "dictionary"),
                 .value = "mlp", .meaning = "The potential energy"),
     HAMILTONIAN("model", "symmetry", NAME, model.symmetry,
-                LG_NAMES([LG_SYMMETRY_NONE] = "none", [LG_SYMMETRY_EVEN] = "even", [LG_SYMMETRY_ODD] = "odd"),
-                .optional = true, .value = "none", .meaning = "even: V(-q) = V(q); odd: V(-q) = -V(q)"),
+                LG_NAMES([LG_SYMMETRY_NONE] = "none", [LG_SYMMETRY_EVEN] = "even", [LG_SYMMETRY_ODD] = "odd",
+                         [LG_SYMMETRY_AXIAL] = "axial", [LG_SYMMETRY_SPHERICAL] = "spherical"),
+                .optional = true, .value = "none",
+                .meaning =
+                    "even: V(-q) = V(q); odd: V(-q) = -V(q); axial: rotations about e3 do not change V; "
+                    "spherical: no rotation changes V"),
     HAMILTONIAN("model", "activation", NAME, model.net.activation, .value_name = lg_name_activation,
                 .value = "tanh", .meaning = "Activation of the hidden layers"),
     HAMILTONIAN("model", "hidden", WHOLES, model.net, .get = get_hidden, .put = put_hidden, .low = 1,

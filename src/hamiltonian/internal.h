@@ -102,4 +102,19 @@ typedef struct lg_potential_row {
 } lg_potential_row;
 const lg_potential_row *lg_potential_row_of(lg_potential_kind kind); /* NULL: unknown kind */
 
+/* A symmetry of the potential: V(x) = (N(x) + sign N(-x))/2, or N(x) if sign is 0. */
+typedef struct lg_symmetry_row {
+    double sign;
+    /* How many invariants of a group there are, and their values, (B, d) -> (B, count). N is then a function
+     * of the invariants instead of x. NULL: N is a function of x. count returns 0 if the group does not act
+     * on the family's coordinates or has no invariant. */
+    uint32_t (*count)(const lg_hamiltonian *model);
+    lg_var (*record)(lg_tape *tape, const lg_hamiltonian *model, lg_var x);
+    int degree; /* an invariant is multiplied by s^degree if x is multiplied by s; directions have s = 1 */
+    bool isotropic; /* the group has all rotations of R^n */
+} lg_symmetry_row;
+const lg_symmetry_row *lg_symmetry_row_of(lg_symmetry symmetry); /* NULL: unknown symmetry */
+/* a_i b_j for i < j, (B, n) -> (B, n(n-1)/2), in the order 12, 13, ..., 23, ...; n is 2 or more */
+lg_var lg_hamiltonian_pairs(lg_tape *tape, lg_var a, lg_var b);
+
 #endif

@@ -1,4 +1,6 @@
 /* Learned Hamiltonians on a tape, for every family: parameters, functions of states, equations of motion. */
+#include <math.h>
+
 #include "autodiff/tape/tape_internal.h"
 #include "core/core.h"
 #include "integrators/taped_internal.h"
@@ -59,24 +61,37 @@ static lg_var flat_inputs(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var
     return lg_reshape(tape, x, lg_shape2(lg_var_shape(tape, x).dims[0], model->family->inputs * model->n));
 }
 
+/* The functions of x (B, d) that the network takes: invariants of the symmetry, and functions of these. */
+static lg_var features(lg_tape *tape, const lg_hamiltonian *model, lg_var x) {
+    const lg_symmetry_row *symmetry = lg_symmetry_row_of(model->symmetry);
+    const lg_potential_row *potential = lg_potential_row_of(model->potential);
+    double unit = model->scales.part[0];
+    if (symmetry->record != NULL) {
+        x = symmetry->record(tape, model, x);
+        unit = pow(unit, symmetry->degree);
+    }
+    return potential->record == NULL ? x : potential->record(tape, x, unit);
+}
+
 /* N (B, 1) at x (B, d); the function below gives dN/dx (B, d). */
 static lg_var network(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x) {
-    const lg_potential_row *row = lg_potential_row_of(vars->model->potential);
-    lg_var inputs = row->record == NULL ? x : row->record(tape, x, vars->model->scales.part[0]);
-    return lg_mlp_record_bound(tape, &vars->model->net, &vars->net, inputs);
+    return lg_mlp_record_bound(tape, &vars->model->net, &vars->net, features(tape, vars->model, x));
 }
 
 static lg_var network_gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x) {
-    lg_var out = LG_NONE;
-    if (lg_potential_row_of(vars->model->potential)->record == NULL)
-        return lg_mlp_record_gradient(tape, &vars->model->net, &vars->net, x);
-    (void)lg_grad(tape, lg_sum(tape, network(tape, vars, x)), &x, 1, &out);
+    const lg_hamiltonian *model = vars->model;
+    const bool plain = lg_symmetry_row_of(model->symmetry)->record == NULL &&
+                       lg_potential_row_of(model->potential)->record == NULL;
+    if (plain) return lg_mlp_record_gradient(tape, &model->net, &vars->net, x);
+    lg_var out = LG_NONE, inputs = features(tape, model, x);
+    const lg_var slopes = lg_mlp_record_gradient(tape, &model->net, &vars->net, inputs);
+    (void)lg_vjp(tape, &inputs, &slopes, 1, &x, 1, &out);
     return out;
 }
 
-/* The sign in V(x) = (N(x) + sign N(-x))/2; 0: V(x) = N(x). */
-static const double mirrored[] = {
-    [LG_SYMMETRY_NONE] = 0.0, [LG_SYMMETRY_EVEN] = 1.0, [LG_SYMMETRY_ODD] = -1.0};
+static double sign_of(const lg_hamiltonian_vars *vars) {
+    return lg_symmetry_row_of(vars->model->symmetry)->sign;
+}
 
 typedef lg_var (*of_inputs)(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x);
 
@@ -90,12 +105,11 @@ static lg_var symmetric(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x
 }
 
 lg_var lg_hamiltonian_potential(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x) {
-    return symmetric(tape, vars, flat_inputs(tape, vars, x), network, mirrored[vars->model->symmetry]);
+    return symmetric(tape, vars, flat_inputs(tape, vars, x), network, sign_of(vars));
 }
 
 lg_var lg_hamiltonian_potential_gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x) {
-    const double sign = -mirrored[vars->model->symmetry];
-    lg_var gradient = symmetric(tape, vars, flat_inputs(tape, vars, x), network_gradient, sign);
+    lg_var gradient = symmetric(tape, vars, flat_inputs(tape, vars, x), network_gradient, -sign_of(vars));
     return lg_reshape(tape, gradient, lg_var_shape(tape, x));
 }
 

@@ -2,10 +2,20 @@
 #include "liegrad/ops.h"
 #include "hamiltonian/internal.h"
 
-enum { K }; /* vars->kinetic[K] is A^T A (n, n) */
+enum { K }; /* vars->kinetic[K] (n, n): A^T A, or its mean over rotations */
 
+/* If V does not change under rotations, K is the mean of R^T A^T A R over all rotations R, which is |A|^2/n
+ * times the unit matrix: so H does not change either. */
 static void bind(lg_tape *tape, const lg_var *arrays, lg_hamiltonian_vars *vars) {
-    vars->kinetic[K] = lg_matmul_tn(tape, arrays[0], arrays[0]);
+    const uint32_t n = vars->model->n;
+    if (!lg_symmetry_row_of(vars->model->symmetry)->isotropic) {
+        vars->kinetic[K] = lg_matmul_tn(tape, arrays[0], arrays[0]);
+        return;
+    }
+    double unit[LG_HAMILTONIAN_MAX_COPIES * LG_HAMILTONIAN_MAX_COPIES] = {0.0};
+    for (uint32_t i = 0; i < n; i++) unit[i * n + i] = 1.0 / n;
+    vars->kinetic[K] =
+        lg_mul(tape, lg_input_f64(tape, lg_shape2(n, n), unit), lg_sum(tape, lg_square(tape, arrays[0])));
 }
 
 static lg_var drift(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var p) {

@@ -12,7 +12,13 @@
 #define CHAIN     (&lg_hamiltonian_chain)
 #define SEPARABLE (&lg_hamiltonian_separable)
 enum { MLP = LG_POTENTIAL_MLP, LINEAR = LG_POTENTIAL_LINEAR, DICTIONARY = LG_POTENTIAL_DICTIONARY };
-enum { NONE = LG_SYMMETRY_NONE, EVEN = LG_SYMMETRY_EVEN, ODD = LG_SYMMETRY_ODD };
+enum {
+    NONE = LG_SYMMETRY_NONE,
+    EVEN = LG_SYMMETRY_EVEN,
+    ODD = LG_SYMMETRY_ODD,
+    AXIAL = LG_SYMMETRY_AXIAL,
+    SPHERICAL = LG_SYMMETRY_SPHERICAL
+};
 enum { ROWS = 1000, MOST = 80 };
 
 typedef struct example {
@@ -61,6 +67,8 @@ static const example examples[] = {
     {{"words3", "clang", "-O3", "dp54"}, 6, 0, NULL, SEPARABLE, 3, DICTIONARY, ODD, LG_TANH},
     {{"even2", "clang", "-O2", "cf4"}, 4, 0, NULL, CHAIN, 2, MLP, EVEN, LG_SWISH},
     {{"odd2", "g++", "-O2", "blanes-moan"}, 7, 0, NULL, SEPARABLE, 2, MLP, ODD, LG_TANH},
+    {{"axial2", "gcc", "-O2", "cf4"}, 4, 16, NULL, CHAIN, 2, MLP, AXIAL, LG_TANH},
+    {{"round3", "clang", "-O2", "rk4"}, 4, 0, NULL, SEPARABLE, 3, MLP, SPHERICAL, LG_SWISH},
     {.row = {"all", "gcc", "-O2", ""}, 4, 45, machine_of_all_kinds},
     {.row = {"body", "clang", "-O3", ""}, 4, 45, machine_of_a_body},
     {.row = {"cart", "g++", "-O1", ""}, 4, 45, machine_of_a_cart},
@@ -91,7 +99,7 @@ static lg_hamiltonian_file hamiltonian_of(const example *of) {
     lg_hamiltonian *model = &file.run.model;
     assert_ok(lg_hamiltonian_init(model, of->family, of->links, (lg_potential_kind)of->potential, hidden, 2,
                                   of->activation));
-    model->symmetry = (lg_symmetry)of->symmetry;
+    assert_ok(lg_hamiltonian_set_symmetry(model, (lg_symmetry)of->symmetry));
     file.parameters = lg_hamiltonian_parameters(model);
     file.theta = TEST_ARRAY(double, file.parameters);
     lg_rng rng = test_rng(7, of->links);

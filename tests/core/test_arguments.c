@@ -439,6 +439,7 @@ TEST("functions of Hamiltonians, models and control refuse NULL") {
     REFUSES(lg_hamiltonian_space(NEEDED(family), 1, NEEDED(&space)));
     REFUSES(
         lg_hamiltonian_init(NEEDED(&h), NEEDED(family), 1, LG_POTENTIAL_MLP, NEEDED(&hidden), 1, LG_TANH));
+    REFUSES(lg_hamiltonian_set_symmetry(NEEDED(&h), LG_SYMMETRY_ODD));
     REFUSES(lg_hamiltonian_mass(NEEDED(&h), NEEDED(theta), NEEDED(others)));
     REFUSES(lg_hamiltonian_problem_check(NEEDED(&problem), none));
     REFUSES(lg_hamiltonian_find_scales(NEEDED(&problem), NEEDED(&scales), none));

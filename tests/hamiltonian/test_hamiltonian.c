@@ -376,7 +376,7 @@ TEST("potentials are even or odd, and their gradients agree with differences") {
             double y[4] = {0.4, -0.9, 0.0, 0.0}, slope;
             assert_ok(lg_hamiltonian_init(&model, &lg_hamiltonian_separable, 2, (lg_potential_kind)potential,
                                           hidden, 1, LG_TANH));
-            model.symmetry = (lg_symmetry)symmetry;
+            assert_ok(lg_hamiltonian_set_symmetry(&model, (lg_symmetry)symmetry));
             lg_rng rng = test_rng(4, 0);
             lg_hamiltonian_initialise(&model, &rng, theta);
             const built b = build_from(&model, theta);

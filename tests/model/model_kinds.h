@@ -85,7 +85,7 @@ static inline lg_hamiltonian_run make_hamiltonian_run(size_t which) {
     (void)snprintf(run.data_sha256, sizeof run.data_sha256, "%064d", 42);
     const uint32_t links = e->family->most > 0 && e->links > e->family->most ? e->family->most : e->links;
     assert_ok(lg_hamiltonian_init(&run.model, e->family, links, e->potential, hidden, 2, LG_TANH));
-    run.model.symmetry = (lg_symmetry)(which % 3);
+    (void)lg_hamiltonian_set_symmetry(&run.model, (lg_symmetry)(which % LG_SYMMETRY_COUNT));
     return run;
 }
 

@@ -74,9 +74,11 @@ static lg_status build(lg_h5 *h5, void *user, lg_error *error) {
     if (!fit(&scales, model->family))
         return lg_fail(error, LG_FORMAT, "%s: /model: attribute scales is out of range",
                        lg_shown_path(h5->path));
-    model->symmetry = symmetry;
     model->scales = scales;
-    return LG_OK;
+    if (lg_hamiltonian_set_symmetry(model, symmetry) == LG_OK) return LG_OK;
+    return lg_fail(error, LG_FORMAT,
+                   "%s: /model: a model of family %s and links %u cannot have this symmetry",
+                   lg_shown_path(h5->path), model->family->name, model->n);
 }
 
 static size_t parameters(const void *run) {
@@ -89,6 +91,7 @@ static lg_status check(const void *user) {
     lg_hamiltonian again;
     LG_TRY(lg_hamiltonian_init(&again, model->family, model->n, model->potential, model->net.width + 1,
                                hidden_layers(model), model->net.activation));
+    LG_TRY(lg_hamiltonian_set_symmetry(&again, model->symmetry));
     if (!fit(&model->scales, model->family)) return LG_INVALID_ARGUMENT;
     return lg_hamiltonian_parameters(&again) == parameters(run) ? LG_OK : LG_INVALID_ARGUMENT;
 }
