@@ -30,7 +30,7 @@ static const double *parameter_of(const lg_system *system, const char *key) {
 }
 
 /* Adds the hyperparameters that grids of earlier versions did not have. One with its default value adds
- * nothing, so that the tables of those versions keep their protocol. */
+ * nothing, so that the tables of those versions keep their protocol. A file is told by its hash. */
 static void write_later_keys(const lg_hamiltonian_run *run, FILE *text) {
     char value[LG_FIELD_TEXT_SIZE], usual[LG_FIELD_TEXT_SIZE];
     lg_hamiltonian_run initial = *run;
@@ -40,7 +40,9 @@ static void write_later_keys(const lg_hamiltonian_run *run, FILE *text) {
         if (!row->optional || strcmp(row->name, "schedule") == 0) continue;
         lg_field_show(row, run, value, sizeof value);
         lg_field_show(row, &initial, usual, sizeof usual);
-        if (strcmp(value, usual) != 0) (void)fprintf(text, "; %s %s", row->name, value);
+        if (strcmp(value, usual) == 0) continue;
+        const bool in_file = strcmp(value, run->penalty_integral) == 0 && run->penalty_sha256[0] != '\0';
+        (void)fprintf(text, "; %s %s", row->name, in_file ? run->penalty_sha256 : value);
     }
 }
 
@@ -106,6 +108,14 @@ static void make_plan(const lg_grid *grid, study_plan *plan) {
     set_protocol(grid, plan);
 }
 
+/* Loads the file of the penalty's first integral once, for its hash. */
+static void read_integral(const app *self, const char *path, lg_hamiltonian_run *run) {
+    lg_program *program = NULL;
+    if (lg_penalty_named(run) != NULL) return;
+    APP_MUST_FILE(self, path, lg_penalty_load(self->context, run, &program, &error));
+    lg_program_destroy(program);
+}
+
 static void read_grid(void *user, app *self, study_plan *plan) {
     lg_grid *grid = user;
     const char *path = self->arguments[0];
@@ -116,6 +126,7 @@ static void read_grid(void *user, app *self, study_plan *plan) {
     if (self->seed_given) grid->seed = self->seed;
     if (scene_family(&grid->scene, &family, &n, &why) != LG_OK)
         app_stop(self, LG_FORMAT, "%s: %s", path, why.message);
+    read_integral(self, path, &grid->run);
     make_plan(grid, plan);
 }
 

@@ -253,6 +253,7 @@ typedef struct lg_first_integral {
     bool numbered;                       /* G belongs to one copy, j. */
     int power
         [LG_HAMILTONIAN_MAX_PARTS]; /* Unit of G: (unit of part 1)^power[0] * (unit of part 2)^power[1] ... */
+    bool measured; /* `power` does not apply: lg_hamiltonian_integral_unit finds a unit from the data. */
     /* Records G (B, 1) from the parts y of states in the units of the data; j counts from 0. Errors stick
      * to the tape. */
     lg_var (*record)(void *user, lg_tape *tape, const lg_hamiltonian_vars *vars, uint32_t j, const lg_var *y);
@@ -271,6 +272,12 @@ LG_API const lg_first_integral *lg_first_integral_at(size_t index);       /* NUL
 LG_API const lg_first_integral *lg_first_integral_find(const char *name); /* NULL: unknown name. */
 /* Whether G takes the states of the model (its family and n). */
 LG_API bool lg_first_integral_fits(const lg_first_integral *integral, const lg_hamiltonian *model);
+/* Makes a first integral of the function `integral` (x) -> G of a program: x (B, d) is a state of the model
+ * in the units of the data, G is one number per row. `measured` is set. `program` and `name`, which messages
+ * show, are borrowed and must outlive *out. Errors: LG_NOT_FOUND (no such function), LG_SHAPE (it has other
+ * inputs or outputs). */
+LG_API lg_status lg_first_integral_from(const lg_program *program, const lg_hamiltonian *model,
+                                        const char *name, lg_first_integral *out, lg_error *error);
 
 /* The penalty on changes of a first integral G along predictions y_j from the start x. MEAN_SQUARE: mu
  * times the mean over the batch of sum_j (G(y_j) - G(x))^2. SUM_ABSOLUTE: mu times the sum over the batch
@@ -378,6 +385,15 @@ LG_API lg_status lg_hamiltonian_mean_squared_error(const lg_context *context,
 LG_API lg_status lg_hamiltonian_integral_change(const lg_context *context,
                                                 const lg_hamiltonian_problem *problem, const double *theta,
                                                 size_t point, double *out, lg_error *error);
+/* Writes the unit in which the first integral of the penalty is weighed, a positive number in the unit of G.
+ * It is s_1^power[0] s_2^power[1], with s_i the scales of the model. If G is `measured`, it is the root mean
+ * square, over all points of the data, of the length of dG/dy, with each number of y divided by its scale:
+ * how much G changes when the state moves by its scales. Errors: those of lg_hamiltonian_problem_check with a
+ * penalty, LG_NOT_FINITE (`measured`: G or a derivative is not finite, or all derivatives are zero, at the
+ * points of the data), LG_NOT_DIFFERENTIABLE. */
+LG_API lg_status lg_hamiltonian_integral_unit(const lg_context *context,
+                                              const lg_hamiltonian_problem *problem, double *out,
+                                              lg_error *error);
 /* Writes the truncation floor: what the integrator's own error adds to lg_hamiltonian_mean_squared_error when
  * the model is exact. Let y_s be the predictions from the given starts with s substeps, and k the order of
  * the scheme. By Richardson's extrapolation the error of y_s is 2^k/(2^k - 1) (y_s - y_2s) to leading order,
@@ -522,6 +538,7 @@ typedef enum lg_hamiltonian_units { LG_UNITS_GIVEN, LG_UNITS_DATA } lg_hamiltoni
 
 /* Model, training and data of a run. Model files and checkpoints store it, and a resumed run is compared
  * with it. */
+#define LG_INTEGRAL_TEXT 256
 typedef struct lg_hamiltonian_run {
     lg_hamiltonian model;
     char system[LG_SYSTEM_NAME];
@@ -529,8 +546,11 @@ typedef struct lg_hamiltonian_run {
     uint32_t substeps;
     double penalty; /* mu */
     lg_penalty_form penalty_form;
-    uint32_t penalty_integral; /* Index for lg_first_integral_at. */
-    uint32_t penalty_copy;     /* Counted from 1; 0 means 1. */
+    /* The name of a first integral in the table, or the path of a file with a program, whose function
+     * `integral` is G (lg_first_integral_from). "": the first entry of the table. */
+    char penalty_integral[LG_INTEGRAL_TEXT];
+    char penalty_sha256[LG_SHA256_TEXT]; /* Hash of this program's functions and parameters; "": no file. */
+    uint32_t penalty_copy;               /* Counted from 1; 0 means 1. */
     lg_penalty_points penalty_points;
     lg_hamiltonian_distance distance;
     bool scaled; /* lg_hamiltonian_scale was applied before training. */

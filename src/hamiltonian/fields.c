@@ -1,10 +1,40 @@
 /* The hyperparameters of a learned Hamiltonian. */
 #include "liegrad/hamiltonian.h"
 
+#include <stdio.h>
+#include <string.h>
+
+#include "core/core.h"
 #include "settings/training.h"
 
 static const char *name_integral(uint32_t value) {
     return value < lg_first_integral_count() ? lg_first_integral_at(value)->name : NULL;
+}
+
+/* A name of the table, or a path, which has a point or a slash. */
+static lg_status parse_integral(const char *text, void *member, lg_error *error) {
+    char names[LG_FIELD_TEXT_SIZE] = "";
+    const size_t length = strlen(text);
+    if (lg_first_integral_find(text) == NULL && strpbrk(text, "./") == NULL) {
+        for (uint32_t i = 0; name_integral(i) != NULL; i++) {
+            (void)strcat(names, i > 0 ? ", " : "");
+            (void)strcat(names, name_integral(i));
+        }
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "'%s' is neither one of %s nor the file of a program, such as integral.h5", text,
+                       names);
+    }
+    if (length >= LG_INTEGRAL_TEXT)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a path of %zu bytes is too long; at most %d are possible",
+                       length, LG_INTEGRAL_TEXT - 1);
+    memset(member, 0, LG_INTEGRAL_TEXT);
+    memcpy(member, text, length);
+    return LG_OK;
+}
+
+static void show_integral(const void *member, char *text, size_t size) {
+    const char *name = member;
+    (void)snprintf(text, size, "%s", name[0] != '\0' ? name : name_integral(0));
 }
 
 static uint32_t get_hidden(const void *member, double *values) {
@@ -61,8 +91,9 @@ const lg_field lg_hamiltonian_fields[] = {
     HAMILTONIAN("run", "penalty", REAL, penalty, .high = 1e12, .value = "0", .unit = "MU",
                 .meaning = "Penalty on the change of a first integral, 0 for none"),
     HAMILTONIAN(
-        "run", "penalty_integral", NAME, penalty_integral, .value_name = name_integral, .optional = true,
-        .value = "oscillator",
+        "run", "penalty_integral", PHRASE, penalty_integral, .parse = parse_integral, .phrase = show_integral,
+        .value_name = name_integral, .form = "the file of a program with a function `integral`",
+        .optional = true, .value = "oscillator", .unit = "NAME|FILE",
         .meaning =
             "The first integral whose change is penalised; if not given, the first one that fits the system"),
     HAMILTONIAN("run", "penalty_copy", U32, penalty_copy, .optional = true, .high = LG_HAMILTONIAN_MAX_COPIES,

@@ -2,6 +2,7 @@
 #include <string.h>
 
 #include "core/core.h"
+#include "integrators/taped_internal.h"
 #include "liegrad/ops.h"
 #include "hamiltonian/internal.h"
 
@@ -83,4 +84,68 @@ const lg_first_integral *lg_first_integral_find(const char *name) {
 bool lg_first_integral_fits(const lg_first_integral *integral, const lg_hamiltonian *model) {
     return (integral->family == NULL || integral->family == model->family) &&
            (integral->n == 0 || integral->n == model->n);
+}
+
+/* ---- a first integral in a program ---- */
+
+static const char function_name[] = "integral";
+
+static lg_var of_program(void *user, lg_tape *tape, const lg_hamiltonian_vars *vars, uint32_t j,
+                         const lg_var *y) {
+    const lg_program *program = user;
+    const lg_hamiltonian *model = vars->model;
+    lg_space space;
+    size_t function;
+    lg_var g;
+    (void)j;
+    if (lg_hamiltonian_space(model->family, model->n, &space) != LG_OK ||
+        lg_program_find(program, function_name, &function, NULL) != LG_OK)
+        return LG_NONE;
+    const lg_var state = lg_taped_join(tape, &space, y);
+    if (lg_program_record(tape, program, function, NULL, &state, &g) != LG_OK) return LG_NONE;
+    return lg_reshape(tape, g, lg_shape2(lg_var_shape(tape, state).dims[0], 1));
+}
+
+static lg_status check_ports(const lg_program *program, size_t function, uint32_t d, lg_error *error) {
+    size_t inputs, outputs;
+    const lg_port *x = lg_program_inputs(program, function, &inputs),
+                  *g = lg_program_outputs(program, function, &outputs);
+    if (inputs != 1 || outputs != 1)
+        return lg_fail(
+            error, LG_SHAPE,
+            "function %s has %zu inputs and %zu outputs; it must have one input, the state, and one "
+            "output",
+            function_name, inputs, outputs);
+    if (x->shared || x->shape.rank != 1 || x->shape.dims[0] != d)
+        return lg_fail(
+            error, LG_SHAPE,
+            "function %s takes %llu numbers%s, but a state of the data has %u numbers, as a vector",
+            function_name, (unsigned long long)lg_shape_count(x->shape),
+            x->shared ? " that all rows share" : "", d);
+    if (g->shared || lg_shape_count(g->shape) != 1)
+        return lg_fail(error, LG_SHAPE, "function %s gives %llu numbers%s; it must give one for each state",
+                       function_name, (unsigned long long)lg_shape_count(g->shape),
+                       g->shared ? " for all states together" : "");
+    return LG_OK;
+}
+
+lg_status lg_first_integral_from(const lg_program *program, const lg_hamiltonian *model, const char *name,
+                                 lg_first_integral *out, lg_error *error) {
+    LG_NEEDS(error, program, model, name, out);
+    size_t function;
+    /* The union only casts const away: of_program() does not write to the program. */
+    union {
+        const lg_program *borrowed;
+        void *user;
+    } pointer = {.borrowed = program};
+    LG_TRY(lg_program_find(program, function_name, &function, error));
+    LG_TRY(check_ports(program, function, lg_hamiltonian_state_dim(model), error));
+    *out = (lg_first_integral){.name = name,
+                               .formula = "the function integral",
+                               .family = model->family,
+                               .n = model->n,
+                               .measured = true,
+                               .record = of_program,
+                               .user = pointer.user};
+    return LG_OK;
 }

@@ -471,3 +471,56 @@ lg_status lg_hamiltonian_integral_change(const lg_context *context, const lg_ham
     fit.user = &of;
     return mean_of(context, &fit, theta, out, error);
 }
+
+/* ---- the unit of the penalty's first integral ---- */
+
+/* Like shard_loss: the mean over the points of the squared length of dG/dy, with y divided by its scales. It
+ * is NaN where G is not finite. */
+static lg_status shard_slope(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
+                             size_t batch, lg_var *mean) {
+    const lg_hamiltonian_problem *problem = user;
+    const lg_hamiltonian_vars vars = {.model = problem->model};
+    lg_space space;
+    lg_var y[LG_HAMILTONIAN_MAX_PARTS], slope[LG_HAMILTONIAN_MAX_PARTS], total;
+    (void)theta;
+    LG_TRY(lg_hamiltonian_space(problem->model->family, problem->model->n, &space));
+    LG_TRY(given_points(tape, problem, &space, samples, count, 0, problem->points - 1, y));
+    const size_t parts = lg_taped_parts(&space);
+    const lg_var values = lg_sum(tape, conserved(tape, problem, &vars, parts, y));
+    LG_TRY(lg_grad(tape, values, y, parts, slope));
+    total = lg_scale(tape, values, 0.0);
+    for (size_t i = 0; i < parts; i++) total = lg_add(tape, total, lg_sum(tape, lg_square(tape, slope[i])));
+    *mean = lg_scale(tape, total, 1.0 / ((double)batch * (double)problem->points));
+    return lg_tape_status(tape);
+}
+
+static lg_status measure_unit(const lg_context *context, const lg_hamiltonian_problem *problem, double *out,
+                              lg_error *error) {
+    static const double nothing = 0.0;
+    lg_fit_problem fit;
+    double square = 0.0;
+    lg_hamiltonian_fit_problem(problem, &fit);
+    fit.parameters = 1; /* shard_slope does not use them */
+    fit.loss = shard_slope;
+    LG_TRY(mean_of(context, &fit, &nothing, &square, error));
+    if (!isfinite(square) || square == 0.0)
+        return lg_fail(error, LG_NOT_FINITE, "%s: %s %s points of the data", problem->penalty_integral->name,
+                       problem->penalty_integral->formula,
+                       square == 0.0 ? "has the slope 0 at all" : "or its derivative is not finite at some");
+    *out = sqrt(square);
+    return LG_OK;
+}
+
+lg_status lg_hamiltonian_integral_unit(const lg_context *context, const lg_hamiltonian_problem *problem,
+                                       double *out, lg_error *error) {
+    LG_NEEDS(error, problem, out);
+    LG_TRY(lg_hamiltonian_problem_check(problem, error));
+    LG_TRY(check_penalty(problem, error));
+    const lg_first_integral *integral = integral_of(problem);
+    if (integral->measured) return measure_unit(context, problem, out, error);
+    double unit = 1;
+    for (size_t i = 0; i < LG_HAMILTONIAN_MAX_PARTS; i++)
+        unit *= pow(problem->model->scales.part[i], integral->power[i]);
+    *out = unit;
+    return LG_OK;
+}

@@ -446,6 +446,7 @@ TEST("functions of Hamiltonians, models and control refuse NULL") {
     REFUSES(lg_hamiltonian_weigh(NEEDED(&problem), none));
     REFUSES(lg_hamiltonian_mean_squared_error(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(others), none));
     REFUSES(lg_hamiltonian_integral_change(NULL, NEEDED(&problem), NEEDED(theta), 2, NEEDED(others), none));
+    REFUSES(lg_hamiltonian_integral_unit(NULL, NEEDED(&problem), NEEDED(others), none));
     REFUSES(lg_hamiltonian_floor(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(others), none));
     REFUSES(lg_hamiltonian_scale(NULL, NEEDED(&problem), NEEDED(changed), NULL));
     REFUSES(lg_hamiltonian_bind(NEEDED(tape), NEEDED(&h), at, NEEDED(&vars)));
@@ -453,8 +454,10 @@ TEST("functions of Hamiltonians, models and control refuse NULL") {
 
     lg_model *model = NULL, *made;
     lg_plan *plan;
+    lg_first_integral integral;
     assert_ok(lg_hamiltonian_program(NULL, &h, theta, NULL, &program, none));
     lg_test_owns(program, release_program);
+    REFUSES(lg_first_integral_from(NEEDED(program), NEEDED(&h), NEEDED("G"), NEEDED(&integral), none));
     assert_ok(test_hamiltonian_model(NULL, &h, theta, &model, none));
     lg_test_owns(model, release_model);
     lg_ode ode;

@@ -60,7 +60,7 @@ static inline lg_hamiltonian_run make_hamiltonian_run(size_t which) {
                               .substeps = 2,
                               .penalty = 0.125,
                               .penalty_form = LG_PENALTY_SUM_ABSOLUTE,
-                              .penalty_integral = 1,
+                              .penalty_integral = "anharmonic",
                               .penalty_copy = 2,
                               .penalty_points = {2, {2, 5}},
                               .distance = LG_DISTANCE_GEODESIC,

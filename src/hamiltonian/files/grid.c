@@ -129,21 +129,46 @@ static lg_status fill(lg_yaml *yaml, const grid_keys *keys, const lg_key_value *
     return lg_yaml_store(yaml, keys->keys + OWN_KEYS, v + OWN_KEYS, keys->count - OWN_KEYS, &out->run, error);
 }
 
-/* Reads the file of key `scene`; a relative path starts from the folder of the grid. */
+/* The path of a file that the grid names; a relative path starts from the folder of the grid. The caller
+ * frees it; NULL: out of memory. */
+static char *path_in(const lg_context *context, const lg_yaml *yaml, const char *name) {
+    const char *path = lg_yaml_path(yaml), *slash = strrchr(path, '/');
+    const size_t folder = slash == NULL || name[0] == '/' ? 0 : (size_t)(slash - path) + 1,
+                 length = strlen(name);
+    char *joined = lg_alloc(context, folder + length + 1, 1);
+    if (joined == NULL) return NULL;
+    memcpy(joined, path, folder);
+    memcpy(joined + folder, name, length);
+    return joined;
+}
+
+/* Reads the file of key `scene`. */
 static lg_status read_scene_file(const lg_context *context, const lg_yaml *yaml, const lg_key_value *value,
                                  lg_scene *out, lg_error *error) {
-    const char *path = lg_yaml_path(yaml), *slash = strrchr(path, '/');
-    size_t folder = slash == NULL || value->text[0] == '/' ? 0 : (size_t)(slash - path) + 1,
-           name = strlen(value->text);
-    char *joined = lg_alloc(context, folder + name + 1, 1);
-    if (joined == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
-    memcpy(joined, path, folder);
-    memcpy(joined + folder, value->text, name);
+    char *joined = path_in(context, yaml, value->text);
+    if (joined == NULL)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(lg_yaml_path(yaml)));
     lg_error inner = {LG_OK, ""};
     lg_status status = lg_scene_read(context, joined, FORM, out, &inner);
     lg_free(context, joined);
     if (status == LG_OK) return LG_OK;
-    return lg_fail(error, status, "%s: line %u: scene: %.300s", lg_shown_path(path), value->line,
+    return lg_fail(error, status, "%s: line %u: scene: %.300s", lg_shown_path(lg_yaml_path(yaml)),
+                   value->line, inner.message);
+}
+
+/* A first integral in a file is relative to the grid, too. */
+static lg_status place_integral(const lg_context *context, const lg_yaml *yaml, lg_hamiltonian_run *run,
+                                lg_error *error) {
+    lg_error inner = {LG_OK, ""};
+    if (lg_first_integral_find(run->penalty_integral) != NULL) return LG_OK;
+    char *joined = path_in(context, yaml, run->penalty_integral);
+    if (joined == NULL)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(lg_yaml_path(yaml)));
+    const lg_status status =
+        lg_field_set(lg_field_find(lg_hamiltonian_fields, "penalty_integral"), joined, run, &inner);
+    lg_free(context, joined);
+    if (status == LG_OK) return LG_OK;
+    return lg_fail(error, LG_FORMAT, "%s: penalty_integral: %.300s", lg_shown_path(lg_yaml_path(yaml)),
                    inner.message);
 }
 
@@ -161,6 +186,7 @@ static lg_status read_grid(const lg_context *context, lg_yaml *yaml, const grid_
         LG_TRY(lg_scene_from(context, yaml, FORM, sets, &out->scene, error));
     }
     LG_TRY(fill(yaml, keys, values, out, error));
+    LG_TRY(place_integral(context, yaml, &out->run, error));
     out->t_end = out->scene.t_end;
     if (own_file) LG_TRY(lg_yaml_store(yaml, file_keys, in_file, FILE_KEYS, out, error));
     if (out->t_end > 0) return LG_OK;

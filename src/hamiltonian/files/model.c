@@ -47,10 +47,13 @@ static const lg_field facts[] = {
     FACT("run", "points", U64, points, .low = 0),
     FACT("run", "dt", REAL, dt, .low = 0),
     FACT("run", "data_sha256", TEXT, data_sha256, .low = 0),
+    FACT("run", "penalty_sha256", TEXT, penalty_sha256, .low = 0, .optional = true),
     LG_FIELD_END};
 
-static const lg_hamiltonian_run defaults = {
-    .model = {.scales = LG_HAMILTONIAN_NO_SCALES}, .substeps = 1, .training = {.schedule = LG_SCHEDULE_STEP}};
+static const lg_hamiltonian_run defaults = {.model = {.scales = LG_HAMILTONIAN_NO_SCALES},
+                                            .substeps = 1,
+                                            .penalty_integral = "oscillator",
+                                            .training = {.schedule = LG_SCHEDULE_STEP}};
 
 /* Whether all scales are above 0, and 1 for the parts that the family does not scale. */
 static bool fit(const lg_hamiltonian_scales *scales, const lg_hamiltonian_family *family) {

@@ -2,6 +2,7 @@
 #include "hamiltonian/files/recipe.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "hamiltonian/learned.h"
@@ -92,7 +93,7 @@ static lg_hamiltonian_problem problem_of(const lg_hamiltonian_run *run, const lg
                                     .substeps = run->substeps,
                                     .penalty = run->penalty,
                                     .penalty_form = run->penalty_form,
-                                    .penalty_integral = lg_first_integral_at(run->penalty_integral),
+                                    .penalty_integral = lg_penalty_named(run),
                                     .penalty_copy = run->penalty_copy,
                                     .penalty_points = run->penalty_points,
                                     .distance = run->distance,
@@ -138,16 +139,39 @@ static void choose_integral(lg_training *self) {
     if (run->penalty == 0 || self->given(self, "penalty-integral")) return;
     for (uint32_t i = 0; (integral = lg_first_integral_at(i)) != NULL; i++) {
         if (!lg_first_integral_fits(integral, &run->model)) continue;
-        run->penalty_integral = i;
+        (void)snprintf(run->penalty_integral, sizeof run->penalty_integral, "%s", integral->name);
         return;
     }
+}
+
+static void release_integral(lg_training *self) {
+    lg_hamiltonian_state *s = self->state;
+    lg_program_destroy(s->program);
+    s->program = NULL;
+}
+
+/* Loads the first integral from its file. A resumed run keeps the stored path if the file has been moved. */
+static lg_status load_integral(lg_training *self, lg_error *error) {
+    lg_hamiltonian_run *run = self->run;
+    lg_hamiltonian_state *s = self->state;
+    const lg_hamiltonian_run *stored = self->stored;
+    lg_error why = {LG_OK, ""};
+    release_integral(self);
+    run->penalty_sha256[0] = '\0';
+    if (run->penalty == 0 || lg_penalty_named(run) != NULL) return LG_OK;
+    LG_TRY(lg_penalty_load(self->context, run, &s->program, error));
+    if (lg_first_integral_from(s->program, &run->model, run->penalty_integral, &s->integral, &why) != LG_OK)
+        return lg_fail(error, LG_FORMAT, "%s: %.300s", run->penalty_integral, why.message);
+    if (stored != NULL && stored != run && strcmp(stored->penalty_sha256, run->penalty_sha256) == 0)
+        memcpy(run->penalty_integral, stored->penalty_integral, sizeof run->penalty_integral);
+    return LG_OK;
 }
 
 static lg_status describe(lg_training *self, lg_error *error) {
     if (self->stored == NULL) adopt_preset(self);
     LG_TRY(complete_run(self->run, &((lg_hamiltonian_state *)self->state)->data, error));
     if (self->stored == NULL) choose_integral(self);
-    return LG_OK;
+    return load_integral(self, error);
 }
 
 static bool has_network(const lg_training *self) {
@@ -194,17 +218,22 @@ static lg_status prepare(lg_training *self, lg_error *error) {
 
 /* Sets the weights of the loss from the data. The penalty is scaled so that its ratio to the most heavily
  * weighted squares, usually of the momenta, stays the same. */
-static lg_status weigh(lg_hamiltonian_problem *problem, lg_error *error) {
+static lg_status weigh(lg_hamiltonian_problem *problem, double unit, lg_error *error) {
     const lg_status status = lg_hamiltonian_weigh(problem, error);
     if (status != LG_OK || problem->penalty == 0) return status;
-    double unit = 1;
-    for (size_t i = 0; i < LG_HAMILTONIAN_MAX_PARTS; i++)
-        unit *= pow(problem->model->scales.part[i], problem->penalty_integral->power[i]);
     if (problem->penalty_form == LG_PENALTY_MEAN_SQUARE) unit *= unit;
     double most = 0;
     for (size_t i = 0; i < LG_HAMILTONIAN_MAX_PARTS; i++) most = fmax(most, problem->weight[i]);
     problem->penalty *= most / unit;
     return LG_OK;
+}
+
+/* A file whose function has no finite derivatives cannot be used. */
+static lg_status unit_of_integral(const lg_training *self, double *unit, lg_error *error) {
+    const lg_hamiltonian_state *s = self->state;
+    const lg_status status = lg_hamiltonian_integral_unit(self->context, &s->problem, unit, error);
+    if (status == LG_NOT_FINITE && error != NULL) error->status = LG_FORMAT;
+    return status == LG_NOT_FINITE ? LG_FORMAT : status;
 }
 
 /* Draws the parameters to start from. They are drawn again if a prediction is not finite: a long chain with a
@@ -236,9 +265,12 @@ static lg_status make_problem(lg_training *self, lg_error *error) {
     lg_hamiltonian_state *s = self->state;
     const lg_hamiltonian_run *run = self->run;
     lg_hamiltonian_problem *problem = &s->problem;
+    double unit = 1;
     *problem = problem_of(run, &s->data);
+    if (s->program != NULL) problem->penalty_integral = &s->integral;
     LG_TRY(lg_hamiltonian_problem_check(problem, error));
-    if (run->units == LG_UNITS_DATA) LG_TRY(weigh(problem, error));
+    if (run->penalty != 0) LG_TRY(unit_of_integral(self, &unit, error));
+    if (run->units == LG_UNITS_DATA) LG_TRY(weigh(problem, unit, error));
     lg_hamiltonian_fit_problem(problem, &self->problem);
     LG_TRAINING_ARRAY(self, self->theta, self->problem.parameters, error);
     LG_TRY(draw_weights(self, error));
@@ -305,4 +337,5 @@ const lg_trainer lg_hamiltonian_learner = {.data = "DATA.h5",
                                            .problem = make_problem,
                                            .judge = judge,
                                            .evaluate = evaluate,
+                                           .release = release_integral,
                                            .close = close_data};

@@ -10,7 +10,16 @@ typedef struct lg_hamiltonian_state {
     bool newton; /* option --newton */
     lg_trajectories data;
     lg_hamiltonian_problem problem;
+    /* The first integral of the penalty if it is in a file; else program is NULL. */
+    lg_program *program;
+    lg_first_integral integral;
 } lg_hamiltonian_state;
 extern const lg_field lg_hamiltonian_options[];
+
+/* The first integral of the penalty in the table; NULL: it is in a file. */
+const lg_first_integral *lg_penalty_named(const lg_hamiltonian_run *run);
+/* Loads the program of run->penalty_integral, which the caller destroys, and sets run->penalty_sha256. */
+lg_status lg_penalty_load(const lg_context *context, lg_hamiltonian_run *run, lg_program **out,
+                          lg_error *error);
 
 #endif

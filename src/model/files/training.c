@@ -81,10 +81,11 @@ void lg_training_adopt(lg_training *self, const void *from, bool preset) {
 
 static bool asks_adam(const lg_training *self) {
     const lg_fit_settings *training = lg_training_settings(self);
+    const size_t plan = self->recipe->training + offsetof(lg_fit_settings, plan);
     bool adam = training->dtype == LG_F32;
     for (const lg_field *row = self->recipe->fields; row->name != NULL; row++) {
         if (!is_given(self, row)) continue;
-        if (row->type == LG_FIELD_PHRASE) return lg_fit_plan_ends_in_batches(&training->plan);
+        if (row->offset == plan) return lg_fit_plan_ends_in_batches(&training->plan);
         adam = adam || row->adam;
     }
     return adam;

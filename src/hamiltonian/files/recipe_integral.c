@@ -1,0 +1,55 @@
+/* A first integral of the penalty that is in a program file. */
+#include <string.h>
+
+#include "core/core.h"
+#include "files/h5.h"
+#include "hamiltonian/files/recipe.h"
+
+const lg_first_integral *lg_penalty_named(const lg_hamiltonian_run *run) {
+    const char *name = run->penalty_integral;
+    return name[0] != '\0' ? lg_first_integral_find(name) : lg_first_integral_at(0);
+}
+
+static lg_status hash_function(const lg_context *context, const lg_program *program, size_t function,
+                               lg_sha256 *sum) {
+    lg_function_image *image;
+    size_t size = 0;
+    LG_TRY(lg_function_image_create(program, function, &image));
+    lg_status status = lg_function_pack(image, NULL, &size, NULL);
+    unsigned char *bytes = status == LG_OK ? lg_alloc(context, size, 1) : NULL;
+    if (status == LG_OK)
+        status = bytes != NULL ? lg_function_pack(image, bytes, &size, NULL) : LG_OUT_OF_MEMORY;
+    if (status == LG_OK) lg_sha256_add(sum, image->name, strlen(image->name) + 1);
+    if (status == LG_OK) lg_sha256_add(sum, bytes, size);
+    lg_free(context, bytes);
+    lg_function_image_destroy(image);
+    return status;
+}
+
+static lg_status hash_program(const lg_context *context, const lg_program *program, char *text) {
+    lg_sha256 sum;
+    lg_sha256_init(&sum);
+    for (size_t i = 0; i < lg_program_functions(program); i++)
+        LG_TRY(hash_function(context, program, i, &sum));
+    for (size_t i = 0; i < lg_program_parameters(program); i++) {
+        const lg_parameter_spec parameter = lg_program_parameter(program, i);
+        lg_sha256_add_doubles(&sum, parameter.values, lg_shape_count(parameter.shape));
+    }
+    lg_sha256_finish(&sum, text);
+    return LG_OK;
+}
+
+lg_status lg_penalty_load(const lg_context *context, lg_hamiltonian_run *run, lg_program **out,
+                          lg_error *error) {
+    lg_program *made;
+    char text[LG_SHA256_TEXT];
+    LG_TRY(lg_program_load(context, run->penalty_integral, NULL, &made, error));
+    const lg_status status = hash_program(context, made, text);
+    if (status != LG_OK) {
+        lg_program_destroy(made);
+        return lg_fail(error, status, "%s: %s", run->penalty_integral, lg_status_sentence(status));
+    }
+    memcpy(run->penalty_sha256, text, sizeof text);
+    *out = made;
+    return LG_OK;
+}
