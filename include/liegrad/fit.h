@@ -148,8 +148,9 @@ typedef struct lg_fit lg_fit;
 
 /* ---- training: methods and plans ---- */
 
-/* Methods of training. There may be more methods than this enum has names; lg_fit_plan_parse finds them by
- * name. */
+/* Methods of training. There are more methods than this enum has names; lg_fit_plan_parse finds them by
+ * name. "sgd": a step per batch, theta <- theta - lr rate m with m <- beta1 m + g, where g is the gradient;
+ * it takes the options of Adam except beta2 and eps. */
 typedef enum lg_fit_method {
     LG_FIT_ADAM,      /* a step per batch; the samples have a new order in each epoch */
     LG_FIT_SSBROYDEN, /* LG_MINIMISE_SSBROYDEN; at most 10000 parameters */
@@ -159,7 +160,7 @@ typedef enum lg_fit_method {
     LG_FIT_LM
 } lg_fit_method;
 LG_API const char *
-lg_fit_method_name(lg_fit_method method); /* "adam", "ssbroyden", "lbfgs", "lm"; NULL if unknown */
+lg_fit_method_name(lg_fit_method method); /* "adam", "ssbroyden", "lbfgs", "lm", "sgd"; NULL if unknown */
 /* Returns whether the method needs a loss that is a sum of squares. */
 LG_API bool lg_fit_method_squares(lg_fit_method method);
 /* Returns whether the method takes a step per batch, like Adam. The other methods are minimisers. */

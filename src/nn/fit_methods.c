@@ -9,7 +9,7 @@
 
 /* X(name) for each row lg_fit_<name>. lg_fit_method numbers the methods: first the first row, then the
  * minimisers, then the other rows. */
-#define BATCHES(X)    X(adam)
+#define BATCHES(X)    X(adam) X(sgd)
 #define DECLARE(name) extern const lg_fit_batches_row lg_fit_##name;
 #define LIST(name)    &lg_fit_##name,
 BATCHES(DECLARE)

@@ -12,8 +12,8 @@
              .phrase = lg_plan_show, .value_name = lg_plan_name_##losses_,                                   \
              .form = "phases as in adam:100,ssbroyden", .optional = true, .methods = methods_,               \
              VALUE("adam"), .unit = "M",                                                                     \
-             .meaning = "Method of training; with a method other than adam an epoch is one evaluation of "   \
-                        "the loss on all data"),                                                             \
+             .meaning = "Method of training; an epoch of adam and sgd is a step per batch, an epoch of "     \
+                        "the others one evaluation of the loss on all data"),                                \
         TRAINING(run_, dtype, NAME, LG_NAMES([LG_F64] = "f64", [LG_F32] = "f32"), .methods = methods_,       \
                  VALUE("f64"), .meaning = "Type of the weights in training"),                                \
         TRAINING(run_, epochs, U64, .low = 1, .high = 1e9, .methods = methods_, VALUE("100"), .unit = "E",   \

@@ -46,7 +46,7 @@ TEST("plans are read and written, and a text that is no plan is refused with a m
 TEST("the message about an unknown method lists every method") {
     lg_fit_plan plan;
     lg_error error;
-    assert_int_equal(lg_fit_plan_parse("sgd", &plan, &error), LG_INVALID_ARGUMENT);
+    assert_int_equal(lg_fit_plan_parse("descent", &plan, &error), LG_INVALID_ARGUMENT);
     for (int method = 0; lg_fit_method_name((lg_fit_method)method) != NULL; method++)
         assert_non_null(strstr(error.message, lg_fit_method_name((lg_fit_method)method)));
 }
@@ -68,6 +68,51 @@ TEST("with the same number of evaluations full-batch methods reach a lower loss 
     assert_true(squares < 1e-4 * adam);
     assert_true(dense < 1e-4 * adam);
     assert_true(limited < 1e-2 * adam);
+}
+
+static lg_fit_method method_of(const char *name) {
+    int method = 0;
+    while (strcmp(lg_fit_method_name((lg_fit_method)method), name) != 0) method++;
+    return (lg_fit_method)method;
+}
+
+/* With a constant gradient g the momentum after k steps is g (1 - 0.9^k)/(1 - 0.9). Decay adds to the
+ * gradient. */
+TEST("sgd moves against the gradient with momentum, in both types") {
+    const lg_fit_batches_row *sgd = lg_fit_batches_of(method_of("sgd"));
+    lg_fit_options o;
+    lg_fit_options_init(&o);
+    o.adam.lr = 0.5;
+    double g[2] = {1.0, -2.0}, theta[2] = {3.0, 5.0}, m[2] = {0}, v[2] = {0}, expected[2] = {3.0, 5.0};
+    float g_f[2] = {1.0f, -2.0f}, theta_f[2] = {3.0f, 5.0f}, m_f[2] = {0}, v_f[2] = {0};
+    for (uint64_t k = 1; k <= 5; k++) {
+        o.dtype = LG_F64;
+        sgd->step(&o, k, 0.1, 0.25, g, 2, m, v, theta);
+        o.dtype = LG_F32;
+        sgd->step(&o, k, 0.1, 0.25, g_f, 2, m_f, v_f, theta_f);
+        for (int i = 0; i < 2; i++) {
+            expected[i] -= 0.05 * 0.25 * g[i] * (1.0 - pow(0.9, (double)k)) / (1.0 - 0.9);
+            assert_close(theta[i], expected[i], 1e-14, 0.0);
+            assert_close(theta_f[i], expected[i], 1e-6, 0.0);
+            assert_true(v[i] == 0.0);
+        }
+    }
+    double still[1] = {4.0}, zero[1] = {0.0}, at_rest[1] = {0.0};
+    o.dtype = LG_F64;
+    o.adam.weight_decay = 0.25;
+    sgd->step(&o, 1, 0.1, 1.0, zero, 1, at_rest, v, still);
+    assert_close(still[0], 4.0 - 0.05 * 0.25 * 4.0, 1e-15, 0.0);
+}
+
+TEST("sgd lowers the loss, and less than Adam in as many epochs where the rate is Adam's") {
+    regression r = make_regression();
+    lg_fit_options o = planned("sgd", 400);
+    lg_fit *fit = regression_fit(NULL, &r, &o);
+    run_fit(fit);
+    const double *history = lg_fit_history(fit, LG_FIT_LOSS), adam = trained("adam", 400);
+    print_message("sgd: %.2e -> %.2e; adam %.2e\n", history[0], history[399], adam);
+    assert_true(history[399] < 0.3 * history[0]);
+    assert_true(history[399] > adam);
 }
 
 TEST("results do not depend on the number of threads") {

@@ -152,7 +152,7 @@ TEST("lm is a method if the loss is a sum of squares, and only then") {
         assert_int_equal(lg_field_set(row, "adam:3,lm", &run, NULL), squares ? LG_OK : LG_INVALID_ARGUMENT);
         (void)lg_field_describe(row, text, sizeof text);
         assert_non_null(strstr(text, test_text("%s, or phases", method_names(squares, " or "))));
-        assert_status(lg_field_set(row, "sgd", &run, &error), LG_INVALID_ARGUMENT);
+        assert_status(lg_field_set(row, "descent", &run, &error), LG_INVALID_ARGUMENT);
         assert_string_equal(strstr(error.message, "the methods are"),
                             test_text("the methods are %s", method_names(squares, ", ")));
     }
