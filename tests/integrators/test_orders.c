@@ -239,6 +239,27 @@ TEST("slgi has order 2 for theta = 1/2, otherwise 1") {
     }
 }
 
+/* Suzuki's composition: a = 1/(4 - 4^(1/3)). One of the steps goes backwards. */
+TEST("steps a h, a h, (1 - 4 a) h, a h, a h of slgi have order 4 together") {
+    const problem p = top_problem(0.15);
+    const double a = 1.0 / (4.0 - cbrt(4.0)), part[5] = {a, a, 1.0 - 4.0 * a, a, a};
+    lg_stepper *stepper = test_stepper(lg_scheme_find("slgi"), &p.ode);
+    fit_line fit = {0};
+    for (int k = 4; k <= 9; k++) {
+        const double h = ldexp(p.t_end, -k);
+        double y[DIM_MAX], error = 0.0;
+        memcpy(y, p.y0, p.n * sizeof *y);
+        for (int i = 0; i < 5 << k; i++)
+            assert_ok(lg_stepper_step(stepper, 0.0, part[i % 5] * h, y, NULL, y));
+        for (size_t j = 0; j < p.n; j++) error = fmax(error, fabs(y[j] - p.exact[j]));
+        assert_true(error > 1e-11 && error < 1e-3);
+        fit_add(&fit, log(h), log(error));
+    }
+    const double slope = fit_slope(&fit);
+    print_message("  slgi composed: order %.3f\n", slope);
+    assert_true(has_order(slope, 4) && !has_order(slope, 5));
+}
+
 TEST("order 3 needs one nested bracket, orders 4 and 5 need two; with one term less the orders are 2, 3 "
      "and 3") {
     static const struct {

@@ -412,6 +412,31 @@ TEST("every Lie group scheme stays on the manifold over 10^5 steps") {
     }
 }
 
+/* SE(2) in SE(3): turning about e3 and moving in the plane, both as functions of the place. */
+FIELD(plane, y) {
+    const double turning = cos(y[9]) + y[0], f[6] = {0, 0, turning, y[10] * y[0], sin(y[9] + y[1]), 0};
+    (void)user, (void)t, (void)input;
+    memcpy(out, f, sizeof f);
+}
+
+TEST("every Lie group scheme keeps a motion of SE(2) in the plane exactly") {
+    lg_ode ode = {.field = plane};
+    size_t schemes = 0;
+    assert_ok(lg_space_init(&ode.space, &(lg_space_factor){LG_SPACE_SE3, 1}, 1));
+    for (size_t i = 0; i < lg_scheme_count(); i++) {
+        double y[12] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 0.3, 0.2, 0};
+        lg_stepper *stepper;
+        if (lg_scheme_at(i)->ambient) continue;
+        if (lg_stepper_create(NULL, lg_scheme_at(i), &ode, &stepper) != LG_OK) continue;
+        lg_test_owns(stepper, release_stepper);
+        for (int k = 0; k < 300; k++) assert_ok(lg_stepper_step(stepper, 0.0, 0.01, y, NULL, y));
+        assert_true(y[2] == 0 && y[5] == 0 && y[6] == 0 && y[7] == 0 && y[8] == 1 && y[11] == 0);
+        assert_true(fabs(y[1]) > 0.1);
+        schemes++;
+    }
+    assert_true(schemes > 5);
+}
+
 /* With a fast and a slow top. */
 TEST("slgi keeps a heavy top on T*SO(3) over 10^5 steps") {
     enum { STEPS = 100000 };
