@@ -211,6 +211,17 @@ TEST("angles of a dictionary of |q|^2 are in the units of the data") {
     assert_close(energy_of(&b, y), sin(1.1 * 1.1 + 0.3 * 0.3), 1e-14, 0.0);
 }
 
+/* A = (1, 2; 3, 4): |A|^2 = 30. */
+TEST("the kinetic energy of a spherical separable system is |A|^2 |p|^2/(2 n)") {
+    const double theta[5] = {0.0, 1.0, 2.0, 3.0, 4.0}, y[4] = {0.0, 0.0, 0.5, -2.0};
+    lg_hamiltonian model;
+    assert_ok(
+        lg_hamiltonian_init(&model, &lg_hamiltonian_separable, 2, LG_POTENTIAL_LINEAR, NULL, 0, LG_TANH));
+    assert_ok(lg_hamiltonian_set_symmetry(&model, LG_SYMMETRY_SPHERICAL));
+    const built b = build_from(&model, theta);
+    assert_close(energy_of(&b, y), 30.0 * 4.25 / 4.0, 1e-14, 0.0);
+}
+
 TEST("a symmetry that the family cannot have is refused") {
     static const struct {
         const lg_hamiltonian_family *family;
@@ -221,7 +232,7 @@ TEST("a symmetry that the family cannot have is refused") {
     } row[] = {
         {&lg_hamiltonian_chain, 1, LG_POTENTIAL_MLP, LG_SYMMETRY_SPHERICAL, LG_UNSUPPORTED},
         {&lg_hamiltonian_separable, 3, LG_POTENTIAL_MLP, LG_SYMMETRY_AXIAL, LG_UNSUPPORTED},
-        {&lg_hamiltonian_chain, 14, LG_POTENTIAL_DICTIONARY, LG_SYMMETRY_AXIAL, LG_UNSUPPORTED},
+        {&lg_hamiltonian_chain, 10, LG_POTENTIAL_DICTIONARY, LG_SYMMETRY_AXIAL, LG_UNSUPPORTED},
         {&lg_hamiltonian_chain, 14, LG_POTENTIAL_DICTIONARY, LG_SYMMETRY_SPHERICAL, LG_OK},
         {&lg_hamiltonian_chain, 14, LG_POTENTIAL_LINEAR, LG_SYMMETRY_AXIAL, LG_OK},
         {&lg_hamiltonian_chain, 2, LG_POTENTIAL_MLP, (lg_symmetry)LG_SYMMETRY_COUNT, LG_INVALID_ARGUMENT}};
