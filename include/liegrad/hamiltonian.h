@@ -23,6 +23,10 @@
  *       r_i = q_i.p_i/m_ii - u_i.
  *   "separable": n degrees of freedom on R^{2n}, state q, p.
  *     H = 1/2 |A p|^2 + V(q). V takes q (n numbers). Inputs: n forces.
+
+ *   "constrained": n coordinates with constraints g(q) = 0 of the user, state q, p. H and the equations of
+ *     motion are in liegrad/constraint.h, with M = Gamma^T Gamma + diag(max(0, b)). V takes q (n numbers).
+ *     Inputs: n forces, of which P input acts.
  *
  * Scaled units. Internally all quantities are divided by the model's scales: times by T (scales.time), part i
  * of a state by s_i (scales.part), energies by E = s_1 s_2 ... / T. So a system is the same internally
@@ -31,7 +35,8 @@
  * lg_hamiltonian_init.
  *
  * The flat parameter vector theta has the layers of V in order (weight (in, out) row-major, then bias), then
- * the `arrays` of the family: Gamma (n, n) and b (n) of a chain, A (n, n) of a separable system.
+ * the `arrays` of the family: Gamma (n, n) and b (n) of a chain and of a constrained system, A (n, n) of a
+ * separable system.
  *
  * Functions with an lg_error explain errors there; it may be NULL. */
 #ifndef LIEGRAD_HAMILTONIAN_H
@@ -41,6 +46,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "liegrad/constraint.h"
 #include "liegrad/core.h"
 #include "liegrad/files.h"
 #include "liegrad/fit.h"
@@ -108,6 +114,9 @@ typedef struct lg_hamiltonian {
      * the symmetry, or the functions of the dictionary of these. Only LG_POTENTIAL_MLP has hidden layers. */
     lg_mlp net;
     lg_hamiltonian_scales scales; /* 1 after lg_hamiltonian_init; the caller may change them. */
+    /* Family "constrained": the constraint of n coordinates; NULL after lg_hamiltonian_init: no constraint.
+     * The caller sets it; it is borrowed and must outlive the model. */
+    const lg_constraint *constraint;
 } lg_hamiltonian;
 
 /* Variables that depend on theta only and serve all rows of a batch; lg_hamiltonian_bind makes them.
@@ -195,6 +204,7 @@ struct lg_hamiltonian_family {
     bool (*learns)(const lg_system *system, size_t *n);
     /* Says in words what holds on the manifold of the states. NULL: every state lies on it. */
     const char *manifold;
+    bool constrained; /* lg_hamiltonian.constraint is used, and gives the manifold. */
 };
 
 LG_API size_t lg_hamiltonian_family_count(void);
@@ -237,8 +247,9 @@ LG_API size_t lg_hamiltonian_array_offset(const lg_hamiltonian *model, size_t in
 /* Draws theta (lg_hamiltonian_parameters): weights and biases from U(+-1/sqrt(fan_in)), the family's
  * arrays from U[0, 1]. */
 LG_API void lg_hamiltonian_initialise(const lg_hamiltonian *model, lg_rng *rng, double *theta);
-/* Writes the learned mass matrix m (n, n) of a chain in the units of the data, s_2 T (Gamma^T Gamma +
- * diag(max(0, b))), row-major and symmetric. Errors: LG_UNSUPPORTED (another family). */
+/* Writes the learned mass matrix m (n, n) of a chain or a constrained system in the units of the data, s_2 T
+ * (Gamma^T Gamma + diag(max(0, b))), for a constrained system divided by s_1; row-major and symmetric. Errors:
+ * LG_UNSUPPORTED (another family). */
 LG_API lg_status lg_hamiltonian_mass(const lg_hamiltonian *model, const double *theta, double *m);
 
 /* ---- Training ---- */

@@ -10,16 +10,18 @@ enum {
     M
 }; /* vars->kinetic: m^-1 (1, n, n), NaN unless m is positive definite; 1/m_ii (1, n, 1); m (1, n, n) */
 
-static bool usable(const lg_hamiltonian_family *family, uint32_t n, const double *arrays) {
+bool lg_hamiltonian_usable_mass(const lg_hamiltonian_family *family, uint32_t n, const double *arrays) {
     (void)family;
     return lg_hamiltonian_gram_usable(n, arrays);
 }
 
 lg_status lg_hamiltonian_mass(const lg_hamiltonian *model, const double *theta, double *m) {
     LG_NEEDS(NULL, model, theta, m);
-    if (model->family != &lg_hamiltonian_chain) return LG_UNSUPPORTED;
+    if (model->family->bind != lg_hamiltonian_bind_mass) return LG_UNSUPPORTED;
     const size_t n = model->n;
-    const double unit = model->scales.part[1] * model->scales.time; /* unit of p / unit of q' */
+    const lg_hamiltonian_scales *scales = &model->scales;
+    const double place = model->family->factors > 1 ? scales->part[0] : 1.0;
+    const double unit = scales->part[1] * scales->time / place; /* unit of p / unit of q' */
     lg_hamiltonian_gram(n, theta + lg_hamiltonian_array_offset(model, 0), m);
     for (size_t i = 0; i < n * n; i++) m[i] *= unit;
     return LG_OK;
@@ -27,7 +29,7 @@ lg_status lg_hamiltonian_mass(const lg_hamiltonian *model, const double *theta, 
 
 /* ---- energy and gradient ---- */
 
-static void bind(lg_tape *tape, const lg_var *arrays, lg_hamiltonian_vars *vars) {
+void lg_hamiltonian_bind_mass(lg_tape *tape, const lg_var *arrays, lg_hamiltonian_vars *vars) {
     const uint32_t n = vars->model->n;
     lg_var unit = lg_hamiltonian_record_unit(tape, n);
     lg_var m = lg_hamiltonian_record_gram(tape, n, arrays[0], arrays[1]);
@@ -167,8 +169,8 @@ const lg_hamiltonian_family lg_hamiltonian_chain = {
     .scheme = "cf4",
     .accurate = "rkmk54",
     .arrays = {{"mass/gamma", 2}, {"mass/b", 1}},
-    .usable = usable,
-    .bind = bind,
+    .usable = lg_hamiltonian_usable_mass,
+    .bind = lg_hamiltonian_bind_mass,
     .energy = energy,
     .gradient = gradient,
     .gradient_on_manifold = gradient_on_manifold,

@@ -11,7 +11,7 @@
 #define LG_HAMILTONIAN_FAMILIES(X)                                                                           \
     X(chain)                                                                                                 \
     X(rotation)                                                                                              \
-    X(rotation_direction) X(rotation_line) X(pose) X(pose_direction) X(direction_line) X(separable)
+    X(rotation_direction) X(rotation_line) X(pose) X(pose_direction) X(direction_line) X(constrained) X(separable)
 
 #define LG_HAMILTONIAN_DECLARE(name) extern const lg_hamiltonian_family lg_hamiltonian_##name;
 LG_HAMILTONIAN_FAMILIES(LG_HAMILTONIAN_DECLARE)
@@ -74,6 +74,15 @@ lg_var lg_hamiltonian_columns_crossed(lg_tape *tape, lg_var a, lg_var b);
  * `ambient`. */
 lg_status lg_hamiltonian_variational_step(lg_tape *tape, const lg_hamiltonian_vars *vars, double h,
                                           const lg_var *y, lg_var *out);
+
+/* The field, an algebra element, from dH/dy. With a constraint, `unit` times q is in the units of the data. */
+void lg_hamiltonian_record_algebra(lg_tape *tape, const lg_hamiltonian *model, double unit, const lg_var *y,
+                                   const lg_var *dH, lg_var input, lg_var *out);
+/* For families with the arrays Gamma (n, n) and b (n): whether the pivots of m = Gamma^T Gamma + diag(max(0,
+ * b)) are at least LG_HAMILTONIAN_LEAST_PIVOT; and vars->kinetic: m^-1 (1, n, n), NaN unless m is positive
+ * definite, 1/m_ii (1, n, 1), and m (1, n, n). */
+bool lg_hamiltonian_usable_mass(const lg_hamiltonian_family *family, uint32_t n, const double *arrays);
+void lg_hamiltonian_bind_mass(lg_tape *tape, const lg_var *arrays, lg_hamiltonian_vars *vars);
 
 /* The equation of motion for lg_taped_step_over, in the units of the data; with force and velocity (dH/dp) if
  * the family has them. `vars` must outlive the use of `ode`. */

@@ -39,7 +39,7 @@ static lg_status field(void *user, lg_tape *tape, const lg_var *theta, const lg_
     LG_TRY(lg_hamiltonian_space(r->model->family, r->model->n, &space));
     LG_TRY(lg_taped_split(tape, &space, x[0], state));
     LG_TRY(lg_taped_split(tape, &space, lg_program_call(tape, "grad", 1, x), dH));
-    r->model->family->field(r->model, tape, state, dH, input_of(r, x), out);
+    lg_hamiltonian_record_algebra(tape, r->model, 1.0, state, dH, input_of(r, x), out);
     y[0] = lg_taped_join_algebra(tape, &space, out);
     return lg_tape_status(tape);
 }

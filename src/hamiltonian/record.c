@@ -157,7 +157,9 @@ static void field_parts(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg
                         gradient_of gradient, lg_var *out) {
     lg_var dH[LG_HAMILTONIAN_MAX_PARTS];
     gradient(tape, vars, y, dH);
-    vars->model->family->field(vars->model, tape, y, dH, input, out);
+    lg_hamiltonian_record_algebra(tape, vars->model,
+                                  gradient == gradient_parts ? 1.0 : vars->model->scales.part[0], y, dH,
+                                  input, out);
 }
 
 static lg_status velocity_parts(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var input,

@@ -289,6 +289,7 @@ static const lg_hamiltonian_family *guess_family(const lg_trajectories *out, con
     const lg_hamiltonian_family *family = NULL;
     for (size_t i = 0; i < lg_hamiltonian_family_count(); i++) {
         family = lg_hamiltonian_family_at(i);
+        if (family->constrained) continue;
         if (layout[0] == '\0' ? looks_like(family, out)
                               : out->state_dim >= numbers_per_copy(family) &&
                                     layout_of(family, layout) == wanted_layout(family))

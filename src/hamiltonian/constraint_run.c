@@ -1,0 +1,361 @@
+/* Motions under constraints of the user: RATTLE, exact flows, samples; liegrad/constraint.h has the formulas. */
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "hamiltonian/constraint.h"
+#include "integrators/taped_internal.h"
+
+enum { MOST = LG_CONSTRAINT_MOST };
+
+static lg_status needs_motion(const lg_constraint *constraint, lg_error *error) {
+    if (constraint->field != NULL) return LG_OK;
+    return lg_fail(error, LG_UNSUPPORTED, "the program of the constraint has no function potential (q) -> V");
+}
+
+/* y = A x for A (n, n). */
+static void times(size_t n, const double *A, const double *x, double *y) {
+    for (size_t i = 0; i < n; i++) {
+        y[i] = 0.0;
+        for (size_t j = 0; j < n; j++) y[i] += A[i * n + j] * x[j];
+    }
+}
+
+lg_status lg_constraint_energy(const lg_constraint *constraint, const double *state, double *out,
+                               lg_error *error) {
+    LG_NEEDS(error, constraint, state, out);
+    LG_TRY(needs_motion(constraint, error));
+    const size_t n = constraint->n;
+    lg_constraint_work work;
+    double u[MOST], v[MOST], H = 0.0;
+    memcpy(u, state + n, n * sizeof *u);
+    LG_TRY(lg_constraint_begin(constraint, 0.0, state, &work, error));
+    lg_constraint_normals(&work, state);
+    if (!lg_constraint_clear(&work, constraint->inverse, u)) u[0] = (double)NAN;
+    lg_plan_eval(constraint->potential, (const void *[]){state}, (void *[]){&H}, work.plans);
+    lg_constraint_end(&work);
+    times(n, constraint->inverse, u, v);
+    for (size_t i = 0; i < n; i++) H += 0.5 * u[i] * v[i];
+    *out = H;
+    return LG_OK;
+}
+
+/* ---- RATTLE ---- */
+
+typedef struct rattle {
+    lg_constraint_work work; /* with g and G at q */
+    double q[MOST], u[MOST];
+} rattle;
+
+static void kick(rattle *s, double h) {
+    double slope[MOST];
+    const lg_constraint *c = s->work.of;
+    lg_plan_eval(c->slope, (const void *[]){s->q}, (void *[]){slope}, s->work.plans);
+    for (size_t i = 0; i < c->n; i++) s->u[i] -= 0.5 * h * slope[i];
+}
+
+/* The determinant of a (m, m), which is destroyed. */
+static double determinant(size_t m, double *a) {
+    double det = 1.0;
+    for (size_t j = 0; j < m; j++) {
+        size_t best = j;
+        for (size_t i = j + 1; i < m; i++)
+            if (fabs(a[i * m + j]) > fabs(a[best * m + j])) best = i;
+        if (!(fabs(a[best * m + j]) > 0.0)) return 0.0;
+        for (size_t k = 0; k < m && best != j; k++) {
+            const double swap = a[j * m + k];
+            a[j * m + k] = a[best * m + k];
+            a[best * m + k] = swap;
+        }
+        det *= best != j ? -a[j * m + j] : a[j * m + j];
+        for (size_t i = j + 1; i < m; i++)
+            for (size_t k = j + 1; k < m; k++) a[i * m + k] -= a[i * m + j] / a[j * m + j] * a[j * m + k];
+    }
+    return det;
+}
+
+/* K = G1 W G0^T, with rows of both of length 1. */
+static void mixed(const lg_constraint *c, const double *G1, const double *G0, double *K) {
+    const size_t n = c->n, m = c->m;
+    for (size_t b = 0; b < m; b++) {
+        double WG[MOST];
+        times(n, c->inverse, G0 + b * n, WG);
+        for (size_t a = 0; a < m; a++) {
+            K[a * m + b] = 0.0;
+            for (size_t i = 0; i < n; i++) K[a * m + b] += G1[a * n + i] * WG[i];
+        }
+    }
+}
+
+static void unit_rows(const lg_constraint *c, const double *G, double *unit, double *length) {
+    for (size_t a = 0; a < c->m; a++) {
+        double sum = 0.0, most = 0.0;
+        for (size_t i = 0; i < c->n; i++) most = fmax(most, fabs(G[a * c->n + i]));
+        for (size_t i = 0; i < c->n; i++) sum += G[a * c->n + i] / most * (G[a * c->n + i] / most);
+        length[a] = most * sqrt(sum);
+        for (size_t i = 0; i < c->n; i++) unit[a * c->n + i] = G[a * c->n + i] / length[a];
+    }
+}
+
+/* Moves q by h W u and, along W G0^T, onto g = 0; u follows. False: Newton's method does not converge. */
+static bool drift(rattle *s, double h) {
+    enum { LONGEST = 50 };
+    const lg_constraint *c = s->work.of;
+    const size_t n = c->n, m = c->m;
+    double G0[MOST * MOST], G1[MOST * MOST], K[MOST * MOST], v[MOST], length[MOST], r[MOST], l[MOST];
+    double before = INFINITY;
+    unit_rows(c, s->work.G, G0, length);
+    times(n, c->inverse, s->u, v);
+    for (size_t i = 0; i < n; i++) s->q[i] += h * v[i];
+    for (int k = 0; k < LONGEST; k++) {
+        double moved = 0.0, size = s->work.size;
+        lg_constraint_value(&s->work, s->q);
+        lg_constraint_normals(&s->work, s->q);
+        unit_rows(c, s->work.G, G1, length);
+        mixed(c, G1, G0, K);
+        if (!lg_taped_invert(m, K, l)) return false;
+        for (size_t a = 0; a < m; a++) r[a] = s->work.g[a] / length[a];
+        times(m, K, r, l);
+        for (size_t a = 0; a < m; a++)
+            for (size_t i = 0; i < n; i++) s->u[i] -= G0[a * n + i] * l[a] / h;
+        double change[MOST] = {0.0}, step[MOST];
+        for (size_t a = 0; a < m; a++)
+            for (size_t i = 0; i < n; i++) change[i] += G0[a * n + i] * l[a];
+        times(n, c->inverse, change, step);
+        for (size_t i = 0; i < n; i++) {
+            s->q[i] -= step[i];
+            moved = isfinite(step[i]) ? fmax(moved, fabs(step[i])) : INFINITY;
+            size = fmax(size, fabs(s->q[i]));
+        }
+        if (!(moved < INFINITY)) return false;
+        if (lg_constraint_settled(moved, before, size)) {
+            lg_constraint_normals(&s->work, s->q);
+            unit_rows(c, s->work.G, G1, length);
+            mixed(c, G1, G0, K);
+            return determinant(m, K) > 0.0;
+        }
+        before = moved;
+    }
+    return false;
+}
+
+static bool step(rattle *s, double h) {
+    kick(s, h);
+    if (!drift(s, h)) return false;
+    kick(s, h);
+    return lg_constraint_clear(&s->work, s->work.of->inverse, s->u);
+}
+
+/* The steps of Suzuki's composition of order 4 (1990), in units of h; of order 2, one step. */
+static size_t substeps(int order, double h[5]) {
+    const double a = 1.0 / (4.0 - cbrt(4.0));
+    for (int i = 0; i < 5; i++) h[i] = i == 2 ? 1.0 - 4.0 * a : a;
+    if (order == 2) h[0] = 1.0;
+    return order == 2 ? 1 : 5;
+}
+
+static lg_status one_step(rattle *s, int order, double h, double t, lg_error *error) {
+    double part[5];
+    lg_constraint_view view;
+    lg_error why = {LG_OK, ""};
+    const size_t count = substeps(order, part);
+    for (size_t i = 0; i < count; i++) {
+        double from[MOST];
+        memcpy(from, s->q, sizeof from);
+        if (!step(s, part[i] * h))
+            return lg_fail(error, LG_NO_CONVERGENCE,
+                           "time %g: a step of %g from %s finds no point with g(q) = 0 nearby: the step is too "
+                           "long, or the normals of the constraint turn by a right angle within it",
+                           t, part[i] * h, lg_constraint_show(s->work.of, from).text);
+    }
+    const lg_status status = lg_constraint_view_of(&s->work, s->q, &view, &why);
+    return status == LG_OK ? LG_OK : lg_fail(error, status, "time %g: %s", t + h, why.message);
+}
+
+/* The state with p = P u. */
+static bool store(const rattle *s, double *state) {
+    const size_t n = s->work.of->n;
+    memcpy(state, s->q, n * sizeof *state);
+    memcpy(state + n, s->u, n * sizeof *state);
+    return lg_constraint_clear(&s->work, NULL, state + n);
+}
+
+static lg_status run(rattle *s, int order, double h, size_t steps, size_t every, double *out,
+                     lg_error *error) {
+    const lg_constraint *c = s->work.of;
+    lg_constraint_view view;
+    lg_constraint_normals(&s->work, s->q);
+    lg_constraint_value(&s->work, s->q);
+    LG_TRY(lg_constraint_view_of(&s->work, s->q, &view, error));
+    if (!lg_constraint_clear(&s->work, c->inverse, s->u))
+        return lg_fail(error, LG_FORMAT, "the constraint is singular at %s", lg_constraint_show(c, s->q).text);
+    for (size_t i = 1; i <= steps; i++) {
+        if (i % 1024 == 0 && lg_cancelled(c->context)) return lg_fail(error, LG_CANCELLED, "cancelled");
+        LG_TRY(one_step(s, order, h, (double)(i - 1) * h, error));
+        if (i % every == 0 && !store(s, out + i / every * 2 * c->n))
+            return lg_fail(error, LG_FORMAT, "time %g: the constraint is singular", (double)i * h);
+    }
+    return LG_OK;
+}
+
+lg_status lg_constraint_rattle(const lg_constraint *constraint, int order, double h, size_t steps,
+                               size_t every, const double *y0, double *out, lg_error *error) {
+    LG_NEEDS(error, constraint, y0, out);
+    LG_TRY(needs_motion(constraint, error));
+    if ((order != 2 && order != 4) || !isfinite(h) || h == 0.0 || steps == 0 || every == 0 || steps % every != 0)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the order must be 2 or 4, the step finite and not 0, and `every` must divide the steps");
+    const size_t n = constraint->n;
+    rattle s;
+    LG_TRY(lg_constraint_begin(constraint, 0.0, y0, &s.work, error));
+    memcpy(s.q, y0, n * sizeof *y0);
+    memcpy(s.u, y0 + n, n * sizeof *y0);
+    memmove(out, y0, 2 * n * sizeof *y0);
+    const lg_status status = run(&s, order, h, steps, every, out, error);
+    lg_constraint_end(&s.work);
+    return status;
+}
+
+/* ---- exact flows ---- */
+
+typedef struct flow {
+    const lg_constraint *of;
+    void *work;
+} flow;
+
+static lg_status field(void *user, double t, const double *y, const double *input, double *f) {
+    const flow *self = user;
+    (void)t, (void)input;
+    lg_plan_eval(self->of->field, (const void *[]){y}, (void *[]){f}, self->work);
+    for (size_t i = 0; i < 2 * (size_t)self->of->n; i++)
+        if (!isfinite(f[i])) return LG_NOT_FINITE;
+    return LG_OK;
+}
+
+/* From point to point, each projected. */
+static lg_status follow(lg_stepper *stepper, const lg_constraint *c, double size, double tolerance,
+                        const double *times, size_t count, double *out, lg_error *error) {
+    const size_t d = 2 * (size_t)c->n;
+    lg_step_controller control;
+    lg_step_controller_init(&control);
+    control.rtol = tolerance;
+    control.atol = -tolerance;
+    for (size_t i = 1; i < count; i++) {
+        double *y = out + i * d;
+        const lg_status status =
+            lg_integrate_adaptive(stepper, &control, times[i - 1], y - d, times + i, 1, y, NULL);
+        if (status != LG_OK)
+            return lg_fail(error, status, "from time %g and %s: %s", times[i - 1],
+                           lg_constraint_show(c, y - d).text, lg_status_sentence(status));
+        LG_TRY(lg_constraint_project(c, size, y, error));
+    }
+    return LG_OK;
+}
+
+lg_status lg_constraint_flow(const lg_constraint *constraint, double tolerance, const double *times,
+                             size_t count, const double *y0, double *out, lg_error *error) {
+    LG_NEEDS(error, constraint, times, y0, out);
+    LG_TRY(needs_motion(constraint, error));
+    const size_t n = constraint->n;
+    flow self = {.of = constraint};
+    lg_ode ode = {.field = field, .user = &self};
+    lg_stepper *stepper = NULL;
+    double size = 0.0;
+    for (size_t i = 0; i < n; i++) size += y0[i] * y0[i];
+    LG_TRY(lg_space_init_rn(&ode.space, 2 * n));
+    self.work = lg_alloc(constraint->context, lg_plan_work_size(constraint->field), 1);
+    lg_status status = self.work != NULL ? lg_stepper_create(constraint->context, lg_scheme_find("dp85"), &ode, &stepper)
+                                         : LG_OUT_OF_MEMORY;
+    if (status != LG_OK) (void)lg_fail(error, status, "%s", lg_status_sentence(status));
+    if (status == LG_OK) {
+        memmove(out, y0, 2 * n * sizeof *y0);
+        status = follow(stepper, constraint, sqrt(size), tolerance, times, count, out, error);
+    }
+    lg_stepper_destroy(stepper);
+    lg_free(constraint->context, self.work);
+    return status;
+}
+
+/* ---- samples ---- */
+
+void lg_constraint_sampling_init(lg_constraint_sampling *sampling) {
+    if (sampling == NULL) return;
+    *sampling = (lg_constraint_sampling){
+        .size = sizeof *sampling, .trajectories = 1, .points = 2, .t_end = 0.1, .speed = 1.0};
+}
+
+enum { STARTS, NOISE, STREAMS };
+static const double exact = 1e-13; /* tolerance of samples */
+
+/* Draws a start on T*Q. Points from which Newton's method leaves the range of q are drawn again. */
+static lg_status draw_start(const lg_constraint *c, const lg_constraint_sampling *how, size_t number,
+                            double *state, lg_error *error) {
+    enum { DRAWS = 1000 };
+    const size_t n = c->n;
+    size_t count;
+    const lg_port *q = lg_program_inputs(c->own, 0, &count);
+    const bool free = q->low == q->high;
+    const double low = free ? -1.0 : q->low, high = free ? 1.0 : q->high, slack = 0.5 * (high - low);
+    lg_error why = {LG_OK, ""};
+    lg_rng rng;
+    lg_rng_seed(&rng, how->seed, (uint64_t)number * STREAMS + STARTS);
+    for (int k = 0; k < DRAWS; k++) {
+        double v[MOST];
+        bool inside = true;
+        for (size_t i = 0; i < n; i++) state[i] = lg_rng_uniform_in(&rng, low, high);
+        for (size_t i = 0; i < n; i++) v[i] = lg_rng_uniform_in(&rng, -how->speed, how->speed);
+        times(n, c->mass, v, state + n);
+        if (lg_constraint_project(c, high - low, state, &why) != LG_OK) continue;
+        for (size_t i = 0; i < n; i++) inside = inside && state[i] >= low - slack && state[i] <= high + slack;
+        if (inside) return LG_OK;
+    }
+    return lg_fail(error, LG_NO_CONVERGENCE,
+                   "no start with g(q) = 0 was found in %d draws of q from %g..%g (the range of input q of "
+                   "function constraint)%s%s",
+                   DRAWS, low, high, why.status != LG_OK ? ": " : "", why.message);
+}
+
+/* Noise of the first point is drawn last, so it does not change the noise of the others. */
+static lg_status add_noise(const lg_constraint *c, const lg_constraint_sampling *how, size_t number, double *y,
+                           lg_error *error) {
+    const size_t d = 2 * (size_t)c->n;
+    lg_rng rng;
+    lg_rng_seed(&rng, how->seed, (uint64_t)number * STREAMS + NOISE);
+    for (size_t j = d; j < (how->points + (how->noise_first ? 1 : 0)) * d; j++)
+        y[j < how->points * d ? j : j - how->points * d] +=
+            how->noise *
+            (how->noise_kind == LG_NOISE_NORMAL ? lg_rng_normal(&rng) : lg_rng_uniform_in(&rng, -1.0, 1.0));
+    return how->noise_first ? lg_constraint_project(c, 0.0, y, error) : LG_OK;
+}
+
+lg_status lg_constraint_generate(const lg_constraint *constraint, const lg_constraint_sampling *sampling,
+                                 double *t, double *data, double *hamiltonian, lg_error *error) {
+    LG_NEEDS(error, constraint, sampling, data);
+    LG_TRY(needs_motion(constraint, error));
+    const lg_constraint_sampling *how = sampling;
+    const size_t d = 2 * (size_t)constraint->n;
+    if (how->size != sizeof *how || how->points < 2 || !(how->t_end > 0.0 && how->t_end <= DBL_MAX) ||
+        !(how->speed >= 0.0 && how->speed <= DBL_MAX) || !(how->noise >= 0.0 && how->noise <= DBL_MAX) ||
+        (unsigned)how->noise_kind > LG_NOISE_UNIFORM)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a number of points, a time, a speed or a noise is out of range");
+    double *grid = lg_alloc(constraint->context, how->points, sizeof *grid);
+    if (grid == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for times");
+    for (size_t j = 0; j < how->points; j++) grid[j] = how->t_end * (double)j / (double)(how->points - 1);
+    if (t != NULL) memcpy(t, grid, how->points * sizeof *t);
+    lg_status status = LG_OK;
+    for (size_t i = 0; status == LG_OK && i < how->trajectories; i++) {
+        double *y = data + i * how->points * d, start[2 * MOST], energy;
+        if (lg_cancelled(constraint->context)) status = lg_fail(error, LG_CANCELLED, "cancelled");
+        if (status == LG_OK) status = draw_start(constraint, how, how->first + i, start, error);
+        if (status == LG_OK)
+            status = lg_constraint_flow(constraint, exact, grid, how->points, start, y, error);
+        if (status == LG_OK && hamiltonian != NULL) {
+            status = lg_constraint_energy(constraint, start, &energy, error);
+            hamiltonian[i] = energy;
+        }
+        if (status == LG_OK && how->noise > 0.0) status = add_noise(constraint, how, how->first + i, y, error);
+    }
+    lg_free(constraint->context, grid);
+    return status;
+}
