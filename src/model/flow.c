@@ -94,12 +94,14 @@ static size_t before_stepper(const lg_model *model) {
     return padded(sizeof(lg_model_user)) + padded(model->work);
 }
 
-/* Makes the model's equation. LG_UNSUPPORTED for variational schemes, which it does not fit. */
+/* Makes the model's equation. LG_UNSUPPORTED for schemes that it does not fit: variational schemes, and
+ * splitting schemes without force and drift. */
 static lg_status equation(const lg_model *model, const lg_scheme *scheme, lg_model_user *user, void *work,
                           lg_ode *ode) {
     if (model == NULL || scheme == NULL) return LG_INVALID_ARGUMENT;
     LG_TRY(ode_of(model, ode, user, work));
-    return scheme->kind == LG_SCHEME_VARIATIONAL ? LG_UNSUPPORTED : LG_OK;
+    const bool splits = scheme->kind == LG_SCHEME_SPLITTING && ode->force == NULL;
+    return scheme->kind == LG_SCHEME_VARIATIONAL || splits ? LG_UNSUPPORTED : LG_OK;
 }
 
 size_t lg_model_stepper_size(const lg_model *model, const lg_scheme *scheme) {
