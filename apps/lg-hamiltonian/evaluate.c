@@ -152,7 +152,10 @@ static int run(app *self) {
     APP_CLEAN(lg_trajectories_destroy) lg_trajectories test = {0};
     check_record(self);
     APP_MUST_FILE(self, model, lg_hamiltonian_load(self->context, model, NULL, &file, &error));
-    APP_MUST_FILE(self, data, lg_trajectories_read(self->context, data, NULL, &test, &error));
+    lg_read_options reading;
+    lg_read_options_init(&reading);
+    if (file.constraint != NULL) reading.constraint = lg_constraint_program(file.constraint);
+    APP_MUST_FILE(self, data, lg_trajectories_read(self->context, data, &reading, &test, &error));
     lg_warn_of_inputs(self->context, data, &test);
     warn_of_systems(self, file.run.system, test.system);
     warn_of_training_data(self, file.run.data_sha256, test.sha256);

@@ -3,10 +3,13 @@
 
 #include "common/pieces.h"
 
+#include <stdio.h>
+#include <string.h>
+
 typedef struct generate_values {
     const char *out;
     uint64_t trajectories, points, segments;
-    double t_end, noise;
+    double t_end, noise, speed;
     int noise_kind, noise_on;
     board_values board;
 } generate_values;
@@ -24,6 +27,10 @@ static const lg_field generate_options[] = {
               "Consecutive trajectories from one start (default: the scene's, or 1)", .low = 1, .high = 1e6),
     LG_OPTION(generate_values, t_end, REAL, "T",
               "Time of the last point (default: the scene's t_end, or 0.1)", LG_POSITIVE),
+    LG_OPTION(generate_values, speed, REAL, "V",
+              "CONSTRAINT.h5: the numbers of the start's velocity are drawn from -V..V and made tangent (default "
+              "1)",
+              LG_POSITIVE),
     LG_OPTION(generate_values, noise, REAL, "EPS", "Size of the noise (default 0)", .high = 1e300),
     LG_OPTION(generate_values, noise_kind, NAME, NULL, "normal: EPS N(0,1); uniform: EPS U(-1,1)",
               .names = noise_names),
@@ -62,7 +69,7 @@ enum { STARTS_OF_PIECE = 16 };
 
 typedef struct generating {
     const app *app;
-    const lg_scene *scene;
+    const lg_scene *scene;            /* NULL: the motion of data->constraint */
     const sampling *how;
     lg_trajectories *data;
     size_t each; /* trajectories per piece */
@@ -71,21 +78,22 @@ typedef struct generating {
 static lg_status make_piece(void *user, size_t piece, lg_error *error) {
     const generating *self = user;
     const size_t first = piece * self->each, rest = self->data->count - first;
-    return sample_part(self->app->context, self->scene, self->how, first,
-                       rest < self->each ? rest : self->each, self->data, error);
+    const size_t count = rest < self->each ? rest : self->each;
+    if (self->scene == NULL) return sample_constrained(self->how, values.speed, first, count, self->data, error);
+    return sample_part(self->app->context, self->scene, self->how, first, count, self->data, error);
 }
 
 /* Computes all trajectories, together with other processes if there are any. False: another process writes
  * the file. */
 static bool make_all(const app *self, const lg_scene *scene, const sampling *how, lg_trajectories *data,
                      pieces *made) {
-    const size_t segments = scene->segments > 0 ? scene->segments : 1;
+    const size_t segments = scene != NULL && scene->segments > 0 ? scene->segments : 1;
     const size_t each = STARTS_OF_PIECE * segments, point = data->points * data->state_dim * sizeof(double);
     generating what = {self, scene, how, data, each};
     char label[LG_SHA256_TEXT];
-    APP_FREE char *text = app_format("%zu %zu %.17g %.17g %d %d %llu %zu", how->trajectories, how->points,
+    APP_FREE char *text = app_format("%zu %zu %.17g %.17g %d %d %llu %zu %.17g", how->trajectories, how->points,
                                      how->t_end, how->noise, how->noise_first, (int)how->noise_kind,
-                                     (unsigned long long)how->seed, segments);
+                                     (unsigned long long)how->seed, segments, values.speed);
     board_label(text, self->arguments[0], label);
     *made = (pieces){.app = self,
                      .board = &values.board,
@@ -109,6 +117,59 @@ static void create(const app *self, const lg_scene *scene, const sampling *how, 
     if (status != LG_OK) app_stop(self, status, "%s: %s", path, why.message);
 }
 
+static sampling sampling_of(const app *self, const lg_scene *scene) {
+    return (sampling){.trajectories = (size_t)values.trajectories,
+                      .points = (size_t)values.points,
+                      .t_end = values.t_end > 0                     ? values.t_end
+                               : scene != NULL && scene->has_t_end ? scene->t_end
+                                                                    : 0.1,
+                      .noise = values.noise,
+                      .noise_first = values.noise_on == 1,
+                      .noise_kind = values.noise_kind == 0 ? LG_NOISE_NORMAL : LG_NOISE_UNIFORM,
+                      .seed = self->seed};
+}
+
+static void finish(const app *self, lg_trajectories *data, pieces *made, double begin) {
+    data->provenance = app_provenance(self, self->seed);
+    APP_MUST_FILE(self, values.out, lg_trajectories_write(self->context, values.out, data, &error));
+    pieces_end(made);
+    report(self, data, app_seconds() - begin);
+}
+
+/* Whether the file is HDF5. */
+static bool is_h5(const char *path) {
+    char begin[4] = "";
+    FILE *file = fopen(path, "rb");
+    const size_t got = file != NULL ? fread(begin, 1, sizeof begin, file) : 0;
+    if (file != NULL) (void)fclose(file);
+    return got == sizeof begin && memcmp(begin, "\x89HDF", sizeof begin) == 0;
+}
+
+/* Samples the motion of a program with the functions constraint, potential and mass. */
+static int run_constrained(app *self, const char *path, double begin) {
+    APP_CLEAN(lg_trajectories_destroy) lg_trajectories data = {0};
+    lg_program *program;
+    lg_constraint *constraint = NULL;
+    lg_error why = {LG_OK, ""};
+    pieces made;
+    if (values.segments > 0) return app_usage(self, "--segments is for scenes");
+    APP_MUST_FILE(self, path, lg_program_load(self->context, path, NULL, &program, &error));
+    lg_status status = lg_constraint_create(self->context, program, &constraint, &why);
+    if (status == LG_OK && !lg_constraint_moves(constraint))
+        status = app_error(&why, LG_FORMAT, "there is no function potential (q) -> V");
+    if (status != LG_OK) app_stop(self, status, "%s: %s", path, why.message);
+    const sampling how = sampling_of(self, NULL);
+    status = lg_trajectories_create(self->context, "", lg_hamiltonian_family_find("constrained"),
+                                    lg_constraint_coordinates(constraint), how.trajectories, how.points,
+                                    how.t_end, true, 0, &data);
+    app_must_file(self, status, NULL, path);
+    APP_MUST_FILE(self, path, lg_trajectories_set_constraint(&data, program, &error));
+    lg_constraint_destroy(constraint);
+    lg_program_destroy(program);
+    if (make_all(self, NULL, &how, &data, &made)) finish(self, &data, &made, begin);
+    return APP_EXIT_OK;
+}
+
 static int run(app *self) {
     const char *path = self->arguments[0];
     const double begin = app_seconds();
@@ -119,24 +180,15 @@ static int run(app *self) {
     (void)board_wanted(self, &values.board, values.out);
     const int code = app_check_outputs(self, &out, 1);
     if (code != APP_EXIT_OK) return code;
+    if (is_h5(path)) return run_constrained(self, path, begin);
+    if (values.speed > 0) return app_usage(self, "--speed is for constraints; a scene says how starts are drawn");
     APP_MUST_FILE(self, path, lg_scene_read(self->context, path, FORM, &scene, &error));
     if (values.segments > 0) scene.segments = (uint32_t)values.segments;
-    const sampling how = {.trajectories = (size_t)values.trajectories,
-                          .points = (size_t)values.points,
-                          .t_end = values.t_end > 0  ? values.t_end
-                                   : scene.has_t_end ? scene.t_end
-                                                     : 0.1,
-                          .noise = values.noise,
-                          .noise_first = values.noise_on == 1,
-                          .noise_kind = values.noise_kind == 0 ? LG_NOISE_NORMAL : LG_NOISE_UNIFORM,
-                          .seed = self->seed};
+    const sampling how = sampling_of(self, &scene);
     create(self, &scene, &how, &data);
     if (make_all(self, &scene, &how, &data, &made)) {
-        data.provenance = app_provenance(self, self->seed);
         app_must_file(self, lg_trajectories_set_truth(&data, scene.system), NULL, values.out);
-        APP_MUST_FILE(self, values.out, lg_trajectories_write(self->context, values.out, &data, &error));
-        pieces_end(&made);
-        report(self, &data, app_seconds() - begin);
+        finish(self, &data, &made, begin);
     }
     if (scene.has_initial)
         app_warn(self,
@@ -147,13 +199,18 @@ static int run(app *self) {
 }
 
 const app_command generate_command = {.name = "generate",
-                                      .arguments = "SCENE.yaml",
+                                      .arguments = "SCENE.yaml | CONSTRAINT.h5",
                                       .summary = "Sample trajectories of a scene from random starts",
                                       .details = "The file holds /t (M), /trajectories (N, M, d) and "
                                                  "/hamiltonian (N), the energies at the starts. The scene "
                                                  "gives the system, its parameters and the distribution of "
                                                  "starts. Each start depends on the seed and its number "
-                                                 "only, not on N, M, T or the noise.",
+                                                 "only, not on N, M, T or the noise. CONSTRAINT.h5 is a program "
+                                                 "with the functions constraint (q) -> g, potential (q) -> V and "
+                                                 "mass (q) -> M of liegrad/constraint.h: the motion on g(q) = 0. "
+                                                 "Starts are drawn from the range of q and projected. The data "
+                                                 "file carries the functions, so train, evaluate and predict "
+                                                 "need no further file.",
                                       .settings = APP_SETTINGS(APP_GIVEN(generate_options, values)),
                                       .run = run,
                                       .together = APP_WORKERS};

@@ -18,8 +18,19 @@ double default_tolerance(const lg_hamiltonian *model) {
  * point to point. */
 enum { MOST_STEPS = 20000, MOST_STEPS_A_POINT = 2000 };
 
+/* Projects the points of a flow (count, d) onto the constraint of the model, if it has one. The integration in
+ * R^2n leaves it by about the tolerance. */
+static lg_status land(const lg_hamiltonian *model, size_t count, double *y, lg_error *error) {
+    const size_t d = lg_hamiltonian_state_dim(model);
+    lg_status status = LG_OK;
+    for (size_t i = 0; model->constraint != NULL && status == LG_OK && i < count; i++)
+        status = lg_constraint_project(model->constraint, 0, y + i * d, error);
+    return status;
+}
+
 typedef struct judgement {
     const lg_context *context;
+    const lg_hamiltonian *model;
     const lg_model *learned;
     const lg_scheme *scheme;
     const lg_trajectories *test;
@@ -43,6 +54,7 @@ static void judge_one(void *user, size_t i) {
         const size_t most = MOST_STEPS + MOST_STEPS_A_POINT * test->points;
         self->status[i] = app_flow(self->context, self->learned, self->scheme, self->tolerance, most, given,
                                    test->t, test->points, y, NULL);
+        if (self->status[i] == LG_OK) self->status[i] = land(self->model, test->points, y, NULL);
         if (self->status[i] != LG_OK) atomic_store(self->failed, true);
         for (size_t k = 0; self->status[i] == LG_OK && k < size; k++)
             self->squares[i] += (y[k] - given[k]) * (y[k] - given[k]);
@@ -62,8 +74,8 @@ lg_status learned_flow(const lg_context *context, const lg_hamiltonian *model, c
     lg_model *learned;
     const lg_scheme *scheme = lg_scheme_find(model->family->accurate);
     LG_TRY(lg_hamiltonian_learned(context, model, theta, &learned, error));
-    const lg_status status =
-        app_flow(context, learned, scheme, tolerance, 0, start, times, count, out, stats);
+    lg_status status = app_flow(context, learned, scheme, tolerance, 0, start, times, count, out, stats);
+    if (status == LG_OK) status = land(model, count, out, error);
     if (status != LG_OK) (void)app_error(error, status, "the learned flow: %s", lg_status_sentence(status));
     if (status == LG_OK && energy != NULL) energies_of(learned, out, count, lg_model_inputs(learned), energy);
     lg_model_destroy(learned);
@@ -131,6 +143,7 @@ lg_status judge(const lg_context *context, uint64_t threads, const lg_hamiltonia
     LG_TRY(lg_hamiltonian_learned(context, model, theta, &learned, error));
     atomic_bool failed = false;
     const judgement work = {.context = context,
+                            .model = model,
                             .failed = &failed,
                             .learned = learned,
                             .scheme = lg_scheme_find(model->family->accurate),

@@ -44,18 +44,39 @@ typedef struct prediction {
     double seconds;
 } prediction;
 
+static void warn_of_projection(const app *self, double distance) {
+    if (distance > 1e-14) app_warn(self, "the start was off the manifold by %g and is projected", distance);
+}
+
+static void check_constrained(const app *self, const lg_constraint *constraint, prediction *p) {
+    lg_constraint_view view;
+    APP_MUST(self, lg_constraint_look(constraint, 0, p->start, &view, &error));
+    const double distance = fmax(view.off, view.across);
+    if (!(distance <= LG_CONSTRAINT_TOLERANCE))
+        app_stop_usage(self,
+                       "--initial: the start is off the constraint: g(q) = 0 by %g of the size of q (largest "
+                       "|g_i| = %g), P(q) p = p by %g of the size of p",
+                       view.off, view.residual, view.across);
+    warn_of_projection(self, distance);
+    APP_MUST(self, lg_constraint_project(constraint, 0, p->start, &error));
+}
+
 /* A start from the command line may be off the manifold. Up to a distance of 1e-6 it is projected, with a
  * warning above 1e-14; a larger distance ends the command. */
 static void check_start(const app *self, prediction *p) {
     const lg_hamiltonian *model = &p->file->run.model;
     lg_space space;
+    if (model->constraint != NULL) {
+        check_constrained(self, model->constraint, p);
+        return;
+    }
     app_must(self, lg_hamiltonian_space(model->family, model->n, &space), NULL);
     uint32_t copy = 0;
     const double distance = lg_hamiltonian_off_manifold(model->family, model->n, p->start, &copy);
     if (!(distance <= 1e-6))
         app_stop_usage(self, "--initial: the start is off the manifold, %s, by %g", model->family->manifold,
                        distance);
-    if (distance > 1e-14) app_warn(self, "the start was off the manifold by %g and is projected", distance);
+    warn_of_projection(self, distance);
     if (distance > 1e-14) lg_space_project(&space, p->start);
 }
 
@@ -99,6 +120,8 @@ static void integrate(const app *self, prediction *p) {
                                 p->y.data, p->energy, &p->stats, &error));
     p->seconds = app_seconds() - begin;
     p->y.hamiltonian[0] = p->energy[0];
+    if (model->constraint != NULL)
+        APP_MUST(self, lg_trajectories_set_constraint(&p->y, lg_constraint_program(model->constraint), &error));
     if (!p->has_scene) return;
     p->truth = app_alloc(points * p->dim, sizeof *p->truth);
     const lg_status status =

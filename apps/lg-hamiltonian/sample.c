@@ -64,3 +64,21 @@ lg_status sample_scene(const lg_context *context, const lg_scene *scene, const s
         lg_trajectories_destroy(&data);
     return status;
 }
+
+lg_status sample_constrained(const sampling *how, double speed, size_t first, size_t count,
+                             lg_trajectories *data, lg_error *error) {
+    lg_constraint_sampling options;
+    lg_constraint_sampling_init(&options);
+    options.trajectories = count;
+    options.first = first;
+    options.points = how->points;
+    options.t_end = how->t_end;
+    options.noise = how->noise;
+    options.noise_kind = how->noise_kind;
+    options.noise_first = how->noise_first;
+    options.seed = how->seed;
+    if (speed > 0) options.speed = speed;
+    return lg_constraint_generate(data->constraint, &options, NULL,
+                                  data->data + first * data->points * data->state_dim,
+                                  data->hamiltonian + first, error);
+}

@@ -34,6 +34,9 @@ lg_status sample_create(const lg_context *context, const lg_scene *scene, const 
                         lg_trajectories *out, lg_error *error);
 lg_status sample_part(const lg_context *context, const lg_scene *scene, const sampling *how, size_t first,
                       size_t count, lg_trajectories *data, lg_error *error);
+/* The same for the motion of data->constraint; speed 0: the default. */
+lg_status sample_constrained(const sampling *how, double speed, size_t first, size_t count,
+                             lg_trajectories *data, lg_error *error);
 /* Calls sample_create, and sample_part for all trajectories. */
 lg_status sample_scene(const lg_context *context, const lg_scene *scene, const sampling *how,
                        lg_trajectories *out, lg_error *error);

@@ -58,6 +58,8 @@ LG_API void lg_io_setup(void);
 
 /* ---- options of readers ---- */
 
+typedef struct lg_program lg_program; /* in liegrad/program.h */
+
 typedef struct lg_read_options {
     size_t size; /* sizeof(lg_read_options) */
     /* Default true. HDF5 crashes or loops on some damaged files. With `probe` a forked child process first
@@ -69,6 +71,9 @@ typedef struct lg_read_options {
     uint64_t max_size;      /* largest array in memory, bytes; default 8 GiB. A larger one gives LG_FORMAT */
     /* For trajectories: first points that are not on the manifold are projected to it. Default false. */
     bool project_starts;
+    /* For trajectories: a program with the function `constraint` (liegrad/constraint.h), which takes the place
+     * of the one in the file; borrowed. Default NULL. */
+    const lg_program *constraint;
 } lg_read_options;
 
 /* Sets the defaults. A reader takes NULL for its options as these defaults. */

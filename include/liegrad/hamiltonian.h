@@ -472,7 +472,8 @@ LG_API lg_var lg_hamiltonian_record_velocity(lg_tape *tape, const lg_hamiltonian
  *   velocity (x, u) -> f          x', the generator of the field at x: a vector of the ambient space
  *   jac_velocity (x, u) -> jac_f_x, jac_f_u   the Jacobians of velocity
  *   step  (x, u, h) -> next       one step of `scheme` (NULL: the family's default) with constant u
- * with x (d), u (m), h (1), q and p (d/2). u is absent when the family has no inputs. Errors: those of
+ * with x (d), u (m), h (1), q and p (d/2). With a constraint also the functions `constraint`, `potential` and
+ * `mass` of the learned system, as lg_constraint_create takes them. u is absent when the family has no inputs. Errors: those of
  * lg_program_build; LG_UNSUPPORTED (an implicit scheme, which finds its stage by iteration). */
 LG_API lg_status lg_hamiltonian_program(const lg_context *context, const lg_hamiltonian *model,
                                         const double *theta, const lg_scheme *scheme, lg_program **out,
@@ -506,8 +507,10 @@ typedef struct lg_trajectories {
     double starts_off;
     /* The system that made the data; NULL: unknown. Owned. */
     lg_system *truth;
-    /* Hash of t, data and inputs as little-endian doubles, one after the other. The functions that read
-     * and write files set it. */
+    /* Family "constrained": the constraint, which the file or lg_read_options gives. Owned. */
+    lg_constraint *constraint;
+    /* Hash of t, data and inputs as little-endian doubles, one after the other, and of the constraint. The
+     * functions that read and write files set it. */
     char sha256[LG_SHA256_TEXT];
     lg_provenance provenance;
     const lg_context *context; /* The memory of the arrays comes from it. */
@@ -524,6 +527,10 @@ LG_API lg_status lg_trajectories_create(const lg_context *context, const char *s
 /* Sets data->truth to a copy of the system that made the data; an earlier one is destroyed. Errors:
  * LG_INVALID_ARGUMENT (a system of another name, family or n), LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_trajectories_set_truth(lg_trajectories *data, const lg_system *system);
+/* Sets data->constraint from a program (liegrad/constraint.h); an earlier one is destroyed. Errors:
+ * LG_INVALID_ARGUMENT (data of another family or n), those of lg_constraint_create. */
+LG_API lg_status lg_trajectories_set_constraint(lg_trajectories *data, const lg_program *program,
+                                                lg_error *error);
 /* Reads a data set from an HDF5 file. Data sets of the file are /t (M), /trajectories (N, M, d), and
  * optionally /hamiltonian (N), /inputs (N, M-1, m) and the parameters of the system, /parameters/KEY, of
  * any integer or float type. out->truth is made when the system is known and all its parameters are there.
@@ -531,7 +538,9 @@ LG_API lg_status lg_trajectories_set_truth(lg_trajectories *data, const lg_syste
  * `links` (chains), `layout`. Checks: /t increases and is equidistant (each point within 1e-6 dt and the
  * rounding of its stored type); all numbers are finite; d fits the system and the links; first points of a
  * chain are on T*S^2 within 1e-6, or with options->project_starts are projected there. Later points may
- * carry noise. `options` may be NULL. Errors: LG_NOT_FOUND (no such file), LG_FILE, LG_FORMAT (a check),
+ * carry noise. If the file or the options have a function `constraint` (liegrad/constraint.h), the family is
+ * "constrained", out->constraint is made, first points are checked or projected in the same way, and G must
+ * have full rank at all points. `options` may be NULL. Errors: LG_NOT_FOUND (no such file), LG_FILE, LG_FORMAT (a check),
  * LG_OUT_OF_MEMORY; `out` is then untouched. */
 LG_API lg_status lg_trajectories_read(const lg_context *context, const char *path,
                                       const lg_read_options *options, lg_trajectories *out, lg_error *error);
@@ -584,6 +593,7 @@ typedef struct lg_test_set {
 
 typedef struct lg_hamiltonian_file {
     lg_hamiltonian_run run;
+    lg_constraint *constraint; /* what run.model.constraint points to in a file that was loaded; owned */
     size_t parameters;       /* lg_hamiltonian_parameters(&run.model) */
     double *theta;           /* (parameters), stored with the type run.training.dtype. */
     double *adam_m, *adam_v; /* The state of Adam, (parameters) each, or both NULL. */

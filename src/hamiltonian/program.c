@@ -68,7 +68,42 @@ static lg_status velocity(void *user, lg_tape *tape, const lg_var *theta, const 
     return lg_tape_status(tape);
 }
 
-enum { MOST_FUNCTIONS = 6 };
+/* The functions of liegrad/constraint.h, of the learned system. */
+
+static lg_status constraint(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const lg_program *own = lg_constraint_program(((const recording *)user)->model->constraint);
+    size_t function;
+    (void)theta;
+    LG_TRY(lg_program_find(own, "constraint", &function, NULL));
+    return lg_program_record(tape, own, function, NULL, x, y);
+}
+
+static lg_status potential(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const lg_hamiltonian *model = ((const recording *)user)->model;
+    lg_hamiltonian_vars vars;
+    LG_TRY(lg_hamiltonian_bind(tape, model, theta[0], &vars));
+    const lg_var q = lg_hamiltonian_scaled(tape, x[0], 1.0 / model->scales.part[0]);
+    y[0] = lg_hamiltonian_scaled(tape, lg_hamiltonian_potential(tape, &vars, q),
+                                 lg_hamiltonian_energy_scale(model));
+    return lg_tape_status(tape);
+}
+
+static lg_status mass(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const lg_hamiltonian *model = ((const recording *)user)->model;
+    const lg_hamiltonian_scales *scales = &model->scales;
+    const uint32_t n = model->n;
+    double unit[LG_HAMILTONIAN_MAX_COPIES * LG_HAMILTONIAN_MAX_COPIES] = {0.0};
+    lg_hamiltonian_vars vars;
+    (void)x;
+    for (uint32_t i = 0; i < n; i++) unit[i * n + i] = 1.0;
+    LG_TRY(lg_hamiltonian_bind(tape, model, theta[0], &vars));
+    const lg_var M = lg_spd_solve(tape, vars.kinetic[0], lg_input_f64(tape, lg_shape3(1, n, n), unit));
+    y[0] = lg_hamiltonian_scaled(tape, lg_reshape(tape, M, lg_shape2(n, n)),
+                                 scales->part[1] * scales->time / scales->part[0]);
+    return lg_tape_status(tape);
+}
+
+enum { MOST_FUNCTIONS = 9 };
 
 static lg_status build(const lg_context *context, recording *r, const double *theta, lg_program **out,
                        lg_error *error) {
@@ -87,6 +122,13 @@ static lg_status build(const lg_context *context, recording *r, const double *th
         functions[count++] = (lg_function_spec){"drift", half, 1, &rate, 1, drift, r};
     }
     functions[count++] = (lg_function_spec){"velocity", in, inputs, &rate, 1, velocity, r};
+    const lg_port q = {.name = "q", .shape = lg_shape1(d / 2)};
+    const lg_port of_q[] = {{.name = "g"}, {.name = "V"}, {.name = "M"}};
+    if (model->constraint != NULL) {
+        functions[count++] = (lg_function_spec){"constraint", &q, 1, &of_q[0], 1, constraint, r};
+        functions[count++] = (lg_function_spec){"potential", &q, 1, &of_q[1], 1, potential, r};
+        functions[count++] = (lg_function_spec){"mass", &q, 1, &of_q[2], 1, mass, r};
+    }
     const lg_parameter_spec weights = {"theta", lg_shape1((uint32_t)lg_hamiltonian_parameters(model)), theta};
     lg_program_spec spec;
     lg_program_spec_init(&spec);

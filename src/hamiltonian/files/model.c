@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "hamiltonian/files/constrained.h"
 #include "hamiltonian/files/family.h"
 #include "hamiltonian/internal.h"
 #include "files/h5.h"
@@ -232,14 +233,27 @@ static lg_status get_optimizer(lg_h5 *h5, lg_hamiltonian_file *out, lg_error *er
     return lg_as_format(lg_h5_get(h5, "rng", LG_ELEMENT_U64, 1, &words, out->rng.s, error), error);
 }
 
+/* A model file has the constraint among its functions; a checkpoint has no functions. */
+static lg_status get_constraint(lg_h5 *h5, lg_hamiltonian_file *file, lg_error *error) {
+    lg_hamiltonian *model = &file->run.model;
+    if (!model->family->constrained) return LG_OK;
+    LG_TRY(lg_h5_constraint(h5, NULL, &file->constraint, error));
+    model->constraint = file->constraint;
+    if (file->constraint == NULL || lg_constraint_coordinates(file->constraint) == model->n) return LG_OK;
+    return lg_fail(error, LG_FORMAT, "%s: function constraint takes %u numbers, but the model has n = %u",
+                   lg_shown_path(h5->path), lg_constraint_coordinates(file->constraint), model->n);
+}
+
 static lg_status get_rest(lg_h5 *h5, void *user, lg_error *error) {
     lg_hamiltonian_file *file = user;
+    LG_TRY(get_constraint(h5, file, error));
     LG_TRY(get_optimizer(h5, file, error));
     return get_verdict(h5, file, error);
 }
 
 void lg_hamiltonian_file_destroy(lg_hamiltonian_file *file) {
     if (file == NULL) return;
+    lg_constraint_destroy(file->constraint);
     lg_free(file->context, file->theta);
     lg_free(file->context, file->adam_m);
     lg_free(file->context, file->adam_v);

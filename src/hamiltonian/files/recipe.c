@@ -14,6 +14,10 @@ const lg_field lg_hamiltonian_options[] = {
     LG_OPTION(lg_hamiltonian_state, newton, SWITCH, NULL,
               "After the last epoch, minimise the loss to rounding by Newton's method on all data (for few "
               "parameters)"),
+    LG_OPTION(lg_hamiltonian_state, constraint, STRING, "FILE.h5",
+              "A file with the function constraint (q) -> g, for states q p with g(q) = 0; it replaces the one "
+              "in the data",
+              .file = LG_FILE_READ),
     LG_FIELD_END};
 
 /* ---- the data ---- */
@@ -25,7 +29,16 @@ static lg_status read_data(lg_training *self, lg_error *error) {
     lg_read_options reading;
     lg_read_options_init(&reading);
     reading.project_starts = self->given(self, "starts") || self->resumed;
-    LG_TRY(lg_trajectories_read(self->context, path, &reading, data, error));
+    lg_program *constraint = NULL;
+    const char *file = ((const lg_hamiltonian_state *)self->state)->constraint;
+    if (file != NULL) LG_TRY(lg_program_load(self->context, file, NULL, &constraint, error));
+    const lg_hamiltonian_file *model = self->file; /* evaluate: the constraint of the model */
+    reading.constraint = constraint;
+    if (constraint == NULL && model != NULL && model->constraint != NULL)
+        reading.constraint = lg_constraint_program(model->constraint);
+    const lg_status status = lg_trajectories_read(self->context, path, &reading, data, error);
+    lg_program_destroy(constraint);
+    if (status != LG_OK) return status;
     if (data->starts_off > 1e-6 && run->starts == LG_START_MEASURED)
         LG_WARN(self,
                 "%s: the first points were off the manifold by up to %.2g and are projected onto it; if they "
@@ -122,6 +135,7 @@ static lg_status complete_run(lg_hamiltonian_run *run, const lg_trajectories *da
                                                  net.width + 1, net.layers - 1, net.activation);
     if (status != LG_OK) return lg_fail(error, status, "a network of this size cannot be made");
     LG_TRY(adopt_symmetry(&run->model, symmetry, error));
+    run->model.constraint = data->constraint;
     memcpy(run->system, data->system, sizeof run->system);
     memcpy(run->data_sha256, data->sha256, sizeof run->data_sha256);
     run->trajectories = data->count;

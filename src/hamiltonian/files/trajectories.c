@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "files/h5.h"
+#include "hamiltonian/files/constrained.h"
 #include "hamiltonian/files/family.h"
 #include "hamiltonian/internal.h"
 
@@ -26,6 +27,7 @@ void lg_trajectories_destroy(lg_trajectories *data) {
     lg_free(data->context, data->hamiltonian);
     lg_free(data->context, data->inputs);
     lg_system_destroy(data->truth);
+    lg_constraint_destroy(data->constraint);
     *data = (lg_trajectories){0};
 }
 
@@ -67,6 +69,20 @@ lg_status lg_trajectories_create(const lg_context *context, const char *system,
     }
     for (size_t j = 0; j < points; j++) made.t[j] = t_end * ((double)j / (double)(points - 1));
     *out = made;
+    return LG_OK;
+}
+
+lg_status lg_trajectories_set_constraint(lg_trajectories *data, const lg_program *program, lg_error *error) {
+    if (data == NULL || data->family == NULL || !data->family->constrained)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "only trajectories of family constrained have a constraint");
+    lg_constraint *made;
+    LG_TRY(lg_constraint_create(data->context, program, &made, error));
+    if (lg_constraint_coordinates(made) != data->n) {
+        lg_constraint_destroy(made);
+        return lg_fail(error, LG_INVALID_ARGUMENT, "function constraint takes another number of coordinates");
+    }
+    lg_constraint_destroy(data->constraint);
+    data->constraint = made;
     return LG_OK;
 }
 
@@ -118,6 +134,7 @@ static void hash(lg_trajectories *data) {
     lg_sha256_add_doubles(&state, data->data, data->count * data->points * data->state_dim);
     if (data->inputs != NULL)
         lg_sha256_add_doubles(&state, data->inputs, data->count * (data->points - 1) * data->input_dim);
+    if (data->constraint != NULL) (void)lg_constraint_hash(data->constraint, &state);
     lg_sha256_finish(&state, data->sha256);
 }
 
@@ -131,6 +148,7 @@ typedef struct read_call {
     bool has_hamiltonian;
     double epsilon; /* relative rounding error of the type that stores /t */
     bool project;
+    const lg_program *constraint; /* of the options */
 } read_call;
 
 static lg_status read_arrays(read_call *call, lg_error *error) {
@@ -317,6 +335,7 @@ static lg_status check_system(read_call *call, lg_error *error) {
     char layout[1024];
     size_t known_n = 0;
     LG_TRY(optional_text(call, "system", out->system, sizeof out->system, error));
+    if (out->constraint != NULL) return lg_constrained_size(call->path, out, error);
     LG_TRY(optional_text(call, "layout", layout, sizeof layout, error));
     const lg_hamiltonian_family *known = lg_family_of(out->system, &known_n);
     const layout_kind kind = parse_layout(layout);
@@ -411,9 +430,12 @@ static lg_status read_checked(void *user, lg_h5 *h5, lg_error *error) {
     LG_TRY(lg_h5_check_format(call->h5, "trajectories", true, error));
     LG_TRY(read_arrays(call, error));
     LG_TRY(check_times(call, error));
+    LG_TRY(lg_h5_constraint(h5, call->constraint, &call->out->constraint, error));
     LG_TRY(check_system(call, error));
     LG_TRY(check_links(call, error));
     LG_TRY(check_starts(call, error));
+    if (call->out->constraint != NULL)
+        LG_TRY(lg_constrained_points(call->path, call->project, call->out, error));
     LG_TRY(read_truth(call, error));
     lg_h5_provenance(call->h5, &call->out->provenance);
     return LG_OK;
@@ -426,6 +448,7 @@ lg_status lg_trajectories_read(const lg_context *context, const char *path, cons
     lg_trajectories made = {.context = context};
     const bool project = options != NULL && options->project_starts;
     read_call call = {.context = context, .path = path, .project = project, .out = &made};
+    if (options != NULL) call.constraint = options->constraint;
     const lg_status status = lg_h5_read(context, path, options, read_checked, &call, error);
     if (status != LG_OK) {
         lg_trajectories_destroy(&made);
@@ -478,6 +501,7 @@ static lg_status put_all(lg_h5 *h5, const lg_trajectories *data, lg_error *error
     if (data->hamiltonian != NULL)
         LG_TRY(lg_h5_put(h5, "hamiltonian", LG_ELEMENT_F64, 1, shape, data->hamiltonian, error));
     if (data->inputs != NULL) LG_TRY(lg_h5_put(h5, "inputs", LG_ELEMENT_F64, 3, inputs, data->inputs, error));
+    if (data->constraint != NULL) LG_TRY(lg_h5_put_constraint(h5, data->constraint, error));
     return put_truth(h5, data->truth, error);
 }
 
