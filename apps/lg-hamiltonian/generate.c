@@ -27,10 +27,11 @@ static const lg_field generate_options[] = {
               "Consecutive trajectories from one start (default: the scene's, or 1)", .low = 1, .high = 1e6),
     LG_OPTION(generate_values, t_end, REAL, "T",
               "Time of the last point (default: the scene's t_end, or 0.1)", LG_POSITIVE),
-    LG_OPTION(generate_values, speed, REAL, "V",
-              "CONSTRAINT.h5: the numbers of the start's velocity are drawn from -V..V and made tangent (default "
-              "1)",
-              LG_POSITIVE),
+    LG_OPTION(
+        generate_values, speed, REAL, "V",
+        "CONSTRAINT.h5: the numbers of the start's velocity are drawn from -V..V and made tangent (default "
+        "1)",
+        LG_POSITIVE),
     LG_OPTION(generate_values, noise, REAL, "EPS", "Size of the noise (default 0)", .high = 1e300),
     LG_OPTION(generate_values, noise_kind, NAME, NULL, "normal: EPS N(0,1); uniform: EPS U(-1,1)",
               .names = noise_names),
@@ -69,7 +70,7 @@ enum { STARTS_OF_PIECE = 16 };
 
 typedef struct generating {
     const app *app;
-    const lg_scene *scene;            /* NULL: the motion of data->constraint */
+    const lg_scene *scene; /* NULL: the motion of data->constraint */
     const sampling *how;
     lg_trajectories *data;
     size_t each; /* trajectories per piece */
@@ -79,7 +80,8 @@ static lg_status make_piece(void *user, size_t piece, lg_error *error) {
     const generating *self = user;
     const size_t first = piece * self->each, rest = self->data->count - first;
     const size_t count = rest < self->each ? rest : self->each;
-    if (self->scene == NULL) return sample_constrained(self->how, values.speed, first, count, self->data, error);
+    if (self->scene == NULL)
+        return sample_constrained(self->how, values.speed, first, count, self->data, error);
     return sample_part(self->app->context, self->scene, self->how, first, count, self->data, error);
 }
 
@@ -91,9 +93,9 @@ static bool make_all(const app *self, const lg_scene *scene, const sampling *how
     const size_t each = STARTS_OF_PIECE * segments, point = data->points * data->state_dim * sizeof(double);
     generating what = {self, scene, how, data, each};
     char label[LG_SHA256_TEXT];
-    APP_FREE char *text = app_format("%zu %zu %.17g %.17g %d %d %llu %zu %.17g", how->trajectories, how->points,
-                                     how->t_end, how->noise, how->noise_first, (int)how->noise_kind,
-                                     (unsigned long long)how->seed, segments, values.speed);
+    APP_FREE char *text = app_format(
+        "%zu %zu %.17g %.17g %d %d %llu %zu %.17g", how->trajectories, how->points, how->t_end, how->noise,
+        how->noise_first, (int)how->noise_kind, (unsigned long long)how->seed, segments, values.speed);
     board_label(text, self->arguments[0], label);
     *made = (pieces){.app = self,
                      .board = &values.board,
@@ -120,9 +122,9 @@ static void create(const app *self, const lg_scene *scene, const sampling *how, 
 static sampling sampling_of(const app *self, const lg_scene *scene) {
     return (sampling){.trajectories = (size_t)values.trajectories,
                       .points = (size_t)values.points,
-                      .t_end = values.t_end > 0                     ? values.t_end
+                      .t_end = values.t_end > 0                    ? values.t_end
                                : scene != NULL && scene->has_t_end ? scene->t_end
-                                                                    : 0.1,
+                                                                   : 0.1,
                       .noise = values.noise,
                       .noise_first = values.noise_on == 1,
                       .noise_kind = values.noise_kind == 0 ? LG_NOISE_NORMAL : LG_NOISE_UNIFORM,
@@ -181,7 +183,8 @@ static int run(app *self) {
     const int code = app_check_outputs(self, &out, 1);
     if (code != APP_EXIT_OK) return code;
     if (is_h5(path)) return run_constrained(self, path, begin);
-    if (values.speed > 0) return app_usage(self, "--speed is for constraints; a scene says how starts are drawn");
+    if (values.speed > 0)
+        return app_usage(self, "--speed is for constraints; a scene says how starts are drawn");
     APP_MUST_FILE(self, path, lg_scene_read(self->context, path, FORM, &scene, &error));
     if (values.segments > 0) scene.segments = (uint32_t)values.segments;
     const sampling how = sampling_of(self, &scene);
@@ -201,16 +204,17 @@ static int run(app *self) {
 const app_command generate_command = {.name = "generate",
                                       .arguments = "SCENE.yaml | CONSTRAINT.h5",
                                       .summary = "Sample trajectories of a scene from random starts",
-                                      .details = "The file holds /t (M), /trajectories (N, M, d) and "
-                                                 "/hamiltonian (N), the energies at the starts. The scene "
-                                                 "gives the system, its parameters and the distribution of "
-                                                 "starts. Each start depends on the seed and its number "
-                                                 "only, not on N, M, T or the noise. CONSTRAINT.h5 is a program "
-                                                 "with the functions constraint (q) -> g, potential (q) -> V and "
-                                                 "mass (q) -> M of liegrad/constraint.h: the motion on g(q) = 0. "
-                                                 "Starts are drawn from the range of q and projected. The data "
-                                                 "file carries the functions, so train, evaluate and predict "
-                                                 "need no further file.",
+                                      .details =
+                                          "The file holds /t (M), /trajectories (N, M, d) and "
+                                          "/hamiltonian (N), the energies at the starts. The scene "
+                                          "gives the system, its parameters and the distribution of "
+                                          "starts. Each start depends on the seed and its number "
+                                          "only, not on N, M, T or the noise. CONSTRAINT.h5 is a program "
+                                          "with the functions constraint (q) -> g, potential (q) -> V and "
+                                          "mass (q) -> M of liegrad/constraint.h: the motion on g(q) = 0. "
+                                          "Starts are drawn from the range of q and projected. The data "
+                                          "file carries the functions, so train, evaluate and predict "
+                                          "need no further file.",
                                       .settings = APP_SETTINGS(APP_GIVEN(generate_options, values)),
                                       .run = run,
                                       .together = APP_WORKERS};

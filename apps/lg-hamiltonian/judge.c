@@ -18,8 +18,8 @@ double default_tolerance(const lg_hamiltonian *model) {
  * point to point. */
 enum { MOST_STEPS = 20000, MOST_STEPS_A_POINT = 2000 };
 
-/* Projects the points of a flow (count, d) onto the constraint of the model, if it has one. The integration in
- * R^2n leaves it by about the tolerance. */
+/* Projects the points of a flow (count, d) onto the constraint of the model, if it has one. The integration
+ * in R^2n leaves it by about the tolerance. */
 static lg_status land(const lg_hamiltonian *model, size_t count, double *y, lg_error *error) {
     const size_t d = lg_hamiltonian_state_dim(model);
     lg_status status = LG_OK;

@@ -121,7 +121,8 @@ static void integrate(const app *self, prediction *p) {
     p->seconds = app_seconds() - begin;
     p->y.hamiltonian[0] = p->energy[0];
     if (model->constraint != NULL)
-        APP_MUST(self, lg_trajectories_set_constraint(&p->y, lg_constraint_program(model->constraint), &error));
+        APP_MUST(self,
+                 lg_trajectories_set_constraint(&p->y, lg_constraint_program(model->constraint), &error));
     if (!p->has_scene) return;
     p->truth = app_alloc(points * p->dim, sizeof *p->truth);
     const lg_status status =

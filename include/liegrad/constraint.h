@@ -1,5 +1,5 @@
-/* Holonomic constraints g(q) = 0 that a user writes as a program. Library liegrad. docs/hamiltonians.md is the
- * guide; examples/own_constraint shows the whole way from g to a learned Hamiltonian.
+/* Holonomic constraints g(q) = 0 that a user writes as a program. Library liegrad. docs/hamiltonians.md is
+ * the guide; examples/own_constraint shows the whole way from g to a learned Hamiltonian.
  *
  * A mechanical system with q in R^n, constant mass matrix M and m constraints moves on Q = {q: g(q) = 0}. Its
  * states (q, p) lie on T*Q: g(q) = 0 and P(q) p = p, where p = P M q' and
@@ -10,13 +10,13 @@
  *   q' = P dH/dp,   p' = -P dH/dq + W(q, p) dH/dp,
  * with W(q, p) = P L^T P + L P - P L^T and L = d(P p)/dq. On T*Q this is
  *   q' = v,   p' = -P dH/dq - G^T (G G^T)^-1 (G'[v] p),   dH/dq = dV/dq - G'[v]^T lambda,
- * where G'[v] is the derivative of G along v. None of these formulas changes when the rows of G are multiplied
- * by numbers, so the units of g do not matter.
+ * where G'[v] is the derivative of G along v. None of these formulas changes when the rows of G are
+ * multiplied by numbers, so the units of g do not matter.
  *
  * The program has the functions
  *   constraint (q) -> g    q (n) and g (m), one row per state; 1 <= m < n <= 32
  *   potential (q) -> V     one number; needed to integrate and to generate data
- *   mass (q) -> M          (n), the diagonal, or (n, n); must not depend on q; without it M is the unit matrix
+ *   mass (q) -> M          (n), the diagonal, or (n, n); must not depend on q; default: the unit matrix
  * The range of q (lg_port.low, high) should be the range of the motion: random starts are drawn from it.
  *
  * What is refused. `rank` measures how far G is from losing rank, whatever the units of q and g are: row i of
@@ -42,17 +42,18 @@ LG_BEGIN_DECLS
 
 #define LG_CONSTRAINT_MOST_COORDINATES 32
 #define LG_CONSTRAINT_LEAST_RANK       1e-6 /* lowest `rank` */
-#define LG_CONSTRAINT_TOLERANCE        1e-6 /* largest distance of a start from T*Q, relative; see lg_constraint_look */
+#define LG_CONSTRAINT_TOLERANCE                                                                              \
+    1e-6 /* largest distance of a start from T*Q, relative; see lg_constraint_look */
 
 typedef struct lg_constraint lg_constraint;
 
-/* Makes the object from a program, which is only read. Derivatives of g are exact. Errors, with the function in
- * `error`: LG_FORMAT (no function `constraint`; wrong inputs, outputs or sizes; a mass that depends on q or is
- * not symmetric and positive definite), LG_NOT_FINITE (a mass), LG_OUT_OF_MEMORY, those of
+/* Makes the object from a program, which is only read. Derivatives of g are exact. Errors, with the function
+ * in `error`: LG_FORMAT (no function `constraint`; wrong inputs, outputs or sizes; a mass that depends on q
+ * or is not symmetric and positive definite), LG_NOT_FINITE (a mass), LG_OUT_OF_MEMORY, those of
  * lg_program_build and lg_program_derive. */
 LG_API lg_status lg_constraint_create(const lg_context *context, const lg_program *program,
                                       lg_constraint **out, lg_error *error);
-LG_API void lg_constraint_destroy(lg_constraint *constraint); /* NULL is allowed. */
+LG_API void lg_constraint_destroy(lg_constraint *constraint);               /* NULL is allowed. */
 LG_API uint32_t lg_constraint_coordinates(const lg_constraint *constraint); /* n */
 LG_API uint32_t lg_constraint_equations(const lg_constraint *constraint);   /* m */
 LG_API bool lg_constraint_moves(const lg_constraint *constraint); /* Whether there is a `potential`. */
@@ -70,12 +71,13 @@ typedef struct lg_constraint_view {
 } lg_constraint_view;
 
 /* Looks at a state. `size` is L; 0 means |q|. Errors, with the point in `error`: LG_NOT_FINITE (g or its
- * derivatives), LG_FORMAT (rank below LG_CONSTRAINT_LEAST_RANK), LG_OUT_OF_MEMORY. `out` is written unless the
- * status is LG_OUT_OF_MEMORY. */
+ * derivatives), LG_FORMAT (rank below LG_CONSTRAINT_LEAST_RANK), LG_OUT_OF_MEMORY. `out` is written unless
+ * the status is LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_constraint_look(const lg_constraint *constraint, double size, const double *state,
                                     lg_constraint_view *out, lg_error *error);
 /* Replaces q by the point of Q that Newton's method, q -= G^T (G G^T)^-1 g, finds from q, to rounding; then p
- * by P p. Errors: those of lg_constraint_look at the new point; LG_NO_CONVERGENCE. Then `state` is unchanged. */
+ * by P p. Errors: those of lg_constraint_look at the new point; LG_NO_CONVERGENCE. Then `state` is
+ * unchanged. */
 LG_API lg_status lg_constraint_project(const lg_constraint *constraint, double size, double *state,
                                        lg_error *error);
 
@@ -104,10 +106,9 @@ LG_API lg_status lg_constraint_flow(const lg_constraint *constraint, double tole
                                     size_t count, const double *y0, double *out, lg_error *error);
 
 /* How trajectories are sampled. Starts: q is drawn evenly from the range of the port q and projected onto Q;
- * p is P M v with v drawn evenly from (-speed, speed)^n and made tangent. Start number i depends on `seed` and
- * i only. */
+ * p is P M v with v drawn evenly from (-speed, speed)^n. Start number i depends on `seed` and i only. */
 typedef struct lg_constraint_sampling {
-    size_t size; /* sizeof(lg_constraint_sampling) */
+    size_t size;                        /* sizeof(lg_constraint_sampling) */
     size_t trajectories, first, points; /* `trajectories` from number `first` on */
     double t_end;
     double speed; /* default 1 */
@@ -118,8 +119,8 @@ typedef struct lg_constraint_sampling {
 } lg_constraint_sampling;
 LG_API void lg_constraint_sampling_init(lg_constraint_sampling *sampling);
 /* Writes t (points), data (trajectories, points, 2n) and hamiltonian (trajectories), the energies of the
- * starts without noise; each may be NULL except data. Errors: LG_INVALID_ARGUMENT, LG_NO_CONVERGENCE (no start
- * on Q was found in 1000 draws), those of lg_constraint_flow. */
+ * starts without noise; t and hamiltonian may be NULL. Errors: LG_INVALID_ARGUMENT, LG_NO_CONVERGENCE (no
+ * start on Q was found in 1000 draws), those of lg_constraint_flow. */
 LG_API lg_status lg_constraint_generate(const lg_constraint *constraint,
                                         const lg_constraint_sampling *sampling, double *t, double *data,
                                         double *hamiltonian, lg_error *error);

@@ -594,9 +594,9 @@ typedef struct lg_test_set {
 typedef struct lg_hamiltonian_file {
     lg_hamiltonian_run run;
     lg_constraint *constraint; /* what run.model.constraint points to in a file that was loaded; owned */
-    size_t parameters;       /* lg_hamiltonian_parameters(&run.model) */
-    double *theta;           /* (parameters), stored with the type run.training.dtype. */
-    double *adam_m, *adam_v; /* The state of Adam, (parameters) each, or both NULL. */
+    size_t parameters;         /* lg_hamiltonian_parameters(&run.model) */
+    double *theta;             /* (parameters), stored with the type run.training.dtype. */
+    double *adam_m, *adam_v;   /* The state of Adam, (parameters) each, or both NULL. */
     uint64_t adam_step;
     bool has_rng;
     lg_rng rng;

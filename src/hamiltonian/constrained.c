@@ -12,8 +12,8 @@ static double unit_of(const lg_hamiltonian *model) {
 
 static lg_var energy(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y) {
     const lg_hamiltonian *model = vars->model;
-    const lg_var v = lg_constraint_record_velocity(tape, model->constraint, unit_of(model), vars->kinetic[W],
-                                                   y[0], y[1]);
+    const lg_var v =
+        lg_constraint_record_velocity(tape, model->constraint, unit_of(model), vars->kinetic[W], y[0], y[1]);
     const lg_var twice = lg_rowdot(tape, y[1], v);
     return lg_add(tape, lg_scale(tape, twice, 0.5), lg_hamiltonian_potential(tape, vars, y[0]));
 }
@@ -21,8 +21,8 @@ static lg_var energy(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_va
 static void gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *out) {
     const lg_hamiltonian *model = vars->model;
     const lg_var slope = lg_hamiltonian_potential_gradient(tape, vars, y[0]);
-    lg_constraint_record_gradient(tape, model->constraint, unit_of(model), vars->kinetic[W], y[0], y[1], slope,
-                                  out);
+    lg_constraint_record_gradient(tape, model->constraint, unit_of(model), vars->kinetic[W], y[0], y[1],
+                                  slope, out);
 }
 
 static void field(const lg_hamiltonian *model, lg_tape *tape, const lg_var *y, const lg_var *dH, lg_var input,
@@ -30,16 +30,6 @@ static void field(const lg_hamiltonian *model, lg_tape *tape, const lg_var *y, c
     (void)model;
     const lg_var force = lg_is_none(input) ? input : lg_hamiltonian_input_like(tape, input, y[1]);
     lg_constraint_record_field(tape, NULL, 1.0, y, dH, force, out);
-}
-
-void lg_hamiltonian_record_algebra(lg_tape *tape, const lg_hamiltonian *model, double unit, const lg_var *y,
-                                   const lg_var *dH, lg_var input, lg_var *out) {
-    if (model->constraint == NULL) {
-        model->family->field(model, tape, y, dH, input, out);
-        return;
-    }
-    const lg_var force = lg_is_none(input) ? input : lg_hamiltonian_input_like(tape, input, y[1]);
-    lg_constraint_record_field(tape, model->constraint, unit, y, dH, force, out);
 }
 
 static bool learns(const lg_system *system, size_t *n) {

@@ -83,8 +83,7 @@ void lg_constraint_record_field(lg_tape *tape, const lg_constraint *constraint, 
         const normals at = normals_at(tape, constraint, unit, q);
         const lg_var across = lg_matmul(tape, at.G, column(tape, force));
         const lg_var turn = lg_matmul(tape, bent(tape, &at, q, v), column(tape, p));
-        const lg_var k =
-            lg_spd_solve(tape, lg_matmul_nt(tape, at.G, at.G), lg_add(tape, across, turn));
+        const lg_var k = lg_spd_solve(tape, lg_matmul_nt(tape, at.G, at.G), lg_add(tape, across, turn));
         force = lg_sub(tape, force, flat(tape, lg_matmul_tn(tape, at.G, k)));
     }
     out[0] = v;
@@ -115,13 +114,15 @@ static lg_status check_ports(const lg_program *program, size_t function, uint32_
     const char *name = lg_program_function_name(program, function);
     (void)lg_program_outputs(program, function, &out);
     if (in != 1 || out != 1)
-        return lg_fail(error, LG_FORMAT, "function %s has %zu inputs and %zu outputs; it must take q and give %s",
-                       name, in, out, "one output");
+        return lg_fail(error, LG_FORMAT,
+                       "function %s has %zu inputs and %zu outputs; it must take q and give %s", name, in,
+                       out, "one output");
     if (q->shared || q->shape.rank != 1)
-        return lg_fail(error, LG_FORMAT, "function %s: input %s must be a vector, one per row", name, q->name);
+        return lg_fail(error, LG_FORMAT, "function %s: input %s must be a vector, one per row", name,
+                       q->name);
     if (n > 0 && q->shape.dims[0] != n)
-        return lg_fail(error, LG_FORMAT, "function %s takes %u numbers, but function constraint takes %u", name,
-                       q->shape.dims[0], n);
+        return lg_fail(error, LG_FORMAT, "function %s takes %u numbers, but function constraint takes %u",
+                       name, q->shape.dims[0], n);
     return LG_OK;
 }
 
@@ -144,7 +145,8 @@ static lg_status take_functions(lg_constraint *c, const lg_program *program, lg_
         in[count] = *lg_program_inputs(program, function, &(size_t){0});
         if (i == CONSTRAINT) c->n = in[count].shape.dims[0];
         in[count].name = "q";
-        out[count] = (lg_port){.name = outputs[i], .unit = lg_program_outputs(program, function, &(size_t){0})->unit};
+        out[count] =
+            (lg_port){.name = outputs[i], .unit = lg_program_outputs(program, function, &(size_t){0})->unit};
         from[count] = (source){program, function};
         functions[count] = (lg_function_spec){names[i], &in[count], 1, &out[count], 1, copy, &from[count]};
         count++;
@@ -206,7 +208,8 @@ static lg_status read_mass(lg_constraint *c, const lg_port *port, lg_error *erro
                        n * n);
     LG_TRY(lg_program_sparsity(c->own, function, 0, 0, pattern, error));
     for (size_t i = 0; i < count * n; i++)
-        if (pattern[i]) return lg_fail(error, LG_FORMAT, "function mass depends on q: the mass must be constant");
+        if (pattern[i])
+            return lg_fail(error, LG_FORMAT, "function mass depends on q: the mass must be constant");
     LG_TRY(lg_program_eval(c->context, c->own, "mass", 1, &in, &out, error));
     memset(c->mass, 0, sizeof c->mass);
     for (size_t i = 0; i < n; i++)
@@ -241,8 +244,8 @@ static lg_status derive(lg_constraint *c, lg_derivative_kind kind, const char *f
     return lg_program_derive(c->program, &what, error);
 }
 
-static lg_status plan(lg_constraint *c, const lg_program *program, const char *name, size_t rows, lg_plan **out,
-                      lg_error *error) {
+static lg_status plan(lg_constraint *c, const lg_program *program, const char *name, size_t rows,
+                      lg_plan **out, lg_error *error) {
     lg_plan_options options;
     size_t function;
     lg_plan_options_init(&options);
@@ -327,8 +330,8 @@ lg_status lg_constraint_create(const lg_context *context, const lg_program *prog
 
 void lg_constraint_destroy(lg_constraint *constraint) {
     if (constraint == NULL) return;
-    lg_plan *const plans[] = {constraint->g,     constraint->G,     constraint->bends, constraint->potential,
-                              constraint->slope, constraint->field};
+    lg_plan *const plans[] = {constraint->g,         constraint->G,     constraint->bends,
+                              constraint->potential, constraint->slope, constraint->field};
     for (size_t i = 0; i < LG_COUNT(plans); i++) lg_plan_destroy(plans[i]);
     lg_program_destroy(constraint->motion);
     lg_program_destroy(constraint->program);

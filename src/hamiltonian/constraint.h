@@ -13,11 +13,11 @@ struct lg_constraint {
     /* The functions of the user, and the functions `jacobian` (q) -> G, `bend` (q, v) -> G'[v] and `slope`
      * (q) -> dV/dq. */
     lg_program *own, *program;
-    size_t jacobian;                         /* number of this function in `program` */
-    lg_program *motion;                      /* `field` (x) -> x'; NULL without potential */
-    lg_plan *g, *G, *bends;                  /* bends: for n rows */
-    lg_plan *potential, *slope, *field;      /* NULL without potential */
-    size_t work_size;                        /* of the largest plan */
+    size_t jacobian;                    /* number of this function in `program` */
+    lg_program *motion;                 /* `field` (x) -> x'; NULL without potential */
+    lg_plan *g, *G, *bends;             /* bends: for n rows */
+    lg_plan *potential, *slope, *field; /* NULL without potential */
+    size_t work_size;                   /* of the largest plan */
     double mass[LG_CONSTRAINT_MOST * LG_CONSTRAINT_MOST], inverse[LG_CONSTRAINT_MOST * LG_CONSTRAINT_MOST];
 };
 
@@ -40,10 +40,10 @@ void lg_constraint_record_field(lg_tape *tape, const lg_constraint *constraint, 
 typedef struct lg_constraint_work {
     const lg_constraint *of;
     void *plans;
-    double size;                                     /* L */
-    double g[LG_CONSTRAINT_MOST];                    /* at the last point */
+    double size;                                       /* L */
+    double g[LG_CONSTRAINT_MOST];                      /* at the last point */
     double G[LG_CONSTRAINT_MOST * LG_CONSTRAINT_MOST]; /* (m, n) at the last point */
-    double *bends;                                   /* (n, m, n) */
+    double *bends;                                     /* (n, m, n) */
 } lg_constraint_work;
 
 lg_status lg_constraint_begin(const lg_constraint *constraint, double size, const double *q,
@@ -55,12 +55,12 @@ void lg_constraint_normals(lg_constraint_work *work, const double *q);
 /* The view of q at which g and G are known. */
 lg_status lg_constraint_view_of(lg_constraint_work *work, const double *q, lg_constraint_view *out,
                                 lg_error *error);
-/* x -= G^T (G K G^T)^-1 G K x with K (n, n), or the unit matrix for NULL, and G of the work. False: singular. */
+/* x -= G^T (G K G^T)^-1 G K x with G of the work and K (n, n); NULL: the unit matrix. False: singular. */
 bool lg_constraint_clear(const lg_constraint_work *work, const double *K, double *x);
 /* Projects q; work has g and G at the result. */
 lg_status lg_constraint_land(lg_constraint_work *work, double *q, lg_error *error);
-/* Whether a change `moved` of a point whose numbers are at most `size` is rounding error; `before` is the change
- * before. */
+/* Whether a change `moved` of a point whose numbers are at most `size` is rounding error; `before` is the
+ * change before. */
 bool lg_constraint_settled(double moved, double before, double size);
 /* "q = (0.1, 0.2, ...)" for messages. */
 typedef struct lg_constraint_text {

@@ -204,11 +204,12 @@ lg_status lg_constraint_view_of(lg_constraint_work *work, const double *q, lg_co
         return lg_fail(error, LG_NOT_FINITE, "a second derivative of the constraint is not finite at %s",
                        lg_constraint_show(work->of, q).text);
     if (out->rank < LG_CONSTRAINT_LEAST_RANK)
-        return lg_fail(error, LG_FORMAT,
-                       "the Jacobian G of the constraint loses rank at %s: its relative smallest singular value "
-                       "is %.2g, and %g is needed; the %u constraints depend on each other or one of them is "
-                       "flat there",
-                       lg_constraint_show(work->of, q).text, out->rank, LG_CONSTRAINT_LEAST_RANK, work->of->m);
+        return lg_fail(
+            error, LG_FORMAT,
+            "the Jacobian G of the constraint loses rank at %s: its relative smallest singular value "
+            "is %.2g, and %g is needed; the %u constraints depend on each other or one of them is "
+            "flat there",
+            lg_constraint_show(work->of, q).text, out->rank, LG_CONSTRAINT_LEAST_RANK, work->of->m);
     if (newton_step(work, step)) out->off = norm(n, step) / (work->size > 0.0 ? work->size : 1.0);
     return LG_OK;
 }
@@ -234,7 +235,8 @@ lg_status lg_constraint_look(const lg_constraint *constraint, double size, const
 }
 
 bool lg_constraint_settled(double moved, double before, double size) {
-    return moved <= 4.0 * DBL_EPSILON * size || (moved >= 0.25 * before && moved <= 1024.0 * DBL_EPSILON * size);
+    return moved <= 4.0 * DBL_EPSILON * size ||
+           (moved >= 0.25 * before && moved <= 1024.0 * DBL_EPSILON * size);
 }
 
 lg_status lg_constraint_land(lg_constraint_work *work, double *q, lg_error *error) {

@@ -1,4 +1,4 @@
-/* Motions under constraints of the user: RATTLE, exact flows, samples; liegrad/constraint.h has the formulas. */
+/* Motions under constraints of the user: RATTLE, exact flows, samples. liegrad/constraint.h has formulas. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -164,10 +164,11 @@ static lg_status one_step(rattle *s, int order, double h, double t, lg_error *er
         double from[MOST];
         memcpy(from, s->q, sizeof from);
         if (!step(s, part[i] * h))
-            return lg_fail(error, LG_NO_CONVERGENCE,
-                           "time %g: a step of %g from %s finds no point with g(q) = 0 nearby: the step is too "
-                           "long, or the normals of the constraint turn by a right angle within it",
-                           t, part[i] * h, lg_constraint_show(s->work.of, from).text);
+            return lg_fail(
+                error, LG_NO_CONVERGENCE,
+                "time %g: a step of %g from %s finds no point with g(q) = 0 nearby: the step is too "
+                "long, or the normals of the constraint turn by a right angle within it",
+                t, part[i] * h, lg_constraint_show(s->work.of, from).text);
     }
     const lg_status status = lg_constraint_view_of(&s->work, s->q, &view, &why);
     return status == LG_OK ? LG_OK : lg_fail(error, status, "time %g: %s", t + h, why.message);
@@ -189,7 +190,8 @@ static lg_status run(rattle *s, int order, double h, size_t steps, size_t every,
     lg_constraint_value(&s->work, s->q);
     LG_TRY(lg_constraint_view_of(&s->work, s->q, &view, error));
     if (!lg_constraint_clear(&s->work, c->inverse, s->u))
-        return lg_fail(error, LG_FORMAT, "the constraint is singular at %s", lg_constraint_show(c, s->q).text);
+        return lg_fail(error, LG_FORMAT, "the constraint is singular at %s",
+                       lg_constraint_show(c, s->q).text);
     for (size_t i = 1; i <= steps; i++) {
         if (i % 1024 == 0 && lg_cancelled(c->context)) return lg_fail(error, LG_CANCELLED, "cancelled");
         LG_TRY(one_step(s, order, h, (double)(i - 1) * h, error));
@@ -203,9 +205,11 @@ lg_status lg_constraint_rattle(const lg_constraint *constraint, int order, doubl
                                size_t every, const double *y0, double *out, lg_error *error) {
     LG_NEEDS(error, constraint, y0, out);
     LG_TRY(needs_motion(constraint, error));
-    if ((order != 2 && order != 4) || !isfinite(h) || h == 0.0 || steps == 0 || every == 0 || steps % every != 0)
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "the order must be 2 or 4, the step finite and not 0, and `every` must divide the steps");
+    if ((order != 2 && order != 4) || !isfinite(h) || h == 0.0 || steps == 0 || every == 0 ||
+        steps % every != 0)
+        return lg_fail(
+            error, LG_INVALID_ARGUMENT,
+            "the order must be 2 or 4, the step finite and not 0, and `every` must divide the steps");
     const size_t n = constraint->n;
     rattle s;
     LG_TRY(lg_constraint_begin(constraint, 0.0, y0, &s.work, error));
@@ -265,8 +269,9 @@ lg_status lg_constraint_flow(const lg_constraint *constraint, double tolerance, 
     for (size_t i = 0; i < n; i++) size += y0[i] * y0[i];
     LG_TRY(lg_space_init_rn(&ode.space, 2 * n));
     self.work = lg_alloc(constraint->context, lg_plan_work_size(constraint->field), 1);
-    lg_status status = self.work != NULL ? lg_stepper_create(constraint->context, lg_scheme_find("dp85"), &ode, &stepper)
-                                         : LG_OUT_OF_MEMORY;
+    lg_status status = self.work != NULL
+                           ? lg_stepper_create(constraint->context, lg_scheme_find("dp85"), &ode, &stepper)
+                           : LG_OUT_OF_MEMORY;
     if (status != LG_OK) (void)lg_fail(error, status, "%s", lg_status_sentence(status));
     if (status == LG_OK) {
         memmove(out, y0, 2 * n * sizeof *y0);
@@ -317,8 +322,8 @@ static lg_status draw_start(const lg_constraint *c, const lg_constraint_sampling
 }
 
 /* Noise of the first point is drawn last, so it does not change the noise of the others. */
-static lg_status add_noise(const lg_constraint *c, const lg_constraint_sampling *how, size_t number, double *y,
-                           lg_error *error) {
+static lg_status add_noise(const lg_constraint *c, const lg_constraint_sampling *how, size_t number,
+                           double *y, lg_error *error) {
     const size_t d = 2 * (size_t)c->n;
     lg_rng rng;
     lg_rng_seed(&rng, how->seed, (uint64_t)number * STREAMS + NOISE);
@@ -338,7 +343,8 @@ lg_status lg_constraint_generate(const lg_constraint *constraint, const lg_const
     if (how->size != sizeof *how || how->points < 2 || !(how->t_end > 0.0 && how->t_end <= DBL_MAX) ||
         !(how->speed >= 0.0 && how->speed <= DBL_MAX) || !(how->noise >= 0.0 && how->noise <= DBL_MAX) ||
         (unsigned)how->noise_kind > LG_NOISE_UNIFORM)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a number of points, a time, a speed or a noise is out of range");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "a number of points, a time, a speed or a noise is out of range");
     double *grid = lg_alloc(constraint->context, how->points, sizeof *grid);
     if (grid == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for times");
     for (size_t j = 0; j < how->points; j++) grid[j] = how->t_end * (double)j / (double)(how->points - 1);
@@ -354,7 +360,8 @@ lg_status lg_constraint_generate(const lg_constraint *constraint, const lg_const
             status = lg_constraint_energy(constraint, start, &energy, error);
             hamiltonian[i] = energy;
         }
-        if (status == LG_OK && how->noise > 0.0) status = add_noise(constraint, how, how->first + i, y, error);
+        if (status == LG_OK && how->noise > 0.0)
+            status = add_noise(constraint, how, how->first + i, y, error);
     }
     lg_free(constraint->context, grid);
     return status;

@@ -75,7 +75,7 @@ lg_var lg_hamiltonian_columns_crossed(lg_tape *tape, lg_var a, lg_var b);
 lg_status lg_hamiltonian_variational_step(lg_tape *tape, const lg_hamiltonian_vars *vars, double h,
                                           const lg_var *y, lg_var *out);
 
-/* The field, an algebra element, from dH/dy. With a constraint, `unit` times q is in the units of the data. */
+/* The field, an algebra element, from dH/dy. With a constraint: `unit` times q has the units of the data. */
 void lg_hamiltonian_record_algebra(lg_tape *tape, const lg_hamiltonian *model, double unit, const lg_var *y,
                                    const lg_var *dH, lg_var input, lg_var *out);
 /* For families with the arrays Gamma (n, n) and b (n): whether the pivots of m = Gamma^T Gamma + diag(max(0,

@@ -5,6 +5,7 @@
 #include "core/core.h"
 #include "integrators/taped_internal.h"
 #include "liegrad/ops.h"
+#include "hamiltonian/constraint.h"
 #include "hamiltonian/internal.h"
 
 /* ---- scales ---- */
@@ -150,6 +151,16 @@ static void gradient_parts(lg_tape *tape, const lg_hamiltonian_vars *vars, const
         out[i] = lg_hamiltonian_scaled(tape, out[i], energy / model->scales.part[i]);
 }
 
+void lg_hamiltonian_record_algebra(lg_tape *tape, const lg_hamiltonian *model, double unit, const lg_var *y,
+                                   const lg_var *dH, lg_var input, lg_var *out) {
+    if (model->constraint == NULL) {
+        model->family->field(model, tape, y, dH, input, out);
+        return;
+    }
+    const lg_var force = lg_is_none(input) ? input : lg_hamiltonian_input_like(tape, input, y[1]);
+    lg_constraint_record_field(tape, model->constraint, unit, y, dH, force, out);
+}
+
 /* gradient_inside, gradient_parts, or a family's gradient_on_manifold. */
 typedef void (*gradient_of)(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *out);
 
@@ -157,9 +168,8 @@ static void field_parts(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg
                         gradient_of gradient, lg_var *out) {
     lg_var dH[LG_HAMILTONIAN_MAX_PARTS];
     gradient(tape, vars, y, dH);
-    lg_hamiltonian_record_algebra(tape, vars->model,
-                                  gradient == gradient_parts ? 1.0 : vars->model->scales.part[0], y, dH,
-                                  input, out);
+    lg_hamiltonian_record_algebra(
+        tape, vars->model, gradient == gradient_parts ? 1.0 : vars->model->scales.part[0], y, dH, input, out);
 }
 
 static lg_status velocity_parts(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var input,

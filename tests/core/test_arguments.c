@@ -407,6 +407,44 @@ TEST("functions of networks and fits refuse NULL") {
     lg_fit_destroy(fit);
 }
 
+/* The plane x = 0 in R^3, with the potential x. */
+static lg_status first_number(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    (void)user, (void)theta;
+    *y = lg_slice(tape, x[0], 1, 0, 1);
+    return lg_tape_status(tape);
+}
+
+TEST("functions of constraints refuse NULL") {
+    const lg_port q = {.name = "q", .shape = lg_shape1(3)}, g = {.name = "g"};
+    const lg_function_spec functions[] = {{"constraint", &q, 1, &g, 1, first_number, NULL},
+                                          {"potential", &q, 1, &g, 1, first_number, NULL}};
+    const double y[6] = {0, 1, 2, 0, 1, 0}, t[2] = {0, 1};
+    double out[12], state[6] = {0, 1, 2, 0, 1, 0};
+    lg_program_spec spec;
+    lg_program *program;
+    lg_constraint *c;
+    lg_constraint_view view;
+    lg_constraint_sampling how;
+    lg_trajectories data = {.family = lg_hamiltonian_family_find("constrained"), .n = 3};
+    lg_error *const none = NULL;
+    lg_program_spec_init(&spec);
+    spec.functions = functions;
+    spec.function_count = 2;
+    assert_ok(lg_program_build(NULL, &spec, &program, NULL));
+    assert_ok(lg_constraint_create(NULL, program, &c, NULL));
+    lg_constraint_sampling_init(&how);
+    REFUSES(lg_constraint_create(NULL, NEEDED(program), NEEDED(&c), none));
+    REFUSES(lg_constraint_look(NEEDED(c), 0, NEEDED(y), NEEDED(&view), none));
+    REFUSES(lg_constraint_project(NEEDED(c), 0, NEEDED(state), none));
+    REFUSES(lg_constraint_energy(NEEDED(c), NEEDED(y), NEEDED(out), none));
+    REFUSES(lg_constraint_rattle(NEEDED(c), 2, 0.1, 1, 1, NEEDED(y), NEEDED(out), none));
+    REFUSES(lg_constraint_flow(NEEDED(c), 1e-6, NEEDED(t), 2, NEEDED(y), NEEDED(out), none));
+    REFUSES(lg_constraint_generate(NEEDED(c), NEEDED(&how), NULL, NEEDED(out), NULL, none));
+    REFUSES(lg_trajectories_set_constraint(NEEDED(&data), NEEDED(program), none));
+    lg_constraint_destroy(c);
+    lg_program_destroy(program);
+}
+
 RELEASES(release_model, lg_model_destroy)
 
 TEST("functions of Hamiltonians, models and control refuse NULL") {

@@ -31,14 +31,16 @@ static inline lg_status put_rows(lg_tape *tape, const constraint_units *units, c
 
 /* (x - cx)^2 + (y - cy)^2 - r^2 */
 static inline lg_var circle(lg_tape *tape, lg_var x, double cx, lg_var y, double cy, double r) {
-    const lg_var a = lg_square(tape, lg_add_scalar(tape, x, -cx)), b = lg_square(tape, lg_add_scalar(tape, y, -cy));
+    const lg_var a = lg_square(tape, lg_add_scalar(tape, x, -cx)),
+                 b = lg_square(tape, lg_add_scalar(tape, y, -cy));
     return lg_add_scalar(tape, lg_add(tape, a, b), -r * r);
 }
 
 static inline lg_status ball(void *user, lg_tape *tape, const lg_var *theta, const lg_var *q, lg_var *g) {
     const constraint_units *units = user;
     const lg_var x = coordinate(tape, units, q[0], 0), y = coordinate(tape, units, q[0], 1);
-    const lg_var g0 = lg_add(tape, circle(tape, x, 0, y, 0, 1), lg_square(tape, coordinate(tape, units, q[0], 2)));
+    const lg_var g0 =
+        lg_add(tape, circle(tape, x, 0, y, 0, 1), lg_square(tape, coordinate(tape, units, q[0], 2)));
     (void)theta;
     return put_rows(tape, units, &g0, 1, g);
 }
@@ -64,10 +66,9 @@ static inline lg_status linkage(void *user, lg_tape *tape, const lg_var *theta, 
     const constraint_units *units = user;
     lg_var x[4];
     for (uint32_t i = 0; i < 4; i++) x[i] = coordinate(tape, units, q[0], i);
-    const lg_var rows[3] = {
-        circle(tape, x[0], 0, x[1], 0, 0.6),
-        circle(tape, lg_sub(tape, x[2], x[0]), 0, lg_sub(tape, x[3], x[1]), 0, 1.4),
-        circle(tape, x[2], 1.5, x[3], 0, 1.0)};
+    const lg_var rows[3] = {circle(tape, x[0], 0, x[1], 0, 0.6),
+                            circle(tape, lg_sub(tape, x[2], x[0]), 0, lg_sub(tape, x[3], x[1]), 0, 1.4),
+                            circle(tape, x[2], 1.5, x[3], 0, 1.0)};
     (void)theta;
     return put_rows(tape, units, rows, 3, g);
 }
@@ -97,8 +98,10 @@ typedef struct constraint_case {
     lg_record_function g, V, M; /* V and M may be NULL */
     uint32_t n, m;
 } constraint_case;
-static const constraint_case constraint_cases[] __attribute__((unused)) = {
-    {"sphere", ball, hill, NULL, 3, 1}, {"knot", knot, hill, heavy, 3, 2}, {"linkage", linkage, hill, heavy, 4, 3}};
+static const constraint_case constraint_cases[]
+    __attribute__((unused)) = {{"sphere", ball, hill, NULL, 3, 1},
+                               {"knot", knot, hill, heavy, 3, 2},
+                               {"linkage", linkage, hill, heavy, 4, 3}};
 enum { CONSTRAINTS = LG_COUNT(constraint_cases) };
 
 static inline lg_status constraint_program_of(const constraint_case *of, const constraint_units *units,
@@ -107,7 +110,8 @@ static inline lg_status constraint_program_of(const constraint_case *of, const c
         const constraint_units *borrowed;
         void *user;
     } pointer = {.borrowed = units};
-    const lg_port q = {.name = "q", .shape = lg_shape1(of->n), .low = -1.6 * units->length, .high = 1.6 * units->length};
+    const lg_port q = {
+        .name = "q", .shape = lg_shape1(of->n), .low = -1.6 * units->length, .high = 1.6 * units->length};
     const lg_port out_port[] = {{.name = "g"}, {.name = "V"}, {.name = "M"}};
     const lg_record_function record[] = {of->g, of->V, of->M};
     const char *const names[] = {"constraint", "potential", "mass"};

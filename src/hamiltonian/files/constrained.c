@@ -53,10 +53,11 @@ lg_status lg_constrained_size(const char *path, lg_trajectories *data, lg_error 
     data->family = lg_hamiltonian_family_find("constrained");
     data->n = n;
     if (data->state_dim == 2 * n) return LG_OK;
-    return lg_fail(error, LG_FORMAT,
-                   "%s: /trajectories: d = %u, but function constraint takes q of %u numbers, and a state q p "
-                   "has %u",
-                   lg_shown_path(path), data->state_dim, n, 2 * n);
+    return lg_fail(
+        error, LG_FORMAT,
+        "%s: /trajectories: d = %u, but function constraint takes q of %u numbers, and a state q p "
+        "has %u",
+        lg_shown_path(path), data->state_dim, n, 2 * n);
 }
 
 /* The length L: the root mean square of |q|. */
@@ -81,19 +82,20 @@ lg_status lg_constrained_points(const char *path, bool project, lg_trajectories 
         const lg_status status = lg_constraint_look(data->constraint, size, state, &view, &why);
         if (status != LG_OK)
             return lg_fail(error, status == LG_OUT_OF_MEMORY ? status : LG_FORMAT,
-                           "%s: /trajectories: point %zu of trajectory %zu: %s", lg_shown_path(path), point + 1,
-                           trajectory, why.message);
+                           "%s: /trajectories: point %zu of trajectory %zu: %s", lg_shown_path(path),
+                           point + 1, trajectory, why.message);
         const double off = fmax(view.off, view.across);
         if (point > 0) continue;
         data->starts_off = fmax(data->starts_off, off);
         if (off <= LG_CONSTRAINT_TOLERANCE) continue;
         if (!project)
-            return lg_fail(error, LG_FORMAT,
-                           "%s: /trajectories: the first point of trajectory %zu is off the constraint: g(q) = "
-                           "0 by %.3g of the size of q (largest |g_i| = %.3g), and P(q) p = p by %.3g of the "
-                           "size of p; momenta must be p = P(q) M q'; if the difference is noise, give --starts "
-                           "measured",
-                           lg_shown_path(path), trajectory, view.off, view.residual, view.across);
+            return lg_fail(
+                error, LG_FORMAT,
+                "%s: /trajectories: the first point of trajectory %zu is off the constraint: g(q) = "
+                "0 by %.3g of the size of q (largest |g_i| = %.3g), and P(q) p = p by %.3g of the "
+                "size of p; momenta must be p = P(q) M q'; if the difference is noise, give --starts "
+                "measured",
+                lg_shown_path(path), trajectory, view.off, view.residual, view.across);
         if (lg_constraint_project(data->constraint, size, state, &why) != LG_OK)
             return lg_fail(error, LG_FORMAT, "%s: /trajectories: the first point of trajectory %zu: %s",
                            lg_shown_path(path), trajectory, why.message);

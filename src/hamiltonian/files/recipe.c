@@ -14,10 +14,11 @@ const lg_field lg_hamiltonian_options[] = {
     LG_OPTION(lg_hamiltonian_state, newton, SWITCH, NULL,
               "After the last epoch, minimise the loss to rounding by Newton's method on all data (for few "
               "parameters)"),
-    LG_OPTION(lg_hamiltonian_state, constraint, STRING, "FILE.h5",
-              "A file with the function constraint (q) -> g, for states q p with g(q) = 0; it replaces the one "
-              "in the data",
-              .file = LG_FILE_READ),
+    LG_OPTION(
+        lg_hamiltonian_state, constraint, STRING, "FILE.h5",
+        "A file with the function constraint (q) -> g, for states q p with g(q) = 0; it replaces the one "
+        "in the data",
+        .file = LG_FILE_READ),
     LG_FIELD_END};
 
 /* ---- the data ---- */

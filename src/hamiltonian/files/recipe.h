@@ -7,7 +7,7 @@
 
 /* State of the trainer. A caller that has the trajectories already sets `data` and does not call `read`. */
 typedef struct lg_hamiltonian_state {
-    bool newton; /* option --newton */
+    bool newton;            /* option --newton */
     const char *constraint; /* option --constraint, a file with the function `constraint`; or NULL */
     lg_trajectories data;
     lg_hamiltonian_problem problem;

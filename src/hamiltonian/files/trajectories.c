@@ -74,7 +74,8 @@ lg_status lg_trajectories_create(const lg_context *context, const char *system,
 
 lg_status lg_trajectories_set_constraint(lg_trajectories *data, const lg_program *program, lg_error *error) {
     if (data == NULL || data->family == NULL || !data->family->constrained)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "only trajectories of family constrained have a constraint");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "only trajectories of family constrained have a constraint");
     lg_constraint *made;
     LG_TRY(lg_constraint_create(data->context, program, &made, error));
     if (lg_constraint_coordinates(made) != data->n) {
