@@ -322,7 +322,7 @@ static lg_status draw_start(const lg_constraint *c, const lg_constraint_sampling
 }
 
 /* Noise of the first point is drawn last, so it does not change the noise of the others. */
-static lg_status add_noise(const lg_constraint *c, const lg_constraint_sampling *how, size_t number,
+static lg_status disturb(const lg_constraint *c, const lg_constraint_sampling *how, size_t number,
                            double *y, lg_error *error) {
     const size_t d = 2 * (size_t)c->n;
     lg_rng rng;
@@ -361,7 +361,7 @@ lg_status lg_constraint_generate(const lg_constraint *constraint, const lg_const
             hamiltonian[i] = energy;
         }
         if (status == LG_OK && how->noise > 0.0)
-            status = add_noise(constraint, how, how->first + i, y, error);
+            status = disturb(constraint, how, how->first + i, y, error);
     }
     lg_free(constraint->context, grid);
     return status;
