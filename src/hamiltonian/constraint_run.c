@@ -322,8 +322,8 @@ static lg_status draw_start(const lg_constraint *c, const lg_constraint_sampling
 }
 
 /* Noise of the first point is drawn last, so it does not change the noise of the others. */
-static lg_status disturb(const lg_constraint *c, const lg_constraint_sampling *how, size_t number,
-                           double *y, lg_error *error) {
+static lg_status disturb(const lg_constraint *c, const lg_constraint_sampling *how, size_t number, double *y,
+                         lg_error *error) {
     const size_t d = 2 * (size_t)c->n;
     lg_rng rng;
     lg_rng_seed(&rng, how->seed, (uint64_t)number * STREAMS + NOISE);
@@ -360,8 +360,7 @@ lg_status lg_constraint_generate(const lg_constraint *constraint, const lg_const
             status = lg_constraint_energy(constraint, start, &energy, error);
             hamiltonian[i] = energy;
         }
-        if (status == LG_OK && how->noise > 0.0)
-            status = disturb(constraint, how, how->first + i, y, error);
+        if (status == LG_OK && how->noise > 0.0) status = disturb(constraint, how, how->first + i, y, error);
     }
     lg_free(constraint->context, grid);
     return status;

@@ -157,4 +157,33 @@ static inline double *constraint_states(const lg_constraint *constraint, size_t 
     return data;
 }
 
+/* |g| at most a few roundings, however many steps; energy within a band that does not grow. */
+static inline void constraint_long_run(size_t i, size_t steps) {
+    const lg_constraint *constraint = make_constraint(&constraint_cases[i], &plain_units);
+    const double *y = constraint_states(constraint, 1, 1.0, NULL);
+    const size_t d = 2 * constraint_cases[i].n, pieces = 20, each = steps / pieces;
+    const double h = 0.01;
+    double *out = TEST_ARRAY(double, (each + 1) * d), start[8], H0, residual = 0, off = 0, band[2] = {0};
+    memcpy(start, y, d * sizeof *start);
+    assert_ok(lg_constraint_energy(constraint, start, &H0, NULL));
+    for (size_t piece = 0; piece < pieces; piece++) {
+        assert_told(lg_constraint_rattle(constraint, 2, h, each, 1, start, out, &told));
+        for (size_t k = 0; k <= each; k++) {
+            lg_constraint_view view;
+            double H;
+            assert_told(lg_constraint_look(constraint, 1.0, out + k * d, &view, &told));
+            assert_ok(lg_constraint_energy(constraint, out + k * d, &H, NULL));
+            residual = fmax(residual, view.residual);
+            off = fmax(off, view.off);
+            double *half = &band[piece < pieces / 2 ? 0 : 1];
+            *half = fmax(*half, fabs(H - H0));
+        }
+        memcpy(start, out + each * d, d * sizeof *start);
+    }
+    print_message("  %-8s %zu steps: |g| %.1e, off %.1e, energy %.1e, then %.1e\n", constraint_cases[i].name,
+                  steps, residual, off, band[0], band[1]);
+    assert_true(residual < 4e-15 && off < 4e-15);
+    assert_true(band[1] < 1e-3 && band[1] < 1.2 * band[0]);
+}
+
 #endif
