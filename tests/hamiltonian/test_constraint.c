@@ -446,6 +446,10 @@ TEST("RATTLE is refused beyond a right angle of the normals, and where the rank 
     assert_told(lg_constraint_rattle(c, 2, 0.5, 1, 1, y, out, &told));
     assert_status(lg_constraint_rattle(c, 2, 3.0, 1, 1, y, out, &why), LG_NO_CONVERGENCE);
     assert_says(why.message, "q = (1, 0, 0)");
+    /* The potential throws the point to the other side, where Newton's method finds a root. */
+    const double thrown[6] = {1, 0, 0, 0, 0.1, 0.7};
+    assert_told(lg_constraint_rattle(c, 2, 0.8, 1, 1, thrown, out, &told));
+    assert_status(lg_constraint_rattle(c, 2, 1.6, 1, 1, thrown, out, &why), LG_NO_CONVERGENCE);
     const constraint_case flat = {"flat", flat_ball, hill, NULL, 3, 1};
     assert_status(lg_constraint_rattle(make_constraint(&flat, &plain_units), 2, 0.1, 1, 1, y, out, &why),
                   LG_FORMAT);
