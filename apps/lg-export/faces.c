@@ -192,7 +192,7 @@ lg_status export_keep_condition(export_model *m, lg_error *error) {
 /* Sets source->condition to the largest factor by which one of these functions multiplies rounding errors at
  * the golden vectors: grad, field and step of models that move; value and grad of other models, rounded up to
  * a whole number. */
-static lg_status measure_condition(export_model *m, lg_error *error) {
+lg_status export_measure_condition(export_model *m, lg_error *error) {
     static const char *const names[] = {"value", "grad", "field", "step"};
     const export_golden *golden = &m->source->golden;
     const size_t n = m->source->inputs;
@@ -235,7 +235,7 @@ static int write_model(export_model *m) {
     if (status != LG_OK)
         return app_fail(m->self, status, "%s: golden vectors of its field and step: %s",
                         m->source->options->file, lg_status_sentence(status));
-    status = m->kind->condition != NULL ? m->kind->condition(m, &error) : measure_condition(m, &error);
+    status = m->kind->condition != NULL ? m->kind->condition(m, &error) : export_measure_condition(m, &error);
     if (status != LG_OK) return app_fail_file(m->self, status, &error, m->source->options->file);
     m->kind->tell(m);
     export_warn_delay(m->self, m->source);

@@ -117,6 +117,8 @@ size_t export_work_of(const export_model *m, const char *function);
 void export_rest(const lg_space *space, double *y);
 /* The `condition` of kinds whose condition is 1 or was set before the code is written: changes nothing. */
 lg_status export_keep_condition(export_model *m, lg_error *error);
+/* The `condition` that is measured at the golden vectors. */
+lg_status export_measure_condition(export_model *m, lg_error *error);
 /* Adds a line such as "state (6)     q1 p1" to `about`: what (count), words. */
 void export_tell_numbers(text *about, const char *what, size_t count, const char *words);
 /* Adds lines about the scheme, about `what` (the function that a step evaluates), and about the condition if

@@ -169,8 +169,11 @@ static void tell(export_model *m) {
     const lg_hamiltonian_file *file = m->file->contents;
     tell_model(m->source, &file->run.model);
     export_tell_motion(m, m->source->options->scheme->kind == LG_SCHEME_SPLITTING ? "gradient of V" : "field",
-                       "the mass matrix is nearly singular, which multiplies rounding and the\n    "
-                       "          tolerance by this factor");
+                       file->run.model.constraint != NULL
+                           ? "the normals of the constraint, or the mass matrix, multiply rounding at the\n    "
+                             "          self-test's random points, and the tolerance, by this factor"
+                           : "the mass matrix is nearly singular, which multiplies rounding and the\n    "
+                             "          tolerance by this factor");
     tell_training(&m->source->about, file);
     export_provenance(m->source, &file->provenance, file->run.data_sha256);
 }
@@ -194,10 +197,16 @@ static int begin(export_model *m) {
                     m->self->arguments[0]);
 }
 
+/* The golden vectors are random: the normals of a constraint may be nearly dependent there. */
+static lg_status condition_of(export_model *m, lg_error *error) {
+    const lg_hamiltonian *model = &((const lg_hamiltonian_file *)m->file->contents)->run.model;
+    return model->constraint != NULL ? export_measure_condition(m, error) : export_keep_condition(m, error);
+}
+
 const export_kind export_kind_hamiltonian = {.recipe = &lg_recipe_hamiltonian,
                                              .gradient = true,
                                              .words = give_words,
                                              .begin = begin,
                                              .depth = depth_of,
-                                             .condition = export_keep_condition,
+                                             .condition = condition_of,
                                              .tell = tell};
