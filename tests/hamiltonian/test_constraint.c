@@ -369,6 +369,20 @@ TEST("motions need a potential, and their settings are checked") {
 
 /* ---- motions ---- */
 
+TEST("the exact flow is projected at each of the times, however loose its tolerance is") {
+    for (size_t i = 0; i < CONSTRAINTS; i++) {
+        const tied s = make_tied(i, 1.0);
+        const double times[] = {0, 0.7, 1.4};
+        double path[3 * 2 * MOST_N];
+        assert_told(lg_constraint_flow(s.constraint, 1e-3, times, 3, s.y, path, &told));
+        for (size_t k = 1; k < 3; k++) {
+            lg_constraint_view view;
+            assert_told(lg_constraint_look(s.constraint, 1.0, path + 2 * s.n * k, &view, &told));
+            assert_true(view.residual < 2e-15 && view.across < 1e-13);
+        }
+    }
+}
+
 /* By differences along the flow: P (M q'' + dV/dq) = 0, and p = P M q'. */
 TEST("the exact flow obeys Newton's equations with forces along the normals") {
     for (size_t i = 0; i < CONSTRAINTS; i++) {

@@ -168,12 +168,13 @@ static void tell_training(text *about, const lg_hamiltonian_file *file) {
 static void tell(export_model *m) {
     const lg_hamiltonian_file *file = m->file->contents;
     tell_model(m->source, &file->run.model);
-    export_tell_motion(m, m->source->options->scheme->kind == LG_SCHEME_SPLITTING ? "gradient of V" : "field",
-                       file->run.model.constraint != NULL
-                           ? "the normals of the constraint, or the mass matrix, multiply rounding at the\n    "
-                             "          self-test's random points, and the tolerance, by this factor"
-                           : "the mass matrix is nearly singular, which multiplies rounding and the\n    "
-                             "          tolerance by this factor");
+    export_tell_motion(
+        m, m->source->options->scheme->kind == LG_SCHEME_SPLITTING ? "gradient of V" : "field",
+        file->run.model.constraint != NULL
+            ? "the normals of the constraint, or the mass matrix, multiply rounding at the\n    "
+              "          self-test's random points, and the tolerance, by this factor"
+            : "the mass matrix is nearly singular, which multiplies rounding and the\n    "
+              "          tolerance by this factor");
     tell_training(&m->source->about, file);
     export_provenance(m->source, &file->provenance, file->run.data_sha256);
 }
