@@ -139,6 +139,11 @@ TEST("constraints that do not fit the data are refused with the point and the nu
     cli_expect(lg, "generate data.h5 --segments 3 --out none.h5", 2, "--segments");
     cli_expect(lg, "generate double.h5 --out none.h5", 4, "no start with g(q) = 0");
     cli_expect(lg, "predict near.h5 --initial 1,0,0.5,0,0,0", 2, "off the constraint");
+    lg_trajectories *hit = cli_trajectories("data.h5"); /* a later point on the axis, where G is not finite */
+    memset(hit->data + (2 * hit->points + 3) * hit->state_dim, 0, 3 * sizeof *hit->data);
+    assert_ok(lg_trajectories_write(NULL, cli_at("axis.h5"), hit, NULL));
+    cli_expect(lg, "train axis.h5 --out none.h5", 3,
+               "point 4 of trajectory 2: the constraint or its Jacobian");
     assert_false(cli_exists("none.h5"));
 }
 
