@@ -351,7 +351,7 @@ lg_status lg_constraint_generate(const lg_constraint *constraint, const lg_const
     if (t != NULL) memcpy(t, grid, how->points * sizeof *t);
     lg_status status = LG_OK;
     for (size_t i = 0; status == LG_OK && i < how->trajectories; i++) {
-        double *y = data + i * how->points * d, start[2 * MOST], energy;
+        double *y = data + i * how->points * d, start[2 * MOST], energy = (double)NAN;
         if (lg_cancelled(constraint->context)) status = lg_fail(error, LG_CANCELLED, "cancelled");
         if (status == LG_OK) status = draw_start(constraint, how, how->first + i, start, error);
         if (status == LG_OK)

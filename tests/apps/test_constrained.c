@@ -24,6 +24,13 @@ static lg_status doubled(void *user, lg_tape *tape, const lg_var *theta, const l
     return status == LG_OK ? lg_tape_status(tape) : status;
 }
 
+/* The knot with other units of g. */
+static lg_status tripled(void *user, lg_tape *tape, const lg_var *theta, const lg_var *q, lg_var *g) {
+    const lg_status status = knot(user, tape, theta, q, g);
+    *g = lg_scale(tape, *g, 3.0);
+    return status == LG_OK ? lg_tape_status(tape) : status;
+}
+
 /* log(2.6 - x^2) */
 static lg_status no_number(void *user, lg_tape *tape, const lg_var *theta, const lg_var *q, lg_var *g) {
     (void)user, (void)theta;
@@ -44,6 +51,7 @@ static int setup(void **state) {
     save("bars.h5", &constraint_cases[2]);
     save("still.h5", &(constraint_case){"still", knot, NULL, NULL, 3, 2});
     save("far.h5", &(constraint_case){"far", far_ball, hill, NULL, 3, 1});
+    save("tripled.h5", &(constraint_case){"tripled", tripled, hill, NULL, 3, 2});
     save("double.h5", &(constraint_case){"double", doubled, hill, NULL, 3, 2});
     save("log.h5", &(constraint_case){"log", no_number, hill, NULL, 3, 1});
     cli_run(lg, "generate knot.h5 --trajectories 40 --seed 3 --out data.h5");
@@ -117,6 +125,7 @@ TEST("a training with a constraint is resumed to the same bits, and not with ano
             "train data.h5 --epochs 30 --hidden 5 --out part.h5 --checkpoint part.cp --checkpoint-every 20");
     write_plain("again.h5", 0.0);
     cli_expect(lg, "train again.h5 --constraint bars.h5 --resume part.cp --out part.h5", 3, "4 numbers");
+    cli_expect(lg, "train again.h5 --constraint tripled.h5 --resume part.cp --out part.h5", 2, "other data");
     cli_run(lg, "train again.h5 --constraint knot.h5 --resume part.cp --out part.h5");
     const lg_hamiltonian_file *a = cli_hamiltonian("whole.h5"), *b = cli_hamiltonian("part.h5");
     assert_memory_equal(a->theta, b->theta, a->parameters * sizeof *a->theta);
