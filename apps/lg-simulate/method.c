@@ -112,6 +112,11 @@ static void set_dexpinv(const simulation *sim, lg_scheme *scheme) {
     scheme->dexpinv = exact ? LG_DEXPINV_EXACT : (int)terms;
 }
 
+void method_adjust(const simulation *sim, method *what) {
+    if (app_given(sim->self, "theta")) set_theta(sim, &what->scheme);
+    if (sim->values->dexpinv != NULL) set_dexpinv(sim, &what->scheme);
+}
+
 method method_choose(const simulation *sim) {
     const simulate_values *values = sim->values;
     const char *name = values->method != NULL                              ? values->method
@@ -119,7 +124,6 @@ method method_choose(const simulation *sim) {
                                                                            : "rkmk54";
     method out =
         values->scheme != NULL ? method_read(sim, values->scheme) : method_named(sim, "method", name);
-    if (app_given(sim->self, "theta")) set_theta(sim, &out.scheme);
-    if (values->dexpinv != NULL) set_dexpinv(sim, &out.scheme);
+    method_adjust(sim, &out);
     return out;
 }

@@ -142,6 +142,7 @@ static lg_status fill_curve(const diagram *d, curve *at) {
 /* ---- choosing the methods ---- */
 
 static void add_curve(diagram *d, method what) {
+    method_adjust(d->sim, &what);
     d->curves[d->count++] = (curve){.what = what, .adaptive = what.scheme.embedded_order > 0};
 }
 

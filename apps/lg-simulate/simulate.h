@@ -79,6 +79,8 @@ typedef struct method {
 method method_choose(const simulation *sim);
 method method_named(const simulation *sim, const char *option, const char *name);
 method method_read(const simulation *sim, const char *path);
+/* Changes the scheme as --theta and --dexpinv say; ends the command if it has no such parameter. */
+void method_adjust(const simulation *sim, method *what);
 void method_free(method *what);
 /* Ends the command if the method cannot estimate its error and --steps is not given. */
 void check_control(const simulation *sim, const lg_scheme *scheme);

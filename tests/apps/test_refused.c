@@ -598,6 +598,7 @@ static const refusal simulate[] = {
      "--work-precision and --gradient cannot be given together"},
     {"chain.yaml --work-precision --methods rk4,leapfrog", 2, "--methods: 'leapfrog' is not one of"},
     {"chain.yaml --work-precision --methods stormer-verlet", 2, "not separable"},
+    {"chain.yaml --work-precision --methods rk4 --theta 0", 2, "--theta: 'rk4' has no parameter theta"},
     {"chain.yaml --methods rk4", 2, "--methods: needs --work-precision"},
     {"oscillator.yaml --vary q=sphere", 2, "--vary: needs --ensemble"},
     {"oscillator.yaml --ensemble 5 --gradient 1,0", 2, "cannot be given together"},

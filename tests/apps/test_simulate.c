@@ -339,6 +339,18 @@ TEST("pictures are drawn") {
 
 /* ---- --work-precision ---- */
 
+TEST("--work-precision takes theta: midpoint has order 2 at 1/2, else 1") {
+    static const char *const lines[] = {
+        "oscillator.yaml --work-precision --methods midpoint --theta 0.5 --steps 4096 --levels 2",
+        "oscillator.yaml --work-precision --methods midpoint --theta 1 --steps 4096 --levels 2"};
+    for (int i = 0; i < 2; i++) {
+        json(lines[i], "work_precision [");
+        const char *s = strchr(json_find(result.out, "work_precision"), '{');
+        const double coarse = json_number(s, "error"), fine = json_number(strchr(s + 1, '{'), "error");
+        assert_close(log2(coarse / fine), 2 - i, 0.05, 0);
+    }
+}
+
 TEST("--work-precision compares the error and the work of schemes") {
     double error[4];
     json("rigid.yaml --work-precision --methods rkmk4,rkmk54 --levels 5 --plot w.svg", "work_precision [");
