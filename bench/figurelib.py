@@ -122,7 +122,7 @@ def heavy_top(form, t_end=1, spin=150.0):
     gamma = [0, 0, -9.81]
     top = dict(system="heavy-top", form=form, inertia=inertia, mass=15, length=2, chi=[0, 1, 0], gamma0=gamma,
                t_end=t_end)
-    start = dict(Gamma=gamma, Pi=momentum) if form == "lie-poisson" else dict(Q=np.eye(3).tolist(), pi=momentum)
+    start = dict(Gamma=gamma, Pi=momentum) if form == "lie-poisson" else dict(Q=[[1, 0, 0], [0, 1, 0], [0, 0, 1]], pi=momentum)
     return dict(top, initial=start)
 
 
