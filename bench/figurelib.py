@@ -226,7 +226,7 @@ class Panel:
         lines = ["reset", "set encoding utf8", "set grid lc rgb '#dddddd'", "set border lc rgb '#555555'",
                  "set tics nomirror", "set key below samplen 2 spacing 1.1", *self.settings]
         for i, (_, points, _) in enumerate(self.curves):
-            lines += ["$%s%d << EOD" % (name, i)] + [" ".join("%.9g" % x for x in p) for p in points] + ["EOD"]
+            lines += ["$%s%d << EOD" % (name, i)] + [" ".join(x if x == "" else "%.9g" % x for x in p) for p in points] + ["EOD"]
         draw = ", ".join("$%s%d %s %s" % (name, i, style, "title \"%s\"" % title if title else "notitle")
                          for i, (title, _, style) in enumerate(self.curves))
         return lines + [("splot " if self.space else "plot ") + draw]
