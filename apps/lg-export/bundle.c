@@ -39,7 +39,7 @@ static void take_texts(export_source *source, const lg_c_source *c, int skip) {
     source->stack += c->stack_size;
     source->calls += c->stack_calls;
     source->numbers += c->numbers;
-    source->integers += c->integers;
+    source->integer_bytes += c->integers * sizeof(int);
     source->lost += c->lost;
     if (c->work_size > source->work) source->work = c->work_size;
 }

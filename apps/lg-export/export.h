@@ -111,7 +111,7 @@ typedef struct export_source {
     char fragments[4096]; /* Names of the fragments that are already added, each between blanks. */
     size_t parameters;    /* Number of the model's parameters; 0: `numbers` is reported instead. */
     size_t numbers;       /* Number of reals in NAME_weights.c. */
-    size_t integers;      /* Number of ints in NAME_weights.c. */
+    size_t integer_bytes; /* Size of the tables of integers in NAME_weights.c. */
     size_t lost;          /* How many numbers of the model are too small for the exported type. */
     /* First the initial state (`starts` numbers: a state at rest on the manifold, or the state of the scene),
      * then the initial values of the tunable parameters (`tunable` numbers, inputs that all rows share); or

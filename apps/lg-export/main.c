@@ -326,7 +326,7 @@ static void report_json(const job *j, size_t parameters, size_t weights) {
 
 static void report(const job *j) {
     const size_t parameters = j->source.parameters > 0 ? j->source.parameters : j->source.numbers;
-    const size_t weights = j->source.numbers * real_bytes(j) + j->source.integers * sizeof(int);
+    const size_t weights = j->source.numbers * real_bytes(j) + j->source.integer_bytes;
     if (j->self->json) {
         report_json(j, parameters, weights);
         return;

@@ -78,10 +78,20 @@ void export_array(export_source *source, const char *array, const export_part *p
     source->numbers += total;
 }
 
+/* The narrowest type that holds the values; sets *size. */
+static const char *integer_type(const uint32_t *values, size_t count, size_t *size) {
+    uint32_t most = 0;
+    for (size_t i = 0; i < count; i++) most = values[i] > most ? values[i] : most;
+    *size = most <= UINT8_MAX ? 1 : most <= UINT16_MAX ? 2 : sizeof(int);
+    return *size == 1 ? "unsigned char" : *size == 2 ? "unsigned short" : "int";
+}
+
 void export_integers(export_source *source, const char *array, const char *comment, const uint32_t *values,
                      size_t count) {
+    size_t size;
+    const char *type = integer_type(values, count, &size);
     if (count == 0) return;
-    declare(source, "int", array, count);
+    declare(source, type, array, count);
     lg_text_add(&source->weights, "    /* ");
     lg_text_add_comment(&source->weights, comment);
     lg_text_add(&source->weights, " */\n");
@@ -89,7 +99,7 @@ void export_integers(export_source *source, const char *array, const char *comme
         lg_text_add(&source->weights, "%s%lu,%s", i % 10 == 0 ? "    " : " ", (unsigned long)values[i],
                     i % 10 == 9 || i + 1 == count ? "\n" : "");
     lg_text_add(&source->weights, "};\n");
-    source->integers += count;
+    source->integer_bytes += count * size;
 }
 
 /* ---- rounding, units, provenance ---- */

@@ -57,16 +57,28 @@ static classifier_linear linear_of(const classifier_job *j) {
     return out;
 }
 
+/* Whether linear decisions read features that are only centred, with weights divided by their scale. A count
+ * over the window's length has no digits that the mean's rounding could leave out. */
+static bool is_folded(const lg_classifier *c) {
+    return c->features.kind == LG_FEATURES_ROCKET && classifier_is_linear(c) && c->pca.components == 0;
+}
+
+static void fold_scale(const classifier_job *j, classifier_linear *w) {
+    for (size_t i = 0; i < j->k; i++)
+        for (size_t o = 0; o < j->outputs; o++) w->weight[i * j->outputs + o] /= j->c->pca.scale[i];
+}
+
 /* ---- arrays ---- */
 
 static void add_standardisation(const classifier_job *j) {
     const lg_pca *pca = &j->c->pca;
+    export_array(j->source, "mean", &(export_part){"mean of each feature", j->d, pca->mean}, 1);
+    if (is_folded(j->c)) return;
     double *rest = app_alloc(j->d, sizeof *rest), *inverse = app_alloc(j->d, sizeof *inverse);
     for (size_t i = 0; i < j->d; i++) {
         rest[i] = pca->mean[i] - export_round(j->source->options, pca->mean[i]);
         inverse[i] = 1 / pca->scale[i];
     }
-    export_array(j->source, "mean", &(export_part){"mean of each feature", j->d, pca->mean}, 1);
     if (j->source->options->dtype == LG_F32)
         export_array(j->source, "mean_rest", &(export_part){"what its rounding leaves out", j->d, rest}, 1);
     export_array(j->source, "inverse_deviation", &(export_part){"1/scale of each feature", j->d, inverse}, 1);
@@ -313,7 +325,7 @@ static void add_fragments(const classifier_job *j) {
                tree = c->method == LG_METHOD_TREE, rbf = c->method == LG_METHOD_SVM_RBF,
                rocket = kind == LG_FEATURES_ROCKET, slopes = !is_constant(c),
                ridge = c->method == LG_METHOD_RIDGE, single = j->source->options->dtype == LG_F32,
-               pca = c->pca.components > 0;
+               pca = c->pca.components > 0, folded = is_folded(c);
     char vjp[64];
     (void)snprintf(vjp, sizeof vjp, "%s_vjp", kinds[kind]);
     const struct {
@@ -327,8 +339,9 @@ static void add_fragments(const classifier_job *j) {
         {kinds[kind], true},
         {"features_deviation_vjp", slopes && deviations},
         {vjp, slopes},
-        {"features_standardise_rest", single},
-        {"features_standardise", !single},
+        {"features_subtract", folded},
+        {"features_standardise_rest", single && !folded},
+        {"features_standardise", !single && !folded},
         {pca ? "project" : "project_none", true},
         {"row_products", pca && slopes},
         {pca ? "project_vjp" : "project_none_vjp", slopes},
@@ -498,6 +511,7 @@ static int export_loaded(const app *self, const classifier_file *file, export_so
     if (code != APP_EXIT_OK) return code;
     if (classifier_is_linear(c)) w = linear_of(&j);
     source->condition = classifier_condition(&j, &w);
+    if (is_folded(c)) fold_scale(&j, &w);
     source->depth = 3 + (c->pca.components > 0) + is_scaled(c->features.kind);
     source->stack += STACK;
     export_window_code(source, &window);
