@@ -5,7 +5,12 @@
 
 #include "lg-anomaly/train.h"
 
-enum { MAX_GRID = 1024, SHOWN_GRID = 8 };
+enum {
+    MAX_GRID = 1024,
+    SHOWN_GRID = 8,
+    PRUNED_GROUPS = 200,   /* at most so many groups of neighbours keep an equal share of the features */
+    PRUNED_WINDOWS = 20000 /* groups times training windows */
+};
 static const double default_grid[] = {0.1, 1, 10, 100};
 
 /* The candidates for the options, and the chosen candidate. */
@@ -19,9 +24,11 @@ typedef struct choice {
 typedef struct classical {
     const app *app;
     well_model model;
-    uint32_t *label;              /* the label of each window */
-    uint32_t *unit;               /* the run or group of each window; NULL if windows are split one by one */
-    double *table, *tested_table; /* features of all windows; features of the series that has the test part */
+    uint32_t *label; /* the label of each window */
+    uint32_t *unit;  /* the run or group of each window; NULL if windows are split one by one */
+    double *table;   /* features of all windows */
+    /* Features of the series that has the test part. NULL: its windows are judged one by one. */
+    double *tested_table;
     double feature_seconds;
     choice chosen;
 } classical;
@@ -88,7 +95,9 @@ static void compute_features(classical *self) {
     const double begin = app_seconds();
     create_features(self);
     self->table = table_of(self, all);
-    self->tested_table = state->test != NULL ? table_of(self, &state->foreign) : self->table;
+    self->tested_table = self->table;
+    if (state->test != NULL)
+        self->tested_table = train_given.method == METHOD_ROCKET ? NULL : table_of(self, &state->foreign);
     self->feature_seconds = app_seconds() - begin;
     self->label = of_windows(all, all->data.series.label);
     self->unit = of_windows(all, units_of(&all->data.series));
@@ -127,6 +136,7 @@ static lg_classifier_options base_options(const app *self, const train_values *v
     options.components = (uint32_t)values->components;
     options.c = values->c;
     options.gamma = values->gamma;
+    options.threads = (int)self->threads;
     options.tree.criterion = (lg_tree_criterion)values->criterion;
     options.tree.max_depth = (uint32_t)values->max_depth;
     options.tree.min_samples_leaf = (uint32_t)values->min_leaf;
@@ -193,18 +203,23 @@ static void keep_columns(double *table, size_t rows, size_t d, const uint32_t *k
         for (size_t j = 0; j < count; j++) table[i * count + j] = table[i * d + keep[j]];
 }
 
-/* Keeps the features with the largest weights, and fits the others' model again without them. */
+/* Of few windows the weights say little: then many small groups of features keep their largest ones. */
+static size_t pruned_groups(void) {
+    const size_t groups = PRUNED_WINDOWS / state->train.count;
+    return groups < 1 ? 1 : groups > PRUNED_GROUPS ? PRUNED_GROUPS : groups;
+}
+
+/* Keeps features with large weights, and fits their model again. */
 static void prune(classical *self) {
     lg_classifier *model = &self->model.classifier;
     const size_t d = model->features.count, count = train_given.prune.number;
     if (count == 0 || count >= d) return;
     APP_FREE uint32_t *keep = app_alloc(count, sizeof *keep);
     lg_classifier whole = *model;
-    APP_MUST(self->app, lg_classifier_largest(self->app->context, model, count, keep, &error));
+    APP_MUST(self->app,
+             lg_classifier_largest(self->app->context, model, pruned_groups(), count, keep, &error));
     APP_MUST(self->app, lg_rocket_prune(&model->features, keep, count, &error));
     keep_columns(self->table, state->all.windows.count, d, keep, count);
-    if (self->tested_table != self->table)
-        keep_columns(self->tested_table, state->foreign.windows.count, d, keep, count);
     APP_MUST(self->app, fit(self, &self->chosen.options[self->chosen.best], model, &error));
     whole.features = (lg_features){0};
     lg_classifier_destroy(&whole);
@@ -213,8 +228,13 @@ static void prune(classical *self) {
 static void judge(const classical *self) {
     APP_MUST(self->app, judge_rows(self->app, &self->model, &state->all, &state->train, self->table,
                                    &state->train_judged, &error));
-    APP_MUST(self->app, judge_rows(self->app, &self->model, lg_detector_tested(state), &state->tested,
-                                   self->tested_table, &state->judged, &error));
+    const lg_cut_series *tested = lg_detector_tested(state);
+    if (self->tested_table == NULL)
+        APP_MUST(self->app,
+                 judge_windows(self->app, &self->model, tested, &state->tested, &state->judged, &error));
+    else
+        APP_MUST(self->app, judge_rows(self->app, &self->model, tested, &state->tested, self->tested_table,
+                                       &state->judged, &error));
 }
 
 /* ---- accuracy of pruned trees against alpha ---- */

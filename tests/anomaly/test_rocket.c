@@ -111,14 +111,16 @@ TEST("dilations are powers of 2 rounded down, and every kernel has the same numb
 /* Fitted to one window, feature number i of this window is the part of the samples above the quantile
  * frac((i + 1) phi). */
 TEST("thresholds are quantiles of a training window") {
-    lg_series s = make_series(1, 1, 200, 7);
-    const lg_features f = rocket_of(&s, 1920, 1);
-    const double *part = compute(&f, s.x);
-    for (uint32_t i = 0, at = 0; i < f.rocket.count; i++) {
-        const lg_rocket_convolution *c = &f.rocket.convolution[i];
-        const double samples = c->padded ? 200 : 200 - 8.0 * c->dilation;
-        for (uint32_t k = 0; k < c->features; k++, at++)
-            assert_close(part[at], 1 - fmod((at + 1) * PHI, 1), 0, 1.01 / samples);
+    for (uint32_t length = 200; length <= 600; length += 400) {
+        lg_series s = make_series(1, 1, length, 7);
+        const lg_features f = rocket_of(&s, 1920, 1);
+        const double *part = compute(&f, s.x);
+        for (uint32_t i = 0, at = 0; i < f.rocket.count; i++) {
+            const lg_rocket_convolution *c = &f.rocket.convolution[i];
+            const double samples = c->padded ? length : length - 8.0 * c->dilation;
+            for (uint32_t k = 0; k < c->features; k++, at++)
+                assert_close(part[at], 1 - fmod((at + 1) * PHI, 1), 0, 1.01 / samples);
+        }
     }
 }
 
@@ -220,7 +222,7 @@ static void against_refits(size_t n, uint32_t d, uint32_t classes) {
            *w = TEST_ARRAY(double, d + 1);
     lg_logistic found;
     memcpy(copy, x, n * d * sizeof *x);
-    assert_told(lg_ridge_fit(NULL, copy, label, n, d, classes, &found, &told));
+    assert_told(lg_ridge_fit(NULL, copy, label, n, d, classes, 1, &found, &told));
     double best = INFINITY, penalty = 0;
     for (int p = 0; p < 10; p++) {
         const double candidate = (double)n * pow(10, -3 + 6.0 * p / 9);
@@ -253,25 +255,131 @@ TEST("ridge regression chooses the penalty of refits without each row, for few a
     for (size_t n = 6; n < 30; n++) against_refits(n, 5, 2); /* small data move the choice most */
 }
 
-TEST("the features with the largest weights are found") {
-    uint32_t label[40], index[2];
-    double *x = clouds(40, 5, 2, 0.0, 3, label);
-    for (size_t i = 0; i < 40; i++)
-        x[5 * i + 3] += label[i] == 1 ? 4 : -4, x[5 * i + 1] += label[i] == 1 ? -2 : 2;
+/* Overwrites a (n, n), symmetric positive definite, by its inverse: Gauss and Jordan. */
+static void invert(size_t n, double *a) {
+    for (size_t k = 0; k < n; k++) {
+        const double pivot = 1 / a[k * n + k];
+        a[k * n + k] = 1;
+        for (size_t j = 0; j < n; j++) a[k * n + j] *= pivot;
+        for (size_t i = 0; i < n; i++) {
+            const double factor = a[i * n + k];
+            if (i == k) continue;
+            a[i * n + k] = 0;
+            for (size_t j = 0; j < n; j++) a[i * n + j] -= factor * a[k * n + j];
+        }
+    }
+}
+
+/* Mean of the columns of x (n, d) taken off, gram (n, n) = x x^T. */
+static void centred_gram(double *x, size_t n, size_t d, double *gram) {
+    for (size_t j = 0; j < d; j++) {
+        double mean = 0;
+        for (size_t i = 0; i < n; i++) mean += x[i * d + j] / (double)n;
+        for (size_t i = 0; i < n; i++) x[i * d + j] -= mean;
+    }
+    for (size_t i = 0; i < n; i++)
+        for (size_t k = 0; k < n; k++)
+            for (size_t j = 0; j < d; j++) gram[i * n + k] += x[i * d + j] * x[k * d + j];
+}
+
+/* Sum of the squared residuals of rows left out: (G + a)^-1 y over diag (G + a)^-1 - 1/(n a). */
+static double left_out(const double *gram, const double *y, size_t n, double penalty) {
+    double *a = TEST_ARRAY(double, n *n), sum = 0;
+    memcpy(a, gram, n * n * sizeof *a);
+    for (size_t i = 0; i < n; i++) a[i * n + i] += penalty;
+    invert(n, a);
+    for (size_t i = 0; i < n; i++) {
+        double c = 0;
+        for (size_t k = 0; k < n; k++) c += a[i * n + k] * y[k];
+        c /= a[i * n + i] - 1 / ((double)n * penalty);
+        sum += c * c;
+    }
+    return sum;
+}
+
+/* For tables of several tiles. Returns the number of the penalty that was chosen. */
+static int against_inverse(size_t n, uint32_t d, double spread) {
+    uint32_t *label = TEST_ARRAY(uint32_t, n);
+    double *x = clouds(n, d, 2, spread, n + d, label), *y = TEST_ARRAY(double, n), mean = 0, best = INFINITY,
+           *gram = TEST_ARRAY(double, n *n), *copies[2], penalty = 0;
+    lg_logistic found[2];
+    int number = 0;
+    for (int i = 0; i < 2; i++) {
+        copies[i] = TEST_ARRAY(double, n *d);
+        memcpy(copies[i], x, n * d * sizeof *x);
+        assert_told(lg_ridge_fit(NULL, copies[i], label, n, d, 2, 1 + 2 * i, &found[i], &told));
+    }
+    assert_memory_equal(found[0].weight, found[1].weight, d * sizeof *x);
+    assert_close(found[0].intercept[0], found[1].intercept[0], 0, 0);
+    for (size_t i = 0; i < n; i++) mean += (label[i] == 1 ? 1.0 : -1.0) / (double)n;
+    for (size_t i = 0; i < n; i++) y[i] = (label[i] == 1 ? 1 : -1) - mean;
+    centred_gram(x, n, d, gram);
+    for (int p = 0; p < 10; p++) {
+        const double candidate = (double)n * pow(10, -3 + 6.0 * p / 9), sum = left_out(gram, y, n, candidate);
+        if (sum < best) best = sum, penalty = candidate, number = p;
+    }
+    assert_close(found[0].penalty, penalty, 1e-12, 0);
+    for (size_t i = 0; i < n; i++) gram[i * n + i] += penalty;
+    invert(n, gram);
+    for (size_t j = 0; j < d; j++) { /* X^T (G + a)^-1 y */
+        double w = 0;
+        for (size_t i = 0; i < n; i++) {
+            double c = 0;
+            for (size_t k = 0; k < n && j < 3; k++) c += gram[i * n + k] * y[k];
+            w += x[i * d + j] * c;
+        }
+        if (j < 3) assert_close(found[0].weight[j], w, 1e-7, 1e-9);
+    }
+    for (int i = 0; i < 2; i++) lg_logistic_destroy(&found[i]);
+    return number;
+}
+
+TEST("ridge regression on many rows: the penalty and weights of the inverse matrix, for any number of "
+     "threads") {
+    int least = 9, most = 0;
+    static const double spreads[] = {0.01, 0.1, 0.5, 1.5};
+    for (size_t i = 0; i < LG_COUNT(spreads); i++) {
+        const int number = against_inverse(300, 330, spreads[i]);
+        if (number < least) least = number;
+        if (number > most) most = number;
+    }
+    assert_true(most > least + 1);
+    (void)against_inverse(520, 530, 0.3); /* three tiles in a row */
+    (void)against_inverse(330, 300, 0.3); /* still by rows, with more rows than features */
+    (void)against_inverse(400, 270, 0.3); /* by features */
+    (void)against_inverse(300, 40, 0.3);
+}
+
+TEST("each group of neighbours gives its share of the features with the largest weights") {
+    static const struct {
+        size_t groups, count;
+        uint32_t expected[4];
+    } cases[] = {{1, 1, {3}},       {1, 3, {1, 3, 6}}, {2, 2, {1, 3}}, /* groups of 3 and 4 */
+                 {2, 3, {1, 3, 6}}, {3, 3, {1, 3, 6}},                 /* groups of 2, 2, 3 */
+                 {7, 2, {3, 6}}}; /* one by one: groups 4 and 7 bring the count to 1 and 2 */
+    uint32_t label[40], index[8];
+    double *x = clouds(40, 7, 2, 0.0, 3, label);
+    for (size_t i = 0; i < 40; i++) {
+        const double side = label[i] == 1 ? 1 : -1;
+        x[7 * i + 3] += 4 * side, x[7 * i + 1] -= 2 * side, x[7 * i + 6] += side;
+    }
     lg_classifier_options o;
     lg_classifier c = {0};
     lg_error e;
     lg_classifier_options_init(&o);
     o.method = LG_METHOD_RIDGE;
-    assert_ok(lg_classifier_fit(NULL, &o, x, label, NULL, 40, 5, 2, &c, &e));
-    assert_ok(lg_classifier_largest(NULL, &c, 2, index, &e));
-    assert_int_equal(index[0], 1);
-    assert_int_equal(index[1], 3);
-    uint32_t most[6];
-    assert_status(lg_classifier_largest(NULL, &c, 6, most, &e), LG_INVALID_ARGUMENT);
+    assert_ok(lg_classifier_fit(NULL, &o, x, label, NULL, 40, 7, 2, &c, &e));
+    for (size_t i = 0; i < LG_COUNT(cases); i++) {
+        assert_ok(lg_classifier_largest(NULL, &c, cases[i].groups, cases[i].count, index, &e));
+        for (size_t k = 0; k < cases[i].count; k++) assert_int_equal(index[k], cases[i].expected[k]);
+    }
+    assert_ok(lg_classifier_largest(NULL, &c, 9, 7, index, &e)); /* more groups than features */
+    for (uint32_t k = 0; k < 7; k++) assert_int_equal(index[k], k);
+    assert_status(lg_classifier_largest(NULL, &c, 1, 8, index, &e), LG_INVALID_ARGUMENT);
+    assert_status(lg_classifier_largest(NULL, &c, 0, 2, index, &e), LG_INVALID_ARGUMENT);
     lg_classifier_destroy(&c);
     o.method = LG_METHOD_TREE;
-    assert_ok(lg_classifier_fit(NULL, &o, x, label, NULL, 40, 5, 2, &c, &e));
-    assert_status(lg_classifier_largest(NULL, &c, 2, index, &e), LG_UNSUPPORTED);
+    assert_ok(lg_classifier_fit(NULL, &o, x, label, NULL, 40, 7, 2, &c, &e));
+    assert_status(lg_classifier_largest(NULL, &c, 1, 2, index, &e), LG_UNSUPPORTED);
     lg_classifier_destroy(&c);
 }

@@ -790,7 +790,7 @@ TEST("functions of series and classifiers refuse NULL") {
     lg_features_destroy(&convolved);
     lg_windows_destroy(&long_windows);
     lg_series_destroy(&long_series);
-    REFUSES(lg_ridge_fit(NULL, NEEDED(others), NEEDED(label), 12, 2, 2, NEEDED(&logistic), NULL));
+    REFUSES(lg_ridge_fit(NULL, NEEDED(others), NEEDED(label), 12, 2, 2, 1, NEEDED(&logistic), NULL));
     REFUSES(lg_tree_fit(NULL, NEEDED(&growth), NEEDED(x), NEEDED(label), 12, 2, 2, NEEDED(&pruned), NULL));
     REFUSES(lg_tree_pruning_path(NULL, NEEDED(&tree), 8, NEEDED(steps), NEEDED(&count)));
     REFUSES(lg_tree_prune(NULL, NEEDED(&tree), 0.0, NEEDED(&pruned)));
@@ -804,7 +804,7 @@ TEST("functions of series and classifiers refuse NULL") {
     lg_classifier fitted = {.features = features}, loaded;
     assert_ok(lg_classifier_fit(NULL, &chain, x, label, NULL, 12, 1, 2, &fitted, &error));
     uint32_t largest[1];
-    REFUSES(lg_classifier_largest(NULL, NEEDED(&fitted), 1, NEEDED(largest), NULL));
+    REFUSES(lg_classifier_largest(NULL, NEEDED(&fitted), 1, 1, NEEDED(largest), NULL));
     memory_archive *archive = TEST_ARRAY(memory_archive, 1), *new = TEST_ARRAY(memory_archive, 1);
     const lg_archive_writer writer = memory_writer(new), first = memory_writer(archive);
     const lg_archive_reader reader = memory_reader(archive);

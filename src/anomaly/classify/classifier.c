@@ -24,7 +24,8 @@ lg_status lg_classifier_method_parse(const char *name, lg_classifier_method *out
 }
 
 void lg_classifier_options_init(lg_classifier_options *options) {
-    *options = (lg_classifier_options){.size = sizeof *options, .method = LG_METHOD_LOGISTIC, .c = 1.0};
+    *options = (lg_classifier_options){
+        .size = sizeof *options, .method = LG_METHOD_LOGISTIC, .c = 1.0, .threads = 1};
     lg_tree_options_init(&options->tree);
 }
 
@@ -47,7 +48,7 @@ static lg_status fit_method(const fitting *f, uint32_t k, lg_classifier *c, lg_e
     case LG_METHOD_TREE:
         return lg_tree_fit(f->context, &o->tree, f->p, f->label, f->n, k, c->classes, &c->tree, error);
     case LG_METHOD_RIDGE:
-        return lg_ridge_fit(f->context, f->p, f->label, f->n, k, c->classes, &c->logistic, error);
+        return lg_ridge_fit(f->context, f->p, f->label, f->n, k, c->classes, o->threads, &c->logistic, error);
     default:
         return lg_svm_fit(f->context, o->method == LG_METHOD_SVM_RBF ? LG_KERNEL_RBF : LG_KERNEL_LINEAR, o->c,
                           o->gamma, f->p, f->label, f->n, k, c->classes, &c->svm, error);
@@ -137,25 +138,32 @@ static int by_index(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-lg_status lg_classifier_largest(const lg_context *context, const lg_classifier *c, size_t count,
-                                uint32_t *index, lg_error *error) {
+static void weigh(const lg_classifier *c, uint32_t i, weighted *out) {
+    const size_t rows = c->classes == 2 ? 1 : c->classes;
+    *out = (weighted){0, i};
+    for (size_t row = 0; row < rows; row++) {
+        const double w = c->logistic.weight[row * c->pca.inputs + i];
+        out->squares += w * w;
+    }
+}
+
+lg_status lg_classifier_largest(const lg_context *context, const lg_classifier *c, size_t groups,
+                                size_t count, uint32_t *index, lg_error *error) {
     LG_NEEDS(error, c, index);
-    const uint32_t d = c->pca.inputs;
+    const size_t d = c->pca.inputs;
     if (!lg_method_is_linear(c->method) || c->pca.components > 0)
         return lg_fail(error, LG_UNSUPPORTED,
                        "only logistic and ridge regression without components have a weight per feature");
-    if (count > d) return lg_fail(error, LG_INVALID_ARGUMENT, "%zu of %u features", count, d);
+    if (count > d || groups == 0)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%zu of %zu features in %zu groups", count, d, groups);
     weighted *all = lg_alloc(context, d, sizeof *all);
-    if (all == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %u features", d);
-    for (uint32_t i = 0; i < d; i++) {
-        all[i] = (weighted){0, i};
-        for (size_t row = 0; row < (c->classes == 2 ? 1 : c->classes); row++) {
-            const double w = c->logistic.weight[row * d + i];
-            all[i].squares += w * w;
-        }
+    if (all == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu features", d);
+    for (size_t i = 0; i < d; i++) weigh(c, (uint32_t)i, &all[i]);
+    for (size_t g = 0, done = 0; g < groups; g++) {
+        const size_t begin = d * g / groups, end = d * (g + 1) / groups, until = count * (g + 1) / groups;
+        qsort(all + begin, end - begin, sizeof *all, by_weight);
+        for (size_t i = begin; done < until; i++) index[done++] = all[i].index;
     }
-    qsort(all, d, sizeof *all, by_weight);
-    for (size_t i = 0; i < count; i++) index[i] = all[i].index;
     qsort(index, count, sizeof *index, by_index);
     lg_free(context, all);
     return LG_OK;
