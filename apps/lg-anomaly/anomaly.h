@@ -13,7 +13,27 @@
 extern const app_command generate_command, feed_command, train_command, evaluate_command, search_command,
     watch_command;
 
-extern const char *const housing_names[]; /* in generate.c; indexed by lg_housing */
+/* ---- the simulated well (generate.c) ---- */
+
+extern const char *const housing_names[];   /* indexed by lg_housing */
+extern const char *const operation_names[]; /* drilling, completion */
+
+/* What is chosen before an operation and stays. */
+typedef struct well_setup {
+    int housing, operation;
+    double load_relief;
+} well_setup;
+/* The options of a member `well` of type well_setup. */
+#define WELL_ROWS(type)                                                                                      \
+    LG_OPTION(type, well.housing, NAME, NULL, "slack (default) or tight", .option = "housing",               \
+              .names = housing_names),                                                                       \
+        LG_OPTION(type, well.operation, NAME, NULL,                                                          \
+                  "drilling (default), or completion: a Christmas tree below the BOP, brine in the riser",   \
+                  .option = "operation", .names = operation_names),                                          \
+        LG_OPTION(type, well.load_relief, REAL, "K",                                                         \
+                  "Horizontal stiffness in N/m of wires that hold the BOP (default 0: no wires)",            \
+                  .option = "load-relief", .high = 1e9)
+void well_set_up(const well_setup *setup, lg_riser_parameters *parameters);
 
 /* ---- models (model.c) ---- */
 

@@ -16,7 +16,7 @@ enum { STREAM_SEA = 0x66656564, STREAM_FAULTS = 0x6661756c };
 
 typedef struct feed_values {
     const char *out;
-    int housing;
+    well_setup well;
     double hours, crack_at, severity, nan, noise;
     lg_reals gaps;
 } feed_values;
@@ -39,7 +39,7 @@ static const lg_field feed_options[] = {
               .high = 432000),
     LG_OPTION(feed_values, noise, REAL, "F", "Noise of the sensors as a multiple of the data sheet's",
               .high = 1e6, .value = "1"),
-    LG_OPTION(feed_values, housing, NAME, NULL, "slack (default) or tight", .names = housing_names),
+    WELL_ROWS(feed_values),
     LG_OPTION(feed_values, out, STRING, "FILE.csv", "File for the feed (default: standard output)",
               .file = LG_FILE_STREAMED),
     LG_FIELD_END};
@@ -122,7 +122,7 @@ static void scene_of(const app *self, uint64_t index, lg_riser_parameters *param
     run->sea = lg_sea_state_draw((uint32_t)lg_rng_below(&rng, LG_SEA_STATES), &rng);
     run->seed = lg_rng_next(&rng);
     run->noise_seed = lg_rng_next(&rng);
-    parameters->housing = (lg_housing)values.housing;
+    well_set_up(&values.well, parameters);
     if (!(crack < start + HOUR)) parameters->severity = 1; /* the casing breaks in a later hour or never */
     run->crack_time = crack > start && crack < start + HOUR ? crack - start : 0;
     run->noise = values.noise;

@@ -11,12 +11,21 @@ enum { CONDITIONS = LG_RISER_RUNS / 2, MAX_RUNS = 1000 * LG_RISER_RUNS };
 typedef struct generate_values {
     const char *out, *plot;
     uint64_t runs;
-    int housing, picture;
+    int picture;
     double noise, hours, severity, window;
+    well_setup well;
     board_values board;
 } generate_values;
 
 const char *const housing_names[] = {[LG_HOUSING_SLACK] = "slack", [LG_HOUSING_TIGHT] = "tight", NULL};
+enum { DRILLING, COMPLETION };
+const char *const operation_names[] = {[DRILLING] = "drilling", [COMPLETION] = "completion", NULL};
+
+void well_set_up(const well_setup *setup, lg_riser_parameters *parameters) {
+    parameters->housing = (lg_housing)setup->housing;
+    parameters->relief_stiffness = setup->load_relief;
+    if (setup->operation == COMPLETION) lg_riser_complete(parameters);
+}
 
 enum { PICTURE_STATES, PICTURE_HOUSINGS };
 static const char *const pictures[] = {"states", "housings", NULL};
@@ -32,7 +41,7 @@ static const lg_field generate_options[] = {
         .low = 1, .high = MAX_RUNS),
     LG_OPTION(generate_values, hours, REAL, "H", "Length of a recording (default 1)", .low = 1e-3,
               .high = 1000),
-    LG_OPTION(generate_values, housing, NAME, NULL, "slack (default) or tight", .names = housing_names),
+    WELL_ROWS(generate_values),
     LG_OPTION(generate_values, severity, REAL, "R",
               "Remaining fraction of the broken casing's rotational stiffness: 1 is intact (default 0.58)",
               .low = 1e-3, .high = 1),
@@ -57,14 +66,14 @@ typedef struct generating {
 
 /* Sets the parameters of recording `index`. Recordings 2k and 2k + 1 are a pair, intact and broken, with the
  * same waves. */
-static void scene_of(const app *self, uint64_t index, lg_housing housing, lg_riser_parameters *parameters,
+static void scene_of(const app *self, uint64_t index, const well_setup *well, lg_riser_parameters *parameters,
                      lg_riser_run *run, uint32_t *label, uint32_t *sea_state) {
     const uint64_t pairs = (values.runs + 1) / 2, pair = index / 2;
     const uint64_t condition = pairs <= CONDITIONS ? pair * CONDITIONS / pairs : pair % CONDITIONS;
     const uint64_t seed = self->seed + UINT64_C(0x9e3779b97f4a7c15) * (pair / CONDITIONS);
     lg_riser_standard_run((uint32_t)(2 * condition + index % 2), seed, values.severity, parameters, run,
                           label, sea_state);
-    parameters->housing = housing;
+    well_set_up(well, parameters);
     run->noise = values.noise;
 }
 
@@ -84,7 +93,7 @@ static lg_status generate_run(void *user, size_t index, lg_error *error) {
     lg_riser_run run;
     uint32_t label, sea_state;
     lg_error why = {LG_OK, ""};
-    scene_of(self->app, index, (lg_housing)values.housing, &parameters, &run, &label, &sea_state);
+    scene_of(self->app, index, &values.well, &parameters, &run, &label, &sea_state);
     APP_FREE float *samples = app_try_alloc(count * LG_RISER_CHANNELS, sizeof *samples);
     if (samples == NULL) return app_error(error, LG_OUT_OF_MEMORY, "run %zu: out of memory", index);
     const lg_status status = lg_riser_simulate(self->app->context, &parameters, &run, count, samples, &why);
@@ -140,8 +149,9 @@ static lg_status draw(const app *self, double rate, lg_error *error) {
         lg_riser_parameters parameters;
         lg_riser_run run;
         uint32_t label, sea_state;
-        const lg_housing housing = states ? (lg_housing)values.housing : (lg_housing)i;
-        scene_of(self, states ? i : 1, housing, &parameters, &run, &label, &sea_state);
+        well_setup well = values.well;
+        if (!states) well.housing = (int)i;
+        scene_of(self, states ? i : 1, &well, &parameters, &run, &label, &sea_state);
         float *of_run = samples + i * count * LG_RISER_CHANNELS;
         runs[i] = (recording){names[values.picture][i], of_run, count};
         const lg_status status = lg_riser_simulate(self->context, &parameters, &run, count, of_run, error);
@@ -168,6 +178,8 @@ static void report(const app *self, const lg_series_data *data, double seconds) 
     app_result_real(&out, "rate", series->rate, "samples per second");
     app_result_real(&out, "noise", values.noise, NULL);
     app_result_text(&out, "housing", data->housing, NULL);
+    app_result_text(&out, "operation", operation_names[values.well.operation], NULL);
+    app_result_real(&out, "load_relief", values.well.load_relief, "N/m");
     app_result_real(&out, "severity", values.severity, NULL);
     app_json_size(&out, "seed", self->seed);
     app_json_size(&out, "threads", self->threads);
@@ -183,9 +195,10 @@ static bool simulate(const app *self, size_t windows, lg_series *series, pieces 
     const size_t runs = (size_t)values.runs, window = (size_t)series->channels * series->length;
     generating what = {.app = self, .series = series, .windows_of_run = windows};
     char label[LG_SHA256_TEXT];
-    APP_FREE char *text = app_format("%llu %.17g %.17g %.17g %d %.17g %llu", (unsigned long long)values.runs,
-                                     values.hours, values.window, values.noise, values.housing,
-                                     values.severity, (unsigned long long)self->seed);
+    APP_FREE char *text =
+        app_format("%llu %.17g %.17g %.17g %d %d %.17g %.17g %llu", (unsigned long long)values.runs,
+                   values.hours, values.window, values.noise, values.well.housing, values.well.operation,
+                   values.well.load_relief, values.severity, (unsigned long long)self->seed);
     board_label(text, NULL, label);
     *made = (pieces){.app = self,
                      .board = &values.board,
@@ -242,7 +255,7 @@ static int run(app *self) {
     create_series(self, length, windows * (size_t)values.runs, &data.series);
     if (!simulate(self, windows, &data.series, &made)) return APP_EXIT_OK;
     const double seconds = app_seconds() - begin;
-    (void)snprintf(data.housing, sizeof data.housing, "%s", housing_names[values.housing]);
+    (void)snprintf(data.housing, sizeof data.housing, "%s", housing_names[values.well.housing]);
     data.provenance = app_provenance(self, self->seed);
     APP_MUST_FILE(self, values.out, lg_series_write(self->context, values.out, &data, &error));
     pieces_end(&made);

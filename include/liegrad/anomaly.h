@@ -397,12 +397,22 @@ typedef struct lg_riser_parameters {
     double current;                          /* at the surface, along x, m/s */
     lg_housing housing;
     double severity; /* r of the casing, in (0, 1]: 1 means intact, 0.58 the standard crack */
+    /* Load relief: wires hold the BOP at the height relief_height above the sea floor with the horizontal
+     * stiffness relief_stiffness in every direction. Units: N/m (0 means no wires), m. */
+    double relief_stiffness, relief_height;
 } lg_riser_parameters;
 /* Checks the parameters. Errors: LG_INVALID_ARGUMENT with a sentence, for a parameter out of range (which it
  * names) or a structure that cannot stand: its mass matrix or stiffness matrix (with the initial spring of
  * the soil, and the housing beyond its gap) is not positive definite or overflows. A structure that is stable
  * only beyond the gap is accepted; it leans. */
 LG_API lg_status lg_riser_parameters_check(const lg_riser_parameters *parameters, lg_error *error);
+
+/* Changes the parameters of a drilling riser to those of a completion. The BOP then stands on a Christmas
+ * tree: mass 50e3 kg, added mass 25e3 kg, displaced volume 10 m^3, submerged weight 390e3 N, height H = 4 m,
+ * its centre at H/2. BOP and tree become one block: masses, volumes, weights and heights add; bop_centre is
+ * the centre of all masses with added mass. The sensor on the BOP and the wires of the load relief rise by H.
+ * In the riser (bore 0.19 m^2) brine of 1050 kg/m^3 replaces mud of 1350 kg/m^3. Call it once. */
+LG_API void lg_riser_complete(lg_riser_parameters *parameters);
 
 /* ---- sea ---- */
 

@@ -52,7 +52,24 @@ void lg_riser_parameters_init(lg_riser_parameters *out) {
                                  .noise_moment = 500.0,
                                  .current = 0.35,
                                  .housing = LG_HOUSING_SLACK,
-                                 .severity = 1.0};
+                                 .severity = 1.0,
+                                 .relief_height = 8.0};
+}
+
+void lg_riser_complete(lg_riser_parameters *p) {
+    const double mass = 50e3, added_mass = 25e3, volume = 10.0, weight = 390e3, height = 4.0;
+    const double lighter = 0.19 * (1350.0 - 1050.0); /* kg/m: brine in place of mud */
+    const double bop = p->bop_mass + p->bop_added_mass, tree = mass + added_mass;
+    p->bop_centre = (bop * (p->bop_centre + height) + tree * height / 2.0) / (bop + tree);
+    p->bop_mass += mass;
+    p->bop_added_mass += added_mass;
+    p->bop_volume += volume;
+    p->bop_weight += weight;
+    p->bop_height += height;
+    p->sensor_lower += height;
+    p->relief_height += height;
+    p->riser_mass -= lighter;
+    p->submerged_weight -= lighter * p->gravity;
 }
 
 typedef enum limit { POSITIVE, NOT_NEGATIVE, ANY } limit;
@@ -99,6 +116,8 @@ static const struct range {
     ROW(noise_moment, NOT_NEGATIVE),
     ROW(current, ANY),
     ROW(severity, POSITIVE),
+    ROW(relief_stiffness, NOT_NEGATIVE),
+    ROW(relief_height, NOT_NEGATIVE),
 #undef ROW
 };
 
@@ -172,6 +191,7 @@ void lg_riser_matrices_make(const lg_riser_parameters *p, lg_riser_matrices *out
     out->damping[0] += 2.0 * p->damping_offset * sqrt(p->soil_stiffness * out->mass[0]);
     out->damping[N + 1] += 2.0 * p->damping_rotation * sqrt(p->housing_stiffness * out->mass[N + 1]);
     out->stiffness[N + 1] += tension(p, L) * L - p->bop_weight * h;
+    add_square(p->relief_stiffness, (const double[N]){1.0, p->relief_height}, out->stiffness);
 }
 
 /* Cholesky factor, in place in the lower triangle. Returns false if the matrix is not positive definite. */

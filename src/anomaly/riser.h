@@ -16,7 +16,7 @@
 #define LG_RISER_MATRIX (LG_RISER_DOF * LG_RISER_DOF)
 #define LG_RISER_STATE  (2 * LG_RISER_ROW)
 
-/* Sets the standard parameters: an intact well with a slack housing. */
+/* Sets the standard parameters: drilling on an intact well with a slack housing, no load relief. */
 void lg_riser_parameters_init(lg_riser_parameters *out);
 
 double lg_riser_segment(const lg_riser_parameters *p); /* length of a riser segment, m */

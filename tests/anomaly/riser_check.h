@@ -27,8 +27,8 @@ static inline double riser_kinetic(const lg_riser_parameters *p, const double *v
     return sum;
 }
 
-/* Energy of tension, bending and flex joint, of weight and tension of the BOP, of the wellhead spring k, and
- * of the soil spring. */
+/* Energy of tension, bending and flex joint, of weight and tension of the BOP, of the wellhead spring k, of
+ * the soil spring, and of the wires. */
 static inline double riser_line_energy(const lg_riser_parameters *p, const double *q) {
     const double l = (p->depth - p->bop_height) / 13.0;
     double y[LG_RISER_NODES + 2], sum = 0.0;
@@ -49,7 +49,8 @@ static inline double riser_potential(const lg_riser_parameters *p, double k, con
     const double bottom = p->top_tension - p->submerged_weight * (p->depth - p->bop_height);
     return riser_line_energy(p, q) +
            0.5 * (bottom * p->bop_height - p->bop_weight * p->bop_centre + k) * q[1] * q[1] +
-           0.5 * p->soil_stiffness * q[0] * q[0];
+           0.5 * p->soil_stiffness * q[0] * q[0] +
+           0.5 * p->relief_stiffness * pow(q[0] + p->relief_height * q[1], 2.0);
 }
 
 /* The matrix (n, n) of a quadratic form, into `out`. */

@@ -27,6 +27,8 @@ static lg_riser_parameters odd_ones(void) {
     p.added_mass = 0.9;
     p.submerged_weight = 2.1e3;
     p.flex_joint = 4e6;
+    p.relief_stiffness = 3e6;
+    p.relief_height = 7.0;
     return p;
 }
 
@@ -113,6 +115,48 @@ TEST("periods and matrices agree with those computed from the energies") {
             assert_close(m.stiffness[i], stiffness[i] - spring, 1e-9, 1.0);
             assert_close(m.damping[i], p->damping_riser * line[i] + dashpot, 1e-9, 1e-2);
         }
+    }
+}
+
+/* ---- setups ---- */
+
+TEST("a completion adds a tree of 4 m below the BOP, and brine replaces mud") {
+    const lg_riser_parameters before = standard(LG_HOUSING_SLACK, 1.0);
+    lg_riser_parameters after = before;
+    lg_riser_complete(&after);
+    const double total = after.bop_mass + after.bop_added_mass;
+    assert_close(total, 320e3 + 75e3, 1e-15, 0.0);
+    assert_close(after.bop_added_mass, 145e3, 1e-15, 0.0);
+    assert_close(total * after.bop_centre, 320e3 * 9.0 + 75e3 * 2.0, 1e-14, 0.0);
+    assert_close(after.bop_height, 14.0, 1e-15, 0.0);
+    assert_close(after.bop_volume, 70.0, 1e-15, 0.0);
+    assert_close(after.bop_weight, 1.99e6, 1e-15, 0.0);
+    assert_close(after.sensor_lower, 13.0, 1e-15, 0.0);
+    assert_close(after.relief_height, 12.0, 1e-15, 0.0);
+    assert_close(after.riser_mass, 493.0, 1e-14, 0.0);
+    assert_close(after.submerged_weight, 1500.0 - 57.0 * 9.81, 1e-14, 0.0);
+    assert_ok(lg_riser_parameters_check(&after, NULL));
+}
+
+TEST("wires shorten every period; very stiff wires hold the BOP where they are fastened") {
+    for (int completion = 0; completion < 2; completion++) {
+        lg_riser_parameters p = standard(LG_HOUSING_SLACK, 1.0);
+        double free[N], held[N];
+        if (completion) lg_riser_complete(&p);
+        assert_ok(lg_riser_periods(&p, true, free));
+        p.relief_stiffness = 2e6;
+        assert_ok(lg_riser_periods(&p, true, held));
+        printf("%s: %.4f %.4f %.4f s without, %.4f %.4f %.4f s with wires of 2e6 N/m\n",
+               completion ? "completion" : "drilling", free[0], free[1], free[2], held[0], held[1], held[2]);
+        for (int i = 0; i < N; i++) assert_true(held[i] <= free[i] * (1.0 + 1e-12));
+        assert_true(held[1] * held[2] < 0.9 * free[1] * free[2]);
+        p.relief_stiffness = 1e13;
+        double q[2 * N] = {-p.relief_height * 1e-3, 1e-3}, v[2 * N] = {0.0};
+        assert_ok(lg_riser_free_motion(NULL, &p, 0.01, 20, true, q, v, NULL, NULL));
+        printf("held at %g m: turned by %.2e rad, moved there by %.2e m\n", p.relief_height, q[1],
+               q[0] + p.relief_height * q[1]);
+        assert_true(fabs(q[1]) > 1e-4);
+        assert_close(q[0] + p.relief_height * q[1], 0.0, 0.0, 1e-6);
     }
 }
 
@@ -346,6 +390,8 @@ TEST("impossible parameters are refused by name") {
         assert_status(lg_riser_parameters_check(&p, &error), LG_INVALID_ARGUMENT);                           \
         assert_non_null(strstr(error.message, #member));                                                     \
     } while (0)
+    REFUSED(relief_stiffness, -1.0);
+    REFUSED(relief_height, NAN);
     REFUSED(severity, 0.0);
     REFUSED(severity, 1.01);
     REFUSED(severity, NAN);

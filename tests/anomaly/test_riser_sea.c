@@ -310,6 +310,32 @@ TEST("ratios of broken to intact are within their bounds") {
     for (int c = 0; c < C; c++) assert_true(exp(ratio[c]) > low[c / 2] && exp(ratio[c]) < high[c / 2]);
 }
 
+TEST("wires calm the BOP and hide a part of the crack, in drilling and in completion") {
+    enum { COUNT = 6000, CONDITIONS = 5 };
+    static const double wires[] = {0.0, 2e6};
+    float *x = TEST_ARRAY(float, COUNT *C);
+    for (int completion = 0; completion < 2; completion++) {
+        double ratio[2] = {0.0}, size[2] = {0.0};
+        for (uint32_t i = 0; i < 4 * CONDITIONS; i++) {
+            const uint32_t broken = i % 2, relief = i / 2 % 2;
+            lg_riser_parameters p;
+            lg_riser_run run;
+            uint32_t label, sea;
+            double sd[C];
+            lg_riser_standard_run(2 * (11 * (i / 4) + 2) + broken, 11, 0.58, &p, &run, &label, &sea);
+            if (completion) lg_riser_complete(&p);
+            p.relief_stiffness = wires[relief];
+            simulate(&p, &run, COUNT, x);
+            deviations(x, 0, COUNT, sd);
+            ratio[relief] += (broken ? 1.0 : -1.0) * log(sd[0]) / CONDITIONS;
+            if (!broken) size[relief] += log(sd[0]) / CONDITIONS;
+        }
+        printf("%s: lower acceleration broken/intact %.3f, with wires %.3f; wires/none %.3f\n",
+               completion ? "completion" : "drilling", exp(ratio[0]), exp(ratio[1]), exp(size[1] - size[0]));
+        assert_true(size[1] < size[0] && ratio[1] < 0.8 * ratio[0] && ratio[1] > 0.05);
+    }
+}
+
 /* ---- runs ---- */
 
 TEST("a crack changes nothing before its time") {

@@ -119,6 +119,43 @@ TEST("generate makes the windows that are asked for, and the same windows for th
     assert_memory_not_equal(cracked->series.x + 9 * size, s->x + 9 * size, half);
 }
 
+/* The first sample of the first standard run. */
+static void first_sample(bool completion, double relief, float out[LG_RISER_CHANNELS]) {
+    lg_riser_parameters p;
+    lg_riser_run run;
+    uint32_t label, sea;
+    lg_riser_standard_run(0, 1, 0.58, &p, &run, &label, &sea);
+    if (completion) lg_riser_complete(&p);
+    p.relief_stiffness = relief;
+    run.noise = 0;
+    assert_ok(lg_riser_simulate(NULL, &p, &run, 1, out, NULL));
+}
+
+TEST("operation and load relief change the well of generate and of feed") {
+#define GENERATE     "generate --seed 1 --runs 1 --hours 0.05 --noise 0 --window 20 --out setup.h5"
+#define SETUP(words) GENERATE words, "feed --hours 0.001 --out setup.csv" words
+    static const struct {
+        const char *generate, *feed, *printed;
+        bool completion;
+        double relief;
+    } rows[] = {{SETUP(""), "operation \"drilling\", load_relief 0", false, 0},
+                {SETUP(" --operation completion"), "operation \"completion\", load_relief 0", true, 0},
+                {SETUP(" --load-relief 2e6"), "operation \"drilling\", load_relief 2000000", false, 2e6},
+                {SETUP(" --operation completion --load-relief 2e6"),
+                 "operation \"completion\", load_relief 2000000", true, 2e6}};
+    char lines[LG_COUNT(rows)][4096];
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        float x[LG_RISER_CHANNELS];
+        json(rows[i].generate, rows[i].printed);
+        const lg_series *s = &read_back("setup.h5")->series;
+        first_sample(rows[i].completion, rows[i].relief, x);
+        for (uint32_t c = 0; c < s->channels; c++) assert_close(s->x[c * s->length], x[c], 0, 0);
+        cli_run(lg, "%s", rows[i].feed);
+        (void)cli_read("setup.csv", lines[i], sizeof lines[i]);
+        for (size_t k = 0; k < i; k++) assert_string_not_equal(lines[i], lines[k]);
+    }
+}
+
 static size_t count_lines(const char *text) {
     size_t lines = 0;
     for (const char *s = text; *s != '\0'; s++) lines += *s == '\n';

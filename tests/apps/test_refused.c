@@ -421,6 +421,8 @@ static const refusal anomaly[] = {
      "--plot=s.jpg}",
      2, NULL},
     {"generate --out s.h5 --housing loose", 2, "'loose' is not one of slack, tight"},
+    {"generate --out s.h5 --operation fishing", 2, "'fishing' is not one of drilling, completion"},
+    {"generate --out s.h5 {--load-relief=-1 --load-relief=nan}", 2, NULL},
     {"generate --out s.h5 --window 0.3", 2, "--window 0.3: is 1.5 samples"},
     {"generate --out s.h5 --window 7200", 2, "shorter than one window"},
     {"generate --out s.h5 --runs 100000 --hours 1000 --window 0.2", 2, "more than a file may hold"},
