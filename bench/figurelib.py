@@ -218,8 +218,10 @@ class Panel:
         self.space, self.curves = space, []
 
     def add(self, title, points, style=None, colour=None):
-        colour = COLOURS[len(self.curves) % len(COLOURS)] if colour is None else COLOURS[colour % len(COLOURS)]
-        self.curves.append((title, points, "%s lc rgb '%s'" % (style or "with lines lw 1.6", colour)))
+        style = style or "with lines lw 1.6"
+        if colour != "":  # "": the style has its own
+            style += " lc rgb '%s'" % COLOURS[(len(self.curves) if colour is None else colour) % len(COLOURS)]
+        self.curves.append((title, points, style))
         return self
 
     def script(self, name):
