@@ -80,6 +80,16 @@ static const lg_gradcheck_case rows[] = {
     ROW("angle", 12 + 12 + 4, .kind = LG_SURROGATE_ANGLE, .architecture = LG_NET_MLP),
     ROW("angle, ends held", 8 + 3 * 9 + 24 + 4, .kind = LG_SURROGATE_ANGLE,
         .architecture = LG_NET_MULT_AFFINE, .embedding = 2, .mirror = true, .boundary = true),
+    ROW("discrete, curves and energy", 27 + 12 + 4 * 2, .kind = LG_SURROGATE_DISCRETE,
+        .architecture = LG_NET_MLP, .mirror = true, .angles = true, .energy = 0.3),
+    ROW("continuous, residual", 3 * 30 + 12 + 8, .kind = LG_SURROGATE_CONTINUOUS, .architecture = LG_NET_MULT,
+        .mirror = true, .residual = 0.2),
+    ROW("continuous, ends held, energy", 30 + 12 + 8, .kind = LG_SURROGATE_CONTINUOUS,
+        .architecture = LG_NET_MLP, .mirror = true, .boundary = true, .energy = 0.3),
+    ROW("angle, residual", 12 + 12 + 4, .kind = LG_SURROGATE_ANGLE, .architecture = LG_NET_MLP,
+        .mirror = true, .symmetric = true, .residual = 0.2),
+    ROW("angle, ends held, energy and residual", 12 + 12 + 4, .kind = LG_SURROGATE_ANGLE,
+        .architecture = LG_NET_MLP, .mirror = true, .boundary = true, .energy = 0.3, .residual = 0.2),
 };
 
 FAMILY(elastica)

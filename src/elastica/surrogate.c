@@ -40,7 +40,25 @@ static lg_status check_discrete(const lg_surrogate_options *o, uint32_t interval
                        numbers);
     if ((unsigned)o->loss >= LG_SURROGATE_LOSS_COUNT || (o->loss == LG_SURROGATE_ENERGY && !o->angles))
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "only the discrete network of angles can learn the energy");
+                       "only the discrete network of angles can learn the energy alone");
+    return LG_OK;
+}
+
+/* Whether the network has the terms of mechanics that are asked for. */
+static lg_status check_mechanics(const lg_surrogate_options *o, lg_error *error) {
+    const bool discrete = o->kind == LG_SURROGATE_DISCRETE;
+    if (o->residual > 0.0 && discrete)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the discrete network has no residual: its curves are no functions of the arc length");
+    if (o->energy > 0.0 && discrete && (!o->angles || o->loss == LG_SURROGATE_ENERGY))
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "a weight of the energy needs inner angles and the loss mse (discrete network)");
+    if (o->energy > 0.0 && !discrete && !o->boundary)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the energy needs `boundary`: free ends would straighten the beam");
+    if (o->energy > 0.0 && o->between)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the energy is an integral over the nodes and needs `between` false");
     return LG_OK;
 }
 
@@ -62,10 +80,15 @@ static lg_status check(const lg_surrogate_options *o, uint32_t intervals, double
         return lg_fail(error, LG_INVALID_ARGUMENT, "length %g and centre %g must both be positive and finite",
                        length, centre);
     LG_TRY(check_discrete(o, intervals, error));
+    LG_TRY(check_mechanics(o, error));
     if ((unsigned)o->penalty >= LG_SURROGATE_PENALTY_COUNT)
         return lg_fail(error, LG_INVALID_ARGUMENT, "unknown form of the penalty");
     if (!(o->gamma >= 0.0 && o->gamma <= DBL_MAX))
         return lg_fail(error, LG_INVALID_ARGUMENT, "gamma %g must be finite and not negative", o->gamma);
+    if (!(o->energy >= 0.0 && o->energy <= DBL_MAX && o->residual >= 0.0 && o->residual <= DBL_MAX))
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "weights of energy %g and residual %g must be finite and not negative", o->energy,
+                       o->residual);
     return LG_OK;
 }
 
@@ -132,18 +155,22 @@ void lg_surrogate_row(const lg_surrogate *model, const double *x, double sign, d
     row[LG_AT_QN] = (row[LG_AT_QN] - model->centre) / model->centre;
 }
 
-void lg_surrogate_end_weights(const lg_surrogate *model, double s, double *weights) {
+void lg_surrogate_end_weights(const lg_surrogate *model, double s, double *weights, double *slopes) {
     const double rest = s - model->length;
     const double a = exp(-100.0 * s * s), b = exp(-100.0 * rest * rest);
-    const double c = exp(-100.0 * model->length * model->length);
-    weights[0] = (a - c * b) / ((1.0 - c) * (1.0 + c));
-    weights[1] = (b - c * a) / ((1.0 - c) * (1.0 + c));
+    const double c = exp(-100.0 * model->length * model->length), whole = (1.0 - c) * (1.0 + c);
+    const double da = -200.0 * s * a, db = -200.0 * rest * b;
+    weights[0] = (a - c * b) / whole;
+    weights[1] = (b - c * a) / whole;
+    slopes[0] = (da - c * db) / whole;
+    slopes[1] = (db - c * da) / whole;
 }
 
 void lg_surrogate_hold(const lg_surrogate *model, double s, const double *x, lg_surrogate_held *out) {
     const double length = model->length, t = s / length, u = 1.0 - t;
     const double value[LG_HELD] = {u * u * u, t * u * u, t * t * u, t * t * t, t * t * u * u};
     const double slope[LG_HELD] = {u * u, t * u, t * t, t * u * u, t * t * u};
+    const double turn[LG_HELD] = {-2.0 * u, u - t, 2.0 * t, u * u - 2.0 * t * u, 2.0 * t * u - t * t};
     *out = (lg_surrogate_held){.weight = 0.0};
     for (size_t i = 0; i < LG_HELD; i++) {
         for (size_t j = 0; j + 1 < LG_HELD; j++)
@@ -151,9 +178,11 @@ void lg_surrogate_hold(const lg_surrogate *model, double s, const double *x, lg_
                 const double y = (j % 2 == 1 ? length : 1.0) * x[2 * j + c];
                 out->q[c] += value[i] * lg_held_value[i][j] * y;
                 out->v[c] += slope[i] * lg_held_slope[i][j] * y / length;
+                out->a[c] += turn[i] * lg_held_slope[i][j] * y / (length * length);
             }
         out->weight += value[i] * lg_held_value[i][LG_HELD - 1];
         out->slope += slope[i] * lg_held_slope[i][LG_HELD - 1] / length;
+        out->turn += turn[i] * lg_held_slope[i][LG_HELD - 1] / (length * length);
     }
 }
 

@@ -27,9 +27,9 @@ static const double lg_held_value[LG_HELD][LG_HELD] = {
     {1, 0, 0, 0, 0}, {3, 1, 0, 0, 0}, {0, 0, 3, -1, 0}, {0, 0, 1, 0, 0}, {0, 0, 0, 0, 16}};
 static const double lg_held_slope[LG_HELD][LG_HELD] = {
     {0, 1, 0, 0, 0}, {-6, -2, 6, -2, 0}, {0, 0, 0, 1, 0}, {0, 0, 0, 0, 32}, {0, 0, 0, 0, -32}};
-/* H, dH/ds, w and dw/ds at one point, for the boundary conditions x. */
+/* H, w, and their first and second derivatives by s at one point, for the boundary conditions x. */
 typedef struct lg_surrogate_held {
-    double q[2], v[2], weight, slope;
+    double q[2], v[2], a[2], weight, slope, turn;
 } lg_surrogate_held;
 void lg_surrogate_hold(const lg_surrogate *model, double s, const double *x, lg_surrogate_held *out);
 
@@ -47,8 +47,8 @@ void lg_surrogate_hermite(const double *q, const double *v, double h, double t, 
 /* Computes one row of the network's input at s: 8 numbers (discrete), 9 (continuous) or 3 (angle). */
 void lg_surrogate_row(const lg_surrogate *model, const double *x, double sign, double s, double *row);
 /* Computes the weights at s with which the errors of the two end angles are corrected. They are (1, 0) at s =
- * 0 and (0, 1) at s = L. */
-void lg_surrogate_end_weights(const lg_surrogate *model, double s, double *weights);
+ * 0 and (0, 1) at s = L. `slopes` become their derivatives. */
+void lg_surrogate_end_weights(const lg_surrogate *model, double s, double *weights, double *slopes);
 /* Number of outputs of the program's function `value`: 4(N - 1) for the discrete network, otherwise the
  * number of outputs of the network. */
 uint32_t lg_surrogate_outputs(const lg_surrogate *model);
@@ -66,6 +66,17 @@ lg_var lg_surrogate_chord(lg_tape *tape, const lg_surrogate *model, lg_var x);
 /* Computes the network's output as numbers of the curve (B, lg_surrogate_outputs) from the network's input x
  * (B, inputs). Applies the modes or the angles if the model has them. */
 lg_var lg_surrogate_net(lg_tape *tape, const lg_surrogate *model, lg_var theta, lg_var x);
+/* The mechanics of B curves on a tape, in units of L, EI/L (energy) and EI/L^2 (force).
+ * lg_surrogate_moments: the error of the bending moment (B, n), L theta' - m - fx y/L + fy x/L, at n points of
+ *   each curve. m and f are the numbers with the smallest mean square. turning: theta'; x, y: positions; (B, n)
+ *   each.
+ * lg_surrogate_bending: the mean of (L theta')^2/2 over n points (B, 1), for theta' (B, n).
+ * lg_surrogate_closing: f r/L + 18 N^2 |r/L|^2 (B, 1), for f and r (B, 2). */
+lg_var lg_surrogate_moments(lg_tape *tape, const lg_surrogate *model, lg_var turning, lg_var x, lg_var y);
+lg_var lg_surrogate_bending(lg_tape *tape, const lg_surrogate *model, lg_var turning);
+lg_var lg_surrogate_closing(lg_tape *tape, const lg_surrogate *model, lg_var force, lg_var r);
+/* Computes the force (2) in a curve from its nodes q and tangents v, (N + 1, 2) each, in units of EI/L^2. */
+void lg_surrogate_force(double length, uint32_t intervals, const double *q, const double *v, double *force);
 /* Error LG_SHAPE: the curves do not fit the model. */
 lg_status lg_surrogate_check_curves(const lg_surrogate *model, const lg_elastica_curves *curves,
                                     lg_error *error);

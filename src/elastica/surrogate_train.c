@@ -30,6 +30,36 @@ static curve curve_at(const part *b, size_t i) {
 
 static const double origin[2] = {0.0, 0.0};
 
+static lg_var mean_square(lg_tape *tape, lg_var d) {
+    return lg_mean(tape, lg_square(tape, d));
+}
+
+static lg_var add_term(const part *b, lg_var sum, double weight, lg_var term) {
+    return lg_add(b->tape, sum, lg_scale(b->tape, term, weight));
+}
+
+/* L/EI times the mean energy of the curves of the data; 0 where the data have none. */
+static double known_energy(const part *b) {
+    const lg_elastica_curves *set = b->problem->curves;
+    double sum = 0.0;
+    for (size_t i = 0; i < b->count && set->energy != NULL; i++)
+        sum += set->energy[b->problem->training[b->samples[i]]];
+    return sum * set->length / (set->stiffness * (double)b->count);
+}
+
+/* Adds weight times the residual of curves: turning, x and y at n points, (B, n) each. */
+static lg_var add_residual(const part *b, lg_var sum, lg_var turning, lg_var x, lg_var y) {
+    const lg_surrogate *model = b->problem->model;
+    const lg_var errors = lg_surrogate_moments(b->tape, model, turning, x, y);
+    return add_term(b, sum, model->options.residual, mean_square(b->tape, errors));
+}
+
+/* Adds weight times the mean energy of a network of s, above the known energy. energies (B, 1). */
+static lg_var add_energy(const part *b, lg_var sum, lg_var energies) {
+    const lg_var above = lg_add_scalar(b->tape, lg_mean(b->tape, energies), -known_energy(b));
+    return add_term(b, sum, b->problem->model->options.energy, above);
+}
+
 /* Writes points (n, 2) of a curve, relative to `start` and mirrored for sign = -1, to values[at ...]. */
 static void put_points(const part *b, void *values, size_t at, const double *points, size_t n,
                        const double *start, double sign) {
@@ -52,6 +82,33 @@ static void put_row(const part *b, void *values, size_t row, const curve *c, dou
 static double node_of_data(const part *b, uint32_t k) {
     const uint32_t n = b->problem->curves->intervals;
     return k == n ? b->problem->model->length : b->problem->model->length * k / n;
+}
+
+/* qN - q0 of the curves, reflected if the network sees the mirror image: (B, 2). */
+static lg_var chords(const part *b) {
+    void *values;
+    const lg_var chord = lg_input_buffer(b->tape, lg_shape2((uint32_t)b->count, 2), &values);
+    if (lg_is_none(chord)) return LG_NONE;
+    for (size_t i = 0; i < b->count; i++) {
+        const curve c = curve_at(b, b->samples[i]);
+        put_points(b, values, 2 * i, c.x + LG_AT_QN, 1, c.x + LG_AT_Q0, c.sign);
+    }
+    return chord;
+}
+
+/* The forces in the curves of the data (B, 2), as the network sees them. */
+static lg_var forces(const part *b) {
+    const lg_elastica_curves *set = b->problem->curves;
+    void *values;
+    const lg_var force = lg_input_buffer(b->tape, lg_shape2((uint32_t)b->count, 2), &values);
+    if (lg_is_none(force)) return LG_NONE;
+    for (size_t i = 0; i < b->count; i++) {
+        const curve c = curve_at(b, b->samples[i]);
+        double f[2];
+        lg_surrogate_force(set->length, set->intervals, c.q, c.v, f);
+        put_points(b, values, 2 * i, f, 1, origin, c.sign);
+    }
+    return force;
 }
 
 /* ---- discrete network ---- */
@@ -170,24 +227,54 @@ static lg_var energy_loss(const part *b, lg_var theta) {
     return lg_scale(t, lg_add_scalar(t, sum, -given_energy(b)), 1.0 / rows);
 }
 
-static lg_var discrete_loss(const part *b, lg_var theta) {
+static lg_var discrete_error(const part *b, lg_var theta) {
     const lg_surrogate *model = b->problem->model;
-    if (model->options.loss == LG_SURROGATE_ENERGY) return energy_loss(b, theta);
     if (model->options.modes > 0 && model->options.gamma == 0.0) return modes_loss(b, theta);
     const lg_var d = curve_errors(b, theta);
     if (model->options.penalty == LG_SURROGATE_WEIGHTED) return weighted(b->tape, d, model->options.gamma);
-    const lg_var loss = lg_mean(b->tape, lg_square(b->tape, d));
+    const lg_var loss = mean_square(b->tape, d);
     if (model->options.gamma == 0.0) return loss;
     const lg_var differences = rough(b->tape, d, (uint32_t)b->count, model->intervals);
     return lg_add(b->tape, loss, lg_scale(b->tape, differences, model->options.gamma));
 }
 
+static lg_var discrete_loss(const part *b, lg_var theta) {
+    const lg_surrogate_options *options = &b->problem->model->options;
+    if (options->loss == LG_SURROGATE_ENERGY) return energy_loss(b, theta);
+    const lg_var loss = discrete_error(b, theta);
+    return options->energy == 0.0 ? loss : add_term(b, loss, options->energy, energy_loss(b, theta));
+}
+
 /* ---- continuous network ---- */
 
-/* Derivative of the network's inputs (s/L, x) with respect to s, one row for all samples. */
+/* Whether the loss has a term that needs whole curves and their turning. */
+static bool has_mechanics(const lg_surrogate *model) {
+    return model->options.energy > 0.0 || model->options.residual > 0.0;
+}
+
+static bool samples_are_points(const lg_surrogate *model) {
+    return model->options.kind == LG_SURROGATE_CONTINUOUS && !has_mechanics(model);
+}
+
+/* Derivative of the network's inputs (s/L, x) with respect to s, one row for all points. */
 static lg_var along_s(const part *b) {
     const double tangent[9] = {1.0 / b->problem->model->length};
     return lg_input_f64(b->tape, lg_shape2(1, 9), tangent);
+}
+
+/* Derivative of v (B, 2) along s at the network's inputs x (B, 9). */
+static lg_var second_along_s(const part *b, lg_var x, lg_var v) {
+    const lg_var along = lg_broadcast_to(b->tape, along_s(b), lg_var_shape(b->tape, x));
+    lg_var a = LG_NONE;
+    (void)lg_jvp(b->tape, &v, 1, &x, &along, 1, &a);
+    return a;
+}
+
+/* Number of point i of a part: its curve times the number of nodes, plus its node. */
+static uint32_t point_number(const part *b, size_t i) {
+    const uint32_t nodes = b->problem->curves->intervals + 1;
+    if (samples_are_points(b->problem->model)) return b->samples[i];
+    return b->samples[i / nodes] * nodes + (uint32_t)(i % nodes);
 }
 
 /* A hash by splitmix64: Steele, Lea & Flood 2014. */
@@ -272,45 +359,129 @@ static double point_of_sample(const part *b, const curve *c, uint32_t sample, do
     return b->problem->model->length * at / n;
 }
 
-/* For held ends: computes q - H and dq/ds from the network's f = *q and df/ds = *v. held (B, 4): dH/ds, w,
- * dw/ds. */
+/* Columns of numbers of held ends, for each point: dH/ds, w, dw/ds, d2w/ds2, d2H/ds2, H - q0. */
+enum { HELD_V = 0, HELD_WEIGHT = 2, HELD_SLOPE, HELD_TURN, HELD_A, HELD_Q = 7, HELD_NUMBERS = 9 };
+
+static void put_held(const part *b, void *values, size_t i, const lg_surrogate_held *held, const curve *c) {
+    const double weights[3] = {held->weight, held->slope, held->turn};
+    put_points(b, values, HELD_NUMBERS * i + HELD_V, held->v, 1, origin, c->sign);
+    lg_surrogate_put(lg_tape_dtype(b->tape), values, HELD_NUMBERS * i + HELD_WEIGHT, weights, 3);
+    put_points(b, values, HELD_NUMBERS * i + HELD_A, held->a, 1, origin, c->sign);
+    put_points(b, values, HELD_NUMBERS * i + HELD_Q, held->q, 1, c->x + LG_AT_Q0, c->sign);
+}
+
+/* For held ends: the second derivative of H + w f by s, from f, df/ds and d2f/ds2. */
+static lg_var hold_second(lg_tape *tape, lg_var held, lg_var f, lg_var slope, lg_var turn) {
+    const lg_var terms[4] = {lg_slice(tape, held, 1, HELD_A, 2),
+                             lg_mul(tape, lg_slice(tape, held, 1, HELD_TURN, 1), f),
+                             lg_mul(tape, lg_slice(tape, held, 1, HELD_SLOPE, 1), slope),
+                             lg_mul(tape, lg_slice(tape, held, 1, HELD_WEIGHT, 1), turn)};
+    return lg_linear_combination(tape, terms, (const double[4]){1.0, 1.0, 2.0, 1.0}, 4);
+}
+
+/* For held ends: computes q - H and dq/ds from the network's f = *q and df/ds = *v. */
 static void hold(lg_tape *tape, lg_var held, lg_var *q, lg_var *v) {
-    const lg_var weight = lg_slice(tape, held, 1, 2, 1), slope = lg_slice(tape, held, 1, 3, 1);
+    const lg_var weight = lg_slice(tape, held, 1, HELD_WEIGHT, 1),
+                 slope = lg_slice(tape, held, 1, HELD_SLOPE, 1);
     const lg_var turned = lg_add(tape, lg_mul(tape, *v, weight), lg_mul(tape, *q, slope));
     *v = lg_add(tape, turned, lg_slice(tape, held, 1, 0, 2));
     *q = lg_mul(tape, *q, weight);
 }
 
+/* Weight of node k of 0..n in an integral over [0, 1]: Gregory's rule with two corrections, which is exact for
+ * cubics; the trapezoidal rule for few nodes. */
+static double gregory(uint32_t n, uint32_t k) {
+    static const double ends[] = {3.0 / 8.0, 7.0 / 6.0, 23.0 / 24.0}, few[] = {0.5, 1.0, 1.0};
+    const uint32_t from_end = k < n - k ? k : n - k;
+    if (from_end >= LG_COUNT(ends)) return 1.0 / n;
+    return (n + 1 < 2 * LG_COUNT(ends) ? few : ends)[from_end] / n;
+}
+
+/* Column c of values (B n, 2) at n points of B curves: (B, n). */
+static lg_var component(const part *b, lg_var values, uint32_t c) {
+    const uint32_t rows = lg_var_shape(b->tape, values).dims[0], count = (uint32_t)b->count;
+    return lg_reshape(b->tape, lg_slice(b->tape, values, 1, c, 1), lg_shape2(count, rows / count));
+}
+
+/* The rule of quadrature times N, as a row (1, N + 1), so that means over the nodes become integrals. */
+static lg_var rule_of(const part *b) {
+    const uint32_t n = b->problem->curves->intervals;
+    void *values;
+    const lg_var rule = lg_input_buffer(b->tape, lg_shape2(1, n + 1), &values);
+    if (lg_is_none(rule)) return LG_NONE;
+    for (uint32_t k = 0; k <= n; k++) {
+        const double weight = gregory(n, k) * (n + 1);
+        lg_surrogate_put(lg_tape_dtype(b->tape), values, k, &weight, 1);
+    }
+    return rule;
+}
+
+/* Mean of values (B, N + 1) by the rule: (B, 1). */
+static lg_var integral_over(const part *b, lg_var values) {
+    return lg_mean_axis(b->tape, lg_mul(b->tape, rule_of(b), values), 1, true);
+}
+
+/* Energies (B, 1) of a continuous network with held ends, from the angle of its tangents: turning q' x q'' and
+ * tangents at the nodes, (B, N + 1) each. */
+static lg_var tangents_energy(const part *b, lg_var turning, lg_var vx, lg_var vy) {
+    lg_tape *t = b->tape;
+    const lg_var square = lg_add(t, lg_square(t, vx), lg_square(t, vy)), speed = lg_sqrt(t, square);
+    const lg_var rate = lg_mul(t, lg_sqrt(t, rule_of(b)), lg_div(t, turning, square));
+    const lg_var reached[2] = {integral_over(b, lg_div(t, vx, speed)),
+                               integral_over(b, lg_div(t, vy, speed))};
+    const lg_var r =
+        lg_sub(t, chords(b), lg_scale(t, lg_concat(t, reached, 2, 1), b->problem->model->length));
+    return lg_add(t, lg_surrogate_bending(t, b->problem->model, rate),
+                  lg_surrogate_closing(t, b->problem->model, forces(b), r));
+}
+
+/* Adds the terms of mechanics to the loss of a continuous network: q (relative to q0), dq/ds and d2q/ds2 at all
+ * nodes of the curves. */
+static lg_var add_mechanics(const part *b, lg_var loss, lg_var q, lg_var v, lg_var a) {
+    const lg_surrogate_options *options = &b->problem->model->options;
+    lg_tape *t = b->tape;
+    const lg_var vx = component(b, v, 0), vy = component(b, v, 1);
+    const lg_var turning = lg_sub(t, lg_mul(t, vx, component(b, a, 1)), lg_mul(t, vy, component(b, a, 0)));
+    const lg_var x = component(b, q, 0), y = component(b, q, 1);
+    if (options->residual > 0.0) loss = add_residual(b, loss, turning, x, y);
+    return options->energy == 0.0 ? loss : add_energy(b, loss, tangents_energy(b, turning, vx, vy));
+}
+
 static lg_var continuous_loss(const part *b, lg_var theta) {
     const lg_surrogate *model = b->problem->model;
-    const uint32_t count = (uint32_t)b->count, nodes = b->problem->curves->intervals + 1;
+    const uint32_t nodes = b->problem->curves->intervals + 1;
+    const uint32_t count = (uint32_t)b->count * (samples_are_points(model) ? 1 : nodes);
     void *rows, *q_values, *v_values, *held_values;
     lg_var x = lg_input_buffer(b->tape, lg_shape2(count, 9), &rows);
     lg_var q_given = lg_input_buffer(b->tape, lg_shape2(count, 2), &q_values);
     lg_var v_given = lg_input_buffer(b->tape, lg_shape2(count, 2), &v_values);
-    lg_var held_given = lg_input_buffer(b->tape, lg_shape2(count, 4), &held_values);
+    lg_var held_given = lg_input_buffer(b->tape, lg_shape2(count, HELD_NUMBERS), &held_values);
     if (lg_is_none(held_given)) return LG_NONE;
-    for (size_t i = 0; i < b->count; i++) {
-        const curve c = curve_at(b, b->samples[i] / nodes);
+    for (size_t i = 0; i < count; i++) {
+        const uint32_t point = point_number(b, i);
+        const curve c = curve_at(b, point / nodes);
         double q[2], v[2];
         lg_surrogate_held held;
-        const double s = point_of_sample(b, &c, b->samples[i], q, v);
+        const double s = point_of_sample(b, &c, point, q, v);
         lg_surrogate_hold(model, s, c.x, &held);
         put_row(b, rows, i, &c, s);
         put_points(b, q_values, 2 * i, q, 1, model->options.boundary ? held.q : c.x + LG_AT_Q0, c.sign);
         put_points(b, v_values, 2 * i, v, 1, origin, c.sign);
-        put_points(b, held_values, 4 * i, held.v, 1, origin, c.sign);
-        lg_surrogate_put(lg_tape_dtype(b->tape), held_values, 4 * i + 2, &held.weight, 1);
-        lg_surrogate_put(lg_tape_dtype(b->tape), held_values, 4 * i + 3, &held.slope, 1);
+        put_held(b, held_values, i, &held, &c);
     }
-    lg_var q = LG_NONE, v = LG_NONE;
+    lg_var q = LG_NONE, v = LG_NONE, a = LG_NONE;
     if (lg_net_record_jvp(b->tape, &model->net, theta, 0, x, along_s(b), &q, &v) != LG_OK) return LG_NONE;
+    if (has_mechanics(model)) a = second_along_s(b, x, v);
+    if (has_mechanics(model) && model->options.boundary) a = hold_second(b->tape, held_given, q, v, a);
     if (model->options.boundary) hold(b->tape, held_given, &q, &v);
     lg_var loss = lg_add(b->tape, lg_mse(b->tape, q, q_given), lg_mse(b->tape, v, v_given));
-    if (model->options.gamma == 0.0) return loss;
-    lg_var excess = lg_add_scalar(b->tape, lg_rownorm2(b->tape, v), -1.0);
-    lg_var penalty = lg_mean(b->tape, lg_square(b->tape, excess));
-    return lg_add(b->tape, loss, lg_scale(b->tape, penalty, 0.5 * model->options.gamma));
+    if (model->options.gamma > 0.0) {
+        const lg_var excess = lg_add_scalar(b->tape, lg_rownorm2(b->tape, v), -1.0);
+        loss = add_term(b, loss, 0.5 * model->options.gamma, mean_square(b->tape, excess));
+    }
+    if (!has_mechanics(model)) return loss;
+    if (model->options.boundary) q = lg_add(b->tape, q, lg_slice(b->tape, held_given, 1, HELD_Q, 2));
+    return add_mechanics(b, loss, q, v, a);
 }
 
 /* ---- angle network ---- */
@@ -325,13 +496,14 @@ static double place(const part *b, uint32_t r) {
 }
 
 /* Corrects the angles pi f (B, R) so that they have the given end angles: pi f + (given - pi f(ends)) W,
- * where W (2, R) are the weights of the ends. */
-static lg_var hold_ends(const part *b, lg_var angle, uint32_t places) {
+ * where W (2, R) are the weights of the ends; the derivative by s, *turning, if it is there, with dW/ds. */
+static lg_var hold_ends(const part *b, lg_var angle, uint32_t places, lg_var *turning) {
     const lg_dtype dtype = lg_tape_dtype(b->tape);
-    void *given_values, *weight_values;
+    void *given_values, *weight_values, *slope_values;
     lg_var given = lg_input_buffer(b->tape, lg_shape2((uint32_t)b->count, 2), &given_values);
     lg_var weights = lg_input_buffer(b->tape, lg_shape2(2, places), &weight_values);
-    if (lg_is_none(weights)) return LG_NONE;
+    lg_var slopes = lg_input_buffer(b->tape, lg_shape2(2, places), &slope_values);
+    if (lg_is_none(slopes)) return LG_NONE;
     for (size_t i = 0; i < b->count; i++) {
         const curve c = curve_at(b, b->samples[i]);
         double angles[2];
@@ -339,19 +511,23 @@ static lg_var hold_ends(const part *b, lg_var angle, uint32_t places) {
         lg_surrogate_put(dtype, given_values, 2 * i, angles, 2);
     }
     for (uint32_t r = 0; r < places; r++) {
-        double w[2];
-        lg_surrogate_end_weights(b->problem->model, place(b, r), w);
-        lg_surrogate_put(dtype, weight_values, r, &w[0], 1);
-        lg_surrogate_put(dtype, weight_values, places + r, &w[1], 1);
+        double w[2], dw[2];
+        lg_surrogate_end_weights(b->problem->model, place(b, r), w, dw);
+        for (size_t end = 0; end < 2; end++) {
+            lg_surrogate_put(dtype, weight_values, end * places + r, &w[end], 1);
+            lg_surrogate_put(dtype, slope_values, end * places + r, &dw[end], 1);
+        }
     }
     const lg_var ends[2] = {lg_slice(b->tape, angle, 1, 0, 1),
                             lg_slice(b->tape, angle, 1, b->problem->curves->intervals, 1)};
     lg_var missing = lg_sub(b->tape, given, lg_concat(b->tape, ends, 2, 1));
+    if (!lg_is_none(*turning)) *turning = lg_matmul_add(b->tape, missing, slopes, *turning);
     return lg_matmul_add(b->tape, missing, weights, angle);
 }
 
-/* theta (B, R) at all places of the curves. */
-static lg_var angles_of(const part *b, lg_var theta, uint32_t places) {
+/* theta (B, R) at all places of the curves; with terms of mechanics also d theta/ds in *turning (B, R). */
+static lg_var angles_of(const part *b, lg_var theta, uint32_t places, lg_var *turning) {
+    static const double along[3] = {0.0, 0.0, 1.0};
     const lg_surrogate *model = b->problem->model;
     const uint32_t count = (uint32_t)b->count;
     void *rows;
@@ -361,9 +537,17 @@ static lg_var angles_of(const part *b, lg_var theta, uint32_t places) {
         const curve c = curve_at(b, b->samples[i]);
         for (uint32_t r = 0; r < places; r++) put_row(b, rows, i * places + r, &c, place(b, r));
     }
-    lg_var f = lg_net_record(b->tape, &model->net, theta, 0, x);
-    lg_var angle = lg_scale(b->tape, lg_reshape(b->tape, f, lg_shape2(count, places)), LG_SURROGATE_PI);
-    return model->options.boundary ? hold_ends(b, angle, places) : angle;
+    const lg_shape shape = lg_shape2(count, places);
+    lg_var f = LG_NONE, slope = LG_NONE;
+    if (!has_mechanics(model)) {
+        f = lg_net_record(b->tape, &model->net, theta, 0, x);
+    } else {
+        const lg_var dx = lg_input_f64(b->tape, lg_shape2(1, 3), along);
+        if (lg_net_record_jvp(b->tape, &model->net, theta, 0, x, dx, &f, &slope) != LG_OK) return LG_NONE;
+        *turning = lg_scale(b->tape, lg_reshape(b->tape, slope, shape), LG_SURROGATE_PI);
+    }
+    lg_var angle = lg_scale(b->tape, lg_reshape(b->tape, f, shape), LG_SURROGATE_PI);
+    return model->options.boundary ? hold_ends(b, angle, places, turning) : angle;
 }
 
 /* Integrals from 0 to s_k, k = 0..N, of the function with the values `trig` (2B, R): (2B, N + 1). Only the
@@ -396,27 +580,73 @@ static void put_components(const part *b, void *values, size_t i, const double *
         }
 }
 
+/* qN - q0 - I(L) (2B, 1) for the integrals I(s) (2B, N + 1). */
+static lg_var missing_chord(const part *b, lg_var integral) {
+    const uint32_t n = b->problem->curves->intervals, rows = 2 * (uint32_t)b->count;
+    const lg_var chord = lg_reshape(b->tape, lg_transpose(b->tape, chords(b)), lg_shape2(rows, 1));
+    return lg_sub(b->tape, chord, lg_slice(b->tape, integral, 1, n, 1));
+}
+
 /* For `symmetric`: the integrals I(s) (2B, N + 1) plus (s/L) (qN - q0 - I(L)). */
 static lg_var from_both_ends(const part *b, lg_var integral) {
-    const uint32_t n = b->problem->curves->intervals, rows = 2 * (uint32_t)b->count;
-    const lg_dtype dtype = lg_tape_dtype(b->tape);
-    void *chord_values, *share_values;
-    const lg_var chord = lg_input_buffer(b->tape, lg_shape2(rows, 1), &chord_values);
+    const uint32_t n = b->problem->curves->intervals;
+    void *share_values;
     const lg_var shares = lg_input_buffer(b->tape, lg_shape2(1, n + 1), &share_values);
     if (lg_is_none(shares)) return LG_NONE;
-    for (size_t i = 0; i < b->count; i++) {
-        const curve c = curve_at(b, b->samples[i]);
-        for (size_t k = 0; k < 2; k++) {
-            const double across = (k == 1 ? c.sign : 1.0) * (c.x[LG_AT_QN + k] - c.x[LG_AT_Q0 + k]);
-            lg_surrogate_put(dtype, chord_values, k * b->count + i, &across, 1);
-        }
-    }
     for (uint32_t k = 0; k <= n; k++) {
         const double share = (double)k / n;
-        lg_surrogate_put(dtype, share_values, k, &share, 1);
+        lg_surrogate_put(lg_tape_dtype(b->tape), share_values, k, &share, 1);
     }
-    const lg_var missing = lg_sub(b->tape, chord, lg_slice(b->tape, integral, 1, n, 1));
-    return lg_matmul_add(b->tape, missing, shares, integral);
+    return lg_matmul_add(b->tape, missing_chord(b, integral), shares, integral);
+}
+
+/* Rows first .. first + B - 1 of x- or y-components (2B, n). */
+static lg_var rows_of(const part *b, lg_var components, size_t first) {
+    return lg_slice(b->tape, components, 0, (uint32_t)first, (uint32_t)b->count);
+}
+
+/* Energies (B, 1) of an angle network with held ends: turning (B, 3N) at the Gauss points, integral
+ * (2B, N + 1). */
+static lg_var closed_energy(const part *b, lg_var turning, lg_var integral) {
+    const uint32_t n = b->problem->curves->intervals;
+    lg_tape *t = b->tape;
+    lg_var energies = LG_NONE;
+    for (uint32_t g = 0; g < LG_GAUSS_POINTS; g++) {
+        const lg_var at = lg_slice(t, turning, 1, g * n, n);
+        const lg_var term = lg_scale(t, lg_surrogate_bending(t, b->problem->model, at), lg_gauss_weight[g]);
+        energies = g == 0 ? term : lg_add(t, energies, term);
+    }
+    const lg_var missing = missing_chord(b, integral);
+    const lg_var r[2] = {rows_of(b, missing, 0), rows_of(b, missing, b->count)};
+    return lg_add(t, energies, lg_surrogate_closing(t, b->problem->model, forces(b), lg_concat(t, r, 2, 1)));
+}
+
+/* q (2B, 3N) at the Gauss points, by the cubics through the nodes q and v (2B, N + 1). */
+static lg_var at_gauss_points(const part *b, lg_var q, lg_var v) {
+    const uint32_t n = b->problem->curves->intervals;
+    const double h = b->problem->model->length / n;
+    lg_var at[LG_GAUSS_POINTS];
+    const lg_var ends[4] = {lg_slice(b->tape, q, 1, 0, n), lg_slice(b->tape, v, 1, 0, n),
+                            lg_slice(b->tape, q, 1, 1, n), lg_slice(b->tape, v, 1, 1, n)};
+    for (size_t g = 0; g < LG_GAUSS_POINTS; g++) {
+        const double t = lg_gauss_at[g], u = 1.0 - t;
+        const double shares[4] = {u * u * (1.0 + 2.0 * t), h * t * u * u, t * t * (1.0 + 2.0 * u),
+                                  -h * t * t * u};
+        at[g] = lg_linear_combination(b->tape, ends, shares, 4);
+    }
+    return lg_concat(b->tape, at, LG_GAUSS_POINTS, 1);
+}
+
+/* Adds the terms of mechanics to the loss of an angle network: turning (B, R) at all places, q and v (2B, N + 1)
+ * at the nodes, integral of v. */
+static lg_var add_balance(const part *b, lg_var loss, lg_var turning, lg_var q, lg_var v, lg_var integral) {
+    const lg_surrogate_options *options = &b->problem->model->options;
+    const uint32_t n = b->problem->curves->intervals;
+    const lg_var points = at_gauss_points(b, q, v), within = lg_slice(b->tape, turning, 1, n + 1, 3 * n);
+    const lg_var x = rows_of(b, points, 0), y = rows_of(b, points, b->count);
+    if (options->residual > 0.0) loss = add_residual(b, loss, within, x, y);
+    if (options->energy == 0.0) return loss;
+    return add_energy(b, loss, closed_energy(b, within, integral));
 }
 
 static lg_var angle_loss(const part *b, lg_var theta) {
@@ -433,30 +663,38 @@ static lg_var angle_loss(const part *b, lg_var theta) {
         put_components(b, q_values, i, c.q, c.x + LG_AT_Q0, c.sign);
         put_components(b, v_values, i, c.v, origin, c.sign);
     }
-    lg_var angle = angles_of(b, theta, places);
+    lg_var turning = LG_NONE, angle = angles_of(b, theta, places, &turning);
     const lg_var both[2] = {lg_cos(b->tape, angle), lg_sin(b->tape, angle)};
     lg_var trig = lg_concat(b->tape, both, 2, 0);
     lg_var v = lg_slice(b->tape, trig, 1, 0, n + 1);
-    lg_var q = integrals(b, trig);
-    if (b->problem->model->options.symmetric) q = from_both_ends(b, q);
-    return lg_add(b->tape, lg_mse(b->tape, q, q_given), lg_mse(b->tape, v, v_given));
+    const lg_var integral = integrals(b, trig);
+    const lg_var q = b->problem->model->options.symmetric ? from_both_ends(b, integral) : integral;
+    const lg_var loss = lg_add(b->tape, lg_mse(b->tape, q, q_given), lg_mse(b->tape, v, v_given));
+    return lg_is_none(turning) ? loss : add_balance(b, loss, turning, q, v, integral);
 }
 
 /* ---- learning problem ---- */
 
-/* The loss of each kind of network. chunk is the number of samples that are on a tape at once; it is small
- * enough that the values stay in the L2 cache. For the angle network (0 here) it is the number of curves with
- * about 400 places in total; for the discrete network 0 means the default. */
+/* The loss of each kind of network. The number of points that are on a tape at once is small enough that the
+ * values stay in the L2 cache. */
 static const struct learned {
     lg_var (*loss)(const part *b, lg_var theta);
-    bool points; /* true: a sample is a point of a curve; false: a sample is a curve */
-    size_t chunk;
+    size_t places; /* number of points of a network of s that are on a tape at once */
 } learned[LG_SURROGATE_KIND_COUNT] = {
-    [LG_SURROGATE_DISCRETE] = {discrete_loss, false, 0},
-    [LG_SURROGATE_CONTINUOUS] = {continuous_loss, true, 128},
-    [LG_SURROGATE_ANGLE] = {angle_loss, false, 0},
+    [LG_SURROGATE_DISCRETE] = {discrete_loss, 0},
+    [LG_SURROGATE_CONTINUOUS] = {continuous_loss, 128},
+    [LG_SURROGATE_ANGLE] = {angle_loss, 402},
 };
-enum { ANGLE_PLACES = 402 };
+
+/* Number of samples with so many points; 0, the default, for the discrete network. */
+static size_t chunk_of(const lg_surrogate_problem *problem) {
+    const lg_surrogate *model = problem->model;
+    const size_t n = problem->curves->intervals, places = learned[model->options.kind].places;
+    const size_t each = samples_are_points(model)                        ? 1
+                        : model->options.kind == LG_SURROGATE_CONTINUOUS ? n + 1
+                                                                         : 4 * n + 1;
+    return places == 0 ? 0 : places < each ? 1 : places / each;
+}
 
 /* Records the share of these samples in the loss of the batch: their mean times count/batch. */
 static lg_status shard_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
@@ -469,8 +707,8 @@ static lg_status shard_loss(void *user, lg_tape *tape, lg_var theta, const uint3
 }
 
 static size_t sample_count(const lg_surrogate_problem *problem) {
-    const bool points = learned[problem->model->options.kind].points;
-    return problem->training_count * (points ? (size_t)problem->curves->intervals + 1 : 1);
+    return problem->training_count *
+           (samples_are_points(problem->model) ? (size_t)problem->curves->intervals + 1 : 1);
 }
 
 lg_status lg_surrogate_problem_check(const lg_surrogate_problem *problem, lg_error *error) {
@@ -508,13 +746,9 @@ void lg_surrogate_fit_problem(const lg_surrogate_problem *problem, lg_fit_proble
         const lg_surrogate_problem *borrowed;
         void *user;
     } pointer = {.borrowed = problem};
-    const lg_surrogate_kind kind = problem->model->options.kind;
-    size_t chunk = learned[kind].chunk;
-    if (kind == LG_SURROGATE_ANGLE) chunk = ANGLE_PLACES / (4 * (size_t)problem->curves->intervals + 1);
-    if (kind == LG_SURROGATE_ANGLE && chunk == 0) chunk = 1;
     *out = (lg_fit_problem){.parameters = lg_surrogate_parameters(problem->model),
                             .samples = sample_count(problem),
                             .loss = shard_loss,
                             .user = pointer.user,
-                            .chunk = chunk};
+                            .chunk = chunk_of(problem)};
 }

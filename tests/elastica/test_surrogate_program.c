@@ -107,12 +107,12 @@ static double of_network(const example *e, const double *row, size_t output) {
 }
 
 static double angle_on_tape(const example *e, const double *x, double sign) {
-    double row[9], weights[2], angles[2], angle;
+    double row[9], weights[2], slopes[2], angles[2], angle;
     const double length = e->model.length;
     lg_surrogate_row(&e->model, x + 1, sign, x[0], row);
     angle = LG_SURROGATE_PI * of_network(e, row, 0);
     if (!e->model.options.boundary) return sign * angle;
-    lg_surrogate_end_weights(&e->model, x[0], weights);
+    lg_surrogate_end_weights(&e->model, x[0], weights, slopes);
     lg_surrogate_angles(x + 1, sign, angles);
     for (size_t end = 0; end < 2; end++) {
         lg_surrogate_row(&e->model, x + 1, sign, end == 0 ? 0.0 : length, row);
