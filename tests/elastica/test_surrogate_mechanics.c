@@ -250,6 +250,22 @@ TEST("both terms agree with plain code, and their weights multiply them") {
     }
 }
 
+TEST("the discrete network adds its energy times the weight") {
+    static const lg_surrogate_options options =
+        SURROGATE(DISCRETE, MLP, 0, 9, 1, TANH, .mirror = true, .angles = true);
+    const lg_elastica_curves set = make_curves(CURVES, N);
+    small s = make_case(&options, N, 1.0, 6);
+    const lg_surrogate_problem problem = problem_of(&s, &set, everything, CURVES);
+    const double curves = loss_of(&problem, LG_F64, s.theta, CURVES, NULL);
+    s.model.options.energy = 0.2;
+    const double both = loss_of(&problem, LG_F64, s.theta, CURVES, NULL);
+    s.model.options.energy = 0.0;
+    s.model.options.loss = LG_SURROGATE_ENERGY;
+    const double energy = loss_of(&problem, LG_F64, s.theta, CURVES, NULL);
+    assert_true(fabs(energy) > curves);
+    assert_close(both, curves + 0.2 * energy, 1e-12, 0.0);
+}
+
 TEST("curves one by one add up to the same loss and gradient, and single precision agrees") {
     const lg_elastica_curves set = make_curves(CURVES, N);
     for (size_t which = 0; which < LG_COUNT(cases); which++) {
