@@ -75,12 +75,14 @@ typedef enum lg_potential_kind {
 /* The symmetry of V, with N the network, linear function or dictionary.
  *   NONE       V(x) = N(x)
  *   EVEN, ODD  V(x) = (N(x) + N(-x))/2 and (N(x) - N(-x))/2
- *   AXIAL      chains: rotations about e3 do not change V. V = N(e3.q_i, q_i.q_j, e3.(q_i x q_j)) of all i
- *              and all pairs i < j, in this order. The last ones change sign in a mirror. With the kinetic
- *              energy of a chain, V conserves sum_i e3.(q_i x p_i).
- *   SPHERICAL  no rotation changes V. Chains of two links and more: V = N(q_i.q_j), i < j. Separable systems:
- *              V = N(|q|^2); the kinetic energy is then |A|^2 |p|^2/(2 n), with |A|^2 the sum of squares, so
- *              that every q_i p_j - q_j p_i is conserved. */
+ *   AXIAL      chains and bodies without lines: rotations about e3 do not change V. V = N(e3.q_i, q_i.q_j,
+ *              e3.(q_i x q_j)) of all i and all pairs i < j, in this order, where the q_i are the columns of
+ *              all R, then the directions. The last ones change sign in a mirror. With the kinetic energy of
+ *              these families, V conserves the momentum about e3, sum e3.pi + sum e3.(q_i x p_i).
+ *   SPHERICAL  no rotation changes V. Chains of two links and more, and bodies without lines: V = N(q_i.q_j),
+ *              i < j, which conserves sum pi + sum q_i x p_i. Separable systems: V = N(|q|^2); the kinetic
+ *              energy is then |A|^2 |p|^2/(2 n), with |A|^2 the sum of squares, so that every
+ *              q_i p_j - q_j p_i is conserved. */
 typedef enum lg_symmetry {
     LG_SYMMETRY_NONE,
     LG_SYMMETRY_EVEN,
@@ -260,6 +262,7 @@ typedef struct lg_first_integral {
     const char *name;                    /* Such as "vertical-angular-momentum". */
     const char *formula;                 /* The formula of G, as text. */
     const lg_hamiltonian_family *family; /* The family whose states G takes; NULL: any. */
+    bool vectors;                        /* G takes states of chains and of bodies without lines only. */
     uint32_t n;                          /* Number of copies for which G is defined; 0: any number. */
     bool numbered;                       /* G belongs to one copy, j. */
     int power
@@ -277,7 +280,8 @@ typedef struct lg_first_integral {
  *   anharmonic                  (q_j^2 + p_j^2)/2 + q_j^4/4, likewise
  *   angular-momentum            q_1 p_2 - q_2 p_1 of two degrees of freedom, for K and V that do not change
  *                               when the plane is rotated
- *   vertical-angular-momentum   sum_i e3.(q_i x p_i) of chains under gravity along e3 */
+ *   vertical-angular-momentum   sum e3.pi + sum_i e3.(q_i x p_i) of chains, and of bodies without lines, under
+ *                               gravity along e3 */
 LG_API size_t lg_first_integral_count(void);
 LG_API const lg_first_integral *lg_first_integral_at(size_t index);       /* NULL beyond the last. */
 LG_API const lg_first_integral *lg_first_integral_find(const char *name); /* NULL: unknown name. */

@@ -34,11 +34,21 @@ static lg_var planar_momentum(void *user, lg_tape *tape, const lg_hamiltonian_va
     return lg_sub(tape, first, lg_mul(tape, column(tape, y[0], 1), column(tape, y[1], 0)));
 }
 
-/* sum_i e3.(q_i x p_i), with q and p (B, n, 3) */
+/* The sum of the third components of x (B, k, 3). */
+static lg_var third(lg_tape *tape, lg_var x) {
+    return lg_sum_axis(tape, lg_slice(tape, x, 2, 2, 1), 1, false);
+}
+
+/* sum e3.pi + sum_i e3.(q_i x p_i), with pi (B, 3 c) and q and p (B, k, 3) */
 static lg_var vertical_momentum(void *user, lg_tape *tape, const lg_hamiltonian_vars *vars, uint32_t j,
                                 const lg_var *y) {
-    (void)user, (void)vars, (void)j;
-    return lg_sum_axis(tape, lg_slice(tape, lg_cross(tape, y[0], y[1]), 2, 2, 1), 1, false);
+    const lg_hamiltonian_family *family = vars->model->family;
+    const uint32_t turned = vars->model->n * family->bodies.rotations;
+    (void)user, (void)j;
+    if (turned == 0) return third(tape, lg_cross(tape, y[0], y[1]));
+    const lg_shape shape = lg_shape3(lg_var_shape(tape, y[1]).dims[0], turned, 3);
+    const lg_var spin = third(tape, lg_reshape(tape, y[1], shape));
+    return family->bodies.directions == 0 ? spin : lg_add(tape, spin, third(tape, lg_cross(tape, y[2], y[3])));
 }
 
 static const lg_first_integral integrals[] = {
@@ -61,8 +71,8 @@ static const lg_first_integral integrals[] = {
      .power = {1, 1},
      .record = planar_momentum},
     {.name = "vertical-angular-momentum",
-     .formula = "sum_i e3.(q_i x p_i)",
-     .family = &lg_hamiltonian_chain,
+     .formula = "sum e3.pi + sum_i e3.(q_i x p_i)",
+     .vectors = true,
      .power = {0, 1},
      .record = vertical_momentum},
 };
@@ -83,6 +93,7 @@ const lg_first_integral *lg_first_integral_find(const char *name) {
 
 bool lg_first_integral_fits(const lg_first_integral *integral, const lg_hamiltonian *model) {
     return (integral->family == NULL || integral->family == model->family) &&
+           (!integral->vectors || lg_hamiltonian_vectors(model) > 0) &&
            (integral->n == 0 || integral->n == model->n);
 }
 

@@ -123,6 +123,9 @@ typedef struct lg_symmetry_row {
     bool isotropic; /* the group has all rotations of R^n */
 } lg_symmetry_row;
 const lg_symmetry_row *lg_symmetry_row_of(lg_symmetry symmetry); /* NULL: unknown symmetry */
+/* How many vectors of R^3 the positions consist of: columns of rotations, then directions; 0 if there are
+ * other numbers among them. */
+uint32_t lg_hamiltonian_vectors(const lg_hamiltonian *model);
 /* a_i b_j for i < j, (B, n) -> (B, n(n-1)/2), in the order 12, 13, ..., 23, ...; n is 2 or more */
 lg_var lg_hamiltonian_pairs(lg_tape *tape, lg_var a, lg_var b);
 

@@ -4,22 +4,38 @@
 #include "liegrad/ops.h"
 #include "hamiltonian/internal.h"
 
-/* Whether x has a direction in R^3 for each copy, or is one vector of R^n. */
-static bool has_directions(const lg_hamiltonian_family *family) {
-    return family->factor[0] == LG_SPACE_TS2 && family->inputs == 3;
+uint32_t lg_hamiltonian_vectors(const lg_hamiltonian *model) {
+    const lg_hamiltonian_family *family = model->family;
+    const bool chain = family->factor[0] == LG_SPACE_TS2 && family->inputs == 3;
+    if (chain) return model->n;
+    return family->bodies.lines > 0 ? 0
+                                    : model->n * (3 * family->bodies.rotations + family->bodies.directions);
 }
 
+/* Whether x is one vector of R^n. */
 static bool has_vector(const lg_hamiltonian_family *family) {
     return family->factor[0] == LG_SPACE_RN && family->inputs == 1;
 }
 
-/* ---- invariants of n directions q_i, from their coordinates q[0], q[1], q[2], each (B, n) ---- */
+/* ---- invariants of n vectors q_i, from their coordinates q[0], q[1], q[2], each (B, n) ---- */
 
-static void split_directions(lg_tape *tape, const lg_hamiltonian *model, lg_var x, lg_var *q) {
-    const uint32_t rows = lg_var_shape(tape, x).dims[0], n = model->n;
-    const lg_var directions = lg_reshape(tape, x, lg_shape3(rows, n, 3));
-    for (uint32_t c = 0; c < 3; c++)
-        q[c] = lg_reshape(tape, lg_slice(tape, directions, 2, c, 1), lg_shape2(rows, n));
+static void split_vectors(lg_tape *tape, const lg_hamiltonian *model, lg_var x, lg_var *q) {
+    const uint32_t rows = lg_var_shape(tape, x).dims[0], turned = model->n * model->family->bodies.rotations;
+    const uint32_t n = lg_hamiltonian_vectors(model) - 3 * turned;
+    const lg_var matrices = lg_slice(tape, x, 1, 0, 9 * turned), rest = lg_slice(tape, x, 1, 9 * turned, 3 * n);
+    for (uint32_t c = 0; c < 3; c++) {
+        lg_var part[2];
+        size_t parts = 0;
+        if (turned > 0) {
+            const lg_var row = lg_slice(tape, lg_reshape(tape, matrices, lg_shape4(rows, turned, 3, 3)), 2, c, 1);
+            part[parts++] = lg_reshape(tape, row, lg_shape2(rows, 3 * turned));
+        }
+        if (n > 0) {
+            const lg_var column = lg_slice(tape, lg_reshape(tape, rest, lg_shape3(rows, n, 3)), 2, c, 1);
+            part[parts++] = lg_reshape(tape, column, lg_shape2(rows, n));
+        }
+        q[c] = parts == 1 ? part[0] : lg_concat(tape, part, parts, 1);
+    }
 }
 
 /* q_i.q_j for i < j */
@@ -42,26 +58,27 @@ static uint32_t pairs_of(uint32_t n) {
 }
 
 static uint32_t axial_count(const lg_hamiltonian *model) {
-    return has_directions(model->family) ? model->n + 2 * pairs_of(model->n) : 0;
+    const uint32_t n = lg_hamiltonian_vectors(model);
+    return n > 0 ? n + 2 * pairs_of(n) : 0;
 }
 
 static lg_var axial(lg_tape *tape, const lg_hamiltonian *model, lg_var x) {
     lg_var q[3];
-    split_directions(tape, model, x, q);
-    if (model->n == 1) return q[2];
+    split_vectors(tape, model, x, q);
+    if (lg_hamiltonian_vectors(model) == 1) return q[2];
     const lg_var all[3] = {q[2], inner(tape, q), twist(tape, q)};
     return lg_concat(tape, all, 3, 1);
 }
 
 static uint32_t spherical_count(const lg_hamiltonian *model) {
-    if (has_directions(model->family)) return pairs_of(model->n);
+    if (lg_hamiltonian_vectors(model) > 0) return pairs_of(lg_hamiltonian_vectors(model));
     return has_vector(model->family) ? 1 : 0;
 }
 
 static lg_var spherical(lg_tape *tape, const lg_hamiltonian *model, lg_var x) {
     lg_var q[3];
     if (has_vector(model->family)) return lg_rownorm2(tape, x);
-    split_directions(tape, model, x, q);
+    split_vectors(tape, model, x, q);
     return inner(tape, q);
 }
 

@@ -16,6 +16,9 @@ static const struct symmetric_row {
             {&lg_hamiltonian_chain, 3, LG_SYMMETRY_AXIAL},
             {&lg_hamiltonian_chain, 2, LG_SYMMETRY_SPHERICAL},
             {&lg_hamiltonian_chain, 3, LG_SYMMETRY_SPHERICAL},
+            {&lg_hamiltonian_rotation, 1, LG_SYMMETRY_AXIAL},
+            {&lg_hamiltonian_rotation_direction, 1, LG_SYMMETRY_AXIAL},
+            {&lg_hamiltonian_rotation_direction, 1, LG_SYMMETRY_SPHERICAL},
             {&lg_hamiltonian_separable, 1, LG_SYMMETRY_SPHERICAL},
             {&lg_hamiltonian_separable, 2, LG_SYMMETRY_SPHERICAL},
             {&lg_hamiltonian_separable, 3, LG_SYMMETRY_SPHERICAL}};
@@ -27,7 +30,7 @@ static built build_row(const struct symmetric_row *row, lg_potential_kind potent
     lg_hamiltonian model;
     assert_ok(lg_hamiltonian_init(&model, row->family, row->n, potential, hidden, 2, LG_TANH));
     assert_ok(lg_hamiltonian_set_symmetry(&model, symmetry));
-    model.scales = (lg_hamiltonian_scales){0.7, {row->family->scaled[0] ? 1.7 : 1.0, 0.6}};
+    model.scales = (lg_hamiltonian_scales){0.7, {row->family->scaled[0] ? 1.7 : 1.0, 0.6, 1.0, 0.6, 1.0, 1.0}};
     double *theta = room(lg_hamiltonian_parameters(&model));
     lg_rng rng = test_rng(31, row->n);
     lg_hamiltonian_initialise(&model, &rng, theta);
@@ -36,23 +39,40 @@ static built build_row(const struct symmetric_row *row, lg_potential_kind potent
 }
 
 static size_t block_of(const struct symmetric_row *row) {
-    return row->family == &lg_hamiltonian_chain ? 3 : row->n;
+    return row->family == &lg_hamiltonian_separable ? row->n : 3;
 }
 
-/* Rotates the axes i and j by an angle. */
-static void turn(double *y, size_t d, size_t block, size_t i, size_t j, double angle) {
-    for (size_t at = 0; at < d; at += block) {
-        const double a = y[at + i], b = y[at + j];
-        y[at + i] = cos(angle) * a - sin(angle) * b;
-        y[at + j] = sin(angle) * a + cos(angle) * b;
-    }
+/* How many numbers at the start of a state are a rotation. */
+static size_t turned_of(const struct symmetric_row *row) {
+    return 9 * row->family->bodies.rotations;
+}
+
+static void turn_pair(double *a, double *b, double angle) {
+    const double x = *a;
+    *a = cos(angle) * x - sin(angle) * *b;
+    *b = sin(angle) * x + cos(angle) * *b;
+}
+
+/* Rotates the axes i and j by an angle; a rotation R has vectors in its columns. */
+static void turn(const struct symmetric_row *row, double *y, size_t d, size_t i, size_t j, double angle) {
+    const size_t turned = turned_of(row), block = block_of(row);
+    for (size_t c = 0; c < 3 && turned > 0; c++) turn_pair(y + 3 * i + c, y + 3 * j + c, angle);
+    for (size_t at = turned; at < d; at += block) turn_pair(y + at + i, y + at + j, angle);
+}
+
+/* Whether number i of a state with d numbers is a momentum. */
+static bool is_momentum(const struct symmetric_row *row, size_t i, size_t d) {
+    const size_t turned = turned_of(row);
+    if (row->family == &lg_hamiltonian_separable) return i >= d / 2;
+    if (turned == 0) return i % 6 > 2;
+    return i >= turned && (i < turned + 3 || (i - turned - 3) % 6 > 2);
 }
 
 /* A random rotation of the group; about e3 only for an axial symmetry. */
 static void turn_by_group(const struct symmetric_row *row, lg_rng *rng, double *y, size_t d) {
     const size_t block = block_of(row), axes = row->symmetry == LG_SYMMETRY_AXIAL ? 2 : block;
     for (size_t i = 0; i < axes; i++)
-        for (size_t j = i + 1; j < axes; j++) turn(y, d, block, i, j, 6.0 * lg_rng_uniform(rng));
+        for (size_t j = i + 1; j < axes; j++) turn(row, y, d, i, j, 6.0 * lg_rng_uniform(rng));
 }
 
 TEST("the energy does not change under the rotations of its symmetry, and under others it does") {
@@ -71,7 +91,7 @@ TEST("the energy does not change under the rotations of its symmetry, and under 
                 assert_close(energy_of(&b, turned), energy_of(&b, y), 1e-13, 1e-13);
                 if (block > 1) assert_true(fabs(energy_of(&plain, turned) - energy_of(&plain, y)) > 1e-4);
                 if (row->symmetry != LG_SYMMETRY_AXIAL) continue;
-                turn(turned, d, block, 1, 2, 0.5);
+                turn(row, turned, d, 1, 2, 0.5);
                 assert_true(fabs(energy_of(&b, turned) - energy_of(&b, y)) > 1e-6);
             }
         }
@@ -133,27 +153,27 @@ TEST("gradients of symmetric potentials agree with differences") {
             double y[MOST_STATE], gradient[MOST_STATE], energy, slope;
             lg_rng rng = test_rng(35, 0);
             draw_state(&b, &rng, y);
-            const bool chain = is_chain(&b);
             for (size_t i = 0; i < d; i++) /* p = 0 */
-                if (chain ? i % 6 > 2 : i >= d / 2) y[i] = 0.0;
+                if (is_momentum(&rows[r], i, d)) y[i] = 0.0;
             lg_model_jacobian(b.model, y, &energy, gradient, b.work);
             for (size_t i = 0; i < d; i++) {
-                if (chain ? i % 6 > 2 : i >= d / 2) continue;
+                if (is_momentum(&rows[r], i, d)) continue;
                 test_slope(model_value_at, &(model_value){b.model, b.work}, y, i, 1e-5, 1, 1, &slope);
                 assert_close(gradient[i], slope, 1e-7, 1e-9);
             }
         }
 }
 
-/* The components of sum_i q_i x p_i that the symmetry conserves. */
+/* The components of sum_i q_i x p_i, plus pi of a rotation, that the symmetry conserves. */
 static size_t momenta_of(const struct symmetric_row *row, const double *y, double *out) {
-    const size_t n = row->n, block = block_of(row);
+    const bool chain = row->family == &lg_hamiltonian_chain, bodies = turned_of(row) > 0;
+    const size_t block = block_of(row), n = chain ? row->n : bodies ? row->family->bodies.directions : 1;
     size_t count = 0;
     for (size_t i = 0; i < block; i++)
         for (size_t j = i + 1; j < block; j++) {
-            double sum = 0.0;
-            for (size_t k = 0; k < (block == 3 && row->family == &lg_hamiltonian_chain ? n : 1); k++) {
-                const double *q = y + 2 * block * k, *p = q + block;
+            double sum = !bodies ? 0.0 : i == 0 && j == 2 ? -y[10] : y[9 + 3 - i - j];
+            for (size_t k = 0; k < n; k++) {
+                const double *q = y + (bodies ? 12 : 0) + 2 * block * k, *p = q + block;
                 sum += q[i] * p[j] - q[j] * p[i];
             }
             if (row->symmetry == LG_SYMMETRY_AXIAL && j == 2) continue;
