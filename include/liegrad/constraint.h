@@ -76,7 +76,7 @@ typedef struct lg_constraint_view {
 LG_API lg_status lg_constraint_look(const lg_constraint *constraint, double size, const double *state,
                                     lg_constraint_view *out, lg_error *error);
 /* Replaces q by the point of Q that Newton's method, q -= G^T (G G^T)^-1 g, finds from q, to rounding; then p
- * by P p. Errors: those of lg_constraint_look at the new point; LG_NO_CONVERGENCE. Then `state` is
+ * by P p. Errors: those of lg_constraint_look at the new point or at q; LG_NO_CONVERGENCE. Then `state` is
  * unchanged. */
 LG_API lg_status lg_constraint_project(const lg_constraint *constraint, double size, double *state,
                                        lg_error *error);
@@ -120,7 +120,7 @@ typedef struct lg_constraint_sampling {
 LG_API void lg_constraint_sampling_init(lg_constraint_sampling *sampling);
 /* Writes t (points), data (trajectories, points, 2n) and hamiltonian (trajectories), the energies of the
  * starts without noise; t and hamiltonian may be NULL. Errors: LG_INVALID_ARGUMENT, LG_NO_CONVERGENCE (no
- * start on Q was found in 1000 draws), those of lg_constraint_flow. */
+ * start on Q was found in 1000 draws; LG_FORMAT if the rank is the reason), those of lg_constraint_flow. */
 LG_API lg_status lg_constraint_generate(const lg_constraint *constraint,
                                         const lg_constraint_sampling *sampling, double *t, double *data,
                                         double *hamiltonian, lg_error *error);

@@ -242,6 +242,7 @@ bool lg_constraint_settled(double moved, double before, double size) {
 lg_status lg_constraint_land(lg_constraint_work *work, double *q, lg_error *error) {
     enum { LONGEST = 50 };
     const lg_constraint *c = work->of;
+    lg_constraint_view view;
     double step[MOST], before = INFINITY, first[MOST];
     bool done = false;
     memcpy(first, q, c->n * sizeof *first);
@@ -254,9 +255,11 @@ lg_status lg_constraint_land(lg_constraint_work *work, double *q, lg_error *erro
         done = lg_constraint_settled(moved, before, fmax(norm(c->n, q), work->size));
         before = moved;
     }
+    if (!done) memcpy(q, first, c->n * sizeof *q);
     lg_constraint_value(work, q);
     lg_constraint_normals(work, q);
     if (done) return LG_OK;
+    LG_TRY(lg_constraint_view_of(work, q, &view, error)); /* the rank may be the reason */
     return lg_fail(error, LG_NO_CONVERGENCE, "Newton's method finds no point with g(q) = 0 from %s",
                    lg_constraint_show(c, first).text);
 }

@@ -315,7 +315,7 @@ static lg_status draw_start(const lg_constraint *c, const lg_constraint_sampling
         for (size_t i = 0; i < n; i++) inside = inside && state[i] >= low - slack && state[i] <= high + slack;
         if (inside) return LG_OK;
     }
-    return lg_fail(error, LG_NO_CONVERGENCE,
+    return lg_fail(error, why.status == LG_FORMAT ? LG_FORMAT : LG_NO_CONVERGENCE,
                    "no start with g(q) = 0 was found in %d draws of q from %g..%g (the range of input q of "
                    "function constraint)%s%s",
                    DRAWS, low, high, why.status != LG_OK ? ": " : "", why.message);
