@@ -71,8 +71,8 @@ typedef struct lg_read_options {
     uint64_t max_size;      /* largest array in memory, bytes; default 8 GiB. A larger one gives LG_FORMAT */
     /* For trajectories: first points that are not on the manifold are projected to it. Default false. */
     bool project_starts;
-    /* For trajectories: a program with the function `constraint` (liegrad/constraint.h), which takes the place
-     * of the one in the file; borrowed. Default NULL. */
+    /* For trajectories: a program with the function `constraint` (liegrad/constraint.h), used instead of the
+     * function in the file; borrowed. Default NULL. */
     const lg_program *constraint;
 } lg_read_options;
 

@@ -250,8 +250,8 @@ LG_API size_t lg_hamiltonian_array_offset(const lg_hamiltonian *model, size_t in
  * arrays from U[0, 1]. */
 LG_API void lg_hamiltonian_initialise(const lg_hamiltonian *model, lg_rng *rng, double *theta);
 /* Writes the learned mass matrix m (n, n) of a chain or a constrained system in the units of the data, s_2 T
- * (Gamma^T Gamma + diag(max(0, b))), for a constrained system divided by s_1; row-major and symmetric. Errors:
- * LG_UNSUPPORTED (another family). */
+ * (Gamma^T Gamma + diag(max(0, b))), for a constrained system divided by s_1; row-major and symmetric.
+ * Errors: LG_UNSUPPORTED (another family). */
 LG_API lg_status lg_hamiltonian_mass(const lg_hamiltonian *model, const double *theta, double *m);
 
 /* ---- Training ---- */
@@ -476,9 +476,10 @@ LG_API lg_var lg_hamiltonian_record_velocity(lg_tape *tape, const lg_hamiltonian
  *   velocity (x, u) -> f          x', the generator of the field at x: a vector of the ambient space
  *   jac_velocity (x, u) -> jac_f_x, jac_f_u   the Jacobians of velocity
  *   step  (x, u, h) -> next       one step of `scheme` (NULL: the family's default) with constant u
- * with x (d), u (m), h (1), q and p (d/2). With a constraint also the functions `constraint`, `potential` and
- * `mass` of the learned system, as lg_constraint_create takes them. u is absent when the family has no inputs. Errors: those of
- * lg_program_build; LG_UNSUPPORTED (an implicit scheme, which finds its stage by iteration). */
+ * with x (d), u (m), h (1), q and p (d/2). u is absent when the family has no inputs. With a constraint there
+ * are also the functions `constraint`, `potential` and `mass` of the learned system, as lg_constraint_create
+ * takes them. Errors: those of lg_program_build; LG_UNSUPPORTED (an implicit scheme, which finds its stage by
+ * iteration). */
 LG_API lg_status lg_hamiltonian_program(const lg_context *context, const lg_hamiltonian *model,
                                         const double *theta, const lg_scheme *scheme, lg_program **out,
                                         lg_error *error);
@@ -544,8 +545,8 @@ LG_API lg_status lg_trajectories_set_constraint(lg_trajectories *data, const lg_
  * chain are on T*S^2 within 1e-6, or with options->project_starts are projected there. Later points may
  * carry noise. If the file or the options have a function `constraint` (liegrad/constraint.h), the family is
  * "constrained", out->constraint is made, first points are checked or projected in the same way, and G must
- * have full rank at all points. `options` may be NULL. Errors: LG_NOT_FOUND (no such file), LG_FILE, LG_FORMAT (a check),
- * LG_OUT_OF_MEMORY; `out` is then untouched. */
+ * have full rank at all points. `options` may be NULL. Errors: LG_NOT_FOUND (no such file), LG_FILE,
+ * LG_FORMAT (a check), LG_OUT_OF_MEMORY; `out` is then untouched. */
 LG_API lg_status lg_trajectories_read(const lg_context *context, const char *path,
                                       const lg_read_options *options, lg_trajectories *out, lg_error *error);
 /* Writes a data set to a file, and sets data->sha256. Errors: LG_NOT_FINITE (a number is not finite: such
