@@ -23,20 +23,28 @@
  *       r_i = q_i.p_i/m_ii - u_i.
  *   "separable": n degrees of freedom on R^{2n}, state q, p.
  *     H = 1/2 |A p|^2 + V(q). V takes q (n numbers). Inputs: n forces.
-
+ *   "rotation", "rotation-direction", "rotation-line", "pose", "pose-direction", "direction-line": bodies. A
+ *     state has R in SO(3) (9 numbers, row-major, body to space) and its spatial angular momentum pi, then a
+ *     direction q in S^2 and p, then lines x and their momenta, as far as the family has them.
+ *     H = 1/2 p^T M(R, q)^{-1} p + V, and M is such that 1/2 sum_ij m_ij v_i'.v_j' is the kinetic energy, with
+ *     one constant matrix m = Gamma^T Gamma + diag(max(0, b)) for all vectors v_i: the columns of R, q, and x_k
+ *     e_k for line k with a vector e_k of three parameters. V takes R, q, x. Inputs: torques in space on R and
+ *     on q, and forces along x. src/hamiltonian/bodies.c has the equations:
+ *       R' = hat(omega) R, pi' = omega x pi - sum_j r_j x dH/dr_j + tau,
+ *       with omega = dH/dpi and the columns r_j of R; q and p as in a chain; x' = dH/dp, p' = -dH/dx + f.
  *   "constrained": n coordinates with constraints g(q) = 0 of the user, state q, p. H and the equations of
  *     motion are in liegrad/constraint.h, with M = Gamma^T Gamma + diag(max(0, b)). V takes q (n numbers).
  *     Inputs: n forces, of which P input acts.
  *
  * Scaled units. Internally all quantities are divided by the model's scales: times by T (scales.time), part i
- * of a state by s_i (scales.part), energies by E = s_1 s_2 ... / T. So a system is the same internally
+ * of a state by s_i (scales.part), energies by E = s_1 s_2 / T. So a system is the same internally
  * whatever its units are. The functions of this header take and return quantities in the units of the data.
  * The functions of a family, V and the parameter vector are in scaled units. All scales are 1 after
  * lg_hamiltonian_init.
  *
  * The flat parameter vector theta has the layers of V in order (weight (in, out) row-major, then bias), then
  * the `arrays` of the family: Gamma (n, n) and b (n) of a chain and of a constrained system, A (n, n) of a
- * separable system.
+ * separable system, Gamma (k, k), b (k) and e (l, 3) of bodies with k vectors and l lines.
  *
  * Functions with an lg_error explain errors there; it may be NULL. */
 #ifndef LIEGRAD_HAMILTONIAN_H
@@ -348,7 +356,7 @@ typedef struct lg_hamiltonian_problem {
  *   N M above 2^32 - 1; substeps 0; dt or penalty out of range or not finite; an unknown penalty_form, kind
  *   of starts or distance; with a penalty: penalty_copy above n, or its points outside 2..M or not increasing
  * - LG_UNSUPPORTED: a scheme that cannot be recorded or that projects; a splitting scheme for a family
- *   without force and drift; a first integral that does not fit the model; geodesic distances on other
+ *   without force and drift; LG_SCHEME_VARIATIONAL for a family without `ambient`; a first integral that does not fit the model; geodesic distances on other
  *   spaces than R^n and T*S^2, or with a scheme that leaves the manifold */
 LG_API lg_status lg_hamiltonian_problem_check(const lg_hamiltonian_problem *problem, lg_error *error);
 
@@ -362,6 +370,8 @@ LG_API lg_status lg_hamiltonian_problem_check(const lg_hamiltonian_problem *prob
  *   s_1  the size (root mean square) of q where the family scales it, else 1
  *   s_2  s_1 |p| / (|q'| T), with |p| the size of p and |q'| the rate of q: then q moves as in the
  *        data when the mass is 1 in scaled units
+ *   the scales of further pairs of parts have the product s_1 s_2, too. Where the position has a unit, they
+ *        are such that it moves as in the data when the mass is 1
  * With n >= family->many, T is then family->stretch times longer and s_2 as much smaller. Where nothing
  * moves, T is the duration of a trajectory and s_i the size. Only model, trajectories, points, dt and data
  * of the problem are read. Errors: LG_INVALID_ARGUMENT (one of them is missing), LG_NOT_FINITE (sizes out

@@ -16,7 +16,7 @@
  * is not finite, or a mass is not positive definite, all numbers of y, Jacobian and field are NaN.
  *
  * The inputs x and outputs y of the kinds of models (in a Jacobian, rows are outputs and columns are inputs):
- *   Hamiltonian            state of its family (chain, 6k: q_1 p_1 q_2 p_2 ...; separable, 2n: q p) -> H (1)
+ *   Hamiltonian            state of its family (chain, 6k: q_1 p_1 q_2 p_2 ...; separable, 2n: q p; others: hamiltonian.h) -> H (1)
  *   surrogate, discrete    boundary conditions (8: q0 v0 qN vN) -> inner nodes and tangents (q_1 .. q_{N-1},
  *                          v_1 .. v_{N-1}), 4(N-1)
  *   surrogate, continuous  (s, q0 v0 qN vN), 9 -> q(s), 2. Column 0 of the Jacobian is the tangent v(s).
@@ -92,10 +92,11 @@ LG_API void lg_model_jacobian(const lg_model *model, const double *x, double *y,
  *
  * The entry of a Hamiltonian's family (lg_hamiltonian_family) determines the state (`factor` and `layout`),
  * the input u (`forces`) and the algebra element (`field`). Tangent coordinates are those of lg_space_basis.
- * For the two families:
+ * For learned Hamiltonians:
  *   chain      u = (tau_1, ..., tau_k), 3k: spatial torques about the links' own joints, conjugate to the
  *              links' angular velocities; p_i' gets tau_i x q_i, the algebra element eta_i gets tau_i
  *   separable  u = forces (n): p' = -dV/dq + u
+ *   bodies     torques in space on R and on q, forces along x
  *
  * For machines the state and the algebra element are those of lg_machine_space, and u are the inputs of
  * the log, all in the units of the log. */
