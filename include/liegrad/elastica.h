@@ -235,20 +235,20 @@ LG_API void lg_elastica_curves_destroy(lg_elastica_curves *curves);
  *   Loss: the mean over nodes of (|q - q_k|^2 + |v - v_k|^2)/2, without gamma. A sample is a curve. The Gauss
  *   points, 3 on each interval between two nodes, serve all nodes of the curve.
  *
- * `energy` and `residual`: weights of terms that are added to the loss and know the mechanics of the beam, free of
- * units. Means are over curves.
+ * `energy` and `residual`: weights of terms that are added to the loss and know the mechanics of the beam,
+ * free of units. Means are over curves.
  *   `residual` (continuous and angle network) is the mean over points of
  *     (L theta' - m - fx y/L + fy x/L)^2,
- *   the differential equation EI theta'' = lx sin theta - ly cos theta, integrated once: the bending moment is
- *   linear in the position. m and f = (lx, ly) L^2/EI are eliminated: in each curve they are the numbers with the
- *   smallest mean. The points are the nodes or, for the angle network, the Gauss points. The continuous network
- *   has theta' = q' x q'', from its second derivative.
- *   `energy` is the mean energy with the multiplier of the closure, in units of EI/L. Its gradient vanishes at a
- *   solution:
+ *   the differential equation EI theta'' = lx sin theta - ly cos theta, integrated once: the bending moment
+ *   is linear in the position. m and f = (lx, ly) L^2/EI are eliminated: in each curve they are the numbers
+ *   with the smallest mean. The points are the nodes or, for the angle network, the Gauss points. The
+ *   continuous network has theta' = q' x q'', from its second derivative.
+ *   `energy` is the mean energy with the multiplier of the closure, in units of EI/L. Its gradient vanishes
+ *   at a solution:
  *     (L/2) int theta'^2 ds + f r/L + 18 N^2 |r/L|^2,   r = qN - q0 - int (cos theta, sin theta) ds,
- *   where f is the force in the given curve, by least squares of its angles. It needs `boundary`. The continuous
- *   network has theta' = q' x q''/|q'|^2, the integrals over its nodes need `between` false. The discrete network
- *   needs `angles` and has the energy E of this header, whose closure needs no multiplier.
+ *   where f is the force in the given curve, by least squares of its angles. It needs `boundary`. The
+ *   continuous network has theta' = q' x q''/|q'|^2, the integrals over its nodes need `between` false. The
+ *   discrete network needs `angles` and has the energy E of this header, whose closure needs no multiplier.
  *   The energy of the given curve is subtracted, where it is known; it has no influence on the gradient.
  *   With one of these weights a sample of the continuous network is a curve.
  *
@@ -343,9 +343,9 @@ typedef struct lg_surrogate {
 /* Makes a model for beams of `length` with N = `intervals`; `centre` is used by `normalise`. Sets
  * model->modes to NULL. Errors: LG_INVALID_ARGUMENT (`boundary` with the discrete network, `symmetric`
  * without the angle network, an unknown kind, loss or penalty, `modes` without the discrete network or more
- * than 4(N - 1), `angles` without the discrete network or together with `modes`, an energy or a residual that the
- * kind of network does not have, intervals out of range, a length or centre that is not positive and finite, a
- * weight that is negative or not finite), the errors of lg_net_init. */
+ * than 4(N - 1), `angles` without the discrete network or together with `modes`, an energy or a residual that
+ * the kind of network does not have, intervals out of range, a length or centre that is not positive and
+ * finite, a weight that is negative or not finite), the errors of lg_net_init. */
 LG_API lg_status lg_surrogate_init(lg_surrogate *model, const lg_surrogate_options *options,
                                    uint32_t intervals, double length, double centre, lg_error *error);
 LG_API size_t lg_surrogate_parameters(const lg_surrogate *model); /* number of parameters of its network */

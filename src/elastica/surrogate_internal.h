@@ -67,9 +67,9 @@ lg_var lg_surrogate_chord(lg_tape *tape, const lg_surrogate *model, lg_var x);
  * (B, inputs). Applies the modes or the angles if the model has them. */
 lg_var lg_surrogate_net(lg_tape *tape, const lg_surrogate *model, lg_var theta, lg_var x);
 /* The mechanics of B curves on a tape, in units of L, EI/L (energy) and EI/L^2 (force).
- * lg_surrogate_moments: the error of the bending moment (B, n), L theta' - m - fx y/L + fy x/L, at n points of
- *   each curve. m and f are the numbers with the smallest mean square. turning: theta'; x, y: positions; (B, n)
- *   each.
+ * lg_surrogate_moments: the error of the bending moment (B, n), L theta' - m - fx y/L + fy x/L, at n points
+ *   of each curve. m and f are the numbers with the smallest mean square. turning: theta'; x, y: positions;
+ *   (B, n) each.
  * lg_surrogate_bending: the mean of (L theta')^2/2 over n points (B, 1), for theta' (B, n).
  * lg_surrogate_closing: f r/L + 18 N^2 |r/L|^2 (B, 1), for f and r (B, 2). */
 lg_var lg_surrogate_moments(lg_tape *tape, const lg_surrogate *model, lg_var turning, lg_var x, lg_var y);

@@ -2,8 +2,9 @@
  *
  * EI theta'' = lx sin theta - ly cos theta along q' = (cos theta, sin theta) has the integral
  *   EI theta' = m + lx y - ly x,
- * so the bending moment is linear in the position. In units of L and EI, with f = (lx, ly) L^2/EI, the error at
- * point k is e_k = L theta'_k - m - fx y_k/L + fy x_k/L. For each curve m and f minimise the sum of e_k^2. */
+ * so the bending moment is linear in the position. In units of L and EI, with f = (lx, ly) L^2/EI, the error
+ * at point k is e_k = L theta'_k - m - fx y_k/L + fy x_k/L. In each curve m and f minimise the sum of
+ * e_k^2. */
 #include <math.h>
 
 #include "core/core.h"
@@ -40,9 +41,9 @@ lg_var lg_surrogate_moments(lg_tape *tape, const lg_surrogate *model, lg_var tur
     return lg_sub(tape, k, loaded);
 }
 
-/* Least squares of theta_k - theta_0 = m s_k + fx Y_k - fy X_k over the nodes: the moment, integrated once more.
- * X and Y are the integrals of x and y from s = 0, of the cubics through nodes and tangents; everything in units
- * of L. */
+/* Least squares of theta_k - theta_0 = m s_k + fx Y_k - fy X_k over the nodes: the moment, integrated once
+ * more. X and Y are the integrals of x and y from s = 0, of the cubics through nodes and tangents; everything
+ * in units of L. */
 enum { UNKNOWN = 3 };
 
 static void solve(double a[UNKNOWN][UNKNOWN + 1]) {

@@ -388,8 +388,8 @@ static void hold(lg_tape *tape, lg_var held, lg_var *q, lg_var *v) {
     *q = lg_mul(tape, *q, weight);
 }
 
-/* Weight of node k of 0..n in an integral over [0, 1]: Gregory's rule with two corrections, which is exact for
- * cubics; the trapezoidal rule for few nodes. */
+/* Weight of node k of 0..n in an integral over [0, 1]: Gregory's rule with two corrections, which is exact
+ * for cubics; the trapezoidal rule for few nodes. */
 static double gregory(uint32_t n, uint32_t k) {
     static const double ends[] = {3.0 / 8.0, 7.0 / 6.0, 23.0 / 24.0}, few[] = {0.5, 1.0, 1.0};
     const uint32_t from_end = k < n - k ? k : n - k;
@@ -421,8 +421,8 @@ static lg_var integral_over(const part *b, lg_var values) {
     return lg_mean_axis(b->tape, lg_mul(b->tape, rule_of(b), values), 1, true);
 }
 
-/* Energies (B, 1) of a continuous network with held ends, from the angle of its tangents: turning q' x q'' and
- * tangents at the nodes, (B, N + 1) each. */
+/* Energies (B, 1) of a continuous network with held ends, from the angle of its tangents: turning q' x q''
+ * and tangents at the nodes, (B, N + 1) each. */
 static lg_var tangents_energy(const part *b, lg_var turning, lg_var vx, lg_var vy) {
     lg_tape *t = b->tape;
     const lg_var square = lg_add(t, lg_square(t, vx), lg_square(t, vy)), speed = lg_sqrt(t, square);
@@ -435,8 +435,8 @@ static lg_var tangents_energy(const part *b, lg_var turning, lg_var vx, lg_var v
                   lg_surrogate_closing(t, b->problem->model, forces(b), r));
 }
 
-/* Adds the terms of mechanics to the loss of a continuous network: q (relative to q0), dq/ds and d2q/ds2 at all
- * nodes of the curves. */
+/* Adds the terms of mechanics to the loss of a continuous network: q (relative to q0), dq/ds and d2q/ds2 at
+ * all nodes of the curves. */
 static lg_var add_mechanics(const part *b, lg_var loss, lg_var q, lg_var v, lg_var a) {
     const lg_surrogate_options *options = &b->problem->model->options;
     lg_tape *t = b->tape;
@@ -637,8 +637,8 @@ static lg_var at_gauss_points(const part *b, lg_var q, lg_var v) {
     return lg_concat(b->tape, at, LG_GAUSS_POINTS, 1);
 }
 
-/* Adds the terms of mechanics to the loss of an angle network: turning (B, R) at all places, q and v (2B, N + 1)
- * at the nodes, integral of v. */
+/* Adds the terms of mechanics to the loss of an angle network: turning (B, R) at all places, q and v
+ * (2B, N + 1) at the nodes, integral of v. */
 static lg_var add_balance(const part *b, lg_var loss, lg_var turning, lg_var q, lg_var v, lg_var integral) {
     const lg_surrogate_options *options = &b->problem->model->options;
     const uint32_t n = b->problem->curves->intervals;

@@ -1,5 +1,5 @@
-/* Energy and residual in the losses of the surrogates: against beams of the solver, against plain code, and as the
- * only thing that a network learns from.
+/* Energy and residual in the losses of the surrogates: against beams of the solver, against plain code, and
+ * as the only thing that a network learns from.
  * ctest-labels: src/elastica */
 #include "elastica/surrogate_support.h"
 
@@ -105,8 +105,8 @@ TEST("along beams of the solver the moment is linear in the position, with the s
 
 /* ---- the same terms by plain code ---- */
 
-/* dv/ds at n places by central differences of order 6: (n, 2). The places are farther apart than the differences
- * reach. */
+/* dv/ds at n places by central differences of order 6: (n, 2). The places are farther apart than the
+ * differences reach. */
 static void slopes_of(const small *s, const double *x, const double *places, size_t n, double *out) {
     static const double weights[STENCIL] = {3.0 / 4.0, -3.0 / 20.0, 1.0 / 60.0};
     enum { AROUND = 2 * STENCIL };
@@ -129,7 +129,8 @@ static double cross(const double *v, const double *a) {
     return v[0] * a[1] - v[1] * a[0];
 }
 
-/* Positions, tangents and q' x q'' at points of a curve: at the nodes, or the Gauss points (angle network). */
+/* Positions, tangents and q' x q'' at points of a curve: at the nodes, or (angle network) the Gauss
+ * points. */
 enum { MOST = LG_GAUSS_POINTS * N };
 typedef struct beam {
     size_t points;
@@ -159,7 +160,8 @@ static double left_of(const beam *b) {
     return sum / (double)b->points;
 }
 
-/* Weight of point k in an integral over the curve: Gauss's rule on the intervals, or Gregory's over the nodes. */
+/* Weight of point k in an integral over the curve: Gauss's rule on the intervals, or Gregory's over the
+ * nodes. */
 static double weight_of(const beam *b, size_t k) {
     static const double ends[3] = {3.0 / 8.0, 7.0 / 6.0, 23.0 / 24.0};
     const double h = TEST_LENGTH / N;
