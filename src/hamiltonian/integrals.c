@@ -48,7 +48,8 @@ static lg_var vertical_momentum(void *user, lg_tape *tape, const lg_hamiltonian_
     if (turned == 0) return third(tape, lg_cross(tape, y[0], y[1]));
     const lg_shape shape = lg_shape3(lg_var_shape(tape, y[1]).dims[0], turned, 3);
     const lg_var spin = third(tape, lg_reshape(tape, y[1], shape));
-    return family->bodies.directions == 0 ? spin : lg_add(tape, spin, third(tape, lg_cross(tape, y[2], y[3])));
+    return family->bodies.directions == 0 ? spin
+                                          : lg_add(tape, spin, third(tape, lg_cross(tape, y[2], y[3])));
 }
 
 static const lg_first_integral integrals[] = {

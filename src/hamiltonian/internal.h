@@ -11,7 +11,8 @@
 #define LG_HAMILTONIAN_FAMILIES(X)                                                                           \
     X(chain)                                                                                                 \
     X(rotation)                                                                                              \
-    X(rotation_direction) X(rotation_line) X(pose) X(pose_direction) X(direction_line) X(constrained) X(separable)
+    X(rotation_direction)                                                                                    \
+    X(rotation_line) X(pose) X(pose_direction) X(direction_line) X(constrained) X(separable)
 
 #define LG_HAMILTONIAN_DECLARE(name) extern const lg_hamiltonian_family lg_hamiltonian_##name;
 LG_HAMILTONIAN_FAMILIES(LG_HAMILTONIAN_DECLARE)

@@ -22,12 +22,14 @@ static bool has_vector(const lg_hamiltonian_family *family) {
 static void split_vectors(lg_tape *tape, const lg_hamiltonian *model, lg_var x, lg_var *q) {
     const uint32_t rows = lg_var_shape(tape, x).dims[0], turned = model->n * model->family->bodies.rotations;
     const uint32_t n = lg_hamiltonian_vectors(model) - 3 * turned;
-    const lg_var matrices = lg_slice(tape, x, 1, 0, 9 * turned), rest = lg_slice(tape, x, 1, 9 * turned, 3 * n);
+    const lg_var matrices = lg_slice(tape, x, 1, 0, 9 * turned),
+                 rest = lg_slice(tape, x, 1, 9 * turned, 3 * n);
     for (uint32_t c = 0; c < 3; c++) {
         lg_var part[2];
         size_t parts = 0;
         if (turned > 0) {
-            const lg_var row = lg_slice(tape, lg_reshape(tape, matrices, lg_shape4(rows, turned, 3, 3)), 2, c, 1);
+            const lg_var row =
+                lg_slice(tape, lg_reshape(tape, matrices, lg_shape4(rows, turned, 3, 3)), 2, c, 1);
             part[parts++] = lg_reshape(tape, row, lg_shape2(rows, 3 * turned));
         }
         if (n > 0) {

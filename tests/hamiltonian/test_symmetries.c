@@ -30,7 +30,8 @@ static built build_row(const struct symmetric_row *row, lg_potential_kind potent
     lg_hamiltonian model;
     assert_ok(lg_hamiltonian_init(&model, row->family, row->n, potential, hidden, 2, LG_TANH));
     assert_ok(lg_hamiltonian_set_symmetry(&model, symmetry));
-    model.scales = (lg_hamiltonian_scales){0.7, {row->family->scaled[0] ? 1.7 : 1.0, 0.6, 1.0, 0.6, 1.0, 1.0}};
+    model.scales =
+        (lg_hamiltonian_scales){0.7, {row->family->scaled[0] ? 1.7 : 1.0, 0.6, 1.0, 0.6, 1.0, 1.0}};
     double *theta = room(lg_hamiltonian_parameters(&model));
     lg_rng rng = test_rng(31, row->n);
     lg_hamiltonian_initialise(&model, &rng, theta);
