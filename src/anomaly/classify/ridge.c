@@ -276,6 +276,21 @@ static search try_strides(const ridge *r) {
     return s;
 }
 
+/* Takes the means of rows and columns off a symmetric matrix (n, n), of which the upper triangle is stored.
+ * means (n) is written. */
+static void centre_gram(size_t n, double *gram, double *means) {
+    double mean = 0;
+    memset(means, 0, n * sizeof *means);
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = i; j < n; j++) {
+            means[i] += gram[i * n + j] / (double)n;
+            if (j > i) means[j] += gram[i * n + j] / (double)n;
+        }
+    for (size_t i = 0; i < n; i++) mean += means[i] / (double)n;
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = i; j < n; j++) gram[i * n + j] -= means[i] + means[j] - mean;
+}
+
 /* The penalty that suits every fifth row. */
 static int guess(const ridge *r) {
     ridge few = *r;
@@ -285,8 +300,12 @@ static int guess(const ridge *r) {
     few.y = few.factor + few.order * few.order;
     cblas_dsyrk(CblasRowMajor, CblasUpper, CblasNoTrans, (int)few.n, (int)r->d, 1, r->x, PART * (int)r->d, 0,
                 few.gram, (int)few.n);
-    for (size_t t = 0; t < r->targets; t++)
-        for (size_t i = 0; i < few.n; i++) few.y[t * few.n + i] = r->y[t * r->n + PART * i];
+    centre_gram(few.n, few.gram, few.h);
+    for (size_t t = 0; t < r->targets; t++) {
+        double *y = few.y + t * few.n, mean = 0;
+        for (size_t i = 0; i < few.n; i++) mean += (y[i] = r->y[t * r->n + PART * i]) / (double)few.n;
+        for (size_t i = 0; i < few.n; i++) y[i] -= mean;
+    }
     return try_strides(&few).best;
 }
 
