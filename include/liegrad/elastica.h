@@ -241,8 +241,8 @@ LG_API void lg_elastica_curves_destroy(lg_elastica_curves *curves);
  *     (L theta' - m - fx y/L + fy x/L)^2,
  *   the differential equation EI theta'' = lx sin theta - ly cos theta, integrated once: the bending moment
  *   is linear in the position. m and f = (lx, ly) L^2/EI are eliminated: in each curve they are the numbers
- *   with the smallest mean. The points are the nodes or, for the angle network, the Gauss points. The
- *   continuous network has theta' = q' x q'', from its second derivative.
+ *   with the smallest mean. The points are those of the samples (continuous network) or the Gauss points.
+ *   The continuous network has theta' = q' x q'', from its second derivative.
  *   `energy` is the mean energy with the multiplier of the closure, in units of EI/L. Its gradient vanishes
  *   at a solution:
  *     (L/2) int theta'^2 ds + f r/L + 18 N^2 |r/L|^2,   r = qN - q0 - int (cos theta, sin theta) ds,
