@@ -23,13 +23,13 @@
  *       r_i = q_i.p_i/m_ii - u_i.
  *   "separable": n degrees of freedom on R^{2n}, state q, p.
  *     H = 1/2 |A p|^2 + V(q). V takes q (n numbers). Inputs: n forces.
- *   "rotation", "rotation-direction", "rotation-line", "pose", "pose-direction", "direction-line": bodies. A
- *     state has R in SO(3) (9 numbers, row-major, body to space) and its spatial angular momentum pi, then a
- *     direction q in S^2 and p, then lines x and their momenta, as far as the family has them.
- *     H = 1/2 p^T M(R, q)^{-1} p + V, and M is such that 1/2 sum_ij m_ij v_i'.v_j' is the kinetic energy, with
- *     one constant matrix m = Gamma^T Gamma + diag(max(0, b)) for all vectors v_i: the columns of R, q, and x_k
- *     e_k for line k with a vector e_k of three parameters. V takes R, q, x. Inputs: torques in space on R and
- *     on q, and forces along x. src/hamiltonian/bodies.c has the equations:
+ *   "rotation", "rotation-direction", "rotation-line", "pose", "pose-direction", "direction-line": bodies.
+ *     A state has R in SO(3) (9 numbers, row-major, body to space) and its spatial angular momentum pi, then
+ *     a direction q in S^2 and p, then lines x and their momenta, as far as the family has them.
+ *     H = 1/2 p^T M(R, q)^{-1} p + V. M is such that 1/2 sum_ij m_ij v_i'.v_j' is the kinetic energy, with
+ *     one constant matrix m = Gamma^T Gamma + diag(max(0, b)) for all vectors v_i: the columns of R, q, and
+ *     x_k e_k for line k with a vector e_k of three parameters. V takes R, q, x. Inputs: torques in space on
+ *     R and on q, and forces along x. src/hamiltonian/bodies.c has the equations:
  *       R' = hat(omega) R, pi' = omega x pi - sum_j r_j x dH/dr_j + tau,
  *       with omega = dH/dpi and the columns r_j of R; q and p as in a chain; x' = dH/dp, p' = -dH/dx + f.
  *   "constrained": n coordinates with constraints g(q) = 0 of the user, state q, p. H and the equations of
@@ -288,8 +288,8 @@ typedef struct lg_first_integral {
  *   anharmonic                  (q_j^2 + p_j^2)/2 + q_j^4/4, likewise
  *   angular-momentum            q_1 p_2 - q_2 p_1 of two degrees of freedom, for K and V that do not change
  *                               when the plane is rotated
- *   vertical-angular-momentum   sum e3.pi + sum_i e3.(q_i x p_i) of chains, and of bodies without lines, under
- *                               gravity along e3 */
+ *   vertical-angular-momentum   sum e3.pi + sum_i e3.(q_i x p_i) of chains, and of bodies without lines,
+ *                               under gravity along e3 */
 LG_API size_t lg_first_integral_count(void);
 LG_API const lg_first_integral *lg_first_integral_at(size_t index);       /* NULL beyond the last. */
 LG_API const lg_first_integral *lg_first_integral_find(const char *name); /* NULL: unknown name. */
@@ -356,8 +356,9 @@ typedef struct lg_hamiltonian_problem {
  *   N M above 2^32 - 1; substeps 0; dt or penalty out of range or not finite; an unknown penalty_form, kind
  *   of starts or distance; with a penalty: penalty_copy above n, or its points outside 2..M or not increasing
  * - LG_UNSUPPORTED: a scheme that cannot be recorded or that projects; a splitting scheme for a family
- *   without force and drift; LG_SCHEME_VARIATIONAL for a family without `ambient`; a first integral that does not fit the model; geodesic distances on other
- *   spaces than R^n and T*S^2, or with a scheme that leaves the manifold */
+ *   without force and drift; LG_SCHEME_VARIATIONAL for a family without `ambient`; a first integral that
+ *   does not fit the model; geodesic distances on other spaces than R^n and T*S^2, or with a scheme that
+ *   leaves the manifold; estimated starts with a constraint */
 LG_API lg_status lg_hamiltonian_problem_check(const lg_hamiltonian_problem *problem, lg_error *error);
 
 /* Computes scales from the data; the caller sets them in the model before training. In scaled units numbers

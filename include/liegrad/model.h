@@ -16,7 +16,8 @@
  * is not finite, or a mass is not positive definite, all numbers of y, Jacobian and field are NaN.
  *
  * The inputs x and outputs y of the kinds of models (in a Jacobian, rows are outputs and columns are inputs):
- *   Hamiltonian            state of its family (chain, 6k: q_1 p_1 q_2 p_2 ...; separable, 2n: q p; others: hamiltonian.h) -> H (1)
+ *   Hamiltonian            state of its family (chain, 6k: q_1 p_1 q_2 p_2 ...; separable, 2n: q p; other
+ *                          families: liegrad/hamiltonian.h) -> H (1)
  *   surrogate, discrete    boundary conditions (8: q0 v0 qN vN) -> inner nodes and tangents (q_1 .. q_{N-1},
  *                          v_1 .. v_{N-1}), 4(N-1)
  *   surrogate, continuous  (s, q0 v0 qN vN), 9 -> q(s), 2. Column 0 of the Jacobian is the tangent v(s).

@@ -21,8 +21,8 @@ static lg_status parse_integral(const char *text, void *member, lg_error *error)
             (void)strcat(names, name_integral(i));
         }
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "'%s' is neither one of %s nor the file of a program, such as integral.h5", text,
-                       names);
+                       "'%s' is not a first integral; take %s, or the file of a program, such as integral.h5",
+                       text, names);
     }
     if (length >= LG_INTEGRAL_TEXT)
         return lg_fail(error, LG_INVALID_ARGUMENT, "a path of %zu bytes is too long; at most %d are possible",

@@ -213,7 +213,7 @@ TEST("a file without a fitting function is refused by a sentence") {
     cli_expect(lg, TRAIN "--penalty-integral train.h5", 3, "");
     assert_says(result.err, "expected 'program'");
     cli_expect(lg, TRAIN "--penalty-integral momentum", 2, "");
-    assert_says(result.err, "'momentum' is neither one of oscillator, ");
+    assert_says(result.err, "'momentum' is not a first integral; take oscillator, ");
     cli_expect(lg, "train train.h5 --out m.h5 --penalty-integral G.h5", 2, "");
     assert_says(result.err, "--penalty-integral: needs --penalty MU");
     char path[400] = "./";

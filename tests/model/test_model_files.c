@@ -885,8 +885,8 @@ static const damage wrong_values[LG_FIELD_SHOWN + 1][2] = {
     [LG_FIELD_FLAG] = {{NULL, TEXT("yes"), LG_FORMAT, "integer"}, {NULL, WHOLE(2), LG_FORMAT, "0 nor 1"}},
     [LG_FIELD_NAME] = {{NULL, TEXT("no such name"), LG_FORMAT, "known name"},
                        {NULL, TEXT(""), LG_FORMAT, "known name"}},
-    [LG_FIELD_PHRASE] = {{NULL, TEXT("no such method"), LG_FORMAT, "not a method"},
-                         {NULL, TEXT(""), LG_FORMAT, "not a method"}}};
+    [LG_FIELD_PHRASE] = {{NULL, TEXT("no such word"), LG_FORMAT, "is not a"},
+                         {NULL, TEXT(""), LG_FORMAT, "is not a"}}};
 
 /* `whole`: no field may be missing, except fields that files of earlier versions lack. */
 static void refuse_row(const lg_field *r, bool whole, read_fn reader, fresh_fn fresh) {
