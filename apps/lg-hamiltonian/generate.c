@@ -1,6 +1,8 @@
 /* lg-hamiltonian generate: samples trajectories of a scene and writes a data file. */
 #include "lg-hamiltonian/training.h"
 
+#include <sys/stat.h>
+
 #include "common/pieces.h"
 
 #include <stdio.h>
@@ -138,9 +140,11 @@ static void finish(const app *self, lg_trajectories *data, pieces *made, double 
     report(self, data, app_seconds() - begin);
 }
 
-/* Whether the file is HDF5. */
+/* Whether this is a regular file in HDF5; a pipe can be read only once. */
 static bool is_h5(const char *path) {
     char begin[4] = "";
+    struct stat info;
+    if (stat(path, &info) != 0 || !S_ISREG(info.st_mode)) return false;
     FILE *file = fopen(path, "rb");
     const size_t got = file != NULL ? fread(begin, 1, sizeof begin, file) : 0;
     if (file != NULL) (void)fclose(file);
