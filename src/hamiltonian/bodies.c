@@ -273,7 +273,7 @@ static bool learns_none(const lg_system *system, size_t *n) {
 
 #define SHARED(c, k, l)                                                                                      \
     .bodies = {c, k, l}, .most = 1, .inputs = 9 * (c) + 3 * (k) + (l), .forces = 3 * (c) + 3 * (k) + (l),    \
-    .energy_unit = "J", .scheme = "cf4", .accurate = "rkmk54",                                               \
+    .energy_unit = "J", .scheme = "rkmk5", .accurate = "rkmk54",                                               \
     .arrays = {{"mass/gamma", 2, 3 * (c) + (k) + (l)},                                                       \
                {"mass/b", 1, 3 * (c) + (k) + (l)},                                                           \
                {"mass/axis", (l) > 0 ? 1 : 0, 3 * (l)}},                                                     \
