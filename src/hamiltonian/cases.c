@@ -21,7 +21,7 @@ typedef struct settings {
     lg_penalty_form form;
     const lg_first_integral *integral;
     lg_hamiltonian_distance distance;
-    char name[96];
+    char name[160];
     lg_gradcheck_argument arguments[3];
 } settings;
 

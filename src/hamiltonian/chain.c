@@ -168,7 +168,7 @@ const lg_hamiltonian_family lg_hamiltonian_chain = {
         "(xi, eta) of each link in se(3): q' = xi x q, p' = xi x p + eta x q; xi is the angular velocity",
     .scheme = "cf4",
     .accurate = "rkmk54",
-    .arrays = {{"mass/gamma", 2}, {"mass/b", 1}},
+    .arrays = {{"mass/gamma", 2, 1}, {"mass/b", 1, 1}},
     .usable = lg_hamiltonian_usable_mass,
     .bind = lg_hamiltonian_bind_mass,
     .energy = energy,

@@ -18,7 +18,7 @@ static double norm(size_t n, const double *x) {
     return most * sqrt(sum);
 }
 
-static bool finite(size_t n, const double *x) {
+static bool all_finite(size_t n, const double *x) {
     for (size_t i = 0; i < n; i++)
         if (!isfinite(x[i])) return false;
     return true;
@@ -76,7 +76,7 @@ static void row_sizes(lg_constraint_work *work, const double *q, double *size) {
         for (size_t i = 0; i < n; i++)
             memcpy(hessian + i * n, work->bends + (i * m + a) * n, n * sizeof *hessian);
         size[a] = fmax(norm(n, work->G + a * n), work->size * norm(n * n, hessian));
-        if (!finite(n * n, hessian)) size[a] = (double)NAN;
+        if (!all_finite(n * n, hessian)) size[a] = (double)NAN;
     }
 }
 
@@ -185,7 +185,7 @@ static bool newton_step(const lg_constraint_work *work, double *step) {
     memset(step, 0, n * sizeof *step);
     for (size_t a = 0; a < m; a++)
         for (size_t i = 0; i < n; i++) step[i] += unit[a * n + i] * k[a];
-    return finite(n, step);
+    return all_finite(n, step);
 }
 
 /* ---- points ---- */
@@ -195,7 +195,7 @@ lg_status lg_constraint_view_of(lg_constraint_work *work, const double *q, lg_co
     const size_t n = work->of->n, m = work->of->m;
     double step[MOST];
     *out = (lg_constraint_view){.off = INFINITY};
-    if (!finite(m, work->g) || !finite(m * n, work->G))
+    if (!all_finite(m, work->g) || !all_finite(m * n, work->G))
         return lg_fail(error, LG_NOT_FINITE, "the constraint or its Jacobian is not finite at %s",
                        lg_constraint_show(work->of, q).text);
     for (size_t a = 0; a < m; a++) out->residual = fmax(out->residual, fabs(work->g[a]));
@@ -249,7 +249,7 @@ lg_status lg_constraint_land(lg_constraint_work *work, double *q, lg_error *erro
     for (int i = 0; i < LONGEST && !done; i++) {
         lg_constraint_value(work, q);
         lg_constraint_normals(work, q);
-        if (!finite(c->m, work->g) || !newton_step(work, step)) break;
+        if (!all_finite(c->m, work->g) || !newton_step(work, step)) break;
         for (size_t k = 0; k < c->n; k++) q[k] -= step[k];
         const double moved = norm(c->n, step);
         done = lg_constraint_settled(moved, before, fmax(norm(c->n, q), work->size));
