@@ -17,7 +17,7 @@
 #include <time.h>
 #include <unistd.h>
 
-enum { CLI_TEXT = 262144, CLI_WORDS = 64 };
+enum { CLI_TEXT = 524288, CLI_WORDS = 64 };
 
 typedef struct cli {
     int code; /* exit code; 1000 + signal when a signal killed the program */

@@ -97,7 +97,8 @@ static lg_hamiltonian_file hamiltonian_of(const example *of) {
                                         .dt = 0.025,
                                         .training = export_training()}};
     lg_hamiltonian *model = &file.run.model;
-    assert_ok(lg_hamiltonian_init(model, of->family, of->links, (lg_potential_kind)of->potential, hidden, 2,
+    const uint32_t most = of->family->most, links = most > 0 && of->links > most ? most : of->links;
+    assert_ok(lg_hamiltonian_init(model, of->family, links, (lg_potential_kind)of->potential, hidden, 2,
                                   of->activation));
     assert_ok(lg_hamiltonian_set_symmetry(model, (lg_symmetry)of->symmetry));
     file.parameters = lg_hamiltonian_parameters(model);

@@ -20,7 +20,7 @@ static const struct {
 } runs[] = {
     {"", 0, {" 0 wrong."}, {" no\n"}},
     {"--seed 77", 0, {" 0 wrong."}, {NULL}},
-    {"--only implicit-euler", 0, {" 4 refused as programs"}, {NULL}},
+    {"--only implicit-euler", 0, {" 6 refused as programs"}, {NULL}},
     {"--only custom --json", 0, {"\"refused\": true"}, {NULL}},
     {"--only cross --json",
      0,
