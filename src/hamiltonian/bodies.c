@@ -31,8 +31,9 @@
 #include "liegrad/ops.h"
 
 /* vars->kinetic: K (1, N, N); the linear part of A (N, N D) and its constant part (N D); what makes C of z,
- * (N, D k), or LG_NONE without directions. */
-enum { MASS, TURN, REST, TIE };
+ * (N, D k), or LG_NONE without directions. For one body alone INVERSE, in place of TIE: the inverse of its
+ * inertia trace(m) I - m, (1, 3, 3). */
+enum { MASS, TURN, REST, TIE, INVERSE = TIE };
 
 enum { MOST_AMBIENT = 30, MOST_RATES = 18, MOST_VECTORS = 10 };
 
@@ -117,6 +118,17 @@ static lg_var tying(lg_tape *tape, const counts *c) {
     return k > 0 ? constant(tape, c->ambient, c->rates * k, tie) : LG_NONE;
 }
 
+static bool is_alone(const counts *c) {
+    return c->rotations == 1 && c->directions == 0 && c->lines == 0;
+}
+
+/* (trace(m) I - m)^-1 */
+static lg_var inverse_inertia(lg_tape *tape, lg_var m) {
+    const lg_var unit = lg_hamiltonian_record_unit(tape, 3);
+    const lg_var trace = lg_reshape(tape, lg_sum(tape, lg_mul(tape, unit, m)), lg_shape3(1, 1, 1));
+    return lg_spd_solve(tape, lg_sub(tape, lg_mul(tape, trace, unit), m), unit);
+}
+
 static bool usable(const lg_hamiltonian_family *family, uint32_t n, const double *arrays) {
     return lg_hamiltonian_gram_usable(counts_of(family, n).vectors, arrays);
 }
@@ -127,7 +139,7 @@ static void bind(lg_tape *tape, const lg_var *arrays, lg_hamiltonian_vars *vars)
     vars->kinetic[MASS] = ambient_mass(tape, &c, m, c.lines > 0 ? arrays[2] : LG_NONE);
     vars->kinetic[TURN] = turning(tape, &c);
     vars->kinetic[REST] = resting(tape, &c);
-    vars->kinetic[TIE] = tying(tape, &c);
+    vars->kinetic[TIE] = is_alone(&c) ? inverse_inertia(tape, m) : tying(tape, &c);
 }
 
 /* ---- kinetic energy ---- */
@@ -176,9 +188,24 @@ static lg_var turned(lg_tape *tape, const lg_hamiltonian_vars *vars, const motio
     return lg_matmul_nt(tape, products, vars->kinetic[TURN]);
 }
 
+/* The same as below for one body, without M: Omega = J^-1 R^T pi, omega = R Omega, dT/dR = pi Omega^T. */
+static void gradient_alone(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *out) {
+    const lg_shape shape = lg_var_shape(tape, y[0]), flat = lg_var_shape(tape, y[1]);
+    const lg_var R = lg_reshape(tape, y[0], lg_shape3(shape.dims[0], 3, 3));
+    const lg_var pi = lg_reshape(tape, y[1], lg_shape3(shape.dims[0], 1, 3));
+    const lg_var Omega = lg_matmul(tape, lg_matmul(tape, pi, R), vars->kinetic[INVERSE]);
+    const lg_var kinetic = lg_reshape(tape, lg_matmul_tn(tape, pi, Omega), shape);
+    out[0] = lg_add(tape, lg_hamiltonian_potential_gradient(tape, vars, y[0]), kinetic);
+    out[1] = lg_reshape(tape, lg_matmul_nt(tape, Omega, R), flat);
+}
+
 static void gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *out) {
     const lg_hamiltonian_family *family = vars->model->family;
     const counts c = counts_of(family, vars->model->n);
+    if (is_alone(&c)) {
+        gradient_alone(tape, vars, y, out);
+        return;
+    }
     const lg_var z = lg_hamiltonian_joined(tape, family, y, 0), p = lg_hamiltonian_joined(tape, family, y, 1);
     const motion s = motion_of(tape, vars, z, p);
     const lg_var w = lg_reshape(tape, s.w, lg_var_shape(tape, p));
