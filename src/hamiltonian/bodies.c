@@ -170,8 +170,31 @@ static motion motion_of(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var z
     return s;
 }
 
+/* One body without M: with b = R^T pi and Omega = J^-1 b, T = 1/2 b.Omega, omega = R Omega and
+ * dT/dR = pi Omega^T. R (B, 3, 3), pi, b and Omega (B, 1, 3). */
+typedef struct spin {
+    lg_var R, pi, b, Omega;
+} spin;
+
+static spin spin_of(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y) {
+    const uint32_t rows = lg_var_shape(tape, y[0]).dims[0];
+    spin s = {.R = lg_reshape(tape, y[0], lg_shape3(rows, 3, 3)),
+              .pi = lg_reshape(tape, y[1], lg_shape3(rows, 1, 3))};
+    s.b = lg_matmul(tape, s.pi, s.R);
+    s.Omega = lg_matmul(tape, s.b, vars->kinetic[INVERSE]);
+    return s;
+}
+
+static lg_var energy_alone(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y) {
+    const spin s = spin_of(tape, vars, y);
+    const lg_var twice = lg_sum_axis(tape, lg_rowdot(tape, s.b, s.Omega), 1, false);
+    return lg_add(tape, lg_scale(tape, twice, 0.5), lg_hamiltonian_potential(tape, vars, y[0]));
+}
+
 static lg_var energy(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y) {
     const lg_hamiltonian_family *family = vars->model->family;
+    const counts c = counts_of(family, vars->model->n);
+    if (is_alone(&c)) return energy_alone(tape, vars, y);
     const lg_var z = lg_hamiltonian_joined(tape, family, y, 0), p = lg_hamiltonian_joined(tape, family, y, 1);
     const motion s = motion_of(tape, vars, z, p);
     lg_var twice = lg_rowdot(tape, p, lg_reshape(tape, s.w, lg_var_shape(tape, p)));
@@ -188,15 +211,11 @@ static lg_var turned(lg_tape *tape, const lg_hamiltonian_vars *vars, const motio
     return lg_matmul_nt(tape, products, vars->kinetic[TURN]);
 }
 
-/* The same as below for one body, without M: Omega = J^-1 R^T pi, omega = R Omega, dT/dR = pi Omega^T. */
 static void gradient_alone(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *out) {
-    const lg_shape shape = lg_var_shape(tape, y[0]), flat = lg_var_shape(tape, y[1]);
-    const lg_var R = lg_reshape(tape, y[0], lg_shape3(shape.dims[0], 3, 3));
-    const lg_var pi = lg_reshape(tape, y[1], lg_shape3(shape.dims[0], 1, 3));
-    const lg_var Omega = lg_matmul(tape, lg_matmul(tape, pi, R), vars->kinetic[INVERSE]);
-    const lg_var kinetic = lg_reshape(tape, lg_matmul_tn(tape, pi, Omega), shape);
+    const spin s = spin_of(tape, vars, y);
+    const lg_var kinetic = lg_reshape(tape, lg_matmul_tn(tape, s.pi, s.Omega), lg_var_shape(tape, y[0]));
     out[0] = lg_add(tape, lg_hamiltonian_potential_gradient(tape, vars, y[0]), kinetic);
-    out[1] = lg_reshape(tape, lg_matmul_nt(tape, Omega, R), flat);
+    out[1] = lg_reshape(tape, lg_matmul_nt(tape, s.Omega, s.R), lg_var_shape(tape, y[1]));
 }
 
 static void gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *out) {
@@ -300,7 +319,7 @@ static bool learns_none(const lg_system *system, size_t *n) {
 
 #define SHARED(c, k, l)                                                                                      \
     .bodies = {c, k, l}, .most = 1, .inputs = 9 * (c) + 3 * (k) + (l), .forces = 3 * (c) + 3 * (k) + (l),    \
-    .energy_unit = "J", .scheme = "rkmk5", .accurate = "rkmk54",                                               \
+    .energy_unit = "J", .scheme = "rkmk5", .accurate = "rkmk54",                                             \
     .arrays = {{"mass/gamma", 2, 3 * (c) + (k) + (l)},                                                       \
                {"mass/b", 1, 3 * (c) + (k) + (l)},                                                           \
                {"mass/axis", (l) > 0 ? 1 : 0, 3 * (l)}},                                                     \
