@@ -3,6 +3,7 @@
 #include "support/model_support.h"
 
 #include "liegrad/mechanics.h"
+#include "integrators/taped_internal.h"
 #include "model/internal.h"
 
 /* ---- a model with scales ---- */
@@ -21,13 +22,18 @@ static const row rows[] = {
     {&lg_hamiltonian_separable, 1, LG_POTENTIAL_MLP, {3.0, {5.0, 7.0}}},
     {&lg_hamiltonian_separable, 3, LG_POTENTIAL_MLP, {1e3, {1e-6, 1e-2}}},
     {&lg_hamiltonian_separable, 2, LG_POTENTIAL_LINEAR, {0.2, {11.0, 0.3}}},
+    {&lg_hamiltonian_rotation, 1, LG_POTENTIAL_MLP, {3.0, {1.0, 7.0}}},
+    {&lg_hamiltonian_rotation_direction, 1, LG_POTENTIAL_MLP, {1e-3, {1.0, 1e5, 1.0, 1e5}}},
+    {&lg_hamiltonian_pose, 1, LG_POTENTIAL_MLP, {20.0, {1.0, 0.3, 50.0, 0.3 / 50.0}}},
+    {&lg_hamiltonian_direction_line, 1, LG_POTENTIAL_MLP, {0.1, {1.0, 5.0, 1e3, 5e-3}}},
 };
 
 /* A model with scales and the model inside it, with the same parameters. */
 typedef struct pair {
     built scaled, inner;
     size_t d, m;
-    double part[MOST_STATE]; /* the scale of each number of a state */
+    double part[MOST_STATE];     /* the scale of each number of a state */
+    double momentum[MOST_INPUT]; /* the scale of each momentum, in their order, which is the order of inputs */
     double energy, time;
 } pair;
 
@@ -38,20 +44,25 @@ static pair make_pair(const row *r) {
     p.scaled = build_from(&model, p.inner.theta);
     p.d = lg_model_inputs(p.inner.model);
     p.m = lg_model_input_dim(p.inner.model);
-    const size_t block = r->family == &lg_hamiltonian_chain ? 3 : r->n;
-    for (size_t i = 0; i < p.d; i++) p.part[i] = r->scales.part[(i / block) % 2];
+    const lg_space space = space_of(&p.inner);
+    uint8_t part[MOST_STATE];
+    size_t count = 0;
+    lg_taped_number_parts(&space, part);
+    for (size_t i = 0; i < p.d; i++) p.part[i] = r->scales.part[part[i]];
+    for (size_t i = 0; i < p.d; i++)
+        if (part[i] % 2 == 1) p.momentum[count++] = p.part[i];
+    assert_int_equal(count, p.m);
     p.time = r->scales.time;
     p.energy = r->scales.part[0] * r->scales.part[1] / r->scales.time;
     return p;
 }
 
-/* Draws a state, for the inner model and in units. Momenta are last in a copy, forces are momenta per
- * time. */
+/* Draws a state, for the inner model and in units. Forces are momenta per time. */
 static void draw(const pair *p, lg_rng *rng, double *inner, double *y, double *force, double *u) {
     draw_state(&p->inner, rng, inner);
     for (size_t i = 0; i < p->d; i++) y[i] = p->part[i] * inner[i];
     for (size_t i = 0; i < p->m; i++)
-        force[i] = lg_rng_normal(rng), u[i] = force[i] * p->part[p->d - 1] / p->time;
+        force[i] = lg_rng_normal(rng), u[i] = force[i] * p->momentum[i] / p->time;
 }
 
 static void assert_scaled(const double *got, const double *expected, const double *part, double by,
@@ -119,6 +130,8 @@ static const system_row systems[] = {
     {"pendulum-chain", "hamiltonian", 2, &lg_hamiltonian_chain, 2, "rk4"},
     {"quartic", NULL, 0, &lg_hamiltonian_separable, 2, "stormer-verlet"},
     {"coupled-oscillators", NULL, 0, &lg_hamiltonian_separable, 2, "rk4"},
+    {"heavy-top", NULL, 0, &lg_hamiltonian_rotation, 1, "rkmk4"},
+    {"satellite", NULL, 0, &lg_hamiltonian_rotation_direction, 1, "variational"},
 };
 
 /* Units of mass, length and time: numbers of the data are multiplied by these. */
@@ -135,12 +148,13 @@ typedef struct training {
 
 RELEASES(release_system, lg_system_destroy)
 
-/* For a chain q has no unit. */
+/* Directions and rotations have no unit. */
 static training make_training(const system_row *r, units in) {
-    const bool chain = r->family == &lg_hamiltonian_chain;
-    const double q = chain ? 1.0 : in.length, p = in.mass * in.length * (chain ? in.length : 1.0) / in.time;
+    const bool turns = r->family->manifold != NULL;
+    const double q = turns ? 1.0 : in.length, p = in.mass * in.length * (turns ? in.length : 1.0) / in.time;
     const uint32_t hidden[1] = {6};
-    const size_t block = chain ? 3 : r->n;
+    uint8_t part[MOST_STATE];
+    lg_space space;
     lg_system_options so;
     lg_trajectory_options to;
     lg_system *system;
@@ -158,7 +172,9 @@ static training make_training(const system_row *r, units in) {
     lg_trajectory_options_init(&to);
     to.trajectories = N, to.points = M, to.t_end = 0.25, to.seed = 3;
     assert_ok(lg_system_generate(NULL, system, &to, t, out.data, H, NULL));
-    for (size_t i = 0; i < N * M * out.d; i++) out.data[i] *= (i % out.d / block) % 2 == 0 ? q : p;
+    assert_ok(lg_hamiltonian_space(r->family, r->n, &space));
+    lg_taped_number_parts(&space, part);
+    for (size_t i = 0; i < N * M * out.d; i++) out.data[i] *= part[i % out.d] % 2 == 0 ? q : p;
     assert_ok(lg_hamiltonian_init(&out.model, r->family, r->n, LG_POTENTIAL_MLP, hidden, 1, LG_TANH));
     out.theta = room(lg_hamiltonian_parameters(&out.model));
     lg_rng rng = test_rng(4, 0);
