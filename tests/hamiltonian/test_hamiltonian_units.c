@@ -32,8 +32,9 @@ static const row rows[] = {
 typedef struct pair {
     built scaled, inner;
     size_t d, m;
-    double part[MOST_STATE];     /* the scale of each number of a state */
-    double momentum[MOST_INPUT]; /* the scale of each momentum, in their order, which is the order of inputs */
+    double part[MOST_STATE]; /* the scale of each number of a state */
+    double
+        momentum[MOST_INPUT]; /* the scale of each momentum, in their order, which is the order of inputs */
     double energy, time;
 } pair;
 
