@@ -196,6 +196,31 @@ static void scale(training *s) {
     assert_ok(lg_hamiltonian_weigh(&s->problem, NULL));
 }
 
+/* Bodies on lines: x moves by 0.3 in each step and px is 5. With mass 1, x moves as fast as in the data. */
+TEST("in each pair of parts the product of the scales is the same action") {
+    lg_hamiltonian model;
+    lg_hamiltonian_scales scales;
+    assert_ok(lg_hamiltonian_init(&model, &lg_hamiltonian_pose, 1, LG_POTENTIAL_LINEAR, NULL, 0, LG_TANH));
+    const size_t d = lg_hamiltonian_state_dim(&model);
+    double *data = room(N * M * d);
+    lg_space space;
+    assert_ok(lg_hamiltonian_space(model.family, 1, &space));
+    lg_rng rng = test_rng(12, 0);
+    for (size_t i = 0; i < N; i++)
+        for (size_t j = 0; j < M; j++) {
+            double *y = data + (i * M + j) * d;
+            assert_ok(lg_space_draw_start(&space, NULL, &rng, y));
+            for (size_t c = 0; c < 3; c++) y[12 + c] = c == 0 ? 0.3 * (double)j : 0.0;
+            for (size_t c = 0; c < 3; c++) y[15 + c] = c == 0 ? 5.0 : 0.0;
+        }
+    const lg_hamiltonian_problem problem = {
+        .model = &model, .trajectories = N, .points = M, .dt = 0.1, .data = data};
+    assert_ok(lg_hamiltonian_find_scales(&problem, &scales, NULL));
+    assert_close(scales.part[2] * scales.part[3], scales.part[0] * scales.part[1], 1e-14, 0.0);
+    assert_close(scales.part[3] * 3.0 * scales.time / scales.part[2], 5.0, 1e-12, 0.0);
+    assert_true(fabs(scales.part[2] - 1.0) > 1e-3);
+}
+
 /* Loss and gradient of the whole data set on a tape of this type. */
 static double loss_of(const training *s, lg_dtype dtype, double *gradient) {
     uint32_t samples[N];
