@@ -237,7 +237,7 @@ static lg_status field(void *user, double t, const double *y, const double *inpu
     return LG_OK;
 }
 
-/* From point to point, each projected. */
+/* Integrates from each time to the next, and projects the point that is reached. */
 static lg_status follow(lg_stepper *stepper, const lg_constraint *c, double size, double tolerance,
                         const double *times, size_t count, double *out, lg_error *error) {
     const size_t d = 2 * (size_t)c->n;

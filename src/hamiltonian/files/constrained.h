@@ -7,7 +7,7 @@
 #include "liegrad/hamiltonian.h"
 
 /* Makes the constraint of an open file: of the program `given`, or if it is NULL, of the file's functions.
- * *out becomes NULL if there is none. */
+ * *out becomes NULL if the file has no such function. */
 lg_status lg_h5_constraint(lg_h5 *h5, const lg_program *given, lg_constraint **out, lg_error *error);
 /* Writes the functions of the constraint of trajectories. */
 lg_status lg_h5_put_constraint(lg_h5 *h5, const lg_constraint *constraint, lg_error *error);

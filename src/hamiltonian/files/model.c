@@ -19,7 +19,8 @@ enum { SCALES = sizeof(lg_hamiltonian_scales) / sizeof(double) };
 _Static_assert(sizeof(lg_hamiltonian_scales) == SCALES * sizeof(double),
                "scales are numbers one after the other");
 
-/* The list has the time and two parts, and further parts up to the last one whose scale is not 1. */
+/* The list has the scale of time, then the scales of the parts. Scales of 1 at its end are left out, but
+ * never the first three numbers. */
 enum { LEAST_SCALES = 3 };
 
 static uint32_t get_scales(const void *member, double *values) {
