@@ -23,7 +23,9 @@
  * dV/dz - d/dz (y.A(z) w) - lambda_i w_i, with the constant y = K z'. With g = dH/dz and the spatial angular
  * momenta pi the equations are
  *
- *   R' = hat(omega) R, pi' = omega x pi - sum_j r_j x g_j;  q, p as in a chain;  x' = w, p' = -g. */
+ *   R' = hat(omega) R, pi' = omega x pi - sum_j r_j x g_j;  q, p as in a chain;  x' = w, p' = -g.
+ *
+ * Without lines M is constant in the frame of the body, which saves its factorization for each state. */
 #include <string.h>
 
 #include "core/core.h"
@@ -31,9 +33,9 @@
 #include "liegrad/ops.h"
 
 /* vars->kinetic: K (1, N, N); the linear part of A (N, N D) and its constant part (N D); what makes C of z,
- * (N, D k), or LG_NONE without directions. For one body alone INVERSE, in place of TIE: the inverse of its
- * inertia trace(m) I - m, (1, 3, 3). */
-enum { MASS, TURN, REST, TIE, INVERSE = TIE };
+ * (N, D k), or LG_NONE without directions; M^-1 (D, D) in the frame of the body, or LG_NONE where M is not
+ * constant in this frame. */
+enum { MASS, TURN, REST, TIE, INVERSE };
 
 enum { MOST_AMBIENT = 30, MOST_RATES = 18, MOST_VECTORS = 10 };
 
@@ -118,15 +120,28 @@ static lg_var tying(lg_tape *tape, const counts *c) {
     return k > 0 ? constant(tape, c->ambient, c->rates * k, tie) : LG_NONE;
 }
 
-static bool is_alone(const counts *c) {
-    return c->rotations == 1 && c->directions == 0 && c->lines == 0;
+/* Whether M is constant in the frame of the body. A q' turned into this frame is a velocity like any other,
+ * but the vector e of a line is fixed in space. */
+static bool has_frame(const counts *c) {
+    return c->rotations == 1 && c->directions <= 1 && c->lines == 0;
 }
 
-/* (trace(m) I - m)^-1 */
-static lg_var inverse_inertia(lg_tape *tape, lg_var m) {
-    const lg_var unit = lg_hamiltonian_record_unit(tape, 3);
-    const lg_var trace = lg_reshape(tape, lg_sum(tape, lg_mul(tape, unit, m)), lg_shape3(1, 1, 1));
-    return lg_spd_solve(tape, lg_sub(tape, lg_mul(tape, trace, unit), m), unit);
+static lg_var motion_matrix(lg_tape *tape, const lg_hamiltonian_vars *vars, const counts *c, lg_var z) {
+    const lg_var A = lg_add(tape, lg_matmul(tape, z, vars->kinetic[TURN]), vars->kinetic[REST]);
+    return lg_reshape(tape, A, lg_shape3(lg_var_shape(tape, z).dims[0], c->ambient, c->rates));
+}
+
+static lg_var mass_matrix(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var A) {
+    return lg_matmul_tn(tape, A, lg_matmul(tape, vars->kinetic[MASS], A));
+}
+
+/* M^-1 at R = I, whatever q is. */
+static lg_var inverse_at_unit(lg_tape *tape, const lg_hamiltonian_vars *vars, const counts *c) {
+    const double unit[MOST_AMBIENT] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
+    const lg_var A = motion_matrix(tape, vars, c, constant(tape, 1, c->ambient, unit));
+    const lg_var inverse =
+        lg_spd_solve(tape, mass_matrix(tape, vars, A), lg_hamiltonian_record_unit(tape, c->rates));
+    return lg_reshape(tape, inverse, lg_shape2(c->rates, c->rates));
 }
 
 static bool usable(const lg_hamiltonian_family *family, uint32_t n, const double *arrays) {
@@ -139,7 +154,8 @@ static void bind(lg_tape *tape, const lg_var *arrays, lg_hamiltonian_vars *vars)
     vars->kinetic[MASS] = ambient_mass(tape, &c, m, c.lines > 0 ? arrays[2] : LG_NONE);
     vars->kinetic[TURN] = turning(tape, &c);
     vars->kinetic[REST] = resting(tape, &c);
-    vars->kinetic[TIE] = is_alone(&c) ? inverse_inertia(tape, m) : tying(tape, &c);
+    vars->kinetic[TIE] = tying(tape, &c);
+    vars->kinetic[INVERSE] = has_frame(&c) ? inverse_at_unit(tape, vars, &c) : LG_NONE;
 }
 
 /* ---- kinetic energy ---- */
@@ -152,10 +168,8 @@ typedef struct motion {
 static motion motion_of(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var z, lg_var p) {
     const counts c = counts_of(vars->model->family, vars->model->n);
     const uint32_t rows = lg_var_shape(tape, z).dims[0], k = c.directions;
-    motion s = {.lambda = LG_NONE};
-    s.A = lg_add(tape, lg_matmul(tape, z, vars->kinetic[TURN]), vars->kinetic[REST]);
-    s.A = lg_reshape(tape, s.A, lg_shape3(rows, c.ambient, c.rates));
-    lg_var M = lg_matmul_tn(tape, s.A, lg_matmul(tape, vars->kinetic[MASS], s.A));
+    motion s = {.A = motion_matrix(tape, vars, &c, z), .lambda = LG_NONE};
+    lg_var M = mass_matrix(tape, vars, s.A);
     lg_var column = lg_reshape(tape, p, lg_shape3(rows, c.rates, 1));
     if (k == 0) {
         s.w = lg_spd_solve(tape, M, column);
@@ -170,35 +184,62 @@ static motion motion_of(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var z
     return s;
 }
 
-/* One body without M: with b = R^T pi and Omega = J^-1 b, T = 1/2 b.Omega, omega = R Omega and
- * dT/dR = pi Omega^T. R (B, 3, 3), pi, b and Omega (B, 1, 3). */
-typedef struct spin {
-    lg_var R, pi, b, Omega;
-} spin;
+/* The motion in the frame of the body, with k = 0 or 1 directions. The rows of x (B, 1 + 2 k, 3) are pi, p, q
+ * in space, the rows of x R in the frame. `momenta` and `w` (B, D) are pi, p and omega, q' in the frame,
+ * lambda (B, 1) or LG_NONE. */
+typedef struct framed {
+    lg_var R, x, momenta, w, lambda;
+} framed;
 
-static spin spin_of(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y) {
+static framed framed_of(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y) {
+    const counts c = counts_of(vars->model->family, vars->model->n);
+    const lg_var inverse = vars->kinetic[INVERSE];
     const uint32_t rows = lg_var_shape(tape, y[0]).dims[0];
-    spin s = {.R = lg_reshape(tape, y[0], lg_shape3(rows, 3, 3)),
-              .pi = lg_reshape(tape, y[1], lg_shape3(rows, 1, 3))};
-    s.b = lg_matmul(tape, s.pi, s.R);
-    s.Omega = lg_matmul(tape, s.b, vars->kinetic[INVERSE]);
+    const lg_shape line = lg_shape3(rows, 1, 3);
+    framed s = {.R = lg_reshape(tape, y[0], lg_shape3(rows, 3, 3)), .lambda = LG_NONE};
+    s.x = lg_reshape(tape, y[1], line);
+    if (c.directions > 0) {
+        const lg_var parts[3] = {s.x, lg_reshape(tape, y[3], line), lg_reshape(tape, y[2], line)};
+        s.x = lg_concat(tape, parts, 3, 1);
+    }
+    const lg_var turned = lg_matmul(tape, s.x, s.R);
+    s.momenta = lg_reshape(tape, lg_slice(tape, turned, 1, 0, 1 + c.directions), lg_shape2(rows, c.rates));
+    s.w = lg_matmul(tape, s.momenta, inverse);
+    if (c.directions > 0) {
+        const lg_var q = lg_reshape(tape, lg_slice(tape, turned, 1, 2, 1), lg_shape2(rows, 3));
+        const lg_var tied = lg_matmul(tape, q, lg_slice(tape, inverse, 0, 3, 3));
+        s.lambda =
+            lg_div(tape, lg_rowdot(tape, s.momenta, tied), lg_rowdot(tape, q, lg_slice(tape, tied, 1, 3, 3)));
+        s.w = lg_sub(tape, s.w, lg_mul(tape, s.lambda, tied));
+    }
     return s;
 }
 
-static lg_var energy_alone(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y) {
-    const spin s = spin_of(tape, vars, y);
-    const lg_var twice = lg_sum_axis(tape, lg_rowdot(tape, s.b, s.Omega), 1, false);
-    return lg_add(tape, lg_scale(tape, twice, 0.5), lg_hamiltonian_potential(tape, vars, y[0]));
+/* dH/dx in the frame (B, 1 + 2 k, 3): omega, q', -lambda q'. */
+static lg_var framed_rates(lg_tape *tape, const framed *s) {
+    const lg_shape shape = lg_var_shape(tape, s->w);
+    const lg_var w = lg_reshape(tape, s->w, lg_shape3(shape.dims[0], shape.dims[1] / 3, 3));
+    if (lg_is_none(s->lambda)) return w;
+    const lg_var pull = lg_neg(tape, lg_mul(tape, s->lambda, lg_slice(tape, s->w, 1, 3, 3)));
+    const lg_var both[2] = {w, lg_reshape(tape, pull, lg_shape3(shape.dims[0], 1, 3))};
+    return lg_concat(tape, both, 2, 1);
+}
+
+static lg_var half_power(lg_tape *tape, lg_var p, lg_var w) {
+    return lg_scale(tape, lg_rowdot(tape, p, w), 0.5);
 }
 
 static lg_var energy(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y) {
     const lg_hamiltonian_family *family = vars->model->family;
     const counts c = counts_of(family, vars->model->n);
-    if (is_alone(&c)) return energy_alone(tape, vars, y);
     const lg_var z = lg_hamiltonian_joined(tape, family, y, 0), p = lg_hamiltonian_joined(tape, family, y, 1);
+    const lg_var potential = lg_hamiltonian_potential(tape, vars, z);
+    if (has_frame(&c)) {
+        const framed s = framed_of(tape, vars, y);
+        return lg_add(tape, half_power(tape, s.momenta, s.w), potential);
+    }
     const motion s = motion_of(tape, vars, z, p);
-    lg_var twice = lg_rowdot(tape, p, lg_reshape(tape, s.w, lg_var_shape(tape, p)));
-    return lg_add(tape, lg_scale(tape, twice, 0.5), lg_hamiltonian_potential(tape, vars, z));
+    return lg_add(tape, half_power(tape, p, lg_reshape(tape, s.w, lg_var_shape(tape, p))), potential);
 }
 
 /* d/dz (y.A(z) w) with y = K z' (B, N). */
@@ -211,18 +252,26 @@ static lg_var turned(lg_tape *tape, const lg_hamiltonian_vars *vars, const motio
     return lg_matmul_nt(tape, products, vars->kinetic[TURN]);
 }
 
-static void gradient_alone(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *out) {
-    const spin s = spin_of(tape, vars, y);
-    const lg_var kinetic = lg_reshape(tape, lg_matmul_tn(tape, s.pi, s.Omega), lg_var_shape(tape, y[0]));
-    out[0] = lg_add(tape, lg_hamiltonian_potential_gradient(tape, vars, y[0]), kinetic);
-    out[1] = lg_reshape(tape, lg_matmul_nt(tape, s.Omega, s.R), lg_var_shape(tape, y[1]));
+/* With b = x R: dT/dR = x^T dT/db, and dT/dx = dT/db R^T. */
+static void gradient_framed(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *out) {
+    const lg_hamiltonian_family *family = vars->model->family;
+    const framed s = framed_of(tape, vars, y);
+    const lg_var rates = framed_rates(tape, &s), in_space = lg_matmul_nt(tape, rates, s.R);
+    const lg_var z = lg_hamiltonian_joined(tape, family, y, 0);
+    lg_hamiltonian_cut(tape, family, y, lg_hamiltonian_potential_gradient(tape, vars, z), 0, out);
+    out[0] = lg_add(tape, out[0], lg_reshape(tape, lg_matmul_tn(tape, s.x, rates), lg_var_shape(tape, y[0])));
+    out[1] = lg_reshape(tape, lg_slice(tape, in_space, 1, 0, 1), lg_var_shape(tape, y[1]));
+    if (lg_is_none(s.lambda)) return;
+    out[3] = lg_reshape(tape, lg_slice(tape, in_space, 1, 1, 1), lg_var_shape(tape, y[3]));
+    const lg_var pull = lg_reshape(tape, lg_slice(tape, in_space, 1, 2, 1), lg_var_shape(tape, y[2]));
+    out[2] = lg_add(tape, out[2], pull);
 }
 
 static void gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *out) {
     const lg_hamiltonian_family *family = vars->model->family;
     const counts c = counts_of(family, vars->model->n);
-    if (is_alone(&c)) {
-        gradient_alone(tape, vars, y, out);
+    if (has_frame(&c)) {
+        gradient_framed(tape, vars, y, out);
         return;
     }
     const lg_var z = lg_hamiltonian_joined(tape, family, y, 0), p = lg_hamiltonian_joined(tape, family, y, 1);

@@ -17,27 +17,38 @@ static bool has_vector(const lg_hamiltonian_family *family) {
     return family->factor[0] == LG_SPACE_RN && family->inputs == 1;
 }
 
-/* ---- invariants of n vectors q_i, from their coordinates q[0], q[1], q[2], each (B, n) ---- */
+/* ---- invariants of a body's R and k directions q_i ---- */
+
+static uint32_t rotations_of(const lg_hamiltonian *model) {
+    return model->n * model->family->bodies.rotations;
+}
+
+static uint32_t directions_of(const lg_hamiltonian *model) {
+    return model->n * model->family->bodies.directions;
+}
+
+/* R^T v of the v in order (B, 3 m): q_i, with `axis` e3 first. Each function of R and the q_i that rotations do
+ * not change is a function of R^T q_i; if only rotations about e3 do not change it, of R^T e3, too. */
+static lg_var in_frame(lg_tape *tape, const lg_hamiltonian *model, lg_var x, bool axis) {
+    const uint32_t rows = lg_var_shape(tape, x).dims[0], k = directions_of(model);
+    const lg_var R = lg_reshape(tape, lg_slice(tape, x, 1, 0, 9), lg_shape3(rows, 3, 3));
+    lg_var part[2];
+    size_t parts = 0;
+    if (axis) part[parts++] = lg_reshape(tape, lg_slice(tape, R, 1, 2, 1), lg_shape2(rows, 3));
+    if (k > 0) {
+        const lg_var q = lg_reshape(tape, lg_slice(tape, x, 1, 9, 3 * k), lg_shape3(rows, k, 3));
+        part[parts++] = lg_reshape(tape, lg_matmul(tape, q, R), lg_shape2(rows, 3 * k));
+    }
+    return parts == 1 ? part[0] : lg_concat(tape, part, parts, 1);
+}
+
+/* ---- invariants of a chain's q_i, from their coordinates q[0], q[1], q[2], each (B, n) ---- */
 
 static void split_vectors(lg_tape *tape, const lg_hamiltonian *model, lg_var x, lg_var *q) {
-    const uint32_t rows = lg_var_shape(tape, x).dims[0], turned = model->n * model->family->bodies.rotations;
-    const uint32_t n = lg_hamiltonian_vectors(model) - 3 * turned;
-    const lg_var matrices = lg_slice(tape, x, 1, 0, 9 * turned),
-                 rest = lg_slice(tape, x, 1, 9 * turned, 3 * n);
-    for (uint32_t c = 0; c < 3; c++) {
-        lg_var part[2];
-        size_t parts = 0;
-        if (turned > 0) {
-            const lg_var row =
-                lg_slice(tape, lg_reshape(tape, matrices, lg_shape4(rows, turned, 3, 3)), 2, c, 1);
-            part[parts++] = lg_reshape(tape, row, lg_shape2(rows, 3 * turned));
-        }
-        if (n > 0) {
-            const lg_var column = lg_slice(tape, lg_reshape(tape, rest, lg_shape3(rows, n, 3)), 2, c, 1);
-            part[parts++] = lg_reshape(tape, column, lg_shape2(rows, n));
-        }
-        q[c] = parts == 1 ? part[0] : lg_concat(tape, part, parts, 1);
-    }
+    const uint32_t rows = lg_var_shape(tape, x).dims[0], n = lg_hamiltonian_vectors(model);
+    const lg_var vectors = lg_reshape(tape, x, lg_shape3(rows, n, 3));
+    for (uint32_t c = 0; c < 3; c++)
+        q[c] = lg_reshape(tape, lg_slice(tape, vectors, 2, c, 1), lg_shape2(rows, n));
 }
 
 /* q_i.q_j for i < j */
@@ -61,11 +72,13 @@ static uint32_t pairs_of(uint32_t n) {
 
 static uint32_t axial_count(const lg_hamiltonian *model) {
     const uint32_t n = lg_hamiltonian_vectors(model);
-    return n > 0 ? n + 2 * pairs_of(n) : 0;
+    if (n == 0) return 0;
+    return rotations_of(model) > 0 ? 3 + 3 * directions_of(model) : n + 2 * pairs_of(n);
 }
 
 static lg_var axial(lg_tape *tape, const lg_hamiltonian *model, lg_var x) {
     lg_var q[3];
+    if (rotations_of(model) > 0) return in_frame(tape, model, x, true);
     split_vectors(tape, model, x, q);
     if (lg_hamiltonian_vectors(model) == 1) return q[2];
     const lg_var all[3] = {q[2], inner(tape, q), twist(tape, q)};
@@ -73,13 +86,15 @@ static lg_var axial(lg_tape *tape, const lg_hamiltonian *model, lg_var x) {
 }
 
 static uint32_t spherical_count(const lg_hamiltonian *model) {
-    if (lg_hamiltonian_vectors(model) > 0) return pairs_of(lg_hamiltonian_vectors(model));
+    const uint32_t n = lg_hamiltonian_vectors(model);
+    if (n > 0) return rotations_of(model) > 0 ? 3 * directions_of(model) : pairs_of(n);
     return has_vector(model->family) ? 1 : 0;
 }
 
 static lg_var spherical(lg_tape *tape, const lg_hamiltonian *model, lg_var x) {
     lg_var q[3];
     if (has_vector(model->family)) return lg_rownorm2(tape, x);
+    if (rotations_of(model) > 0) return in_frame(tape, model, x, false);
     split_vectors(tape, model, x, q);
     return inner(tape, q);
 }

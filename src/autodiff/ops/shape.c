@@ -93,10 +93,33 @@ lg_var lg_reshape(lg_tape *tape, lg_var x, lg_shape shape) {
 /* ---- slice and pad, which are each other's adjoints; attr.i = {axis, start of the slice or length of
  * padding before, length of the slice or of padding after, offset of a view} ---- */
 
-/* Copies `rows` runs of `run` bytes each; consecutive runs are from_pitch and to_pitch bytes apart. */
+/* Copies `rows` runs of `run` bytes each; consecutive runs are from_pitch and to_pitch bytes apart. A short run
+ * of known length is copied without a call. */
 static void copy_runs(size_t rows, size_t run, const unsigned char *from, size_t from_pitch,
                       unsigned char *to, size_t to_pitch) {
-    for (size_t i = 0; i < rows; i++) memcpy(to + i * to_pitch, from + i * from_pitch, run);
+#define COPY(length)                                                                                         \
+    for (size_t i = 0; i < rows; i++) memcpy(to + i * to_pitch, from + i * from_pitch, length)
+#define SHORT(length)                                                                                        \
+    case length:                                                                                             \
+        COPY(length);                                                                                        \
+        break
+    switch (run) {
+        SHORT(4);
+        SHORT(8);
+        SHORT(12);
+        SHORT(16);
+        SHORT(24);
+        SHORT(32);
+        SHORT(36);
+        SHORT(40);
+        SHORT(48);
+        SHORT(64);
+        SHORT(72);
+    default:
+        COPY(run);
+    }
+#undef SHORT
+#undef COPY
 }
 
 static lg_status slice_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
