@@ -110,8 +110,8 @@ typedef struct lg_field {
     lg_status (*parse)(const char *text, void *member, lg_error *error);
     void (*phrase)(const void *member, char *text, size_t size);
     const char *form;
-    const char *value;     /* the default as text; NULL: there is no fixed default, see `otherwise` */
-    const char *otherwise; /* where the default comes from, such as "the preset's"; may be NULL */
+    const char *value;     /* the value before any is given, as text; NULL: there is none, see `otherwise` */
+    const char *otherwise; /* where the default comes from, such as "the preset's"; NULL: it is `value` */
     const char *unit;      /* placeholder for the value in --help, such as W; NULL stands for NAME */
     const char *meaning;   /* one sentence without its full stop */
 } lg_field;

@@ -79,9 +79,9 @@ const lg_field lg_hamiltonian_fields[] = {
                     "even: V(-q) = V(q); odd: V(-q) = -V(q); axial: rotations about e3 do not change V; "
                     "spherical: no rotation changes V"),
     HAMILTONIAN("model", "activation", NAME, model.net.activation, .value_name = lg_name_activation,
-                .value = "tanh", .meaning = "Activation of the hidden layers"),
+                REPLACED("tanh"), .meaning = "Activation of the hidden layers"),
     HAMILTONIAN("model", "hidden", WHOLES, model.net, .get = get_hidden, .put = put_hidden, .low = 1,
-                .high = 1 << 20, .most = LG_MLP_MAX_LAYERS - 1, .value = "100,100,100", .unit = "W,W,...",
+                .high = 1 << 20, .most = LG_MLP_MAX_LAYERS - 1, REPLACED("100,100,100"), .unit = "W,W,...",
                 .meaning = "Widths of the hidden layers of the potential"),
     HAMILTONIAN("run", "integrator", NAME, scheme, .value_name = lg_name_scheme, .value_at = lg_scheme_number,
                 .otherwise = "the integrator of the family, see lg-hamiltonian --help",
@@ -115,12 +115,12 @@ const lg_field lg_hamiltonian_fields[] = {
         .value = "ambient",
         .meaning =
             "Distance of points in the loss: ambient (Euclidean in R^d) or along geodesics of the manifold"),
-    HAMILTONIAN("run", "scaled", FLAG, scaled, .value_name = lg_name_yes, .optional = true, .value = "no",
+    HAMILTONIAN("run", "scaled", FLAG, scaled, .value_name = lg_name_yes, .optional = true, REPLACED("no"),
                 .meaning =
                     "Scale the potential's last layer before training, towards the forces of the data"),
     HAMILTONIAN(
         "run", "units", NAME, units, LG_NAMES([LG_UNITS_GIVEN] = "given", [LG_UNITS_DATA] = "data"),
-        .optional = true, .value = "given",
+        .optional = true, REPLACED("given"),
         .meaning =
             "Units in which training computes and weighs its loss (given: the units of the data; data: "
             "scales of the data, so that the result does not depend on the units)"),
@@ -129,6 +129,6 @@ const lg_field lg_hamiltonian_fields[] = {
                 .optional = true, .value = "measured",
                 .meaning = "Where predictions start: at the first points, or at estimated points near them, "
                            "for first points with noise"),
-    TRAINING_ROWS(lg_hamiltonian_run, "method", squares, "Trajectories", 0, CONSTANT),
+    TRAINING_ROWS(lg_hamiltonian_run, "method", squares, "Trajectories", 0, REPLACED),
     TRAINING(lg_hamiltonian_run, validation, REAL, .value = "0", VALIDATION),
     LG_FIELD_END};

@@ -297,7 +297,7 @@ static void span_text(const lg_field *row, char *text, size_t size) {
 
 int lg_field_describe(const lg_field *row, char *text, size_t size) {
     char range[512] = "";
-    const char *value = row->value != NULL ? row->value : row->otherwise,
+    const char *value = row->otherwise != NULL ? row->otherwise : row->value,
                *is = value != NULL ? "default " : "";
     if (value == NULL) value = "";
     if (row->group == NULL)

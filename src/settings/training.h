@@ -58,6 +58,8 @@
 
 #define CONSTANT(text) .value = text
 #define PRESET(text)   .otherwise = "the preset's"
+/* A preset may replace this value. */
+#define REPLACED(text) .value = text, .otherwise = "the preset's; thesis: " text
 
 /* Training plans as fields. _squares accepts the methods for losses that are sums of squares, _any_loss only
  * the methods for any loss. */
