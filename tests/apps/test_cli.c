@@ -101,7 +101,8 @@ TEST("with --newton a linear potential's loss is lower than with Adam alone, and
 
 TEST("the default is the preset best; an option of Adam selects the published settings") {
     cli_json(lg, "train train.h5 --epochs 150 --out b.h5",
-             "method \"ssbroyden\", hidden [20, evaluations 150, epochs 150, activation \"swish\", prior 0.2, loss <1e-8");
+             "method \"ssbroyden\", hidden [20, evaluations 150, epochs 150, activation \"swish\", prior "
+             "0.2, loss <1e-8");
     cli_json(lg, "train train.h5 --epochs 1 --batch 20 --out b.h5", "method \"adam\", hidden [100");
     cli_json(lg, "train train.h5 --method adam:2,ssbroyden --epochs 4 --out b.h5", "hidden [20");
     cli_json(lg, "train train.h5 --preset thesis --epochs 1 --out b.h5", "method \"adam\", prior 0");
