@@ -83,10 +83,10 @@ typedef enum lg_potential_kind {
 /* The symmetry of V, with N the network, linear function or dictionary.
  *   NONE       V(x) = N(x)
  *   EVEN, ODD  V(x) = (N(x) + N(-x))/2 and (N(x) - N(-x))/2
- *   AXIAL      rotations about e3 do not change V. Chains: V = N(e3.q_i, q_i.q_j, e3.(q_i x q_j)) of all i and
- *              all pairs i < j, in this order; the last ones change sign in a mirror. Bodies without lines:
- *              V = N(R^T e3, R^T q_i). With the kinetic energy of these families, V conserves the momentum about
- *              e3, sum e3.pi + sum e3.(q_i x p_i).
+ *   AXIAL      rotations about e3 do not change V. Chains: V = N(e3.q_i, q_i.q_j, e3.(q_i x q_j)) of all i
+ *              and all pairs i < j, in this order; the last ones change sign in a mirror. Bodies without
+ *              lines: V = N(R^T e3, R^T q_i). With the kinetic energy of these families, V conserves the
+ *              momentum about e3, sum e3.pi + sum e3.(q_i x p_i).
  *   SPHERICAL  no rotation changes V. Chains of two links and more: V = N(q_i.q_j), i < j. Bodies with
  *              directions and without lines: V = N(R^T q_i). Both conserve sum pi + sum q_i x p_i. Separable
  *              systems: V = N(|q|^2); the kinetic energy is then |A|^2 |p|^2/(2 n), with |A|^2 the sum of

@@ -27,8 +27,8 @@ static uint32_t directions_of(const lg_hamiltonian *model) {
     return model->n * model->family->bodies.directions;
 }
 
-/* R^T v of the v in order (B, 3 m): q_i, with `axis` e3 first. Each function of R and the q_i that rotations do
- * not change is a function of R^T q_i; if only rotations about e3 do not change it, of R^T e3, too. */
+/* R^T v of the v in order (B, 3 m): q_i, with `axis` e3 first. Each function of R and the q_i that rotations
+ * do not change is a function of R^T q_i; if only rotations about e3 do not change it, of R^T e3, too. */
 static lg_var in_frame(lg_tape *tape, const lg_hamiltonian *model, lg_var x, bool axis) {
     const uint32_t rows = lg_var_shape(tape, x).dims[0], k = directions_of(model);
     const lg_var R = lg_reshape(tape, lg_slice(tape, x, 1, 0, 9), lg_shape3(rows, 3, 3));

@@ -461,6 +461,22 @@ TEST("the warning says how large the missing forces are, and that numbers may be
     assert_close(part[1] / part[0], 10, 0.3, 0); /* the fitted linear spring differs too */
 }
 
+TEST("a loss near the error of the steps is told where this error matters") {
+    static const struct {
+        const char *stiffness;
+        bool told;
+    } rows[] = {{"200", true}, {"1", false}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        cli_write("exact.yaml", test_text(OSCILLATOR_COLUMNS
+                                          "mass: {kind: known, values: [1]}\npotential: {kind: known, form: "
+                                          "quadratic, of: x, values: [%s]}\n" MAP,
+                                          rows[i].stiffness));
+        cli_run(identify, "generate exact.yaml --runs 4 --t-end 4 --start-spread 0.1,0.1 --out exact.csv");
+        cli_json(identify, "fit machine.yaml exact.csv --out m.h5 --substeps 1", "loss >0");
+        assert_int_equal(strstr(result.err, "give --substeps 2 for a better model") != NULL, rows[i].told);
+    }
+}
+
 TEST("steps that are too long for a stiff machine are reported, and do not excuse its large loss") {
     cli_write("stiff-scene.yaml", OSCILLATOR_COLUMNS
               "mass: {kind: known, values: [1]}\npotential: {kind: known, form: quadratic, of: "

@@ -93,8 +93,8 @@ lg_var lg_reshape(lg_tape *tape, lg_var x, lg_shape shape) {
 /* ---- slice and pad, which are each other's adjoints; attr.i = {axis, start of the slice or length of
  * padding before, length of the slice or of padding after, offset of a view} ---- */
 
-/* Copies `rows` runs of `run` bytes each; consecutive runs are from_pitch and to_pitch bytes apart. A short run
- * of known length is copied without a call. */
+/* Copies `rows` runs of `run` bytes each; consecutive runs are from_pitch and to_pitch bytes apart. A short
+ * run of known length is copied without a call. */
 static void copy_runs(size_t rows, size_t run, const unsigned char *from, size_t from_pitch,
                       unsigned char *to, size_t to_pitch) {
 #define COPY(length)                                                                                         \

@@ -187,6 +187,20 @@ static void warn_of_misfit(const lg_training *self, const lg_machine_verdict *wh
                       : "");
 }
 
+/* Near the floor more training fits the error of the steps, and not the machine. A floor below
+ * LG_MACHINE_FLOOR does not matter. The number of steps was chosen by the same bound, but before the networks
+ * were trained. */
+static void warn_of_floor(const lg_training *self, const lg_machine_verdict *what) {
+    static const double near_floor = 3.0;
+    const lg_machine_model_run *run = self->run;
+    const double floor = self->floor;
+    if (what->loss > near_floor * floor || floor <= LG_MACHINE_FLOOR || floor > what->tolerated) return;
+    LG_WARN(self,
+            "the loss %.2g is near %.2g, the error of the integrator with %u step%s between two rows: give "
+            "--substeps %u for a better model",
+            what->loss, floor, run->substeps, run->substeps == 1 ? "" : "s", 2 * run->substeps);
+}
+
 /* ---- results ---- */
 
 /* Writes {name: {value, error}}. */
@@ -302,6 +316,7 @@ lg_status lg_machine_judge(lg_training *self, double *theta, lg_error *error) {
     LG_TRY(find_numbers(self, theta, what, error));
     warn_of_gauge(self, machine);
     warn_of_misfit(self, what);
+    warn_of_floor(self, what);
     warn_of_open(self, &what->identified, what->count);
     warn_of_numbers(self, what);
     return tell(self, what, error);

@@ -177,6 +177,9 @@ typedef struct lg_machine_state {
  * fastest. */
 bool lg_machine_is_small(const lg_machine *machine);
 struct lg_training;
+/* A floor of the loss below this does not matter: no more substeps are taken or proposed. */
+#define LG_MACHINE_FLOOR 1e-11
+
 /* Improves theta, the machine's parameters (in and out), on short windows until longer windows can be
  * predicted. Also sets the scales of the loss, and the substeps unless they are given (warm_up.c). */
 lg_status lg_machine_warm_up(struct lg_training *self, double *theta, lg_error *error);

@@ -207,7 +207,7 @@ static lg_status fit_windows(lg_training *self, const lg_machine *machine, doubl
 static lg_status find_substeps(lg_training *self, const lg_machine *machine, const double *theta,
                                lg_error *error) {
     enum { MOST = 4 };
-    static const double enough = 1e-11, part = 1e-2;
+    static const double part = 1e-2;
     lg_machine_model_run *run = self->run;
     lg_machine_state *s = self->state;
     lg_machine_problem problem = s->problem;
@@ -218,7 +218,7 @@ static lg_status find_substeps(lg_training *self, const lg_machine *machine, con
     for (run->substeps = 1; run->substeps < MOST; run->substeps++) {
         problem.substeps = run->substeps;
         LG_TRY(lg_machine_loss(self->context, &problem, theta, &loss, &floor, error));
-        if (floor <= fmax(enough, part * loss)) break;
+        if (floor <= fmax(LG_MACHINE_FLOOR, part * loss)) break;
     }
     s->problem.substeps = run->substeps;
     return LG_OK;
