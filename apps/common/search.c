@@ -63,6 +63,12 @@ static bool is_hyperparameter(train_task *task, const app_slot *slot) {
             strcmp(slot->name, task->recipe->trainer->held_out) != 0);
 }
 
+static bool is_searched(const train_task *task, const char *method) {
+    for (const char *const *each = task->searched; *each != NULL; each++)
+        if (strcmp(*each, method) == 0) return true;
+    return false;
+}
+
 /* Sets the option to `text`, or to `number` if `text` is NULL. */
 static lg_status virtual_set(app *v, train_task *task, const char *name, const char *text, double number,
                              lg_error *error) {
@@ -70,9 +76,10 @@ static lg_status virtual_set(app *v, train_task *task, const char *name, const c
     app_slot *slot = app_find_slot(v, name);
     if (!is_hyperparameter(task, slot))
         return app_error(error, LG_FORMAT, "'%s' is not an option of train that changes its result", name);
-    if (task->only != NULL && strcmp(name, task->recipe->trainer->method) == 0 &&
-        (text == NULL || strcmp(text, task->only) != 0))
-        return app_error(error, LG_FORMAT, "'%s' can only be %s in a search", name, task->only);
+    if (task->searched != NULL && strcmp(name, task->recipe->trainer->method) == 0 &&
+        (text == NULL || !is_searched(task, text)))
+        return app_error(error, LG_FORMAT, "a search does not train '%s: %s'; --help names the methods", name,
+                         text != NULL ? text : "(a number)");
     if ((text != NULL ? app_store(slot, text, &reason) : app_store_number(slot, number, &reason)) != LG_OK)
         return app_error(error, LG_FORMAT, "%s: %.400s", name, reason.message);
     return LG_OK;
@@ -186,6 +193,10 @@ static int on_epoch(void *user, const lg_fit_epoch *report) {
 
 static lg_status run_fit(search_trial *self, lg_error *error) {
     train_task *task = self->search->task;
+    if (task->trial != NULL) {
+        const lg_status own = task->trial(self->train, self->trial, error);
+        if (own != LG_NOT_FOUND) return own;
+    }
     lg_fit_options options = train_fit_options(self->train, train_training(task));
     options.on_epoch = on_epoch;
     options.user = self;

@@ -65,8 +65,11 @@ typedef struct train_session train_session;
 typedef struct train_task {
     const lg_recipe *recipe;
     const app_settings *settings; /* the command's settings; the first one describes the run */
-    const char *only;             /* the only method that a search may train; NULL: any method */
-    void *state;                  /* the trainer's state; if NULL, train_begin allocates it */
+    const char *const *searched;  /* the methods that a search may train, ended by NULL; NULL: all methods */
+    /* A trial of a search by a method that the recipe does not train: trains on the training part, and sets
+     * parameters and objective. Returns LG_NOT_FOUND for a method that the recipe trains. May be NULL. */
+    lg_status (*trial)(const app *app, lg_trial *trial, lg_error *error);
+    void *state; /* the trainer's state; if NULL, train_begin allocates it */
     /* Called after the data are split and before training; returns an exit code. May be NULL. */
     int (*check)(const app *app, const lg_training *training);
     /* Prints the outcome for people. NULL: each result is printed on a line of its own. */

@@ -55,6 +55,8 @@ int train_check_options(const app *app);
 extern train_task network_recipe;
 /* Trains another method. The data in train_state have been read, cut and split. */
 void train_classical(const app *app);
+/* train_task.trial: rocket; a cnn is trained by the recipe. */
+lg_status train_trial(const app *app, lg_trial *trial, lg_error *error);
 void train_novelty(const app *app);
 /* Returns a model that describes the data in train_state; what training learns is not set yet. */
 well_model trained_model(well_sort sort, const char *method);

@@ -37,42 +37,48 @@ static lg_detector_state *const state = &train_state;
 
 /* ---- features ---- */
 
-static void create_features(classical *self) {
+static lg_status fit_rocket(const app *program, const lg_scaler *scaler, lg_features *out, lg_error *error) {
+    lg_rocket_options options;
+    lg_rocket_options_init(&options);
+    options.seed = program->seed;
+    options.directions_x = train_given.directions == 1;
+    if (train_given.features.number > 0) options.features = (uint32_t)train_given.features.number;
+    return lg_rocket_fit(program->context, &options, &state->all.data.series, &state->all.windows,
+                         state->train.list, state->train.count, scaler, out, error);
+}
+
+static lg_status create_features(const app *program, lg_features *out, lg_error *error) {
     const train_values *values = &train_given;
-    const lg_context *context = self->app->context;
     const lg_series *series = &state->all.data.series;
     const bool baseline = values->method == METHOD_BASELINE;
     lg_scaler scaler;
-    const lg_status scaled = lg_scaler_fit(context, series, &state->all.windows, state->train.list,
-                                           state->train.count, false, &scaler);
-    if (scaled != LG_OK) app_stop(self->app, scaled, "scaling: %s", lg_status_sentence(scaled));
-    lg_features *out = &self->model.classifier.features;
-    if (values->method == METHOD_ROCKET) {
-        lg_rocket_options options;
-        lg_rocket_options_init(&options);
-        options.seed = self->app->seed;
-        options.directions_x = values->directions == 1;
-        if (values->features.number > 0) options.features = (uint32_t)values->features.number;
-        APP_MUST(self->app, lg_rocket_fit(context, &options, series, &state->all.windows, state->train.list,
-                                          state->train.count, &scaler, out, &error));
-    } else {
-        APP_MUST(self->app,
-                 lg_features_create(
-                     context, baseline ? LG_FEATURES_BASELINE : (lg_feature_kind)values->features.name,
-                     values->directions == 1, series, (uint32_t)train_run.window, &scaler, out, &error));
-    }
+    lg_status status = lg_scaler_fit(program->context, series, &state->all.windows, state->train.list,
+                                     state->train.count, false, &scaler);
+    if (status != LG_OK) return lg_fail(error, status, "scaling: %s", lg_status_sentence(status));
+    if (values->method == METHOD_ROCKET)
+        status = fit_rocket(program, &scaler, out, error);
+    else
+        status = lg_features_create(
+            program->context, baseline ? LG_FEATURES_BASELINE : (lg_feature_kind)values->features.name,
+            values->directions == 1, series, (uint32_t)train_run.window, &scaler, out, error);
     lg_scaler_destroy(&scaler);
+    return status;
+}
+
+static lg_status make_table(const classical *self, const lg_cut_series *from, double **out, lg_error *error) {
+    const lg_features *features = &self->model.classifier.features;
+    const size_t count = from->windows.count;
+    *out = app_try_alloc(count * features->count, sizeof **out);
+    if (*out == NULL)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "out of memory: %zu windows with %u features each", count,
+                       features->count);
+    return lg_features_table(self->app->context, features, &from->data.series, &from->windows,
+                             (int)self->app->threads, *out, error);
 }
 
 static double *table_of(const classical *self, const lg_cut_series *from) {
-    const lg_features *features = &self->model.classifier.features;
-    const size_t count = from->windows.count;
-    double *out = app_try_alloc(count * features->count, sizeof *out);
-    if (out == NULL)
-        app_stop(self->app, LG_OUT_OF_MEMORY, "out of memory: %zu windows with %u features each", count,
-                 features->count);
-    APP_MUST(self->app, lg_features_table(self->app->context, features, &from->data.series, &from->windows,
-                                          (int)self->app->threads, out, &error));
+    double *out = NULL;
+    APP_MUST(self->app, make_table(self, from, &out, &error));
     return out;
 }
 
@@ -93,7 +99,7 @@ static const uint32_t *units_of(const lg_series *series) {
 static void compute_features(classical *self) {
     const lg_cut_series *all = &state->all;
     const double begin = app_seconds();
-    create_features(self);
+    APP_MUST(self->app, create_features(self->app, &self->model.classifier.features, &error));
     self->table = table_of(self, all);
     self->tested_table = self->table;
     if (state->test != NULL)
@@ -210,19 +216,19 @@ static size_t pruned_groups(void) {
 }
 
 /* Keeps features with large weights, and fits their model again. */
-static void prune(classical *self) {
+static lg_status prune(classical *self, const lg_classifier_options *options, lg_error *error) {
     lg_classifier *model = &self->model.classifier;
     const size_t d = model->features.count, count = train_given.prune.number;
-    if (count == 0 || count >= d) return;
+    if (count == 0 || count >= d) return LG_OK;
     APP_FREE uint32_t *keep = app_alloc(count, sizeof *keep);
     lg_classifier whole = *model;
-    APP_MUST(self->app,
-             lg_classifier_largest(self->app->context, model, pruned_groups(), count, keep, &error));
-    APP_MUST(self->app, lg_rocket_prune(&model->features, keep, count, &error));
+    LG_TRY(lg_classifier_largest(self->app->context, model, pruned_groups(), count, keep, error));
+    LG_TRY(lg_rocket_prune(&model->features, keep, count, error));
     keep_columns(self->table, state->all.windows.count, d, keep, count);
-    APP_MUST(self->app, fit(self, &self->chosen.options[self->chosen.best], model, &error));
+    LG_TRY(fit(self, options, model, error));
     whole.features = (lg_features){0};
     lg_classifier_destroy(&whole);
+    return LG_OK;
 }
 
 static void judge(const classical *self) {
@@ -401,6 +407,35 @@ static void report(const classical *self) {
     print_trained(&self->model);
 }
 
+/* ---- a trial of a search ---- */
+
+static lg_status run_trial(classical *self, lg_trial *trial, lg_error *error) {
+    const lg_classifier_options options = base_options(self->app, &train_given, state->all.data.noise);
+    lg_classifier *model = &self->model.classifier;
+    lg_judgement judged = {0};
+    LG_TRY(create_features(self->app, &model->features, error));
+    LG_TRY(make_table(self, &state->all, &self->table, error));
+    LG_TRY(fit(self, &options, model, error));
+    LG_TRY(prune(self, &options, error));
+    LG_TRY(judge_rows(self->app, &self->model, &state->all, &state->validation, self->table, &judged, error));
+    trial->parameters = (uint64_t)model->features.count * (self->model.classes > 2 ? self->model.classes : 1);
+    trial->objective = 1.0 - judged.metrics.accuracy;
+    lg_judgement_destroy(&judged);
+    return LG_OK;
+}
+
+lg_status train_trial(const app *program, lg_trial *trial, lg_error *error) {
+    if (train_given.method == METHOD_CNN) return LG_NOT_FOUND;
+    classical self = {.app = program, .model = trained_model(WELL_CLASSICAL, "rocket")};
+    self.model.classifier.method = method_of((int)train_given.method);
+    self.label = of_windows(&state->all, state->all.data.series.label);
+    const lg_status status = run_trial(&self, trial, error);
+    lg_classifier_destroy(&self.model.classifier);
+    free(self.label);
+    free(self.table);
+    return status;
+}
+
 /* ---- training ---- */
 
 void train_classical(const app *program) {
@@ -413,7 +448,7 @@ void train_classical(const app *program) {
     choose(&self);
     const double begin = app_seconds();
     APP_MUST(program, fit(&self, &self.chosen.options[self.chosen.best], &self.model.classifier, &error));
-    prune(&self);
+    APP_MUST(program, prune(&self, &self.chosen.options[self.chosen.best], &error));
     network_recipe.training.seconds = app_seconds() - begin;
     check_picture(program, &self.model);
     judge(&self);

@@ -1,4 +1,4 @@
-/* lg-anomaly train --method cnn, and lg-anomaly search, a random search over its options. */
+/* lg-anomaly train --method cnn, and lg-anomaly search, a random search over options of cnn or rocket. */
 #include <math.h>
 
 #include "lg-anomaly/train.h"
@@ -56,9 +56,11 @@ static int draw(const app *self, const lg_training *training) {
     return APP_EXIT_OK;
 }
 
+static const char *const searched[] = {"cnn", "rocket", NULL};
 train_task network_recipe = {.recipe = &lg_recipe_detector,
                              .settings = train_settings,
-                             .only = "cnn",
+                             .searched = searched,
+                             .trial = train_trial,
                              .state = &train_state,
                              .check = check,
                              .print = print,
@@ -71,9 +73,10 @@ static int search(app *self) {
 const app_command search_command = {
     .name = "search",
     .arguments = "RANGES.yaml DATA.h5",
-    .summary = "Random search over the options of train --method cnn",
+    .summary = "Random search over the options of train --method cnn or rocket",
     .details =
-        "The objective is the network's loss on the held-out part at its best epoch.\n\n" SEARCH_DETAILS
+        "The objective is the network's loss on the held-out part at its best epoch; with `method: rocket` "
+        "it is the fraction of the held-out windows that get a wrong class.\n\n" SEARCH_DETAILS
         " The search never uses the test part (fixed: test-fraction, split): train the best trial to "
         "evaluate it.",
     .settings = APP_SETTINGS(SEARCH_SHARED),

@@ -532,6 +532,20 @@ TEST("a search fails when its trials cannot use the data") {
     cli_expect(lg, "search tree.yaml three.h5 --trials 1 --out tree.csv", 4, "is for two classes");
 }
 
+TEST("a search varies the features of rocket, and judges by the held-out part alone") {
+    cli_write("rocket.yaml",
+              "fixed: {method: rocket, features: 840}\nranges:\n  prune: {choice: [100, 840]}\n");
+    cli_json(lg, "search rocket.yaml data.h5 --trials 6 --out rocket.csv", "done 6, failed 0, best *");
+    const double wrong = json_number(result.out, "objective"), number = json_number(result.out, "parameters");
+    const bool pruned = strstr(result.out, "\"prune\": \"100\"") != NULL;
+    assert_true(pruned ? number == 100 : number > 500 && number <= 840);
+    assert_true(wrong >= 0.0 && wrong < 0.3); /* the larger class has about half of the windows */
+    cli_write("single.yaml", "fixed: {method: rocket, features: 840, directions: x}\nranges:\n"
+                             "  prune: {choice: [84, 84]}\n");
+    cli_json(lg, "search single.yaml data.h5 --trials 1 --validation 0.3 --out single.csv",
+             "done 1, parameters 84");
+}
+
 /* ---- pictures: the default one, and each one by name ---- */
 
 TEST("pictures are drawn") {
