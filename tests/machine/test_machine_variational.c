@@ -252,6 +252,8 @@ static lg_machine damped(const lg_term_kind *kind) {
     const uint32_t options = lg_term_kind_options(kind);
     if ((options & LG_TERM_OF) != 0) see_everything(&machine, term, (options & LG_TERM_MOVING) != 0, false);
     if ((options & LG_TERM_KNOWN) != 0) add_values(term, 14, some_values(14));
+    /* Newton's method does not find a step over many widths of strong friction. */
+    if ((options & LG_TERM_WIDTH) != 0) term->width = 0.2;
     assert_machine(&machine);
     return machine;
 }
