@@ -258,6 +258,8 @@ typedef struct lg_machine {
     size_t parameters, weights;
 } lg_machine;
 
+/* The term whose friction this term of the machine changes, such as a Coulomb friction; NULL: it changes none. */
+LG_API const lg_machine_term *lg_machine_base(const lg_machine *machine, const lg_machine_term *term);
 LG_API void lg_machine_scales_init(lg_machine_scales *scales);
 /* The width of a friction term at one velocity: that of the term or, if this is 0, a thousandth of the
  * largest speed in the log. */

@@ -341,11 +341,15 @@ static void start_still(const lg_machine *machine, const lg_machine_term *term, 
     start_at(machine, term, theta, 0.0);
 }
 
-/* Breakaway at 1.5 times the friction of sliding, at a speed in the middle of its range. */
+/* Breakaway at 1.5 times the friction of sliding; the speed at a tenth of the largest one, three quarters of its
+ * range: from a smaller one fits see too few rows. */
 static void start_stribeck(const lg_machine *machine, const lg_machine_term *term, double *theta) {
     const size_t n = machine->velocities;
     start_at(machine, term, theta, 0.0);
-    for (size_t k = 0; k < n; k++) theta[term->parameters - 2 * n + k] = -1.0986122886681098;
+    for (size_t k = 0; k < n; k++) {
+        theta[term->parameters - 2 * n + k] = -1.0986122886681098;
+        theta[term->parameters - n + k] = 1.27;
+    }
 }
 
 static void start_load(const lg_machine *machine, const lg_machine_term *term, double *theta) {

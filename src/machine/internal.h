@@ -139,8 +139,6 @@ uint32_t lg_grey_priors(const lg_machine *machine, uint32_t term, lg_prior *out,
 uint32_t lg_machine_problem_priors(const lg_machine_problem *problem);
 double lg_machine_prior_weight(const lg_machine_problem *problem, size_t batch);
 
-/* The term of the machine whose coefficients this term changes; NULL: it has its own. */
-const lg_machine_term *lg_machine_base(const lg_machine *machine, const lg_machine_term *term);
 /* Damping coefficients (1, velocities) of a term of kind diagonal, coulomb, quadratic or cubic, in scaled
  * units: a force divided by a speed to the given power. */
 lg_var lg_machine_record_drag(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, int power);

@@ -69,7 +69,7 @@ TEST("fits from default starts stay finite with every kind of friction, and find
         cli_write("model.yaml", test_text(rows[i].model, ", width: 0.01"));
         cli_write("narrow.yaml", test_text(rows[i].model, ""));
         for (int seed = 1; seed <= all; seed++) {
-            cli_run(identify, test_text("generate truth.yaml --inputs multisine --amplitude 4 --noise 0.0005,0.002 "
+            cli_run(identify, test_text("generate truth.yaml --inputs multisine --amplitude 8 --noise 0.0005,0.002 "
                                         "--runs 1 --t-end 12 --dt 0.01 --seed %d --out log.csv",
                                         seed));
             cli_json(identify, "fit model.yaml log.csv --out m.h5", "loss >0");
@@ -93,6 +93,41 @@ TEST("names of coordinates and velocities make an offset; what is neither is ref
     }
     cli_write("model.yaml", MODEL "offset: [y]\n");
     cli_expect(identify, "check model.yaml log.csv", 3, "'y' is neither a kind");
+}
+
+TEST("substeps are doubled until steps come to rest; a width from the log is a thousandth of the largest speed") {
+    cli_write("truth.yaml", TRUTH "damping: {kind: coulomb, values: [2], width: 0.01}\n");
+    cli_write("model.yaml", MODEL "damping: {kind: coulomb, width: 0.01}\n");
+    cli_run(identify, "generate truth.yaml --runs 1 --inputs multisine --amplitude 8 --noise 0.0005,0.002 --t-end 20 "
+                      "--dt 0.05 --out log.csv");
+    cli_json(identify, "fit model.yaml log.csv --out m.h5", "loss >0");
+    /* 0.05 s c/(M w) = 5 */
+    const uint32_t substeps = cli_machine_model("m.h5")->run.substeps;
+    assert_true(substeps >= 5 && substeps <= 10);
+    cli_write("model.yaml", MODEL "damping: coulomb\n");
+    cli_json(identify, "fit model.yaml log.csv --out m.h5 --epochs 1", "loss >0");
+    const lg_machine *machine = &cli_machine_model("m.h5")->run.machine;
+    assert_close(lg_machine_width(machine, &machine->terms[1], 0), 1e-3 * machine->scales.fastest[0], 1e-15, 0);
+    assert_true(machine->scales.fastest[0] < 15.0 && machine->scales.fastest[0] > 1.0);
+}
+
+TEST("a prior decides what the log leaves open, and its sigma becomes the error") {
+    cli_write("truth.yaml", TRUTH "damping: {kind: known, values: [0.5]}\n");
+    cli_run(identify, "generate truth.yaml --runs 1 --inputs multisine --amplitude 8 --noise 0.0005,0.002 --t-end 20 "
+                      "--dt 0.02 --out log.csv");
+    cli_write("model.yaml", "columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: v}]\n"
+                            "inputs: {columns: [u]}\ninput_map: {kind: known, values: [{within: [0.1, 40]}]}\n"
+                            "mass: {kind: diagonal, values: [{start: 3, sigma: 0.3}]}\n"
+                            "damping: {kind: diagonal, values: [unknown]}\n");
+    cli_json(identify, "fit model.yaml log.csv --out m.h5", "loss >0, parameters 3");
+    const char *mass = json_find(json_find(result.out, "identified"), "mass.1.1"),
+               *map = json_find(json_find(result.out, "identified"), "input_map.1.1");
+    assert_close(json_number(mass, "value"), 3, 1e-3, 0);
+    assert_close(json_number(mass, "error"), 0.3, 0.05, 0);
+    assert_close(json_number(map, "value"), 1.5, 0.01, 0);
+    cli_write("model.yaml", MODEL "damping: {kind: diagonal, values: [{start: 0.1, within: [0.05, 0.2]}]}\n");
+    cli_json(identify, "fit model.yaml log.csv --out m.h5", "loss >0, parameters 2");
+    assert_close(json_number(json_find(json_find(result.out, "identified"), "damping.x"), "value"), 0.2, 0.01, 0);
 }
 
 static int setup(void **state) {

@@ -51,7 +51,7 @@ lg_status lg_machine_model_describe(lg_machine_model_run *run, const char *name,
 
 /* ---- fields of the run ---- */
 
-/* Files of before 2.1 do not have the last numbers, the speeds. */
+/* Files of liegrad 1 do not have the last numbers, the speeds. */
 enum {
     SCALES = 3 + LG_MACHINE_POSITIONS + 2 * LG_MACHINE_VELOCITIES + LG_MACHINE_INPUTS,
     FORMER_SCALES = SCALES - LG_MACHINE_VELOCITIES
