@@ -35,15 +35,32 @@ typedef void lg_term_numbers(lg_number_list *list, const lg_machine *machine, co
                              const double *theta);
 lg_term_numbers lg_numbers_diagonal_mass, lg_numbers_constant_mass, lg_numbers_potential,
     lg_numbers_diagonal_damping, lg_numbers_constant_damping, lg_numbers_coulomb, lg_numbers_quadratic,
-    lg_numbers_constant_map, lg_numbers_bias, lg_numbers_grey;
+    lg_numbers_cubic, lg_numbers_constant_map, lg_numbers_bias, lg_numbers_grey;
 /* Appends a number to the list. */
 void __attribute__((format(printf, 3, 4)))
 lg_numbers_put(lg_number_list *list, double value, const char *format, ...);
 
+/* Appends coefficients of drag shaped(theta_k), in scaled units a force divided by a speed to the power. */
+void lg_numbers_drag(lg_number_list *list, const lg_machine *machine, const char *name, int power,
+                     const double *theta, double (*shaped)(double));
+/* Name of velocity k: "x", or "body.2" where its coordinate has several velocities. */
+void lg_machine_velocity_name(const lg_machine *machine, uint32_t k, char *text, size_t size);
+/* Name of one number of the term's features: "x", "sin(theta)", "rod.3", "body.up.1". */
+void lg_machine_feature_name(const lg_machine *machine, const lg_machine_term *term, uint32_t number,
+                             char *text, size_t size);
+
+/* An entry of a term's values: its name, what is 1 in scaled units, where it starts in scaled units, whether it
+ * is positive, and whether it may be unknown by itself. */
+typedef struct lg_entry_about {
+    char name[LG_IDENTIFIED_NAME];
+    double unit, start;
+    bool positive, single;
+} lg_entry_about;
+
 /* A row of the table of terms. `record` returns, by part:
  *   mass       the mass matrix M, (B, n, n) or (1, n, n), of the coordinates whose momenta are in R^n
  *   potential  V (B, 1)
- *   damping, input map, residual   forces (B, velocities)
+ *   damping, input map, residual, offset   forces (B, velocities)
  *   bias       (1, positions + velocities), which logs have added to the true values */
 struct lg_term_kind {
     const char *name;
@@ -67,7 +84,69 @@ struct lg_term_kind {
     /* Whether M depends on the state; NULL: it does not. */
     bool (*moving)(const lg_machine *machine);
     uint32_t least, most; /* least and greatest degree of the monomials; most 0: the term's degree */
+    /* Friction (machine/friction.c): the kind whose coefficients the term changes, NULL: none; and how many
+     * numbers per velocity it has besides coefficients. */
+    const char *base;
+    uint32_t blocks;
+    /* The reason why the term's values are wrong, or NULL. NULL: all values are right. */
+    const char *(*fault)(const lg_machine *machine, const lg_machine_term *term);
+    /* Describes one of the term's values. NULL: values cannot be unknown one by one. */
+    void (*entry)(const lg_machine *machine, const lg_machine_term *term, uint32_t index,
+                  lg_entry_about *out);
+    /* Damping: writes how the term's parameters change, to first order by x times `direction`, when all
+     * friction of the machine is multiplied by 1 + x. theta and direction are the term's slices. NULL: the
+     * term has no parameters. */
+    void (*scaling)(const lg_machine *machine, const lg_machine_term *term, const double *theta,
+                    double *direction);
 };
+
+/* ---- numbers that are unknown one by one (machine/entries.c) ---- */
+
+/* A number x = a e^(g t) + b + s t + r/(1 + e^-(t + l)) of its parameter t. */
+typedef struct lg_number_map {
+    double a, g, b, s, r, l;
+} lg_number_map;
+lg_number_map lg_machine_entry_map(const lg_machine_entry *entry, double start, double unit, bool positive);
+double lg_number_at(const lg_number_map *map, double t, double *slope); /* slope may be NULL */
+/* (1, count): number i is factor[i] times value index[i] of the term; 0 if index[i] is UINT32_MAX. */
+lg_var lg_machine_record_entries(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, uint32_t count,
+                                 const uint32_t *index, const double *factor);
+/* A value of the term, known or not; theta is the term's slice. */
+double lg_machine_value(const lg_machine *machine, const lg_machine_term *term, const double *theta,
+                        uint32_t index);
+lg_term_numbers lg_numbers_entries;
+/* lg_term_kind.scaling of the unknown entries. */
+void lg_machine_scale_entries(const lg_machine *machine, const lg_machine_term *term, const double *theta,
+                              double *direction);
+/* The reason why the entries are wrong, or NULL. */
+const char *lg_machine_entries_fault(const lg_machine *machine, const lg_machine_term *term);
+
+/* The prior of parameter `index` of a term, whose number is map(parameter). */
+#define LG_MACHINE_PRIORS 64
+typedef struct lg_prior {
+    uint32_t term, index;
+    lg_number_map map;
+    double centre, sigma;
+} lg_prior;
+/* Lists the machine's priors (room for LG_MACHINE_PRIORS), and returns how many there are. */
+uint32_t lg_machine_list_priors(const lg_machine *machine, lg_prior *out);
+/* weight (number - start)/sigma of each prior, the same in all rows, (rows, priors); LG_NONE: there is none. */
+lg_var lg_machine_record_priors(lg_tape *tape, const lg_machine_vars *vars, uint32_t rows, double weight);
+/* Adds the priors of the system, whose mass is this term, behind `count` others; returns the new count. */
+uint32_t lg_grey_priors(const lg_machine *machine, uint32_t term, lg_prior *out, uint32_t count);
+/* Priors of a problem, 0 if theta is known; and their weight in residuals of a batch, see
+ * lg_machine_problem. */
+uint32_t lg_machine_problem_priors(const lg_machine_problem *problem);
+double lg_machine_prior_weight(const lg_machine_problem *problem, size_t batch);
+
+/* Damping coefficients (1, velocities) of a term of kind diagonal, coulomb, quadratic or cubic, in scaled
+ * units: a force divided by a speed to the given power. */
+lg_var lg_machine_record_drag(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, int power);
+/* Coefficient k of such a term in the units of the log; theta has all parameters. */
+double lg_machine_drag_number(const lg_machine *machine, const lg_machine_term *term, const double *theta,
+                              uint32_t k, int power);
+/* Unit of a force on velocity i, divided by the unit of velocity j to the given power. */
+double lg_machine_drag_unit(const lg_machine *machine, uint32_t i, uint32_t j, int power);
 
 /* ---- named systems (machine/grey.c, machine/grey_rows.c) ---- */
 
@@ -120,6 +199,8 @@ lg_status lg_machine_record_rest(lg_tape *tape, const lg_machine_vars *vars, con
 /* Whether a mass of the machine is a network. */
 bool lg_machine_mass_learned(const lg_machine *machine);
 
+/* Most numbers of a term's features. */
+#define LG_MACHINE_FEATURE_NUMBERS (12 * LG_MACHINE_FEATURES)
 /* lg_machine_feature_count: how many numbers a feature has. lg_machine_feature_scales writes the scales of
  * all numbers of a term's features, and returns how many there are. A number in the log's units is the scaled
  * number times its scale. */
@@ -163,11 +244,6 @@ void lg_machine_square_values(const lg_machine *machine, const lg_machine_term *
 /* Unpacks triangles: packed (B, lg_triangle(n)) -> (B, n, n). With `positive` the diagonal is exp of its
  * packed numbers. */
 lg_var lg_machine_record_triangle(lg_tape *tape, lg_var packed, uint32_t n, bool positive);
-/* The values of a term as a matrix (rows, columns) in scaled units: value i, j is multiplied by left[i]
- * right[j]. If the term has only `rows` values (and columns is not 1), they are the diagonal. */
-lg_var lg_machine_record_values(lg_tape *tape, const lg_machine_term *term, uint32_t rows, uint32_t columns,
-                                const double *left, const double *right);
-
 /* Columns first .. first + count - 1 of x (B, n); returns x itself if these are all columns. */
 lg_var lg_machine_columns(lg_tape *tape, lg_var x, uint32_t first, uint32_t count);
 

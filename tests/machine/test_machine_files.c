@@ -119,7 +119,7 @@ TEST("keys that are left out have their defaults") {
               "damping: {kind: none, coulomb: true}\n");
     assert_int_equal(f->machine.term_count, 3);
     assert_term(f, 1, LG_MACHINE_DAMPING, "coulomb");
-    assert_true(f->machine.terms[1].width == 0.02);
+    assert_true(f->machine.terms[1].width == 0); /* from the log */
     assert_term(f, 2, LG_MACHINE_INPUT_MAP, "constant");
     assert_true(f->estimate_delay && f->delay == 0);
     f = parse("coordinates: [{name: q, kind: line}]\nmeasured: positions\nresidual: none\n");
@@ -349,8 +349,8 @@ TEST("wrong terms are refused with their line") {
         {HEAD "mass:\n  kind: constant\n  colour: red\n", "line 4", "unknown key 'colour'"},
         {HEAD "mass: {kind: diagonal, of: q}\n", "line 2",
          "of: mass of kind diagonal does not take this key"},
-        {HEAD "mass: {kind: diagonal, values: 1}\n", "line 2",
-         "values: mass of kind diagonal does not take this key"},
+        {HEAD "mass: {kind: constant, values: 1}\n", "line 2",
+         "values: mass of kind constant does not take this key"},
         {HEAD "mass: {kind: diagonal, degree: 1}\n", "line 2",
          "degree: mass of kind diagonal does not take this key"},
         {HEAD "mass: {kind: diagonal, coulomb: true}\n", "line 2",
@@ -358,6 +358,24 @@ TEST("wrong terms are refused with their line") {
         {HEAD "mass: {kind: diagonal, form: linear}\n", "line 2",
          "form: mass of kind diagonal does not take this key"},
         {HEAD "damping: {kind: diagonal, coulomb_width: 1}\n", "line 2", "without `coulomb: true`"},
+        {HEAD "damping: {kind: diagonal, width: 1}\n", "line 2", "without `coulomb: true`"},
+        {HEAD "damping: {kind: coulomb, width: 1, coulomb_width: 1}\n", "line 2", "is the same as `width`"},
+        {HEAD "damping: {kind: stribeck, width: 0}\n", "line 2", "width: 0 is outside"},
+        {HEAD "damping: {kind: load, of: q}\n", "line 2", "'q' is not an input"},
+        {HEAD "damping: load\n", "line 2", "needs `of`, the inputs that load it"},
+        {HEAD "damping: position\n", "line 2", "needs `of`"},
+        {HEAD "damping: {kind: asymmetric, values: [[1], [2]]}\n", "line 2", "friction would give energy"},
+        {HEAD "mass: {kind: diagonal, values: [{start: 3, within: [4, 10]}]}\n", "line 2", "start 3 is not between"},
+        {HEAD "mass: {kind: diagonal, values: [{start: 3, within: [10, 4]}]}\n", "line 2", "expected [low, high]"},
+        {HEAD "mass: {kind: diagonal, values: [{sigma: 1}]}\n", "line 2", "sigma needs a start"},
+        {HEAD "mass: {kind: diagonal, values: [{begin: 1}]}\n", "line 2", "unknown key 'begin'"},
+        {HEAD "mass: {kind: diagonal, values: [{start: -1}]}\n", "line 2", "a start above 0"},
+        {HEAD "damping: {kind: asymmetric, values: [[1], [unknown]]}\n", "line 2", "either all numbers"},
+        {HEAD "system: oscillator\nparameters: {mass: {start: 1, within: [2, 3]}}\n", "line 3",
+         "start must be inside"},
+        {HEAD "offset: [p]\n", "line 2", "'p' is neither a kind (unknown, known) nor a coordinate"},
+        {HEAD "offset: [q, v]\n", "line 2", "'v' is given twice"},
+        {HEAD "offset: {kind: known, values: [1, 2]}\n", "line 2", "has 2 values, expected 1"},
         {HEAD "damping: {kind: diagonal, coulomb: yes}\n", "line 2", "none of false, true"},
         {HEAD "mass: {kind: network, of: [p]}\n", "line 2", "of: 'p' is unknown; expected one of q"},
         {HEAD "mass: {kind: network, of: [q.up]}\n", "line 2", "of: 'q.up' is unknown; expected one of q"},

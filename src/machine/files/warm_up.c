@@ -10,16 +10,17 @@ bool lg_machine_is_small(const lg_machine *machine) {
     return machine->parameters <= FEW;
 }
 
-/* ---- the plain machine: without residuals, and without networks where other terms can do ---- */
+/* ---- the plain machine: without residuals, changes of friction, and networks where other terms can do ---- */
 
 static bool is_network(const lg_machine_term *term) {
     return (lg_term_kind_options(term->kind) & LG_TERM_HIDDEN) != 0;
 }
 
-/* Whether term i is spare: a residual, or a network in a part that also has a term which is not a network. */
+/* Whether term i is spare: a residual, friction that changes the coefficients of another term, or a network in a
+ * part that also has a term which is not a network. */
 static bool is_spare(const lg_machine *machine, uint32_t i) {
     const lg_machine_term *term = &machine->terms[i];
-    if (term->part == LG_MACHINE_RESIDUAL) return true;
+    if (term->part == LG_MACHINE_RESIDUAL || lg_machine_base(machine, term) != NULL) return true;
     bool others = false;
     for (uint32_t j = 0; j < machine->term_count; j++)
         others = others || (machine->terms[j].part == term->part && !is_network(&machine->terms[j]));
@@ -51,6 +52,20 @@ static void copy_parameters(const lg_machine *machine, const plain_machine *plai
         double *all = theta + machine->terms[plain->from[i]].offset;
         memcpy(back ? own + term->offset : all, back ? all : own + term->offset,
                term->parameters * sizeof *own);
+    }
+}
+
+/* Coefficients are squares of parameters, so a parameter that a fit of the plain machine brought near 0 would stay
+ * there. Where other friction changes these coefficients, such a parameter begins again. */
+static void lift(const lg_machine *machine, const double *initial, double *theta) {
+    for (uint32_t i = 0; i < machine->term_count; i++) {
+        if (!is_spare(machine, i) || machine->terms[i].part != LG_MACHINE_DAMPING) continue;
+        for (uint32_t t = 0; t < machine->term_count; t++) {
+            const lg_machine_term *other = &machine->terms[t];
+            for (size_t k = other->offset; k < other->offset + other->parameters; k++)
+                if (other->part == LG_MACHINE_DAMPING && initial[k] > 0.0 && fabs(theta[k]) < initial[k])
+                    theta[k] = initial[k];
+        }
     }
 }
 
@@ -91,6 +106,8 @@ enum { SHORTEST = 3 };
 static lg_status fit_short(lg_training *self, const lg_machine *machine, const lg_scheme *scheme,
                            uint32_t window, double *theta, lg_error *error) {
     enum { EPOCHS = 200 };
+    /* Priors only hold what short windows leave open. */
+    static const double weak = 1e-6;
     const lg_machine_model_run *run = self->run;
     const lg_machine_state *s = self->state;
     const bool few = lg_machine_is_small(machine), estimated = s->positions && window > SHORTEST;
@@ -100,6 +117,7 @@ static lg_status fit_short(lg_training *self, const lg_machine *machine, const l
     lg_fit *fit;
     problem.machine = machine;
     problem.scheme = scheme;
+    problem.residual = weak;
     problem.starts = estimated ? LG_MACHINE_STARTS_ESTIMATED : LG_MACHINE_STARTS_MEASURED;
     problem.window = window < run->window ? window : run->window;
     lg_machine_fit_problem(&problem, &fit_problem);
@@ -202,6 +220,26 @@ static lg_status fit_windows(lg_training *self, const lg_machine *machine, doubl
     return LG_OK;
 }
 
+/* Doubles the substeps until explicit steps come to rest: one step is no longer than the time in which
+ * friction stops a motion near rest. */
+static lg_status reach_rest(lg_training *self, const lg_machine *machine, const double *theta,
+                            lg_error *error) {
+    enum { MOST = 32 };
+    lg_machine_model_run *run = self->run;
+    const lg_machine_state *s = self->state;
+    double rate = 0;
+    if (run->scheme->kind == LG_SCHEME_VARIATIONAL) return LG_OK;
+    LG_TRY(lg_machine_rest_rate(self->context, machine, theta, &s->problem.log, &rate, error));
+    while (run->substeps < MOST && run->dt * rate > run->substeps)
+        run->substeps = run->substeps <= MOST / 2 ? 2 * run->substeps : MOST;
+    if (run->dt * rate > 2.5 * MOST)
+        LG_WARN(self,
+                "friction stops the machine within %.1g of a row, which %d steps per row do not resolve: give "
+                "`damping` a larger `width`, or --integrator variational",
+                1.0 / (run->dt * rate), MOST);
+    return LG_OK;
+}
+
 /* Chooses the number of steps between two rows unless it is given: the error of the steps must be small
  * against the loss that the parameters from short windows leave, or below all that matters. */
 static lg_status find_substeps(lg_training *self, const lg_machine *machine, const double *theta,
@@ -220,6 +258,7 @@ static lg_status find_substeps(lg_training *self, const lg_machine *machine, con
         LG_TRY(lg_machine_loss(self->context, &problem, theta, &loss, &floor, error));
         if (floor <= fmax(LG_MACHINE_FLOOR, part * loss)) break;
     }
+    LG_TRY(reach_rest(self, machine, theta, error));
     s->problem.substeps = run->substeps;
     return LG_OK;
 }
@@ -230,7 +269,9 @@ lg_status lg_machine_warm_up(lg_training *self, double *theta, lg_error *error) 
     /* With positions alone short windows also give the parameters of all starts. */
     const size_t starts = s->positions ? lg_machine_problem_parameters(&s->problem) - machine->parameters : 0;
     plain_machine *plain;
-    double *own;
+    double *own, *initial;
+    LG_TRAINING_ARRAY(self, initial, machine->parameters + 1, error);
+    memcpy(initial, theta, machine->parameters * sizeof *initial);
     LG_TRAINING_ARRAY(self, plain, 1, error);
     LG_TRAINING_ARRAY(self, own, machine->parameters + starts + 1, error);
     LG_TRY(make_plain(machine, plain, error));
@@ -239,6 +280,7 @@ lg_status lg_machine_warm_up(lg_training *self, double *theta, lg_error *error) 
     LG_TRY(find_substeps(self, &plain->machine, own, error));
     copy_parameters(machine, plain, theta, own, false);
     memcpy(theta + machine->parameters, own + plain->machine.parameters, starts * sizeof *own);
+    lift(machine, initial, theta);
     quieten(machine, theta);
     return LG_OK;
 }
