@@ -6,7 +6,7 @@
 #include "nn/minimise_internal.h"
 
 enum { CHECK_POINTS = 4, CHECK_LEVELS = 4, MOST_ENDLESS = 3 };
-static const double SLOW_DECREASE = 1e-4, FIRST_STEP = 0.1, LOWEST = -1e300, LEAST_ENDLESS = 1e-20,
+static const double SLOW_DECREASE = 1e-4, FIRST_STEP = 0.1, LONGEST_STEP = 3.0, LOWEST = -1e300, LEAST_ENDLESS = 1e-20,
                     PROFIT = 0.1, ROUNDED = 1e-14, FORESEEN = 10.0;
 /* relative to 1 + |x_i|; factor from a level to the next */
 static const double CHECK_STEP = 1e-4, CHECK_FINER = 1e-2;
@@ -215,10 +215,15 @@ void lg_minimise_search(lg_minimiser *m, double alpha) {
 static void restart(lg_minimiser *m) {
     m->counts.pairs = 0;
     for (size_t i = 0; i < m->n; i++) m->d[i] = -m->g[i];
-    lg_minimise_search(m, fmin(1.0, FIRST_STEP / sqrt(m->k->dot(m->n, m->g, m->g))));
+    const double length = sqrt(m->k->dot(m->n, m->g, m->g));
+    lg_minimise_search(m, m->numbers.first > 0.0 ? fmin(m->numbers.first, LONGEST_STEP / length)
+                                                 : fmin(1.0, FIRST_STEP / length));
 }
 
 /* ---- the check of g: differences of f along a random line against Simpson's rule on its slopes ----
+ *
+ * One evaluation is enough if the trapezoidal rule agrees with it, as it does for a smooth f. It also tells the
+ * curvature along the line, and with it the length of the first step.
  *
  * Each level uses a shorter line than the level before. A level is inconclusive if rounding of f or fourth
  * differences, which are tiny where f is smooth, are as large as the change of f. */
@@ -237,7 +242,7 @@ static double check_line(lg_minimiser *m) {
 }
 
 static void next_check(lg_minimiser *m) {
-    static const double at[CHECK_POINTS] = {-1.0, -0.5, 0.5, 1.0};
+    static const double at[CHECK_POINTS] = {1.0, -1.0, -0.5, 0.5};
     const double step = check_line(m);
     set_point(m, at[m->counts.trials % CHECK_POINTS] * step, m->s);
 }
@@ -267,11 +272,11 @@ static check_verdict compare_level(const lg_minimiser *m, double slope, double s
     const double *v = s->check_value, *d = s->check_slope;
     double size = fabs(s->value);
     for (size_t i = 0; i < CHECK_POINTS; i++) size = fmax(size, fabs(v[i]));
-    const double fourth = fabs(v[0] + v[3] - 4.0 * (v[1] + v[2]) + 6.0 * s->value);
+    const double fourth = fabs(v[0] + v[1] - 4.0 * (v[2] + v[3]) + 6.0 * s->value);
     const double noise = CHECK_ROUNDING * size + CHECK_ROUGH * fourth;
-    const double left[3] = {slope, d[1], d[0]}, right[3] = {slope, d[2], d[3]};
-    const check_verdict one = compare(v[0] - s->value, -step, left, noise);
-    const check_verdict other = compare(v[3] - s->value, step, right, noise);
+    const double left[3] = {slope, d[2], d[1]}, right[3] = {slope, d[3], d[0]};
+    const check_verdict one = compare(v[1] - s->value, -step, left, noise);
+    const check_verdict other = compare(v[0] - s->value, step, right, noise);
     if (one == AGREES || other == AGREES) return AGREES;
     return one == DIFFERS && other == DIFFERS ? DIFFERS : UNKNOWN;
 }
@@ -285,6 +290,17 @@ static void end_check(lg_minimiser *m) {
         restart(m);
 }
 
+/* Whether f and the slope at the first point of a level agree with those at x. */
+static bool first_agrees(lg_minimiser *m, const double *gradient, double step) {
+    const double slope = m->k->dot(m->n, m->g, m->s), end = m->numbers.check_slope[0];
+    const double slopes[3] = {slope, 0.5 * (slope + end), end}, value = m->numbers.check_value[0];
+    const double noise = CHECK_ROUNDING * fmax(fabs(value), fabs(m->numbers.value));
+    double square = 0.0;
+    for (size_t i = 0; i < m->n; i++) square += (gradient[i] - m->g[i]) * (gradient[i] - m->g[i]);
+    m->numbers.first = square > 0.0 ? fabs(end - slope) * step / square : 0.0;
+    return compare(value - m->numbers.value, step, slopes, noise) == AGREES;
+}
+
 /* Called at the start, before any search, and after searches have failed. The gradient is wrong if at least
  * one level differs and none agrees. */
 static void tell_check(lg_minimiser *m, double value, const double *gradient) {
@@ -293,6 +309,10 @@ static void tell_check(lg_minimiser *m, double value, const double *gradient) {
     m->numbers.check_value[i] = value;
     m->numbers.check_slope[i] = m->k->dot(m->n, gradient, m->s);
     m->counts.trials++;
+    if (i == 0 && first_agrees(m, gradient, step)) {
+        end_check(m);
+        return;
+    }
     if (i + 1 < CHECK_POINTS) {
         next_check(m);
         return;

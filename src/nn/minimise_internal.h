@@ -43,6 +43,7 @@ typedef struct lg_minimise_numbers {
     double damping; /* Levenberg-Marquardt: mu; Newton step: the shift added to the Hessian */
     double growth;  /* Levenberg-Marquardt: the next refusal multiplies mu by this factor */
     double check_value[4], check_slope[4];
+    double first; /* 1/curvature of f along the line of the check: the length of a first step -g; 0: not known */
 } lg_minimise_numbers;
 
 typedef struct lg_minimise_row {
@@ -160,6 +161,14 @@ typedef enum lg_search_verdict { LG_SEARCH_ON, LG_SEARCH_ACCEPT, LG_SEARCH_FAIL 
 /* Takes f and g.d of the trial; value is INFINITY if f or g is not finite. LG_SEARCH_ON: numbers.alpha is the
  * next trial. */
 lg_search_verdict lg_minimise_search_tell(lg_minimiser *m, double value, double slope);
+
+/* Pairs (s, y) in memory of lg_minimise_pairs_length doubles, at most `most` of them (minimise_lbfgs.c).
+ * lg_minimise_pairs_add stores pair number counts.pairs, and sets m->d = -H g with all pairs up to it;
+ * lg_minimise_pairs_direction does the latter with `count` pairs. */
+size_t lg_minimise_pairs_length(size_t n, size_t most);
+void lg_minimise_pairs_add(lg_minimiser *m, double *pairs, size_t most, const double *s, const double *y);
+void lg_minimise_pairs_direction(lg_minimiser *m, double *pairs, size_t most, uint64_t count);
+const double *lg_minimise_pairs_diagonal(const lg_minimiser *m, const double *pairs, size_t most);
 
 /* Rows first, ..., end - 1 of H belong to the rank. The n rows are cut into blocks whose size does not depend
  * on the number of ranks, and a rank gets whole blocks. A block has as many rows as a kernel takes at once,
