@@ -7,7 +7,7 @@
 
 enum { CHECK_POINTS = 4, CHECK_LEVELS = 4, MOST_ENDLESS = 3 };
 static const double SLOW_DECREASE = 1e-4, FIRST_STEP = 0.1, LONGEST_STEP = 3.0, LOWEST = -1e300, LEAST_ENDLESS = 1e-20,
-                    PROFIT = 0.1, ROUNDED = 1e-14, FORESEEN = 10.0;
+                    PROFIT = 0.1, ROUNDED = 1e-14, TINY = 1e-48, FORESEEN = 10.0;
 /* relative to 1 + |x_i|; factor from a level to the next */
 static const double CHECK_STEP = 1e-4, CHECK_FINER = 1e-2;
 static const double CHECK_TOLERANCE = 1e-3, CHECK_ROUNDING = 1e-13, CHECK_ROUGH = 10.0;
@@ -184,8 +184,16 @@ bool lg_minimise_flat(const lg_minimiser *m) {
     return lg_minimise_gradient_size(m) <= m->options.gradient_tolerance;
 }
 
+double lg_minimise_part(const lg_minimiser *m, double part) {
+    return fmax(part * fabs(m->numbers.value), part * part * fabs(m->numbers.start_value));
+}
+
 lg_minimise_end lg_minimise_no_step(const lg_minimiser *m) {
     return isfinite(m->numbers.high_value) ? LG_MINIMISE_ROUNDING : LG_MINIMISE_BARRIER;
+}
+
+bool lg_minimise_tiny(const lg_minimiser *m) {
+    return fabs(m->numbers.value) <= TINY * fabs(m->numbers.start_value);
 }
 
 void lg_minimise_finish(lg_minimiser *m, lg_minimise_end end) {
@@ -330,7 +338,7 @@ static void tell_check(lg_minimiser *m, double value, const double *gradient) {
 /* ---- steps ---- */
 
 static bool tell_start(lg_minimiser *m, double value, const double *gradient) {
-    m->numbers.value = m->numbers.reference_value = value;
+    m->numbers.value = m->numbers.reference_value = m->numbers.start_value = value;
     memcpy(m->g, gradient, m->n * sizeof *gradient);
     if (!isfinite(value) || !m->k->all_finite(m->n, gradient))
         lg_minimise_finish(m, LG_MINIMISE_NOT_FINITE);
@@ -343,10 +351,11 @@ static bool tell_start(lg_minimiser *m, double value, const double *gradient) {
     return false;
 }
 
-/* First failure: restart from H = 1. Second failure: no step lowers f from H = 1 either. Third failure: the
+/* First failure: restart from H = 1, unless H predicts a fall of rounding size. Second failure: no step lowers f from H = 1 either. Third failure: the
  * Newton step does not lower f either. */
 static void fail_search(lg_minimiser *m) {
-    m->counts.failures++;
+    const bool rounding = -m->numbers.slope <= lg_minimise_part(m, ROUNDED);
+    m->counts.failures += m->counts.failures == 0 && rounding ? 2 : 1;
     if (m->counts.failures == 1)
         restart(m);
     else if (m->counts.failures == 2 && m->options.check)
@@ -411,7 +420,7 @@ static void accept(lg_minimiser *m, double value, const double *gradient) {
         (void)lg_minimise_verify(m, LG_MINIMISE_GRADIENT);
     } else if (lg_minimise_slow(m)) {
         lg_minimise_finish(m, LG_MINIMISE_SLOW);
-    } else if (newton ? lg_minimise_newton_pays(m, fall) : lg_minimise_creeps(m)) {
+    } else if (newton ? lg_minimise_newton_pays(m, fall) : lg_minimise_creeps(m) || lg_minimise_tiny(m)) {
         (void)lg_minimise_verify(m, LG_MINIMISE_ROUNDING);
     } else if (m->k->dot(n, m->s, m->y) > 0.0) {
         m->row->update(m, m->s, m->y);

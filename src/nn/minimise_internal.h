@@ -39,7 +39,7 @@ typedef struct lg_minimise_numbers {
     /* Line search: the ends of the bracket [low, high], each with f and g.d there. Levenberg-Marquardt:
      * high_value is f at the last refused trial. */
     double high, high_value, high_slope;
-    double reference_value;
+    double reference_value, start_value;
     double damping; /* Levenberg-Marquardt: mu; Newton step: the shift added to the Hessian */
     double growth;  /* Levenberg-Marquardt: the next refusal multiplies mu by this factor */
     double check_value[4], check_slope[4];
@@ -117,6 +117,10 @@ void lg_minimise_finish(lg_minimiser *m, lg_minimise_end end);
 /* Why no step lowers f: LG_MINIMISE_BARRIER if f was not finite at the upper end of the last bracket, else
  * LG_MINIMISE_ROUNDING. */
 lg_minimise_end lg_minimise_no_step(const lg_minimiser *m);
+/* `part` of |f|, but at least part^2 of |f| at the start: f = |r|^2 has such an error if r has one of `part` of r
+ * at the start. lg_minimise_tiny: f is so small that it only tends to 0. */
+double lg_minimise_part(const lg_minimiser *m, double part);
+bool lg_minimise_tiny(const lg_minimiser *m);
 /* Fills m->s with the random direction of checks, which depends on n alone. */
 void lg_minimise_check_direction(lg_minimiser *m);
 /* lg_minimise_flat: whether the gradient is zero to options.gradient_tolerance. lg_minimise_slow: called

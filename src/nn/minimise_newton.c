@@ -161,7 +161,7 @@ void lg_minimise_leave(lg_minimiser *m) {
 static bool is_rounding(const lg_minimiser *m) {
     double sum = 0.0;
     for (size_t i = 0; i < m->n; i++) sum += fabs(m->x[i]) / m->y[i];
-    return -m->k->dot(m->n, m->g, m->d) <= DBL_EPSILON * sum * DBL_EPSILON * sum;
+    return -m->k->dot(m->n, m->g, m->d) <= DBL_EPSILON * sum * DBL_EPSILON * sum || lg_minimise_tiny(m);
 }
 
 /* Searches along the Newton step d = -(A + shift D)^-1 g. The shift is 0 or the lowest power of 10 that makes
@@ -224,7 +224,7 @@ void lg_minimise_newton_tell(lg_minimiser *m, const double *gradient) {
             row[j] = back ? 0.5 * (row[j] + slope) : slope;
         }
     }
-    m->counts.trials += trial + 1 == n && !lg_minimise_flat(m) ? 2 : 1;
+    m->counts.trials++;
     if (last)
         decide(m);
     else

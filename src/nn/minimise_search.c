@@ -3,8 +3,9 @@
 
 #include "nn/minimise_internal.h"
 
-enum { MOST_TRIALS = 25 };
-static const double ARMIJO = 1e-4, WOLFE = 0.9, LEAST_GROWTH = 1.1, MOST_GROWTH = 10.0, NARROWEST = 0.1;
+enum { MOST_TRIALS = 20 };
+static const double ARMIJO = 1e-4, WOLFE = 0.9, LEAST_GROWTH = 1.1, MOST_GROWTH = 10.0, NARROWEST = 0.1,
+                    ROUNDING = 1e-16;
 
 void lg_minimise_search_begin(lg_minimiser *m, double alpha) {
     lg_minimise_numbers *s = &m->numbers;
@@ -49,7 +50,9 @@ lg_search_verdict lg_minimise_search_tell(lg_minimiser *m, double value, double 
         m->counts.endless++;
         return LG_SEARCH_ACCEPT;
     }
-    if (last) return LG_SEARCH_FAIL;
+    /* The fall that the slope predicts is rounding. */
+    const bool rounding = !falls && -s->alpha * s->slope <= lg_minimise_part(m, ROUNDING);
+    if (last || rounding) return LG_SEARCH_FAIL;
     const double farther = extrapolate(s, slope);
     if (falls) {
         s->low = s->alpha, s->low_value = value, s->low_slope = slope;
