@@ -42,6 +42,7 @@ typedef struct lg_minimise_numbers {
     double reference_value, start_value;
     double damping; /* Levenberg-Marquardt: mu; Newton step: the shift added to the Hessian */
     double growth;  /* Levenberg-Marquardt: the next refusal multiplies mu by this factor */
+    double radius; /* lg_least_squares: longest step, in the norm of D */
     double check_value[4], check_slope[4];
     double first; /* 1/curvature of f along the line of the check: the length of a first step -g; 0: not known */
 } lg_minimise_numbers;
