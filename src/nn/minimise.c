@@ -1,13 +1,14 @@
 /* The minimiser as a state machine: what happens between two evaluations, and why a run ends. */
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
 #include "liegrad/core.h"
 #include "nn/minimise_internal.h"
 
-enum { CHECK_POINTS = 4, CHECK_LEVELS = 4, MOST_ENDLESS = 3 };
+enum { CHECK_POINTS = 4, CHECK_LEVELS = 4, MOST_ENDLESS = 3, TINY_EACH = 8 };
 static const double SLOW_DECREASE = 1e-4, FIRST_STEP = 0.1, LONGEST_STEP = 3.0, LOWEST = -1e300, LEAST_ENDLESS = 1e-20,
-                    PROFIT = 0.1, ROUNDED = 1e-14, TINY = 1e-48, FORESEEN = 10.0;
+                    PROFIT = 0.1, ROUNDED = 1e-14, FEW = 50.0, TINY = 1e-48, FORESEEN = 10.0;
 /* relative to 1 + |x_i|; factor from a level to the next */
 static const double CHECK_STEP = 1e-4, CHECK_FINER = 1e-2;
 static const double CHECK_TOLERANCE = 1e-3, CHECK_ROUNDING = 1e-13, CHECK_ROUGH = 10.0;
@@ -184,8 +185,10 @@ bool lg_minimise_flat(const lg_minimiser *m) {
     return lg_minimise_gradient_size(m) <= m->options.gradient_tolerance;
 }
 
-double lg_minimise_part(const lg_minimiser *m, double part) {
-    return fmax(part * fabs(m->numbers.value), part * part * fabs(m->numbers.start_value));
+double lg_minimise_rounding(const lg_minimiser *m) {
+    double sum = fabs(m->numbers.value);
+    for (size_t i = 0; i < m->n; i++) sum += fabs(m->g[i] * m->x[i]);
+    return DBL_EPSILON * sum;
 }
 
 lg_minimise_end lg_minimise_no_step(const lg_minimiser *m) {
@@ -354,7 +357,7 @@ static bool tell_start(lg_minimiser *m, double value, const double *gradient) {
 /* First failure: restart from H = 1, unless H predicts a fall of rounding size. Second failure: no step lowers f from H = 1 either. Third failure: the
  * Newton step does not lower f either. */
 static void fail_search(lg_minimiser *m) {
-    const bool rounding = -m->numbers.slope <= lg_minimise_part(m, ROUNDED);
+    const bool rounding = -m->numbers.slope <= FEW * lg_minimise_rounding(m);
     m->counts.failures += m->counts.failures == 0 && rounding ? 2 : 1;
     if (m->counts.failures == 1)
         restart(m);
@@ -392,6 +395,11 @@ bool lg_minimise_newton_pays(const lg_minimiser *m, double fall) {
     return lg_minimise_newton_fits(m) && fall > PROFIT * fabs(m->numbers.value + fall);
 }
 
+/* Judged at every TINY_EACH-th step: whether f only tends to 0. */
+static bool ends_at_zero(const lg_minimiser *m) {
+    return m->counts.iterations % TINY_EACH == 0 && lg_minimise_tiny(m);
+}
+
 /* The trial point becomes x. */
 static void accept(lg_minimiser *m, double value, const double *gradient) {
     const size_t n = m->n;
@@ -420,7 +428,7 @@ static void accept(lg_minimiser *m, double value, const double *gradient) {
         (void)lg_minimise_verify(m, LG_MINIMISE_GRADIENT);
     } else if (lg_minimise_slow(m)) {
         lg_minimise_finish(m, LG_MINIMISE_SLOW);
-    } else if (newton ? lg_minimise_newton_pays(m, fall) : lg_minimise_creeps(m) || lg_minimise_tiny(m)) {
+    } else if (newton ? lg_minimise_newton_pays(m, fall) : lg_minimise_creeps(m) || ends_at_zero(m)) {
         (void)lg_minimise_verify(m, LG_MINIMISE_ROUNDING);
     } else if (m->k->dot(n, m->s, m->y) > 0.0) {
         m->row->update(m, m->s, m->y);

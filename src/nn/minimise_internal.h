@@ -118,9 +118,8 @@ void lg_minimise_finish(lg_minimiser *m, lg_minimise_end end);
 /* Why no step lowers f: LG_MINIMISE_BARRIER if f was not finite at the upper end of the last bracket, else
  * LG_MINIMISE_ROUNDING. */
 lg_minimise_end lg_minimise_no_step(const lg_minimiser *m);
-/* `part` of |f|, but at least part^2 of |f| at the start: f = |r|^2 has such an error if r has one of `part` of r
- * at the start. lg_minimise_tiny: f is so small that it only tends to 0. */
-double lg_minimise_part(const lg_minimiser *m, double part);
+/* The change of f by rounding of f and x. lg_minimise_tiny: f is so small that it only tends to 0. */
+double lg_minimise_rounding(const lg_minimiser *m);
 bool lg_minimise_tiny(const lg_minimiser *m);
 /* Fills m->s with the random direction of checks, which depends on n alone. */
 void lg_minimise_check_direction(lg_minimiser *m);

@@ -11,7 +11,7 @@
 enum { MOST_REFUSALS = 40 };
 static const double FIRST_DAMPING = 1e-3, LEAST_GAIN = 1e-4, FASTEST_FALL = 0.1, ROUNDING = 1e-16,
                     LEAST_DAMPING = 1e-14, LEFT = 1e-8, LEAST_INFLUENCE = 1e-3, FORGET = 0.5,
-                    LAST_RISE = 1e-14, NEAR = 0.1, BAD_GAIN = 0.25, GOOD_GAIN = 0.75;
+                    LAST_RISE = 1e-14, NEAR = 0.1, BAD_GAIN = 0.25, GOOD_GAIN = 0.9, GROWTH = 1.5;
 
 /* ---- memory: rows of p numbers, padded to the stride ---- */
 
@@ -215,7 +215,7 @@ static void set_radius(lg_minimiser *m, double value, double gain) {
     if (!(gain > BAD_GAIN))
         m->numbers.radius = fmin(0.5, fmax(0.1, -0.5 * m->numbers.slope / rise)) * length;
     else if (gain > GOOD_GAIN)
-        m->numbers.radius = fmax(m->numbers.radius, 2.0 * length);
+        m->numbers.radius = fmax(m->numbers.radius, GROWTH * length);
 }
 
 static void refuse(lg_minimiser *m) {

@@ -4,8 +4,7 @@
 #include "nn/minimise_internal.h"
 
 enum { MOST_TRIALS = 20 };
-static const double ARMIJO = 1e-4, WOLFE = 0.9, LEAST_GROWTH = 1.1, MOST_GROWTH = 10.0, NARROWEST = 0.1,
-                    ROUNDING = 1e-16;
+static const double ARMIJO = 1e-4, WOLFE = 0.9, LEAST_GROWTH = 1.1, MOST_GROWTH = 10.0, NARROWEST = 0.1;
 
 void lg_minimise_search_begin(lg_minimiser *m, double alpha) {
     lg_minimise_numbers *s = &m->numbers;
@@ -50,8 +49,9 @@ lg_search_verdict lg_minimise_search_tell(lg_minimiser *m, double value, double 
         m->counts.endless++;
         return LG_SEARCH_ACCEPT;
     }
-    /* The fall that the slope predicts is rounding. */
-    const bool rounding = !falls && -s->alpha * s->slope <= lg_minimise_part(m, ROUNDING);
+    /* The slope predicts a fall of rounding size. Downhill from a saddle it predicts none. */
+    const bool steep = m->counts.failures < 2 || lg_minimise_newton_shows(m);
+    const bool rounding = steep && !falls && -s->alpha * s->slope <= 0.5 * lg_minimise_rounding(m);
     if (last || rounding) return LG_SEARCH_FAIL;
     const double farther = extrapolate(s, slope);
     if (falls) {
