@@ -10,7 +10,7 @@
 
 enum { MOST_REFUSALS = 40 };
 static const double FIRST_DAMPING = 1e-3, LEAST_GAIN = 1e-4, FASTEST_FALL = 0.1, ROUNDING = 1e-16,
-                    LEAST_DAMPING = 1e-14, LEFT = 1e-8, LEAST_INFLUENCE = 1e-3, FORGET = 0.5,
+                    LEAST_DAMPING = 1e-20, LEFT = 1e-8, LEAST_INFLUENCE = 1e-3, FORGET = 0.5,
                     LAST_RISE = 1e-14, NEAR = 0.1, BAD_GAIN = 0.25, GOOD_GAIN = 0.9, GROWTH = 1.5;
 
 /* ---- memory: rows of p numbers, padded to the stride ---- */
@@ -335,6 +335,8 @@ static bool tell_step(lg_minimiser *m, double value, const double *gradient, con
     m->numbers.high_value = 0.0;
     if (lg_minimise_flat(m))
         lg_minimise_finish(m, LG_MINIMISE_GRADIENT);
+    else if (lg_minimise_tiny(m))
+        lg_minimise_finish(m, LG_MINIMISE_ROUNDING);
     else if (lg_minimise_slow(m))
         lg_minimise_finish(m, LG_MINIMISE_SLOW);
     else if (m->squares != NULL && lg_minimise_creeps(m))
@@ -362,7 +364,7 @@ bool lg_minimiser_tell_squares(lg_minimiser *m, double value, const double *grad
         return false;
     }
     take(m, value, gradient, matrix);
-    m->numbers.reference_value = value;
+    m->numbers.reference_value = m->numbers.start_value = value;
     if (lg_minimise_flat(m))
         lg_minimise_finish(m, LG_MINIMISE_GRADIENT);
     else
