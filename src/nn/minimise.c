@@ -6,9 +6,9 @@
 #include "liegrad/core.h"
 #include "nn/minimise_internal.h"
 
-enum { CHECK_POINTS = 4, CHECK_LEVELS = 4, MOST_ENDLESS = 3, TINY_EACH = 8 };
+enum { CHECK_POINTS = 4, CHECK_LEVELS = 4, MOST_ENDLESS = 3, TINY_EACH = 8, MOST_CRAWLS = 10 };
 static const double SLOW_DECREASE = 1e-4, FIRST_STEP = 0.1, LONGEST_STEP = 3.0, LOWEST = -1e300, LEAST_ENDLESS = 1e-20,
-                    PROFIT = 0.1, ROUNDED = 1e-14, FEW = 50.0, TINY = 1e-48, FORESEEN = 10.0;
+                    PROFIT = 0.1, ROUNDED = 1e-14, FEW = 50.0, TINY = 1e-48, CRAWL = 3e-4, FORESEEN = 10.0;
 /* relative to 1 + |x_i|; factor from a level to the next */
 static const double CHECK_STEP = 1e-4, CHECK_FINER = 1e-2;
 static const double CHECK_TOLERANCE = 1e-3, CHECK_ROUNDING = 1e-13, CHECK_ROUGH = 10.0;
@@ -45,7 +45,7 @@ static const struct {
                                     "the Jacobian disagrees with differences of the residuals"},
     [LG_MINIMISE_BARRIER] = {LG_OK, "no step lowers the value: it is not finite beyond the last point"},
     [LG_MINIMISE_STUCK] = {LG_NO_CONVERGENCE,
-                           "no step lowers the value, and nothing shows that the point is a minimum"},
+                           "no step lowers the value much, and nothing shows that the point is a minimum"},
     [LG_MINIMISE_LIMIT] = {LG_NO_CONVERGENCE, "10000 evaluations did not find a minimum"},
 };
 
@@ -385,7 +385,11 @@ bool lg_minimise_creeps(lg_minimiser *m) {
     lg_minimise_numbers *s = &m->numbers;
     if (m->options.slow || m->counts.iterations - m->counts.reference < m->row->creep + 4 * m->n)
         return false;
-    const bool creeping = s->reference_value - s->value < 0.5 * fabs(s->reference_value);
+    const double fall = s->reference_value - s->value;
+    const bool creeping = fall < 0.5 * fabs(s->reference_value);
+    m->counts.crawls = fall < CRAWL * fabs(s->value) ? m->counts.crawls + 1 : 0;
+    if (m->counts.crawls == MOST_CRAWLS && lg_minimise_newton_fits(m))
+        lg_minimise_finish(m, LG_MINIMISE_STUCK);
     m->counts.reference = m->counts.iterations;
     s->reference_value = s->value;
     return creeping && lg_minimise_newton_fits(m);

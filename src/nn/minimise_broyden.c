@@ -120,7 +120,7 @@ static void invert(lg_minimiser *m, const double *scale) {
 const lg_minimise_row lg_minimise_ssbroyden = {.name = "ssbroyden",
                                                .dense = true,
                                                .slow = 200,
-                                               .creep = 100,
+                                               .creep = 50,
                                                .length = length,
                                                .by_rows = true,
                                                .update = update,

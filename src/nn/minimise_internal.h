@@ -30,6 +30,7 @@ typedef struct lg_minimise_counts {
     uint64_t bounded;
     uint64_t pairs;     /* pairs (s, y) that have updated H since it was 1 */
     uint64_t reference; /* iteration at which reference_value was taken */
+    uint64_t crawls;    /* how many times in a row f has hardly fallen since reference_value was taken */
 } lg_minimise_counts;
 
 typedef struct lg_minimise_numbers {
@@ -129,7 +130,8 @@ bool lg_minimise_flat(const lg_minimiser *m);
 bool lg_minimise_slow(lg_minimiser *m);
 
 /* Whether f has not halved in the last row->creep + 4 n iterations and the Hessian can be computed. Judged
- * once in so many iterations; false in between and with options.slow. */
+ * once in so many iterations; false in between and with options.slow. Ends the run with LG_MINIMISE_STUCK if f has
+ * fallen by less than 3e-4 of it each of ten times. */
 bool lg_minimise_creeps(lg_minimiser *m);
 /* Whether another Newton step pays after one that lowered f by `fall`: by more than a tenth of f. */
 bool lg_minimise_newton_pays(const lg_minimiser *m, double fall);

@@ -86,4 +86,4 @@ static void direction(lg_minimiser *m) {
 }
 
 const lg_minimise_row lg_minimise_lbfgs = {
-    .name = "lbfgs", .slow = 200, .creep = 100, .length = length, .update = update, .direction = direction};
+    .name = "lbfgs", .slow = 200, .creep = 50, .length = length, .update = update, .direction = direction};

@@ -57,6 +57,7 @@ static void begin(lg_minimiser *m) {
 
 lg_minimise_end lg_minimise_verify(lg_minimiser *m, lg_minimise_end end) {
     const bool newton = lg_minimise_newton_fits(m);
+    if (m->counts.stage == LG_STAGE_DONE) return (lg_minimise_end)m->counts.end;
     if (!newton && !lg_minimise_curvature_fits(m)) {
         lg_minimise_finish(m, end);
         return end;
