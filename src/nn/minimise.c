@@ -8,7 +8,7 @@
 
 enum { CHECK_POINTS = 4, CHECK_LEVELS = 4, MOST_ENDLESS = 3, TINY_EACH = 8, MOST_CRAWLS = 10 };
 static const double SLOW_DECREASE = 1e-4, FIRST_STEP = 0.1, LONGEST_STEP = 3.0, LOWEST = -1e300, LEAST_ENDLESS = 1e-20,
-                    PROFIT = 0.1, ROUNDED = 1e-14, FEW = 50.0, TINY = 1e-48, CRAWL = 3e-4, FORESEEN = 10.0;
+                    ROUNDED = 1e-14, FEW = 50.0, TINY = 1e-48, CRAWL = 3e-4, FORESEEN = 10.0;
 /* relative to 1 + |x_i|; factor from a level to the next */
 static const double CHECK_STEP = 1e-4, CHECK_FINER = 1e-2;
 static const double CHECK_TOLERANCE = 1e-3, CHECK_ROUNDING = 1e-13, CHECK_ROUGH = 10.0;
@@ -227,8 +227,9 @@ static void restart(lg_minimiser *m) {
     m->counts.pairs = 0;
     for (size_t i = 0; i < m->n; i++) m->d[i] = -m->g[i];
     const double length = sqrt(m->k->dot(m->n, m->g, m->g));
-    lg_minimise_search(m, m->numbers.first > 0.0 ? fmin(m->numbers.first, LONGEST_STEP / length)
-                                                 : fmin(1.0, FIRST_STEP / length));
+    const bool known = m->counts.iterations == 0 && m->numbers.first > 0.0;
+    lg_minimise_search(m, known ? fmin(m->numbers.first, LONGEST_STEP / length)
+                                : fmin(1.0, FIRST_STEP / length));
 }
 
 /* ---- the check of g: differences of f along a random line against Simpson's rule on its slopes ----
@@ -393,10 +394,6 @@ bool lg_minimise_creeps(lg_minimiser *m) {
     m->counts.reference = m->counts.iterations;
     s->reference_value = s->value;
     return creeping && lg_minimise_newton_fits(m);
-}
-
-bool lg_minimise_newton_pays(const lg_minimiser *m, double fall) {
-    return lg_minimise_newton_fits(m) && fall > PROFIT * fabs(m->numbers.value + fall);
 }
 
 /* Judged at every TINY_EACH-th step: whether f only tends to 0. */

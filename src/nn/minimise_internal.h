@@ -133,7 +133,8 @@ bool lg_minimise_slow(lg_minimiser *m);
  * once in so many iterations; false in between and with options.slow. Ends the run with LG_MINIMISE_STUCK if f has
  * fallen by less than 3e-4 of it each of ten times. */
 bool lg_minimise_creeps(lg_minimiser *m);
-/* Whether another Newton step pays after one that lowered f by `fall`: by more than a tenth of f. */
+/* Whether another Newton step pays after one that lowered f by `fall`: by more than a tenth of f, and the Hessian was
+ * positive semidefinite. */
 bool lg_minimise_newton_pays(const lg_minimiser *m, double fall);
 /* max |g_i| in the caller's units. */
 double lg_minimise_gradient_size(const lg_minimiser *m);

@@ -18,7 +18,7 @@ static const double LEAST_SHIFT = 1e-12, MOST_SHIFT = 1e12; /* relative to the d
 static const double CONVEX_SHIFT = 1e-9;
 /* relative to D: one-sided differences show the sign of larger eigenvalues */
 static const double CLEAR = 1e-4;
-static const double LEFT = 1e-8, STILL = 1e-12, STRIDE = 0.1, LEAST_SLOPE = 1e-300;
+static const double PROFIT = 0.1, LEFT = 1e-8, STILL = 1e-12, STRIDE = 0.1, LEAST_SLOPE = 1e-300;
 
 static size_t before_hessian(const lg_minimiser *m) {
     return m->row->before_hessian != NULL ? m->row->before_hessian(m) : 0;
@@ -145,6 +145,11 @@ bool lg_minimise_newton_shows(const lg_minimiser *m) {
     bool still = true;
     for (size_t i = 0; i < m->n; i++) still = still && fabs(m->d[i]) <= LEFT * fabs(m->x[i]) + STILL;
     return m->numbers.damping <= CONVEX_SHIFT && (still || fall <= LEFT * fabs(m->numbers.value));
+}
+
+bool lg_minimise_newton_pays(const lg_minimiser *m, double fall) {
+    return lg_minimise_newton_fits(m) && m->numbers.damping <= CONVEX_SHIFT &&
+           fall > PROFIT * fabs(m->numbers.value + fall);
 }
 
 void lg_minimise_leave(lg_minimiser *m) {
