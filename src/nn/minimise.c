@@ -7,8 +7,9 @@
 #include "nn/minimise_internal.h"
 
 enum { CHECK_POINTS = 4, CHECK_LEVELS = 4, MOST_ENDLESS = 3, TINY_EACH = 8, MOST_CRAWLS = 10 };
-static const double SLOW_DECREASE = 1e-4, FIRST_STEP = 0.1, LONGEST_STEP = 3.0, LOWEST = -1e300, LEAST_ENDLESS = 1e-20,
-                    ROUNDED = 1e-14, FEW = 50.0, TINY = 1e-48, CRAWL = 3e-4, FORESEEN = 10.0;
+static const double SLOW_DECREASE = 1e-4, FIRST_STEP = 0.1, LONGEST_STEP = 3.0, LOWEST = -1e300,
+                    LEAST_ENDLESS = 1e-20, ROUNDED = 1e-14, FEW = 50.0, TINY = 1e-48, CRAWL = 3e-4,
+                    FORESEEN = 10.0;
 /* relative to 1 + |x_i|; factor from a level to the next */
 static const double CHECK_STEP = 1e-4, CHECK_FINER = 1e-2;
 static const double CHECK_TOLERANCE = 1e-3, CHECK_ROUNDING = 1e-13, CHECK_ROUGH = 10.0;
@@ -196,7 +197,8 @@ lg_minimise_end lg_minimise_no_step(const lg_minimiser *m) {
 }
 
 bool lg_minimise_tiny(const lg_minimiser *m) {
-    return fabs(m->numbers.value) <= TINY * fabs(m->numbers.start_value);
+    return m->counts.iterations % TINY_EACH == 0 &&
+           fabs(m->numbers.value) <= TINY * fabs(m->numbers.start_value);
 }
 
 void lg_minimise_finish(lg_minimiser *m, lg_minimise_end end) {
@@ -234,8 +236,8 @@ static void restart(lg_minimiser *m) {
 
 /* ---- the check of g: differences of f along a random line against Simpson's rule on its slopes ----
  *
- * One evaluation is enough if the trapezoidal rule agrees with it, as it does for a smooth f. It also tells the
- * curvature along the line, and with it the length of the first step.
+ * One evaluation is enough if the trapezoidal rule agrees with it, as it does for a smooth f. It also tells
+ * the curvature along the line, and with it the length of the first step.
  *
  * Each level uses a shorter line than the level before. A level is inconclusive if rounding of f or fourth
  * differences, which are tiny where f is smooth, are as large as the change of f. */
@@ -355,8 +357,8 @@ static bool tell_start(lg_minimiser *m, double value, const double *gradient) {
     return false;
 }
 
-/* First failure: restart from H = 1, unless H predicts a fall of rounding size. Second failure: no step lowers f from H = 1 either. Third failure: the
- * Newton step does not lower f either. */
+/* First failure: restart from H = 1, unless H predicts a fall of rounding size. Second failure: no step
+ * lowers f from H = 1 either. Third failure: the Newton step does not lower f either. */
 static void fail_search(lg_minimiser *m) {
     const bool rounding = -m->numbers.slope <= FEW * lg_minimise_rounding(m);
     m->counts.failures += m->counts.failures == 0 && rounding ? 2 : 1;
@@ -396,11 +398,6 @@ bool lg_minimise_creeps(lg_minimiser *m) {
     return creeping && lg_minimise_newton_fits(m);
 }
 
-/* Judged at every TINY_EACH-th step: whether f only tends to 0. */
-static bool ends_at_zero(const lg_minimiser *m) {
-    return m->counts.iterations % TINY_EACH == 0 && lg_minimise_tiny(m);
-}
-
 /* The trial point becomes x. */
 static void accept(lg_minimiser *m, double value, const double *gradient) {
     const size_t n = m->n;
@@ -429,7 +426,7 @@ static void accept(lg_minimiser *m, double value, const double *gradient) {
         (void)lg_minimise_verify(m, LG_MINIMISE_GRADIENT);
     } else if (lg_minimise_slow(m)) {
         lg_minimise_finish(m, LG_MINIMISE_SLOW);
-    } else if (newton ? lg_minimise_newton_pays(m, fall) : lg_minimise_creeps(m) || ends_at_zero(m)) {
+    } else if (newton ? lg_minimise_newton_pays(m, fall) : lg_minimise_creeps(m) || lg_minimise_tiny(m)) {
         (void)lg_minimise_verify(m, LG_MINIMISE_ROUNDING);
     } else if (m->k->dot(n, m->s, m->y) > 0.0) {
         m->row->update(m, m->s, m->y);

@@ -45,8 +45,8 @@ static void change(lg_minimiser *m, const double *s, double rho, double q, doubl
     const double *hy = product(m);
     for (size_t i = m->first; i < m->end; i++) {
         const double v = rho * s[i] - hy[i] / q;
-        m->k->combine(m->n, phi * q * rho * v / tau + rho * s[i], s, -(hy[i] / q + phi * v) / tau, hy, 1.0 / tau,
-                      m->curvature + (i - m->first) * lg_minimise_stride(m->n));
+        m->k->combine(m->n, phi * q * rho * v / tau + rho * s[i], s, -(hy[i] / q + phi * v) / tau, hy,
+                      1.0 / tau, m->curvature + (i - m->first) * lg_minimise_stride(m->n));
     }
 }
 

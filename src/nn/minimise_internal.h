@@ -43,9 +43,10 @@ typedef struct lg_minimise_numbers {
     double reference_value, start_value;
     double damping; /* Levenberg-Marquardt: mu; Newton step: the shift added to the Hessian */
     double growth;  /* Levenberg-Marquardt: the next refusal multiplies mu by this factor */
-    double radius; /* lg_least_squares: longest step, in the norm of D */
+    double radius;  /* lg_least_squares: longest step, in the norm of D */
     double check_value[4], check_slope[4];
-    double first; /* 1/curvature of f along the line of the check: the length of a first step -g; 0: not known */
+    double
+        first; /* 1/curvature of f along the line of the check: the length of a first step -g; 0: not known */
 } lg_minimise_numbers;
 
 typedef struct lg_minimise_row {
@@ -119,7 +120,8 @@ void lg_minimise_finish(lg_minimiser *m, lg_minimise_end end);
 /* Why no step lowers f: LG_MINIMISE_BARRIER if f was not finite at the upper end of the last bracket, else
  * LG_MINIMISE_ROUNDING. */
 lg_minimise_end lg_minimise_no_step(const lg_minimiser *m);
-/* The change of f by rounding of f and x. lg_minimise_tiny: f is so small that it only tends to 0. */
+/* The change of f by rounding of f and x. lg_minimise_tiny: judged at every eighth step,
+ * whether f is so small that it only tends to 0. */
 double lg_minimise_rounding(const lg_minimiser *m);
 bool lg_minimise_tiny(const lg_minimiser *m);
 /* Fills m->s with the random direction of checks, which depends on n alone. */
@@ -130,11 +132,11 @@ bool lg_minimise_flat(const lg_minimiser *m);
 bool lg_minimise_slow(lg_minimiser *m);
 
 /* Whether f has not halved in the last row->creep + 4 n iterations and the Hessian can be computed. Judged
- * once in so many iterations; false in between and with options.slow. Ends the run with LG_MINIMISE_STUCK if f has
- * fallen by less than 3e-4 of it each of ten times. */
+ * once in so many iterations; false in between and with options.slow. Ends the run with LG_MINIMISE_STUCK if
+ * f has fallen by less than 3e-4 of it each of ten times. */
 bool lg_minimise_creeps(lg_minimiser *m);
-/* Whether another Newton step pays after one that lowered f by `fall`: by more than a tenth of f, and the Hessian was
- * positive semidefinite. */
+/* Whether another Newton step pays after one that lowered f by `fall`: by more than a tenth of f, and the
+ * Hessian was positive semidefinite. */
 bool lg_minimise_newton_pays(const lg_minimiser *m, double fall);
 /* max |g_i| in the caller's units. */
 double lg_minimise_gradient_size(const lg_minimiser *m);

@@ -1,5 +1,5 @@
-/* Limited memory BFGS: the two-loop recursion (Nocedal & Wright, algorithm 7.4) from a diagonal H_0, which the
- * pairs update too (Gilbert & Lemarechal, Math. Prog. 45, 1989). */
+/* Limited memory BFGS: the two-loop recursion (Nocedal & Wright, algorithm 7.4) from a diagonal H_0, which
+ * the pairs update too (Gilbert & Lemarechal, Math. Prog. 45, 1989). */
 #include <math.h>
 #include <string.h>
 
@@ -8,8 +8,8 @@
 /* an update leaves at least this part of an element of 1/H_0 */
 static const double LEAST_PART = 0.1;
 
-/* `pairs` holds a ring of pairs s_0, y_0, s_1, y_1, ..., each vector at a stride; then 1/y.s of each pair; then
- * the recursion's alpha of each pair; then the diagonal of H_0. */
+/* `pairs` holds a ring of pairs s_0, y_0, s_1, y_1, ..., each vector at a stride; then 1/y.s of each pair;
+ * then the recursion's alpha of each pair; then the diagonal of H_0. */
 size_t lg_minimise_pairs_length(size_t n, size_t most) {
     return most * (2 * lg_minimise_stride(n) + 2) + n;
 }

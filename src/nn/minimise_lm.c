@@ -61,8 +61,8 @@ static double scale_of(const lg_minimiser *m, const arrow *a, size_t i) {
     return m->squares != NULL && m->x[i] != 0.0 ? fmax(a->D[i], least) : a->D[i];
 }
 
-/* The number mu D_i that is added to element i of the diagonal. It is 1 if D_i is 0, so that a variable without
- * influence does not move. */
+/* The number mu D_i that is added to element i of the diagonal. It is 1 if D_i is 0, so that a variable
+ * without influence does not move. */
 static double damping_of(const lg_minimiser *m, const arrow *a, size_t i) {
     const double d = scale_of(m, a, i);
     return d > 0.0 ? d * m->numbers.damping : 1.0;
@@ -193,12 +193,13 @@ static double length_of(const lg_minimiser *m, const double *d) {
     return sqrt(sum);
 }
 
-/* The step without damping if it is within the radius; otherwise that with the damping for which its length is
- * the radius, to a tenth (More 1978). */
+/* The step without damping if it is within the radius; otherwise that with the damping for which its length
+ * is the radius, to a tenth (More 1978). */
 static bool solve_within(lg_minimiser *m) {
     enum { MOST = 60 };
     double low = 0.0, high = INFINITY, *mu = &m->numbers.damping;
-    bool good = solve_residuals(m, false), near = good && !(length_of(m, m->d) > (1.0 + NEAR) * m->numbers.radius);
+    bool good = solve_residuals(m, false),
+         near = good && !(length_of(m, m->d) > (1.0 + NEAR) * m->numbers.radius);
     for (int i = 0; i < MOST && !near; i++) {
         good = solve_residuals(m, true);
         const double length = length_of(m, m->d) / m->numbers.radius;

@@ -256,8 +256,8 @@ static bool change_agrees(const given_residuals *given, double step, double size
     return !(sqrt(error) > JACOBIAN_TOLERANCE * sqrt(top) + JACOBIAN_ROUNDING * size);
 }
 
-/* Whether the change of r over the step agrees with the integral of J d along it, by the trapezoidal rule or by
- * Simpson's; also true if r could not be evaluated. */
+/* Whether the change of r over the step agrees with the integral of J d along it, by the trapezoidal rule or
+ * by Simpson's; also true if r could not be evaluated. */
 static bool step_agrees(lg_minimiser *m, const given_residuals *given, double step, double size,
                         lg_status *status) {
     if (!look(m, given, step, given->change, status)) return true;
