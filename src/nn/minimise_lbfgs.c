@@ -1,5 +1,5 @@
 /* Limited memory BFGS: the two-loop recursion (Nocedal & Wright, algorithm 7.4) from a diagonal H_0, which
- * the pairs update too (Gilbert & Lemarechal, Math. Prog. 45, 1989). */
+ * the pairs update too if they can be n or more (Gilbert & Lemarechal, Math. Prog. 45, 1989). */
 #include <math.h>
 #include <string.h>
 
@@ -18,13 +18,14 @@ const double *lg_minimise_pairs_diagonal(const lg_minimiser *m, const double *pa
     return pairs + most * (2 * lg_minimise_stride(m->n) + 2);
 }
 
+/* Scales H_0 so that y.H_0 y = y.s. */
 static void scale_diagonal(size_t n, const double *y, double ys, double *H) {
     double yhy = 0.0;
     for (size_t i = 0; i < n; i++) yhy += y[i] * y[i] * H[i];
     for (size_t i = 0; i < n; i++) H[i] *= ys / yhy;
 }
 
-/* Updates H_0: the diagonal of the BFGS update of 1/H_0, scaled so that y.H_0 y = y.s. */
+/* Updates H_0: the diagonal of the BFGS update of 1/H_0. */
 static void update_diagonal(size_t n, const double *s, const double *y, double ys, double *H) {
     double sbs = 0.0;
     scale_diagonal(n, y, ys, H);
@@ -33,7 +34,6 @@ static void update_diagonal(size_t n, const double *s, const double *y, double y
         const double b = 1.0 / H[i];
         H[i] = 1.0 / fmax(b + y[i] * y[i] / ys - b * s[i] * b * s[i] / sbs, LEAST_PART * b);
     }
-    scale_diagonal(n, y, ys, H);
 }
 
 void lg_minimise_pairs_direction(lg_minimiser *m, double *pairs, size_t most, uint64_t count) {
@@ -65,8 +65,10 @@ void lg_minimise_pairs_add(lg_minimiser *m, double *pairs, size_t most, const do
     memcpy(slot, s, n * sizeof *s);
     memcpy(slot + stride, y, n * sizeof *y);
     pairs[2 * most * stride + newest] = 1.0 / ys;
-    if (m->counts.pairs == 0) m->k->fill(n, 1.0, H);
-    update_diagonal(n, s, y, ys, H);
+    /* n pairs or more tell a diagonal, fewer only its size. */
+    if (m->counts.pairs == 0 || n > most) m->k->fill(n, 1.0, H);
+    if (n <= most) update_diagonal(n, s, y, ys, H);
+    scale_diagonal(n, y, ys, H);
     lg_minimise_pairs_direction(m, pairs, most, m->counts.pairs + 1);
 }
 
