@@ -200,8 +200,8 @@ static void put_lagged(const app *self, const lg_learned_machine *model, const i
     APP_FREE size_t *at = app_alloc(points, sizeof *at);
     APP_FREE double *x = app_alloc(points * n, sizeof *x);
     for (size_t i = 0; i < points; i++) at[i] = i;
-    APP_MUST(self, lg_machine_lagged_inputs(self->context, machine, model->theta, &p->log, at, points, x,
-                                            &error));
+    APP_MUST(self,
+             lg_machine_lagged_inputs(self->context, machine, model->theta, &p->log, at, points, x, &error));
     for (size_t i = 0; i < points; i++)
         for (size_t k = 0; k < n; k++) u[i * m + machine->lagged[k]] = x[i * n + k];
 }

@@ -35,7 +35,8 @@ void identify_pieces_lag(const app *self, identify_pieces *p, const lg_learned_m
     const size_t count = p->log.parts, m = machine->input_count, n = machine->lags;
     if (n == 0 || count == 0) return;
     APP_FREE double *x = app_alloc(count * n, sizeof *x);
-    APP_MUST(self, lg_machine_lagged_inputs(self->context, machine, model->theta, log, row, count, x, &error));
+    APP_MUST(self,
+             lg_machine_lagged_inputs(self->context, machine, model->theta, log, row, count, x, &error));
     p->log.lag = p->lag = app_alloc(count * m, sizeof *p->lag);
     for (size_t i = 0; i < count; i++)
         for (size_t k = 0; k < n; k++) p->lag[i * m + machine->lagged[k]] = x[i * n + k];

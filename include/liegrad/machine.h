@@ -348,7 +348,8 @@ typedef struct lg_machine_log {
  * must outlive it. Errors: LG_OUT_OF_MEMORY. */
 typedef struct lg_machine_filter lg_machine_filter;
 LG_API lg_status lg_machine_filter_create(const lg_context *context, const lg_machine *machine,
-                                        const lg_machine_log *log, lg_machine_filter **out, lg_error *error);
+                                          const lg_machine_log *log, lg_machine_filter **out,
+                                          lg_error *error);
 LG_API void lg_machine_filter_destroy(lg_machine_filter *filter); /* NULL is allowed. */
 /* Writes the lagged inputs (count, lags) at the rows at[0..count-1], in the log's units. Errors:
  * LG_OUT_OF_MEMORY. */

@@ -54,7 +54,7 @@ lg_var lg_machine_put_lagged(lg_tape *tape, const lg_machine *machine, lg_var u,
     if (n == m) return x;
     for (uint32_t j = 0; j < m; j++)
         each[j] = next < n && machine->lagged[next] == j ? lg_machine_columns(tape, x, next++, 1)
-                                                          : lg_machine_columns(tape, u, j, 1);
+                                                         : lg_machine_columns(tape, u, j, 1);
     return lg_concat(tape, each, m, 1);
 }
 
@@ -249,29 +249,28 @@ lg_var lg_machine_record_lag(lg_tape *tape, const lg_machine_vars *vars) {
 
 /* ---- the table ---- */
 
-const lg_term_kind lg_machine_actuator_kinds[] = {
-    {.name = "lag",
-     .part = LG_MACHINE_ACTUATOR,
-     .options = LG_TERM_OF | LG_TERM_VALUES,
-     .parameters = one_each,
-     .initialise = start_lag,
-     .values = one_value_each,
-     .record = lagged,
-     .lag = lag_of,
-     .numbers = lg_numbers_lag},
-    {.name = "dead_zone",
-     .part = LG_MACHINE_ACTUATOR,
-     .options = LG_TERM_OF | LG_TERM_VALUES,
-     .parameters = one_each,
-     .initialise = start_dead_zone,
-     .values = one_value_each,
-     .record = dead_zone,
-     .numbers = lg_numbers_dead_zone},
-    {.name = "curve",
-     .part = LG_MACHINE_ACTUATOR,
-     .options = LG_TERM_OF | LG_TERM_VALUES | LG_TERM_DEGREE,
-     .parameters = curve_parameters,
-     .values = curve_values,
-     .record = curve,
-     .numbers = lg_numbers_curve},
-    {.name = NULL}};
+const lg_term_kind lg_machine_actuator_kinds[] = {{.name = "lag",
+                                                   .part = LG_MACHINE_ACTUATOR,
+                                                   .options = LG_TERM_OF | LG_TERM_VALUES,
+                                                   .parameters = one_each,
+                                                   .initialise = start_lag,
+                                                   .values = one_value_each,
+                                                   .record = lagged,
+                                                   .lag = lag_of,
+                                                   .numbers = lg_numbers_lag},
+                                                  {.name = "dead_zone",
+                                                   .part = LG_MACHINE_ACTUATOR,
+                                                   .options = LG_TERM_OF | LG_TERM_VALUES,
+                                                   .parameters = one_each,
+                                                   .initialise = start_dead_zone,
+                                                   .values = one_value_each,
+                                                   .record = dead_zone,
+                                                   .numbers = lg_numbers_dead_zone},
+                                                  {.name = "curve",
+                                                   .part = LG_MACHINE_ACTUATOR,
+                                                   .options = LG_TERM_OF | LG_TERM_VALUES | LG_TERM_DEGREE,
+                                                   .parameters = curve_parameters,
+                                                   .values = curve_values,
+                                                   .record = curve,
+                                                   .numbers = lg_numbers_curve},
+                                                  {.name = NULL}};

@@ -212,6 +212,8 @@ static void add_kind(lg_machine_part part, const lg_term_kind *kind) {
     if (part == LG_MACHINE_ACTUATOR) {
         (void)snprintf(label, sizeof label, "loss with %s", lg_term_kind_name(kind));
         add_row(&machine, LOSS, LG_MACHINE_STARTS_MEASURED, label);
+        /* The lagged inputs of the log are computed outside of the tape, for one value of the lag. */
+        if (machine.lags > 0) cases[rows - 1].no_program = "a constant";
     }
     (void)snprintf(label, sizeof label, "%s %s, field", lg_machine_part_name(part), lg_term_kind_name(kind));
     add_row(&machine, FIELD, LG_MACHINE_STARTS_MEASURED, label);

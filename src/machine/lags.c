@@ -101,13 +101,13 @@ struct lg_machine_filter {
     pthread_mutex_t mutex;
     lg_machine_log log;
     uint32_t m;
-    double *start;                   /* (parts, inputs) */
-    double *x[LG_MACHINE_INPUTS];    /* (rows, 3): x and its derivatives by log tau; NULL: not asked for yet */
-    double tau[LG_MACHINE_INPUTS];   /* of x */
+    double *start;                 /* (parts, inputs) */
+    double *x[LG_MACHINE_INPUTS];  /* (rows, 3): x and its derivatives by log tau; NULL: not asked for yet */
+    double tau[LG_MACHINE_INPUTS]; /* of x */
 };
 
 lg_status lg_machine_filter_create(const lg_context *context, const lg_machine *machine,
-                                 const lg_machine_log *log, lg_machine_filter **out, lg_error *error) {
+                                   const lg_machine_log *log, lg_machine_filter **out, lg_error *error) {
     LG_NEEDS(error, machine, log, out);
     const uint32_t m = machine->input_count;
     lg_machine_filter *made = lg_alloc(context, 1, sizeof *made);

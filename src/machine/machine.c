@@ -6,9 +6,8 @@
 #include "machine/internal.h"
 
 const char *lg_machine_part_name(lg_machine_part part) {
-    static const char *const names[LG_MACHINE_PART_COUNT] = {"mass",      "potential", "damping",
-                                                             "input_map", "residual",  "bias",
-                                                             "actuator"};
+    static const char *const names[LG_MACHINE_PART_COUNT] = {"mass",     "potential", "damping", "input_map",
+                                                             "residual", "bias",      "actuator"};
     return (uint32_t)part < LG_MACHINE_PART_COUNT ? names[part] : NULL;
 }
 

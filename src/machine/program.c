@@ -15,7 +15,7 @@ enum { MOST = LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES + LG_MACHINE_INPUTS }
 typedef struct recording {
     const lg_machine *machine;
     const lg_scheme *scheme; /* of the function `step` */
-    lg_space space, full; /* of mechanical states; of states with lagged inputs at their end */
+    lg_space space, full;    /* of mechanical states; of states with lagged inputs at their end */
     /* A number in the log's units is the scaled number times its factor. */
     double state[MOST], field[MOST], positions[LG_MACHINE_POSITIONS], velocities[LG_MACHINE_VELOCITIES];
 } recording;
@@ -107,8 +107,7 @@ static lg_status gradient(void *user, lg_tape *tape, const lg_var *theta, const 
 /* The lagged columns of u, (B, lags). */
 static lg_var lagged_columns(lg_tape *tape, const lg_machine *machine, lg_var u) {
     lg_var each[LG_MACHINE_INPUTS];
-    for (uint32_t k = 0; k < machine->lags; k++)
-        each[k] = lg_machine_columns(tape, u, machine->lagged[k], 1);
+    for (uint32_t k = 0; k < machine->lags; k++) each[k] = lg_machine_columns(tape, u, machine->lagged[k], 1);
     return machine->lags == machine->input_count ? u
            : machine->lags == 1                  ? each[0]
                                                  : lg_concat(tape, each, machine->lags, 1);
@@ -232,16 +231,17 @@ static lg_status lagged_step(void *user, lg_tape *tape, const lg_var *theta, con
 static lg_status add_step(lg_program *program, const recording *r, lg_error *error) {
     const double low = 0.001 * r->machine->scales.time, high = 0.05 * r->machine->scales.time;
     size_t field_at, count;
-    if (r->machine->lags == 0)
-        return lg_program_add_step(program, &r->space, r->scheme, low, high, error);
+    if (r->machine->lags == 0) return lg_program_add_step(program, &r->space, r->scheme, low, high, error);
     if (r->scheme->kind == LG_SCHEME_IMPLICIT || r->scheme->kind == LG_SCHEME_SLGI)
-        return lg_fail(error, LG_UNSUPPORTED,
-                       "%s solves equations in each step, which a program cannot do: take an explicit scheme, "
-                       "such as cf4",
-                       r->scheme->name);
+        return lg_fail(
+            error, LG_UNSUPPORTED,
+            "%s solves equations in each step, which a program cannot do: take an explicit scheme, "
+            "such as cf4",
+            r->scheme->name);
     LG_TRY(lg_program_find(program, "field", &field_at, error));
     const lg_port *of_field = lg_program_inputs(program, field_at, &count);
-    const lg_port in[3] = {of_field[0], of_field[1],
+    const lg_port in[3] = {of_field[0],
+                           of_field[1],
                            {.name = "h", .shape = lg_shape1(1), .low = low, .high = high}},
                   next = {.name = "next"};
     const lg_function_spec spec = {"step", in, 3, &next, 1, lagged_step, (void *)(uintptr_t)r};

@@ -216,7 +216,7 @@ lg_status lg_machine_find_scales(lg_machine *machine, const lg_machine_log *log,
     set_lengths(machine, &size);
     for (uint32_t j = 0; j < machine->input_count; j++)
         machine->scales.input[j] = size.input[j] > 0.0 ? size.input[j] : 1.0;
-    set_lags(&machine->scales, log);
+    if (machine->lags > 0) set_lags(&machine->scales, log);
     double energy = known_energy(machine, &size);
     if (!(energy > 0.0)) energy = lg_grey_energy(machine);
     const uint32_t held = hold_mass(machine, &size);

@@ -200,8 +200,7 @@ static lg_var lagged_at(lg_tape *tape, const interval *over, double s) {
         lg_tape_mark_rows(tape, x[d]);
     }
     fill_lagged(over, s, (double *const[]){memory[0], memory[1], memory[2]});
-    const lg_var change =
-        lg_sub(tape, over->vars->lag, lg_input_f64(tape, lg_shape2(1, n), over->l));
+    const lg_var change = lg_sub(tape, over->vars->lag, lg_input_f64(tape, lg_shape2(1, n), over->l));
     const lg_var slope = lg_add(tape, x[1], lg_mul(tape, lg_scale(tape, change, 0.5), x[2]));
     return lg_add(tape, x[0], lg_mul(tape, change, slope));
 }

@@ -110,6 +110,7 @@ static const struct {
     {LG_MACHINE_POTENTIAL, "quadratic", "quadratic"}, {LG_MACHINE_POTENTIAL, "polynomial", "polynomial"},
     {LG_MACHINE_DAMPING, "diagonal", "known"},        {LG_MACHINE_DAMPING, "coulomb", "coulomb"},
     {LG_MACHINE_DAMPING, "quadratic", "quadratic"},   {LG_MACHINE_INPUT_MAP, "constant", "known"},
+    {LG_MACHINE_ACTUATOR, "curve", "curve"},          {LG_MACHINE_ACTUATOR, "dead_zone", "dead_zone"},
 };
 
 /* The effect of the term at some rows: the energy, or the force of its part. */
@@ -129,7 +130,9 @@ TEST("identified numbers, used as values of known terms, have the same effect at
         for (int k = 0; k < 14; k++) masses[k] = 1.0;
         add_values(add_term(&free, LG_MACHINE_MASS, "known"), 14, masses);
         lg_machine_term *term = add_term(&free, exchanged[i].part, exchanged[i].kind);
-        if ((lg_term_kind_options(term->kind) & LG_TERM_OF) != 0)
+        if (exchanged[i].part == LG_MACHINE_ACTUATOR)
+            add_feature(term, LG_FEATURE_INPUT, 1), add_feature(term, LG_FEATURE_INPUT, 0);
+        else if ((lg_term_kind_options(term->kind) & LG_TERM_OF) != 0)
             add_feature(term, LG_FEATURE_POSITION, 0), add_feature(term, LG_FEATURE_POSITION, 4);
         if (exchanged[i].part != LG_MACHINE_INPUT_MAP)
             add_values(add_term(&free, LG_MACHINE_INPUT_MAP, "known"), 28, some_values(28));

@@ -441,8 +441,8 @@ static runs *make_runs(double noise) {
         r->t[row] = 0.03 * (double)(row % RUN);
     }
     r->first[RUNS] = POINTS;
-    r->log = (lg_machine_log){
-        POINTS, RUNS, r->first, r->t, r->q, r->v, test_numbers(3, POINTS * 4, -1, 1), NULL, NULL};
+    r->log = (lg_machine_log){POINTS, RUNS, r->first, r->t, r->q, r->v, test_numbers(3, POINTS * 4, -1, 1),
+                              NULL,   NULL};
     assert_ok(lg_machine_free_run(NULL, &r->machine, r->theta, lg_scheme_find("cf4"), 2, &r->log, r->first,
                                   RUNS, RUN - 1, r->true_q, r->true_v, NULL));
     lg_rng rng = test_rng(2, 0);

@@ -32,7 +32,8 @@ static lg_status find_term(reading *r, const wish *w, lg_machine_term **out) {
     const lg_term_kind *kind = lg_term_kind_find(LG_MACHINE_ACTUATOR, w->kind);
     for (uint32_t i = 0; i < m->term_count; i++) {
         *out = &m->terms[i];
-        if ((*out)->kind == kind && (*out)->degree == w->degree && ((*out)->value_count > 0) == (w->count > 0))
+        if ((*out)->kind == kind && (*out)->degree == w->degree &&
+            ((*out)->value_count > 0) == (w->count > 0))
             return LG_OK;
     }
     if (m->term_count == LG_MACHINE_TERMS)
@@ -88,8 +89,7 @@ static lg_status read_curve(reading *r, const yaml_node_t *node, uint32_t input)
                             "inputs.curve: expected none, {degree: 2}, {degree: 3} or {dead_zone: unknown}");
     LG_TRY(lg_yaml_read_below(r->yaml, node, &set, "inputs.curve", r->error));
     if (degree->line == 0 && (zone->line == 0 || given->line != 0))
-        return lg_yaml_fail(r->yaml, w.line, LG_FORMAT, r->error,
-                            "inputs.curve: needs key 'degree'%s",
+        return lg_yaml_fail(r->yaml, w.line, LG_FORMAT, r->error, "inputs.curve: needs key 'degree'%s",
                             zone->line == 0 ? " or key 'dead_zone'" : ", because it has values");
     if (zone->line != 0) {
         w.kind = "dead_zone";
@@ -115,11 +115,11 @@ static lg_status read_each(reading *r, const char *name, const lg_key_value *val
         return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error,
                             "%s: expected one value, or a list with one for each of the %u inputs", name, m);
     for (uint32_t i = 0; i < m; i++)
-        LG_TRY(read(r,
-                    many ? yaml_document_get_node(lg_yaml_document(r->yaml),
-                                                  list->data.sequence.items.start[i])
-                         : list,
-                    i));
+        LG_TRY(
+            read(r,
+                 many ? yaml_document_get_node(lg_yaml_document(r->yaml), list->data.sequence.items.start[i])
+                      : list,
+                 i));
     return LG_OK;
 }
 
