@@ -344,8 +344,8 @@ typedef struct lg_machine_log {
 } lg_machine_log;
 
 /* Keeps the lagged inputs x of a log, tau x' = u - x, at all its rows for the last time constants that were
- * asked for. Threads may share it. It reads t, u, lag and the velocities of the log that it was made of, which
- * must outlive it. Errors: LG_OUT_OF_MEMORY. */
+ * asked for. Threads may share it. It reads t, u, lag and the velocities of the log that it was made of,
+ * which must outlive it. Errors: LG_OUT_OF_MEMORY. */
 typedef struct lg_machine_filter lg_machine_filter;
 LG_API lg_status lg_machine_filter_create(const lg_context *context, const lg_machine *machine,
                                           const lg_machine_log *log, lg_machine_filter **out,
@@ -489,9 +489,9 @@ LG_API lg_status lg_machine_find_missing(const lg_context *context, const lg_mac
 /* A number that means something to the user, in the units of the log. Names: an unknown number of a system
  * has its label, "m1"; "mass.1.2" (of velocities 1 and 2, counted through all coordinates), "damping.x" or
  * "damping.body.3" (diagonal; likewise "coulomb.x", "quadratic.x"), "damping.1.2" (constant),
- * "input_map.2.1", "lag.u", "curve.u.2", "dead_zone.u", "potential.x^2", "potential.sin(theta)", "bias.x", "bias.body.velocity.3". If a mass is
- * a network, the numbers are those of M at one position, by default the reference: places and angles 0,
- * directions e3, attitudes 1. `error` is one standard deviation, from the Gauss-Newton matrix of at most
+ * "input_map.2.1", "potential.x^2", "potential.sin(theta)", "bias.x", "bias.body.velocity.3", "lag.u" (the
+ * time constant in seconds), "curve.u.2", "dead_zone.u". If a mass is a network, the numbers are those of M
+ * at one position, by default the reference: places and angles 0, directions e3, attitudes 1. `error` is one standard deviation, from the Gauss-Newton matrix of at most
  * 512 windows and the noise that the residuals show, without a prior; infinite where the data do not
  * determine the number. */
 #define LG_IDENTIFIED_NAME 96
@@ -575,8 +575,8 @@ LG_API lg_status lg_machine_estimate_starts(const lg_context *context, const lg_
  *   step       (x, u, h) -> next  one step of `scheme` (explicit; NULL: cf4), u constant, not projected
  * with x (state of lg_machine_full_space), u (inputs; absent without inputs), h (1), q (positions), v
  * (velocities), all in the units of the log. `momenta` sets the lagged inputs, the last numbers of x, to 0;
- * `step` moves them exactly; momenta have the unit of dL/dv. Scales are constants of the program. Errors: those of
- * lg_program_build; LG_UNSUPPORTED (an implicit scheme; a classical scheme if there are directions or
+ * `step` moves them exactly. Momenta have the unit of dL/dv. Scales are constants of the program. Errors:
+ * those of lg_program_build; LG_UNSUPPORTED (an implicit scheme; a classical scheme if there are directions or
  * rotations; LG_SCHEME_VARIATIONAL). */
 LG_API lg_status lg_machine_program(const lg_context *context, const lg_machine *machine, const double *theta,
                                     const lg_scheme *scheme, lg_program **out, lg_error *error);

@@ -208,6 +208,7 @@ lg_status lg_machine_lagged_inputs(const lg_context *context, const lg_machine *
                                    const lg_machine_log *log, const size_t *at, size_t count, double *out,
                                    lg_error *error) {
     LG_NEEDS(error, machine, log, at, out);
+    if (machine->parameters > 0) LG_NEEDS(error, theta);
     double tau[LG_MACHINE_INPUTS], *states;
     const size_t n = count * machine->lags;
     if (n == 0) return LG_OK;
