@@ -75,6 +75,9 @@ struct export_kind {
      * the program's ports. */
     void (*draw)(export_model *m, double *x, size_t v);
     double (*draw_input)(export_model *m, size_t k); /* Draws number k of the input of golden steps. */
+    /* Whether the program's `step` is more than its scheme along the field, so that golden steps are its own.
+     * NULL: it is not. */
+    bool (*steps_alone)(const export_model *m);
     /* Called when value, gradient and classes of golden vector `v` are computed. Returns false if the vector
      * has to be drawn again because rounding could change these results. */
     bool (*is_smooth)(export_model *m, size_t v);

@@ -201,10 +201,11 @@ static double golden_step(const export_model *m, size_t at) {
     return export_round(m->source->options, h);
 }
 
-/* Computes the golden steps with the library's integrator if the scheme is known, otherwise with the
- * program's `step`. */
+/* Computes the golden steps with the library's integrator if the scheme is known and is all of a step,
+ * otherwise with the program's `step`. */
 static lg_status take_steps(export_model *m, size_t at) {
-    const lg_scheme *scheme = m->source->options->scheme;
+    const bool alone = m->kind->steps_alone != NULL && m->kind->steps_alone(m);
+    const lg_scheme *scheme = alone ? NULL : m->source->options->scheme;
     const export_golden *golden = &m->source->golden;
     lg_stepper *stepper = NULL;
     const size_t bytes = scheme != NULL ? lg_model_stepper_size(m->file->model, scheme) : 0;

@@ -10,8 +10,8 @@
 
 /* DAMPING: index in `powered`, whose order is that of ENERGY_INPUTS and the next ones. */
 enum { CHUNK = 512, DAMPING = 1, POWERS = 4 };
-static const lg_machine_part powered[POWERS] = {LG_MACHINE_INPUT_MAP, LG_MACHINE_DAMPING,
-                                                LG_MACHINE_RESIDUAL, LG_MACHINE_OFFSET};
+static const lg_machine_part powered[POWERS] = {LG_MACHINE_INPUT_MAP, LG_MACHINE_DAMPING, LG_MACHINE_RESIDUAL,
+                                                LG_MACHINE_OFFSET};
 
 /* States (in the layout of logs) and the values that are wanted there. Outputs that are NULL are not
  * computed. */
@@ -191,6 +191,21 @@ static void add_interval(const double *energy, const double *power, double h, do
     out[ENERGY_CHANGE_SIZE] += fabs(change);
 }
 
+/* Replaces the inputs u (points, inputs) at all rows of the pieces by the lagged ones. */
+static void put_lagged(const app *self, const lg_learned_machine *model, const identify_pieces *p,
+                       size_t points, double *u) {
+    const lg_machine *machine = model->machine;
+    const size_t m = machine->input_count, n = machine->lags;
+    if (n == 0 || points == 0) return;
+    APP_FREE size_t *at = app_alloc(points, sizeof *at);
+    APP_FREE double *x = app_alloc(points * n, sizeof *x);
+    for (size_t i = 0; i < points; i++) at[i] = i;
+    APP_MUST(self,
+             lg_machine_lagged_inputs(self->context, machine, model->theta, &p->log, at, points, x, &error));
+    for (size_t i = 0; i < points; i++)
+        for (size_t k = 0; k < n; k++) u[i * m + machine->lagged[k]] = x[i * n + k];
+}
+
 /* Takes energies at the logged states, and powers at the logged ends and at the middle of the model's run of
  * each interval. */
 static void balance(const app *self, const lg_learned_machine *model, const lg_machine_log *log,
@@ -215,6 +230,7 @@ static void balance(const app *self, const lg_learned_machine *model, const lg_m
         memcpy(p->q + middle * nq, all->run_q + middle * nq, nq * sizeof *p->q);
         memcpy(p->v + middle * nv, all->run_v + middle * nv, nv * sizeof *p->v);
     }
+    put_lagged(self, model, p, points, u);
     ask(self, model,
         &(asked){.count = points, .q = p->q, .v = p->v, .u = u, .energy = energy, .power = power});
     for (size_t i = 0; i < all->count; i++)
@@ -296,6 +312,7 @@ void identify_balance(const app *self, const identify_given *given, double energ
     const lg_machine_log *log = &given->data.logs.log;
     APP_CLEAN(intervals_end) intervals all = {.count = 0};
     cut(given->model.machine, log, &all);
+    identify_pieces_lag(self, &all.pieces, &given->model, log, all.row);
     for (int k = 0; k < IDENTIFY_ENERGIES; k++) energy[k] = all.count > 0 ? 0 : (double)NAN;
     run_intervals(self, &given->model, &all);
     whiteness_of(&given->data, &all, whiteness);

@@ -60,10 +60,14 @@ typedef struct identify_pieces {
     lg_machine_log log; /* Points to the arrays below. */
     size_t *first;
     double *t, *q, *v, *u;
+    double *lag; /* (pieces, inputs); NULL until identify_pieces_lag. */
     size_t rows; /* Rows per piece. */
 } identify_pieces;
 void identify_pieces_begin(identify_pieces *pieces, const lg_machine *machine, size_t count, size_t rows);
 void identify_pieces_end(identify_pieces *pieces);
+/* Starts the lagged inputs of piece i as they are in row[i] of `log`. Without it pieces start as logs do. */
+void identify_pieces_lag(const app *self, identify_pieces *pieces, const lg_learned_machine *model,
+                         const lg_machine_log *log, const size_t *row);
 
 /* Returns the number of parts of the first run (parts are separated by gaps). */
 size_t identify_first_run(const lg_logs *logs);

@@ -17,7 +17,7 @@ void identify_pieces_begin(identify_pieces *p, const lg_machine *machine, size_t
     p->q = app_alloc(all * machine->positions, sizeof *p->q);
     p->v = app_alloc(all * machine->velocities, sizeof *p->v);
     p->u = app_alloc(all * 4 * machine->input_count + 1, sizeof *p->u);
-    p->log = (lg_machine_log){all, count, p->first, p->t, p->q, p->v, p->u};
+    p->log = (lg_machine_log){all, count, p->first, p->t, p->q, p->v, p->u, NULL, NULL};
 }
 
 void identify_pieces_end(identify_pieces *p) {
@@ -26,6 +26,20 @@ void identify_pieces_end(identify_pieces *p) {
     free(p->q);
     free(p->v);
     free(p->u);
+    free(p->lag);
+}
+
+void identify_pieces_lag(const app *self, identify_pieces *p, const lg_learned_machine *model,
+                         const lg_machine_log *log, const size_t *row) {
+    const lg_machine *machine = model->machine;
+    const size_t count = p->log.parts, m = machine->input_count, n = machine->lags;
+    if (n == 0 || count == 0) return;
+    APP_FREE double *x = app_alloc(count * n, sizeof *x);
+    APP_MUST(self,
+             lg_machine_lagged_inputs(self->context, machine, model->theta, log, row, count, x, &error));
+    p->log.lag = p->lag = app_alloc(count * m, sizeof *p->lag);
+    for (size_t i = 0; i < count; i++)
+        for (size_t k = 0; k < n; k++) p->lag[i * m + machine->lagged[k]] = x[i * n + k];
 }
 
 size_t identify_first_run(const lg_logs *logs) {
@@ -87,7 +101,9 @@ static void run_group(const app *self, const lg_learned_machine *model, const lg
     const size_t nq = machine->positions, nv = machine->velocities, rows = runs[0].rows;
     APP_CLEAN(identify_pieces_end) identify_pieces p;
     identify_pieces_begin(&p, machine, count, rows);
-    for (size_t i = 0; i < count; i++) fill_piece(&p, i, machine, log, runs[i].row);
+    APP_FREE size_t *row = app_alloc(count, sizeof *row);
+    for (size_t i = 0; i < count; i++) fill_piece(&p, i, machine, log, row[i] = runs[i].row);
+    identify_pieces_lag(self, &p, model, log, row);
     APP_FREE double *out_q = app_alloc(count * rows * nq, sizeof *out_q);
     APP_FREE double *out_v = app_alloc(count * rows * nv, sizeof *out_v);
     identify_run(self, model, &p.log, p.first, count, rows - 1, out_q, out_v);

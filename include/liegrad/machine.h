@@ -133,10 +133,13 @@ typedef enum lg_machine_part {
     LG_MACHINE_DAMPING,
     LG_MACHINE_INPUT_MAP,
     LG_MACHINE_RESIDUAL,
-    LG_MACHINE_BIAS,  /* Biases of sensors: a log has the true number plus the bias. */
-    LG_MACHINE_OFFSET /* Constant forces. */
+    LG_MACHINE_BIAS,   /* Biases of sensors: a log has the true number plus the bias. */
+    LG_MACHINE_OFFSET, /* Constant forces. */
+    /* What makes the input u that the other terms see out of the logged one: lag, then curve (input map
+     * only). Its terms depend on inputs alone. */
+    LG_MACHINE_ACTUATOR
 } lg_machine_part;
-#define LG_MACHINE_PART_COUNT 7
+#define LG_MACHINE_PART_COUNT 8
 /* Such as "mass" or "input_map"; NULL: unknown. */
 LG_API const char *lg_machine_part_name(lg_machine_part part);
 
@@ -178,12 +181,12 @@ typedef struct lg_machine_term {
     lg_machine_feature of[LG_MACHINE_FEATURES];
     uint32_t hidden_layers, hidden[LG_MACHINE_HIDDEN];
     lg_activation activation;
-    uint32_t degree;                  /* Degree of a polynomial. */
+    uint32_t degree; /* Degree of a polynomial. */
     /* Friction near rest: the velocity w in f tanh(v/w), in the units of the log. 0: lg_machine_width. */
     double width;
     uint32_t value_count;             /* Values are in the units of the log. */
     double values[LG_MACHINE_VALUES]; /* Matrices are row-major; mass and damping may also be a diagonal. */
-    uint32_t entry_count; /* Values that are unknown. */
+    uint32_t entry_count;             /* Values that are unknown. */
     lg_machine_entry entries[LG_MACHINE_ENTRIES];
     /* The members below are filled by lg_machine_init. */
     lg_mlp net;
@@ -232,6 +235,9 @@ typedef struct lg_machine_scales {
     double held;
     /* The largest speed of each velocity in the log, in the units of the log. Without a log it is 20. */
     double fastest[LG_MACHINE_VELOCITIES];
+    /* Least and greatest time constant of a lag that is learned, seconds: 0.2 of the mean step, 0.2 of the
+     * longest part. */
+    double lag[2];
 } lg_machine_scales;
 
 /* A machine. Plain data, copied freely. The caller fills coordinates, inputs, terms and scales
@@ -254,6 +260,7 @@ typedef struct lg_machine {
     uint32_t places, directions, rotations;
     uint32_t momenta;               /* Numbers in the momenta of all coordinates except directions. */
     uint32_t positions, velocities; /* How many positions and velocities a row of a log has. */
+    uint32_t lags, lagged[LG_MACHINE_INPUTS]; /* The inputs with a lag, rising. */
     /* Length of theta; its first `weights` numbers belong to networks. */
     size_t parameters, weights;
 } lg_machine;
@@ -287,14 +294,20 @@ LG_API lg_status lg_machine_set_parameter(lg_machine *machine, const char *key, 
  * or part of a unit vector, a start outside of the bounds, bounds against the parameter's rule). */
 LG_API lg_status lg_machine_bound_parameter(lg_machine *machine, const char *key, size_t index, double low,
                                             double high, double sigma, lg_error *error);
-/* Fills `space` with the space of the machine's states. Errors: those of lg_space_init. */
+/* Fills `space` with the space of the machine's mechanical states. Errors: those of lg_space_init. */
 LG_API lg_status lg_machine_space(const lg_machine *machine, lg_space *space);
+/* The same with a last factor R^lags, the lagged inputs: the states of lg_machine_program. Without lags it is
+ * lg_machine_space. */
+LG_API lg_status lg_machine_full_space(const lg_machine *machine, lg_space *space);
 
 /* Draws theta (`parameters` numbers; here and below NULL is allowed for a machine without parameters).
  * Weights of networks are from U(+-1/sqrt(fan_in)), those of last layers multiplied by 0.1. In scaled
  * units masses are 1, dampings small, the input map 1 from input j to velocity j and 0 elsewhere,
  * potentials and residuals 0. */
 LG_API void lg_machine_initialise(const lg_machine *machine, lg_rng *rng, double *theta);
+/* Sets the parameters of all lags that are learned to the time constant, in seconds, kept within
+ * scales.lag; returns how many there are. */
+LG_API size_t lg_machine_set_lags(const lg_machine *machine, double tau, double *theta);
 /* Adds full turns to the biases of angles in theta, so that they are in (-pi, pi]. A log does not show
  * full turns. */
 LG_API void lg_machine_wrap_biases(const lg_machine *machine, double *theta);
@@ -313,6 +326,7 @@ typedef struct lg_machine_vars {
     lg_var direction_mass;
     lg_var direction_inverse; /* (1, k, k) for a chain, else LG_NONE. */
     lg_var bias;              /* (1, positions + velocities), or LG_NONE. */
+    lg_var lag;               /* (1, lags): log of the lags' time constants over T; LG_NONE without lags. */
 } lg_machine_vars;
 LG_API lg_status lg_machine_bind(lg_tape *tape, const lg_machine *machine, lg_var theta,
                                  lg_machine_vars *vars);
@@ -329,11 +343,11 @@ LG_API lg_var lg_machine_record_energy(lg_tape *tape, const lg_machine_vars *var
 /* Returns the velocities v (B, velocities) of the state, without biases. */
 LG_API lg_var lg_machine_record_rates(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts);
 /* Returns the forces f (B, velocities) of one part: LG_MACHINE_DAMPING (-D v), LG_MACHINE_INPUT_MAP (B u),
- * LG_MACHINE_RESIDUAL or LG_MACHINE_OFFSET; LG_NONE when the machine has no such part. `rates` is v; u is (B, inputs) or
- * LG_NONE. */
+ * LG_MACHINE_RESIDUAL or LG_MACHINE_OFFSET; LG_NONE when the machine has no such part. `rates` is v; u is
+ * (B, inputs), after the lags, or LG_NONE. */
 LG_API lg_var lg_machine_record_force(lg_tape *tape, const lg_machine_vars *vars, lg_machine_part part,
                                       const lg_var *parts, lg_var rates, lg_var u);
-/* Writes the parts of the field, an algebra element. u is (B, inputs) or LG_NONE. */
+/* Writes the parts of the field, an algebra element. u is (B, inputs), after the lags, or LG_NONE. */
 LG_API lg_status lg_machine_record_field(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts,
                                          lg_var u, lg_var *algebra);
 
@@ -353,7 +367,25 @@ typedef struct lg_machine_log {
      * and the next is u(t_j + s h_j) = u_0 + s u_1 + s^2 u_2 + s^3 u_3 for 0 <= s <= 1, where h_j is the
      * time between them. If inputs are held, only u_0 is not 0. */
     const double *u;
+    /* (parts, inputs), lagged inputs at the first row of each part. NULL: u_0 of that row in a part that
+     * begins at rest (velocities below 1/50 of the part's largest), else 0. */
+    const double *lag;
+    struct lg_machine_filter *filter; /* See below; NULL: lagged inputs are computed again in each call. */
 } lg_machine_log;
+
+/* Keeps the lagged inputs x of a log, tau x' = u - x, at all its rows for the last time constants that were
+ * asked for. Threads may share it. It reads t, u, lag and the velocities of the log that it was made of,
+ * which must outlive it. Errors: LG_OUT_OF_MEMORY. */
+typedef struct lg_machine_filter lg_machine_filter;
+LG_API lg_status lg_machine_filter_create(const lg_context *context, const lg_machine *machine,
+                                          const lg_machine_log *log, lg_machine_filter **out,
+                                          lg_error *error);
+LG_API void lg_machine_filter_destroy(lg_machine_filter *filter); /* NULL is allowed. */
+/* Writes the lagged inputs (count, lags) at the rows at[0..count-1], in the log's units. Errors:
+ * LG_OUT_OF_MEMORY. */
+LG_API lg_status lg_machine_lagged_inputs(const lg_context *context, const lg_machine *machine,
+                                          const double *theta, const lg_machine_log *log, const size_t *at,
+                                          size_t count, double *out, lg_error *error);
 /* Returns the part to which a row belongs. */
 LG_API size_t lg_machine_log_part(const lg_machine_log *log, size_t row);
 /* Whether a row has all positions and, unless `positions_only`, all velocities. */
@@ -498,10 +530,11 @@ LG_API lg_status lg_machine_find_missing(const lg_context *context, const lg_mac
 /* A number that means something to the user, in the units of the log. Names: an unknown number of a system
  * has its label, "m1"; "mass.1.2" (of velocities 1 and 2, counted through all coordinates), "damping.x" or
  * "damping.body.3" (diagonal; likewise "coulomb.x", "quadratic.x", "cubic.x", "asymmetric.x", "breakaway.x",
- * "stribeck_speed.x", "load.x", "position.x", "offset.x"), "damping.1.2" (constant),
- * "input_map.2.1", "potential.x^2", "potential.sin(theta)", "bias.x", "bias.body.velocity.3". If a mass is
- * a network, the numbers are those of M at one position, by default the reference: places and angles 0,
- * directions e3, attitudes 1. `error` is one standard deviation, from the Gauss-Newton matrix of at most
+ * "stribeck_speed.x", "load.x", "position.x", "offset.x"), "damping.1.2" (constant), "input_map.2.1",
+ * "potential.x^2", "potential.sin(theta)", "bias.x", "bias.body.velocity.3", "lag.u" (the time constant in
+ * seconds), "curve.u.2", "dead_zone.u". If a mass is a network, the numbers are those of M at one position,
+ * by default the reference: places and angles 0, directions e3, attitudes 1. `error` is one standard
+ * deviation, from the Gauss-Newton matrix of at most
  * 512 windows and the noise that the residuals show, without a prior; infinite where the data do not
  * determine the number. */
 #define LG_IDENTIFIED_NAME 96
@@ -583,9 +616,10 @@ LG_API lg_status lg_machine_estimate_starts(const lg_context *context, const lg_
  *   velocities (x) -> v           the velocities of a state
  *   positions  (x) -> q           the positions of a state
  *   step       (x, u, h) -> next  one step of `scheme` (explicit; NULL: cf4), u constant, not projected
- * with x (state), u (inputs; absent without inputs), h (1), q (positions), v (velocities), all in the
- * units of the log; momenta have the unit of dL/dv. Scales are constants of the program. Errors: those of
- * lg_program_build; LG_UNSUPPORTED (an implicit scheme; a classical scheme if there are directions or
+ * with x (state of lg_machine_full_space), u (inputs; absent without inputs), h (1), q (positions), v
+ * (velocities), all in the units of the log. `momenta` sets the lagged inputs, the last numbers of x, to 0;
+ * `step` moves them exactly. Momenta have the unit of dL/dv. Scales are constants of the program. Errors:
+ * those of lg_program_build; LG_UNSUPPORTED (an implicit scheme; a classical scheme if there are directions or
  * rotations; LG_SCHEME_VARIATIONAL). */
 LG_API lg_status lg_machine_program(const lg_context *context, const lg_machine *machine, const double *theta,
                                     const lg_scheme *scheme, lg_program **out, lg_error *error);
@@ -703,6 +737,7 @@ typedef struct lg_logs {
     /* (parts): index of the part's file; index of its run, counted through all files. */
     uint32_t *part_file, *part_run;
     double *t, *q, *v, *u;
+    lg_machine_filter *filter; /* of machines with lags, else NULL */
     const lg_context *context;
 } lg_logs;
 

@@ -37,7 +37,9 @@ static lg_machine_term *add_term(lg_machine *machine, lg_machine_part part, cons
     const uint32_t options = lg_term_kind_options(kind);
     if ((options & LG_TERM_HIDDEN) != 0) term->hidden_layers = 1, term->hidden[0] = 3;
     if ((options & LG_TERM_DEGREE) != 0) term->degree = 2;
-    if ((options & LG_TERM_OF) != 0)
+    if (part == LG_MACHINE_ACTUATOR)
+        term->of[term->of_count++] = (lg_machine_feature){LG_FEATURE_INPUT, 0};
+    else if ((options & LG_TERM_OF) != 0)
         for (uint32_t i = 0; i < 2; i++)
             term->of[term->of_count++] = (lg_machine_feature){LG_FEATURE_POSITION, i};
     if ((options & LG_TERM_MOVING) != 0)
@@ -101,7 +103,7 @@ static lg_machine_problem problem_of(const settings *s, const data *d) {
         .substeps = 1,
         .window = POINTS,
         .starts = s->starts,
-        .log = {BATCH * POINTS, BATCH, d->first, d->t, d->q, d->v, d->u},
+        .log = {BATCH * POINTS, BATCH, d->first, d->t, d->q, d->v, d->u, NULL, NULL},
         .windows = BATCH,
         .start = d->start,
     };
@@ -206,6 +208,12 @@ static void add_kind(lg_machine_part part, const lg_term_kind *kind) {
     if (part == LG_MACHINE_BIAS) {
         add_row(&machine, LOSS, LG_MACHINE_STARTS_MEASURED, "loss with biases");
         return;
+    }
+    if (part == LG_MACHINE_ACTUATOR) {
+        (void)snprintf(label, sizeof label, "loss with %s", lg_term_kind_name(kind));
+        add_row(&machine, LOSS, LG_MACHINE_STARTS_MEASURED, label);
+        /* The lagged inputs of the log are computed outside of the tape, for one value of the lag. */
+        if (machine.lags > 0) cases[rows - 1].no_program = "a constant";
     }
     (void)snprintf(label, sizeof label, "%s %s, field", lg_machine_part_name(part), lg_term_kind_name(kind));
     add_row(&machine, FIELD, LG_MACHINE_STARTS_MEASURED, label);

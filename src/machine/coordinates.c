@@ -44,15 +44,25 @@ lg_machine_places lg_machine_parts(const lg_machine *machine) {
     return at;
 }
 
-lg_status lg_machine_space(const lg_machine *machine, lg_space *space) {
-    LG_NEEDS(NULL, machine, space);
-    lg_space_factor factors[4];
+static lg_status space_of(const lg_machine *machine, bool full, lg_space *space) {
+    lg_space_factor factors[5];
     size_t count = 0;
     if (machine->places > 0) factors[count++] = (lg_space_factor){LG_SPACE_RN, machine->places};
     if (machine->directions > 0) factors[count++] = (lg_space_factor){LG_SPACE_TS2, machine->directions};
     if (machine->rotations > 0) factors[count++] = (lg_space_factor){LG_SPACE_SO3, machine->rotations};
     if (machine->momenta > 0) factors[count++] = (lg_space_factor){LG_SPACE_RN, machine->momenta};
+    if (full && machine->lags > 0) factors[count++] = (lg_space_factor){LG_SPACE_RN, machine->lags};
     return lg_space_init(space, factors, count);
+}
+
+lg_status lg_machine_space(const lg_machine *machine, lg_space *space) {
+    LG_NEEDS(NULL, machine, space);
+    return space_of(machine, false, space);
+}
+
+lg_status lg_machine_full_space(const lg_machine *machine, lg_space *space) {
+    LG_NEEDS(NULL, machine, space);
+    return space_of(machine, true, space);
 }
 
 uint32_t lg_machine_mass_velocities(const lg_machine *machine, bool directions, uint32_t *list) {

@@ -35,7 +35,8 @@ typedef void lg_term_numbers(lg_number_list *list, const lg_machine *machine, co
                              const double *theta);
 lg_term_numbers lg_numbers_diagonal_mass, lg_numbers_constant_mass, lg_numbers_potential,
     lg_numbers_diagonal_damping, lg_numbers_constant_damping, lg_numbers_coulomb, lg_numbers_quadratic,
-    lg_numbers_cubic, lg_numbers_constant_map, lg_numbers_bias, lg_numbers_grey;
+    lg_numbers_cubic, lg_numbers_constant_map, lg_numbers_bias, lg_numbers_grey, lg_numbers_curve,
+    lg_numbers_dead_zone, lg_numbers_lag;
 /* Appends a number to the list. */
 void __attribute__((format(printf, 3, 4)))
 lg_numbers_put(lg_number_list *list, double value, const char *format, ...);
@@ -61,7 +62,8 @@ typedef struct lg_entry_about {
  *   mass       the mass matrix M, (B, n, n) or (1, n, n), of the coordinates whose momenta are in R^n
  *   potential  V (B, 1)
  *   damping, input map, residual, offset   forces (B, velocities)
- *   bias       (1, positions + velocities), which logs have added to the true values */
+ *   bias       (1, positions + velocities), which logs have added to the true values
+ *   actuator   the inputs (B, inputs) that the input map gets in place of seen->u */
 struct lg_term_kind {
     const char *name;
     lg_machine_part part;
@@ -80,6 +82,8 @@ struct lg_term_kind {
     lg_term_numbers *numbers;
     /* The two allowed numbers of values (equal if there is only one). NULL: the term takes no values. */
     void (*values)(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]);
+    /* log(tau/T) of the lags, (1, of_count). NULL: the term has none. */
+    lg_var (*lag)(lg_tape *tape, const lg_machine_vars *vars, uint32_t term);
     bool heights; /* positions in `of` become heights */
     /* Whether M depends on the state; NULL: it does not. */
     bool (*moving)(const lg_machine *machine);
@@ -256,6 +260,31 @@ static inline lg_var lg_machine_parameter(lg_tape *tape, const lg_machine *machi
 lg_var lg_machine_record_pull(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts);
 /* Adds an impulse (B, velocities), in the order of the velocities, to the momenta in `parts`. */
 void lg_machine_push(lg_tape *tape, const lg_machine *machine, lg_var impulse, lg_var *parts);
+
+/* ---- actuators (machine/actuators.c) and lags (machine/lags.c) ---- */
+
+/* u (B, inputs) after the curves of the inputs; LG_NONE stays. */
+lg_var lg_machine_record_actuated(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_seen *seen);
+/* log(tau/T) of all lags in the order of machine->lagged, (1, lags). */
+lg_var lg_machine_record_lag(lg_tape *tape, const lg_machine_vars *vars);
+/* Puts the columns of x (B, lags) into the lagged columns of u (B, inputs). */
+lg_var lg_machine_put_lagged(lg_tape *tape, const lg_machine *machine, lg_var u, lg_var x);
+/* Lists the inputs with a lag in `machine`. False: an input has two. */
+bool lg_machine_find_lags(lg_machine *machine);
+
+/* Weights with which a first-order lag moves over z = s h/tau: x(s) = E x(0) + sum_j g_j u_j s^j for u = sum_j
+ * u_j s^j. Of each weight the value and the first and second derivative by log tau. */
+typedef struct lg_lag_weights {
+    double E[3], g[4][3];
+} lg_lag_weights;
+void lg_lag_weights_at(double z, lg_lag_weights *out);
+/* x and its derivatives at s; `u`: u_0 .. u_3, `stride` numbers apart. `from` may be `out`. */
+void lg_lag_move(const lg_lag_weights *w, double s, const double *u, size_t stride, const double from[3],
+                 double out[3]);
+/* Lagged inputs and their derivatives by log tau, (count, lags, 3), at rows of a log, in its units; tau (lags)
+ * in seconds. */
+lg_status lg_machine_lag_states(const lg_machine *machine, const lg_machine_log *log, const double *tau,
+                                const size_t *at, size_t count, double *out);
 
 /* ---- correlations of numbers (machine/relations.c) ---- */
 

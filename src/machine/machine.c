@@ -7,12 +7,12 @@
 
 const char *lg_machine_part_name(lg_machine_part part) {
     static const char *const names[LG_MACHINE_PART_COUNT] = {"mass",     "potential", "damping", "input_map",
-                                                             "residual", "bias",      "offset"};
+                                                             "residual", "bias",      "offset",  "actuator"};
     return (uint32_t)part < LG_MACHINE_PART_COUNT ? names[part] : NULL;
 }
 
 /* Each X(name) stands for a table lg_machine_<name>_kinds; a table ends with a row without a name. */
-#define TABLES(X)     X(mass) X(potential) X(force) X(bias) X(friction) X(offset)
+#define TABLES(X)     X(mass) X(potential) X(force) X(bias) X(friction) X(offset) X(actuator)
 #define DECLARE(name) extern const lg_term_kind lg_machine_##name##_kinds[];
 #define LIST(name)    lg_machine_##name##_kinds,
 TABLES(DECLARE)
@@ -47,6 +47,8 @@ static const double unknown_speed = 20.0;
 
 void lg_machine_scales_init(lg_machine_scales *scales) {
     scales->time = scales->energy = scales->held = 1.0;
+    scales->lag[0] = 1e-3;
+    scales->lag[1] = 1e3;
     for (size_t i = 0; i < LG_MACHINE_POSITIONS; i++) scales->place[i] = 1.0;
     for (size_t i = 0; i < LG_MACHINE_VELOCITIES; i++) {
         scales->velocity[i] = 1.0;
@@ -95,8 +97,10 @@ static lg_status check_names(const lg_machine *machine, lg_error *error) {
 static bool feature_fits(const lg_machine *machine, const lg_machine_term *term, lg_machine_feature of) {
     const bool input = of.kind == LG_FEATURE_INPUT;
     if (of.index >= (input ? machine->input_count : machine->coordinate_count)) return false;
-    if (input) return term->part == LG_MACHINE_RESIDUAL || (term->kind->options & LG_TERM_INPUTS) != 0;
-    if ((term->kind->options & LG_TERM_INPUTS) != 0) return false;
+    if (input)
+        return term->part == LG_MACHINE_RESIDUAL || term->part == LG_MACHINE_ACTUATOR ||
+               (term->kind->options & LG_TERM_INPUTS) != 0;
+    if (term->part == LG_MACHINE_ACTUATOR || (term->kind->options & LG_TERM_INPUTS) != 0) return false;
     if (term->part == LG_MACHINE_OFFSET) return of.kind == LG_FEATURE_POSITION;
     const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[of.index].kind);
     if (term->part == LG_MACHINE_BIAS && of.kind != LG_FEATURE_VELOCITY && of.kind != LG_FEATURE_PLACE)
@@ -149,7 +153,8 @@ static lg_status check_term(const lg_machine *machine, const lg_machine_term *te
     if ((options & LG_TERM_WIDTH) != 0 && !(term->width >= 0.0 && isfinite(term->width)))
         return term_fails(term, error, "the width must be above 0, or 0 for a width from the log");
     if ((options & LG_TERM_INPUTS) != 0 && term->of_count == 0 && !has_part(machine, LG_MACHINE_POTENTIAL))
-        return term_fails(term, error, "needs `of`, the inputs that load it, or a potential whose force does");
+        return term_fails(term, error,
+                          "needs `of`, the inputs that load it, or a potential whose force does");
     if (term->kind->base != NULL && changes_again(machine, term))
         return term_fails(term, error, "two terms of this kind change the same friction; give one");
     size_t fits[2] = {0, 0};
@@ -269,7 +274,7 @@ static void find_gauge(lg_machine *machine) {
     uint32_t masses = 0;
     for (uint32_t i = 0; i < machine->term_count; i++) {
         const lg_machine_term *term = &machine->terms[i];
-        given = given || term->value_count > term->entry_count;
+        given = given || (term->value_count > term->entry_count && term->part != LG_MACHINE_ACTUATOR);
         for (uint32_t k = 0; k < term->entry_count; k++) given = given || term->entries[k].sigma > 0.0;
         if (term->part != LG_MACHINE_MASS) continue;
         single = single || term->entry_count > 0;
@@ -300,6 +305,8 @@ lg_status lg_machine_init(lg_machine *machine, lg_error *error) {
     for (uint32_t i = 0; i < machine->term_count; i++) LG_TRY(set_term(machine, &machine->terms[i], error));
     LG_TRY(check_positive(machine, LG_MACHINE_MASS, error));
     LG_TRY(check_positive(machine, LG_MACHINE_DAMPING, error));
+    if (!lg_machine_find_lags(machine))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "actuator of kind lag: an input has two lags");
     machine->weights = place_parameters(machine, true, 0);
     machine->parameters = place_parameters(machine, false, machine->weights);
     if (machine->input_count > 0 && !has_part(machine, LG_MACHINE_INPUT_MAP) &&

@@ -3,18 +3,19 @@
  * log's units. */
 #include <math.h>
 
+#include "autodiff/tape/tape_internal.h"
 #include "core/core.h"
 #include "integrators/taped_internal.h"
 #include "liegrad/ops.h"
 #include "machine/internal.h"
 
-/* Bound on the numbers of a state: of positions and velocities together. */
-enum { MOST = LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES };
+/* Bound on the numbers of a state: of positions, velocities and lagged inputs together. */
+enum { MOST = LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES + LG_MACHINE_INPUTS };
 
 typedef struct recording {
     const lg_machine *machine;
     const lg_scheme *scheme; /* of the function `step` */
-    lg_space space;
+    lg_space space, full;    /* of mechanical states; of states with lagged inputs at their end */
     /* A number in the log's units is the scaled number times its factor. */
     double state[MOST], field[MOST], positions[LG_MACHINE_POSITIONS], velocities[LG_MACHINE_VELOCITIES];
 } recording;
@@ -44,6 +45,10 @@ static void fill_state(recording *r) {
             *state++ = s->energy * s->time / L[k];
             *field++ = s->energy / L[k];
         }
+    }
+    for (uint32_t k = 0; k < machine->lags; k++) {
+        *state++ = s->input[machine->lagged[k]];
+        *field++ = s->input[machine->lagged[k]] / s->time;
     }
 }
 
@@ -81,7 +86,7 @@ static lg_status bind(const recording *r, lg_tape *tape, const lg_var *theta, lg
 static lg_status open_state(const recording *r, lg_tape *tape, const lg_var *theta, lg_var x,
                             lg_machine_vars *vars, lg_var *parts) {
     LG_TRY(bind(r, tape, theta, vars));
-    return lg_taped_split(tape, &r->space, times(tape, x, r->state, (uint32_t)r->space.dim, true), parts);
+    return lg_taped_split(tape, &r->full, times(tape, x, r->state, (uint32_t)r->full.dim, true), parts);
 }
 
 static lg_status value(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
@@ -99,16 +104,31 @@ static lg_status gradient(void *user, lg_tape *tape, const lg_var *theta, const 
     return lg_grad(tape, y[0], x, 1, y + 1);
 }
 
+/* The lagged columns of u, (B, lags). */
+static lg_var lagged_columns(lg_tape *tape, const lg_machine *machine, lg_var u) {
+    lg_var each[LG_MACHINE_INPUTS];
+    for (uint32_t k = 0; k < machine->lags; k++) each[k] = lg_machine_columns(tape, u, machine->lagged[k], 1);
+    return machine->lags == machine->input_count ? u
+           : machine->lags == 1                  ? each[0]
+                                                 : lg_concat(tape, each, machine->lags, 1);
+}
+
 static lg_status field(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     const recording *r = user;
     const uint32_t m = r->machine->input_count;
     lg_machine_vars vars;
     lg_var parts[LG_TAPED_MAX_PARTS], algebra[LG_TAPED_MAX_PARTS];
     LG_TRY(open_state(r, tape, theta, x[0], &vars, parts));
-    const lg_var u = m > 0 ? times(tape, x[1], r->machine->scales.input, m, true) : LG_NONE;
+    lg_var u = m > 0 ? times(tape, x[1], r->machine->scales.input, m, true) : LG_NONE;
+    if (r->machine->lags > 0) {
+        const size_t last = lg_taped_parts(&r->space);
+        const lg_var left = lg_sub(tape, lagged_columns(tape, r->machine, u), parts[last]);
+        algebra[last] = lg_mul(tape, left, lg_exp(tape, lg_neg(tape, vars.lag)));
+        u = lg_machine_put_lagged(tape, r->machine, u, parts[last]);
+    }
     LG_TRY(lg_machine_record_field(tape, &vars, parts, u, algebra));
-    y[0] = times(tape, lg_taped_join_algebra(tape, &r->space, algebra), r->field,
-                 (uint32_t)r->space.algebra_dim, false);
+    y[0] = times(tape, lg_taped_join_algebra(tape, &r->full, algebra), r->field,
+                 (uint32_t)r->full.algebra_dim, false);
     return lg_tape_status(tape);
 }
 
@@ -117,10 +137,10 @@ static lg_status velocity(void *user, lg_tape *tape, const lg_var *theta, const 
     const recording *r = user;
     lg_var algebra[LG_TAPED_MAX_PARTS], parts[LG_TAPED_MAX_PARTS], rate[LG_TAPED_MAX_PARTS];
     (void)theta;
-    LG_TRY(lg_taped_split_algebra(tape, &r->space, lg_program_call(tape, "field", 0, x), algebra));
-    LG_TRY(lg_taped_split(tape, &r->space, x[0], parts));
-    LG_TRY(lg_taped_generator(tape, &r->space, algebra, parts, rate));
-    y[0] = lg_taped_join(tape, &r->space, rate);
+    LG_TRY(lg_taped_split_algebra(tape, &r->full, lg_program_call(tape, "field", 0, x), algebra));
+    LG_TRY(lg_taped_split(tape, &r->full, x[0], parts));
+    LG_TRY(lg_taped_generator(tape, &r->full, algebra, parts, rate));
+    y[0] = lg_taped_join(tape, &r->full, rate);
     return lg_tape_status(tape);
 }
 
@@ -132,7 +152,13 @@ static lg_status momenta(void *user, lg_tape *tape, const lg_var *theta, const l
     const lg_var q = times(tape, x[0], r->positions, r->machine->positions, true),
                  v = times(tape, x[1], r->velocities, r->machine->velocities, true);
     LG_TRY(lg_machine_record_state(tape, &vars, q, v, parts));
-    y[0] = times(tape, lg_taped_join(tape, &r->space, parts), r->state, (uint32_t)r->space.dim, false);
+    if (r->machine->lags > 0) {
+        const lg_var zeros =
+            lg_full(tape, lg_shape2(lg_var_shape(tape, parts[0]).dims[0], r->machine->lags), 0.0);
+        lg_tape_mark_rows(tape, zeros);
+        parts[lg_taped_parts(&r->space)] = zeros;
+    }
+    y[0] = times(tape, lg_taped_join(tape, &r->full, parts), r->state, (uint32_t)r->full.dim, false);
     return lg_tape_status(tape);
 }
 
@@ -156,6 +182,72 @@ static lg_status positions(void *user, lg_tape *tape, const lg_var *theta, const
     return lg_tape_status(tape);
 }
 
+/* ---- steps with lags ----
+ *
+ * The machine is stepped by the scheme, with the lagged inputs u + (x - u) e^(-t/tau) at each stage. */
+
+typedef struct lagging {
+    const recording *r;
+    lg_var x, u, rate; /* lagged inputs at the start, u (B, lags), 1/tau (1, lags) */
+} lagging;
+
+static lg_var lagged_after(lg_tape *tape, const lagging *l, lg_var t) {
+    const lg_var E = lg_exp(tape, lg_neg(tape, lg_mul(tape, t, l->rate)));
+    return lg_add(tape, l->u, lg_mul(tape, lg_sub(tape, l->x, l->u), E));
+}
+
+static lg_status lagged_field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
+                              lg_var *algebra) {
+    const lagging *l = user;
+    const size_t last = lg_taped_parts(&l->r->space);
+    lg_var parts[LG_TAPED_MAX_PARTS], all[LG_TAPED_MAX_PARTS];
+    for (size_t i = 0; i < last; i++) parts[i] = y[i];
+    parts[last] = l->x;
+    if (lg_taped_time_varies(t))
+        parts[last] = lagged_after(tape, l, lg_taped_time_rows(tape, t, lg_var_shape(tape, y[0]).dims[0]));
+    const lg_var in[2] = {lg_taped_join(tape, &l->r->full, parts), input};
+    LG_TRY(lg_taped_split_algebra(tape, &l->r->full, lg_program_call(tape, "field", 0, in), all));
+    for (size_t i = 0; i < last; i++) algebra[i] = all[i];
+    return lg_tape_status(tape);
+}
+
+static lg_status lagged_step(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const recording *r = user;
+    const size_t last = lg_taped_parts(&r->space);
+    lg_machine_vars vars;
+    lg_var parts[LG_TAPED_MAX_PARTS];
+    LG_TRY(bind(r, tape, theta, &vars));
+    LG_TRY(lg_taped_split(tape, &r->full, x[0], parts));
+    lagging l = {.r = r, .x = parts[last], .u = lagged_columns(tape, r->machine, x[1])};
+    l.rate = lg_scale(tape, lg_exp(tape, lg_neg(tape, vars.lag)), 1.0 / r->machine->scales.time);
+    const lg_taped_ode ode = {.space = r->space, .field = lagged_field, .user = &l};
+    const lg_taped_interval over = {.h_rows = x[2], .input = x[1]};
+    LG_TRY(lg_taped_step_over(tape, r->scheme, &ode, &over, parts, parts));
+    parts[last] = lagged_after(tape, &l, x[2]);
+    y[0] = lg_taped_join(tape, &r->full, parts);
+    return lg_tape_status(tape);
+}
+
+static lg_status add_step(lg_program *program, const recording *r, lg_error *error) {
+    const double low = 0.001 * r->machine->scales.time, high = 0.05 * r->machine->scales.time;
+    size_t field_at, count;
+    if (r->machine->lags == 0) return lg_program_add_step(program, &r->space, r->scheme, low, high, error);
+    if (r->scheme->kind == LG_SCHEME_IMPLICIT || r->scheme->kind == LG_SCHEME_SLGI)
+        return lg_fail(
+            error, LG_UNSUPPORTED,
+            "%s solves equations in each step, which a program cannot do: take an explicit scheme, "
+            "such as cf4",
+            r->scheme->name);
+    LG_TRY(lg_program_find(program, "field", &field_at, error));
+    const lg_port *of_field = lg_program_inputs(program, field_at, &count);
+    const lg_port in[3] = {of_field[0],
+                           of_field[1],
+                           {.name = "h", .shape = lg_shape1(1), .low = low, .high = high}},
+                  next = {.name = "next"};
+    const lg_function_spec spec = {"step", in, 3, &next, 1, lagged_step, (void *)(uintptr_t)r};
+    return lg_program_add_function(program, &spec, error);
+}
+
 /* ---- the bundle ---- */
 
 /* A port of the program. Its range for random numbers is the smallest factor, so that no number is far beyond
@@ -171,7 +263,7 @@ static lg_status build(const lg_context *context, recording *r, const double *th
     const lg_machine *machine = r->machine;
     const uint32_t m = machine->input_count;
     const size_t inputs = m > 0 ? 2 : 1;
-    lg_port in[2] = {port_of("x", r->state, (uint32_t)r->space.dim)};
+    lg_port in[2] = {port_of("x", r->state, (uint32_t)r->full.dim)};
     if (m > 0) in[1] = port_of("u", machine->scales.input, m);
     const lg_port logged[2] = {port_of("q", r->positions, machine->positions),
                                port_of("v", r->velocities, machine->velocities)};
@@ -209,14 +301,14 @@ lg_status lg_machine_program(const lg_context *context, const lg_machine *machin
                        "another explicit Lie group scheme",
                        scheme->name);
     LG_TRY(lg_machine_space(machine, &r.space));
+    LG_TRY(lg_machine_full_space(machine, &r.full));
     fill_state(&r);
     fill_log(&r);
     LG_TRY(build(context, &r, theta, &made, error));
     lg_derivative_init(&jacobian);
     jacobian.kind = LG_DERIVATIVE_JACOBIAN;
     jacobian.function = "velocity";
-    const double T = machine->scales.time;
-    lg_status status = lg_program_add_step(made, &r.space, r.scheme, 0.001 * T, 0.05 * T, error);
+    lg_status status = add_step(made, &r, error);
     if (status == LG_OK) status = lg_program_derive(made, &jacobian, error);
     if (status == LG_OK)
         *out = made;

@@ -10,11 +10,17 @@ static lg_var plus(lg_tape *tape, lg_var sum, lg_var more) {
     return lg_is_none(sum) ? more : lg_add(tape, sum, more);
 }
 
-/* The sum of the terms of one part, or LG_NONE. */
+/* The sum of the terms of one part, or LG_NONE. Input maps see the inputs after their curves. */
 static lg_var sum_of(lg_tape *tape, const lg_machine_vars *vars, lg_machine_part part,
                      const lg_machine_seen *seen) {
     const lg_machine *machine = vars->machine;
+    lg_machine_seen actuated;
     lg_var sum = LG_NONE;
+    if (part == LG_MACHINE_INPUT_MAP) {
+        actuated = *seen;
+        actuated.u = lg_machine_record_actuated(tape, vars, seen);
+        seen = &actuated;
+    }
     for (uint32_t i = 0; i < machine->term_count; i++) {
         const lg_term_kind *kind = machine->terms[i].kind;
         if (kind->part == part) sum = plus(tape, sum, kind->record(tape, vars, i, seen));
@@ -65,6 +71,7 @@ lg_status lg_machine_bind(lg_tape *tape, const lg_machine *machine, lg_var theta
     if (machine->grey.system != NULL) vars->grey = lg_grey_record(tape, machine, grey_theta(vars));
     const uint32_t n = machine->momenta;
     vars->bias = sum_of(tape, vars, LG_MACHINE_BIAS, NULL);
+    if (machine->lags > 0) vars->lag = lg_machine_record_lag(tape, vars);
     if (machine->directions > 0) vars->direction_mass = record_direction_mass(tape, vars);
     if (machine->directions > 1 && machine->grey.system != NULL)
         vars->direction_inverse =

@@ -197,6 +197,22 @@ static lg_status refuse_motion(const lg_machine *machine, const moments *size, l
                  : "velocities or accelerations in the logs overflow: give them in larger units");
 }
 
+/* The range of time constants that are learned. */
+static void set_lags(lg_machine_scales *s, const lg_machine_log *log) {
+    static const double part = 0.2, least = 10.0;
+    double sum = 0.0, longest = 0.0;
+    size_t steps = 0;
+    for (size_t p = 0; p < log->parts; p++) {
+        const double length = log->t[log->first[p + 1] - 1] - log->t[log->first[p]];
+        sum += length;
+        steps += log->first[p + 1] - log->first[p] - 1;
+        longest = fmax(longest, length);
+    }
+    if (steps == 0) return;
+    s->lag[0] = part * sum / (double)steps;
+    s->lag[1] = fmax(part * longest, least * s->lag[0]);
+}
+
 lg_status lg_machine_find_scales(lg_machine *machine, const lg_machine_log *log, lg_error *error) {
     LG_NEEDS(error, machine, log);
     moments size = {{0}, {0}, {0}, {0}, {0}};
@@ -211,6 +227,7 @@ lg_status lg_machine_find_scales(lg_machine *machine, const lg_machine_log *log,
     set_speeds(machine, &size);
     for (uint32_t j = 0; j < machine->input_count; j++)
         machine->scales.input[j] = size.input[j] > 0.0 ? size.input[j] : 1.0;
+    if (machine->lags > 0) set_lags(&machine->scales, log);
     double energy = known_energy(machine, &size);
     if (!(energy > 0.0)) energy = lg_grey_energy(machine);
     const uint32_t held = hold_mass(machine, &size);

@@ -149,9 +149,15 @@ typedef struct interval {
     lg_var u[4];   /* coefficients (B, inputs) of u; LG_NONE: no inputs, or this power is 0 in all rows */
     lg_var h;      /* (B, 1), each row's length; time then runs from 0 to 1. LG_NONE: one length for all */
     double length; /* length of the interval in the time of the scheme */
+    /* Of machines with lags: the rows of the log, tau (lags) in seconds, log(tau/T) (lags), and the lagged
+     * inputs (count, lags, 3) at these rows. */
+    const lg_machine_log *log;
+    const size_t *at;
+    uint32_t count;
+    double tau[LG_MACHINE_INPUTS], l[LG_MACHINE_INPUTS], *lagged;
 } interval;
 
-static lg_var input_at(lg_tape *tape, const interval *over, double s) {
+static lg_var polynomial_at(lg_tape *tape, const interval *over, double s) {
     lg_var sum = over->u[0];
     double power = s;
     for (int k = 1; k < 4; k++, power *= s) {
@@ -160,6 +166,49 @@ static lg_var input_at(lg_tape *tape, const interval *over, double s) {
         sum = lg_linear_combination(tape, both, (const double[]){1.0, power}, 2);
     }
     return sum;
+}
+
+/* Fills x[d] (count, lags): the d-th derivatives of the scaled lagged inputs by log tau at s. */
+static void fill_lagged(const interval *over, double s, double *const x[3]) {
+    const lg_machine *machine = over->vars->machine;
+    const uint32_t m = machine->input_count, n = machine->lags;
+    for (uint32_t k = 0; k < n; k++) {
+        const uint32_t input = machine->lagged[k];
+        lg_lag_weights weights;
+        double h = 0.0, found[3];
+        for (uint32_t i = 0; i < over->count; i++) {
+            const size_t row = over->at[i];
+            const double own = over->log->t[row + 1] - over->log->t[row];
+            if (!(fabs(own - h) <= 1e-9 * h)) lg_lag_weights_at(s * (h = own) / over->tau[k], &weights);
+            lg_lag_move(&weights, s, over->log->u + row * 4 * m + input, m,
+                        over->lagged + ((size_t)i * n + k) * 3, found);
+            for (int d = 0; d < 3; d++) x[d][(size_t)i * n + k] = found[d] / machine->scales.input[input];
+        }
+    }
+}
+
+/* The lagged inputs at s, (B, lags): a Taylor polynomial of degree 2 in log tau about its value, so that the
+ * value and two derivatives are exact. */
+static lg_var lagged_at(lg_tape *tape, const interval *over, double s) {
+    const lg_machine *machine = over->vars->machine;
+    const uint32_t n = machine->lags;
+    lg_var x[3];
+    void *memory[3];
+    for (int d = 0; d < 3; d++) {
+        x[d] = lg_input_buffer(tape, lg_shape2(over->count, n), &memory[d]);
+        if (lg_is_none(x[d])) return LG_NONE;
+        lg_tape_mark_rows(tape, x[d]);
+    }
+    fill_lagged(over, s, (double *const[]){memory[0], memory[1], memory[2]});
+    const lg_var change = lg_sub(tape, over->vars->lag, lg_input_f64(tape, lg_shape2(1, n), over->l));
+    const lg_var slope = lg_add(tape, x[1], lg_mul(tape, lg_scale(tape, change, 0.5), x[2]));
+    return lg_add(tape, x[0], lg_mul(tape, change, slope));
+}
+
+static lg_var input_at(lg_tape *tape, const interval *over, double s) {
+    const lg_var u = polynomial_at(tape, over, s);
+    if (over->lagged == NULL) return u;
+    return lg_machine_put_lagged(tape, over->vars->machine, u, lagged_at(tape, over, s));
 }
 
 static lg_status field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
@@ -234,10 +283,11 @@ static lg_status scheme_steps(lg_tape *tape, const lg_machine_flow *flow, interv
 static lg_status variational_steps(lg_tape *tape, const lg_machine_flow *flow, interval *over,
                                    lg_var *parts) {
     const double n = flow->substeps;
-    lg_machine_span span = {.h = over->length / n, .rows = over->h, .u = {LG_NONE, over->u[0]}};
+    lg_machine_span span = {.h = over->length / n, .rows = over->h, .u = {LG_NONE, LG_NONE}};
     const char *fault = lg_machine_variational_fault(flow->vars->machine);
     if (fault != NULL) (void)lg_tape_fail(tape, LG_UNSUPPORTED, "variational step", fault);
     LG_TRY(lg_tape_status(tape));
+    if (!lg_is_none(over->u[0])) span.u[1] = input_at(tape, over, 0.0);
     for (uint32_t i = 0; i < flow->substeps; i++) {
         span.u[0] = span.u[1];
         if (!lg_is_none(over->u[0])) span.u[1] = input_at(tape, over, (i + 1) / n);
@@ -246,16 +296,34 @@ static lg_status variational_steps(lg_tape *tape, const lg_machine_flow *flow, i
     return lg_tape_status(tape);
 }
 
+static lg_status steps_of(lg_tape *tape, const lg_machine_flow *flow, interval *over, lg_var *parts) {
+    return flow->scheme->kind == LG_SCHEME_VARIATIONAL ? variational_steps(tape, flow, over, parts)
+                                                       : scheme_steps(tape, flow, over, parts);
+}
+
+static lg_status lagged_steps(lg_tape *tape, const lg_machine_flow *flow, interval *over, lg_var *parts) {
+    const lg_machine *machine = flow->vars->machine;
+    const size_t bytes = (size_t)over->count * machine->lags * 3 * sizeof(double);
+    LG_TRY(lg_read(tape, flow->vars->lag, machine->lags, over->l));
+    for (uint32_t k = 0; k < machine->lags; k++) over->tau[k] = machine->scales.time * exp(over->l[k]);
+    over->lagged = lg_pool_take(tape, bytes);
+    if (over->lagged == NULL) return lg_tape_status(tape);
+    lg_status status =
+        lg_machine_lag_states(machine, over->log, over->tau, over->at, over->count, over->lagged);
+    if (status == LG_OK) status = steps_of(tape, flow, over, parts);
+    lg_pool_give(tape, over->lagged, bytes);
+    return status;
+}
+
 lg_status lg_machine_record_interval(lg_tape *tape, const lg_machine_flow *flow, const lg_machine_log *log,
                                      const size_t *at, uint32_t count, lg_var *parts) {
     const lg_machine *machine = flow->vars->machine;
-    interval over = {.vars = flow->vars, .length = 1.0};
+    interval over = {.vars = flow->vars, .length = 1.0, .log = log, .at = at, .count = count};
     if (uniform(machine, log, at, count))
         over.length = length_of(machine, log, at[0]);
     else
         over.h = lengths(tape, machine, log, at, count);
     for (uint32_t k = 0; k < 4 && machine->input_count > 0; k++)
         over.u[k] = coefficients(tape, machine, log, at, count, k);
-    return flow->scheme->kind == LG_SCHEME_VARIATIONAL ? variational_steps(tape, flow, &over, parts)
-                                                       : scheme_steps(tape, flow, &over, parts);
+    return machine->lags > 0 ? lagged_steps(tape, flow, &over, parts) : steps_of(tape, flow, &over, parts);
 }

@@ -75,7 +75,8 @@ static const example examples[] = {
     {.row = {"rod", "gcc", "-O0", ""}, 4, 45, machine_without_inputs},
     {.row = {"top", "clang", "-O1", ""}, 4, 45, machine_of_a_top},
     {.row = {"chain", "gcc", "-O3", ""}, 4, 45, machine_of_a_chain},
-    {.row = {"arm", "gcc", "-O2", ""}, 4, 45, machine_of_an_arm}};
+    {.row = {"arm", "gcc", "-O2", ""}, 4, 45, machine_of_an_arm},
+    {.row = {"motor", "clang", "-O2", ""}, 4, 45, machine_of_a_motor}};
 
 static int begin(void **state) {
     if (export_begin(state) != 0) return -1;

@@ -908,7 +908,7 @@ TEST("functions of machines refuse NULL") {
                                   .scheme = lg_scheme_find("cf4"),
                                   .substeps = 1,
                                   .window = 4,
-                                  .log = {ROWS, 1, first, t, q, v, NULL},
+                                  .log = {ROWS, 1, first, t, q, v, NULL, NULL, NULL},
                                   .windows = 2,
                                   .start = start,
                                   .position_scale = {1.0},
@@ -927,6 +927,7 @@ TEST("functions of machines refuse NULL") {
     lg_identified *identified = TEST_ARRAY(lg_identified, 64);
     lg_identification about = {.numbers = identified};
     lg_program *program;
+    lg_machine_filter *filter;
     for (int i = 0; i < 2; i++)
         grey.coordinates[i] = (lg_machine_coordinate){.name = {(char)('p' + i)}, .kind = LG_COORDINATE_ANGLE};
     REFUSES(lg_machine_init(NEEDED(&changed), NULL));
@@ -934,6 +935,10 @@ TEST("functions of machines refuse NULL") {
     assert_ok(lg_machine_set_system(&grey, "two-link-arm", &error));
     REFUSES(lg_machine_set_parameter(NEEDED(&grey), NEEDED("gravity"), 1, NEEDED(numbers), NULL, NULL));
     REFUSES(lg_machine_space(NEEDED(machine), NEEDED(&space)));
+    REFUSES(lg_machine_full_space(NEEDED(machine), NEEDED(&space)));
+    REFUSES(lg_machine_filter_create(NULL, NEEDED(machine), NEEDED(&problem.log), NEEDED(&filter), NULL));
+    REFUSES(lg_machine_lagged_inputs(NULL, NEEDED(machine), NEEDED(theta), NEEDED(&problem.log),
+                                     NEEDED(start), 2, NEEDED(others), NULL));
     REFUSES(lg_machine_bind(NEEDED(tape), NEEDED(machine), at, NEEDED(&vars)));
     REFUSES(lg_machine_record_state(NEEDED(tape), NEEDED(&vars), one, one, NEEDED(parts)));
     REFUSES(lg_machine_record_field(NEEDED(tape), NEEDED(&vars), NEEDED(parts), LG_NONE, NEEDED(out)));

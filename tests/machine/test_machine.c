@@ -67,8 +67,7 @@ static void assert_energy_balance(const lg_machine *machine) {
     static const lg_machine_part forces[] = {LG_MACHINE_DAMPING, LG_MACHINE_INPUT_MAP, LG_MACHINE_RESIDUAL,
                                              LG_MACHINE_OFFSET};
     for (size_t i = 0; i < LG_COUNT(forces); i++) {
-        const lg_var f =
-            lg_machine_record_force(s->tape, &s->vars, forces[i], s->parts, s->rates, s->u);
+        const lg_var f = lg_machine_record_force(s->tape, &s->vars, forces[i], s->parts, s->rates, s->u);
         if (!lg_is_none(f)) power = lg_add(s->tape, power, lg_rowdot(s->tape, s->rates, f));
     }
     double expected[ROWS];
@@ -115,6 +114,7 @@ static const struct {
     {LG_MACHINE_DAMPING, "cubic", "cubic"},           {LG_MACHINE_DAMPING, "asymmetric", "asymmetric"},
     {LG_MACHINE_DAMPING, "stribeck", "stribeck"},     {LG_MACHINE_DAMPING, "load", "load"},
     {LG_MACHINE_DAMPING, "position", "position"},     {LG_MACHINE_OFFSET, "unknown", "known"},
+    {LG_MACHINE_ACTUATOR, "curve", "curve"},          {LG_MACHINE_ACTUATOR, "dead_zone", "dead_zone"},
 };
 
 /* The effect of the term at some rows: the energy, or the force of its part. */
@@ -134,7 +134,9 @@ TEST("identified numbers, used as values of known terms, have the same effect at
         for (int k = 0; k < 14; k++) masses[k] = 1.0;
         add_values(add_term(&free, LG_MACHINE_MASS, "known"), 14, masses);
         lg_machine_term *term = add_term(&free, exchanged[i].part, exchanged[i].kind);
-        if ((lg_term_kind_options(term->kind) & LG_TERM_OF) != 0)
+        if (exchanged[i].part == LG_MACHINE_ACTUATOR)
+            add_feature(term, LG_FEATURE_INPUT, 1), add_feature(term, LG_FEATURE_INPUT, 0);
+        else if ((lg_term_kind_options(term->kind) & LG_TERM_OF) != 0)
             add_feature(term, LG_FEATURE_POSITION, 0), add_feature(term, LG_FEATURE_POSITION, 4);
         if ((lg_term_kind_options(term->kind) & LG_TERM_INPUTS) != 0)
             add_feature(term, LG_FEATURE_INPUT, 0), add_feature(term, LG_FEATURE_INPUT, 1);
@@ -210,7 +212,7 @@ TEST("a thrown rigid body follows a parabola and keeps its angular momentum in s
     const size_t first[2] = {0, STEPS + 1}, start = 0;
     random_rows(&machine, 9, STEPS + 1, q, v);
     for (int i = 0; i <= STEPS; i++) t[i] = 0.02 * i;
-    const lg_machine_log log = {STEPS + 1, 1, first, t, q, v, NULL};
+    const lg_machine_log log = {STEPS + 1, 1, first, t, q, v, NULL, NULL, NULL};
     assert_ok(lg_machine_free_run(NULL, &machine, NULL, lg_scheme_find("rkmk5"), 4, &log, &start, 1, STEPS,
                                   q1, v1, NULL));
     for (int i = 0; i < 12; i++)

@@ -76,6 +76,32 @@ static void times(double *x, const double *factor, size_t rows, size_t n) {
     for (size_t i = 0; i < rows * n; i++) x[i] *= factor[i % n];
 }
 
+/* Sets the lagged inputs, which `momenta` has set to 0, to the inputs u that the recording sees, and changes
+ * the inputs of the program; then the lags move by (u' - u)/tau. Compares these rates in `field`, and removes
+ * them from it. */
+static void set_lagged(const lg_machine *machine, size_t dim, double *x, double *u) {
+    const uint32_t m = machine->input_count, n = machine->lags;
+    for (uint32_t i = 0; i < ROWS; i++)
+        for (uint32_t k = 0; k < n; k++) {
+            double *own = x + i * (dim + n) + dim + k, *given = u + i * m + machine->lagged[k];
+            assert_true(*own == 0.0);
+            *own = *given;
+            *given = 2.0 * *given + 0.3;
+        }
+}
+
+static void take_lagged(const lg_machine *machine, size_t dim, size_t algebra, const double *tau,
+                        const double *x, const double *u, double *field) {
+    const uint32_t m = machine->input_count, n = machine->lags;
+    for (uint32_t i = 0; i < ROWS; i++) {
+        const double *of = field + i * (algebra + n);
+        for (uint32_t k = 0; k < n; k++)
+            assert_close(of[algebra + k],
+                         (u[i * m + machine->lagged[k]] - x[i * (dim + n) + dim + k]) / tau[k], 1e-13, 1e-13);
+        memmove(field + i * algebra, of, algebra * sizeof *field);
+    }
+}
+
 /* Compares all functions of `program` at rows of a log with the tape's results for the same rows in scaled
  * units. */
 static void check_recording(const lg_machine *machine) {
@@ -106,11 +132,16 @@ static void check_recording(const lg_machine *machine) {
     const ready state = make_ready(program, "momenta", ROWS, LG_F64);
     lg_plan_eval(state.plan, (const void *const[]){q, v}, (void *const[]){x}, state.work);
     const ready value = make_ready(program, "value", ROWS, LG_F64);
+    double tau[LG_MACHINE_INPUTS];
+    if (machine->lags > 0) assert_ok(lg_read(tape, vars.lag, machine->lags, tau));
+    for (uint32_t k = 0; k < machine->lags; k++) tau[k] = machine->scales.time * exp(tau[k]);
+    set_lagged(machine, space.dim, x, u);
     run_value(&value, x, got);
     for (int i = 0; i < ROWS; i++) got[i] /= machine->scales.energy;
     assert_reads(tape, H, ROWS, got, 1e-13, 1e-13);
     const ready field = make_ready(program, "field", ROWS, LG_F64);
     lg_plan_eval(field.plan, (const void *const[]){x, u}, (void *const[]){got}, field.work);
+    take_lagged(machine, space.dim, space.algebra_dim, tau, x, u, got);
     size_t count = 0;
     for (size_t i = 0; i < lg_taped_parts(&space); i++) {
         const lg_shape shape = lg_var_shape(tape, algebra[i]);

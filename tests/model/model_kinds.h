@@ -446,7 +446,7 @@ static inline void same_table(const lg_table_file *a, const lg_table_file *b) {
  * computes. */
 static const char *const machine_model_examples[] = {
     machine_of_all_kinds, machine_of_a_body,  machine_of_a_cart, machine_without_inputs,
-    machine_of_a_top,     machine_of_a_chain, machine_of_an_arm};
+    machine_of_a_top,     machine_of_a_chain, machine_of_an_arm, machine_of_a_motor};
 
 static inline lg_machine_model_run make_machine_model_run(size_t which) {
     lg_machine_model_run run = make_machine_model(machine_model_examples[which], 7)->run;

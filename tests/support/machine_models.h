@@ -113,5 +113,13 @@ static const char machine_of_an_arm[] =
     "parameters: {masses: unknown, gravity: {start: 9, unknown: true}}\n"
     "potential: {kind: network, of: q, hidden: [4]}\n"
     "input_map: {kind: known, values: [[1], [0]]}\n";
+/* Inputs with lags, a dead zone and a curve. */
+static const char machine_of_a_motor[] =
+    "coordinates: [{name: x, kind: line, velocity: vx}, {name: theta, kind: angle, velocity: vt}]\n"
+    "inputs: {columns: [u, w, f], lag: [unknown, none, 0.3],\n"
+    "  curve: [{degree: 3}, {dead_zone: 0.2}, {dead_zone: unknown, degree: 2, values: 0.1}]}\n"
+    "mass: {kind: constant}\n"
+    "damping: {kind: diagonal}\n"
+    "input_map: {kind: known, values: [[1, 0, 0.5], [0, 1, 0.7]]}\n";
 
 #endif

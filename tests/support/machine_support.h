@@ -147,6 +147,8 @@ static inline lg_machine machine_with(const lg_term_kind *kind, lg_machine_part 
     if (part == LG_MACHINE_BIAS)
         add_feature(term, LG_FEATURE_POSITION, 1), add_feature(term, LG_FEATURE_PLACE, 4),
             add_feature(term, LG_FEATURE_VELOCITY, 0), add_feature(term, LG_FEATURE_VELOCITY, 3);
+    else if (part == LG_MACHINE_ACTUATOR)
+        add_feature(term, LG_FEATURE_INPUT, 1);
     else if ((options & LG_TERM_OF) != 0 && (options & LG_TERM_HIDDEN) == 0)
         add_feature(term, LG_FEATURE_POSITION, 1), add_feature(term, LG_FEATURE_HEIGHT, 4);
     else if ((options & LG_TERM_OF) != 0)

@@ -31,6 +31,11 @@ static void draw_attitudes(export_model *m, double *x) {
     free(element);
 }
 
+static double draw_input(export_model *m, size_t k) {
+    const lg_machine *machine = &run_of(m)->machine;
+    return draw_in(&run_of(m)->range, machine->positions + machine->velocities + k, &m->rng);
+}
+
 /* Draws a state whose positions and velocities are within the range of the training data; directions and
  * rotations are anywhere. */
 static void draw(export_model *m, double *x, size_t v_at) {
@@ -48,11 +53,13 @@ static void draw(export_model *m, double *x, size_t v_at) {
     }
     for (uint32_t k = 0; k < machine->velocities; k++) v[k] = draw_in(&run_of(m)->range, at + k, &m->rng);
     (void)lg_model_machine_state(m->file->model, q, v, x, m->work);
+    for (uint32_t k = 0; k < machine->lags; k++)
+        x[m->dim - machine->lags + k] = draw_input(m, machine->lagged[k]);
 }
 
-static double draw_input(export_model *m, size_t k) {
-    const lg_machine *machine = &run_of(m)->machine;
-    return draw_in(&run_of(m)->range, machine->positions + machine->velocities + k, &m->rng);
+/* Lags move exactly, not by the scheme. */
+static bool has_lags(const export_model *m) {
+    return run_of(m)->machine.lags > 0;
 }
 
 /* ---- description in NAME.h ---- */
@@ -76,7 +83,7 @@ static void tell_training(const export_model *m) {
 
 static const char words_of_field[] = "an element of the algebra: rates of places, omega and moment of each "
                                      "direction, R Omega of each rotation, "
-                                     "rates of momenta";
+                                     "rates of momenta, rates of lagged inputs";
 
 static void tell(export_model *m) {
     export_source *source = m->source;
@@ -103,4 +110,5 @@ const export_kind export_kind_machine = {.recipe = &lg_recipe_machine_model,
                                          .words = export_machine_words,
                                          .draw = draw,
                                          .draw_input = draw_input,
+                                         .steps_alone = has_lags,
                                          .tell = tell};

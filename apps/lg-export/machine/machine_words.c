@@ -73,6 +73,11 @@ static void tell_state(export_source *source, const lg_machine *machine) {
     tell_each(source, machine, tell_rotation);
     if (machine->momenta > 0) lg_text_add(&source->state, "momenta");
     tell_each(source, machine, tell_momenta);
+    if (machine->lags > 0) lg_text_add(&source->state, " lagged inputs");
+    for (uint32_t k = 0; k < machine->lags; k++) {
+        lg_text_add(&source->state, " %s (1)", machine->inputs[machine->lagged[k]]);
+        lg_text_add(&source->places, "lagged %s\n", machine->inputs[machine->lagged[k]]);
+    }
 }
 
 /* ---- the range ---- */

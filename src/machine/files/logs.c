@@ -371,6 +371,9 @@ static lg_status fill(reading *r) {
                                 .q = out->q,
                                 .v = out->v,
                                 .u = m->input_count > 0 ? out->u : NULL};
+    if (m->lags == 0) return LG_OK;
+    LG_TRY(lg_machine_filter_create(t->context, m, &out->log, &out->filter, r->error));
+    out->log.filter = out->filter;
     return LG_OK;
 }
 
@@ -452,6 +455,7 @@ lg_status lg_logs_read(const lg_context *context, const lg_machine_file *file, c
 
 void lg_logs_destroy(lg_logs *logs) {
     if (logs == NULL) return;
+    lg_machine_filter_destroy(logs->filter);
     void *const owned[] = {logs->first, logs->part_file, logs->part_run, logs->t,
                            logs->q,     logs->v,         logs->u,        logs->warnings};
     for (size_t i = 0; i < LG_COUNT(owned); i++) lg_free(logs->context, owned[i]);

@@ -40,6 +40,8 @@ enum {
     KEY_INPUT_COLUMNS,
     KEY_HOLD,
     KEY_DELAY,
+    KEY_LAG,
+    KEY_CURVE,
     KEY_MEASURED,
     KEY_NOISE,
     KEY_SCALE,
@@ -47,8 +49,8 @@ enum {
     KEY_SYSTEM,
     KEY_FORM,
     KEY_PARAMETERS,
-    KEY_PARTS, /* one key per part, in the order of lg_machine_part */
-    KEY_COUNT = KEY_PARTS + LG_MACHINE_PART_COUNT
+    KEY_PARTS, /* one key per part, in the order of lg_machine_part, but actuators, which `inputs` has */
+    KEY_COUNT = KEY_PARTS + LG_MACHINE_ACTUATOR
 };
 
 static const lg_field keys[KEY_COUNT] = {
@@ -62,6 +64,8 @@ static const lg_field keys[KEY_COUNT] = {
     [KEY_INPUT_COLUMNS] = {.name = "inputs.columns", .type = LG_FIELD_NODE, .required = true},
     [KEY_HOLD] = LG_FIELD(lg_machine_file, NULL, "inputs.hold", NAME, hold, .value_name = name_hold),
     [KEY_DELAY] = {.name = "inputs.delay", .type = LG_FIELD_TEXT},
+    [KEY_LAG] = {.name = "inputs.lag", .type = LG_FIELD_NODE},
+    [KEY_CURVE] = {.name = "inputs.curve", .type = LG_FIELD_NODE},
     [KEY_MEASURED] = LG_FIELD(lg_machine_file, NULL, "measured", NAME, measured, .value_name = name_measured),
     [KEY_NOISE] = {.name = "noise", .type = LG_FIELD_NODE},
     [KEY_SCALE] = {.name = "scale", .type = LG_FIELD_NODE},
@@ -398,8 +402,9 @@ static lg_status read_machine(reading *r, lg_key_value *values) {
     LG_TRY(read_numbers(r, &keys[KEY_SCALE], &values[KEY_SCALE], offsetof(lg_log_column, scale), -DBL_MAX));
     out->run = values[KEY_RUN].line != 0 ? 1 : out->column_count;
     LG_TRY(lg_machine_read_system(r, &values[KEY_SYSTEM], &values[KEY_FORM], &values[KEY_PARAMETERS]));
-    for (int part = 0; part < LG_MACHINE_PART_COUNT; part++)
+    for (int part = 0; part < LG_MACHINE_ACTUATOR; part++)
         LG_TRY(lg_machine_read_terms(r, (lg_machine_part)part, &values[KEY_PARTS + part]));
+    LG_TRY(lg_machine_read_actuators(r, &values[KEY_LAG], &values[KEY_CURVE]));
     return finish_machine(r);
 }
 

@@ -9,6 +9,7 @@
 #include "settings/names.h"
 #include "files/h5.h"
 #include "model/files/recipe.h"
+#include "settings/files/attributes.h"
 
 /* ---- YAML text of the machine ---- */
 
@@ -56,13 +57,13 @@ enum {
     SCALES = 3 + LG_MACHINE_POSITIONS + 2 * LG_MACHINE_VELOCITIES + LG_MACHINE_INPUTS,
     FORMER_SCALES = SCALES - LG_MACHINE_VELOCITIES
 };
-_Static_assert(sizeof(lg_machine_scales) == SCALES * sizeof(double),
-               "scales are numbers one after the other");
+_Static_assert(offsetof(lg_machine_scales, lag) == SCALES * sizeof(double),
+               "scales are numbers one after the other; those of lags have their own attribute");
 _Static_assert(SCALES <= LG_FIELD_LIST_MAX && 2 * LG_MACHINE_RANGE <= LG_FIELD_LIST_MAX,
                "they fit into lists");
 
 static uint32_t get_scales(const void *member, double *values) {
-    memcpy(values, member, sizeof(lg_machine_scales));
+    memcpy(values, member, SCALES * sizeof *values);
     return SCALES;
 }
 
@@ -120,9 +121,34 @@ static bool positive(const lg_machine_scales *scales) {
     return true;
 }
 
+/* The range of time constants, which only files of machines with lags have. */
+static uint32_t get_lags(const void *member, double *values) {
+    memcpy(values, member, 2 * sizeof *values);
+    return 2;
+}
+
+static void put_lags(void *member, const double *values, uint32_t count) {
+    if (count == 2) memcpy(member, values, 2 * sizeof *values);
+}
+
+static const lg_field lag_range =
+    FACT("model", "lag_range", REALS, scales.lag, .low = 0, .get = get_lags, .put = put_lags, .most = 2);
+
+static lg_status read_lags(lg_h5 *h5, lg_machine_model_run *run, lg_error *error) {
+    lg_machine_scales fallback;
+    lg_machine_scales_init(&fallback);
+    memcpy(run->scales.lag, fallback.lag, sizeof fallback.lag);
+    if (lg_h5_has_attribute(h5, lag_range.group, lag_range.name))
+        LG_TRY(lg_missing_is_format(lg_field_read(h5, &lag_range, run, error), error));
+    if (run->scales.lag[0] > 0.0 && run->scales.lag[1] > run->scales.lag[0]) return LG_OK;
+    return lg_fail(error, LG_FORMAT, "%s: /model: attribute lag_range: expected two rising numbers above 0",
+                   lg_shown_path(h5->path));
+}
+
 static lg_status build(lg_h5 *h5, void *user, lg_error *error) {
     lg_machine_model_run *run = user;
     lg_machine_file description;
+    LG_TRY(read_lags(h5, run, error));
     if (run->scheme == NULL) run->scheme = lg_scheme_at(0);
     if (!positive(&run->scales))
         return lg_fail(error, LG_FORMAT, "%s: /model: attribute scales: all numbers must be above 0",
@@ -147,7 +173,8 @@ static lg_status check(const void *user) {
 }
 
 static lg_status describe(lg_h5 *h5, const void *user, lg_error *error) {
-    (void)user;
+    const lg_machine_model_run *run = user;
+    if (run->machine.lags > 0) LG_TRY(lg_field_write(h5, &lag_range, run, error));
     LG_TRY(lg_h5_put_text(h5, "model", "inputs", "state, then inputs", error));
     return lg_h5_put_text(h5, "model", "outputs", "H", error);
 }
@@ -247,7 +274,7 @@ static lg_status program(const lg_context *context, const void *user, const lg_s
 }
 
 static lg_status space(const void *run, lg_space *out) {
-    return lg_machine_space(&((const lg_machine_model_run *)run)->machine, out);
+    return lg_machine_full_space(&((const lg_machine_model_run *)run)->machine, out);
 }
 
 static const lg_scheme *usual_scheme(const void *file) {

@@ -40,4 +40,8 @@ lg_status lg_machine_read_terms(lg_machine_reading *r, lg_machine_part part, con
 lg_status lg_machine_read_system(lg_machine_reading *r, const lg_key_value *system, const lg_key_value *form,
                                  const lg_key_value *parameters);
 
+/* Reads `lag` and `curve` of the inputs. A key with line 0 is not in the file. */
+lg_status lg_machine_read_actuators(lg_machine_reading *r, const lg_key_value *lag,
+                                    const lg_key_value *curve);
+
 #endif

@@ -101,6 +101,20 @@ static lg_status take_lower(lg_training *self, const lg_machine_problem *problem
  * positions. */
 enum { SHORTEST = 3 };
 
+/* The training problem of `machine` with windows of at most `window` rows. */
+static lg_machine_problem short_windows(const lg_training *self, const lg_machine *machine,
+                                        const lg_scheme *scheme, uint32_t window) {
+    const lg_machine_model_run *run = self->run;
+    const lg_machine_state *s = self->state;
+    lg_machine_problem problem = s->problem;
+    problem.machine = machine;
+    problem.scheme = scheme;
+    problem.starts =
+        s->positions && window > SHORTEST ? LG_MACHINE_STARTS_ESTIMATED : LG_MACHINE_STARTS_MEASURED;
+    problem.window = window < run->window ? window : run->window;
+    return problem;
+}
+
 /* Fits windows of at most `window` rows. theta, in and out: the parameters of `machine`; with positions alone
  * the parameters of the starts follow. */
 static lg_status fit_short(lg_training *self, const lg_machine *machine, const lg_scheme *scheme,
@@ -108,18 +122,12 @@ static lg_status fit_short(lg_training *self, const lg_machine *machine, const l
     enum { EPOCHS = 200 };
     /* Priors only hold what short windows leave open. */
     static const double weak = 1e-6;
-    const lg_machine_model_run *run = self->run;
-    const lg_machine_state *s = self->state;
-    const bool few = lg_machine_is_small(machine), estimated = s->positions && window > SHORTEST;
-    lg_machine_problem problem = s->problem;
+    lg_machine_problem problem = short_windows(self, machine, scheme, window);
+    const bool few = lg_machine_is_small(machine), estimated = problem.starts == LG_MACHINE_STARTS_ESTIMATED;
     lg_fit_problem fit_problem;
     lg_fit_options chosen = self->options;
     lg_fit *fit;
-    problem.machine = machine;
-    problem.scheme = scheme;
     problem.residual = weak;
-    problem.starts = estimated ? LG_MACHINE_STARTS_ESTIMATED : LG_MACHINE_STARTS_MEASURED;
-    problem.window = window < run->window ? window : run->window;
     lg_machine_fit_problem(&problem, &fit_problem);
     (void)lg_fit_plan_parse(few ? "lm" : estimated ? "lbfgs" : "ssbroyden", &chosen.plan, NULL);
     chosen.epochs = few ? EPOCHS / 4 : EPOCHS;
@@ -199,6 +207,34 @@ static lg_status approach(lg_training *self, const lg_machine *machine, double *
     return LG_OK;
 }
 
+/* Fits from lags of 2, 5, 10 and 30 rows, and takes the start whose loss is least. */
+static lg_status scan_lags(lg_training *self, const lg_machine *machine, double *theta, lg_error *error) {
+    enum { LONG = 20, SHORT = 5 };
+    static const double rows[] = {2, 5, 10, 30}, least = 0.2;
+    const lg_machine_state *s = self->state;
+    const uint32_t window = s->positions || s->noisy ? LONG : SHORT;
+    const lg_scheme *scheme = s->problem.scheme;
+    const lg_machine_problem problem = short_windows(self, machine, scheme, window);
+    const size_t n = lg_machine_problem_parameters(&problem);
+    double best = INFINITY, *own, *found;
+    LG_TRAINING_ARRAY(self, own, n + 1, error);
+    LG_TRAINING_ARRAY(self, found, n + 1, error);
+    memcpy(own, theta, n * sizeof *own);
+    if (lg_machine_set_lags(machine, 1.0, own) == 0) return LG_OK;
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        double loss = 0;
+        memcpy(own, theta, n * sizeof *own);
+        (void)lg_machine_set_lags(machine, rows[i] / least * machine->scales.lag[0], own);
+        LG_TRY(fit_short(self, machine, scheme, window, own, error));
+        LG_TRY(lg_machine_loss(self->context, &problem, own, &loss, NULL, error));
+        if (!(loss < best)) continue;
+        best = loss;
+        memcpy(found, own, n * sizeof *found);
+    }
+    if (isfinite(best)) memcpy(theta, found, n * sizeof *theta);
+    return LG_OK;
+}
+
 /* With positions alone fits windows of growing length. Else fits the shortest windows, until the scales of
  * the loss no longer change. */
 static lg_status fit_windows(lg_training *self, const lg_machine *machine, double *theta, lg_error *error) {
@@ -209,10 +245,13 @@ static lg_status fit_windows(lg_training *self, const lg_machine *machine, doubl
     bool changed = true;
     LG_TRY(approach(self, machine, theta, error));
     if (s->positions) {
-        for (size_t i = 0; i < LG_COUNT(growing); i++)
+        LG_TRY(fit_short(self, machine, scheme, growing[0], theta, error));
+        LG_TRY(scan_lags(self, machine, theta, error));
+        for (size_t i = 1; i < LG_COUNT(growing); i++)
             LG_TRY(fit_short(self, machine, scheme, growing[i], theta, error));
         return LG_OK;
     }
+    LG_TRY(scan_lags(self, machine, theta, error));
     for (int round = 0; round < ROUNDS && changed; round++) {
         LG_TRY(fit_short(self, machine, scheme, s->noisy ? 5 : 2, theta, error));
         LG_TRY(balance(self, machine, theta, &changed, error));
@@ -233,10 +272,11 @@ static lg_status reach_rest(lg_training *self, const lg_machine *machine, const 
     while (run->substeps < MOST && run->dt * rate > run->substeps)
         run->substeps = run->substeps <= MOST / 2 ? 2 * run->substeps : MOST;
     if (run->dt * rate > 2.5 * MOST)
-        LG_WARN(self,
-                "friction stops the machine within %.1g of a row, which %d steps per row do not resolve: give "
-                "`damping` a larger `width`, or --integrator variational",
-                1.0 / (run->dt * rate), MOST);
+        LG_WARN(
+            self,
+            "friction stops the machine within %.1g of a row, which %d steps per row do not resolve: give "
+            "`damping` a larger `width`, or --integrator variational",
+            1.0 / (run->dt * rate), MOST);
     return LG_OK;
 }
 

@@ -1,0 +1,276 @@
+/* Machines: actuators, u -> lag -> dead zone or curve -> input map. Scaled inputs are those of the log divided
+ * by U, so that c_k of u + c_2 u^2 + ... is multiplied by U^(k - 1), and a dead zone is divided by U. */
+#include <math.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "liegrad/ops.h"
+#include "machine/internal.h"
+
+/* ---- columns of inputs ---- */
+
+/* The matrix (count, columns) with a 1 in row i, column at[i]. */
+static lg_var places_of(lg_tape *tape, const uint32_t *at, uint32_t count, uint32_t columns) {
+    void *memory;
+    const lg_var out = lg_input_buffer(tape, lg_shape2(count, columns), &memory);
+    if (lg_is_none(out)) return out;
+    memset(memory, 0, (size_t)count * columns * sizeof(double));
+    for (uint32_t i = 0; i < count; i++) ((double *)memory)[i * columns + at[i]] = 1.0;
+    return out;
+}
+
+static bool is_all(const uint32_t *at, uint32_t count, uint32_t columns) {
+    bool all = count == columns;
+    for (uint32_t i = 0; i < count; i++) all = all && at[i] == i;
+    return all;
+}
+
+static void inputs_of(const lg_machine_term *term, uint32_t *at) {
+    for (uint32_t i = 0; i < term->of_count; i++) at[i] = term->of[i].index;
+}
+
+/* The inputs that the term changes, (B, of_count). */
+static lg_var chosen(lg_tape *tape, const lg_machine *machine, const lg_machine_term *term, lg_var u) {
+    uint32_t at[LG_MACHINE_INPUTS];
+    inputs_of(term, at);
+    if (is_all(at, term->of_count, machine->input_count)) return u;
+    return lg_matmul_nt(tape, u, places_of(tape, at, term->of_count, machine->input_count));
+}
+
+/* u with `change` (B, of_count) added to the term's inputs. */
+static lg_var changed(lg_tape *tape, const lg_machine *machine, const lg_machine_term *term, lg_var u,
+                      lg_var change) {
+    uint32_t at[LG_MACHINE_INPUTS];
+    inputs_of(term, at);
+    if (!is_all(at, term->of_count, machine->input_count))
+        change = lg_matmul(tape, change, places_of(tape, at, term->of_count, machine->input_count));
+    return lg_add(tape, u, change);
+}
+
+lg_var lg_machine_put_lagged(lg_tape *tape, const lg_machine *machine, lg_var u, lg_var x) {
+    const uint32_t m = machine->input_count, n = machine->lags;
+    lg_var each[LG_MACHINE_INPUTS];
+    uint32_t next = 0;
+    if (n == m) return x;
+    for (uint32_t j = 0; j < m; j++)
+        each[j] = next < n && machine->lagged[next] == j ? lg_machine_columns(tape, x, next++, 1)
+                                                         : lg_machine_columns(tape, u, j, 1);
+    return lg_concat(tape, each, m, 1);
+}
+
+lg_var lg_machine_record_actuated(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_seen *seen) {
+    const lg_machine *machine = vars->machine;
+    lg_machine_seen now = *seen;
+    for (uint32_t i = 0; i < machine->term_count && !lg_is_none(now.u); i++)
+        if (machine->terms[i].part == LG_MACHINE_ACTUATOR)
+            now.u = machine->terms[i].kind->record(tape, vars, i, &now);
+    return now.u;
+}
+
+/* ---- curves: u + c_2 u^2 + c_3 u^3 ---- */
+
+static size_t curve_parameters(const lg_machine *machine, const lg_machine_term *term) {
+    (void)machine;
+    return (size_t)term->of_count * (term->degree - 1);
+}
+
+static void curve_values(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]) {
+    fits[0] = fits[1] = term->degree > 1 ? curve_parameters(machine, term) : 1;
+}
+
+/* Coefficients (of_count, degree - 1). */
+static lg_var curve_numbers(lg_tape *tape, const lg_machine_vars *vars, uint32_t term) {
+    const lg_machine_term *own = &vars->machine->terms[term];
+    const uint32_t each = own->degree - 1;
+    const lg_shape shape = lg_shape2(own->of_count, each);
+    double c[LG_MACHINE_INPUTS * LG_MACHINE_DEGREE];
+    if (own->value_count == 0) return lg_reshape(tape, vars->theta[term], shape);
+    for (uint32_t i = 0; i < own->of_count; i++)
+        for (uint32_t k = 0; k < each; k++)
+            c[i * each + k] =
+                own->values[i * each + k] * pow(vars->machine->scales.input[own->of[i].index], k + 1.0);
+    return lg_input_f64(tape, shape, c);
+}
+
+static lg_var curve(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen) {
+    const lg_machine_term *own = &vars->machine->terms[term];
+    const lg_var c = lg_transpose(tape, curve_numbers(tape, vars, term));
+    const lg_var u = chosen(tape, vars->machine, own, seen->u);
+    lg_var sum = LG_NONE; /* Horner: u (c_2 + u (c_3 + ...)) */
+    for (uint32_t k = own->degree - 1; k-- > 0;) {
+        const lg_var row = lg_slice(tape, c, 0, k, 1);
+        sum = lg_mul(tape, u, lg_is_none(sum) ? row : lg_add(tape, row, sum));
+    }
+    return changed(tape, vars->machine, own, seen->u, lg_mul(tape, u, sum));
+}
+
+void lg_numbers_curve(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
+                      const double *theta) {
+    for (uint32_t i = 0; i < term->of_count; i++)
+        for (uint32_t k = 2; k <= term->degree; k++) {
+            const uint32_t input = term->of[i].index;
+            lg_numbers_put(l, *theta++ / pow(machine->scales.input[input], k - 1.0), "curve.%s.%u",
+                           machine->inputs[input], k);
+        }
+}
+
+/* ---- dead zones: 0 for |u| < d, else u - d sign u; a learned d is a square ---- */
+
+static size_t one_each(const lg_machine *machine, const lg_machine_term *term) {
+    (void)machine;
+    return term->of_count;
+}
+
+static void one_value_each(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]) {
+    (void)machine;
+    fits[0] = fits[1] = term->of_count > 0 ? term->of_count : 1;
+}
+
+static void start_dead_zone(const lg_machine *machine, const lg_machine_term *term, double *theta) {
+    static const double start = 0.4;
+    (void)machine;
+    for (size_t i = 0; i < term->parameters; i++) theta[i] = start;
+}
+
+static lg_var dead_zone(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
+                        const lg_machine_seen *seen) {
+    const lg_machine *machine = vars->machine;
+    const lg_machine_term *own = &machine->terms[term];
+    const lg_shape shape = lg_shape2(1, own->of_count);
+    double values[LG_MACHINE_INPUTS];
+    for (uint32_t i = 0; i < own->value_count; i++)
+        values[i] = own->values[i] / machine->scales.input[own->of[i].index];
+    const lg_var d = own->value_count > 0 ? lg_input_f64(tape, shape, values)
+                                          : lg_reshape(tape, lg_square(tape, vars->theta[term]), shape);
+    const lg_var u = chosen(tape, machine, own, seen->u);
+    const lg_var twice = lg_sub(tape, lg_abs(tape, lg_sub(tape, u, d)), lg_abs(tape, lg_add(tape, u, d)));
+    return changed(tape, machine, own, seen->u, lg_scale(tape, twice, 0.5));
+}
+
+void lg_numbers_dead_zone(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
+                          const double *theta) {
+    for (uint32_t i = 0; i < term->of_count; i++)
+        lg_numbers_put(l, theta[i] * theta[i] * machine->scales.input[term->of[i].index], "dead_zone.%s",
+                       machine->inputs[term->of[i].index]);
+}
+
+/* ---- lags: tau x' = u - x; log tau = log low + log(high/low) sigmoid(theta) ---- */
+
+static double span_of(const lg_machine *machine) {
+    return log(machine->scales.lag[1] / machine->scales.lag[0]);
+}
+
+/* theta of a time constant, which is kept from the ends of its range. */
+static double lag_theta(const lg_machine *machine, double tau) {
+    static const double end = 0.02;
+    const double at = log(tau / machine->scales.lag[0]) / span_of(machine),
+                 part = fmin(fmax(at, end), 1.0 - end);
+    return log(part / (1.0 - part));
+}
+
+static void start_lag(const lg_machine *machine, const lg_machine_term *term, double *theta) {
+    static const double rows = 5.0, least = 0.2;
+    for (size_t i = 0; i < term->parameters; i++)
+        theta[i] = lag_theta(machine, rows / least * machine->scales.lag[0]);
+}
+
+size_t lg_machine_set_lags(const lg_machine *machine, double tau, double *theta) {
+    size_t count = 0;
+    for (uint32_t i = 0; i < machine->term_count; i++) {
+        const lg_machine_term *term = &machine->terms[i];
+        for (size_t k = 0; term->kind->lag != NULL && k < term->parameters; k++, count++)
+            theta[term->offset + k] = lag_theta(machine, tau);
+    }
+    return count;
+}
+
+static lg_var lag_of(lg_tape *tape, const lg_machine_vars *vars, uint32_t term) {
+    const lg_machine *machine = vars->machine;
+    const lg_machine_term *own = &machine->terms[term];
+    const lg_shape shape = lg_shape2(1, own->of_count);
+    double values[LG_MACHINE_INPUTS];
+    for (uint32_t i = 0; i < own->value_count; i++) values[i] = log(own->values[i] / machine->scales.time);
+    if (own->value_count > 0) return lg_input_f64(tape, shape, values);
+    const lg_var part = lg_act(tape, lg_reshape(tape, vars->theta[term], shape), LG_SIGMOID);
+    return lg_add_scalar(tape, lg_scale(tape, part, span_of(machine)),
+                         log(machine->scales.lag[0] / machine->scales.time));
+}
+
+/* The lag acts in time: its inputs are lagged before they come here. */
+static lg_var lagged(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen) {
+    (void)tape, (void)vars, (void)term;
+    return seen->u;
+}
+
+void lg_numbers_lag(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
+                    const double *theta) {
+    for (uint32_t i = 0; i < term->of_count; i++)
+        lg_numbers_put(l, machine->scales.lag[0] * exp(span_of(machine) / (1.0 + exp(-theta[i]))), "lag.%s",
+                       machine->inputs[term->of[i].index]);
+}
+
+bool lg_machine_find_lags(lg_machine *machine) {
+    bool has[LG_MACHINE_INPUTS] = {false}, twice = false;
+    for (uint32_t i = 0; i < machine->term_count; i++) {
+        const lg_machine_term *term = &machine->terms[i];
+        for (uint32_t k = 0; term->kind->lag != NULL && k < term->of_count; k++) {
+            twice = twice || has[term->of[k].index];
+            has[term->of[k].index] = true;
+        }
+    }
+    machine->lags = 0;
+    for (uint32_t j = 0; j < machine->input_count; j++)
+        if (has[j]) machine->lagged[machine->lags++] = j;
+    return !twice;
+}
+
+/* Place of an input among the lagged ones. */
+static uint32_t place_of(const lg_machine *machine, uint32_t input) {
+    uint32_t place = 0;
+    while (machine->lagged[place] != input) place++;
+    return place;
+}
+
+lg_var lg_machine_record_lag(lg_tape *tape, const lg_machine_vars *vars) {
+    const lg_machine *machine = vars->machine;
+    lg_var sum = LG_NONE;
+    for (uint32_t i = 0; i < machine->term_count; i++) {
+        const lg_machine_term *term = &machine->terms[i];
+        uint32_t at[LG_MACHINE_INPUTS];
+        if (term->kind->lag == NULL) continue;
+        for (uint32_t k = 0; k < term->of_count; k++) at[k] = place_of(machine, term->of[k].index);
+        lg_var own = term->kind->lag(tape, vars, i);
+        if (!is_all(at, term->of_count, machine->lags))
+            own = lg_matmul(tape, own, places_of(tape, at, term->of_count, machine->lags));
+        sum = lg_is_none(sum) ? own : lg_add(tape, sum, own);
+    }
+    return sum;
+}
+
+/* ---- the table ---- */
+
+const lg_term_kind lg_machine_actuator_kinds[] = {{.name = "lag",
+                                                   .part = LG_MACHINE_ACTUATOR,
+                                                   .options = LG_TERM_OF | LG_TERM_VALUES,
+                                                   .parameters = one_each,
+                                                   .initialise = start_lag,
+                                                   .values = one_value_each,
+                                                   .record = lagged,
+                                                   .lag = lag_of,
+                                                   .numbers = lg_numbers_lag},
+                                                  {.name = "dead_zone",
+                                                   .part = LG_MACHINE_ACTUATOR,
+                                                   .options = LG_TERM_OF | LG_TERM_VALUES,
+                                                   .parameters = one_each,
+                                                   .initialise = start_dead_zone,
+                                                   .values = one_value_each,
+                                                   .record = dead_zone,
+                                                   .numbers = lg_numbers_dead_zone},
+                                                  {.name = "curve",
+                                                   .part = LG_MACHINE_ACTUATOR,
+                                                   .options = LG_TERM_OF | LG_TERM_VALUES | LG_TERM_DEGREE,
+                                                   .parameters = curve_parameters,
+                                                   .values = curve_values,
+                                                   .record = curve,
+                                                   .numbers = lg_numbers_curve},
+                                                  {.name = NULL}};

@@ -1,0 +1,221 @@
+/* Machines: first-order lags of inputs, tau x' = u - x, in closed form over the intervals of a log.
+ *
+ * For u = sum_j u_j s^j on an interval of length h and z = s h/tau:
+ *   x(s) = E x(0) + sum_j g_j(z) u_j s^j,  E = e^-z,  g_j = j! z phi_{j+1}(-z) = 1 - (j/z) g_{j-1},
+ * where phi_k are those of exponential integrators. z g_j' = j (g_{j-1} - g_j), z g_0' = z E, and log tau
+ * changes z by -z. For small z: g_j = E sum_k z^(k+1)/(k! (k+j+1)), whose terms are positive. */
+#include <math.h>
+#include <pthread.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "machine/internal.h"
+
+/* ---- one interval ---- */
+
+static double series(double z, int j) {
+    double power = z, sum = 0.0;
+    for (int k = 0; k < 60; k++) {
+        const double term = power / (k + j + 1);
+        sum += term;
+        if (term < 1e-17 * sum) break;
+        power *= z / (k + 1);
+    }
+    return sum * exp(-z);
+}
+
+void lg_lag_weights_at(double z, lg_lag_weights *out) {
+    static const double small = 2.0;
+    const double E = exp(-z);
+    *out = (lg_lag_weights){.E = {E, z * E, (z * z - z) * E}};
+    double *before = out->g[0];
+    before[0] = -expm1(-z), before[1] = -z * E, before[2] = (z - z * z) * E;
+    for (int j = 1; j < 4; j++) {
+        double *g = out->g[j];
+        g[0] = z < small ? series(z, j) : 1.0 - j / z * before[0];
+        g[1] = -j * (before[0] - g[0]);
+        g[2] = -j * (before[1] - g[1]);
+        before = g;
+    }
+}
+
+void lg_lag_move(const lg_lag_weights *w, double s, const double *u, size_t stride, const double from[3],
+                 double out[3]) {
+    double x[3] = {w->E[0] * from[0], w->E[0] * from[1] + w->E[1] * from[0],
+                   w->E[0] * from[2] + 2.0 * w->E[1] * from[1] + w->E[2] * from[0]};
+    double power = 1.0;
+    for (int j = 0; j < 4; j++, power *= s) {
+        const double c = u[(size_t)j * stride] * power;
+        for (int d = 0; d < 3 && c != 0.0; d++) x[d] += w->g[j][d] * c;
+    }
+    memcpy(out, x, sizeof x);
+}
+
+/* ---- starts of parts ---- */
+
+/* Whether no velocity of the part's first row is above 1/50 of its largest in the part. */
+static bool begins_at_rest(const lg_machine *machine, const lg_machine_log *log, size_t part) {
+    static const double still = 0.02;
+    double q[LG_MACHINE_POSITIONS], v[LG_MACHINE_VELOCITIES], first[LG_MACHINE_VELOCITIES],
+        most[LG_MACHINE_VELOCITIES] = {0};
+    bool rest = true;
+    for (size_t row = log->first[part]; row < log->first[part + 1]; row++) {
+        double *out = row == log->first[part] ? first : v;
+        lg_machine_scaled_rows(machine, log, &row, 1, q, out);
+        for (uint32_t k = 0; k < machine->velocities; k++) most[k] = fmax(most[k], fabs(out[k]));
+    }
+    for (uint32_t k = 0; k < machine->velocities; k++) rest = rest && fabs(first[k]) <= still * most[k];
+    return rest;
+}
+
+static double start_of(const lg_machine *machine, const lg_machine_log *log, size_t part, uint32_t input,
+                       bool rest) {
+    const uint32_t m = machine->input_count;
+    if (log->lag != NULL) return log->lag[part * m + input];
+    return rest ? log->u[log->first[part] * 4 * m + input] : 0.0;
+}
+
+/* ---- the recursion from row to row ---- */
+
+typedef struct filter {
+    const lg_machine_log *log;
+    uint32_t m, input;
+    double tau, h; /* h: the interval of `weights`; 0: none yet */
+    lg_lag_weights weights;
+} filter;
+
+static void advance(filter *f, size_t row, const double from[3], double out[3]) {
+    static const double rounding = 1e-9; /* as of intervals that count as equal, in step.c */
+    const double h = f->log->t[row + 1] - f->log->t[row];
+    if (!(fabs(h - f->h) <= rounding * h)) {
+        lg_lag_weights_at(h / f->tau, &f->weights);
+        f->h = h;
+    }
+    lg_lag_move(&f->weights, 1.0, f->log->u + row * 4 * f->m + f->input, f->m, from, out);
+}
+
+/* ---- the kept states ---- */
+
+struct lg_machine_filter {
+    const lg_context *context;
+    pthread_mutex_t mutex;
+    lg_machine_log log;
+    uint32_t m;
+    double *start;                 /* (parts, inputs) */
+    double *x[LG_MACHINE_INPUTS];  /* (rows, 3): x and its derivatives by log tau; NULL: not asked for yet */
+    double tau[LG_MACHINE_INPUTS]; /* of x */
+};
+
+lg_status lg_machine_filter_create(const lg_context *context, const lg_machine *machine,
+                                   const lg_machine_log *log, lg_machine_filter **out, lg_error *error) {
+    LG_NEEDS(error, machine, log, out);
+    const uint32_t m = machine->input_count;
+    lg_machine_filter *made = lg_alloc(context, 1, sizeof *made);
+    double *start = lg_alloc(context, log->parts * m + 1, sizeof *start);
+    if (made == NULL || start == NULL) {
+        lg_free(context, made);
+        lg_free(context, start);
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the lags of %u inputs", m);
+    }
+    *made = (lg_machine_filter){.context = context, .log = *log, .m = m, .start = start};
+    made->log.filter = NULL;
+    pthread_mutex_init(&made->mutex, NULL);
+    for (size_t p = 0; p < log->parts; p++) {
+        const bool rest = begins_at_rest(machine, log, p);
+        for (uint32_t j = 0; j < m; j++) start[p * m + j] = start_of(machine, log, p, j, rest);
+    }
+    *out = made;
+    return LG_OK;
+}
+
+void lg_machine_filter_destroy(lg_machine_filter *kept) {
+    if (kept == NULL) return;
+    for (uint32_t j = 0; j < kept->m; j++) lg_free(kept->context, kept->x[j]);
+    pthread_mutex_destroy(&kept->mutex);
+    lg_free(kept->context, kept->start);
+    lg_free(kept->context, kept);
+}
+
+/* Computes the states of one input at all rows, unless those of this tau are there. */
+static bool fill(lg_machine_filter *l, uint32_t input, double tau) {
+    if (l->x[input] != NULL && l->tau[input] == tau) return true;
+    if (l->x[input] == NULL) l->x[input] = lg_alloc(l->context, l->log.rows * 3 + 1, sizeof(double));
+    if (l->x[input] == NULL) return false;
+    filter f = {.log = &l->log, .m = l->m, .input = input, .tau = tau};
+    for (size_t p = 0; p < l->log.parts; p++) {
+        double *x = l->x[input] + l->log.first[p] * 3;
+        x[0] = l->start[p * l->m + input], x[1] = x[2] = 0.0;
+        for (size_t row = l->log.first[p]; row + 1 < l->log.first[p + 1]; row++, x += 3)
+            advance(&f, row, x, x + 3);
+    }
+    l->tau[input] = tau;
+    return true;
+}
+
+/* Computes states from the starts of the parts on; rows that follow each other are continued. */
+static void compute(const lg_machine *machine, const lg_machine_log *log, uint32_t input, double tau,
+                    const size_t *at, size_t count, size_t stride, double *out) {
+    filter f = {.log = log, .m = machine->input_count, .input = input, .tau = tau};
+    size_t part = SIZE_MAX, row = 0;
+    double x[3] = {0};
+    for (size_t i = 0; i < count; i++, out += stride) {
+        const size_t own = lg_machine_log_part(log, at[i]);
+        if (own != part || at[i] < row) {
+            part = own, row = log->first[own];
+            const bool rest = log->lag == NULL && begins_at_rest(machine, log, own);
+            x[0] = start_of(machine, log, own, input, rest), x[1] = x[2] = 0.0;
+        }
+        for (; row < at[i]; row++) advance(&f, row, x, x);
+        memcpy(out, x, sizeof x);
+    }
+}
+
+lg_status lg_machine_lag_states(const lg_machine *machine, const lg_machine_log *log, const double *tau,
+                                const size_t *at, size_t count, double *out) {
+    lg_machine_filter *kept = log->filter;
+    const size_t stride = (size_t)machine->lags * 3;
+    bool room = true;
+    if (kept == NULL) {
+        for (uint32_t k = 0; k < machine->lags; k++)
+            compute(machine, log, machine->lagged[k], tau[k], at, count, stride, out + (size_t)3 * k);
+        return LG_OK;
+    }
+    pthread_mutex_lock(&kept->mutex);
+    for (uint32_t k = 0; k < machine->lags && room; k++) {
+        const uint32_t input = machine->lagged[k];
+        room = fill(kept, input, tau[k]);
+        for (size_t i = 0; i < count && room; i++)
+            memcpy(out + i * stride + (size_t)3 * k, kept->x[input] + 3 * at[i], 3 * sizeof *out);
+    }
+    pthread_mutex_unlock(&kept->mutex);
+    return room ? LG_OK : LG_OUT_OF_MEMORY;
+}
+
+/* Time constants of all lags, in seconds. */
+static lg_status read_taus(const lg_context *context, const lg_machine *machine, const double *theta,
+                           double *tau) {
+    lg_tape *tape = NULL;
+    lg_machine_vars vars;
+    LG_TRY(lg_tape_create(context, NULL, &tape));
+    lg_status status = lg_machine_bind(tape, machine, lg_machine_parameter(tape, machine, theta), &vars);
+    if (status == LG_OK) status = lg_read(tape, vars.lag, machine->lags, tau);
+    lg_tape_destroy(tape);
+    for (uint32_t k = 0; k < machine->lags; k++) tau[k] = machine->scales.time * exp(tau[k]);
+    return status;
+}
+
+lg_status lg_machine_lagged_inputs(const lg_context *context, const lg_machine *machine, const double *theta,
+                                   const lg_machine_log *log, const size_t *at, size_t count, double *out,
+                                   lg_error *error) {
+    LG_NEEDS(error, machine, log, at, out);
+    if (machine->parameters > 0) LG_NEEDS(error, theta);
+    double tau[LG_MACHINE_INPUTS], *states;
+    const size_t n = count * machine->lags;
+    if (n == 0) return LG_OK;
+    states = lg_alloc(context, 3 * n, sizeof *states);
+    lg_status status = states != NULL ? read_taus(context, machine, theta, tau) : LG_OUT_OF_MEMORY;
+    if (status == LG_OK) status = lg_machine_lag_states(machine, log, tau, at, count, states);
+    for (size_t i = 0; i < n && status == LG_OK; i++) out[i] = states[3 * i];
+    lg_free(context, states);
+    return status == LG_OK ? LG_OK : lg_fail(error, status, "%s", lg_status_sentence(status));
+}
