@@ -405,6 +405,12 @@ LG_API lg_status lg_machine_problem_check(const lg_machine_problem *problem, lg_
  * the square root of the number of windows. */
 LG_API size_t lg_machine_problem_parameters(const lg_machine_problem *problem);
 LG_API void lg_machine_fit_problem(const lg_machine_problem *problem, lg_fit_problem *out);
+/* As lg_machine_fit_problem, but the windows become a regression of momenta: over each window the changes of
+ * the momenta p = M(q) v of logged rows are compared with the logged rows' forces, p and forces in scaled
+ * units. No window is predicted, so that this works from starts that are wrong by orders of magnitude; noise
+ * of positions and velocities makes its result inexact. The parameters are those of the machine, the starts
+ * are measured and problem->theta is NULL; windows with an incomplete row do not count. */
+LG_API void lg_machine_momentum_problem(const lg_machine_problem *problem, lg_fit_problem *out);
 /* Writes the loss over all windows except the validation part. `theta` has the parameters of the fit.
  * `floor` (may be NULL) becomes the part of the loss that comes from the integrator's own error. Errors:
  * those of lg_machine_problem_check and of the tape. */
