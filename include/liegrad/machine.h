@@ -359,20 +359,24 @@ LG_API lg_status lg_machine_find_scales(lg_machine *machine, const lg_machine_lo
 
 typedef enum lg_machine_starts { LG_MACHINE_STARTS_MEASURED, LG_MACHINE_STARTS_ESTIMATED } lg_machine_starts;
 
-#define LG_MACHINE_WINDOW 512 /* Most points of a window. */
-
 /* A training problem on windows of M consecutive rows of logs. The model predicts each window from its
  * first row with the logged inputs. The loss is the mean over windows and points 2..M (with estimated
  * starts, points 1..M) of the sum over columns of ((predicted - logged)/scale)^2, with the scales below. A
  * rotation counts |R' - R|^2/2, which is the squared angle for small angles, and a direction |q' - q|^2.
  * Of a direction's omega only the part across the logged q counts, (1 - q q^T) omega: logs contain no
  * omega along q, and an error dq of the logged q would appear as |omega| dq along q. All pointers are
- * borrowed. */
+ * borrowed.
+ *
+ * Only memory limits M. With d = 2 velocities (+ 1 for each direction), P parameters (of theta and of one
+ * start) and B windows at once, Levenberg-Marquardt takes about 8 B M d P bytes, and from M = 512 on for
+ * lines and angles 8 M d (d + P + 4) more; B M is at most about 65000 or one window. All rows of such a window
+ * are solved for together (Newton's method on the equations of all intervals); if that does not converge, row
+ * after row. The other minimisers keep the whole tape, 20 to 200 kB for a row of one window. */
 typedef struct lg_machine_problem {
     const lg_machine *machine;
     const lg_scheme *scheme;
     uint32_t substeps; /* Integrator steps between two rows, >= 1. */
-    uint32_t window;   /* M, 2..LG_MACHINE_WINDOW. */
+    uint32_t window;   /* M >= 2. */
     lg_machine_starts starts;
     /* NULL: theta is learned. Else the known parameters of the machine; then only the starts are learned. */
     const double *theta;
