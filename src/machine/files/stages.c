@@ -1,6 +1,7 @@
 /* First parameters of a machine whose logs measure positions alone. Each candidate is a way to parameters;
  * which of them is kept, short windows decide that are the same for all. */
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "machine/files/recipe.h"
@@ -10,6 +11,7 @@ enum {
     COMPARED = 20, /* rows of the windows that compare the candidates */
     LONGER = 60,
     ENOUGH = 1000, /* intervals for a regression of momenta */
+    FINALISTS = 4,
     FEW = 15,      /* evaluations in a round of a candidate's fit */
     SHARE = 40     /* a fit takes at most 1/SHARE of the time */
 };
@@ -29,11 +31,16 @@ typedef struct candidate {
 static const candidate candidates[] = {
     {MOMENTA, 15}, {MOMENTA, 40}, {MOMENTA, 6}, {APPROACHED, 2}, {APPROACHED, 15}, {AS_GIVEN, 0}};
 
+/* What a candidate's fit of the windows that compare them left. */
+typedef struct tried {
+    double loss, *theta; /* (parameters) */
+} tried;
+
 typedef struct stages {
     lg_training *self;
     lg_machine_problem compared; /* with estimated starts */
-    size_t parameters;           /* of `compared` */
-    double *best, *theta, least; /* (parameters) */
+    size_t parameters, count;    /* parameters of `compared`; candidates in `all` */
+    tried all[LG_COUNT(candidates)];
 } stages;
 
 static uint32_t at_most(uint32_t window, uint32_t most) {
@@ -92,7 +99,16 @@ static lg_status fit_smoothed(stages *s, const candidate *from, double *theta, l
     if (problem.windows == 0) return LG_OK;
     set_scales(log, half * run->dt, &problem);
     const lg_stage_limits most = limits(s, LG_STAGE_EPOCHS);
-    if (from->way == MOMENTA) return lg_machine_fit_momenta(self, &problem, &most, theta, error);
+    if (from->way == MOMENTA) {
+        LG_TRY(lg_machine_fit_momenta(self, &problem, &most, theta, error));
+        const uint32_t rows = half + 1;
+        problem.window = rows;
+        problem.windows = lg_machine_windows(machine, log, rows, half, false, start);
+        if (problem.windows == 0) return LG_OK;
+        const lg_stage_limits few = limits(s, FEW);
+        LG_TRY(lg_machine_fit_stage(self, &problem, &few, theta, error));
+        return LG_OK;
+    }
     return lg_machine_approach(self, &problem, theta, error);
 }
 
@@ -115,46 +131,53 @@ static double expected(const stages *s) {
 
 /* ---- candidates ---- */
 
-/* Fits the windows that compare candidates from the machine's parameters in s->theta, and keeps the result if
- * it predicts them best. */
-static lg_status compare(stages *s, lg_error *error) {
-    double loss = 0;
-    const lg_stage_limits most = limits(s, FEW);
-    LG_TRY(lg_machine_fit_stage(s->self, &s->compared, &most, s->theta, error));
-    LG_TRY(lg_machine_loss(s->self->context, &s->compared, s->theta, &loss, NULL, error));
-    if (!(loss < s->least)) return LG_OK;
-    s->least = loss;
-    memcpy(s->best, s->theta, s->parameters * sizeof *s->best);
-    return LG_OK;
+/* Fits the windows that compare candidates. A run that is not finite has an infinite loss. */
+static lg_status compare(stages *s, const lg_stage_limits *most, tried *one, lg_error *error) {
+    lg_status status = lg_machine_fit_stage(s->self, &s->compared, most, one->theta, error);
+    if (status == LG_OK)
+        status = lg_machine_loss(s->self->context, &s->compared, one->theta, &one->loss, NULL, error);
+    if (status == LG_NOT_FINITE) status = lg_fail(error, LG_OK, "%s", "");
+    if (isnan(one->loss)) one->loss = INFINITY;
+    return status;
 }
 
 static lg_status try_candidate(stages *s, const double *theta, const candidate *from, lg_error *error) {
-    const size_t n = s->compared.machine->parameters;
-    memset(s->theta, 0, s->parameters * sizeof *s->theta);
-    memcpy(s->theta, theta, n * sizeof *theta);
-    lg_status status = from->way != AS_GIVEN ? fit_smoothed(s, from, s->theta, error) : LG_OK;
-    if (status == LG_OK) status = compare(s, error);
-    if (status == LG_NOT_FINITE) status = lg_fail(error, LG_OK, "%s", "");
-    return status;
+    const lg_stage_limits most = limits(s, FEW);
+    tried *one = &s->all[s->count++];
+    one->loss = INFINITY;
+    LG_TRAINING_ARRAY(s->self, one->theta, s->parameters, error);
+    memcpy(one->theta, theta, s->compared.machine->parameters * sizeof *theta);
+    const lg_status status = from->way != AS_GIVEN ? fit_smoothed(s, from, one->theta, error) : LG_OK;
+    if (status == LG_NOT_FINITE) return lg_fail(error, LG_OK, "%s", "");
+    LG_TRY(status);
+    return compare(s, &most, one, error);
+}
+
+static int by_loss(const void *a, const void *b) {
+    const double x = ((const tried *)a)->loss, y = ((const tried *)b)->loss;
+    return (x > y) - (x < y);
 }
 
 lg_status lg_machine_fit_candidates(lg_training *self, const lg_machine *machine, double *theta,
                                     lg_error *error) {
     const lg_machine_state *state = self->state;
     const uint32_t window = state->problem.window;
-    stages s = {.self = self, .compared = state->problem, .least = INFINITY};
+    stages s = {.self = self, .compared = state->problem};
+    const lg_stage_limits most = limits(&s, LG_STAGE_EPOCHS);
     s.compared.machine = machine;
     s.compared.starts = LG_MACHINE_STARTS_ESTIMATED;
     s.compared.window = at_most(window, COMPARED);
     s.parameters = lg_machine_problem_parameters(&s.compared);
-    LG_TRAINING_ARRAY(self, s.best, s.parameters, error);
-    LG_TRAINING_ARRAY(self, s.theta, s.parameters, error);
-    memcpy(s.best, theta, s.parameters * sizeof *theta);
     const double good = expected(&s);
-    for (size_t i = 0; i < LG_COUNT(candidates) && s.least > good; i++)
+    for (size_t i = 0; i < LG_COUNT(candidates) && (i == 0 || s.all[i - 1].loss > good); i++)
         LG_TRY(try_candidate(&s, theta, &candidates[i], error));
-    memcpy(theta, s.best, s.parameters * sizeof *theta);
+    qsort(s.all, s.count, sizeof *s.all, by_loss);
+    /* Short windows hardly tell good candidates apart when there is much noise. */
     s.compared.window = at_most(window, LONGER);
-    const lg_stage_limits most = {LG_STAGE_EPOCHS, 5 * self->options.seconds / SHARE};
-    return lg_machine_fit_stage(self, &s.compared, &most, theta, error);
+    const size_t finalists = s.count < FINALISTS ? s.count : FINALISTS;
+    for (size_t i = 0; i < finalists && (i == 0 || s.all[i - 1].loss > good); i++)
+        LG_TRY(compare(&s, &most, &s.all[i], error));
+    qsort(s.all, finalists, sizeof *s.all, by_loss);
+    if (isfinite(s.all[0].loss)) memcpy(theta, s.all[0].theta, s.parameters * sizeof *theta);
+    return LG_OK;
 }
