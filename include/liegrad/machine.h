@@ -599,10 +599,13 @@ typedef struct lg_log_coordinate {
 typedef enum lg_log_measured {
     LG_MEASURED_VELOCITIES,
     LG_MEASURED_MOMENTA,
-    LG_MEASURED_POSITIONS
+    LG_MEASURED_POSITIONS,
+    /* Lines and angles alone. Positions in logs are the integrals of the velocities from 0 at the start of each
+     * part; no force may depend on them. */
+    LG_MEASURED_VELOCITIES_ONLY
 } lg_log_measured;
 typedef enum lg_input_hold { LG_HOLD_ZERO, LG_HOLD_LINEAR, LG_HOLD_CUBIC } lg_input_hold;
-#define LG_LOG_MEASURED_COUNT 3
+#define LG_LOG_MEASURED_COUNT 4
 #define LG_INPUT_HOLD_COUNT   3
 
 typedef struct lg_machine_file {

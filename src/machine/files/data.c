@@ -125,6 +125,7 @@ static double noise_of(const lg_machine_data *data, uint32_t first, uint32_t cou
  * than half of it. */
 static bool is_confirmed(const lg_machine_data *data, uint32_t coordinate) {
     const lg_log_statistics *found = &data->logs.columns[data->file.coordinates[coordinate].place];
+    if (data->file.coordinates[coordinate].places == 0) return false;
     return !found->noise_at_most && found->noise > 0.0 &&
            lg_machine_position_noise(data, coordinate) > 0.5 * found->noise;
 }

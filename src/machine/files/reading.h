@@ -29,4 +29,7 @@ lg_status lg_machine_read_terms(lg_machine_reading *r, lg_machine_part part, con
 lg_status lg_machine_read_system(lg_machine_reading *r, const lg_key_value *system, const lg_key_value *form,
                                  const lg_key_value *parameters);
 
+/* Refuses a machine of `measured: velocities-only` that depends on positions (speeds.c). */
+lg_status lg_machine_refuse_positions(lg_machine_reading *r);
+
 #endif

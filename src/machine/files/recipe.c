@@ -140,6 +140,8 @@ static void set_loss_scales(lg_machine_model_run *run, const lg_machine_state *s
         const double v = s->noise.velocity[i], q = s->noise.position[i];
         run->velocity_scale[i] = v > 0.0 ? v : speed;
         run->position_scale[i] = q > 0.0 ? q : 0.5 * run->window * run->dt * speed;
+        /* Positions that are only integrals of the velocities have no weight. */
+        if (s->data.file.measured == LG_MEASURED_VELOCITIES_ONLY) run->position_scale[i] *= 1e6;
         first += each;
     }
 }
