@@ -144,13 +144,16 @@ static void name_numbers(const lg_machine_file *file, number *out) {
         const uint32_t count = lg_coordinate_positions(c->kind),
                        rates = lg_coordinate_row_of(c->kind)->velocities;
         for (uint32_t k = 0; k < count; k++, position++) {
-            const bool same = k < at->places || at->attitudes != 4;
+            const bool measured = at->places + at->attitudes > 0;
+            const bool same = measured && (k < at->places || at->attitudes != 4);
             const uint32_t column = k < at->places ? at->place + k : at->attitude + k - at->places;
             position->used = identify_sees(machine, LG_MACHINE_PART_COUNT, i);
             position->angle = c->kind == LG_COORDINATE_ANGLE;
             if (same)
                 (void)snprintf(position->name, sizeof position->name, "column %s",
                                file->columns[column].name);
+            else if (!measured)
+                (void)snprintf(position->name, sizeof position->name, "position of %s", c->name);
             else
                 (void)snprintf(position->name, sizeof position->name, "R%u%u of %s", (k - at->places) / 3 + 1,
                                (k - at->places) % 3 + 1, c->name);

@@ -21,7 +21,7 @@ static const lg_field options[] = {
     LG_OPTION(evaluate_values, every, U64, "n", "Rows from one start to the next", .low = 1, .high = 1e9,
               .value = "25"),
     LG_OPTION(evaluate_values, window, U64, "M", "Points of the windows of window_loss (default the model's)",
-              .low = 2, .high = LG_MACHINE_WINDOW),
+              .low = 2, .high = 1e9),
     LG_OPTION(evaluate_values, substeps, U64, "n", "Integrator steps between two points of the data",
               .low = 1, .high = 1e6, .otherwise = "the model's"),
     LG_OPTION(evaluate_values, metric, NAME, NULL,

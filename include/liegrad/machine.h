@@ -428,20 +428,24 @@ LG_API lg_status lg_machine_rest_rate(const lg_context *context, const lg_machin
 
 typedef enum lg_machine_starts { LG_MACHINE_STARTS_MEASURED, LG_MACHINE_STARTS_ESTIMATED } lg_machine_starts;
 
-#define LG_MACHINE_WINDOW 512 /* Most points of a window. */
-
 /* A training problem on windows of M consecutive rows of logs. The model predicts each window from its
  * first row with the logged inputs. The loss is the mean over windows and points 2..M (with estimated
  * starts, points 1..M) of the sum over columns of ((predicted - logged)/scale)^2, with the scales below. A
  * rotation counts |R' - R|^2/2, which is the squared angle for small angles, and a direction |q' - q|^2.
  * Of a direction's omega only the part across the logged q counts, (1 - q q^T) omega: logs contain no
  * omega along q, and an error dq of the logged q would appear as |omega| dq along q. All pointers are
- * borrowed. */
+ * borrowed.
+ *
+ * Only memory limits M. With d = 2 velocities (+ 1 for each direction), P parameters (of theta and of one
+ * start) and B windows at once, Levenberg-Marquardt takes about 8 B M d P bytes, and from M = 512 on for
+ * lines and angles 8 M d (d + P + 4) more; B M is at most about 65000 or one window. All rows of such a window
+ * are solved for together (Newton's method on the equations of all intervals); if that does not converge, row
+ * after row. The other minimisers keep the whole tape, 20 to 200 kB for a row of one window. */
 typedef struct lg_machine_problem {
     const lg_machine *machine;
     const lg_scheme *scheme;
     uint32_t substeps; /* Integrator steps between two rows, >= 1. */
-    uint32_t window;   /* M, 2..LG_MACHINE_WINDOW. */
+    uint32_t window;   /* M >= 2. */
     lg_machine_starts starts;
     /* NULL: theta is learned. Else the known parameters of the machine; then only the starts are learned. */
     const double *theta;
@@ -478,6 +482,12 @@ LG_API lg_status lg_machine_problem_check(const lg_machine_problem *problem, lg_
  * the square root of the number of windows. */
 LG_API size_t lg_machine_problem_parameters(const lg_machine_problem *problem);
 LG_API void lg_machine_fit_problem(const lg_machine_problem *problem, lg_fit_problem *out);
+/* As lg_machine_fit_problem, but the windows become a regression of momenta: over each window the changes of
+ * the momenta p = M(q) v of logged rows are compared with the logged rows' forces, p and forces in scaled
+ * units. No window is predicted, so that this works from starts that are wrong by orders of magnitude; noise
+ * of positions and velocities makes its result inexact. The parameters are those of the machine, the starts
+ * are measured and problem->theta is NULL; windows with an incomplete row do not count. */
+LG_API void lg_machine_momentum_problem(const lg_machine_problem *problem, lg_fit_problem *out);
 /* Writes the loss over all windows except the validation part. `theta` has the parameters of the fit.
  * `floor` (may be NULL) becomes the part of the loss that comes from the integrator's own error. Errors:
  * those of lg_machine_problem_check and of the tape. */
@@ -665,10 +675,13 @@ typedef struct lg_log_coordinate {
 typedef enum lg_log_measured {
     LG_MEASURED_VELOCITIES,
     LG_MEASURED_MOMENTA,
-    LG_MEASURED_POSITIONS
+    LG_MEASURED_POSITIONS,
+    /* Lines and angles alone. Positions in logs are the integrals of the velocities from 0 at the start of each
+     * part; no force may depend on them. */
+    LG_MEASURED_VELOCITIES_ONLY
 } lg_log_measured;
 typedef enum lg_input_hold { LG_HOLD_ZERO, LG_HOLD_LINEAR, LG_HOLD_CUBIC } lg_input_hold;
-#define LG_LOG_MEASURED_COUNT 3
+#define LG_LOG_MEASURED_COUNT 4
 #define LG_INPUT_HOLD_COUNT   3
 
 typedef struct lg_machine_file {

@@ -22,6 +22,7 @@ typedef struct expecting {
     bool measured;              /* whether the caller's problem has measured starts */
     const lg_machine_noise *noise;
     const double *theta; /* (parameters, numbers of all starts) */
+    size_t chunk;        /* windows that are linearised at once, at most CHUNK */
     size_t n, own, rows; /* number of parameters, of numbers per start, of residuals per window */
     size_t all;          /* rows, and the rows of priors */
     double *jacobian;    /* (CHUNK, all, n + own) */
@@ -81,7 +82,8 @@ static void add_start(expecting *e, const double *variance) {
 
 static void add_window(expecting *e, const double *jacobian, size_t start, double factor) {
     const size_t columns = e->n + e->own, d = e->rows / e->problem.window, first = e->measured ? d : 0;
-    double *variance = e->residuals + CHUNK * e->all, *part = variance + e->rows, *of_start = part + e->rows;
+    double *variance = e->residuals + e->chunk * e->all, *part = variance + e->rows,
+           *of_start = part + e->rows;
     for (uint32_t j = 0; j < e->problem.window; j++)
         lg_machine_row_variances(&e->problem, e->noise, start + j, factor, variance + j * d, part + j * d);
     for (size_t i = 0; i < d; i++) of_start[i] = variance[i] / (factor * factor * (double)e->problem.windows);
@@ -109,8 +111,8 @@ static lg_status add_windows(expecting *e, lg_tape *tape, size_t all, size_t use
     e->unit = 1.0 / ((double)used * (double)e->problem.window);
     const double factor = sqrt(e->unit);
     lg_machine_fit_problem(&e->problem, &fit);
-    for (size_t first = 0; first < used; first += CHUNK) {
-        const size_t count = used - first < CHUNK ? used - first : CHUNK;
+    for (size_t first = 0; first < used; first += e->chunk) {
+        const size_t count = used - first < e->chunk ? used - first : e->chunk;
         for (size_t i = 0; i < count; i++) samples[i] = (uint32_t)((first + i) * all / used);
         LG_TRY(
             fit.linearise(fit.user, tape, e->theta, samples, count, used, &loss, e->residuals, e->jacobian));
@@ -242,12 +244,15 @@ lg_status lg_machine_expect(const lg_context *context, const lg_machine_problem 
                    .n = many ? 0 : machine->parameters,
                    .own = lg_machine_start_numbers(machine)};
     lg_tape *tape = NULL;
+    lg_fit_problem fit;
     e.problem.starts = LG_MACHINE_STARTS_ESTIMATED;
     if (many) e.problem.theta = theta;
     e.all = lg_machine_linearised_rows(&e.problem);
     e.rows = e.all - lg_machine_problem_priors(&e.problem);
     const size_t columns = e.n + e.own, starts = problem->windows * e.own, given = machine->parameters;
-    const size_t rows = CHUNK * e.all;
+    lg_machine_fit_problem(&e.problem, &fit);
+    e.chunk = CHUNK < fit.chunk ? CHUNK : fit.chunk;
+    const size_t rows = e.chunk * e.all;
     double *all = lg_alloc(context, given + starts + 1, sizeof *all);
     e.jacobian = lg_alloc(context, rows * columns, sizeof *e.jacobian);
     e.residuals = lg_alloc(context, rows + 3 * e.rows, sizeof *e.residuals);

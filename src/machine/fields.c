@@ -11,7 +11,7 @@ const lg_field lg_machine_model_fields[] = {
     MACHINE("substeps", U32, substeps, .low = 1, .high = 1e6,
             .otherwise = "1 to 4, chosen so that the error of the steps is small against the loss",
             .unit = "n", .meaning = "Integrator steps between two points of the data"),
-    MACHINE("window", U32, window, .low = 2, .high = LG_MACHINE_WINDOW,
+    MACHINE("window", U32, window, .low = 2, .high = 1e9,
             .otherwise = "5; 20 with noise, 60 where positions alone are measured", .unit = "M",
             .meaning = "Rows of a window: predictions start at its first row"),
     MACHINE("stride", U32, stride, .high = 1e9,

@@ -27,6 +27,7 @@ typedef struct normal {
     size_t n, starts;
     bool last;
     size_t priors;    /* residuals of one window that are priors, its last ones */
+    size_t chunk;     /* windows of one chunk, at most */
     size_t rows;      /* residuals of one chunk */
     double *jacobian; /* (rows, n + starts) */
     /* (n + starts, rows): transpose of `jacobian`, with the residuals as row n - 1 if `last` */
@@ -127,8 +128,8 @@ static lg_status add_all(normal *s, lg_tape *tape) {
     const size_t windows = s->problem->windows - s->problem->validation;
     const size_t used = windows < LG_MACHINE_MOST_WINDOWS ? windows : LG_MACHINE_MOST_WINDOWS;
     uint32_t samples[CHUNK];
-    for (size_t first = 0; first < used; first += CHUNK) {
-        const size_t count = used - first < CHUNK ? used - first : CHUNK;
+    for (size_t first = 0; first < used; first += s->chunk) {
+        const size_t count = used - first < s->chunk ? used - first : s->chunk;
         for (size_t i = 0; i < count; i++) samples[i] = (uint32_t)((first + i) * windows / used);
         LG_TRY(add_chunk(s, tape, samples, count, used));
     }
@@ -318,8 +319,9 @@ static lg_status allocate(normal *s) {
     const lg_machine_problem *problem = s->problem;
     lg_machine_fit_problem(problem, &s->fit);
     s->priors = lg_machine_problem_priors(problem);
+    s->chunk = CHUNK < s->fit.chunk ? CHUNK : s->fit.chunk;
     if (lg_machine_starts_estimated(problem)) s->starts = lg_machine_start_numbers(problem->machine);
-    const size_t rows = CHUNK * s->fit.rows, columns = s->n + s->starts;
+    const size_t rows = s->chunk * s->fit.rows, columns = s->n + s->starts;
     s->jacobian = lg_alloc(s->context, (2 * columns + 1) * rows, sizeof(double));
     if (s->jacobian != NULL) {
         s->columns = s->jacobian + columns * rows;

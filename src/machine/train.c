@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "autodiff/tape/tape_internal.h"
 #include "core/core.h"
 #include "liegrad/ops.h"
 #include "machine/internal.h"
@@ -102,12 +103,29 @@ static lg_status begin(lg_tape *tape, const lg_machine_problem *problem, lg_var 
 }
 
 /* Joins points first .. last of each part of the state into one variable, point after point. */
-static void join_points(lg_tape *tape, const points *p, size_t parts, const lg_var *predicted, lg_var *all) {
-    lg_var each[LG_MACHINE_WINDOW];
+static lg_status join_points(lg_tape *tape, const points *p, size_t parts, const lg_var *predicted,
+                             lg_var *all) {
+    const size_t bytes = (p->last - p->first + 1) * sizeof(lg_var);
+    lg_var *each = lg_pool_take(tape, bytes);
+    if (each == NULL) return lg_tape_status(tape);
     for (size_t i = 0; i < parts; i++) {
         for (uint32_t j = p->first; j <= p->last; j++) each[j - p->first] = predicted[j * parts + i];
         all[i] = p->last == p->first ? each[0] : lg_concat(tape, each, p->last - p->first + 1, 0);
     }
+    lg_pool_give(tape, each, bytes);
+    return lg_tape_status(tape);
+}
+
+/* Predicts the windows of `p` and joins their points first .. last. */
+static lg_status predict_joined(lg_tape *tape, const points *p, const lg_machine_flow *flow, lg_var theta,
+                                lg_var *all) {
+    const size_t bytes = (size_t)PARTS * p->problem->window * sizeof(lg_var);
+    lg_var *predicted = lg_pool_take(tape, bytes);
+    if (predicted == NULL) return lg_tape_status(tape);
+    lg_status status = predict(tape, p, flow, theta, predicted);
+    if (status == LG_OK) status = join_points(tape, p, lg_taped_parts(&flow->space), predicted, all);
+    lg_pool_give(tape, predicted, bytes);
+    return status;
 }
 
 /* Reorders x (points * count, n), ordered by points, to rows of windows (count, points * n). */
@@ -164,12 +182,11 @@ static lg_status shard_residuals(void *user, lg_tape *tape, lg_var theta, const 
     const points p = window_points(problem, samples, count);
     lg_machine_vars vars;
     lg_machine_flow flow;
-    lg_var predicted[PARTS * LG_MACHINE_WINDOW], all[PARTS];
+    lg_var all[PARTS];
     given data;
     LG_TRY(begin(tape, problem, theta, &vars, &flow));
-    LG_TRY(predict(tape, &p, &flow, theta, predicted));
+    LG_TRY(predict_joined(tape, &p, &flow, theta, all));
     LG_TRY(put_given(tape, &p, factor_of(&p, batch), &data));
-    join_points(tape, &p, lg_taped_parts(&flow.space), predicted, all);
     *r = differences(tape, &p, &vars, &data, all);
     if (lg_machine_problem_priors(problem) > 0) {
         const double weight = lg_machine_prior_weight(problem, batch);
@@ -196,18 +213,16 @@ static lg_status shard_floor(void *user, lg_tape *tape, lg_var theta, const uint
     const double power = ldexp(1.0, problem->scheme->order);
     lg_machine_vars vars;
     lg_machine_flow once, twice;
-    lg_var predicted[PARTS * LG_MACHINE_WINDOW], all[PARTS];
+    lg_var all[PARTS];
     given data;
     LG_TRY(begin(tape, problem, theta, &vars, &once));
     twice = once;
     twice.substeps *= 2;
     LG_TRY(put_given(tape, &p, factor_of(&p, batch) * power / (power - 1.0), &data));
-    LG_TRY(predict(tape, &p, &twice, theta, predicted));
-    join_points(tape, &p, lg_taped_parts(&once.space), predicted, all);
+    LG_TRY(predict_joined(tape, &p, &twice, theta, all));
     data.positions = lg_machine_record_positions(tape, &vars, all);
     data.velocities = lg_machine_record_velocities(tape, &vars, all);
-    LG_TRY(predict(tape, &p, &once, theta, predicted));
-    join_points(tape, &p, lg_taped_parts(&once.space), predicted, all);
+    LG_TRY(predict_joined(tape, &p, &once, theta, all));
     *floor = lg_sum(tape, lg_square(tape, differences(tape, &p, &vars, &data, all)));
     return lg_tape_status(tape);
 }
@@ -227,6 +242,12 @@ static size_t observations(const lg_machine_problem *problem) {
     return sum;
 }
 
+/* Windows that are on a tape at once: few of them if they are long. */
+static size_t chunk_of(const lg_machine_problem *problem) {
+    const size_t rows = (size_t)LG_FIT_CHUNK * 512, count = rows / problem->window;
+    return count < 1 ? 1 : count < LG_FIT_CHUNK ? count : LG_FIT_CHUNK;
+}
+
 void lg_machine_fit_problem(const lg_machine_problem *problem, lg_fit_problem *out) {
     /* Only weights of networks have a prior. */
     const size_t weights = problem->theta == NULL ? problem->machine->weights : 0;
@@ -239,6 +260,7 @@ void lg_machine_fit_problem(const lg_machine_problem *problem, lg_fit_problem *o
         .rows = lg_machine_linearised_rows(problem),
         .user = (void *)(uintptr_t)problem, /* never written */
         .validation = problem->validation,
+        .chunk = chunk_of(problem),
         .own = lg_machine_starts_estimated(problem) ? lg_machine_start_numbers(problem->machine) : 0,
         .observations = weights > 0 ? observations(problem) : 0,
         .weights = weights};
@@ -246,12 +268,27 @@ void lg_machine_fit_problem(const lg_machine_problem *problem, lg_fit_problem *o
 
 /* ---- loss of all windows ---- */
 
+static lg_status add_windows(lg_tape *tape, const lg_machine_problem *problem, const double *theta,
+                             double *loss, double *floor) {
+    double none;
+    *loss = 0.0;
+    if (floor != NULL) *floor = 0.0;
+    for (size_t w = 0, all = problem->windows - problem->validation; w < all; w++) {
+        const uint32_t sample = (uint32_t)w;
+        double value;
+        LG_TRY(lg_machine_long_loss(problem, tape, theta, &sample, 1, all, &value, NULL));
+        *loss += value;
+        if (floor != NULL) LG_TRY(lg_machine_long_loss(problem, tape, theta, &sample, 1, all, &none, floor));
+    }
+    return LG_OK;
+}
+
 static lg_status add_chunks(lg_tape *tape, const lg_fit_problem *fit, const double *theta, double *sum) {
     uint32_t samples[LG_FIT_CHUNK];
     const size_t all = fit->samples - fit->validation;
     *sum = 0.0;
-    for (size_t first = 0; first < all; first += LG_FIT_CHUNK) {
-        const size_t left = all - first, count = left < LG_FIT_CHUNK ? left : LG_FIT_CHUNK;
+    for (size_t first = 0; first < all; first += fit->chunk) {
+        const size_t left = all - first, count = left < fit->chunk ? left : fit->chunk;
         for (size_t i = 0; i < count; i++) samples[i] = (uint32_t)(first + i);
         lg_tape_reset(tape);
         lg_var part, parameters = lg_parameter(tape, lg_shape1((uint32_t)fit->parameters), theta);
@@ -272,9 +309,10 @@ lg_status lg_machine_loss(const lg_context *context, const lg_machine_problem *p
     lg_machine_fit_problem(problem, &fit);
     lg_status status = lg_tape_create(context, NULL, &tape);
     if (status != LG_OK) return lg_fail(error, status, "%s", lg_status_sentence(status));
-    status = add_chunks(tape, &fit, theta, loss);
+    const bool as_runs = lg_machine_is_long(problem);
+    status = as_runs ? add_windows(tape, problem, theta, loss, floor) : add_chunks(tape, &fit, theta, loss);
     fit.loss = shard_floor;
-    if (status == LG_OK && floor != NULL) status = add_chunks(tape, &fit, theta, floor);
+    if (status == LG_OK && floor != NULL && !as_runs) status = add_chunks(tape, &fit, theta, floor);
     if (status != LG_OK) (void)lg_fail(error, status, "%s", lg_tape_message(tape));
     lg_tape_destroy(tape);
     return status;

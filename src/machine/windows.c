@@ -59,10 +59,9 @@ lg_status lg_machine_problem_check(const lg_machine_problem *problem, lg_error *
     if (problem->windows == 0 || problem->windows > UINT32_MAX)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the logs have no window of %u rows without a gap",
                        problem->window);
-    if (problem->window < 2 || problem->window > LG_MACHINE_WINDOW || problem->substeps == 0)
+    if (problem->window < 2 || problem->substeps == 0)
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "a window must have 2 to %d rows, and there must be at least 1 substep",
-                       LG_MACHINE_WINDOW);
+                       "a window must have at least 2 rows, and there must be at least 1 substep");
     if (problem->validation >= problem->windows)
         return lg_fail(error, LG_INVALID_ARGUMENT, "no windows are left for training");
     if (lg_machine_problem_parameters(problem) == 0)

@@ -311,6 +311,37 @@ TEST("a log that contradicts the machine is reported; smooth, rounded, noisy and
             }
 }
 
+/* ---- positions alone ---- */
+
+#define ARM                                                                                                  \
+    "columns: {time: t}\n%scoordinates:\n  - {name: q1, kind: angle%s}\n  - {name: q2, kind: angle%s}\n"     \
+    "inputs: {columns: [u1, u2]}\nsystem: two-link-arm\n"                                                    \
+    "input_map: {kind: known, values: [[1, 0], [0, 1]]}\n"
+
+TEST("positions alone at 400 Hz give the numbers of an arm from starts that are wrong by a factor of 10") {
+    static const struct {
+        const char *name;
+        double truth;
+    } numbers[] = {{"c1", 0.2}, {"c2", 0.15}, {"I1", 0.02}, {"I2", 0.01}, {"L", 0.4}};
+    /* Plain fits of windows of 15 to 60 rows ended at I1 = 1e4 and c1 = 1e16. */
+    cli_write("arm_scene.yaml",
+              test_text(ARM "parameters: {masses: [1.2, 0.8], centres: [0.2, 0.15], inertia: [0.02, 0.01], "
+                            "length: 0.4, gravity: 9.81}\ndamping: {kind: known, values: [0.05, 0.03]}\n",
+                        "", ", velocity: v1", ", velocity: v2"));
+    cli_write("arm.yaml",
+              test_text(ARM "parameters: {masses: [1.2, 0.8], gravity: 9.81, length: {start: 4, unknown: "
+                            "true}, centres: {start: [0.02, 0.015], unknown: true}, inertia: {start: [0.2, "
+                            "0.001], unknown: true}}\ndamping: diagonal\n",
+                        "measured: positions\n", "", ""));
+    cli_run(identify, "generate arm_scene.yaml --inputs multisine --amplitude 2 --runs 1 --t-end 5 "
+                      "--dt 0.0025 --seed 1 --noise 0.0002,0 --out arm.csv");
+    cli_json(identify, "fit arm.yaml arm.csv --out m.h5", "parameters 7");
+    for (size_t i = 0; i < LG_COUNT(numbers); i++) {
+        const char *number = json_find(json_find(result.out, "identified"), numbers[i].name);
+        assert_close(json_number(number, "value"), numbers[i].truth, 0.02, 0);
+    }
+}
+
 /* ---- forces that the model lacks ---- */
 
 /* The equations of motion for the coordinates x and y (or x alone) with unit masses. y[4] = x, y, x', y'; out

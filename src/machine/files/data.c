@@ -125,6 +125,7 @@ static double noise_of(const lg_machine_data *data, uint32_t first, uint32_t cou
  * than half of it. */
 static bool is_confirmed(const lg_machine_data *data, uint32_t coordinate) {
     const lg_log_statistics *found = &data->logs.columns[data->file.coordinates[coordinate].place];
+    if (data->file.coordinates[coordinate].places == 0) return false;
     return !found->noise_at_most && found->noise > 0.0 &&
            lg_machine_position_noise(data, coordinate) > 0.5 * found->noise;
 }
@@ -140,13 +141,19 @@ static void find_noise(const lg_machine_data *data, uint32_t coordinate, bool co
 }
 
 /* Unconfirmed noise below 2e-4 of a range is ignored: it does not justify estimated starts, and uneven time
- * steps or held inputs can look like it. */
+ * steps or held inputs can look like it. But if positions alone are measured and one of them has noise, traces
+ * of noise count in the others: without them such a position would have almost no weight beside the first. */
 bool lg_machine_data_noise(const lg_machine_data *data, lg_machine_noise *out) {
     bool any = false;
+    lg_machine_noise traces;
     for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++) {
         find_noise(data, i, is_confirmed(data, i), 2e-4, out);
         any = any || out->position[i] > 0.0 || out->velocity[i] > 0.0;
     }
+    lg_machine_data_traces(data, &traces);
+    for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++)
+        if (any && data->file.measured == LG_MEASURED_POSITIONS && !(out->position[i] > 0.0))
+            out->position[i] = traces.position[i];
     return any;
 }
 

@@ -238,7 +238,7 @@ static lg_status tell(const cleaning *c) {
 
 static lg_status clean_coordinate(cleaning *c) {
     const lg_log_table *table = c->table;
-    const bool angle = c->coordinate->kind == LG_COORDINATE_ANGLE;
+    const bool angle = c->coordinate->kind == LG_COORDINATE_ANGLE && c->where->places > 0;
     if (angle) LG_TRY(check_angle(c));
     for (size_t part = 0; part < table->parts; part++) {
         if (angle && table->machine->unwrap) unwrap(c, part);

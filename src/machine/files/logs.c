@@ -171,10 +171,12 @@ static lg_status warn_of_columns(reading *r) {
     }
     for (uint32_t i = 0; i < m->coordinate_count; i++) {
         bool moves = false;
+        const bool speeds = r->table.machine->measured == LG_MEASURED_VELOCITIES_ONLY;
+        const lg_log_role shows = speeds ? LG_LOG_VELOCITY : LG_LOG_POSITION;
         for (uint32_t k = 0; k < r->table.columns; k++) {
             const lg_log_column *c = &r->table.machine->columns[k];
             const lg_log_statistics *s = &r->table.out->columns[k];
-            moves = moves || (c->role == LG_LOG_POSITION && c->index == i && s->low < s->high);
+            moves = moves || (c->role == shows && c->index == i && s->low < s->high);
         }
         if (!moves)
             LG_TRY(lg_log_warn(&r->table,
@@ -356,6 +358,7 @@ static lg_status fill(reading *r) {
         out->t[row] = lg_log_time(t, row);
         fill_state(t, row, out->q + row * m->positions, out->v + row * m->velocities);
     }
+    lg_log_integrate(t, out->q, out->v);
     for (size_t part = 0; part < t->parts; part++) {
         out->part_file[part] = t->origin[t->first[part]].file;
         out->part_run[part] = t->origin[t->first[part]].run;

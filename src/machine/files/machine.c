@@ -12,7 +12,7 @@ typedef lg_machine_reading reading;
 
 /* ---- names ---- */
 
-static const char *const measured_names[] = {"velocities", "momenta", "positions"};
+static const char *const measured_names[] = {"velocities", "momenta", "positions", "velocities-only"};
 static const char *const hold_names[] = {"zero", "linear", "cubic"};
 
 static const char *name_measured(uint32_t value) {
@@ -232,6 +232,20 @@ static lg_status read_columns(reading *r, int k, uint32_t line, const lg_key_val
                         other != expected ? " (w, x, y, z) or 9 (the matrix, row by row)" : "");
 }
 
+/* Reads the columns of a coordinate's positions. */
+static lg_status read_positions(reading *r, uint32_t line, const lg_key_value *values, lg_log_coordinate *c) {
+    const lg_machine *m = &r->out->machine;
+    const bool attitude = takes[m->coordinates[m->coordinate_count].kind][OF_COLUMNS].count > 1;
+    if (r->out->measured == LG_MEASURED_VELOCITIES_ONLY) {
+        if (values[OF_COLUMNS].line == 0 && values[OF_POSITION].line == 0) return LG_OK;
+        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error,
+                            "columns of positions are not allowed with `measured: velocities-only`");
+    }
+    LG_TRY(read_columns(r, OF_POSITION, line, &values[OF_POSITION], LG_LOG_POSITION, &c->place, &c->places));
+    return read_columns(r, OF_COLUMNS, line, &values[OF_COLUMNS], LG_LOG_POSITION,
+                        attitude ? &c->attitude : &c->place, attitude ? &c->attitudes : &c->places);
+}
+
 /* Reads the columns of a coordinate's velocities, including a pose's rates. */
 static lg_status read_velocities(reading *r, uint32_t line, const lg_key_value *values,
                                  lg_log_coordinate *c) {
@@ -272,10 +286,7 @@ static lg_status read_coordinate(reading *r, const yaml_node_t *node) {
     memcpy(m->coordinates[i].name, name, strlen(name) + 1);
     const lg_coordinate_kind kind = m->coordinates[i].kind = (lg_coordinate_kind)values[OF_KIND].real[0];
     LG_TRY(check_keys(r, kind, values));
-    const bool attitude = takes[kind][OF_COLUMNS].count > 1;
-    LG_TRY(read_columns(r, OF_POSITION, line, &values[OF_POSITION], LG_LOG_POSITION, &c->place, &c->places));
-    LG_TRY(read_columns(r, OF_COLUMNS, line, &values[OF_COLUMNS], LG_LOG_POSITION,
-                        attitude ? &c->attitude : &c->place, attitude ? &c->attitudes : &c->places));
+    LG_TRY(read_positions(r, line, values, c));
     LG_TRY(read_velocities(r, line, values, c));
     m->coordinate_count++;
     return lg_yaml_store(r->yaml, coordinate_keys, values, OF_COUNT, c, r->error);
@@ -405,6 +416,7 @@ static lg_status read_machine(reading *r, lg_key_value *values) {
     for (int part = 0; part < LG_MACHINE_ACTUATOR; part++)
         LG_TRY(lg_machine_read_terms(r, (lg_machine_part)part, &values[KEY_PARTS + part]));
     LG_TRY(lg_machine_read_actuators(r, &values[KEY_LAG], &values[KEY_CURVE]));
+    LG_TRY(lg_machine_refuse_positions(r));
     return finish_machine(r);
 }
 

@@ -43,5 +43,7 @@ lg_status lg_machine_read_system(lg_machine_reading *r, const lg_key_value *syst
 /* Reads `lag` and `curve` of the inputs. A key with line 0 is not in the file. */
 lg_status lg_machine_read_actuators(lg_machine_reading *r, const lg_key_value *lag,
                                     const lg_key_value *curve);
+/* Refuses a machine of `measured: velocities-only` that depends on positions (speeds.c). */
+lg_status lg_machine_refuse_positions(lg_machine_reading *r);
 
 #endif

@@ -52,6 +52,20 @@ static uint32_t at_most(size_t rows, uint32_t wanted) {
     return rows >= 2 && rows < wanted ? (uint32_t)rows : wanted;
 }
 
+/* The longest window of at most `wanted` rows with which three quarters of the rows are in parts that have one:
+ * gaps leave short parts. */
+static uint32_t window_of_parts(const lg_machine_log *log, uint32_t wanted) {
+    enum { SHORT = 8 };
+    for (uint32_t window = at_most(longest_part(log), wanted);; window -= (window + 3) / 4) {
+        size_t covered = 0;
+        for (size_t p = 0; p < log->parts; p++) {
+            const size_t rows = log->first[p + 1] - log->first[p];
+            if (rows >= window) covered += rows;
+        }
+        if (4 * covered >= 3 * log->rows || window <= SHORT) return window;
+    }
+}
+
 static size_t count_windows(const lg_machine_model_run *run, const lg_machine_state *s, uint32_t stride) {
     return lg_machine_windows(&run->machine, &s->data.training, run->window, stride, s->positions, NULL);
 }
@@ -90,7 +104,7 @@ static void choose_settings(const lg_training *self) {
     if (!self->given(self, "starts"))
         run->starts = noisy ? LG_MACHINE_STARTS_ESTIMATED : LG_MACHINE_STARTS_MEASURED;
     if (!self->given(self, "window"))
-        run->window = at_most(longest_part(&s->data.training), positions ? 60 : noisy ? 20 : 5);
+        run->window = window_of_parts(&s->data.training, positions ? 60 : noisy ? 20 : 5);
     if (!self->given(self, "substeps")) run->substeps = 1;
     if (!self->given(self, "stride") || run->stride == 0) run->stride = find_stride(run, s);
     const bool lm = lg_machine_is_small(&run->machine), dense = count_parameters(run, s) <= DENSE;
@@ -126,6 +140,8 @@ static void set_loss_scales(lg_machine_model_run *run, const lg_machine_state *s
         const double v = s->noise.velocity[i], q = s->noise.position[i];
         run->velocity_scale[i] = v > 0.0 ? v : speed;
         run->position_scale[i] = q > 0.0 ? q : 0.5 * run->window * run->dt * speed;
+        /* Positions that are only integrals of the velocities have no weight. */
+        if (s->data.file.measured == LG_MEASURED_VELOCITIES_ONLY) run->position_scale[i] *= 1e6;
         first += each;
     }
 }

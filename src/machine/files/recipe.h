@@ -183,6 +183,31 @@ struct lg_training;
 /* Improves theta, the machine's parameters (in and out), on short windows until longer windows can be
  * predicted. Also sets the scales of the loss, and the substeps unless they are given (warm_up.c). */
 lg_status lg_machine_warm_up(struct lg_training *self, double *theta, lg_error *error);
+enum { LG_STAGE_EPOCHS = 50 };
+/* What a short fit may take: evaluations of Levenberg-Marquardt in each of up to 4 rounds; seconds, 0: any. */
+typedef struct lg_stage_limits {
+    uint64_t epochs;
+    double seconds;
+} lg_stage_limits;
+/* A short fit of `problem`. theta, in and out, has its parameters; they change
+ * only if the loss falls (warm_up.c). */
+lg_status lg_machine_fit_stage(struct lg_training *self, const lg_machine_problem *problem,
+                               const lg_stage_limits *most, double *theta, lg_error *error);
+/* The same for lg_machine_momentum_problem, whose result is always taken. */
+lg_status lg_machine_fit_momenta(struct lg_training *self, const lg_machine_problem *problem,
+                                 const lg_stage_limits *most, double *theta, lg_error *error);
+/* Brings the parameters of a named system near those that explain the problem's short windows, from any start
+ * (warm_up.c). */
+lg_status lg_machine_approach(struct lg_training *self, const lg_machine_problem *on, double *theta,
+                              lg_error *error);
+/* Logs with positions alone: tries several ways to first parameters and keeps those that predict best. theta,
+ * in and out: the parameters of `machine`, then those of all starts (stages.c). */
+lg_status lg_machine_fit_candidates(struct lg_training *self, const lg_machine *machine, double *theta,
+                                    lg_error *error);
+/* Positions q and velocities v of all rows from cubics through 2 half + 1 rows, fewer at the ends of parts.
+ * NaN where too few rows have a position (smooth.c). */
+void lg_machine_smooth(const lg_machine *machine, const lg_machine_log *log, uint32_t half, double *q,
+                       double *v);
 /* The trainer's hook `judge`: fills the verdict, and warns of what is wrong with the model. */
 lg_status lg_machine_judge(struct lg_training *self, double *theta, lg_error *error);
 

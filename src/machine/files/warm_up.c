@@ -82,19 +82,63 @@ static void quieten(const lg_machine *machine, double *theta) {
 
 /* ---- fits ---- */
 
+/* A short fit. Numbers are held near their first values, in proportion to the loss that is left: a number that
+ * ran to 0 or infinity would never come back. theta, in and out, has the problem's parameters. */
+static lg_status run_fit(lg_training *self, const lg_machine *machine, const lg_fit_problem *problem,
+                         const lg_stage_limits *most, double *theta, lg_error *error) {
+    enum { EPOCHS = 200, ROUNDS = 4 };
+    static const double pull = 0.02, slow = 0.9;
+    const bool few = lg_machine_is_small(machine);
+    const size_t numbers = problem->parameters < machine->parameters ? 0 : machine->parameters;
+    lg_fit_problem held = *problem;
+    lg_fit_options chosen = self->options;
+    double *decay, loss = 0, before = INFINITY;
+    LG_TRAINING_ARRAY(self, decay, problem->parameters, error);
+    (void)lg_fit_plan_parse(few ? "lm" : problem->own > 0 ? "lbfgs" : "ssbroyden", &chosen.plan, NULL);
+    chosen.seconds = most->seconds / ROUNDS;
+    chosen.validation = chosen.prior = 0;
+    chosen.keep_best = false;
+    chosen.patience = chosen.stop_after = chosen.checkpoint_every = 0;
+    chosen.checkpoint = NULL;
+    chosen.on_epoch = NULL;
+    for (int round = few ? 0 : ROUNDS; round <= ROUNDS && !(loss > slow * before); round++) {
+        lg_fit *fit = NULL;
+        if (round > 1) before = loss;
+        chosen.epochs = !few ? EPOCHS : round == 0 ? 1 : most->epochs;
+        lg_status status = lg_fit_create(self->context, &held, &chosen, theta, &fit, error);
+        if (status == LG_OK) status = lg_fit_run(fit, error);
+        if (status == LG_OK) lg_fit_parameters(fit, theta), loss = lg_fit_loss(fit);
+        lg_fit_destroy(fit);
+        LG_TRY(status);
+        for (size_t i = machine->weights; i < numbers; i++) decay[i] = pull * loss;
+        held.decay = decay;
+    }
+    return LG_OK;
+}
+
 /* Takes the fit's parameters if they lower the loss by more than rounding error. Along directions that the
  * logs leave open, a fit would follow rounding error arbitrarily far. */
-static lg_status take_lower(lg_training *self, const lg_machine_problem *problem, const lg_fit *fit,
-                            double *theta, lg_error *error) {
+lg_status lg_machine_fit_stage(lg_training *self, const lg_machine_problem *problem,
+                               const lg_stage_limits *most, double *theta, lg_error *error) {
     static const double rounding = 1e-9;
     const size_t n = lg_machine_problem_parameters(problem);
+    lg_fit_problem fit_problem;
     double before = 0, after = 0, *found;
     LG_TRAINING_ARRAY(self, found, n, error);
-    lg_fit_parameters(fit, found);
+    memcpy(found, theta, n * sizeof *found);
+    lg_machine_fit_problem(problem, &fit_problem);
+    LG_TRY(run_fit(self, problem->machine, &fit_problem, most, found, error));
     LG_TRY(lg_machine_loss(self->context, problem, theta, &before, NULL, error));
     LG_TRY(lg_machine_loss(self->context, problem, found, &after, NULL, error));
     if (after < (1.0 - rounding) * before || !isfinite(before)) memcpy(theta, found, n * sizeof *found);
     return LG_OK;
+}
+
+lg_status lg_machine_fit_momenta(lg_training *self, const lg_machine_problem *problem,
+                                 const lg_stage_limits *most, double *theta, lg_error *error) {
+    lg_fit_problem fit_problem;
+    lg_machine_momentum_problem(problem, &fit_problem);
+    return run_fit(self, problem->machine, &fit_problem, most, theta, error);
 }
 
 /* Windows up to this length do not determine an estimated start; the velocity is then a difference of
@@ -119,29 +163,12 @@ static lg_machine_problem short_windows(const lg_training *self, const lg_machin
  * the parameters of the starts follow. */
 static lg_status fit_short(lg_training *self, const lg_machine *machine, const lg_scheme *scheme,
                            uint32_t window, double *theta, lg_error *error) {
-    enum { EPOCHS = 200 };
     /* Priors only hold what short windows leave open. */
     static const double weak = 1e-6;
+    const lg_stage_limits most = {LG_STAGE_EPOCHS, self->options.seconds / 8};
     lg_machine_problem problem = short_windows(self, machine, scheme, window);
-    const bool few = lg_machine_is_small(machine), estimated = problem.starts == LG_MACHINE_STARTS_ESTIMATED;
-    lg_fit_problem fit_problem;
-    lg_fit_options chosen = self->options;
-    lg_fit *fit;
     problem.residual = weak;
-    lg_machine_fit_problem(&problem, &fit_problem);
-    (void)lg_fit_plan_parse(few ? "lm" : estimated ? "lbfgs" : "ssbroyden", &chosen.plan, NULL);
-    chosen.epochs = few ? EPOCHS / 4 : EPOCHS;
-    chosen.seconds = self->options.seconds / 8;
-    chosen.validation = chosen.prior = 0;
-    chosen.keep_best = false;
-    chosen.patience = chosen.stop_after = chosen.checkpoint_every = 0;
-    chosen.checkpoint = NULL;
-    chosen.on_epoch = NULL;
-    LG_TRY(lg_fit_create(self->context, &fit_problem, &chosen, theta, &fit, error));
-    lg_status status = lg_fit_run(fit, error);
-    if (status == LG_OK) status = take_lower(self, &problem, fit, theta, error);
-    lg_fit_destroy(fit);
-    return status;
+    return lg_machine_fit_stage(self, &problem, &most, theta, error);
 }
 
 /* Enlarges the position scale of a coordinate whose positions are predicted much worse, in units of their
@@ -155,8 +182,9 @@ static lg_status balance(lg_training *self, const lg_machine *machine, const dou
     lg_machine_state *s = self->state;
     const lg_learned_machine model = {
         .machine = machine, .theta = theta, .scheme = run->scheme, .substeps = run->substeps};
-    LG_TRY(lg_machine_residuals(self->context, &model, &s->problem, &found, error));
     *changed = false;
+    if (s->data.file.measured == LG_MEASURED_VELOCITIES_ONLY) return LG_OK;
+    LG_TRY(lg_machine_residuals(self->context, &model, &s->problem, &found, error));
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         const double q = found.position[i] / run->position_scale[i],
                      v = found.velocity[i] / run->velocity_scale[i];
@@ -165,17 +193,6 @@ static lg_status balance(lg_training *self, const lg_machine *machine, const dou
         *changed = true;
     }
     return LG_OK;
-}
-
-/* The loss of the shortest windows: one step, or SHORTEST rows if positions alone are measured. */
-static lg_status short_loss(const lg_training *self, const lg_machine *machine, const double *theta,
-                            double *loss, lg_error *error) {
-    const lg_machine_state *s = self->state;
-    lg_machine_problem problem = s->problem;
-    problem.machine = machine;
-    problem.starts = LG_MACHINE_STARTS_MEASURED;
-    problem.window = s->positions ? SHORTEST : 2;
-    return lg_machine_loss(self->context, &problem, theta, loss, NULL, error);
 }
 
 /* Copies the parameters of the system, which are those of its mass term. */
@@ -190,19 +207,25 @@ static void copy_system(const lg_machine *machine, const double *from, double *t
 /* The initial parameters of a system may make it too stiff for the integrator's steps. A step of explicit
  * Euler is linear in the acceleration and works from any start. Euler's own error would appear as damping, so
  * that only the system's parameters are kept, and only if they do not raise the loss. */
-static lg_status approach(lg_training *self, const lg_machine *machine, double *theta, lg_error *error) {
-    const uint32_t window = ((const lg_machine_state *)self->state)->positions ? SHORTEST : 2;
+lg_status lg_machine_approach(lg_training *self, const lg_machine_problem *on, double *theta,
+                              lg_error *error) {
     double before = 0, after = 0, *own, *start;
+    const lg_machine *machine = on->machine;
     if (machine->grey.system == NULL) return LG_OK;
     const size_t n = machine->parameters;
+    lg_machine_problem problem = *on;
+    problem.starts = LG_MACHINE_STARTS_MEASURED;
     LG_TRAINING_ARRAY(self, own, n + 1, error);
     LG_TRAINING_ARRAY(self, start, n + 1, error);
     memcpy(own, theta, n * sizeof *own);
     memcpy(start, theta, n * sizeof *start);
-    LG_TRY(short_loss(self, machine, theta, &before, error));
-    LG_TRY(fit_short(self, machine, lg_scheme_find("lie-euler"), window, own, error));
+    LG_TRY(lg_machine_loss(self->context, &problem, theta, &before, NULL, error));
+    problem.scheme = lg_scheme_find("lie-euler");
+    LG_TRY(lg_machine_fit_stage(self, &problem,
+                                &(lg_stage_limits){LG_STAGE_EPOCHS, self->options.seconds / 8}, own, error));
+    problem.scheme = on->scheme;
     copy_system(machine, own, start);
-    LG_TRY(short_loss(self, machine, start, &after, error));
+    LG_TRY(lg_machine_loss(self->context, &problem, start, &after, NULL, error));
     if (isfinite(after) && !(after > before)) memcpy(theta, start, n * sizeof *start);
     return LG_OK;
 }
@@ -235,25 +258,23 @@ static lg_status scan_lags(lg_training *self, const lg_machine *machine, double 
     return LG_OK;
 }
 
-/* With positions alone fits windows of growing length. Else fits the shortest windows, until the scales of
+/* With positions alone compares ways to first parameters. Else fits the shortest windows, until the scales of
  * the loss no longer change. */
 static lg_status fit_windows(lg_training *self, const lg_machine *machine, double *theta, lg_error *error) {
     enum { ROUNDS = 4 };
-    static const uint32_t growing[] = {SHORTEST, 15, 50};
     const lg_machine_state *s = self->state;
-    const lg_scheme *scheme = s->problem.scheme;
     bool changed = true;
-    LG_TRY(approach(self, machine, theta, error));
     if (s->positions) {
-        LG_TRY(fit_short(self, machine, scheme, growing[0], theta, error));
-        LG_TRY(scan_lags(self, machine, theta, error));
-        for (size_t i = 1; i < LG_COUNT(growing); i++)
-            LG_TRY(fit_short(self, machine, scheme, growing[i], theta, error));
-        return LG_OK;
+        LG_TRY(lg_machine_fit_candidates(self, machine, theta, error));
+        return scan_lags(self, machine, theta, error);
     }
+    lg_machine_problem problem = s->problem;
+    problem.machine = machine;
+    problem.window = 2;
+    LG_TRY(lg_machine_approach(self, &problem, theta, error));
     LG_TRY(scan_lags(self, machine, theta, error));
     for (int round = 0; round < ROUNDS && changed; round++) {
-        LG_TRY(fit_short(self, machine, scheme, s->noisy ? 5 : 2, theta, error));
+        LG_TRY(fit_short(self, machine, s->problem.scheme, s->noisy ? 5 : 2, theta, error));
         LG_TRY(balance(self, machine, theta, &changed, error));
     }
     return LG_OK;

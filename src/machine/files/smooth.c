@@ -1,0 +1,113 @@
+/* Velocities of logs that measure positions alone, from local polynomials. */
+#include <math.h>
+#include <string.h>
+
+#include "machine/files/recipe.h"
+
+enum { DEGREE = 3, TERMS = DEGREE + 1, SPARE = 2 };
+
+/* Solves A x = b, of which `n` rows are filled; A is symmetric and positive definite. False: it is not. */
+static bool solve(int n, double A[TERMS][TERMS], double b[TERMS]) {
+    for (int i = 0; i < n; i++)
+        for (int j = i; j < n; j++) {
+            double sum = A[j][i];
+            for (int k = 0; k < i; k++) sum -= A[i][k] * A[j][k];
+            if (i == j && !(sum > 1e-12 * A[i][i])) return false;
+            A[j][i] = i == j ? sqrt(sum) : sum / A[i][i];
+        }
+    for (int i = 0; i < n; i++) {
+        for (int k = 0; k < i; k++) b[i] -= A[i][k] * b[k];
+        b[i] /= A[i][i];
+    }
+    for (int i = n; i-- > 0;) {
+        for (int k = i + 1; k < n; k++) b[i] -= A[k][i] * b[k];
+        b[i] /= A[i][i];
+    }
+    return true;
+}
+
+/* Value and derivative at row `row` of the cubic through the numbers of rows first .. last in the least
+ * squares sense; of a lower degree where numbers are few. False: there are too few numbers. */
+static bool local(const lg_machine_log *log, const double *x, size_t stride, size_t first, size_t last,
+                  size_t row, double out[2]) {
+    const double span = log->t[last] - log->t[first];
+    double A[TERMS][TERMS] = {{0}}, b[TERMS] = {0};
+    int count = 0, before = 0;
+    for (size_t i = first; i <= last; i++) {
+        double power[2 * TERMS] = {1};
+        const double y = x[i * stride], s = (log->t[i] - log->t[row]) / span;
+        if (isnan(y)) continue;
+        for (int k = 1; k < 2 * TERMS; k++) power[k] = power[k - 1] * s;
+        for (int k = 0; k < TERMS; k++) {
+            b[k] += power[k] * y;
+            for (int l = 0; l <= k; l++) A[k][l] += power[k + l];
+        }
+        count++;
+        before += i <= row;
+    }
+    const int terms = count >= TERMS + SPARE ? TERMS : count - SPARE;
+    if (terms < 2 || before == 0 || before == count || !solve(terms, A, b)) return false;
+    out[0] = b[0];
+    out[1] = b[1] / span;
+    return true;
+}
+
+/* Velocities of one coordinate from q and q' of its position, as logs have them. */
+static void velocity_of(lg_coordinate_kind kind, const double *q, const double *dq, double *v) {
+    const lg_coordinate_row *is = lg_coordinate_row_of(kind);
+    const double *R = q + is->places, *dR = dq + is->places;
+    if (is->directions > 0) {
+        for (int i = 0; i < 3; i++)
+            v[i] = q[(i + 1) % 3] * dq[(i + 2) % 3] - q[(i + 2) % 3] * dq[(i + 1) % 3];
+        return;
+    }
+    for (uint32_t i = 0; i < is->places; i++) v[i] = dq[i];
+    if (is->rotations == 0) return;
+    if (is->places > 0)
+        for (int i = 0; i < 3; i++) v[i] = R[i] * dq[0] + R[3 + i] * dq[1] + R[6 + i] * dq[2];
+    for (int i = 0; i < 3; i++) {
+        const int j = (i + 1) % 3, k = (i + 2) % 3;
+        double sum = 0;
+        for (int l = 0; l < 9; l += 3) sum += 0.5 * (R[l + k] * dR[l + j] - R[l + j] * dR[l + k]);
+        v[is->places + (uint32_t)i] = sum;
+    }
+}
+
+static void smooth_row(const lg_machine *machine, const lg_machine_log *log, size_t first, size_t last,
+                       size_t row, double *q, double *v) {
+    const uint32_t n = machine->positions;
+    const double *logged = log->q;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_kind kind = machine->coordinates[i].kind;
+        const lg_coordinate_row *is = lg_coordinate_row_of(kind);
+        const uint32_t count = lg_coordinate_positions(kind);
+        double dq[12];
+        bool there = true;
+        for (uint32_t k = 0; k < count; k++) {
+            double found[2] = {NAN, NAN};
+            there = local(log, logged + k, n, first, last, row, found) && there;
+            /* Attitudes keep the logged numbers: smoothed ones are not on the manifold. */
+            if (k < is->places && there) q[k] = found[0];
+            dq[k] = found[1];
+        }
+        if (there) velocity_of(kind, q, dq, v);
+        logged += count;
+        q += count;
+        v += is->velocities;
+    }
+}
+
+void lg_machine_smooth(const lg_machine *machine, const lg_machine_log *log, uint32_t half, double *q,
+                       double *v) {
+    memcpy(q, log->q, log->rows * machine->positions * sizeof *q);
+    for (size_t i = 0; i < log->rows * machine->velocities; i++) v[i] = NAN;
+    for (size_t p = 0; p < log->parts; p++)
+        for (size_t row = log->first[p]; row < log->first[p + 1]; row++) {
+            const size_t begin = log->first[p], end = log->first[p + 1] - 1;
+            const size_t first = row - begin > half ? row - half : begin,
+                         last = end - row > half ? row + half : end;
+            if (last > first)
+                smooth_row(machine, log, first, last, row, q + row * machine->positions,
+                           v + row * machine->velocities);
+        }
+}
