@@ -3,8 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "machine/files/recipe.h"
-#include "model/files/training.h"
+#include "machine/files/choice.h"
 
 /* ---- position at which a network mass is reported ---- */
 
@@ -280,6 +279,7 @@ static lg_status tell(lg_training *self, lg_machine_verdict *what, lg_error *err
     tell_place(self, machine, what);
     LG_TRY(tell_correlations(self, what, error));
     tell_gauge(self, machine, what);
+    lg_machine_tell_inputs(self);
     self->first_count = self->result_count;
     return LG_OK;
 }

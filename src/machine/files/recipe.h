@@ -18,6 +18,7 @@ typedef struct lg_machine_sources {
     size_t count;
     const char *validation; /* comma-separated paths of the validation logs; may be NULL */
     int64_t delay;          /* delay of the inputs in rows; < 0: as in the machine's file */
+    bool quiet;             /* warnings of the reader are not told: they were told before */
 } lg_machine_sources;
 
 /* A machine and its logs: first the training logs, then the validation logs. */
@@ -164,8 +165,23 @@ typedef struct lg_machine_verdict {
     char gauge[160];
 } lg_machine_verdict;
 
+/* What was chosen for the inputs, and the root mean square errors of free runs with the other choices, divided by
+ * that of the chosen one; 0: not tried. */
+#define LG_MACHINE_DELAYS 6
+typedef struct lg_input_choice {
+    double hold[LG_INPUT_HOLD_COUNT], delay[LG_MACHINE_DELAYS];
+} lg_input_choice;
+
+struct lg_held_out;
+struct lg_machine_warm;
 typedef struct lg_machine_state {
     const char *validation; /* comma-separated paths of validation logs; NULL: none */
+    /* Windows of the log that are not trained on; NULL: all are (choice.h). most_windows > 0: not more windows
+     * are trained on. */
+    const struct lg_held_out *held;
+    size_t most_windows;
+    const struct lg_machine_warm *warm; /* parameters to begin from; NULL: none */
+    lg_input_choice inputs;
     lg_machine_data data;
     bool positions, noisy;  /* the logs measure positions alone; `noise` is not all 0 */
     lg_machine_noise noise; /* from lg_machine_data_noise */
