@@ -97,18 +97,25 @@ void lg_machine_tell_inputs(lg_training *self);
 
 /* ---- terms (suggest.c) ---- */
 
-/* A candidate: one change of a machine's file. */
+/* A candidate: one change of a machine's file. In its name, fragment and sentence %P stands for the name of a
+ * line, %V for the velocities of all coordinates. */
 typedef struct lg_candidate {
     const char *name;
-    lg_yaml_edit edit; /* in paths and fragments %P, %V stand for one coordinate's name, all velocities */
-    /* The table of terms must have `kind` in `part`; no kind of `unless`, names with blanks between, may be a
-     * term of that part. NULL: any. */
+    lg_yaml_edit edit;
+    /* The table of terms must have `kind` in `part`. No term of this part may be of a kind in `unless`, names
+     * with blanks between; with `each` only terms of this line count. part NULL: there is no such condition. */
     const char *part, *kind, *unless;
     const char *asks; /* "the log asks for ..." */
-    bool each;        /* one for each line and angle */
+    bool each;        /* one for each line */
     bool last;        /* only if no other candidate helps */
+    bool (*applies)(const lg_machine_file *file, const struct lg_candidate *self); /* NULL: always */
 } lg_candidate;
+extern const lg_candidate lg_candidates[]; /* ends with a name NULL */
 
+/* Finds terms that the log asks for, in at most LG_SUGGEST_ROUNDS rounds: in each one the candidate that leaves
+ * least of the error is taken, if it is more than chance. The machine in the training's state becomes the
+ * suggested one. */
 lg_status lg_machine_suggest(lg_training *self, lg_error *error);
+void lg_machine_tell_suggestion(lg_training *self);
 
 #endif

@@ -280,6 +280,7 @@ static lg_status tell(lg_training *self, lg_machine_verdict *what, lg_error *err
     LG_TRY(tell_correlations(self, what, error));
     tell_gauge(self, machine, what);
     lg_machine_tell_inputs(self);
+    lg_machine_tell_suggestion(self);
     self->first_count = self->result_count;
     return LG_OK;
 }

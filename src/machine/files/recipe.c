@@ -33,6 +33,7 @@ static lg_status read_data(lg_training *self, lg_error *error) {
     if (status != LG_OK) return status;
     lg_machine_look(s);
     if (!model) LG_TRY(lg_machine_choose_inputs(self, error));
+    if (!model && s->suggest != NULL) LG_TRY(lg_machine_suggest(self, error));
     lg_machine_log_sha256(&s->data.file.machine, &s->data.logs.log, self->sha256);
     return LG_OK;
 }

@@ -172,6 +172,24 @@ typedef struct lg_input_choice {
     double hold[LG_INPUT_HOLD_COUNT], delay[LG_MACHINE_DELAYS];
 } lg_input_choice;
 
+/* What `fit --suggest` tried: the candidates of each round, best first. `ratio`: root mean square of the errors
+ * of free runs, divided by that of the machine before the round; 0: it could not be learned. */
+#define LG_SUGGEST_ROUNDS 4
+#define LG_SUGGEST_ROWS   128
+typedef struct lg_suggested {
+    uint32_t round; /* from 1 */
+    char name[64];
+    double ratio;
+    bool taken, chance; /* chance: the gain may be chance */
+    size_t parameters;  /* of the machine with it */
+} lg_suggested;
+typedef struct lg_suggestion {
+    uint32_t count;
+    lg_suggested row[LG_SUGGEST_ROWS];
+    double seconds; /* of a free run */
+    size_t windows;
+} lg_suggestion;
+
 struct lg_held_out;
 struct lg_machine_warm;
 typedef struct lg_machine_state {
@@ -182,6 +200,8 @@ typedef struct lg_machine_state {
     size_t most_windows;
     const struct lg_machine_warm *warm; /* parameters to begin from; NULL: none */
     lg_input_choice inputs;
+    const char *suggest; /* where the suggested machine is written, "-" for standard output; NULL: none */
+    lg_suggestion suggestion;
     lg_machine_data data;
     bool positions, noisy;  /* the logs measure positions alone; `noise` is not all 0 */
     lg_machine_noise noise; /* from lg_machine_data_noise */

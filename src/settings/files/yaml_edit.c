@@ -162,6 +162,23 @@ static int appended(editing *e, int value, int fragment) {
     return with_items(e, value, 0, 0, fragment);
 }
 
+/* The text of a word or of a list of one word; NULL: something else. */
+static const yaml_node_t *only_word(const editing *e, int index) {
+    const yaml_node_t *node = node_at(e, index);
+    if (node != NULL && node->type == YAML_SEQUENCE_NODE &&
+        node->data.sequence.items.top - node->data.sequence.items.start == 1)
+        node = node_at(e, *node->data.sequence.items.start);
+    return node != NULL && node->type == YAML_SCALAR_NODE ? node : NULL;
+}
+
+/* Whether an item depends on what the fragment depends on. */
+static bool is_of(const editing *e, int item, int fragment) {
+    const int wanted = value_of(e, fragment, "of", 2);
+    const yaml_node_t *one = only_word(e, wanted), *own = only_word(e, value_of(e, item, "of", 2));
+    if (one == NULL) return wanted == 0;
+    return is_word(own, (const char *)one->data.scalar.value, one->data.scalar.length);
+}
+
 /* What an item becomes when `fragment` replaces `old` in it; 0: it does not have `old`. *more: the fragment
  * must still be appended. */
 static int replaced(editing *e, int item, const char *old, int fragment, bool *more) {
@@ -170,7 +187,7 @@ static int replaced(editing *e, int item, const char *old, int fragment, bool *m
     *more = false;
     if (is_word(node, old, length)) return fragment;
     if (node->type != YAML_MAPPING_NODE) return 0;
-    if (is_word(node_at(e, value_of(e, item, "kind", 4)), old, length))
+    if (is_word(node_at(e, value_of(e, item, "kind", 4)), old, length) && is_of(e, item, fragment))
         return node_at(e, fragment)->type == YAML_MAPPING_NODE ? merged(e, item, fragment)
                                                                : with_value(e, item, "kind", 4, fragment);
     *more = is_word(node_at(e, value_of(e, item, old, length)), "true", 4);
