@@ -118,4 +118,15 @@ extern const lg_candidate lg_candidates[]; /* ends with a name NULL */
 lg_status lg_machine_suggest(lg_training *self, lg_error *error);
 void lg_machine_tell_suggestion(lg_training *self);
 
+/* ---- free runs that choose widths and the epoch (select.c) ---- */
+
+/* After reading: chooses widths as --size says, and with --select free-run holds out windows. */
+lg_status lg_machine_select(lg_training *self, lg_error *error);
+/* Before the fit, when its problem and options are set: follows its epochs. */
+lg_status lg_machine_select_begin(lg_training *self, lg_error *error);
+/* After the fit: theta becomes the parameters with the least error of free runs. */
+lg_status lg_machine_select_end(lg_training *self, double *theta, lg_error *error);
+void lg_machine_tell_selection(lg_training *self);
+void lg_machine_select_close(lg_training *self);
+
 #endif

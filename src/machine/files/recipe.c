@@ -34,11 +34,13 @@ static lg_status read_data(lg_training *self, lg_error *error) {
     lg_machine_look(s);
     if (!model) LG_TRY(lg_machine_choose_inputs(self, error));
     if (!model && s->suggest != NULL) LG_TRY(lg_machine_suggest(self, error));
+    if (!model) LG_TRY(lg_machine_select(self, error));
     lg_machine_log_sha256(&s->data.file.machine, &s->data.logs.log, self->sha256);
     return LG_OK;
 }
 
 static void close_data(lg_training *self) {
+    lg_machine_select_close(self);
     lg_machine_data_destroy(&((lg_machine_state *)self->state)->data);
 }
 
@@ -242,6 +244,7 @@ static lg_status make_problem(lg_training *self, lg_error *error) {
     const struct lg_machine_warm *warm = ((const lg_machine_state *)self->state)->warm;
     if (warm != NULL) lg_machine_take_over(warm, &run->machine, self->theta);
     if (self->stored == NULL) LG_TRY(lg_machine_warm_up(self, self->theta, error));
+    LG_TRY(lg_machine_select_begin(self, error));
     if (problem->validation > 0) options->keep_best = true;
     if (options->seconds > 0) options->seconds = fmax(options->seconds - (lg_seconds() - begin), 1e-3);
     return LG_OK;

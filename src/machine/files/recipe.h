@@ -202,6 +202,9 @@ typedef struct lg_machine_state {
     lg_input_choice inputs;
     const char *suggest; /* where the suggested machine is written, "-" for standard output; NULL: none */
     lg_suggestion suggestion;
+    uint32_t select; /* 1: free runs over held-out windows choose the epoch (select.c) */
+    const char *size; /* widths of networks: "auto" or a list; NULL: as in the machine's file */
+    struct lg_selection *selection;
     lg_machine_data data;
     bool positions, noisy;  /* the logs measure positions alone; `noise` is not all 0 */
     lg_machine_noise noise; /* from lg_machine_data_noise */
