@@ -62,8 +62,8 @@ static void write_log(const char *name, const plant *p) {
 }
 
 #define MACHINE(inputs, damping)                                                                             \
-    "columns: {time: t}\ncoordinates:\n  - {name: x, kind: line, velocity: vx}\ninputs: {columns: [u]" inputs \
-    "}\nmass: diagonal\npotential: {kind: quadratic, of: x}\ndamping: " damping                              \
+    "columns: {time: t}\ncoordinates:\n  - {name: x, kind: line, velocity: vx}\ninputs: {columns: "          \
+    "[u]" inputs "}\nmass: diagonal\npotential: {kind: quadratic, of: x}\ndamping: " damping                 \
     "\ninput_map: {kind: known, values: [[1]]}\n"
 
 static int setup(void **state) {
@@ -71,6 +71,7 @@ static int setup(void **state) {
     cli_write("open.yaml", MACHINE("", "diagonal"));
     cli_write("auto.yaml", MACHINE(", hold: auto, delay: auto", "diagonal"));
     cli_write("held.yaml", MACHINE(", hold: zero", "diagonal"));
+    cli_write("network.yaml", MACHINE(", hold: zero", "{kind: network, of: x.velocity}"));
     return 0;
 }
 
@@ -130,8 +131,7 @@ static void suggests(double (*friction)(double), const char *name, const char *a
     cli_json(identify, "fit held.yaml log.csv --out m.h5 --suggest new.yaml", "loss *");
     const char *list = json_find(result.out, "suggested");
     assert_non_null(list);
-    if (strncmp(list, test_text("[\"%s\"", name), strlen(name) + 3) != 0)
-        fail_msg("%s: %.300s", name, list);
+    if (strncmp(list, test_text("[\"%s\"", name), strlen(name) + 3) != 0) fail_msg("%s: %.300s", name, list);
     assert_says(result.out, asks);
     lg_machine_file *file = TEST_ARRAY(lg_machine_file, 1);
     assert_told(lg_machine_file_read(NULL, cli_at("new.yaml"), file, &told));
@@ -148,6 +148,42 @@ TEST("--suggest takes nothing where nothing is missing") {
     write_log("log.csv", &(plant){none, true, 0, 1500, 1});
     cli_json(identify, "fit held.yaml log.csv --out m.h5 --suggest -", "suggested []");
     assert_says(result.out, "the log asks for no further term");
+}
+
+/* ---- the epoch, and widths of networks ---- */
+
+TEST("with --select free-run the result is the epoch with the least error of free runs, held out of "
+     "training") {
+    write_log("log.csv", &(plant){cubic, true, 0, 1000, 1});
+    cli_json(identify, "fit network.yaml log.csv --out m.h5 --epochs 40 --method adam:25,ssbroyden --lr .3",
+             "windows *");
+    const double all = json_number(result.out, "windows");
+    cli_json(identify,
+             "fit network.yaml log.csv --out m.h5 --epochs 60 --method adam --lr 2 --schedule constant "
+             "--select free-run",
+             "epochs 60");
+    const char *found = json_find(result.out, "select");
+    assert_non_null(found);
+    const double windows = json_number(result.out, "windows"), loss = json_number(result.out, "loss");
+    assert_true(windows < 0.9 * all && windows > 0.5 * all);
+    const int epoch = (int)json_number(found, "epoch");
+    assert_true(epoch > 0 && epoch < 60);
+    cli_json(
+        identify,
+        test_text("fit network.yaml log.csv --out m.h5 --epochs %d --method adam --lr 2 --schedule constant "
+                  "--select free-run",
+                  epoch),
+        "epochs *");
+    assert_true(json_number(result.out, "loss") == loss);
+}
+
+TEST("--size sets the widths of networks, and auto takes the smallest that is good enough") {
+    write_log("log.csv", &(plant){cubic, true, 0, 1000, 1});
+    cli_json(identify, "fit network.yaml log.csv --out m.h5 --epochs 20 --size 5,3", "parameters 34");
+    cli_json(identify, "fit network.yaml log.csv --out m.h5 --epochs 20 --size auto", "size *");
+    assert_says(result.err, "are taken; errors of the others in free runs, as multiples: ");
+    cli_expect(identify, "fit held.yaml log.csv --out m.h5 --size auto", 2,
+               "--size: this machine has no network");
 }
 
 TEST_GROUP(setup, cli_end)

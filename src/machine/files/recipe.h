@@ -202,8 +202,9 @@ typedef struct lg_machine_state {
     lg_input_choice inputs;
     const char *suggest; /* where the suggested machine is written, "-" for standard output; NULL: none */
     lg_suggestion suggestion;
-    uint32_t select; /* 1: free runs over held-out windows choose the epoch (select.c) */
-    const char *size; /* widths of networks: "auto" or a list; NULL: as in the machine's file */
+    uint32_t select;   /* 1: free runs over held-out windows choose the epoch (select.c) */
+    const char *size;  /* widths of networks: "auto" or a list; NULL: as in the machine's file */
+    const char *width; /* the widths that "auto" took; NULL: none */
     struct lg_selection *selection;
     lg_machine_data data;
     bool positions, noisy;  /* the logs measure positions alone; `noise` is not all 0 */

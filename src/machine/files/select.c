@@ -17,8 +17,7 @@ struct lg_selection {
     lg_held_out held;
     /* The fit's parameters now; the best so far, and the windows' mean square error with them. */
     double *now, *best, *square, least;
-    uint64_t epoch; /* of the best; 0: none */
-    double judged, begun; /* seconds that judging took; when the fit began */
+    uint64_t epoch, next; /* of the best, 0: none; at which to judge again */
     lg_status (*checkpoint)(void *user, const lg_fit *fit);
     int (*on_epoch)(void *user, const lg_fit_epoch *report);
     void *user;
@@ -46,15 +45,13 @@ static lg_status judge_now(selection *s, uint64_t epoch, lg_error *error) {
     return LG_OK;
 }
 
-/* Judges after an epoch if this has taken less than a quarter of the time so far. */
+/* Judges after each of the first epochs, then at least a tenth of the epochs later, and after the last. */
 static int on_epoch(void *user, const lg_fit_epoch *report) {
-    static const double most = 0.25;
     selection *s = user;
-    const double now = lg_seconds();
-    if (s->self->fit != NULL && (s->judged <= most * (now - s->begun) || report->epoch == report->epochs)) {
+    if (s->self->fit != NULL && (report->epoch >= s->next || report->epoch == report->epochs)) {
         lg_fit_parameters(s->self->fit, s->now);
         (void)judge_now(s, report->epoch, NULL); /* an epoch that cannot be judged is not the best */
-        s->judged += lg_seconds() - now;
+        s->next = report->epoch + 1 + report->epoch / 10;
     }
     return s->on_epoch != NULL ? s->on_epoch(s->user, report) : 0;
 }
@@ -74,7 +71,7 @@ lg_status lg_machine_select_begin(lg_training *self, lg_error *error) {
     LG_TRAINING_ARRAY(self, s->square, s->held.count, error);
     s->self = self;
     s->least = (double)INFINITY;
-    s->begun = lg_seconds();
+    s->epoch = s->next = 0;
     s->checkpoint = options->checkpoint;
     s->on_epoch = options->on_epoch;
     s->user = options->user;
@@ -96,6 +93,7 @@ lg_status lg_machine_select_end(lg_training *self, double *theta, lg_error *erro
 void lg_machine_tell_selection(lg_training *self) {
     const lg_machine_state *state = self->state;
     const selection *s = state->selection;
+    if (state->width != NULL) lg_result_text(self, "size", state->width, "widths of networks");
     if (s == NULL) return;
     lg_result_open(self, "select", '{');
     lg_result_whole(self, "windows", s->held.count, NULL);
@@ -151,7 +149,8 @@ static lg_status race(lg_training *self, const lg_choosing *c, lg_machine_trial 
     return LG_OK;
 }
 
-static void tell_race(const lg_training *self, const lg_choosing *c, const lg_machine_trial *trials, size_t winner) {
+static void tell_race(const lg_training *self, const lg_choosing *c, const lg_machine_trial *trials,
+                      size_t winner) {
     char text[256] = "";
     for (size_t i = 0, used = 0; i < LG_COUNT(widths) && used < sizeof text; i++)
         if (i != winner && trials[i].square != NULL)
@@ -172,6 +171,7 @@ static lg_status choose_widths(lg_training *self, double part, char **text, lg_e
     c.most_windows = MOST_WINDOWS;
     if (status == LG_OK && c.held.count > 0) status = race(self, &c, trials, &winner, error);
     if (status == LG_OK && c.held.count > 0) tell_race(self, &c, trials, winner);
+    ((lg_machine_state *)self->state)->width = widths[winner];
     if (status == LG_OK) status = write_widths(self, widths[winner], text, error);
     for (size_t i = 0; i < LG_COUNT(widths); i++) lg_machine_trial_destroy(&c, &trials[i]);
     lg_choosing_end(&c);
