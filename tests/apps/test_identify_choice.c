@@ -1,5 +1,5 @@
-/* ctest-labels: slow apps/lg-identify src/machine
- * What lg-identify fit chooses by free runs over windows that are held out: hold and delay of the inputs, terms. */
+/* ctest-labels: slow apps/lg-identify src/machine What lg-identify fit chooses by free runs over windows
+ * that are held out: hold and delay of the inputs, terms. */
 #include "identify_support.h"
 
 /* ---- simulated logs ---- */

@@ -12,9 +12,9 @@
 /* Greatest delay of the inputs, in rows, that is tried. Windows begin so many rows after a part's first. */
 #define LG_HELD_OUT_DELAY 5
 
-/* Windows of a log on which machines are judged and not trained. Window i predicts the rows start[i] + 1 ..
- * start[i] + steps from row start[i]. If starts are estimated, they are from the LG_START_ROWS rows that end at
- * start[i]. */
+/* Windows of a log on which machines are judged and not trained. Window i predicts the rows start[i] + 1
+ * .. start[i] + steps from row start[i]. If starts are estimated, they are from the LG_START_ROWS rows
+ * that end at start[i]. */
 struct lg_held_out {
     size_t count, steps;
     bool estimated;
@@ -25,8 +25,9 @@ struct lg_held_out {
 };
 typedef struct lg_held_out lg_held_out;
 
-/* Spreads windows over the log, `part` of its rows. They last ten times the time in which positions change by
- * their size, at least 100 rows, but not so long that there are fewer than 8. count 0: the log is too short. */
+/* Spreads windows over the log, `part` of its rows. They last ten times the time in which positions change
+ * by their size, at least 100 rows, but not so long that there are fewer than 8. count 0: the log is too
+ * short. */
 lg_status lg_held_out_plan(const lg_context *context, const lg_machine *machine, const lg_machine_log *log,
                            double part, bool estimated, lg_held_out *out, lg_error *error);
 void lg_held_out_destroy(lg_held_out *held);
@@ -40,8 +41,9 @@ bool lg_held_out_has(const lg_held_out *held, size_t row, size_t rows);
  * finite. Positions count where they are measured, else velocities. */
 lg_status lg_held_out_judge(const lg_held_out *held, const lg_learned_machine *model,
                             const lg_machine_log *log, double *square, lg_error *error);
-/* Compares errors of the same windows: `ratio` of the root mean squares, and whether `square` is smaller by more
- * than chance explains: the mean of the logarithms' differences against their spread (Student, one in 200). */
+/* Compares errors of the same windows: `ratio` of the root mean squares, and whether `square` is smaller
+ * by more than chance explains: the mean of the logarithms' differences against their spread (Student, one
+ * in 200). */
 typedef struct lg_held_out_ratio {
     double ratio;
     bool better;
@@ -75,8 +77,8 @@ typedef struct lg_choosing {
 /* Begins a choice for the machine and logs in the training's state, with `part` of the rows held out. */
 lg_status lg_choosing_begin(lg_choosing *out, const lg_training *self, double part, lg_error *error);
 void lg_choosing_end(lg_choosing *choosing);
-/* Learns the machine `text`, which is copied, from the parameters of `from` (may be NULL), and judges it. Fails
- * only without memory or if cancelled; a machine that cannot be learned has a status. */
+/* Learns the machine `text`, which is copied, from the parameters of `from` (may be NULL), and judges it.
+ * Fails only without memory or if cancelled; a machine that cannot be learned has a status. */
 lg_status lg_machine_try(const lg_choosing *choosing, const char *text, const lg_machine_trial *from,
                          lg_machine_trial *out, lg_error *error);
 void lg_machine_trial_destroy(const lg_choosing *choosing, lg_machine_trial *trial);
@@ -90,8 +92,8 @@ lg_status lg_machine_reread(lg_training *self, const char *text, lg_error *error
 
 /* ---- hold and delay of the inputs (inputs.c) ---- */
 
-/* Chooses what the machine's file leaves open: `hold: auto` or no `hold`, `delay: auto`. Tells the choice, and
- * writes it into the machine's text. */
+/* Chooses what the machine's file leaves open: `hold: auto` or no `hold`, `delay: auto`. Tells the choice,
+ * and writes it into the machine's text. */
 lg_status lg_machine_choose_inputs(lg_training *self, lg_error *error);
 void lg_machine_tell_inputs(lg_training *self);
 
@@ -102,8 +104,9 @@ void lg_machine_tell_inputs(lg_training *self);
 typedef struct lg_candidate {
     const char *name;
     lg_yaml_edit edit;
-    /* The table of terms must have `kind` in `part`. No term of this part may be of a kind in `unless`, names
-     * with blanks between; with `each` only terms of this line count. part NULL: there is no such condition. */
+    /* The table of terms must have `kind` in `part`. No term of this part may be of a kind in `unless`,
+     * names with blanks between; with `each` only terms of this line count. part NULL: there is no such
+     * condition. */
     const char *part, *kind, *unless;
     const char *asks; /* "the log asks for ..." */
     bool each;        /* one for each line */
@@ -112,9 +115,9 @@ typedef struct lg_candidate {
 } lg_candidate;
 extern const lg_candidate lg_candidates[]; /* ends with a name NULL */
 
-/* Finds terms that the log asks for, in at most LG_SUGGEST_ROUNDS rounds: in each one the candidate that leaves
- * least of the error is taken, if it is more than chance. The machine in the training's state becomes the
- * suggested one. */
+/* Finds terms that the log asks for, in at most LG_SUGGEST_ROUNDS rounds: in each one the candidate that
+ * leaves least of the error is taken, if it is more than chance. The machine in the training's state
+ * becomes the suggested one. */
 lg_status lg_machine_suggest(lg_training *self, lg_error *error);
 void lg_machine_tell_suggestion(lg_training *self);
 

@@ -89,7 +89,8 @@ static size_t choose_steps(const lg_machine *machine, const lg_machine_log *log,
 
 /* ---- the plan ---- */
 
-/* Every `every`-th of the tiles of `steps` rows into which the parts are cut. Tiles begin at complete rows. */
+/* Every `every`-th of the tiles of `steps` rows into which the parts are cut. Tiles begin at complete
+ * rows. */
 static void place_windows(const lg_machine *machine, const lg_machine_log *log, size_t every,
                           lg_held_out *out) {
     const size_t before = rows_before(out->estimated);

@@ -165,15 +165,15 @@ typedef struct lg_machine_verdict {
     char gauge[160];
 } lg_machine_verdict;
 
-/* What was chosen for the inputs, and the root mean square errors of free runs with the other choices, divided by
- * that of the chosen one; 0: not tried. */
+/* What was chosen for the inputs, and the root mean square errors of free runs with the other choices,
+ * divided by that of the chosen one; 0: not tried. */
 #define LG_MACHINE_DELAYS 6
 typedef struct lg_input_choice {
     double hold[LG_INPUT_HOLD_COUNT], delay[LG_MACHINE_DELAYS];
 } lg_input_choice;
 
-/* What `fit --suggest` tried: the candidates of each round, best first. `ratio`: root mean square of the errors
- * of free runs, divided by that of the machine before the round; 0: it could not be learned. */
+/* What `fit --suggest` tried: the candidates of each round, best first. `ratio`: root mean square of the
+ * errors of free runs, divided by that of the machine before the round; 0: it could not be learned. */
 #define LG_SUGGEST_ROUNDS 4
 #define LG_SUGGEST_ROWS   128
 typedef struct lg_suggested {
@@ -194,8 +194,8 @@ struct lg_held_out;
 struct lg_machine_warm;
 typedef struct lg_machine_state {
     const char *validation; /* comma-separated paths of validation logs; NULL: none */
-    /* Windows of the log that are not trained on; NULL: all are (choice.h). most_windows > 0: not more windows
-     * are trained on. */
+    /* Windows of the log that are not trained on; NULL: all are (choice.h). most_windows > 0: not more
+     * windows are trained on. */
     const struct lg_held_out *held;
     size_t most_windows;
     const struct lg_machine_warm *warm; /* parameters to begin from; NULL: none */

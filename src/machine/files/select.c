@@ -1,5 +1,5 @@
-/* `fit --select free-run`: free runs over windows that are held out choose the widths of networks, and the epoch
- * whose parameters are the result. */
+/* `fit --select free-run`: free runs over windows that are held out choose the widths of networks, and the
+ * epoch whose parameters are the result. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -126,7 +126,8 @@ static lg_status write_widths(const lg_training *self, const char *width, char *
     return lg_yaml_change(self->context, self->paths[0], file->text, edits, count, out, error);
 }
 
-/* Learns machines of all widths. *winner: the smallest that is not beaten by a better one by more than chance. */
+/* Learns machines of all widths. *winner: the smallest that is not beaten by a better one by more than
+ * chance. */
 static lg_status race(lg_training *self, const lg_choosing *c, lg_machine_trial *trials, size_t *winner,
                       lg_error *error) {
     size_t best = LG_COUNT(widths);

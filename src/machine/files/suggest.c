@@ -136,8 +136,8 @@ static bool beats(const search *s, const candidate *a, const candidate *b) {
     return found.better && found.ratio < less;
 }
 
-/* The candidate that leaves least and gains more than chance and 3 %, or one with fewer numbers, or earlier in
- * the table, that this one does not beat. NULL: there is none. */
+/* The candidate that leaves least and gains more than chance and 3 %, or one with fewer numbers, or
+ * earlier in the table, that this one does not beat. NULL: there is none. */
 static candidate *find_best(const search *s) {
     static const double most = 0.97;
     candidate *best = NULL, *simplest = NULL;
