@@ -169,7 +169,7 @@ typedef struct lg_machine_term {
     lg_machine_feature of[LG_MACHINE_FEATURES];
     uint32_t hidden_layers, hidden[LG_MACHINE_HIDDEN];
     lg_activation activation;
-    uint32_t degree; /* Degree of a polynomial. */
+    uint32_t degree;                  /* Degree of a polynomial. */
     /* Friction near rest: the velocity w in f tanh(v/w), in the units of the log. 0: lg_machine_width. */
     double width;
     uint32_t value_count;             /* Values are in the units of the log. */

@@ -149,8 +149,7 @@ static lg_status check_term(const lg_machine *machine, const lg_machine_term *te
     if ((options & LG_TERM_WIDTH) != 0 && !(term->width >= 0.0 && isfinite(term->width)))
         return term_fails(term, error, "the width must be above 0, or 0 for a width from the log");
     if ((options & LG_TERM_INPUTS) != 0 && term->of_count == 0 && !has_part(machine, LG_MACHINE_POTENTIAL))
-        return term_fails(term, error,
-                          "needs `of`, the inputs that load it, or a potential whose force does");
+        return term_fails(term, error, "needs `of`, the inputs that load it, or a potential whose force does");
     if (term->kind->base != NULL && changes_again(machine, term))
         return term_fails(term, error, "two terms of this kind change the same friction; give one");
     size_t fits[2] = {0, 0};

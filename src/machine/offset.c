@@ -40,8 +40,8 @@ static lg_var record(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, 
         known[i] = own->values[i] * machine->scales.velocity[list[i]] / machine->scales.energy;
     }
     const lg_shape row = lg_shape2(1, count);
-    const lg_var force =
-        own->value_count > 0 ? lg_input_f64(tape, row, known) : lg_reshape(tape, vars->theta[term], row);
+    const lg_var force = own->value_count > 0 ? lg_input_f64(tape, row, known)
+                                              : lg_reshape(tape, vars->theta[term], row);
     const lg_var all = lg_matmul(tape, force, lg_input_f64(tape, lg_shape2(count, n), place));
     const lg_var zeros = lg_full(tape, lg_shape2(seen->rows, n), 0.0);
     lg_tape_mark_rows(tape, zeros);

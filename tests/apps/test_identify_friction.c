@@ -20,35 +20,25 @@ static const struct {
         double value;
     } numbers[5];
 } rows[] = {
-    {"asymmetric",
-     TRUTH "damping: [{kind: coulomb, values: [0.5], width: 0.01}, {kind: asymmetric, values: "
-           "[[0.8], [-0.2]], width: 0.01}]\noffset: {kind: known, values: [0.3]}\n",
-     MODEL "damping: [diagonal, {kind: coulomb%1$s}, {kind: asymmetric%1$s}]\noffset: unknown\n",
-     0.05,
+    {"asymmetric", TRUTH "damping: [{kind: coulomb, values: [0.5], width: 0.01}, {kind: asymmetric, values: "
+                         "[[0.8], [-0.2]], width: 0.01}]\noffset: {kind: known, values: [0.3]}\n",
+     MODEL "damping: [diagonal, {kind: coulomb%1$s}, {kind: asymmetric%1$s}]\noffset: unknown\n", 0.05,
      {{"mass.1.1", 2}, {"damping.x", 0.8}, {"asymmetric.x", -0.2}, {"coulomb.x", 0.5}, {"offset.x", 0.3}}},
-    {"stribeck",
-     TRUTH "damping: [{kind: known, values: [0.3]}, {kind: stribeck, values: [[0.8], [1.4], [0.2]], "
-           "width: 0.01}]\n",
-     MODEL "damping: [diagonal, {kind: coulomb%1$s}, {kind: stribeck%1$s}]\n",
-     0.05,
+    {"stribeck", TRUTH "damping: [{kind: known, values: [0.3]}, {kind: stribeck, values: [[0.8], [1.4], [0.2]], "
+                       "width: 0.01}]\n",
+     MODEL "damping: [diagonal, {kind: coulomb%1$s}, {kind: stribeck%1$s}]\n", 0.05,
      {{"mass.1.1", 2}, {"coulomb.x", 0.8}, {"breakaway.x", 1.4}, {"stribeck_speed.x", 0.2}}},
-    {"cubic",
-     TRUTH "damping: [{kind: known, values: [0.5]}, {kind: cubic, values: [0.05]}]\n",
-     MODEL "damping: [diagonal, cubic] #%1$s\n",
-     0.05,
-     {{"mass.1.1", 2}, {"damping.x", 0.5}, {"cubic.x", 0.05}}},
-    {"load",
-     TRUTH "damping: [{kind: known, values: [0.5]}, {kind: load, of: u, values: [[0.5], [0.2]], width: "
-           "0.01}]\n",
-     MODEL "damping: [diagonal, {kind: coulomb%1$s}, {kind: load, of: u%1$s}]\n",
-     0.05,
+    {"cubic", TRUTH "damping: [{kind: known, values: [0.5]}, {kind: cubic, values: [0.05]}]\n",
+     MODEL "damping: [diagonal, cubic] #%1$s\n", 0.05, {{"mass.1.1", 2}, {"damping.x", 0.5}, {"cubic.x", 0.05}}},
+    {"load", TRUTH "damping: [{kind: known, values: [0.5]}, {kind: load, of: u, values: [[0.5], [0.2]], width: "
+                   "0.01}]\n",
+     MODEL "damping: [diagonal, {kind: coulomb%1$s}, {kind: load, of: u%1$s}]\n", 0.05,
      {{"mass.1.1", 2}, {"coulomb.x", 0.5}, {"load.x", 0.2}}},
     {"position",
      TRUTH "damping: [{kind: known, values: [0.5]}, {kind: position, of: x, values: [[0.8], [0.1]], width: "
            "0.01}]\npotential: {kind: known, form: quadratic, of: x, values: [0.5]}\n",
      MODEL "damping: [diagonal, {kind: coulomb%1$s}, {kind: position, of: x%1$s}]\n"
-           "potential: {kind: known, form: quadratic, of: x, values: [0.5]}\n",
-     0.05,
+           "potential: {kind: known, form: quadratic, of: x, values: [0.5]}\n", 0.05,
      {{"mass.1.1", 2}, {"coulomb.x", 0.8}, {"position.x", 0.1}}},
 };
 
@@ -79,10 +69,9 @@ TEST("fits from default starts stay finite with every kind of friction, and find
         cli_write("model.yaml", test_text(rows[i].model, ", width: 0.01"));
         cli_write("narrow.yaml", test_text(rows[i].model, ""));
         for (int seed = 1; seed <= all; seed++) {
-            cli_run(identify,
-                    test_text("generate truth.yaml --inputs multisine --amplitude 4 --noise 0.0005,0.002 "
-                              "--runs 1 --t-end 12 --dt 0.01 --seed %d --out log.csv",
-                              seed));
+            cli_run(identify, test_text("generate truth.yaml --inputs multisine --amplitude 4 --noise 0.0005,0.002 "
+                                        "--runs 1 --t-end 12 --dt 0.01 --seed %d --out log.csv",
+                                        seed));
             cli_json(identify, "fit model.yaml log.csv --out m.h5", "loss >0");
             right += found(i);
             cli_json(identify, "fit narrow.yaml log.csv --out m.h5", "loss >0");

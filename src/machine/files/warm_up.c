@@ -215,11 +215,10 @@ static lg_status reach_rest(lg_training *self, const lg_machine *machine, const 
     while (run->substeps < MOST && run->dt * rate > run->substeps)
         run->substeps = run->substeps <= MOST / 2 ? 2 * run->substeps : MOST;
     if (run->dt * rate > 2.5 * MOST)
-        LG_WARN(
-            self,
-            "friction stops the machine within %.1g of a row, which %d steps per row do not resolve: give "
-            "`damping` a larger `width`, or --integrator variational",
-            1.0 / (run->dt * rate), MOST);
+        LG_WARN(self,
+                "friction stops the machine within %.1g of a row, which %d steps per row do not resolve: give "
+                "`damping` a larger `width`, or --integrator variational",
+                1.0 / (run->dt * rate), MOST);
     return LG_OK;
 }
 
