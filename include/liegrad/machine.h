@@ -161,6 +161,15 @@ LG_API const lg_term_kind *lg_term_kind_find(lg_machine_part part, const char *n
 LG_API const char *lg_term_kind_name(const lg_term_kind *kind); /* Its name in machine files. */
 LG_API uint32_t lg_term_kind_options(const lg_term_kind *kind); /* The sum of LG_TERM_... that apply. */
 
+#define LG_MACHINE_ENTRIES 32 /* Most unknown numbers among the values of a term. */
+/* One of the values of a term that is unknown. Its value is where learning begins; NaN: the start that numbers
+ * of the kind have. low < high: the number stays between them. sigma > 0: the standard deviation of a Gaussian
+ * prior around the start. All are in the units of the log. */
+typedef struct lg_machine_entry {
+    uint32_t index; /* Among the values. */
+    double low, high, sigma;
+} lg_machine_entry;
+
 #define LG_MACHINE_HIDDEN 4
 typedef struct lg_machine_term {
     const lg_term_kind *kind; /* Static. */
@@ -174,6 +183,8 @@ typedef struct lg_machine_term {
     double width;
     uint32_t value_count;             /* Values are in the units of the log. */
     double values[LG_MACHINE_VALUES]; /* Matrices are row-major; mass and damping may also be a diagonal. */
+    uint32_t entry_count; /* Values that are unknown. */
+    lg_machine_entry entries[LG_MACHINE_ENTRIES];
     /* The members below are filled by lg_machine_init. */
     lg_mlp net;
     size_t offset, parameters; /* The term's slice of theta. */
@@ -204,6 +215,9 @@ typedef struct lg_machine_grey {
     uint32_t count;
     double start[LG_MACHINE_PARAMETERS]; /* A number that is NaN must still be given. */
     bool unknown[LG_MACHINE_PARAMETERS];
+    /* Bounds and priors of unknown numbers, as in lg_machine_entry; zeros: none. A bounded number starts at 0
+     * in theta. */
+    double low[LG_MACHINE_PARAMETERS], high[LG_MACHINE_PARAMETERS], sigma[LG_MACHINE_PARAMETERS];
 } lg_machine_grey;
 
 /* ---- The machine ---- */
@@ -266,6 +280,11 @@ LG_API lg_status lg_machine_set_system(lg_machine *machine, const char *name, lg
  * unknown). After an error nothing is changed. */
 LG_API lg_status lg_machine_set_parameter(lg_machine *machine, const char *key, size_t count,
                                           const double *values, const bool *unknown, lg_error *error);
+/* Gives unknown number `index` of a parameter bounds (low < high) and a prior (sigma > 0); zeros mean none.
+ * Call it after lg_machine_set_parameter. Errors: LG_INVALID_ARGUMENT (an unknown key, a number that is known
+ * or part of a unit vector, a start outside of the bounds, bounds against the parameter's rule). */
+LG_API lg_status lg_machine_bound_parameter(lg_machine *machine, const char *key, size_t index, double low,
+                                            double high, double sigma, lg_error *error);
 /* Fills `space` with the space of the machine's states. Errors: those of lg_space_init. */
 LG_API lg_status lg_machine_space(const lg_machine *machine, lg_space *space);
 
@@ -392,6 +411,10 @@ typedef struct lg_machine_problem {
     lg_machine_starts starts;
     /* NULL: theta is learned. Else the known parameters of the machine; then only the starts are learned. */
     const double *theta;
+    /* Standard deviation of the residuals in units of the loss, which weighs the priors of numbers: the loss
+     * gets residual^2 ((number - start)/sigma)^2 divided by the training part's windows and points. 0: 1, for
+     * scales that are the noise. */
+    double residual;
     lg_machine_log log;
     size_t windows;
     /* (windows): first rows of the windows; a window lies in one part. */
@@ -717,7 +740,8 @@ typedef struct lg_machine_model_run {
     lg_machine_starts starts;
     double position_scale[LG_MACHINE_COORDINATES]; /* Scales of the loss, in the units of the log. */
     double velocity_scale[LG_MACHINE_COORDINATES];
-    uint32_t delay; /* Rows by which inputs act later than they are logged. */
+    double residual; /* lg_machine_problem.residual; 0 in files without it. */
+    uint32_t delay;  /* Rows by which inputs act later than they are logged. */
     lg_fit_settings training;
     uint64_t windows;
     double dt; /* Median step between rows, seconds. */

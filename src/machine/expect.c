@@ -23,8 +23,9 @@ typedef struct expecting {
     const lg_machine_noise *noise;
     const double *theta; /* (parameters, numbers of all starts) */
     size_t n, own, rows; /* number of parameters, of numbers per start, of residuals per window */
-    double *jacobian;    /* (CHUNK, rows, n + own) */
-    double *residuals;   /* (CHUNK, rows); behind them the work arrays of add_window */
+    size_t all;          /* rows, and the rows of priors */
+    double *jacobian;    /* (CHUNK, all, n + own) */
+    double *residuals;   /* (CHUNK, all); behind them the work arrays of add_window */
     double *columns;     /* (n + own, rows): the Jacobian of one window, by columns */
     double *J, *K;       /* (n, n): J'^T J' and J'^T C J', summed over windows */
     /* `left`: tr((1 - P) C), summed over windows. `unit`: what one number adds to the loss if its error is
@@ -80,7 +81,7 @@ static void add_start(expecting *e, const double *variance) {
 
 static void add_window(expecting *e, const double *jacobian, size_t start, double factor) {
     const size_t columns = e->n + e->own, d = e->rows / e->problem.window, first = e->measured ? d : 0;
-    double *variance = e->residuals + CHUNK * e->rows, *part = variance + e->rows, *of_start = part + e->rows;
+    double *variance = e->residuals + CHUNK * e->all, *part = variance + e->rows, *of_start = part + e->rows;
     for (uint32_t j = 0; j < e->problem.window; j++)
         lg_machine_row_variances(&e->problem, e->noise, start + j, factor, variance + j * d, part + j * d);
     for (size_t i = 0; i < d; i++) of_start[i] = variance[i] / (factor * factor * (double)e->problem.windows);
@@ -114,9 +115,24 @@ static lg_status add_windows(expecting *e, lg_tape *tape, size_t all, size_t use
         LG_TRY(
             fit.linearise(fit.user, tape, e->theta, samples, count, used, &loss, e->residuals, e->jacobian));
         for (size_t i = 0; i < count; i++)
-            add_window(e, e->jacobian + i * e->rows * (e->n + e->own), e->problem.start[samples[i]], factor);
+            add_window(e, e->jacobian + i * e->all * (e->n + e->own), e->problem.start[samples[i]], factor);
     }
     return LG_OK;
+}
+
+/* Adds what priors say of the parameters to J. */
+static void add_priors(expecting *e) {
+    lg_prior priors[LG_MACHINE_PRIORS];
+    const lg_machine *machine = e->problem.machine;
+    const uint32_t count = lg_machine_problem_priors(&e->problem) > 0 ? lg_machine_list_priors(machine, priors) : 0;
+    const double weight = lg_machine_prior_weight(&e->problem, 1);
+    for (uint32_t i = 0; i < count; i++) {
+        const size_t at = machine->terms[priors[i].term].offset + priors[i].index;
+        double slope;
+        (void)lg_number_at(&priors[i].map, e->theta[at], &slope);
+        slope *= weight / priors[i].sigma;
+        e->J[at * e->n + at] += slope * slope;
+    }
 }
 
 /* Sets `out` to tr(J^-1 K) over the eigenvectors of J that the residuals determine. Network weights have the
@@ -127,6 +143,7 @@ static bool taken(expecting *e, double *values, double *out) {
     *out = 0.0;
     if (n == 0) return true;
     for (size_t i = 0; i < e->problem.machine->weights; i++) e->J[i * n + i] += e->unit;
+    add_priors(e);
     if (!lg_machine_eigen(e->context, n, e->J, values)) return false;
     for (size_t k = 0; k < n; k++) {
         const double *v = e->J + k * n;
@@ -226,9 +243,10 @@ lg_status lg_machine_expect(const lg_context *context, const lg_machine_problem 
     lg_tape *tape = NULL;
     e.problem.starts = LG_MACHINE_STARTS_ESTIMATED;
     if (many) e.problem.theta = theta;
-    e.rows = lg_machine_linearised_rows(&e.problem);
+    e.all = lg_machine_linearised_rows(&e.problem);
+    e.rows = e.all - lg_machine_problem_priors(&e.problem);
     const size_t columns = e.n + e.own, starts = problem->windows * e.own, given = machine->parameters;
-    const size_t rows = CHUNK * e.rows;
+    const size_t rows = CHUNK * e.all;
     double *all = lg_alloc(context, given + starts + 1, sizeof *all);
     e.jacobian = lg_alloc(context, rows * columns, sizeof *e.jacobian);
     e.residuals = lg_alloc(context, rows + 3 * e.rows, sizeof *e.residuals);

@@ -217,15 +217,3 @@ lg_var lg_machine_record_triangle(lg_tape *tape, lg_var packed, uint32_t n, bool
     if (n > 1) packed = lg_matmul(tape, packed, selection(tape, n));
     return lg_reshape(tape, packed, lg_shape3(rows, n, n));
 }
-
-lg_var lg_machine_record_values(lg_tape *tape, const lg_machine_term *term, uint32_t rows, uint32_t columns,
-                                const double *left, const double *right) {
-    double scaled[LG_MACHINE_VALUES] = {0.0};
-    const bool diagonal = term->value_count == rows && columns != 1;
-    for (uint32_t i = 0; i < rows; i++)
-        for (uint32_t j = 0; j < columns; j++) {
-            const double value = !diagonal ? term->values[i * columns + j] : i == j ? term->values[i] : 0.0;
-            scaled[i * columns + j] = value * left[i] * right[j];
-        }
-    return lg_input_f64(tape, lg_shape2(rows, columns), scaled);
-}

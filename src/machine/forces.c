@@ -1,6 +1,7 @@
 /* Machines: damping, input maps and residuals. Learned damping coefficients are squares of parameters,
  * learned matrices D are L L^T, so that v.f <= 0. */
 #include <math.h>
+#include <stdio.h>
 
 #include "core/core.h"
 #include "liegrad/ops.h"
@@ -42,11 +43,32 @@ static lg_var known_damping(lg_tape *tape, const lg_machine_vars *vars, uint32_t
                             const lg_machine_seen *seen) {
     const lg_machine *machine = vars->machine;
     const uint32_t n = machine->velocities;
-    double left[LG_MACHINE_VELOCITIES], right[LG_MACHINE_VELOCITIES];
+    const bool line = machine->terms[term].value_count == n;
+    uint32_t index[LG_MACHINE_VALUES];
+    double left[LG_MACHINE_VELOCITIES], factor[LG_MACHINE_VALUES];
     left_scales(machine, left);
-    for (uint32_t i = 0; i < n; i++) right[i] = machine->scales.velocity[i] / machine->scales.time;
-    const lg_var D = lg_machine_record_values(tape, &machine->terms[term], n, n, left, right);
-    return lg_neg(tape, lg_matmul_nt(tape, seen->v, D));
+    for (uint32_t i = 0; i < n; i++)
+        for (uint32_t j = 0; j < n; j++) {
+            index[i * n + j] = !line ? i * n + j : i == j ? i : UINT32_MAX;
+            factor[i * n + j] = left[i] * (machine->scales.velocity[j] / machine->scales.time);
+        }
+    const lg_var D = lg_machine_record_entries(tape, vars, term, n * n, index, factor);
+    return lg_neg(tape, lg_matmul_nt(tape, seen->v, lg_reshape(tape, D, lg_shape2(n, n))));
+}
+
+/* A value of a known damping. */
+static void damping_entry(const lg_machine *machine, const lg_machine_term *term, uint32_t index,
+                          lg_entry_about *out) {
+    const uint32_t n = machine->velocities;
+    const bool line = term->value_count == n;
+    const uint32_t i = line ? index : index / n, j = line ? index : index % n;
+    char name[48];
+    *out = (lg_entry_about){.unit = lg_machine_drag_unit(machine, i, j, 1),
+                            .start = START * START,
+                            .positive = true,
+                            .single = i == j};
+    lg_machine_velocity_name(machine, i, name, sizeof name);
+    (void)snprintf(out->name, sizeof out->name, "damping.%s", name);
 }
 
 /* theta^2, (1, velocities). */
@@ -56,7 +78,7 @@ static lg_var squares(lg_tape *tape, const lg_machine_vars *vars, uint32_t term)
 
 static lg_var diagonal(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
                        const lg_machine_seen *seen) {
-    return drag(tape, squares(tape, vars, term), seen->v);
+    return drag(tape, lg_machine_record_drag(tape, vars, term, 1), seen->v);
 }
 
 /* Number of parameters: the packed triangle L of D = L L^T. */
@@ -100,12 +122,36 @@ static lg_var damping_network(lg_tape *tape, const lg_machine_vars *vars, uint32
 lg_var lg_machine_record_drag(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, int power) {
     const lg_machine *machine = vars->machine;
     const lg_machine_term *own = &machine->terms[term];
-    double c[LG_MACHINE_VELOCITIES];
+    uint32_t index[LG_MACHINE_VELOCITIES];
+    double factor[LG_MACHINE_VELOCITIES];
     if (own->value_count == 0) return squares(tape, vars, term);
-    for (uint32_t i = 0; i < machine->velocities; i++)
-        c[i] = own->values[i] / lg_machine_drag_unit(machine, i, i, power);
-    return lg_input_f64(tape, lg_shape2(1, machine->velocities), c);
+    for (uint32_t i = 0; i < machine->velocities; i++) {
+        index[i] = i;
+        factor[i] = 1.0 / lg_machine_drag_unit(machine, i, i, power);
+    }
+    return lg_machine_record_entries(tape, vars, term, machine->velocities, index, factor);
 }
+
+static void drag_entry(const lg_machine *machine, const char *what, int power, uint32_t index,
+                       lg_entry_about *out) {
+    char name[48];
+    *out = (lg_entry_about){.unit = lg_machine_drag_unit(machine, index, index, power),
+                            .start = START * START,
+                            .positive = true,
+                            .single = true};
+    lg_machine_velocity_name(machine, index, name, sizeof name);
+    (void)snprintf(out->name, sizeof out->name, "%s.%s", what, name);
+}
+
+#define DRAG_ENTRY(name, power)                                                                              \
+    static void name##_entry(const lg_machine *machine, const lg_machine_term *term, uint32_t index,         \
+                             lg_entry_about *out) {                                                          \
+        (void)term;                                                                                          \
+        drag_entry(machine, #name, power, index, out);                                                       \
+    }
+DRAG_ENTRY(coulomb, 0)
+DRAG_ENTRY(quadratic, 2)
+DRAG_ENTRY(cubic, 3)
 
 /* The force -c tanh(v/w). */
 static lg_var coulomb(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
@@ -138,8 +184,8 @@ static lg_var cubic(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, c
 /* Of forces that are quadratic in the parameters. */
 static void scale_squares(const lg_machine *machine, const lg_machine_term *term, const double *theta,
                           double *direction) {
-    (void)machine;
     for (size_t i = 0; i < term->parameters; i++) direction[i] = theta[i] / 2.0;
+    lg_machine_scale_entries(machine, term, theta, direction);
 }
 
 /* The network's outputs are L of D = L L^T: its last layer is scaled. */
@@ -160,15 +206,27 @@ static void input_values(const lg_machine *machine, const lg_machine_term *term,
 static lg_var known_map(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
                         const lg_machine_seen *seen) {
     const lg_machine *machine = vars->machine;
-    const lg_machine_term *own = &machine->terms[term];
-    double left[LG_MACHINE_VELOCITIES], B[LG_MACHINE_VALUES];
+    const uint32_t n = machine->velocities, m = machine->input_count;
+    uint32_t index[LG_MACHINE_VALUES];
+    double left[LG_MACHINE_VELOCITIES], factor[LG_MACHINE_VALUES];
     left_scales(machine, left);
-    for (uint32_t i = 0; i < machine->velocities; i++)
-        for (uint32_t j = 0; j < machine->input_count; j++)
-            B[i * machine->input_count + j] =
-                own->values[i * machine->input_count + j] * left[i] * machine->scales.input[j];
-    return lg_matmul_nt(tape, seen->u,
-                        lg_input_f64(tape, lg_shape2(machine->velocities, machine->input_count), B));
+    for (uint32_t i = 0; i < n * m; i++) {
+        index[i] = i;
+        factor[i] = left[i / m] * machine->scales.input[i % m];
+    }
+    const lg_var B = lg_machine_record_entries(tape, vars, term, n * m, index, factor);
+    return lg_matmul_nt(tape, seen->u, lg_reshape(tape, B, lg_shape2(n, m)));
+}
+
+/* Initially input j drives velocity j. */
+static void map_entry(const lg_machine *machine, const lg_machine_term *term, uint32_t index,
+                      lg_entry_about *out) {
+    const uint32_t i = index / machine->input_count, j = index % machine->input_count;
+    (void)term;
+    *out = (lg_entry_about){.unit = lg_machine_drag_unit(machine, i, i, 0) / machine->scales.input[j],
+                            .start = i == j ? 1.0 : 0.0,
+                            .single = true};
+    (void)snprintf(out->name, sizeof out->name, "input_map.%u.%u", i + 1, j + 1);
 }
 
 static uint32_t map_outputs(const lg_machine *machine) {
@@ -236,10 +294,15 @@ const lg_term_kind lg_machine_force_kinds[] = {{.name = "known",
                                                 .part = LG_MACHINE_DAMPING,
                                                 .options = LG_TERM_VALUES | LG_TERM_KNOWN,
                                                 .values = lg_machine_square_values,
+                                                .entry = damping_entry,
+                                                .scaling = lg_machine_scale_entries,
                                                 .record = known_damping},
                                                {.name = "diagonal",
                                                 .part = LG_MACHINE_DAMPING,
                                                 .numbers = lg_numbers_diagonal_damping,
+                                                .options = LG_TERM_VALUES,
+                                                .values = one_value_each,
+                                                .entry = damping_entry,
                                                 .parameters = one_each,
                                                 .initialise = fill_start,
                                                 .scaling = scale_squares,
@@ -265,6 +328,7 @@ const lg_term_kind lg_machine_force_kinds[] = {{.name = "known",
                                                 .initialise = fill_start,
                                                 .values = one_value_each,
                                                 .scaling = scale_squares,
+                                                .entry = coulomb_entry,
                                                 .record = coulomb},
                                                {.name = "quadratic",
                                                 .part = LG_MACHINE_DAMPING,
@@ -274,6 +338,7 @@ const lg_term_kind lg_machine_force_kinds[] = {{.name = "known",
                                                 .initialise = fill_start,
                                                 .values = one_value_each,
                                                 .scaling = scale_squares,
+                                                .entry = quadratic_entry,
                                                 .record = quadratic},
                                                {.name = "cubic",
                                                 .part = LG_MACHINE_DAMPING,
@@ -283,11 +348,13 @@ const lg_term_kind lg_machine_force_kinds[] = {{.name = "known",
                                                 .initialise = fill_start,
                                                 .values = one_value_each,
                                                 .scaling = scale_squares,
+                                                .entry = cubic_entry,
                                                 .record = cubic},
                                                {.name = "known",
                                                 .part = LG_MACHINE_INPUT_MAP,
                                                 .options = LG_TERM_VALUES | LG_TERM_KNOWN,
                                                 .values = input_values,
+                                                .entry = map_entry,
                                                 .record = known_map},
                                                {.name = "constant",
                                                 .part = LG_MACHINE_INPUT_MAP,

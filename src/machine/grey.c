@@ -162,6 +162,26 @@ lg_status lg_machine_set_parameter(lg_machine *machine, const char *key, size_t 
     return LG_OK;
 }
 
+lg_status lg_machine_bound_parameter(lg_machine *machine, const char *key, size_t index, double low,
+                                     double high, double sigma, lg_error *error) {
+    LG_NEEDS(error, machine, key);
+    lg_machine_grey *grey = &machine->grey;
+    const lg_parameter_entry *p = NULL;
+    if (grey->system == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the machine has no system, so it has no parameters");
+    LG_TRY(lg_parameter_find(grey->system->name, lg_grey_system_parameters(grey->system), key, &p, error));
+    const size_t at = place_of(machine, p) + index;
+    if (index >= lg_parameter_numbers(p, links_of(machine)) || !grey->unknown[at] ||
+        p->rule == LG_PARAMETER_UNIT_VECTOR)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: only an unknown number has bounds or a prior", key);
+    if (low != high && !(low < grey->start[at] && grey->start[at] < high))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: the start must be inside of its bounds", key);
+    if (low < high && p->rule == LG_PARAMETER_POSITIVE && low < 0.0)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: bounds of this number must not be below 0", key);
+    grey->low[at] = low, grey->high[at] = high, grey->sigma[at] = sigma;
+    return LG_OK;
+}
+
 /* ---- theta: 1 number for each unknown number of the system, 2 for an unknown unit vector ---- */
 
 static size_t unknown_numbers(const lg_machine *machine, const lg_machine_term *term) {
@@ -174,10 +194,13 @@ static size_t unknown_numbers(const lg_machine *machine, const lg_machine_term *
     return count;
 }
 
-/* Numbers of the system are a exp(g t) + b + (1 - g) t with t = theta S. A positive number has its start in
- * a, and g = 1 where it is unknown; other numbers have their start in b. */
+/* Numbers of the system are a exp(g t) + b + f t + r/(1 + exp(-(t + l))) with t = theta S. A positive number has
+ * its start in a, and g = 1 where it is unknown; other numbers have their start in b, and f = 1. Numbers with
+ * bounds have r. */
 typedef struct mapping {
-    double a[LG_MACHINE_PARAMETERS], b[LG_MACHINE_PARAMETERS], g[LG_MACHINE_PARAMETERS];
+    double a[LG_MACHINE_PARAMETERS], b[LG_MACHINE_PARAMETERS], g[LG_MACHINE_PARAMETERS],
+        f[LG_MACHINE_PARAMETERS], r[LG_MACHINE_PARAMETERS], l[LG_MACHINE_PARAMETERS];
+    bool bounded;
     double S[LG_MACHINE_PARAMETERS * LG_MACHINE_PARAMETERS]; /* (size of theta, numbers of the system) */
     uint32_t used;                                           /* filled rows of S */
 } mapping;
@@ -209,9 +232,17 @@ static void map_entry(const lg_machine_grey *grey, const lg_parameter_entry *p, 
         return;
     }
     for (size_t i = 0; i < n; i++) {
-        if (!grey->unknown[at + i]) continue;
-        m->S[m->used++ * grey->count + at + i] = positive || !(scale > 0.0) ? 1.0 : scale;
-        m->g[at + i] = positive ? 1.0 : 0.0;
+        const size_t k = at + i;
+        if (!grey->unknown[k]) continue;
+        const bool bounded = grey->low[k] < grey->high[k];
+        m->S[m->used++ * grey->count + k] = positive || bounded || !(scale > 0.0) ? 1.0 : scale;
+        m->g[k] = positive && !bounded ? 1.0 : 0.0;
+        m->f[k] = positive || bounded ? 0.0 : 1.0;
+        if (!bounded) continue;
+        m->bounded = true;
+        m->a[k] = 0.0, m->b[k] = grey->low[k];
+        m->r[k] = grey->high[k] - grey->low[k];
+        m->l[k] = log((grey->start[k] - grey->low[k]) / (grey->high[k] - grey->start[k]));
     }
 }
 
@@ -250,12 +281,33 @@ lg_var lg_grey_record(lg_tape *tape, const lg_machine *machine, lg_var theta) {
     const lg_var S = lg_input_f64(tape, lg_shape2(m.used, grey->count), m.S),
                  a = lg_input_f64(tape, row, m.a), g = lg_input_f64(tape, row, m.g);
     double other[LG_MACHINE_PARAMETERS];
-    for (uint32_t i = 0; i < grey->count; i++) other[i] = 1.0 - m.g[i];
+    for (uint32_t i = 0; i < grey->count; i++) other[i] = m.bounded ? m.f[i] : 1.0 - m.g[i];
     const lg_var t = lg_matmul(tape, lg_reshape(tape, theta, lg_shape2(1, m.used)), S);
     const lg_var grown = lg_mul(tape, a, lg_exp(tape, lg_mul(tape, t, g)));
     const lg_var moved =
         lg_add(tape, lg_input_f64(tape, row, m.b), lg_mul(tape, t, lg_input_f64(tape, row, other)));
-    return with_unit_vectors(tape, machine, lg_reshape(tape, lg_add(tape, grown, moved), flat));
+    lg_var all = lg_add(tape, grown, moved);
+    if (m.bounded) {
+        const lg_var share = lg_act(tape, lg_add(tape, t, lg_input_f64(tape, row, m.l)), LG_SIGMOID);
+        all = lg_add(tape, all, lg_mul(tape, share, lg_input_f64(tape, row, m.r)));
+    }
+    return with_unit_vectors(tape, machine, lg_reshape(tape, all, flat));
+}
+
+uint32_t lg_grey_priors(const lg_machine *machine, uint32_t term, lg_prior *out, uint32_t count) {
+    const lg_machine_grey *grey = &machine->grey;
+    const uint32_t links = links_of(machine);
+    mapping m = {.used = 0};
+    for (const lg_parameter_entry *p = lg_grey_system_parameters(grey->system); p->key != NULL; p++)
+        map_entry(grey, p, place_of(machine, p), lg_parameter_numbers(p, links), &m);
+    for (uint32_t row = 0; row < m.used; row++)
+        for (uint32_t i = 0; i < grey->count && count < LG_MACHINE_PRIORS; i++) {
+            const double s = m.S[row * grey->count + i];
+            if (s == 0.0 || !(grey->sigma[i] > 0.0)) continue;
+            const lg_number_map map = {m.a[i], m.g[i], m.b[i], m.f[i] * s, m.r[i], m.l[i]};
+            out[count++] = (lg_prior){term, row, map, grey->start[i], grey->sigma[i]};
+        }
+    return count;
 }
 
 /* ---- terms ---- */

@@ -26,6 +26,7 @@ typedef struct normal {
      * parameters of one start; 0 for measured starts. */
     size_t n, starts;
     bool last;
+    size_t priors;    /* residuals of one window that are priors, its last ones */
     size_t rows;      /* residuals of one chunk */
     double *jacobian; /* (rows, n + starts) */
     /* (n + starts, rows): transpose of `jacobian`, with the residuals as row n - 1 if `last` */
@@ -94,7 +95,7 @@ static void add_lagged(normal *s, size_t count) {
         for (size_t w = 0; w < count; w++) {
             const double *a = s->columns + j / s->n * s->rows + w * each,
                          *b = s->columns + j % s->n * s->rows + w * each;
-            s->lagged[j] += dot(a, b + d, each - d);
+            s->lagged[j] += dot(a, b + d, each - d - s->priors);
         }
 }
 
@@ -111,7 +112,8 @@ static lg_status add_chunk(normal *s, lg_tape *tape, const uint32_t *samples, si
     if (s->starts > 0) eliminate(s, count);
     if (s->lagged != NULL) add_lagged(s, count);
     s->squares += squares;
-    for (size_t row = 0; row < s->rows; row++) s->weighted += s->residuals[row] != 0.0;
+    for (size_t row = 0; row < s->rows; row++)
+        s->weighted += row % s->fit.rows < s->fit.rows - s->priors && s->residuals[row] != 0.0;
     for (size_t j = 0; j < s->n; j++) {
         double *column = s->stack + j * (s->n + s->rows);
         memcpy(column, s->triangle + j * s->n, s->n * sizeof *column);
@@ -315,6 +317,7 @@ static lg_status conclude(normal *s, size_t count, double *work, int *order, lg_
 static lg_status allocate(normal *s) {
     const lg_machine_problem *problem = s->problem;
     lg_machine_fit_problem(problem, &s->fit);
+    s->priors = lg_machine_problem_priors(problem);
     if (lg_machine_starts_estimated(problem)) s->starts = lg_machine_start_numbers(problem->machine);
     const size_t rows = CHUNK * s->fit.rows, columns = s->n + s->starts;
     s->jacobian = lg_alloc(s->context, (2 * columns + 1) * rows, sizeof(double));

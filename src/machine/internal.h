@@ -49,6 +49,14 @@ void lg_machine_velocity_name(const lg_machine *machine, uint32_t k, char *text,
 void lg_machine_feature_name(const lg_machine *machine, const lg_machine_term *term, uint32_t number,
                              char *text, size_t size);
 
+/* An entry of a term's values: its name, what is 1 in scaled units, where it starts in scaled units, whether it
+ * is positive, and whether it may be unknown by itself. */
+typedef struct lg_entry_about {
+    char name[LG_IDENTIFIED_NAME];
+    double unit, start;
+    bool positive, single;
+} lg_entry_about;
+
 /* A row of the table of terms. `record` returns, by part:
  *   mass       the mass matrix M, (B, n, n) or (1, n, n), of the coordinates whose momenta are in R^n
  *   potential  V (B, 1)
@@ -82,12 +90,54 @@ struct lg_term_kind {
     uint32_t blocks;
     /* The reason why the term's values are wrong, or NULL. NULL: all values are right. */
     const char *(*fault)(const lg_machine *machine, const lg_machine_term *term);
+    /* Describes one of the term's values. NULL: values cannot be unknown one by one. */
+    void (*entry)(const lg_machine *machine, const lg_machine_term *term, uint32_t index,
+                  lg_entry_about *out);
     /* Damping: writes how the term's parameters change, to first order by x times `direction`, when all
      * friction of the machine is multiplied by 1 + x. theta and direction are the term's slices. NULL: the
      * term has no parameters. */
     void (*scaling)(const lg_machine *machine, const lg_machine_term *term, const double *theta,
                     double *direction);
 };
+
+/* ---- numbers that are unknown one by one (machine/entries.c) ---- */
+
+/* A number x = a e^(g t) + b + s t + r/(1 + e^-(t + l)) of its parameter t. */
+typedef struct lg_number_map {
+    double a, g, b, s, r, l;
+} lg_number_map;
+lg_number_map lg_machine_entry_map(const lg_machine_entry *entry, double start, double unit, bool positive);
+double lg_number_at(const lg_number_map *map, double t, double *slope); /* slope may be NULL */
+/* (1, count): number i is factor[i] times value index[i] of the term; 0 if index[i] is UINT32_MAX. */
+lg_var lg_machine_record_entries(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, uint32_t count,
+                                 const uint32_t *index, const double *factor);
+/* A value of the term, known or not; theta is the term's slice. */
+double lg_machine_value(const lg_machine *machine, const lg_machine_term *term, const double *theta,
+                        uint32_t index);
+lg_term_numbers lg_numbers_entries;
+/* lg_term_kind.scaling of the unknown entries. */
+void lg_machine_scale_entries(const lg_machine *machine, const lg_machine_term *term, const double *theta,
+                              double *direction);
+/* The reason why the entries are wrong, or NULL. */
+const char *lg_machine_entries_fault(const lg_machine *machine, const lg_machine_term *term);
+
+/* The prior of parameter `index` of a term, whose number is map(parameter). */
+#define LG_MACHINE_PRIORS 64
+typedef struct lg_prior {
+    uint32_t term, index;
+    lg_number_map map;
+    double centre, sigma;
+} lg_prior;
+/* Lists the machine's priors (room for LG_MACHINE_PRIORS), and returns how many there are. */
+uint32_t lg_machine_list_priors(const lg_machine *machine, lg_prior *out);
+/* weight (number - start)/sigma of each prior, the same in all rows, (rows, priors); LG_NONE: there is none. */
+lg_var lg_machine_record_priors(lg_tape *tape, const lg_machine_vars *vars, uint32_t rows, double weight);
+/* Adds the priors of the system, whose mass is this term, behind `count` others; returns the new count. */
+uint32_t lg_grey_priors(const lg_machine *machine, uint32_t term, lg_prior *out, uint32_t count);
+/* Priors of a problem, 0 if theta is known; and their weight in residuals of a batch, see
+ * lg_machine_problem. */
+uint32_t lg_machine_problem_priors(const lg_machine_problem *problem);
+double lg_machine_prior_weight(const lg_machine_problem *problem, size_t batch);
 
 /* The term of the machine whose coefficients this term changes; NULL: it has its own. */
 const lg_machine_term *lg_machine_base(const lg_machine *machine, const lg_machine_term *term);
@@ -196,11 +246,6 @@ void lg_machine_square_values(const lg_machine *machine, const lg_machine_term *
 /* Unpacks triangles: packed (B, lg_triangle(n)) -> (B, n, n). With `positive` the diagonal is exp of its
  * packed numbers. */
 lg_var lg_machine_record_triangle(lg_tape *tape, lg_var packed, uint32_t n, bool positive);
-/* The values of a term as a matrix (rows, columns) in scaled units: value i, j is multiplied by left[i]
- * right[j]. If the term has only `rows` values (and columns is not 1), they are the diagonal. */
-lg_var lg_machine_record_values(lg_tape *tape, const lg_machine_term *term, uint32_t rows, uint32_t columns,
-                                const double *left, const double *right);
-
 /* Columns first .. first + count - 1 of x (B, n); returns x itself if these are all columns. */
 lg_var lg_machine_columns(lg_tape *tape, lg_var x, uint32_t first, uint32_t count);
 

@@ -315,12 +315,35 @@ static void put_rows(const lg_kernels *k, chain *c, uint32_t j) {
     c->done += d;
 }
 
+/* Writes the rows of the priors behind the points of each window, and adds them to the loss. */
+static void put_priors(chain *c, size_t batch) {
+    lg_prior priors[LG_MACHINE_PRIORS];
+    const lg_machine *machine = c->problem->machine;
+    const uint32_t count = lg_machine_problem_priors(c->problem) > 0 ? lg_machine_list_priors(machine, priors) : 0;
+    const double weight = lg_machine_prior_weight(c->problem, batch);
+    for (uint32_t i = 0; i < count; i++) {
+        const lg_prior *p = &priors[i];
+        const size_t column = machine->terms[p->term].offset + p->index;
+        double slope;
+        const double x = lg_number_at(&p->map, c->theta[column], &slope);
+        const double r = weight * (x - p->centre) / p->sigma;
+        for (size_t s = 0; s < c->count; s++) {
+            const size_t row = s * c->rows + c->done + i;
+            memset(c->jacobian + row * c->columns, 0, c->columns * sizeof *c->jacobian);
+            c->jacobian[row * c->columns + column] = weight * slope / p->sigma;
+            c->r[row] = r;
+            c->loss += r * r;
+        }
+    }
+}
+
 static uint32_t first_residual(const lg_machine_problem *problem) {
     return lg_machine_starts_estimated(problem) ? 0 : 1;
 }
 
 size_t lg_machine_linearised_rows(const lg_machine_problem *problem) {
-    return (size_t)(problem->window - first_residual(problem)) * axes_of(problem->machine).count;
+    return (size_t)(problem->window - first_residual(problem)) * axes_of(problem->machine).count +
+           lg_machine_problem_priors(problem);
 }
 
 void lg_machine_row_variances(const lg_machine_problem *problem, const lg_machine_noise *noise, size_t row,
@@ -384,6 +407,7 @@ lg_status lg_machine_linearise(void *user, lg_tape *tape, const double *theta, c
     if (memory == NULL) return lg_tape_status(tape);
     place(&c, memory);
     const lg_status status = pass_window(tape, &c);
+    if (status == LG_OK) put_priors(&c, batch);
     lg_pool_give(tape, memory, bytes);
     *loss = c.loss;
     return status;

@@ -160,6 +160,8 @@ static lg_status check_term(const lg_machine *machine, const lg_machine_term *te
                        lg_machine_part_name(term->part), term->kind->name, term->value_count, fits[0],
                        fits[1] != fits[0] && fits[1] > 0 ? " or " : "",
                        fits[1] != fits[0] ? fits[1] : (size_t)0);
+    const char *wrong = lg_machine_entries_fault(machine, term);
+    if (wrong != NULL) return term_fails(term, error, wrong);
     const char *fault = given && term->kind->fault != NULL ? term->kind->fault(machine, term) : NULL;
     return fault != NULL ? term_fails(term, error, fault) : LG_OK;
 }
@@ -190,6 +192,7 @@ static lg_status set_term(const lg_machine *machine, lg_machine_term *term, lg_e
     }
     const bool known = term->value_count > 0;
     term->parameters = known || term->kind->parameters == NULL ? 0 : term->kind->parameters(machine, term);
+    if (known) term->parameters = term->entry_count;
     if (term->parameters == SIZE_MAX) return term_fails(term, error, "has too many monomials");
     return LG_OK;
 }
@@ -209,13 +212,18 @@ static lg_status check_mass(const lg_machine *machine, lg_error *error) {
 
 /* ---- values that are not physical ---- */
 
-/* Adds the values of a known mass or damping to `sum`: a diagonal or a matrix of all velocities. */
+/* Adds the values of a known mass or damping to `sum`: a diagonal or a matrix of all velocities. Unknown ones
+ * are positive and left out. */
 static void add_known(const lg_machine *machine, const lg_machine_term *term, double *sum) {
     const uint32_t n = machine->velocities;
     const bool diagonal = term->value_count == n;
     for (uint32_t i = 0; i < n; i++)
-        for (uint32_t j = 0; j < n; j++)
-            sum[i * n + j] += !diagonal ? term->values[i * n + j] : i == j ? term->values[i] : 0.0;
+        for (uint32_t j = 0; j < n; j++) {
+            const uint32_t index = diagonal ? i : i * n + j;
+            bool open = diagonal && i != j;
+            for (uint32_t k = 0; k < term->entry_count; k++) open = open || term->entries[k].index == index;
+            if (!open) sum[i * n + j] += term->values[index];
+        }
 }
 
 /* Whether the symmetric part of the matrix has no eigenvalue below `least` times the largest absolute entry.
@@ -243,10 +251,8 @@ static lg_status check_positive(const lg_machine *machine, lg_machine_part part,
     for (uint32_t i = 0; i < machine->term_count; i++) {
         const lg_machine_term *term = &machine->terms[i];
         if (term->part != part) continue;
-        if (strcmp(term->kind->name, "known") == 0)
-            known = term, add_known(machine, term, sum);
-        else
-            alone = false;
+        if (strcmp(term->kind->name, "known") == 0) known = term, add_known(machine, term, sum);
+        alone = alone && known == term && term->entry_count == 0;
     }
     if (known == NULL || is_definite(machine->velocities, sum, alone ? rounding : -rounding)) return LG_OK;
     return term_fails(known, error,
@@ -259,16 +265,18 @@ static lg_status check_positive(const lg_machine *machine, lg_machine_part part,
 /* Decides what fixes the common factor of M, V, D and B (see lg_machine in liegrad/machine.h). */
 static void find_gauge(lg_machine *machine) {
     const bool grey = machine->grey.system != NULL;
-    bool given = lg_grey_known(machine), moving = false;
+    bool given = lg_grey_known(machine), moving = false, single = false;
     uint32_t masses = 0;
     for (uint32_t i = 0; i < machine->term_count; i++) {
         const lg_machine_term *term = &machine->terms[i];
-        given = given || term->value_count > 0;
+        given = given || term->value_count > term->entry_count;
+        for (uint32_t k = 0; k < term->entry_count; k++) given = given || term->entries[k].sigma > 0.0;
         if (term->part != LG_MACHINE_MASS) continue;
+        single = single || term->entry_count > 0;
         masses++;
         moving = moving || (term->kind != NULL && term->kind->moving != NULL);
     }
-    machine->normalised = !given && !grey && !moving && masses == 1;
+    machine->normalised = !given && !grey && !moving && !single && masses == 1;
     machine->free_gauge = !given && !machine->normalised;
 }
 
@@ -316,7 +324,7 @@ void lg_machine_initialise(const lg_machine *machine, lg_rng *rng, double *theta
             lg_mlp_initialise(&term->net, rng, slice);
             scale_last(&term->net, slice);
         }
-        if (term->parameters > 0 && term->kind->initialise != NULL)
+        if (term->parameters > 0 && term->entry_count == 0 && term->kind->initialise != NULL)
             term->kind->initialise(machine, term, slice);
     }
 }

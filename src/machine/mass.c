@@ -1,6 +1,7 @@
 /* Machines: kinds of mass. Masses are positive: exp of a parameter, or L L^T where the diagonal of L is exp
  * of parameters. */
 #include <math.h>
+#include <stdio.h>
 
 #include "core/core.h"
 #include "liegrad/ops.h"
@@ -8,32 +9,57 @@
 
 /* ---- known ---- */
 
-static double known_mass(const lg_machine *machine, const lg_machine_term *term, uint32_t i, uint32_t j) {
+/* Index of M_ij among the values; UINT32_MAX: M_ij is 0. */
+static uint32_t place_of(const lg_machine *machine, const lg_machine_term *term, uint32_t i, uint32_t j) {
     const uint32_t n = machine->velocities;
-    const bool diagonal = term->value_count == n;
-    const double value = diagonal ? (i == j ? term->values[i] : 0.0) : term->values[i * n + j];
-    return value * lg_machine_unit_mass(machine, i, j);
+    if (term->value_count != n) return i * n + j;
+    return i == j ? i : UINT32_MAX;
 }
 
 static lg_var known(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen) {
     const lg_machine *machine = vars->machine;
-    uint32_t list[LG_MACHINE_VELOCITIES];
-    double m[LG_MACHINE_VALUES];
+    uint32_t list[LG_MACHINE_VELOCITIES], index[LG_MACHINE_VALUES];
+    double factor[LG_MACHINE_VALUES];
     const uint32_t n = lg_machine_mass_velocities(machine, false, list);
     (void)seen;
     for (uint32_t i = 0; i < n; i++)
-        for (uint32_t j = 0; j < n; j++)
-            m[i * n + j] = known_mass(machine, &machine->terms[term], list[i], list[j]);
-    return lg_input_f64(tape, lg_shape3(1, n, n), m);
+        for (uint32_t j = 0; j < n; j++) {
+            index[i * n + j] = place_of(machine, &machine->terms[term], list[i], list[j]);
+            factor[i * n + j] = lg_machine_unit_mass(machine, list[i], list[j]);
+        }
+    return lg_reshape(tape, lg_machine_record_entries(tape, vars, term, n * n, index, factor),
+                      lg_shape3(1, n, n));
 }
 
 static lg_var known_directions(lg_tape *tape, const lg_machine_vars *vars, uint32_t term) {
     const lg_machine *machine = vars->machine;
-    uint32_t list[LG_MACHINE_VELOCITIES];
-    double m[LG_MACHINE_VELOCITIES];
+    uint32_t list[LG_MACHINE_VELOCITIES], index[LG_MACHINE_VELOCITIES];
+    double factor[LG_MACHINE_VELOCITIES];
     const uint32_t n = lg_machine_mass_velocities(machine, true, list);
-    for (uint32_t i = 0; i < n; i++) m[i] = known_mass(machine, &machine->terms[term], list[i], list[i]);
-    return lg_input_f64(tape, lg_shape3(1, n, 1), m);
+    for (uint32_t i = 0; i < n; i++) {
+        index[i] = place_of(machine, &machine->terms[term], list[i], list[i]);
+        factor[i] = lg_machine_unit_mass(machine, list[i], list[i]);
+    }
+    return lg_reshape(tape, lg_machine_record_entries(tape, vars, term, n, index, factor),
+                      lg_shape3(1, n, 1));
+}
+
+static void known_entry(const lg_machine *machine, const lg_machine_term *term, uint32_t index,
+                        lg_entry_about *out) {
+    const uint32_t n = machine->velocities;
+    const bool line = term->value_count == n;
+    const uint32_t i = line ? index : index / n, j = line ? index : index % n;
+    *out = (lg_entry_about){.unit = 1.0 / lg_machine_unit_mass(machine, i, j),
+                            .start = 1.0,
+                            .positive = true,
+                            .single = i == j};
+    (void)snprintf(out->name, sizeof out->name, "mass.%u.%u", i + 1, j + 1);
+}
+
+/* One value each: a diagonal. */
+static void diagonal_values(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]) {
+    (void)term;
+    fits[0] = fits[1] = machine->velocities;
 }
 
 /* ---- diagonal and constant ----
@@ -77,6 +103,7 @@ static lg_var numbers(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
 static lg_var diagonal(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
                        const lg_machine_seen *seen) {
     const uint32_t n = vars->machine->momenta;
+    if (vars->machine->terms[term].value_count > 0) return known(tape, vars, term, seen);
     const lg_var m = lg_exp(tape, numbers(tape, vars, term, 0, n));
     (void)seen;
     return lg_mul(tape, lg_reshape(tape, m, lg_shape3(1, 1, n)), lg_machine_unit_matrix(tape, n));
@@ -88,6 +115,7 @@ static lg_var direction_masses(lg_tape *tape, const lg_machine_vars *vars, uint3
 }
 
 static lg_var diagonal_directions(lg_tape *tape, const lg_machine_vars *vars, uint32_t term) {
+    if (vars->machine->terms[term].value_count > 0) return known_directions(tape, vars, term);
     return direction_masses(tape, vars, term, vars->machine->momenta);
 }
 
@@ -131,11 +159,15 @@ const lg_term_kind lg_machine_mass_kinds[] = {{.name = "known",
                                                .part = LG_MACHINE_MASS,
                                                .options = LG_TERM_VALUES | LG_TERM_KNOWN,
                                                .values = lg_machine_square_values,
+                                               .entry = known_entry,
                                                .record = known,
                                                .directions = known_directions},
                                               {.name = "diagonal",
                                                .part = LG_MACHINE_MASS,
                                                .numbers = lg_numbers_diagonal_mass,
+                                               .options = LG_TERM_VALUES,
+                                               .values = diagonal_values,
+                                               .entry = known_entry,
                                                .parameters = diagonal_parameters,
                                                .record = diagonal,
                                                .directions = diagonal_directions},

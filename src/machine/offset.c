@@ -1,4 +1,5 @@
 /* Machines: constant forces. `of` lists coordinates; without it there is one force for each velocity. */
+#include <stdio.h>
 #include <string.h>
 
 #include "autodiff/tape/tape_internal.h"
@@ -33,15 +34,18 @@ static lg_var record(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, 
     const lg_machine *machine = vars->machine;
     const lg_machine_term *own = &machine->terms[term];
     uint32_t list[LG_MACHINE_VELOCITIES];
-    double place[LG_MACHINE_VALUES] = {0.0}, known[LG_MACHINE_VELOCITIES];
+    uint32_t index[LG_MACHINE_VELOCITIES];
+    double place[LG_MACHINE_VALUES] = {0.0}, factor[LG_MACHINE_VELOCITIES];
     const uint32_t n = machine->velocities, count = velocities_of(machine, own, list);
     for (uint32_t i = 0; i < count; i++) {
         place[i * n + list[i]] = 1.0;
-        known[i] = own->values[i] * machine->scales.velocity[list[i]] / machine->scales.energy;
+        index[i] = i;
+        factor[i] = machine->scales.velocity[list[i]] / machine->scales.energy;
     }
     const lg_shape row = lg_shape2(1, count);
-    const lg_var force = own->value_count > 0 ? lg_input_f64(tape, row, known)
-                                              : lg_reshape(tape, vars->theta[term], row);
+    const lg_var force = own->value_count > 0
+                             ? lg_machine_record_entries(tape, vars, term, count, index, factor)
+                             : lg_reshape(tape, vars->theta[term], row);
     const lg_var all = lg_matmul(tape, force, lg_input_f64(tape, lg_shape2(count, n), place));
     const lg_var zeros = lg_full(tape, lg_shape2(seen->rows, n), 0.0);
     lg_tape_mark_rows(tape, zeros);
@@ -60,9 +64,20 @@ static void numbers(lg_number_list *l, const lg_machine *machine, const lg_machi
     }
 }
 
+static void entry(const lg_machine *machine, const lg_machine_term *term, uint32_t index,
+                  lg_entry_about *out) {
+    uint32_t list[LG_MACHINE_VELOCITIES];
+    char name[48];
+    (void)velocities_of(machine, term, list);
+    *out = (lg_entry_about){.unit = machine->scales.energy / machine->scales.velocity[list[index]],
+                            .single = true};
+    lg_machine_velocity_name(machine, list[index], name, sizeof name);
+    (void)snprintf(out->name, sizeof out->name, "offset.%s", name);
+}
+
 #define OFFSET                                                                                               \
     .part = LG_MACHINE_OFFSET, .parameters = count_forces, .values = count_values, .record = record,         \
-    .numbers = numbers
+    .numbers = numbers, .entry = entry
 const lg_term_kind lg_machine_offset_kinds[] = {
     {.name = "unknown", .options = LG_TERM_SOME, OFFSET},
     {.name = "known", .options = LG_TERM_SOME | LG_TERM_VALUES | LG_TERM_KNOWN, OFFSET},

@@ -171,6 +171,11 @@ static lg_status shard_residuals(void *user, lg_tape *tape, lg_var theta, const 
     LG_TRY(put_given(tape, &p, factor_of(&p, batch), &data));
     join_points(tape, &p, lg_taped_parts(&flow.space), predicted, all);
     *r = differences(tape, &p, &vars, &data, all);
+    if (lg_machine_problem_priors(problem) > 0) {
+        const double weight = lg_machine_prior_weight(problem, batch);
+        const lg_var both[2] = {*r, lg_machine_record_priors(tape, &vars, (uint32_t)count, weight)};
+        *r = lg_concat(tape, both, 2, 1);
+    }
     return lg_tape_status(tape);
 }
 

@@ -145,3 +145,30 @@ TEST("the Jacobian of variational steps agrees with the tape too, with every kin
     const lg_machine full = machine_with(lg_term_kind_find(LG_MACHINE_MASS, "constant"), LG_MACHINE_MASS);
     assert_jacobian(&full, LG_MACHINE_STARTS_ESTIMATED, "variational", NULL);
 }
+
+TEST("the Jacobian has the rows of priors, of values and of a system's parameters") {
+    static const double start[2] = {0.4, 1.2};
+    static const bool unknown = true;
+    for (int starts = 0; starts < 2; starts++) {
+        lg_machine machine = machine_with(lg_term_kind_find(LG_MACHINE_MASS, "known"), LG_MACHINE_MASS);
+        lg_machine_term *map = &machine.terms[machine.term_count - 1];
+        map->kind = lg_term_kind_find(LG_MACHINE_INPUT_MAP, "known");
+        add_values(map, 28, some_values(28));
+        map->entries[map->entry_count++] = (lg_machine_entry){3, 0, 0, 0.2};
+        map->entries[map->entry_count++] = (lg_machine_entry){5, -4, 9, 0.1};
+        assert_machine(&machine);
+        assert_jacobian(&machine, (lg_machine_starts)starts, "cf4", NULL);
+        lg_machine arm = empty_machine();
+        add_coordinate(&arm, "a", LG_COORDINATE_ANGLE);
+        add_coordinate(&arm, "b", LG_COORDINATE_ANGLE);
+        assert_ok(lg_machine_set_system(&arm, "two-link-arm", NULL));
+        assert_ok(lg_machine_set_parameter(&arm, "masses", 2, start, NULL, NULL));
+        assert_ok(lg_machine_set_parameter(&arm, "inertia", 2, start, &(const bool[2]){true, true}[0], NULL));
+        assert_ok(lg_machine_set_parameter(&arm, "centres", 2, start, NULL, NULL));
+        assert_ok(lg_machine_set_parameter(&arm, "length", 1, start, &unknown, NULL));
+        assert_ok(lg_machine_bound_parameter(&arm, "inertia", 1, 0.1, 3, 0.4, NULL));
+        assert_ok(lg_machine_bound_parameter(&arm, "length", 0, 0, 0, 0.3, NULL));
+        assert_machine(&arm);
+        assert_jacobian(&arm, (lg_machine_starts)starts, "cf4", NULL);
+    }
+}

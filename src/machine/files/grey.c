@@ -18,6 +18,7 @@ typedef struct parameter {
     size_t unknowns; /* how many truths are given; 1 stands for all numbers */
     double values[LG_MACHINE_PARAMETERS];
     bool unknown[LG_MACHINE_PARAMETERS];
+    lg_machine_entry entries[LG_MACHINE_PARAMETERS]; /* bounds and priors of unknown numbers */
 } parameter;
 
 static uint32_t line_of(const yaml_node_t *node) {
@@ -52,17 +53,16 @@ static lg_status check_items(const reading *r, const char *key, const yaml_node_
 
 /* ---- values ---- */
 
-static lg_status read_number(const reading *r, const yaml_node_t *node, parameter *p, size_t i) {
+static lg_status read_number(reading *r, const yaml_node_t *node, parameter *p, size_t i) {
     const lg_field key = {.name = p->key, .low = -DBL_MAX, .high = DBL_MAX};
     const lg_key_value value = {.line = line_of(node), .node = node};
-    p->unknown[i] = is_word(node, unknown_word);
-    p->values[i] = (double)NAN;
-    if (p->unknown[i]) return LG_OK;
+    p->unknown[i] = lg_machine_is_entry(node);
+    if (p->unknown[i]) return lg_machine_read_entry(r, p->key, node, &p->values[i], &p->entries[i]);
     return lg_yaml_block(r->yaml, &key, &value, (const size_t[3]){1, 1, 1}, &p->values[i], NULL, r->error);
 }
 
 /* Reads a number, a list of numbers, or the word `unknown` in place of any number or of the whole list. */
-static lg_status read_numbers(const reading *r, const yaml_node_t *node, parameter *p) {
+static lg_status read_numbers(reading *r, const yaml_node_t *node, parameter *p) {
     if (is_word(node, unknown_word)) {
         p->count = 0;
         p->unknown[0] = true;
@@ -86,15 +86,17 @@ static lg_status read_truths(const reading *r, const yaml_node_t *node, paramete
     return LG_OK;
 }
 
-enum { KEY_START, KEY_UNKNOWN, KEY_COUNT };
+enum { KEY_START, KEY_UNKNOWN, KEY_WITHIN, KEY_SIGMA, KEY_COUNT };
 static const lg_field keys[KEY_COUNT] = {
     [KEY_START] = {.name = "start", .type = LG_FIELD_NODE, .required = true},
     [KEY_UNKNOWN] = {.name = "unknown", .type = LG_FIELD_NODE},
+    [KEY_WITHIN] = {.name = "within", .type = LG_FIELD_REALS, .low = -DBL_MAX, .high = DBL_MAX, .most = 2},
+    [KEY_SIGMA] = {.name = "sigma", .type = LG_FIELD_REAL, .above = true, .high = DBL_MAX},
 };
 
-/* Reads {start: ..., unknown: ...}. `unknown` is a truth value, or one per number of `start`; default
+/* Reads {start: ..., unknown: ..., within: [...], sigma: ...}; the latter hold for all unknown numbers. `unknown` is a truth value, or one per number of `start`; default
  * true. */
-static lg_status read_start(const reading *r, const yaml_node_t *node, parameter *p) {
+static lg_status read_start(reading *r, const yaml_node_t *node, parameter *p) {
     lg_key_value values[KEY_COUNT] = {{.line = 0}};
     const lg_key_set set = {keys, KEY_COUNT, values};
     LG_TRY(lg_yaml_read_below(r->yaml, node, &set, p->key, r->error));
@@ -111,6 +113,13 @@ static lg_status read_start(const reading *r, const yaml_node_t *node, parameter
             "%s: unknown: expected true or false, once or for each of the %zu numbers of start", p->key,
             p->count);
     for (size_t i = 1; i < p->count && p->unknowns == 1; i++) p->unknown[i] = p->unknown[0];
+    const lg_key_value *within = &values[KEY_WITHIN];
+    if (within->line != 0 && !(within->count == 2 && within->real[0] < within->real[1]))
+        return lg_yaml_fail(r->yaml, within->line, LG_FORMAT, r->error, "%s: within: expected [low, high]", p->key);
+    for (size_t i = 0; i < p->count; i++) {
+        if (within->line != 0) p->entries[i].low = within->real[0], p->entries[i].high = within->real[1];
+        if (values[KEY_SIGMA].line != 0) p->entries[i].sigma = values[KEY_SIGMA].real[0];
+    }
     return LG_OK;
 }
 
@@ -118,8 +127,13 @@ static lg_status read_parameter(reading *r, const char *key, const yaml_node_t *
     lg_error inner = {LG_OK, ""};
     parameter p = {.key = key};
     LG_TRY(node->type == YAML_MAPPING_NODE ? read_start(r, node, &p) : read_numbers(r, node, &p));
-    const lg_status status =
+    lg_status status =
         lg_machine_set_parameter(&r->out->machine, key, p.count, p.values, p.unknown, &inner);
+    for (size_t i = 0; i < p.count && status == LG_OK; i++) {
+        const lg_machine_entry *e = &p.entries[i];
+        if (p.unknown[i] && (e->low < e->high || e->sigma > 0.0))
+            status = lg_machine_bound_parameter(&r->out->machine, key, i, e->low, e->high, e->sigma, &inner);
+    }
     if (status == LG_OK) return LG_OK;
     return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "parameters: %s", inner.message);
 }

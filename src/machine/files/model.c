@@ -102,6 +102,7 @@ static const lg_field facts[] = {
          .put = put_coordinates, .most = LG_MACHINE_COORDINATES),
     FACT("run", "velocity_scale", REALS, velocity_scale, .low = 0, .get = get_coordinates,
          .put = put_coordinates, .most = LG_MACHINE_COORDINATES),
+    FACT("run", "residual", REAL, residual, .low = 0),
     FACT("run", "windows", U64, windows, .low = 0),
     FACT("run", "dt", REAL, dt, .low = 0),
     FACT("run", "delay", U32, delay, .low = 0),

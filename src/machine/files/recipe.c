@@ -163,6 +163,7 @@ static lg_status describe(lg_training *self, lg_error *error) {
         const lg_machine_model_run *before = self->stored;
         memcpy(run->position_scale, before->position_scale, sizeof run->position_scale);
         memcpy(run->velocity_scale, before->velocity_scale, sizeof run->velocity_scale);
+        run->residual = before->residual;
     } else {
         choose_settings(self);
         set_loss_scales(run, s);
@@ -224,10 +225,26 @@ static lg_status prepare(lg_training *self, lg_error *error) {
                                       .windows = all,
                                       .start = start,
                                       .validation = all - run->windows};
+    s->problem.residual = run->residual;
     memcpy(s->problem.position_scale, run->position_scale, sizeof run->position_scale);
     memcpy(s->problem.velocity_scale, run->velocity_scale, sizeof run->velocity_scale);
     LG_TRY(lg_machine_problem_check(&s->problem, error));
     if (s->held == NULL) warn_of_rows(self);
+    return LG_OK;
+}
+
+/* Sets the deviation of the residuals, which weighs priors: 1 in units of the noise; without noise what the
+ * parameters from short windows leave. */
+static lg_status weigh_priors(lg_training *self, const double *theta, lg_error *error) {
+    static const double silent = 1e-100;
+    lg_machine_state *s = self->state;
+    lg_machine_model_run *run = self->run;
+    const double numbers = run->machine.positions + (s->positions ? 0.0 : run->machine.velocities);
+    double loss = 0;
+    lg_machine_problem problem = s->problem;
+    problem.residual = silent;
+    if (!s->noisy) LG_TRY(lg_machine_loss(self->context, &problem, theta, &loss, NULL, error));
+    run->residual = s->problem.residual = s->noisy ? 1.0 : fmax(sqrt(loss / numbers), 1e-12);
     return LG_OK;
 }
 
@@ -244,6 +261,7 @@ static lg_status make_problem(lg_training *self, lg_error *error) {
     const struct lg_machine_warm *warm = ((const lg_machine_state *)self->state)->warm;
     if (warm != NULL) lg_machine_take_over(warm, &run->machine, self->theta);
     if (self->stored == NULL) LG_TRY(lg_machine_warm_up(self, self->theta, error));
+    if (self->stored == NULL) LG_TRY(weigh_priors(self, self->theta, error));
     LG_TRY(lg_machine_select_begin(self, error));
     if (problem->validation > 0) options->keep_best = true;
     if (options->seconds > 0) options->seconds = fmax(options->seconds - (lg_seconds() - begin), 1e-3);

@@ -157,6 +157,7 @@ static lg_status read_values(reading *r, const lg_key_value *value, lg_machine_t
     const lg_field *key = &keys[KEY_VALUES];
     size_t shape[3] = {1, 1, 1};
     if (value->line == 0) return LG_OK;
+    if (lg_machine_has_entries(r, value->node)) return lg_machine_read_entries(r, key, value->node, term);
     LG_TRY(lg_yaml_entries(r->yaml, key, value, 1, &shape[0], r->error));
     const yaml_node_t *list = value->node;
     if (list->type == YAML_SEQUENCE_NODE) {

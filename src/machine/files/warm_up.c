@@ -91,6 +91,8 @@ enum { SHORTEST = 3 };
 static lg_status fit_short(lg_training *self, const lg_machine *machine, const lg_scheme *scheme,
                            uint32_t window, double *theta, lg_error *error) {
     enum { EPOCHS = 200 };
+    /* Priors only hold what short windows leave open. */
+    static const double weak = 1e-6;
     const lg_machine_model_run *run = self->run;
     const lg_machine_state *s = self->state;
     const bool few = lg_machine_is_small(machine), estimated = s->positions && window > SHORTEST;
@@ -100,6 +102,7 @@ static lg_status fit_short(lg_training *self, const lg_machine *machine, const l
     lg_fit *fit;
     problem.machine = machine;
     problem.scheme = scheme;
+    problem.residual = weak;
     problem.starts = estimated ? LG_MACHINE_STARTS_ESTIMATED : LG_MACHINE_STARTS_MEASURED;
     problem.window = window < run->window ? window : run->window;
     lg_machine_fit_problem(&problem, &fit_problem);

@@ -1,0 +1,183 @@
+/* Machines: numbers that are unknown one by one, with starts, bounds and priors. */
+#include "liegrad/ops.h"
+
+#include "support/machine_support.h"
+
+#include "machine/internal.h"
+
+static void open_value(lg_machine_term *term, uint32_t index, double low, double high, double sigma) {
+    term->entries[term->entry_count++] = (lg_machine_entry){index, low, high, sigma};
+}
+
+/* A line and an angle with two inputs at odd scales; with `open` some of the numbers are unknown. */
+static lg_machine mixed(bool open) {
+    static const double mass[2] = {2, 3}, map[4] = {1, -0.4, 0, 0.5}, drag[2] = {0.7, 0.2}, coulomb[2] = {0.3, 0.9},
+                        offset[2] = {-0.6, 0.1};
+    lg_machine machine = empty_machine();
+    add_coordinate(&machine, "x", LG_COORDINATE_LINE);
+    add_coordinate(&machine, "a", LG_COORDINATE_ANGLE);
+    add_input(&machine, "u");
+    add_input(&machine, "w");
+    odd_scales(&machine);
+    add_values(add_term(&machine, LG_MACHINE_MASS, "diagonal"), 2, mass);
+    add_values(add_term(&machine, LG_MACHINE_INPUT_MAP, "known"), 4, map);
+    add_values(add_term(&machine, LG_MACHINE_DAMPING, "diagonal"), 2, drag);
+    add_values(add_term(&machine, LG_MACHINE_DAMPING, "coulomb"), 2, coulomb);
+    add_values(add_term(&machine, LG_MACHINE_OFFSET, "known"), 2, offset);
+    if (open) {
+        open_value(&machine.terms[0], 1, 0, 0, 0.5);
+        open_value(&machine.terms[1], 1, 0, 0, 0.2);
+        open_value(&machine.terms[1], 3, 0.1, 4, 0);
+        open_value(&machine.terms[2], 0, 0, 0, 0);
+        open_value(&machine.terms[3], 1, 0.5, 2, 0.1);
+        open_value(&machine.terms[4], 0, -1, 1, 0);
+    }
+    assert_machine(&machine);
+    return machine;
+}
+
+/* The velocities' rates of change at one state, (2), in scaled units. */
+static void rates_of(const lg_machine *machine, const double *theta, double *out) {
+    static const double q[2] = {0.3, 0.8}, v[2] = {0.7, -0.2}, u[2] = {0.4, 1.1};
+    lg_machine_vars vars;
+    lg_var parts[LG_TAPED_MAX_PARTS], algebra[LG_TAPED_MAX_PARTS];
+    lg_tape *tape = test_tape(LG_F64);
+    const lg_shape row = lg_shape2(1, 2);
+    assert_ok(lg_machine_bind(tape, machine, lg_machine_parameter(tape, machine, theta), &vars));
+    assert_ok(lg_machine_record_state(tape, &vars, lg_input_f64(tape, row, q), lg_input_f64(tape, row, v), parts));
+    assert_ok(lg_machine_record_field(tape, &vars, parts, lg_input_f64(tape, row, u), algebra));
+    assert_ok(lg_read(tape, algebra[lg_machine_parts(machine).m], 2, out));
+}
+
+TEST("a machine whose unknown numbers are at their starts is the machine in which they are known") {
+    static const char *const names[] = {"mass.2.2", "input_map.1.2", "input_map.2.2", "damping.x", "coulomb.a",
+                                        "offset.x"};
+    static const double starts[] = {3, -0.4, 0.5, 0.7, 0.9, -0.6};
+    const lg_machine known = mixed(false), open = mixed(true);
+    const double zeros[6] = {0};
+    double a[2], b[2];
+    lg_identified numbers[6];
+    assert_int_equal(known.parameters, 0);
+    assert_int_equal(open.parameters, 6);
+    rates_of(&known, NULL, a);
+    rates_of(&open, zeros, b);
+    assert_all_close(b, a, 2, 1e-14, 0);
+    assert_int_equal(lg_machine_numbers(&open, zeros, 6, numbers), 6);
+    for (size_t i = 0; i < 6; i++) {
+        assert_string_equal(numbers[i].name, names[i]);
+        assert_close(numbers[i].value, starts[i], 1e-14, 0);
+    }
+}
+
+TEST("identified numbers, given as known values, make the same machine, for any parameters") {
+    static const uint32_t of[6][2] = {{0, 1}, {1, 1}, {1, 3}, {2, 0}, {3, 1}, {4, 0}};
+    for (uint64_t seed = 1; seed < 5; seed++) {
+        const lg_machine open = mixed(true);
+        lg_machine known = mixed(false);
+        const double *theta = machine_theta(&open, seed);
+        lg_identified numbers[6];
+        double a[2], b[2];
+        (void)lg_machine_numbers(&open, theta, 6, numbers);
+        for (size_t i = 0; i < 6; i++) known.terms[of[i][0]].values[of[i][1]] = numbers[i].value;
+        assert_machine(&known);
+        rates_of(&known, NULL, a);
+        rates_of(&open, theta, b);
+        assert_all_close(b, a, 2, 1e-13, 0);
+    }
+}
+
+TEST("numbers stay in their bounds and positive for extreme parameters, and slopes are those of the numbers") {
+    const lg_machine machine = mixed(true);
+    static const double extremes[] = {-60, -5, 0, 2, 60};
+    for (size_t k = 0; k < LG_COUNT(extremes); k++) {
+        double theta[6];
+        lg_identified n[6];
+        for (size_t i = 0; i < 6; i++) theta[i] = extremes[k];
+        (void)lg_machine_numbers(&machine, theta, 6, n);
+        assert_true(n[0].value > 0 && n[3].value > 0);
+        assert_true(n[2].value >= 0.1 && n[2].value <= 4 && n[4].value >= 0.5 && n[4].value <= 2);
+        assert_true(n[5].value >= -1 && n[5].value <= 1);
+        for (size_t i = 0; i < 6; i++) assert_true(isfinite(n[i].value));
+    }
+    const lg_machine_entry bounded = {.low = 1, .high = 10};
+    const lg_number_map maps[] = {lg_machine_entry_map(&bounded, 3, 2, true),
+                                  lg_machine_entry_map(&(lg_machine_entry){.index = 0}, 3, 2, true),
+                                  lg_machine_entry_map(&(lg_machine_entry){.index = 0}, -3, 2, false)};
+    for (size_t i = 0; i < LG_COUNT(maps); i++) {
+        double slope;
+        assert_close(fabs(lg_number_at(&maps[i], 0, NULL)), 3, 1e-14, 0);
+        (void)lg_number_at(&maps[i], 0.4, &slope);
+        const double up = lg_number_at(&maps[i], 0.4 + 1e-5, NULL), down = lg_number_at(&maps[i], 0.4 - 1e-5, NULL);
+        assert_close(slope, (up - down) / 2e-5, 1e-8, 0);
+    }
+}
+
+TEST("numbers without a start begin at the same machine in any unit") {
+    static const double units[] = {1, 1e-9, 1e9};
+    double first[2];
+    for (size_t k = 0; k < LG_COUNT(units); k++) {
+        lg_machine machine = mixed(true);
+        double rates[2];
+        const double zeros[6] = {0};
+        machine.scales.energy *= units[k];
+        for (uint32_t i = 0; i < machine.term_count; i++)
+            for (uint32_t j = 0; j < machine.terms[i].value_count; j++) {
+                lg_machine_term *term = &machine.terms[i];
+                term->values[j] *= units[k];
+                for (uint32_t e = 0; e < term->entry_count; e++)
+                    if (term->entries[e].index == j) term->values[j] = (double)NAN;
+            }
+        for (uint32_t i = 0; i < machine.term_count; i++)
+            for (uint32_t e = 0; e < machine.terms[i].entry_count; e++)
+                machine.terms[i].entries[e].low = machine.terms[i].entries[e].high =
+                    machine.terms[i].entries[e].sigma = 0;
+        assert_machine(&machine);
+        rates_of(&machine, zeros, k == 0 ? first : rates);
+        if (k > 0) assert_all_close(rates, first, 2, 1e-12, 0);
+    }
+}
+
+TEST("entries that do not fit are refused") {
+    static const struct {
+        uint32_t term, index;
+        double start, low, high, sigma;
+        const char *sentence;
+    } rows[] = {{0, 0, -1, 0, 0, 0, "a start above 0"},         {0, 0, 2, 3, 4, 0, "inside of its bounds"},
+                {0, 0, 2, -1, 4, 0, "bounds not below 0"},      {1, 0, NAN, 0, 0, 1, "needs a start"},
+                {1, 9, 1, 0, 0, 0, "is not among its values"}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        lg_error error = {LG_OK, ""};
+        lg_machine machine = mixed(false);
+        lg_machine_term *term = &machine.terms[rows[i].term];
+        if (rows[i].index < term->value_count) term->values[rows[i].index] = rows[i].start;
+        open_value(term, rows[i].index, rows[i].low, rows[i].high, rows[i].sigma);
+        assert_status(lg_machine_init(&machine, &error), LG_INVALID_ARGUMENT);
+        assert_says(error.message, rows[i].sentence);
+    }
+}
+
+TEST("a parameter of a system gets bounds and a prior only where it is unknown and they hold its start") {
+    lg_machine machine = empty_machine();
+    const double values[2] = {1, 2};
+    const bool unknown[2] = {false, true};
+    lg_prior priors[LG_MACHINE_PRIORS];
+    add_coordinate(&machine, "x", LG_COORDINATE_LINE);
+    add_coordinate(&machine, "y", LG_COORDINATE_LINE);
+    assert_ok(lg_machine_set_system(&machine, "coupled-oscillators", NULL));
+    assert_ok(lg_machine_set_parameter(&machine, "masses", 2, values, unknown, NULL));
+    assert_status(lg_machine_bound_parameter(&machine, "masses", 0, 0.5, 4, 0, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_machine_bound_parameter(&machine, "masses", 1, 3, 4, 0, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_machine_bound_parameter(&machine, "masses", 1, -1, 4, 0, NULL), LG_INVALID_ARGUMENT);
+    assert_ok(lg_machine_bound_parameter(&machine, "masses", 1, 0.5, 4, 0.3, NULL));
+    assert_machine(&machine);
+    assert_int_equal(machine.parameters, 1);
+    static const double extremes[] = {-50, 0, 50}, expected[] = {0.5, 2, 4};
+    for (size_t i = 0; i < LG_COUNT(extremes); i++) {
+        lg_identified number;
+        assert_int_equal(lg_machine_numbers(&machine, &extremes[i], 1, &number), 1);
+        assert_close(number.value, expected[i], 1e-12, 0);
+    }
+    assert_int_equal(lg_machine_list_priors(&machine, priors), 1);
+    assert_close(lg_number_at(&priors[0].map, 0, NULL), 2, 1e-14, 0);
+    assert_close(priors[0].centre, 2, 0, 0);
+}
