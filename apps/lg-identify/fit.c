@@ -2,12 +2,25 @@
 #include "common/train.h"
 #include "lg-identify/identify.h"
 
+#include <string.h>
+
 static lg_machine_state state;
 static lg_machine_model_run run; /* Everything that determines the result. */
 
 static const lg_field options[] = {
     LG_OPTION(lg_machine_state, validation, STRING, "LOG,LOG,...",
               "Logs that are not trained on: the parameters of the best epoch on them are the result"),
+    LG_OPTION(lg_machine_state, suggest, STRING, "FILE.yaml|-",
+              "Find out which terms the logs ask for, write the machine's file with them (-: print it), and "
+              "learn this machine"),
+    LG_OPTION(lg_machine_state, select, NAME, NULL,
+              "What chooses the best epoch: the loss of the windows, or free runs over windows that are held "
+              "out (--validation-part of the rows, default 0.2)",
+              LG_NAMES("loss", "free-run")),
+    LG_OPTION(
+        lg_machine_state, size, STRING, "auto|W,...",
+        "Widths of all networks, as hidden in the machine's file; or auto: learn a few widths, and take "
+        "the smallest whose free runs over held-out windows none beats"),
     LG_FIELD_END};
 static const app_settings settings[] = {{lg_machine_model_fields, &run, sizeof run},
                                         APP_GIVEN(options, state),
@@ -26,6 +39,28 @@ static void show_identified(const lg_machine_verdict *what) {
     app_table_end(&table, stdout);
 }
 
+/* Prints what each candidate leaves of the error. */
+static void show_suggestion(void) {
+    const lg_suggestion *what = &state.suggestion;
+    app_table table = {0};
+    if (state.suggest == NULL) return;
+    app_table_row(&table, "round\tcandidate\tleaves of the error\t");
+    for (uint32_t i = 0; i < what->count; i++) {
+        const lg_suggested *row = &what->row[i];
+        if (row->ratio > 0)
+            app_table_row(&table, "%u\t%s\t%.3f\t%s", row->round, row->name, row->ratio,
+                          row->taken    ? "taken"
+                          : row->chance ? "no more than chance"
+                                        : "");
+        else
+            app_table_row(&table, "%u\t%s\t-\tcannot be learned", row->round, row->name);
+    }
+    app_table_end(&table, stdout);
+    (void)printf("free runs of %.3g s over %zu windows that were not trained on\n", what->seconds,
+                 what->windows);
+    if (strcmp(state.suggest, "-") == 0) (void)fputs(state.data.file.text, stdout);
+}
+
 static void print(const lg_training *training) {
     const lg_machine_verdict *what = &state.verdict;
     (void)training;
@@ -35,6 +70,7 @@ static void print(const lg_training *training) {
                  (unsigned long long)lg_fit_epochs_done(training->fit), what->loss, what->expected,
                  training->floor, training->seconds);
     show_identified(what);
+    show_suggestion();
 }
 
 static train_task recipe = {

@@ -690,6 +690,9 @@ typedef struct lg_machine_file {
     lg_input_hold hold;
     uint32_t delay;      /* Rows by which inputs act later than they are logged. */
     bool estimate_delay; /* The file has `delay: estimate`; `delay` is then 0. */
+    /* The file has `hold: auto` or `delay: auto`, which fits choose; `hold` is then zero, `delay` 0. */
+    bool choose_hold, choose_delay;
+    bool hold_given; /* The file has the key `hold`. */
     /* Jumps of angles by more than pi are taken as turns and undone; true by default. */
     bool unwrap;
     double max_step; /* Longer steps are gaps; seconds. 0: 1.4 times the median step. */

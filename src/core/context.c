@@ -55,6 +55,14 @@ lg_status lg_context_create(const lg_context_options *options, lg_context **out)
     return LG_OK;
 }
 
+lg_status lg_context_quiet(const lg_context *context, lg_context **out) {
+    lg_context_options options;
+    lg_context_options_init(&options);
+    if (context != NULL) options = context->options;
+    options.log = NULL;
+    return lg_context_create(&options, out);
+}
+
 void lg_context_destroy(lg_context *context) {
     if (context == NULL) return;
     lg_context_options options = context->options;

@@ -45,6 +45,10 @@ void *lg_alloc(const lg_context *context, size_t count, size_t size);
 void lg_free(const lg_context *context, void *memory);
 char *lg_strdup(const lg_context *context, const char *text);
 
+/* A context like this one (NULL: with the defaults), but without a log, for work whose messages no one
+ * wants. */
+lg_status lg_context_quiet(const lg_context *context, lg_context **out);
+
 bool lg_cancelled(const lg_context *context);
 void lg_log_message(const lg_context *context, lg_log_level level, const char *format, ...)
     __attribute__((format(printf, 3, 4)));

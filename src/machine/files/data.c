@@ -85,7 +85,7 @@ lg_status lg_machine_data_read(const lg_context *context, const lg_machine_sourc
     const lg_status status = read_all(context, from, out, &own);
     for (size_t i = out->path_count; i-- > 0;)
         if (strstr(own.message, out->paths[i]) != NULL) out->failed = out->paths[i];
-    for (uint32_t i = 0; i < out->logs.warning_count && status == LG_OK; i++)
+    for (uint32_t i = 0; i < out->logs.warning_count && status == LG_OK && !from->quiet; i++)
         lg_log_message(context, LG_LOG_WARNING, "%s", out->logs.warnings[i]);
     return status == LG_OK ? LG_OK : lg_fail(error, status, "%s", own.message);
 }

@@ -3,8 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "machine/files/recipe.h"
-#include "model/files/training.h"
+#include "machine/files/choice.h"
 
 /* ---- position at which a network mass is reported ---- */
 
@@ -304,6 +303,9 @@ static lg_status tell(lg_training *self, lg_machine_verdict *what, lg_error *err
     tell_place(self, machine, what);
     LG_TRY(tell_correlations(self, what, error));
     tell_gauge(self, machine, what);
+    lg_machine_tell_inputs(self);
+    lg_machine_tell_suggestion(self);
+    lg_machine_tell_selection(self);
     self->first_count = self->result_count;
     return LG_OK;
 }
@@ -331,6 +333,7 @@ lg_status lg_machine_judge(lg_training *self, double *theta, lg_error *error) {
     const lg_machine *machine = s->problem.machine;
     lg_machine_verdict *what = &s->verdict;
     *what = (lg_machine_verdict){.loss = 0.0};
+    LG_TRY(lg_machine_select_end(self, theta, error));
     lg_machine_wrap_biases(machine, theta);
     LG_TRY(lg_machine_loss(self->context, &s->problem, theta, &what->loss, &self->floor, error));
     if (!isfinite(what->loss)) return LG_NOT_FINITE;

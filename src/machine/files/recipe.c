@@ -1,14 +1,17 @@
 /* The recipe of machines: how a machine is learned from its logs. */
-#include "machine/files/recipe.h"
+#include "machine/files/choice.h"
 
 #include <math.h>
 #include <string.h>
 
-#include "model/files/training.h"
-
 enum { STREAM_WEIGHTS = 1, SHORTEST_LOG = 3 };
 
 /* ---- the data ---- */
+
+void lg_machine_look(lg_machine_state *s) {
+    s->positions = s->data.file.measured == LG_MEASURED_POSITIONS;
+    s->noisy = lg_machine_data_noise(&s->data, &s->noise);
+}
 
 /* Paths are MACHINE.yaml LOG...; when a model file is given, which contains its machine, they are LOG...
  * alone. */
@@ -28,13 +31,16 @@ static lg_status read_data(lg_training *self, lg_error *error) {
     const lg_status status = lg_machine_data_read(self->context, &from, &s->data, error);
     self->failed = s->data.failed;
     if (status != LG_OK) return status;
-    s->positions = s->data.file.measured == LG_MEASURED_POSITIONS;
-    s->noisy = lg_machine_data_noise(&s->data, &s->noise);
+    lg_machine_look(s);
+    if (!model) LG_TRY(lg_machine_choose_inputs(self, error));
+    if (!model && s->suggest != NULL) LG_TRY(lg_machine_suggest(self, error));
+    if (!model) LG_TRY(lg_machine_select(self, error));
     lg_machine_log_sha256(&s->data.file.machine, &s->data.logs.log, self->sha256);
     return LG_OK;
 }
 
 static void close_data(lg_training *self) {
+    lg_machine_select_close(self);
     lg_machine_data_destroy(&((lg_machine_state *)self->state)->data);
 }
 
@@ -203,13 +209,29 @@ static void warn_of_rows(const lg_training *self) {
                 all - rows, all, run->window);
 }
 
+/* Removes windows of training with rows that are held out, and then as many as are too many, evenly. Returns
+ * the number of all windows that are left. */
+static size_t leave_out(lg_machine_model_run *run, const lg_machine_state *s, size_t *start, size_t all) {
+    size_t kept = 0, taken = 0;
+    for (size_t w = 0; w < run->windows; w++)
+        if (s->held == NULL || !lg_held_out_has(s->held, start[w], run->window)) start[kept++] = start[w];
+    const size_t most = s->most_windows > 0 && s->most_windows < kept ? s->most_windows : kept;
+    for (size_t w = 0; w < kept; w++)
+        if (w * most / kept >= taken) start[taken++] = start[w];
+    memmove(start + taken, start + run->windows, (all - run->windows) * sizeof *start);
+    all -= run->windows - taken;
+    run->windows = taken;
+    return all;
+}
+
 static lg_status prepare(lg_training *self, lg_error *error) {
     lg_machine_state *s = self->state;
-    const lg_machine_model_run *run = self->run;
+    lg_machine_model_run *run = self->run;
     const lg_machine_log *log = &s->data.logs.log;
     size_t *start;
     LG_TRAINING_ARRAY(self, start, log->rows, error);
-    const size_t all = lg_machine_windows(&run->machine, log, run->window, run->stride, s->positions, start);
+    size_t all = lg_machine_windows(&run->machine, log, run->window, run->stride, s->positions, start);
+    if (s->held != NULL || s->most_windows > 0) all = leave_out(run, s, start, all);
     s->problem = (lg_machine_problem){.machine = &run->machine,
                                       .scheme = run->scheme,
                                       .substeps = run->substeps,
@@ -223,7 +245,7 @@ static lg_status prepare(lg_training *self, lg_error *error) {
     memcpy(s->problem.position_scale, run->position_scale, sizeof run->position_scale);
     memcpy(s->problem.velocity_scale, run->velocity_scale, sizeof run->velocity_scale);
     LG_TRY(lg_machine_problem_check(&s->problem, error));
-    warn_of_rows(self);
+    if (s->held == NULL) warn_of_rows(self);
     return LG_OK;
 }
 
@@ -252,8 +274,11 @@ static lg_status make_problem(lg_training *self, lg_error *error) {
     LG_TRAINING_ARRAY(self, self->theta, self->problem.parameters, error);
     lg_rng_seed(&rng, run->training.seed, STREAM_WEIGHTS);
     lg_machine_initialise(&run->machine, &rng, self->theta);
+    const struct lg_machine_warm *warm = ((const lg_machine_state *)self->state)->warm;
+    if (warm != NULL) lg_machine_take_over(warm, &run->machine, self->theta);
     if (self->stored == NULL) LG_TRY(lg_machine_warm_up(self, self->theta, error));
     if (self->stored == NULL) LG_TRY(weigh_priors(self, self->theta, error));
+    LG_TRY(lg_machine_select_begin(self, error));
     if (problem->validation > 0) options->keep_best = true;
     if (options->seconds > 0) options->seconds = fmax(options->seconds - (lg_seconds() - begin), 1e-3);
     return LG_OK;

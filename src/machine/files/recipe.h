@@ -18,6 +18,7 @@ typedef struct lg_machine_sources {
     size_t count;
     const char *validation; /* comma-separated paths of the validation logs; may be NULL */
     int64_t delay;          /* delay of the inputs in rows; < 0: as in the machine's file */
+    bool quiet;             /* warnings of the reader are not told: they were told before */
 } lg_machine_sources;
 
 /* A machine and its logs: first the training logs, then the validation logs. */
@@ -164,8 +165,47 @@ typedef struct lg_machine_verdict {
     char gauge[160];
 } lg_machine_verdict;
 
+/* What was chosen for the inputs, and the root mean square errors of free runs with the other choices,
+ * divided by that of the chosen one; 0: not tried. */
+#define LG_MACHINE_DELAYS 6
+typedef struct lg_input_choice {
+    double hold[LG_INPUT_HOLD_COUNT], delay[LG_MACHINE_DELAYS];
+} lg_input_choice;
+
+/* What `fit --suggest` tried: the candidates of each round, best first. `ratio`: root mean square of the
+ * errors of free runs, divided by that of the machine before the round; 0: it could not be learned. */
+#define LG_SUGGEST_ROUNDS 4
+#define LG_SUGGEST_ROWS   128
+typedef struct lg_suggested {
+    uint32_t round; /* from 1 */
+    char name[64];
+    double ratio;
+    bool taken, chance; /* chance: the gain may be chance */
+    size_t parameters;  /* of the machine with it */
+} lg_suggested;
+typedef struct lg_suggestion {
+    uint32_t count;
+    lg_suggested row[LG_SUGGEST_ROWS];
+    double seconds; /* of a free run */
+    size_t windows;
+} lg_suggestion;
+
+struct lg_held_out;
+struct lg_machine_warm;
 typedef struct lg_machine_state {
     const char *validation; /* comma-separated paths of validation logs; NULL: none */
+    /* Windows of the log that are not trained on; NULL: all are (choice.h). most_windows > 0: not more
+     * windows are trained on. */
+    const struct lg_held_out *held;
+    size_t most_windows;
+    const struct lg_machine_warm *warm; /* parameters to begin from; NULL: none */
+    lg_input_choice inputs;
+    const char *suggest; /* where the suggested machine is written, "-" for standard output; NULL: none */
+    lg_suggestion suggestion;
+    uint32_t select;   /* 1: free runs over held-out windows choose the epoch (select.c) */
+    const char *size;  /* widths of networks: "auto" or a list; NULL: as in the machine's file */
+    const char *width; /* the widths that "auto" took; NULL: none */
+    struct lg_selection *selection;
     lg_machine_data data;
     bool positions, noisy;  /* the logs measure positions alone; `noise` is not all 0 */
     lg_machine_noise noise; /* from lg_machine_data_noise */

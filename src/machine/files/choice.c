@@ -1,0 +1,172 @@
+/* Learns candidates and judges them. */
+#include "machine/files/choice.h"
+
+#include <string.h>
+
+/* ---- what trials share ---- */
+
+lg_status lg_choosing_begin(lg_choosing *out, const lg_training *self, double part, lg_error *error) {
+    const lg_machine_state *s = self->state;
+    *out = (lg_choosing){.self = self};
+    if (lg_context_quiet(self->context, &out->quiet) != LG_OK)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    return lg_held_out_plan(self->context, &s->data.file.machine, &s->data.training, part,
+                            s->positions || s->noisy, &out->held, error);
+}
+
+void lg_choosing_end(lg_choosing *choosing) {
+    lg_held_out_destroy(&choosing->held);
+    lg_context_destroy(choosing->quiet);
+    *choosing = (lg_choosing){.self = NULL};
+}
+
+/* ---- parameters of another machine ---- */
+
+static bool are_same(const lg_machine_term *a, const lg_machine_term *b) {
+    return a->kind == b->kind && a->parameters == b->parameters && a->of_count == b->of_count &&
+           memcmp(a->of, b->of, a->of_count * sizeof *a->of) == 0;
+}
+
+void lg_machine_take_over(const struct lg_machine_warm *from, const lg_machine *machine, double *theta) {
+    bool taken[LG_MACHINE_TERMS] = {false};
+    for (uint32_t i = 0; i < machine->term_count; i++)
+        for (uint32_t j = 0; j < from->machine.term_count; j++) {
+            const lg_machine_term *to = &machine->terms[i], *own = &from->machine.terms[j];
+            if (taken[j] || !are_same(to, own)) continue;
+            taken[j] = true;
+            memcpy(theta + to->offset, from->theta + own->offset, own->parameters * sizeof *theta);
+            break;
+        }
+}
+
+/* ---- trials ---- */
+
+/* A trial keeps the options that say how windows are predicted; the method and its epochs are its own. */
+static bool is_given(const lg_training *self, const char *option) {
+    static const char *const kept[] = {"window", "stride", "starts", "substeps", "integrator"};
+    const lg_training *whole = self->user;
+    for (size_t i = 0; i < LG_COUNT(kept); i++)
+        if (strcmp(option, kept[i]) == 0) return whole->given(whole, option);
+    return false;
+}
+
+/* A training of its own for one machine. */
+typedef struct trial_training {
+    lg_training training;
+    lg_machine_model_run run;
+    lg_machine_state state;
+    lg_held_out held;
+} trial_training;
+
+static lg_status read_trial(const lg_choosing *c, const char *text, trial_training *t, lg_error *error) {
+    const lg_training *whole = c->self;
+    const lg_machine_state *all = whole->state;
+    const lg_machine_sources from = {.machine = whole->paths[0],
+                                     .text = text,
+                                     .logs = whole->paths + 1,
+                                     .count = whole->path_count - 1,
+                                     .delay = -1};
+    LG_TRY(lg_machine_data_read(c->quiet, &from, &t->state.data, error));
+    lg_machine_look(&t->state);
+    t->state.held = &t->held;
+    t->state.most_windows = c->most_windows;
+    return lg_held_out_match(&c->held, &all->data.logs, &t->state.data.logs, &t->held, error);
+}
+
+static lg_status learn(trial_training *t, lg_machine_trial *out, lg_error *error) {
+    enum { MOST_EPOCHS = 300 };
+    lg_training *self = &t->training;
+    const lg_trainer *trainer = self->recipe->trainer;
+    lg_fit_settings *training = lg_training_settings(self);
+    LG_TRY(trainer->describe(self, error));
+    LG_TRY(trainer->prepare(self, error));
+    if (training->epochs > MOST_EPOCHS) training->epochs = MOST_EPOCHS;
+    lg_fit_options_init(&self->options);
+    lg_fit_settings_apply(training, &self->options);
+    self->options.threads = (int)self->threads;
+    LG_TRY(lg_training_create_fit(self, error));
+    LG_TRY(lg_fit_run(self->fit, error));
+    lg_fit_parameters(self->fit, self->theta);
+    out->learned.machine = t->run.machine;
+    out->learned.theta = lg_alloc(self->context, t->run.machine.parameters + 1, sizeof *out->learned.theta);
+    if (out->learned.theta == NULL)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    memcpy(out->learned.theta, self->theta, t->run.machine.parameters * sizeof *self->theta);
+    return LG_OK;
+}
+
+static lg_status judge(const trial_training *t, lg_machine_trial *out, lg_error *error) {
+    const lg_learned_machine model = {&t->run.machine, out->learned.theta, t->run.scheme, t->run.substeps,
+                                      t->state.positions};
+    out->square = lg_alloc(t->training.context, t->held.count, sizeof *out->square);
+    if (out->square == NULL)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    const lg_status status = lg_held_out_judge(&t->held, &model, &t->state.data.training, out->square, error);
+    if (status != LG_OK) {
+        lg_free(t->training.context, out->square);
+        out->square = NULL;
+    }
+    return status;
+}
+
+static void begin_trial(const lg_choosing *c, const lg_machine_trial *from, trial_training *t) {
+    const lg_training *whole = c->self;
+    memcpy(&t->run, whole->run, sizeof t->run);
+    t->training = lg_training_of(c->quiet, whole->recipe, &t->run, &t->state);
+    t->training.paths = whole->paths;
+    t->training.path_count = whole->path_count;
+    t->training.threads = whole->threads;
+    t->training.given = is_given;
+    t->training.user = whole;
+    t->held.context = c->quiet;
+    if (from != NULL && from->learned.theta != NULL) t->state.warm = &from->learned;
+}
+
+lg_status lg_machine_try(const lg_choosing *c, const char *text, const lg_machine_trial *from,
+                         lg_machine_trial *out, lg_error *error) {
+    *out = (lg_machine_trial){.text = lg_strdup(c->quiet, text)};
+    trial_training *t = lg_alloc(c->quiet, 1, sizeof *t);
+    if (out->text == NULL || t == NULL) {
+        lg_free(c->quiet, t);
+        return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    }
+    begin_trial(c, from, t);
+    out->status = read_trial(c, text, t, &out->why);
+    if (out->status == LG_OK) out->status = learn(t, out, &out->why);
+    if (out->status == LG_OK) out->status = judge(t, out, &out->why);
+    lg_training_close(&t->training);
+    lg_held_out_destroy(&t->held);
+    lg_free(c->quiet, t);
+    const bool ends = out->status == LG_OUT_OF_MEMORY || out->status == LG_CANCELLED;
+    return ends ? lg_fail(error, out->status, "%s", out->why.message) : LG_OK;
+}
+
+void lg_machine_trial_destroy(const lg_choosing *c, lg_machine_trial *trial) {
+    lg_free(c->quiet, trial->text);
+    lg_free(c->quiet, trial->learned.theta);
+    lg_free(c->quiet, trial->square);
+    *trial = (lg_machine_trial){.text = NULL};
+}
+
+/* ---- the machine that is chosen ---- */
+
+lg_status lg_machine_reread(lg_training *self, const char *text, lg_error *error) {
+    lg_machine_state *s = self->state;
+    lg_machine_data data = {.failed = NULL};
+    const lg_machine_sources from = {.machine = self->paths[0],
+                                     .text = text,
+                                     .logs = self->paths + 1,
+                                     .count = self->path_count - 1,
+                                     .validation = s->validation,
+                                     .delay = -1,
+                                     .quiet = true};
+    const lg_status status = lg_machine_data_read(self->context, &from, &data, error);
+    if (status != LG_OK) {
+        lg_machine_data_destroy(&data);
+        return status;
+    }
+    lg_machine_data_destroy(&s->data);
+    s->data = data;
+    lg_machine_look(s);
+    return LG_OK;
+}

@@ -1,0 +1,135 @@
+/* Choices by data: candidates are machine files that differ in one place. Each one is learned, and judged by
+ * free runs over windows of the log that are not trained on. */
+#ifndef LG_MACHINE_CHOICE_H
+#define LG_MACHINE_CHOICE_H
+
+#include "machine/files/recipe.h"
+#include "model/files/training.h"
+#include "settings/files/yaml_edit.h"
+
+/* ---- windows that are held out (held_out.c) ---- */
+
+/* Greatest delay of the inputs, in rows, that is tried. Windows begin so many rows after a part's first. */
+#define LG_HELD_OUT_DELAY 5
+
+/* Windows of a log on which machines are judged and not trained. Window i predicts the rows start[i] + 1
+ * .. start[i] + steps from row start[i]. If starts are estimated, they are from the LG_START_ROWS rows
+ * that end at start[i]. */
+struct lg_held_out {
+    size_t count, steps;
+    bool estimated;
+    size_t *start; /* (count), rising; owned */
+    /* 1/(mean square change within windows) of each position, then each velocity; 0: it does not count. */
+    double weight[LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES];
+    const lg_context *context;
+};
+typedef struct lg_held_out lg_held_out;
+
+/* Spreads windows over the log, `part` of its rows. They last ten times the time in which positions change
+ * by their size, at least 100 rows, but not so long that there are fewer than 8. count 0: the log is too
+ * short. */
+lg_status lg_held_out_plan(const lg_context *context, const lg_machine *machine, const lg_machine_log *log,
+                           double part, bool estimated, lg_held_out *out, lg_error *error);
+void lg_held_out_destroy(lg_held_out *held);
+/* The same windows, by their times, in the logs `to`, which were read with other holds or delays. Errors:
+ * LG_FORMAT (one is missing). `out` must be destroyed even after an error. */
+lg_status lg_held_out_match(const lg_held_out *held, const lg_logs *from, const lg_logs *to, lg_held_out *out,
+                            lg_error *error);
+/* Whether one of the rows row .. row + rows - 1 is predicted by a window. */
+bool lg_held_out_has(const lg_held_out *held, size_t row, size_t rows);
+/* Mean squared error of each window's free run, in units of the motion in windows; infinite if a run is not
+ * finite. Positions count where they are measured, else velocities. */
+lg_status lg_held_out_judge(const lg_held_out *held, const lg_learned_machine *model,
+                            const lg_machine_log *log, double *square, lg_error *error);
+/* Compares errors of the same windows: `ratio` of the root mean squares, and whether `square` is smaller
+ * by more than chance explains: the mean of the logarithms' differences against their spread (Student, one
+ * in 200). */
+typedef struct lg_held_out_ratio {
+    double ratio;
+    bool better;
+} lg_held_out_ratio;
+lg_held_out_ratio lg_held_out_compare(size_t count, const double *square, const double *than);
+
+/* ---- machines that are learned for a comparison (choice.c) ---- */
+
+/* A machine that the candidates' parameters begin from. */
+struct lg_machine_warm {
+    lg_machine machine;
+    double *theta;
+};
+
+typedef struct lg_machine_trial {
+    char *text;       /* the machine's file; owned */
+    lg_status status; /* other than LG_OK: it could not be read or learned, `sentence` says why */
+    lg_error why;
+    struct lg_machine_warm learned; /* theta is owned */
+    double *square;                 /* (windows), owned; NULL if it was not learned */
+} lg_machine_trial;
+
+/* What trials share. */
+typedef struct lg_choosing {
+    const lg_training *self; /* the training for which the choice is made: options, paths, threads */
+    lg_context *quiet;       /* its context without messages */
+    lg_held_out held;
+    size_t most_windows;
+} lg_choosing;
+
+/* Begins a choice for the machine and logs in the training's state, with `part` of the rows held out. */
+lg_status lg_choosing_begin(lg_choosing *out, const lg_training *self, double part, lg_error *error);
+void lg_choosing_end(lg_choosing *choosing);
+/* Learns the machine `text`, which is copied, from the parameters of `from` (may be NULL), and judges it.
+ * Fails only without memory or if cancelled; a machine that cannot be learned has a status. */
+lg_status lg_machine_try(const lg_choosing *choosing, const char *text, const lg_machine_trial *from,
+                         lg_machine_trial *out, lg_error *error);
+void lg_machine_trial_destroy(const lg_choosing *choosing, lg_machine_trial *trial);
+/* Copies parameters of terms that both machines have. */
+void lg_machine_take_over(const struct lg_machine_warm *from, const lg_machine *machine, double *theta);
+
+/* Fills `positions`, `noisy` and `noise` from the data. */
+void lg_machine_look(lg_machine_state *state);
+/* Reads the machine's file again from `text`, and the logs as this file says. */
+lg_status lg_machine_reread(lg_training *self, const char *text, lg_error *error);
+
+/* ---- hold and delay of the inputs (inputs.c) ---- */
+
+/* Chooses what the machine's file leaves open: `hold: auto` or no `hold`, `delay: auto`. Tells the choice,
+ * and writes it into the machine's text. */
+lg_status lg_machine_choose_inputs(lg_training *self, lg_error *error);
+void lg_machine_tell_inputs(lg_training *self);
+
+/* ---- terms (suggest.c) ---- */
+
+/* A candidate: one change of a machine's file. In its name, fragment and sentence %P stands for the name of a
+ * line, %V for the velocities of all coordinates. */
+typedef struct lg_candidate {
+    const char *name;
+    lg_yaml_edit edit;
+    /* The table of terms must have `kind` in `part`. No term of this part may be of a kind in `unless`,
+     * names with blanks between; with `each` only terms of this line count. part NULL: there is no such
+     * condition. */
+    const char *part, *kind, *unless;
+    const char *asks; /* "the log asks for ..." */
+    bool each;        /* one for each line */
+    bool last;        /* only if no other candidate helps */
+    bool (*applies)(const lg_machine_file *file, const struct lg_candidate *self); /* NULL: always */
+} lg_candidate;
+extern const lg_candidate lg_candidates[]; /* ends with a name NULL */
+
+/* Finds terms that the log asks for, in at most LG_SUGGEST_ROUNDS rounds: in each one the candidate that
+ * leaves least of the error is taken, if it is more than chance. The machine in the training's state
+ * becomes the suggested one. */
+lg_status lg_machine_suggest(lg_training *self, lg_error *error);
+void lg_machine_tell_suggestion(lg_training *self);
+
+/* ---- free runs that choose widths and the epoch (select.c) ---- */
+
+/* After reading: chooses widths as --size says, and with --select free-run holds out windows. */
+lg_status lg_machine_select(lg_training *self, lg_error *error);
+/* Before the fit, when its problem and options are set: follows its epochs. */
+lg_status lg_machine_select_begin(lg_training *self, lg_error *error);
+/* After the fit: theta becomes the parameters with the least error of free runs. */
+lg_status lg_machine_select_end(lg_training *self, double *theta, lg_error *error);
+void lg_machine_tell_selection(lg_training *self);
+void lg_machine_select_close(lg_training *self);
+
+#endif

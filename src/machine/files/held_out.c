@@ -1,0 +1,268 @@
+/* Windows of a log that judge machines and do not train them. */
+#include <math.h>
+#include <string.h>
+
+#include "machine/files/choice.h"
+
+static lg_status no_memory(lg_error *error) {
+    return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+}
+
+/* If starts are estimated, this many rows before a window are needed. */
+static size_t rows_before(bool estimated) {
+    return estimated ? LG_START_ROWS - 1 : 0;
+}
+
+/* ---- numbers of a row ---- */
+
+/* Number i of a row: positions first, then velocities. */
+static double number_at(const lg_machine *machine, const double *q, const double *v, size_t row, size_t i) {
+    const size_t nq = machine->positions, nv = machine->velocities;
+    return i < nq ? q[row * nq + i] : v[row * nv + i - nq];
+}
+
+/* Whether a position is an angle, whose differences are wrapped. */
+static void find_angles(const lg_machine *machine, bool *angle) {
+    for (uint32_t i = 0, first = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_kind kind = machine->coordinates[i].kind;
+        if (kind == LG_COORDINATE_ANGLE) angle[first] = true;
+        first += lg_coordinate_positions(kind);
+    }
+}
+
+/* ---- the length of windows ---- */
+
+/* Mean square of a number's changes over `lag` rows; NaN: none. */
+static double mean_change(const lg_machine *machine, const lg_machine_log *log, size_t i, size_t lag) {
+    enum { MOST = 20000 };
+    const size_t every = log->rows / MOST + 1;
+    double sum = 0, count = 0;
+    for (size_t p = 0; p < log->parts; p++)
+        for (size_t row = log->first[p]; row + lag < log->first[p + 1]; row += every) {
+            const double d =
+                number_at(machine, log->q, log->v, row + lag, i) - number_at(machine, log->q, log->v, row, i);
+            if (isnan(d)) continue;
+            sum += d * d;
+            count++;
+        }
+    return sum / count;
+}
+
+/* Mean square of a number around its mean. */
+static double variance(const lg_machine *machine, const lg_machine_log *log, size_t i) {
+    double sum = 0, mean = 0, count = 0;
+    for (int pass = 0; pass < 2; pass++) {
+        mean = pass == 1 ? sum / count : 0;
+        sum = count = 0;
+        for (size_t row = 0; row < log->rows; row++) {
+            const double x = number_at(machine, log->q, log->v, row, i) - mean;
+            if (isnan(x)) continue;
+            sum += pass == 1 ? x * x : x;
+            count++;
+        }
+    }
+    return sum / count;
+}
+
+/* Rows in which a number changes by its size, at most `most`. */
+static size_t rows_of_change(const lg_machine *machine, const lg_machine_log *log, size_t i, size_t most) {
+    const double size = variance(machine, log, i);
+    size_t lag = 1;
+    while (lag < most && mean_change(machine, log, i, lag) < size) lag = lag + lag / 4 + 1;
+    return lag < most ? lag : most;
+}
+
+static size_t choose_steps(const lg_machine *machine, const lg_machine_log *log, double part,
+                           bool estimated) {
+    enum { WINDOWS = 8, TIMES = 10, LEAST = 100 };
+    const size_t before = rows_before(estimated), typical = log->rows / log->parts;
+    size_t most = (size_t)(part * (double)log->rows / WINDOWS), slowest = 1;
+    if (typical < before + LG_HELD_OUT_DELAY + 2) return 0;
+    if (most > typical - before - LG_HELD_OUT_DELAY - 1) most = typical - before - LG_HELD_OUT_DELAY - 1;
+    for (size_t i = 0; i < machine->positions + machine->velocities; i++) {
+        const size_t rows = rows_of_change(machine, log, i, most);
+        if (rows > slowest) slowest = rows;
+    }
+    const size_t wanted = TIMES * slowest > LEAST ? TIMES * slowest : LEAST;
+    return wanted < most ? wanted : most;
+}
+
+/* ---- the plan ---- */
+
+/* Every `every`-th of the tiles of `steps` rows into which the parts are cut. Tiles begin at complete
+ * rows. */
+static void place_windows(const lg_machine *machine, const lg_machine_log *log, size_t every,
+                          lg_held_out *out) {
+    const size_t before = rows_before(out->estimated);
+    size_t tile = every / 2;
+    for (size_t p = 0; p < log->parts; p++)
+        for (size_t row = log->first[p] + before + LG_HELD_OUT_DELAY; row + out->steps < log->first[p + 1];
+             row += out->steps) {
+            if (tile++ % every != 0 || !lg_machine_log_complete(machine, log, row - before, out->estimated))
+                continue;
+            out->start[out->count++] = row;
+        }
+}
+
+/* Sets the weights of the numbers from their changes in the windows. Velocities count only where no position
+ * is measured. */
+static void find_weights(const lg_machine *machine, const lg_machine_log *log, lg_held_out *out) {
+    const size_t nq = machine->positions, n = nq + machine->velocities;
+    bool any = false;
+    for (size_t i = 0; i < n && !(i == nq && any); i++) {
+        double sum = 0, count = 0;
+        for (size_t w = 0; w < out->count; w++)
+            for (size_t j = 1; j <= out->steps; j++) {
+                const double d = number_at(machine, log->q, log->v, out->start[w] + j, i) -
+                                 number_at(machine, log->q, log->v, out->start[w], i);
+                if (isnan(d)) continue;
+                sum += d * d;
+                count++;
+            }
+        if (sum > 0) out->weight[i] = count / sum;
+        any = any || sum > 0;
+    }
+}
+
+lg_status lg_held_out_plan(const lg_context *context, const lg_machine *machine, const lg_machine_log *log,
+                           double part, bool estimated, lg_held_out *out, lg_error *error) {
+    enum { LEAST_STEPS = 5, LEAST_WINDOWS = 4 };
+    *out = (lg_held_out){.estimated = estimated, .context = context};
+    out->steps = choose_steps(machine, log, part, estimated);
+    if (out->steps < LEAST_STEPS) return LG_OK;
+    out->start = lg_alloc(context, log->rows / out->steps + 1, sizeof *out->start);
+    if (out->start == NULL) return no_memory(error);
+    place_windows(machine, log, (size_t)fmax(1.0, round(1 / part)), out);
+    if (out->count < LEAST_WINDOWS) out->count = 0;
+    find_weights(machine, log, out);
+    return LG_OK;
+}
+
+void lg_held_out_destroy(lg_held_out *held) {
+    lg_free(held->context, held->start);
+    *held = (lg_held_out){.count = 0};
+}
+
+bool lg_held_out_has(const lg_held_out *held, size_t row, size_t rows) {
+    size_t low = 0, high = held->count;
+    while (low < high) { /* the first window that ends at or after `row` */
+        const size_t middle = (low + high) / 2;
+        if (held->start[middle] + held->steps < row)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low < held->count && held->start[low] + 1 < row + rows;
+}
+
+/* The row of `to` at the time of a row of `from`, in the same run; to->log.rows: there is none. */
+static size_t same_row(const lg_logs *from, size_t row, const lg_logs *to) {
+    const size_t part = lg_machine_log_part(&from->log, row);
+    const double t = from->log.t[row];
+    for (size_t p = 0; p < to->log.parts; p++) {
+        if (to->part_run[p] != from->part_run[part]) continue;
+        for (size_t k = to->log.first[p]; k < to->log.first[p + 1]; k++)
+            if (!(to->log.t[k] < t)) {
+                if (to->log.t[k] == t) return k;
+                break;
+            }
+    }
+    return to->log.rows;
+}
+
+lg_status lg_held_out_match(const lg_held_out *held, const lg_logs *from, const lg_logs *to, lg_held_out *out,
+                            lg_error *error) {
+    const size_t before = rows_before(held->estimated);
+    *out = *held;
+    out->start = lg_alloc(held->context, held->count, sizeof *out->start);
+    if (out->start == NULL) return no_memory(error);
+    for (size_t w = 0; w < held->count; w++) {
+        const size_t row = same_row(from, held->start[w], to), rows = to->log.rows;
+        const size_t part = row < rows ? lg_machine_log_part(&to->log, row) : 0;
+        out->start[w] = row;
+        if (row == rows || row < to->log.first[part] + before || row + held->steps >= to->log.first[part + 1])
+            return lg_fail(error, LG_FORMAT, "rows of the windows that judge are missing in this log");
+    }
+    return LG_OK;
+}
+
+/* ---- judging ---- */
+
+/* Predictions q, v of one window: (points, ...), of which the last `steps` count. */
+static double judge_window(const lg_held_out *held, const lg_machine *machine, const lg_machine_log *log,
+                           size_t start, const double *q, const double *v) {
+    const size_t n = machine->positions + machine->velocities;
+    bool angle[LG_MACHINE_POSITIONS] = {false};
+    double sum = 0, count = 0;
+    find_angles(machine, angle);
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 1; j <= held->steps && held->weight[i] > 0; j++) {
+            const double given = number_at(machine, log->q, log->v, start + j, i);
+            double e = number_at(machine, q, v, rows_before(held->estimated) + j, i) - given;
+            if (isnan(given)) continue;
+            if (!isfinite(e)) return (double)INFINITY;
+            if (i < machine->positions && angle[i]) e = lg_machine_wrap(e);
+            sum += held->weight[i] * e * e;
+            count++;
+        }
+    return count > 0 ? sum / count : (double)NAN;
+}
+
+static lg_status run_windows(const lg_held_out *held, const lg_learned_machine *model,
+                             const lg_machine_log *log, const size_t *from, double *q, double *v,
+                             double *square, lg_error *error) {
+    const lg_machine *m = model->machine;
+    const size_t steps = rows_before(held->estimated) + held->steps;
+    lg_started_log begun = {.log = *log};
+    lg_status status = LG_OK;
+    if (held->estimated)
+        status = lg_started_log_create(held->context, model, log, from, held->count, &begun, error);
+    if (status == LG_OK)
+        status = lg_machine_free_run(held->context, m, model->theta, model->scheme, model->substeps,
+                                     &begun.log, from, held->count, steps, q, v, error);
+    for (size_t w = 0; w < held->count && status == LG_OK; w++)
+        square[w] = judge_window(held, m, log, held->start[w], q + w * (steps + 1) * m->positions,
+                                 v + w * (steps + 1) * m->velocities);
+    if (held->estimated) lg_started_log_destroy(&begun);
+    return status;
+}
+
+lg_status lg_held_out_judge(const lg_held_out *held, const lg_learned_machine *model,
+                            const lg_machine_log *log, double *square, lg_error *error) {
+    const size_t before = rows_before(held->estimated), points = held->count * (before + held->steps + 1);
+    const size_t nq = model->machine->positions, nv = model->machine->velocities;
+    double *q = lg_alloc(held->context, points * (nq + nv), sizeof *q);
+    size_t *from = lg_alloc(held->context, held->count, sizeof *from);
+    lg_status status = q != NULL && from != NULL ? LG_OK : no_memory(error);
+    for (size_t w = 0; w < held->count && status == LG_OK; w++) from[w] = held->start[w] - before;
+    if (status == LG_OK) status = run_windows(held, model, log, from, q, q + points * nq, square, error);
+    lg_free(held->context, q);
+    lg_free(held->context, from);
+    return status;
+}
+
+/* ---- comparing ---- */
+
+/* Student's quantile that a mean exceeds by chance once in 200 times, rounded up: 2.6 for many windows. */
+static double student(size_t count) {
+    return 2.6 * (1.0 + 4.0 / (double)(count - 1));
+}
+
+lg_held_out_ratio lg_held_out_compare(size_t count, const double *square, const double *than) {
+    static const double least = 1e-300;
+    double sums[2] = {0, 0}, mean = 0, spread = 0, used = 0;
+    for (size_t i = 0; i < count; i++) {
+        if (isnan(square[i]) || isnan(than[i])) continue;
+        const double d = log(fmax(square[i], least)) - log(fmax(than[i], least)), step = d - mean;
+        sums[0] += square[i];
+        sums[1] += than[i];
+        used++;
+        mean += step / used;
+        spread += step * (d - mean);
+    }
+    lg_held_out_ratio out = {.ratio = sqrt(sums[0] / sums[1])};
+    if (used < 2 || !isfinite(sums[0])) return out;
+    out.better = !isfinite(sums[1]) ||
+                 (out.ratio < 1 && -mean > student((size_t)used) * sqrt(spread / (used - 1) / used));
+    return out;
+}

@@ -1,0 +1,200 @@
+/* Chooses how inputs act between rows, and their delay, by free runs over windows that are held out. */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "machine/files/choice.h"
+
+static const char *const holds[LG_INPUT_HOLD_COUNT] = {"zero", "linear", "cubic"};
+static const char *const delays[LG_MACHINE_DELAYS] = {"0", "1", "2", "3", "4", "5"};
+_Static_assert(LG_MACHINE_DELAYS == LG_HELD_OUT_DELAY + 1, "windows leave room for all delays");
+
+/* The combinations that are tried: first .. first + count - 1 of each; trial (hold, delay). */
+typedef struct grid {
+    uint32_t hold, holds, delay, delays;
+    lg_machine_trial trial[LG_INPUT_HOLD_COUNT][LG_MACHINE_DELAYS];
+} grid;
+
+/* Whether an input changes so little from row to row that it does not matter how it acts between rows. */
+static bool acts_alike(const lg_machine_data *data) {
+    static const double little = 1e-3;
+    const size_t m = data->file.machine.input_count;
+    const lg_machine_log *log = &data->training;
+    for (size_t i = 0; i < m; i++) {
+        double sum = 0, square = 0, change = 0;
+        for (size_t p = 0; p < log->parts; p++)
+            for (size_t row = log->first[p]; row < log->first[p + 1]; row++) {
+                const double u = log->u[4 * row * m + i];
+                const double d = row > log->first[p] ? u - log->u[4 * (row - 1) * m + i] : 0;
+                sum += u;
+                square += u * u;
+                change += d * d;
+            }
+        const double variance = square / (double)log->rows - pow(sum / (double)log->rows, 2);
+        if (change / (double)log->rows > little * little * variance) return false;
+    }
+    return true;
+}
+
+/* Which combinations the machine's file leaves open. False: none. */
+static bool make_grid(const lg_machine_data *data, grid *out) {
+    const lg_machine_file *file = &data->file;
+    const bool hold = file->choose_hold || (!file->hold_given && !acts_alike(data));
+    out->hold = hold ? 0 : file->hold;
+    out->holds = hold ? LG_INPUT_HOLD_COUNT : 1;
+    out->delay = 0;
+    out->delays = file->choose_delay ? LG_MACHINE_DELAYS : 1;
+    return file->machine.input_count > 0 && file->machine.parameters > 0 && (hold || file->choose_delay);
+}
+
+/* The machine's file with this hold, and with this delay if it is chosen. */
+static lg_status write_text(const lg_machine_file *file, const grid *g, uint32_t hold, uint32_t delay,
+                            const char *name, char **out, lg_error *error) {
+    const lg_yaml_edit edits[] = {{LG_YAML_SET, "inputs.hold", NULL, holds[hold]},
+                                  {LG_YAML_SET, "inputs.delay", NULL, delays[delay]}};
+    return lg_yaml_change(file->context, name, file->text, edits, g->delays > 1 ? 2 : 1, out, error);
+}
+
+static lg_status run_grid(const lg_choosing *c, const lg_machine_file *file, grid *g, lg_error *error) {
+    const lg_machine_trial *first = NULL;
+    for (uint32_t d = g->delay; d < g->delay + g->delays; d++)
+        for (uint32_t h = g->hold; h < g->hold + g->holds; h++) {
+            char *text = NULL;
+            LG_TRY(write_text(file, g, h, d, c->self->paths[0], &text, error));
+            const lg_status status = lg_machine_try(c, text, first, &g->trial[h][d], error);
+            lg_free(file->context, text);
+            if (status != LG_OK) return status;
+            if (first == NULL && g->trial[h][d].status == LG_OK) first = &g->trial[h][d];
+        }
+    return LG_OK;
+}
+
+/* `one` leaves less of the error than `other`, by more than chance and by more than 5 %. */
+static bool beats(const lg_choosing *c, const lg_machine_trial *one, const lg_machine_trial *other) {
+    static const double less = 0.95;
+    if (one->square == NULL || other->square == NULL) return one->square != NULL;
+    const lg_held_out_ratio found = lg_held_out_compare(c->held.count, one->square, other->square);
+    return found.better && found.ratio < less;
+}
+
+static double ratio_of(const lg_choosing *c, const lg_machine_trial *one, const lg_machine_trial *other) {
+    if (one->square == NULL || other->square == NULL) return 0;
+    return lg_held_out_compare(c->held.count, one->square, other->square).ratio;
+}
+
+/* The combination with the least error, and then the first one (small delays, then held inputs first) that it
+ * does not beat. */
+static void find_best(const lg_choosing *c, const grid *g, uint32_t *hold, uint32_t *delay) {
+    const lg_machine_trial *best = NULL;
+    for (uint32_t d = g->delay; d < g->delay + g->delays; d++)
+        for (uint32_t h = g->hold; h < g->hold + g->holds; h++) {
+            const lg_machine_trial *trial = &g->trial[h][d];
+            if (trial->square != NULL && (best == NULL || ratio_of(c, trial, best) < 1)) best = trial;
+        }
+    *hold = g->hold;
+    *delay = g->delay;
+    for (uint32_t d = g->delay; d < g->delay + g->delays && best != NULL; d++)
+        for (uint32_t h = g->hold; h < g->hold + g->holds; h++) {
+            const lg_machine_trial *trial = &g->trial[h][d];
+            if (trial != best && (trial->square == NULL || beats(c, best, trial))) continue;
+            *hold = h;
+            *delay = d;
+            return;
+        }
+}
+
+/* A ratio as people say it: "1/44", or ".61". */
+static const char *share(double ratio, char text[32]) {
+    if (ratio < 0.2)
+        (void)snprintf(text, 32, "1/%.0f", 1 / ratio);
+    else
+        (void)snprintf(text, 32, "%.2f", ratio);
+    return text;
+}
+
+static void tell_choice(const lg_training *self, const lg_choosing *c, const grid *g, uint32_t hold,
+                        uint32_t delay) {
+    const lg_machine_state *s = self->state;
+    const lg_machine_trial *chosen = &g->trial[hold][delay];
+    const double seconds = (double)c->held.steps * s->data.logs.dt_median;
+    char text[32];
+    if (g->holds > 1 && hold != LG_HOLD_ZERO)
+        LG_WARN(
+            self,
+            "the input is a sampled analogue signal: hold: %s leaves %s of the error of a held input (free "
+            "runs of %.3g s that were not trained on), and is taken",
+            holds[hold], share(ratio_of(c, chosen, &g->trial[LG_HOLD_ZERO][delay]), text), seconds);
+    if (g->delays > 1 && delay > 0)
+        LG_WARN(self,
+                "the inputs act %u row%s after they are logged: this leaves %s of the error without a delay "
+                "(free runs of %.3g s that were not trained on)",
+                delay, delay == 1 ? "" : "s", share(ratio_of(c, chosen, &g->trial[hold][0]), text), seconds);
+}
+
+static lg_status take(lg_training *self, const lg_choosing *c, const grid *g, lg_error *error) {
+    lg_machine_state *s = self->state;
+    uint32_t hold, delay;
+    char *text = NULL;
+    find_best(c, g, &hold, &delay);
+    for (uint32_t h = g->hold; h < g->hold + g->holds; h++)
+        s->inputs.hold[h] = ratio_of(c, &g->trial[h][delay], &g->trial[hold][delay]);
+    for (uint32_t d = g->delay; d < g->delay + g->delays; d++)
+        s->inputs.delay[d] = ratio_of(c, &g->trial[hold][d], &g->trial[hold][delay]);
+    tell_choice(self, c, g, hold, delay);
+    LG_TRY(write_text(&s->data.file, g, hold, delay, self->paths[0], &text, error));
+    const lg_status status = lg_machine_reread(self, text, error);
+    lg_free(self->context, text);
+    return status;
+}
+
+static lg_status choose(lg_training *self, const lg_choosing *c, grid *g, lg_error *error) {
+    const lg_machine_state *s = self->state;
+    const lg_machine_file *file = &s->data.file;
+    if (c->held.count == 0 && (file->choose_hold || file->choose_delay))
+        LG_WARN(self, "the log is too short to choose how the inputs act: hold zero and no delay are taken");
+    if (c->held.count > 0) LG_TRY(run_grid(c, file, g, error));
+    return take(self, c, g, error);
+}
+
+lg_status lg_machine_choose_inputs(lg_training *self, lg_error *error) {
+    enum { MOST_WINDOWS = 200 };
+    static const double part = 0.2;
+    const lg_machine_state *s = self->state;
+    lg_choosing c;
+    grid *g = lg_alloc(self->context, 1, sizeof *g);
+    if (g == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    lg_status status = LG_OK;
+    if (make_grid(&s->data, g)) {
+        status = lg_choosing_begin(&c, self, part, error);
+        c.most_windows = MOST_WINDOWS;
+        if (status == LG_OK) status = choose(self, &c, g, error);
+        for (uint32_t h = 0; h < LG_INPUT_HOLD_COUNT; h++)
+            for (uint32_t d = 0; d < LG_MACHINE_DELAYS; d++) lg_machine_trial_destroy(&c, &g->trial[h][d]);
+        lg_choosing_end(&c);
+    }
+    lg_free(self->context, g);
+    return status;
+}
+
+/* Writes {"chosen": ..., "ratios": {...}} of what was tried. */
+static void tell_ratios(lg_training *self, const char *const *names, const double *ratios, size_t count,
+                        size_t chosen) {
+    lg_result_open(self, "ratios", '{');
+    for (size_t i = 0; i < count; i++)
+        if (i != chosen && ratios[i] > 0) lg_result_real(self, names[i], ratios[i], NULL);
+    lg_result_close(self, '}');
+}
+
+void lg_machine_tell_inputs(lg_training *self) {
+    const lg_machine_state *s = self->state;
+    const lg_machine_file *file = &s->data.file;
+    if (file->machine.input_count == 0) return;
+    lg_result_open(self, "hold", '{');
+    lg_result_text(self, "chosen", holds[file->hold], NULL);
+    tell_ratios(self, holds, s->inputs.hold, LG_INPUT_HOLD_COUNT, file->hold);
+    lg_result_close(self, '}');
+    lg_result_open(self, "delay", '{');
+    lg_result_whole(self, "chosen", s->data.logs.delay, NULL);
+    tell_ratios(self, delays, s->inputs.delay, LG_MACHINE_DELAYS, s->data.logs.delay);
+    lg_result_close(self, '}');
+}

@@ -1,0 +1,224 @@
+/* `fit --select free-run`: free runs over windows that are held out choose the widths of networks, and the
+ * epoch whose parameters are the result. */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "machine/files/choice.h"
+
+/* Widths that --size auto compares, from small to large. */
+static const char *const widths[] = {"4", "8", "16", "16, 16", "32, 32"};
+
+/* ---- the epoch ---- */
+
+/* Stands between the fit and the driver's callbacks. */
+struct lg_selection {
+    lg_training *self;
+    lg_held_out held;
+    /* The fit's parameters now; the best so far, and the windows' mean square error with them. */
+    double *now, *best, *square, least;
+    uint64_t epoch, next; /* of the best, 0: none; at which to judge again */
+    lg_status (*checkpoint)(void *user, const lg_fit *fit);
+    int (*on_epoch)(void *user, const lg_fit_epoch *report);
+    void *user;
+};
+typedef struct lg_selection selection;
+
+/* Root of the mean over windows; NaN: none. */
+static double error_of(const selection *s) {
+    double sum = 0, count = 0;
+    for (size_t i = 0; i < s->held.count; i++)
+        if (!isnan(s->square[i])) sum += s->square[i], count++;
+    return sqrt(sum / count);
+}
+
+static lg_status judge_now(selection *s, uint64_t epoch, lg_error *error) {
+    const lg_machine_state *state = s->self->state;
+    const lg_machine_model_run *run = s->self->run;
+    const lg_learned_machine model = {&run->machine, s->now, run->scheme, run->substeps, state->positions};
+    LG_TRY(lg_held_out_judge(&s->held, &model, &state->data.training, s->square, error));
+    const double found = error_of(s);
+    if (!(found < s->least)) return LG_OK;
+    s->least = found;
+    s->epoch = epoch;
+    memcpy(s->best, s->now, s->self->problem.parameters * sizeof *s->now);
+    return LG_OK;
+}
+
+/* Judges after each of the first epochs, then at least a tenth of the epochs later, and after the last. */
+static int on_epoch(void *user, const lg_fit_epoch *report) {
+    selection *s = user;
+    if (s->self->fit != NULL && (report->epoch >= s->next || report->epoch == report->epochs)) {
+        lg_fit_parameters(s->self->fit, s->now);
+        (void)judge_now(s, report->epoch, NULL); /* an epoch that cannot be judged is not the best */
+        s->next = report->epoch + 1 + report->epoch / 10;
+    }
+    return s->on_epoch != NULL ? s->on_epoch(s->user, report) : 0;
+}
+
+static lg_status on_checkpoint(void *user, const lg_fit *fit) {
+    const selection *s = user;
+    return s->checkpoint(s->user, fit);
+}
+
+lg_status lg_machine_select_begin(lg_training *self, lg_error *error) {
+    lg_machine_state *state = self->state;
+    lg_fit_options *options = &self->options;
+    selection *s = state->selection;
+    if (s == NULL) return LG_OK;
+    LG_TRAINING_ARRAY(self, s->now, self->problem.parameters, error);
+    LG_TRAINING_ARRAY(self, s->best, self->problem.parameters, error);
+    LG_TRAINING_ARRAY(self, s->square, s->held.count, error);
+    s->self = self;
+    s->least = (double)INFINITY;
+    s->epoch = s->next = 0;
+    s->checkpoint = options->checkpoint;
+    s->on_epoch = options->on_epoch;
+    s->user = options->user;
+    if (options->checkpoint != NULL) options->checkpoint = on_checkpoint;
+    options->on_epoch = on_epoch;
+    options->user = s;
+    return LG_OK;
+}
+
+lg_status lg_machine_select_end(lg_training *self, double *theta, lg_error *error) {
+    selection *s = ((lg_machine_state *)self->state)->selection;
+    if (s == NULL) return LG_OK;
+    memcpy(s->now, theta, self->problem.parameters * sizeof *theta);
+    LG_TRY(judge_now(s, lg_fit_epochs_done(self->fit), error));
+    if (s->epoch > 0) memcpy(theta, s->best, self->problem.parameters * sizeof *theta);
+    return LG_OK;
+}
+
+void lg_machine_tell_selection(lg_training *self) {
+    const lg_machine_state *state = self->state;
+    const selection *s = state->selection;
+    if (state->width != NULL) lg_result_text(self, "size", state->width, "widths of networks");
+    if (s == NULL) return;
+    lg_result_open(self, "select", '{');
+    lg_result_whole(self, "windows", s->held.count, NULL);
+    lg_result_real(self, "seconds", (double)s->held.steps * state->data.logs.dt_median, NULL);
+    lg_result_whole(self, "epoch", s->epoch, NULL);
+    lg_result_real(self, "error", s->least, NULL);
+    lg_result_close(self, '}');
+}
+
+/* ---- widths of networks ---- */
+
+static bool is_network(const lg_machine_term *term) {
+    return (lg_term_kind_options(term->kind) & LG_TERM_HIDDEN) != 0;
+}
+
+/* The machine's file with networks of these widths in every part that has one. */
+static lg_status write_widths(const lg_training *self, const char *width, char **out, lg_error *error) {
+    const lg_machine_file *file = &((const lg_machine_state *)self->state)->data.file;
+    lg_yaml_edit edits[LG_MACHINE_PART_COUNT];
+    char fragment[64];
+    size_t count = 0;
+    (void)snprintf(fragment, sizeof fragment, "{kind: network, hidden: [%s]}", width);
+    for (int part = 0; part < LG_MACHINE_PART_COUNT; part++)
+        for (uint32_t i = 0; i < file->machine.term_count; i++)
+            if ((int)file->machine.terms[i].part == part && is_network(&file->machine.terms[i])) {
+                edits[count++] = (lg_yaml_edit){LG_YAML_REPLACE, lg_machine_part_name((lg_machine_part)part),
+                                                "network", fragment};
+                break;
+            }
+    return lg_yaml_change(self->context, self->paths[0], file->text, edits, count, out, error);
+}
+
+/* Learns machines of all widths. *winner: the smallest that is not beaten by a better one by more than
+ * chance. */
+static lg_status race(lg_training *self, const lg_choosing *c, lg_machine_trial *trials, size_t *winner,
+                      lg_error *error) {
+    size_t best = LG_COUNT(widths);
+    for (size_t i = 0; i < LG_COUNT(widths); i++) {
+        char *text = NULL;
+        LG_TRY(write_widths(self, widths[i], &text, error));
+        const lg_status status = lg_machine_try(c, text, NULL, &trials[i], error);
+        lg_free(self->context, text);
+        if (status != LG_OK) return status;
+        if (trials[i].square == NULL) continue;
+        const bool less = best == LG_COUNT(widths) ||
+                          lg_held_out_compare(c->held.count, trials[i].square, trials[best].square).ratio < 1;
+        if (less) best = i;
+    }
+    if (best == LG_COUNT(widths)) return lg_fail(error, trials[0].status, "%s", trials[0].why.message);
+    for (*winner = 0; *winner < best; ++*winner)
+        if (trials[*winner].square != NULL &&
+            !lg_held_out_compare(c->held.count, trials[best].square, trials[*winner].square).better)
+            break;
+    return LG_OK;
+}
+
+static void tell_race(const lg_training *self, const lg_choosing *c, const lg_machine_trial *trials,
+                      size_t winner) {
+    char text[256] = "";
+    for (size_t i = 0, used = 0; i < LG_COUNT(widths) && used < sizeof text; i++)
+        if (i != winner && trials[i].square != NULL)
+            used += (size_t)snprintf(
+                text + used, sizeof text - used, "%s[%s] %.3g", used > 0 ? ", " : "", widths[i],
+                lg_held_out_compare(c->held.count, trials[i].square, trials[winner].square).ratio);
+    lg_log_message(self->context, LG_LOG_INFO,
+                   "networks of width [%s] are taken; errors of the others in free runs, as multiples: %s",
+                   widths[winner], text);
+}
+
+static lg_status choose_widths(lg_training *self, double part, char **text, lg_error *error) {
+    enum { MOST_WINDOWS = 200 };
+    lg_machine_trial trials[LG_COUNT(widths)] = {{.text = NULL}};
+    lg_choosing c;
+    size_t winner = 0;
+    lg_status status = lg_choosing_begin(&c, self, part, error);
+    c.most_windows = MOST_WINDOWS;
+    if (status == LG_OK && c.held.count > 0) status = race(self, &c, trials, &winner, error);
+    if (status == LG_OK && c.held.count > 0) tell_race(self, &c, trials, winner);
+    ((lg_machine_state *)self->state)->width = widths[winner];
+    if (status == LG_OK) status = write_widths(self, widths[winner], text, error);
+    for (size_t i = 0; i < LG_COUNT(widths); i++) lg_machine_trial_destroy(&c, &trials[i]);
+    lg_choosing_end(&c);
+    return status;
+}
+
+/* ---- before training ---- */
+
+static lg_status set_widths(lg_training *self, double part, lg_error *error) {
+    const lg_machine_state *state = self->state;
+    const lg_machine *machine = &state->data.file.machine;
+    bool any = false;
+    char *text = NULL;
+    if (state->size == NULL) return LG_OK;
+    for (uint32_t i = 0; i < machine->term_count; i++) any = any || is_network(&machine->terms[i]);
+    if (!any) return lg_fail(error, LG_INVALID_ARGUMENT, "--size: this machine has no network");
+    LG_TRY(strcmp(state->size, "auto") == 0 ? choose_widths(self, part, &text, error)
+                                            : write_widths(self, state->size, &text, error));
+    const lg_status status = lg_machine_reread(self, text, error);
+    lg_free(self->context, text);
+    return status;
+}
+
+lg_status lg_machine_select(lg_training *self, lg_error *error) {
+    static const double usual = 0.2;
+    lg_machine_state *state = self->state;
+    lg_machine_model_run *run = self->run;
+    const double part = run->training.validation > 0 ? run->training.validation : usual;
+    LG_TRY(set_widths(self, part, error));
+    if (!state->select) return LG_OK;
+    selection *s = state->selection = lg_alloc(self->context, 1, sizeof *s);
+    if (s == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    run->training.validation = 0;
+    LG_TRY(lg_held_out_plan(self->context, &state->data.file.machine, &state->data.training, part,
+                            state->positions || state->noisy, &s->held, error));
+    state->held = &s->held;
+    if (s->held.count > 0) return LG_OK;
+    return lg_fail(error, LG_FORMAT, "%s: the log is too short to hold out windows for --select free-run",
+                   state->data.paths[0]);
+}
+
+void lg_machine_select_close(lg_training *self) {
+    lg_machine_state *state = self->state;
+    if (state->selection == NULL) return;
+    lg_held_out_destroy(&state->selection->held);
+    lg_free(self->context, state->selection);
+    state->selection = NULL;
+    state->held = NULL;
+}

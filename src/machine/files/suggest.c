@@ -1,0 +1,295 @@
+/* Finds the terms that a log asks for: candidates are learned, and judged by free runs. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "files/h5.h"
+#include "machine/files/choice.h"
+
+/* ---- candidates for a machine ---- */
+
+/* A candidate with its names filled in. */
+typedef struct candidate {
+    const lg_candidate *row;
+    char name[64], fragment[LG_MACHINE_COORDINATES * (LG_MACHINE_NAME + 16)], asks[128];
+    lg_machine_trial trial;
+    double ratio;
+    bool better;
+} candidate;
+
+enum { MOST = LG_SUGGEST_ROWS / LG_SUGGEST_ROUNDS };
+
+/* Puts names into a text. `line`: the coordinate that %P stands for. */
+static void fill_in(const lg_machine *machine, const char *text, uint32_t line, char *out, size_t size) {
+    size_t used = 0;
+    for (; *text != '\0' && used + 1 < size; text++) {
+        if (*text != '%') {
+            out[used++] = *text;
+            continue;
+        }
+        const bool all = *++text == 'V';
+        const uint32_t first = all ? 0 : line, end = all ? machine->coordinate_count : line + 1;
+        for (uint32_t i = first; i < end && used < size; i++)
+            used += (size_t)snprintf(out + used, size - used, "%s%s%s", i > first ? ", " : "",
+                                     machine->coordinates[i].name, all ? ".velocity" : "");
+        if (used >= size) used = size - 1;
+    }
+    out[used] = '\0';
+}
+
+static int part_named(const char *name) {
+    int part = 0;
+    while (part < LG_MACHINE_PART_COUNT && strcmp(lg_machine_part_name((lg_machine_part)part), name) != 0)
+        part++;
+    return part;
+}
+
+static bool is_listed(const char *names, const char *name) {
+    const size_t length = strlen(name);
+    for (const char *at = names; at != NULL && *at != '\0';) {
+        const size_t word = strcspn(at, " ");
+        if (word == length && memcmp(at, name, length) == 0) return true;
+        at += word + (at[word] == ' ');
+    }
+    return false;
+}
+
+static bool sees(const lg_machine_term *term, uint32_t coordinate) {
+    for (uint32_t i = 0; i < term->of_count; i++)
+        if (term->of[i].kind != LG_FEATURE_INPUT && term->of[i].index == coordinate) return true;
+    return false;
+}
+
+/* Whether the machine can get the candidate (for the line `line` with `each`). */
+static bool is_open(const lg_machine_file *file, const lg_candidate *row, uint32_t line) {
+    const lg_machine *machine = &file->machine;
+    if (row->applies != NULL && !row->applies(file, row)) return false;
+    if (row->part == NULL) return true;
+    const int part = part_named(row->part);
+    if (part == LG_MACHINE_PART_COUNT || lg_term_kind_find((lg_machine_part)part, row->kind) == NULL)
+        return false;
+    for (uint32_t i = 0; i < machine->term_count; i++) {
+        const lg_machine_term *term = &machine->terms[i];
+        if ((int)term->part == part && is_listed(row->unless, lg_term_kind_name(term->kind)) &&
+            (!row->each || sees(term, line)))
+            return false;
+    }
+    return true;
+}
+
+static void add_candidate(const lg_machine *machine, const lg_candidate *row, uint32_t line, candidate *out,
+                          size_t *count) {
+    if (*count == MOST) return;
+    candidate *c = &out[(*count)++];
+    *c = (candidate){.row = row};
+    fill_in(machine, row->name, line, c->name, sizeof c->name);
+    fill_in(machine, row->edit.fragment, line, c->fragment, sizeof c->fragment);
+    fill_in(machine, row->asks, line, c->asks, sizeof c->asks);
+}
+
+static size_t list_candidates(const lg_machine_file *file, bool last, candidate *out) {
+    const lg_machine *machine = &file->machine;
+    size_t count = 0;
+    for (const lg_candidate *row = lg_candidates; row->name != NULL; row++) {
+        if (row->last != last) continue;
+        if (!row->each && is_open(file, row, 0)) add_candidate(machine, row, 0, out, &count);
+        for (uint32_t i = 0; i < machine->coordinate_count && row->each; i++)
+            if (machine->coordinates[i].kind == LG_COORDINATE_LINE && is_open(file, row, i))
+                add_candidate(machine, row, i, out, &count);
+    }
+    return count;
+}
+
+/* ---- rounds ---- */
+
+/* What the rounds share. */
+typedef struct search {
+    lg_training *self;
+    lg_choosing choosing;
+    lg_machine_trial present; /* the machine so far */
+    candidate *list;          /* (MOST) candidates of the round */
+    size_t count;
+    uint32_t round;
+} search;
+
+static lg_status try_candidate(search *s, candidate *c, lg_error *error) {
+    lg_yaml_edit edit = c->row->edit;
+    char *text = NULL;
+    edit.fragment = c->fragment;
+    LG_TRY(lg_yaml_change(s->choosing.quiet, s->self->paths[0], s->present.text, &edit, 1, &text, error));
+    const lg_status status = lg_machine_try(&s->choosing, text, &s->present, &c->trial, error);
+    lg_free(s->choosing.quiet, text);
+    if (status != LG_OK || c->trial.square == NULL) return status;
+    const lg_held_out_ratio found =
+        lg_held_out_compare(s->choosing.held.count, c->trial.square, s->present.square);
+    c->ratio = found.ratio;
+    c->better = found.better;
+    return LG_OK;
+}
+
+/* Whether candidate a is the better choice: it leaves less, by more than chance and 5 %. */
+static bool beats(const search *s, const candidate *a, const candidate *b) {
+    static const double less = 0.95;
+    const lg_held_out_ratio found =
+        lg_held_out_compare(s->choosing.held.count, a->trial.square, b->trial.square);
+    return found.better && found.ratio < less;
+}
+
+/* The candidate that leaves least and gains more than chance and 3 %, or one with fewer numbers, or
+ * earlier in the table, that this one does not beat. NULL: there is none. */
+static candidate *find_best(const search *s) {
+    static const double most = 0.97;
+    candidate *best = NULL, *simplest = NULL;
+    for (size_t i = 0; i < s->count; i++) {
+        candidate *c = &s->list[i];
+        if (c->better && c->ratio < most && (best == NULL || c->ratio < best->ratio)) best = c;
+    }
+    for (size_t i = 0; i < s->count && best != NULL; i++) {
+        candidate *c = &s->list[i];
+        if (!c->better || c->ratio >= most || beats(s, best, c)) continue;
+        if (simplest == NULL ||
+            c->trial.learned.machine.parameters < simplest->trial.learned.machine.parameters)
+            simplest = c;
+    }
+    return simplest;
+}
+
+static int compare_ratios(const void *a, const void *b) {
+    const double x = ((const lg_suggested *)a)->ratio, y = ((const lg_suggested *)b)->ratio;
+    if ((x > 0) != (y > 0)) return x > 0 ? -1 : 1;
+    return (x > y) - (x < y);
+}
+
+static void note_round(const search *s, const candidate *taken) {
+    lg_suggestion *out = &((lg_machine_state *)s->self->state)->suggestion;
+    const uint32_t first = out->count;
+    for (size_t i = 0; i < s->count && out->count < LG_SUGGEST_ROWS; i++) {
+        const candidate *c = &s->list[i];
+        lg_suggested *row = &out->row[out->count++];
+        *row = (lg_suggested){.round = s->round,
+                              .ratio = c->ratio,
+                              .taken = c == taken,
+                              .chance = !c->better,
+                              .parameters = c->trial.learned.machine.parameters};
+        (void)snprintf(row->name, sizeof row->name, "%s", c->name);
+    }
+    qsort(out->row + first, out->count - first, sizeof *out->row, compare_ratios);
+}
+
+/* Tries the candidates of the table, `last` ones or the others. *taken: the best, or NULL. */
+static lg_status try_all(search *s, const lg_machine_file *file, bool last, candidate **taken,
+                         lg_error *error) {
+    s->count = list_candidates(file, last, s->list);
+    for (size_t i = 0; i < s->count; i++) LG_TRY(try_candidate(s, &s->list[i], error));
+    *taken = find_best(s);
+    note_round(s, *taken);
+    return LG_OK;
+}
+
+static void drop_round(search *s) {
+    for (size_t i = 0; i < s->count; i++) lg_machine_trial_destroy(&s->choosing, &s->list[i].trial);
+    s->count = 0;
+}
+
+/* One round. *more: a candidate was taken. */
+static lg_status play_round(search *s, bool *more, lg_error *error) {
+    lg_machine_file file;
+    candidate *taken = NULL;
+    LG_TRY(lg_machine_file_parse(s->choosing.quiet, s->self->paths[0], s->present.text,
+                                 strlen(s->present.text), &file, error));
+    lg_status status = try_all(s, &file, false, &taken, error);
+    if (status == LG_OK && taken == NULL) {
+        drop_round(s);
+        status = try_all(s, &file, true, &taken, error);
+    }
+    lg_machine_file_destroy(&file);
+    *more = status == LG_OK && taken != NULL;
+    if (!*more) return status;
+    LG_WARN(s->self,
+            "the log asks for %s: it leaves %.2g of the error (free runs of %.3g s that were not trained on)",
+            taken->asks, taken->ratio,
+            (double)s->choosing.held.steps * ((const lg_machine_state *)s->self->state)->data.logs.dt_median);
+    lg_machine_trial_destroy(&s->choosing, &s->present);
+    s->present = taken->trial;
+    taken->trial = (lg_machine_trial){.text = NULL};
+    return LG_OK;
+}
+
+static lg_status search_all(search *s, lg_error *error) {
+    const lg_machine_state *state = s->self->state;
+    bool more = true;
+    LG_TRY(lg_machine_try(&s->choosing, state->data.file.text, NULL, &s->present, error));
+    if (s->present.square == NULL) return lg_fail(error, s->present.status, "%s", s->present.why.message);
+    for (s->round = 1; s->round <= LG_SUGGEST_ROUNDS && more; s->round++) {
+        const lg_status status = play_round(s, &more, error);
+        drop_round(s);
+        if (status != LG_OK) return status;
+    }
+    if (s->round == 2 && !more)
+        LG_WARN(
+            s->self,
+            "the log asks for no further term: no candidate leaves less of the error than chance explains");
+    return LG_OK;
+}
+
+/* ---- results ---- */
+
+static lg_status write_machine(lg_training *self, lg_error *error) {
+    const lg_machine_state *state = self->state;
+    if (strcmp(state->suggest, "-") == 0) return LG_OK;
+    const lg_status status = lg_file_write(self->context, state->suggest, state->data.file.text,
+                                           state->data.file.text_bytes, error);
+    if (status != LG_OK) self->failed = state->suggest;
+    return status;
+}
+
+lg_status lg_machine_suggest(lg_training *self, lg_error *error) {
+    enum { MOST_WINDOWS = 150 };
+    static const double part = 0.2;
+    lg_machine_state *state = self->state;
+    search *s = lg_alloc(self->context, 1, sizeof *s);
+    candidate *list = lg_alloc(self->context, MOST, sizeof *list);
+    lg_status status = s != NULL && list != NULL
+                           ? LG_OK
+                           : lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    if (status == LG_OK) {
+        *s = (search){.self = self, .list = list};
+        status = lg_choosing_begin(&s->choosing, self, part, error);
+        s->choosing.most_windows = MOST_WINDOWS;
+        state->suggestion.windows = s->choosing.held.count;
+        state->suggestion.seconds = (double)s->choosing.held.steps * state->data.logs.dt_median;
+        if (status == LG_OK && s->choosing.held.count == 0)
+            status = lg_fail(error, LG_FORMAT, "%s: the log is too short to hold out windows for --suggest",
+                             lg_shown_path(state->data.paths[0]));
+        if (status == LG_OK) status = search_all(s, error);
+        if (status == LG_OK) status = lg_machine_reread(self, s->present.text, error);
+        if (status == LG_OK) status = write_machine(self, error);
+        lg_machine_trial_destroy(&s->choosing, &s->present);
+        lg_choosing_end(&s->choosing);
+    }
+    lg_free(self->context, list);
+    lg_free(self->context, s);
+    return status;
+}
+
+void lg_machine_tell_suggestion(lg_training *self) {
+    const lg_machine_state *state = self->state;
+    const lg_suggestion *what = &state->suggestion;
+    if (state->suggest == NULL) return;
+    lg_result_open(self, "suggested", '[');
+    for (uint32_t i = 0; i < what->count; i++)
+        if (what->row[i].taken) lg_result_text(self, NULL, what->row[i].name, NULL);
+    lg_result_close(self, ']');
+    lg_result_open(self, "candidates", '[');
+    for (uint32_t i = 0; i < what->count; i++) {
+        const lg_suggested *row = &what->row[i];
+        lg_result_open(self, NULL, '{');
+        lg_result_whole(self, "round", row->round, NULL);
+        lg_result_text(self, "name", row->name, NULL);
+        lg_result_real(self, "ratio", row->ratio > 0 ? row->ratio : (double)NAN, NULL);
+        lg_result_whole(self, "parameters", row->parameters, NULL);
+        lg_result_close(self, '}');
+    }
+    lg_result_close(self, ']');
+}

@@ -1,0 +1,189 @@
+/* ctest-labels: slow apps/lg-identify src/machine What lg-identify fit chooses by free runs over windows
+ * that are held out: hold and delay of the inputs, terms. */
+#include "identify_support.h"
+
+/* ---- simulated logs ---- */
+
+/* 2 x'' = -5 x - .3 x' - f(x') + u: its friction f, how u acts between rows, and its delay in rows. */
+typedef struct plant {
+    double (*friction)(double v);
+    bool held;
+    int delay, rows;
+    double unit; /* of time: the log's clock counts seconds times `unit` */
+} plant;
+
+static double none(double v) {
+    (void)v;
+    return 0;
+}
+
+static double coulomb(double v) {
+    return 0.4 * tanh(v / 1e-3);
+}
+
+static double cubic(double v) {
+    return 0.6 * v * v * v;
+}
+
+static const double interval = 0.05;
+
+static double input_at(double t) {
+    return 1.5 * sin(1.1 * t) + 1.2 * sin(2.9 * t + 1) + 0.8 * sin(6.3 * t + 2) + 0.5 * sin(17 * t);
+}
+
+static double acceleration(const plant *p, const double *x, double u) {
+    return (-5 * x[0] - 0.3 * x[1] - p->friction(x[1]) + u) / 2;
+}
+
+/* Moves x from row k to the next one. */
+static void move(const plant *p, int k, double *x) {
+    enum { STEPS = 200 };
+    const double h = interval / STEPS;
+    for (int i = 0; i < STEPS; i++) {
+        const double t = k * interval + (i + 0.5) * h;
+        const double u = input_at(p->held ? (k - p->delay) * interval : t - p->delay * interval);
+        const double middle[2] = {x[0] + h / 2 * x[1], x[1] + h / 2 * acceleration(p, x, u)};
+        x[0] += h * middle[1];
+        x[1] += h * acceleration(p, middle, u);
+    }
+}
+
+static void write_log(const char *name, const plant *p) {
+    double x[2] = {0.3, 0};
+    FILE *file = fopen(cli_at(name), "w");
+    assert_non_null(file);
+    (void)fprintf(file, "t,x,vx,u\n");
+    for (int k = 0; k < p->rows; k++) {
+        (void)fprintf(file, "%.17g,%.17g,%.17g,%.17g\n", k * interval * p->unit, x[0], x[1] / p->unit,
+                      input_at(k * interval));
+        move(p, k, x);
+    }
+    assert_int_equal(fclose(file), 0);
+}
+
+#define MACHINE(inputs, damping)                                                                             \
+    "columns: {time: t}\ncoordinates:\n  - {name: x, kind: line, velocity: vx}\ninputs: {columns: "          \
+    "[u]" inputs "}\nmass: diagonal\npotential: {kind: quadratic, of: x}\ndamping: " damping                 \
+    "\ninput_map: {kind: known, values: [[1]]}\n"
+
+static int setup(void **state) {
+    if (cli_begin() != 0) return -1;
+    cli_write("open.yaml", MACHINE("", "diagonal"));
+    cli_write("auto.yaml", MACHINE(", hold: auto, delay: auto", "diagonal"));
+    cli_write("held.yaml", MACHINE(", hold: zero", "diagonal"));
+    cli_write("network.yaml", MACHINE(", hold: zero", "{kind: network, of: x.velocity}"));
+    return 0;
+}
+
+/* ---- hold and delay ---- */
+
+/* Fits, and checks what was chosen. */
+static void choose(const char *machine, const char *hold, int delay) {
+    cli_json(identify, test_text("fit %s log.csv --out m.h5", machine), "loss *");
+    const char *found = json_find(json_find(result.out, "hold"), "chosen");
+    assert_non_null(found);
+    if (strncmp(found, hold, strlen(hold)) != 0) fail_msg("hold: %.40s instead of %s", found, hold);
+    assert_int_equal((int)json_number(json_find(result.out, "delay"), "chosen"), delay);
+}
+
+static double ratio_of(const char *what, const char *other) {
+    return json_number(json_find(json_find(result.out, what), "ratios"), other);
+}
+
+TEST("a sampled analogue input is recognised although the file has no hold, in any unit of time") {
+    static const double units[] = {1, 1e-9, 1e9};
+    for (size_t i = 0; i < LG_COUNT(units); i++) {
+        write_log("log.csv", &(plant){none, false, 0, 1500, units[i]});
+        choose("open.yaml", "\"cubic\"", 0);
+        assert_true(ratio_of("hold", "zero") > 10 && ratio_of("hold", "linear") > 1.5);
+        assert_says(result.out, "the input is a sampled analogue signal: hold: cubic leaves 1/");
+    }
+    /* The model knows its choice. */
+    cli_json(identify, "evaluate m.h5 log.csv", "window_loss <1e-6");
+}
+
+TEST("an input that is held stays held, without a word") {
+    write_log("log.csv", &(plant){none, true, 0, 1500, 1});
+    choose("open.yaml", "\"zero\"", 0);
+    assert_null(strstr(result.out, "analogue"));
+    assert_true(ratio_of("hold", "cubic") > 2);
+}
+
+TEST("hold and delay are found together") {
+    write_log("log.csv", &(plant){none, true, 2, 1500, 1});
+    choose("auto.yaml", "\"zero\"", 2);
+    assert_true(ratio_of("delay", "0") > 5 && ratio_of("delay", "1") > 2 && ratio_of("delay", "3") > 2);
+    assert_says(result.out, "the inputs act 2 rows after they are logged");
+    write_log("log.csv", &(plant){none, false, 1, 1500, 1});
+    choose("auto.yaml", "\"cubic\"", 1);
+}
+
+TEST("a log that is too short to choose from says so") {
+    write_log("log.csv", &(plant){none, true, 0, 20, 1});
+    choose("auto.yaml", "\"zero\"", 0);
+    assert_says(result.out, "the log is too short to choose how the inputs act");
+}
+
+/* ---- terms ---- */
+
+static void suggests(double (*friction)(double), const char *name, const char *asks) {
+    write_log("log.csv", &(plant){friction, true, 0, 1500, 1});
+    cli_json(identify, "fit held.yaml log.csv --out m.h5 --suggest new.yaml", "loss *");
+    const char *list = json_find(result.out, "suggested");
+    assert_non_null(list);
+    if (strncmp(list, test_text("[\"%s\"", name), strlen(name) + 3) != 0) fail_msg("%s: %.300s", name, list);
+    assert_says(result.out, asks);
+    lg_machine_file *file = TEST_ARRAY(lg_machine_file, 1);
+    assert_told(lg_machine_file_read(NULL, cli_at("new.yaml"), file, &told));
+    assert_string_equal(lg_term_kind_name(file->machine.terms[file->machine.term_count - 2].kind), name);
+    lg_machine_file_destroy(file);
+}
+
+TEST("--suggest names the term that the log asks for, and writes the machine that has it") {
+    suggests(coulomb, "coulomb", "the log asks for Coulomb friction: it leaves 0.");
+    suggests(cubic, "cubic", "the log asks for friction that grows with the cube of the velocity");
+}
+
+TEST("--suggest takes nothing where nothing is missing") {
+    write_log("log.csv", &(plant){none, true, 0, 1500, 1});
+    cli_json(identify, "fit held.yaml log.csv --out m.h5 --suggest -", "suggested []");
+    assert_says(result.out, "the log asks for no further term");
+}
+
+/* ---- the epoch, and widths of networks ---- */
+
+TEST("with --select free-run the result is the epoch with the least error of free runs, held out of "
+     "training") {
+    write_log("log.csv", &(plant){cubic, true, 0, 1000, 1});
+    cli_json(identify, "fit network.yaml log.csv --out m.h5 --epochs 40 --method adam:25,ssbroyden --lr .3",
+             "windows *");
+    const double all = json_number(result.out, "windows");
+    cli_json(identify,
+             "fit network.yaml log.csv --out m.h5 --epochs 60 --method adam --lr 2 --schedule constant "
+             "--select free-run",
+             "epochs 60");
+    const char *found = json_find(result.out, "select");
+    assert_non_null(found);
+    const double windows = json_number(result.out, "windows"), loss = json_number(result.out, "loss");
+    assert_true(windows < 0.9 * all && windows > 0.5 * all);
+    const int epoch = (int)json_number(found, "epoch");
+    assert_true(epoch > 0 && epoch < 60);
+    cli_json(
+        identify,
+        test_text("fit network.yaml log.csv --out m.h5 --epochs %d --method adam --lr 2 --schedule constant "
+                  "--select free-run",
+                  epoch),
+        "epochs *");
+    assert_true(json_number(result.out, "loss") == loss);
+}
+
+TEST("--size sets the widths of networks, and auto takes the smallest that is good enough") {
+    write_log("log.csv", &(plant){cubic, true, 0, 1000, 1});
+    cli_json(identify, "fit network.yaml log.csv --out m.h5 --epochs 20 --size 5,3", "parameters 34");
+    cli_json(identify, "fit network.yaml log.csv --out m.h5 --epochs 20 --size auto", "size *");
+    assert_says(result.err, "are taken; errors of the others in free runs, as multiples: ");
+    cli_expect(identify, "fit held.yaml log.csv --out m.h5 --size auto", 2,
+               "--size: this machine has no network");
+}
+
+TEST_GROUP(setup, cli_end)

@@ -1,0 +1,128 @@
+/* ctest-labels: study apps/lg-identify src/machine
+ * lg-identify fit --suggest on simulated machines in which one kind of term is unknown to the machine's file: the
+ * first term that it names must be this one for 18 of 20 machines. */
+#include "identify_support.h"
+
+/* m x'' = -k x - b x' - (friction and spring) + (actuator of u) + offset: numbers of the machine `kind`. */
+typedef struct plant {
+    const char *kind, *part, *term; /* the candidate's name; its part and kind in the table of terms */
+    double m, k, b, more[2], width;
+} plant;
+
+static const plant kinds[] = {
+    {.kind = "offset", .part = "offset", .term = "unknown"},
+    {.kind = "coulomb", .part = "damping", .term = "coulomb"},
+    {.kind = "asymmetric", .part = "damping", .term = "asymmetric"},
+    {.kind = "quadratic", .part = "damping", .term = "quadratic"},
+    {.kind = "cubic", .part = "damping", .term = "cubic"},
+    {.kind = "stribeck", .part = "damping", .term = "stribeck"},
+    {.kind = "lag", .part = "actuator", .term = "lag"},
+    {.kind = "dead zone", .part = "actuator", .term = "dead_zone"},
+    {.kind = "curve", .part = "actuator", .term = "curve"},
+    {.kind = "delay 2"},
+    {.kind = "cubic spring of x", .part = "potential", .term = "polynomial"},
+};
+
+static bool is_here(const plant *p) {
+    for (int part = 0; p->part != NULL && part < LG_MACHINE_PART_COUNT; part++)
+        if (strcmp(lg_machine_part_name((lg_machine_part)part), p->part) == 0)
+            return lg_term_kind_find((lg_machine_part)part, p->term) != NULL;
+    return p->part == NULL;
+}
+
+static bool is(const plant *p, const char *kind) {
+    return strcmp(p->kind, kind) == 0;
+}
+
+static double friction(const plant *p, double v) {
+    const double sign = tanh(v / p->width), a = p->more[0];
+    if (is(p, "coulomb")) return a * sign;
+    if (is(p, "asymmetric")) return p->b * a * fabs(v);
+    if (is(p, "quadratic")) return a * fabs(v) * v;
+    if (is(p, "cubic")) return a * v * v * v;
+    if (is(p, "stribeck")) return a * (1 + 1.5 * exp(-v * v / 0.02)) * sign;
+    return 0;
+}
+
+static double actuator(const plant *p, double u, double lagged) {
+    const double a = p->more[0];
+    if (is(p, "lag")) return lagged;
+    if (is(p, "dead zone")) return copysign(fmax(fabs(u) - a, 0), u);
+    if (is(p, "curve")) return u + 0.5 * a * u * u;
+    return is(p, "offset") ? u + a : u;
+}
+
+static const double interval = 0.02;
+
+static double input_at(double t, double phase) {
+    return 1.5 * sin(1.1 * t + phase) + 1.2 * sin(2.9 * t + 1) + 0.8 * sin(6.3 * t + 2 * phase) + 0.5 * sin(17 * t);
+}
+
+static void write_log(const plant *p, double phase, lg_rng *rng) {
+    enum { ROWS = 2500, STEPS = 400 };
+    const double h = interval / STEPS, noise = 1e-3;
+    double x = 0.3, v = 0, lagged = 0;
+    FILE *file = fopen(cli_at("log.csv"), "w");
+    assert_non_null(file);
+    (void)fprintf(file, "t,x,vx,u\n");
+    for (int k = 0; k < ROWS; k++) {
+        const double u = input_at((k - 2 * is(p, "delay 2")) * interval, phase);
+        (void)fprintf(file, "%.9g,%.9g,%.9g,%.17g\n", k * interval, x + noise * lg_rng_normal(rng),
+                      v + 2 * noise * lg_rng_normal(rng), input_at(k * interval, phase));
+        for (int i = 0; i < STEPS; i++) {
+            lagged += h / (0.3 * p->more[0]) * (u - lagged);
+            const double spring = p->k * x + is(p, "cubic spring of x") * 3 * p->more[0] * x * x * x;
+            v += h / p->m * (actuator(p, u, lagged) - spring - p->b * v - friction(p, v));
+            x += h * v;
+        }
+    }
+    assert_int_equal(fclose(file), 0);
+}
+
+/* A machine's file without the kind; stribeck friction is Coulomb friction to it. */
+static void write_machine(const plant *p) {
+    cli_write("machine.yaml",
+              test_text("columns: {time: t}\ncoordinates:\n  - {name: x, kind: line, velocity: vx}\n"
+                        "inputs: {columns: [u], hold: zero}\nmass: diagonal\n"
+                        "potential: {kind: quadratic, of: x}\ndamping: {kind: diagonal%s}\n"
+                        "input_map: {kind: known, values: [[1]]}\n",
+                        is(p, "stribeck") ? ", coulomb: true" : ""));
+}
+
+static bool names(const plant *kind, int round) {
+    lg_rng rng = test_rng(36, (uint64_t)round);
+    plant p = *kind;
+    p.m = lg_rng_uniform_in(&rng, 0.5, 2);
+    p.k = lg_rng_uniform_in(&rng, 1, 6);
+    p.b = lg_rng_uniform_in(&rng, 0.2, 0.8);
+    p.more[0] = lg_rng_uniform_in(&rng, 0.2, 0.6);
+    p.width = 1e-3;
+    write_log(&p, lg_rng_uniform_in(&rng, 0, 6), &rng);
+    write_machine(&p);
+    cli_json(identify, "fit machine.yaml log.csv --out m.h5 --suggest -", "loss *");
+    const char *list = json_find(result.out, "suggested"), *wanted = test_text("[\"%s\"", p.kind);
+    const bool good = list != NULL && strncmp(list, wanted, strlen(wanted)) == 0;
+    print_message("%s: %.*s\n", p.kind, list != NULL ? (int)strcspn(list, "]") + 1 : 0, list);
+    return good;
+}
+
+TEST("--suggest names the unknown kind of term for 18 of 20 machines") {
+    enum { MACHINES = 20 };
+    int good = 0, tried = 0;
+    for (size_t i = 0; tried < MACHINES; i++) {
+        const plant *kind = &kinds[i % LG_COUNT(kinds)];
+        const size_t mark = lg_test_owned();
+        if (!is_here(kind)) continue;
+        good += names(kind, tried++);
+        lg_test_give_back(mark);
+    }
+    print_message("%d of %d\n", good, MACHINES);
+    assert_true(good >= 18);
+}
+
+static int setup(void **state) {
+    (void)state;
+    return cli_begin();
+}
+
+TEST_GROUP(setup, cli_end)
