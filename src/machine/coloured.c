@@ -7,7 +7,8 @@
  * In units h_k = W^T g_k/s^2 with W W^T = s^2 (J^T J)^-1 it is W S W^T, where S is 1 for white residuals. S is
  * estimated from sums of h_k over blocks: over four times the correlation time of the scores, and over an
  * eighth of the log, which is the spread between disjoint parts. The larger estimate is taken, and no
- * direction becomes better than with white residuals. */
+ * direction becomes better than with white residuals. A prior with covariance D^2, which is part of W W^T, adds
+ * P = W^T D^-2 W to S; white residuals then make it 1 - P before. */
 #include <math.h>
 #include <string.h>
 
@@ -32,8 +33,8 @@ static double correlation(size_t count, size_t n, const double *h, size_t lag) {
     return squares > 0.0 ? k->dot((count - lag) * n, h, h + lag * n) / squares : 0.0;
 }
 
-/* Stretches in a block of several correlation times, at most `most`. */
-static size_t block_of(size_t count, size_t n, const double *h, size_t most) {
+/* Stretches in a block of several correlation times, at least `least` and at most `most`. */
+static size_t block_of(size_t count, size_t n, const double *h, size_t least, size_t most) {
     const double chance = 2.0 / sqrt((double)count);
     double time = 1.0;
     for (size_t lag = 1; lag <= most; lag++) {
@@ -41,7 +42,7 @@ static size_t block_of(size_t count, size_t n, const double *h, size_t most) {
         if (!(r > chance)) break;
         time += 2.0 * r;
     }
-    const double wanted = time > 1.0 ? ceil(TIMES * time) : 1.0;
+    const double wanted = fmax((double)least, time > 1.0 ? ceil(TIMES * time) : 1.0);
     return wanted < (double)most ? (size_t)wanted : most;
 }
 
@@ -50,9 +51,16 @@ static double worth(size_t count, size_t block) {
     return (block > 1 ? 1.5 : 1.0) * (double)count / (double)block;
 }
 
-/* S (n, n) from the sums over all blocks of `block` stretches; returns its mean diagonal element. Few blocks
- * make the ratio of a number and its error wider than normal; S is as wide as theirs (Student). */
-static double estimate(size_t count, size_t n, const double *h, size_t block, double *sum, double *S) {
+/* What scores are compared with: G = 1 - P (n, n), the S of white residuals, and its trace. */
+typedef struct white {
+    const double *P;
+    double trace;
+} white;
+
+/* S (n, n) from the sums over all blocks of `block` stretches; returns its trace in units of white residuals.
+ * Few blocks make the ratio of a number and its error wider than normal; S is as wide as theirs (Student). */
+static double estimate(size_t count, size_t n, const double *h, size_t block, const white *of, double *sum,
+                       double *S) {
     const lg_kernels *k = lg_kernels_for(LG_F64);
     const double blocks = (double)count / (double)block, many = worth(count, block),
                  wide = blocks / (blocks - 1.0) * (many - 1.0) / (many - 3.0),
@@ -65,49 +73,64 @@ static double estimate(size_t count, size_t n, const double *h, size_t block, do
         if (end >= block) k->axpy(n, -1.0, h + (end - block) * n, sum);
         for (size_t i = 0; end + 1 >= block && i < n; i++) k->axpy(n, factor * sum[i], sum, S + i * n);
     }
-    for (size_t i = 0; i < n; i++) trace += S[i * n + i] / (double)n;
-    return trace;
+    for (size_t i = 0; i < n; i++) trace += S[i * n + i];
+    return trace / of->trace;
 }
 
 /* Whether S is larger than white residuals make it by chance. */
-static bool shows(double trace, size_t count, size_t n, size_t block) {
+static bool shows(double trace, size_t count, const white *of, size_t block) {
     static const double deviations = 3.0;
-    return trace > 1.0 + deviations * sqrt(2.0 / ((double)n * worth(count, block)));
+    return trace > 1.0 + deviations * sqrt(2.0 / (of->trace * worth(count, block)));
 }
 
-/* S -> F, column-major, with F F^T = S with its eigenvalues raised to 1. Where blocks are few for the number
- * of parameters, S is first mixed with its mean. */
-static bool take_root(const lg_context *context, size_t n, double trace, double blocks, double *S,
-                      double *values) {
-    const double mixed = fmin(1.0, (double)n / blocks);
-    for (size_t i = 0; i < n * n; i++) S[i] *= 1.0 - mixed;
-    for (size_t i = 0; i < n; i++) S[i * n + i] += mixed * trace;
+/* S -> F, column-major, with F F^T = S + P with eigenvalues raised to 1. Where blocks are few for the number of
+ * parameters, S is first mixed with its mean. */
+static bool take_root(const lg_context *context, size_t n, double trace, double blocks, const white *of,
+                      double *S, double *values) {
+    const double mixed = fmin(1.0, of->trace / blocks);
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < n; j++) {
+            const double P = of->P[i * n + j], G = (i == j ? 1.0 : 0.0) - P;
+            S[i * n + j] = (1.0 - mixed) * S[i * n + j] + mixed * trace * G + P;
+        }
     if (!lg_machine_eigen(context, n, S, values)) return false;
     for (size_t j = 0; j < n; j++)
         for (size_t i = 0; i < n; i++) S[j * n + i] *= sqrt(fmax(values[j], 1.0));
     return true;
 }
 
-lg_status lg_machine_colour(const lg_context *context, size_t count, size_t n, double share, bool coloured,
-                            double *h, double *F, size_t *block) {
+/* Scores of a direction that the logs do not show are rounding errors. Returns the trace of 1 - P. */
+static double clear_open(size_t count, size_t n, const double *P, double *h) {
+    static const double open = 0.99;
+    double trace = 0.0;
+    for (size_t j = 0; j < n; j++) {
+        trace += 1.0 - P[j * n + j];
+        for (size_t k = 0; P[j * n + j] > open && k < count; k++) h[k * n + j] = 0.0;
+    }
+    return trace;
+}
+
+lg_status lg_machine_colour(const lg_context *context, size_t count, size_t n, size_t least, double share,
+                            bool coloured, const double *P, double *h, double *F, size_t *block) {
+    static const double nothing = 0.01;
     const size_t most = count / PARTS;
+    const white of = {P, clear_open(count, n, P, h)};
     *block = 0;
-    if (most == 0 || n == 0) return LG_OK;
+    if (most == 0 || of.trace < nothing) return LG_OK;
     double *work = lg_alloc(context, n * n + n, sizeof *work);
     if (work == NULL) return LG_OUT_OF_MEMORY;
     double *parts = work, *sum = work + n * n;
     centre(count, n, h);
-    const size_t near = block_of(count, n, h, most);
-    double trace = estimate(count, n, h, near, sum, F) / share,
-           spread = estimate(count, n, h, most, sum, parts) / share;
-    coloured = coloured || shows(trace, count, n, near) || shows(spread, count, n, most);
+    for (size_t i = 0; i < count * n; i++) h[i] /= sqrt(share);
+    const size_t near = block_of(count, n, h, least, most);
+    const double trace = estimate(count, n, h, near, &of, sum, F),
+                 spread = estimate(count, n, h, most, &of, sum, parts);
     const bool far = spread > trace;
-    if (far) memcpy(F, parts, n * n * sizeof *F);
-    for (size_t i = 0; i < n * n; i++) F[i] /= share;
     lg_status status = LG_OK;
-    if (coloured) {
+    if (far) memcpy(F, parts, n * n * sizeof *F);
+    if (coloured || shows(trace, count, &of, near) || shows(spread, count, &of, most)) {
         *block = far ? most : near;
-        if (!take_root(context, n, far ? spread : trace, worth(count, *block), F, sum))
+        if (!take_root(context, n, far ? spread : trace, worth(count, *block), &of, F, sum))
             status = LG_OUT_OF_MEMORY;
     }
     lg_free(context, work);

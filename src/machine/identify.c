@@ -326,30 +326,37 @@ static void transpose(size_t n, const double *W, double *out) {
         for (size_t k = 0; k < n; k++) out[i * n + k] = W[k * n + i];
 }
 
+static double seconds_of(const lg_machine_log *log) {
+    double sum = 0.0;
+    for (size_t p = 0; p < log->parts; p++) sum += log->t[log->first[p + 1] - 1] - log->t[log->first[p]];
+    return sum;
+}
+
 /* Replaces W by the factor of a covariance for residuals that are correlated in time, if they are. */
-static lg_status colour(const normal *s, double *W, double *block) {
+static lg_status colour(const normal *s, bool prior, double *W, double *block) {
     const lg_kernels *k = lg_kernels_for(LG_F64);
-    const lg_machine_log *log = &s->problem->log;
-    const size_t n = s->n, count = s->used * s->stretches, *start = s->problem->start;
+    const size_t n = s->n, count = s->used * s->stretches;
     const double c = s->neighbours / fmax(s->squares, DBL_MIN), least = 0.02;
     const bool coloured = c > fmax(least, 4.0 / sqrt(fmax(s->weighted, 1.0)));
-    double *h = lg_alloc(s->context, count * n, sizeof *h), *F = lg_alloc(s->context, 2 * n * n, sizeof *F);
+    double *h = lg_alloc(s->context, count * n, sizeof *h), *F = lg_alloc(s->context, 3 * n * n, sizeof *F);
     lg_status status = h != NULL && F != NULL ? LG_OK : LG_OUT_OF_MEMORY;
     size_t stretches = 0;
     if (status == LG_OK) {
+        double *apart = F + n * n, *P = F + 2 * n * n;
+        for (size_t j = 0; j < n; j++)
+            for (size_t i = 0; i < n; i++) apart[j * n + i] = W[j * n + i] / bound(s, i, prior);
+        for (size_t i = 0; i < n; i++)
+            for (size_t j = 0; j < n; j++) P[i * n + j] = dot(apart + i * n, apart + j * n, n);
         for (size_t i = 0; i < count; i++)
             for (size_t j = 0; j < n; j++)
                 h[i * n + j] = dot(W + j * n, s->scores + i * n, n) / variance_of(s);
-        status = lg_machine_colour(s->context, count, n, (double)s->used / (double)s->windows, coloured, h, F,
-                                   &stretches);
+        status = lg_machine_colour(s->context, count, n, s->stretches, (double)s->used / (double)s->windows,
+                                   coloured, P, h, F, &stretches);
     }
     if (status == LG_OK && stretches > 0) { /* Columns of W F: column-major W is W^T row by row. */
         k->gemm(n, n, n, F, n, 1, W, n, F + n * n, n, false);
         memcpy(W, F + n * n, n * n * sizeof *W);
-        const size_t last = window_at(s, s->used - 1);
-        const double window =
-            (log->t[start[last] + s->problem->window - 1] - log->t[start[0]]) / (double)s->windows;
-        *block = (double)stretches * window / (double)s->stretches;
+        *block = (double)stretches * seconds_of(&s->problem->log) / (double)(s->windows * s->stretches);
     }
     lg_free(s->context, h);
     lg_free(s->context, F);
@@ -363,7 +370,7 @@ static lg_status conclude(normal *s, size_t count, double *work, int *order, lg_
     const size_t n = s->n;
     double *W = work, *theta = W + n * n, *gradient = theta + n, *units = gradient + count * n,
            *covariance = units + count, *more = covariance + count * count;
-    lg_status status = invert(s, false, more, order, W) ? colour(s, W, &out->block) : LG_OUT_OF_MEMORY;
+    lg_status status = invert(s, false, more, order, W) ? colour(s, false, W, &out->block) : LG_OUT_OF_MEMORY;
     if (status == LG_OK) {
         memcpy(theta, s->theta, n * sizeof *theta);
         differentiate(s, theta, count, moved, gradient);
@@ -374,7 +381,7 @@ static lg_status conclude(normal *s, size_t count, double *work, int *order, lg_
     }
     if (status == LG_OK && out->spread != NULL) {
         double block;
-        status = invert(s, true, more, order, W) ? colour(s, W, &block) : LG_OUT_OF_MEMORY;
+        status = invert(s, true, more, order, W) ? colour(s, true, W, &block) : LG_OUT_OF_MEMORY;
         if (status == LG_OK) transpose(n, W, out->spread);
     }
     return status;
@@ -500,7 +507,7 @@ lg_status lg_machine_uncertain(const lg_context *context, const lg_machine_probl
     if (status == LG_OK) {
         memcpy(work, out->W, n * n * sizeof *work);
         out->block = 0.0;
-        status = colour(&s, out->W, &out->block);
+        status = colour(&s, false, out->W, &out->block);
         out->widened = widened(n, work, out->W);
         out->variance = variance_of(&s);
     }

@@ -6,17 +6,16 @@
 
 #include "machine/files/recipe.h"
 
-const double lg_adapt_sigma = 0.1;
-
 /* ---- directions ---- */
 
 /* All friction by one factor. */
 static size_t friction(const lg_machine *machine, const double *theta, const double *force, size_t index,
-                       double *direction, char *name) {
+                       double *direction, char *name, double *size) {
     (void)force;
     if (index > 0 || !lg_machine_scale_friction(machine, theta, direction)) return 0;
-    for (size_t i = 0; i < machine->parameters; i++) direction[i] *= lg_adapt_sigma;
+    for (size_t i = 0; i < machine->parameters; i++) direction[i] *= LG_ADAPT_SIGMA;
     (void)snprintf(name, LG_IDENTIFIED_NAME, "friction");
+    *size = LG_ADAPT_SIGMA;
     return 1;
 }
 
@@ -48,12 +47,13 @@ static double unit_of(const lg_machine *machine, size_t at, double *theta, char 
 
 /* A constant force, one for each velocity that the machine's offset has. */
 static size_t offset(const lg_machine *machine, const double *theta, const double *force, size_t index,
-                     double *direction, char *name) {
+                     double *direction, char *name, double *size) {
     const lg_machine_term *term = learned_offset(machine);
     (void)theta;
     if (term == NULL || index >= term->parameters) return 0;
     const double unit = unit_of(machine, term->offset + index, direction, name);
     direction[term->offset + index] = unit != 0.0 ? force[index] / unit : 0.0;
+    *size = force[index];
     return 1;
 }
 
@@ -62,7 +62,7 @@ static size_t offset(const lg_machine *machine, const double *theta, const doubl
 typedef struct adaptable {
     const char *name, *missing;
     size_t (*direct)(const lg_machine *machine, const double *theta, const double *force, size_t index,
-                     double *direction, char *name);
+                     double *direction, char *name, double *size);
 } adaptable;
 static const adaptable kinds[] = {
     {"offset", "the machine has no learned offset", offset},
@@ -157,7 +157,7 @@ static lg_status fill(const char *names, const double *force, lg_adaptation *out
         size_t index = 0;
         while (out->count < LG_ADAPT_MOST &&
                kind->direct(machine, out->theta, force, index, out->directions + out->count * P,
-                            out->names[out->count]) > 0)
+                            out->names[out->count], &out->units[out->count]) > 0)
             index++, out->count++;
         if (index == 0)
             return lg_fail(error, LG_INVALID_ARGUMENT, "--numbers %s: %s", kind->name, kind->missing);

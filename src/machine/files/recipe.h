@@ -150,7 +150,7 @@ lg_status lg_machine_residuals(const lg_context *context, const lg_learned_machi
 enum { LG_ADAPT_MOST = LG_MACHINE_VELOCITIES + 4 };
 /* Standard deviation of the prior: of the relative change of all friction; of an offset in units of the
  * forces of friction. */
-extern const double lg_adapt_sigma;
+#define LG_ADAPT_SIGMA 0.1
 /* A learned machine that may move along a few directions. */
 typedef struct lg_adaptation {
     lg_machine_model_run run; /* of the model, with an offset in its text where one is wanted */
@@ -158,6 +158,7 @@ typedef struct lg_adaptation {
     size_t count;
     double *directions; /* (count, P), one standard deviation of the prior each */
     char names[LG_ADAPT_MOST][LG_IDENTIFIED_NAME];
+    double units[LG_ADAPT_MOST]; /* one standard deviation of the prior, in the units of the number */
     const lg_context *context;
 } lg_adaptation;
 /* Refuses names, separated by commas, that are no numbers which can be adapted. */
