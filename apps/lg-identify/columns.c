@@ -126,7 +126,8 @@ bool identify_sees(const lg_machine *machine, int part, uint32_t coordinate) {
     for (uint32_t i = 0; i < machine->term_count; i++)
         for (uint32_t k = 0; k < machine->terms[i].of_count; k++) {
             const lg_machine_feature *of = &machine->terms[i].of[k];
-            const bool position = of->kind != LG_FEATURE_VELOCITY && of->kind != LG_FEATURE_INPUT;
+            const bool position = of->kind != LG_FEATURE_VELOCITY && of->kind != LG_FEATURE_INPUT &&
+                                  machine->terms[i].part != LG_MACHINE_OFFSET;
             if (position && of->index == coordinate &&
                 (part == LG_MACHINE_PART_COUNT || part == (int)machine->terms[i].part))
                 return true;

@@ -108,6 +108,7 @@ typedef enum identify_energy {
     ENERGY_INPUTS,
     ENERGY_DAMPING,
     ENERGY_RESIDUAL,
+    ENERGY_OFFSET,
     ENERGY_LEFT,
     ENERGY_LEFT_SIZE,   /* Sum of the absolute values of the rests. */
     ENERGY_CHANGE_SIZE, /* Sum of the absolute values of the changes. */

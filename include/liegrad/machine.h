@@ -33,7 +33,7 @@
  * P_i = I - q_i q_i^T, H = 1/2 sum_i p_i.q_i' + V, and with lambda_i = -q_i.sum_j m_ij q_j'
  *   p_i' = omega_i x p_i + (dV/dq_i x q_i - lambda_i q_i' x q_i + q_i' x p_i + f_i) x q_i.
  *
- * M, V, D, B and r are sums of terms, whose kinds are entries of a table (lg_term_kind_at): known terms are
+ * A constant force may be added. M, V, D, B and r are sums of terms, whose kinds are entries of a table (lg_term_kind_at): known terms are
  * given, the others are learned. M and D are positive (semi)definite by construction, so damping takes energy
  * away. Sensors may have constant biases: positions (of lines, angles and places of poses) and velocities in
  * logs contain them, states do not.
@@ -133,9 +133,10 @@ typedef enum lg_machine_part {
     LG_MACHINE_DAMPING,
     LG_MACHINE_INPUT_MAP,
     LG_MACHINE_RESIDUAL,
-    LG_MACHINE_BIAS /* Biases of sensors: a log has the true number plus the bias. */
+    LG_MACHINE_BIAS,  /* Biases of sensors: a log has the true number plus the bias. */
+    LG_MACHINE_OFFSET /* Constant forces. */
 } lg_machine_part;
-#define LG_MACHINE_PART_COUNT 6
+#define LG_MACHINE_PART_COUNT 7
 /* Such as "mass" or "input_map"; NULL: unknown. */
 LG_API const char *lg_machine_part_name(lg_machine_part part);
 
@@ -149,7 +150,9 @@ enum {
     LG_TERM_DEGREE = 8,  /* The term has a degree (`degree`). */
     LG_TERM_VALUES = 16, /* The term has numbers (`values`): required if the term is known, else optional. */
     LG_TERM_KNOWN = 32,  /* The term has no parameters: all of it is given. */
-    LG_TERM_WIDTH = 64   /* The term has a width (`width`). */
+    LG_TERM_WIDTH = 64,  /* The term has a width (`width`). */
+    LG_TERM_SOME = 128,  /* The term may have features, but need not. */
+    LG_TERM_INPUTS = 256 /* Features are inputs. */
 };
 /* NULL beyond the last. */
 LG_API const lg_term_kind *lg_term_kind_at(lg_machine_part part, size_t index);
@@ -167,7 +170,8 @@ typedef struct lg_machine_term {
     uint32_t hidden_layers, hidden[LG_MACHINE_HIDDEN];
     lg_activation activation;
     uint32_t degree;                  /* Degree of a polynomial. */
-    double width;                     /* Coulomb friction: the velocity v0 in f tanh(v/v0). */
+    /* Friction near rest: the velocity w in f tanh(v/w), in the units of the log. 0: lg_machine_width. */
+    double width;
     uint32_t value_count;             /* Values are in the units of the log. */
     double values[LG_MACHINE_VALUES]; /* Matrices are row-major; mass and damping may also be a diagonal. */
     /* The members below are filled by lg_machine_init. */
@@ -212,6 +216,8 @@ typedef struct lg_machine_scales {
     double energy;                          /* E, the unit of energies. */
     /* For a normalised machine: which number of the mass is 1 in the units of the log; counts from 1. */
     double held;
+    /* The largest speed of each velocity in the log, in the units of the log. Without a log it is 20. */
+    double fastest[LG_MACHINE_VELOCITIES];
 } lg_machine_scales;
 
 /* A machine. Plain data, copied freely. The caller fills coordinates, inputs, terms and scales
@@ -239,6 +245,9 @@ typedef struct lg_machine {
 } lg_machine;
 
 LG_API void lg_machine_scales_init(lg_machine_scales *scales);
+/* The width of a friction term at one velocity: that of the term or, if this is 0, a thousandth of the
+ * largest speed in the log. */
+LG_API double lg_machine_width(const lg_machine *machine, const lg_machine_term *term, uint32_t velocity);
 /* Checks a machine and fills its other members. Errors: LG_INVALID_ARGUMENT (no or too many coordinates, a
  * term that does not fit its part or the coordinates, a wrong number of values, features or widths, names
  * that are not unique, known masses or dampings that are not positive, inputs without an input map, no
@@ -298,8 +307,8 @@ LG_API lg_var lg_machine_record_velocities(lg_tape *tape, const lg_machine_vars 
 LG_API lg_var lg_machine_record_energy(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts);
 /* Returns the velocities v (B, velocities) of the state, without biases. */
 LG_API lg_var lg_machine_record_rates(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts);
-/* Returns the forces f (B, velocities) of one part: LG_MACHINE_DAMPING (-D v), LG_MACHINE_INPUT_MAP (B u)
- * or LG_MACHINE_RESIDUAL; LG_NONE when the machine has no such part. `rates` is v; u is (B, inputs) or
+/* Returns the forces f (B, velocities) of one part: LG_MACHINE_DAMPING (-D v), LG_MACHINE_INPUT_MAP (B u),
+ * LG_MACHINE_RESIDUAL or LG_MACHINE_OFFSET; LG_NONE when the machine has no such part. `rates` is v; u is (B, inputs) or
  * LG_NONE. */
 LG_API lg_var lg_machine_record_force(lg_tape *tape, const lg_machine_vars *vars, lg_machine_part part,
                                       const lg_var *parts, lg_var rates, lg_var u);
@@ -335,6 +344,13 @@ LG_API bool lg_machine_log_complete(const lg_machine *machine, const lg_machine_
  * inputs; E such that masses are around 1. Call lg_machine_init before; what it filled stays. Errors:
  * LG_FORMAT (nothing moves, all velocities are constant, or numbers overflow). */
 LG_API lg_status lg_machine_find_scales(lg_machine *machine, const lg_machine_log *log, lg_error *error);
+
+/* Finds the largest rate, in 1/s, at which damping slows a motion near rest: the largest quotient of slope of
+ * the force and mass at rows of the log. Explicit steps over h come to rest where h rate <= 2.5. Errors:
+ * LG_OUT_OF_MEMORY, those of the tape. */
+LG_API lg_status lg_machine_rest_rate(const lg_context *context, const lg_machine *machine,
+                                      const double *theta, const lg_machine_log *log, double *rate,
+                                      lg_error *error);
 
 /* ---- Steps ----
  *
@@ -456,7 +472,8 @@ LG_API lg_status lg_machine_find_missing(const lg_context *context, const lg_mac
 
 /* A number that means something to the user, in the units of the log. Names: an unknown number of a system
  * has its label, "m1"; "mass.1.2" (of velocities 1 and 2, counted through all coordinates), "damping.x" or
- * "damping.body.3" (diagonal; likewise "coulomb.x", "quadratic.x"), "damping.1.2" (constant),
+ * "damping.body.3" (diagonal; likewise "coulomb.x", "quadratic.x", "cubic.x", "asymmetric.x", "breakaway.x",
+ * "stribeck_speed.x", "load.x", "position.x", "offset.x"), "damping.1.2" (constant),
  * "input_map.2.1", "potential.x^2", "potential.sin(theta)", "bias.x", "bias.body.velocity.3". If a mass is
  * a network, the numbers are those of M at one position, by default the reference: places and angles 0,
  * directions e3, attitudes 1. `error` is one standard deviation, from the Gauss-Newton matrix and

@@ -6,7 +6,7 @@
 #include "liegrad/machine.h"
 #include "liegrad/ops.h"
 
-enum { BATCH = 2, MOST_ROWS = 64, POINTS = 3, MOST_STATE = 64 };
+enum { BATCH = 2, MOST_ROWS = 96, POINTS = 3, MOST_STATE = 64 };
 
 typedef enum question { ENERGY, FIELD, LOSS } question;
 

@@ -97,43 +97,57 @@ static lg_var damping_network(lg_tape *tape, const lg_machine_vars *vars, uint32
     return lg_neg(tape, lg_reshape(tape, f, lg_shape2(rows, n)));
 }
 
-/* Damping coefficients (1, velocities): the term's values times right[i] L/E or, without values, squares of
- * its parameters. */
-static lg_var coefficients(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const double *right) {
+lg_var lg_machine_record_drag(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, int power) {
     const lg_machine *machine = vars->machine;
     const lg_machine_term *own = &machine->terms[term];
-    double left[LG_MACHINE_VELOCITIES], c[LG_MACHINE_VELOCITIES];
+    double c[LG_MACHINE_VELOCITIES];
     if (own->value_count == 0) return squares(tape, vars, term);
-    left_scales(machine, left);
-    for (uint32_t i = 0; i < machine->velocities; i++) c[i] = own->values[i] * left[i] * right[i];
+    for (uint32_t i = 0; i < machine->velocities; i++)
+        c[i] = own->values[i] / lg_machine_drag_unit(machine, i, i, power);
     return lg_input_f64(tape, lg_shape2(1, machine->velocities), c);
 }
 
-/* The force -c tanh(v/v0). */
+/* The force -c tanh(v/w). */
 static lg_var coulomb(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
                       const lg_machine_seen *seen) {
     const lg_machine *machine = vars->machine;
     const uint32_t n = machine->velocities;
-    double steep[LG_MACHINE_VELOCITIES], ones[LG_MACHINE_VELOCITIES];
-    for (uint32_t i = 0; i < n; i++) {
-        steep[i] = machine->scales.velocity[i] / (machine->scales.time * machine->terms[term].width);
-        ones[i] = 1.0;
-    }
+    double steep[LG_MACHINE_VELOCITIES];
+    for (uint32_t i = 0; i < n; i++)
+        steep[i] = machine->scales.velocity[i] /
+                   (machine->scales.time * lg_machine_width(machine, &machine->terms[term], i));
     const lg_var x = lg_mul(tape, seen->v, lg_input_f64(tape, lg_shape2(1, n), steep));
-    return drag(tape, coefficients(tape, vars, term, ones), lg_act(tape, x, LG_TANH));
+    return drag(tape, lg_machine_record_drag(tape, vars, term, 0), lg_act(tape, x, LG_TANH));
 }
 
 /* The force -c |v| v. */
 static lg_var quadratic(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
                         const lg_machine_seen *seen) {
-    const lg_machine *machine = vars->machine;
-    double right[LG_MACHINE_VELOCITIES];
-    for (uint32_t i = 0; i < machine->velocities; i++) {
-        const double speed = machine->scales.velocity[i] / machine->scales.time;
-        right[i] = speed * speed;
-    }
     const lg_var vv = lg_mul(tape, lg_abs(tape, seen->v), seen->v);
-    return drag(tape, coefficients(tape, vars, term, right), vv);
+    return drag(tape, lg_machine_record_drag(tape, vars, term, 2), vv);
+}
+
+/* The force -c v^3. */
+static lg_var cubic(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen) {
+    const lg_var vvv = lg_mul(tape, lg_square(tape, seen->v), seen->v);
+    return drag(tape, lg_machine_record_drag(tape, vars, term, 3), vvv);
+}
+
+/* ---- direction of scale ---- */
+
+/* Of forces that are quadratic in the parameters. */
+static void scale_squares(const lg_machine *machine, const lg_machine_term *term, const double *theta,
+                          double *direction) {
+    (void)machine;
+    for (size_t i = 0; i < term->parameters; i++) direction[i] = theta[i] / 2.0;
+}
+
+/* The network's outputs are L of D = L L^T: its last layer is scaled. */
+static void scale_network(const lg_machine *machine, const lg_machine_term *term, const double *theta,
+                          double *direction) {
+    const size_t last = lg_mlp_weight_offset(&term->net, term->net.layers - 1);
+    (void)machine;
+    for (size_t i = 0; i < term->parameters; i++) direction[i] = i < last ? 0.0 : theta[i] / 2.0;
 }
 
 /* ---- input maps ---- */
@@ -228,17 +242,20 @@ const lg_term_kind lg_machine_force_kinds[] = {{.name = "known",
                                                 .numbers = lg_numbers_diagonal_damping,
                                                 .parameters = one_each,
                                                 .initialise = fill_start,
+                                                .scaling = scale_squares,
                                                 .record = diagonal},
                                                {.name = "constant",
                                                 .part = LG_MACHINE_DAMPING,
                                                 .numbers = lg_numbers_constant_damping,
                                                 .parameters = triangle,
                                                 .initialise = start_triangle,
+                                                .scaling = scale_squares,
                                                 .record = constant},
                                                {.name = "network",
                                                 .part = LG_MACHINE_DAMPING,
                                                 .options = ANY | LG_TERM_HIDDEN,
                                                 .outputs = triangle_outputs,
+                                                .scaling = scale_network,
                                                 .record = damping_network},
                                                {.name = "coulomb",
                                                 .part = LG_MACHINE_DAMPING,
@@ -247,6 +264,7 @@ const lg_term_kind lg_machine_force_kinds[] = {{.name = "known",
                                                 .parameters = one_each,
                                                 .initialise = fill_start,
                                                 .values = one_value_each,
+                                                .scaling = scale_squares,
                                                 .record = coulomb},
                                                {.name = "quadratic",
                                                 .part = LG_MACHINE_DAMPING,
@@ -255,7 +273,17 @@ const lg_term_kind lg_machine_force_kinds[] = {{.name = "known",
                                                 .parameters = one_each,
                                                 .initialise = fill_start,
                                                 .values = one_value_each,
+                                                .scaling = scale_squares,
                                                 .record = quadratic},
+                                               {.name = "cubic",
+                                                .part = LG_MACHINE_DAMPING,
+                                                .numbers = lg_numbers_cubic,
+                                                .options = LG_TERM_VALUES,
+                                                .parameters = one_each,
+                                                .initialise = fill_start,
+                                                .values = one_value_each,
+                                                .scaling = scale_squares,
+                                                .record = cubic},
                                                {.name = "known",
                                                 .part = LG_MACHINE_INPUT_MAP,
                                                 .options = LG_TERM_VALUES | LG_TERM_KNOWN,

@@ -35,15 +35,24 @@ typedef void lg_term_numbers(lg_number_list *list, const lg_machine *machine, co
                              const double *theta);
 lg_term_numbers lg_numbers_diagonal_mass, lg_numbers_constant_mass, lg_numbers_potential,
     lg_numbers_diagonal_damping, lg_numbers_constant_damping, lg_numbers_coulomb, lg_numbers_quadratic,
-    lg_numbers_constant_map, lg_numbers_bias, lg_numbers_grey;
+    lg_numbers_cubic, lg_numbers_constant_map, lg_numbers_bias, lg_numbers_grey;
 /* Appends a number to the list. */
 void __attribute__((format(printf, 3, 4)))
 lg_numbers_put(lg_number_list *list, double value, const char *format, ...);
 
+/* Appends coefficients of drag shaped(theta_k), in scaled units a force divided by a speed to the power. */
+void lg_numbers_drag(lg_number_list *list, const lg_machine *machine, const char *name, int power,
+                     const double *theta, double (*shaped)(double));
+/* Name of velocity k: "x", or "body.2" where its coordinate has several velocities. */
+void lg_machine_velocity_name(const lg_machine *machine, uint32_t k, char *text, size_t size);
+/* Name of one number of the term's features: "x", "sin(theta)", "rod.3", "body.up.1". */
+void lg_machine_feature_name(const lg_machine *machine, const lg_machine_term *term, uint32_t number,
+                             char *text, size_t size);
+
 /* A row of the table of terms. `record` returns, by part:
  *   mass       the mass matrix M, (B, n, n) or (1, n, n), of the coordinates whose momenta are in R^n
  *   potential  V (B, 1)
- *   damping, input map, residual   forces (B, velocities)
+ *   damping, input map, residual, offset   forces (B, velocities)
  *   bias       (1, positions + velocities), which logs have added to the true values */
 struct lg_term_kind {
     const char *name;
@@ -67,7 +76,29 @@ struct lg_term_kind {
     /* Whether M depends on the state; NULL: it does not. */
     bool (*moving)(const lg_machine *machine);
     uint32_t least, most; /* least and greatest degree of the monomials; most 0: the term's degree */
+    /* Friction (machine/friction.c): the kind whose coefficients the term changes, NULL: none; and how many
+     * numbers per velocity it has besides coefficients. */
+    const char *base;
+    uint32_t blocks;
+    /* The reason why the term's values are wrong, or NULL. NULL: all values are right. */
+    const char *(*fault)(const lg_machine *machine, const lg_machine_term *term);
+    /* Damping: writes how the term's parameters change, to first order by x times `direction`, when all
+     * friction of the machine is multiplied by 1 + x. theta and direction are the term's slices. NULL: the
+     * term has no parameters. */
+    void (*scaling)(const lg_machine *machine, const lg_machine_term *term, const double *theta,
+                    double *direction);
 };
+
+/* The term of the machine whose coefficients this term changes; NULL: it has its own. */
+const lg_machine_term *lg_machine_base(const lg_machine *machine, const lg_machine_term *term);
+/* Damping coefficients (1, velocities) of a term of kind diagonal, coulomb, quadratic or cubic, in scaled
+ * units: a force divided by a speed to the given power. */
+lg_var lg_machine_record_drag(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, int power);
+/* Coefficient k of such a term in the units of the log; theta has all parameters. */
+double lg_machine_drag_number(const lg_machine *machine, const lg_machine_term *term, const double *theta,
+                              uint32_t k, int power);
+/* Unit of a force on velocity i, divided by the unit of velocity j to the given power. */
+double lg_machine_drag_unit(const lg_machine *machine, uint32_t i, uint32_t j, int power);
 
 /* ---- named systems (machine/grey.c, machine/grey_rows.c) ---- */
 
@@ -120,6 +151,8 @@ lg_status lg_machine_record_rest(lg_tape *tape, const lg_machine_vars *vars, con
 /* Whether a mass of the machine is a network. */
 bool lg_machine_mass_learned(const lg_machine *machine);
 
+/* Most numbers of a term's features. */
+#define LG_MACHINE_FEATURE_NUMBERS (12 * LG_MACHINE_FEATURES)
 /* lg_machine_feature_count: how many numbers a feature has. lg_machine_feature_scales writes the scales of
  * all numbers of a term's features, and returns how many there are. A number in the log's units is the scaled
  * number times its scale. */

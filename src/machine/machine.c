@@ -6,13 +6,13 @@
 #include "machine/internal.h"
 
 const char *lg_machine_part_name(lg_machine_part part) {
-    static const char *const names[LG_MACHINE_PART_COUNT] = {"mass",      "potential", "damping",
-                                                             "input_map", "residual",  "bias"};
+    static const char *const names[LG_MACHINE_PART_COUNT] = {"mass",     "potential", "damping", "input_map",
+                                                             "residual", "bias",      "offset"};
     return (uint32_t)part < LG_MACHINE_PART_COUNT ? names[part] : NULL;
 }
 
 /* Each X(name) stands for a table lg_machine_<name>_kinds; a table ends with a row without a name. */
-#define TABLES(X)     X(mass) X(potential) X(force) X(bias)
+#define TABLES(X)     X(mass) X(potential) X(force) X(bias) X(friction) X(offset)
 #define DECLARE(name) extern const lg_term_kind lg_machine_##name##_kinds[];
 #define LIST(name)    lg_machine_##name##_kinds,
 TABLES(DECLARE)
@@ -42,11 +42,22 @@ uint32_t lg_term_kind_options(const lg_term_kind *kind) {
 
 /* ---- initialisation ---- */
 
+/* Without a log the width of friction is a thousandth of this, 0.02. Model files without `fastest` mean it. */
+static const double unknown_speed = 20.0;
+
 void lg_machine_scales_init(lg_machine_scales *scales) {
     scales->time = scales->energy = scales->held = 1.0;
     for (size_t i = 0; i < LG_MACHINE_POSITIONS; i++) scales->place[i] = 1.0;
-    for (size_t i = 0; i < LG_MACHINE_VELOCITIES; i++) scales->velocity[i] = 1.0;
+    for (size_t i = 0; i < LG_MACHINE_VELOCITIES; i++) {
+        scales->velocity[i] = 1.0;
+        scales->fastest[i] = unknown_speed;
+    }
     for (size_t i = 0; i < LG_MACHINE_INPUTS; i++) scales->input[i] = 1.0;
+}
+
+double lg_machine_width(const lg_machine *machine, const lg_machine_term *term, uint32_t velocity) {
+    static const double part = 1e-3;
+    return term->width > 0.0 ? term->width : part * machine->scales.fastest[velocity];
 }
 
 static lg_status count_coordinates(lg_machine *machine, lg_error *error) {
@@ -84,7 +95,9 @@ static lg_status check_names(const lg_machine *machine, lg_error *error) {
 static bool feature_fits(const lg_machine *machine, const lg_machine_term *term, lg_machine_feature of) {
     const bool input = of.kind == LG_FEATURE_INPUT;
     if (of.index >= (input ? machine->input_count : machine->coordinate_count)) return false;
-    if (input) return term->part == LG_MACHINE_RESIDUAL;
+    if (input) return term->part == LG_MACHINE_RESIDUAL || (term->kind->options & LG_TERM_INPUTS) != 0;
+    if ((term->kind->options & LG_TERM_INPUTS) != 0) return false;
+    if (term->part == LG_MACHINE_OFFSET) return of.kind == LG_FEATURE_POSITION;
     const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[of.index].kind);
     if (term->part == LG_MACHINE_BIAS && of.kind != LG_FEATURE_VELOCITY && of.kind != LG_FEATURE_PLACE)
         return of.kind == LG_FEATURE_POSITION && row->directions == 0 && row->rotations == 0;
@@ -107,6 +120,21 @@ static lg_status term_fails(const lg_machine_term *term, lg_error *error, const 
                    term->kind->name, what);
 }
 
+static bool has_part(const lg_machine *machine, lg_machine_part part) {
+    for (uint32_t i = 0; i < machine->term_count; i++)
+        if (machine->terms[i].part == part) return true;
+    return false;
+}
+
+/* Whether an earlier term of the same kind changes the coefficients of the same term: together they might
+ * give energy. */
+static bool changes_again(const lg_machine *machine, const lg_machine_term *term) {
+    if (lg_machine_base(machine, term) == NULL) return false;
+    for (const lg_machine_term *other = machine->terms; other < term; other++)
+        if (other->kind == term->kind && lg_machine_base(machine, other) != NULL) return true;
+    return false;
+}
+
 static lg_status check_term(const lg_machine *machine, const lg_machine_term *term, lg_error *error) {
     const uint32_t options = term->kind->options;
     if ((options & LG_TERM_OF) != 0 && term->of_count == 0)
@@ -118,8 +146,12 @@ static lg_status check_term(const lg_machine *machine, const lg_machine_term *te
             return term_fails(term, error, "cannot depend on what `of` lists");
     if ((options & LG_TERM_DEGREE) != 0 && (term->degree < 1 || term->degree > LG_MACHINE_DEGREE))
         return term_fails(term, error, "the degree must be 1 to 8");
-    if ((options & LG_TERM_WIDTH) != 0 && !(term->width > 0.0 && isfinite(term->width)))
-        return term_fails(term, error, "the width must be above 0");
+    if ((options & LG_TERM_WIDTH) != 0 && !(term->width >= 0.0 && isfinite(term->width)))
+        return term_fails(term, error, "the width must be above 0, or 0 for a width from the log");
+    if ((options & LG_TERM_INPUTS) != 0 && term->of_count == 0 && !has_part(machine, LG_MACHINE_POTENTIAL))
+        return term_fails(term, error, "needs `of`, the inputs that load it, or a potential whose force does");
+    if (term->kind->base != NULL && changes_again(machine, term))
+        return term_fails(term, error, "two terms of this kind change the same friction; give one");
     size_t fits[2] = {0, 0};
     if (term->kind->values != NULL) term->kind->values(machine, term, fits);
     const bool needed = (options & LG_TERM_KNOWN) != 0, given = term->value_count > 0;
@@ -128,7 +160,8 @@ static lg_status check_term(const lg_machine *machine, const lg_machine_term *te
                        lg_machine_part_name(term->part), term->kind->name, term->value_count, fits[0],
                        fits[1] != fits[0] && fits[1] > 0 ? " or " : "",
                        fits[1] != fits[0] ? fits[1] : (size_t)0);
-    return LG_OK;
+    const char *fault = given && term->kind->fault != NULL ? term->kind->fault(machine, term) : NULL;
+    return fault != NULL ? term_fails(term, error, fault) : LG_OK;
 }
 
 /* Gravity depends on heights: where `of` lists none, on the heights of all coordinates except lines. */
@@ -159,12 +192,6 @@ static lg_status set_term(const lg_machine *machine, lg_machine_term *term, lg_e
     term->parameters = known || term->kind->parameters == NULL ? 0 : term->kind->parameters(machine, term);
     if (term->parameters == SIZE_MAX) return term_fails(term, error, "has too many monomials");
     return LG_OK;
-}
-
-static bool has_part(const lg_machine *machine, lg_machine_part part) {
-    for (uint32_t i = 0; i < machine->term_count; i++)
-        if (machine->terms[i].part == part) return true;
-    return false;
 }
 
 /* Fails if the machine has no mass, or if its directions have none. */

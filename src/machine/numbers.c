@@ -20,8 +20,7 @@ void lg_numbers_put(lg_number_list *l, double value, const char *format, ...) {
     l->count++;
 }
 
-/* Name of velocity k: "x", or "body.2" where its coordinate has several velocities. */
-static void velocity_name(const lg_machine *machine, uint32_t k, char *text, size_t size) {
+void lg_machine_velocity_name(const lg_machine *machine, uint32_t k, char *text, size_t size) {
     uint32_t i = 0;
     while (i + 1 < machine->coordinate_count && lg_machine_offsets_of(machine, i + 1).velocity <= k) i++;
     const uint32_t each = lg_coordinate_row_of(machine->coordinates[i].kind)->velocities;
@@ -122,9 +121,8 @@ void lg_numbers_constant_mass(lg_number_list *l, const lg_machine *machine, cons
 
 /* ---- potentials ---- */
 
-/* Name of one number of the term's features: "x", "sin(theta)", "rod.3", "body.up.1". */
-static void feature_name(const lg_machine *machine, const lg_machine_term *term, uint32_t number, char *text,
-                         size_t size) {
+void lg_machine_feature_name(const lg_machine *machine, const lg_machine_term *term, uint32_t number,
+                             char *text, size_t size) {
     static const char *const suffix[] = {
         [LG_FEATURE_POSITION] = "", [LG_FEATURE_PLACE] = ".place",   [LG_FEATURE_ROTATION] = ".rotation",
         [LG_FEATURE_UP] = ".up",    [LG_FEATURE_HEIGHT] = ".height", [LG_FEATURE_VELOCITY] = ".velocity",
@@ -153,7 +151,7 @@ static void monomial_name(const lg_machine *machine, const lg_machine_term *term
         char name[48];
         uint32_t power = 1;
         while (factor[i + power] == factor[i]) power++;
-        feature_name(machine, term, factor[i], name, sizeof name);
+        lg_machine_feature_name(machine, term, factor[i], name, sizeof name);
         used += (size_t)snprintf(text + used, size - used, power > 1 ? "%s%s^%u" : "%s%s", i > 0 ? "*" : "",
                                  name, power);
         i += power;
@@ -169,7 +167,7 @@ static double coefficient_unit(const double *scales, const uint32_t *factor) {
 
 void lg_numbers_potential(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
                           const double *theta) {
-    double scales[LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES];
+    double scales[LG_MACHINE_FEATURE_NUMBERS];
     lg_monomials monomials;
     const uint32_t most = term->kind->most > 0 ? term->kind->most : term->degree;
     if (!lg_machine_monomials(lg_machine_feature_scales(machine, term, scales), term->kind->least, most,
@@ -185,38 +183,55 @@ void lg_numbers_potential(lg_number_list *l, const lg_machine *machine, const lg
 
 /* ---- forces ---- */
 
-/* Unit of a force on velocity i, divided by the unit of velocity j to the given power (0, 1 or 2). */
-static double drag_unit(const lg_machine *machine, uint32_t i, uint32_t j, int power) {
+double lg_machine_drag_unit(const lg_machine *machine, uint32_t i, uint32_t j, int power) {
     const lg_machine_scales *s = &machine->scales;
     const double speed = s->velocity[j] / s->time;
-    return s->energy / s->velocity[i] / (power == 0 ? 1.0 : power == 1 ? speed : speed * speed);
+    double unit = s->energy / s->velocity[i];
+    for (int k = 0; k < power; k++) unit /= speed;
+    return unit;
 }
 
-static void drag_numbers(lg_number_list *l, const lg_machine *machine, const char *name, int power,
-                         const double *theta) {
+double lg_machine_drag_number(const lg_machine *machine, const lg_machine_term *term, const double *theta,
+                              uint32_t k, int power) {
+    if (term->value_count > 0) return term->values[k];
+    return theta[term->offset + k] * theta[term->offset + k] * lg_machine_drag_unit(machine, k, k, power);
+}
+
+void lg_numbers_drag(lg_number_list *l, const lg_machine *machine, const char *name, int power,
+                     const double *theta, double (*shaped)(double)) {
     for (uint32_t i = 0; i < machine->velocities; i++) {
         char of[48];
-        velocity_name(machine, i, of, sizeof of);
-        lg_numbers_put(l, theta[i] * theta[i] * drag_unit(machine, i, i, power), "%s.%s", name, of);
+        lg_machine_velocity_name(machine, i, of, sizeof of);
+        lg_numbers_put(l, shaped(theta[i]) * lg_machine_drag_unit(machine, i, i, power), "%s.%s", name, of);
     }
+}
+
+static double square(double x) {
+    return x * x;
 }
 
 void lg_numbers_diagonal_damping(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
                                  const double *theta) {
     (void)term;
-    drag_numbers(l, machine, "damping", 1, theta);
+    lg_numbers_drag(l, machine, "damping", 1, theta, square);
 }
 
 void lg_numbers_coulomb(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
                         const double *theta) {
     (void)term;
-    drag_numbers(l, machine, "coulomb", 0, theta);
+    lg_numbers_drag(l, machine, "coulomb", 0, theta, square);
 }
 
 void lg_numbers_quadratic(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
                           const double *theta) {
     (void)term;
-    drag_numbers(l, machine, "quadratic", 2, theta);
+    lg_numbers_drag(l, machine, "quadratic", 2, theta, square);
+}
+
+void lg_numbers_cubic(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
+                      const double *theta) {
+    (void)term;
+    lg_numbers_drag(l, machine, "cubic", 3, theta, square);
 }
 
 void lg_numbers_constant_damping(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
@@ -227,7 +242,7 @@ void lg_numbers_constant_damping(lg_number_list *l, const lg_machine *machine, c
     unpack(theta, n, false, L);
     for (uint32_t i = 0; i < n; i++)
         for (uint32_t j = i; j < n; j++)
-            lg_numbers_put(l, product(L, n, i, j) * drag_unit(machine, i, j, 1), "damping.%u.%u", i + 1,
+            lg_numbers_put(l, product(L, n, i, j) * lg_machine_drag_unit(machine, i, j, 1), "damping.%u.%u", i + 1,
                            j + 1);
 }
 
@@ -237,6 +252,6 @@ void lg_numbers_constant_map(lg_number_list *l, const lg_machine *machine, const
     (void)term;
     for (uint32_t i = 0; i < machine->velocities; i++)
         for (uint32_t j = 0; j < m; j++)
-            lg_numbers_put(l, theta[i * m + j] * drag_unit(machine, i, i, 0) / machine->scales.input[j],
+            lg_numbers_put(l, theta[i * m + j] * lg_machine_drag_unit(machine, i, i, 0) / machine->scales.input[j],
                            "input_map.%u.%u", i + 1, j + 1);
 }

@@ -25,7 +25,7 @@ static void monomial_values(const lg_machine *machine, const lg_machine_term *te
  * divided by E. */
 static lg_var known_coefficients(lg_tape *tape, const lg_machine *machine, const lg_machine_term *term,
                                  const lg_monomials *monomials) {
-    double scales[LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES], c[LG_MACHINE_MONOMIALS];
+    double scales[LG_MACHINE_FEATURE_NUMBERS], c[LG_MACHINE_MONOMIALS];
     (void)lg_machine_feature_scales(machine, term, scales);
     for (uint32_t i = 0; i < monomials->count; i++) {
         c[i] = term->values[i] / machine->scales.energy;

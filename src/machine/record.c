@@ -358,9 +358,11 @@ lg_var lg_machine_record_force(lg_tape *tape, const lg_machine_vars *vars, lg_ma
 /* The sum of all forces except the potential's, (B, velocities), or LG_NONE. */
 static lg_var all_forces(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_seen *seen) {
     lg_var f = LG_NONE;
-    for (uint32_t part = LG_MACHINE_DAMPING; part <= LG_MACHINE_RESIDUAL; part++) {
-        if (part == LG_MACHINE_INPUT_MAP && lg_is_none(seen->u)) continue;
-        const lg_var more = sum_of(tape, vars, (lg_machine_part)part, seen);
+    static const lg_machine_part parts[] = {LG_MACHINE_DAMPING, LG_MACHINE_INPUT_MAP, LG_MACHINE_RESIDUAL,
+                                            LG_MACHINE_OFFSET};
+    for (size_t i = 0; i < LG_COUNT(parts); i++) {
+        if (parts[i] == LG_MACHINE_INPUT_MAP && lg_is_none(seen->u)) continue;
+        const lg_var more = sum_of(tape, vars, parts[i], seen);
         if (!lg_is_none(more)) f = plus(tape, f, more);
     }
     return f;

@@ -8,6 +8,7 @@
 typedef struct moments {
     double velocity[LG_MACHINE_COORDINATES];    /* over all velocities of a coordinate */
     double acceleration[LG_MACHINE_VELOCITIES]; /* of each velocity */
+    double fastest[LG_MACHINE_VELOCITIES];      /* largest speed */
     double input[LG_MACHINE_INPUTS], force[LG_MACHINE_VELOCITIES];
 } moments;
 
@@ -45,6 +46,7 @@ static void measure_motion(const lg_machine *plain, const lg_machine_log *log, m
                 for (uint32_t k = first; k < first + count; k++) add(&velocity[i], v[k]);
             }
             for (uint32_t k = 0; k < plain->velocities; k++) {
+                if (isfinite(v[k])) out->fastest[k] = fmax(out->fastest[k], fabs(v[k]));
                 if (row > log->first[p])
                     add(&acceleration[k], (v[k] - before[k]) / (log->t[row] - log->t[row - 1]));
                 before[k] = v[k];
@@ -110,6 +112,14 @@ static void set_lengths(lg_machine *machine, const moments *size) {
         for (uint32_t k = 0; k < row->velocities; k++)
             s->velocity[at.velocity + k] = k < row->places ? L : 1.0;
     }
+}
+
+/* A velocity that is always 0 takes the largest speed of all. */
+static void set_speeds(lg_machine *machine, const moments *size) {
+    double most = 0.0;
+    for (uint32_t k = 0; k < machine->velocities; k++) most = fmax(most, size->fastest[k]);
+    for (uint32_t k = 0; k < machine->velocities; k++)
+        machine->scales.fastest[k] = size->fastest[k] > 0.0 ? size->fastest[k] : most;
 }
 
 /* ---- energy ---- */
@@ -189,7 +199,7 @@ static lg_status refuse_motion(const lg_machine *machine, const moments *size, l
 
 lg_status lg_machine_find_scales(lg_machine *machine, const lg_machine_log *log, lg_error *error) {
     LG_NEEDS(error, machine, log);
-    moments size = {{0}, {0}, {0}, {0}};
+    moments size = {{0}, {0}, {0}, {0}, {0}};
     lg_machine plain = *machine;
     lg_machine_scales_init(&plain.scales);
     measure_motion(&plain, log, &size);
@@ -198,6 +208,7 @@ lg_status lg_machine_find_scales(lg_machine *machine, const lg_machine_log *log,
     if (!(time > 0.0 && isfinite(time))) return refuse_motion(machine, &size, error);
     machine->scales.time = time;
     set_lengths(machine, &size);
+    set_speeds(machine, &size);
     for (uint32_t j = 0; j < machine->input_count; j++)
         machine->scales.input[j] = size.input[j] > 0.0 ? size.input[j] : 1.0;
     double energy = known_energy(machine, &size);

@@ -93,6 +93,8 @@ static lg_status kick(lg_tape *tape, motion *s, lg_var pull, lg_var u) {
     if (!lg_is_none(u))
         s->still =
             plus(tape, pull, lg_machine_record_force(tape, s->vars, LG_MACHINE_INPUT_MAP, s->parts, v, u));
+    const lg_var offset = lg_machine_record_force(tape, s->vars, LG_MACHINE_OFFSET, s->parts, v, u);
+    if (!lg_is_none(offset)) s->still = plus(tape, s->still, offset);
     if (drags(s->vars->machine)) LG_TRY(lg_taped_root(tape, middle, s, v, &v));
     const lg_var f = forces(tape, s, v);
     if (!lg_is_none(f)) lg_machine_push(tape, s->vars->machine, paced(tape, s->over, 0.5, f), s->parts);

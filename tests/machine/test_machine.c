@@ -6,7 +6,7 @@
 
 #include "machine/internal.h"
 
-enum { MOST_NUMBERS = 128, ROWS = 3, MOST = ROWS * (LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES) };
+enum { MOST_NUMBERS = 256, ROWS = 3, MOST = ROWS * (LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES) };
 
 /* The machine recorded on a tape, for random rows. */
 typedef struct setting {
@@ -64,9 +64,11 @@ static void assert_energy_balance(const lg_machine *machine) {
     const lg_var H = lg_machine_record_energy(s->tape, &s->vars, s->parts);
     assert_ok(lg_jvp(s->tape, &H, 1, s->parts, rate, parts, &change));
     lg_var power = lg_full(s->tape, lg_shape2(ROWS, 1), 0.0);
-    for (uint32_t part = LG_MACHINE_DAMPING; part <= LG_MACHINE_RESIDUAL; part++) {
+    static const lg_machine_part forces[] = {LG_MACHINE_DAMPING, LG_MACHINE_INPUT_MAP, LG_MACHINE_RESIDUAL,
+                                             LG_MACHINE_OFFSET};
+    for (size_t i = 0; i < LG_COUNT(forces); i++) {
         const lg_var f =
-            lg_machine_record_force(s->tape, &s->vars, (lg_machine_part)part, s->parts, s->rates, s->u);
+            lg_machine_record_force(s->tape, &s->vars, forces[i], s->parts, s->rates, s->u);
         if (!lg_is_none(f)) power = lg_add(s->tape, power, lg_rowdot(s->tape, s->rates, f));
     }
     double expected[ROWS];
@@ -110,6 +112,9 @@ static const struct {
     {LG_MACHINE_POTENTIAL, "quadratic", "quadratic"}, {LG_MACHINE_POTENTIAL, "polynomial", "polynomial"},
     {LG_MACHINE_DAMPING, "diagonal", "known"},        {LG_MACHINE_DAMPING, "coulomb", "coulomb"},
     {LG_MACHINE_DAMPING, "quadratic", "quadratic"},   {LG_MACHINE_INPUT_MAP, "constant", "known"},
+    {LG_MACHINE_DAMPING, "cubic", "cubic"},           {LG_MACHINE_DAMPING, "asymmetric", "asymmetric"},
+    {LG_MACHINE_DAMPING, "stribeck", "stribeck"},     {LG_MACHINE_DAMPING, "load", "load"},
+    {LG_MACHINE_DAMPING, "position", "position"},     {LG_MACHINE_OFFSET, "unknown", "known"},
 };
 
 /* The effect of the term at some rows: the energy, or the force of its part. */
@@ -131,6 +136,8 @@ TEST("identified numbers, used as values of known terms, have the same effect at
         lg_machine_term *term = add_term(&free, exchanged[i].part, exchanged[i].kind);
         if ((lg_term_kind_options(term->kind) & LG_TERM_OF) != 0)
             add_feature(term, LG_FEATURE_POSITION, 0), add_feature(term, LG_FEATURE_POSITION, 4);
+        if ((lg_term_kind_options(term->kind) & LG_TERM_INPUTS) != 0)
+            add_feature(term, LG_FEATURE_INPUT, 0), add_feature(term, LG_FEATURE_INPUT, 1);
         if (exchanged[i].part != LG_MACHINE_INPUT_MAP)
             add_values(add_term(&free, LG_MACHINE_INPUT_MAP, "known"), 28, some_values(28));
         assert_machine(&free);
@@ -239,6 +246,10 @@ TEST("descriptions that do not fit are refused with a message") {
         {LG_MACHINE_INPUT_MAP, "known", 1, 0, "has 1 values, expected 2"},
         {LG_MACHINE_POTENTIAL, "polynomial", 0, 1, "degree"},
         {LG_MACHINE_DAMPING, "coulomb", 0, 0, "width"},
+        {LG_MACHINE_DAMPING, "load", 0, 0, "needs `of`, the inputs"},
+        {LG_MACHINE_DAMPING, "stribeck", 4, 0, "expected 6"},
+        {LG_MACHINE_OFFSET, "known", 1, 0, "has 1 values, expected 2"},
+        {LG_MACHINE_OFFSET, "known", 0, 0, "has 0 values, expected 2"},
     };
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         lg_error error = {LG_OK, ""};
@@ -253,7 +264,7 @@ TEST("descriptions that do not fit are refused with a message") {
         if (rows[i].values > 0) add_values(term, rows[i].values, some_values(rows[i].values));
         for (uint32_t k = 0; k < rows[i].features; k++) add_feature(term, LG_FEATURE_POSITION, k);
         term->degree = 0;
-        term->width = 0;
+        term->width = strcmp(rows[i].sentence, "width") == 0 ? -1 : 0;
         assert_status(lg_machine_init(&machine, &error), LG_INVALID_ARGUMENT);
         assert_says(error.message, rows[i].sentence);
     }

@@ -119,7 +119,7 @@ TEST("keys that are left out have their defaults") {
               "damping: {kind: none, coulomb: true}\n");
     assert_int_equal(f->machine.term_count, 3);
     assert_term(f, 1, LG_MACHINE_DAMPING, "coulomb");
-    assert_true(f->machine.terms[1].width == 0.02);
+    assert_true(f->machine.terms[1].width == 0); /* from the log */
     assert_term(f, 2, LG_MACHINE_INPUT_MAP, "constant");
     assert_true(f->estimate_delay && f->delay == 0);
     f = parse("coordinates: [{name: q, kind: line}]\nmeasured: positions\nresidual: none\n");
@@ -358,6 +358,16 @@ TEST("wrong terms are refused with their line") {
         {HEAD "mass: {kind: diagonal, form: linear}\n", "line 2",
          "form: mass of kind diagonal does not take this key"},
         {HEAD "damping: {kind: diagonal, coulomb_width: 1}\n", "line 2", "without `coulomb: true`"},
+        {HEAD "damping: {kind: diagonal, width: 1}\n", "line 2", "without `coulomb: true`"},
+        {HEAD "damping: {kind: coulomb, width: 1, coulomb_width: 1}\n", "line 2", "is the same as `width`"},
+        {HEAD "damping: {kind: stribeck, width: 0}\n", "line 2", "width: 0 is outside"},
+        {HEAD "damping: {kind: load, of: q}\n", "line 2", "'q' is not an input"},
+        {HEAD "damping: load\n", "line 2", "needs `of`, the inputs that load it"},
+        {HEAD "damping: position\n", "line 2", "needs `of`"},
+        {HEAD "damping: {kind: asymmetric, values: [[1], [2]]}\n", "line 2", "friction would give energy"},
+        {HEAD "offset: [p]\n", "line 2", "'p' is neither a kind (unknown, known) nor a coordinate"},
+        {HEAD "offset: [q, v]\n", "line 2", "'v' is given twice"},
+        {HEAD "offset: {kind: known, values: [1, 2]}\n", "line 2", "has 2 values, expected 1"},
         {HEAD "damping: {kind: diagonal, coulomb: yes}\n", "line 2", "none of false, true"},
         {HEAD "mass: {kind: network, of: [p]}\n", "line 2", "of: 'p' is unknown; expected one of q"},
         {HEAD "mass: {kind: network, of: [q.up]}\n", "line 2", "of: 'q.up' is unknown; expected one of q"},

@@ -75,6 +75,7 @@ static const lg_field keys[KEY_COUNT] = {
     [KEY_PARTS + LG_MACHINE_INPUT_MAP] = {.name = "input_map", .type = LG_FIELD_NODE},
     [KEY_PARTS + LG_MACHINE_RESIDUAL] = {.name = "residual", .type = LG_FIELD_NODE},
     [KEY_PARTS + LG_MACHINE_BIAS] = {.name = "bias", .type = LG_FIELD_NODE},
+    [KEY_PARTS + LG_MACHINE_OFFSET] = {.name = "offset", .type = LG_FIELD_NODE},
 };
 
 enum { OF_NAME, OF_KIND, OF_COLUMNS, OF_POSITION, OF_VELOCITY, OF_RATES, OF_FRAME, OF_COUNT };

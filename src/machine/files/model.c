@@ -51,7 +51,11 @@ lg_status lg_machine_model_describe(lg_machine_model_run *run, const char *name,
 
 /* ---- fields of the run ---- */
 
-enum { SCALES = 3 + LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES + LG_MACHINE_INPUTS };
+/* Files of before 2.1 do not have the last numbers, the speeds. */
+enum {
+    SCALES = 3 + LG_MACHINE_POSITIONS + 2 * LG_MACHINE_VELOCITIES + LG_MACHINE_INPUTS,
+    FORMER_SCALES = SCALES - LG_MACHINE_VELOCITIES
+};
 _Static_assert(sizeof(lg_machine_scales) == SCALES * sizeof(double),
                "scales are numbers one after the other");
 _Static_assert(SCALES <= LG_FIELD_LIST_MAX && 2 * LG_MACHINE_RANGE <= LG_FIELD_LIST_MAX,
@@ -63,7 +67,9 @@ static uint32_t get_scales(const void *member, double *values) {
 }
 
 static void put_scales(void *member, const double *values, uint32_t count) {
-    if (count == SCALES) memcpy(member, values, sizeof(lg_machine_scales));
+    if (count != SCALES && count != FORMER_SCALES) return;
+    lg_machine_scales_init(member);
+    memcpy(member, values, count * sizeof *values);
 }
 
 static uint32_t get_range(const void *member, double *values) {

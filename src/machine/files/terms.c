@@ -9,7 +9,6 @@
 
 typedef lg_machine_reading reading;
 
-static const double default_width = 0.02;
 static const uint32_t default_hidden[] = {16, 16};
 
 enum {
@@ -23,6 +22,7 @@ enum {
     KEY_COULOMB,
     KEY_QUADRATIC,
     KEY_WIDTH,
+    KEY_COULOMB_WIDTH,
     KEY_COUNT
 };
 
@@ -38,12 +38,13 @@ static const lg_field keys[KEY_COUNT] = {
     [KEY_VALUES] = {.name = "values", .type = LG_FIELD_NODE, .low = -DBL_MAX, .high = DBL_MAX},
     [KEY_COULOMB] = {.name = "coulomb", .type = LG_FIELD_NAME, .value_name = lg_name_truth},
     [KEY_QUADRATIC] = {.name = "quadratic", .type = LG_FIELD_NAME, .value_name = lg_name_truth},
-    [KEY_WIDTH] = {.name = "coulomb_width", .type = LG_FIELD_REAL, .above = true, .high = DBL_MAX},
+    [KEY_WIDTH] = {.name = "width", .type = LG_FIELD_REAL, .above = true, .high = DBL_MAX},
+    [KEY_COULOMB_WIDTH] = {.name = "coulomb_width", .type = LG_FIELD_REAL, .above = true, .high = DBL_MAX},
 };
 
 /* The options of a kind, any of which makes the key allowed; 0: check_keys decides, or the key is always
  * allowed. */
-static const uint32_t takes[KEY_COUNT] = {[KEY_OF] = LG_TERM_OF,
+static const uint32_t takes[KEY_COUNT] = {[KEY_OF] = LG_TERM_OF | LG_TERM_SOME,
                                           [KEY_HIDDEN] = LG_TERM_HIDDEN,
                                           [KEY_ACTIVATION] = LG_TERM_HIDDEN,
                                           [KEY_DEGREE] = LG_TERM_DEGREE,
@@ -126,13 +127,19 @@ static lg_status add_feature(reading *r, uint32_t line, const char *text, void *
     const bool moving = (lg_term_kind_options(term->kind) & LG_TERM_MOVING) != 0;
     if (!find_coordinate(&r->out->machine, text, &feature) && !find_column(r->out, text, &feature))
         return unknown_feature(r, line, text);
+    if (t->part == LG_MACHINE_OFFSET && feature.kind == LG_FEATURE_VELOCITY)
+        feature.kind = LG_FEATURE_POSITION;
     if (feature.kind == LG_FEATURE_VELOCITY && !moving)
         return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error,
                             "of: '%s' is a velocity; %s of kind %s depends on positions alone", text, part,
                             kind);
-    if (feature.kind == LG_FEATURE_INPUT && !(moving && t->part == LG_MACHINE_RESIDUAL))
+    const bool inputs = (lg_term_kind_options(term->kind) & LG_TERM_INPUTS) != 0;
+    if (feature.kind == LG_FEATURE_INPUT && !inputs && !(moving && t->part == LG_MACHINE_RESIDUAL))
         return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error,
-                            "of: '%s' is an input; only a residual depends on inputs", text);
+                            "of: '%s' is an input; only a residual and a load depend on inputs", text);
+    if (feature.kind != LG_FEATURE_INPUT && inputs)
+        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error,
+                            "of: '%s' is not an input; without `of` the load is the potential's force", text);
     for (uint32_t i = 0; i < term->of_count; i++)
         if (term->of[i].kind == feature.kind && term->of[i].index == feature.index)
             return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "of: '%s' is given twice", text);
@@ -192,7 +199,6 @@ static lg_status add_term(reading *r, lg_machine_part part, uint32_t line, const
     lg_machine_term *term = &m->terms[m->term_count++];
     *term = (lg_machine_term){.kind = row, .part = part, .activation = LG_TANH};
     const uint32_t options = lg_term_kind_options(row);
-    if ((options & LG_TERM_WIDTH) != 0) term->width = default_width;
     if ((options & LG_TERM_HIDDEN) != 0) {
         term->hidden_layers = LG_COUNT(default_hidden);
         memcpy(term->hidden, default_hidden, sizeof default_hidden);
@@ -211,14 +217,23 @@ static lg_status check_keys(reading *r, lg_machine_part part, const char *kind, 
         bool taken = takes[k] == 0 || (options & takes[k]) != 0;
         if (k == KEY_FORM) taken = known;
         if (k == KEY_COULOMB || k == KEY_QUADRATIC) taken = damping;
-        if (k == KEY_WIDTH) taken = damping && width;
+        if (k == KEY_WIDTH || k == KEY_COULOMB_WIDTH) taken = damping && width;
         if (values[k].line != 0 && !taken)
             return lg_yaml_fail(r->yaml, values[k].line, LG_FORMAT, r->error,
                                 "%s: %s of kind %s does not take this key%s", keys[k].name,
                                 lg_machine_part_name(part), kind,
-                                k == KEY_WIDTH ? " without `coulomb: true`" : "");
+                                k == KEY_WIDTH || k == KEY_COULOMB_WIDTH ? " without `coulomb: true`" : "");
     }
+    if (values[KEY_WIDTH].line != 0 && values[KEY_COULOMB_WIDTH].line != 0)
+        return lg_yaml_fail(r->yaml, values[KEY_COULOMB_WIDTH].line, LG_FORMAT, r->error,
+                            "coulomb_width: is the same as `width`; give one of them");
     return LG_OK;
+}
+
+/* 0: from the log. */
+static double width_of(const lg_key_value *values) {
+    if (values[KEY_WIDTH].line != 0) return values[KEY_WIDTH].real[0];
+    return values[KEY_COULOMB_WIDTH].line != 0 ? values[KEY_COULOMB_WIDTH].real[0] : 0.0;
 }
 
 static lg_status fill_term(reading *r, lg_machine_part part, lg_machine_term *term,
@@ -231,7 +246,7 @@ static lg_status fill_term(reading *r, lg_machine_part part, lg_machine_term *te
             term->hidden[i] = (uint32_t)values[KEY_HIDDEN].real[i];
     }
     LG_TRY(lg_yaml_store(r->yaml, keys, values, KEY_COUNT, term, r->error));
-    if (values[KEY_WIDTH].line != 0 && term->width > 0) term->width = values[KEY_WIDTH].real[0];
+    if ((lg_term_kind_options(term->kind) & LG_TERM_WIDTH) != 0) term->width = width_of(values);
     return read_values(r, &values[KEY_VALUES], term);
 }
 
@@ -240,7 +255,7 @@ static lg_status add_friction(reading *r, const lg_key_value *values) {
     lg_machine_term *term = NULL;
     if (is_true(&values[KEY_COULOMB])) {
         LG_TRY(add_term(r, LG_MACHINE_DAMPING, values[KEY_COULOMB].line, "coulomb", &term));
-        if (values[KEY_WIDTH].line != 0) term->width = values[KEY_WIDTH].real[0];
+        term->width = width_of(values);
     }
     if (!is_true(&values[KEY_QUADRATIC])) return LG_OK;
     return add_term(r, LG_MACHINE_DAMPING, values[KEY_QUADRATIC].line, "quadratic", &term);
@@ -280,6 +295,20 @@ static lg_status read_mapping(reading *r, lg_machine_part part, const yaml_node_
     return add_friction(r, values);
 }
 
+/* Adds the offset of a coordinate to the term of the names before it. */
+static lg_status add_offset(reading *r, uint32_t line, const char *text) {
+    lg_machine *m = &r->out->machine;
+    lg_machine_feature feature;
+    lg_machine_term *term = m->term_count > 0 ? &m->terms[m->term_count - 1] : NULL;
+    if (!find_coordinate(m, text, &feature) && !find_column(r->out, text, &feature))
+        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error,
+                            "offset: '%.40s' is neither a kind (unknown, known) nor a coordinate", text);
+    if (term == NULL || term->part != LG_MACHINE_OFFSET || term->of_count == 0 || term->value_count > 0)
+        LG_TRY(add_term(r, LG_MACHINE_OFFSET, line, "unknown", &term));
+    term_reading t = {term, LG_MACHINE_OFFSET, NULL};
+    return add_feature(r, line, text, &t);
+}
+
 static lg_status read_word(reading *r, uint32_t line, const char *text, void *user) {
     lg_machine_term *term = NULL;
     const lg_machine_part part = *(const lg_machine_part *)user;
@@ -288,6 +317,7 @@ static lg_status read_word(reading *r, uint32_t line, const char *text, void *us
         return lg_yaml_fail(
             r->yaml, line, LG_FORMAT, r->error,
             "potential: for kind known, give {kind: known, form: ..., of: [...], values: ...}");
+    if (part == LG_MACHINE_OFFSET && lg_term_kind_find(part, text) == NULL) return add_offset(r, line, text);
     return add_term(r, part, line, text, &term);
 }
 

@@ -202,6 +202,26 @@ static lg_status fit_windows(lg_training *self, const lg_machine *machine, doubl
     return LG_OK;
 }
 
+/* Doubles the substeps until explicit steps come to rest: one step is no longer than the time in which
+ * friction stops a motion near rest. */
+static lg_status reach_rest(lg_training *self, const lg_machine *machine, const double *theta,
+                            lg_error *error) {
+    enum { MOST = 32 };
+    lg_machine_model_run *run = self->run;
+    const lg_machine_state *s = self->state;
+    double rate = 0;
+    if (run->scheme->kind == LG_SCHEME_VARIATIONAL) return LG_OK;
+    LG_TRY(lg_machine_rest_rate(self->context, machine, theta, &s->problem.log, &rate, error));
+    while (run->substeps < MOST && run->dt * rate > run->substeps)
+        run->substeps = run->substeps <= MOST / 2 ? 2 * run->substeps : MOST;
+    if (run->dt * rate > 2.5 * MOST)
+        LG_WARN(self,
+                "friction stops the machine within %.1g of a row, which %d steps per row do not resolve: give "
+                "`damping` a larger `width`, or --integrator variational",
+                1.0 / (run->dt * rate), MOST);
+    return LG_OK;
+}
+
 /* Chooses the number of steps between two rows unless it is given: the error of the steps must be small
  * against the loss that the parameters from short windows leave, or below all that matters. */
 static lg_status find_substeps(lg_training *self, const lg_machine *machine, const double *theta,
@@ -220,6 +240,7 @@ static lg_status find_substeps(lg_training *self, const lg_machine *machine, con
         LG_TRY(lg_machine_loss(self->context, &problem, theta, &loss, &floor, error));
         if (floor <= fmax(LG_MACHINE_FLOOR, part * loss)) break;
     }
+    LG_TRY(reach_rest(self, machine, theta, error));
     s->problem.substeps = run->substeps;
     return LG_OK;
 }

@@ -1,0 +1,434 @@
+/* Machines: kinds of friction beyond viscous and Coulomb friction. docs/machines.md has the formulas.
+ *
+ * A kind changes the friction of its base, "diagonal" or "coulomb": if the machine has such a term, its
+ * coefficients are taken and only what the kind adds is the term's force. Otherwise, and with values, the term
+ * has coefficients of its own. Parameters and values are blocks of one number per velocity, first the block of
+ * its own coefficients, if there is one. All forces have v.f <= 0 for any parameters: each for itself, or
+ * together with the base. */
+#include <float.h>
+#include <math.h>
+
+#include "core/core.h"
+#include "liegrad/ops.h"
+#include "machine/internal.h"
+
+/* ---- coefficients ---- */
+
+const lg_machine_term *lg_machine_base(const lg_machine *machine, const lg_machine_term *term) {
+    if (term->kind->base == NULL || term->value_count > 0) return NULL;
+    for (uint32_t i = 0; i < machine->term_count; i++)
+        if (machine->terms[i].kind == lg_term_kind_find(term->part, term->kind->base))
+            return &machine->terms[i];
+    return NULL;
+}
+
+/* Whether the term has coefficients of its own. */
+static bool is_whole(const lg_machine *machine, const lg_machine_term *term) {
+    return lg_machine_base(machine, term) == NULL;
+}
+
+/* Blocks of a kind besides its own coefficients. */
+static uint32_t blocks_of(const lg_machine *machine, const lg_machine_term *term) {
+    if ((term->kind->options & (LG_TERM_OF | LG_TERM_INPUTS)) == 0) return term->kind->blocks;
+    return term->of_count > 0 ? lg_machine_feature_numbers(machine, term) : 1;
+}
+
+static size_t count_parameters(const lg_machine *machine, const lg_machine_term *term) {
+    return (size_t)machine->velocities * (blocks_of(machine, term) + is_whole(machine, term));
+}
+
+static void count_values(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]) {
+    fits[0] = fits[1] = (size_t)machine->velocities * (blocks_of(machine, term) + 1);
+}
+
+/* Unit of a scaled coefficient of velocity k in the units of the log: a force, divided by the speed to the
+ * given power. */
+static double unit_of(const lg_machine *machine, uint32_t k, int power) {
+    return lg_machine_drag_unit(machine, k, k, power);
+}
+
+/* The speed of velocity k that is 1 in scaled units. */
+static double speed_of(const lg_machine *machine, uint32_t k) {
+    return machine->scales.velocity[k] / machine->scales.time;
+}
+
+/* What the functions below record with. */
+typedef struct rubbing {
+    lg_tape *tape;
+    const lg_machine_vars *vars;
+    const lg_machine *machine;
+    const lg_machine_term *term;
+    uint32_t index, n;
+    bool whole;
+} rubbing;
+
+static rubbing begin(lg_tape *tape, const lg_machine_vars *vars, uint32_t term) {
+    const lg_machine *machine = vars->machine;
+    return (rubbing){.tape = tape,
+                     .vars = vars,
+                     .machine = machine,
+                     .term = &machine->terms[term],
+                     .index = term,
+                     .n = machine->velocities,
+                     .whole = is_whole(machine, &machine->terms[term])};
+}
+
+/* Block `index` besides the coefficients: of theta, (1, n). */
+static lg_var block(const rubbing *r, uint32_t index) {
+    const lg_var all = r->vars->theta[r->index];
+    return lg_reshape(r->tape, lg_slice(r->tape, all, 0, (index + r->whole) * r->n, r->n),
+                      lg_shape2(1, r->n));
+}
+
+/* Block `index` of the values, with the coefficients as block 0, divided by `unit`. */
+static lg_var known(const rubbing *r, uint32_t index, const double *unit) {
+    double scaled[LG_MACHINE_VELOCITIES];
+    for (uint32_t k = 0; k < r->n; k++) scaled[k] = r->term->values[index * r->n + k] / unit[k];
+    return lg_input_f64(r->tape, lg_shape2(1, r->n), scaled);
+}
+
+static lg_var row_of(const rubbing *r, const double *numbers) {
+    return lg_input_f64(r->tape, lg_shape2(1, r->n), numbers);
+}
+
+static void units(const rubbing *r, int power, double *out) {
+    for (uint32_t k = 0; k < r->n; k++) out[k] = unit_of(r->machine, k, power);
+}
+
+/* The coefficients of the friction that the term changes, (1, n). */
+static lg_var coefficients(const rubbing *r, int power) {
+    double unit[LG_MACHINE_VELOCITIES];
+    const lg_machine_term *base = lg_machine_base(r->machine, r->term);
+    if (base != NULL)
+        return lg_machine_record_drag(r->tape, r->vars, (uint32_t)(base - r->machine->terms), power);
+    units(r, power, unit);
+    if (r->term->value_count > 0) return known(r, 0, unit);
+    return lg_exp(r->tape, lg_reshape(r->tape, lg_slice(r->tape, r->vars->theta[r->index], 0, 0, r->n),
+                                      lg_shape2(1, r->n)));
+}
+
+/* ---- functions of the velocity ---- */
+
+static void widths(const rubbing *r, double *out) {
+    for (uint32_t k = 0; k < r->n; k++)
+        out[k] = lg_machine_width(r->machine, r->term, k) / speed_of(r->machine, k);
+}
+
+/* S = tanh(v/w). */
+static lg_var sign_of(const rubbing *r, lg_var v) {
+    double steep[LG_MACHINE_VELOCITIES];
+    widths(r, steep);
+    for (uint32_t k = 0; k < r->n; k++) steep[k] = 1.0 / steep[k];
+    return lg_act(r->tape, lg_mul(r->tape, v, row_of(r, steep)), LG_TANH);
+}
+
+/* 1/(1 + e^-x). */
+static lg_var share_of(const rubbing *r, lg_var x) {
+    return lg_act(r->tape, x, LG_SIGMOID);
+}
+
+/* ---- asymmetric: -(b v + d (sqrt(v^2 + w^2) - w)), d = b tanh y ---- */
+
+static lg_var asymmetric(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
+                         const lg_machine_seen *seen) {
+    const rubbing r = begin(tape, vars, term);
+    double w[LG_MACHINE_VELOCITIES], square[LG_MACHINE_VELOCITIES], unit[LG_MACHINE_VELOCITIES];
+    widths(&r, w);
+    units(&r, 1, unit);
+    for (uint32_t k = 0; k < r.n; k++) square[k] = w[k] * w[k];
+    const lg_var b = coefficients(&r, 1);
+    const lg_var d =
+        r.term->value_count > 0 ? known(&r, 1, unit) : lg_mul(tape, b, lg_act(tape, block(&r, 0), LG_TANH));
+    const lg_var size = lg_sqrt(tape, lg_add(tape, lg_square(tape, seen->v), row_of(&r, square)));
+    lg_var f = lg_mul(tape, d, lg_sub(tape, size, row_of(&r, w)));
+    if (r.whole) f = lg_add(tape, f, lg_mul(tape, b, seen->v));
+    return lg_neg(tape, f);
+}
+
+static void asymmetric_numbers(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
+                               const double *theta) {
+    const uint32_t n = machine->velocities;
+    const lg_machine_term *base = lg_machine_base(machine, term);
+    const double *own = base == NULL ? theta + n : theta;
+    if (base == NULL) lg_numbers_drag(l, machine, "damping", 1, theta, exp);
+    for (uint32_t k = 0; k < n; k++) {
+        char name[48];
+        lg_machine_velocity_name(machine, k, name, sizeof name);
+        const double b = base == NULL ? exp(theta[k]) * unit_of(machine, k, 1)
+                                      : lg_machine_drag_number(machine, base, theta - term->offset, k, 1);
+        lg_numbers_put(l, b * tanh(own[k]), "asymmetric.%s", name);
+    }
+}
+
+/* ---- stribeck: -(c + (cs - c) e^(-(v/vs)^2)) S, cs = c (1 + 2/(1 + e^-y)) ---- */
+
+/* log vs is between the logs of 2 w and a third of the largest speed (at least 4 w). */
+static void speed_range(const lg_machine *machine, const lg_machine_term *term, uint32_t k, double *low,
+                        double *high) {
+    static const double most = 0.3;
+    *low = 2.0 * lg_machine_width(machine, term, k);
+    *high = fmax(most * machine->scales.fastest[k], 2.0 * *low);
+}
+
+static lg_var stribeck_speed(const rubbing *r) {
+    double start[LG_MACHINE_VELOCITIES], range[LG_MACHINE_VELOCITIES], unit[LG_MACHINE_VELOCITIES];
+    for (uint32_t k = 0; k < r->n; k++) {
+        double low, high;
+        speed_range(r->machine, r->term, k, &low, &high);
+        unit[k] = speed_of(r->machine, k);
+        start[k] = low / unit[k];
+        range[k] = log(high / low);
+    }
+    if (r->term->value_count > 0) return known(r, 2, unit);
+    const lg_var above = lg_mul(r->tape, row_of(r, range), share_of(r, block(r, 1)));
+    return lg_mul(r->tape, row_of(r, start), lg_exp(r->tape, above));
+}
+
+static lg_var stribeck(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
+                       const lg_machine_seen *seen) {
+    const rubbing r = begin(tape, vars, term);
+    double unit[LG_MACHINE_VELOCITIES];
+    units(&r, 0, unit);
+    const lg_var c = coefficients(&r, 0), vs = stribeck_speed(&r);
+    const lg_var more = r.term->value_count > 0
+                            ? lg_sub(tape, known(&r, 1, unit), c)
+                            : lg_mul(tape, c, lg_scale(tape, share_of(&r, block(&r, 0)), 2.0));
+    const lg_var fading = lg_exp(tape, lg_neg(tape, lg_square(tape, lg_div(tape, seen->v, vs))));
+    lg_var size = lg_mul(tape, more, fading);
+    if (r.whole) size = lg_add(tape, size, c);
+    return lg_neg(tape, lg_mul(tape, size, sign_of(&r, seen->v)));
+}
+
+static double sigmoid(double x) {
+    return 1.0 / (1.0 + exp(-x));
+}
+
+static void stribeck_numbers(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
+                             const double *theta) {
+    const uint32_t n = machine->velocities;
+    const lg_machine_term *base = lg_machine_base(machine, term);
+    const double *own = base == NULL ? theta + n : theta;
+    char name[48];
+    if (base == NULL) lg_numbers_drag(l, machine, "coulomb", 0, theta, exp);
+    for (uint32_t k = 0; k < n; k++) {
+        const double c = base == NULL ? exp(theta[k]) * unit_of(machine, k, 0)
+                                      : lg_machine_drag_number(machine, base, theta - term->offset, k, 0);
+        lg_machine_velocity_name(machine, k, name, sizeof name);
+        lg_numbers_put(l, c * (1.0 + 2.0 * sigmoid(own[k])), "breakaway.%s", name);
+    }
+    for (uint32_t k = 0; k < n; k++) {
+        double low, high;
+        speed_range(machine, term, k, &low, &high);
+        lg_machine_velocity_name(machine, k, name, sizeof name);
+        lg_numbers_put(l, low * pow(high / low, sigmoid(own[n + k])), "stribeck_speed.%s", name);
+    }
+}
+
+/* ---- load and position: -c g S, where g = 1 + k |load|, or the positive part of 1 + k q, rounded ---- */
+
+/* The positive part of 1 + x, which is rounded near x = -1. */
+static const double rounding = 0.05;
+
+static lg_var positive_part(lg_tape *tape, lg_var x) {
+    const lg_var y = lg_add_scalar(tape, x, 1.0);
+    const lg_var size = lg_sqrt(tape, lg_add_scalar(tape, lg_square(tape, y), rounding * rounding));
+    return lg_scale(tape, lg_add(tape, y, size), 0.5);
+}
+
+/* The loads of the term, (B, F), in scaled units: inputs, or the force of the potential on each velocity.
+ * LG_NONE: there is none. */
+static lg_var loads_of(const rubbing *r, const lg_machine_seen *seen) {
+    lg_var loads;
+    if (r->term->of_count == 0)
+        loads = lg_machine_record_pull(r->tape, r->vars, seen->parts);
+    else
+        loads = lg_is_none(seen->u) ? LG_NONE
+                                    : lg_machine_record_features(r->tape, r->machine, r->term, seen);
+    return lg_is_none(loads) ? loads : lg_abs(r->tape, loads);
+}
+
+/* Scaled units of the loads or positions, and of the potential's force on velocity k. */
+static double feature_unit(const rubbing *r, const double *scales, uint32_t feature, uint32_t k) {
+    return r->term->of_count > 0 ? scales[feature] : unit_of(r->machine, k, 0);
+}
+
+/* sum_f k_f x_f, (B, n), of the features x (B, F); for the potential's force k_k x_k. */
+static lg_var weighted(const rubbing *r, lg_var x, lg_var (*shaped)(lg_tape *, lg_var)) {
+    double scales[LG_MACHINE_FEATURE_NUMBERS], unit[LG_MACHINE_VELOCITIES];
+    const uint32_t count = blocks_of(r->machine, r->term);
+    lg_var sum = LG_NONE;
+    if (r->term->of_count > 0) (void)lg_machine_feature_scales(r->machine, r->term, scales);
+    for (uint32_t f = 0; f < count; f++) {
+        for (uint32_t k = 0; k < r->n; k++) unit[k] = 1.0 / feature_unit(r, scales, f, k);
+        const lg_var factor = r->term->value_count > 0 ? known(r, f + 1, unit) : shaped(r->tape, block(r, f));
+        const lg_var each = r->term->of_count > 0 ? lg_machine_columns(r->tape, x, f, 1) : x;
+        const lg_var more = lg_mul(r->tape, each, factor);
+        sum = lg_is_none(sum) ? more : lg_add(r->tape, sum, more);
+    }
+    return sum;
+}
+
+static lg_var itself(lg_tape *tape, lg_var x) {
+    (void)tape;
+    return x;
+}
+
+/* -c g S of a whole term, else -c (g - 1) S. */
+static lg_var rubbed(const rubbing *r, lg_var g, lg_var v) {
+    const lg_var c = coefficients(r, 0), S = sign_of(r, v);
+    const lg_var size = r->whole ? g : lg_add_scalar(r->tape, g, -1.0);
+    return lg_neg(r->tape, lg_mul(r->tape, lg_mul(r->tape, c, size), S));
+}
+
+static lg_var load(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen) {
+    const rubbing r = begin(tape, vars, term);
+    const lg_var loads = loads_of(&r, seen);
+    const lg_var none = lg_full(tape, lg_shape2(1, r.n), 1.0);
+    return rubbed(&r, lg_is_none(loads) ? none : lg_add_scalar(tape, weighted(&r, loads, lg_exp), 1.0),
+                  seen->v);
+}
+
+static lg_var position(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
+                       const lg_machine_seen *seen) {
+    const rubbing r = begin(tape, vars, term);
+    const lg_var x = lg_machine_record_features(tape, r.machine, r.term, seen);
+    return rubbed(&r, positive_part(tape, weighted(&r, x, itself)), seen->v);
+}
+
+static double same(double x) {
+    return x;
+}
+
+static void factor_numbers(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
+                           const double *theta, const char *what, double (*shaped)(double)) {
+    const uint32_t n = machine->velocities, count = blocks_of(machine, term);
+    const bool whole = is_whole(machine, term);
+    const double *own = whole ? theta + n : theta;
+    double scales[LG_MACHINE_FEATURE_NUMBERS];
+    const rubbing r = {.machine = machine, .term = term, .n = n};
+    if (whole) lg_numbers_drag(l, machine, "coulomb", 0, theta, exp);
+    if (term->of_count > 0) (void)lg_machine_feature_scales(machine, term, scales);
+    for (uint32_t f = 0; f < count; f++)
+        for (uint32_t k = 0; k < n; k++) {
+            char name[48], by[64] = "";
+            lg_machine_velocity_name(machine, k, name, sizeof name);
+            if (count > 1) lg_machine_feature_name(machine, term, f, by, sizeof by);
+            lg_numbers_put(l, shaped(own[f * n + k]) / feature_unit(&r, scales, f, k), "%s.%s%s%s", what, name,
+                           count > 1 ? "." : "", by);
+        }
+}
+
+static void load_numbers(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
+                         const double *theta) {
+    factor_numbers(l, machine, term, theta, "load", exp);
+}
+
+static void position_numbers(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
+                             const double *theta) {
+    factor_numbers(l, machine, term, theta, "position", same);
+}
+
+/* ---- starts, and the direction of scale ---- */
+
+/* Coefficients start at 0.01 in scaled units, as those of the other kinds; `rest` fills all other numbers. */
+static void start_at(const lg_machine *machine, const lg_machine_term *term, double *theta, double rest) {
+    static const double own = -4.605170185988091;
+    for (size_t i = 0; i < term->parameters; i++)
+        theta[i] = is_whole(machine, term) && i < machine->velocities ? own : rest;
+}
+
+static void start_still(const lg_machine *machine, const lg_machine_term *term, double *theta) {
+    start_at(machine, term, theta, 0.0);
+}
+
+/* Breakaway at 1.5 times the friction of sliding, at a speed in the middle of its range. */
+static void start_stribeck(const lg_machine *machine, const lg_machine_term *term, double *theta) {
+    const size_t n = machine->velocities;
+    start_at(machine, term, theta, 0.0);
+    for (size_t k = 0; k < n; k++) theta[term->parameters - 2 * n + k] = -1.0986122886681098;
+}
+
+static void start_load(const lg_machine *machine, const lg_machine_term *term, double *theta) {
+    start_at(machine, term, theta, -2.302585092994046);
+}
+
+static void scale_own(const lg_machine *machine, const lg_machine_term *term, const double *theta,
+                      double *direction) {
+    (void)theta;
+    for (size_t i = 0; i < term->parameters; i++)
+        direction[i] = is_whole(machine, term) && i < machine->velocities ? 1.0 : 0.0;
+}
+
+/* ---- values ---- */
+
+/* The reason why known friction could give energy, or NULL. */
+static const char *asymmetric_fault(const lg_machine *machine, const lg_machine_term *term) {
+    for (uint32_t k = 0; k < machine->velocities; k++)
+        if (!(fabs(term->values[machine->velocities + k]) <= term->values[k]))
+            return "the difference must not exceed the viscous friction: friction would give energy";
+    return NULL;
+}
+
+static const char *stribeck_fault(const lg_machine *machine, const lg_machine_term *term) {
+    const uint32_t n = machine->velocities;
+    for (uint32_t k = 0; k < n; k++)
+        if (!(term->values[k] >= 0.0 && term->values[n + k] >= term->values[k] &&
+              term->values[2 * n + k] > 0.0))
+            return "the values are three rows: friction of sliding (not below 0), friction at rest (not below "
+                   "that), and the speed between them (above 0)";
+    return NULL;
+}
+
+static const char *load_fault(const lg_machine *machine, const lg_machine_term *term) {
+    (void)machine;
+    for (uint32_t k = 0; k < term->value_count; k++)
+        if (!(term->values[k] >= 0.0)) return "friction and its factors must not be below 0";
+    return NULL;
+}
+
+static const char *position_fault(const lg_machine *machine, const lg_machine_term *term) {
+    for (uint32_t k = 0; k < machine->velocities; k++)
+        if (!(term->values[k] >= 0.0)) return "friction must not be below 0";
+    return NULL;
+}
+
+/* ---- the table ---- */
+
+#define FRICTION                                                                                             \
+    .part = LG_MACHINE_DAMPING, .parameters = count_parameters, .values = count_values, .scaling = scale_own
+const lg_term_kind lg_machine_friction_kinds[] = {{.name = "asymmetric",
+                                                   .options = LG_TERM_WIDTH | LG_TERM_VALUES,
+                                                   .base = "diagonal",
+                                                   .blocks = 1,
+                                                   .initialise = start_still,
+                                                   .record = asymmetric,
+                                                   .numbers = asymmetric_numbers,
+                                                   .fault = asymmetric_fault,
+                                                   FRICTION},
+                                                  {.name = "stribeck",
+                                                   .options = LG_TERM_WIDTH | LG_TERM_VALUES,
+                                                   .base = "coulomb",
+                                                   .blocks = 2,
+                                                   .initialise = start_stribeck,
+                                                   .record = stribeck,
+                                                   .numbers = stribeck_numbers,
+                                                   .fault = stribeck_fault,
+                                                   FRICTION},
+                                                  {.name = "load",
+                                                   .options = LG_TERM_WIDTH | LG_TERM_VALUES | LG_TERM_SOME |
+                                                              LG_TERM_INPUTS,
+                                                   .base = "coulomb",
+                                                   .initialise = start_load,
+                                                   .record = load,
+                                                   .numbers = load_numbers,
+                                                   .fault = load_fault,
+                                                   FRICTION},
+                                                  {.name = "position",
+                                                   .options = LG_TERM_WIDTH | LG_TERM_VALUES | LG_TERM_OF,
+                                                   .base = "coulomb",
+                                                   .initialise = start_still,
+                                                   .record = position,
+                                                   .numbers = position_numbers,
+                                                   .fault = position_fault,
+                                                   FRICTION},
+                                                  {.name = NULL}};

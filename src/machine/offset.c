@@ -1,0 +1,69 @@
+/* Machines: constant forces. `of` lists coordinates; without it there is one force for each velocity. */
+#include <string.h>
+
+#include "autodiff/tape/tape_internal.h"
+#include "core/core.h"
+#include "liegrad/ops.h"
+#include "machine/internal.h"
+
+/* Writes to `out` the velocities on which the term acts; returns their number. */
+static uint32_t velocities_of(const lg_machine *machine, const lg_machine_term *term, uint32_t *out) {
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        bool listed = term->of_count == 0;
+        for (uint32_t k = 0; k < term->of_count; k++) listed = listed || term->of[k].index == i;
+        const uint32_t first = lg_machine_offsets_of(machine, i).velocity;
+        const uint32_t each = lg_coordinate_row_of(machine->coordinates[i].kind)->velocities;
+        for (uint32_t k = 0; listed && k < each; k++) out[count++] = first + k;
+    }
+    return count;
+}
+
+static size_t count_forces(const lg_machine *machine, const lg_machine_term *term) {
+    uint32_t list[LG_MACHINE_VELOCITIES];
+    return velocities_of(machine, term, list);
+}
+
+static void count_values(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]) {
+    fits[0] = fits[1] = count_forces(machine, term);
+}
+
+/* The forces, (B, velocities); 0 on velocities on which the term does not act. */
+static lg_var record(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen) {
+    const lg_machine *machine = vars->machine;
+    const lg_machine_term *own = &machine->terms[term];
+    uint32_t list[LG_MACHINE_VELOCITIES];
+    double place[LG_MACHINE_VALUES] = {0.0}, known[LG_MACHINE_VELOCITIES];
+    const uint32_t n = machine->velocities, count = velocities_of(machine, own, list);
+    for (uint32_t i = 0; i < count; i++) {
+        place[i * n + list[i]] = 1.0;
+        known[i] = own->values[i] * machine->scales.velocity[list[i]] / machine->scales.energy;
+    }
+    const lg_shape row = lg_shape2(1, count);
+    const lg_var force = own->value_count > 0 ? lg_input_f64(tape, row, known)
+                                              : lg_reshape(tape, vars->theta[term], row);
+    const lg_var all = lg_matmul(tape, force, lg_input_f64(tape, lg_shape2(count, n), place));
+    const lg_var zeros = lg_full(tape, lg_shape2(seen->rows, n), 0.0);
+    lg_tape_mark_rows(tape, zeros);
+    return lg_add(tape, zeros, all);
+}
+
+static void numbers(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
+                    const double *theta) {
+    uint32_t list[LG_MACHINE_VELOCITIES];
+    const uint32_t count = velocities_of(machine, term, list);
+    for (uint32_t i = 0; i < count && term->value_count == 0; i++) {
+        char name[48];
+        lg_machine_velocity_name(machine, list[i], name, sizeof name);
+        lg_numbers_put(l, theta[i] * machine->scales.energy / machine->scales.velocity[list[i]], "offset.%s",
+                       name);
+    }
+}
+
+#define OFFSET                                                                                               \
+    .part = LG_MACHINE_OFFSET, .parameters = count_forces, .values = count_values, .record = record,         \
+    .numbers = numbers
+const lg_term_kind lg_machine_offset_kinds[] = {
+    {.name = "unknown", .options = LG_TERM_SOME, OFFSET},
+    {.name = "known", .options = LG_TERM_SOME | LG_TERM_VALUES | LG_TERM_KNOWN, OFFSET},
+    {.name = NULL}};

@@ -1,0 +1,94 @@
+/* Machines: how fast friction stops a motion near rest. */
+#include <math.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "liegrad/ops.h"
+#include "machine/internal.h"
+
+/* The least width of the machine's friction at velocity k, in the units of the log. */
+static double least_width(const lg_machine *machine, uint32_t k) {
+    const lg_machine_term none = {.width = 0.0};
+    double least = lg_machine_width(machine, &none, k);
+    for (uint32_t i = 0; i < machine->term_count; i++)
+        if ((machine->terms[i].kind->options & LG_TERM_WIDTH) != 0)
+            least = fmin(least, lg_machine_width(machine, &machine->terms[i], k));
+    return least;
+}
+
+/* Rows of the tape: for each row of the log one per velocity, in which this velocity alone is not 0. */
+typedef struct probe {
+    uint32_t count; /* rows of the log times velocities */
+    double *q, *v, *u, *after;
+} probe;
+
+static void fill(const lg_machine *machine, const lg_machine_log *log, const size_t *rows, size_t count,
+                 const probe *p) {
+    static const double part = 1e-2;
+    const size_t n = machine->velocities, m = machine->input_count;
+    memset(p->v, 0, p->count * n * sizeof *p->v);
+    for (size_t r = 0; r < count; r++)
+        for (size_t k = 0; k < n; k++) {
+            const size_t at = r * n + k;
+            lg_machine_scaled_rows(machine, log, &rows[r], 1, p->q + at * machine->positions, NULL);
+            p->v[at * n + k] = part * least_width(machine, (uint32_t)k) * machine->scales.time /
+                               machine->scales.velocity[k];
+            for (size_t j = 0; j < m; j++)
+                p->u[at * m + j] = log->u[rows[r] * 4 * m + j] / machine->scales.input[j];
+        }
+}
+
+/* Reads the velocities after an impulse of the damping's force over the unit of time. */
+static lg_status push(lg_tape *tape, const lg_machine *machine, const double *theta, const probe *p) {
+    const uint32_t n = machine->velocities, m = machine->input_count;
+    lg_machine_vars vars;
+    lg_var parts[LG_TAPED_MAX_PARTS], u = LG_NONE;
+    LG_TRY(lg_machine_bind(tape, machine, lg_machine_parameter(tape, machine, theta), &vars));
+    vars.bias = LG_NONE;
+    const lg_var q = lg_input_f64(tape, lg_shape2(p->count, machine->positions), p->q),
+                 v = lg_input_f64(tape, lg_shape2(p->count, n), p->v);
+    if (m > 0) u = lg_input_f64(tape, lg_shape2(p->count, m), p->u);
+    LG_TRY(lg_machine_record_state(tape, &vars, q, v, parts));
+    const lg_var f = lg_machine_record_force(tape, &vars, LG_MACHINE_DAMPING, parts, v, u);
+    lg_machine_push(tape, machine, f, parts);
+    return lg_read(tape, lg_machine_record_rates(tape, &vars, parts), (size_t)p->count * n, p->after);
+}
+
+static bool has_damping(const lg_machine *machine) {
+    bool any = false;
+    for (uint32_t i = 0; i < machine->term_count; i++)
+        any = any || machine->terms[i].part == LG_MACHINE_DAMPING;
+    return any;
+}
+
+lg_status lg_machine_rest_rate(const lg_context *context, const lg_machine *machine, const double *theta,
+                               const lg_machine_log *log, double *rate, lg_error *error) {
+    enum { ROWS = 32 };
+    size_t rows[ROWS], count = 0;
+    lg_tape *tape = NULL;
+    *rate = 0.0;
+    for (size_t i = 0; i < ROWS && log->rows > 0; i++) {
+        const size_t row = i * log->rows / ROWS;
+        if (lg_machine_log_complete(machine, log, row, true)) rows[count++] = row;
+    }
+    if (count == 0 || !has_damping(machine)) return LG_OK;
+    const size_t n = machine->velocities, all = count * n;
+    double *memory = lg_alloc(context, all * (machine->positions + 2 * n + machine->input_count), sizeof *memory);
+    if (memory == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    probe p = {.count = (uint32_t)all, .v = memory, .after = memory + all * n, .q = memory + 2 * all * n};
+    p.u = p.q + all * machine->positions;
+    fill(machine, log, rows, count, &p);
+    lg_status status = lg_tape_create(context, NULL, &tape);
+    if (status == LG_OK) status = push(tape, machine, theta, &p);
+    for (size_t i = 0; status == LG_OK && i < all; i++) {
+        const double v = p.v[i * n + i % n], slowed = 1.0 - p.after[i * n + i % n] / v;
+        if (isfinite(slowed)) *rate = fmax(*rate, slowed / machine->scales.time);
+    }
+    if (status != LG_OK)
+        (void)lg_fail(error, status, "%s",
+                      tape != NULL && lg_tape_status(tape) != LG_OK ? lg_tape_message(tape)
+                                                                    : lg_status_sentence(status));
+    lg_tape_destroy(tape);
+    lg_free(context, memory);
+    return status;
+}
