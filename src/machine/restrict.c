@@ -18,22 +18,14 @@ static size_t all_starts(const lg_machine_problem *problem) {
 
 /* ---- directions ---- */
 
-/* Coefficients are squares of parameters, and matrices L L^T; a network's last layer gives L. */
-static void scale_squares(const lg_machine *machine, const lg_machine_term *term, const double *theta,
-                          double *direction) {
-    const bool network = (term->kind->options & LG_TERM_HIDDEN) != 0;
-    const size_t first = network ? lg_mlp_weight_offset(&term->net, term->net.layers - 1) : 0;
-    (void)machine;
-    for (size_t i = first; i < term->parameters; i++) direction[i] = 0.5 * theta[i];
-}
-
 bool lg_machine_scale_friction(const lg_machine *machine, const double *theta, double *direction) {
     bool any = false;
     memset(direction, 0, machine->parameters * sizeof *direction);
     for (uint32_t t = 0; t < machine->term_count; t++) {
         const lg_machine_term *term = &machine->terms[t];
-        if (term->part != LG_MACHINE_DAMPING || term->parameters == 0) continue;
-        scale_squares(machine, term, theta + term->offset, direction + term->offset);
+        if (term->part != LG_MACHINE_DAMPING || term->parameters == 0 || term->kind->scaling == NULL)
+            continue;
+        term->kind->scaling(machine, term, theta + term->offset, direction + term->offset);
         any = true;
     }
     return any;
@@ -173,7 +165,7 @@ static bool tell_errors(const adapting *a, double *work, lg_machine_adapted *out
 }
 
 static lg_status adapt(adapting *a, double *work, lg_machine_adapted *out, lg_error *error) {
-    enum { ROUNDS = 3 };
+    enum { ROUNDS = 2 };
     const size_t n = a->of->count;
     static const double held = 1e12;
     weigh_prior(a, held);

@@ -185,3 +185,54 @@ TEST("few windows: their stretches show the correlation too") {
     assert_true(identify(m, found).block > 0.0);
     for (int k = 0; k < NUMBERS; k++) assert_true(fabs(found[k].value - truth[k]) < 4.0 * found[k].error);
 }
+
+/* ---- a few numbers ---- */
+
+/* theta moved so that friction has the factor 1/1.2, and the restriction to this factor, in units of .1. */
+static lg_machine_restriction weaker(const made *m, double *theta, double *direction) {
+    assert_true(lg_machine_scale_friction(&m->machine, m->theta, direction));
+    memcpy(theta, m->theta, m->machine.parameters * sizeof *theta);
+    for (size_t i = 0; i < m->machine.parameters; i++) {
+        if (direction[i] != 0.0) theta[i] /= sqrt(1.2);
+        direction[i] *= 0.1 / sqrt(1.2);
+    }
+    return (lg_machine_restriction){&m->problem, theta, 1, direction};
+}
+
+TEST("a restricted problem has the loss of the moved machine, and the Jacobian of its residuals") {
+    const made *m = make(&usual, 0.0, 0.0, 0.01, 3, 11);
+    double theta[NUMBERS], direction[NUMBERS];
+    const lg_machine_restriction restriction = weaker(m, theta, direction);
+    const size_t starts = 2 * m->problem.windows;
+    double *x = TEST_ARRAY(double, 1 + starts), *all = TEST_ARRAY(double, NUMBERS + starts), before, after;
+    lg_fit_problem fit, without;
+    lg_machine_restricted_problem(&restriction, &fit);
+    assert_int_equal(fit.parameters, 1 + starts);
+    without = fit;
+    without.own = 0;
+    without.linearise = NULL;
+    double *y = TEST_ARRAY(double, 1 + starts);
+    fit_by_lm(&fit, 20, x);
+    fit_by_lm(&without, 20, y);
+    for (size_t i = 0; i < fit.parameters; i++) assert_close(x[i], y[i], 1e-6, 1e-8);
+    for (int i = 0; i < NUMBERS; i++) all[i] = theta[i] + x[0] * direction[i];
+    memcpy(all + NUMBERS, x + 1, starts * sizeof *x);
+    assert_ok(lg_machine_loss(NULL, &m->problem, all, &after, NULL, NULL));
+    assert_ok(lg_machine_loss(NULL, &m->problem, m->theta, &before, NULL, NULL));
+    assert_close(after, before, 0.02, 0.0);
+}
+
+TEST("friction that is 20 percent higher is found by one number; little data leave it at its prior") {
+    const made *m = make(&usual, 0.0, 0.0, 0.01, 3, 11);
+    double theta[NUMBERS], direction[NUMBERS], x, error, alone;
+    const lg_machine_restriction restriction = weaker(m, theta, direction);
+    lg_machine_adapted found = {.x = &x, .error = &error, .alone = &alone};
+    assert_ok(lg_machine_adapt(NULL, &restriction, &found, NULL));
+    assert_true(found.after < found.before && error < 0.2 && fabs(error - alone) < 0.1 * alone);
+    assert_close((1.0 + 0.05 * x) * (1.0 + 0.05 * x), 1.2, 0.03, 0.0);
+    made *little = make(&usual, 0.0, 0.0, 2.0, 3, 11);
+    little->problem.windows = 2;
+    const lg_machine_restriction same = {&little->problem, theta, 1, direction};
+    assert_ok(lg_machine_adapt(NULL, &same, &found, NULL));
+    assert_true(fabs(x) < 1.0 && error > 0.9 && error <= 1.0 && alone > 2.0);
+}

@@ -20,11 +20,24 @@ static size_t friction(const lg_machine *machine, const double *theta, const dou
 }
 
 static const lg_machine_term *learned_offset(const lg_machine *machine) {
-    for (uint32_t t = 0; t < machine->term_count; t++) {
-        const char *part = lg_machine_part_name(machine->terms[t].part);
-        if (strcmp(part, "offset") == 0 && machine->terms[t].parameters > 0) return &machine->terms[t];
-    }
+    for (uint32_t t = 0; t < machine->term_count; t++)
+        if (machine->terms[t].part == LG_MACHINE_OFFSET && machine->terms[t].parameters > 0)
+            return &machine->terms[t];
     return NULL;
+}
+
+/* The velocity on which force number `index` of an offset acts. */
+static uint32_t velocity_of(const lg_machine *machine, const lg_machine_term *term, size_t index) {
+    uint32_t velocity = 0;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        bool listed = term->of_count == 0;
+        for (uint32_t k = 0; k < term->of_count; k++) listed = listed || term->of[k].index == i;
+        const uint32_t each = lg_coordinate_row_of(machine->coordinates[i].kind)->velocities;
+        if (listed && index < each) return velocity + (uint32_t)index;
+        if (listed) index -= each;
+        velocity += each;
+    }
+    return 0;
 }
 
 /* The number that changes with parameter `at` when all others are 0: its name, and its value where the parameter is
@@ -52,8 +65,8 @@ static size_t offset(const lg_machine *machine, const double *theta, const doubl
     (void)theta;
     if (term == NULL || index >= term->parameters) return 0;
     const double unit = unit_of(machine, term->offset + index, direction, name);
-    direction[term->offset + index] = unit != 0.0 ? force[index] / unit : 0.0;
-    *size = force[index];
+    *size = force[velocity_of(machine, term, index)];
+    direction[term->offset + index] = unit != 0.0 ? *size / unit : 0.0;
     return 1;
 }
 
