@@ -73,4 +73,48 @@ TEST("numbers that cannot be adapted are refused with a list of those that can, 
     assert_says(result.err, "the machine has no learned friction");
 }
 
+TEST(
+    "a free run that integrates a constant force is told, with the force; a run that a spring holds is not") {
+    static const char spring[] = "potential: {kind: known, form: quadratic, of: x, values: [4]}\n";
+    static const char *const springs[] = {"", spring};
+    for (int held = 0; held < 2; held++) {
+        cli_write("a.yaml", test_text("%s%s", first_day, springs[held]));
+        cli_write("b.yaml", test_text("%s%s", second_day, springs[held]));
+        cli_write("c.yaml", test_text("%s%s", model, springs[held]));
+        cli_run(identify,
+                "generate a.yaml --runs 1 --inputs steps --amplitude 3 --t-end 10 --dt 0.02 --noise 0.002 "
+                "--out a.csv");
+        cli_run(identify,
+                "generate b.yaml --runs 1 --inputs steps --amplitude 3 --t-end 20 --dt 0.02 --noise 0.002 "
+                "--seed 2 --out b.csv");
+        cli_run(identify, "fit c.yaml a.csv --out c.h5");
+        cli_json(identify, "evaluate c.h5 b.csv --horizons 1,5", "integrates {");
+        const char *x = json_find(json_find(result.out, "integrates"), "x");
+        if (held != 0) {
+            assert_null(x);
+            assert_null(strstr(result.err, "integrates an offset"));
+            continue;
+        }
+        assert_says(result.err, "the free run integrates an offset");
+        assert_non_null(x);
+        assert_true(fabs(json_number(x, "force") - 0.05) < 0.03);
+        assert_true(json_number(x, "with") < 0.7 * json_number(x, "without"));
+    }
+}
+
+TEST("a linear model is compared in logs of positions alone, and the picture of friction has the logged "
+     "forces") {
+    cli_write("p.yaml",
+              "columns: {time: t}\ncoordinates: [{name: x, kind: line}]\nmeasured: positions\n"
+              "inputs: {columns: [u]}\ninput_map: {kind: known, values: [1]}\nmass: diagonal\ndamping: "
+              "diagonal\n");
+    cli_run(identify, "fit p.yaml first.csv --out p.h5");
+    cli_expect(identify, "evaluate p.h5 first.csv --horizons 1 --plot p.svg", 0, "");
+    assert_says(result.out, "Runs of 1 s, error of line: the ");
+    enum { SIZE = 1 << 20 };
+    char *text = lg_test_memory(SIZE);
+    (void)cli_read("p.svg", text, SIZE);
+    assert_says(text, "as logged");
+}
+
 TEST_GROUP(setup, cli_end)
