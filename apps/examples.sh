@@ -83,6 +83,10 @@ lg-identify fit machine/machine.yaml machine/train.csv --validation machine/test
 #: lg-identify evaluate
 lg-identify evaluate body.h5 machine/test.csv --horizons 1,2 --plot learned.svg
 
+#: lg-identify adapt
+# The first two seconds of a new log tell the factor of the friction and a constant force; the rest is judged.
+lg-identify adapt body.h5 machine/test.csv --seconds 2 --out adapted.h5
+
 #: lg-identify predict
 lg-identify predict body.h5 machine/test.csv --out run.csv --plot run.svg
 

@@ -44,7 +44,8 @@ typedef struct verdict {
     double energy[IDENTIFY_ENERGIES];
     identify_whiteness whiteness[LG_LOG_COLUMNS];
     double relative, relative_worst; /* NaN: not asked for. */
-    double *q, *v;                   /* The free run at the rows of the log; owned. */
+    identify_offset offsets[LG_MACHINE_COORDINATES];
+    double *q, *v; /* The free run at the rows of the log; owned. */
 } verdict;
 
 /* ---- report ---- */
@@ -72,9 +73,12 @@ static void put_horizon(app_json *json, const lg_horizon *h, const lg_horizon *l
     app_json_close(json, '}');
 }
 
-/* Prints the table of horizons. `linear`: with the linear model, which needs velocities. */
-static void show_horizons(FILE *stream, const verdict *v, bool linear) {
+/* Prints the table of horizons, with the linear model if there is one. */
+static void show_horizons(FILE *stream, const verdict *v) {
     app_table table = {0};
+    bool linear = false;
+    for (size_t i = 0; i < v->horizon_count; i++)
+        for (int e = 0; e < LG_RUN_ERRORS; e++) linear = linear || !isnan(v->linear[i].pooled[e]);
     app_table_row(&table, "horizon\tstarts\terror of\tpooled\tmedian\tunchanged%s", linear ? "\tlinear" : "");
     for (size_t i = 0; i < v->horizon_count; i++)
         for (int e = 0; e < LG_RUN_ERRORS; e++) {
@@ -86,6 +90,38 @@ static void show_horizons(FILE *stream, const verdict *v, bool linear) {
                           lg_run_error_names[e], h->pooled[e], h->median[e], h->unchanged[e], linear_cell);
         }
     app_table_end(&table, stream);
+}
+
+/* Says for each horizon how the model compares with the linear model. */
+static void compare(app_json *out, const verdict *v) {
+    for (size_t i = 0; i < v->horizon_count; i++)
+        for (int e = 0; e < LG_RUN_ERRORS; e++) {
+            const double own = v->horizons[i].pooled[e], linear = v->linear[i].pooled[e];
+            char text[160];
+            if (!isfinite(own) || !isfinite(linear)) continue;
+            (void)snprintf(
+                text, sizeof text, "Runs of %g s, error of %s: the %s is better, %.3g against %.3g of the %s",
+                v->horizons[i].seconds, lg_run_error_names[e], own < linear ? "model" : "linear model",
+                fmin(own, linear), fmax(own, linear), own < linear ? "linear model" : "model");
+            app_result_line(out, "%s", text);
+            break;
+        }
+}
+
+/* Writes {coordinate: the constant force that its free run integrates}. */
+static void put_offsets(app_json *out, const lg_machine *machine, const verdict *v) {
+    if (out->people) return;
+    app_json_open(out, "integrates", '{');
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const identify_offset *o = &v->offsets[i];
+        if (!o->integrates) continue;
+        app_json_open(out, machine->coordinates[i].name, '{');
+        app_json_real(out, "force", o->force);
+        app_json_real(out, "without", o->without);
+        app_json_real(out, "with", o->with);
+        app_json_close(out, '}');
+    }
+    app_json_close(out, '}');
 }
 
 static void put_columns(app_json *out, const lg_machine_file *file, const verdict *v) {
@@ -128,8 +164,10 @@ static void report(const app *self, const lg_machine_file *file, const verdict *
     app_json_open(&out, "horizons", '[');
     for (size_t i = 0; i < v->horizon_count; i++) put_horizon(&out, &v->horizons[i], &v->linear[i]);
     app_json_close(&out, ']');
-    if (out.people) show_horizons(out.stream, v, file->measured != LG_MEASURED_POSITIONS);
+    if (out.people) show_horizons(out.stream, v);
+    if (out.people) compare(&out, v);
     put_columns(&out, file, v);
+    put_offsets(&out, &file->machine, v);
     app_json_open(&out, "energy", '{');
     for (int k = 0; k < IDENTIFY_ENERGIES; k++)
         app_result_real(&out, energy_names[k], v->energy[k], energy_words[k]);
@@ -172,16 +210,23 @@ static void judge_horizons(const app *self, const identify_given *given, verdict
     static const double usual[] = {1, 2, 5};
     const lg_learned_machine *model = &given->model;
     const lg_machine_log *log = &given->data.logs.log;
-    identify_linear *linear = identify_linear_create(model->machine, log);
+    lg_machine_log simple = *log;
+    APP_FREE double *slopes = app_alloc(log->rows * model->machine->velocities, sizeof *slopes);
+    if (model->positions) {
+        identify_slopes(model->machine, log, slopes);
+        simple.v = slopes;
+    }
+    identify_linear *linear = identify_linear_create(model->machine, &simple);
     out->horizon_count = values.horizons.count > 0 ? values.horizons.count : LG_COUNT(usual);
     for (size_t i = 0; i < out->horizon_count; i++) {
         const double seconds = values.horizons.count > 0 ? values.horizons.values[i] : usual[i];
         APP_MUST(self, lg_machine_horizon(self->context, model, log, seconds, values.every, &out->horizons[i],
                                           &error));
-        for (int e = 0; e < LG_RUN_ERRORS; e++) out->linear[i].pooled[e] = (double)NAN;
-        if (!model->positions)
-            APP_MUST(self, lg_horizon_of(self->context, model->machine, identify_linear_run, linear, log,
-                                         seconds, values.every, &out->linear[i], &error));
+        APP_MUST(self, lg_horizon_of(self->context, model->machine, identify_linear_run, linear, &simple,
+                                     seconds, values.every, &out->linear[i], &error));
+        if (model->positions) out->linear[i].pooled[LG_ERROR_VELOCITY] = (double)NAN;
+        for (int e = 0; e < LG_RUN_ERRORS; e++)
+            if (out->linear[i].pooled[e] >= 1e300) out->linear[i].pooled[e] = (double)NAN;
         if (out->horizons[i].starts == 0)
             app_warn(self, "no run of %g s fits into a part of the logs: that horizon is not judged",
                      seconds);
@@ -242,6 +287,19 @@ static void warn_of_runs(const app *self, const lg_machine_file *file, const ver
     }
 }
 
+static void warn_of_offsets(const app *self, const lg_machine *machine, const verdict *v) {
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const identify_offset *o = &v->offsets[i];
+        if (!o->integrates) continue;
+        app_warn(
+            self,
+            "the free run integrates an offset: a constant force of %.3g on %s takes its error from %.3g to "
+            "%.3g, and the effect of such a force grows to the end of the run. Judge the model by short "
+            "horizons, or fit the force to the beginning of this log: lg-identify adapt",
+            o->force, machine->coordinates[i].name, o->without, o->with);
+    }
+}
+
 /* Residuals of single steps may look white even if the free run is not finite. Then the probability is set to
  * 0. */
 static void deny_whiteness(const lg_machine_file *file, verdict *v) {
@@ -263,6 +321,8 @@ static void judge_run(const app *self, const identify_given *given, verdict *out
     if (model->positions) leave_out(machine, log, start, count, out);
     identify_column_errors(given, out->q, out->v, out->free_run);
     warn_of_runs(self, file, out);
+    identify_find_offsets(self, given, start, count, out->q, out->offsets);
+    warn_of_offsets(self, machine, out);
     identify_balance(self, given, out->energy, out->whiteness);
     if (model->positions) identify_run_whiteness(given, out->q, out->v, out->whiteness);
     deny_whiteness(file, out);

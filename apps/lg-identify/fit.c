@@ -37,6 +37,9 @@ static void show_identified(const lg_machine_verdict *what) {
         app_table_row(&table, "%s\t%.6g\t%.2g", number->name, number->value, number->error);
     }
     app_table_end(&table, stdout);
+    if (what->identified.block > 0.0)
+        (void)printf("errors are corrected for correlation: blocks of %.3g s of the residuals\n",
+                     what->identified.block);
 }
 
 /* Prints what each candidate leaves of the error. */

@@ -7,7 +7,7 @@
 #include "machine/files/recipe.h"
 
 extern const app_command check_command, fit_command, evaluate_command, predict_command, generate_command,
-    demo_command;
+    demo_command, adapt_command;
 
 /* ---- models and logs (data.c) ---- */
 
@@ -132,6 +132,24 @@ void identify_balance(const app *self, const identify_given *given, double energ
 /* The same test for the residuals of whole runs, at the rows where q and v are predicted. */
 void identify_run_whiteness(const identify_given *given, const double *q, const double *v,
                             identify_whiteness *out);
+
+/* ---- constant forces (offset.c) ---- */
+
+/* The constant force on a line or angle that explains the error of the free run best, and root mean squares of
+ * this error without and with it. */
+typedef struct identify_offset {
+    bool integrates; /* the force explains most of the error, and its effect grows to the end of the run */
+    double force, without, with;
+} identify_offset;
+/* Fills `out` (LG_MACHINE_COORDINATES) for the free run q (rows, positions) from these starts; where q is NaN,
+ * nothing is compared. */
+void identify_find_offsets(const app *self, const identify_given *given, const size_t *start, size_t count,
+                           const double *q, identify_offset *out);
+/* v (rows, velocities) of lines and angles: slopes of lines through 21 positions. NaN for other kinds. */
+void identify_slopes(const lg_machine *machine, const lg_machine_log *log, double *v);
+/* Velocities (n, velocities), and on each the learned friction plus the force that the model lacks, from n
+ * stretches of 20 intervals. Both arrays belong to the caller. Returns n. */
+size_t identify_lacking(const app *self, const identify_given *given, double **velocity, double **force);
 
 /* ---- values of the potential and of the damping force (balance.c) ---- */
 

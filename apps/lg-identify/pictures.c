@@ -1,5 +1,6 @@
 /* Pictures of logs, predictions and learned terms: panels in rows. */
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "lg-identify/identify.h"
@@ -210,7 +211,10 @@ typedef struct drawing {
     const double *q, *v; /* Predicted states at the rows of the log. */
     double middle[LG_MACHINE_POSITIONS];
     app_plot plot;
-    size_t blocks;           /* Number of data blocks written so far. */
+    size_t blocks; /* Number of data blocks written so far. */
+    /* (lacking_count, velocities): velocities, and friction with the force that the model lacks. */
+    size_t lacking_count;
+    double *lacking_v, *lacking;
     double *at_q, *at_v, *y; /* (GRID, ...): states along an axis, and the values drawn over them. */
 } drawing;
 
@@ -241,6 +245,9 @@ typedef struct curve {
     size_t x_stride, y_stride;
     double low, high;
     bool angle, level; /* level: drawn relative to its least value. */
+    /* (point_count): points beside the curve, every `y_stride` numbers; NULL: none. */
+    const double *point_x, *point_y;
+    size_t point_count;
 } curve;
 
 /* Writes the share of the log's rows in each bin, as a strip along the axis. */
@@ -268,14 +275,24 @@ static void put_curve(drawing *d, const curve *c) {
         (void)fprintf(stream, "%.7g %.7g\n", c->low + (c->high - c->low) * (double)i / (GRID - 1),
                       c->y[i * c->y_stride] - (c->level ? least : 0));
     (void)fputs("\n\n", stream);
+    for (size_t i = 0; i < c->point_count; i++)
+        (void)fprintf(stream, "%.7g %.7g\n", c->point_x[i * c->y_stride], c->point_y[i * c->y_stride]);
+    if (c->point_count > 0) (void)fputs("\n\n", stream);
     (void)fprintf(
         d->plot.script.stream,
         "set title '%s'\nset xlabel '%s'\nset ylabel ''\nset y2range [0:6]\n"
         "plot datafile index %zu using 1:2 axes x1y2 with boxes fs solid 1 noborder lc rgb '#c8d6c8' "
-        "title 'rows of the log', datafile index %zu using 1:2 with lines lw 2 lc rgb '#d1641f' title "
-        "'learned'\nunset y2range\n",
-        c->title, c->label, d->blocks, d->blocks + 1);
-    d->blocks += 2;
+        "title 'rows of the log', ",
+        c->title, c->label, d->blocks);
+    if (c->point_count > 0)
+        (void)fprintf(d->plot.script.stream,
+                      "datafile index %zu using 1:2 with points pt 7 ps 0.35 lc rgb '%s' title 'as logged', ",
+                      d->blocks + 2, colours[0]);
+    (void)fprintf(d->plot.script.stream,
+                  "datafile index %zu using 1:2 with lines lw 2 lc rgb '#d1641f' title 'learned'\nunset "
+                  "y2range\n",
+                  d->blocks + 1);
+    d->blocks += c->point_count > 0 ? 3 : 2;
 }
 
 /* Fills the slice: GRID states at rest around the middle state, in which number `index` of x (GRID, n) runs
@@ -295,8 +312,8 @@ static void put_potential(const app *self, drawing *d, const axis *a) {
     (void)snprintf(title, sizeof title, "potential along %.43s, from its least", a->name);
     fill_slice(d, d->at_q, nq, a->position, a->low, a->high);
     identify_values(self, &d->given->model, GRID, d->at_q, d->at_v, d->y, NULL);
-    put_curve(
-        d, &(curve){title, a->name, d->log->q + a->position, d->y, nq, 1, a->low, a->high, a->angle, true});
+    put_curve(d, &(curve){title, a->name, d->log->q + a->position, d->y, nq, 1, a->low, a->high, a->angle,
+                          true, NULL, NULL, 0});
 }
 
 static void put_friction(const app *self, drawing *d, const axis *a) {
@@ -307,8 +324,10 @@ static void put_friction(const app *self, drawing *d, const axis *a) {
     (void)snprintf(label, sizeof label, "velocity of %.43s", a->name);
     fill_slice(d, d->at_v, nv, a->velocity, a->slow, a->fast);
     identify_values(self, &d->given->model, GRID, d->at_q, d->at_v, NULL, d->y);
+    const bool lacking = d->lacking_count > 0;
     put_curve(d, &(curve){title, label, v + a->velocity, d->y + a->velocity, nv, nv, a->slow, a->fast, false,
-                          false});
+                          false, lacking ? d->lacking_v + a->velocity : NULL,
+                          lacking ? d->lacking + a->velocity : NULL, d->lacking_count});
 }
 
 static void put_slices(const app *self, drawing *d, axis *axes, size_t count) {
@@ -317,10 +336,14 @@ static void put_slices(const app *self, drawing *d, axis *axes, size_t count) {
     APP_FREE double *v = d->at_v = app_alloc(GRID * machine->velocities, sizeof *v);
     APP_FREE double *y = d->y = app_alloc(GRID * (machine->velocities + 1), sizeof *y);
     find_middle(d, axes, count);
+    if (has_part(machine, LG_MACHINE_DAMPING))
+        d->lacking_count = identify_lacking(self, d->given, &d->lacking_v, &d->lacking);
     for (size_t i = 0; i < count; i++) {
         if (axes[i].seen) put_potential(self, d, &axes[i]);
         if (has_part(machine, LG_MACHINE_DAMPING)) put_friction(self, d, &axes[i]);
     }
+    free(d->lacking_v);
+    free(d->lacking);
 }
 
 /* Draws the errors of the model, and of the guess that nothing changes, against the horizon. */

@@ -544,9 +544,10 @@ LG_API lg_status lg_machine_find_missing(const lg_context *context, const lg_mac
  * "potential.x^2", "potential.sin(theta)", "bias.x", "bias.body.velocity.3", "lag.u" (the time constant in
  * seconds), "curve.u.2", "dead_zone.u". If a mass is a network, the numbers are those of M at one position,
  * by default the reference: places and angles 0, directions e3, attitudes 1. `error` is one standard
- * deviation, from the Gauss-Newton matrix of at most
- * 512 windows and the noise that the residuals show, without a prior; infinite where the data do not
- * determine the number. */
+ * deviation, from the Gauss-Newton matrix and the residuals, without a prior; infinite where the data do not
+ * determine the number. Residuals that are correlated in time are taken in blocks of four correlation times,
+ * or of an eighth of the log, whichever makes larger errors. At most 8192 windows are used, 512 for more than
+ * 64 parameters. */
 #define LG_IDENTIFIED_NAME 96
 typedef struct lg_identified {
     char name[LG_IDENTIFIED_NAME];
@@ -578,6 +579,9 @@ typedef struct lg_identification {
      * theta + W x, with x from N(0, 1), is a machine that the logs allow as well. Only here weights of
      * networks have the prior N(0, 1). NULL: not computed. */
     double *spread;
+    /* Residuals that are correlated in time: seconds of the blocks from which the errors (and correlations,
+     * open directions and W) were computed. 0: the residuals are white. */
+    double block;
 } lg_identification;
 /* Fills `out`. `theta` has the parameters of the fit, with the starts if they are estimated;
  * problem->theta must be NULL. Errors: LG_OUT_OF_MEMORY, those of the tape. */
@@ -587,6 +591,36 @@ LG_API lg_status lg_machine_identify(const lg_context *context, const lg_machine
  * `text` has room for `size` bytes, and `count` is N. Returns how many numbers change in the row. */
 LG_API size_t lg_identification_sentence(const lg_identification *of, size_t count, size_t row, char *text,
                                          size_t size);
+
+/* ---- A few numbers for a new log ----
+ *
+ * theta = theta0 + sum_k x_k direction_k: a learned machine is moved along a few directions only, such as "all
+ * friction by a factor" and "a constant force". */
+
+typedef struct lg_machine_restriction {
+    const lg_machine_problem *problem; /* its theta is NULL; windows may be longer than LG_MACHINE_WINDOW */
+    const double *theta;               /* (P): theta0, P parameters of the machine */
+    size_t count;                      /* numbers x */
+    const double *directions;          /* (count, P) */
+} lg_machine_restriction;
+/* Writes to `direction` (P) how theta changes when all learned damping is multiplied by 1 + x, per x. False:
+ * nothing of the damping is learned. */
+LG_API bool lg_machine_scale_friction(const lg_machine *machine, const double *theta, double *direction);
+/* The fit problem of x (count), then of the starts as in lg_machine_fit_problem; `restriction` is borrowed. */
+LG_API void lg_machine_restricted_problem(const lg_machine_restriction *restriction, lg_fit_problem *out);
+
+/* All arrays have `count` numbers and belong to the caller. */
+typedef struct lg_machine_adapted {
+    double *x;
+    double *error;        /* standard deviation with the prior */
+    double *alone;        /* standard deviation from the logs alone, infinite where they show nothing */
+    double before, after; /* losses with x = 0 and with x; the starts are estimated for each */
+    double block;         /* as in lg_identification */
+} lg_machine_adapted;
+/* Finds the most probable x; before any data each x_k is from N(0, 1), so directions have the length of their
+ * prior's standard deviation. Errors: those of lg_fit and of the tape, LG_NOT_FINITE (the runs). */
+LG_API lg_status lg_machine_adapt(const lg_context *context, const lg_machine_restriction *restriction,
+                                  lg_machine_adapted *out, lg_error *error);
 
 /* ---- Predictions ---- */
 

@@ -10,7 +10,7 @@
 #include "kernels/lapack.h"
 #include "machine/internal.h"
 
-enum { CHUNK = 64 };
+enum { CHUNK = 64, SMALL = 64, MOST_OF_SMALL = 8192, RUN = 32, FEW = 64 };
 
 /* Sums over windows. R (n, n), column-major, is the factor of J = Q R after the starts of the windows have
  * been eliminated; the columns of J are the machine's parameters and, with `last`, the residuals as the last
@@ -39,6 +39,16 @@ typedef struct normal {
      * errors that are correlated in time. NULL if they are not wanted. */
     double *lagged;
     double squares, weighted;
+    /* The used windows are `used` of `windows`, in runs of neighbours of RUN windows if `runs`, else evenly
+     * spread. */
+    size_t windows, used;
+    bool runs;
+    /* (used * stretches, n): J^T r of each stretch of a window, in the order of the windows; NULL: not wanted.
+     * `neighbours`: sum of the products of residuals of neighbouring rows. */
+    double *scores;
+    size_t stretches;
+    double neighbours;
+    const double *unmoved; /* parameters at which the residuals are taken; NULL: theta */
 } normal;
 
 static double dot(const double *a, const double *b, size_t n) {
@@ -100,8 +110,25 @@ static void add_lagged(normal *s, size_t count) {
         }
 }
 
-static lg_status add_chunk(normal *s, lg_tape *tape, const uint32_t *samples, size_t count, size_t batch) {
-    const size_t given = s->n - s->last, columns = given + s->starts;
+/* Adds products of the residuals of neighbouring rows, and the scores of the windows' stretches. `first`:
+ * index of the chunk's first window. */
+static void add_scores(normal *s, size_t first, size_t count) {
+    const size_t each = s->rows / count, logged = each - s->priors,
+                 d = lg_machine_start_numbers(s->problem->machine), m = s->stretches;
+    for (size_t w = 0; w < count; w++) {
+        const double *r = s->residuals + w * each;
+        s->neighbours += dot(r, r + d, logged - d);
+        for (size_t k = 0; k < m; k++) {
+            const size_t begin = logged / d * k / m * d, end = logged / d * (k + 1) / m * d;
+            double *score = s->scores + ((first + w) * m + k) * s->n;
+            for (size_t j = 0; j < s->n; j++)
+                score[j] = dot(s->columns + j * s->rows + w * each + begin, r + begin, end - begin);
+        }
+    }
+}
+
+static lg_status add_chunk(normal *s, lg_tape *tape, const uint32_t *samples, size_t first, size_t count) {
+    const size_t given = s->n - s->last, columns = given + s->starts, batch = s->used;
     double squares = 0.0;
     s->rows = count * s->fit.rows;
     LG_TRY(s->fit.linearise(s->fit.user, tape, s->theta, samples, count, batch, &squares, s->residuals,
@@ -113,6 +140,10 @@ static lg_status add_chunk(normal *s, lg_tape *tape, const uint32_t *samples, si
     if (s->starts > 0) eliminate(s, count);
     if (s->lagged != NULL) add_lagged(s, count);
     s->squares += squares;
+    if (s->unmoved != NULL)
+        LG_TRY(s->fit.linearise(s->fit.user, tape, s->unmoved, samples, count, batch, &squares, s->residuals,
+                                s->jacobian));
+    if (s->scores != NULL) add_scores(s, first, count);
     for (size_t row = 0; row < s->rows; row++)
         s->weighted += row % s->fit.rows < s->fit.rows - s->priors && s->residuals[row] != 0.0;
     for (size_t j = 0; j < s->n; j++) {
@@ -124,17 +155,21 @@ static lg_status add_chunk(normal *s, lg_tape *tape, const uint32_t *samples, si
                                                                                       : LG_OUT_OF_MEMORY;
 }
 
+/* Index of the used window i. */
+static uint32_t window_at(const normal *s, size_t i) {
+    if (s->used == s->windows || !s->runs) return (uint32_t)(i * s->windows / s->used);
+    return (uint32_t)(i / RUN * (s->windows - RUN) / (s->used / RUN - 1) + i % RUN);
+}
+
 static lg_status add_all(normal *s, lg_tape *tape) {
-    const size_t windows = s->problem->windows - s->problem->validation;
-    const size_t used = windows < LG_MACHINE_MOST_WINDOWS ? windows : LG_MACHINE_MOST_WINDOWS;
     uint32_t samples[CHUNK];
-    for (size_t first = 0; first < used; first += s->chunk) {
-        const size_t count = used - first < s->chunk ? used - first : s->chunk;
-        for (size_t i = 0; i < count; i++) samples[i] = (uint32_t)((first + i) * windows / used);
-        LG_TRY(add_chunk(s, tape, samples, count, used));
+    for (size_t first = 0; first < s->used; first += s->chunk) {
+        const size_t count = s->used - first < s->chunk ? s->used - first : s->chunk;
+        for (size_t i = 0; i < count; i++) samples[i] = window_at(s, first + i);
+        LG_TRY(add_chunk(s, tape, samples, first, count));
     }
     /* Scales R as if all windows had been used. */
-    for (size_t i = 0; i < s->n * s->n; i++) s->triangle[i] *= sqrt((double)windows / (double)used);
+    for (size_t i = 0; i < s->n * s->n; i++) s->triangle[i] *= sqrt((double)s->windows / (double)s->used);
     return LG_OK;
 }
 
@@ -150,11 +185,16 @@ static double bound(const normal *s, size_t i, bool prior) {
     return prior ? 1e4 : 1e6;
 }
 
+/* Variance s^2 of a residual. */
+static double variance_of(const normal *s) {
+    const double freedom = fmax(1.0, s->weighted - (double)(s->n + s->used * s->starts));
+    return fmax(s->squares / freedom, DBL_MIN);
+}
+
 /* Writes R D/s with D the diagonal matrix of the bounds and s^2 the variance of the residuals: the
  * information in the data, in units of what was known before. */
 static void put_information(const normal *s, bool prior, double *out) {
-    const double freedom = fmax(1.0, s->weighted - (double)s->n);
-    const double deviation = sqrt(fmax(s->squares / freedom, DBL_MIN));
+    const double deviation = sqrt(variance_of(s));
     for (size_t j = 0; j < s->n; j++)
         for (size_t i = 0; i < s->n; i++)
             out[j * s->n + i] = s->triangle[j * s->n + i] * bound(s, j, prior) / deviation;
@@ -290,6 +330,43 @@ static void transpose(size_t n, const double *W, double *out) {
         for (size_t k = 0; k < n; k++) out[i * n + k] = W[k * n + i];
 }
 
+static double seconds_of(const lg_machine_log *log) {
+    double sum = 0.0;
+    for (size_t p = 0; p < log->parts; p++) sum += log->t[log->first[p + 1] - 1] - log->t[log->first[p]];
+    return sum;
+}
+
+/* Replaces W by the factor of a covariance for residuals that are correlated in time, if they are. */
+static lg_status colour(const normal *s, bool prior, double *W, double *block) {
+    const lg_kernels *k = lg_kernels_for(LG_F64);
+    const size_t n = s->n, count = s->used * s->stretches;
+    const double c = s->neighbours / fmax(s->squares, DBL_MIN), least = 0.02;
+    const bool coloured = c > fmax(least, 4.0 / sqrt(fmax(s->weighted, 1.0)));
+    double *h = lg_alloc(s->context, count * n, sizeof *h), *F = lg_alloc(s->context, 3 * n * n, sizeof *F);
+    lg_status status = h != NULL && F != NULL ? LG_OK : LG_OUT_OF_MEMORY;
+    size_t stretches = 0;
+    if (status == LG_OK) {
+        double *apart = F + n * n, *P = F + 2 * n * n;
+        for (size_t j = 0; j < n; j++)
+            for (size_t i = 0; i < n; i++) apart[j * n + i] = W[j * n + i] / bound(s, i, prior);
+        for (size_t i = 0; i < n; i++)
+            for (size_t j = 0; j < n; j++) P[i * n + j] = dot(apart + i * n, apart + j * n, n);
+        for (size_t i = 0; i < count; i++)
+            for (size_t j = 0; j < n; j++)
+                h[i * n + j] = dot(W + j * n, s->scores + i * n, n) / variance_of(s);
+        status = lg_machine_colour(s->context, count, n, s->stretches, (double)s->used / (double)s->windows,
+                                   coloured, P, h, F, &stretches);
+    }
+    if (status == LG_OK && stretches > 0) { /* Columns of W F: column-major W is W^T row by row. */
+        k->gemm(n, n, n, F, n, 1, W, n, F + n * n, n, false);
+        memcpy(W, F + n * n, n * n * sizeof *W);
+        *block = (double)stretches * seconds_of(&s->problem->log) / (double)(s->windows * s->stretches);
+    }
+    lg_free(s->context, h);
+    lg_free(s->context, F);
+    return status;
+}
+
 /* Computes the results from R. Errors and open directions come from the data alone, because a prior would
  * hide that a number is not determined. */
 static lg_status conclude(normal *s, size_t count, double *work, int *order, lg_identified *moved,
@@ -297,7 +374,7 @@ static lg_status conclude(normal *s, size_t count, double *work, int *order, lg_
     const size_t n = s->n;
     double *W = work, *theta = W + n * n, *gradient = theta + n, *units = gradient + count * n,
            *covariance = units + count, *more = covariance + count * count;
-    lg_status status = invert(s, false, more, order, W) ? LG_OK : LG_OUT_OF_MEMORY;
+    lg_status status = invert(s, false, more, order, W) ? colour(s, false, W, &out->block) : LG_OUT_OF_MEMORY;
     if (status == LG_OK) {
         memcpy(theta, s->theta, n * sizeof *theta);
         differentiate(s, theta, count, moved, gradient);
@@ -307,17 +384,32 @@ static lg_status conclude(normal *s, size_t count, double *work, int *order, lg_
         status = lg_machine_relate(s->context, count, covariance, out);
     }
     if (status == LG_OK && out->spread != NULL) {
-        if (invert(s, true, more, order, W))
-            transpose(n, W, out->spread);
-        else
-            status = LG_OUT_OF_MEMORY;
+        double block;
+        status = invert(s, true, more, order, W) ? colour(s, true, W, &block) : LG_OUT_OF_MEMORY;
+        if (status == LG_OK) transpose(n, W, out->spread);
     }
     return status;
 }
 
+/* Chooses the used windows: at most `most`. */
+static void choose_windows(normal *s, size_t most) {
+    s->windows = s->problem->windows - s->problem->validation;
+    s->used = s->windows < most ? s->windows : most;
+}
+
+/* Scores of few windows are taken in several stretches of each window. */
+static lg_status allocate_scores(normal *s) {
+    const size_t rows = s->fit.rows / lg_machine_start_numbers(s->problem->machine),
+                 wanted = (FEW + s->used - 1) / s->used;
+    s->stretches = wanted < rows ? wanted : rows;
+    s->runs = true;
+    s->scores = lg_alloc(s->context, s->used * s->stretches * s->n, sizeof *s->scores);
+    return s->scores != NULL ? LG_OK : LG_OUT_OF_MEMORY;
+}
+
 static lg_status allocate(normal *s) {
     const lg_machine_problem *problem = s->problem;
-    lg_machine_fit_problem(problem, &s->fit);
+    if (s->fit.linearise == NULL) lg_machine_fit_problem(problem, &s->fit);
     s->priors = lg_machine_problem_priors(problem);
     s->chunk = CHUNK < s->fit.chunk ? CHUNK : s->fit.chunk;
     if (lg_machine_starts_estimated(problem)) s->starts = lg_machine_start_numbers(problem->machine);
@@ -338,6 +430,7 @@ static void release(normal *s) {
     lg_free(s->context, s->jacobian);
     lg_free(s->context, s->stack);
     lg_free(s->context, s->triangle);
+    lg_free(s->context, s->scores);
 }
 
 lg_status lg_machine_identify(const lg_context *context, const lg_machine_problem *problem,
@@ -351,6 +444,7 @@ lg_status lg_machine_identify(const lg_context *context, const lg_machine_proble
     (void)lg_machine_mass_at(problem, s.at);
     (void)lg_machine_numbers_at(machine, theta, s.at, count, out->numbers);
     out->open_count = 0;
+    out->block = 0.0;
     for (size_t i = 0; out->spread != NULL && i < s.n * s.n; i++) out->spread[i] = 0.0;
     for (size_t i = 0; out->correlations != NULL && i < count * count; i++) out->correlations[i] = 0.0;
     if (count == 0) return LG_OK;
@@ -360,12 +454,15 @@ lg_status lg_machine_identify(const lg_context *context, const lg_machine_proble
     double *work = lg_alloc(context, (4 * s.n + 1 + count) * s.n + (1 + count) * count, sizeof *work);
     int *order = lg_alloc(context, s.n, sizeof *order);
     const bool room = at != NULL && moved != NULL && work != NULL && order != NULL;
+    choose_windows(&s, s.n > SMALL ? LG_MACHINE_MOST_WINDOWS : MOST_OF_SMALL);
     lg_status status = allocate(&s);
+    if (status == LG_OK) status = allocate_scores(&s);
     if (status == LG_OK) status = room ? lg_tape_create(context, NULL, &tape) : LG_OUT_OF_MEMORY;
     if (status == LG_OK) {
         memcpy(at, theta, all * sizeof *at);
         s.theta = at;
         const bool left = leave_bounds(&s, at, count, out->numbers, moved, moved + count);
+        if (left) s.unmoved = theta;
         status = add_all(&s, tape);
         if (status != LG_OK) (void)lg_fail(error, status, "%s", lg_tape_message(tape));
         if (status == LG_OK && left) status = lg_machine_loss(context, problem, theta, &squares, NULL, error);
@@ -386,6 +483,51 @@ lg_status lg_machine_identify(const lg_context *context, const lg_machine_proble
     return status;
 }
 
+/* Sum of the variances after `colour` in units of those before, mean over the parameters. */
+static double widened(size_t n, const double *before, const double *after) {
+    double sum = 0.0;
+    for (size_t i = 0; i < n; i++) {
+        double a = 0.0, b = 0.0;
+        for (size_t k = 0; k < n; k++) {
+            a += after[k * n + i] * after[k * n + i];
+            b += before[k * n + i] * before[k * n + i];
+        }
+        sum += b > 0.0 ? a / b : 1.0;
+    }
+    return sum / (double)n;
+}
+
+lg_status lg_machine_uncertain(const lg_context *context, const lg_machine_problem *problem,
+                               const lg_fit_problem *fit, const double *x, size_t n,
+                               lg_machine_uncertainty *out, lg_error *error) {
+    normal s = {.context = context, .problem = problem, .fit = *fit, .theta = x, .n = n};
+    lg_tape *tape = NULL;
+    double *work = lg_alloc(context, 4 * n * n, sizeof *work);
+    int *order = lg_alloc(context, n, sizeof *order);
+    choose_windows(&s, MOST_OF_SMALL);
+    lg_status status = work != NULL && order != NULL ? allocate(&s) : LG_OUT_OF_MEMORY;
+    if (status == LG_OK) status = allocate_scores(&s);
+    if (status == LG_OK) status = lg_tape_create(context, NULL, &tape);
+    if (status == LG_OK) status = add_all(&s, tape);
+    if (status == LG_OK && !invert(&s, false, work + n * n, order, out->W)) status = LG_OUT_OF_MEMORY;
+    if (status == LG_OK) {
+        memcpy(work, out->W, n * n * sizeof *work);
+        out->block = 0.0;
+        status = colour(&s, false, out->W, &out->block);
+        out->widened = widened(n, work, out->W);
+        out->variance = variance_of(&s);
+    }
+    if (status != LG_OK)
+        (void)lg_fail(error, status, "%s",
+                      tape != NULL && lg_tape_status(tape) != LG_OK ? lg_tape_message(tape)
+                                                                    : lg_status_sentence(status));
+    lg_tape_destroy(tape);
+    release(&s);
+    lg_free(context, work);
+    lg_free(context, order);
+    return status;
+}
+
 lg_status lg_machine_triangle(const lg_context *context, const lg_machine_problem *problem,
                               const double *theta, double *triangle, double *lagged, double *numbers,
                               lg_error *error) {
@@ -396,6 +538,7 @@ lg_status lg_machine_triangle(const lg_context *context, const lg_machine_proble
                 .last = true,
                 .lagged = lagged};
     lg_tape *tape = NULL;
+    choose_windows(&s, LG_MACHINE_MOST_WINDOWS);
     lg_status status = allocate(&s);
     if (status == LG_OK) status = lg_tape_create(context, NULL, &tape);
     if (status == LG_OK) status = add_all(&s, tape);

@@ -296,6 +296,16 @@ bool lg_machine_eigen(const lg_context *context, size_t n, double *matrix, doubl
 lg_status lg_machine_relate(const lg_context *context, size_t count, double *covariance,
                             lg_identification *out);
 
+/* ---- errors that are correlated in time (machine/coloured.c) ---- */
+
+/* F (n, n), column-major: if W W^T is the covariance of n parameters for white residuals, W F (W F)^T is the
+ * one for the residuals that the scores h (count, n) of successive stretches of the log show, in units of W.
+ * h is overwritten. P (n, n), W^T D^-2 W: the part of a prior. `least`: stretches of a window, the least of a block. `share`: part of the log's windows that has
+ * scores. `coloured`: that the residuals are not white is known; else it must show. `block`: stretches in a
+ * block; 0 means that the residuals are white, or that there are too few stretches, and that F is not set. */
+lg_status lg_machine_colour(const lg_context *context, size_t count, size_t n, size_t least, double share,
+                            bool coloured, const double *P, double *h, double *F, size_t *block);
+
 /* ---- intervals (machine/step.c) ---- */
 
 /* Moves `parts` by one step of LG_SCHEME_VARIATIONAL (machine/variational.c). The step's length is h, or h
@@ -374,6 +384,17 @@ enum { LG_MACHINE_MOST_WINDOWS = 512 };
 lg_status lg_machine_triangle(const lg_context *context, const lg_machine_problem *problem,
                               const double *theta, double *triangle, double *lagged, double *numbers,
                               lg_error *error);
+/* What the logs say of the n shared parameters of `fit`, a fit problem on the windows of `problem`, at its best
+ * fit x. */
+typedef struct lg_machine_uncertainty {
+    double *W;       /* (n, n), column-major, of the caller: W W^T is the covariance */
+    double variance; /* of a residual */
+    double widened;  /* factor by which the correlation of the residuals raised variances, on average */
+    double block;    /* as in lg_identification */
+} lg_machine_uncertainty;
+lg_status lg_machine_uncertain(const lg_context *context, const lg_machine_problem *problem,
+                               const lg_fit_problem *fit, const double *x, size_t n,
+                               lg_machine_uncertainty *out, lg_error *error);
 /* Variances (factor noise/scale)^2, with the scales of the loss, of the residuals of one row of the log, in
  * the order of lg_machine_linearise and of the numbers of a start. The variance of a missing number is 0. The
  * three numbers of a direction q, or of its omega, have the covariance variance (1 - q q^T), and `part` is

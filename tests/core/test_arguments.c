@@ -926,6 +926,10 @@ TEST("functions of machines refuse NULL") {
     lg_machine_missing missing;
     lg_identified *identified = TEST_ARRAY(lg_identified, 64);
     lg_identification about = {.numbers = identified};
+    double *direction = TEST_ARRAY(double, machine->parameters), x[3];
+    const lg_machine_restriction restriction = {&problem, theta, 1, direction};
+    lg_machine_adapted adapted = {.x = x, .error = x + 1, .alone = x + 2};
+    direction[0] = 0.1;
     lg_program *program;
     lg_machine_filter *filter;
     for (int i = 0; i < 2; i++)
@@ -949,6 +953,7 @@ TEST("functions of machines refuse NULL") {
         lg_machine_expect(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(&noise), NEEDED(&expected), NULL));
     REFUSES(lg_machine_find_missing(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(&missing), NULL));
     REFUSES(lg_machine_identify(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(&about), NULL));
+    REFUSES(lg_machine_adapt(NULL, NEEDED(&restriction), NEEDED(&adapted), NULL));
     REFUSES(lg_machine_free_run(NULL, NEEDED(machine), NEEDED(theta), NEEDED(problem.scheme), 1,
                                 NEEDED(&problem.log), NEEDED(start), 2, 2, NULL, NULL, NULL));
     REFUSES(lg_machine_estimate_starts(NULL, NEEDED(machine), NEEDED(theta), NEEDED(problem.scheme), 1,

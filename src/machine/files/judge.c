@@ -202,9 +202,10 @@ static void warn_of_misfit(const lg_training *self, const lg_machine_verdict *wh
                        100.0 * sqrt(what->missing.loss / what->forces), what->missing.loss, what->loss);
     if (large || missing)
         LG_WARN(self,
-                "the model does not explain the logs: %s%s%s; the standard errors are too small then. Train "
+                "the model does not explain the logs: %s%s%s%s. Train "
                 "more epochs if the loss still falls; otherwise a term is missing%s",
                 size, large && missing ? "; " : "", forces,
+                what->identified.block > 0.0 ? "" : "; the standard errors are too small then",
                 large ? ", or the logs are wrong: check the sign, order and delay of the inputs, and whether "
                         "all sensors have one clock"
                       : "");
@@ -237,6 +238,14 @@ static void tell_numbers(lg_training *self, const lg_machine_verdict *what) {
         lg_result_close(self, '}');
     }
     lg_result_close(self, '}');
+}
+
+/* Writes whether the standard errors are those of white residuals. */
+static void tell_errors(lg_training *self, const lg_machine_verdict *what) {
+    const bool white = !(what->identified.block > 0.0);
+    if (what->count > 0)
+        lg_result_text(self, "errors", white ? "white" : "corrected for correlation",
+                       white ? NULL : "the residuals are correlated in time");
 }
 
 /* Writes {coordinate: its positions}. */
@@ -300,6 +309,7 @@ static lg_status tell(lg_training *self, lg_machine_verdict *what, lg_error *err
     lg_result_whole(self, "windows", run->windows, NULL);
     lg_result_whole(self, "parameters", machine->parameters, NULL);
     tell_numbers(self, what);
+    tell_errors(self, what);
     tell_place(self, machine, what);
     LG_TRY(tell_correlations(self, what, error));
     tell_gauge(self, machine, what);

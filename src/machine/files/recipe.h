@@ -146,6 +146,32 @@ lg_status lg_machine_window_loss(const lg_context *context, const lg_learned_mac
 lg_status lg_machine_residuals(const lg_context *context, const lg_learned_machine *model,
                                const lg_machine_problem *problem, lg_machine_noise *out, lg_error *error);
 
+/* ---- a few numbers for a new log (adapt.c) ---- */
+
+enum { LG_ADAPT_MOST = LG_MACHINE_VELOCITIES + 4 };
+/* Standard deviation of the prior: of the relative change of all friction; of an offset in units of the
+ * forces of friction. */
+#define LG_ADAPT_SIGMA 0.1
+/* A learned machine that may move along a few directions. */
+typedef struct lg_adaptation {
+    lg_machine_model_run run; /* of the model, with an offset in its text where one is wanted */
+    double *theta;            /* (P) */
+    size_t count;
+    double *directions; /* (count, P), one standard deviation of the prior each */
+    char names[LG_ADAPT_MOST][LG_IDENTIFIED_NAME];
+    double units[LG_ADAPT_MOST]; /* one standard deviation of the prior, in the units of the number */
+    const lg_context *context;
+} lg_adaptation;
+/* Refuses names, separated by commas, that are no numbers which can be adapted. */
+lg_status lg_adapt_check(const char *names, lg_error *error);
+/* `force` (velocities): standard deviations of offsets in the units of the log. `out` must be destroyed even
+ * after an error. */
+lg_status lg_adaptation_create(const lg_context *context, const char *path, const lg_machine_model_file *file,
+                               const char *names, const double *force, lg_adaptation *out, lg_error *error);
+/* Adds sum_k x_k direction_k to theta. */
+void lg_adaptation_move(lg_adaptation *adaptation, const double *x);
+void lg_adaptation_destroy(lg_adaptation *adaptation);
+
 /* ---- the trainer (recipe.c) ---- */
 
 /* How well a model explains the logs, and what they say of its numbers (judge.c). */

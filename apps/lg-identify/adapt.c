@@ -1,0 +1,335 @@
+/* lg-identify adapt: fits a few numbers of a model to the beginning of a new log, and judges the rest. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "common/train.h"
+#include "lg-identify/identify.h"
+
+typedef struct adapt_values {
+    double seconds;
+    uint64_t window, substeps;
+    const char *numbers, *out;
+} adapt_values;
+
+static const lg_field options[] = {
+    LG_OPTION(adapt_values, seconds, REAL, "S", "Length of the beginning that the numbers are fitted to",
+              LG_POSITIVE, .required = true),
+    LG_OPTION(adapt_values, numbers, STRING, "NAME,NAME",
+              "What may change: offset (a constant force for each velocity), friction (one factor)",
+              .value = "offset,friction"),
+    LG_OPTION(
+        adapt_values, window, U64, "M",
+        "Rows of the windows that are fitted (default the whole beginning, if the model runs through it)",
+        .low = 2, .high = 1e9),
+    LG_OPTION(adapt_values, substeps, U64, "n", "Integrator steps between two points of the data", .low = 1,
+              .high = 1e6, .otherwise = "the model's"),
+    LG_OPTION(adapt_values, out, STRING, "MODEL.h5", "Write the adapted model", .file = LG_FILE_WRITTEN),
+    LG_FIELD_END};
+
+static adapt_values values;
+
+typedef struct adapting {
+    identify_given given;
+    lg_adaptation to;
+    lg_learned_machine model;    /* the adapted machine */
+    size_t cut;                  /* first row of the rest */
+    size_t *first, cut_parts;    /* parts of the log, of which the one with the cut is divided */
+    lg_machine_log begin, whole; /* the rows before the cut; all rows, with these parts */
+    double x[LG_ADAPT_MOST], error[LG_ADAPT_MOST], alone[LG_ADAPT_MOST];
+    uint32_t window;
+    lg_machine_adapted found;
+    /* root mean squares per column of the free run of the rest */
+    double before[LG_LOG_COLUMNS], after[LG_LOG_COLUMNS], unchanged[LG_LOG_COLUMNS];
+} adapting;
+
+static void adapting_destroy(adapting *a) {
+    lg_adaptation_destroy(&a->to);
+    identify_given_destroy(&a->given);
+    free(a->first);
+}
+
+/* ---- the two pieces of the log ---- */
+
+/* The first row that is `seconds` of running time after the beginning. */
+static size_t find_cut(const lg_machine_log *log, double seconds) {
+    double passed = 0;
+    for (size_t p = 0; p < log->parts; p++) {
+        for (size_t row = log->first[p]; row < log->first[p + 1]; row++)
+            if (passed + log->t[row] - log->t[log->first[p]] >= seconds * (1 - 1e-9)) return row;
+        passed += log->t[log->first[p + 1] - 1] - log->t[log->first[p]];
+    }
+    return log->rows;
+}
+
+static void divide(const app *self, adapting *a) {
+    enum { LEAST = 3 };
+    const lg_machine_log *log = &a->given.data.logs.log;
+    size_t parts = 0;
+    a->cut = find_cut(log, values.seconds);
+    if (a->cut < LEAST || a->cut + LEAST > log->rows)
+        app_stop(self, LG_INVALID_ARGUMENT,
+                 "--seconds %g: leaves %zu rows for the fit and %zu for the judgement; %d each are needed",
+                 values.seconds, a->cut, log->rows - a->cut, LEAST);
+    a->first = app_alloc(log->parts + 2, sizeof *a->first);
+    for (size_t p = 0; p <= log->parts; p++) {
+        if (log->first[p] >= a->cut && (parts == 0 || a->first[parts - 1] < a->cut)) {
+            a->cut_parts = parts;
+            a->first[parts++] = a->cut;
+        }
+        if (log->first[p] != a->cut) a->first[parts++] = log->first[p];
+    }
+    a->whole = a->begin = *log;
+    a->whole.first = a->begin.first = a->first;
+    a->whole.parts = parts - 1;
+    a->begin.parts = a->cut_parts;
+    a->begin.rows = a->cut;
+}
+
+/* ---- standard deviations of offsets ---- */
+
+/* A tenth of the friction along the run of the beginning, of each velocity; where there is no friction, a
+ * tenth of the largest of these, or else of the force that the machine's scales make. */
+static void find_forces(const app *self, const adapting *a, double *force) {
+    const lg_learned_machine *model = &a->given.model;
+    const lg_machine *machine = model->machine;
+    const size_t nv = machine->velocities, rows = a->cut;
+    APP_FREE size_t *start = app_alloc(a->begin.parts, sizeof *start);
+    APP_FREE double *q = app_alloc(rows * machine->positions, sizeof *q);
+    APP_FREE double *v = app_alloc(rows * nv, sizeof *v);
+    APP_FREE double *friction = app_alloc(rows * nv, sizeof *friction);
+    const size_t count = identify_first_rows(model, &a->begin, 0, start);
+    double largest = 0;
+    identify_run_log(self, model, &a->begin, start, count, q, v);
+    identify_values(self, model, rows, q, v, NULL, friction);
+    for (size_t k = 0; k < nv; k++) {
+        double sum = 0;
+        size_t counted = 0;
+        for (size_t row = 0; row < rows; row++) {
+            const double f = friction[row * nv + k];
+            if (isfinite(f)) sum += f * f, counted++;
+        }
+        force[k] = counted > 0 ? LG_ADAPT_SIGMA * sqrt(sum / (double)counted) : 0;
+        largest = fmax(largest, force[k]);
+    }
+    for (size_t k = 0; k < nv; k++) {
+        const double scale = LG_ADAPT_SIGMA * machine->scales.energy / machine->scales.velocity[k];
+        if (!(force[k] > 0)) force[k] = largest > 0 ? largest : scale;
+    }
+}
+
+/* ---- the fit ---- */
+
+/* Fits the numbers on windows of a->window rows. False: the runs of the windows are not finite. */
+static bool fit(const app *self, adapting *a) {
+    const lg_machine_model_run *run = &a->to.run;
+    APP_FREE size_t *start = app_alloc(a->cut, sizeof *start);
+    lg_machine_problem problem = {.machine = &run->machine,
+                                  .scheme = run->scheme,
+                                  .substeps = a->given.model.substeps,
+                                  .window = a->window,
+                                  .starts = LG_MACHINE_STARTS_ESTIMATED,
+                                  .log = a->begin,
+                                  .start = start};
+    memcpy(problem.position_scale, run->position_scale, sizeof run->position_scale);
+    memcpy(problem.velocity_scale, run->velocity_scale, sizeof run->velocity_scale);
+    problem.windows = lg_machine_windows(&run->machine, &a->begin, a->window, a->window - 1,
+                                         a->given.model.positions, start);
+    const lg_machine_restriction restriction = {&problem, a->to.theta, a->to.count, a->to.directions};
+    lg_error error = {LG_OK, ""};
+    a->found = (lg_machine_adapted){.x = a->x, .error = a->error, .alone = a->alone};
+    if (problem.windows == 0) return false;
+    const lg_status status = lg_machine_adapt(self->context, &restriction, &a->found, &error);
+    if (status == LG_NOT_FINITE) return false;
+    app_must(self, status, &error);
+    return true;
+}
+
+static size_t longest_part(const lg_machine_log *log) {
+    size_t longest = 0;
+    for (size_t p = 0; p < log->parts; p++)
+        if (log->first[p + 1] - log->first[p] > longest) longest = log->first[p + 1] - log->first[p];
+    return longest;
+}
+
+/* Mean square, in units of the loss, of the positions and velocities about their means: the loss of a machine
+ * that stands still. */
+static double loss_at_rest(const adapting *a) {
+    const lg_machine_model_run *run = &a->to.run;
+    const lg_machine *machine = &run->machine;
+    const size_t nq = machine->positions, nv = machine->velocities;
+    double sum = 0;
+    size_t p = 0, v = 0;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_kind kind = machine->coordinates[i].kind;
+        const size_t width = lg_coordinate_positions(kind), rates = lg_coordinate_row_of(kind)->velocities;
+        for (size_t k = 0; k < width + rates; k++) {
+            const double *x = k < width ? a->begin.q + p + k : a->begin.v + v + k - width,
+                         scale = k < width ? run->position_scale[i] : run->velocity_scale[i];
+            double mean = 0, square = 0;
+            size_t n = 0;
+            for (size_t row = 0; row < a->cut; row++) {
+                const double value = x[row * (k < width ? nq : nv)] / scale;
+                if (isfinite(value)) mean += value, square += value * value, n++;
+            }
+            if (n > 0) sum += square / (double)n - mean * mean / (double)(n * n);
+        }
+        p += width, v += rates;
+    }
+    return sum;
+}
+
+/* Takes the longest windows that the model runs through: the whole beginning or, if it leaves it, halves of
+ * it and so on, down to the windows of the training. */
+static void fit_longest(const app *self, adapting *a) {
+    static const double leaves = 0.5;
+    const size_t longest = longest_part(&a->begin);
+    const double rest = loss_at_rest(a);
+    const uint32_t least = a->to.run.window < longest ? a->to.run.window : (uint32_t)longest;
+    a->window = values.window > 0 && values.window < longest ? (uint32_t)values.window : (uint32_t)longest;
+    for (;;) {
+        const bool done = fit(self, a);
+        if (done && (values.window > 0 || a->window <= least || a->found.after < leaves * rest)) return;
+        if (!done && (values.window > 0 || a->window <= least))
+            app_stop(self, LG_NOT_FINITE,
+                     "the model's runs over the first %g s are not finite: give a shorter --window",
+                     values.seconds);
+        a->window = a->window / 2 > least ? a->window / 2 : least;
+    }
+}
+
+/* ---- the judgement ---- */
+
+/* Root mean square errors of the free run of the rest; with `still` of a machine that stands still. */
+static void judge(const app *self, adapting *a, const lg_learned_machine *model, bool still, double *out) {
+    const lg_machine *machine = model->machine;
+    const lg_machine_log *log = &a->whole;
+    const size_t nq = machine->positions, nv = machine->velocities;
+    APP_FREE size_t *start = app_alloc(log->parts, sizeof *start);
+    APP_FREE double *q = app_alloc(log->rows * nq, sizeof *q);
+    APP_FREE double *v = app_alloc(log->rows * nv, sizeof *v);
+    size_t count = identify_first_rows(model, log, 0, start), kept = 0;
+    for (size_t i = 0; i < count; i++)
+        if (start[i] >= a->cut) start[kept++] = start[i];
+    identify_run_log(self, model, log, start, kept, q, v);
+    for (size_t i = 0; i < kept; i++) {
+        const size_t end = log->first[lg_machine_log_part(log, start[i]) + 1];
+        for (size_t row = start[i]; row < end && still; row++) {
+            if (row > start[i]) memcpy(q + row * nq, q + start[i] * nq, nq * sizeof *q);
+            memset(v + row * nv, 0, nv * sizeof *v);
+        }
+        for (size_t row = start[i]; model->positions && row < start[i] + LG_START_ROWS && row < end; row++) {
+            for (size_t k = 0; k < nq; k++) q[row * nq + k] = (double)NAN;
+            for (size_t k = 0; k < nv; k++) v[row * nv + k] = (double)NAN;
+        }
+    }
+    identify_column_errors(&a->given, q, v, out);
+}
+
+/* ---- results ---- */
+
+static void warn(const app *self, const adapting *a) {
+    for (size_t k = 0; k < a->to.count; k++)
+        if (!(a->alone[k] <= 1))
+            app_warn(
+                self,
+                "%g s are too short to tell %s: the beginning of the log tells it no better than the prior, "
+                "%.2g of its standard deviation; give more --seconds, or fewer --numbers",
+                values.seconds, a->to.names[k], a->alone[k]);
+    for (uint32_t c = 0; c < a->given.data.file.column_count; c++)
+        if (a->after[c] > a->before[c]) {
+            app_warn(self,
+                     "the adapted model predicts the rest worse than before: what changes is not a number "
+                     "of --numbers, or it changes within the log");
+            return;
+        }
+}
+
+/* The value of the number in the units of the log: a factor of the friction, or a force. */
+static double value_of(const adapting *a, size_t k, double x) {
+    lg_identified numbers[LG_MACHINE_VALUES];
+    const lg_machine *machine = &a->to.run.machine;
+    if (strcmp(a->to.names[k], "friction") == 0) return 1 + LG_ADAPT_SIGMA * x;
+    size_t count = lg_machine_numbers(machine, a->to.theta, LG_MACHINE_VALUES, numbers);
+    if (count > LG_MACHINE_VALUES) count = LG_MACHINE_VALUES;
+    for (size_t i = 0; i < count; i++)
+        if (strcmp(numbers[i].name, a->to.names[k]) == 0) return numbers[i].value;
+    return (double)NAN;
+}
+
+static void report(const app *self, const adapting *a) {
+    const lg_machine_file *file = &a->given.data.file;
+    app_json out;
+    app_result_begin(&out, self);
+    app_result_named(&out, "adapted", "adapted");
+    for (size_t k = 0; k < a->to.count; k++) {
+        app_json_open(&out, a->to.names[k], '{');
+        app_json_real(&out, "value", value_of(a, k, a->x[k]));
+        app_json_real(&out, "error", a->to.units[k] * a->error[k]);
+        app_json_real(&out, "prior", a->to.units[k]);
+        app_json_close(&out, '}');
+    }
+    app_result_rows_end(&out);
+    app_result_text(&out, "errors", a->found.block > 0 ? "corrected for correlation" : "white", NULL);
+    app_result_size(&out, "window", a->window, "rows of a window of the fit");
+    app_result_named(&out, "rest", "root mean square of the rest, free run");
+    for (uint32_t c = 0; c < file->column_count; c++) {
+        if (!identify_is_state(&file->columns[c])) continue;
+        app_json_open(&out, file->columns[c].name, '{');
+        app_json_real(&out, "before", a->before[c]);
+        app_json_real(&out, "after", a->after[c]);
+        app_json_real(&out, "unchanged", a->unchanged[c]);
+        app_json_close(&out, '}');
+    }
+    app_result_rows_end(&out);
+    if (values.out != NULL) app_result_text(&out, "out", values.out, NULL);
+    app_json_warnings(&out, self);
+    app_json_end(&out);
+}
+
+static void save(const app *self, const adapting *a) {
+    lg_machine_model_file file = a->given.file;
+    file.run = a->to.run;
+    file.parameters = file.run.machine.parameters;
+    file.theta = a->to.theta;
+    file.spread = NULL;
+    file.provenance = app_provenance(self, a->to.run.training.seed);
+    APP_MUST_FILE(self, values.out, lg_machine_model_save(self->context, values.out, &file, NULL, &error));
+}
+
+static int run(app *self) {
+    APP_CLEAN(adapting_destroy) adapting a = {.cut = 0};
+    double force[LG_MACHINE_VELOCITIES] = {0};
+    APP_MUST(self, lg_adapt_check(values.numbers, &error));
+    identify_load(self, values.substeps, &a.given);
+    divide(self, &a);
+    find_forces(self, &a, force);
+    APP_MUST(self, lg_adaptation_create(self->context, self->arguments[0], &a.given.file, values.numbers,
+                                        force, &a.to, &error));
+    fit_longest(self, &a);
+    judge(self, &a, &a.given.model, false, a.before);
+    judge(self, &a, &a.given.model, true, a.unchanged);
+    lg_adaptation_move(&a.to, a.x);
+    a.model = a.given.model;
+    a.model.machine = &a.to.run.machine;
+    a.model.theta = a.to.theta;
+    judge(self, &a, &a.model, false, a.after);
+    warn(self, &a);
+    if (values.out != NULL) save(self, &a);
+    report(self, &a);
+    return APP_EXIT_OK;
+}
+
+const app_command adapt_command = {.name = "adapt",
+                                   .arguments = "MODEL.h5 LOG",
+                                   .summary =
+                                       "Fit a few numbers to the beginning of a new log, and judge the rest",
+                                   .details = "The numbers are fitted to free runs over the first --seconds "
+                                              "of the log, whose starts are estimated. Before "
+                                              "any data, the factor of all friction is 1 with a standard "
+                                              "deviation of .1, and an offset 0 with a tenth of "
+                                              "the friction's root mean square. The rest of the log is "
+                                              "predicted by one free run, with the model as it was "
+                                              "and with the adapted model.",
+                                   .settings = APP_SETTINGS(APP_GIVEN(options, values)),
+                                   .run = run};

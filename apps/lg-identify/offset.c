@@ -1,0 +1,218 @@
+/* What a constant force makes of runs: whether a free run integrates an offset, and the forces that the model
+ * lacks at each velocity. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lg-identify/identify.h"
+
+/* The model with a constant force on each velocity, of a hundredth of the machine's scale of forces. */
+typedef struct pushed {
+    lg_adaptation to;
+    lg_learned_machine model;
+} pushed;
+
+static void pushed_destroy(pushed *p) {
+    lg_adaptation_destroy(&p->to);
+}
+
+/* False: the machine cannot have one, as where its offset is known. */
+static bool pushed_create(const app *self, const identify_given *given, pushed *out) {
+    static const double part = 0.01;
+    const lg_machine *machine = given->model.machine;
+    double force[LG_MACHINE_VELOCITIES];
+    for (uint32_t k = 0; k < machine->velocities; k++)
+        force[k] = part * machine->scales.energy / machine->scales.velocity[k];
+    if (lg_adaptation_create(self->context, self->arguments[0], &given->file, "offset", force, &out->to,
+                             NULL) != LG_OK ||
+        out->to.count != machine->velocities)
+        return false;
+    out->model = given->model;
+    out->model.machine = &out->to.run.machine;
+    out->model.theta = out->to.theta;
+    return true;
+}
+
+/* Pushes velocity k by x hundredths of the scale of forces. */
+static void push(pushed *p, size_t k, double x) {
+    double all[LG_ADAPT_MOST] = {0};
+    all[k] = x;
+    lg_adaptation_move(&p->to, all);
+}
+
+/* ---- free runs that integrate an offset ---- */
+
+/* Sums over the rows of a column of errors e and of the response s to a constant force. */
+typedef struct sums {
+    double ee, es, ss, early, late; /* early, late: ss of the second and of the last quarter of each run */
+    size_t early_count, late_count;
+} sums;
+
+static double column_error(const lg_machine *machine, uint32_t coordinate, double a, double b) {
+    return machine->coordinates[coordinate].kind == LG_COORDINATE_ANGLE ? lg_machine_wrap(a - b) : a - b;
+}
+
+static void add_run(const lg_machine *machine, const lg_machine_log *log, const double *q, const double *with,
+                    size_t part, uint32_t coordinate, uint32_t position, sums *out) {
+    const size_t first = log->first[part], rows = log->first[part + 1] - first, nq = machine->positions;
+    for (size_t i = 0; i < rows; i++) {
+        const size_t at = (first + i) * nq + position;
+        const double e = column_error(machine, coordinate, q[at], log->q[at]),
+                     s = column_error(machine, coordinate, with[at], q[at]);
+        if (!isfinite(e) || !isfinite(s)) continue;
+        out->ee += e * e, out->es += e * s, out->ss += s * s;
+        if (4 * i >= rows && 2 * i < rows) out->early += s * s, out->early_count++;
+        if (4 * i >= 3 * rows) out->late += s * s, out->late_count++;
+    }
+}
+
+/* Whether the response to a force still grows at the end, like t or t^2. */
+static bool grows(const sums *s) {
+    static const double growth = 1.7;
+    if (s->early_count == 0 || s->late_count == 0) return false;
+    return s->late / (double)s->late_count > growth * growth * s->early / (double)s->early_count;
+}
+
+static double error_of(const lg_machine *machine, const lg_machine_log *log, const double *q,
+                       uint32_t coordinate, uint32_t position, size_t *count) {
+    double sum = 0;
+    *count = 0;
+    for (size_t row = 0; row < log->rows; row++) {
+        const size_t at = row * machine->positions + position;
+        const double e = column_error(machine, coordinate, q[at], log->q[at]);
+        if (isfinite(e)) sum += e * e, ++*count;
+    }
+    return *count > 0 ? sqrt(sum / (double)*count) : (double)NAN;
+}
+
+/* Rows that `q` does not predict are not compared. */
+static void hide(const double *q, size_t count, double *with) {
+    for (size_t i = 0; i < count; i++)
+        if (isnan(q[i])) with[i] = (double)NAN;
+}
+
+static void look_at(const app *self, const identify_given *given, pushed *p, const size_t *start,
+                    size_t count, const double *q, uint32_t i, uint32_t position, uint32_t velocity,
+                    double *with, double *v, identify_offset *out) {
+    const lg_machine_log *log = &given->data.logs.log;
+    const lg_machine *machine = given->model.machine;
+    const size_t all = log->rows * machine->positions;
+    sums s = {0};
+    size_t rows;
+    push(p, velocity, 1);
+    identify_run_log(self, &p->model, log, start, count, with, v);
+    push(p, velocity, -1);
+    hide(q, all, with);
+    for (size_t part = 0; part < log->parts; part++) add_run(machine, log, q, with, part, i, position, &s);
+    if (!(s.ee > 0 && s.ss > 0) || !grows(&s)) return;
+    const double x = -s.es / s.ss;
+    push(p, velocity, x);
+    identify_run_log(self, &p->model, log, start, count, with, v);
+    push(p, velocity, -x);
+    hide(q, all, with);
+    out->force = x * p->to.units[velocity];
+    out->without = error_of(machine, log, q, i, position, &rows);
+    out->with = error_of(machine, log, with, i, position, &rows);
+    out->integrates = out->with < 0.7 * out->without;
+}
+
+void identify_find_offsets(const app *self, const identify_given *given, const size_t *start, size_t count,
+                           const double *q, identify_offset *out) {
+    const lg_machine *machine = given->model.machine;
+    const lg_machine_log *log = &given->data.logs.log;
+    APP_CLEAN(pushed_destroy) pushed p = {.model = {.machine = NULL}};
+    APP_FREE double *with = app_alloc(log->rows * machine->positions, sizeof *with);
+    APP_FREE double *v = app_alloc(log->rows * machine->velocities, sizeof *v);
+    uint32_t position = 0, velocity = 0;
+    memset(out, 0, LG_MACHINE_COORDINATES * sizeof *out);
+    if (!pushed_create(self, given, &p)) return;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_kind kind = machine->coordinates[i].kind;
+        if (kind == LG_COORDINATE_LINE || kind == LG_COORDINATE_ANGLE)
+            look_at(self, given, &p, start, count, q, i, position, velocity, with, v, &out[i]);
+        position += lg_coordinate_positions(kind);
+        velocity += lg_coordinate_row_of(kind)->velocities;
+    }
+}
+
+/* ---- velocities of logs that have positions alone ---- */
+
+void identify_slopes(const lg_machine *machine, const lg_machine_log *log, double *v) {
+    enum { HALF = 10 };
+    const size_t nq = machine->positions, nv = machine->velocities;
+    for (size_t i = 0; i < log->rows * nv; i++) v[i] = (double)NAN;
+    for (size_t part = 0; part < log->parts; part++)
+        for (size_t row = log->first[part]; row < log->first[part + 1]; row++) {
+            const size_t begin = row < log->first[part] + HALF ? log->first[part] : row - HALF,
+                         end = row + HALF + 1 < log->first[part + 1] ? row + HALF + 1 : log->first[part + 1];
+            for (uint32_t i = 0, position = 0, velocity = 0; i < machine->coordinate_count; i++) {
+                const lg_coordinate_kind kind = machine->coordinates[i].kind;
+                double t = 0, x = 0, tt = 0, tx = 0, n = 0;
+                for (size_t r = begin; r < end; r++) {
+                    const double at = log->t[r] - log->t[row], value = log->q[r * nq + position];
+                    if (isnan(value)) continue;
+                    n++, t += at, x += value, tt += at * at, tx += at * value;
+                }
+                const bool scalar = kind == LG_COORDINATE_LINE || kind == LG_COORDINATE_ANGLE;
+                if (scalar && n > 1) v[row * nv + velocity] = (n * tx - t * x) / (n * tt - t * t);
+                position += lg_coordinate_positions(kind);
+                velocity += lg_coordinate_row_of(kind)->velocities;
+            }
+        }
+}
+
+/* ---- forces that the model lacks ---- */
+
+/* Starts of stretches of `steps` intervals, at most MOST of them, whose first and last rows are complete. */
+static size_t find_stretches(const lg_machine *machine, const lg_machine_log *log, size_t steps,
+                             size_t *out) {
+    enum { MOST = 1500 };
+    const size_t every = steps > log->rows / MOST ? steps : log->rows / MOST;
+    size_t count = 0;
+    for (size_t part = 0; part < log->parts; part++)
+        for (size_t row = log->first[part]; row + steps < log->first[part + 1]; row += every)
+            if (lg_machine_log_complete(machine, log, row, false) &&
+                lg_machine_log_complete(machine, log, row + steps, false))
+                out[count++] = row;
+    return count;
+}
+
+size_t identify_lacking(const app *self, const identify_given *given, double **velocity, double **force) {
+    enum { STEPS = 20 };
+    const lg_machine *machine = given->model.machine;
+    const size_t nq = machine->positions, nv = machine->velocities, points = STEPS + 1;
+    lg_machine_log log = given->data.logs.log;
+    APP_CLEAN(pushed_destroy) pushed p = {.model = {.machine = NULL}};
+    APP_FREE double *slopes = app_alloc(log.rows * nv, sizeof *slopes);
+    APP_FREE size_t *start = app_alloc(log.rows, sizeof *start);
+    *velocity = *force = NULL;
+    if (!pushed_create(self, given, &p)) return 0;
+    if (given->model.positions) {
+        identify_slopes(machine, &log, slopes);
+        log.v = slopes;
+    }
+    const size_t count = find_stretches(machine, &log, STEPS, start);
+    if (count == 0) return 0;
+    APP_FREE double *q = app_alloc(count * points * nq, sizeof *q);
+    APP_FREE double *v = app_alloc(count * points * nv, sizeof *v);
+    APP_FREE double *with = app_alloc(count * points * nv, sizeof *with);
+    APP_FREE double *middle_q = app_alloc(count * nq, sizeof *middle_q);
+    double *x = *velocity = app_alloc(count * nv, sizeof *x), *f = *force = app_alloc(count * nv, sizeof *f);
+    identify_run(self, &given->model, &log, start, count, STEPS, q, v);
+    for (size_t i = 0; i < count; i++) {
+        memcpy(middle_q + i * nq, q + (i * points + STEPS / 2) * nq, nq * sizeof *q);
+        memcpy(x + i * nv, v + (i * points + STEPS / 2) * nv, nv * sizeof *x);
+    }
+    identify_values(self, &given->model, count, middle_q, x, NULL, f);
+    for (size_t k = 0; k < nv; k++) {
+        push(&p, k, 1);
+        identify_run(self, &p.model, &log, start, count, STEPS, NULL, with);
+        push(&p, k, -1);
+        for (size_t i = 0; i < count; i++) {
+            const size_t end = (i * points + STEPS) * nv + k;
+            const double change = (with[end] - v[end]) / p.to.units[k];
+            f[i * nv + k] += (log.v[(start[i] + STEPS) * nv + k] - v[end]) / change;
+        }
+    }
+    return count;
+}

@@ -1,0 +1,207 @@
+/* A few numbers of a learned machine for a new log: which numbers there are, the directions in which they
+ * move the machine's parameters, and the text of the machine that has them. */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "machine/files/recipe.h"
+
+/* ---- directions ---- */
+
+/* All friction by one factor. */
+static size_t friction(const lg_machine *machine, const double *theta, const double *force, size_t index,
+                       double *direction, char *name, double *size) {
+    (void)force;
+    if (index > 0 || !lg_machine_scale_friction(machine, theta, direction)) return 0;
+    for (size_t i = 0; i < machine->parameters; i++) direction[i] *= LG_ADAPT_SIGMA;
+    (void)snprintf(name, LG_IDENTIFIED_NAME, "friction");
+    *size = LG_ADAPT_SIGMA;
+    return 1;
+}
+
+static const lg_machine_term *learned_offset(const lg_machine *machine) {
+    for (uint32_t t = 0; t < machine->term_count; t++)
+        if (machine->terms[t].part == LG_MACHINE_OFFSET && machine->terms[t].parameters > 0)
+            return &machine->terms[t];
+    return NULL;
+}
+
+/* The velocity on which force number `index` of an offset acts. */
+static uint32_t velocity_of(const lg_machine *machine, const lg_machine_term *term, size_t index) {
+    uint32_t velocity = 0;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        bool listed = term->of_count == 0;
+        for (uint32_t k = 0; k < term->of_count; k++) listed = listed || term->of[k].index == i;
+        const uint32_t each = lg_coordinate_row_of(machine->coordinates[i].kind)->velocities;
+        if (listed && index < each) return velocity + (uint32_t)index;
+        if (listed) index -= each;
+        velocity += each;
+    }
+    return 0;
+}
+
+/* The number that changes with parameter `at` when all others are 0: its name, and its value where the parameter is
+ * 1. 0: there is none. */
+static double unit_of(const lg_machine *machine, size_t at, double *theta, char *name) {
+    lg_identified one[LG_MACHINE_VALUES], none[LG_MACHINE_VALUES];
+    memset(theta, 0, machine->parameters * sizeof *theta);
+    size_t count = lg_machine_numbers(machine, theta, LG_MACHINE_VALUES, none);
+    theta[at] = 1.0;
+    (void)lg_machine_numbers(machine, theta, LG_MACHINE_VALUES, one);
+    theta[at] = 0.0;
+    if (count > LG_MACHINE_VALUES) count = LG_MACHINE_VALUES;
+    for (size_t i = 0; i < count; i++) {
+        if (one[i].value == none[i].value) continue;
+        (void)snprintf(name, LG_IDENTIFIED_NAME, "%s", one[i].name);
+        return one[i].value - none[i].value;
+    }
+    return 0.0;
+}
+
+/* A constant force, one for each velocity that the machine's offset has. */
+static size_t offset(const lg_machine *machine, const double *theta, const double *force, size_t index,
+                     double *direction, char *name, double *size) {
+    const lg_machine_term *term = learned_offset(machine);
+    (void)theta;
+    if (term == NULL || index >= term->parameters) return 0;
+    const double unit = unit_of(machine, term->offset + index, direction, name);
+    *size = force[velocity_of(machine, term, index)];
+    direction[term->offset + index] = unit != 0.0 ? *size / unit : 0.0;
+    return 1;
+}
+
+/* `direct` fills direction number `index` of the kind, which begins as zeros, for one standard deviation of
+ * the prior, and its name; it returns 0 if there is none. */
+typedef struct adaptable {
+    const char *name, *missing;
+    size_t (*direct)(const lg_machine *machine, const double *theta, const double *force, size_t index,
+                     double *direction, char *name, double *size);
+} adaptable;
+static const adaptable kinds[] = {
+    {"offset", "the machine has no learned offset", offset},
+    {"friction", "the machine has no learned friction: its damping is known, or there is none", friction}};
+
+static const adaptable *find(const char *name, size_t length) {
+    for (size_t i = 0; i < LG_COUNT(kinds); i++)
+        if (strlen(kinds[i].name) == length && strncmp(kinds[i].name, name, length) == 0) return &kinds[i];
+    return NULL;
+}
+
+static lg_status refuse(const char *name, size_t length, lg_error *error) {
+    char list[128] = "";
+    for (size_t i = 0, used = 0; i < LG_COUNT(kinds); i++)
+        used += (size_t)snprintf(list + used, sizeof list - used, "%s%s", i > 0 ? ", " : "", kinds[i].name);
+    return lg_fail(error, LG_INVALID_ARGUMENT,
+                   "--numbers: \"%.*s\" is no number that can be adapted; take of: %s", (int)length, name,
+                   list);
+}
+
+/* Calls `each` of every name in a list with commas. */
+#define EACH_NAME(names, at, length)                                                                         \
+    for (const char *at = (names); at != NULL; at = at[length] == ',' ? at + length + 1 : NULL, length = 0)  \
+        if ((length = strcspn(at, ",")), true)
+
+lg_status lg_adapt_check(const char *names, lg_error *error) {
+    size_t length = 0;
+    EACH_NAME(names, at, length) if (find(at, length) == NULL) return refuse(at, length, error);
+    return LG_OK;
+}
+
+static bool asks(const char *names, const char *name) {
+    size_t length = 0;
+    EACH_NAME(names, at, length)
+    if (length == strlen(name) && strncmp(at, name, length) == 0) return true;
+    return false;
+}
+
+/* ---- the machine's text with an offset ---- */
+
+/* Adds `offset: unknown`: before the last bracket of a text in brackets, else as a line. */
+static lg_status add_offset(char text[LG_MACHINE_TEXT], lg_error *error) {
+    size_t end = strlen(text);
+    while (end > 0 && strchr(" \n\r\t", text[end - 1]) != NULL) end--;
+    const bool brackets = text[strspn(text, " \n\r\t")] == '{' && end > 0 && text[end - 1] == '}';
+    const int more = brackets ? snprintf(text + end - 1, LG_MACHINE_TEXT - end + 1, ", offset: unknown}\n")
+                              : snprintf(text + end, LG_MACHINE_TEXT - end, "\noffset: unknown\n");
+    if (end + (size_t)more < LG_MACHINE_TEXT) return LG_OK;
+    return lg_fail(error, LG_FORMAT,
+                   "the machine's text is too long for a further line: write "
+                   "`offset: unknown` in the machine's file and fit it");
+}
+
+/* Index of the term among those of its part. */
+static uint32_t place_in_part(const lg_machine *machine, uint32_t term) {
+    uint32_t before = 0;
+    for (uint32_t t = 0; t < term; t++) before += machine->terms[t].part == machine->terms[term].part;
+    return before;
+}
+
+/* Copies the parameters of terms that both machines have; the others become 0. */
+static void carry(const lg_machine *from, const double *theta, const lg_machine *to, double *out) {
+    memset(out, 0, to->parameters * sizeof *out);
+    for (uint32_t t = 0; t < to->term_count; t++)
+        for (uint32_t s = 0; s < from->term_count; s++) {
+            const lg_machine_term *a = &from->terms[s], *b = &to->terms[t];
+            if (a->part == b->part && place_in_part(from, s) == place_in_part(to, t) &&
+                a->parameters == b->parameters)
+                memcpy(out + b->offset, theta + a->offset, a->parameters * sizeof *out);
+        }
+}
+
+static lg_status extend(const lg_context *context, const char *path, lg_machine_model_run *run,
+                        lg_error *error) {
+    lg_machine_file file;
+    LG_TRY(add_offset(run->text, error));
+    LG_TRY(lg_machine_file_parse(context, path, run->text, strlen(run->text), &file, error));
+    run->machine = file.machine;
+    run->machine.scales = run->scales;
+    lg_machine_file_destroy(&file);
+    return LG_OK;
+}
+
+/* ---- preparing ---- */
+
+static lg_status fill(const char *names, const double *force, lg_adaptation *out, lg_error *error) {
+    const lg_machine *machine = &out->run.machine;
+    const size_t P = machine->parameters;
+    size_t length = 0;
+    EACH_NAME(names, at, length) {
+        const adaptable *kind = find(at, length);
+        size_t index = 0;
+        while (out->count < LG_ADAPT_MOST &&
+               kind->direct(machine, out->theta, force, index, out->directions + out->count * P,
+                            out->names[out->count], &out->units[out->count]) > 0)
+            index++, out->count++;
+        if (index == 0)
+            return lg_fail(error, LG_INVALID_ARGUMENT, "--numbers %s: %s", kind->name, kind->missing);
+    }
+    return LG_OK;
+}
+
+lg_status lg_adaptation_create(const lg_context *context, const char *path, const lg_machine_model_file *file,
+                               const char *names, const double *force, lg_adaptation *out, lg_error *error) {
+    const lg_machine *before = &file->run.machine;
+    *out = (lg_adaptation){.run = file->run, .context = context};
+    LG_TRY(lg_adapt_check(names, error));
+    if (asks(names, "offset") && learned_offset(before) == NULL)
+        LG_TRY(extend(context, path, &out->run, error));
+    const size_t P = out->run.machine.parameters;
+    out->theta = lg_alloc(context, P + 1, sizeof *out->theta);
+    out->directions = lg_alloc(context, LG_ADAPT_MOST * P + 1, sizeof *out->directions);
+    if (out->theta == NULL || out->directions == NULL)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    carry(before, file->theta, &out->run.machine, out->theta);
+    return fill(names, force, out, error);
+}
+
+void lg_adaptation_move(lg_adaptation *adaptation, const double *x) {
+    const size_t P = adaptation->run.machine.parameters;
+    for (size_t k = 0; k < adaptation->count; k++)
+        for (size_t i = 0; i < P; i++) adaptation->theta[i] += x[k] * adaptation->directions[k * P + i];
+}
+
+void lg_adaptation_destroy(lg_adaptation *adaptation) {
+    lg_free(adaptation->context, adaptation->theta);
+    lg_free(adaptation->context, adaptation->directions);
+    *adaptation = (lg_adaptation){.count = 0};
+}
