@@ -189,7 +189,7 @@ bool lg_minimise_flat(const lg_minimiser *m) {
 double lg_minimise_rounding(const lg_minimiser *m) {
     double sum = fabs(m->numbers.value);
     for (size_t i = 0; i < m->n; i++) sum += fabs(m->g[i] * m->x[i]);
-    return DBL_EPSILON * sum;
+    return m->options.check ? DBL_EPSILON * sum : 0.0;
 }
 
 lg_minimise_end lg_minimise_no_step(const lg_minimiser *m) {

@@ -45,8 +45,7 @@ typedef struct lg_minimise_numbers {
     double growth;  /* Levenberg-Marquardt: the next refusal multiplies mu by this factor */
     double radius;  /* lg_least_squares: longest step, in the norm of D */
     double check_value[4], check_slope[4];
-    double
-        first; /* 1/curvature of f along the line of the check: the length of a first step -g; 0: not known */
+    double first; /* first step along -g, from the curvature that the check has seen; 0: not known */
 } lg_minimise_numbers;
 
 typedef struct lg_minimise_row {
@@ -120,8 +119,8 @@ void lg_minimise_finish(lg_minimiser *m, lg_minimise_end end);
 /* Why no step lowers f: LG_MINIMISE_BARRIER if f was not finite at the upper end of the last bracket, else
  * LG_MINIMISE_ROUNDING. */
 lg_minimise_end lg_minimise_no_step(const lg_minimiser *m);
-/* The change of f by rounding of f and x. lg_minimise_tiny: judged at every eighth step,
- * whether f is so small that it only tends to 0. */
+/* lg_minimise_rounding: the change of f by rounding of f and x; 0 without options.check, where searches go on
+ * until they fail. lg_minimise_tiny: at every eighth step, whether f is so small that it only tends to 0. */
 double lg_minimise_rounding(const lg_minimiser *m);
 bool lg_minimise_tiny(const lg_minimiser *m);
 /* Fills m->s with the random direction of checks, which depends on n alone. */

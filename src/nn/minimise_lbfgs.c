@@ -65,9 +65,10 @@ void lg_minimise_pairs_add(lg_minimiser *m, double *pairs, size_t most, const do
     memcpy(slot, s, n * sizeof *s);
     memcpy(slot + stride, y, n * sizeof *y);
     pairs[2 * most * stride + newest] = 1.0 / ys;
-    /* n pairs or more tell a diagonal, fewer only its size. */
-    if (m->counts.pairs == 0 || n > most) m->k->fill(n, 1.0, H);
-    if (n <= most) update_diagonal(n, s, y, ys, H);
+    /* In L-BFGS n pairs or more tell a diagonal, fewer only its size. */
+    const bool size_only = n > most && !m->row->dense;
+    if (m->counts.pairs == 0 || size_only) m->k->fill(n, 1.0, H);
+    if (!size_only) update_diagonal(n, s, y, ys, H);
     scale_diagonal(n, y, ys, H);
     lg_minimise_pairs_direction(m, pairs, most, m->counts.pairs + 1);
 }

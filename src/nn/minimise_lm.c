@@ -1,7 +1,7 @@
-/* Levenberg-Marquardt: damped Gauss-Newton steps, with the damping of Nielsen (1999). Blocks of variables of
- * which no two meet in a residual are eliminated. With A = (P C^T; C B), where B is block diagonal, B = L L^T
- * and Y = L^-1 C:
- *   (P - Y^T Y) d_p = -g_p + Y^T L^-1 g_b,  d_b = -L^-T (L^-1 g_b + Y d_p). */
+/* Levenberg-Marquardt: damped Gauss-Newton steps, with the damping of Nielsen (1999), in lg_least_squares
+ * that of a trust region (More 1978). Blocks of variables of which no two meet in a residual are eliminated.
+ * With A = (P C^T; C B), where B is block diagonal, B = L L^T and Y = L^-1 C:
+ *   (P - Y^T Y) d_p = -g_p + Y^T L^-1 g_b,  d_b = -L^-T (L^-1 g_b + Y d_p).  */
 #include <math.h>
 #include <string.h>
 
