@@ -10,8 +10,8 @@
 
 /* DAMPING: index in `powered`, whose order is that of ENERGY_INPUTS and the next ones. */
 enum { CHUNK = 512, DAMPING = 1, POWERS = 4 };
-static const lg_machine_part powered[POWERS] = {LG_MACHINE_INPUT_MAP, LG_MACHINE_DAMPING,
-                                                LG_MACHINE_RESIDUAL, LG_MACHINE_OFFSET};
+static const lg_machine_part powered[POWERS] = {LG_MACHINE_INPUT_MAP, LG_MACHINE_DAMPING, LG_MACHINE_RESIDUAL,
+                                                LG_MACHINE_OFFSET};
 
 /* States (in the layout of logs) and the values that are wanted there. Outputs that are NULL are not
  * computed. */

@@ -115,12 +115,11 @@ static void put_columns(app_json *out, const lg_machine_file *file, const verdic
                           "best that a run can have.");
 }
 
-static const char *const energy_names[IDENTIFY_ENERGIES] = {"change", "inputs", "damping", "residual", "offset",
-                                                            "left",   "left_size", "change_size"};
+static const char *const energy_names[IDENTIFY_ENERGIES] = {"change", "inputs", "damping",   "residual",
+                                                            "offset", "left",   "left_size", "change_size"};
 static const char *const energy_words[IDENTIFY_ENERGIES] = {
-    "change of the energy", "work of the inputs", "work of damping and friction",
-    "work of the residual", "work of the offset", "left over",          "left over, sizes added",
-    "changes, sizes added"};
+    "change of the energy", "work of the inputs", "work of damping and friction", "work of the residual",
+    "work of the offset",   "left over",          "left over, sizes added",       "changes, sizes added"};
 
 static void report(const app *self, const lg_machine_file *file, const verdict *v) {
     app_json out;

@@ -33,7 +33,8 @@
  * P_i = I - q_i q_i^T, H = 1/2 sum_i p_i.q_i' + V, and with lambda_i = -q_i.sum_j m_ij q_j'
  *   p_i' = omega_i x p_i + (dV/dq_i x q_i - lambda_i q_i' x q_i + q_i' x p_i + f_i) x q_i.
  *
- * A constant force may be added. M, V, D, B and r are sums of terms, whose kinds are entries of a table (lg_term_kind_at): known terms are
+ * A constant force may be added. M, V, D, B and r are sums of terms, whose kinds are entries of a table
+ * (lg_term_kind_at): known terms are
  * given, the others are learned. M and D are positive (semi)definite by construction, so damping takes energy
  * away. Sensors may have constant biases: positions (of lines, angles and places of poses) and velocities in
  * logs contain them, states do not.
@@ -162,9 +163,9 @@ LG_API const char *lg_term_kind_name(const lg_term_kind *kind); /* Its name in m
 LG_API uint32_t lg_term_kind_options(const lg_term_kind *kind); /* The sum of LG_TERM_... that apply. */
 
 #define LG_MACHINE_ENTRIES 32 /* Most unknown numbers among the values of a term. */
-/* One of the values of a term that is unknown. Its value is where learning begins; NaN: the start that numbers
- * of the kind have. low < high: the number stays between them. sigma > 0: the standard deviation of a Gaussian
- * prior around the start. All are in the units of the log. */
+/* One of the values of a term that is unknown. Its value is where learning begins; NaN: the start that
+ * numbers of the kind have. low < high: the number stays between them. sigma > 0: the standard deviation of
+ * a Gaussian prior around the start. All are in the units of the log. */
 typedef struct lg_machine_entry {
     uint32_t index; /* Among the values. */
     double low, high, sigma;
@@ -178,12 +179,12 @@ typedef struct lg_machine_term {
     lg_machine_feature of[LG_MACHINE_FEATURES];
     uint32_t hidden_layers, hidden[LG_MACHINE_HIDDEN];
     lg_activation activation;
-    uint32_t degree;                  /* Degree of a polynomial. */
+    uint32_t degree; /* Degree of a polynomial. */
     /* Friction near rest: the velocity w in f tanh(v/w), in the units of the log. 0: lg_machine_width. */
     double width;
     uint32_t value_count;             /* Values are in the units of the log. */
     double values[LG_MACHINE_VALUES]; /* Matrices are row-major; mass and damping may also be a diagonal. */
-    uint32_t entry_count; /* Values that are unknown. */
+    uint32_t entry_count;             /* Values that are unknown. */
     lg_machine_entry entries[LG_MACHINE_ENTRIES];
     /* The members below are filled by lg_machine_init. */
     lg_mlp net;
@@ -258,7 +259,8 @@ typedef struct lg_machine {
     size_t parameters, weights;
 } lg_machine;
 
-/* The term whose friction this term of the machine changes, such as a Coulomb friction; NULL: it changes none. */
+/* The term whose friction this term of the machine changes, such as a Coulomb friction; NULL: it changes
+ * none. */
 LG_API const lg_machine_term *lg_machine_base(const lg_machine *machine, const lg_machine_term *term);
 LG_API void lg_machine_scales_init(lg_machine_scales *scales);
 /* The width of a friction term at one velocity: that of the term or, if this is 0, a thousandth of the
@@ -329,8 +331,8 @@ LG_API lg_var lg_machine_record_energy(lg_tape *tape, const lg_machine_vars *var
 /* Returns the velocities v (B, velocities) of the state, without biases. */
 LG_API lg_var lg_machine_record_rates(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts);
 /* Returns the forces f (B, velocities) of one part: LG_MACHINE_DAMPING (-D v), LG_MACHINE_INPUT_MAP (B u),
- * LG_MACHINE_RESIDUAL or LG_MACHINE_OFFSET; LG_NONE when the machine has no such part. `rates` is v; u is (B, inputs) or
- * LG_NONE. */
+ * LG_MACHINE_RESIDUAL or LG_MACHINE_OFFSET; LG_NONE when the machine has no such part. `rates` is v; u is
+ * (B, inputs) or LG_NONE. */
 LG_API lg_var lg_machine_record_force(lg_tape *tape, const lg_machine_vars *vars, lg_machine_part part,
                                       const lg_var *parts, lg_var rates, lg_var u);
 /* Writes the parts of the field, an algebra element. u is (B, inputs) or LG_NONE. */

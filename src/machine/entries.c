@@ -127,7 +127,8 @@ const char *lg_machine_entries_fault(const lg_machine *machine, const lg_machine
         term->kind->entry(machine, term, e->index, &about);
         const double start = term->values[e->index];
         if (!about.single)
-            return "only numbers on the diagonal of a matrix can be unknown by themselves; give the diagonal, or "
+            return "only numbers on the diagonal of a matrix can be unknown by themselves; give the "
+                   "diagonal, or "
                    "kind constant";
         if (about.positive && (start <= 0.0 || (is_bounded(e) && e->low < 0.0)))
             return "an unknown number of this kind must have a start above 0, and bounds not below 0";
@@ -150,8 +151,7 @@ uint32_t lg_machine_list_priors(const lg_machine *machine, lg_prior *out) {
             const lg_number_map map = map_of(machine, term, k, &about);
             out[count++] = (lg_prior){i, k, map, about.start, term->entries[k].sigma};
         }
-        if (term->kind == &lg_grey_mass_kind)
-            count = lg_grey_priors(machine, i, out, count);
+        if (term->kind == &lg_grey_mass_kind) count = lg_grey_priors(machine, i, out, count);
     }
     return count;
 }
@@ -162,7 +162,8 @@ lg_var lg_machine_record_priors(lg_tape *tape, const lg_machine_vars *vars, uint
     const uint32_t count = lg_machine_list_priors(vars->machine, priors);
     for (uint32_t i = 0; i < count; i++) {
         const lg_prior *p = &priors[i];
-        const lg_var t = lg_reshape(tape, lg_slice(tape, vars->theta[p->term], 0, p->index, 1), lg_shape2(1, 1));
+        const lg_var t =
+            lg_reshape(tape, lg_slice(tape, vars->theta[p->term], 0, p->index, 1), lg_shape2(1, 1));
         const lg_var x = record_maps(tape, &p->map, 1, t);
         each[i] = lg_scale(tape, lg_add_scalar(tape, x, -p->centre), weight / p->sigma);
     }

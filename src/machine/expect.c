@@ -124,7 +124,8 @@ static lg_status add_windows(expecting *e, lg_tape *tape, size_t all, size_t use
 static void add_priors(expecting *e) {
     lg_prior priors[LG_MACHINE_PRIORS];
     const lg_machine *machine = e->problem.machine;
-    const uint32_t count = lg_machine_problem_priors(&e->problem) > 0 ? lg_machine_list_priors(machine, priors) : 0;
+    const uint32_t count =
+        lg_machine_problem_priors(&e->problem) > 0 ? lg_machine_list_priors(machine, priors) : 0;
     const double weight = lg_machine_prior_weight(&e->problem, 1);
     for (uint32_t i = 0; i < count; i++) {
         const size_t at = machine->terms[priors[i].term].offset + priors[i].index;

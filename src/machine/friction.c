@@ -1,10 +1,10 @@
 /* Machines: kinds of friction beyond viscous and Coulomb friction. docs/machines.md has the formulas.
  *
  * A kind changes the friction of its base, "diagonal" or "coulomb": if the machine has such a term, its
- * coefficients are taken and only what the kind adds is the term's force. Otherwise, and with values, the term
- * has coefficients of its own. Parameters and values are blocks of one number per velocity, first the block of
- * its own coefficients, if there is one. All forces have v.f <= 0 for any parameters: each for itself, or
- * together with the base. */
+ * coefficients are taken and only what the kind adds is the term's force. Otherwise, and with values, the
+ * term has coefficients of its own. Parameters and values are blocks of one number per velocity, first the
+ * block of its own coefficients, if there is one. All forces have v.f <= 0 for any parameters: each for
+ * itself, or together with the base. */
 #include <float.h>
 #include <math.h>
 
@@ -242,8 +242,8 @@ static lg_var loads_of(const rubbing *r, const lg_machine_seen *seen) {
     if (r->term->of_count == 0)
         loads = lg_machine_record_pull(r->tape, r->vars, seen->parts);
     else
-        loads = lg_is_none(seen->u) ? LG_NONE
-                                    : lg_machine_record_features(r->tape, r->machine, r->term, seen);
+        loads =
+            lg_is_none(seen->u) ? LG_NONE : lg_machine_record_features(r->tape, r->machine, r->term, seen);
     return lg_is_none(loads) ? loads : lg_abs(r->tape, loads);
 }
 
@@ -313,8 +313,8 @@ static void factor_numbers(lg_number_list *l, const lg_machine *machine, const l
             char name[48], by[64] = "";
             lg_machine_velocity_name(machine, k, name, sizeof name);
             if (count > 1) lg_machine_feature_name(machine, term, f, by, sizeof by);
-            lg_numbers_put(l, shaped(own[f * n + k]) / feature_unit(&r, scales, f, k), "%s.%s%s%s", what, name,
-                           count > 1 ? "." : "", by);
+            lg_numbers_put(l, shaped(own[f * n + k]) / feature_unit(&r, scales, f, k), "%s.%s%s%s", what,
+                           name, count > 1 ? "." : "", by);
         }
 }
 
@@ -341,8 +341,8 @@ static void start_still(const lg_machine *machine, const lg_machine_term *term, 
     start_at(machine, term, theta, 0.0);
 }
 
-/* Breakaway at 1.5 times the friction of sliding; the speed at a tenth of the largest one, three quarters of its
- * range: from a smaller one fits see too few rows. */
+/* Breakaway at 1.5 times the friction of sliding; the speed at a tenth of the largest one, three quarters
+ * of its range: from a smaller one fits see too few rows. */
 static void start_stribeck(const lg_machine *machine, const lg_machine_term *term, double *theta) {
     const size_t n = machine->velocities;
     start_at(machine, term, theta, 0.0);
@@ -378,7 +378,8 @@ static const char *stribeck_fault(const lg_machine *machine, const lg_machine_te
     for (uint32_t k = 0; k < n; k++)
         if (!(term->values[k] >= 0.0 && term->values[n + k] >= term->values[k] &&
               term->values[2 * n + k] > 0.0))
-            return "the values are three rows: friction of sliding (not below 0), friction at rest (not below "
+            return "the values are three rows: friction of sliding (not below 0), friction at rest (not "
+                   "below "
                    "that), and the speed between them (above 0)";
     return NULL;
 }
@@ -400,39 +401,39 @@ static const char *position_fault(const lg_machine *machine, const lg_machine_te
 
 #define FRICTION                                                                                             \
     .part = LG_MACHINE_DAMPING, .parameters = count_parameters, .values = count_values, .scaling = scale_own
-const lg_term_kind lg_machine_friction_kinds[] = {{.name = "asymmetric",
-                                                   .options = LG_TERM_WIDTH | LG_TERM_VALUES,
-                                                   .base = "diagonal",
-                                                   .blocks = 1,
-                                                   .initialise = start_still,
-                                                   .record = asymmetric,
-                                                   .numbers = asymmetric_numbers,
-                                                   .fault = asymmetric_fault,
-                                                   FRICTION},
-                                                  {.name = "stribeck",
-                                                   .options = LG_TERM_WIDTH | LG_TERM_VALUES,
-                                                   .base = "coulomb",
-                                                   .blocks = 2,
-                                                   .initialise = start_stribeck,
-                                                   .record = stribeck,
-                                                   .numbers = stribeck_numbers,
-                                                   .fault = stribeck_fault,
-                                                   FRICTION},
-                                                  {.name = "load",
-                                                   .options = LG_TERM_WIDTH | LG_TERM_VALUES | LG_TERM_SOME |
-                                                              LG_TERM_INPUTS,
-                                                   .base = "coulomb",
-                                                   .initialise = start_load,
-                                                   .record = load,
-                                                   .numbers = load_numbers,
-                                                   .fault = load_fault,
-                                                   FRICTION},
-                                                  {.name = "position",
-                                                   .options = LG_TERM_WIDTH | LG_TERM_VALUES | LG_TERM_OF,
-                                                   .base = "coulomb",
-                                                   .initialise = start_still,
-                                                   .record = position,
-                                                   .numbers = position_numbers,
-                                                   .fault = position_fault,
-                                                   FRICTION},
-                                                  {.name = NULL}};
+const lg_term_kind lg_machine_friction_kinds[] = {
+    {.name = "asymmetric",
+     .options = LG_TERM_WIDTH | LG_TERM_VALUES,
+     .base = "diagonal",
+     .blocks = 1,
+     .initialise = start_still,
+     .record = asymmetric,
+     .numbers = asymmetric_numbers,
+     .fault = asymmetric_fault,
+     FRICTION},
+    {.name = "stribeck",
+     .options = LG_TERM_WIDTH | LG_TERM_VALUES,
+     .base = "coulomb",
+     .blocks = 2,
+     .initialise = start_stribeck,
+     .record = stribeck,
+     .numbers = stribeck_numbers,
+     .fault = stribeck_fault,
+     FRICTION},
+    {.name = "load",
+     .options = LG_TERM_WIDTH | LG_TERM_VALUES | LG_TERM_SOME | LG_TERM_INPUTS,
+     .base = "coulomb",
+     .initialise = start_load,
+     .record = load,
+     .numbers = load_numbers,
+     .fault = load_fault,
+     FRICTION},
+    {.name = "position",
+     .options = LG_TERM_WIDTH | LG_TERM_VALUES | LG_TERM_OF,
+     .base = "coulomb",
+     .initialise = start_still,
+     .record = position,
+     .numbers = position_numbers,
+     .fault = position_fault,
+     FRICTION},
+    {.name = NULL}};

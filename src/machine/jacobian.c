@@ -319,7 +319,8 @@ static void put_rows(const lg_kernels *k, chain *c, uint32_t j) {
 static void put_priors(chain *c, size_t batch) {
     lg_prior priors[LG_MACHINE_PRIORS];
     const lg_machine *machine = c->problem->machine;
-    const uint32_t count = lg_machine_problem_priors(c->problem) > 0 ? lg_machine_list_priors(machine, priors) : 0;
+    const uint32_t count =
+        lg_machine_problem_priors(c->problem) > 0 ? lg_machine_list_priors(machine, priors) : 0;
     const double weight = lg_machine_prior_weight(c->problem, batch);
     for (uint32_t i = 0; i < count; i++) {
         const lg_prior *p = &priors[i];

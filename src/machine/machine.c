@@ -42,7 +42,7 @@ uint32_t lg_term_kind_options(const lg_term_kind *kind) {
 
 /* ---- initialisation ---- */
 
-/* Without a log the width of friction is a thousandth of this, 0.02. Model files without `fastest` mean it. */
+/* Without a log the width of friction is a thousandth of this, 0.02, as in files without `fastest`. */
 static const double unknown_speed = 20.0;
 
 void lg_machine_scales_init(lg_machine_scales *scales) {
@@ -149,7 +149,8 @@ static lg_status check_term(const lg_machine *machine, const lg_machine_term *te
     if ((options & LG_TERM_WIDTH) != 0 && !(term->width >= 0.0 && isfinite(term->width)))
         return term_fails(term, error, "the width must be above 0, or 0 for a width from the log");
     if ((options & LG_TERM_INPUTS) != 0 && term->of_count == 0 && !has_part(machine, LG_MACHINE_POTENTIAL))
-        return term_fails(term, error, "needs `of`, the inputs that load it, or a potential whose force does");
+        return term_fails(term, error,
+                          "needs `of`, the inputs that load it, or a potential whose force does");
     if (term->kind->base != NULL && changes_again(machine, term))
         return term_fails(term, error, "two terms of this kind change the same friction; give one");
     size_t fits[2] = {0, 0};

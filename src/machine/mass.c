@@ -49,10 +49,8 @@ static void known_entry(const lg_machine *machine, const lg_machine_term *term, 
     const uint32_t n = machine->velocities;
     const bool line = term->value_count == n;
     const uint32_t i = line ? index : index / n, j = line ? index : index % n;
-    *out = (lg_entry_about){.unit = 1.0 / lg_machine_unit_mass(machine, i, j),
-                            .start = 1.0,
-                            .positive = true,
-                            .single = i == j};
+    *out = (lg_entry_about){
+        .unit = 1.0 / lg_machine_unit_mass(machine, i, j), .start = 1.0, .positive = true, .single = i == j};
     (void)snprintf(out->name, sizeof out->name, "mass.%u.%u", i + 1, j + 1);
 }
 

@@ -139,8 +139,7 @@ size_t lg_machine_numbers_at(const lg_machine *machine, const double *theta, con
     for (uint32_t i = 0; i < machine->term_count; i++) {
         const lg_machine_term *term = &machine->terms[i];
         if (network && term->part == LG_MACHINE_MASS && term->kind != &lg_grey_mass_kind) continue;
-        if (term->entry_count > 0)
-            lg_numbers_entries(&l, machine, term, theta + term->offset);
+        if (term->entry_count > 0) lg_numbers_entries(&l, machine, term, theta + term->offset);
         if (term->value_count == 0 && term->kind->numbers != NULL)
             term->kind->numbers(&l, machine, term, theta + term->offset);
     }

@@ -242,8 +242,8 @@ void lg_numbers_constant_damping(lg_number_list *l, const lg_machine *machine, c
     unpack(theta, n, false, L);
     for (uint32_t i = 0; i < n; i++)
         for (uint32_t j = i; j < n; j++)
-            lg_numbers_put(l, product(L, n, i, j) * lg_machine_drag_unit(machine, i, j, 1), "damping.%u.%u", i + 1,
-                           j + 1);
+            lg_numbers_put(l, product(L, n, i, j) * lg_machine_drag_unit(machine, i, j, 1), "damping.%u.%u",
+                           i + 1, j + 1);
 }
 
 void lg_numbers_constant_map(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
@@ -252,6 +252,7 @@ void lg_numbers_constant_map(lg_number_list *l, const lg_machine *machine, const
     (void)term;
     for (uint32_t i = 0; i < machine->velocities; i++)
         for (uint32_t j = 0; j < m; j++)
-            lg_numbers_put(l, theta[i * m + j] * lg_machine_drag_unit(machine, i, i, 0) / machine->scales.input[j],
-                           "input_map.%u.%u", i + 1, j + 1);
+            lg_numbers_put(
+                l, theta[i * m + j] * lg_machine_drag_unit(machine, i, i, 0) / machine->scales.input[j],
+                "input_map.%u.%u", i + 1, j + 1);
 }

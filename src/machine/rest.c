@@ -31,8 +31,8 @@ static void fill(const lg_machine *machine, const lg_machine_log *log, const siz
         for (size_t k = 0; k < n; k++) {
             const size_t at = r * n + k;
             lg_machine_scaled_rows(machine, log, &rows[r], 1, p->q + at * machine->positions, NULL);
-            p->v[at * n + k] = part * least_width(machine, (uint32_t)k) * machine->scales.time /
-                               machine->scales.velocity[k];
+            p->v[at * n + k] =
+                part * least_width(machine, (uint32_t)k) * machine->scales.time / machine->scales.velocity[k];
             for (size_t j = 0; j < m; j++)
                 p->u[at * m + j] = log->u[rows[r] * 4 * m + j] / machine->scales.input[j];
         }
@@ -73,7 +73,8 @@ lg_status lg_machine_rest_rate(const lg_context *context, const lg_machine *mach
     }
     if (count == 0 || !has_damping(machine)) return LG_OK;
     const size_t n = machine->velocities, all = count * n;
-    double *memory = lg_alloc(context, all * (machine->positions + 2 * n + machine->input_count), sizeof *memory);
+    double *memory =
+        lg_alloc(context, all * (machine->positions + 2 * n + machine->input_count), sizeof *memory);
     if (memory == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
     probe p = {.count = (uint32_t)all, .v = memory, .after = memory + all * n, .q = memory + 2 * all * n};
     p.u = p.q + all * machine->positions;

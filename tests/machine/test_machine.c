@@ -67,8 +67,7 @@ static void assert_energy_balance(const lg_machine *machine) {
     static const lg_machine_part forces[] = {LG_MACHINE_DAMPING, LG_MACHINE_INPUT_MAP, LG_MACHINE_RESIDUAL,
                                              LG_MACHINE_OFFSET};
     for (size_t i = 0; i < LG_COUNT(forces); i++) {
-        const lg_var f =
-            lg_machine_record_force(s->tape, &s->vars, forces[i], s->parts, s->rates, s->u);
+        const lg_var f = lg_machine_record_force(s->tape, &s->vars, forces[i], s->parts, s->rates, s->u);
         if (!lg_is_none(f)) power = lg_add(s->tape, power, lg_rowdot(s->tape, s->rates, f));
     }
     double expected[ROWS];

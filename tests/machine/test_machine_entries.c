@@ -11,8 +11,8 @@ static void open_value(lg_machine_term *term, uint32_t index, double low, double
 
 /* A line and an angle with two inputs at odd scales; with `open` some of the numbers are unknown. */
 static lg_machine mixed(bool open) {
-    static const double mass[2] = {2, 3}, map[4] = {1, -0.4, 0, 0.5}, drag[2] = {0.7, 0.2}, coulomb[2] = {0.3, 0.9},
-                        offset[2] = {-0.6, 0.1};
+    static const double mass[2] = {2, 3}, map[4] = {1, -0.4, 0, 0.5}, drag[2] = {0.7, 0.2},
+                        coulomb[2] = {0.3, 0.9}, offset[2] = {-0.6, 0.1};
     lg_machine machine = empty_machine();
     add_coordinate(&machine, "x", LG_COORDINATE_LINE);
     add_coordinate(&machine, "a", LG_COORDINATE_ANGLE);
@@ -44,14 +44,15 @@ static void rates_of(const lg_machine *machine, const double *theta, double *out
     lg_tape *tape = test_tape(LG_F64);
     const lg_shape row = lg_shape2(1, 2);
     assert_ok(lg_machine_bind(tape, machine, lg_machine_parameter(tape, machine, theta), &vars));
-    assert_ok(lg_machine_record_state(tape, &vars, lg_input_f64(tape, row, q), lg_input_f64(tape, row, v), parts));
+    assert_ok(
+        lg_machine_record_state(tape, &vars, lg_input_f64(tape, row, q), lg_input_f64(tape, row, v), parts));
     assert_ok(lg_machine_record_field(tape, &vars, parts, lg_input_f64(tape, row, u), algebra));
     assert_ok(lg_read(tape, algebra[lg_machine_parts(machine).m], 2, out));
 }
 
 TEST("a machine whose unknown numbers are at their starts is the machine in which they are known") {
-    static const char *const names[] = {"mass.2.2", "input_map.1.2", "input_map.2.2", "damping.x", "coulomb.a",
-                                        "offset.x"};
+    static const char *const names[] = {"mass.2.2",  "input_map.1.2", "input_map.2.2",
+                                        "damping.x", "coulomb.a",     "offset.x"};
     static const double starts[] = {3, -0.4, 0.5, 0.7, 0.9, -0.6};
     const lg_machine known = mixed(false), open = mixed(true);
     const double zeros[6] = {0};
@@ -86,7 +87,8 @@ TEST("identified numbers, given as known values, make the same machine, for any 
     }
 }
 
-TEST("numbers stay in their bounds and positive for extreme parameters, and slopes are those of the numbers") {
+TEST(
+    "numbers stay in their bounds and positive for extreme parameters, and slopes are those of the numbers") {
     const lg_machine machine = mixed(true);
     static const double extremes[] = {-60, -5, 0, 2, 60};
     for (size_t k = 0; k < LG_COUNT(extremes); k++) {
@@ -107,7 +109,8 @@ TEST("numbers stay in their bounds and positive for extreme parameters, and slop
         double slope;
         assert_close(fabs(lg_number_at(&maps[i], 0, NULL)), 3, 1e-14, 0);
         (void)lg_number_at(&maps[i], 0.4, &slope);
-        const double up = lg_number_at(&maps[i], 0.4 + 1e-5, NULL), down = lg_number_at(&maps[i], 0.4 - 1e-5, NULL);
+        const double up = lg_number_at(&maps[i], 0.4 + 1e-5, NULL),
+                     down = lg_number_at(&maps[i], 0.4 - 1e-5, NULL);
         assert_close(slope, (up - down) / 2e-5, 1e-8, 0);
     }
 }
@@ -142,8 +145,10 @@ TEST("entries that do not fit are refused") {
         uint32_t term, index;
         double start, low, high, sigma;
         const char *sentence;
-    } rows[] = {{0, 0, -1, 0, 0, 0, "a start above 0"},         {0, 0, 2, 3, 4, 0, "inside of its bounds"},
-                {0, 0, 2, -1, 4, 0, "bounds not below 0"},      {1, 0, NAN, 0, 0, 1, "needs a start"},
+    } rows[] = {{0, 0, -1, 0, 0, 0, "a start above 0"},
+                {0, 0, 2, 3, 4, 0, "inside of its bounds"},
+                {0, 0, 2, -1, 4, 0, "bounds not below 0"},
+                {1, 0, NAN, 0, 0, 1, "needs a start"},
                 {1, 9, 1, 0, 0, 0, "is not among its values"}};
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         lg_error error = {LG_OK, ""};

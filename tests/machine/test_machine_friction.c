@@ -1,5 +1,5 @@
-/* Machines: kinds of friction and constant forces. Their formulas, that friction never gives energy, the width
- * of friction, and the direction in which the parameters scale it. */
+/* Machines: kinds of friction and constant forces. Their formulas, that friction never gives energy, the
+ * width of friction, and the direction in which the parameters scale it. */
 #include "liegrad/ops.h"
 
 #include "support/machine_support.h"
@@ -37,10 +37,10 @@ static void force_at(const lg_machine *machine, lg_machine_part part, const doub
     assert_ok(lg_machine_bind(tape, machine, lg_machine_parameter(tape, machine, theta), &vars));
     const lg_var rates = lg_input_f64(tape, lg_shape2(1, 2), speed);
     assert_ok(lg_machine_record_state(tape, &vars, lg_input_f64(tape, lg_shape2(1, 2), place), rates, parts));
-    assert_ok(lg_read(tape,
-                      lg_machine_record_force(tape, &vars, part, parts, rates,
-                                              lg_input_f64(tape, lg_shape2(1, 1), &input)),
-                      2, out));
+    assert_ok(lg_read(
+        tape,
+        lg_machine_record_force(tape, &vars, part, parts, rates, lg_input_f64(tape, lg_shape2(1, 1), &input)),
+        2, out));
     for (int k = 0; k < 2; k++) out[k] *= s->energy / s->velocity[k];
 }
 
@@ -138,7 +138,8 @@ TEST("friction takes energy away at any velocity, position, load and parameters,
     }
 }
 
-TEST("beside its base a kind has no coefficients of its own; two terms that change the same friction are refused") {
+TEST("beside its base a kind has no coefficients of its own; two terms that change the same friction are "
+     "refused") {
     lg_machine machine = everything();
     const uint32_t sizes[] = {2, 2, 2, 4, 2, 2, 2};
     for (size_t i = 0; i < LG_COUNT(sizes); i++) assert_int_equal(machine.terms[3 + i].parameters, sizes[i]);
@@ -177,7 +178,8 @@ TEST("values with which friction would give energy are refused") {
 static void scaled_along(const lg_machine *machine) {
     static const double x = 1e-5, q[2] = {0.8, -0.4}, v[2] = {0.9, -0.02};
     const double *theta = machine_theta(machine, 9);
-    double *direction = TEST_ARRAY(double, machine->parameters + 1), *moved = TEST_ARRAY(double, machine->parameters + 1);
+    double *direction = TEST_ARRAY(double, machine->parameters + 1),
+           *moved = TEST_ARRAY(double, machine->parameters + 1);
     double f[2], up[2], down[2];
     for (uint32_t i = 0; i < machine->term_count; i++) {
         const lg_machine_term *term = &machine->terms[i];
@@ -211,7 +213,8 @@ TEST("the direction of scale of every kind multiplies all friction by 1 + x to f
 
 /* ---- offsets ---- */
 
-TEST("an offset is a constant force on the velocities of its coordinates, and its number is in the log's units") {
+TEST("an offset is a constant force on the velocities of its coordinates, and its number is in the log's "
+     "units") {
     for (int known = 0; known < 2; known++) {
         lg_machine machine = plain();
         lg_machine_term *term = add_term(&machine, LG_MACHINE_OFFSET, known == 1 ? "known" : "unknown");

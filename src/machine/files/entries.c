@@ -1,5 +1,5 @@
-/* Reads numbers of a machine that are unknown one by one from YAML: the word `unknown`, or {start: 3, within: [1,
- * 10], sigma: 1}. */
+/* Reads numbers of a machine that are unknown one by one from YAML: the word `unknown`, or {start: 3,
+ * within: [1, 10], sigma: 1}. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -37,8 +37,8 @@ lg_status lg_machine_read_entry(reading *r, const char *what, const yaml_node_t 
     if (values[KEY_START].line != 0) *start = values[KEY_START].real[0];
     if (values[KEY_SIGMA].line != 0) out->sigma = values[KEY_SIGMA].real[0];
     if (values[KEY_SIGMA].line != 0 && isnan(*start))
-        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "%s: sigma needs a start, the centre of the prior",
-                            what);
+        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error,
+                            "%s: sigma needs a start, the centre of the prior", what);
     if (values[KEY_WITHIN].line == 0) return LG_OK;
     out->low = values[KEY_WITHIN].real[0], out->high = values[KEY_WITHIN].real[1];
     if (values[KEY_WITHIN].count != 2 || !(out->low < out->high))

@@ -94,8 +94,8 @@ static const lg_field keys[KEY_COUNT] = {
     [KEY_SIGMA] = {.name = "sigma", .type = LG_FIELD_REAL, .above = true, .high = DBL_MAX},
 };
 
-/* Reads {start: ..., unknown: ..., within: [...], sigma: ...}; the latter hold for all unknown numbers. `unknown` is a truth value, or one per number of `start`; default
- * true. */
+/* Reads {start: ..., unknown: ..., within: [...], sigma: ...}; the latter hold for all unknown numbers.
+ * `unknown` is a truth value, or one per number of `start`; default true. */
 static lg_status read_start(reading *r, const yaml_node_t *node, parameter *p) {
     lg_key_value values[KEY_COUNT] = {{.line = 0}};
     const lg_key_set set = {keys, KEY_COUNT, values};
@@ -115,7 +115,8 @@ static lg_status read_start(reading *r, const yaml_node_t *node, parameter *p) {
     for (size_t i = 1; i < p->count && p->unknowns == 1; i++) p->unknown[i] = p->unknown[0];
     const lg_key_value *within = &values[KEY_WITHIN];
     if (within->line != 0 && !(within->count == 2 && within->real[0] < within->real[1]))
-        return lg_yaml_fail(r->yaml, within->line, LG_FORMAT, r->error, "%s: within: expected [low, high]", p->key);
+        return lg_yaml_fail(r->yaml, within->line, LG_FORMAT, r->error, "%s: within: expected [low, high]",
+                            p->key);
     for (size_t i = 0; i < p->count; i++) {
         if (within->line != 0) p->entries[i].low = within->real[0], p->entries[i].high = within->real[1];
         if (values[KEY_SIGMA].line != 0) p->entries[i].sigma = values[KEY_SIGMA].real[0];
@@ -127,8 +128,7 @@ static lg_status read_parameter(reading *r, const char *key, const yaml_node_t *
     lg_error inner = {LG_OK, ""};
     parameter p = {.key = key};
     LG_TRY(node->type == YAML_MAPPING_NODE ? read_start(r, node, &p) : read_numbers(r, node, &p));
-    lg_status status =
-        lg_machine_set_parameter(&r->out->machine, key, p.count, p.values, p.unknown, &inner);
+    lg_status status = lg_machine_set_parameter(&r->out->machine, key, p.count, p.values, p.unknown, &inner);
     for (size_t i = 0; i < p.count && status == LG_OK; i++) {
         const lg_machine_entry *e = &p.entries[i];
         if (p.unknown[i] && (e->low < e->high || e->sigma > 0.0))
