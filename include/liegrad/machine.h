@@ -33,7 +33,8 @@
  * P_i = I - q_i q_i^T, H = 1/2 sum_i p_i.q_i' + V, and with lambda_i = -q_i.sum_j m_ij q_j'
  *   p_i' = omega_i x p_i + (dV/dq_i x q_i - lambda_i q_i' x q_i + q_i' x p_i + f_i) x q_i.
  *
- * A constant force may be added. M, V, D, B and r are sums of terms, whose kinds are entries of a table (lg_term_kind_at): known terms are
+ * A constant force may be added. M, V, D, B and r are sums of terms, whose kinds are entries of a table
+ * (lg_term_kind_at): known terms are
  * given, the others are learned. M and D are positive (semi)definite by construction, so damping takes energy
  * away. Sensors may have constant biases: positions (of lines, angles and places of poses) and velocities in
  * logs contain them, states do not.
@@ -165,9 +166,9 @@ LG_API const char *lg_term_kind_name(const lg_term_kind *kind); /* Its name in m
 LG_API uint32_t lg_term_kind_options(const lg_term_kind *kind); /* The sum of LG_TERM_... that apply. */
 
 #define LG_MACHINE_ENTRIES 32 /* Most unknown numbers among the values of a term. */
-/* One of the values of a term that is unknown. Its value is where learning begins; NaN: the start that numbers
- * of the kind have. low < high: the number stays between them. sigma > 0: the standard deviation of a Gaussian
- * prior around the start. All are in the units of the log. */
+/* One of the values of a term that is unknown. Its value is where learning begins; NaN: the start that
+ * numbers of the kind have. low < high: the number stays between them. sigma > 0: the standard deviation of
+ * a Gaussian prior around the start. All are in the units of the log. */
 typedef struct lg_machine_entry {
     uint32_t index; /* Among the values. */
     double low, high, sigma;
@@ -265,7 +266,8 @@ typedef struct lg_machine {
     size_t parameters, weights;
 } lg_machine;
 
-/* The term whose friction this term of the machine changes, such as a Coulomb friction; NULL: it changes none. */
+/* The term whose friction this term of the machine changes, such as a Coulomb friction; NULL: it changes
+ * none. */
 LG_API const lg_machine_term *lg_machine_base(const lg_machine *machine, const lg_machine_term *term);
 LG_API void lg_machine_scales_init(lg_machine_scales *scales);
 /* The width of a friction term at one velocity: that of the term or, if this is 0, a thousandth of the

@@ -1,10 +1,10 @@
 /* Machines: kinds of friction beyond viscous and Coulomb friction. docs/machines.md has the formulas.
  *
  * A kind changes the friction of its base, "diagonal" or "coulomb": if the machine has such a term, its
- * coefficients are taken and only what the kind adds is the term's force. Otherwise, and with values, the term
- * has coefficients of its own. Parameters and values are blocks of one number per velocity, first the block of
- * its own coefficients, if there is one. All forces have v.f <= 0 for any parameters: each for itself, or
- * together with the base. */
+ * coefficients are taken and only what the kind adds is the term's force. Otherwise, and with values, the
+ * term has coefficients of its own. Parameters and values are blocks of one number per velocity, first the
+ * block of its own coefficients, if there is one. All forces have v.f <= 0 for any parameters: each for
+ * itself, or together with the base. */
 #include <float.h>
 #include <math.h>
 
@@ -341,8 +341,8 @@ static void start_still(const lg_machine *machine, const lg_machine_term *term, 
     start_at(machine, term, theta, 0.0);
 }
 
-/* Breakaway at 1.5 times the friction of sliding; the speed at a tenth of the largest one, three quarters of its
- * range: from a smaller one fits see too few rows. */
+/* Breakaway at 1.5 times the friction of sliding; the speed at a tenth of the largest one, three quarters
+ * of its range: from a smaller one fits see too few rows. */
 static void start_stribeck(const lg_machine *machine, const lg_machine_term *term, double *theta) {
     const size_t n = machine->velocities;
     start_at(machine, term, theta, 0.0);

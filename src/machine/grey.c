@@ -194,9 +194,9 @@ static size_t unknown_numbers(const lg_machine *machine, const lg_machine_term *
     return count;
 }
 
-/* Numbers of the system are a exp(g t) + b + f t + r/(1 + exp(-(t + l))) with t = theta S. A positive number has
- * its start in a, and g = 1 where it is unknown; other numbers have their start in b, and f = 1. Numbers with
- * bounds have r. */
+/* Numbers of the system are a exp(g t) + b + f t + r/(1 + exp(-(t + l))) with t = theta S. A positive
+ * number has its start in a, and g = 1 where it is unknown; other numbers have their start in b, and f = 1.
+ * Numbers with bounds have r. */
 typedef struct mapping {
     double a[LG_MACHINE_PARAMETERS], b[LG_MACHINE_PARAMETERS], g[LG_MACHINE_PARAMETERS],
         f[LG_MACHINE_PARAMETERS], r[LG_MACHINE_PARAMETERS], l[LG_MACHINE_PARAMETERS];

@@ -50,8 +50,8 @@ void lg_machine_velocity_name(const lg_machine *machine, uint32_t k, char *text,
 void lg_machine_feature_name(const lg_machine *machine, const lg_machine_term *term, uint32_t number,
                              char *text, size_t size);
 
-/* An entry of a term's values: its name, what is 1 in scaled units, where it starts in scaled units, whether it
- * is positive, and whether it may be unknown by itself. */
+/* An entry of a term's values: its name, what is 1 in scaled units, where it starts in scaled units,
+ * whether it is positive, and whether it may be unknown by itself. */
 typedef struct lg_entry_about {
     char name[LG_IDENTIFIED_NAME];
     double unit, start;
@@ -134,7 +134,8 @@ typedef struct lg_prior {
 } lg_prior;
 /* Lists the machine's priors (room for LG_MACHINE_PRIORS), and returns how many there are. */
 uint32_t lg_machine_list_priors(const lg_machine *machine, lg_prior *out);
-/* weight (number - start)/sigma of each prior, the same in all rows, (rows, priors); LG_NONE: there is none. */
+/* weight (number - start)/sigma of each prior, the same in all rows, (rows, priors); LG_NONE: there is
+ * none. */
 lg_var lg_machine_record_priors(lg_tape *tape, const lg_machine_vars *vars, uint32_t rows, double weight);
 /* Adds the priors of the system, whose mass is this term, behind `count` others; returns the new count. */
 uint32_t lg_grey_priors(const lg_machine *machine, uint32_t term, lg_prior *out, uint32_t count);

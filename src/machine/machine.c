@@ -42,7 +42,7 @@ uint32_t lg_term_kind_options(const lg_term_kind *kind) {
 
 /* ---- initialisation ---- */
 
-/* Without a log the width of friction is a thousandth of this, 0.02. Model files without `fastest` mean it. */
+/* Without a log the width of friction is a thousandth of this, 0.02, as in files without `fastest`. */
 static const double unknown_speed = 20.0;
 
 void lg_machine_scales_init(lg_machine_scales *scales) {

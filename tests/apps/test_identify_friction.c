@@ -10,8 +10,8 @@
 #define TRUTH HEAD "mass: {kind: known, values: [2]}\n"
 #define MODEL HEAD "mass: diagonal\n"
 
-/* A machine of mass 2, the model that is fitted (with the width of the truth, then with one from the log), and the numbers that must be found within `part` of their size and three
- * standard errors. */
+/* A machine of mass 2, the model that is fitted (with the width of the truth, then with one from the log),
+ * and the numbers that must be found within `part` of their size and three standard errors. */
 static const struct {
     const char *kind, *truth, *model;
     double part;

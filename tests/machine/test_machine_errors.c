@@ -49,7 +49,8 @@ static void run(const units *in, double force, double memory, double noise, uint
     lg_rng rng = test_rng(seed, 0);
     double hidden[ROWS], q[ROWS], v[ROWS], f = 0.0;
     m->first[1] = ROWS;
-    m->log = (lg_machine_log){ROWS, 1, m->first, m->t, m->q, m->v, m->u};
+    m->log = (lg_machine_log){
+        .rows = ROWS, .parts = 1, .first = m->first, .t = m->t, .q = m->q, .v = m->v, .u = m->u};
     for (size_t row = 0; row < ROWS; row++) {
         f = memory * f + sqrt(1.0 - memory * memory) * force * lg_rng_normal(&rng);
         hidden[row] = unit * f;

@@ -1,5 +1,5 @@
-/* Machines: kinds of friction and constant forces. Their formulas, that friction never gives energy, the width
- * of friction, and the direction in which the parameters scale it. */
+/* Machines: kinds of friction and constant forces. Their formulas, that friction never gives energy, the
+ * width of friction, and the direction in which the parameters scale it. */
 #include "liegrad/ops.h"
 
 #include "support/machine_support.h"

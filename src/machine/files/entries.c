@@ -1,5 +1,5 @@
-/* Reads numbers of a machine that are unknown one by one from YAML: the word `unknown`, or {start: 3, within: [1,
- * 10], sigma: 1}. */
+/* Reads numbers of a machine that are unknown one by one from YAML: the word `unknown`, or {start: 3,
+ * within: [1, 10], sigma: 1}. */
 #include <float.h>
 #include <math.h>
 #include <string.h>

@@ -94,8 +94,8 @@ static const lg_field keys[KEY_COUNT] = {
     [KEY_SIGMA] = {.name = "sigma", .type = LG_FIELD_REAL, .above = true, .high = DBL_MAX},
 };
 
-/* Reads {start: ..., unknown: ..., within: [...], sigma: ...}; the latter hold for all unknown numbers. `unknown` is a truth value, or one per number of `start`; default
- * true. */
+/* Reads {start: ..., unknown: ..., within: [...], sigma: ...}; the latter hold for all unknown numbers.
+ * `unknown` is a truth value, or one per number of `start`; default true. */
 static lg_status read_start(reading *r, const yaml_node_t *node, parameter *p) {
     lg_key_value values[KEY_COUNT] = {{.line = 0}};
     const lg_key_set set = {keys, KEY_COUNT, values};

@@ -10,14 +10,14 @@ bool lg_machine_is_small(const lg_machine *machine) {
     return machine->parameters <= FEW;
 }
 
-/* ---- the plain machine: without residuals, changes of friction, and networks where other terms can do ---- */
+/* ---- the plain machine: without residuals, changes of friction and spare networks ---- */
 
 static bool is_network(const lg_machine_term *term) {
     return (lg_term_kind_options(term->kind) & LG_TERM_HIDDEN) != 0;
 }
 
-/* Whether term i is spare: a residual, friction that changes the coefficients of another term, or a network in a
- * part that also has a term which is not a network. */
+/* Whether term i is spare: a residual, friction that changes the coefficients of another term, or a network
+ * in a part that also has a term which is not a network. */
 static bool is_spare(const lg_machine *machine, uint32_t i) {
     const lg_machine_term *term = &machine->terms[i];
     if (term->part == LG_MACHINE_RESIDUAL || lg_machine_base(machine, term) != NULL) return true;
@@ -55,8 +55,8 @@ static void copy_parameters(const lg_machine *machine, const plain_machine *plai
     }
 }
 
-/* Coefficients are squares of parameters, so a parameter that a fit of the plain machine brought near 0 would stay
- * there. Where other friction changes these coefficients, such a parameter begins again. */
+/* Coefficients are squares of parameters, so a parameter that a fit of the plain machine brought near 0
+ * would stay there. Where other friction changes these coefficients, such a parameter begins again. */
 static void lift(const lg_machine *machine, const double *initial, double *theta) {
     for (uint32_t i = 0; i < machine->term_count; i++) {
         if (!is_spare(machine, i) || machine->terms[i].part != LG_MACHINE_DAMPING) continue;
