@@ -491,9 +491,9 @@ LG_API lg_status lg_machine_find_missing(const lg_context *context, const lg_mac
  * "damping.body.3" (diagonal; likewise "coulomb.x", "quadratic.x"), "damping.1.2" (constant),
  * "input_map.2.1", "potential.x^2", "potential.sin(theta)", "bias.x", "bias.body.velocity.3", "lag.u" (the
  * time constant in seconds), "curve.u.2", "dead_zone.u". If a mass is a network, the numbers are those of M
- * at one position, by default the reference: places and angles 0, directions e3, attitudes 1. `error` is one standard deviation, from the Gauss-Newton matrix of at most
- * 512 windows and the noise that the residuals show, without a prior; infinite where the data do not
- * determine the number. */
+ * at one position, by default the reference: places and angles 0, directions e3, attitudes 1. `error` is
+ * one standard deviation, from the Gauss-Newton matrix of at most 512 windows and the noise that the
+ * residuals show, without a prior; infinite where the data do not determine the number. */
 #define LG_IDENTIFIED_NAME 96
 typedef struct lg_identified {
     char name[LG_IDENTIFIED_NAME];
@@ -576,8 +576,8 @@ LG_API lg_status lg_machine_estimate_starts(const lg_context *context, const lg_
  * with x (state of lg_machine_full_space), u (inputs; absent without inputs), h (1), q (positions), v
  * (velocities), all in the units of the log. `momenta` sets the lagged inputs, the last numbers of x, to 0;
  * `step` moves them exactly. Momenta have the unit of dL/dv. Scales are constants of the program. Errors:
- * those of lg_program_build; LG_UNSUPPORTED (an implicit scheme; a classical scheme if there are directions or
- * rotations; LG_SCHEME_VARIATIONAL). */
+ * those of lg_program_build; LG_UNSUPPORTED (an implicit scheme; a classical scheme if there are directions
+ * or rotations; LG_SCHEME_VARIATIONAL). */
 LG_API lg_status lg_machine_program(const lg_context *context, const lg_machine *machine, const double *theta,
                                     const lg_scheme *scheme, lg_program **out, lg_error *error);
 

@@ -205,8 +205,8 @@ void lg_lag_weights_at(double z, lg_lag_weights *out);
 /* x and its derivatives at s; `u`: u_0 .. u_3, `stride` numbers apart. `from` may be `out`. */
 void lg_lag_move(const lg_lag_weights *w, double s, const double *u, size_t stride, const double from[3],
                  double out[3]);
-/* Lagged inputs and their derivatives by log tau, (count, lags, 3), at rows of a log, in its units; tau (lags)
- * in seconds. */
+/* Lagged inputs and their derivatives by log tau, (count, lags, 3), at rows of a log, in its units; tau
+ * (lags) in seconds. */
 lg_status lg_machine_lag_states(const lg_machine *machine, const lg_machine_log *log, const double *tau,
                                 const size_t *at, size_t count, double *out);
 
