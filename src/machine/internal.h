@@ -196,8 +196,8 @@ lg_var lg_machine_put_lagged(lg_tape *tape, const lg_machine *machine, lg_var u,
 /* Lists the inputs with a lag in `machine`. False: an input has two. */
 bool lg_machine_find_lags(lg_machine *machine);
 
-/* Weights with which a first-order lag moves over z = s h/tau: x(s) = E x(0) + sum_j g_j u_j s^j for u = sum_j
- * u_j s^j. Of each weight the value and the first and second derivative by log tau. */
+/* Weights with which a first-order lag moves over z = s h/tau: x(s) = E x(0) + sum_j g_j u_j s^j for
+ * u = sum_j u_j s^j. Of each weight the value and the first and second derivative by log tau. */
 typedef struct lg_lag_weights {
     double E[3], g[4][3];
 } lg_lag_weights;
