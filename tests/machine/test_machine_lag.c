@@ -159,6 +159,21 @@ TEST("lagged inputs of a log begin at u where a part begins at rest, else at 0, 
     assert_true(x[0] == 1 && x[3] == 2 && x[FIRST * 6] == 3 && x[SECOND * 6 + 3] == 6);
 }
 
+TEST("lagged inputs do not depend on the unit of time") {
+    const lg_machine machine = lagged_line(true);
+    static const double units[] = {1e-9, 1e9};
+    size_t at[ROWS];
+    double x[ROWS * 2 * 3], other[ROWS * 2 * 3];
+    for (size_t i = 0; i < ROWS; i++) at[i] = i;
+    assert_ok(
+        lg_machine_lag_states(&machine, &make_data(true, 1)->log, (const double[]){0.05, 0.03}, at, ROWS, x));
+    for (size_t k = 0; k < LG_COUNT(units); k++) {
+        const double tau[2] = {0.05 * units[k], 0.03 * units[k]};
+        assert_ok(lg_machine_lag_states(&machine, &make_data(true, units[k])->log, tau, at, ROWS, other));
+        assert_all_close(other, x, LG_COUNT(x), 1e-8, 1e-8);
+    }
+}
+
 /* Loss of windows over the log's parts. */
 static double loss_at(const lg_machine *machine, const data *d, uint32_t window, const double *theta,
                       double *gradient, double *second) {
