@@ -665,8 +665,8 @@ LG_API lg_status lg_machine_estimate_starts(const lg_context *context, const lg_
  * with x (state of lg_machine_full_space), u (inputs; absent without inputs), h (1), q (positions), v
  * (velocities), all in the units of the log. `momenta` sets the lagged inputs, the last numbers of x, to 0;
  * `step` moves them exactly. Momenta have the unit of dL/dv. Scales are constants of the program. Errors:
- * those of lg_program_build; LG_UNSUPPORTED (an implicit scheme; a classical scheme if there are directions or
- * rotations; LG_SCHEME_VARIATIONAL). */
+ * those of lg_program_build; LG_UNSUPPORTED (an implicit scheme; a classical scheme if there are directions
+ * or rotations; LG_SCHEME_VARIATIONAL). */
 LG_API lg_status lg_machine_program(const lg_context *context, const lg_machine *machine, const double *theta,
                                     const lg_scheme *scheme, lg_program **out, lg_error *error);
 

@@ -1,5 +1,6 @@
-/* Machines: actuators, u -> lag -> dead zone or curve -> input map. Scaled inputs are those of the log divided
- * by U, so that c_k of u + c_2 u^2 + ... is multiplied by U^(k - 1), and a dead zone is divided by U. */
+/* Machines: actuators, u -> lag -> dead zone or curve -> input map. Scaled inputs are those of the log
+ * divided by U, so that c_k of u + c_2 u^2 + ... is multiplied by U^(k - 1), and a dead zone is divided
+ * by U. */
 #include <math.h>
 #include <string.h>
 

@@ -273,8 +273,8 @@ lg_var lg_machine_put_lagged(lg_tape *tape, const lg_machine *machine, lg_var u,
 /* Lists the inputs with a lag in `machine`. False: an input has two. */
 bool lg_machine_find_lags(lg_machine *machine);
 
-/* Weights with which a first-order lag moves over z = s h/tau: x(s) = E x(0) + sum_j g_j u_j s^j for u = sum_j
- * u_j s^j. Of each weight the value and the first and second derivative by log tau. */
+/* Weights with which a first-order lag moves over z = s h/tau: x(s) = E x(0) + sum_j g_j u_j s^j for
+ * u = sum_j u_j s^j. Of each weight the value and the first and second derivative by log tau. */
 typedef struct lg_lag_weights {
     double E[3], g[4][3];
 } lg_lag_weights;
@@ -282,8 +282,8 @@ void lg_lag_weights_at(double z, lg_lag_weights *out);
 /* x and its derivatives at s; `u`: u_0 .. u_3, `stride` numbers apart. `from` may be `out`. */
 void lg_lag_move(const lg_lag_weights *w, double s, const double *u, size_t stride, const double from[3],
                  double out[3]);
-/* Lagged inputs and their derivatives by log tau, (count, lags, 3), at rows of a log, in its units; tau (lags)
- * in seconds. */
+/* Lagged inputs and their derivatives by log tau, (count, lags, 3), at rows of a log, in its units; tau
+ * (lags) in seconds. */
 lg_status lg_machine_lag_states(const lg_machine *machine, const lg_machine_log *log, const double *tau,
                                 const size_t *at, size_t count, double *out);
 

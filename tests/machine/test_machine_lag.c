@@ -1,8 +1,11 @@
 /* Lags of inputs: closed forms against fine integration, derivatives against differences, kept states,
  * steps of programs, and fits of simulated logs. */
 #include "support/machine_support.h"
+#include "support/model_support.h"
 #include "support/plan_support.h"
 
+#include "liegrad/control.h"
+#include "liegrad/model.h"
 #include "liegrad/ops.h"
 #include "machine/internal.h"
 
@@ -156,6 +159,21 @@ TEST("lagged inputs of a log begin at u where a part begins at rest, else at 0, 
     assert_true(x[0] == 1 && x[3] == 2 && x[FIRST * 6] == 3 && x[SECOND * 6 + 3] == 6);
 }
 
+TEST("lagged inputs do not depend on the unit of time") {
+    const lg_machine machine = lagged_line(true);
+    static const double units[] = {1e-9, 1e9};
+    size_t at[ROWS];
+    double x[ROWS * 2 * 3], other[ROWS * 2 * 3];
+    for (size_t i = 0; i < ROWS; i++) at[i] = i;
+    assert_ok(
+        lg_machine_lag_states(&machine, &make_data(true, 1)->log, (const double[]){0.05, 0.03}, at, ROWS, x));
+    for (size_t k = 0; k < LG_COUNT(units); k++) {
+        const double tau[2] = {0.05 * units[k], 0.03 * units[k]};
+        assert_ok(lg_machine_lag_states(&machine, &make_data(true, units[k])->log, tau, at, ROWS, other));
+        assert_all_close(other, x, LG_COUNT(x), 1e-8, 1e-8);
+    }
+}
+
 /* Loss of windows over the log's parts. */
 static double loss_at(const lg_machine *machine, const data *d, uint32_t window, const double *theta,
                       double *gradient, double *second) {
@@ -241,4 +259,39 @@ TEST("a step of the program with a held input is that of the log, and its lag is
         lg_plan_eval(positions.plan, (const void *const[]){x}, (void *const[]){&got}, positions.work);
         assert_close(got, out_q[i + 1], 1e-12, 1e-13);
     }
+}
+
+TEST("a model with a lag has it in its field and its linearisation, and a filter can be made of it") {
+    const lg_machine machine = lagged_line(false);
+    double *theta = machine_theta(&machine, 5);
+    lg_model *model;
+    lg_ekf *ekf;
+    double rates[3], A[9], B[6], x[3] = {0.3, 0.5, -0.2}, root[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, tau;
+    const double u[2] = {0.7, 1.1};
+    lg_identified numbers[4];
+    assert_told(test_machine_model(NULL, &machine, theta, &model, &told));
+    lg_test_owns(model, release_model);
+    void *work = test_work(lg_model_work_size(model));
+    assert_int_equal(lg_model_inputs(model), 3);
+    assert_int_equal(lg_model_tangent_dim(model), 3);
+    assert_int_equal(lg_machine_numbers(&machine, theta, 4, numbers), 2);
+    tau = numbers[1].value;
+    assert_ok(lg_model_field(model, x, u, rates, work));
+    assert_close(rates[2], (u[1] - x[2]) / tau, 1e-13, 1e-13);
+    assert_close(rates[1], 1.3 * u[0] - 0.8 * x[2], 1e-13, 1e-13);
+    assert_ok(lg_model_linearise(model, x, u, A, B, NULL, work));
+    assert_close(A[5], -0.8, 1e-13, 1e-13);
+    assert_close(A[8], -1 / tau, 1e-13, 1e-13);
+    assert_close(B[5], 1 / tau, 1e-13, 1e-13);
+    assert_close(B[3], 0, 0, 1e-13);
+    const lg_sensor sensor = {.kind = LG_SENSOR_POSITION, .noise = 0.1};
+    lg_ekf_options options;
+    lg_ekf_options_init(&options);
+    options.scheme = lg_scheme_find("cf4");
+    options.state = x, options.P = options.W = root, options.sensors = &sensor, options.sensor_count = 1;
+    const size_t bytes = lg_ekf_size(model, options.scheme, 1);
+    assert_told(lg_ekf_init(model, &options, &ekf, test_work(bytes), bytes, &told));
+    const double h = 0.1 * tau;
+    assert_ok(lg_ekf_predict(ekf, h, u));
+    assert_close(lg_ekf_state(ekf)[2], u[1] + (x[2] - u[1]) * exp(-0.1), 1e-6, 1e-6);
 }
