@@ -81,7 +81,8 @@ static void add_start(expecting *e, const double *variance) {
 
 static void add_window(expecting *e, const double *jacobian, size_t start, double factor) {
     const size_t columns = e->n + e->own, d = e->rows / e->problem.window, first = e->measured ? d : 0;
-    double *variance = e->residuals + e->chunk * e->rows, *part = variance + e->rows, *of_start = part + e->rows;
+    double *variance = e->residuals + e->chunk * e->rows, *part = variance + e->rows,
+           *of_start = part + e->rows;
     for (uint32_t j = 0; j < e->problem.window; j++)
         lg_machine_row_variances(&e->problem, e->noise, start + j, factor, variance + j * d, part + j * d);
     for (size_t i = 0; i < d; i++) of_start[i] = variance[i] / (factor * factor * (double)e->problem.windows);

@@ -95,11 +95,11 @@ typedef struct chain {
     size_t count, shared, own, columns, rows;
     double factor;
     axes axes;
-    double *z, *next;  /* (count, numbers): z of the current and of the next row */
-    double *dz;        /* (count, numbers): gradient with respect to z */
-    double *A;         /* (count, d, d) */
-    double *apart;     /* (count, shared): gradient with respect to theta for each window */
-    double *S, *moved; /* (count, d, columns): S of the current and of the next row */
+    double *z, *next;     /* (count, numbers): z of the current and of the next row */
+    double *dz;           /* (count, numbers): gradient with respect to z */
+    double *A;            /* (count, d, d) */
+    double *apart;        /* (count, shared): gradient with respect to theta for each window */
+    double *S, *moved;    /* (count, d, columns): S of the current and of the next row */
     double *r, *jacobian; /* NULL: only the loss is computed, of a machine without directions */
     double loss;
     size_t done; /* rows of r and jacobian that are filled in each window */
@@ -375,12 +375,12 @@ static lg_status pass_window(lg_tape *tape, chain *c) {
 enum { LONG = 512, ROUNDS = 12 };
 
 typedef struct run {
-    chain *of;       /* one window */
-    double *z;       /* (M, numbers) */
-    double *F;       /* (M - 1, numbers) */
-    double *A, *B;   /* (M - 1, d, d), (M - 1, d, shared) */
-    double *memory;  /* of the batches of rows */
-    size_t *start;   /* (LG_FIT_CHUNK) */
+    chain *of;      /* one window */
+    double *z;      /* (M, numbers) */
+    double *F;      /* (M - 1, numbers) */
+    double *A, *B;  /* (M - 1, d, d), (M - 1, d, shared) */
+    double *memory; /* of the batches of rows */
+    size_t *start;  /* (LG_FIT_CHUNK) */
 } run;
 
 static size_t run_numbers(const chain *c, size_t batch) {
@@ -391,7 +391,8 @@ static size_t run_numbers(const chain *c, size_t batch) {
 /* F, A and B of all intervals at z. */
 static lg_status evaluate_run(lg_tape *tape, run *x) {
     const chain *c = x->of;
-    const size_t n = c->axes.numbers, d = c->axes.count, all = c->problem->window - 1, first = row_of(c, 0, 0);
+    const size_t n = c->axes.numbers, d = c->axes.count, all = c->problem->window - 1,
+                 first = row_of(c, 0, 0);
     lg_machine_problem rows = *c->problem;
     uint32_t samples[LG_FIT_CHUNK];
     size_t at[LG_FIT_CHUNK];
@@ -584,8 +585,7 @@ static lg_status run_chain(const lg_machine_problem *problem, lg_tape *tape, con
     double *memory = lg_pool_take(tape, bytes);
     if (memory == NULL) return lg_tape_status(tape);
     place(&c, memory);
-    const lg_status status =
-        lg_machine_is_long(problem) ? pass_each(tape, &c, floor) : pass_window(tape, &c);
+    const lg_status status = lg_machine_is_long(problem) ? pass_each(tape, &c, floor) : pass_window(tape, &c);
     lg_pool_give(tape, memory, bytes);
     *loss = c.loss;
     return status;

@@ -75,7 +75,8 @@ static double bend(const lg_machine *machine, const lg_machine_log *log, uint32_
             double n = 0, t = 0, x = 0, tt = 0, tx = 0, xx = 0;
             const double origin = log->q[first * machine->positions + k];
             for (size_t row = first; row < first + rows; row++) {
-                const double y = log->q[row * machine->positions + k] - origin, s = log->t[row] - log->t[first];
+                const double y = log->q[row * machine->positions + k] - origin,
+                             s = log->t[row] - log->t[first];
                 if (isnan(y)) continue;
                 n++, t += s, x += y, tt += s * s, tx += s * y, xx += y * y;
             }

@@ -57,7 +57,8 @@ static void velocity_of(lg_coordinate_kind kind, const double *q, const double *
     const lg_coordinate_row *is = lg_coordinate_row_of(kind);
     const double *R = q + is->places, *dR = dq + is->places;
     if (is->directions > 0) {
-        for (int i = 0; i < 3; i++) v[i] = q[(i + 1) % 3] * dq[(i + 2) % 3] - q[(i + 2) % 3] * dq[(i + 1) % 3];
+        for (int i = 0; i < 3; i++)
+            v[i] = q[(i + 1) % 3] * dq[(i + 2) % 3] - q[(i + 2) % 3] * dq[(i + 1) % 3];
         return;
     }
     for (uint32_t i = 0; i < is->places; i++) v[i] = dq[i];

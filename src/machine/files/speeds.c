@@ -48,7 +48,8 @@ lg_status lg_machine_refuse_positions(lg_machine_reading *r) {
     return lg_yaml_fail(r->yaml, r->lines[term], LG_FORMAT, r->error,
                         "%s: depends on the position of %s, but the log has velocities alone: log the "
                         "position too, or leave this out",
-                        lg_machine_part_name(machine->terms[term].part), machine->coordinates[coordinate].name);
+                        lg_machine_part_name(machine->terms[term].part),
+                        machine->coordinates[coordinate].name);
 }
 
 void lg_log_integrate(const lg_log_table *table, double *q, const double *v) {

@@ -8,11 +8,11 @@
 #include "model/files/training.h"
 
 enum {
-    PART = 3, /* windows that compare the candidates are this part of the fit's */
+    PART = 3,      /* windows that compare the candidates are this part of the fit's */
     ENOUGH = 1000, /* intervals for a regression of momenta */
     FINALISTS = 4,
-    FEW = 15,      /* evaluations in a round of a candidate's fit */
-    SHARE = 40     /* a fit takes at most 1/SHARE of the time */
+    FEW = 15,  /* evaluations in a round of a candidate's fit */
+    SHARE = 40 /* a fit takes at most 1/SHARE of the time */
 };
 
 typedef enum way {
@@ -27,8 +27,8 @@ typedef struct candidate {
     way way;
     uint32_t half;
 } candidate;
-static const candidate candidates[] = {
-    {MOMENTA, 15}, {MOMENTA, 40}, {MOMENTA, 6}, {APPROACHED, 2}, {APPROACHED, 15}, {AS_GIVEN, 0}};
+static const candidate candidates[] = {{MOMENTA, 15},   {MOMENTA, 40},    {MOMENTA, 6},
+                                       {APPROACHED, 2}, {APPROACHED, 15}, {AS_GIVEN, 0}};
 
 /* What a candidate's fit of the windows that compare them left. */
 typedef struct tried {

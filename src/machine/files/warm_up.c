@@ -137,7 +137,8 @@ static lg_status fit_short(lg_training *self, const lg_machine *machine, const l
     problem.scheme = scheme;
     problem.starts = LG_MACHINE_STARTS_MEASURED;
     problem.window = window < run->window ? window : run->window;
-    return lg_machine_fit_stage(self, &problem, &(lg_stage_limits){LG_STAGE_EPOCHS, self->options.seconds / 8}, theta, error);
+    return lg_machine_fit_stage(self, &problem,
+                                &(lg_stage_limits){LG_STAGE_EPOCHS, self->options.seconds / 8}, theta, error);
 }
 
 /* Enlarges the position scale of a coordinate whose positions are predicted much worse, in units of their
@@ -190,7 +191,8 @@ lg_status lg_machine_approach(lg_training *self, const lg_machine_problem *on, d
     memcpy(start, theta, n * sizeof *start);
     LG_TRY(lg_machine_loss(self->context, &problem, theta, &before, NULL, error));
     problem.scheme = lg_scheme_find("lie-euler");
-    LG_TRY(lg_machine_fit_stage(self, &problem, &(lg_stage_limits){LG_STAGE_EPOCHS, self->options.seconds / 8}, own, error));
+    LG_TRY(lg_machine_fit_stage(self, &problem,
+                                &(lg_stage_limits){LG_STAGE_EPOCHS, self->options.seconds / 8}, own, error));
     problem.scheme = on->scheme;
     copy_system(machine, own, start);
     LG_TRY(lg_machine_loss(self->context, &problem, start, &after, NULL, error));
