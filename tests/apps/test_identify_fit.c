@@ -342,6 +342,70 @@ TEST("positions alone at 400 Hz give the numbers of an arm from starts that are 
     }
 }
 
+/* Copies the runs of a log of the oscillator: positions rounded to steps, or with noise `sd`, a twentieth of
+ * them and some gaps left out. */
+static void write_positions(const char *name, double step, double sd) {
+    enum { ROOM = 4096 };
+    static double t[ROOM], run[ROOM], x[ROOM], u[ROOM];
+    const size_t rows = csv_column("fine.csv", "t", t, ROOM);
+    assert_int_equal(csv_column("fine.csv", "run", run, ROOM), rows);
+    assert_int_equal(csv_column("fine.csv", "x", x, ROOM), rows);
+    assert_int_equal(csv_column("fine.csv", "u", u, ROOM), rows);
+    char *text = TEST_ARRAY(char, 100 * (rows + 1));
+    size_t used = (size_t)sprintf(text, "t,run,x,u\n");
+    lg_rng rng;
+    lg_rng_seed(&rng, 5, 0);
+    for (size_t i = 0; i < rows; i++) {
+        const double y = step > 0 ? step * round(x[i] / step) : x[i] + sd * lg_rng_normal(&rng);
+        const bool lost = sd > 0 && (lg_rng_uniform(&rng) < 0.05 || i % 700 < 15);
+        used += (size_t)sprintf(text + used, "%.17g,%g,", t[i], run[i]);
+        if (!lost) used += (size_t)sprintf(text + used, "%.17g", y);
+        used += (size_t)sprintf(text + used, ",%.17g\n", u[i]);
+    }
+    cli_write(name, text);
+}
+
+TEST("encoders with coarse steps and motion capture with dropouts give the numbers within their errors") {
+    static const char *const logs[] = {"steps.csv", "coarse.csv", "dropouts.csv"};
+    cli_run(identify, "generate scene.yaml --inputs multisine --runs 4 --t-end 10 --dt 0.01 --out fine.csv");
+    write_positions(logs[0], 0.01, 0);
+    write_positions(logs[1], 0.05, 0);
+    write_positions(logs[2], 0, 0.001);
+    cli_write("alone.yaml", POSITIONS "mass: diagonal\npotential: {kind: quadratic, of: x}\n"
+                                      "damping: diagonal\n" MAP);
+    for (size_t i = 0; i < LG_COUNT(logs); i++) {
+        cli_json(identify, test_text("fit alone.yaml %s --out m.h5", logs[i]), "parameters 3");
+        expect_numbers(4, 0.1, 0);
+        if (strstr(result.err, "does not explain") != NULL) fail_msg("%s: %s", logs[i], result.err);
+    }
+    cli_json(identify, "check alone.yaml coarse.csv", "rows >1000");
+    assert_close(json_number(json_find(json_find(result.out, "columns"), "x"), "noise"), 0.05 / sqrt(12), 1e-9,
+                 0);
+}
+
+/* ---- velocities alone ---- */
+
+TEST("a drive is learned from its speed alone; what depends on a position is refused") {
+#define DRIVE                                                                                                \
+    "columns: {time: t, run: run}\n%scoordinates:\n  - {name: x, kind: line, velocity: vx}\n"                \
+    "inputs: {columns: [u]}\ninput_map: {kind: known, values: [[1]]}\n"
+    cli_write("drive_scene.yaml", test_text(DRIVE "mass: {kind: known, values: [2]}\ndamping: {kind: known, "
+                                                  "values: [0.3]}\n",
+                                            ""));
+    cli_run(identify, "generate drive_scene.yaml --runs 3 --t-end 6 --noise 0,0.01 --out drive.csv");
+    cli_write("drive.yaml",
+              test_text(DRIVE "mass: diagonal\ndamping: diagonal\n", "measured: velocities-only\n"));
+    cli_json(identify, "fit drive.yaml drive.csv --out m.h5", "parameters 2");
+    const char *numbers = json_find(result.out, "identified");
+    const char *mass = json_find(numbers, "mass.1.1"), *damping = json_find(numbers, "damping.x");
+    assert_close(json_number(mass, "value"), 2, 0, 4 * json_number(mass, "error"));
+    assert_close(json_number(damping, "value"), 0.3, 0, 4 * json_number(damping, "error"));
+    assert_true(json_number(mass, "error") < 0.1 && json_number(damping, "error") < 0.05);
+    cli_write("spring.yaml", test_text(DRIVE "mass: diagonal\npotential: {kind: quadratic, of: x}\n",
+                                       "measured: velocities-only\n"));
+    cli_expect(identify, "fit spring.yaml drive.csv --out m.h5", 3, "potential: depends on the position of x");
+}
+
 /* ---- forces that the model lacks ---- */
 
 /* The equations of motion for the coordinates x and y (or x alone) with unit masses. y[4] = x, y, x', y'; out

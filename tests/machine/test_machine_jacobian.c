@@ -77,24 +77,23 @@ static void assert_products(size_t rows, const double *found, size_t count, cons
         }
 }
 
-/* `known`: the machine's parameters, which are then not learned, or NULL. */
-static void assert_jacobian(const lg_machine *machine, lg_machine_starts starts, const char *scheme,
-                            const double *known) {
-    static const uint32_t samples[PARTS] = {2, 0, 1};
-    task *t = make_task(machine, starts, scheme, known);
-    const size_t n = t->fit.parameters, own = t->fit.own, shared = n - own * PARTS, columns = shared + own,
+/* Compares the Jacobian of `windows` windows with the tape's. */
+static void assert_products_of(task *t, uint32_t windows) {
+    static const uint32_t orders[][PARTS] = {{0}, {2, 0, 1}};
+    const uint32_t *samples = orders[windows > 1];
+    const size_t n = t->fit.parameters, own = t->fit.own, shared = n - own * windows, columns = shared + own,
                  rows = t->fit.rows;
     double *theta = test_numbers(6, n, -0.3, 0.3), loss = 0.0;
-    double *J = TEST_ARRAY(double, rows *PARTS *columns),
-           *found = TEST_ARRAY(double, (DIRECTIONS + 1) * rows * PARTS);
+    double *J = TEST_ARRAY(double, rows *windows *columns),
+           *found = TEST_ARRAY(double, (DIRECTIONS + 1) * rows * windows);
     lg_tape *tape = test_tape(LG_F64);
     const lg_status status =
-        t->fit.linearise(t->fit.user, tape, theta, samples, PARTS, PARTS, &loss, found, J);
+        t->fit.linearise(t->fit.user, tape, theta, samples, windows, windows, &loss, found, J);
     if (status != LG_OK) fail_msg("%s", lg_tape_message(tape));
     lg_tape_reset(tape);
     const lg_var x = lg_parameter(tape, lg_shape1((uint32_t)n), theta);
     lg_var all;
-    assert_ok(t->fit.residuals(t->fit.user, tape, x, samples, PARTS, PARTS, &all));
+    assert_ok(t->fit.residuals(t->fit.user, tape, x, samples, windows, windows, &all));
     const size_t count = lg_shape_count(lg_var_shape(tape, all));
     double *expected = TEST_ARRAY(double, (DIRECTIONS + 1) * count);
     assert_ok(lg_read(tape, all, count, expected));
@@ -104,12 +103,18 @@ static void assert_jacobian(const lg_machine *machine, lg_machine_starts starts,
         lg_var change;
         assert_ok(lg_jvp(tape, &all, 1, &x, &direction, 1, &change));
         assert_ok(lg_read(tape, change, count, expected + i * count));
-        for (size_t s = 0; s < PARTS; s++)
+        for (size_t s = 0; s < windows; s++)
             along(rows, columns, shared, shared + own * samples[s], J + s * rows * columns, d,
-                  found + (i * PARTS + s) * rows);
+                  found + (i * windows + s) * rows);
     }
     assert_true(fabs(loss - dot(count, expected, expected)) <= 1e-11 * loss);
-    assert_products(rows * PARTS, found, count, expected);
+    assert_products(rows * windows, found, count, expected);
+}
+
+/* `known`: the machine's parameters, which are then not learned, or NULL. */
+static void assert_jacobian(const lg_machine *machine, lg_machine_starts starts, const char *scheme,
+                            const double *known) {
+    assert_products_of(make_task(machine, starts, scheme, known), PARTS);
 }
 
 TEST("the Jacobian of windows agrees with the tape, with every kind of term") {
@@ -125,6 +130,46 @@ TEST("the Jacobian of windows agrees with the tape, with every kind of term") {
 TEST("the Jacobian has the derivatives by the starts, each start in its own columns") {
     const lg_machine machine = machine_with(lg_term_kind_find(LG_MACHINE_MASS, "network"), LG_MACHINE_MASS);
     assert_jacobian(&machine, LG_MACHINE_STARTS_ESTIMATED, "cf4", NULL);
+}
+
+/* A window of so many rows that they are solved for together, of lines and angles. */
+TEST("the rows of a long window are solved for together: loss, residuals and Jacobian are the tape's") {
+    enum { LONG = 520 };
+    lg_machine machine = empty_machine();
+    add_coordinate(&machine, "x", LG_COORDINATE_LINE);
+    add_coordinate(&machine, "y", LG_COORDINATE_ANGLE);
+    add_input(&machine, "u");
+    (void)add_term(&machine, LG_MACHINE_MASS, "constant");
+    lg_machine_term *spring = add_term(&machine, LG_MACHINE_POTENTIAL, "quadratic");
+    add_feature(spring, LG_FEATURE_POSITION, 0);
+    add_feature(spring, LG_FEATURE_POSITION, 1);
+    (void)add_term(&machine, LG_MACHINE_DAMPING, "diagonal");
+    (void)add_term(&machine, LG_MACHINE_INPUT_MAP, "constant");
+    odd_scales(&machine);
+    assert_machine(&machine);
+    task *t = make_task(&machine, LG_MACHINE_STARTS_ESTIMATED, "cf4", NULL);
+    double *time = test_numbers(7, LONG, 0, 1), *q = test_numbers(8, 2 * LONG, -0.1, 0.1),
+           *v = test_numbers(9, 2 * LONG, -0.1, 0.1), *u = test_numbers(10, 4 * LONG, -0.1, 0.1);
+    for (uint32_t i = 0; i < LONG; i++) time[i] = 0.02 * i + 0.005 * time[i];
+    q[101] = v[202] = (double)NAN;
+    t->first[1] = LONG;
+    t->problem.log = (lg_machine_log){LONG, 1, t->first, time, q, v, u};
+    t->problem.window = LONG;
+    t->problem.windows = 1;
+    lg_machine_fit_problem(&t->problem, &t->fit);
+    assert_products_of(t, 1);
+    /* lg_machine_loss takes the same way. */
+    const double *theta = test_numbers(6, t->fit.parameters, -0.3, 0.3);
+    double loss = 0, floor = 0, whole = 0;
+    lg_tape *tape = test_tape(LG_F64);
+    const uint32_t sample = 0;
+    lg_var taped;
+    assert_ok(lg_machine_loss(NULL, &t->problem, theta, &loss, &floor, NULL));
+    const lg_var x = lg_parameter(tape, lg_shape1((uint32_t)t->fit.parameters), theta);
+    assert_ok(t->fit.loss(t->fit.user, tape, x, &sample, 1, 1, &taped));
+    assert_ok(lg_read(tape, taped, 1, &whole));
+    assert_close(loss, whole, 1e-11, 0);
+    if (!(floor > 0 && floor < 0.01 * loss)) fail_msg("floor %g of the loss %g", floor, loss);
 }
 
 TEST("with known parameters the Jacobian has only the columns of the starts") {

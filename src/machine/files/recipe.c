@@ -72,6 +72,44 @@ static uint32_t window_of_parts(const lg_machine_log *log, uint32_t wanted) {
     }
 }
 
+/* Root mean square of what straight lines leave of number `k` of the positions, over pieces of `rows` rows. */
+static double bend(const lg_machine *machine, const lg_machine_log *log, uint32_t k, size_t rows) {
+    double squares = 0;
+    size_t all = 0;
+    for (size_t p = 0; p < log->parts; p++)
+        for (size_t first = log->first[p]; first + rows <= log->first[p + 1]; first += rows) {
+            double n = 0, t = 0, x = 0, tt = 0, tx = 0, xx = 0;
+            const double origin = log->q[first * machine->positions + k];
+            for (size_t row = first; row < first + rows; row++) {
+                const double y = log->q[row * machine->positions + k] - origin,
+                             s = log->t[row] - log->t[first];
+                if (isnan(y)) continue;
+                n++, t += s, x += y, tt += s * s, tx += s * y, xx += y * y;
+            }
+            const double a = n * tt - t * t, b = n * tx - t * x, c = n * xx - x * x;
+            if (n > 2 && a > 0) squares += (c - b * b / a) / n, all += (size_t)n;
+        }
+    return all > 0 ? sqrt(fmax(squares, 0) / (double)all) : INFINITY;
+}
+
+/* The shortest windows, of `least` rows or more, in which the motion of every line and angle bends by several
+ * times its noise: in shorter ones the estimated starts explain everything. */
+static uint32_t window_of_noise(const lg_machine_model_run *run, const lg_machine_state *s, uint32_t least) {
+    enum { MOST = 600 };
+    static const double several = 4;
+    const lg_machine *machine = &run->machine;
+    uint32_t window = least;
+    for (uint32_t i = 0, k = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_kind kind = machine->coordinates[i].kind;
+        const double noise = s->noise.position[i];
+        const bool plain = kind == LG_COORDINATE_LINE || kind == LG_COORDINATE_ANGLE;
+        while (plain && window < MOST && bend(machine, &s->data.training, k, window) < several * noise)
+            window += window / 2;
+        k += lg_coordinate_positions(kind);
+    }
+    return window < MOST ? window : MOST;
+}
+
 static size_t count_windows(const lg_machine_model_run *run, const lg_machine_state *s, uint32_t stride) {
     return lg_machine_windows(&run->machine, &s->data.training, run->window, stride, s->positions, NULL);
 }
@@ -109,8 +147,10 @@ static void choose_settings(const lg_training *self) {
     const bool positions = s->positions, noisy = s->noisy || positions;
     if (!self->given(self, "starts"))
         run->starts = noisy ? LG_MACHINE_STARTS_ESTIMATED : LG_MACHINE_STARTS_MEASURED;
-    if (!self->given(self, "window"))
-        run->window = window_of_parts(&s->data.training, positions ? 60 : noisy ? 20 : 5);
+    if (!self->given(self, "window")) {
+        const uint32_t wanted = positions ? window_of_noise(run, s, 60) : noisy ? 20 : 5;
+        run->window = window_of_parts(&s->data.training, wanted);
+    }
     if (!self->given(self, "substeps")) run->substeps = 1;
     if (!self->given(self, "stride") || run->stride == 0) run->stride = find_stride(run, s);
     const bool lm = lg_machine_is_small(&run->machine), dense = count_parameters(run, s) <= DENSE;
@@ -163,6 +203,23 @@ static lg_status check_data(const lg_training *self, lg_error *error) {
         data->paths[0], longest, SHORTEST_LOG);
 }
 
+/* Differences of noisy positions would make time scales far too short: they are smoothed first. */
+static lg_status find_scales(lg_training *self, lg_error *error) {
+    enum { PART = 8 };
+    const lg_machine_state *s = self->state;
+    lg_machine_model_run *run = self->run;
+    lg_machine_log log = s->data.training;
+    double *q, *v;
+    if (s->positions && s->noisy) {
+        LG_TRAINING_ARRAY(self, q, log.rows * run->machine.positions, error);
+        LG_TRAINING_ARRAY(self, v, log.rows * run->machine.velocities, error);
+        lg_machine_smooth(&run->machine, &log, window_of_noise(run, s, 60) / PART, q, v);
+        log.q = q;
+        log.v = v;
+    }
+    return lg_machine_find_scales(&run->machine, &log, error);
+}
+
 static lg_status describe(lg_training *self, lg_error *error) {
     const lg_machine_state *s = self->state;
     lg_machine_model_run *run = self->run;
@@ -170,7 +227,7 @@ static lg_status describe(lg_training *self, lg_error *error) {
     memcpy(run->data_sha256, self->sha256, sizeof run->data_sha256);
     run->machine = s->data.file.machine;
     LG_TRY(lg_machine_model_describe(run, self->paths[0], s->data.file.text, error));
-    LG_TRY(lg_machine_find_scales(&run->machine, &s->data.training, error));
+    LG_TRY(find_scales(self, error));
     run->scales = run->machine.scales;
     lg_machine_find_range(&run->machine, &s->data.training, &run->range);
     run->delay = s->data.logs.delay;

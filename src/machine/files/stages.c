@@ -8,8 +8,7 @@
 #include "model/files/training.h"
 
 enum {
-    COMPARED = 20, /* rows of the windows that compare the candidates */
-    LONGER = 60,
+    PART = 3,      /* windows that compare the candidates are this part of the fit's */
     ENOUGH = 1000, /* intervals for a regression of momenta */
     FINALISTS = 4,
     FEW = 15,  /* evaluations in a round of a candidate's fit */
@@ -43,8 +42,8 @@ typedef struct stages {
     tried all[LG_COUNT(candidates)];
 } stages;
 
-static uint32_t at_most(uint32_t window, uint32_t most) {
-    return window < most ? window : most;
+static uint32_t at_least(uint32_t window, uint32_t least) {
+    return window > least ? window : least;
 }
 
 static lg_stage_limits limits(const stages *s, uint64_t epochs) {
@@ -166,14 +165,14 @@ lg_status lg_machine_fit_candidates(lg_training *self, const lg_machine *machine
     const lg_stage_limits most = limits(&s, LG_STAGE_EPOCHS);
     s.compared.machine = machine;
     s.compared.starts = LG_MACHINE_STARTS_ESTIMATED;
-    s.compared.window = at_most(window, COMPARED);
+    s.compared.window = at_least(window / PART, 2);
     s.parameters = lg_machine_problem_parameters(&s.compared);
     const double good = expected(&s);
     for (size_t i = 0; i < LG_COUNT(candidates) && (i == 0 || s.all[i - 1].loss > good); i++)
         LG_TRY(try_candidate(&s, theta, &candidates[i], error));
     qsort(s.all, s.count, sizeof *s.all, by_loss);
     /* Short windows hardly tell good candidates apart when there is much noise. */
-    s.compared.window = at_most(window, LONGER);
+    s.compared.window = window;
     const size_t finalists = s.count < FINALISTS ? s.count : FINALISTS;
     for (size_t i = 0; i < finalists && (i == 0 || s.all[i - 1].loss > good); i++)
         LG_TRY(compare(&s, &most, &s.all[i], error));
