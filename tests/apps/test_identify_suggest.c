@@ -55,7 +55,8 @@ static double actuator(const plant *p, double u, double lagged) {
 static const double interval = 0.02;
 
 static double input_at(double t, double phase) {
-    return 1.5 * sin(1.1 * t + phase) + 1.2 * sin(2.9 * t + 1) + 0.8 * sin(6.3 * t + 2 * phase) + 0.5 * sin(17 * t);
+    return 1.5 * sin(1.1 * t + phase) + 1.2 * sin(2.9 * t + 1) + 0.8 * sin(6.3 * t + 2 * phase) +
+           0.5 * sin(17 * t);
 }
 
 static void write_log(const plant *p, double phase, lg_rng *rng) {
