@@ -135,14 +135,14 @@ void identify_run_whiteness(const identify_given *given, const double *q, const 
 
 /* ---- constant forces (offset.c) ---- */
 
-/* The constant force on a line or angle that explains the error of the free run best, and root mean squares of
- * this error without and with it. */
+/* The constant force on a line or angle that explains the error of the free run best, and root mean squares
+ * of this error without and with it. */
 typedef struct identify_offset {
     bool integrates; /* the force explains most of the error, and its effect grows to the end of the run */
     double force, without, with;
 } identify_offset;
-/* Fills `out` (LG_MACHINE_COORDINATES) for the free run q (rows, positions) from these starts; where q is NaN,
- * nothing is compared. */
+/* Fills `out` (LG_MACHINE_COORDINATES) for the free run q (rows, positions) from these starts; where q is
+ * NaN, nothing is compared. */
 void identify_find_offsets(const app *self, const identify_given *given, const size_t *start, size_t count,
                            const double *q, identify_offset *out);
 /* v (rows, velocities) of lines and angles: slopes of lines through 21 positions. NaN for other kinds. */

@@ -430,19 +430,18 @@ LG_API lg_status lg_machine_rest_rate(const lg_context *context, const lg_machin
 
 typedef enum lg_machine_starts { LG_MACHINE_STARTS_MEASURED, LG_MACHINE_STARTS_ESTIMATED } lg_machine_starts;
 
-/* A training problem on windows of M consecutive rows of logs. The model predicts each window from its
- * first row with the logged inputs. The loss is the mean over windows and points 2..M (with estimated
- * starts, points 1..M) of the sum over columns of ((predicted - logged)/scale)^2, with the scales below. A
- * rotation counts |R' - R|^2/2, which is the squared angle for small angles, and a direction |q' - q|^2.
- * Of a direction's omega only the part across the logged q counts, (1 - q q^T) omega: logs contain no
- * omega along q, and an error dq of the logged q would appear as |omega| dq along q. All pointers are
- * borrowed.
+/* A training problem on windows of M consecutive rows of logs. The model predicts each window from its first
+ * row with the logged inputs. The loss is the mean over windows and points 2..M (with estimated starts,
+ * points 1..M) of the sum over columns of ((predicted - logged)/scale)^2, with the scales below. A rotation
+ * counts |R' - R|^2/2, which is the squared angle for small angles, and a direction |q' - q|^2. Of a
+ * direction's omega only the part across the logged q counts, (1 - q q^T) omega: logs contain no omega along
+ * q, and an error dq of the logged q would appear as |omega| dq along q. All pointers are borrowed.
  *
  * Only memory limits M. With d = 2 velocities (+ 1 for each direction), P parameters (of theta and of one
  * start) and B windows at once, Levenberg-Marquardt takes about 8 B M d P bytes, and from M = 512 on for
- * lines and angles 8 M d (d + P + 4) more; B M is at most about 65000 or one window. All rows of such a window
- * are solved for together (Newton's method on the equations of all intervals); if that does not converge, row
- * after row. The other minimisers keep the whole tape, 20 to 200 kB for a row of one window. */
+ * lines and angles 8 M d (d + P + 4) more; B M is at most about 65000 or one window. All rows of such a
+ * window are solved for together (Newton's method on the equations of all intervals); if that does not
+ * converge, row after row. The other minimisers keep the whole tape, 20 to 200 kB for a row of one window. */
 typedef struct lg_machine_problem {
     const lg_machine *machine;
     const lg_scheme *scheme;
@@ -596,11 +595,11 @@ LG_API size_t lg_identification_sentence(const lg_identification *of, size_t cou
 
 /* ---- A few numbers for a new log ----
  *
- * theta = theta0 + sum_k x_k direction_k: a learned machine is moved along a few directions only, such as "all
- * friction by a factor" and "a constant force". */
+ * theta = theta0 + sum_k x_k direction_k: a learned machine is moved along a few directions only, such as
+ * "all friction by a factor" and "a constant force". */
 
 typedef struct lg_machine_restriction {
-    const lg_machine_problem *problem; /* its theta is NULL; windows may be longer than LG_MACHINE_WINDOW */
+    const lg_machine_problem *problem; /* its theta is NULL */
     const double *theta;               /* (P): theta0, P parameters of the machine */
     size_t count;                      /* numbers x */
     const double *directions;          /* (count, P) */
@@ -608,7 +607,7 @@ typedef struct lg_machine_restriction {
 /* Writes to `direction` (P) how theta changes when all learned damping is multiplied by 1 + x, per x. False:
  * nothing of the damping is learned. */
 LG_API bool lg_machine_scale_friction(const lg_machine *machine, const double *theta, double *direction);
-/* The fit problem of x (count), then of the starts as in lg_machine_fit_problem; `restriction` is borrowed. */
+/* The fit problem of x (count), then of the starts as in lg_machine_fit_problem. Borrows `restriction`. */
 LG_API void lg_machine_restricted_problem(const lg_machine_restriction *restriction, lg_fit_problem *out);
 
 /* All arrays have `count` numbers and belong to the caller. */
@@ -712,8 +711,8 @@ typedef enum lg_log_measured {
     LG_MEASURED_VELOCITIES,
     LG_MEASURED_MOMENTA,
     LG_MEASURED_POSITIONS,
-    /* Lines and angles alone. Positions in logs are the integrals of the velocities from 0 at the start of each
-     * part; no force may depend on them. */
+    /* Lines and angles alone. Positions in logs are the integrals of the velocities from 0 at the start of
+     * each part; no force may depend on them. */
     LG_MEASURED_VELOCITIES_ONLY
 } lg_log_measured;
 typedef enum lg_input_hold { LG_HOLD_ZERO, LG_HOLD_LINEAR, LG_HOLD_CUBIC } lg_input_hold;

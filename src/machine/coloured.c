@@ -1,14 +1,14 @@
 /* Machines: what a correlation of the residuals in time makes of the errors of parameters.
  *
  * The score g_k = J_k^T r_k of a stretch k of the log is its pull on the parameters. With white residuals of
- * variance s^2 the sum of g_k g_k^T is s^2 J^T J, and scores of different stretches are independent. For other
- * residuals the covariance of the parameters is the sandwich
+ * variance s^2 the sum of g_k g_k^T is s^2 J^T J, and scores of different stretches are independent. For
+ * other residuals the covariance of the parameters is the sandwich
  *   (J^T J)^-1 (sum over k, l of E g_k g_l^T) (J^T J)^-1.
- * In units h_k = W^T g_k/s^2 with W W^T = s^2 (J^T J)^-1 it is W S W^T, where S is 1 for white residuals. S is
- * estimated from sums of h_k over blocks: over four times the correlation time of the scores, and over an
+ * In units h_k = W^T g_k/s^2 with W W^T = s^2 (J^T J)^-1 it is W S W^T, where S is 1 for white residuals. S
+ * is estimated from sums of h_k over blocks: over four times the correlation time of the scores, and over an
  * eighth of the log, which is the spread between disjoint parts. The larger estimate is taken, and no
- * direction becomes better than with white residuals. A prior with covariance D^2, which is part of W W^T, adds
- * P = W^T D^-2 W to S; white residuals then make it 1 - P before. */
+ * direction becomes better than with white residuals. A prior with covariance D^2, which is part of W W^T,
+ * adds P = W^T D^-2 W to S; white residuals then make it 1 - P before. */
 #include <math.h>
 #include <string.h>
 
@@ -83,8 +83,8 @@ static bool shows(double trace, size_t count, const white *of, size_t block) {
     return trace > 1.0 + deviations * sqrt(2.0 / (of->trace * worth(count, block)));
 }
 
-/* S -> F, column-major, with F F^T = S + P with eigenvalues raised to 1. Where blocks are few for the number of
- * parameters, S is first mixed with its mean. */
+/* S -> F, column-major, with F F^T = S + P with eigenvalues raised to 1. Where blocks are few for the number
+ * of parameters, S is first mixed with its mean. */
 static bool take_root(const lg_context *context, size_t n, double trace, double blocks, const white *of,
                       double *S, double *values) {
     const double mixed = fmin(1.0, of->trace / blocks);

@@ -43,8 +43,8 @@ typedef struct normal {
      * spread. */
     size_t windows, used;
     bool runs;
-    /* (used * stretches, n): J^T r of each stretch of a window, in the order of the windows; NULL: not wanted.
-     * `neighbours`: sum of the products of residuals of neighbouring rows. */
+    /* (used * stretches, n): J^T r of each stretch of a window, in the order of the windows; NULL: not
+     * wanted. `neighbours`: sum of the products of residuals of neighbouring rows. */
     double *scores;
     size_t stretches;
     double neighbours;

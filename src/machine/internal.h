@@ -301,9 +301,10 @@ lg_status lg_machine_relate(const lg_context *context, size_t count, double *cov
 
 /* F (n, n), column-major: if W W^T is the covariance of n parameters for white residuals, W F (W F)^T is the
  * one for the residuals that the scores h (count, n) of successive stretches of the log show, in units of W.
- * h is overwritten. P (n, n), W^T D^-2 W: the part of a prior. `least`: stretches of a window, the least of a block. `share`: part of the log's windows that has
- * scores. `coloured`: that the residuals are not white is known; else it must show. `block`: stretches in a
- * block; 0 means that the residuals are white, or that there are too few stretches, and that F is not set. */
+ * h is overwritten. P (n, n), W^T D^-2 W: the part of a prior. `least`: stretches of a window, the least of a
+ * block. `share`: part of the log's windows that has scores. `coloured`: that the residuals are not white is
+ * known; else it must show. `block`: stretches in a block; 0 means that the residuals are white, or that
+ * there are too few stretches, and that F is not set. */
 lg_status lg_machine_colour(const lg_context *context, size_t count, size_t n, size_t least, double share,
                             bool coloured, const double *P, double *h, double *F, size_t *block);
 
@@ -385,8 +386,8 @@ enum { LG_MACHINE_MOST_WINDOWS = 512 };
 lg_status lg_machine_triangle(const lg_context *context, const lg_machine_problem *problem,
                               const double *theta, double *triangle, double *lagged, double *numbers,
                               lg_error *error);
-/* What the logs say of the n shared parameters of `fit`, a fit problem on the windows of `problem`, at its best
- * fit x. */
+/* What the logs say of the n shared parameters of `fit`, a fit problem on the windows of `problem`, at its
+ * best fit x. */
 typedef struct lg_machine_uncertainty {
     double *W;       /* (n, n), column-major, of the caller: W W^T is the covariance */
     double variance; /* of a residual */

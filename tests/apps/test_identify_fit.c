@@ -379,8 +379,8 @@ TEST("encoders with coarse steps and motion capture with dropouts give the numbe
         if (strstr(result.err, "does not explain") != NULL) fail_msg("%s: %s", logs[i], result.err);
     }
     cli_json(identify, "check alone.yaml coarse.csv", "rows >1000");
-    assert_close(json_number(json_find(json_find(result.out, "columns"), "x"), "noise"), 0.05 / sqrt(12), 1e-9,
-                 0);
+    assert_close(json_number(json_find(json_find(result.out, "columns"), "x"), "noise"), 0.05 / sqrt(12),
+                 1e-9, 0);
 }
 
 /* ---- velocities alone ---- */
@@ -403,7 +403,8 @@ TEST("a drive is learned from its speed alone; what depends on a position is ref
     assert_true(json_number(mass, "error") < 0.1 && json_number(damping, "error") < 0.05);
     cli_write("spring.yaml", test_text(DRIVE "mass: diagonal\npotential: {kind: quadratic, of: x}\n",
                                        "measured: velocities-only\n"));
-    cli_expect(identify, "fit spring.yaml drive.csv --out m.h5", 3, "potential: depends on the position of x");
+    cli_expect(identify, "fit spring.yaml drive.csv --out m.h5", 3,
+               "potential: depends on the position of x");
 }
 
 /* ---- forces that the model lacks ---- */

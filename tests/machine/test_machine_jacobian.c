@@ -153,7 +153,8 @@ TEST("the rows of a long window are solved for together: loss, residuals and Jac
     for (uint32_t i = 0; i < LONG; i++) time[i] = 0.02 * i + 0.005 * time[i];
     q[101] = v[202] = (double)NAN;
     t->first[1] = LONG;
-    t->problem.log = (lg_machine_log){LONG, 1, t->first, time, q, v, u};
+    t->problem.log =
+        (lg_machine_log){.rows = LONG, .parts = 1, .first = t->first, .t = time, .q = q, .v = v, .u = u};
     t->problem.window = LONG;
     t->problem.windows = 1;
     lg_machine_fit_problem(&t->problem, &t->fit);

@@ -141,8 +141,9 @@ static void find_noise(const lg_machine_data *data, uint32_t coordinate, bool co
 }
 
 /* Unconfirmed noise below 2e-4 of a range is ignored: it does not justify estimated starts, and uneven time
- * steps or held inputs can look like it. But if positions alone are measured and one of them has noise, traces
- * of noise count in the others: without them such a position would have almost no weight beside the first. */
+ * steps or held inputs can look like it. But if positions alone are measured and one of them has noise,
+ * traces of noise count in the others: without them such a position would have almost no weight beside the
+ * first. */
 bool lg_machine_data_noise(const lg_machine_data *data, lg_machine_noise *out) {
     bool any = false;
     lg_machine_noise traces;

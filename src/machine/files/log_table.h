@@ -68,7 +68,7 @@ lg_status lg_log_judge_jumps(lg_log_table *table, lg_error *error);
  * body, and makes velocities of directions orthogonal to them. Changes the table in place; matrices stay
  * matrices, and quaternions stay quaternions. */
 lg_status lg_log_clean(lg_log_table *table, lg_error *error);
-/* With `measured: velocities-only` sets the positions q (rows, velocities) to the integrals of v (speeds.c). */
+/* For `measured: velocities-only`: sets the positions q (rows, velocities) to the integrals of v. */
 void lg_log_integrate(const lg_log_table *table, double *q, const double *v);
 /* Compares positions with velocities; refuses or warns of columns that do not belong together. */
 lg_status lg_log_check(lg_log_table *table, lg_error *error);

@@ -58,8 +58,8 @@ static uint32_t at_most(size_t rows, uint32_t wanted) {
     return rows >= 2 && rows < wanted ? (uint32_t)rows : wanted;
 }
 
-/* The longest window of at most `wanted` rows with which three quarters of the rows are in parts that have one:
- * gaps leave short parts. */
+/* The longest window of at most `wanted` rows with which three quarters of the rows are in parts that have
+ * one: gaps leave short parts. */
 static uint32_t window_of_parts(const lg_machine_log *log, uint32_t wanted) {
     enum { SHORT = 8 };
     for (uint32_t window = at_most(longest_part(log), wanted);; window -= (window + 3) / 4) {
@@ -72,7 +72,7 @@ static uint32_t window_of_parts(const lg_machine_log *log, uint32_t wanted) {
     }
 }
 
-/* Root mean square of what straight lines leave of number `k` of the positions, over pieces of `rows` rows. */
+/* Root mean square of what straight lines leave of position number `k`, over pieces of `rows` rows. */
 static double bend(const lg_machine *machine, const lg_machine_log *log, uint32_t k, size_t rows) {
     double squares = 0;
     size_t all = 0;

@@ -250,7 +250,8 @@ struct lg_training;
  * predicted. Also sets the scales of the loss, and the substeps unless they are given (warm_up.c). */
 lg_status lg_machine_warm_up(struct lg_training *self, double *theta, lg_error *error);
 enum { LG_STAGE_EPOCHS = 50 };
-/* What a short fit may take: evaluations of Levenberg-Marquardt in each of up to 4 rounds; seconds, 0: any. */
+/* What a short fit may take: evaluations of Levenberg-Marquardt in each of up to 4 rounds; seconds, 0: no
+ * limit. */
 typedef struct lg_stage_limits {
     uint64_t epochs;
     double seconds;

@@ -1,5 +1,5 @@
-/* Logs that measure velocities alone: a drive's speed. Positions are their integrals from 0 at the start of each
- * part, and nothing may depend on them. */
+/* Logs that measure velocities alone: a drive's speed. Positions are their integrals from 0 at the start of
+ * each part, and nothing may depend on them. */
 #include <math.h>
 #include <string.h>
 

@@ -82,8 +82,8 @@ static void quieten(const lg_machine *machine, double *theta) {
 
 /* ---- fits ---- */
 
-/* A short fit. Numbers are held near their first values, in proportion to the loss that is left: a number that
- * ran to 0 or infinity would never come back. theta, in and out, has the problem's parameters. */
+/* A short fit. Numbers are held near their first values, in proportion to the loss that is left: a number
+ * that ran to 0 or infinity would never come back. theta, in and out, has the problem's parameters. */
 static lg_status run_fit(lg_training *self, const lg_machine *machine, const lg_fit_problem *problem,
                          const lg_stage_limits *most, double *theta, lg_error *error) {
     enum { EPOCHS = 200, ROUNDS = 4 };
