@@ -536,14 +536,15 @@ TEST("a search varies the features of rocket, and judges by the held-out part al
     cli_write("rocket.yaml",
               "fixed: {method: rocket, features: 840}\nranges:\n  prune: {choice: [100, 840]}\n");
     cli_json(lg, "search rocket.yaml data.h5 --trials 6 --out rocket.csv", "done 6, failed 0, best *");
-    const double wrong = json_number(result.out, "objective"), number = json_number(result.out, "parameters");
+    const char *best = json_find(result.out, "best");
+    const double wrong = json_number(best, "objective"), number = json_number(best, "parameters");
     const bool pruned = strstr(result.out, "\"prune\": \"100\"") != NULL;
     assert_true(pruned ? number == 100 : number > 500 && number <= 840);
     assert_true(wrong >= 0.0 && wrong < 0.3); /* the larger class has about half of the windows */
     cli_write("single.yaml", "fixed: {method: rocket, features: 840, directions: x}\nranges:\n"
-                             "  prune: {choice: [84, 84]}\n");
-    cli_json(lg, "search single.yaml data.h5 --trials 1 --validation 0.3 --out single.csv",
-             "done 1, parameters 84");
+                             "  prune: {choice: [84, 85]}\n");
+    cli_json(lg, "search single.yaml data.h5 --trials 1 --validation 0.3 --out single.csv", "done 1");
+    assert_close(json_number(json_find(result.out, "best"), "parameters"), 84.5, 0, 0.5);
 }
 
 /* ---- pictures: the default one, and each one by name ---- */

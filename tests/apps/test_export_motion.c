@@ -160,6 +160,7 @@ typedef struct motion {
     const lg_scheme *scheme;
     lg_scheme *read; /* the scheme read from a file */
     lg_stepper *stepper;
+    bool exact; /* the program's step moves lagged inputs exactly, the stepper does not */
     /* counts of numbers: state, field, input, and positions and velocities of a log */
     size_t d, a, m, nq, nv;
 } motion;
@@ -173,6 +174,7 @@ static motion motion_of(const exported *e) {
     if (scheme == NULL || scheme[0] == '\0') scheme = machine != NULL ? "cf4" : s.of->family->scheme;
     s.d = s.space->dim, s.a = s.space->algebra_dim, s.m = lg_model_input_dim(e->model);
     if (machine != NULL) s.nq = machine->run.machine.positions, s.nv = machine->run.machine.velocities;
+    s.exact = machine != NULL && machine->run.machine.lags > 0;
     assert_true(s.d <= MOST && s.nq <= MOST);
     s.scheme = lg_scheme_find(scheme);
     if (s.scheme == NULL) {
@@ -258,6 +260,21 @@ static void fill_log(const motion *s, const double *y, table *t, size_t r) {
                                 EXPORT_OUT(t->of[STATE][1] + r * s->d, s->d)});
 }
 
+/* A step of the library. */
+static void take_step(const motion *s, double h, const double *y, const double *input, double *out) {
+    static const double none[MOST] = {0};
+    const void *in[] = {y, input != NULL ? input : none, &h};
+    void *const next[] = {out};
+    lg_plan *plan;
+    if (!s->exact) {
+        assert_ok(lg_stepper_step(s->stepper, 0, h, y, input, out));
+        return;
+    }
+    assert_ok(lg_model_find(s->e->model, "step", NULL, &plan, NULL));
+    lg_plan_eval(plan, in, next, lg_test_memory(lg_plan_work_size(plan)));
+    lg_plan_destroy(plan);
+}
+
 static void fill_row(const motion *s, double h, lg_rng *rng, table *t, size_t r) {
     const exported *e = s->e;
     double y[MOST], u[MOST];
@@ -268,7 +285,7 @@ static void fill_row(const motion *s, double h, lg_rng *rng, table *t, size_t r)
         double *step = t->of[STEP + idle][1] + r * s->d;
         assert_ok(lg_model_field(e->model, y, input, t->of[FIELD + idle][0] + r * s->a, e->work));
         call_field(s, y, input, t->of[FIELD + idle][1] + r * s->a);
-        assert_ok(lg_stepper_step(s->stepper, 0, h, y, input, t->of[STEP + idle][0] + r * s->d));
+        take_step(s, h, y, input, t->of[STEP + idle][0] + r * s->d);
         call_steps(s, h, 1, y, input, step);
         t->off = fmax(t->off, lg_space_manifold_error(s->space, step));
     }

@@ -231,11 +231,6 @@ TEST("rows in parts shorter than a window are reported; the end of a longer part
     }
 }
 
-TEST("fit has no option --size, which its networks could not use") {
-    cli_run(identify, "fit --help");
-    assert_null(strstr(result.out, "--size"));
-}
-
 /* A log of 2 x'' = -5 x - .3 x' + u as another program would write it: integrated by RK4 or by symplectic
  * Euler, with `digits` decimals. */
 static void write_foreign(const char *name, bool euler, int digits) {
@@ -494,7 +489,8 @@ static const struct {
                {some_cubic, 1, FOURTH "damping: diagonal\n", SPRING "damping: diagonal\n"},
                {strong_cubic, 1, FOURTH "damping: diagonal\n", SPRING "damping: diagonal\n"},
                {damped, 1, SPRING "damping: diagonal\n", SPRING},
-               {rubbed, 1, SPRING "damping: [diagonal, coulomb]\n", SPRING "damping: diagonal\n"},
+               {rubbed, 1, SPRING "damping: {kind: diagonal, coulomb: true, coulomb_width: 0.02}\n",
+                SPRING "damping: diagonal\n"},
                {pushed, 1,
                 OWN "potential: [{kind: linear, of: x}, {kind: quadratic, of: x}]\ndamping: diagonal\n",
                 SPRING "damping: diagonal\n"},

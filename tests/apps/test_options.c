@@ -33,6 +33,7 @@ static const char *const meanings[][2] = {
     {"runs", "recordings at sea, runs of a machine"},
     {"scheme", "of the exported step, of a simulation"},
     {"seconds", "of a training, of a demo"},
+    {"size", "widths of one network, or of all networks of a machine"},
     {"starts", "where predictions start, where members start"},
     {"stop-after", "epochs, runs of a study"},
     {"stride", "of convolutions, of windows"},

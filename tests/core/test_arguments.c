@@ -938,6 +938,8 @@ TEST("functions of machines refuse NULL") {
     REFUSES(lg_machine_set_system(NEEDED(&grey), NEEDED("two-link-arm"), NULL));
     assert_ok(lg_machine_set_system(&grey, "two-link-arm", &error));
     REFUSES(lg_machine_set_parameter(NEEDED(&grey), NEEDED("gravity"), 1, NEEDED(numbers), NULL, NULL));
+    assert_ok(lg_machine_set_parameter(&grey, "gravity", 1, &(double){1.5}, &(bool){true}, &error));
+    REFUSES(lg_machine_bound_parameter(NEEDED(&grey), NEEDED("gravity"), 0, 1, 2, 0, NULL));
     REFUSES(lg_machine_space(NEEDED(machine), NEEDED(&space)));
     REFUSES(lg_machine_full_space(NEEDED(machine), NEEDED(&space)));
     REFUSES(lg_machine_filter_create(NULL, NEEDED(machine), NEEDED(&problem.log), NEEDED(&filter), NULL));
@@ -947,6 +949,8 @@ TEST("functions of machines refuse NULL") {
     REFUSES(lg_machine_record_state(NEEDED(tape), NEEDED(&vars), one, one, NEEDED(parts)));
     REFUSES(lg_machine_record_field(NEEDED(tape), NEEDED(&vars), NEEDED(parts), LG_NONE, NEEDED(out)));
     REFUSES(lg_machine_find_scales(NEEDED(&changed), NEEDED(&problem.log), NULL));
+    REFUSES(lg_machine_rest_rate(NULL, NEEDED(machine), NEEDED(theta), NEEDED(&problem.log), NEEDED(others),
+                                 NULL));
     REFUSES(lg_machine_problem_check(NEEDED(&problem), NULL));
     REFUSES(lg_machine_loss(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(others), NULL, NULL));
     REFUSES(
