@@ -607,8 +607,6 @@ typedef struct lg_machine_restriction {
 /* Writes to `direction` (P) how theta changes when all learned damping is multiplied by 1 + x, per x. False:
  * nothing of the damping is learned. */
 LG_API bool lg_machine_scale_friction(const lg_machine *machine, const double *theta, double *direction);
-/* The fit problem of x (count), then of the starts as in lg_machine_fit_problem. Borrows `restriction`. */
-LG_API void lg_machine_restricted_problem(const lg_machine_restriction *restriction, lg_fit_problem *out);
 
 /* All arrays have `count` numbers and belong to the caller. */
 typedef struct lg_machine_adapted {

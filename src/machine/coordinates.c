@@ -80,3 +80,8 @@ double lg_machine_unit_mass(const lg_machine *machine, uint32_t i, uint32_t j) {
     const lg_machine_scales *s = &machine->scales;
     return s->velocity[i] * s->velocity[j] / (s->energy * s->time * s->time);
 }
+
+double lg_machine_width(const lg_machine *machine, const lg_machine_term *term, uint32_t velocity) {
+    static const double part = 1e-3;
+    return term->width > 0.0 ? term->width : part * machine->scales.fastest[velocity];
+}

@@ -7,6 +7,7 @@
  * itself, or together with the base. */
 #include <float.h>
 #include <math.h>
+#include <string.h>
 
 #include "core/core.h"
 #include "liegrad/ops.h"
@@ -17,9 +18,16 @@
 const lg_machine_term *lg_machine_base(const lg_machine *machine, const lg_machine_term *term) {
     if (term->kind->base == NULL || term->value_count > 0) return NULL;
     for (uint32_t i = 0; i < machine->term_count; i++)
-        if (machine->terms[i].kind == lg_term_kind_find(term->part, term->kind->base))
+        if (machine->terms[i].part == term->part &&
+            strcmp(machine->terms[i].kind->name, term->kind->base) == 0)
             return &machine->terms[i];
     return NULL;
+}
+
+double lg_machine_drag_number(const lg_machine *machine, const lg_machine_term *term, const double *theta,
+                              uint32_t k, int power) {
+    if (term->value_count > 0) return lg_machine_value(machine, term, theta + term->offset, k);
+    return theta[term->offset + k] * theta[term->offset + k] * lg_machine_drag_unit(machine, k, k, power);
 }
 
 /* Whether the term has coefficients of its own. */

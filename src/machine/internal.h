@@ -411,5 +411,7 @@ uint32_t lg_machine_feature_numbers(const lg_machine *machine, const lg_machine_
  * reference. */
 size_t lg_machine_numbers_at(const lg_machine *machine, const double *theta, const double *positions,
                              size_t room, lg_identified *out);
+/* The fit problem of x (count), then of the starts as in lg_machine_fit_problem. Borrows `restriction`. */
+void lg_machine_restricted_problem(const lg_machine_restriction *restriction, lg_fit_problem *out);
 
 #endif

@@ -57,11 +57,6 @@ void lg_machine_scales_init(lg_machine_scales *scales) {
     for (size_t i = 0; i < LG_MACHINE_INPUTS; i++) scales->input[i] = 1.0;
 }
 
-double lg_machine_width(const lg_machine *machine, const lg_machine_term *term, uint32_t velocity) {
-    static const double part = 1e-3;
-    return term->width > 0.0 ? term->width : part * machine->scales.fastest[velocity];
-}
-
 static lg_status count_coordinates(lg_machine *machine, lg_error *error) {
     if (machine->coordinate_count == 0 || machine->coordinate_count > LG_MACHINE_COORDINATES ||
         machine->input_count > LG_MACHINE_INPUTS || machine->term_count > LG_MACHINE_TERMS)

@@ -191,12 +191,6 @@ double lg_machine_drag_unit(const lg_machine *machine, uint32_t i, uint32_t j, i
     return unit;
 }
 
-double lg_machine_drag_number(const lg_machine *machine, const lg_machine_term *term, const double *theta,
-                              uint32_t k, int power) {
-    if (term->value_count > 0) return lg_machine_value(machine, term, theta + term->offset, k);
-    return theta[term->offset + k] * theta[term->offset + k] * lg_machine_drag_unit(machine, k, k, power);
-}
-
 void lg_numbers_drag(lg_number_list *l, const lg_machine *machine, const char *name, int power,
                      const double *theta, double (*shaped)(double)) {
     for (uint32_t i = 0; i < machine->velocities; i++) {

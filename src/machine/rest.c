@@ -66,7 +66,7 @@ lg_status lg_machine_rest_rate(const lg_context *context, const lg_machine *mach
     enum { ROWS = 32 };
     size_t rows[ROWS], count = 0;
     lg_tape *tape = NULL;
-    LG_NEEDS(error, machine, theta, log, rate);
+    LG_NEEDS(error, machine, log, rate);
     *rate = 0.0;
     for (size_t i = 0; i < ROWS && log->rows > 0; i++) {
         const size_t row = i * log->rows / ROWS;

@@ -949,8 +949,7 @@ TEST("functions of machines refuse NULL") {
     REFUSES(lg_machine_record_state(NEEDED(tape), NEEDED(&vars), one, one, NEEDED(parts)));
     REFUSES(lg_machine_record_field(NEEDED(tape), NEEDED(&vars), NEEDED(parts), LG_NONE, NEEDED(out)));
     REFUSES(lg_machine_find_scales(NEEDED(&changed), NEEDED(&problem.log), NULL));
-    REFUSES(lg_machine_rest_rate(NULL, NEEDED(machine), NEEDED(theta), NEEDED(&problem.log), NEEDED(others),
-                                 NULL));
+    REFUSES(lg_machine_rest_rate(NULL, NEEDED(machine), theta, NEEDED(&problem.log), NEEDED(others), NULL));
     REFUSES(lg_machine_problem_check(NEEDED(&problem), NULL));
     REFUSES(lg_machine_loss(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(others), NULL, NULL));
     REFUSES(

@@ -1,5 +1,6 @@
 /* Standard errors of numbers for residuals that are white or correlated in time, and fits of a few numbers.
  * ctest-labels: src/machine */
+#include "machine/internal.h"
 #include "support/machine_support.h"
 
 enum { ROWS = 1201, NUMBERS = 3 };

@@ -85,8 +85,6 @@ void lg_machine_trial_destroy(const lg_choosing *choosing, lg_machine_trial *tri
 /* Copies parameters of terms that both machines have. */
 void lg_machine_take_over(const struct lg_machine_warm *from, const lg_machine *machine, double *theta);
 
-/* Fills `positions`, `noisy` and `noise` from the data. */
-void lg_machine_look(lg_machine_state *state);
 /* Reads the machine's file again from `text`, and the logs as this file says. */
 lg_status lg_machine_reread(lg_training *self, const char *text, lg_error *error);
 

@@ -165,3 +165,8 @@ void lg_machine_data_traces(const lg_machine_data *data, lg_machine_noise *out) 
             out->position[i] = fmin(out->position[i], lg_machine_position_noise(data, i));
     }
 }
+
+void lg_machine_look(lg_machine_state *s) {
+    s->positions = s->data.file.measured == LG_MEASURED_POSITIONS;
+    s->noisy = lg_machine_data_noise(&s->data, &s->noise);
+}

@@ -8,11 +8,6 @@ enum { STREAM_WEIGHTS = 1, SHORTEST_LOG = 3 };
 
 /* ---- the data ---- */
 
-void lg_machine_look(lg_machine_state *s) {
-    s->positions = s->data.file.measured == LG_MEASURED_POSITIONS;
-    s->noisy = lg_machine_data_noise(&s->data, &s->noise);
-}
-
 /* Paths are MACHINE.yaml LOG...; when a model file is given, which contains its machine, they are LOG...
  * alone. */
 static lg_status read_data(lg_training *self, lg_error *error) {

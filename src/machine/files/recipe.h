@@ -239,6 +239,9 @@ typedef struct lg_machine_state {
     lg_machine_verdict verdict;
 } lg_machine_state;
 
+/* Fills `positions`, `noisy` and `noise` of the state from its data (data.c). */
+void lg_machine_look(lg_machine_state *state);
+
 /* Whether the machine has so few parameters that Levenberg-Marquardt, with one forward sweep for each, is
  * fastest. */
 bool lg_machine_is_small(const lg_machine *machine);

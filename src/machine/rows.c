@@ -1,0 +1,140 @@
+/* Machines: rows of logs in the log's units and in scaled units, and velocities where they are missing. */
+#include <math.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "liegrad/geometry.h"
+#include "machine/internal.h"
+
+size_t lg_machine_log_part(const lg_machine_log *log, size_t row) {
+    size_t low = 0, high = log->parts;
+    while (high - low > 1) {
+        const size_t middle = low + (high - low) / 2;
+        if (log->first[middle] <= row)
+            low = middle;
+        else
+            high = middle;
+    }
+    return low;
+}
+
+bool lg_machine_log_complete(const lg_machine *machine, const lg_machine_log *log, size_t row,
+                             bool positions_only) {
+    for (uint32_t i = 0; i < machine->positions; i++)
+        if (isnan(log->q[row * machine->positions + i])) return false;
+    for (uint32_t i = 0; i < machine->velocities && !positions_only; i++)
+        if (isnan(log->v[row * machine->velocities + i])) return false;
+    return true;
+}
+
+/* The rotation vector of A^T B: the rotation from A to B, in the body axes of A. */
+static void turn_between(const double *A, const double *B, double *out) {
+    double C[9];
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) C[3 * i + j] = A[i] * B[j] + A[3 + i] * B[3 + j] + A[6 + i] * B[6 + j];
+    lg_so3_log(C, out);
+}
+
+/* Derivative at `row` of the polynomial through rows first .. last of q, a column of the log with the given
+ * stride. */
+static double slope(const lg_machine_log *log, const double *q, size_t stride, size_t first, size_t last,
+                    size_t row) {
+    double sum = 0.0;
+    for (size_t j = first; j <= last; j++) {
+        double weight = 0.0; /* derivative of the j-th Lagrange polynomial */
+        for (size_t k = first; k <= last; k++) {
+            if (k == j) continue;
+            double product = 1.0 / (log->t[j] - log->t[k]);
+            for (size_t l = first; l <= last; l++)
+                if (l != j && l != k) product *= (log->t[row] - log->t[l]) / (log->t[j] - log->t[l]);
+            weight += product;
+        }
+        sum += weight * q[j * stride];
+    }
+    return sum;
+}
+
+/* The velocity of coordinate i at `row` from logged positions: places by the polynomial through rows first ..
+ * last, directions and rotations from the two neighbouring rows. */
+static void difference(const lg_machine *machine, const lg_machine_log *log, uint32_t i, size_t first,
+                       size_t last, size_t row, double *out) {
+    const lg_coordinate_row *kind = lg_coordinate_row_of(machine->coordinates[i].kind);
+    const size_t n = machine->positions, at = lg_machine_offsets_of(machine, i).position;
+    const size_t before = row > first ? row - 1 : row, after = row < last ? row + 1 : row;
+    const double *a = log->q + before * n + at, *b = log->q + after * n + at, *q = log->q + row * n + at;
+    const double h = log->t[after] - log->t[before];
+    double x[3] = {0, 0, 0};
+    for (uint32_t k = 0; k < kind->places; k++) x[k] = slope(log, log->q + at + k, n, first, last, row);
+    if (kind->rotations > 0) {
+        const double *R = q + kind->places;
+        for (uint32_t k = 0; k < kind->places; k++) out[k] = R[k] * x[0] + R[3 + k] * x[1] + R[6 + k] * x[2];
+        turn_between(a + kind->places, b + kind->places, out + kind->places);
+        for (uint32_t k = kind->places; k < kind->velocities; k++) out[k] /= h;
+    } else if (kind->directions > 0) {
+        for (int k = 0; k < 3; k++) {
+            const int l = (k + 1) % 3, m = (k + 2) % 3;
+            out[k] = (a[l] * b[m] - a[m] * b[l]) / h;
+        }
+    } else {
+        out[0] = x[0];
+    }
+}
+
+/* Finds up to two rows before and after a row in the same part of the log. */
+static void neighbours(const lg_machine_log *log, size_t row, size_t *first, size_t *last) {
+    const size_t *part = log->first + lg_machine_log_part(log, row);
+    *first = row < part[0] + 2 ? part[0] : row - 2;
+    *last = row + 3 > part[1] ? part[1] - 1 : row + 2;
+}
+
+/* The velocity of coordinate i in a row. Where it was not measured, it is computed from positions; 0 where
+ * these are missing, too. */
+static void velocity_in(const lg_machine *machine, const lg_machine_log *log, size_t row, uint32_t i,
+                        double *out) {
+    const lg_coordinate_row *kind = lg_coordinate_row_of(machine->coordinates[i].kind);
+    const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+    const double *v = log->v + row * machine->velocities + at.velocity;
+    bool known = true;
+    for (uint32_t k = 0; k < kind->velocities; k++) known = known && !isnan(v[k]);
+    if (known) {
+        memcpy(out, v, kind->velocities * sizeof *out);
+        return;
+    }
+    size_t first, last;
+    neighbours(log, row, &first, &last);
+    for (uint32_t k = 0; k < kind->velocities; k++) out[k] = 0.0;
+    if (last > first) difference(machine, log, i, first, last, row, out);
+    for (uint32_t k = 0; k < kind->velocities; k++)
+        if (isnan(out[k])) out[k] = 0.0;
+}
+
+void lg_machine_scaled_rows(const lg_machine *machine, const lg_machine_log *log, const size_t *rows,
+                            size_t count, double *positions, double *velocities) {
+    const lg_machine_scales *s = &machine->scales;
+    for (size_t r = 0; r < count; r++)
+        for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+            const lg_coordinate_kind kind = machine->coordinates[i].kind;
+            const lg_coordinate_row *row = lg_coordinate_row_of(kind);
+            const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+            const double *q = log->q + rows[r] * machine->positions + at.position;
+            double *x = positions + r * machine->positions + at.position;
+            for (uint32_t k = 0; k < lg_coordinate_positions(kind); k++) {
+                const double scale = k < row->places ? s->place[at.place + k] : 1.0;
+                x[k] = isnan(q[k]) ? 0.0 : q[k] / scale;
+            }
+            if (velocities == NULL) continue;
+            double *v = velocities + r * machine->velocities + at.velocity;
+            velocity_in(machine, log, rows[r], i, v);
+            for (uint32_t k = 0; k < row->velocities; k++) v[k] *= s->time / s->velocity[at.velocity + k];
+        }
+}
+
+void lg_machine_unscale_row(const lg_machine *machine, double *positions, double *velocities) {
+    const lg_machine_scales *s = &machine->scales;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+        const uint32_t places = lg_coordinate_row_of(machine->coordinates[i].kind)->places;
+        for (uint32_t k = 0; k < places; k++) positions[at.position + k] *= s->place[at.place + k];
+    }
+    for (uint32_t k = 0; k < machine->velocities; k++) velocities[k] *= s->velocity[k] / s->time;
+}
