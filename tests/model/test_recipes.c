@@ -89,7 +89,7 @@ static lg_model *model_on(const recorded *r, const lg_scheme *scheme, const lg_s
     return model;
 }
 
-/* Whether the model has lagged inputs: the step of the program moves them exactly, the stepper by its scheme. */
+/* Whether inputs of the model have lags: the program moves them exactly, the stepper by its scheme. */
 static bool has_lags(const recorded *r) {
     const bool machine = kinds[r->file.kind].recipe == &lg_recipe_machine_model;
     return machine && ((const lg_machine_model_file *)r->file.bytes)->run.machine.lags > 0;
