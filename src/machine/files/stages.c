@@ -168,13 +168,15 @@ lg_status lg_machine_fit_candidates(lg_training *self, const lg_machine *machine
     s.compared.window = at_least(window / PART, 2);
     s.parameters = lg_machine_problem_parameters(&s.compared);
     const double good = expected(&s);
-    for (size_t i = 0; i < LG_COUNT(candidates) && (i == 0 || s.all[i - 1].loss > good); i++)
+    /* The parameters of a machine that was learned before are the only candidate. */
+    size_t i = state->warm != NULL ? LG_COUNT(candidates) - 1 : 0;
+    for (; i < LG_COUNT(candidates) && (s.count == 0 || s.all[s.count - 1].loss > good); i++)
         LG_TRY(try_candidate(&s, theta, &candidates[i], error));
     qsort(s.all, s.count, sizeof *s.all, by_loss);
     /* Short windows hardly tell good candidates apart when there is much noise. */
     s.compared.window = window;
     const size_t finalists = s.count < FINALISTS ? s.count : FINALISTS;
-    for (size_t i = 0; i < finalists && (i == 0 || s.all[i - 1].loss > good); i++)
+    for (i = 0; i < finalists && (i == 0 || s.all[i - 1].loss > good); i++)
         LG_TRY(compare(&s, &most, &s.all[i], error));
     qsort(s.all, finalists, sizeof *s.all, by_loss);
     if (isfinite(s.all[0].loss)) memcpy(theta, s.all[0].theta, s.parameters * sizeof *theta);
