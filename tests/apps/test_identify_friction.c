@@ -80,9 +80,9 @@ TEST("fits from default starts stay finite with every kind of friction, and find
         cli_write("narrow.yaml", test_text(rows[i].model, ""));
         for (int seed = 1; seed <= all; seed++) {
             cli_run(identify,
-                    test_text("generate truth.yaml --inputs multisine --amplitude 8 --noise 0.0005,0.002 "
-                              "--runs 1 --t-end 12 --dt 0.01 --seed %d --out log.csv",
-                              seed));
+                    "generate truth.yaml --inputs multisine --amplitude 8 --noise 0.0005,0.002 "
+                    "--runs 1 --t-end 12 --dt 0.01 --seed %d --out log.csv",
+                    seed);
             cli_json(identify, "fit model.yaml log.csv --out m.h5", "loss >0");
             right += found(i);
             cli_json(identify, "fit narrow.yaml log.csv --out m.h5", "loss >0");
