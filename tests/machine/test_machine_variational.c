@@ -322,7 +322,7 @@ static lesson *make_lesson(void) {
     l->problem = (lg_machine_problem){.scheme = lg_scheme_find("variational"),
                                       .substeps = 4,
                                       .window = WINDOW,
-                                      .log = {ROWS, PARTS, l->first, l->t, l->q, l->v, l->u},
+                                      .log = {ROWS, PARTS, l->first, l->t, l->q, l->v, l->u, NULL, NULL},
                                       .windows = PARTS,
                                       .start = l->start,
                                       .position_scale = {1.0},
