@@ -470,7 +470,7 @@ static void guess_run(run *x) {
         lg_machine_scaled_rows(machine, &c->problem->log, &row, 1, z, z + machine->positions);
         lg_machine_weigh_row(c->problem, row, 1.0, there, there + machine->positions);
         for (size_t i = 0; i < machine->positions; i++)
-            if (there[i] == 0.0) z[i] = z[i - n];
+            if (there[i] == 0.0) z[i] = (z - n)[i];
     }
 }
 
