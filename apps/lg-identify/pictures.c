@@ -245,7 +245,7 @@ typedef struct curve {
     size_t x_stride, y_stride;
     double low, high;
     bool angle, level; /* level: drawn relative to its least value. */
-    /* (point_count): points beside the curve, every `y_stride` numbers; NULL: none. */
+    /* (point_count): logged points, drawn with the curve, every `y_stride` numbers. NULL: no points. */
     const double *point_x, *point_y;
     size_t point_count;
 } curve;

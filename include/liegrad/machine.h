@@ -187,7 +187,7 @@ typedef struct lg_machine_term {
     double width;
     uint32_t value_count;             /* Values are in the units of the log. */
     double values[LG_MACHINE_VALUES]; /* Matrices are row-major; mass and damping may also be a diagonal. */
-    uint32_t entry_count;             /* Values that are unknown. */
+    uint32_t entry_count;             /* How many of the values are unknown. */
     lg_machine_entry entries[LG_MACHINE_ENTRIES];
     /* The members below are filled by lg_machine_init. */
     lg_mlp net;

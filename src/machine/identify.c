@@ -26,7 +26,7 @@ typedef struct normal {
      * parameters of one start; 0 for measured starts. */
     size_t n, starts;
     bool last;
-    size_t priors;    /* residuals of one window that are priors, its last ones */
+    size_t priors;    /* the last residuals of each window are priors: their number */
     size_t chunk;     /* windows of one chunk, at most */
     size_t rows;      /* residuals of one chunk */
     double *jacobian; /* (rows, n + starts) */

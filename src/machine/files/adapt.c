@@ -41,7 +41,7 @@ static uint32_t velocity_of(const lg_machine *machine, const lg_machine_term *te
 }
 
 /* The number that changes with parameter `at` when all others are 0: its name, and its value where the
- * parameter is 1. 0: there is none. */
+ * parameter is 1. Returns 0 if no number changes. */
 static double unit_of(const lg_machine *machine, size_t at, double *theta, char *name) {
     lg_identified one[LG_MACHINE_VALUES], none[LG_MACHINE_VALUES];
     memset(theta, 0, machine->parameters * sizeof *theta);

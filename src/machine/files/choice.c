@@ -50,7 +50,7 @@ static bool is_given(const lg_training *self, const char *option) {
     return false;
 }
 
-/* A training of its own for one machine. */
+/* The training of one candidate machine. */
 typedef struct trial_training {
     lg_training training;
     lg_machine_model_run run;

@@ -155,7 +155,7 @@ bool lg_held_out_has(const lg_held_out *held, size_t row, size_t rows) {
     return low < held->count && held->start[low] + 1 < row + rows;
 }
 
-/* The row of `to` at the time of a row of `from`, in the same run; to->log.rows: there is none. */
+/* Finds the row of `to` with the time and run of a row of `from`. Returns to->log.rows if no row has them. */
 static size_t same_row(const lg_logs *from, size_t row, const lg_logs *to) {
     const size_t part = lg_machine_log_part(&from->log, row);
     const double t = from->log.t[row];

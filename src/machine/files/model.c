@@ -58,7 +58,7 @@ enum {
     FORMER_SCALES = SCALES - LG_MACHINE_VELOCITIES
 };
 _Static_assert(offsetof(lg_machine_scales, lag) == SCALES * sizeof(double),
-               "scales are numbers one after the other; those of lags have their own attribute");
+               "scales before lag are numbers one after the other; a file stores lag in another attribute");
 _Static_assert(SCALES <= LG_FIELD_LIST_MAX && 2 * LG_MACHINE_RANGE <= LG_FIELD_LIST_MAX,
                "they fit into lists");
 

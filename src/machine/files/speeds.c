@@ -15,7 +15,7 @@ static bool is_constant_force(const lg_machine *machine, const lg_machine_term *
            machine->coordinates[coordinate].kind == LG_COORDINATE_LINE;
 }
 
-/* The first term that depends on a position; the number of terms if there is none. */
+/* Index of the first term that depends on a position, or the number of terms if no term does. */
 static uint32_t first_use(const lg_machine *machine, uint32_t *coordinate) {
     for (uint32_t t = 0; t < machine->term_count; t++)
         for (uint32_t k = 0; k < machine->terms[t].of_count; k++) {
