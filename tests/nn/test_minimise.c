@@ -141,7 +141,7 @@ TEST("both methods find known minima to rounding within a given number of evalua
         }
 }
 
-/* sum (1 + i) x_i^2: f underflows before the gradient does. */
+/* sum (1 + i) x_i^2: f and x tend to 0. */
 static lg_status parabola(const double *x, size_t n, double *value, double *gradient) {
     *value = 0;
     for (size_t i = 0; i < n; i++) {
@@ -159,7 +159,7 @@ TEST("a run ends when steps no longer change the value") {
             print_message("%s, n = %zu: %llu evaluations, |g| = %.1e\n",
                           lg_minimise_row_at((size_t)method)->name, n, (unsigned long long)r.evaluations,
                           r.gradient);
-            assert_true(r.evaluations < 500 && r.gradient < 1e-90);
+            assert_true(r.evaluations < 200 && r.gradient < 1e-20);
         }
 }
 
