@@ -55,7 +55,7 @@ LG_BEGIN_DECLS
 typedef enum lg_minimise_method {
     /* Self-scaled Broyden family (Al-Baali; Urban, Stefanou, Pons, J. Comput. Phys. 523 (2025) 113656). H is
      * a dense matrix: it takes 8 n^2 bytes, and about 3 n^2 multiplications per iteration. It is formed from
-     * the first 30 pairs, which work as in L-BFGS until then. */
+     * the first 3 pairs, which work as in L-BFGS until then. */
     LG_MINIMISE_SSBROYDEN,
     /* Limited memory BFGS (Nocedal 1980; Liu & Nocedal 1989): 16 n bytes per stored pair (options.memory
      * pairs). If n is at most options.memory, it begins with a diagonal H that the pairs update (Gilbert &

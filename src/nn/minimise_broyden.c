@@ -6,15 +6,18 @@
 #include "kernels/lapack.h"
 #include "nn/minimise_internal.h"
 
-enum { FIRST_PAIRS = 30 };
+enum { FIRST_PAIRS = 3 };
 static const double LEAST_SCALE = 0.5;
 
-/* Computes the scale tau and the weight phi of the update from b = s.Bs/y.s and h = y.Hy/y.s. */
-static void coefficients(double b, double h, double *tau, double *phi) {
+/* Computes the scale tau and the weight phi of the update from b = s.Bs/y.s and h = y.Hy/y.s: SSBroyden2, with
+ * tau kept above LEAST_SCALE. */
+static void coefficients(size_t n, double b, double h, double *tau, double *phi) {
     const double a = fmax(h * b - 1.0, 1e-16), c = sqrt(a / (1.0 + a));
     const double r = fmin(1.0, h * (1.0 - c));
-    const double theta = fmax(0.0, fmin(1.0 / r, (1.0 - b) / b));
-    *tau = fmin(1.0, fmax(1.0 / b, LEAST_SCALE));
+    const double theta = fmax((r - 1.0) / a, fmin(1.0 / r, (1.0 - b) / b));
+    const double sigma = 1.0 + a * theta, root = pow(fabs(sigma), 1.0 / (1.0 - (double)n));
+    const double k = fmin(1.0, 1.0 / b), factor = n > 1 ? root : 1.0;
+    *tau = fmax(theta > 0.0 ? k * fmin(factor, 1.0 / theta) : fmin(k * factor, sigma), LEAST_SCALE);
     *phi = (1.0 - theta) / (1.0 + a * theta);
 }
 
@@ -77,7 +80,7 @@ static void update(lg_minimiser *m, double *s, double *y) {
     for (size_t i = 0; i < n; i++) hy[i] += m->d[i];
     /* Before the step d = -H g, and s = alpha d; so s.Bs = -alpha g.s = alpha^2 (-g.d). */
     const double q = k->dot(n, y, hy), rho = 1.0 / k->dot(n, y, s);
-    coefficients(-m->numbers.alpha * m->numbers.alpha * m->numbers.slope * rho, q * rho, &tau, &phi);
+    coefficients(n, -m->numbers.alpha * m->numbers.alpha * m->numbers.slope * rho, q * rho, &tau, &phi);
     if (!(q > 0.0) || !isfinite(tau) || !isfinite(phi)) {
         m->counts.pairs = 0;
         update(m, s, y);
