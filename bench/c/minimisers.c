@@ -31,28 +31,49 @@ void problem_jacobian(size_t number, const double *x, double *r, double *jacobia
     minimise_problem_jacobian(&p, x, r, jacobian);
 }
 
+/* A run: f of each evaluation goes to `values`, which has room for `most`. */
+typedef struct recorded {
+    minimise_problem of;
+    size_t count, most;
+    double *values;
+} recorded;
+
+static void record(recorded *p, double f) {
+    if (p->count < p->most) p->values[p->count] = f;
+    p->count++;
+}
+
 static lg_status value(void *user, const double *x, double *f, double *gradient) {
-    minimise_problem_value(user, x, f, gradient);
+    recorded *p = user;
+    minimise_problem_value(&p->of, x, f, gradient);
+    record(p, *f);
     return LG_OK;
 }
 
 static lg_status residuals(void *user, const double *x, double *r, double *jacobian) {
-    minimise_problem_jacobian(user, x, r, jacobian);
+    recorded *p = user;
+    double f = 0;
+    minimise_problem_jacobian(&p->of, x, r, jacobian);
+    for (size_t i = 0; i < p->of.m; i++) f += r[i] * r[i];
+    record(p, f);
     return LG_OK;
 }
 
-/* Runs a minimiser and returns its status. x is the start and becomes the result. */
-int problem_run(size_t number, int method, double *x, double *f, size_t *evaluations);
-int problem_run(size_t number, int method, double *x, double *f, size_t *evaluations) {
-    minimise_problem p = minimise_problem_at(number);
+/* Runs a minimiser and returns its status. x is the start and becomes the result. values (most): f of each
+ * evaluation. */
+int problem_run(size_t number, int method, double *x, double *f, size_t *evaluations, size_t most,
+                double *values);
+int problem_run(size_t number, int method, double *x, double *f, size_t *evaluations, size_t most,
+                double *values) {
+    recorded p = {minimise_problem_at(number), 0, most, values};
     lg_minimise_options options;
     lg_minimise_result result;
     lg_minimise_options_init(&options);
     options.method = (lg_minimise_method)method;
     const lg_status status =
         method == LG_MINIMISE_LM
-            ? lg_least_squares(NULL, p.n, p.m, residuals, &p, &options, x, NULL, &result, NULL)
-            : lg_minimise(NULL, p.n, value, &p, &options, x, &result, NULL);
+            ? lg_least_squares(NULL, p.of.n, p.of.m, residuals, &p, &options, x, NULL, &result, NULL)
+            : lg_minimise(NULL, p.of.n, value, &p, &options, x, &result, NULL);
     *f = result.value;
     *evaluations = (size_t)result.evaluations;
     return status;

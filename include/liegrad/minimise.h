@@ -16,7 +16,8 @@
  * Search. LG_MINIMISE_SSBROYDEN and LG_MINIMISE_LBFGS keep an approximation H of the inverse Hessian. They
  * step along d = -H g, to x + alpha d. The step length alpha satisfies the weak Wolfe conditions
  *   f(x + alpha d) <= f(x) + 1e-4 alpha g.d,   g(x + alpha d).d >= 0.9 g.d,
- * and is found by cubic interpolation. If a line search fails, the method starts again with H = 1.
+ * and is found by cubic interpolation. If a line search fails, the method starts again with H = 1, unless
+ * the predicted fall is smaller than the change of f by rounding of f and x.
  *
  * Units. lg_minimise and lg_least_squares scale the problem, so that the result does not depend on the units
  * of x and f: each x_i is divided by its start value |x_i|, and f by the size of its gradient at the start. A
@@ -25,9 +26,9 @@
  *
  * Verification of a minimum. It is done with options.check and without ranks, when no step lowers f, when
  * many steps have lowered it only little, or when g is zero. For n <= 200 (L-BFGS: n up to about 2 memory) it
- * computes the Hessian from differences of g to both sides, by 2 n evaluations. Where g is zero, differences
- * to one side, n + 1 evaluations, are enough if they predict g on the other side, and if all eigenvalues are
- * above 1e-4 of the diagonal or one is below -1e-4 of it. Then the run ends, or goes on: along the Newton
+ * computes the Hessian from differences of g. Those to one side, n + 1 evaluations, are enough if they
+ * predict g on the other side, and if all eigenvalues are above 1e-4 of the diagonal or one is below -1e-4
+ * of it; otherwise there are 2 n + 1 to both sides. Then the run ends, or goes on: along the Newton
  * step, or from a saddle along the eigenvector of the lowest eigenvalue, downhill. So LG_MINIMISE_GRADIENT
  * and LG_MINIMISE_ROUNDING mean a minimum: the Hessian is positive semidefinite to 1e-9 of its diagonal. In
  * addition the Newton step would lower f by less than 1e-8 of f, or by less than rounding of x changes f, or
@@ -53,15 +54,17 @@ LG_BEGIN_DECLS
 
 typedef enum lg_minimise_method {
     /* Self-scaled Broyden family (Al-Baali; Urban, Stefanou, Pons, J. Comput. Phys. 523 (2025) 113656). H is
-     * a dense matrix: it takes 8 n^2 bytes, and about 3 n^2 multiplications per iteration. */
+     * a dense matrix: it takes 8 n^2 bytes, and about 3 n^2 multiplications per iteration. It is formed from
+     * the first 3 pairs, which work as in L-BFGS until then. */
     LG_MINIMISE_SSBROYDEN,
     /* Limited memory BFGS (Nocedal 1980; Liu & Nocedal 1989): 16 n bytes per stored pair (options.memory
-     * pairs). */
+     * pairs). If n is at most options.memory, it begins with a diagonal H that the pairs update (Gilbert &
+     * Lemarechal 1989). */
     LG_MINIMISE_LBFGS,
     /* Levenberg-Marquardt for sums of squares (Marquardt 1963; damping after Nielsen 1999): the step d solves
      * (A + mu D) d = -g, where A is the Gauss-Newton matrix, mu the damping and D the largest diagonal that A
-     * has had so far (More 1978). lg_minimise does not take it; use lg_least_squares or
-     * lg_minimiser_tell_squares. */
+     * has had so far. lg_least_squares finds mu from the length of d (trust region, More 1978). lg_minimise
+     * does not take this method; use lg_least_squares or lg_minimiser_tell_squares. */
     LG_MINIMISE_LM
 } lg_minimise_method;
 #define LG_MINIMISE_METHOD_COUNT 3
@@ -82,8 +85,10 @@ typedef enum lg_minimise_end {
     LG_MINIMISE_WRONG_GRADIENT, /* g disagrees with differences of f */
     LG_MINIMISE_WRONG_JACOBIAN, /* lg_least_squares: J disagrees with differences of r */
     LG_MINIMISE_BARRIER,        /* no step lowers f, because f is not finite beyond x */
-    LG_MINIMISE_STUCK,          /* no step lowers f, but the Hessian does not show a minimum */
-    LG_MINIMISE_LIMIT           /* 10000 evaluations did not lead to another end; options.evaluations is 0 */
+    /* No step lowers f, or each of ten times 50 + 4 n iterations (least squares: 20 + 4 n) lowered it by less
+     * than 3e-4 of it; and the Hessian does not show a minimum. */
+    LG_MINIMISE_STUCK,
+    LG_MINIMISE_LIMIT /* 10000 evaluations did not lead to another end; options.evaluations is 0 */
 } lg_minimise_end;
 #define LG_MINIMISE_END_COUNT 14
 /* Returns a sentence about the end, without a full stop; "" for LG_MINIMISE_RUNNING. Static storage. */
@@ -99,9 +104,10 @@ typedef struct lg_minimise_options {
     uint32_t memory;           /* L-BFGS: number of stored pairs, 1 to 1000; default 50 */
     double gradient_tolerance; /* see LG_MINIMISE_GRADIENT; default 0: only if g is exactly zero */
     /* true (default): compares g with differences of f along a random line, at the start and when no step
-     * lowers f. This takes 4 evaluations each time, and up to 16 if f is rough or before g is called wrong.
+     * lowers f. This takes 1 evaluation each time, and up to 16 if f is rough or before g is called wrong.
      * It also verifies minima, as said above. lg_least_squares compares J with differences of r along a
-     * random line at the start: 2 evaluations, and 8 before J is called wrong. */
+     * random line, when a step is refused for the first time or before the end: 1 evaluation, and 8 before J
+     * is called wrong. */
     bool check;
     bool slow; /* true: a slow run ends with LG_MINIMISE_SLOW; default false */
     /* Levenberg-Marquardt: the last `blocks` * `block` variables form blocks of `block` variables each, such

@@ -1,13 +1,15 @@
 /* The minimiser as a state machine: what happens between two evaluations, and why a run ends. */
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
 #include "liegrad/core.h"
 #include "nn/minimise_internal.h"
 
-enum { CHECK_POINTS = 4, CHECK_LEVELS = 4, MOST_ENDLESS = 3 };
-static const double SLOW_DECREASE = 1e-4, FIRST_STEP = 0.1, LOWEST = -1e300, LEAST_ENDLESS = 1e-20,
-                    PROFIT = 0.1, ROUNDED = 1e-14, FORESEEN = 10.0;
+enum { CHECK_POINTS = 4, CHECK_LEVELS = 4, MOST_ENDLESS = 3, TINY_EACH = 8, MOST_CRAWLS = 10 };
+static const double SLOW_DECREASE = 1e-4, FIRST_STEP = 0.1, LONGEST_STEP = 3.0, LOWEST = -1e300,
+                    LEAST_ENDLESS = 1e-20, ROUNDED = 1e-14, FEW = 50.0, TINY = 1e-48, CRAWL = 3e-4,
+                    FORESEEN = 10.0;
 /* relative to 1 + |x_i|; factor from a level to the next */
 static const double CHECK_STEP = 1e-4, CHECK_FINER = 1e-2;
 static const double CHECK_TOLERANCE = 1e-3, CHECK_ROUNDING = 1e-13, CHECK_ROUGH = 10.0;
@@ -44,7 +46,7 @@ static const struct {
                                     "the Jacobian disagrees with differences of the residuals"},
     [LG_MINIMISE_BARRIER] = {LG_OK, "no step lowers the value: it is not finite beyond the last point"},
     [LG_MINIMISE_STUCK] = {LG_NO_CONVERGENCE,
-                           "no step lowers the value, and nothing shows that the point is a minimum"},
+                           "no step lowers the value much, and nothing shows that the point is a minimum"},
     [LG_MINIMISE_LIMIT] = {LG_NO_CONVERGENCE, "10000 evaluations did not find a minimum"},
 };
 
@@ -184,8 +186,19 @@ bool lg_minimise_flat(const lg_minimiser *m) {
     return lg_minimise_gradient_size(m) <= m->options.gradient_tolerance;
 }
 
+double lg_minimise_rounding(const lg_minimiser *m) {
+    double sum = fabs(m->numbers.value);
+    for (size_t i = 0; i < m->n; i++) sum += fabs(m->g[i] * m->x[i]);
+    return m->options.check ? DBL_EPSILON * sum : 0.0;
+}
+
 lg_minimise_end lg_minimise_no_step(const lg_minimiser *m) {
     return isfinite(m->numbers.high_value) ? LG_MINIMISE_ROUNDING : LG_MINIMISE_BARRIER;
+}
+
+bool lg_minimise_tiny(const lg_minimiser *m) {
+    return m->counts.iterations % TINY_EACH == 0 &&
+           fabs(m->numbers.value) <= TINY * fabs(m->numbers.start_value);
 }
 
 void lg_minimise_finish(lg_minimiser *m, lg_minimise_end end) {
@@ -215,10 +228,16 @@ void lg_minimise_search(lg_minimiser *m, double alpha) {
 static void restart(lg_minimiser *m) {
     m->counts.pairs = 0;
     for (size_t i = 0; i < m->n; i++) m->d[i] = -m->g[i];
-    lg_minimise_search(m, fmin(1.0, FIRST_STEP / sqrt(m->k->dot(m->n, m->g, m->g))));
+    const double length = sqrt(m->k->dot(m->n, m->g, m->g));
+    const bool known = m->counts.iterations == 0 && m->numbers.first > 0.0;
+    lg_minimise_search(m, known ? fmin(m->numbers.first, LONGEST_STEP / length)
+                                : fmin(1.0, FIRST_STEP / length));
 }
 
 /* ---- the check of g: differences of f along a random line against Simpson's rule on its slopes ----
+ *
+ * One evaluation is enough if the trapezoidal rule agrees with it, as it does for a smooth f. It also tells
+ * the curvature along the line, and with it the length of the first step.
  *
  * Each level uses a shorter line than the level before. A level is inconclusive if rounding of f or fourth
  * differences, which are tiny where f is smooth, are as large as the change of f. */
@@ -237,7 +256,7 @@ static double check_line(lg_minimiser *m) {
 }
 
 static void next_check(lg_minimiser *m) {
-    static const double at[CHECK_POINTS] = {-1.0, -0.5, 0.5, 1.0};
+    static const double at[CHECK_POINTS] = {1.0, -1.0, -0.5, 0.5};
     const double step = check_line(m);
     set_point(m, at[m->counts.trials % CHECK_POINTS] * step, m->s);
 }
@@ -267,11 +286,11 @@ static check_verdict compare_level(const lg_minimiser *m, double slope, double s
     const double *v = s->check_value, *d = s->check_slope;
     double size = fabs(s->value);
     for (size_t i = 0; i < CHECK_POINTS; i++) size = fmax(size, fabs(v[i]));
-    const double fourth = fabs(v[0] + v[3] - 4.0 * (v[1] + v[2]) + 6.0 * s->value);
+    const double fourth = fabs(v[0] + v[1] - 4.0 * (v[2] + v[3]) + 6.0 * s->value);
     const double noise = CHECK_ROUNDING * size + CHECK_ROUGH * fourth;
-    const double left[3] = {slope, d[1], d[0]}, right[3] = {slope, d[2], d[3]};
-    const check_verdict one = compare(v[0] - s->value, -step, left, noise);
-    const check_verdict other = compare(v[3] - s->value, step, right, noise);
+    const double left[3] = {slope, d[2], d[1]}, right[3] = {slope, d[3], d[0]};
+    const check_verdict one = compare(v[1] - s->value, -step, left, noise);
+    const check_verdict other = compare(v[0] - s->value, step, right, noise);
     if (one == AGREES || other == AGREES) return AGREES;
     return one == DIFFERS && other == DIFFERS ? DIFFERS : UNKNOWN;
 }
@@ -285,6 +304,17 @@ static void end_check(lg_minimiser *m) {
         restart(m);
 }
 
+/* Whether f and the slope at the first point of a level agree with those at x. */
+static bool first_agrees(lg_minimiser *m, const double *gradient, double step) {
+    const double slope = m->k->dot(m->n, m->g, m->s), end = m->numbers.check_slope[0];
+    const double slopes[3] = {slope, 0.5 * (slope + end), end}, value = m->numbers.check_value[0];
+    const double noise = CHECK_ROUNDING * fmax(fabs(value), fabs(m->numbers.value));
+    double square = 0.0;
+    for (size_t i = 0; i < m->n; i++) square += (gradient[i] - m->g[i]) * (gradient[i] - m->g[i]);
+    m->numbers.first = square > 0.0 ? fabs(end - slope) * step / square : 0.0;
+    return compare(value - m->numbers.value, step, slopes, noise) == AGREES;
+}
+
 /* Called at the start, before any search, and after searches have failed. The gradient is wrong if at least
  * one level differs and none agrees. */
 static void tell_check(lg_minimiser *m, double value, const double *gradient) {
@@ -293,6 +323,10 @@ static void tell_check(lg_minimiser *m, double value, const double *gradient) {
     m->numbers.check_value[i] = value;
     m->numbers.check_slope[i] = m->k->dot(m->n, gradient, m->s);
     m->counts.trials++;
+    if (i == 0 && first_agrees(m, gradient, step)) {
+        end_check(m);
+        return;
+    }
     if (i + 1 < CHECK_POINTS) {
         next_check(m);
         return;
@@ -310,7 +344,7 @@ static void tell_check(lg_minimiser *m, double value, const double *gradient) {
 /* ---- steps ---- */
 
 static bool tell_start(lg_minimiser *m, double value, const double *gradient) {
-    m->numbers.value = m->numbers.reference_value = value;
+    m->numbers.value = m->numbers.reference_value = m->numbers.start_value = value;
     memcpy(m->g, gradient, m->n * sizeof *gradient);
     if (!isfinite(value) || !m->k->all_finite(m->n, gradient))
         lg_minimise_finish(m, LG_MINIMISE_NOT_FINITE);
@@ -323,10 +357,11 @@ static bool tell_start(lg_minimiser *m, double value, const double *gradient) {
     return false;
 }
 
-/* First failure: restart from H = 1. Second failure: no step lowers f from H = 1 either. Third failure: the
- * Newton step does not lower f either. */
+/* First failure: restart from H = 1, unless H predicts a fall of rounding size. Second failure: no step
+ * lowers f from H = 1 either. Third failure: the Newton step does not lower f either. */
 static void fail_search(lg_minimiser *m) {
-    m->counts.failures++;
+    const bool rounding = -m->numbers.slope <= FEW * lg_minimise_rounding(m);
+    m->counts.failures += m->counts.failures == 0 && rounding ? 2 : 1;
     if (m->counts.failures == 1)
         restart(m);
     else if (m->counts.failures == 2 && m->options.check)
@@ -353,14 +388,14 @@ bool lg_minimise_creeps(lg_minimiser *m) {
     lg_minimise_numbers *s = &m->numbers;
     if (m->options.slow || m->counts.iterations - m->counts.reference < m->row->creep + 4 * m->n)
         return false;
-    const bool creeping = s->reference_value - s->value < 0.5 * fabs(s->reference_value);
+    const double fall = s->reference_value - s->value;
+    const bool creeping = fall < 0.5 * fabs(s->reference_value);
+    m->counts.crawls = fall < CRAWL * fabs(s->value) ? m->counts.crawls + 1 : 0;
+    if (m->counts.crawls == MOST_CRAWLS && lg_minimise_newton_fits(m))
+        lg_minimise_finish(m, LG_MINIMISE_STUCK);
     m->counts.reference = m->counts.iterations;
     s->reference_value = s->value;
     return creeping && lg_minimise_newton_fits(m);
-}
-
-bool lg_minimise_newton_pays(const lg_minimiser *m, double fall) {
-    return lg_minimise_newton_fits(m) && fall > PROFIT * fabs(m->numbers.value + fall);
 }
 
 /* The trial point becomes x. */
@@ -391,7 +426,7 @@ static void accept(lg_minimiser *m, double value, const double *gradient) {
         (void)lg_minimise_verify(m, LG_MINIMISE_GRADIENT);
     } else if (lg_minimise_slow(m)) {
         lg_minimise_finish(m, LG_MINIMISE_SLOW);
-    } else if (newton ? lg_minimise_newton_pays(m, fall) : lg_minimise_creeps(m)) {
+    } else if (newton ? lg_minimise_newton_pays(m, fall) : lg_minimise_creeps(m) || lg_minimise_tiny(m)) {
         (void)lg_minimise_verify(m, LG_MINIMISE_ROUNDING);
     } else if (m->k->dot(n, m->s, m->y) > 0.0) {
         m->row->update(m, m->s, m->y);

@@ -83,6 +83,7 @@ static void leave(lg_minimiser *m, size_t count, const double *v) {
     for (size_t i = 0; i < m->n; i++) most = fmax(most, fabs(m->d[i]));
     const double way = copysign(STRIDE / most, -m->k->dot(m->n, m->g, m->d));
     for (size_t i = 0; i < m->n; i++) m->d[i] *= way * size_of(m, i);
+    m->numbers.damping = 1.0; /* d is no Newton step */
     lg_minimise_leave(m);
 }
 

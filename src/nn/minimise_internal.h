@@ -30,6 +30,7 @@ typedef struct lg_minimise_counts {
     uint64_t bounded;
     uint64_t pairs;     /* pairs (s, y) that have updated H since it was 1 */
     uint64_t reference; /* iteration at which reference_value was taken */
+    uint64_t crawls;    /* how many times in a row f has hardly fallen since reference_value was taken */
 } lg_minimise_counts;
 
 typedef struct lg_minimise_numbers {
@@ -39,10 +40,12 @@ typedef struct lg_minimise_numbers {
     /* Line search: the ends of the bracket [low, high], each with f and g.d there. Levenberg-Marquardt:
      * high_value is f at the last refused trial. */
     double high, high_value, high_slope;
-    double reference_value;
+    double reference_value, start_value;
     double damping; /* Levenberg-Marquardt: mu; Newton step: the shift added to the Hessian */
     double growth;  /* Levenberg-Marquardt: the next refusal multiplies mu by this factor */
+    double radius;  /* lg_least_squares: longest step, in the norm of D */
     double check_value[4], check_slope[4];
+    double first; /* first step along -g, from the curvature that the check has seen; 0: not known */
 } lg_minimise_numbers;
 
 typedef struct lg_minimise_row {
@@ -116,6 +119,10 @@ void lg_minimise_finish(lg_minimiser *m, lg_minimise_end end);
 /* Why no step lowers f: LG_MINIMISE_BARRIER if f was not finite at the upper end of the last bracket, else
  * LG_MINIMISE_ROUNDING. */
 lg_minimise_end lg_minimise_no_step(const lg_minimiser *m);
+/* lg_minimise_rounding: the change of f by rounding of f and x; 0 without options.check, where searches go on
+ * until they fail. lg_minimise_tiny: at every eighth step, whether f is so small that it only tends to 0. */
+double lg_minimise_rounding(const lg_minimiser *m);
+bool lg_minimise_tiny(const lg_minimiser *m);
 /* Fills m->s with the random direction of checks, which depends on n alone. */
 void lg_minimise_check_direction(lg_minimiser *m);
 /* lg_minimise_flat: whether the gradient is zero to options.gradient_tolerance. lg_minimise_slow: called
@@ -124,9 +131,11 @@ bool lg_minimise_flat(const lg_minimiser *m);
 bool lg_minimise_slow(lg_minimiser *m);
 
 /* Whether f has not halved in the last row->creep + 4 n iterations and the Hessian can be computed. Judged
- * once in so many iterations; false in between and with options.slow. */
+ * once in so many iterations; false in between and with options.slow. Ends the run with LG_MINIMISE_STUCK if
+ * f has fallen by less than 3e-4 of it each of ten times. */
 bool lg_minimise_creeps(lg_minimiser *m);
-/* Whether another Newton step pays after one that lowered f by `fall`: by more than a tenth of f. */
+/* Whether another Newton step pays after one that lowered f by `fall`: by more than a tenth of f, and the
+ * Hessian was positive semidefinite. */
 bool lg_minimise_newton_pays(const lg_minimiser *m, double fall);
 /* max |g_i| in the caller's units. */
 double lg_minimise_gradient_size(const lg_minimiser *m);
@@ -160,6 +169,14 @@ typedef enum lg_search_verdict { LG_SEARCH_ON, LG_SEARCH_ACCEPT, LG_SEARCH_FAIL 
 /* Takes f and g.d of the trial; value is INFINITY if f or g is not finite. LG_SEARCH_ON: numbers.alpha is the
  * next trial. */
 lg_search_verdict lg_minimise_search_tell(lg_minimiser *m, double value, double slope);
+
+/* Pairs (s, y) in memory of lg_minimise_pairs_length doubles, at most `most` of them (minimise_lbfgs.c).
+ * lg_minimise_pairs_add stores pair number counts.pairs, and sets m->d = -H g with all pairs up to it;
+ * lg_minimise_pairs_direction does the latter with `count` pairs. */
+size_t lg_minimise_pairs_length(size_t n, size_t most);
+void lg_minimise_pairs_add(lg_minimiser *m, double *pairs, size_t most, const double *s, const double *y);
+void lg_minimise_pairs_direction(lg_minimiser *m, double *pairs, size_t most, uint64_t count);
+const double *lg_minimise_pairs_diagonal(const lg_minimiser *m, const double *pairs, size_t most);
 
 /* Rows first, ..., end - 1 of H belong to the rank. The n rows are cut into blocks whose size does not depend
  * on the number of ranks, and a rank gets whole blocks. A block has as many rows as a kernel takes at once,

@@ -1,7 +1,7 @@
-/* Levenberg-Marquardt: damped Gauss-Newton steps, with the damping of Nielsen (1999). Blocks of variables of
- * which no two meet in a residual are eliminated. With A = (P C^T; C B), where B is block diagonal, B = L L^T
- * and Y = L^-1 C:
- *   (P - Y^T Y) d_p = -g_p + Y^T L^-1 g_b,  d_b = -L^-T (L^-1 g_b + Y d_p). */
+/* Levenberg-Marquardt: damped Gauss-Newton steps, with the damping of Nielsen (1999), in lg_least_squares
+ * that of a trust region (More 1978). Blocks of variables of which no two meet in a residual are eliminated.
+ * With A = (P C^T; C B), where B is block diagonal, B = L L^T and Y = L^-1 C:
+ *   (P - Y^T Y) d_p = -g_p + Y^T L^-1 g_b,  d_b = -L^-T (L^-1 g_b + Y d_p).  */
 #include <math.h>
 #include <string.h>
 
@@ -10,8 +10,8 @@
 
 enum { MOST_REFUSALS = 40 };
 static const double FIRST_DAMPING = 1e-3, LEAST_GAIN = 1e-4, FASTEST_FALL = 0.1, ROUNDING = 1e-16,
-                    LEAST_DAMPING = 1e-14, LEFT = 1e-8, LEAST_INFLUENCE = 1e-3, FORGET = 0.5,
-                    LAST_RISE = 1e-14;
+                    LEAST_DAMPING = 1e-20, LEFT = 1e-8, LEAST_INFLUENCE = 1e-3, FORGET = 0.5,
+                    LAST_RISE = 1e-14, NEAR = 0.1, BAD_GAIN = 0.25, GOOD_GAIN = 0.9, GROWTH = 1.5;
 
 /* ---- memory: rows of p numbers, padded to the stride ---- */
 
@@ -54,13 +54,17 @@ static arrow arrow_of(const lg_minimiser *m) {
 
 /* ---- the step ---- */
 
+/* D_i. For lg_least_squares it is at least LEAST_INFLUENCE f/x_i^2, which limits the step of a variable with
+ * little influence relative to |x_i|. */
+static double scale_of(const lg_minimiser *m, const arrow *a, size_t i) {
+    const double least = LEAST_INFLUENCE * m->numbers.value / m->x[i] / m->x[i];
+    return m->squares != NULL && m->x[i] != 0.0 ? fmax(a->D[i], least) : a->D[i];
+}
+
 /* The number mu D_i that is added to element i of the diagonal. It is 1 if D_i is 0, so that a variable
- * without influence does not move. For lg_least_squares D_i is at least LEAST_INFLUENCE f/x_i^2, which limits
- * the step of a variable with little influence relative to |x_i|. */
+ * without influence does not move. */
 static double damping_of(const lg_minimiser *m, const arrow *a, size_t i) {
-    double d = a->D[i];
-    if (m->squares != NULL && m->x[i] != 0.0)
-        d = fmax(d, LEAST_INFLUENCE * m->numbers.value / m->x[i] / m->x[i]);
+    const double d = scale_of(m, a, i);
     return d > 0.0 ? d * m->numbers.damping : 1.0;
 }
 
@@ -137,7 +141,6 @@ static bool solve_residuals(lg_minimiser *m, bool damped) {
 
 /* Solves (A + mu D) d = -g. Returns false if the matrix is not positive definite. */
 static bool solve(lg_minimiser *m) {
-    if (m->squares != NULL) return solve_residuals(m, true);
     const arrow a = arrow_of(m);
     const int order = (int)a.p, leading = (int)a.stride, one = 1, rest = (int)a.rest;
     static const double minus = -1.0, plus = 1.0;
@@ -182,6 +185,40 @@ static bool at_minimum(lg_minimiser *m) {
     return still || m->k->dot(m->n, in, in) <= LEFT * m->numbers.value;
 }
 
+/* The length of d in the norm of D, in which the radius of lg_least_squares is measured. */
+static double length_of(const lg_minimiser *m, const double *d) {
+    const arrow a = arrow_of(m);
+    double sum = 0.0;
+    for (size_t i = 0; i < m->n; i++) sum += scale_of(m, &a, i) * d[i] * d[i];
+    return sqrt(sum);
+}
+
+/* The step without damping if it is within the radius; otherwise that with the damping for which its length
+ * is the radius, to a tenth (More 1978). */
+static bool solve_within(lg_minimiser *m) {
+    enum { MOST = 60 };
+    double low = 0.0, high = INFINITY, *mu = &m->numbers.damping;
+    bool good = solve_residuals(m, false),
+         near = good && !(length_of(m, m->d) > (1.0 + NEAR) * m->numbers.radius);
+    for (int i = 0; i < MOST && !near; i++) {
+        good = solve_residuals(m, true);
+        const double length = length_of(m, m->d) / m->numbers.radius;
+        near = good && fabs(length - 1.0) <= NEAR;
+        *(length < 1.0 ? &high : &low) = *mu;
+        if (!near) *mu = high == INFINITY ? 4.0 * low : low == 0.0 ? 0.25 * high : sqrt(low * high);
+    }
+    return good;
+}
+
+/* After a trial with the value f: a radius that is shorter if the model predicted the fall badly. */
+static void set_radius(lg_minimiser *m, double value, double gain) {
+    const double length = length_of(m, m->d), rise = value - m->numbers.value - m->numbers.slope;
+    if (!(gain > BAD_GAIN))
+        m->numbers.radius = fmin(0.5, fmax(0.1, -0.5 * m->numbers.slope / rise)) * length;
+    else if (gain > GOOD_GAIN)
+        m->numbers.radius = fmax(m->numbers.radius, GROWTH * length);
+}
+
 static void refuse(lg_minimiser *m) {
     m->counts.failures++;
     m->numbers.damping *= m->numbers.growth;
@@ -200,7 +237,7 @@ static void begin_last(lg_minimiser *m) {
  * takes a last step or ends. */
 static void propose(lg_minimiser *m) {
     for (; m->counts.failures < MOST_REFUSALS; refuse(m)) {
-        if (!solve(m)) continue;
+        if (!(m->squares != NULL ? solve_within(m) : solve(m))) continue;
         for (size_t i = 0; i < m->n; i++) m->point[i] = m->x[i] + m->d[i];
         m->counts.stage = LG_STAGE_SEARCH;
         m->numbers.slope = m->k->dot(m->n, m->g, m->d);
@@ -245,6 +282,8 @@ static void begin_damped(lg_minimiser *m) {
     m->numbers.damping = FIRST_DAMPING;
     m->numbers.growth = 2.0;
     m->numbers.high_value = 0.0;
+    m->numbers.radius = length_of(m, m->x);
+    if (!(m->numbers.radius > 0.0)) m->numbers.radius = INFINITY;
     propose(m);
 }
 
@@ -282,6 +321,7 @@ static bool tell_newton(lg_minimiser *m, double value, const double *gradient, c
 static bool tell_step(lg_minimiser *m, double value, const double *gradient, const double *matrix,
                       bool finite) {
     const double gain = finite ? (m->numbers.value - value) / foretold(m) : (double)NAN;
+    if (m->squares != NULL) set_radius(m, value, gain);
     if (!(gain > LEAST_GAIN)) {
         m->numbers.high_value = finite ? value : INFINITY;
         refuse(m);
@@ -296,6 +336,8 @@ static bool tell_step(lg_minimiser *m, double value, const double *gradient, con
     m->numbers.high_value = 0.0;
     if (lg_minimise_flat(m))
         lg_minimise_finish(m, LG_MINIMISE_GRADIENT);
+    else if (lg_minimise_tiny(m))
+        lg_minimise_finish(m, LG_MINIMISE_ROUNDING);
     else if (lg_minimise_slow(m))
         lg_minimise_finish(m, LG_MINIMISE_SLOW);
     else if (m->squares != NULL && lg_minimise_creeps(m))
@@ -323,7 +365,7 @@ bool lg_minimiser_tell_squares(lg_minimiser *m, double value, const double *grad
         return false;
     }
     take(m, value, gradient, matrix);
-    m->numbers.reference_value = value;
+    m->numbers.reference_value = m->numbers.start_value = value;
     if (lg_minimise_flat(m))
         lg_minimise_finish(m, LG_MINIMISE_GRADIENT);
     else

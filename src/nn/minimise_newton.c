@@ -18,7 +18,7 @@ static const double LEAST_SHIFT = 1e-12, MOST_SHIFT = 1e12; /* relative to the d
 static const double CONVEX_SHIFT = 1e-9;
 /* relative to D: one-sided differences show the sign of larger eigenvalues */
 static const double CLEAR = 1e-4;
-static const double LEFT = 1e-8, STILL = 1e-12, STRIDE = 0.1, LEAST_SLOPE = 1e-300;
+static const double PROFIT = 0.1, LEFT = 1e-8, STILL = 1e-12, STRIDE = 0.1, LEAST_SLOPE = 1e-300;
 
 static size_t before_hessian(const lg_minimiser *m) {
     return m->row->before_hessian != NULL ? m->row->before_hessian(m) : 0;
@@ -57,6 +57,7 @@ static void begin(lg_minimiser *m) {
 
 lg_minimise_end lg_minimise_verify(lg_minimiser *m, lg_minimise_end end) {
     const bool newton = lg_minimise_newton_fits(m);
+    if (m->counts.stage == LG_STAGE_DONE) return (lg_minimise_end)m->counts.end;
     if (!newton && !lg_minimise_curvature_fits(m)) {
         lg_minimise_finish(m, end);
         return end;
@@ -146,6 +147,11 @@ bool lg_minimise_newton_shows(const lg_minimiser *m) {
     return m->numbers.damping <= CONVEX_SHIFT && (still || fall <= LEFT * fabs(m->numbers.value));
 }
 
+bool lg_minimise_newton_pays(const lg_minimiser *m, double fall) {
+    return lg_minimise_newton_fits(m) && m->numbers.damping <= CONVEX_SHIFT &&
+           fall > PROFIT * fabs(m->numbers.value + fall);
+}
+
 void lg_minimise_leave(lg_minimiser *m) {
     if (m->k->dot(m->n, m->g, m->d) < 0.0) {
         lg_minimise_search(m, 1.0);
@@ -161,7 +167,7 @@ void lg_minimise_leave(lg_minimiser *m) {
 static bool is_rounding(const lg_minimiser *m) {
     double sum = 0.0;
     for (size_t i = 0; i < m->n; i++) sum += fabs(m->x[i]) / m->y[i];
-    return -m->k->dot(m->n, m->g, m->d) <= DBL_EPSILON * sum * DBL_EPSILON * sum;
+    return -m->k->dot(m->n, m->g, m->d) <= DBL_EPSILON * sum * DBL_EPSILON * sum || lg_minimise_tiny(m);
 }
 
 /* Searches along the Newton step d = -(A + shift D)^-1 g. The shift is 0 or the lowest power of 10 that makes
@@ -224,7 +230,7 @@ void lg_minimise_newton_tell(lg_minimiser *m, const double *gradient) {
             row[j] = back ? 0.5 * (row[j] + slope) : slope;
         }
     }
-    m->counts.trials += trial + 1 == n && !lg_minimise_flat(m) ? 2 : 1;
+    m->counts.trials++;
     if (last)
         decide(m);
     else

@@ -177,8 +177,9 @@ typedef struct given_residuals {
     size_t m, n;
     /* one allocation that begins at r and holds all arrays of this struct */
     double *r, *jacobian, *transposed, *gradient, *matrix;
-    /* For the check of J: r and J d at the start, J d in the middle of a step, J d at its end. */
-    double *r0, *slope0, *middle, *change;
+    /* For the check of J: J d at x and in the middle of a step, r and J d at its end. */
+    double *slope0, *middle, *end, *change;
+    bool checked;
     const lg_kernels *k;
     lg_minimise_squares best;
     double *x, *unit; /* (n): x in the caller's units, units of x */
@@ -212,9 +213,9 @@ static const double JACOBIAN_STEP = 1e-3, JACOBIAN_TOLERANCE = 1e-2, JACOBIAN_RO
 /* The largest of |r| and all |x_j| |column j of J|. Rounding errors of r are relative to it. */
 static double residual_size(const given_residuals *given, const double *x) {
     const lg_kernels *k = given->k;
-    double size = sqrt(k->dot(given->m, given->r0, given->r0));
+    double size = sqrt(k->dot(given->m, given->best.r, given->best.r));
     for (size_t j = 0; j < given->n; j++) {
-        const double *column = given->transposed + j * given->m;
+        const double *column = given->best.columns + j * given->m;
         size = fmax(size, fabs(x[j]) * sqrt(k->dot(given->m, column, column)));
     }
     return size;
@@ -224,7 +225,7 @@ static double residual_size(const given_residuals *given, const double *x) {
  * no more than about JACOBIAN_STEP of |x_j| (of 1 where x_j = 0). */
 static void check_line(const given_residuals *given, const double *x, double size, double *d) {
     for (size_t j = 0; j < given->n; j++) {
-        const double *column = given->transposed + j * given->m;
+        const double *column = given->best.columns + j * given->m;
         const double norm = sqrt(given->k->dot(given->m, column, column));
         d[j] *= JACOBIAN_STEP * fmin(size / norm, x[j] != 0.0 ? fabs(x[j]) : 1.0);
     }
@@ -243,33 +244,40 @@ static bool look(lg_minimiser *m, const given_residuals *given, double step, dou
     return given->k->all_finite(given->m, given->r) && given->k->all_finite(given->m, out);
 }
 
-/* Whether the change of r over the step agrees with the integral of J d along it (Simpson's rule); also
- * true if r could not be evaluated. */
-static bool step_agrees(lg_minimiser *m, const given_residuals *given, double step, double size,
-                        lg_status *status) {
-    const size_t rows = given->m;
+/* Whether the change of r over the step agrees with `foretold` (rows), which is an integral of J d. */
+static bool change_agrees(const given_residuals *given, double step, double size, const double *middle) {
     double top = 0.0, error = 0.0;
-    if (!look(m, given, 0.5 * step, given->middle, status)) return true;
-    if (!look(m, given, step, given->change, status)) return true;
-    for (size_t i = 0; i < rows; i++) {
-        const double simpson = given->slope0[i] + 4.0 * given->middle[i] + given->change[i];
-        const double change = given->r[i] - given->r0[i], foretold = step / 6.0 * simpson;
+    for (size_t i = 0; i < given->m; i++) {
+        const double ends = given->slope0[i] + given->change[i], change = given->end[i] - given->best.r[i];
+        const double foretold = middle != NULL ? step / 6.0 * (ends + 4.0 * middle[i]) : step / 2.0 * ends;
         top += fmax(change * change, foretold * foretold);
         error += (change - foretold) * (change - foretold);
     }
     return !(sqrt(error) > JACOBIAN_TOLERANCE * sqrt(top) + JACOBIAN_ROUNDING * size);
 }
 
-/* Called after the first evaluation. J is accepted if it agrees with r for one of four steps: forwards or
- * backwards, at two lengths. Otherwise the run ends with LG_MINIMISE_WRONG_JACOBIAN. */
+/* Whether the change of r over the step agrees with the integral of J d along it, by the trapezoidal rule or
+ * by Simpson's; also true if r could not be evaluated. */
+static bool step_agrees(lg_minimiser *m, const given_residuals *given, double step, double size,
+                        lg_status *status) {
+    if (!look(m, given, step, given->change, status)) return true;
+    memcpy(given->end, given->r, given->m * sizeof *given->r);
+    if (change_agrees(given, step, size, NULL)) return true;
+    return !look(m, given, 0.5 * step, given->middle, status) ||
+           change_agrees(given, step, size, given->middle);
+}
+
+/* J is accepted if it agrees with r for one of four steps from the best point: forwards or backwards, at two
+ * lengths. Otherwise the run ends with LG_MINIMISE_WRONG_JACOBIAN. */
 static lg_status check_jacobian(lg_minimiser *m, const given_residuals *given) {
     static const double steps[] = {1.0, -1.0, 1e-2, -1e-2};
     lg_status status = LG_OK;
-    memcpy(given->r0, given->r, given->m * sizeof *given->r);
     const double size = residual_size(given, m->x);
     lg_minimise_check_direction(m);
     check_line(given, m->x, size, m->s);
-    given->k->matvec(given->m, given->n, given->jacobian, m->s, given->slope0, false);
+    given->k->fill(given->m, 0.0, given->slope0);
+    for (size_t j = 0; j < m->n; j++)
+        given->k->axpy(given->m, m->s[j], given->best.columns + j * given->m, given->slope0);
     for (size_t i = 0; i < LG_COUNT(steps); i++)
         if (step_agrees(m, given, steps[i], size, &status)) return status == LG_NOT_FINITE ? LG_OK : status;
     lg_minimise_finish(m, LG_MINIMISE_WRONG_JACOBIAN);
@@ -278,7 +286,7 @@ static lg_status check_jacobian(lg_minimiser *m, const given_residuals *given) {
 
 /* Tells the minimiser f = |r|^2, its gradient 2 J^T r and the Gauss-Newton matrix 2 J^T J. */
 static lg_status evaluate_residuals(lg_minimiser *m, void *user) {
-    const given_residuals *given = user;
+    given_residuals *given = user;
     const size_t n = given->n, rows = given->m;
     const bool first = m->counts.stage == LG_STAGE_START;
     const lg_status status = call_residuals(given, m->point);
@@ -291,7 +299,11 @@ static lg_status evaluate_residuals(lg_minimiser *m, void *user) {
     for (size_t i = 0; i < n * n; i++) given->matrix[i] *= 2.0;
     const double value = status == LG_OK ? given->k->dot(rows, given->r, given->r) : (double)NAN;
     (void)lg_minimiser_tell_squares(m, value, given->gradient, given->matrix);
-    if (!first || !m->options.check || m->counts.end == LG_MINIMISE_NOT_FINITE) return LG_OK;
+    /* J is checked when the first step is refused, or before the end. */
+    const bool doubtful = m->counts.failures > 0 || m->counts.stage == LG_STAGE_DONE;
+    if (given->checked || !doubtful || !m->options.check || m->counts.end == LG_MINIMISE_NOT_FINITE)
+        return LG_OK;
+    given->checked = true;
     return check_jacobian(m, given);
 }
 
@@ -345,10 +357,10 @@ lg_status lg_least_squares(const lg_context *context, size_t n, size_t rows, lg_
     given.transposed = given.jacobian + rows * n;
     given.gradient = given.transposed + rows * n;
     given.matrix = given.gradient + n;
-    given.r0 = given.matrix + n * n;
-    given.slope0 = given.r0 + rows;
+    given.slope0 = given.matrix + n * n;
     given.middle = given.slope0 + rows;
-    given.change = given.middle + rows;
+    given.end = given.middle + rows;
+    given.change = given.end + rows;
     given.best = (lg_minimise_squares){rows, given.r, given.transposed, given.change + rows, NULL, NULL};
     given.best.columns = given.best.r + rows;
     given.best.stack = given.best.columns + rows * n;

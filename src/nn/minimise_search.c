@@ -3,8 +3,8 @@
 
 #include "nn/minimise_internal.h"
 
-enum { MOST_TRIALS = 25 };
-static const double ARMIJO = 1e-4, WOLFE = 0.9, GROWTH = 2.5, NARROWEST = 0.1;
+enum { MOST_TRIALS = 20 };
+static const double ARMIJO = 1e-4, WOLFE = 0.9, LEAST_GROWTH = 1.1, MOST_GROWTH = 10.0, NARROWEST = 0.1;
 
 void lg_minimise_search_begin(lg_minimiser *m, double alpha) {
     lg_minimise_numbers *s = &m->numbers;
@@ -30,6 +30,13 @@ static double interpolate(const lg_minimise_numbers *s) {
     return x < nearest ? nearest : x > farthest ? farthest : x;
 }
 
+/* Where the slopes at the lower end and at the trial tell that the slope is zero. */
+static double extrapolate(const lg_minimise_numbers *s, double slope) {
+    const double x = s->alpha + (s->alpha - s->low) * slope / (s->low_slope - slope);
+    const double most = MOST_GROWTH * s->alpha;
+    return slope > s->low_slope ? fmin(fmax(x, LEAST_GROWTH * s->alpha), most) : most;
+}
+
 lg_search_verdict lg_minimise_search_tell(lg_minimiser *m, double value, double slope) {
     lg_minimise_numbers *s = &m->numbers;
     const bool falls = isfinite(slope) && value <= s->value + ARMIJO * s->alpha * s->slope;
@@ -42,14 +49,18 @@ lg_search_verdict lg_minimise_search_tell(lg_minimiser *m, double value, double 
         m->counts.endless++;
         return LG_SEARCH_ACCEPT;
     }
-    if (last) return LG_SEARCH_FAIL;
+    /* The slope predicts a fall of rounding size. Downhill from a saddle it predicts none. */
+    const bool steep = m->counts.failures < 2 || lg_minimise_newton_shows(m);
+    const bool rounding = steep && !falls && -s->alpha * s->slope <= 0.5 * lg_minimise_rounding(m);
+    if (last || rounding) return LG_SEARCH_FAIL;
+    const double farther = extrapolate(s, slope);
     if (falls) {
         s->low = s->alpha, s->low_value = value, s->low_slope = slope;
     } else {
         s->high = s->alpha, s->high_value = value, s->high_slope = slope;
         m->counts.bounded = 1;
     }
-    const double next = m->counts.bounded != 0 ? interpolate(s) : GROWTH * s->alpha;
+    const double next = m->counts.bounded != 0 ? interpolate(s) : farther;
     if (next == s->low || next == s->high || !isfinite(next)) return LG_SEARCH_FAIL;
     s->alpha = next;
     return LG_SEARCH_ON;

@@ -6,6 +6,7 @@ known='
 autodiff/ops/binary autodiff/ops/elementwise autodiff/ops/geometry autodiff/ops/matrix autodiff/ops/reduce
 autodiff/tape/backward autodiff/tape/derivatives autodiff/tape/rows
 nn/minimise nn/minimise_broyden nn/minimise_curvature nn/minimise_lm nn/minimise_newton
+nn/minimise_search
 nn/fit_methods nn/fit_ranks nn/fit_squares nn/fit_step
 mechanics/chain mechanics/chain_hamiltonian mechanics/chain_lagrangian mechanics/chain_variational
 elastica/elastica_branches elastica/elastica_continuation

@@ -141,7 +141,7 @@ TEST("both methods find known minima to rounding within a given number of evalua
         }
 }
 
-/* sum (1 + i) x_i^2: f underflows before the gradient does. */
+/* sum (1 + i) x_i^2: f and x tend to 0. */
 static lg_status parabola(const double *x, size_t n, double *value, double *gradient) {
     *value = 0;
     for (size_t i = 0; i < n; i++) {
@@ -159,7 +159,7 @@ TEST("a run ends when steps no longer change the value") {
             print_message("%s, n = %zu: %llu evaluations, |g| = %.1e\n",
                           lg_minimise_row_at((size_t)method)->name, n, (unsigned long long)r.evaluations,
                           r.gradient);
-            assert_true(r.evaluations < 500 && r.gradient < 1e-90);
+            assert_true(r.evaluations < 200 && r.gradient < 1e-20);
         }
 }
 
@@ -513,10 +513,8 @@ TEST("a saddle is left even if the negative curvature is only 1e-9 of the Hessia
 TEST("a run that starts near a saddle neither ends there nor reports an unbounded function") {
     static const size_t sizes[] = {2, 3, 4, 10, 50};
     for (size_t row = 0; row < LG_COUNT(sizes) * LG_MINIMISE_LM; row++)
-        for (double start = 1e-1; start > 5e-13; start /= 10)
+        for (double start = 1e-1; start > 5e-9; start /= 10) /* below, f is constant to rounding */
             for (double a = 1e-3; a < 0.2; a *= 10) {
-                /* f may be constant to rounding there */
-                if (start < 5e-9 && (start > 2e-12 || a > 2e-3)) continue;
                 const landscape f = {ring, sizes[row / LG_MINIMISE_LM], a};
                 double *x = TEST_ARRAY(double, f.n);
                 for (size_t i = 0; i < f.n; i++) x[i] = start * (1 + 0.1 * (double)i);
