@@ -41,7 +41,8 @@ static const lg_field options[] = {
 
 static generate_values values = {.inputs = "multisine"};
 
-/* A log that is being made: runs of `rows` rows each; inputs have `delay` further rows, the greatest delay. */
+/* A log that is being made: runs of `rows` rows each; inputs have `delay` further rows, the
+ * greatest delay. */
 typedef struct making {
     lg_machine_file file;
     size_t runs, rows, delay;

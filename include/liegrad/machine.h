@@ -307,8 +307,8 @@ LG_API lg_status lg_machine_full_space(const lg_machine *machine, lg_space *spac
  * units masses are 1, dampings small, the input map 1 from input j to velocity j and 0 elsewhere,
  * potentials and residuals 0. */
 LG_API void lg_machine_initialise(const lg_machine *machine, lg_rng *rng, double *theta);
-/* Sets the parameters of all lags that are learned, but those with a start or bounds, to the time constant, in
- * seconds, kept within scales.lag; returns how many there are. */
+/* Sets the parameters of all lags that are learned, except for lags with a start or bounds, to the time
+ * constant, in seconds, kept within scales.lag; returns how many there are. */
 LG_API size_t lg_machine_set_lags(const lg_machine *machine, double tau, double *theta);
 /* Adds full turns to the biases of angles in theta, so that they are in (-pi, pi]. A log does not show
  * full turns. */

@@ -105,8 +105,8 @@ static lg_status find_term(reading *r, const wish *w, bool given, uint32_t line,
     return LG_OK;
 }
 
-/* Adds what the input gets. `node`: its numbers, some of which may be unknown; NULL or the word `unknown`: all
- * are, without starts. */
+/* Adds what the input gets, which is read at the node `at`. `node`: its numbers, some of which may be
+ * unknown; NULL or the word `unknown`: all are, without starts. */
 static lg_status add(reading *r, const wish *w, const yaml_node_t *at, const yaml_node_t *node) {
     lg_machine_term *term;
     const lg_field key = {.name = w->name, .low = w->low, .above = w->above, .high = DBL_MAX};

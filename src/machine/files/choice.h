@@ -99,8 +99,9 @@ void lg_machine_tell_inputs(lg_training *self);
 
 /* Warns of lags at an end of their range. */
 void lg_machine_warn_of_lags(const lg_training *self, const lg_machine_verdict *what);
-/* Writes {"chosen": seconds, or a list by input where 0 is no lag; "ratios": {seconds of a start: its loss}}; if
- * the log shows one of them not, a sentence "warning". Nothing if no lag was learned. */
+/* Writes {"chosen": seconds, or with several inputs a list where 0 is no lag; "ratios": {seconds of a start:
+ * its loss divided by the least one}}, and a sentence "warning" if the log does not show one of the lags.
+ * Nothing if no lag was learned. */
 lg_status lg_machine_tell_lags(lg_training *self, const lg_machine_verdict *what, lg_error *error);
 
 /* ---- terms (suggest.c) ---- */

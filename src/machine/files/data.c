@@ -46,8 +46,8 @@ static lg_status read_logs(const lg_context *context, uint32_t delay, size_t tra
     return status;
 }
 
-/* Reads the logs with delays of 0 to 8 rows of all inputs with `delay: estimate`, and once more with the delay
- * whose unexplained accelerations are smallest. */
+/* Reads the logs with delays of 0 to 8 rows of all inputs with `delay: estimate`, and once more with the
+ * delay whose unexplained accelerations are smallest. */
 static lg_status estimate_delay(const lg_context *context, size_t training, lg_machine_data *out,
                                 lg_error *error) {
     enum { MOST = 8 };

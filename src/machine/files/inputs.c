@@ -8,8 +8,8 @@
 
 _Static_assert(LG_MACHINE_DELAYS == LG_HELD_OUT_DELAY + 1, "windows leave room for all delays");
 
-/* What is tried: trial (hold, delay), for the inputs of which `hold` or `delay` is true; the other inputs keep
- * theirs. If none is true, there is one hold or one delay. */
+/* What is tried: trial (hold, delay), for the inputs of which `hold` or `delay` is true; the other inputs
+ * keep their hold or delay. holds or delays is 1 if no input is varied. */
 typedef struct grid {
     bool hold[LG_MACHINE_INPUTS], delay[LG_MACHINE_INPUTS];
     uint32_t holds, delays;
@@ -37,8 +37,8 @@ static bool acts_alike(const lg_machine_data *data) {
     return true;
 }
 
-/* The inputs first .. end - 1 of which `asked` leaves the hold or the delay open; `all`: the holds of all inputs
- * are open. */
+/* Varies inputs first .. end - 1 where `asked` leaves the hold or the delay open; `all`: the holds of all of
+ * them. */
 static void make_grid(const lg_log_input *asked, uint32_t first, uint32_t end, bool all, grid *out) {
     *out = (grid){.holds = 1, .delays = 1};
     for (uint32_t i = first; i < end; i++) {
