@@ -138,8 +138,7 @@ static void one_value_each(const lg_machine *machine, const lg_machine_term *ter
 }
 
 /* factor[i] times the value of the term's input i, (1, of_count). */
-static lg_var one_value_of_each(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                                const double *factor) {
+static lg_var scaled_values(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const double *factor) {
     uint32_t index[LG_MACHINE_INPUTS];
     const uint32_t count = vars->machine->terms[term].of_count;
     for (uint32_t i = 0; i < count; i++) index[i] = i;
@@ -170,7 +169,7 @@ static lg_var dead_zone(lg_tape *tape, const lg_machine_vars *vars, uint32_t ter
     const lg_shape shape = lg_shape2(1, own->of_count);
     double factor[LG_MACHINE_INPUTS];
     for (uint32_t i = 0; i < own->of_count; i++) factor[i] = 1.0 / machine->scales.input[own->of[i].index];
-    const lg_var d = own->value_count > 0 ? one_value_of_each(tape, vars, term, factor)
+    const lg_var d = own->value_count > 0 ? scaled_values(tape, vars, term, factor)
                                           : lg_reshape(tape, lg_square(tape, vars->theta[term]), shape);
     const lg_var u = chosen(tape, machine, own, seen->u);
     const lg_var twice = lg_sub(tape, lg_abs(tape, lg_sub(tape, u, d)), lg_abs(tape, lg_add(tape, u, d)));
@@ -230,7 +229,7 @@ static lg_var lag_of(lg_tape *tape, const lg_machine_vars *vars, uint32_t term) 
     const lg_shape shape = lg_shape2(1, own->of_count);
     double factor[LG_MACHINE_INPUTS];
     for (uint32_t i = 0; i < own->of_count; i++) factor[i] = 1.0 / machine->scales.time;
-    if (own->value_count > 0) return lg_log(tape, one_value_of_each(tape, vars, term, factor));
+    if (own->value_count > 0) return lg_log(tape, scaled_values(tape, vars, term, factor));
     const lg_var part = lg_act(tape, lg_reshape(tape, vars->theta[term], shape), LG_SIGMOID);
     return lg_add_scalar(tape, lg_scale(tape, part, span_of(machine)),
                          log(machine->scales.lag[0] / machine->scales.time));

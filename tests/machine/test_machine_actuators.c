@@ -52,13 +52,13 @@ TEST("numbers of actuators have starts, bounds and priors, and stay in their bou
     lg_machine machine =
         parse(
             "lag: [{start: 0.1, within: [0.02, 0.5], sigma: 0.05}, 0.3], curve: [{dead_zone: {start: 0.4}}, "
-            "{degree: 3, values: [{start: 0.2, within: [-1, 1]}, 0.7]}]")
+            "{degree: 3, values: [{start: 0.2, within: [-1, 1]}, {start: 0.7}]}]")
             ->machine;
     machine.scales.input[0] = 7, machine.scales.input[1] = 1e3, machine.scales.time = 0.3;
     machine.scales.lag[0] = 0.25; /* the bounds of the file count, and not those of the log */
-    double theta[3] = {0};
+    double theta[4] = {0};
     lg_prior priors[LG_MACHINE_PRIORS];
-    assert_int_equal(machine.parameters, 3);
+    assert_int_equal(machine.parameters, 4);
     assert_int_equal(machine.lags, 2);
     assert_close(number_of(&machine, theta, "lag.u"), 0.1, 1e-12, 0);
     assert_close(number_of(&machine, theta, "dead_zone.u"), 0.4, 1e-12, 0);
@@ -69,10 +69,11 @@ TEST("numbers of actuators have starts, bounds and priors, and stay in their bou
     assert_close(priors[0].sigma, 0.05, 0, 0);
     static const double extremes[] = {-50, 50};
     for (int i = 0; i < 2; i++) {
-        const double at[3] = {extremes[i], extremes[i], extremes[i]};
+        const double at[4] = {extremes[i], extremes[i], extremes[i], 1};
         assert_close(number_of(&machine, at, "lag.u"), i == 0 ? 0.02 : 0.5, 1e-9, 0);
         assert_close(number_of(&machine, at, "curve.w.2"), i == 0 ? -1 : 1, 1e-9, 0);
         assert_true(number_of(&machine, at, "dead_zone.u") > 0);
+        assert_close(number_of(&machine, at, "curve.w.3"), 0.7 + 0.7 + 1e-6, 1e-12, 0); /* unit 1/U^2 */
     }
 }
 
@@ -179,6 +180,7 @@ TEST("actuators whose unknown numbers are at their starts act as those in which 
     }
     assert_int_equal(open.parameters, 3);
     assert_close(lags[0][0], log(0.1 / 0.7), 1e-12, 0);
+    assert_close(lags[0][1], log(0.3 / 0.7), 1e-12, 0);
     assert_all_close(lags[1], lags[0], 2, 1e-14, 0);
     assert_close(force_of(&open, zeros, 0.9, -1.3), force_of(&known, NULL, 0.9, -1.3), 1e-13, 0);
 }

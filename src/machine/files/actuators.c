@@ -63,8 +63,8 @@ static lg_status read_delay(reading *r, const yaml_node_t *node, uint32_t input)
     out->estimate_delay = is_word(node, "estimate");
     out->choose_delay = is_word(node, "auto");
     if (out->estimate_delay || out->choose_delay) return LG_OK;
-    if (node->type != YAML_SCALAR_NODE ||
-        lg_integer_parse((const char *)node->data.scalar.value, &rows) != LG_OK || rows > most)
+    const char *text = node->type == YAML_SCALAR_NODE ? (const char *)node->data.scalar.value : "";
+    if (!is_word(node, text) || lg_integer_parse(text, &rows) != LG_OK || rows > most)
         return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
                             "inputs.delay: expected a whole number of rows from 0 to 1000000, `auto` or "
                             "`estimate`");

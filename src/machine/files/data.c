@@ -61,7 +61,9 @@ static lg_status estimate_delay(const lg_context *context, size_t training, lg_m
         best = delay;
     }
     lg_log_message(context, LG_LOG_WARNING,
-                   "the inputs act %u rows after they are logged (estimated with a quadratic model)", best);
+                   "inputs with `delay: estimate` act %u row%s after they are logged (estimated with a "
+                   "quadratic model)",
+                   best, best == 1 ? "" : "s");
     return read_logs(context, best, training, out, error);
 }
 
