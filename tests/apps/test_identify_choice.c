@@ -131,6 +131,8 @@ TEST("hold and delay of each input are found one after the other, and the model 
                                "mass: diagonal\ndamping: diagonal\npotential: {kind: quadratic, of: x}\n"));
     cli_run(identify, "generate truth.yaml --inputs multisine:4 --amplitude 3 --t-end 60 --dt 0.05 --runs 1 "
                       "--out two.csv");
+    cli_json(identify, "check truth.yaml two.csv", "rows *");
+    assert_says(result.out, "\"delay\": [0, 2]");
     cli_json(identify, "fit both.yaml two.csv --out m.h5", "loss <1e-8");
     const char *hold = json_find(result.out, "hold"), *delay = json_find(result.out, "delay");
     assert_says(hold, "\"chosen\": [\"zero\", \"cubic\"]");
