@@ -136,6 +136,21 @@ static void warn_of_gauge(const app *self, const lg_machine *machine) {
 
 /* ---- report ---- */
 
+/* One number if all inputs have the same delay, else one for each. */
+static void put_delays(app_json *out, const lg_machine *machine, const lg_logs *logs) {
+    static const char label[] = "rows from an input to what it does";
+    double each[LG_MACHINE_INPUTS];
+    bool same = true;
+    for (uint32_t i = 0; i < machine->input_count; i++) {
+        each[i] = logs->delay[i];
+        same = same && logs->delay[i] == logs->delay[0];
+    }
+    if (same)
+        app_result_size(out, "delay", logs->delay[0], label);
+    else
+        app_result_reals(out, "delay", each, machine->input_count, label);
+}
+
 static void report(const app *self, const lg_machine_data *data, const double *motions) {
     app_json out;
     const lg_logs *logs = &data->logs;
@@ -149,7 +164,7 @@ static void report(const app *self, const lg_machine_data *data, const double *m
     app_result_real(&out, "dt_max", logs->dt_max, "s at most");
     app_result_real(&out, "max_step", logs->max_step, "s; longer steps are gaps");
     app_result_size(&out, "gaps", logs->gaps, NULL);
-    app_result_size(&out, "delay", logs->delay, "rows from an input to what it does");
+    put_delays(&out, &data->file.machine, logs);
     app_result_named(&out, "columns", "column");
     for (uint32_t c = 0; c < data->file.column_count; c++) {
         const lg_log_statistics *s = &logs->columns[c];

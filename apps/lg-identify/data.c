@@ -15,7 +15,7 @@ void identify_load(app *self, uint64_t substeps, identify_given *out) {
                                      .text = run->text,
                                      .logs = self->arguments + 1,
                                      .count = (size_t)self->argument_count - 1,
-                                     .delay = run->delay};
+                                     .delay = run->estimated};
     identify_read(self, &from, &out->data);
     APP_MUST(self, lg_machine_refuse_momenta(&out->data.file, path, &error));
     out->model = (lg_learned_machine){&run->machine, out->file.theta, run->scheme,

@@ -41,7 +41,8 @@ static const lg_field options[] = {
 
 static generate_values values = {.inputs = "multisine"};
 
-/* A log that is being made: runs of `rows` rows each; inputs have `delay` further rows. */
+/* A log that is being made: runs of `rows` rows each; inputs have `delay` further rows, the
+ * greatest delay. */
 typedef struct making {
     lg_machine_file file;
     size_t runs, rows, delay;
@@ -154,7 +155,7 @@ static void take_inputs(const making *m, size_t run) {
             const lg_log_column *column = &m->file.columns[c];
             if (column->role != LG_LOG_INPUT) continue;
             const double a = log->q[at * inputs + k], b = at + 1 < end ? log->q[(at + 1) * inputs + k] : a;
-            const double value = m->file.hold == LG_HOLD_ZERO ? a : a + s * (b - a);
+            const double value = m->file.inputs[column->index].hold == LG_HOLD_ZERO ? a : a + s * (b - a);
             m->given[(run * all + row) * inputs + column->index] = column->scale * value;
             k++;
         }
@@ -180,12 +181,13 @@ static void fill_hold(const making *m, size_t run, size_t input, double *work) {
     const size_t inputs = m->file.machine.input_count, first = run * m->rows;
     const double *y = m->given + run * (m->rows + m->delay) * inputs + input;
     double *u = m->pieces.u + first * 4 * inputs + input;
+    const lg_input_hold hold = m->file.inputs[input].hold;
     for (size_t row = 0; row < m->rows; row++) {
         double *to = u + row * 4 * inputs;
         to[0] = y[row * inputs];
-        if (m->file.hold != LG_HOLD_ZERO && row + 1 < m->rows) to[inputs] = y[(row + 1) * inputs] - to[0];
+        if (hold != LG_HOLD_ZERO && row + 1 < m->rows) to[inputs] = y[(row + 1) * inputs] - to[0];
     }
-    if (m->file.hold == LG_HOLD_CUBIC && m->rows >= 4)
+    if (hold == LG_HOLD_CUBIC && m->rows >= 4)
         lg_log_spline(m->rows, m->pieces.t + first, y, inputs, work, u, 4 * inputs, inputs);
 }
 
@@ -340,10 +342,12 @@ static void put_row(FILE *stream, const making *m, size_t run, size_t row, doubl
                         m->run_v + at * file->machine.velocities, row > 0 ? columns : NULL, columns);
     columns[file->time] = values.dt * (double)row;
     if (file->run < file->column_count) columns[file->run] = (double)run;
-    for (uint32_t c = 0; c < file->column_count; c++)
-        if (file->columns[c].role == LG_LOG_INPUT) /* The logged value acts `delay` rows later. */
-            columns[c] =
-                m->given[(run * (m->rows + m->delay) + row + m->delay) * inputs + file->columns[c].index];
+    for (uint32_t c = 0; c < file->column_count; c++) {
+        const uint32_t input = file->columns[c].index;
+        if (file->columns[c].role != LG_LOG_INPUT) continue;
+        const size_t acts = row + file->inputs[input].delay; /* the row in which the logged value acts */
+        columns[c] = m->given[(run * (m->rows + m->delay) + acts) * inputs + input];
+    }
     identify_put_columns(stream, file, columns);
     (void)fputc('\n', stream);
 }
@@ -413,7 +417,8 @@ static void begin(const app *self, making *m) {
     if (find_form() == LG_COUNT(forms)) read_inputs(self, m);
     m->rows = (size_t)floor(m->t_end / values.dt + 1 + 1e-9);
     m->runs = (size_t)values.runs;
-    m->delay = m->file.delay;
+    for (uint32_t i = 0; i < machine->input_count; i++)
+        if (m->file.inputs[i].delay > m->delay) m->delay = m->file.inputs[i].delay;
     if (m->rows < 2) app_stop_usage(self, "--t-end %g is shorter than --dt %g", m->t_end, values.dt);
     m->given = app_alloc(m->runs * (m->rows + m->delay) * machine->input_count + 1, sizeof *m->given);
     identify_pieces_begin(&m->pieces, machine, m->runs, m->rows);

@@ -122,10 +122,11 @@ static void put_band(FILE *script, const lg_machine_file *file, uint32_t column,
 }
 
 static void put_group(FILE *script, const lg_machine_file *file, const group *g, bool predicted, bool bands) {
-    const bool held = file->columns[g->first].role == LG_LOG_INPUT && file->hold == LG_HOLD_ZERO;
     (void)fprintf(script, "set title '%s'\nset xlabel 't (s)'\nset ylabel ''\nplot ", g->title);
     for (uint32_t k = 0; k < g->count; k++) {
         const uint32_t column = g->first + k;
+        const lg_log_column *c = &file->columns[column];
+        const bool held = c->role == LG_LOG_INPUT && file->inputs[c->index].hold == LG_HOLD_ZERO;
         const size_t colour = k % LG_COUNT(colours);
         const char *thin = predicted && g->count == 1 ? "#d1641f" : colours[colour];
         if (k > 0) (void)fputs(", ", script);

@@ -77,10 +77,10 @@ static void put_head(FILE *stream, const lg_machine_file *file) {
     (void)fputc('\n', stream);
 }
 
-/* Returns the input that was logged at `row`: it acts `delay` rows later. NaN if that is beyond the part. */
+/* Returns the input that was logged at `row`: it acts its delay later. NaN if that is beyond the part. */
 static double input_of(const lg_logs *logs, const lg_machine *machine, size_t row, size_t end,
                        uint32_t input) {
-    const size_t from = row + logs->delay;
+    const size_t from = row + logs->delay[input];
     return from < end ? logs->log.u[from * 4 * machine->input_count + input] : (double)NAN;
 }
 

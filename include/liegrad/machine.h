@@ -307,8 +307,8 @@ LG_API lg_status lg_machine_full_space(const lg_machine *machine, lg_space *spac
  * units masses are 1, dampings small, the input map 1 from input j to velocity j and 0 elsewhere,
  * potentials and residuals 0. */
 LG_API void lg_machine_initialise(const lg_machine *machine, lg_rng *rng, double *theta);
-/* Sets the parameters of all lags that are learned to the time constant, in seconds, kept within
- * scales.lag; returns how many there are. */
+/* Sets the parameters of all lags that are learned, except for lags with a start or bounds, to the time
+ * constant, in seconds, kept within scales.lag; returns how many there are. */
 LG_API size_t lg_machine_set_lags(const lg_machine *machine, double tau, double *theta);
 /* Adds full turns to the biases of angles in theta, so that they are in (-pi, pi]. A log does not show
  * full turns. */
@@ -717,14 +717,18 @@ typedef enum lg_input_hold { LG_HOLD_ZERO, LG_HOLD_LINEAR, LG_HOLD_CUBIC } lg_in
 #define LG_LOG_MEASURED_COUNT 4
 #define LG_INPUT_HOLD_COUNT   3
 
+/* How an input acts between rows, and when. */
+typedef struct lg_log_input {
+    lg_input_hold hold;
+    uint32_t delay; /* Rows by which the input acts later than it is logged. */
+    /* `hold: auto` and `delay: auto`: fits choose; `hold` is then zero, `delay` 0. */
+    bool choose_hold, choose_delay;
+    bool estimate_delay; /* `delay: estimate`; `delay` is then 0. */
+} lg_log_input;
+
 typedef struct lg_machine_file {
     lg_machine machine; /* lg_machine_init has been called; all scales are 1. */
     lg_log_measured measured;
-    lg_input_hold hold;
-    uint32_t delay;      /* Rows by which inputs act later than they are logged. */
-    bool estimate_delay; /* The file has `delay: estimate`; `delay` is then 0. */
-    /* The file has `hold: auto` or `delay: auto`, which fits choose; `hold` is then zero, `delay` 0. */
-    bool choose_hold, choose_delay;
     bool hold_given; /* The file has the key `hold`. */
     /* Jumps of angles by more than pi are taken as turns and undone; true by default. */
     bool unwrap;
@@ -733,6 +737,7 @@ typedef struct lg_machine_file {
     uint32_t column_count, time, run;
     lg_log_column columns[LG_LOG_COLUMNS];
     lg_log_coordinate coordinates[LG_MACHINE_COORDINATES];
+    lg_log_input inputs[LG_MACHINE_INPUTS];
     char *text; /* The exact text of the file with a terminator; owned. */
     size_t text_bytes;
     const lg_context *context;
@@ -752,7 +757,7 @@ LG_API void lg_machine_file_destroy(lg_machine_file *file); /* NULL and zeros ar
 typedef struct lg_log_options {
     size_t size; /* sizeof(lg_log_options) */
     lg_read_options read;
-    int64_t delay;    /* Rows; default -1: the delay of the machine file. */
+    uint32_t delay;   /* Rows, of inputs with `delay: estimate`; default 0. */
     bool consistency; /* Positions are compared with velocities; default true. */
 } lg_log_options;
 LG_API void lg_log_options_init(lg_log_options *options);
@@ -776,7 +781,7 @@ typedef struct lg_logs {
     double dt_median, dt_max;
     double max_step; /* Steps longer than this are gaps, seconds. */
     size_t gaps;
-    uint32_t delay; /* In rows, as it was applied. */
+    uint32_t delay[LG_MACHINE_INPUTS]; /* Of each input in rows, as it was applied. */
     /* In the order of the machine file's columns; zeros for the columns of time and run. */
     lg_log_statistics columns[LG_LOG_COLUMNS];
     uint32_t warning_count;
@@ -824,7 +829,10 @@ typedef struct lg_machine_model_run {
     double position_scale[LG_MACHINE_COORDINATES]; /* Scales of the loss, in the units of the log. */
     double velocity_scale[LG_MACHINE_COORDINATES];
     double residual; /* lg_machine_problem.residual; 0 in files without it. */
-    uint32_t delay;  /* Rows by which inputs act later than they are logged. */
+    /* Rows by which inputs with `delay: estimate` act later than they are logged: attribute `delay`. Without
+     * such inputs the greatest delay. */
+    uint32_t estimated;
+    uint32_t delay[LG_MACHINE_INPUTS]; /* Of each input, from `text` and `estimated`. */
     lg_fit_settings training;
     uint64_t windows;
     double dt; /* Median step between rows, seconds. */

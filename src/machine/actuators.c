@@ -2,6 +2,7 @@
  * divided by U, so that c_k of u + c_2 u^2 + ... is multiplied by U^(k - 1), and a dead zone is divided
  * by U. */
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "core/core.h"
@@ -84,13 +85,22 @@ static lg_var curve_numbers(lg_tape *tape, const lg_machine_vars *vars, uint32_t
     const lg_machine_term *own = &vars->machine->terms[term];
     const uint32_t each = own->degree - 1;
     const lg_shape shape = lg_shape2(own->of_count, each);
-    double c[LG_MACHINE_INPUTS * LG_MACHINE_DEGREE];
+    uint32_t index[LG_MACHINE_INPUTS * LG_MACHINE_DEGREE];
+    double factor[LG_MACHINE_INPUTS * LG_MACHINE_DEGREE];
     if (own->value_count == 0) return lg_reshape(tape, vars->theta[term], shape);
-    for (uint32_t i = 0; i < own->of_count; i++)
-        for (uint32_t k = 0; k < each; k++)
-            c[i * each + k] =
-                own->values[i * each + k] * pow(vars->machine->scales.input[own->of[i].index], k + 1.0);
-    return lg_input_f64(tape, shape, c);
+    for (uint32_t i = 0; i < own->value_count; i++) {
+        index[i] = i;
+        factor[i] = pow(vars->machine->scales.input[own->of[i / each].index], i % each + 1.0);
+    }
+    return lg_reshape(tape, lg_machine_record_entries(tape, vars, term, own->value_count, index, factor),
+                      shape);
+}
+
+static void curve_entry(const lg_machine *machine, const lg_machine_term *term, uint32_t index,
+                        lg_entry_about *out) {
+    const uint32_t each = term->degree - 1, input = term->of[index / each].index;
+    *out = (lg_entry_about){.unit = pow(machine->scales.input[input], -(index % each + 1.0)), .single = true};
+    (void)snprintf(out->name, sizeof out->name, "curve.%s.%u", machine->inputs[input], index % each + 2);
 }
 
 static lg_var curve(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen) {
@@ -127,10 +137,29 @@ static void one_value_each(const lg_machine *machine, const lg_machine_term *ter
     fits[0] = fits[1] = term->of_count > 0 ? term->of_count : 1;
 }
 
+/* factor[i] times the value of the term's input i, (1, of_count). */
+static lg_var scaled_values(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const double *factor) {
+    uint32_t index[LG_MACHINE_INPUTS];
+    const uint32_t count = vars->machine->terms[term].of_count;
+    for (uint32_t i = 0; i < count; i++) index[i] = i;
+    return lg_machine_record_entries(tape, vars, term, count, index, factor);
+}
+
+static const double dead_zone_start = 0.4;
+
 static void start_dead_zone(const lg_machine *machine, const lg_machine_term *term, double *theta) {
-    static const double start = 0.4;
     (void)machine;
-    for (size_t i = 0; i < term->parameters; i++) theta[i] = start;
+    for (size_t i = 0; i < term->parameters; i++) theta[i] = dead_zone_start;
+}
+
+static void dead_zone_entry(const lg_machine *machine, const lg_machine_term *term, uint32_t index,
+                            lg_entry_about *out) {
+    const uint32_t input = term->of[index].index;
+    *out = (lg_entry_about){.unit = machine->scales.input[input],
+                            .start = dead_zone_start * dead_zone_start,
+                            .positive = true,
+                            .single = true};
+    (void)snprintf(out->name, sizeof out->name, "dead_zone.%s", machine->inputs[input]);
 }
 
 static lg_var dead_zone(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
@@ -138,10 +167,9 @@ static lg_var dead_zone(lg_tape *tape, const lg_machine_vars *vars, uint32_t ter
     const lg_machine *machine = vars->machine;
     const lg_machine_term *own = &machine->terms[term];
     const lg_shape shape = lg_shape2(1, own->of_count);
-    double values[LG_MACHINE_INPUTS];
-    for (uint32_t i = 0; i < own->value_count; i++)
-        values[i] = own->values[i] / machine->scales.input[own->of[i].index];
-    const lg_var d = own->value_count > 0 ? lg_input_f64(tape, shape, values)
+    double factor[LG_MACHINE_INPUTS];
+    for (uint32_t i = 0; i < own->of_count; i++) factor[i] = 1.0 / machine->scales.input[own->of[i].index];
+    const lg_var d = own->value_count > 0 ? scaled_values(tape, vars, term, factor)
                                           : lg_reshape(tape, lg_square(tape, vars->theta[term]), shape);
     const lg_var u = chosen(tape, machine, own, seen->u);
     const lg_var twice = lg_sub(tape, lg_abs(tape, lg_sub(tape, u, d)), lg_abs(tape, lg_add(tape, u, d)));
@@ -169,17 +197,27 @@ static double lag_theta(const lg_machine *machine, double tau) {
     return log(part / (1.0 - part));
 }
 
+/* Where a lag begins: 5 rows, in the least time constants of .2 rows. */
+static const double lag_start = 5.0 / 0.2;
+
 static void start_lag(const lg_machine *machine, const lg_machine_term *term, double *theta) {
-    static const double rows = 5.0, least = 0.2;
     for (size_t i = 0; i < term->parameters; i++)
-        theta[i] = lag_theta(machine, rows / least * machine->scales.lag[0]);
+        theta[i] = lag_theta(machine, lag_start * machine->scales.lag[0]);
+}
+
+static void lag_entry(const lg_machine *machine, const lg_machine_term *term, uint32_t index,
+                      lg_entry_about *out) {
+    *out = (lg_entry_about){
+        .unit = machine->scales.lag[0], .start = lag_start, .positive = true, .single = true};
+    (void)snprintf(out->name, sizeof out->name, "lag.%s", machine->inputs[term->of[index].index]);
 }
 
 size_t lg_machine_set_lags(const lg_machine *machine, double tau, double *theta) {
     size_t count = 0;
     for (uint32_t i = 0; i < machine->term_count; i++) {
         const lg_machine_term *term = &machine->terms[i];
-        for (size_t k = 0; term->kind->lag != NULL && k < term->parameters; k++, count++)
+        const bool open = term->kind->lag != NULL && term->value_count == 0;
+        for (size_t k = 0; open && k < term->parameters; k++, count++)
             theta[term->offset + k] = lag_theta(machine, tau);
     }
     return count;
@@ -189,9 +227,9 @@ static lg_var lag_of(lg_tape *tape, const lg_machine_vars *vars, uint32_t term) 
     const lg_machine *machine = vars->machine;
     const lg_machine_term *own = &machine->terms[term];
     const lg_shape shape = lg_shape2(1, own->of_count);
-    double values[LG_MACHINE_INPUTS];
-    for (uint32_t i = 0; i < own->value_count; i++) values[i] = log(own->values[i] / machine->scales.time);
-    if (own->value_count > 0) return lg_input_f64(tape, shape, values);
+    double factor[LG_MACHINE_INPUTS];
+    for (uint32_t i = 0; i < own->of_count; i++) factor[i] = 1.0 / machine->scales.time;
+    if (own->value_count > 0) return lg_log(tape, scaled_values(tape, vars, term, factor));
     const lg_var part = lg_act(tape, lg_reshape(tape, vars->theta[term], shape), LG_SIGMOID);
     return lg_add_scalar(tape, lg_scale(tape, part, span_of(machine)),
                          log(machine->scales.lag[0] / machine->scales.time));
@@ -256,6 +294,7 @@ const lg_term_kind lg_machine_actuator_kinds[] = {{.name = "lag",
                                                    .parameters = one_each,
                                                    .initialise = start_lag,
                                                    .values = one_value_each,
+                                                   .entry = lag_entry,
                                                    .record = lagged,
                                                    .lag = lag_of,
                                                    .numbers = lg_numbers_lag},
@@ -265,6 +304,7 @@ const lg_term_kind lg_machine_actuator_kinds[] = {{.name = "lag",
                                                    .parameters = one_each,
                                                    .initialise = start_dead_zone,
                                                    .values = one_value_each,
+                                                   .entry = dead_zone_entry,
                                                    .record = dead_zone,
                                                    .numbers = lg_numbers_dead_zone},
                                                   {.name = "curve",
@@ -272,6 +312,7 @@ const lg_term_kind lg_machine_actuator_kinds[] = {{.name = "lag",
                                                    .options = LG_TERM_OF | LG_TERM_VALUES | LG_TERM_DEGREE,
                                                    .parameters = curve_parameters,
                                                    .values = curve_values,
+                                                   .entry = curve_entry,
                                                    .record = curve,
                                                    .numbers = lg_numbers_curve},
                                                   {.name = NULL}};

@@ -269,7 +269,8 @@ static void find_gauge(lg_machine *machine) {
     uint32_t masses = 0;
     for (uint32_t i = 0; i < machine->term_count; i++) {
         const lg_machine_term *term = &machine->terms[i];
-        given = given || (term->value_count > term->entry_count && term->part != LG_MACHINE_ACTUATOR);
+        if (term->part == LG_MACHINE_ACTUATOR) continue;
+        given = given || term->value_count > term->entry_count;
         for (uint32_t k = 0; k < term->entry_count; k++) given = given || term->entries[k].sigma > 0.0;
         if (term->part != LG_MACHINE_MASS) continue;
         single = single || term->entry_count > 0;

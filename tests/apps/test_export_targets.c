@@ -436,6 +436,21 @@ static void join_lines(char *text) {
     *to = '\0';
 }
 
+/* The machine of all kinds with this delay of its inputs. */
+static const char *late_machine(const char *delay) {
+    const char *end = strstr(machine_of_all_kinds, "[u1, u2]") + strlen("[u1, u2]");
+    return test_text("%.*s, delay: %s%s", (int)(end - machine_of_all_kinds), machine_of_all_kinds, delay,
+                     end);
+}
+
+TEST("an input that acts later than the others is named") {
+    lg_machine_model_file *file = make_machine_model(late_machine("[0, 2]"), 3);
+    save_machine_model(file, cli_at("late.h5"));
+    cli_expect("lg-export", "late.h5 --out late-c --name m --target c --golden 1", 0, "");
+    assert_says(result.err,
+                "the model's input u2 acts 2 rows of the log, 0.04 in time, later than it is logged;");
+}
+
 TEST("every target describes the numbers of a machine, and says that inputs act with a delay") {
     static const struct {
         const char *target, *file, *words[3];
@@ -460,8 +475,8 @@ TEST("every target describes the numbers of a machine, and says that inputs act 
           "description=\"u1 u2; inputs act 3 rows", "inputs act 3 rows"}}};
     static char text[1 << 20];
     char line[256];
-    lg_machine_model_file *file = make_machine_model(machine_of_all_kinds, 3);
-    file->run.delay = 3;
+    lg_machine_model_file *file = make_machine_model(late_machine("estimate"), 3);
+    file->run.estimated = 3;
     save_machine_model(file, cli_at("late.h5"));
     for (size_t i = 0; i < LG_COUNT(told); i++) {
         (void)snprintf(line, sizeof line, "late.h5 --out late-%s --name m --target %s --golden 1",

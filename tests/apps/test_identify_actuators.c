@@ -57,8 +57,31 @@ TEST("a log without a lag says so") {
     cli_test_folder();
     generate(TRUE_MOTOR("lag: none"), "log.csv", 4);
     cli_write("machine.yaml", MOTOR("lag: unknown"));
-    cli_run(identify, "fit machine.yaml log.csv --out m.h5");
+    cli_json(identify, "fit machine.yaml log.csv --out m.h5", "loss *");
     assert_says(result.err, "no lag that the log shows");
+    const char *lag = json_find(result.out, "lag");
+    assert_true(json_number(lag, "chosen") < 0.01);
+    assert_says(json_find(lag, "warning"), "\"no lag that the log shows\"");
+}
+
+TEST("the lag that was chosen is told with the losses of all starts") {
+    static const char *const starts[] = {"0.02", "0.05", "0.1", "0.3"};
+    cli_test_folder();
+    generate(TRUE_MOTOR("lag: 0.1"), "log.csv", 3);
+    cli_write("machine.yaml", MOTOR("lag: unknown"));
+    cli_json(identify, "fit machine.yaml log.csv --out m.h5", "loss *");
+    const char *lag = json_find(result.out, "lag"), *ratios = json_find(lag, "ratios");
+    double least = INFINITY;
+    assert_close(json_number(lag, "chosen"), 0.1, 0.05, 0);
+    for (size_t i = 0; i < LG_COUNT(starts); i++) least = fmin(least, json_number(ratios, starts[i]));
+    assert_true(least == 1);
+    assert_null(strstr(lag, "no lag that"));
+    /* A start that is given is taken. */
+    cli_write("machine.yaml", MOTOR("lag: {start: 0.05, within: [0.02, 0.5], sigma: 1}"));
+    cli_json(identify, "fit machine.yaml log.csv --out m.h5", "loss *");
+    lag = json_find(result.out, "lag");
+    assert_close(json_number(lag, "chosen"), 0.1, 0.05, 0);
+    assert_says(lag, "\"ratios\": {}");
 }
 
 TEST("a model with a lag predicts as it was simulated, keeps its energy balance, and reloads") {

@@ -118,6 +118,30 @@ TEST("hold and delay are found together") {
     choose("auto.yaml", "\"cubic\"", 1);
 }
 
+/* Two inputs: u is held, w is smooth and acts 2 rows late. */
+#define TWO(inputs, rest)                                                                                    \
+    "columns: {time: t}\ncoordinates:\n  - {name: x, kind: line, velocity: vx}\ninputs: {columns: [u, w], "  \
+    "hold: " inputs "}\ninput_map: {kind: known, values: [[1, 1]]}\n" rest
+
+TEST("hold and delay of each input are found one after the other, and the model keeps them") {
+    cli_write("truth.yaml", TWO("[zero, cubic], delay: [0, 2]",
+                                "mass: {kind: known, values: [2]}\ndamping: {kind: known, values: [0.3]}\n"
+                                "potential: {kind: known, form: quadratic, of: x, values: [5]}\n"));
+    cli_write("both.yaml", TWO("auto, delay: [0, auto]",
+                               "mass: diagonal\ndamping: diagonal\npotential: {kind: quadratic, of: x}\n"));
+    cli_run(identify, "generate truth.yaml --inputs multisine:4 --amplitude 3 --t-end 60 --dt 0.05 --runs 1 "
+                      "--out two.csv");
+    cli_json(identify, "check truth.yaml two.csv", "rows *");
+    assert_says(result.out, "\"delay\": [0, 2]");
+    cli_json(identify, "fit both.yaml two.csv --out m.h5", "loss <1e-8");
+    const char *hold = json_find(result.out, "hold"), *delay = json_find(result.out, "delay");
+    assert_says(hold, "\"chosen\": [\"zero\", \"cubic\"]");
+    assert_says(delay, "\"chosen\": [0, 2]");
+    assert_says(result.out, "the input w is a sampled analogue signal: hold: cubic leaves ");
+    assert_says(result.out, "the input w acts 2 rows after it is logged");
+    cli_json(identify, "evaluate m.h5 two.csv", "window_loss <1e-6");
+}
+
 TEST("a log that is too short to choose from says so") {
     write_log("log.csv", &(plant){none, true, 0, 20, 1});
     choose("auto.yaml", "\"zero\"", 0);

@@ -249,23 +249,45 @@ TEST("a delay moves inputs within parts") {
     static const double t[] = {2, 3, 11, 12}, u[] = {0, 1, 16, 25};
     const lg_logs *logs = read_text(f, log);
     assert_parts(logs, 2, two);
-    assert_int_equal(logs->delay, 2);
+    assert_int_equal(logs->delay[0], 2);
     assert_memory_equal(logs->t, t, sizeof t);
     for (int i = 0; i < 4; i++) assert_true(logs->u[4 * i] == u[i]);
     const char *path = scratch_path("log.csv");
     lg_log_options options;
     lg_log_options_init(&options);
     write_text_to(path, log);
-    options.delay = 0;
-    assert_parts(read_all(f, &path, 1, &options), 2, none);
     options.delay = 1;
-    logs = read_all(machine(LINE "inputs: {columns: [u], delay: estimate}\n"), &path, 1, &options);
+    assert_parts(read_all(f, &path, 1, &options), 2, two);
+    f = machine(LINE "inputs: {columns: [u], delay: estimate}\n");
+    logs = read_all(f, &path, 1, &options);
     assert_parts(logs, 2, one);
+    assert_int_equal(logs->delay[0], 1);
+    assert_parts(read_all(f, &path, 1, NULL), 2, none);
     assert_true(logs->u[0] == 0 && logs->u[4] == 1);
     options.size = 1;
     assert_status(lg_logs_read(NULL, f, &path, 1, &options, (lg_logs *)logs, NULL), LG_INVALID_ARGUMENT);
     refuse_text(machine(LINE "inputs: {columns: [u], delay: 4}\n"), log, "is the delay longer than the runs?",
                 "");
+}
+
+TEST("each input has its hold and its delay") {
+    static const char log[] =
+        "t,q,v,u,w\n0,0,1,0,10\n1,1,1,1,20\n2,2,1,4,40\n3,3,1,9,80\n4,4,1,,90\n5,5,1,3,95\n"
+        "6,6,1,2,\n7,7,1,1,96\n8,8,1,0,97\n";
+    const char *inputs = "inputs: {columns: [u, w], hold: [zero, linear], delay: [%d, %d]}\n";
+    /* A row without u, which is held, ends its part; a row without w is dropped. */
+    static const size_t at_once[] = {0, 5, 7}, late[] = {0, 4, 6};
+    const lg_logs *logs = read_text(machine(test_text(LINE "%s", test_text(inputs, 0, 0))), log);
+    assert_parts(logs, 2, at_once);
+    assert_true(logs->t[4] == 4 && logs->u[8 * 4] == 9 && logs->t[5] == 7);
+    for (size_t row = 0; row < 4; row++) {
+        const double *u = logs->u + 8 * row;
+        assert_true(u[2] == 0 && u[3] == u[9] - u[1] && u[3] > 0);
+    }
+    logs = read_text(machine(test_text(LINE "%s", test_text(inputs, 0, 1))), log);
+    assert_parts(logs, 2, late);
+    assert_true(logs->delay[0] == 0 && logs->delay[1] == 1);
+    assert_true(logs->t[0] == 1 && logs->u[0] == 1 && logs->u[1] == 10 && logs->u[3] == 10);
 }
 
 TEST("inputs between rows are linear, or cubic where possible") {

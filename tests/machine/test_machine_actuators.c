@@ -39,6 +39,52 @@ TEST("lags and curves are read for all inputs or one by one, and inputs of one k
     assert_int_equal(none->lags, 0);
 }
 
+static double number_of(const lg_machine *machine, const double *theta, const char *name) {
+    lg_identified numbers[8];
+    const size_t count = lg_machine_numbers(machine, theta, 8, numbers);
+    for (size_t i = 0; i < count; i++)
+        if (strcmp(numbers[i].name, name) == 0) return numbers[i].value;
+    fail_msg("%s is not among the numbers", name);
+    return 0;
+}
+
+TEST("numbers of actuators have starts, bounds and priors, and stay in their bounds") {
+    lg_machine machine =
+        parse(
+            "lag: [{start: 0.1, within: [0.02, 0.5], sigma: 0.05}, 0.3], curve: [{dead_zone: {start: 0.4}}, "
+            "{degree: 3, values: [{start: 0.2, within: [-1, 1]}, {start: 0.7}]}]")
+            ->machine;
+    machine.scales.input[0] = 7, machine.scales.input[1] = 1e3, machine.scales.time = 0.3;
+    machine.scales.lag[0] = 0.25; /* the bounds of the file count, and not those of the log */
+    double theta[4] = {0};
+    lg_prior priors[LG_MACHINE_PRIORS];
+    assert_int_equal(machine.parameters, 4);
+    assert_int_equal(machine.lags, 2);
+    assert_close(number_of(&machine, theta, "lag.u"), 0.1, 1e-12, 0);
+    assert_close(number_of(&machine, theta, "dead_zone.u"), 0.4, 1e-12, 0);
+    assert_close(number_of(&machine, theta, "curve.w.2"), 0.2, 1e-12, 0);
+    assert_int_equal(lg_machine_set_lags(&machine, 0.3, theta), 0); /* a start is kept */
+    assert_int_equal(lg_machine_list_priors(&machine, priors), 1);
+    assert_close(priors[0].centre, 0.1, 1e-12, 0);
+    assert_close(priors[0].sigma, 0.05, 0, 0);
+    static const double extremes[] = {-50, 50};
+    for (int i = 0; i < 2; i++) {
+        const double at[4] = {extremes[i], extremes[i], extremes[i], 1};
+        assert_close(number_of(&machine, at, "lag.u"), i == 0 ? 0.02 : 0.5, 1e-9, 0);
+        assert_close(number_of(&machine, at, "curve.w.2"), i == 0 ? -1 : 1, 1e-9, 0);
+        assert_true(number_of(&machine, at, "dead_zone.u") > 0);
+        assert_close(number_of(&machine, at, "curve.w.3"), 0.7 + 0.7 + 1e-6, 1e-12, 0); /* unit 1/U^2 */
+    }
+}
+
+/* log(tau/T) of both lags. */
+static void lags_of(const lg_machine *machine, const double *theta, double *out) {
+    lg_tape *tape = test_tape(LG_F64);
+    lg_machine_vars vars;
+    assert_ok(lg_machine_bind(tape, machine, lg_machine_parameter(tape, machine, theta), &vars));
+    assert_ok(lg_read(tape, vars.lag, 2, out));
+}
+
 TEST("a known lag does not fix the common factor of masses and forces") {
     static const char text[] = "coordinates: [{name: x, kind: line, velocity: v}]\n"
                                "inputs: {columns: u, lag: 0.2, curve: {dead_zone: 0.1}}\n";
@@ -63,6 +109,11 @@ TEST("wrong lags and curves are refused with their line") {
         {"curve: {dead_zone: 1, values: 2}", "needs key 'degree'"},
         {"curve: {degree: 3, values: 2}", "values"},
         {"curve: {width: 2}", "width"},
+        {"lag: {start: -1}", "a start above 0"},
+        {"lag: {start: 1, within: [2, 3]}", "start 1 is not between 2 and 3"},
+        {"lag: {sigma: 1}", "sigma needs a start"},
+        {"curve: {dead_zone: {start: 1, within: [-1, 3]}}", "bounds not below 0"},
+        {"curve: {degree: 3, values: {start: 2}}", "has 1 numbers, expected 2"},
     };
     for (size_t i = 0; i < LG_COUNT(wrong); i++) {
         lg_error error = {LG_OK, ""};
@@ -112,4 +163,24 @@ TEST("the input map gets u + c2 u^2 + c3 u^3, and what is beyond a dead zone, at
             const double want = 2 * (u + 0.1 * u * u - 0.2 * u * u * u) + 3 * (d + 0.3 * d * d);
             assert_close(force_of(&machine, NULL, u, w), want, 1e-12, 1e-12);
         }
+}
+
+TEST("actuators whose unknown numbers are at their starts act as those in which they are known") {
+    lg_machine known = parse("lag: [0.1, 0.3], curve: [{dead_zone: 0.5}, {degree: 3, values: [0.2, 0.7]}]")
+                           ->machine,
+               open = parse("lag: [{start: 0.1}, 0.3], curve: [{dead_zone: {start: 0.5}}, "
+                            "{degree: 3, values: [0.2, {start: 0.7}]}]")
+                          ->machine;
+    lg_machine *both[] = {&known, &open};
+    const double zeros[3] = {0};
+    double lags[2][2];
+    for (int i = 0; i < 2; i++) {
+        both[i]->scales.time = 0.7, both[i]->scales.input[0] = 2, both[i]->scales.input[1] = 3;
+        lags_of(both[i], zeros, lags[i]);
+    }
+    assert_int_equal(open.parameters, 3);
+    assert_close(lags[0][0], log(0.1 / 0.7), 1e-12, 0);
+    assert_close(lags[0][1], log(0.3 / 0.7), 1e-12, 0);
+    assert_all_close(lags[1], lags[0], 2, 1e-14, 0);
+    assert_close(force_of(&open, zeros, 0.9, -1.3), force_of(&known, NULL, 0.9, -1.3), 1e-13, 0);
 }

@@ -73,7 +73,7 @@ TEST("a complete file is read") {
     assert_column(f, 5, "vtheta", LG_LOG_VELOCITY, 1);
     assert_column(f, 6, "u", LG_LOG_INPUT, 0);
     assert_true(f->time == 0 && f->run == 1 && f->max_step == 0.028);
-    assert_true(f->hold == LG_HOLD_LINEAR && f->delay == 2 && !f->estimate_delay && !f->unwrap);
+    assert_true(f->inputs[0].hold == LG_HOLD_LINEAR && f->inputs[0].delay == 2 && !f->unwrap);
     assert_true(f->columns[2].noise == 0.002 && f->columns[3].noise == 0.01 && f->columns[4].noise == 0);
     assert_true(f->columns[4].scale == 0.0174533 && f->columns[0].scale == 0.001 && f->columns[2].scale == 1);
     assert_int_equal(m->coordinate_count, 2);
@@ -111,8 +111,8 @@ TEST("keys that are left out have their defaults") {
     assert_int_equal(f->column_count, 3);
     assert_column(f, 0, "t", LG_LOG_TIME, 0);
     assert_column(f, 1, "q", LG_LOG_POSITION, 0);
-    assert_true(f->run == f->column_count && f->max_step == 0 && f->unwrap && f->delay == 0);
-    assert_true(f->measured == LG_MEASURED_VELOCITIES && f->hold == LG_HOLD_ZERO);
+    assert_true(f->run == f->column_count && f->max_step == 0 && f->unwrap);
+    assert_true(f->measured == LG_MEASURED_VELOCITIES && !f->hold_given);
     assert_int_equal(f->machine.term_count, 1);
     assert_term(f, 0, LG_MACHINE_MASS, "constant");
     f = parse("coordinates: [{name: q, kind: line, velocity: v}]\ninputs: {columns: u, delay: estimate}\n"
@@ -121,9 +121,24 @@ TEST("keys that are left out have their defaults") {
     assert_term(f, 1, LG_MACHINE_DAMPING, "coulomb");
     assert_true(f->machine.terms[1].width == 0); /* from the log */
     assert_term(f, 2, LG_MACHINE_INPUT_MAP, "constant");
-    assert_true(f->estimate_delay && f->delay == 0);
+    assert_true(f->inputs[0].estimate_delay && f->inputs[0].delay == 0);
     f = parse("coordinates: [{name: q, kind: line}]\nmeasured: positions\nresidual: none\n");
     assert_true(f->coordinates[0].velocities == 0 && f->column_count == 2);
+}
+
+TEST("hold and delay are read for all inputs or one by one") {
+    const lg_machine_file *f =
+        parse("coordinates: [{name: q, kind: line, velocity: v}]\n"
+              "inputs: {columns: [u, w, x], hold: [linear, auto, zero], delay: [auto, 3, estimate]}\n");
+    const lg_log_input *in = f->inputs;
+    assert_true(in[0].hold == LG_HOLD_LINEAR && in[1].hold == LG_HOLD_ZERO && in[2].hold == LG_HOLD_ZERO);
+    assert_true(!in[0].choose_hold && in[1].choose_hold && !in[2].choose_hold && f->hold_given);
+    assert_true(in[0].choose_delay && !in[1].choose_delay && !in[2].choose_delay);
+    assert_true(!in[0].estimate_delay && !in[1].estimate_delay && in[2].estimate_delay);
+    assert_true(in[0].delay == 0 && in[1].delay == 3 && in[2].delay == 0);
+    f = parse("coordinates: [{name: q, kind: line, velocity: v}]\n"
+              "inputs: {columns: [u, w], hold: cubic, delay: 2}\n");
+    for (int i = 0; i < 2; i++) assert_true(f->inputs[i].hold == LG_HOLD_CUBIC && f->inputs[i].delay == 2);
 }
 
 TEST("columns of directions, rotations and poses are found") {
@@ -255,6 +270,11 @@ TEST("wrong keys are refused with their line") {
         {HEAD "inputs: {hold: zero}\n", "line 2", "'inputs.columns' is missing"},
         {HEAD "inputs: {columns: [u], hold: first}\n", "line 2", "none of zero, linear, cubic"},
         {HEAD "inputs: {columns: [u], delay: -1}\n", "line 2", "`estimate`"},
+        {HEAD "inputs: {columns: [u, w], delay: [1, 2, 3]}\n", "line 2", "one for each of the 2 inputs"},
+        {HEAD "inputs: {columns: [u, w], hold: [zero]}\n", "line 2", "one for each of the 2 inputs"},
+        {HEAD "inputs:\n  columns: [u, w]\n  hold:\n    - zero\n    - [zero]\n", "line 6",
+         "inputs.hold: '?' is"},
+        {HEAD "inputs:\n  columns: [u, w]\n  delay:\n    - auto\n    - 0.5\n", "line 6", "a whole number"},
         {HEAD "inputs: {columns: [u, u]}\n", "line 2", "column 'u' is used twice"},
         {"coordinates: [{name: q, kind: line, columns: x, velocity: v}]\ninputs: {columns: [q]}\n", "line 2",
          "has the name of a coordinate"},

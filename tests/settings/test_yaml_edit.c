@@ -234,8 +234,8 @@ TEST("random machine files are read again as the same machine, with the edited s
         const char *text = random_machine(&rng);
         const lg_yaml_edit edit = {LG_YAML_SET, "inputs.hold", NULL, "cubic"};
         lg_machine_file *before = machine_of(text), *after = machine_of(changed(text, &edit, 1));
-        assert_int_equal(after->hold, LG_HOLD_CUBIC);
-        assert_int_equal(after->delay, before->delay);
+        assert_int_equal(after->inputs[0].hold, LG_HOLD_CUBIC);
+        assert_int_equal(after->inputs[0].delay, before->inputs[0].delay);
         assert_memory_equal(after->columns, before->columns, sizeof before->columns);
         assert_memory_equal(&after->machine, &before->machine, sizeof before->machine);
         lg_test_give_back(mark);

@@ -104,6 +104,21 @@ static void tell_range(text *about, const lg_machine_model_run *run) {
 
 /* ---- inputs ---- */
 
+/* "inputs act 2 rows of the log, ... later than they are logged", or of each input that is delayed. */
+static void tell_delays(text *to, const lg_machine_model_run *run) {
+    const uint32_t n = run->machine.input_count;
+    bool same = true;
+    for (uint32_t i = 0; i < n; i++) same = same && run->delay[i] == run->delay[0];
+    if (same && run->delay[0] > 0)
+        lg_text_add(to, "inputs act %u rows of the log, %g in time, later than they are logged",
+                    run->delay[0], run->delay[0] * run->dt);
+    for (uint32_t i = 0; i < n && !same; i++)
+        if (run->delay[i] > 0)
+            lg_text_add(to, "%sinput %s acts %u rows of the log, %g in time, later than it is logged",
+                        to->length > 0 ? "; " : "", run->machine.inputs[i], run->delay[i],
+                        run->delay[i] * run->dt);
+}
+
 void export_machine_words(const void *contents, export_source *source) {
     const lg_machine_model_run *run = &((const lg_machine_model_file *)contents)->run;
     const lg_machine *machine = &run->machine;
@@ -114,9 +129,7 @@ void export_machine_words(const void *contents, export_source *source) {
         lg_text_add(&source->input, "%s%s", i > 0 ? " " : "", machine->inputs[i]);
         lg_text_add(&source->inputs_each, "%s\n", machine->inputs[i]);
     }
-    if (run->delay == 0) return;
-    lg_text_add(&source->delay, "inputs act %u rows of the log, %g in time, later than they are logged",
-                run->delay, run->delay * run->dt);
+    tell_delays(&source->delay, run);
 }
 
 void export_warn_delay(const app *self, const export_source *source) {

@@ -9,14 +9,20 @@ static bool has_inputs(const lg_machine_file *file, const lg_candidate *self) {
     return file->machine.input_count > 0;
 }
 
-/* The file has another hold; it chose among all if it did not say which. */
+/* An input has another hold. */
 static bool holds_otherwise(const lg_machine_file *file, const lg_candidate *self) {
-    static const char *const holds[LG_INPUT_HOLD_COUNT] = {"zero", "linear", "cubic"};
-    return file->machine.input_count > 0 && strcmp(holds[file->hold], self->edit.fragment) != 0;
+    bool other = false;
+    for (uint32_t i = 0; i < file->machine.input_count; i++)
+        other = other || strcmp(lg_input_holds[file->inputs[i].hold], self->edit.fragment) != 0;
+    return other;
 }
 
+/* All inputs have smaller delays. */
 static bool delays_less(const lg_machine_file *file, const lg_candidate *self) {
-    return file->machine.input_count > 0 && (int)file->delay < atoi(self->edit.fragment);
+    bool less = file->machine.input_count > 0;
+    for (uint32_t i = 0; i < file->machine.input_count; i++)
+        less = less && (int)file->inputs[i].delay < atoi(self->edit.fragment);
+    return less;
 }
 
 const lg_candidate lg_candidates[] = {

@@ -95,6 +95,15 @@ lg_status lg_machine_reread(lg_training *self, const char *text, lg_error *error
 lg_status lg_machine_choose_inputs(lg_training *self, lg_error *error);
 void lg_machine_tell_inputs(lg_training *self);
 
+/* ---- lags that were learned (learned_lags.c) ---- */
+
+/* Warns of lags at an end of their range. */
+void lg_machine_warn_of_lags(const lg_training *self, const lg_machine_verdict *what);
+/* Writes {"chosen": seconds, or with several inputs a list where 0 is no lag; "ratios": {seconds of a start:
+ * its loss divided by the least one}}, and a sentence "warning" if the log does not show one of the lags.
+ * Nothing if no lag was learned. */
+lg_status lg_machine_tell_lags(lg_training *self, const lg_machine_verdict *what, lg_error *error);
+
 /* ---- terms (suggest.c) ---- */
 
 /* A candidate: one change of a machine's file. In its name, fragment and sentence %P stands for the name of a

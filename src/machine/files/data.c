@@ -34,7 +34,7 @@ static void split(lg_machine_data *data, size_t files) {
     data->training.rows = logs->log.first[parts];
 }
 
-static lg_status read_logs(const lg_context *context, int64_t delay, size_t training, lg_machine_data *out,
+static lg_status read_logs(const lg_context *context, uint32_t delay, size_t training, lg_machine_data *out,
                            lg_error *error) {
     lg_log_options options;
     lg_log_options_init(&options);
@@ -46,14 +46,14 @@ static lg_status read_logs(const lg_context *context, int64_t delay, size_t trai
     return status;
 }
 
-/* Reads the logs with delays of 0 to 8 rows, and once more with the delay whose unexplained accelerations are
- * smallest. */
+/* Reads the logs with delays of 0 to 8 rows of all inputs with `delay: estimate`, and once more with the
+ * delay whose unexplained accelerations are smallest. */
 static lg_status estimate_delay(const lg_context *context, size_t training, lg_machine_data *out,
                                 lg_error *error) {
     enum { MOST = 8 };
     double least = (double)INFINITY, left = 0;
-    int64_t best = 0;
-    for (int64_t delay = 0; delay <= MOST; delay++) {
+    uint32_t best = 0;
+    for (uint32_t delay = 0; delay <= MOST; delay++) {
         LG_TRY(read_logs(context, delay, training, out, error));
         LG_TRY(lg_machine_unexplained(context, &out->file.machine, &out->training, &left, error));
         if (!(left < least)) continue;
@@ -61,8 +61,9 @@ static lg_status estimate_delay(const lg_context *context, size_t training, lg_m
         best = delay;
     }
     lg_log_message(context, LG_LOG_WARNING,
-                   "the inputs act %lld rows after they are logged (estimated with a quadratic model)",
-                   (long long)best);
+                   "inputs with `delay: estimate` act %u row%s after they are logged (estimated with a "
+                   "quadratic model)",
+                   best, best == 1 ? "" : "s");
     return read_logs(context, best, training, out, error);
 }
 
@@ -74,9 +75,12 @@ static lg_status read_all(const lg_context *context, const lg_machine_sources *f
                                                       &out->file, error));
     LG_TRY(list_paths(context, from, out, error));
     out->failed = out->paths[0];
-    return from->delay < 0 && out->file.estimate_delay
+    bool estimate = false;
+    for (uint32_t i = 0; i < out->file.machine.input_count; i++)
+        estimate = estimate || out->file.inputs[i].estimate_delay;
+    return estimate && from->delay < 0
                ? estimate_delay(context, from->count, out, error)
-               : read_logs(context, from->delay, from->count, out, error);
+               : read_logs(context, estimate ? (uint32_t)from->delay : 0, from->count, out, error);
 }
 
 lg_status lg_machine_data_read(const lg_context *context, const lg_machine_sources *from,

@@ -1,17 +1,18 @@
-/* Chooses how inputs act between rows, and their delay, by free runs over windows that are held out. */
+/* Chooses how inputs act between rows, and their delays, by free runs over windows that are held out. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
+#include "core/text.h"
 #include "machine/files/choice.h"
 
-static const char *const holds[LG_INPUT_HOLD_COUNT] = {"zero", "linear", "cubic"};
-static const char *const delays[LG_MACHINE_DELAYS] = {"0", "1", "2", "3", "4", "5"};
 _Static_assert(LG_MACHINE_DELAYS == LG_HELD_OUT_DELAY + 1, "windows leave room for all delays");
 
-/* The combinations that are tried: first .. first + count - 1 of each; trial (hold, delay). */
+/* What is tried: trial (hold, delay), for the inputs of which `hold` or `delay` is true; the other inputs
+ * keep their hold or delay. holds or delays is 1 if no input is varied. */
 typedef struct grid {
-    uint32_t hold, holds, delay, delays;
+    bool hold[LG_MACHINE_INPUTS], delay[LG_MACHINE_INPUTS];
+    uint32_t holds, delays;
     lg_machine_trial trial[LG_INPUT_HOLD_COUNT][LG_MACHINE_DELAYS];
 } grid;
 
@@ -36,33 +37,71 @@ static bool acts_alike(const lg_machine_data *data) {
     return true;
 }
 
-/* Which combinations the machine's file leaves open. False: none. */
-static bool make_grid(const lg_machine_data *data, grid *out) {
-    const lg_machine_file *file = &data->file;
-    const bool hold = file->choose_hold || (!file->hold_given && !acts_alike(data));
-    out->hold = hold ? 0 : file->hold;
-    out->holds = hold ? LG_INPUT_HOLD_COUNT : 1;
-    out->delay = 0;
-    out->delays = file->choose_delay ? LG_MACHINE_DELAYS : 1;
-    return file->machine.input_count > 0 && file->machine.parameters > 0 && (hold || file->choose_delay);
+/* Varies inputs first .. end - 1 where `asked` leaves the hold or the delay open; `all`: the holds of all of
+ * them. */
+static void make_grid(const lg_log_input *asked, uint32_t first, uint32_t end, bool all, grid *out) {
+    *out = (grid){.holds = 1, .delays = 1};
+    for (uint32_t i = first; i < end; i++) {
+        out->hold[i] = all || asked[i].choose_hold;
+        out->delay[i] = asked[i].choose_delay;
+        if (out->hold[i]) out->holds = LG_INPUT_HOLD_COUNT;
+        if (out->delay[i]) out->delays = LG_MACHINE_DELAYS;
+    }
 }
 
-/* The machine's file with this hold, and with this delay if it is chosen. */
-static lg_status write_text(const lg_machine_file *file, const grid *g, uint32_t hold, uint32_t delay,
+static bool is_same(uint32_t count, const uint32_t *values) {
+    bool same = true;
+    for (uint32_t i = 0; i < count; i++) same = same && values[i] == values[0];
+    return same;
+}
+
+/* Writes one value, or a list by input where they differ: names[value], or without names the number. */
+static void put_values(uint32_t count, const uint32_t *values, const char *const *names, lg_text *to) {
+    const bool same = is_same(count, values);
+    for (uint32_t i = 0; i < (same ? 1 : count); i++) {
+        lg_text_add(to, "%s", same ? "" : i == 0 ? "[" : ", ");
+        if (names != NULL)
+            lg_text_add(to, "%s", names[values[i]]);
+        else
+            lg_text_add(to, "%u", values[i]);
+    }
+    if (!same) lg_text_add(to, "]");
+}
+
+/* The machine's file with this hold and this delay of the inputs that the grid varies. */
+static lg_status write_text(const lg_machine_data *data, const grid *g, uint32_t hold, uint32_t delay,
                             const char *name, char **out, lg_error *error) {
-    const lg_yaml_edit edits[] = {{LG_YAML_SET, "inputs.hold", NULL, holds[hold]},
-                                  {LG_YAML_SET, "inputs.delay", NULL, delays[delay]}};
-    return lg_yaml_change(file->context, name, file->text, edits, g->delays > 1 ? 2 : 1, out, error);
+    const lg_machine_file *file = &data->file;
+    const uint32_t n = file->machine.input_count;
+    uint32_t each[2][LG_MACHINE_INPUTS];
+    lg_text text[2] = {{.context = file->context}, {.context = file->context}};
+    lg_yaml_edit edits[2];
+    size_t count = 0;
+    for (uint32_t i = 0; i < n; i++) {
+        each[0][i] = g->hold[i] ? hold : (uint32_t)file->inputs[i].hold;
+        each[1][i] = g->delay[i] ? delay : data->logs.delay[i];
+    }
+    put_values(n, each[0], lg_input_holds, &text[0]);
+    put_values(n, each[1], NULL, &text[1]);
+    if (g->holds > 1) edits[count++] = (lg_yaml_edit){LG_YAML_SET, "inputs.hold", NULL, text[0].data};
+    if (g->delays > 1) edits[count++] = (lg_yaml_edit){LG_YAML_SET, "inputs.delay", NULL, text[1].data};
+    const lg_status status =
+        text[0].failed || text[1].failed
+            ? lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY))
+            : lg_yaml_change(file->context, name, file->text, edits, count, out, error);
+    lg_text_destroy(&text[0]);
+    lg_text_destroy(&text[1]);
+    return status;
 }
 
-static lg_status run_grid(const lg_choosing *c, const lg_machine_file *file, grid *g, lg_error *error) {
+static lg_status run_grid(const lg_choosing *c, const lg_machine_data *data, grid *g, lg_error *error) {
     const lg_machine_trial *first = NULL;
-    for (uint32_t d = g->delay; d < g->delay + g->delays; d++)
-        for (uint32_t h = g->hold; h < g->hold + g->holds; h++) {
+    for (uint32_t d = 0; d < g->delays; d++)
+        for (uint32_t h = 0; h < g->holds; h++) {
             char *text = NULL;
-            LG_TRY(write_text(file, g, h, d, c->self->paths[0], &text, error));
+            LG_TRY(write_text(data, g, h, d, c->self->paths[0], &text, error));
             const lg_status status = lg_machine_try(c, text, first, &g->trial[h][d], error);
-            lg_free(file->context, text);
+            lg_free(data->file.context, text);
             if (status != LG_OK) return status;
             if (first == NULL && g->trial[h][d].status == LG_OK) first = &g->trial[h][d];
         }
@@ -86,15 +125,14 @@ static double ratio_of(const lg_choosing *c, const lg_machine_trial *one, const 
  * does not beat. */
 static void find_best(const lg_choosing *c, const grid *g, uint32_t *hold, uint32_t *delay) {
     const lg_machine_trial *best = NULL;
-    for (uint32_t d = g->delay; d < g->delay + g->delays; d++)
-        for (uint32_t h = g->hold; h < g->hold + g->holds; h++) {
+    for (uint32_t d = 0; d < g->delays; d++)
+        for (uint32_t h = 0; h < g->holds; h++) {
             const lg_machine_trial *trial = &g->trial[h][d];
             if (trial->square != NULL && (best == NULL || ratio_of(c, trial, best) < 1)) best = trial;
         }
-    *hold = g->hold;
-    *delay = g->delay;
-    for (uint32_t d = g->delay; d < g->delay + g->delays && best != NULL; d++)
-        for (uint32_t h = g->hold; h < g->hold + g->holds; h++) {
+    *hold = *delay = 0;
+    for (uint32_t d = 0; d < g->delays && best != NULL; d++)
+        for (uint32_t h = 0; h < g->holds; h++) {
             const lg_machine_trial *trial = &g->trial[h][d];
             if (trial != best && (trial->square == NULL || beats(c, best, trial))) continue;
             *hold = h;
@@ -112,89 +150,177 @@ static const char *share(double ratio, char text[32]) {
     return text;
 }
 
+/* Writes "the input NAME `one`" if one of several inputs is varied and returns true, else `all`. */
+static bool name_inputs(const lg_machine *machine, const bool *varied, const char *one, const char *all,
+                        char text[96]) {
+    const char *name = NULL;
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < machine->input_count; i++)
+        if (varied[i]) count++, name = machine->inputs[i];
+    const bool single = count == 1 && machine->input_count > 1;
+    (void)snprintf(text, 96, "%s%s%s%s", single ? "the input " : "", single ? name : "", single ? " " : "",
+                   single ? one : all);
+    return single;
+}
+
 static void tell_choice(const lg_training *self, const lg_choosing *c, const grid *g, uint32_t hold,
                         uint32_t delay) {
     const lg_machine_state *s = self->state;
+    const lg_machine *machine = &s->data.file.machine;
     const lg_machine_trial *chosen = &g->trial[hold][delay];
     const double seconds = (double)c->held.steps * s->data.logs.dt_median;
-    char text[32];
-    if (g->holds > 1 && hold != LG_HOLD_ZERO)
-        LG_WARN(
-            self,
-            "the input is a sampled analogue signal: hold: %s leaves %s of the error of a held input (free "
-            "runs of %.3g s that were not trained on), and is taken",
-            holds[hold], share(ratio_of(c, chosen, &g->trial[LG_HOLD_ZERO][delay]), text), seconds);
-    if (g->delays > 1 && delay > 0)
+    char text[32], who[96];
+    if (g->holds > 1 && hold != LG_HOLD_ZERO) {
+        (void)name_inputs(machine, g->hold, "is a sampled analogue signal",
+                          machine->input_count > 1 ? "the inputs are sampled analogue signals"
+                                                   : "the input is a sampled analogue signal",
+                          who);
         LG_WARN(self,
-                "the inputs act %u row%s after they are logged: this leaves %s of the error without a delay "
-                "(free runs of %.3g s that were not trained on)",
-                delay, delay == 1 ? "" : "s", share(ratio_of(c, chosen, &g->trial[hold][0]), text), seconds);
+                "%s: hold: %s leaves %s of the error of a held input (free runs of %.3g s that were not "
+                "trained on), and is taken",
+                who, lg_input_holds[hold], share(ratio_of(c, chosen, &g->trial[LG_HOLD_ZERO][delay]), text),
+                seconds);
+    }
+    if (g->delays > 1 && delay > 0) {
+        const bool single = name_inputs(machine, g->delay, "acts", "the inputs act", who);
+        LG_WARN(self,
+                "%s %u row%s after %s logged: this leaves %s of the error without a delay (free runs of %.3g "
+                "s that were not trained on)",
+                who, delay, delay == 1 ? "" : "s", single ? "it is" : "they are",
+                share(ratio_of(c, chosen, &g->trial[hold][0]), text), seconds);
+    }
 }
 
-static lg_status take(lg_training *self, const lg_choosing *c, const grid *g, lg_error *error) {
+/* Writes the best combination into the machine's text and reads it and the logs again. */
+static lg_status take(lg_training *self, const lg_choosing *c, const grid *g, bool tell, lg_error *error) {
     lg_machine_state *s = self->state;
     uint32_t hold, delay;
     char *text = NULL;
     find_best(c, g, &hold, &delay);
-    for (uint32_t h = g->hold; h < g->hold + g->holds; h++)
-        s->inputs.hold[h] = ratio_of(c, &g->trial[h][delay], &g->trial[hold][delay]);
-    for (uint32_t d = g->delay; d < g->delay + g->delays; d++)
-        s->inputs.delay[d] = ratio_of(c, &g->trial[hold][d], &g->trial[hold][delay]);
-    tell_choice(self, c, g, hold, delay);
-    LG_TRY(write_text(&s->data.file, g, hold, delay, self->paths[0], &text, error));
+    for (uint32_t i = 0; i < s->data.file.machine.input_count; i++) {
+        for (uint32_t h = 0; h < g->holds && g->hold[i]; h++)
+            s->inputs[i].hold[h] = ratio_of(c, &g->trial[h][delay], &g->trial[hold][delay]);
+        for (uint32_t d = 0; d < g->delays && g->delay[i]; d++)
+            s->inputs[i].delay[d] = ratio_of(c, &g->trial[hold][d], &g->trial[hold][delay]);
+    }
+    if (tell) tell_choice(self, c, g, hold, delay);
+    LG_TRY(write_text(&s->data, g, hold, delay, self->paths[0], &text, error));
     const lg_status status = lg_machine_reread(self, text, error);
     lg_free(self->context, text);
     return status;
 }
 
-static lg_status choose(lg_training *self, const lg_choosing *c, grid *g, lg_error *error) {
-    const lg_machine_state *s = self->state;
-    const lg_machine_file *file = &s->data.file;
-    if (c->held.count == 0 && (file->choose_hold || file->choose_delay))
-        LG_WARN(self, "the log is too short to choose how the inputs act: hold zero and no delay are taken");
-    if (c->held.count > 0) LG_TRY(run_grid(c, file, g, error));
-    return take(self, c, g, error);
-}
-
-lg_status lg_machine_choose_inputs(lg_training *self, lg_error *error) {
+/* Tries the combinations of a grid, and takes the best one. */
+static lg_status search(lg_training *self, grid *g, bool tell, lg_error *error) {
     enum { MOST_WINDOWS = 200 };
     static const double part = 0.2;
     const lg_machine_state *s = self->state;
     lg_choosing c;
+    lg_status status = lg_choosing_begin(&c, self, part, error);
+    c.most_windows = MOST_WINDOWS;
+    if (status == LG_OK && c.held.count == 0 && tell && (g->delays > 1 || s->data.file.hold_given))
+        LG_WARN(self, "the log is too short to choose how the inputs act: hold zero and no delay are taken");
+    if (status == LG_OK && c.held.count > 0) status = run_grid(&c, &s->data, g, error);
+    if (status == LG_OK) status = take(self, &c, g, tell, error);
+    for (uint32_t h = 0; h < LG_INPUT_HOLD_COUNT; h++)
+        for (uint32_t d = 0; d < LG_MACHINE_DELAYS; d++) lg_machine_trial_destroy(&c, &g->trial[h][d]);
+    lg_choosing_end(&c);
+    return status;
+}
+
+/* First one hold and one delay for all inputs that have `auto`, then those of one such input after the
+ * other. A file without `hold` gets one hold for all inputs. */
+static lg_status choose(lg_training *self, grid *g, lg_error *error) {
+    const lg_machine_data *data = &((const lg_machine_state *)self->state)->data;
+    const uint32_t n = data->file.machine.input_count;
+    const bool all = !data->file.hold_given && !acts_alike(data);
+    lg_log_input asked[LG_MACHINE_INPUTS];
+    uint32_t count = 0;
+    memcpy(asked, data->file.inputs, sizeof asked);
+    for (uint32_t i = 0; i < n; i++) count += asked[i].choose_hold || asked[i].choose_delay;
+    make_grid(asked, 0, n, all, g);
+    if (g->holds * g->delays > 1) LG_TRY(search(self, g, count <= 1, error));
+    for (uint32_t i = 0; i < n && count > 1; i++) {
+        make_grid(asked, i, i + 1, false, g);
+        if (g->holds * g->delays > 1) LG_TRY(search(self, g, true, error));
+    }
+    return LG_OK;
+}
+
+lg_status lg_machine_choose_inputs(lg_training *self, lg_error *error) {
+    const lg_machine *machine = &((const lg_machine_state *)self->state)->data.file.machine;
+    if (machine->input_count == 0 || machine->parameters == 0) return LG_OK;
     grid *g = lg_alloc(self->context, 1, sizeof *g);
     if (g == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
-    lg_status status = LG_OK;
-    if (make_grid(&s->data, g)) {
-        status = lg_choosing_begin(&c, self, part, error);
-        c.most_windows = MOST_WINDOWS;
-        if (status == LG_OK) status = choose(self, &c, g, error);
-        for (uint32_t h = 0; h < LG_INPUT_HOLD_COUNT; h++)
-            for (uint32_t d = 0; d < LG_MACHINE_DELAYS; d++) lg_machine_trial_destroy(&c, &g->trial[h][d]);
-        lg_choosing_end(&c);
-    }
+    const lg_status status = choose(self, g, error);
     lg_free(self->context, g);
     return status;
 }
 
-/* Writes {"chosen": ..., "ratios": {...}} of what was tried. */
-static void tell_ratios(lg_training *self, const char *const *names, const double *ratios, size_t count,
-                        size_t chosen) {
-    lg_result_open(self, "ratios", '{');
-    for (size_t i = 0; i < count; i++)
-        if (i != chosen && ratios[i] > 0) lg_result_real(self, names[i], ratios[i], NULL);
+/* ---- results ---- */
+
+/* What was chosen for each input, and the ratios of what was tried. */
+typedef struct chosen {
+    const char *key, *const *names;
+    size_t count; /* of names */
+    bool numbers; /* values are told as numbers */
+    uint32_t value[LG_MACHINE_INPUTS];
+    const double *ratios[LG_MACHINE_INPUTS]; /* (count) each */
+} chosen;
+
+static void tell_value(lg_training *self, const chosen *of, const char *key, uint32_t input) {
+    if (of->numbers)
+        lg_result_whole(self, key, of->value[input], NULL);
+    else
+        lg_result_text(self, key, of->names[of->value[input]], NULL);
+}
+
+static void tell_ratios(lg_training *self, const chosen *of, const char *key, uint32_t input) {
+    lg_result_open(self, key, '{');
+    for (size_t i = 0; i < of->count; i++)
+        if (i != of->value[input] && of->ratios[input][i] > 0)
+            lg_result_real(self, of->names[i], of->ratios[input][i], NULL);
+    lg_result_close(self, '}');
+}
+
+/* Writes `key` with what `tell` writes: once if it is the same for all inputs, else a list by input. */
+static void tell_each(lg_training *self, const chosen *of, const char *key, uint32_t inputs, bool same,
+                      void (*tell)(lg_training *self, const chosen *of, const char *key, uint32_t input)) {
+    if (same) {
+        tell(self, of, key, 0);
+        return;
+    }
+    lg_result_open(self, key, '[');
+    for (uint32_t i = 0; i < inputs; i++) tell(self, of, NULL, i);
+    lg_result_close(self, ']');
+}
+
+/* Writes {"chosen": ..., "ratios": {...}}. */
+static void tell_chosen(lg_training *self, const chosen *of, uint32_t inputs) {
+    const bool same = is_same(inputs, of->value);
+    bool alike = same;
+    for (uint32_t i = 0; i < inputs; i++)
+        alike = alike && memcmp(of->ratios[i], of->ratios[0], of->count * sizeof(double)) == 0;
+    lg_result_open(self, of->key, '{');
+    tell_each(self, of, "chosen", inputs, same, tell_value);
+    tell_each(self, of, "ratios", inputs, alike, tell_ratios);
     lg_result_close(self, '}');
 }
 
 void lg_machine_tell_inputs(lg_training *self) {
+    static const char *const delays[LG_MACHINE_DELAYS] = {"0", "1", "2", "3", "4", "5"};
     const lg_machine_state *s = self->state;
     const lg_machine_file *file = &s->data.file;
-    if (file->machine.input_count == 0) return;
-    lg_result_open(self, "hold", '{');
-    lg_result_text(self, "chosen", holds[file->hold], NULL);
-    tell_ratios(self, holds, s->inputs.hold, LG_INPUT_HOLD_COUNT, file->hold);
-    lg_result_close(self, '}');
-    lg_result_open(self, "delay", '{');
-    lg_result_whole(self, "chosen", s->data.logs.delay, NULL);
-    tell_ratios(self, delays, s->inputs.delay, LG_MACHINE_DELAYS, s->data.logs.delay);
-    lg_result_close(self, '}');
+    const uint32_t n = file->machine.input_count;
+    chosen hold = {.key = "hold", .names = lg_input_holds, .count = LG_INPUT_HOLD_COUNT},
+           delay = {.key = "delay", .names = delays, .count = LG_MACHINE_DELAYS, .numbers = true};
+    for (uint32_t i = 0; i < n; i++) {
+        hold.value[i] = (uint32_t)file->inputs[i].hold;
+        delay.value[i] = s->data.logs.delay[i];
+        hold.ratios[i] = s->inputs[i].hold;
+        delay.ratios[i] = s->inputs[i].delay;
+    }
+    if (n == 0) return;
+    tell_chosen(self, &hold, n);
+    tell_chosen(self, &delay, n);
 }

@@ -115,30 +115,6 @@ static void warn_of_numbers(const lg_training *self, const lg_machine_verdict *w
     }
 }
 
-/* Warns of lags at an end of their range. The log does not show a lag below its step, unless the error is
- * small. */
-static void warn_of_lags(const lg_training *self, const lg_machine *machine, const lg_machine_verdict *what) {
-    static const double near_low = 1.5, near_high = 0.95, step = 5.0;
-    static const char name[] = "lag.";
-    const double *range = machine->scales.lag;
-    for (size_t i = 0; i < what->count; i++) {
-        const lg_identified *lag = &what->identified.numbers[i];
-        if (strncmp(lag->name, name, strlen(name)) != 0) continue;
-        const char *input = lag->name + strlen(name);
-        if (lag->value < near_low * range[0] ||
-            (lag->value < step * range[0] && !(2.0 * lag->error < lag->value)))
-            LG_WARN(self,
-                    "%s: no lag that the log shows: %.3g s is below the step between two rows, %.3g s; take "
-                    "`lag: none` for %s",
-                    lag->name, lag->value, step * range[0], input);
-        if (lag->value > near_high * range[1])
-            LG_WARN(self,
-                    "%s: %.3g s is the longest lag that these logs can show: they have no part that is "
-                    "longer than five such times",
-                    lag->name, lag->value);
-    }
-}
-
 /* ---- the loss ---- */
 
 /* The loss to expect of a model that explains the logs: what their noise leaves, for numbers without noise
@@ -314,6 +290,7 @@ static lg_status tell(lg_training *self, lg_machine_verdict *what, lg_error *err
     LG_TRY(tell_correlations(self, what, error));
     tell_gauge(self, machine, what);
     lg_machine_tell_inputs(self);
+    LG_TRY(lg_machine_tell_lags(self, what, error));
     lg_machine_tell_suggestion(self);
     lg_machine_tell_selection(self);
     self->first_count = self->result_count;
@@ -356,6 +333,6 @@ lg_status lg_machine_judge(lg_training *self, double *theta, lg_error *error) {
     warn_of_floor(self, what);
     warn_of_open(self, &what->identified, what->count);
     warn_of_numbers(self, what);
-    warn_of_lags(self, machine, what);
+    lg_machine_warn_of_lags(self, what);
     return tell(self, what, error);
 }

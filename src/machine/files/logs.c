@@ -16,14 +16,13 @@
 
 typedef struct reading {
     lg_log_table table;
-    uint32_t delay;
     const lg_log_options *options;
     size_t count; /* number of files */
     lg_error *error;
 } reading;
 
 void lg_log_options_init(lg_log_options *options) {
-    *options = (lg_log_options){.size = sizeof *options, .delay = -1, .consistency = true};
+    *options = (lg_log_options){.size = sizeof *options, .consistency = true};
     lg_read_options_init(&options->read);
 }
 
@@ -194,22 +193,26 @@ static bool follows(const lg_log_table *t, size_t row) {
            lg_log_time(t, row) - lg_log_time(t, row - 1) <= t->out->max_step * (1 + ROUNDING);
 }
 
-/* Delays inputs in a stretch without gaps: row j gets the inputs of row j - delay; the first rows get
- * none. */
-static void delay_inputs(reading *r, size_t begin, size_t end) {
-    const lg_log_table *t = &r->table;
-    for (size_t row = end; r->delay > 0 && row-- > begin;) {
-        double *to = lg_log_row(t, row);
-        const double *from = row - begin >= r->delay ? lg_log_row(t, row - r->delay) : NULL;
-        for (uint32_t i = 0; i < t->columns; i++)
-            if (t->machine->columns[i].role == LG_LOG_INPUT) to[i] = from != NULL ? from[i] : NAN;
+/* Delays inputs in a stretch without gaps: row j gets the input of row j - delay; the first rows get none. */
+static void delay_inputs(const lg_log_table *t, size_t begin, size_t end) {
+    for (uint32_t i = 0; i < t->columns; i++) {
+        const lg_log_column *c = &t->machine->columns[i];
+        const uint32_t delay = c->role == LG_LOG_INPUT ? t->out->delay[c->index] : 0;
+        for (size_t row = end; delay > 0 && row-- > begin;)
+            lg_log_row(t, row)[i] = row - begin >= delay ? lg_log_row(t, row - delay)[i] : (double)NAN;
     }
 }
 
-static bool input_is_missing(const lg_log_table *t, size_t row) {
-    for (uint32_t i = 0; i < t->columns; i++)
-        if (t->machine->columns[i].role == LG_LOG_INPUT && isnan(lg_log_row(t, row)[i])) return true;
-    return false;
+/* Whether an input is missing; *needed: one that is not held. */
+static bool input_is_missing(const lg_log_table *t, size_t row, bool *needed) {
+    bool missing = *needed = false;
+    for (uint32_t i = 0; i < t->columns; i++) {
+        const lg_log_column *c = &t->machine->columns[i];
+        if (c->role != LG_LOG_INPUT || !isnan(lg_log_row(t, row)[i])) continue;
+        missing = true;
+        *needed = *needed || t->machine->inputs[c->index].hold != LG_HOLD_ZERO;
+    }
+    return missing;
 }
 
 /* The part that is being built. Its rows move down in the table to row `kept`. */
@@ -236,12 +239,12 @@ static void close_part(lg_log_table *t, growing *g) {
 
 /* Cuts a stretch where an input is missing. A held input is unknown after such a row: the row ends its part.
  * Other inputs are unknown before it, too: the row is dropped. */
-static void cut_stretch(reading *r, growing *g, size_t begin, size_t end) {
-    lg_log_table *t = &r->table;
-    delay_inputs(r, begin, end);
+static void cut_stretch(lg_log_table *t, growing *g, size_t begin, size_t end) {
+    delay_inputs(t, begin, end);
     for (size_t row = begin; row < end; row++) {
-        const bool missing = input_is_missing(t, row);
-        if (!missing || t->machine->hold == LG_HOLD_ZERO) keep_row(t, g, row);
+        bool needed;
+        const bool missing = input_is_missing(t, row, &needed);
+        if (!needed) keep_row(t, g, row);
         if (missing) close_part(t, g);
     }
     close_part(t, g);
@@ -265,12 +268,14 @@ static lg_status cut(reading *r) {
     lg_log_table *t = &r->table;
     growing g = {0, 0};
     size_t steps = 0;
+    bool late = false;
+    for (uint32_t i = 0; i < t->machine->machine.input_count; i++) late = late || t->out->delay[i] > 0;
     t->first = lg_alloc(t->context, t->rows + 1, sizeof *t->first);
     if (t->first == NULL) return no_memory(r);
     for (size_t begin = 0, end = 1; begin < t->rows; begin = end++) {
         while (end < t->rows && follows(t, end)) end++, steps++;
         t->gaps += end < t->rows && t->origin[end].run == t->origin[end - 1].run;
-        cut_stretch(r, &g, begin, end);
+        cut_stretch(t, &g, begin, end);
     }
     t->rows = g.kept;
     t->out->gaps = t->gaps;
@@ -283,7 +288,7 @@ static lg_status cut(reading *r) {
             first_path(r), t->out->max_step, t->out->dt_median, t->machine->columns[t->machine->time].name,
             t->machine->columns[t->machine->time].name);
     return lg_fail(r->error, LG_FORMAT, "%s: no two rows with inputs follow each other%s", first_path(r),
-                   r->delay > 0 ? ": is the delay longer than the runs?" : "");
+                   late ? ": is the delay longer than the runs?" : "");
 }
 
 /* ---- logs in the machine's order ---- */
@@ -313,7 +318,7 @@ static void fill_input(const reading *r, size_t begin, size_t end, uint32_t colu
         if (isnan(value)) /* only in the last row of a part; it takes the input of the row before */
             value = to[-(ptrdiff_t)(4 * inputs)];
         to[0] = value;
-        if (t->machine->hold != LG_HOLD_ZERO && row + 1 < end)
+        if (t->machine->inputs[input].hold != LG_HOLD_ZERO && row + 1 < end)
             to[inputs] = lg_log_row(t, row + 1)[column] - value;
     }
 }
@@ -325,7 +330,7 @@ static void fill_inputs(const reading *r, size_t part, double *work) {
         const lg_log_column *c = &t->machine->columns[i];
         if (c->role != LG_LOG_INPUT) continue;
         fill_input(r, begin, end, i, c->index);
-        if (t->machine->hold == LG_HOLD_CUBIC && end - begin >= 4)
+        if (t->machine->inputs[c->index].hold == LG_HOLD_CUBIC && end - begin >= 4)
             lg_log_spline(end - begin, t->out->t + begin, lg_log_row(t, begin) + i, t->columns, work,
                           t->out->u + 4 * begin * inputs + c->index, 4 * inputs, inputs);
     }
@@ -400,7 +405,10 @@ static lg_status read_logs(reading *r) {
     t->out->files = (uint32_t)r->count;
     t->out->runs = t->runs;
     t->out->rows_read = t->rows_read;
-    t->out->delay = r->delay;
+    for (uint32_t i = 0; i < t->machine->machine.input_count; i++) {
+        const lg_log_input *input = &t->machine->inputs[i];
+        t->out->delay[i] = input->estimate_delay ? r->options->delay : input->delay;
+    }
     LG_TRY(measure_steps(r));
     LG_TRY(measure_columns(r));
     LG_TRY(warned(r, warn_of_columns(r)));
@@ -416,8 +424,8 @@ static lg_status check_call(const lg_machine_file *file, const char *const *path
                             const lg_log_options *options, const lg_logs *out, lg_error *error) {
     if (file == NULL || paths == NULL || out == NULL || count < 1 || count > UINT32_MAX)
         return lg_fail(error, LG_INVALID_ARGUMENT, "logs: a machine file and at least one log are needed");
-    if (options->size != sizeof *options || options->delay > UINT32_MAX)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "log options: wrong size or delay");
+    if (options->size != sizeof *options)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "log options: wrong size");
     for (size_t i = 0; i < count; i++)
         if (paths[i] == NULL || *paths[i] == '\0')
             return lg_fail(error, LG_INVALID_ARGUMENT, "a log needs a name");
@@ -440,7 +448,6 @@ lg_status lg_logs_read(const lg_context *context, const lg_machine_file *file, c
                            .options = &options->read,
                            .columns = file->column_count,
                            .out = made},
-                 .delay = options->delay < 0 ? file->delay : (uint32_t)options->delay,
                  .options = options,
                  .count = count,
                  .error = error};

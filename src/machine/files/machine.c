@@ -13,15 +13,9 @@ typedef lg_machine_reading reading;
 /* ---- names ---- */
 
 static const char *const measured_names[] = {"velocities", "momenta", "positions", "velocities-only"};
-static const char *const hold_names[] = {"zero", "linear", "cubic", "auto"};
-enum { HOLD_AUTO = LG_INPUT_HOLD_COUNT };
 
 static const char *name_measured(uint32_t value) {
     return value < LG_LOG_MEASURED_COUNT ? measured_names[value] : NULL;
-}
-
-static const char *name_hold(uint32_t value) {
-    return value <= HOLD_AUTO ? hold_names[value] : NULL;
 }
 
 static const char *name_kind(uint32_t value) {
@@ -63,8 +57,8 @@ static const lg_field keys[KEY_COUNT] = {
     [KEY_COORDINATES] = {.name = "coordinates", .type = LG_FIELD_NODE, .required = true},
     [KEY_INPUTS] = {.name = "inputs", .type = LG_FIELD_MAP},
     [KEY_INPUT_COLUMNS] = {.name = "inputs.columns", .type = LG_FIELD_NODE, .required = true},
-    [KEY_HOLD] = LG_FIELD(lg_machine_file, NULL, "inputs.hold", NAME, hold, .value_name = name_hold),
-    [KEY_DELAY] = {.name = "inputs.delay", .type = LG_FIELD_TEXT},
+    [KEY_HOLD] = {.name = "inputs.hold", .type = LG_FIELD_NODE},
+    [KEY_DELAY] = {.name = "inputs.delay", .type = LG_FIELD_NODE},
     [KEY_LAG] = {.name = "inputs.lag", .type = LG_FIELD_NODE},
     [KEY_CURVE] = {.name = "inputs.curve", .type = LG_FIELD_NODE},
     [KEY_MEASURED] = LG_FIELD(lg_machine_file, NULL, "measured", NAME, measured, .value_name = name_measured),
@@ -324,23 +318,9 @@ static lg_status add_input(reading *r, uint32_t line, const char *name, void *us
 }
 
 static lg_status read_inputs(reading *r, const lg_key_value *values) {
-    const lg_key_value *delay = &values[KEY_DELAY];
-    uint64_t rows = 0;
-    lg_machine_file *out = r->out;
-    out->choose_hold = (int)out->hold == HOLD_AUTO;
-    out->hold_given = values[KEY_HOLD].line != 0;
-    if (out->choose_hold) out->hold = LG_HOLD_ZERO;
     if (values[KEY_INPUTS].line == 0) return LG_OK;
     LG_TRY(lg_machine_texts(r, values[KEY_INPUT_COLUMNS].node, "inputs.columns", add_input, NULL));
-    r->out->estimate_delay = delay->line != 0 && strcmp(delay->text, "estimate") == 0;
-    out->choose_delay = delay->line != 0 && strcmp(delay->text, "auto") == 0;
-    if (delay->line == 0 || out->estimate_delay || out->choose_delay) return LG_OK;
-    if (lg_integer_parse(delay->text, &rows) != LG_OK || rows > 1000000)
-        return lg_yaml_fail(r->yaml, delay->line, LG_FORMAT, r->error,
-                            "inputs.delay: expected a whole number of rows from 0 to 1000000, `auto` or "
-                            "`estimate`");
-    r->out->delay = (uint32_t)rows;
-    return LG_OK;
+    return lg_machine_read_timing(r, &values[KEY_HOLD], &values[KEY_DELAY]);
 }
 
 /* ---- numbers of columns ---- */

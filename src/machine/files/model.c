@@ -106,7 +106,7 @@ static const lg_field facts[] = {
     FACT("run", "residual", REAL, residual, .low = 0),
     FACT("run", "windows", U64, windows, .low = 0),
     FACT("run", "dt", REAL, dt, .low = 0),
-    FACT("run", "delay", U32, delay, .low = 0),
+    FACT("run", "delay", U32, estimated, .low = 0),
     FACT("run", "data_sha256", TEXT, data_sha256, .low = 0),
     LG_FIELD_END};
 
@@ -158,6 +158,10 @@ static lg_status build(lg_h5 *h5, void *user, lg_error *error) {
         error));
     run->machine = description.machine;
     run->machine.scales = run->scales;
+    for (uint32_t i = 0; i < run->machine.input_count; i++) {
+        const lg_log_input *input = &description.inputs[i];
+        run->delay[i] = input->estimate_delay ? run->estimated : input->delay;
+    }
     lg_machine_file_destroy(&description);
     return LG_OK;
 }

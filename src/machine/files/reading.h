@@ -40,7 +40,9 @@ lg_status lg_machine_read_terms(lg_machine_reading *r, lg_machine_part part, con
 lg_status lg_machine_read_system(lg_machine_reading *r, const lg_key_value *system, const lg_key_value *form,
                                  const lg_key_value *parameters);
 
-/* Reads `lag` and `curve` of the inputs. A key with line 0 is not in the file. */
+/* Read how inputs act (actuators.c): `hold` and `delay`, then `lag` and `curve`. A key with line 0 is not in
+ * the file. */
+lg_status lg_machine_read_timing(lg_machine_reading *r, const lg_key_value *hold, const lg_key_value *delay);
 lg_status lg_machine_read_actuators(lg_machine_reading *r, const lg_key_value *lag,
                                     const lg_key_value *curve);
 /* Refuses a machine of `measured: velocities-only` that depends on positions (speeds.c). */

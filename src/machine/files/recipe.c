@@ -22,7 +22,7 @@ static lg_status read_data(lg_training *self, lg_error *error) {
                                      .logs = self->paths + first,
                                      .count = self->path_count - first,
                                      .validation = s->validation,
-                                     .delay = model ? (int64_t)run->delay : -1};
+                                     .delay = model ? (int64_t)run->estimated : -1};
     const lg_status status = lg_machine_data_read(self->context, &from, &s->data, error);
     self->failed = s->data.failed;
     if (status != LG_OK) return status;
@@ -215,6 +215,17 @@ static lg_status find_scales(lg_training *self, lg_error *error) {
     return lg_machine_find_scales(&run->machine, &log, error);
 }
 
+/* The delays of the inputs as they were applied (lg_machine_model_run). */
+static void find_delays(const lg_machine_state *s, lg_machine_model_run *run) {
+    bool any = false;
+    memcpy(run->delay, s->data.logs.delay, sizeof run->delay);
+    run->estimated = 0;
+    for (uint32_t i = 0; i < run->machine.input_count && !any; i++) {
+        any = s->data.file.inputs[i].estimate_delay;
+        if (any || run->delay[i] > run->estimated) run->estimated = run->delay[i];
+    }
+}
+
 static lg_status describe(lg_training *self, lg_error *error) {
     const lg_machine_state *s = self->state;
     lg_machine_model_run *run = self->run;
@@ -225,7 +236,7 @@ static lg_status describe(lg_training *self, lg_error *error) {
     LG_TRY(find_scales(self, error));
     run->scales = run->machine.scales;
     lg_machine_find_range(&run->machine, &s->data.training, &run->range);
-    run->delay = s->data.logs.delay;
+    find_delays(s, run);
     run->dt = s->data.logs.dt_median;
     if (self->stored != NULL) {
         const lg_machine_model_run *before = self->stored;

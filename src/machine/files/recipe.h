@@ -17,7 +17,7 @@ typedef struct lg_machine_sources {
     const char *const *logs; /* (count) paths of the logs for training */
     size_t count;
     const char *validation; /* comma-separated paths of the validation logs; may be NULL */
-    int64_t delay;          /* delay of the inputs in rows; < 0: as in the machine's file */
+    int64_t delay;          /* rows, of inputs with `delay: estimate`; < 0: it is estimated */
     bool quiet;             /* warnings of the reader are not told: they were told before */
 } lg_machine_sources;
 
@@ -191,8 +191,12 @@ typedef struct lg_machine_verdict {
     char gauge[160];
 } lg_machine_verdict;
 
-/* What was chosen for the inputs, and the root mean square errors of free runs with the other choices,
- * divided by that of the chosen one; 0: not tried. */
+/* Where fits of lags start, in rows (warm_up.c). */
+#define LG_LAG_STARTS 4
+extern const double lg_lag_starts[LG_LAG_STARTS];
+extern const char *const lg_input_holds[LG_INPUT_HOLD_COUNT]; /* their names (actuators.c) */
+/* Of an input: the root mean square errors of free runs with each hold and delay, divided by that of the
+ * chosen one; 0: not tried. */
 #define LG_MACHINE_DELAYS 6
 typedef struct lg_input_choice {
     double hold[LG_INPUT_HOLD_COUNT], delay[LG_MACHINE_DELAYS];
@@ -225,7 +229,9 @@ typedef struct lg_machine_state {
     const struct lg_held_out *held;
     size_t most_windows;
     const struct lg_machine_warm *warm; /* parameters to begin from; NULL: none */
-    lg_input_choice inputs;
+    lg_input_choice inputs[LG_MACHINE_INPUTS];
+    /* The losses of the fits from each start of the lags, divided by the least one; 0: not tried. */
+    double lag_ratios[LG_LAG_STARTS];
     const char *suggest; /* where the suggested machine is written, "-" for standard output; NULL: none */
     lg_suggestion suggestion;
     uint32_t select;   /* 1: free runs over held-out windows choose the epoch (select.c) */

@@ -131,11 +131,13 @@ static lg_status balance(lg_training *self, const lg_machine *machine, const dou
     return LG_OK;
 }
 
-/* Fits from lags of 2, 5, 10 and 30 rows, and takes the start whose loss is least. */
+const double lg_lag_starts[LG_LAG_STARTS] = {2, 5, 10, 30};
+
+/* Fits from each start of the lags, and takes the one whose loss is least. */
 static lg_status scan_lags(lg_training *self, const lg_machine *machine, double *theta, lg_error *error) {
     enum { LONG = 20, SHORT = 5 };
-    static const double rows[] = {2, 5, 10, 30}, least = 0.2;
-    const lg_machine_state *s = self->state;
+    static const double least = 0.2;
+    lg_machine_state *s = self->state;
     const uint32_t window = s->positions || s->noisy ? LONG : SHORT;
     const lg_scheme *scheme = s->problem.scheme;
     const lg_machine_problem problem = short_windows(self, machine, scheme, window);
@@ -145,16 +147,18 @@ static lg_status scan_lags(lg_training *self, const lg_machine *machine, double 
     LG_TRAINING_ARRAY(self, found, n + 1, error);
     memcpy(own, theta, n * sizeof *own);
     if (lg_machine_set_lags(machine, 1.0, own) == 0) return LG_OK;
-    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+    for (size_t i = 0; i < LG_LAG_STARTS; i++) {
         double loss = 0;
         memcpy(own, theta, n * sizeof *own);
-        (void)lg_machine_set_lags(machine, rows[i] / least * machine->scales.lag[0], own);
+        (void)lg_machine_set_lags(machine, lg_lag_starts[i] / least * machine->scales.lag[0], own);
         LG_TRY(fit_short(self, machine, scheme, window, own, error));
         LG_TRY(lg_machine_loss(self->context, &problem, own, &loss, NULL, error));
+        s->lag_ratios[i] = isfinite(loss) ? loss : 0;
         if (!(loss < best)) continue;
         best = loss;
         memcpy(found, own, n * sizeof *found);
     }
+    for (size_t i = 0; i < LG_LAG_STARTS && best > 0; i++) s->lag_ratios[i] /= best;
     if (isfinite(best)) memcpy(theta, found, n * sizeof *theta);
     return LG_OK;
 }
