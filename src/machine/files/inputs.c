@@ -1,4 +1,4 @@
-/* Chooses how inputs act between rows, and their delay, by free runs over windows that are held out. */
+/* Chooses how inputs act between rows, and their delay. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -69,17 +69,36 @@ static lg_status run_grid(const lg_choosing *c, const lg_machine_file *file, gri
     return LG_OK;
 }
 
-/* `one` leaves less of the error than `other`, by more than chance and by more than 5 %. */
-static bool beats(const lg_choosing *c, const lg_machine_trial *one, const lg_machine_trial *other) {
+/* How two trials compare: the error of the first one, divided by that of the other one, whether it is less by
+ * more than chance and by more than 5 %, and the rows of the runs that tell. */
+typedef struct comparison {
+    double ratio;
+    bool beats;
+    size_t rows;
+} comparison;
+
+static comparison compare_on(size_t count, size_t rows, const double *one, const double *other) {
     static const double less = 0.95;
-    if (one->square == NULL || other->square == NULL) return one->square != NULL;
-    const lg_held_out_ratio found = lg_held_out_compare(c->held.count, one->square, other->square);
-    return found.better && found.ratio < less;
+    const lg_held_out_ratio found = lg_held_out_compare(count, one, other);
+    return (comparison){found.ratio, found.better && found.ratio < less, rows};
+}
+
+/* The windows of the fits compare, for holds and delays add no parameter. If these windows cannot tell which
+ * of the two trials is better, the long windows do that were held out. */
+static comparison compare(const lg_choosing *c, const lg_machine_trial *one, const lg_machine_trial *other) {
+    if (one->square == NULL || other->square == NULL) return (comparison){.beats = one->square != NULL};
+    const size_t fits = one->fits < other->fits ? one->fits : other->fits;
+    const comparison own = compare_on(fits, one->rows, one->left, other->left);
+    if (own.beats || compare_on(fits, one->rows, other->left, one->left).beats) return own;
+    return compare_on(c->held.count, c->held.steps, one->square, other->square);
+}
+
+static bool beats(const lg_choosing *c, const lg_machine_trial *one, const lg_machine_trial *other) {
+    return compare(c, one, other).beats;
 }
 
 static double ratio_of(const lg_choosing *c, const lg_machine_trial *one, const lg_machine_trial *other) {
-    if (one->square == NULL || other->square == NULL) return 0;
-    return lg_held_out_compare(c->held.count, one->square, other->square).ratio;
+    return compare(c, one, other).ratio;
 }
 
 /* The combination with the least error, and then the first one (small delays, then held inputs first) that it
@@ -116,19 +135,21 @@ static void tell_choice(const lg_training *self, const lg_choosing *c, const gri
                         uint32_t delay) {
     const lg_machine_state *s = self->state;
     const lg_machine_trial *chosen = &g->trial[hold][delay];
-    const double seconds = (double)c->held.steps * s->data.logs.dt_median;
+    const comparison held = compare(c, chosen, &g->trial[LG_HOLD_ZERO][delay]),
+                     early = compare(c, chosen, &g->trial[hold][0]);
+    const double dt = s->data.logs.dt_median;
     char text[32];
     if (g->holds > 1 && hold != LG_HOLD_ZERO)
         LG_WARN(
             self,
-            "the input is a sampled analogue signal: hold: %s leaves %s of the error of a held input (free "
-            "runs of %.3g s that were not trained on), and is taken",
-            holds[hold], share(ratio_of(c, chosen, &g->trial[LG_HOLD_ZERO][delay]), text), seconds);
+            "the input is a sampled analogue signal: hold: %s leaves %s of the error of a held input (runs "
+            "of %.3g s), and is taken",
+            holds[hold], share(held.ratio, text), (double)held.rows * dt);
     if (g->delays > 1 && delay > 0)
         LG_WARN(self,
                 "the inputs act %u row%s after they are logged: this leaves %s of the error without a delay "
-                "(free runs of %.3g s that were not trained on)",
-                delay, delay == 1 ? "" : "s", share(ratio_of(c, chosen, &g->trial[hold][0]), text), seconds);
+                "(runs of %.3g s)",
+                delay, delay == 1 ? "" : "s", share(early.ratio, text), (double)early.rows * dt);
 }
 
 static lg_status take(lg_training *self, const lg_choosing *c, const grid *g, lg_error *error) {
