@@ -26,6 +26,10 @@ static double cubic(double v) {
     return 0.6 * v * v * v;
 }
 
+static double asymmetric(double v) {
+    return 0.2 * fabs(v) - 0.1;
+}
+
 static const double interval = 0.05;
 
 static double input_at(double t) {
@@ -150,6 +154,17 @@ static void suggests(double (*friction)(double), const char *name, const char *a
 TEST("--suggest names the term that the log asks for, and writes the machine that has it") {
     suggests(coulomb, "coulomb", "the log asks for Coulomb friction: it leaves 0.");
     suggests(cubic, "cubic", "the log asks for friction that grows with the cube of the velocity");
+}
+
+TEST("--suggest gives friction that differs by direction an offset beside it") {
+    char text[1000];
+    write_log("log.csv", &(plant){asymmetric, true, 0, 1500, 1, 0});
+    cli_json(identify, "fit held.yaml log.csv --out m.h5 --suggest new.yaml", "suggested [\"asymmetric\"]");
+    assert_says(result.err, "and for a constant force (an offset) beside it");
+    (void)cli_read("new.yaml", text, sizeof text);
+    assert_says(text, "offset: unknown");
+    assert_true(fabs(json_number(json_find(json_find(result.out, "identified"), "offset.x"), "value") - 0.1) <
+                0.01);
 }
 
 TEST("--suggest takes nothing where nothing is missing") {

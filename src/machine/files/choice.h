@@ -112,6 +112,7 @@ typedef struct lg_candidate {
      * condition. */
     const char *part, *kind, *unless;
     const char *asks; /* "the log asks for ..." */
+    bool offset;      /* a machine without an offset gets one too: motion hardly tells the two apart */
     bool each;        /* one for each line */
     bool last;        /* only if no other candidate helps */
     bool (*applies)(const lg_machine_file *file, const struct lg_candidate *self); /* NULL: always */
