@@ -152,6 +152,29 @@ static void tell_choice(const lg_training *self, const lg_choosing *c, const gri
                 delay, delay == 1 ? "" : "s", share(early.ratio, text), (double)early.rows * dt);
 }
 
+static size_t numbers_of(const lg_machine_trial *trial, lg_identified *out) {
+    const size_t count =
+        lg_machine_numbers(&trial->learned.machine, trial->learned.theta, LG_MACHINE_VALUES, out);
+    return count < LG_MACHINE_VALUES ? count : LG_MACHINE_VALUES;
+}
+
+/* How much the numbers change with the holds that the chosen one does not beat. */
+static void find_changes(const lg_choosing *c, const grid *g, uint32_t hold, uint32_t delay,
+                         lg_input_choice *out) {
+    const lg_machine_trial *chosen = &g->trial[hold][delay];
+    lg_identified other[LG_MACHINE_VALUES];
+    if (chosen->square == NULL) return;
+    out->count = numbers_of(chosen, out->numbers);
+    for (size_t i = 0; i < out->count; i++) out->numbers[i].error = 0;
+    for (uint32_t h = g->hold; h < g->hold + g->holds; h++) {
+        const lg_machine_trial *trial = &g->trial[h][delay];
+        if (trial == chosen || beats(c, chosen, trial)) continue;
+        const size_t count = numbers_of(trial, other);
+        for (size_t i = 0; i < count && i < out->count; i++)
+            out->numbers[i].error = fmax(out->numbers[i].error, fabs(other[i].value - out->numbers[i].value));
+    }
+}
+
 static lg_status take(lg_training *self, const lg_choosing *c, const grid *g, lg_error *error) {
     lg_machine_state *s = self->state;
     uint32_t hold, delay;
@@ -161,6 +184,7 @@ static lg_status take(lg_training *self, const lg_choosing *c, const grid *g, lg
         s->inputs.hold[h] = ratio_of(c, &g->trial[h][delay], &g->trial[hold][delay]);
     for (uint32_t d = g->delay; d < g->delay + g->delays; d++)
         s->inputs.delay[d] = ratio_of(c, &g->trial[hold][d], &g->trial[hold][delay]);
+    find_changes(c, g, hold, delay, &s->inputs);
     tell_choice(self, c, g, hold, delay);
     LG_TRY(write_text(&s->data.file, g, hold, delay, self->paths[0], &text, error));
     const lg_status status = lg_machine_reread(self, text, error);
@@ -195,6 +219,25 @@ lg_status lg_machine_choose_inputs(lg_training *self, lg_error *error) {
     }
     lg_free(self->context, g);
     return status;
+}
+
+void lg_machine_widen(lg_training *self, size_t count, lg_identified *numbers) {
+    const lg_input_choice *inputs = &((const lg_machine_state *)self->state)->inputs;
+    const lg_identified *most = NULL;
+    double worst = 1;
+    for (size_t i = 0; i < count; i++)
+        for (size_t k = 0; k < inputs->count; k++) {
+            const lg_identified *changed = &inputs->numbers[k];
+            if (strcmp(changed->name, numbers[i].name) != 0) continue;
+            if (changed->error > worst * numbers[i].error)
+                worst = changed->error / numbers[i].error, most = changed;
+            numbers[i].error = hypot(numbers[i].error, changed->error);
+        }
+    if (most != NULL)
+        LG_WARN(self,
+                "the log does not tell how the inputs act between rows, and it matters: another hold changes "
+                "%s by %.2g; standard errors contain this",
+                most->name, most->error);
 }
 
 /* Writes {"chosen": ..., "ratios": {...}} of what was tried. */
