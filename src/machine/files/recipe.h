@@ -196,7 +196,8 @@ typedef struct lg_machine_verdict {
 #define LG_MACHINE_DELAYS 6
 typedef struct lg_input_choice {
     double hold[LG_INPUT_HOLD_COUNT], delay[LG_MACHINE_DELAYS];
-    /* Numbers of the machine; `error`: their largest change with another hold that the log does not refute. */
+    /* Numbers of the machine; `error`: their largest change with another hold that the log does not
+     * refute. */
     lg_identified numbers[LG_MACHINE_VALUES];
     size_t count;
 } lg_input_choice;
