@@ -20,7 +20,7 @@ static const lg_field options[] = {
               .value = "offset,friction"),
     LG_OPTION(
         adapt_values, window, U64, "M",
-        "Rows of the windows that are fitted (default the whole beginning, if the model runs through it)",
+        "Rows of the windows that are fitted (default an eighth of the beginning, or those of the training)",
         .low = 2, .high = 1e9),
     LG_OPTION(adapt_values, substeps, U64, "n", "Integrator steps between two points of the data", .low = 1,
               .high = 1e6, .otherwise = "the model's"),
@@ -38,6 +38,7 @@ typedef struct adapting {
     lg_machine_log begin, whole; /* the rows before the cut; all rows, with these parts */
     double x[LG_ADAPT_MOST], error[LG_ADAPT_MOST], alone[LG_ADAPT_MOST];
     uint32_t window;
+    bool kept; /* the model as it is: the beginning shows no change */
     lg_machine_adapted found;
     /* root mean squares per column of the free run of the rest */
     double before[LG_LOG_COLUMNS], after[LG_LOG_COLUMNS], unchanged[LG_LOG_COLUMNS];
@@ -179,14 +180,16 @@ static double loss_at_rest(const adapting *a) {
     return sum;
 }
 
-/* Takes the longest windows that the model runs through: the whole beginning or, if it leaves it, halves of
- * it and so on, down to the windows of the training. */
-static void fit_longest(const app *self, adapting *a) {
+/* Eight windows, whose residuals tell the errors of the numbers; if the model leaves them, halves and so on,
+ * down to the windows of the training. */
+static void fit_windows(const app *self, adapting *a) {
+    enum { WINDOWS = 8 };
     static const double leaves = 0.5;
     const size_t longest = longest_part(&a->begin);
     const double rest = loss_at_rest(a);
     const uint32_t least = a->to.run.window < longest ? a->to.run.window : (uint32_t)longest;
-    a->window = values.window > 0 && values.window < longest ? (uint32_t)values.window : (uint32_t)longest;
+    const size_t eighth = longest / WINDOWS > least ? longest / WINDOWS : least;
+    a->window = (uint32_t)(values.window == 0 ? eighth : values.window < longest ? values.window : longest);
     for (;;) {
         const bool done = fit(self, a);
         if (done && (values.window > 0 || a->window <= least || a->found.after < leaves * rest)) return;
@@ -196,6 +199,14 @@ static void fit_longest(const app *self, adapting *a) {
                      values.seconds);
         a->window = a->window / 2 > least ? a->window / 2 : least;
     }
+}
+
+/* Whether the numbers have moved by more than chance explains in one of 200 cases: chi-squared by Wilson and
+ * Hilferty. */
+static bool has_changed(const adapting *a) {
+    static const double normal = 2.576;
+    const double n = (double)a->to.count, part = 2 / (9 * n);
+    return a->found.change > n * pow(1 - part + normal * sqrt(part), 3);
 }
 
 /* ---- the judgement ---- */
@@ -236,7 +247,11 @@ static void warn(const app *self, const adapting *a) {
                 "%g s are too short to tell %s: the beginning of the log tells it no better than the prior, "
                 "%.2g of its standard deviation; give more --seconds, or fewer --numbers",
                 values.seconds, a->to.names[k], a->alone[k]);
-    for (uint32_t c = 0; c < a->given.data.file.column_count; c++)
+    if (a->kept)
+        app_warn(self,
+                 "the first %g s do not show by more than chance that %s changed: the model is kept as it is",
+                 values.seconds, values.numbers);
+    for (uint32_t c = 0; c < a->given.data.file.column_count && !a->kept; c++)
         if (a->after[c] > a->before[c]) {
             app_warn(self,
                      "the adapted model predicts the rest worse than before: what changes is not a number "
@@ -272,6 +287,7 @@ static void report(const app *self, const adapting *a) {
     app_result_rows_end(&out);
     app_result_text(&out, "errors", a->found.block > 0 ? "corrected for correlation" : "white", NULL);
     app_result_size(&out, "window", a->window, "rows of a window of the fit");
+    app_result_text(&out, "numbers", a->kept ? "kept" : "changed", NULL);
     app_result_named(&out, "rest", "root mean square of the rest, free run");
     for (uint32_t c = 0; c < file->column_count; c++) {
         if (!identify_is_state(&file->columns[c])) continue;
@@ -306,7 +322,9 @@ static int run(app *self) {
     find_forces(self, &a, force);
     APP_MUST(self, lg_adaptation_create(self->context, self->arguments[0], &a.given.file, values.numbers,
                                         force, &a.to, &error));
-    fit_longest(self, &a);
+    fit_windows(self, &a);
+    a.kept = !has_changed(&a);
+    for (size_t k = 0; k < a.to.count && a.kept; k++) a.x[k] = 0;
     judge(self, &a, &a.given.model, false, a.before);
     judge(self, &a, &a.given.model, true, a.unchanged);
     lg_adaptation_move(&a.to, a.x);
@@ -324,7 +342,7 @@ const app_command adapt_command = {.name = "adapt",
                                    .arguments = "MODEL.h5 LOG",
                                    .summary =
                                        "Fit a few numbers to the beginning of a new log, and judge the rest",
-                                   .details = "The numbers are fitted to free runs over the first --seconds "
+                                   .details = "The numbers are fitted to free runs in the first --seconds "
                                               "of the log, whose starts are estimated. Before "
                                               "any data, the factor of all friction is 1 with a standard "
                                               "deviation of .1, and an offset 0 with a tenth of "

@@ -615,6 +615,9 @@ typedef struct lg_machine_adapted {
     double *alone;        /* standard deviation from the logs alone, infinite where they show nothing */
     double before, after; /* losses with x = 0 and with x; the starts are estimated for each */
     double block;         /* as in lg_identification */
+    /* x^T C^-1 x, where C is the covariance from the logs alone: chi-squared with `count` degrees of freedom
+     * if nothing has changed */
+    double change;
 } lg_machine_adapted;
 /* Finds the most probable x; before any data each x_k is from N(0, 1), so directions have the length of their
  * prior's standard deviation. Errors: those of lg_fit and of the tape, LG_NOT_FINITE (the runs). */

@@ -115,21 +115,32 @@ typedef struct adapting {
     lg_machine_uncertainty found;
 } adapting;
 
+/* Runs the fit until a few epochs together no longer lower the loss: the problem is nearly linear. */
+static lg_status settle(lg_fit *fit, double *loss_at, lg_error *error) {
+    static const double settled = 1e-6;
+    double before;
+    *loss_at = (double)INFINITY;
+    do {
+        before = *loss_at;
+        LG_TRY(lg_fit_run(fit, error));
+        *loss_at = lg_fit_history(fit, LG_FIT_LOSS)[lg_fit_epochs_done(fit) - 1];
+    } while (*loss_at < (1.0 - settled) * before);
+    return LG_OK;
+}
+
 static lg_status minimise(adapting *a, double *loss_at, lg_error *error) {
-    enum { MOST_EVALUATIONS = 60 };
+    enum { MOST_EVALUATIONS = 60, FEW = 4 };
     lg_fit_options options;
     lg_fit *fit = NULL;
     lg_fit_options_init(&options);
     options.plan.phases = 1;
     options.plan.phase[0].method = LG_FIT_LM;
     options.epochs = MOST_EVALUATIONS;
+    options.stop_after = FEW;
     options.shards = 1;
     LG_TRY(lg_fit_create(a->context, &a->fit, &options, a->x, &fit, error));
-    const lg_status status = lg_fit_run(fit, error);
-    if (status == LG_OK) {
-        lg_fit_parameters(fit, a->x);
-        *loss_at = lg_fit_history(fit, LG_FIT_LOSS)[lg_fit_epochs_done(fit) - 1];
-    }
+    const lg_status status = settle(fit, loss_at, error);
+    if (status == LG_OK) lg_fit_parameters(fit, a->x);
     lg_fit_destroy(fit);
     return status;
 }
@@ -140,7 +151,7 @@ static void weigh_prior(adapting *a, double variance) {
 }
 
 /* Errors with the prior: the covariance (C^-1 + 1)^-1 with C = W W^T is W V (1 + L)^-1 V^T W^T, where
- * W^T W = V L V^T. */
+ * W^T W = V L V^T. The change is x^T C^-1 x = |L^-1 V^T W^T x|^2. */
 static bool tell_errors(const adapting *a, double *work, lg_machine_adapted *out) {
     static const double lost = 1e3;
     const size_t n = a->of->count;
@@ -150,6 +161,12 @@ static bool tell_errors(const adapting *a, double *work, lg_machine_adapted *out
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < n; j++) square[i * n + j] = k->dot(n, W + i * n, W + j * n);
     if (!lg_machine_eigen(a->context, n, square, values)) return false;
+    out->change = 0.0;
+    for (size_t j = 0; j < n; j++) {
+        double along = 0.0;
+        for (size_t l = 0; l < n; l++) along += k->dot(n, W + l * n, out->x) * square[j * n + l];
+        out->change += values[j] > 0.0 ? along * along / (values[j] * values[j]) : 0.0;
+    }
     for (size_t i = 0; i < n; i++) {
         double alone = 0.0, both = 0.0;
         for (size_t j = 0; j < n; j++) {

@@ -31,6 +31,10 @@ static int setup(void **state) {
         "generate second.yaml --runs 1 --inputs steps --amplitude 3 --t-end 20 --dt 0.02 --noise 0.002 "
         "--seed 2 --out second.csv",
         0, "");
+    cli_expect(identify,
+               "generate first.yaml --runs 1 --inputs steps --amplitude 3 --t-end 20 --dt 0.02 --noise 0.002 "
+               "--seed 3 --out same.csv",
+               0, "");
     return 0;
 }
 
@@ -57,6 +61,15 @@ TEST("friction and a constant force of the second day are found in ten seconds, 
         cli_json(identify, "evaluate m.h5 second.csv", "free_run {");
         assert_true(json_number(json_find(result.out, "free_run"), "x") > 0.1);
     }
+}
+
+TEST("a log that shows no change keeps the model, and says so") {
+    cli_expect(identify, "fit model.yaml first.csv --out m.h5", 0, "");
+    cli_json(identify, "adapt m.h5 same.csv --seconds 10", "adapted {");
+    assert_says(result.err, "do not show by more than chance that offset,friction changed");
+    assert_says(result.out, "\"numbers\": \"kept\"");
+    assert_true(of("rest", "x", "after") == of("rest", "x", "before"));
+    assert_true(of("adapted", "friction", "value") == 1);
 }
 
 TEST("numbers that cannot be adapted are refused with a list of those that can, and too short a beginning is "

@@ -49,6 +49,7 @@ const lg_candidate lg_candidates[] = {
      .part = "damping",
      .kind = "asymmetric",
      .unless = "asymmetric network",
+     .offset = true,
      .asks = "viscous friction that differs by direction"},
     {.name = "quadratic",
      .edit = {LG_YAML_APPEND, "damping", NULL, "{kind: quadratic}"},

@@ -73,6 +73,33 @@ static lg_status read_trial(const lg_choosing *c, const char *text, trial_traini
     return lg_held_out_match(&c->held, &all->data.logs, &t->state.data.logs, &t->held, error);
 }
 
+/* The loss of each window of the fit, with the scales that the loss had before the fit. */
+static lg_status judge_fit(const trial_training *t, const lg_machine_problem *before, lg_machine_trial *out,
+                           lg_error *error) {
+    const lg_training *self = &t->training;
+    const size_t P = t->run.machine.parameters, all = before->windows,
+                 start = (lg_machine_problem_parameters(before) - P) / all;
+    lg_machine_problem one = *before;
+    double *theta = lg_alloc(self->context, P + start + 1, sizeof *theta);
+    out->left = lg_alloc(self->context, all, sizeof *out->left);
+    lg_status status = theta != NULL && out->left != NULL
+                           ? LG_OK
+                           : lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    one.substeps = t->run.substeps;
+    one.windows = 1;
+    one.validation = 0;
+    out->rows = one.window;
+    out->fits = all - before->validation;
+    if (status == LG_OK) memcpy(theta, self->theta, P * sizeof *theta);
+    for (size_t w = 0; w < out->fits && status == LG_OK; w++) {
+        one.start = before->start + w;
+        memcpy(theta + P, self->theta + P + w * start, start * sizeof *theta);
+        status = lg_machine_loss(self->context, &one, theta, &out->left[w], NULL, error);
+    }
+    lg_free(self->context, theta);
+    return status;
+}
+
 static lg_status learn(trial_training *t, lg_machine_trial *out, lg_error *error) {
     enum { MOST_EPOCHS = 300 };
     lg_training *self = &t->training;
@@ -80,6 +107,7 @@ static lg_status learn(trial_training *t, lg_machine_trial *out, lg_error *error
     lg_fit_settings *training = lg_training_settings(self);
     LG_TRY(trainer->describe(self, error));
     LG_TRY(trainer->prepare(self, error));
+    const lg_machine_problem before = t->state.problem;
     if (training->epochs > MOST_EPOCHS) training->epochs = MOST_EPOCHS;
     lg_fit_options_init(&self->options);
     lg_fit_settings_apply(training, &self->options);
@@ -92,7 +120,7 @@ static lg_status learn(trial_training *t, lg_machine_trial *out, lg_error *error
     if (out->learned.theta == NULL)
         return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
     memcpy(out->learned.theta, self->theta, t->run.machine.parameters * sizeof *self->theta);
-    return LG_OK;
+    return judge_fit(t, &before, out, error);
 }
 
 static lg_status judge(const trial_training *t, lg_machine_trial *out, lg_error *error) {
@@ -145,6 +173,7 @@ void lg_machine_trial_destroy(const lg_choosing *c, lg_machine_trial *trial) {
     lg_free(c->quiet, trial->text);
     lg_free(c->quiet, trial->learned.theta);
     lg_free(c->quiet, trial->square);
+    lg_free(c->quiet, trial->left);
     *trial = (lg_machine_trial){.text = NULL};
 }
 

@@ -64,6 +64,10 @@ typedef struct lg_machine_trial {
     lg_error why;
     struct lg_machine_warm learned; /* theta is owned */
     double *square;                 /* (windows), owned; NULL if it was not learned */
+    /* (fits), owned: what the fit left of its own windows, in units that do not depend on the machine. Long
+     * runs hide how inputs act from row to row. */
+    double *left;
+    size_t fits, rows; /* rows: of such a window */
 } lg_machine_trial;
 
 /* What trials share. */
@@ -90,10 +94,14 @@ lg_status lg_machine_reread(lg_training *self, const char *text, lg_error *error
 
 /* ---- hold and delay of the inputs (inputs.c) ---- */
 
-/* Chooses what the machine's file leaves open: `hold: auto` or no `hold`, `delay: auto`. Tells the choice,
+/* Chooses what the machine's file leaves open, `hold: auto` or no `hold`, `delay: auto`, by the windows of
+ * the fits or, where these cannot tell, by free runs. Tells the choice,
  * and writes it into the machine's text. */
 lg_status lg_machine_choose_inputs(lg_training *self, lg_error *error);
 void lg_machine_tell_inputs(lg_training *self);
+/* Adds to the errors of numbers how much these change with another hold that the log does not refute. Warns
+ * if that is more than the error of one of them. */
+void lg_machine_widen(lg_training *self, size_t count, lg_identified *numbers);
 
 /* ---- lags that were learned (learned_lags.c) ---- */
 
@@ -116,6 +124,7 @@ typedef struct lg_candidate {
      * condition. */
     const char *part, *kind, *unless;
     const char *asks; /* "the log asks for ..." */
+    bool offset;      /* a machine without an offset gets one too: motion hardly tells the two apart */
     bool each;        /* one for each line */
     bool last;        /* only if no other candidate helps */
     bool (*applies)(const lg_machine_file *file, const struct lg_candidate *self); /* NULL: always */

@@ -1,4 +1,4 @@
-/* Chooses how inputs act between rows, and their delays, by free runs over windows that are held out. */
+/* Chooses how inputs act between rows, and their delays. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -108,17 +108,36 @@ static lg_status run_grid(const lg_choosing *c, const lg_machine_data *data, gri
     return LG_OK;
 }
 
-/* `one` leaves less of the error than `other`, by more than chance and by more than 5 %. */
-static bool beats(const lg_choosing *c, const lg_machine_trial *one, const lg_machine_trial *other) {
+/* How two trials compare: the error of the first one, divided by that of the other one, whether it is less by
+ * more than chance and by more than 5 %, and the rows of the runs that tell. */
+typedef struct comparison {
+    double ratio;
+    bool beats;
+    size_t rows;
+} comparison;
+
+static comparison compare_on(size_t count, size_t rows, const double *one, const double *other) {
     static const double less = 0.95;
-    if (one->square == NULL || other->square == NULL) return one->square != NULL;
-    const lg_held_out_ratio found = lg_held_out_compare(c->held.count, one->square, other->square);
-    return found.better && found.ratio < less;
+    const lg_held_out_ratio found = lg_held_out_compare(count, one, other);
+    return (comparison){found.ratio, found.better && found.ratio < less, rows};
+}
+
+/* The windows of the fits compare, for holds and delays add no parameter. If these windows cannot tell which
+ * of the two trials is better, the long windows do that were held out. */
+static comparison compare(const lg_choosing *c, const lg_machine_trial *one, const lg_machine_trial *other) {
+    if (one->square == NULL || other->square == NULL) return (comparison){.beats = one->square != NULL};
+    const size_t fits = one->fits < other->fits ? one->fits : other->fits;
+    const comparison own = compare_on(fits, one->rows, one->left, other->left);
+    if (own.beats || compare_on(fits, one->rows, other->left, one->left).beats) return own;
+    return compare_on(c->held.count, c->held.steps, one->square, other->square);
+}
+
+static bool beats(const lg_choosing *c, const lg_machine_trial *one, const lg_machine_trial *other) {
+    return compare(c, one, other).beats;
 }
 
 static double ratio_of(const lg_choosing *c, const lg_machine_trial *one, const lg_machine_trial *other) {
-    if (one->square == NULL || other->square == NULL) return 0;
-    return lg_held_out_compare(c->held.count, one->square, other->square).ratio;
+    return compare(c, one, other).ratio;
 }
 
 /* The combination with the least error, and then the first one (small delays, then held inputs first) that it
@@ -168,26 +187,50 @@ static void tell_choice(const lg_training *self, const lg_choosing *c, const gri
     const lg_machine_state *s = self->state;
     const lg_machine *machine = &s->data.file.machine;
     const lg_machine_trial *chosen = &g->trial[hold][delay];
-    const double seconds = (double)c->held.steps * s->data.logs.dt_median;
+    const comparison held = compare(c, chosen, &g->trial[LG_HOLD_ZERO][delay]),
+                     early = compare(c, chosen, &g->trial[hold][0]);
+    const double dt = s->data.logs.dt_median;
     char text[32], who[96];
     if (g->holds > 1 && hold != LG_HOLD_ZERO) {
         (void)name_inputs(machine, g->hold, "is a sampled analogue signal",
                           machine->input_count > 1 ? "the inputs are sampled analogue signals"
                                                    : "the input is a sampled analogue signal",
                           who);
-        LG_WARN(self,
-                "%s: hold: %s leaves %s of the error of a held input (free runs of %.3g s that were not "
-                "trained on), and is taken",
-                who, lg_input_holds[hold], share(ratio_of(c, chosen, &g->trial[LG_HOLD_ZERO][delay]), text),
-                seconds);
+        LG_WARN(self, "%s: hold: %s leaves %s of the error of a held input (runs of %.3g s), and is taken",
+                who, lg_input_holds[hold], share(held.ratio, text), (double)held.rows * dt);
     }
     if (g->delays > 1 && delay > 0) {
         const bool single = name_inputs(machine, g->delay, "acts", "the inputs act", who);
         LG_WARN(self,
-                "%s %u row%s after %s logged: this leaves %s of the error without a delay (free runs of %.3g "
-                "s that were not trained on)",
-                who, delay, delay == 1 ? "" : "s", single ? "it is" : "they are",
-                share(ratio_of(c, chosen, &g->trial[hold][0]), text), seconds);
+                "%s %u row%s after %s logged: this leaves %s of the error without a delay (runs of %.3g s)",
+                who, delay, delay == 1 ? "" : "s", single ? "it is" : "they are", share(early.ratio, text),
+                (double)early.rows * dt);
+    }
+}
+
+static size_t numbers_of(const lg_machine_trial *trial, lg_identified *out) {
+    const size_t count =
+        lg_machine_numbers(&trial->learned.machine, trial->learned.theta, LG_MACHINE_VALUES, out);
+    return count < LG_MACHINE_VALUES ? count : LG_MACHINE_VALUES;
+}
+
+/* How much the numbers change with the holds that the chosen one does not beat; with several searches the
+ * largest change of all. */
+static void find_changes(const lg_choosing *c, const grid *g, uint32_t hold, uint32_t delay,
+                         lg_input_changes *out) {
+    const lg_machine_trial *chosen = &g->trial[hold][delay];
+    lg_identified other[LG_MACHINE_VALUES];
+    double before[LG_MACHINE_VALUES] = {0.0};
+    if (chosen->square == NULL) return;
+    for (size_t i = 0; i < out->count; i++) before[i] = out->numbers[i].error;
+    out->count = numbers_of(chosen, out->numbers);
+    for (size_t i = 0; i < out->count; i++) out->numbers[i].error = before[i];
+    for (uint32_t h = 0; h < g->holds; h++) {
+        const lg_machine_trial *trial = &g->trial[h][delay];
+        if (trial == chosen || beats(c, chosen, trial)) continue;
+        const size_t count = numbers_of(trial, other);
+        for (size_t i = 0; i < count && i < out->count; i++)
+            out->numbers[i].error = fmax(out->numbers[i].error, fabs(other[i].value - out->numbers[i].value));
     }
 }
 
@@ -203,7 +246,10 @@ static lg_status take(lg_training *self, const lg_choosing *c, const grid *g, bo
         for (uint32_t d = 0; d < g->delays && g->delay[i]; d++)
             s->inputs[i].delay[d] = ratio_of(c, &g->trial[hold][d], &g->trial[hold][delay]);
     }
-    if (tell) tell_choice(self, c, g, hold, delay);
+    if (tell) {
+        find_changes(c, g, hold, delay, &s->changes);
+        tell_choice(self, c, g, hold, delay);
+    }
     LG_TRY(write_text(&s->data, g, hold, delay, self->paths[0], &text, error));
     const lg_status status = lg_machine_reread(self, text, error);
     lg_free(self->context, text);
@@ -255,6 +301,25 @@ lg_status lg_machine_choose_inputs(lg_training *self, lg_error *error) {
     const lg_status status = choose(self, g, error);
     lg_free(self->context, g);
     return status;
+}
+
+void lg_machine_widen(lg_training *self, size_t count, lg_identified *numbers) {
+    const lg_input_changes *inputs = &((const lg_machine_state *)self->state)->changes;
+    const lg_identified *most = NULL;
+    double worst = 1;
+    for (size_t i = 0; i < count; i++)
+        for (size_t k = 0; k < inputs->count; k++) {
+            const lg_identified *changed = &inputs->numbers[k];
+            if (strcmp(changed->name, numbers[i].name) != 0) continue;
+            if (changed->error > worst * numbers[i].error)
+                worst = changed->error / numbers[i].error, most = changed;
+            numbers[i].error = hypot(numbers[i].error, changed->error);
+        }
+    if (most != NULL)
+        LG_WARN(self,
+                "the log does not tell how the inputs act between rows, and it matters: another hold changes "
+                "%s by %.2g; standard errors contain this",
+                most->name, most->error);
 }
 
 /* ---- results ---- */

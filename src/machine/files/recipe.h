@@ -202,6 +202,12 @@ typedef struct lg_input_choice {
     double hold[LG_INPUT_HOLD_COUNT], delay[LG_MACHINE_DELAYS];
 } lg_input_choice;
 
+/* Numbers of the machine; `error`: their largest change with another hold that the log does not refute. */
+typedef struct lg_input_changes {
+    lg_identified numbers[LG_MACHINE_VALUES];
+    size_t count;
+} lg_input_changes;
+
 /* What `fit --suggest` tried: the candidates of each round, best first. `ratio`: root mean square of the
  * errors of free runs, divided by that of the machine before the round; 0: it could not be learned. */
 #define LG_SUGGEST_ROUNDS 4
@@ -230,6 +236,7 @@ typedef struct lg_machine_state {
     size_t most_windows;
     const struct lg_machine_warm *warm; /* parameters to begin from; NULL: none */
     lg_input_choice inputs[LG_MACHINE_INPUTS];
+    lg_input_changes changes;
     /* The losses of the fits from each start of the lags, divided by the least one; 0: not tried. */
     double lag_ratios[LG_LAG_STARTS];
     const char *suggest; /* where the suggested machine is written, "-" for standard output; NULL: none */

@@ -15,7 +15,7 @@ typedef struct candidate {
     char name[64], fragment[LG_MACHINE_COORDINATES * (LG_MACHINE_NAME + 16)], asks[128];
     lg_machine_trial trial;
     double ratio;
-    bool better;
+    bool better, offset; /* offset: the machine gets an offset too */
 } candidate;
 
 enum { MOST = LG_SUGGEST_ROWS / LG_SUGGEST_ROUNDS };
@@ -78,11 +78,17 @@ static bool is_open(const lg_machine_file *file, const lg_candidate *row, uint32
     return true;
 }
 
+static bool has_part(const lg_machine *machine, lg_machine_part part) {
+    for (uint32_t i = 0; i < machine->term_count; i++)
+        if (machine->terms[i].part == part) return true;
+    return false;
+}
+
 static void add_candidate(const lg_machine *machine, const lg_candidate *row, uint32_t line, candidate *out,
                           size_t *count) {
     if (*count == MOST) return;
     candidate *c = &out[(*count)++];
-    *c = (candidate){.row = row};
+    *c = (candidate){.row = row, .offset = row->offset && !has_part(machine, LG_MACHINE_OFFSET)};
     fill_in(machine, row->name, line, c->name, sizeof c->name);
     fill_in(machine, row->edit.fragment, line, c->fragment, sizeof c->fragment);
     fill_in(machine, row->asks, line, c->asks, sizeof c->asks);
@@ -114,10 +120,11 @@ typedef struct search {
 } search;
 
 static lg_status try_candidate(search *s, candidate *c, lg_error *error) {
-    lg_yaml_edit edit = c->row->edit;
+    lg_yaml_edit edits[] = {c->row->edit, {LG_YAML_SET, "offset", NULL, "unknown"}};
     char *text = NULL;
-    edit.fragment = c->fragment;
-    LG_TRY(lg_yaml_change(s->choosing.quiet, s->self->paths[0], s->present.text, &edit, 1, &text, error));
+    edits[0].fragment = c->fragment;
+    LG_TRY(lg_yaml_change(s->choosing.quiet, s->self->paths[0], s->present.text, edits, c->offset ? 2 : 1,
+                          &text, error));
     const lg_status status = lg_machine_try(&s->choosing, text, &s->present, &c->trial, error);
     lg_free(s->choosing.quiet, text);
     if (status != LG_OK || c->trial.square == NULL) return status;
@@ -206,10 +213,15 @@ static lg_status play_round(search *s, bool *more, lg_error *error) {
     lg_machine_file_destroy(&file);
     *more = status == LG_OK && taken != NULL;
     if (!*more) return status;
-    LG_WARN(s->self,
-            "the log asks for %s: it leaves %.2g of the error (free runs of %.3g s that were not trained on)",
-            taken->asks, taken->ratio,
-            (double)s->choosing.held.steps * ((const lg_machine_state *)s->self->state)->data.logs.dt_median);
+    LG_WARN(
+        s->self,
+        "the log asks for %s%s: it leaves %.2g of the error (free runs of %.3g s that were not trained on)",
+        taken->asks,
+        taken->offset ? ", and for a constant force (an offset) beside it, from which one speed cannot "
+                        "tell it"
+                      : "",
+        taken->ratio,
+        (double)s->choosing.held.steps * ((const lg_machine_state *)s->self->state)->data.logs.dt_median);
     lg_machine_trial_destroy(&s->choosing, &s->present);
     s->present = taken->trial;
     taken->trial = (lg_machine_trial){.text = NULL};
