@@ -19,7 +19,7 @@ static const struct {
         double value;
     } numbers[3];
 } cases[] = {
-    {TRUE_MOTOR("lag: 0.02"), MOTOR("lag: unknown"), {{"lag.u", 0.02}}},
+    {TRUE_MOTOR("lag: 0.02"), MOTOR("hold: zero, lag: unknown"), {{"lag.u", 0.02}}},
     {TRUE_MOTOR("lag: 0.3"), MOTOR("lag: unknown"), {{"lag.u", 0.3}}},
     {TRUE_MOTOR("hold: linear, lag: 0.1"), MOTOR("hold: linear, lag: unknown"), {{"lag.u", 0.1}}},
     {TRUE_MOTOR("curve: {dead_zone: 1}"), MOTOR("curve: {dead_zone: unknown}"), {{"dead_zone.u", 1}}},
