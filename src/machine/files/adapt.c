@@ -79,7 +79,7 @@ typedef struct adaptable {
 } adaptable;
 static const adaptable kinds[] = {
     {"offset", "the machine has no learned offset", offset},
-    {"friction", "the machine has no learned friction: its damping is known, or there is none", friction}};
+    {"friction", "the machine has no learned friction: its damping is known or missing", friction}};
 
 static const adaptable *find(const char *name, size_t length) {
     for (size_t i = 0; i < LG_COUNT(kinds); i++)

@@ -217,8 +217,8 @@ static lg_status play_round(search *s, bool *more, lg_error *error) {
         s->self,
         "the log asks for %s%s: it leaves %.2g of the error (free runs of %.3g s that were not trained on)",
         taken->asks,
-        taken->offset ? ", and for a constant force (an offset) beside it, from which one speed cannot "
-                        "tell it"
+        taken->offset ? ", and for a constant force (an offset), because a log with a single speed cannot "
+                        "tell the two apart"
                       : "",
         taken->ratio,
         (double)s->choosing.held.steps * ((const lg_machine_state *)s->self->state)->data.logs.dt_median);
