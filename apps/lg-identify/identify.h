@@ -60,7 +60,7 @@ typedef struct identify_pieces {
     lg_machine_log log; /* Points to the arrays below. */
     size_t *first;
     double *t, *q, *v, *u;
-    double *lag; /* (pieces, inputs); NULL until identify_pieces_lag. */
+    double *lag; /* (pieces, lags); NULL until identify_pieces_lag. */
     size_t rows; /* Rows per piece. */
 } identify_pieces;
 void identify_pieces_begin(identify_pieces *pieces, const lg_machine *machine, size_t count, size_t rows);

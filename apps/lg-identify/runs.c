@@ -32,14 +32,11 @@ void identify_pieces_end(identify_pieces *p) {
 void identify_pieces_lag(const app *self, identify_pieces *p, const lg_learned_machine *model,
                          const lg_machine_log *log, const size_t *row) {
     const lg_machine *machine = model->machine;
-    const size_t count = p->log.parts, m = machine->input_count, n = machine->lags;
+    const size_t count = p->log.parts, n = machine->lags;
     if (n == 0 || count == 0) return;
-    APP_FREE double *x = app_alloc(count * n, sizeof *x);
+    p->log.lag = p->lag = app_alloc(count * n, sizeof *p->lag);
     APP_MUST(self,
-             lg_machine_lagged_inputs(self->context, machine, model->theta, log, row, count, x, &error));
-    p->log.lag = p->lag = app_alloc(count * m, sizeof *p->lag);
-    for (size_t i = 0; i < count; i++)
-        for (size_t k = 0; k < n; k++) p->lag[i * m + machine->lagged[k]] = x[i * n + k];
+             lg_machine_lagged_inputs(self->context, machine, model->theta, log, row, count, p->lag, &error));
 }
 
 size_t identify_first_run(const lg_logs *logs) {

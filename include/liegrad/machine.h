@@ -75,6 +75,7 @@ LG_BEGIN_DECLS
 #define LG_MACHINE_VELOCITIES  16 /* Most numbers in the velocities of all coordinates. */
 #define LG_MACHINE_POSITIONS   48 /* Most numbers in the positions of all coordinates. */
 #define LG_MACHINE_INPUTS      16
+#define LG_MACHINE_LAGS        (2 * LG_MACHINE_INPUTS) /* An input with a second-order lag has two. */
 #define LG_MACHINE_TERMS       16
 #define LG_MACHINE_FEATURES    16 /* Most features in one term. */
 #define LG_MACHINE_VALUES      (LG_MACHINE_VELOCITIES * LG_MACHINE_VELOCITIES)
@@ -261,7 +262,10 @@ typedef struct lg_machine {
     uint32_t places, directions, rotations;
     uint32_t momenta;               /* Numbers in the momenta of all coordinates except directions. */
     uint32_t positions, velocities; /* How many positions and velocities a row of a log has. */
-    uint32_t lags, lagged[LG_MACHINE_INPUTS]; /* The inputs with a lag, rising. */
+    /* The lagged inputs, and the input of each one, rising. An input with a first-order lag has one, tau x' =
+     * u - x. An input with a second-order lag has two that follow each other, two equal lags in series
+     * (critically damped): tau x_1' = u - x_1 and tau x_2' = x_1 - x_2. The terms see the last one. */
+    uint32_t lags, lagged[LG_MACHINE_LAGS];
     /* Length of theta; its first `weights` numbers belong to networks. */
     size_t parameters, weights;
 } lg_machine;
@@ -369,13 +373,13 @@ typedef struct lg_machine_log {
      * and the next is u(t_j + s h_j) = u_0 + s u_1 + s^2 u_2 + s^3 u_3 for 0 <= s <= 1, where h_j is the
      * time between them. If inputs are held, only u_0 is not 0. */
     const double *u;
-    /* (parts, inputs), lagged inputs at the first row of each part. NULL: u_0 of that row in a part that
+    /* (parts, lags), lagged inputs at the first row of each part. NULL: u_0 of that row in a part that
      * begins at rest (velocities below 1/50 of the part's largest), else 0. */
     const double *lag;
     struct lg_machine_filter *filter; /* See below; NULL: lagged inputs are computed again in each call. */
 } lg_machine_log;
 
-/* Keeps the lagged inputs x of a log, tau x' = u - x, at all its rows for the last time constants that were
+/* Keeps the lagged inputs of a log (lg_machine.lagged) at all its rows for the last time constants that were
  * asked for. Threads may share it. It reads t, u, lag and the velocities of the log that it was made of,
  * which must outlive it. Errors: LG_OUT_OF_MEMORY. */
 typedef struct lg_machine_filter lg_machine_filter;

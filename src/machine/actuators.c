@@ -53,11 +53,13 @@ lg_var lg_machine_put_lagged(lg_tape *tape, const lg_machine *machine, lg_var u,
     const uint32_t m = machine->input_count, n = machine->lags;
     lg_var each[LG_MACHINE_INPUTS];
     uint32_t next = 0;
-    if (n == m) return x;
-    for (uint32_t j = 0; j < m; j++)
-        each[j] = next < n && machine->lagged[next] == j ? lg_machine_columns(tape, x, next++, 1)
-                                                         : lg_machine_columns(tape, u, j, 1);
-    return lg_concat(tape, each, m, 1);
+    if (is_all(machine->lagged, n, m)) return x;
+    for (uint32_t j = 0; j < m; j++) {
+        const bool lags = next < n && machine->lagged[next] == j;
+        if (lags) next += lg_machine_lag_order(machine, next);
+        each[j] = lags ? lg_machine_columns(tape, x, next - 1, 1) : lg_machine_columns(tape, u, j, 1);
+    }
+    return m == 1 ? each[0] : lg_concat(tape, each, m, 1);
 }
 
 lg_var lg_machine_record_actuated(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_seen *seen) {
@@ -183,7 +185,7 @@ void lg_numbers_dead_zone(lg_number_list *l, const lg_machine *machine, const lg
                        machine->inputs[term->of[i].index]);
 }
 
-/* ---- lags: tau x' = u - x; log tau = log low + log(high/low) sigmoid(theta) ---- */
+/* ---- lags: tau x' = u - x, or two of them in series; log tau = log low + log(high/low) sigmoid(theta) ---- */
 
 static double span_of(const lg_machine *machine) {
     return log(machine->scales.lag[1] / machine->scales.lag[0]);
@@ -249,21 +251,28 @@ void lg_numbers_lag(lg_number_list *l, const lg_machine *machine, const lg_machi
 }
 
 bool lg_machine_find_lags(lg_machine *machine) {
-    bool has[LG_MACHINE_INPUTS] = {false}, twice = false;
+    uint32_t order[LG_MACHINE_INPUTS] = {0};
+    bool twice = false;
     for (uint32_t i = 0; i < machine->term_count; i++) {
         const lg_machine_term *term = &machine->terms[i];
         for (uint32_t k = 0; term->kind->lag != NULL && k < term->of_count; k++) {
-            twice = twice || has[term->of[k].index];
-            has[term->of[k].index] = true;
+            twice = twice || order[term->of[k].index] > 0;
+            order[term->of[k].index] = term->kind->order;
         }
     }
     machine->lags = 0;
     for (uint32_t j = 0; j < machine->input_count; j++)
-        if (has[j]) machine->lagged[machine->lags++] = j;
+        for (uint32_t k = 0; k < order[j]; k++) machine->lagged[machine->lags++] = j;
     return !twice;
 }
 
-/* Place of an input among the lagged ones. */
+uint32_t lg_machine_lag_order(const lg_machine *machine, uint32_t first) {
+    uint32_t next = first;
+    while (next < machine->lags && machine->lagged[next] == machine->lagged[first]) next++;
+    return next - first;
+}
+
+/* Place of an input's first lagged input among all of them. */
 static uint32_t place_of(const lg_machine *machine, uint32_t input) {
     uint32_t place = 0;
     while (machine->lagged[place] != input) place++;
@@ -278,26 +287,28 @@ lg_var lg_machine_record_lag(lg_tape *tape, const lg_machine_vars *vars) {
         uint32_t at[LG_MACHINE_INPUTS];
         if (term->kind->lag == NULL) continue;
         for (uint32_t k = 0; k < term->of_count; k++) at[k] = place_of(machine, term->of[k].index);
-        lg_var own = term->kind->lag(tape, vars, i);
-        if (!is_all(at, term->of_count, machine->lags))
-            own = lg_matmul(tape, own, places_of(tape, at, term->of_count, machine->lags));
-        sum = lg_is_none(sum) ? own : lg_add(tape, sum, own);
+        const lg_var own = term->kind->lag(tape, vars, i);
+        if (is_all(at, term->of_count, machine->lags)) return own;
+        for (uint32_t o = 0; o < term->kind->order; o++) {
+            const lg_var placed = lg_matmul(tape, own, places_of(tape, at, term->of_count, machine->lags));
+            sum = lg_is_none(sum) ? placed : lg_add(tape, sum, placed);
+            for (uint32_t k = 0; k < term->of_count; k++) at[k]++;
+        }
     }
     return sum;
 }
 
 /* ---- the table ---- */
 
-const lg_term_kind lg_machine_actuator_kinds[] = {{.name = "lag",
-                                                   .part = LG_MACHINE_ACTUATOR,
-                                                   .options = LG_TERM_OF | LG_TERM_VALUES,
-                                                   .parameters = one_each,
-                                                   .initialise = start_lag,
-                                                   .values = one_value_each,
-                                                   .entry = lag_entry,
-                                                   .record = lagged,
-                                                   .lag = lag_of,
-                                                   .numbers = lg_numbers_lag},
+#define LAG(kind_name, kind_order)                                                                           \
+    {                                                                                                        \
+        .name = kind_name, .part = LG_MACHINE_ACTUATOR, .options = LG_TERM_OF | LG_TERM_VALUES,              \
+        .parameters = one_each, .initialise = start_lag, .values = one_value_each, .entry = lag_entry,       \
+        .record = lagged, .lag = lag_of, .order = (kind_order), .numbers = lg_numbers_lag                    \
+    }
+
+const lg_term_kind lg_machine_actuator_kinds[] = {LAG("lag", 1),
+                                                  LAG("second_order_lag", 2),
                                                   {.name = "dead_zone",
                                                    .part = LG_MACHINE_ACTUATOR,
                                                    .options = LG_TERM_OF | LG_TERM_VALUES,

@@ -84,7 +84,8 @@ struct lg_term_kind {
     void (*values)(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]);
     /* log(tau/T) of the lags, (1, of_count). NULL: the term has none. */
     lg_var (*lag)(lg_tape *tape, const lg_machine_vars *vars, uint32_t term);
-    bool heights; /* positions in `of` become heights */
+    uint32_t order; /* of the lags */
+    bool heights;   /* positions in `of` become heights */
     /* Whether M depends on the state; NULL: it does not. */
     bool (*moving)(const lg_machine *machine);
     uint32_t least, most; /* least and greatest degree of the monomials; most 0: the term's degree */
@@ -268,20 +269,23 @@ void lg_machine_push(lg_tape *tape, const lg_machine *machine, lg_var impulse, l
 lg_var lg_machine_record_actuated(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_seen *seen);
 /* log(tau/T) of all lags in the order of machine->lagged, (1, lags). */
 lg_var lg_machine_record_lag(lg_tape *tape, const lg_machine_vars *vars);
-/* Puts the columns of x (B, lags) into the lagged columns of u (B, inputs). */
+/* How many lagged inputs from `first` on belong to the input of this one. */
+uint32_t lg_machine_lag_order(const lg_machine *machine, uint32_t first);
+/* Puts the last lagged input in x (B, lags) of each input into its column of u (B, inputs). */
 lg_var lg_machine_put_lagged(lg_tape *tape, const lg_machine *machine, lg_var u, lg_var x);
 /* Lists the inputs with a lag in `machine`. False: an input has two. */
 bool lg_machine_find_lags(lg_machine *machine);
 
 /* Weights with which a first-order lag moves over z = s h/tau: x(s) = E x(0) + sum_j g_j u_j s^j for
- * u = sum_j u_j s^j. Of each weight the value and the first and second derivative by log tau. */
+ * u = sum_j u_j s^j. Of each weight the value and the first three derivatives by log tau. */
 typedef struct lg_lag_weights {
-    double E[3], g[4][3];
+    double E[4], g[4][4];
 } lg_lag_weights;
 void lg_lag_weights_at(double z, lg_lag_weights *out);
-/* x and its derivatives at s; `u`: u_0 .. u_3, `stride` numbers apart. `from` may be `out`. */
-void lg_lag_move(const lg_lag_weights *w, double s, const double *u, size_t stride, const double from[3],
-                 double out[3]);
+/* The lagged inputs of one input and their derivatives at s, (order, 3); `u`: u_0 .. u_3, `stride` numbers
+ * apart. `from`, at s = 0, may be `out`. */
+void lg_lag_move(const lg_lag_weights *w, uint32_t order, double s, const double *u, size_t stride,
+                 const double *from, double *out);
 /* Lagged inputs and their derivatives by log tau, (count, lags, 3), at rows of a log, in its units; tau
  * (lags) in seconds. */
 lg_status lg_machine_lag_states(const lg_machine *machine, const lg_machine_log *log, const double *tau,

@@ -1,9 +1,12 @@
-/* Machines: first-order lags of inputs, tau x' = u - x, in closed form over the intervals of a log.
+/* Machines: lags of inputs, tau x' = u - x, in closed form over the intervals of a log.
  *
  * For u = sum_j u_j s^j on an interval of length h and z = s h/tau:
  *   x(s) = E x(0) + sum_j g_j(z) u_j s^j,  E = e^-z,  g_j = j! z phi_{j+1}(-z) = 1 - (j/z) g_{j-1},
  * where phi_k are those of exponential integrators. z g_j' = j (g_{j-1} - g_j), z g_0' = z E, and log tau
- * changes z by -z. For small z: g_j = E sum_k z^(k+1)/(k! (k+j+1)), whose terms are positive. */
+ * changes z by -z. For small z: g_j = E sum_k z^(k+1)/(k! (k+j+1)), whose terms are positive.
+ *
+ * Of two equal lags in series the second one is y = x + dx/dlog tau, because 1/(1 + r)^2 = (1 + r d/dr)
+ * 1/(1 + r): y(s) = E y(0) + E' x(0) + sum_j (g_j + g_j') u_j s^j, where ' is the derivative by log tau. */
 #include <math.h>
 #include <pthread.h>
 #include <string.h>
@@ -27,28 +30,41 @@ static double series(double z, int j) {
 void lg_lag_weights_at(double z, lg_lag_weights *out) {
     static const double small = 2.0;
     const double E = exp(-z);
-    *out = (lg_lag_weights){.E = {E, z * E, (z * z - z) * E}};
+    *out = (lg_lag_weights){.E = {E, z * E, (z * z - z) * E, ((z - 3.0) * z + 1.0) * z * E}};
     double *before = out->g[0];
-    before[0] = -expm1(-z), before[1] = -z * E, before[2] = (z - z * z) * E;
+    before[0] = -expm1(-z);
+    for (int d = 1; d < 4; d++) before[d] = -out->E[d];
     for (int j = 1; j < 4; j++) {
         double *g = out->g[j];
         g[0] = z < small ? series(z, j) : 1.0 - j / z * before[0];
         g[1] = -j * (before[0] - g[0]);
         g[2] = -j * (before[1] - g[1]);
+        g[3] = -j * (before[2] - g[2]);
         before = g;
     }
 }
 
-void lg_lag_move(const lg_lag_weights *w, double s, const double *u, size_t stride, const double from[3],
-                 double out[3]) {
-    double x[3] = {w->E[0] * from[0], w->E[0] * from[1] + w->E[1] * from[0],
-                   w->E[0] * from[2] + 2.0 * w->E[1] * from[1] + w->E[2] * from[0]};
-    double power = 1.0;
+/* Adds E from, and its derivatives, to x. */
+static void add_decayed(const double *E, const double *from, double *x) {
+    x[0] += E[0] * from[0];
+    x[1] += E[0] * from[1] + E[1] * from[0];
+    x[2] += E[0] * from[2] + 2.0 * E[1] * from[1] + E[2] * from[0];
+}
+
+void lg_lag_move(const lg_lag_weights *w, uint32_t order, double s, const double *u, size_t stride,
+                 const double *from, double *out) {
+    double x[6] = {0}, power = 1.0;
+    add_decayed(w->E, from, x);
+    if (order == 2) add_decayed(w->E + 1, from, x + 3);
+    if (order == 2) add_decayed(w->E, from + 3, x + 3);
     for (int j = 0; j < 4; j++, power *= s) {
         const double c = u[(size_t)j * stride] * power;
-        for (int d = 0; d < 3 && c != 0.0; d++) x[d] += w->g[j][d] * c;
+        for (int d = 0; d < 3 && c != 0.0; d++) {
+            x[d] += w->g[j][d] * c;
+            x[3 + d] += (w->g[j][d] + w->g[j][d + 1]) * c;
+        }
     }
-    memcpy(out, x, sizeof x);
+    memcpy(out, x, (size_t)3 * order * sizeof *x);
 }
 
 /* ---- starts of parts ---- */
@@ -68,30 +84,37 @@ static bool begins_at_rest(const lg_machine *machine, const lg_machine_log *log,
     return rest;
 }
 
-static double start_of(const lg_machine *machine, const lg_machine_log *log, size_t part, uint32_t input,
-                       bool rest) {
-    const uint32_t m = machine->input_count;
-    if (log->lag != NULL) return log->lag[part * m + input];
-    return rest ? log->u[log->first[part] * 4 * m + input] : 0.0;
+/* Writes the lagged inputs (lags) at the start of a part. */
+static void start_at(const lg_machine *machine, const lg_machine_log *log, size_t part, double *out) {
+    const bool rest = log->lag == NULL && begins_at_rest(machine, log, part);
+    for (uint32_t k = 0; k < machine->lags; k++)
+        out[k] = log->lag != NULL ? log->lag[part * machine->lags + k]
+                 : rest           ? log->u[log->first[part] * 4 * machine->input_count + machine->lagged[k]]
+                                  : 0.0;
+}
+
+/* The states (order, 3) of an input at the start of a part, whose lagged inputs are `start` (order). */
+static void begin(const double *start, uint32_t order, double *x) {
+    for (uint32_t k = 0; k < order; k++) x[3 * k] = start[k], x[3 * k + 1] = x[3 * k + 2] = 0.0;
 }
 
 /* ---- the recursion from row to row ---- */
 
 typedef struct filter {
     const lg_machine_log *log;
-    uint32_t m, input;
+    uint32_t m, input, order;
     double tau, h; /* h: the interval of `weights`; 0: none yet */
     lg_lag_weights weights;
 } filter;
 
-static void advance(filter *f, size_t row, const double from[3], double out[3]) {
+static void advance(filter *f, size_t row, const double *from, double *out) {
     static const double rounding = 1e-9; /* as of intervals that count as equal, in step.c */
     const double h = f->log->t[row + 1] - f->log->t[row];
     if (!(fabs(h - f->h) <= rounding * h)) {
         lg_lag_weights_at(h / f->tau, &f->weights);
         f->h = h;
     }
-    lg_lag_move(&f->weights, 1.0, f->log->u + row * 4 * f->m + f->input, f->m, from, out);
+    lg_lag_move(&f->weights, f->order, 1.0, f->log->u + row * 4 * f->m + f->input, f->m, from, out);
 }
 
 /* ---- the kept states ---- */
@@ -100,73 +123,81 @@ struct lg_machine_filter {
     const lg_context *context;
     pthread_mutex_t mutex;
     lg_machine_log log;
-    uint32_t m;
-    double *start;                 /* (parts, inputs) */
-    double *x[LG_MACHINE_INPUTS];  /* (rows, 3): x and its derivatives by log tau; NULL: not asked for yet */
-    double tau[LG_MACHINE_INPUTS]; /* of x */
+    uint32_t lags;
+    double *start; /* (parts, lags) */
+    /* Of the first lagged input of each input: (rows, order, 3), the lagged inputs of this input and their
+     * derivatives by log tau, for the time constant `tau`; NULL: not asked for yet. */
+    double *x[LG_MACHINE_LAGS], tau[LG_MACHINE_LAGS];
 };
 
 lg_status lg_machine_filter_create(const lg_context *context, const lg_machine *machine,
                                    const lg_machine_log *log, lg_machine_filter **out, lg_error *error) {
     LG_NEEDS(error, machine, log, out);
-    const uint32_t m = machine->input_count;
+    const uint32_t n = machine->lags;
     lg_machine_filter *made = lg_alloc(context, 1, sizeof *made);
-    double *start = lg_alloc(context, log->parts * m + 1, sizeof *start);
+    double *start = lg_alloc(context, log->parts * n + 1, sizeof *start);
     if (made == NULL || start == NULL) {
         lg_free(context, made);
         lg_free(context, start);
-        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the lags of %u inputs", m);
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the lags of %u inputs", machine->input_count);
     }
-    *made = (lg_machine_filter){.context = context, .log = *log, .m = m, .start = start};
+    *made = (lg_machine_filter){.context = context, .log = *log, .lags = n, .start = start};
     made->log.filter = NULL;
     pthread_mutex_init(&made->mutex, NULL);
-    for (size_t p = 0; p < log->parts; p++) {
-        const bool rest = begins_at_rest(machine, log, p);
-        for (uint32_t j = 0; j < m; j++) start[p * m + j] = start_of(machine, log, p, j, rest);
-    }
+    for (size_t p = 0; p < log->parts; p++) start_at(machine, log, p, start + p * n);
     *out = made;
     return LG_OK;
 }
 
 void lg_machine_filter_destroy(lg_machine_filter *kept) {
     if (kept == NULL) return;
-    for (uint32_t j = 0; j < kept->m; j++) lg_free(kept->context, kept->x[j]);
+    for (uint32_t k = 0; k < kept->lags; k++) lg_free(kept->context, kept->x[k]);
     pthread_mutex_destroy(&kept->mutex);
     lg_free(kept->context, kept->start);
     lg_free(kept->context, kept);
 }
 
+/* The filter of the lagged inputs from `first` on. */
+static filter filter_of(const lg_machine *machine, const lg_machine_log *log, uint32_t first, double tau) {
+    return (filter){.log = log,
+                    .m = machine->input_count,
+                    .input = machine->lagged[first],
+                    .order = lg_machine_lag_order(machine, first),
+                    .tau = tau};
+}
+
 /* Computes the states of one input at all rows, unless those of this tau are there. */
-static bool fill(lg_machine_filter *l, uint32_t input, double tau) {
-    if (l->x[input] != NULL && l->tau[input] == tau) return true;
-    if (l->x[input] == NULL) l->x[input] = lg_alloc(l->context, l->log.rows * 3 + 1, sizeof(double));
-    if (l->x[input] == NULL) return false;
-    filter f = {.log = &l->log, .m = l->m, .input = input, .tau = tau};
+static bool fill(lg_machine_filter *l, const lg_machine *machine, uint32_t first, double tau) {
+    filter f = filter_of(machine, &l->log, first, tau);
+    const size_t each = (size_t)3 * f.order;
+    if (l->x[first] != NULL && l->tau[first] == tau) return true;
+    if (l->x[first] == NULL) l->x[first] = lg_alloc(l->context, l->log.rows * each + 1, sizeof(double));
+    if (l->x[first] == NULL) return false;
     for (size_t p = 0; p < l->log.parts; p++) {
-        double *x = l->x[input] + l->log.first[p] * 3;
-        x[0] = l->start[p * l->m + input], x[1] = x[2] = 0.0;
-        for (size_t row = l->log.first[p]; row + 1 < l->log.first[p + 1]; row++, x += 3)
-            advance(&f, row, x, x + 3);
+        double *x = l->x[first] + l->log.first[p] * each;
+        begin(l->start + p * l->lags + first, f.order, x);
+        for (size_t row = l->log.first[p]; row + 1 < l->log.first[p + 1]; row++, x += each)
+            advance(&f, row, x, x + each);
     }
-    l->tau[input] = tau;
+    l->tau[first] = tau;
     return true;
 }
 
 /* Computes states from the starts of the parts on; rows that follow each other are continued. */
-static void compute(const lg_machine *machine, const lg_machine_log *log, uint32_t input, double tau,
-                    const size_t *at, size_t count, size_t stride, double *out) {
-    filter f = {.log = log, .m = machine->input_count, .input = input, .tau = tau};
+static void compute(const lg_machine *machine, const lg_machine_log *log, uint32_t first, double tau,
+                    const size_t *at, size_t count, double *out) {
+    filter f = filter_of(machine, log, first, tau);
     size_t part = SIZE_MAX, row = 0;
-    double x[3] = {0};
-    for (size_t i = 0; i < count; i++, out += stride) {
+    double x[6] = {0}, start[LG_MACHINE_LAGS];
+    for (size_t i = 0; i < count; i++, out += (size_t)3 * machine->lags) {
         const size_t own = lg_machine_log_part(log, at[i]);
         if (own != part || at[i] < row) {
             part = own, row = log->first[own];
-            const bool rest = log->lag == NULL && begins_at_rest(machine, log, own);
-            x[0] = start_of(machine, log, own, input, rest), x[1] = x[2] = 0.0;
+            start_at(machine, log, own, start);
+            begin(start + first, f.order, x);
         }
         for (; row < at[i]; row++) advance(&f, row, x, x);
-        memcpy(out, x, sizeof x);
+        memcpy(out, x, (size_t)3 * f.order * sizeof *x);
     }
 }
 
@@ -174,18 +205,20 @@ lg_status lg_machine_lag_states(const lg_machine *machine, const lg_machine_log 
                                 const size_t *at, size_t count, double *out) {
     lg_machine_filter *kept = log->filter;
     const size_t stride = (size_t)machine->lags * 3;
+    uint32_t order;
     bool room = true;
     if (kept == NULL) {
-        for (uint32_t k = 0; k < machine->lags; k++)
-            compute(machine, log, machine->lagged[k], tau[k], at, count, stride, out + (size_t)3 * k);
+        for (uint32_t k = 0; k < machine->lags; k += lg_machine_lag_order(machine, k))
+            compute(machine, log, k, tau[k], at, count, out + (size_t)3 * k);
         return LG_OK;
     }
     pthread_mutex_lock(&kept->mutex);
-    for (uint32_t k = 0; k < machine->lags && room; k++) {
-        const uint32_t input = machine->lagged[k];
-        room = fill(kept, input, tau[k]);
+    for (uint32_t k = 0; k < machine->lags && room; k += order) {
+        order = lg_machine_lag_order(machine, k);
+        const size_t each = (size_t)3 * order;
+        room = fill(kept, machine, k, tau[k]);
         for (size_t i = 0; i < count && room; i++)
-            memcpy(out + i * stride + (size_t)3 * k, kept->x[input] + 3 * at[i], 3 * sizeof *out);
+            memcpy(out + i * stride + (size_t)3 * k, kept->x[k] + each * at[i], each * sizeof *out);
     }
     pthread_mutex_unlock(&kept->mutex);
     return room ? LG_OK : LG_OUT_OF_MEMORY;
@@ -209,7 +242,7 @@ lg_status lg_machine_lagged_inputs(const lg_context *context, const lg_machine *
                                    lg_error *error) {
     LG_NEEDS(error, machine, log, at, out);
     if (machine->parameters > 0) LG_NEEDS(error, theta);
-    double tau[LG_MACHINE_INPUTS], *states;
+    double tau[LG_MACHINE_LAGS], *states;
     const size_t n = count * machine->lags;
     if (n == 0) return LG_OK;
     states = lg_alloc(context, 3 * n, sizeof *states);

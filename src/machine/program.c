@@ -10,7 +10,7 @@
 #include "machine/internal.h"
 
 /* Bound on the numbers of a state: of positions, velocities and lagged inputs together. */
-enum { MOST = LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES + LG_MACHINE_INPUTS };
+enum { MOST = LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES + LG_MACHINE_LAGS };
 
 typedef struct recording {
     const lg_machine *machine;
@@ -104,13 +104,21 @@ static lg_status gradient(void *user, lg_tape *tape, const lg_var *theta, const 
     return lg_grad(tape, y[0], x, 1, y + 1);
 }
 
-/* The lagged columns of u, (B, lags). */
-static lg_var lagged_columns(lg_tape *tape, const lg_machine *machine, lg_var u) {
-    lg_var each[LG_MACHINE_INPUTS];
-    for (uint32_t k = 0; k < machine->lags; k++) each[k] = lg_machine_columns(tape, u, machine->lagged[k], 1);
-    return machine->lags == machine->input_count ? u
-           : machine->lags == 1                  ? each[0]
-                                                 : lg_concat(tape, each, machine->lags, 1);
+static bool is_second(const lg_machine *machine, uint32_t k) {
+    return k > 0 && machine->lagged[k - 1] == machine->lagged[k];
+}
+
+/* What the lagged inputs x follow, (B, lags): the input, or the lagged input before. x LG_NONE: the input. */
+static lg_var followed(lg_tape *tape, const lg_machine *machine, lg_var u, lg_var x) {
+    lg_var each[LG_MACHINE_LAGS];
+    bool all = machine->lags == machine->input_count;
+    for (uint32_t k = 0; k < machine->lags; k++) all = all && machine->lagged[k] == k;
+    if (all) return u;
+    for (uint32_t k = 0; k < machine->lags; k++)
+        each[k] = is_second(machine, k) && !lg_is_none(x)
+                      ? lg_machine_columns(tape, x, k - 1, 1)
+                      : lg_machine_columns(tape, u, machine->lagged[k], 1);
+    return machine->lags == 1 ? each[0] : lg_concat(tape, each, machine->lags, 1);
 }
 
 static lg_status field(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
@@ -122,7 +130,7 @@ static lg_status field(void *user, lg_tape *tape, const lg_var *theta, const lg_
     lg_var u = m > 0 ? times(tape, x[1], r->machine->scales.input, m, true) : LG_NONE;
     if (r->machine->lags > 0) {
         const size_t last = lg_taped_parts(&r->space);
-        const lg_var left = lg_sub(tape, lagged_columns(tape, r->machine, u), parts[last]);
+        const lg_var left = lg_sub(tape, followed(tape, r->machine, u, parts[last]), parts[last]);
         algebra[last] = lg_mul(tape, left, lg_exp(tape, lg_neg(tape, vars.lag)));
         u = lg_machine_put_lagged(tape, r->machine, u, parts[last]);
     }
@@ -184,16 +192,20 @@ static lg_status positions(void *user, lg_tape *tape, const lg_var *theta, const
 
 /* ---- steps with lags ----
  *
- * The machine is stepped by the scheme, with the lagged inputs u + (x - u) e^(-t/tau) at each stage. */
+ * The machine is stepped by the scheme, with the lagged inputs u + (x - u) e^(-t/tau) at each stage, and of a
+ * second-order lag u + (x_2 - u + (x_1 - u) t/tau) e^(-t/tau). */
 
 typedef struct lagging {
     const recording *r;
-    lg_var x, u, rate; /* lagged inputs at the start, u (B, lags), 1/tau (1, lags) */
+    /* At the start the lagged inputs x, u, x - u, and for second-order lags x_1 - u, 0 in the other columns
+     * (LG_NONE: all are of first order), each (B, lags); 1/tau (1, lags). */
+    lg_var x, u, left, first, rate;
 } lagging;
 
 static lg_var lagged_after(lg_tape *tape, const lagging *l, lg_var t) {
-    const lg_var E = lg_exp(tape, lg_neg(tape, lg_mul(tape, t, l->rate)));
-    return lg_add(tape, l->u, lg_mul(tape, lg_sub(tape, l->x, l->u), E));
+    const lg_var z = lg_mul(tape, t, l->rate), E = lg_exp(tape, lg_neg(tape, z));
+    const lg_var left = lg_is_none(l->first) ? l->left : lg_add(tape, l->left, lg_mul(tape, l->first, z));
+    return lg_add(tape, l->u, lg_mul(tape, left, E));
 }
 
 static lg_status lagged_field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
@@ -218,7 +230,10 @@ static lg_status lagged_step(void *user, lg_tape *tape, const lg_var *theta, con
     lg_var parts[LG_TAPED_MAX_PARTS];
     LG_TRY(bind(r, tape, theta, &vars));
     LG_TRY(lg_taped_split(tape, &r->full, x[0], parts));
-    lagging l = {.r = r, .x = parts[last], .u = lagged_columns(tape, r->machine, x[1])};
+    lagging l = {.r = r, .x = parts[last], .u = followed(tape, r->machine, x[1], LG_NONE), .first = LG_NONE};
+    l.left = lg_sub(tape, l.x, l.u);
+    for (uint32_t k = 0; k < r->machine->lags && lg_is_none(l.first); k++)
+        if (is_second(r->machine, k)) l.first = lg_sub(tape, followed(tape, r->machine, x[1], l.x), l.u);
     l.rate = lg_scale(tape, lg_exp(tape, lg_neg(tape, vars.lag)), 1.0 / r->machine->scales.time);
     const lg_taped_ode ode = {.space = r->space, .field = lagged_field, .user = &l};
     const lg_taped_interval over = {.h_rows = x[2], .input = x[1]};

@@ -17,7 +17,7 @@ typedef struct interval {
     const lg_machine_log *log;
     const size_t *at;
     uint32_t count;
-    double tau[LG_MACHINE_INPUTS], l[LG_MACHINE_INPUTS], *lagged;
+    double tau[LG_MACHINE_LAGS], l[LG_MACHINE_LAGS], *lagged;
 } interval;
 
 static lg_var polynomial_at(lg_tape *tape, const interval *over, double s) {
@@ -35,17 +35,19 @@ static lg_var polynomial_at(lg_tape *tape, const interval *over, double s) {
 static void fill_lagged(const interval *over, double s, double *const x[3]) {
     const lg_machine *machine = over->vars->machine;
     const uint32_t m = machine->input_count, n = machine->lags;
-    for (uint32_t k = 0; k < n; k++) {
+    for (uint32_t k = 0, order; k < n; k += order) {
         const uint32_t input = machine->lagged[k];
         lg_lag_weights weights;
-        double h = 0.0, found[3];
+        double h = 0.0, found[6];
+        order = lg_machine_lag_order(machine, k);
         for (uint32_t i = 0; i < over->count; i++) {
             const size_t row = over->at[i];
             const double own = over->log->t[row + 1] - over->log->t[row];
             if (!(fabs(own - h) <= 1e-9 * h)) lg_lag_weights_at(s * (h = own) / over->tau[k], &weights);
-            lg_lag_move(&weights, s, over->log->u + row * 4 * m + input, m,
+            lg_lag_move(&weights, order, s, over->log->u + row * 4 * m + input, m,
                         over->lagged + ((size_t)i * n + k) * 3, found);
-            for (int d = 0; d < 3; d++) x[d][(size_t)i * n + k] = found[d] / machine->scales.input[input];
+            for (uint32_t d = 0; d < 3 * order; d++)
+                x[d % 3][(size_t)i * n + k + d / 3] = found[d] / machine->scales.input[input];
         }
     }
 }

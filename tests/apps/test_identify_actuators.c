@@ -22,6 +22,7 @@ static const struct {
     {TRUE_MOTOR("lag: 0.02"), MOTOR("hold: zero, lag: unknown"), {{"lag.u", 0.02}}},
     {TRUE_MOTOR("lag: 0.3"), MOTOR("lag: unknown"), {{"lag.u", 0.3}}},
     {TRUE_MOTOR("hold: linear, lag: 0.1"), MOTOR("hold: linear, lag: unknown"), {{"lag.u", 0.1}}},
+    {TRUE_MOTOR("lag: {order: 2, value: 0.05}"), MOTOR("lag: {order: 2}"), {{"lag.u", 0.05}}},
     {TRUE_MOTOR("curve: {dead_zone: 1}"), MOTOR("curve: {dead_zone: unknown}"), {{"dead_zone.u", 1}}},
     {TRUE_MOTOR("lag: 0.1, curve: {degree: 3, values: [0.05, -0.01]}"),
      MOTOR("lag: unknown, curve: {degree: 3}"),
@@ -84,14 +85,13 @@ TEST("the lag that was chosen is told with the losses of all starts") {
     assert_says(lag, "\"ratios\": {}");
 }
 
-TEST("a model with a lag predicts as it was simulated, keeps its energy balance, and reloads") {
-    cli_test_folder();
-    generate(TRUE_MOTOR("lag: 0.1"), "log.csv", 5);
-    generate(TRUE_MOTOR("lag: 0.1"), "other.csv", 6);
-    cli_write("machine.yaml", MOTOR("lag: unknown"));
+static void check_model(const char *truth, const char *machine, uint32_t order) {
+    generate(truth, "log.csv", 5);
+    generate(truth, "other.csv", 6);
+    cli_write("machine.yaml", machine);
     cli_run(identify, "fit machine.yaml log.csv --out m.h5");
     const lg_machine_model_file *file = cli_machine_model("m.h5");
-    assert_int_equal(file->run.machine.lags, 1);
+    assert_int_equal(file->run.machine.lags, order);
     assert_close(file->run.scales.lag[0], 0.002, 1e-6, 0);
     assert_close(file->run.scales.lag[1], 4, 1e-6, 0);
     cli_run(identify, "predict m.h5 other.csv --out run.csv");
@@ -103,4 +103,10 @@ TEST("a model with a lag predicts as it was simulated, keeps its energy balance,
     const char *energy = json_find(result.out, "energy");
     assert_non_null(energy);
     assert_close(json_number(energy, "left"), 0, 0, 0.03 * json_number(energy, "change_size"));
+}
+
+TEST("a model with a lag predicts as it was simulated, keeps its energy balance, and reloads") {
+    cli_test_folder();
+    check_model(TRUE_MOTOR("lag: 0.1"), MOTOR("lag: unknown"), 1);
+    check_model(TRUE_MOTOR("lag: {order: 2, value: 0.1}"), MOTOR("lag: {order: 2}"), 2);
 }

@@ -21,6 +21,7 @@ static const plant kinds[] = {
     {.kind = "curve", .part = "actuator", .term = "curve"},
     {.kind = "delay 2"},
     {.kind = "cubic spring of x", .part = "potential", .term = "polynomial"},
+    {.kind = "second-order lag", .part = "actuator", .term = "second_order_lag"},
 };
 
 static bool is_here(const plant *p) {
@@ -44,9 +45,10 @@ static double friction(const plant *p, double v) {
     return 0;
 }
 
-static double actuator(const plant *p, double u, double lagged) {
+static double actuator(const plant *p, double u, const double *lagged) {
     const double a = p->more[0];
-    if (is(p, "lag")) return lagged;
+    if (is(p, "lag")) return lagged[0];
+    if (is(p, "second-order lag")) return lagged[1];
     if (is(p, "dead zone")) return copysign(fmax(fabs(u) - a, 0), u);
     if (is(p, "curve")) return u + 0.5 * a * u * u;
     return is(p, "offset") ? u + a : u;
@@ -62,7 +64,7 @@ static double input_at(double t, double phase) {
 static void write_log(const plant *p, double phase, lg_rng *rng) {
     enum { ROWS = 2500, STEPS = 400 };
     const double h = interval / STEPS, noise = 1e-3;
-    double x = 0.3, v = 0, lagged = 0;
+    double x = 0.3, v = 0, lagged[2] = {0, 0};
     FILE *file = fopen(cli_at("log.csv"), "w");
     assert_non_null(file);
     (void)fprintf(file, "t,x,vx,u\n");
@@ -71,7 +73,8 @@ static void write_log(const plant *p, double phase, lg_rng *rng) {
         (void)fprintf(file, "%.9g,%.9g,%.9g,%.17g\n", k * interval, x + noise * lg_rng_normal(rng),
                       v + 2 * noise * lg_rng_normal(rng), input_at(k * interval, phase));
         for (int i = 0; i < STEPS; i++) {
-            lagged += h / (0.3 * p->more[0]) * (u - lagged);
+            lagged[1] += h / (0.3 * p->more[0]) * (lagged[0] - lagged[1]);
+            lagged[0] += h / (0.3 * p->more[0]) * (u - lagged[0]);
             const double spring = p->k * x + is(p, "cubic spring of x") * 3 * p->more[0] * x * x * x;
             v += h / p->m * (actuator(p, u, lagged) - spring - p->b * v - friction(p, v));
             x += h * v;

@@ -34,6 +34,17 @@ TEST("lags and curves are read for all inputs or one by one, and inputs of one k
     assert_true(each->terms[2].values[0] == 0.3 && each->terms[3].values[0] == 0.5);
     assert_true(each->terms[4].values[0] == 0.1 && each->terms[4].values[1] == 0.2);
     assert_int_equal(each->terms[4].of[0].index, 0);
+    const lg_machine *second =
+        &parse("lag: [{order: 2}, {order: 2, start: 0.3, within: [0.1, 2], sigma: 1}]")->machine;
+    assert_int_equal(second->parameters, 2);
+    assert_int_equal(second->lags, 4);
+    assert_true(second->lagged[1] == 0 && second->lagged[2] == 1);
+    assert_string_equal(lg_term_kind_name(second->terms[2].kind), "second_order_lag");
+    assert_true(second->terms[2].value_count == 0 && second->terms[3].values[0] == 0.3);
+    const lg_machine *mixed = &parse("lag: [{order: 1, value: 0.2}, {order: 2, value: 0.4}]")->machine;
+    assert_int_equal(mixed->parameters, 0);
+    assert_int_equal(mixed->lags, 3);
+    assert_true(mixed->terms[2].values[0] == 0.2 && mixed->terms[3].values[0] == 0.4);
     const lg_machine *none = &parse("lag: none, curve: none")->machine;
     assert_int_equal(none->term_count, 2);
     assert_int_equal(none->lags, 0);
@@ -112,6 +123,11 @@ TEST("wrong lags and curves are refused with their line") {
         {"lag: {start: -1}", "a start above 0"},
         {"lag: {start: 1, within: [2, 3]}", "start 1 is not between 2 and 3"},
         {"lag: {sigma: 1}", "sigma needs a start"},
+        {"lag: {order: 3}", "order"},
+        {"lag: {order: 2, value: 0}", "0 is outside (0"},
+        {"lag: {order: 2, value: 1, start: 2}", "a lag with a value has no start"},
+        {"lag: {order: 2, speed: 1}", "speed"},
+        {"curve: {dead_zone: {start: 1, order: 2}}", "order"},
         {"curve: {dead_zone: {start: 1, within: [-1, 3]}}", "bounds not below 0"},
         {"curve: {degree: 3, values: {start: 2}}", "has 1 numbers, expected 2"},
     };

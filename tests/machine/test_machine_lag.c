@@ -11,39 +11,43 @@
 
 /* ---- one interval ---- */
 
-/* x(1) of x' = a (u - x) from x0 by many small steps of rk4; u has the coefficients c. */
-static double integrate(double a, const double *c, double x, double s) {
+/* x_1' = a (u - x_1), and with order 2 x_2' = a (x_1 - x_2): the last one at s by many small steps of rk4; u
+ * has the coefficients c. */
+static double integrate(uint32_t order, double a, const double *c, const double *from, double s) {
     enum { STEPS = 20000 };
+    static const double at[4] = {0, 0.5, 0.5, 1}, weight[4] = {1, 2, 2, 1};
     const double h = s / STEPS;
+    double x[2] = {from[0], order == 2 ? from[1] : 0};
     for (int i = 0; i < STEPS; i++) {
-        double u[3], k[4];
-        for (int j = 0; j < 3; j++) {
-            const double t = (i + 0.5 * j) * h;
-            u[j] = c[0] + t * (c[1] + t * (c[2] + t * c[3]));
+        double k[2] = {0, 0}, sum[2] = {0, 0};
+        for (int j = 0; j < 4; j++) {
+            const double t = (i + at[j]) * h, u = c[0] + t * (c[1] + t * (c[2] + t * c[3])),
+                         y[2] = {x[0] + at[j] * h * k[0], x[1] + at[j] * h * k[1]};
+            k[0] = a * (u - y[0]), k[1] = a * (y[0] - y[1]);
+            for (int d = 0; d < 2; d++) sum[d] += h / 6 * weight[j] * k[d];
         }
-        k[0] = a * (u[0] - x), k[1] = a * (u[1] - x - 0.5 * h * k[0]);
-        k[2] = a * (u[1] - x - 0.5 * h * k[1]), k[3] = a * (u[2] - x - h * k[2]);
-        x += h / 6 * (k[0] + 2 * k[1] + 2 * k[2] + k[3]);
+        for (int d = 0; d < 2; d++) x[d] += sum[d];
     }
-    return x;
+    return x[order - 1];
 }
 
-static double moved(double z, const double *c, double s, double x) {
+static double moved(uint32_t order, double z, const double *c, double s, const double *x) {
     lg_lag_weights w;
-    const double from[3] = {x, 0, 0};
-    double out[3];
+    const double from[6] = {x[0], 0, 0, x[1]};
+    double out[6];
     lg_lag_weights_at(z * s, &w);
-    lg_lag_move(&w, s, c, 1, from, out);
-    return out[0];
+    lg_lag_move(&w, order, s, c, 1, from, out);
+    return out[3 * order - 3];
 }
 
 static const double zs[] = {1e-12, 1e-6, 1e-3, 0.1, 0.7, 1.999, 2.001, 5, 30, 700};
 
 TEST("an interval of a lag with a cubic input is that of fine steps, at any ratio of step and lag") {
-    const double c[4] = {0.7, -1.3, 0.4, 0.9};
-    for (size_t i = 0; i < LG_COUNT(zs); i++)
-        for (double s = 0.3; s < 1.1; s += 0.7)
-            assert_close(moved(zs[i], c, s, -0.6), integrate(zs[i], c, -0.6, s), 1e-9, 1e-12);
+    const double c[4] = {0.7, -1.3, 0.4, 0.9}, x[2] = {-0.6, 0.8};
+    for (uint32_t order = 1; order <= 2; order++)
+        for (size_t i = 0; i < LG_COUNT(zs); i++)
+            for (double s = 0.3; s < 1.1; s += 0.7)
+                assert_close(moved(order, zs[i], c, s, x), integrate(order, zs[i], c, x, s), 1e-9, 1e-12);
 }
 
 TEST("weights of small intervals keep their digits") {
@@ -69,7 +73,7 @@ TEST("derivatives of the weights by log tau are those of differences") {
             const double *at = j < 4 ? w.g[j] : w.E, *a = j < 4 ? low.g[j] : low.E,
                          *b = j < 4 ? high.g[j] : high.E;
             const double size = fmin(1.0, zs[i]);
-            for (int d = 0; d < 2; d++)
+            for (int d = 0; d < 3; d++)
                 assert_close((b[d] - a[d]) / (2 * h), at[d + 1], 1e-5, 1e-5 * size + 1e-11);
         }
     }
@@ -103,8 +107,10 @@ static data *make_data(bool jitter, double unit) {
     return d;
 }
 
-/* A line with inputs u and w; w has an unknown lag, u one of .05 s if `both`. */
-static lg_machine lagged_line(bool both) {
+static const char *const kinds[] = {"lag", "second_order_lag"};
+
+/* A line with inputs u and w; w has an unknown lag of this order, u a first-order one of .05 s if `both`. */
+static lg_machine lagged_line(bool both, uint32_t order) {
     lg_machine machine = empty_machine();
     add_coordinate(&machine, "x", LG_COORDINATE_LINE);
     add_input(&machine, "u");
@@ -113,7 +119,7 @@ static lg_machine lagged_line(bool both) {
     machine.scales.lag[0] = 0.004, machine.scales.lag[1] = 4;
     add_term(&machine, LG_MACHINE_MASS, "constant");
     add_values(add_term(&machine, LG_MACHINE_INPUT_MAP, "known"), 2, (double[]){1.3, -0.8});
-    add_feature(add_term(&machine, LG_MACHINE_ACTUATOR, "lag"), LG_FEATURE_INPUT, 1);
+    add_feature(add_term(&machine, LG_MACHINE_ACTUATOR, kinds[order - 1]), LG_FEATURE_INPUT, 1);
     if (both) {
         lg_machine_term *known = add_term(&machine, LG_MACHINE_ACTUATOR, "lag");
         add_feature(known, LG_FEATURE_INPUT, 0);
@@ -123,52 +129,67 @@ static lg_machine lagged_line(bool both) {
     return machine;
 }
 
-TEST("lagged inputs of a log begin at u where a part begins at rest, else at 0, and follow the recursion") {
-    const lg_machine machine = lagged_line(true);
-    const data *d = make_data(true, 1);
-    const double tau[2] = {0.05, 0.03};
-    size_t at[ROWS];
-    double x[ROWS * 2 * 3], kept[ROWS * 2 * 3];
-    for (size_t i = 0; i < ROWS; i++) at[i] = i;
-    assert_int_equal(machine.lags, 2);
-    assert_ok(lg_machine_lag_states(&machine, &d->log, tau, at, ROWS, x));
-    for (int k = 0; k < 2; k++) {
-        assert_true(x[3 * k] == d->u[k]);
-        assert_true(x[(FIRST * 2 + k) * 3] == 0.0 && x[(SECOND * 2 + k) * 3] == 0.0);
+/* Compares the lagged inputs x (ROWS, lags, 3) with fine steps from row to row. */
+static void check_recursion(const lg_machine *machine, const data *d, const double *tau, const double *x) {
+    const uint32_t n = machine->lags;
+    for (uint32_t k = 0; k < n; k++)
         for (size_t i = 0; i + 1 < ROWS; i++) {
-            const double h = d->t[i + 1] - d->t[i];
-            const double c[4] = {d->u[8 * i + k], d->u[8 * i + 2 + k], d->u[8 * i + 4 + k],
-                                 d->u[8 * i + 6 + k]};
+            const bool second = k > 0 && machine->lagged[k - 1] == machine->lagged[k];
+            const uint32_t first = k - second, input = machine->lagged[k];
+            const double h = d->t[i + 1] - d->t[i], *u = d->u + 8 * i + input,
+                         c[4] = {u[0], u[2], u[4], u[6]},
+                         from[2] = {x[(i * n + first) * 3], x[(i * n + k) * 3]};
             if (i + 1 == FIRST || i + 1 == SECOND) continue;
-            assert_close(x[((i + 1) * 2 + k) * 3], integrate(h / tau[k], c, x[(i * 2 + k) * 3], 1), 1e-9,
+            assert_close(x[((i + 1) * n + k) * 3], integrate(1 + second, h / tau[k], c, from, 1), 1e-9,
                          1e-10);
         }
+}
+
+enum { LAGS = 3 }; /* most of lagged_line */
+
+TEST("lagged inputs of a log begin at u where a part begins at rest, else at 0, and follow the recursion") {
+    for (uint32_t order = 1; order <= 2; order++) {
+        const lg_machine machine = lagged_line(true, order);
+        const data *d = make_data(true, 1);
+        const double tau[LAGS] = {0.05, 0.03, 0.03};
+        size_t at[ROWS];
+        double x[ROWS * LAGS * 3], kept[ROWS * LAGS * 3];
+        const uint32_t n = machine.lags;
+        for (size_t i = 0; i < ROWS; i++) at[i] = i;
+        assert_int_equal(n, 1 + order);
+        assert_ok(lg_machine_lag_states(&machine, &d->log, tau, at, ROWS, x));
+        for (uint32_t k = 0; k < n; k++) {
+            assert_true(x[3 * k] == d->u[machine.lagged[k]]);
+            assert_true(x[(FIRST * n + k) * 3] == 0.0 && x[(SECOND * n + k) * 3] == 0.0);
+        }
+        check_recursion(&machine, d, tau, x);
+        lg_machine_log with = d->log;
+        assert_told(lg_machine_filter_create(NULL, &machine, &d->log, &with.filter, &told));
+        for (int round = 0; round < 3; round++) {
+            const double w = round == 1 ? 0.2 : 0.03, other[LAGS] = {0.05, w, w};
+            assert_ok(lg_machine_lag_states(&machine, &with, other, at, ROWS, kept));
+            assert_true((kept[(4 * n + n - 1) * 3] == x[(4 * n + n - 1) * 3]) == (round != 1));
+        }
+        assert_memory_equal(kept, x, (size_t)ROWS * n * 3 * sizeof *x);
+        lg_machine_filter_destroy(with.filter);
+        const double start[PARTS * LAGS] = {1, 2, 3, 4, 5, 6, 7, 8, 9};
+        with = d->log, with.lag = start;
+        assert_ok(lg_machine_lag_states(&machine, &with, tau, at, ROWS, x));
+        for (uint32_t k = 0; k < n; k++)
+            assert_true(x[3 * k] == start[k] && x[(SECOND * n + k) * 3] == start[2 * n + k]);
     }
-    lg_machine_log with = d->log;
-    assert_told(lg_machine_filter_create(NULL, &machine, &d->log, &with.filter, &told));
-    for (int round = 0; round < 3; round++) {
-        const double other[2] = {0.05, round == 1 ? 0.2 : 0.03};
-        assert_ok(lg_machine_lag_states(&machine, &with, other, at, ROWS, kept));
-        assert_true((kept[4 * 6 + 3] == x[4 * 6 + 3]) == (round != 1));
-    }
-    assert_memory_equal(kept, x, sizeof x);
-    lg_machine_filter_destroy(with.filter);
-    const double start[PARTS * 2] = {1, 2, 3, 4, 5, 6};
-    with = d->log, with.lag = start;
-    assert_ok(lg_machine_lag_states(&machine, &with, tau, at, ROWS, x));
-    assert_true(x[0] == 1 && x[3] == 2 && x[FIRST * 6] == 3 && x[SECOND * 6 + 3] == 6);
 }
 
 TEST("lagged inputs do not depend on the unit of time") {
-    const lg_machine machine = lagged_line(true);
+    const lg_machine machine = lagged_line(true, 2);
     static const double units[] = {1e-9, 1e9};
     size_t at[ROWS];
-    double x[ROWS * 2 * 3], other[ROWS * 2 * 3];
+    double x[ROWS * LAGS * 3], other[ROWS * LAGS * 3];
     for (size_t i = 0; i < ROWS; i++) at[i] = i;
-    assert_ok(
-        lg_machine_lag_states(&machine, &make_data(true, 1)->log, (const double[]){0.05, 0.03}, at, ROWS, x));
+    assert_ok(lg_machine_lag_states(&machine, &make_data(true, 1)->log, (const double[]){0.05, 0.03, 0.03},
+                                    at, ROWS, x));
     for (size_t k = 0; k < LG_COUNT(units); k++) {
-        const double tau[2] = {0.05 * units[k], 0.03 * units[k]};
+        const double tau[LAGS] = {0.05 * units[k], 0.03 * units[k], 0.03 * units[k]};
         assert_ok(lg_machine_lag_states(&machine, &make_data(true, units[k])->log, tau, at, ROWS, other));
         assert_all_close(other, x, LG_COUNT(x), 1e-8, 1e-8);
     }
@@ -206,29 +227,34 @@ static double loss_at(const lg_machine *machine, const data *d, uint32_t window,
     return loss;
 }
 
-TEST("the loss has the first and second derivative of the lag: tiny, usual and huge ones, jitter, gaps") {
-    const lg_machine machine = lagged_line(false);
-    static const double taus[] = {0.0045, 0.02, 0.3, 3.7}, h = 1e-4;
+static void check_loss(uint32_t order, bool jitter, double tau) {
+    static const double h = 1e-4;
+    const lg_machine machine = lagged_line(false, order);
     const size_t n = machine.parameters;
-    for (int jitter = 0; jitter < 2; jitter++)
-        for (size_t i = 0; i < LG_COUNT(taus); i++) {
-            const data *d = make_data(jitter == 1, 1);
-            double theta[4] = {0.2}, g[4], gg[4], low[4], high[4], unused[4];
-            assert_int_equal(lg_machine_set_lags(&machine, taus[i], theta), 1);
-            (void)loss_at(&machine, d, 6, theta, g, gg);
-            theta[n - 1] -= h;
-            const double below = loss_at(&machine, d, 6, theta, low, unused);
-            theta[n - 1] += 2 * h;
-            const double above = loss_at(&machine, d, 6, theta, high, unused);
-            assert_close(g[n - 1], (above - below) / (2 * h), 1e-6, 1e-9 * fabs(above) / h);
-            assert_close(gg[n - 1], (high[n - 1] - low[n - 1]) / (2 * h), 1e-5, 1e-7);
-        }
+    const data *d = make_data(jitter, 1);
+    double theta[4] = {0.2}, g[4], gg[4], low[4], high[4], unused[4];
+    assert_int_equal(lg_machine_set_lags(&machine, tau, theta), 1);
+    (void)loss_at(&machine, d, 6, theta, g, gg);
+    theta[n - 1] -= h;
+    const double below = loss_at(&machine, d, 6, theta, low, unused);
+    theta[n - 1] += 2 * h;
+    const double above = loss_at(&machine, d, 6, theta, high, unused);
+    assert_close(g[n - 1], (above - below) / (2 * h), 1e-6, 1e-9 * fabs(above) / h);
+    assert_close(gg[n - 1], (high[n - 1] - low[n - 1]) / (2 * h), 1e-5, 1e-7);
+}
+
+TEST("the loss has the first and second derivative of the lag: tiny, usual and huge ones, jitter, gaps") {
+    static const double taus[] = {0.0045, 0.02, 0.3, 3.7};
+    for (uint32_t order = 1; order <= 2; order++)
+        for (size_t i = 0; i < LG_COUNT(taus); i++)
+            for (int jitter = 0; jitter < 2; jitter++) check_loss(order, jitter == 1, taus[i]);
 }
 
 /* ---- the program ---- */
 
-TEST("a step of the program with a held input is that of the log, and its lag is exact") {
-    const lg_machine machine = lagged_line(true);
+static void check_step(uint32_t order) {
+    const lg_machine machine = lagged_line(true, order);
+    const uint32_t n = machine.lags;
     double *theta = machine_theta(&machine, 5);
     lg_program *program = NULL;
     assert_told(lg_machine_program(NULL, &machine, theta, lg_scheme_find("cf4"), &program, &told));
@@ -237,61 +263,77 @@ TEST("a step of the program with a held input is that of the log, and its lag is
                 momenta = make_ready(program, "momenta", 1, LG_F64),
                 positions = make_ready(program, "positions", 1, LG_F64);
     const double t[4] = {0, 0.03, 0.06, 0.09}, q[4] = {0.4}, v[4] = {0.7};
-    double u[4 * 8] = {0}, out_q[4], out_v[4], tau[2], x[4], got;
+    double u[4 * 8] = {0}, out_q[4], out_v[4], tau[LAGS], x[2 + LAGS], got;
     const size_t first[2] = {0, 4}, start = 0;
     for (int i = 0; i < 4; i++) u[8 * i] = 0.5 * i - 0.2, u[8 * i + 1] = 1.5 - i;
-    const double lag[2] = {0.9, -0.3};
+    const double lag[LAGS] = {0.9, -0.3, 0.5};
     const lg_machine_log log = {4, 1, first, t, q, v, u, lag, NULL};
     assert_told(lg_machine_free_run(NULL, &machine, theta, lg_scheme_find("cf4"), 1, &log, &start, 1, 3,
                                     out_q, out_v, &told));
     lg_plan_eval(momenta.plan, (const void *const[]){q, v}, (void *const[]){x}, momenta.work);
-    x[2] = lag[0], x[3] = lag[1];
+    memcpy(x + 2, lag, n * sizeof *x);
     lg_identified numbers[4];
     assert_int_equal(lg_machine_numbers(&machine, theta, 4, numbers), 2);
     assert_string_equal(numbers[1].name, "lag.w");
-    tau[0] = 0.05, tau[1] = numbers[1].value;
+    tau[0] = 0.05, tau[1] = tau[2] = numbers[1].value;
     for (int i = 0; i < 3; i++) {
-        const double h = 0.03, before[2] = {x[2], x[3]};
+        const double h = 0.03, w = u[8 * i + 1], z = h / tau[1], a = x[3], b = x[4];
+        const double want[LAGS] = {u[8 * i] + (x[2] - u[8 * i]) * exp(-h / tau[0]), w + (a - w) * exp(-z),
+                                   w + (b - w + (a - w) * z) * exp(-z)};
         lg_plan_eval(step.plan, (const void *const[]){x, u + 8 * i, &h}, (void *const[]){x}, step.work);
-        for (int k = 0; k < 2; k++)
-            assert_close(x[2 + k], u[8 * i + k] + (before[k] - u[8 * i + k]) * exp(-h / tau[k]), 1e-14,
-                         1e-14);
+        assert_all_close(x + 2, want, n, 1e-14, 1e-14);
         lg_plan_eval(positions.plan, (const void *const[]){x}, (void *const[]){&got}, positions.work);
         assert_close(got, out_q[i + 1], 1e-12, 1e-13);
     }
 }
 
-TEST("a model with a lag has it in its field and its linearisation, and a filter can be made of it") {
-    const lg_machine machine = lagged_line(false);
+TEST("a step of the program with a held input is that of the log, and its lags are exact") {
+    for (uint32_t order = 1; order <= 2; order++) check_step(order);
+}
+
+/* x: the state of the line, then the lagged inputs of w, of which the line sees the last one. */
+static void check_model(uint32_t order) {
+    const lg_machine machine = lagged_line(false, order);
+    const uint32_t n = 2 + order;
     double *theta = machine_theta(&machine, 5);
     lg_model *model;
     lg_ekf *ekf;
-    double rates[3], A[9], B[6], x[3] = {0.3, 0.5, -0.2}, root[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, tau;
+    double rates[4], A[16], B[8], x[4] = {0.3, 0.5, -0.2, 0.6}, root[16] = {0}, tau;
     const double u[2] = {0.7, 1.1};
     lg_identified numbers[4];
     assert_told(test_machine_model(NULL, &machine, theta, &model, &told));
     lg_test_owns(model, release_model);
     void *work = test_work(lg_model_work_size(model));
-    assert_int_equal(lg_model_inputs(model), 3);
-    assert_int_equal(lg_model_tangent_dim(model), 3);
+    assert_int_equal(lg_model_inputs(model), n);
+    assert_int_equal(lg_model_tangent_dim(model), n);
     assert_int_equal(lg_machine_numbers(&machine, theta, 4, numbers), 2);
     tau = numbers[1].value;
     assert_ok(lg_model_field(model, x, u, rates, work));
     assert_close(rates[2], (u[1] - x[2]) / tau, 1e-13, 1e-13);
-    assert_close(rates[1], 1.3 * u[0] - 0.8 * x[2], 1e-13, 1e-13);
+    if (order == 2) assert_close(rates[3], (x[2] - x[3]) / tau, 1e-13, 1e-13);
+    assert_close(rates[1], 1.3 * u[0] - 0.8 * x[n - 1], 1e-13, 1e-13);
     assert_ok(lg_model_linearise(model, x, u, A, B, NULL, work));
-    assert_close(A[5], -0.8, 1e-13, 1e-13);
-    assert_close(A[8], -1 / tau, 1e-13, 1e-13);
-    assert_close(B[5], 1 / tau, 1e-13, 1e-13);
+    for (uint32_t k = 2; k < n; k++) {
+        assert_close(A[n + k], k == n - 1 ? -0.8 : 0, 1e-13, 1e-13);
+        assert_close(A[k * n + k], -1 / tau, 1e-13, 1e-13);
+        assert_close(B[2 * k + 1], k == 2 ? 1 / tau : 0, 1e-13, 1e-13);
+    }
+    if (order == 2) assert_close(A[3 * n + 2], 1 / tau, 1e-13, 1e-13);
     assert_close(B[3], 0, 0, 1e-13);
     const lg_sensor sensor = {.kind = LG_SENSOR_POSITION, .noise = 0.1};
     lg_ekf_options options;
     lg_ekf_options_init(&options);
+    for (uint32_t k = 0; k < n; k++) root[k * n + k] = 1;
     options.scheme = lg_scheme_find("cf4");
     options.state = x, options.P = options.W = root, options.sensors = &sensor, options.sensor_count = 1;
     const size_t bytes = lg_ekf_size(model, options.scheme, 1);
     assert_told(lg_ekf_init(model, &options, &ekf, test_work(bytes), bytes, &told));
-    const double h = 0.1 * tau;
-    assert_ok(lg_ekf_predict(ekf, h, u));
-    assert_close(lg_ekf_state(ekf)[2], u[1] + (x[2] - u[1]) * exp(-0.1), 1e-6, 1e-6);
+    assert_ok(lg_ekf_predict(ekf, 0.1 * tau, u));
+    for (uint32_t k = 2; k < n; k++)
+        assert_close(lg_ekf_state(ekf)[k], integrate(k - 1, 0.1, (const double[4]){u[1]}, x + 2, 1), 1e-6,
+                     1e-6);
+}
+
+TEST("a model with a lag has it in its field and its linearisation, and a filter can be made of it") {
+    for (uint32_t order = 1; order <= 2; order++) check_model(order);
 }

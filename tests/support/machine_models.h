@@ -116,7 +116,7 @@ static const char machine_of_an_arm[] =
 /* Inputs with lags, a dead zone and a curve. */
 static const char machine_of_a_motor[] =
     "coordinates: [{name: x, kind: line, velocity: vx}, {name: theta, kind: angle, velocity: vt}]\n"
-    "inputs: {columns: [u, w, f], lag: [unknown, none, 0.3],\n"
+    "inputs: {columns: [u, w, f], lag: [{order: 2}, none, 0.3],\n"
     "  curve: [{degree: 3}, {dead_zone: 0.2}, {dead_zone: unknown, degree: 2, values: 0.1}]}\n"
     "mass: {kind: constant}\n"
     "damping: {kind: diagonal}\n"

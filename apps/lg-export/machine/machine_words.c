@@ -75,8 +75,11 @@ static void tell_state(export_source *source, const lg_machine *machine) {
     tell_each(source, machine, tell_momenta);
     if (machine->lags > 0) lg_text_add(&source->state, " lagged inputs");
     for (uint32_t k = 0; k < machine->lags; k++) {
-        lg_text_add(&source->state, " %s (1)", machine->inputs[machine->lagged[k]]);
-        lg_text_add(&source->places, "lagged %s\n", machine->inputs[machine->lagged[k]]);
+        const bool first = k + 1 < machine->lags && machine->lagged[k + 1] == machine->lagged[k];
+        const char *name = machine->inputs[machine->lagged[k]],
+                   *of = first ? " after the first of two lags" : "";
+        lg_text_add(&source->state, " %s%s (1)", name, of);
+        lg_text_add(&source->places, "lagged %s%s\n", name, of);
     }
 }
 

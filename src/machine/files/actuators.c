@@ -127,9 +127,30 @@ static lg_status add(reading *r, const wish *w, const yaml_node_t *at, const yam
                         term->value_count - before, w->count);
 }
 
+/* Keys of a lag that is a map; `start`, `within` and `sigma` are those of a number that is unknown. */
+enum { LAG_ORDER, LAG_VALUE, LAG_START, LAG_WITHIN, LAG_SIGMA, LAG_COUNT };
+static const lg_field lag_keys[LAG_COUNT] = {
+    [LAG_ORDER] = {.name = "order", .type = LG_FIELD_WHOLES, .low = 1, .high = 2, .most = 1},
+    [LAG_VALUE] = {.name = "value", .type = LG_FIELD_NODE},
+    [LAG_START] = {.name = "start", .type = LG_FIELD_NODE},
+    [LAG_WITHIN] = {.name = "within", .type = LG_FIELD_NODE},
+    [LAG_SIGMA] = {.name = "sigma", .type = LG_FIELD_NODE},
+};
+
 static lg_status read_lag(reading *r, const yaml_node_t *node, uint32_t input) {
-    const wish w = {.kind = "lag", .name = "inputs.lag", .input = input, .count = 1, .above = true};
-    return is_word(node, "none") ? LG_OK : add(r, &w, node, node);
+    lg_key_value values[LAG_COUNT] = {{.line = 0}};
+    const lg_key_set set = {lag_keys, LAG_COUNT, values};
+    wish w = {.kind = "lag", .name = "inputs.lag", .input = input, .count = 1, .above = true};
+    if (is_word(node, "none")) return LG_OK;
+    if (node->type != YAML_MAPPING_NODE) return add(r, &w, node, node);
+    LG_TRY(lg_yaml_read_below(r->yaml, node, &set, "inputs.lag", r->error));
+    const bool given = values[LAG_VALUE].line != 0,
+               bound = values[LAG_START].line + values[LAG_WITHIN].line + values[LAG_SIGMA].line != 0;
+    if (given && bound)
+        return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
+                            "inputs.lag: a lag with a value has no start, bounds or prior");
+    if (values[LAG_ORDER].line != 0 && values[LAG_ORDER].real[0] == 2.0) w.kind = "second_order_lag";
+    return add(r, &w, node, given ? values[LAG_VALUE].node : bound ? node : NULL);
 }
 
 enum { KEY_DEGREE, KEY_VALUES, KEY_DEAD_ZONE, KEY_COUNT };

@@ -1,19 +1,21 @@
 /* Reads numbers of a machine that are unknown one by one from YAML: the word `unknown`, or {start: 3,
- * within: [1, 10], sigma: 1}. */
+ * within: [1, 10], sigma: 1}; of a lag with the key `order`, which actuators.c reads. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
 #include <yaml.h>
 
 #include "machine/files/reading.h"
+#include "machine/internal.h"
 
 typedef lg_machine_reading reading;
 
-enum { KEY_START, KEY_WITHIN, KEY_SIGMA, KEY_COUNT };
+enum { KEY_START, KEY_WITHIN, KEY_SIGMA, KEY_ORDER, KEY_COUNT };
 static const lg_field keys[KEY_COUNT] = {
     [KEY_START] = {.name = "start", .type = LG_FIELD_REAL, .low = -DBL_MAX, .high = DBL_MAX},
     [KEY_WITHIN] = {.name = "within", .type = LG_FIELD_REALS, .low = -DBL_MAX, .high = DBL_MAX, .most = 2},
     [KEY_SIGMA] = {.name = "sigma", .type = LG_FIELD_REAL, .above = true, .high = DBL_MAX},
+    [KEY_ORDER] = {.name = "order", .type = LG_FIELD_NODE},
 };
 
 static bool is_unknown(const yaml_node_t *node) {
@@ -26,10 +28,10 @@ bool lg_machine_is_entry(const yaml_node_t *node) {
     return node->type == YAML_MAPPING_NODE || is_unknown(node);
 }
 
-lg_status lg_machine_read_entry(reading *r, const char *what, const yaml_node_t *node, double *start,
-                                lg_machine_entry *out) {
+lg_status lg_machine_read_entry(reading *r, const char *what, bool ordered, const yaml_node_t *node,
+                                double *start, lg_machine_entry *out) {
     lg_key_value values[KEY_COUNT] = {{.line = 0}};
-    const lg_key_set set = {keys, KEY_COUNT, values};
+    const lg_key_set set = {keys, ordered ? KEY_COUNT : KEY_ORDER, values};
     *start = (double)NAN;
     if (is_unknown(node)) return LG_OK;
     LG_TRY(lg_yaml_read_below(r->yaml, node, &set, what, r->error));
@@ -80,7 +82,7 @@ static lg_status read_one(reading *r, const lg_field *key, const yaml_node_t *no
         return lg_yaml_block(r->yaml, key, &value, (const size_t[3]){1, 1, 1}, number, NULL, r->error);
     lg_machine_entry *entry = &term->entries[term->entry_count++];
     *entry = (lg_machine_entry){.index = term->value_count - 1};
-    return lg_machine_read_entry(r, key->name, node, number, entry);
+    return lg_machine_read_entry(r, key->name, term->kind->order > 0, node, number, entry);
 }
 
 lg_status lg_machine_read_entries(reading *r, const lg_field *key, const yaml_node_t *node,

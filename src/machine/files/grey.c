@@ -57,7 +57,7 @@ static lg_status read_number(reading *r, const yaml_node_t *node, parameter *p, 
     const lg_field key = {.name = p->key, .low = -DBL_MAX, .high = DBL_MAX};
     const lg_key_value value = {.line = line_of(node), .node = node};
     p->unknown[i] = lg_machine_is_entry(node);
-    if (p->unknown[i]) return lg_machine_read_entry(r, p->key, node, &p->values[i], &p->entries[i]);
+    if (p->unknown[i]) return lg_machine_read_entry(r, p->key, false, node, &p->values[i], &p->entries[i]);
     return lg_yaml_block(r->yaml, &key, &value, (const size_t[3]){1, 1, 1}, &p->values[i], NULL, r->error);
 }
 

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "machine/files/choice.h"
+#include "machine/internal.h"
 
 static const char not_shown[] = "no lag that the log shows";
 static const double least_rows = 0.2; /* scales.lag[0], in rows */
@@ -48,10 +49,9 @@ void lg_machine_warn_of_lags(const lg_training *self, const lg_machine_verdict *
 
 /* The time constant of an input in seconds, learned or known; 0: it has no lag. */
 static double lag_of(const lg_machine *machine, const lg_machine_verdict *what, uint32_t input) {
-    const lg_term_kind *kind = lg_term_kind_find(LG_MACHINE_ACTUATOR, "lag");
     const lg_identified *learned = find(what, machine->inputs[input]);
     for (uint32_t i = 0; i < machine->term_count && learned == NULL; i++)
-        for (uint32_t k = 0; k < machine->terms[i].of_count && machine->terms[i].kind == kind; k++)
+        for (uint32_t k = 0; k < machine->terms[i].of_count && machine->terms[i].kind->order > 0; k++)
             if (machine->terms[i].of[k].index == input) return machine->terms[i].values[k];
     return learned != NULL ? learned->value : 0.0;
 }
