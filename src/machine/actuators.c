@@ -185,7 +185,7 @@ void lg_numbers_dead_zone(lg_number_list *l, const lg_machine *machine, const lg
                        machine->inputs[term->of[i].index]);
 }
 
-/* ---- lags: tau x' = u - x, or two of them in series; log tau = log low + log(high/low) sigmoid(theta) ---- */
+/* ---- lags: tau x' = u - x, or two in series; log tau = log low + log(high/low) sigmoid(theta) ---- */
 
 static double span_of(const lg_machine *machine) {
     return log(machine->scales.lag[1] / machine->scales.lag[0]);

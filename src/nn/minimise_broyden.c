@@ -9,8 +9,8 @@
 enum { FIRST_PAIRS = 3 };
 static const double LEAST_SCALE = 0.5;
 
-/* Computes the scale tau and the weight phi of the update from b = s.Bs/y.s and h = y.Hy/y.s: SSBroyden2, with
- * tau kept above LEAST_SCALE. */
+/* Computes the scale tau and the weight phi of the update from b = s.Bs/y.s and h = y.Hy/y.s: SSBroyden2,
+ * with tau kept above LEAST_SCALE. */
 static void coefficients(size_t n, double b, double h, double *tau, double *phi) {
     const double a = fmax(h * b - 1.0, 1e-16), c = sqrt(a / (1.0 + a));
     const double r = fmin(1.0, h * (1.0 - c));

@@ -24,8 +24,8 @@ lg_status lg_machine_texts(lg_machine_reading *r, const void *node, const char *
 
 /* Numbers that are unknown one by one (entries.c). lg_machine_is_entry: whether the node is the word
  * `unknown` or {start: ..., within: ..., sigma: ...}; lg_machine_read_entry reads it, *start is NaN where
- * it is not given, and allows the key `order` if `ordered`. lg_machine_has_entries looks into lists, too. lg_machine_read_entries reads the values
- * of a term, some of which are unknown. */
+ * it is not given, and allows the key `order` if `ordered`. lg_machine_has_entries looks into lists, too.
+ * lg_machine_read_entries reads the values of a term, some of which are unknown. */
 bool lg_machine_is_entry(const struct yaml_node_s *node);
 bool lg_machine_has_entries(const lg_machine_reading *r, const struct yaml_node_s *node);
 lg_status lg_machine_read_entry(lg_machine_reading *r, const char *what, bool ordered,
