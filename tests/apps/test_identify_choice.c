@@ -196,7 +196,7 @@ TEST("--suggest gives friction that differs by direction an offset beside it") {
     char text[1000];
     write_log("log.csv", &(plant){asymmetric, true, 0, 1500, 1, 0, 0});
     cli_json(identify, "fit held.yaml log.csv --out m.h5 --suggest new.yaml", "suggested [\"asymmetric\"]");
-    assert_says(result.err, "and for a constant force (an offset) beside it");
+    assert_says(result.err, "and for a constant force (an offset)");
     (void)cli_read("new.yaml", text, sizeof text);
     assert_says(text, "offset: unknown");
     assert_true(fabs(json_number(json_find(json_find(result.out, "identified"), "offset.x"), "value") - 0.1) <

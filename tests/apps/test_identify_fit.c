@@ -192,9 +192,9 @@ TEST("the mass of a network is reported at the logged states, with these states"
     cli_run(identify,
             "generate push.yaml --runs 8 --t-end 4 --amplitude 4 --noise 0.002,0.01 --out near.csv");
     shift_log("near.csv", "away.csv");
-    cli_json(identify, "fit moving.yaml near.csv --out m.h5 --epochs 200", "loss <4, expected_loss <4");
+    cli_json(identify, "fit moving.yaml near.csv --out m.h5 --epochs 400", "loss <4, expected_loss <4");
     json_expect(json_find(result.out, "mass_at"), "x [0]");
-    cli_json(identify, "fit moving.yaml away.csv --out m.h5 --epochs 200 --seed 2",
+    cli_json(identify, "fit moving.yaml away.csv --out m.h5 --epochs 400 --seed 2",
              "loss <4, expected_loss <4");
     const double at = strtod(strchr(json_find(json_find(result.out, "mass_at"), "x"), '[') + 1, NULL);
     assert_close(at, 30, 0, 3);

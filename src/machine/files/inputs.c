@@ -304,13 +304,17 @@ lg_status lg_machine_choose_inputs(lg_training *self, lg_error *error) {
 }
 
 void lg_machine_widen(lg_training *self, size_t count, lg_identified *numbers) {
-    const lg_input_changes *inputs = &((const lg_machine_state *)self->state)->changes;
+    const lg_machine_state *s = self->state;
+    const lg_input_changes *inputs = &s->changes;
     const lg_identified *most = NULL;
-    double worst = 1;
+    double worst = 1, at[LG_MACHINE_POSITIONS];
+    /* A mass that depends on the state is reported at other positions by the trials. */
+    const bool placed = lg_machine_mass_at(&s->problem, at);
     for (size_t i = 0; i < count; i++)
         for (size_t k = 0; k < inputs->count; k++) {
             const lg_identified *changed = &inputs->numbers[k];
             if (strcmp(changed->name, numbers[i].name) != 0) continue;
+            if (placed && strncmp(changed->name, "mass.", 5) == 0) continue;
             if (changed->error > worst * numbers[i].error)
                 worst = changed->error / numbers[i].error, most = changed;
             numbers[i].error = hypot(numbers[i].error, changed->error);
