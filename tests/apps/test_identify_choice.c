@@ -192,7 +192,7 @@ TEST("--suggest names the term that the log asks for, and writes the machine tha
     suggests(cubic, "cubic", "the log asks for friction that grows with the cube of the velocity");
 }
 
-TEST("--suggest gives friction that differs by direction an offset beside it") {
+TEST("--suggest adds an offset to friction that differs by direction") {
     char text[1000];
     write_log("log.csv", &(plant){asymmetric, true, 0, 1500, 1, 0, 0});
     cli_json(identify, "fit held.yaml log.csv --out m.h5 --suggest new.yaml", "suggested [\"asymmetric\"]");

@@ -268,7 +268,7 @@ TEST("wrong keys are refused with their line") {
          "with `measured: positions`"},
         {HEAD "measured: speeds\n", "line 2", "none of velocities, momenta, positions"},
         {HEAD "inputs: {hold: zero}\n", "line 2", "'inputs.columns' is missing"},
-        {HEAD "inputs: {columns: [u], hold: first}\n", "line 2", "none of zero, linear, cubic"},
+        {HEAD "inputs: {columns: [u], hold: first}\n", "line 2", "known: zero, linear, cubic"},
         {HEAD "inputs: {columns: [u], delay: -1}\n", "line 2", "`estimate`"},
         {HEAD "inputs: {columns: [u, w], delay: [1, 2, 3]}\n", "line 2", "one for each of the 2 inputs"},
         {HEAD "inputs: {columns: [u, w], hold: [zero]}\n", "line 2", "one for each of the 2 inputs"},

@@ -52,7 +52,7 @@ static lg_status read_hold(reading *r, const yaml_node_t *node, uint32_t input) 
             return LG_OK;
         }
     return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
-                        "inputs.hold: '%.40s' is none of zero, linear, cubic, auto",
+                        "inputs.hold: '%.40s' is unknown; known: zero, linear, cubic, auto",
                         node->type == YAML_SCALAR_NODE ? (const char *)node->data.scalar.value : "?");
 }
 
