@@ -14,6 +14,7 @@ static const struct {
     {"classifier", "it is a classical classifier, for lg-anomaly or lg_classifier_load"},
     {"table", "it is a model of a table, for lg-fit or lg_model_load"},
     {"machine_model", "it is a learned machine, for lg-identify or lg_model_load"},
+    {"policy", "it is a controller, for lg-control, lg-export or lg_policy_load"},
     {"program", "it is a program of functions, for lg-export or lg_program_load"},
     {"trajectories", "it is a data file with trajectories"},
     {"trajectory", "it is a data file with a trajectory"},

@@ -14,7 +14,7 @@ may() {
         nn | integrators) echo core kernels autodiff ;;
         mechanics) echo core kernels autodiff integrators ;;
         model) echo core kernels autodiff integrators ;;
-        control) echo core kernels integrators model ;;
+        control) echo core kernels autodiff nn integrators model ;;
         files) echo core ;;
         settings/files) echo core files settings ;;
         datasets) echo core files settings settings/files ;;

@@ -1,0 +1,86 @@
+/* lg-control evaluate: judges a policy by runs. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lg-control/control_app.h"
+
+typedef struct evaluate_values {
+    const char *plant;
+    uint64_t starts;
+} evaluate_values;
+
+static const lg_field options[] = {
+    LG_OPTION(evaluate_values, plant, STRING, "FILE", "Judge on this machine instead of the policy's",
+              .file = LG_FILE_READ),
+    LG_OPTION(evaluate_values, starts, U64, "n", "Random starts", .low = 1, .high = 1e6, .value = "500"),
+    LG_FIELD_END};
+
+static evaluate_values values;
+
+static lg_policy *other_plant(const app *self, lg_policy *policy) {
+    const lg_policy_task *own = lg_policy_task_of(policy);
+    lg_policy_task names = {.coordinate_count = 0};
+    lg_policy *other = NULL;
+    lg_program *plant = control_load_plant(self, values.plant, &names);
+    bool same = names.coordinate_count == own->coordinate_count && names.input_count == own->input_count;
+    for (uint32_t i = 0; same && i < names.coordinate_count; i++)
+        same = strcmp(names.coordinate[i].name, own->coordinate[i].name) == 0 &&
+               names.coordinate[i].motion == own->coordinate[i].motion;
+    for (uint32_t l = 0; same && l < names.input_count; l++)
+        same = strcmp(names.input[l].name, own->input[l].name) == 0;
+    if (!same)
+        app_stop(self, LG_SHAPE, "%s: its coordinates or inputs are not those of the policy", values.plant);
+    APP_MUST(self, lg_policy_transplant(policy, plant, &other, &error));
+    lg_policy_destroy(policy);
+    return other;
+}
+
+static void tell_worst(const app *self, app_json *out, const lg_policy *policy, const lg_policy_outcome *o,
+                       const double *starts) {
+    const lg_policy_task *task = lg_policy_task_of(policy);
+    (void)self;
+    app_json_open(out, "worst", '{');
+    app_json_real(out, "cost", o->worst);
+    app_json_size(out, "start", o->worst_start);
+    app_json_reals(out, "errors", starts + o->worst_start * lg_policy_regulator_of(policy)->errors,
+                   lg_policy_regulator_of(policy)->errors);
+    app_json_close(out, '}');
+    (void)task;
+}
+
+static int run(app *self) {
+    lg_policy *policy = NULL;
+    lg_policy_outcome own, regulator;
+    app_json out;
+    APP_MUST_FILE(self, self->arguments[0],
+                  lg_policy_load(self->context, self->arguments[0], NULL, &policy, NULL, &error));
+    if (values.plant != NULL) policy = other_plant(self, policy);
+    const size_t n = lg_policy_regulator_of(policy)->errors, steps = lg_policy_steps(policy);
+    APP_FREE double *path = app_alloc((steps + 1) * values.starts * n, sizeof *path);
+    lg_policy_runs runs = {.path = path};
+    APP_MUST(self, lg_policy_evaluate(policy, false, values.starts, self->seed, (int)self->threads, &own,
+                                      &runs, &error));
+    APP_MUST(self, lg_policy_evaluate(policy, true, values.starts, self->seed, (int)self->threads, &regulator,
+                                      NULL, &error));
+    app_result_begin(&out, self);
+    control_tell_outcome(&out, &own);
+    tell_worst(self, &out, policy, &own, path);
+    app_json_open(&out, "lqr", '{');
+    control_tell_outcome(&out, &regulator);
+    app_json_close(&out, '}');
+    app_json_warnings(&out, self);
+    app_json_end(&out);
+    lg_policy_destroy(policy);
+    return APP_EXIT_OK;
+}
+
+const app_command evaluate_command = {
+    .name = "evaluate",
+    .arguments = "POLICY.h5",
+    .summary = "Judge a policy by runs from random starts",
+    .details = "Beside it stands the saturated regulator alone (lqr). --plant judges on another machine than "
+               "the one that "
+               "the policy was trained with, for example the true one of a simulation.",
+    .settings = APP_SETTINGS(APP_GIVEN(options, values)),
+    .run = run};

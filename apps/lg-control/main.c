@@ -1,0 +1,11 @@
+/* lg-control: controllers that are learned through a machine. */
+#include "lg-control/control_app.h"
+
+int main(int argc, char **argv) {
+    const app_command commands[] = {train_command, evaluate_command, {.run = NULL}};
+    return app_main(
+        argc, argv, "lg-control",
+        "Controllers of machines: TASK.yaml names the machine, the goal, limits, cost and starts; train "
+        "learns a policy through the machine, evaluate judges it. docs/control.md is the guide.",
+        commands);
+}

@@ -1,0 +1,157 @@
+/* Plants: the machines that a controller is for, from files of three kinds. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "lg-control/control_app.h"
+#include "liegrad/machine.h"
+#include "liegrad/taped.h"
+
+/* ---- machines ---- */
+
+static void name_coordinates(const app *self, const char *path, const lg_machine_file *file,
+                             lg_policy_task *task) {
+    static const int motions[LG_COORDINATE_KIND_COUNT] = {[LG_COORDINATE_LINE] = LG_POLICY_LINE,
+                                                          [LG_COORDINATE_ANGLE] = LG_POLICY_ANGLE,
+                                                          [LG_COORDINATE_DIRECTION] = LG_POLICY_DIRECTION,
+                                                          [LG_COORDINATE_ROTATION] = LG_POLICY_ROTATION,
+                                                          [LG_COORDINATE_POSE] = -1};
+    const lg_machine *machine = &file->machine;
+    if (task->coordinate_count > 0)
+        app_stop(self, LG_FORMAT, "states: the plant %s is a machine and has its own coordinates", path);
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_machine_coordinate *from = &machine->coordinates[i];
+        lg_policy_coordinate *to = &task->coordinate[task->coordinate_count++];
+        if (motions[from->kind] < 0)
+            app_stop(self, LG_UNSUPPORTED,
+                     "%s: coordinate %s is a pose; a controller needs lines and a rotation", path,
+                     from->name);
+        to->motion = (lg_policy_motion)motions[from->kind];
+        (void)snprintf(to->name, sizeof to->name, "%s", from->name);
+        (void)snprintf(to->velocity, sizeof to->velocity, "v%.30s", from->name);
+    }
+    for (uint32_t c = 0; c < file->column_count; c++) { /* a single column of velocity gives its name */
+        const lg_log_column *column = &file->columns[c];
+        for (uint32_t i = 0; i < machine->coordinate_count && column->role == LG_LOG_VELOCITY; i++) {
+            const lg_policy_motion motion = task->coordinate[i].motion;
+            if (column->index == i && (motion == LG_POLICY_LINE || motion == LG_POLICY_ANGLE) &&
+                strlen(column->name) < LG_POLICY_NAME)
+                (void)snprintf(task->coordinate[i].velocity, LG_POLICY_NAME, "%s", column->name);
+        }
+        if (column->role == LG_LOG_INPUT && column->index < LG_POLICY_INPUTS &&
+            strlen(column->name) < LG_POLICY_NAME)
+            (void)snprintf(task->input[column->index].name, LG_POLICY_NAME, "%s", column->name);
+    }
+    task->input_count = machine->input_count;
+    if (machine->input_count == 0) app_stop(self, LG_FORMAT, "%s: the machine has no inputs", path);
+}
+
+/* Schemes whose steps iterate cannot be part of a program. */
+static const lg_scheme *scheme_of(const lg_scheme *scheme) {
+    const bool fits = scheme != NULL && scheme->kind != LG_SCHEME_VARIATIONAL &&
+                      scheme->kind != LG_SCHEME_IMPLICIT && scheme->kind != LG_SCHEME_SLGI;
+    return fits ? scheme : lg_scheme_find("rkmk4");
+}
+
+static lg_program *load_model(const app *self, const char *path, lg_policy_task *task) {
+    APP_CLEAN(lg_machine_model_file_destroy) lg_machine_model_file model = {.theta = NULL};
+    APP_CLEAN(lg_machine_file_destroy) lg_machine_file file = {.column_count = 0};
+    lg_program *program = NULL;
+    APP_MUST_FILE(self, path, lg_machine_model_load(self->context, path, NULL, &model, &error));
+    APP_MUST_FILE(
+        self, path,
+        lg_machine_file_parse(self->context, path, model.run.text, strlen(model.run.text), &file, &error));
+    name_coordinates(self, path, &file, task);
+    APP_MUST(self, lg_machine_program(self->context, &model.run.machine, model.theta,
+                                      scheme_of(model.run.scheme), &program, &error));
+    return program;
+}
+
+static lg_program *read_machine(const app *self, const char *path, lg_policy_task *task) {
+    APP_CLEAN(lg_machine_file_destroy) lg_machine_file file = {.column_count = 0};
+    lg_program *program = NULL;
+    APP_MUST_FILE(self, path, lg_machine_file_read(self->context, path, &file, &error));
+    for (uint32_t i = 0; i < file.machine.term_count; i++)
+        if (file.machine.terms[i].parameters > 0)
+            app_stop(self, LG_FORMAT,
+                     "%s: %s: a term of kind '%s' is unknown; give its values, or learn the machine with "
+                     "lg-identify "
+                     "and name the model",
+                     path, lg_machine_part_name(file.machine.terms[i].part),
+                     lg_term_kind_name(file.machine.terms[i].kind));
+    if (file.machine.parameters > 0)
+        app_stop(self, LG_FORMAT,
+                 "%s: numbers of the machine are unknown; learn it with lg-identify and name the model",
+                 path);
+    name_coordinates(self, path, &file, task);
+    APP_MUST(self, lg_machine_program(self->context, &file.machine, NULL, lg_scheme_find("rkmk4"), &program,
+                                      &error));
+    return program;
+}
+
+/* ---- programs ---- */
+
+static void name_states(const app *self, const char *path, const lg_program *program, lg_policy_task *task,
+                        size_t *states) {
+    size_t field, count;
+    APP_MUST_FILE(self, path, lg_program_find(program, "field", &field, &error));
+    const lg_port *in = lg_program_inputs(program, field, &count);
+    if (count != 2) app_stop(self, LG_FORMAT, "%s: field has %zu inputs; expected field(x, u)", path, count);
+    *states = lg_shape_count(in[0].shape);
+    const size_t inputs = lg_shape_count(in[1].shape);
+    if (*states > LG_POLICY_COORDINATES || inputs > LG_POLICY_INPUTS)
+        app_stop(self, LG_UNSUPPORTED, "%s: field has %zu states and %zu inputs, more than %d and %d", path,
+                 *states, inputs, LG_POLICY_COORDINATES, LG_POLICY_INPUTS);
+    if (task->coordinate_count == 0)
+        for (; task->coordinate_count < *states; task->coordinate_count++)
+            (void)snprintf(task->coordinate[task->coordinate_count].name, LG_POLICY_NAME, "x%u",
+                           task->coordinate_count + 1);
+    if (task->coordinate_count != *states)
+        app_stop(self, LG_FORMAT, "states: %u names, but field of %s has %zu states", task->coordinate_count,
+                 path, *states);
+    for (size_t l = 0; l < inputs; l++)
+        (void)snprintf(task->input[l].name, LG_POLICY_NAME, inputs == 1 ? "u" : "u%zu", l + 1);
+    task->input_count = (uint32_t)inputs;
+}
+
+static lg_program *load_program(const app *self, const char *path, lg_policy_task *task) {
+    lg_program *program = NULL;
+    lg_space space;
+    size_t states, step;
+    APP_MUST_FILE(self, path, lg_program_load(self->context, path, NULL, &program, &error));
+    name_states(self, path, program, task, &states);
+    APP_MUST(self, lg_space_init_rn(&space, states));
+    if (lg_program_find(program, "step", &step, NULL) != LG_OK)
+        APP_MUST(self, lg_program_add_step(program, &space, lg_scheme_find("rk4"), 1e-3 * task->period,
+                                           1.0 + task->period, &error));
+    return program;
+}
+
+/* ---- */
+
+lg_program *control_load_plant(const app *self, const char *path, lg_policy_task *task) {
+    static const unsigned char signature[8] = {0x89, 'H', 'D', 'F', '\r', '\n', 0x1a, '\n'};
+    unsigned char begin[8] = {0};
+    char kind[64];
+    FILE *stream = app_open(path);
+    if (stream == NULL) app_must_file(self, LG_NOT_FOUND, NULL, path);
+    const size_t count = fread(begin, 1, sizeof begin, stream);
+    (void)fclose(stream);
+    if (count < sizeof begin || memcmp(begin, signature, sizeof begin) != 0)
+        return read_machine(self, path, task);
+    APP_MUST_FILE(self, path, lg_model_file_kind(self->context, path, NULL, kind, sizeof kind, &error));
+    return strcmp(kind, "machine_model") == 0 ? load_model(self, path, task) : load_program(self, path, task);
+}
+
+lg_program *control_read_task(const app *self, const char *path, lg_policy_task *task, char **text) {
+    char plant[512], *read = NULL;
+    APP_MUST_FILE(self, path,
+                  lg_policy_task_read(self->context, path, task, plant, sizeof plant, &read, &error));
+    const char *slash = strrchr(path, '/');
+    APP_FREE char *full = plant[0] == '/' || slash == NULL
+                              ? app_format("%s", plant)
+                              : app_format("%.*s/%s", (int)(slash - path), path, plant);
+    lg_program *program = control_load_plant(self, full, task);
+    APP_MUST_FILE(self, path, lg_policy_task_parse(self->context, path, read, task, &error));
+    *text = read;
+    return program;
+}

@@ -1,0 +1,167 @@
+/* lg-control train: learns a policy. */
+#include <math.h>
+#include <stdlib.h>
+
+#include "common/train.h"
+#include "lg-control/control_app.h"
+
+typedef struct train_values {
+    const char *out, *resume;
+    double seconds, lr;
+    uint64_t seeds, starts, race, finish, polish;
+} train_values;
+
+static const lg_field options[] = {
+    LG_OPTION(train_values, out, STRING, "FILE.h5", "Write the policy", .file = LG_FILE_WRITTEN,
+              .required = true),
+    LG_OPTION(train_values, resume, STRING, "FILE", "Continue from the state that a stopped training left",
+              .file = LG_FILE_READ),
+    LG_OPTION(train_values, seconds, REAL, "s", "Shorten the phases to this time", .high = 1e9, .above = true,
+              .otherwise = "no bound"),
+    LG_OPTION(train_values, seeds, U64, "n", "Seeds in the race", .low = 1, .high = 1000, .value = "8"),
+    LG_OPTION(train_values, starts, U64, "n", "Starts of a step of Adam, a multiple of 64", .low = 64,
+              .high = 65536, .value = "64"),
+    LG_OPTION(train_values, race, U64, "n", "Steps of Adam of each seed", .low = 1, .high = 1e6,
+              .value = "450"),
+    LG_OPTION(train_values, finish, U64, "n", "Steps of Adam of the winner", .high = 1e6, .value = "1500"),
+    LG_OPTION(train_values, polish, U64, "n", "Steps of L-BFGS of the winner", .high = 1e6, .value = "250"),
+    LG_OPTION(train_values, lr, REAL, "r", "Learning rate of Adam", .high = 1, .above = true,
+              .value = "0.003"),
+    LG_FIELD_END};
+
+static train_values values;
+static app_progress progress;
+
+static void show(void *user, const lg_policy_progress *now) {
+    (void)user;
+    app_progress_show(&progress, now->step, "success %.3f, cost %.4g", now->success, now->cost);
+}
+
+static lg_policy_train_options read_options(const app *self) {
+    lg_policy_train_options o;
+    lg_policy_train_options_init(&o);
+    if (values.starts % o.starts != 0) app_stop_usage(self, "--starts: expected a multiple of %u", o.starts);
+    o.seeds = (uint32_t)values.seeds, o.starts = (uint32_t)values.starts;
+    o.race = values.race, o.finish = values.finish, o.polish = values.polish;
+    o.lr = values.lr, o.seconds = values.seconds, o.seed = self->seed, o.threads = (int)self->threads;
+    o.progress = show;
+    return o;
+}
+
+static const char *state_path(char **made) {
+    *made = app_format("%s.checkpoint", values.out);
+    return *made;
+}
+
+static void save_state(const app *self, const lg_policy_trainer *trainer) {
+    APP_FREE char *path = NULL;
+    lg_file_writer *writer = NULL;
+    lg_archive_writer archive;
+    const lg_provenance provenance = app_provenance(self, self->seed);
+    (void)state_path(&path);
+    APP_MUST_FILE(
+        self, path,
+        lg_file_writer_create(self->context, path, "policy-checkpoint", &provenance, &writer, &error));
+    lg_status status = lg_file_writer_archive(writer, "training", &archive);
+    lg_error error = {LG_OK, ""};
+    if (status == LG_OK) status = lg_policy_trainer_save(trainer, &archive, &error);
+    if (status == LG_OK) status = lg_file_writer_commit(writer, &error);
+    lg_file_writer_destroy(writer);
+    app_must_file(self, status, &error, path);
+    (void)fprintf(stderr, "%s: stopped; the best policy so far is in %s; continue with --resume %s\n",
+                  self->title, values.out, path);
+}
+
+static void load_state(const app *self, lg_policy_trainer *trainer) {
+    lg_file_reader *reader = NULL;
+    lg_archive_reader archive;
+    lg_error error = {LG_OK, ""};
+    lg_status status =
+        lg_file_reader_create(self->context, values.resume, "policy-checkpoint", NULL, &reader, &error);
+    if (status == LG_OK) status = lg_file_reader_archive(reader, "training", &archive);
+    if (status == LG_OK) status = lg_policy_trainer_load(trainer, &archive, &error);
+    lg_file_reader_destroy(reader);
+    app_must_file(self, status, &error, values.resume);
+}
+
+/* ---- the command ---- */
+
+void control_tell_outcome(app_json *out, const lg_policy_outcome *o) {
+    app_result_size(out, "starts", o->starts, NULL);
+    app_result_size(out, "succeeded", o->succeeded, NULL);
+    app_result_real(out, "success", (double)o->succeeded / (double)o->starts, "share of the starts");
+    app_result_reals(out, "success_interval", (const double[]){o->success_low, o->success_high}, 2, "95 %");
+    app_result_real(out, "cost_mean", o->cost_mean, NULL);
+    app_result_real(out, "cost_median", o->cost_median, NULL);
+    app_result_real(out, "saturated", o->saturated, "share of the periods with an input at a limit");
+}
+
+static void report(const app *self, const lg_policy *policy, const lg_policy_train_result *result) {
+    lg_policy_outcome held, regulator;
+    app_json out;
+    const uint64_t seed = self->seed ^ UINT64_C(0x9e3779b97f4a7c15);
+    APP_MUST(self, lg_policy_evaluate(policy, false, 500, seed, (int)self->threads, &held, NULL, &error));
+    APP_MUST(self, lg_policy_evaluate(policy, true, 500, seed, (int)self->threads, &regulator, NULL, &error));
+    app_result_begin(&out, self);
+    app_result_real(&out, "cost", held.cost_mean, "mean over 500 held-out starts");
+    app_result_real(&out, "success", (double)held.succeeded / (double)held.starts, "share of these starts");
+    app_result_reals(&out, "success_interval", (const double[]){held.success_low, held.success_high}, 2,
+                     "95 %");
+    app_result_real(&out, "regulator_success", (double)regulator.succeeded / (double)regulator.starts,
+                    "share, the saturated regulator alone");
+    app_result_size(&out, "parameters", lg_policy_parameters(policy), NULL);
+    app_result_size(&out, "substeps", lg_policy_task_of(policy)->substeps, "of the integrator in a period");
+    app_result_real(&out, "seconds", result->seconds, NULL);
+    app_result_size(&out, "seed", self->seed, NULL);
+    app_result_size(&out, "winner", result->seed, "of the race");
+    app_result_text(&out, "out", values.out, NULL);
+    app_json_warnings(&out, self);
+    app_json_end(&out);
+}
+
+static void warn(const app *self, const lg_policy *policy) {
+    const lg_policy_regulator *r = lg_policy_regulator_of(policy);
+    if (r->residual > 1e-9)
+        app_warn(self, "at the goal the machine drifts by %.1e of the starts' size in a period", r->residual);
+}
+
+static int run(app *self) {
+    lg_policy_task task;
+    lg_policy *policy = NULL;
+    lg_policy_trainer *trainer = NULL;
+    lg_policy_train_result result;
+    APP_FREE char *text = NULL;
+    const lg_policy_train_options settings = read_options(self);
+    lg_program *plant = control_read_task(self, self->arguments[0], &task, &text);
+    APP_MUST(self, lg_policy_create(self->context, &task, plant, self->seed, &policy, &error));
+    warn(self, policy);
+    APP_MUST(self, lg_policy_trainer_create(policy, &settings, &trainer, &error));
+    if (values.resume != NULL) load_state(self, trainer);
+    app_progress_begin(&progress, 0, settings.race + settings.finish + settings.polish);
+    lg_error why = {LG_OK, ""};
+    const lg_status status = lg_policy_trainer_run(trainer, &result, &why);
+    app_progress_end(&progress);
+    if (status != LG_CANCELLED) app_must(self, status, &why);
+    const lg_provenance provenance = app_provenance(self, self->seed);
+    APP_MUST_FILE(self, values.out,
+                  lg_policy_save(self->context, values.out, policy, text, &provenance, &error));
+    if (status == LG_CANCELLED)
+        save_state(self, trainer);
+    else
+        report(self, policy, &result);
+    lg_policy_trainer_destroy(trainer);
+    lg_policy_destroy(policy);
+    return status == LG_CANCELLED ? APP_EXIT_INTERRUPTED : APP_EXIT_OK;
+}
+
+const app_command train_command = {
+    .name = "train",
+    .arguments = "TASK.yaml",
+    .summary = "Learn a policy through the machine",
+    .details =
+        "TASK.yaml has plant, goal, period, horizon, starts, limits, cost, success and controller. Several "
+        "seeds "
+        "race; the best by success, then by cost, is trained on. Ctrl-C saves the best policy so far and the "
+        "state, from which --resume continues with the same numbers.",
+    .settings = APP_SETTINGS(APP_GIVEN(options, values)),
+    .run = run};

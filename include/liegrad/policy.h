@@ -1,0 +1,251 @@
+/* Controllers that are learned through a machine: a machine, its integrator and a policy are one program, and the
+ * cost of closed-loop runs is differentiated exactly. The library is liegrad; the last section is in liegrad_io.
+ * docs/control.md is the guide, docs/reports/control.md has measured results.
+ *
+ *   lg_policy_create(NULL, &task, plant, seed, &policy, &error);      (plant: a program, see below)
+ *   lg_policy_train(policy, &options, &result, &error);
+ *   lg_policy_evaluate(policy, NULL, 500, seed, &outcome, NULL, &error);
+ *
+ * A run. The input u is held for `period` seconds h; s_{k+1} = F(s_k, u_k) is the machine's own step, in
+ * lg_policy_task.substeps parts; u_k = pi(q_k, v_k, theta). The cost of a run from s_0 is
+ *
+ *   J = sum_{k < N} h (sum_i w_i d_i(q_k) + sum_j w_j v_j^2 + sum_l w_l (u_l - u0_l)^2) + W(s_N),  N h = horizon,
+ *
+ * with d = (q - goal)^2 for a line, 2 (1 - cos(q - goal)) for an angle, 2 (1 - q.goal) for a direction and
+ * tr(1 - goal^T R) for a rotation: the square of the angle from the goal, to first order. u0 is the constant input
+ * that holds the machine at the goal. Training minimises the mean of J over random starts.
+ *
+ * Errors z of a state (in the order: positions of all coordinates, then velocities of all coordinates). With the angle
+ * a of a coordinate from its goal they have the length 2 sin(a/2): they grow up to the opposite side, and are the
+ * tangent coordinates at the goal to first order:
+ *   line       q - goal                                                       velocity v
+ *   angle      sin(q - goal)/|cos((q - goal)/2)|                              velocity v
+ *   direction  E^T q/cos(a/2), E (3, 2) a basis of the plane across the goal  velocity E^T omega
+ *   rotation   vee(S - S^T)/(2 cos(a/2)), S = goal^T R                        velocity Omega
+ *
+ * The regulator. u = sat(u0 - K z), where K and the matrix P of V(z) = z^T P z solve the discrete Riccati equation of
+ * the linearised step for weights Q, R. Training needs no weights from the user: each of a table of weights is tried by
+ * runs of the saturated regulator on the machine, whose least V of a run that fails gives the level c; the weights with
+ * the largest set {V < c} are taken. sat keeps each input in its limits.
+ *
+ * Kinds of policies:
+ *   lqr      the regulator alone; nothing is trained
+ *   network  u = g u_lqr + (1 - g) u_net with the gate g = 1/(1 + exp(4.5 (V/c - 1))), u_net in the limits by tanh
+ *   energy   u = sat(u0 - k_p G^T z_q - k_d G^T v), with the map G from inputs to generalised forces at the goal. k_p
+ *            and k_d (one number per input each, positive) are trained. It shapes the potential energy and damps.
+ *
+ * Terminal cost W = w V_end (1 - exp(-V/V_end)), V_end = 13 c, and w such that W of a far state is the mean cost of the
+ * unforced machine over the horizon. Functions with an lg_error explain errors there in a sentence; it may be NULL. */
+#ifndef LIEGRAD_POLICY_H
+#define LIEGRAD_POLICY_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "liegrad/core.h"
+#include "liegrad/files.h"
+#include "liegrad/program.h"
+
+LG_BEGIN_DECLS
+
+#define LG_POLICY_NAME        32 /* bytes of a name, with its terminator */
+#define LG_POLICY_COORDINATES 12
+#define LG_POLICY_INPUTS      16
+#define LG_POLICY_ERRORS      32 /* most numbers in z */
+#define LG_POLICY_HIDDEN      4
+
+typedef enum lg_policy_kind { LG_POLICY_LQR, LG_POLICY_NETWORK, LG_POLICY_ENERGY } lg_policy_kind;
+#define LG_POLICY_KIND_COUNT 3
+LG_API const char *lg_policy_kind_name(lg_policy_kind kind); /* "lqr", "network", "energy"; NULL: unknown */
+
+typedef enum lg_policy_motion {
+    LG_POLICY_LINE,
+    LG_POLICY_ANGLE,
+    LG_POLICY_DIRECTION,
+    LG_POLICY_ROTATION
+} lg_policy_motion;
+#define LG_POLICY_MOTION_COUNT 4
+/* Numbers of a position (line and angle 1, direction 3, rotation 9: R row-major), of a position as controllers get it
+ * (rotation 4: quaternion w x y z), of a velocity, and of the errors of either. */
+typedef struct lg_policy_motion_row {
+    const char *name; /* "line", "angle", "direction", "rotation" */
+    uint32_t position, given, velocity, errors;
+} lg_policy_motion_row;
+LG_API const lg_policy_motion_row *lg_policy_motion_row_of(lg_policy_motion motion); /* NULL: unknown */
+
+typedef struct lg_policy_coordinate {
+    char name[LG_POLICY_NAME], velocity[LG_POLICY_NAME]; /* velocity "": a state of a program that has none */
+    lg_policy_motion motion;
+    double goal[9];
+    /* Starts: a line or angle is drawn from goal + [low, high]; a direction or rotation turns by an angle from
+     * [low, high] about a random axis. Each number of the velocity is drawn from its own [low, high]. */
+    double start[2], start_velocity[2];
+    double weight, weight_velocity;   /* of the cost, >= 0 */
+    double success, success_velocity; /* largest |error| (of an angle: in radians); INFINITY: any */
+} lg_policy_coordinate;
+
+typedef struct lg_policy_input {
+    char name[LG_POLICY_NAME];
+    double low, high; /* low < high, finite */
+    double weight;    /* > 0 */
+} lg_policy_input;
+
+typedef struct lg_policy_task {
+    size_t size; /* sizeof(lg_policy_task) */
+    uint32_t coordinate_count, input_count;
+    lg_policy_coordinate coordinate[LG_POLICY_COORDINATES];
+    lg_policy_input input[LG_POLICY_INPUTS];
+    double period, horizon; /* seconds */
+    /* A run succeeds if all errors stay below their bounds during the last `hold` of `within` seconds. */
+    double hold, within;
+    lg_policy_kind kind;
+    uint32_t hidden_layers, hidden[LG_POLICY_HIDDEN]; /* of a network, with tanh; default 32, 32 */
+    bool gate;                                        /* default true; false: the network acts alone */
+    uint32_t substeps; /* steps of the integrator in a period; 0: as many as keep its error below 1e-5 */
+} lg_policy_task;
+LG_API void lg_policy_task_init(lg_policy_task *task);
+
+typedef struct lg_policy lg_policy;
+
+/* Makes a policy with random (seeded) parameters. `plant` is a program with the function
+ *   step       (x, u, h) -> next, and if there are velocities
+ *   momenta    (q, v) -> x, positions (x) -> q, velocities (x) -> v
+ * as lg_machine_program makes it. Without velocities x = q are the positions. For `energy` also value (x) -> H. The
+ * policy takes ownership of the plant, also when it fails; the caller destroys the policy. Errors: LG_INVALID_ARGUMENT
+ * (the task is out of range), LG_NOT_FOUND, LG_SHAPE (functions that the plant lacks or that do not fit the task),
+ * LG_CHECK_FAILED (the goal is no equilibrium: the message has the residual; no regulator holds it), those of
+ * lg_program_build. */
+LG_API lg_status lg_policy_create(const lg_context *context, const lg_policy_task *task, lg_program *plant,
+                                  uint64_t seed, lg_policy **out, lg_error *error);
+LG_API void lg_policy_destroy(lg_policy *policy); /* NULL is allowed */
+LG_API const lg_policy_task *lg_policy_task_of(const lg_policy *policy);
+/* The plant's functions and parameters; parameter `policy` (theta); and the functions
+ *   errors     (x) -> z
+ *   policy     (q, v, weights) -> u          `weights` is a shared input like theta; v absent without velocities
+ *   control    (x) -> u                      x: positions as controllers get them, then velocities; theta as stored
+ *   closed     (x, weights) -> next, cost, u   one period
+ *   regulated  (x, K) -> next, cost, u         one period of the saturated regulator
+ *   terminal   (x) -> cost                   W */
+LG_API const lg_program *lg_policy_program(const lg_policy *policy);
+LG_API size_t lg_policy_parameters(const lg_policy *policy);
+LG_API size_t lg_policy_steps(const lg_policy *policy); /* periods in task.within */
+
+/* The regulator. */
+typedef struct lg_policy_regulator {
+    uint32_t errors, inputs;
+    double K[LG_POLICY_INPUTS * LG_POLICY_ERRORS]; /* (inputs, errors) */
+    double P[LG_POLICY_ERRORS * LG_POLICY_ERRORS]; /* (errors, errors) */
+    double u0[LG_POLICY_INPUTS];
+    double c;        /* level: all sampled runs of the saturated regulator from {V < c} succeed */
+    double radius;   /* largest |eigenvalue| of the linear closed loop, < 1 */
+    double residual; /* change of z in a period at the goal under u0, over the size of z of the starts */
+} lg_policy_regulator;
+LG_API const lg_policy_regulator *lg_policy_regulator_of(const lg_policy *policy);
+
+/* ---- training ---- */
+
+typedef struct lg_policy_progress {
+    uint64_t step, steps; /* of all */
+    uint32_t seed;        /* the seed that leads */
+    double cost,
+        success; /* of the leading seed on the validation starts, success as a share; NaN: not known yet */
+    double seconds;
+} lg_policy_progress;
+
+typedef struct lg_policy_train_options {
+    size_t size;
+    uint32_t seeds;                /* in the race; default 8 */
+    uint32_t starts;               /* of a step of Adam; default 64, a multiple of 16 */
+    uint64_t race, finish, polish; /* steps of Adam in the race (450), then (1500), and of L-BFGS (250) */
+    double lr;                     /* default 3e-3, cosine schedule */
+    double seconds;                /* bound on the wall time; 0: none. Phases are shortened to fit it. */
+    uint64_t seed;
+    int threads; /* default 1; the result does not depend on it */
+    void (*progress)(void *user, const lg_policy_progress *now);
+    void *user;
+} lg_policy_train_options;
+LG_API void lg_policy_train_options_init(lg_policy_train_options *options);
+
+typedef struct lg_policy_train_result {
+    double cost, success; /* on 256 validation starts */
+    uint32_t seed;        /* that won */
+    double seconds;
+} lg_policy_train_result;
+/* Trains the policy. A race: each seed takes `race` steps of Adam on fresh starts; the best by success, then by cost, on
+ * validation starts takes `finish` steps more, then L-BFGS on 512 fixed starts. The best of all that was seen on the
+ * validation starts is kept. For `lqr` it only judges. Errors: LG_INVALID_ARGUMENT, LG_NOT_FINITE (all seeds),
+ * LG_CANCELLED (the context's cancel flag; the best policy so far is kept), LG_OUT_OF_MEMORY. */
+LG_API lg_status lg_policy_train(lg_policy *policy, const lg_policy_train_options *options,
+                                 lg_policy_train_result *result, lg_error *error);
+
+/* The same in parts, for runs that can be stopped and continued with the same bits (unless options.seconds bounds
+ * them). The policy must outlive the trainer. After LG_CANCELLED lg_policy_trainer_save stores the state; a trainer
+ * with the same policy and options loads it and runs on. Errors of loading: LG_INVALID_ARGUMENT (other options),
+ * LG_FORMAT; the trainer must then be destroyed. */
+typedef struct lg_policy_trainer lg_policy_trainer;
+LG_API lg_status lg_policy_trainer_create(lg_policy *policy, const lg_policy_train_options *options,
+                                          lg_policy_trainer **out, lg_error *error);
+LG_API lg_status lg_policy_trainer_run(lg_policy_trainer *trainer, lg_policy_train_result *result,
+                                       lg_error *error);
+LG_API lg_status lg_policy_trainer_save(const lg_policy_trainer *trainer, const lg_archive_writer *to,
+                                        lg_error *error);
+LG_API lg_status lg_policy_trainer_load(lg_policy_trainer *trainer, const lg_archive_reader *from,
+                                        lg_error *error);
+LG_API void lg_policy_trainer_destroy(lg_policy_trainer *trainer); /* NULL is allowed */
+
+/* ---- evaluation ---- */
+
+/* The same policy on another plant, which it takes ownership of: judged by lg_policy_evaluate, it shows what a
+ * difference between machine and model does. The regulator and theta are those of `policy`. Errors: those of
+ * lg_policy_create. */
+LG_API lg_status lg_policy_transplant(const lg_policy *policy, lg_program *plant, lg_policy **out,
+                                      lg_error *error);
+
+typedef struct lg_policy_outcome {
+    uint64_t starts, succeeded;
+    double cost_mean, cost_median;    /* of J without W, over `within` seconds */
+    double saturated;                 /* share of the periods in which an input was at a limit */
+    double worst;                     /* largest cost */
+    uint64_t worst_start;             /* its start */
+    double success_low, success_high; /* Wilson's interval of the share of successes, 95 % */
+} lg_policy_outcome;
+
+/* What runs did, for each of `count` starts. */
+typedef struct lg_policy_runs {
+    size_t count, steps; /* periods */
+    double *x;           /* (count, state): the starts; then the ends */
+    double *cost;        /* (count): sum of stage costs; NULL: not wanted */
+    bool *succeeded;     /* (count) */
+    double *saturated; /* (count): share of the periods in which an input was at a limit; NULL: not wanted */
+    double *path;      /* (steps + 1, count, errors): z; NULL: not wanted */
+    double *input;     /* (steps, count, inputs); NULL: not wanted */
+} lg_policy_runs;
+
+/* Runs the policy from `starts` random starts over task.within seconds. `regulator`: the saturated regulator alone. `runs` (may be NULL): arrays that the caller provides are filled; count and x are
+ * not read. Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY. */
+LG_API lg_status lg_policy_evaluate(const lg_policy *policy, bool regulator, uint64_t starts, uint64_t seed,
+                                    int threads, lg_policy_outcome *out, lg_policy_runs *runs,
+                                    lg_error *error);
+
+/* ---- files (library liegrad_io) ---- */
+
+/* Reads a task in two steps, because its names are those of the plant. lg_policy_task_read sets the defaults, reads
+ * the name of the plant's file into `plant` (`size` bytes), the coordinates of a plant that is a program (key
+ * `states`), and the whole text, which the caller frees with lg_free. The caller then adds names and kinds of
+ * coordinates and inputs, and lg_policy_task_parse reads the rest. docs/control.md has the keys. Errors: LG_NOT_FOUND,
+ * LG_FILE (the file), LG_FORMAT (with the line). */
+LG_API lg_status lg_policy_task_read(const lg_context *context, const char *path, lg_policy_task *task,
+                                     char *plant, size_t size, char **text, lg_error *error);
+LG_API lg_status lg_policy_task_parse(const lg_context *context, const char *path, const char *text,
+                                      lg_policy_task *task, lg_error *error);
+/* Saves a policy with the text of its task, as a file of kind "policy"; lg_program_load reads its functions.
+ * lg_policy_load: `text` (may be NULL) becomes the task's text. Errors: as of lg_program_save and lg_program_load. */
+LG_API lg_status lg_policy_save(const lg_context *context, const char *path, const lg_policy *policy,
+                                const char *text, const lg_provenance *provenance, lg_error *error);
+LG_API lg_status lg_policy_load(const lg_context *context, const char *path, const lg_read_options *options,
+                                lg_policy **out, char **text, lg_error *error);
+
+LG_END_DECLS
+
+#endif

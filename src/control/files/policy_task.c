@@ -1,0 +1,386 @@
+/* Reads the task of a policy from YAML. Coordinates and inputs are known from the plant; the file names them. */
+#include <float.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <yaml.h>
+
+#include "control/policy.h"
+#include "settings/files/yaml.h"
+#include "settings/names.h"
+
+typedef struct reading {
+    lg_yaml *yaml;
+    lg_policy_task *task;
+    lg_error *error;
+} reading;
+
+/* ---- keys ---- */
+
+enum {
+    KEY_PLANT,
+    KEY_STATES,
+    KEY_GOAL,
+    KEY_PERIOD,
+    KEY_HORIZON,
+    KEY_STARTS,
+    KEY_LIMITS,
+    KEY_COST,
+    KEY_SUCCESS,
+    KEY_SUBSTEPS,
+    KEY_CONTROLLER,
+    KEY_KIND,
+    KEY_HIDDEN,
+    KEY_GATE,
+    KEY_COUNT
+};
+
+static uint32_t get_hidden(const void *member, double *values) {
+    const lg_policy_task *task = member;
+    for (uint32_t i = 0; i < task->hidden_layers; i++) values[i] = task->hidden[i];
+    return task->hidden_layers;
+}
+
+static void put_hidden(void *member, const double *values, uint32_t count) {
+    lg_policy_task *task = member;
+    task->hidden_layers = count;
+    for (uint32_t i = 0; i < count; i++) task->hidden[i] = (uint32_t)values[i];
+}
+
+static const char *name_kind(uint32_t value) {
+    return lg_policy_kind_name((lg_policy_kind)value);
+}
+
+#define FIELD(name, type, member, ...) LG_FIELD(lg_policy_task, NULL, name, type, member, __VA_ARGS__)
+static const lg_field keys[KEY_COUNT] = {
+    [KEY_PLANT] = {.name = "plant", .type = LG_FIELD_TEXT, .required = true},
+    [KEY_STATES] = {.name = "states", .type = LG_FIELD_NODE},
+    [KEY_GOAL] = {.name = "goal", .type = LG_FIELD_NODE},
+    [KEY_PERIOD] = FIELD("period", REAL, period, .required = true, LG_POSITIVE),
+    [KEY_HORIZON] = FIELD("horizon", REAL, horizon, .required = true, LG_POSITIVE),
+    [KEY_STARTS] = {.name = "starts", .type = LG_FIELD_NODE, .required = true},
+    [KEY_LIMITS] = {.name = "limits", .type = LG_FIELD_NODE, .required = true},
+    [KEY_COST] = {.name = "cost", .type = LG_FIELD_NODE, .required = true},
+    [KEY_SUCCESS] = {.name = "success", .type = LG_FIELD_NODE, .required = true},
+    [KEY_SUBSTEPS] = FIELD("substeps", U32, substeps, .low = 1, .high = 10000),
+    [KEY_CONTROLLER] = {.name = "controller", .type = LG_FIELD_MAP},
+    [KEY_KIND] = FIELD("controller.kind", NAME, kind, .value_name = name_kind),
+    [KEY_HIDDEN] = {.name = "controller.hidden",
+                    .type = LG_FIELD_WHOLES,
+                    .offset = 0,
+                    .size = sizeof(lg_policy_task),
+                    .low = 1,
+                    .high = 4096,
+                    .get = get_hidden,
+                    .put = put_hidden,
+                    .most = LG_POLICY_HIDDEN},
+    [KEY_GATE] = FIELD("controller.gate", NAME, gate, LG_NAMES("none", "lqr")),
+};
+
+/* ---- mappings from names to numbers ---- */
+
+static uint32_t line_of(const yaml_node_t *node) {
+    return (uint32_t)node->start_mark.line + 1;
+}
+
+static yaml_node_t *node_at(const reading *r, int index) {
+    return yaml_document_get_node(lg_yaml_document(r->yaml), index);
+}
+
+static lg_status read_number(const reading *r, const yaml_node_t *node, const char *what, double *out) {
+    char *end = NULL;
+    if (node->type == YAML_SCALAR_NODE && node->data.scalar.length > 0) {
+        *out = strtod((const char *)node->data.scalar.value, &end);
+        if (*end == '\0' && isfinite(*out)) return LG_OK;
+    }
+    return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "%s: expected a finite number", what);
+}
+
+enum { MOST_NUMBERS = 9 };
+
+/* A number, or a list of numbers. */
+static lg_status read_numbers(const reading *r, const yaml_node_t *node, const char *what, double *out,
+                              uint32_t *count) {
+    *count = 1;
+    if (node->type != YAML_SEQUENCE_NODE) return read_number(r, node, what, out);
+    *count = 0;
+    const yaml_node_item_t *item = node->data.sequence.items.start;
+    for (; item < node->data.sequence.items.top; item++) {
+        if (*count == MOST_NUMBERS)
+            return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "%s: more than %d numbers", what,
+                                MOST_NUMBERS);
+        LG_TRY(read_number(r, node_at(r, *item), what, out + (*count)++));
+    }
+    return LG_OK;
+}
+
+/* What the name of an entry stands for. */
+typedef struct named {
+    lg_policy_coordinate *coordinate; /* NULL: none */
+    bool velocity;
+    lg_policy_input *input; /* NULL: none */
+} named;
+
+static named find_name(lg_policy_task *task, const char *name) {
+    char usual[LG_POLICY_NAME + 1];
+    for (uint32_t i = 0; i < task->coordinate_count; i++) {
+        lg_policy_coordinate *c = &task->coordinate[i];
+        (void)snprintf(usual, sizeof usual, "v%s", c->name);
+        if (strcmp(name, c->name) == 0) return (named){c, false, NULL};
+        if (c->velocity[0] != '\0' && (strcmp(name, c->velocity) == 0 || strcmp(name, usual) == 0))
+            return (named){c, true, NULL};
+    }
+    for (uint32_t l = 0; l < task->input_count; l++)
+        if (strcmp(name, task->input[l].name) == 0) return (named){NULL, false, &task->input[l]};
+    return (named){NULL, false, NULL};
+}
+
+/* Takes the numbers of an entry; returns what is expected instead, or NULL. */
+typedef const char *(*take_entry)(lg_policy_task *task, named of, const char *name, const double *x,
+                                  uint32_t count);
+
+static lg_status unknown(const reading *r, const yaml_node_t *key, const char *what, const char *name) {
+    char known[400] = "";
+    size_t used = 0;
+    const lg_policy_task *t = r->task;
+    for (uint32_t i = 0; i < t->coordinate_count && used < sizeof known; i++)
+        used += (size_t)snprintf(known + used, sizeof known - used, "%s%s", i > 0 ? ", " : "",
+                                 t->coordinate[i].name);
+    for (uint32_t i = 0; i < t->coordinate_count && used < sizeof known; i++)
+        if (t->coordinate[i].velocity[0] != '\0')
+            used += (size_t)snprintf(known + used, sizeof known - used, ", %s", t->coordinate[i].velocity);
+    for (uint32_t l = 0; l < t->input_count && used < sizeof known; l++)
+        used += (size_t)snprintf(known + used, sizeof known - used, ", %s", t->input[l].name);
+    return lg_yaml_fail(r->yaml, line_of(key), LG_FORMAT, r->error,
+                        "%s: unknown name '%.40s'; the plant has %s", what, name, known);
+}
+
+static lg_status read_entries(reading *r, const lg_key_value *value, const char *what, take_entry take) {
+    const yaml_node_t *map = value->node;
+    if (value->line == 0) return LG_OK;
+    if (map->type != YAML_MAPPING_NODE)
+        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error, "%s: expected {NAME: number, ...}",
+                            what);
+    for (const yaml_node_pair_t *p = map->data.mapping.pairs.start; p < map->data.mapping.pairs.top; p++) {
+        const yaml_node_t *key = node_at(r, p->key), *node = node_at(r, p->value);
+        double x[MOST_NUMBERS];
+        uint32_t count;
+        const char *name = key->type == YAML_SCALAR_NODE ? (const char *)key->data.scalar.value : "";
+        for (const yaml_node_pair_t *q = map->data.mapping.pairs.start; q < p; q++) {
+            const yaml_node_t *before = node_at(r, q->key);
+            if (before->type == YAML_SCALAR_NODE &&
+                strcmp((const char *)before->data.scalar.value, name) == 0)
+                return lg_yaml_fail(r->yaml, line_of(key), LG_FORMAT, r->error, "%s: '%.40s' stands twice",
+                                    what, name);
+        }
+        LG_TRY(read_numbers(r, node, what, x, &count));
+        const named of = find_name(r->task, name);
+        const char *expected = take(r->task, of, name, x, count);
+        if (expected == NULL) continue;
+        if (expected[0] == '\0') return unknown(r, key, what, name);
+        return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "%s: %.40s: expected %s", what, name,
+                            expected);
+    }
+    return LG_OK;
+}
+
+/* ---- the entries of each key ---- */
+
+static bool unit_vector(const double *x, uint32_t n) {
+    double sum = 0.0;
+    for (uint32_t i = 0; i < n; i++) sum += x[i] * x[i];
+    return fabs(sum - 1.0) < 1e-3;
+}
+
+static void rotation_of(const double *q, double *R) {
+    const double n = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3], w = q[0], x = q[1], y = q[2],
+                 z = q[3];
+    const double of[9] = {
+        w * w + x * x - y * y - z * z, 2 * (x * y - w * z),           2 * (x * z + w * y),
+        2 * (x * y + w * z),           w * w - x * x + y * y - z * z, 2 * (y * z - w * x),
+        2 * (x * z - w * y),           2 * (y * z + w * x),           w * w - x * x - y * y + z * z};
+    for (int i = 0; i < 9; i++) R[i] = of[i] / n;
+}
+
+static const char *take_goal(lg_policy_task *task, named of, const char *name, const double *x,
+                             uint32_t count) {
+    (void)task, (void)name;
+    if (of.coordinate == NULL) return of.input != NULL ? "a coordinate, not an input" : "";
+    if (of.velocity) return count == 1 && x[0] == 0.0 ? NULL : "0, for the goal is a state at rest";
+    lg_policy_coordinate *c = of.coordinate;
+    switch (c->motion) {
+    case LG_POLICY_DIRECTION:
+        if (count != 3 || !unit_vector(x, 3)) return "a unit vector [x, y, z]";
+        for (int i = 0; i < 3; i++) c->goal[i] = x[i] / sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]);
+        return NULL;
+    case LG_POLICY_ROTATION:
+        if (count != 4 || !unit_vector(x, 4)) return "a unit quaternion [w, x, y, z]";
+        rotation_of(x, c->goal);
+        return NULL;
+    default:
+        if (count != 1) return "a number";
+        c->goal[0] = x[0];
+        return NULL;
+    }
+}
+
+static const char *take_starts(lg_policy_task *task, named of, const char *name, const double *x,
+                               uint32_t count) {
+    (void)task, (void)name;
+    if (of.coordinate == NULL) return of.input != NULL ? "a coordinate, not an input" : "";
+    double *to = of.velocity ? of.coordinate->start_velocity : of.coordinate->start;
+    if (count > 2 || count == 0 || (count == 2 && x[0] > x[1])) return "[low, high], or one number";
+    to[0] = x[0], to[1] = x[count - 1];
+    return NULL;
+}
+
+static const char *take_limits(lg_policy_task *task, named of, const char *name, const double *x,
+                               uint32_t count) {
+    (void)task, (void)name;
+    if (of.input == NULL) return of.coordinate != NULL ? "an input, not a coordinate" : "";
+    if (count == 1 && x[0] > 0.0)
+        of.input->low = -x[0], of.input->high = x[0];
+    else if (count == 2 && x[0] < x[1])
+        of.input->low = x[0], of.input->high = x[1];
+    else
+        return "[low, high], or one number above 0 for both sides";
+    return NULL;
+}
+
+static const char *take_cost(lg_policy_task *task, named of, const char *name, const double *x,
+                             uint32_t count) {
+    (void)task, (void)name;
+    if (of.coordinate == NULL && of.input == NULL) return "";
+    if (count != 1 || x[0] < 0.0) return "a weight, not below 0";
+    *(of.input != NULL ? &of.input->weight
+      : of.velocity    ? &of.coordinate->weight_velocity
+                       : &of.coordinate->weight) = x[0];
+    return NULL;
+}
+
+static const char *take_success(lg_policy_task *task, named of, const char *name, const double *x,
+                                uint32_t count) {
+    const bool hold = strcmp(name, "hold") == 0, within = strcmp(name, "within") == 0;
+    if (count != 1 || !(x[0] > 0.0)) return "a number above 0";
+    if (hold || within)
+        *(hold ? &task->hold : &task->within) = x[0];
+    else if (of.coordinate == NULL)
+        return of.input != NULL ? "a coordinate, not an input" : "";
+    else
+        *(of.velocity ? &of.coordinate->success_velocity : &of.coordinate->success) = x[0];
+    return NULL;
+}
+
+/* ---- the task ---- */
+
+static void set_defaults(lg_policy_task *task) {
+    static const double identity[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, up[3] = {0, 0, 1};
+    for (uint32_t i = 0; i < task->coordinate_count; i++) {
+        lg_policy_coordinate *c = &task->coordinate[i];
+        memset(c->goal, 0, sizeof c->goal);
+        if (c->motion == LG_POLICY_ROTATION) memcpy(c->goal, identity, sizeof identity);
+        if (c->motion == LG_POLICY_DIRECTION) memcpy(c->goal, up, sizeof up);
+        c->success = c->success_velocity = INFINITY;
+    }
+}
+
+/* An input without a weight in the cost gets a thousandth of all weights at its limits. */
+static lg_status check_inputs(const reading *r) {
+    lg_policy_task *t = r->task;
+    double sum = 0.0;
+    for (uint32_t i = 0; i < t->coordinate_count; i++)
+        sum += t->coordinate[i].weight + t->coordinate[i].weight_velocity;
+    for (uint32_t l = 0; l < t->input_count; l++) {
+        lg_policy_input *in = &t->input[l];
+        if (!(in->low < in->high))
+            return lg_fail(r->error, LG_FORMAT, "%s: limits: input '%s' has no limits", lg_yaml_path(r->yaml),
+                           in->name);
+        const double half = 0.5 * (in->high - in->low);
+        if (in->weight == 0.0) in->weight = 1e-3 * sum / (half * half);
+    }
+    return LG_OK;
+}
+
+static lg_status read_task(reading *r) {
+    lg_key_value values[KEY_COUNT] = {{0}};
+    const lg_key_set set = {keys, KEY_COUNT, values};
+    LG_TRY(lg_yaml_read(r->yaml, &set, 1, NULL, "policy", r->error));
+    set_defaults(r->task);
+    LG_TRY(lg_yaml_store(r->yaml, keys, values, KEY_COUNT, r->task, r->error));
+    LG_TRY(read_entries(r, &values[KEY_GOAL], "goal", take_goal));
+    LG_TRY(read_entries(r, &values[KEY_STARTS], "starts", take_starts));
+    LG_TRY(read_entries(r, &values[KEY_LIMITS], "limits", take_limits));
+    LG_TRY(read_entries(r, &values[KEY_COST], "cost", take_cost));
+    LG_TRY(read_entries(r, &values[KEY_SUCCESS], "success", take_success));
+    return check_inputs(r);
+}
+
+lg_status lg_policy_task_parse(const lg_context *context, const char *path, const char *text,
+                               lg_policy_task *task, lg_error *error) {
+    reading r = {.task = task, .error = error};
+    LG_TRY(lg_yaml_open_text(context, path, text, strlen(text), &r.yaml, error));
+    const lg_status status = read_task(&r);
+    lg_yaml_close(r.yaml);
+    return status;
+}
+
+/* ---- before the plant is known ---- */
+
+static const lg_field state_keys[] = {
+    {.name = "name", .type = LG_FIELD_TEXT, .required = true},
+    {.name = "kind", .type = LG_FIELD_NAME, .required = true, LG_NAMES("line", "angle")}};
+
+static lg_status take_state(reading *r, const yaml_node_t *node) {
+    lg_policy_task *task = r->task;
+    if (task->coordinate_count == LG_POLICY_COORDINATES)
+        return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "states: more than %d",
+                            LG_POLICY_COORDINATES);
+    lg_policy_coordinate *c = &task->coordinate[task->coordinate_count++];
+    const char *name = (const char *)node->data.scalar.value;
+    lg_key_value values[2] = {{0}};
+    if (node->type != YAML_SCALAR_NODE) {
+        const lg_key_set set = {state_keys, 2, values};
+        LG_TRY(lg_yaml_read_below(r->yaml, node, &set, "states", r->error));
+        name = values[0].text;
+        c->motion = values[1].real[0] > 0.0 ? LG_POLICY_ANGLE : LG_POLICY_LINE;
+    }
+    if (name[0] == '\0' || strlen(name) >= LG_POLICY_NAME)
+        return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "states: a name has 1 to %d bytes",
+                            LG_POLICY_NAME - 1);
+    (void)snprintf(c->name, sizeof c->name, "%s", name);
+    return LG_OK;
+}
+
+static lg_status read_head(reading *r, char *plant, size_t size) {
+    lg_key_value values[KEY_COUNT] = {{0}};
+    const lg_key_set set = {keys, KEY_COUNT, values};
+    LG_TRY(lg_yaml_read(r->yaml, &set, 1, NULL, "policy", r->error));
+    (void)snprintf(plant, size, "%s", values[KEY_PLANT].text);
+    if (values[KEY_STATES].line == 0) return LG_OK;
+    const yaml_node_t *list = values[KEY_STATES].node;
+    if (list->type != YAML_SEQUENCE_NODE)
+        return lg_yaml_fail(r->yaml, values[KEY_STATES].line, LG_FORMAT, r->error, "states: expected a list");
+    const yaml_node_item_t *item = list->data.sequence.items.start;
+    for (; item < list->data.sequence.items.top; item++) LG_TRY(take_state(r, node_at(r, *item)));
+    return LG_OK;
+}
+
+lg_status lg_policy_task_read(const lg_context *context, const char *path, lg_policy_task *task, char *plant,
+                              size_t size, char **text, lg_error *error) {
+    reading r = {.task = task, .error = error};
+    unsigned char *bytes;
+    size_t count;
+    lg_policy_task_init(task);
+    LG_TRY(lg_yaml_bytes(context, path, &bytes, &count, error));
+    lg_status status = lg_yaml_open_text(context, path, bytes, count, &r.yaml, error);
+    if (status == LG_OK) {
+        status = read_head(&r, plant, size);
+        lg_yaml_close(r.yaml);
+    }
+    if (status == LG_OK)
+        *text = (char *)bytes;
+    else
+        lg_free(context, bytes);
+    return status;
+}

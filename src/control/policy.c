@@ -1,0 +1,326 @@
+/* Policies: tasks, and the object. */
+#include <math.h>
+#include <string.h>
+
+#include "control/policy.h"
+
+const char *lg_policy_kind_name(lg_policy_kind kind) {
+    static const char *const names[LG_POLICY_KIND_COUNT] = {"lqr", "network", "energy"};
+    return (uint32_t)kind < LG_POLICY_KIND_COUNT ? names[kind] : NULL;
+}
+
+void lg_policy_task_init(lg_policy_task *task) {
+    *task =
+        (lg_policy_task){.size = sizeof *task, .period = 0.05, .horizon = 5.0, .hold = 1.0, .within = 10.0};
+    task->kind = LG_POLICY_NETWORK;
+    task->hidden_layers = 2, task->hidden[0] = task->hidden[1] = 32;
+    task->gate = true;
+}
+
+/* ---- checks ---- */
+
+static lg_status check_coordinate(const lg_policy_coordinate *c, lg_error *error) {
+    if (lg_policy_motion_row_of(c->motion) == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "coordinate %s: unknown kind", c->name);
+    if (!(c->start[0] <= c->start[1] && isfinite(c->start[0]) && isfinite(c->start[1])) ||
+        !(c->start_velocity[0] <= c->start_velocity[1] && isfinite(c->start_velocity[0]) &&
+          isfinite(c->start_velocity[1])))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "coordinate %s: starts need finite low <= high", c->name);
+    if (!(c->weight >= 0.0 && isfinite(c->weight) && c->weight_velocity >= 0.0 &&
+          isfinite(c->weight_velocity)))
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "coordinate %s: weights of the cost must be finite and >= 0", c->name);
+    if (!(c->success > 0.0) || !(c->success_velocity > 0.0))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "coordinate %s: bounds of success must be above 0",
+                       c->name);
+    return LG_OK;
+}
+
+static lg_status check_task(const lg_policy_task *t, lg_error *error) {
+    bool weighed = false, judged = false;
+    if (t->size != sizeof *t || t->coordinate_count == 0 || t->coordinate_count > LG_POLICY_COORDINATES ||
+        t->input_count == 0 || t->input_count > LG_POLICY_INPUTS ||
+        (uint32_t)t->kind >= LG_POLICY_KIND_COUNT || t->hidden_layers > LG_POLICY_HIDDEN)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the task's sizes are out of range");
+    for (uint32_t i = 0; i < t->coordinate_count; i++) {
+        const lg_policy_coordinate *c = &t->coordinate[i];
+        LG_TRY(check_coordinate(c, error));
+        weighed = weighed || c->weight > 0.0 || c->weight_velocity > 0.0;
+        judged = judged || isfinite(c->success) || isfinite(c->success_velocity);
+    }
+    for (uint32_t l = 0; l < t->input_count; l++) {
+        const lg_policy_input *in = &t->input[l];
+        if (!(in->low < in->high && isfinite(in->low) && isfinite(in->high)))
+            return lg_fail(error, LG_INVALID_ARGUMENT, "input %s: limits need finite low < high", in->name);
+        if (!(in->weight > 0.0 && isfinite(in->weight)))
+            return lg_fail(error, LG_INVALID_ARGUMENT, "input %s: its weight in the cost must be above 0",
+                           in->name);
+    }
+    if (!weighed) return lg_fail(error, LG_INVALID_ARGUMENT, "the cost weighs no coordinate");
+    if (!judged) return lg_fail(error, LG_INVALID_ARGUMENT, "success bounds no coordinate");
+    if (!(t->period > 0.0 && t->horizon >= t->period && t->hold >= 0.0 && t->within >= t->hold) ||
+        !isfinite(t->horizon) || !isfinite(t->within) || t->within < t->period)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "times need 0 < period <= horizon and 0 <= hold <= within, all finite");
+    return LG_OK;
+}
+
+/* The numbers of a port of a function of the plant; 0: no such function or port. */
+static size_t numbers_of(const lg_program *plant, const char *function, bool output, size_t port) {
+    size_t number, count;
+    if (lg_program_find(plant, function, &number, NULL) != LG_OK) return 0;
+    const lg_port *ports =
+        output ? lg_program_outputs(plant, number, &count) : lg_program_inputs(plant, number, &count);
+    return port < count ? lg_shape_count(ports[port].shape) : 0;
+}
+
+typedef struct demand {
+    const char *function;
+    bool output;
+    size_t port, numbers;
+    const char *what;
+} demand;
+
+static lg_status check_plant(lg_policy *p, const lg_program *plant, lg_error *error) {
+    const lg_policy_layout *l = &p->layout;
+    p->state = (uint32_t)numbers_of(plant, "step", false, 0);
+    if (p->state == 0) return lg_fail(error, LG_NOT_FOUND, "the plant has no function step (x, u, h)");
+    const demand moving[] = {{"step", false, 1, p->inputs, "inputs"},
+                             {"momenta", false, 0, l->positions, "positions"},
+                             {"momenta", false, 1, l->velocities, "velocities"},
+                             {"positions", true, 0, l->positions, "positions"},
+                             {"velocities", true, 0, l->velocities, "velocities"}},
+                 still[] = {{"step", false, 1, p->inputs, "inputs"},
+                            {"step", false, 0, l->positions, "coordinates"}};
+    const demand *wanted = l->velocities > 0 ? moving : still;
+    const size_t count = l->velocities > 0 ? LG_COUNT(moving) : LG_COUNT(still);
+    for (size_t i = 0; i < count; i++) {
+        const size_t found = numbers_of(plant, wanted[i].function, wanted[i].output, wanted[i].port);
+        if (found != wanted[i].numbers)
+            return lg_fail(error, found == 0 ? LG_NOT_FOUND : LG_SHAPE,
+                           "the task has %zu numbers as %s, but the plant's function %s has %zu",
+                           wanted[i].numbers, wanted[i].what, wanted[i].function, found);
+    }
+    if (p->task.kind == LG_POLICY_ENERGY && (l->velocities == 0 || numbers_of(plant, "value", true, 0) != 1))
+        return lg_fail(error, LG_NOT_FOUND,
+                       "a controller of kind energy needs a plant with an energy (function value)");
+    return LG_OK;
+}
+
+/* ---- steps of the integrator ---- */
+
+/* Moves `rows` states by a period in n steps. */
+static lg_status advance(const lg_policy *p, const lg_plan *step, size_t rows, uint32_t n, const double *u,
+                         double *x, double *next, double *h, void *work) {
+    for (size_t i = 0; i < rows; i++) h[i] = p->task.period / n;
+    for (uint32_t k = 0; k < n; k++) {
+        lg_plan_eval(step, (const void *[]){x, u, h}, (void *[]){next}, work);
+        memcpy(x, next, rows * p->state * sizeof *x);
+    }
+    return LG_OK;
+}
+
+enum { TRIALS = 32, MOST_STEPS = 64 };
+
+/* The number of steps, 1, 2, 4, ..., at which halving the steps changes no start's next state by more than 1e-5 of the
+ * change in this period. */
+static lg_status choose_substeps(lg_policy *p, uint64_t seed, lg_error *error) {
+    static const double wanted = 1e-5;
+    const size_t n = p->layout.errors, x = (size_t)TRIALS * p->state;
+    lg_plan *step = NULL;
+    lg_rng rng;
+    LG_TRY(lg_policy_plan(p, "step", TRIALS, &step, error));
+    const size_t numbers = TRIALS * n + 4 * x + TRIALS * (p->inputs + 1);
+    double *z = lg_alloc(p->context, numbers, sizeof *z);
+    void *work = lg_alloc(p->context, lg_plan_work_size(step), 1);
+    lg_status status =
+        z != NULL && work != NULL ? LG_OK : lg_fail(error, LG_OUT_OF_MEMORY, "no memory for steps");
+    if (status == LG_OK) {
+        double *start = z + TRIALS * n, *coarse = start + x, *fine = coarse + x, *next = fine + x,
+               *u = next + x, *h = u + TRIALS * p->inputs;
+        lg_rng_seed(&rng, seed, 5);
+        for (size_t i = 0; i < TRIALS; i++) {
+            lg_policy_draw(&p->task, &p->layout, &rng, z + i * n);
+            for (uint32_t l = 0; l < p->inputs; l++)
+                u[i * p->inputs + l] = lg_rng_uniform_in(&rng, p->task.input[l].low, p->task.input[l].high);
+        }
+        status = lg_policy_states(p, z, TRIALS, start, error);
+        double off = INFINITY;
+        for (p->task.substeps = 1; status == LG_OK && p->task.substeps <= MOST_STEPS; p->task.substeps *= 2) {
+            double error_squared = 0.0, change = 0.0;
+            memcpy(coarse, start, x * sizeof *coarse);
+            memcpy(fine, start, x * sizeof *fine);
+            (void)advance(p, step, TRIALS, p->task.substeps, u, coarse, next, h, work);
+            (void)advance(p, step, TRIALS, 2 * p->task.substeps, u, fine, next, h, work);
+            for (size_t i = 0; i < x; i++) {
+                error_squared += (coarse[i] - fine[i]) * (coarse[i] - fine[i]);
+                change += (fine[i] - start[i]) * (fine[i] - start[i]);
+            }
+            off = sqrt(error_squared / change);
+            if (off <= wanted) break;
+        }
+        if (status == LG_OK && !(off <= wanted))
+            status = lg_fail(
+                error, LG_CHECK_FAILED,
+                "%d steps of the integrator in a period of %g s leave an error of %.1e: take a shorter "
+                "period",
+                MOST_STEPS, p->task.period, off);
+    }
+    lg_free(p->context, z);
+    lg_free(p->context, work);
+    lg_plan_destroy(step);
+    return status;
+}
+
+/* ---- the object ---- */
+
+static lg_status init_parameters(lg_policy *p, lg_error *error) {
+    if (p->task.kind == LG_POLICY_NETWORK) {
+        const uint32_t features = lg_policy_features(&p->task);
+        if (lg_mlp_init(&p->net, features, p->task.hidden, p->task.hidden_layers, p->inputs, LG_TANH, true) !=
+            LG_OK)
+            return lg_fail(error, LG_INVALID_ARGUMENT, "hidden layers need 1 or more units each");
+        p->parameters = lg_mlp_parameters(&p->net);
+    }
+    if (p->task.kind == LG_POLICY_ENERGY) p->parameters = 2 * (size_t)p->inputs;
+    p->theta = lg_alloc(p->context, p->parameters + 1, sizeof *p->theta);
+    if (p->theta == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a policy");
+    return LG_OK;
+}
+
+void lg_policy_initialise(const lg_policy *p, uint64_t seed, double *theta) {
+    lg_rng rng;
+    lg_rng_seed(&rng, seed, 1);
+    if (p->task.kind == LG_POLICY_NETWORK) lg_mlp_initialise(&p->net, &rng, theta);
+}
+
+static lg_status set_theta(lg_policy *p) {
+    if (p->parameters == 0) return LG_OK;
+    return lg_program_set_parameter(p->program, lg_program_parameters(p->program) - 1, p->theta);
+}
+
+lg_status lg_policy_take(lg_policy *p, const double *theta) {
+    if (theta != p->theta) memcpy(p->theta, theta, p->parameters * sizeof *theta);
+    return set_theta(p);
+}
+
+lg_status lg_policy_prepare(lg_policy *p, lg_error *error) {
+    LG_TRY(check_task(&p->task, error));
+    p->inputs = p->task.input_count;
+    p->regulator.inputs = p->inputs;
+    lg_policy_lay_out(&p->task, &p->layout);
+    p->regulator.errors = p->layout.errors;
+    if (p->layout.errors > LG_POLICY_ERRORS)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the machine has %u errors, more than %d",
+                       p->layout.errors, LG_POLICY_ERRORS);
+    return init_parameters(p, error);
+}
+
+/* The policy's own functions, with the regulator that it has. */
+static lg_status add_functions(lg_policy *p, lg_error *error) {
+    LG_TRY(lg_policy_add_functions(p, error));
+    return set_theta(p);
+}
+
+static lg_status build(lg_policy *p, const lg_program *plant, uint64_t seed, lg_error *error) {
+    LG_TRY(lg_policy_prepare(p, error));
+    LG_TRY(check_plant(p, plant, error));
+    lg_policy_initialise(p, seed, p->theta);
+    LG_TRY(lg_policy_begin(p, plant, error));
+    if (p->task.substeps == 0) LG_TRY(choose_substeps(p, seed, error));
+    LG_TRY(lg_policy_add_motion(p, error));
+    LG_TRY(lg_policy_find_regulator(p, seed, error));
+    return add_functions(p, error);
+}
+
+/* Whether the program has the function with this number of numbers in its last input. */
+static bool has(const lg_policy *p, const char *function) {
+    size_t number;
+    return lg_program_find(p->program, function, &number, NULL) == LG_OK;
+}
+
+lg_status lg_policy_adopt(lg_policy *p, lg_error *error) {
+    static const char *const needed[] = {"period", "errors",   "policy",      "control",
+                                         "closed", "terminal", "adj1_closed", "adj1_terminal"};
+    LG_TRY(check_plant(p, p->program, error));
+    for (size_t i = 0; i < LG_COUNT(needed); i++)
+        if (!has(p, needed[i]))
+            return lg_fail(error, LG_FORMAT, "the policy's program has no function %s", needed[i]);
+    if (p->parameters == 0) return LG_OK;
+    const size_t last = lg_program_parameters(p->program);
+    const lg_parameter_spec stored = lg_program_parameter(p->program, last - 1);
+    if (last == 0 || lg_shape_count(stored.shape) != p->parameters)
+        return lg_fail(error, LG_FORMAT,
+                       "the policy's program does not have the %zu parameters of its network", p->parameters);
+    memcpy(p->theta, stored.values, p->parameters * sizeof *p->theta);
+    return LG_OK;
+}
+
+lg_status lg_policy_transplant(const lg_policy *policy, lg_program *plant, lg_policy **out, lg_error *error) {
+    lg_policy *p = lg_alloc(policy->context, 1, sizeof *p);
+    lg_status status = p == NULL ? lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a policy") : LG_OK;
+    if (status == LG_OK) {
+        p->context = policy->context, p->task = policy->task;
+        status = lg_policy_prepare(p, error);
+    }
+    if (status == LG_OK) status = check_plant(p, plant, error);
+    if (status == LG_OK) {
+        p->regulator = policy->regulator, p->terminal = policy->terminal;
+        memcpy(p->scale, policy->scale, sizeof p->scale);
+        memcpy(p->G, policy->G, sizeof p->G);
+        memcpy(p->theta, policy->theta, p->parameters * sizeof *p->theta);
+        status = lg_policy_begin(p, plant, error);
+    }
+    if (status == LG_OK) status = lg_policy_add_motion(p, error);
+    if (status == LG_OK) status = lg_policy_add_regulated(p, error);
+    if (status == LG_OK) status = add_functions(p, error);
+    lg_program_destroy(plant);
+    if (status == LG_OK)
+        *out = p;
+    else
+        lg_policy_destroy(p);
+    return status;
+}
+
+lg_status lg_policy_create(const lg_context *context, const lg_policy_task *task, lg_program *plant,
+                           uint64_t seed, lg_policy **out, lg_error *error) {
+    if (plant == NULL || task == NULL || out == NULL) {
+        lg_program_destroy(plant);
+        return lg_fail(error, LG_INVALID_ARGUMENT, "one of these arguments is NULL: task, plant, out");
+    }
+    lg_policy *p = lg_alloc(context, 1, sizeof *p);
+    lg_status status = p == NULL ? lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a policy") : LG_OK;
+    if (status == LG_OK) {
+        p->context = context, p->task = *task;
+    }
+    if (status == LG_OK) status = build(p, plant, seed, error);
+    lg_program_destroy(plant);
+    if (status == LG_OK)
+        *out = p;
+    else
+        lg_policy_destroy(p);
+    return status;
+}
+
+void lg_policy_destroy(lg_policy *p) {
+    if (p == NULL) return;
+    lg_program_destroy(p->program);
+    lg_free(p->context, p->theta);
+    lg_free(p->context, p);
+}
+
+const lg_policy_task *lg_policy_task_of(const lg_policy *p) {
+    return &p->task;
+}
+const lg_program *lg_policy_program(const lg_policy *p) {
+    return p->program;
+}
+size_t lg_policy_parameters(const lg_policy *p) {
+    return p->parameters;
+}
+const lg_policy_regulator *lg_policy_regulator_of(const lg_policy *p) {
+    return &p->regulator;
+}
+size_t lg_policy_steps(const lg_policy *p) {
+    return lg_policy_periods(p, p->task.within);
+}

@@ -1,0 +1,106 @@
+/* Internals of liegrad/policy.h. */
+#ifndef LG_CONTROL_POLICY_H
+#define LG_CONTROL_POLICY_H
+
+#include "core/core.h"
+#include "liegrad/networks.h"
+#include "liegrad/policy.h"
+#include "liegrad/tape.h"
+
+/* ---- coordinates (policy_errors.c) ---- */
+
+/* Where a coordinate's numbers lie among positions, positions as controllers get them, velocities and errors. */
+typedef struct lg_policy_place {
+    uint32_t position, given, velocity, error, rate; /* error: of the position; rate: of the velocity */
+} lg_policy_place;
+
+typedef struct lg_policy_layout {
+    uint32_t positions, given, velocities, errors; /* sums over all coordinates; errors = z */
+    lg_policy_place at[LG_POLICY_COORDINATES];
+    double basis[LG_POLICY_COORDINATES][6]; /* (3, 2): of the plane across the goal of a direction */
+} lg_policy_layout;
+void lg_policy_lay_out(const lg_policy_task *task, lg_policy_layout *out);
+
+typedef struct lg_policy_seen { /* positions and velocities, (B, ...); v LG_NONE: no velocities */
+    lg_var q, v;
+} lg_policy_seen;
+/* Record the errors z (B, errors), the sum of the costs of positions and velocities (B, 1), the features of a network
+ * (B, lg_policy_features), and positions from positions as controllers get them. */
+lg_var lg_policy_record_errors(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen);
+lg_var lg_policy_record_stage(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen);
+uint32_t lg_policy_features(const lg_policy_task *task);
+lg_var lg_policy_record_features(lg_tape *tape, const lg_policy_task *task, const double *scales,
+                                 lg_policy_seen seen);
+lg_var lg_policy_record_positions(lg_tape *tape, const lg_policy_task *task, lg_var given);
+/* Position and velocity at the errors z from the goal, numerically: a rotation turns by the vector z. */
+void lg_policy_retract(const lg_policy_task *task, const lg_policy_layout *layout, const double *z, double *q,
+                       double *v);
+/* The tangent of lg_policy_retract at 0: q = goal + T z, v = U z; T (positions, errors), U (velocities, errors). */
+void lg_policy_tangent(const lg_policy_task *task, const lg_policy_layout *layout, double *T, double *U);
+/* Draws the errors of a start. */
+void lg_policy_draw(const lg_policy_task *task, const lg_policy_layout *layout, lg_rng *rng, double *z);
+/* The angle or distance from the goal, and whether errors are inside the bounds of success. */
+bool lg_policy_inside(const lg_policy_task *task, const lg_policy_layout *layout, const double *z);
+
+/* ---- the policy ---- */
+
+struct lg_policy {
+    const lg_context *context;
+    lg_policy_task task;
+    lg_policy_layout layout;
+    lg_program *program;
+    uint32_t state, inputs; /* numbers in x and u */
+    lg_policy_regulator regulator;
+    double scale[LG_POLICY_ERRORS]; /* of the features of a network, by error */
+    double G[LG_POLICY_INPUTS *
+             LG_POLICY_ERRORS]; /* energy: (inputs, errors) of positions, then of velocities */
+    double terminal;            /* w of W */
+    lg_mlp net;
+    size_t parameters;
+    double *theta; /* (parameters); the program's parameter `policy` */
+};
+
+/* Checks the task and sets sizes, with room for theta. lg_policy_adopt checks the program that the policy was loaded
+ * with, and takes its parameters. */
+LG_API lg_status lg_policy_prepare(lg_policy *policy, lg_error *error);
+LG_API lg_status lg_policy_adopt(lg_policy *policy, lg_error *error);
+/* Writes random parameters. */
+void lg_policy_initialise(const lg_policy *policy, uint64_t seed, double *theta);
+/* Makes theta the policy's parameters. */
+lg_status lg_policy_take(lg_policy *policy, const double *theta);
+
+/* ---- functions of the program (policy_program.c) ---- */
+
+/* A program that has the plant's functions, and its parameters, then `policy` (parameters, zeros; absent if there are
+ * none). */
+lg_status lg_policy_begin(lg_policy *policy, const lg_program *plant, lg_error *error);
+/* Adds period (x, u) -> next, errors (x) -> z, linear (z, u) -> z of the next period from the tangent at the goal,
+ * and jac_linear; then regulated (x, K) -> next, cost, u with a shared gain, which needs u0. */
+lg_status lg_policy_add_motion(lg_policy *policy, lg_error *error);
+lg_status lg_policy_add_regulated(lg_policy *policy, lg_error *error);
+/* Adds policy, control, closed, terminal, and the adjoints adj1_closed and adj1_terminal. */
+lg_status lg_policy_add_functions(lg_policy *policy, lg_error *error);
+/* A plan of a function of the program for `rows` rows. */
+lg_status lg_policy_plan(const lg_policy *policy, const char *function, size_t rows, lg_plan **out,
+                         lg_error *error);
+
+/* Rows of the plans that run batches: a batch is cut into pieces of so many rows, whatever the number of threads. */
+#define LG_POLICY_ROWS 64
+
+/* ---- runs (policy_runs.c) ---- */
+
+/* States (count, state) from errors z (count, errors), by the retraction and the plant's `momenta`. */
+lg_status lg_policy_states(const lg_policy *policy, const double *z, size_t count, double *x,
+                           lg_error *error);
+
+/* `gain`: the shared input K of `regulated`, NULL: `closed` with the parameters theta. */
+lg_status lg_policy_run(const lg_policy *policy, const double *gain, const double *theta, int threads,
+                        lg_policy_runs *runs, lg_error *error);
+size_t lg_policy_periods(const lg_policy *policy, double seconds);
+
+/* ---- the regulator (policy_regulator.c) ---- */
+
+/* Finds u0, K, P, c, and what depends on them: scales of features, the map G, the terminal weight. */
+lg_status lg_policy_find_regulator(lg_policy *policy, uint64_t seed, lg_error *error);
+
+#endif

@@ -1,0 +1,413 @@
+/* Policies: what each kind of coordinate contributes to errors, costs, features and starts. One row a kind. */
+#include <math.h>
+#include <string.h>
+
+#include "control/policy.h"
+#include "liegrad/geometry.h"
+#include "liegrad/ops.h"
+
+typedef struct motion {
+    lg_policy_motion_row sizes;
+    uint32_t features;
+    /* q is (B, position). `sine` are the errors times cos(a/2), `half` is cos(a/2)^2 with the angle a from the goal
+     * (LG_NONE: the errors are `sine`). The cost is 2 (1 - cos a), or the square. */
+    lg_var (*sine)(lg_tape *tape, const double *goal, const double *basis, lg_var q);
+    lg_var (*cosine)(lg_tape *tape, const double *goal, lg_var q); /* cos a (B, 1); NULL: a line */
+    lg_var (*features_of)(lg_tape *tape, const double *goal, lg_var q);
+    lg_var (*given)(lg_tape *tape, lg_var q); /* position from the controller's; NULL: the same numbers */
+    /* Position and velocity (in the machine's frame) from errors. */
+    void (*retract)(const double *goal, const double *basis, const double *z, double *q);
+    void (*tangent)(const double *goal, const double *basis, double *T); /* dq/dz (position, errors) at 0 */
+} motion;
+
+/* ---- lines and angles ---- */
+
+static lg_var from_goal(lg_tape *tape, const double *goal, const double *basis, lg_var q) {
+    (void)basis;
+    return lg_add_scalar(tape, q, -goal[0]);
+}
+
+static lg_var line_features(lg_tape *tape, const double *goal, lg_var q) {
+    return from_goal(tape, goal, NULL, q);
+}
+
+static void line_retract(const double *goal, const double *basis, const double *z, double *q) {
+    (void)basis;
+    q[0] = goal[0] + z[0];
+}
+
+static void line_tangent(const double *goal, const double *basis, double *T) {
+    (void)goal, (void)basis;
+    T[0] = 1.0;
+}
+
+static lg_var angle_sine(lg_tape *tape, const double *goal, const double *basis, lg_var q) {
+    return lg_sin(tape, from_goal(tape, goal, basis, q));
+}
+
+static lg_var angle_cosine(lg_tape *tape, const double *goal, lg_var q) {
+    return lg_cos(tape, from_goal(tape, goal, NULL, q));
+}
+
+static lg_var angle_features(lg_tape *tape, const double *goal, lg_var q) {
+    const lg_var from = from_goal(tape, goal, NULL, q);
+    return lg_concat(tape, (lg_var[]){lg_sin(tape, from), lg_cos(tape, from)}, 2, 1);
+}
+
+/* ---- directions ---- */
+
+static lg_var direction_sine(lg_tape *tape, const double *goal, const double *basis, lg_var q) {
+    (void)goal;
+    return lg_matmul(tape, q, lg_input_f64(tape, lg_shape2(3, 2), basis));
+}
+
+static lg_var direction_cosine(lg_tape *tape, const double *goal, lg_var q) {
+    return lg_matmul(tape, q, lg_input_f64(tape, lg_shape2(3, 1), goal));
+}
+
+static lg_var direction_features(lg_tape *tape, const double *goal, lg_var q) {
+    (void)tape, (void)goal;
+    return q;
+}
+
+static void direction_retract(const double *goal, const double *basis, const double *z, double *q) {
+    double along[3], axis[3];
+    for (int i = 0; i < 3; i++) along[i] = basis[2 * i] * z[0] + basis[2 * i + 1] * z[1];
+    lg_cross3(goal, along, axis);
+    lg_so3_exp_act(axis, goal, q);
+}
+
+static void direction_tangent(const double *goal, const double *basis, double *T) {
+    (void)goal;
+    memcpy(T, basis, 6 * sizeof *T);
+}
+
+/* ---- rotations ---- */
+
+/* The 9 columns of S = goal^T R as a linear map of R: (9, 9) with S_ij = sum_k goal_ki R_kj. */
+static lg_var turned(lg_tape *tape, const double *goal, lg_var q) {
+    double map[81] = {0};
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++)
+            for (int k = 0; k < 3; k++) map[(3 * k + j) * 9 + 3 * i + j] = goal[3 * k + i];
+    return lg_matmul(tape, q, lg_input_f64(tape, lg_shape2(9, 9), map));
+}
+
+static lg_var rotation_sine(lg_tape *tape, const double *goal, const double *basis, lg_var q) {
+    static const double vee[27] = {[5 * 3 + 0] = -0.5, [7 * 3 + 0] = 0.5,  [2 * 3 + 1] = 0.5,
+                                   [6 * 3 + 1] = -0.5, [1 * 3 + 2] = -0.5, [3 * 3 + 2] = 0.5};
+    (void)basis;
+    return lg_matmul(tape, turned(tape, goal, q), lg_input_f64(tape, lg_shape2(9, 3), vee));
+}
+
+static lg_var rotation_cosine(lg_tape *tape, const double *goal, lg_var q) {
+    const lg_var trace = lg_matmul(tape, q, lg_input_f64(tape, lg_shape2(9, 1), goal));
+    return lg_add_scalar(tape, lg_scale(tape, trace, 0.5), -0.5);
+}
+
+static lg_var rotation_features(lg_tape *tape, const double *goal, lg_var q) {
+    return turned(tape, goal, q);
+}
+
+static void rotation_retract(const double *goal, const double *basis, const double *z, double *q) {
+    double by[9];
+    (void)basis;
+    lg_so3_exp(z, by);
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) {
+            q[3 * i + j] = 0.0;
+            for (int k = 0; k < 3; k++) q[3 * i + j] += goal[3 * i + k] * by[3 * k + j];
+        }
+}
+
+static void rotation_tangent(const double *goal, const double *basis, double *T) {
+    static const double hat[9][3] = {{0},        {0, 0, -1}, {0, 1, 0}, {0, 0, 1}, {0},
+                                     {-1, 0, 0}, {0, -1, 0}, {1, 0, 0}, {0}};
+    (void)basis;
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++)
+            for (int l = 0; l < 3; l++) {
+                T[(3 * i + j) * 3 + l] = 0.0;
+                for (int k = 0; k < 3; k++) T[(3 * i + j) * 3 + l] += goal[3 * i + k] * hat[3 * k + j][l];
+            }
+}
+
+/* R from a quaternion w x y z of any length but 0: products of two numbers of it, then a linear map. */
+static lg_var rotation_given(lg_tape *tape, lg_var q) {
+    static const uint32_t first[10] = {0, 0, 0, 0, 1, 1, 1, 2, 2, 3},
+                          second[10] = {0, 1, 2, 3, 1, 2, 3, 2, 3, 3};
+    /* ww wx wy wz xx xy xz yy yz zz -> R row-major */
+    static const double map[90] = {
+        1, 0, 0, 0, 1,  0, 0,  0, 1,  /* ww */ 0,  0,  0, 0, 0,  -2, 0, 2, 0,  /* wx */
+        0, 0, 2, 0, 0,  0, -2, 0, 0,  /* wy */ 0,  -2, 0, 2, 0,  0,  0, 0, 0,  /* wz */
+        1, 0, 0, 0, -1, 0, 0,  0, -1, /* xx */ 0,  2,  0, 2, 0,  0,  0, 0, 0,  /* xy */
+        0, 0, 2, 0, 0,  0, 2,  0, 0,  /* xz */ -1, 0,  0, 0, 1,  0,  0, 0, -1, /* yy */
+        0, 0, 0, 0, 0,  2, 0,  2, 0,  /* yz */ -1, 0,  0, 0, -1, 0,  0, 0, 1 /* zz */};
+    lg_var product[10];
+    for (int k = 0; k < 10; k++)
+        product[k] = lg_mul(tape, lg_slice(tape, q, 1, first[k], 1), lg_slice(tape, q, 1, second[k], 1));
+    const lg_var R =
+        lg_matmul(tape, lg_concat(tape, product, 10, 1), lg_input_f64(tape, lg_shape2(10, 9), map));
+    return lg_div(tape, R, lg_rownorm2(tape, q));
+}
+
+static const motion motions[LG_POLICY_MOTION_COUNT] = {
+    [LG_POLICY_LINE] =
+        {{"line", 1, 1, 1, 1}, 1, from_goal, NULL, line_features, NULL, line_retract, line_tangent},
+    [LG_POLICY_ANGLE] = {{"angle", 1, 1, 1, 1},
+                         2,
+                         angle_sine,
+                         angle_cosine,
+                         angle_features,
+                         NULL,
+                         line_retract,
+                         line_tangent},
+    [LG_POLICY_DIRECTION] = {{"direction", 3, 3, 3, 2},
+                             3,
+                             direction_sine,
+                             direction_cosine,
+                             direction_features,
+                             NULL,
+                             direction_retract,
+                             direction_tangent},
+    [LG_POLICY_ROTATION] = {{"rotation", 9, 4, 3, 3},
+                            9,
+                            rotation_sine,
+                            rotation_cosine,
+                            rotation_features,
+                            rotation_given,
+                            rotation_retract,
+                            rotation_tangent}};
+
+const lg_policy_motion_row *lg_policy_motion_row_of(lg_policy_motion kind) {
+    return (uint32_t)kind < LG_POLICY_MOTION_COUNT ? &motions[kind].sizes : NULL;
+}
+
+/* ---- layout ---- */
+
+static bool moves(const lg_policy_coordinate *c) {
+    return c->velocity[0] != '\0';
+}
+
+/* Two unit vectors across g. */
+static void plane_across(const double *g, double *E) {
+    double e[3] = {0, 0, 0}, first[3], second[3];
+    const int least = fabs(g[0]) <= fabs(g[1]) && fabs(g[0]) <= fabs(g[2]) ? 0
+                      : fabs(g[1]) <= fabs(g[2])                           ? 1
+                                                                           : 2;
+    e[least] = 1.0;
+    lg_cross3(g, e, first);
+    const double length = sqrt(lg_dot3(first, first));
+    for (int i = 0; i < 3; i++) first[i] /= length;
+    lg_cross3(g, first, second);
+    for (int i = 0; i < 3; i++) E[2 * i] = first[i], E[2 * i + 1] = second[i];
+}
+
+void lg_policy_lay_out(const lg_policy_task *task, lg_policy_layout *out) {
+    memset(out, 0, sizeof *out);
+    for (uint32_t i = 0; i < task->coordinate_count; i++) {
+        const lg_policy_coordinate *c = &task->coordinate[i];
+        const lg_policy_motion_row *sizes = &motions[c->motion].sizes;
+        out->at[i] = (lg_policy_place){out->positions, out->given, out->velocities, out->errors, 0};
+        out->positions += sizes->position, out->given += sizes->given, out->errors += sizes->errors;
+        if (moves(c)) out->velocities += sizes->velocity;
+        if (c->motion == LG_POLICY_DIRECTION) plane_across(c->goal, out->basis[i]);
+    }
+    for (uint32_t i = 0; i < task->coordinate_count; i++) {
+        out->at[i].rate = out->errors;
+        if (moves(&task->coordinate[i])) out->errors += motions[task->coordinate[i].motion].sizes.errors;
+    }
+}
+
+/* ---- recordings ---- */
+
+static lg_var part(lg_tape *tape, lg_var x, uint32_t from, uint32_t count) {
+    return lg_slice(tape, x, 1, from, count);
+}
+
+static lg_var joined(lg_tape *tape, const lg_var *parts, uint32_t n) {
+    return n == 1 ? parts[0] : lg_concat(tape, parts, n, 1);
+}
+
+/* cos(a/2)^2 = (1 + cos a)/2, kept above 0 by 1e-12: the errors are finite on the opposite side. */
+static lg_var half_cosine(lg_tape *tape, lg_var cosine) {
+    return lg_sqrt(tape, lg_add_scalar(tape, lg_scale(tape, cosine, 0.5), 0.5 + 1e-12));
+}
+
+lg_var lg_policy_record_errors(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen) {
+    lg_policy_layout layout;
+    lg_var parts[2 * LG_POLICY_COORDINATES];
+    uint32_t n = 0;
+    lg_policy_lay_out(task, &layout);
+    for (uint32_t i = 0; i < task->coordinate_count; i++) {
+        const lg_policy_coordinate *c = &task->coordinate[i];
+        const motion *m = &motions[c->motion];
+        const lg_var q = part(tape, seen.q, layout.at[i].position, m->sizes.position);
+        parts[n] = m->sine(tape, c->goal, layout.basis[i], q);
+        if (m->cosine != NULL)
+            parts[n] = lg_div(tape, parts[n], half_cosine(tape, m->cosine(tape, c->goal, q)));
+        n++;
+    }
+    for (uint32_t i = 0; i < task->coordinate_count; i++) {
+        const lg_policy_coordinate *c = &task->coordinate[i];
+        if (!moves(c)) continue;
+        parts[n] = part(tape, seen.v, layout.at[i].velocity, motions[c->motion].sizes.velocity);
+        if (c->motion == LG_POLICY_DIRECTION)
+            parts[n] = direction_sine(tape, c->goal, layout.basis[i], parts[n]);
+        n++;
+    }
+    return joined(tape, parts, n);
+}
+
+static lg_var position_cost(lg_tape *tape, const lg_policy_coordinate *c, lg_var q) {
+    const motion *m = &motions[c->motion];
+    if (m->cosine == NULL) return lg_square(tape, m->sine(tape, c->goal, NULL, q));
+    return lg_add_scalar(tape, lg_scale(tape, m->cosine(tape, c->goal, q), -2.0), 2.0);
+}
+
+lg_var lg_policy_record_stage(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen) {
+    lg_policy_layout layout;
+    lg_var terms[2 * LG_POLICY_COORDINATES];
+    double weights[2 * LG_POLICY_COORDINATES];
+    uint32_t n = 0;
+    lg_policy_lay_out(task, &layout);
+    for (uint32_t i = 0; i < task->coordinate_count; i++) {
+        const lg_policy_coordinate *c = &task->coordinate[i];
+        const lg_policy_motion_row *sizes = &motions[c->motion].sizes;
+        if (c->weight > 0.0) {
+            weights[n] = c->weight;
+            terms[n++] = position_cost(tape, c, part(tape, seen.q, layout.at[i].position, sizes->position));
+        }
+        if (c->weight_velocity > 0.0 && moves(c)) {
+            weights[n] = c->weight_velocity;
+            terms[n++] = lg_rownorm2(tape, part(tape, seen.v, layout.at[i].velocity, sizes->velocity));
+        }
+    }
+    return lg_linear_combination(tape, terms, weights, n);
+}
+
+uint32_t lg_policy_features(const lg_policy_task *task) {
+    uint32_t n = 0;
+    for (uint32_t i = 0; i < task->coordinate_count; i++) {
+        const motion *m = &motions[task->coordinate[i].motion];
+        n += m->features + (moves(&task->coordinate[i]) ? m->sizes.velocity : 0);
+    }
+    return n;
+}
+
+/* `scales`: of each error; a line's position and all velocities are divided by theirs. */
+lg_var lg_policy_record_features(lg_tape *tape, const lg_policy_task *task, const double *scales,
+                                 lg_policy_seen seen) {
+    lg_policy_layout layout;
+    lg_var parts[2 * LG_POLICY_COORDINATES];
+    uint32_t n = 0;
+    lg_policy_lay_out(task, &layout);
+    for (uint32_t i = 0; i < task->coordinate_count; i++) {
+        const lg_policy_coordinate *c = &task->coordinate[i];
+        const motion *m = &motions[c->motion];
+        const lg_policy_place *at = &layout.at[i];
+        parts[n] = m->features_of(tape, c->goal, part(tape, seen.q, at->position, m->sizes.position));
+        if (m->cosine == NULL) parts[n] = lg_scale(tape, parts[n], 1.0 / scales[at->error]);
+        n++;
+        if (moves(c))
+            parts[n++] =
+                lg_scale(tape, part(tape, seen.v, at->velocity, m->sizes.velocity), 1.0 / scales[at->rate]);
+    }
+    return joined(tape, parts, n);
+}
+
+lg_var lg_policy_record_positions(lg_tape *tape, const lg_policy_task *task, lg_var given) {
+    lg_policy_layout layout;
+    lg_var parts[LG_POLICY_COORDINATES];
+    lg_policy_lay_out(task, &layout);
+    for (uint32_t i = 0; i < task->coordinate_count; i++) {
+        const motion *m = &motions[task->coordinate[i].motion];
+        parts[i] = part(tape, given, layout.at[i].given, m->sizes.given);
+        if (m->given != NULL) parts[i] = m->given(tape, parts[i]);
+    }
+    return joined(tape, parts, task->coordinate_count);
+}
+
+/* ---- numbers ---- */
+
+static void rate_of(const lg_policy_coordinate *c, const double *basis, const double *z, double *v) {
+    const uint32_t n = motions[c->motion].sizes.velocity;
+    if (c->motion != LG_POLICY_DIRECTION) {
+        memcpy(v, z, n * sizeof *v);
+        return;
+    }
+    for (int i = 0; i < 3; i++) v[i] = basis[2 * i] * z[0] + basis[2 * i + 1] * z[1];
+}
+
+void lg_policy_retract(const lg_policy_task *task, const lg_policy_layout *layout, const double *z, double *q,
+                       double *v) {
+    for (uint32_t i = 0; i < task->coordinate_count; i++) {
+        const lg_policy_coordinate *c = &task->coordinate[i];
+        const lg_policy_place *at = &layout->at[i];
+        double *to = q + at->position;
+        motions[c->motion].retract(c->goal, layout->basis[i], z + at->error, to);
+        if (!moves(c)) continue;
+        double *rate = v + at->velocity;
+        rate_of(c, layout->basis[i], z + at->rate, rate);
+        if (c->motion != LG_POLICY_DIRECTION) continue;
+        const double along = lg_dot3(rate, to); /* omega stays across q */
+        for (int k = 0; k < 3; k++) rate[k] -= along * to[k];
+    }
+}
+
+void lg_policy_tangent(const lg_policy_task *task, const lg_policy_layout *layout, double *T, double *U) {
+    const uint32_t n = layout->errors;
+    memset(T, 0, (size_t)layout->positions * n * sizeof *T);
+    memset(U, 0, (size_t)layout->velocities * n * sizeof *U);
+    for (uint32_t i = 0; i < task->coordinate_count; i++) {
+        const lg_policy_coordinate *c = &task->coordinate[i];
+        const lg_policy_motion_row *sizes = &motions[c->motion].sizes;
+        const lg_policy_place *at = &layout->at[i];
+        double block[27];
+        motions[c->motion].tangent(c->goal, layout->basis[i], block);
+        for (uint32_t a = 0; a < sizes->position; a++)
+            for (uint32_t b = 0; b < sizes->errors; b++)
+                T[(at->position + a) * n + at->error + b] = block[a * sizes->errors + b];
+        for (uint32_t b = 0; moves(c) && b < sizes->errors; b++) {
+            double unit[3] = {0, 0, 0}, rate[3];
+            unit[b] = 1.0;
+            rate_of(c, layout->basis[i], unit, rate);
+            for (uint32_t a = 0; a < sizes->velocity; a++) U[(at->velocity + a) * n + at->rate + b] = rate[a];
+        }
+    }
+}
+
+static void draw_axis(lg_rng *rng, uint32_t n, double length, double *z) {
+    double x[3] = {0, 0, 0}, sum = 0.0;
+    for (uint32_t i = 0; i < n; i++) x[i] = lg_rng_normal(rng), sum += x[i] * x[i];
+    for (uint32_t i = 0; i < n; i++) z[i] = length * x[i] / sqrt(fmax(sum, 1e-300));
+}
+
+void lg_policy_draw(const lg_policy_task *task, const lg_policy_layout *layout, lg_rng *rng, double *z) {
+    for (uint32_t i = 0; i < task->coordinate_count; i++) {
+        const lg_policy_coordinate *c = &task->coordinate[i];
+        const uint32_t n = motions[c->motion].sizes.errors;
+        const double far = lg_rng_uniform_in(rng, c->start[0], c->start[1]);
+        if (n == 1)
+            z[layout->at[i].error] = far;
+        else
+            draw_axis(rng, n, far, z + layout->at[i].error);
+        for (uint32_t k = 0; moves(c) && k < n; k++)
+            z[layout->at[i].rate + k] = lg_rng_uniform_in(rng, c->start_velocity[0], c->start_velocity[1]);
+    }
+}
+
+bool lg_policy_inside(const lg_policy_task *task, const lg_policy_layout *layout, const double *z) {
+    for (uint32_t i = 0; i < task->coordinate_count; i++) {
+        const lg_policy_coordinate *c = &task->coordinate[i];
+        const uint32_t n = motions[c->motion].sizes.errors;
+        double far = 0.0, fast = 0.0;
+        for (uint32_t k = 0; k < n; k++) {
+            far = hypot(far, z[layout->at[i].error + k]);
+            if (moves(c)) fast = hypot(fast, z[layout->at[i].rate + k]);
+        }
+        if (motions[c->motion].cosine != NULL) far = 2.0 * asin(fmin(far / 2.0, 1.0));
+        if (!(far < c->success) || !(fast < c->success_velocity)) return false;
+    }
+    return true;
+}

@@ -1,0 +1,71 @@
+/* Policies: runs from random starts, and what they show. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "control/policy.h"
+
+static int by_size(const void *a, const void *b) {
+    const double x = *(const double *)a, y = *(const double *)b;
+    return x < y ? -1 : x > y;
+}
+
+/* Wilson's interval for k of n, 95 %. */
+static void interval(uint64_t k, uint64_t n, double *low, double *high) {
+    static const double z = 1.959963984540054;
+    const double share = (double)k / (double)n, N = (double)n, by = 1.0 + z * z / N;
+    const double centre = share + z * z / (2.0 * N),
+                 half = z * sqrt(share * (1.0 - share) / N + z * z / (4.0 * N * N));
+    *low = (centre - half) / by, *high = (centre + half) / by;
+}
+
+static void summarise(const lg_policy_runs *runs, double *sorted, lg_policy_outcome *out) {
+    const size_t n = runs->count;
+    *out = (lg_policy_outcome){.starts = n, .worst = -INFINITY};
+    for (size_t i = 0; i < n; i++) {
+        const double cost = isfinite(runs->cost[i]) ? runs->cost[i] : INFINITY;
+        out->succeeded += runs->succeeded[i];
+        out->cost_mean += cost / (double)n;
+        out->saturated += runs->saturated[i] / (double)n;
+        sorted[i] = cost;
+        if (cost > out->worst) out->worst = cost, out->worst_start = i;
+    }
+    qsort(sorted, n, sizeof *sorted, by_size);
+    out->cost_median = 0.5 * (sorted[n / 2] + sorted[(n - 1) / 2]);
+    interval(out->succeeded, n, &out->success_low, &out->success_high);
+}
+
+lg_status lg_policy_evaluate(const lg_policy *p, bool regulator, uint64_t starts, uint64_t seed, int threads,
+                             lg_policy_outcome *out, lg_policy_runs *wanted, lg_error *error) {
+    if (p == NULL || out == NULL || starts == 0 || starts > 10000000)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "an evaluation needs a policy and 1 to 10000000 starts");
+    const size_t n = (size_t)starts, errors = p->layout.errors;
+    double *memory = lg_alloc(p->context, n * (errors + p->state + 3), sizeof *memory);
+    bool *held = lg_alloc(p->context, n, sizeof *held);
+    lg_policy_runs runs = {.count = n, .steps = lg_policy_periods(p, p->task.within)};
+    lg_status status = LG_OK;
+    if (memory == NULL || held == NULL)
+        status = lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu runs", n);
+    if (status == LG_OK) {
+        double *z = memory, *sorted = z + n * errors + n * p->state + 2 * n;
+        lg_rng rng;
+        if (wanted != NULL) runs.path = wanted->path, runs.input = wanted->input;
+        runs.x = z + n * errors, runs.cost = runs.x + n * p->state, runs.saturated = runs.cost + n;
+        runs.succeeded = held;
+        lg_rng_seed(&rng, seed, 0);
+        for (size_t i = 0; i < n; i++) lg_policy_draw(&p->task, &p->layout, &rng, z + i * errors);
+        status = lg_policy_states(p, z, n, runs.x, error);
+        if (status == LG_OK)
+            status = lg_policy_run(p, regulator ? p->regulator.K : NULL, p->theta, threads, &runs, error);
+        if (status == LG_OK) summarise(&runs, sorted, out);
+        if (status == LG_OK && wanted != NULL) {
+            wanted->count = n, wanted->steps = runs.steps;
+            if (wanted->cost != NULL) memcpy(wanted->cost, runs.cost, n * sizeof *runs.cost);
+            if (wanted->succeeded != NULL) memcpy(wanted->succeeded, held, n * sizeof *held);
+            if (wanted->x != NULL) memcpy(wanted->x, runs.x, n * p->state * sizeof *runs.x);
+        }
+    }
+    lg_free(p->context, memory);
+    lg_free(p->context, held);
+    return status;
+}

@@ -1,0 +1,128 @@
+/* Policies: the cost of a batch of runs and its gradient. The states of a piece of LG_POLICY_ROWS starts are kept, and
+ * the adjoint of a period goes back over them: lambda_k = dJ/ds_k. */
+#include <math.h>
+#include <string.h>
+
+#include "control/policy_gradient.h"
+
+enum { ROWS = LG_POLICY_ROWS };
+
+/* Arrays of a piece. path (steps + 1, ROWS, state). */
+typedef struct piece {
+    double *path, *cost, *total, *end, *weight, *adjoint, *before, *gradient;
+    void *work;
+} piece;
+
+static size_t aligned(size_t bytes) {
+    return (bytes + 63) / 64 * 64;
+}
+
+static size_t lay_out(const lg_policy_batch *b, char *memory, piece *out) {
+    const lg_policy *p = b->policy;
+    double **const arrays[] = {&out->path,   &out->cost,    &out->total,  &out->end,
+                               &out->weight, &out->adjoint, &out->before, &out->gradient};
+    const size_t x = ROWS * p->state,
+                 counts[] = {(b->steps + 1) * x, ROWS, ROWS, ROWS, ROWS, x, x, p->parameters};
+    size_t used = 0, work = 0;
+    for (size_t i = 0; i < LG_COUNT(arrays); i++) {
+        if (memory != NULL) *arrays[i] = (double *)(void *)(memory + used);
+        used += aligned(counts[i] * sizeof(double));
+    }
+    if (memory != NULL) out->work = memory + used;
+    for (size_t i = 0; i < LG_POLICY_PLANS; i++) {
+        const size_t own = lg_plan_work_size(b->plan[i]);
+        work = own > work ? own : work;
+    }
+    return used + aligned(work);
+}
+
+static void forward(const lg_policy_batch *b, const double *theta, piece *w) {
+    const size_t x = ROWS * b->policy->state;
+    memset(w->total, 0, ROWS * sizeof *w->total);
+    for (size_t k = 0; k < b->steps; k++) {
+        lg_plan_eval(b->plan[LG_POLICY_CLOSED], (const void *[]){w->path + k * x, theta},
+                     (void *[]){w->path + (k + 1) * x, w->cost, NULL}, w->work);
+        for (size_t i = 0; i < ROWS; i++) w->total[i] += w->cost[i];
+    }
+    lg_plan_eval(b->plan[LG_POLICY_TERMINAL], (const void *[]){w->path + b->steps * x}, (void *[]){w->end},
+                 w->work);
+    for (size_t i = 0; i < ROWS; i++) w->total[i] += w->end[i];
+}
+
+static void backward(const lg_policy_batch *b, const double *theta, piece *w, double *gradient) {
+    const size_t x = ROWS * b->policy->state, n = b->policy->parameters;
+    double *lambda = w->adjoint, *next = w->before;
+    lg_plan_eval(b->plan[LG_POLICY_ADJOINT_TERMINAL], (const void *[]){w->path + b->steps * x, w->weight},
+                 (void *[]){lambda}, w->work);
+    for (size_t k = b->steps; k-- > 0;) {
+        lg_plan_eval(b->plan[LG_POLICY_ADJOINT_CLOSED],
+                     (const void *[]){w->path + k * x, theta, lambda, w->weight},
+                     (void *[]){next, w->gradient}, w->work);
+        for (size_t i = 0; i < n; i++) gradient[i] += w->gradient[i];
+        double *const swap = lambda;
+        lambda = next, next = swap;
+    }
+}
+
+/* Sums over a piece: cut costs, and their gradient. A cut of C makes C (1 - exp(-J/C)) of a cost J. */
+static void run_piece(void *user, size_t index) {
+    const lg_policy_batch *b = user;
+    const lg_policy *p = b->policy;
+    const size_t point = index / b->pieces, first = index % b->pieces * ROWS, n = p->parameters;
+    double *sum = b->sums + index * (n + 1);
+    piece w = {0};
+    (void)lay_out(b, b->memory + index * b->piece_bytes, &w);
+    memcpy(w.path, b->starts[point] + first * p->state, ROWS * p->state * sizeof *w.path);
+    memset(sum, 0, (n + 1) * sizeof *sum);
+    forward(b, b->theta[point], &w);
+    for (size_t i = 0; i < ROWS; i++) {
+        const double J = w.total[i], left = isfinite(b->cut) ? exp(-J / b->cut) : 1.0;
+        sum[n] += isfinite(b->cut) ? b->cut * (1.0 - left) : J;
+        w.weight[i] = left / (double)b->count;
+    }
+    sum[n] /= (double)b->count;
+    backward(b, b->theta[point], &w, sum);
+}
+
+lg_status lg_policy_batch_create(const lg_policy *policy, size_t points, size_t count, int threads,
+                                 lg_policy_batch *b, lg_error *error) {
+    static const char *const names[LG_POLICY_PLANS] = {"closed", "terminal", "adj1_closed", "adj1_terminal"};
+    memset(b, 0, sizeof *b);
+    b->policy = policy, b->count = count, b->points = points, b->pieces = count / ROWS;
+    b->steps = lg_policy_periods(policy, policy->task.horizon);
+    b->cut = INFINITY;
+    for (size_t i = 0; i < LG_POLICY_PLANS; i++)
+        LG_TRY(lg_policy_plan(policy, names[i], ROWS, &b->plan[i], error));
+    LG_TRY(lg_thread_pool_create(policy->context, threads, &b->pool));
+    b->piece_bytes = lay_out(b, NULL, &(piece){0});
+    b->memory = lg_alloc(policy->context, points * b->pieces, b->piece_bytes);
+    b->sums = lg_alloc(policy->context, points * b->pieces * (policy->parameters + 1), sizeof *b->sums);
+    b->starts = lg_alloc(policy->context, points, sizeof *b->starts);
+    b->theta = lg_alloc(policy->context, points, sizeof *b->theta);
+    if (b->memory != NULL && b->sums != NULL && b->starts != NULL && b->theta != NULL) return LG_OK;
+    return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the runs of a batch");
+}
+
+void lg_policy_batch_destroy(lg_policy_batch *b) {
+    if (b->policy == NULL) return;
+    const lg_context *context = b->policy->context;
+    for (size_t i = 0; i < LG_POLICY_PLANS; i++) lg_plan_destroy(b->plan[i]);
+    lg_thread_pool_destroy(b->pool);
+    lg_free(context, b->memory), lg_free(context, b->sums);
+    lg_free(context, b->starts), lg_free(context, b->theta);
+    memset(b, 0, sizeof *b);
+}
+
+void lg_policy_batch_run(lg_policy_batch *b, double *cost, double *const *gradient) {
+    const size_t n = b->policy->parameters;
+    lg_thread_pool_run(b->pool, b->points * b->pieces, run_piece, b);
+    for (size_t point = 0; point < b->points; point++) {
+        cost[point] = 0.0;
+        memset(gradient[point], 0, n * sizeof **gradient);
+        for (size_t k = 0; k < b->pieces; k++) {
+            const double *sum = b->sums + (point * b->pieces + k) * (n + 1);
+            cost[point] += sum[n];
+            for (size_t i = 0; i < n; i++) gradient[point][i] += sum[i];
+        }
+    }
+}

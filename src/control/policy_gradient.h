@@ -1,0 +1,35 @@
+/* Batches of runs of the closed loop with their gradient, for training. */
+#ifndef LG_CONTROL_POLICY_GRADIENT_H
+#define LG_CONTROL_POLICY_GRADIENT_H
+
+#include "control/policy.h"
+
+enum {
+    LG_POLICY_CLOSED,
+    LG_POLICY_TERMINAL,
+    LG_POLICY_ADJOINT_CLOSED,
+    LG_POLICY_ADJOINT_TERMINAL,
+    LG_POLICY_PLANS
+};
+
+/* `points` parameters, each with `count` starts (a multiple of LG_POLICY_ROWS). The caller sets starts, theta and cut
+ * before a run. Results do not depend on the number of threads. */
+typedef struct lg_policy_batch {
+    const lg_policy *policy;
+    size_t points, count, pieces, steps;
+    const double **starts, **theta; /* of each point: (count, state), (parameters) */
+    double cut;                     /* INFINITY: none */
+    lg_plan *plan[LG_POLICY_PLANS];
+    lg_thread_pool *pool;
+    char *memory;
+    size_t piece_bytes;
+    double *sums; /* (points, pieces, parameters + 1): gradient, cost */
+} lg_policy_batch;
+/* On failure the caller destroys the batch, too. */
+lg_status lg_policy_batch_create(const lg_policy *policy, size_t points, size_t count, int threads,
+                                 lg_policy_batch *b, lg_error *error);
+void lg_policy_batch_destroy(lg_policy_batch *b);
+/* cost (points): mean of the cut costs; gradient[point] (parameters). */
+void lg_policy_batch_run(lg_policy_batch *b, double *cost, double *const *gradient);
+
+#endif

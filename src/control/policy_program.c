@@ -1,0 +1,352 @@
+/* Policies: the functions of the closed loop as programs. */
+#include <math.h>
+#include <string.h>
+
+#include "autodiff/tape/tape_internal.h"
+#include "control/policy.h"
+#include "liegrad/ops.h"
+
+enum { MOST_PORTS = 4 };
+
+static lg_status copy_functions(const lg_program *plant, lg_program *to, lg_error *error) {
+    lg_status status = LG_OK;
+    for (size_t f = 0; f < lg_program_functions(plant) && status == LG_OK; f++) {
+        lg_function_image *image;
+        status = lg_function_image_create(plant, f, &image);
+        if (status != LG_OK) return lg_fail(error, status, "no memory for a copy of the plant's functions");
+        status = lg_program_add_image(to, image, error);
+        lg_function_image_destroy(image);
+    }
+    return status;
+}
+
+lg_status lg_policy_begin(lg_policy *policy, const lg_program *plant, lg_error *error) {
+    const size_t own = policy->parameters > 0 ? 1 : 0, count = lg_program_parameters(plant) + own;
+    lg_parameter_spec *parameters = lg_alloc(policy->context, count, sizeof *parameters);
+    lg_program_spec spec;
+    if (parameters == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a policy");
+    for (size_t i = 0; i + own < count; i++) parameters[i] = lg_program_parameter(plant, i);
+    if (own)
+        parameters[count - 1] = (lg_parameter_spec){"policy", lg_shape1((uint32_t)policy->parameters), NULL};
+    lg_program_spec_init(&spec);
+    spec.parameters = parameters;
+    spec.parameter_count = count;
+    spec.description = "a machine with its controller";
+    lg_status status = lg_program_begin(policy->context, &spec, &policy->program, error);
+    if (status == LG_OK) status = copy_functions(plant, policy->program, error);
+    lg_free(policy->context, parameters);
+    return status;
+}
+
+/* ---- recordings: `user` is the policy ---- */
+
+/* (B, n) with rows like those of x. */
+static lg_var filled(lg_tape *tape, lg_var x, uint32_t n, double value) {
+    const lg_var full = lg_full(tape, lg_shape2(lg_var_shape(tape, x).dims[0], n), value);
+    lg_tape_mark_rows(tape, full);
+    return full;
+}
+
+static lg_var row_of(lg_tape *tape, const double *x, uint32_t n) {
+    return lg_input_f64(tape, lg_shape2(1, n), x);
+}
+
+static bool moves(const lg_policy *p) {
+    return p->layout.velocities > 0;
+}
+
+static lg_policy_seen seen_of(const lg_policy *p, lg_tape *tape, lg_var x) {
+    if (!moves(p)) return (lg_policy_seen){x, LG_NONE};
+    return (lg_policy_seen){lg_program_call(tape, "positions", 0, &x),
+                            lg_program_call(tape, "velocities", 0, &x)};
+}
+
+static lg_status record_period(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
+                               lg_var *out) {
+    const lg_policy *p = user;
+    const lg_var h = filled(tape, in[0], 1, p->task.period / p->task.substeps);
+    lg_var x = in[0];
+    (void)theta;
+    for (uint32_t i = 0; i < p->task.substeps; i++)
+        x = lg_program_call(tape, "step", 0, (const lg_var[]){x, in[1], h});
+    out[0] = x;
+    return lg_tape_status(tape);
+}
+
+static lg_status record_errors(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
+                               lg_var *out) {
+    const lg_policy *p = user;
+    (void)theta;
+    out[0] = lg_policy_record_errors(tape, &p->task, seen_of(p, tape, in[0]));
+    return lg_tape_status(tape);
+}
+
+static lg_status record_linear(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
+                               lg_var *out) {
+    const lg_policy *p = user;
+    double T[9 * LG_POLICY_COORDINATES * LG_POLICY_ERRORS], U[3 * LG_POLICY_COORDINATES * LG_POLICY_ERRORS];
+    double goal[9 * LG_POLICY_COORDINATES];
+    (void)theta;
+    lg_policy_tangent(&p->task, &p->layout, T, U);
+    for (uint32_t i = 0; i < p->task.coordinate_count; i++)
+        memcpy(goal + p->layout.at[i].position, p->task.coordinate[i].goal,
+               lg_policy_motion_row_of(p->task.coordinate[i].motion)->position * sizeof *goal);
+    const lg_var map = lg_input_f64(tape, lg_shape2(p->layout.positions, p->layout.errors), T);
+    const lg_var q = lg_add(tape, lg_matmul_nt(tape, in[0], map), row_of(tape, goal, p->layout.positions));
+    lg_var x = q;
+    if (moves(p)) {
+        const lg_var rates = lg_input_f64(tape, lg_shape2(p->layout.velocities, p->layout.errors), U);
+        x = lg_program_call(tape, "momenta", 0, (const lg_var[]){q, lg_matmul_nt(tape, in[0], rates)});
+    }
+    const lg_var next = lg_program_call(tape, "period", 0, (const lg_var[]){x, in[1]});
+    out[0] = lg_program_call(tape, "errors", 0, &next);
+    return lg_tape_status(tape);
+}
+
+/* u in its limits: min(max(u, low), high). */
+static lg_var saturated(lg_tape *tape, const lg_policy *p, lg_var u) {
+    double low[LG_POLICY_INPUTS], minus_high[LG_POLICY_INPUTS];
+    for (uint32_t l = 0; l < p->inputs; l++)
+        low[l] = p->task.input[l].low, minus_high[l] = -p->task.input[l].high;
+    const lg_var above = lg_max(tape, u, row_of(tape, low, p->inputs));
+    return lg_neg(tape, lg_max(tape, lg_neg(tape, above), row_of(tape, minus_high, p->inputs)));
+}
+
+static lg_var feedback(lg_tape *tape, const lg_policy *p, lg_var z, lg_var K) {
+    return saturated(tape, p,
+                     lg_sub(tape, row_of(tape, p->regulator.u0, p->inputs), lg_matmul_nt(tape, z, K)));
+}
+
+/* ---- policies: a row for each kind ---- */
+
+static lg_var regulator_of(lg_tape *tape, const lg_policy *p, lg_var z) {
+    return feedback(tape, p, z, lg_input_f64(tape, lg_shape2(p->inputs, p->layout.errors), p->regulator.K));
+}
+
+/* V/c (B, 1) */
+static lg_var level_of(lg_tape *tape, const lg_policy *p, lg_var z) {
+    const uint32_t n = p->layout.errors;
+    const lg_var P = lg_input_f64(tape, lg_shape2(n, n), p->regulator.P);
+    return lg_scale(tape, lg_rowdot(tape, lg_matmul(tape, z, P), z), 1.0 / p->regulator.c);
+}
+
+static lg_var record_lqr(lg_tape *tape, const lg_policy *p, lg_policy_seen seen, lg_var z, lg_var weights) {
+    (void)seen, (void)weights;
+    return regulator_of(tape, p, z);
+}
+
+/* Centre + half range tanh(y). */
+static lg_var limited(lg_tape *tape, const lg_policy *p, lg_var y) {
+    double centre[LG_POLICY_INPUTS], half[LG_POLICY_INPUTS];
+    for (uint32_t l = 0; l < p->inputs; l++) {
+        const lg_policy_input *in = &p->task.input[l];
+        centre[l] = 0.5 * (in->high + in->low), half[l] = 0.5 * (in->high - in->low);
+    }
+    const lg_var u = lg_mul(tape, lg_act(tape, y, LG_TANH), row_of(tape, half, p->inputs));
+    return lg_add(tape, u, row_of(tape, centre, p->inputs));
+}
+
+static lg_var record_network(lg_tape *tape, const lg_policy *p, lg_policy_seen seen, lg_var z,
+                             lg_var weights) {
+    static const double steepness = 4.5;
+    const lg_var features = lg_policy_record_features(tape, &p->task, p->scale, seen);
+    const lg_var u = limited(tape, p, lg_mlp_record(tape, &p->net, weights, 0, features));
+    if (!p->task.gate) return u;
+    const lg_var by = lg_add_scalar(tape, lg_scale(tape, level_of(tape, p, z), -steepness), steepness);
+    const lg_var gate = lg_act(tape, by, LG_SIGMOID), held = regulator_of(tape, p, z);
+    return lg_add(tape, u, lg_mul(tape, gate, lg_sub(tape, held, u)));
+}
+
+/* k_p = e^weights[l], k_d = e^weights[m + l]. */
+static lg_var record_energy(lg_tape *tape, const lg_policy *p, lg_policy_seen seen, lg_var z,
+                            lg_var weights) {
+    const uint32_t m = p->inputs, n = p->layout.errors;
+    double shape[LG_POLICY_INPUTS * LG_POLICY_ERRORS], damp[LG_POLICY_INPUTS * LG_POLICY_ERRORS];
+    const uint32_t positions = p->layout.at[0].rate;
+    (void)seen;
+    for (uint32_t i = 0; i < m * n; i++) {
+        const bool rate = i % n >= positions;
+        shape[i] = rate ? 0.0 : p->G[i], damp[i] = rate ? p->G[i] : 0.0;
+    }
+    const lg_var gain = lg_reshape(tape, lg_exp(tape, weights), lg_shape2(1, 2 * m));
+    const lg_var kp = lg_slice(tape, gain, 1, 0, m), kd = lg_slice(tape, gain, 1, m, m);
+    const lg_var e = lg_matmul_nt(tape, z, lg_input_f64(tape, lg_shape2(m, n), shape)),
+                 v = lg_matmul_nt(tape, z, lg_input_f64(tape, lg_shape2(m, n), damp));
+    const lg_var both = lg_add(tape, lg_mul(tape, e, kp), lg_mul(tape, v, kd));
+    return saturated(tape, p, lg_sub(tape, row_of(tape, p->regulator.u0, m), both));
+}
+
+typedef lg_var (*record_kind)(lg_tape *tape, const lg_policy *p, lg_policy_seen seen, lg_var z,
+                              lg_var weights);
+static const record_kind kinds[LG_POLICY_KIND_COUNT] = {record_lqr, record_network, record_energy};
+
+/* Inputs: q, v if the machine moves, then the weights if there are any. */
+static lg_status record_policy(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
+                               lg_var *out) {
+    const lg_policy *p = user;
+    const lg_policy_seen seen = {in[0], moves(p) ? in[1] : LG_NONE};
+    const lg_var z = lg_policy_record_errors(tape, &p->task, seen);
+    (void)theta;
+    out[0] = kinds[p->task.kind](tape, p, seen, z, p->parameters > 0 ? in[moves(p) ? 2 : 1] : LG_NONE);
+    return lg_tape_status(tape);
+}
+
+static lg_var call_policy(lg_tape *tape, const lg_policy *p, lg_policy_seen seen, lg_var weights) {
+    lg_var in[3] = {seen.q};
+    size_t n = 1;
+    if (moves(p)) in[n++] = seen.v;
+    in[n] = weights;
+    return lg_program_call(tape, "policy", 0, in);
+}
+
+static lg_status record_control(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
+                                lg_var *out) {
+    const lg_policy *p = user;
+    const lg_policy_layout *l = &p->layout;
+    lg_policy_seen seen = {lg_policy_record_positions(tape, &p->task, lg_slice(tape, in[0], 1, 0, l->given)),
+                           LG_NONE};
+    if (moves(p)) seen.v = lg_slice(tape, in[0], 1, l->given, l->velocities);
+    out[0] = call_policy(tape, p, seen,
+                         p->parameters > 0 ? theta[lg_program_parameters(p->program) - 1] : LG_NONE);
+    return lg_tape_status(tape);
+}
+
+/* h (stage + sum_l w_l (u_l - u0_l)^2) */
+static lg_var record_cost(lg_tape *tape, const lg_policy *p, lg_policy_seen seen, lg_var u) {
+    double weight[LG_POLICY_INPUTS];
+    for (uint32_t l = 0; l < p->inputs; l++) weight[l] = p->task.input[l].weight;
+    const lg_var from = lg_sub(tape, u, row_of(tape, p->regulator.u0, p->inputs));
+    const lg_var effort =
+        lg_matmul(tape, lg_square(tape, from), lg_input_f64(tape, lg_shape2(p->inputs, 1), weight));
+    return lg_scale(tape, lg_add(tape, lg_policy_record_stage(tape, &p->task, seen), effort), p->task.period);
+}
+
+/* Outputs of a period under u: next, cost, u. */
+static lg_status close_loop(lg_tape *tape, const lg_policy *p, lg_var x, lg_policy_seen seen, lg_var u,
+                            lg_var *out) {
+    out[0] = lg_program_call(tape, "period", 0, (const lg_var[]){x, u});
+    out[1] = record_cost(tape, p, seen, u);
+    out[2] = u;
+    return lg_tape_status(tape);
+}
+
+static lg_status record_regulated(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
+                                  lg_var *out) {
+    const lg_policy *p = user;
+    const lg_policy_seen seen = seen_of(p, tape, in[0]);
+    (void)theta;
+    return close_loop(tape, p, in[0], seen,
+                      feedback(tape, p, lg_policy_record_errors(tape, &p->task, seen), in[1]), out);
+}
+
+static lg_status record_closed(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
+                               lg_var *out) {
+    const lg_policy *p = user;
+    const lg_policy_seen seen = seen_of(p, tape, in[0]);
+    (void)theta;
+    return close_loop(tape, p, in[0], seen, call_policy(tape, p, seen, p->parameters > 0 ? in[1] : LG_NONE),
+                      out);
+}
+
+static lg_status record_terminal(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
+                                 lg_var *out) {
+    static const double end = 13.0; /* V_end/c */
+    const lg_policy *p = user;
+    (void)theta;
+    const lg_var z = lg_program_call(tape, "errors", 0, in);
+    const lg_var left = lg_exp(tape, lg_scale(tape, level_of(tape, p, z), -1.0 / end));
+    out[0] = lg_scale(tape, lg_add_scalar(tape, lg_neg(tape, left), 1.0), p->terminal);
+    return lg_tape_status(tape);
+}
+
+/* ---- adding them ---- */
+
+typedef struct ports {
+    lg_port x, u, z, q, v, weights, given, gain;
+} ports;
+
+static ports ports_of(const lg_policy *p) {
+    double far = 0.0;
+    for (uint32_t l = 0; l < p->inputs; l++)
+        far = fmax(far, fmax(fabs(p->task.input[l].low), fabs(p->task.input[l].high)));
+    size_t step, count;
+    lg_port x = {0};
+    if (lg_program_find(p->program, "step", &step, NULL) == LG_OK)
+        x = lg_program_inputs(p->program, step, &count)[0];
+    x.name = "x";
+    return (ports){
+        .x = x,
+        .u = {.name = "u", .shape = lg_shape1(p->inputs), .low = -far, .high = far},
+        .z = {.name = "z", .shape = lg_shape1(p->layout.errors), .low = -0.1, .high = 0.1},
+        .q = {.name = "q", .shape = lg_shape1(p->layout.positions), .low = -1, .high = 1},
+        .v = {.name = "v", .shape = lg_shape1(p->layout.velocities), .low = -1, .high = 1},
+        .weights = {.name = "weights", .shape = lg_shape1((uint32_t)p->parameters), .shared = true},
+        .given = {.name = "x",
+                  .shape = lg_shape1(p->layout.given + p->layout.velocities),
+                  .low = -1,
+                  .high = 1},
+        .gain = {.name = "K", .shape = lg_shape2(p->inputs, p->layout.errors), .shared = true}};
+}
+
+static lg_status add(const lg_policy *p, const char *name, lg_record_function record, const lg_port *in,
+                     size_t ins, const char *const *outs, lg_error *error) {
+    lg_port out[3] = {{0}};
+    size_t n = 0;
+    for (; n < 3 && outs[n] != NULL; n++) out[n].name = outs[n];
+    const lg_function_spec spec = {name, in, ins, out, n, record, (void *)(uintptr_t)p};
+    return lg_program_add_function(p->program, &spec, error);
+}
+#define OUTS(...) ((const char *const[4]){__VA_ARGS__})
+
+static lg_status adjoint(const lg_policy *p, const char *function, const char *const *outputs, size_t count,
+                         lg_error *error) {
+    lg_derivative what;
+    lg_derivative_init(&what);
+    what.kind = LG_DERIVATIVE_ADJOINT;
+    what.function = function;
+    what.outputs = outputs;
+    what.output_count = count;
+    return lg_program_derive(p->program, &what, error);
+}
+
+lg_status lg_policy_add_motion(lg_policy *p, lg_error *error) {
+    const ports port = ports_of(p);
+    lg_derivative jacobian;
+    LG_TRY(add(p, "period", record_period, (const lg_port[]){port.x, port.u}, 2, OUTS("next"), error));
+    LG_TRY(add(p, "errors", record_errors, &port.x, 1, OUTS("z"), error));
+    LG_TRY(add(p, "linear", record_linear, (const lg_port[]){port.z, port.u}, 2, OUTS("next_z"), error));
+    lg_derivative_init(&jacobian);
+    jacobian.kind = LG_DERIVATIVE_JACOBIAN;
+    jacobian.function = "linear";
+    return lg_program_derive(p->program, &jacobian, error);
+}
+
+lg_status lg_policy_add_regulated(lg_policy *p, lg_error *error) {
+    const ports port = ports_of(p);
+    return add(p, "regulated", record_regulated, (const lg_port[]){port.x, port.gain}, 2,
+               OUTS("next", "cost", "u"), error);
+}
+
+lg_status lg_policy_add_functions(lg_policy *p, lg_error *error) {
+    const ports port = ports_of(p);
+    const size_t own = p->parameters > 0 ? 1 : 0;
+    lg_port in[3] = {port.q, port.v, port.weights};
+    if (!moves(p)) in[1] = port.weights;
+    LG_TRY(add(p, "policy", record_policy, in, 1 + (size_t)moves(p) + own, OUTS("u"), error));
+    LG_TRY(add(p, "control", record_control, &port.given, 1, OUTS("u"), error));
+    LG_TRY(add(p, "terminal", record_terminal, &port.x, 1, OUTS("cost"), error));
+    LG_TRY(add(p, "closed", record_closed, (const lg_port[]){port.x, port.weights}, 1 + own,
+               OUTS("next", "cost", "u"), error));
+    LG_TRY(adjoint(p, "terminal", NULL, 0, error));
+    return adjoint(p, "closed", OUTS("next", "cost"), 2, error);
+}
+
+lg_status lg_policy_plan(const lg_policy *p, const char *function, size_t rows, lg_plan **out,
+                         lg_error *error) {
+    lg_plan_options options;
+    size_t number;
+    lg_plan_options_init(&options);
+    options.rows = rows;
+    LG_TRY(lg_program_find(p->program, function, &number, error));
+    return lg_plan_create(p->program, number, &options, out, error);
+}

@@ -1,0 +1,396 @@
+/* Policies: training. A race of seeds by Adam, then more Adam for the winner, then L-BFGS. Every step draws its starts
+ * from a generator of its own, so that a resumed run continues with the same bits. */
+#include <math.h>
+#include <string.h>
+
+#include "control/policy_gradient.h"
+#include "liegrad/fit.h"
+#include "liegrad/minimise.h"
+
+enum { VALIDATION = 256, FIXED = 512, LOOKS = 10 };
+enum { RACE, FINISH, POLISH, DONE };
+
+/* Streams of random numbers of a seed. */
+enum { STREAM_VALIDATION = 2, STREAM_FIXED = 3, STREAM_STEPS = 16 };
+
+typedef struct judged {
+    double success, cost;
+} judged;
+
+struct lg_policy_trainer {
+    lg_policy *policy;
+    lg_policy_train_options options;
+    size_t n; /* parameters */
+    uint32_t seeds;
+    double *theta, *m, *v, *gradient; /* (seeds, parameters) */
+    double *best;                     /* (parameters) */
+    judged of_best;
+    uint32_t phase, leader;
+    uint64_t step; /* of the phase */
+    lg_policy_batch batch;
+    double *x,
+        *validation; /* starts of a step (seeds, starts, state) or (FIXED, state); (VALIDATION, state) */
+    double *cost, **gradients;
+    lg_minimiser *minimiser; /* in the phase POLISH */
+    double begun, phase_begun;
+    lg_error *error;
+};
+typedef struct lg_policy_trainer training;
+
+void lg_policy_train_options_init(lg_policy_train_options *options) {
+    *options = (lg_policy_train_options){.size = sizeof *options,
+                                         .seeds = 8,
+                                         .starts = 64,
+                                         .race = 450,
+                                         .finish = 1500,
+                                         .polish = 250,
+                                         .lr = 3e-3,
+                                         .seed = 1,
+                                         .threads = 1};
+}
+
+static lg_status check_options(const lg_policy_train_options *o, lg_error *error) {
+    if (o->size != sizeof *o || o->seeds == 0 || o->seeds > 1000 || o->starts == 0 ||
+        o->starts % LG_POLICY_ROWS != 0 || !(o->lr > 0.0) || !(o->seconds >= 0.0))
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "training needs 1 to 1000 seeds, a multiple of %d starts, and a learning rate above 0",
+                       LG_POLICY_ROWS);
+    return LG_OK;
+}
+
+/* ---- starts and judgements ---- */
+
+static lg_status draw_starts(const training *t, uint64_t stream, size_t count, double *x) {
+    const lg_policy *p = t->policy;
+    double *z = lg_alloc(p->context, count * p->layout.errors, sizeof *z);
+    lg_rng rng;
+    if (z == NULL) return lg_fail(t->error, LG_OUT_OF_MEMORY, "no memory for starts");
+    lg_rng_seed(&rng, t->options.seed, stream);
+    for (size_t i = 0; i < count; i++) lg_policy_draw(&p->task, &p->layout, &rng, z + i * p->layout.errors);
+    const lg_status status = lg_policy_states(p, z, count, x, t->error);
+    lg_free(p->context, z);
+    return status;
+}
+
+static lg_status judge(const training *t, const double *theta, judged *out) {
+    const lg_policy *p = t->policy;
+    bool held[VALIDATION];
+    double cost[VALIDATION];
+    double *x = lg_alloc(p->context, VALIDATION * p->state, sizeof *x);
+    if (x == NULL) return lg_fail(t->error, LG_OUT_OF_MEMORY, "no memory for validation");
+    memcpy(x, t->validation, VALIDATION * p->state * sizeof *x);
+    lg_policy_runs runs = {.count = VALIDATION,
+                           .steps = lg_policy_periods(p, p->task.within),
+                           .x = x,
+                           .cost = cost,
+                           .succeeded = held};
+    const lg_status status = lg_policy_run(p, NULL, theta, t->options.threads, &runs, t->error);
+    *out = (judged){0, 0};
+    for (size_t i = 0; i < VALIDATION && status == LG_OK; i++) {
+        out->success += held[i] / (double)VALIDATION;
+        out->cost += cost[i] / VALIDATION;
+    }
+    lg_free(p->context, x);
+    return status;
+}
+
+static bool better(judged a, judged b) {
+    if (!isfinite(a.cost)) return false;
+    return a.success > b.success || (a.success == b.success && a.cost < b.cost) || !isfinite(b.cost);
+}
+
+/* Judges the parameters and keeps them if they are the best. */
+static lg_status look(training *t, const double *theta, judged *found) {
+    LG_TRY(judge(t, theta, found));
+    if (!better(*found, t->of_best)) return LG_OK;
+    t->of_best = *found;
+    memcpy(t->best, theta, t->n * sizeof *theta);
+    return LG_OK;
+}
+
+/* ---- time ---- */
+
+/* How much of the phase is done, by steps, or by time if there is a bound on it: the phases get these shares. */
+static double done_of(const training *t, uint64_t steps) {
+    static const double share[] = {0.5, 0.25, 0.25};
+    const double by_steps = steps > 0 ? (double)t->step / (double)steps : 1.0;
+    if (t->options.seconds == 0.0) return by_steps;
+    double end = 0.0;
+    for (uint32_t i = 0; i <= t->phase; i++) end += share[i];
+    const double left = end * t->options.seconds - (t->phase_begun - t->begun);
+    return fmax(by_steps, left > 0.0 ? (lg_seconds() - t->phase_begun) / left : 1.0);
+}
+
+static void report(const training *t, double done) {
+    if (t->options.progress == NULL) return;
+    const uint64_t steps = t->options.race + t->options.finish + t->options.polish;
+    const uint64_t before[] = {0, t->options.race, t->options.race + t->options.finish};
+    const uint64_t of[] = {t->options.race, t->options.finish, t->options.polish};
+    const lg_policy_progress now = {.step = before[t->phase] + (uint64_t)(done * (double)of[t->phase]),
+                                    .steps = steps,
+                                    .seed = t->leader,
+                                    .cost = t->of_best.cost,
+                                    .success = t->of_best.success,
+                                    .seconds = lg_seconds() - t->begun};
+    t->options.progress(t->options.user, &now);
+}
+
+/* ---- Adam ---- */
+
+static bool finite(const double *x, size_t n) {
+    for (size_t i = 0; i < n; i++)
+        if (!isfinite(x[i])) return false;
+    return true;
+}
+
+/* The bound on the gradient's norm is in units of the cost: a fortieth of the cost of the unforced machine. */
+static double clip_of(const training *t, const double *gradient) {
+    const double bound = t->policy->terminal / 40.0;
+    double sum = 0.0;
+    for (size_t i = 0; i < t->n; i++) sum += gradient[i] * gradient[i];
+    return sum > bound * bound ? bound / sqrt(sum) : 1.0;
+}
+
+/* One step of all points. A point whose gradient is not finite stays where it is in this step. */
+static lg_status adam_step(training *t, double done) {
+    lg_policy_batch *b = &t->batch;
+    lg_adam_options adam;
+    lg_adam_options_init(&adam);
+    adam.lr = t->options.lr;
+    const double rate = 0.5 * (1.0 + cos(3.14159265358979323846 * fmin(done, 1.0)));
+    for (size_t k = 0; k < b->points; k++) {
+        const uint64_t seed = t->phase == RACE ? k : t->seeds;
+        double *x = t->x + k * b->count * t->policy->state;
+        LG_TRY(draw_starts(t, STREAM_STEPS + t->step * (t->seeds + 1) + seed, b->count, x));
+        b->starts[k] = x;
+        b->theta[k] = t->theta + k * t->n;
+    }
+    lg_policy_batch_run(b, t->cost, t->gradients);
+    for (size_t k = 0; k < b->points; k++)
+        if (finite(t->gradients[k], t->n))
+            lg_adam_step(&adam, LG_F64, t->step + 1, rate, clip_of(t, t->gradients[k]), t->gradients[k], t->n,
+                         t->m + k * t->n, t->v + k * t->n, t->theta + k * t->n);
+    return LG_OK;
+}
+
+static lg_status adam_phase(training *t, size_t points, uint64_t steps) {
+    const uint64_t every = steps / LOOKS + 1;
+    judged found;
+    if (t->batch.policy == NULL)
+        LG_TRY(lg_policy_batch_create(t->policy, points, t->options.starts, t->options.threads, &t->batch,
+                                      t->error));
+    double done;
+    while ((done = done_of(t, steps)) < 1.0) {
+        if (lg_cancelled(t->policy->context)) return LG_CANCELLED;
+        LG_TRY(adam_step(t, done));
+        t->step++;
+        if (t->phase == FINISH && t->step % every == 0) LG_TRY(look(t, t->theta, &found));
+        report(t, done);
+    }
+    return LG_OK;
+}
+
+/* ---- phases ---- */
+
+static void next_phase(training *t) {
+    lg_policy_batch_destroy(&t->batch);
+    lg_minimiser_destroy(t->minimiser);
+    t->minimiser = NULL;
+    t->phase++;
+    t->step = 0;
+    t->phase_begun = lg_seconds();
+}
+
+static lg_status race(training *t) {
+    LG_TRY(adam_phase(t, t->seeds, t->options.race));
+    for (uint32_t k = 0; k < t->seeds; k++) {
+        judged found;
+        const judged before = t->of_best;
+        LG_TRY(look(t, t->theta + k * t->n, &found));
+        if (better(found, before)) t->leader = k;
+    }
+    if (!isfinite(t->of_best.cost))
+        return lg_fail(t->error, LG_NOT_FINITE, "the cost of all %u seeds is not finite", t->seeds);
+    memcpy(t->theta, t->best, t->n * sizeof *t->theta);
+    memset(t->m, 0, t->n * sizeof *t->m);
+    memset(t->v, 0, t->n * sizeof *t->v);
+    next_phase(t);
+    return LG_OK;
+}
+
+static lg_status finish(training *t) {
+    judged found;
+    LG_TRY(adam_phase(t, 1, t->options.finish));
+    LG_TRY(look(t, t->theta, &found));
+    memcpy(t->theta, t->best, t->n * sizeof *t->theta);
+    next_phase(t);
+    return LG_OK;
+}
+
+static lg_status begin_polish(training *t) {
+    lg_minimise_options options;
+    LG_TRY(lg_policy_batch_create(t->policy, 1, FIXED, t->options.threads, &t->batch, t->error));
+    LG_TRY(draw_starts(t, STREAM_FIXED, FIXED, t->x));
+    t->batch.starts[0] = t->x;
+    t->batch.cut = 4.0 * t->policy->terminal;
+    lg_minimise_options_init(&options);
+    options.method = LG_MINIMISE_LBFGS;
+    options.check = false;
+    return lg_minimiser_create(t->policy->context, t->n, &options, t->theta, &t->minimiser, t->error);
+}
+
+static lg_status polish(training *t) {
+    const uint64_t every = t->options.polish / LOOKS + 1;
+    judged found;
+    double done;
+    if (t->minimiser == NULL) LG_TRY(begin_polish(t));
+    while ((done = done_of(t, t->options.polish)) < 1.0 &&
+           lg_minimiser_result(t->minimiser).end == LG_MINIMISE_RUNNING) {
+        if (lg_cancelled(t->policy->context)) return LG_CANCELLED;
+        t->batch.theta[0] = lg_minimiser_point(t->minimiser);
+        lg_policy_batch_run(&t->batch, t->cost, t->gradients);
+        (void)lg_minimiser_tell(t->minimiser, t->cost[0], t->gradients[0]);
+        t->step++;
+        if (t->step % every == 0) LG_TRY(look(t, lg_minimiser_best(t->minimiser), &found));
+        report(t, done);
+    }
+    LG_TRY(look(t, lg_minimiser_best(t->minimiser), &found));
+    next_phase(t);
+    return LG_OK;
+}
+
+/* ---- the object ---- */
+
+static lg_status begin(training *t) {
+    const lg_policy *p = t->policy;
+    const size_t n = t->n, seeds = t->seeds;
+    const size_t starts = seeds * t->options.starts > FIXED ? seeds * t->options.starts : FIXED;
+    t->theta = lg_alloc(p->context, (4 * seeds + 1) * n, sizeof *t->theta);
+    t->x = lg_alloc(p->context, (starts + VALIDATION) * p->state, sizeof *t->x);
+    t->cost = lg_alloc(p->context, seeds, sizeof *t->cost);
+    t->gradients = lg_alloc(p->context, seeds, sizeof *t->gradients);
+    if (t->theta == NULL || t->x == NULL || t->cost == NULL || t->gradients == NULL)
+        return lg_fail(t->error, LG_OUT_OF_MEMORY, "no memory for training");
+    t->m = t->theta + seeds * n, t->v = t->m + seeds * n, t->gradient = t->v + seeds * n;
+    t->best = t->gradient + seeds * n;
+    t->validation = t->x + starts * p->state;
+    for (size_t k = 0; k < seeds; k++) {
+        lg_policy_initialise(p, t->options.seed * 1000 + k, t->theta + k * n);
+        t->gradients[k] = t->gradient + k * n;
+    }
+    t->of_best = (judged){0.0, INFINITY};
+    return draw_starts(t, STREAM_VALIDATION, VALIDATION, t->validation);
+}
+
+lg_status lg_policy_trainer_create(lg_policy *policy, const lg_policy_train_options *options,
+                                   lg_policy_trainer **out, lg_error *error) {
+    LG_NEEDS(error, policy, out);
+    training *t = lg_alloc(policy->context, 1, sizeof *t);
+    if (t == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for training");
+    t->policy = policy, t->error = error;
+    lg_policy_train_options_init(&t->options);
+    if (options != NULL) t->options = *options;
+    t->n = policy->parameters;
+    t->seeds = policy->task.kind == LG_POLICY_NETWORK ? t->options.seeds : 1;
+    lg_status status = check_options(&t->options, error);
+    if (status == LG_OK) status = begin(t);
+    if (t->n == 0) t->phase = DONE;
+    if (status == LG_OK)
+        *out = t;
+    else
+        lg_policy_trainer_destroy(t);
+    return status;
+}
+
+void lg_policy_trainer_destroy(lg_policy_trainer *t) {
+    if (t == NULL) return;
+    const lg_context *context = t->policy->context;
+    lg_policy_batch_destroy(&t->batch);
+    lg_minimiser_destroy(t->minimiser);
+    lg_free(context, t->theta), lg_free(context, t->x);
+    lg_free(context, t->cost), lg_free(context, t->gradients);
+    lg_free(context, t);
+}
+
+lg_status lg_policy_trainer_run(lg_policy_trainer *t, lg_policy_train_result *result, lg_error *error) {
+    static lg_status (*const phases[])(training *) = {race, finish, polish};
+    lg_status status = LG_OK;
+    t->error = error;
+    t->begun = t->phase_begun = lg_seconds();
+    while (t->phase < DONE && status == LG_OK) status = phases[t->phase](t);
+    if (status == LG_CANCELLED)
+        (void)lg_fail(error, status, "training was stopped; the best policy so far is kept");
+    if ((status == LG_OK || status == LG_CANCELLED) && t->n > 0 && isfinite(t->of_best.cost))
+        (void)lg_policy_take(t->policy, t->best);
+    if (status == LG_OK && t->n == 0) status = judge(t, t->policy->theta, &t->of_best);
+    if (result != NULL)
+        *result =
+            (lg_policy_train_result){t->of_best.cost, t->of_best.success, t->leader, lg_seconds() - t->begun};
+    return status;
+}
+
+lg_status lg_policy_train(lg_policy *policy, const lg_policy_train_options *options,
+                          lg_policy_train_result *result, lg_error *error) {
+    lg_policy_trainer *trainer;
+    LG_TRY(lg_policy_trainer_create(policy, options, &trainer, error));
+    const lg_status status = lg_policy_trainer_run(trainer, result, error);
+    lg_policy_trainer_destroy(trainer);
+    return status;
+}
+
+/* ---- states of training ---- */
+
+/* Numbers that a resumed run must have in common with the saved one, then the place in the run. */
+enum { FACTS = 11, COMMON = 7 };
+
+static void list_facts(const training *t, uint64_t out[FACTS]) {
+    const lg_policy_train_options *o = &t->options;
+    const uint64_t all[FACTS] = {t->n,
+                                 t->seeds,
+                                 o->starts,
+                                 o->race,
+                                 o->finish,
+                                 o->polish,
+                                 o->seed,
+                                 t->phase,
+                                 t->step,
+                                 t->leader,
+                                 isfinite(t->of_best.cost)};
+    memcpy(out, all, sizeof all);
+}
+
+lg_status lg_policy_trainer_save(const lg_policy_trainer *t, const lg_archive_writer *to, lg_error *error) {
+    uint64_t facts[FACTS];
+    const double best[2] = {t->of_best.success, isfinite(t->of_best.cost) ? t->of_best.cost : 0.0};
+    const uint64_t numbers = (4 * (uint64_t)t->seeds + 1) * t->n;
+    list_facts(t, facts);
+    lg_status status = to->array(to->user, "facts", LG_ELEMENT_U64, 1, &(uint64_t){FACTS}, facts);
+    if (status == LG_OK) status = to->array(to->user, "best", LG_ELEMENT_F64, 1, &(uint64_t){2}, best);
+    if (status == LG_OK) status = to->array(to->user, "theta", LG_ELEMENT_F64, 1, &numbers, t->theta);
+    if (status == LG_OK && t->minimiser != NULL) return lg_minimiser_save(t->minimiser, to, error);
+    return status == LG_OK ? status : lg_fail(error, status, "the state of training cannot be stored");
+}
+
+lg_status lg_policy_trainer_load(lg_policy_trainer *t, const lg_archive_reader *from, lg_error *error) {
+    static const char *const names[COMMON] = {
+        "number of parameters", "--seeds", "--starts", "--race", "--finish", "--polish", "--seed"};
+    uint64_t facts[FACTS], own[FACTS];
+    double best[2];
+    const uint64_t numbers = (4 * (uint64_t)t->seeds + 1) * t->n;
+    list_facts(t, own);
+    lg_status status = from->array(from->user, "facts", LG_ELEMENT_U64, 1, &(uint64_t){FACTS}, facts);
+    for (size_t i = 0; i < COMMON && status == LG_OK; i++)
+        if (facts[i] != own[i])
+            return lg_fail(error, LG_INVALID_ARGUMENT, "the saved run has another %s: %llu, not %llu",
+                           names[i], (unsigned long long)facts[i], (unsigned long long)own[i]);
+    if (status == LG_OK) status = from->array(from->user, "best", LG_ELEMENT_F64, 1, &(uint64_t){2}, best);
+    if (status == LG_OK) status = from->array(from->user, "theta", LG_ELEMENT_F64, 1, &numbers, t->theta);
+    if (status != LG_OK) return lg_fail(error, LG_FORMAT, "the file has no state of training of a policy");
+    if (facts[7] > DONE || facts[9] >= t->seeds)
+        return lg_fail(error, LG_FORMAT, "the state of training is damaged");
+    t->phase = (uint32_t)facts[7], t->step = facts[8], t->leader = (uint32_t)facts[9];
+    t->of_best = (judged){best[0], facts[10] ? best[1] : INFINITY};
+    if (t->phase != POLISH || t->step == 0) return LG_OK;
+    LG_TRY(begin_polish(t));
+    return lg_minimiser_load(t->minimiser, from, error);
+}
