@@ -23,8 +23,8 @@ static const lg_field options[] = {
               .high = 65536, .value = "64"),
     LG_OPTION(train_values, race, U64, "n", "Steps of Adam of each seed", .low = 1, .high = 1e6,
               .value = "450"),
-    LG_OPTION(train_values, finish, U64, "n", "Steps of Adam of the winner", .high = 1e6, .value = "1500"),
-    LG_OPTION(train_values, polish, U64, "n", "Steps of L-BFGS of the winner", .high = 1e6, .value = "250"),
+    LG_OPTION(train_values, finish, U64, "n", "Steps of Adam of the winner", .high = 1e6, .value = "1000"),
+    LG_OPTION(train_values, polish, U64, "n", "Steps of L-BFGS of the winner", .high = 1e6, .value = "100"),
     LG_OPTION(train_values, lr, REAL, "r", "Learning rate of Adam", .high = 1, .above = true,
               .value = "0.003"),
     LG_FIELD_END};

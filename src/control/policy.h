@@ -81,8 +81,8 @@ lg_status lg_policy_add_regulated(lg_policy *policy, lg_error *error);
 /* Adds policy, control, closed, terminal, and the adjoints adj1_closed and adj1_terminal. */
 lg_status lg_policy_add_functions(lg_policy *policy, lg_error *error);
 /* A plan of a function of the program for `rows` rows. */
-lg_status lg_policy_plan(const lg_policy *policy, const char *function, size_t rows, lg_plan **out,
-                         lg_error *error);
+lg_status lg_policy_plan(const lg_policy *policy, const char *function, lg_dtype dtype, size_t rows,
+                         lg_plan **out, lg_error *error);
 
 /* Rows of the plans that run batches: a batch is cut into pieces of so many rows, whatever the number of threads. */
 #define LG_POLICY_ROWS 64

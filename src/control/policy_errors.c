@@ -229,9 +229,10 @@ static lg_var joined(lg_tape *tape, const lg_var *parts, uint32_t n) {
     return n == 1 ? parts[0] : lg_concat(tape, parts, n, 1);
 }
 
-/* cos(a/2)^2 = (1 + cos a)/2, kept above 0 by 1e-12: the errors are finite on the opposite side. */
+/* cos(a/2)^2 = (1 + cos a)/2, kept above 0 by 1e-6, also in single precision: the errors are finite on
+ * the opposite side. */
 static lg_var half_cosine(lg_tape *tape, lg_var cosine) {
-    return lg_sqrt(tape, lg_add_scalar(tape, lg_scale(tape, cosine, 0.5), 0.5 + 1e-12));
+    return lg_sqrt(tape, lg_add_scalar(tape, lg_scale(tape, cosine, 0.5), 0.5 + 1e-6));
 }
 
 lg_var lg_policy_record_errors(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen) {

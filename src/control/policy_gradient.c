@@ -7,9 +7,10 @@
 
 enum { ROWS = LG_POLICY_ROWS };
 
-/* Arrays of a piece. path (steps + 1, ROWS, state). */
+/* Arrays of a piece, in the type of the batch; path (steps + 1, ROWS, state). The last ones are doubles. */
 typedef struct piece {
-    double *path, *cost, *total, *end, *weight, *adjoint, *before, *gradient;
+    char *path, *cost, *theta, *weight, *lambda, *before, *gradient;
+    double *total, *copy;
     void *work;
 } piece;
 
@@ -17,17 +18,25 @@ static size_t aligned(size_t bytes) {
     return (bytes + 63) / 64 * 64;
 }
 
+static size_t width(const lg_policy_batch *b) {
+    return b->dtype == LG_F64 ? sizeof(double) : sizeof(float);
+}
+
 static size_t lay_out(const lg_policy_batch *b, char *memory, piece *out) {
     const lg_policy *p = b->policy;
-    double **const arrays[] = {&out->path,   &out->cost,    &out->total,  &out->end,
-                               &out->weight, &out->adjoint, &out->before, &out->gradient};
-    const size_t x = ROWS * p->state,
-                 counts[] = {(b->steps + 1) * x, ROWS, ROWS, ROWS, ROWS, x, x, p->parameters};
+    char **const arrays[] = {&out->path,   &out->cost,   &out->theta,   &out->weight,
+                             &out->lambda, &out->before, &out->gradient};
+    const size_t x = ROWS * p->state, n = p->parameters,
+                 counts[] = {(b->steps + 1) * x, ROWS, n, ROWS, x, x, n};
     size_t used = 0, work = 0;
     for (size_t i = 0; i < LG_COUNT(arrays); i++) {
-        if (memory != NULL) *arrays[i] = (double *)(void *)(memory + used);
-        used += aligned(counts[i] * sizeof(double));
+        if (memory != NULL) *arrays[i] = memory + used;
+        used += aligned(counts[i] * width(b));
     }
+    if (memory != NULL) out->total = (double *)(void *)(memory + used);
+    used += aligned(ROWS * sizeof(double));
+    if (memory != NULL) out->copy = (double *)(void *)(memory + used);
+    used += aligned((n > ROWS ? n : ROWS) * sizeof(double));
     if (memory != NULL) out->work = memory + used;
     for (size_t i = 0; i < LG_POLICY_PLANS; i++) {
         const size_t own = lg_plan_work_size(b->plan[i]);
@@ -36,30 +45,57 @@ static size_t lay_out(const lg_policy_batch *b, char *memory, piece *out) {
     return used + aligned(work);
 }
 
-static void forward(const lg_policy_batch *b, const double *theta, piece *w) {
-    const size_t x = ROWS * b->policy->state;
-    memset(w->total, 0, ROWS * sizeof *w->total);
-    for (size_t k = 0; k < b->steps; k++) {
-        lg_plan_eval(b->plan[LG_POLICY_CLOSED], (const void *[]){w->path + k * x, theta},
-                     (void *[]){w->path + (k + 1) * x, w->cost, NULL}, w->work);
-        for (size_t i = 0; i < ROWS; i++) w->total[i] += w->cost[i];
+/* ---- numbers of the batch's type ---- */
+
+static void store(const lg_policy_batch *b, const double *from, size_t n, void *to) {
+    if (b->dtype == LG_F64) {
+        memcpy(to, from, n * sizeof *from);
+        return;
     }
-    lg_plan_eval(b->plan[LG_POLICY_TERMINAL], (const void *[]){w->path + b->steps * x}, (void *[]){w->end},
-                 w->work);
-    for (size_t i = 0; i < ROWS; i++) w->total[i] += w->end[i];
+    float *single = to;
+    for (size_t i = 0; i < n; i++) single[i] = (float)from[i];
 }
 
-static void backward(const lg_policy_batch *b, const double *theta, piece *w, double *gradient) {
-    const size_t x = ROWS * b->policy->state, n = b->policy->parameters;
-    double *lambda = w->adjoint, *next = w->before;
+/* The numbers as doubles, which may lie in `copy`. */
+static const double *fetch(const lg_policy_batch *b, const void *from, size_t n, double *copy) {
+    if (b->dtype == LG_F64) return from;
+    const float *single = from;
+    for (size_t i = 0; i < n; i++) copy[i] = single[i];
+    return copy;
+}
+
+/* ---- */
+
+static void add_costs(const lg_policy_batch *b, piece *w) {
+    const double *cost = fetch(b, w->cost, ROWS, w->copy);
+    for (size_t i = 0; i < ROWS; i++) w->total[i] += cost[i];
+}
+
+static void forward(const lg_policy_batch *b, piece *w) {
+    const size_t x = ROWS * b->policy->state * width(b);
+    memset(w->total, 0, ROWS * sizeof *w->total);
+    for (size_t k = 0; k < b->steps; k++) {
+        lg_plan_eval(b->plan[LG_POLICY_CLOSED], (const void *[]){w->path + k * x, w->theta},
+                     (void *[]){w->path + (k + 1) * x, w->cost, NULL}, w->work);
+        add_costs(b, w);
+    }
+    lg_plan_eval(b->plan[LG_POLICY_TERMINAL], (const void *[]){w->path + b->steps * x}, (void *[]){w->cost},
+                 w->work);
+    add_costs(b, w);
+}
+
+static void backward(const lg_policy_batch *b, piece *w, double *gradient) {
+    const size_t x = ROWS * b->policy->state * width(b), n = b->policy->parameters;
+    char *lambda = w->lambda, *next = w->before;
     lg_plan_eval(b->plan[LG_POLICY_ADJOINT_TERMINAL], (const void *[]){w->path + b->steps * x, w->weight},
                  (void *[]){lambda}, w->work);
     for (size_t k = b->steps; k-- > 0;) {
         lg_plan_eval(b->plan[LG_POLICY_ADJOINT_CLOSED],
-                     (const void *[]){w->path + k * x, theta, lambda, w->weight},
+                     (const void *[]){w->path + k * x, w->theta, lambda, w->weight},
                      (void *[]){next, w->gradient}, w->work);
-        for (size_t i = 0; i < n; i++) gradient[i] += w->gradient[i];
-        double *const swap = lambda;
+        const double *own = fetch(b, w->gradient, n, w->copy);
+        for (size_t i = 0; i < n; i++) gradient[i] += own[i];
+        char *const swap = lambda;
         lambda = next, next = swap;
     }
 }
@@ -69,30 +105,32 @@ static void run_piece(void *user, size_t index) {
     const lg_policy_batch *b = user;
     const lg_policy *p = b->policy;
     const size_t point = index / b->pieces, first = index % b->pieces * ROWS, n = p->parameters;
-    double *sum = b->sums + index * (n + 1);
+    double *sum = b->sums + index * (n + 1), weight[ROWS];
     piece w = {0};
     (void)lay_out(b, b->memory + index * b->piece_bytes, &w);
-    memcpy(w.path, b->starts[point] + first * p->state, ROWS * p->state * sizeof *w.path);
+    store(b, b->starts[point] + first * p->state, ROWS * p->state, w.path);
+    store(b, b->theta[point], n, w.theta);
     memset(sum, 0, (n + 1) * sizeof *sum);
-    forward(b, b->theta[point], &w);
+    forward(b, &w);
     for (size_t i = 0; i < ROWS; i++) {
         const double J = w.total[i], left = isfinite(b->cut) ? exp(-J / b->cut) : 1.0;
         sum[n] += isfinite(b->cut) ? b->cut * (1.0 - left) : J;
-        w.weight[i] = left / (double)b->count;
+        weight[i] = left / (double)b->count;
     }
     sum[n] /= (double)b->count;
-    backward(b, b->theta[point], &w, sum);
+    store(b, weight, ROWS, w.weight);
+    backward(b, &w, sum);
 }
 
-lg_status lg_policy_batch_create(const lg_policy *policy, size_t points, size_t count, int threads,
-                                 lg_policy_batch *b, lg_error *error) {
+lg_status lg_policy_batch_create(const lg_policy *policy, lg_dtype dtype, size_t points, size_t count,
+                                 int threads, lg_policy_batch *b, lg_error *error) {
     static const char *const names[LG_POLICY_PLANS] = {"closed", "terminal", "adj1_closed", "adj1_terminal"};
     memset(b, 0, sizeof *b);
-    b->policy = policy, b->count = count, b->points = points, b->pieces = count / ROWS;
+    b->policy = policy, b->dtype = dtype, b->count = count, b->points = points, b->pieces = count / ROWS;
     b->steps = lg_policy_periods(policy, policy->task.horizon);
     b->cut = INFINITY;
     for (size_t i = 0; i < LG_POLICY_PLANS; i++)
-        LG_TRY(lg_policy_plan(policy, names[i], ROWS, &b->plan[i], error));
+        LG_TRY(lg_policy_plan(policy, names[i], dtype, ROWS, &b->plan[i], error));
     LG_TRY(lg_thread_pool_create(policy->context, threads, &b->pool));
     b->piece_bytes = lay_out(b, NULL, &(piece){0});
     b->memory = lg_alloc(policy->context, points * b->pieces, b->piece_bytes);

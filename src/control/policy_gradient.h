@@ -16,6 +16,7 @@ enum {
  * before a run. Results do not depend on the number of threads. */
 typedef struct lg_policy_batch {
     const lg_policy *policy;
+    lg_dtype dtype; /* of the runs; costs and gradients are sums in double precision */
     size_t points, count, pieces, steps;
     const double **starts, **theta; /* of each point: (count, state), (parameters) */
     double cut;                     /* INFINITY: none */
@@ -26,8 +27,8 @@ typedef struct lg_policy_batch {
     double *sums; /* (points, pieces, parameters + 1): gradient, cost */
 } lg_policy_batch;
 /* On failure the caller destroys the batch, too. */
-lg_status lg_policy_batch_create(const lg_policy *policy, size_t points, size_t count, int threads,
-                                 lg_policy_batch *b, lg_error *error);
+lg_status lg_policy_batch_create(const lg_policy *policy, lg_dtype dtype, size_t points, size_t count,
+                                 int threads, lg_policy_batch *b, lg_error *error);
 void lg_policy_batch_destroy(lg_policy_batch *b);
 /* cost (points): mean of the cut costs; gradient[point] (parameters). */
 void lg_policy_batch_run(lg_policy_batch *b, double *cost, double *const *gradient);

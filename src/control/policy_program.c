@@ -341,12 +341,13 @@ lg_status lg_policy_add_functions(lg_policy *p, lg_error *error) {
     return adjoint(p, "closed", OUTS("next", "cost"), 2, error);
 }
 
-lg_status lg_policy_plan(const lg_policy *p, const char *function, size_t rows, lg_plan **out,
+lg_status lg_policy_plan(const lg_policy *p, const char *function, lg_dtype dtype, size_t rows, lg_plan **out,
                          lg_error *error) {
     lg_plan_options options;
     size_t number;
     lg_plan_options_init(&options);
     options.rows = rows;
+    options.dtype = dtype;
     LG_TRY(lg_program_find(p->program, function, &number, error));
     return lg_plan_create(p->program, number, &options, out, error);
 }

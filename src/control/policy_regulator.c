@@ -18,7 +18,7 @@ typedef struct design {
     lg_error *error;
 } design;
 
-enum { SAMPLES = 256 };
+enum { SAMPLES = 128 };
 
 /* ---- the equilibrium ---- */
 
@@ -70,7 +70,7 @@ static const char *name_of(const lg_policy *p, uint32_t i) {
 }
 
 static lg_status find_equilibrium(design *d) {
-    static const double most = 1e-6;
+    static const double most = 5e-3; /* learned machines have their equilibrium near the goal */
     lg_policy *p = d->policy;
     double z[LG_POLICY_ERRORS];
     uint32_t which = 0;
@@ -124,30 +124,57 @@ static void find_sizes(design *d) {
 
 /* ---- weights, and the region by runs ---- */
 
+/* Of inputs over their range, of velocities over their size, and a factor on coordinates that success does not bound;
+ * positions over their size weigh 1. */
 typedef struct weights {
-    double input, rate; /* weights: of inputs over their range, of velocities over their size */
+    double input, rate, free;
 } weights;
 
+/* Weights of scaled errors and inputs: each error is divided by its size, each input by half its range. */
+static void fill_weights(const design *d, weights w, double *Q, double *R) {
+    const lg_policy *p = d->policy;
+    for (uint32_t k = 0; k < p->task.coordinate_count; k++) {
+        const lg_policy_coordinate *c = &p->task.coordinate[k];
+        const uint32_t count = lg_policy_motion_row_of(c->motion)->errors, at = p->layout.at[k].error,
+                       rate = p->layout.at[k].rate;
+        const double factor = isfinite(c->success) ? 1.0 : w.free;
+        for (uint32_t i = 0; i < count; i++) {
+            Q[(at + i) * (d->n + 1)] = factor;
+            if (c->velocity[0] != '\0') Q[(rate + i) * (d->n + 1)] = factor * w.rate;
+        }
+    }
+    for (uint32_t l = 0; l < d->m; l++) R[l * (d->m + 1)] = w.input;
+}
+
+static double half_range(const design *d, uint32_t l) {
+    return 0.5 * (d->policy->task.input[l].high - d->policy->task.input[l].low);
+}
+
+/* The equation of scaled errors and inputs is solved, so that units do not matter; K and P are in the task's units. */
 static lg_status solve(const design *d, weights w, double *K, double *P, double *radius, lg_error *error) {
     lg_policy *p = d->policy;
-    const uint32_t n = d->n, m = d->m, positions = p->layout.at[0].rate;
+    const uint32_t n = d->n, m = d->m;
     const size_t bytes = lg_riccati_work_size(n, m);
-    double *Q = lg_alloc(p->context, n * n + m * m, sizeof *Q), *R = Q + n * n;
+    double *A = lg_alloc(p->context, 2 * n * n + n * m + m * m, sizeof *A), *B = A + n * n, *Q = B + n * m,
+           *R = Q + n * n;
     void *work = lg_alloc(p->context, bytes, 1);
     lg_riccati_result result = {0};
     lg_status status = LG_OUT_OF_MEMORY;
-    if (Q != NULL && work != NULL) {
-        for (uint32_t i = 0; i < n; i++)
-            Q[i * n + i] = (i < positions ? 1.0 : w.rate) / (d->size[i] * d->size[i]);
-        for (uint32_t l = 0; l < m; l++) {
-            const double half = 0.5 * (p->task.input[l].high - p->task.input[l].low);
-            R[l * m + l] = w.input / (half * half);
+    if (A != NULL && work != NULL) {
+        for (uint32_t i = 0; i < n; i++) {
+            for (uint32_t j = 0; j < n; j++) A[i * n + j] = d->A[i * n + j] * d->size[j] / d->size[i];
+            for (uint32_t l = 0; l < m; l++) B[i * m + l] = d->B[i * m + l] * half_range(d, l) / d->size[i];
         }
-        const lg_riccati equation = {sizeof equation, n, m, d->A, d->B, Q, R, NULL};
+        fill_weights(d, w, Q, R);
+        const lg_riccati equation = {sizeof equation, n, m, A, B, Q, R, NULL};
         status = lg_dare(&equation, P, K, NULL, &result, work, bytes, error);
     }
+    for (uint32_t i = 0; i < n && status == LG_OK; i++) {
+        for (uint32_t l = 0; l < m; l++) K[l * n + i] *= half_range(d, l) / d->size[i];
+        for (uint32_t j = 0; j < n; j++) P[i * n + j] /= d->size[i] * d->size[j];
+    }
     *radius = 1.0 - result.margin;
-    lg_free(p->context, Q);
+    lg_free(p->context, A);
     lg_free(p->context, work);
     return status;
 }
@@ -163,14 +190,15 @@ static bool root(uint32_t n, const double *P, double *C) {
     return info == 0;
 }
 
-/* Samples on shells of V = z^T P z, from V = 10^-4 top to top; z is drawn by direction. */
-static void draw_shells(const design *d, const double *C, double top, double *V) {
+/* Samples on shells of V = z^T P z, in equal ratios from V = top to `least` times top; z is drawn by direction. */
+static void draw_shells(const design *d, const double *C, double top, double least, uint64_t stream,
+                        double *V) {
     lg_rng rng;
-    lg_rng_seed(&rng, d->seed, 7);
+    lg_rng_seed(&rng, d->seed, stream);
     for (size_t s = 0; s < SAMPLES; s++) {
         double *z = d->z + s * d->n, y[LG_POLICY_ERRORS], length = 0.0;
         for (uint32_t i = 0; i < d->n; i++) y[i] = lg_rng_normal(&rng), length += y[i] * y[i];
-        V[s] = top * pow(10.0, -4.0 * (double)s / SAMPLES);
+        V[s] = top * pow(least, (double)s / SAMPLES);
         for (uint32_t i = d->n; i-- > 0;) { /* C z = y */
             z[i] = y[i] * sqrt(V[s] / length);
             for (uint32_t j = i + 1; j < d->n; j++) z[i] -= C[i * d->n + j] * z[j];
@@ -194,60 +222,100 @@ static lg_status measure(const design *d, const double *P, double *V) {
     return LG_OK;
 }
 
-/* The level below which every sampled run of the saturated regulator succeeds: twice, the second time in finer steps
- * around the least failure. */
-static lg_status find_level(const design *d, const double *K, const double *P, double *c) {
-    static const double safety = 0.85;
+/* Runs the saturated regulator from SAMPLES states with V in [least top, top]. *failing: the least V of a run that
+ * fails, at most *failing before. */
+static lg_status least_failure(const design *d, const double *K, const double *P, double top, double least,
+                               uint64_t stream, double *failing) {
     const lg_policy *p = d->policy;
     double C[LG_POLICY_ERRORS * LG_POLICY_ERRORS], V[SAMPLES];
-    double top = 0.0;
-    *c = 0.0;
-    if (!root(d->n, P, C)) return LG_OK;
-    for (uint32_t i = 0; i < d->n; i++) top = fmax(top, 4.0 * P[i * d->n + i] * d->size[i] * d->size[i]);
-    for (int pass = 0; pass < 2; pass++) {
-        double failing = top;
-        draw_shells(d, C, top, V);
-        LG_TRY(measure(d, P, V));
-        lg_policy_runs runs = {
-            .count = SAMPLES, .steps = lg_policy_periods(p, p->task.within), .x = d->x, .succeeded = d->held};
-        LG_TRY(lg_policy_run(p, K, NULL, 1, &runs, d->error));
-        for (size_t s = 0; s < SAMPLES; s++)
-            if (!d->held[s]) failing = fmin(failing, V[s]);
-        *c = safety * failing;
-        top = fmin(top, 10.0 * failing);
+    if (!root(d->n, P, C)) return *failing = 0.0, LG_OK;
+    draw_shells(d, C, top, least, stream, V);
+    LG_TRY(measure(d, P, V));
+    lg_policy_runs runs = {
+        .count = SAMPLES, .steps = lg_policy_periods(p, p->task.within), .x = d->x, .succeeded = d->held};
+    LG_TRY(lg_policy_run(p, K, NULL, 1, &runs, d->error));
+    for (size_t s = 0; s < SAMPLES; s++)
+        if (!d->held[s]) *failing = fmin(*failing, V[s]);
+    return LG_OK;
+}
+
+static const double safety = 0.85;
+
+/* A first look at the level below which runs succeed. *top is the level up to which it is sought; it becomes ten times
+ * the least failure, so that a second call samples in finer steps. */
+static lg_status find_level(const design *d, const double *K, const double *P, double *top, double *c) {
+    double failing = *top;
+    LG_TRY(least_failure(d, K, P, *top, 1e-4, 7, &failing));
+    *c = safety * failing;
+    *top = fmin(*top, 10.0 * failing);
+    return LG_OK;
+}
+
+/* Lowers the level until a thousand runs from its outer half in V succeed. */
+static lg_status confirm_level(const design *d, lg_policy_regulator *r) {
+    enum { LOOKS = 8, MOST_LOOKS = 100 };
+    int good = 0;
+    for (uint64_t look = 0; good < LOOKS && look < MOST_LOOKS; look++) {
+        double failing = INFINITY;
+        LG_TRY(least_failure(d, r->K, r->P, r->c, 0.5, 100 + look, &failing));
+        good = failing > r->c ? good + 1 : 0;
+        if (failing <= r->c) r->c = safety * failing;
     }
     return LG_OK;
 }
 
-/* log of the volume of {V < c}, up to a constant. */
-static double log_volume(uint32_t n, const double *P, double c) {
-    double C[LG_POLICY_ERRORS * LG_POLICY_ERRORS], sum = 0.5 * n * log(c);
-    if (!root(n, P, C)) return -INFINITY;
-    for (uint32_t i = 0; i < n; i++) sum -= log(C[i * n + i]);
-    return sum;
+/* V of states beyond all starts. */
+static double far_level(const design *d, const double *P) {
+    double top = 0.0;
+    for (uint32_t i = 0; i < d->n; i++) top = fmax(top, 4.0 * P[i * d->n + i] * d->size[i] * d->size[i]);
+    return top;
+}
+
+/* The mean of log(V/c) over starts: how far the region is from them. d->x are states of starts. */
+static lg_status distance(const design *d, const double *P, double c, double *out) {
+    const lg_policy *p = d->policy;
+    lg_rng rng;
+    double V[SAMPLES];
+    lg_rng_seed(&rng, d->seed, 6);
+    for (size_t s = 0; s < SAMPLES; s++) lg_policy_draw(&p->task, &p->layout, &rng, d->z + s * d->n);
+    LG_TRY(measure(d, P, V));
+    *out = 0.0;
+    for (size_t s = 0; s < SAMPLES; s++) *out += log(1e-6 + V[s] / c) / SAMPLES;
+    return LG_OK;
+}
+
+/* Solves the equation for one choice of weights, and finds its level; a second, finer look is worth it only where the
+ * first one comes near the best so far. *far: INFINITY if the weights do not serve. */
+static lg_status try_weights(const design *d, weights w, double least, lg_policy_regulator *out, double *far,
+                             lg_error *why) {
+    *far = INFINITY;
+    const lg_status status = solve(d, w, out->K, out->P, &out->radius, why);
+    if (status == LG_OUT_OF_MEMORY) return lg_fail(d->error, status, "no memory for a regulator");
+    if (status != LG_OK) return LG_OK;
+    double top = far_level(d, out->P);
+    for (int look = 0; look < 2; look++) {
+        LG_TRY(find_level(d, out->K, out->P, &top, &out->c));
+        if (out->c == 0.0) return LG_OK;
+        LG_TRY(distance(d, out->P, out->c, far));
+        if (*far > least + 1.0) return LG_OK;
+    }
+    return LG_OK;
 }
 
 static lg_status choose_weights(design *d) {
-    static const double input[] = {1e-2, 0.1, 1.0, 10.0}, rate[] = {0.01, 0.1, 1.0};
-    lg_policy_regulator *best = &d->policy->regulator;
-    double K[LG_POLICY_INPUTS * LG_POLICY_ERRORS], P[LG_POLICY_ERRORS * LG_POLICY_ERRORS];
-    double most = -INFINITY, radius;
+    static const double input[] = {1e-2, 0.1, 1.0, 10.0}, rate[] = {0.01, 0.1, 1.0}, loose[] = {1.0, 0.01};
+    const size_t I = LG_COUNT(input), R = LG_COUNT(rate);
+    lg_policy_regulator *best = &d->policy->regulator, tried = *best;
+    double least = INFINITY, far;
     lg_error why = {LG_OK, ""};
-    for (size_t i = 0; i < LG_COUNT(input) * LG_COUNT(rate); i++) {
-        const weights w = {input[i / LG_COUNT(rate)], rate[i % LG_COUNT(rate)]};
-        double c;
-        const lg_status status = solve(d, w, K, P, &radius, &why);
-        if (status == LG_OUT_OF_MEMORY) return lg_fail(d->error, status, "no memory for a regulator");
-        if (status != LG_OK) continue;
-        LG_TRY(find_level(d, K, P, &c));
-        const double volume = c > 0.0 ? log_volume(d->n, P, c) : -INFINITY;
-        if (!(volume > most)) continue;
-        most = volume;
-        memcpy(best->K, K, (size_t)d->m * d->n * sizeof *K);
-        memcpy(best->P, P, (size_t)d->n * d->n * sizeof *P);
-        best->c = c, best->radius = radius;
+    for (size_t i = 0; i < I * R * LG_COUNT(loose); i++) {
+        const weights w = {input[i % I], rate[i / I % R], loose[i / (I * R)]};
+        LG_TRY(try_weights(d, w, least, &tried, &far, &why));
+        if (!(far < least)) continue;
+        least = far;
+        *best = tried;
     }
-    if (most > -INFINITY) return LG_OK;
+    if (isfinite(least)) return confirm_level(d, best);
     return lg_fail(d->error, LG_CHECK_FAILED, "no linear regulator holds the goal with this period: %s",
                    why.message[0] != '\0' ? why.message : "every run from near the goal leaves it");
 }
@@ -259,7 +327,7 @@ static void set_scales(const design *d) {
     for (uint32_t i = 0; i < d->n; i++) d->policy->scale[i] = 4.0 * d->size[i];
 }
 
-/* w: the mean cost of the horizon without control, by runs of `regulated` with K = 0 from random starts. */
+/* w: three times the mean cost of the horizon without control, by runs of `regulated` with K = 0 from random starts. */
 static lg_status set_terminal(design *d) {
     lg_policy *p = d->policy;
     const double zero[LG_POLICY_INPUTS * LG_POLICY_ERRORS] = {0};
@@ -278,7 +346,7 @@ static lg_status set_terminal(design *d) {
     p->terminal = 0.0;
     for (size_t s = 0; s < SAMPLES; s++)
         if (isfinite(cost[s])) p->terminal += cost[s], finite++;
-    p->terminal /= (double)(finite > 0 ? finite : 1);
+    p->terminal *= 3.0 / (double)(finite > 0 ? finite : 1);
     return LG_OK;
 }
 

@@ -124,8 +124,8 @@ lg_status lg_policy_run(const lg_policy *p, const double *gain, const double *th
     running r = {.policy = p, .shared = gain != NULL ? gain : theta, .runs = runs};
     lg_plan *step = NULL, *errors = NULL;
     lg_thread_pool *pool = NULL;
-    lg_status status = lg_policy_plan(p, gain != NULL ? "regulated" : "closed", ROWS, &step, error);
-    if (status == LG_OK) status = lg_policy_plan(p, "errors", ROWS, &errors, error);
+    lg_status status = lg_policy_plan(p, gain != NULL ? "regulated" : "closed", LG_F64, ROWS, &step, error);
+    if (status == LG_OK) status = lg_policy_plan(p, "errors", LG_F64, ROWS, &errors, error);
     if (status == LG_OK) status = lg_thread_pool_create(p->context, threads, &pool);
     if (status == LG_OK) {
         r.step = step, r.errors = errors;

@@ -20,8 +20,9 @@ typedef struct judged {
 struct lg_policy_trainer {
     lg_policy *policy;
     lg_policy_train_options options;
-    size_t n; /* parameters */
-    uint32_t seeds;
+    size_t n;               /* parameters */
+    uint32_t seeds, racers; /* racers: seeds that are left; they lie in the first slots of the arrays */
+    uint64_t *number;       /* (seeds): of the seed in a slot */
     double *theta, *m, *v, *gradient; /* (seeds, parameters) */
     double *best;                     /* (parameters) */
     judged of_best;
@@ -42,8 +43,8 @@ void lg_policy_train_options_init(lg_policy_train_options *options) {
                                          .seeds = 8,
                                          .starts = 64,
                                          .race = 450,
-                                         .finish = 1500,
-                                         .polish = 250,
+                                         .finish = 1000,
+                                         .polish = 100,
                                          .lr = 3e-3,
                                          .seed = 1,
                                          .threads = 1};
@@ -159,7 +160,7 @@ static lg_status adam_step(training *t, double done) {
     adam.lr = t->options.lr;
     const double rate = 0.5 * (1.0 + cos(3.14159265358979323846 * fmin(done, 1.0)));
     for (size_t k = 0; k < b->points; k++) {
-        const uint64_t seed = t->phase == RACE ? k : t->seeds;
+        const uint64_t seed = t->phase == RACE ? t->number[k] : t->seeds;
         double *x = t->x + k * b->count * t->policy->state;
         LG_TRY(draw_starts(t, STREAM_STEPS + t->step * (t->seeds + 1) + seed, b->count, x));
         b->starts[k] = x;
@@ -173,15 +174,60 @@ static lg_status adam_step(training *t, double done) {
     return LG_OK;
 }
 
+/* Orders the racers by their judgements, the best first, by exchanging slots. */
+static void order_racers(training *t, judged *found) {
+    for (uint32_t i = 0; i < t->racers; i++) {
+        uint32_t best = i;
+        for (uint32_t k = i + 1; k < t->racers; k++)
+            if (better(found[k], found[best])) best = k;
+        if (best == i) continue;
+        double *const arrays[] = {t->theta, t->m, t->v};
+        for (size_t a = 0; a < LG_COUNT(arrays); a++)
+            for (size_t j = 0; j < t->n; j++) {
+                const double kept = arrays[a][i * t->n + j];
+                arrays[a][i * t->n + j] = arrays[a][best * t->n + j];
+                arrays[a][best * t->n + j] = kept;
+            }
+        const judged kept = found[i];
+        const uint64_t number = t->number[i];
+        found[i] = found[best], found[best] = kept;
+        t->number[i] = t->number[best], t->number[best] = number;
+    }
+}
+
+static lg_status judge_racers(training *t) {
+    judged *found = lg_alloc(t->policy->context, t->racers, sizeof *found);
+    if (found == NULL) return lg_fail(t->error, LG_OUT_OF_MEMORY, "no memory for a race");
+    lg_status status = LG_OK;
+    for (uint32_t k = 0; k < t->racers && status == LG_OK; k++)
+        status = look(t, t->theta + k * t->n, &found[k]);
+    if (status == LG_OK) order_racers(t, found);
+    t->leader = (uint32_t)t->number[0];
+    lg_free(t->policy->context, found);
+    return status;
+}
+
+/* After a third and after two thirds of the race the worse half leaves it. */
+static lg_status drop_racers(training *t, double done) {
+    const uint32_t stay = done < 1.0 / 3.0 ? t->seeds : (t->seeds + 1) / (done < 2.0 / 3.0 ? 2 : 4);
+    if (t->racers <= stay || t->racers <= 2) return LG_OK;
+    LG_TRY(judge_racers(t));
+    t->racers = stay > 2 ? stay : 2;
+    t->batch.points = t->racers;
+    return LG_OK;
+}
+
 static lg_status adam_phase(training *t, size_t points, uint64_t steps) {
     const uint64_t every = steps / LOOKS + 1;
     judged found;
     if (t->batch.policy == NULL)
-        LG_TRY(lg_policy_batch_create(t->policy, points, t->options.starts, t->options.threads, &t->batch,
-                                      t->error));
+        LG_TRY(lg_policy_batch_create(t->policy, LG_F32, points, t->options.starts, t->options.threads,
+                                      &t->batch, t->error));
     double done;
+    t->batch.points = t->phase == RACE ? t->racers : 1;
     while ((done = done_of(t, steps)) < 1.0) {
         if (lg_cancelled(t->policy->context)) return LG_CANCELLED;
+        if (t->phase == RACE) LG_TRY(drop_racers(t, done));
         LG_TRY(adam_step(t, done));
         t->step++;
         if (t->phase == FINISH && t->step % every == 0) LG_TRY(look(t, t->theta, &found));
@@ -203,12 +249,7 @@ static void next_phase(training *t) {
 
 static lg_status race(training *t) {
     LG_TRY(adam_phase(t, t->seeds, t->options.race));
-    for (uint32_t k = 0; k < t->seeds; k++) {
-        judged found;
-        const judged before = t->of_best;
-        LG_TRY(look(t, t->theta + k * t->n, &found));
-        if (better(found, before)) t->leader = k;
-    }
+    LG_TRY(judge_racers(t));
     if (!isfinite(t->of_best.cost))
         return lg_fail(t->error, LG_NOT_FINITE, "the cost of all %u seeds is not finite", t->seeds);
     memcpy(t->theta, t->best, t->n * sizeof *t->theta);
@@ -229,7 +270,7 @@ static lg_status finish(training *t) {
 
 static lg_status begin_polish(training *t) {
     lg_minimise_options options;
-    LG_TRY(lg_policy_batch_create(t->policy, 1, FIXED, t->options.threads, &t->batch, t->error));
+    LG_TRY(lg_policy_batch_create(t->policy, LG_F64, 1, FIXED, t->options.threads, &t->batch, t->error));
     LG_TRY(draw_starts(t, STREAM_FIXED, FIXED, t->x));
     t->batch.starts[0] = t->x;
     t->batch.cut = 4.0 * t->policy->terminal;
@@ -269,7 +310,8 @@ static lg_status begin(training *t) {
     t->x = lg_alloc(p->context, (starts + VALIDATION) * p->state, sizeof *t->x);
     t->cost = lg_alloc(p->context, seeds, sizeof *t->cost);
     t->gradients = lg_alloc(p->context, seeds, sizeof *t->gradients);
-    if (t->theta == NULL || t->x == NULL || t->cost == NULL || t->gradients == NULL)
+    t->number = lg_alloc(p->context, seeds, sizeof *t->number);
+    if (t->theta == NULL || t->x == NULL || t->cost == NULL || t->gradients == NULL || t->number == NULL)
         return lg_fail(t->error, LG_OUT_OF_MEMORY, "no memory for training");
     t->m = t->theta + seeds * n, t->v = t->m + seeds * n, t->gradient = t->v + seeds * n;
     t->best = t->gradient + seeds * n;
@@ -277,7 +319,9 @@ static lg_status begin(training *t) {
     for (size_t k = 0; k < seeds; k++) {
         lg_policy_initialise(p, t->options.seed * 1000 + k, t->theta + k * n);
         t->gradients[k] = t->gradient + k * n;
+        t->number[k] = k;
     }
+    t->racers = t->seeds;
     t->of_best = (judged){0.0, INFINITY};
     return draw_starts(t, STREAM_VALIDATION, VALIDATION, t->validation);
 }
@@ -308,7 +352,7 @@ void lg_policy_trainer_destroy(lg_policy_trainer *t) {
     lg_policy_batch_destroy(&t->batch);
     lg_minimiser_destroy(t->minimiser);
     lg_free(context, t->theta), lg_free(context, t->x);
-    lg_free(context, t->cost), lg_free(context, t->gradients);
+    lg_free(context, t->cost), lg_free(context, t->gradients), lg_free(context, t->number);
     lg_free(context, t);
 }
 
@@ -341,7 +385,7 @@ lg_status lg_policy_train(lg_policy *policy, const lg_policy_train_options *opti
 /* ---- states of training ---- */
 
 /* Numbers that a resumed run must have in common with the saved one, then the place in the run. */
-enum { FACTS = 11, COMMON = 7 };
+enum { FACTS = 12, COMMON = 7 };
 
 static void list_facts(const training *t, uint64_t out[FACTS]) {
     const lg_policy_train_options *o = &t->options;
@@ -355,7 +399,8 @@ static void list_facts(const training *t, uint64_t out[FACTS]) {
                                  t->phase,
                                  t->step,
                                  t->leader,
-                                 isfinite(t->of_best.cost)};
+                                 isfinite(t->of_best.cost),
+                                 t->racers};
     memcpy(out, all, sizeof all);
 }
 
@@ -366,6 +411,8 @@ lg_status lg_policy_trainer_save(const lg_policy_trainer *t, const lg_archive_wr
     list_facts(t, facts);
     lg_status status = to->array(to->user, "facts", LG_ELEMENT_U64, 1, &(uint64_t){FACTS}, facts);
     if (status == LG_OK) status = to->array(to->user, "best", LG_ELEMENT_F64, 1, &(uint64_t){2}, best);
+    if (status == LG_OK)
+        status = to->array(to->user, "number", LG_ELEMENT_U64, 1, &(uint64_t){t->seeds}, t->number);
     if (status == LG_OK) status = to->array(to->user, "theta", LG_ELEMENT_F64, 1, &numbers, t->theta);
     if (status == LG_OK && t->minimiser != NULL) return lg_minimiser_save(t->minimiser, to, error);
     return status == LG_OK ? status : lg_fail(error, status, "the state of training cannot be stored");
@@ -384,11 +431,14 @@ lg_status lg_policy_trainer_load(lg_policy_trainer *t, const lg_archive_reader *
             return lg_fail(error, LG_INVALID_ARGUMENT, "the saved run has another %s: %llu, not %llu",
                            names[i], (unsigned long long)facts[i], (unsigned long long)own[i]);
     if (status == LG_OK) status = from->array(from->user, "best", LG_ELEMENT_F64, 1, &(uint64_t){2}, best);
+    if (status == LG_OK)
+        status = from->array(from->user, "number", LG_ELEMENT_U64, 1, &(uint64_t){t->seeds}, t->number);
     if (status == LG_OK) status = from->array(from->user, "theta", LG_ELEMENT_F64, 1, &numbers, t->theta);
     if (status != LG_OK) return lg_fail(error, LG_FORMAT, "the file has no state of training of a policy");
-    if (facts[7] > DONE || facts[9] >= t->seeds)
+    if (facts[7] > DONE || facts[9] >= t->seeds || facts[11] == 0 || facts[11] > t->seeds)
         return lg_fail(error, LG_FORMAT, "the state of training is damaged");
     t->phase = (uint32_t)facts[7], t->step = facts[8], t->leader = (uint32_t)facts[9];
+    t->racers = (uint32_t)facts[11];
     t->of_best = (judged){best[0], facts[10] ? best[1] : INFINITY};
     if (t->phase != POLISH || t->step == 0) return LG_OK;
     LG_TRY(begin_polish(t));

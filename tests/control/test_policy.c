@@ -1,0 +1,445 @@
+/* Policies: errors of coordinates, the regulator and its region, gradients, training that can be stopped, files. */
+#include <unistd.h>
+
+#include "control/policy_gradient.h"
+#include "liegrad/geometry.h"
+#include "liegrad/machine.h"
+#include "liegrad/ops.h"
+#include "support/fixtures.h"
+#include "support/memory_archive.h"
+#include "test_support.h"
+
+RELEASES(release_policy, lg_policy_destroy)
+RELEASES(release_batch, lg_policy_batch_destroy)
+
+static const char cart_pole[] =
+    "columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: vx}, {name: th, kind: angle, "
+    "velocity: w}]\n"
+    "inputs: {columns: [u]}\nsystem: cart-pole\nparameters: {cart: 1, pole: 0.1, length: 1, gravity: 9.81}\n"
+    "input_map: {kind: known, values: [[1], [0]]}\n";
+static const char body[] = "columns: {time: t}\ncoordinates: [{name: R, kind: rotation, columns: [qw, qx, "
+                           "qy, qz], velocity: [wx, wy, wz]}]\n"
+                           "inputs: {columns: [a, b, c]}\nmass: {kind: known, values: [1, 2, 3]}\n"
+                           "input_map: {kind: known, values: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}\n";
+
+static lg_program *machine_program(const char *text) {
+    lg_machine_file file;
+    lg_program *program;
+    lg_error error = {LG_OK, ""};
+    if (lg_machine_file_parse(NULL, "machine", text, strlen(text), &file, &error) != LG_OK)
+        fail_msg("%s", error.message);
+    assert_ok(lg_machine_program(NULL, &file.machine, NULL, lg_scheme_find("rkmk4"), &program, NULL));
+    lg_machine_file_destroy(&file);
+    return program;
+}
+
+static lg_policy_coordinate coordinate(const char *name, const char *velocity, lg_policy_motion motion,
+                                       double far) {
+    lg_policy_coordinate c = {.motion = motion,
+                              .start = {-far, far},
+                              .start_velocity = {-0.5, 0.5},
+                              .weight = 1.0,
+                              .weight_velocity = 0.1,
+                              .success = 0.1,
+                              .success_velocity = INFINITY};
+    (void)snprintf(c.name, sizeof c.name, "%s", name);
+    (void)snprintf(c.velocity, sizeof c.velocity, "%s", velocity);
+    if (motion == LG_POLICY_ROTATION) c.goal[0] = c.goal[4] = c.goal[8] = 1.0;
+    if (motion == LG_POLICY_DIRECTION) c.goal[2] = 1.0;
+    return c;
+}
+
+static lg_policy_task cart_task(void) {
+    lg_policy_task task;
+    lg_policy_task_init(&task);
+    task.coordinate_count = 2, task.input_count = 1;
+    task.coordinate[0] = coordinate("x", "vx", LG_POLICY_LINE, 0.5);
+    task.coordinate[0].weight = 0.1, task.coordinate[0].success = INFINITY;
+    task.coordinate[1] = coordinate("th", "w", LG_POLICY_ANGLE, 3.14);
+    task.input[0] = (lg_policy_input){"u", -10.0, 10.0, 0.002};
+    task.hidden_layers = 1, task.hidden[0] = 8;
+    task.horizon = 2.0, task.within = 4.0;
+    return task;
+}
+
+static lg_policy_task body_task(lg_policy_kind kind) {
+    lg_policy_task task;
+    lg_policy_task_init(&task);
+    task.kind = kind;
+    task.coordinate_count = 1, task.input_count = 3;
+    task.coordinate[0] = coordinate("R", "vR", LG_POLICY_ROTATION, 3.1);
+    for (int l = 0; l < 3; l++) task.input[l] = (lg_policy_input){{(char)('a' + l)}, -2.0, 2.0, 0.01};
+    task.hidden_layers = 1, task.hidden[0] = 8;
+    return task;
+}
+
+static lg_policy *make(const lg_policy_task *task, const char *machine) {
+    lg_policy *policy;
+    lg_error error = {LG_OK, ""};
+    const lg_status status = lg_policy_create(NULL, task, machine_program(machine), 1, &policy, &error);
+    if (status != LG_OK) fail_msg("%s", error.message);
+    lg_test_owns(policy, release_policy);
+    return policy;
+}
+
+/* ---- errors ---- */
+
+/* Errors of the position and velocity at z from the goal. */
+static void errors_of(const lg_policy_task *task, const double *z, double *out) {
+    lg_policy_layout layout;
+    double q[64], v[64];
+    lg_tape *tape;
+    lg_policy_lay_out(task, &layout);
+    lg_policy_retract(task, &layout, z, q, v);
+    assert_ok(lg_tape_create(NULL, NULL, &tape));
+    const lg_policy_seen seen = {lg_input_f64(tape, lg_shape2(1, layout.positions), q),
+                                 lg_input_f64(tape, lg_shape2(1, layout.velocities), v)};
+    assert_ok(lg_read(tape, lg_policy_record_errors(tape, task, seen), layout.errors, out));
+    lg_tape_destroy(tape);
+}
+
+static lg_policy_task every_motion(void) {
+    static const double half[3] = {0.3, -0.2, 0.4};
+    lg_policy_task task;
+    lg_policy_task_init(&task);
+    task.coordinate_count = 4;
+    task.coordinate[0] = coordinate("x", "vx", LG_POLICY_LINE, 1.0);
+    task.coordinate[1] = coordinate("a", "va", LG_POLICY_ANGLE, 1.0);
+    task.coordinate[2] = coordinate("d", "vd", LG_POLICY_DIRECTION, 1.0);
+    task.coordinate[3] = coordinate("R", "vR", LG_POLICY_ROTATION, 1.0);
+    task.coordinate[0].goal[0] = 0.7, task.coordinate[1].goal[0] = -2.0;
+    const double direction[3] = {0.6, 0.0, 0.8};
+    memcpy(task.coordinate[2].goal, direction, sizeof direction);
+    lg_so3_exp(half, task.coordinate[3].goal);
+    return task;
+}
+
+TEST("errors are tangent coordinates at the goal, and have the length 2 sin(a/2) up to the opposite side") {
+    const lg_policy_task task = every_motion();
+    static const uint32_t at[4] = {0, 1, 2, 4}, count[4] = {1, 1, 2, 3};
+    static const double angles[] = {1e-9, 1e-3, 0.5, 2.0, 3.1, 3.14159};
+    lg_rng rng = test_rng(3, 0);
+    for (size_t k = 0; k < LG_COUNT(angles); k++) {
+        double z[14] = {0}, e[14];
+        for (int i = 0; i < 4; i++) {
+            double sum = 0.0;
+            for (uint32_t j = 0; j < count[i]; j++)
+                z[at[i] + j] = lg_rng_normal(&rng), sum += pow(z[at[i] + j], 2);
+            for (uint32_t j = 0; j < count[i]; j++) z[at[i] + j] *= angles[k] / sqrt(sum);
+        }
+        for (int j = 7; j < 14; j++) z[j] = angles[k] < 0.1 ? lg_rng_normal(&rng) : 0.0;
+        errors_of(&task, z, e);
+        for (int i = 0; i < 4; i++) { /* along z; of the length 2 sin(a/2) but for 1e-6/cos^2(a/2) */
+            const double length = i == 0 ? angles[k] : 2.0 * sin(angles[k] / 2.0), c = cos(angles[k] / 2.0);
+            for (uint32_t j = 0; j < count[i]; j++)
+                assert_close(e[at[i] + j], z[at[i] + j] * length / angles[k], 2e-6 / (c * c + 1e-6), 1e-14);
+        }
+        for (int j = 7; j < 14; j++) assert_close(e[j], z[j], 2e-3, 2e-3 * angles[k]);
+    }
+}
+
+TEST("positions from a quaternion are those of its rotation, and control is the policy at these positions") {
+    const lg_policy_task task = body_task(LG_POLICY_NETWORK);
+    const lg_policy *policy = make(&task, body);
+    lg_rng rng = test_rng(4, 0);
+    for (int k = 0; k < 20; k++) {
+        double x[7], u[3], other[3], R[9], axis[3], norm = 0.0;
+        for (int i = 0; i < 3; i++) axis[i] = lg_rng_uniform_in(&rng, -1.8, 1.8), norm += axis[i] * axis[i];
+        norm = sqrt(norm);
+        lg_so3_exp(axis, R);
+        x[0] = cos(norm / 2.0);
+        for (int i = 0; i < 3; i++) x[1 + i] = sin(norm / 2.0) * axis[i] / norm;
+        for (int i = 4; i < 7; i++) x[i] = lg_rng_normal(&rng);
+        assert_ok(lg_program_eval(NULL, lg_policy_program(policy), "control", 1, (const double *const[]){x},
+                                  (double *const[]){u}, NULL));
+        assert_ok(lg_program_eval(NULL, lg_policy_program(policy), "policy", 1,
+                                  (const double *const[]){R, x + 4, policy->theta}, (double *const[]){other},
+                                  NULL));
+        assert_all_close(u, other, 3, 1e-12, 1e-12);
+        for (int i = 0; i < 4; i++) x[i] = -x[i]; /* the same rotation */
+        assert_ok(lg_program_eval(NULL, lg_policy_program(policy), "control", 1, (const double *const[]){x},
+                                  (double *const[]){other}, NULL));
+        assert_all_close(u, other, 3, 1e-12, 1e-12);
+    }
+}
+
+/* ---- limits ---- */
+
+TEST("inputs stay in their limits in any state, also in single precision") {
+    static const lg_policy_kind kinds[] = {LG_POLICY_LQR, LG_POLICY_NETWORK, LG_POLICY_ENERGY};
+    lg_rng rng = test_rng(5, 0);
+    for (size_t k = 0; k < LG_COUNT(kinds); k++) {
+        lg_policy_task task = body_task(kinds[k]);
+        task.input[1].low = -0.5; /* not symmetric */
+        lg_policy *policy = make(&task, body);
+        for (size_t i = 0; i < policy->parameters; i++) policy->theta[i] = 2.0 * lg_rng_normal(&rng);
+        assert_ok(lg_policy_take(policy, policy->theta));
+        for (int n = 0; n < 200; n++) {
+            double x[7], u[3], far = pow(10.0, lg_rng_uniform_in(&rng, -3.0, 6.0));
+            for (int i = 0; i < 7; i++) x[i] = lg_rng_normal(&rng) * (i < 4 ? 1.0 : far);
+            assert_ok(lg_program_eval(NULL, lg_policy_program(policy), "control", 1,
+                                      (const double *const[]){x}, (double *const[]){u}, NULL));
+            for (int l = 0; l < 3; l++)
+                assert_true(u[l] >= task.input[l].low - 1e-15 && u[l] <= task.input[l].high + 1e-15);
+        }
+    }
+}
+
+/* ---- the regulator ---- */
+
+TEST("the regulator holds from its whole region, and not from one of ten times its level") {
+    const lg_policy_task task = cart_task();
+    const lg_policy *policy = make(&task, cart_pole);
+    const lg_policy_regulator *r = lg_policy_regulator_of(policy);
+    assert_true(r->radius < 1.0 && r->c > 0.0);
+    assert_close(r->u0[0], 0.0, 0.0, 1e-12);
+    lg_rng rng = test_rng(6, 0);
+    size_t inside = 0, held[2] = {0, 0}, count[2] = {0, 0};
+    enum { N = 512 };
+    double *z = TEST_ARRAY(double, N * 4), *x = TEST_ARRAY(double, N * 4);
+    bool *ok = TEST_ARRAY(bool, N);
+    for (size_t i = 0; i < N; i++) {
+        z[4 * i] = 0.3 * lg_rng_normal(&rng), z[4 * i + 1] = 0.8 * lg_rng_normal(&rng);
+        z[4 * i + 2] = 0.3 * lg_rng_normal(&rng), z[4 * i + 3] = 3.0 * lg_rng_normal(&rng);
+    }
+    assert_ok(lg_policy_states(policy, z, N, x, NULL));
+    lg_policy_runs runs = {.count = N, .steps = lg_policy_steps(policy), .x = x, .succeeded = ok};
+    assert_ok(lg_policy_run(policy, r->K, NULL, 1, &runs, NULL));
+    for (size_t i = 0; i < N; i++) {
+        double V = 0.0, e[4] = {z[4 * i], 2.0 * sin(z[4 * i + 1] / 2.0), z[4 * i + 2], z[4 * i + 3]};
+        for (int a = 0; a < 4; a++)
+            for (int b = 0; b < 4; b++) V += e[a] * r->P[4 * a + b] * e[b];
+        const int where = V < r->c ? 0 : V > 10.0 * r->c ? 1 : -1;
+        if (where < 0) continue;
+        count[where]++, held[where] += ok[i];
+        inside += where == 0;
+    }
+    print_message("%zu inside, %zu beyond\n", inside, count[1]);
+    assert_true(inside > 20 && count[1] > 20);
+    assert_int_equal(held[0], count[0]);
+    assert_true(held[1] < count[1] / 2);
+}
+
+TEST(
+    "a goal that no constant input holds is refused with what moves, one outside the limits with the input") {
+    lg_error error = {LG_OK, ""};
+    lg_policy *policy;
+    lg_policy_task task = cart_task();
+    task.coordinate[1].goal[0] = 0.3;
+    assert_int_equal(lg_policy_create(NULL, &task, machine_program(cart_pole), 1, &policy, &error),
+                     LG_CHECK_FAILED);
+    assert_non_null(strstr(error.message, "not an equilibrium"));
+    static const char pushed[] =
+        "columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: vx}]\ninputs: {columns: [u]}\n"
+        "mass: {kind: known, values: [2]}\npotential: {kind: known, form: quadratic, of: x, values: [3]}\n"
+        "input_map: {kind: known, values: [1]}\n";
+    lg_policy_task spring = cart_task();
+    spring.coordinate_count = 1;
+    spring.coordinate[0].goal[0] = 0.5, spring.coordinate[0].success = 0.1;
+    assert_ok(lg_policy_create(NULL, &spring, machine_program(pushed), 1, &policy, &error));
+    assert_close(lg_policy_regulator_of(policy)->u0[0], 2.0 * 3.0 * 0.5, 1e-9, 0.0); /* V = 3 x^2 */
+    lg_policy_destroy(policy);
+    spring.input[0].high = 2.5;
+    assert_int_equal(lg_policy_create(NULL, &spring, machine_program(pushed), 1, &policy, &error),
+                     LG_CHECK_FAILED);
+    assert_non_null(strstr(error.message, "must be 3, which is not inside"));
+}
+
+/* ---- gradients ---- */
+
+static double cost_at(lg_policy_batch *b, double *theta, size_t i, double by, double *gradient) {
+    const double kept = theta[i];
+    double cost;
+    theta[i] = kept + by;
+    lg_policy_batch_run(b, &cost, &gradient);
+    theta[i] = kept;
+    return cost;
+}
+
+static void check_gradient(const lg_policy_task *task, const char *machine, double cut) {
+    lg_policy *policy = make(task, machine);
+    lg_policy_batch batch = {.policy = NULL};
+    lg_rng rng = test_rng(8, 0);
+    const size_t n = policy->parameters, count = LG_POLICY_ROWS;
+    double *z = TEST_ARRAY(double, count * policy->layout.errors),
+           *x = TEST_ARRAY(double, count * policy->state);
+    double *g = TEST_ARRAY(double, n), *other = TEST_ARRAY(double, n), cost;
+    assert_ok(lg_policy_batch_create(policy, LG_F64, 1, count, 1, &batch, NULL));
+    lg_test_owns(&batch, release_batch);
+    for (size_t i = 0; i < count; i++)
+        lg_policy_draw(task, &policy->layout, &rng, z + i * policy->layout.errors);
+    assert_ok(lg_policy_states(policy, z, count, x, NULL));
+    batch.starts[0] = x, batch.theta[0] = policy->theta, batch.cut = cut, batch.steps = 10;
+    lg_policy_batch_run(&batch, &cost, &g);
+    for (size_t i = 0; i < n; i += 1 + n / 9) {
+        const double h = 1e-5, up = cost_at(&batch, policy->theta, i, h, other),
+                     down = cost_at(&batch, policy->theta, i, -h, other);
+        assert_close(g[i], (up - down) / (2.0 * h), 1e-5, 1e-7 * fabs(cost));
+    }
+}
+
+TEST("the gradient of the cost of runs is that of differences, with a cut and without") {
+    const lg_policy_task cart = cart_task(), network = body_task(LG_POLICY_NETWORK),
+                         energy = body_task(LG_POLICY_ENERGY);
+    check_gradient(&cart, cart_pole, INFINITY);
+    check_gradient(&cart, cart_pole, 5.0);
+    check_gradient(&network, body, INFINITY);
+    check_gradient(&energy, body, INFINITY);
+}
+
+/* ---- training ---- */
+
+static lg_policy_train_options short_training(int threads) {
+    lg_policy_train_options o;
+    lg_policy_train_options_init(&o);
+    o.seeds = 5, o.race = 9, o.finish = 4, o.polish = 6, o.threads = threads;
+    return o;
+}
+
+TEST("training gives the same bits with one thread and with three") {
+    lg_policy_task task = cart_task();
+    double *before = NULL;
+    for (int threads = 1; threads <= 3; threads += 2) {
+        lg_policy *policy = make(&task, cart_pole);
+        const lg_policy_train_options o = short_training(threads);
+        lg_policy_train_result result;
+        assert_ok(lg_policy_train(policy, &o, &result, NULL));
+        assert_true(isfinite(result.cost));
+        if (before != NULL) assert_memory_equal(before, policy->theta, policy->parameters * sizeof *before);
+        before = policy->theta;
+    }
+}
+
+typedef struct stopping {
+    uint64_t at, calls;
+    volatile int flag;
+} stopping;
+
+static void stop(void *user, const lg_policy_progress *now) {
+    stopping *s = user;
+    (void)now;
+    if (++s->calls == s->at) s->flag = 1;
+}
+
+TEST("training that is stopped anywhere and continued ends with the same bits") {
+    lg_policy_task task = cart_task();
+    lg_policy *whole = make(&task, cart_pole);
+    lg_policy_train_options o = short_training(1);
+    assert_ok(lg_policy_train(whole, &o, NULL, NULL));
+    for (uint64_t at = 2; at < 19; at += 4) {
+        lg_policy_trainer *trainer;
+        memory_archive archive = {.count = 0};
+        stopping s = {.at = at};
+        lg_context_options options;
+        lg_context *context;
+        lg_policy *policy;
+        lg_context_options_init(&options);
+        options.cancel = &s.flag;
+        assert_ok(lg_context_create(&options, &context));
+        lg_test_owns(context, release_context);
+        o.progress = stop, o.user = &s;
+        assert_ok(lg_policy_create(context, &task, machine_program(cart_pole), 1, &policy, NULL));
+        lg_test_owns(policy, release_policy);
+        assert_ok(lg_policy_trainer_create(policy, &o, &trainer, NULL));
+        assert_int_equal(lg_policy_trainer_run(trainer, NULL, NULL), LG_CANCELLED);
+        const lg_archive_writer writer = memory_writer(&archive);
+        assert_ok(lg_policy_trainer_save(trainer, &writer, NULL));
+        lg_policy_trainer_destroy(trainer);
+        lg_policy *again = make(&task, cart_pole);
+        o.progress = NULL;
+        assert_ok(lg_policy_trainer_create(again, &o, &trainer, NULL));
+        const lg_archive_reader reader = memory_reader(&archive);
+        assert_ok(lg_policy_trainer_load(trainer, &reader, NULL));
+        assert_ok(lg_policy_trainer_run(trainer, NULL, NULL));
+        lg_policy_trainer_destroy(trainer);
+        assert_memory_equal(whole->theta, again->theta, whole->parameters * sizeof *whole->theta);
+    }
+}
+
+/* ---- units ---- */
+
+TEST("the regulator and the runs are the same in other units of mass, length and time") {
+    static const char form[] = "columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: vx}, "
+                               "{name: th, kind: angle, velocity: w}]\n"
+                               "inputs: {columns: [u]}\nsystem: cart-pole\nparameters: {cart: %.17g, pole: "
+                               "%.17g, length: %.17g, gravity: "
+                               "%.17g}\ninput_map: {kind: known, values: [[1], [0]]}\n";
+    static const double units[][3] = {{1, 1, 1}, {1e9, 1, 1}, {1, 1e-9, 1}, {1, 1, 1e9}, {1e-9, 1e9, 1e-9}};
+    lg_policy_outcome first = {.starts = 0};
+    double far = 0.0;
+    for (size_t k = 0; k < LG_COUNT(units); k++) {
+        const double m = units[k][0], l = units[k][1], t = units[k][2];
+        lg_policy_task task = cart_task();
+        lg_policy_coordinate *x = &task.coordinate[0], *th = &task.coordinate[1];
+        for (int i = 0; i < 2; i++)
+            x->start[i] *= l, x->start_velocity[i] *= l / t, th->start_velocity[i] /= t;
+        x->weight /= l * l, x->weight_velocity *= t * t / (l * l), th->weight_velocity *= t * t;
+        const double force = m * l / (t * t);
+        task.input[0].low *= force, task.input[0].high *= force, task.input[0].weight /= force * force;
+        task.period *= t, task.horizon *= t, task.hold *= t, task.within *= t;
+        lg_policy *policy = make(&task, test_text(form, m, 0.1 * m, l, 9.81 * l / (t * t)));
+        const lg_policy_regulator *r = lg_policy_regulator_of(policy);
+        lg_policy_outcome outcome;
+        assert_ok(lg_policy_evaluate(policy, true, 64, 5, 1, &outcome, NULL, NULL));
+        if (k == 0) first = outcome, far = r->P[5] / r->c;
+        assert_close(r->P[5] / r->c, far, 1e-6, 0.0); /* of the angle: without a unit */
+        assert_int_equal(outcome.succeeded, first.succeeded);
+        assert_close(outcome.cost_median, t * first.cost_median, 1e-5, 0.0);
+    }
+}
+
+/* ---- files ---- */
+
+static const char task_text[] = "plant: cart.yaml\nperiod: 0.05\nhorizon: 2\nstarts: {x: [-0.5, 0.5], th: "
+                                "[-3.14, 3.14], vx: [-0.5, 0.5], w: "
+                                "[-0.5, 0.5]}\nlimits: {u: 10}\ncost: {x: 0.1, th: 1, vx: 0.1, w: 0.1, u: "
+                                "0.002}\nsuccess: {th: 0.1, hold: 1, "
+                                "within: 4}\ncontroller: {kind: network, hidden: [8]}\n";
+
+TEST("a policy is saved and loaded with its bits, on its plant and on another one") {
+    lg_policy_task task = cart_task(), read = cart_task();
+    lg_policy *policy = make(&task, cart_pole), *loaded, *moved;
+    lg_policy_outcome a, b, c;
+    char *text;
+    assert_ok(lg_policy_task_parse(NULL, "task", task_text, &read, NULL));
+    assert_memory_equal(&task.coordinate, &read.coordinate, sizeof task.coordinate);
+    assert_ok(lg_policy_save(NULL, "test_policy.h5", policy, task_text, NULL, NULL));
+    assert_ok(lg_policy_load(NULL, "test_policy.h5", NULL, &loaded, &text, NULL));
+    (void)unlink("test_policy.h5");
+    lg_test_owns(loaded, release_policy);
+    assert_string_equal(text, task_text);
+    free(text);
+    assert_memory_equal(&loaded->regulator, &policy->regulator, sizeof policy->regulator);
+    assert_ok(lg_policy_evaluate(policy, false, 70, 5, 1, &a, NULL, NULL));
+    assert_ok(lg_policy_evaluate(loaded, false, 70, 5, 2, &b, NULL, NULL));
+    assert_memory_equal(&a, &b, sizeof a);
+    assert_ok(lg_policy_transplant(loaded, machine_program(cart_pole), &moved, NULL));
+    lg_test_owns(moved, release_policy);
+    assert_ok(lg_policy_evaluate(moved, false, 70, 5, 1, &c, NULL, NULL));
+    assert_memory_equal(&a, &c, sizeof a);
+}
+
+TEST("a task with a fault is refused with its line") {
+    static const struct {
+        const char *from, *to, *says;
+    } faults[] = {
+        {"limits: {u: 10}", "limits: {f: 10}",
+         "line 5: limits: unknown name 'f'; the plant has x, th, vx, w, u"},
+        {"limits: {u: 10}", "limits: {u: [3, -3]}", "line 5: limits: u: expected [low, high]"},
+        {"limits: {u: 10}", "limits: {u: ten}", "expected a finite number"},
+        {"x: 0.1, th: 1", "x: -1, th: 1", "line 6: cost: x: expected a weight"},
+        {"th: 0.1, hold", "th: 0, hold", "line 7: success: th: expected a number above 0"},
+        {"x: [-0.5, 0.5], th", "x: [0.5, -0.5], th", "line 4: starts: x: expected [low, high]"},
+        {"x: [-0.5, 0.5], th", "th: 1, th", "'th' stands twice"},
+        {"kind: network", "kind: neural", "neural"},
+    };
+    for (size_t i = 0; i < LG_COUNT(faults); i++) {
+        const char *at = strstr(task_text, faults[i].from);
+        lg_policy_task task = cart_task();
+        lg_error error = {LG_OK, ""};
+        char *text = test_text("%.*s%s%s", (int)(at - task_text), task_text, faults[i].to,
+                               at + strlen(faults[i].from));
+        assert_int_equal(lg_policy_task_parse(NULL, "task", text, &task, &error), LG_FORMAT);
+        assert_non_null(strstr(error.message, faults[i].says));
+    }
+}
