@@ -69,7 +69,7 @@ static lg_var start_parameters(lg_tape *tape, const points *p, lg_var theta) {
     return lg_gather(tape, all, p->samples, (uint32_t)p->count);
 }
 
-enum { PARTS = 5 };
+enum { PARTS = 6 };
 
 /* Predicts points 0 .. M - 1 of the samples' windows: M states of `parts` variables each. */
 static lg_status predict(lg_tape *tape, const points *p, const lg_machine_flow *flow, lg_var theta,
