@@ -44,8 +44,9 @@
  * momenta of all coordinates except directions. These are the factors of lg_machine_space. LuGre friction adds
  * a last factor, the deflections z of the bristles, one for each velocity v:
  *   z' = v - s0 |v| z/g(v), g(v) = c + (cs - c) e^(-(v/vs)^2), force -(s0 z + s1 z').
- * Logs do not have z: where a state comes from positions and velocities, as at the start of a window or of a
- * run, z is the one of steady sliding with v, tanh(v/w) g(v)/s0 with the usual width w, and 0 at rest. A step
+ * Logs do not have z. At the start of a window or of a run, z follows from the measured velocities of the 200
+ * rows before. Where a state comes from positions and velocities alone, and before these rows, z is the one of
+ * steady sliding with v, tanh(v/w) g(v)/s0 with the usual width w: 0 at rest. A step
  * of length h moves z exactly with v constant, z+ = zs + (z - zs) e^(-s0 |v| h/g), zs = sign(v) g/s0, for h/2
  * before and for h/2 after the rest of the state moves with z constant: an error of order h^2.
  *

@@ -115,6 +115,9 @@ void lg_machine_bind_bristles(lg_tape *tape, lg_machine_vars *vars);
 lg_var lg_machine_bristle_rate(lg_tape *tape, const lg_machine_vars *vars, lg_var v, lg_var z);
 /* z after the time h, (B, 1) or (1, 1), with v constant. */
 lg_var lg_machine_bristle_after(lg_tape *tape, const lg_machine_vars *vars, lg_var v, lg_var z, lg_var h);
+/* Writes z of the machine's bristles, if it has them, at rows of a log into `parts` (machine/bristles.c). */
+lg_status lg_machine_start_bristles(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_log *log,
+                                    const size_t *at, size_t count, lg_var *parts);
 /* z of steady sliding with v. */
 lg_var lg_machine_bristle_steady(lg_tape *tape, const lg_machine_vars *vars, lg_var v);
 

@@ -3,7 +3,8 @@
  * z = (positions, velocities) of a row, in the order of logs. An interval maps z of one row to z of the next
  * row, z' = F(z, theta). A change of z has d components along axes: one for each place and velocity, three
  * rotations of a direction (a x q) and three of a rotation (R hat(a)). The bristles of LuGre friction follow in
- * z behind the velocities; they have no residuals. A window begins with bristles of its first velocities. S = dz/d(theta, numbers of the
+ * z behind the velocities; they have no residuals. At its first row a window has the
+ * bristles of lg_machine_start_bristles. S = dz/d(theta, numbers of the
  * window's start) has the shape (d, columns) and follows
  *   S' = A S + (dF/dtheta, 0),  A = dF/dz.
  * One row of A and dF/dtheta takes one reverse sweep over all windows of the chunk. If theta is known, S has
@@ -203,7 +204,9 @@ static lg_status pass_interval(lg_tape *tape, chain *c, uint32_t j, size_t *at) 
     LG_TRY(lg_machine_record_state(tape, &vars, lg_machine_columns(tape, from, 0, machine->positions),
                                    lg_machine_columns(tape, from, machine->positions, machine->velocities),
                                    parts));
-    if (machine->bristles > 0 && j > 0)
+    if (j == 0)
+        LG_TRY(lg_machine_start_bristles(tape, &vars, &c->problem->log, at, rows, parts));
+    else if (machine->bristles > 0)
         parts[lg_machine_parts(machine).z] =
             lg_machine_columns(tape, from, n - machine->bristles, machine->bristles);
     LG_TRY(lg_machine_record_interval(tape, &flow, &c->problem->log, at, rows, parts));

@@ -143,11 +143,7 @@ static void choose_settings(const lg_training *self) {
     if (!self->given(self, "starts"))
         run->starts = noisy ? LG_MACHINE_STARTS_ESTIMATED : LG_MACHINE_STARTS_MEASURED;
     if (!self->given(self, "window")) {
-        const uint32_t least = run->machine.bristles > 0 ? 100 : 0;
-        const uint32_t wanted = positions   ? window_of_noise(run, s, least > 0 ? least : 60)
-                                : least > 0 ? least
-                                : noisy     ? 20
-                                            : 5;
+        const uint32_t wanted = positions ? window_of_noise(run, s, 60) : noisy ? 20 : 5;
         run->window = window_of_parts(&s->data.training, wanted);
     }
     if (!self->given(self, "substeps")) run->substeps = 1;

@@ -193,14 +193,13 @@ static lg_status scan_lags(lg_training *self, const lg_machine *machine, double 
     return scan(self, &problem, LG_LAG_STARTS, start_lags, theta, s->lag_ratios, error);
 }
 
-/* Windows must be long against the motion that bends bristles, whose state is not known at a window's start:
- * they are as long as in the fit. A few of them tell which start is the best. */
+/* A few windows tell which start is the best. */
 static lg_status scan_bristles(lg_training *self, const lg_machine *machine, double *theta, lg_error *error) {
     enum { FEW = 200 };
     const lg_machine_state *s = self->state;
     double losses[BRISTLES], *own;
     size_t start[FEW];
-    lg_machine_problem problem = short_windows(self, machine, s->problem.scheme, UINT32_MAX);
+    lg_machine_problem problem = short_windows(self, machine, s->problem.scheme, LONG);
     LG_TRAINING_ARRAY(self, own, machine->parameters + 1, error);
     if (!lg_machine_set_bristles(machine, 0.5, own)) return LG_OK;
     if (!s->positions) thin(&problem, FEW, start);
