@@ -312,7 +312,7 @@ lg_var lg_machine_bristle_steady(lg_tape *tape, const lg_machine_vars *vars, lg_
 /* With x = s0 |v| h/g and t = tanh(x/2): e^-x = (1 - t)/(1 + t), and zs (1 - e^-x) = v h 2 t/((1 + t) x), which
  * is smooth where v changes its sign. `least` keeps x above 0. */
 lg_var lg_machine_bristle_after(lg_tape *tape, const lg_machine_vars *vars, lg_var v, lg_var z, lg_var h) {
-    static const double least = 1e-9;
+    static const double least = 1e-15;
     const lg_var x = lg_mul(tape, relaxing(tape, vars, v, least), h);
     const lg_var t = lg_act(tape, lg_scale(tape, x, 0.5), LG_TANH), below = lg_add_scalar(tape, t, 1.0);
     const lg_var kept = lg_mul(tape, z, lg_add_scalar(tape, lg_neg(tape, t), 1.0));
