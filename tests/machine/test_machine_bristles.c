@@ -206,3 +206,19 @@ TEST("machines with bristles have no variational steps") {
     const lg_machine machine = bristled(2, values);
     assert_says(lg_machine_variational_fault(&machine), "LuGre");
 }
+
+TEST("a step of a free run is the exported step") {
+    const lg_machine machine = bristled(2, values);
+    const double q[2 * N] = {0.4, -1}, v[2 * N] = {0.02, -0.5}, u[8] = {0.7, 0, 0, 0, 0.7}, t[2] = {0, 0.02};
+    const size_t first[2] = {0, 2}, at = 0;
+    const lg_machine_log log = {2, 1, first, t, q, v, u, NULL, NULL};
+    double x[STATE] = {0.4, -1, 2 * v[0], 2 * v[1]}, next[STATE], speeds[2 * N];
+    for (int k = 0; k < N; k++) {
+        const double w = 1e-3 * machine.scales.fastest[k];
+        x[4 + k] = tanh(v[k] / w) * sliding(values, k, v[k]) / values[3 * N + k];
+    }
+    run(&machine, "step", x, 0.7, 0.02, next);
+    assert_ok(lg_machine_free_run(NULL, &machine, NULL, lg_scheme_find("cf4"), 1, &log, &at, 1, 1, NULL,
+                                  speeds, NULL));
+    for (int k = 0; k < N; k++) assert_close(2 * speeds[N + k], next[2 + k], 1e-12, 0);
+}
