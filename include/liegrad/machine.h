@@ -41,7 +41,14 @@
  *
  * The state of an integrator has first the positions of all lines, angles and poses, in the order of the
  * coordinates; then q and p of each direction; then the rotation R of each rotation and pose; then the
- * momenta of all coordinates except directions. These are the factors of lg_machine_space.
+ * momenta of all coordinates except directions. These are the factors of lg_machine_space. LuGre friction adds
+ * a last factor, the deflections z of the bristles, one for each velocity v:
+ *   z' = v - s0 |v| z/g(v), g(v) = c + (cs - c) e^(-(v/vs)^2), force -(s0 z + s1 z').
+ * Logs do not have z. At the start of a window or of a run, z follows from the measured velocities of the 200
+ * rows before. Where a state comes from positions and velocities alone, and before these rows, z is the one of
+ * steady sliding with v, tanh(v/w) g(v)/s0 with the usual width w: 0 at rest. A step
+ * of length h moves z exactly with v constant, z+ = zs + (z - zs) e^(-s0 |v| h/g), zs = sign(v) g/s0, for h/2
+ * before and for h/2 after the rest of the state moves with z constant: an error of order h^2.
  *
  * Scaled units. Internally all quantities are divided by the scales of the machine: times by T (scales.time),
  * positions and velocities of lines and of places of poses by L and L/T (L = 1 for angles, directions and
@@ -266,6 +273,7 @@ typedef struct lg_machine {
      * u - x. An input with a second-order lag has two that follow each other, two equal lags in series
      * (critically damped): tau x_1' = u - x_1 and tau x_2' = x_1 - x_2. The terms see the last one. */
     uint32_t lags, lagged[LG_MACHINE_LAGS];
+    uint32_t bristles; /* With LuGre friction: velocities; else 0. */
     /* Length of theta; its first `weights` numbers belong to networks. */
     size_t parameters, weights;
 } lg_machine;
@@ -314,6 +322,10 @@ LG_API void lg_machine_initialise(const lg_machine *machine, lg_rng *rng, double
 /* Sets the parameters of all lags that are learned, except for lags with a start or bounds, to the time
  * constant, in seconds, kept within scales.lag; returns how many there are. */
 LG_API size_t lg_machine_set_lags(const lg_machine *machine, double tau, double *theta);
+/* Sets the stiffness of the bristles of LuGre friction that is learned, so that sliding bends them by `part`, in
+ * [0, 1], of the way from the largest to the smallest deflection on a scale of logarithms; false: there is
+ * none. */
+LG_API bool lg_machine_set_bristles(const lg_machine *machine, double part, double *theta);
 /* Adds full turns to the biases of angles in theta, so that they are in (-pi, pi]. A log does not show
  * full turns. */
 LG_API void lg_machine_wrap_biases(const lg_machine *machine, double *theta);
@@ -333,6 +345,7 @@ typedef struct lg_machine_vars {
     lg_var direction_inverse; /* (1, k, k) for a chain, else LG_NONE. */
     lg_var bias;              /* (1, positions + velocities), or LG_NONE. */
     lg_var lag;               /* (1, lags): log of the lags' time constants over T; LG_NONE without lags. */
+    lg_var bristles[5]; /* c, cs - c, vs, s0 and s1 of LuGre friction, each (1, velocities), or LG_NONE. */
 } lg_machine_vars;
 LG_API lg_status lg_machine_bind(lg_tape *tape, const lg_machine *machine, lg_var theta,
                                  lg_machine_vars *vars);
@@ -545,7 +558,7 @@ LG_API lg_status lg_machine_find_missing(const lg_context *context, const lg_mac
 /* A number that means something to the user, in the units of the log. Names: an unknown number of a system
  * has its label, "m1"; "mass.1.2" (of velocities 1 and 2, counted through all coordinates), "damping.x" or
  * "damping.body.3" (diagonal; likewise "coulomb.x", "quadratic.x", "cubic.x", "asymmetric.x", "breakaway.x",
- * "stribeck_speed.x", "load.x", "position.x", "offset.x"), "damping.1.2" (constant), "input_map.2.1",
+ * "stribeck_speed.x", "load.x", "position.x", "bristle_stiffness.x", "bristle_damping.x", "offset.x"), "damping.1.2" (constant), "input_map.2.1",
  * "potential.x^2", "potential.sin(theta)", "bias.x", "bias.body.velocity.3", "lag.u" (the time constant in
  * seconds), "curve.u.2", "dead_zone.u". If a mass is a network, the numbers are those of M at one position,
  * by default the reference: places and angles 0, directions e3, attitudes 1. `error` is one standard
@@ -668,7 +681,7 @@ LG_API lg_status lg_machine_estimate_starts(const lg_context *context, const lg_
  *   step       (x, u, h) -> next  one step of `scheme` (explicit; NULL: cf4), u constant, not projected
  * with x (state of lg_machine_full_space), u (inputs; absent without inputs), h (1), q (positions), v
  * (velocities), all in the units of the log. `momenta` sets the lagged inputs, the last numbers of x, to 0;
- * `step` moves them exactly. Momenta have the unit of dL/dv. Scales are constants of the program. Errors:
+ * `step` moves them exactly, and bristles as said above. Momenta have the unit of dL/dv. Scales are constants of the program. Errors:
  * those of lg_program_build; LG_UNSUPPORTED (an implicit scheme; a classical scheme if there are directions
  * or rotations; LG_SCHEME_VARIATIONAL). */
 LG_API lg_status lg_machine_program(const lg_context *context, const lg_machine *machine, const double *theta,

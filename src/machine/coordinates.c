@@ -36,21 +36,23 @@ lg_machine_offsets lg_machine_offsets_of(const lg_machine *machine, uint32_t coo
 
 lg_machine_places lg_machine_parts(const lg_machine *machine) {
     int next = 0;
-    lg_machine_places at = {-1, -1, -1, -1, -1};
+    lg_machine_places at = {-1, -1, -1, -1, -1, -1};
     if (machine->places > 0) at.x = next++;
     if (machine->directions > 0) at.q = next++, at.p = next++;
     if (machine->rotations > 0) at.R = next++;
     if (machine->momenta > 0) at.m = next++;
+    if (machine->bristles > 0) at.z = next++;
     return at;
 }
 
 static lg_status space_of(const lg_machine *machine, bool full, lg_space *space) {
-    lg_space_factor factors[5];
+    lg_space_factor factors[6];
     size_t count = 0;
     if (machine->places > 0) factors[count++] = (lg_space_factor){LG_SPACE_RN, machine->places};
     if (machine->directions > 0) factors[count++] = (lg_space_factor){LG_SPACE_TS2, machine->directions};
     if (machine->rotations > 0) factors[count++] = (lg_space_factor){LG_SPACE_SO3, machine->rotations};
     if (machine->momenta > 0) factors[count++] = (lg_space_factor){LG_SPACE_RN, machine->momenta};
+    if (machine->bristles > 0) factors[count++] = (lg_space_factor){LG_SPACE_RN, machine->bristles};
     if (full && machine->lags > 0) factors[count++] = (lg_space_factor){LG_SPACE_RN, machine->lags};
     return lg_space_init(space, factors, count);
 }

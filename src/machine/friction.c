@@ -192,17 +192,24 @@ static lg_var stribeck_speed(const rubbing *r) {
     return lg_mul(r->tape, row_of(r, start), lg_exp(r->tape, above));
 }
 
+/* cs - c. */
+static lg_var breakaway(const rubbing *r, lg_var c) {
+    double unit[LG_MACHINE_VELOCITIES];
+    units(r, 0, unit);
+    return r->term->value_count > 0 ? lg_sub(r->tape, known(r, 1, unit), c)
+                                    : lg_mul(r->tape, c, lg_scale(r->tape, share_of(r, block(r, 0)), 2.0));
+}
+
+/* e^(-(v/vs)^2). */
+static lg_var fading(lg_tape *tape, lg_var v, lg_var vs) {
+    return lg_exp(tape, lg_neg(tape, lg_square(tape, lg_div(tape, v, vs))));
+}
+
 static lg_var stribeck(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
                        const lg_machine_seen *seen) {
     const rubbing r = begin(tape, vars, term);
-    double unit[LG_MACHINE_VELOCITIES];
-    units(&r, 0, unit);
-    const lg_var c = coefficients(&r, 0), vs = stribeck_speed(&r);
-    const lg_var more = r.term->value_count > 0
-                            ? lg_sub(tape, known(&r, 1, unit), c)
-                            : lg_mul(tape, c, lg_scale(tape, share_of(&r, block(&r, 0)), 2.0));
-    const lg_var fading = lg_exp(tape, lg_neg(tape, lg_square(tape, lg_div(tape, seen->v, vs))));
-    lg_var size = lg_mul(tape, more, fading);
+    const lg_var c = coefficients(&r, 0);
+    lg_var size = lg_mul(tape, breakaway(&r, c), fading(tape, seen->v, stribeck_speed(&r)));
     if (r.whole) size = lg_add(tape, size, c);
     return lg_neg(tape, lg_mul(tape, size, sign_of(&r, seen->v)));
 }
@@ -230,6 +237,124 @@ static void stribeck_numbers(lg_number_list *l, const lg_machine *machine, const
         lg_machine_velocity_name(machine, k, name, sizeof name);
         lg_numbers_put(l, low * pow(high / low, sigmoid(own[n + k])), "stribeck_speed.%s", name);
     }
+}
+
+/* ---- lugre: -(s0 z + s1 z'), z' = v - s0 |v| z/g, g as for stribeck, s0 = c/d ---- */
+
+/* Steady sliding bends the bristles by d; log d is within log(1e5) below the log of the way that the largest
+ * speed goes in the unit of time. */
+static const double deflections = 11.512925464970229;
+
+static double most_deflection(const lg_machine *machine, uint32_t k) {
+    return machine->scales.fastest[k] * machine->scales.time;
+}
+
+static lg_var stiffness(const rubbing *r) {
+    double number[LG_MACHINE_VELOCITIES];
+    for (uint32_t k = 0; k < r->n; k++)
+        number[k] = r->term->value_count > 0
+                        ? unit_of(r->machine, k, 0) / r->machine->scales.velocity[k]
+                        : r->machine->scales.velocity[k] / most_deflection(r->machine, k);
+    if (r->term->value_count > 0) return known(r, 3, number);
+    const lg_var most = lg_exp(r->tape, lg_scale(r->tape, share_of(r, block(r, 2)), deflections));
+    return lg_mul(r->tape, coefficients(r, 0), lg_mul(r->tape, row_of(r, number), most));
+}
+
+bool lg_machine_find_bristles(lg_machine *machine) {
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < machine->term_count; i++) count += machine->terms[i].kind->bristles;
+    machine->bristles = count > 0 ? machine->velocities : 0;
+    return count <= 1;
+}
+
+static rubbing rubbing_bristles(lg_tape *tape, const lg_machine_vars *vars) {
+    uint32_t term = 0;
+    while (!vars->machine->terms[term].kind->bristles) term++;
+    return begin(tape, vars, term);
+}
+
+enum { SLIDING, MORE, SPEED, SPRING, DAMPER };
+
+void lg_machine_bind_bristles(lg_tape *tape, lg_machine_vars *vars) {
+    const rubbing r = rubbing_bristles(tape, vars);
+    double unit[LG_MACHINE_VELOCITIES];
+    units(&r, 1, unit);
+    lg_var *b = vars->bristles;
+    b[SLIDING] = coefficients(&r, 0);
+    b[MORE] = breakaway(&r, b[SLIDING]);
+    b[SPEED] = stribeck_speed(&r);
+    b[SPRING] = stiffness(&r);
+    b[DAMPER] = r.term->value_count > 0 ? known(&r, 4, unit) : lg_exp(tape, block(&r, 3));
+}
+
+/* g(v) */
+static lg_var sliding(lg_tape *tape, const lg_machine_vars *vars, lg_var v) {
+    const lg_var *b = vars->bristles;
+    return lg_add(tape, b[SLIDING], lg_mul(tape, b[MORE], fading(tape, v, b[SPEED])));
+}
+
+/* s0 (|v| + least)/g */
+static lg_var relaxing(lg_tape *tape, const lg_machine_vars *vars, lg_var v, double least) {
+    const lg_var speed = lg_add_scalar(tape, lg_abs(tape, v), least);
+    return lg_div(tape, lg_mul(tape, speed, vars->bristles[SPRING]), sliding(tape, vars, v));
+}
+
+lg_var lg_machine_bristle_rate(lg_tape *tape, const lg_machine_vars *vars, lg_var v, lg_var z) {
+    return lg_sub(tape, v, lg_mul(tape, relaxing(tape, vars, v, 0.0), z));
+}
+
+lg_var lg_machine_bristle_steady(lg_tape *tape, const lg_machine_vars *vars, lg_var v) {
+    const rubbing r = rubbing_bristles(tape, vars);
+    const lg_var most = lg_div(tape, sliding(tape, vars, v), vars->bristles[SPRING]);
+    return lg_mul(tape, sign_of(&r, v), most);
+}
+
+/* With x = s0 |v| h/g and t = tanh(x/2): e^-x = (1 - t)/(1 + t), and zs (1 - e^-x) = v h 2 t/((1 + t) x), which
+ * is smooth where v changes its sign. `least` keeps x above 0. */
+lg_var lg_machine_bristle_after(lg_tape *tape, const lg_machine_vars *vars, lg_var v, lg_var z, lg_var h) {
+    static const double least = 1e-15;
+    const lg_var x = lg_mul(tape, relaxing(tape, vars, v, least), h);
+    const lg_var t = lg_act(tape, lg_scale(tape, x, 0.5), LG_TANH), below = lg_add_scalar(tape, t, 1.0);
+    const lg_var kept = lg_mul(tape, z, lg_add_scalar(tape, lg_neg(tape, t), 1.0));
+    const lg_var bent = lg_mul(tape, lg_mul(tape, v, h), lg_div(tape, lg_scale(tape, t, 2.0), x));
+    return lg_div(tape, lg_add(tape, kept, bent), below);
+}
+
+static lg_var lugre(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen) {
+    (void)term;
+    const lg_var z = seen->parts[lg_machine_parts(vars->machine).z],
+                 rate = lg_machine_bristle_rate(tape, vars, seen->v, z);
+    return lg_neg(tape, lg_add(tape, lg_mul(tape, z, vars->bristles[SPRING]),
+                               lg_mul(tape, rate, vars->bristles[DAMPER])));
+}
+
+static void lugre_numbers(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
+                          const double *theta) {
+    const uint32_t n = machine->velocities;
+    stribeck_numbers(l, machine, term, theta);
+    for (uint32_t k = 0; k < n; k++) {
+        char name[48];
+        lg_machine_velocity_name(machine, k, name, sizeof name);
+        lg_numbers_put(l,
+                       exp(theta[k] + deflections * sigmoid(theta[3 * n + k])) * unit_of(machine, k, 0) /
+                           most_deflection(machine, k),
+                       "bristle_stiffness.%s", name);
+    }
+    lg_numbers_drag(l, machine, "bristle_damping", 1, theta + (size_t)4 * n, exp);
+}
+
+bool lg_machine_set_bristles(const lg_machine *machine, double part, double *theta) {
+    static const double end = 0.02;
+    const size_t n = machine->velocities;
+    const double y = fmin(fmax(part, end), 1.0 - end);
+    bool any = false;
+    for (uint32_t i = 0; i < machine->term_count; i++) {
+        const lg_machine_term *term = &machine->terms[i];
+        if (!term->kind->bristles || term->value_count > 0) continue;
+        any = true;
+        for (size_t k = 0; k < n; k++) theta[term->offset + 3 * n + k] = log(y / (1.0 - y));
+    }
+    return any;
 }
 
 /* ---- load and position: -c g S, where g = 1 + k |load|, or the positive part of 1 + k q, rounded ---- */
@@ -364,11 +489,30 @@ static void start_load(const lg_machine *machine, const lg_machine_term *term, d
     start_at(machine, term, theta, -2.302585092994046);
 }
 
+/* Sliding bends the bristles by a hundredth of the most; coefficients as above. */
+static void start_lugre(const lg_machine *machine, const lg_machine_term *term, double *theta) {
+    const size_t n = machine->velocities;
+    start_at(machine, term, theta, 0.0);
+    for (size_t k = 0; k < n; k++) {
+        theta[n + k] = -1.0986122886681098;
+        theta[2 * n + k] = 1.27;
+        theta[3 * n + k] = -0.4054651081081644;
+        theta[4 * n + k] = theta[k];
+    }
+}
+
 static void scale_own(const lg_machine *machine, const lg_machine_term *term, const double *theta,
                       double *direction) {
     (void)theta;
     for (size_t i = 0; i < term->parameters; i++)
         direction[i] = is_whole(machine, term) && i < machine->velocities ? 1.0 : 0.0;
+}
+
+/* d does not change, so that s0 z is scaled as c is. */
+static void scale_lugre(const lg_machine *machine, const lg_machine_term *term, const double *theta,
+                        double *direction) {
+    scale_own(machine, term, theta, direction);
+    for (size_t i = 4 * (size_t)machine->velocities; i < term->parameters; i++) direction[i] = 1.0;
 }
 
 /* ---- values ---- */
@@ -389,6 +533,18 @@ static const char *stribeck_fault(const lg_machine *machine, const lg_machine_te
             return "the values are three rows: friction of sliding (not below 0), friction at rest (not "
                    "below "
                    "that), and the speed between them (above 0)";
+    return NULL;
+}
+
+static const char *lugre_fault(const lg_machine *machine, const lg_machine_term *term) {
+    const uint32_t n = machine->velocities;
+    for (uint32_t k = 0; k < n; k++) {
+        const double *x = term->values + k;
+        if (!(x[0] > 0.0 && x[n] >= x[0] && x[2 * n] > 0.0 && x[3 * n] > 0.0 && x[4 * n] >= 0.0))
+            return "the values are five rows: friction of sliding (above 0), friction at rest (not below "
+                   "that), the speed between them, the stiffness of the bristles (above 0) and their damping "
+                   "(not below 0)";
+    }
     return NULL;
 }
 
@@ -428,6 +584,18 @@ const lg_term_kind lg_machine_friction_kinds[] = {
      .numbers = stribeck_numbers,
      .fault = stribeck_fault,
      FRICTION},
+    {.name = "lugre",
+     .options = LG_TERM_VALUES,
+     .blocks = 4,
+     .initialise = start_lugre,
+     .record = lugre,
+     .numbers = lugre_numbers,
+     .fault = lugre_fault,
+     .bristles = true,
+     .part = LG_MACHINE_DAMPING,
+     .parameters = count_parameters,
+     .values = count_values,
+     .scaling = scale_lugre},
     {.name = "load",
      .options = LG_TERM_WIDTH | LG_TERM_VALUES | LG_TERM_SOME | LG_TERM_INPUTS,
      .base = "coulomb",

@@ -6,7 +6,7 @@
 
 /* Indices of the parts of a state in an array of parts; -1 where the machine has no such part. */
 typedef struct lg_machine_places {
-    int x, q, p, R, m;
+    int x, q, p, R, m, z;
 } lg_machine_places;
 lg_machine_places lg_machine_parts(const lg_machine *machine);
 
@@ -93,6 +93,7 @@ struct lg_term_kind {
      * numbers per velocity it has besides coefficients. */
     const char *base;
     uint32_t blocks;
+    bool bristles; /* the term has the state z */
     /* The reason why the term's values are wrong, or NULL. NULL: all values are right. */
     const char *(*fault)(const lg_machine *machine, const lg_machine_term *term);
     /* Describes one of the term's values. NULL: values cannot be unknown one by one. */
@@ -104,6 +105,21 @@ struct lg_term_kind {
     void (*scaling)(const lg_machine *machine, const lg_machine_term *term, const double *theta,
                     double *direction);
 };
+
+/* ---- bristles of LuGre friction (machine/friction.c), in scaled units; v and z are (B, velocities) ---- */
+
+/* Counts the bristles of `machine`. False: it has two terms with bristles. */
+bool lg_machine_find_bristles(lg_machine *machine);
+void lg_machine_bind_bristles(lg_tape *tape, lg_machine_vars *vars);
+/* z' at v and z. */
+lg_var lg_machine_bristle_rate(lg_tape *tape, const lg_machine_vars *vars, lg_var v, lg_var z);
+/* z after the time h, (B, 1) or (1, 1), with v constant. */
+lg_var lg_machine_bristle_after(lg_tape *tape, const lg_machine_vars *vars, lg_var v, lg_var z, lg_var h);
+/* Writes z of the machine's bristles, if it has them, at rows of a log into `parts` (machine/bristles.c). */
+lg_status lg_machine_start_bristles(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_log *log,
+                                    const size_t *at, size_t count, lg_var *parts);
+/* z of steady sliding with v. */
+lg_var lg_machine_bristle_steady(lg_tape *tape, const lg_machine_vars *vars, lg_var v);
 
 /* ---- numbers that are unknown one by one (machine/entries.c) ---- */
 
@@ -324,6 +340,11 @@ lg_status lg_machine_variational_step(lg_tape *tape, const lg_machine_vars *vars
                                       lg_var *parts);
 /* The reason, as a sentence, why a machine cannot use LG_SCHEME_VARIATIONAL; NULL if it can. */
 const char *lg_machine_variational_fault(const lg_machine *machine);
+
+/* Moves the bristles in `parts`, if the machine has them, for the time h (B, 1) or (1, 1) with v constant; and
+ * sets their part of an algebra element to 0. */
+void lg_machine_move_bristles(lg_tape *tape, const lg_machine_vars *vars, lg_var h, lg_var *parts);
+void lg_machine_hold_bristles(lg_tape *tape, const lg_machine *machine, lg_var *algebra);
 
 /* How to integrate a machine over intervals of logs. Each row of a batch has its own interval length and
  * inputs. */

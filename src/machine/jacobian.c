@@ -2,7 +2,9 @@
  *
  * z = (positions, velocities) of a row, in the order of logs. An interval maps z of one row to z of the next
  * row, z' = F(z, theta). A change of z has d components along axes: one for each place and velocity, three
- * rotations of a direction (a x q) and three of a rotation (R hat(a)). S = dz/d(theta, numbers of the
+ * rotations of a direction (a x q) and three of a rotation (R hat(a)). The bristles of LuGre friction follow in
+ * z behind the velocities; they have no residuals. At its first row a window has the
+ * bristles of lg_machine_start_bristles. S = dz/d(theta, numbers of the
  * window's start) has the shape (d, columns) and follows
  *   S' = A S + (dF/dtheta, 0),  A = dF/dz.
  * One row of A and dF/dtheta takes one reverse sweep over all windows of the chunk. If theta is known, S has
@@ -14,7 +16,7 @@
 #include "liegrad/geometry.h"
 #include "machine/internal.h"
 
-enum { NUMBERS = LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES };
+enum { NUMBERS = LG_MACHINE_POSITIONS + 2 * LG_MACHINE_VELOCITIES };
 
 /* ---- axes ---- */
 
@@ -25,7 +27,7 @@ typedef struct axis {
 } axis;
 
 typedef struct axes {
-    uint32_t count, numbers; /* d; numbers of z */
+    uint32_t count, numbers, seen; /* d; numbers of z; axes with residuals */
     axis each[NUMBERS];
 } axes;
 
@@ -37,7 +39,7 @@ static void add_axes(axes *all, int kind, uint32_t first, uint32_t count) {
 
 /* Axes in the order of the numbers of a start: places, directions, rotations, velocities. */
 static axes axes_of(const lg_machine *machine) {
-    axes all = {.numbers = machine->positions + machine->velocities};
+    axes all = {.numbers = machine->positions + machine->velocities + machine->bristles};
     for (int kind = ALONG; kind <= TURN_ROTATION; kind++)
         for (uint32_t i = 0; i < machine->coordinate_count; i++) {
             const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
@@ -47,6 +49,8 @@ static axes axes_of(const lg_machine *machine) {
             if (kind == TURN_ROTATION && row->rotations > 0) add_axes(&all, kind, first + row->places, 3);
         }
     add_axes(&all, ALONG, machine->positions, machine->velocities);
+    all.seen = all.count;
+    add_axes(&all, ALONG, machine->positions + machine->velocities, machine->bristles);
     return all;
 }
 
@@ -123,9 +127,12 @@ static void place(chain *c, double *memory) {
 
 /* ---- sweeps ---- */
 
-static lg_var joined(lg_tape *tape, lg_var positions, lg_var velocities) {
-    const lg_var both[2] = {positions, velocities};
-    return lg_concat(tape, both, 2, 1);
+/* z of a state. */
+static lg_var joined(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts) {
+    const int z = lg_machine_parts(vars->machine).z;
+    const lg_var all[3] = {lg_machine_record_positions(tape, vars, parts),
+                           lg_machine_record_velocities(tape, vars, parts), z < 0 ? LG_NONE : parts[z]};
+    return lg_concat(tape, all, z < 0 ? 2 : 3, 1);
 }
 
 /* Sum over windows of z's component along an axis, which is z . c/|c|^2 with c the change along the axis at
@@ -197,9 +204,13 @@ static lg_status pass_interval(lg_tape *tape, chain *c, uint32_t j, size_t *at) 
     LG_TRY(lg_machine_record_state(tape, &vars, lg_machine_columns(tape, from, 0, machine->positions),
                                    lg_machine_columns(tape, from, machine->positions, machine->velocities),
                                    parts));
+    if (j == 0)
+        LG_TRY(lg_machine_start_bristles(tape, &vars, &c->problem->log, at, rows, parts));
+    else if (machine->bristles > 0)
+        parts[lg_machine_parts(machine).z] =
+            lg_machine_columns(tape, from, n - machine->bristles, machine->bristles);
     LG_TRY(lg_machine_record_interval(tape, &flow, &c->problem->log, at, rows, parts));
-    const lg_var to = joined(tape, lg_machine_record_positions(tape, &vars, parts),
-                             lg_machine_record_velocities(tape, &vars, parts));
+    const lg_var to = joined(tape, &vars, parts);
     LG_TRY(lg_read(tape, to, c->count * n, c->next));
     for (uint32_t i = 0; i < d; i++) LG_TRY(sweep_interval(tape, c, i, from, theta, to));
     if (j > 0 || c->own > 0)
@@ -228,8 +239,7 @@ static lg_status move_starts(lg_tape *tape, chain *c, lg_var positions, lg_var v
         memcpy((double *)memory + s * own, c->theta + c->shared + c->samples[s] * own, own * sizeof(double));
     LG_TRY(bind(tape, c, &theta, &vars));
     LG_TRY(lg_machine_move_starts(tape, c->problem, &vars, numbers, positions, velocities, parts));
-    const lg_var z = joined(tape, lg_machine_record_positions(tape, &vars, parts),
-                            lg_machine_record_velocities(tape, &vars, parts));
+    const lg_var z = joined(tape, &vars, parts);
     LG_TRY(lg_read(tape, z, c->count * c->axes.numbers, c->next));
     memset(c->S, 0, c->count * d * c->columns * sizeof *c->S);
     for (uint32_t i = 0; i < d; i++) {
@@ -251,6 +261,7 @@ static lg_status first_points(lg_tape *tape, chain *c) {
     const lg_var positions = lg_input_buffer(tape, lg_shape2(rows, machine->positions), &memory[0]),
                  velocities = lg_input_buffer(tape, lg_shape2(rows, machine->velocities), &memory[1]);
     LG_TRY(lg_tape_status(tape));
+    memset(c->z, 0, c->count * n * sizeof *c->z);
     for (size_t s = 0; s < c->count; s++) {
         const size_t row = row_of(c, s, 0);
         double *q = (double *)memory[0] + s * machine->positions,
@@ -288,21 +299,20 @@ static void keep_across(const chain *c, size_t row, double *r, double *jacobian)
 /* Writes the rows of point j of all windows: the residual along each axis, and S times the weight. */
 static void put_rows(const lg_kernels *k, chain *c, uint32_t j) {
     const lg_machine *machine = c->problem->machine;
-    const size_t d = c->axes.count;
+    const size_t d = c->axes.count, seen = c->axes.seen, numbers = machine->positions + machine->velocities;
     double data[NUMBERS], weight[NUMBERS], r[NUMBERS];
     for (size_t s = 0; s < c->count; s++) {
         const size_t row = row_of(c, s, j), first = s * c->rows + c->done;
         const double *z = c->z + s * c->axes.numbers;
         lg_machine_scaled_rows(machine, &c->problem->log, &row, 1, data, data + machine->positions);
         lg_machine_weigh_row(c->problem, row, c->factor, weight, weight + machine->positions);
-        for (uint32_t i = 0; i < c->axes.numbers; i++) {
+        for (uint32_t i = 0; i < numbers; i++) {
             r[i] = weight[i] * (z[i] - data[i]);
             if (i < machine->positions) c->loss += r[i] * r[i];
         }
-        for (uint32_t i = machine->positions; c->r == NULL && i < c->axes.numbers; i++)
-            c->loss += r[i] * r[i];
+        for (uint32_t i = machine->positions; c->r == NULL && i < numbers; i++) c->loss += r[i] * r[i];
         if (c->r == NULL) continue;
-        for (size_t i = 0; i < d; i++) {
+        for (size_t i = 0; i < seen; i++) {
             const axis *a = &c->axes.each[i];
             const double length = sqrt(square_of(a));
             double *out = c->jacobian + (first + i) * c->columns;
@@ -310,12 +320,12 @@ static void put_rows(const lg_kernels *k, chain *c, uint32_t j) {
             k->fill(c->columns, 0.0, out);
             k->axpy(c->columns, length * weight[a->first], c->S + (s * d + i) * c->columns, out);
         }
-        double *of_v = c->r + first + d - machine->velocities;
+        double *of_v = c->r + first + seen - machine->velocities;
         if (machine->directions > 0)
-            keep_across(c, row, of_v, c->jacobian + (first + d - machine->velocities) * c->columns);
+            keep_across(c, row, of_v, c->jacobian + (first + seen - machine->velocities) * c->columns);
         for (uint32_t i = 0; i < machine->velocities; i++) c->loss += of_v[i] * of_v[i];
     }
-    c->done += d;
+    c->done += seen;
 }
 
 /* Writes the rows of the priors behind the points of each window, and adds them to the loss. */
@@ -347,7 +357,7 @@ static uint32_t first_residual(const lg_machine_problem *problem) {
 }
 
 size_t lg_machine_linearised_rows(const lg_machine_problem *problem) {
-    return (size_t)(problem->window - first_residual(problem)) * axes_of(problem->machine).count +
+    return (size_t)(problem->window - first_residual(problem)) * axes_of(problem->machine).seen +
            lg_machine_problem_priors(problem);
 }
 
@@ -359,7 +369,7 @@ void lg_machine_row_variances(const lg_machine_problem *problem, const lg_machin
     double share[NUMBERS], along[LG_MACHINE_VELOCITIES];
     lg_machine_weigh_row(problem, row, factor, share, share + machine->positions);
     lg_machine_along_row(problem, row, along);
-    for (uint32_t i = 0; i < all.numbers; i++) share[i] = share[i] != 0.0;
+    for (uint32_t i = 0; i < machine->positions + machine->velocities; i++) share[i] = share[i] != 0.0;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         const lg_coordinate_kind kind = machine->coordinates[i].kind;
         const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
@@ -369,7 +379,7 @@ void lg_machine_row_variances(const lg_machine_problem *problem, const lg_machin
         for (uint32_t k = 0; k < lg_coordinate_positions(kind); k++) of_q[k] *= position * position;
         for (uint32_t k = 0; k < lg_coordinate_row_of(kind)->velocities; k++) of_v[k] *= velocity * velocity;
     }
-    for (uint32_t i = 0; i < all.count; i++) {
+    for (uint32_t i = 0; i < all.seen; i++) {
         const axis *a = &all.each[i];
         const double by = a->kind == TURN_DIRECTION        ? q[a->first + a->turn]
                           : a->first >= machine->positions ? along[a->first - machine->positions]
@@ -587,7 +597,7 @@ static lg_status pass_each(lg_tape *tape, chain *all, double *floor) {
 
 bool lg_machine_is_long(const lg_machine_problem *problem) {
     const axes all = axes_of(problem->machine);
-    return problem->window >= LONG && along_only(&all);
+    return problem->window >= LONG && problem->machine->bristles == 0 && along_only(&all);
 }
 
 static lg_status run_chain(const lg_machine_problem *problem, lg_tape *tape, const double *theta,

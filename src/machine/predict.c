@@ -57,6 +57,7 @@ static lg_status first_point(lg_tape *tape, const runs *r) {
     const lg_var positions = lg_input_f64(tape, lg_shape2(rows, machine->positions), q),
                  velocities = lg_input_f64(tape, lg_shape2(rows, machine->velocities), v);
     LG_TRY(lg_machine_record_state(tape, &vars, positions, velocities, parts));
+    LG_TRY(lg_machine_start_bristles(tape, &vars, r->log, r->start, r->count, parts));
     return keep(tape, r, &flow, parts, 0);
 }
 

@@ -9,8 +9,8 @@
 #include "liegrad/ops.h"
 #include "machine/internal.h"
 
-/* Bound on the numbers of a state: of positions, velocities and lagged inputs together. */
-enum { MOST = LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES + LG_MACHINE_LAGS };
+/* Bound on the numbers of a state: of positions, velocities, bristles and lagged inputs together. */
+enum { MOST = LG_MACHINE_POSITIONS + 2 * LG_MACHINE_VELOCITIES + LG_MACHINE_LAGS };
 
 typedef struct recording {
     const lg_machine *machine;
@@ -45,6 +45,10 @@ static void fill_state(recording *r) {
             *state++ = s->energy * s->time / L[k];
             *field++ = s->energy / L[k];
         }
+    }
+    for (uint32_t k = 0; k < machine->bristles; k++) {
+        *state++ = s->velocity[k];
+        *field++ = s->velocity[k] / s->time;
     }
     for (uint32_t k = 0; k < machine->lags; k++) {
         *state++ = s->input[machine->lagged[k]];
@@ -190,10 +194,10 @@ static lg_status positions(void *user, lg_tape *tape, const lg_var *theta, const
     return lg_tape_status(tape);
 }
 
-/* ---- steps with lags ----
+/* ---- steps with lags and bristles ----
  *
  * The machine is stepped by the scheme, with the lagged inputs u + (x - u) e^(-t/tau) at each stage, and of a
- * second-order lag u + (x_2 - u + (x_1 - u) t/tau) e^(-t/tau). */
+ * second-order lag u + (x_2 - u + (x_1 - u) t/tau) e^(-t/tau). Bristles move before and after. */
 
 typedef struct lagging {
     const recording *r;
@@ -208,37 +212,62 @@ static lg_var lagged_after(lg_tape *tape, const lagging *l, lg_var t) {
     return lg_add(tape, l->u, lg_mul(tape, left, E));
 }
 
-static lg_status lagged_field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
-                              lg_var *algebra) {
+static lg_status held_field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
+                            lg_var *algebra) {
     const lagging *l = user;
     const size_t last = lg_taped_parts(&l->r->space);
     lg_var parts[LG_TAPED_MAX_PARTS], all[LG_TAPED_MAX_PARTS];
     for (size_t i = 0; i < last; i++) parts[i] = y[i];
     parts[last] = l->x;
-    if (lg_taped_time_varies(t))
+    if (l->r->machine->lags > 0 && lg_taped_time_varies(t))
         parts[last] = lagged_after(tape, l, lg_taped_time_rows(tape, t, lg_var_shape(tape, y[0]).dims[0]));
     const lg_var in[2] = {lg_taped_join(tape, &l->r->full, parts), input};
     LG_TRY(lg_taped_split_algebra(tape, &l->r->full, lg_program_call(tape, "field", 0, in), all));
+    lg_machine_hold_bristles(tape, l->r->machine, all);
     for (size_t i = 0; i < last; i++) algebra[i] = all[i];
     return lg_tape_status(tape);
 }
 
-static lg_status lagged_step(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+/* Moves the bristles in `parts`, which are in the log's units, for h/2. */
+static lg_status move_bristles(const recording *r, lg_tape *tape, const lg_machine_vars *vars, lg_var h,
+                               lg_var *parts) {
+    lg_var scaled[LG_TAPED_MAX_PARTS];
+    if (r->machine->bristles == 0) return LG_OK;
+    const lg_var x = lg_taped_join(tape, &r->space, parts),
+                 half = lg_scale(tape, h, 0.5 / r->machine->scales.time);
+    LG_TRY(lg_taped_split(tape, &r->space, times(tape, x, r->state, (uint32_t)r->space.dim, true), scaled));
+    lg_machine_move_bristles(tape, vars, half, scaled);
+    const int z = lg_machine_parts(r->machine).z;
+    parts[z] = times(tape, scaled[z], r->machine->scales.velocity, r->machine->bristles, false);
+    return lg_tape_status(tape);
+}
+
+/* What the lags of the state's part x start with. */
+static void begin_lags(const recording *r, lg_tape *tape, const lg_machine_vars *vars, lg_var u, lagging *l) {
+    l->u = followed(tape, r->machine, u, LG_NONE);
+    l->left = lg_sub(tape, l->x, l->u);
+    for (uint32_t k = 0; k < r->machine->lags && lg_is_none(l->first); k++)
+        if (is_second(r->machine, k)) l->first = lg_sub(tape, followed(tape, r->machine, u, l->x), l->u);
+    l->rate = lg_scale(tape, lg_exp(tape, lg_neg(tape, vars->lag)), 1.0 / r->machine->scales.time);
+}
+
+static lg_status held_step(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     const recording *r = user;
     const size_t last = lg_taped_parts(&r->space);
+    const bool driven = r->machine->input_count > 0;
+    const lg_var u = driven ? x[1] : LG_NONE, h = x[driven ? 2 : 1];
     lg_machine_vars vars;
     lg_var parts[LG_TAPED_MAX_PARTS];
     LG_TRY(bind(r, tape, theta, &vars));
     LG_TRY(lg_taped_split(tape, &r->full, x[0], parts));
-    lagging l = {.r = r, .x = parts[last], .u = followed(tape, r->machine, x[1], LG_NONE), .first = LG_NONE};
-    l.left = lg_sub(tape, l.x, l.u);
-    for (uint32_t k = 0; k < r->machine->lags && lg_is_none(l.first); k++)
-        if (is_second(r->machine, k)) l.first = lg_sub(tape, followed(tape, r->machine, x[1], l.x), l.u);
-    l.rate = lg_scale(tape, lg_exp(tape, lg_neg(tape, vars.lag)), 1.0 / r->machine->scales.time);
-    const lg_taped_ode ode = {.space = r->space, .field = lagged_field, .user = &l};
-    const lg_taped_interval over = {.h_rows = x[2], .input = x[1]};
+    lagging l = {.r = r, .first = LG_NONE};
+    if (r->machine->lags > 0) l.x = parts[last], begin_lags(r, tape, &vars, u, &l);
+    const lg_taped_ode ode = {.space = r->space, .field = held_field, .user = &l};
+    const lg_taped_interval over = {.h_rows = h, .input = u};
+    LG_TRY(move_bristles(r, tape, &vars, h, parts));
     LG_TRY(lg_taped_step_over(tape, r->scheme, &ode, &over, parts, parts));
-    parts[last] = lagged_after(tape, &l, x[2]);
+    LG_TRY(move_bristles(r, tape, &vars, h, parts));
+    if (r->machine->lags > 0) parts[last] = lagged_after(tape, &l, h);
     y[0] = lg_taped_join(tape, &r->full, parts);
     return lg_tape_status(tape);
 }
@@ -246,7 +275,8 @@ static lg_status lagged_step(void *user, lg_tape *tape, const lg_var *theta, con
 static lg_status add_step(lg_program *program, const recording *r, lg_error *error) {
     const double low = 0.001 * r->machine->scales.time, high = 0.05 * r->machine->scales.time;
     size_t field_at, count;
-    if (r->machine->lags == 0) return lg_program_add_step(program, &r->space, r->scheme, low, high, error);
+    if (r->machine->lags == 0 && r->machine->bristles == 0)
+        return lg_program_add_step(program, &r->space, r->scheme, low, high, error);
     if (r->scheme->kind == LG_SCHEME_IMPLICIT || r->scheme->kind == LG_SCHEME_SLGI)
         return lg_fail(
             error, LG_UNSUPPORTED,
@@ -255,11 +285,9 @@ static lg_status add_step(lg_program *program, const recording *r, lg_error *err
             r->scheme->name);
     LG_TRY(lg_program_find(program, "field", &field_at, error));
     const lg_port *of_field = lg_program_inputs(program, field_at, &count);
-    const lg_port in[3] = {of_field[0],
-                           of_field[1],
-                           {.name = "h", .shape = lg_shape1(1), .low = low, .high = high}},
-                  next = {.name = "next"};
-    const lg_function_spec spec = {"step", in, 3, &next, 1, lagged_step, (void *)(uintptr_t)r};
+    const lg_port h = {.name = "h", .shape = lg_shape1(1), .low = low, .high = high}, next = {.name = "next"};
+    const lg_port in[3] = {of_field[0], count > 1 ? of_field[1] : h, h};
+    const lg_function_spec spec = {"step", in, count + 1, &next, 1, held_step, (void *)(uintptr_t)r};
     return lg_program_add_function(program, &spec, error);
 }
 

@@ -72,6 +72,7 @@ lg_status lg_machine_bind(lg_tape *tape, const lg_machine *machine, lg_var theta
     const uint32_t n = machine->momenta;
     vars->bias = sum_of(tape, vars, LG_MACHINE_BIAS, NULL);
     if (machine->lags > 0) vars->lag = lg_machine_record_lag(tape, vars);
+    if (machine->bristles > 0) lg_machine_bind_bristles(tape, vars);
     if (machine->directions > 0) vars->direction_mass = record_direction_mass(tape, vars);
     if (machine->directions > 1 && machine->grey.system != NULL)
         vars->direction_inverse =
@@ -244,6 +245,7 @@ static lg_status record_true_state(lg_tape *tape, const lg_machine_vars *vars, l
         const lg_var omega = rates(tape, machine, velocities, true);
         parts[at.p] = direction_momenta(tape, vars, parts[at.q], lg_cross(tape, omega, parts[at.q]));
     }
+    if (at.z >= 0) parts[at.z] = lg_machine_bristle_steady(tape, vars, velocities);
     return lg_tape_status(tape);
 }
 
@@ -557,6 +559,7 @@ lg_status lg_machine_record_field(lg_tape *tape, const lg_machine_vars *vars, co
         move_places(tape, &b, algebra);
     if (machine->directions > 0) move_directions(tape, &b, algebra);
     if (machine->rotations > 0) move_rotations(tape, &b, algebra);
+    if (b.at.z >= 0) algebra[b.at.z] = lg_machine_bristle_rate(tape, vars, seen.v, parts[b.at.z]);
     return lg_tape_status(tape);
 }
 

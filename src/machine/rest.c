@@ -38,8 +38,10 @@ static void fill(const lg_machine *machine, const lg_machine_log *log, const siz
         }
 }
 
-/* Reads the velocities after an impulse of the damping's force over the unit of time. */
-static lg_status push(lg_tape *tape, const lg_machine *machine, const double *theta, const probe *p) {
+/* Reads the velocities after an impulse of the damping's force over the unit of time; `bent`: from bristles that
+ * the velocity bent for this time, else from straight ones. */
+static lg_status push(lg_tape *tape, const lg_machine *machine, const double *theta, bool bent,
+                      const probe *p) {
     const uint32_t n = machine->velocities, m = machine->input_count;
     lg_machine_vars vars;
     lg_var parts[LG_TAPED_MAX_PARTS], u = LG_NONE;
@@ -49,6 +51,8 @@ static lg_status push(lg_tape *tape, const lg_machine *machine, const double *th
                  v = lg_input_f64(tape, lg_shape2(p->count, n), p->v);
     if (m > 0) u = lg_input_f64(tape, lg_shape2(p->count, m), p->u);
     LG_TRY(lg_machine_record_state(tape, &vars, q, v, parts));
+    const int z = lg_machine_parts(machine).z;
+    if (z >= 0) parts[z] = lg_scale(tape, v, bent ? 1.0 : 0.0);
     const lg_var f = lg_machine_record_force(tape, &vars, LG_MACHINE_DAMPING, parts, v, u);
     lg_machine_push(tape, machine, f, parts);
     return lg_read(tape, lg_machine_record_rates(tape, &vars, parts), (size_t)p->count * n, p->after);
@@ -81,10 +85,14 @@ lg_status lg_machine_rest_rate(const lg_context *context, const lg_machine *mach
     p.u = p.q + all * machine->positions;
     fill(machine, log, rows, count, &p);
     lg_status status = lg_tape_create(context, NULL, &tape);
-    if (status == LG_OK) status = push(tape, machine, theta, &p);
-    for (size_t i = 0; status == LG_OK && i < all; i++) {
-        const double v = p.v[i * n + i % n], slowed = 1.0 - p.after[i * n + i % n] / v;
-        if (isfinite(slowed)) *rate = fmax(*rate, slowed / machine->scales.time);
+    for (int bent = 0; status == LG_OK && bent <= (machine->bristles > 0); bent++) {
+        status = push(tape, machine, theta, bent, &p);
+        for (size_t i = 0; status == LG_OK && i < all; i++) {
+            const double v = p.v[i * n + i % n], slowed = 1.0 - p.after[i * n + i % n] / v;
+            const double found = bent ? sqrt(fmax(slowed, 0.0)) : slowed; /* bristles are a spring */
+            if (isfinite(found)) *rate = fmax(*rate, found / machine->scales.time);
+        }
+        lg_tape_reset(tape);
     }
     if (status != LG_OK)
         (void)lg_fail(error, status, "%s",

@@ -83,7 +83,8 @@ static lg_status field(void *user, lg_tape *tape, lg_taped_time t, const lg_var 
     (void)input;
     const lg_var u = input_at(tape, over, t.value / over->length);
     LG_TRY(lg_machine_record_field(tape, over->vars, y, u, algebra));
-    if (lg_is_none(over->h)) return LG_OK;
+    lg_machine_hold_bristles(tape, over->vars->machine, algebra);
+    if (lg_is_none(over->h)) return lg_tape_status(tape);
     LG_TRY(lg_machine_space(over->vars->machine, &space));
     for (size_t i = 0; i < lg_taped_parts(&space); i++) {
         const lg_shape shape = lg_var_shape(tape, algebra[i]);
@@ -136,12 +137,30 @@ static lg_var lengths(lg_tape *tape, const lg_machine *machine, const lg_machine
     return h;
 }
 
-/* Steps over the interval by an explicit Lie group scheme. */
+void lg_machine_hold_bristles(lg_tape *tape, const lg_machine *machine, lg_var *algebra) {
+    const int z = lg_machine_parts(machine).z;
+    if (z >= 0) algebra[z] = lg_scale(tape, algebra[z], 0.0);
+}
+
+void lg_machine_move_bristles(lg_tape *tape, const lg_machine_vars *vars, lg_var h, lg_var *parts) {
+    const int z = lg_machine_parts(vars->machine).z;
+    if (z < 0) return;
+    const lg_var v = lg_machine_record_rates(tape, vars, parts);
+    parts[z] = lg_machine_bristle_after(tape, vars, v, parts[z], h);
+}
+
+/* Steps over the interval by an explicit Lie group scheme. Bristles move for half a step before and after each
+ * step. */
 static lg_status scheme_steps(lg_tape *tape, const lg_machine_flow *flow, interval *over, lg_var *parts) {
     const lg_taped_ode ode = {.space = flow->space, .field = field, .user = over};
     const double h = over->length / flow->substeps;
-    for (uint32_t i = 0; i < flow->substeps; i++)
+    const bool same = lg_is_none(over->h);
+    const lg_var half = same ? lg_full(tape, lg_shape2(1, 1), h / 2) : lg_scale(tape, over->h, h / 2);
+    for (uint32_t i = 0; i < flow->substeps; i++) {
+        lg_machine_move_bristles(tape, flow->vars, half, parts);
         LG_TRY(lg_taped_step(tape, flow->scheme, &ode, i * h, h, parts, parts));
+        lg_machine_move_bristles(tape, flow->vars, half, parts);
+    }
     return lg_tape_status(tape);
 }
 

@@ -69,7 +69,7 @@ static lg_var start_parameters(lg_tape *tape, const points *p, lg_var theta) {
     return lg_gather(tape, all, p->samples, (uint32_t)p->count);
 }
 
-enum { PARTS = 5 };
+enum { PARTS = 6 };
 
 /* Predicts points 0 .. M - 1 of the samples' windows: M states of `parts` variables each. */
 static lg_status predict(lg_tape *tape, const points *p, const lg_machine_flow *flow, lg_var theta,
@@ -85,6 +85,8 @@ static lg_status predict(lg_tape *tape, const points *p, const lg_machine_flow *
                                       first.positions, first.velocities, predicted));
     else
         LG_TRY(lg_machine_record_state(tape, flow->vars, first.positions, first.velocities, predicted));
+    for (size_t s = 0; s < p->count; s++) at[s] = row_of(p, 0, s);
+    LG_TRY(lg_machine_start_bristles(tape, flow->vars, &problem->log, at, p->count, predicted));
     for (uint32_t j = 0; j + 1 < problem->window; j++) {
         lg_var *next = predicted + (j + 1) * parts;
         memcpy(next, next - parts, parts * sizeof *next);

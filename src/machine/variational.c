@@ -30,6 +30,8 @@ typedef struct motion {
 } motion;
 
 const char *lg_machine_variational_fault(const lg_machine *machine) {
+    if (machine->bristles > 0)
+        return "variational has no LuGre friction: take cf4, rkmk4 or another explicit Lie group scheme";
     if (lg_machine_mass_moves(machine))
         return "variational is for masses that do not depend on the state (known, diagonal, constant); take "
                "cf4, rkmk4 or another explicit Lie group scheme";

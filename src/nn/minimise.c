@@ -8,8 +8,7 @@
 
 enum { CHECK_POINTS = 4, CHECK_LEVELS = 4, MOST_ENDLESS = 3, TINY_EACH = 8, MOST_CRAWLS = 10 };
 static const double SLOW_DECREASE = 1e-4, FIRST_STEP = 0.1, LONGEST_STEP = 3.0, LOWEST = -1e300,
-                    LEAST_ENDLESS = 1e-20, ROUNDED = 1e-14, FEW = 50.0, TINY = 1e-48, CRAWL = 3e-4,
-                    FORESEEN = 10.0;
+                    ROUNDED = 1e-14, FEW = 50.0, TINY = 1e-48, CRAWL = 3e-4, FORESEEN = 10.0;
 /* relative to 1 + |x_i|; factor from a level to the next */
 static const double CHECK_STEP = 1e-4, CHECK_FINER = 1e-2;
 static const double CHECK_TOLERANCE = 1e-3, CHECK_ROUNDING = 1e-13, CHECK_ROUGH = 10.0;
@@ -420,7 +419,7 @@ static void accept(lg_minimiser *m, double value, const double *gradient) {
     m->counts.iterations++;
     if (last) {
         lg_minimise_finish(m, LG_MINIMISE_ROUNDING);
-    } else if ((m->counts.endless >= MOST_ENDLESS && fall > LEAST_ENDLESS) || value < LOWEST) {
+    } else if (m->counts.endless >= MOST_ENDLESS || value < LOWEST) {
         lg_minimise_finish(m, LG_MINIMISE_UNBOUNDED);
     } else if (lg_minimise_flat(m)) {
         (void)lg_minimise_verify(m, LG_MINIMISE_GRADIENT);

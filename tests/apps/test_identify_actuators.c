@@ -65,6 +65,21 @@ TEST("a log without a lag says so") {
     assert_says(json_find(lag, "warning"), "\"no lag that the log shows\"");
 }
 
+TEST("a lag below the step is none that the log shows, however small its error is") {
+    cli_test_folder();
+    cli_write("truth.yaml", TRUE_MOTOR("lag: 0.006"));
+    cli_run(identify,
+            "generate truth.yaml --inputs steps:0.3 --amplitude 4 --t-end 20 --dt 0.01 --noise 0.0002,0.001 "
+            "--runs 1 --seed 4 --out log.csv");
+    cli_write("machine.yaml", MOTOR("lag: unknown"));
+    cli_json(identify, "fit machine.yaml log.csv --out m.h5", "loss *");
+    assert_says(result.err, "no lag that the log shows");
+    const char *lag = json_find(json_find(result.out, "identified"), "lag.u");
+    assert_true(json_number(lag, "value") < 0.01);
+    assert_true(2 * json_number(lag, "error") < json_number(lag, "value"));
+    assert_says(json_find(json_find(result.out, "lag"), "warning"), "\"no lag that the log shows\"");
+}
+
 TEST("the lag that was chosen is told with the losses of all starts") {
     static const char *const starts[] = {"0.02", "0.05", "0.1", "0.3"};
     cli_test_folder();

@@ -113,8 +113,9 @@ static const struct {
     {LG_MACHINE_DAMPING, "quadratic", "quadratic"},   {LG_MACHINE_INPUT_MAP, "constant", "known"},
     {LG_MACHINE_DAMPING, "cubic", "cubic"},           {LG_MACHINE_DAMPING, "asymmetric", "asymmetric"},
     {LG_MACHINE_DAMPING, "stribeck", "stribeck"},     {LG_MACHINE_DAMPING, "load", "load"},
-    {LG_MACHINE_DAMPING, "position", "position"},     {LG_MACHINE_OFFSET, "unknown", "known"},
-    {LG_MACHINE_ACTUATOR, "curve", "curve"},          {LG_MACHINE_ACTUATOR, "dead_zone", "dead_zone"},
+    {LG_MACHINE_DAMPING, "position", "position"},     {LG_MACHINE_DAMPING, "lugre", "lugre"},
+    {LG_MACHINE_OFFSET, "unknown", "known"},          {LG_MACHINE_ACTUATOR, "curve", "curve"},
+    {LG_MACHINE_ACTUATOR, "dead_zone", "dead_zone"},
 };
 
 /* The effect of the term at some rows: the energy, or the force of its part. */

@@ -2,6 +2,7 @@
 #include "support/io_test.h"
 #include "support/machine_support.h"
 
+#include "machine/files/choice.h"
 #include "machine/internal.h"
 
 RELEASES(release_file, lg_machine_file_destroy)
@@ -19,6 +20,21 @@ static const lg_machine_file *parse(const char *rest) {
 }
 
 /* ---- reading ---- */
+
+TEST("a lag of second order is a candidate in place of a lag that is learned, and not of one that is known") {
+    static const struct {
+        const char *lag;
+        bool open;
+    } rows[] = {{"lag: none", true},
+                {"lag: unknown", true},
+                {"lag: [none, {start: 0.3}]", true},
+                {"lag: [none, 0.3]", false},
+                {"lag: [unknown, 0.3]", false}};
+    const lg_candidate *second = lg_candidates;
+    while (strcmp(second->name, "second-order lag") != 0) second++;
+    for (size_t i = 0; i < LG_COUNT(rows); i++)
+        assert_int_equal(second->applies(parse(rows[i].lag), second), rows[i].open);
+}
 
 TEST("lags and curves are read for all inputs or one by one, and inputs of one kind share a term") {
     const lg_machine *all = &parse("lag: unknown, curve: {degree: 2}")->machine;

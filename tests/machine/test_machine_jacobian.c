@@ -184,7 +184,7 @@ TEST("the Jacobian of variational steps agrees with the tape too, with every kin
         const lg_term_kind *kind;
         for (size_t i = 0; (kind = lg_term_kind_at((lg_machine_part)part, i)) != NULL; i++) {
             const lg_machine machine = machine_with(kind, (lg_machine_part)part);
-            if (machine_moves(&machine)) continue;
+            if (machine_moves(&machine) || machine.bristles > 0) continue;
             assert_jacobian(&machine, LG_MACHINE_STARTS_MEASURED, "variational", NULL);
         }
     }

@@ -69,6 +69,7 @@ static factors factors_of(const lg_machine *machine) {
             if (row->directions == 0) *field++ = E / *L;
         }
     }
+    for (uint32_t k = 0; k < machine->bristles; k++) *field++ = s->velocity[k] / T;
     return f;
 }
 

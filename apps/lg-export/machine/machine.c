@@ -57,9 +57,9 @@ static void draw(export_model *m, double *x, size_t v_at) {
         x[m->dim - machine->lags + k] = draw_input(m, machine->lagged[k]);
 }
 
-/* Lags move exactly, not by the scheme. */
-static bool has_lags(const export_model *m) {
-    return run_of(m)->machine.lags > 0;
+/* Lags and bristles move exactly, not by the scheme. */
+static bool steps_alone(const export_model *m) {
+    return run_of(m)->machine.lags > 0 || run_of(m)->machine.bristles > 0;
 }
 
 /* ---- description in NAME.h ---- */
@@ -83,7 +83,7 @@ static void tell_training(const export_model *m) {
 
 static const char words_of_field[] = "an element of the algebra: rates of places, omega and moment of each "
                                      "direction, R Omega of each rotation, "
-                                     "rates of momenta, rates of lagged inputs";
+                                     "rates of momenta, of bristles and of lagged inputs";
 
 static void tell(export_model *m) {
     export_source *source = m->source;
@@ -110,5 +110,5 @@ const export_kind export_kind_machine = {.recipe = &lg_recipe_machine_model,
                                          .words = export_machine_words,
                                          .draw = draw,
                                          .draw_input = draw_input,
-                                         .steps_alone = has_lags,
+                                         .steps_alone = steps_alone,
                                          .tell = tell};

@@ -73,6 +73,10 @@ static void tell_state(export_source *source, const lg_machine *machine) {
     tell_each(source, machine, tell_rotation);
     if (machine->momenta > 0) lg_text_add(&source->state, "momenta");
     tell_each(source, machine, tell_momenta);
+    if (machine->bristles > 0) {
+        lg_text_add(&source->state, " bristles (%u)", machine->bristles);
+        add_numbers(&source->places, "bristle", "", NULL, machine->bristles);
+    }
     if (machine->lags > 0) lg_text_add(&source->state, " lagged inputs");
     for (uint32_t k = 0; k < machine->lags; k++) {
         const bool first = k + 1 < machine->lags && machine->lagged[k + 1] == machine->lagged[k];

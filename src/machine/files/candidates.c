@@ -3,10 +3,21 @@
 #include <string.h>
 
 #include "machine/files/choice.h"
+#include "machine/internal.h"
 
 static bool has_inputs(const lg_machine_file *file, const lg_candidate *self) {
     (void)self;
     return file->machine.input_count > 0;
+}
+
+/* The machine has inputs, and no lag whose value is known. */
+static bool lags_are_open(const lg_machine_file *file, const lg_candidate *self) {
+    bool open = has_inputs(file, self);
+    for (uint32_t i = 0; i < file->machine.term_count; i++) {
+        const lg_machine_term *term = &file->machine.terms[i];
+        open = open && (term->kind->lag == NULL || term->entry_count == term->value_count);
+    }
+    return open;
 }
 
 /* An input has another hold. */
@@ -105,7 +116,7 @@ const lg_candidate lg_candidates[] = {
      .part = "actuator",
      .kind = "second_order_lag",
      .unless = "second_order_lag",
-     .applies = has_inputs,
+     .applies = lags_are_open,
      .asks = "a lag of second order of the actuator"},
     {.name = "dead zone",
      .edit = {LG_YAML_SET, "inputs.curve", NULL, "{dead_zone: unknown}"},

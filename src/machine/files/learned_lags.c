@@ -20,12 +20,9 @@ static const lg_identified *find(const lg_machine_verdict *what, const char *inp
     return NULL;
 }
 
-/* The log shows no lag below its step, unless the error is small. */
+/* The log shows no lag below its step, however small its stated error is. */
 static bool is_shown(const lg_machine *machine, const lg_identified *lag) {
-    static const double near_low = 1.5;
-    const double least = machine->scales.lag[0];
-    return lag->value > near_low * least &&
-           (lag->value >= least / least_rows || 2.0 * lag->error < lag->value);
+    return lag->value >= machine->scales.lag[0] / least_rows;
 }
 
 void lg_machine_warn_of_lags(const lg_training *self, const lg_machine_verdict *what) {

@@ -95,16 +95,20 @@ static lg_machine_problem short_windows(const lg_training *self, const lg_machin
     return problem;
 }
 
-/* Fits windows of at most `window` rows. theta, in and out: the parameters of `machine`; with positions alone
- * the parameters of the starts follow. */
-static lg_status fit_short(lg_training *self, const lg_machine *machine, const lg_scheme *scheme,
-                           uint32_t window, double *theta, lg_error *error) {
+/* Fits `problem`, of short windows. theta, in and out: the parameters of `machine`; with positions alone the
+ * parameters of the starts follow. */
+static lg_status fit_problem(lg_training *self, lg_machine_problem *problem, double *theta, lg_error *error) {
     /* Priors only hold what short windows leave open. */
     static const double weak = 1e-6;
     const lg_stage_limits most = {LG_STAGE_EPOCHS, self->options.seconds / 8};
+    problem->residual = weak;
+    return lg_machine_fit_stage(self, problem, &most, theta, error);
+}
+
+static lg_status fit_short(lg_training *self, const lg_machine *machine, const lg_scheme *scheme,
+                           uint32_t window, double *theta, lg_error *error) {
     lg_machine_problem problem = short_windows(self, machine, scheme, window);
-    problem.residual = weak;
-    return lg_machine_fit_stage(self, &problem, &most, theta, error);
+    return fit_problem(self, &problem, theta, error);
 }
 
 /* Enlarges the position scale of a coordinate whose positions are predicted much worse, in units of their
@@ -133,34 +137,73 @@ static lg_status balance(lg_training *self, const lg_machine *machine, const dou
 
 const double lg_lag_starts[LG_LAG_STARTS] = {2, 5, 10, 30};
 
-/* Fits from each start of the lags, and takes the one whose loss is least. */
-static lg_status scan_lags(lg_training *self, const lg_machine *machine, double *theta, lg_error *error) {
-    enum { LONG = 20, SHORT = 5 };
-    static const double least = 0.2;
-    lg_machine_state *s = self->state;
-    const uint32_t window = s->positions || s->noisy ? LONG : SHORT;
-    const lg_scheme *scheme = s->problem.scheme;
-    const lg_machine_problem problem = short_windows(self, machine, scheme, window);
-    const size_t n = lg_machine_problem_parameters(&problem);
+/* Keeps at most `most` of the problem's windows, spread over the log, in `start` (most). */
+static void thin(lg_machine_problem *problem, size_t most, size_t *start) {
+    if (problem->windows <= most) return;
+    for (size_t i = 0; i < most; i++) start[i] = problem->start[i * problem->windows / most];
+    problem->start = start;
+    problem->windows = most;
+    problem->validation = 0;
+}
+
+/* Fits `problem` from `count` starts, which `set` writes into the parameters, and takes the one whose loss is
+ * least. losses (count): divided by the least one; 0 where it is not finite. */
+static lg_status scan(lg_training *self, lg_machine_problem *problem, size_t count,
+                      void (*set)(const lg_machine *machine, size_t start, double *theta), double *theta,
+                      double *losses, lg_error *error) {
+    const size_t n = lg_machine_problem_parameters(problem);
     double best = INFINITY, *own, *found;
     LG_TRAINING_ARRAY(self, own, n + 1, error);
     LG_TRAINING_ARRAY(self, found, n + 1, error);
-    memcpy(own, theta, n * sizeof *own);
-    if (lg_machine_set_lags(machine, 1.0, own) == 0) return LG_OK;
-    for (size_t i = 0; i < LG_LAG_STARTS; i++) {
+    for (size_t i = 0; i < count; i++) {
         double loss = 0;
+        lg_machine_problem each = *problem;
         memcpy(own, theta, n * sizeof *own);
-        (void)lg_machine_set_lags(machine, lg_lag_starts[i] / least * machine->scales.lag[0], own);
-        LG_TRY(fit_short(self, machine, scheme, window, own, error));
-        LG_TRY(lg_machine_loss(self->context, &problem, own, &loss, NULL, error));
-        s->lag_ratios[i] = isfinite(loss) ? loss : 0;
+        set(problem->machine, i, own);
+        LG_TRY(fit_problem(self, &each, own, error));
+        LG_TRY(lg_machine_loss(self->context, problem, own, &loss, NULL, error));
+        losses[i] = isfinite(loss) ? loss : 0;
         if (!(loss < best)) continue;
         best = loss;
         memcpy(found, own, n * sizeof *found);
     }
-    for (size_t i = 0; i < LG_LAG_STARTS && best > 0; i++) s->lag_ratios[i] /= best;
+    for (size_t i = 0; i < count && best > 0; i++) losses[i] /= best;
     if (isfinite(best)) memcpy(theta, found, n * sizeof *theta);
     return LG_OK;
+}
+
+enum { LONG = 20, SHORT = 5, BRISTLES = 10 };
+
+static void start_lags(const lg_machine *machine, size_t start, double *theta) {
+    static const double least = 0.2;
+    (void)lg_machine_set_lags(machine, lg_lag_starts[start] / least * machine->scales.lag[0], theta);
+}
+
+static void start_bristles(const lg_machine *machine, size_t start, double *theta) {
+    (void)lg_machine_set_bristles(machine, (start + 0.5) / BRISTLES, theta);
+}
+
+static lg_status scan_lags(lg_training *self, const lg_machine *machine, double *theta, lg_error *error) {
+    lg_machine_state *s = self->state;
+    double *own;
+    lg_machine_problem problem =
+        short_windows(self, machine, s->problem.scheme, s->positions || s->noisy ? LONG : SHORT);
+    LG_TRAINING_ARRAY(self, own, machine->parameters + 1, error);
+    if (lg_machine_set_lags(machine, 1.0, own) == 0) return LG_OK;
+    return scan(self, &problem, LG_LAG_STARTS, start_lags, theta, s->lag_ratios, error);
+}
+
+/* A few windows tell which start is the best. */
+static lg_status scan_bristles(lg_training *self, const lg_machine *machine, double *theta, lg_error *error) {
+    enum { FEW = 200 };
+    const lg_machine_state *s = self->state;
+    double losses[BRISTLES], *own;
+    size_t start[FEW];
+    lg_machine_problem problem = short_windows(self, machine, s->problem.scheme, LONG);
+    LG_TRAINING_ARRAY(self, own, machine->parameters + 1, error);
+    if (!lg_machine_set_bristles(machine, 0.5, own)) return LG_OK;
+    if (!s->positions) thin(&problem, FEW, start);
+    return scan(self, &problem, BRISTLES, start_bristles, theta, losses, error);
 }
 
 /* With positions alone compares ways to first parameters. Else fits the shortest windows, until the scales of
@@ -171,7 +214,8 @@ static lg_status fit_windows(lg_training *self, const lg_machine *machine, doubl
     bool changed = true;
     if (s->positions) {
         LG_TRY(lg_machine_fit_candidates(self, machine, theta, error));
-        return scan_lags(self, machine, theta, error);
+        LG_TRY(scan_lags(self, machine, theta, error));
+        return scan_bristles(self, machine, theta, error);
     }
     lg_machine_problem problem = s->problem;
     problem.machine = machine;
@@ -182,7 +226,7 @@ static lg_status fit_windows(lg_training *self, const lg_machine *machine, doubl
         LG_TRY(fit_short(self, machine, s->problem.scheme, s->noisy ? 5 : 2, theta, error));
         LG_TRY(balance(self, machine, theta, &changed, error));
     }
-    return LG_OK;
+    return scan_bristles(self, machine, theta, error);
 }
 
 /* Doubles the substeps until explicit steps come to rest: one step is no longer than the time in which
