@@ -123,6 +123,26 @@ TEST("a sampled analogue input is recognised where a slow force hides it in long
     assert_true(ratio_of("hold", "zero") > 1.05);
 }
 
+/* Standard deviation of number i of a model with the model's covariance, by difference quotients. */
+static double error_of_model(const char *path, size_t i) {
+    enum { MOST = 32 };
+    static const double step = 1e-6;
+    const lg_machine_model_file *file = cli_machine_model(path);
+    const size_t n = file->parameters;
+    lg_identified numbers[2][MOST];
+    double theta[MOST], sum = 0;
+    assert_true(n <= MOST && file->spread != NULL);
+    for (size_t k = 0; k < n; k++) { /* along each column of W */
+        for (int side = 0; side < 2; side++) {
+            for (size_t j = 0; j < n; j++)
+                theta[j] = file->theta[j] + (side == 0 ? step : -step) * file->spread[j * n + k];
+            assert_true(lg_machine_numbers(&file->run.machine, theta, MOST, numbers[side]) <= MOST);
+        }
+        sum += pow((numbers[0][i].value - numbers[1][i].value) / (2 * step), 2);
+    }
+    return sqrt(sum);
+}
+
 TEST("what another hold would change is a part of the errors, if the log does not tell the holds apart") {
     write_log("log.csv", &(plant){none, false, 0, 1500, 1, 0.5, 4});
     cli_json(identify, "fit open.yaml log.csv --out m.h5", "loss *");
@@ -131,6 +151,7 @@ TEST("what another hold would change is a part of the errors, if the log does no
     const char *mass = json_find(json_find(result.out, "identified"), "mass.1.1");
     assert_true(json_number(mass, "error") >
                 0.99 * strtod(told + strlen("another hold changes mass.1.1 by "), NULL));
+    assert_close(error_of_model("m.h5", 0), json_number(mass, "error"), 1e-3, 0);
 }
 
 TEST("hold and delay are found together") {
