@@ -266,4 +266,40 @@ TEST("--size sets the widths of networks, and auto takes the smallest that is go
                "--size: this machine has no network");
 }
 
+/* ---- memory ---- */
+
+#ifndef LG_SANITIZED
+TEST("windows that are too long for the memory are refused with the length that fits, and this one fits") {
+    enum { MIB = 1 << 20 };
+    struct rlimit before;
+    unsigned window = 0;
+    double needed = 0, left = 0;
+    write_log("log.csv", &(plant){none, true, 0, 20000, 1, 0, 0});
+    assert_int_equal(getrlimit(RLIMIT_AS, &before), 0);
+    const struct rlimit less = {600 * MIB, before.rlim_max};
+    assert_int_equal(setrlimit(RLIMIT_AS, &less), 0); /* children have the limit of this process */
+    cli_run_limited(identify,
+                    "fit held.yaml log.csv --out m.h5 --threads 1 --method adam --epochs 2 "
+                    "--window 20000",
+                    0);
+    const int code = result.code;
+    const char *told = strstr(result.err, "--window 20000: a fit of windows as long as this needs about ");
+    if (told != NULL)
+        (void)sscanf(
+            told,
+            "--window 20000: a fit of windows as long as this needs about %lf MiB of memory, and %lf "
+            "MiB are left: windows of up to %u rows fit",
+            &needed, &left, &window);
+    cli_run_limited(identify,
+                    test_text("fit held.yaml log.csv --out m.h5 --threads 1 --method adam --epochs 2 "
+                              "--window %u",
+                              window),
+                    0);
+    assert_int_equal(setrlimit(RLIMIT_AS, &before), 0);
+    assert_int_equal(code, 5);
+    assert_true(needed > left && left > 100 && left < 600 && window > 2 && window < 20000);
+    if (result.code != 0) fail_msg("--window %u: %s", window, result.err);
+}
+#endif
+
 TEST_GROUP(setup, cli_end)
