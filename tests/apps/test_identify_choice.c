@@ -69,10 +69,11 @@ static void write_log(const char *name, const plant *p) {
     assert_int_equal(fclose(file), 0);
 }
 
-#define MACHINE(inputs, damping)                                                                             \
+#define INPUT(inputs)                                                                                        \
     "columns: {time: t}\ncoordinates:\n  - {name: x, kind: line, velocity: vx}\ninputs: {columns: "          \
-    "[u]" inputs "}\nmass: diagonal\npotential: {kind: quadratic, of: x}\ndamping: " damping                 \
-    "\ninput_map: {kind: known, values: [[1]]}\n"
+    "[u]" inputs "}\ninput_map: {kind: known, values: [[1]]}\n"
+#define MACHINE(inputs, damping)                                                                             \
+    INPUT(inputs) "mass: diagonal\npotential: {kind: quadratic, of: x}\ndamping: " damping "\n"
 
 static int setup(void **state) {
     if (cli_begin() != 0) return -1;
@@ -255,6 +256,41 @@ TEST("with --select free-run the result is the epoch with the least error of fre
                   epoch),
         "epochs *");
     assert_true(json_number(result.out, "loss") == loss);
+}
+
+TEST(
+    "--select free-run keeps an epoch before free runs get worse, although the loss of windows still falls") {
+    enum { EPOCHS = 300 };
+    double error[2];
+    cli_write(
+        "known.yaml",
+        INPUT(", hold: zero") "mass: {kind: known, values: [2]}\ndamping: {kind: known, values: [0.3]}\n"
+                              "potential: {kind: known, form: quadratic, of: x, values: [5]}\n");
+    cli_write("wide.yaml", MACHINE(", hold: zero", "{kind: network, of: x.velocity, hidden: [24, 24]}"));
+    cli_run(identify,
+            "generate known.yaml --inputs steps --amplitude 3 --t-end 30 --dt 0.05 --noise 0.05,0.1 "
+            "--runs 1 --out noisy.csv");
+    cli_run(identify,
+            "generate known.yaml --inputs steps --amplitude 3 --t-end 30 --dt 0.05 --runs 1 --seed 5 "
+            "--out clean.csv");
+    for (int plain = 0; plain < 2; plain++) {
+        cli_json(
+            identify,
+            test_text("fit wide.yaml noisy.csv --out m.h5 --window 5 --starts measured --prior 0 --method "
+                      "ssbroyden --epochs %d%s",
+                      EPOCHS, plain ? "" : " --select free-run"),
+            "loss >0");
+        if (!plain) {
+            const int epoch = (int)json_number(json_find(result.out, "select"), "epoch");
+            const double *loss = cli_machine_model("m.h5")->history[LG_FIT_LOSS];
+            assert_true(epoch > 0 && epoch < EPOCHS && loss[EPOCHS - 1] < loss[epoch - 1]);
+        }
+        cli_json(identify, "evaluate m.h5 clean.csv", "window_loss >0");
+        error[plain] = json_number(json_find(result.out, "free_run"), "x");
+    }
+    printf("free runs over another log: %.3g at the epoch that is kept, %.3g at the last\n", error[0],
+           error[1]);
+    assert_true(error[0] < 0.9 * error[1]);
 }
 
 TEST("--size sets the widths of networks, and auto takes the smallest that is good enough") {
