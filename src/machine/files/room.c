@@ -126,7 +126,8 @@ static double bytes_of(const lg_training *self, bytes row, uint32_t window) {
     static const double margin = 1.3; /* the parts of blocks that are not used */
     lg_machine_problem problem = ((const lg_machine_state *)self->state)->problem;
     lg_fit_problem fit;
-    const double windows = fmax(1, (double)problem.log.rows / window),
+    const size_t used = problem.windows - problem.validation; /* shorter windows are more */
+    const double windows = fmax((double)used, (double)problem.log.rows / window),
                  shards = fmin(windows, self->options.shards > 0 ? self->options.shards : SHARDS);
     problem.window = window;
     lg_machine_fit_problem(&problem, &fit);
