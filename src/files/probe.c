@@ -19,6 +19,7 @@
 #endif
 
 #include "files/h5.h"
+#include "files/memory.h"
 #include "files/sandbox.h"
 
 #if defined(LG_SANITIZED)
@@ -50,18 +51,6 @@ static void limit(int resource, rlim_t value) {
     now.rlim_cur = value;
     now.rlim_max = value;
     (void)setrlimit(resource, &now);
-}
-
-/* Bytes of address space in use now. Without /proc, a generous guess. */
-static uint64_t addresses_in_use(void) {
-    unsigned long long pages = 0;
-    FILE *file = fopen("/proc/self/statm", "re");
-    if (file != NULL) {
-        if (fscanf(file, "%llu", &pages) != 1) pages = 0;
-        (void)fclose(file);
-    }
-    long page = sysconf(_SC_PAGESIZE);
-    return pages == 0 || page <= 0 ? (uint64_t)16 << 30 : (uint64_t)pages * (uint64_t)page;
 }
 
 /* Closes all descriptors of the parent except regular files. Terminals and sockets would be a way out of the
@@ -100,7 +89,7 @@ static void enter_child(const lg_read_options *options, uint64_t file_bytes, int
     (void)alarm(patience < INT_MAX ? (unsigned)patience : (unsigned)INT_MAX);
     if (LG_LIMIT_MEMORY) {
         uint64_t extra = ((uint64_t)1 << 30) + options->max_size / 4 + 16 * file_bytes;
-        limit(RLIMIT_AS, (rlim_t)(addresses_in_use() + extra));
+        limit(RLIMIT_AS, (rlim_t)(lg_addresses_in_use() + extra));
     }
 }
 

@@ -69,10 +69,11 @@ static void write_log(const char *name, const plant *p) {
     assert_int_equal(fclose(file), 0);
 }
 
-#define MACHINE(inputs, damping)                                                                             \
+#define INPUT(inputs)                                                                                        \
     "columns: {time: t}\ncoordinates:\n  - {name: x, kind: line, velocity: vx}\ninputs: {columns: "          \
-    "[u]" inputs "}\nmass: diagonal\npotential: {kind: quadratic, of: x}\ndamping: " damping                 \
-    "\ninput_map: {kind: known, values: [[1]]}\n"
+    "[u]" inputs "}\ninput_map: {kind: known, values: [[1]]}\n"
+#define MACHINE(inputs, damping)                                                                             \
+    INPUT(inputs) "mass: diagonal\npotential: {kind: quadratic, of: x}\ndamping: " damping "\n"
 
 static int setup(void **state) {
     if (cli_begin() != 0) return -1;
@@ -123,6 +124,26 @@ TEST("a sampled analogue input is recognised where a slow force hides it in long
     assert_true(ratio_of("hold", "zero") > 1.05);
 }
 
+/* Standard deviation of number i of a model with the model's covariance, by difference quotients. */
+static double error_of_model(const char *path, size_t i) {
+    enum { MOST = 32 };
+    static const double step = 1e-6;
+    const lg_machine_model_file *file = cli_machine_model(path);
+    const size_t n = file->parameters;
+    lg_identified numbers[2][MOST];
+    double theta[MOST], sum = 0;
+    assert_true(n <= MOST && file->spread != NULL);
+    for (size_t k = 0; k < n; k++) { /* along each column of W */
+        for (int side = 0; side < 2; side++) {
+            for (size_t j = 0; j < n; j++)
+                theta[j] = file->theta[j] + (side == 0 ? step : -step) * file->spread[j * n + k];
+            assert_true(lg_machine_numbers(&file->run.machine, theta, MOST, numbers[side]) <= MOST);
+        }
+        sum += pow((numbers[0][i].value - numbers[1][i].value) / (2 * step), 2);
+    }
+    return sqrt(sum);
+}
+
 TEST("what another hold would change is a part of the errors, if the log does not tell the holds apart") {
     write_log("log.csv", &(plant){none, false, 0, 1500, 1, 0.5, 4});
     cli_json(identify, "fit open.yaml log.csv --out m.h5", "loss *");
@@ -131,6 +152,7 @@ TEST("what another hold would change is a part of the errors, if the log does no
     const char *mass = json_find(json_find(result.out, "identified"), "mass.1.1");
     assert_true(json_number(mass, "error") >
                 0.99 * strtod(told + strlen("another hold changes mass.1.1 by "), NULL));
+    assert_close(error_of_model("m.h5", 0), json_number(mass, "error"), 1e-3, 0);
 }
 
 TEST("hold and delay are found together") {
@@ -236,6 +258,41 @@ TEST("with --select free-run the result is the epoch with the least error of fre
     assert_true(json_number(result.out, "loss") == loss);
 }
 
+TEST(
+    "--select free-run keeps an epoch before free runs get worse, although the loss of windows still falls") {
+    enum { EPOCHS = 300 };
+    double error[2];
+    cli_write(
+        "known.yaml",
+        INPUT(", hold: zero") "mass: {kind: known, values: [2]}\ndamping: {kind: known, values: [0.3]}\n"
+                              "potential: {kind: known, form: quadratic, of: x, values: [5]}\n");
+    cli_write("wide.yaml", MACHINE(", hold: zero", "{kind: network, of: x.velocity, hidden: [24, 24]}"));
+    cli_run(identify,
+            "generate known.yaml --inputs steps --amplitude 3 --t-end 30 --dt 0.05 --noise 0.05,0.1 "
+            "--runs 1 --out noisy.csv");
+    cli_run(identify,
+            "generate known.yaml --inputs steps --amplitude 3 --t-end 30 --dt 0.05 --runs 1 --seed 5 "
+            "--out clean.csv");
+    for (int plain = 0; plain < 2; plain++) {
+        cli_json(
+            identify,
+            test_text("fit wide.yaml noisy.csv --out m.h5 --window 5 --starts measured --prior 0 --method "
+                      "ssbroyden --epochs %d%s",
+                      EPOCHS, plain ? "" : " --select free-run"),
+            "loss >0");
+        if (!plain) {
+            const int epoch = (int)json_number(json_find(result.out, "select"), "epoch");
+            const double *loss = cli_machine_model("m.h5")->history[LG_FIT_LOSS];
+            assert_true(epoch > 0 && epoch < EPOCHS && loss[EPOCHS - 1] < loss[epoch - 1]);
+        }
+        cli_json(identify, "evaluate m.h5 clean.csv", "window_loss >0");
+        error[plain] = json_number(json_find(result.out, "free_run"), "x");
+    }
+    printf("free runs over another log: %.3g at the epoch that is kept, %.3g at the last\n", error[0],
+           error[1]);
+    assert_true(error[0] < 0.9 * error[1]);
+}
+
 TEST("--size sets the widths of networks, and auto takes the smallest that is good enough") {
     write_log("log.csv", &(plant){cubic, true, 0, 1000, 1, 0, 0});
     cli_json(identify, "fit network.yaml log.csv --out m.h5 --epochs 20 --size 5,3", "parameters 34");
@@ -244,5 +301,41 @@ TEST("--size sets the widths of networks, and auto takes the smallest that is go
     cli_expect(identify, "fit held.yaml log.csv --out m.h5 --size auto", 2,
                "--size: this machine has no network");
 }
+
+/* ---- memory ---- */
+
+#ifndef LG_SANITIZED
+TEST("windows that are too long for the memory are refused with the length that fits, and this one fits") {
+    enum { MIB = 1 << 20 };
+    struct rlimit before;
+    unsigned window = 0;
+    double needed = 0, left = 0;
+    write_log("log.csv", &(plant){none, true, 0, 20000, 1, 0, 0});
+    assert_int_equal(getrlimit(RLIMIT_AS, &before), 0);
+    const struct rlimit less = {600 * MIB, before.rlim_max};
+    assert_int_equal(setrlimit(RLIMIT_AS, &less), 0); /* children have the limit of this process */
+    cli_run_limited(identify,
+                    "fit held.yaml log.csv --out m.h5 --threads 1 --method adam --epochs 2 "
+                    "--window 20000",
+                    0);
+    const int code = result.code;
+    const char *told = strstr(result.err, "--window 20000: a fit of windows as long as this needs about ");
+    if (told != NULL)
+        (void)sscanf(
+            told,
+            "--window 20000: a fit of windows as long as this needs about %lf MiB of memory, and %lf "
+            "MiB are left: windows of up to %u rows fit",
+            &needed, &left, &window);
+    cli_run_limited(identify,
+                    test_text("fit held.yaml log.csv --out m.h5 --threads 1 --method adam --epochs 2 "
+                              "--window %u",
+                              window),
+                    0);
+    assert_int_equal(setrlimit(RLIMIT_AS, &before), 0);
+    assert_int_equal(code, 5);
+    assert_true(needed > left && left > 100 && left < 600 && window > 2 && window < 20000);
+    if (result.code != 0) fail_msg("--window %u: %s", window, result.err);
+}
+#endif
 
 TEST_GROUP(setup, cli_end)

@@ -99,9 +99,10 @@ lg_status lg_machine_reread(lg_training *self, const char *text, lg_error *error
  * and writes it into the machine's text. */
 lg_status lg_machine_choose_inputs(lg_training *self, lg_error *error);
 void lg_machine_tell_inputs(lg_training *self);
-/* Adds to the errors of numbers how much these change with another hold that the log does not refute. Warns
- * if that is more than the error of one of them. */
-void lg_machine_widen(lg_training *self, size_t count, lg_identified *numbers);
+/* Adds to the errors of numbers, and to the covariance of the parameters theta, how much the numbers change
+ * with another hold that the log does not refute. Warns if that is more than the error of one of them. */
+lg_status lg_machine_widen(lg_training *self, const double *theta, size_t count, lg_identification *of,
+                           lg_error *error);
 
 /* ---- lags that were learned (learned_lags.c) ---- */
 

@@ -303,14 +303,46 @@ lg_status lg_machine_choose_inputs(lg_training *self, lg_error *error) {
     return status;
 }
 
-void lg_machine_widen(lg_training *self, size_t count, lg_identified *numbers) {
+/* Multiplies a parameter's row of W by the largest factor of the numbers that change with this parameter.
+ * W W^T then has errors of the numbers that are the widened ones, or above these where a number shares a
+ * parameter with a number that was widened more. */
+static lg_status widen_spread(lg_training *self, const double *theta, size_t count, const double *factor,
+                              double *W, lg_error *error) {
+    static const double step = 1e-3;
+    const lg_machine *machine = ((const lg_machine_state *)self->state)->problem.machine;
+    const size_t n = machine->parameters;
+    double *at;
+    lg_identified *numbers, *moved;
+    if (W == NULL) return LG_OK;
+    LG_TRAINING_ARRAY(self, at, n + 1, error);
+    LG_TRAINING_ARRAY(self, numbers, count + 1, error);
+    LG_TRAINING_ARRAY(self, moved, count + 1, error);
+    memcpy(at, theta, n * sizeof *at);
+    (void)lg_machine_numbers(machine, at, count, numbers);
+    for (size_t k = 0; k < n; k++) {
+        double most = 1;
+        at[k] += step * (1 + fabs(theta[k]));
+        (void)lg_machine_numbers(machine, at, count, moved);
+        at[k] = theta[k];
+        for (size_t i = 0; i < count; i++)
+            if (isfinite(factor[i]) && moved[i].value != numbers[i].value) most = fmax(most, factor[i]);
+        for (size_t i = 0; i < n; i++) W[k * n + i] *= most;
+    }
+    return LG_OK;
+}
+
+lg_status lg_machine_widen(lg_training *self, const double *theta, size_t count, lg_identification *of,
+                           lg_error *error) {
     const lg_machine_state *s = self->state;
     const lg_input_changes *inputs = &s->changes;
     const lg_identified *most = NULL;
-    double worst = 1, at[LG_MACHINE_POSITIONS];
+    lg_identified *numbers = of->numbers;
+    double worst = 1, at[LG_MACHINE_POSITIONS], *factor;
     /* A mass that depends on the state is reported at other positions by the trials. */
     const bool placed = lg_machine_mass_at(&s->problem, at);
-    for (size_t i = 0; i < count; i++)
+    LG_TRAINING_ARRAY(self, factor, count + 1, error);
+    for (size_t i = 0; i < count; i++) {
+        const double before = numbers[i].error;
         for (size_t k = 0; k < inputs->count; k++) {
             const lg_identified *changed = &inputs->numbers[k];
             if (strcmp(changed->name, numbers[i].name) != 0) continue;
@@ -319,11 +351,14 @@ void lg_machine_widen(lg_training *self, size_t count, lg_identified *numbers) {
                 worst = changed->error / numbers[i].error, most = changed;
             numbers[i].error = hypot(numbers[i].error, changed->error);
         }
+        factor[i] = numbers[i].error / before;
+    }
     if (most != NULL)
         LG_WARN(self,
                 "the log does not tell how the inputs act between rows, and it matters: another hold changes "
                 "%s by %.2g; standard errors contain this",
                 most->name, most->error);
+    return widen_spread(self, theta, count, factor, of->spread, error);
 }
 
 /* ---- results ---- */

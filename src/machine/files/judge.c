@@ -311,7 +311,7 @@ static lg_status find_numbers(lg_training *self, const double *theta, lg_machine
     LG_TRAINING_ARRAY(self, of->open, count * count + 1, error);
     if (n <= LG_MACHINE_MOST_SPREAD) LG_TRAINING_ARRAY(self, of->spread, n * n + 1, error);
     LG_TRY(lg_machine_identify(self->context, problem, theta, of, error));
-    lg_machine_widen(self, count, of->numbers);
+    LG_TRY(lg_machine_widen(self, theta, count, of, error));
     keep_several(of, count);
     return LG_OK;
 }

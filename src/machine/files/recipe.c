@@ -339,7 +339,10 @@ static lg_status make_problem(lg_training *self, lg_error *error) {
     lg_machine_initialise(&run->machine, &rng, self->theta);
     const struct lg_machine_warm *warm = ((const lg_machine_state *)self->state)->warm;
     if (warm != NULL) lg_machine_take_over(warm, &run->machine, self->theta);
+    LG_TRY(lg_machine_check_room(self, error));
     if (self->stored == NULL) LG_TRY(lg_machine_warm_up(self, self->theta, error));
+    /* The warm-up chose the substeps. */
+    if (run->substeps > 1) LG_TRY(lg_machine_check_room(self, error));
     if (self->stored == NULL) LG_TRY(weigh_priors(self, self->theta, error));
     LG_TRY(lg_machine_select_begin(self, error));
     if (problem->validation > 0) options->keep_best = true;

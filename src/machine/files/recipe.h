@@ -294,4 +294,10 @@ void lg_machine_smooth(const lg_machine *machine, const lg_machine_log *log, uin
 /* The trainer's hook `judge`: fills the verdict, and warns of what is wrong with the model. */
 lg_status lg_machine_judge(struct lg_training *self, double *theta, lg_error *error);
 
+/* ---- memory (room.c) ---- */
+
+/* Fails with LG_OUT_OF_MEMORY if the windows of the fit are so long that the memory that is left does not
+ * suffice; the sentence says how long they may be. */
+lg_status lg_machine_check_room(struct lg_training *self, lg_error *error);
+
 #endif
