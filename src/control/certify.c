@@ -14,10 +14,7 @@ void lg_certify_spec_init(lg_certify_spec *spec) {
 
 void lg_certify_destroy(lg_certify *c) {
     if (c == NULL) return;
-    lg_interval_destroy(c->full);
-    lg_interval_destroy(c->point);
-    lg_interval_destroy(c->local);
-    lg_program_destroy(c->program);
+    lg_certify_forget(c);
     if (c->pool != NULL) lg_thread_pool_destroy(c->pool);
     lg_free(c->context, c->stack);
     lg_free(c->context, c->work);
@@ -107,6 +104,10 @@ static lg_status begin(lg_certify *c, const lg_certify_spec *spec, lg_error *err
         LG_TRY(lg_certify_whiten(c, error));
     }
     LG_TRY(lg_certify_record(c, spec, error));
+    if (c->quadratic) {
+        LG_TRY(lg_certify_turn(c, error));
+        LG_TRY(lg_certify_record(c, spec, error));
+    }
     if (spec->threads > 1) LG_TRY(lg_thread_pool_create(c->context, spec->threads, &c->pool));
     LG_TRY(lg_certify_memory(c));
     return c->quadratic ? begin_quadratic(c, error) : lg_certify_begin(c, LG_CERTIFY_FACES);

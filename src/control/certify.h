@@ -57,10 +57,12 @@ enum {
     LG_CERTIFY_TASKS = LG_CERTIFY_BATCH / LG_CERTIFY_TASK
 };
 
-/* certify_program.c: records claim and local, and makes the evaluators. */
+/* certify_program.c: records claim and local, and makes the evaluators; they replace earlier ones. */
+void lg_certify_forget(lg_certify *c);
 lg_status lg_certify_record(lg_certify *c, const lg_certify_spec *spec, lg_error *error);
 /* certify_local.c: coordinates of a quadratic V; eps, N and the argument on N, for the level c->level. */
 lg_status lg_certify_whiten(lg_certify *c, lg_error *error);
+lg_status lg_certify_turn(lg_certify *c, lg_error *error);
 lg_status lg_certify_near(lg_certify *c);
 /* certify_bounds.c: bounds of the boxes of the batch. */
 lg_status lg_certify_memory(lg_certify *c);

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "control/certify.h"
+#include "kernels/lapack.h"
 #include "kernels/matrix.h"
 
 enum { MOST = LG_CERTIFY_STATES };
@@ -45,43 +46,36 @@ static void exactly(size_t n, const double *values, banded *out) {
     memcpy(out->middle, values, n * n * sizeof *values);
 }
 
-/* Whether sign (A + A^T)/2 is positive definite for every A: the middle, less the largest sum of radii, has a
- * Cholesky factor in rounded arithmetic with room for the rounding (Rump 2006). NaN and inf fail. */
+/* Whether S = sign (A + A^T)/2 is positive definite for every A. S is scaled to a diagonal of 1. Its middle, less
+ * the largest sum of radii, must have a Cholesky factor in rounded arithmetic, with room for the rounding (Rump
+ * 2006). NaN and inf fail. */
 static bool is_definite(size_t n, const banded *a, double sign) {
-    double m[MOST * MOST], L[MOST * MOST], most = 0, size = 0;
+    double m[MOST * MOST], L[MOST * MOST], scale[MOST], most = 0;
+    for (size_t i = 0; i < n; i++) {
+        scale[i] = 1 / sqrt(sign * a->middle[i * n + i]);
+        if (!isfinite(scale[i])) return false;
+    }
     for (size_t i = 0; i < n; i++) {
         double radius = 0;
         for (size_t j = 0; j < n; j++) {
-            m[i * n + j] = sign * (0.5 * a->middle[i * n + j] + 0.5 * a->middle[j * n + i]);
-            radius += 0.5 * a->radius[i * n + j] + 0.5 * a->radius[j * n + i];
-            size = fmax(size, fabs(m[i * n + j]));
+            const double by = 0.5 * scale[i] * scale[j], p = a->middle[i * n + j], q = a->middle[j * n + i];
+            m[i * n + j] = by * sign * (p + q);
+            radius += by * (a->radius[i * n + j] + a->radius[j * n + i] + SLACK * (fabs(p) + fabs(q)));
         }
         if (!isfinite(radius)) return false;
         most = fmax(most, radius);
     }
-    const double shift = most * (1 + SLACK) + (double)(n * n) * size * SLACK;
-    for (size_t i = 0; i < n; i++) m[i * n + i] -= shift;
-    return isfinite(size) && lg_matrix_cholesky(n, m, L);
+    for (size_t i = 0; i < n; i++) m[i * n + i] -= most * (1 + SLACK) + 1e3 * SLACK;
+    return lg_matrix_cholesky(n, m, L);
 }
 
 /* ---- coordinates of a quadratic V: T = L^-T with P = L L^T ---- */
 
-lg_status lg_certify_whiten(lg_certify *c, lg_error *error) {
+/* The sums of |T^T P T - 1| along rows must be below 1e-7. */
+static lg_status check_coordinates(const lg_certify *c, lg_error *error) {
     const size_t n = c->n;
-    double L[MOST * MOST];
     banded P, T, PT, M;
     exactly(n, c->P, &P);
-    if (!is_definite(n, &P, 1) || !lg_matrix_cholesky(n, c->P, L))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "P is not positive definite");
-    memset(c->T, 0, sizeof c->T);
-    c->determinant = 1;
-    for (size_t j = 0; j < n; j++)
-        for (size_t i = j + 1; i-- > 0;) { /* L^T T = 1, upper triangular */
-            double rest = i == j ? 1 : 0;
-            for (size_t k = i + 1; k <= j; k++) rest -= L[k * n + i] * c->T[k * n + j];
-            c->T[i * n + j] = rest / L[i * n + i];
-        }
-    for (size_t i = 0; i < n; i++) c->determinant *= c->T[i * n + i];
     exactly(n, c->T, &T);
     product(n, &P, &T, &PT);
     product(n, &T, &PT, &M);
@@ -93,6 +87,25 @@ lg_status lg_certify_whiten(lg_certify *c, lg_error *error) {
                            "P is so ill-conditioned that its coordinates have an error of %.2g", off);
     }
     return LG_OK;
+}
+
+lg_status lg_certify_whiten(lg_certify *c, lg_error *error) {
+    const size_t n = c->n;
+    double L[MOST * MOST];
+    banded P;
+    exactly(n, c->P, &P);
+    if (!is_definite(n, &P, 1) || !lg_matrix_cholesky(n, c->P, L))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "P is not positive definite");
+    memset(c->T, 0, sizeof c->T);
+    c->determinant = 1;
+    for (size_t j = 0; j < n; j++)
+        for (size_t i = j + 1; i-- > 0;) { /* L^T T = 1, upper triangular */
+            double rest = i == j ? 1 : 0;
+            for (size_t k = i + 1; k <= j; k++) rest -= L[k * n + i] * c->T[k * n + j];
+            c->T[i * n + j] = rest / L[i * n + i];
+        }
+    for (size_t i = 0; i < n; i++) c->determinant /= L[i * n + i];
+    return check_coordinates(c, error);
 }
 
 /* |x_i - goal_i| <= |row i of T| |y|, and |y|^2 <= V/(1 - 1e-7). */
@@ -123,30 +136,61 @@ static lg_status bound(lg_certify *c, const double *size, double *low, double *h
     return status;
 }
 
-/* Whether V > 0 and V' < 0 on N except at the goal. */
-static bool argument_holds(const lg_certify *c, const double *low, const double *high) {
-    const size_t n = c->n, slope = 2 * n, rate = 2 * n + n * n;
-    banded G, F, W, M;
-    from_bounds(n, low + slope, high + slope, &G);
-    from_bounds(n, low + rate, high + rate, &F);
-    if (!c->quadratic && !is_definite(n, &G, 1)) return false;
+/* M with V' = y^T M y (steps, with a quadratic V: V(F(x)) - V(x) = y^T M y), from the bounds of `local` about the
+ * goal. */
+static void rate_matrix(const lg_certify *c, const double *low, const double *high, banded *M) {
+    const size_t n = c->n;
+    banded G, F = {{0}, {0}}, P, T, W;
+    from_bounds(n, low + 2 * n, high + 2 * n, &G);
+    from_bounds(n, low + 2 * n + n * n, high + 2 * n + n * n, &F);
     if (!c->step) {
-        product(n, &G, &F, &M);
-        return is_definite(n, &M, -1);
+        product(n, &G, &F, M);
+        return;
     }
-    if (!c->quadratic) return false;
-    banded P, T;
     exactly(n, c->P, &P);
     exactly(n, c->T, &T);
     product(n, &P, &F, &W);
-    product(n, &F, &W, &M); /* V of the next state */
+    product(n, &F, &W, M);
     product(n, &P, &T, &W);
-    product(n, &T, &W, &F); /* V of this state */
+    product(n, &T, &W, &F);
     for (size_t i = 0; i < n * n; i++) {
-        M.radius[i] += F.radius[i] + fabs(F.middle[i]) * SLACK;
-        M.middle[i] -= F.middle[i];
+        M->radius[i] += F.radius[i] + (fabs(F.middle[i]) + fabs(M->middle[i])) * SLACK;
+        M->middle[i] -= F.middle[i];
     }
-    return is_definite(n, &M, -1);
+}
+
+/* Whether V > 0 and V' < 0 on N except at the goal. */
+static bool argument_holds(const lg_certify *c, const double *low, const double *high) {
+    banded G, M;
+    from_bounds(c->n, low + 2 * c->n, high + 2 * c->n, &G);
+    rate_matrix(c, low, high, &M);
+    return (c->quadratic || is_definite(c->n, &G, 1)) && is_definite(c->n, &M, -1);
+}
+
+/* Turns the coordinates of a quadratic V such that M is diagonal at the goal: sides of boxes then lie along the
+ * directions in which V falls fast and slowly. */
+lg_status lg_certify_turn(lg_certify *c, lg_error *error) {
+    const int n = (int)c->n, words = 1 + 6 * MOST + 2 * MOST * MOST, integers = 3 + 5 * MOST;
+    double low[2 * MOST + 2 * MOST * MOST], high[2 * MOST + 2 * MOST * MOST], U[MOST * MOST], w[MOST],
+        T[MOST * MOST];
+    double work[1 + 6 * MOST + 2 * MOST * MOST];
+    int whole[3 + 5 * MOST], info = 0;
+    banded M;
+    LG_TRY(bound(c, NULL, low, high));
+    rate_matrix(c, low, high, &M);
+    for (size_t i = 0; i < c->n * c->n; i++) {
+        U[i] = 0.5 * M.middle[i] + 0.5 * M.middle[i % c->n * c->n + i / c->n];
+        if (!isfinite(U[i])) return LG_OK;
+    }
+    dsyevd_("V", "L", &n, U, &n, w, work, &words, whole, &integers, &info);
+    if (info != 0) return LG_OK;
+    memcpy(T, c->T, sizeof T);
+    for (size_t i = 0; i < c->n; i++)
+        for (size_t j = 0; j < c->n; j++) { /* column j of U is the eigenvector j */
+            c->T[i * c->n + j] = 0;
+            for (size_t k = 0; k < c->n; k++) c->T[i * c->n + j] += T[i * c->n + k] * U[j * c->n + k];
+        }
+    return check_coordinates(c, error);
 }
 
 static bool is_equilibrium(const lg_certify *c, const double *low, const double *high) {

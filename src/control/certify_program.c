@@ -110,8 +110,18 @@ static lg_status evaluators(lg_certify *c, lg_error *error) {
     return LG_OK;
 }
 
+void lg_certify_forget(lg_certify *c) {
+    lg_interval_destroy(c->full);
+    lg_interval_destroy(c->point);
+    lg_interval_destroy(c->local);
+    lg_program_destroy(c->program);
+    c->full = c->point = c->local = NULL;
+    c->program = NULL;
+}
+
 lg_status lg_certify_record(lg_certify *c, const lg_certify_spec *spec, lg_error *error) {
     recording r = {.c = c, .from = spec->program};
+    lg_certify_forget(c);
     LG_TRY(find(spec, spec->rate, true, &r.rate, &c->n, error));
     if (!c->quadratic) LG_TRY(find(spec, spec->lyapunov, false, &r.lyapunov, &c->n, error));
     const lg_shape states = lg_shape1((uint32_t)c->n);
