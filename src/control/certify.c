@@ -97,7 +97,6 @@ static lg_status begin(lg_certify *c, const lg_certify_spec *spec, lg_error *err
         return lg_fail(error, LG_INVALID_ARGUMENT, "the function '%s' needs one input of 1 to %d states",
                        spec->rate, LG_CERTIFY_STATES);
     for (size_t i = 0; spec->model_error != NULL && i < c->n; i++) c->errors |= spec->model_error[i] != 0.0;
-    c->inputs = c->errors ? 2 * c->n : c->n;
     LG_TRY(take_box(c, spec, error));
     if (c->quadratic) {
         memcpy(c->P, spec->P, c->n * c->n * sizeof *c->P);

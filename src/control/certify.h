@@ -7,7 +7,7 @@
 #include "liegrad/certify.h"
 #include "liegrad/interval.h"
 
-enum { LG_CERTIFY_STATES = 16, LG_CERTIFY_INPUTS = 2 * LG_CERTIFY_STATES, LG_CERTIFY_TEXT = 640 };
+enum { LG_CERTIFY_STATES = 16, LG_CERTIFY_TEXT = 640 };
 
 typedef enum lg_certify_phase {
     LG_CERTIFY_FACES,  /* V > c on the faces of the box */
@@ -20,17 +20,17 @@ typedef enum lg_certify_phase {
 typedef struct lg_certify_box {
     double v_low, v_high, rise_high;         /* over the box */
     double at_v_low, at_v_high, at_rise_low; /* at the point `at` of the box */
-    double at[LG_CERTIFY_INPUTS];
+    double at[LG_CERTIFY_STATES];
     uint32_t split;  /* the side to halve */
     bool upper_last; /* V is smaller in the upper half */
 } lg_certify_box;
 
 struct lg_certify {
     const lg_context *context;
-    lg_program *program; /* functions of y: claim, local, and their Jacobians */
+    lg_program *program; /* functions of y: local, point, bounds (certify_program.c) */
     lg_interval *full, *point, *local;
-    size_t n, inputs; /* inputs: n, and n errors if there is a model error */
-    bool step, quadratic, smooth, automatic, errors, converges, failed;
+    size_t n;
+    bool step, quadratic, automatic, errors, converges, failed;
     double T[LG_CERTIFY_STATES * LG_CERTIFY_STATES], P[LG_CERTIFY_STATES * LG_CERTIFY_STATES];
     double goal[LG_CERTIFY_STATES], low[LG_CERTIFY_STATES], high[LG_CERTIFY_STATES], error[LG_CERTIFY_STATES];
     double from[LG_CERTIFY_STATES], to[LG_CERTIFY_STATES]; /* the domain, in y */
@@ -57,7 +57,7 @@ enum {
     LG_CERTIFY_TASKS = LG_CERTIFY_BATCH / LG_CERTIFY_TASK
 };
 
-/* certify_program.c: records claim and local, and makes the evaluators; they replace earlier ones. */
+/* certify_program.c: records the functions, and makes the evaluators; they replace earlier ones. */
 void lg_certify_forget(lg_certify *c);
 lg_status lg_certify_record(lg_certify *c, const lg_certify_spec *spec, lg_error *error);
 /* certify_local.c: coordinates of a quadratic V; eps, N and the argument on N, for the level c->level. */

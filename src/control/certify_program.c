@@ -52,20 +52,6 @@ static lg_var slope(lg_tape *tape, lg_var v, lg_var z) {
     return g;
 }
 
-/* V (B, 1), and V' or V(F(x)) - V(x) (B, 1), with the error as a further input */
-static lg_status claim(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
-    const recording *r = user;
-    (void)theta;
-    const lg_var z = deviation(r->c, tape, in[0]);
-    const lg_var v = value(r, tape, z);
-    lg_var f = rate(r, tape, z);
-    if (r->c->errors) f = lg_add(tape, f, in[1]);
-    out[0] = v;
-    out[1] = r->c->step ? lg_sub(tape, value(r, tape, add_goal(r->c, tape, f, -1)), v)
-                        : lg_rowdot(tape, slope(tape, v, z), f);
-    return lg_tape_status(tape);
-}
-
 /* The gradient of V by z, and the rate (for steps: the next deviation) */
 static lg_status local(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
     const recording *r = user;
@@ -74,6 +60,62 @@ static lg_status local(void *user, lg_tape *tape, const lg_var *theta, const lg_
     out[0] = slope(tape, value(r, tape, z), z);
     out[1] = rate(r, tape, z);
     if (r->c->step) out[1] = add_goal(r->c, tape, out[1], -1);
+    return lg_tape_status(tape);
+}
+
+/* V; V' (steps: V(F(x)) - V(x)); gradient and rate */
+static lg_status point(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
+    const recording *r = user;
+    const lg_var z = deviation(r->c, tape, in[0]);
+    out[0] = value(r, tape, z);
+    LG_TRY(local(user, tape, theta, in, out + 2));
+    out[1] = r->c->step ? lg_sub(tape, value(r, tape, out[3]), out[0]) : lg_rowdot(tape, out[2], out[3]);
+    return lg_tape_status(tape);
+}
+
+/* (B, k, i) and (B, k, j) -> sum_k a_ki b_kj, (B, i, j) */
+static lg_var product(lg_tape *tape, lg_var a, lg_var b, uint32_t rows, uint32_t n) {
+    const lg_var left = lg_reshape(tape, a, lg_shape4(rows, n, n, 1)),
+                 right = lg_reshape(tape, b, lg_shape4(rows, n, 1, n));
+    return lg_sum_axis(tape, lg_mul(tape, left, right), 1, false);
+}
+
+/* (B, k, i) and (B, k) -> sum_k a_ki b_k, (B, i) */
+static lg_var times(lg_tape *tape, lg_var a, lg_var b, uint32_t rows, uint32_t n) {
+    return lg_sum_axis(tape, lg_mul(tape, a, lg_reshape(tape, b, lg_shape3(rows, n, 1))), 1, false);
+}
+
+/* Over a box about the point m, with the gradient G and the rate F at m and their Jacobians over the box:
+ *     V'(m + k) = G F + k.g + k^T M k,  g = G_y^T F + F_y^T G,  M = G_y^T F_y.
+ * Steps, with the next deviation F and 2 P F in place of the gradient:
+ *     V(F(m + k)) - V(m + k) = V(F) - V(m) + k.g + k^T M k,  g = F_y^T 2 P F - T^T G,  M = F_y^T P F_y - T^T P T.
+ * Outputs: V, g, M + M^T, and the gradient of V at the rate's errors: G or 2 P F over the box. */
+static lg_status bounds(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
+    const recording *r = user;
+    const lg_certify *c = r->c;
+    const uint32_t n = (uint32_t)c->n, rows = lg_var_shape(tape, in[0]).dims[0];
+    lg_var whole[4], M;
+    LG_TRY(point(user, tape, theta, in, whole));
+    const lg_var G = lg_program_call(tape, "jac_local", 0, in), F = lg_program_call(tape, "jac_local", 1, in);
+    out[0] = whole[0];
+    if (!c->step) {
+        out[1] = lg_add(tape, times(tape, G, in[2], rows, n), times(tape, F, in[1], rows, n));
+        M = product(tape, G, F, rows, n);
+        out[3] = whole[2];
+    } else { /* G = 2 P T */
+        const lg_var P = matrix(tape, c->P, n), T = matrix(tape, c->T, n),
+                     PF = lg_scale(tape, lg_matmul(tape, in[2], P), 2);
+        out[1] = lg_sub(tape, times(tape, F, PF, rows, n), lg_matmul(tape, in[1], T));
+        const lg_var turned =
+            lg_reshape(tape, lg_permute(tape, F, (const int[]){0, 2, 1}), lg_shape2(rows * n, n));
+        const lg_var FP =
+            lg_permute(tape, lg_reshape(tape, lg_matmul(tape, turned, P), lg_shape3(rows, n, n)),
+                       (const int[]){0, 2, 1});
+        const lg_var before = lg_matmul_tn(tape, T, lg_matmul(tape, P, T));
+        M = lg_sub(tape, product(tape, FP, F, rows, n), before);
+        out[3] = lg_scale(tape, lg_matmul(tape, whole[3], P), 2);
+    }
+    out[2] = lg_add(tape, M, lg_permute(tape, M, (const int[]){0, 2, 1}));
     return lg_tape_status(tape);
 }
 
@@ -102,12 +144,15 @@ static lg_status find(const lg_certify_spec *spec, const char *name, bool state,
 }
 
 static lg_status evaluators(lg_certify *c, lg_error *error) {
-    const size_t full[2] = {0, 2}, near[2] = {1, 3};
-    LG_TRY(lg_interval_create(c->program, full, 2, NULL, &c->full, error));
-    LG_TRY(lg_interval_create(c->program, full, 1, NULL, &c->point, error));
+    static const size_t near[2] = {0, 2}, at = 1, full = 3; /* local, point, jac_local, bounds */
+    LG_TRY(lg_interval_create(c->program, &full, 1, NULL, &c->full, error));
+    LG_TRY(lg_interval_create(c->program, &at, 1, NULL, &c->point, error));
     LG_TRY(lg_interval_create(c->program, near, 2, NULL, &c->local, error));
-    c->smooth = lg_interval_continuous(c->full, 0);
-    return LG_OK;
+    if (lg_interval_continuous(c->local, 0)) return LG_OK;
+    return lg_fail(
+        error, LG_UNSUPPORTED,
+        "the closed loop or the gradient of V may jump (lg_ge, lg_sign, lg_select, the derivative of a "
+        "kink, lg_stop_gradient): write saturations with lg_max");
 }
 
 void lg_certify_forget(lg_certify *c) {
@@ -125,17 +170,19 @@ lg_status lg_certify_record(lg_certify *c, const lg_certify_spec *spec, lg_error
     LG_TRY(find(spec, spec->rate, true, &r.rate, &c->n, error));
     if (!c->quadratic) LG_TRY(find(spec, spec->lyapunov, false, &r.lyapunov, &c->n, error));
     const lg_shape states = lg_shape1((uint32_t)c->n);
-    const lg_port in[2] = {{.name = "y", .shape = states}, {.name = "e", .shape = states}};
-    const lg_port out[2] = {{.name = "v"}, {.name = "rise"}},
-                  local_out[2] = {{.name = "slope"}, {.name = "rate"}};
-    const lg_function_spec functions[2] = {{"claim", in, c->errors ? 2 : 1, out, 2, claim, &r},
-                                           {"local", in, 1, local_out, 2, local, &r}};
+    const lg_port in[3] = {
+        {.name = "y", .shape = states}, {.name = "g", .shape = states}, {.name = "f", .shape = states}};
+    const lg_port out[4] = {{.name = "v"}, {.name = "rise"}, {.name = "slope"}, {.name = "rate"}};
+    const lg_port terms[4] = {{.name = "v"}, {.name = "linear"}, {.name = "square"}, {.name = "lever"}};
+    const lg_function_spec functions[2] = {{"local", in, 1, out + 2, 2, local, &r},
+                                           {"point", in, 1, out, 4, point, &r}};
+    const lg_function_spec last = {"bounds", in, 3, terms, 4, bounds, &r};
     lg_program_spec program;
     lg_program_spec_init(&program);
     program.functions = functions;
     program.function_count = 2;
     LG_TRY(lg_program_build(c->context, &program, &c->program, error));
-    LG_TRY(jacobian(c->program, "claim", error));
     LG_TRY(jacobian(c->program, "local", error));
+    LG_TRY(lg_program_add_function(c->program, &last, error));
     return evaluators(c, error);
 }
