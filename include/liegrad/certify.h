@@ -60,7 +60,7 @@ typedef struct lg_certify_result {
     double seconds;     /* of all runs so far */
     const char *claim;  /* the sentence; lives as long as the certificate */
     const char *reason; /* why it is not verified; "" if it is */
-    /* (n) The box that fails, in states; NULL if none. */
+    /* (n) The box that fails, in states; a point, up to rounding, if a point refutes the claim. NULL if none. */
     const double *failed_low, *failed_high;
 } lg_certify_result;
 
@@ -76,6 +76,40 @@ LG_API void lg_certify_destroy(lg_certify *certify); /* NULL is allowed */
  * LG_INVALID_ARGUMENT. */
 LG_API lg_status lg_certify_run(lg_certify *certify, size_t boxes, double seconds, lg_certify_result *result,
                                 lg_error *error);
+
+/* ---- torque-limited pendulums: energy with saturation ---- */
+
+/* The loop M q'' = -g(q) - b q' - (sat(s(q) + k q') - sat(s(q))) with one coordinate q on the real line (an angle is
+ * counted), where M > 0, and g is the slope of all potentials together with sat(s(q)): for the pendulum m l^2 q'' =
+ * m g l sin q - b q' - sat(k q + k_v q') it is g(q) = sat(k q) - m g l sin q. V = M q'^2/2 + int g is positive and
+ * grows without bound, and V' <= -b q'^2; by LaSalle's theorem every motion converges to q = 0, if
+ *   g(0) = 0, g' > 0 near 0, g > 0 for q > 0 and g < 0 for q < 0, |g| >= a margin > 0 far away, b > 0 and k >= 0.
+ * The form of the loop, and that g is periodic beyond `saturated`, is the caller's statement; the rest is proved. */
+typedef struct lg_certify_energy_spec {
+    size_t size; /* sizeof(lg_certify_energy_spec) */
+    const lg_program *program;
+    const char *slope; /* the function g: q (1) -> one number */
+    double damping;    /* a lower bound of b */
+    double gain;       /* k */
+    /* For |q| >= saturated, g(q + period) = g(q): sat(s(q)) is at its limit, and the potential is periodic. */
+    double saturated, period;
+} lg_certify_energy_spec;
+
+typedef struct lg_certify_energy_result {
+    bool verified;
+    double margin; /* a lower bound of |g| for |q| >= saturated, to 1e-3 of itself */
+    double near;   /* g' > 0 is proved for |q| <= near, the sign of g beyond */
+    size_t boxes;
+    double failed_low,
+        failed_high; /* where g has the wrong sign, or could not be shown to have the right one */
+    char claim[512], reason[128];
+} lg_certify_energy_result;
+
+LG_API void lg_certify_energy_spec_init(lg_certify_energy_spec *spec);
+/* Errors: LG_INVALID_ARGUMENT (numbers, ports), LG_NOT_FOUND, LG_UNSUPPORTED (no interval form), LG_OUT_OF_MEMORY. A
+ * claim that does not hold is no error: `verified` is false, and the result says where. */
+LG_API lg_status lg_certify_energy(const lg_context *context, const lg_certify_energy_spec *spec,
+                                   lg_certify_energy_result *result, lg_error *error);
 
 LG_END_DECLS
 

@@ -97,7 +97,7 @@ static void combine(const lg_certify *c, const desk *d, size_t i, lg_certify_box
     f->at_v_high = at_h[0];
     for (size_t k = 0; k < n; k++) r[k] = fmax(high[k] - at[k], at[k] - low[k]) * (1 + 1e-15);
     for (size_t k = 0; k < n; k++) {
-        part[k] = parabola(l[k], h[k], 0.5 * h[n + k * n + k], r[k]);
+        part[k] = r[k] * (largest(l[k], h[k]) + 0.5 * r[k] * largest(l[n + k * n + k], h[n + k * n + k]));
         for (size_t j = 0; j < k; j++) {
             const double both = largest(l[n + k * n + j], h[n + k * n + j]) * r[k] * r[j];
             rise = up(rise + both);

@@ -53,6 +53,14 @@ static void refuse(lg_certify *c, const double *box, double v, const char *reaso
         c->level = level;
 }
 
+/* The same, where the middle of the box is the proof. */
+static void refute(lg_certify *c, const lg_certify_box *f, const char *reason) {
+    double point[2 * LG_CERTIFY_STATES];
+    memcpy(point, f->at, c->n * sizeof *point);
+    memcpy(point + c->n, f->at, c->n * sizeof *point);
+    refuse(c, point, f->at_v_low, reason);
+}
+
 /* Whether a box is too small to be halved. With a level that may be chosen: if V hardly changes over the box. */
 static bool is_tiny(const lg_certify *c, const double *box, const lg_certify_box *f) {
     if (c->automatic && c->phase != LG_CERTIFY_VOLUME && f->v_high - f->v_low <= c->resolution * f->v_high)
@@ -75,7 +83,7 @@ static bool is_near(const lg_certify *c, const double *low, const double *high) 
 static bool face(lg_certify *c, const double *box, const lg_certify_box *f) {
     if (f->v_low > c->level) return true;
     if (f->at_v_high <= c->level) {
-        refuse(c, box, f->at_v_low, "V is not above the level on the boundary of the box");
+        refute(c, f, "V is not above the level on the boundary of the box");
         return c->failed || f->v_low > c->level;
     }
     if (!is_tiny(c, box, f)) return false;
@@ -94,7 +102,7 @@ static bool fall(lg_certify *c, const double *box, const lg_certify_box *f) {
     if (f->at_v_high <= c->level && !(at_near && (c->converges || f->at_v_low < c->eps))) {
         const bool elsewhere = f->at_v_high < c->eps;
         if (elsewhere || f->at_rise_low >= 0.0) {
-            refuse(c, box, f->at_v_low, elsewhere ? "V is below eps away from the goal" : reason);
+            refute(c, f, elsewhere ? "V is below eps away from the goal" : reason);
             return c->failed || f->v_low > c->level;
         }
     }

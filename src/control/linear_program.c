@@ -46,8 +46,8 @@ static bool factorise(const solving *v) {
         const double w = sqrt(v->z[i] / v->s[i]);
         for (size_t j = 0; j < v->n; j++) v->scaled[i * v->n + j] = w * v->A[i * v->n + j];
     }
-    cblas_dgemm(CblasRowMajor, CblasTrans, CblasNoTrans, (int)v->n, (int)v->n, (int)v->m, 1, v->scaled, (int)v->n,
-                v->scaled, (int)v->n, 0, v->H, (int)v->n);
+    cblas_dgemm(CblasRowMajor, CblasTrans, CblasNoTrans, (int)v->n, (int)v->n, (int)v->m, 1, v->scaled,
+                (int)v->n, v->scaled, (int)v->n, 0, v->H, (int)v->n);
     for (size_t j = 0; j < v->n; j++) largest = fmax(largest, v->H[j * v->n + j]);
     for (size_t j = 0; j < v->n; j++) v->H[j * v->n + j] += 1e-14 * largest;
     return lg_matrix_cholesky(v->n, v->H, v->L);
@@ -55,8 +55,7 @@ static bool factorise(const solving *v) {
 
 /* The step for the targets t of s z. */
 static void step(const solving *v) {
-    for (size_t i = 0; i < v->m; i++)
-        v->right[i] = v->t[i] / v->s[i] - v->z[i] - v->z[i] / v->s[i] * v->p[i];
+    for (size_t i = 0; i < v->m; i++) v->right[i] = v->t[i] / v->s[i] - v->z[i] - v->z[i] / v->s[i] * v->p[i];
     for (size_t j = 0; j < v->n; j++) v->dx[j] = -v->d[j];
     multiply_transposed(v, v->right, 1, v->dx);
     cblas_dtrsv(CblasRowMajor, CblasLower, CblasNoTrans, CblasNonUnit, (int)v->n, v->L, (int)v->n, v->dx, 1);

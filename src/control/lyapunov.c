@@ -25,7 +25,9 @@ typedef struct fitting {
 } fitting;
 
 void lg_lyapunov_spec_init(lg_lyapunov_spec *spec) {
-    if (spec != NULL) *spec = (lg_lyapunov_spec){.size = sizeof *spec, .degree = 4, .points = 12000, .decay = 1e-3, .seed = 1};
+    if (spec != NULL)
+        *spec =
+            (lg_lyapunov_spec){.size = sizeof *spec, .degree = 4, .points = 12000, .decay = 1e-3, .seed = 1};
 }
 
 /* ---- monomials ---- */
@@ -92,12 +94,14 @@ static void draw_points(fitting *f) {
                 goal + size * (lg_rng_uniform_in(&rng, f->spec->low[k], f->spec->high[k]) - goal);
         }
         const size_t side = (size_t)lg_rng_below(&rng, 2 * f->n);
-        if (edge) f->x[i * f->n + side / 2] = side % 2 == 0 ? f->spec->low[side / 2] : f->spec->high[side / 2];
+        if (edge)
+            f->x[i * f->n + side / 2] = side % 2 == 0 ? f->spec->low[side / 2] : f->spec->high[side / 2];
     }
 }
 
 static lg_status sample_points(fitting *f, lg_error *error) {
-    const lg_port in = {.name = "x", .shape = lg_shape1((uint32_t)f->n)}, out[2] = {{.name = "q"}, {.name = "dq"}};
+    const lg_port in = {.name = "x", .shape = lg_shape1((uint32_t)f->n)},
+                  out[2] = {{.name = "q"}, {.name = "dq"}};
     const lg_function_spec function = {"sample", &in, 1, out, 2, sample, f};
     lg_program_spec spec;
     lg_program *program = NULL;
@@ -106,8 +110,8 @@ static lg_status sample_points(fitting *f, lg_error *error) {
     spec.functions = &function;
     spec.function_count = 1;
     LG_TRY(lg_program_build(f->context, &spec, &program, error));
-    const lg_status status = lg_program_eval(f->context, program, "sample", f->points, (const double *[]){f->x},
-                                             (double *[]){f->q, f->dq}, error);
+    const lg_status status = lg_program_eval(f->context, program, "sample", f->points,
+                                             (const double *[]){f->x}, (double *[]){f->q, f->dq}, error);
     lg_program_destroy(program);
     for (size_t i = 0; i < f->points * f->n && status == LG_OK; i++) {
         if (!isfinite(f->q[i]) || !isfinite(f->dq[i]))
@@ -163,7 +167,8 @@ static bool orthonormalise(fitting *f, double *gram, double *L, double *total) {
         for (size_t i = 0; i < n; i++) /* total = L^T total; total is 1 at first */
             for (size_t j = 0; j < n; j++) {
                 double sum = 0;
-                for (size_t k = i; k < n; k++) sum += L[k * n + i] * (round == 0 ? (double)(k == j) : total[k * n + j]);
+                for (size_t k = i; k < n; k++)
+                    sum += L[k * n + i] * (round == 0 ? (double)(k == j) : total[k * n + j]);
                 gram[i * n + j] = sum;
             }
         memcpy(total, gram, n * n * sizeof *total);
@@ -224,8 +229,9 @@ static lg_status check_function(fitting *f, const char *name, size_t *number, lg
     const lg_port *out = lg_program_outputs(f->program, *number, &outputs);
     const size_t n = inputs == 1 && !in[0].shared && in[0].shape.rank == 1 ? in[0].shape.dims[0] : 0;
     if (n < 1 || n > STATES || (f->n != 0 && n != f->n) || out[0].shared || lg_shape_count(out[0].shape) != n)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the function '%s' needs one input of 1 to %d states and as many outputs",
-                       name, STATES);
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the function '%s' needs one input of 1 to %d states and as many outputs", name,
+                       STATES);
     f->n = n;
     return LG_OK;
 }
@@ -247,10 +253,11 @@ static lg_status fit(fitting *f, lg_error *error) {
         fill_rows(f);
         status = solve(f, f->c + n);
         if (status == LG_NO_CONVERGENCE)
-            (void)lg_fail(error, status,
-                          "no polynomial of degree %d falls at all %zu points of the box: take a smaller box or a "
-                          "higher degree",
-                          f->spec->degree, f->points);
+            (void)lg_fail(
+                error, status,
+                "no polynomial of degree %d falls at all %zu points of the box: take a smaller box or a "
+                "higher degree",
+                f->spec->degree, f->points);
     }
     lg_free(f->context, memory);
     return status == LG_OK ? lg_program_add_function(f->program, &function, error) : status;
@@ -270,7 +277,8 @@ lg_status lg_lyapunov_polynomial(lg_program *program, const lg_lyapunov_spec *sp
     lg_status status = check_function(f, spec->rate, &f->rate, error);
     if (status == LG_OK && spec->map != NULL) status = check_function(f, spec->map, &f->map, error);
     bool fits = status == LG_OK;
-    for (int degree = 2; fits && degree <= spec->degree; degree++) fits = list_terms(f, (uint8_t[STATES]){0}, 0, degree);
+    for (int degree = 2; fits && degree <= spec->degree; degree++)
+        fits = list_terms(f, (uint8_t[STATES]){0}, 0, degree);
     if (status == LG_OK)
         status = fits ? fit(f, error) : lg_fail(error, LG_INVALID_ARGUMENT, "more than %d monomials", TERMS);
     lg_free(program->context, f);
