@@ -2,6 +2,8 @@
  * ctest-labels: threads src/control src/autodiff */
 #include "certify_support.h"
 
+#include "liegrad/networks.h"
+
 static const double low[2] = {-1, -1}, high[2] = {1, 1};
 static const double P[4] = {1.5, 0.5, 0.5, 1};
 
@@ -129,6 +131,36 @@ TEST("a proof in portions, and by several threads, ends as in one run") {
     assert_true(runs > 3 && part.verified);
     assert_true(part.level == whole.level && part.eps == whole.eps && part.boxes == whole.boxes);
     assert_true(part.volume == whole.volume);
+}
+
+/* x1' = x2, x2' = sin x1 + u; u = -3 x1 - 3 x2 + a network of 2-16-16-1, weights as at the start of a training */
+typedef struct policy {
+    lg_mlp net;
+    double *theta;
+} policy;
+
+RECORDING(network_loop) {
+    const policy *p = user;
+    const lg_var a = column(tape, x[0], 0), b = column(tape, x[0], 1);
+    const lg_var weights = lg_input_f64(tape, lg_shape1((uint32_t)lg_mlp_parameters(&p->net)), p->theta);
+    const lg_var net = lg_mlp_record(tape, &p->net, weights, 0, x[0]);
+    const lg_var line = lg_scale(tape, lg_add(tape, a, b), -3), u = saturated(tape, lg_add(tape, line, net), 5);
+    const lg_var parts[2] = {b, lg_add(tape, lg_sin(tape, a), u)};
+    y[0] = lg_concat(tape, parts, 2, 1);
+}
+
+TEST("a network as policy is proved") {
+    policy p;
+    lg_rng rng = test_rng(37, 5);
+    assert_ok(lg_mlp_init(&p.net, 2, (const uint32_t[]){16, 16}, 2, 1, LG_TANH, true));
+    p.theta = TEST_ARRAY(double, lg_mlp_parameters(&p.net));
+    lg_mlp_initialise(&p.net, &rng, p.theta);
+    const double form_of_loop[4] = {4, 1, 1, 1};
+    lg_certify_spec spec = spec_for(loop_program(2, network_loop, NULL, &p), form_of_loop, low, high);
+    spec.level = 0.5;
+    spec.eps = 0.05;
+    const lg_certify_result r = prove(&spec, 20);
+    assert_true(r.verified);
 }
 
 RECORDING(switched) {
