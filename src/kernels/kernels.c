@@ -26,6 +26,7 @@
 #include "kernels/spd.inc"
 #include "kernels/steps.inc"
 #include "kernels/scalars.inc"
+#include "kernels/interval.inc"
 
 #define PASTE_(a, b) a##b
 #define PASTE(a, b)  PASTE_(a, b)
@@ -111,6 +112,9 @@ const lg_kernels TABLE = {
     .stumpff = stumpff,
     .dexpinv_coef = dexpinv_coef,
     .scalars = scalars,
+#if defined(LG_KERNEL_f64)
+    .intervals = intervals,
+#endif
     .stage_sum = stage_sum,
     .error_norm = error_norm,
     .se3_act = se3_act,

@@ -144,6 +144,18 @@ typedef struct lg_scalar_group {
     uint32_t op, count, result, operands;
 } lg_scalar_group;
 
+/* Scalar code on intervals: y = op(x[0], x[1], x[2]), where y is none of the x. n and p are the operand of the
+ * operation that is no instruction. A register is LG_INTERVAL_BLOCK lower bounds, then as many upper bounds. */
+enum {
+    LG_INTERVAL_BLOCK = 32,
+    LG_INTERVAL_SCALE = LG_SCALAR_OPS /* y = p x */,
+    LG_INTERVAL_SHIFT /* y = x + p */
+};
+typedef struct lg_interval_code {
+    uint32_t op, n, y, x[3];
+    double p;
+} lg_interval_code;
+
 #define LG_K_STAGES      16
 #define LG_K_STAGE_BLOCK ((size_t)8)
 
@@ -283,6 +295,9 @@ typedef struct lg_kernels {
 
     /* Runs scalar code on an array of registers of the table's type. */
     void (*scalars)(size_t groups, const lg_scalar_group *group, const uint32_t *operands, void *registers);
+    /* The same with intervals and outward rounding (interval.inc); NULL in the tables of f32. No bound of a
+     * register may be NaN. */
+    void (*intervals)(size_t count, const lg_interval_code *code, double *registers);
 
     /* Kernels for integrators, in double in both tables. All instruction sets give the same bits.
      * - stage_sum: out = sum_{j < n} c_j k_j, 1 <= n <= LG_K_STAGES. The arrays are aligned to LG_ALIGNMENT

@@ -12,30 +12,6 @@
 #include "autodiff/ops/op_table.h"
 #include "autodiff/program/scalars.h"
 
-/* ---- nodes ---- */
-
-typedef void (*visit_fn)(const lg_tape *tape, const lg_node *node, const char *row);
-
-/* Visits all nodes of all cases: of the value, of both derivatives and of the derivatives' derivatives. */
-static void each_node(visit_fn visit) {
-    const lg_gradcheck_case *row;
-    lg_rng rng = test_rng(5, 1);
-    for (size_t r = 0; (row = lg_gradcheck_operation(r)) != NULL; r++) {
-        const lg_gradcheck_function *f = &row->function;
-        lg_var back[LG_GRADCHECK_MAX_INPUTS], forward;
-        lg_tape *tape = test_tape(LG_F64);
-        const row_on_tape on = record_row(tape, &rng, f);
-        assert_ok(lg_jvp(tape, &on.y, 1, on.x, on.d, f->inputs, &forward));
-        assert_ok(lg_vjp(tape, &on.y, &forward, 1, on.x, f->inputs, back));
-        if (!f->first_order_only) assert_ok(lg_vjp(tape, back, on.d, f->inputs, on.x, f->inputs, back));
-        for (uint32_t i = 0; i < tape->count; i++) {
-            const size_t mark = lg_test_owned();
-            visit(tape, &tape->nodes[i], f->name);
-            lg_test_give_back(mark);
-        }
-    }
-}
-
 /* ---- one node, evaluated in every way ---- */
 
 enum { MOST = 4096 };

@@ -166,6 +166,7 @@ static double carry_out(const lg_scalar_code *c, const double *x) {
 /* If all operands are constants and the result is finite, sets *out to a constant and returns true. */
 static bool folded(lg_scalars *s, const lg_scalar_code *c, lg_scalar *out) {
     double x[3] = {0, 0, 0};
+    if (s->exact && c->op != LG_S_NEG) return false;
     for (uint8_t k = 0; k < lg_scalar_instructions(c->op); k++)
         if (!lg_s_is_constant(s, c->in[k], &x[k])) return false;
     const double value = carry_out(c, x);

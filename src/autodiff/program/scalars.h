@@ -24,6 +24,7 @@ struct lg_scalars {
     uint32_t *table; /* hash table of 1 + number; 0: empty slot */
     uint32_t slots;
     bool failed; /* out of memory, or more than LG_SCALARS_MOST instructions */
+    bool exact;  /* operations on constants are not evaluated, because that rounds */
 };
 #define LG_SCALARS_MOST (1u << 20)
 

@@ -1,0 +1,112 @@
+/* Interval evaluation of programs, without allocation or locks. */
+#include "autodiff/program/interval.h"
+
+#include <float.h>
+#include <math.h>
+
+void lg_interval_options_init(lg_interval_options *options) {
+    if (options != NULL) *options = (lg_interval_options){.size = sizeof *options};
+}
+
+lg_status lg_interval_create(const lg_program *program, const size_t *functions, size_t count,
+                             const lg_interval_options *options, lg_interval **out, lg_error *error) {
+    lg_expansion expansion;
+    LG_NEEDS(error, program, functions, out);
+    if (count == 0) return lg_fail(error, LG_INVALID_ARGUMENT, "there are no functions to evaluate");
+    if (options != NULL && options->size != sizeof *options)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "lg_interval_options.size is not the size of the struct");
+    lg_interval *made = lg_alloc(program->context, 1, sizeof *made);
+    if (made == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for an interval evaluator");
+    made->context = program->context;
+    made->k = lg_kernels_for(LG_F64);
+    lg_status status = lg_expand(program, functions, count, &expansion, error);
+    if (status == LG_OK) {
+        made->inputs = expansion.inputs;
+        made->outputs = expansion.results;
+        made->functions = count;
+        made->continuous = lg_alloc(made->context, count, sizeof *made->continuous);
+        status = made->continuous != NULL ? lg_expansion_continuous(&expansion, count, made->continuous)
+                                          : LG_OUT_OF_MEMORY;
+    }
+    if (status == LG_OK) status = lg_interval_choose(&expansion, options != NULL && options->widen, made);
+    lg_expansion_destroy(&expansion);
+    if (status == LG_OK)
+        *out = made;
+    else
+        lg_interval_destroy(made);
+    return status == LG_OUT_OF_MEMORY ? lg_fail(error, status, "no memory for an interval evaluator")
+                                      : status;
+}
+
+void lg_interval_destroy(lg_interval *f) {
+    if (f == NULL) return;
+    lg_free(f->context, f->constant);
+    lg_free(f->context, f->code);
+    lg_free(f->context, f->stored);
+    lg_free(f->context, f->continuous);
+    lg_free(f->context, f);
+}
+
+size_t lg_interval_inputs(const lg_interval *f) {
+    return f == NULL ? 0 : f->inputs;
+}
+
+size_t lg_interval_outputs(const lg_interval *f) {
+    return f == NULL ? 0 : f->outputs;
+}
+
+size_t lg_interval_operations(const lg_interval *f) {
+    return f == NULL ? 0 : f->count;
+}
+
+bool lg_interval_continuous(const lg_interval *f, size_t function) {
+    return f != NULL && function < f->functions && f->continuous[function];
+}
+
+enum { IB = LG_INTERVAL_BLOCK, APART = 2 * LG_INTERVAL_BLOCK };
+
+size_t lg_interval_work_size(const lg_interval *f) {
+    return f == NULL ? 0 : f->registers * APART * sizeof(double);
+}
+
+static lg_status check(const lg_interval *f, size_t boxes, const double *lower, const double *upper,
+                       lg_error *error) {
+    for (size_t i = 0; i < boxes * f->inputs; i++) {
+        if (lower[i] <= upper[i] && lower[i] >= -DBL_MAX && upper[i] <= DBL_MAX) continue;
+        const bool finite = isfinite(lower[i]) && isfinite(upper[i]);
+        return lg_fail(error, finite ? LG_INVALID_ARGUMENT : LG_NOT_FINITE,
+                       "box %zu, input %zu: [%g, %g] is %s", i / f->inputs, i % f->inputs, lower[i], upper[i],
+                       finite ? "empty" : "not finite");
+    }
+    return LG_OK;
+}
+
+/* Lanes without a box repeat the last box. */
+static void load(const lg_interval *f, size_t boxes, const double *lower, const double *upper, double *r) {
+    for (size_t j = 0; j < f->inputs; j++, r += APART)
+        for (size_t i = 0; i < IB; i++) {
+            const size_t box = i < boxes ? i : boxes - 1;
+            r[i] = lower[box * f->inputs + j];
+            r[IB + i] = upper[box * f->inputs + j];
+        }
+}
+
+lg_status lg_interval_eval(const lg_interval *f, size_t boxes, const double *lower, const double *upper,
+                           double *out_lower, double *out_upper, void *work, lg_error *error) {
+    double *r = work;
+    LG_NEEDS(error, f, lower, upper, out_lower, out_upper, work);
+    LG_TRY(check(f, boxes, lower, upper, error));
+    for (size_t c = 0; c < f->constants; c++)
+        for (size_t i = 0; i < APART; i++) r[c * APART + i] = f->constant[2 * c + (i >= IB)];
+    for (size_t at = 0; at < boxes; at += IB) {
+        const size_t now = boxes - at < IB ? boxes - at : IB;
+        load(f, now, lower + at * f->inputs, upper + at * f->inputs, r + f->constants * APART);
+        f->k->intervals(f->count, f->code, r);
+        for (size_t i = 0; i < now; i++)
+            for (size_t j = 0; j < f->outputs; j++) {
+                out_lower[(at + i) * f->outputs + j] = r[f->stored[j] * APART + i];
+                out_upper[(at + i) * f->outputs + j] = r[f->stored[j] * APART + IB + i];
+            }
+    }
+    return LG_OK;
+}

@@ -1,0 +1,44 @@
+/* Internals of interval evaluation: scalar code of functions of one row, run on intervals. */
+#ifndef LG_PROGRAM_INTERVAL_H
+#define LG_PROGRAM_INTERVAL_H
+
+#include "autodiff/program/program_call.h"
+#include "autodiff/program/scalars.h"
+#include "liegrad/interval.h"
+
+/* The scalar code of several functions with the same inputs. Inputs of the code are the elements of the
+ * functions' inputs, in order. */
+typedef struct lg_expansion {
+    lg_scalars s; /* exact */
+    lg_heap heap;
+    lg_scalar *result; /* the elements of all outputs of all functions */
+    size_t inputs, results;
+    size_t *end;  /* for each function: one more than the index of its last element in `result` */
+    bool *frozen; /* for each function: it uses an operation whose derivative is 0 by definition */
+} lg_expansion;
+
+/* On failure too, lg_expansion_destroy must be called. */
+lg_status lg_expand(const lg_program *program, const size_t *functions, size_t count, lg_expansion *out,
+                    lg_error *error);
+void lg_expansion_destroy(lg_expansion *expansion);
+
+/* For each function: whether scalar code of its results jumps nowhere. */
+lg_status lg_expansion_continuous(lg_expansion *expansion, size_t count, bool *continuous);
+
+struct lg_interval {
+    const lg_context *context;
+    const lg_kernels *k;
+    size_t inputs, outputs, functions;
+    /* Registers: constants, then inputs, then results of instructions, which are used again. */
+    size_t constants, registers;
+    double *constant; /* (constants, 2) */
+    lg_interval_code *code;
+    size_t count;
+    uint32_t *stored; /* for each output: its register */
+    bool *continuous; /* for each function */
+};
+
+/* interval_code.c: chooses instructions and registers. */
+lg_status lg_interval_choose(const lg_expansion *expansion, bool widen, lg_interval *out);
+
+#endif

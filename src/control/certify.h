@@ -1,0 +1,80 @@
+/* Internals of certificates. Coordinates y: x = goal + T y. With a quadratic V, T^T P T is close to 1; otherwise T
+ * is 1. */
+#ifndef LG_CONTROL_CERTIFY_H
+#define LG_CONTROL_CERTIFY_H
+
+#include "core/core.h"
+#include "liegrad/certify.h"
+#include "liegrad/interval.h"
+
+enum { LG_CERTIFY_STATES = 16, LG_CERTIFY_TEXT = 640 };
+
+typedef enum lg_certify_phase {
+    LG_CERTIFY_FACES,  /* V > c on the faces of the box */
+    LG_CERTIFY_FALL,   /* V falls */
+    LG_CERTIFY_VOLUME, /* how much volume is certified */
+    LG_CERTIFY_DONE
+} lg_certify_phase;
+
+/* What the bounds of a box say. */
+typedef struct lg_certify_box {
+    double v_low, v_high, rise_high;         /* over the box */
+    double at_v_low, at_v_high, at_rise_low; /* at the point `at` of the box */
+    double at[LG_CERTIFY_STATES];
+    uint32_t split;  /* the side to halve */
+    bool upper_last; /* V is smaller in the upper half */
+} lg_certify_box;
+
+struct lg_certify {
+    const lg_context *context;
+    lg_program *program; /* functions of y: local, point, bounds (certify_program.c) */
+    lg_interval *full, *point, *local;
+    size_t n;
+    bool step, quadratic, automatic, errors, converges, failed;
+    double T[LG_CERTIFY_STATES * LG_CERTIFY_STATES], P[LG_CERTIFY_STATES * LG_CERTIFY_STATES];
+    double goal[LG_CERTIFY_STATES], low[LG_CERTIFY_STATES], high[LG_CERTIFY_STATES], error[LG_CERTIFY_STATES];
+    double from[LG_CERTIFY_STATES], to[LG_CERTIFY_STATES]; /* the domain, in y */
+    double near[LG_CERTIFY_STATES];                        /* N = {|y_i| <= near_i} */
+    double level, eps, asked_eps, resolution, determinant; /* determinant: a lower bound of |det T| */
+    double volume, seconds;
+    lg_certify_phase phase;
+    size_t boxes, volume_boxes;
+    double *stack; /* (stacked, 2, n) */
+    size_t stacked, capacity;
+    lg_thread_pool *pool;
+    void *work;    /* one piece per task */
+    size_t piece;  /* bytes */
+    double *batch; /* (LG_CERTIFY_BATCH, 2, n) */
+    lg_certify_box *found;
+    size_t batched;
+    double failed_low[LG_CERTIFY_STATES], failed_high[LG_CERTIFY_STATES];
+    char claim[LG_CERTIFY_TEXT], reason[LG_CERTIFY_TEXT];
+};
+
+enum {
+    LG_CERTIFY_BATCH = 1024,
+    LG_CERTIFY_TASK = 128,
+    LG_CERTIFY_TASKS = LG_CERTIFY_BATCH / LG_CERTIFY_TASK
+};
+
+/* certify_program.c: records the functions, and makes the evaluators; they replace earlier ones. */
+void lg_certify_forget(lg_certify *c);
+lg_status lg_certify_record(lg_certify *c, const lg_certify_spec *spec, lg_error *error);
+/* certify_local.c: coordinates of a quadratic V; eps, N and the argument on N, for the level c->level. */
+lg_status lg_certify_whiten(lg_certify *c, lg_error *error);
+lg_status lg_certify_turn(lg_certify *c, lg_error *error);
+lg_status lg_certify_near(lg_certify *c);
+/* certify_bounds.c: bounds of the boxes of the batch. */
+lg_status lg_certify_memory(lg_certify *c);
+void lg_certify_bounds(lg_certify *c);
+/* certify_boxes.c: works on the stack. */
+lg_status lg_certify_push(lg_certify *c, const double *low, const double *high);
+lg_status lg_certify_begin(lg_certify *c, lg_certify_phase phase);
+lg_status lg_certify_work(lg_certify *c);
+/* States of a box of y. */
+void lg_certify_states(const lg_certify *c, const double *low, const double *high, double *x_low,
+                       double *x_high);
+/* The largest level whose set lies within the state box (quadratic V). */
+double lg_certify_reach(const lg_certify *c);
+
+#endif

@@ -1,0 +1,166 @@
+/* Bounds of V and of its rate over boxes: of second order about the middle m of a box, with the Jacobians of the
+ * gradient of V and of the rate over the box (certify_program.c). Linear parts of the loop do not lose by that. */
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+#include "control/certify.h"
+
+/* Memory of one task: boxes with all inputs, middles, and outputs of both. */
+typedef struct desk {
+    double *low, *high, *at, *out_low, *out_high, *at_low, *at_high;
+    void *work;
+} desk;
+
+static size_t round_up(size_t bytes) {
+    return (bytes + LG_ALIGNMENT - 1) / LG_ALIGNMENT * LG_ALIGNMENT;
+}
+
+static desk desk_of(const lg_certify *c, size_t task, size_t *bytes) {
+    unsigned char *base = c->work == NULL ? NULL : (unsigned char *)c->work + task * c->piece;
+    const size_t boxes = LG_CERTIFY_TASK,
+                 work[2] = {lg_interval_work_size(c->full), lg_interval_work_size(c->point)};
+    const size_t all = lg_interval_outputs(c->full), few = lg_interval_outputs(c->point);
+    const size_t sizes[7] = {3 * c->n, 3 * c->n, c->n, all, all, few, few};
+    double *parts[7];
+    size_t used = round_up(work[0] > work[1] ? work[0] : work[1]);
+    for (size_t i = 0; i < 7; i++) {
+        parts[i] = base == NULL ? NULL : (double *)(void *)(base + used);
+        used += round_up(boxes * sizes[i] * sizeof(double));
+    }
+    *bytes = used;
+    return (desk){parts[0], parts[1], parts[2], parts[3], parts[4], parts[5], parts[6], base};
+}
+
+lg_status lg_certify_memory(lg_certify *c) {
+    (void)desk_of(c, 0, &c->piece);
+    c->work = lg_alloc(c->context, LG_CERTIFY_TASKS, c->piece);
+    c->batch = lg_alloc(c->context, (size_t)LG_CERTIFY_BATCH * 2 * c->n, sizeof *c->batch);
+    c->found = lg_alloc(c->context, LG_CERTIFY_BATCH, sizeof *c->found);
+    return c->work != NULL && c->batch != NULL && c->found != NULL ? LG_OK : LG_OUT_OF_MEMORY;
+}
+
+/* Bounds at a point that are not finite become so large that nothing can be proved with them: the products are then
+ * not finite either, or V' at the point, which is a bound itself, is not. */
+static double finite(double x) {
+    return x < -DBL_MAX ? -DBL_MAX : x > DBL_MAX ? DBL_MAX : x;
+}
+
+/* Rounded up by more than the errors of the sums of this file, which have at most 300 terms. */
+static double up(double x) {
+    return x == x ? x + fabs(x) * 1e-13 + DBL_MIN : (double)INFINITY;
+}
+
+/* The largest a k + b k^2 for a in [low, high] and |k| <= r */
+static double parabola(double low, double high, double b, double r) {
+    const double a = fmax(-low, high);
+    if (b < 0.0 && a < -2.0 * b * r) return up(a * a / (-4.0 * b));
+    return up(r * up(a + b * r));
+}
+
+static double largest(double low, double high) {
+    return fmax(-low, high);
+}
+
+/* V over the box, in y: for a quadratic V, T^T P T differs from 1 by at most 1e-7. */
+static void bound_value(const lg_certify *c, const desk *d, size_t i, const double *r, lg_certify_box *f) {
+    const double *low = d->low + i * 3 * c->n, *high = d->high + i * 3 * c->n;
+    const double *l = d->out_low + i * lg_interval_outputs(c->full),
+                 *h = d->out_high + i * lg_interval_outputs(c->full);
+    double least = 0, most = 0;
+    for (size_t k = 0; k < c->n; k++) {
+        const double far = fmax(-low[k], high[k]), near = fmax(fmax(low[k], -high[k]), 0.0);
+        least += near * near;
+        most += far * far;
+    }
+    if (c->quadratic) {
+        f->v_low = least * (1 - 2e-7);
+        f->v_high = most * (1 + 2e-7);
+        return;
+    }
+    double change = 0;
+    for (size_t k = 0; k < c->n; k++)
+        change = up(change + largest(l[1 + c->n + c->n * c->n + k], h[1 + c->n + c->n * c->n + k]) * r[k]);
+    f->v_low = fmax(l[0], -up(-f->at_v_low + change));
+    f->v_high = fmin(h[0], up(f->at_v_high + change));
+}
+
+static void combine(const lg_certify *c, const desk *d, size_t i, lg_certify_box *f) {
+    const size_t n = c->n, outputs = lg_interval_outputs(c->full), few = lg_interval_outputs(c->point);
+    const double *low = d->low + i * 3 * n, *high = d->high + i * 3 * n, *at = d->at + i * n;
+    const double *l = d->out_low + i * outputs + 1,
+                 *h = d->out_high + i * outputs + 1; /* g, M + M^T, lever */
+    const double *at_l = d->at_low + i * few, *at_h = d->at_high + i * few;
+    double r[LG_CERTIFY_STATES], part[LG_CERTIFY_STATES], rise = at_h[1], force = 0, at_force = 0;
+    memcpy(f->at, at, n * sizeof *at);
+    f->at_v_low = at_l[0];
+    f->at_v_high = at_h[0];
+    for (size_t k = 0; k < n; k++) r[k] = fmax(high[k] - at[k], at[k] - low[k]) * (1 + 1e-15);
+    for (size_t k = 0; k < n; k++) {
+        part[k] = r[k] * (largest(l[k], h[k]) + 0.5 * r[k] * largest(l[n + k * n + k], h[n + k * n + k]));
+        for (size_t j = 0; j < k; j++) {
+            const double both = largest(l[n + k * n + j], h[n + k * n + j]) * r[k] * r[j];
+            rise = up(rise + both);
+            part[k] += 0.5 * both;
+            part[j] += 0.5 * both;
+        }
+        rise = up(rise + parabola(l[k], h[k], 0.5 * h[n + k * n + k], r[k]));
+    }
+    for (size_t k = 0; k < n && c->errors; k++) {
+        const double *lever = l + n + n * n;
+        force = up(force + largest(lever[k], h[n + n * n + k]) * c->error[k]);
+        at_force += fmax(fmax(at_l[2 + k], -at_h[2 + k]), 0.0) * c->error[k] * (1 - 1e-12);
+        for (size_t j = 0; j < n && c->step; j++)
+            force = up(force + fabs(c->P[k * n + j]) * c->error[k] * c->error[j]);
+    }
+    f->rise_high = up(rise + force);
+    f->at_rise_low = at_l[1] + (c->step ? 0 : at_force);
+    bound_value(c, d, i, r, f);
+    double widest = -1;
+    for (size_t k = 0; k < n; k++) {
+        const double side = (high[k] - low[k]) / (c->to[k] - c->from[k]);
+        const double weight = c->phase != LG_CERTIFY_FALL ? side
+                              : r[k] == 0                 ? -1
+                              : isfinite(part[k])         ? part[k]
+                                                          : DBL_MAX * side;
+        if (weight <= widest) continue;
+        widest = weight;
+        f->split = (uint32_t)k;
+        f->upper_last = at[k] < 0;
+    }
+}
+
+static void task(void *user, size_t number) {
+    const lg_certify *c = user;
+    const size_t first = number * LG_CERTIFY_TASK, n = c->n, few = lg_interval_outputs(c->point);
+    const size_t boxes = c->batched - first < LG_CERTIFY_TASK ? c->batched - first : LG_CERTIFY_TASK;
+    size_t bytes;
+    const desk d = desk_of(c, number, &bytes);
+    for (size_t i = 0; i < boxes; i++)
+        for (size_t k = 0; k < n; k++) {
+            const double *box = c->batch + (first + i) * 2 * n;
+            d.at[i * n + k] = 0.5 * box[k] + 0.5 * box[n + k];
+        }
+    (void)lg_interval_eval(c->point, boxes, d.at, d.at, d.at_low, d.at_high, d.work, NULL);
+    for (size_t i = 0; i < boxes; i++)
+        for (size_t k = 0; k < n; k++) {
+            const double *box = c->batch + (first + i) * 2 * n;
+            double *low = d.low + i * 3 * n, *high = d.high + i * 3 * n;
+            low[k] = box[k];
+            high[k] = box[n + k];
+            for (size_t p = 0; p < 2; p++) { /* gradient and rate at the middle */
+                low[(1 + p) * n + k] = finite(d.at_low[i * few + 2 + p * n + k]);
+                high[(1 + p) * n + k] = finite(d.at_high[i * few + 2 + p * n + k]);
+            }
+        }
+    (void)lg_interval_eval(c->full, boxes, d.low, d.high, d.out_low, d.out_high, d.work, NULL);
+    for (size_t i = 0; i < boxes; i++) combine(c, &d, i, &c->found[first + i]);
+}
+
+void lg_certify_bounds(lg_certify *c) {
+    const size_t tasks = (c->batched + LG_CERTIFY_TASK - 1) / LG_CERTIFY_TASK;
+    if (c->pool != NULL)
+        lg_thread_pool_run(c->pool, tasks, task, c);
+    else
+        for (size_t i = 0; i < tasks; i++) task(c, i);
+}

@@ -1,0 +1,178 @@
+/* Torque-limited pendulums: checks in one dimension. */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "liegrad/certify.h"
+#include "liegrad/interval.h"
+
+void lg_certify_energy_spec_init(lg_certify_energy_spec *spec) {
+    if (spec != NULL) *spec = (lg_certify_energy_spec){.size = sizeof *spec, .period = 6.283185307179586};
+}
+
+typedef struct checking {
+    lg_interval *g;
+    void *work;
+    lg_certify_energy_result *r;
+    double side; /* 1: q > 0, and g must be positive; -1: the other side */
+} checking;
+
+/* Bounds of side g and of g' for side q in [low, high] */
+static void bound(checking *c, double low, double high, double g_low[2], double g_high[2]) {
+    const double from = c->side > 0 ? low : -high, to = c->side > 0 ? high : -low;
+    double l[2], h[2];
+    (void)lg_interval_eval(c->g, 1, &from, &to, l, h, c->work, NULL);
+    g_low[0] = c->side > 0 ? l[0] : -h[0];
+    g_high[0] = c->side > 0 ? h[0] : -l[0];
+    g_low[1] = l[1];
+    g_high[1] = h[1];
+    c->r->boxes++;
+}
+
+static bool fail(checking *c, double low, double high, const char *reason) {
+    c->r->failed_low = c->side > 0 ? low : -high;
+    c->r->failed_high = c->side > 0 ? high : -low;
+    (void)snprintf(c->r->reason, sizeof c->r->reason, "%s", reason);
+    return false;
+}
+
+enum { MOST_BOXES = 1000000, DEPTH = 64 };
+
+/* Proves side g > 0 on [from, to]; *margin becomes at most the least value, to 1e-3. The mean value form is used where
+ * it helps. Intervals lie on a stack, the lower half on top. */
+static bool is_positive(checking *c, double from, double to, double *margin) {
+    double low[DEPTH], high[DEPTH], value = (double)INFINITY; /* value: the least g at a point so far */
+    size_t count = 1;
+    low[0] = from;
+    high[0] = to;
+    while (count > 0) {
+        const double a = low[count - 1], b = high[count - 1], m = 0.5 * a + 0.5 * b;
+        double l[2], h[2], pl[2], ph[2];
+        bound(c, a, b, l, h);
+        bound(c, m, m, pl, ph);
+        const double steep = fmax(-l[1], h[1]), wide = fmax(m - a, b - m) * (1 + 1e-15);
+        const double mean = pl[0] - (steep * wide + fabs(pl[0]) * 1e-15) * (1 + 1e-14);
+        const double least = mean > l[0] ? mean : l[0];
+        if (ph[0] <= 0.0) return fail(c, m, m, "the torque does not exceed the potential's");
+        value = fmin(value, ph[0]);
+        if (least > 0.0 && least >= fmin(value, *margin) * (1 - 1e-3)) {
+            *margin = fmin(*margin, least);
+            count--;
+            continue;
+        }
+        if (count == DEPTH || c->r->boxes > MOST_BOXES || !(a < m && m < b))
+            return fail(c, a, b, "the sign of the torque could not be decided");
+        low[count] = a;
+        high[count] = m;
+        low[count - 1] = m;
+        count++;
+    }
+    return true;
+}
+
+/* The largest `near` = limit/2^k with g' > 0 on [0, near] */
+static bool find_near(checking *c, double limit, double *near) {
+    double l[2], h[2];
+    bound(c, 0, 0, l, h);
+    if (l[0] != 0.0 || h[0] != 0.0) return fail(c, 0, 0, "q = 0 is no exact equilibrium");
+    for (*near = limit; *near > 1e-12 * limit; *near *= 0.5) {
+        bound(c, 0, *near, l, h);
+        if (l[1] > 0.0) return true;
+    }
+    return fail(c, 0, *near, "the loop is not stiff enough at q = 0");
+}
+
+static bool check_side(checking *c, const lg_certify_energy_spec *spec, double side) {
+    double near, between = (double)INFINITY, far = (double)INFINITY;
+    c->side = side;
+    if (!find_near(c, spec->saturated, &near)) return false;
+    if (near < spec->saturated && !is_positive(c, near, spec->saturated, &between)) return false;
+    if (!is_positive(c, spec->saturated, spec->saturated + spec->period * (1 + 1e-12), &far)) return false;
+    c->r->near = side > 0 ? near : fmin(near, c->r->near);
+    c->r->margin = side > 0 ? far : fmin(far, c->r->margin);
+    return true;
+}
+
+static void say(const lg_certify_energy_spec *spec, lg_certify_energy_result *r) {
+    (void)snprintf(
+        r->claim, sizeof r->claim,
+        "%s: from every state, with the angle counted on the real line and the torque inside one limit, "
+        "motions converge to q = 0 (continuous inputs, damping at least %.4g, no model error beyond it); "
+        "the torque exceeds the potential's by at least %.4g for |q| >= %.4g.",
+        r->verified ? "Proved" : "Not proved", spec->damping, r->margin, spec->saturated);
+}
+
+static lg_status check(const lg_certify_energy_spec *spec, lg_error *error) {
+    if (spec->size != sizeof *spec || !(spec->damping > 0 && isfinite(spec->damping)) ||
+        !(spec->gain >= 0 && isfinite(spec->gain)) || !(spec->saturated > 0 && isfinite(spec->saturated)) ||
+        !(spec->period > 0 && isfinite(spec->period)))
+        return lg_fail(
+            error, LG_INVALID_ARGUMENT,
+            "the damping, the angle of saturation and the period must be positive, the gain at least 0");
+    return LG_OK;
+}
+
+/* A copy of g in a program of its own, with its derivative. */
+typedef struct slope_of {
+    const lg_program *program;
+    size_t function;
+} slope_of;
+
+static lg_status record(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
+    const slope_of *s = user;
+    (void)theta;
+    return lg_program_record(tape, s->program, s->function, NULL, in, out);
+}
+
+static lg_status prepare(const lg_context *context, const lg_certify_energy_spec *spec, lg_program **program,
+                         lg_interval **g, lg_error *error) {
+    slope_of s = {.program = spec->program};
+    size_t inputs, outputs;
+    LG_TRY(lg_program_find(spec->program, spec->slope, &s.function, error));
+    const lg_port *from = lg_program_inputs(spec->program, s.function, &inputs);
+    const lg_port *to = lg_program_outputs(spec->program, s.function, &outputs);
+    if (inputs != 1 || outputs != 1 || lg_shape_count(from[0].shape) != 1 || lg_shape_count(to[0].shape) != 1)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the function '%s' needs one number in and one out",
+                       spec->slope);
+    const lg_port in = {.name = "q", .shape = from[0].shape}, out = {.name = "g"};
+    const lg_function_spec function = {"slope", &in, 1, &out, 1, record, &s};
+    lg_program_spec whole;
+    lg_program_spec_init(&whole);
+    whole.functions = &function;
+    whole.function_count = 1;
+    LG_TRY(lg_program_build(context, &whole, program, error));
+    lg_derivative what;
+    lg_derivative_init(&what);
+    what.kind = LG_DERIVATIVE_JACOBIAN;
+    what.function = "slope";
+    LG_TRY(lg_program_derive(*program, &what, error));
+    LG_TRY(lg_interval_create(*program, (const size_t[]){0, 1}, 2, NULL, g, error));
+    if (lg_interval_continuous(*g, 0)) return LG_OK;
+    return lg_fail(error, LG_UNSUPPORTED, "the function '%s' may jump: write saturations with lg_max",
+                   spec->slope);
+}
+
+lg_status lg_certify_energy(const lg_context *context, const lg_certify_energy_spec *spec,
+                            lg_certify_energy_result *result, lg_error *error) {
+    lg_certify_energy_result r = {.verified = false};
+    lg_program *program = NULL;
+    checking c = {.r = &r};
+    LG_NEEDS(error, spec, result);
+    LG_NEEDS(error, spec->program, spec->slope);
+    LG_TRY(check(spec, error));
+    lg_status status = prepare(context, spec, &program, &c.g, error);
+    if (status == LG_OK) c.work = lg_alloc(context, lg_interval_work_size(c.g), 1);
+    if (status == LG_OK && c.work == NULL)
+        status = lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a certificate");
+    if (status == LG_OK) {
+        r.verified = check_side(&c, spec, 1) && check_side(&c, spec, -1);
+        if (!r.verified) r.margin = 0;
+        say(spec, &r);
+        *result = r;
+    }
+    lg_free(context, c.work);
+    lg_interval_destroy(c.g);
+    lg_program_destroy(program);
+    return status;
+}

@@ -1,0 +1,268 @@
+/* Interval evaluation. Bounds of every operation over random boxes contain exact values, in long double, at
+ * points of the box; they shrink with the box.
+ * ctest-labels: src/autodiff src/kernels */
+#include "interval_support.h"
+#include "program_support.h"
+
+#include "liegrad/ops.h"
+
+/* ---- every operation ---- */
+
+enum { BOXES = 40, POINTS = 6 };
+static bool seen[LG_OPS_MOST];
+static size_t points, unknown;
+static lg_rng rng;
+
+static void check_node(const lg_tape *tape, const lg_node *node, const char *row) {
+    for (int isa = 0; isa < LG_ISA_COUNT; isa++) {
+        const lg_kernels *k = lg_kernels_of(LG_F64, (lg_isa)isa);
+        interval_node *n = k != NULL ? interval_node_of(tape, node, k) : NULL;
+        if (n == NULL) continue;
+        double *low = TEST_ARRAY(double, BOXES * n->inputs + 1),
+               *high = TEST_ARRAY(double, BOXES * n->inputs + 1);
+        double *out_low = TEST_ARRAY(double, BOXES * n->outputs),
+               *out_high = TEST_ARRAY(double, BOXES * n->outputs);
+        double *x = TEST_ARRAY(double, n->inputs + 1);
+        long double *r = TEST_ARRAY(long double, n->expansion.s.count + 1);
+        for (size_t i = 0; i < BOXES * n->inputs; i++)
+            draw_box(&rng, n->at[i % n->inputs], &low[i], &high[i]);
+        assert_ok(lg_interval_eval(n->f, BOXES, low, high, out_low, out_high,
+                                   lg_test_memory(lg_interval_work_size(n->f)), NULL));
+        for (size_t p = 0; p < (size_t)BOXES * POINTS; p++) {
+            const size_t box = p % BOXES;
+            for (size_t i = 0; i < n->inputs; i++)
+                x[i] = draw_in(&rng, low[box * n->inputs + i], high[box * n->inputs + i]);
+            exact_walk(&n->expansion.s, x, r);
+            for (size_t j = 0; j < n->outputs; j++) {
+                const double l = out_low[box * n->outputs + j], h = out_high[box * n->outputs + j];
+                const long double value = r[n->expansion.result[j]];
+                if (!(l <= h)) fail_msg("%s: %s: the bounds [%g, %g]", row, node->op->name, l, h);
+                if (!is_within(l, h, value))
+                    fail_msg("%s: %s: %.20Lg is outside of [%.17g, %.17g]", row, node->op->name, value, l, h);
+                unknown += isnan(value);
+            }
+            points++;
+        }
+    }
+    seen[lg_op_place(node->op)] = true;
+}
+
+TEST("bounds contain the exact values of every operation, with every instruction set") {
+    memset(seen, 0, sizeof seen);
+    points = unknown = 0;
+    rng = test_rng(37, 0);
+    each_node(check_node);
+    print_message("%zu points, %zu values not defined or not known\n", points, unknown);
+    assert_true(points >= 1000000 && unknown < points);
+    for (uint32_t i = 0; lg_ops[i] != NULL; i++)
+        if ((lg_ops[i]->element != NULL || lg_ops[i]->expand != NULL) && !seen[i])
+            fail_msg("%s was on no tape", lg_ops[i]->name);
+}
+
+/* Widths over boxes of radius 1e-3 and 1e-5 about the point of the case. */
+static void check_width(const lg_tape *tape, const lg_node *node, const char *row) {
+    interval_node *n = interval_node_of(tape, node, lg_kernels_for(LG_F64));
+    bool continuous;
+    if (n == NULL) return;
+    size_t *end = TEST_ARRAY(size_t, 1);
+    bool *frozen = TEST_ARRAY(bool, 1);
+    *end = n->outputs;
+    n->expansion.end = end;
+    n->expansion.frozen = frozen;
+    assert_ok(lg_expansion_continuous(&n->expansion, 1, &continuous));
+    if (!continuous || n->inputs == 0) return;
+    double *low = TEST_ARRAY(double, 2 * n->inputs), *high = TEST_ARRAY(double, 2 * n->inputs);
+    double *out_low = TEST_ARRAY(double, 2 * n->outputs), *out_high = TEST_ARRAY(double, 2 * n->outputs);
+    for (size_t i = 0; i < 2 * n->inputs; i++) {
+        const double at = n->at[i % n->inputs], radius = (i < n->inputs ? 1e-3 : 1e-5) * fmin(1, fabs(at));
+        low[i] = at - radius;
+        high[i] = at + radius;
+    }
+    assert_ok(lg_interval_eval(n->f, 2, low, high, out_low, out_high,
+                               lg_test_memory(lg_interval_work_size(n->f)), NULL));
+    for (size_t j = 0; j < n->outputs; j++) {
+        const double wide = out_high[j] - out_low[j],
+                     narrow = out_high[n->outputs + j] - out_low[n->outputs + j];
+        const double size = fmax(fabs(out_low[j]), fabs(out_high[j]));
+        if (isfinite(wide) && !(narrow <= 0.02 * wide + 1e-11 * (size + 1)))
+            fail_msg("%s: %s: the width is %g over a box, %g over one of a hundredth", row, node->op->name,
+                     wide, narrow);
+    }
+}
+
+TEST("bounds shrink linearly with the box") {
+    each_node(check_width);
+}
+
+/* ---- one instruction over difficult operands ---- */
+
+static double draw_operand(lg_rng *r) {
+    static const double special[] = {0,
+                                     1,
+                                     -1,
+                                     0.5,
+                                     -2,
+                                     3,
+                                     1e-300,
+                                     -1e-300,
+                                     5e-324,
+                                     1e300,
+                                     -1e300,
+                                     1.5707963267948966,
+                                     3.141592653589793,
+                                     6.283185307179586,
+                                     100,
+                                     -700,
+                                     25.13274122871834};
+    const double x = special[lg_rng_below(r, LG_COUNT(special))];
+    return lg_rng_below(r, 2) == 0 ? x : lg_rng_uniform_in(r, -4, 4);
+}
+
+static lg_interval_code draw_instruction(lg_rng *r, lg_scalar_op op, lg_scalar_code *exact) {
+    static const double exponents[] = {-3, -2, -1, 0, 1, 2, 3, 4, 7, 0.5, 1.5, -0.5, 33};
+    static const uint32_t numbers[] = {0, 1, 2, 3, 16, 17, 34, 50};
+    const uint32_t n = numbers[lg_rng_below(r, LG_COUNT(numbers))];
+    *exact = (lg_scalar_code){.op = op, .n = op == LG_S_DEXPINV ? n % 16 : n};
+    exact->p = exponents[lg_rng_below(r, LG_COUNT(exponents))];
+    return (lg_interval_code){.op = (uint32_t)op, .n = exact->n, .p = exact->p, .y = 3, .x = {0, 1, 2}};
+}
+
+static void check_instruction(const lg_kernels *k, lg_rng *r, lg_scalar_op op) {
+    enum { IB = LG_INTERVAL_BLOCK };
+    double *registers = TEST_ARRAY(double, 8 * IB);
+    lg_scalar_code exact;
+    const lg_interval_code code = draw_instruction(r, op, &exact);
+    for (size_t i = 0; i < 3 * IB; i++) {
+        const double a = draw_operand(r), b = lg_rng_below(r, 3) == 0 ? a : draw_operand(r);
+        const size_t at = i / IB * 2 * IB + i % IB;
+        registers[at] = fmin(a, b);
+        registers[at + IB] = fmax(a, b);
+    }
+    k->intervals(1, &code, registers);
+    for (size_t i = 0; i < IB; i++)
+        for (int p = 0; p < 4; p++) {
+            long double x[3];
+            for (size_t j = 0; j < 3; j++) {
+                const double *at = registers + j * 2 * IB + i;
+                x[j] = lg_rng_below(r, 2) ? draw_in(r, at[0], at[IB]) : lg_rng_below(r, 2) ? at[0] : at[IB];
+            }
+            const double l = registers[6 * IB + i], h = registers[7 * IB + i];
+            const long double value = exact_value(&exact, x);
+            if (!(l <= h) || !is_within(l, h, value) || (isnan(value) && !isnan(exact_value(&exact, x))))
+                fail_msg(
+                    "instruction %d (n %u, p %g) of (%.17Lg, %.17Lg, %.17Lg): %.20Lg is outside of [%.17g, "
+                    "%.17g]",
+                    (int)op, exact.n, exact.p, x[0], x[1], x[2], value, l, h);
+            if (isnan(value) && op != LG_S_STUMPFF && op != LG_S_DEXPINV) assert_true(isinf(l) && isinf(h));
+            points++;
+        }
+}
+
+TEST("bounds of one instruction hold at zeros, poles, extremes, overflow and underflow") {
+    lg_rng r = test_rng(37, 1);
+    points = 0;
+    for (int isa = 0; isa < LG_ISA_COUNT; isa++)
+        for (int op = LG_S_ADD; op < LG_SCALAR_OPS; op++)
+            for (int round = 0; round < 300; round++) {
+                const size_t mark = lg_test_owned();
+                const lg_kernels *k = lg_kernels_of(LG_F64, (lg_isa)isa);
+                if (k != NULL) check_instruction(k, &r, (lg_scalar_op)op);
+                lg_test_give_back(mark);
+            }
+    print_message("%zu points\n", points);
+    assert_true(points >= 500000);
+}
+
+/* ---- programs ---- */
+
+RECORDING(third) {
+    y[0] = lg_scale(tape, x[0], 1.0 / 3.0);
+}
+RECORDING(square) {
+    y[0] = lg_mul(tape, lg_sin(tape, x[0]), lg_exp(tape, lg_neg(tape, x[0])));
+}
+RECORDING(jumping) {
+    y[0] = lg_mul(tape, lg_ge(tape, x[0], lg_scale(tape, x[0], 0.5)), x[0]);
+}
+RECORDING(stopped) {
+    y[0] = lg_mul(tape, lg_stop_gradient(tape, x[0]), x[0]);
+}
+RECORDING(greatest) {
+    y[0] = lg_max_axis(tape, x[0], 1, true);
+}
+
+static lg_program *program_of(lg_record_function record) {
+    const lg_port in = {.name = "x", .shape = lg_shape1(3)}, out = {.name = "y"};
+    const lg_function_spec f = {"f", &in, 1, &out, 1, record, NULL};
+    const lg_program_spec spec = spec_of(NULL, 0, &f, 1);
+    return test_program(&spec);
+}
+
+RELEASES(release_interval, lg_interval_destroy)
+static lg_interval *test_interval(const lg_program *program, const size_t *functions, size_t count) {
+    lg_interval *f = NULL;
+    assert_told(lg_interval_create(program, functions, count, NULL, &f, &told));
+    lg_test_owns(f, release_interval);
+    return f;
+}
+
+TEST("a function and its Jacobian are evaluated together, and bound the function's slopes") {
+    lg_program *program = program_of(square);
+    const size_t functions[2] = {0, derived(program, LG_DERIVATIVE_JACOBIAN, "f")};
+    lg_interval *f = test_interval(program, functions, 2);
+    assert_int_equal(lg_interval_inputs(f), 3);
+    assert_int_equal(lg_interval_outputs(f), 12);
+    assert_true(lg_interval_continuous(f, 0) && lg_interval_continuous(f, 1));
+    const double low[3] = {0.1, -1, 2}, high[3] = {0.1, 0.5, 2.1};
+    double l[12], h[12];
+    assert_ok(lg_interval_eval(f, 1, low, high, l, h, lg_test_memory(lg_interval_work_size(f)), NULL));
+    const double slope = (cos(0.1) - sin(0.1)) * exp(-0.1);
+    assert_true(l[3] <= slope && slope <= h[3] && h[3] - l[3] < 1e-14);
+    assert_true(l[4] == 0.0 && h[4] == 0.0); /* rows of other elements */
+    assert_true(l[7] < (cos(0.5) - sin(0.5)) * exp(-0.5) && h[7] > (cos(-1) - sin(-1)) * exp(1));
+}
+
+TEST("jumps and stopped gradients are noticed, kinks of a maximum are none") {
+    const size_t zero = 0;
+    assert_false(lg_interval_continuous(test_interval(program_of(jumping), &zero, 1), 0));
+    assert_false(lg_interval_continuous(test_interval(program_of(stopped), &zero, 1), 0));
+    assert_true(lg_interval_continuous(test_interval(program_of(square), &zero, 1), 0));
+}
+
+TEST("an operation without interval form is refused by name") {
+    lg_interval *f = NULL;
+    lg_error error;
+    const size_t zero = 0;
+    assert_int_equal(lg_interval_create(program_of(greatest), &zero, 1, NULL, &f, &error), LG_UNSUPPORTED);
+    assert_non_null(strstr(error.message, "'max_axis' has no interval form"));
+}
+
+TEST("constants that are widened contain the decimal number that they stand for") {
+    lg_interval_options options;
+    lg_interval *f = NULL;
+    double l[3], h[3];
+    const double x[3] = {3, 3 * 0x1p40, -9};
+    const size_t zero = 0;
+    lg_interval_options_init(&options);
+    options.widen = true;
+    assert_ok(lg_interval_create(program_of(third), &zero, 1, &options, &f, NULL));
+    lg_test_owns(f, release_interval);
+    assert_ok(lg_interval_eval(f, 1, x, x, l, h, lg_test_memory(lg_interval_work_size(f)), NULL));
+    for (int i = 0; i < 3; i++)
+        assert_true(l[i] < x[i] / 3 && x[i] / 3 < h[i] && h[i] - l[i] < 1e-15 * fabs(x[i]));
+}
+
+TEST("boxes that are empty or not finite are refused, and outputs stay") {
+    const size_t zero = 0;
+    lg_interval *f = test_interval(program_of(square), &zero, 1);
+    double l[6] = {7}, h[6] = {7};
+    lg_error error;
+    void *work = lg_test_memory(lg_interval_work_size(f));
+    const double good[6] = {0, 0, 0, 0, 0, 0}, above[6] = {0, 0, 0, 0, 1, 0}, none[6] = {0, 0, 0, 0, NAN, 0},
+                 far[6] = {0, 0, 0, 0, INFINITY, 0};
+    assert_int_equal(lg_interval_eval(f, 2, above, good, l, h, work, &error), LG_INVALID_ARGUMENT);
+    assert_string_equal(error.message, "box 1, input 1: [1, 0] is empty");
+    assert_int_equal(lg_interval_eval(f, 2, good, none, l, h, work, &error), LG_NOT_FINITE);
+    assert_int_equal(lg_interval_eval(f, 2, good, far, l, h, work, &error), LG_NOT_FINITE);
+    assert_true(l[0] == 7 && h[0] == 7);
+}

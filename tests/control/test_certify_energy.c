@@ -1,0 +1,66 @@
+/* Torque-limited pendulums: m .15, l .5, b .1, g 9.81. */
+#include "certify_support.h"
+
+#include "core/core.h"
+
+typedef struct pendulum {
+    double mass, limit, gain;
+} pendulum;
+
+/* g(q) = sat(k q) - m g l sin q */
+RECORDING(pendulum_slope) {
+    const pendulum *p = user;
+    const lg_var held = saturated(tape, lg_scale(tape, x[0], p->gain), p->limit);
+    y[0] = lg_sub(tape, held, lg_scale(tape, lg_sin(tape, x[0]), p->mass * 9.81 * 0.5));
+}
+
+static lg_certify_energy_spec energy_spec(pendulum *p, double gain_of_velocity) {
+    lg_certify_energy_spec spec;
+    lg_certify_energy_spec_init(&spec);
+    spec.program = loop_program(1, pendulum_slope, NULL, p);
+    spec.slope = "loop";
+    spec.damping = 0.1;
+    spec.gain = gain_of_velocity;
+    spec.saturated = p->limit / p->gain;
+    return spec;
+}
+
+static lg_certify_energy_result prove_pendulum(pendulum p) {
+    lg_certify_energy_result r;
+    const lg_certify_energy_spec spec = energy_spec(&p, 0.06);
+    const double start = lg_seconds();
+    assert_told(lg_certify_energy(NULL, &spec, &r, &told));
+    print_message("%s\n  %s [%g, %g] margin %.6g, near %.3g, %zu boxes, %.4f s\n", r.claim, r.reason,
+                  r.failed_low, r.failed_high, r.margin, r.near, r.boxes, lg_seconds() - start);
+    return r;
+}
+
+TEST("both pendulums converge from every state, with the margins of the torque") {
+    const lg_certify_energy_result strong = prove_pendulum((pendulum){0.15, 6, 3});
+    const lg_certify_energy_result weak = prove_pendulum((pendulum){0.15, 0.75, 1.6});
+    assert_true(strong.verified && weak.verified);
+    assert_close(strong.margin, 6 - 0.73575, 2e-3, 0);
+    assert_close(weak.margin, 0.75 - 0.73575, 2e-3, 0);
+    assert_true(weak.margin <= 0.75 - 0.73575 && strong.margin <= 6 - 0.73575);
+}
+
+TEST("with 2 % more mass the second pendulum is refused, with the angle") {
+    const lg_certify_energy_result r = prove_pendulum((pendulum){0.153, 0.75, 1.6});
+    assert_true(!r.verified && r.margin == 0);
+    assert_true(fabs(cos(r.failed_low)) < 0.1 && sin(r.failed_low) > 0.9);
+    assert_non_null(strstr(r.reason, "does not exceed the potential's"));
+}
+
+TEST("a gain that is too small is refused") {
+    const lg_certify_energy_result weak = prove_pendulum((pendulum){0.15, 6, 0.6});
+    assert_true(!weak.verified && strstr(weak.reason, "not stiff enough") != NULL);
+}
+
+TEST("damping of 0 is refused") {
+    pendulum p = {0.15, 6, 3};
+    lg_certify_energy_spec spec = energy_spec(&p, 0.3);
+    lg_certify_energy_result r;
+    lg_error error;
+    spec.damping = 0;
+    assert_int_equal(lg_certify_energy(NULL, &spec, &r, &error), LG_INVALID_ARGUMENT);
+}

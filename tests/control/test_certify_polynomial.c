@@ -1,0 +1,95 @@
+/* Polynomial V by linear programming.
+ * ctest-labels: src/control src/autodiff */
+#include "certify_support.h"
+
+#include "control/linear_program.h"
+#include "liegrad/lyapunov.h"
+
+/* ---- Van der Pol: x1' = x2, x2' = -x1 + (1 - x1^2) x2 + u, u = -sat(3 x2) ---- */
+
+RECORDING(van_der_pol) {
+    const lg_var a = column(tape, x[0], 0), b = column(tape, x[0], 1);
+    const lg_var u = saturated(tape, lg_scale(tape, b, -3), 1);
+    const lg_var damped = lg_sub(tape, b, lg_mul(tape, lg_square(tape, a), b));
+    const lg_var parts[2] = {b, lg_add(tape, lg_sub(tape, damped, a), u)};
+    y[0] = lg_concat(tape, parts, 2, 1);
+}
+
+/* Lienard's coordinates: x1, x2 - x1 + x1^3/3 */
+RECORDING(lienard) {
+    const lg_var a = column(tape, x[0], 0), b = column(tape, x[0], 1);
+    const lg_var cube = lg_scale(tape, lg_mul(tape, a, lg_square(tape, a)), 1.0 / 3.0);
+    const lg_var parts[2] = {a, lg_add(tape, lg_sub(tape, b, a), cube)};
+    y[0] = lg_concat(tape, parts, 2, 1);
+}
+
+/* The same in Lienard's coordinates; areas are equal, as the determinant of the map is 1. */
+RECORDING(turned) {
+    const lg_var a = column(tape, x[0], 0), w = column(tape, x[0], 1);
+    const lg_var cube = lg_scale(tape, lg_mul(tape, a, lg_square(tape, a)), 1.0 / 3.0);
+    const lg_var b = lg_sub(tape, lg_add(tape, w, a), cube), u = saturated(tape, lg_scale(tape, b, -3), 1);
+    const lg_var parts[2] = {b, lg_sub(tape, u, a)};
+    y[0] = lg_concat(tape, parts, 2, 1);
+}
+
+static lg_lyapunov_spec fit_of(const char *map, int degree, const double *low, const double *high) {
+    lg_lyapunov_spec v;
+    lg_lyapunov_spec_init(&v);
+    v.rate = "loop";
+    v.map = map;
+    v.name = "lyapunov";
+    v.low = low;
+    v.high = high;
+    v.degree = degree;
+    v.decay = 1e-2;
+    return v;
+}
+
+static lg_certify_result prove_polynomial(lg_record_function loop, lg_record_function map, int degree,
+                                          const double *low, const double *high) {
+    lg_program *program = loop_program(2, loop, map, NULL);
+    const lg_lyapunov_spec v = fit_of(map == NULL ? NULL : "v", degree, low, high);
+    const double start = lg_seconds();
+    assert_told(lg_lyapunov_polynomial(program, &v, &told));
+    print_message("degree %d: %.2f s\n", degree, lg_seconds() - start);
+    lg_certify_spec spec = spec_for(program, NULL, low, high);
+    spec.lyapunov = "lyapunov";
+    return prove(&spec, 60);
+}
+
+TEST("Van der Pol: an area of at least 50 inside the published box 4.8, 10.8") {
+    const double low[2] = {-4.4, -9}, high[2] = {4.4, 9};
+    const lg_certify_result r = prove_polynomial(van_der_pol, lienard, 8, low, high);
+    assert_true(r.verified && r.converges && r.volume >= 50);
+}
+
+TEST("Van der Pol: an area of at least 150 in a box of Lienard's coordinates") {
+    const double low[2] = {-6, -14}, high[2] = {6, 14};
+    const lg_certify_result r = prove_polynomial(turned, NULL, 10, low, high);
+    assert_true(r.verified && r.converges && r.volume >= 150);
+}
+
+TEST("a box in which no polynomial falls is refused") {
+    const double low[2] = {-6, -18}, high[2] = {6, 18};
+    lg_error error;
+    lg_program *program = loop_program(2, van_der_pol, lienard, NULL);
+    const lg_lyapunov_spec v = fit_of("v", 4, low, high);
+    assert_int_equal(lg_lyapunov_polynomial(program, &v, &error), LG_NO_CONVERGENCE);
+    assert_non_null(strstr(error.message, "no polynomial of degree 4 falls at all 12000 points"));
+    assert_int_equal(lg_program_functions(program), 2);
+}
+
+/* ---- linear programs ---- */
+
+TEST("a linear program with a known solution is solved, one without a solution is refused") {
+    /* min -x - 2 y with x + y <= 4, x + 3 y <= 6, x, y >= 0: at (3, 1) */
+    const double A[8] = {-1, -1, -1, -3, 1, 0, 0, 1}, b[4] = {-4, -6, 0, 0}, c[2] = {-1, -2};
+    double x[2];
+    assert_ok(lg_linear_program(NULL, 4, 2, A, b, c, x));
+    assert_close(x[0], 3, 0, 1e-6);
+    assert_close(x[1], 1, 0, 1e-6);
+    const double none[4] = {-4, -6, 5, 0};
+    assert_int_equal(lg_linear_program(NULL, 4, 2, A, none, c, x), LG_NO_CONVERGENCE);
+    const double down[2] = {1, -2}, half[4] = {-4, -6, 0, 0};
+    assert_int_equal(lg_linear_program(NULL, 2, 2, A + 4, half + 2, down, x), LG_NO_CONVERGENCE);
+}

@@ -1,0 +1,184 @@
+/* Certificates of other kinds: functions V that are wrong, errors of the model, steps, budgets and threads.
+ * ctest-labels: threads src/control src/autodiff */
+#include "certify_support.h"
+
+#include "liegrad/networks.h"
+
+static const double low[2] = {-1, -1}, high[2] = {1, 1};
+static const double P[4] = {1.5, 0.5, 0.5, 1};
+
+/* x1' = x2, x2' = -sin x1 - x2 */
+RECORDING(damped) {
+    const lg_var a = column(tape, x[0], 0), b = column(tape, x[0], 1);
+    const lg_var parts[2] = {b, lg_neg(tape, lg_add(tape, lg_sin(tape, a), b))};
+    y[0] = lg_concat(tape, parts, 2, 1);
+}
+
+static lg_var form(lg_tape *tape, lg_var x) {
+    return lg_rowdot(tape, x, lg_matmul(tape, x, lg_input_f64(tape, lg_shape2(2, 2), P)));
+}
+
+RECORDING(quadratic) {
+    y[0] = form(tape, x[0]);
+}
+
+/* A quadratic form with a hole about (.4, .4): V is below eps there. */
+RECORDING(with_a_hole) {
+    const lg_var about[2] = {lg_full(tape, lg_shape1(1), 0.4), lg_full(tape, lg_shape1(1), 0.4)};
+    const lg_var d = lg_sub(tape, x[0], lg_concat(tape, about, 2, 0));
+    const lg_var dip = lg_exp(tape, lg_scale(tape, lg_rownorm2(tape, d), -40));
+    y[0] = lg_mul(tape, form(tape, x[0]), lg_add_scalar(tape, lg_scale(tape, dip, -0.999), 1));
+}
+
+/* V = (1 - cos x1) + x2^2/2 + a mixed term, as an energy */
+RECORDING(energy) {
+    const lg_var a = column(tape, x[0], 0), b = column(tape, x[0], 1);
+    const lg_var rest = lg_add_scalar(tape, lg_neg(tape, lg_cos(tape, a)), 1);
+    const lg_var mixed = lg_scale(tape, lg_mul(tape, lg_sin(tape, a), b), 0.3);
+    y[0] = lg_add(tape, lg_add(tape, rest, mixed), lg_scale(tape, lg_square(tape, b), 0.5));
+}
+
+static lg_certify_spec spec_of_v(lg_record_function v) {
+    lg_certify_spec spec = spec_for(loop_program(2, damped, v, NULL), NULL, low, high);
+    spec.lyapunov = "v";
+    return spec;
+}
+
+TEST("a function of the program as V: the level set stays inside the box, and its volume is a lower bound") {
+    lg_certify_spec spec = spec_of_v(quadratic), form_spec = spec_for(spec.program, P, low, high);
+    const lg_certify_result r = prove(&spec, 20), s = prove(&form_spec, 20);
+    assert_true(r.verified && r.converges && s.verified && s.converges);
+    assert_close(r.level, s.level, 0.01, 0);
+    assert_true(r.volume < s.volume && r.volume > 0.97 * s.volume);
+    assert_close(s.volume, 3.14159265 * s.level / sqrt(1.5 * 1 - 0.25), 1e-5, 0);
+    lg_certify_spec other = spec_of_v(energy);
+    assert_true(prove(&other, 20).converges);
+}
+
+TEST("a V with a hole is refused with the box") {
+    lg_certify_spec spec = spec_of_v(with_a_hole);
+    spec.level = 0.7;
+    spec.eps = 0.05;
+    const lg_certify_result r = prove(&spec, 20);
+    assert_true(!r.verified && r.finished && r.reason[0] != '\0');
+    print_message("[%g, %g] x [%g, %g]\n", r.failed_low[0], r.failed_high[0], r.failed_low[1],
+                  r.failed_high[1]);
+    assert_true(fabs(r.failed_low[0] - 0.4) < 0.4 && fabs(r.failed_low[1] - 0.4) < 0.4);
+}
+
+/* The rate is chosen such that this V falls everywhere, even into the hole: x' = -grad V. */
+RECORDING(down_hill) {
+    lg_var v, slope;
+    (void)with_a_hole(NULL, tape, theta, x, &v);
+    (void)lg_grad(tape, lg_sum(tape, v), x, 1, &slope);
+    y[0] = lg_neg(tape, slope);
+}
+
+TEST("a part of {V < eps} elsewhere is refused") {
+    lg_certify_spec spec = spec_for(loop_program(2, down_hill, with_a_hole, NULL), NULL, low, high);
+    spec.lyapunov = "v";
+    spec.level = 0.05;
+    spec.eps = 0.03;
+    const lg_certify_result r = prove(&spec, 20);
+    assert_true(!r.verified && r.finished && strstr(r.reason, "away from the goal") != NULL);
+    assert_true(fabs(r.failed_low[0] - 0.4) < 0.2 && fabs(r.failed_low[1] - 0.4) < 0.2);
+}
+
+TEST(
+    "an error of the model is allowed for: a small one leaves a set about the goal, a large one is refused") {
+    lg_certify_spec spec = spec_for(loop_program(2, damped, NULL, NULL), P, low, high);
+    const double small[2] = {0, 0.05}, large[2] = {0, 0.5};
+    spec.model_error = small;
+    spec.eps = 0.2;
+    spec.level = 0.8;
+    const lg_certify_result r = prove(&spec, 20);
+    assert_true(r.verified && !r.converges && strstr(r.claim, "may err by up to 0.05") != NULL);
+    spec.model_error = large;
+    const lg_certify_result bad = prove(&spec, 20);
+    assert_true(!bad.verified && bad.finished);
+    spec.model_error = small;
+    spec.eps = 1e-3; /* the error moves states that are so close */
+    assert_true(!prove(&spec, 20).verified);
+}
+
+/* A step of Euler's method of length h */
+RECORDING(euler) {
+    lg_var rate;
+    (void)damped(NULL, tape, theta, x, &rate);
+    y[0] = lg_add(tape, x[0], lg_scale(tape, rate, *(const double *)user));
+}
+
+TEST("steps are proved of V(F(x)) - V(x), and steps that are too long are refused") {
+    double h = 0.1;
+    lg_certify_spec spec = spec_for(loop_program(2, euler, NULL, &h), P, low, high);
+    spec.step = true;
+    const lg_certify_result r = prove(&spec, 20);
+    assert_true(r.verified && r.converges && strstr(r.claim, "every step") != NULL);
+    double too_long = 2.5;
+    lg_certify_spec bad = spec_for(loop_program(2, euler, NULL, &too_long), P, low, high);
+    bad.step = true;
+    assert_true(!prove(&bad, 20).verified);
+}
+
+TEST("a proof in portions, and by several threads, ends as in one run") {
+    lg_certify_spec spec = spec_of_v(energy);
+    const lg_certify_result whole = prove(&spec, 20);
+    lg_certify_result part = {.finished = false};
+    spec.threads = 3;
+    lg_certify *certify = test_certify(&spec);
+    size_t runs = 0;
+    for (; !part.finished; runs++) assert_ok(lg_certify_run(certify, 1, 20, &part, NULL));
+    assert_true(runs > 3 && part.verified);
+    assert_true(part.level == whole.level && part.eps == whole.eps && part.boxes == whole.boxes);
+    assert_true(part.volume == whole.volume);
+}
+
+/* x1' = x2, x2' = sin x1 + u; u = -3 x1 - 3 x2 + a network of 2-16-16-1, weights as at the start of a training */
+typedef struct policy {
+    lg_mlp net;
+    double *theta;
+} policy;
+
+RECORDING(network_loop) {
+    const policy *p = user;
+    const lg_var a = column(tape, x[0], 0), b = column(tape, x[0], 1);
+    const lg_var weights = lg_input_f64(tape, lg_shape1((uint32_t)lg_mlp_parameters(&p->net)), p->theta);
+    const lg_var net = lg_mlp_record(tape, &p->net, weights, 0, x[0]);
+    const lg_var line = lg_scale(tape, lg_add(tape, a, b), -3), u = saturated(tape, lg_add(tape, line, net), 5);
+    const lg_var parts[2] = {b, lg_add(tape, lg_sin(tape, a), u)};
+    y[0] = lg_concat(tape, parts, 2, 1);
+}
+
+TEST("a network as policy is proved") {
+    policy p;
+    lg_rng rng = test_rng(37, 5);
+    assert_ok(lg_mlp_init(&p.net, 2, (const uint32_t[]){16, 16}, 2, 1, LG_TANH, true));
+    p.theta = TEST_ARRAY(double, lg_mlp_parameters(&p.net));
+    lg_mlp_initialise(&p.net, &rng, p.theta);
+    const double form_of_loop[4] = {4, 1, 1, 1};
+    lg_certify_spec spec = spec_for(loop_program(2, network_loop, NULL, &p), form_of_loop, low, high);
+    spec.level = 0.5;
+    spec.eps = 0.05;
+    const lg_certify_result r = prove(&spec, 20);
+    assert_true(r.verified);
+}
+
+RECORDING(switched) {
+    const lg_var a = column(tape, x[0], 0), b = column(tape, x[0], 1);
+    const lg_var parts[2] = {b, lg_neg(tape, lg_add(tape, lg_sign(tape, a), b))};
+    y[0] = lg_concat(tape, parts, 2, 1);
+}
+
+TEST("what cannot be proved is refused at once: jumps, boxes without the goal, forms that are not definite") {
+    lg_certify *certify = NULL;
+    lg_error error;
+    lg_certify_spec spec = spec_for(loop_program(2, switched, NULL, NULL), P, low, high);
+    assert_int_equal(lg_certify_create(NULL, &spec, &certify, &error), LG_UNSUPPORTED);
+    assert_non_null(strstr(error.message, "may jump"));
+    spec = spec_for(loop_program(2, damped, NULL, NULL), P, high, high);
+    assert_int_equal(lg_certify_create(NULL, &spec, &certify, &error), LG_INVALID_ARGUMENT);
+    const double saddle[4] = {1, 0, 0, -1};
+    spec = spec_for(spec.program, saddle, low, high);
+    assert_int_equal(lg_certify_create(NULL, &spec, &certify, &error), LG_INVALID_ARGUMENT);
+    assert_string_equal(error.message, "P is not positive definite");
+}
