@@ -144,7 +144,8 @@ RECORDING(network_loop) {
     const lg_var a = column(tape, x[0], 0), b = column(tape, x[0], 1);
     const lg_var weights = lg_input_f64(tape, lg_shape1((uint32_t)lg_mlp_parameters(&p->net)), p->theta);
     const lg_var net = lg_mlp_record(tape, &p->net, weights, 0, x[0]);
-    const lg_var line = lg_scale(tape, lg_add(tape, a, b), -3), u = saturated(tape, lg_add(tape, line, net), 5);
+    const lg_var line = lg_scale(tape, lg_add(tape, a, b), -3),
+                 u = saturated(tape, lg_add(tape, line, net), 5);
     const lg_var parts[2] = {b, lg_add(tape, lg_sin(tape, a), u)};
     y[0] = lg_concat(tape, parts, 2, 1);
 }
