@@ -111,6 +111,24 @@ LG_API void lg_certify_energy_spec_init(lg_certify_energy_spec *spec);
 LG_API lg_status lg_certify_energy(const lg_context *context, const lg_certify_energy_spec *spec,
                                    lg_certify_energy_result *result, lg_error *error);
 
+/* ---- attitude: energy on SO(3) ---- */
+
+typedef struct lg_certify_attitude_result {
+    bool verified;
+    double critical[3]; /* lower bounds of Phi at the three further critical rotations, ascending */
+    double level;       /* critical[0] */
+    char claim[512], reason[128];
+} lg_certify_attitude_result;
+
+/* The loop J w' + w x J w = -grad Phi(Q) - D w with Q = R_goal^T R, Phi = tr(A (1 - Q)), A (3, 3) symmetric, J and D
+ * positive definite (`damping` is a lower bound of D's eigenvalues). V = w.J w/2 + Phi falls with w.D w. Phi is critical
+ * at Q = 1 and at rotations by pi about the eigenvectors of A, with the values 2 (a_j + a_k) of the other two
+ * eigenvalues. If all of them are positive, Q = 1 is the only critical rotation of {V < the lowest}, and by LaSalle's
+ * theorem motions from there converge to it. No continuous feedback does so from all rotations. The form of the loop is
+ * the caller's statement. Errors: LG_INVALID_ARGUMENT (NULL, A not symmetric to 1e-12), LG_NOT_FINITE. */
+LG_API lg_status lg_certify_attitude(const double *A, double damping, lg_certify_attitude_result *result,
+                                     lg_error *error);
+
 LG_END_DECLS
 
 #endif

@@ -131,6 +131,13 @@ TEST("bounds of one instruction hold at zeros, poles, extremes, overflow and und
 RECORDING(third) {
     y[0] = lg_scale(tape, x[0], 1.0 / 3.0);
 }
+/* x ((.7 - .1)/.3 - 2): what is left of the constants is their rounding */
+RECORDING(cancelled) {
+    lg_var c[4];
+    const double values[4] = {0.7, 0.1, 0.3, 2};
+    for (int i = 0; i < 4; i++) c[i] = lg_full(tape, lg_shape1(3), values[i]);
+    y[0] = lg_mul(tape, x[0], lg_sub(tape, lg_div(tape, lg_sub(tape, c[0], c[1]), c[2]), c[3]));
+}
 RECORDING(square) {
     y[0] = lg_mul(tape, lg_sin(tape, x[0]), lg_exp(tape, lg_neg(tape, x[0])));
 }
@@ -188,6 +195,16 @@ TEST("an operation without interval form is refused by name") {
     const size_t zero = 0;
     assert_int_equal(lg_interval_create(program_of(greatest), &zero, 1, NULL, &f, &error), LG_UNSUPPORTED);
     assert_non_null(strstr(error.message, "'max_axis' has no interval form"));
+}
+
+TEST("operations on constants are rounded outward, too") {
+    const size_t zero = 0;
+    lg_interval *f = test_interval(program_of(cancelled), &zero, 1);
+    const double one[3] = {1, 1, 1};
+    const long double exact = ((long double)0.7 - (long double)0.1) / (long double)0.3 - 2;
+    double l[3], h[3];
+    assert_ok(lg_interval_eval(f, 1, one, one, l, h, lg_test_memory(lg_interval_work_size(f)), NULL));
+    assert_true(l[0] <= exact && exact <= h[0] && h[0] - l[0] < 2e-15 && l[0] < h[0]);
 }
 
 TEST("constants that are widened contain the decimal number that they stand for") {
