@@ -3,6 +3,7 @@
 #include "certify_support.h"
 
 #include "liegrad/networks.h"
+#include "support/fail_alloc.h"
 
 static const double low[2] = {-1, -1}, high[2] = {1, 1};
 static const double P[4] = {1.5, 0.5, 0.5, 1};
@@ -182,4 +183,29 @@ TEST("what cannot be proved is refused at once: jumps, boxes without the goal, f
     spec = spec_for(spec.program, saddle, low, high);
     assert_int_equal(lg_certify_create(NULL, &spec, &certify, &error), LG_INVALID_ARGUMENT);
     assert_string_equal(error.message, "P is not positive definite");
+}
+
+static lg_status create_and_run(const lg_context *context, const lg_certify_spec *spec) {
+    lg_certify *certify = NULL;
+    lg_certify_result result;
+    lg_status status = lg_certify_create(context, spec, &certify, NULL);
+    if (status == LG_OK) status = lg_certify_run(certify, 3000, 20, &result, NULL);
+    lg_certify_destroy(certify);
+    return status;
+}
+
+TEST("an allocation that fails is reported, and nothing leaks") {
+    lg_fail_alloc memory;
+    lg_context *context = lg_fail_alloc_context(&memory);
+    lg_certify_spec spec = spec_of_v(energy);
+    long n = 1;
+    for (;; n += 1 + n / 20) {
+        lg_fail_alloc_arm(&memory, n);
+        const lg_status status = create_and_run(context, &spec);
+        if (!lg_fail_alloc_hit(&memory)) break;
+        assert_int_equal(status, LG_OUT_OF_MEMORY);
+        assert_int_equal(lg_fail_alloc_live(&memory), 0);
+    }
+    assert_true(n > 50);
+    lg_context_destroy(context);
 }
