@@ -42,7 +42,8 @@ typedef struct lg_certify_spec {
     const double *goal;       /* (n); NULL: 0 */
     const double *low, *high; /* (n) the state box, around the goal; with P a side may be infinite */
     double level;             /* c; 0: the largest that is found */
-    double eps;               /* 0: chosen, as large as the local argument (4) allows */
+    /* 0: chosen, as large as the local argument (4) allows, or else as small as V' < 0 allows, to a factor of 1.5 */
+    double eps;
     /* (n) bounds of |error of rate|, per component; NULL: 0. Then motions reach {V < eps}, and (4) is left out. */
     const double *model_error;
     double resolution; /* with level 0: relative accuracy of the level; default 1/512 */

@@ -13,7 +13,7 @@
  * and parameters are the doubles that the program stores (`widen`: they, or any number up to one unit in the
  * last place away). Where a function is not defined on all of a box (division by an interval with 0, the root or
  * the logarithm of a negative number), and where a bound would overflow, the bounds are -inf and inf. NaN never
- * occurs.
+ * occurs. As in plans, 0 x and x - x are 0 even where x is not defined.
  *
  * Choices. lg_ge and lg_sign are 0 or 1, -1 or 1, or both where the box does not decide; lg_select then has the
  * hull of both values. The derivative of a maximum (lg_max, lg_abs, lg_relu) at a kink is the hull of both

@@ -30,11 +30,12 @@ struct lg_certify {
     lg_program *program; /* functions of y: local, point, bounds (certify_program.c) */
     lg_interval *full, *point, *local;
     size_t n;
-    bool step, quadratic, automatic, errors, converges, failed;
+    bool step, quadratic, automatic, raises, errors, converges, failed;
     double T[LG_CERTIFY_STATES * LG_CERTIFY_STATES], P[LG_CERTIFY_STATES * LG_CERTIFY_STATES];
     double goal[LG_CERTIFY_STATES], low[LG_CERTIFY_STATES], high[LG_CERTIFY_STATES], error[LG_CERTIFY_STATES];
     double from[LG_CERTIFY_STATES], to[LG_CERTIFY_STATES]; /* the domain, in y */
     double near[LG_CERTIFY_STATES];                        /* N = {|y_i| <= near_i} */
+    double raised;                                         /* the eps of the next attempt; 0: none */
     double level, eps, asked_eps, resolution, determinant; /* determinant: a lower bound of |det T| */
     double volume, seconds;
     lg_certify_phase phase;

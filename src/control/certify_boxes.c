@@ -43,14 +43,22 @@ static void fail(lg_certify *c, const double *box, const char *reason) {
     (void)snprintf(c->reason, sizeof c->reason, "%s", reason);
 }
 
-/* The set must not reach the value v of V: a smaller level, if it may be chosen. */
+/* The claim does not hold where V is v. Where motions need not converge, and v is small, eps is raised, if it may be
+ * chosen: an error of the model or an equilibrium beside the goal lets V rise there. Else the set must not reach v: the
+ * level is lowered, if it may be chosen. */
 static void refuse(lg_certify *c, const double *box, double v, const char *reason) {
-    const double level = v * (1 - 1e-9);
+    const double level = v * (1 - 1e-9), eps = 1.5 * fmax(v, c->eps);
+    if (c->phase == LG_CERTIFY_FALL && c->raises && !c->converges && v < 0.5 * c->level && eps < c->level) {
+        c->raised = fmax(c->raised, eps);
+        return;
+    }
     if (!c->automatic || !(level > 0) || (c->phase == LG_CERTIFY_FALL && level < c->eps && !c->converges) ||
         (c->converges && level < 1e-3 * c->eps))
         fail(c, box, reason);
-    else if (level < c->level)
+    else if (level < c->level) {
         c->level = level;
+        c->again = c->step && !c->converges; /* what steps from {V < eps} must not leave is smaller now */
+    }
 }
 
 /* The same, where the middle of the box is the proof. */
@@ -105,6 +113,10 @@ static bool fall(lg_certify *c, const double *box, const lg_certify_box *f) {
             refute(c, f, elsewhere ? "V is below eps away from the goal" : reason);
             return c->failed || f->v_low > c->level;
         }
+    }
+    if (c->step && !c->converges && f->at_v_high < c->eps && f->at_v_low + f->at_rise_low >= c->level) {
+        fail(c, box, "a step from {V < eps} leaves {V <= c}");
+        return true;
     }
     if (!is_tiny(c, box, f)) return false;
     refuse(c, box, f->v_low,
@@ -169,6 +181,11 @@ enum { VOLUME_BOXES = 1 << 16 };
 
 static lg_status next_phase(lg_certify *c) {
     if (c->phase == LG_CERTIFY_FACES) return lg_certify_begin(c, LG_CERTIFY_FALL);
+    if (c->phase == LG_CERTIFY_FALL && c->again) {
+        c->again = false;
+        c->asked_eps = c->eps;
+        return lg_certify_begin(c, LG_CERTIFY_FALL);
+    }
     if (c->phase == LG_CERTIFY_FALL && !c->quadratic) return lg_certify_begin(c, LG_CERTIFY_VOLUME);
     if (c->quadratic) c->volume = ellipsoid(c);
     c->phase = LG_CERTIFY_DONE;
@@ -191,5 +208,10 @@ lg_status lg_certify_work(lg_certify *c) {
         if (!judge[c->phase](c, box, &c->found[i])) LG_TRY(halve(c, box, &c->found[i]));
     }
     if (c->failed) return LG_OK;
+    if (c->raised > 0) { /* N is larger then: all boxes are examined again */
+        c->asked_eps = c->raised;
+        c->raised = 0;
+        return lg_certify_begin(c, LG_CERTIFY_FALL);
+    }
     return c->stacked == 0 || c->volume_boxes > VOLUME_BOXES ? next_phase(c) : LG_OK;
 }

@@ -234,7 +234,7 @@ lg_status lg_certify_near(lg_certify *c) {
         c->converges = argument_holds(c, low, high);
     }
     if (c->converges) return LG_OK;
-    c->eps = c->asked_eps > 0 ? c->asked_eps : 0.02 * c->level;
+    c->eps = c->asked_eps > 0 ? c->asked_eps : 1e-3 * c->level;
     if (!size_of_near(c, c->eps, hessian))
         for (size_t i = 0; i < c->n; i++) c->near[i] = 0;
     return LG_OK;

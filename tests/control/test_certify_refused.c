@@ -100,6 +100,9 @@ TEST(
     spec.model_error = small;
     spec.eps = 1e-3; /* the error moves states that are so close */
     assert_true(!prove(&spec, 20).verified);
+    spec.eps = 0;
+    const lg_certify_result found = prove(&spec, 20);
+    assert_true(found.verified && !found.converges && found.eps > 1e-3 && found.eps < 0.05);
 }
 
 /* A step of Euler's method of length h */
