@@ -36,6 +36,7 @@ struct lg_certify {
     double from[LG_CERTIFY_STATES], to[LG_CERTIFY_STATES]; /* the domain, in y */
     double near[LG_CERTIFY_STATES];                        /* N = {|y_i| <= near_i} */
     double raised;                                         /* the eps of the next attempt; 0: none */
+    bool again; /* all boxes are to be examined once more, with this level */
     double level, eps, asked_eps, resolution, determinant; /* determinant: a lower bound of |det T| */
     double volume, seconds;
     lg_certify_phase phase;
