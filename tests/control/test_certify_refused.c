@@ -174,6 +174,18 @@ RECORDING(switched) {
     y[0] = lg_concat(tape, parts, 2, 1);
 }
 
+RECORDING(with_a_jump) {
+    y[0] = lg_add(tape, form(tape, x[0]), lg_scale(tape, lg_sign(tape, column(tape, x[0], 0)), 0.01));
+}
+
+TEST("a V that jumps is refused, though its gradient does not") {
+    lg_certify *certify = NULL;
+    lg_error error;
+    const lg_certify_spec spec = spec_of_v(with_a_jump);
+    assert_int_equal(lg_certify_create(NULL, &spec, &certify, &error), LG_UNSUPPORTED);
+    assert_non_null(strstr(error.message, "V or its gradient may jump"));
+}
+
 TEST("what cannot be proved is refused at once: jumps, boxes without the goal, forms that are not definite") {
     lg_certify *certify = NULL;
     lg_error error;
