@@ -1,5 +1,5 @@
-/* Internals of certificates. Coordinates y: x = goal + T y. With a quadratic V, T^T P T is close to 1; otherwise T
- * is 1. */
+/* Internals of certificates. Coordinates y: x = goal + T y. With a quadratic V, T^T P T is close to 1;
+ * otherwise T is 1. */
 #ifndef LG_CONTROL_CERTIFY_H
 #define LG_CONTROL_CERTIFY_H
 

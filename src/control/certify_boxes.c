@@ -1,5 +1,5 @@
-/* Branch and bound on a stack of boxes. Boxes are taken from the top in batches, and what is found is used in their
- * order, so the result does not depend on threads. */
+/* Branch and bound on a stack of boxes. Boxes are taken from the top in batches, and what is found is used
+ * in their order, so the result does not depend on threads. */
 #include <float.h>
 #include <math.h>
 #include <stdio.h>
@@ -43,9 +43,9 @@ static void fail(lg_certify *c, const double *box, const char *reason) {
     (void)snprintf(c->reason, sizeof c->reason, "%s", reason);
 }
 
-/* The claim does not hold where V is v. Where motions need not converge, and v is small, eps is raised, if it may be
- * chosen: an error of the model or an equilibrium beside the goal lets V rise there. Else the set must not reach v: the
- * level is lowered, if it may be chosen. */
+/* The claim does not hold where V is v. Where motions need not converge, and v is small, eps is raised, if
+ * it may be chosen: an error of the model or an equilibrium beside the goal lets V rise there. Else the set
+ * must not reach v: the level is lowered, if it may be chosen. */
 static void refuse(lg_certify *c, const double *box, double v, const char *reason) {
     const double level = v * (1 - 1e-9), eps = 1.5 * fmax(v, c->eps);
     if (c->phase == LG_CERTIFY_FALL && c->raises && !c->converges && v < 0.5 * c->level && eps < c->level) {
@@ -69,7 +69,8 @@ static void refute(lg_certify *c, const lg_certify_box *f, const char *reason) {
     refuse(c, point, f->at_v_low, reason);
 }
 
-/* Whether a box is too small to be halved. With a level that may be chosen: if V hardly changes over the box. */
+/* Whether a box is too small to be halved. With a level that may be chosen: if V hardly changes over the
+ * box. */
 static bool is_tiny(const lg_certify *c, const double *box, const lg_certify_box *f) {
     if (c->automatic && c->phase != LG_CERTIFY_VOLUME && f->v_high - f->v_low <= c->resolution * f->v_high)
         return true;
@@ -170,7 +171,8 @@ lg_status lg_certify_begin(lg_certify *c, lg_certify_phase phase) {
     return phase == LG_CERTIFY_DONE ? LG_OK : lg_certify_push(c, c->from, c->to);
 }
 
-/* A lower bound of the volume of an ellipsoid: pi^(n/2)/Gamma(n/2 + 1) c^(n/2) |det T|, as T^T P T is 1 to 1e-7. */
+/* A lower bound of the volume of an ellipsoid: pi^(n/2)/Gamma(n/2 + 1) c^(n/2) |det T|, as T^T P T is 1 to
+ * 1e-7. */
 static double ellipsoid(const lg_certify *c) {
     const double half = 0.5 * (double)c->n;
     return pow(3.14159265358979, half) / tgamma(half + 1) * pow(c->level, half) * fabs(c->determinant) *

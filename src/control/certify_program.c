@@ -88,7 +88,8 @@ static lg_var times(lg_tape *tape, lg_var a, lg_var b, uint32_t rows, uint32_t n
 /* Over a box about the point m, with the gradient G and the rate F at m and their Jacobians over the box:
  *     V'(m + k) = G F + k.g + k^T M k,  g = G_y^T F + F_y^T G,  M = G_y^T F_y.
  * Steps, with the next deviation F and 2 P F in place of the gradient:
- *     V(F(m + k)) - V(m + k) = V(F) - V(m) + k.g + k^T M k,  g = F_y^T 2 P F - T^T G,  M = F_y^T P F_y - T^T P T.
+ *     V(F(m + k)) - V(m + k) = V(F) - V(m) + k.g + k^T M k,
+ *     g = F_y^T 2 P F - T^T G,  M = F_y^T P F_y - T^T P T.
  * Outputs: V, g, M + M^T, and the gradient of V at the rate's errors: G or 2 P F over the box. */
 static lg_status bounds(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
     const recording *r = user;

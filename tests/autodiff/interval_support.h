@@ -234,8 +234,8 @@ static inline void check_node(const lg_tape *tape, const lg_node *node, const ch
     checked.seen[lg_op_place(node->op)] = true;
 }
 
-/* Bounds of every operation on every tape of the gradient check, with every instruction set. Returns the number of
- * points. */
+/* Bounds of every operation on every tape of the gradient check, with every instruction set. Returns the
+ * number of points. */
 static inline size_t check_bounds(size_t each, uint64_t seed) {
     checked = (bounds_check){.each = each, .rng = test_rng(seed, 0)};
     each_node(check_node);

@@ -51,8 +51,8 @@ static void regulator(const double *Q, double R, cart *c, double *P) {
 
 static const double low[4] = {-3.6, -1.5, -12, -12}, high[4] = {3.6, 1.5, 12, 12};
 
-/* Weights from a search over the weights for a large level that V' < 0 at 1500 directions suggests; the proof does
- * not depend on them. */
+/* Weights from a search over the weights for a large level that V' < 0 at 1500 directions suggests; the
+ * proof does not depend on them. */
 static cart chosen(double *P) {
     const double Q[4] = {1.865, 81.36, 0.2457, 0.6894};
     cart c = {.limit = 30, .h = 0.01};

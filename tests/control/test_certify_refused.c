@@ -137,7 +137,8 @@ TEST("a proof in portions, and by several threads, ends as in one run") {
     assert_true(part.volume == whole.volume);
 }
 
-/* x1' = x2, x2' = sin x1 + u; u = -3 x1 - 3 x2 + a network of 2-16-16-1, weights as at the start of a training */
+/* x1' = x2, x2' = sin x1 + u; u = -3 x1 - 3 x2 + a network of 2-16-16-1, weights as at the start of a
+ * training */
 typedef struct policy {
     lg_mlp net;
     double *theta;
