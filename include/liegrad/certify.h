@@ -1,5 +1,5 @@
-/* Certificates of closed loops: proofs, by interval evaluation and branch and bound, that a Lyapunov function V
- * falls. The library is liegrad; docs/certificates.md is the guide.
+/* Certificates of closed loops: proofs, by interval evaluation and branch and bound, that a Lyapunov
+ * function V falls. The library is liegrad; docs/certificates.md is the guide.
  *
  *   lg_certify_spec spec;
  *   lg_certify_spec_init(&spec);
@@ -8,13 +8,13 @@
  *   status = lg_certify_run(certify, SIZE_MAX, 60, &result, &error);
  *   puts(result.claim);
  *
- * What is proved. Let S be the part of {V <= c} in the state box. Then (1) V > c on the boundary of the box, so S
- * is not left through it; (2) V' < 0 (for steps: V(F(x)) - V(x) < 0) on S, except where (3) V < eps within a small
- * neighbourhood N of the goal, outside of which V >= eps. Hence all motions from S reach {V < eps} and stay. If in
- * addition (4) the goal is an exact equilibrium and V' = x^T M x on N with interval matrices M that are negative
- * definite, they converge to the goal. Every inequality is proved with outward rounding. Points that refute the
- * claim are proved, too; nothing is sampled. Steps: the statements hold at the steps, not between them; and without
- * (4) motions reach {V < eps} again and again and stay in S. */
+ * What is proved. Let S be the part of {V <= c} in the state box. Then (1) V > c on the boundary of the box,
+ * so S is not left through it; (2) V' < 0 (for steps: V(F(x)) - V(x) < 0) on S, except where (3) V < eps
+ * within a small neighbourhood N of the goal, outside of which V >= eps. Hence all motions from S reach {V <
+ * eps} and stay. If in addition (4) the goal is an exact equilibrium and V' = x^T M x on N with interval
+ * matrices M that are negative definite, they converge to the goal. Every inequality is proved with outward
+ * rounding. Points that refute the claim are proved, too; nothing is sampled. Steps: the statements hold at
+ * the steps, not between them; and without (4) motions reach {V < eps} again and again and stay in S. */
 #ifndef LIEGRAD_CERTIFY_H
 #define LIEGRAD_CERTIFY_H
 
@@ -30,20 +30,23 @@ typedef struct lg_certify lg_certify;
 
 typedef struct lg_certify_spec {
     size_t size; /* sizeof(lg_certify_spec) */
-    /* A program with the closed loop: the function `rate` has one input, the state (n), and one output (n): x' as
-     * a function of x, or the next state if `step`. 1 <= n <= 16. */
+    /* A program with the closed loop: the function `rate` has one input, the state (n), and one output (n):
+     * x' as a function of x, or the next state if `step`. 1 <= n <= 16. */
     const lg_program *program;
     const char *rate;
     bool step;
-    /* V: a quadratic form of x - goal, P (n, n), symmetric and positive definite; or a function of the program with
-     * one input (n) and one output, one number, twice differentiable. One of the two. */
+    /* V: a quadratic form of x - goal, P (n, n), symmetric and positive definite; or a function of the
+     * program with one input (n) and one output, one number, twice differentiable. One of the two. */
     const double *P;
     const char *lyapunov;
     const double *goal;       /* (n); NULL: 0 */
     const double *low, *high; /* (n) the state box, around the goal; with P a side may be infinite */
     double level;             /* c; 0: the largest that is found */
-    double eps;               /* 0: chosen, as large as the local argument (4) allows */
-    /* (n) bounds of |error of rate|, per component; NULL: 0. Then motions reach {V < eps}, and (4) is left out. */
+    /* 0: chosen, as large as the local argument (4) allows, or else as small as V' < 0 allows, to a factor
+     * of 1.5 */
+    double eps;
+    /* (n) bounds of |error of rate|, per component; NULL: 0. Then motions reach {V < eps}, and (4) is left
+     * out. */
     const double *model_error;
     double resolution; /* with level 0: relative accuracy of the level; default 1/512 */
     int threads;       /* default 1; results are the same for any number */
@@ -60,38 +63,41 @@ typedef struct lg_certify_result {
     double seconds;     /* of all runs so far */
     const char *claim;  /* the sentence; lives as long as the certificate */
     const char *reason; /* why it is not verified; "" if it is */
-    /* (n) The box that fails, in states; a point, up to rounding, if a point refutes the claim. NULL if none. */
+    /* (n) The box that fails, in states; a point, up to rounding, if a point refutes the claim. NULL if
+     * none. */
     const double *failed_low, *failed_high;
 } lg_certify_result;
 
 LG_API void lg_certify_spec_init(lg_certify_spec *spec);
-/* Prepares a proof; the caller destroys it. Nothing of `spec` is kept. Errors: LG_INVALID_ARGUMENT (sizes, a box
- * that does not hold the goal, P not positive definite), LG_NOT_FOUND (functions), LG_UNSUPPORTED (an operation
- * without interval form; steps without P), LG_OUT_OF_MEMORY. */
+/* Prepares a proof; the caller destroys it. Nothing of `spec` is kept. Errors: LG_INVALID_ARGUMENT (sizes, a
+ * box that does not hold the goal, P not positive definite), LG_NOT_FOUND (functions), LG_UNSUPPORTED (an
+ * operation without interval form; steps without P), LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_certify_create(const lg_context *context, const lg_certify_spec *spec, lg_certify **out,
                                    lg_error *error);
 LG_API void lg_certify_destroy(lg_certify *certify); /* NULL is allowed */
-/* Works until the proof is finished, has failed, or `boxes` more boxes or about `seconds` are spent; a further
- * call continues. A run by boxes gives the same result on every call. Errors: LG_CANCELLED, LG_OUT_OF_MEMORY,
- * LG_INVALID_ARGUMENT. */
+/* Works until the proof is finished, has failed, or `boxes` more boxes or about `seconds` are spent; a
+ * further call continues. A run by boxes gives the same result on every call. Errors: LG_CANCELLED,
+ * LG_OUT_OF_MEMORY, LG_INVALID_ARGUMENT. */
 LG_API lg_status lg_certify_run(lg_certify *certify, size_t boxes, double seconds, lg_certify_result *result,
                                 lg_error *error);
 
 /* ---- torque-limited pendulums: energy with saturation ---- */
 
-/* The loop M q'' = -g(q) - b q' - (sat(s(q) + k q') - sat(s(q))) with one coordinate q on the real line (an angle is
- * counted), where M > 0, and g is the slope of all potentials together with sat(s(q)): for the pendulum m l^2 q'' =
- * m g l sin q - b q' - sat(k q + k_v q') it is g(q) = sat(k q) - m g l sin q. V = M q'^2/2 + int g is positive and
- * grows without bound, and V' <= -b q'^2; by LaSalle's theorem every motion converges to q = 0, if
- *   g(0) = 0, g' > 0 near 0, g > 0 for q > 0 and g < 0 for q < 0, |g| >= a margin > 0 far away, b > 0 and k >= 0.
- * The form of the loop, and that g is periodic beyond `saturated`, is the caller's statement; the rest is proved. */
+/* The loop M q'' = -g(q) - b q' - (sat(s(q) + k q') - sat(s(q))) with one coordinate q on the real line (an
+ * angle is counted), where M > 0, and g is the slope of all potentials together with sat(s(q)): for the
+ * pendulum m l^2 q'' = m g l sin q - b q' - sat(k q + k_v q') it is g(q) = sat(k q) - m g l sin q. V = M
+ * q'^2/2 + int g is positive and grows without bound, and V' <= -b q'^2; by LaSalle's theorem every motion
+ * converges to q = 0, if
+ *   g(0) = 0, g' > 0 near 0, g > 0 for q > 0, g < 0 for q < 0, |g| >= a margin > 0 far away, b > 0, k >= 0.
+ * The form of the loop, and that g is periodic beyond `saturated`, is the caller's statement; the rest is
+ * proved. */
 typedef struct lg_certify_energy_spec {
     size_t size; /* sizeof(lg_certify_energy_spec) */
     const lg_program *program;
     const char *slope; /* the function g: q (1) -> one number */
     double damping;    /* a lower bound of b */
     double gain;       /* k */
-    /* For |q| >= saturated, g(q + period) = g(q): sat(s(q)) is at its limit, and the potential is periodic. */
+    /* For |q| >= saturated, g(q + period) = g(q): sat(s(q)) is at its limit, the potential is periodic. */
     double saturated, period;
 } lg_certify_energy_spec;
 
@@ -106,10 +112,29 @@ typedef struct lg_certify_energy_result {
 } lg_certify_energy_result;
 
 LG_API void lg_certify_energy_spec_init(lg_certify_energy_spec *spec);
-/* Errors: LG_INVALID_ARGUMENT (numbers, ports), LG_NOT_FOUND, LG_UNSUPPORTED (no interval form), LG_OUT_OF_MEMORY. A
- * claim that does not hold is no error: `verified` is false, and the result says where. */
+/* Errors: LG_INVALID_ARGUMENT (numbers, ports), LG_NOT_FOUND, LG_UNSUPPORTED (no interval form),
+ * LG_OUT_OF_MEMORY. A claim that does not hold is no error: `verified` is false, the result says where. */
 LG_API lg_status lg_certify_energy(const lg_context *context, const lg_certify_energy_spec *spec,
                                    lg_certify_energy_result *result, lg_error *error);
+
+/* ---- attitude: energy on SO(3) ---- */
+
+typedef struct lg_certify_attitude_result {
+    bool verified;
+    double critical[3]; /* lower bounds of Phi at the three further critical rotations, ascending */
+    double level;       /* critical[0] */
+    char claim[512], reason[128];
+} lg_certify_attitude_result;
+
+/* The loop J w' + w x J w = -grad Phi(Q) - D w with Q = R_goal^T R, Phi = tr(A (1 - Q)), A (3, 3) symmetric,
+ * J and D positive definite (`damping` is a lower bound of D's eigenvalues). V = w.J w/2 + Phi falls with
+ * w.D w. Phi is critical at Q = 1 and at rotations by pi about the eigenvectors of A, with the values 2 (a_j
+ * + a_k) of the other two eigenvalues. If all of them are positive, Q = 1 is the only critical rotation of
+ * {V < the lowest}, and by LaSalle's theorem motions from there converge to it. No continuous feedback does
+ * so from all rotations. The form of the loop is the caller's statement. Errors: LG_INVALID_ARGUMENT (NULL,
+ * A not symmetric to 1e-12), LG_NOT_FINITE. */
+LG_API lg_status lg_certify_attitude(const double *A, double damping, lg_certify_attitude_result *result,
+                                     lg_error *error);
 
 LG_END_DECLS
 

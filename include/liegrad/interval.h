@@ -1,5 +1,5 @@
-/* Interval evaluation of programs: bounds of the outputs of a function over boxes of its inputs. The library is
- * liegrad; docs/certificates.md is the guide.
+/* Interval evaluation of programs: bounds of the outputs of a function over boxes of its inputs. The library
+ * is liegrad; docs/certificates.md is the guide.
  *
  *   lg_interval *f = NULL;
  *   const size_t functions[2] = {field, jac_field};
@@ -8,17 +8,17 @@
  *   status = lg_interval_eval(f, boxes, lower, upper, low, high, work, &error);
  *
  * Meaning. The functions are functions of real numbers here: for every point of a box, the exact value lies
- * between the bounds. All bounds are rounded outward, functions such as sin by 8 units in the last place. The
- * values that lg_plan computes are rounded and may lie outside of bounds that are a few units apart. Constants
- * and parameters are the doubles that the program stores (`widen`: they, or any number up to one unit in the
- * last place away). Where a function is not defined on all of a box (division by an interval with 0, the root or
- * the logarithm of a negative number), and where a bound would overflow, the bounds are -inf and inf. NaN never
- * occurs.
+ * between the bounds. All bounds are rounded outward, functions such as sin by 8 units in the last place.
+ * The values that lg_plan computes are rounded and may lie outside of bounds that are a few units apart.
+ * Constants and parameters are the doubles that the program stores (`widen`: they, or any number up to one
+ * unit in the last place away). Where a function is not defined on all of a box (division by an interval
+ * with 0, the root or the logarithm of a negative number), and where a bound would overflow, the bounds are
+ * -inf and inf. NaN never occurs. As in plans, 0 x and x - x are 0 even where x is not defined.
  *
- * Choices. lg_ge and lg_sign are 0 or 1, -1 or 1, or both where the box does not decide; lg_select then has the
- * hull of both values. The derivative of a maximum (lg_max, lg_abs, lg_relu) at a kink is the hull of both
- * slopes. So the Jacobian over a box contains all slopes of the function there, if the function has no jumps and
- * no stop_gradient; lg_interval_continuous tells. */
+ * Choices. lg_ge and lg_sign are 0 or 1, -1 or 1, or both where the box does not decide; lg_select then has
+ * the hull of both values. The derivative of a maximum (lg_max, lg_abs, lg_relu) at a kink is the hull of
+ * both slopes. So the Jacobian over a box contains all slopes of the function there, if the function has no
+ * jumps and no stop_gradient; lg_interval_continuous tells. */
 #ifndef LIEGRAD_INTERVAL_H
 #define LIEGRAD_INTERVAL_H
 
@@ -40,9 +40,9 @@ typedef struct lg_interval_options {
 LG_API void lg_interval_options_init(lg_interval_options *options);
 /* Prepares functions of a program, evaluated together for one row; the caller destroys the evaluator. All
  * functions must have the same inputs. `options` NULL means the defaults. The evaluator keeps nothing of the
- * program but its context. Errors: LG_UNSUPPORTED (an operation without interval form, which the message names;
- * more than a million operations on numbers), LG_NOT_FOUND (no such function), LG_INVALID_ARGUMENT (NULL, no
- * functions, inputs that differ), LG_SHAPE, LG_OUT_OF_MEMORY. */
+ * program but its context. Errors: LG_UNSUPPORTED (an operation without interval form, which the message
+ * names; more than a million operations on numbers), LG_NOT_FOUND (no such function), LG_INVALID_ARGUMENT
+ * (NULL, no functions, inputs that differ), LG_SHAPE, LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_interval_create(const lg_program *program, const size_t *functions, size_t count,
                                     const lg_interval_options *options, lg_interval **out, lg_error *error);
 LG_API void lg_interval_destroy(lg_interval *interval); /* NULL is allowed */
@@ -50,9 +50,10 @@ LG_API void lg_interval_destroy(lg_interval *interval); /* NULL is allowed */
 /* Numbers of one box: all inputs one after the other, and all outputs of all functions. */
 LG_API size_t lg_interval_inputs(const lg_interval *interval);
 LG_API size_t lg_interval_outputs(const lg_interval *interval);
-/* Whether the function is Lipschitz continuous wherever its bounds are finite, as far as the operations tell, and
- * its derivatives by lg_program_derive are its slopes: it uses no lg_ge, lg_sign, lg_select or derivative of a
- * kink on values that depend on inputs, and no lg_stop_gradient. `function` is a place in `functions`. */
+/* Whether the function is Lipschitz continuous wherever its bounds are finite, as far as the operations
+ * tell, and its derivatives by lg_program_derive are its slopes: it uses no lg_ge, lg_sign, lg_select or
+ * derivative of a kink on values that depend on inputs, and no lg_stop_gradient. `function` is a place in
+ * `functions`. */
 LG_API bool lg_interval_continuous(const lg_interval *interval, size_t function);
 /* Number of operations on intervals per box. */
 LG_API size_t lg_interval_operations(const lg_interval *interval);
@@ -60,8 +61,8 @@ LG_API size_t lg_interval_operations(const lg_interval *interval);
 /* Bytes of the memory for lg_interval_eval, which must be aligned to 64 bytes. */
 LG_API size_t lg_interval_work_size(const lg_interval *interval);
 /* Bounds for `boxes` boxes. lower, upper: (boxes, inputs); out_lower, out_upper: (boxes, outputs). Allocates
- * nothing and takes no lock; threads may share an evaluator, each with its own work memory. Bounds of a box do
- * not depend on the other boxes. Errors, with the box in the message; outputs are then untouched:
+ * nothing and takes no lock; threads may share an evaluator, each with its own work memory. Bounds of a box
+ * do not depend on the other boxes. Errors, with the box in the message; outputs are then untouched:
  * LG_NOT_FINITE (a bound of a box is not finite), LG_INVALID_ARGUMENT (a lower bound above its upper bound,
  * NULL). */
 LG_API lg_status lg_interval_eval(const lg_interval *interval, size_t boxes, const double *lower,

@@ -87,6 +87,7 @@ static lg_status begin(lg_certify *c, const lg_certify_spec *spec, lg_error *err
     c->automatic = spec->level == 0;
     c->level = c->automatic ? DBL_MAX : spec->level;
     c->asked_eps = spec->eps;
+    c->raises = spec->eps == 0;
     c->resolution = spec->resolution;
     c->determinant = 1;
     size_t inputs, function;
@@ -152,7 +153,8 @@ static void write_claim(lg_certify *c) {
         "%s: in the box %s, %s for eps = %.6g <= V <= c = %.6g, {V <= c} does not leave the box, and "
         "motions from it %s; %s; angles are counted, not wrapped.",
         verified ? "Proved" : "Not proved", box,
-        c->step ? "V falls in every step (inputs are held)" : "V' < 0 (continuous inputs)", c->eps, c->level,
+        c->step ? "V falls in every step (inputs are held)" : "V' < 0 (continuous inputs)",
+        fmin(c->eps, c->level), c->level,
         c->converges ? "converge to the goal"
         : c->step    ? "reach {V < eps} again and again and stay in {V <= c}"
                      : "reach {V < eps} about the goal and stay there",
@@ -169,7 +171,7 @@ static void fill(lg_certify *c, lg_certify_result *r) {
     write_claim(c);
     *r = (lg_certify_result){.finished = c->phase == LG_CERTIFY_DONE,
                              .level = c->level,
-                             .eps = c->eps,
+                             .eps = fmin(c->eps, c->level),
                              .boxes = c->boxes,
                              .seconds = c->seconds,
                              .claim = c->claim,

@@ -1,5 +1,5 @@
-/* Internals of certificates. Coordinates y: x = goal + T y. With a quadratic V, T^T P T is close to 1; otherwise T
- * is 1. */
+/* Internals of certificates. Coordinates y: x = goal + T y. With a quadratic V, T^T P T is close to 1;
+ * otherwise T is 1. */
 #ifndef LG_CONTROL_CERTIFY_H
 #define LG_CONTROL_CERTIFY_H
 
@@ -30,11 +30,13 @@ struct lg_certify {
     lg_program *program; /* functions of y: local, point, bounds (certify_program.c) */
     lg_interval *full, *point, *local;
     size_t n;
-    bool step, quadratic, automatic, errors, converges, failed;
+    bool step, quadratic, automatic, raises, errors, converges, failed;
     double T[LG_CERTIFY_STATES * LG_CERTIFY_STATES], P[LG_CERTIFY_STATES * LG_CERTIFY_STATES];
     double goal[LG_CERTIFY_STATES], low[LG_CERTIFY_STATES], high[LG_CERTIFY_STATES], error[LG_CERTIFY_STATES];
     double from[LG_CERTIFY_STATES], to[LG_CERTIFY_STATES]; /* the domain, in y */
     double near[LG_CERTIFY_STATES];                        /* N = {|y_i| <= near_i} */
+    double raised;                                         /* the eps of the next attempt; 0: none */
+    bool again; /* all boxes are to be examined once more, with this level */
     double level, eps, asked_eps, resolution, determinant; /* determinant: a lower bound of |det T| */
     double volume, seconds;
     lg_certify_phase phase;

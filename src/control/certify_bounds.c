@@ -1,5 +1,6 @@
-/* Bounds of V and of its rate over boxes: of second order about the middle m of a box, with the Jacobians of the
- * gradient of V and of the rate over the box (certify_program.c). Linear parts of the loop do not lose by that. */
+/* Bounds of V and of its rate over boxes: of second order about the middle m of a box, with the Jacobians of
+ * the gradient of V and of the rate over the box (certify_program.c). Linear parts of the loop do not lose
+ * by that. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -40,8 +41,8 @@ lg_status lg_certify_memory(lg_certify *c) {
     return c->work != NULL && c->batch != NULL && c->found != NULL ? LG_OK : LG_OUT_OF_MEMORY;
 }
 
-/* Bounds at a point that are not finite become so large that nothing can be proved with them: the products are then
- * not finite either, or V' at the point, which is a bound itself, is not. */
+/* Bounds at a point that are not finite become so large that nothing can be proved with them: the products
+ * are then not finite either, or V' at the point, which is a bound itself, is not. */
 static double finite(double x) {
     return x < -DBL_MAX ? -DBL_MAX : x > DBL_MAX ? DBL_MAX : x;
 }

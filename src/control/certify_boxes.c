@@ -1,5 +1,5 @@
-/* Branch and bound on a stack of boxes. Boxes are taken from the top in batches, and what is found is used in their
- * order, so the result does not depend on threads. */
+/* Branch and bound on a stack of boxes. Boxes are taken from the top in batches, and what is found is used
+ * in their order, so the result does not depend on threads. */
 #include <float.h>
 #include <math.h>
 #include <stdio.h>
@@ -43,14 +43,22 @@ static void fail(lg_certify *c, const double *box, const char *reason) {
     (void)snprintf(c->reason, sizeof c->reason, "%s", reason);
 }
 
-/* The set must not reach the value v of V: a smaller level, if it may be chosen. */
+/* The claim does not hold where V is v. Where motions need not converge, and v is small, eps is raised, if
+ * it may be chosen: an error of the model or an equilibrium beside the goal lets V rise there. Else the set
+ * must not reach v: the level is lowered, if it may be chosen. */
 static void refuse(lg_certify *c, const double *box, double v, const char *reason) {
-    const double level = v * (1 - 1e-9);
+    const double level = v * (1 - 1e-9), eps = 1.5 * fmax(v, c->eps);
+    if (c->phase == LG_CERTIFY_FALL && c->raises && !c->converges && v < 0.5 * c->level && eps < c->level) {
+        c->raised = fmax(c->raised, eps);
+        return;
+    }
     if (!c->automatic || !(level > 0) || (c->phase == LG_CERTIFY_FALL && level < c->eps && !c->converges) ||
         (c->converges && level < 1e-3 * c->eps))
         fail(c, box, reason);
-    else if (level < c->level)
+    else if (level < c->level) {
         c->level = level;
+        c->again = c->step && !c->converges; /* what steps from {V < eps} must not leave is smaller now */
+    }
 }
 
 /* The same, where the middle of the box is the proof. */
@@ -61,7 +69,8 @@ static void refute(lg_certify *c, const lg_certify_box *f, const char *reason) {
     refuse(c, point, f->at_v_low, reason);
 }
 
-/* Whether a box is too small to be halved. With a level that may be chosen: if V hardly changes over the box. */
+/* Whether a box is too small to be halved. With a level that may be chosen: if V hardly changes over the
+ * box. */
 static bool is_tiny(const lg_certify *c, const double *box, const lg_certify_box *f) {
     if (c->automatic && c->phase != LG_CERTIFY_VOLUME && f->v_high - f->v_low <= c->resolution * f->v_high)
         return true;
@@ -105,6 +114,10 @@ static bool fall(lg_certify *c, const double *box, const lg_certify_box *f) {
             refute(c, f, elsewhere ? "V is below eps away from the goal" : reason);
             return c->failed || f->v_low > c->level;
         }
+    }
+    if (c->step && !c->converges && f->at_v_high < c->eps && f->at_v_low + f->at_rise_low >= c->level) {
+        fail(c, box, "a step from {V < eps} leaves {V <= c}");
+        return true;
     }
     if (!is_tiny(c, box, f)) return false;
     refuse(c, box, f->v_low,
@@ -158,7 +171,8 @@ lg_status lg_certify_begin(lg_certify *c, lg_certify_phase phase) {
     return phase == LG_CERTIFY_DONE ? LG_OK : lg_certify_push(c, c->from, c->to);
 }
 
-/* A lower bound of the volume of an ellipsoid: pi^(n/2)/Gamma(n/2 + 1) c^(n/2) |det T|, as T^T P T is 1 to 1e-7. */
+/* A lower bound of the volume of an ellipsoid: pi^(n/2)/Gamma(n/2 + 1) c^(n/2) |det T|, as T^T P T is 1 to
+ * 1e-7. */
 static double ellipsoid(const lg_certify *c) {
     const double half = 0.5 * (double)c->n;
     return pow(3.14159265358979, half) / tgamma(half + 1) * pow(c->level, half) * fabs(c->determinant) *
@@ -169,6 +183,11 @@ enum { VOLUME_BOXES = 1 << 16 };
 
 static lg_status next_phase(lg_certify *c) {
     if (c->phase == LG_CERTIFY_FACES) return lg_certify_begin(c, LG_CERTIFY_FALL);
+    if (c->phase == LG_CERTIFY_FALL && c->again) {
+        c->again = false;
+        c->asked_eps = c->eps;
+        return lg_certify_begin(c, LG_CERTIFY_FALL);
+    }
     if (c->phase == LG_CERTIFY_FALL && !c->quadratic) return lg_certify_begin(c, LG_CERTIFY_VOLUME);
     if (c->quadratic) c->volume = ellipsoid(c);
     c->phase = LG_CERTIFY_DONE;
@@ -191,5 +210,10 @@ lg_status lg_certify_work(lg_certify *c) {
         if (!judge[c->phase](c, box, &c->found[i])) LG_TRY(halve(c, box, &c->found[i]));
     }
     if (c->failed) return LG_OK;
+    if (c->raised > 0) { /* N is larger then: all boxes are examined again */
+        c->asked_eps = c->raised;
+        c->raised = 0;
+        return lg_certify_begin(c, LG_CERTIFY_FALL);
+    }
     return c->stacked == 0 || c->volume_boxes > VOLUME_BOXES ? next_phase(c) : LG_OK;
 }

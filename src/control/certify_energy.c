@@ -39,8 +39,8 @@ static bool fail(checking *c, double low, double high, const char *reason) {
 
 enum { MOST_BOXES = 1000000, DEPTH = 64 };
 
-/* Proves side g > 0 on [from, to]; *margin becomes at most the least value, to 1e-3. The mean value form is used where
- * it helps. Intervals lie on a stack, the lower half on top. */
+/* Proves side g > 0 on [from, to]; *margin becomes at most the least value, to 1e-3. The mean value form is
+ * used where it helps. Intervals lie on a stack, the lower half on top. */
 static bool is_positive(checking *c, double from, double to, double *margin) {
     double low[DEPTH], high[DEPTH], value = (double)INFINITY; /* value: the least g at a point so far */
     size_t count = 1;

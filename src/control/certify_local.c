@@ -9,8 +9,8 @@
 
 enum { MOST = LG_CERTIFY_STATES };
 
-/* An interval matrix (n, n). Radii are rounded generously: every sum of this file has at most 64 terms, so its
- * relative error is below SLACK. */
+/* An interval matrix (n, n). Radii are rounded generously: every sum of this file has at most 64 terms, so
+ * its relative error is below SLACK. */
 #define SLACK 1e-13
 typedef struct banded {
     double middle[MOST * MOST], radius[MOST * MOST];
@@ -46,9 +46,9 @@ static void exactly(size_t n, const double *values, banded *out) {
     memcpy(out->middle, values, n * n * sizeof *values);
 }
 
-/* Whether S = sign (A + A^T)/2 is positive definite for every A. S is scaled to a diagonal of 1. Its middle, less
- * the largest sum of radii, must have a Cholesky factor in rounded arithmetic, with room for the rounding (Rump
- * 2006). NaN and inf fail. */
+/* Whether S = sign (A + A^T)/2 is positive definite for every A. S is scaled to a diagonal of 1. Its middle,
+ * less the largest sum of radii, must have a Cholesky factor in rounded arithmetic, with room for the
+ * rounding (Rump 2006). NaN and inf fail. */
 static bool is_definite(size_t n, const banded *a, double sign) {
     double m[MOST * MOST], L[MOST * MOST], scale[MOST], most = 0;
     for (size_t i = 0; i < n; i++) {
@@ -136,8 +136,8 @@ static lg_status bound(lg_certify *c, const double *size, double *low, double *h
     return status;
 }
 
-/* M with V' = y^T M y (steps, with a quadratic V: V(F(x)) - V(x) = y^T M y), from the bounds of `local` about the
- * goal. */
+/* M with V' = y^T M y (steps, with a quadratic V: V(F(x)) - V(x) = y^T M y), from the bounds of `local`
+ * about the goal. */
 static void rate_matrix(const lg_certify *c, const double *low, const double *high, banded *M) {
     const size_t n = c->n;
     banded G, F = {{0}, {0}}, P, T, W;
@@ -167,8 +167,8 @@ static bool argument_holds(const lg_certify *c, const double *low, const double 
     return (c->quadratic || is_definite(c->n, &G, 1)) && is_definite(c->n, &M, -1);
 }
 
-/* Turns the coordinates of a quadratic V such that M is diagonal at the goal: sides of boxes then lie along the
- * directions in which V falls fast and slowly. */
+/* Turns the coordinates of a quadratic V such that M is diagonal at the goal: sides of boxes then lie along
+ * the directions in which V falls fast and slowly. */
 lg_status lg_certify_turn(lg_certify *c, lg_error *error) {
     const int n = (int)c->n, words = 1 + 6 * MOST + 2 * MOST * MOST, integers = 3 + 5 * MOST;
     double low[2 * MOST + 2 * MOST * MOST], high[2 * MOST + 2 * MOST * MOST], U[MOST * MOST], w[MOST],
@@ -234,7 +234,7 @@ lg_status lg_certify_near(lg_certify *c) {
         c->converges = argument_holds(c, low, high);
     }
     if (c->converges) return LG_OK;
-    c->eps = c->asked_eps > 0 ? c->asked_eps : 0.02 * c->level;
+    c->eps = c->asked_eps > 0 ? c->asked_eps : 1e-3 * c->level;
     if (!size_of_near(c, c->eps, hessian))
         for (size_t i = 0; i < c->n; i++) c->near[i] = 0;
     return LG_OK;

@@ -6,9 +6,9 @@
 
 #include "kernels/matrix.h"
 
-/* Slacks s = A x - b > 0 and multipliers z > 0 with A^T z = c; optimal where all s z are 0. Residuals: p = A x - s - b
- * (m), d = c - A^T z (n). A step solves A^T W A dx = A^T (t/s - z - W p) - d with W = z/s; then ds = A dx + p and dz
- * = t/s - z - W ds. */
+/* Slacks s = A x - b > 0 and multipliers z > 0 with A^T z = c; optimal where all s z are 0. Residuals: p = A
+ * x - s - b (m), d = c - A^T z (n). A step solves A^T W A dx = A^T (t/s - z - W p) - d with W = z/s; then ds
+ * = A dx + p and dz = t/s - z - W ds. */
 typedef struct solving {
     size_t m, n;
     const double *A, *b, *c;

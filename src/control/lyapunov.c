@@ -1,5 +1,5 @@
-/* Polynomial Lyapunov functions. The rows of the linear program are V at points of the boundary and -V' at points
- * within; their columns are made orthonormal before it is solved. */
+/* Polynomial Lyapunov functions. The rows of the linear program are V at points of the boundary and -V' at
+ * points within; their columns are made orthonormal before it is solved. */
 #include "liegrad/lyapunov.h"
 
 #include <math.h>
@@ -143,8 +143,9 @@ static void fill_rows(fitting *f) {
     }
 }
 
-/* A = Q R by Cholesky's factor of A^T A, twice, which is as accurate as Householder's method for conditions up to
- * 1e8. With y = R x the program is min (R^-T c)^T y with Q y >= b. R is collected in `total`, upper triangular. */
+/* A = Q R by Cholesky's factor of A^T A, twice, which is as accurate as Householder's method for conditions
+ * up to 1e8. With y = R x the program is min (R^-T c)^T y with Q y >= b. R is collected in `total`, upper
+ * triangular. */
 static bool orthonormalise(fitting *f, double *gram, double *L, double *total) {
     const size_t n = f->terms;
     for (int round = 0; round < 2; round++) {

@@ -190,4 +190,61 @@ static inline interval_node *interval_node_of(const lg_tape *tape, const lg_node
     return n;
 }
 
+/* ---- every operation ---- */
+
+typedef struct bounds_check {
+    bool seen[LG_OPS_MOST];
+    size_t each, points, unknown; /* points of a box, all points, values that are not defined or not known */
+    lg_rng rng;
+} bounds_check;
+static bounds_check checked;
+enum { BOXES = 40 };
+
+static inline void check_node(const lg_tape *tape, const lg_node *node, const char *row) {
+    for (int isa = 0; isa < LG_ISA_COUNT; isa++) {
+        const lg_kernels *k = lg_kernels_of(LG_F64, (lg_isa)isa);
+        interval_node *n = k != NULL ? interval_node_of(tape, node, k) : NULL;
+        if (n == NULL) continue;
+        double *low = TEST_ARRAY(double, BOXES * n->inputs + 1),
+               *high = TEST_ARRAY(double, BOXES * n->inputs + 1);
+        double *out_low = TEST_ARRAY(double, BOXES * n->outputs),
+               *out_high = TEST_ARRAY(double, BOXES * n->outputs);
+        double *x = TEST_ARRAY(double, n->inputs + 1);
+        long double *r = TEST_ARRAY(long double, n->expansion.s.count + 1);
+        for (size_t i = 0; i < BOXES * n->inputs; i++)
+            draw_box(&checked.rng, n->at[i % n->inputs], &low[i], &high[i]);
+        assert_ok(lg_interval_eval(n->f, BOXES, low, high, out_low, out_high,
+                                   lg_test_memory(lg_interval_work_size(n->f)), NULL));
+        for (size_t p = 0; p < BOXES * checked.each; p++) {
+            const size_t box = p % BOXES;
+            for (size_t i = 0; i < n->inputs; i++)
+                x[i] = draw_in(&checked.rng, low[box * n->inputs + i], high[box * n->inputs + i]);
+            exact_walk(&n->expansion.s, x, r);
+            for (size_t j = 0; j < n->outputs; j++) {
+                const double l = out_low[box * n->outputs + j], h = out_high[box * n->outputs + j];
+                const long double value = r[n->expansion.result[j]];
+                if (!(l <= h)) fail_msg("%s: %s: the bounds [%g, %g]", row, node->op->name, l, h);
+                if (!is_within(l, h, value))
+                    fail_msg("%s: %s: %.20Lg is outside of [%.17g, %.17g]", row, node->op->name, value, l, h);
+                checked.unknown += isnan(value);
+            }
+            checked.points++;
+        }
+    }
+    checked.seen[lg_op_place(node->op)] = true;
+}
+
+/* Bounds of every operation on every tape of the gradient check, with every instruction set. Returns the
+ * number of points. */
+static inline size_t check_bounds(size_t each, uint64_t seed) {
+    checked = (bounds_check){.each = each, .rng = test_rng(seed, 0)};
+    each_node(check_node);
+    print_message("%zu points, %zu values not defined or not known\n", checked.points, checked.unknown);
+    assert_true(checked.unknown < checked.points);
+    for (uint32_t i = 0; lg_ops[i] != NULL; i++)
+        if ((lg_ops[i]->element != NULL || lg_ops[i]->expand != NULL) && !checked.seen[i])
+            fail_msg("%s was on no tape", lg_ops[i]->name);
+    return checked.points;
+}
+
 #endif

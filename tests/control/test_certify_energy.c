@@ -1,4 +1,5 @@
-/* Torque-limited pendulums: m .15, l .5, b .1, g 9.81. */
+/* Torque-limited pendulums: m .15, l .5, b .1, g 9.81; attitudes.
+ * ctest-labels: src/control */
 #include "certify_support.h"
 
 #include "core/core.h"
@@ -63,4 +64,33 @@ TEST("damping of 0 is refused") {
     lg_error error;
     spec.damping = 0;
     assert_int_equal(lg_certify_energy(NULL, &spec, &r, &error), LG_INVALID_ARGUMENT);
+}
+
+/* ---- attitude ---- */
+
+/* Phi at the rotation by pi about axis k: tr(A (1 - Q)) with Q = 2 e e^T - 1 */
+static double at_half_turn(const double *A, const double *e) {
+    double sum = 0;
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) sum += A[3 * i + j] * ((i == j ? 2.0 : 0.0) - 2 * e[j] * e[i]);
+    return sum;
+}
+
+TEST("attitude: the level is the lowest critical value of the energy, and a potential without one is "
+     "refused") {
+    /* eigenvectors (1, 1, 0), (1, -1, 0), (0, 0, 1); eigenvalues 3, 1, 2 */
+    const double A[9] = {2, 1, 0, 1, 2, 0, 0, 0, 2}, root = sqrt(0.5);
+    const double axis[3][3] = {{root, root, 0}, {root, -root, 0}, {0, 0, 1}};
+    lg_certify_attitude_result r;
+    assert_ok(lg_certify_attitude(A, 0.1, &r, NULL));
+    print_message("%s\n", r.claim);
+    assert_true(r.verified && r.level <= 6 && r.level > 6 - 1e-9);
+    assert_close(r.critical[0], at_half_turn(A, axis[0]), 1e-9, 0);
+    assert_close(r.critical[1], at_half_turn(A, axis[2]), 1e-9, 0);
+    assert_close(r.critical[2], at_half_turn(A, axis[1]), 1e-9, 0);
+    const double saddle[9] = {3, 0, 0, 0, 1, 0, 0, 0, -1};
+    assert_ok(lg_certify_attitude(saddle, 0.1, &r, NULL));
+    assert_true(!r.verified && r.level == 0 && strstr(r.reason, "no higher than the goal") != NULL);
+    assert_ok(lg_certify_attitude(A, 0, &r, NULL));
+    assert_true(!r.verified);
 }

@@ -3,6 +3,7 @@
 #include "certify_support.h"
 
 #include "liegrad/networks.h"
+#include "support/fail_alloc.h"
 
 static const double low[2] = {-1, -1}, high[2] = {1, 1};
 static const double P[4] = {1.5, 0.5, 0.5, 1};
@@ -99,6 +100,9 @@ TEST(
     spec.model_error = small;
     spec.eps = 1e-3; /* the error moves states that are so close */
     assert_true(!prove(&spec, 20).verified);
+    spec.eps = 0;
+    const lg_certify_result found = prove(&spec, 20);
+    assert_true(found.verified && !found.converges && found.eps > 1e-3 && found.eps < 0.05);
 }
 
 /* A step of Euler's method of length h */
@@ -133,7 +137,8 @@ TEST("a proof in portions, and by several threads, ends as in one run") {
     assert_true(part.volume == whole.volume);
 }
 
-/* x1' = x2, x2' = sin x1 + u; u = -3 x1 - 3 x2 + a network of 2-16-16-1, weights as at the start of a training */
+/* x1' = x2, x2' = sin x1 + u; u = -3 x1 - 3 x2 + a network of 2-16-16-1, weights as at the start of a
+ * training */
 typedef struct policy {
     lg_mlp net;
     double *theta;
@@ -144,7 +149,8 @@ RECORDING(network_loop) {
     const lg_var a = column(tape, x[0], 0), b = column(tape, x[0], 1);
     const lg_var weights = lg_input_f64(tape, lg_shape1((uint32_t)lg_mlp_parameters(&p->net)), p->theta);
     const lg_var net = lg_mlp_record(tape, &p->net, weights, 0, x[0]);
-    const lg_var line = lg_scale(tape, lg_add(tape, a, b), -3), u = saturated(tape, lg_add(tape, line, net), 5);
+    const lg_var line = lg_scale(tape, lg_add(tape, a, b), -3),
+                 u = saturated(tape, lg_add(tape, line, net), 5);
     const lg_var parts[2] = {b, lg_add(tape, lg_sin(tape, a), u)};
     y[0] = lg_concat(tape, parts, 2, 1);
 }
@@ -169,6 +175,18 @@ RECORDING(switched) {
     y[0] = lg_concat(tape, parts, 2, 1);
 }
 
+RECORDING(with_a_jump) {
+    y[0] = lg_add(tape, form(tape, x[0]), lg_scale(tape, lg_sign(tape, column(tape, x[0], 0)), 0.01));
+}
+
+TEST("a V that jumps is refused, though its gradient does not") {
+    lg_certify *certify = NULL;
+    lg_error error;
+    const lg_certify_spec spec = spec_of_v(with_a_jump);
+    assert_int_equal(lg_certify_create(NULL, &spec, &certify, &error), LG_UNSUPPORTED);
+    assert_non_null(strstr(error.message, "V or its gradient may jump"));
+}
+
 TEST("what cannot be proved is refused at once: jumps, boxes without the goal, forms that are not definite") {
     lg_certify *certify = NULL;
     lg_error error;
@@ -181,4 +199,29 @@ TEST("what cannot be proved is refused at once: jumps, boxes without the goal, f
     spec = spec_for(spec.program, saddle, low, high);
     assert_int_equal(lg_certify_create(NULL, &spec, &certify, &error), LG_INVALID_ARGUMENT);
     assert_string_equal(error.message, "P is not positive definite");
+}
+
+static lg_status create_and_run(const lg_context *context, const lg_certify_spec *spec) {
+    lg_certify *certify = NULL;
+    lg_certify_result result;
+    lg_status status = lg_certify_create(context, spec, &certify, NULL);
+    if (status == LG_OK) status = lg_certify_run(certify, 3000, 20, &result, NULL);
+    lg_certify_destroy(certify);
+    return status;
+}
+
+TEST("an allocation that fails is reported, and nothing leaks") {
+    lg_fail_alloc memory;
+    lg_context *context = lg_fail_alloc_context(&memory);
+    lg_certify_spec spec = spec_of_v(energy);
+    long n = 1;
+    for (;; n += 1 + n / 20) {
+        lg_fail_alloc_arm(&memory, n);
+        const lg_status status = create_and_run(context, &spec);
+        if (!lg_fail_alloc_hit(&memory)) break;
+        assert_int_equal(status, LG_OUT_OF_MEMORY);
+        assert_int_equal(lg_fail_alloc_live(&memory), 0);
+    }
+    assert_true(n > 50);
+    lg_context_destroy(context);
 }

@@ -51,6 +51,13 @@ static lg_status call(expanding *x, const lg_program_node *n, const lg_scalar *c
     return LG_OK;
 }
 
+/* Why scalar code failed: no memory, or too many instructions. */
+static lg_status out_of_room(const lg_scalars *s, const char *name, lg_error *error) {
+    if (s->count < LG_SCALARS_MOST) return LG_OUT_OF_MEMORY;
+    return lg_fail(error, LG_UNSUPPORTED, "function '%s' has more than %u operations on numbers", name,
+                   LG_SCALARS_MOST);
+}
+
 static lg_status operation(expanding *x, uint32_t i, const lg_shape *shape, size_t count) {
     const lg_function *f = x->f;
     const lg_program_node *n = &f->node[i];
@@ -73,9 +80,7 @@ static lg_status operation(expanding *x, uint32_t i, const lg_shape *shape, size
         .attr = &attr, .inputs = n->inputs, .in = pointers, .shape = shape, .count = count};
     if ((x->of[i] = elements(x, count)) == NULL) return LG_OUT_OF_MEMORY;
     if (lg_scalars_expand(&x->to->s, n->op, &e, in, x->of[i])) return LG_OK;
-    if (x->to->s.failed)
-        return lg_fail(x->error, LG_UNSUPPORTED, "function '%s' has more than %u operations on numbers",
-                       f->name, LG_SCALARS_MOST);
+    if (x->to->s.failed) return out_of_room(&x->to->s, f->name, x->error);
     return lg_fail(x->error, LG_UNSUPPORTED, "function '%s': the operation '%s' has no interval form",
                    f->name, n->op->name);
 }
@@ -129,7 +134,7 @@ static lg_status loop(expanding *x, const lg_function *f, const lg_scalar *const
 static lg_status function(expanding *x, size_t number, const lg_scalar *const *input, lg_scalar **output) {
     const lg_function *f = &x->program->function[number];
     expanding inner = *x;
-    if (x->to->s.failed) return LG_OUT_OF_MEMORY;
+    if (x->to->s.failed) return out_of_room(&x->to->s, f->name, x->error);
     if (f->times > 0) return loop(x, f, input, output);
     inner.f = f;
     inner.input = input;
@@ -201,9 +206,7 @@ lg_status lg_expand(const lg_program *program, const size_t *functions, size_t c
         out->end[i] = at;
         out->frozen[i] = x.frozen;
     }
-    if (!out->s.failed) return LG_OK;
-    return lg_fail(error, LG_UNSUPPORTED, "function '%s' has more than %u operations on numbers", first->name,
-                   LG_SCALARS_MOST);
+    return out->s.failed ? out_of_room(&out->s, first->name, error) : LG_OK;
 }
 
 void lg_expansion_destroy(lg_expansion *x) {

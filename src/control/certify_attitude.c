@@ -1,0 +1,51 @@
+/* Attitude: the critical values of an energy on SO(3) (Koditschek 1989; Bullo & Murray 1999). */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "kernels/lapack.h"
+#include "liegrad/certify.h"
+
+/* Eigenvalues of a symmetric matrix, ascending; errors are below 1e-13 of the largest number (Weyl). */
+static bool eigenvalues(const double *A, double *a) {
+    const int n = 3, words = 64, integers = 32;
+    double copy[9], work[64];
+    int whole[32], info = 0;
+    memcpy(copy, A, sizeof copy);
+    dsyevd_("N", "L", &n, copy, &n, a, work, &words, whole, &integers, &info);
+    return info == 0;
+}
+
+lg_status lg_certify_attitude(const double *A, double damping, lg_certify_attitude_result *result,
+                              lg_error *error) {
+    lg_certify_attitude_result r = {.verified = false};
+    double a[3], size = 0;
+    LG_NEEDS(error, A, result);
+    for (int i = 0; i < 9; i++) {
+        if (!isfinite(A[i])) return lg_fail(error, LG_NOT_FINITE, "A is not finite");
+        size = fmax(size, fabs(A[i]));
+    }
+    for (int i = 0; i < 9; i++)
+        if (fabs(A[i] - A[i % 3 * 3 + i / 3]) > 1e-12 * size)
+            return lg_fail(error, LG_INVALID_ARGUMENT, "A is not symmetric");
+    if (!eigenvalues(A, a)) return lg_fail(error, LG_NO_CONVERGENCE, "the eigenvalues of A were not found");
+    const double pairs[3] = {a[0] + a[1], a[0] + a[2], a[1] + a[2]};
+    for (int i = 0; i < 3; i++) r.critical[i] = 2 * pairs[i] - 1e-11 * size;
+    r.verified = r.critical[0] > 0 && damping > 0;
+    r.level = r.verified ? r.critical[0] : 0;
+    if (!r.verified)
+        (void)snprintf(
+            r.reason, sizeof r.reason, "%s",
+            damping > 0 ? "a rotation by pi is no higher than the goal: two eigenvalues of A have a sum of "
+                          "at most 0"
+                        : "the damping is not positive");
+    (void)snprintf(
+        r.claim, sizeof r.claim,
+        "%s: motions from {w.J w/2 + tr(A (1 - Q)) < c = %.6g} converge to the goal (continuous inputs, no "
+        "limit of torque, no model error); further critical rotations, by pi, have the values %.6g, %.6g, "
+        "%.6g, so this is almost global, not global.",
+        r.verified ? "Proved" : "Not proved", r.level, r.critical[0], r.critical[1], r.critical[2]);
+    *result = r;
+    return LG_OK;
+}

@@ -1,0 +1,7 @@
+/* Ten million points.
+ * ctest-labels: slow src/autodiff src/kernels */
+#include "interval_support.h"
+
+TEST("bounds contain the exact values of every operation at ten million points") {
+    assert_true(check_bounds(12, 38) >= 10000000);
+}
