@@ -82,6 +82,11 @@ typedef struct export_source {
      * and golden vectors then stand in the texts `sizes` and `test`. */
     bool bundle;
     size_t functions; /* Number of functions of a bundle. */
+    /* Of a bundle: more functions, separated by commas, that are static and have no prefix, for the fragments
+     * in `further_code`, which follows the bundle's code; and the function `further` of the self-test, which
+     * returns how much is wrong. All may be empty. */
+    text hidden, further_code, further_test;
+    bool maps; /* The program's functions are maps from inputs to outputs: none is the rate of a state. */
     /* Stands between NAME_ and the names of the bundle's functions in C: "" or "c_". */
     const char *prefix;
     size_t work; /* NAME_WORK_SIZE: number of reals that is enough for every function. */
@@ -247,6 +252,10 @@ lg_status export_amplification(lg_program *program, size_t function, const doubl
  * `source->options`. */
 int export_classifier(const app *self, const char *path, export_source *source);
 int export_program(const app *self, const char *path, export_source *source);
+/* A controller: `control` and what else --functions names, with a closed loop in the self-test
+ * (policy/policy.c). export_policy_words describes it, for every target. */
+int export_policy(const app *self, const char *path, export_source *source);
+int export_policy_words(const app *self, const char *path, export_source *source);
 /* Exports functions of a program (`functions`: names separated by commas; NULL: all) under their own names,
  * with source->prefix before them. `path`: the model's file. */
 int export_whole(const app *self, const char *path, lg_program *program, const char *functions,

@@ -181,6 +181,11 @@ static int build_program(job *j) {
     return given.scheme != NULL ? refuse_scheme(j) : export_program(j->self, j->path, &j->source);
 }
 
+static int build_policy(job *j) {
+    j->kind = "policy";
+    return given.scheme != NULL ? refuse_scheme(j) : export_policy(j->self, j->path, &j->source);
+}
+
 /* Returns whether the options can be met with faces. */
 static bool wants_faces(void) {
     return !given.compact && (given.functions == NULL || strcmp(given.functions, "linearise") == 0);
@@ -263,7 +268,10 @@ static int build(job *j) {
     const bool classifier = strcmp(own, "classifier") == 0;
     if (lg_recipe_find(own) == NULL && !classifier && !has_functions(j)) return refuse_file(j, own);
     export_read_units(j->self, j->path, &j->options);
+    const bool policy = strcmp(own, "policy") == 0;
+    if (policy && j->options.functions == NULL) j->options.functions = "control";
     if (targets[given.target]->build != NULL) return build_target(j, own);
+    if (policy) return build_policy(j);
     if (strcmp(own, "program") == 0) return build_program(j);
     if (!classifier) return build_model(j, own);
     j->kind = own;
