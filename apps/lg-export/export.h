@@ -28,6 +28,7 @@
 #include "liegrad/files.h"
 #include "liegrad/integrators.h"
 #include "liegrad/program.h"
+#include "liegrad/settings.h"
 
 typedef lg_text text;
 
@@ -43,10 +44,12 @@ typedef struct export_options {
     /* Scheme of the exported step; NULL: the target takes the model's own scheme. Never NULL when the C of a
      * Hamiltonian's faces is written. */
     const lg_scheme *scheme;
-    const char *functions; /* Programs: names separated by commas; NULL: all functions. */
-    bool compact;          /* Programs: loops instead of straight code. */
-    uint64_t golden;       /* Number of golden vectors in the self-test, >= 1. */
-    uint64_t seed;         /* Seed of the golden vectors' random inputs. */
+    const char *functions;  /* Programs: names separated by commas; NULL: all functions. */
+    bool compact;           /* Programs: loops instead of straight code. */
+    lg_reals sensor, drift; /* Controllers: noise of an observer; empty: its defaults. */
+    double forget;          /* Controllers: seconds in which an adaptation forgets. */
+    uint64_t golden;        /* Number of golden vectors in the self-test, >= 1. */
+    uint64_t seed;          /* Seed of the golden vectors' random inputs. */
     /* From the model's file; "" if it has none. */
     char input_units[EXPORT_UNITS], output_units[EXPORT_UNITS];
 } export_options;
@@ -86,6 +89,8 @@ typedef struct export_source {
      * in `further_code`, which follows the bundle's code; and the function `further` of the self-test, which
      * returns how much is wrong. All may be empty. */
     text hidden, further_code, further_test;
+    size_t
+        further_work; /* Numbers of work that these fragments need besides the work of a hidden function. */
     bool maps; /* The program's functions are maps from inputs to outputs: none is the rate of a state. */
     /* Stands between NAME_ and the names of the bundle's functions in C: "" or "c_". */
     const char *prefix;

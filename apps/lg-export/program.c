@@ -253,10 +253,13 @@ static int add_test(job *j) {
                     "\nstatic const function functions[] = {\n%s    {NULL, NULL, NULL, NULL, 0, 0, 0, 0, "
                     "NULL}};\nenum { LARGEST = %zu };\n\n",
                     table.data != NULL ? table.data : "", largest);
+        char *main = strstr(rest + 1, "int main");
+        *rest = 's', *main = '\0';
+        lg_text_add_named(to, j->source->options->name, rest);
         if (j->source->further_test.length > 0)
             lg_text_add(to, "%s\n#define FURTHER\n\n", j->source->further_test.data);
-        *rest = 's';
-        lg_text_add_named(to, j->source->options->name, rest);
+        *main = 'i';
+        lg_text_add_named(to, j->source->options->name, main);
     }
     free(fragment);
     lg_text_destroy(&table);
@@ -360,6 +363,23 @@ static int write_code(job *j, const char *functions) {
     return code;
 }
 
+/* Adds the sizes. The last line, about NAME_WORK_SIZE, is written anew if fragments need more. */
+static void add_sizes(job *j) {
+    export_source *source = j->source;
+    size_t more = 0;
+    for (size_t i = j->visible; i < j->c->functions; i++) more = j->c->work[i] > more ? j->c->work[i] : more;
+    more += source->further_work;
+    const char *last = strrchr(j->c->sizes, '#');
+    if (last == NULL || source->further_work == 0 || more <= source->work) {
+        lg_text_add(&source->sizes, "%s", j->c->sizes);
+        return;
+    }
+    source->work = more;
+    lg_text_append(&source->sizes, j->c->sizes, (size_t)(last - j->c->sizes));
+    lg_text_add(&source->sizes, "#define %s_WORK_SIZE %zu /* enough for all of them */\n",
+                source->options->name, more);
+}
+
 int export_whole(const app *self, const char *path, lg_program *program, const char *functions,
                  export_source *source) {
     job j = {.self = self, .source = source, .program = program};
@@ -373,8 +393,10 @@ int export_whole(const app *self, const char *path, lg_program *program, const c
     if (code == APP_EXIT_OK) {
         source->bundle = true;
         source->functions = j.visible;
-        source->depth = j.c->most_depth > 0 ? j.c->most_depth : 1;
-        lg_text_add(&source->sizes, "%s", j.c->sizes);
+        source->depth = 1;
+        for (size_t i = 0; i < j.visible; i++)
+            source->depth = j.c->depth[i] > source->depth ? j.c->depth[i] : source->depth;
+        add_sizes(&j);
         if (source->further_code.length > 0) lg_text_add(&source->code, "\n%s", source->further_code.data);
         code = add_test(&j);
     }

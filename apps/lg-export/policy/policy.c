@@ -76,7 +76,7 @@ static void tell(const export_policy_job *j) {
 
 static lg_status open_policy(const app *self, const char *path, export_source *source, export_policy_job *out,
                              lg_error *error) {
-    *out = (export_policy_job){.self = self, .source = source};
+    *out = (export_policy_job){.self = self, .source = source, .declarations = app_text()};
     LG_TRY(lg_policy_load(self->context, path, NULL, &out->policy, &out->text, error));
     out->task = lg_policy_task_of(out->policy);
     out->inputs = out->task->input_count;
@@ -91,6 +91,7 @@ static lg_status open_policy(const app *self, const char *path, export_source *s
 }
 
 static void close_policy(export_policy_job *j) {
+    lg_text_destroy(&j->declarations);
     lg_program_destroy(j->program);
     lg_policy_destroy(j->policy);
     lg_free(j->self->context, j->text);
@@ -108,6 +109,79 @@ int export_policy_words(const app *self, const char *path, export_source *source
     return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, path);
 }
 
+/* ---- functions around the policy ---- */
+
+int export_policy_simple(const export_policy_job *j, const char *function) {
+    for (uint32_t i = 0; i < j->task->coordinate_count; i++) {
+        const lg_policy_coordinate *c = &j->task->coordinate[i];
+        if (c->motion > LG_POLICY_ANGLE)
+            return app_usage(j->self,
+                             "--functions %s: '%s' is a %s; this is for plants of lines and angles only",
+                             function, c->name, lg_policy_motion_row_of(c->motion)->name);
+    }
+    if (j->velocities == j->given && j->state == 2 * j->given) return APP_EXIT_OK;
+    return app_usage(
+        j->self,
+        "--functions %s: the plant's state must be positions and one momentum for each position, "
+        "without lags of inputs",
+        function);
+}
+
+void export_policy_real(const export_policy_job *j, text *to, const char *name, double value) {
+    lg_text_add(to, "static const real %s = ", name);
+    lg_text_add_real(to, j->source->options->dtype, value);
+    lg_text_add(to, ";\n");
+}
+
+void export_policy_reals(const export_policy_job *j, text *to, const char *type, const char *name,
+                         const double *values, size_t count) {
+    const lg_dtype dtype = strcmp(type, "real") == 0 ? j->source->options->dtype : LG_F64;
+    lg_text_add(to, "static const %s %s[%zu] = {\n", type, name, count);
+    lg_text_add_reals(to, dtype, 4, values, count);
+    lg_text_add(to, "};\n");
+}
+
+void export_policy_need(export_source *source, size_t work, size_t stack, size_t calls) {
+    if (work > source->further_work) source->further_work = work;
+    source->stack += stack;
+    source->calls += calls;
+}
+
+static const struct {
+    const char *name;
+    int (*add)(export_policy_job *job);
+    const char *check; /* Its part of the self-test. */
+} around[] = {{"observe", export_policy_observe, "check_observer"},
+              {"adapt", export_policy_adapt, "check_adaptation"}};
+
+/* Adds what --functions names of the table; the other names, or `control`, are left in `rest`. */
+static int add_around(export_policy_job *j, text *rest) {
+    text checks = app_text();
+    int code = APP_EXIT_OK;
+    char *list = app_format("%s", j->source->options->functions);
+    bool taken[LG_COUNT(around)] = {false};
+    for (char *save = NULL, *name = strtok_r(list, ",", &save); name != NULL;
+         name = strtok_r(NULL, ",", &save)) {
+        size_t i = 0;
+        while (i < LG_COUNT(around) && strcmp(around[i].name, name) != 0) i++;
+        if (i == LG_COUNT(around))
+            lg_text_add(rest, "%s%s", rest->length > 0 ? "," : "", name);
+        else
+            taken[i] = true;
+    }
+    free(list);
+    for (size_t i = 0; i < LG_COUNT(around) && code == APP_EXIT_OK; i++) {
+        if (!taken[i]) continue;
+        code = around[i].add(j);
+        lg_text_add(&checks, " + %s()", around[i].check);
+    }
+    if (rest->length == 0) lg_text_add(rest, "control");
+    lg_text_add(&j->source->further_test, "static int further(void) {\n    return check_loop()%s;\n}\n",
+                checks.data != NULL ? checks.data : "");
+    lg_text_destroy(&checks);
+    return code;
+}
+
 /* ---- C ---- */
 
 static lg_status load_program(export_policy_job *j, const char *path, lg_error *error) {
@@ -121,16 +195,27 @@ static lg_status load_program(export_policy_job *j, const char *path, lg_error *
     return status;
 }
 
+static bool names_control(const char *list) {
+    const char *at = strstr(list, "control");
+    return at != NULL && (at == list || at[-1] == ',') && (at[7] == ',' || at[7] == '\0');
+}
+
 static int write_policy(export_policy_job *j, const char *path) {
     export_source *source = j->source;
+    text functions = app_text();
     source->maps = true;
     tell(j);
     int code = export_policy_loop(j);
-    if (code == APP_EXIT_OK)
-        code = export_whole(j->self, path, j->program, source->options->functions, source);
+    if (code == APP_EXIT_OK) code = add_around(j, &functions);
+    /* The closed loop needs it. */
+    if (code == APP_EXIT_OK && !names_control(functions.data)) lg_text_add(&functions, ",control");
+    if (code == APP_EXIT_OK) code = export_whole(j->self, path, j->program, functions.data, source);
+    lg_text_destroy(&functions);
     if (code != APP_EXIT_OK) return code;
-    export_size(source, "INPUTS", j->given + j->velocities, "numbers in x of NAME_control");
-    export_size(source, "OUTPUTS", j->inputs, "numbers in u of NAME_control");
+    if (j->declarations.length > 0) lg_text_add(&source->declarations, "%s", j->declarations.data);
+    export_size(source, "INPUTS", j->given + j->velocities, "numbers in x of control");
+    export_size(source, "GIVEN", j->given, "of these are positions");
+    export_size(source, "OUTPUTS", j->inputs, "numbers in u of control");
     lg_text_add(&source->sizes, "#define %s_PERIOD ", source->options->name);
     lg_text_add_real(&source->sizes, source->options->dtype, j->task->period);
     lg_text_add(&source->sizes, " /* seconds for which u is held */\n");

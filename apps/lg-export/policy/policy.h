@@ -15,6 +15,7 @@ typedef struct export_policy_job {
     lg_program *program; /* Has parameters that are rounded to the exported type. */
     /* Numbers of positions, of positions as NAME_control takes them, of velocities, of the plant's state. */
     size_t positions, given, velocities, state, inputs;
+    text declarations; /* Of functions that are not in the program, for NAME.h. */
 } export_policy_job;
 
 /* ---- runs of the library (policy_loop.c) ---- */
@@ -37,5 +38,21 @@ lg_status export_loop_start(const export_policy_job *job, lg_rng *rng, double *x
 
 /* Adds the closed loop to the self-test. */
 int export_policy_loop(export_policy_job *job);
+
+/* ---- functions around the policy: they add code, words, declarations and a part of the self-test ---- */
+
+/* NAME_observe and NAME_observe_start (policy_observe.c). */
+int export_policy_observe(export_policy_job *job);
+/* NAME_adapt and NAME_adapt_start (policy_adapt.c). */
+int export_policy_adapt(export_policy_job *job);
+/* Refuses a plant whose state is more than lines, angles, and one momentum for each; `function` is for the message. */
+int export_policy_simple(const export_policy_job *job, const char *function);
+/* Add a constant and an array, whose type is "real" or "double". */
+void export_policy_real(const export_policy_job *job, text *to, const char *name, double value);
+void export_policy_reals(const export_policy_job *job, text *to, const char *type, const char *name,
+                         const double *values, size_t count);
+/* States that a function needs so many numbers of work beside the hidden functions' work, and its frames' bytes and
+ * number. */
+void export_policy_need(export_source *source, size_t work, size_t stack, size_t calls);
 
 #endif

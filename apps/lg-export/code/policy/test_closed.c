@@ -96,7 +96,3 @@ static int check_loop(void) {
                         : "ok");
     return wrong || limits > 0;
 }
-
-static int further(void) {
-    return check_loop();
-}
