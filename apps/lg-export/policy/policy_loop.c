@@ -171,6 +171,34 @@ static void choose_stride(export_loop *l, golden *g) {
     }
 }
 
+/* Warns if the policy has no value where an angle, direction or rotation is half a turn from the goal. */
+static void warn_opposite(export_loop *l) {
+    const export_policy_job *j = l->job;
+    const bool single = j->source->options->dtype == LG_F32;
+    size_t at = 0;
+    memset(l->seen, 0, (j->positions + j->velocities) * sizeof *l->seen);
+    for (uint32_t i = 0; i < j->task->coordinate_count; i++) {
+        const lg_policy_coordinate *c = &j->task->coordinate[i];
+        static const double pi = 3.14159265358979323846, axis[3] = {3.14159265358979323846, 0, 0};
+        double *q = l->seen + at;
+        at += lg_policy_motion_row_of(c->motion)->position;
+        if (c->motion == LG_POLICY_LINE) q[0] = c->goal[0];
+        if (c->motion == LG_POLICY_ANGLE) q[0] = c->goal[0] + pi;
+        for (int k = 0; k < 3 && c->motion == LG_POLICY_DIRECTION; k++) q[k] = -c->goal[k];
+        if (c->motion == LG_POLICY_ROTATION) lg_so3_exp_multiply(axis, c->goal, q);
+    }
+    export_evaluate(single ? &l->narrow : &l->policy, l->seen, l->row);
+    for (size_t i = 0; i < j->inputs; i++)
+        if (!isfinite(l->row[i])) {
+            app_warn(
+                j->self,
+                "the controller gives no number in %s precision half a turn from the goal%s: it must not be "
+                "called there",
+                single ? "single" : "double", single ? "; export it with --dtype f64" : "");
+            return;
+        }
+}
+
 /* ---- the self-test ---- */
 
 /* The plant in double precision, as static functions that begin with NAME_plant_. */
@@ -260,6 +288,7 @@ static lg_status add_loop(export_loop *l, golden *g, lg_error *error) {
     text *to = &j->source->further_test;
     LG_TRY(run_library(l, g, error));
     choose_stride(l, g);
+    warn_opposite(l);
     LG_TRY(add_plant(j, to, error));
     add_sizes(j, g, to);
     add_path(j, g, to);
