@@ -423,7 +423,9 @@ int main(int argc, char **argv) {
              "NAME_velocities. Surrogates of beams: NAME_curve. "
              "Detectors, classifiers and classifications of tables: NAME_classify, NAME_class_names; "
              "classifiers "
-             "also NAME_features. Programs: NAME_<function> for each of their functions.\n\nIn the folder, "
+             "also NAME_features. Controllers of lg-control: NAME_control; with --functions NAME_observe, "
+             "NAME_adapt. "
+             "Programs: NAME_<function> for each of their functions.\n\nIn the folder, "
              "make test compares the code with golden vectors of the library, make stack checks the stated "
              "bound on the stack, and make size shows the size of the objects.",
          .settings = APP_SETTINGS(APP_GIVEN(options, given)),
