@@ -315,8 +315,8 @@ static int choose(const job *j, const char *names, size_t *chosen, size_t *count
     return code;
 }
 
-/* Returns the functions' names in C, the first `visible` ones with the prefix. The caller frees each name and the
- * array. */
+/* Returns the functions' names in C, the first `visible` ones with the prefix. The caller frees each name and
+ * the array. */
 static char **prefixed(const job *j, const lg_c_options *how, size_t visible) {
     char **names = app_alloc(how->function_count, sizeof *names);
     for (size_t i = 0; i < how->function_count; i++)

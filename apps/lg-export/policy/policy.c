@@ -1,4 +1,4 @@
-/* Controllers: the function `control`, words about its input and output, and a self-test with a closed loop. */
+/* Controllers: the function `control`, words about it, and a self-test with a closed loop. */
 #include "lg-export/policy/policy.h"
 
 #include <math.h>

@@ -30,8 +30,8 @@ typedef struct export_loop {
 } export_loop;
 lg_status export_loop_open(const export_policy_job *job, export_loop *loop, lg_error *error);
 void export_loop_close(export_loop *loop);
-/* Moves the state x by one period; u (inputs; may be NULL) becomes the input. `single`: the policy computes in
- * single precision, the plant does not. */
+/* Moves the state x by one period; u (inputs; may be NULL) becomes the input. `single`: the policy computes
+ * in single precision, the plant does not. */
 void export_loop_step(export_loop *loop, bool single, double *x, double *u);
 /* Draws a start as the task says. x is the plant's state. */
 lg_status export_loop_start(const export_policy_job *job, lg_rng *rng, double *x, lg_error *error);
@@ -45,14 +45,15 @@ int export_policy_loop(export_policy_job *job);
 int export_policy_observe(export_policy_job *job);
 /* NAME_adapt and NAME_adapt_start (policy_adapt.c). */
 int export_policy_adapt(export_policy_job *job);
-/* Refuses a plant whose state is more than lines, angles, and one momentum for each; `function` is for the message. */
+/* Refuses a plant whose state is more than lines, angles, and one momentum for each; `function` is for the
+ * message. */
 int export_policy_simple(const export_policy_job *job, const char *function);
 /* Add a constant and an array, whose type is "real" or "double". */
 void export_policy_real(const export_policy_job *job, text *to, const char *name, double value);
 void export_policy_reals(const export_policy_job *job, text *to, const char *type, const char *name,
                          const double *values, size_t count);
-/* States that a function needs so many numbers of work beside the hidden functions' work, and its frames' bytes and
- * number. */
+/* States that a function needs so many numbers of work beside the hidden functions' work, and its frames'
+ * bytes and number. */
 void export_policy_need(export_source *source, size_t work, size_t stack, size_t calls);
 
 #endif

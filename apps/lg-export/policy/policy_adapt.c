@@ -1,5 +1,6 @@
-/* The adaptation of a controller. The self-test's numbers come from the same source as the exported code, compiled here in
- * double precision with the library's plans; tests change a plant and see whether the change is found. */
+/* The adaptation of a controller. The self-test's numbers come from the same source as the exported code,
+ * compiled here in double precision with the library's plans; tests change a plant and see whether the change
+ * is found. */
 #include <float.h>
 #include <math.h>
 #include <stdlib.h>
@@ -51,7 +52,8 @@ static void NAME_adapt(const double *x, const double *u, const double *next, dou
 
 /* ---- the program's function ---- */
 
-/* The force (velocities) that the machine lacks on the way from x under u to `next`: (p - p of the machine)/period. */
+/* The force (velocities) that the machine lacks on the way from x under u to `next`: (p - p of the
+ * machine)/period. */
 static lg_status record_force(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
     const export_policy_job *j = user;
     const uint32_t n = (uint32_t)j->given;
@@ -98,8 +100,8 @@ typedef struct golden {
     size_t periods;
 } golden;
 
-/* A run. `kick`: the plant has 0.3 of the range of damping and of offset more than the machine, as impulses once a
- * period. The numbers are rounded to the exported type. */
+/* A run. `kick`: the plant has 0.3 of the range of damping and of offset more than the machine, as impulses
+ * once a period. The numbers are rounded to the exported type. */
 static lg_status run(export_loop *l, const adaptation *a, bool kick, golden *g, lg_error *error) {
     const export_policy_job *j = l->job;
     const size_t n = j->given;

@@ -1,5 +1,5 @@
-/* The observer of a controller. The self-test's numbers come from the same source as the exported code, compiled here in
- * double precision with the library's plans; tests compare the exported code with lg_ekf. */
+/* The observer of a controller. The self-test's numbers come from the same source as the exported code,
+ * compiled here in double precision with the library's plans; tests compare the exported code with lg_ekf. */
 #include <float.h>
 #include <math.h>
 #include <stdlib.h>

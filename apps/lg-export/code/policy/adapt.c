@@ -1,7 +1,7 @@
 /* Recursive least squares, for each velocity alone. The plant's force less the machine's, over a period, is
  *   -damping v - coulomb sign(v) + offset - inertia v'
- * The four numbers are bounded; adapt_range (VELOCITIES, 4) scales them to at most 1. memory holds, for each velocity, the
- * scaled numbers (4), then their covariance (4, 4). */
+ * The four numbers are bounded; adapt_range (VELOCITIES, 4) scales them to at most 1. memory holds, for each
+ * velocity, the scaled numbers (4), then their covariance (4, 4). */
 static const real adapt_low[4] = {REAL(0.0), REAL(0.0), REAL(-1.0), REAL(-0.2)};
 
 static real bounded(real s, real low) {
@@ -18,7 +18,8 @@ static void stay_inside(const real *P, real *s) {
     for (int k = 0; k < 4; k++) s[k] = bounded(s[k], adapt_low[k]);
 }
 
-/* One update: `by` are the derivatives of the force by the numbers s, `away` is the force that they should give. */
+/* One update: `by` are the derivatives of the force by the numbers s, `away` is the force that they should
+ * give. */
 static void recur(const real *by, real away, real *s, real *P) {
     real Pb[4], size = ADAPT_NOISE, grown = REAL(0.0);
     for (int i = 0; i < 4; i++) {

@@ -1,5 +1,5 @@
-/* Extended Kalman filter. The estimate (ESTIMATE) has positions, then velocities; its covariance is L L^T. memory holds
- * the estimate, then L (ESTIMATE, ESTIMATE), row by row. */
+/* Extended Kalman filter. The estimate (ESTIMATE) has positions, then velocities; its covariance is L L^T.
+ * memory holds the estimate, then L (ESTIMATE, ESTIMATE), row by row. */
 
 /* Makes a (ESTIMATE, columns) lower triangular by reflections from the right, which keep a a^T. */
 static void make_triangular(int columns, real *a) {
@@ -20,8 +20,8 @@ static void make_triangular(int columns, real *a) {
     }
 }
 
-/* Corrects the estimate x, whose covariance is a a^T (a has `columns` columns), by the measurement of position i (Potter's
- * square root update). A measurement that is not finite is left out. */
+/* Corrects the estimate x, whose covariance is a a^T (a has `columns` columns), by the measurement of
+ * position i (Potter's square root update). A measurement that is not finite is left out. */
 static void correct(int i, real measured, int columns, real *x, real *a) {
     const real *row = a + i * columns, noise = observe_sensor[i] * observe_sensor[i];
     real away = measured - x[i], square = noise;

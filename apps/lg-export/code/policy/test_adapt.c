@@ -1,5 +1,5 @@
-/* The adaptation, along a run of the library on a plant with more damping and an offset: what it finds must be what the
- * library finds, in parts of the ranges. */
+/* The adaptation, along a run of the library on a plant with more damping and an offset: what it finds must
+ * be what the library finds, in parts of the ranges. */
 static int check_adaptation(void) {
     static real work[NAME_WORK_SIZE], memory[NAME_ADAPT_SIZE];
     real found[NAME_FOUND];

@@ -1,6 +1,7 @@
-/* The closed loop. The library ran the plant and the controller; golden_path has the state after every SEGMENT
- * periods of each run. From each of these states the plant, in double precision, moves for SEGMENT periods under
- * NAME_control, and must arrive at the next state. Errors are relative to the root mean square of the states. */
+/* The closed loop. The library ran the plant and the controller; golden_path has the state after every
+ * SEGMENT periods of each run. From each of these states the plant, in double precision, moves for SEGMENT
+ * periods under NAME_control, and must arrive at the next state. Errors are relative to the root mean square
+ * of the states. */
 #ifdef ROTATIONS
 /* The quaternion w x y z of a rotation. The largest number of it is found first. */
 static void to_quaternion(const double *R, real *q) {

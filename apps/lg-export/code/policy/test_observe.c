@@ -1,5 +1,5 @@
-/* The observer, along a run of the library with noisy measurements: all estimates must be the library's. Errors are
- * relative to the root mean square of the estimates. */
+/* The observer, along a run of the library with noisy measurements: all estimates must be the library's.
+ * Errors are relative to the root mean square of the estimates. */
 static int check_observer(void) {
     static real work[NAME_WORK_SIZE], memory[NAME_OBSERVE_SIZE];
     real x[GIVEN + VELOCITIES];
