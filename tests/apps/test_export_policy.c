@@ -155,6 +155,32 @@ TEST("observer and adaptation are refused for other plants than lines and angles
 
 /* ---- other targets ---- */
 
+/* Sets x, variables 0 to 3 of the FMU of version 2, and gets its output, variable 4. */
+static void call_fmu(const double *x, double *u) {
+    static char guid[EXPORT_TEXT];
+    static const unsigned in[] = {0, 1, 2, 3}, out[] = {4};
+    void *handle = dlopen(cli_at("fmu2/cp.so"), RTLD_NOW | RTLD_LOCAL);
+    if (handle == NULL) fail_msg("%s", dlerror());
+    void *(*instantiate)(const char *, int, const char *, const char *, const void *, int, int);
+    int (*set)(void *, const unsigned *, size_t, const double *);
+    int (*get)(void *, const unsigned *, size_t, double *);
+    void (*release)(void *);
+    *(void **)&instantiate = dlsym(handle, "fmi2Instantiate");
+    *(void **)&set = dlsym(handle, "fmi2SetReal");
+    *(void **)&get = dlsym(handle, "fmi2GetReal");
+    *(void **)&release = dlsym(handle, "fmi2FreeInstance");
+    assert_int_equal(
+        export_shell("sed -n 's/.* guid=\"\\([^\"]*\\)\".*/\\1/p' fmu2/modelDescription.xml | tr -d '\\n'",
+                     guid),
+        0);
+    void *instance = instantiate("a", 1, guid, NULL, NULL, 0, 0);
+    assert_non_null(instance);
+    assert_int_equal(set(instance, in, 4, x), 0);
+    assert_int_equal(get(instance, out, 1, u), 0);
+    release(instance);
+    assert_int_equal(dlclose(handle), 0);
+}
+
 TEST("CasADi and FMUs get a controller as a map from x to u") {
     static const double x[] = {0.4, 2.5, -0.8, 1.5};
     static double w[4096];
@@ -179,6 +205,8 @@ TEST("CasADi and FMUs get a controller as a map from x to u") {
     assert_int_equal(control((const double *[]){x}, (double *[]){&u[1]}, NULL, w, 0), 0);
     assert_close(u[1], u[0], 1e-13, 0);
     assert_int_equal(dlclose(handle), 0);
+    call_fmu(x, &u[1]);
+    assert_close(u[1], u[0], 1e-13, 0);
 }
 
 /* ---- the observer ---- */
