@@ -165,7 +165,7 @@ int block_collect(block *b, bool derivatives) {
     const char *rate = NULL;
     size_t at;
     b->derivatives = derivatives;
-    for (size_t i = 0; rates[i] != NULL && rate == NULL; i++)
+    for (size_t i = 0; rates[i] != NULL && rate == NULL && !b->source->maps; i++)
         if (is_rate(b, rates[i])) rate = rates[i];
     bool fits = rate == NULL || add_rate(b, rate);
     char *chosen = export_choose(b->self, b->source->options, b->program, usual);

@@ -28,6 +28,7 @@
 #include "liegrad/files.h"
 #include "liegrad/integrators.h"
 #include "liegrad/program.h"
+#include "liegrad/settings.h"
 
 typedef lg_text text;
 
@@ -43,10 +44,12 @@ typedef struct export_options {
     /* Scheme of the exported step; NULL: the target takes the model's own scheme. Never NULL when the C of a
      * Hamiltonian's faces is written. */
     const lg_scheme *scheme;
-    const char *functions; /* Programs: names separated by commas; NULL: all functions. */
-    bool compact;          /* Programs: loops instead of straight code. */
-    uint64_t golden;       /* Number of golden vectors in the self-test, >= 1. */
-    uint64_t seed;         /* Seed of the golden vectors' random inputs. */
+    const char *functions;  /* Programs: names separated by commas; NULL: all functions. */
+    bool compact;           /* Programs: loops instead of straight code. */
+    lg_reals sensor, drift; /* Controllers: noise of an observer; empty: its defaults. */
+    double forget;          /* Controllers: seconds in which an adaptation forgets. */
+    uint64_t golden;        /* Number of golden vectors in the self-test, >= 1. */
+    uint64_t seed;          /* Seed of the golden vectors' random inputs. */
     /* From the model's file; "" if it has none. */
     char input_units[EXPORT_UNITS], output_units[EXPORT_UNITS];
 } export_options;
@@ -82,6 +85,13 @@ typedef struct export_source {
      * and golden vectors then stand in the texts `sizes` and `test`. */
     bool bundle;
     size_t functions; /* Number of functions of a bundle. */
+    /* Of a bundle: more functions, separated by commas, that are static and have no prefix, for the fragments
+     * in `further_code`, which follows the bundle's code; and the function `further` of the self-test, which
+     * returns how much is wrong. All may be empty. */
+    text hidden, further_code, further_test;
+    size_t
+        further_work; /* Numbers of work that these fragments need besides the work of a hidden function. */
+    bool maps; /* The program's functions are maps from inputs to outputs: none is the rate of a state. */
     /* Stands between NAME_ and the names of the bundle's functions in C: "" or "c_". */
     const char *prefix;
     size_t work; /* NAME_WORK_SIZE: number of reals that is enough for every function. */
@@ -247,6 +257,10 @@ lg_status export_amplification(lg_program *program, size_t function, const doubl
  * `source->options`. */
 int export_classifier(const app *self, const char *path, export_source *source);
 int export_program(const app *self, const char *path, export_source *source);
+/* A controller: `control` and what else --functions names, with a closed loop in the self-test
+ * (policy/policy.c). export_policy_words describes it, for every target. */
+int export_policy(const app *self, const char *path, export_source *source);
+int export_policy_words(const app *self, const char *path, export_source *source);
 /* Exports functions of a program (`functions`: names separated by commas; NULL: all) under their own names,
  * with source->prefix before them. `path`: the model's file. */
 int export_whole(const app *self, const char *path, lg_program *program, const char *functions,

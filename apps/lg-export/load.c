@@ -63,11 +63,13 @@ int export_load(const app *self, const char *path, const char *kind, export_sour
                 lg_program **out) {
     lg_error error = {LG_OK, ""};
     lg_status status = LG_UNSUPPORTED;
-    if (strcmp(kind, "program") != 0) status = load_model(self, path, source, out, &error);
+    const bool policy = strcmp(kind, "policy") == 0, program = policy || strcmp(kind, "program") == 0;
+    if (!program) status = load_model(self, path, source, out, &error);
     if (status != LG_OK && lg_recipe_find(kind) == NULL) {
-        if (strcmp(kind, "program") != 0) export_warn_program(self, &error);
+        if (!program) export_warn_program(self, &error);
         status = lg_program_load(self->context, path, NULL, out, &error);
     }
+    if (status == LG_OK && policy) (void)export_policy_words(self, path, source);
     return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, path);
 }
 

@@ -4,11 +4,14 @@
 #include <string.h>
 
 #include "lg-export/faces.h"
+#include "liegrad/policy.h"
 
 typedef struct export_values {
     const char *out, *name, *scheme, *functions;
     bool compact;
     int dtype, target;
+    lg_reals sensor, drift;
+    double forget;
     uint64_t golden;
 } export_values;
 
@@ -52,12 +55,27 @@ static const lg_field options[] = {
         export_values, scheme, STRING, "NAME",
         "Hamiltonians and machines: the scheme of NAME_step, a name of liegrad/integrators.h or a YAML file "
         "(default: the family's; of a machine that of its training)"),
-    LG_OPTION(export_values, functions, STRING, "NAMES",
-              "Programs, and all models for another target than c: functions to export, separated by "
-              "commas (default: "
-              "all; of models value, field, velocity, step). Models that move, in C: linearise adds "
-              "NAME_linearise, which takes "
-              "several times the code and work memory"),
+    LG_OPTION(
+        export_values, functions, STRING, "NAMES",
+        "Programs, and all models for another target than c: functions to export, separated by "
+        "commas (default: "
+        "all; of models value, field, velocity, step). Models that move, in C: linearise adds "
+        "NAME_linearise, which takes "
+        "several times the code and work memory. Controllers: default control; observe adds an observer "
+        "for plants of which positions alone are measured, adapt finds friction and payloads"),
+    LG_OPTION(
+        export_values, sensor, REALS, "S[,S...]",
+        "Controllers with --functions observe: standard deviation of the measured positions, one for all or "
+        "one each, in the log's units (default 0.001)",
+        .high = 1e300, .above = true, .most = LG_POLICY_COORDINATES),
+    LG_OPTION(
+        export_values, drift, REALS, "S[,S...]",
+        "Controllers with --functions observe: by how much velocities stray from the machine's in a second "
+        "(default 0.1)",
+        .high = 1e300, .above = true, .most = LG_POLICY_COORDINATES),
+    LG_OPTION(export_values, forget, REAL, "SECONDS",
+              "Controllers with --functions adapt: time in which measurements are forgotten", LG_POSITIVE,
+              .value = "10"),
     LG_OPTION(export_values, compact, SWITCH, NULL,
               "Programs: write loops for small tensors too, not straight code; this gives less, slower "
               "code"),
@@ -181,6 +199,11 @@ static int build_program(job *j) {
     return given.scheme != NULL ? refuse_scheme(j) : export_program(j->self, j->path, &j->source);
 }
 
+static int build_policy(job *j) {
+    j->kind = "policy";
+    return given.scheme != NULL ? refuse_scheme(j) : export_policy(j->self, j->path, &j->source);
+}
+
 /* Returns whether the options can be met with faces. */
 static bool wants_faces(void) {
     return !given.compact && (given.functions == NULL || strcmp(given.functions, "linearise") == 0);
@@ -263,7 +286,10 @@ static int build(job *j) {
     const bool classifier = strcmp(own, "classifier") == 0;
     if (lg_recipe_find(own) == NULL && !classifier && !has_functions(j)) return refuse_file(j, own);
     export_read_units(j->self, j->path, &j->options);
+    const bool policy = strcmp(own, "policy") == 0;
+    if (policy && j->options.functions == NULL) j->options.functions = "control";
     if (targets[given.target]->build != NULL) return build_target(j, own);
+    if (policy) return build_policy(j);
     if (strcmp(own, "program") == 0) return build_program(j);
     if (!classifier) return build_model(j, own);
     j->kind = own;
@@ -357,6 +383,9 @@ static int export_run(app *self) {
     job j = {.self = self,
              .path = self->arguments[0],
              .options = {.dtype = given.dtype == 1 ? LG_F32 : LG_F64,
+                         .sensor = given.sensor,
+                         .drift = given.drift,
+                         .forget = given.forget,
                          .golden = given.golden,
                          .seed = self->seed,
                          .functions = given.functions,
@@ -394,7 +423,9 @@ int main(int argc, char **argv) {
              "NAME_velocities. Surrogates of beams: NAME_curve. "
              "Detectors, classifiers and classifications of tables: NAME_classify, NAME_class_names; "
              "classifiers "
-             "also NAME_features. Programs: NAME_<function> for each of their functions.\n\nIn the folder, "
+             "also NAME_features. Controllers of lg-control: NAME_control; with --functions NAME_observe, "
+             "NAME_adapt. "
+             "Programs: NAME_<function> for each of their functions.\n\nIn the folder, "
              "make test compares the code with golden vectors of the library, make stack checks the stated "
              "bound on the stack, and make size shows the size of the objects.",
          .settings = APP_SETTINGS(APP_GIVEN(options, given)),

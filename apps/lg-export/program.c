@@ -19,6 +19,7 @@ typedef struct job {
     export_source *source;
     lg_program *program;
     lg_c_source *c;
+    size_t visible;   /* The first functions of `c`; fragments alone call the others. */
     double condition; /* Condition of the function that is being written. */
 } job;
 
@@ -245,15 +246,20 @@ static int add_test(job *j) {
     lg_text_add(to, "enum { GOLDEN = %llu };\n#define EPSILON %s\n\n%s",
                 (unsigned long long)j->source->options->golden,
                 j->source->options->dtype == LG_F32 ? "(double)FLT_EPSILON" : "DBL_EPSILON", fragment);
-    for (size_t i = 0; i < j->c->functions && code == APP_EXIT_OK; i++)
+    for (size_t i = 0; i < j->visible && code == APP_EXIT_OK; i++)
         code = add_function(j, i, &table, &largest);
     if (code == APP_EXIT_OK) {
         lg_text_add(to,
                     "\nstatic const function functions[] = {\n%s    {NULL, NULL, NULL, NULL, 0, 0, 0, 0, "
                     "NULL}};\nenum { LARGEST = %zu };\n\n",
                     table.data != NULL ? table.data : "", largest);
-        *rest = 's';
+        char *main = strstr(rest + 1, "int main");
+        *rest = 's', *main = '\0';
         lg_text_add_named(to, j->source->options->name, rest);
+        if (j->source->further_test.length > 0)
+            lg_text_add(to, "%s\n#define FURTHER\n\n", j->source->further_test.data);
+        *main = 'i';
+        lg_text_add_named(to, j->source->options->name, main);
     }
     free(fragment);
     lg_text_destroy(&table);
@@ -265,7 +271,8 @@ static int add_test(job *j) {
 static void add_about(const job *j) {
     text *to = &j->source->about;
     const char *description = lg_program_description(j->program);
-    lg_text_add(to, "program       %s\n", description[0] != '\0' ? description : "a bundle of functions");
+    if (!j->source->maps)
+        lg_text_add(to, "program       %s\n", description[0] != '\0' ? description : "a bundle of functions");
     lg_text_add(
         to,
         "condition     of a function: by how much it multiplies rounding; %g is the largest, measured "
@@ -308,28 +315,42 @@ static int choose(const job *j, const char *names, size_t *chosen, size_t *count
     return code;
 }
 
-/* Returns the functions' names in C, with the prefix. The caller frees each name and the array. */
-static char **prefixed(const job *j, const lg_c_options *how) {
+/* Returns the functions' names in C, the first `visible` ones with the prefix. The caller frees each name and
+ * the array. */
+static char **prefixed(const job *j, const lg_c_options *how, size_t visible) {
     char **names = app_alloc(how->function_count, sizeof *names);
     for (size_t i = 0; i < how->function_count; i++)
-        names[i] =
-            app_format("%s%s", j->source->prefix, lg_program_function_name(j->program, how->functions[i]));
+        names[i] = app_format("%s%s", i < visible ? j->source->prefix : "",
+                              lg_program_function_name(j->program, how->functions[i]));
     return names;
+}
+
+/* Adds the functions that only fragments call to the `visible` chosen ones. */
+static int choose_hidden(const job *j, size_t visible, lg_c_options *how, size_t *chosen, bool *hidden) {
+    const int code = choose(j, j->source->hidden.data, chosen + visible, &how->function_count);
+    for (size_t i = 0; i < how->function_count; i++) hidden[visible + i] = true;
+    how->function_count += visible;
+    return code;
 }
 
 static int write_code(job *j, const char *functions) {
     const size_t all = lg_program_functions(j->program);
-    size_t *chosen = app_alloc(all, sizeof *chosen);
+    size_t *chosen = app_alloc(2 * all, sizeof *chosen);
+    bool *hidden = app_alloc(2 * all, sizeof *hidden);
     lg_error error = {LG_OK, ""};
     lg_c_options how;
     int code = APP_EXIT_OK;
     lg_c_options_init(&how);
     how.compact = j->source->options->compact;
     how.functions = chosen;
+    how.hidden = hidden;
     for (size_t i = 0; i < all; i++) chosen[i] = i;
     how.function_count = all;
     if (functions != NULL) code = choose(j, functions, chosen, &how.function_count);
-    char **names = prefixed(j, &how);
+    j->visible = how.function_count;
+    if (code == APP_EXIT_OK && j->source->hidden.length > 0)
+        code = choose_hidden(j, j->visible, &how, chosen, hidden);
+    char **names = prefixed(j, &how, j->visible);
     how.names = (const char *const *)names;
     if (code == APP_EXIT_OK) {
         const lg_status status = export_c(j->source, j->program, &how, 0, &j->c, &error);
@@ -337,8 +358,26 @@ static int write_code(job *j, const char *functions) {
     }
     for (size_t i = 0; i < how.function_count; i++) free(names[i]);
     free(names);
+    free(hidden);
     free(chosen);
     return code;
+}
+
+/* Adds the sizes. The last line, about NAME_WORK_SIZE, is written anew if fragments need more. */
+static void add_sizes(job *j) {
+    export_source *source = j->source;
+    size_t more = 0;
+    for (size_t i = j->visible; i < j->c->functions; i++) more = j->c->work[i] > more ? j->c->work[i] : more;
+    more += source->further_work;
+    const char *last = strrchr(j->c->sizes, '#');
+    if (last == NULL || source->further_work == 0 || more <= source->work) {
+        lg_text_add(&source->sizes, "%s", j->c->sizes);
+        return;
+    }
+    source->work = more;
+    lg_text_append(&source->sizes, j->c->sizes, (size_t)(last - j->c->sizes));
+    lg_text_add(&source->sizes, "#define %s_WORK_SIZE %zu /* enough for all of them */\n",
+                source->options->name, more);
 }
 
 int export_whole(const app *self, const char *path, lg_program *program, const char *functions,
@@ -353,9 +392,12 @@ int export_whole(const app *self, const char *path, lg_program *program, const c
     int code = status != LG_OK ? failed(&j, status, &error) : write_code(&j, functions);
     if (code == APP_EXIT_OK) {
         source->bundle = true;
-        source->functions = j.c->functions;
-        source->depth = j.c->most_depth > 0 ? j.c->most_depth : 1;
-        lg_text_add(&source->sizes, "%s", j.c->sizes);
+        source->functions = j.visible;
+        source->depth = 1;
+        for (size_t i = 0; i < j.visible; i++)
+            source->depth = j.c->depth[i] > source->depth ? j.c->depth[i] : source->depth;
+        add_sizes(&j);
+        if (source->further_code.length > 0) lg_text_add(&source->code, "\n%s", source->further_code.data);
         code = add_test(&j);
     }
     if (code == APP_EXIT_OK) {

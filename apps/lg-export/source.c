@@ -165,12 +165,15 @@ void export_provenance(export_source *source, const lg_provenance *provenance, c
 }
 
 /* Offsets of all texts in an export_source. */
-static const size_t texts[] = {
-    offsetof(export_source, about),  offsetof(export_source, range),    offsetof(export_source, state),
-    offsetof(export_source, input),  offsetof(export_source, places),   offsetof(export_source, inputs_each),
-    offsetof(export_source, delay),  offsetof(export_source, sizes),    offsetof(export_source, declarations),
-    offsetof(export_source, arrays), offsetof(export_source, weights),  offsetof(export_source, code),
-    offsetof(export_source, test),   offsetof(export_source, products), offsetof(export_source, rules)};
+static const size_t texts[] = {offsetof(export_source, about),        offsetof(export_source, range),
+                               offsetof(export_source, state),        offsetof(export_source, input),
+                               offsetof(export_source, places),       offsetof(export_source, inputs_each),
+                               offsetof(export_source, delay),        offsetof(export_source, sizes),
+                               offsetof(export_source, declarations), offsetof(export_source, arrays),
+                               offsetof(export_source, weights),      offsetof(export_source, code),
+                               offsetof(export_source, hidden),       offsetof(export_source, further_code),
+                               offsetof(export_source, further_test), offsetof(export_source, test),
+                               offsetof(export_source, products),     offsetof(export_source, rules)};
 
 static text *text_of(export_source *source, size_t i) {
     return (text *)(void *)((char *)source + texts[i]);

@@ -1,6 +1,6 @@
 /* Measures on the target how many instructions a call takes and how much stack it needs. Build with
  * -DMODEL=name, -DMODEL_HEADER='"name.h"', and -DHAS_GRAD, -DHAS_FIELD, -DHAS_CURVE and -DHAS_CLASSIFY for
- * the functions that the header declares.
+ * the functions that the header declares; -DHAS_CONTROL, -DHAS_OBSERVE and -DHAS_ADAPT for a controller.
  *
  * Under `qemu-system-arm -icount shift=0` each instruction takes one nanosecond of machine time, and SysTick
  * counts this time at 25 MHz. So the number of instructions is 40 times the ticks, rounded to a multiple of
@@ -68,7 +68,21 @@ int main(void) {
     systick[0] = 5; /* processor clock, no interrupt */
     for (int i = 0; i < OF(INPUTS); i++) x[i] = (OF(real))0.1 * (OF(real))(i % 7);
     x[0] = (OF(real))0.5;
+#ifdef HAS_CONTROL
+    COUNT("control", OF(control)(x, y, work));
+#else
     COUNT("eval", OF(eval)(x, y, work));
+#endif
+#ifdef HAS_OBSERVE
+    static OF(real) estimate[OF(INPUTS)], filter[OF(OBSERVE_SIZE)];
+    OF(observe_start)(x, filter);
+    COUNT("observe", OF(observe)(x, y, filter, estimate, work));
+#endif
+#ifdef HAS_ADAPT
+    static OF(real) found[OF(FOUND)], least_squares[OF(ADAPT_SIZE)];
+    OF(adapt_start)(least_squares);
+    COUNT("adapt", OF(adapt)(x, y, x, least_squares, found, work));
+#endif
 #ifdef HAS_GRAD
     COUNT("grad", OF(grad)(x, y, jacobian, work));
 #endif
