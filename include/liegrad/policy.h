@@ -32,7 +32,9 @@
  *   lqr      the regulator alone; nothing is trained
  *   network  u = g u_lqr + (1 - g) u_net with the gate g = 1/(1 + exp(4.5 (V/c - 1))), u_net in the limits by tanh
  *   energy   u = sat(u0 - k_p G^T z_q - k_d G^T v), with the map G from inputs to generalised forces at the goal. k_p
- *            and k_d (one number per input each, positive) are trained. It shapes the potential energy and damps.
+ *            and k_d (one number per input each, positive) are trained or given. It shapes the potential energy and
+ *            damps. z_q of an angle is q - goal here: angles are counted, so after a full turn it unwinds. On the
+ *            circle no continuous feedback brings every state to the goal.
  *
  * Terminal cost W = w V_end (1 - exp(-V/V_end)), V_end = 13 c, and w such that W of a far state is the mean cost of the
  * unforced machine over the horizon. Functions with an lg_error explain errors there in a sentence; it may be NULL. */
@@ -43,6 +45,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "liegrad/certify.h"
 #include "liegrad/core.h"
 #include "liegrad/files.h"
 #include "liegrad/program.h"
@@ -102,6 +105,7 @@ typedef struct lg_policy_task {
     lg_policy_kind kind;
     uint32_t hidden_layers, hidden[LG_POLICY_HIDDEN]; /* of a network, with tanh; default 32, 32 */
     bool gate;                                        /* default true; false: the network acts alone */
+    double gains[2];   /* k_p and k_d of kind energy, for all inputs; 0, 0 (default): they are trained */
     uint32_t substeps; /* steps of the integrator in a period; 0: as many as keep its error below 1e-5 */
 } lg_policy_task;
 LG_API void lg_policy_task_init(lg_policy_task *task);
@@ -142,6 +146,25 @@ typedef struct lg_policy_regulator {
     double residual; /* change of z in a period at the goal under u0, over the size of z of the starts */
 } lg_policy_regulator;
 LG_API const lg_policy_regulator *lg_policy_regulator_of(const lg_policy *policy);
+
+/* ---- functions for certificates (liegrad/certify.h) ---- */
+
+/* Adds the continuous and the held closed loop to the policy's program:
+ *   rate       (z) -> z'   z = (positions - goal, velocities), angles counted on the real line; without velocities
+ *                          z = x - goal. The input follows the state without delay: u = policy(q, v).
+ *   advance    (z) -> z    after a period in which u is held
+ * `program`: the policy's program, to which a Lyapunov function may be added; it belongs to the policy. If the
+ * functions are there already, nothing is added. Errors: LG_UNSUPPORTED (directions, rotations, lagged inputs),
+ * LG_NOT_FOUND (a plant without `field`), those of lg_program_add_function. */
+LG_API lg_status lg_policy_add_rate(lg_policy *policy, lg_program **program, lg_error *error);
+
+/* For a policy of kind energy of a machine with one coordinate (a line or an angle), one input and a constant mass:
+ * adds the function `slope` (z) -> g, minus the rate of the momentum at v = 0 under u = policy(goal + z, 0), and
+ * fills `spec` for lg_certify_energy. That the mass, the damping and the map of the input are constant is compared
+ * at several states, it is not proved. Errors: those of lg_policy_add_rate; LG_UNSUPPORTED (another kind or
+ * machine; the potential of a line is not constant, so it has no period); LG_CHECK_FAILED (the damping is not linear,
+ * or not positive). */
+LG_API lg_status lg_policy_add_slope(lg_policy *policy, lg_certify_energy_spec *spec, lg_error *error);
 
 /* ---- training ---- */
 

@@ -56,6 +56,11 @@ static lg_status check_task(const lg_policy_task *t, lg_error *error) {
             return lg_fail(error, LG_INVALID_ARGUMENT, "input %s: its weight in the cost must be above 0",
                            in->name);
     }
+    if ((t->gains[0] != 0.0 || t->gains[1] != 0.0) &&
+        !(t->kind == LG_POLICY_ENERGY && t->gains[0] > 0.0 && t->gains[1] > 0.0 && isfinite(t->gains[0]) &&
+          isfinite(t->gains[1])))
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "gains are two positive numbers, k_p and k_d, of a controller of kind energy");
     if (!weighed) return lg_fail(error, LG_INVALID_ARGUMENT, "the cost weighs no coordinate");
     if (!judged) return lg_fail(error, LG_INVALID_ARGUMENT, "success bounds no coordinate");
     if (!(t->period > 0.0 && t->horizon >= t->period && t->hold >= 0.0 && t->within >= t->hold) ||
@@ -190,7 +195,7 @@ static lg_status init_parameters(lg_policy *p, lg_error *error) {
             return lg_fail(error, LG_INVALID_ARGUMENT, "hidden layers need 1 or more units each");
         p->parameters = lg_mlp_parameters(&p->net);
     }
-    if (p->task.kind == LG_POLICY_ENERGY) p->parameters = 2 * (size_t)p->inputs;
+    if (p->task.kind == LG_POLICY_ENERGY && p->task.gains[0] == 0.0) p->parameters = 2 * (size_t)p->inputs;
     p->theta = lg_alloc(p->context, p->parameters + 1, sizeof *p->theta);
     if (p->theta == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a policy");
     return LG_OK;

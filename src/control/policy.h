@@ -27,6 +27,8 @@ typedef struct lg_policy_seen { /* positions and velocities, (B, ...); v LG_NONE
 /* Record the errors z (B, errors), the sum of the costs of positions and velocities (B, 1), the features of a network
  * (B, lg_policy_features), and positions from positions as controllers get them. */
 lg_var lg_policy_record_errors(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen);
+/* The same with q - goal for an angle: it is counted on the real line. */
+lg_var lg_policy_record_counted(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen);
 lg_var lg_policy_record_stage(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen);
 uint32_t lg_policy_features(const lg_policy_task *task);
 lg_var lg_policy_record_features(lg_tape *tape, const lg_policy_task *task, const double *scales,

@@ -235,14 +235,15 @@ static lg_var half_cosine(lg_tape *tape, lg_var cosine) {
     return lg_sqrt(tape, lg_add_scalar(tape, lg_scale(tape, cosine, 0.5), 0.5 + 1e-6));
 }
 
-lg_var lg_policy_record_errors(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen) {
+/* `counted`: angles are differences on the real line. */
+static lg_var errors_of(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen, bool counted) {
     lg_policy_layout layout;
     lg_var parts[2 * LG_POLICY_COORDINATES];
     uint32_t n = 0;
     lg_policy_lay_out(task, &layout);
     for (uint32_t i = 0; i < task->coordinate_count; i++) {
         const lg_policy_coordinate *c = &task->coordinate[i];
-        const motion *m = &motions[c->motion];
+        const motion *m = &motions[counted && c->motion == LG_POLICY_ANGLE ? LG_POLICY_LINE : c->motion];
         const lg_var q = part(tape, seen.q, layout.at[i].position, m->sizes.position);
         parts[n] = m->sine(tape, c->goal, layout.basis[i], q);
         if (m->cosine != NULL)
@@ -258,6 +259,14 @@ lg_var lg_policy_record_errors(lg_tape *tape, const lg_policy_task *task, lg_pol
         n++;
     }
     return joined(tape, parts, n);
+}
+
+lg_var lg_policy_record_errors(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen) {
+    return errors_of(tape, task, seen, false);
+}
+
+lg_var lg_policy_record_counted(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen) {
+    return errors_of(tape, task, seen, true);
 }
 
 static lg_var position_cost(lg_tape *tape, const lg_policy_coordinate *c, lg_var q) {

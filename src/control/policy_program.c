@@ -157,7 +157,15 @@ static lg_var record_network(lg_tape *tape, const lg_policy *p, lg_policy_seen s
     return lg_add(tape, u, lg_mul(tape, gate, lg_sub(tape, held, u)));
 }
 
-/* k_p = e^weights[l], k_d = e^weights[m + l]. */
+/* (1, 2 m): k_p = e^weights[l], k_d = e^weights[m + l]; or the task's gains. */
+static lg_var gains_of(lg_tape *tape, const lg_policy *p, lg_var weights) {
+    const uint32_t m = p->inputs;
+    double given[2 * LG_POLICY_INPUTS];
+    if (p->parameters > 0) return lg_reshape(tape, lg_exp(tape, weights), lg_shape2(1, 2 * m));
+    for (uint32_t l = 0; l < 2 * m; l++) given[l] = p->task.gains[l / m];
+    return row_of(tape, given, 2 * m);
+}
+
 static lg_var record_energy(lg_tape *tape, const lg_policy *p, lg_policy_seen seen, lg_var z,
                             lg_var weights) {
     const uint32_t m = p->inputs, n = p->layout.errors;
@@ -168,7 +176,7 @@ static lg_var record_energy(lg_tape *tape, const lg_policy *p, lg_policy_seen se
         const bool rate = i % n >= positions;
         shape[i] = rate ? 0.0 : p->G[i], damp[i] = rate ? p->G[i] : 0.0;
     }
-    const lg_var gain = lg_reshape(tape, lg_exp(tape, weights), lg_shape2(1, 2 * m));
+    const lg_var gain = gains_of(tape, p, weights);
     const lg_var kp = lg_slice(tape, gain, 1, 0, m), kd = lg_slice(tape, gain, 1, m, m);
     const lg_var e = lg_matmul_nt(tape, z, lg_input_f64(tape, lg_shape2(m, n), shape)),
                  v = lg_matmul_nt(tape, z, lg_input_f64(tape, lg_shape2(m, n), damp));
@@ -185,7 +193,8 @@ static lg_status record_policy(void *user, lg_tape *tape, const lg_var *theta, c
                                lg_var *out) {
     const lg_policy *p = user;
     const lg_policy_seen seen = {in[0], moves(p) ? in[1] : LG_NONE};
-    const lg_var z = lg_policy_record_errors(tape, &p->task, seen);
+    const lg_var z = p->task.kind == LG_POLICY_ENERGY ? lg_policy_record_counted(tape, &p->task, seen)
+                                                      : lg_policy_record_errors(tape, &p->task, seen);
     (void)theta;
     out[0] = kinds[p->task.kind](tape, p, seen, z, p->parameters > 0 ? in[moves(p) ? 2 : 1] : LG_NONE);
     return lg_tape_status(tape);

@@ -33,6 +33,7 @@ enum {
     KEY_KIND,
     KEY_HIDDEN,
     KEY_GATE,
+    KEY_GAINS,
     KEY_COUNT
 };
 
@@ -46,6 +47,17 @@ static void put_hidden(void *member, const double *values, uint32_t count) {
     lg_policy_task *task = member;
     task->hidden_layers = count;
     for (uint32_t i = 0; i < count; i++) task->hidden[i] = (uint32_t)values[i];
+}
+
+static uint32_t get_gains(const void *member, double *values) {
+    const lg_policy_task *task = member;
+    values[0] = task->gains[0], values[1] = task->gains[1];
+    return task->gains[0] > 0.0 ? 2 : 0;
+}
+
+static void put_gains(void *member, const double *values, uint32_t count) {
+    lg_policy_task *task = member;
+    task->gains[0] = values[0], task->gains[1] = count > 1 ? values[1] : -1.0; /* one number is refused */
 }
 
 static const char *name_kind(uint32_t value) {
@@ -76,6 +88,15 @@ static const lg_field keys[KEY_COUNT] = {
                     .put = put_hidden,
                     .most = LG_POLICY_HIDDEN},
     [KEY_GATE] = FIELD("controller.gate", NAME, gate, LG_NAMES("none", "lqr")),
+    [KEY_GAINS] = {.name = "controller.gains",
+                   .type = LG_FIELD_REALS,
+                   .offset = 0,
+                   .size = sizeof(lg_policy_task),
+                   .high = 1e300,
+                   .above = true,
+                   .get = get_gains,
+                   .put = put_gains,
+                   .most = 2},
 };
 
 /* ---- mappings from names to numbers ---- */

@@ -1,0 +1,219 @@
+/* Policies: the closed loop as certificates need it. z = (positions - goal, velocities), angles counted. */
+#include <math.h>
+#include <string.h>
+
+#include "control/policy.h"
+#include "liegrad/ops.h"
+
+static bool moves(const lg_policy *p) {
+    return p->layout.velocities > 0;
+}
+
+/* The positions, then the velocities of the goal: the state that z = 0 stands for. */
+static void fill_goal(const lg_policy *p, double *goal) {
+    memset(goal, 0, LG_POLICY_ERRORS * sizeof *goal);
+    for (uint32_t i = 0; i < p->task.coordinate_count; i++) goal[i] = p->task.coordinate[i].goal[0];
+}
+
+static lg_var goal_row(const lg_policy *p, lg_tape *tape, uint32_t count) {
+    double goal[LG_POLICY_ERRORS];
+    fill_goal(p, goal);
+    return lg_input_f64(tape, lg_shape2(1, count), goal);
+}
+
+/* The state x of the plant and the input at z. */
+typedef struct place {
+    lg_var x, u, v; /* v LG_NONE: no velocities */
+} place;
+
+static place place_at(const lg_policy *p, lg_tape *tape, const lg_var *theta, lg_var z) {
+    const uint32_t n = p->layout.positions;
+    lg_var in[3] = {lg_add(tape, lg_slice(tape, z, 1, 0, n), goal_row(p, tape, n))};
+    size_t count = 1;
+    place at = {.x = in[0], .v = LG_NONE};
+    if (moves(p)) {
+        at.v = in[count++] = lg_slice(tape, z, 1, n, n);
+        at.x = lg_program_call(tape, "momenta", 0, in);
+    }
+    if (p->parameters > 0) in[count] = theta[lg_program_parameters(p->program) - 1];
+    at.u = lg_program_call(tape, "policy", 0, in);
+    return at;
+}
+
+static lg_status record_rate(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
+    const lg_policy *p = user;
+    const place at = place_at(p, tape, theta, in[0]);
+    const lg_var f = lg_program_call(tape, "field", 0, (const lg_var[]){at.x, at.u});
+    out[0] = f;
+    if (!moves(p)) return lg_tape_status(tape);
+    const lg_var v = lg_program_call(tape, "velocities", 0, &at.x);
+    lg_var parts[2] = {at.v, LG_NONE};
+    LG_TRY(lg_jvp(tape, &v, 1, &at.x, &f, 1, &parts[1]));
+    out[0] = lg_concat(tape, parts, 2, 1);
+    return lg_tape_status(tape);
+}
+
+static lg_status record_advance(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
+                                lg_var *out) {
+    const lg_policy *p = user;
+    const uint32_t n = p->layout.positions;
+    const place at = place_at(p, tape, theta, in[0]);
+    const lg_var next = lg_program_call(tape, "period", 0, (const lg_var[]){at.x, at.u});
+    const lg_var q = moves(p) ? lg_program_call(tape, "positions", 0, &next) : next;
+    out[0] = lg_sub(tape, q, goal_row(p, tape, n));
+    if (!moves(p)) return lg_tape_status(tape);
+    const lg_var parts[2] = {out[0], lg_program_call(tape, "velocities", 0, &next)};
+    out[0] = lg_concat(tape, parts, 2, 1);
+    return lg_tape_status(tape);
+}
+
+/* ---- adding them ---- */
+
+static lg_status add(lg_policy *p, const char *name, uint32_t numbers, lg_record_function record,
+                     const char *output, lg_error *error) {
+    size_t found;
+    if (lg_program_find(p->program, name, &found, NULL) == LG_OK) return LG_OK;
+    const lg_port in = {.name = "z", .shape = lg_shape1(numbers)}, out = {.name = output};
+    const lg_function_spec spec = {name, &in, 1, &out, 1, record, p};
+    return lg_program_add_function(p->program, &spec, error);
+}
+
+static lg_status check(const lg_policy *p, lg_error *error) {
+    size_t field;
+    for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
+        const lg_policy_coordinate *c = &p->task.coordinate[i];
+        if (c->motion != LG_POLICY_LINE && c->motion != LG_POLICY_ANGLE)
+            return lg_fail(error, LG_UNSUPPORTED,
+                           "coordinate %s is a %s; certificates are for machines of lines and angles",
+                           c->name, lg_policy_motion_row_of(c->motion)->name);
+    }
+    if (p->state != p->layout.positions + p->layout.velocities)
+        return lg_fail(error, LG_UNSUPPORTED,
+                       "the plant has %u states beside its positions and velocities (lagged inputs or "
+                       "bristles), which a certificate does not know",
+                       p->state - p->layout.positions - p->layout.velocities);
+    if (lg_program_find(p->program, "field", &field, NULL) != LG_OK)
+        return lg_fail(error, LG_NOT_FOUND, "the plant has no function field (x, u)");
+    return LG_OK;
+}
+
+lg_status lg_policy_add_rate(lg_policy *p, lg_program **program, lg_error *error) {
+    LG_NEEDS(error, p, program);
+    LG_TRY(check(p, error));
+    const uint32_t n = p->layout.positions + p->layout.velocities;
+    LG_TRY(add(p, "rate", n, record_rate, "dz", error));
+    LG_TRY(add(p, "advance", n, record_advance, "next_z", error));
+    *program = p->program;
+    return LG_OK;
+}
+
+/* ---- one coordinate: the energy ---- */
+
+static lg_status record_slope(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
+    const lg_policy *p = user;
+    const lg_var still[2] = {in[0], lg_scale(tape, in[0], 0.0)};
+    const place at = place_at(p, tape, theta, lg_concat(tape, still, 2, 1));
+    const lg_var f = lg_program_call(tape, "field", 0, (const lg_var[]){at.x, at.u});
+    out[0] = lg_neg(tape, lg_slice(tape, f, 1, 1, 1));
+    return lg_tape_status(tape);
+}
+
+/* The machine's numbers at one position: momenta of v, and their rates under u, at (v, u) = (0, 0), (v, 0), (0, u). */
+typedef struct probe {
+    double mass, damping, map;
+} probe;
+
+static lg_status look(const lg_policy *p, double q, double v, double u, probe *out, lg_error *error) {
+    const double at[3] = {q, q, q}, speed[3] = {0, v, 0}, input[3] = {0, 0, u};
+    double x[6], rate[6];
+    LG_TRY(lg_program_eval(p->context, p->program, "momenta", 3, (const double *const[]){at, speed},
+                           (double *const[]){x}, error));
+    LG_TRY(lg_program_eval(p->context, p->program, "field", 3, (const double *const[]){x, input},
+                           (double *const[]){rate}, error));
+    *out = (probe){x[3] / v, (rate[1] - rate[3]) / v, (rate[5] - rate[1]) / u};
+    return LG_OK;
+}
+
+static bool same(double a, double b, double size) {
+    return fabs(a - b) <= 1e-6 * fabs(b) + 1e-9 * size;
+}
+
+/* M, b and G are compared over a turn (a line: around the starts), at speeds up to ten times the starts'. */
+static lg_status probe_machine(const lg_policy *p, probe *first, lg_error *error) {
+    const lg_policy_coordinate *c = &p->task.coordinate[0];
+    const double fast = fmax(fmax(fabs(c->start_velocity[0]), fabs(c->start_velocity[1])), 0.1),
+                 far = c->motion == LG_POLICY_ANGLE
+                           ? 3.0
+                           : fmax(fmax(fabs(c->start[0]), fabs(c->start[1])), 0.1),
+                 range = p->task.input[0].high - p->task.input[0].low;
+    static const double speeds[] = {1, -1, 0.1, -3, 10, -10}, inputs[] = {1, -1, 0.3, 0.1, -0.3, 0.5};
+    LG_TRY(look(p, c->goal[0], fast, range, first, error));
+    for (int i = -4; i <= 4; i++)
+        for (size_t k = 0; k < LG_COUNT(speeds); k++) {
+            probe other;
+            LG_TRY(look(p, c->goal[0] + 0.25 * i * far, speeds[k] * fast, inputs[k] * range, &other, error));
+            if (!same(other.mass, first->mass, 0))
+                return lg_fail(error, LG_UNSUPPORTED, "the mass of %s is not constant", c->name);
+            if (!same(other.map, first->map, 0))
+                return lg_fail(error, LG_UNSUPPORTED, "the force of %s is not a constant times the input",
+                               p->task.input[0].name);
+            if (!same(other.damping, first->damping, fabs(first->mass) / p->task.horizon))
+                return lg_fail(error, LG_CHECK_FAILED,
+                               "the damping of %s is not linear: %.6g at the speed %.4g, %.6g at %.4g",
+                               c->name, first->damping, fast, other.damping, speeds[k] * fast);
+        }
+    if (first->damping > 1e-9 * first->mass / p->task.horizon) return LG_OK;
+    return lg_fail(error, LG_CHECK_FAILED,
+                   "the damping of %s is %.4g, not positive: the proof needs friction in the machine", c->name,
+                   first->damping);
+}
+
+static lg_status check_energy(const lg_policy *p, lg_error *error) {
+    if (p->task.kind != LG_POLICY_ENERGY)
+        return lg_fail(error, LG_UNSUPPORTED, "the controller is of kind %s; the energy needs kind energy",
+                       lg_policy_kind_name(p->task.kind));
+    LG_TRY(check(p, error));
+    if (p->task.coordinate_count != 1 || p->inputs != 1)
+        return lg_fail(error, LG_UNSUPPORTED,
+                       "the energy is certified for one coordinate and one input; the plant has %u and %u",
+                       p->task.coordinate_count, p->inputs);
+    return LG_OK;
+}
+
+/* A line has no period, unless nothing but the controller depends on it. */
+static lg_status check_period(const lg_policy *p, lg_error *error) {
+    size_t field;
+    unsigned char pattern[4];
+    if (p->task.coordinate[0].motion == LG_POLICY_ANGLE) return LG_OK;
+    LG_TRY(lg_program_find(p->program, "field", &field, error));
+    LG_TRY(lg_program_sparsity(p->program, field, 0, 0, pattern, error));
+    if (pattern[2] == 0) return LG_OK;
+    return lg_fail(error, LG_UNSUPPORTED,
+                   "the force on the line %s depends on its position, and has no period: the energy is certified "
+                   "for angles, and for lines without a potential",
+                   p->task.coordinate[0].name);
+}
+
+/* k_p and k_d */
+static void find_gains(const lg_policy *p, double *gains) {
+    for (int i = 0; i < 2; i++) gains[i] = p->parameters > 0 ? exp(p->theta[i]) : p->task.gains[i];
+}
+
+lg_status lg_policy_add_slope(lg_policy *p, lg_certify_energy_spec *spec, lg_error *error) {
+    probe machine;
+    double gains[2];
+    LG_NEEDS(error, p, spec);
+    LG_TRY(check_energy(p, error));
+    LG_TRY(check_period(p, error));
+    LG_TRY(probe_machine(p, &machine, error));
+    LG_TRY(add(p, "slope", 1, record_slope, "g", error));
+    find_gains(p, gains);
+    const double u0 = p->regulator.u0[0], low = u0 - p->task.input[0].low, high = p->task.input[0].high - u0;
+    lg_certify_energy_spec_init(spec);
+    spec->program = p->program;
+    spec->slope = "slope";
+    spec->damping = machine.damping * (1 - 1e-6);
+    spec->gain = gains[1] * p->G[1] * machine.map;
+    spec->saturated = fmax(low, high) / (gains[0] * fabs(p->G[0])) * (1 + 1e-12);
+    return LG_OK;
+}
