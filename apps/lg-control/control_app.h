@@ -5,7 +5,7 @@
 #include "common/app.h"
 #include "liegrad/policy.h"
 
-extern const app_command train_command, evaluate_command, certify_command;
+extern const app_command demo_command, train_command, evaluate_command, certify_command;
 
 /* A plant from a file (plant.c): a model of lg-identify, a machine whose terms are all known, or a program with the
  * function field (x, u). Its names are added to the task; the caller frees nothing. `scheme`: as in lg_scheme_find;

@@ -2,7 +2,8 @@
 #include "lg-control/control_app.h"
 
 int main(int argc, char **argv) {
-    const app_command commands[] = {train_command, evaluate_command, certify_command, {.run = NULL}};
+    const app_command commands[] = {train_command,   evaluate_command, certify_command,
+                                    demo_command, {.run = NULL}};
     return app_main(
         argc, argv, "lg-control",
         "Controllers of machines: TASK.yaml names the machine, the goal, limits, cost and starts; train "

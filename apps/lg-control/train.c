@@ -7,7 +7,7 @@
 
 typedef struct train_values {
     const char *out, *resume;
-    double seconds, lr;
+    double seconds;
     uint64_t seeds, starts, race, finish, polish;
 } train_values;
 
@@ -25,8 +25,6 @@ static const lg_field options[] = {
               .value = "450"),
     LG_OPTION(train_values, finish, U64, "n", "Steps of Adam of the winner", .high = 1e6, .value = "1000"),
     LG_OPTION(train_values, polish, U64, "n", "Steps of L-BFGS of the winner", .high = 1e6, .value = "100"),
-    LG_OPTION(train_values, lr, REAL, "r", "Learning rate of Adam", .high = 1, .above = true,
-              .value = "0.003"),
     LG_FIELD_END};
 
 static train_values values;
@@ -43,7 +41,7 @@ static lg_policy_train_options read_options(const app *self) {
     if (values.starts % o.starts != 0) app_stop_usage(self, "--starts: expected a multiple of %u", o.starts);
     o.seeds = (uint32_t)values.seeds, o.starts = (uint32_t)values.starts;
     o.race = values.race, o.finish = values.finish, o.polish = values.polish;
-    o.lr = values.lr, o.seconds = values.seconds, o.seed = self->seed, o.threads = (int)self->threads;
+    o.seconds = values.seconds, o.seed = self->seed, o.threads = (int)self->threads;
     o.progress = show;
     return o;
 }

@@ -261,8 +261,9 @@ lg_status lg_policy_adopt(lg_policy *p, lg_error *error) {
             return lg_fail(error, LG_FORMAT, "the policy's program has no function %s", needed[i]);
     if (p->parameters == 0) return LG_OK;
     const size_t last = lg_program_parameters(p->program);
-    const lg_parameter_spec stored = lg_program_parameter(p->program, last - 1);
-    if (last == 0 || lg_shape_count(stored.shape) != p->parameters)
+    lg_parameter_spec stored = {.name = ""};
+    if (last > 0) stored = lg_program_parameter(p->program, last - 1);
+    if (stored.values == NULL || lg_shape_count(stored.shape) != p->parameters)
         return lg_fail(error, LG_FORMAT,
                        "the policy's program does not have the %zu parameters of its network", p->parameters);
     memcpy(p->theta, stored.values, p->parameters * sizeof *p->theta);

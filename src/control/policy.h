@@ -29,6 +29,10 @@ typedef struct lg_policy_seen { /* positions and velocities, (B, ...); v LG_NONE
 lg_var lg_policy_record_errors(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen);
 /* The same with q - goal for an angle: it is counted on the real line. */
 lg_var lg_policy_record_counted(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen);
+/* The sum over turning coordinates of factors[i] (4 sin^2(a/2) - |z_i|^2), (B, 1): what the errors lose near the
+ * opposite side. LG_NONE: no coordinate turns. */
+lg_var lg_policy_record_lost(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen, lg_var z,
+                             const double *factors);
 lg_var lg_policy_record_stage(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen);
 uint32_t lg_policy_features(const lg_policy_task *task);
 lg_var lg_policy_record_features(lg_tape *tape, const lg_policy_task *task, const double *scales,

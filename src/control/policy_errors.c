@@ -275,6 +275,26 @@ static lg_var position_cost(lg_tape *tape, const lg_policy_coordinate *c, lg_var
     return lg_add_scalar(tape, lg_scale(tape, m->cosine(tape, c->goal, q), -2.0), 2.0);
 }
 
+/* Exactly opposite to the goal an error has no direction and is 0. */
+lg_var lg_policy_record_lost(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen, lg_var z,
+                             const double *factors) {
+    lg_policy_layout layout;
+    lg_var terms[2 * LG_POLICY_COORDINATES];
+    double weights[2 * LG_POLICY_COORDINATES];
+    uint32_t n = 0;
+    lg_policy_lay_out(task, &layout);
+    for (uint32_t i = 0; i < task->coordinate_count; i++) {
+        const lg_policy_coordinate *c = &task->coordinate[i];
+        const motion *m = &motions[c->motion];
+        if (m->cosine == NULL) continue;
+        weights[n] = factors[i];
+        terms[n++] = position_cost(tape, c, part(tape, seen.q, layout.at[i].position, m->sizes.position));
+        weights[n] = -factors[i];
+        terms[n++] = lg_rownorm2(tape, part(tape, z, layout.at[i].error, m->sizes.errors));
+    }
+    return n == 0 ? LG_NONE : lg_linear_combination(tape, terms, weights, n);
+}
+
 lg_var lg_policy_record_stage(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen) {
     lg_policy_layout layout;
     lg_var terms[2 * LG_POLICY_COORDINATES];

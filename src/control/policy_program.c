@@ -123,11 +123,20 @@ static lg_var regulator_of(lg_tape *tape, const lg_policy *p, lg_var z) {
     return feedback(tape, p, z, lg_input_f64(tape, lg_shape2(p->inputs, p->layout.errors), p->regulator.K));
 }
 
-/* V/c (B, 1) */
-static lg_var level_of(lg_tape *tape, const lg_policy *p, lg_var z) {
+/* V/c (B, 1). Opposite to the goal, where an error is 0 by its formula, V is that of its full length. */
+static lg_var level_of(lg_tape *tape, const lg_policy *p, lg_policy_seen seen, lg_var z) {
     const uint32_t n = p->layout.errors;
+    double factors[LG_POLICY_COORDINATES] = {0};
+    for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
+        const uint32_t count = lg_policy_motion_row_of(p->task.coordinate[i].motion)->errors;
+        for (uint32_t k = p->layout.at[i].error; k < p->layout.at[i].error + count; k++)
+            factors[i] += p->regulator.P[k * (n + 1)] / count;
+    }
     const lg_var P = lg_input_f64(tape, lg_shape2(n, n), p->regulator.P);
-    return lg_scale(tape, lg_rowdot(tape, lg_matmul(tape, z, P), z), 1.0 / p->regulator.c);
+    lg_var V = lg_rowdot(tape, lg_matmul(tape, z, P), z);
+    const lg_var lost = lg_policy_record_lost(tape, &p->task, seen, z, factors);
+    if (!lg_is_none(lost)) V = lg_add(tape, V, lost);
+    return lg_scale(tape, V, 1.0 / p->regulator.c);
 }
 
 static lg_var record_lqr(lg_tape *tape, const lg_policy *p, lg_policy_seen seen, lg_var z, lg_var weights) {
@@ -152,7 +161,7 @@ static lg_var record_network(lg_tape *tape, const lg_policy *p, lg_policy_seen s
     const lg_var features = lg_policy_record_features(tape, &p->task, p->scale, seen);
     const lg_var u = limited(tape, p, lg_mlp_record(tape, &p->net, weights, 0, features));
     if (!p->task.gate) return u;
-    const lg_var by = lg_add_scalar(tape, lg_scale(tape, level_of(tape, p, z), -steepness), steepness);
+    const lg_var by = lg_add_scalar(tape, lg_scale(tape, level_of(tape, p, seen, z), -steepness), steepness);
     const lg_var gate = lg_act(tape, by, LG_SIGMOID), held = regulator_of(tape, p, z);
     return lg_add(tape, u, lg_mul(tape, gate, lg_sub(tape, held, u)));
 }
@@ -262,8 +271,9 @@ static lg_status record_terminal(void *user, lg_tape *tape, const lg_var *theta,
     static const double end = 13.0; /* V_end/c */
     const lg_policy *p = user;
     (void)theta;
-    const lg_var z = lg_program_call(tape, "errors", 0, in);
-    const lg_var left = lg_exp(tape, lg_scale(tape, level_of(tape, p, z), -1.0 / end));
+    const lg_policy_seen seen = seen_of(p, tape, in[0]);
+    const lg_var z = lg_policy_record_errors(tape, &p->task, seen);
+    const lg_var left = lg_exp(tape, lg_scale(tape, level_of(tape, p, seen, z), -1.0 / end));
     out[0] = lg_scale(tape, lg_add_scalar(tape, lg_neg(tape, left), 1.0), p->terminal);
     return lg_tape_status(tape);
 }

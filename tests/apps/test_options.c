@@ -26,6 +26,7 @@ static const char *const meanings[][2] = {
     {"part", "windows, curves"},
     {"penalty-form", "published name: of two penalties"},
     {"picture", "which pictures there are"},
+    {"plant", "errors of derivatives, a machine"},
     {"plot", "says what is drawn"},
     {"points", "of a trajectory, of a curve, of each trajectory"},
     {"preset", "of one method of lg-anomaly train"},

@@ -163,6 +163,29 @@ TEST("positions from a quaternion are those of its rotation, and control is the 
     }
 }
 
+TEST("opposite to the goal the regulator does not act, in single precision neither") {
+    const lg_policy_task task = cart_task();
+    const lg_policy *policy = make(&task, cart_pole);
+    static const double from[] = {0.01, 1e-3, 1e-4, 1e-6, 1e-9, 0.0};
+    double before = NAN;
+    lg_plan *single;
+    assert_ok(lg_policy_plan(policy, "control", LG_F32, 1, &single, NULL));
+    float *work = lg_test_memory(lg_plan_work_size(single));
+    for (size_t k = 0; k < LG_COUNT(from); k++) {
+        const double x[4] = {0.0, 3.14159265358979323846 - from[k], 0.0, 0.0};
+        const float y[4] = {0.0F, (float)x[1], 0.0F, 0.0F};
+        double u;
+        float v;
+        assert_ok(lg_program_eval(NULL, lg_policy_program(policy), "control", 1, (const double *const[]){x},
+                                  (double *const[]){&u}, NULL));
+        lg_plan_eval(single, (const void *[]){y}, (void *[]){&v}, work);
+        assert_close(v, u, 0.0, 1e-3);
+        if (k > 0) assert_close(u, before, 0.0, 0.05); /* of 20: the network is smooth, the gate is closed */
+        before = u;
+    }
+    lg_plan_destroy(single);
+}
+
 /* ---- limits ---- */
 
 TEST("inputs stay in their limits in any state, also in single precision") {
