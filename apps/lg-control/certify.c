@@ -25,12 +25,14 @@ static const lg_field options[] = {
     LG_OPTION(certify_values, box, STRING, "NAME=W,...",
               "The box of states: for each position and velocity its largest distance from the goal",
               .otherwise = "unbounded"),
-    LG_OPTION(certify_values, level, STRING, "C", "The level c of {V <= c}, or auto: the largest that is found",
-              .value = "auto"),
-    LG_FIELD(certify_values, NULL, "model_error", STRING, model_error, .unit = "D",
-             .meaning = "Bound of the error of the model's accelerations (with --held: of the next state; of a plant "
-                        "that is a program: of all rates), as one number or as NAME=D,...",
-             .otherwise = "0"),
+    LG_OPTION(certify_values, level, STRING, "C",
+              "The level c of {V <= c}, or auto: the largest that is found", .value = "auto"),
+    LG_FIELD(
+        certify_values, NULL, "model_error", STRING, model_error, .unit = "D",
+        .meaning =
+            "Bound of the error of the model's accelerations (with --held: of the next state; of a plant "
+            "that is a program: of all rates), as one number or as NAME=D,...",
+        .otherwise = "0"),
     LG_OPTION(certify_values, seconds, REAL, "s", "Largest time of the proof", .high = 1e9, .above = true,
               .value = "60"),
     LG_OPTION(certify_values, degree, U64, "n", "Degree of the polynomial, even", .low = 2, .high = 12,
@@ -128,12 +130,12 @@ static double read_level(const app *self) {
 
 static void check_options(const app *self) {
     static const char *const useless[] = {"level", "model-error"};
-    if (values.held && values.lyapunov != QUADRATIC)
-        app_stop_usage(self, "--held: steps need a quadratic V");
+    if (values.held && values.lyapunov != QUADRATIC) app_stop_usage(self, "--held: steps need a quadratic V");
     if (values.degree % 2 != 0) app_stop_usage(self, "--degree: expected an even number");
     for (size_t i = 0; values.lyapunov == ENERGY && i < LG_COUNT(useless); i++)
         if (app_given(self, useless[i]))
-            app_stop_usage(self, "--%s: the energy proves all states at once, for the model as it is", useless[i]);
+            app_stop_usage(self, "--%s: the energy proves all states at once, for the model as it is",
+                           useless[i]);
 }
 
 /* ---- the policy ---- */
@@ -302,8 +304,10 @@ const app_command certify_command = {
     .arguments = "POLICY.h5|TASK.yaml",
     .summary = "Prove from which states the closed loop goes to its goal",
     .details =
-        "Interval arithmetic and branch and bound prove that V falls on {V <= c} inside of the box; nothing is "
-        "sampled. A task is certified with its controller as it is before training. If the proof fails, the exit code "
+        "Interval arithmetic and branch and bound prove that V falls on {V <= c} inside of the box; nothing "
+        "is "
+        "sampled. A task is certified with its controller as it is before training. If the proof fails, the "
+        "exit code "
         "is 1, and the result has the box of states where it fails. docs/certificates.md is the guide.",
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
     .run = run};

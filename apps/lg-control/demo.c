@@ -57,7 +57,8 @@ static const struct {
 
 /* The commands, which run in the folder. %s: the time of training. */
 static const char *const commands[] = {
-    "lg-identify generate truth.yaml --inputs steps:0.4 --amplitude 8 --runs 4 --t-end 10 --dt 0.02 --start-spread 1 "
+    "lg-identify generate truth.yaml --inputs steps:0.4 --amplitude 8 --runs 4 --t-end 10 --dt 0.02 "
+    "--start-spread 1 "
     "--noise 1e-3,1e-2 --out log.csv",
     "lg-identify fit cart.yaml log.csv --out cart.h5",
     "lg-control train task.yaml --out policy.h5 --seconds %s",
@@ -119,17 +120,18 @@ static int run(app *self) {
     (void)snprintf(seconds, sizeof seconds, "%g", values.seconds);
     for (size_t i = 0; i < LG_COUNT(commands); i++) {
         const char *at = strstr(commands[i], "%s");
-        APP_FREE char *command = at == NULL ? app_format("%s", commands[i])
-                                            : app_format("%.*s%s", (int)(at - commands[i]), commands[i], seconds);
+        APP_FREE char *command = at == NULL
+                                     ? app_format("%s", commands[i])
+                                     : app_format("%.*s%s", (int)(at - commands[i]), commands[i], seconds);
         run_command(self, command);
     }
     return APP_EXIT_OK;
 }
 
-const app_command demo_command = {
-    .name = "demo",
-    .summary = "From a log to a controller in C, by the commands that do it",
-    .details = "Writes a machine and a task into the folder and runs there: lg-identify generate and fit, train, evaluate "
-               "on the true machine, lg-export, and the self-test of the C.",
-    .settings = APP_SETTINGS(APP_GIVEN(options, values)),
-    .run = run};
+const app_command demo_command = {.name = "demo",
+                                  .summary = "From a log to a controller in C, by the commands that do it",
+                                  .details = "Writes a machine and a task into the folder and runs there: "
+                                             "lg-identify generate and fit, train, evaluate "
+                                             "on the true machine, lg-export, and the self-test of the C.",
+                                  .settings = APP_SETTINGS(APP_GIVEN(options, values)),
+                                  .run = run};

@@ -66,6 +66,7 @@ static int run(app *self) {
     app_result_begin(&out, self);
     control_tell_outcome(&out, &own);
     tell_worst(self, &out, policy, &own, path);
+    app_result_line(&out, "the saturated regulator alone:");
     app_json_open(&out, "lqr", '{');
     control_tell_outcome(&out, &regulator);
     app_json_close(&out, '}');

@@ -142,9 +142,8 @@ static bool same(double a, double b, double size) {
 static lg_status probe_machine(const lg_policy *p, probe *first, lg_error *error) {
     const lg_policy_coordinate *c = &p->task.coordinate[0];
     const double fast = fmax(fmax(fabs(c->start_velocity[0]), fabs(c->start_velocity[1])), 0.1),
-                 far = c->motion == LG_POLICY_ANGLE
-                           ? 3.0
-                           : fmax(fmax(fabs(c->start[0]), fabs(c->start[1])), 0.1),
+                 far = c->motion == LG_POLICY_ANGLE ? 3.0
+                                                    : fmax(fmax(fabs(c->start[0]), fabs(c->start[1])), 0.1),
                  range = p->task.input[0].high - p->task.input[0].low;
     static const double speeds[] = {1, -1, 0.1, -3, 10, -10}, inputs[] = {1, -1, 0.3, 0.1, -0.3, 0.5};
     LG_TRY(look(p, c->goal[0], fast, range, first, error));
@@ -164,8 +163,8 @@ static lg_status probe_machine(const lg_policy *p, probe *first, lg_error *error
         }
     if (first->damping > 1e-9 * first->mass / p->task.horizon) return LG_OK;
     return lg_fail(error, LG_CHECK_FAILED,
-                   "the damping of %s is %.4g, not positive: the proof needs friction in the machine", c->name,
-                   first->damping);
+                   "the damping of %s is %.4g, not positive: the proof needs friction in the machine",
+                   c->name, first->damping);
 }
 
 static lg_status check_energy(const lg_policy *p, lg_error *error) {
@@ -188,10 +187,11 @@ static lg_status check_period(const lg_policy *p, lg_error *error) {
     LG_TRY(lg_program_find(p->program, "field", &field, error));
     LG_TRY(lg_program_sparsity(p->program, field, 0, 0, pattern, error));
     if (pattern[2] == 0) return LG_OK;
-    return lg_fail(error, LG_UNSUPPORTED,
-                   "the force on the line %s depends on its position, and has no period: the energy is certified "
-                   "for angles, and for lines without a potential",
-                   p->task.coordinate[0].name);
+    return lg_fail(
+        error, LG_UNSUPPORTED,
+        "the force on the line %s depends on its position, and has no period: the energy is certified "
+        "for angles, and for lines without a potential",
+        p->task.coordinate[0].name);
 }
 
 /* k_p and k_d */

@@ -222,14 +222,22 @@ static bool is_undefined(const lg_scalars *s, lg_scalar a) {
     return s->code[a].op == LG_S_SQRT && lg_s_is_constant(s, s->code[a].in[0], &value) && value < 0.0;
 }
 
+/* A comparison, or a product of comparisons: all of them hold. */
+static bool is_comparison(const lg_scalars *s, lg_scalar a) {
+    const lg_scalar_code *c = &s->code[a];
+    return c->op == LG_S_GE ||
+           (c->op == LG_S_MUL && is_comparison(s, c->in[0]) && is_comparison(s, c->in[1]));
+}
+
 /* Whether the instruction jumps. A comparison jumps where anything but a choice uses it, and a choice beside
  * what is not defined does not jump. */
 static bool jumps(const lg_scalars *s, const lg_scalar_code *c, const uint8_t *varies) {
     const uint32_t first = c->op == LG_S_SELECT;
     if (c->op == LG_S_SIGN) return varies[c->in[0]];
     if (first && varies[c->in[0]] && !is_undefined(s, c->in[1]) && !is_undefined(s, c->in[2])) return true;
+    if (is_comparison(s, (lg_scalar)(c - s->code))) return false;
     for (uint32_t k = first; k < lg_scalar_instructions(c->op); k++)
-        if (s->code[c->in[k]].op == LG_S_GE && varies[c->in[k]]) return true;
+        if (is_comparison(s, c->in[k]) && varies[c->in[k]]) return true;
     return false;
 }
 
@@ -248,7 +256,7 @@ lg_status lg_expansion_continuous(lg_expansion *x, size_t count, bool *continuou
         memset(live, 0, s->count);
         for (; at < x->end[f]; at++) {
             live[x->result[at]] = 1;
-            if (s->code[x->result[at]].op == LG_S_GE && varies[x->result[at]]) continuous[f] = false;
+            if (is_comparison(s, x->result[at]) && varies[x->result[at]]) continuous[f] = false;
         }
         for (uint32_t i = s->count; i-- > 0;) {
             if (!live[i]) continue;
