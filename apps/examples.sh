@@ -196,6 +196,15 @@ lg-control train task.yaml --seconds 4 --out policy.h5
 lg-control evaluate policy.h5 --json
 lg-control evaluate policy.h5 --plant cart.yaml
 
+#: lg-control certify
+# From where the regulator of the same task brings the cart and pole to the goal, proved.
+sed 's/{kind: network, hidden: .32, 32.}/{kind: lqr}/' task.yaml > regulator.yaml
+lg-control certify regulator.yaml --box x=2,theta=0.6,vx=4,w=4
+
+#: lg-control demo
+# From a log to a machine, a controller and its C, with training of 4 seconds.
+lg-control demo --out control --seconds 4
+
 #: lg-export
 # A controller's C from a model: value, gradient, step; then its own test, which needs cc and make.
 lg-export model.h5 --name pendulum --out exported

@@ -101,8 +101,8 @@ static void read_box(const app *self, naming names, double *low, double *high) {
     }
 }
 
-/* One number is for the rates that the model states: the accelerations, or all rates of a program; of a held loop
- * for all states. */
+/* One number is for the rates that the model states: the accelerations, or all rates of a program; of a
+ * held loop for all states. */
 static void read_model_error(const app *self, naming names, double *out) {
     double x;
     const uint32_t positions = names.task->coordinate_count;

@@ -49,6 +49,24 @@ static void tell_worst(const app *self, app_json *out, const lg_policy *policy, 
     (void)task;
 }
 
+/* The time of a call of `control` in the library, microseconds. */
+static double time_control(const app *self, const lg_policy *policy) {
+    enum { CALLS = 20000 };
+    const lg_program *program = lg_policy_program(policy);
+    lg_plan *plan = NULL;
+    size_t at;
+    APP_MUST(self, lg_program_find(program, "control", &at, &error));
+    APP_MUST(self, lg_plan_create(program, at, NULL, &plan, &error));
+    APP_FREE double *x = app_alloc(lg_plan_input_count(plan, 0), sizeof *x);
+    APP_FREE double *u = app_alloc(lg_plan_output_count(plan, 0), sizeof *u);
+    APP_FREE void *work = app_alloc(lg_plan_work_size(plan), 1);
+    x[0] = 1.0;
+    const double begun = app_seconds();
+    for (int i = 0; i < CALLS; i++) lg_plan_eval(plan, (const void *[]){x}, (void *[]){u}, work);
+    lg_plan_destroy(plan);
+    return (app_seconds() - begun) / CALLS * 1e6;
+}
+
 static int run(app *self) {
     lg_policy *policy = NULL;
     lg_policy_outcome own, regulator;
@@ -65,6 +83,8 @@ static int run(app *self) {
                                       NULL, &error));
     app_result_begin(&out, self);
     control_tell_outcome(&out, &own);
+    app_result_real(&out, "microseconds", time_control(self, policy),
+                    "of a call of the controller in the library");
     tell_worst(self, &out, policy, &own, path);
     app_result_line(&out, "the saturated regulator alone:");
     app_json_open(&out, "lqr", '{');

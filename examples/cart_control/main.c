@@ -1,5 +1,6 @@
-/* A controller in single precision that sees noisy positions, on a plant that is heavier than the machine it knows: the
- * observer estimates the velocities, the controller balances, and the adaptation finds payload and friction. */
+/* A controller in single precision that sees noisy positions, on a plant that is heavier than the machine
+ * it knows: the observer estimates the velocities, the controller balances, and the adaptation finds
+ * payload and friction. */
 #include <math.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -49,7 +50,7 @@ int main(void) {
                    x[1], (double)found[3], (double)found[0], (double)found[1], (double)found[2]);
         controller_control(seen, &u, work);
         /* A dither: what is not excited cannot be found. */
-        u += (float)(sin(0.9 * k) + sin(0.13 * k));
+        u += 4.0F * (float)(sin(0.4 * k) + sin(0.13 * k));
         for (int i = 0; i < 4; i++) before[i] = seen[i];
     }
     if (fabs(x[1]) < 0.3 && fabs((double)found[3] - 0.6) < 0.1) return 0;

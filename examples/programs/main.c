@@ -58,5 +58,5 @@ int main(int argc, char **argv) {
                (models[i].also == NULL || models[i].also(argv[1], program));
         lg_program_destroy(program);
     }
-    return good ? 0 : 1;
+    return good && proofs() ? 0 : 1;
 }

@@ -30,5 +30,7 @@ int same(const lg_program *a, const lg_program *b, const char *function);
 /* Saves `driven` as the model FOLDER/driven-model.h5 and makes steps with it (moves.c). Returns 0 on
  * failure. */
 int moves(const char *folder, lg_program *driven);
+/* Bounds over a box, and a certificate of an attitude controller (proofs.c). Returns 0 on failure. */
+int proofs(void);
 
 #endif

@@ -47,9 +47,8 @@ LG_API lg_status lg_interval_create(const lg_program *program, const size_t *fun
                                     const lg_interval_options *options, lg_interval **out, lg_error *error);
 LG_API void lg_interval_destroy(lg_interval *interval); /* NULL is allowed */
 
-/* Numbers of one box: all inputs one after the other, and all outputs of all functions. */
-LG_API size_t lg_interval_inputs(const lg_interval *interval);
-LG_API size_t lg_interval_outputs(const lg_interval *interval);
+LG_API size_t lg_interval_inputs(const lg_interval *interval);  /* Numbers of one box: all inputs. */
+LG_API size_t lg_interval_outputs(const lg_interval *interval); /* Of all functions. */
 /* Whether the function is Lipschitz continuous wherever its bounds are finite, as far as the operations
  * tell, and its derivatives by lg_program_derive are its slopes: it uses no lg_ge, lg_sign, lg_select or
  * derivative of a kink on values that depend on inputs, and no lg_stop_gradient. `function` is a place in

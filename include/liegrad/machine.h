@@ -1,15 +1,15 @@
-/* Machines: forced, damped mechanical systems that are learned from logs. A reader finds here the description
- * of a machine (coordinates, terms, named systems), its formulas on a tape, logs, training on windows of
- * logs, what the logs say about the identified numbers, predictions, and the files. The library is liegrad;
- * from the section on machine files on it is liegrad_io. docs/machines.md is the guide.
+/* Machines: forced, damped mechanical systems that are learned from logs. A reader finds here the
+ * description of a machine (coordinates, terms, named systems), its formulas on a tape, logs, training on
+ * windows of logs, what the logs say about the identified numbers, predictions, and the files. The library
+ * is liegrad; from the section on machine files on it is liegrad_io. docs/machines.md is the guide.
  *
- * The configuration is a product of coordinates. With velocities v, momenta p = M(q) v and
- * H = 1/2 p^T M(q)^-1 p + V(q):
+ * The configuration is a product of coordinates. With velocities v, momenta p = M(q) v and H = 1/2 p^T
+ * M(q)^-1 p + V(q):
  *
  *   q' = v,  p' = -dH/dq - D(q, v) v + B(q) u + r(q, v, u)
  *
- * For each kind of coordinate these equations have the following form. Here "body" means components along the
- * axes of the body, r_i are the rows of R, and f are the forces other than -dH/dq, in the order of the
+ * For each kind of coordinate these equations have the following form. Here "body" means components along
+ * the axes of the body, r_i are the rows of R, and f are the forces other than -dH/dq, in the order of the
  * velocities.
  *
  *   kind       position in logs         velocity in logs          equations
@@ -29,31 +29,30 @@
  * f has 3 torques in space for a direction, 3 torques in the body for a rotation, and 3 forces, then 3
  * torques, both in the body, for a pose.
  *
- * The directions of a chain have one constant mass matrix m (k, k): p_i = P_i sum_j m_ij q_j' with
- * P_i = I - q_i q_i^T, H = 1/2 sum_i p_i.q_i' + V, and with lambda_i = -q_i.sum_j m_ij q_j'
+ * The directions of a chain have one constant mass matrix m (k, k): p_i = P_i sum_j m_ij q_j' with P_i = I
+ * - q_i q_i^T, H = 1/2 sum_i p_i.q_i' + V, and with lambda_i = -q_i.sum_j m_ij q_j'
  *   p_i' = omega_i x p_i + (dV/dq_i x q_i - lambda_i q_i' x q_i + q_i' x p_i + f_i) x q_i.
  *
  * A constant force may be added. M, V, D, B and r are sums of terms, whose kinds are entries of a table
- * (lg_term_kind_at): known terms are
- * given, the others are learned. M and D are positive (semi)definite by construction, so damping takes energy
- * away. Sensors may have constant biases: positions (of lines, angles and places of poses) and velocities in
- * logs contain them, states do not.
+ * (lg_term_kind_at): known terms are given, the others are learned. M and D are positive (semi)definite by
+ * construction, so damping takes energy away. Sensors may have constant biases: positions (of lines, angles
+ * and places of poses) and velocities in logs contain them, states do not.
  *
  * The state of an integrator has first the positions of all lines, angles and poses, in the order of the
  * coordinates; then q and p of each direction; then the rotation R of each rotation and pose; then the
- * momenta of all coordinates except directions. These are the factors of lg_machine_space. LuGre friction adds
- * a last factor, the deflections z of the bristles, one for each velocity v:
+ * momenta of all coordinates except directions. These are the factors of lg_machine_space. LuGre friction
+ * adds a last factor, the deflections z of the bristles, one for each velocity v:
  *   z' = v - s0 |v| z/g(v), g(v) = c + (cs - c) e^(-(v/vs)^2), force -(s0 z + s1 z').
- * Logs do not have z. At the start of a window or of a run, z follows from the measured velocities of the 200
- * rows before. Where a state comes from positions and velocities alone, and before these rows, z is the one of
- * steady sliding with v, tanh(v/w) g(v)/s0 with the usual width w: 0 at rest. A step
- * of length h moves z exactly with v constant, z+ = zs + (z - zs) e^(-s0 |v| h/g), zs = sign(v) g/s0, for h/2
- * before and for h/2 after the rest of the state moves with z constant: an error of order h^2.
+ * Logs do not have z. At the start of a window or of a run, z follows from the measured velocities of the
+ * 200 rows before. Where a state comes from positions and velocities alone, and before these rows, z is the
+ * one of steady sliding with v, tanh(v/w) g(v)/s0 with the usual width w: 0 at rest. A step of length h
+ * moves z exactly with v constant, z+ = zs + (z - zs) e^(-s0 |v| h/g), zs = sign(v) g/s0, for h/2 before
+ * and for h/2 after the rest of the state moves with z constant: an error of order h^2.
  *
- * Scaled units. Internally all quantities are divided by the scales of the machine: times by T (scales.time),
- * positions and velocities of lines and of places of poses by L and L/T (L = 1 for angles, directions and
- * rotations), inputs by U, energies by E. Parameters are then numbers around 1. Everything that is recorded
- * on a tape is in scaled units.
+ * Scaled units. Internally all quantities are divided by the scales of the machine: times by T
+ * (scales.time), positions and velocities of lines and of places of poses by L and L/T (L = 1 for angles,
+ * directions and rotations), inputs by U, energies by E. Parameters are then numbers around 1. Everything
+ * that is recorded on a tape is in scaled units.
  *
  * Functions with an lg_error explain errors there in a sentence; it may be NULL. */
 #ifndef LIEGRAD_MACHINE_H
@@ -322,9 +321,9 @@ LG_API void lg_machine_initialise(const lg_machine *machine, lg_rng *rng, double
 /* Sets the parameters of all lags that are learned, except for lags with a start or bounds, to the time
  * constant, in seconds, kept within scales.lag; returns how many there are. */
 LG_API size_t lg_machine_set_lags(const lg_machine *machine, double tau, double *theta);
-/* Sets the stiffness of the bristles of LuGre friction that is learned, so that sliding bends them by `part`, in
- * [0, 1], of the way from the largest to the smallest deflection on a scale of logarithms; false: there is
- * none. */
+/* Sets the stiffness of the bristles of LuGre friction that is learned, so that sliding bends them by
+ * `part`, in [0, 1], of the way from the largest to the smallest deflection on a scale of logarithms;
+ * false: there is none. */
 LG_API bool lg_machine_set_bristles(const lg_machine *machine, double part, double *theta);
 /* Adds full turns to the biases of angles in theta, so that they are in (-pi, pi]. A log does not show
  * full turns. */
@@ -557,15 +556,15 @@ LG_API lg_status lg_machine_find_missing(const lg_context *context, const lg_mac
 
 /* A number that means something to the user, in the units of the log. Names: an unknown number of a system
  * has its label, "m1"; "mass.1.2" (of velocities 1 and 2, counted through all coordinates), "damping.x" or
- * "damping.body.3" (diagonal; likewise "coulomb.x", "quadratic.x", "cubic.x", "asymmetric.x", "breakaway.x",
- * "stribeck_speed.x", "load.x", "position.x", "bristle_stiffness.x", "bristle_damping.x", "offset.x"), "damping.1.2" (constant), "input_map.2.1",
- * "potential.x^2", "potential.sin(theta)", "bias.x", "bias.body.velocity.3", "lag.u" (the time constant in
- * seconds), "curve.u.2", "dead_zone.u". If a mass is a network, the numbers are those of M at one position,
- * by default the reference: places and angles 0, directions e3, attitudes 1. `error` is one standard
- * deviation, from the Gauss-Newton matrix and the residuals, without a prior; infinite where the data do not
- * determine the number. Residuals that are correlated in time are taken in blocks of four correlation times,
- * or of an eighth of the log, whichever makes larger errors. At most 8192 windows are used, 512 for more than
- * 64 parameters. */
+ * "damping.body.3" (diagonal; likewise "coulomb.x", "quadratic.x", "cubic.x", "asymmetric.x",
+ * "breakaway.x", "stribeck_speed.x", "load.x", "position.x", "bristle_stiffness.x", "bristle_damping.x",
+ * "offset.x"), "damping.1.2" (constant), "input_map.2.1", "potential.x^2", "potential.sin(theta)",
+ * "bias.x", "bias.body.velocity.3", "lag.u" (the time constant in seconds), "curve.u.2", "dead_zone.u". If
+ * a mass is a network, the numbers are those of M at one position, by default the reference: places and
+ * angles 0, directions e3, attitudes 1. `error` is one standard deviation, from the Gauss-Newton matrix and
+ * the residuals, without a prior; infinite where the data do not determine the number. Residuals that are
+ * correlated in time are taken in blocks of four correlation times, or of an eighth of the log, whichever
+ * makes larger errors. At most 8192 windows are used, 512 for more than 64 parameters. */
 #define LG_IDENTIFIED_NAME 96
 typedef struct lg_identified {
     char name[LG_IDENTIFIED_NAME];
@@ -681,9 +680,9 @@ LG_API lg_status lg_machine_estimate_starts(const lg_context *context, const lg_
  *   step       (x, u, h) -> next  one step of `scheme` (explicit; NULL: cf4), u constant, not projected
  * with x (state of lg_machine_full_space), u (inputs; absent without inputs), h (1), q (positions), v
  * (velocities), all in the units of the log. `momenta` sets the lagged inputs, the last numbers of x, to 0;
- * `step` moves them exactly, and bristles as said above. Momenta have the unit of dL/dv. Scales are constants of the program. Errors:
- * those of lg_program_build; LG_UNSUPPORTED (an implicit scheme; a classical scheme if there are directions
- * or rotations; LG_SCHEME_VARIATIONAL). */
+ * `step` moves them exactly, and bristles as said above. Momenta have the unit of dL/dv. Scales are
+ * constants of the program. Errors: those of lg_program_build; LG_UNSUPPORTED (an implicit scheme; a
+ * classical scheme if there are directions or rotations; LG_SCHEME_VARIATIONAL). */
 LG_API lg_status lg_machine_program(const lg_context *context, const lg_machine *machine, const double *theta,
                                     const lg_scheme *scheme, lg_program **out, lg_error *error);
 

@@ -1,43 +1,49 @@
-/* Controllers that are learned through a machine: a machine, its integrator and a policy are one program, and the
- * cost of closed-loop runs is differentiated exactly. The library is liegrad; the last section is in liegrad_io.
- * docs/control.md is the guide, docs/reports/control.md has measured results.
+/* Controllers that are learned through a machine: a machine, its integrator and a policy are one program,
+ * and the cost of closed-loop runs is differentiated exactly. The library is liegrad; the last section is
+ * in liegrad_io. docs/policies.md is the guide.
  *
  *   lg_policy_create(NULL, &task, plant, seed, &policy, &error);      (plant: a program, see below)
- *   lg_policy_train(policy, &options, &result, &error);
- *   lg_policy_evaluate(policy, NULL, 500, seed, &outcome, NULL, &error);
+ *   lg_policy_trainer_create(policy, NULL, &trainer, &error);
+ *   lg_policy_trainer_run(trainer, &result, &error);
+ *   lg_policy_evaluate(policy, false, 500, seed, 1, &outcome, NULL, &error);
  *
  * A run. The input u is held for `period` seconds h; s_{k+1} = F(s_k, u_k) is the machine's own step, in
  * lg_policy_task.substeps parts; u_k = pi(q_k, v_k, theta). The cost of a run from s_0 is
  *
- *   J = sum_{k < N} h (sum_i w_i d_i(q_k) + sum_j w_j v_j^2 + sum_l w_l (u_l - u0_l)^2) + W(s_N),  N h = horizon,
+ *   J = sum_{k < N} h (sum_i w_i d_i(q_k) + sum_j w_j v_j^2 + sum_l w_l (u_l - u0_l)^2) + W(s_N)
  *
- * with d = (q - goal)^2 for a line, 2 (1 - cos(q - goal)) for an angle, 2 (1 - q.goal) for a direction and
- * tr(1 - goal^T R) for a rotation: the square of the angle from the goal, to first order. u0 is the constant input
- * that holds the machine at the goal. Training minimises the mean of J over random starts.
+ * with N h = horizon, d = (q - goal)^2 for a line, 2 (1 - cos(q - goal)) for an angle, 2 (1 - q.goal) for a
+ * direction and tr(1 - goal^T R) for a rotation: the square of the angle from the goal, to first order. u0
+ * is the constant input that holds the machine at the goal. Training minimises the mean of J over random
+ * starts.
  *
- * Errors z of a state (in the order: positions of all coordinates, then velocities of all coordinates). With the angle
- * a of a coordinate from its goal they have the length 2 sin(a/2): they grow up to the opposite side, and are the
- * tangent coordinates at the goal to first order:
+ * Errors z of a state (in the order: positions of all coordinates, then velocities of all coordinates).
+ * With the angle a of a coordinate from its goal they have the length 2 sin(a/2): they grow up to the
+ * opposite side, and are the tangent coordinates at the goal to first order:
  *   line       q - goal                                                       velocity v
  *   angle      sin(q - goal)/|cos((q - goal)/2)|                              velocity v
  *   direction  E^T q/cos(a/2), E (3, 2) a basis of the plane across the goal  velocity E^T omega
  *   rotation   vee(S - S^T)/(2 cos(a/2)), S = goal^T R                        velocity Omega
  *
- * The regulator. u = sat(u0 - K z), where K and the matrix P of V(z) = z^T P z solve the discrete Riccati equation of
- * the linearised step for weights Q, R. Training needs no weights from the user: each of a table of weights is tried by
- * runs of the saturated regulator on the machine, whose least V of a run that fails gives the level c; the weights with
- * the largest set {V < c} are taken. sat keeps each input in its limits.
+ * The regulator. u = sat(u0 - K z), where K and the matrix P of V(z) = z^T P z solve the discrete Riccati
+ * equation of the linearised step for weights Q, R. Training needs no weights from the user: each of a
+ * table of weights is tried by runs of the saturated regulator on the machine, whose least V of a run that
+ * fails gives the level c. It takes the weights whose set {V < c} is nearest to the starts: with the least
+ * mean of log(V/c) over starts. sat keeps each input in its limits.
  *
  * Kinds of policies:
  *   lqr      the regulator alone; nothing is trained
- *   network  u = g u_lqr + (1 - g) u_net with the gate g = 1/(1 + exp(4.5 (V/c - 1))), u_net in the limits by tanh
- *   energy   u = sat(u0 - k_p G^T z_q - k_d G^T v), with the map G from inputs to generalised forces at the goal. k_p
- *            and k_d (one number per input each, positive) are trained or given. It shapes the potential energy and
- *            damps. z_q of an angle is q - goal here: angles are counted, so after a full turn it unwinds. On the
- *            circle no continuous feedback brings every state to the goal.
+ *   network  u = g u_lqr + (1 - g) u_net with the gate g = 1/(1 + exp(4.5 (V/c - 1))); tanh keeps u_net in
+ *            the limits
+ *   energy   u = sat(u0 - k_p G^T z_q - k_d G^T v), with the map G from inputs to generalised forces at the
+ *            goal. k_p and k_d (one number per input each, positive) are trained or given. It shapes the
+ *            potential energy and damps. z_q of an angle is q - goal here: angles are counted, so after a
+ *            full turn it unwinds. On the circle no continuous feedback brings every state to the goal.
  *
- * Terminal cost W = w V_end (1 - exp(-V/V_end)), V_end = 13 c, and w such that W of a far state is the mean cost of the
- * unforced machine over the horizon. Functions with an lg_error explain errors there in a sentence; it may be NULL. */
+ * Terminal cost: W = w (1 - exp(-V/(13 c))), where w is three times the mean cost of the machine under u0
+ * from the starts over the horizon.
+ *
+ * Functions with an lg_error explain errors there in a sentence; it may be NULL. */
 #ifndef LIEGRAD_POLICY_H
 #define LIEGRAD_POLICY_H
 
@@ -69,8 +75,8 @@ typedef enum lg_policy_motion {
     LG_POLICY_ROTATION
 } lg_policy_motion;
 #define LG_POLICY_MOTION_COUNT 4
-/* Numbers of a position (line and angle 1, direction 3, rotation 9: R row-major), of a position as controllers get it
- * (rotation 4: quaternion w x y z), of a velocity, and of the errors of either. */
+/* Numbers of a position (line and angle 1, direction 3, rotation 9: R row-major), of a position as
+ * controllers get it (rotation 4: quaternion w x y z), of a velocity, and of the errors of either. */
 typedef struct lg_policy_motion_row {
     const char *name; /* "line", "angle", "direction", "rotation" */
     uint32_t position, given, velocity, errors;
@@ -81,8 +87,8 @@ typedef struct lg_policy_coordinate {
     char name[LG_POLICY_NAME], velocity[LG_POLICY_NAME]; /* velocity "": a state of a program that has none */
     lg_policy_motion motion;
     double goal[9];
-    /* Starts: a line or angle is drawn from goal + [low, high]; a direction or rotation turns by an angle from
-     * [low, high] about a random axis. Each number of the velocity is drawn from its own [low, high]. */
+    /* Starts: a line or angle is drawn from goal + [low, high]; a direction or rotation turns by an angle
+     * from [low, high] about a random axis. Each number of the velocity is drawn from its own [low, high]. */
     double start[2], start_velocity[2];
     double weight, weight_velocity;   /* of the cost, >= 0 */
     double success, success_velocity; /* largest |error| (of an angle: in radians); INFINITY: any */
@@ -115,19 +121,20 @@ typedef struct lg_policy lg_policy;
 /* Makes a policy with random (seeded) parameters. `plant` is a program with the function
  *   step       (x, u, h) -> next, and if there are velocities
  *   momenta    (q, v) -> x, positions (x) -> q, velocities (x) -> v
- * as lg_machine_program makes it. Without velocities x = q are the positions. For `energy` also value (x) -> H. The
- * policy takes ownership of the plant, also when it fails; the caller destroys the policy. Errors: LG_INVALID_ARGUMENT
- * (the task is out of range), LG_NOT_FOUND, LG_SHAPE (functions that the plant lacks or that do not fit the task),
- * LG_CHECK_FAILED (the goal is no equilibrium: the message has the residual; no regulator holds it), those of
- * lg_program_build. */
+ * as lg_machine_program makes it. Without velocities x = q are the positions. For `energy` also value (x)
+ * -> H. The policy takes ownership of the plant, also when it fails; the caller destroys the policy.
+ * Errors: LG_INVALID_ARGUMENT (the task is out of range), LG_NOT_FOUND, LG_SHAPE (functions that the plant
+ * lacks or that do not fit the task), LG_CHECK_FAILED (the goal is no equilibrium: the message has the
+ * residual; no regulator holds it), those of lg_program_build. */
 LG_API lg_status lg_policy_create(const lg_context *context, const lg_policy_task *task, lg_program *plant,
                                   uint64_t seed, lg_policy **out, lg_error *error);
 LG_API void lg_policy_destroy(lg_policy *policy); /* NULL is allowed */
+/* The task, with the substeps that were chosen; it belongs to the policy. */
 LG_API const lg_policy_task *lg_policy_task_of(const lg_policy *policy);
 /* The plant's functions and parameters; parameter `policy` (theta); and the functions
  *   errors     (x) -> z
- *   policy     (q, v, weights) -> u          `weights` is a shared input like theta; v absent without velocities
- *   control    (x) -> u                      x: positions as controllers get them, then velocities; theta as stored
+ *   policy     (q, v, weights) -> u          `weights` is a shared input like theta; without velocities no v
+ *   control    (x) -> u                      x: positions as controllers get them, then velocities
  *   closed     (x, weights) -> next, cost, u   one period
  *   regulated  (x, K) -> next, cost, u         one period of the saturated regulator
  *   terminal   (x) -> cost                   W */
@@ -150,20 +157,20 @@ LG_API const lg_policy_regulator *lg_policy_regulator_of(const lg_policy *policy
 /* ---- functions for certificates (liegrad/certify.h) ---- */
 
 /* Adds the continuous and the held closed loop to the policy's program:
- *   rate       (z) -> z'   z = (positions - goal, velocities), angles counted on the real line; without velocities
- *                          z = x - goal. The input follows the state without delay: u = policy(q, v).
+ *   rate       (z) -> z'   z = (positions - goal, velocities), angles counted on the real line; z = x - goal
+ *                          without velocities. The input follows the state without delay: u = policy(q, v).
  *   advance    (z) -> z    after a period in which u is held
- * `program`: the policy's program, to which a Lyapunov function may be added; it belongs to the policy. If the
- * functions are there already, nothing is added. Errors: LG_UNSUPPORTED (directions, rotations, lagged inputs),
- * LG_NOT_FOUND (a plant without `field`), those of lg_program_add_function. */
+ * `program`: the policy's program, to which a Lyapunov function may be added; it belongs to the policy. If
+ * the functions are there already, nothing is added. Errors: LG_UNSUPPORTED (directions, rotations, lagged
+ * inputs), LG_NOT_FOUND (a plant without `field`), those of lg_program_add_function. */
 LG_API lg_status lg_policy_add_rate(lg_policy *policy, lg_program **program, lg_error *error);
 
-/* For a policy of kind energy of a machine with one coordinate (a line or an angle), one input and a constant mass:
- * adds the function `slope` (z) -> g, minus the rate of the momentum at v = 0 under u = policy(goal + z, 0), and
- * fills `spec` for lg_certify_energy. That the mass, the damping and the map of the input are constant is compared
- * at several states, it is not proved. Errors: those of lg_policy_add_rate; LG_UNSUPPORTED (another kind or
- * machine; the potential of a line is not constant, so it has no period); LG_CHECK_FAILED (the damping is not linear,
- * or not positive). */
+/* For a policy of kind energy of a machine with one coordinate (a line or an angle), one input and a
+ * constant mass: adds the function `slope` (z) -> g, minus the rate of the momentum at v = 0 under u =
+ * policy(goal + z, 0), and fills `spec` for lg_certify_energy. That the mass, the damping and the map of
+ * the input are constant is compared at several states, it is not proved. Errors: those of
+ * lg_policy_add_rate; LG_UNSUPPORTED (another kind or machine; the potential of a line is not constant, so
+ * it has no period); LG_CHECK_FAILED (the damping is not linear, or not positive). */
 LG_API lg_status lg_policy_add_slope(lg_policy *policy, lg_certify_energy_spec *spec, lg_error *error);
 
 /* ---- training ---- */
@@ -195,17 +202,17 @@ typedef struct lg_policy_train_result {
     uint32_t seed;        /* that won */
     double seconds;
 } lg_policy_train_result;
-/* Trains the policy. A race: each seed takes `race` steps of Adam on fresh starts; the best by success, then by cost, on
- * validation starts takes `finish` steps more, then L-BFGS on 512 fixed starts. The best of all that was seen on the
- * validation starts is kept. For `lqr` it only judges. Errors: LG_INVALID_ARGUMENT, LG_NOT_FINITE (all seeds),
- * LG_CANCELLED (the context's cancel flag; the best policy so far is kept), LG_OUT_OF_MEMORY. */
-LG_API lg_status lg_policy_train(lg_policy *policy, const lg_policy_train_options *options,
-                                 lg_policy_train_result *result, lg_error *error);
-
-/* The same in parts, for runs that can be stopped and continued with the same bits (unless options.seconds bounds
- * them). The policy must outlive the trainer. After LG_CANCELLED lg_policy_trainer_save stores the state; a trainer
- * with the same policy and options loads it and runs on. Errors of loading: LG_INVALID_ARGUMENT (other options),
- * LG_FORMAT; the trainer must then be destroyed. */
+/* A trainer. A race: each seed takes steps of Adam on fresh starts, in single precision; after a third and
+ * two thirds of it the worse half leaves. The best by success, then by cost, on validation starts takes
+ * `finish` steps more, then L-BFGS on 512 fixed starts. The policy gets the best parameters that the
+ * validation starts saw. For `lqr`, and for `energy` with given gains, nothing is trained, only judged.
+ *
+ * `options` NULL means the defaults. The policy must outlive the trainer. After LG_CANCELLED
+ * lg_policy_trainer_save stores the state; a trainer with the same policy and options loads it and runs on,
+ * with the same bits (unless options.seconds bounds them). Errors of create: LG_INVALID_ARGUMENT,
+ * LG_OUT_OF_MEMORY; of run: LG_NOT_FINITE (all seeds), LG_CANCELLED (the context's cancel flag; the policy
+ * has the best parameters so far), LG_OUT_OF_MEMORY; of load: LG_INVALID_ARGUMENT (other options),
+ * LG_FORMAT (the trainer must then be destroyed). `result` may be NULL. */
 typedef struct lg_policy_trainer lg_policy_trainer;
 LG_API lg_status lg_policy_trainer_create(lg_policy *policy, const lg_policy_train_options *options,
                                           lg_policy_trainer **out, lg_error *error);
@@ -219,9 +226,9 @@ LG_API void lg_policy_trainer_destroy(lg_policy_trainer *trainer); /* NULL is al
 
 /* ---- evaluation ---- */
 
-/* The same policy on another plant, which it takes ownership of: judged by lg_policy_evaluate, it shows what a
- * difference between machine and model does. The regulator and theta are those of `policy`. Errors: those of
- * lg_policy_create. */
+/* The same policy on another plant, which it takes ownership of: judged by lg_policy_evaluate, it shows
+ * what a difference between machine and model does. The regulator and theta are those of `policy`. Errors:
+ * those of lg_policy_create. */
 LG_API lg_status lg_policy_transplant(const lg_policy *policy, lg_program *plant, lg_policy **out,
                                       lg_error *error);
 
@@ -245,25 +252,27 @@ typedef struct lg_policy_runs {
     double *input;     /* (steps, count, inputs); NULL: not wanted */
 } lg_policy_runs;
 
-/* Runs the policy from `starts` random starts over task.within seconds. `regulator`: the saturated regulator alone. `runs` (may be NULL): arrays that the caller provides are filled; count and x are
- * not read. Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY. */
+/* Runs the policy from `starts` random starts over task.within seconds. `regulator`: the saturated
+ * regulator alone. `runs` (may be NULL): arrays that the caller provides are filled; count and x are not
+ * read. Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_policy_evaluate(const lg_policy *policy, bool regulator, uint64_t starts, uint64_t seed,
                                     int threads, lg_policy_outcome *out, lg_policy_runs *runs,
                                     lg_error *error);
 
 /* ---- files (library liegrad_io) ---- */
 
-/* Reads a task in two steps, because its names are those of the plant. lg_policy_task_read sets the defaults, reads
- * the name of the plant's file into `plant` (`size` bytes), the coordinates of a plant that is a program (key
- * `states`), and the whole text, which the caller frees with lg_free. The caller then adds names and kinds of
- * coordinates and inputs, and lg_policy_task_parse reads the rest. docs/control.md has the keys. Errors: LG_NOT_FOUND,
- * LG_FILE (the file), LG_FORMAT (with the line). */
+/* Reads a task in two steps, because its names are those of the plant. lg_policy_task_read sets the
+ * defaults, reads the name of the plant's file into `plant` (`size` bytes), the coordinates of a plant that
+ * is a program (key `states`), and the whole text, which the caller frees with lg_free. The caller then
+ * adds names and kinds of coordinates and inputs, and lg_policy_task_parse reads the rest. docs/control.md
+ * has the keys. Errors: LG_NOT_FOUND, LG_FILE (the file), LG_FORMAT (with the line). */
 LG_API lg_status lg_policy_task_read(const lg_context *context, const char *path, lg_policy_task *task,
                                      char *plant, size_t size, char **text, lg_error *error);
 LG_API lg_status lg_policy_task_parse(const lg_context *context, const char *path, const char *text,
                                       lg_policy_task *task, lg_error *error);
-/* Saves a policy with the text of its task, as a file of kind "policy"; lg_program_load reads its functions.
- * lg_policy_load: `text` (may be NULL) becomes the task's text. Errors: as of lg_program_save and lg_program_load. */
+/* Saves a policy with the text of its task, as a file of kind "policy"; lg_program_load reads its
+ * functions. lg_policy_load: `text` (may be NULL) becomes the task's text. Errors: as of lg_program_save
+ * and lg_program_load. */
 LG_API lg_status lg_policy_save(const lg_context *context, const char *path, const lg_policy *policy,
                                 const char *text, const lg_provenance *provenance, lg_error *error);
 LG_API lg_status lg_policy_load(const lg_context *context, const char *path, const lg_read_options *options,

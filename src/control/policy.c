@@ -141,7 +141,8 @@ static double largest_difference(const lg_policy *p, const double *start, const 
     return most;
 }
 
-/* The number of steps, 1, 2, 4, ..., at which halving the steps changes the next state by at most 1e-5 of its change. */
+/* The number of steps, 1, 2, 4, ..., at which halving the steps changes the next state by at most 1e-5 of
+ * its change. */
 static lg_status choose_substeps(lg_policy *p, uint64_t seed, lg_error *error) {
     static const double wanted = 1e-5;
     const size_t n = p->layout.errors, x = (size_t)TRIALS * p->state;
@@ -271,6 +272,10 @@ lg_status lg_policy_adopt(lg_policy *p, lg_error *error) {
 }
 
 lg_status lg_policy_transplant(const lg_policy *policy, lg_program *plant, lg_policy **out, lg_error *error) {
+    if (policy == NULL || plant == NULL || out == NULL) {
+        lg_program_destroy(plant);
+        return lg_fail(error, LG_INVALID_ARGUMENT, "one of these arguments is NULL: policy, plant, out");
+    }
     lg_policy *p = lg_alloc(policy->context, 1, sizeof *p);
     lg_status status = p == NULL ? lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a policy") : LG_OK;
     if (status == LG_OK) {

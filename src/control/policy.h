@@ -9,7 +9,8 @@
 
 /* ---- coordinates (policy_errors.c) ---- */
 
-/* Where a coordinate's numbers lie among positions, positions as controllers get them, velocities and errors. */
+/* Where a coordinate's numbers lie among positions, positions as controllers get them, velocities and
+ * errors. */
 typedef struct lg_policy_place {
     uint32_t position, given, velocity, error, rate; /* error: of the position; rate: of the velocity */
 } lg_policy_place;
@@ -24,13 +25,13 @@ void lg_policy_lay_out(const lg_policy_task *task, lg_policy_layout *out);
 typedef struct lg_policy_seen { /* positions and velocities, (B, ...); v LG_NONE: no velocities */
     lg_var q, v;
 } lg_policy_seen;
-/* Record the errors z (B, errors), the sum of the costs of positions and velocities (B, 1), the features of a network
- * (B, lg_policy_features), and positions from positions as controllers get them. */
+/* Record the errors z (B, errors), the sum of the costs of positions and velocities (B, 1), the features of
+ * a network (B, lg_policy_features), and positions from positions as controllers get them. */
 lg_var lg_policy_record_errors(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen);
 /* The same with q - goal for an angle: it is counted on the real line. */
 lg_var lg_policy_record_counted(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen);
-/* The sum over turning coordinates of factors[i] (4 sin^2(a/2) - |z_i|^2), (B, 1): what the errors lose near the
- * opposite side. LG_NONE: no coordinate turns. */
+/* The sum over turning coordinates of factors[i] (4 sin^2(a/2) - |z_i|^2), (B, 1): what the errors lose
+ * near the opposite side. LG_NONE: no coordinate turns. */
 lg_var lg_policy_record_lost(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen, lg_var z,
                              const double *factors);
 lg_var lg_policy_record_stage(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen);
@@ -41,7 +42,8 @@ lg_var lg_policy_record_positions(lg_tape *tape, const lg_policy_task *task, lg_
 /* Position and velocity at the errors z from the goal, numerically: a rotation turns by the vector z. */
 void lg_policy_retract(const lg_policy_task *task, const lg_policy_layout *layout, const double *z, double *q,
                        double *v);
-/* The tangent of lg_policy_retract at 0: q = goal + T z, v = U z; T (positions, errors), U (velocities, errors). */
+/* The tangent of lg_policy_retract at 0: q = goal + T z, v = U z; T (positions, errors), U (velocities,
+ * errors). */
 void lg_policy_tangent(const lg_policy_task *task, const lg_policy_layout *layout, double *T, double *U);
 /* Draws the errors of a start. */
 void lg_policy_draw(const lg_policy_task *task, const lg_policy_layout *layout, lg_rng *rng, double *z);
@@ -66,8 +68,8 @@ struct lg_policy {
     double *theta; /* (parameters); the program's parameter `policy` */
 };
 
-/* Checks the task and sets sizes, with room for theta. lg_policy_adopt checks the program that the policy was loaded
- * with, and takes its parameters. */
+/* Checks the task and sets sizes, with room for theta. lg_policy_adopt checks the program that the policy
+ * was loaded with, and takes its parameters. */
 LG_API lg_status lg_policy_prepare(lg_policy *policy, lg_error *error);
 LG_API lg_status lg_policy_adopt(lg_policy *policy, lg_error *error);
 /* Writes random parameters. */
@@ -77,11 +79,11 @@ lg_status lg_policy_take(lg_policy *policy, const double *theta);
 
 /* ---- functions of the program (policy_program.c) ---- */
 
-/* A program that has the plant's functions, and its parameters, then `policy` (parameters, zeros; absent if there are
- * none). */
+/* A program that has the plant's functions, and its parameters, then `policy` (parameters, zeros; absent if
+ * there are none). */
 lg_status lg_policy_begin(lg_policy *policy, const lg_program *plant, lg_error *error);
-/* Adds period (x, u) -> next, errors (x) -> z, linear (z, u) -> z of the next period from the tangent at the goal,
- * and jac_linear; then regulated (x, K) -> next, cost, u with a shared gain, which needs u0. */
+/* Adds period (x, u) -> next, errors (x) -> z, linear (z, u) -> z of the next period from the tangent at
+ * the goal, and jac_linear; then regulated (x, K) -> next, cost, u with a shared gain, which needs u0. */
 lg_status lg_policy_add_motion(lg_policy *policy, lg_error *error);
 lg_status lg_policy_add_regulated(lg_policy *policy, lg_error *error);
 /* Adds policy, control, closed, terminal, and the adjoints adj1_closed and adj1_terminal. */
@@ -90,7 +92,8 @@ lg_status lg_policy_add_functions(lg_policy *policy, lg_error *error);
 lg_status lg_policy_plan(const lg_policy *policy, const char *function, lg_dtype dtype, size_t rows,
                          lg_plan **out, lg_error *error);
 
-/* Rows of the plans that run batches: a batch is cut into pieces of so many rows, whatever the number of threads. */
+/* Rows of the plans that run batches: a batch is cut into pieces of so many rows, whatever the number of
+ * threads. */
 #define LG_POLICY_ROWS 64
 
 /* ---- runs (policy_runs.c) ---- */

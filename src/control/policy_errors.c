@@ -1,4 +1,5 @@
-/* Policies: what each kind of coordinate contributes to errors, costs, features and starts. One row a kind. */
+/* Policies: what each kind of coordinate contributes to errors, costs, features and starts. One row a kind.
+ */
 #include <math.h>
 #include <string.h>
 
@@ -9,8 +10,8 @@
 typedef struct motion {
     lg_policy_motion_row sizes;
     uint32_t features;
-    /* q is (B, position). `sine` are the errors times cos(a/2), `half` is cos(a/2)^2 with the angle a from the goal
-     * (LG_NONE: the errors are `sine`). The cost is 2 (1 - cos a), or the square. */
+    /* q is (B, position). `sine` are the errors times cos(a/2), `half` is cos(a/2)^2 with the angle a from
+     * the goal (LG_NONE: the errors are `sine`). The cost is 2 (1 - cos a), or the square. */
     lg_var (*sine)(lg_tape *tape, const double *goal, const double *basis, lg_var q);
     lg_var (*cosine)(lg_tape *tape, const double *goal, lg_var q); /* cos a (B, 1); NULL: a line */
     lg_var (*features_of)(lg_tape *tape, const double *goal, lg_var q);

@@ -1,5 +1,5 @@
-/* Policies: the cost of a batch of runs and its gradient. The states of a piece of LG_POLICY_ROWS starts are kept, and
- * the adjoint of a period goes back over them: lambda_k = dJ/ds_k. */
+/* Policies: the cost of a batch of runs and its gradient. The states of a piece of LG_POLICY_ROWS starts
+ * are kept, and the adjoint of a period goes back over them: lambda_k = dJ/ds_k. */
 #include <math.h>
 #include <string.h>
 

@@ -12,8 +12,8 @@ enum {
     LG_POLICY_PLANS
 };
 
-/* `points` parameters, each with `count` starts (a multiple of LG_POLICY_ROWS). The caller sets starts, theta and cut
- * before a run. Results do not depend on the number of threads. */
+/* `points` parameters, each with `count` starts (a multiple of LG_POLICY_ROWS). The caller sets starts,
+ * theta and cut before a run. Results do not depend on the number of threads. */
 typedef struct lg_policy_batch {
     const lg_policy *policy;
     lg_dtype dtype; /* of the runs; costs and gradients are sums in double precision */

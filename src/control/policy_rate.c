@@ -118,7 +118,8 @@ static lg_status record_slope(void *user, lg_tape *tape, const lg_var *theta, co
     return lg_tape_status(tape);
 }
 
-/* The machine's numbers at one position: momenta of v, and their rates under u, at (v, u) = (0, 0), (v, 0), (0, u). */
+/* The machine's numbers at one position: momenta of v, and their rates under u, at (v, u) = (0, 0), (v, 0),
+ * (0, u). */
 typedef struct probe {
     double mass, damping, map;
 } probe;

@@ -1,4 +1,5 @@
-/* Policies: the regulator at the goal, its region by runs, and the scales that follow from the machine's motion. */
+/* Policies: the regulator at the goal, its region by runs, and the scales that follow from the machine's
+ * motion. */
 #include <math.h>
 #include <string.h>
 
@@ -101,8 +102,8 @@ static lg_status find_equilibrium(design *d) {
 
 /* ---- sizes of errors ---- */
 
-/* Of each error the largest of the starts; where these are all 0, the bound of success, or that of the unforced
- * motion. */
+/* Of each error the largest of the starts; where these are all 0, the bound of success, or that of the
+ * unforced motion. */
 static void find_sizes(design *d) {
     const lg_policy *p = d->policy;
     for (uint32_t k = 0; k < p->task.coordinate_count; k++) {
@@ -124,8 +125,8 @@ static void find_sizes(design *d) {
 
 /* ---- weights, and the region by runs ---- */
 
-/* Of inputs over their range, of velocities over their size, and a factor on coordinates that success does not bound;
- * positions over their size weigh 1. */
+/* Of inputs over their range, of velocities over their size, and a factor on coordinates that success does
+ * not bound; positions over their size weigh 1. */
 typedef struct weights {
     double input, rate, free;
 } weights;
@@ -150,7 +151,8 @@ static double half_range(const design *d, uint32_t l) {
     return 0.5 * (d->policy->task.input[l].high - d->policy->task.input[l].low);
 }
 
-/* The equation of scaled errors and inputs is solved, so that units do not matter; K and P are in the task's units. */
+/* The equation of scaled errors and inputs is solved, so that units do not matter; K and P are in the
+ * task's units. */
 static lg_status solve(const design *d, weights w, double *K, double *P, double *radius, lg_error *error) {
     lg_policy *p = d->policy;
     const uint32_t n = d->n, m = d->m;
@@ -190,7 +192,8 @@ static bool root(uint32_t n, const double *P, double *C) {
     return info == 0;
 }
 
-/* Samples on shells of V = z^T P z, in equal ratios from V = top to `least` times top; z is drawn by direction. */
+/* Samples on shells of V = z^T P z, in equal ratios from V = top to `least` times top; z is drawn by
+ * direction. */
 static void draw_shells(const design *d, const double *C, double top, double least, uint64_t stream,
                         double *V) {
     lg_rng rng;
@@ -207,7 +210,8 @@ static void draw_shells(const design *d, const double *C, double top, double lea
     }
 }
 
-/* V of the states themselves: the errors of a state are not those that it was made from, far from the goal. */
+/* V of the states themselves: the errors of a state are not those that it was made from, far from the goal.
+ */
 static lg_status measure(const design *d, const double *P, double *V) {
     const lg_policy *p = d->policy;
     LG_TRY(lg_policy_states(p, d->z, SAMPLES, d->x, d->error));
@@ -222,8 +226,8 @@ static lg_status measure(const design *d, const double *P, double *V) {
     return LG_OK;
 }
 
-/* Runs the saturated regulator from SAMPLES states with V in [least top, top]. *failing: the least V of a run that
- * fails, at most *failing before. */
+/* Runs the saturated regulator from SAMPLES states with V in [least top, top]. *failing: the least V of a
+ * run that fails, at most *failing before. */
 static lg_status least_failure(const design *d, const double *K, const double *P, double top, double least,
                                uint64_t stream, double *failing) {
     const lg_policy *p = d->policy;
@@ -241,8 +245,8 @@ static lg_status least_failure(const design *d, const double *K, const double *P
 
 static const double safety = 0.85;
 
-/* A first look at the level below which runs succeed. *top is the level up to which it is sought; it becomes ten times
- * the least failure, so that a second call samples in finer steps. */
+/* A first look at the level below which runs succeed. *top is the level up to which it is sought; it
+ * becomes ten times the least failure, so that a second call samples in finer steps. */
 static lg_status find_level(const design *d, const double *K, const double *P, double *top, double *c) {
     double failing = *top;
     LG_TRY(least_failure(d, K, P, *top, 1e-4, 7, &failing));
@@ -284,8 +288,8 @@ static lg_status distance(const design *d, const double *P, double c, double *ou
     return LG_OK;
 }
 
-/* Solves the equation for one choice of weights, and finds its level; a second, finer look is worth it only where the
- * first one comes near the best so far. *far: INFINITY if the weights do not serve. */
+/* Solves the equation for one choice of weights, and finds its level; a second, finer look is worth it only
+ * where the first one comes near the best so far. *far: INFINITY if the weights do not serve. */
 static lg_status try_weights(const design *d, weights w, double least, lg_policy_regulator *out, double *far,
                              lg_error *why) {
     *far = INFINITY;
@@ -327,7 +331,8 @@ static void set_scales(const design *d) {
     for (uint32_t i = 0; i < d->n; i++) d->policy->scale[i] = 4.0 * d->size[i];
 }
 
-/* w: three times the mean cost of the horizon without control, by runs of `regulated` with K = 0 from random starts. */
+/* w: three times the mean cost of the horizon without control, by runs of `regulated` with K = 0 from
+ * random starts. */
 static lg_status set_terminal(design *d) {
     lg_policy *p = d->policy;
     const double zero[LG_POLICY_INPUTS * LG_POLICY_ERRORS] = {0};
@@ -350,7 +355,8 @@ static lg_status set_terminal(design *d) {
     return LG_OK;
 }
 
-/* G from M B/h: the mass matrix M of errors of velocity by differences of the energy, which is quadratic in them. */
+/* G from M B/h: the mass matrix M of errors of velocity by differences of the energy, which is quadratic in
+ * them. */
 static lg_status set_map(design *d) {
     lg_policy *p = d->policy;
     const uint32_t first = p->layout.at[0].rate, k = d->n - first, rows = 2 * k * k;

@@ -1,5 +1,5 @@
-/* Policies: training. A race of seeds by Adam, then more Adam for the winner, then L-BFGS. Every step draws its starts
- * from a generator of its own, so that a resumed run continues with the same bits. */
+/* Policies: training. A race of seeds by Adam, then more Adam for the winner, then L-BFGS. Every step draws
+ * its starts from a generator of its own, so that a resumed run continues with the same bits. */
 #include <math.h>
 #include <string.h>
 
@@ -111,7 +111,8 @@ static lg_status look(training *t, const double *theta, judged *found) {
 
 /* ---- time ---- */
 
-/* How much of the phase is done, by steps, or by time if there is a bound on it: the phases get these shares. */
+/* How much of the phase is done, by steps, or by time if there is a bound on it: the phases get these
+ * shares. */
 static double done_of(const training *t, uint64_t steps) {
     static const double share[] = {0.5, 0.25, 0.25};
     const double by_steps = steps > 0 ? (double)t->step / (double)steps : 1.0;
@@ -144,7 +145,8 @@ static bool finite(const double *x, size_t n) {
     return true;
 }
 
-/* The bound on the gradient's norm is in units of the cost: a fortieth of the cost of the unforced machine. */
+/* The bound on the gradient's norm is in units of the cost: a fortieth of the cost of the unforced machine.
+ */
 static double clip_of(const training *t, const double *gradient) {
     const double bound = t->policy->terminal / 40.0;
     double sum = 0.0;
@@ -357,6 +359,7 @@ void lg_policy_trainer_destroy(lg_policy_trainer *t) {
 }
 
 lg_status lg_policy_trainer_run(lg_policy_trainer *t, lg_policy_train_result *result, lg_error *error) {
+    LG_NEEDS(error, t);
     static lg_status (*const phases[])(training *) = {race, finish, polish};
     lg_status status = LG_OK;
     t->error = error;
@@ -370,15 +373,6 @@ lg_status lg_policy_trainer_run(lg_policy_trainer *t, lg_policy_train_result *re
     if (result != NULL)
         *result =
             (lg_policy_train_result){t->of_best.cost, t->of_best.success, t->leader, lg_seconds() - t->begun};
-    return status;
-}
-
-lg_status lg_policy_train(lg_policy *policy, const lg_policy_train_options *options,
-                          lg_policy_train_result *result, lg_error *error) {
-    lg_policy_trainer *trainer;
-    LG_TRY(lg_policy_trainer_create(policy, options, &trainer, error));
-    const lg_status status = lg_policy_trainer_run(trainer, result, error);
-    lg_policy_trainer_destroy(trainer);
     return status;
 }
 
@@ -405,6 +399,7 @@ static void list_facts(const training *t, uint64_t out[FACTS]) {
 }
 
 lg_status lg_policy_trainer_save(const lg_policy_trainer *t, const lg_archive_writer *to, lg_error *error) {
+    LG_NEEDS(error, t, to);
     uint64_t facts[FACTS];
     const double best[2] = {t->of_best.success, isfinite(t->of_best.cost) ? t->of_best.cost : 0.0};
     const uint64_t numbers = (4 * (uint64_t)t->seeds + 1) * t->n;
@@ -419,6 +414,7 @@ lg_status lg_policy_trainer_save(const lg_policy_trainer *t, const lg_archive_wr
 }
 
 lg_status lg_policy_trainer_load(lg_policy_trainer *t, const lg_archive_reader *from, lg_error *error) {
+    LG_NEEDS(error, t, from);
     static const char *const names[COMMON] = {
         "number of parameters", "--seeds", "--starts", "--race", "--finish", "--polish", "--seed"};
     uint64_t facts[FACTS], own[FACTS];

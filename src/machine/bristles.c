@@ -1,7 +1,8 @@
-/* Machines: the bristles of LuGre friction at rows of logs. Logs do not have z, but z forgets: it is computed from
- * the measured velocities of the rows before, from steady sliding on, with the velocity of each interval the
- * mean of its ends (liegrad/machine.h has the step). The result goes on the tape as a Taylor polynomial of degree
- * 1 in c, cs - c, vs and s0 about their values, so that the value and first derivatives are exact. */
+/* Machines: the bristles of LuGre friction at rows of logs. Logs do not have z, but z forgets: it is
+ * computed from the measured velocities of the rows before, from steady sliding on, with the velocity of
+ * each interval the mean of its ends (liegrad/machine.h has the step). The result goes on the tape as a
+ * Taylor polynomial of degree 1 in c, cs - c, vs and s0 about their values, so that the value and first
+ * derivatives are exact. */
 #include <math.h>
 #include <string.h>
 

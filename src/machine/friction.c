@@ -309,8 +309,8 @@ lg_var lg_machine_bristle_steady(lg_tape *tape, const lg_machine_vars *vars, lg_
     return lg_mul(tape, sign_of(&r, v), most);
 }
 
-/* With x = s0 |v| h/g and t = tanh(x/2): e^-x = (1 - t)/(1 + t), and zs (1 - e^-x) = v h 2 t/((1 + t) x), which
- * is smooth where v changes its sign. `least` keeps x above 0. */
+/* With x = s0 |v| h/g and t = tanh(x/2): e^-x = (1 - t)/(1 + t), and zs (1 - e^-x) = v h 2 t/((1 + t) x),
+ * which is smooth where v changes its sign. `least` keeps x above 0. */
 lg_var lg_machine_bristle_after(lg_tape *tape, const lg_machine_vars *vars, lg_var v, lg_var z, lg_var h) {
     static const double least = 1e-15;
     const lg_var x = lg_mul(tape, relaxing(tape, vars, v, least), h);

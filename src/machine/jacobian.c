@@ -1,14 +1,14 @@
 /* Machines: residuals of windows and their Jacobian, computed interval by interval.
  *
- * z = (positions, velocities) of a row, in the order of logs. An interval maps z of one row to z of the next
- * row, z' = F(z, theta). A change of z has d components along axes: one for each place and velocity, three
- * rotations of a direction (a x q) and three of a rotation (R hat(a)). The bristles of LuGre friction follow in
- * z behind the velocities; they have no residuals. At its first row a window has the
- * bristles of lg_machine_start_bristles. S = dz/d(theta, numbers of the
- * window's start) has the shape (d, columns) and follows
+ * z = (positions, velocities) of a row, in the order of logs. An interval maps z of one row to z of the
+ * next row, z' = F(z, theta). A change of z has d components along axes: one for each place and velocity,
+ * three rotations of a direction (a x q) and three of a rotation (R hat(a)). The bristles of LuGre friction
+ * follow in z behind the velocities; they have no residuals. At its first row a window has the bristles of
+ * lg_machine_start_bristles. S = dz/d(theta, numbers of the window's start) has the shape (d, columns) and
+ * follows
  *   S' = A S + (dF/dtheta, 0),  A = dF/dz.
- * One row of A and dF/dtheta takes one reverse sweep over all windows of the chunk. If theta is known, S has
- * no columns for it. */
+ * One row of A and dF/dtheta takes one reverse sweep over all windows of the chunk. If theta is known, S
+ * has no columns for it. */
 #include <math.h>
 #include <string.h>
 

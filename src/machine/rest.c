@@ -38,8 +38,8 @@ static void fill(const lg_machine *machine, const lg_machine_log *log, const siz
         }
 }
 
-/* Reads the velocities after an impulse of the damping's force over the unit of time; `bent`: from bristles that
- * the velocity bent for this time, else from straight ones. */
+/* Reads the velocities after an impulse of the damping's force over the unit of time; `bent`: from bristles
+ * that the velocity bent for this time, else from straight ones. */
 static lg_status push(lg_tape *tape, const lg_machine *machine, const double *theta, bool bent,
                       const probe *p) {
     const uint32_t n = machine->velocities, m = machine->input_count;

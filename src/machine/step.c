@@ -149,8 +149,8 @@ void lg_machine_move_bristles(lg_tape *tape, const lg_machine_vars *vars, lg_var
     parts[z] = lg_machine_bristle_after(tape, vars, v, parts[z], h);
 }
 
-/* Steps over the interval by an explicit Lie group scheme. Bristles move for half a step before and after each
- * step. */
+/* Steps over the interval by an explicit Lie group scheme. Bristles move for half a step before and after
+ * each step. */
 static lg_status scheme_steps(lg_tape *tape, const lg_machine_flow *flow, interval *over, lg_var *parts) {
     const lg_taped_ode ode = {.space = flow->space, .field = field, .user = over};
     const double h = over->length / flow->substeps;

@@ -114,7 +114,8 @@ TEST("a controller is exported in both types, with a closed loop in its self-tes
     export_close(&lib);
 }
 
-/* A wrong number of the weights, a wrong sign of the velocities and of the input, an input that is too large. */
+/* A wrong number of the weights, a wrong sign of the velocities and of the input, an input that is too
+ * large. */
 TEST("the closed loop finds planted errors") {
     static char out[EXPORT_TEXT];
     static const char *const plants[] = {

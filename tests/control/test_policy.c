@@ -1,4 +1,5 @@
-/* Policies: errors of coordinates, the regulator and its region, gradients, training that can be stopped, files. */
+/* Policies: errors of coordinates, the regulator and its region, gradients, training that can be stopped,
+ * files. */
 #include <unistd.h>
 
 #include "control/policy_gradient.h"
@@ -319,6 +320,13 @@ static lg_policy_train_options short_training(int threads) {
     return o;
 }
 
+static void train(lg_policy *policy, const lg_policy_train_options *options, lg_policy_train_result *result) {
+    lg_policy_trainer *trainer;
+    assert_ok(lg_policy_trainer_create(policy, options, &trainer, NULL));
+    assert_ok(lg_policy_trainer_run(trainer, result, NULL));
+    lg_policy_trainer_destroy(trainer);
+}
+
 TEST("training gives the same bits with one thread and with three") {
     lg_policy_task task = cart_task();
     double *before = NULL;
@@ -326,7 +334,7 @@ TEST("training gives the same bits with one thread and with three") {
         lg_policy *policy = make(&task, cart_pole);
         const lg_policy_train_options o = short_training(threads);
         lg_policy_train_result result;
-        assert_ok(lg_policy_train(policy, &o, &result, NULL));
+        train(policy, &o, &result);
         assert_true(isfinite(result.cost));
         if (before != NULL) assert_memory_equal(before, policy->theta, policy->parameters * sizeof *before);
         before = policy->theta;
@@ -348,7 +356,7 @@ TEST("training that is stopped anywhere and continued ends with the same bits") 
     lg_policy_task task = cart_task();
     lg_policy *whole = make(&task, cart_pole);
     lg_policy_train_options o = short_training(1);
-    assert_ok(lg_policy_train(whole, &o, NULL, NULL));
+    train(whole, &o, NULL);
     for (uint64_t at = 2; at < 19; at += 4) {
         lg_policy_trainer *trainer;
         memory_archive archive = {.count = 0};

@@ -13,6 +13,7 @@
 #include "support/memory_archive.h"
 
 #include "liegrad/anomaly.h"
+#include "liegrad/certify.h"
 #include "liegrad/classify.h"
 #include "liegrad/control.h"
 #include "liegrad/core.h"
@@ -23,12 +24,15 @@
 #include "liegrad/gradcheck.h"
 #include "liegrad/hamiltonian.h"
 #include "liegrad/integrators.h"
+#include "liegrad/interval.h"
+#include "liegrad/lyapunov.h"
 #include "liegrad/machine.h"
 #include "liegrad/mechanics.h"
 #include "liegrad/minimise.h"
 #include "liegrad/model.h"
 #include "liegrad/networks.h"
 #include "liegrad/ops.h"
+#include "liegrad/policy.h"
 #include "liegrad/program.h"
 #include "liegrad/series.h"
 #include "liegrad/settings.h"
@@ -967,6 +971,118 @@ TEST("functions of machines refuse NULL") {
     REFUSES(lg_machine_model_describe(NEEDED(&file->run), NEEDED("machine"), NEEDED(text), NULL));
 }
 
+/* x' = (w, u - x): a spring and a mass. */
+static lg_status spring_field(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const lg_var q = lg_slice(tape, x[0], 1, 0, 1), w = lg_slice(tape, x[0], 1, 1, 1);
+    (void)user, (void)theta;
+    y[0] = lg_concat(tape, (lg_var[]){w, lg_sub(tape, x[1], q)}, 2, 1);
+    return lg_tape_status(tape);
+}
+
+static lg_status spring_rate(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const lg_var u = lg_scale(tape, lg_slice(tape, x[0], 1, 1, 1), -1.0);
+    return spring_field(user, tape, theta, (const lg_var[]){x[0], u}, y);
+}
+
+static lg_status spring_slope(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    (void)user, (void)theta;
+    y[0] = lg_scale(tape, x[0], 1.0);
+    return lg_tape_status(tape);
+}
+
+static lg_program *spring(void) {
+    static lg_port in[2] = {{.name = "x", .shape = {1, {2, 0, 0, 0}}},
+                            {.name = "u", .shape = {1, {1, 0, 0, 0}}}},
+                   one = {.name = "q", .shape = {1, {1, 0, 0, 0}}}, out = {.name = "y"};
+    const lg_function_spec functions[] = {{"field", in, 2, &out, 1, spring_field, NULL},
+                                          {"rate", in, 1, &out, 1, spring_rate, NULL},
+                                          {"slope", &one, 1, &out, 1, spring_slope, NULL}};
+    lg_program_spec spec;
+    lg_program *program;
+    lg_space space;
+    lg_program_spec_init(&spec);
+    spec.functions = functions, spec.function_count = LG_COUNT(functions);
+    assert_ok(lg_program_build(NULL, &spec, &program, &error));
+    assert_ok(lg_space_init_rn(&space, 2));
+    assert_ok(lg_program_add_step(program, &space, lg_scheme_find("rk4"), 0.01, 0.1, &error));
+    return program;
+}
+
+TEST("bounds and certificates refuse NULL") {
+    static const double P[4] = {2, 0.1, 0.1, 2}, low[2] = {-1, -1}, high[2] = {1, 1};
+    lg_program *program = spring();
+    const size_t first = 1;
+    lg_interval *interval;
+    lg_certify *certify;
+    lg_certify_spec spec;
+    lg_certify_energy_spec energy;
+    lg_lyapunov_spec lyapunov;
+    lg_certify_result result;
+    lg_certify_energy_result found;
+    lg_certify_attitude_result attitude;
+    assert_ok(lg_interval_create(program, &first, 1, NULL, &interval, &error));
+    void *room = lg_test_memory(lg_interval_work_size(interval));
+    REFUSES(lg_interval_create(NEEDED(program), NEEDED(&first), 1, NULL, NEEDED(&interval), NULL));
+    REFUSES(lg_interval_eval(NEEDED(interval), 1, NEEDED(low), NEEDED(high), NEEDED(numbers), NEEDED(others),
+                             NEEDED(room), NULL));
+    lg_certify_spec_init(&spec);
+    spec.program = program, spec.rate = "rate", spec.P = P, spec.low = low, spec.high = high;
+    assert_ok(lg_certify_create(NULL, &spec, &certify, &error));
+    REFUSES(lg_certify_create(NULL, NEEDED(&spec), NEEDED(&certify), NULL));
+    REFUSES(lg_certify_run(NEEDED(certify), 1, 1, NEEDED(&result), NULL));
+    lg_certify_energy_spec_init(&energy);
+    energy.program = program, energy.slope = "slope", energy.damping = 1, energy.gain = 1,
+    energy.saturated = 1, energy.period = 1;
+    REFUSES(lg_certify_energy(NULL, NEEDED(&energy), NEEDED(&found), NULL));
+    REFUSES(lg_certify_attitude(NEEDED(((double[]){1, 0, 0, 0, 1, 0, 0, 0, 1})), 1, NEEDED(&attitude), NULL));
+    lg_lyapunov_spec_init(&lyapunov);
+    lyapunov.rate = "rate", lyapunov.name = "V", lyapunov.low = low, lyapunov.high = high,
+    lyapunov.degree = 2, lyapunov.points = 100;
+    REFUSES(lg_lyapunov_polynomial(NEEDED(program), NEEDED(&lyapunov), NULL));
+    lg_certify_destroy(certify);
+    lg_interval_destroy(interval);
+    lg_program_destroy(program);
+}
+
+static lg_policy_task spring_task(void) {
+    lg_policy_task task;
+    lg_policy_task_init(&task);
+    task.kind = LG_POLICY_LQR;
+    task.coordinate_count = 2, task.input_count = 1;
+    for (int i = 0; i < 2; i++)
+        task.coordinate[i] = (lg_policy_coordinate){
+            .name = {(char)('a' + i)}, .start = {-1, 1}, .weight = 1, .success = 0.1, .success_velocity = 1};
+    task.input[0] = (lg_policy_input){"u", -2, 2, 0.1};
+    return task;
+}
+
+TEST("policies refuse NULL") {
+    memory_archive *archive = TEST_ARRAY(memory_archive, 1);
+    const lg_archive_writer writer = memory_writer(archive);
+    const lg_archive_reader reader = memory_reader(archive);
+    const lg_policy_task task = spring_task();
+    lg_policy *policy, *other;
+    lg_policy_trainer *trainer;
+    lg_policy_outcome outcome;
+    lg_program *program;
+    lg_certify_energy_spec energy;
+    assert_ok(lg_policy_create(NULL, &task, spring(), 1, &policy, &error));
+    REFUSES(lg_policy_create(NULL, NEEDED(&task), NEEDED(spring()), 1, NEEDED(&other), NULL));
+    REFUSES(lg_policy_transplant(NEEDED(policy), NEEDED(spring()), NEEDED(&other), NULL));
+    REFUSES(lg_policy_add_rate(NEEDED(policy), NEEDED(&program), NULL));
+    assert_status(lg_policy_add_slope(NULL, &energy, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_policy_add_slope(policy, NULL, NULL), LG_INVALID_ARGUMENT);
+    REFUSES(lg_policy_evaluate(NEEDED(policy), false, 4, 1, 1, NEEDED(&outcome), NULL, NULL));
+    REFUSES(lg_policy_trainer_create(NEEDED(policy), NULL, NEEDED(&trainer), NULL));
+    assert_ok(lg_policy_trainer_create(policy, NULL, &trainer, &error));
+    REFUSES(lg_policy_trainer_run(NEEDED(trainer), NULL, NULL));
+    REFUSES(lg_policy_trainer_save(NEEDED(trainer), NEEDED(&writer), NULL));
+    assert_ok(lg_policy_trainer_save(trainer, &writer, &error));
+    REFUSES(lg_policy_trainer_load(NEEDED(trainer), NEEDED(&reader), NULL));
+    lg_policy_trainer_destroy(trainer);
+    lg_policy_destroy(policy);
+}
+
 /* Functions that the tests above leave out: they have no pointers, need MPI, or need more than a few lines of
  * files. */
 static const char *const left_out[] = {
@@ -998,6 +1114,11 @@ static const char *const left_out[] = {
     "lg_logs_read",
     "lg_table_evidence",
     "lg_table_keep_complete",
+    "lg_policy_task_read",
+    "lg_policy_task_parse",
+    "lg_policy_save",
+    "lg_policy_load",
+    "lg_policy_add_slope",
 };
 
 static bool is_called(const char *name, size_t length) {

@@ -16,6 +16,7 @@ anomaly/classify/features anomaly/classify/features_baseline anomaly/classify/fe
 anomaly/classify/features_cov anomaly/classify/features_rocket anomaly/classify/features_spectrum
 anomaly/classify/tree anomaly/classify/tree_prune
 datasets/table_csv datasets/table_h5 datasets/table_npy datasets/table_reading
+machine/friction machine/record
 machine/files/log_csv machine/files/log_h5 machine/files/log_table
 machine/files/machine machine/files/terms
 machine/files/model machine/files/recipe

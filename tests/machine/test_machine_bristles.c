@@ -120,8 +120,8 @@ TEST("LuGre friction and its bristles take energy away if s1 |v| is at most 4 g,
 
 enum { ROWS = 300 };
 
-/* z at a row of a log in which each velocity is v[0] and then v[1] from row `turn` on, and if `gradient` is not
- * NULL the derivatives of the sum of z by theta. */
+/* z at a row of a log in which each velocity is v[0] and then v[1] from row `turn` on, and if `gradient` is
+ * not NULL the derivatives of the sum of z by theta. */
 static void start(const lg_machine *machine, const double *theta, const double *v, size_t turn, size_t row,
                   double *z, double *gradient) {
     const size_t first[2] = {0, ROWS};

@@ -1,4 +1,5 @@
-/* Policies in files: the program, the task's text, what the plant calls its coordinates, and the regulator. */
+/* Policies in files: the program, the task's text, what the plant calls its coordinates, and the regulator.
+ */
 #include <stdio.h>
 #include <string.h>
 
@@ -147,6 +148,7 @@ static lg_status load(void *user, lg_h5 *h5, lg_error *error) {
 
 lg_status lg_policy_load(const lg_context *context, const char *path, const lg_read_options *options,
                          lg_policy **out, char **text, lg_error *error) {
+    LG_NEEDS(error, path, out);
     loading l = {.policy = lg_alloc(context, 1, sizeof *l.policy)};
     if (l.policy == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a policy");
     l.policy->context = context;

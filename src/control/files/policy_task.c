@@ -1,4 +1,5 @@
-/* Reads the task of a policy from YAML. Coordinates and inputs are known from the plant; the file names them. */
+/* Reads the task of a policy from YAML. Coordinates and inputs are known from the plant; the file names
+ * them. */
 #include <float.h>
 #include <math.h>
 #include <stdio.h>
@@ -339,6 +340,7 @@ static lg_status read_task(reading *r) {
 
 lg_status lg_policy_task_parse(const lg_context *context, const char *path, const char *text,
                                lg_policy_task *task, lg_error *error) {
+    LG_NEEDS(error, path, text, task);
     reading r = {.task = task, .error = error};
     LG_TRY(lg_yaml_open_text(context, path, text, strlen(text), &r.yaml, error));
     const lg_status status = read_task(&r);
@@ -389,6 +391,7 @@ static lg_status read_head(reading *r, char *plant, size_t size) {
 
 lg_status lg_policy_task_read(const lg_context *context, const char *path, lg_policy_task *task, char *plant,
                               size_t size, char **text, lg_error *error) {
+    LG_NEEDS(error, path, task, plant, text);
     reading r = {.task = task, .error = error};
     unsigned char *bytes;
     size_t count;
