@@ -50,11 +50,6 @@ static const struct {
            "potential: {kind: known, form: quadratic, of: x, values: [0.5]}\n",
      0.05,
      {{"mass.1.1", 2}, {"coulomb.x", 0.8}, {"position.x", 0.1}}},
-    {"lugre",
-     TRUTH "damping: [{kind: known, values: [0.5]}, {kind: lugre, values: [[1], [1.6], [0.3], [60], [3]]}]\n",
-     MODEL "damping: [diagonal, lugre] #%1$s\n",
-     0.1,
-     {{"mass.1.1", 2}, {"coulomb.x", 1}, {"breakaway.x", 1.6}, {"bristle_stiffness.x", 60}}},
 };
 
 static int seeds(void) {

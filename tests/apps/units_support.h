@@ -186,19 +186,6 @@ static const units_row units_table[] = {
      .results = {{{"identified/mass.1.1/value", {1, 0, 0}, SAME, 1e-5},
                   {"identified/damping.x/value", {1, 0, -1}, SAME, 1e-4},
                   {"identified/lag.u/value", {0, 0, 1}, SAME, 1e-5}}}},
-    {.name = "lg-identify, bristles",
-     .files = {{"scene.yaml",
-                DRIVEN("none") "mass: {kind: known, values: [2]}\n"
-                               "damping: {kind: lugre, values: [[1], [1.6], [0.05], [500], [5]]}\n"},
-               {"machine.yaml", DRIVEN("none") "mass: diagonal\ndamping: lugre\n"}},
-     .data =
-         {{"lg-identify generate scene.yaml --inputs multisine --amplitude 3 --runs 1 --t-end 6 --dt 0.01",
-           "a.csv", "log.csv", "t:0,0,1 x:0,1,0 vx:0,1,-1 u:1,1,-2"}},
-     .commands = {"lg-identify fit machine.yaml log.csv --out m.h5"},
-     .results = {{{"identified/mass.1.1/value", {1, 0, 0}, SAME, 1e-4},
-                  {"identified/coulomb.x/value", {1, 1, -2}, SAME, 1e-4},
-                  {"identified/bristle_stiffness.x/value", {1, 0, -2}, SAME, 1e-4},
-                  {"identified/bristle_damping.x/value", {1, 0, -1}, SAME, 1e-3}}}},
     {.name = "lg-elastica solve",
      .quick = true,
      .commands =

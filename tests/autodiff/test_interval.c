@@ -9,7 +9,7 @@
 static size_t points;
 
 TEST("bounds contain the exact values of every operation, with every instruction set") {
-    assert_true(check_bounds(2, 37) >= 1000000);
+    assert_true(check_bounds(3, 37) >= 1000000);
 }
 
 /* Widths over boxes of radius 1e-3 and 1e-5 about the point of the case. */

@@ -157,7 +157,7 @@ TEST("positions from a quaternion are those of its rotation, and control is the 
                                   (const double *const[]){R, x + 4, policy->theta}, (double *const[]){other},
                                   NULL));
         assert_all_close(u, other, 3, 1e-12, 1e-12);
-        for (int i = 0; i < 4; i++) x[i] = -x[i]; /* the same rotation */
+        for (int i = 0; i < 4; i++) x[i] *= -3.0; /* the same rotation */
         assert_ok(lg_program_eval(NULL, lg_policy_program(policy), "control", 1, (const double *const[]){x},
                                   (double *const[]){other}, NULL));
         assert_all_close(u, other, 3, 1e-12, 1e-12);
@@ -282,22 +282,22 @@ static double cost_at(lg_policy_batch *b, double *theta, size_t i, double by, do
 
 static void check_gradient(const lg_policy_task *task, const char *machine, double cut) {
     lg_policy *policy = make(task, machine);
-    lg_policy_batch batch = {.policy = NULL};
+    lg_policy_batch *batch = TEST_ARRAY(lg_policy_batch, 1);
     lg_rng rng = test_rng(8, 0);
     const size_t n = policy->parameters, count = LG_POLICY_ROWS;
     double *z = TEST_ARRAY(double, count * policy->layout.errors),
            *x = TEST_ARRAY(double, count * policy->state);
     double *g = TEST_ARRAY(double, n), *other = TEST_ARRAY(double, n), cost;
-    assert_ok(lg_policy_batch_create(policy, LG_F64, 1, count, 1, &batch, NULL));
-    lg_test_owns(&batch, release_batch);
+    assert_ok(lg_policy_batch_create(policy, LG_F64, 1, count, 1, batch, NULL));
+    lg_test_owns(batch, release_batch);
     for (size_t i = 0; i < count; i++)
         lg_policy_draw(task, &policy->layout, &rng, z + i * policy->layout.errors);
     assert_ok(lg_policy_states(policy, z, count, x, NULL));
-    batch.starts[0] = x, batch.theta[0] = policy->theta, batch.cut = cut, batch.steps = 10;
-    lg_policy_batch_run(&batch, &cost, &g);
+    batch->starts[0] = x, batch->theta[0] = policy->theta, batch->cut = cut, batch->steps = 10;
+    lg_policy_batch_run(batch, &cost, &g);
     for (size_t i = 0; i < n; i += 1 + n / 9) {
-        const double h = 1e-5, up = cost_at(&batch, policy->theta, i, h, other),
-                     down = cost_at(&batch, policy->theta, i, -h, other);
+        const double h = 1e-5, up = cost_at(batch, policy->theta, i, h, other),
+                     down = cost_at(batch, policy->theta, i, -h, other);
         assert_close(g[i], (up - down) / (2.0 * h), 1e-5, 1e-7 * fabs(cost));
     }
 }
@@ -357,7 +357,7 @@ TEST("training that is stopped anywhere and continued ends with the same bits") 
     lg_policy *whole = make(&task, cart_pole);
     lg_policy_train_options o = short_training(1);
     train(whole, &o, NULL);
-    for (uint64_t at = 2; at < 19; at += 4) {
+    for (uint64_t at = 4; at < 19; at += 6) { /* in each phase */
         lg_policy_trainer *trainer;
         memory_archive archive = {.count = 0};
         stopping s = {.at = at};
@@ -395,7 +395,7 @@ TEST("the regulator and the runs are the same in other units of mass, length and
                                "inputs: {columns: [u]}\nsystem: cart-pole\nparameters: {cart: %.17g, pole: "
                                "%.17g, length: %.17g, gravity: "
                                "%.17g}\ninput_map: {kind: known, values: [[1], [0]]}\n";
-    static const double units[][3] = {{1, 1, 1}, {1e9, 1, 1}, {1, 1e-9, 1}, {1, 1, 1e9}, {1e-9, 1e9, 1e-9}};
+    static const double units[][3] = {{1, 1, 1}, {1e9, 1e-9, 1}, {1e-9, 1e9, 1e9}};
     lg_policy_outcome first = {.starts = 0};
     double far = 0.0;
     for (size_t k = 0; k < LG_COUNT(units); k++) {
