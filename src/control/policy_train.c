@@ -1,5 +1,5 @@
 /* Policies: training. A race of seeds by Adam, then more Adam for the winner, then L-BFGS. Every step draws
- * its starts from a generator of its own, so that a resumed run continues with the same bits. */
+ * its starts from a separate generator, so that a resumed run continues with the same bits. */
 #include <math.h>
 #include <string.h>
 

@@ -65,7 +65,7 @@ TEST("a log without a lag says so") {
     assert_says(json_find(lag, "warning"), "\"no lag that the log shows\"");
 }
 
-TEST("a lag below the step is none that the log shows, however small its error is") {
+TEST("a lag below the step is not called shown by the log, however small its error is") {
     cli_test_folder();
     cli_write("truth.yaml", TRUE_MOTOR("lag: 0.006"));
     cli_run(identify,
