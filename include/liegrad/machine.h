@@ -323,7 +323,7 @@ LG_API void lg_machine_initialise(const lg_machine *machine, lg_rng *rng, double
 LG_API size_t lg_machine_set_lags(const lg_machine *machine, double tau, double *theta);
 /* Sets the stiffness of the bristles of LuGre friction that is learned, so that sliding bends them by
  * `part`, in [0, 1], of the way from the largest to the smallest deflection on a scale of logarithms;
- * false: there is none. */
+ * returns false if the machine has no such stiffness. */
 LG_API bool lg_machine_set_bristles(const lg_machine *machine, double part, double *theta);
 /* Adds full turns to the biases of angles in theta, so that they are in (-pi, pi]. A log does not show
  * full turns. */

@@ -43,9 +43,9 @@ static void fail(lg_certify *c, const double *box, const char *reason) {
     (void)snprintf(c->reason, sizeof c->reason, "%s", reason);
 }
 
-/* The claim does not hold where V is v. Where motions need not converge, and v is small, eps is raised, if
- * it may be chosen: an error of the model or an equilibrium beside the goal lets V rise there. Else the set
- * must not reach v: the level is lowered, if it may be chosen. */
+/* The claim does not hold where V is v. If v is small, if motions need not converge, and if eps may be
+ * chosen, eps is raised: V may rise there because of an error of the model, or because the equilibrium is
+ * not exactly at the goal. Otherwise the level is lowered below v, if it may be chosen. */
 static void refuse(lg_certify *c, const double *box, double v, const char *reason) {
     const double level = v * (1 - 1e-9), eps = 1.5 * fmax(v, c->eps);
     if (c->phase == LG_CERTIFY_FALL && c->raises && !c->converges && v < 0.5 * c->level && eps < c->level) {

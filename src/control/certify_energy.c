@@ -95,12 +95,16 @@ static bool check_side(checking *c, const lg_certify_energy_spec *spec, double s
 }
 
 static void say(const lg_certify_energy_spec *spec, lg_certify_energy_result *r) {
+    char margin[128] = "";
+    if (r->verified)
+        (void)snprintf(margin, sizeof margin,
+                       "; the torque exceeds the potential's by at least %.4g for |q| >= %.4g", r->margin,
+                       spec->saturated);
     (void)snprintf(
         r->claim, sizeof r->claim,
         "%s: from every state, with the angle counted on the real line and the torque inside one limit, "
-        "motions converge to q = 0 (continuous inputs, damping at least %.4g, no model error beyond it); "
-        "the torque exceeds the potential's by at least %.4g for |q| >= %.4g.",
-        r->verified ? "Proved" : "Not proved", spec->damping, r->margin, spec->saturated);
+        "motions converge to q = 0 (continuous inputs, damping at least %.4g, no model error beyond it)%s.",
+        r->verified ? "Proved" : "Not proved", spec->damping, margin);
 }
 
 static lg_status check(const lg_certify_energy_spec *spec, lg_error *error) {
@@ -113,7 +117,7 @@ static lg_status check(const lg_certify_energy_spec *spec, lg_error *error) {
     return LG_OK;
 }
 
-/* A copy of g in a program of its own, with its derivative. */
+/* What `record` needs to copy g into a new program, where g is differentiated. */
 typedef struct slope_of {
     const lg_program *program;
     size_t function;

@@ -79,8 +79,8 @@ lg_status lg_policy_take(lg_policy *policy, const double *theta);
 
 /* ---- functions of the program (policy_program.c) ---- */
 
-/* A program that has the plant's functions, and its parameters, then `policy` (parameters, zeros; absent if
- * there are none). */
+/* Makes a program with the plant's functions and the plant's parameters. A further parameter `policy` (zeros)
+ * is added if the policy has parameters. */
 lg_status lg_policy_begin(lg_policy *policy, const lg_program *plant, lg_error *error);
 /* Adds period (x, u) -> next, errors (x) -> z, linear (z, u) -> z of the next period from the tangent at
  * the goal, and jac_linear; then regulated (x, K) -> next, cost, u with a shared gain, which needs u0. */

@@ -89,7 +89,7 @@ static lg_status check(const lg_policy *p, lg_error *error) {
     }
     if (p->state != p->layout.positions + p->layout.velocities)
         return lg_fail(error, LG_UNSUPPORTED,
-                       "the plant has %u states beside its positions and velocities (lagged inputs or "
+                       "besides positions and velocities the plant has %u more states (lagged inputs or "
                        "bristles), which a certificate does not know",
                        p->state - p->layout.positions - p->layout.velocities);
     if (lg_program_find(p->program, "field", &field, NULL) != LG_OK)

@@ -355,14 +355,45 @@ static lg_status set_terminal(design *d) {
     return LG_OK;
 }
 
-/* G from M B/h: the mass matrix M of errors of velocity by differences of the energy, which is quadratic in
- * them. */
+/* Rates of the errors of velocity by the inputs, at the goal at rest: what inputs at half their range
+ * change in a step of a millionth of a period, (errors, inputs). Over a whole period the motion would have
+ * answered. */
+static lg_status input_rates(const design *d, double *out) {
+    const lg_policy *p = d->policy;
+    const uint32_t n = d->n, rows = d->m + 1;
+    const double step = 1e-6 * p->task.period;
+    double *z = lg_alloc(p->context, (size_t)rows * (2 * n + 2 * p->state + d->m + 1), sizeof *z);
+    if (z == NULL) return lg_fail(d->error, LG_OUT_OF_MEMORY, "no memory for the map of inputs");
+    double *after = z + (size_t)rows * n, *x = after + (size_t)rows * n, *next = x + (size_t)rows * p->state;
+    double *u = next + (size_t)rows * p->state, *h = u + (size_t)rows * d->m;
+    for (uint32_t r = 0; r < rows; r++) {
+        h[r] = step;
+        for (uint32_t l = 0; l < d->m; l++)
+            u[r * d->m + l] = p->regulator.u0[l] + (r == l + 1 ? half_range(d, l) : 0.0);
+    }
+    lg_status status = lg_policy_states(p, z, rows, x, d->error);
+    if (status == LG_OK)
+        status = lg_program_eval(p->context, p->program, "step", rows, (const double *const[]){x, u, h},
+                                 (double *const[]){next}, d->error);
+    if (status == LG_OK)
+        status = lg_program_eval(p->context, p->program, "errors", rows, (const double *const[]){next},
+                                 (double *const[]){after}, d->error);
+    for (uint32_t i = 0; i < n && status == LG_OK; i++)
+        for (uint32_t l = 0; l < d->m; l++)
+            out[i * d->m + l] = (after[(l + 1) * n + i] - after[i]) / (half_range(d, l) * step);
+    lg_free(p->context, z);
+    return status;
+}
+
+/* G = M B: B from input_rates, and the mass matrix M from differences of the energy, which is quadratic in
+ * the errors of velocity. */
 static lg_status set_map(design *d) {
     lg_policy *p = d->policy;
     const uint32_t first = p->layout.at[0].rate, k = d->n - first, rows = 2 * k * k;
-    double *z = lg_alloc(p->context, (size_t)rows * (d->n + p->state + 1) + k * k, sizeof *z);
+    double *z =
+        lg_alloc(p->context, (size_t)rows * (d->n + p->state + 1) + k * k + (size_t)d->n * d->m, sizeof *z);
     if (z == NULL) return lg_fail(d->error, LG_OUT_OF_MEMORY, "no memory for the map of inputs");
-    double *x = z + (size_t)rows * d->n, *H = x + (size_t)rows * p->state, *M = H + rows;
+    double *x = z + (size_t)rows * d->n, *H = x + (size_t)rows * p->state, *M = H + rows, *B = M + k * k;
     for (uint32_t r = 0; r < rows; r++) {
         const uint32_t i = r / (2 * k), j = r / 2 % k;
         z[(size_t)r * d->n + first + i] += d->size[first + i];
@@ -372,13 +403,13 @@ static lg_status set_map(design *d) {
     if (status == LG_OK)
         status = lg_program_eval(p->context, p->program, "value", rows, (const double *const[]){x},
                                  (double *const[]){H}, d->error);
+    if (status == LG_OK) status = input_rates(d, B);
     for (uint32_t i = 0; i < k * k && status == LG_OK; i++)
         M[i] = (H[2 * i] - H[2 * i + 1]) / (2.0 * d->size[first + i / k] * d->size[first + i % k]);
     for (uint32_t l = 0; l < d->m && status == LG_OK; l++)
         for (uint32_t i = 0; i < k; i++) {
             double sum = 0.0;
-            for (uint32_t j = 0; j < k; j++)
-                sum += M[i * k + j] * d->B[(first + j) * d->m + l] / p->task.period;
+            for (uint32_t j = 0; j < k; j++) sum += M[i * k + j] * B[(first + j) * d->m + l];
             p->G[l * d->n + first + i] = sum;
             if (i < first) p->G[l * d->n + i] = sum;
         }

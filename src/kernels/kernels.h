@@ -144,9 +144,9 @@ typedef struct lg_scalar_group {
     uint32_t op, count, result, operands;
 } lg_scalar_group;
 
-/* Scalar code on intervals: y = op(x[0], x[1], x[2]), where y is none of the x. n and p are the operand of
- * the operation that is no instruction. A register is LG_INTERVAL_BLOCK lower bounds, then as many upper
- * bounds. */
+/* Scalar code on intervals: y = op(x[0], x[1], x[2]), where y must not be one of the x. n and p are the
+ * operand of the operation that is no instruction. A register is LG_INTERVAL_BLOCK lower bounds, then as
+ * many upper bounds. */
 enum {
     LG_INTERVAL_BLOCK = 32,
     LG_INTERVAL_SCALE = LG_SCALAR_OPS /* y = p x */,

@@ -147,6 +147,22 @@ RECORDING(jumping) {
 RECORDING(stopped) {
     y[0] = lg_mul(tape, lg_stop_gradient(tape, x[0]), x[0]);
 }
+/* Each jumps: a product of two comparisons, and of a comparison and a number. */
+RECORDING(both_hold) {
+    y[0] = lg_mul(tape, lg_ge(tape, x[0], lg_neg(tape, x[0])), lg_ge(tape, x[0], lg_scale(tape, x[0], 0.5)));
+}
+
+RECORDING(one_holds) {
+    const lg_var holds = lg_ge(tape, x[0], lg_neg(tape, x[0]));
+    y[0] = lg_mul(tape, holds, lg_add_scalar(tape, x[0], 1.0));
+}
+
+RECORDING(weighed) {
+    const lg_var holds = lg_ge(tape, x[0], lg_neg(tape, x[0])), by = lg_add_scalar(tape, x[0], 1.0);
+    const lg_var twice = lg_mul(tape, lg_mul(tape, holds, by), holds);
+    y[0] = lg_add(tape, x[0], twice);
+}
+
 RECORDING(greatest) {
     y[0] = lg_max_axis(tape, x[0], 1, true);
 }
@@ -182,10 +198,13 @@ TEST("a function and its Jacobian are evaluated together, and bound the function
     assert_true(l[7] < (cos(0.5) - sin(0.5)) * exp(-0.5) && h[7] > (cos(-1) - sin(-1)) * exp(1));
 }
 
-TEST("jumps and stopped gradients are noticed, kinks of a maximum are none") {
+TEST("jumps and stopped gradients are noticed, and the kink of a maximum is no jump") {
     const size_t zero = 0;
     assert_false(lg_interval_continuous(test_interval(program_of(jumping), &zero, 1), 0));
     assert_false(lg_interval_continuous(test_interval(program_of(stopped), &zero, 1), 0));
+    assert_false(lg_interval_continuous(test_interval(program_of(both_hold), &zero, 1), 0));
+    assert_false(lg_interval_continuous(test_interval(program_of(one_holds), &zero, 1), 0));
+    assert_false(lg_interval_continuous(test_interval(program_of(weighed), &zero, 1), 0));
     assert_true(lg_interval_continuous(test_interval(program_of(square), &zero, 1), 0));
 }
 

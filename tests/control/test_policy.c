@@ -269,6 +269,62 @@ TEST(
     assert_non_null(strstr(error.message, "must be 3, which is not inside"));
 }
 
+/* ---- functions for certificates ---- */
+
+/* Positions and velocities of a state. */
+static void seen_of(const lg_policy *policy, const double *x, double *out) {
+    assert_ok(lg_program_eval(NULL, policy->program, "positions", 1, (const double *const[]){x},
+                              (double *const[]){out}, NULL));
+    assert_ok(lg_program_eval(NULL, policy->program, "velocities", 1, (const double *const[]){x},
+                              (double *const[]){out + policy->layout.positions}, NULL));
+}
+
+TEST("rate is the derivative of positions and velocities along the loop, advance is a period of it") {
+    lg_policy_task task = cart_task();
+    task.kind = LG_POLICY_LQR;
+    task.coordinate[0].goal[0] = 0.3; /* a cart may stand anywhere */
+    lg_policy *policy = make(&task, cart_pole);
+    lg_program *program;
+    lg_rng rng = test_rng(9, 0);
+    assert_ok(lg_policy_add_rate(policy, &program, NULL));
+    for (int k = 0; k < 50; k++) {
+        static const double h = 1e-6;
+        double z[4], q[2], v[2], x[4], u, next[4], rate[4], after[4], before[4], moved[4];
+        for (int i = 0; i < 4; i++) z[i] = lg_rng_normal(&rng);
+        for (int i = 0; i < 2; i++) q[i] = task.coordinate[i].goal[0] + z[i], v[i] = z[2 + i];
+        assert_ok(lg_program_eval(NULL, program, "momenta", 1, (const double *const[]){q, v},
+                                  (double *const[]){x}, NULL));
+        assert_ok(lg_program_eval(NULL, program, "policy", 1, (const double *const[]){q, v},
+                                  (double *const[]){&u}, NULL));
+        assert_ok(lg_program_eval(NULL, program, "step", 1, (const double *const[]){x, &u, &h},
+                                  (double *const[]){next}, NULL));
+        assert_ok(lg_program_eval(NULL, program, "rate", 1, (const double *const[]){z},
+                                  (double *const[]){rate}, NULL));
+        seen_of(policy, x, before);
+        seen_of(policy, next, after);
+        for (int i = 0; i < 4; i++) assert_close(rate[i], (after[i] - before[i]) / h, 1e-4, 1e-4);
+        assert_ok(lg_program_eval(NULL, program, "period", 1, (const double *const[]){x, &u},
+                                  (double *const[]){next}, NULL));
+        assert_ok(lg_program_eval(NULL, program, "advance", 1, (const double *const[]){z},
+                                  (double *const[]){moved}, NULL));
+        seen_of(policy, next, after);
+        for (int i = 0; i < 2; i++) after[i] -= task.coordinate[i].goal[0];
+        assert_all_close(moved, after, 4, 1e-12, 1e-12);
+    }
+}
+
+TEST("an energy controller has the gains that are given, whatever the period is") {
+    static const double periods[] = {0.01, 0.2};
+    for (size_t k = 0; k < LG_COUNT(periods); k++) {
+        lg_policy_task task = body_task(LG_POLICY_ENERGY);
+        task.period = periods[k];
+        const lg_policy *policy = make(&task, body);
+        for (uint32_t l = 0; l < 3; l++)
+            for (uint32_t i = 0; i < 6; i++)
+                assert_close(policy->G[6 * l + i], i % 3 == l ? 1.0 : 0.0, 0.0, 1e-6);
+    }
+}
+
 /* ---- gradients ---- */
 
 static double cost_at(lg_policy_batch *b, double *theta, size_t i, double by, double *gradient) {

@@ -31,7 +31,7 @@ typedef struct export_loop {
 lg_status export_loop_open(const export_policy_job *job, export_loop *loop, lg_error *error);
 void export_loop_close(export_loop *loop);
 /* Moves the state x by one period; u (inputs; may be NULL) becomes the input. `single`: the policy computes
- * in single precision, the plant does not. */
+ * in single precision; the plant computes in double precision. */
 void export_loop_step(export_loop *loop, bool single, double *x, double *u);
 /* Draws a start as the task says. x is the plant's state. */
 lg_status export_loop_start(const export_policy_job *job, lg_rng *rng, double *x, lg_error *error);
@@ -52,8 +52,8 @@ int export_policy_simple(const export_policy_job *job, const char *function);
 void export_policy_real(const export_policy_job *job, text *to, const char *name, double value);
 void export_policy_reals(const export_policy_job *job, text *to, const char *type, const char *name,
                          const double *values, size_t count);
-/* States that a function needs so many numbers of work beside the hidden functions' work, and its frames'
- * bytes and number. */
+/* Writes into the header what a function needs: numbers of work in addition to the work of the hidden
+ * functions, bytes of stack, and nested calls. */
 void export_policy_need(export_source *source, size_t work, size_t stack, size_t calls);
 
 #endif

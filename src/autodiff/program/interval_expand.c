@@ -216,21 +216,28 @@ void lg_expansion_destroy(lg_expansion *x) {
 
 /* ---- jumps ---- */
 
-/* Not a number: what marks a failing factorisation in scalar code. */
+/* Whether the value is NaN by construction. Scalar code marks a factorisation that fails with NaN. */
 static bool is_undefined(const lg_scalars *s, lg_scalar a) {
     double value;
     return s->code[a].op == LG_S_SQRT && lg_s_is_constant(s, s->code[a].in[0], &value) && value < 0.0;
 }
 
-/* A comparison, or a product of comparisons: all of them hold. */
-static bool is_comparison(const lg_scalars *s, lg_scalar a) {
+/* Whether the value is a comparison, or a product of comparisons: 1 where all of them hold, else 0. Deeper
+ * products are not looked at: they count as jumps. */
+static bool is_condition(const lg_scalars *s, lg_scalar a, int depth) {
     const lg_scalar_code *c = &s->code[a];
-    return c->op == LG_S_GE ||
-           (c->op == LG_S_MUL && is_comparison(s, c->in[0]) && is_comparison(s, c->in[1]));
+    if (c->op == LG_S_GE) return true;
+    return depth > 0 && c->op == LG_S_MUL && is_condition(s, c->in[0], depth - 1) &&
+           is_condition(s, c->in[1], depth - 1);
 }
 
-/* Whether the instruction jumps. A comparison jumps where anything but a choice uses it, and a choice beside
- * what is not defined does not jump. */
+static bool is_comparison(const lg_scalars *s, lg_scalar a) {
+    enum { DEPTH = 6 };
+    return is_condition(s, a, DEPTH);
+}
+
+/* Whether the instruction's value may jump. A comparison may jump, unless it is the condition of a choice. A
+ * choice may jump, unless one of its two values is undefined. */
 static bool jumps(const lg_scalars *s, const lg_scalar_code *c, const uint8_t *varies) {
     const uint32_t first = c->op == LG_S_SELECT;
     if (c->op == LG_S_SIGN) return varies[c->in[0]];

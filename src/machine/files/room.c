@@ -38,7 +38,7 @@ static void give(void *user, void *memory) {
     free(block);
 }
 
-/* ---- bytes of a row ---- */
+/* ---- how many bytes a fit needs for each row of a window ---- */
 
 /* Runs one epoch of the last phase of the fit. Whether the run is finite does not matter. */
 static lg_status run_epoch(const lg_training *self, const lg_context *context,
