@@ -1,5 +1,6 @@
 /* Policies: errors of coordinates, the regulator and its region, gradients, training that can be stopped,
- * files. */
+ * files.
+ * ctest-labels: src/control src/integrators */
 #include <unistd.h>
 
 #include "control/policy_gradient.h"
