@@ -40,8 +40,8 @@
  *            potential energy and damps. z_q of an angle is q - goal here: angles are counted, so after a
  *            full turn it unwinds. On the circle no continuous feedback brings every state to the goal.
  *
- * Terminal cost: W = w (1 - exp(-V/(13 c))), where w is three times the mean cost of the machine under u0
- * from the starts over the horizon.
+ * Terminal cost: W = w log(1 + V/(13 c)), where w is .6 times the mean cost of the machine under u0 from the
+ * starts over the horizon. The logarithm has a slope wherever a run ends.
  *
  * Functions with an lg_error explain errors there in a sentence; it may be NULL. */
 #ifndef LIEGRAD_POLICY_H
@@ -112,7 +112,7 @@ typedef struct lg_policy_task {
     uint32_t hidden_layers, hidden[LG_POLICY_HIDDEN]; /* of a network, with tanh; default 32, 32 */
     bool gate;                                        /* default true; false: the network acts alone */
     double gains[2];   /* k_p and k_d of kind energy, for all inputs; 0, 0 (default): they are trained */
-    uint32_t substeps; /* steps of the integrator in a period; 0: as many as keep its error below 1e-5 */
+    uint32_t substeps; /* steps of the integrator in a period; 0: as many as keep its error below 1e-4 */
 } lg_policy_task;
 LG_API void lg_policy_task_init(lg_policy_task *task);
 
@@ -227,8 +227,8 @@ LG_API void lg_policy_trainer_destroy(lg_policy_trainer *trainer); /* NULL is al
 /* ---- evaluation ---- */
 
 /* The same policy on another plant, which it takes ownership of: judged by lg_policy_evaluate, it shows
- * what a difference between machine and model does. The regulator and theta are those of `policy`. Errors:
- * those of lg_policy_create. */
+ * what a difference between machine and model does. The regulator and theta are the policy's; the integrator
+ * takes as many steps in a period as keep its error below 1e-6. Errors: those of lg_policy_create. */
 LG_API lg_status lg_policy_transplant(const lg_policy *policy, lg_program *plant, lg_policy **out,
                                       lg_error *error);
 

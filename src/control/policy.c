@@ -141,10 +141,13 @@ static double largest_difference(const lg_policy *p, const double *start, const 
     return most;
 }
 
-/* The number of steps, 1, 2, 4, ..., at which halving the steps changes the next state by at most 1e-5 of
+/* Errors of a period as parts of its change: of a machine that a policy is trained on, and of a machine on
+ * which it is judged. */
+static const double training_error = 1e-4, judging_error = 1e-6;
+
+/* The number of steps, 1, 2, 4, ..., at which halving the steps changes the next state by at most `wanted` of
  * its change. */
-static lg_status choose_substeps(lg_policy *p, uint64_t seed, lg_error *error) {
-    static const double wanted = 1e-5;
+static lg_status choose_substeps(lg_policy *p, double wanted, uint64_t seed, lg_error *error) {
     const size_t n = p->layout.errors, x = (size_t)TRIALS * p->state;
     lg_plan *step = NULL;
     lg_rng rng;
@@ -241,7 +244,7 @@ static lg_status build(lg_policy *p, const lg_program *plant, uint64_t seed, lg_
     LG_TRY(check_plant(p, plant, error));
     lg_policy_initialise(p, seed, p->theta);
     LG_TRY(lg_policy_begin(p, plant, error));
-    if (p->task.substeps == 0) LG_TRY(choose_substeps(p, seed, error));
+    if (p->task.substeps == 0) LG_TRY(choose_substeps(p, training_error, seed, error));
     LG_TRY(lg_policy_add_motion(p, error));
     LG_TRY(lg_policy_find_regulator(p, seed, error));
     return add_functions(p, error);
@@ -290,6 +293,8 @@ lg_status lg_policy_transplant(const lg_policy *policy, lg_program *plant, lg_po
         memcpy(p->theta, policy->theta, p->parameters * sizeof *p->theta);
         status = lg_policy_begin(p, plant, error);
     }
+    if (status == LG_OK) status = choose_substeps(p, judging_error, 1, error);
+    if (status == LG_OK && p->task.substeps < policy->task.substeps) p->task.substeps = policy->task.substeps;
     if (status == LG_OK) status = lg_policy_add_motion(p, error);
     if (status == LG_OK) status = lg_policy_add_regulated(p, error);
     if (status == LG_OK) status = add_functions(p, error);

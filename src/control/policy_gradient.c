@@ -10,7 +10,7 @@ enum { ROWS = LG_POLICY_ROWS };
 /* Arrays of a piece, in the type of the batch; path (steps + 1, ROWS, state). The last ones are doubles. */
 typedef struct piece {
     char *path, *cost, *theta, *weight, *lambda, *before, *gradient;
-    double *total, *copy;
+    double *total, *copy, *mean, *spread; /* spread (state): standard deviations over the runs */
     void *work;
 } piece;
 
@@ -33,10 +33,12 @@ static size_t lay_out(const lg_policy_batch *b, char *memory, piece *out) {
         if (memory != NULL) *arrays[i] = memory + used;
         used += aligned(counts[i] * width(b));
     }
-    if (memory != NULL) out->total = (double *)(void *)(memory + used);
-    used += aligned(ROWS * sizeof(double));
-    if (memory != NULL) out->copy = (double *)(void *)(memory + used);
-    used += aligned((n > ROWS ? n : ROWS) * sizeof(double));
+    double **const doubles[] = {&out->total, &out->copy, &out->mean, &out->spread};
+    const size_t of_doubles[] = {ROWS, n > ROWS ? n : ROWS, p->state, p->state};
+    for (size_t i = 0; i < LG_COUNT(doubles); i++) {
+        if (memory != NULL) *doubles[i] = (double *)(void *)(memory + used);
+        used += aligned(of_doubles[i] * sizeof(double));
+    }
     if (memory != NULL) out->work = memory + used;
     for (size_t i = 0; i < LG_POLICY_PLANS; i++) {
         const size_t own = lg_plan_work_size(b->plan[i]);
@@ -64,6 +66,20 @@ static const double *fetch(const lg_policy_batch *b, const void *from, size_t n,
     return copy;
 }
 
+static double number_at(const lg_policy_batch *b, const char *x, size_t i) {
+    return b->dtype == LG_F64 ? ((const double *)(const void *)x)[i]
+                              : (double)((const float *)(const void *)x)[i];
+}
+
+/* Multiplies row r of (ROWS, state); 0 also removes what is not finite. */
+static void scale_row(const lg_policy_batch *b, char *x, size_t r, double by) {
+    const size_t n = b->policy->state;
+    for (size_t i = r * n; i < (r + 1) * n; i++) {
+        const double to = by > 0.0 ? by * number_at(b, x, i) : 0.0;
+        store(b, &to, 1, x + i * width(b));
+    }
+}
+
 /* ---- */
 
 static void add_costs(const lg_policy_batch *b, piece *w) {
@@ -84,8 +100,40 @@ static void forward(const lg_policy_batch *b, piece *w) {
     add_costs(b, w);
 }
 
+/* Standard deviations of the numbers of a state over the runs of a piece. */
+static void find_spread(const lg_policy_batch *b, piece *w) {
+    const size_t n = b->policy->state, count = (b->steps + 1) * ROWS;
+    memset(w->mean, 0, n * sizeof *w->mean);
+    memset(w->spread, 0, n * sizeof *w->spread);
+    for (size_t k = 0; k < count; k++)
+        for (size_t i = 0; i < n; i++) w->mean[i] += number_at(b, w->path, k * n + i) / (double)count;
+    for (size_t k = 0; k < count; k++)
+        for (size_t i = 0; i < n; i++) {
+            const double from = number_at(b, w->path, k * n + i) - w->mean[i];
+            w->spread[i] += from * from / (double)count;
+        }
+    for (size_t i = 0; i < n; i++) w->spread[i] = sqrt(w->spread[i]);
+}
+
+/* Shortens the lambda of each run to b->bound times the weight of the run, in the norm |(lambda_i s_i)_i|, s
+ * the spread of the states. A lambda that is not finite becomes 0. */
+static void shorten(const lg_policy_batch *b, const piece *w, char *lambda) {
+    const size_t n = b->policy->state;
+    for (size_t r = 0; r < ROWS; r++) {
+        double sum = 0.0;
+        for (size_t i = 0; i < n; i++) {
+            const double change = number_at(b, lambda, r * n + i) * w->spread[i];
+            sum += change * change;
+        }
+        const double bound = b->bound * number_at(b, w->weight, r), length = sqrt(sum);
+        if (!(length <= bound)) scale_row(b, lambda, r, isfinite(length) ? bound / length : 0.0);
+    }
+}
+
 static void backward(const lg_policy_batch *b, piece *w, double *gradient) {
     const size_t x = ROWS * b->policy->state * width(b), n = b->policy->parameters;
+    const bool bounded = isfinite(b->bound);
+    if (bounded) find_spread(b, w);
     char *lambda = w->lambda, *next = w->before;
     lg_plan_eval(b->plan[LG_POLICY_ADJOINT_TERMINAL], (const void *[]){w->path + b->steps * x, w->weight},
                  (void *[]){lambda}, w->work);
@@ -93,6 +141,7 @@ static void backward(const lg_policy_batch *b, piece *w, double *gradient) {
         lg_plan_eval(b->plan[LG_POLICY_ADJOINT_CLOSED],
                      (const void *[]){w->path + k * x, w->theta, lambda, w->weight},
                      (void *[]){next, w->gradient}, w->work);
+        if (bounded) shorten(b, w, next);
         const double *own = fetch(b, w->gradient, n, w->copy);
         for (size_t i = 0; i < n; i++) gradient[i] += own[i];
         char *const swap = lambda;
@@ -128,7 +177,7 @@ lg_status lg_policy_batch_create(const lg_policy *policy, lg_dtype dtype, size_t
     memset(b, 0, sizeof *b);
     b->policy = policy, b->dtype = dtype, b->count = count, b->points = points, b->pieces = count / ROWS;
     b->steps = lg_policy_periods(policy, policy->task.horizon);
-    b->cut = INFINITY;
+    b->cut = b->bound = INFINITY;
     for (size_t i = 0; i < LG_POLICY_PLANS; i++)
         LG_TRY(lg_policy_plan(policy, names[i], dtype, ROWS, &b->plan[i], error));
     LG_TRY(lg_thread_pool_create(policy->context, threads, &b->pool));

@@ -20,6 +20,10 @@ typedef struct lg_policy_batch {
     size_t points, count, pieces, steps;
     const double **starts, **theta; /* of each point: (count, state), (parameters) */
     double cut;                     /* INFINITY: none */
+    /* Largest change of a run's cost by a typical change of its state: what goes back through a period of
+     * the run is shortened to it. Then the gradient is not exact, but runs whose motion is chaotic do not
+     * drown the others. INFINITY: none. */
+    double bound;
     lg_plan *plan[LG_POLICY_PLANS];
     lg_thread_pool *pool;
     char *memory;

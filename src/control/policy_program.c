@@ -273,8 +273,8 @@ static lg_status record_terminal(void *user, lg_tape *tape, const lg_var *theta,
     (void)theta;
     const lg_policy_seen seen = seen_of(p, tape, in[0]);
     const lg_var z = lg_policy_record_errors(tape, &p->task, seen);
-    const lg_var left = lg_exp(tape, lg_scale(tape, level_of(tape, p, seen, z), -1.0 / end));
-    out[0] = lg_scale(tape, lg_add_scalar(tape, lg_neg(tape, left), 1.0), p->terminal);
+    const lg_var from = lg_add_scalar(tape, lg_scale(tape, level_of(tape, p, seen, z), 1.0 / end), 1.0);
+    out[0] = lg_scale(tape, lg_log(tape, from), p->terminal);
     return lg_tape_status(tape);
 }
 

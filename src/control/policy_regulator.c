@@ -331,7 +331,7 @@ static void set_scales(const design *d) {
     for (uint32_t i = 0; i < d->n; i++) d->policy->scale[i] = 4.0 * d->size[i];
 }
 
-/* w: three times the mean cost of the horizon without control, by runs of `regulated` with K = 0 from
+/* w: .6 times the mean cost of the horizon without control, by runs of `regulated` with K = 0 from
  * random starts. */
 static lg_status set_terminal(design *d) {
     lg_policy *p = d->policy;
@@ -351,7 +351,7 @@ static lg_status set_terminal(design *d) {
     p->terminal = 0.0;
     for (size_t s = 0; s < SAMPLES; s++)
         if (isfinite(cost[s])) p->terminal += cost[s], finite++;
-    p->terminal *= 3.0 / (double)(finite > 0 ? finite : 1);
+    p->terminal *= 0.6 / (double)(finite > 0 ? finite : 1);
     return LG_OK;
 }
 

@@ -145,10 +145,10 @@ static bool finite(const double *x, size_t n) {
     return true;
 }
 
-/* The bound on the gradient's norm is in units of the cost: a fortieth of the cost of the unforced machine.
- */
+/* The bound on the gradient's norm is in units of the cost: a thirteenth of the cost of the unforced
+ * machine. */
 static double clip_of(const training *t, const double *gradient) {
-    const double bound = t->policy->terminal / 40.0;
+    const double bound = t->policy->terminal / 8.0;
     double sum = 0.0;
     for (size_t i = 0; i < t->n; i++) sum += gradient[i] * gradient[i];
     return sum > bound * bound ? bound / sqrt(sum) : 1.0;
@@ -226,6 +226,7 @@ static lg_status adam_phase(training *t, size_t points, uint64_t steps) {
         LG_TRY(lg_policy_batch_create(t->policy, LG_F32, points, t->options.starts, t->options.threads,
                                       &t->batch, t->error));
     double done;
+    t->batch.bound = 5.0 * t->policy->terminal;
     t->batch.points = t->phase == RACE ? t->racers : 1;
     while ((done = done_of(t, steps)) < 1.0) {
         if (lg_cancelled(t->policy->context)) return LG_CANCELLED;
@@ -275,7 +276,7 @@ static lg_status begin_polish(training *t) {
     LG_TRY(lg_policy_batch_create(t->policy, LG_F64, 1, FIXED, t->options.threads, &t->batch, t->error));
     LG_TRY(draw_starts(t, STREAM_FIXED, FIXED, t->x));
     t->batch.starts[0] = t->x;
-    t->batch.cut = 4.0 * t->policy->terminal;
+    t->batch.cut = 20.0 * t->policy->terminal;
     lg_minimise_options_init(&options);
     options.method = LG_MINIMISE_LBFGS;
     options.check = false;
