@@ -7,7 +7,7 @@
 #include "liegrad/fit.h"
 #include "liegrad/minimise.h"
 
-enum { VALIDATION = 256, FIXED = 512, LOOKS = 10 };
+enum { VALIDATION = 256, FIXED = 512, LOOKS = 10, MOST_ROUNDS = 4 };
 enum { RACE, FINISH, POLISH, DONE };
 
 /* Streams of random numbers of a seed. */
@@ -27,7 +27,8 @@ struct lg_policy_trainer {
     double *best;                     /* (parameters) */
     judged of_best;
     uint32_t phase, leader;
-    uint64_t step; /* of the phase */
+    uint64_t step;  /* of the phase */
+    uint32_t round; /* of the phase FINISH: it is repeated while many runs fail */
     lg_policy_batch batch;
     double *x,
         *validation; /* starts of a step (seeds, starts, state) or (FIXED, state); (VALIDATION, state) */
@@ -115,7 +116,7 @@ static lg_status look(training *t, const double *theta, judged *found) {
  * shares. */
 static double done_of(const training *t, uint64_t steps) {
     static const double share[] = {0.5, 0.25, 0.25};
-    const double by_steps = steps > 0 ? (double)t->step / (double)steps : 1.0;
+    const double by_steps = steps > 0 ? (double)t->step / (double)steps - t->round : 1.0;
     if (t->options.seconds == 0.0) return by_steps;
     double end = 0.0;
     for (uint32_t i = 0; i <= t->phase; i++) end += share[i];
@@ -125,8 +126,9 @@ static double done_of(const training *t, uint64_t steps) {
 
 static void report(const training *t, double done) {
     if (t->options.progress == NULL) return;
-    const uint64_t steps = t->options.race + t->options.finish + t->options.polish;
-    const uint64_t before[] = {0, t->options.race, t->options.race + t->options.finish};
+    const uint64_t finish = (t->round + 1) * t->options.finish,
+                   steps = t->options.race + finish + t->options.polish;
+    const uint64_t before[] = {0, t->options.race + t->round * t->options.finish, t->options.race + finish};
     const uint64_t of[] = {t->options.race, t->options.finish, t->options.polish};
     const lg_policy_progress now = {.step = before[t->phase] + (uint64_t)(done * (double)of[t->phase]),
                                     .steps = steps,
@@ -219,12 +221,17 @@ static lg_status drop_racers(training *t, double done) {
     return LG_OK;
 }
 
+/* Starts of a step of Adam. The winner gets twice as many as a racer: they are two pieces of work. */
+static size_t starts_of(const training *t) {
+    return (t->phase == RACE ? 1 : 2) * (size_t)t->options.starts;
+}
+
 static lg_status adam_phase(training *t, size_t points, uint64_t steps) {
     const uint64_t every = steps / LOOKS + 1;
     judged found;
     if (t->batch.policy == NULL)
-        LG_TRY(lg_policy_batch_create(t->policy, LG_F32, points, t->options.starts, t->options.threads,
-                                      &t->batch, t->error));
+        LG_TRY(lg_policy_batch_create(t->policy, LG_F32, points, starts_of(t), t->options.threads, &t->batch,
+                                      t->error));
     double done;
     t->batch.bound = 5.0 * t->policy->terminal;
     t->batch.points = t->phase == RACE ? t->racers : 1;
@@ -246,7 +253,7 @@ static void next_phase(training *t) {
     lg_minimiser_destroy(t->minimiser);
     t->minimiser = NULL;
     t->phase++;
-    t->step = 0;
+    t->step = 0, t->round = 0;
     t->phase_begun = lg_seconds();
 }
 
@@ -262,10 +269,16 @@ static lg_status race(training *t) {
     return LG_OK;
 }
 
+/* Rounds of Adam, each with a decay of its rate, until nearly all validation starts succeed. */
 static lg_status finish(training *t) {
+    static const double enough = 0.99;
     judged found;
-    LG_TRY(adam_phase(t, 1, t->options.finish));
-    LG_TRY(look(t, t->theta, &found));
+    const uint32_t rounds = t->options.seconds > 0.0 || t->options.finish == 0 ? 1 : MOST_ROUNDS;
+    for (;; t->round++) {
+        LG_TRY(adam_phase(t, 1, t->options.finish));
+        LG_TRY(look(t, t->theta, &found));
+        if (t->of_best.success >= enough || t->round + 1 == rounds) break;
+    }
     memcpy(t->theta, t->best, t->n * sizeof *t->theta);
     next_phase(t);
     return LG_OK;
@@ -308,7 +321,7 @@ static lg_status polish(training *t) {
 static lg_status begin(training *t) {
     const lg_policy *p = t->policy;
     const size_t n = t->n, seeds = t->seeds;
-    const size_t starts = seeds * t->options.starts > FIXED ? seeds * t->options.starts : FIXED;
+    const size_t most = (seeds > 2 ? seeds : 2) * t->options.starts, starts = most > FIXED ? most : FIXED;
     t->theta = lg_alloc(p->context, (4 * seeds + 1) * n, sizeof *t->theta);
     t->x = lg_alloc(p->context, (starts + VALIDATION) * p->state, sizeof *t->x);
     t->cost = lg_alloc(p->context, seeds, sizeof *t->cost);
@@ -380,7 +393,7 @@ lg_status lg_policy_trainer_run(lg_policy_trainer *t, lg_policy_train_result *re
 /* ---- states of training ---- */
 
 /* Numbers that a resumed run must have in common with the saved one, then the place in the run. */
-enum { FACTS = 12, COMMON = 7 };
+enum { FACTS = 13, COMMON = 7 };
 
 static void list_facts(const training *t, uint64_t out[FACTS]) {
     const lg_policy_train_options *o = &t->options;
@@ -395,7 +408,8 @@ static void list_facts(const training *t, uint64_t out[FACTS]) {
                                  t->step,
                                  t->leader,
                                  isfinite(t->of_best.cost),
-                                 t->racers};
+                                 t->racers,
+                                 t->round};
     memcpy(out, all, sizeof all);
 }
 
@@ -432,10 +446,11 @@ lg_status lg_policy_trainer_load(lg_policy_trainer *t, const lg_archive_reader *
         status = from->array(from->user, "number", LG_ELEMENT_U64, 1, &(uint64_t){t->seeds}, t->number);
     if (status == LG_OK) status = from->array(from->user, "theta", LG_ELEMENT_F64, 1, &numbers, t->theta);
     if (status != LG_OK) return lg_fail(error, LG_FORMAT, "the file has no state of training of a policy");
-    if (facts[7] > DONE || facts[9] >= t->seeds || facts[11] == 0 || facts[11] > t->seeds)
+    if (facts[7] > DONE || facts[9] >= t->seeds || facts[11] == 0 || facts[11] > t->seeds ||
+        facts[12] >= MOST_ROUNDS)
         return lg_fail(error, LG_FORMAT, "the state of training is damaged");
     t->phase = (uint32_t)facts[7], t->step = facts[8], t->leader = (uint32_t)facts[9];
-    t->racers = (uint32_t)facts[11];
+    t->racers = (uint32_t)facts[11], t->round = (uint32_t)facts[12];
     t->of_best = (judged){best[0], facts[10] ? best[1] : INFINITY};
     if (t->phase != POLISH || t->step == 0) return LG_OK;
     LG_TRY(begin_polish(t));
