@@ -13,6 +13,12 @@ extern const app_command demo_command, train_command, evaluate_command, certify_
 lg_program *control_load_plant(const app *self, const char *path, lg_policy_task *task);
 /* Reads a task and its plant; the plant's path is relative to the task's folder. `text`: freed with free. */
 lg_program *control_read_task(const app *self, const char *path, lg_policy_task *task, char **text);
+/* The path of the plant that a task names, to be freed. */
+char *control_plant_path(const app *self, const char *path);
+
+/* Adds the task's draws to the policy: machines from the covariance of the fit whose model is the file
+ * `path`, with the task's spread besides. Ends the command if that is no model of lg-identify. */
+void control_add_draws(const app *self, lg_policy *policy, const char *path);
 
 /* Prints success and costs below `prefix` in JSON. */
 void control_tell_outcome(app_json *out, const lg_policy_outcome *outcome);

@@ -6,13 +6,15 @@
 #include "lg-control/control_app.h"
 
 typedef struct evaluate_values {
-    const char *plant;
+    const char *plant, *disturb;
     uint64_t starts;
 } evaluate_values;
 
 static const lg_field options[] = {
     LG_OPTION(evaluate_values, plant, STRING, "FILE", "Judge on this machine instead of the policy's",
               .file = LG_FILE_READ),
+    LG_OPTION(evaluate_values, disturb, STRING, "TASK.yaml",
+              "Judge with the disturbances (robust) of this task too", .file = LG_FILE_READ),
     LG_OPTION(evaluate_values, starts, U64, "n", "Random starts", .low = 1, .high = 1e6, .value = "500"),
     LG_FIELD_END};
 
@@ -34,6 +36,17 @@ static lg_policy *other_plant(const app *self, lg_policy *policy) {
     APP_MUST(self, lg_policy_transplant(policy, plant, &other, &error));
     lg_policy_destroy(policy);
     return other;
+}
+
+/* Draws come from the model --plant, or else from the plant of the task. */
+static void disturb(const app *self, lg_policy *policy) {
+    lg_policy_task task;
+    APP_FREE char *text = NULL, *source = control_plant_path(self, values.disturb);
+    lg_program_destroy(control_read_task(self, values.disturb, &task, &text));
+    if (!lg_policy_is_disturbed(&task))
+        app_stop(self, LG_FORMAT, "%s: the task has no disturbances (robust)", values.disturb);
+    APP_MUST(self, lg_policy_disturb(policy, &task, &error));
+    control_add_draws(self, policy, values.plant != NULL ? values.plant : source);
 }
 
 static void tell_worst(const app *self, app_json *out, const lg_policy *policy, const lg_policy_outcome *o,
@@ -69,7 +82,7 @@ static double time_control(const app *self, const lg_policy *policy) {
 
 static int run(app *self) {
     lg_policy *policy = NULL;
-    lg_policy_outcome own, regulator;
+    lg_policy_outcome own, regulator, rough;
     app_json out;
     APP_MUST_FILE(self, self->arguments[0],
                   lg_policy_load(self->context, self->arguments[0], NULL, &policy, NULL, &error));
@@ -77,10 +90,15 @@ static int run(app *self) {
     const size_t n = lg_policy_regulator_of(policy)->errors, steps = lg_policy_steps(policy);
     APP_FREE double *path = app_alloc((steps + 1) * values.starts * n, sizeof *path);
     lg_policy_runs runs = {.path = path};
-    APP_MUST(self, lg_policy_evaluate(policy, false, values.starts, self->seed, (int)self->threads, &own,
-                                      &runs, &error));
-    APP_MUST(self, lg_policy_evaluate(policy, true, values.starts, self->seed, (int)self->threads, &regulator,
-                                      NULL, &error));
+    APP_MUST(self, lg_policy_evaluate(policy, LG_POLICY_NOMINAL, values.starts, self->seed,
+                                      (int)self->threads, &own, &runs, &error));
+    APP_MUST(self, lg_policy_evaluate(policy, LG_POLICY_REGULATED, values.starts, self->seed,
+                                      (int)self->threads, &regulator, NULL, &error));
+    if (values.disturb != NULL) {
+        disturb(self, policy);
+        APP_MUST(self, lg_policy_evaluate(policy, LG_POLICY_DISTURBED, values.starts, self->seed,
+                                          (int)self->threads, &rough, NULL, &error));
+    }
     app_result_begin(&out, self);
     control_tell_outcome(&out, &own);
     app_result_real(&out, "microseconds", time_control(self, policy),
@@ -90,6 +108,12 @@ static int run(app *self) {
     app_json_open(&out, "lqr", '{');
     control_tell_outcome(&out, &regulator);
     app_json_close(&out, '}');
+    if (values.disturb != NULL) {
+        app_result_line(&out, "with the disturbances of %s:", values.disturb);
+        app_json_open(&out, "disturbed", '{');
+        control_tell_outcome(&out, &rough);
+        app_json_close(&out, '}');
+    }
     app_json_warnings(&out, self);
     app_json_end(&out);
     lg_policy_destroy(policy);

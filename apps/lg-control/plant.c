@@ -1,10 +1,31 @@
 /* Plants: the machines that a controller is for, from files of three kinds. */
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "lg-control/control_app.h"
 #include "liegrad/machine.h"
 #include "liegrad/taped.h"
+
+/* ---- kinds of files ---- */
+
+static bool is_hdf5(const app *self, const char *path) {
+    static const unsigned char signature[8] = {0x89, 'H', 'D', 'F', '\r', '\n', 0x1a, '\n'};
+    unsigned char begin[8] = {0};
+    FILE *stream = app_open(path);
+    if (stream == NULL) app_must_file(self, LG_NOT_FOUND, NULL, path);
+    const size_t count = fread(begin, 1, sizeof begin, stream);
+    (void)fclose(stream);
+    return count == sizeof begin && memcmp(begin, signature, sizeof begin) == 0;
+}
+
+/* Whether the file is a model of lg-identify. */
+static bool is_model(const app *self, const char *path) {
+    char kind[64];
+    if (!is_hdf5(self, path)) return false;
+    APP_MUST_FILE(self, path, lg_model_file_kind(self->context, path, NULL, kind, sizeof kind, &error));
+    return strcmp(kind, "machine_model") == 0;
+}
 
 /* ---- machines ---- */
 
@@ -88,6 +109,73 @@ static lg_program *read_machine(const app *self, const char *path, lg_policy_tas
     return program;
 }
 
+/* ---- draws ---- */
+
+/* The largest relative change of an identified number per change of theta_i. */
+static double slope_of(const lg_machine *machine, double *theta, size_t i, size_t count,
+                       lg_identified *numbers) {
+    static const double h = 1e-4;
+    const double kept = theta[i];
+    double most = 0;
+    theta[i] = kept - h;
+    (void)lg_machine_numbers(machine, theta, count, numbers);
+    theta[i] = kept + h;
+    (void)lg_machine_numbers(machine, theta, count, numbers + count);
+    theta[i] = kept;
+    for (size_t k = 0; k < count; k++) {
+        const double low = numbers[k].value, high = numbers[count + k].value,
+                     size = 0.5 * (fabs(low) + fabs(high));
+        if (size > 0 && isfinite(size)) most = fmax(most, fabs(high - low) / (2 * h * size));
+    }
+    return most;
+}
+
+/* Adds W x to theta, x from N(0, 1), and besides changes each learned number by `spread` of its size. */
+static void draw_theta(const lg_machine_model_file *model, double spread, const double *slope, lg_rng *rng,
+                       double *theta) {
+    const size_t n = model->parameters;
+    memcpy(theta, model->theta, n * sizeof *theta);
+    for (size_t j = 0; j < n; j++) {
+        const double x = lg_rng_normal(rng);
+        for (size_t i = 0; i < n && model->spread != NULL; i++) theta[i] += model->spread[i * n + j] * x;
+    }
+    for (size_t i = model->run.machine.weights; i < n; i++) {
+        const double x = lg_rng_normal(rng);
+        if (slope[i] > 0) theta[i] += spread * x / slope[i];
+    }
+}
+
+void control_add_draws(const app *self, lg_policy *policy, const char *path) {
+    const lg_policy_task *task = lg_policy_task_of(policy);
+    APP_CLEAN(lg_machine_model_file_destroy) lg_machine_model_file model = {.theta = NULL};
+    lg_rng rng;
+    if (task->draws == 0) return;
+    if (!is_model(self, path))
+        app_stop(
+            self, LG_FORMAT,
+            "%s: robust.draws needs a model of lg-identify, whose covariance tells what else the machine "
+            "may be",
+            path);
+    APP_MUST_FILE(self, path, lg_machine_model_load(self->context, path, NULL, &model, &error));
+    if (model.spread == NULL && !(task->spread > 0))
+        app_stop(self, LG_FORMAT, "%s: the model has no covariance of its numbers; give robust.spread", path);
+    const lg_machine *machine = &model.run.machine;
+    const size_t count = lg_machine_numbers(machine, model.theta, 0, NULL);
+    APP_FREE lg_identified *numbers = app_alloc(2 * count + 1, sizeof *numbers);
+    APP_FREE double *theta = app_alloc(2 * model.parameters, sizeof *theta);
+    double *slope = theta + model.parameters;
+    for (size_t i = machine->weights; i < model.parameters; i++)
+        slope[i] = slope_of(machine, model.theta, i, count, numbers);
+    lg_rng_seed(&rng, self->seed, 1);
+    for (uint32_t k = 0; k < task->draws; k++) {
+        lg_program *plant = NULL;
+        draw_theta(&model, task->spread, slope, &rng, theta);
+        APP_MUST(self, lg_machine_program(self->context, machine, theta, scheme_of(model.run.scheme), &plant,
+                                          &error));
+        APP_MUST(self, lg_policy_add_draw(policy, plant, &error));
+    }
+}
+
 /* ---- programs ---- */
 
 static void name_states(const app *self, const char *path, const lg_program *program, lg_policy_task *task,
@@ -129,27 +217,31 @@ static lg_program *load_program(const app *self, const char *path, lg_policy_tas
 /* ---- */
 
 lg_program *control_load_plant(const app *self, const char *path, lg_policy_task *task) {
-    static const unsigned char signature[8] = {0x89, 'H', 'D', 'F', '\r', '\n', 0x1a, '\n'};
-    unsigned char begin[8] = {0};
-    char kind[64];
-    FILE *stream = app_open(path);
-    if (stream == NULL) app_must_file(self, LG_NOT_FOUND, NULL, path);
-    const size_t count = fread(begin, 1, sizeof begin, stream);
-    (void)fclose(stream);
-    if (count < sizeof begin || memcmp(begin, signature, sizeof begin) != 0)
-        return read_machine(self, path, task);
-    APP_MUST_FILE(self, path, lg_model_file_kind(self->context, path, NULL, kind, sizeof kind, &error));
-    return strcmp(kind, "machine_model") == 0 ? load_model(self, path, task) : load_program(self, path, task);
+    if (!is_hdf5(self, path)) return read_machine(self, path, task);
+    return is_model(self, path) ? load_model(self, path, task) : load_program(self, path, task);
+}
+
+/* The path of the plant that the task in `path` calls `plant`. */
+static char *beside(const char *path, const char *plant) {
+    const char *slash = strrchr(path, '/');
+    return plant[0] == '/' || slash == NULL ? app_format("%s", plant)
+                                            : app_format("%.*s/%s", (int)(slash - path), path, plant);
+}
+
+char *control_plant_path(const app *self, const char *path) {
+    lg_policy_task task;
+    char plant[512], *text = NULL;
+    APP_MUST_FILE(self, path,
+                  lg_policy_task_read(self->context, path, &task, plant, sizeof plant, &text, &error));
+    free(text);
+    return beside(path, plant);
 }
 
 lg_program *control_read_task(const app *self, const char *path, lg_policy_task *task, char **text) {
     char plant[512], *read = NULL;
     APP_MUST_FILE(self, path,
                   lg_policy_task_read(self->context, path, task, plant, sizeof plant, &read, &error));
-    const char *slash = strrchr(path, '/');
-    APP_FREE char *full = plant[0] == '/' || slash == NULL
-                              ? app_format("%s", plant)
-                              : app_format("%.*s/%s", (int)(slash - path), path, plant);
+    APP_FREE char *full = beside(path, plant);
     lg_program *program = control_load_plant(self, full, task);
     APP_MUST_FILE(self, path, lg_policy_task_parse(self->context, path, read, task, &error));
     *text = read;

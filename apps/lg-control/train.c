@@ -95,11 +95,17 @@ void control_tell_outcome(app_json *out, const lg_policy_outcome *o) {
 }
 
 static void report(const app *self, const lg_policy *policy, const lg_policy_train_result *result) {
-    lg_policy_outcome held, regulator;
+    lg_policy_outcome held, regulator, rough;
     app_json out;
     const uint64_t seed = self->seed ^ UINT64_C(0x9e3779b97f4a7c15);
-    APP_MUST(self, lg_policy_evaluate(policy, false, 500, seed, (int)self->threads, &held, NULL, &error));
-    APP_MUST(self, lg_policy_evaluate(policy, true, 500, seed, (int)self->threads, &regulator, NULL, &error));
+    APP_MUST(self, lg_policy_evaluate(policy, LG_POLICY_NOMINAL, 500, seed, (int)self->threads, &held, NULL,
+                                      &error));
+    APP_MUST(self, lg_policy_evaluate(policy, LG_POLICY_REGULATED, 500, seed, (int)self->threads, &regulator,
+                                      NULL, &error));
+    const bool disturbed = lg_policy_is_disturbed(lg_policy_task_of(policy));
+    if (disturbed)
+        APP_MUST(self, lg_policy_evaluate(policy, LG_POLICY_DISTURBED, 512, seed, (int)self->threads, &rough,
+                                          NULL, &error));
     app_result_begin(&out, self);
     app_result_real(&out, "cost", held.cost_mean, "mean over 500 held-out starts");
     app_result_real(&out, "success", (double)held.succeeded / (double)held.starts, "share of these starts");
@@ -107,6 +113,12 @@ static void report(const app *self, const lg_policy *policy, const lg_policy_tra
                      "95 %");
     app_result_real(&out, "regulator_success", (double)regulator.succeeded / (double)regulator.starts,
                     "share, the saturated regulator alone");
+    if (disturbed) {
+        app_result_line(&out, "with the disturbances of the task:");
+        app_json_open(&out, "disturbed", '{');
+        control_tell_outcome(&out, &rough);
+        app_json_close(&out, '}');
+    }
     app_result_size(&out, "parameters", lg_policy_parameters(policy), NULL);
     app_result_size(&out, "substeps", lg_policy_task_of(policy)->substeps, "of the integrator in a period");
     app_result_real(&out, "seconds", result->seconds, NULL);
@@ -133,6 +145,8 @@ static int run(app *self) {
     lg_program *plant = control_read_task(self, self->arguments[0], &task, &text);
     APP_MUST(self, lg_policy_create(self->context, &task, plant, self->seed, &policy, &error));
     warn(self, policy);
+    APP_FREE char *source = control_plant_path(self, self->arguments[0]);
+    control_add_draws(self, policy, source);
     APP_MUST(self, lg_policy_trainer_create(policy, &settings, &trainer, &error));
     if (values.resume != NULL) load_state(self, trainer);
     app_progress_begin(&progress, 0, settings.race + settings.finish + settings.polish);

@@ -92,6 +92,9 @@ typedef struct lg_policy_coordinate {
     double start[2], start_velocity[2];
     double weight, weight_velocity;   /* of the cost, >= 0 */
     double success, success_velocity; /* largest |error| (of an angle: in radians); INFINITY: any */
+    /* Standard deviations of the sensors' noise, of each number (of an attitude or direction: of the angle
+     * about each axis); 0: none. */
+    double noise, noise_velocity;
 } lg_policy_coordinate;
 
 typedef struct lg_policy_input {
@@ -111,7 +114,12 @@ typedef struct lg_policy_task {
     lg_policy_kind kind;
     uint32_t hidden_layers, hidden[LG_POLICY_HIDDEN]; /* of a network, with tanh; default 32, 32 */
     bool gate;                                        /* default true; false: the network acts alone */
-    double gains[2];   /* k_p and k_d of kind energy, for all inputs; 0, 0 (default): they are trained */
+    double gains[2]; /* k_p and k_d of kind energy, for all inputs; 0, 0 (default): they are trained */
+    /* Disturbances of training: the share of the runs in which inputs act a period late, and the number of
+     * other machines (lg_policy_add_draw). A task with a disturbance is disturbed; see lg_policy_test. */
+    double delay;
+    uint32_t draws;
+    double spread;     /* of these machines: standard deviation of each learned number, over its size */
     uint32_t substeps; /* steps of the integrator in a period; 0: as many as keep its error below 1e-4 */
 } lg_policy_task;
 LG_API void lg_policy_task_init(lg_policy_task *task);
@@ -137,7 +145,10 @@ LG_API const lg_policy_task *lg_policy_task_of(const lg_policy *policy);
  *   control    (x) -> u                      x: positions as controllers get them, then velocities
  *   closed     (x, weights) -> next, cost, u   one period
  *   regulated  (x, K) -> next, cost, u         one period of the saturated regulator
- *   terminal   (x) -> cost                   W */
+ *   terminal   (x) -> cost                   W
+ * and of a disturbed task, with the state s = (x, the input of the period before) and `late` 0 or 1,
+ *   disturbed      (s, weights, noise, late) -> next, cost, u
+ *   disturbed_end  (s) -> cost */
 LG_API const lg_program *lg_policy_program(const lg_policy *policy);
 LG_API size_t lg_policy_parameters(const lg_policy *policy);
 LG_API size_t lg_policy_steps(const lg_policy *policy); /* periods in task.within */
@@ -172,6 +183,19 @@ LG_API lg_status lg_policy_add_rate(lg_policy *policy, lg_program **program, lg_
  * lg_policy_add_rate; LG_UNSUPPORTED (another kind or machine; the potential of a line is not constant, so
  * it has no period); LG_CHECK_FAILED (the damping is not linear, or not positive). */
 LG_API lg_status lg_policy_add_slope(lg_policy *policy, lg_certify_energy_spec *spec, lg_error *error);
+
+/* ---- disturbances ---- */
+
+/* Gives the policy the disturbances of the task `by`, with the same coordinates, in place of its own, so that
+ * it can be judged under them. Errors: LG_SHAPE (other coordinates), LG_INVALID_ARGUMENT, those of
+ * lg_program_add_function. */
+LG_API lg_status lg_policy_disturb(lg_policy *policy, const lg_policy_task *by, lg_error *error);
+/* Adds another machine that the policy must serve too, such as a draw from the covariance of a fit. Training
+ * and judgement of disturbed runs take the machines that were added in turn; without one they take the
+ * policy's machine. The policy takes ownership of the plant. Errors: those of lg_policy_create. */
+LG_API lg_status lg_policy_add_draw(lg_policy *policy, lg_program *plant, lg_error *error);
+/* Whether the task has noise, a delay or draws. */
+LG_API bool lg_policy_is_disturbed(const lg_policy_task *task);
 
 /* ---- training ---- */
 
@@ -209,8 +233,8 @@ typedef struct lg_policy_train_result {
  * follows.
  *
  * Adam's gradients are not exact: what goes back through a run is shortened, so that runs whose motion is
- * chaotic do not drown the others. The policy gets the best parameters that the
- * validation starts saw. For `lqr`, and for `energy` with given gains, nothing is trained, only judged.
+ * chaotic do not drown the others. The policy gets the best parameters that the validation starts saw. If
+ * the task is disturbed, all runs are, and there are 512 validation starts. For `lqr`, and for `energy` with given gains, nothing is trained, only judged.
  *
  * `options` NULL means the defaults. The policy must outlive the trainer. After LG_CANCELLED
  * lg_policy_trainer_save stores the state; a trainer with the same policy and options loads it and runs on,
@@ -257,11 +281,19 @@ typedef struct lg_policy_runs {
     double *input;     /* (steps, count, inputs); NULL: not wanted */
 } lg_policy_runs;
 
-/* Runs the policy from `starts` random starts over task.within seconds. `regulator`: the saturated
- * regulator alone. `runs` (may be NULL): arrays that the caller provides are filled; count and x are not
- * read. Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY. */
-LG_API lg_status lg_policy_evaluate(const lg_policy *policy, bool regulator, uint64_t starts, uint64_t seed,
-                                    int threads, lg_policy_outcome *out, lg_policy_runs *runs,
+typedef enum lg_policy_test {
+    LG_POLICY_NOMINAL,
+    LG_POLICY_REGULATED, /* the saturated regulator alone */
+    /* With the task's disturbances: noise of the sensors, inputs a period late in a share of the runs, and
+     * the machines of lg_policy_add_draw in turn, one for 64 runs. */
+    LG_POLICY_DISTURBED
+} lg_policy_test;
+
+/* Runs the policy from `starts` random starts over task.within seconds. `runs` (may be NULL): arrays that
+ * the caller provides are filled; count and x are not read. Errors: LG_INVALID_ARGUMENT (also: the task has
+ * no disturbances), LG_OUT_OF_MEMORY. */
+LG_API lg_status lg_policy_evaluate(const lg_policy *policy, lg_policy_test test, uint64_t starts,
+                                    uint64_t seed, int threads, lg_policy_outcome *out, lg_policy_runs *runs,
                                     lg_error *error);
 
 /* ---- files (library liegrad_io) ---- */

@@ -30,6 +30,8 @@ static lg_status check_coordinate(const lg_policy_coordinate *c, lg_error *error
           isfinite(c->weight_velocity)))
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "coordinate %s: weights of the cost must be finite and >= 0", c->name);
+    if (!(c->noise >= 0.0 && c->noise_velocity >= 0.0 && isfinite(c->noise) && isfinite(c->noise_velocity)))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "coordinate %s: noise must be finite and >= 0", c->name);
     if (!(c->success > 0.0) || !(c->success_velocity > 0.0))
         return lg_fail(error, LG_INVALID_ARGUMENT, "coordinate %s: bounds of success must be above 0",
                        c->name);
@@ -61,6 +63,9 @@ static lg_status check_task(const lg_policy_task *t, lg_error *error) {
           isfinite(t->gains[1])))
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "gains are two positive numbers, k_p and k_d, of a controller of kind energy");
+    if (!(t->delay >= 0.0 && t->delay <= 1.0 && t->spread >= 0.0 && isfinite(t->spread)))
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "disturbances need a delay from 0 to 1 and a finite spread of at least 0");
     if (!weighed) return lg_fail(error, LG_INVALID_ARGUMENT, "the cost weighs no coordinate");
     if (!judged) return lg_fail(error, LG_INVALID_ARGUMENT, "success bounds no coordinate");
     if (!(t->period > 0.0 && t->horizon >= t->period && t->hold >= 0.0 && t->within >= t->hold) ||
@@ -274,11 +279,9 @@ lg_status lg_policy_adopt(lg_policy *p, lg_error *error) {
     return LG_OK;
 }
 
-lg_status lg_policy_transplant(const lg_policy *policy, lg_program *plant, lg_policy **out, lg_error *error) {
-    if (policy == NULL || plant == NULL || out == NULL) {
-        lg_program_destroy(plant);
-        return lg_fail(error, LG_INVALID_ARGUMENT, "one of these arguments is NULL: policy, plant, out");
-    }
+/* `judge`: the integrator's steps are chosen for this plant. */
+static lg_status transplant(const lg_policy *policy, lg_program *plant, bool judge, lg_policy **out,
+                            lg_error *error) {
     lg_policy *p = lg_alloc(policy->context, 1, sizeof *p);
     lg_status status = p == NULL ? lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a policy") : LG_OK;
     if (status == LG_OK) {
@@ -293,7 +296,7 @@ lg_status lg_policy_transplant(const lg_policy *policy, lg_program *plant, lg_po
         memcpy(p->theta, policy->theta, p->parameters * sizeof *p->theta);
         status = lg_policy_begin(p, plant, error);
     }
-    if (status == LG_OK) status = choose_substeps(p, judging_error, 1, error);
+    if (status == LG_OK && judge) status = choose_substeps(p, judging_error, 1, error);
     if (status == LG_OK && p->task.substeps < policy->task.substeps) p->task.substeps = policy->task.substeps;
     if (status == LG_OK) status = lg_policy_add_motion(p, error);
     if (status == LG_OK) status = lg_policy_add_regulated(p, error);
@@ -304,6 +307,58 @@ lg_status lg_policy_transplant(const lg_policy *policy, lg_program *plant, lg_po
     else
         lg_policy_destroy(p);
     return status;
+}
+
+lg_status lg_policy_transplant(const lg_policy *policy, lg_program *plant, lg_policy **out, lg_error *error) {
+    if (policy != NULL && plant != NULL && out != NULL) return transplant(policy, plant, true, out, error);
+    lg_program_destroy(plant);
+    return lg_fail(error, LG_INVALID_ARGUMENT, "one of these arguments is NULL: policy, plant, out");
+}
+
+bool lg_policy_is_disturbed(const lg_policy_task *task) {
+    bool noisy = false;
+    for (uint32_t i = 0; i < task->coordinate_count; i++)
+        noisy = noisy || task->coordinate[i].noise > 0.0 || task->coordinate[i].noise_velocity > 0.0;
+    return noisy || task->delay > 0.0 || task->draws > 0;
+}
+
+lg_status lg_policy_add_draw(lg_policy *policy, lg_program *plant, lg_error *error) {
+    lg_policy *drawn = NULL;
+    if (policy == NULL || plant == NULL || !lg_policy_is_disturbed(&policy->task)) {
+        lg_program_destroy(plant);
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       policy == NULL || plant == NULL ? "one of these arguments is NULL: policy, plant"
+                                                       : "the policy's task has no disturbances");
+    }
+    LG_TRY(transplant(policy, plant, false, &drawn, error));
+    lg_policy **draws = lg_alloc(policy->context, policy->draw_count + 1, sizeof *draws);
+    if (draws == NULL) {
+        lg_policy_destroy(drawn);
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a policy");
+    }
+    if (policy->draw_count > 0) memcpy(draws, policy->draws, policy->draw_count * sizeof *draws);
+    draws[policy->draw_count++] = drawn;
+    lg_free(policy->context, policy->draws);
+    policy->draws = draws;
+    return LG_OK;
+}
+
+lg_status lg_policy_disturb(lg_policy *policy, const lg_policy_task *by, lg_error *error) {
+    LG_NEEDS(error, policy, by);
+    lg_policy_task changed = policy->task;
+    if (by->coordinate_count != changed.coordinate_count)
+        return lg_fail(error, LG_SHAPE, "the task has %u coordinates, the policy %u", by->coordinate_count,
+                       changed.coordinate_count);
+    for (uint32_t i = 0; i < changed.coordinate_count; i++) {
+        changed.coordinate[i].noise = by->coordinate[i].noise;
+        changed.coordinate[i].noise_velocity = by->coordinate[i].noise_velocity;
+    }
+    changed.delay = by->delay, changed.draws = by->draws, changed.spread = by->spread;
+    LG_TRY(check_task(&changed, error));
+    policy->task = changed;
+    if (!lg_policy_is_disturbed(&changed) || has(policy, "disturbed")) return LG_OK;
+    if (!has(policy, "disturbed_regulator")) LG_TRY(lg_policy_add_disturbed_regulator(policy, error));
+    return lg_policy_add_disturbed(policy, error);
 }
 
 lg_status lg_policy_create(const lg_context *context, const lg_policy_task *task, lg_program *plant,
@@ -328,6 +383,8 @@ lg_status lg_policy_create(const lg_context *context, const lg_policy_task *task
 
 void lg_policy_destroy(lg_policy *p) {
     if (p == NULL) return;
+    for (size_t i = 0; i < p->draw_count; i++) lg_policy_destroy(p->draws[i]);
+    lg_free(p->context, p->draws);
     lg_program_destroy(p->program);
     lg_free(p->context, p->theta);
     lg_free(p->context, p);

@@ -45,6 +45,13 @@ void lg_policy_retract(const lg_policy_task *task, const lg_policy_layout *layou
 /* The tangent of lg_policy_retract at 0: q = goal + T z, v = U z; T (positions, errors), U (velocities,
  * errors). */
 void lg_policy_tangent(const lg_policy_task *task, const lg_policy_layout *layout, double *T, double *U);
+/* Sensors' noise. noise (B, n) has numbers for the positions, then for the velocities, 3 for a direction or
+ * rotation: it turns by that vector, to first order. The standard deviations go to `sizes` (NULL: only n is
+ * wanted). */
+enum { LG_POLICY_NOISE = 6 * LG_POLICY_COORDINATES };
+uint32_t lg_policy_noise_sizes(const lg_policy_task *task, double *sizes);
+lg_policy_seen lg_policy_record_noise(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen,
+                                      lg_var noise);
 /* Draws the errors of a start. */
 void lg_policy_draw(const lg_policy_task *task, const lg_policy_layout *layout, lg_rng *rng, double *z);
 /* The angle or distance from the goal, and whether errors are inside the bounds of success. */
@@ -65,7 +72,9 @@ struct lg_policy {
     double terminal;            /* w of W */
     lg_mlp net;
     size_t parameters;
-    double *theta; /* (parameters); the program's parameter `policy` */
+    double *theta;     /* (parameters); the program's parameter `policy` */
+    lg_policy **draws; /* (draw_count): the other machines of a disturbed task */
+    size_t draw_count;
 };
 
 /* Checks the task and sets sizes, with room for theta. lg_policy_adopt checks the program that the policy
@@ -86,8 +95,13 @@ lg_status lg_policy_begin(lg_policy *policy, const lg_program *plant, lg_error *
  * the goal, and jac_linear; then regulated (x, K) -> next, cost, u with a shared gain, which needs u0. */
 lg_status lg_policy_add_motion(lg_policy *policy, lg_error *error);
 lg_status lg_policy_add_regulated(lg_policy *policy, lg_error *error);
-/* Adds policy, control, closed, terminal, and the adjoints adj1_closed and adj1_terminal. */
+/* Adds policy, control, closed, terminal, and the adjoints adj1_closed and adj1_terminal; of a disturbed task
+ * also what lg_policy_add_disturbed adds: disturbed, disturbed_end and their adjoints. */
 lg_status lg_policy_add_functions(lg_policy *policy, lg_error *error);
+lg_status lg_policy_add_disturbed(lg_policy *policy, lg_error *error);
+/* disturbed_regulator (s, K, noise, late) -> next, cost, u; lg_policy_add_regulated adds it for a disturbed
+ * task. */
+lg_status lg_policy_add_disturbed_regulator(lg_policy *policy, lg_error *error);
 /* A plan of a function of the program for `rows` rows. */
 lg_status lg_policy_plan(const lg_policy *policy, const char *function, lg_dtype dtype, size_t rows,
                          lg_plan **out, lg_error *error);
@@ -102,9 +116,21 @@ lg_status lg_policy_plan(const lg_policy *policy, const char *function, lg_dtype
 lg_status lg_policy_states(const lg_policy *policy, const double *z, size_t count, double *x,
                            lg_error *error);
 
-/* `gain`: the shared input K of `regulated`, NULL: `closed` with the parameters theta. */
-lg_status lg_policy_run(const lg_policy *policy, const double *gain, const double *theta, int threads,
-                        lg_policy_runs *runs, lg_error *error);
+typedef struct lg_policy_trial {
+    const double *gain;  /* the shared input K of `regulated`; NULL: runs of the policy with theta */
+    const double *theta; /* the policy's parameters */
+    bool disturbed;
+    uint64_t seed; /* of the disturbances */
+    int threads;
+} lg_policy_trial;
+lg_status lg_policy_run(const lg_policy *policy, const lg_policy_trial *trial, lg_policy_runs *runs,
+                        lg_error *error);
+/* The machine of piece `piece` of disturbed runs: the policy or one of its draws. */
+const lg_policy *lg_policy_drawn(const lg_policy *policy, uint64_t piece);
+/* The noise of `periods` periods (periods, LG_POLICY_ROWS, n) and which of the runs of a piece are late
+ * (LG_POLICY_ROWS), 0 or 1. */
+void lg_policy_draw_noise(const lg_policy *policy, uint64_t seed, uint64_t piece, size_t periods,
+                          double *noise, double *late);
 size_t lg_policy_periods(const lg_policy *policy, double seconds);
 
 /* ---- the regulator (policy_regulator.c) ---- */

@@ -16,6 +16,7 @@ typedef struct motion {
     lg_var (*cosine)(lg_tape *tape, const double *goal, lg_var q); /* cos a (B, 1); NULL: a line */
     lg_var (*features_of)(lg_tape *tape, const double *goal, lg_var q);
     lg_var (*given)(lg_tape *tape, lg_var q); /* position from the controller's; NULL: the same numbers */
+    lg_var (*noisy)(lg_tape *tape, lg_var q, lg_var n); /* q with the noise n */
     /* Position and velocity (in the machine's frame) from errors. */
     void (*retract)(const double *goal, const double *basis, const double *z, double *q);
     void (*tangent)(const double *goal, const double *basis, double *T); /* dq/dz (position, errors) at 0 */
@@ -40,6 +41,10 @@ static void line_retract(const double *goal, const double *basis, const double *
 static void line_tangent(const double *goal, const double *basis, double *T) {
     (void)goal, (void)basis;
     T[0] = 1.0;
+}
+
+static lg_var line_noisy(lg_tape *tape, lg_var q, lg_var n) {
+    return lg_add(tape, q, n);
 }
 
 static lg_var angle_sine(lg_tape *tape, const double *goal, const double *basis, lg_var q) {
@@ -69,6 +74,10 @@ static lg_var direction_cosine(lg_tape *tape, const double *goal, lg_var q) {
 static lg_var direction_features(lg_tape *tape, const double *goal, lg_var q) {
     (void)tape, (void)goal;
     return q;
+}
+
+static lg_var direction_noisy(lg_tape *tape, lg_var q, lg_var n) {
+    return lg_add(tape, q, lg_cross(tape, n, q));
 }
 
 static void direction_retract(const double *goal, const double *basis, const double *z, double *q) {
@@ -108,6 +117,13 @@ static lg_var rotation_cosine(lg_tape *tape, const double *goal, lg_var q) {
 
 static lg_var rotation_features(lg_tape *tape, const double *goal, lg_var q) {
     return turned(tape, goal, q);
+}
+
+/* R + R hat(n): row i is r_i + r_i x n. */
+static lg_var rotation_noisy(lg_tape *tape, lg_var q, lg_var n) {
+    lg_var rows[3];
+    for (uint32_t i = 0; i < 3; i++) rows[i] = lg_cross(tape, lg_slice(tape, q, 1, 3 * i, 3), n);
+    return lg_add(tape, q, lg_concat(tape, rows, 3, 1));
 }
 
 static void rotation_retract(const double *goal, const double *basis, const double *z, double *q) {
@@ -152,33 +168,42 @@ static lg_var rotation_given(lg_tape *tape, lg_var q) {
     return lg_div(tape, R, lg_rownorm2(tape, q));
 }
 
-static const motion motions[LG_POLICY_MOTION_COUNT] = {
-    [LG_POLICY_LINE] =
-        {{"line", 1, 1, 1, 1}, 1, from_goal, NULL, line_features, NULL, line_retract, line_tangent},
-    [LG_POLICY_ANGLE] = {{"angle", 1, 1, 1, 1},
-                         2,
-                         angle_sine,
-                         angle_cosine,
-                         angle_features,
-                         NULL,
-                         line_retract,
-                         line_tangent},
-    [LG_POLICY_DIRECTION] = {{"direction", 3, 3, 3, 2},
-                             3,
-                             direction_sine,
-                             direction_cosine,
-                             direction_features,
-                             NULL,
-                             direction_retract,
-                             direction_tangent},
-    [LG_POLICY_ROTATION] = {{"rotation", 9, 4, 3, 3},
-                            9,
-                            rotation_sine,
-                            rotation_cosine,
-                            rotation_features,
-                            rotation_given,
-                            rotation_retract,
-                            rotation_tangent}};
+static const motion motions[LG_POLICY_MOTION_COUNT] = {[LG_POLICY_LINE] = {{"line", 1, 1, 1, 1},
+                                                                           1,
+                                                                           from_goal,
+                                                                           NULL,
+                                                                           line_features,
+                                                                           NULL,
+                                                                           line_noisy,
+                                                                           line_retract,
+                                                                           line_tangent},
+                                                       [LG_POLICY_ANGLE] = {{"angle", 1, 1, 1, 1},
+                                                                            2,
+                                                                            angle_sine,
+                                                                            angle_cosine,
+                                                                            angle_features,
+                                                                            NULL,
+                                                                            line_noisy,
+                                                                            line_retract,
+                                                                            line_tangent},
+                                                       [LG_POLICY_DIRECTION] = {{"direction", 3, 3, 3, 2},
+                                                                                3,
+                                                                                direction_sine,
+                                                                                direction_cosine,
+                                                                                direction_features,
+                                                                                NULL,
+                                                                                direction_noisy,
+                                                                                direction_retract,
+                                                                                direction_tangent},
+                                                       [LG_POLICY_ROTATION] = {{"rotation", 9, 4, 3, 3},
+                                                                               9,
+                                                                               rotation_sine,
+                                                                               rotation_cosine,
+                                                                               rotation_features,
+                                                                               rotation_given,
+                                                                               rotation_noisy,
+                                                                               rotation_retract,
+                                                                               rotation_tangent}};
 
 const lg_policy_motion_row *lg_policy_motion_row_of(lg_policy_motion kind) {
     return (uint32_t)kind < LG_POLICY_MOTION_COUNT ? &motions[kind].sizes : NULL;
@@ -345,6 +370,34 @@ lg_var lg_policy_record_features(lg_tape *tape, const lg_policy_task *task, cons
                 lg_scale(tape, part(tape, seen.v, at->velocity, m->sizes.velocity), 1.0 / scales[at->rate]);
     }
     return joined(tape, parts, n);
+}
+
+uint32_t lg_policy_noise_sizes(const lg_policy_task *task, double *sizes) {
+    uint32_t n = 0;
+    for (int rate = 0; rate < 2; rate++)
+        for (uint32_t i = 0; i < task->coordinate_count; i++) {
+            const lg_policy_coordinate *c = &task->coordinate[i];
+            for (uint32_t k = 0; k < motions[c->motion].sizes.velocity && (rate == 0 || moves(c)); k++, n++)
+                if (sizes != NULL) sizes[n] = rate ? c->noise_velocity : c->noise;
+        }
+    return n;
+}
+
+lg_policy_seen lg_policy_record_noise(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen,
+                                      lg_var noise) {
+    lg_policy_layout layout;
+    lg_var parts[LG_POLICY_COORDINATES];
+    uint32_t at = 0;
+    lg_policy_lay_out(task, &layout);
+    for (uint32_t i = 0; i < task->coordinate_count; i++) {
+        const motion *m = &motions[task->coordinate[i].motion];
+        parts[i] = m->noisy(tape, part(tape, seen.q, layout.at[i].position, m->sizes.position),
+                            part(tape, noise, at, m->sizes.velocity));
+        at += m->sizes.velocity;
+    }
+    seen.q = joined(tape, parts, task->coordinate_count);
+    if (layout.velocities > 0) seen.v = lg_add(tape, seen.v, part(tape, noise, at, layout.velocities));
+    return seen;
 }
 
 lg_var lg_policy_record_positions(lg_tape *tape, const lg_policy_task *task, lg_var given) {

@@ -35,10 +35,17 @@ static void summarise(const lg_policy_runs *runs, double *sorted, lg_policy_outc
     interval(out->succeeded, n, &out->success_low, &out->success_high);
 }
 
-lg_status lg_policy_evaluate(const lg_policy *p, bool regulator, uint64_t starts, uint64_t seed, int threads,
-                             lg_policy_outcome *out, lg_policy_runs *wanted, lg_error *error) {
+lg_status lg_policy_evaluate(const lg_policy *p, lg_policy_test test, uint64_t starts, uint64_t seed,
+                             int threads, lg_policy_outcome *out, lg_policy_runs *wanted, lg_error *error) {
     if (p == NULL || out == NULL || starts == 0 || starts > 10000000)
         return lg_fail(error, LG_INVALID_ARGUMENT, "an evaluation needs a policy and 1 to 10000000 starts");
+    if (test == LG_POLICY_DISTURBED && !lg_policy_is_disturbed(&p->task))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the policy's task has no disturbances");
+    const lg_policy_trial trial = {.gain = test == LG_POLICY_REGULATED ? p->regulator.K : NULL,
+                                   .theta = p->theta,
+                                   .disturbed = test == LG_POLICY_DISTURBED,
+                                   .seed = seed,
+                                   .threads = threads};
     const size_t n = (size_t)starts, errors = p->layout.errors;
     double *memory = lg_alloc(p->context, n * (errors + p->state + 3), sizeof *memory);
     bool *held = lg_alloc(p->context, n, sizeof *held);
@@ -55,8 +62,7 @@ lg_status lg_policy_evaluate(const lg_policy *p, bool regulator, uint64_t starts
         lg_rng_seed(&rng, seed, 0);
         for (size_t i = 0; i < n; i++) lg_policy_draw(&p->task, &p->layout, &rng, z + i * errors);
         status = lg_policy_states(p, z, n, runs.x, error);
-        if (status == LG_OK)
-            status = lg_policy_run(p, regulator ? p->regulator.K : NULL, p->theta, threads, &runs, error);
+        if (status == LG_OK) status = lg_policy_run(p, &trial, &runs, error);
         if (status == LG_OK) summarise(&runs, sorted, out);
         if (status == LG_OK && wanted != NULL) {
             wanted->count = n, wanted->steps = runs.steps;

@@ -9,8 +9,9 @@ enum { ROWS = LG_POLICY_ROWS };
 
 /* Arrays of a piece, in the type of the batch; path (steps + 1, ROWS, state). The last ones are doubles. */
 typedef struct piece {
-    char *path, *cost, *theta, *weight, *lambda, *before, *gradient;
+    char *path, *cost, *theta, *weight, *lambda, *before, *gradient, *noise, *late;
     double *total, *copy, *mean, *spread; /* spread (state): standard deviations over the runs */
+    lg_plan *const *plan;
     void *work;
 } piece;
 
@@ -24,24 +25,26 @@ static size_t width(const lg_policy_batch *b) {
 
 static size_t lay_out(const lg_policy_batch *b, char *memory, piece *out) {
     const lg_policy *p = b->policy;
-    char **const arrays[] = {&out->path,   &out->cost,   &out->theta,   &out->weight,
-                             &out->lambda, &out->before, &out->gradient};
-    const size_t x = ROWS * p->state, n = p->parameters,
-                 counts[] = {(b->steps + 1) * x, ROWS, n, ROWS, x, x, n};
+    char **const arrays[] = {&out->path,   &out->cost,     &out->theta, &out->weight, &out->lambda,
+                             &out->before, &out->gradient, &out->noise, &out->late};
+    const size_t x = ROWS * b->state, n = p->parameters, late = b->disturbed ? ROWS : 0,
+                 noise = late * b->steps * lg_policy_noise_sizes(&p->task, NULL),
+                 counts[] = {(b->steps + 1) * x, ROWS, n, ROWS, x, x, n, noise, late};
     size_t used = 0, work = 0;
     for (size_t i = 0; i < LG_COUNT(arrays); i++) {
         if (memory != NULL) *arrays[i] = memory + used;
         used += aligned(counts[i] * width(b));
     }
     double **const doubles[] = {&out->total, &out->copy, &out->mean, &out->spread};
-    const size_t of_doubles[] = {ROWS, n > ROWS ? n : ROWS, p->state, p->state};
+    const size_t most = n > noise + late ? n : noise + late;
+    const size_t of_doubles[] = {ROWS, most > ROWS ? most : ROWS, b->state, b->state};
     for (size_t i = 0; i < LG_COUNT(doubles); i++) {
         if (memory != NULL) *doubles[i] = (double *)(void *)(memory + used);
         used += aligned(of_doubles[i] * sizeof(double));
     }
     if (memory != NULL) out->work = memory + used;
-    for (size_t i = 0; i < LG_POLICY_PLANS; i++) {
-        const size_t own = lg_plan_work_size(b->plan[i]);
+    for (size_t i = 0; i < b->machines * LG_POLICY_PLANS; i++) {
+        const size_t own = lg_plan_work_size(b->plan[i / LG_POLICY_PLANS][i % LG_POLICY_PLANS]);
         work = own > work ? own : work;
     }
     return used + aligned(work);
@@ -73,7 +76,7 @@ static double number_at(const lg_policy_batch *b, const char *x, size_t i) {
 
 /* Multiplies row r of (ROWS, state); 0 also removes what is not finite. */
 static void scale_row(const lg_policy_batch *b, char *x, size_t r, double by) {
-    const size_t n = b->policy->state;
+    const size_t n = b->state;
     for (size_t i = r * n; i < (r + 1) * n; i++) {
         const double to = by > 0.0 ? by * number_at(b, x, i) : 0.0;
         store(b, &to, 1, x + i * width(b));
@@ -87,22 +90,29 @@ static void add_costs(const lg_policy_batch *b, piece *w) {
     for (size_t i = 0; i < ROWS; i++) w->total[i] += cost[i];
 }
 
+/* The disturbances of period k. */
+static const char *noise_of(const lg_policy_batch *b, const piece *w, size_t k) {
+    return b->disturbed ? w->noise + k * ROWS * lg_policy_noise_sizes(&b->policy->task, NULL) * width(b)
+                        : NULL;
+}
+
 static void forward(const lg_policy_batch *b, piece *w) {
-    const size_t x = ROWS * b->policy->state * width(b);
+    const size_t x = ROWS * b->state * width(b);
     memset(w->total, 0, ROWS * sizeof *w->total);
     for (size_t k = 0; k < b->steps; k++) {
-        lg_plan_eval(b->plan[LG_POLICY_CLOSED], (const void *[]){w->path + k * x, w->theta},
+        lg_plan_eval(w->plan[LG_POLICY_CLOSED],
+                     (const void *[]){w->path + k * x, w->theta, noise_of(b, w, k), w->late},
                      (void *[]){w->path + (k + 1) * x, w->cost, NULL}, w->work);
         add_costs(b, w);
     }
-    lg_plan_eval(b->plan[LG_POLICY_TERMINAL], (const void *[]){w->path + b->steps * x}, (void *[]){w->cost},
+    lg_plan_eval(w->plan[LG_POLICY_TERMINAL], (const void *[]){w->path + b->steps * x}, (void *[]){w->cost},
                  w->work);
     add_costs(b, w);
 }
 
 /* Standard deviations of the numbers of a state over the runs of a piece. */
 static void find_spread(const lg_policy_batch *b, piece *w) {
-    const size_t n = b->policy->state, count = (b->steps + 1) * ROWS;
+    const size_t n = b->state, count = (b->steps + 1) * ROWS;
     memset(w->mean, 0, n * sizeof *w->mean);
     memset(w->spread, 0, n * sizeof *w->spread);
     for (size_t k = 0; k < count; k++)
@@ -118,7 +128,7 @@ static void find_spread(const lg_policy_batch *b, piece *w) {
 /* Shortens the lambda of each run to b->bound times the weight of the run, in the norm |(lambda_i s_i)_i|, s
  * the spread of the states. A lambda that is not finite becomes 0. */
 static void shorten(const lg_policy_batch *b, const piece *w, char *lambda) {
-    const size_t n = b->policy->state;
+    const size_t n = b->state;
     for (size_t r = 0; r < ROWS; r++) {
         double sum = 0.0;
         for (size_t i = 0; i < n; i++) {
@@ -131,15 +141,16 @@ static void shorten(const lg_policy_batch *b, const piece *w, char *lambda) {
 }
 
 static void backward(const lg_policy_batch *b, piece *w, double *gradient) {
-    const size_t x = ROWS * b->policy->state * width(b), n = b->policy->parameters;
+    const size_t x = ROWS * b->state * width(b), n = b->policy->parameters;
     const bool bounded = isfinite(b->bound);
     if (bounded) find_spread(b, w);
     char *lambda = w->lambda, *next = w->before;
-    lg_plan_eval(b->plan[LG_POLICY_ADJOINT_TERMINAL], (const void *[]){w->path + b->steps * x, w->weight},
+    lg_plan_eval(w->plan[LG_POLICY_ADJOINT_TERMINAL], (const void *[]){w->path + b->steps * x, w->weight},
                  (void *[]){lambda}, w->work);
     for (size_t k = b->steps; k-- > 0;) {
-        lg_plan_eval(b->plan[LG_POLICY_ADJOINT_CLOSED],
-                     (const void *[]){w->path + k * x, w->theta, lambda, w->weight},
+        const void *disturbed[] = {w->path + k * x, w->theta, noise_of(b, w, k), w->late, lambda, w->weight},
+                   *plain[] = {w->path + k * x, w->theta, lambda, w->weight};
+        lg_plan_eval(w->plan[LG_POLICY_ADJOINT_CLOSED], b->disturbed ? disturbed : plain,
                      (void *[]){next, w->gradient}, w->work);
         if (bounded) shorten(b, w, next);
         const double *own = fetch(b, w->gradient, n, w->copy);
@@ -147,6 +158,23 @@ static void backward(const lg_policy_batch *b, piece *w, double *gradient) {
         char *const swap = lambda;
         lambda = next, next = swap;
     }
+}
+
+/* The starts, with the input that holds the goal as the input before them. */
+static void store_starts(const lg_policy_batch *b, const double *x, piece *w) {
+    const lg_policy *p = b->policy;
+    for (size_t i = 0; i < ROWS; i++) {
+        char *to = w->path + i * b->state * width(b);
+        store(b, x + i * p->state, p->state, to);
+        if (b->disturbed) store(b, p->regulator.u0, p->inputs, to + p->state * width(b));
+    }
+}
+
+static void disturb(const lg_policy_batch *b, uint64_t number, piece *w) {
+    const size_t noise = b->steps * ROWS * lg_policy_noise_sizes(&b->policy->task, NULL);
+    lg_policy_draw_noise(b->policy, b->seed, number, b->steps, w->copy, w->copy + noise);
+    store(b, w->copy, noise, w->noise);
+    store(b, w->copy + noise, ROWS, w->late);
 }
 
 /* Sums over a piece: cut costs, and their gradient. A cut of C makes C (1 - exp(-J/C)) of a cost J. */
@@ -157,7 +185,10 @@ static void run_piece(void *user, size_t index) {
     double *sum = b->sums + index * (n + 1), weight[ROWS];
     piece w = {0};
     (void)lay_out(b, b->memory + index * b->piece_bytes, &w);
-    store(b, b->starts[point] + first * p->state, ROWS * p->state, w.path);
+    const uint64_t number = b->draw * b->pieces + index % b->pieces;
+    w.plan = b->plan[b->disturbed ? number % b->machines : 0];
+    store_starts(b, b->starts[point] + first * p->state, &w);
+    if (b->disturbed) disturb(b, number, &w);
     store(b, b->theta[point], n, w.theta);
     memset(sum, 0, (n + 1) * sizeof *sum);
     forward(b, &w);
@@ -171,15 +202,32 @@ static void run_piece(void *user, size_t index) {
     backward(b, &w, sum);
 }
 
+/* The plans of each machine. */
+static lg_status create_plans(lg_policy_batch *b, lg_error *error) {
+    static const char *const names[2][LG_POLICY_PLANS] = {
+        {"closed", "terminal", "adj1_closed", "adj1_terminal"},
+        {"disturbed", "disturbed_end", "adj1_disturbed", "adj1_disturbed_end"}};
+    const lg_policy *p = b->policy;
+    const size_t machines = b->disturbed && p->draw_count > 0 ? p->draw_count : 1;
+    b->plan = lg_alloc(p->context, machines, sizeof *b->plan);
+    if (b->plan == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the runs of a batch");
+    b->machines = machines;
+    for (size_t m = 0; m < machines; m++)
+        for (size_t i = 0; i < LG_POLICY_PLANS; i++)
+            LG_TRY(lg_policy_plan(lg_policy_drawn(p, m), names[b->disturbed][i], b->dtype, ROWS,
+                                  &b->plan[m][i], error));
+    return LG_OK;
+}
+
 lg_status lg_policy_batch_create(const lg_policy *policy, lg_dtype dtype, size_t points, size_t count,
                                  int threads, lg_policy_batch *b, lg_error *error) {
-    static const char *const names[LG_POLICY_PLANS] = {"closed", "terminal", "adj1_closed", "adj1_terminal"};
     memset(b, 0, sizeof *b);
     b->policy = policy, b->dtype = dtype, b->count = count, b->points = points, b->pieces = count / ROWS;
     b->steps = lg_policy_periods(policy, policy->task.horizon);
     b->cut = b->bound = INFINITY;
-    for (size_t i = 0; i < LG_POLICY_PLANS; i++)
-        LG_TRY(lg_policy_plan(policy, names[i], dtype, ROWS, &b->plan[i], error));
+    b->disturbed = lg_policy_is_disturbed(&policy->task);
+    b->state = policy->state + (b->disturbed ? policy->inputs : 0);
+    LG_TRY(create_plans(b, error));
     LG_TRY(lg_thread_pool_create(policy->context, threads, &b->pool));
     b->piece_bytes = lay_out(b, NULL, &(piece){0});
     b->memory = lg_alloc(policy->context, points * b->pieces, b->piece_bytes);
@@ -193,7 +241,9 @@ lg_status lg_policy_batch_create(const lg_policy *policy, lg_dtype dtype, size_t
 void lg_policy_batch_destroy(lg_policy_batch *b) {
     if (b->policy == NULL) return;
     const lg_context *context = b->policy->context;
-    for (size_t i = 0; i < LG_POLICY_PLANS; i++) lg_plan_destroy(b->plan[i]);
+    for (size_t i = 0; i < b->machines * LG_POLICY_PLANS; i++)
+        lg_plan_destroy(b->plan[i / LG_POLICY_PLANS][i % LG_POLICY_PLANS]);
+    lg_free(context, b->plan);
     lg_thread_pool_destroy(b->pool);
     lg_free(context, b->memory), lg_free(context, b->sums);
     lg_free(context, b->starts), lg_free(context, b->theta);

@@ -16,15 +16,19 @@ enum {
  * theta and cut before a run. Results do not depend on the number of threads. */
 typedef struct lg_policy_batch {
     const lg_policy *policy;
-    lg_dtype dtype; /* of the runs; costs and gradients are sums in double precision */
+    lg_dtype dtype;      /* of the runs; costs and gradients are sums in double precision */
+    bool disturbed;      /* as the task is */
+    uint64_t seed, draw; /* of the disturbances; piece k of a point is piece draw * pieces + k */
     size_t points, count, pieces, steps;
+    size_t state;                   /* numbers in the state of a run: x, or s of disturbed runs */
     const double **starts, **theta; /* of each point: (count, state), (parameters) */
     double cut;                     /* INFINITY: none */
     /* Largest change of a run's cost by a typical change of its state: what goes back through a period of
      * the run is shortened to it. Then the gradient is not exact, but runs whose motion is chaotic do not
      * drown the others. INFINITY: none. */
     double bound;
-    lg_plan *plan[LG_POLICY_PLANS];
+    lg_plan *(*plan)[LG_POLICY_PLANS]; /* of each machine: the policy, or its draws */
+    size_t machines;
     lg_thread_pool *pool;
     char *memory;
     size_t piece_bytes;

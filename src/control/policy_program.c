@@ -278,10 +278,60 @@ static lg_status record_terminal(void *user, lg_tape *tape, const lg_var *theta,
     return lg_tape_status(tape);
 }
 
+/* ---- disturbed runs: the state is x, then the input of the period before ---- */
+
+/* What a run is in, from the parts of its state. */
+static lg_var plant_state(lg_tape *tape, const lg_policy *p, lg_var s) {
+    return lg_slice(tape, s, 1, 0, p->state);
+}
+
+/* Outputs of a period in which the controller asks for u: it acts at once, or a period late. */
+static lg_status close_late_loop(lg_tape *tape, const lg_policy *p, lg_var s, lg_var u, lg_var late,
+                                 lg_var *out) {
+    const lg_var x = plant_state(tape, p, s);
+    const lg_var change = lg_sub(tape, lg_slice(tape, s, 1, p->state, p->inputs), u);
+    LG_TRY(close_loop(tape, p, x, seen_of(p, tape, x), lg_add(tape, u, lg_mul(tape, change, late)), out));
+    out[0] = lg_concat(tape, (lg_var[]){out[0], u}, 2, 1);
+    return lg_tape_status(tape);
+}
+
+/* What noisy sensors see. */
+static lg_policy_seen sense(lg_tape *tape, const lg_policy *p, lg_var s, lg_var noise) {
+    return lg_policy_record_noise(tape, &p->task, seen_of(p, tape, plant_state(tape, p, s)), noise);
+}
+
+static lg_status record_disturbed(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
+                                  lg_var *out) {
+    const lg_policy *p = user;
+    const bool own = p->parameters > 0;
+    const lg_policy_seen seen = sense(tape, p, in[0], in[own ? 2 : 1]);
+    (void)theta;
+    return close_late_loop(tape, p, in[0], call_policy(tape, p, seen, own ? in[1] : LG_NONE), in[own ? 3 : 2],
+                           out);
+}
+
+static lg_status record_disturbed_regulator(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
+                                            lg_var *out) {
+    const lg_policy *p = user;
+    const lg_policy_seen seen = sense(tape, p, in[0], in[2]);
+    (void)theta;
+    return close_late_loop(
+        tape, p, in[0], feedback(tape, p, lg_policy_record_errors(tape, &p->task, seen), in[1]), in[3], out);
+}
+
+static lg_status record_disturbed_end(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
+                                      lg_var *out) {
+    const lg_policy *p = user;
+    const lg_var x = plant_state(tape, p, in[0]);
+    (void)theta;
+    out[0] = lg_program_call(tape, "terminal", 0, &x);
+    return lg_tape_status(tape);
+}
+
 /* ---- adding them ---- */
 
 typedef struct ports {
-    lg_port x, u, z, q, v, weights, given, gain;
+    lg_port x, u, z, q, v, weights, given, gain, state, noise, late;
 } ports;
 
 static ports ports_of(const lg_policy *p) {
@@ -304,7 +354,13 @@ static ports ports_of(const lg_policy *p) {
                   .shape = lg_shape1(p->layout.given + p->layout.velocities),
                   .low = -1,
                   .high = 1},
-        .gain = {.name = "K", .shape = lg_shape2(p->inputs, p->layout.errors), .shared = true}};
+        .gain = {.name = "K", .shape = lg_shape2(p->inputs, p->layout.errors), .shared = true},
+        .state = {.name = "s", .shape = lg_shape1(p->state + p->inputs), .low = x.low, .high = x.high},
+        .noise = {.name = "noise",
+                  .shape = lg_shape1(lg_policy_noise_sizes(&p->task, NULL)),
+                  .low = -0.1,
+                  .high = 0.1},
+        .late = {.name = "late", .shape = lg_shape1(1), .low = 0, .high = 1}};
 }
 
 static lg_status add(const lg_policy *p, const char *name, lg_record_function record, const lg_port *in,
@@ -317,12 +373,15 @@ static lg_status add(const lg_policy *p, const char *name, lg_record_function re
 }
 #define OUTS(...) ((const char *const[4]){__VA_ARGS__})
 
-static lg_status adjoint(const lg_policy *p, const char *function, const char *const *outputs, size_t count,
-                         lg_error *error) {
+/* By the first `ins` of the inputs x or s, weights. */
+static lg_status adjoint(const lg_policy *p, const char *function, const char *const *inputs, size_t ins,
+                         const char *const *outputs, size_t count, lg_error *error) {
     lg_derivative what;
     lg_derivative_init(&what);
     what.kind = LG_DERIVATIVE_ADJOINT;
     what.function = function;
+    what.inputs = inputs;
+    what.input_count = ins;
     what.outputs = outputs;
     what.output_count = count;
     return lg_program_derive(p->program, &what, error);
@@ -342,8 +401,27 @@ lg_status lg_policy_add_motion(lg_policy *p, lg_error *error) {
 
 lg_status lg_policy_add_regulated(lg_policy *p, lg_error *error) {
     const ports port = ports_of(p);
-    return add(p, "regulated", record_regulated, (const lg_port[]){port.x, port.gain}, 2,
-               OUTS("next", "cost", "u"), error);
+    LG_TRY(add(p, "regulated", record_regulated, (const lg_port[]){port.x, port.gain}, 2,
+               OUTS("next", "cost", "u"), error));
+    return lg_policy_is_disturbed(&p->task) ? lg_policy_add_disturbed_regulator(p, error) : LG_OK;
+}
+
+lg_status lg_policy_add_disturbed_regulator(lg_policy *p, lg_error *error) {
+    const ports port = ports_of(p);
+    const lg_port in[] = {port.state, port.gain, port.noise, port.late};
+    return add(p, "disturbed_regulator", record_disturbed_regulator, in, 4, OUTS("next", "cost", "u"), error);
+}
+
+lg_status lg_policy_add_disturbed(lg_policy *p, lg_error *error) {
+    const ports port = ports_of(p);
+    const size_t own = p->parameters > 0 ? 1 : 0;
+    const lg_port in[4] = {port.state, own ? port.weights : port.noise, own ? port.noise : port.late,
+                           port.late};
+    LG_TRY(add(p, "disturbed", record_disturbed, in, 3 + own, OUTS("next", "cost", "u"), error));
+    LG_TRY(add(p, "disturbed_end", record_disturbed_end, &port.state, 1, OUTS("cost"), error));
+    LG_TRY(adjoint(p, "disturbed_end", NULL, 0, NULL, 0, error));
+    return adjoint(p, "disturbed", (const char *const[]){"s", "weights"}, 1 + own, OUTS("next", "cost"), 2,
+                   error);
 }
 
 lg_status lg_policy_add_functions(lg_policy *p, lg_error *error) {
@@ -356,8 +434,9 @@ lg_status lg_policy_add_functions(lg_policy *p, lg_error *error) {
     LG_TRY(add(p, "terminal", record_terminal, &port.x, 1, OUTS("cost"), error));
     LG_TRY(add(p, "closed", record_closed, (const lg_port[]){port.x, port.weights}, 1 + own,
                OUTS("next", "cost", "u"), error));
-    LG_TRY(adjoint(p, "terminal", NULL, 0, error));
-    return adjoint(p, "closed", OUTS("next", "cost"), 2, error);
+    LG_TRY(adjoint(p, "terminal", NULL, 0, NULL, 0, error));
+    LG_TRY(adjoint(p, "closed", NULL, 0, OUTS("next", "cost"), 2, error));
+    return lg_policy_is_disturbed(&p->task) ? lg_policy_add_disturbed(p, error) : LG_OK;
 }
 
 lg_status lg_policy_plan(const lg_policy *p, const char *function, lg_dtype dtype, size_t rows, lg_plan **out,

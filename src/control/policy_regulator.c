@@ -233,11 +233,13 @@ static lg_status least_failure(const design *d, const double *K, const double *P
     const lg_policy *p = d->policy;
     double C[LG_POLICY_ERRORS * LG_POLICY_ERRORS], V[SAMPLES];
     if (!root(d->n, P, C)) return *failing = 0.0, LG_OK;
+    const lg_policy_trial trial = {
+        .gain = K, .disturbed = lg_policy_is_disturbed(&p->task), .seed = d->seed + stream, .threads = 1};
     draw_shells(d, C, top, least, stream, V);
     LG_TRY(measure(d, P, V));
     lg_policy_runs runs = {
         .count = SAMPLES, .steps = lg_policy_periods(p, p->task.within), .x = d->x, .succeeded = d->held};
-    LG_TRY(lg_policy_run(p, K, NULL, 1, &runs, d->error));
+    LG_TRY(lg_policy_run(p, &trial, &runs, d->error));
     for (size_t s = 0; s < SAMPLES; s++)
         if (!d->held[s]) *failing = fmin(*failing, V[s]);
     return LG_OK;
@@ -347,7 +349,7 @@ static lg_status set_terminal(design *d) {
                            .cost = cost,
                            .succeeded = d->held};
     LG_TRY(lg_policy_states(p, d->z, SAMPLES, d->x, d->error));
-    LG_TRY(lg_policy_run(p, zero, NULL, 1, &runs, d->error));
+    LG_TRY(lg_policy_run(p, &(lg_policy_trial){.gain = zero, .threads = 1}, &runs, d->error));
     p->terminal = 0.0;
     for (size_t s = 0; s < SAMPLES; s++)
         if (isfinite(cost[s])) p->terminal += cost[s], finite++;

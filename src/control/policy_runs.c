@@ -28,19 +28,42 @@ lg_status lg_policy_states(const lg_policy *p, const double *z, size_t count, do
     return status;
 }
 
+const lg_policy *lg_policy_drawn(const lg_policy *p, uint64_t piece) {
+    return p->draw_count > 0 ? p->draws[piece % p->draw_count] : p;
+}
+
+void lg_policy_draw_noise(const lg_policy *p, uint64_t seed, uint64_t piece, size_t periods, double *noise,
+                          double *late) {
+    double sizes[LG_POLICY_NOISE];
+    const size_t n = lg_policy_noise_sizes(&p->task, sizes);
+    lg_rng rng;
+    lg_rng_seed(&rng, seed ^ UINT64_C(0xd1b54a32d192ed03), piece);
+    for (size_t i = 0; i < ROWS; i++) late[i] = lg_rng_uniform(&rng) < p->task.delay ? 1.0 : 0.0;
+    for (size_t i = 0; i < periods * ROWS * n; i++)
+        noise[i] = sizes[i % n] > 0.0 ? sizes[i % n] * lg_rng_normal(&rng) : 0.0;
+}
+
+/* The plans of a machine: the policy's, or a draw's. */
+typedef struct machine {
+    lg_plan *step, *errors;
+} machine;
+
 typedef struct running {
     const lg_policy *policy;
-    const lg_plan *step, *errors;
-    const double *shared;
+    const lg_policy_trial *trial;
+    machine *machines;
+    size_t machine_count;
     lg_policy_runs *runs;
     size_t pieces, hold; /* periods at the end that must be inside */
+    size_t width, noise; /* numbers in the state of a run, and in its noise in a period */
     char *memory;
     size_t piece_bytes;
 } running;
 
-/* The work memory of a piece: states before and after, errors, costs, inputs, and the plans' memory. */
+/* The work memory of a piece: states x, the input before, what a step takes and gives (width), errors, costs,
+ * inputs, disturbances, and the plans' memory. */
 typedef struct piece {
-    double *x, *next, *z, *cost, *u;
+    double *x, *before, *state, *next, *z, *cost, *u, *noise, *late;
     void *work;
 } piece;
 
@@ -48,18 +71,30 @@ static size_t aligned(size_t bytes) {
     return (bytes + 63) / 64 * 64;
 }
 
+static size_t most_work(const running *r) {
+    size_t most = 0;
+    for (size_t m = 0; m < r->machine_count; m++) {
+        const size_t step = lg_plan_work_size(r->machines[m].step),
+                     errors = lg_plan_work_size(r->machines[m].errors), own = step > errors ? step : errors;
+        most = own > most ? own : most;
+    }
+    return most;
+}
+
 static size_t lay_out(const running *r, char *memory, piece *out) {
     const lg_policy *p = r->policy;
-    const size_t work = lg_plan_work_size(r->step), other = lg_plan_work_size(r->errors);
-    double **const arrays[] = {&out->x, &out->next, &out->z, &out->cost, &out->u};
-    const size_t counts[] = {p->state, p->state, p->layout.errors, 1, p->inputs};
+    double **const arrays[] = {&out->x,    &out->before, &out->state, &out->next, &out->z,
+                               &out->cost, &out->u,      &out->noise, &out->late};
+    const size_t counts[] = {
+        p->state, p->inputs, r->width, r->width, p->layout.errors, 1, p->inputs, r->runs->steps * r->noise,
+        1};
     size_t used = 0;
     for (size_t i = 0; i < LG_COUNT(arrays); i++) {
         if (memory != NULL) *arrays[i] = (double *)(void *)(memory + used);
         used += aligned(ROWS * counts[i] * sizeof(double));
     }
     if (memory != NULL) out->work = memory + used;
-    return used + aligned(work > other ? work : other);
+    return used + aligned(most_work(r));
 }
 
 static bool at_limit(const lg_policy *p, const double *u) {
@@ -96,59 +131,113 @@ static void tell(const running *r, const piece *w, size_t first, size_t count, s
     }
 }
 
+/* The states of a piece; a last piece repeats its first start. */
+static void begin(const running *r, size_t index, size_t count, piece *w) {
+    const lg_policy *p = r->policy;
+    for (size_t i = 0; i < ROWS; i++) {
+        memcpy(w->x + i * p->state, r->runs->x + (index * ROWS + (i < count ? i : 0)) * p->state,
+               p->state * sizeof *w->x);
+        memcpy(w->before + i * p->inputs, p->regulator.u0, p->inputs * sizeof *w->before);
+    }
+    if (r->trial->disturbed)
+        lg_policy_draw_noise(p, r->trial->seed, index, r->runs->steps, w->noise, w->late);
+}
+
+/* Moves the states by period k. */
+static void step(const running *r, const machine *m, size_t k, piece *w) {
+    const lg_policy *p = r->policy;
+    const size_t x = p->state, n = r->width;
+    for (size_t i = 0; i < ROWS; i++) {
+        memcpy(w->state + i * n, w->x + i * x, x * sizeof *w->x);
+        if (n > x) memcpy(w->state + i * n + x, w->before + i * p->inputs, p->inputs * sizeof *w->x);
+    }
+    const void *in[4] = {w->state};
+    size_t count = 1;
+    if (r->trial->gain != NULL)
+        in[count++] = r->trial->gain;
+    else if (p->parameters > 0)
+        in[count++] = r->trial->theta;
+    in[count] = w->noise + k * ROWS * r->noise, in[count + 1] = w->late;
+    lg_plan_eval(m->step, in, (void *[]){w->next, w->cost, w->u}, w->work);
+    for (size_t i = 0; i < ROWS; i++) {
+        memcpy(w->x + i * x, w->next + i * n, x * sizeof *w->x);
+        if (n > x) memcpy(w->before + i * p->inputs, w->next + i * n + x, p->inputs * sizeof *w->x);
+    }
+}
+
 static void run_piece(void *user, size_t index) {
     const running *r = user;
     const lg_policy *p = r->policy;
     lg_policy_runs *runs = r->runs;
     const size_t first = index * ROWS, left = runs->count - first, count = left < ROWS ? left : ROWS;
+    const machine *m = &r->machines[index % r->machine_count];
     piece w = {0};
     (void)lay_out(r, r->memory + index * r->piece_bytes, &w);
-    for (size_t i = 0; i < ROWS; i++) /* a last piece repeats its first start */
-        memcpy(w.x + i * p->state, runs->x + (first + (i < count ? i : 0)) * p->state,
-               p->state * sizeof *w.x);
+    begin(r, index, count, &w);
     for (size_t k = 0; k <= runs->steps; k++) {
         if (runs->path != NULL || k + r->hold > runs->steps) {
-            lg_plan_eval(r->errors, (const void *[]){w.x}, (void *[]){w.z}, w.work);
+            lg_plan_eval(m->errors, (const void *[]){w.x}, (void *[]){w.z}, w.work);
             note(r, &w, first, count, k);
         }
         if (k == runs->steps) break;
-        lg_plan_eval(r->step, (const void *[]){w.x, r->shared}, (void *[]){w.next, w.cost, w.u}, w.work);
+        step(r, m, k, &w);
         tell(r, &w, first, count, k);
-        memcpy(w.x, w.next, ROWS * p->state * sizeof *w.x);
     }
     memcpy(runs->x + first * p->state, w.x, count * p->state * sizeof *w.x);
 }
 
-lg_status lg_policy_run(const lg_policy *p, const double *gain, const double *theta, int threads,
-                        lg_policy_runs *runs, lg_error *error) {
-    running r = {.policy = p, .shared = gain != NULL ? gain : theta, .runs = runs};
-    lg_plan *step = NULL, *errors = NULL;
+static lg_status create_machines(running *r, lg_error *error) {
+    const lg_policy *p = r->policy;
+    const bool disturbed = r->trial->disturbed;
+    static const char *const names[2][2] = {{"closed", "regulated"}, {"disturbed", "disturbed_regulator"}};
+    const char *step_name = names[disturbed][r->trial->gain != NULL];
+    const size_t count = disturbed && p->draw_count > 0 ? p->draw_count : 1;
+    r->machines = lg_alloc(p->context, count, sizeof *r->machines);
+    if (r->machines == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for runs");
+    r->machine_count = count;
+    for (size_t m = 0; m < count; m++) {
+        const lg_policy *of = disturbed ? lg_policy_drawn(p, m) : p;
+        LG_TRY(lg_policy_plan(of, step_name, LG_F64, ROWS, &r->machines[m].step, error));
+        LG_TRY(lg_policy_plan(of, "errors", LG_F64, ROWS, &r->machines[m].errors, error));
+    }
+    return LG_OK;
+}
+
+static void run_all(running *r, lg_thread_pool *pool) {
+    const lg_policy *p = r->policy;
+    lg_policy_runs *runs = r->runs;
+    for (size_t i = 0; i < runs->count; i++) {
+        runs->succeeded[i] = true;
+        if (runs->cost != NULL) runs->cost[i] = 0.0;
+        if (runs->saturated != NULL) runs->saturated[i] = 0.0;
+    }
+    lg_thread_pool_run(pool, r->pieces, run_piece, r);
+    for (size_t i = 0; i < runs->count; i++)
+        for (uint32_t k = 0; k < p->state; k++)
+            if (!isfinite(runs->x[i * p->state + k])) runs->succeeded[i] = false;
+}
+
+lg_status lg_policy_run(const lg_policy *p, const lg_policy_trial *trial, lg_policy_runs *runs,
+                        lg_error *error) {
+    running r = {.policy = p, .trial = trial, .runs = runs, .width = p->state};
     lg_thread_pool *pool = NULL;
-    lg_status status = lg_policy_plan(p, gain != NULL ? "regulated" : "closed", LG_F64, ROWS, &step, error);
-    if (status == LG_OK) status = lg_policy_plan(p, "errors", LG_F64, ROWS, &errors, error);
-    if (status == LG_OK) status = lg_thread_pool_create(p->context, threads, &pool);
+    if (trial->disturbed) r.width += p->inputs, r.noise = lg_policy_noise_sizes(&p->task, NULL);
+    lg_status status = create_machines(&r, error);
+    if (status == LG_OK) status = lg_thread_pool_create(p->context, trial->threads, &pool);
     if (status == LG_OK) {
-        r.step = step, r.errors = errors;
         r.pieces = (runs->count + ROWS - 1) / ROWS;
         r.hold = lg_policy_periods(p, p->task.hold);
         r.piece_bytes = lay_out(&r, NULL, &(piece){0});
         r.memory = lg_alloc(p->context, r.pieces, r.piece_bytes);
         if (r.memory == NULL) status = lg_fail(error, LG_OUT_OF_MEMORY, "no memory for runs");
     }
-    if (status == LG_OK) {
-        for (size_t i = 0; i < runs->count; i++) {
-            runs->succeeded[i] = true;
-            if (runs->cost != NULL) runs->cost[i] = 0.0;
-            if (runs->saturated != NULL) runs->saturated[i] = 0.0;
-        }
-        lg_thread_pool_run(pool, r.pieces, run_piece, &r);
-        for (size_t i = 0; i < runs->count; i++)
-            for (uint32_t k = 0; k < p->state; k++)
-                if (!isfinite(runs->x[i * p->state + k])) runs->succeeded[i] = false;
-    }
+    if (status == LG_OK) run_all(&r, pool);
     lg_free(p->context, r.memory);
     lg_thread_pool_destroy(pool);
-    lg_plan_destroy(step);
-    lg_plan_destroy(errors);
+    for (size_t m = 0; m < r.machine_count; m++) {
+        lg_plan_destroy(r.machines[m].step);
+        lg_plan_destroy(r.machines[m].errors);
+    }
+    lg_free(p->context, r.machines);
     return status;
 }

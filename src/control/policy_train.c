@@ -7,7 +7,7 @@
 #include "liegrad/fit.h"
 #include "liegrad/minimise.h"
 
-enum { VALIDATION = 256, FIXED = 512, LOOKS = 10, MOST_ROUNDS = 4 };
+enum { VALIDATION = 256, DISTURBED_VALIDATION = 512, FIXED = 512, LOOKS = 10, MOST_ROUNDS = 4 };
 enum { RACE, FINISH, POLISH, DONE };
 
 /* Streams of random numbers of a seed. */
@@ -30,8 +30,9 @@ struct lg_policy_trainer {
     uint64_t step;  /* of the phase */
     uint32_t round; /* of the phase FINISH: it is repeated while many runs fail */
     lg_policy_batch batch;
-    double *x,
-        *validation; /* starts of a step (seeds, starts, state) or (FIXED, state); (VALIDATION, state) */
+    double *x;          /* starts of a step (seeds, starts, state) or (FIXED, state) */
+    size_t validations; /* validation starts */
+    double *validation; /* (validations, state) */
     double *cost, **gradients;
     lg_minimiser *minimiser; /* in the phase POLISH */
     double begun, phase_begun;
@@ -76,21 +77,25 @@ static lg_status draw_starts(const training *t, uint64_t stream, size_t count, d
 
 static lg_status judge(const training *t, const double *theta, judged *out) {
     const lg_policy *p = t->policy;
-    bool held[VALIDATION];
-    double cost[VALIDATION];
-    double *x = lg_alloc(p->context, VALIDATION * p->state, sizeof *x);
+    bool held[DISTURBED_VALIDATION];
+    double cost[DISTURBED_VALIDATION];
+    const lg_policy_trial trial = {.theta = theta,
+                                   .disturbed = lg_policy_is_disturbed(&p->task),
+                                   .seed = t->options.seed,
+                                   .threads = t->options.threads};
+    double *x = lg_alloc(p->context, t->validations * p->state, sizeof *x);
     if (x == NULL) return lg_fail(t->error, LG_OUT_OF_MEMORY, "no memory for validation");
-    memcpy(x, t->validation, VALIDATION * p->state * sizeof *x);
-    lg_policy_runs runs = {.count = VALIDATION,
+    memcpy(x, t->validation, t->validations * p->state * sizeof *x);
+    lg_policy_runs runs = {.count = t->validations,
                            .steps = lg_policy_periods(p, p->task.within),
                            .x = x,
                            .cost = cost,
                            .succeeded = held};
-    const lg_status status = lg_policy_run(p, NULL, theta, t->options.threads, &runs, t->error);
+    const lg_status status = lg_policy_run(p, &trial, &runs, t->error);
     *out = (judged){0, 0};
-    for (size_t i = 0; i < VALIDATION && status == LG_OK; i++) {
-        out->success += held[i] / (double)VALIDATION;
-        out->cost += cost[i] / VALIDATION;
+    for (size_t i = 0; i < t->validations && status == LG_OK; i++) {
+        out->success += held[i] / (double)t->validations;
+        out->cost += cost[i] / (double)t->validations;
     }
     lg_free(p->context, x);
     return status;
@@ -170,6 +175,7 @@ static lg_status adam_step(training *t, double done) {
         b->starts[k] = x;
         b->theta[k] = t->theta + k * t->n;
     }
+    b->seed = t->options.seed, b->draw = t->step;
     lg_policy_batch_run(b, t->cost, t->gradients);
     for (size_t k = 0; k < b->points; k++)
         if (finite(t->gradients[k], t->n))
@@ -289,6 +295,7 @@ static lg_status begin_polish(training *t) {
     LG_TRY(lg_policy_batch_create(t->policy, LG_F64, 1, FIXED, t->options.threads, &t->batch, t->error));
     LG_TRY(draw_starts(t, STREAM_FIXED, FIXED, t->x));
     t->batch.starts[0] = t->x;
+    t->batch.seed = t->options.seed;
     t->batch.cut = 20.0 * t->policy->terminal;
     lg_minimise_options_init(&options);
     options.method = LG_MINIMISE_LBFGS;
@@ -323,7 +330,8 @@ static lg_status begin(training *t) {
     const size_t n = t->n, seeds = t->seeds;
     const size_t most = (seeds > 2 ? seeds : 2) * t->options.starts, starts = most > FIXED ? most : FIXED;
     t->theta = lg_alloc(p->context, (4 * seeds + 1) * n, sizeof *t->theta);
-    t->x = lg_alloc(p->context, (starts + VALIDATION) * p->state, sizeof *t->x);
+    t->validations = lg_policy_is_disturbed(&p->task) ? DISTURBED_VALIDATION : VALIDATION;
+    t->x = lg_alloc(p->context, (starts + t->validations) * p->state, sizeof *t->x);
     t->cost = lg_alloc(p->context, seeds, sizeof *t->cost);
     t->gradients = lg_alloc(p->context, seeds, sizeof *t->gradients);
     t->number = lg_alloc(p->context, seeds, sizeof *t->number);
@@ -339,7 +347,7 @@ static lg_status begin(training *t) {
     }
     t->racers = t->seeds;
     t->of_best = (judged){0.0, INFINITY};
-    return draw_starts(t, STREAM_VALIDATION, VALIDATION, t->validation);
+    return draw_starts(t, STREAM_VALIDATION, t->validations, t->validation);
 }
 
 lg_status lg_policy_trainer_create(lg_policy *policy, const lg_policy_train_options *options,

@@ -229,7 +229,7 @@ TEST("the regulator holds from its whole region, and not from one of ten times i
     }
     assert_ok(lg_policy_states(policy, z, N, x, NULL));
     lg_policy_runs runs = {.count = N, .steps = lg_policy_steps(policy), .x = x, .succeeded = ok};
-    assert_ok(lg_policy_run(policy, r->K, NULL, 1, &runs, NULL));
+    assert_ok(lg_policy_run(policy, &(lg_policy_trial){.gain = r->K, .threads = 1}, &runs, NULL));
     for (size_t i = 0; i < N; i++) {
         double V = 0.0, e[4] = {z[4 * i], 2.0 * sin(z[4 * i + 1] / 2.0), z[4 * i + 2], z[4 * i + 3]};
         for (int a = 0; a < 4; a++)

@@ -35,6 +35,11 @@ enum {
     KEY_HIDDEN,
     KEY_GATE,
     KEY_GAINS,
+    KEY_ROBUST,
+    KEY_DRAWS,
+    KEY_SPREAD,
+    KEY_DELAY,
+    KEY_NOISE,
     KEY_COUNT
 };
 
@@ -98,6 +103,11 @@ static const lg_field keys[KEY_COUNT] = {
                    .get = get_gains,
                    .put = put_gains,
                    .most = 2},
+    [KEY_ROBUST] = {.name = "robust", .type = LG_FIELD_MAP},
+    [KEY_DRAWS] = FIELD("robust.draws", U32, draws, .high = 1000),
+    [KEY_SPREAD] = FIELD("robust.spread", REAL, spread, .high = 10),
+    [KEY_DELAY] = FIELD("robust.delay", REAL, delay, .high = 1),
+    [KEY_NOISE] = {.name = "robust.noise", .type = LG_FIELD_NODE},
 };
 
 /* ---- mappings from names to numbers ---- */
@@ -294,6 +304,15 @@ static const char *take_success(lg_policy_task *task, named of, const char *name
     return NULL;
 }
 
+static const char *take_noise(lg_policy_task *task, named of, const char *name, const double *x,
+                              uint32_t count) {
+    (void)task, (void)name;
+    if (of.coordinate == NULL) return of.input != NULL ? "a coordinate, not an input" : "";
+    if (count != 1 || x[0] < 0.0) return "a standard deviation, not below 0";
+    *(of.velocity ? &of.coordinate->noise_velocity : &of.coordinate->noise) = x[0];
+    return NULL;
+}
+
 /* ---- the task ---- */
 
 static void set_defaults(lg_policy_task *task) {
@@ -335,6 +354,7 @@ static lg_status read_task(reading *r) {
     LG_TRY(read_entries(r, &values[KEY_LIMITS], "limits", take_limits));
     LG_TRY(read_entries(r, &values[KEY_COST], "cost", take_cost));
     LG_TRY(read_entries(r, &values[KEY_SUCCESS], "success", take_success));
+    LG_TRY(read_entries(r, &values[KEY_NOISE], "robust.noise", take_noise));
     return check_inputs(r);
 }
 
