@@ -20,6 +20,10 @@ char *control_plant_path(const app *self, const char *path);
  * `path`, with the task's spread besides. Ends the command if that is no model of lg-identify. */
 void control_add_draws(const app *self, lg_policy *policy, const char *path);
 
+/* Runs the policy along the set points of a file (reference.c), with the columns t, the tracked coordinates and,
+ * if they are there, these coordinates' velocities. Adds the errors to the results as `reference`. */
+void control_follow(const app *self, const lg_policy *policy, const char *path, app_json *out);
+
 /* Prints success and costs below `prefix` in JSON. */
 void control_tell_outcome(app_json *out, const lg_policy_outcome *outcome);
 

@@ -6,7 +6,7 @@
 #include "lg-control/control_app.h"
 
 typedef struct evaluate_values {
-    const char *plant, *disturb;
+    const char *plant, *disturb, *reference;
     uint64_t starts;
 } evaluate_values;
 
@@ -15,6 +15,10 @@ static const lg_field options[] = {
               .file = LG_FILE_READ),
     LG_OPTION(evaluate_values, disturb, STRING, "TASK.yaml",
               "Judge with the disturbances (robust) of this task too", .file = LG_FILE_READ),
+    LG_OPTION(evaluate_values, reference, STRING, "FILE",
+              "Also run along these set points: columns t, the tracked coordinates, and their velocities if "
+              "they are known",
+              .file = LG_FILE_READ),
     LG_OPTION(evaluate_values, starts, U64, "n", "Random starts", .low = 1, .high = 1e6, .value = "500"),
     LG_FIELD_END};
 
@@ -114,6 +118,7 @@ static int run(app *self) {
         control_tell_outcome(&out, &rough);
         app_json_close(&out, '}');
     }
+    if (values.reference != NULL) control_follow(self, policy, values.reference, &out);
     app_json_warnings(&out, self);
     app_json_end(&out);
     lg_policy_destroy(policy);

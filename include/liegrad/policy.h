@@ -92,6 +92,7 @@ typedef struct lg_policy_coordinate {
     double start[2], start_velocity[2];
     double weight, weight_velocity;   /* of the cost, >= 0 */
     double success, success_velocity; /* largest |error| (of an angle: in radians); INFINITY: any */
+    bool track; /* the controller follows set points of this line or angle (function `track`) */
     /* Standard deviations of the sensors' noise, of each number (of an attitude or direction: of the angle
      * about each axis); 0: none. */
     double noise, noise_velocity;
@@ -146,6 +147,9 @@ LG_API const lg_policy_task *lg_policy_task_of(const lg_policy *policy);
  *   closed     (x, weights) -> next, cost, u   one period
  *   regulated  (x, K) -> next, cost, u         one period of the saturated regulator
  *   terminal   (x) -> cost                   W
+ * and if coordinates are tracked, with `reference` = their set points, then the set points' rates (a machine
+ * with velocities),
+ *   track      (x, reference) -> u           as control, with the goal of these coordinates at the set points
  * and of a disturbed task, with the state s = (x, the input of the period before) and `late` 0 or 1,
  *   disturbed      (s, weights, noise, late) -> next, cost, u
  *   disturbed_end  (s) -> cost */
@@ -183,6 +187,10 @@ LG_API lg_status lg_policy_add_rate(lg_policy *policy, lg_program **program, lg_
  * lg_policy_add_rate; LG_UNSUPPORTED (another kind or machine; the potential of a line is not constant, so
  * it has no period); LG_CHECK_FAILED (the damping is not linear, or not positive). */
 LG_API lg_status lg_policy_add_slope(lg_policy *policy, lg_certify_energy_spec *spec, lg_error *error);
+
+/* How many coordinates of the task are tracked. Set points need a machine that moves in the same way wherever
+ * these coordinates are: lg_policy_create compares it at random states, and fails with LG_CHECK_FAILED. */
+LG_API uint32_t lg_policy_tracked(const lg_policy_task *task);
 
 /* ---- disturbances ---- */
 

@@ -30,6 +30,9 @@ static lg_status check_coordinate(const lg_policy_coordinate *c, lg_error *error
           isfinite(c->weight_velocity)))
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "coordinate %s: weights of the cost must be finite and >= 0", c->name);
+    if (c->track && c->motion > LG_POLICY_ANGLE)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "track: %s is a %s; set points are of lines and angles",
+                       c->name, lg_policy_motion_row_of(c->motion)->name);
     if (!(c->noise >= 0.0 && c->noise_velocity >= 0.0 && isfinite(c->noise) && isfinite(c->noise_velocity)))
         return lg_fail(error, LG_INVALID_ARGUMENT, "coordinate %s: noise must be finite and >= 0", c->name);
     if (!(c->success > 0.0) || !(c->success_velocity > 0.0))
@@ -251,6 +254,7 @@ static lg_status build(lg_policy *p, const lg_program *plant, uint64_t seed, lg_
     LG_TRY(lg_policy_begin(p, plant, error));
     if (p->task.substeps == 0) LG_TRY(choose_substeps(p, training_error, seed, error));
     LG_TRY(lg_policy_add_motion(p, error));
+    if (lg_policy_tracked(&p->task) > 0) LG_TRY(lg_policy_check_track(p, seed, error));
     LG_TRY(lg_policy_find_regulator(p, seed, error));
     return add_functions(p, error);
 }

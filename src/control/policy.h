@@ -110,6 +110,12 @@ lg_status lg_policy_plan(const lg_policy *policy, const char *function, lg_dtype
  * threads. */
 #define LG_POLICY_ROWS 64
 
+/* ---- set points (policy_track.c) ---- */
+
+/* Compares the motion of a machine with and without a shift of each tracked coordinate, at random states.
+ * LG_CHECK_FAILED: it differs. */
+lg_status lg_policy_check_track(const lg_policy *policy, uint64_t seed, lg_error *error);
+
 /* ---- runs (policy_runs.c) ---- */
 
 /* States (count, state) from errors z (count, errors), by the retraction and the plant's `momenta`. */

@@ -229,6 +229,31 @@ static lg_status record_control(void *user, lg_tape *tape, const lg_var *theta, 
     return lg_tape_status(tape);
 }
 
+/* Moves the tracked numbers of (B, given + velocities) so that the set points become the goal. */
+static lg_var relative(lg_tape *tape, const lg_policy *p, lg_var x, lg_var reference) {
+    const lg_policy_layout *l = &p->layout;
+    const uint32_t tracked = lg_policy_tracked(&p->task), n = l->given + l->velocities,
+                   rows = moves(p) ? 2 * tracked : tracked;
+    double map[2 * LG_POLICY_COORDINATES * 7 * LG_POLICY_COORDINATES] = {0};
+    double goal[7 * LG_POLICY_COORDINATES] = {0};
+    for (uint32_t i = 0, k = 0; i < p->task.coordinate_count; i++) {
+        if (!p->task.coordinate[i].track) continue;
+        map[k * n + l->at[i].given] = 1.0;
+        goal[l->at[i].given] = p->task.coordinate[i].goal[0];
+        if (moves(p)) map[(tracked + k) * n + l->given + l->at[i].velocity] = 1.0;
+        k++;
+    }
+    const lg_var shift = lg_matmul(tape, reference, lg_input_f64(tape, lg_shape2(rows, n), map));
+    return lg_add(tape, lg_sub(tape, x, shift), row_of(tape, goal, n));
+}
+
+static lg_status record_track(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
+    const lg_var x = relative(tape, user, in[0], in[1]);
+    (void)theta;
+    out[0] = lg_program_call(tape, "control", 0, &x);
+    return lg_tape_status(tape);
+}
+
 /* h (stage + sum_l w_l (u_l - u0_l)^2) */
 static lg_var record_cost(lg_tape *tape, const lg_policy *p, lg_policy_seen seen, lg_var u) {
     double weight[LG_POLICY_INPUTS];
@@ -331,7 +356,7 @@ static lg_status record_disturbed_end(void *user, lg_tape *tape, const lg_var *t
 /* ---- adding them ---- */
 
 typedef struct ports {
-    lg_port x, u, z, q, v, weights, given, gain, state, noise, late;
+    lg_port x, u, z, q, v, weights, given, gain, state, noise, late, reference;
 } ports;
 
 static ports ports_of(const lg_policy *p) {
@@ -360,6 +385,10 @@ static ports ports_of(const lg_policy *p) {
                   .shape = lg_shape1(lg_policy_noise_sizes(&p->task, NULL)),
                   .low = -0.1,
                   .high = 0.1},
+        .reference = {.name = "reference",
+                      .shape = lg_shape1(lg_policy_tracked(&p->task) * (moves(p) ? 2 : 1)),
+                      .low = -1,
+                      .high = 1},
         .late = {.name = "late", .shape = lg_shape1(1), .low = 0, .high = 1}};
 }
 
@@ -431,6 +460,9 @@ lg_status lg_policy_add_functions(lg_policy *p, lg_error *error) {
     if (!moves(p)) in[1] = port.weights;
     LG_TRY(add(p, "policy", record_policy, in, 1 + (size_t)moves(p) + own, OUTS("u"), error));
     LG_TRY(add(p, "control", record_control, &port.given, 1, OUTS("u"), error));
+    if (lg_policy_tracked(&p->task) > 0)
+        LG_TRY(add(p, "track", record_track, (const lg_port[]){port.given, port.reference}, 2, OUTS("u"),
+                   error));
     LG_TRY(add(p, "terminal", record_terminal, &port.x, 1, OUTS("cost"), error));
     LG_TRY(add(p, "closed", record_closed, (const lg_port[]){port.x, port.weights}, 1 + own,
                OUTS("next", "cost", "u"), error));

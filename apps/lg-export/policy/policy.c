@@ -207,6 +207,11 @@ static int write_policy(export_policy_job *j, const char *path) {
     tell(j);
     int code = export_policy_loop(j);
     if (code == APP_EXIT_OK) code = add_around(j, &functions);
+    /* Set points are there by default. */
+    size_t track;
+    if (code == APP_EXIT_OK && strcmp(source->options->functions, "control") == 0 &&
+        lg_program_find(j->program, "track", &track, NULL) == LG_OK)
+        lg_text_add(&functions, ",track");
     /* The closed loop needs it. */
     if (code == APP_EXIT_OK && !names_control(functions.data)) lg_text_add(&functions, ",control");
     if (code == APP_EXIT_OK) code = export_whole(j->self, path, j->program, functions.data, source);

@@ -40,6 +40,7 @@ enum {
     KEY_SPREAD,
     KEY_DELAY,
     KEY_NOISE,
+    KEY_TRACK,
     KEY_COUNT
 };
 
@@ -108,6 +109,7 @@ static const lg_field keys[KEY_COUNT] = {
     [KEY_SPREAD] = FIELD("robust.spread", REAL, spread, .high = 10),
     [KEY_DELAY] = FIELD("robust.delay", REAL, delay, .high = 1),
     [KEY_NOISE] = {.name = "robust.noise", .type = LG_FIELD_NODE},
+    [KEY_TRACK] = {.name = "track", .type = LG_FIELD_NODE},
 };
 
 /* ---- mappings from names to numbers ---- */
@@ -313,6 +315,26 @@ static const char *take_noise(lg_policy_task *task, named of, const char *name, 
     return NULL;
 }
 
+/* A list of names of positions. */
+static lg_status read_track(reading *r, const lg_key_value *value) {
+    const yaml_node_t *list = value->node;
+    if (value->line == 0) return LG_OK;
+    if (list->type != YAML_SEQUENCE_NODE)
+        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error, "track: expected a list of positions");
+    for (const yaml_node_item_t *item = list->data.sequence.items.start; item < list->data.sequence.items.top;
+         item++) {
+        const yaml_node_t *node = node_at(r, *item);
+        const char *name = node->type == YAML_SCALAR_NODE ? (const char *)node->data.scalar.value : "";
+        const named of = find_name(r->task, name);
+        if (of.coordinate == NULL && of.input == NULL) return unknown(r, node, "track", name);
+        if (of.coordinate == NULL || of.velocity)
+            return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
+                                "track: expected a position, not '%.40s'", name);
+        of.coordinate->track = true;
+    }
+    return LG_OK;
+}
+
 /* ---- the task ---- */
 
 static void set_defaults(lg_policy_task *task) {
@@ -355,6 +377,7 @@ static lg_status read_task(reading *r) {
     LG_TRY(read_entries(r, &values[KEY_COST], "cost", take_cost));
     LG_TRY(read_entries(r, &values[KEY_SUCCESS], "success", take_success));
     LG_TRY(read_entries(r, &values[KEY_NOISE], "robust.noise", take_noise));
+    LG_TRY(read_track(r, &values[KEY_TRACK]));
     return check_inputs(r);
 }
 
