@@ -133,6 +133,38 @@ static lg_var cart_potential(lg_tape *tape, const lg_grey_view *at) {
     return lg_mul(tape, cosine, lg_mul(tape, weight, number(tape, at, POLE_LENGTH)));
 }
 
+/* ---- rotary-pendulum (Furuta): q_1 turns the arm about the vertical, q_2 is 0 upright ---- */
+
+static const lg_parameter_entry rotary_parameters[] = {
+    {"arm", "J", 1, LG_PARAMETER_POSITIVE, NULL, "inertia of motor and arm about the vertical, kg m^2"},
+    {"radius", "r", 1, LG_PARAMETER_POSITIVE, NULL, "from the vertical to the pole's hinge, m"},
+    {"pole", "m", 1, LG_PARAMETER_POSITIVE, NULL, "mass of the pole, kg"},
+    {"centre", "c", 1, LG_PARAMETER_POSITIVE, NULL, "from the hinge to the pole's centre of mass, m"},
+    {"inertia", "I", 1, LG_PARAMETER_POSITIVE, NULL, "of the slender pole about its centre of mass, kg m^2"},
+    GRAVITY,
+    {.key = NULL}};
+enum { ROTARY_ARM, RADIUS, ROTARY_POLE, CENTRE, ROTARY_INERTIA, ROTARY_GRAVITY };
+
+/* M = [J + m r^2 + K sin(q_2)^2, m r c cos(q_2); ., K], K = I + m c^2 */
+static lg_var rotary_mass(lg_tape *tape, const lg_grey_view *at) {
+    const lg_var m = number(tape, at, ROTARY_POLE), r = number(tape, at, RADIUS),
+                 c = number(tape, at, CENTRE);
+    const lg_var K = lg_add(tape, number(tape, at, ROTARY_INERTIA), lg_mul(tape, m, lg_square(tape, c)));
+    const lg_var arm = lg_add(tape, number(tape, at, ROTARY_ARM), lg_mul(tape, m, lg_square(tape, r)));
+    const lg_var q = lg_machine_columns(tape, at->x, 1, 1);
+    const lg_var lifted = lg_mul(tape, lg_square(tape, lg_sin(tape, q)), K),
+                 coupling = lg_mul(tape, lg_cos(tape, q), lg_mul(tape, m, lg_mul(tape, r, c)));
+    const lg_var fixed = lg_add(tape, times_matrix(tape, arm, 1, 0, 0), times_matrix(tape, K, 0, 0, 1));
+    return lg_add(tape, fixed,
+                  lg_add(tape, times_matrix(tape, lifted, 1, 0, 0), times_matrix(tape, coupling, 0, 1, 0)));
+}
+
+static lg_var rotary_potential(lg_tape *tape, const lg_grey_view *at) {
+    const lg_var weight = lg_mul(tape, number(tape, at, ROTARY_POLE), number(tape, at, ROTARY_GRAVITY));
+    const lg_var cosine = lg_cos(tape, lg_machine_columns(tape, at->x, 1, 1));
+    return lg_mul(tape, cosine, lg_mul(tape, weight, number(tape, at, CENTRE)));
+}
+
 /* ---- two-link-arm: q_1 is 0 straight down, q_2 is relative to the first link ---- */
 
 static const double half[2] = {0.5, 0.5}, rods[2] = {1.0 / 12.0, 1.0 / 12.0};
@@ -247,6 +279,14 @@ const lg_grey_system lg_grey_systems[] = {
      .moving = true,
      .mass = cart_mass,
      .potential = cart_potential},
+    {.name = "rotary-pendulum",
+     .parameters = rotary_parameters,
+     .count = 2,
+     .coordinates = {LG_COORDINATE_ANGLE, LG_COORDINATE_ANGLE},
+     .seen = 2,
+     .moving = true,
+     .mass = rotary_mass,
+     .potential = rotary_potential},
     {.name = "two-link-arm",
      .parameters = arm_parameters,
      .count = 2,

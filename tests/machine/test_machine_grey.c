@@ -201,6 +201,20 @@ static void arm_field(const double *y, double *dy) {
     dy[2] = (M22 * f1 - M12 * f2) / det, dy[3] = (M11 * f2 - M12 * f1) / det;
 }
 
+static const double rotary_arm = 0.02, radius = 0.2, rotary_pole = 0.15, centre = 0.15,
+                    rotary_inertia = 0.001;
+
+/* Lagrange's equations of a Furuta pendulum, written out by hand; the second angle is 0 upright. */
+static void rotary_field(const double *y, double *dy) {
+    const double K = rotary_inertia + rotary_pole * centre * centre, h = rotary_pole * radius * centre;
+    const double s = sin(y[1]), c = cos(y[1]), M11 = rotary_arm + rotary_pole * radius * radius + K * s * s;
+    const double f1 = h * s * y[3] * y[3] - 2 * K * s * c * y[2] * y[3],
+                 f2 = K * s * c * y[2] * y[2] + rotary_pole * gravity * centre * s;
+    const double M12 = h * c, det = M11 * K - M12 * M12;
+    dy[0] = y[2], dy[1] = y[3];
+    dy[2] = (K * f1 - M12 * f2) / det, dy[3] = (M11 * f2 - M12 * f1) / det;
+}
+
 static const double one[2] = {1, 1};
 static const lg_coordinate_kind lines[2] = {LG_COORDINATE_LINE, LG_COORDINATE_LINE},
                                 directions[3] = {LG_COORDINATE_DIRECTION, LG_COORDINATE_DIRECTION,
@@ -256,6 +270,14 @@ static const system_case cases[] = {
          .given =
              {{"cart", &cart, 1}, {"pole", &pole, 1}, {"length", &pole_length, 1}, {"gravity", &gravity, 1}},
          .unknown = {"pole", "length", "gravity"}),
+    CASE(angles, 2, 0.7, 0.02, "rotary-pendulum", 1.5, .field = rotary_field,
+         .given = {{"arm", &rotary_arm, 1},
+                   {"radius", &radius, 1},
+                   {"pole", &rotary_pole, 1},
+                   {"centre", &centre, 1},
+                   {"inertia", &rotary_inertia, 1},
+                   {"gravity", &gravity, 1}},
+         .unknown = {"arm", "inertia"}),
     CASE(angles, 2, 0.7, 0.02, "two-link-arm", 1.5, .field = arm_field,
          .given = {{"masses", arm_masses, 2},
                    {"centres", arm_centres, 2},
