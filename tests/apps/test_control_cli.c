@@ -67,4 +67,40 @@ TEST("goals, machines and options that do not fit are refused with a sentence") 
     cli_expect(control, "evaluate lqr.h5 --plant other.yaml", 3, "not those of the policy");
 }
 
+TEST("disturbances of another task judge a policy, and draws need the covariance of a fit") {
+    cli_write("noisy.yaml", TASK "controller: {kind: lqr}\nrobust: {delay: 0.5, noise: {th: 0.3}}\n");
+    cli_write("drawn.yaml", TASK "controller: {kind: lqr}\nrobust: {draws: 2}\n");
+    cli_write("wrong.yaml", TASK "robust: {noise: {u: 0.3}}\n");
+    cli_expect(control, "train lqr.yaml --out lqr.h5 --json", 0, "");
+    assert_null(json_find(result.out, "disturbed"));
+    cli_expect(control, "evaluate lqr.h5 --disturb noisy.yaml --json", 0, "");
+    assert_true(json_number(json_find(result.out, "disturbed"), "succeeded") <
+                0.8 * json_number(result.out, "succeeded"));
+    cli_expect(control, "train noisy.yaml --out noisy.h5 --json", 0, "");
+    assert_close(json_number(json_find(result.out, "disturbed"), "starts"), 512, 0.0, 0.0);
+    cli_expect(control, "evaluate lqr.h5 --disturb lqr.yaml", 3, "the task has no disturbances (robust)");
+    cli_expect(control, "train drawn.yaml --out x.h5", 3, "robust.draws needs a model of lg-identify");
+    cli_expect(control, "train wrong.yaml --out x.h5", 3,
+               "robust.noise: u: expected a coordinate, not an input");
+}
+
+TEST("a policy follows the set points of a file") {
+    cli_write("track.yaml", TASK "controller: {kind: lqr}\ntrack: [x]\n");
+    cli_write("steps.csv", "t,x\n0,0.2\n20,0.2\n");
+    cli_write("moving.csv", "t,x,vx\n0,0,0.1\n20,2,0.1\n");
+    cli_write("other.csv", "t,y\n0,0\n1,1\n");
+    cli_write("back.csv", "t,x\n0,0\n0,1\n");
+    cli_expect(control, "train track.yaml --out track.h5", 0, "");
+    cli_expect(control, "evaluate track.h5 --starts 64 --reference steps.csv --json", 0, "");
+    assert_close(json_number(json_find(result.out, "reference"), "x_largest"), 0.0, 0.0, 1e-9);
+    cli_expect(control, "evaluate track.h5 --starts 64 --reference moving.csv --json", 0, "");
+    assert_true(json_number(json_find(result.out, "reference"), "x_rms") < 0.2);
+    cli_expect(control, "evaluate track.h5 --reference other.csv", 3, "x");
+    cli_expect(control, "evaluate track.h5 --reference back.csv", 3, "line 3: the time t does not increase");
+    cli_expect(control, "train lqr.yaml --out lqr.h5", 0, "");
+    cli_expect(control, "evaluate lqr.h5 --reference steps.csv", 3, "tracks no coordinate");
+    cli_write("track.yaml", TASK "track: [vx]\n");
+    cli_expect(control, "train track.yaml --out x.h5", 3, "track: expected a position, not 'vx'");
+}
+
 TEST_GROUP(setup, cli_end)
