@@ -143,6 +143,13 @@ void *app_alloc(size_t count, size_t size) {
     return memory;
 }
 
+void *app_work(size_t bytes) {
+    const size_t whole = (bytes + 63) / 64 * 64 + 64;
+    void *memory = aligned_alloc(64, whole);
+    if (memory == NULL) app_out_of_memory();
+    return memset(memory, 0, whole);
+}
+
 static void *take(void *user, size_t bytes) {
     (void)user;
     return app_alloc(bytes, 1);

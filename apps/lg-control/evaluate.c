@@ -76,7 +76,7 @@ static double time_control(const app *self, const lg_policy *policy) {
     APP_MUST(self, lg_plan_create(program, at, NULL, &plan, &error));
     APP_FREE double *x = app_alloc(lg_plan_input_count(plan, 0), sizeof *x);
     APP_FREE double *u = app_alloc(lg_plan_output_count(plan, 0), sizeof *u);
-    APP_FREE void *work = app_alloc(lg_plan_work_size(plan), 1);
+    APP_FREE void *work = app_work(lg_plan_work_size(plan));
     x[0] = 1.0;
     const double begun = app_seconds();
     for (int i = 0; i < CALLS; i++) lg_plan_eval(plan, (const void *[]){x}, (void *[]){u}, work);

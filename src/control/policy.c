@@ -319,13 +319,6 @@ lg_status lg_policy_transplant(const lg_policy *policy, lg_program *plant, lg_po
     return lg_fail(error, LG_INVALID_ARGUMENT, "one of these arguments is NULL: policy, plant, out");
 }
 
-bool lg_policy_is_disturbed(const lg_policy_task *task) {
-    bool noisy = false;
-    for (uint32_t i = 0; i < task->coordinate_count; i++)
-        noisy = noisy || task->coordinate[i].noise > 0.0 || task->coordinate[i].noise_velocity > 0.0;
-    return noisy || task->delay > 0.0 || task->draws > 0;
-}
-
 lg_status lg_policy_add_draw(lg_policy *policy, lg_program *plant, lg_error *error) {
     lg_policy *drawn = NULL;
     if (policy == NULL || plant == NULL || !lg_policy_is_disturbed(&policy->task)) {

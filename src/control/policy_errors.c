@@ -245,6 +245,21 @@ void lg_policy_lay_out(const lg_policy_task *task, lg_policy_layout *out) {
     }
 }
 
+/* ---- what a task asks for ---- */
+
+bool lg_policy_is_disturbed(const lg_policy_task *task) {
+    bool noisy = false;
+    for (uint32_t i = 0; i < task->coordinate_count; i++)
+        noisy = noisy || task->coordinate[i].noise > 0.0 || task->coordinate[i].noise_velocity > 0.0;
+    return noisy || task->delay > 0.0 || task->draws > 0;
+}
+
+uint32_t lg_policy_tracked(const lg_policy_task *task) {
+    uint32_t n = 0;
+    for (uint32_t i = 0; i < task->coordinate_count; i++) n += task->coordinate[i].track;
+    return n;
+}
+
 /* ---- recordings ---- */
 
 static lg_var part(lg_tape *tape, lg_var x, uint32_t from, uint32_t count) {

@@ -106,9 +106,3 @@ lg_status lg_policy_check_track(const lg_policy *p, uint64_t seed, lg_error *err
     lg_free(p->context, z);
     return status;
 }
-
-uint32_t lg_policy_tracked(const lg_policy_task *task) {
-    uint32_t n = 0;
-    for (uint32_t i = 0; i < task->coordinate_count; i++) n += task->coordinate[i].track;
-    return n;
-}

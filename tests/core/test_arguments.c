@@ -1061,6 +1061,7 @@ TEST("policies refuse NULL") {
     const lg_archive_writer writer = memory_writer(archive);
     const lg_archive_reader reader = memory_reader(archive);
     const lg_policy_task task = spring_task();
+    lg_policy_task rough = task;
     lg_policy *policy, *other;
     lg_policy_trainer *trainer;
     lg_policy_outcome outcome;
@@ -1072,7 +1073,10 @@ TEST("policies refuse NULL") {
     REFUSES(lg_policy_add_rate(NEEDED(policy), NEEDED(&program), NULL));
     assert_status(lg_policy_add_slope(NULL, &energy, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_policy_add_slope(policy, NULL, NULL), LG_INVALID_ARGUMENT);
-    REFUSES(lg_policy_evaluate(NEEDED(policy), false, 4, 1, 1, NEEDED(&outcome), NULL, NULL));
+    rough.delay = 0.5;
+    REFUSES(lg_policy_disturb(NEEDED(policy), NEEDED(&rough), NULL));
+    REFUSES(lg_policy_add_draw(NEEDED(policy), NEEDED(spring()), NULL));
+    REFUSES(lg_policy_evaluate(NEEDED(policy), LG_POLICY_NOMINAL, 4, 1, 1, NEEDED(&outcome), NULL, NULL));
     REFUSES(lg_policy_trainer_create(NEEDED(policy), NULL, NEEDED(&trainer), NULL));
     assert_ok(lg_policy_trainer_create(policy, NULL, &trainer, &error));
     REFUSES(lg_policy_trainer_run(NEEDED(trainer), NULL, NULL));
