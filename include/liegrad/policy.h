@@ -5,7 +5,7 @@
  *   lg_policy_create(NULL, &task, plant, seed, &policy, &error);      (plant: a program, see below)
  *   lg_policy_trainer_create(policy, NULL, &trainer, &error);
  *   lg_policy_trainer_run(trainer, &result, &error);
- *   lg_policy_evaluate(policy, false, 500, seed, 1, &outcome, NULL, &error);
+ *   lg_policy_evaluate(policy, LG_POLICY_NOMINAL, 500, seed, 1, &outcome, NULL, &error);
  *
  * A run. The input u is held for `period` seconds h; s_{k+1} = F(s_k, u_k) is the machine's own step, in
  * lg_policy_task.substeps parts; u_k = pi(q_k, v_k, theta). The cost of a run from s_0 is
@@ -238,11 +238,10 @@ typedef struct lg_policy_train_result {
  * two thirds of it the worse half leaves. The best by success, then by cost, on validation starts takes
  * `finish` steps more with twice as many starts. While fewer than 99 % of the validation starts succeed this
  * is repeated, up to four times in all, unless options.seconds bounds the time. L-BFGS on 512 fixed starts
- * follows.
- *
- * Adam's gradients are not exact: what goes back through a run is shortened, so that runs whose motion is
- * chaotic do not drown the others. The policy gets the best parameters that the validation starts saw. If
- * the task is disturbed, all runs are, and there are 512 validation starts. For `lqr`, and for `energy` with given gains, nothing is trained, only judged.
+ * follows. Adam's gradients are not exact: what goes back through a run is shortened, so that runs whose
+ * motion is chaotic do not drown the others. The policy gets the best parameters that the validation starts
+ * saw. If the task is disturbed, all runs are, and there are 512 validation starts. For `lqr`, and for
+ * `energy` with given gains, nothing is trained, only judged.
  *
  * `options` NULL means the defaults. The policy must outlive the trainer. After LG_CANCELLED
  * lg_policy_trainer_save stores the state; a trainer with the same policy and options loads it and runs on,
@@ -253,8 +252,10 @@ typedef struct lg_policy_train_result {
 typedef struct lg_policy_trainer lg_policy_trainer;
 LG_API lg_status lg_policy_trainer_create(lg_policy *policy, const lg_policy_train_options *options,
                                           lg_policy_trainer **out, lg_error *error);
+/* Runs what is left of the training. */
 LG_API lg_status lg_policy_trainer_run(lg_policy_trainer *trainer, lg_policy_train_result *result,
                                        lg_error *error);
+/* Stores and restores the state of a training. */
 LG_API lg_status lg_policy_trainer_save(const lg_policy_trainer *trainer, const lg_archive_writer *to,
                                         lg_error *error);
 LG_API lg_status lg_policy_trainer_load(lg_policy_trainer *trainer, const lg_archive_reader *from,

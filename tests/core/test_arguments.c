@@ -1075,6 +1075,7 @@ TEST("policies refuse NULL") {
     assert_status(lg_policy_add_slope(policy, NULL, NULL), LG_INVALID_ARGUMENT);
     rough.delay = 0.5;
     REFUSES(lg_policy_disturb(NEEDED(policy), NEEDED(&rough), NULL));
+    assert_ok(lg_policy_disturb(policy, &rough, &error));
     REFUSES(lg_policy_add_draw(NEEDED(policy), NEEDED(spring()), NULL));
     REFUSES(lg_policy_evaluate(NEEDED(policy), LG_POLICY_NOMINAL, 4, 1, 1, NEEDED(&outcome), NULL, NULL));
     REFUSES(lg_policy_trainer_create(NEEDED(policy), NULL, NEEDED(&trainer), NULL));
