@@ -255,9 +255,10 @@ LG_API lg_status lg_policy_trainer_create(lg_policy *policy, const lg_policy_tra
 /* Runs what is left of the training. */
 LG_API lg_status lg_policy_trainer_run(lg_policy_trainer *trainer, lg_policy_train_result *result,
                                        lg_error *error);
-/* Stores and restores the state of a training. */
+/* Stores the state of a training. */
 LG_API lg_status lg_policy_trainer_save(const lg_policy_trainer *trainer, const lg_archive_writer *to,
                                         lg_error *error);
+/* Restores the state of a training. */
 LG_API lg_status lg_policy_trainer_load(lg_policy_trainer *trainer, const lg_archive_reader *from,
                                         lg_error *error);
 LG_API void lg_policy_trainer_destroy(lg_policy_trainer *trainer); /* NULL is allowed */
