@@ -1,11 +1,15 @@
-/* Polynomial Lyapunov functions by linear programming, for certificates (liegrad/certify.h). The library is
- * liegrad.
+/* Searches for Lyapunov functions, for certificates (liegrad/certify.h). The library is liegrad. What holds at
+ * points is a proposal; lg_certify proves it or finds the largest level for which it holds.
  *
- * The coefficients are the solution of a linear program at random points: V >= 1 on the boundary of the box,
+ * Polynomials, by linear programming. The coefficients are the solution of a linear program at random points: V >= 1 on the boundary of the box,
  * V' <= -decay |q|^2 within it, and the mean of V is least, so that {V <= 1} is large. What holds at points
  * is a proposal; lg_certify proves it or finds the largest level for which it holds. */
 #ifndef LIEGRAD_LYAPUNOV_H
 #define LIEGRAD_LYAPUNOV_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
 
 #include "liegrad/core.h"
 #include "liegrad/program.h"
@@ -32,6 +36,33 @@ LG_API void lg_lyapunov_spec_init(lg_lyapunov_spec *spec);
  * LG_INVALID_ARGUMENT, LG_NOT_FOUND, LG_NO_CONVERGENCE (no polynomial of this degree satisfies the
  * inequalities at the points), LG_OUT_OF_MEMORY. On failure the program is unchanged. */
 LG_API lg_status lg_lyapunov_polynomial(lg_program *program, const lg_lyapunov_spec *spec, lg_error *error);
+
+typedef struct lg_lyapunov_search {
+    size_t size; /* sizeof(lg_lyapunov_search) */
+    /* A function of the program: x (n) -> x' (n), or the next state if `step`; n <= 16. With a second, shared
+     * input K (m, n) the gains are searched as well: u = -K x + ... */
+    const char *rate;
+    bool step;
+    const double *goal;       /* (n), an equilibrium; NULL: 0 */
+    const double *low, *high; /* (n) the box; sides may be infinite */
+    const double *scale;      /* (n) sizes of x - goal, all above 0; NULL: the sides of the box, all finite */
+    /* (n) bounds of |error of rate|; NULL: 0. They count where V is above .3 of its level. */
+    const double *model_error;
+    size_t generations; /* default 1500, of some 12 proposals each */
+    size_t directions;  /* of the sample; default 400 */
+    uint64_t seed;      /* default 1 */
+    int threads;        /* default 1; results are the same for any number */
+} lg_lyapunov_search;
+
+LG_API void lg_lyapunov_search_init(lg_lyapunov_search *search);
+/* Finds P (n, n), symmetric, and K (m, n) (not touched, may be NULL, if `rate` has no K). {V <= 1} is the
+ * proposal; *volume (may be NULL) is its volume. The search starts from solutions of Riccati equations with
+ * random weights; without K from solutions of Lyapunov equations. Errors: LG_INVALID_ARGUMENT,
+ * LG_NOT_FOUND (no such function), LG_CHECK_FAILED (no quadratic form falls near the goal), LG_CANCELLED,
+ * LG_OUT_OF_MEMORY; outputs are then untouched. */
+LG_API lg_status lg_lyapunov_quadratic(const lg_context *context, const lg_program *program,
+                                       const lg_lyapunov_search *search, double *P, double *K, double *volume,
+                                       lg_error *error);
 
 LG_END_DECLS
 
