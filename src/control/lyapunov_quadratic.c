@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "control/evolution.h"
+#include "kernels/lapack.h"
 #include "kernels/matrix.h"
 #include "liegrad/control.h"
 #include "liegrad/lyapunov.h"
@@ -186,11 +187,13 @@ static double fraction_of(const searching *s, const form *f, const desk *d, size
     return most;
 }
 
-/* Whether V falls near the goal: with the linear loop C = A - B K, T^T (C^T P + P C) T (steps: T^T C^T P C T - 1)
- * must be negative definite, its eigenvalues at least a hundredth of their mean. */
-static bool falls_near(const searching *s, const form *f, const double *K) {
+/* How fast V falls near the goal: the least eigenvalue of -T^T (C^T P + P C) T (steps: 1 - T^T C^T P C T), over
+ * the mean of the eigenvalues, with the linear loop C = A - B K. At most 0: it does not fall. */
+static double fall_near(const searching *s, const form *f, const double *K) {
     const size_t n = s->n, m = s->m;
-    double C[STATES * STATES], CT[STATES * STATES], M[STATES * STATES], L[STATES * STATES], mean = 0;
+    const int size = (int)n, words = 1 + 2 * STATES, whole = 1;
+    double C[STATES * STATES], CT[STATES * STATES], M[STATES * STATES], w[STATES], work[1 + 2 * STATES], mean = 0;
+    int integer, info = 0;
     memcpy(C, s->A, n * n * sizeof *C);
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < n; j++)
@@ -200,26 +203,33 @@ static bool falls_near(const searching *s, const form *f, const double *K) {
     lg_matrix_multiply_tn(n, n, n, C, C, M);
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < n; j++) {
-            const double change = s->spec->step ? M[i * n + j] - (i == j) : C[i * n + j] + C[j * n + i];
-            CT[i * n + j] = -change;
-            if (i == j) mean -= change / (double)n;
+            CT[i * n + j] = s->spec->step ? (i == j) - M[i * n + j] : -C[i * n + j] - C[j * n + i];
+            if (!isfinite(CT[i * n + j])) return -1;
+            if (i == j) mean += CT[i * n + j] / (double)n;
         }
-    for (size_t i = 0; i < n; i++) CT[i * (n + 1)] -= 0.01 * mean;
-    return mean > 0 && lg_matrix_cholesky(n, CT, L);
+    dsyevd_("N", "L", &size, CT, &size, w, work, &words, &integer, &whole, &info);
+    return info == 0 && mean > 0 ? w[0] / mean : -1;
 }
 
-/* The logarithm of the volume of {V <= level}, up to a constant, and the level; NaN: no set. */
+/* What a slow fall near the goal costs: proofs need boxes there. */
+static const double slowness = 0.02;
+
+/* The logarithm of the volume of {V <= level}, up to a constant, less a little for a slow fall near the goal;
+ * NaN: no set. */
 static double worth(const searching *s, const double *theta, const desk *d, double *level) {
     form f;
     double fraction = 1;
     const size_t n = s->n, all = s->directions + s->pooled;
     const double *K = theta + n * (n + 1) / 2;
-    if (!read_form(s, theta, &f) || !falls_near(s, &f, K)) return (double)NAN;
+    if (!read_form(s, theta, &f)) return (double)NAN;
+    const double near = fall_near(s, &f, K);
+    if (!(near > 1e-6)) return (double)NAN;
     for (size_t i = 0; i < s->m * n; i++) d->K[i] = K[i] / s->scale[i % n];
     for (size_t first = 0; first < all && fraction > 0; first += ROWS)
         fraction = fraction_of(s, &f, d, first, all - first < ROWS ? all - first : ROWS, fraction);
     *level = fraction * f.top;
-    return fraction > 0 ? 0.5 * (double)n * log(*level) - f.logarithm : (double)NAN;
+    if (!(fraction > 0)) return (double)NAN;
+    return 0.5 * (double)n * log(*level) - f.logarithm + slowness * log(near);
 }
 
 /* ---- the linear loop ---- */
@@ -474,7 +484,7 @@ static void write_out(const searching *s, const best *b, double *P, double *K, d
             P[i * n + j] = (f.P[i * n + j] + f.P[j * n + i]) / (2 * b->level * s->scale[i] * s->scale[j]);
     for (size_t i = 0; i < s->m * n; i++) K[i] = b->theta[n * (n + 1) / 2 + i] / s->scale[i % n];
     if (volume == NULL) return;
-    *volume = exp(b->value) * pow(3.14159265358979, half) / tgamma(half + 1);
+    *volume = exp(half * log(b->level) - f.logarithm) * pow(3.14159265358979, half) / tgamma(half + 1);
     for (size_t i = 0; i < n; i++) *volume *= s->scale[i];
 }
 
