@@ -20,7 +20,7 @@ typedef struct certify_values {
 
 static const lg_field options[] = {
     LG_OPTION(certify_values, lyapunov, NAME, "KIND",
-              "V: the regulator's P, a polynomial by linear programming, or the energy of a pendulum",
+              "V: a quadratic form or a polynomial, which are searched, or the energy of a pendulum",
               LG_NAMES("quadratic", "polynomial", "energy"), .value = "quadratic"),
     LG_OPTION(certify_values, box, STRING, "NAME=W,...",
               "The box of states: for each position and velocity its largest distance from the goal",
@@ -140,16 +140,38 @@ static void check_options(const app *self) {
 
 /* ---- the policy ---- */
 
-static lg_policy *read_policy(const app *self) {
-    const char *path = self->arguments[0], *dot = strrchr(path, '.');
+static bool is_task(const app *self) {
+    const char *dot = strrchr(self->arguments[0], '.');
+    return dot != NULL && (strcmp(dot, ".yaml") == 0 || strcmp(dot, ".yml") == 0);
+}
+
+/* The certificate chooses the gains of a task of kind lqr that gives none. */
+static bool chooses_gains(const app *self, const lg_policy_task *task) {
+    return is_task(self) && values.lyapunov == QUADRATIC && task->kind == LG_POLICY_LQR && task->gain_count == 0;
+}
+
+/* Whether the controller has a regulator that training chooses. */
+static bool needs_regulator(const app *self, const lg_policy_task *task) {
+    return task->kind == LG_POLICY_NETWORK ||
+           (task->kind == LG_POLICY_LQR && task->gain_count == 0 && !chooses_gains(self, task));
+}
+
+/* `gains`: of a task of kind lqr, K row by row; NULL: as the file says. */
+static lg_policy *read_policy(const app *self, const double *gains) {
+    const char *path = self->arguments[0];
     lg_policy *policy = NULL;
-    if (dot == NULL || (strcmp(dot, ".yaml") != 0 && strcmp(dot, ".yml") != 0)) {
+    if (!is_task(self)) {
         APP_MUST_FILE(self, path, lg_policy_load(self->context, path, NULL, &policy, NULL, &error));
         return policy;
     }
     lg_policy_task task;
     APP_FREE char *text = NULL;
     lg_program *plant = control_read_task(self, path, &task, &text);
+    task.search = needs_regulator(self, &task);
+    if (gains != NULL) {
+        task.gain_count = task.input_count * (uint32_t)name_states(&task).n;
+        memcpy(task.gains, gains, task.gain_count * sizeof *gains);
+    }
     APP_MUST(self, lg_policy_create(self->context, &task, plant, self->seed, &policy, &error));
     if (lg_policy_parameters(policy) > 0)
         app_warn(self, "%s is a task: its controller of kind %s is not trained", path,
@@ -168,6 +190,7 @@ typedef struct verdict {
     const char *claim, *reason;
     const double *low, *high; /* the box that failed, from the goal; NULL: none */
     size_t sides;
+    const double *P, *gains; /* (sides, sides); (inputs, sides); NULL: none, or gains that were not chosen */
 } verdict;
 
 static void tell_box(app_json *out, naming names, const verdict *v) {
@@ -179,6 +202,18 @@ static void tell_box(app_json *out, naming names, const verdict *v) {
         app_result_line(out, "fails at %s from %.6g to %.6g", name_of(names, i), side[0], side[1]);
     }
     app_json_close(out, '}');
+}
+
+/* The quadratic form, and gains in the form that a task takes. */
+static void tell_forms(app_json *out, naming names, const verdict *v) {
+    lg_text line = app_text();
+    const size_t n = v->sides, count = names.task->input_count * n;
+    if (v->P != NULL) app_json_reals(out, "P", v->P, n * n);
+    if (v->gains != NULL) app_json_reals(out, "gains", v->gains, count);
+    for (size_t i = 0; i < count && v->gains != NULL; i++)
+        lg_text_add(&line, "%s%.6g", i > 0 ? ", " : "", v->gains[i]);
+    if (v->gains != NULL) app_result_line(out, "chosen for a large set: controller: {kind: lqr, gains: [%s]}", line.data);
+    free(line.data);
 }
 
 static int tell(app *self, naming names, const verdict *v) {
@@ -196,6 +231,7 @@ static int tell(app *self, naming names, const verdict *v) {
         app_result_real(&out, "volume", v->volume, "of {V <= level}, a lower bound");
         app_result_real(&out, "fraction", v->fraction, "of the box");
     }
+    tell_forms(&out, names, v);
     app_result_size(&out, "boxes", v->boxes, "examined");
     app_result_real(&out, "seconds", v->seconds, NULL);
     if (!v->verified) tell_box(&out, names, v);
@@ -252,25 +288,96 @@ static void add_polynomial(const app *self, lg_program *program, const double *l
     APP_MUST(self, lg_lyapunov_polynomial(program, &spec, &error));
 }
 
-static int prove(app *self, lg_policy *policy, naming names) {
-    double low[2 * LG_POLICY_COORDINATES], high[2 * LG_POLICY_COORDINATES], off[2 * LG_POLICY_COORDINATES];
+enum { STATES = 2 * LG_POLICY_COORDINATES };
+
+/* What is to be proved. */
+typedef struct wanted {
+    double low[STATES], high[STATES], error[STATES], P[STATES * STATES], gains[LG_POLICY_GAINS];
+    bool chosen; /* the gains */
+} wanted;
+
+/* Sizes of states: sides of the box; where it has none, the farthest start. */
+static void find_scale(const app *self, naming names, const wanted *what, double *scale) {
+    for (size_t i = 0; i < names.n; i++) {
+        const uint32_t count = names.task->coordinate_count;
+        const lg_policy_coordinate *c = &names.task->coordinate[i % count];
+        const double *start = i < count ? c->start : c->start_velocity;
+        scale[i] = isfinite(what->high[i]) ? what->high[i] : fmax(fabs(start[0]), fabs(start[1]));
+        if (!(scale[i] > 0))
+            app_stop_usage(self, "--box: %s has no bound, and all starts have it at the goal: give a bound",
+                           name_of(names, i));
+    }
+}
+
+/* Six digits: what is printed is what is proved. */
+static void round_gains(double *gains, size_t count) {
+    char text[32];
+    for (size_t i = 0; i < count; i++) {
+        (void)snprintf(text, sizeof text, "%.6g", gains[i]);
+        gains[i] = strtod(text, NULL);
+    }
+}
+
+/* V of a proof that cannot succeed: it finds the states where V does not fall. */
+static void take_squares(naming names, const double *scale, double *P) {
+    for (size_t i = 0; i < names.n * names.n; i++) P[i] = 0;
+    for (size_t i = 0; i < names.n; i++) P[i * (names.n + 1)] = 1 / (scale[i] * scale[i]);
+}
+
+static void search_form(app *self, const lg_policy *policy, naming names, wanted *what) {
+    double scale[STATES];
+    lg_lyapunov_search search;
+    lg_error error = {LG_OK, ""};
+    find_scale(self, names, what, scale);
+    what->chosen = chooses_gains(self, names.task);
+    lg_lyapunov_search_init(&search);
+    search.rate = values.held ? (what->chosen ? "advance_by_gains" : "advance")
+                              : (what->chosen ? "rate_by_gains" : "rate");
+    search.step = values.held;
+    search.low = what->low, search.high = what->high, search.scale = scale;
+    search.model_error = what->error;
+    search.seed = self->seed, search.threads = (int)self->threads;
+    const lg_status status = lg_lyapunov_quadratic(self->context, lg_policy_program(policy), &search, what->P,
+                                                   what->gains, NULL, &error);
+    round_gains(what->gains, what->chosen ? names.task->input_count * names.n : 0);
+    if (status != LG_CHECK_FAILED || what->chosen) {
+        app_must(self, status, &error);
+        return;
+    }
+    app_warn(self, "%s", error.message);
+    take_squares(names, scale, what->P);
+}
+
+static lg_program *add_rate(const app *self, lg_policy *policy) {
     lg_program *program = NULL;
+    APP_MUST(self, lg_policy_add_rate(policy, &program, &error));
+    return program;
+}
+
+static int prove(app *self, lg_policy *given, naming names) {
+    wanted what = {.chosen = false};
     lg_certify *certify = NULL;
     lg_certify_spec spec;
     lg_certify_result r;
     const double start = app_seconds();
     lg_certify_spec_init(&spec);
     spec.level = read_level(self);
-    read_box(self, names, low, high);
-    read_model_error(self, names, off);
-    APP_MUST(self, lg_policy_add_rate(policy, &program, &error));
-    if (values.lyapunov == POLYNOMIAL) add_polynomial(self, program, low, high);
+    read_box(self, names, what.low, what.high);
+    read_model_error(self, names, what.error);
+    lg_program *program = add_rate(self, given);
+    lg_policy *own = NULL;
+    if (values.lyapunov == POLYNOMIAL) add_polynomial(self, program, what.low, what.high);
+    if (values.lyapunov == QUADRATIC) search_form(self, given, names, &what);
+    if (what.chosen) {
+        own = read_policy(self, what.gains);
+        program = add_rate(self, own);
+    }
     spec.program = program;
     spec.rate = values.held ? "advance" : "rate";
     spec.step = values.held;
-    spec.P = values.lyapunov == QUADRATIC ? lg_policy_regulator_of(policy)->P : NULL;
+    spec.P = values.lyapunov == QUADRATIC ? what.P : NULL;
     spec.lyapunov = values.lyapunov == QUADRATIC ? NULL : "lyapunov";
-    spec.low = low, spec.high = high, spec.model_error = off;
+    spec.low = what.low, spec.high = what.high, spec.model_error = what.error;
     spec.threads = (int)self->threads;
     APP_MUST(self, lg_certify_create(self->context, &spec, &certify, &error));
     const double left = values.seconds - (app_seconds() - start);
@@ -288,15 +395,18 @@ static int prove(app *self, lg_policy *policy, naming names) {
                        .reason = r.reason,
                        .low = r.failed_low,
                        .high = r.failed_high,
-                       .sides = names.n};
+                       .sides = names.n,
+                       .P = spec.P,
+                       .gains = what.chosen ? what.gains : NULL};
     const int code = tell(self, names, &v);
     lg_certify_destroy(certify);
+    lg_policy_destroy(own);
     return code;
 }
 
 static int run(app *self) {
     check_options(self);
-    lg_policy *policy = read_policy(self);
+    lg_policy *policy = read_policy(self, NULL);
     const naming names = name_states(lg_policy_task_of(policy));
     const int code = (values.lyapunov == ENERGY ? prove_energy : prove)(self, policy, names);
     lg_policy_destroy(policy);

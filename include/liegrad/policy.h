@@ -29,7 +29,8 @@
  * equation of the linearised step for weights Q, R. Training needs no weights from the user: each of a
  * table of weights is tried by runs of the saturated regulator on the machine, whose least V of a run that
  * fails gives the level c. It takes the weights whose set {V < c} is nearest to the starts: with the least
- * mean of log(V/c) over starts. sat keeps each input in its limits.
+ * mean of log(V/c) over starts. If a task of kind lqr gives K, P is the solution of the Lyapunov equation of
+ * the closed loop for Q = 1 of scaled errors. sat keeps each input in its limits.
  *
  * Kinds of policies:
  *   lqr      the regulator alone; nothing is trained
@@ -63,6 +64,7 @@ LG_BEGIN_DECLS
 #define LG_POLICY_INPUTS      16
 #define LG_POLICY_ERRORS      32 /* most numbers in z */
 #define LG_POLICY_HIDDEN      4
+#define LG_POLICY_GAINS       256 /* most numbers of K in a task */
 
 typedef enum lg_policy_kind { LG_POLICY_LQR, LG_POLICY_NETWORK, LG_POLICY_ENERGY } lg_policy_kind;
 #define LG_POLICY_KIND_COUNT 3
@@ -115,7 +117,13 @@ typedef struct lg_policy_task {
     lg_policy_kind kind;
     uint32_t hidden_layers, hidden[LG_POLICY_HIDDEN]; /* of a network, with tanh; default 32, 32 */
     bool gate;                                        /* default true; false: the network acts alone */
-    double gains[2]; /* k_p and k_d of kind energy, for all inputs; 0, 0 (default): they are trained */
+    /* Gains that are given; 0 of them (default): they are trained or chosen. Kind energy: k_p and k_d, for all
+     * inputs. Kind lqr: K (inputs, errors), row by row. */
+    uint32_t gain_count;
+    double gains[LG_POLICY_GAINS];
+    /* Default true. false: no weights of a regulator are tried, so that lg_policy_create is fast; P and W are
+     * 0, c is 1, and K is 0 unless it is given. For certificates; a network with a gate needs true. */
+    bool search;
     /* Disturbances of training: the share of the runs in which inputs act a period late, and the number of
      * other machines (lg_policy_add_draw). A task with a disturbance is disturbed; see lg_policy_test. */
     double delay;
@@ -175,6 +183,7 @@ LG_API const lg_policy_regulator *lg_policy_regulator_of(const lg_policy *policy
  *   rate       (z) -> z'   z = (positions - goal, velocities), angles counted on the real line; z = x - goal
  *                          without velocities. The input follows the state without delay: u = policy(q, v).
  *   advance    (z) -> z    after a period in which u is held
+ *   rate_by_gains, advance_by_gains  (z, K) -> the same with the saturated regulator for a shared K (inputs, z)
  * `program`: the policy's program, to which a Lyapunov function may be added; it belongs to the policy. If
  * the functions are there already, nothing is added. Errors: LG_UNSUPPORTED (directions, rotations, lagged
  * inputs), LG_NOT_FOUND (a plant without `field`), those of lg_program_add_function. */

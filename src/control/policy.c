@@ -14,7 +14,7 @@ void lg_policy_task_init(lg_policy_task *task) {
         (lg_policy_task){.size = sizeof *task, .period = 0.05, .horizon = 5.0, .hold = 1.0, .within = 10.0};
     task->kind = LG_POLICY_NETWORK;
     task->hidden_layers = 2, task->hidden[0] = task->hidden[1] = 32;
-    task->gate = true;
+    task->gate = task->search = true;
 }
 
 /* ---- checks ---- */
@@ -41,6 +41,24 @@ static lg_status check_coordinate(const lg_policy_coordinate *c, lg_error *error
     return LG_OK;
 }
 
+static lg_status check_gains(const lg_policy_task *t, lg_error *error) {
+    uint32_t errors = 0;
+    for (uint32_t i = 0; i < t->coordinate_count; i++)
+        errors += lg_policy_motion_row_of(t->coordinate[i].motion)->errors *
+                  (t->coordinate[i].velocity[0] != '\0' ? 2 : 1);
+    const uint32_t wanted[LG_POLICY_KIND_COUNT] = {[LG_POLICY_LQR] = t->input_count * errors,
+                                                   [LG_POLICY_ENERGY] = 2};
+    if (t->gain_count == 0) return LG_OK;
+    bool good = t->gain_count == wanted[t->kind] && t->gain_count <= LG_POLICY_GAINS;
+    for (uint32_t i = 0; good && i < t->gain_count; i++)
+        good = isfinite(t->gains[i]) && (t->kind == LG_POLICY_LQR || t->gains[i] > 0.0);
+    if (good) return LG_OK;
+    return lg_fail(error, LG_INVALID_ARGUMENT,
+                   "gains are two positive numbers, k_p and k_d, of a controller of kind energy, or K of kind lqr: "
+                   "%u numbers, by input, in the order of positions, then velocities",
+                   t->input_count * errors);
+}
+
 static lg_status check_task(const lg_policy_task *t, lg_error *error) {
     bool weighed = false, judged = false;
     if (t->size != sizeof *t || t->coordinate_count == 0 || t->coordinate_count > LG_POLICY_COORDINATES ||
@@ -61,11 +79,9 @@ static lg_status check_task(const lg_policy_task *t, lg_error *error) {
             return lg_fail(error, LG_INVALID_ARGUMENT, "input %s: its weight in the cost must be above 0",
                            in->name);
     }
-    if ((t->gains[0] != 0.0 || t->gains[1] != 0.0) &&
-        !(t->kind == LG_POLICY_ENERGY && t->gains[0] > 0.0 && t->gains[1] > 0.0 && isfinite(t->gains[0]) &&
-          isfinite(t->gains[1])))
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "gains are two positive numbers, k_p and k_d, of a controller of kind energy");
+    LG_TRY(check_gains(t, error));
+    if (!t->search && t->kind == LG_POLICY_NETWORK && t->gate)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the gate of a network needs the search for a regulator");
     if (!(t->delay >= 0.0 && t->delay <= 1.0 && t->spread >= 0.0 && isfinite(t->spread)))
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "disturbances need a delay from 0 to 1 and a finite spread of at least 0");
@@ -207,7 +223,7 @@ static lg_status init_parameters(lg_policy *p, lg_error *error) {
             return lg_fail(error, LG_INVALID_ARGUMENT, "hidden layers need 1 or more units each");
         p->parameters = lg_mlp_parameters(&p->net);
     }
-    if (p->task.kind == LG_POLICY_ENERGY && p->task.gains[0] == 0.0) p->parameters = 2 * (size_t)p->inputs;
+    if (p->task.kind == LG_POLICY_ENERGY && p->task.gain_count == 0) p->parameters = 2 * (size_t)p->inputs;
     p->theta = lg_alloc(p->context, p->parameters + 1, sizeof *p->theta);
     if (p->theta == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a policy");
     return LG_OK;

@@ -21,60 +21,91 @@ static lg_var goal_row(const lg_policy *p, lg_tape *tape, uint32_t count) {
     return lg_input_f64(tape, lg_shape2(1, count), goal);
 }
 
-/* The state x of the plant and the input at z. */
+/* Positions, velocities, the state x of the plant, and the input at z. */
 typedef struct place {
-    lg_var x, u, v; /* v LG_NONE: no velocities */
+    lg_var q, v, x, u; /* v LG_NONE: no velocities */
 } place;
 
-static place place_at(const lg_policy *p, lg_tape *tape, const lg_var *theta, lg_var z) {
+static place state_at(const lg_policy *p, lg_tape *tape, lg_var z) {
     const uint32_t n = p->layout.positions;
-    lg_var in[3] = {lg_add(tape, lg_slice(tape, z, 1, 0, n), goal_row(p, tape, n))};
-    size_t count = 1;
-    place at = {.x = in[0], .v = LG_NONE};
-    if (moves(p)) {
-        at.v = in[count++] = lg_slice(tape, z, 1, n, n);
-        at.x = lg_program_call(tape, "momenta", 0, in);
-    }
+    const lg_var q = lg_add(tape, lg_slice(tape, z, 1, 0, n), goal_row(p, tape, n));
+    if (!moves(p)) return (place){.q = q, .x = q, .v = LG_NONE};
+    const lg_var v = lg_slice(tape, z, 1, n, n);
+    return (place){.q = q, .v = v, .x = lg_program_call(tape, "momenta", 0, (const lg_var[]){q, v})};
+}
+
+static place place_at(const lg_policy *p, lg_tape *tape, const lg_var *theta, lg_var z) {
+    place at = state_at(p, tape, z);
+    lg_var in[3] = {at.q, at.v};
+    const size_t count = moves(p) ? 2 : 1;
     if (p->parameters > 0) in[count] = theta[lg_program_parameters(p->program) - 1];
     at.u = lg_program_call(tape, "policy", 0, in);
     return at;
 }
 
-static lg_status record_rate(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
-    const lg_policy *p = user;
-    const place at = place_at(p, tape, theta, in[0]);
+/* The rate of z at x and u */
+static lg_status rate_at(const lg_policy *p, lg_tape *tape, place at, lg_var *out) {
     const lg_var f = lg_program_call(tape, "field", 0, (const lg_var[]){at.x, at.u});
-    out[0] = f;
+    *out = f;
     if (!moves(p)) return lg_tape_status(tape);
     const lg_var v = lg_program_call(tape, "velocities", 0, &at.x);
     lg_var parts[2] = {at.v, LG_NONE};
     LG_TRY(lg_jvp(tape, &v, 1, &at.x, &f, 1, &parts[1]));
-    out[0] = lg_concat(tape, parts, 2, 1);
+    *out = lg_concat(tape, parts, 2, 1);
     return lg_tape_status(tape);
+}
+
+/* z at the state x */
+static lg_var deviation_of(const lg_policy *p, lg_tape *tape, lg_var x) {
+    const lg_var q = moves(p) ? lg_program_call(tape, "positions", 0, &x) : x,
+                 z = lg_sub(tape, q, goal_row(p, tape, p->layout.positions));
+    if (!moves(p)) return z;
+    return lg_concat(tape, (const lg_var[]){z, lg_program_call(tape, "velocities", 0, &x)}, 2, 1);
+}
+
+static lg_status record_rate(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
+    const lg_policy *p = user;
+    return rate_at(p, tape, place_at(p, tape, theta, in[0]), out);
 }
 
 static lg_status record_advance(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
                                 lg_var *out) {
     const lg_policy *p = user;
-    const uint32_t n = p->layout.positions;
     const place at = place_at(p, tape, theta, in[0]);
-    const lg_var next = lg_program_call(tape, "period", 0, (const lg_var[]){at.x, at.u});
-    const lg_var q = moves(p) ? lg_program_call(tape, "positions", 0, &next) : next;
-    out[0] = lg_sub(tape, q, goal_row(p, tape, n));
-    if (!moves(p)) return lg_tape_status(tape);
-    const lg_var parts[2] = {out[0], lg_program_call(tape, "velocities", 0, &next)};
-    out[0] = lg_concat(tape, parts, 2, 1);
+    out[0] = deviation_of(p, tape, lg_program_call(tape, "period", 0, (const lg_var[]){at.x, at.u}));
+    return lg_tape_status(tape);
+}
+
+static lg_status record_rate_by_gains(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
+                                      lg_var *out) {
+    const lg_policy *p = user;
+    place at = state_at(p, tape, in[0]);
+    (void)theta;
+    at.u = lg_program_call(tape, "regulated", 2, (const lg_var[]){at.x, in[1]});
+    return rate_at(p, tape, at, out);
+}
+
+static lg_status record_advance_by_gains(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
+                                         lg_var *out) {
+    const lg_policy *p = user;
+    const place at = state_at(p, tape, in[0]);
+    (void)theta;
+    out[0] =
+        deviation_of(p, tape, lg_program_call(tape, "regulated", 0, (const lg_var[]){at.x, in[1]}));
     return lg_tape_status(tape);
 }
 
 /* ---- adding them ---- */
 
-static lg_status add(lg_policy *p, const char *name, uint32_t numbers, lg_record_function record,
+/* `gains`: with K as a second, shared input */
+static lg_status add(lg_policy *p, const char *name, uint32_t numbers, bool gains, lg_record_function record,
                      const char *output, lg_error *error) {
     size_t found;
     if (lg_program_find(p->program, name, &found, NULL) == LG_OK) return LG_OK;
-    const lg_port in = {.name = "z", .shape = lg_shape1(numbers)}, out = {.name = output};
-    const lg_function_spec spec = {name, &in, 1, &out, 1, record, p};
+    const lg_port in[2] = {{.name = "z", .shape = lg_shape1(numbers)},
+                           {.name = "K", .shape = lg_shape2(p->inputs, p->layout.errors), .shared = true}},
+                  out = {.name = output};
+    const lg_function_spec spec = {name, in, gains ? 2 : 1, &out, 1, record, p};
     return lg_program_add_function(p->program, &spec, error);
 }
 
@@ -101,8 +132,13 @@ lg_status lg_policy_add_rate(lg_policy *p, lg_program **program, lg_error *error
     LG_NEEDS(error, p, program);
     LG_TRY(check(p, error));
     const uint32_t n = p->layout.positions + p->layout.velocities;
-    LG_TRY(add(p, "rate", n, record_rate, "dz", error));
-    LG_TRY(add(p, "advance", n, record_advance, "next_z", error));
+    LG_TRY(add(p, "rate", n, false, record_rate, "dz", error));
+    LG_TRY(add(p, "advance", n, false, record_advance, "next_z", error));
+    size_t regulated;
+    if (lg_program_find(p->program, "regulated", &regulated, NULL) == LG_OK) {
+        LG_TRY(add(p, "rate_by_gains", n, true, record_rate_by_gains, "dz", error));
+        LG_TRY(add(p, "advance_by_gains", n, true, record_advance_by_gains, "next_z", error));
+    }
     *program = p->program;
     return LG_OK;
 }
@@ -207,7 +243,7 @@ lg_status lg_policy_add_slope(lg_policy *p, lg_certify_energy_spec *spec, lg_err
     LG_TRY(check_energy(p, error));
     LG_TRY(check_period(p, error));
     LG_TRY(probe_machine(p, &machine, error));
-    LG_TRY(add(p, "slope", 1, record_slope, "g", error));
+    LG_TRY(add(p, "slope", 1, false, record_slope, "g", error));
     find_gains(p, gains);
     const double u0 = p->regulator.u0[0], low = u0 - p->task.input[0].low, high = p->task.input[0].high - u0;
     lg_certify_energy_spec_init(spec);

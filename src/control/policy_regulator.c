@@ -326,6 +326,36 @@ static lg_status choose_weights(design *d) {
                    why.message[0] != '\0' ? why.message : "every run from near the goal leaves it");
 }
 
+/* Gains that are given. A becomes that of the closed loop, whose Lyapunov equation is a Riccati equation
+ * without inputs. */
+static lg_status take_gains(design *d) {
+    static const weights even = {1.0, 0.1, 1.0};
+    lg_policy_regulator *r = &d->policy->regulator;
+    const uint32_t n = d->n, m = d->m;
+    double none[LG_POLICY_INPUTS * LG_POLICY_ERRORS];
+    lg_error why = {LG_OK, ""};
+    for (uint32_t i = 0; i < n * n; i++)
+        for (uint32_t l = 0; l < m; l++) d->A[i] -= d->B[i / n * m + l] * r->K[l * n + i % n];
+    memset(d->B, 0, (size_t)n * m * sizeof *d->B);
+    const lg_status status = solve(d, even, none, r->P, &r->radius, &why);
+    if (status != LG_OK)
+        return lg_fail(d->error, status, "the given gains do not hold the goal: %s", why.message);
+    double far = far_level(d, r->P);
+    for (int look = 0; look < 2; look++) LG_TRY(find_level(d, r->K, r->P, &far, &r->c));
+    if (!(r->c > 0.0))
+        return lg_fail(d->error, LG_CHECK_FAILED, "with the given gains every run from near the goal leaves it");
+    return confirm_level(d, r);
+}
+
+static lg_status choose_regulator(design *d) {
+    lg_policy *p = d->policy;
+    const bool given = p->task.kind == LG_POLICY_LQR && p->task.gain_count > 0;
+    if (given) memcpy(p->regulator.K, p->task.gains, p->task.gain_count * sizeof *p->task.gains);
+    p->regulator.c = 1.0;
+    if (!p->task.search) return LG_OK;
+    return given ? take_gains(d) : choose_weights(d);
+}
+
 /* ---- what else the machine tells ---- */
 
 /* Scales of a network's features: four times the largest start, as far as it has one. */
@@ -433,8 +463,9 @@ lg_status lg_policy_find_regulator(lg_policy *p, uint64_t seed, lg_error *error)
         find_sizes(&d);
         status = find_equilibrium(&d);
         if (status == LG_OK) status = lg_policy_add_regulated(p, error);
-        if (status == LG_OK) status = choose_weights(&d);
-        if (status == LG_OK) set_scales(&d), status = set_terminal(&d);
+        if (status == LG_OK) status = choose_regulator(&d);
+        if (status == LG_OK) set_scales(&d);
+        if (status == LG_OK && p->task.search) status = set_terminal(&d);
         if (status == LG_OK && p->task.kind == LG_POLICY_ENERGY) status = set_map(&d);
     } else {
         (void)lg_fail(error, status, "no memory for a regulator");

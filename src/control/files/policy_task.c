@@ -58,13 +58,14 @@ static void put_hidden(void *member, const double *values, uint32_t count) {
 
 static uint32_t get_gains(const void *member, double *values) {
     const lg_policy_task *task = member;
-    values[0] = task->gains[0], values[1] = task->gains[1];
-    return task->gains[0] > 0.0 ? 2 : 0;
+    memcpy(values, task->gains, task->gain_count * sizeof *values);
+    return task->gain_count;
 }
 
 static void put_gains(void *member, const double *values, uint32_t count) {
     lg_policy_task *task = member;
-    task->gains[0] = values[0], task->gains[1] = count > 1 ? values[1] : -1.0; /* one number is refused */
+    task->gain_count = count;
+    memcpy(task->gains, values, count * sizeof *values);
 }
 
 static const char *name_kind(uint32_t value) {
@@ -99,11 +100,11 @@ static const lg_field keys[KEY_COUNT] = {
                    .type = LG_FIELD_REALS,
                    .offset = 0,
                    .size = sizeof(lg_policy_task),
+                   .low = -1e300,
                    .high = 1e300,
-                   .above = true,
                    .get = get_gains,
                    .put = put_gains,
-                   .most = 2},
+                   .most = LG_POLICY_GAINS},
     [KEY_ROBUST] = {.name = "robust", .type = LG_FIELD_MAP},
     [KEY_DRAWS] = FIELD("robust.draws", U32, draws, .high = 1000),
     [KEY_SPREAD] = FIELD("robust.spread", REAL, spread, .high = 10),
