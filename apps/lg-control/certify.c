@@ -377,6 +377,7 @@ static int prove(app *self, lg_policy *given, naming names) {
     spec.step = values.held;
     spec.P = values.lyapunov == QUADRATIC ? what.P : NULL;
     spec.lyapunov = values.lyapunov == QUADRATIC ? NULL : "lyapunov";
+    spec.most = values.lyapunov == QUADRATIC ? 1 : 0; /* the proposal */
     spec.low = what.low, spec.high = what.high, spec.model_error = what.error;
     spec.threads = (int)self->threads;
     APP_MUST(self, lg_certify_create(self->context, &spec, &certify, &error));

@@ -42,6 +42,7 @@ typedef struct lg_certify_spec {
     const double *goal;       /* (n); NULL: 0 */
     const double *low, *high; /* (n) the state box, around the goal; with P a side may be infinite */
     double level;             /* c; 0: the largest that is found */
+    double most;              /* with level 0: c is not larger than this; 0: no bound but the box */
     /* 0: chosen, as large as the local argument (4) allows, or else as small as V' < 0 allows, to a factor
      * of 1.5 */
     double eps;

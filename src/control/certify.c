@@ -28,7 +28,8 @@ static lg_status check_spec(const lg_certify_spec *spec, lg_error *error) {
         return lg_fail(error, LG_INVALID_ARGUMENT, "lg_certify_spec.size is not the size of the struct");
     if ((spec->P == NULL) == (spec->lyapunov == NULL))
         return lg_fail(error, LG_INVALID_ARGUMENT, "give either P or the name of V, not both");
-    if (!(spec->level >= 0 && isfinite(spec->level) && spec->eps >= 0 && isfinite(spec->eps)) ||
+    if (!(spec->level >= 0 && isfinite(spec->level) && spec->eps >= 0 && isfinite(spec->eps) &&
+          spec->most >= 0) ||
         !(spec->resolution > 0 && spec->resolution <= 0.5) || spec->threads < 1 ||
         (spec->level > 0 && spec->eps >= spec->level))
         return lg_fail(
@@ -63,7 +64,7 @@ static lg_status take_box(lg_certify *c, const lg_certify_spec *spec, lg_error *
 /* A quadratic V: the box decides the largest level. */
 static lg_status begin_quadratic(lg_certify *c, lg_error *error) {
     const double reach = lg_certify_reach(c);
-    if (c->automatic) c->level = reach;
+    if (c->automatic) c->level = fmin(c->level, reach);
     if (!isfinite(c->level))
         return lg_fail(error, LG_INVALID_ARGUMENT, "the box is unbounded in all states: give a level");
     if (c->level > reach) {
@@ -85,7 +86,7 @@ static lg_status begin(lg_certify *c, const lg_certify_spec *spec, lg_error *err
         return lg_fail(error, LG_UNSUPPORTED,
                        "steps need a quadratic V, P: with another V a step could leave the box unnoticed");
     c->automatic = spec->level == 0;
-    c->level = c->automatic ? DBL_MAX : spec->level;
+    c->level = !c->automatic ? spec->level : spec->most > 0 ? spec->most : DBL_MAX;
     c->asked_eps = spec->eps;
     c->raises = spec->eps == 0;
     c->resolution = spec->resolution;

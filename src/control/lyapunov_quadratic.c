@@ -64,8 +64,9 @@ void lg_lyapunov_search_init(lg_lyapunov_search *search) {
 
 typedef struct form {
     double L[STATES * STATES], P[STATES * STATES], T[STATES * STATES]; /* P = L L^T, T = L^-T */
-    double top;      /* {V <= top} touches the box */
+    double top;       /* {V <= top} touches the box */
     double logarithm; /* of det L */
+    double margin;    /* V'/V must be below -margin */
 } form;
 
 static bool read_form(const searching *s, const double *theta, form *f) {
@@ -101,7 +102,7 @@ static bool read_form(const searching *s, const double *theta, form *f) {
     return f->top > 0;
 }
 
-/* V' of the first `rows` rows of d->z (steps: V(F) - V), over V. */
+/* V' of the first `rows` rows of d->z (steps: V(F) - V), over V, plus the margin. */
 static void evaluate(const searching *s, const form *f, const desk *d, size_t rows, double *rise) {
     const size_t n = s->n;
     for (size_t r = rows; r < ROWS; r++) memcpy(d->z + r * n, d->z, n * sizeof *d->z);
@@ -119,7 +120,7 @@ static void evaluate(const searching *s, const form *f, const desk *d, size_t ro
             change += s->spec->step ? next[i] * Pn - z[i] * Pz : 2 * next[i] * Pz;
             change += 2 * fabs(s->spec->step ? Pn : Pz) * s->error[i];
         }
-        rise[r] = isnan(change) ? (double)INFINITY : change / V;
+        rise[r] = isnan(change) ? (double)INFINITY : change / V + f->margin;
     }
 }
 
@@ -187,9 +188,13 @@ static double fraction_of(const searching *s, const form *f, const desk *d, size
     return most;
 }
 
+/* Of the mean rate at which V falls near the goal, but at most half of the least rate: a smaller rate elsewhere
+ * costs proofs many boxes. */
+static const double margin = 0.02;
+
 /* How fast V falls near the goal: the least eigenvalue of -T^T (C^T P + P C) T (steps: 1 - T^T C^T P C T), over
  * the mean of the eigenvalues, with the linear loop C = A - B K. At most 0: it does not fall. */
-static double fall_near(const searching *s, const form *f, const double *K) {
+static double fall_near(const searching *s, form *f, const double *K) {
     const size_t n = s->n, m = s->m;
     const int size = (int)n, words = 1 + 2 * STATES, whole = 1;
     double C[STATES * STATES], CT[STATES * STATES], M[STATES * STATES], w[STATES], work[1 + 2 * STATES], mean = 0;
@@ -208,11 +213,12 @@ static double fall_near(const searching *s, const form *f, const double *K) {
             if (i == j) mean += CT[i * n + j] / (double)n;
         }
     dsyevd_("N", "L", &size, CT, &size, w, work, &words, &integer, &whole, &info);
+    f->margin = fmin(margin * mean, 0.5 * w[0]);
     return info == 0 && mean > 0 ? w[0] / mean : -1;
 }
 
 /* What a slow fall near the goal costs: proofs need boxes there. */
-static const double slowness = 0.02;
+static const double slowness = 0.05;
 
 /* The logarithm of the volume of {V <= level}, up to a constant, less a little for a slow fall near the goal;
  * NaN: no set. */
@@ -343,6 +349,7 @@ static void attack(searching *s, const best *b, lg_rng *rng) {
     double y[ROWS][STATES], value[ROWS], rise[ROWS];
     form f;
     (void)read_form(s, b->theta, &f);
+    (void)fall_near(s, &f, b->theta + n * (n + 1) / 2);
     for (size_t i = 0; i < s->m * n; i++) d.K[i] = b->theta[n * (n + 1) / 2 + i] / s->scale[i % n];
     double spread = 0.5;
     for (int step = 0; step < ATTACK_STEPS; step++, spread *= 0.75) {
@@ -470,6 +477,8 @@ static lg_status run(searching *s, best *b, lg_error *error) {
     }
     if (lead != 0) b[0] = b[lead];
     if (status == LG_OK) status = climb(s, pool, s->spec->generations / 2, CLIMBS, &b[0]);
+    if (status == LG_OK && b[0].value == -DBL_MAX)
+        status = lg_fail(error, LG_CHECK_FAILED, "no quadratic V falls at all points of a set about the goal");
     if (pool != NULL) lg_thread_pool_destroy(pool);
     return status;
 }
