@@ -184,7 +184,7 @@ static lg_policy *read_policy(const app *self, const double *gains) {
 /* What both kinds of proofs say. */
 typedef struct verdict {
     bool verified, global, converges;
-    double level, volume, fraction, margin; /* margin: of the energy; NaN: none */
+    double level, volume, fraction, margin; /* margin: of the energy; for rotations the angle */
     size_t boxes;
     double seconds;
     const char *claim, *reason;
@@ -224,8 +224,11 @@ static int tell(app *self, naming names, const verdict *v) {
     app_json_bool(&out, "converges", v->converges);
     app_result_text(&out, "claim", v->claim, NULL);
     if (!v->verified) app_result_text(&out, "reason", v->reason, NULL);
-    if (values.lyapunov == ENERGY) {
+    if (v->global) {
         app_result_real(&out, "margin", v->margin, "of the input's force over the potential's");
+    } else if (values.lyapunov == ENERGY) {
+        app_result_real(&out, "level", v->level, NULL);
+        app_result_real(&out, "angle", v->margin, "radians: all rotations at rest up to it are in the set");
     } else {
         app_result_real(&out, "level", v->level, NULL);
         app_result_real(&out, "volume", v->volume, "of {V <= level}, a lower bound");
@@ -272,6 +275,27 @@ static int prove_energy(app *self, lg_policy *policy, naming names) {
                        .low = &r.failed_low,
                        .high = &r.failed_high,
                        .sides = 1};
+    return tell(self, names, &v);
+}
+
+static int prove_rotation(app *self, lg_policy *policy, naming names) {
+    lg_certify_rotation_spec spec;
+    lg_certify_rotation_result r;
+    const double start = app_seconds();
+    if (values.box != NULL)
+        app_stop_usage(self, "--box: the energy on rotations has its own set: {V < level}");
+    APP_MUST(self, lg_policy_fill_rotation(policy, &spec, &error));
+    APP_MUST(self, lg_certify_rotation(&spec, &r, &error));
+    APP_FREE char *text = app_format("%s That the inertia, the damping and the map of the inputs are constant was "
+                                     "compared at several rotations, it was not proved.",
+                                     r.claim);
+    const verdict v = {.verified = r.verified,
+                       .converges = r.verified,
+                       .level = r.level,
+                       .margin = r.angle,
+                       .seconds = app_seconds() - start,
+                       .claim = text,
+                       .reason = r.reason};
     return tell(self, names, &v);
 }
 
@@ -409,7 +433,9 @@ static int run(app *self) {
     check_options(self);
     lg_policy *policy = read_policy(self, NULL);
     const naming names = name_states(lg_policy_task_of(policy));
-    const int code = (values.lyapunov == ENERGY ? prove_energy : prove)(self, policy, names);
+    const bool turns = names.task->coordinate[0].motion == LG_POLICY_ROTATION;
+    const int code =
+        (values.lyapunov != ENERGY ? prove : turns ? prove_rotation : prove_energy)(self, policy, names);
     lg_policy_destroy(policy);
     return code;
 }

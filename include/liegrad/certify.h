@@ -137,6 +137,39 @@ typedef struct lg_certify_attitude_result {
 LG_API lg_status lg_certify_attitude(const double *A, double damping, lg_certify_attitude_result *result,
                                      lg_error *error);
 
+/* ---- attitude: feedback of the half angle, with limits of the inputs ---- */
+
+/* The loop J w' + w x J w = -k z - D w with R' = R hat(w), z = 2 sin(a/2) n, where a in [0, pi] is the angle and n
+ * the axis of Q = R_goal^T R. V = w.J w/2 + 4 k (1 - cos(a/2)) falls with w.D w. In {V < 4 k} the angle is below
+ * pi, so z is smooth, and Q = 1 is the only critical rotation; by LaSalle's theorem motions converge to it. The
+ * torque is that of inputs u_l = -g_l.(k_p z + k_d w) as long as they are inside of limits: the level is the
+ * largest c <= 4 k at which |g_l.z| <= |g_l| |z| and |g_l.w|^2 <= g_l.J^-1 g_l 2 (c - Phi) prove |u_l| <= limit_l.
+ * The form of the loop is the caller's statement. */
+typedef struct lg_certify_rotation_spec {
+    size_t size;       /* sizeof(lg_certify_rotation_spec) */
+    double J[9];       /* (3, 3) symmetric, positive definite */
+    double stiffness;  /* k */
+    double damping;    /* a lower bound of the eigenvalues of (D + D^T)/2 */
+    size_t inputs;     /* 1 to 16 */
+    double map[16 * 3]; /* (inputs, 3): g_l */
+    double gains[2];   /* k_p, k_d >= 0 */
+    double limit[16];  /* (inputs), above 0 */
+} lg_certify_rotation_spec;
+
+typedef struct lg_certify_rotation_result {
+    bool verified;
+    double level;    /* c */
+    double critical; /* 4 k, the level without limits */
+    double angle;    /* radians: every rotation at rest up to this angle is in {V < c} */
+    char claim[640], reason[128];
+} lg_certify_rotation_result;
+
+LG_API void lg_certify_rotation_spec_init(lg_certify_rotation_spec *spec);
+/* Errors: LG_INVALID_ARGUMENT (NULL, sizes, J not symmetric to 1e-9 or not positive definite, limits or gains out
+ * of range), LG_NOT_FINITE. */
+LG_API lg_status lg_certify_rotation(const lg_certify_rotation_spec *spec, lg_certify_rotation_result *result,
+                                 lg_error *error);
+
 LG_END_DECLS
 
 #endif

@@ -197,6 +197,13 @@ LG_API lg_status lg_policy_add_rate(lg_policy *policy, lg_program **program, lg_
  * it has no period); LG_CHECK_FAILED (the damping is not linear, or not positive). */
 LG_API lg_status lg_policy_add_slope(lg_policy *policy, lg_certify_energy_spec *spec, lg_error *error);
 
+/* For a policy of kind energy of a machine with one rotation: fills `spec` for lg_certify_rotation. That the inertia,
+ * the damping and the map of the inputs are constant, and that nothing but inputs and damping turns the machine, is
+ * compared at several rotations and rates, it is not proved. Errors: LG_NOT_FOUND (a plant without `field`),
+ * LG_UNSUPPORTED (another kind or machine; a stiffness that depends on the axis), LG_CHECK_FAILED (the damping is
+ * not linear). */
+LG_API lg_status lg_policy_fill_rotation(const lg_policy *policy, lg_certify_rotation_spec *spec, lg_error *error);
+
 /* How many coordinates of the task are tracked. Set points need a machine that moves in the same way wherever
  * these coordinates are: lg_policy_create compares it at random states, and fails with LG_CHECK_FAILED. */
 LG_API uint32_t lg_policy_tracked(const lg_policy_task *task);
