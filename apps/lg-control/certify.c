@@ -8,11 +8,11 @@
 #include "liegrad/certify.h"
 #include "liegrad/lyapunov.h"
 
-typedef enum kind { QUADRATIC, POLYNOMIAL, ENERGY } kind;
+typedef enum kind { QUADRATIC, POLYNOMIAL, FUNCTION, ENERGY } kind;
 
 typedef struct certify_values {
     uint32_t lyapunov;
-    const char *box, *level, *model_error;
+    const char *box, *level, *eps, *model_error;
     double seconds;
     uint64_t degree;
     bool held;
@@ -20,13 +20,18 @@ typedef struct certify_values {
 
 static const lg_field options[] = {
     LG_OPTION(certify_values, lyapunov, NAME, "KIND",
-              "V: a quadratic form or a polynomial, which are searched, or the energy of a pendulum",
-              LG_NAMES("quadratic", "polynomial", "energy"), .value = "quadratic"),
+              "V: a quadratic form or a polynomial, which are searched, the function lyapunov of a plant that is a "
+              "program, or the energy of a pendulum or of a body that turns",
+              LG_NAMES("quadratic", "polynomial", "function", "energy"), .value = "quadratic"),
     LG_OPTION(certify_values, box, STRING, "NAME=W,...",
               "The box of states: for each position and velocity its largest distance from the goal",
               .otherwise = "unbounded"),
     LG_OPTION(certify_values, level, STRING, "C",
               "The level c of {V <= c}, or auto: the largest that is found", .value = "auto"),
+    LG_OPTION(certify_values, eps, STRING, "E",
+              "Motions are proved to reach {V < eps}; auto: the smallest that is found, and the goal where it can be "
+              "proved. A quadratic V that is searched has the level 1 or less",
+              .value = "auto"),
     LG_FIELD(
         certify_values, NULL, "model_error", STRING, model_error, .unit = "D",
         .meaning =
@@ -95,8 +100,8 @@ static void read_box(const app *self, naming names, double *low, double *high) {
     if (values.box != NULL) read_states(self, names, "--box", values.box, high);
     for (size_t i = 0; i < names.n; i++) {
         low[i] = -high[i];
-        if (values.lyapunov == POLYNOMIAL && !isfinite(high[i]))
-            app_stop_usage(self, "--box: a polynomial needs a bound of every state; %s has none",
+        if (values.lyapunov != QUADRATIC && values.lyapunov != ENERGY && !isfinite(high[i]))
+            app_stop_usage(self, "--box: a V that is no quadratic form needs a bound of every state; %s has none",
                            name_of(names, i));
     }
 }
@@ -121,15 +126,16 @@ static void read_model_error(const app *self, naming names, double *out) {
                            name_of(names, i));
 }
 
-static double read_level(const app *self) {
+/* 0: auto */
+static double read_level(const app *self, const char *option, const char *given) {
     double c = 0;
-    if (strcmp(values.level, "auto") != 0 && (!app_parse_real(values.level, &c) || !(c > 0)))
-        app_stop_usage(self, "--level: '%s' is neither auto nor a number above 0", values.level);
+    if (strcmp(given, "auto") != 0 && (!app_parse_real(given, &c) || !(c > 0)))
+        app_stop_usage(self, "--%s: '%s' is neither auto nor a number above 0", option, given);
     return c;
 }
 
 static void check_options(const app *self) {
-    static const char *const useless[] = {"level", "model-error"};
+    static const char *const useless[] = {"level", "eps", "model-error"};
     if (values.held && values.lyapunov != QUADRATIC) app_stop_usage(self, "--held: steps need a quadratic V");
     if (values.degree % 2 != 0) app_stop_usage(self, "--degree: expected an even number");
     for (size_t i = 0; values.lyapunov == ENERGY && i < LG_COUNT(useless); i++)
@@ -299,17 +305,37 @@ static int prove_rotation(app *self, lg_policy *policy, naming names) {
     return tell(self, names, &v);
 }
 
-static void add_polynomial(const app *self, lg_program *program, const double *low, const double *high) {
+/* Whether a plant that is a program has this function of its state x; the goal must be 0, so that z = x. */
+static bool has_function(const app *self, const lg_program *program, naming names, const char *name) {
+    size_t number;
+    if (names.n != names.task->coordinate_count || lg_program_find(program, name, &number, NULL) != LG_OK)
+        return false;
+    for (uint32_t i = 0; i < names.n; i++)
+        if (names.task->coordinate[i].goal[0] != 0)
+            app_stop(self, LG_UNSUPPORTED, "the plant's function %s is of the state x: its goal must be 0", name);
+    return true;
+}
+
+/* Where no polynomial falls in all of the box, the box is made smaller. */
+static void add_polynomial(const app *self, lg_program *program, naming names, double *low, double *high) {
+    static const double smaller = 0.9, least = 0.2;
     lg_lyapunov_spec spec;
+    lg_error error = {LG_OK, ""};
+    lg_status status = LG_NO_CONVERGENCE;
     lg_lyapunov_spec_init(&spec);
     spec.rate = "rate";
-    spec.name = "lyapunov";
+    spec.name = "polynomial";
+    spec.map = has_function(self, program, names, "coordinates") ? "coordinates" : NULL;
     spec.low = low;
     spec.high = high;
     spec.degree = (int)values.degree;
     spec.decay = 1e-2;
     spec.seed = self->seed;
-    APP_MUST(self, lg_lyapunov_polynomial(program, &spec, &error));
+    for (double part = 1; status == LG_NO_CONVERGENCE && part > least; part *= smaller) {
+        for (size_t i = 0; i < names.n && part < 1; i++) low[i] *= smaller, high[i] *= smaller;
+        status = lg_lyapunov_polynomial(program, &spec, &error);
+    }
+    app_must(self, status, &error);
 }
 
 enum { STATES = 2 * LG_POLICY_COORDINATES };
@@ -317,7 +343,8 @@ enum { STATES = 2 * LG_POLICY_COORDINATES };
 /* What is to be proved. */
 typedef struct wanted {
     double low[STATES], high[STATES], error[STATES], P[STATES * STATES], gains[LG_POLICY_GAINS];
-    bool chosen; /* the gains */
+    bool chosen;       /* the gains */
+    double level, eps; /* 0: found */
 } wanted;
 
 /* Sizes of states: sides of the box; where it has none, the farthest start. */
@@ -342,10 +369,12 @@ static void round_gains(double *gains, size_t count) {
     }
 }
 
-/* V of a proof that cannot succeed: it finds the states where V does not fall. */
-static void take_squares(naming names, const double *scale, double *P) {
-    for (size_t i = 0; i < names.n * names.n; i++) P[i] = 0;
-    for (size_t i = 0; i < names.n; i++) P[i * (names.n + 1)] = 1 / (scale[i] * scale[i]);
+/* V of a proof that cannot succeed: it finds a state where V does not fall. */
+static void take_squares(naming names, const double *scale, wanted *what) {
+    for (size_t i = 0; i < names.n * names.n; i++) what->P[i] = 0;
+    for (size_t i = 0; i < names.n; i++) what->P[i * (names.n + 1)] = 1 / (scale[i] * scale[i]);
+    if (what->level == 0) what->level = 0.99;
+    if (what->eps == 0) what->eps = 1e-3 * what->level;
 }
 
 static void search_form(app *self, const lg_policy *policy, naming names, wanted *what) {
@@ -369,7 +398,7 @@ static void search_form(app *self, const lg_policy *policy, naming names, wanted
         return;
     }
     app_warn(self, "%s", error.message);
-    take_squares(names, scale, what->P);
+    take_squares(names, scale, what);
 }
 
 static lg_program *add_rate(const app *self, lg_policy *policy) {
@@ -385,12 +414,15 @@ static int prove(app *self, lg_policy *given, naming names) {
     lg_certify_result r;
     const double start = app_seconds();
     lg_certify_spec_init(&spec);
-    spec.level = read_level(self);
+    what.level = read_level(self, "level", values.level);
+    what.eps = read_level(self, "eps", values.eps);
     read_box(self, names, what.low, what.high);
     read_model_error(self, names, what.error);
     lg_program *program = add_rate(self, given);
     lg_policy *own = NULL;
-    if (values.lyapunov == POLYNOMIAL) add_polynomial(self, program, what.low, what.high);
+    if (values.lyapunov == POLYNOMIAL) add_polynomial(self, program, names, what.low, what.high);
+    if (values.lyapunov == FUNCTION && !has_function(self, program, names, "lyapunov"))
+        app_stop(self, LG_UNSUPPORTED, "the plant is no program with a function lyapunov (x)");
     if (values.lyapunov == QUADRATIC) search_form(self, given, names, &what);
     if (what.chosen) {
         own = read_policy(self, what.gains);
@@ -400,7 +432,8 @@ static int prove(app *self, lg_policy *given, naming names) {
     spec.rate = values.held ? "advance" : "rate";
     spec.step = values.held;
     spec.P = values.lyapunov == QUADRATIC ? what.P : NULL;
-    spec.lyapunov = values.lyapunov == QUADRATIC ? NULL : "lyapunov";
+    spec.lyapunov = values.lyapunov == QUADRATIC ? NULL : values.lyapunov == FUNCTION ? "lyapunov" : "polynomial";
+    spec.level = what.level, spec.eps = what.eps;
     spec.most = values.lyapunov == QUADRATIC ? 1 : 0; /* the proposal */
     spec.low = what.low, spec.high = what.high, spec.model_error = what.error;
     spec.threads = (int)self->threads;
