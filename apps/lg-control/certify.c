@@ -407,6 +407,15 @@ static lg_program *add_rate(const app *self, lg_policy *policy) {
     return program;
 }
 
+/* What the gate of a network says about the set; "": nothing. */
+static char *tell_gate(const lg_policy *policy, const double *P, double level) {
+    double ratio;
+    if (P == NULL || lg_policy_bound_gate(policy, P, level, &ratio, NULL) != LG_OK) return app_format("%s", "");
+    return app_format(" The gate's V is at most %.4g of its level there: the regulator has at least %.3g %% of the "
+                      "input.",
+                      ratio, 100 / (1 + exp(4.5 * (ratio - 1))));
+}
+
 static int prove(app *self, lg_policy *given, naming names) {
     wanted what = {.chosen = false};
     lg_certify *certify = NULL;
@@ -441,7 +450,8 @@ static int prove(app *self, lg_policy *given, naming names) {
     const double left = values.seconds - (app_seconds() - start);
     APP_MUST(self, lg_certify_run(certify, SIZE_MAX, fmax(left, 0), &r, &error));
     APP_FREE char *all = name_all(names);
-    APP_FREE char *claim = app_format("%s The box is of %s, counted from the goal.", r.claim, all);
+    APP_FREE char *gate = tell_gate(given, spec.P, r.level);
+    APP_FREE char *claim = app_format("%s The box is of %s, counted from the goal.%s", r.claim, all, gate);
     const verdict v = {.verified = r.verified,
                        .converges = r.converges,
                        .level = r.level,

@@ -189,6 +189,13 @@ LG_API const lg_policy_regulator *lg_policy_regulator_of(const lg_policy *policy
  * inputs), LG_NOT_FOUND (a plant without `field`), those of lg_program_add_function. */
 LG_API lg_status lg_policy_add_rate(lg_policy *policy, lg_program **program, lg_error *error);
 
+/* For a network with a gate, of a machine of lines and angles, |angle| <= pi: an upper bound *ratio of V/c of the
+ * gate over {z: z^T P z <= level}, P (n, n) symmetric and positive definite. The regulator has at least the part
+ * 1/(1 + exp(4.5 (*ratio - 1))) of the input there. Errors: LG_INVALID_ARGUMENT (P), LG_UNSUPPORTED (no gate; other
+ * coordinates; more than 8 angles). */
+LG_API lg_status lg_policy_bound_gate(const lg_policy *policy, const double *P, double level, double *ratio,
+                                      lg_error *error);
+
 /* For a policy of kind energy of a machine with one coordinate (a line or an angle), one input and a
  * constant mass: adds the function `slope` (z) -> g, minus the rate of the momentum at v = 0 under u =
  * policy(goal + z, 0), and fills `spec` for lg_certify_energy. That the mass, the damping and the map of

@@ -1,0 +1,73 @@
+/* Policies: how far a quadratic set reaches into the gate of a network. */
+#include <math.h>
+#include <string.h>
+
+#include "control/policy.h"
+#include "kernels/lapack.h"
+#include "kernels/matrix.h"
+
+enum { MOST = LG_POLICY_ERRORS, ANGLES = 8 };
+
+static lg_status check(const lg_policy *p, uint32_t *angles, lg_error *error) {
+    *angles = 0;
+    if (p->task.kind != LG_POLICY_NETWORK || !p->task.gate)
+        return lg_fail(error, LG_UNSUPPORTED, "the controller has no gate");
+    for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
+        const lg_policy_motion motion = p->task.coordinate[i].motion;
+        if (motion == LG_POLICY_ANGLE) angles[0]++;
+        if ((motion != LG_POLICY_LINE && motion != LG_POLICY_ANGLE) || *angles > ANGLES)
+            return lg_fail(error, LG_UNSUPPORTED, "the gate is bounded for lines and up to %d angles", ANGLES);
+    }
+    return LG_OK;
+}
+
+/* The largest eigenvalue of T^T D G D T with the diagonal D, rounded up; T = L^-T with P = L L^T. */
+static bool largest(size_t n, const double *G, const double *D, const double *T, double *out) {
+    double GT[MOST * MOST], M[MOST * MOST], DT[MOST * MOST], w[MOST], work[1 + 2 * MOST];
+    const int size = (int)n, words = 1 + 2 * MOST, one = 1;
+    int whole, info = 0;
+    for (size_t i = 0; i < n * n; i++) DT[i] = D[i / n] * T[i];
+    lg_matrix_multiply(n, n, n, G, DT, GT);
+    lg_matrix_multiply_tn(n, n, n, DT, GT, M);
+    dsyevd_("N", "L", &size, M, &size, w, work, &words, &whole, &one, &info);
+    *out = w[n - 1] * (1 + 1e-9);
+    return info == 0 && isfinite(*out);
+}
+
+/* The error of an angle a is d a with d between 2 sin(a/2)/a at the largest |a| of the set and 1. (D z)^T G (D z)
+ * is convex in D, so the largest value is at one of the corners of D. The lost part of the error is 0 up to pi. */
+lg_status lg_policy_bound_gate(const lg_policy *p, const double *P, double level, double *ratio, lg_error *error) {
+    uint32_t angles, at[ANGLES];
+    LG_NEEDS(error, p, P, ratio);
+    LG_TRY(check(p, &angles, error));
+    const size_t n = p->layout.errors;
+    double L[MOST * MOST], T[MOST * MOST] = {0}, D[MOST], least[ANGLES], most = 0;
+    if (!lg_matrix_cholesky(n, P, L) || !(level > 0))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "P is not positive definite, or the level is not above 0");
+    for (size_t j = 0; j < n; j++)
+        for (size_t i = j + 1; i-- > 0;) { /* L^T T = 1 */
+            double rest = i == j ? 1 : 0;
+            for (size_t k = i + 1; k <= j; k++) rest -= L[k * n + i] * T[k * n + j];
+            T[i * n + j] = rest / L[i * (n + 1)];
+        }
+    angles = 0;
+    for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
+        if (p->task.coordinate[i].motion != LG_POLICY_ANGLE) continue;
+        double row = 0;
+        for (size_t k = 0; k < n; k++) row += T[i * n + k] * T[i * n + k];
+        const double far = fmin(sqrt(level * row), 3.141592653589793);
+        least[angles] = 2 * sin(far / 2) / far;
+        at[angles++] = i;
+    }
+    for (uint32_t corner = 0; corner < 1u << angles; corner++) {
+        double value;
+        for (size_t i = 0; i < n; i++) D[i] = 1;
+        for (uint32_t k = 0; k < angles; k++)
+            if (corner >> k & 1) D[at[k]] = least[k];
+        if (!largest(n, p->regulator.P, D, T, &value))
+            return lg_fail(error, LG_INVALID_ARGUMENT, "P is too ill-conditioned");
+        most = fmax(most, value);
+    }
+    *ratio = most * level / p->regulator.c;
+    return LG_OK;
+}
