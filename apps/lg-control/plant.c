@@ -145,20 +145,18 @@ static void draw_theta(const lg_machine_model_file *model, double spread, const 
     }
 }
 
-void control_add_draws(const app *self, lg_policy *policy, const char *path) {
-    const lg_policy_task *task = lg_policy_task_of(policy);
+void control_draw_plants(const app *self, const char *path, double spread, size_t draws, const char *why,
+                         lg_program **out) {
     APP_CLEAN(lg_machine_model_file_destroy) lg_machine_model_file model = {.theta = NULL};
     lg_rng rng;
-    if (task->draws == 0) return;
     if (!is_model(self, path))
-        app_stop(
-            self, LG_FORMAT,
-            "%s: robust.draws needs a model of lg-identify, whose covariance tells what else the machine "
-            "may be",
-            path);
+        app_stop(self, LG_FORMAT,
+                 "%s: %s needs a model of lg-identify, whose covariance tells what else the machine may be", path,
+                 why);
     APP_MUST_FILE(self, path, lg_machine_model_load(self->context, path, NULL, &model, &error));
-    if (model.spread == NULL && !(task->spread > 0))
-        app_stop(self, LG_FORMAT, "%s: the model has no covariance of its numbers; give robust.spread", path);
+    if (model.spread == NULL && !(spread > 0))
+        app_stop(self, LG_FORMAT, "%s: the model has no covariance of its numbers; give %s", path,
+                 "robust.spread, or a number for --model-error");
     const lg_machine *machine = &model.run.machine;
     const size_t count = lg_machine_numbers(machine, model.theta, 0, NULL);
     APP_FREE lg_identified *numbers = app_alloc(2 * count + 1, sizeof *numbers);
@@ -167,13 +165,20 @@ void control_add_draws(const app *self, lg_policy *policy, const char *path) {
     for (size_t i = machine->weights; i < model.parameters; i++)
         slope[i] = slope_of(machine, model.theta, i, count, numbers);
     lg_rng_seed(&rng, self->seed, 1);
-    for (uint32_t k = 0; k < task->draws; k++) {
-        lg_program *plant = NULL;
-        draw_theta(&model, task->spread, slope, &rng, theta);
-        APP_MUST(self, lg_machine_program(self->context, machine, theta, scheme_of(model.run.scheme), &plant,
+    for (size_t k = 0; k < draws; k++) {
+        draw_theta(&model, spread, slope, &rng, theta);
+        APP_MUST(self, lg_machine_program(self->context, machine, theta, scheme_of(model.run.scheme), &out[k],
                                           &error));
-        APP_MUST(self, lg_policy_add_draw(policy, plant, &error));
     }
+}
+
+void control_add_draws(const app *self, lg_policy *policy, const char *path) {
+    const lg_policy_task *task = lg_policy_task_of(policy);
+    if (task->draws == 0) return;
+    APP_FREE lg_program **plants = app_alloc(task->draws, sizeof *plants);
+    control_draw_plants(self, path, task->spread, task->draws, "robust.draws", plants);
+    for (uint32_t k = 0; k < task->draws; k++)
+        APP_MUST(self, lg_policy_add_draw(policy, plants[k], &error));
 }
 
 /* ---- programs ---- */

@@ -55,24 +55,36 @@ static lg_status rate_at(const lg_policy *p, lg_tape *tape, place at, lg_var *ou
     return lg_tape_status(tape);
 }
 
-/* z at the state x */
-static lg_var deviation_of(const lg_policy *p, lg_tape *tape, lg_var x) {
-    const lg_var q = moves(p) ? lg_program_call(tape, "positions", 0, &x) : x,
-                 z = lg_sub(tape, q, goal_row(p, tape, p->layout.positions));
-    if (!moves(p)) return z;
-    return lg_concat(tape, (const lg_var[]){z, lg_program_call(tape, "velocities", 0, &x)}, 2, 1);
-}
-
 static lg_status record_rate(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
     const lg_policy *p = user;
     return rate_at(p, tape, place_at(p, tape, theta, in[0]), out);
+}
+
+/* z after a period in which u is held. With velocities it is the classical Runge-Kutta method for z: steps of the
+ * machine's own state go through its mass matrix and back, and bounds of M^-1 M over a box are far from 1. */
+static lg_var after_period(const lg_policy *p, lg_tape *tape, lg_var z, lg_var x, lg_var u) {
+    const double h = p->task.period / p->task.substeps, to[4] = {0, 0.5 * h, 0.5 * h, h},
+                 weight[4] = {h / 6, h / 3, h / 3, h / 6};
+    if (!moves(p))
+        return lg_sub(tape, lg_program_call(tape, "period", 0, (const lg_var[]){x, u}),
+                      goal_row(p, tape, p->layout.positions));
+    for (uint32_t step = 0; step < p->task.substeps; step++) {
+        lg_var sum = z, rate = LG_NONE;
+        for (int stage = 0; stage < 4; stage++) {
+            const lg_var at = stage == 0 ? z : lg_add(tape, z, lg_scale(tape, rate, to[stage]));
+            rate = lg_program_call(tape, "rate_by_input", 0, (const lg_var[]){at, u});
+            sum = lg_add(tape, sum, lg_scale(tape, rate, weight[stage]));
+        }
+        z = sum;
+    }
+    return z;
 }
 
 static lg_status record_advance(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
                                 lg_var *out) {
     const lg_policy *p = user;
     const place at = place_at(p, tape, theta, in[0]);
-    out[0] = deviation_of(p, tape, lg_program_call(tape, "period", 0, (const lg_var[]){at.x, at.u}));
+    out[0] = after_period(p, tape, in[0], at.x, at.u);
     return lg_tape_status(tape);
 }
 
@@ -90,22 +102,43 @@ static lg_status record_advance_by_gains(void *user, lg_tape *tape, const lg_var
     const lg_policy *p = user;
     const place at = state_at(p, tape, in[0]);
     (void)theta;
-    out[0] =
-        deviation_of(p, tape, lg_program_call(tape, "regulated", 0, (const lg_var[]){at.x, in[1]}));
+    out[0] = after_period(p, tape, in[0], at.x,
+                          lg_program_call(tape, "regulated", 2, (const lg_var[]){at.x, in[1]}));
+    return lg_tape_status(tape);
+}
+
+static lg_status record_rate_by_input(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
+                                      lg_var *out) {
+    const lg_policy *p = user;
+    place at = state_at(p, tape, in[0]);
+    (void)theta;
+    at.u = in[1];
+    return rate_at(p, tape, at, out);
+}
+
+static lg_status record_advance_by_input(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
+                                         lg_var *out) {
+    const lg_policy *p = user;
+    const place at = state_at(p, tape, in[0]);
+    (void)theta;
+    out[0] = after_period(p, tape, in[0], at.x, in[1]);
     return lg_tape_status(tape);
 }
 
 /* ---- adding them ---- */
 
-/* `gains`: with K as a second, shared input */
-static lg_status add(lg_policy *p, const char *name, uint32_t numbers, bool gains, lg_record_function record,
+/* A second input */
+typedef enum second { NONE, GAINS, INPUT } second;
+
+static lg_status add(lg_policy *p, const char *name, uint32_t numbers, second with, lg_record_function record,
                      const char *output, lg_error *error) {
     size_t found;
     if (lg_program_find(p->program, name, &found, NULL) == LG_OK) return LG_OK;
-    const lg_port in[2] = {{.name = "z", .shape = lg_shape1(numbers)},
-                           {.name = "K", .shape = lg_shape2(p->inputs, p->layout.errors), .shared = true}},
-                  out = {.name = output};
-    const lg_function_spec spec = {name, in, gains ? 2 : 1, &out, 1, record, p};
+    const lg_port others[] = {
+        [GAINS] = {.name = "K", .shape = lg_shape2(p->inputs, p->layout.errors), .shared = true},
+        [INPUT] = {.name = "u", .shape = lg_shape1(p->inputs)}};
+    const lg_port in[2] = {{.name = "z", .shape = lg_shape1(numbers)}, others[with]}, out = {.name = output};
+    const lg_function_spec spec = {name, in, with == NONE ? 1 : 2, &out, 1, record, p};
     return lg_program_add_function(p->program, &spec, error);
 }
 
@@ -132,12 +165,14 @@ lg_status lg_policy_add_rate(lg_policy *p, lg_program **program, lg_error *error
     LG_NEEDS(error, p, program);
     LG_TRY(check(p, error));
     const uint32_t n = p->layout.positions + p->layout.velocities;
-    LG_TRY(add(p, "rate", n, false, record_rate, "dz", error));
-    LG_TRY(add(p, "advance", n, false, record_advance, "next_z", error));
+    LG_TRY(add(p, "rate_by_input", n, INPUT, record_rate_by_input, "dz", error));
+    LG_TRY(add(p, "rate", n, NONE, record_rate, "dz", error));
+    LG_TRY(add(p, "advance", n, NONE, record_advance, "next_z", error));
+    LG_TRY(add(p, "advance_by_input", n, INPUT, record_advance_by_input, "next_z", error));
     size_t regulated;
     if (lg_program_find(p->program, "regulated", &regulated, NULL) == LG_OK) {
-        LG_TRY(add(p, "rate_by_gains", n, true, record_rate_by_gains, "dz", error));
-        LG_TRY(add(p, "advance_by_gains", n, true, record_advance_by_gains, "next_z", error));
+        LG_TRY(add(p, "rate_by_gains", n, GAINS, record_rate_by_gains, "dz", error));
+        LG_TRY(add(p, "advance_by_gains", n, GAINS, record_advance_by_gains, "next_z", error));
     }
     *program = p->program;
     return LG_OK;
@@ -243,7 +278,7 @@ lg_status lg_policy_add_slope(lg_policy *p, lg_certify_energy_spec *spec, lg_err
     LG_TRY(check_energy(p, error));
     LG_TRY(check_period(p, error));
     LG_TRY(probe_machine(p, &machine, error));
-    LG_TRY(add(p, "slope", 1, false, record_slope, "g", error));
+    LG_TRY(add(p, "slope", 1, NONE, record_slope, "g", error));
     find_gains(p, gains);
     const double u0 = p->regulator.u0[0], low = u0 - p->task.input[0].low, high = p->task.input[0].high - u0;
     lg_certify_energy_spec_init(spec);
