@@ -48,7 +48,7 @@ typedef struct lg_lyapunov_search {
     const double *scale;      /* (n) sizes of x - goal, all above 0; NULL: the sides of the box, all finite */
     /* (n) bounds of |error of rate|; NULL: 0. They count where V is above .3 of its level. */
     const double *model_error;
-    size_t generations; /* default 1500, of some 12 proposals each */
+    size_t generations; /* of 8 to 20 proposals; 0 (default): 100 for each number of P's half and of K */
     size_t directions;  /* of the sample; default 400 */
     uint64_t seed;      /* default 1 */
     int threads;        /* default 1; results are the same for any number */

@@ -23,6 +23,7 @@ typedef struct searching {
     const lg_context *context;
     const lg_lyapunov_search *spec;
     size_t n, m, numbers; /* numbers of theta */
+    size_t generations;
     lg_plan *plan;        /* of ROWS rows */
     size_t plan_bytes;
     double goal[STATES], scale[STATES], room[STATES], error[STATES]; /* room, error: scaled */
@@ -57,7 +58,7 @@ static desk desk_of(const searching *s, size_t number) {
 void lg_lyapunov_search_init(lg_lyapunov_search *search) {
     if (search != NULL)
         *search = (lg_lyapunov_search){
-            .size = sizeof *search, .generations = 1500, .directions = 400, .seed = 1, .threads = 1};
+            .size = sizeof *search, .directions = 400, .seed = 1, .threads = 1};
 }
 
 /* ---- a proposal ---- */
@@ -317,6 +318,11 @@ static void sort_in(best *b, const double *theta, size_t numbers, double value, 
     memcpy(b[i].theta, theta, numbers * sizeof *theta);
 }
 
+static lg_status fails_everywhere(lg_error *error) {
+    return lg_fail(error, LG_CHECK_FAILED,
+                   "no quadratic V falls at all points of a set about the goal, with the given error of the model");
+}
+
 static lg_status first_proposals(searching *s, best *b, lg_error *error) {
     const size_t bytes = lg_riccati_work_size(s->n, s->m > 0 ? s->m : 1);
     void *work = lg_alloc(s->context, bytes, 1);
@@ -324,15 +330,18 @@ static lg_status first_proposals(searching *s, best *b, lg_error *error) {
     lg_rng rng;
     if (work == NULL) return LG_OUT_OF_MEMORY;
     lg_rng_seed(&rng, s->spec->seed, 12);
+    size_t stable = 0;
     for (size_t i = 0; i < CLIMBS; i++) b[i].value = -INFINITY;
     for (size_t i = 0; i < STARTS; i++) {
         double theta[MOST], level = 0;
         if (!draw_start(s, &rng, work, bytes, theta)) continue;
+        stable++;
         const double value = worth(s, theta, &d, &level);
         if (value == value) sort_in(b, theta, s->numbers, value, level);
     }
     lg_free(s->context, work);
     if (b[0].value > -INFINITY) return LG_OK;
+    if (stable > 0) return fails_everywhere(error);
     return lg_fail(error, LG_CHECK_FAILED, "no quadratic V falls near the goal: the linear closed loop is not %s",
                    s->m > 0 ? "stabilised by any gains that were tried" : "stable");
 }
@@ -469,16 +478,16 @@ static lg_status run(searching *s, best *b, lg_error *error) {
     size_t lead = 0;
     for (size_t i = 0; i < CLIMBS && status == LG_OK; i++) {
         if (b[i].value == -INFINITY) continue;
-        status = climb(s, pool, s->spec->generations / 6, i, &b[i]);
+        status = climb(s, pool, s->generations / 6, i, &b[i]);
     }
     for (size_t i = 0; i < CLIMBS && status == LG_OK; i++) {
         if (b[i].value > -INFINITY) judge(s, b[i].theta, &b[i]);
         if (b[i].value > b[lead].value) lead = i;
     }
     if (lead != 0) b[0] = b[lead];
-    if (status == LG_OK) status = climb(s, pool, s->spec->generations / 2, CLIMBS, &b[0]);
+    if (status == LG_OK) status = climb(s, pool, s->generations / 2, CLIMBS, &b[0]);
     if (status == LG_OK && b[0].value == -DBL_MAX)
-        status = lg_fail(error, LG_CHECK_FAILED, "no quadratic V falls at all points of a set about the goal");
+        status = fails_everywhere(error);
     if (pool != NULL) lg_thread_pool_destroy(pool);
     return status;
 }
@@ -514,6 +523,7 @@ static lg_status take_ports(searching *s, const lg_program *program, size_t *fun
                        "and as many outputs as states",
                        s->spec->rate, STATES);
     s->numbers = s->n * (s->n + 1) / 2 + s->m * s->n;
+    s->generations = s->spec->generations > 0 ? s->spec->generations : 100 * s->numbers;
     return LG_OK;
 }
 
@@ -560,10 +570,10 @@ lg_status lg_lyapunov_quadratic(const lg_context *context, const lg_program *pro
                                 lg_error *error) {
     LG_NEEDS(error, program, search, P);
     LG_NEEDS(error, search->rate, search->low, search->high);
-    if (search->size != sizeof *search || search->generations < 1 || search->directions < 10 ||
+    if (search->size != sizeof *search || search->directions < 10 ||
         search->directions > 1000000 || search->threads < 1)
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "generations and threads must be 1 or more, directions 10 to 1e6");
+                       "threads must be 1 or more, directions 10 to 1e6");
     size_t function;
     best b[CLIMBS];
     searching s = {.context = context, .spec = search, .directions = search->directions};

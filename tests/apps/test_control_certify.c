@@ -24,6 +24,17 @@ static void write_task(const char *name, const char *plant, double limit, const 
                   plant, limit, controller));
 }
 
+static const char cart_task[] =
+    "plant: cart.yaml\nperiod: 0.01\nhorizon: 5\nstarts: {x: [-1, 1], th: [-1, 1], vx: [-2, 2], w: [-3, "
+    "3]}\nlimits: {u: 30}\ncost: {x: 0.1, th: 1, vx: 0.01, w: 0.02, u: 0.002}\nsuccess: {th: 0.05, hold: 0.5, "
+    "within: 4}\ncontroller: ";
+
+static void write_turn(const char *name, double limit, const char *controller) {
+    cli_write(name, test_text("plant: body.yaml\nperiod: 0.1\nhorizon: 5\nstarts: {R: [0, 1]}\nlimits: {p: %g, q: "
+                              "%g, r: %g}\ncost: {R: 1}\nsuccess: {R: 0.05, hold: 1, within: 10}\ncontroller: %s\n",
+                              limit, limit, limit, controller));
+}
+
 static int setup(void **state) {
     if (cli_begin() != 0) return -1;
     write_pendulum("light.yaml", 1.0);
@@ -35,17 +46,15 @@ static int setup(void **state) {
               "columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: vx}, {name: th, kind: "
               "angle, velocity: w}]\ninputs: {columns: [u]}\nsystem: cart-pole\nparameters: {cart: 1, "
               "pole: 0.1, length: 1, gravity: 9.81}\ninput_map: {kind: known, values: [[1], [0]]}\n");
-    cli_write("lqr.yaml",
-              "plant: cart.yaml\nperiod: 0.01\nhorizon: 5\nstarts: {x: [-1, 1], th: [-1, 1], vx: [-2, 2], "
-              "w: [-3, 3]}\nlimits: {u: 30}\ncost: {x: 0.1, th: 1, vx: 0.01, w: 0.02, u: 0.002}\nsuccess: "
-              "{th: 0.05, hold: 0.5, within: 4}\ncontroller: {kind: lqr}\n");
+    write_task("chosen.yaml", "light.yaml", 0.75, "{kind: lqr}");
+    cli_write("lqr.yaml", test_text("%s{kind: lqr}\n", cart_task));
     cli_write("body.yaml",
               "columns: {time: t}\ncoordinates: [{name: R, kind: rotation, columns: [a, b, c, d], "
               "velocity: [wx, wy, wz]}]\ninputs: {columns: [p, q, r]}\nmass: {kind: known, values: [1, 2, "
               "3]}\ninput_map: {kind: known, values: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}\n");
-    cli_write("turn.yaml",
-              "plant: body.yaml\nperiod: 0.1\nhorizon: 5\nstarts: {R: [0, 1]}\nlimits: {p: 2, q: 2, r: "
-              "2}\ncost: {R: 1}\nsuccess: {R: 0.05, hold: 1, within: 10}\ncontroller: {kind: lqr}\n");
+    write_turn("turn.yaml", 2, "{kind: lqr}");
+    write_turn("spin.yaml", 20, "{kind: energy, gains: [1, 2]}");
+    write_turn("spin2.yaml", 2, "{kind: energy, gains: [1, 2]}");
     return 0;
 }
 
@@ -70,23 +79,72 @@ TEST("2 % more mass is refused with the angle, and the claim does not speak of a
     assert_true(side[0] > 1.4 && side[1] < 1.72); /* sin th > .75/.750465 within .04 of pi/2; refined there */
 }
 
-TEST("a regulator of the cart-pole is proved in its box, continuous and held, and not with a large error") {
-    cli_expect(control, "certify lqr.yaml --box x=3.6,th=1.5,vx=12,w=12 --seconds 60 --json", 0, "");
+/* The pendulum with the torque .75 as a regulator */
+TEST("gains that are found can be given: the same set is proved for the task and for its policy") {
+    cli_expect(control, "certify chosen.yaml --box th=1.5,w=12 --json", 0, "");
     assert_says(result.out, "\"verified\": true");
-    const double volume = json_number(result.out, "volume"), level = json_number(result.out, "level");
-    assert_true(volume > 5 && json_number(result.out, "fraction") < 1);
-    cli_expect(control, "certify lqr.yaml --box x=3.6,th=1.5,vx=12,w=12 --held --seconds 60 --json", 0, "");
-    assert_says(result.out, "held");
-    char line[160];
-    (void)snprintf(line, sizeof line,
-                   "certify lqr.yaml --box x=3.6,th=1.5,vx=12,w=12 --seconds 60 --level %.6g --json",
-                   20 * level);
-    cli_expect(control, line, 1, "not proved");
-    assert_non_null(json_find(result.out, "failed"));
-    cli_expect(
-        control,
-        "certify lqr.yaml --box x=3.6,th=1.5,vx=12,w=12 --seconds 60 --model-error vx=100,w=100 --json", 1,
-        "not proved");
+    const double volume = json_number(result.out, "volume");
+    double K[2], P[4];
+    assert_int_equal(json_array(result.out, "gains", K, 2), 2);
+    assert_int_equal(json_array(result.out, "P", P, 4), 4);
+    assert_true(volume > 10 && K[0] > 0 && P[0] * P[3] > P[1] * P[2]);
+    write_task("given.yaml", "light.yaml", 0.75, test_text("{kind: lqr, gains: [%.6g, %.6g]}", K[0], K[1]));
+    cli_expect(control, "certify given.yaml --box th=1.5,w=12 --json", 0, "");
+    assert_close(json_number(result.out, "volume"), volume, 0.03, 0);
+    assert_true(strstr(result.out, "\"gains\"") == NULL);
+    cli_expect(control, "train given.yaml --out given.h5", 0, "");
+    cli_expect(control, "certify given.h5 --box th=1.5,w=12 --json", 0, "");
+    assert_close(json_number(result.out, "volume"), volume, 0.03, 0);
+    cli_expect("lg-export", "given.h5 --out exported", 0, "");
+}
+
+TEST("held inputs, levels and errors of the model") {
+    cli_expect(control, "certify chosen.yaml --box th=1.5,w=12 --held --json", 0, "");
+    assert_says(result.out, "inputs are held");
+    cli_expect(control, "certify chosen.yaml --box th=1.5,w=12 --level 3 --json", 1, "not proved");
+    double side[2];
+    assert_int_equal(json_array(json_find(result.out, "failed"), "th", side, 2), 2);
+    cli_expect(control, "certify chosen.yaml --box th=1.5,w=12 --model-error 0.2 --json", 0, "");
+    assert_says(result.out, "\"converges\": false");
+    assert_says(result.out, "may err by up to 0.2");
+    cli_expect(control, "certify chosen.yaml --box th=1.5,w=12 --model-error w=100 --json", 1,
+               "no quadratic V falls at all points");
+    cli_expect(control, "certify chosen.yaml --box th=1.5,w=12 --eps 0.5 --json", 0, "");
+    assert_says(result.out, "eps = 0.5 <=");
+}
+
+TEST("the cart-pole with gains of a wrong sign, or a fifth of them, is refused with states where V rises") {
+    static const char *const gains[] = {"2.7, 51.5, 6.04, 15.2", "-0.54, -10.3, -1.21, -3.04"};
+    for (size_t i = 0; i < LG_COUNT(gains); i++) {
+        cli_write("bad.yaml", test_text("%s{kind: lqr, gains: [%s]}\n", cart_task, gains[i]));
+        cli_expect(control, "certify bad.yaml --box x=3.6,th=1.5,vx=12,w=12 --json", 1, "not proved");
+        assert_says(result.out, "V does not fall");
+        const char *failed = json_find(result.out, "failed");
+        double x[2], th[2];
+        assert_int_equal(json_array(failed, "x", x, 2), 2);
+        assert_int_equal(json_array(failed, "th", th, 2), 2);
+        assert_true(x[0] <= x[1] && fabs(x[0]) <= 3.6 && th[0] <= th[1] && fabs(th[0]) <= 1.5);
+    }
+}
+
+/* z = 2 sin(a/2) n: 4 k (1 - cos(a/2)) is the work of k z up to the angle a. The inertia and limits decide the level:
+ * |u_l| <= k_p |z| + k_d |w_l|. */
+TEST("a body that turns: the energy up to half a turn, or as far as torques stay in their limits") {
+    cli_expect(control, "certify spin.yaml --lyapunov energy --json", 0, "");
+    assert_says(result.out, "\"verified\": true");
+    assert_close(json_number(result.out, "level"), 4, 1e-6, 0);
+    cli_expect(control, "certify spin2.yaml --lyapunov energy --json", 0, "");
+    const double level = json_number(result.out, "level"), angle = json_number(result.out, "angle");
+    assert_close(angle, 2 * acos(1 - level / 4), 1e-6, 0);
+    /* at the level the first axis (inertia 1) reaches 2 = |z| + 2 |w| for the worst share of the energy */
+    double most = 0;
+    for (int i = 0; i <= 100000; i++) {
+        const double phi = level * i / 100000, c = 1 - phi / 4;
+        most = fmax(most, 2 * sqrt(1 - c * c) + 2 * sqrt(2 * (level - phi)));
+    }
+    assert_close(most, 2, 1e-4, 0);
+    cli_expect(control, "certify turn.yaml --lyapunov energy", 2, "the energy needs kind energy");
+    cli_expect(control, "certify spin.yaml --lyapunov energy --box R=1", 2, "its own set");
 }
 
 TEST("names, kinds and options that do not fit are refused with a sentence") {
