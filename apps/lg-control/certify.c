@@ -19,24 +19,27 @@ typedef struct certify_values {
 } certify_values;
 
 static const lg_field options[] = {
-    LG_OPTION(certify_values, lyapunov, NAME, "KIND",
-              "V: a quadratic form or a polynomial, which are searched, the function lyapunov of a plant that is a "
-              "program, or the energy of a pendulum or of a body that turns",
-              LG_NAMES("quadratic", "polynomial", "function", "energy"), .value = "quadratic"),
+    LG_OPTION(
+        certify_values, lyapunov, NAME, "KIND",
+        "V: a quadratic form or a polynomial, which are searched, the function lyapunov of a plant that is a "
+        "program, or the energy of a pendulum or of a body that turns",
+        LG_NAMES("quadratic", "polynomial", "function", "energy"), .value = "quadratic"),
     LG_OPTION(certify_values, box, STRING, "NAME=W,...",
               "The box of states: for each position and velocity its largest distance from the goal",
               .otherwise = "unbounded"),
     LG_OPTION(certify_values, level, STRING, "C",
               "The level c of {V <= c}, or auto: the largest that is found", .value = "auto"),
     LG_OPTION(certify_values, eps, STRING, "E",
-              "Motions are proved to reach {V < eps}; auto: the smallest that is found, and the goal where it can be "
+              "Motions are proved to reach {V < eps}; auto: the smallest that is found, and the goal where "
+              "it can be "
               "proved. A quadratic V that is searched has the level 1 or less",
               .value = "auto"),
     LG_FIELD(
         certify_values, NULL, "model_error", STRING, model_error, .unit = "D",
         .meaning =
             "Bound of the error of the model's accelerations (with --held: of the next state; of a plant "
-            "that is a program: of all rates), as one number, as NAME=D,... or auto: three standard deviations of "
+            "that is a program: of all rates), as one number, as NAME=D,... or auto: three standard "
+            "deviations of "
             "the fit of lg-identify, at the worst of random states and inputs",
         .otherwise = "0"),
     LG_OPTION(certify_values, seconds, REAL, "s", "Largest time of the proof", .high = 1e9, .above = true,
@@ -102,7 +105,8 @@ static void read_box(const app *self, naming names, double *low, double *high) {
     for (size_t i = 0; i < names.n; i++) {
         low[i] = -high[i];
         if (values.lyapunov != QUADRATIC && values.lyapunov != ENERGY && !isfinite(high[i]))
-            app_stop_usage(self, "--box: a V that is no quadratic form needs a bound of every state; %s has none",
+            app_stop_usage(self,
+                           "--box: a V that is no quadratic form needs a bound of every state; %s has none",
                            name_of(names, i));
     }
 }
@@ -116,16 +120,17 @@ static bool is_task(const app *self) {
  * covariance of the fit, at the worst of random states of the box and inputs in their limits. */
 enum { DRAWS = 40, PLACES = 1024 };
 
-static void evaluate_places(const app *self, lg_policy *policy, naming names, const double *z, const double *u,
-                            double *out) {
+static void evaluate_places(const app *self, lg_policy *policy, naming names, const double *z,
+                            const double *u, double *out) {
     lg_program *program = NULL;
     APP_MUST(self, lg_policy_add_rate(policy, &program, &error));
-    APP_MUST(self, lg_program_eval(self->context, program, values.held ? "advance_by_input" : "rate_by_input", PLACES,
-                                   (const double *const[]){z, u}, (double *const[]){out}, &error));
+    APP_MUST(self, lg_program_eval(self->context, program, values.held ? "advance_by_input" : "rate_by_input",
+                                   PLACES, (const double *const[]){z, u}, (double *const[]){out}, &error));
     (void)names;
 }
 
-static void draw_model_error(const app *self, lg_policy *policy, naming names, const double *high, double *out) {
+static void draw_model_error(const app *self, lg_policy *policy, naming names, const double *high,
+                             double *out) {
     const size_t n = names.n, m = names.task->input_count, numbers = PLACES * n;
     APP_FREE double *z = app_alloc(3 * numbers + PLACES * m + numbers, sizeof *z);
     double *first = z + numbers, *other = first + numbers, *square = other + numbers, *u = square + numbers;
@@ -138,7 +143,8 @@ static void draw_model_error(const app *self, lg_policy *policy, naming names, c
     lg_rng_seed(&rng, self->seed, 16);
     for (size_t i = 0; i < numbers; i++) {
         if (!isfinite(high[i % n]))
-            app_stop_usage(self, "--model-error auto: needs a bound of every state; %s has none", name_of(names, i % n));
+            app_stop_usage(self, "--model-error auto: needs a bound of every state; %s has none",
+                           name_of(names, i % n));
         z[i] = lg_rng_uniform_in(&rng, -high[i % n], high[i % n]);
     }
     for (size_t i = 0; i < PLACES * m; i++)
@@ -148,7 +154,8 @@ static void draw_model_error(const app *self, lg_policy *policy, naming names, c
         lg_policy *drawn = NULL;
         APP_MUST(self, lg_policy_transplant(policy, plants[k], &drawn, &error));
         evaluate_places(self, drawn, names, z, u, other);
-        for (size_t i = 0; i < numbers; i++) square[i] += (other[i] - first[i]) * (other[i] - first[i]) / DRAWS;
+        for (size_t i = 0; i < numbers; i++)
+            square[i] += (other[i] - first[i]) * (other[i] - first[i]) / DRAWS;
         lg_policy_destroy(drawn);
     }
     for (size_t i = 0; i < numbers; i++) out[i % n] = fmax(out[i % n], 3 * sqrt(square[i]));
@@ -156,7 +163,8 @@ static void draw_model_error(const app *self, lg_policy *policy, naming names, c
 
 /* One number is for the rates that the model states: the accelerations, or all rates of a program; of a
  * held loop for all states. */
-static void read_model_error(const app *self, lg_policy *policy, naming names, const double *high, double *out) {
+static void read_model_error(const app *self, lg_policy *policy, naming names, const double *high,
+                             double *out) {
     double x;
     const uint32_t positions = names.task->coordinate_count;
     for (size_t i = 0; i < names.n; i++) out[i] = 0;
@@ -200,7 +208,8 @@ static void check_options(const app *self) {
 
 /* The certificate chooses the gains of a task of kind lqr that gives none. */
 static bool chooses_gains(const app *self, const lg_policy_task *task) {
-    return is_task(self) && values.lyapunov == QUADRATIC && task->kind == LG_POLICY_LQR && task->gain_count == 0;
+    return is_task(self) && values.lyapunov == QUADRATIC && task->kind == LG_POLICY_LQR &&
+           task->gain_count == 0;
 }
 
 /* Whether the controller has a regulator that training chooses. */
@@ -265,7 +274,8 @@ static void tell_forms(app_json *out, naming names, const verdict *v) {
     if (v->gains != NULL) app_json_reals(out, "gains", v->gains, count);
     for (size_t i = 0; i < count && v->gains != NULL; i++)
         lg_text_add(&line, "%s%.6g", i > 0 ? ", " : "", v->gains[i]);
-    if (v->gains != NULL) app_result_line(out, "chosen for a large set: controller: {kind: lqr, gains: [%s]}", line.data);
+    if (v->gains != NULL)
+        app_result_line(out, "chosen for a large set: controller: {kind: lqr, gains: [%s]}", line.data);
     free(line.data);
 }
 
@@ -339,9 +349,10 @@ static int prove_rotation(app *self, lg_policy *policy, naming names) {
         app_stop_usage(self, "--box: the energy on rotations has its own set: {V < level}");
     APP_MUST(self, lg_policy_fill_rotation(policy, &spec, &error));
     APP_MUST(self, lg_certify_rotation(&spec, &r, &error));
-    APP_FREE char *text = app_format("%s That the inertia, the damping and the map of the inputs are constant was "
-                                     "compared at several rotations, it was not proved.",
-                                     r.claim);
+    APP_FREE char *text =
+        app_format("%s That the inertia, the damping and the map of the inputs are constant was "
+                   "compared at several rotations, it was not proved.",
+                   r.claim);
     const verdict v = {.verified = r.verified,
                        .converges = r.verified,
                        .level = r.level,
@@ -359,7 +370,8 @@ static bool has_function(const app *self, const lg_program *program, naming name
         return false;
     for (uint32_t i = 0; i < names.n; i++)
         if (names.task->coordinate[i].goal[0] != 0)
-            app_stop(self, LG_UNSUPPORTED, "the plant's function %s is of the state x: its goal must be 0", name);
+            app_stop(self, LG_UNSUPPORTED, "the plant's function %s is of the state x: its goal must be 0",
+                     name);
     return true;
 }
 
@@ -457,10 +469,12 @@ static lg_program *add_rate(const app *self, lg_policy *policy) {
 /* What the gate of a network says about the set; "": nothing. */
 static char *tell_gate(const lg_policy *policy, const double *P, double level) {
     double ratio;
-    if (P == NULL || lg_policy_bound_gate(policy, P, level, &ratio, NULL) != LG_OK) return app_format("%s", "");
-    return app_format(" The gate's V is at most %.4g of its level there: the regulator has at least %.3g %% of the "
-                      "input.",
-                      ratio, 100 / (1 + exp(4.5 * (ratio - 1))));
+    if (P == NULL || lg_policy_bound_gate(policy, P, level, &ratio, NULL) != LG_OK)
+        return app_format("%s", "");
+    return app_format(
+        " The gate's V is at most %.4g of its level there: the regulator has at least %.3g %% of the "
+        "input.",
+        ratio, 100 / (1 + exp(4.5 * (ratio - 1))));
 }
 
 static int prove(app *self, lg_policy *given, naming names) {
@@ -488,7 +502,9 @@ static int prove(app *self, lg_policy *given, naming names) {
     spec.rate = values.held ? "advance" : "rate";
     spec.step = values.held;
     spec.P = values.lyapunov == QUADRATIC ? what.P : NULL;
-    spec.lyapunov = values.lyapunov == QUADRATIC ? NULL : values.lyapunov == FUNCTION ? "lyapunov" : "polynomial";
+    spec.lyapunov = values.lyapunov == QUADRATIC  ? NULL
+                    : values.lyapunov == FUNCTION ? "lyapunov"
+                                                  : "polynomial";
     spec.level = what.level, spec.eps = what.eps;
     spec.most = values.lyapunov == QUADRATIC ? 1 : 0; /* the proposal */
     spec.low = what.low, spec.high = what.high, spec.model_error = what.error;
@@ -524,8 +540,9 @@ static int run(app *self) {
     lg_policy *policy = read_policy(self, NULL);
     const naming names = name_states(lg_policy_task_of(policy));
     const bool turns = names.task->coordinate[0].motion == LG_POLICY_ROTATION;
-    const int code =
-        (values.lyapunov != ENERGY ? prove : turns ? prove_rotation : prove_energy)(self, policy, names);
+    const int code = (values.lyapunov != ENERGY ? prove
+                      : turns                   ? prove_rotation
+                                                : prove_energy)(self, policy, names);
     lg_policy_destroy(policy);
     return code;
 }

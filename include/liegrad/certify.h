@@ -146,14 +146,14 @@ LG_API lg_status lg_certify_attitude(const double *A, double damping, lg_certify
  * largest c <= 4 k at which |g_l.z| <= |g_l| |z| and |g_l.w|^2 <= g_l.J^-1 g_l 2 (c - Phi) prove |u_l| <= limit_l.
  * The form of the loop is the caller's statement. */
 typedef struct lg_certify_rotation_spec {
-    size_t size;       /* sizeof(lg_certify_rotation_spec) */
-    double J[9];       /* (3, 3) symmetric, positive definite */
-    double stiffness;  /* k */
-    double damping;    /* a lower bound of the eigenvalues of (D + D^T)/2 */
-    size_t inputs;     /* 1 to 16 */
+    size_t size;        /* sizeof(lg_certify_rotation_spec) */
+    double J[9];        /* (3, 3) symmetric, positive definite */
+    double stiffness;   /* k */
+    double damping;     /* a lower bound of the eigenvalues of (D + D^T)/2 */
+    size_t inputs;      /* 1 to 16 */
     double map[16 * 3]; /* (inputs, 3): g_l */
-    double gains[2];   /* k_p, k_d >= 0 */
-    double limit[16];  /* (inputs), above 0 */
+    double gains[2];    /* k_p, k_d >= 0 */
+    double limit[16];   /* (inputs), above 0 */
 } lg_certify_rotation_spec;
 
 typedef struct lg_certify_rotation_result {
@@ -168,7 +168,7 @@ LG_API void lg_certify_rotation_spec_init(lg_certify_rotation_spec *spec);
 /* Errors: LG_INVALID_ARGUMENT (NULL, sizes, J not symmetric to 1e-9 or not positive definite, limits or gains out
  * of range), LG_NOT_FINITE. */
 LG_API lg_status lg_certify_rotation(const lg_certify_rotation_spec *spec, lg_certify_rotation_result *result,
-                                 lg_error *error);
+                                     lg_error *error);
 
 LG_END_DECLS
 

@@ -211,7 +211,8 @@ LG_API lg_status lg_policy_add_slope(lg_policy *policy, lg_certify_energy_spec *
  * compared at several rotations and rates, it is not proved. Errors: LG_NOT_FOUND (a plant without `field`),
  * LG_UNSUPPORTED (another kind or machine; a stiffness that depends on the axis), LG_CHECK_FAILED (the damping is
  * not linear). */
-LG_API lg_status lg_policy_fill_rotation(const lg_policy *policy, lg_certify_rotation_spec *spec, lg_error *error);
+LG_API lg_status lg_policy_fill_rotation(const lg_policy *policy, lg_certify_rotation_spec *spec,
+                                         lg_error *error);
 
 /* How many coordinates of the task are tracked. Set points need a machine that moves in the same way wherever
  * these coordinates are: lg_policy_create compares it at random states, and fails with LG_CHECK_FAILED. */

@@ -20,8 +20,8 @@ typedef struct bound {
 static lg_status take(const lg_certify_rotation_spec *spec, bound *bounds, lg_error *error) {
     double L[9], size = 0;
     if (spec->size != sizeof *spec || spec->inputs < 1 || spec->inputs > INPUTS)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "size is not the size of the struct, or inputs are not 1 to %d",
-                       INPUTS);
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "size is not the size of the struct, or inputs are not 1 to %d", INPUTS);
     for (int i = 0; i < 9; i++) {
         if (!isfinite(spec->J[i])) return lg_fail(error, LG_NOT_FINITE, "J is not finite");
         size = fmax(size, fabs(spec->J[i]));
@@ -29,16 +29,19 @@ static lg_status take(const lg_certify_rotation_spec *spec, bound *bounds, lg_er
     for (int i = 0; i < 9; i++)
         if (fabs(spec->J[i] - spec->J[i % 3 * 3 + i / 3]) > 1e-9 * size)
             return lg_fail(error, LG_INVALID_ARGUMENT, "J is not symmetric");
-    if (!lg_matrix_cholesky(3, spec->J, L)) return lg_fail(error, LG_INVALID_ARGUMENT, "J is not positive definite");
+    if (!lg_matrix_cholesky(3, spec->J, L))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "J is not positive definite");
     if (!(spec->gains[0] >= 0 && spec->gains[1] >= 0 && isfinite(spec->stiffness)))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "gains must not be negative, and the stiffness must be finite");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "gains must not be negative, and the stiffness must be finite");
     for (size_t l = 0; l < spec->inputs; l++) {
         const double *g = spec->map + 3 * l, a = g[0] / L[0], b = (g[1] - L[3] * a) / L[4],
                      c = (g[2] - L[6] * a - L[7] * b) / L[8];
         bounds[l] = (bound){spec->gains[0] * sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]),
                             spec->gains[1] * sqrt(a * a + b * b + c * c), spec->limit[l]};
         if (!(spec->limit[l] > 0) || !isfinite(bounds[l].stiff + bounds[l].fast))
-            return lg_fail(error, LG_INVALID_ARGUMENT, "input %zu: the limit must be above 0, the map finite", l);
+            return lg_fail(error, LG_INVALID_ARGUMENT, "input %zu: the limit must be above 0, the map finite",
+                           l);
     }
     return LG_OK;
 }
@@ -52,7 +55,8 @@ static double largest(const bound *b, double k, double c) {
         double value[2];
         for (int side = 0; side < 2; side++) {
             const double p = low + (high - low) * (side == 0 ? 0.382 : 0.618);
-            value[side] = 2 * b->stiff * sqrt(fmax(p * (2 - p), 0)) + b->fast * sqrt(2 * fmax(c - 4 * k * p, 0));
+            value[side] =
+                2 * b->stiff * sqrt(fmax(p * (2 - p), 0)) + b->fast * sqrt(2 * fmax(c - 4 * k * p, 0));
             most = fmax(most, value[side]);
         }
         if (value[0] < value[1])
@@ -77,7 +81,8 @@ static double find_level(const bound *bounds, size_t inputs, double k) {
     return level;
 }
 
-lg_status lg_certify_rotation(const lg_certify_rotation_spec *spec, lg_certify_rotation_result *result, lg_error *error) {
+lg_status lg_certify_rotation(const lg_certify_rotation_spec *spec, lg_certify_rotation_result *result,
+                              lg_error *error) {
     bound bounds[INPUTS];
     LG_NEEDS(error, spec, result);
     LG_TRY(take(spec, bounds, error));
@@ -87,13 +92,14 @@ lg_status lg_certify_rotation(const lg_certify_rotation_spec *spec, lg_certify_r
     if (r.verified) r.angle = 2 * acos(fmax(1 - r.level / r.critical, 0)) * (1 - 1e-9);
     if (!r.verified)
         (void)snprintf(r.reason, sizeof r.reason, "the %s is not positive", k > 0 ? "damping" : "stiffness");
-    (void)snprintf(r.claim, sizeof r.claim,
-                   "%s: motions from {w.J w/2 + 4 k (1 - cos(a/2)) < c = %.6g} converge to the goal, with k = %.6g "
-                   "and the angle a of the rotation from the goal; these are all rotations at rest up to %.6g "
-                   "radians; inputs stay inside of their limits, so the torque is -k z - D w there (continuous "
-                   "inputs, no model error). At the angle pi, c = %.6g, the feedback jumps: no continuous feedback "
-                   "brings every rotation to the goal.",
-                   r.verified ? "Proved" : "Not proved", r.level, k, r.angle, r.critical);
+    (void)snprintf(
+        r.claim, sizeof r.claim,
+        "%s: motions from {w.J w/2 + 4 k (1 - cos(a/2)) < c = %.6g} converge to the goal, with k = %.6g "
+        "and the angle a of the rotation from the goal; these are all rotations at rest up to %.6g "
+        "radians; inputs stay inside of their limits, so the torque is -k z - D w there (continuous "
+        "inputs, no model error). At the angle pi, c = %.6g, the feedback jumps: no continuous feedback "
+        "brings every rotation to the goal.",
+        r.verified ? "Proved" : "Not proved", r.level, k, r.angle, r.critical);
     *result = r;
     return LG_OK;
 }

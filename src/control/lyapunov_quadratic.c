@@ -24,7 +24,7 @@ typedef struct searching {
     const lg_lyapunov_search *spec;
     size_t n, m, numbers; /* numbers of theta */
     size_t generations;
-    lg_plan *plan;        /* of ROWS rows */
+    lg_plan *plan; /* of ROWS rows */
     size_t plan_bytes;
     double goal[STATES], scale[STATES], room[STATES], error[STATES]; /* room, error: scaled */
     double *y;                                                       /* (directions, n), of length 1 */
@@ -57,17 +57,16 @@ static desk desk_of(const searching *s, size_t number) {
 
 void lg_lyapunov_search_init(lg_lyapunov_search *search) {
     if (search != NULL)
-        *search = (lg_lyapunov_search){
-            .size = sizeof *search, .directions = 400, .seed = 1, .threads = 1};
+        *search = (lg_lyapunov_search){.size = sizeof *search, .directions = 400, .seed = 1, .threads = 1};
 }
 
 /* ---- a proposal ---- */
 
 typedef struct form {
     double L[STATES * STATES], P[STATES * STATES], T[STATES * STATES]; /* P = L L^T, T = L^-T */
-    double top;       /* {V <= top} touches the box */
-    double logarithm; /* of det L */
-    double margin;    /* V'/V must be below -margin */
+    double top;                                                        /* {V <= top} touches the box */
+    double logarithm;                                                  /* of det L */
+    double margin;                                                     /* V'/V must be below -margin */
 } form;
 
 static bool read_form(const searching *s, const double *theta, form *f) {
@@ -198,7 +197,8 @@ static const double margin = 0.02;
 static double fall_near(const searching *s, form *f, const double *K) {
     const size_t n = s->n, m = s->m;
     const int size = (int)n, words = 1 + 2 * STATES, whole = 1;
-    double C[STATES * STATES], CT[STATES * STATES], M[STATES * STATES], w[STATES], work[1 + 2 * STATES], mean = 0;
+    double C[STATES * STATES], CT[STATES * STATES], M[STATES * STATES], w[STATES], work[1 + 2 * STATES],
+        mean = 0;
     int integer, info = 0;
     memcpy(C, s->A, n * n * sizeof *C);
     for (size_t i = 0; i < n; i++)
@@ -296,7 +296,8 @@ static bool draw_start(const searching *s, lg_rng *rng, void *work, size_t bytes
     for (size_t i = 0; i < n; i++) Q[i * (n + 1)] = pow(10, lg_rng_uniform_in(rng, -2.5, 1));
     const double factor = pow(2, lg_rng_uniform_in(rng, -0.5, 0.5));
     const lg_riccati equation = {sizeof equation, n, inputs, A, B, Q, R, NULL};
-    const lg_status status = (s->spec->step ? lg_dare : lg_care)(&equation, P, K, NULL, NULL, work, bytes, NULL);
+    const lg_status status =
+        (s->spec->step ? lg_dare : lg_care)(&equation, P, K, NULL, NULL, work, bytes, NULL);
     if (status != LG_OK || !lg_matrix_cholesky(n, P, L)) return false;
     const double size = sqrt(P[0]);
     size_t at = 0;
@@ -319,8 +320,9 @@ static void sort_in(best *b, const double *theta, size_t numbers, double value, 
 }
 
 static lg_status fails_everywhere(lg_error *error) {
-    return lg_fail(error, LG_CHECK_FAILED,
-                   "no quadratic V falls at all points of a set about the goal, with the given error of the model");
+    return lg_fail(
+        error, LG_CHECK_FAILED,
+        "no quadratic V falls at all points of a set about the goal, with the given error of the model");
 }
 
 static lg_status first_proposals(searching *s, best *b, lg_error *error) {
@@ -342,7 +344,8 @@ static lg_status first_proposals(searching *s, best *b, lg_error *error) {
     lg_free(s->context, work);
     if (b[0].value > -INFINITY) return LG_OK;
     if (stable > 0) return fails_everywhere(error);
-    return lg_fail(error, LG_CHECK_FAILED, "no quadratic V falls near the goal: the linear closed loop is not %s",
+    return lg_fail(error, LG_CHECK_FAILED,
+                   "no quadratic V falls near the goal: the linear closed loop is not %s",
                    s->m > 0 ? "stabilised by any gains that were tried" : "stable");
 }
 
@@ -486,8 +489,7 @@ static lg_status run(searching *s, best *b, lg_error *error) {
     }
     if (lead != 0) b[0] = b[lead];
     if (status == LG_OK) status = climb(s, pool, s->generations / 2, CLIMBS, &b[0]);
-    if (status == LG_OK && b[0].value == -DBL_MAX)
-        status = fails_everywhere(error);
+    if (status == LG_OK && b[0].value == -DBL_MAX) status = fails_everywhere(error);
     if (pool != NULL) lg_thread_pool_destroy(pool);
     return status;
 }
@@ -518,10 +520,11 @@ static lg_status take_ports(searching *s, const lg_program *program, size_t *fun
     s->m = gains ? in[1].shape.dims[0] : 0;
     if (s->n < 1 || s->n > STATES || s->m > INPUTS || (inputs == 2 && !gains) || outputs < 1 ||
         lg_shape_count(out[0].shape) != s->n)
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "the function '%s' needs one input of 1 to %d states, perhaps gains K (inputs, states), "
-                       "and as many outputs as states",
-                       s->spec->rate, STATES);
+        return lg_fail(
+            error, LG_INVALID_ARGUMENT,
+            "the function '%s' needs one input of 1 to %d states, perhaps gains K (inputs, states), "
+            "and as many outputs as states",
+            s->spec->rate, STATES);
     s->numbers = s->n * (s->n + 1) / 2 + s->m * s->n;
     s->generations = s->spec->generations > 0 ? s->spec->generations : 100 * s->numbers;
     return LG_OK;
@@ -570,16 +573,16 @@ lg_status lg_lyapunov_quadratic(const lg_context *context, const lg_program *pro
                                 lg_error *error) {
     LG_NEEDS(error, program, search, P);
     LG_NEEDS(error, search->rate, search->low, search->high);
-    if (search->size != sizeof *search || search->directions < 10 ||
-        search->directions > 1000000 || search->threads < 1)
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "threads must be 1 or more, directions 10 to 1e6");
+    if (search->size != sizeof *search || search->directions < 10 || search->directions > 1000000 ||
+        search->threads < 1)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "threads must be 1 or more, directions 10 to 1e6");
     size_t function;
     best b[CLIMBS];
     searching s = {.context = context, .spec = search, .directions = search->directions};
     LG_TRY(take_ports(&s, program, &function, error));
     if (s.m > 0 && K == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the function '%s' has gains, but K is NULL", search->rate);
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the function '%s' has gains, but K is NULL",
+                       search->rate);
     LG_TRY(take_box(&s, error));
     lg_status status = prepare(&s, program, function, error);
     if (status == LG_OK) status = run(&s, b, error);

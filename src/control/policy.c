@@ -46,17 +46,18 @@ static lg_status check_gains(const lg_policy_task *t, lg_error *error) {
     for (uint32_t i = 0; i < t->coordinate_count; i++)
         errors += lg_policy_motion_row_of(t->coordinate[i].motion)->errors *
                   (t->coordinate[i].velocity[0] != '\0' ? 2 : 1);
-    const uint32_t wanted[LG_POLICY_KIND_COUNT] = {[LG_POLICY_LQR] = t->input_count * errors,
-                                                   [LG_POLICY_ENERGY] = 2};
+    const uint32_t wanted[LG_POLICY_KIND_COUNT] = {
+        [LG_POLICY_LQR] = t->input_count * errors, [LG_POLICY_ENERGY] = 2};
     if (t->gain_count == 0) return LG_OK;
     bool good = t->gain_count == wanted[t->kind] && t->gain_count <= LG_POLICY_GAINS;
     for (uint32_t i = 0; good && i < t->gain_count; i++)
         good = isfinite(t->gains[i]) && (t->kind == LG_POLICY_LQR || t->gains[i] > 0.0);
     if (good) return LG_OK;
-    return lg_fail(error, LG_INVALID_ARGUMENT,
-                   "gains are two positive numbers, k_p and k_d, of a controller of kind energy, or K of kind lqr: "
-                   "%u numbers, by input, in the order of positions, then velocities",
-                   t->input_count * errors);
+    return lg_fail(
+        error, LG_INVALID_ARGUMENT,
+        "gains are two positive numbers, k_p and k_d, of a controller of kind energy, or K of kind lqr: "
+        "%u numbers, by input, in the order of positions, then velocities",
+        t->input_count * errors);
 }
 
 static lg_status check_task(const lg_policy_task *t, lg_error *error) {

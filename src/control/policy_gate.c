@@ -16,7 +16,8 @@ static lg_status check(const lg_policy *p, uint32_t *angles, lg_error *error) {
         const lg_policy_motion motion = p->task.coordinate[i].motion;
         if (motion == LG_POLICY_ANGLE) angles[0]++;
         if ((motion != LG_POLICY_LINE && motion != LG_POLICY_ANGLE) || *angles > ANGLES)
-            return lg_fail(error, LG_UNSUPPORTED, "the gate is bounded for lines and up to %d angles", ANGLES);
+            return lg_fail(error, LG_UNSUPPORTED, "the gate is bounded for lines and up to %d angles",
+                           ANGLES);
     }
     return LG_OK;
 }
@@ -36,7 +37,8 @@ static bool largest(size_t n, const double *G, const double *D, const double *T,
 
 /* The error of an angle a is d a with d between 2 sin(a/2)/a at the largest |a| of the set and 1. (D z)^T G (D z)
  * is convex in D, so the largest value is at one of the corners of D. The lost part of the error is 0 up to pi. */
-lg_status lg_policy_bound_gate(const lg_policy *p, const double *P, double level, double *ratio, lg_error *error) {
+lg_status lg_policy_bound_gate(const lg_policy *p, const double *P, double level, double *ratio,
+                               lg_error *error) {
     uint32_t angles, at[ANGLES];
     LG_NEEDS(error, p, P, ratio);
     LG_TRY(check(p, &angles, error));

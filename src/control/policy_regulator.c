@@ -343,7 +343,8 @@ static lg_status take_gains(design *d) {
     double far = far_level(d, r->P);
     for (int look = 0; look < 2; look++) LG_TRY(find_level(d, r->K, r->P, &far, &r->c));
     if (!(r->c > 0.0))
-        return lg_fail(d->error, LG_CHECK_FAILED, "with the given gains every run from near the goal leaves it");
+        return lg_fail(d->error, LG_CHECK_FAILED,
+                       "with the given gains every run from near the goal leaves it");
     return confirm_level(d, r);
 }
 

@@ -8,8 +8,8 @@
 enum { ROTATION = 9, TURN = 3, STATE = ROTATION + TURN };
 
 /* The momentum of the rate w, and the torque at (R, w, u): p' - p x w in the body's axes. */
-static lg_status torque_at(const lg_policy *p, const double *R, const double *w, const double *u, double *momentum,
-                           double *torque, lg_error *error) {
+static lg_status torque_at(const lg_policy *p, const double *R, const double *w, const double *u,
+                           double *momentum, double *torque, lg_error *error) {
     double x[STATE], rate[STATE], turned[TURN];
     LG_TRY(lg_program_eval(p->context, p->program, "momenta", 1, (const double *const[]){R, w},
                            (double *const[]){x}, error));
@@ -37,10 +37,11 @@ static lg_status look(const lg_policy *p, const double *R, double speed, body *o
     LG_TRY(torque_at(p, R, zero, zero, momentum, still, error));
     for (int i = 0; i < TURN; i++)
         if (fabs(still[i]) > 1e-9 * fabs(p->task.input[0].high - p->task.input[0].low))
-            return lg_fail(error, LG_UNSUPPORTED,
-                           "at rest and without inputs a torque acts on %s: the energy is certified for a body that "
-                           "nothing but inputs and damping turns",
-                           p->task.coordinate[0].name);
+            return lg_fail(
+                error, LG_UNSUPPORTED,
+                "at rest and without inputs a torque acts on %s: the energy is certified for a body that "
+                "nothing but inputs and damping turns",
+                p->task.coordinate[0].name);
     for (int k = 0; k < TURN; k++) {
         double w[TURN] = {0};
         w[k] = speed;
@@ -103,7 +104,8 @@ static lg_status check(const lg_policy *p, lg_error *error) {
     if (p->task.kind != LG_POLICY_ENERGY)
         return lg_fail(error, LG_UNSUPPORTED, "the controller is of kind %s; the energy needs kind energy",
                        lg_policy_kind_name(p->task.kind));
-    if (p->task.coordinate_count != 1 || p->task.coordinate[0].motion != LG_POLICY_ROTATION || p->state != STATE)
+    if (p->task.coordinate_count != 1 || p->task.coordinate[0].motion != LG_POLICY_ROTATION ||
+        p->state != STATE)
         return lg_fail(error, LG_UNSUPPORTED,
                        "the energy of rotations is certified for one rotation and no other state");
     if (lg_program_find(p->program, "velocity", &velocity, NULL) != LG_OK)
@@ -111,7 +113,8 @@ static lg_status check(const lg_policy *p, lg_error *error) {
     for (uint32_t l = 0; l < p->inputs; l++) {
         const double half = 0.5 * (p->task.input[l].high - p->task.input[l].low);
         if (fabs(p->regulator.u0[l]) > 1e-9 * half)
-            return lg_fail(error, LG_UNSUPPORTED, "the goal needs the input %s to be %.4g; the energy needs 0",
+            return lg_fail(error, LG_UNSUPPORTED,
+                           "the goal needs the input %s to be %.4g; the energy needs 0",
                            p->task.input[l].name, p->regulator.u0[l]);
     }
     return LG_OK;
@@ -144,7 +147,8 @@ lg_status lg_policy_fill_rotation(const lg_policy *p, lg_certify_rotation_spec *
             gains[i][l] = p->parameters > 0 ? exp(p->theta[i * (int)m + (int)l]) : p->task.gains[i];
         spec->limit[l] = fmin(p->task.input[l].high, -p->task.input[l].low);
         if (!(spec->limit[l] > 0))
-            return lg_fail(error, LG_UNSUPPORTED, "the limits of input %s do not hold 0", p->task.input[l].name);
+            return lg_fail(error, LG_UNSUPPORTED, "the limits of input %s do not hold 0",
+                           p->task.input[l].name);
         /* Gains of this input are part of its row of the map. */
         for (int i = 0; i < TURN; i++) spec->map[l * TURN + (uint32_t)i] = p->G[l * n + (uint32_t)i];
         spec->gains[0] = fmax(spec->gains[0], gains[0][l]);
@@ -157,10 +161,11 @@ lg_status lg_policy_fill_rotation(const lg_policy *p, lg_certify_rotation_spec *
     spec->stiffness = (stiff[0] + stiff[4] + stiff[8]) / TURN;
     for (int i = 0; i < TURN; i++) even[i * (TURN + 1)] = spec->stiffness;
     if (!same(9, stiff, even, 0))
-        return lg_fail(error, LG_UNSUPPORTED,
-                       "the stiffness depends on the axis of the rotation (%.6g, %.6g, %.6g along the axes), so it is "
-                       "no slope of a potential: give the same gain to all inputs",
-                       stiff[0], stiff[4], stiff[8]);
+        return lg_fail(
+            error, LG_UNSUPPORTED,
+            "the stiffness depends on the axis of the rotation (%.6g, %.6g, %.6g along the axes), so it is "
+            "no slope of a potential: give the same gain to all inputs",
+            stiff[0], stiff[4], stiff[8]);
     spec->damping = least_damping(b.D) * (1 - 1e-6);
     return LG_OK;
 }

@@ -5,19 +5,21 @@
 static const char control[] = "lg-control", box[] = "--box x=3.6,theta=1.5,vx=12,vtheta=12";
 
 static void write_machine(const char *name, const char *parameters, const char *damping) {
-    cli_write(name, test_text("columns: {time: t, run: run}\ncoordinates: [{name: x, kind: line, velocity: vx}, "
-                              "{name: theta, kind: angle, velocity: vtheta}]\ninputs: {columns: [u], hold: "
-                              "zero}\nsystem: cart-pole\nparameters: %s\n%sinput_map: {kind: known, values: [[1], "
-                              "[0]]}\n",
-                              parameters, damping));
+    cli_write(name,
+              test_text("columns: {time: t, run: run}\ncoordinates: [{name: x, kind: line, velocity: vx}, "
+                        "{name: theta, kind: angle, velocity: vtheta}]\ninputs: {columns: [u], hold: "
+                        "zero}\nsystem: cart-pole\nparameters: %s\n%sinput_map: {kind: known, values: [[1], "
+                        "[0]]}\n",
+                        parameters, damping));
 }
 
 static void write_task(const char *name, const char *plant, const char *controller) {
-    cli_write(name,
-              test_text("plant: %s\nperiod: 0.01\nhorizon: 5\nstarts: {x: [-1, 1], theta: [-1, 1], vx: [-2, 2], "
-                        "vtheta: [-3, 3]}\nlimits: {u: 30}\ncost: {x: 0.1, theta: 1, vx: 0.01, vtheta: 0.02, u: "
-                        "0.002}\nsuccess: {theta: 0.05, hold: 0.5, within: 4}\ncontroller: %s\n",
-                        plant, controller));
+    cli_write(
+        name,
+        test_text("plant: %s\nperiod: 0.01\nhorizon: 5\nstarts: {x: [-1, 1], theta: [-1, 1], vx: [-2, 2], "
+                  "vtheta: [-3, 3]}\nlimits: {u: 30}\ncost: {x: 0.1, theta: 1, vx: 0.01, vtheta: 0.02, u: "
+                  "0.002}\nsuccess: {theta: 0.05, hold: 0.5, within: 4}\ncontroller: %s\n",
+                  plant, controller));
 }
 
 static int setup(void **state) {
@@ -58,12 +60,14 @@ TEST("inputs that are held for .01 s") {
 }
 
 TEST("a cart that was learned from a log, with the error of its fit") {
-    cli_expect("lg-identify",
-               "generate truth.yaml --inputs steps:0.4 --amplitude 8 --runs 4 --t-end 10 --dt 0.02 --start-spread "
-               "1 --noise 1e-3,1e-2 --out log.csv",
-               0, "");
+    cli_expect(
+        "lg-identify",
+        "generate truth.yaml --inputs steps:0.4 --amplitude 8 --runs 4 --t-end 10 --dt 0.02 --start-spread "
+        "1 --noise 1e-3,1e-2 --out log.csv",
+        0, "");
     cli_expect("lg-identify", "fit learn.yaml log.csv --out learned.h5", 0, "");
-    assert_true(prove(test_text("certify learned.yaml %s --model-error auto --seconds 600 --json", box)) >= 300);
+    assert_true(prove(test_text("certify learned.yaml %s --model-error auto --seconds 600 --json", box)) >=
+                300);
     assert_says(result.out, "the rate may err by up to");
     assert_says(result.out, "\"converges\": false");
 }

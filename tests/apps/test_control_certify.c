@@ -26,13 +26,15 @@ static void write_task(const char *name, const char *plant, double limit, const 
 
 static const char cart_task[] =
     "plant: cart.yaml\nperiod: 0.01\nhorizon: 5\nstarts: {x: [-1, 1], th: [-1, 1], vx: [-2, 2], w: [-3, "
-    "3]}\nlimits: {u: 30}\ncost: {x: 0.1, th: 1, vx: 0.01, w: 0.02, u: 0.002}\nsuccess: {th: 0.05, hold: 0.5, "
+    "3]}\nlimits: {u: 30}\ncost: {x: 0.1, th: 1, vx: 0.01, w: 0.02, u: 0.002}\nsuccess: {th: 0.05, hold: "
+    "0.5, "
     "within: 4}\ncontroller: ";
 
 static void write_turn(const char *name, double limit, const char *controller) {
-    cli_write(name, test_text("plant: body.yaml\nperiod: 0.1\nhorizon: 5\nstarts: {R: [0, 1]}\nlimits: {p: %g, q: "
-                              "%g, r: %g}\ncost: {R: 1}\nsuccess: {R: 0.05, hold: 1, within: 10}\ncontroller: %s\n",
-                              limit, limit, limit, controller));
+    cli_write(name,
+              test_text("plant: body.yaml\nperiod: 0.1\nhorizon: 5\nstarts: {R: [0, 1]}\nlimits: {p: %g, q: "
+                        "%g, r: %g}\ncost: {R: 1}\nsuccess: {R: 0.05, hold: 1, within: 10}\ncontroller: %s\n",
+                        limit, limit, limit, controller));
 }
 
 static int setup(void **state) {
@@ -145,6 +147,17 @@ TEST("a body that turns: the energy up to half a turn, or as far as torques stay
     assert_close(most, 2, 1e-4, 0);
     cli_expect(control, "certify turn.yaml --lyapunov energy", 2, "the energy needs kind energy");
     cli_expect(control, "certify spin.yaml --lyapunov energy --box R=1", 2, "its own set");
+}
+
+TEST("a trained network is proved to reach a small set, and the claim says what its gate does") {
+    write_task("net.yaml", "light.yaml", 0.75, "{kind: network, hidden: [8, 8]}");
+    cli_expect(control, "train net.yaml --out net.h5 --race 40 --finish 40 --polish 2 --seeds 2", 0, "");
+    cli_expect(control, "certify net.h5 --box th=1,w=8 --json", 0, "");
+    assert_says(result.out, "\"verified\": true");
+    assert_says(result.out, "The gate's V is at most");
+    assert_says(result.out, "the regulator has at least");
+    assert_true(json_number(result.out, "volume") > 1);
+    cli_expect(control, "certify net.h5 --box th=1,w=8 --held --json", 0, "");
 }
 
 TEST("names, kinds and options that do not fit are refused with a sentence") {

@@ -61,7 +61,8 @@ RECORDING(down_hill) {
     y[0] = lg_sub(tape, lg_scale(tape, x[1], 1e-9), slope);
 }
 
-static void write_plant(const char *name, lg_record_function rate, const char *second, lg_record_function more) {
+static void write_plant(const char *name, lg_record_function rate, const char *second,
+                        lg_record_function more) {
     const lg_port in[2] = {{.name = "x", .shape = lg_shape1(2)}, {.name = "u", .shape = lg_shape1(1)}},
                   out = {.name = "y"};
     const lg_function_spec functions[2] = {{"field", in, 2, &out, 1, rate, NULL},
@@ -71,11 +72,12 @@ static void write_plant(const char *name, lg_record_function rate, const char *s
 }
 
 static void write_task(const char *name, const char *plant, const char *gains) {
-    cli_write(test_text("%s.yaml", name),
-              test_text("plant: %s.h5\nperiod: 0.01\nhorizon: 5\nstarts: {x1: [-1, 1], x2: [-1, 1]}\nlimits: {u: "
-                        "1}\ncost: {x1: 1, x2: 1, u: 1}\nsuccess: {x1: 0.05, hold: 1, within: 10}\ncontroller: "
-                        "{kind: lqr, gains: [%s]}\n",
-                        plant, gains));
+    cli_write(
+        test_text("%s.yaml", name),
+        test_text("plant: %s.h5\nperiod: 0.01\nhorizon: 5\nstarts: {x1: [-1, 1], x2: [-1, 1]}\nlimits: {u: "
+                  "1}\ncost: {x1: 1, x2: 1, u: 1}\nsuccess: {x1: 0.05, hold: 1, within: 10}\ncontroller: "
+                  "{kind: lqr, gains: [%s]}\n",
+                  plant, gains));
 }
 
 static int setup(void **state) {
@@ -98,7 +100,8 @@ static int setup(void **state) {
 static double volume_of(const char *line) {
     cli_expect(control, line, 0, "");
     assert_says(result.out, "\"verified\": true");
-    print_message("%s: %g in %g s\n", line, json_number(result.out, "volume"), json_number(result.out, "seconds"));
+    print_message("%s: %g in %g s\n", line, json_number(result.out, "volume"),
+                  json_number(result.out, "seconds"));
     return json_number(result.out, "volume");
 }
 

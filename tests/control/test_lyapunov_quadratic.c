@@ -147,8 +147,9 @@ TEST("a loop that no V shows to be stable, and sizes that do not fit, are refuse
     s.rate = "none";
     assert_int_equal(lg_lyapunov_quadratic(NULL, program, &s, P, NULL, NULL, &error), LG_NOT_FOUND);
     s.rate = "loop";
-    assert_int_equal(lg_lyapunov_quadratic(NULL, pendulum_program(steered, true, &p), &s, P, NULL, NULL, &error),
-                     LG_INVALID_ARGUMENT);
+    assert_int_equal(
+        lg_lyapunov_quadratic(NULL, pendulum_program(steered, true, &p), &s, P, NULL, NULL, &error),
+        LG_INVALID_ARGUMENT);
 }
 
 TEST("an allocation that fails is reported, and nothing leaks") {
