@@ -1020,6 +1020,10 @@ TEST("bounds and certificates refuse NULL") {
     lg_certify_result result;
     lg_certify_energy_result found;
     lg_certify_attitude_result attitude;
+    lg_certify_rotation_spec turn;
+    lg_certify_rotation_result turned;
+    lg_lyapunov_search search;
+    double form[4];
     assert_ok(lg_interval_create(program, &first, 1, NULL, &interval, &error));
     void *room = lg_test_memory(lg_interval_work_size(interval));
     REFUSES(lg_interval_create(NEEDED(program), NEEDED(&first), 1, NULL, NEEDED(&interval), NULL));
@@ -1035,6 +1039,12 @@ TEST("bounds and certificates refuse NULL") {
     energy.saturated = 1, energy.period = 1;
     REFUSES(lg_certify_energy(NULL, NEEDED(&energy), NEEDED(&found), NULL));
     REFUSES(lg_certify_attitude(NEEDED(((double[]){1, 0, 0, 0, 1, 0, 0, 0, 1})), 1, NEEDED(&attitude), NULL));
+    lg_certify_rotation_spec_init(&turn);
+    turn.J[0] = turn.J[4] = turn.J[8] = turn.stiffness = turn.damping = turn.limit[0] = 1, turn.inputs = 1;
+    REFUSES(lg_certify_rotation(NEEDED(&turn), NEEDED(&turned), NULL));
+    lg_lyapunov_search_init(&search);
+    search.rate = "rate", search.low = low, search.high = high, search.generations = 2;
+    REFUSES(lg_lyapunov_quadratic(NULL, NEEDED(program), NEEDED(&search), NEEDED(form), NULL, NULL, NULL));
     lg_lyapunov_spec_init(&lyapunov);
     lyapunov.rate = "rate", lyapunov.name = "V", lyapunov.low = low, lyapunov.high = high,
     lyapunov.degree = 2, lyapunov.points = 100;
@@ -1063,6 +1073,8 @@ TEST("policies refuse NULL") {
     const lg_policy_task task = spring_task();
     lg_policy_task rough = task;
     lg_policy *policy, *other;
+    lg_certify_rotation_spec turn;
+    double ratio[1] = {1};
     lg_policy_trainer *trainer;
     lg_policy_outcome outcome;
     lg_program *program;
@@ -1071,6 +1083,11 @@ TEST("policies refuse NULL") {
     REFUSES(lg_policy_create(NULL, NEEDED(&task), NEEDED(spring()), 1, NEEDED(&other), NULL));
     REFUSES(lg_policy_transplant(NEEDED(policy), NEEDED(spring()), NEEDED(&other), NULL));
     REFUSES(lg_policy_add_rate(NEEDED(policy), NEEDED(&program), NULL));
+    assert_status(lg_policy_fill_rotation(NULL, &turn, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_policy_fill_rotation(policy, NULL, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_policy_bound_gate(NULL, ratio, 1, ratio, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_policy_bound_gate(policy, NULL, 1, ratio, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_policy_bound_gate(policy, ratio, 1, NULL, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_policy_add_slope(NULL, &energy, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_policy_add_slope(policy, NULL, NULL), LG_INVALID_ARGUMENT);
     rough.delay = 0.5;
@@ -1124,6 +1141,8 @@ static const char *const left_out[] = {
     "lg_policy_save",
     "lg_policy_load",
     "lg_policy_add_slope",
+    "lg_policy_fill_rotation",
+    "lg_policy_bound_gate",
 };
 
 static bool is_called(const char *name, size_t length) {
