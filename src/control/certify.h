@@ -31,6 +31,7 @@ struct lg_certify {
     lg_interval *full, *point, *local;
     size_t n;
     bool step, quadratic, automatic, raises, errors, converges, failed;
+    bool even; /* V and V' are even functions of y: half of the domain is examined */
     double T[LG_CERTIFY_STATES * LG_CERTIFY_STATES], P[LG_CERTIFY_STATES * LG_CERTIFY_STATES];
     double goal[LG_CERTIFY_STATES], low[LG_CERTIFY_STATES], high[LG_CERTIFY_STATES], error[LG_CERTIFY_STATES];
     double from[LG_CERTIFY_STATES], to[LG_CERTIFY_STATES]; /* the domain, in y */

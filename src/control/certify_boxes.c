@@ -159,6 +159,17 @@ static lg_status push_faces(lg_certify *c) {
     return LG_OK;
 }
 
+/* The domain; its upper half in y_0, where V and V' are even and the domain is as large on both sides. Bounds of
+ * errors and N are even, too. */
+static lg_status push_domain(lg_certify *c) {
+    double low[LG_CERTIFY_STATES];
+    bool half = c->even && c->phase == LG_CERTIFY_FALL;
+    memcpy(low, c->from, sizeof low);
+    for (size_t i = 0; i < c->n; i++) half = half && c->from[i] == -c->to[i];
+    if (half) low[0] = 0;
+    return lg_certify_push(c, low, c->to);
+}
+
 lg_status lg_certify_begin(lg_certify *c, lg_certify_phase phase) {
     c->phase = phase;
     c->stacked = 0;
@@ -168,7 +179,7 @@ lg_status lg_certify_begin(lg_certify *c, lg_certify_phase phase) {
         for (size_t i = 0; c->quadratic && i < c->n; i++)
             c->from[i] = -(c->to[i] = sqrt(c->level) * (1 + 1e-6));
     }
-    return phase == LG_CERTIFY_DONE ? LG_OK : lg_certify_push(c, c->from, c->to);
+    return phase == LG_CERTIFY_DONE ? LG_OK : push_domain(c);
 }
 
 /* A lower bound of the volume of an ellipsoid: pi^(n/2)/Gamma(n/2 + 1) c^(n/2) |det T|, as T^T P T is 1 to

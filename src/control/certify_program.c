@@ -150,6 +150,7 @@ static lg_status evaluators(lg_certify *c, lg_error *error) {
     LG_TRY(lg_interval_create(c->program, &at, 1, NULL, &c->point, error));
     LG_TRY(lg_interval_create(c->program, near, 2, NULL, &c->local, error));
     /* `point` has V itself: a jump of V does not show in its gradient. */
+    c->even = lg_interval_parity(c->point, 0) == 1 && lg_interval_parity(c->point, 1) == 1;
     if (lg_interval_continuous(c->point, 0) && lg_interval_continuous(c->local, 0)) return LG_OK;
     return lg_fail(
         error, LG_UNSUPPORTED,

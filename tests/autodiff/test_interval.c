@@ -208,6 +208,68 @@ TEST("jumps and stopped gradients are noticed, and the kink of a maximum is no j
     assert_true(lg_interval_continuous(test_interval(program_of(square), &zero, 1), 0));
 }
 
+static size_t even, odd;
+
+/* f(-x) = f(x) or -f(x) where the code says so: bounds at both points overlap. */
+static void check_parity(const lg_tape *tape, const lg_node *node, const char *row) {
+    interval_node *n = interval_node_of(tape, node, lg_kernels_for(LG_F64));
+    if (n == NULL || n->inputs == 0) return;
+    int8_t *parity = TEST_ARRAY(int8_t, n->outputs);
+    double *at = TEST_ARRAY(double, 2 * n->inputs), *low = TEST_ARRAY(double, 2 * n->outputs),
+           *high = TEST_ARRAY(double, 2 * n->outputs);
+    assert_ok(lg_expansion_parity(&n->expansion, parity));
+    for (size_t i = 0; i < n->inputs; i++) at[n->inputs + i] = -(at[i] = n->at[i]);
+    assert_ok(
+        lg_interval_eval(n->f, 2, at, at, low, high, lg_test_memory(lg_interval_work_size(n->f)), NULL));
+    for (size_t j = 0; j < n->outputs; j++) {
+        const double l = low[n->outputs + j], h = high[n->outputs + j],
+                     from = parity[j] > 0 ? low[j] : -high[j], to = parity[j] > 0 ? high[j] : -low[j];
+        if (parity[j] == 0) continue;
+        *(parity[j] > 0 ? &even : &odd) += 1;
+        if (!(l <= to && from <= h))
+            fail_msg("%s: %s: element %zu is not %s: [%g, %g] and [%g, %g]", row, node->op->name, j,
+                     parity[j] > 0 ? "even" : "odd", low[j], high[j], l, h);
+    }
+}
+
+TEST("what is called even or odd is so, for every operation") {
+    even = odd = 0;
+    each_node(check_parity);
+    print_message("%zu even, %zu odd\n", even, odd);
+    assert_true(even > 20 && odd > 20);
+}
+
+/* u in the limits -2 and `high` */
+static lg_var limited(lg_tape *tape, lg_var u, double high) {
+    const lg_var above = lg_max(tape, u, lg_full(tape, lg_shape0(), -2));
+    return lg_neg(tape, lg_max(tape, lg_neg(tape, above), lg_full(tape, lg_shape0(), -high)));
+}
+
+/* (x1 x2, sin x1 cos x2, |x1|, sat(x1 + x2), the same with other limits, x1 + 1, exp x1, exp x2^2) */
+RECORDING(mixed_parity) {
+    const lg_var a = lg_slice(tape, x[0], 1, 0, 1), b = lg_slice(tape, x[0], 1, 1, 1), sum = lg_add(tape, a, b);
+    const lg_var parts[8] = {lg_mul(tape, a, b),
+                             lg_mul(tape, lg_sin(tape, a), lg_cos(tape, b)),
+                             lg_abs(tape, a),
+                             limited(tape, sum, 2),
+                             limited(tape, sum, 3),
+                             lg_add_scalar(tape, a, 1),
+                             lg_exp(tape, a),
+                             lg_exp(tape, lg_square(tape, b))};
+    y[0] = lg_concat(tape, parts, 8, 1);
+}
+
+TEST("saturations with equal limits are odd, with other limits they are not") {
+    static const int wanted[8] = {1, -1, 1, -1, 0, 0, 0, 1};
+    const lg_port in = {.name = "x", .shape = lg_shape1(2)}, out = {.name = "y"};
+    const lg_function_spec function = {"f", &in, 1, &out, 1, mixed_parity, NULL};
+    const lg_program_spec spec = spec_of(NULL, 0, &function, 1);
+    const size_t zero = 0;
+    const lg_interval *f = test_interval(test_program(&spec), &zero, 1);
+    for (size_t j = 0; j < 8; j++) assert_int_equal(lg_interval_parity(f, j), wanted[j]);
+    assert_int_equal(lg_interval_parity(f, 8), 0);
+}
+
 TEST("an operation without interval form is refused by name") {
     lg_interval *f = NULL;
     lg_error error;

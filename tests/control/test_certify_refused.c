@@ -75,6 +75,25 @@ RECORDING(down_hill) {
     y[0] = lg_neg(tape, slope);
 }
 
+/* x' = -x + side x^2: V = x^2 rises beyond x = side. */
+RECORDING(one_sided) {
+    const double side = *(const double *)user;
+    y[0] = lg_sub(tape, lg_scale(tape, lg_square(tape, x[0]), side), x[0]);
+}
+
+TEST("a loop that is not the same on both sides is examined on both") {
+    const double form_of_loop[1] = {1}, from[1] = {-1.5}, to[1] = {1.5};
+    for (int i = 0; i < 2; i++) {
+        double side = i == 0 ? 1 : -1;
+        lg_certify_spec spec = spec_for(loop_program(1, one_sided, NULL, &side), form_of_loop, from, to);
+        spec.level = 2;
+        const lg_certify_result r = prove(&spec, 20);
+        assert_true(!r.verified && side * r.failed_low[0] > 0.99);
+        spec.level = 0.9;
+        assert_true(prove(&spec, 20).converges);
+    }
+}
+
 TEST("a part of {V < eps} elsewhere is refused") {
     lg_certify_spec spec = spec_for(loop_program(2, down_hill, with_a_hole, NULL), NULL, low, high);
     spec.lyapunov = "v";

@@ -25,8 +25,11 @@ lg_status lg_interval_create(const lg_program *program, const size_t *functions,
         made->outputs = expansion.results;
         made->functions = count;
         made->continuous = lg_alloc(made->context, count, sizeof *made->continuous);
-        status = made->continuous != NULL ? lg_expansion_continuous(&expansion, count, made->continuous)
-                                          : LG_OUT_OF_MEMORY;
+        made->parity = lg_alloc(made->context, expansion.results, sizeof *made->parity);
+        status = made->continuous != NULL && made->parity != NULL
+                     ? lg_expansion_continuous(&expansion, count, made->continuous)
+                     : LG_OUT_OF_MEMORY;
+        if (status == LG_OK) status = lg_expansion_parity(&expansion, made->parity);
     }
     if (status == LG_OK) status = lg_interval_choose(&expansion, options != NULL && options->widen, made);
     lg_expansion_destroy(&expansion);
@@ -44,6 +47,7 @@ void lg_interval_destroy(lg_interval *f) {
     lg_free(f->context, f->code);
     lg_free(f->context, f->stored);
     lg_free(f->context, f->continuous);
+    lg_free(f->context, f->parity);
     lg_free(f->context, f);
 }
 
@@ -61,6 +65,10 @@ size_t lg_interval_operations(const lg_interval *f) {
 
 bool lg_interval_continuous(const lg_interval *f, size_t function) {
     return f != NULL && function < f->functions && f->continuous[function];
+}
+
+int lg_interval_parity(const lg_interval *f, size_t output) {
+    return f != NULL && output < f->outputs ? f->parity[output] : 0;
 }
 
 enum { IB = LG_INTERVAL_BLOCK, APART = 2 * LG_INTERVAL_BLOCK };

@@ -25,6 +25,9 @@ void lg_expansion_destroy(lg_expansion *expansion);
 /* For each function: whether scalar code of its results jumps nowhere. */
 lg_status lg_expansion_continuous(lg_expansion *expansion, size_t count, bool *continuous);
 
+/* For each element of all outputs: 1 (even in all inputs together), -1 (odd) or 0 (neither is known). */
+lg_status lg_expansion_parity(lg_expansion *expansion, int8_t *parity);
+
 struct lg_interval {
     const lg_context *context;
     const lg_kernels *k;
@@ -36,6 +39,7 @@ struct lg_interval {
     size_t count;
     uint32_t *stored; /* for each output: its register */
     bool *continuous; /* for each function */
+    int8_t *parity;   /* for each output */
 };
 
 /* interval_code.c: chooses instructions and registers. */
