@@ -151,8 +151,8 @@ void control_draw_plants(const app *self, const char *path, double spread, size_
     lg_rng rng;
     if (!is_model(self, path))
         app_stop(self, LG_FORMAT,
-                 "%s: %s needs a model of lg-identify, whose covariance tells what else the machine may be", path,
-                 why);
+                 "%s: %s needs a model of lg-identify, whose covariance tells what else the machine may be",
+                 path, why);
     APP_MUST_FILE(self, path, lg_machine_model_load(self->context, path, NULL, &model, &error));
     if (model.spread == NULL && !(spread > 0))
         app_stop(self, LG_FORMAT, "%s: the model has no covariance of its numbers; give %s", path,
@@ -177,8 +177,7 @@ void control_add_draws(const app *self, lg_policy *policy, const char *path) {
     if (task->draws == 0) return;
     APP_FREE lg_program **plants = app_alloc(task->draws, sizeof *plants);
     control_draw_plants(self, path, task->spread, task->draws, "robust.draws", plants);
-    for (uint32_t k = 0; k < task->draws; k++)
-        APP_MUST(self, lg_policy_add_draw(policy, plants[k], &error));
+    for (uint32_t k = 0; k < task->draws; k++) APP_MUST(self, lg_policy_add_draw(policy, plants[k], &error));
 }
 
 /* ---- programs ---- */

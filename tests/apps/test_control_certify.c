@@ -172,6 +172,14 @@ TEST("names, kinds and options that do not fit are refused with a sentence") {
                "the energy proves all states at once");
     cli_expect(control, "certify lqr.yaml --held --lyapunov polynomial --box x=1,th=1,vx=1,w=1", 2,
                "quadratic");
+    write_task("few.yaml", "light.yaml", 0.75, "{kind: lqr, gains: [1]}");
+    cli_expect(control, "certify few.yaml --box th=1,w=1", 2, "K of kind lqr: 2 numbers");
+    write_task("both.yaml", "light.yaml", 0.75, "{kind: network, gains: [1, 1]}");
+    cli_expect(control, "certify both.yaml --box th=1,w=1", 2, "gains are two positive numbers");
+    write_task("unstable.yaml", "light.yaml", 0.75, "{kind: lqr, gains: [0, 0]}");
+    cli_expect(control, "train unstable.yaml --out x.h5", 1, "the given gains do not hold the goal");
+    cli_expect(control, "certify chosen.yaml --box th=1,w=1 --model-error auto", 3,
+               "needs a model of lg-identify");
     cli_expect(control, "certify turn.yaml --box R=1", 2,
                "certificates are for machines of lines and angles");
 }

@@ -71,13 +71,16 @@ static void write_plant(const char *name, lg_record_function rate, const char *s
     assert_ok(lg_program_save(NULL, cli_at(test_text("%s.h5", name)), test_program(&spec), NULL, NULL));
 }
 
+static const char *task_of(const char *plant, const char *gains) {
+    return test_text(
+        "plant: %s.h5\nperiod: 0.01\nhorizon: 5\nstarts: {x1: [-1, 1], x2: [-1, 1]}\nlimits: {u: "
+        "1}\ncost: {x1: 1, x2: 1, u: 1}\nsuccess: {x1: 0.05, hold: 1, within: 10}\ncontroller: "
+        "{kind: lqr, gains: [%s]}\n",
+        plant, gains);
+}
+
 static void write_task(const char *name, const char *plant, const char *gains) {
-    cli_write(
-        test_text("%s.yaml", name),
-        test_text("plant: %s.h5\nperiod: 0.01\nhorizon: 5\nstarts: {x1: [-1, 1], x2: [-1, 1]}\nlimits: {u: "
-                  "1}\ncost: {x1: 1, x2: 1, u: 1}\nsuccess: {x1: 0.05, hold: 1, within: 10}\ncontroller: "
-                  "{kind: lqr, gains: [%s]}\n",
-                  plant, gains));
+    cli_write(test_text("%s.yaml", name), task_of(plant, gains));
 }
 
 static int setup(void **state) {
@@ -93,6 +96,7 @@ static int setup(void **state) {
     write_task("wrong", "plain", "0, -3");
     write_task("weak", "plain", "0, 0.6");
     write_task("holed", "hole", "0, 0");
+    cli_write("away.yaml", test_text("%sgoal: {x1: 0.5}\n", task_of("hole", "1, 1")));
     write_task("rolling", "hill", "0, 0");
     return 0;
 }
@@ -141,6 +145,12 @@ TEST("a quadratic V is searched for given gains, and a level above the proposal'
     assert_true(json_find(result.out, "gains") == NULL);
     double side[2][2];
     expect_refused("certify plain3.yaml --box x1=4.8,x2=10.8 --level 2 --json", "V does not fall", side);
+}
+
+TEST("a goal away from 0, which a constant input holds, is certified with continuous and held inputs") {
+    assert_true(volume_of("certify away.yaml --box x1=1,x2=1 --json") > 1);
+    assert_true(volume_of("certify away.yaml --box x1=1,x2=1 --held --json") > 1);
+    cli_expect(control, "certify away.yaml --lyapunov function --box x1=1,x2=1", 2, "its goal must be 0");
 }
 
 TEST("the plant's own V: a hole in it, and a part of {V < eps} elsewhere, are refused where they are") {

@@ -247,15 +247,12 @@ static lg_var limited(lg_tape *tape, lg_var u, double high) {
 
 /* (x1 x2, sin x1 cos x2, |x1|, sat(x1 + x2), the same with other limits, x1 + 1, exp x1, exp x2^2) */
 RECORDING(mixed_parity) {
-    const lg_var a = lg_slice(tape, x[0], 1, 0, 1), b = lg_slice(tape, x[0], 1, 1, 1), sum = lg_add(tape, a, b);
-    const lg_var parts[8] = {lg_mul(tape, a, b),
-                             lg_mul(tape, lg_sin(tape, a), lg_cos(tape, b)),
-                             lg_abs(tape, a),
-                             limited(tape, sum, 2),
-                             limited(tape, sum, 3),
-                             lg_add_scalar(tape, a, 1),
-                             lg_exp(tape, a),
-                             lg_exp(tape, lg_square(tape, b))};
+    const lg_var a = lg_slice(tape, x[0], 1, 0, 1), b = lg_slice(tape, x[0], 1, 1, 1),
+                 sum = lg_add(tape, a, b);
+    const lg_var parts[8] = {lg_mul(tape, a, b),    lg_mul(tape, lg_sin(tape, a), lg_cos(tape, b)),
+                             lg_abs(tape, a),       limited(tape, sum, 2),
+                             limited(tape, sum, 3), lg_add_scalar(tape, a, 1),
+                             lg_exp(tape, a),       lg_exp(tape, lg_square(tape, b))};
     y[0] = lg_concat(tape, parts, 8, 1);
 }
 

@@ -243,6 +243,36 @@ TEST("rate is the derivative of positions and velocities along the loop, advance
     }
 }
 
+TEST("the bound of the gate holds at points of the set, and is nearly reached") {
+    const lg_policy_task task = cart_task();
+    const lg_policy *policy = make(&task, cart_pole);
+    const lg_policy_regulator *r = &policy->regulator;
+    const double P[16] = {1, 0, 0, 0, 0, 2, 0.5, 0, 0, 0.5, 1, 0, 0, 0, 0, 0.3}, level = 1.7;
+    double bound, most = 0;
+    lg_rng rng = test_rng(12, 0);
+    assert_ok(lg_policy_bound_gate(policy, P, level, &bound, NULL));
+    for (int k = 0; k < 20000; k++) {
+        double z[4], q[2], v[2], x[4], e[4], V = 0, gate = 0;
+        for (int i = 0; i < 4; i++) z[i] = lg_rng_normal(&rng);
+        for (int i = 0; i < 16; i++) V += z[i / 4] * P[i] * z[i % 4];
+        for (int i = 0; i < 4; i++) z[i] *= sqrt(level / V);
+        for (int i = 0; i < 2; i++) q[i] = task.coordinate[i].goal[0] + z[i], v[i] = z[2 + i];
+        assert_ok(lg_program_eval(NULL, policy->program, "momenta", 1, (const double *const[]){q, v},
+                                  (double *const[]){x}, NULL));
+        assert_ok(lg_program_eval(NULL, policy->program, "errors", 1, (const double *const[]){x},
+                                  (double *const[]){e}, NULL));
+        for (int i = 0; i < 16; i++) gate += e[i / 4] * r->P[i] * e[i % 4];
+        most = fmax(most, gate / r->c);
+    }
+    print_message("the gate's V/c up to %g, bound %g\n", most, bound);
+    assert_true(most <= bound && most > 0.7 * bound);
+    double saddle[16] = {-1};
+    assert_int_equal(lg_policy_bound_gate(policy, saddle, level, &bound, NULL), LG_INVALID_ARGUMENT);
+    lg_policy_task plain = cart_task();
+    plain.kind = LG_POLICY_LQR;
+    assert_int_equal(lg_policy_bound_gate(make(&plain, cart_pole), P, level, &bound, NULL), LG_UNSUPPORTED);
+}
+
 TEST("an energy controller has the gains that are given, whatever the machine does in a period") {
     static const char damped[] =
         "columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: vx}]\ninputs: {columns: [u]}\n"
