@@ -29,6 +29,39 @@ void control_add_draws(const app *self, lg_policy *policy, const char *path);
  * if they are there, these coordinates' velocities. Adds the errors to the results as `reference`. */
 void control_follow(const app *self, const lg_policy *policy, const char *path, app_json *out);
 
+/* ---- what runs did (runs.c, pictures.c) ---- */
+
+/* Runs from `starts` random starts over the steps of the task. */
+typedef struct control_runs {
+    const lg_policy *policy;
+    const lg_policy_task *task;
+    lg_policy_runs runs; /* path; of whole runs also motion, input, costs, succeeded */
+    size_t numbers;      /* positions, then velocities, as the program of the plant has them */
+    double *state;       /* (steps + 1, starts, numbers), after control_find_states */
+} control_runs;
+void control_runs_begin(const lg_policy *policy, uint64_t starts, bool whole, control_runs *out);
+void control_runs_destroy(control_runs *runs);
+void control_find_states(const app *self, control_runs *runs);
+
+/* A quantity that is told of positions and velocities. */
+typedef struct control_quantity {
+    char name[LG_POLICY_NAME + 16];
+    lg_policy_motion motion;
+    bool velocity;
+    uint32_t first, count;  /* in positions and velocities */
+    uint32_t error, errors; /* in z: of the whole position or velocity */
+    double goal[9];
+    double start[2]; /* range of the starts, from the goal */
+} control_quantity;
+/* The positions and velocities of a task. */
+size_t control_list_quantities(const lg_policy_task *task, control_quantity *out);
+
+/* Writes a row for each period of each run: start, t, positions and velocities, inputs, cost of the period.
+ * The last row of a run has no inputs and no cost. */
+void control_write_runs(const app *self, const control_runs *runs, const char *path);
+/* Draws the motion of some runs, the starts of all, and the inputs of some runs. */
+void control_draw_runs(const app *self, const control_runs *runs, const char *picture);
+
 /* Prints success and costs below `prefix` in JSON. */
 void control_tell_outcome(app_json *out, const lg_policy_outcome *outcome);
 

@@ -6,7 +6,7 @@
 #include "lg-control/control_app.h"
 
 typedef struct evaluate_values {
-    const char *plant, *disturb, *reference;
+    const char *plant, *disturb, *reference, *runs, *plot;
     uint64_t starts;
 } evaluate_values;
 
@@ -19,6 +19,10 @@ static const lg_field options[] = {
               "Also run along these set points: columns t, the tracked coordinates, and their velocities if "
               "they are known",
               .file = LG_FILE_READ),
+    LG_OPTION(evaluate_values, runs, STRING, "FILE.csv",
+              "Write the runs: start, t, the state, inputs and cost of each period", .file = LG_FILE_WRITTEN),
+    LG_OPTION(evaluate_values, plot, STRING, "FILE.svg|.png",
+              "Draw the motion of some runs, which starts succeed, and inputs", .file = LG_FILE_DRAWN),
     LG_OPTION(evaluate_values, starts, U64, "n", "Random starts", .low = 1, .high = 1e6, .value = "500"),
     LG_FIELD_END};
 
@@ -53,17 +57,14 @@ static void disturb(const app *self, lg_policy *policy) {
     control_add_draws(self, policy, values.plant != NULL ? values.plant : source);
 }
 
-static void tell_worst(const app *self, app_json *out, const lg_policy *policy, const lg_policy_outcome *o,
+static void tell_worst(app_json *out, const lg_policy *policy, const lg_policy_outcome *o,
                        const double *starts) {
-    const lg_policy_task *task = lg_policy_task_of(policy);
-    (void)self;
     app_json_open(out, "worst", '{');
     app_json_real(out, "cost", o->worst);
     app_json_size(out, "start", o->worst_start);
     app_json_reals(out, "errors", starts + o->worst_start * lg_policy_regulator_of(policy)->errors,
                    lg_policy_regulator_of(policy)->errors);
     app_json_close(out, '}');
-    (void)task;
 }
 
 /* The time of a call of `control` in the library, microseconds. */
@@ -84,6 +85,17 @@ static double time_control(const app *self, const lg_policy *policy) {
     return (app_seconds() - begun) / CALLS * 1e6;
 }
 
+static bool told(void) {
+    return values.runs != NULL || values.plot != NULL;
+}
+
+static void show_runs(const app *self, control_runs *runs) {
+    if (!told()) return;
+    control_find_states(self, runs);
+    if (values.runs != NULL) control_write_runs(self, runs, values.runs);
+    if (values.plot != NULL) control_draw_runs(self, runs, values.plot);
+}
+
 static int run(app *self) {
     lg_policy *policy = NULL;
     lg_policy_outcome own, regulator, rough;
@@ -91,13 +103,13 @@ static int run(app *self) {
     APP_MUST_FILE(self, self->arguments[0],
                   lg_policy_load(self->context, self->arguments[0], NULL, &policy, NULL, &error));
     if (values.plant != NULL) policy = other_plant(self, policy);
-    const size_t n = lg_policy_regulator_of(policy)->errors, steps = lg_policy_steps(policy);
-    APP_FREE double *path = app_alloc((steps + 1) * values.starts * n, sizeof *path);
-    lg_policy_runs runs = {.path = path};
+    APP_CLEAN(control_runs_destroy) control_runs runs;
+    control_runs_begin(policy, values.starts, told(), &runs);
     APP_MUST(self, lg_policy_evaluate(policy, LG_POLICY_NOMINAL, values.starts, self->seed,
-                                      (int)self->threads, &own, &runs, &error));
+                                      (int)self->threads, &own, &runs.runs, &error));
     APP_MUST(self, lg_policy_evaluate(policy, LG_POLICY_REGULATED, values.starts, self->seed,
                                       (int)self->threads, &regulator, NULL, &error));
+    show_runs(self, &runs);
     if (values.disturb != NULL) {
         disturb(self, policy);
         APP_MUST(self, lg_policy_evaluate(policy, LG_POLICY_DISTURBED, values.starts, self->seed,
@@ -107,7 +119,7 @@ static int run(app *self) {
     control_tell_outcome(&out, &own);
     app_result_real(&out, "microseconds", time_control(self, policy),
                     "of a call of the controller in the library");
-    tell_worst(self, &out, policy, &own, path);
+    tell_worst(&out, policy, &own, runs.runs.path);
     app_result_line(&out, "the saturated regulator alone:");
     app_json_open(&out, "lqr", '{');
     control_tell_outcome(&out, &regulator);

@@ -315,6 +315,8 @@ typedef struct lg_policy_runs {
     double *saturated; /* (count): share of the periods in which an input was at a limit; NULL: not wanted */
     double *path;      /* (steps + 1, count, errors): z; NULL: not wanted */
     double *input;     /* (steps, count, inputs); NULL: not wanted */
+    double *motion;    /* (steps + 1, count, state): x; NULL: not wanted */
+    double *costs;     /* (steps, count): cost of each period; NULL: not wanted */
 } lg_policy_runs;
 
 typedef enum lg_policy_test {

@@ -56,7 +56,9 @@ lg_status lg_policy_evaluate(const lg_policy *p, lg_policy_test test, uint64_t s
     if (status == LG_OK) {
         double *z = memory, *sorted = z + n * errors + n * p->state + 2 * n;
         lg_rng rng;
-        if (wanted != NULL) runs.path = wanted->path, runs.input = wanted->input;
+        if (wanted != NULL)
+            runs.path = wanted->path, runs.input = wanted->input, runs.costs = wanted->costs,
+            runs.motion = wanted->motion;
         runs.x = z + n * errors, runs.cost = runs.x + n * p->state, runs.saturated = runs.cost + n;
         runs.succeeded = held;
         lg_rng_seed(&rng, seed, 0);

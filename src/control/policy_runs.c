@@ -124,6 +124,7 @@ static void tell(const running *r, const piece *w, size_t first, size_t count, s
     for (size_t i = 0; i < count; i++) {
         const double *u = w->u + i * p->inputs;
         if (runs->cost != NULL) runs->cost[first + i] += w->cost[i];
+        if (runs->costs != NULL) runs->costs[k * runs->count + first + i] = w->cost[i];
         if (runs->saturated != NULL && at_limit(p, u))
             runs->saturated[first + i] += 1.0 / (double)runs->steps;
         if (runs->input != NULL)
@@ -175,6 +176,8 @@ static void run_piece(void *user, size_t index) {
     (void)lay_out(r, r->memory + index * r->piece_bytes, &w);
     begin(r, index, count, &w);
     for (size_t k = 0; k <= runs->steps; k++) {
+        if (runs->motion != NULL)
+            memcpy(runs->motion + (k * runs->count + first) * p->state, w.x, count * p->state * sizeof *w.x);
         if (runs->path != NULL || k + r->hold > runs->steps) {
             lg_plan_eval(m->errors, (const void *[]){w.x}, (void *[]){w.z}, w.work);
             note(r, &w, first, count, k);

@@ -103,4 +103,163 @@ TEST("a policy follows the set points of a file") {
     cli_expect(control, "train track.yaml --out x.h5", 3, "track: expected a position, not 'vx'");
 }
 
+/* ---- what evaluate shows of its runs ---- */
+
+enum { RUNS = 70 /* more than a piece of 64 */, PERIODS = 200, COLUMNS = 8 };
+static double table[RUNS * (PERIODS + 1)][COLUMNS]; /* start, t, x, th, vx, w, u, cost; NAN: an empty cell */
+static char shown[3000000];
+
+static void need_regulator(void) {
+    if (!cli_exists("lqr.h5")) cli_expect(control, "train lqr.yaml --out lqr.h5", 0, "");
+}
+
+static void read_runs(const char *name, const char *head) {
+    assert_true(cli_read(name, shown, sizeof shown) + 1 < sizeof shown);
+    char *at = strchr(shown, '\n');
+    assert_non_null(at);
+    *at++ = '\0';
+    assert_string_equal(shown, head);
+    for (size_t row = 0; row < LG_COUNT(table); row++)
+        for (size_t c = 0; c < COLUMNS; c++, at++) {
+            const bool empty = *at == ',' || *at == '\n';
+            table[row][c] = empty ? (double)NAN : strtod(at, &at);
+            assert_int_equal(*at, c + 1 < COLUMNS ? ',' : '\n');
+        }
+    assert_int_equal(*at, '\0');
+}
+
+/* Follows one run: rows of periods in order, positions that velocities move, a cost that is the task's. */
+static double follow_run(size_t run) {
+    double cost = 0;
+    for (size_t k = 0; k <= PERIODS; k++) {
+        const double *row = table[run * (PERIODS + 1) + k];
+        assert_true(row[0] == (double)run && fabs(row[1] - 0.05 * (double)k) < 1e-12);
+        assert_true((k < PERIODS) == isfinite(row[6]) && (k < PERIODS) == isfinite(row[7]));
+        if (k == PERIODS) break;
+        for (int c = 2; c < 4; c++)
+            assert_close(row[COLUMNS + c] - row[c], 0.025 * (row[2 + c] + row[COLUMNS + 2 + c]), 0.0, 0.05);
+        assert_true(fabs(row[6]) <= 10);
+        const double stage = 0.1 * row[2] * row[2] + 2 * (1 - cos(row[3])) + 0.01 * row[4] * row[4] +
+                             0.02 * row[5] * row[5] + 0.002 * row[6] * row[6];
+        assert_close(row[7], 0.05 * stage, 1e-9, 1e-12);
+        cost += row[7];
+    }
+    return cost;
+}
+
+static bool stands(size_t run) {
+    for (size_t k = PERIODS - 19; k <= PERIODS; k++)
+        if (fabs(remainder(table[run * (PERIODS + 1) + k][3], 6.283185307179586)) > 0.1) return false;
+    return true;
+}
+
+TEST("--runs writes the states, inputs and costs of the runs that are told") {
+    need_regulator();
+    cli_expect(control, "evaluate lqr.h5 --starts 70 --runs runs.csv --json", 0, "");
+    double cost = 0, stood = 0;
+    read_runs("runs.csv", "start,t,x,th,vx,w,u,cost");
+    for (size_t i = 0; i < RUNS; i++) cost += follow_run(i) / RUNS, stood += stands(i);
+    assert_close(json_number(result.out, "cost_mean"), cost, 1e-9, 0.0);
+    assert_true(json_number(result.out, "succeeded") == stood && stood > 0 && stood < RUNS);
+    cli_expect(control, "evaluate lqr.h5 --starts 70 --runs no/runs.csv", 3, "no/runs.csv");
+}
+
+/* Where block `index` of gnuplot's data begins. */
+static char *block(char *data, int index) {
+    for (; index > 0; index--) {
+        data = strstr(data, "\n\n\n");
+        assert_non_null(data);
+        data += strspn(data, "\n");
+    }
+    return data;
+}
+
+/* Reads the points of a block up to its end; returns how many there are. */
+static size_t points(char *at, double (*out)[2], size_t most) {
+    size_t n = 0;
+    for (; n < most && *at != '\n' && *at != 'n'; n++) {
+        out[n][0] = strtod(at, &at), out[n][1] = strtod(at, &at);
+        assert_int_equal(*at++, '\n');
+    }
+    return n;
+}
+
+/* Motion ends with an empty line a run, so a block has one more. */
+static void stay_around_goal(const char *at, const char *end) {
+    for (; at < end; at = strchr(at, '\n') + 1)
+        if (*at != '\n') assert_true(fabs(strtod(at, NULL)) <= 3.14160);
+}
+
+TEST("--plot shows starts by their end, motion around the goal and the limits of each input") {
+    static double failed[RUNS][2], stood[RUNS][2];
+    need_regulator();
+    cli_expect(control, "evaluate lqr.h5 --starts 70 --runs runs.csv --plot p.svg --json", 0, "");
+    if (!cli_exists("p.svg")) assert_says(result.err, "gnuplot");
+    const size_t count = (size_t)json_number(result.out, "succeeded");
+    read_runs("runs.csv", "start,t,x,th,vx,w,u,cost");
+    assert_true(cli_read("p.dat", shown, sizeof shown) + 1 < sizeof shown);
+    stay_around_goal(shown, block(shown, 2)); /* failed runs tumble */
+    const size_t lost = points(block(shown, 2), failed, RUNS), won = points(block(shown, 3), stood, RUNS);
+    assert_true(lost == RUNS - count && won == count);
+    for (size_t i = 0, a = 0, b = 0; i < RUNS; i++) { /* in the order of the starts */
+        const double *row = table[i * (PERIODS + 1)], *drawn = stands(i) ? stood[b++] : failed[a++];
+        assert_true(fabs(drawn[0] - remainder(row[3], 6.283185307179586)) < 1e-5 &&
+                    fabs(drawn[1] - row[5]) < 1e-5);
+    }
+    (void)cli_read("p.gp", shown, sizeof shown);
+    assert_says(shown, "set xlabel 'th'\nset ylabel 'w'");
+    assert_says(shown, test_text("'%zu succeeded', datafile index 2", count));
+    assert_says(shown, ", -10 with lines");
+    assert_says(shown, ", 10 with lines");
+    cli_expect(control, "evaluate lqr.h5 --starts 70 --plot p.pdf", 2, ".svg or .png");
+}
+
+TEST("the axes of the map of starts do not depend on the unit of length") {
+    cli_write(
+        "mm.yaml",
+        "columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: vx}, {name: th, kind: angle, "
+        "velocity: w}]\ninputs: {columns: [u]}\nsystem: cart-pole\nparameters: {cart: 1, pole: 0.1, "
+        "length: 1000, gravity: 9810}\ninput_map: {kind: known, values: [[1], [0]]}\n");
+    cli_write(
+        "far.yaml",
+        "plant: mm.yaml\nperiod: 0.05\nhorizon: 5\nstarts: {x: [-500, 500], th: [-3.14159, 3.14159], vx: "
+        "[-500, 500], w: [-1, 1]}\nlimits: {u: 10000}\ncost: {x: 1e-7, th: 1, vx: 1e-8, w: 0.02, u: "
+        "2e-9}\nsuccess: {th: 0.1, hold: 1, within: 10}\ncontroller: {kind: lqr}\n");
+    cli_expect(control, "train far.yaml --out far.h5", 0, "");
+    cli_expect(control, "evaluate far.h5 --starts 10 --plot far.svg", 0, "");
+    (void)cli_read("far.gp", shown, sizeof shown);
+    const char *map = strstr(shown, "Starts of 10 runs");
+    assert_non_null(map);
+    assert_says(map, "set xlabel 'th'\nset ylabel 'w'");
+}
+
+TEST("of a rotation the picture shows the angle and the speed, the table its nine numbers") {
+    static double far[PERIODS][2];
+    cli_write("body.yaml",
+              "columns: {time: t}\ncoordinates: [{name: R, kind: rotation, columns: [a, b, c, d], velocity: "
+              "[wx, wy, wz]}]\ninputs: {columns: [p, q, r]}\nmass: {kind: known, values: [1, 2, 3]}\n"
+              "input_map: {kind: known, values: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}\n");
+    cli_write("turn.yaml",
+              "plant: body.yaml\nperiod: 0.1\nhorizon: 5\nstarts: {R: [3, 3]}\nlimits: {p: 2, q: "
+              "2, r: 2}\ncost: {R: 1, vR: 0.1, p: 0.01, q: 0.01, r: 0.01}\nsuccess: {R: 0.05, "
+              "hold: 1, within: 12}\ncontroller: {kind: lqr}\n");
+    cli_expect(control, "train turn.yaml --out turn.h5", 0, "");
+    cli_expect(control, "evaluate turn.h5 --starts 1 --runs turn.csv --plot turn.svg", 0, "");
+    (void)cli_read("turn.csv", shown, sizeof shown);
+    assert_true(strncmp(shown, "start,t,R.1,R.2,", 16) == 0 &&
+                strstr(shown, ",R.9,vR.1,vR.2,vR.3,p,q,r,cost\n"));
+    char *at = strchr(shown, '\n') + 1;
+    for (int k = 0; k < 120; k++) {
+        double row[18];
+        for (int c = 0; c < 18; c++, at++) row[c] = strtod(at, &at);
+        double stage = 3 - row[2] - row[6] - row[10];
+        for (int c = 0; c < 3; c++)
+            stage += 0.1 * row[11 + c] * row[11 + c] + 0.01 * row[14 + c] * row[14 + c];
+        assert_close(row[17], 0.1 * stage, 1e-9, 1e-9);
+    }
+    (void)cli_read("turn.dat", shown, sizeof shown);
+    assert_int_equal(points(block(shown, 1), far, PERIODS), 121);
+    assert_true(fabs(far[0][0] - 3) < 1e-4 && far[0][1] < 1e-6 && far[20][1] > 0.1 && far[120][0] < 0.05);
+}
+
 TEST_GROUP(setup, cli_end)

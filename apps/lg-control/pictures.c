@@ -1,0 +1,227 @@
+/* lg-control evaluate --plot: the motion of some runs, the starts of all, the inputs of some. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lg-control/control_app.h"
+
+enum { IN_ROW = 3, WIDTH = 460, HEIGHT = 380, MOTIONS = 40, STARTS = 5000, INPUTS = 8 };
+
+/* How a run ended: the blocks of data and the curves of each panel have this order. */
+static const struct {
+    const char *name, *colour, *pale, *point;
+} ends[] = {{"failed", "#d1641f", "#d1641f", "2 ps 0.8"}, {"succeeded", "#1f5fa8", "#7fa9d8", "7 ps 0.4"}};
+
+typedef struct drawing {
+    const control_runs *from;
+    const lg_policy_task *task;
+    const lg_policy_runs *runs;
+    control_quantity axis[2 * LG_POLICY_COORDINATES + 1]; /* the last one, with no numbers: the time */
+    size_t axes;                                          /* without the time */
+    app_plot plot;
+    size_t blocks; /* of data so far */
+} drawing;
+
+/* ---- quantities as axes ---- */
+
+static double length_of(const double *v, uint32_t count) {
+    double length = 0;
+    for (uint32_t k = 0; k < count; k++) length = hypot(length, v[k]);
+    return length;
+}
+
+/* The angle whose cosine is the product of q and the goal; of rotations the product is 1 + 2 cos. */
+static double angle_between(const control_quantity *q, const double *x) {
+    double product = 0;
+    for (uint32_t k = 0; k < q->count; k++) product += q->goal[k] * x[k];
+    if (q->motion == LG_POLICY_ROTATION) product = 0.5 * (product - 1);
+    return isfinite(product) ? acos(fmin(fmax(product, -1), 1)) : product;
+}
+
+static bool wraps(const control_quantity *q) {
+    return q->motion == LG_POLICY_ANGLE && !q->velocity;
+}
+
+/* What an axis shows of step k of a run: a number, an angle within half a turn of the goal; of several
+ * numbers the angle from the goal, or the speed. */
+static double shown(const drawing *d, size_t axis, size_t k, size_t start) {
+    const control_quantity *q = &d->axis[axis];
+    const double *x = d->from->state + (k * d->runs->count + start) * d->from->numbers + q->first;
+    if (q->count == 0) return (double)k * d->task->period;
+    if (q->count > 1) return q->velocity ? length_of(x, q->count) : angle_between(q, x);
+    return wraps(q) ? q->goal[0] + remainder(x[0] - q->goal[0], 6.283185307179586) : x[0];
+}
+
+/* The axis at the goal. */
+static double goal_of(const control_quantity *q) {
+    return q->count == 1 ? q->goal[0] : 0;
+}
+
+/* ---- choosing ---- */
+
+/* Half the range of starts, in sizes of the set {V < c} of the regulator. */
+static double reach_of(const control_quantity *q, const lg_policy_regulator *r) {
+    double stiff = 0;
+    for (uint32_t k = q->error; k < q->error + q->errors; k++) stiff = fmax(stiff, r->P[k * r->errors + k]);
+    return fmax(fabs(q->start[0]), fabs(q->start[1])) * sqrt(stiff / r->c);
+}
+
+/* The two axes along which the starts reach farthest. The second of a single one is the time, 0. */
+static void choose_map(const drawing *d, const lg_policy_regulator *r, size_t *chosen) {
+    double most[2] = {-1, -1};
+    chosen[0] = chosen[1] = d->axes;
+    for (size_t i = 0; i < d->axes; i++) {
+        const double reach = reach_of(&d->axis[i], r);
+        if (reach > most[0]) {
+            most[1] = most[0], chosen[1] = chosen[0];
+            most[0] = reach, chosen[0] = i;
+        } else if (reach > most[1]) {
+            most[1] = reach, chosen[1] = i;
+        }
+    }
+}
+
+/* The first coordinate that turns, else the first, and its velocity; without velocities another
+ * coordinate, or the time. */
+static void choose_phase(const drawing *d, size_t *chosen) {
+    size_t velocity = d->task->coordinate_count;
+    size_t first = 0;
+    while (first + 1 < d->task->coordinate_count && d->task->coordinate[first].motion == LG_POLICY_LINE)
+        first++;
+    if (d->task->coordinate[first].motion == LG_POLICY_LINE) first = 0;
+    for (size_t i = 0; i < first; i++) velocity += d->task->coordinate[i].velocity[0] != '\0';
+    const size_t other = d->axes > 1 ? (first + 1) % d->axes : d->axes;
+    chosen[0] = first;
+    chosen[1] = d->task->coordinate[first].velocity[0] != '\0' ? velocity : other;
+}
+
+/* ---- panels ---- */
+
+static size_t least(size_t a, size_t b) {
+    return a < b ? a : b;
+}
+
+static void begin_panel(const drawing *d, const char *title, const char *x, const char *y) {
+    (void)fprintf(d->plot.script.stream, "set title '%s'\nset xlabel '%s'\nset ylabel '%s'\nplot ", title, x,
+                  y);
+}
+
+/* A block for each end, of the first runs that ended so. `put` writes what there is of a run. */
+static void put_blocks(drawing *d, size_t most, const size_t *axes,
+                       void (*put)(const drawing *d, size_t start, const size_t *axes)) {
+    for (size_t e = 0; e < LG_COUNT(ends); e++) {
+        size_t drawn = 0;
+        for (size_t i = 0; i < d->runs->count && i < most; i++) {
+            if (d->runs->succeeded[i] != (e == 1)) continue;
+            put(d, i, axes);
+            drawn++;
+        }
+        if (drawn == 0) (void)fputs("nan nan\n", d->plot.data.stream);
+        app_plot_block(&d->plot);
+    }
+    d->blocks += LG_COUNT(ends);
+}
+
+static size_t count_end(const drawing *d, size_t most, size_t end) {
+    size_t count = 0;
+    for (size_t i = 0; i < d->runs->count && i < most; i++) count += d->runs->succeeded[i] == (end == 1);
+    return count;
+}
+
+static void put_curves(const drawing *d, size_t most, const char *with) {
+    FILE *script = d->plot.script.stream;
+    const char *separator = "";
+    for (size_t e = LG_COUNT(ends); e-- > 0; separator = ", ")
+        (void)fprintf(script, "%sdatafile index %zu using 1:2 with %s lc rgb '%s' title '%zu %s'", separator,
+                      d->blocks - LG_COUNT(ends) + e, with, ends[e].pale, count_end(d, most, e),
+                      ends[e].name);
+}
+
+/* A run turns around when it passes the far side of an angle: there the curve is interrupted. */
+static void put_motion(const drawing *d, size_t start, const size_t *axes) {
+    FILE *stream = d->plot.data.stream;
+    double before = NAN;
+    for (size_t k = 0; k <= d->runs->steps; k++) {
+        const double x = shown(d, axes[0], k, start);
+        if (wraps(&d->axis[axes[0]]) && fabs(x - before) > 3.2) (void)fputc('\n', stream);
+        (void)fprintf(stream, "%.7g %.7g\n", x, shown(d, axes[1], k, start));
+        before = x;
+    }
+    (void)fputc('\n', stream);
+}
+
+static void draw_phase(drawing *d) {
+    size_t axes[2];
+    char title[64];
+    choose_phase(d, axes);
+    (void)snprintf(title, sizeof title, "Motion of the first %zu runs", least(MOTIONS, d->runs->count));
+    put_blocks(d, MOTIONS, axes, put_motion);
+    begin_panel(d, title, d->axis[axes[0]].name, d->axis[axes[1]].name);
+    put_curves(d, MOTIONS, "lines lw 1");
+    (void)fprintf(d->plot.script.stream,
+                  ", '+' using (%.9g):(%.9g) every ::0::0 with points pt 7 ps 0.9 lc rgb '#000000' title "
+                  "'goal'\n",
+                  goal_of(&d->axis[axes[0]]), goal_of(&d->axis[axes[1]]));
+}
+
+static void put_start(const drawing *d, size_t start, const size_t *axes) {
+    (void)fprintf(d->plot.data.stream, "%.7g %.7g\n", shown(d, axes[0], 0, start),
+                  shown(d, axes[1], 0, start));
+}
+
+static void draw_starts(drawing *d, const lg_policy_regulator *r) {
+    size_t axes[2];
+    char title[64];
+    choose_map(d, r, axes);
+    put_blocks(d, STARTS, axes, put_start);
+    (void)snprintf(title, sizeof title, "Starts of %zu runs", least(STARTS, d->runs->count));
+    begin_panel(d, title, d->axis[axes[0]].name, d->axis[axes[1]].name);
+    for (size_t e = LG_COUNT(ends); e-- > 0;)
+        (void)fprintf(d->plot.script.stream,
+                      "datafile index %zu using 1:2 with points pt %s lc rgb '%s' title '%zu %s'%s",
+                      d->blocks - LG_COUNT(ends) + e, ends[e].point, ends[e].colour, count_end(d, STARTS, e),
+                      ends[e].name, e > 0 ? ", " : "\n");
+}
+
+/* axes[0]: the input. */
+static void put_input(const drawing *d, size_t start, const size_t *axes) {
+    FILE *stream = d->plot.data.stream;
+    const size_t m = d->task->input_count;
+    for (size_t k = 0; k < d->runs->steps; k++)
+        (void)fprintf(stream, "%.7g %.7g\n", (double)k * d->task->period,
+                      d->runs->input[(k * d->runs->count + start) * m + axes[0]]);
+    (void)fputc('\n', stream);
+}
+
+static void draw_input(drawing *d, size_t input) {
+    const lg_policy_input *in = &d->task->input[input];
+    char title[LG_POLICY_NAME + 64];
+    (void)snprintf(title, sizeof title, "Inputs of the first %zu runs: %s", least(INPUTS, d->runs->count),
+                   in->name);
+    put_blocks(d, INPUTS, &input, put_input);
+    begin_panel(d, title, "t (s)", in->name);
+    put_curves(d, INPUTS, "steps lw 1.2");
+    for (int end = 0; end < 2; end++)
+        (void)fprintf(d->plot.script.stream, ", %.9g with lines lw 1.5 dt 2 lc rgb '#555555' title '%s'",
+                      end == 0 ? in->low : in->high, end == 0 ? "" : "limits");
+    (void)fputc('\n', d->plot.script.stream);
+}
+
+void control_draw_runs(const app *self, const control_runs *runs, const char *picture) {
+    drawing d = {.from = runs, .task = runs->task, .runs = &runs->runs};
+    d.axes = control_list_quantities(d.task, d.axis);
+    d.axis[d.axes] = (control_quantity){.name = "t (s)"};
+    const size_t panels = 2 + d.task->input_count, rows = (panels + IN_ROW - 1) / IN_ROW;
+    app_plot_begin(&d.plot, picture, WIDTH * IN_ROW, HEIGHT * (int)rows);
+    (void)fprintf(d.plot.script.stream,
+                  "set multiplot layout %zu,%d\nset key below center horizontal noenhanced samplen 1.5\n"
+                  "set title noenhanced\nset autoscale fix\nset lmargin 9\nset bmargin 6\nset xlabel "
+                  "noenhanced\nset ylabel noenhanced\nset offsets graph 0.03, graph "
+                  "0.03, graph 0.05, graph 0.05\n",
+                  rows, IN_ROW);
+    draw_phase(&d);
+    draw_starts(&d, lg_policy_regulator_of(runs->policy));
+    for (size_t l = 0; l < d.task->input_count; l++) draw_input(&d, l);
+    (void)fputs("unset multiplot\n", d.plot.script.stream);
+    APP_MUST_FILE(self, picture, app_plot_end(self, &d.plot, &error));
+}

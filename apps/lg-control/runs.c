@@ -1,0 +1,131 @@
+/* lg-control evaluate --runs: what runs did, as a table. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lg-control/control_app.h"
+
+/* ---- quantities ---- */
+
+size_t control_list_quantities(const lg_policy_task *task, control_quantity *out) {
+    size_t n = 0;
+    uint32_t first = 0, error = 0;
+    for (int velocity = 0; velocity < 2; velocity++)
+        for (uint32_t i = 0; i < task->coordinate_count; i++) {
+            const lg_policy_coordinate *c = &task->coordinate[i];
+            const lg_policy_motion_row *row = lg_policy_motion_row_of(c->motion);
+            const double *start = velocity ? c->start_velocity : c->start;
+            if (velocity && c->velocity[0] == '\0') continue;
+            control_quantity *q = &out[n++];
+            *q =
+                (control_quantity){.motion = c->motion, .velocity = velocity, .first = first, .error = error};
+            (void)snprintf(q->name, sizeof q->name, "%s", velocity ? c->velocity : c->name);
+            q->count = velocity ? row->velocity : row->position;
+            q->errors = row->errors;
+            if (!velocity) memcpy(q->goal, c->goal, sizeof q->goal);
+            memcpy(q->start, start, sizeof q->start);
+            first += q->count, error += q->errors;
+        }
+    return n;
+}
+
+/* ---- runs ---- */
+
+void control_runs_begin(const lg_policy *policy, uint64_t starts, bool whole, control_runs *out) {
+    const lg_policy_regulator *r = lg_policy_regulator_of(policy);
+    const lg_program *program = lg_policy_program(policy);
+    const size_t steps = lg_policy_steps(policy);
+    size_t period, ports;
+    *out = (control_runs){.policy = policy, .task = lg_policy_task_of(policy)};
+    (void)lg_program_find(program, "period", &period, NULL);
+    const size_t state = lg_shape_count(lg_program_inputs(program, period, &ports)[0].shape);
+    out->runs.path = app_alloc((steps + 1) * starts * r->errors, sizeof(double));
+    if (!whole) return;
+    out->runs.motion = app_alloc((steps + 1) * starts * state, sizeof(double));
+    out->runs.input = app_alloc(steps * starts * r->inputs, sizeof(double));
+    out->runs.costs = app_alloc(steps * starts, sizeof(double));
+    out->runs.succeeded = app_alloc(starts, sizeof(bool));
+}
+
+void control_runs_destroy(control_runs *runs) {
+    free(runs->runs.path);
+    free(runs->runs.motion);
+    free(runs->runs.input);
+    free(runs->runs.costs);
+    free(runs->runs.succeeded);
+    free(runs->state);
+}
+
+/* Writes what `function` gives for each state behind the `at` numbers that each row of runs->state has. */
+static void add_states(const app *self, const control_runs *runs, const char *function, size_t at,
+                       size_t count) {
+    const size_t rows = (runs->runs.steps + 1) * runs->runs.count;
+    APP_FREE double *part = app_alloc(rows * count, sizeof *part);
+    APP_MUST(self,
+             lg_program_eval(self->context, lg_policy_program(runs->policy), function, rows,
+                             (const double *const[]){runs->runs.motion}, (double *const[]){part}, &error));
+    for (size_t i = 0; i < rows; i++)
+        memcpy(runs->state + i * runs->numbers + at, part + i * count, count * sizeof *part);
+}
+
+void control_find_states(const app *self, control_runs *runs) {
+    const size_t rows = (runs->runs.steps + 1) * runs->runs.count;
+    control_quantity quantity[2 * LG_POLICY_COORDINATES];
+    const size_t count = control_list_quantities(runs->task, quantity);
+    size_t positions = 0;
+    runs->numbers = 0;
+    for (size_t i = 0; i < count; i++) {
+        runs->numbers += quantity[i].count;
+        if (!quantity[i].velocity) positions += quantity[i].count;
+    }
+    runs->state = app_alloc(rows * runs->numbers, sizeof *runs->state);
+    if (runs->numbers == positions) { /* a plant without velocities: its state is the positions */
+        memcpy(runs->state, runs->runs.motion, rows * positions * sizeof *runs->state);
+        return;
+    }
+    add_states(self, runs, "positions", 0, positions);
+    add_states(self, runs, "velocities", positions, runs->numbers - positions);
+}
+
+/* ---- the file ---- */
+
+static void put_head(FILE *stream, const lg_policy_task *task) {
+    control_quantity quantity[2 * LG_POLICY_COORDINATES];
+    const size_t count = control_list_quantities(task, quantity);
+    (void)fputs("start,t", stream);
+    for (size_t i = 0; i < count; i++) {
+        for (uint32_t k = 0; k < quantity[i].count; k++) {
+            (void)fprintf(stream, ",%s", quantity[i].name);
+            if (quantity[i].count > 1) (void)fprintf(stream, ".%u", k + 1);
+        }
+    }
+    for (uint32_t l = 0; l < task->input_count; l++) (void)fprintf(stream, ",%s", task->input[l].name);
+    (void)fputs(",cost\n", stream);
+}
+
+/* Numbers, or empty cells if `values` is NULL or a number is not finite. */
+static void put_numbers(FILE *stream, const double *values, size_t count) {
+    for (size_t i = 0; i < count; i++) {
+        (void)fputc(',', stream);
+        if (values != NULL && isfinite(values[i])) (void)fprintf(stream, "%.17g", values[i]);
+    }
+}
+
+void control_write_runs(const app *self, const control_runs *runs, const char *path) {
+    const lg_policy_runs *r = &runs->runs;
+    const size_t m = runs->task->input_count;
+    app_file file;
+    app_file_begin(&file, path);
+    put_head(file.stream, runs->task);
+    for (size_t i = 0; i < r->count; i++)
+        for (size_t k = 0; k <= r->steps; k++) {
+            const size_t row = k * r->count + i;
+            const bool moved = k < r->steps;
+            (void)fprintf(file.stream, "%zu,%.17g", i, (double)k * runs->task->period);
+            put_numbers(file.stream, runs->state + row * runs->numbers, runs->numbers);
+            put_numbers(file.stream, moved ? r->input + row * m : NULL, m);
+            put_numbers(file.stream, moved ? r->costs + row : NULL, 1);
+            (void)fputc('\n', file.stream);
+        }
+    APP_MUST_FILE(self, path, app_file_end(&file, &error));
+}
