@@ -16,7 +16,7 @@ static void scales_of_machine(lg_machine_problem *problem) {
         const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
         const bool places = lg_coordinate_row_of(machine->coordinates[i].kind)->places > 0;
         problem->position_scale[i] = places ? machine->scales.place[at.place] : 1.0;
-        problem->velocity_scale[i] = machine->scales.velocity[at.velocity] / machine->scales.time;
+        problem->velocity_scale[i] = lg_machine_shown_unit(machine, at.velocity);
     }
 }
 

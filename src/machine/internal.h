@@ -357,6 +357,16 @@ typedef struct lg_machine_flow {
 /* Moves `parts` over one interval of the log: row i of the batch from row at[i] to the next one. */
 lg_status lg_machine_record_interval(lg_tape *tape, const lg_machine_flow *flow, const lg_machine_log *log,
                                      const size_t *at, uint32_t count, lg_var *parts);
+/* The inputs (B, inputs) right after rows at[0..count-1], after their lags; LG_NONE: no inputs. */
+lg_status lg_machine_record_inputs(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_log *log,
+                                   const size_t *at, uint32_t count, lg_var *u);
+/* Accelerations v' (B, velocities) of the states `parts` with the inputs u, plus the biases of their sensors;
+ * lines and angles only. */
+lg_var lg_machine_record_accelerations(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts,
+                                       lg_var u);
+/* What rows at[0..count-1] of a log show of the velocities: the velocities or the accelerations. */
+lg_var lg_machine_record_shown(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_log *log,
+                               const size_t *at, uint32_t count, const lg_var *parts);
 /* Rows at[0..count-1] of the log in scaled units: positions (count, positions) and velocities (count,
  * velocities). Missing numbers are 0, and a missing velocity is computed from the positions of neighbouring
  * rows. */
@@ -382,8 +392,18 @@ uint32_t lg_machine_start_numbers(const lg_machine *machine);
 lg_status lg_machine_move_starts(lg_tape *tape, const lg_machine_problem *problem,
                                  const lg_machine_vars *vars, lg_var numbers, lg_var positions,
                                  lg_var velocities, lg_var *parts);
+/* What a log shows of velocity k, the velocity or the acceleration, in its units where the scaled number is
+ * 1. */
+static inline double lg_machine_shown_unit(const lg_machine *machine, uint32_t k) {
+    const lg_machine_scales *s = &machine->scales;
+    return s->velocity[k] / (machine->accelerations ? s->time * s->time : s->time);
+}
+/* As lg_machine_scaled_rows for one row, with accelerations in place of velocities where the logs measure
+ * these. */
+void lg_machine_shown_row(const lg_machine *machine, const lg_machine_log *log, size_t row, double *positions,
+                          double *shown);
 /* Weights of the numbers of one row in the loss, in scaled units: factor/scale of the loss, 0 for a missing
- * number. */
+ * number, and for positions where accelerations are measured. `velocities` are weights of what is shown. */
 void lg_machine_weigh_row(const lg_machine_problem *problem, size_t row, double factor, double *positions,
                           double *velocities);
 /* `along` (velocities): for a direction the logged q, 0 where it is missing; for other kinds 0. Logs have no

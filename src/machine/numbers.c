@@ -43,12 +43,14 @@ void lg_numbers_bias(lg_number_list *l, const lg_machine *machine, const lg_mach
         const char *name = machine->coordinates[of.index].name;
         const bool velocity = of.kind == LG_FEATURE_VELOCITY;
         const uint32_t count = velocity ? row->velocities : row->places;
+        const char *of_what = !velocity ? "" : machine->accelerations ? ".acceleration" : ".velocity";
         for (uint32_t k = 0; k < count; k++) {
-            const double unit = velocity ? s->velocity[at.velocity + k] / s->time : s->place[at.place + k];
+            const double unit =
+                velocity ? lg_machine_shown_unit(machine, at.velocity + k) : s->place[at.place + k];
             if (count == 1)
-                lg_numbers_put(l, *theta++ * unit, "bias.%s%s", name, velocity ? ".velocity" : "");
+                lg_numbers_put(l, *theta++ * unit, "bias.%s%s", name, of_what);
             else
-                lg_numbers_put(l, *theta++ * unit, "bias.%s%s.%u", name, velocity ? ".velocity" : "", k + 1);
+                lg_numbers_put(l, *theta++ * unit, "bias.%s%s.%u", name, of_what, k + 1);
         }
     }
 }

@@ -20,7 +20,9 @@ static void start_units(const lg_machine_problem *problem, double *scale) {
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
         const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
-        const double q = unit * problem->position_scale[i], v = unit * problem->velocity_scale[i];
+        const double T = machine->scales.time, shown = unit * problem->velocity_scale[i];
+        const double q = machine->accelerations ? T * T * shown : unit * problem->position_scale[i],
+                     v = machine->accelerations ? T * shown : shown;
         for (uint32_t k = 0; k < row->places; k++)
             scale[at.place + k] = q / machine->scales.place[at.place + k];
         for (uint32_t k = 0; k < 3 * row->directions; k++) scale[directions + 3 * at.direction + k] = q;

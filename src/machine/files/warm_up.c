@@ -123,7 +123,7 @@ static lg_status balance(lg_training *self, const lg_machine *machine, const dou
     const lg_learned_machine model = {
         .machine = machine, .theta = theta, .scheme = run->scheme, .substeps = run->substeps};
     *changed = false;
-    if (s->data.file.measured == LG_MEASURED_VELOCITIES_ONLY) return LG_OK;
+    if (s->data.file.measured >= LG_MEASURED_VELOCITIES_ONLY) return LG_OK;
     LG_TRY(lg_machine_residuals(self->context, &model, &s->problem, &found, error));
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         const double q = found.position[i] / run->position_scale[i],
@@ -206,12 +206,32 @@ static lg_status scan_bristles(lg_training *self, const lg_machine *machine, dou
     return scan(self, &problem, BRISTLES, start_bristles, theta, losses, error);
 }
 
+/* Of accelerations alone: first parameters from the guessed states, then the starts of windows and the
+ * parameters together, on windows that grow to the fit's. */
+static lg_status fit_accelerations(lg_training *self, const lg_machine *machine, double *theta,
+                                   lg_error *error) {
+    const lg_machine_state *s = self->state;
+    lg_machine_problem problem = s->problem;
+    problem.machine = machine;
+    problem.starts = LG_MACHINE_STARTS_MEASURED;
+    problem.window = 2;
+    LG_TRY(fit_problem(self, &problem, theta, error));
+    for (uint32_t part = 2; part > 0; part--) {
+        problem = s->problem;
+        problem.machine = machine;
+        problem.window = s->problem.window / part;
+        if (problem.window > SHORTEST) LG_TRY(fit_problem(self, &problem, theta, error));
+    }
+    return LG_OK;
+}
+
 /* With positions alone compares ways to first parameters. Else fits the shortest windows, until the scales of
  * the loss no longer change. */
 static lg_status fit_windows(lg_training *self, const lg_machine *machine, double *theta, lg_error *error) {
     enum { ROUNDS = 4 };
     const lg_machine_state *s = self->state;
     bool changed = true;
+    if (machine->accelerations) return fit_accelerations(self, machine, theta, error);
     if (s->positions) {
         LG_TRY(lg_machine_fit_candidates(self, machine, theta, error));
         LG_TRY(scan_lags(self, machine, theta, error));
@@ -262,7 +282,7 @@ static lg_status find_substeps(lg_training *self, const lg_machine *machine, con
     double loss = 0, floor = 0;
     if (self->given(self, "substeps")) return LG_OK;
     problem.machine = machine;
-    if (!s->positions) problem.starts = LG_MACHINE_STARTS_MEASURED;
+    if (!s->estimated) problem.starts = LG_MACHINE_STARTS_MEASURED;
     for (run->substeps = 1; run->substeps < MOST; run->substeps++) {
         problem.substeps = run->substeps;
         LG_TRY(lg_machine_loss(self->context, &problem, theta, &loss, &floor, error));
@@ -276,8 +296,8 @@ static lg_status find_substeps(lg_training *self, const lg_machine *machine, con
 lg_status lg_machine_warm_up(lg_training *self, double *theta, lg_error *error) {
     const lg_machine *machine = &((const lg_machine_model_run *)self->run)->machine;
     const lg_machine_state *s = self->state;
-    /* With positions alone short windows also give the parameters of all starts. */
-    const size_t starts = s->positions ? lg_machine_problem_parameters(&s->problem) - machine->parameters : 0;
+    /* Fits of logs without velocities also give the parameters of all starts. */
+    const size_t starts = s->estimated ? lg_machine_problem_parameters(&s->problem) - machine->parameters : 0;
     plain_machine *plain;
     double *own, *initial;
     LG_TRAINING_ARRAY(self, initial, machine->parameters + 1, error);
