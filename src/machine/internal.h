@@ -25,6 +25,14 @@ typedef struct lg_machine_seen {
     uint32_t rows;
 } lg_machine_seen;
 
+/* An entry of a term's values: its name, what is 1 in scaled units, where it starts in scaled units,
+ * whether it is positive, and whether it may be unknown by itself. */
+typedef struct lg_entry_about {
+    char name[LG_IDENTIFIED_NAME];
+    double unit, start;
+    bool positive, single;
+} lg_entry_about;
+
 /* A list of numbers with names (machine/numbers.c). `count` numbers were put; the first `room` of them are in
  * `out`. */
 typedef struct lg_number_list {
@@ -37,6 +45,9 @@ lg_term_numbers lg_numbers_diagonal_mass, lg_numbers_constant_mass, lg_numbers_p
     lg_numbers_diagonal_damping, lg_numbers_constant_damping, lg_numbers_coulomb, lg_numbers_quadratic,
     lg_numbers_cubic, lg_numbers_constant_map, lg_numbers_bias, lg_numbers_grey, lg_numbers_curve,
     lg_numbers_dead_zone, lg_numbers_lag;
+/* lg_term_kind.entry of potentials that are sums of monomials. */
+void lg_machine_potential_entry(const lg_machine *machine, const lg_machine_term *term, uint32_t index,
+                                lg_entry_about *out);
 /* Appends a number to the list. */
 void __attribute__((format(printf, 3, 4)))
 lg_numbers_put(lg_number_list *list, double value, const char *format, ...);
@@ -49,14 +60,6 @@ void lg_machine_velocity_name(const lg_machine *machine, uint32_t k, char *text,
 /* Name of one number of the term's features: "x", "sin(theta)", "rod.3", "body.up.1". */
 void lg_machine_feature_name(const lg_machine *machine, const lg_machine_term *term, uint32_t number,
                              char *text, size_t size);
-
-/* An entry of a term's values: its name, what is 1 in scaled units, where it starts in scaled units,
- * whether it is positive, and whether it may be unknown by itself. */
-typedef struct lg_entry_about {
-    char name[LG_IDENTIFIED_NAME];
-    double unit, start;
-    bool positive, single;
-} lg_entry_about;
 
 /* A row of the table of terms. `record` returns, by part:
  *   mass       the mass matrix M, (B, n, n) or (1, n, n), of the coordinates whose momenta are in R^n

@@ -268,6 +268,16 @@ static lg_status check_positive(const lg_machine *machine, lg_machine_part part,
 
 /* ---- common factor ---- */
 
+/* Whether one of the term's values is known and not 0: 0 fixes no factor. */
+static bool gives_factor(const lg_machine_term *term) {
+    for (uint32_t i = 0; i < term->value_count; i++) {
+        bool open = term->values[i] == 0.0;
+        for (uint32_t k = 0; k < term->entry_count; k++) open = open || term->entries[k].index == i;
+        if (!open) return true;
+    }
+    return false;
+}
+
 /* Decides what fixes the common factor of M, V, D and B (see lg_machine in liegrad/machine.h). */
 static void find_gauge(lg_machine *machine) {
     const bool grey = machine->grey.system != NULL;
@@ -276,7 +286,7 @@ static void find_gauge(lg_machine *machine) {
     for (uint32_t i = 0; i < machine->term_count; i++) {
         const lg_machine_term *term = &machine->terms[i];
         if (term->part == LG_MACHINE_ACTUATOR) continue;
-        given = given || term->value_count > term->entry_count;
+        given = given || gives_factor(term);
         for (uint32_t k = 0; k < term->entry_count; k++) given = given || term->entries[k].sigma > 0.0;
         if (term->part != LG_MACHINE_MASS) continue;
         single = single || term->entry_count > 0;

@@ -167,6 +167,20 @@ static double coefficient_unit(const double *scales, const uint32_t *factor) {
     return unit;
 }
 
+void lg_machine_potential_entry(const lg_machine *machine, const lg_machine_term *term, uint32_t index,
+                                lg_entry_about *out) {
+    double scales[LG_MACHINE_FEATURE_NUMBERS];
+    char name[64];
+    lg_monomials monomials;
+    const uint32_t most = term->kind->most > 0 ? term->kind->most : term->degree;
+    (void)lg_machine_monomials(lg_machine_feature_scales(machine, term, scales), term->kind->least, most,
+                               &monomials);
+    const uint32_t *factor = monomials.factor[index];
+    monomial_name(machine, term, factor, name, sizeof name);
+    *out = (lg_entry_about){.unit = machine->scales.energy * coefficient_unit(scales, factor), .single = true};
+    (void)snprintf(out->name, sizeof out->name, "potential.%s", name);
+}
+
 void lg_numbers_potential(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
                           const double *theta) {
     double scales[LG_MACHINE_FEATURE_NUMBERS];
