@@ -510,6 +510,14 @@ LG_API lg_status lg_machine_problem_check(const lg_machine_problem *problem, lg_
  * multiplied by scales.time for velocities, and by its square for positions. */
 LG_API size_t lg_machine_problem_parameters(const lg_machine_problem *problem);
 LG_API void lg_machine_fit_problem(const lg_machine_problem *problem, lg_fit_problem *out);
+/* Replaces starts that are far off, in which fits of accelerations are stuck. The starts are estimated; the
+ * machine has lines and angles alone. Where a window begins in the last row of another, its start becomes the
+ * state that the other one predicts there if that at least halves its loss; likewise backwards in time, except
+ * with lags and bristles. This goes on along the log. theta, in and out: the parameters of the fit. losses
+ * (windows): sums over points and columns of each window's squared residuals, in units of the loss, with the
+ * starts of theta. Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY, those of the tape. */
+LG_API lg_status lg_machine_continue_starts(const lg_context *context, const lg_machine_problem *problem,
+                                            double *theta, double *losses, lg_error *error);
 /* As lg_machine_fit_problem, but the windows become a regression of momenta: over each window the changes of
  * the momenta p = M(q) v of logged rows are compared with the logged rows' forces, p and forces in scaled
  * units. No window is predicted, so that this works from starts that are wrong by orders of magnitude; noise

@@ -390,6 +390,9 @@ static inline size_t lg_machine_shared(const lg_machine_problem *problem) {
 }
 /* Number of parameters of a start: places, 3 for each direction, 3 for each rotation, velocities. */
 uint32_t lg_machine_start_numbers(const lg_machine *machine);
+/* The unit of each number of a start: the scale of the loss times the square root of the number of windows.
+ * The loss is a mean over windows, so that its second derivatives in the parameters are then about 1. */
+void lg_machine_start_units(const lg_machine_problem *problem, double *scale);
 /* The state `parts` from positions and velocities (B, ...), after these were moved by the starts' parameters
  * `numbers` (B, lg_machine_start_numbers). */
 lg_status lg_machine_move_starts(lg_tape *tape, const lg_machine_problem *problem,

@@ -10,9 +10,7 @@ uint32_t lg_machine_start_numbers(const lg_machine *machine) {
     return machine->places + 3 * machine->directions + 3 * machine->rotations + machine->velocities;
 }
 
-/* The unit of each number of a start: the scale of the loss times the square root of the number of windows.
- * The loss is a mean over windows, so that its second derivatives in the parameters are then about 1. */
-static void start_units(const lg_machine_problem *problem, double *scale) {
+void lg_machine_start_units(const lg_machine_problem *problem, double *scale) {
     const lg_machine *machine = problem->machine;
     const double unit = sqrt((double)problem->windows);
     const uint32_t directions = machine->places, rotations = directions + 3 * machine->directions,
@@ -51,7 +49,7 @@ lg_status lg_machine_move_starts(lg_tape *tape, const lg_machine_problem *proble
     const lg_machine *machine = problem->machine;
     const lg_machine_places at = lg_machine_parts(machine);
     double scale[LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES];
-    start_units(problem, scale);
+    lg_machine_start_units(problem, scale);
     const lg_var a =
         lg_mul(tape, numbers, lg_input_f64(tape, lg_shape2(1, lg_machine_start_numbers(machine)), scale));
     const uint32_t directions = machine->places, rotations = directions + 3 * machine->directions,

@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "core/median.h"
 #include "machine/files/recipe.h"
 #include "model/files/training.h"
 
@@ -206,12 +207,54 @@ static lg_status scan_bristles(lg_training *self, const lg_machine *machine, dou
     return scan(self, &problem, BRISTLES, start_bristles, theta, losses, error);
 }
 
+/* Copies the parameters of the machine, then those of the starts of the windows in `list`, from or to `own`. */
+static void copy_starts(const lg_machine_problem *all, const size_t *list, size_t count, double *theta,
+                        double *own, bool back) {
+    const size_t shared = all->machine->parameters,
+                 each = (lg_machine_problem_parameters(all) - shared) / all->windows;
+    memcpy(back ? theta : own, back ? own : theta, shared * sizeof *own);
+    for (size_t i = 0; i < count; i++) {
+        double *to = own + shared + i * each, *from = theta + shared + list[i] * each;
+        memcpy(back ? from : to, back ? to : from, each * sizeof *own);
+    }
+}
+
+/* Fits the windows whose loss is not far above the median; `losses` has all. *left: how many are left out. */
+static lg_status fit_good(lg_training *self, const lg_machine_problem *all, const double *losses,
+                          double *theta, size_t *left, lg_error *error) {
+    static const double far = 10;
+    double *own;
+    size_t *list, *start, count = 0;
+    lg_machine_problem good = *all;
+    LG_TRAINING_ARRAY(self, own, lg_machine_problem_parameters(all) + all->windows, error);
+    LG_TRAINING_ARRAY(self, list, all->windows, error);
+    LG_TRAINING_ARRAY(self, start, all->windows, error);
+    memcpy(own, losses, all->windows * sizeof *own);
+    const double most = far * lg_median(own, all->windows);
+    for (size_t w = 0; w < all->windows; w++)
+        if (losses[w] <= most) list[count] = w, start[count++] = all->start[w];
+    *left = all->windows - count;
+    if (count == 0) return LG_OK;
+    good.start = start;
+    good.windows = count;
+    good.validation = 0;
+    copy_starts(all, list, count, theta, own, false);
+    LG_TRY(fit_problem(self, &good, own, error));
+    copy_starts(all, list, count, theta, own, true);
+    return LG_OK;
+}
+
 /* Of accelerations alone: first parameters from the guessed states, then the starts of windows and the
- * parameters together, on windows that grow to the fit's. */
+ * parameters together, on windows that grow to the fit's. One window with a start that is far off spoils the
+ * parameters: such windows are left out until those beside them give them a start. */
 static lg_status fit_accelerations(lg_training *self, const lg_machine *machine, double *theta,
                                    lg_error *error) {
+    enum { ROUNDS = 6 };
     const lg_machine_state *s = self->state;
     lg_machine_problem problem = s->problem;
+    double *losses;
+    size_t left = 1;
+    LG_TRAINING_ARRAY(self, losses, problem.windows, error);
     problem.machine = machine;
     problem.starts = LG_MACHINE_STARTS_MEASURED;
     problem.window = 2;
@@ -221,6 +264,10 @@ static lg_status fit_accelerations(lg_training *self, const lg_machine *machine,
         problem.machine = machine;
         problem.window = s->problem.window / part;
         if (problem.window > SHORTEST) LG_TRY(fit_problem(self, &problem, theta, error));
+    }
+    for (int round = 0; round < ROUNDS && left > 0; round++) {
+        LG_TRY(lg_machine_continue_starts(self->context, &problem, theta, losses, error));
+        LG_TRY(fit_good(self, &problem, losses, theta, &left, error));
     }
     return LG_OK;
 }
