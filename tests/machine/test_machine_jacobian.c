@@ -36,7 +36,7 @@ static task *make_task(const lg_machine *machine, lg_machine_starts starts, cons
                                       .window = WINDOW,
                                       .starts = starts,
                                       .theta = theta,
-                                      .log = {ROWS, PARTS, t->first, t->t, t->q, t->v, t->u, NULL, NULL},
+                                      .log = {ROWS, PARTS, t->first, t->t, t->q, t->v, t->u, NULL, NULL, NULL},
                                       .windows = PARTS,
                                       .start = t->start};
     for (uint32_t i = 0; i < machine->coordinate_count; i++)
