@@ -251,6 +251,10 @@ static lg_status describe(lg_training *self, lg_error *error) {
         set_loss_scales(run, s);
     }
     run->windows = count_windows(run, s, run->stride);
+    if (run->machine.accelerations && run->starts != LG_MACHINE_STARTS_ESTIMATED)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "--starts measured: logs of accelerations alone do not have the states at which windows "
+                       "start: leave the option out");
     return LG_OK;
 }
 

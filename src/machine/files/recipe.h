@@ -47,6 +47,9 @@ bool lg_machine_data_noise(const lg_machine_data *data, lg_machine_noise *out);
  * measured, the position noise of a line or angle is at most lg_machine_position_noise. */
 void lg_machine_data_traces(const lg_machine_data *data, lg_machine_noise *out);
 
+/* Whether a mass or force of the machine depends on the position of a coordinate (speeds.c). */
+bool lg_machine_sees_position(const lg_machine *machine, uint32_t coordinate);
+
 /* Mean square of the accelerations between neighbouring rows that a polynomial of degree 2 in positions (sine
  * and cosine of angles), velocities and inputs, fitted to these logs, does not explain (delay.c). NaN:
  * nothing to fit. */

@@ -7,6 +7,7 @@
 #include "core/core.h"
 #include "machine/files/log_table.h"
 #include "machine/files/reading.h"
+#include "machine/files/recipe.h"
 #include "machine/internal.h"
 
 /* A potential that is linear in a line: a constant force, wherever the line is. */
@@ -17,17 +18,30 @@ static bool is_constant_force(const lg_machine *machine, const lg_machine_term *
            machine->coordinates[coordinate].kind == LG_COORDINATE_LINE;
 }
 
+/* Whether feature k of a term is a position on which the term depends. */
+static bool uses(const lg_machine *machine, const lg_machine_term *term, uint32_t k) {
+    const lg_machine_feature of = term->of[k];
+    return term->part != LG_MACHINE_OFFSET && of.kind != LG_FEATURE_VELOCITY && of.kind != LG_FEATURE_INPUT &&
+           !is_constant_force(machine, term, of.index);
+}
+
 /* Index of the first term that depends on a position, or the number of terms if no term does. */
 static uint32_t first_use(const lg_machine *machine, uint32_t *coordinate) {
     for (uint32_t t = 0; t < machine->term_count; t++)
         for (uint32_t k = 0; k < machine->terms[t].of_count; k++) {
-            const lg_machine_term *term = &machine->terms[t];
-            *coordinate = term->of[k].index;
-            if (term->of[k].kind != LG_FEATURE_VELOCITY && term->of[k].kind != LG_FEATURE_INPUT &&
-                !is_constant_force(machine, term, *coordinate))
-                return t;
+            *coordinate = machine->terms[t].of[k].index;
+            if (uses(machine, &machine->terms[t], k)) return t;
         }
     return machine->term_count;
+}
+
+bool lg_machine_sees_position(const lg_machine *machine, uint32_t coordinate) {
+    const lg_grey_system *system = machine->grey.system;
+    if (system != NULL && (system->seen & (1U << coordinate)) != 0) return true;
+    for (uint32_t t = 0; t < machine->term_count; t++)
+        for (uint32_t k = 0; k < machine->terms[t].of_count; k++)
+            if (machine->terms[t].of[k].index == coordinate && uses(machine, &machine->terms[t], k)) return true;
+    return false;
 }
 
 lg_status lg_machine_refuse_positions(lg_machine_reading *r) {

@@ -184,14 +184,12 @@ static void start_bristles(const lg_machine *machine, size_t start, double *thet
     (void)lg_machine_set_bristles(machine, (start + 0.5) / BRISTLES, theta);
 }
 
-static lg_status scan_lags(lg_training *self, const lg_machine *machine, double *theta, lg_error *error) {
+static lg_status scan_lags(lg_training *self, lg_machine_problem *problem, double *theta, lg_error *error) {
     lg_machine_state *s = self->state;
     double *own;
-    lg_machine_problem problem =
-        short_windows(self, machine, s->problem.scheme, s->positions || s->noisy ? LONG : SHORT);
-    LG_TRAINING_ARRAY(self, own, machine->parameters + 1, error);
-    if (lg_machine_set_lags(machine, 1.0, own) == 0) return LG_OK;
-    return scan(self, &problem, LG_LAG_STARTS, start_lags, theta, s->lag_ratios, error);
+    LG_TRAINING_ARRAY(self, own, problem->machine->parameters + 1, error);
+    if (lg_machine_set_lags(problem->machine, 1.0, own) == 0) return LG_OK;
+    return scan(self, problem, LG_LAG_STARTS, start_lags, theta, s->lag_ratios, error);
 }
 
 /* A few windows tell which start is the best. */
@@ -265,6 +263,7 @@ static lg_status fit_accelerations(lg_training *self, const lg_machine *machine,
         problem.window = s->problem.window / part;
         if (problem.window > SHORTEST) LG_TRY(fit_problem(self, &problem, theta, error));
     }
+    LG_TRY(scan_lags(self, &problem, theta, error));
     for (int round = 0; round < ROUNDS && left > 0; round++) {
         LG_TRY(lg_machine_continue_starts(self->context, &problem, theta, losses, error));
         LG_TRY(fit_good(self, &problem, losses, theta, &left, error));
@@ -278,17 +277,19 @@ static lg_status fit_windows(lg_training *self, const lg_machine *machine, doubl
     enum { ROUNDS = 4 };
     const lg_machine_state *s = self->state;
     bool changed = true;
+    lg_machine_problem of_lags =
+        short_windows(self, machine, s->problem.scheme, s->positions || s->noisy ? LONG : SHORT);
     if (machine->accelerations) return fit_accelerations(self, machine, theta, error);
     if (s->positions) {
         LG_TRY(lg_machine_fit_candidates(self, machine, theta, error));
-        LG_TRY(scan_lags(self, machine, theta, error));
+        LG_TRY(scan_lags(self, &of_lags, theta, error));
         return scan_bristles(self, machine, theta, error);
     }
     lg_machine_problem problem = s->problem;
     problem.machine = machine;
     problem.window = 2;
     LG_TRY(lg_machine_approach(self, &problem, theta, error));
-    LG_TRY(scan_lags(self, machine, theta, error));
+    LG_TRY(scan_lags(self, &of_lags, theta, error));
     for (int round = 0; round < ROUNDS && changed; round++) {
         LG_TRY(fit_short(self, machine, s->problem.scheme, s->noisy ? 5 : 2, theta, error));
         LG_TRY(balance(self, machine, theta, &changed, error));
