@@ -685,6 +685,15 @@ LG_API lg_status lg_machine_estimate_starts(const lg_context *context, const lg_
                                             uint32_t window, double *positions, double *velocities,
                                             lg_error *error);
 
+/* Estimates the states at all rows of a log of accelerations: windows of `window` rows (2 or more) that touch
+ * are fitted, and lg_machine_continue_starts replaces starts that are far off. q (rows, positions) and v (rows,
+ * velocities), in the units of the log, get the runs of the windows; rows in no window keep the log's guesses.
+ * Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY, LG_CANCELLED, those of the tape. */
+LG_API lg_status lg_machine_estimate_states(const lg_context *context, const lg_machine *machine,
+                                            const double *theta, const lg_scheme *scheme, uint32_t substeps,
+                                            const lg_machine_log *log, uint32_t window, double *q, double *v,
+                                            lg_error *error);
+
 /* ---- The machine as a program ---- */
 
 /* Makes a program (liegrad/program.h) of the machine with the parameter theta (no parameter when nothing is

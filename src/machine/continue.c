@@ -1,4 +1,4 @@
-/* Machines: starts of windows from the windows beside them. */
+/* Machines: starts of windows from the windows beside them, and states at all rows of a log. */
 #include <math.h>
 #include <string.h>
 
@@ -13,6 +13,7 @@ typedef struct walk {
     lg_tape *tape;
     size_t parameters, numbers; /* of the fit; of a start */
     double *theta, *trial;      /* (parameters): the best starts so far, and changed ones */
+    double *before;             /* (parameters): work of settle */
     double *losses, *found;     /* (windows) of theta and of trial; losses belong to the caller */
     double *z;                  /* (windows, numbers): positions, then velocities, in scaled units */
     double *t, *u;              /* of the reversed log */
@@ -157,6 +158,41 @@ static lg_status go_along(walk *x) {
     return LG_OK;
 }
 
+/* ---- calls ---- */
+
+static void close_walk(walk *x) {
+    lg_tape_destroy(x->tape);
+    lg_free(x->context, x->trial);
+    lg_free(x->context, x->t);
+}
+
+static lg_status open_walk(const lg_context *context, const lg_machine_problem *problem, double *theta,
+                           double *losses, walk *x) {
+    const lg_machine *machine = problem->machine;
+    const size_t windows = problem->windows, rows = problem->log.rows;
+    *x = (walk){.context = context,
+                .problem = problem,
+                .theta = theta,
+                .losses = losses,
+                .parameters = lg_machine_problem_parameters(problem),
+                .numbers = lg_machine_start_numbers(machine)};
+    lg_machine_fit_problem(problem, &x->fit);
+    x->trial = lg_alloc(context, x->parameters + windows + LG_FIT_CHUNK * x->numbers, sizeof *x->trial);
+    x->t = lg_alloc(context, rows * (1 + 4 * machine->input_count), sizeof *x->t);
+    if (x->trial == NULL || x->t == NULL) return LG_OUT_OF_MEMORY;
+    x->found = x->trial + x->parameters;
+    x->z = x->found + windows;
+    x->u = x->t + rows;
+    reverse(x);
+    return lg_tape_create(context, NULL, &x->tape);
+}
+
+static lg_status conclude(const walk *x, lg_status status, lg_error *error) {
+    if (status == LG_OK) return LG_OK;
+    const bool of_tape = x->tape != NULL && lg_tape_status(x->tape) != LG_OK;
+    return lg_fail(error, status, "%s", of_tape ? lg_tape_message(x->tape) : lg_status_sentence(status));
+}
+
 lg_status lg_machine_continue_starts(const lg_context *context, const lg_machine_problem *problem,
                                      double *theta, double *losses, lg_error *error) {
     LG_NEEDS(error, problem, theta, losses);
@@ -164,29 +200,104 @@ lg_status lg_machine_continue_starts(const lg_context *context, const lg_machine
     const lg_machine *machine = problem->machine;
     if (!lg_machine_starts_estimated(problem) || machine->directions > 0 || machine->rotations > 0)
         return lg_fail(error, LG_INVALID_ARGUMENT, "only estimated starts of lines and angles are continued");
-    walk x = {.context = context,
-              .problem = problem,
-              .theta = theta,
-              .losses = losses,
-              .parameters = lg_machine_problem_parameters(problem),
-              .numbers = lg_machine_start_numbers(machine)};
-    const size_t windows = problem->windows, rows = problem->log.rows;
-    lg_machine_fit_problem(problem, &x.fit);
-    x.trial = lg_alloc(context, x.parameters + windows + LG_FIT_CHUNK * x.numbers, sizeof *x.trial);
-    x.t = lg_alloc(context, rows * (1 + 4 * machine->input_count), sizeof *x.t);
-    lg_status status = x.trial != NULL && x.t != NULL ? lg_tape_create(context, NULL, &x.tape) : LG_OUT_OF_MEMORY;
-    if (status == LG_OK) {
-        x.found = x.trial + x.parameters;
-        x.z = x.found + windows;
-        x.u = x.t + rows;
-        reverse(&x);
-        status = go_along(&x);
+    walk x;
+    lg_status status = open_walk(context, problem, theta, losses, &x);
+    if (status == LG_OK) status = go_along(&x);
+    status = conclude(&x, status, error);
+    close_walk(&x);
+    return status;
+}
+
+/* ---- states at all rows ---- */
+
+/* Writes the states of windows first, first + 1, ..., at most LG_FIT_CHUNK, to their rows. */
+static lg_status write_states(walk *x, size_t first, double *q, double *v) {
+    const lg_machine_problem *problem = x->problem;
+    const lg_machine *machine = problem->machine;
+    const size_t left = problem->windows - first, nq = machine->positions, nv = machine->velocities;
+    const uint32_t count = (uint32_t)(left < LG_FIT_CHUNK ? left : LG_FIT_CHUNK);
+    size_t at[LG_FIT_CHUNK];
+    for (uint32_t i = 0; i < count; i++) {
+        at[i] = problem->start[first + i];
+        exchange(x, first + i, true, x->z + i * x->numbers, x->theta);
     }
-    if (status != LG_OK)
-        (void)lg_fail(error, status, "%s",
-                      x.tape != NULL ? lg_tape_message(x.tape) : lg_status_sentence(status));
-    lg_tape_destroy(x.tape);
-    lg_free(context, x.trial);
-    lg_free(context, x.t);
+    for (uint32_t j = 0; j < problem->window; j++) {
+        for (uint32_t i = 0; i < count; i++) {
+            const double *z = x->z + i * x->numbers;
+            memcpy(q + at[i] * nq, z, nq * sizeof *q);
+            memcpy(v + at[i] * nv, z + nq, nv * sizeof *v);
+            lg_machine_unscale_row(machine, q + at[i] * nq, v + at[i] * nv);
+        }
+        if (j + 1 == problem->window) break;
+        LG_TRY(pass(x, &problem->log, at, count, x->z));
+        for (uint32_t i = 0; i < count; i++) at[i]++;
+    }
+    return LG_OK;
+}
+
+/* Fits the starts of all windows, and continues them while that changes one. x->trial is overwritten. */
+static lg_status settle(walk *x, lg_error *error) {
+    enum { ROUNDS = 4 };
+    for (int round = 0; round < ROUNDS; round++) {
+        for (size_t first = 0; first < x->problem->windows; first += LG_FIT_CHUNK) {
+            lg_machine_problem some = *x->problem;
+            some.start += first;
+            some.windows = some.windows - first < LG_FIT_CHUNK ? some.windows - first : LG_FIT_CHUNK;
+            LG_TRY(lg_machine_fit_starts(x->context, &some, x->theta + first * x->numbers, error));
+        }
+        memcpy(x->before, x->theta, x->parameters * sizeof *x->before);
+        LG_TRY(conclude(x, go_along(x), error));
+        if (memcmp(x->before, x->theta, x->parameters * sizeof *x->before) == 0) break;
+    }
+    return LG_OK;
+}
+
+static lg_status estimate_states(const lg_context *context, const lg_machine_problem *problem, double *q,
+                                 double *v, lg_error *error) {
+    const size_t n = lg_machine_problem_parameters(problem);
+    double *memory = lg_alloc(context, 2 * n + problem->windows, sizeof *memory);
+    walk x = {.context = context};
+    lg_status status = memory != NULL ? open_walk(context, problem, memory, memory + 2 * n, &x) : LG_OUT_OF_MEMORY;
+    if (status == LG_OK) {
+        x.before = memory + n;
+        memset(memory, 0, n * sizeof *memory);
+        status = settle(&x, error);
+        for (size_t first = 0; first < problem->windows && status == LG_OK; first += LG_FIT_CHUNK)
+            status = conclude(&x, write_states(&x, first, q, v), error);
+    } else {
+        (void)conclude(&x, status, error);
+    }
+    close_walk(&x);
+    lg_free(context, memory);
+    return status;
+}
+
+lg_status lg_machine_estimate_states(const lg_context *context, const lg_machine *machine,
+                                     const double *theta, const lg_scheme *scheme, uint32_t substeps,
+                                     const lg_machine_log *log, uint32_t window, double *q, double *v,
+                                     lg_error *error) {
+    LG_NEEDS(error, machine, scheme, log, q, v);
+    lg_machine_problem problem = {.machine = machine,
+                                  .scheme = scheme,
+                                  .substeps = substeps,
+                                  .window = window,
+                                  .starts = LG_MACHINE_STARTS_ESTIMATED,
+                                  .theta = theta,
+                                  .log = *log};
+    if (theta == NULL && machine->parameters > 0)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the machine has parameters, and they are NULL");
+    if (!machine->accelerations || log->a == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "states are estimated from accelerations; there are none");
+    memcpy(q, log->q, log->rows * machine->positions * sizeof *q);
+    memcpy(v, log->v, log->rows * machine->velocities * sizeof *v);
+    size_t *start = lg_alloc(context, log->rows, sizeof *start);
+    if (start == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    problem.windows = lg_machine_windows(machine, log, window, window - 1, true, start);
+    problem.start = start;
+    lg_machine_scale_loss(&problem);
+    lg_status status = LG_OK;
+    if (problem.windows > 0) status = lg_machine_problem_check(&problem, error);
+    if (problem.windows > 0 && status == LG_OK) status = estimate_states(context, &problem, q, v, error);
+    lg_free(context, start);
     return status;
 }

@@ -587,14 +587,6 @@ lg_var lg_machine_record_accelerations(lg_tape *tape, const lg_machine_vars *var
     return lg_is_none(bias) || lg_is_none(a) ? a : lg_add(tape, a, bias);
 }
 
-lg_var lg_machine_record_shown(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_log *log,
-                               const size_t *at, uint32_t count, const lg_var *parts) {
-    lg_var u;
-    if (!vars->machine->accelerations) return lg_machine_record_velocities(tape, vars, parts);
-    if (lg_machine_record_inputs(tape, vars, log, at, count, &u) != LG_OK) return LG_NONE;
-    return lg_machine_record_accelerations(tape, vars, parts, u);
-}
-
 /* ---- potential forces and impulses ---- */
 
 /* Appends the potential's forces on coordinate i in the order of its velocities. */

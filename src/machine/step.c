@@ -237,3 +237,11 @@ lg_status lg_machine_record_inputs(lg_tape *tape, const lg_machine_vars *vars, c
     give_lags(tape, &over);
     return status == LG_OK ? lg_tape_status(tape) : status;
 }
+
+lg_var lg_machine_record_shown(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_log *log,
+                               const size_t *at, uint32_t count, const lg_var *parts) {
+    lg_var u;
+    if (!vars->machine->accelerations) return lg_machine_record_velocities(tape, vars, parts);
+    if (lg_machine_record_inputs(tape, vars, log, at, count, &u) != LG_OK) return LG_NONE;
+    return lg_machine_record_accelerations(tape, vars, parts, u);
+}

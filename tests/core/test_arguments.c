@@ -934,6 +934,10 @@ TEST("functions of machines refuse NULL") {
     const lg_machine_restriction restriction = {&problem, theta, 1, direction};
     lg_machine_problem begun = problem;
     begun.starts = LG_MACHINE_STARTS_ESTIMATED;
+    lg_machine shaken = *machine;
+    lg_machine_log pushes = problem.log;
+    shaken.accelerations = true;
+    pushes.a = v;
     lg_machine_adapted adapted = {.x = x, .error = x + 1, .alone = x + 2};
     direction[0] = 0.1;
     lg_program *program;
@@ -969,6 +973,8 @@ TEST("functions of machines refuse NULL") {
     REFUSES(lg_machine_estimate_starts(NULL, NEEDED(machine), NEEDED(theta), NEEDED(problem.scheme), 1,
                                        NEEDED(&problem.log), NEEDED(start), 2, 4, NEEDED(others),
                                        NEEDED(others + 8), NULL));
+    REFUSES(lg_machine_estimate_states(NULL, NEEDED(&shaken), NEEDED(theta), NEEDED(problem.scheme), 1,
+                                       NEEDED(&pushes), 4, NEEDED(others), NEEDED(others + 8), NULL));
     REFUSES(lg_machine_program(NULL, NEEDED(machine), NEEDED(theta), NULL, NEEDED(&program), NULL));
     REFUSES(lg_machine_model_save(NULL, NEEDED("/nonexistent/file.h5"), NEEDED(file), NULL, NULL));
     REFUSES(lg_machine_model_describe(NEEDED(&file->run), NEEDED("machine"), NEEDED(text), NULL));

@@ -230,6 +230,29 @@ TEST("starts that are far off come from the windows before and behind") {
     REFUSED(lg_machine_continue_starts(NULL, &alone, wrong, losses, &told), "estimated");
 }
 
+TEST("the states at all rows of a log come from its accelerations, whatever the guesses are") {
+    const lg_machine machine = pendulum();
+    const lg_scheme *scheme = lg_scheme_find("cf4");
+    const size_t start = 0;
+    const double theta[] = {0.3};
+    double q[ROWS], v[ROWS], found_q[ROWS], found_v[ROWS];
+    data *d = rest(&machine, 0.04);
+    d->q[0] = 2.5;
+    assert_ok(
+        lg_machine_free_run(NULL, &machine, theta, scheme, 1, &d->log, &start, 1, ROWS - 1, q, d->a, NULL));
+    for (size_t row = 1; row + 1 < ROWS; row++) v[row] = (q[row + 1] - q[row - 1]) / 0.08;
+    /* Guesses that are right in the last window, and far off in the others. */
+    for (size_t row = 0; row < ROWS; row++) d->q[row] = row < 40 ? 0.5 : q[row], d->v[row] = row < 40 ? -1 : v[row];
+    assert_ok(lg_machine_estimate_states(NULL, &machine, theta, scheme, 1, &d->log, WINDOW, found_q, found_v,
+                                         NULL));
+    assert_all_close(found_q, q, ROWS, 0, 1e-6);
+    assert_all_close(found_v + 1, v + 1, ROWS - 2, 0, 0.05);
+    lg_machine_log none = d->log;
+    none.a = NULL;
+    REFUSED(lg_machine_estimate_states(NULL, &machine, theta, scheme, 1, &none, WINDOW, found_q, found_v, &told),
+            "there are none");
+}
+
 TEST("windows of accelerations give back the numbers and the bias of their sensor") {
     enum { BEGIN = 6 };
     lg_machine truth = unknown_arm(), *machine = &truth;

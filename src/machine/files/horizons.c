@@ -213,10 +213,18 @@ lg_status lg_started_log_create(const lg_context *context, const lg_learned_mach
         return no_memory(error);
     }
     double *v = q + count * nq;
+    lg_machine_log guessed = *log;
+    const uint32_t rows = (uint32_t)lg_start_rows(machine);
+    lg_status status = LG_OK;
     out->log.v = out->v = out->q + log->rows * nq;
-    const lg_status status =
-        lg_machine_estimate_starts(context, machine, model->theta, model->scheme, model->substeps, log, row,
-                                   count, (uint32_t)lg_start_rows(machine), q, v, error);
+    if (machine->accelerations) { /* the guesses of the log are not good enough for the model's own starts */
+        status = lg_machine_estimate_states(context, machine, model->theta, model->scheme, model->substeps,
+                                            log, rows, out->q, out->v, error);
+        guessed.q = out->q, guessed.v = out->v;
+    }
+    if (status == LG_OK)
+        status = lg_machine_estimate_starts(context, machine, model->theta, model->scheme, model->substeps,
+                                            &guessed, row, count, rows, q, v, error);
     for (size_t i = 0; i < count && status == LG_OK; i++) {
         memcpy(out->q + row[i] * nq, q + i * nq, nq * sizeof *q);
         memcpy(out->v + row[i] * nv, v + i * nv, nv * sizeof *v);

@@ -98,12 +98,17 @@ static lg_machine_problem short_windows(const lg_training *self, const lg_machin
 
 /* Fits `problem`, of short windows. theta, in and out: the parameters of `machine`; with positions alone the
  * parameters of the starts follow. */
-static lg_status fit_problem(lg_training *self, lg_machine_problem *problem, double *theta, lg_error *error) {
+static lg_status fit_some(lg_training *self, lg_machine_problem *problem, uint64_t epochs, double *theta,
+                          lg_error *error) {
     /* Priors only hold what short windows leave open. */
     static const double weak = 1e-6;
-    const lg_stage_limits most = {LG_STAGE_EPOCHS, self->options.seconds / 8};
+    const lg_stage_limits most = {epochs, self->options.seconds / 8};
     problem->residual = weak;
     return lg_machine_fit_stage(self, problem, &most, theta, error);
+}
+
+static lg_status fit_problem(lg_training *self, lg_machine_problem *problem, double *theta, lg_error *error) {
+    return fit_some(self, problem, LG_STAGE_EPOCHS, theta, error);
 }
 
 static lg_status fit_short(lg_training *self, const lg_machine *machine, const lg_scheme *scheme,
@@ -205,6 +210,8 @@ static lg_status scan_bristles(lg_training *self, const lg_machine *machine, dou
     return scan(self, &problem, BRISTLES, start_bristles, theta, losses, error);
 }
 
+enum { FEW_EPOCHS = 10 }; /* of fits whose windows the fit of the machine takes again */
+
 /* Copies the parameters of the machine, then those of the starts of the windows in `list`, from or to `own`. */
 static void copy_starts(const lg_machine_problem *all, const size_t *list, size_t count, double *theta,
                         double *own, bool back) {
@@ -232,12 +239,12 @@ static lg_status fit_good(lg_training *self, const lg_machine_problem *all, cons
     for (size_t w = 0; w < all->windows; w++)
         if (losses[w] <= most) list[count] = w, start[count++] = all->start[w];
     *left = all->windows - count;
-    if (count == 0) return LG_OK;
+    if (count == 0 || *left == 0) return LG_OK;
     good.start = start;
     good.windows = count;
     good.validation = 0;
     copy_starts(all, list, count, theta, own, false);
-    LG_TRY(fit_problem(self, &good, own, error));
+    LG_TRY(fit_some(self, &good, FEW_EPOCHS, own, error));
     copy_starts(all, list, count, theta, own, true);
     return LG_OK;
 }
@@ -261,7 +268,7 @@ static lg_status fit_accelerations(lg_training *self, const lg_machine *machine,
         problem = s->problem;
         problem.machine = machine;
         problem.window = s->problem.window / part;
-        if (problem.window > SHORTEST) LG_TRY(fit_problem(self, &problem, theta, error));
+        if (problem.window > SHORTEST) LG_TRY(fit_some(self, &problem, FEW_EPOCHS, theta, error));
     }
     LG_TRY(scan_lags(self, &problem, theta, error));
     for (int round = 0; round < ROUNDS && left > 0; round++) {
