@@ -18,10 +18,9 @@ void identify_load(app *self, uint64_t substeps, identify_given *out) {
                                      .delay = run->estimated};
     identify_read(self, &from, &out->data);
     APP_MUST(self, lg_machine_refuse_momenta(&out->data.file, path, &error));
-    out->model = (lg_learned_machine){&run->machine, out->file.theta, run->scheme,
-                                      substeps > 0 ? (uint32_t)substeps : run->substeps,
-                                      out->data.file.measured == LG_MEASURED_POSITIONS ||
-                                          out->data.file.machine.accelerations};
+    out->model = (lg_learned_machine){
+        &run->machine, out->file.theta, run->scheme, substeps > 0 ? (uint32_t)substeps : run->substeps,
+        out->data.file.measured == LG_MEASURED_POSITIONS || out->data.file.machine.accelerations};
 }
 
 void identify_refuse_accelerations(const app *self, const identify_given *given, const char *command) {

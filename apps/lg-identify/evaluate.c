@@ -396,10 +396,11 @@ const app_command evaluate_command = {
     .name = "evaluate",
     .arguments = "MODEL.h5 LOG...",
     .summary = "Free runs of a model against logs",
-    .details = "A run starts every n rows (--every) and takes only the inputs from the log. Errors are root "
-               "mean squares over all rows up to the horizon. Beside them are the errors of a machine that "
-               "stands still and of a linear model v' = A (q, v, u, 1), fitted to the same logs. With "
-               "positions alone, 50 rows estimate the state at each start, with accelerations alone 200; these "
-               "rows do not count.",
+    .details =
+        "A run starts every n rows (--every) and takes only the inputs from the log. Errors are root "
+        "mean squares over all rows up to the horizon. Beside them are the errors of a machine that "
+        "stands still and of a linear model v' = A (q, v, u, 1), fitted to the same logs. With "
+        "positions alone, 50 rows estimate the state at each start, with accelerations alone 200; these "
+        "rows do not count.",
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
     .run = run};

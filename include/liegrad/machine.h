@@ -459,9 +459,9 @@ typedef enum lg_machine_starts { LG_MACHINE_STARTS_MEASURED, LG_MACHINE_STARTS_E
  * direction's omega only the part across the logged q counts, (1 - q q^T) omega: logs contain no omega along
  * q, and an error dq of the logged q would appear as |omega| dq along q. All pointers are borrowed.
  *
- * For a machine of `accelerations` the columns are the accelerations alone: those of the model at a row are v'
- * at the predicted state, with the input right after the row, and velocity_scale is a scale of accelerations.
- * Such windows must be long enough to show their starts; position_scale is not used.
+ * For a machine of `accelerations` the columns are the accelerations alone: those of the model at a row are
+ * v' at the predicted state, with the input right after the row, and velocity_scale is a scale of
+ * accelerations. Such windows must be long enough to show their starts; position_scale is not used.
  *
  * Only memory limits M. With d = 2 velocities (+ 1 for each direction), P parameters (of theta and of one
  * start) and B windows at once, Levenberg-Marquardt takes about 8 B M d P bytes, and from M = 512 on for
@@ -510,12 +510,12 @@ LG_API lg_status lg_machine_problem_check(const lg_machine_problem *problem, lg_
  * multiplied by scales.time for velocities, and by its square for positions. */
 LG_API size_t lg_machine_problem_parameters(const lg_machine_problem *problem);
 LG_API void lg_machine_fit_problem(const lg_machine_problem *problem, lg_fit_problem *out);
-/* Replaces starts that are far off, in which fits of accelerations are stuck. The starts are estimated; the
- * machine has lines and angles alone. Where a window begins in the last row of another, its start becomes the
- * state that the other one predicts there if that at least halves its loss; likewise backwards in time, except
- * with lags and bristles. This goes on along the log. theta, in and out: the parameters of the fit. losses
- * (windows): sums over points and columns of each window's squared residuals, in units of the loss, with the
- * starts of theta. Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY, those of the tape. */
+/* Replaces starts that are far off, in which fits of accelerations are stuck. The starts are estimated;
+ * the machine has lines and angles alone. Where a window begins in the last row of another, its start
+ * becomes the state that the other one predicts there if that at least halves its loss; likewise backwards
+ * in time, except with lags and bristles. This goes on along the log. theta, in and out: the parameters of
+ * the fit. losses (windows): sums over points and columns of each window's squared residuals, in units of
+ * the loss, with the starts of theta. Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY, those of the tape. */
 LG_API lg_status lg_machine_continue_starts(const lg_context *context, const lg_machine_problem *problem,
                                             double *theta, double *losses, lg_error *error);
 /* As lg_machine_fit_problem, but the windows become a regression of momenta: over each window the changes of
@@ -675,20 +675,21 @@ LG_API lg_status lg_machine_free_run(const lg_context *context, const lg_machine
 /* Estimates the states at the rows start[0..count-1]: the states from which a run fits the log best over
  * `window` rows, of which the start row is the first. If the part has fewer rows, it uses these; there
  * must be at least 2. All positions of the rows start[0..count-1] must be there. The machine's scales
- * weigh positions against velocities; a machine of `accelerations` is compared with these alone. Writes positions (count, positions) and velocities (count,
- * velocities) in the units of the log. A state whose run is not finite keeps the logged positions and
- * velocities; difference quotients of the positions replace missing velocities. Errors:
- * LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY, LG_CANCELLED, those of the tape. */
+ * weigh positions against velocities; a machine of `accelerations` is compared with these alone. Writes
+ * positions (count, positions) and velocities (count, velocities) in the units of the log. A state whose
+ * run is not finite keeps the logged positions and velocities; difference quotients of the positions
+ * replace missing velocities. Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY, LG_CANCELLED, those of the
+ * tape. */
 LG_API lg_status lg_machine_estimate_starts(const lg_context *context, const lg_machine *machine,
                                             const double *theta, const lg_scheme *scheme, uint32_t substeps,
                                             const lg_machine_log *log, const size_t *start, size_t count,
                                             uint32_t window, double *positions, double *velocities,
                                             lg_error *error);
 
-/* Estimates the states at all rows of a log of accelerations: windows of `window` rows (2 or more) that touch
- * are fitted, and lg_machine_continue_starts replaces starts that are far off. q (rows, positions) and v (rows,
- * velocities), in the units of the log, get the runs of the windows; rows in no window keep the log's guesses.
- * Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY, LG_CANCELLED, those of the tape. */
+/* Estimates the states at all rows of a log of accelerations: windows of `window` rows (2 or more) that
+ * touch are fitted, and lg_machine_continue_starts replaces starts that are far off. q (rows, positions)
+ * and v (rows, velocities), in the units of the log, get the runs of the windows; rows in no window keep
+ * the log's guesses. Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY, LG_CANCELLED, those of the tape. */
 LG_API lg_status lg_machine_estimate_states(const lg_context *context, const lg_machine *machine,
                                             const double *theta, const lg_scheme *scheme, uint32_t substeps,
                                             const lg_machine_log *log, uint32_t window, double *q, double *v,

@@ -69,7 +69,8 @@ static lg_status pass(const walk *x, const lg_machine_log *log, const size_t *at
 /* z of window w: its start in theta (out), or theta from it. */
 static void exchange(const walk *x, size_t w, bool out, double *z, double *theta) {
     const lg_machine *machine = x->problem->machine;
-    double unit[LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES], guess[LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES];
+    double unit[LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES],
+        guess[LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES];
     double *own = theta + lg_machine_shared(x->problem) + w * x->numbers;
     lg_machine_start_units(x->problem, unit);
     lg_machine_scaled_rows(machine, &x->problem->log, &x->problem->start[w], 1, guess,
@@ -118,7 +119,8 @@ static lg_status find_losses(walk *x, const double *theta, double *losses) {
         const lg_var parameters = lg_parameter(x->tape, lg_shape1((uint32_t)x->parameters), theta);
         for (size_t i = 0; i < count; i++) samples[i] = (uint32_t)(first + i);
         LG_TRY(x->fit.residuals(x->fit.user, x->tape, parameters, samples, count, 1, &r));
-        LG_TRY(lg_read(x->tape, lg_sum_axis(x->tape, lg_square(x->tape, r), 1, false), count, losses + first));
+        LG_TRY(
+            lg_read(x->tape, lg_sum_axis(x->tape, lg_square(x->tape, r), 1, false), count, losses + first));
     }
     return LG_OK;
 }
@@ -257,7 +259,8 @@ static lg_status estimate_states(const lg_context *context, const lg_machine_pro
     const size_t n = lg_machine_problem_parameters(problem);
     double *memory = lg_alloc(context, 2 * n + problem->windows, sizeof *memory);
     walk x = {.context = context};
-    lg_status status = memory != NULL ? open_walk(context, problem, memory, memory + 2 * n, &x) : LG_OUT_OF_MEMORY;
+    lg_status status =
+        memory != NULL ? open_walk(context, problem, memory, memory + 2 * n, &x) : LG_OUT_OF_MEMORY;
     if (status == LG_OK) {
         x.before = memory + n;
         memset(memory, 0, n * sizeof *memory);

@@ -52,8 +52,8 @@ lg_status lg_machine_fit_starts(const lg_context *context, const lg_machine_prob
     second.windows -= half;
     second.start += half;
     LG_TRY(lg_machine_fit_starts(context, &first, numbers, error));
-    return lg_machine_fit_starts(context, &second, numbers + half * lg_machine_start_numbers(problem->machine),
-                                 error);
+    return lg_machine_fit_starts(context, &second,
+                                 numbers + half * lg_machine_start_numbers(problem->machine), error);
 }
 
 /* Reads the fitted starts in the units of the log: positions (windows, positions) and velocities (windows,

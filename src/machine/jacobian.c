@@ -100,11 +100,11 @@ typedef struct chain {
     size_t count, shared, own, columns, rows;
     double factor;
     axes axes;
-    double *z, *next;     /* (count, numbers): z of the current and of the next row */
-    double *dz;           /* (count, numbers): gradient with respect to z */
-    double *A;            /* (count, d, d) */
-    double *apart;        /* (count, shared): gradient with respect to theta for each window */
-    double *S, *moved;    /* (count, d, columns): S of the current and of the next row */
+    double *z, *next;  /* (count, numbers): z of the current and of the next row */
+    double *dz;        /* (count, numbers): gradient with respect to z */
+    double *A;         /* (count, d, d) */
+    double *apart;     /* (count, shared): gradient with respect to theta for each window */
+    double *S, *moved; /* (count, d, columns): S of the current and of the next row */
     /* Where accelerations are measured: those of the current row, (count, velocities), and their rows of the
      * Jacobian, (count, velocities, columns). Else NULL. */
     double *a, *of_a;
@@ -319,11 +319,9 @@ static lg_status show_accelerations(lg_tape *tape, chain *c, uint32_t j, size_t 
     lg_tape_reset(tape);
     LG_TRY(bind(tape, c, &theta, &vars));
     LG_TRY(record_point(tape, c, &vars, j, at, &from, parts));
-    const lg_var a =
-        lg_machine_record_shown(tape, &vars, &c->problem->log, at, (uint32_t)c->count, parts);
+    const lg_var a = lg_machine_record_shown(tape, &vars, &c->problem->log, at, (uint32_t)c->count, parts);
     LG_TRY(lg_read(tape, a, c->count * machine->velocities, c->a));
-    for (uint32_t k = 0; k < machine->velocities; k++)
-        LG_TRY(sweep_acceleration(tape, c, k, from, theta, a));
+    for (uint32_t k = 0; k < machine->velocities; k++) LG_TRY(sweep_acceleration(tape, c, k, from, theta, a));
     return LG_OK;
 }
 

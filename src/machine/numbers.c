@@ -177,7 +177,8 @@ void lg_machine_potential_entry(const lg_machine *machine, const lg_machine_term
                                &monomials);
     const uint32_t *factor = monomials.factor[index];
     monomial_name(machine, term, factor, name, sizeof name);
-    *out = (lg_entry_about){.unit = machine->scales.energy * coefficient_unit(scales, factor), .single = true};
+    *out =
+        (lg_entry_about){.unit = machine->scales.energy * coefficient_unit(scales, factor), .single = true};
     (void)snprintf(out->name, sizeof out->name, "potential.%s", name);
 }
 

@@ -36,8 +36,7 @@ static lg_status keep(lg_tape *tape, const runs *r, const lg_machine_flow *flow,
     LG_TRY(lg_read(tape, joined, r->count * flow->space.dim, r->state));
     LG_TRY(lg_read(tape, lg_machine_record_positions(tape, flow->vars, parts), r->count * nq, q));
     for (size_t i = 0; i < r->count; i++) r->at[i] = r->start[i] + step;
-    const lg_var shown =
-        lg_machine_record_shown(tape, flow->vars, r->log, r->at, (uint32_t)r->count, parts);
+    const lg_var shown = lg_machine_record_shown(tape, flow->vars, r->log, r->at, (uint32_t)r->count, parts);
     LG_TRY(lg_read(tape, shown, r->count * nv, v));
     for (size_t i = 0; i < r->count; i++) {
         lg_machine_unscale_row(machine, q + i * nq, v + i * nv);

@@ -109,9 +109,8 @@ void lg_machine_weigh_row(const lg_machine_problem *problem, size_t row, double 
             positions[k] = given ? factor * unit / problem->position_scale[i] : 0.0;
         }
         for (uint32_t k = at.velocity; k < at.velocity + is->velocities; k++)
-            velocities[k] = isnan(v[k]) ? 0.0
-                                        : factor * lg_machine_shown_unit(machine, k) /
-                                              problem->velocity_scale[i];
+            velocities[k] =
+                isnan(v[k]) ? 0.0 : factor * lg_machine_shown_unit(machine, k) / problem->velocity_scale[i];
     }
 }
 

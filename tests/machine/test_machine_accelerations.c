@@ -74,7 +74,8 @@ TEST("accelerations are the slopes of the velocities, plus the bias of the senso
     assert_int_equal(lg_machine_numbers(&flagged, &theta, 1, &number), 1);
     assert_string_equal(number.name, "bias.a.acceleration");
     assert_close(number.value, bias, 1e-12, 0);
-    assert_ok(lg_machine_free_run(NULL, &plain, NULL, scheme, 4, &d->log, &start, 1, ROWS - 1, NULL, v, NULL));
+    assert_ok(
+        lg_machine_free_run(NULL, &plain, NULL, scheme, 4, &d->log, &start, 1, ROWS - 1, NULL, v, NULL));
     assert_ok(
         lg_machine_free_run(NULL, &flagged, &theta, scheme, 4, &d->log, &start, 1, ROWS - 1, NULL, a, NULL));
     for (size_t i = 4; i < 2 * (ROWS - 2); i++) {
@@ -157,7 +158,8 @@ static void compare(const lg_machine_problem *problem) {
     assert_true(largest > 0.1);
 }
 
-TEST("the Jacobian of accelerations agrees with the tape: numbers, a lag, a bias and starts; a gap counts 0") {
+TEST(
+    "the Jacobian of accelerations agrees with the tape: numbers, a lag, a bias and starts; a gap counts 0") {
     const lg_machine machine = unknown_arm();
     data *d = rest(&machine, 0.05);
     const double *numbers = test_numbers(3, 6 * ROWS, -1, 1);
@@ -208,8 +210,8 @@ TEST("starts that are far off come from the windows before and behind") {
     double theta[1 + 2 * WINDOWS] = {0.3}, losses[WINDOWS], wrong[1 + 2 * WINDOWS];
     data *d = rest(&machine, 0.04);
     d->q[0] = 2.5;
-    assert_ok(lg_machine_free_run(NULL, &machine, theta, lg_scheme_find("cf4"), 1, &d->log, &start, 1, ROWS - 1,
-                                  d->q, d->a, NULL));
+    assert_ok(lg_machine_free_run(NULL, &machine, theta, lg_scheme_find("cf4"), 1, &d->log, &start, 1,
+                                  ROWS - 1, d->q, d->a, NULL));
     for (size_t row = 1; row + 1 < ROWS; row++) d->v[row] = (d->q[row + 1] - d->q[row - 1]) / 0.08;
     const lg_machine_problem problem = problem_of(&machine, d, LG_MACHINE_STARTS_ESTIMATED);
     for (size_t bad = 0; bad < WINDOWS; bad++) {
@@ -242,15 +244,17 @@ TEST("the states at all rows of a log come from its accelerations, whatever the 
         lg_machine_free_run(NULL, &machine, theta, scheme, 1, &d->log, &start, 1, ROWS - 1, q, d->a, NULL));
     for (size_t row = 1; row + 1 < ROWS; row++) v[row] = (q[row + 1] - q[row - 1]) / 0.08;
     /* Guesses that are right in the last window, and far off in the others. */
-    for (size_t row = 0; row < ROWS; row++) d->q[row] = row < 40 ? 0.5 : q[row], d->v[row] = row < 40 ? -1 : v[row];
+    for (size_t row = 0; row < ROWS; row++)
+        d->q[row] = row < 40 ? 0.5 : q[row], d->v[row] = row < 40 ? -1 : v[row];
     assert_ok(lg_machine_estimate_states(NULL, &machine, theta, scheme, 1, &d->log, WINDOW, found_q, found_v,
                                          NULL));
     assert_all_close(found_q, q, ROWS, 0, 1e-6);
     assert_all_close(found_v + 1, v + 1, ROWS - 2, 0, 0.05);
     lg_machine_log none = d->log;
     none.a = NULL;
-    REFUSED(lg_machine_estimate_states(NULL, &machine, theta, scheme, 1, &none, WINDOW, found_q, found_v, &told),
-            "there are none");
+    REFUSED(
+        lg_machine_estimate_states(NULL, &machine, theta, scheme, 1, &none, WINDOW, found_q, found_v, &told),
+        "there are none");
 }
 
 TEST("windows of accelerations give back the numbers and the bias of their sensor") {
@@ -261,8 +265,8 @@ TEST("windows of accelerations give back the numbers and the bias of their senso
     double theta[BEGIN + 4 * WINDOWS] = {0};
     const double *exact = test_numbers(12, BEGIN, -0.3, 0.3);
     d->q[0] = 0.9, d->v[1] = 2;
-    assert_ok(lg_machine_free_run(NULL, machine, exact, lg_scheme_find("cf4"), 1, &d->log, &start, 1, ROWS - 1,
-                                  d->q, d->a, NULL));
+    assert_ok(lg_machine_free_run(NULL, machine, exact, lg_scheme_find("cf4"), 1, &d->log, &start, 1,
+                                  ROWS - 1, d->q, d->a, NULL));
     for (size_t i = 2; i + 2 < 2 * ROWS; i++) d->v[i] = (d->q[i + 2] - d->q[i - 2]) / 0.06;
     for (size_t i = 0; i < 2 * ROWS; i++) d->q[i] += 0.02 * sin((double)i);
     const lg_machine_problem problem = problem_of(machine, d, LG_MACHINE_STARTS_ESTIMATED);

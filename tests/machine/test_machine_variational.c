@@ -320,14 +320,15 @@ static lesson *make_lesson(void) {
         l->first[row / WINDOW] = l->start[row / WINDOW] = row / WINDOW * WINDOW;
     }
     l->first[PARTS] = ROWS;
-    l->problem = (lg_machine_problem){.scheme = lg_scheme_find("variational"),
-                                      .substeps = 4,
-                                      .window = WINDOW,
-                                      .log = {ROWS, PARTS, l->first, l->t, l->q, l->v, l->u, NULL, NULL, NULL},
-                                      .windows = PARTS,
-                                      .start = l->start,
-                                      .position_scale = {1.0},
-                                      .velocity_scale = {1.0}};
+    l->problem =
+        (lg_machine_problem){.scheme = lg_scheme_find("variational"),
+                             .substeps = 4,
+                             .window = WINDOW,
+                             .log = {ROWS, PARTS, l->first, l->t, l->q, l->v, l->u, NULL, NULL, NULL},
+                             .windows = PARTS,
+                             .start = l->start,
+                             .position_scale = {1.0},
+                             .velocity_scale = {1.0}};
     assert_ok(lg_machine_free_run(NULL, &truth, NULL, lg_scheme_find("rkmk5"), 4, &l->problem.log, l->start,
                                   PARTS, WINDOW - 1, q, v, NULL));
     memcpy(l->q, q, sizeof q);

@@ -118,8 +118,8 @@ static void find_weights(const lg_machine *machine, const lg_machine_log *log, l
         double sum = 0, count = 0;
         for (size_t w = 0; w < out->count; w++)
             for (size_t j = 1; j <= out->steps; j++) {
-                const double d = logged_at(machine, log, out->start[w] + j, i) -
-                                 logged_at(machine, log, out->start[w], i);
+                const double d =
+                    logged_at(machine, log, out->start[w] + j, i) - logged_at(machine, log, out->start[w], i);
                 if (isnan(d)) continue;
                 sum += d * d;
                 count++;
@@ -132,8 +132,8 @@ static void find_weights(const lg_machine *machine, const lg_machine_log *log, l
 lg_status lg_held_out_plan(const lg_context *context, const lg_machine *machine, const lg_machine_log *log,
                            double part, bool estimated, lg_held_out *out, lg_error *error) {
     enum { LEAST_STEPS = 5, LEAST_WINDOWS = 4 };
-    *out = (lg_held_out){
-        .estimated = estimated, .before = rows_before(machine, estimated), .context = context};
+    *out =
+        (lg_held_out){.estimated = estimated, .before = rows_before(machine, estimated), .context = context};
     out->steps = choose_steps(machine, log, part, estimated);
     if (out->steps < LEAST_STEPS) return LG_OK;
     out->start = lg_alloc(context, log->rows / out->steps + 1, sizeof *out->start);

@@ -5,12 +5,10 @@
 #include "core/median.h"
 #include "machine/files/recipe.h"
 
-const char *const lg_run_error_names[LG_RUN_ERRORS] = {[LG_ERROR_LINE] = "line",
-                                                       [LG_ERROR_ANGLE] = "angle",
-                                                       [LG_ERROR_DIRECTION] = "direction",
-                                                       [LG_ERROR_ROTATION] = "rotation",
-                                                       [LG_ERROR_VELOCITY] = "velocity",
-                                                       [LG_ERROR_ACCELERATION] = "acceleration"};
+const char *const lg_run_error_names[LG_RUN_ERRORS] = {
+    [LG_ERROR_LINE] = "line",           [LG_ERROR_ANGLE] = "angle",
+    [LG_ERROR_DIRECTION] = "direction", [LG_ERROR_ROTATION] = "rotation",
+    [LG_ERROR_VELOCITY] = "velocity",   [LG_ERROR_ACCELERATION] = "acceleration"};
 
 /* ---- runs in memory ---- */
 
@@ -265,8 +263,8 @@ static void keep_runs(void *user, const runs *r) {
     keep_ends(r->v, r->count, before, e->steps, r->machine->velocities, e->v);
 }
 
-static lg_status run_estimated(void *user, const lg_machine_log *marked, const size_t *start,
-                                    size_t count, size_t steps, double *q, double *v, lg_error *error) {
+static lg_status run_estimated(void *user, const lg_machine_log *marked, const size_t *start, size_t count,
+                               size_t steps, double *q, double *v, lg_error *error) {
     const model_runner *m = user;
     const size_t before = rows_before(m->model->machine);
     ends e = {q, v, steps};
@@ -308,8 +306,8 @@ lg_status lg_machine_horizon(const lg_context *context, const lg_learned_machine
     if (v == NULL) return no_memory(error);
     mark_starts(machine, log, every, v);
     marked.v = v;
-    const lg_status status = judge_from(context, machine, run_estimated, &runner, &marked, log, seconds,
-                                        every, out, error);
+    const lg_status status =
+        judge_from(context, machine, run_estimated, &runner, &marked, log, seconds, every, out, error);
     lg_free(context, v);
     return status;
 }

@@ -100,10 +100,11 @@ static void warn_of_open(const lg_training *self, const lg_identification *of, s
 static void warn_of_positions(const lg_training *self, const lg_machine *machine) {
     for (uint32_t i = 0; i < machine->coordinate_count && machine->accelerations; i++)
         if (!lg_machine_sees_position(machine, i))
-            LG_WARN(self,
-                    "where %s is cannot be known: the log has accelerations alone, and nothing in the machine "
-                    "depends on this position",
-                    machine->coordinates[i].name);
+            LG_WARN(
+                self,
+                "where %s is cannot be known: the log has accelerations alone, and nothing in the machine "
+                "depends on this position",
+                machine->coordinates[i].name);
 }
 
 /* Warns of numbers whose error exceeds their value, unless the error is next to nothing against the largest

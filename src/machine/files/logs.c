@@ -470,9 +470,8 @@ lg_status lg_logs_read(const lg_context *context, const lg_machine_file *file, c
 void lg_logs_destroy(lg_logs *logs) {
     if (logs == NULL) return;
     lg_machine_filter_destroy(logs->filter);
-    void *const owned[] = {logs->first, logs->part_file, logs->part_run, logs->t,
-                           logs->q,     logs->v,         logs->u,        logs->a,
-                           logs->warnings};
+    void *const owned[] = {logs->first, logs->part_file, logs->part_run, logs->t,       logs->q,
+                           logs->v,     logs->u,         logs->a,        logs->warnings};
     for (size_t i = 0; i < LG_COUNT(owned); i++) lg_free(logs->context, owned[i]);
     *logs = (lg_logs){.files = 0};
 }

@@ -78,7 +78,17 @@ static const lg_field keys[KEY_COUNT] = {
     [KEY_PARTS + LG_MACHINE_OFFSET] = {.name = "offset", .type = LG_FIELD_NODE},
 };
 
-enum { OF_NAME, OF_KIND, OF_COLUMNS, OF_POSITION, OF_VELOCITY, OF_ACCELERATION, OF_RATES, OF_FRAME, OF_COUNT };
+enum {
+    OF_NAME,
+    OF_KIND,
+    OF_COLUMNS,
+    OF_POSITION,
+    OF_VELOCITY,
+    OF_ACCELERATION,
+    OF_RATES,
+    OF_FRAME,
+    OF_COUNT
+};
 static const lg_field coordinate_keys[OF_COUNT] = {
     [OF_NAME] = {.name = "name", .type = LG_FIELD_TEXT, .required = true},
     [OF_KIND] = {.name = "kind", .type = LG_FIELD_NAME, .required = true, .value_name = name_kind},

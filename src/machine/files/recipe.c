@@ -143,7 +143,7 @@ static void choose_settings(const lg_training *self) {
     if (!self->given(self, "starts"))
         run->starts = noisy ? LG_MACHINE_STARTS_ESTIMATED : LG_MACHINE_STARTS_MEASURED;
     if (!self->given(self, "window")) {
-        const uint32_t wanted = positions                      ? window_of_noise(run, s, 60)
+        const uint32_t wanted = positions                    ? window_of_noise(run, s, 60)
                                 : run->machine.accelerations ? (uint32_t)lg_start_rows(&run->machine)
                                 : noisy                      ? 20
                                                              : 5;
@@ -252,9 +252,10 @@ static lg_status describe(lg_training *self, lg_error *error) {
     }
     run->windows = count_windows(run, s, run->stride);
     if (run->machine.accelerations && run->starts != LG_MACHINE_STARTS_ESTIMATED)
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "--starts measured: logs of accelerations alone do not have the states at which windows "
-                       "start: leave the option out");
+        return lg_fail(
+            error, LG_INVALID_ARGUMENT,
+            "--starts measured: logs of accelerations alone do not have the states at which windows "
+            "start: leave the option out");
     return LG_OK;
 }
 

@@ -106,7 +106,8 @@ typedef struct lg_started_log {
     double *q, *v;
     const lg_context *context;
 } lg_started_log;
-/* Estimates the states at row[0..count-1], each from lg_start_rows rows, fewer at the end of a part. `out` must be destroyed even after an error. */
+/* Estimates the states at row[0..count-1], each from lg_start_rows rows, fewer at the end of a part. `out`
+ * must be destroyed even after an error. */
 lg_status lg_started_log_create(const lg_context *context, const lg_learned_machine *model,
                                 const lg_machine_log *log, const size_t *row, size_t count,
                                 lg_started_log *out, lg_error *error);

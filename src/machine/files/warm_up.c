@@ -212,7 +212,8 @@ static lg_status scan_bristles(lg_training *self, const lg_machine *machine, dou
 
 enum { FEW_EPOCHS = 10 }; /* of fits whose windows the fit of the machine takes again */
 
-/* Copies the parameters of the machine, then those of the starts of the windows in `list`, from or to `own`. */
+/* Copies the parameters of the machine, then those of the starts of the windows in `list`, from or to
+ * `own`. */
 static void copy_starts(const lg_machine_problem *all, const size_t *list, size_t count, double *theta,
                         double *own, bool back) {
     const size_t shared = all->machine->parameters,
