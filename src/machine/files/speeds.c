@@ -36,8 +36,6 @@ static uint32_t first_use(const lg_machine *machine, uint32_t *coordinate) {
 }
 
 bool lg_machine_sees_position(const lg_machine *machine, uint32_t coordinate) {
-    const lg_grey_system *system = machine->grey.system;
-    if (system != NULL && (system->seen & (1U << coordinate)) != 0) return true;
     for (uint32_t t = 0; t < machine->term_count; t++)
         for (uint32_t k = 0; k < machine->terms[t].of_count; k++)
             if (machine->terms[t].of[k].index == coordinate && uses(machine, &machine->terms[t], k))
