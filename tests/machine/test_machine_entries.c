@@ -55,8 +55,8 @@ static void rates_of(const lg_machine *machine, const double *theta, double *out
 }
 
 TEST("a machine whose unknown numbers are at their starts is the machine in which they are known") {
-    static const char *const names[] = {"mass.2.2",  "input_map.1.2", "input_map.2.2",
-                                        "damping.x", "coulomb.a",     "offset.x",      "potential.cos(a)"};
+    static const char *const names[] = {"mass.2.2",  "input_map.1.2", "input_map.2.2",   "damping.x",
+                                        "coulomb.a", "offset.x",      "potential.cos(a)"};
     static const double starts[] = {3, -0.4, 0.5, 0.7, 0.9, -0.6, -0.8};
     const lg_machine known = mixed(false), open = mixed(true);
     const double zeros[7] = {0};
