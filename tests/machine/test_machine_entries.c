@@ -93,16 +93,22 @@ TEST("identified numbers, given as known values, make the same machine, for any 
 
 TEST("a known 0 does not fix the common factor of masses and forces, another known number does") {
     for (int known = 0; known < 2; known++) {
-        const double pull[2] = {known, -9};
+        const double pull[2] = {known, (double)NAN}, one = 1;
         lg_machine machine = empty_machine();
+        lg_identified number;
         add_coordinate(&machine, "a", LG_COORDINATE_ANGLE);
         (void)add_term(&machine, LG_MACHINE_MASS, "diagonal");
         lg_machine_term *gravity = add_term(&machine, LG_MACHINE_POTENTIAL, "gravity");
         add_feature(gravity, LG_FEATURE_HEIGHT, 0);
         add_values(gravity, 2, pull);
         open_value(gravity, 1, 0, 0, 0);
+        machine.scales.energy = 2.5;
         assert_machine(&machine);
         assert_int_equal(machine.normalised, known == 0);
+        /* Without a start the coefficient begins at 0, and its unit is that of an energy. */
+        machine.terms[0].parameters = 0, machine.terms[0].value_count = 1, gravity->offset = 0;
+        assert_int_equal(lg_machine_numbers(&machine, &one, 1, &number), 1);
+        assert_close(number.value, 2.5, 1e-14, 0);
     }
 }
 
