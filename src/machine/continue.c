@@ -242,10 +242,9 @@ static lg_status settle(walk *x, lg_error *error) {
     enum { ROUNDS = 4 };
     for (int round = 0; round < ROUNDS; round++) {
         for (size_t first = 0; first < x->problem->windows; first += LG_FIT_CHUNK) {
-            lg_machine_problem some = *x->problem;
-            some.start += first;
-            some.windows = some.windows - first < LG_FIT_CHUNK ? some.windows - first : LG_FIT_CHUNK;
-            LG_TRY(lg_machine_fit_starts(x->context, &some, x->theta + first * x->numbers, error));
+            const size_t left = x->problem->windows - first,
+                         count = left < LG_FIT_CHUNK ? left : LG_FIT_CHUNK;
+            LG_TRY(lg_machine_fit_starts(x->context, x->problem, first, count, x->theta, error));
         }
         memcpy(x->before, x->theta, x->parameters * sizeof *x->before);
         LG_TRY(conclude(x, go_along(x), error));

@@ -1,4 +1,5 @@
 /* Machines: estimates the starts of windows when the parameters of the machine are known. */
+#include <math.h>
 #include <string.h>
 
 #include "core/core.h"
@@ -41,19 +42,22 @@ static lg_status fit_starts(const lg_context *context, const lg_machine_problem 
     return status;
 }
 
-lg_status lg_machine_fit_starts(const lg_context *context, const lg_machine_problem *problem, double *numbers,
-                                lg_error *error) {
-    const size_t half = problem->windows / 2;
-    const lg_status status = fit_starts(context, problem, numbers, error);
+lg_status lg_machine_fit_starts(const lg_context *context, const lg_machine_problem *problem, size_t first,
+                                size_t count, double *numbers, lg_error *error) {
+    const size_t half = count / 2, each = lg_machine_start_numbers(problem->machine);
+    /* The unit of a start's numbers depends on the number of windows. */
+    const double factor = sqrt((double)problem->windows / (double)count);
+    double *own = numbers + first * each;
+    lg_machine_problem some = *problem;
+    some.start += first;
+    some.windows = count;
+    for (size_t i = 0; i < count * each; i++) own[i] *= factor;
+    const lg_status status = fit_starts(context, &some, own, error);
+    for (size_t i = 0; i < count * each; i++) own[i] /= factor;
     if (status != LG_NOT_FINITE) return status;
     if (half == 0) return lg_fail(error, LG_OK, "%s", "");
-    lg_machine_problem first = *problem, second = *problem;
-    first.windows = half;
-    second.windows -= half;
-    second.start += half;
-    LG_TRY(lg_machine_fit_starts(context, &first, numbers, error));
-    return lg_machine_fit_starts(context, &second,
-                                 numbers + half * lg_machine_start_numbers(problem->machine), error);
+    LG_TRY(lg_machine_fit_starts(context, problem, first, half, numbers, error));
+    return lg_machine_fit_starts(context, problem, first + half, count - half, numbers, error);
 }
 
 /* Reads the fitted starts in the units of the log: positions (windows, positions) and velocities (windows,
@@ -81,7 +85,7 @@ static lg_status estimate_group(const estimate *e, const lg_machine_problem *pro
                                 lg_error *error) {
     const size_t numbers = problem->windows * lg_machine_start_numbers(problem->machine);
     memset(e->numbers, 0, numbers * sizeof *e->numbers);
-    LG_TRY(lg_machine_fit_starts(e->context, problem, e->numbers, error));
+    LG_TRY(lg_machine_fit_starts(e->context, problem, 0, problem->windows, e->numbers, error));
     const lg_status status = read_starts(e, problem, q, v);
     return status == LG_OK ? LG_OK : lg_fail(error, status, "%s", lg_tape_message(e->tape));
 }

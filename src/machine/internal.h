@@ -395,11 +395,11 @@ uint32_t lg_machine_start_numbers(const lg_machine *machine);
 void lg_machine_start_units(const lg_machine_problem *problem, double *scale);
 /* Sets the scales of the loss of a problem whose parameters are known to the machine's scales. */
 void lg_machine_scale_loss(lg_machine_problem *problem);
-/* Fits the numbers of the starts of a problem whose parameters are known. A window whose run is not finite
- * spoils the fit of its whole group: the group is then halved until this window is alone, which keeps its
- * numbers. */
-lg_status lg_machine_fit_starts(const lg_context *context, const lg_machine_problem *problem, double *numbers,
-                                lg_error *error);
+/* Fits the starts of `count` windows from `first` on of a problem whose parameters are known. numbers: of all
+ * its windows. A window whose run is not finite spoils the fit of its whole group: the group is then halved
+ * until this window is alone, which keeps its numbers. */
+lg_status lg_machine_fit_starts(const lg_context *context, const lg_machine_problem *problem, size_t first,
+                                size_t count, double *numbers, lg_error *error);
 /* The state `parts` from positions and velocities (B, ...), after these were moved by the starts' parameters
  * `numbers` (B, lg_machine_start_numbers). */
 lg_status lg_machine_move_starts(lg_tape *tape, const lg_machine_problem *problem,

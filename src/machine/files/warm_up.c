@@ -218,10 +218,16 @@ static void copy_starts(const lg_machine_problem *all, const size_t *list, size_
                         double *own, bool back) {
     const size_t shared = all->machine->parameters,
                  each = (lg_machine_problem_parameters(all) - shared) / all->windows;
+    /* The unit of a start's numbers depends on the number of windows. */
+    const double unit = sqrt((double)all->windows / (double)count);
     memcpy(back ? theta : own, back ? own : theta, shared * sizeof *own);
     for (size_t i = 0; i < count; i++) {
-        double *to = own + shared + i * each, *from = theta + shared + list[i] * each;
-        memcpy(back ? from : to, back ? to : from, each * sizeof *own);
+        double *some = own + shared + i * each, *whole = theta + shared + list[i] * each;
+        for (size_t k = 0; k < each; k++)
+            if (back)
+                whole[k] = some[k] / unit;
+            else
+                some[k] = whole[k] * unit;
     }
 }
 
