@@ -52,7 +52,8 @@ static void name_coordinates(const app *self, const char *path, const lg_machine
     }
     for (uint32_t c = 0; c < file->column_count; c++) { /* a single column of velocity gives its name */
         const lg_log_column *column = &file->columns[c];
-        for (uint32_t i = 0; i < machine->coordinate_count && column->role == LG_LOG_VELOCITY; i++) {
+        const bool velocity = column->role == LG_LOG_VELOCITY && !machine->accelerations;
+        for (uint32_t i = 0; i < machine->coordinate_count && velocity; i++) {
             const lg_policy_motion motion = task->coordinate[i].motion;
             if (column->index == i && (motion == LG_POLICY_LINE || motion == LG_POLICY_ANGLE) &&
                 strlen(column->name) < LG_POLICY_NAME)

@@ -135,7 +135,7 @@ static bool fit(const app *self, adapting *a) {
     memcpy(problem.position_scale, run->position_scale, sizeof run->position_scale);
     memcpy(problem.velocity_scale, run->velocity_scale, sizeof run->velocity_scale);
     problem.windows = lg_machine_windows(&run->machine, &a->begin, a->window, a->window - 1,
-                                         a->given.model.positions, start);
+                                         a->given.model.estimated, start);
     const lg_machine_restriction restriction = {&problem, a->to.theta, a->to.count, a->to.directions};
     lg_error error = {LG_OK, ""};
     a->found = (lg_machine_adapted){.x = a->x, .error = a->error, .alone = a->alone};
@@ -229,7 +229,8 @@ static void judge(const app *self, adapting *a, const lg_learned_machine *model,
             if (row > start[i]) memcpy(q + row * nq, q + start[i] * nq, nq * sizeof *q);
             memset(v + row * nv, 0, nv * sizeof *v);
         }
-        for (size_t row = start[i]; model->positions && row < start[i] + LG_START_ROWS && row < end; row++) {
+        for (size_t row = start[i];
+             model->estimated && row < start[i] + lg_start_rows(model->machine) && row < end; row++) {
             for (size_t k = 0; k < nq; k++) q[row * nq + k] = (double)NAN;
             for (size_t k = 0; k < nv; k++) v[row * nv + k] = (double)NAN;
         }
@@ -318,6 +319,7 @@ static int run(app *self) {
     double force[LG_MACHINE_VELOCITIES] = {0};
     APP_MUST(self, lg_adapt_check(values.numbers, &error));
     identify_load(self, values.substeps, &a.given);
+    identify_refuse_accelerations(self, &a.given, "adapt");
     divide(self, &a);
     find_forces(self, &a, force);
     APP_MUST(self, lg_adaptation_create(self->context, self->arguments[0], &a.given.file, values.numbers,

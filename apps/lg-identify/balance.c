@@ -281,7 +281,7 @@ static void whiteness_of(const lg_machine_data *data, const intervals *all, iden
     double logged[LG_LOG_COLUMNS], predicted[LG_LOG_COLUMNS];
     for (size_t i = 0; i < all->count; i++) {
         const size_t row = all->row[i] + 1, at = 3 * i + 2;
-        identify_to_columns(file, log->q + row * nq, log->v + row * nv, NULL, logged);
+        identify_to_columns(file, log->q + row * nq, lg_log_shown(log) + row * nv, NULL, logged);
         identify_to_columns(file, all->run_q + at * nq, all->run_v + at * nv, logged, predicted);
         for (uint32_t c = 0; c < file->column_count; c++)
             if (identify_is_state(&file->columns[c]))

@@ -99,8 +99,8 @@ void identify_column_errors(const identify_given *given, const double *q, const 
     for (size_t row = 0; row < log->rows; row++) {
         const double *at = q + row * machine->positions;
         if (isnan(at[0]) && isnan(v[row * machine->velocities])) continue;
-        identify_to_columns(file, log->q + row * machine->positions, log->v + row * machine->velocities, NULL,
-                            logged);
+        identify_to_columns(file, log->q + row * machine->positions,
+                            lg_log_shown(log) + row * machine->velocities, NULL, logged);
         identify_to_columns(file, at, v + row * machine->velocities, logged, predicted);
         for (uint32_t c = 0; c < file->column_count; c++) {
             if (!identify_is_state(&file->columns[c]) || isnan(logged[c])) continue;

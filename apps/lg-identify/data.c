@@ -18,9 +18,17 @@ void identify_load(app *self, uint64_t substeps, identify_given *out) {
                                      .delay = run->estimated};
     identify_read(self, &from, &out->data);
     APP_MUST(self, lg_machine_refuse_momenta(&out->data.file, path, &error));
-    out->model = (lg_learned_machine){&run->machine, out->file.theta, run->scheme,
-                                      substeps > 0 ? (uint32_t)substeps : run->substeps,
-                                      out->data.file.measured == LG_MEASURED_POSITIONS};
+    out->model = (lg_learned_machine){
+        &run->machine, out->file.theta, run->scheme, substeps > 0 ? (uint32_t)substeps : run->substeps,
+        out->data.file.measured == LG_MEASURED_POSITIONS || out->data.file.machine.accelerations};
+}
+
+void identify_refuse_accelerations(const app *self, const identify_given *given, const char *command) {
+    if (given->model.machine->accelerations)
+        app_stop(self, LG_UNSUPPORTED,
+                 "%s: %s needs logs with positions or velocities, but this model's logs have accelerations "
+                 "alone: run `fit` on the new log too",
+                 self->arguments[0], command);
 }
 
 void identify_given_destroy(identify_given *given) {

@@ -144,7 +144,7 @@ static void put_columns(app_json *out, const lg_machine_file *file, const verdic
     }
     app_result_rows_end(out);
     app_result_line(out,
-                    file->measured == LG_MEASURED_POSITIONS
+                    file->measured == LG_MEASURED_POSITIONS || file->machine.accelerations
                         ? "Residuals are those of the run."
                         : "Residuals of one step; probability of such ones, if they are white. Noise of the "
                           "logged rows\nalone makes the correlation of neighbours, lag1, -0.5; 0 is the "
@@ -206,13 +206,26 @@ static void warn_of_horizons(const app *self, const verdict *v) {
     if (best < v->horizon_count) warn_of_horizon(self, &v->horizons[best], &v->linear[best]);
 }
 
+/* The errors of the linear model, NaN where accelerations alone are measured: it would have no states. */
+static void judge_linear(const app *self, const identify_given *given, identify_linear *linear,
+                         const lg_machine_log *simple, double seconds, lg_horizon *out) {
+    const lg_learned_machine *model = &given->model;
+    for (int e = 0; e < LG_RUN_ERRORS; e++) out->pooled[e] = (double)NAN;
+    if (model->machine->accelerations) return;
+    APP_MUST(self, lg_horizon_of(self->context, model->machine, identify_linear_run, linear, simple, seconds,
+                                 values.every, out, &error));
+    if (model->estimated) out->pooled[LG_ERROR_VELOCITY] = (double)NAN;
+    for (int e = 0; e < LG_RUN_ERRORS; e++)
+        if (out->pooled[e] >= 1e300) out->pooled[e] = (double)NAN;
+}
+
 static void judge_horizons(const app *self, const identify_given *given, verdict *out) {
     static const double usual[] = {1, 2, 5};
     const lg_learned_machine *model = &given->model;
     const lg_machine_log *log = &given->data.logs.log;
     lg_machine_log simple = *log;
     APP_FREE double *slopes = app_alloc(log->rows * model->machine->velocities, sizeof *slopes);
-    if (model->positions) {
+    if (model->estimated) {
         identify_slopes(model->machine, log, slopes);
         simple.v = slopes;
     }
@@ -222,11 +235,7 @@ static void judge_horizons(const app *self, const identify_given *given, verdict
         const double seconds = values.horizons.count > 0 ? values.horizons.values[i] : usual[i];
         APP_MUST(self, lg_machine_horizon(self->context, model, log, seconds, values.every, &out->horizons[i],
                                           &error));
-        APP_MUST(self, lg_horizon_of(self->context, model->machine, identify_linear_run, linear, &simple,
-                                     seconds, values.every, &out->linear[i], &error));
-        if (model->positions) out->linear[i].pooled[LG_ERROR_VELOCITY] = (double)NAN;
-        for (int e = 0; e < LG_RUN_ERRORS; e++)
-            if (out->linear[i].pooled[e] >= 1e300) out->linear[i].pooled[e] = (double)NAN;
+        judge_linear(self, given, linear, &simple, seconds, &out->linear[i]);
         if (out->horizons[i].starts == 0)
             app_warn(self, "no run of %g s fits into a part of the logs: that horizon is not judged",
                      seconds);
@@ -255,8 +264,9 @@ static void judge_relative(const lg_machine *machine, const lg_machine_log *log,
         double mean = 0;
         for (size_t row = start[i]; row < log->first[part + 1]; row++) {
             double square = 0, total = 0;
-            (void)relative_of(log->q + row * nq, out->q + row * nq, nq, &square, &total);
-            mean += relative_of(log->v + row * nv, out->v + row * nv, nv, &square, &total);
+            if (!machine->accelerations)
+                (void)relative_of(log->q + row * nq, out->q + row * nq, nq, &square, &total);
+            mean += relative_of(lg_log_shown(log) + row * nv, out->v + row * nv, nv, &square, &total);
         }
         mean /= (double)(log->first[part + 1] - start[i]);
         sum += mean;
@@ -266,13 +276,13 @@ static void judge_relative(const lg_machine *machine, const lg_machine_log *log,
     out->relative_worst = count > 0 ? exp(worst) : (double)NAN;
 }
 
-/* Sets to NaN the first LG_START_ROWS rows of each run: they only serve to estimate the start and are not
+/* Sets to NaN the first lg_start_rows rows of each run: they only serve to estimate the start and are not
  * scored. */
 static void leave_out(const lg_machine *machine, const lg_machine_log *log, const size_t *start, size_t count,
                       const verdict *v) {
     const size_t nq = machine->positions, nv = machine->velocities;
     for (size_t i = 0; i < count; i++)
-        for (size_t row = start[i]; row < start[i] + LG_START_ROWS && row < log->rows; row++) {
+        for (size_t row = start[i]; row < start[i] + lg_start_rows(machine) && row < log->rows; row++) {
             for (size_t k = 0; k < nq; k++) v->q[row * nq + k] = (double)NAN;
             for (size_t k = 0; k < nv; k++) v->v[row * nv + k] = (double)NAN;
         }
@@ -307,6 +317,16 @@ static void deny_whiteness(const lg_machine_file *file, verdict *v) {
         if (isinf(v->free_run[c])) v->whiteness[c].probability = 0;
 }
 
+/* What needs logged states: constant forces that runs integrate, and the balance of energy. */
+static void judge_states(const app *self, const identify_given *given, const size_t *start, size_t count,
+                         verdict *out) {
+    for (int k = 0; k < IDENTIFY_ENERGIES; k++) out->energy[k] = (double)NAN;
+    if (given->model.machine->accelerations) return;
+    identify_find_offsets(self, given, start, count, out->q, out->offsets);
+    warn_of_offsets(self, given->model.machine, out);
+    identify_balance(self, given, out->energy, out->whiteness);
+}
+
 static void judge_run(const app *self, const identify_given *given, verdict *out) {
     const lg_learned_machine *model = &given->model;
     const lg_machine *machine = model->machine;
@@ -318,13 +338,11 @@ static void judge_run(const app *self, const identify_given *given, verdict *out
     out->v = app_alloc(log->rows * machine->velocities, sizeof *out->v);
     identify_run_log(self, model, log, start, count, out->q, out->v);
     if (values.metric == METRIC_RELATIVE) judge_relative(machine, log, start, count, out);
-    if (model->positions) leave_out(machine, log, start, count, out);
+    if (model->estimated) leave_out(machine, log, start, count, out);
     identify_column_errors(given, out->q, out->v, out->free_run);
     warn_of_runs(self, file, out);
-    identify_find_offsets(self, given, start, count, out->q, out->offsets);
-    warn_of_offsets(self, machine, out);
-    identify_balance(self, given, out->energy, out->whiteness);
-    if (model->positions) identify_run_whiteness(given, out->q, out->v, out->whiteness);
+    judge_states(self, given, start, count, out);
+    if (model->estimated) identify_run_whiteness(given, out->q, out->v, out->whiteness);
     deny_whiteness(file, out);
 }
 
@@ -378,9 +396,11 @@ const app_command evaluate_command = {
     .name = "evaluate",
     .arguments = "MODEL.h5 LOG...",
     .summary = "Free runs of a model against logs",
-    .details = "A run starts every n rows (--every) and takes only the inputs from the log. Errors are root "
-               "mean squares over all rows up to the horizon. Beside them are the errors of a machine that "
-               "stands still and of a linear model v' = A (q, v, u, 1), fitted to the same logs. With "
-               "positions alone, 50 rows estimate the state at each start; these rows do not count.",
+    .details =
+        "A run starts every n rows (--every) and takes only the inputs from the log. Errors are root "
+        "mean squares over all rows up to the horizon. Beside them are the errors of a machine that "
+        "stands still and of a linear model v' = A (q, v, u, 1), fitted to the same logs. With "
+        "positions alone, 50 rows estimate the state at each start, with accelerations alone 200; these "
+        "rows do not count.",
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
     .run = run};

@@ -26,7 +26,8 @@ static const lg_field options[] = {
               "square of a multisine",
               LG_ANY_REAL),
     LG_OPTION(generate_values, noise, REALS, "SIGMA[,SIGMA]",
-              "Standard deviation of the noise of positions (radians), and of velocities (default the same); "
+              "Standard deviation of the noise of positions (radians), and of velocities or accelerations "
+              "(default the same); "
               "not given: the machine's `noise`",
               .high = 1e300),
     LG_OPTION(generate_values, spread, REALS, "S[,S]",

@@ -23,6 +23,8 @@ typedef struct identify_given {
 /* Reads model and logs. Ends the command if something cannot be read, or if the log's velocities are momenta.
  * substeps 0: the model's substeps. */
 void identify_load(app *self, uint64_t substeps, identify_given *out);
+/* Ends a command that needs states in the logs if these measure accelerations alone. */
+void identify_refuse_accelerations(const app *self, const identify_given *given, const char *command);
 void identify_given_destroy(identify_given *given);
 
 /* ---- states in columns (columns.c) ---- */

@@ -186,8 +186,8 @@ size_t identify_lacking(const app *self, const identify_given *given, double **v
     APP_FREE double *slopes = app_alloc(log.rows * nv, sizeof *slopes);
     APP_FREE size_t *start = app_alloc(log.rows, sizeof *start);
     *velocity = *force = NULL;
-    if (!pushed_create(self, given, &p)) return 0;
-    if (given->model.positions) {
+    if (machine->accelerations || !pushed_create(self, given, &p)) return 0;
+    if (given->model.estimated) {
         identify_slopes(machine, &log, slopes);
         log.v = slopes;
     }

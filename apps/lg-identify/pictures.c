@@ -63,7 +63,7 @@ static void put_row(FILE *stream, const lg_machine_file *file, const lg_machine_
                     const double *q, const double *v, const double *bands, double *logged) {
     const size_t nq = file->machine.positions, nv = file->machine.velocities, m = file->machine.input_count;
     double predicted[LG_LOG_COLUMNS];
-    identify_to_columns(file, log->q + row * nq, log->v + row * nv, logged, logged);
+    identify_to_columns(file, log->q + row * nq, lg_log_shown(log) + row * nv, logged, logged);
     for (uint32_t c = 0; c < file->column_count; c++)
         if (file->columns[c].role == LG_LOG_INPUT) logged[c] = log->u[row * 4 * m + file->columns[c].index];
     for (uint32_t c = 0; c < file->column_count; c++) predicted[c] = (double)NAN;
@@ -319,7 +319,8 @@ static void put_potential(const app *self, drawing *d, const axis *a) {
 
 static void put_friction(const app *self, drawing *d, const axis *a) {
     const size_t nv = d->given->model.machine->velocities;
-    const double *v = d->given->model.positions ? d->v : d->log->v;
+    const bool guessed = d->given->model.machine->accelerations;
+    const double *v = d->given->model.estimated && !guessed ? d->v : d->log->v;
     char title[LG_MACHINE_NAME + 64], label[LG_MACHINE_NAME + 32];
     (void)snprintf(title, sizeof title, "friction force on %.43s", a->name);
     (void)snprintf(label, sizeof label, "velocity of %.43s", a->name);

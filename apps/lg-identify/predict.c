@@ -183,7 +183,8 @@ const app_command predict_command = {
     .summary = "Run a model with the inputs of a log",
     .details =
         "A run goes from the first complete row of each part without a gap (or from --start) to its end; "
-        "with positions alone 50 rows estimate its start. Columns that leave the range of the training "
+        "with positions alone 50 rows estimate its start, with accelerations alone 200. Columns that leave "
+        "the range of the training "
         "data are named in warnings.",
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
     .run = run};

@@ -1,4 +1,5 @@
-/* Predicts all parts of a log by free runs of the model. If only positions were measured, the states at the
+/* Predicts all parts of a log by free runs of the model. If only positions or accelerations were
+ * measured, the states at the
  * starts of the runs are estimated first. */
 #include <math.h>
 #include <stdlib.h>
@@ -17,7 +18,7 @@ void identify_pieces_begin(identify_pieces *p, const lg_machine *machine, size_t
     p->q = app_alloc(all * machine->positions, sizeof *p->q);
     p->v = app_alloc(all * machine->velocities, sizeof *p->v);
     p->u = app_alloc(all * 4 * machine->input_count + 1, sizeof *p->u);
-    p->log = (lg_machine_log){all, count, p->first, p->t, p->q, p->v, p->u, NULL, NULL};
+    p->log = (lg_machine_log){all, count, p->first, p->t, p->q, p->v, p->u, NULL, NULL, NULL};
 }
 
 void identify_pieces_end(identify_pieces *p) {
@@ -132,7 +133,7 @@ size_t identify_first_rows(const lg_learned_machine *model, const lg_machine_log
     size_t count = 0;
     for (size_t p = 0; p < log->parts; p++)
         for (size_t row = log->first[p] + from; row + 1 < log->first[p + 1]; row++) {
-            if (!lg_machine_log_complete(model->machine, log, row, model->positions)) continue;
+            if (!lg_machine_log_complete(model->machine, log, row, model->estimated)) continue;
             out[count++] = row;
             break;
         }
@@ -144,7 +145,7 @@ size_t identify_first_rows(const lg_learned_machine *model, const lg_machine_log
 void identify_run_log(const app *self, const lg_learned_machine *model, const lg_machine_log *log,
                       const size_t *start, size_t count, double *q, double *v) {
     APP_CLEAN(lg_started_log_destroy) lg_started_log from = {.log = *log};
-    if (model->positions)
+    if (model->estimated)
         APP_MUST(self, lg_started_log_create(self->context, model, log, start, count, &from, &error));
     run_to_ends(self, model, &from.log, start, count, q, v);
 }

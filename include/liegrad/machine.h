@@ -257,6 +257,9 @@ typedef struct lg_machine {
     lg_machine_term terms[LG_MACHINE_TERMS];
     lg_machine_scales scales;
     lg_machine_grey grey; /* Filled by lg_machine_set_system. */
+    /* Logs measure accelerations alone, of lines and angles (lg_machine_log.a). A bias of a velocity is then
+     * the bias of the acceleration. */
+    bool accelerations;
     /* The members below are filled by lg_machine_init. Velocities alone determine M, V, D and B only up to
      * a common factor. A term with values, or a known number of a system, fixes the factor (but a known
      * map of an input that never acts fixes nothing; lg_machine_identify finds that out). If there is
@@ -389,6 +392,9 @@ typedef struct lg_machine_log {
      * begins at rest (velocities below 1/50 of the part's largest), else 0. */
     const double *lag;
     struct lg_machine_filter *filter; /* See below; NULL: lagged inputs are computed again in each call. */
+    /* (rows, velocities), for machines of `accelerations`, else NULL: v' with its bias. q and v of such a log
+     * are guesses without missing numbers. They only serve as first starts of windows and runs. */
+    const double *a;
 } lg_machine_log;
 
 /* Keeps the lagged inputs of a log (lg_machine.lagged) at all its rows for the last time constants that were
@@ -453,6 +459,10 @@ typedef enum lg_machine_starts { LG_MACHINE_STARTS_MEASURED, LG_MACHINE_STARTS_E
  * direction's omega only the part across the logged q counts, (1 - q q^T) omega: logs contain no omega along
  * q, and an error dq of the logged q would appear as |omega| dq along q. All pointers are borrowed.
  *
+ * For a machine of `accelerations` the columns are the accelerations alone: those of the model at a row are
+ * v' at the predicted state, with the input right after the row, and velocity_scale is a scale of
+ * accelerations. Such windows must be long enough to show their starts; position_scale is not used.
+ *
  * Only memory limits M. With d = 2 velocities (+ 1 for each direction), P parameters (of theta and of one
  * start) and B windows at once, Levenberg-Marquardt takes about 8 B M d P bytes, and from M = 512 on for
  * lines and angles 8 M d (d + P + 4) more; B M is at most about 65000 or one window. All rows of such a
@@ -496,9 +506,18 @@ LG_API lg_status lg_machine_problem_check(const lg_machine_problem *problem, lg_
  * fills a problem for lg_fit; `problem` is borrowed and must outlive the fit. The parameters are theta,
  * unless it is known; then, with estimated starts, for each window the offsets of its start from the
  * logged row: (places, 3 per direction, 3 per rotation, velocities), in units of the loss's scale times
- * the square root of the number of windows. */
+ * the square root of the number of windows; for a machine of `accelerations` the scale of an acceleration is
+ * multiplied by scales.time for velocities, and by its square for positions. */
 LG_API size_t lg_machine_problem_parameters(const lg_machine_problem *problem);
 LG_API void lg_machine_fit_problem(const lg_machine_problem *problem, lg_fit_problem *out);
+/* Replaces starts that are far off, in which fits of accelerations are stuck. The starts are estimated;
+ * the machine has lines and angles alone. Where a window begins in the last row of another, its start
+ * becomes the state that the other one predicts there if that at least halves its loss; likewise backwards
+ * in time, except with lags and bristles. This goes on along the log. theta, in and out: the parameters of
+ * the fit. losses (windows): sums over points and columns of each window's squared residuals, in units of
+ * the loss, with the starts of theta. Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY, those of the tape. */
+LG_API lg_status lg_machine_continue_starts(const lg_context *context, const lg_machine_problem *problem,
+                                            double *theta, double *losses, lg_error *error);
 /* As lg_machine_fit_problem, but the windows become a regression of momenta: over each window the changes of
  * the momenta p = M(q) v of logged rows are compared with the logged rows' forces, p and forces in scaled
  * units. No window is predicted, so that this works from starts that are wrong by orders of magnitude; noise
@@ -645,7 +664,8 @@ LG_API lg_status lg_machine_adapt(const lg_context *context, const lg_machine_re
 /* Free runs: predicts `count` runs that begin at the logged rows start[0..count-1] and go over `steps`
  * intervals of the log each, all within one part. Writes positions (count, steps + 1, positions) and
  * velocities (count, steps + 1, velocities) in the units of the log; each may be NULL. The first point is
- * the logged row. A run that becomes infinite or NaN continues as NaN. Errors: LG_INVALID_ARGUMENT,
+ * the logged row. For a machine of `accelerations` the velocities are accelerations, with the biases of their
+ * sensors. A run that becomes infinite or NaN continues as NaN. Errors: LG_INVALID_ARGUMENT,
  * LG_UNSUPPORTED (the scheme), LG_OUT_OF_MEMORY, those of the tape. */
 LG_API lg_status lg_machine_free_run(const lg_context *context, const lg_machine *machine,
                                      const double *theta, const lg_scheme *scheme, uint32_t substeps,
@@ -655,14 +675,24 @@ LG_API lg_status lg_machine_free_run(const lg_context *context, const lg_machine
 /* Estimates the states at the rows start[0..count-1]: the states from which a run fits the log best over
  * `window` rows, of which the start row is the first. If the part has fewer rows, it uses these; there
  * must be at least 2. All positions of the rows start[0..count-1] must be there. The machine's scales
- * weigh positions against velocities. Writes positions (count, positions) and velocities (count,
- * velocities) in the units of the log. A state whose run is not finite keeps the logged positions and
- * velocities; difference quotients of the positions replace missing velocities. Errors:
- * LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY, LG_CANCELLED, those of the tape. */
+ * weigh positions against velocities; a machine of `accelerations` is compared with these alone. Writes
+ * positions (count, positions) and velocities (count, velocities) in the units of the log. A state whose
+ * run is not finite keeps the logged positions and velocities; difference quotients of the positions
+ * replace missing velocities. Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY, LG_CANCELLED, those of the
+ * tape. */
 LG_API lg_status lg_machine_estimate_starts(const lg_context *context, const lg_machine *machine,
                                             const double *theta, const lg_scheme *scheme, uint32_t substeps,
                                             const lg_machine_log *log, const size_t *start, size_t count,
                                             uint32_t window, double *positions, double *velocities,
+                                            lg_error *error);
+
+/* Estimates the states at all rows of a log of accelerations: windows of `window` rows (2 or more) that
+ * touch are fitted, and lg_machine_continue_starts replaces starts that are far off. q (rows, positions)
+ * and v (rows, velocities), in the units of the log, get the runs of the windows; rows in no window keep
+ * the log's guesses. Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY, LG_CANCELLED, those of the tape. */
+LG_API lg_status lg_machine_estimate_states(const lg_context *context, const lg_machine *machine,
+                                            const double *theta, const lg_scheme *scheme, uint32_t substeps,
+                                            const lg_machine_log *log, uint32_t window, double *q, double *v,
                                             lg_error *error);
 
 /* ---- The machine as a program ---- */
@@ -700,7 +730,7 @@ typedef enum lg_log_role {
     LG_LOG_TIME,
     LG_LOG_RUN,
     LG_LOG_POSITION,
-    LG_LOG_VELOCITY, /* A velocity, or a momentum where momenta are measured. */
+    LG_LOG_VELOCITY, /* A velocity; a momentum or an acceleration where these are measured. */
     LG_LOG_INPUT
 } lg_log_role;
 
@@ -719,7 +749,8 @@ typedef struct lg_log_coordinate {
     /* Attitude: 3 columns for a direction; 4 (w, x, y, z) or 9 (R row-major) for a rotation or pose; else
      * 0. */
     uint32_t attitude, attitudes;
-    /* Velocity; a pose has 3 velocities, then 3 rates. 0 columns: only positions are measured. */
+    /* Velocity, or acceleration where these are measured; a pose has 3 velocities, then 3 rates. 0 columns:
+     * only positions are measured. */
     uint32_t velocity, velocities;
     bool space_frame; /* The velocity columns of a pose are x' in space. */
 } lg_log_coordinate;
@@ -730,10 +761,14 @@ typedef enum lg_log_measured {
     LG_MEASURED_POSITIONS,
     /* Lines and angles alone. Positions in logs are the integrals of the velocities from 0 at the start of
      * each part; no force may depend on them. */
-    LG_MEASURED_VELOCITIES_ONLY
+    LG_MEASURED_VELOCITIES_ONLY,
+    /* Lines and angles alone. Logs have an acceleration of each coordinate, and the machine has the flag
+     * `accelerations`. Velocities and positions in logs are guesses: the integrals of the accelerations of
+     * each part, each minus a straight line. */
+    LG_MEASURED_ACCELERATIONS
 } lg_log_measured;
 typedef enum lg_input_hold { LG_HOLD_ZERO, LG_HOLD_LINEAR, LG_HOLD_CUBIC } lg_input_hold;
-#define LG_LOG_MEASURED_COUNT 4
+#define LG_LOG_MEASURED_COUNT 5
 #define LG_INPUT_HOLD_COUNT   3
 
 /* How an input acts between rows, and when. */
@@ -809,7 +844,7 @@ typedef struct lg_logs {
     size_t *first; /* (parts + 1) */
     /* (parts): index of the part's file; index of its run, counted through all files. */
     uint32_t *part_file, *part_run;
-    double *t, *q, *v, *u;
+    double *t, *q, *v, *u, *a; /* a: NULL unless accelerations are measured */
     lg_machine_filter *filter; /* of machines with lags, else NULL */
     const lg_context *context;
 } lg_logs;
@@ -882,7 +917,7 @@ LG_API lg_status lg_machine_model_describe(lg_machine_model_run *run, const char
 /* Writes the SHA-256 of the rows of a log as little-endian doubles. */
 LG_API void lg_machine_log_sha256(const lg_machine *machine, const lg_machine_log *log,
                                   char text[LG_SHA256_TEXT]);
-/* Writes the range of the numbers in a log. */
+/* Writes the range of the numbers in a log; low > high for numbers that are not measured. */
 LG_API void lg_machine_find_range(const lg_machine *machine, const lg_machine_log *log,
                                   lg_machine_range *out);
 

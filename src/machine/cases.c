@@ -103,7 +103,7 @@ static lg_machine_problem problem_of(const settings *s, const data *d) {
         .substeps = 1,
         .window = POINTS,
         .starts = s->starts,
-        .log = {BATCH * POINTS, BATCH, d->first, d->t, d->q, d->v, d->u, NULL, NULL},
+        .log = {BATCH * POINTS, BATCH, d->first, d->t, d->q, d->v, d->u, NULL, NULL, NULL},
         .windows = BATCH,
         .start = d->start,
     };

@@ -1,4 +1,5 @@
 /* Machines: estimates the starts of windows when the parameters of the machine are known. */
+#include <math.h>
 #include <string.h>
 
 #include "core/core.h"
@@ -10,18 +11,19 @@ typedef struct estimate {
     double *numbers; /* (LG_FIT_CHUNK, lg_machine_start_numbers) */
 } estimate;
 
-static void scales_of_machine(lg_machine_problem *problem) {
+void lg_machine_scale_loss(lg_machine_problem *problem) {
     const lg_machine *machine = problem->machine;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
         const bool places = lg_coordinate_row_of(machine->coordinates[i].kind)->places > 0;
         problem->position_scale[i] = places ? machine->scales.place[at.place] : 1.0;
-        problem->velocity_scale[i] = machine->scales.velocity[at.velocity] / machine->scales.time;
+        problem->velocity_scale[i] = lg_machine_shown_unit(machine, at.velocity);
     }
 }
 
-/* Fits the numbers of the starts, e->numbers. They stay 0 if a run is not finite. */
-static lg_status fit_starts(const estimate *e, const lg_machine_problem *problem, lg_error *error) {
+/* Fits the numbers of the starts. They are kept if a run is not finite. */
+static lg_status fit_starts(const lg_context *context, const lg_machine_problem *problem, double *numbers,
+                            lg_error *error) {
     enum { MOST_EVALUATIONS = 40 };
     lg_fit_problem fit;
     lg_fit_options options;
@@ -33,12 +35,29 @@ static lg_status fit_starts(const estimate *e, const lg_machine_problem *problem
     options.plan.phase[0].method = LG_FIT_LM;
     options.epochs = MOST_EVALUATIONS;
     options.shards = 1;
-    memset(e->numbers, 0, fit.parameters * sizeof *e->numbers);
-    LG_TRY(lg_fit_create(e->context, &fit, &options, e->numbers, &made, error));
+    LG_TRY(lg_fit_create(context, &fit, &options, numbers, &made, error));
     const lg_status status = lg_fit_run(made, error);
-    if (status == LG_OK) lg_fit_parameters(made, e->numbers);
+    if (status == LG_OK) lg_fit_parameters(made, numbers);
     lg_fit_destroy(made);
     return status;
+}
+
+lg_status lg_machine_fit_starts(const lg_context *context, const lg_machine_problem *problem, size_t first,
+                                size_t count, double *numbers, lg_error *error) {
+    const size_t half = count / 2, each = lg_machine_start_numbers(problem->machine);
+    /* The unit of a start's numbers depends on the number of windows. */
+    const double factor = sqrt((double)problem->windows / (double)count);
+    double *own = numbers + first * each;
+    lg_machine_problem some = *problem;
+    some.start += first;
+    some.windows = count;
+    for (size_t i = 0; i < count * each; i++) own[i] *= factor;
+    const lg_status status = fit_starts(context, &some, own, error);
+    for (size_t i = 0; i < count * each; i++) own[i] /= factor;
+    if (status != LG_NOT_FINITE) return status;
+    if (half == 0) return lg_fail(error, LG_OK, "%s", "");
+    LG_TRY(lg_machine_fit_starts(context, problem, first, half, numbers, error));
+    return lg_machine_fit_starts(context, problem, first + half, count - half, numbers, error);
 }
 
 /* Reads the fitted starts in the units of the log: positions (windows, positions) and velocities (windows,
@@ -62,25 +81,12 @@ static lg_status read_starts(const estimate *e, const lg_machine_problem *proble
     return LG_OK;
 }
 
-/* A window whose run is not finite spoils the fit of its whole group. The group is then halved until this
- * window is alone; a window alone keeps the start from the log. */
 static lg_status estimate_group(const estimate *e, const lg_machine_problem *problem, double *q, double *v,
                                 lg_error *error) {
-    const lg_machine *machine = problem->machine;
-    const size_t half = problem->windows / 2;
-    lg_status status = fit_starts(e, problem, error);
-    if (status == LG_NOT_FINITE && half > 0) {
-        lg_machine_problem first = *problem, second = *problem;
-        first.windows = half;
-        second.windows -= half;
-        second.start += half;
-        LG_TRY(estimate_group(e, &first, q, v, error));
-        return estimate_group(e, &second, q + half * machine->positions, v + half * machine->velocities,
-                              error);
-    }
-    if (status == LG_NOT_FINITE) status = lg_fail(error, LG_OK, "%s", "");
-    LG_TRY(status);
-    status = read_starts(e, problem, q, v);
+    const size_t numbers = problem->windows * lg_machine_start_numbers(problem->machine);
+    memset(e->numbers, 0, numbers * sizeof *e->numbers);
+    LG_TRY(lg_machine_fit_starts(e->context, problem, 0, problem->windows, e->numbers, error));
+    const lg_status status = read_starts(e, problem, q, v);
     return status == LG_OK ? LG_OK : lg_fail(error, status, "%s", lg_tape_message(e->tape));
 }
 
@@ -112,7 +118,7 @@ lg_status lg_machine_estimate_starts(const lg_context *context, const lg_machine
                                   .theta = theta,
                                   .log = *log};
     estimate e = {.context = context};
-    scales_of_machine(&problem);
+    lg_machine_scale_loss(&problem);
     e.numbers = lg_alloc(context, LG_FIT_CHUNK * lg_machine_start_numbers(machine), sizeof *e.numbers);
     lg_status status = e.numbers != NULL ? lg_tape_create(context, NULL, &e.tape) : LG_OUT_OF_MEMORY;
     if (status != LG_OK) (void)lg_fail(error, status, "%s", lg_status_sentence(status));

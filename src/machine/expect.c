@@ -158,8 +158,9 @@ static bool taken(expecting *e, double *values, double *out) {
 
 /* ---- changes of the velocities ---- */
 
-/* Adds for each coordinate the squares, in units of the loss, of its velocities minus `mean` and of the
- * displacements that these make from the start of one window. `run` holds the displacements. */
+/* Adds for each coordinate the squares, in units of the loss, of its velocities (or accelerations) minus
+ * `mean` and of the displacements that the velocities make from the start of one window. `run` holds the
+ * displacements. */
 static void add_change(const lg_machine_problem *problem, const double *mean, size_t start, double *run,
                        double factor, lg_machine_noise *out) {
     const lg_machine *machine = problem->machine;
@@ -168,14 +169,14 @@ static void add_change(const lg_machine_problem *problem, const double *mean, si
     for (uint32_t j = 0; j < problem->window; j++) {
         const size_t row = start + j;
         double *now = v[j % 2], *before = v[1 - j % 2];
-        lg_machine_scaled_rows(machine, &problem->log, &row, 1, q, now);
+        lg_machine_shown_row(machine, &problem->log, row, q, now);
         lg_machine_weigh_row(problem, row, 1.0, q, there);
         for (uint32_t i = 0; i < machine->coordinate_count; i++) {
             const uint32_t first = lg_machine_offsets_of(machine, i).velocity;
             const uint32_t count = lg_coordinate_row_of(machine->coordinates[i].kind)->velocities;
             for (uint32_t k = first; k < first + count; k++) {
-                now[k] = (now[k] - mean[k]) * machine->scales.velocity[k] / machine->scales.time;
-                if (j > 0)
+                now[k] = (now[k] - mean[k]) * lg_machine_shown_unit(machine, k);
+                if (j > 0 && !machine->accelerations)
                     run[k] += 0.5 * (now[k] + before[k]) * (problem->log.t[row] - problem->log.t[row - 1]);
                 const double speed = there[k] != 0.0 ? now[k] / problem->velocity_scale[i] : 0.0,
                              way = run[k] / problem->position_scale[i];
@@ -198,7 +199,7 @@ static void add_changes(const expecting *e, size_t all, size_t used, lg_machine_
         memset(mean, 0, sizeof mean);
         for (uint32_t j = 0; j < rows; j++) {
             const size_t row = start + j;
-            lg_machine_scaled_rows(problem->machine, &problem->log, &row, 1, q, v);
+            lg_machine_shown_row(problem->machine, &problem->log, row, q, v);
             for (uint32_t k = 0; k < nv; k++) mean[k] += v[k] / rows;
         }
         add_change(problem, mean, start, run, factor, out);

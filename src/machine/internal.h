@@ -25,6 +25,14 @@ typedef struct lg_machine_seen {
     uint32_t rows;
 } lg_machine_seen;
 
+/* An entry of a term's values: its name, what is 1 in scaled units, where it starts in scaled units,
+ * whether it is positive, and whether it may be unknown by itself. */
+typedef struct lg_entry_about {
+    char name[LG_IDENTIFIED_NAME];
+    double unit, start;
+    bool positive, single;
+} lg_entry_about;
+
 /* A list of numbers with names (machine/numbers.c). `count` numbers were put; the first `room` of them are in
  * `out`. */
 typedef struct lg_number_list {
@@ -37,6 +45,9 @@ lg_term_numbers lg_numbers_diagonal_mass, lg_numbers_constant_mass, lg_numbers_p
     lg_numbers_diagonal_damping, lg_numbers_constant_damping, lg_numbers_coulomb, lg_numbers_quadratic,
     lg_numbers_cubic, lg_numbers_constant_map, lg_numbers_bias, lg_numbers_grey, lg_numbers_curve,
     lg_numbers_dead_zone, lg_numbers_lag;
+/* lg_term_kind.entry of potentials that are sums of monomials. */
+void lg_machine_potential_entry(const lg_machine *machine, const lg_machine_term *term, uint32_t index,
+                                lg_entry_about *out);
 /* Appends a number to the list. */
 void __attribute__((format(printf, 3, 4)))
 lg_numbers_put(lg_number_list *list, double value, const char *format, ...);
@@ -49,14 +60,6 @@ void lg_machine_velocity_name(const lg_machine *machine, uint32_t k, char *text,
 /* Name of one number of the term's features: "x", "sin(theta)", "rod.3", "body.up.1". */
 void lg_machine_feature_name(const lg_machine *machine, const lg_machine_term *term, uint32_t number,
                              char *text, size_t size);
-
-/* An entry of a term's values: its name, what is 1 in scaled units, where it starts in scaled units,
- * whether it is positive, and whether it may be unknown by itself. */
-typedef struct lg_entry_about {
-    char name[LG_IDENTIFIED_NAME];
-    double unit, start;
-    bool positive, single;
-} lg_entry_about;
 
 /* A row of the table of terms. `record` returns, by part:
  *   mass       the mass matrix M, (B, n, n) or (1, n, n), of the coordinates whose momenta are in R^n
@@ -357,6 +360,16 @@ typedef struct lg_machine_flow {
 /* Moves `parts` over one interval of the log: row i of the batch from row at[i] to the next one. */
 lg_status lg_machine_record_interval(lg_tape *tape, const lg_machine_flow *flow, const lg_machine_log *log,
                                      const size_t *at, uint32_t count, lg_var *parts);
+/* The inputs (B, inputs) right after rows at[0..count-1], after their lags; LG_NONE: no inputs. */
+lg_status lg_machine_record_inputs(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_log *log,
+                                   const size_t *at, uint32_t count, lg_var *u);
+/* Accelerations v' (B, velocities) of the states `parts` with the inputs u, plus the biases of their sensors;
+ * lines and angles only. */
+lg_var lg_machine_record_accelerations(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts,
+                                       lg_var u);
+/* What rows at[0..count-1] of a log show of the velocities: the velocities or the accelerations. */
+lg_var lg_machine_record_shown(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_log *log,
+                               const size_t *at, uint32_t count, const lg_var *parts);
 /* Rows at[0..count-1] of the log in scaled units: positions (count, positions) and velocities (count,
  * velocities). Missing numbers are 0, and a missing velocity is computed from the positions of neighbouring
  * rows. */
@@ -377,13 +390,33 @@ static inline size_t lg_machine_shared(const lg_machine_problem *problem) {
 }
 /* Number of parameters of a start: places, 3 for each direction, 3 for each rotation, velocities. */
 uint32_t lg_machine_start_numbers(const lg_machine *machine);
+/* The unit of each number of a start: the scale of the loss times the square root of the number of windows.
+ * The loss is a mean over windows, so that its second derivatives in the parameters are then about 1. */
+void lg_machine_start_units(const lg_machine_problem *problem, double *scale);
+/* Sets the scales of the loss of a problem whose parameters are known to the machine's scales. */
+void lg_machine_scale_loss(lg_machine_problem *problem);
+/* Fits the starts of `count` windows from `first` on of a problem whose parameters are known. numbers: of all
+ * its windows. A window whose run is not finite spoils the fit of its whole group: the group is then halved
+ * until this window is alone, which keeps its numbers. */
+lg_status lg_machine_fit_starts(const lg_context *context, const lg_machine_problem *problem, size_t first,
+                                size_t count, double *numbers, lg_error *error);
 /* The state `parts` from positions and velocities (B, ...), after these were moved by the starts' parameters
  * `numbers` (B, lg_machine_start_numbers). */
 lg_status lg_machine_move_starts(lg_tape *tape, const lg_machine_problem *problem,
                                  const lg_machine_vars *vars, lg_var numbers, lg_var positions,
                                  lg_var velocities, lg_var *parts);
+/* What a log shows of velocity k, the velocity or the acceleration, in its units where the scaled number is
+ * 1. */
+static inline double lg_machine_shown_unit(const lg_machine *machine, uint32_t k) {
+    const lg_machine_scales *s = &machine->scales;
+    return s->velocity[k] / (machine->accelerations ? s->time * s->time : s->time);
+}
+/* As lg_machine_scaled_rows for one row, with accelerations in place of velocities where the logs measure
+ * these. */
+void lg_machine_shown_row(const lg_machine *machine, const lg_machine_log *log, size_t row, double *positions,
+                          double *shown);
 /* Weights of the numbers of one row in the loss, in scaled units: factor/scale of the loss, 0 for a missing
- * number. */
+ * number, and for positions where accelerations are measured. `velocities` are weights of what is shown. */
 void lg_machine_weigh_row(const lg_machine_problem *problem, size_t row, double factor, double *positions,
                           double *velocities);
 /* `along` (velocities): for a direction the logged q, 0 where it is missing; for other kinds 0. Logs have no

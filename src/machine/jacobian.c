@@ -8,7 +8,8 @@
  * follows
  *   S' = A S + (dF/dtheta, 0),  A = dF/dz.
  * One row of A and dF/dtheta takes one reverse sweep over all windows of the chunk. If theta is known, S
- * has no columns for it. */
+ * has no columns for it. Where accelerations are measured, a = G(z, theta) of each row has the rows
+ * dG/dz S + (dG/dtheta, 0), and these take the place of the velocities' rows in the residuals. */
 #include <math.h>
 #include <string.h>
 
@@ -99,11 +100,14 @@ typedef struct chain {
     size_t count, shared, own, columns, rows;
     double factor;
     axes axes;
-    double *z, *next;     /* (count, numbers): z of the current and of the next row */
-    double *dz;           /* (count, numbers): gradient with respect to z */
-    double *A;            /* (count, d, d) */
-    double *apart;        /* (count, shared): gradient with respect to theta for each window */
-    double *S, *moved;    /* (count, d, columns): S of the current and of the next row */
+    double *z, *next;  /* (count, numbers): z of the current and of the next row */
+    double *dz;        /* (count, numbers): gradient with respect to z */
+    double *A;         /* (count, d, d) */
+    double *apart;     /* (count, shared): gradient with respect to theta for each window */
+    double *S, *moved; /* (count, d, columns): S of the current and of the next row */
+    /* Where accelerations are measured: those of the current row, (count, velocities), and their rows of the
+     * Jacobian, (count, velocities, columns). Else NULL. */
+    double *a, *of_a;
     double *r, *jacobian; /* NULL: only the loss is computed, of a machine without directions */
     double loss;
     size_t done; /* rows of r and jacobian that are filled in each window */
@@ -111,7 +115,9 @@ typedef struct chain {
 
 static size_t chain_numbers(const chain *c) {
     const size_t d = c->axes.count;
-    return c->count * (3 * c->axes.numbers + d * d + c->shared + 2 * d * c->columns);
+    const lg_machine *machine = c->problem->machine;
+    const size_t shown = machine->accelerations ? machine->velocities * (c->columns + 1) : 0;
+    return c->count * (3 * c->axes.numbers + d * d + c->shared + 2 * d * c->columns + shown);
 }
 
 static void place(chain *c, double *memory) {
@@ -123,6 +129,9 @@ static void place(chain *c, double *memory) {
     c->apart = c->A + c->count * d * d;
     c->S = c->apart + c->count * c->shared;
     c->moved = c->S + c->count * d * c->columns;
+    if (!c->problem->machine->accelerations) return;
+    c->a = c->moved + c->count * d * c->columns;
+    c->of_a = c->a + c->count * c->problem->machine->velocities;
 }
 
 /* ---- sweeps ---- */
@@ -187,28 +196,36 @@ static size_t row_of(const chain *c, size_t sample, uint32_t point) {
     return c->problem->start[c->samples[sample]] + point;
 }
 
+/* The state of point j of all windows, from z; `at` gets its rows of the log. */
+static lg_status record_point(lg_tape *tape, const chain *c, const lg_machine_vars *vars, uint32_t j,
+                              size_t *at, lg_var *from, lg_var *parts) {
+    const lg_machine *machine = c->problem->machine;
+    const uint32_t n = c->axes.numbers, rows = (uint32_t)c->count;
+    for (size_t s = 0; s < c->count; s++) at[s] = row_of(c, s, j);
+    *from = lg_input_f64(tape, lg_shape2(rows, n), c->z);
+    lg_tape_mark_rows(tape, *from);
+    LG_TRY(lg_machine_record_state(tape, vars, lg_machine_columns(tape, *from, 0, machine->positions),
+                                   lg_machine_columns(tape, *from, machine->positions, machine->velocities),
+                                   parts));
+    if (j == 0) return lg_machine_start_bristles(tape, vars, &c->problem->log, at, rows, parts);
+    if (machine->bristles > 0)
+        parts[lg_machine_parts(machine).z] =
+            lg_machine_columns(tape, *from, n - machine->bristles, machine->bristles);
+    return lg_tape_status(tape);
+}
+
 /* Moves z and S over the interval from point j to point j + 1. */
 static lg_status pass_interval(lg_tape *tape, chain *c, uint32_t j, size_t *at) {
     const lg_machine *machine = c->problem->machine;
     const uint32_t n = c->axes.numbers, rows = (uint32_t)c->count;
     const size_t d = c->axes.count;
     lg_machine_vars vars;
-    lg_var theta, parts[LG_TAPED_MAX_PARTS];
+    lg_var theta, from, parts[LG_TAPED_MAX_PARTS];
     lg_tape_reset(tape);
     LG_TRY(bind(tape, c, &theta, &vars));
     lg_machine_flow flow = {.vars = &vars, .scheme = c->problem->scheme, .substeps = c->problem->substeps};
     LG_TRY(lg_machine_space(machine, &flow.space));
-    for (size_t s = 0; s < c->count; s++) at[s] = row_of(c, s, j);
-    const lg_var from = lg_input_f64(tape, lg_shape2(rows, n), c->z);
-    lg_tape_mark_rows(tape, from);
-    LG_TRY(lg_machine_record_state(tape, &vars, lg_machine_columns(tape, from, 0, machine->positions),
-                                   lg_machine_columns(tape, from, machine->positions, machine->velocities),
-                                   parts));
-    if (j == 0)
-        LG_TRY(lg_machine_start_bristles(tape, &vars, &c->problem->log, at, rows, parts));
-    else if (machine->bristles > 0)
-        parts[lg_machine_parts(machine).z] =
-            lg_machine_columns(tape, from, n - machine->bristles, machine->bristles);
+    LG_TRY(record_point(tape, c, &vars, j, at, &from, parts));
     LG_TRY(lg_machine_record_interval(tape, &flow, &c->problem->log, at, rows, parts));
     const lg_var to = joined(tape, &vars, parts);
     LG_TRY(lg_read(tape, to, c->count * n, c->next));
@@ -273,7 +290,59 @@ static lg_status first_points(lg_tape *tape, chain *c) {
     return c->own > 0 ? move_starts(tape, c, positions, velocities) : LG_OK;
 }
 
+/* ---- accelerations ---- */
+
+/* Computes row k of `of_a`: dG/dz S + (dG/dtheta, 0). */
+static lg_status sweep_acceleration(lg_tape *tape, chain *c, uint32_t k, lg_var from, lg_var theta,
+                                    lg_var a) {
+    const size_t nv = c->problem->machine->velocities, d = c->axes.count;
+    const lg_mark mark = lg_tape_mark(tape);
+    LG_TRY(sweep(tape, c, lg_sum(tape, lg_slice(tape, a, 1, k, 1)), from, theta));
+    for (size_t s = 0; s < c->count; s++) {
+        const double *z = c->z + s * c->axes.numbers, *dz = c->dz + s * c->axes.numbers;
+        double *row = c->of_a + (s * nv + k) * c->columns;
+        memcpy(row, c->apart + s * c->shared, c->shared * sizeof *row);
+        memset(row + c->shared, 0, c->own * sizeof *row);
+        for (size_t j = 0; j < d; j++)
+            tape->k->axpy(c->columns, component(&c->axes.each[j], z, dz), c->S + (s * d + j) * c->columns,
+                          row);
+    }
+    return lg_tape_rewind(tape, mark);
+}
+
+/* Fills `a` and `of_a` at point j, where accelerations are measured. */
+static lg_status show_accelerations(lg_tape *tape, chain *c, uint32_t j, size_t *at) {
+    const lg_machine *machine = c->problem->machine;
+    lg_machine_vars vars;
+    lg_var theta, from, parts[LG_TAPED_MAX_PARTS];
+    if (!machine->accelerations) return LG_OK;
+    lg_tape_reset(tape);
+    LG_TRY(bind(tape, c, &theta, &vars));
+    LG_TRY(record_point(tape, c, &vars, j, at, &from, parts));
+    const lg_var a = lg_machine_record_shown(tape, &vars, &c->problem->log, at, (uint32_t)c->count, parts);
+    LG_TRY(lg_read(tape, a, c->count * machine->velocities, c->a));
+    for (uint32_t k = 0; k < machine->velocities; k++) LG_TRY(sweep_acceleration(tape, c, k, from, theta, a));
+    return LG_OK;
+}
+
 /* ---- residuals ---- */
+
+/* Row s of z with what the log shows in place of the velocities. */
+static void shown_of(const chain *c, size_t s, double *out) {
+    const lg_machine *machine = c->problem->machine;
+    memcpy(out, c->z + s * c->axes.numbers, c->axes.numbers * sizeof *out);
+    if (machine->accelerations)
+        memcpy(out + machine->positions, c->a + s * machine->velocities, machine->velocities * sizeof *out);
+}
+
+/* The derivatives of the number on axis i of row s. */
+static const double *slopes_of(const chain *c, size_t s, size_t i) {
+    const lg_machine *machine = c->problem->machine;
+    const uint32_t first = c->axes.each[i].first;
+    if (machine->accelerations && first >= machine->positions)
+        return c->of_a + (s * machine->velocities + first - machine->positions) * c->columns;
+    return c->S + (s * c->axes.count + i) * c->columns;
+}
 
 /* Removes the components along the logged directions from the velocities' rows of the residuals and the
  * Jacobian. */
@@ -299,12 +368,12 @@ static void keep_across(const chain *c, size_t row, double *r, double *jacobian)
 /* Writes the rows of point j of all windows: the residual along each axis, and S times the weight. */
 static void put_rows(const lg_kernels *k, chain *c, uint32_t j) {
     const lg_machine *machine = c->problem->machine;
-    const size_t d = c->axes.count, seen = c->axes.seen, numbers = machine->positions + machine->velocities;
-    double data[NUMBERS], weight[NUMBERS], r[NUMBERS];
+    const size_t seen = c->axes.seen, numbers = machine->positions + machine->velocities;
+    double z[NUMBERS], data[NUMBERS], weight[NUMBERS], r[NUMBERS];
     for (size_t s = 0; s < c->count; s++) {
         const size_t row = row_of(c, s, j), first = s * c->rows + c->done;
-        const double *z = c->z + s * c->axes.numbers;
-        lg_machine_scaled_rows(machine, &c->problem->log, &row, 1, data, data + machine->positions);
+        shown_of(c, s, z);
+        lg_machine_shown_row(machine, &c->problem->log, row, data, data + machine->positions);
         lg_machine_weigh_row(c->problem, row, c->factor, weight, weight + machine->positions);
         for (uint32_t i = 0; i < numbers; i++) {
             r[i] = weight[i] * (z[i] - data[i]);
@@ -318,7 +387,7 @@ static void put_rows(const lg_kernels *k, chain *c, uint32_t j) {
             double *out = c->jacobian + (first + i) * c->columns;
             c->r[first + i] = component(a, z, r) / length;
             k->fill(c->columns, 0.0, out);
-            k->axpy(c->columns, length * weight[a->first], c->S + (s * d + i) * c->columns, out);
+            k->axpy(c->columns, length * weight[a->first], slopes_of(c, s, i), out);
         }
         double *of_v = c->r + first + seen - machine->velocities;
         if (machine->directions > 0)
@@ -389,14 +458,20 @@ void lg_machine_row_variances(const lg_machine_problem *problem, const lg_machin
     }
 }
 
+static lg_status put_point(lg_tape *tape, chain *c, uint32_t j, size_t *at) {
+    LG_TRY(show_accelerations(tape, c, j, at));
+    put_rows(tape->k, c, j);
+    return LG_OK;
+}
+
 static lg_status pass_window(lg_tape *tape, chain *c) {
     size_t at[LG_FIT_CHUNK];
     const uint32_t first = first_residual(c->problem);
     LG_TRY(first_points(tape, c));
-    if (first == 0) put_rows(tape->k, c, 0);
+    if (first == 0) LG_TRY(put_point(tape, c, 0, at));
     for (uint32_t j = 0; j + 1 < c->problem->window; j++) {
         LG_TRY(pass_interval(tape, c, j, at));
-        put_rows(tape->k, c, j + 1);
+        LG_TRY(put_point(tape, c, j + 1, at));
     }
     return LG_OK;
 }
@@ -597,7 +672,8 @@ static lg_status pass_each(lg_tape *tape, chain *all, double *floor) {
 
 bool lg_machine_is_long(const lg_machine_problem *problem) {
     const axes all = axes_of(problem->machine);
-    return problem->window >= LONG && problem->machine->bristles == 0 && along_only(&all);
+    return problem->window >= LONG && problem->machine->bristles == 0 && along_only(&all) &&
+           !problem->machine->accelerations;
 }
 
 static lg_status run_chain(const lg_machine_problem *problem, lg_tape *tape, const double *theta,

@@ -66,6 +66,11 @@ static lg_status count_coordinates(lg_machine *machine, lg_error *error) {
     for (uint32_t i = 0; i < machine->coordinate_count; i++)
         if (lg_coordinate_row_of(machine->coordinates[i].kind) == NULL)
             return lg_fail(error, LG_INVALID_ARGUMENT, "coordinate %u has an unknown kind", i + 1);
+    for (uint32_t i = 0; i < machine->coordinate_count && machine->accelerations; i++)
+        if (machine->coordinates[i].kind > LG_COORDINATE_ANGLE)
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "%s: a coordinate whose acceleration is measured is a line or an angle",
+                           machine->coordinates[i].name);
     const lg_machine_offsets all = lg_machine_offsets_of(machine, machine->coordinate_count);
     machine->places = all.place;
     machine->directions = all.direction;
@@ -99,7 +104,8 @@ static bool feature_fits(const lg_machine *machine, const lg_machine_term *term,
     if (term->part == LG_MACHINE_OFFSET) return of.kind == LG_FEATURE_POSITION;
     const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[of.index].kind);
     if (term->part == LG_MACHINE_BIAS && of.kind != LG_FEATURE_VELOCITY && of.kind != LG_FEATURE_PLACE)
-        return of.kind == LG_FEATURE_POSITION && row->directions == 0 && row->rotations == 0;
+        return of.kind == LG_FEATURE_POSITION && row->directions == 0 && row->rotations == 0 &&
+               !machine->accelerations;
     switch (of.kind) {
     case LG_FEATURE_PLACE:
         return row->places > 0 && row->rotations > 0;
@@ -262,6 +268,16 @@ static lg_status check_positive(const lg_machine *machine, lg_machine_part part,
 
 /* ---- common factor ---- */
 
+/* Whether one of the term's values is known and not 0: 0 fixes no factor. */
+static bool gives_factor(const lg_machine_term *term) {
+    for (uint32_t i = 0; i < term->value_count; i++) {
+        bool open = term->values[i] == 0.0;
+        for (uint32_t k = 0; k < term->entry_count; k++) open = open || term->entries[k].index == i;
+        if (!open) return true;
+    }
+    return false;
+}
+
 /* Decides what fixes the common factor of M, V, D and B (see lg_machine in liegrad/machine.h). */
 static void find_gauge(lg_machine *machine) {
     const bool grey = machine->grey.system != NULL;
@@ -270,7 +286,7 @@ static void find_gauge(lg_machine *machine) {
     for (uint32_t i = 0; i < machine->term_count; i++) {
         const lg_machine_term *term = &machine->terms[i];
         if (term->part == LG_MACHINE_ACTUATOR) continue;
-        given = given || term->value_count > term->entry_count;
+        given = given || gives_factor(term);
         for (uint32_t k = 0; k < term->entry_count; k++) given = given || term->entries[k].sigma > 0.0;
         if (term->part != LG_MACHINE_MASS) continue;
         single = single || term->entry_count > 0;

@@ -43,12 +43,14 @@ void lg_numbers_bias(lg_number_list *l, const lg_machine *machine, const lg_mach
         const char *name = machine->coordinates[of.index].name;
         const bool velocity = of.kind == LG_FEATURE_VELOCITY;
         const uint32_t count = velocity ? row->velocities : row->places;
+        const char *of_what = !velocity ? "" : machine->accelerations ? ".acceleration" : ".velocity";
         for (uint32_t k = 0; k < count; k++) {
-            const double unit = velocity ? s->velocity[at.velocity + k] / s->time : s->place[at.place + k];
+            const double unit =
+                velocity ? lg_machine_shown_unit(machine, at.velocity + k) : s->place[at.place + k];
             if (count == 1)
-                lg_numbers_put(l, *theta++ * unit, "bias.%s%s", name, velocity ? ".velocity" : "");
+                lg_numbers_put(l, *theta++ * unit, "bias.%s%s", name, of_what);
             else
-                lg_numbers_put(l, *theta++ * unit, "bias.%s%s.%u", name, velocity ? ".velocity" : "", k + 1);
+                lg_numbers_put(l, *theta++ * unit, "bias.%s%s.%u", name, of_what, k + 1);
         }
     }
 }
@@ -163,6 +165,21 @@ static double coefficient_unit(const double *scales, const uint32_t *factor) {
     double unit = 1.0;
     for (; *factor != UINT32_MAX; factor++) unit /= scales[*factor];
     return unit;
+}
+
+void lg_machine_potential_entry(const lg_machine *machine, const lg_machine_term *term, uint32_t index,
+                                lg_entry_about *out) {
+    double scales[LG_MACHINE_FEATURE_NUMBERS];
+    char name[64];
+    lg_monomials monomials;
+    const uint32_t most = term->kind->most > 0 ? term->kind->most : term->degree;
+    (void)lg_machine_monomials(lg_machine_feature_scales(machine, term, scales), term->kind->least, most,
+                               &monomials);
+    const uint32_t *factor = monomials.factor[index];
+    monomial_name(machine, term, factor, name, sizeof name);
+    *out =
+        (lg_entry_about){.unit = machine->scales.energy * coefficient_unit(scales, factor), .single = true};
+    (void)snprintf(out->name, sizeof out->name, "potential.%s", name);
 }
 
 void lg_numbers_potential(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,

@@ -21,17 +21,20 @@ static void monomial_values(const lg_machine *machine, const lg_machine_term *te
     fits[0] = fits[1] = monomial_count(machine, term);
 }
 
-/* Known coefficients in scaled units: the coefficient in the log's units times the scales of its factors,
- * divided by E. */
-static lg_var known_coefficients(lg_tape *tape, const lg_machine *machine, const lg_machine_term *term,
+/* Given coefficients in scaled units, (1, count): the coefficient in the log's units times the scales of its
+ * factors, divided by E. */
+static lg_var given_coefficients(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
                                  const lg_monomials *monomials) {
-    double scales[LG_MACHINE_FEATURE_NUMBERS], c[LG_MACHINE_MONOMIALS];
-    (void)lg_machine_feature_scales(machine, term, scales);
+    const lg_machine *machine = vars->machine;
+    double scales[LG_MACHINE_FEATURE_NUMBERS], unit[LG_MACHINE_MONOMIALS];
+    uint32_t index[LG_MACHINE_MONOMIALS];
+    (void)lg_machine_feature_scales(machine, &machine->terms[term], scales);
     for (uint32_t i = 0; i < monomials->count; i++) {
-        c[i] = term->values[i] / machine->scales.energy;
-        for (const uint32_t *f = monomials->factor[i]; *f != UINT32_MAX; f++) c[i] *= scales[*f];
+        index[i] = i;
+        unit[i] = 1.0 / machine->scales.energy;
+        for (const uint32_t *f = monomials->factor[i]; *f != UINT32_MAX; f++) unit[i] *= scales[*f];
     }
-    return lg_input_f64(tape, lg_shape2(monomials->count, 1), c);
+    return lg_machine_record_entries(tape, vars, term, monomials->count, index, unit);
 }
 
 static lg_var polynomial(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
@@ -42,10 +45,9 @@ static lg_var polynomial(lg_tape *tape, const lg_machine_vars *vars, uint32_t te
     (void)list(machine, own, &monomials);
     const lg_var x = lg_machine_record_features(tape, machine, own, seen);
     const lg_var all = lg_machine_record_monomials(tape, &monomials, x);
-    const lg_var c = own->value_count > 0
-                         ? known_coefficients(tape, machine, own, &monomials)
-                         : lg_reshape(tape, vars->theta[term], lg_shape2(monomials.count, 1));
-    return lg_matmul(tape, all, c);
+    const lg_var c =
+        own->value_count > 0 ? given_coefficients(tape, vars, term, &monomials) : vars->theta[term];
+    return lg_matmul(tape, all, lg_reshape(tape, c, lg_shape2(monomials.count, 1)));
 }
 
 /* ---- network ---- */
@@ -66,7 +68,7 @@ static lg_var network(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
 
 #define MONOMIALS                                                                                            \
     .part = LG_MACHINE_POTENTIAL, .parameters = monomial_count, .values = monomial_values,                   \
-    .record = polynomial, .numbers = lg_numbers_potential
+    .record = polynomial, .numbers = lg_numbers_potential, .entry = lg_machine_potential_entry
 #define FORM (LG_TERM_OF | LG_TERM_VALUES)
 const lg_term_kind lg_machine_potential_kinds[] = {
     {.name = "linear", .options = FORM, .least = 1, .most = 1, MONOMIALS},

@@ -35,9 +35,12 @@ static lg_status keep(lg_tape *tape, const runs *r, const lg_machine_flow *flow,
     const lg_var joined = lg_taped_join(tape, &flow->space, parts);
     LG_TRY(lg_read(tape, joined, r->count * flow->space.dim, r->state));
     LG_TRY(lg_read(tape, lg_machine_record_positions(tape, flow->vars, parts), r->count * nq, q));
-    LG_TRY(lg_read(tape, lg_machine_record_velocities(tape, flow->vars, parts), r->count * nv, v));
+    for (size_t i = 0; i < r->count; i++) r->at[i] = r->start[i] + step;
+    const lg_var shown = lg_machine_record_shown(tape, flow->vars, r->log, r->at, (uint32_t)r->count, parts);
+    LG_TRY(lg_read(tape, shown, r->count * nv, v));
     for (size_t i = 0; i < r->count; i++) {
         lg_machine_unscale_row(machine, q + i * nq, v + i * nv);
+        for (size_t k = 0; k < nv && machine->accelerations; k++) v[i * nv + k] /= machine->scales.time;
         const size_t at = i * (r->steps + 1) + step;
         if (r->positions != NULL) memcpy(r->positions + at * nq, q + i * nq, nq * sizeof *q);
         if (r->velocities != NULL) memcpy(r->velocities + at * nv, v + i * nv, nv * sizeof *v);

@@ -221,12 +221,12 @@ static lg_var bias_of(lg_tape *tape, const lg_machine_vars *vars, bool velocitie
 }
 
 static lg_var without_bias(lg_tape *tape, const lg_machine_vars *vars, bool velocities, lg_var x) {
-    const lg_var bias = bias_of(tape, vars, velocities);
+    const lg_var bias = vars->machine->accelerations ? LG_NONE : bias_of(tape, vars, velocities);
     return lg_is_none(bias) ? x : lg_sub(tape, x, bias);
 }
 
 static lg_var with_bias(lg_tape *tape, const lg_machine_vars *vars, bool velocities, lg_var x) {
-    const lg_var bias = bias_of(tape, vars, velocities);
+    const lg_var bias = vars->machine->accelerations ? LG_NONE : bias_of(tape, vars, velocities);
     return lg_is_none(bias) ? x : lg_add(tape, x, bias);
 }
 
@@ -561,6 +561,30 @@ lg_status lg_machine_record_field(lg_tape *tape, const lg_machine_vars *vars, co
     if (machine->rotations > 0) move_rotations(tape, &b, algebra);
     if (b.at.z >= 0) algebra[b.at.z] = lg_machine_bristle_rate(tape, vars, seen.v, parts[b.at.z]);
     return lg_tape_status(tape);
+}
+
+/* ---- accelerations ---- */
+
+/* v' = dv/d(state) state' of the momenta's machine: the tangent of the velocities along the field. The copies
+ * make the parts of the state independent of each other. */
+static lg_var along_field(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts,
+                          const lg_var *algebra, size_t count) {
+    lg_var copies[LG_TAPED_MAX_PARTS], out = LG_NONE;
+    for (size_t i = 0; i < count; i++) copies[i] = lg_scale(tape, parts[i], 1.0);
+    const lg_var v = lg_machine_record_rates(tape, vars, copies);
+    return lg_jvp(tape, &v, 1, copies, algebra, count, &out) == LG_OK ? out : LG_NONE;
+}
+
+lg_var lg_machine_record_accelerations(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts,
+                                       lg_var u) {
+    lg_var algebra[LG_TAPED_MAX_PARTS];
+    lg_space space;
+    if (lg_machine_record_field(tape, vars, parts, u, algebra) != LG_OK ||
+        lg_machine_space(vars->machine, &space) != LG_OK)
+        return LG_NONE;
+    const lg_var a = along_field(tape, vars, parts, algebra, lg_taped_parts(&space));
+    const lg_var bias = bias_of(tape, vars, true);
+    return lg_is_none(bias) || lg_is_none(a) ? a : lg_add(tape, a, bias);
 }
 
 /* ---- potential forces and impulses ---- */

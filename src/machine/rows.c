@@ -129,6 +129,15 @@ void lg_machine_scaled_rows(const lg_machine *machine, const lg_machine_log *log
         }
 }
 
+void lg_machine_shown_row(const lg_machine *machine, const lg_machine_log *log, size_t row, double *positions,
+                          double *shown) {
+    lg_machine_scaled_rows(machine, log, &row, 1, positions, shown);
+    for (uint32_t k = 0; k < machine->velocities && machine->accelerations; k++) {
+        const double a = log->a[row * machine->velocities + k];
+        shown[k] = isnan(a) ? 0.0 : a / lg_machine_shown_unit(machine, k);
+    }
+}
+
 void lg_machine_unscale_row(const lg_machine *machine, double *positions, double *velocities) {
     const lg_machine_scales *s = &machine->scales;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {

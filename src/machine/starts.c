@@ -10,9 +10,7 @@ uint32_t lg_machine_start_numbers(const lg_machine *machine) {
     return machine->places + 3 * machine->directions + 3 * machine->rotations + machine->velocities;
 }
 
-/* The unit of each number of a start: the scale of the loss times the square root of the number of windows.
- * The loss is a mean over windows, so that its second derivatives in the parameters are then about 1. */
-static void start_units(const lg_machine_problem *problem, double *scale) {
+void lg_machine_start_units(const lg_machine_problem *problem, double *scale) {
     const lg_machine *machine = problem->machine;
     const double unit = sqrt((double)problem->windows);
     const uint32_t directions = machine->places, rotations = directions + 3 * machine->directions,
@@ -20,7 +18,9 @@ static void start_units(const lg_machine_problem *problem, double *scale) {
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
         const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
-        const double q = unit * problem->position_scale[i], v = unit * problem->velocity_scale[i];
+        const double T = machine->scales.time, shown = unit * problem->velocity_scale[i];
+        const double q = machine->accelerations ? T * T * shown : unit * problem->position_scale[i],
+                     v = machine->accelerations ? T * shown : shown;
         for (uint32_t k = 0; k < row->places; k++)
             scale[at.place + k] = q / machine->scales.place[at.place + k];
         for (uint32_t k = 0; k < 3 * row->directions; k++) scale[directions + 3 * at.direction + k] = q;
@@ -49,7 +49,7 @@ lg_status lg_machine_move_starts(lg_tape *tape, const lg_machine_problem *proble
     const lg_machine *machine = problem->machine;
     const lg_machine_places at = lg_machine_parts(machine);
     double scale[LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES];
-    start_units(problem, scale);
+    lg_machine_start_units(problem, scale);
     const lg_var a =
         lg_mul(tape, numbers, lg_input_f64(tape, lg_shape2(1, lg_machine_start_numbers(machine)), scale));
     const uint32_t directions = machine->places, rotations = directions + 3 * machine->directions,

@@ -38,11 +38,11 @@ static void fill_lagged(const interval *over, double s, double *const x[3]) {
     for (uint32_t k = 0, order; k < n; k += order) {
         const uint32_t input = machine->lagged[k];
         lg_lag_weights weights;
-        double h = 0.0, found[6];
+        double h = -1.0, found[6];
         order = lg_machine_lag_order(machine, k);
         for (uint32_t i = 0; i < over->count; i++) {
             const size_t row = over->at[i];
-            const double own = over->log->t[row + 1] - over->log->t[row];
+            const double own = s > 0.0 ? over->log->t[row + 1] - over->log->t[row] : 0.0;
             if (!(fabs(own - h) <= 1e-9 * h)) lg_lag_weights_at(s * (h = own) / over->tau[k], &weights);
             lg_lag_move(&weights, order, s, over->log->u + row * 4 * m + input, m,
                         over->lagged + ((size_t)i * n + k) * 3, found);
@@ -185,18 +185,30 @@ static lg_status steps_of(lg_tape *tape, const lg_machine_flow *flow, interval *
                                                        : scheme_steps(tape, flow, over, parts);
 }
 
-static lg_status lagged_steps(lg_tape *tape, const lg_machine_flow *flow, interval *over, lg_var *parts) {
-    const lg_machine *machine = flow->vars->machine;
-    const size_t bytes = (size_t)over->count * machine->lags * 3 * sizeof(double);
-    LG_TRY(lg_read(tape, flow->vars->lag, machine->lags, over->l));
+static size_t lagged_bytes(const interval *over) {
+    return (size_t)over->count * over->vars->machine->lags * 3 * sizeof(double);
+}
+
+/* Computes the lagged inputs at the rows over->at, if the machine has lags. The caller gives over->lagged
+ * back. */
+static lg_status take_lags(lg_tape *tape, interval *over) {
+    const lg_machine *machine = over->vars->machine;
+    if (machine->lags == 0) return LG_OK;
+    LG_TRY(lg_read(tape, over->vars->lag, machine->lags, over->l));
     for (uint32_t k = 0; k < machine->lags; k++) over->tau[k] = machine->scales.time * exp(over->l[k]);
-    over->lagged = lg_pool_take(tape, bytes);
+    over->lagged = lg_pool_take(tape, lagged_bytes(over));
     if (over->lagged == NULL) return lg_tape_status(tape);
-    lg_status status =
-        lg_machine_lag_states(machine, over->log, over->tau, over->at, over->count, over->lagged);
-    if (status == LG_OK) status = steps_of(tape, flow, over, parts);
-    lg_pool_give(tape, over->lagged, bytes);
-    return status;
+    return lg_machine_lag_states(machine, over->log, over->tau, over->at, over->count, over->lagged);
+}
+
+static void give_lags(lg_tape *tape, interval *over) {
+    if (over->lagged != NULL) lg_pool_give(tape, over->lagged, lagged_bytes(over));
+}
+
+static void fill_coefficients(lg_tape *tape, interval *over, uint32_t powers) {
+    const lg_machine *machine = over->vars->machine;
+    for (uint32_t k = 0; k < powers && machine->input_count > 0; k++)
+        over->u[k] = coefficients(tape, machine, over->log, over->at, over->count, k);
 }
 
 lg_status lg_machine_record_interval(lg_tape *tape, const lg_machine_flow *flow, const lg_machine_log *log,
@@ -207,7 +219,29 @@ lg_status lg_machine_record_interval(lg_tape *tape, const lg_machine_flow *flow,
         over.length = length_of(machine, log, at[0]);
     else
         over.h = lengths(tape, machine, log, at, count);
-    for (uint32_t k = 0; k < 4 && machine->input_count > 0; k++)
-        over.u[k] = coefficients(tape, machine, log, at, count, k);
-    return machine->lags > 0 ? lagged_steps(tape, flow, &over, parts) : steps_of(tape, flow, &over, parts);
+    fill_coefficients(tape, &over, 4);
+    lg_status status = take_lags(tape, &over);
+    if (status == LG_OK) status = steps_of(tape, flow, &over, parts);
+    give_lags(tape, &over);
+    return status;
+}
+
+lg_status lg_machine_record_inputs(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_log *log,
+                                   const size_t *at, uint32_t count, lg_var *u) {
+    interval over = {.vars = vars, .log = log, .at = at, .count = count};
+    *u = LG_NONE;
+    if (vars->machine->input_count == 0) return LG_OK;
+    fill_coefficients(tape, &over, 1);
+    const lg_status status = take_lags(tape, &over);
+    if (status == LG_OK) *u = input_at(tape, &over, 0.0);
+    give_lags(tape, &over);
+    return status == LG_OK ? lg_tape_status(tape) : status;
+}
+
+lg_var lg_machine_record_shown(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_log *log,
+                               const size_t *at, uint32_t count, const lg_var *parts) {
+    lg_var u;
+    if (!vars->machine->accelerations) return lg_machine_record_velocities(tape, vars, parts);
+    if (lg_machine_record_inputs(tape, vars, log, at, count, &u) != LG_OK) return LG_NONE;
+    return lg_machine_record_accelerations(tape, vars, parts, u);
 }

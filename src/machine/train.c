@@ -22,7 +22,7 @@ static size_t row_of(const points *p, uint32_t point, size_t sample) {
     return p->problem->start[p->samples[sample]] + point;
 }
 
-/* Logged positions and velocities of all points, and their weights. */
+/* Logged positions and velocities (or accelerations) of all points, and their weights. */
 typedef struct given {
     lg_var positions, velocities, position_weights, velocity_weights;
     /* Shaped as velocities: logged directions, 0 for other coordinates. Only for machines with directions. */
@@ -49,11 +49,25 @@ static lg_status put_given(lg_tape *tape, const points *p, double factor, given 
             double *each[4];
             for (int i = 0; i < 4; i++)
                 each[i] = (double *)memory[i] + at * (i % 2 == 0 ? machine->positions : machine->velocities);
-            lg_machine_scaled_rows(machine, &problem->log, &row, 1, each[0], each[1]);
+            lg_machine_shown_row(machine, &problem->log, row, each[0], each[1]);
             lg_machine_weigh_row(problem, row, factor, each[2], each[3]);
             if (machine->directions > 0)
                 lg_machine_along_row(problem, row, (double *)along + at * machine->velocities);
         }
+    return LG_OK;
+}
+
+/* Logged positions and velocities at the starts of the samples. */
+static lg_status put_starts(lg_tape *tape, const points *p, size_t *at, lg_var *positions,
+                            lg_var *velocities) {
+    const lg_machine *machine = p->problem->machine;
+    const uint32_t rows = (uint32_t)p->count;
+    void *memory[2];
+    *positions = lg_input_buffer(tape, lg_shape2(rows, machine->positions), &memory[0]);
+    *velocities = lg_input_buffer(tape, lg_shape2(rows, machine->velocities), &memory[1]);
+    LG_TRY(lg_tape_status(tape));
+    for (size_t s = 0; s < p->count; s++) at[s] = row_of(p, 0, s);
+    lg_machine_scaled_rows(machine, &p->problem->log, at, p->count, memory[0], memory[1]);
     return LG_OK;
 }
 
@@ -76,16 +90,14 @@ static lg_status predict(lg_tape *tape, const points *p, const lg_machine_flow *
                          lg_var *predicted) {
     const lg_machine_problem *problem = p->problem;
     const size_t parts = lg_taped_parts(&flow->space);
-    const points starts = {problem, p->samples, p->count, 0, 0};
     size_t at[LG_FIT_CHUNK];
-    given first;
-    LG_TRY(put_given(tape, &starts, 1.0, &first));
+    lg_var positions, velocities;
+    LG_TRY(put_starts(tape, p, at, &positions, &velocities));
     if (lg_machine_starts_estimated(problem))
-        LG_TRY(lg_machine_move_starts(tape, problem, flow->vars, start_parameters(tape, p, theta),
-                                      first.positions, first.velocities, predicted));
+        LG_TRY(lg_machine_move_starts(tape, problem, flow->vars, start_parameters(tape, p, theta), positions,
+                                      velocities, predicted));
     else
-        LG_TRY(lg_machine_record_state(tape, flow->vars, first.positions, first.velocities, predicted));
-    for (size_t s = 0; s < p->count; s++) at[s] = row_of(p, 0, s);
+        LG_TRY(lg_machine_record_state(tape, flow->vars, positions, velocities, predicted));
     LG_TRY(lg_machine_start_bristles(tape, flow->vars, &problem->log, at, p->count, predicted));
     for (uint32_t j = 0; j + 1 < problem->window; j++) {
         lg_var *next = predicted + (j + 1) * parts;
@@ -156,11 +168,23 @@ static lg_var across(lg_tape *tape, const lg_machine *machine, lg_var r, lg_var 
     return lg_sub(tape, r, lg_mul(tape, dots, along));
 }
 
+/* What the logs show of the velocities of the states `all`, joined points. */
+static lg_var shown(lg_tape *tape, const points *p, const lg_machine_vars *vars, const lg_var *all) {
+    const size_t rows = p->count * (p->last - p->first + 1);
+    size_t *at = lg_pool_take(tape, rows * sizeof *at), i = 0;
+    if (at == NULL) return LG_NONE;
+    for (uint32_t point = p->first; point <= p->last; point++)
+        for (size_t s = 0; s < p->count; s++) at[i++] = row_of(p, point, s);
+    const lg_var out = lg_machine_record_shown(tape, vars, &p->problem->log, at, (uint32_t)rows, all);
+    lg_pool_give(tape, at, rows * sizeof *at);
+    return out;
+}
+
 /* Weighted differences of each window between predicted states `all` and data, (count, numbers). */
 static lg_var differences(lg_tape *tape, const points *p, const lg_machine_vars *vars, const given *data,
                           const lg_var *all) {
     const lg_var positions = lg_machine_record_positions(tape, vars, all),
-                 velocities = lg_machine_record_velocities(tape, vars, all);
+                 velocities = shown(tape, p, vars, all);
     const lg_var of_v = lg_mul(tape, lg_sub(tape, velocities, data->velocities), data->velocity_weights);
     const lg_var r[2] = {
         by_window(tape, p, lg_mul(tape, lg_sub(tape, positions, data->positions), data->position_weights)),
@@ -223,7 +247,7 @@ static lg_status shard_floor(void *user, lg_tape *tape, lg_var theta, const uint
     LG_TRY(put_given(tape, &p, factor_of(&p, batch) * power / (power - 1.0), &data));
     LG_TRY(predict_joined(tape, &p, &twice, theta, all));
     data.positions = lg_machine_record_positions(tape, &vars, all);
-    data.velocities = lg_machine_record_velocities(tape, &vars, all);
+    data.velocities = shown(tape, &p, &vars, all);
     LG_TRY(predict_joined(tape, &p, &once, theta, all));
     *floor = lg_sum(tape, lg_square(tape, differences(tape, &p, &vars, &data, all)));
     return lg_tape_status(tape);

@@ -62,6 +62,8 @@ lg_status lg_machine_problem_check(const lg_machine_problem *problem, lg_error *
     if (problem->window < 2 || problem->substeps == 0)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "a window must have at least 2 rows, and there must be at least 1 substep");
+    if (machine->accelerations && problem->log.a == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the log has no accelerations");
     if (problem->validation >= problem->windows)
         return lg_fail(error, LG_INVALID_ARGUMENT, "no windows are left for training");
     if (lg_machine_problem_parameters(problem) == 0)
@@ -96,17 +98,19 @@ void lg_machine_weigh_row(const lg_machine_problem *problem, size_t row, double 
         const lg_coordinate_row *is = lg_coordinate_row_of(kind);
         const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
         const double *q = problem->log.q + row * machine->positions,
-                     *v = problem->log.v + row * machine->velocities;
+                     *v = (machine->accelerations ? problem->log.a : problem->log.v) +
+                          row * machine->velocities;
         for (uint32_t k = at.position; k < at.position + lg_coordinate_positions(kind); k++) {
             const uint32_t place = k - at.position;
             const double unit = place < is->places  ? s->place[at.place + place]
                                 : is->rotations > 0 ? sqrt(0.5)
                                                     : 1.0;
-            positions[k] = isnan(q[k]) ? 0.0 : factor * unit / problem->position_scale[i];
+            const bool given = !isnan(q[k]) && !machine->accelerations;
+            positions[k] = given ? factor * unit / problem->position_scale[i] : 0.0;
         }
         for (uint32_t k = at.velocity; k < at.velocity + is->velocities; k++)
             velocities[k] =
-                isnan(v[k]) ? 0.0 : factor * s->velocity[k] / (s->time * problem->velocity_scale[i]);
+                isnan(v[k]) ? 0.0 : factor * lg_machine_shown_unit(machine, k) / problem->velocity_scale[i];
     }
 }
 

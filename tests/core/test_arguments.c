@@ -912,7 +912,7 @@ TEST("functions of machines refuse NULL") {
                                   .scheme = lg_scheme_find("cf4"),
                                   .substeps = 1,
                                   .window = 4,
-                                  .log = {ROWS, 1, first, t, q, v, NULL, NULL, NULL},
+                                  .log = {ROWS, 1, first, t, q, v, NULL, NULL, NULL, NULL},
                                   .windows = 2,
                                   .start = start,
                                   .position_scale = {1.0},
@@ -932,6 +932,12 @@ TEST("functions of machines refuse NULL") {
     lg_identification about = {.numbers = identified};
     double *direction = TEST_ARRAY(double, machine->parameters), x[3];
     const lg_machine_restriction restriction = {&problem, theta, 1, direction};
+    lg_machine_problem begun = problem;
+    begun.starts = LG_MACHINE_STARTS_ESTIMATED;
+    lg_machine shaken = *machine;
+    lg_machine_log pushes = problem.log;
+    shaken.accelerations = true;
+    pushes.a = v;
     lg_machine_adapted adapted = {.x = x, .error = x + 1, .alone = x + 2};
     direction[0] = 0.1;
     lg_program *program;
@@ -956,6 +962,7 @@ TEST("functions of machines refuse NULL") {
     REFUSES(lg_machine_rest_rate(NULL, NEEDED(machine), theta, NEEDED(&problem.log), NEEDED(others), NULL));
     REFUSES(lg_machine_problem_check(NEEDED(&problem), NULL));
     REFUSES(lg_machine_loss(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(others), NULL, NULL));
+    REFUSES(lg_machine_continue_starts(NULL, NEEDED(&begun), NEEDED(others), NEEDED(work), NULL));
     REFUSES(
         lg_machine_expect(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(&noise), NEEDED(&expected), NULL));
     REFUSES(lg_machine_find_missing(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(&missing), NULL));
@@ -966,6 +973,8 @@ TEST("functions of machines refuse NULL") {
     REFUSES(lg_machine_estimate_starts(NULL, NEEDED(machine), NEEDED(theta), NEEDED(problem.scheme), 1,
                                        NEEDED(&problem.log), NEEDED(start), 2, 4, NEEDED(others),
                                        NEEDED(others + 8), NULL));
+    REFUSES(lg_machine_estimate_states(NULL, NEEDED(&shaken), NEEDED(theta), NEEDED(problem.scheme), 1,
+                                       NEEDED(&pushes), 4, NEEDED(others), NEEDED(others + 8), NULL));
     REFUSES(lg_machine_program(NULL, NEEDED(machine), NEEDED(theta), NULL, NEEDED(&program), NULL));
     REFUSES(lg_machine_model_save(NULL, NEEDED("/nonexistent/file.h5"), NEEDED(file), NULL, NULL));
     REFUSES(lg_machine_model_describe(NEEDED(&file->run), NEEDED("machine"), NEEDED(text), NULL));

@@ -213,7 +213,7 @@ TEST("a thrown rigid body follows a parabola and keeps its angular momentum in s
     const size_t first[2] = {0, STEPS + 1}, start = 0;
     random_rows(&machine, 9, STEPS + 1, q, v);
     for (int i = 0; i <= STEPS; i++) t[i] = 0.02 * i;
-    const lg_machine_log log = {STEPS + 1, 1, first, t, q, v, NULL, NULL, NULL};
+    const lg_machine_log log = {STEPS + 1, 1, first, t, q, v, NULL, NULL, NULL, NULL};
     assert_ok(lg_machine_free_run(NULL, &machine, NULL, lg_scheme_find("rkmk5"), 4, &log, &start, 1, STEPS,
                                   q1, v1, NULL));
     for (int i = 0; i < 12; i++)

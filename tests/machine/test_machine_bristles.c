@@ -131,7 +131,7 @@ static void start(const lg_machine *machine, const double *theta, const double *
         log[0][i] = 0.01 * (double)i;
         log[2][N * i] = log[2][N * i + 1] = v[i >= turn];
     }
-    const lg_machine_log all = {ROWS, 1, first, log[0], log[1], log[2], NULL, NULL, NULL};
+    const lg_machine_log all = {ROWS, 1, first, log[0], log[1], log[2], NULL, NULL, NULL, NULL};
     lg_machine_vars vars;
     lg_var parts[LG_TAPED_MAX_PARTS];
     lg_tape *tape = test_tape(LG_F64);
@@ -211,7 +211,7 @@ TEST("a step of a free run is the exported step") {
     const lg_machine machine = bristled(2, values);
     const double q[2 * N] = {0.4, -1}, v[2 * N] = {0.02, -0.5}, u[8] = {0.7, 0, 0, 0, 0.7}, t[2] = {0, 0.02};
     const size_t first[2] = {0, 2}, at = 0;
-    const lg_machine_log log = {2, 1, first, t, q, v, u, NULL, NULL};
+    const lg_machine_log log = {2, 1, first, t, q, v, u, NULL, NULL, NULL};
     double x[STATE] = {0.4, -1, 2 * v[0], 2 * v[1]}, next[STATE], speeds[2 * N];
     for (int k = 0; k < N; k++) {
         const double w = 1e-3 * machine.scales.fastest[k];

@@ -12,7 +12,7 @@ static void open_value(lg_machine_term *term, uint32_t index, double low, double
 /* A line and an angle with two inputs at odd scales; with `open` some of the numbers are unknown. */
 static lg_machine mixed(bool open) {
     static const double mass[2] = {2, 3}, map[4] = {1, -0.4, 0, 0.5}, drag[2] = {0.7, 0.2},
-                        coulomb[2] = {0.3, 0.9}, offset[2] = {-0.6, 0.1};
+                        coulomb[2] = {0.3, 0.9}, offset[2] = {-0.6, 0.1}, pull[2] = {0.4, -0.8};
     lg_machine machine = empty_machine();
     add_coordinate(&machine, "x", LG_COORDINATE_LINE);
     add_coordinate(&machine, "a", LG_COORDINATE_ANGLE);
@@ -24,6 +24,9 @@ static lg_machine mixed(bool open) {
     add_values(add_term(&machine, LG_MACHINE_DAMPING, "diagonal"), 2, drag);
     add_values(add_term(&machine, LG_MACHINE_DAMPING, "coulomb"), 2, coulomb);
     add_values(add_term(&machine, LG_MACHINE_OFFSET, "known"), 2, offset);
+    lg_machine_term *gravity = add_term(&machine, LG_MACHINE_POTENTIAL, "gravity");
+    add_feature(gravity, LG_FEATURE_HEIGHT, 1);
+    add_values(gravity, 2, pull);
     if (open) {
         open_value(&machine.terms[0], 1, 0, 0, 0.5);
         open_value(&machine.terms[1], 1, 0, 0, 0.2);
@@ -31,6 +34,7 @@ static lg_machine mixed(bool open) {
         open_value(&machine.terms[2], 0, 0, 0, 0);
         open_value(&machine.terms[3], 1, 0.5, 2, 0.1);
         open_value(&machine.terms[4], 0, -1, 1, 0);
+        open_value(&machine.terms[5], 1, 0, 0, 0);
     }
     assert_machine(&machine);
     return machine;
@@ -51,39 +55,60 @@ static void rates_of(const lg_machine *machine, const double *theta, double *out
 }
 
 TEST("a machine whose unknown numbers are at their starts is the machine in which they are known") {
-    static const char *const names[] = {"mass.2.2",  "input_map.1.2", "input_map.2.2",
-                                        "damping.x", "coulomb.a",     "offset.x"};
-    static const double starts[] = {3, -0.4, 0.5, 0.7, 0.9, -0.6};
+    static const char *const names[] = {"mass.2.2",  "input_map.1.2", "input_map.2.2",   "damping.x",
+                                        "coulomb.a", "offset.x",      "potential.cos(a)"};
+    static const double starts[] = {3, -0.4, 0.5, 0.7, 0.9, -0.6, -0.8};
     const lg_machine known = mixed(false), open = mixed(true);
-    const double zeros[6] = {0};
+    const double zeros[7] = {0};
     double a[2], b[2];
-    lg_identified numbers[6];
+    lg_identified numbers[7];
     assert_int_equal(known.parameters, 0);
-    assert_int_equal(open.parameters, 6);
+    assert_int_equal(open.parameters, 7);
     rates_of(&known, NULL, a);
     rates_of(&open, zeros, b);
     assert_all_close(b, a, 2, 1e-14, 0);
-    assert_int_equal(lg_machine_numbers(&open, zeros, 6, numbers), 6);
-    for (size_t i = 0; i < 6; i++) {
+    assert_int_equal(lg_machine_numbers(&open, zeros, 7, numbers), 7);
+    for (size_t i = 0; i < 7; i++) {
         assert_string_equal(numbers[i].name, names[i]);
         assert_close(numbers[i].value, starts[i], 1e-14, 0);
     }
 }
 
 TEST("identified numbers, given as known values, make the same machine, for any parameters") {
-    static const uint32_t of[6][2] = {{0, 1}, {1, 1}, {1, 3}, {2, 0}, {3, 1}, {4, 0}};
+    static const uint32_t of[7][2] = {{0, 1}, {1, 1}, {1, 3}, {2, 0}, {3, 1}, {4, 0}, {5, 1}};
     for (uint64_t seed = 1; seed < 5; seed++) {
         const lg_machine open = mixed(true);
         lg_machine known = mixed(false);
         const double *theta = machine_theta(&open, seed);
-        lg_identified numbers[6];
+        lg_identified numbers[7];
         double a[2], b[2];
-        (void)lg_machine_numbers(&open, theta, 6, numbers);
-        for (size_t i = 0; i < 6; i++) known.terms[of[i][0]].values[of[i][1]] = numbers[i].value;
+        (void)lg_machine_numbers(&open, theta, 7, numbers);
+        for (size_t i = 0; i < 7; i++) known.terms[of[i][0]].values[of[i][1]] = numbers[i].value;
         assert_machine(&known);
         rates_of(&known, NULL, a);
         rates_of(&open, theta, b);
         assert_all_close(b, a, 2, 1e-13, 0);
+    }
+}
+
+TEST("a known 0 does not fix the common factor of masses and forces, another known number does") {
+    for (int known = 0; known < 2; known++) {
+        const double pull[2] = {known, (double)NAN}, one = 1;
+        lg_machine machine = empty_machine();
+        lg_identified number;
+        add_coordinate(&machine, "a", LG_COORDINATE_ANGLE);
+        (void)add_term(&machine, LG_MACHINE_MASS, "diagonal");
+        lg_machine_term *gravity = add_term(&machine, LG_MACHINE_POTENTIAL, "gravity");
+        add_feature(gravity, LG_FEATURE_HEIGHT, 0);
+        add_values(gravity, 2, pull);
+        open_value(gravity, 1, 0, 0, 0);
+        machine.scales.energy = 2.5;
+        assert_machine(&machine);
+        assert_int_equal(machine.normalised, known == 0);
+        /* Without a start the coefficient begins at 0, and its unit is that of an energy. */
+        machine.terms[0].parameters = 0, machine.terms[0].value_count = 1, gravity->offset = 0;
+        assert_int_equal(lg_machine_numbers(&machine, &one, 1, &number), 1);
+        assert_close(number.value, 2.5, 1e-14, 0);
     }
 }
 
@@ -92,14 +117,14 @@ TEST(
     const lg_machine machine = mixed(true);
     static const double extremes[] = {-60, -5, 0, 2, 60};
     for (size_t k = 0; k < LG_COUNT(extremes); k++) {
-        double theta[6];
-        lg_identified n[6];
-        for (size_t i = 0; i < 6; i++) theta[i] = extremes[k];
-        (void)lg_machine_numbers(&machine, theta, 6, n);
+        double theta[7];
+        lg_identified n[7];
+        for (size_t i = 0; i < 7; i++) theta[i] = extremes[k];
+        (void)lg_machine_numbers(&machine, theta, 7, n);
         assert_true(n[0].value > 0 && n[3].value > 0);
         assert_true(n[2].value >= 0.1 && n[2].value <= 4 && n[4].value >= 0.5 && n[4].value <= 2);
         assert_true(n[5].value >= -1 && n[5].value <= 1);
-        for (size_t i = 0; i < 6; i++) assert_true(isfinite(n[i].value));
+        for (size_t i = 0; i < 7; i++) assert_true(isfinite(n[i].value));
     }
     const lg_machine_entry bounded = {.low = 1, .high = 10};
     const lg_number_map maps[] = {lg_machine_entry_map(&bounded, 3, 2, true),

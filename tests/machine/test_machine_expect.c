@@ -41,7 +41,7 @@ static logs *make_logs(void) {
     const lg_machine machine = plant(true);
     logs *l = TEST_ARRAY(logs, 1);
     lg_rng rng = test_rng(1, 0);
-    l->log = (lg_machine_log){ALL, PARTS, l->first, l->t, l->q, l->v, l->u, NULL, NULL};
+    l->log = (lg_machine_log){ALL, PARTS, l->first, l->t, l->q, l->v, l->u, NULL, NULL, NULL};
     for (size_t row = 0; row < ALL; row++) {
         l->first[row / ROWS] = l->start[row / ROWS] = row / ROWS * ROWS;
         l->t[row] = DT * (double)(row % ROWS);

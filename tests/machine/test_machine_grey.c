@@ -122,7 +122,7 @@ static void add_noise(const lg_machine *machine, logs *l, double noise) {
 
 static logs *make_logs(const system_case *c, const lg_machine *machine, double noise) {
     logs *l = TEST_ARRAY(logs, 1);
-    l->log = (lg_machine_log){ALL, PARTS, l->first, l->t, l->q, l->v, NULL, NULL, NULL};
+    l->log = (lg_machine_log){ALL, PARTS, l->first, l->t, l->q, l->v, NULL, NULL, NULL, NULL};
     for (size_t r = 0; r < ALL; r++) {
         l->first[r / ROWS] = r / ROWS * ROWS;
         l->t[r] = c->dt * (double)(r % ROWS);
@@ -436,7 +436,7 @@ TEST("noisy trajectories give the parameters within four of the stated standard 
 /* m x'' = -k x - d x', from x(0) = a at rest. */
 static void fill_decaying(logs *l, double m, double k, double d, double dt) {
     const double decay = d / (2 * m), rate = sqrt(k / m - decay * decay);
-    l->log = (lg_machine_log){ALL, PARTS, l->first, l->t, l->q, l->v, NULL, NULL, NULL};
+    l->log = (lg_machine_log){ALL, PARTS, l->first, l->t, l->q, l->v, NULL, NULL, NULL, NULL};
     for (size_t r = 0; r < ALL; r++) {
         const double t = dt * (double)(r % ROWS), a = 1e-3 * (1.0 + 0.3 * (double)(r / ROWS));
         const double falling = a * exp(-decay * t), c = cos(rate * t), s = sin(rate * t);
@@ -706,7 +706,7 @@ TEST("terms in addition to the system are learned with it: a spring at the cart 
         u[4 * r] = 3 * sin(0.7 * (double)r);
     }
     l->first[PARTS] = ALL;
-    l->log = (lg_machine_log){ALL, PARTS, l->first, l->t, l->q, l->v, u, NULL, NULL};
+    l->log = (lg_machine_log){ALL, PARTS, l->first, l->t, l->q, l->v, u, NULL, NULL, NULL};
     assert_ok(lg_machine_free_run(NULL, &known, NULL, lg_scheme_find("rkmk5"), 32, &l->log, l->start, PARTS,
                                   ROWS - 1, q, v, NULL));
     memcpy(l->q, q, ALL * 2 * sizeof *q);

@@ -30,15 +30,16 @@ static task *make_task(const lg_machine *machine, lg_machine_starts starts, cons
     for (uint32_t i = 0; i < machine->coordinate_count; i++)
         for (int k = 0; k < 3 && machine->coordinates[i].kind == LG_COORDINATE_DIRECTION; k++)
             t->q[machine->positions + 2 + (uint32_t)k] = (double)NAN;
-    t->problem = (lg_machine_problem){.machine = machine,
-                                      .scheme = lg_scheme_find(scheme),
-                                      .substeps = 2,
-                                      .window = WINDOW,
-                                      .starts = starts,
-                                      .theta = theta,
-                                      .log = {ROWS, PARTS, t->first, t->t, t->q, t->v, t->u, NULL, NULL},
-                                      .windows = PARTS,
-                                      .start = t->start};
+    t->problem =
+        (lg_machine_problem){.machine = machine,
+                             .scheme = lg_scheme_find(scheme),
+                             .substeps = 2,
+                             .window = WINDOW,
+                             .starts = starts,
+                             .theta = theta,
+                             .log = {ROWS, PARTS, t->first, t->t, t->q, t->v, t->u, NULL, NULL, NULL},
+                             .windows = PARTS,
+                             .start = t->start};
     for (uint32_t i = 0; i < machine->coordinate_count; i++)
         t->problem.position_scale[i] = 0.5 + 0.1 * i, t->problem.velocity_scale[i] = 1.5 - 0.1 * i;
     assert_ok(lg_machine_problem_check(&t->problem, NULL));

@@ -103,7 +103,7 @@ static data *make_data(bool jitter, double unit) {
         for (int k = 0; k < 8; k++) d->u[8 * i + k] = noise[(2 + k) * ROWS / 2 + i] / (1 + k / 2);
     }
     d->first[1] = FIRST, d->first[2] = SECOND, d->first[3] = ROWS;
-    d->log = (lg_machine_log){ROWS, PARTS, d->first, d->t, d->q, d->v, d->u, NULL, NULL};
+    d->log = (lg_machine_log){ROWS, PARTS, d->first, d->t, d->q, d->v, d->u, NULL, NULL, NULL};
     return d;
 }
 
@@ -267,7 +267,7 @@ static void check_step(uint32_t order) {
     const size_t first[2] = {0, 4}, start = 0;
     for (int i = 0; i < 4; i++) u[8 * i] = 0.5 * i - 0.2, u[8 * i + 1] = 1.5 - i;
     const double lag[LAGS] = {0.9, -0.3, 0.5};
-    const lg_machine_log log = {4, 1, first, t, q, v, u, lag, NULL};
+    const lg_machine_log log = {4, 1, first, t, q, v, u, lag, NULL, NULL};
     assert_told(lg_machine_free_run(NULL, &machine, theta, lg_scheme_find("cf4"), 1, &log, &start, 1, 3,
                                     out_q, out_v, &told));
     lg_plan_eval(momenta.plan, (const void *const[]){q, v}, (void *const[]){x}, momenta.work);

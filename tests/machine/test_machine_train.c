@@ -40,7 +40,7 @@ static logs *make_logs(double noise, uint64_t seed) {
     logs *l = TEST_ARRAY(logs, 1);
     double q[ALL], v[ALL];
     lg_rng rng = test_rng(seed, 0);
-    l->log = (lg_machine_log){ALL, PARTS, l->first, l->t, l->q, l->v, l->u, NULL, NULL};
+    l->log = (lg_machine_log){ALL, PARTS, l->first, l->t, l->q, l->v, l->u, NULL, NULL, NULL};
     for (size_t row = 0; row < ALL; row++) {
         l->first[row / ROWS] = l->start[row / ROWS] = row / ROWS * ROWS;
         l->t[row] = dt * (double)(row % ROWS);
@@ -147,7 +147,7 @@ TEST("every row that can be in a window is in one: random lengths, gaps, missing
             q[row] = lg_rng_below(&rng, one_in) == 0 ? (double)NAN : 1.0;
             v[row] = lg_rng_below(&rng, one_in) == 0 ? (double)NAN : 1.0;
         }
-        const lg_machine_log log = {rows, parts, first, t, q, v, NULL, NULL, NULL};
+        const lg_machine_log log = {rows, parts, first, t, q, v, NULL, NULL, NULL, NULL};
         const uint32_t window = 2 + (uint32_t)lg_rng_below(&rng, 20),
                        stride = 1 + (uint32_t)lg_rng_below(&rng, each % 4 == 0 ? 2 * window : window);
         const bool positions = each % 3 == 0;
@@ -442,7 +442,7 @@ static runs *make_runs(double noise) {
     }
     r->first[RUNS] = POINTS;
     r->log = (lg_machine_log){POINTS, RUNS, r->first, r->t, r->q, r->v, test_numbers(3, POINTS * 4, -1, 1),
-                              NULL,   NULL};
+                              NULL,   NULL, NULL};
     assert_ok(lg_machine_free_run(NULL, &r->machine, r->theta, lg_scheme_find("cf4"), 2, &r->log, r->first,
                                   RUNS, RUN - 1, r->true_q, r->true_v, NULL));
     lg_rng rng = test_rng(2, 0);

@@ -28,7 +28,7 @@ static lg_status try_run(run *r, const char *scheme, uint32_t substeps, lg_error
     memcpy(v, r->v0, machine->velocities * sizeof *v);
     r->q = TEST_ARRAY(double, rows * machine->positions);
     r->v = TEST_ARRAY(double, rows * machine->velocities);
-    const lg_machine_log log = {rows, 1, first, t, q, v, inputs_over(machine, rows), NULL, NULL};
+    const lg_machine_log log = {rows, 1, first, t, q, v, inputs_over(machine, rows), NULL, NULL, NULL};
     return lg_machine_free_run(NULL, machine, r->theta, lg_scheme_find(scheme), substeps, &log, &start, 1,
                                r->steps, r->q, r->v, error);
 }
@@ -320,14 +320,15 @@ static lesson *make_lesson(void) {
         l->first[row / WINDOW] = l->start[row / WINDOW] = row / WINDOW * WINDOW;
     }
     l->first[PARTS] = ROWS;
-    l->problem = (lg_machine_problem){.scheme = lg_scheme_find("variational"),
-                                      .substeps = 4,
-                                      .window = WINDOW,
-                                      .log = {ROWS, PARTS, l->first, l->t, l->q, l->v, l->u, NULL, NULL},
-                                      .windows = PARTS,
-                                      .start = l->start,
-                                      .position_scale = {1.0},
-                                      .velocity_scale = {1.0}};
+    l->problem =
+        (lg_machine_problem){.scheme = lg_scheme_find("variational"),
+                             .substeps = 4,
+                             .window = WINDOW,
+                             .log = {ROWS, PARTS, l->first, l->t, l->q, l->v, l->u, NULL, NULL, NULL},
+                             .windows = PARTS,
+                             .start = l->start,
+                             .position_scale = {1.0},
+                             .velocity_scale = {1.0}};
     assert_ok(lg_machine_free_run(NULL, &truth, NULL, lg_scheme_find("rkmk5"), 4, &l->problem.log, l->start,
                                   PARTS, WINDOW - 1, q, v, NULL));
     memcpy(l->q, q, sizeof q);
@@ -379,7 +380,7 @@ TEST("a run that is not finite does not affect the others") {
     double t[4] = {0, 0.1, 0, 0.1}, u[16] = {0}, q[36], v[12], both_q[36], both_v[12], q1[18], v1[6];
     random_rows(&machine, 3, 4, q, v);
     v[0] = 1e200;
-    const lg_machine_log log = {4, 2, first, t, q, v, u, NULL, NULL};
+    const lg_machine_log log = {4, 2, first, t, q, v, u, NULL, NULL, NULL};
     const lg_scheme *scheme = lg_scheme_find("variational");
     assert_ok(lg_machine_free_run(NULL, &machine, NULL, scheme, 1, &log, start, 2, 1, both_q, both_v, NULL));
     assert_ok(lg_machine_free_run(NULL, &machine, NULL, scheme, 1, &log, start + 1, 1, 1, q1, v1, NULL));

@@ -11,7 +11,7 @@ lg_status lg_choosing_begin(lg_choosing *out, const lg_training *self, double pa
     if (lg_context_quiet(self->context, &out->quiet) != LG_OK)
         return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
     return lg_held_out_plan(self->context, &s->data.file.machine, &s->data.training, part,
-                            s->positions || s->noisy, &out->held, error);
+                            s->estimated || s->noisy, &out->held, error);
 }
 
 void lg_choosing_end(lg_choosing *choosing) {
@@ -125,7 +125,7 @@ static lg_status learn(trial_training *t, lg_machine_trial *out, lg_error *error
 
 static lg_status judge(const trial_training *t, lg_machine_trial *out, lg_error *error) {
     const lg_learned_machine model = {&t->run.machine, out->learned.theta, t->run.scheme, t->run.substeps,
-                                      t->state.positions};
+                                      t->state.estimated};
     out->square = lg_alloc(t->training.context, t->held.count, sizeof *out->square);
     if (out->square == NULL)
         return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));

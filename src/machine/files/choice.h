@@ -13,10 +13,10 @@
 #define LG_HELD_OUT_DELAY 5
 
 /* Windows of a log on which machines are judged and not trained. Window i predicts the rows start[i] + 1
- * .. start[i] + steps from row start[i]. If starts are estimated, they are from the LG_START_ROWS rows
- * that end at start[i]. */
+ * .. start[i] + steps from row start[i]. If starts are estimated, they are from the lg_start_rows rows
+ * that end at start[i]; `before`: rows before start[i] that this needs. */
 struct lg_held_out {
-    size_t count, steps;
+    size_t count, steps, before;
     bool estimated;
     size_t *start; /* (count), rising; owned */
     /* 1/(mean square change within windows) of each position, then each velocity; 0: it does not count. */

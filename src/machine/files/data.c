@@ -172,5 +172,6 @@ void lg_machine_data_traces(const lg_machine_data *data, lg_machine_noise *out) 
 
 void lg_machine_look(lg_machine_state *s) {
     s->positions = s->data.file.measured == LG_MEASURED_POSITIONS;
+    s->estimated = s->positions || s->data.file.machine.accelerations;
     s->noisy = lg_machine_data_noise(&s->data, &s->noise);
 }

@@ -9,8 +9,8 @@ static lg_status no_memory(lg_error *error) {
 }
 
 /* If starts are estimated, this many rows before a window are needed. */
-static size_t rows_before(bool estimated) {
-    return estimated ? LG_START_ROWS - 1 : 0;
+static size_t rows_before(const lg_machine *machine, bool estimated) {
+    return estimated ? lg_start_rows(machine) - 1 : 0;
 }
 
 /* ---- numbers of a row ---- */
@@ -19,6 +19,12 @@ static size_t rows_before(bool estimated) {
 static double number_at(const lg_machine *machine, const double *q, const double *v, size_t row, size_t i) {
     const size_t nq = machine->positions, nv = machine->velocities;
     return i < nq ? q[row * nq + i] : v[row * nv + i - nq];
+}
+
+/* The same of a row of the log; positions are missing where accelerations are measured. */
+static double logged_at(const lg_machine *machine, const lg_machine_log *log, size_t row, size_t i) {
+    const bool guess = machine->accelerations && i < machine->positions;
+    return guess ? (double)NAN : number_at(machine, log->q, lg_log_shown(log), row, i);
 }
 
 /* Whether a position is an angle, whose differences are wrapped. */
@@ -39,8 +45,7 @@ static double mean_change(const lg_machine *machine, const lg_machine_log *log, 
     double sum = 0, count = 0;
     for (size_t p = 0; p < log->parts; p++)
         for (size_t row = log->first[p]; row + lag < log->first[p + 1]; row += every) {
-            const double d =
-                number_at(machine, log->q, log->v, row + lag, i) - number_at(machine, log->q, log->v, row, i);
+            const double d = logged_at(machine, log, row + lag, i) - logged_at(machine, log, row, i);
             if (isnan(d)) continue;
             sum += d * d;
             count++;
@@ -55,7 +60,7 @@ static double variance(const lg_machine *machine, const lg_machine_log *log, siz
         mean = pass == 1 ? sum / count : 0;
         sum = count = 0;
         for (size_t row = 0; row < log->rows; row++) {
-            const double x = number_at(machine, log->q, log->v, row, i) - mean;
+            const double x = logged_at(machine, log, row, i) - mean;
             if (isnan(x)) continue;
             sum += pass == 1 ? x * x : x;
             count++;
@@ -75,7 +80,7 @@ static size_t rows_of_change(const lg_machine *machine, const lg_machine_log *lo
 static size_t choose_steps(const lg_machine *machine, const lg_machine_log *log, double part,
                            bool estimated) {
     enum { WINDOWS = 8, TIMES = 10, LEAST = 100 };
-    const size_t before = rows_before(estimated), typical = log->rows / log->parts;
+    const size_t before = rows_before(machine, estimated), typical = log->rows / log->parts;
     size_t most = (size_t)(part * (double)log->rows / WINDOWS), slowest = 1;
     if (typical < before + LG_HELD_OUT_DELAY + 2) return 0;
     if (most > typical - before - LG_HELD_OUT_DELAY - 1) most = typical - before - LG_HELD_OUT_DELAY - 1;
@@ -93,7 +98,7 @@ static size_t choose_steps(const lg_machine *machine, const lg_machine_log *log,
  * rows. */
 static void place_windows(const lg_machine *machine, const lg_machine_log *log, size_t every,
                           lg_held_out *out) {
-    const size_t before = rows_before(out->estimated);
+    const size_t before = out->before;
     size_t tile = every / 2;
     for (size_t p = 0; p < log->parts; p++)
         for (size_t row = log->first[p] + before + LG_HELD_OUT_DELAY; row + out->steps < log->first[p + 1];
@@ -113,8 +118,8 @@ static void find_weights(const lg_machine *machine, const lg_machine_log *log, l
         double sum = 0, count = 0;
         for (size_t w = 0; w < out->count; w++)
             for (size_t j = 1; j <= out->steps; j++) {
-                const double d = number_at(machine, log->q, log->v, out->start[w] + j, i) -
-                                 number_at(machine, log->q, log->v, out->start[w], i);
+                const double d =
+                    logged_at(machine, log, out->start[w] + j, i) - logged_at(machine, log, out->start[w], i);
                 if (isnan(d)) continue;
                 sum += d * d;
                 count++;
@@ -127,7 +132,8 @@ static void find_weights(const lg_machine *machine, const lg_machine_log *log, l
 lg_status lg_held_out_plan(const lg_context *context, const lg_machine *machine, const lg_machine_log *log,
                            double part, bool estimated, lg_held_out *out, lg_error *error) {
     enum { LEAST_STEPS = 5, LEAST_WINDOWS = 4 };
-    *out = (lg_held_out){.estimated = estimated, .context = context};
+    *out =
+        (lg_held_out){.estimated = estimated, .before = rows_before(machine, estimated), .context = context};
     out->steps = choose_steps(machine, log, part, estimated);
     if (out->steps < LEAST_STEPS) return LG_OK;
     out->start = lg_alloc(context, log->rows / out->steps + 1, sizeof *out->start);
@@ -172,7 +178,7 @@ static size_t same_row(const lg_logs *from, size_t row, const lg_logs *to) {
 
 lg_status lg_held_out_match(const lg_held_out *held, const lg_logs *from, const lg_logs *to, lg_held_out *out,
                             lg_error *error) {
-    const size_t before = rows_before(held->estimated);
+    const size_t before = held->before;
     *out = *held;
     out->start = lg_alloc(held->context, held->count, sizeof *out->start);
     if (out->start == NULL) return no_memory(error);
@@ -197,8 +203,8 @@ static double judge_window(const lg_held_out *held, const lg_machine *machine, c
     find_angles(machine, angle);
     for (size_t i = 0; i < n; i++)
         for (size_t j = 1; j <= held->steps && held->weight[i] > 0; j++) {
-            const double given = number_at(machine, log->q, log->v, start + j, i);
-            double e = number_at(machine, q, v, rows_before(held->estimated) + j, i) - given;
+            const double given = logged_at(machine, log, start + j, i);
+            double e = number_at(machine, q, v, held->before + j, i) - given;
             if (isnan(given)) continue;
             if (!isfinite(e)) return (double)INFINITY;
             if (i < machine->positions && angle[i]) e = lg_machine_wrap(e);
@@ -212,7 +218,7 @@ static lg_status run_windows(const lg_held_out *held, const lg_learned_machine *
                              const lg_machine_log *log, const size_t *from, double *q, double *v,
                              double *square, lg_error *error) {
     const lg_machine *m = model->machine;
-    const size_t steps = rows_before(held->estimated) + held->steps;
+    const size_t steps = held->before + held->steps;
     lg_started_log begun = {.log = *log};
     lg_status status = LG_OK;
     if (held->estimated)
@@ -229,7 +235,7 @@ static lg_status run_windows(const lg_held_out *held, const lg_learned_machine *
 
 lg_status lg_held_out_judge(const lg_held_out *held, const lg_learned_machine *model,
                             const lg_machine_log *log, double *square, lg_error *error) {
-    const size_t before = rows_before(held->estimated), points = held->count * (before + held->steps + 1);
+    const size_t before = held->before, points = held->count * (before + held->steps + 1);
     const size_t nq = model->machine->positions, nv = model->machine->velocities;
     double *q = lg_alloc(held->context, points * (nq + nv), sizeof *q);
     size_t *from = lg_alloc(held->context, held->count, sizeof *from);

@@ -5,11 +5,10 @@
 #include "core/median.h"
 #include "machine/files/recipe.h"
 
-const char *const lg_run_error_names[LG_RUN_ERRORS] = {[LG_ERROR_LINE] = "line",
-                                                       [LG_ERROR_ANGLE] = "angle",
-                                                       [LG_ERROR_DIRECTION] = "direction",
-                                                       [LG_ERROR_ROTATION] = "rotation",
-                                                       [LG_ERROR_VELOCITY] = "velocity"};
+const char *const lg_run_error_names[LG_RUN_ERRORS] = {
+    [LG_ERROR_LINE] = "line",           [LG_ERROR_ANGLE] = "angle",
+    [LG_ERROR_DIRECTION] = "direction", [LG_ERROR_ROTATION] = "rotation",
+    [LG_ERROR_VELOCITY] = "velocity",   [LG_ERROR_ACCELERATION] = "acceleration"};
 
 /* ---- runs in memory ---- */
 
@@ -85,14 +84,15 @@ static void add_point(const lg_machine *machine, const double *q, const double *
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         const lg_coordinate_kind kind = machine->coordinates[i].kind;
         const lg_coordinate_row *row = lg_coordinate_row_of(kind);
-        for (uint32_t k = 0; k < row->places; k++)
+        for (uint32_t k = 0; k < row->places && !machine->accelerations; k++)
             add(&out[kind == LG_COORDINATE_ANGLE ? LG_ERROR_ANGLE : LG_ERROR_LINE],
                 kind == LG_COORDINATE_ANGLE ? lg_machine_wrap(q[k] - given_q[k]) : q[k] - given_q[k]);
         if (row->directions > 0 && !isnan(given_q[0]))
             add(&out[LG_ERROR_DIRECTION], angle_of(q, given_q, 3, 2.0));
         if (row->rotations > 0 && !isnan(given_q[row->places]))
             add(&out[LG_ERROR_ROTATION], angle_of(q + row->places, given_q + row->places, 9, sqrt(8.0)));
-        for (uint32_t k = 0; k < row->velocities; k++) add(&out[LG_ERROR_VELOCITY], v[k] - given_v[k]);
+        for (uint32_t k = 0; k < row->velocities; k++)
+            add(&out[machine->accelerations ? LG_ERROR_ACCELERATION : LG_ERROR_VELOCITY], v[k] - given_v[k]);
         q += lg_coordinate_positions(kind), given_q += lg_coordinate_positions(kind);
         v += row->velocities, given_v += row->velocities;
     }
@@ -132,8 +132,8 @@ static void judge_run(const runs *r, size_t i, double seconds, bool unchanged, s
     for (size_t step = 1; step <= r->steps; step++) {
         const size_t row = r->start[i] + step, at = i * (r->steps + 1) + (unchanged ? 0 : step);
         if (r->log->t[row] - r->log->t[r->start[i]] > seconds * (1 + 1e-9)) break;
-        add_point(r->machine, r->q + at * nq, r->v + at * nv, r->log->q + row * nq, r->log->v + row * nv,
-                  out);
+        add_point(r->machine, r->q + at * nq, r->v + at * nv, r->log->q + row * nq,
+                  lg_log_shown(r->log) + row * nv, out);
     }
 }
 
@@ -171,9 +171,10 @@ static void judge_horizon(void *user, const runs *r) {
     }
 }
 
-lg_status lg_horizon_of(const lg_context *context, const lg_machine *machine, lg_runner *runner, void *user,
-                        const lg_machine_log *log, double seconds, size_t every, lg_horizon *out,
-                        lg_error *error) {
+/* As lg_horizon_of; runs begin at the complete rows of `marked`. */
+static lg_status judge_from(const lg_context *context, const lg_machine *machine, lg_runner *runner,
+                            void *user, const lg_machine_log *marked, const lg_machine_log *log,
+                            double seconds, size_t every, lg_horizon *out, lg_error *error) {
     *out = (lg_horizon){.seconds = seconds};
     for (int e = 0; e < LG_RUN_ERRORS; e++) out->pooled[e] = out->median[e] = out->unchanged[e] = (double)NAN;
     size_t *start = lg_alloc(context, log->rows, sizeof *start);
@@ -181,7 +182,7 @@ lg_status lg_horizon_of(const lg_context *context, const lg_machine *machine, lg
     lg_status status = start != NULL && h.own != NULL ? LG_OK : no_memory(error);
     runs r = {.machine = machine, .log = log, .steps = most_steps(log, seconds), .start = start};
     if (status == LG_OK && r.steps > 0)
-        out->starts = r.count = find_starts(machine, log, r.steps, every, start);
+        out->starts = r.count = find_starts(machine, marked, r.steps, every, start);
     if (status == LG_OK && r.count > 0)
         status = judge_runs(context, runner, user, &r, judge_horizon, &h, error);
     lg_free(context, start);
@@ -189,7 +190,13 @@ lg_status lg_horizon_of(const lg_context *context, const lg_machine *machine, lg
     return status;
 }
 
-/* ---- starts estimated from positions ---- */
+lg_status lg_horizon_of(const lg_context *context, const lg_machine *machine, lg_runner *runner, void *user,
+                        const lg_machine_log *log, double seconds, size_t every, lg_horizon *out,
+                        lg_error *error) {
+    return judge_from(context, machine, runner, user, log, log, seconds, every, out, error);
+}
+
+/* ---- estimated starts ---- */
 
 lg_status lg_started_log_create(const lg_context *context, const lg_learned_machine *model,
                                 const lg_machine_log *log, const size_t *row, size_t count,
@@ -204,10 +211,18 @@ lg_status lg_started_log_create(const lg_context *context, const lg_learned_mach
         return no_memory(error);
     }
     double *v = q + count * nq;
+    lg_machine_log guessed = *log;
+    const uint32_t rows = (uint32_t)lg_start_rows(machine);
+    lg_status status = LG_OK;
     out->log.v = out->v = out->q + log->rows * nq;
-    const lg_status status =
-        lg_machine_estimate_starts(context, machine, model->theta, model->scheme, model->substeps, log, row,
-                                   count, LG_START_ROWS, q, v, error);
+    if (machine->accelerations) { /* the guesses of the log are not good enough for the model's own starts */
+        status = lg_machine_estimate_states(context, machine, model->theta, model->scheme, model->substeps,
+                                            log, rows, out->q, out->v, error);
+        guessed.q = out->q, guessed.v = out->v;
+    }
+    if (status == LG_OK)
+        status = lg_machine_estimate_starts(context, machine, model->theta, model->scheme, model->substeps,
+                                            &guessed, row, count, rows, q, v, error);
     for (size_t i = 0; i < count && status == LG_OK; i++) {
         memcpy(out->q + row[i] * nq, q + i * nq, nq * sizeof *q);
         memcpy(out->v + row[i] * nv, v + i * nv, nv * sizeof *v);
@@ -223,14 +238,15 @@ void lg_started_log_destroy(lg_started_log *started) {
 
 /* ---- horizons of a model ---- */
 
-/* If the log measures positions alone, the state at a start is estimated from the start's row and this many
- * rows before it. */
-enum { BEFORE = LG_START_ROWS - 1 };
+/* If starts are estimated, the state at a start comes from the start's row and this many rows before it. */
+static size_t rows_before(const lg_machine *machine) {
+    return lg_start_rows(machine) - 1;
+}
 
-/* Copies the last steps + 1 points of each run from `all`, whose runs begin BEFORE rows earlier. */
-static void keep_ends(const double *all, size_t count, size_t steps, size_t n, double *out) {
+/* Copies the last steps + 1 points of each run from `all`, whose runs begin `before` rows earlier. */
+static void keep_ends(const double *all, size_t count, size_t before, size_t steps, size_t n, double *out) {
     for (size_t i = 0; i < count; i++)
-        memcpy(out + i * (steps + 1) * n, all + (i * (BEFORE + steps + 1) + BEFORE) * n,
+        memcpy(out + i * (steps + 1) * n, all + (i * (before + steps + 1) + before) * n,
                (steps + 1) * n * sizeof *out);
 }
 
@@ -242,21 +258,23 @@ typedef struct ends {
 
 static void keep_runs(void *user, const runs *r) {
     const ends *e = user;
-    keep_ends(r->q, r->count, e->steps, r->machine->positions, e->q);
-    keep_ends(r->v, r->count, e->steps, r->machine->velocities, e->v);
+    const size_t before = r->steps - e->steps;
+    keep_ends(r->q, r->count, before, e->steps, r->machine->positions, e->q);
+    keep_ends(r->v, r->count, before, e->steps, r->machine->velocities, e->v);
 }
 
-static lg_status run_from_positions(void *user, const lg_machine_log *marked, const size_t *start,
-                                    size_t count, size_t steps, double *q, double *v, lg_error *error) {
+static lg_status run_estimated(void *user, const lg_machine_log *marked, const size_t *start, size_t count,
+                               size_t steps, double *q, double *v, lg_error *error) {
     const model_runner *m = user;
+    const size_t before = rows_before(m->model->machine);
     ends e = {q, v, steps};
     lg_started_log begun;
     size_t *from = lg_alloc(m->context, count, sizeof *from);
     (void)marked;
     if (from == NULL) return no_memory(error);
-    for (size_t i = 0; i < count; i++) from[i] = start[i] - BEFORE;
+    for (size_t i = 0; i < count; i++) from[i] = start[i] - before;
     lg_status status = lg_started_log_create(m->context, m->model, m->log, from, count, &begun, error);
-    runs r = {m->model->machine, &begun.log, BEFORE + steps, count, from, NULL, NULL};
+    runs r = {m->model->machine, &begun.log, before + steps, count, from, NULL, NULL};
     if (status == LG_OK) status = judge_runs(m->context, run_model, user, &r, keep_runs, &e, error);
     lg_started_log_destroy(&begun);
     lg_free(m->context, from);
@@ -266,12 +284,12 @@ static lg_status run_from_positions(void *user, const lg_machine_log *marked, co
 /* Sets velocities to 0 in rows where a run can start and to NaN elsewhere: find_starts takes complete
  * rows. */
 static void mark_starts(const lg_machine *machine, const lg_machine_log *log, size_t every, double *v) {
-    const size_t nv = machine->velocities;
+    const size_t nv = machine->velocities, before = rows_before(machine);
     for (size_t i = 0; i < log->rows * nv; i++) v[i] = (double)NAN;
     for (size_t p = 0; p < log->parts; p++)
         for (size_t row = log->first[p]; row < log->first[p + 1]; row += every) {
             const bool starts =
-                row >= log->first[p] + BEFORE && lg_machine_log_complete(machine, log, row - BEFORE, true);
+                row >= log->first[p] + before && lg_machine_log_complete(machine, log, row - before, true);
             for (size_t k = 0; starts && k < nv; k++) v[row * nv + k] = 0;
         }
 }
@@ -282,17 +300,15 @@ lg_status lg_machine_horizon(const lg_context *context, const lg_learned_machine
     const lg_machine *machine = model->machine;
     model_runner runner = {context, model, log};
     lg_machine_log marked = *log;
-    if (!model->positions)
+    if (!model->estimated)
         return lg_horizon_of(context, machine, run_model, &runner, log, seconds, every, out, error);
     double *v = lg_alloc(context, log->rows * machine->velocities, sizeof *v);
     if (v == NULL) return no_memory(error);
     mark_starts(machine, log, every, v);
     marked.v = v;
     const lg_status status =
-        lg_horizon_of(context, machine, run_from_positions, &runner, &marked, seconds, every, out, error);
+        judge_from(context, machine, run_estimated, &runner, &marked, log, seconds, every, out, error);
     lg_free(context, v);
-    out->pooled[LG_ERROR_VELOCITY] = out->median[LG_ERROR_VELOCITY] = out->unchanged[LG_ERROR_VELOCITY] =
-        (double)NAN;
     return status;
 }
 
@@ -344,7 +360,8 @@ lg_status lg_machine_window_loss(const lg_context *context, const lg_learned_mac
     *out = (double)NAN;
     if (start == NULL) return no_memory(error);
     runs r = {.machine = model->machine, .log = log, .steps = window - 1, .start = start};
-    r.count = lg_machine_windows(model->machine, log, window, 1, false, start);
+    if (!model->machine->accelerations)
+        r.count = lg_machine_windows(model->machine, log, window, 1, false, start);
     const lg_status status =
         r.count > 0 ? judge_runs(context, run_model, &runner, &r, judge_windows, out, error) : LG_OK;
     lg_free(context, start);

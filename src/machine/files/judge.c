@@ -96,6 +96,17 @@ static void warn_of_open(const lg_training *self, const lg_identification *of, s
     }
 }
 
+/* Accelerations show a position only through what depends on it. */
+static void warn_of_positions(const lg_training *self, const lg_machine *machine) {
+    for (uint32_t i = 0; i < machine->coordinate_count && machine->accelerations; i++)
+        if (!lg_machine_sees_position(machine, i))
+            LG_WARN(
+                self,
+                "where %s is cannot be known: the log has accelerations alone, and nothing in the machine "
+                "depends on this position",
+                machine->coordinates[i].name);
+}
+
 /* Warns of numbers whose error exceeds their value, unless the error is next to nothing against the largest
  * number of the same kind. */
 static void warn_of_numbers(const lg_training *self, const lg_machine_verdict *what) {
@@ -103,6 +114,7 @@ static void warn_of_numbers(const lg_training *self, const lg_machine_verdict *w
     const lg_identification *of = &what->identified;
     const size_t count = what->count;
     const lg_identified *numbers = of->numbers;
+    const bool zeros = ((const lg_machine_model_run *)self->run)->machine.accelerations;
     for (size_t i = 0; i < count; i++) {
         const double error = numbers[i].error;
         if (error <= fabs(numbers[i].value) || error < nothing * largest_alike(numbers, count, i)) continue;
@@ -110,8 +122,12 @@ static void warn_of_numbers(const lg_training *self, const lg_machine_verdict *w
         const bool told = what->placed && strncmp(numbers[i].name, "mass.", strlen("mass.")) == 0;
         LG_WARN(self,
                 "the logs do not determine %s%s%s: %.3g with a standard error of %.2g; give it as "
-                "known, or move the machine in other ways",
-                numbers[i].name, told ? " " : "", told ? what->place : "", numbers[i].value, error);
+                "known, or move the machine in other ways%s",
+                numbers[i].name, told ? " " : "", told ? what->place : "", numbers[i].value, error,
+                zeros && strncmp(numbers[i].name, "potential.", strlen("potential.")) == 0
+                    ? ". Accelerations do not show which position is 0: say it by a number of the potential "
+                      "that is known, such as 0"
+                    : "");
     }
 }
 
@@ -334,6 +350,7 @@ lg_status lg_machine_judge(lg_training *self, double *theta, lg_error *error) {
     warn_of_floor(self, what);
     warn_of_open(self, &what->identified, what->count);
     warn_of_numbers(self, what);
+    warn_of_positions(self, machine);
     lg_machine_warn_of_lags(self, what);
     return tell(self, what, error);
 }

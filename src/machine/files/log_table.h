@@ -68,8 +68,10 @@ lg_status lg_log_judge_jumps(lg_log_table *table, lg_error *error);
  * body, and makes velocities of directions orthogonal to them. Changes the table in place; matrices stay
  * matrices, and quaternions stay quaternions. */
 lg_status lg_log_clean(lg_log_table *table, lg_error *error);
-/* For `measured: velocities-only`: sets the positions q (rows, velocities) to the integrals of v. */
-void lg_log_integrate(const lg_log_table *table, double *q, const double *v);
+/* Replaces what is not measured of the rows of `out` by integrals: positions with `measured:
+ * velocities-only`; with `measured: accelerations`, where v holds these, it moves them to a and fills q and v
+ * (speeds.c). */
+lg_status lg_log_integrate(const lg_log_table *table, lg_logs *out);
 /* Compares positions with velocities; refuses or warns of columns that do not belong together. */
 lg_status lg_log_check(lg_log_table *table, lg_error *error);
 

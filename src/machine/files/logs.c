@@ -170,7 +170,7 @@ static lg_status warn_of_columns(reading *r) {
     }
     for (uint32_t i = 0; i < m->coordinate_count; i++) {
         bool moves = false;
-        const bool speeds = r->table.machine->measured == LG_MEASURED_VELOCITIES_ONLY;
+        const bool speeds = r->table.machine->measured >= LG_MEASURED_VELOCITIES_ONLY;
         const lg_log_role shows = speeds ? LG_LOG_VELOCITY : LG_LOG_POSITION;
         for (uint32_t k = 0; k < r->table.columns; k++) {
             const lg_log_column *c = &r->table.machine->columns[k];
@@ -363,7 +363,10 @@ static lg_status fill(reading *r) {
         out->t[row] = lg_log_time(t, row);
         fill_state(t, row, out->q + row * m->positions, out->v + row * m->velocities);
     }
-    lg_log_integrate(t, out->q, out->v);
+    if (lg_log_integrate(t, out) != LG_OK) {
+        lg_free(t->context, work);
+        return no_memory(r);
+    }
     for (size_t part = 0; part < t->parts; part++) {
         out->part_file[part] = t->origin[t->first[part]].file;
         out->part_run[part] = t->origin[t->first[part]].run;
@@ -378,7 +381,8 @@ static lg_status fill(reading *r) {
                                 .t = out->t,
                                 .q = out->q,
                                 .v = out->v,
-                                .u = m->input_count > 0 ? out->u : NULL};
+                                .u = m->input_count > 0 ? out->u : NULL,
+                                .a = out->a};
     if (m->lags == 0) return LG_OK;
     LG_TRY(lg_machine_filter_create(t->context, m, &out->log, &out->filter, r->error));
     out->log.filter = out->filter;
@@ -466,8 +470,8 @@ lg_status lg_logs_read(const lg_context *context, const lg_machine_file *file, c
 void lg_logs_destroy(lg_logs *logs) {
     if (logs == NULL) return;
     lg_machine_filter_destroy(logs->filter);
-    void *const owned[] = {logs->first, logs->part_file, logs->part_run, logs->t,
-                           logs->q,     logs->v,         logs->u,        logs->warnings};
+    void *const owned[] = {logs->first, logs->part_file, logs->part_run, logs->t,       logs->q,
+                           logs->v,     logs->u,         logs->a,        logs->warnings};
     for (size_t i = 0; i < LG_COUNT(owned); i++) lg_free(logs->context, owned[i]);
     *logs = (lg_logs){.files = 0};
 }

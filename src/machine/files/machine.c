@@ -12,7 +12,8 @@ typedef lg_machine_reading reading;
 
 /* ---- names ---- */
 
-static const char *const measured_names[] = {"velocities", "momenta", "positions", "velocities-only"};
+static const char *const measured_names[] = {"velocities", "momenta", "positions", "velocities-only",
+                                             "accelerations"};
 
 static const char *name_measured(uint32_t value) {
     return value < LG_LOG_MEASURED_COUNT ? measured_names[value] : NULL;
@@ -77,13 +78,24 @@ static const lg_field keys[KEY_COUNT] = {
     [KEY_PARTS + LG_MACHINE_OFFSET] = {.name = "offset", .type = LG_FIELD_NODE},
 };
 
-enum { OF_NAME, OF_KIND, OF_COLUMNS, OF_POSITION, OF_VELOCITY, OF_RATES, OF_FRAME, OF_COUNT };
+enum {
+    OF_NAME,
+    OF_KIND,
+    OF_COLUMNS,
+    OF_POSITION,
+    OF_VELOCITY,
+    OF_ACCELERATION,
+    OF_RATES,
+    OF_FRAME,
+    OF_COUNT
+};
 static const lg_field coordinate_keys[OF_COUNT] = {
     [OF_NAME] = {.name = "name", .type = LG_FIELD_TEXT, .required = true},
     [OF_KIND] = {.name = "kind", .type = LG_FIELD_NAME, .required = true, .value_name = name_kind},
     [OF_COLUMNS] = {.name = "columns", .type = LG_FIELD_NODE},
     [OF_POSITION] = {.name = "position", .type = LG_FIELD_NODE},
     [OF_VELOCITY] = {.name = "velocity", .type = LG_FIELD_NODE},
+    [OF_ACCELERATION] = {.name = "acceleration", .type = LG_FIELD_NODE},
     [OF_RATES] = {.name = "rates", .type = LG_FIELD_NODE},
     [OF_FRAME] = LG_FIELD(lg_log_coordinate, NULL, "frame", NAME, space_frame, LG_NAMES("body", "space")),
 };
@@ -93,8 +105,8 @@ static const lg_field coordinate_keys[OF_COUNT] = {
 static const struct {
     uint32_t count, other;
 } takes[LG_COORDINATE_KIND_COUNT][OF_COUNT] = {
-    [LG_COORDINATE_LINE] = {[OF_COLUMNS] = {1, 1}, [OF_VELOCITY] = {1, 1}},
-    [LG_COORDINATE_ANGLE] = {[OF_COLUMNS] = {1, 1}, [OF_VELOCITY] = {1, 1}},
+    [LG_COORDINATE_LINE] = {[OF_COLUMNS] = {1, 1}, [OF_VELOCITY] = {1, 1}, [OF_ACCELERATION] = {1, 1}},
+    [LG_COORDINATE_ANGLE] = {[OF_COLUMNS] = {1, 1}, [OF_VELOCITY] = {1, 1}, [OF_ACCELERATION] = {1, 1}},
     [LG_COORDINATE_DIRECTION] = {[OF_COLUMNS] = {3, 3}, [OF_VELOCITY] = {3, 3}},
     [LG_COORDINATE_ROTATION] = {[OF_COLUMNS] = {4, 9}, [OF_VELOCITY] = {3, 3}},
     [LG_COORDINATE_POSE] =
@@ -231,10 +243,11 @@ static lg_status read_columns(reading *r, int k, uint32_t line, const lg_key_val
 static lg_status read_positions(reading *r, uint32_t line, const lg_key_value *values, lg_log_coordinate *c) {
     const lg_machine *m = &r->out->machine;
     const bool attitude = takes[m->coordinates[m->coordinate_count].kind][OF_COLUMNS].count > 1;
-    if (r->out->measured == LG_MEASURED_VELOCITIES_ONLY) {
+    if (r->out->measured >= LG_MEASURED_VELOCITIES_ONLY) {
         if (values[OF_COLUMNS].line == 0 && values[OF_POSITION].line == 0) return LG_OK;
         return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error,
-                            "columns of positions are not allowed with `measured: velocities-only`");
+                            "columns of positions are not allowed with `measured: %s`",
+                            name_measured(r->out->measured));
     }
     LG_TRY(read_columns(r, OF_POSITION, line, &values[OF_POSITION], LG_LOG_POSITION, &c->place, &c->places));
     return read_columns(r, OF_COLUMNS, line, &values[OF_COLUMNS], LG_LOG_POSITION,
@@ -244,10 +257,17 @@ static lg_status read_positions(reading *r, uint32_t line, const lg_key_value *v
 /* Reads the columns of a coordinate's velocities, including a pose's rates. */
 static lg_status read_velocities(reading *r, uint32_t line, const lg_key_value *values,
                                  lg_log_coordinate *c) {
-    if (r->out->measured != LG_MEASURED_POSITIONS) {
+    const lg_log_measured measured = r->out->measured;
+    const bool accelerations = measured == LG_MEASURED_ACCELERATIONS;
+    const int shown = accelerations ? OF_ACCELERATION : OF_VELOCITY;
+    for (int k = OF_VELOCITY; k <= OF_ACCELERATION; k++)
+        if (k != shown && values[k].line != 0)
+            return lg_yaml_fail(r->yaml, values[k].line, LG_FORMAT, r->error,
+                                "%s: this key is not allowed with `measured: %s`", coordinate_keys[k].name,
+                                name_measured(measured));
+    if (measured != LG_MEASURED_POSITIONS) {
         uint32_t rates = 0, first;
-        LG_TRY(read_columns(r, OF_VELOCITY, line, &values[OF_VELOCITY], LG_LOG_VELOCITY, &c->velocity,
-                            &c->velocities));
+        LG_TRY(read_columns(r, shown, line, &values[shown], LG_LOG_VELOCITY, &c->velocity, &c->velocities));
         LG_TRY(read_columns(r, OF_RATES, line, &values[OF_RATES], LG_LOG_VELOCITY, &first, &rates));
         c->velocities += rates;
         return LG_OK;
@@ -392,6 +412,7 @@ static lg_status read_machine(reading *r, lg_key_value *values) {
     LG_TRY(lg_yaml_read(r->yaml, &set, 1, NULL, "", r->error));
     out->unwrap = true;
     LG_TRY(lg_yaml_store(r->yaml, keys, values, KEY_COUNT, out, r->error));
+    out->machine.accelerations = out->measured == LG_MEASURED_ACCELERATIONS;
     LG_TRY(add_named(r, &values[KEY_TIME], "t", LG_LOG_TIME));
     if (values[KEY_RUN].line != 0) LG_TRY(add_named(r, &values[KEY_RUN], "", LG_LOG_RUN));
     LG_TRY(read_coordinates(r, &values[KEY_COORDINATES]));

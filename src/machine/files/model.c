@@ -297,6 +297,7 @@ void lg_machine_log_sha256(const lg_machine *machine, const lg_machine_log *log,
     lg_sha256_add_doubles(&state, log->t, log->rows);
     lg_sha256_add_doubles(&state, log->q, log->rows * machine->positions);
     lg_sha256_add_doubles(&state, log->v, log->rows * machine->velocities);
+    if (log->a != NULL) lg_sha256_add_doubles(&state, log->a, log->rows * machine->velocities);
     if (log->u != NULL) lg_sha256_add_doubles(&state, log->u, log->rows * 4 * machine->input_count);
     lg_sha256_finish(&state, text);
 }
@@ -317,8 +318,8 @@ void lg_machine_find_range(const lg_machine *machine, const lg_machine_log *log,
         out->high[i] = used ? -1e300 : 0.0;
     }
     for (size_t row = 0; row < log->rows; row++) {
-        widen(out, 0, log->q + row * nq, nq);
-        widen(out, nq, log->v + row * nv, nv);
+        if (!machine->accelerations) widen(out, 0, log->q + row * nq, nq);
+        if (!machine->accelerations) widen(out, nq, log->v + row * nv, nv);
         if (m > 0) widen(out, nq + nv, log->u + row * 4 * m, m);
     }
 }

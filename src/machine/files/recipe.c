@@ -139,11 +139,14 @@ static void choose_settings(const lg_training *self) {
     static const double prior = 0.3;
     const lg_machine_state *s = self->state;
     lg_machine_model_run *run = self->run;
-    const bool positions = s->positions, noisy = s->noisy || positions;
+    const bool positions = s->positions, noisy = s->noisy || s->estimated;
     if (!self->given(self, "starts"))
         run->starts = noisy ? LG_MACHINE_STARTS_ESTIMATED : LG_MACHINE_STARTS_MEASURED;
     if (!self->given(self, "window")) {
-        const uint32_t wanted = positions ? window_of_noise(run, s, 60) : noisy ? 20 : 5;
+        const uint32_t wanted = positions                    ? window_of_noise(run, s, 60)
+                                : run->machine.accelerations ? (uint32_t)lg_start_rows(&run->machine)
+                                : noisy                      ? 20
+                                                             : 5;
         run->window = window_of_parts(&s->data.training, wanted);
     }
     if (!self->given(self, "substeps")) run->substeps = 1;
@@ -155,14 +158,14 @@ static void choose_settings(const lg_training *self) {
     if (!self->given(self, "epochs")) run->training.epochs = lm ? 100 : 3000;
 }
 
-/* Root mean square of the logged velocities first .. first + each - 1. */
+/* Root mean square of the logged velocities (or accelerations) first .. first + each - 1. */
 static double root_mean_square(const lg_machine_log *log, uint32_t velocities, uint32_t first,
                                uint32_t each) {
     double sum = 0.0;
     size_t count = 0;
     for (size_t row = 0; row < log->rows; row++)
         for (uint32_t k = first; k < first + each; k++) {
-            const double v = log->v[row * velocities + k];
+            const double v = lg_log_shown(log)[row * velocities + k];
             if (isnan(v)) continue;
             sum += v * v;
             count++;
@@ -248,6 +251,11 @@ static lg_status describe(lg_training *self, lg_error *error) {
         set_loss_scales(run, s);
     }
     run->windows = count_windows(run, s, run->stride);
+    if (run->machine.accelerations && run->starts != LG_MACHINE_STARTS_ESTIMATED)
+        return lg_fail(
+            error, LG_INVALID_ARGUMENT,
+            "--starts measured: logs of accelerations alone do not have the states at which windows "
+            "start: leave the option out");
     return LG_OK;
 }
 
@@ -318,7 +326,8 @@ static lg_status weigh_priors(lg_training *self, const double *theta, lg_error *
     static const double silent = 1e-100;
     lg_machine_state *s = self->state;
     lg_machine_model_run *run = self->run;
-    const double numbers = run->machine.positions + (s->positions ? 0.0 : run->machine.velocities);
+    const double positions = run->machine.accelerations ? 0.0 : run->machine.positions,
+                 numbers = positions + (s->positions ? 0.0 : run->machine.velocities);
     double loss = 0;
     lg_machine_problem problem = s->problem;
     problem.residual = silent;
@@ -366,7 +375,7 @@ static lg_status evaluate(lg_training *self, const void *from, lg_error *error) 
     const lg_machine_state *s = self->state;
     const lg_machine_model_run *run = &file->run;
     const lg_machine_log *log = &s->data.logs.log;
-    const lg_learned_machine model = {&run->machine, file->theta, run->scheme, run->substeps, s->positions};
+    const lg_learned_machine model = {&run->machine, file->theta, run->scheme, run->substeps, s->estimated};
     double loss;
     lg_horizon found;
     LG_TRY(lg_machine_refuse_momenta(&s->data.file, self->model, error));

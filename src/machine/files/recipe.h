@@ -47,6 +47,9 @@ bool lg_machine_data_noise(const lg_machine_data *data, lg_machine_noise *out);
  * measured, the position noise of a line or angle is at most lg_machine_position_noise. */
 void lg_machine_data_traces(const lg_machine_data *data, lg_machine_noise *out);
 
+/* Whether a mass or force of the machine depends on the position of a coordinate (speeds.c). */
+bool lg_machine_sees_position(const lg_machine *machine, uint32_t coordinate);
+
 /* Mean square of the accelerations between neighbouring rows that a polynomial of degree 2 in positions (sine
  * and cosine of angles), velocities and inputs, fitted to these logs, does not explain (delay.c). NaN:
  * nothing to fit. */
@@ -85,10 +88,17 @@ typedef struct lg_learned_machine {
     const double *theta;
     const lg_scheme *scheme;
     uint32_t substeps;
-    bool positions; /* its logs measure positions alone */
+    bool estimated; /* its logs measure positions or accelerations alone: starts of runs are estimated */
 } lg_learned_machine;
 
-enum { LG_START_ROWS = 50 };
+/* Rows of which the state at a start is estimated; accelerations show it only over a motion. */
+static inline size_t lg_start_rows(const lg_machine *machine) {
+    return machine->accelerations ? 200 : 50;
+}
+/* What the log has of the velocities, (rows, velocities): the velocities, or the accelerations. */
+static inline const double *lg_log_shown(const lg_machine_log *log) {
+    return log->a != NULL ? log->a : log->v;
+}
 /* A copy of a log with estimated states at some rows: q (rows, positions) and v (rows, velocities) are set in
  * these rows alone. */
 typedef struct lg_started_log {
@@ -96,8 +106,8 @@ typedef struct lg_started_log {
     double *q, *v;
     const lg_context *context;
 } lg_started_log;
-/* Estimates the states at row[0..count-1], each from the positions of LG_START_ROWS rows, fewer at the end of
- * a part. `out` must be destroyed even after an error. */
+/* Estimates the states at row[0..count-1], each from lg_start_rows rows, fewer at the end of a part. `out`
+ * must be destroyed even after an error. */
 lg_status lg_started_log_create(const lg_context *context, const lg_learned_machine *model,
                                 const lg_machine_log *log, const size_t *row, size_t count,
                                 lg_started_log *out, lg_error *error);
@@ -109,6 +119,7 @@ typedef enum lg_run_error {
     LG_ERROR_DIRECTION,
     LG_ERROR_ROTATION,
     LG_ERROR_VELOCITY,
+    LG_ERROR_ACCELERATION, /* where accelerations are measured; then the only one */
     LG_RUN_ERRORS
 } lg_run_error;
 extern const char *const lg_run_error_names[LG_RUN_ERRORS];
@@ -131,14 +142,14 @@ typedef lg_status lg_runner(void *user, const lg_machine_log *log, const size_t 
 lg_status lg_horizon_of(const lg_context *context, const lg_machine *machine, lg_runner *runner, void *user,
                         const lg_machine_log *log, double seconds, size_t every, lg_horizon *out,
                         lg_error *error);
-/* As lg_horizon_of for a model's own runs. Of logs with positions alone, the states at the starts are
- * estimated from LG_START_ROWS rows that end at the start. */
+/* As lg_horizon_of for a model's own runs. The states at the starts are estimated from lg_start_rows rows
+ * that end at the start where the logs measure positions or accelerations alone. */
 lg_status lg_machine_horizon(const lg_context *context, const lg_learned_machine *model,
                              const lg_machine_log *log, double seconds, size_t every, lg_horizon *out,
                              lg_error *error);
 /* Mean over all windows of `window` rows and their points 2..M of: the mean square of each coordinate's
  * places (angles wrapped), the squared angles of directions and rotations, and the mean square of all
- * velocities. NaN: there is no window. */
+ * velocities. NaN: there is no window, or accelerations are measured. */
 lg_status lg_machine_window_loss(const lg_context *context, const lg_learned_machine *model,
                                  const lg_machine_log *log, uint32_t window, double *out, lg_error *error);
 /* Root mean square errors of each coordinate's positions (radians; chords of directions and rotations) and
@@ -246,7 +257,8 @@ typedef struct lg_machine_state {
     const char *width; /* the widths that "auto" took; NULL: none */
     struct lg_selection *selection;
     lg_machine_data data;
-    bool positions, noisy;  /* the logs measure positions alone; `noise` is not all 0 */
+    /* The logs measure positions alone; positions or accelerations alone; `noise` is not all 0. */
+    bool positions, estimated, noisy;
     lg_machine_noise noise; /* from lg_machine_data_noise */
     lg_machine_problem problem;
     lg_machine_verdict verdict;

@@ -35,7 +35,7 @@ static double error_of(const selection *s) {
 static lg_status judge_now(selection *s, uint64_t epoch, lg_error *error) {
     const lg_machine_state *state = s->self->state;
     const lg_machine_model_run *run = s->self->run;
-    const lg_learned_machine model = {&run->machine, s->now, run->scheme, run->substeps, state->positions};
+    const lg_learned_machine model = {&run->machine, s->now, run->scheme, run->substeps, state->estimated};
     LG_TRY(lg_held_out_judge(&s->held, &model, &state->data.training, s->square, error));
     const double found = error_of(s);
     if (!(found < s->least)) return LG_OK;
@@ -207,7 +207,7 @@ lg_status lg_machine_select(lg_training *self, lg_error *error) {
     if (s == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
     run->training.validation = 0;
     LG_TRY(lg_held_out_plan(self->context, &state->data.file.machine, &state->data.training, part,
-                            state->positions || state->noisy, &s->held, error));
+                            state->estimated || state->noisy, &s->held, error));
     state->held = &s->held;
     if (s->held.count > 0) return LG_OK;
     return lg_fail(error, LG_FORMAT, "%s: the log is too short to hold out windows for --select free-run",

@@ -1,10 +1,13 @@
-/* Logs that measure velocities alone: a drive's speed. Positions are their integrals from 0 at the start of
- * each part, and nothing may depend on them. */
+/* Logs that measure velocities alone, a drive's speed: positions are their integrals from 0 at the start of
+ * each part, and nothing may depend on them. Logs that measure accelerations alone: velocities and positions
+ * are integrals without their drift, guesses from which the starts of windows are estimated. */
 #include <math.h>
 #include <string.h>
 
+#include "core/core.h"
 #include "machine/files/log_table.h"
 #include "machine/files/reading.h"
+#include "machine/files/recipe.h"
 #include "machine/internal.h"
 
 /* A potential that is linear in a line: a constant force, wherever the line is. */
@@ -15,17 +18,29 @@ static bool is_constant_force(const lg_machine *machine, const lg_machine_term *
            machine->coordinates[coordinate].kind == LG_COORDINATE_LINE;
 }
 
+/* Whether feature k of a term is a position on which the term depends. */
+static bool uses(const lg_machine *machine, const lg_machine_term *term, uint32_t k) {
+    const lg_machine_feature of = term->of[k];
+    return term->part != LG_MACHINE_OFFSET && of.kind != LG_FEATURE_VELOCITY && of.kind != LG_FEATURE_INPUT &&
+           !is_constant_force(machine, term, of.index);
+}
+
 /* Index of the first term that depends on a position, or the number of terms if no term does. */
 static uint32_t first_use(const lg_machine *machine, uint32_t *coordinate) {
     for (uint32_t t = 0; t < machine->term_count; t++)
         for (uint32_t k = 0; k < machine->terms[t].of_count; k++) {
-            const lg_machine_term *term = &machine->terms[t];
-            *coordinate = term->of[k].index;
-            if (term->of[k].kind != LG_FEATURE_VELOCITY && term->of[k].kind != LG_FEATURE_INPUT &&
-                !is_constant_force(machine, term, *coordinate))
-                return t;
+            *coordinate = machine->terms[t].of[k].index;
+            if (uses(machine, &machine->terms[t], k)) return t;
         }
     return machine->term_count;
+}
+
+bool lg_machine_sees_position(const lg_machine *machine, uint32_t coordinate) {
+    for (uint32_t t = 0; t < machine->term_count; t++)
+        for (uint32_t k = 0; k < machine->terms[t].of_count; k++)
+            if (machine->terms[t].of[k].index == coordinate && uses(machine, &machine->terms[t], k))
+                return true;
+    return false;
 }
 
 lg_status lg_machine_refuse_positions(lg_machine_reading *r) {
@@ -52,17 +67,88 @@ lg_status lg_machine_refuse_positions(lg_machine_reading *r) {
                         machine->coordinates[coordinate].name);
 }
 
-void lg_log_integrate(const lg_log_table *table, double *q, const double *v) {
+/* out (rows, velocities): integrals of x from 0 at the start of each part; a missing number is the one
+ * before. */
+static void integrate(const lg_log_table *table, const double *x, double *out) {
     const size_t n = table->machine->machine.velocities;
     double held[LG_MACHINE_VELOCITIES], next[LG_MACHINE_VELOCITIES];
-    if (table->machine->measured != LG_MEASURED_VELOCITIES_ONLY) return;
     for (size_t part = 0; part < table->parts; part++)
         for (size_t row = table->first[part], begin = row; row < table->first[part + 1]; row++)
             for (size_t k = 0; k < n; k++) {
-                const double here = v[row * n + k];
+                const double here = x[row * n + k];
                 next[k] = !isnan(here) ? here : row > begin ? held[k] : 0.0;
                 const double h = row > begin ? lg_log_time(table, row) - lg_log_time(table, row - 1) : 0.0;
-                q[row * n + k] = row > begin ? q[(row - 1) * n + k] + 0.5 * h * (held[k] + next[k]) : 0.0;
+                out[row * n + k] = row > begin ? out[(row - 1) * n + k] + 0.5 * h * (held[k] + next[k]) : 0.0;
                 held[k] = next[k];
             }
+}
+
+/* ---- accelerations ---- */
+
+/* A straight line, x0 + slope (t - t0). */
+typedef struct line {
+    double t0, x0, slope;
+} line;
+
+static line fit_line(const lg_log_table *table, const double *x, size_t k, size_t first, size_t end) {
+    const size_t n = table->machine->machine.velocities;
+    const double count = (double)(end - first);
+    double t0 = 0, x0 = 0, tt = 0, tx = 0;
+    for (size_t row = first; row < end; row++) {
+        t0 += lg_log_time(table, row) / count;
+        x0 += x[row * n + k] / count;
+    }
+    for (size_t row = first; row < end; row++) {
+        const double t = lg_log_time(table, row) - t0;
+        tt += t * t;
+        tx += t * (x[row * n + k] - x0);
+    }
+    return (line){t0, x0, tt > 0 ? tx / tt : 0};
+}
+
+static double line_at(const line *of, double t) {
+    return of->x0 + of->slope * (t - of->t0);
+}
+
+/* Subtracts from number k of rows first .. end - 1 what drifts: the lines through pieces of PIECE rows, half
+ * of which each shares with the next, blended linearly from one to the next. work (rows) */
+static void remove_drift(const lg_log_table *table, double *x, size_t k, size_t first, size_t end,
+                         double *work) {
+    enum { PIECE = 400, HALF = PIECE / 2 };
+    const size_t n = table->machine->machine.velocities;
+    line now = fit_line(table, x, k, first, end < first + PIECE ? end : first + PIECE), next = now;
+    for (size_t begin = first; begin < end; begin += HALF) {
+        const size_t stop = end < begin + HALF ? end : begin + HALF;
+        const bool more = begin > first && begin + PIECE <= end;
+        now = next;
+        if (more) next = fit_line(table, x, k, begin, begin + PIECE);
+        for (size_t row = begin; row < stop; row++) {
+            const double t = lg_log_time(table, row), share = (double)(row - begin) / HALF;
+            work[row] = (1 - share) * line_at(&now, t) + share * line_at(&next, t);
+        }
+    }
+    for (size_t row = first; row < end; row++) x[row * n + k] -= work[row];
+}
+
+static void remove_drifts(const lg_log_table *table, double *x, double *work) {
+    for (size_t part = 0; part < table->parts; part++)
+        for (size_t k = 0; k < table->machine->machine.velocities; k++)
+            remove_drift(table, x, k, table->first[part], table->first[part + 1], work);
+}
+
+lg_status lg_log_integrate(const lg_log_table *table, lg_logs *out) {
+    const size_t n = table->machine->machine.velocities;
+    if (table->machine->measured == LG_MEASURED_VELOCITIES_ONLY) integrate(table, out->v, out->q);
+    if (table->machine->measured != LG_MEASURED_ACCELERATIONS) return LG_OK;
+    double *work = lg_alloc(table->context, table->rows, sizeof *work);
+    out->a = lg_alloc(table->context, table->rows, n * sizeof *out->a);
+    if (work != NULL && out->a != NULL) {
+        memcpy(out->a, out->v, table->rows * n * sizeof *out->a);
+        integrate(table, out->a, out->v);
+        remove_drifts(table, out->v, work);
+        integrate(table, out->v, out->q);
+        remove_drifts(table, out->q, work);
+    }
+    lg_free(table->context, work);
+    return out->a != NULL && work != NULL ? LG_OK : LG_OUT_OF_MEMORY;
 }

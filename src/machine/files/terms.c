@@ -93,14 +93,17 @@ static bool find_coordinate(const lg_machine *m, const char *text, lg_machine_fe
     return false;
 }
 
-/* Finds the feature of an input's column, or of a velocity's column of a line or angle. */
-static bool find_column(const lg_machine_file *file, const char *text, lg_machine_feature *out) {
+/* Finds the feature of an input's column, or of a velocity's column of a line or angle; in biases also of an
+ * acceleration's column. */
+static bool find_column(const lg_machine_file *file, lg_machine_part part, const char *text,
+                        lg_machine_feature *out) {
+    const bool shown = !file->machine.accelerations || part == LG_MACHINE_BIAS;
     for (uint32_t i = 0; i < file->column_count; i++) {
         const lg_log_column *c = &file->columns[i];
         if (strcmp(c->name, text) != 0) continue;
         const bool input = c->role == LG_LOG_INPUT;
         *out = (lg_machine_feature){input ? LG_FEATURE_INPUT : LG_FEATURE_VELOCITY, c->index};
-        return input || (c->role == LG_LOG_VELOCITY && file->coordinates[c->index].attitudes == 0);
+        return input || (c->role == LG_LOG_VELOCITY && shown && file->coordinates[c->index].attitudes == 0);
     }
     return false;
 }
@@ -125,8 +128,11 @@ static lg_status add_feature(reading *r, uint32_t line, const char *text, void *
     lg_machine_feature feature = {LG_FEATURE_POSITION, 0};
     const char *part = lg_machine_part_name(t->part), *kind = lg_term_kind_name(term->kind);
     const bool moving = (lg_term_kind_options(term->kind) & LG_TERM_MOVING) != 0;
-    if (!find_coordinate(&r->out->machine, text, &feature) && !find_column(r->out, text, &feature))
-        return unknown_feature(r, line, text);
+    const bool coordinate = find_coordinate(&r->out->machine, text, &feature);
+    if (!coordinate && !find_column(r->out, t->part, text, &feature)) return unknown_feature(r, line, text);
+    if (coordinate && t->part == LG_MACHINE_BIAS && r->out->machine.accelerations)
+        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error,
+                            "of: '%s' is not measured: name the column of an acceleration", text);
     if (t->part == LG_MACHINE_OFFSET && feature.kind == LG_FEATURE_VELOCITY)
         feature.kind = LG_FEATURE_POSITION;
     if (feature.kind == LG_FEATURE_VELOCITY && !moving)
@@ -301,7 +307,7 @@ static lg_status add_offset(reading *r, uint32_t line, const char *text) {
     lg_machine *m = &r->out->machine;
     lg_machine_feature feature;
     lg_machine_term *term = m->term_count > 0 ? &m->terms[m->term_count - 1] : NULL;
-    if (!find_coordinate(m, text, &feature) && !find_column(r->out, text, &feature))
+    if (!find_coordinate(m, text, &feature) && !find_column(r->out, LG_MACHINE_OFFSET, text, &feature))
         return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error,
                             "offset: '%.40s' is neither a kind (unknown, known) nor a coordinate", text);
     if (term == NULL || term->part != LG_MACHINE_OFFSET || term->of_count == 0 || term->value_count > 0)

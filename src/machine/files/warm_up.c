@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "core/median.h"
 #include "machine/files/recipe.h"
 #include "model/files/training.h"
 
@@ -97,12 +98,17 @@ static lg_machine_problem short_windows(const lg_training *self, const lg_machin
 
 /* Fits `problem`, of short windows. theta, in and out: the parameters of `machine`; with positions alone the
  * parameters of the starts follow. */
-static lg_status fit_problem(lg_training *self, lg_machine_problem *problem, double *theta, lg_error *error) {
+static lg_status fit_some(lg_training *self, lg_machine_problem *problem, uint64_t epochs, double *theta,
+                          lg_error *error) {
     /* Priors only hold what short windows leave open. */
     static const double weak = 1e-6;
-    const lg_stage_limits most = {LG_STAGE_EPOCHS, self->options.seconds / 8};
+    const lg_stage_limits most = {epochs, self->options.seconds / 8};
     problem->residual = weak;
     return lg_machine_fit_stage(self, problem, &most, theta, error);
+}
+
+static lg_status fit_problem(lg_training *self, lg_machine_problem *problem, double *theta, lg_error *error) {
+    return fit_some(self, problem, LG_STAGE_EPOCHS, theta, error);
 }
 
 static lg_status fit_short(lg_training *self, const lg_machine *machine, const lg_scheme *scheme,
@@ -123,7 +129,7 @@ static lg_status balance(lg_training *self, const lg_machine *machine, const dou
     const lg_learned_machine model = {
         .machine = machine, .theta = theta, .scheme = run->scheme, .substeps = run->substeps};
     *changed = false;
-    if (s->data.file.measured == LG_MEASURED_VELOCITIES_ONLY) return LG_OK;
+    if (s->data.file.measured >= LG_MEASURED_VELOCITIES_ONLY) return LG_OK;
     LG_TRY(lg_machine_residuals(self->context, &model, &s->problem, &found, error));
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         const double q = found.position[i] / run->position_scale[i],
@@ -183,14 +189,12 @@ static void start_bristles(const lg_machine *machine, size_t start, double *thet
     (void)lg_machine_set_bristles(machine, (start + 0.5) / BRISTLES, theta);
 }
 
-static lg_status scan_lags(lg_training *self, const lg_machine *machine, double *theta, lg_error *error) {
+static lg_status scan_lags(lg_training *self, lg_machine_problem *problem, double *theta, lg_error *error) {
     lg_machine_state *s = self->state;
     double *own;
-    lg_machine_problem problem =
-        short_windows(self, machine, s->problem.scheme, s->positions || s->noisy ? LONG : SHORT);
-    LG_TRAINING_ARRAY(self, own, machine->parameters + 1, error);
-    if (lg_machine_set_lags(machine, 1.0, own) == 0) return LG_OK;
-    return scan(self, &problem, LG_LAG_STARTS, start_lags, theta, s->lag_ratios, error);
+    LG_TRAINING_ARRAY(self, own, problem->machine->parameters + 1, error);
+    if (lg_machine_set_lags(problem->machine, 1.0, own) == 0) return LG_OK;
+    return scan(self, problem, LG_LAG_STARTS, start_lags, theta, s->lag_ratios, error);
 }
 
 /* A few windows tell which start is the best. */
@@ -206,22 +210,100 @@ static lg_status scan_bristles(lg_training *self, const lg_machine *machine, dou
     return scan(self, &problem, BRISTLES, start_bristles, theta, losses, error);
 }
 
+enum { FEW_EPOCHS = 10 }; /* of fits whose windows the fit of the machine takes again */
+
+/* Copies the parameters of the machine, then those of the starts of the windows in `list`, from or to
+ * `own`. */
+static void copy_starts(const lg_machine_problem *all, const size_t *list, size_t count, double *theta,
+                        double *own, bool back) {
+    const size_t shared = all->machine->parameters,
+                 each = (lg_machine_problem_parameters(all) - shared) / all->windows;
+    /* The unit of a start's numbers depends on the number of windows. */
+    const double unit = sqrt((double)all->windows / (double)count);
+    memcpy(back ? theta : own, back ? own : theta, shared * sizeof *own);
+    for (size_t i = 0; i < count; i++) {
+        double *some = own + shared + i * each, *whole = theta + shared + list[i] * each;
+        for (size_t k = 0; k < each; k++)
+            if (back)
+                whole[k] = some[k] / unit;
+            else
+                some[k] = whole[k] * unit;
+    }
+}
+
+/* Fits the windows whose loss is not far above the median; `losses` has all. *left: how many are left out. */
+static lg_status fit_good(lg_training *self, const lg_machine_problem *all, const double *losses,
+                          double *theta, size_t *left, lg_error *error) {
+    static const double far = 10;
+    double *own;
+    size_t *list, *start, count = 0;
+    lg_machine_problem good = *all;
+    LG_TRAINING_ARRAY(self, own, lg_machine_problem_parameters(all) + all->windows, error);
+    LG_TRAINING_ARRAY(self, list, all->windows, error);
+    LG_TRAINING_ARRAY(self, start, all->windows, error);
+    memcpy(own, losses, all->windows * sizeof *own);
+    const double most = far * lg_median(own, all->windows);
+    for (size_t w = 0; w < all->windows; w++)
+        if (losses[w] <= most) list[count] = w, start[count++] = all->start[w];
+    *left = all->windows - count;
+    if (count == 0 || *left == 0) return LG_OK;
+    good.start = start;
+    good.windows = count;
+    good.validation = 0;
+    copy_starts(all, list, count, theta, own, false);
+    LG_TRY(fit_some(self, &good, FEW_EPOCHS, own, error));
+    copy_starts(all, list, count, theta, own, true);
+    return LG_OK;
+}
+
+/* Of accelerations alone: first parameters from the guessed states, then the starts of windows and the
+ * parameters together, on windows that grow to the fit's. One window with a start that is far off spoils the
+ * parameters: such windows are left out until those beside them give them a start. */
+static lg_status fit_accelerations(lg_training *self, const lg_machine *machine, double *theta,
+                                   lg_error *error) {
+    enum { ROUNDS = 6 };
+    const lg_machine_state *s = self->state;
+    lg_machine_problem problem = s->problem;
+    double *losses;
+    size_t left = 1;
+    LG_TRAINING_ARRAY(self, losses, problem.windows, error);
+    problem.machine = machine;
+    problem.starts = LG_MACHINE_STARTS_MEASURED;
+    problem.window = 2;
+    LG_TRY(fit_problem(self, &problem, theta, error));
+    for (uint32_t part = 2; part > 0; part--) {
+        problem = s->problem;
+        problem.machine = machine;
+        problem.window = s->problem.window / part;
+        if (problem.window > SHORTEST) LG_TRY(fit_some(self, &problem, FEW_EPOCHS, theta, error));
+    }
+    LG_TRY(scan_lags(self, &problem, theta, error));
+    for (int round = 0; round < ROUNDS && left > 0; round++) {
+        LG_TRY(lg_machine_continue_starts(self->context, &problem, theta, losses, error));
+        LG_TRY(fit_good(self, &problem, losses, theta, &left, error));
+    }
+    return LG_OK;
+}
+
 /* With positions alone compares ways to first parameters. Else fits the shortest windows, until the scales of
  * the loss no longer change. */
 static lg_status fit_windows(lg_training *self, const lg_machine *machine, double *theta, lg_error *error) {
     enum { ROUNDS = 4 };
     const lg_machine_state *s = self->state;
     bool changed = true;
+    lg_machine_problem of_lags =
+        short_windows(self, machine, s->problem.scheme, s->positions || s->noisy ? LONG : SHORT);
+    if (machine->accelerations) return fit_accelerations(self, machine, theta, error);
     if (s->positions) {
         LG_TRY(lg_machine_fit_candidates(self, machine, theta, error));
-        LG_TRY(scan_lags(self, machine, theta, error));
+        LG_TRY(scan_lags(self, &of_lags, theta, error));
         return scan_bristles(self, machine, theta, error);
     }
     lg_machine_problem problem = s->problem;
     problem.machine = machine;
     problem.window = 2;
     LG_TRY(lg_machine_approach(self, &problem, theta, error));
-    LG_TRY(scan_lags(self, machine, theta, error));
+    LG_TRY(scan_lags(self, &of_lags, theta, error));
     for (int round = 0; round < ROUNDS && changed; round++) {
         LG_TRY(fit_short(self, machine, s->problem.scheme, s->noisy ? 5 : 2, theta, error));
         LG_TRY(balance(self, machine, theta, &changed, error));
@@ -262,7 +344,7 @@ static lg_status find_substeps(lg_training *self, const lg_machine *machine, con
     double loss = 0, floor = 0;
     if (self->given(self, "substeps")) return LG_OK;
     problem.machine = machine;
-    if (!s->positions) problem.starts = LG_MACHINE_STARTS_MEASURED;
+    if (!s->estimated) problem.starts = LG_MACHINE_STARTS_MEASURED;
     for (run->substeps = 1; run->substeps < MOST; run->substeps++) {
         problem.substeps = run->substeps;
         LG_TRY(lg_machine_loss(self->context, &problem, theta, &loss, &floor, error));
@@ -276,8 +358,8 @@ static lg_status find_substeps(lg_training *self, const lg_machine *machine, con
 lg_status lg_machine_warm_up(lg_training *self, double *theta, lg_error *error) {
     const lg_machine *machine = &((const lg_machine_model_run *)self->run)->machine;
     const lg_machine_state *s = self->state;
-    /* With positions alone short windows also give the parameters of all starts. */
-    const size_t starts = s->positions ? lg_machine_problem_parameters(&s->problem) - machine->parameters : 0;
+    /* Fits of logs without velocities also give the parameters of all starts. */
+    const size_t starts = s->estimated ? lg_machine_problem_parameters(&s->problem) - machine->parameters : 0;
     plain_machine *plain;
     double *own, *initial;
     LG_TRAINING_ARRAY(self, initial, machine->parameters + 1, error);
