@@ -1,4 +1,4 @@
-/* Policies under noise, late inputs and other machines; set points; the bound on what goes back through a run.
+/* Policies under noise, late inputs and other machines; set points; the bound on what goes back through runs.
  * ctest-labels: src/control */
 #include "control/policy_gradient.h"
 #include "liegrad/geometry.h"
