@@ -122,7 +122,8 @@ static void draw_model_error(const app *self, lg_policy *policy, naming names, c
         app_stop_usage(self, "--model-error auto: give the task, whose plant is a model of lg-identify");
     for (size_t i = 0; i < names.n; i++)
         if (!isfinite(high[i]))
-            app_stop_usage(self, "--model-error auto: needs a bound of every state; %s has none", name_of(names, i));
+            app_stop_usage(self, "--model-error auto: needs a bound of every state; %s has none",
+                           name_of(names, i));
     APP_FREE char *plant = control_plant_path(self, self->arguments[0]);
     control_draw_error(self, policy, plant, values.held, high, out);
 }

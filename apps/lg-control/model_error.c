@@ -6,16 +6,18 @@
 enum { DRAWS = 40, PLACES = 1024 };
 
 /* Rates (`held`: next states) at PLACES states z and inputs u */
-static void evaluate(const app *self, lg_policy *policy, bool held, const double *z, const double *u, double *out) {
+static void evaluate(const app *self, lg_policy *policy, bool held, const double *z, const double *u,
+                     double *out) {
     lg_program *program = NULL;
     APP_MUST(self, lg_policy_add_rate(policy, &program, &error));
-    APP_MUST(self, lg_program_eval(self->context, program, held ? "advance_by_input" : "rate_by_input", PLACES,
-                                   (const double *const[]){z, u}, (double *const[]){out}, &error));
+    APP_MUST(self, lg_program_eval(self->context, program, held ? "advance_by_input" : "rate_by_input",
+                                   PLACES, (const double *const[]){z, u}, (double *const[]){out}, &error));
 }
 
 /* Adds the squares of the differences that drawn machines make. */
-static void add_squares(const app *self, const lg_policy *policy, lg_program *plant, bool held, const double *z,
-                        const double *u, const double *first, double *other, size_t numbers, double *square) {
+static void add_squares(const app *self, const lg_policy *policy, lg_program *plant, bool held,
+                        const double *z, const double *u, const double *first, double *other, size_t numbers,
+                        double *square) {
     lg_policy *drawn = NULL;
     APP_MUST(self, lg_policy_transplant(policy, plant, &drawn, &error));
     evaluate(self, drawn, held, z, u, other);

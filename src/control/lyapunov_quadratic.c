@@ -356,8 +356,8 @@ typedef struct attacker {
 } attacker;
 
 /* A point z of the set near the attacker's ray. The points fill the outer half of the set. */
-static void place(const searching *s, const form *f, const attacker *a, double spread, size_t row, double level,
-                  lg_rng *rng, double *z) {
+static void place(const searching *s, const form *f, const attacker *a, double spread, size_t row,
+                  double level, lg_rng *rng, double *z) {
     const size_t n = s->n;
     const double far = sqrt(level * (1 - 0.5 * (double)row / ROWS));
     double y[STATES], length = 0;
