@@ -116,49 +116,16 @@ static bool is_task(const app *self) {
     return dot != NULL && (strcmp(dot, ".yaml") == 0 || strcmp(dot, ".yml") == 0);
 }
 
-/* Three standard deviations of each rate (steps: of the next state) over machines that are drawn from the
- * covariance of the fit, at the worst of random states of the box and inputs in their limits. */
-enum { DRAWS = 40, PLACES = 1024 };
-
-static void evaluate_places(const app *self, lg_policy *policy, naming names, const double *z,
-                            const double *u, double *out) {
-    lg_program *program = NULL;
-    APP_MUST(self, lg_policy_add_rate(policy, &program, &error));
-    APP_MUST(self, lg_program_eval(self->context, program, values.held ? "advance_by_input" : "rate_by_input",
-                                   PLACES, (const double *const[]){z, u}, (double *const[]){out}, &error));
-    (void)names;
-}
-
 static void draw_model_error(const app *self, lg_policy *policy, naming names, const double *high,
                              double *out) {
-    const size_t n = names.n, m = names.task->input_count, numbers = PLACES * n;
-    APP_FREE double *z = app_alloc(3 * numbers + PLACES * m + numbers, sizeof *z);
-    double *first = z + numbers, *other = first + numbers, *square = other + numbers, *u = square + numbers;
-    lg_program *plants[DRAWS];
-    lg_rng rng;
     if (!is_task(self))
         app_stop_usage(self, "--model-error auto: give the task, whose plant is a model of lg-identify");
-    APP_FREE char *path = control_plant_path(self, self->arguments[0]);
-    control_draw_plants(self, path, 0, DRAWS, "--model-error auto", plants);
-    lg_rng_seed(&rng, self->seed, 16);
-    for (size_t i = 0; i < numbers; i++) {
-        if (!isfinite(high[i % n]))
+    for (size_t i = 0; i < names.n; i++)
+        if (!isfinite(high[i]))
             app_stop_usage(self, "--model-error auto: needs a bound of every state; %s has none",
-                           name_of(names, i % n));
-        z[i] = lg_rng_uniform_in(&rng, -high[i % n], high[i % n]);
-    }
-    for (size_t i = 0; i < PLACES * m; i++)
-        u[i] = lg_rng_uniform_in(&rng, names.task->input[i % m].low, names.task->input[i % m].high);
-    evaluate_places(self, policy, names, z, u, first);
-    for (size_t k = 0; k < DRAWS; k++) {
-        lg_policy *drawn = NULL;
-        APP_MUST(self, lg_policy_transplant(policy, plants[k], &drawn, &error));
-        evaluate_places(self, drawn, names, z, u, other);
-        for (size_t i = 0; i < numbers; i++)
-            square[i] += (other[i] - first[i]) * (other[i] - first[i]) / DRAWS;
-        lg_policy_destroy(drawn);
-    }
-    for (size_t i = 0; i < numbers; i++) out[i % n] = fmax(out[i % n], 3 * sqrt(square[i]));
+                           name_of(names, i));
+    APP_FREE char *plant = control_plant_path(self, self->arguments[0]);
+    control_draw_error(self, policy, plant, values.held, high, out);
 }
 
 /* One number is for the rates that the model states: the accelerations, or all rates of a program; of a

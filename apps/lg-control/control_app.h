@@ -26,6 +26,12 @@ void control_draw_plants(const app *self, const char *path, double spread, size_
  * `path`, with the task's spread besides. Ends the command if that is no model of lg-identify. */
 void control_add_draws(const app *self, lg_policy *policy, const char *path);
 
+/* Errors of the model for a certificate (model_error.c): of each state's rate (`held`: of the next state)
+ * three standard deviations over plants that control_draw_plants draws, at the worst of random states
+ * within `high` of the goal and of inputs in their limits. */
+void control_draw_error(const app *self, lg_policy *policy, const char *plant, bool held, const double *high,
+                        double *out);
+
 /* Runs the policy along the set points of a file (reference.c), with the columns t, the tracked coordinates
  * and, if they are there, these coordinates' velocities. Adds the errors to the results as `reference`. */
 void control_follow(const app *self, const lg_policy *policy, const char *path, app_json *out);

@@ -351,53 +351,58 @@ static lg_status first_proposals(searching *s, best *b, lg_error *error) {
 
 /* ---- where a proposal fails ---- */
 
-enum { ATTACKERS = 32, ATTACK_STEPS = 12, LEAST_ATTACKS = 4 };
+typedef struct attacker {
+    double y[STATES], rise; /* |y| = 1 */
+} attacker;
 
-/* Climbs to points on the boundary of the proposal's set at which V' is large. Those where V does not fall
- * join the pool. */
+/* A point z of the set near the attacker's ray. The points fill the outer half of the set. */
+static void place(const searching *s, const form *f, const attacker *a, double spread, size_t row,
+                  double level, lg_rng *rng, double *z) {
+    const size_t n = s->n;
+    const double far = sqrt(level * (1 - 0.5 * (double)row / ROWS));
+    double y[STATES], length = 0;
+    for (size_t i = 0; i < n; i++) {
+        y[i] = a->y[i] + spread * lg_rng_normal(rng);
+        length = hypot(length, y[i]);
+    }
+    for (size_t i = 0; i < n; i++) {
+        z[i] = 0;
+        for (size_t j = i; j < n; j++) z[i] += f->T[i * n + j] * y[j] / length * far;
+    }
+}
+
+/* The attacker moves to z, where V' is larger. Where V does not fall, z joins the pool. */
+static void move(searching *s, const form *f, attacker *a, const double *z, double rise) {
+    const size_t n = s->n;
+    double length = 0;
+    a->rise = rise;
+    for (size_t i = 0; i < n; i++) { /* y = L^T z */
+        a->y[i] = 0;
+        for (size_t j = i; j < n; j++) a->y[i] += f->L[j * n + i] * z[j];
+        length = hypot(length, a->y[i]);
+    }
+    for (size_t i = 0; i < n; i++) a->y[i] /= length;
+    if (rise < 0) return;
+    memcpy(s->pool + s->found++ % POOL * n, z, n * sizeof *z);
+    s->pooled = s->found < POOL ? s->found : POOL;
+}
+
+/* Looks for points of the proposal's set at which V does not fall: random points, then steps that become shorter. */
 static void attack(searching *s, const best *b, lg_rng *rng) {
+    enum { STEPS = 12 };
     const size_t n = s->n;
     const desk d = desk_of(s, 0);
-    double y[ROWS][STATES], value[ROWS], rise[ROWS];
+    attacker attackers[ROWS] = {{{0}, 0}};
+    double rise[ROWS], spread = 1;
     form f;
     (void)read_form(s, b->theta, &f);
     (void)fall_near(s, &f, b->theta + n * (n + 1) / 2);
     for (size_t i = 0; i < s->m * n; i++) d.K[i] = b->theta[n * (n + 1) / 2 + i] / s->scale[i % n];
-    double spread = 0.5;
-    for (int step = 0; step < ATTACK_STEPS; step++, spread *= 0.75) {
-        for (size_t r = 0; r < ROWS; r++) {
-            double trial[STATES], length = 0;
-            for (size_t i = 0; i < n; i++) {
-                const double noise = lg_rng_normal(rng);
-                trial[i] = step == 0 ? noise : y[r][i] + spread * noise;
-                length = hypot(length, trial[i]);
-            }
-            /* The points fill the outer half of the set: the first ones are on its boundary. */
-            const double far = sqrt(b->level * (1 - 0.5 * (double)(r / 2 * 2) / ROWS));
-            for (size_t i = 0; i < n; i++) {
-                y[r][i] = step == 0 ? trial[i] / length : y[r][i];
-                trial[i] /= length;
-            }
-            for (size_t i = 0; i < n; i++) {
-                d.z[r * n + i] = 0;
-                for (size_t j = i; j < n; j++) d.z[r * n + i] += f.T[i * n + j] * trial[j] * far;
-            }
-        }
+    for (int step = 0; step < STEPS; step++, spread = 0.5 * pow(0.75, step)) {
+        for (size_t r = 0; r < ROWS; r++) place(s, &f, &attackers[r], spread, r, b->level, rng, d.z + r * n);
         evaluate(s, &f, &d, ROWS, rise);
-        for (size_t r = 0; r < ROWS; r++) {
-            if (step > 0 && !(rise[r] > value[r])) continue;
-            value[r] = rise[r];
-            double length = 0;
-            for (size_t i = 0; i < n; i++) { /* y = L^T z */
-                y[r][i] = 0;
-                for (size_t j = i; j < n; j++) y[r][i] += f.L[j * n + i] * d.z[r * n + j];
-                length = hypot(length, y[r][i]);
-            }
-            for (size_t i = 0; i < n; i++) y[r][i] /= length;
-            if (rise[r] < 0) continue;
-            memcpy(s->pool + s->found++ % POOL * n, d.z + r * n, n * sizeof *d.z);
-            s->pooled = s->found < POOL ? s->found : POOL;
-        }
+        for (size_t r = 0; r < ROWS; r++)
+            if (step == 0 || rise[r] > attackers[r].rise) move(s, &f, &attackers[r], d.z + r * n, rise[r]);
     }
 }
 
