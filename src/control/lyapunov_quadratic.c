@@ -387,7 +387,8 @@ static void move(searching *s, const form *f, attacker *a, const double *z, doub
     s->pooled = s->found < POOL ? s->found : POOL;
 }
 
-/* Looks for points of the proposal's set at which V does not fall: random points, then steps that become shorter. */
+/* Looks for points of the proposal's set at which V does not fall: random points, then shorter and shorter
+ * steps. */
 static void attack(searching *s, const best *b, lg_rng *rng) {
     enum { STEPS = 12 };
     const size_t n = s->n;
