@@ -204,8 +204,8 @@ void app_out_of_memory(void) __attribute__((noreturn));
 /* Returns zeroed memory, aligned to 64 bytes; without memory the program exits with code 5. Freed with
  * free. */
 void *app_alloc(size_t count, size_t size);
-/* Work memory of lg_plan_eval: at least `bytes`, aligned to 64 bytes, zeros. Freed with free; ends the program
- * as app_alloc does. */
+/* Work memory of lg_plan_eval: at least `bytes`, aligned to 64 bytes, zeros. Freed with free; ends the
+ * program as app_alloc does. */
 void *app_work(size_t bytes);
 /* Returns an empty text. When memory is missing it ends the program as app_alloc does, so its `failed` is
  * never set. Every text of an executable begins with this call. Not thread safe. */

@@ -16,23 +16,25 @@ lg_program *control_read_task(const app *self, const char *path, lg_policy_task 
 /* The path of the plant that a task names, to be freed. */
 char *control_plant_path(const app *self, const char *path);
 
-/* Plants that the log of a fit allows as well: machines with parameters from the covariance in the model of lg-identify
- * at `path`, and with each learned number changed by `spread` of its size besides (a standard deviation). The caller
- * destroys them. Ends the command if that is no model of lg-identify, which `why` needs, or has no covariance. */
+/* Plants that the log of a fit allows as well: machines with parameters from the covariance in the model
+ * of lg-identify at `path`, and with each learned number changed by `spread` of its size besides (a
+ * standard deviation). The caller destroys them. Ends the command if that is no model of lg-identify,
+ * which `why` needs, or has no covariance. */
 void control_draw_plants(const app *self, const char *path, double spread, size_t draws, const char *why,
                          lg_program **out);
 /* Adds the task's draws to the policy: machines from the covariance of the fit whose model is the file
  * `path`, with the task's spread besides. Ends the command if that is no model of lg-identify. */
 void control_add_draws(const app *self, lg_policy *policy, const char *path);
 
-/* Errors of the model for a certificate (model_error.c): of each state's rate (`held`: of the next state) three standard
- * deviations over plants that control_draw_plants draws, at the worst of random states within `high` of the goal and of
- * inputs in their limits. */
+/* Errors of the model for a certificate (model_error.c): of each state's rate (`held`: of the next state)
+ * three standard deviations over plants that control_draw_plants draws, at the worst of random states
+ * within `high` of the goal and of inputs in their limits. */
 void control_draw_error(const app *self, lg_policy *policy, const char *plant, bool held, const double *high,
                         double *out);
 
-/* Runs the policy along the set points of a file (reference.c), with the columns t, the tracked coordinates and,
- * if they are there, these coordinates' velocities. Adds the errors to the results as `reference`. */
+/* Runs the policy along the set points of a file (reference.c), with the columns t, the tracked
+ * coordinates and, if they are there, these coordinates' velocities. Adds the errors to the results as
+ * `reference`. */
 void control_follow(const app *self, const lg_policy *policy, const char *path, app_json *out);
 
 /* Prints success and costs below `prefix` in JSON. */

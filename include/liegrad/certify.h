@@ -8,14 +8,15 @@
  *   status = lg_certify_run(certify, SIZE_MAX, 60, &result, &error);
  *   puts(result.claim);
  *
- * What is proved. Let S be the part of {V <= c} in the state box. Then (1) V > c on the boundary of the box,
- * so S is not left through it; (2) V' < 0 (for steps: V(F(x)) - V(x) < 0) on S, except where (3) V < eps
- * within a small neighbourhood N of the goal, outside of which V >= eps. Hence all motions from S reach {V <
- * eps} and stay. If in addition (4) the goal is an exact equilibrium and V' = x^T M x on N with interval
- * matrices M that are negative definite, they converge to the goal. Every inequality is proved with outward
- * rounding. Where the operations show that V and V' are even functions of x - goal, half of the box is examined.
- * Points that refute the claim are proved, too; nothing is sampled. Steps: the statements hold at
- * the steps, not between them; and without (4) motions reach {V < eps} again and again and stay in S. */
+ * What is proved. Let S be the part of {V <= c} in the state box. Then (1) V > c on the boundary of the
+ * box, so S is not left through it; (2) V' < 0 (for steps: V(F(x)) - V(x) < 0) on S, except where (3) V <
+ * eps within a small neighbourhood N of the goal, outside of which V >= eps. Hence all motions from S
+ * reach {V < eps} and stay. If in addition (4) the goal is an exact equilibrium and V' = x^T M x on N with
+ * interval matrices M that are negative definite, they converge to the goal. Every inequality is proved
+ * with outward rounding. Where the operations show that V and V' are even functions of x - goal, half of
+ * the box is examined. Points that refute the claim are proved, too; nothing is sampled. Steps: the
+ * statements hold at the steps, not between them; and without (4) motions reach {V < eps} again and again
+ * and stay in S. */
 #ifndef LIEGRAD_CERTIFY_H
 #define LIEGRAD_CERTIFY_H
 
@@ -140,12 +141,12 @@ LG_API lg_status lg_certify_attitude(const double *A, double damping, lg_certify
 
 /* ---- attitude: feedback of the half angle, with limits of the inputs ---- */
 
-/* The loop J w' + w x J w = -k z - D w with R' = R hat(w), z = 2 sin(a/2) n, where a in [0, pi] is the angle and n
- * the axis of Q = R_goal^T R. V = w.J w/2 + 4 k (1 - cos(a/2)) falls with w.D w. In {V < 4 k} the angle is below
- * pi, so z is smooth, and Q = 1 is the only critical rotation; by LaSalle's theorem motions converge to it. The
- * torque is that of inputs u_l = -g_l.(k_p z + k_d w) as long as they are inside of limits: the level is the
- * largest c <= 4 k at which |g_l.z| <= |g_l| |z| and |g_l.w|^2 <= g_l.J^-1 g_l 2 (c - Phi) prove |u_l| <= limit_l.
- * The form of the loop is the caller's statement. */
+/* The loop J w' + w x J w = -k z - D w with R' = R hat(w), z = 2 sin(a/2) n, where a in [0, pi] is the
+ * angle and n the axis of Q = R_goal^T R. V = w.J w/2 + 4 k (1 - cos(a/2)) falls with w.D w. In {V < 4 k}
+ * the angle is below pi, so z is smooth, and Q = 1 is the only critical rotation; by LaSalle's theorem
+ * motions converge to it. The torque is that of inputs u_l = -g_l.(k_p z + k_d w) as long as they are
+ * inside of limits: the level is the largest c <= 4 k at which |g_l.z| <= |g_l| |z| and |g_l.w|^2 <=
+ * g_l.J^-1 g_l 2 (c - Phi) prove |u_l| <= limit_l. The form of the loop is the caller's statement. */
 typedef struct lg_certify_rotation_spec {
     size_t size;        /* sizeof(lg_certify_rotation_spec) */
     double J[9];        /* (3, 3) symmetric, positive definite */
@@ -166,8 +167,8 @@ typedef struct lg_certify_rotation_result {
 } lg_certify_rotation_result;
 
 LG_API void lg_certify_rotation_spec_init(lg_certify_rotation_spec *spec);
-/* Errors: LG_INVALID_ARGUMENT (NULL, sizes, J not symmetric to 1e-9 or not positive definite, limits or gains out
- * of range), LG_NOT_FINITE. */
+/* Errors: LG_INVALID_ARGUMENT (NULL, sizes, J not symmetric to 1e-9 or not positive definite, limits or
+ * gains out of range), LG_NOT_FINITE. */
 LG_API lg_status lg_certify_rotation(const lg_certify_rotation_spec *spec, lg_certify_rotation_result *result,
                                      lg_error *error);
 

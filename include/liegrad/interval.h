@@ -54,8 +54,9 @@ LG_API size_t lg_interval_outputs(const lg_interval *interval); /* Of all functi
  * derivative of a kink on values that depend on inputs, and no lg_stop_gradient. `function` is a place in
  * `functions`. */
 LG_API bool lg_interval_continuous(const lg_interval *interval, size_t function);
-/* 1: the output, of all outputs in order, is an even function of all inputs together, f(-x) = f(x); -1: it is odd;
- * 0: its operations do not tell. That follows from the operations on exact numbers, and is not tried at points. */
+/* 1: the output, of all outputs in order, is an even function of all inputs together, f(-x) = f(x); -1: it
+ * is odd; 0: its operations do not tell. That follows from the operations on exact numbers, and is not
+ * tried at points. */
 LG_API int lg_interval_parity(const lg_interval *interval, size_t output);
 /* Number of operations on intervals per box. */
 LG_API size_t lg_interval_operations(const lg_interval *interval);

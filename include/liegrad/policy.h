@@ -117,8 +117,8 @@ typedef struct lg_policy_task {
     lg_policy_kind kind;
     uint32_t hidden_layers, hidden[LG_POLICY_HIDDEN]; /* of a network, with tanh; default 32, 32 */
     bool gate;                                        /* default true; false: the network acts alone */
-    /* Gains that are given; 0 of them (default): they are trained or chosen. Kind energy: k_p and k_d, for all
-     * inputs. Kind lqr: K (inputs, errors), row by row. */
+    /* Gains that are given; 0 of them (default): they are trained or chosen. Kind energy: k_p and k_d, for
+     * all inputs. Kind lqr: K (inputs, errors), row by row. */
     uint32_t gain_count;
     double gains[LG_POLICY_GAINS];
     /* Default true. false: no weights of a regulator are tried, so that lg_policy_create is fast; P and W are
@@ -184,17 +184,17 @@ LG_API const lg_policy_regulator *lg_policy_regulator_of(const lg_policy *policy
  *                          without velocities. The input follows the state without delay: u = policy(q, v).
  *   advance    (z) -> z    after a period in which u is held: with velocities by the classical Runge-Kutta
  *                          method for z in task.substeps parts, otherwise by the plant's own step
- *   rate_by_gains, advance_by_gains  (z, K) -> the same with the saturated regulator for a shared K (inputs, z)
+ *   rate_by_gains, advance_by_gains  (z, K) -> the same, with the saturated regulator for a shared K
  *   rate_by_input, advance_by_input  (z, u) -> the same with the input u
  * `program`: the policy's program, to which a Lyapunov function may be added; it belongs to the policy. If
  * the functions are there already, nothing is added. Errors: LG_UNSUPPORTED (directions, rotations, lagged
  * inputs), LG_NOT_FOUND (a plant without `field`), those of lg_program_add_function. */
 LG_API lg_status lg_policy_add_rate(lg_policy *policy, lg_program **program, lg_error *error);
 
-/* For a network with a gate, of a machine of lines and angles, |angle| <= pi: an upper bound *ratio of V/c of the
- * gate over {z: z^T P z <= level}, P (n, n) symmetric and positive definite. The regulator has at least the part
- * 1/(1 + exp(4.5 (*ratio - 1))) of the input there. Errors: LG_INVALID_ARGUMENT (P), LG_UNSUPPORTED (no gate; other
- * coordinates; more than 8 angles). */
+/* For a network with a gate, of a machine of lines and angles, |angle| <= pi: an upper bound *ratio of V/c
+ * of the gate over {z: z^T P z <= level}, P (n, n) symmetric and positive definite. The regulator has at
+ * least the part 1/(1 + exp(4.5 (*ratio - 1))) of the input there. Errors: LG_INVALID_ARGUMENT (P),
+ * LG_UNSUPPORTED (no gate; other coordinates; more than 8 angles). */
 LG_API lg_status lg_policy_bound_gate(const lg_policy *policy, const double *P, double level, double *ratio,
                                       lg_error *error);
 
@@ -206,11 +206,11 @@ LG_API lg_status lg_policy_bound_gate(const lg_policy *policy, const double *P, 
  * it has no period); LG_CHECK_FAILED (the damping is not linear, or not positive). */
 LG_API lg_status lg_policy_add_slope(lg_policy *policy, lg_certify_energy_spec *spec, lg_error *error);
 
-/* For a policy of kind energy of a machine with one rotation: fills `spec` for lg_certify_rotation. That the inertia,
- * the damping and the map of the inputs are constant, and that nothing but inputs and damping turns the machine, is
- * compared at several rotations and rates, it is not proved. Errors: LG_NOT_FOUND (a plant without `field`),
- * LG_UNSUPPORTED (another kind or machine; a stiffness that depends on the axis), LG_CHECK_FAILED (the damping is
- * not linear). */
+/* For a policy of kind energy of a machine with one rotation: fills `spec` for lg_certify_rotation. That
+ * the inertia, the damping and the map of the inputs are constant, and that nothing but inputs and damping
+ * turns the machine, is compared at several rotations and rates, it is not proved. Errors: LG_NOT_FOUND (a
+ * plant without `velocity`), LG_UNSUPPORTED (another kind or machine; a stiffness that depends on the axis),
+ * LG_CHECK_FAILED (the damping is not linear). */
 LG_API lg_status lg_policy_fill_rotation(const lg_policy *policy, lg_certify_rotation_spec *spec,
                                          lg_error *error);
 

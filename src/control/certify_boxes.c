@@ -159,8 +159,8 @@ static lg_status push_faces(lg_certify *c) {
     return LG_OK;
 }
 
-/* The domain; its upper half in y_0, where V and V' are even and the domain is as large on both sides. Bounds of
- * errors and N are even, too. */
+/* The domain; its upper half in y_0, where V and V' are even and the domain is as large on both sides.
+ * Bounds of errors and N are even, too. */
 static lg_status push_domain(lg_certify *c) {
     double low[LG_CERTIFY_STATES];
     bool half = c->even && c->phase == LG_CERTIFY_FALL;

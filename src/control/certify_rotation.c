@@ -12,7 +12,8 @@ void lg_certify_rotation_spec_init(lg_certify_rotation_spec *spec) {
     if (spec != NULL) *spec = (lg_certify_rotation_spec){.size = sizeof *spec};
 }
 
-/* What an input can be at most, over the square roots of V's parts: |u_l| <= stiff |z| + fast sqrt(2 (c - Phi)) */
+/* What an input can be at most, over the square roots of V's parts: |u_l| <= stiff |z| + fast sqrt(2 (c -
+ * Phi)) */
 typedef struct bound {
     double stiff, fast, limit;
 } bound;
@@ -46,9 +47,9 @@ static lg_status take(const lg_certify_rotation_spec *spec, bound *bounds, lg_er
     return LG_OK;
 }
 
-/* An upper bound of the input in {V <= c}: of 2 stiff sqrt(2 p - p^2) + fast sqrt(2 (c - 4 k p)) over 0 <= p <=
- * c/(4 k), p = 1 - cos(a/2). The function is concave, so the tangent at a point near its maximum bounds it; a part
- * in 1e6 is more than that and rounding need. */
+/* An upper bound of the input in {V <= c}: of 2 stiff sqrt(2 p - p^2) + fast sqrt(2 (c - 4 k p)) over 0 <=
+ * p <= c/(4 k), p = 1 - cos(a/2). The function is concave, so the tangent at a point near its maximum
+ * bounds it; a part in 1e6 is more than that and rounding need. */
 static double largest(const bound *b, double k, double c) {
     double low = 0, high = c / (4 * k), most = 0;
     for (int i = 0; i < 200; i++) {

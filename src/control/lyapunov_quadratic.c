@@ -188,12 +188,12 @@ static double fraction_of(const searching *s, const form *f, const desk *d, size
     return most;
 }
 
-/* Of the mean rate at which V falls near the goal, but at most half of the least rate: a smaller rate elsewhere
- * costs proofs many boxes. */
+/* Of the mean rate at which V falls near the goal, but at most half of the least rate: a smaller rate
+ * elsewhere costs proofs many boxes. */
 static const double margin = 0.02;
 
-/* How fast V falls near the goal: the least eigenvalue of -T^T (C^T P + P C) T (steps: 1 - T^T C^T P C T), over
- * the mean of the eigenvalues, with the linear loop C = A - B K. At most 0: it does not fall. */
+/* How fast V falls near the goal: the least eigenvalue of -T^T (C^T P + P C) T (steps: 1 - T^T C^T P C T),
+ * over the mean of the eigenvalues, with the linear loop C = A - B K. At most 0: it does not fall. */
 static double fall_near(const searching *s, form *f, const double *K) {
     const size_t n = s->n, m = s->m;
     const int size = (int)n, words = 1 + 2 * STATES, whole = 1;
@@ -387,7 +387,8 @@ static void move(searching *s, const form *f, attacker *a, const double *z, doub
     s->pooled = s->found < POOL ? s->found : POOL;
 }
 
-/* Looks for points of the proposal's set at which V does not fall: random points, then steps that become shorter. */
+/* Looks for points of the proposal's set at which V does not fall: random points, then steps that become
+ * shorter. */
 static void attack(searching *s, const best *b, lg_rng *rng) {
     enum { STEPS = 12 };
     const size_t n = s->n;

@@ -35,8 +35,9 @@ static bool largest(size_t n, const double *G, const double *D, const double *T,
     return info == 0 && isfinite(*out);
 }
 
-/* The error of an angle a is d a with d between 2 sin(a/2)/a at the largest |a| of the set and 1. (D z)^T G (D z)
- * is convex in D, so the largest value is at one of the corners of D. The lost part of the error is 0 up to pi. */
+/* The error of an angle a is d a with d between 2 sin(a/2)/a at the largest |a| of the set and 1. (D z)^T
+ * G (D z) is convex in D, so the largest value is at one of the corners of D. The lost part of the error
+ * is 0 up to pi. */
 lg_status lg_policy_bound_gate(const lg_policy *p, const double *P, double level, double *ratio,
                                lg_error *error) {
     uint32_t angles, at[ANGLES];

@@ -129,8 +129,8 @@ TEST("the cart-pole with gains of a wrong sign, or a fifth of them, is refused w
     }
 }
 
-/* z = 2 sin(a/2) n: 4 k (1 - cos(a/2)) is the work of k z up to the angle a. The inertia and limits decide the level:
- * |u_l| <= k_p |z| + k_d |w_l|. */
+/* z = 2 sin(a/2) n: 4 k (1 - cos(a/2)) is the work of k z up to the angle a. The inertia and limits decide
+ * the level: |u_l| <= k_p |z| + k_d |w_l|. */
 TEST("a body that turns: the energy up to half a turn, or as far as torques stay in their limits") {
     cli_expect(control, "certify spin.yaml --lyapunov energy --json", 0, "");
     assert_says(result.out, "\"verified\": true");

@@ -1,5 +1,5 @@
-/* Policies under noise, late inputs and other machines; set points; the bound on what goes back through a run.
- * ctest-labels: src/control */
+/* Policies under noise, late inputs and other machines; set points; the bound on what goes back through a
+ * run. ctest-labels: src/control */
 #include "control/policy_gradient.h"
 #include "liegrad/geometry.h"
 #include "liegrad/ops.h"
