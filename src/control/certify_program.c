@@ -144,13 +144,21 @@ static lg_status find(const lg_certify_spec *spec, const char *name, bool state,
     return LG_OK;
 }
 
+/* Whether V and V' (and so their parts by an error of the rate) are the same on both sides of the goal: the
+ * outputs of `point` are V, V', the gradient and the rate (for steps: the next deviation). */
+static bool is_even(const lg_certify *c) {
+    bool even = lg_interval_parity(c->point, 0) == 1 && lg_interval_parity(c->point, 1) == 1;
+    for (size_t k = 0; k < c->n; k++) even = even && lg_interval_parity(c->point, 2 + c->n + k) == -1;
+    return even;
+}
+
 static lg_status evaluators(lg_certify *c, lg_error *error) {
     static const size_t near[2] = {0, 2}, at = 1, full = 3; /* local, point, jac_local, bounds */
     LG_TRY(lg_interval_create(c->program, &full, 1, NULL, &c->full, error));
     LG_TRY(lg_interval_create(c->program, &at, 1, NULL, &c->point, error));
     LG_TRY(lg_interval_create(c->program, near, 2, NULL, &c->local, error));
     /* `point` has V itself: a jump of V does not show in its gradient. */
-    c->even = lg_interval_parity(c->point, 0) == 1 && lg_interval_parity(c->point, 1) == 1;
+    c->even = is_even(c);
     if (lg_interval_continuous(c->point, 0) && lg_interval_continuous(c->local, 0)) return LG_OK;
     return lg_fail(
         error, LG_UNSUPPORTED,
