@@ -146,7 +146,7 @@ TEST("numbers without a start begin at the same machine in any unit") {
     for (size_t k = 0; k < LG_COUNT(units); k++) {
         lg_machine machine = mixed(true);
         double rates[2];
-        const double zeros[6] = {0};
+        const double zeros[16] = {0};
         machine.scales.energy *= units[k];
         for (uint32_t i = 0; i < machine.term_count; i++)
             for (uint32_t j = 0; j < machine.terms[i].value_count; j++) {
@@ -160,6 +160,7 @@ TEST("numbers without a start begin at the same machine in any unit") {
                 machine.terms[i].entries[e].low = machine.terms[i].entries[e].high =
                     machine.terms[i].entries[e].sigma = 0;
         assert_machine(&machine);
+        assert_true(machine.parameters <= LG_COUNT(zeros));
         rates_of(&machine, zeros, k == 0 ? first : rates);
         if (k > 0) assert_all_close(rates, first, 2, 1e-12, 0);
     }
