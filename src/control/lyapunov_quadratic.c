@@ -94,7 +94,7 @@ static bool read_form(const searching *s, const double *theta, form *f) {
         for (size_t j = 0; j < n; j++) row += f->T[i * n + j] * f->T[i * n + j];
         f->top = fmin(f->top, s->room[i] * s->room[i] / row * (1 - 1e-6));
     }
-    if (!isfinite(f->top)) { /* an unbounded box: as far as a hundred sizes */
+    if (!isfinite(f->top)) { /* without a box: up to a hundred sizes */
         double row = 0;
         for (size_t j = 0; j < n; j++) row += f->T[j] * f->T[j];
         f->top = 1e4 / row;

@@ -91,7 +91,7 @@ typedef struct lg_learned_machine {
     bool estimated; /* its logs measure positions or accelerations alone: starts of runs are estimated */
 } lg_learned_machine;
 
-/* Rows of which the state at a start is estimated; accelerations show it only over a motion. */
+/* A start is estimated from this many rows: accelerations show a state only over a motion. */
 static inline size_t lg_start_rows(const lg_machine *machine) {
     return machine->accelerations ? 200 : 50;
 }
