@@ -190,6 +190,39 @@ TEST("the gradient of disturbed runs on two machines is that of differences") {
     }
 }
 
+TEST("the cost of late runs in training is the cost of the same runs when they are judged") {
+    const lg_policy_task task = disturbed_task(1e-300, 1.0);
+    const lg_policy *policy = make(&task, cart_pole);
+    enum { N = LG_POLICY_ROWS };
+    const starts s = draw(policy, N, 9);
+    lg_policy_batch *batch = make_batch(policy, s.x, N);
+    double *g = TEST_ARRAY(double, policy->parameters), *end = TEST_ARRAY(double, N), cost, sum = 0.0;
+    lg_policy_batch_run(batch, &cost, &g);
+    const lg_policy_runs late = run(policy, s.x, N, batch->steps, true);
+    assert_ok(lg_program_eval(NULL, policy->program, "terminal", N, (const double *const[]){late.x},
+                              (double *const[]){end}, NULL));
+    for (int i = 0; i < N; i++) sum += (late.cost[i] + end[i]) / N;
+    assert_close(cost, sum, 1e-10, 0.0);
+}
+
+TEST("a bounded gradient is the mean over starts: the same starts twice change nothing") {
+    const lg_policy_task task = cart_task();
+    const lg_policy *policy = make(&task, cart_pole);
+    enum { N = LG_POLICY_ROWS };
+    const size_t n = policy->parameters, numbers = N * (size_t)policy->state;
+    const starts s = draw(policy, N, 8);
+    double *twice = TEST_ARRAY(double, 2 * numbers), *g = TEST_ARRAY(double, n),
+           *same = TEST_ARRAY(double, n);
+    double cost;
+    memcpy(twice, s.x, numbers * sizeof *twice);
+    memcpy(twice + numbers, s.x, numbers * sizeof *twice);
+    lg_policy_batch *one = make_batch(policy, s.x, N), *both = make_batch(policy, twice, 2 * (size_t)N);
+    one->bound = both->bound = 0.02 * policy->terminal;
+    lg_policy_batch_run(one, &cost, &g);
+    lg_policy_batch_run(both, &cost, &same);
+    assert_all_close(same, g, n, 1e-9, 1e-12);
+}
+
 static double length_of(const double *x, size_t n) {
     double sum = 0.0;
     for (size_t i = 0; i < n; i++) sum += x[i] * x[i];
