@@ -220,9 +220,9 @@ LG_API uint32_t lg_policy_tracked(const lg_policy_task *task);
 
 /* ---- disturbances ---- */
 
-/* Gives the policy the disturbances of the task `by`, with the same coordinates, in place of its own, so that
- * it can be judged under them. Errors: LG_SHAPE (other coordinates), LG_INVALID_ARGUMENT, those of
- * lg_program_add_function. */
+/* Replaces the disturbances of the policy's task by the disturbances of the task `by`, so that the policy
+ * can be judged under them. Both tasks must have the same coordinates. Errors: LG_SHAPE (other coordinates),
+ * LG_INVALID_ARGUMENT, those of lg_program_add_function. */
 LG_API lg_status lg_policy_disturb(lg_policy *policy, const lg_policy_task *by, lg_error *error);
 /* Adds another machine that the policy must serve too, such as a draw from the covariance of a fit. Training
  * and judgement of disturbed runs take the machines that were added in turn; without one they take the

@@ -60,9 +60,9 @@ static lg_status record_rate(void *user, lg_tape *tape, const lg_var *theta, con
     return rate_at(p, tape, place_at(p, tape, theta, in[0]), out);
 }
 
-/* z after a period in which u is held. With velocities it is the classical Runge-Kutta method for z: steps
- * of the machine's own state go through its mass matrix and back, and bounds of M^-1 M over a box are far
- * from 1. */
+/* z after a period in which u is held. With velocities the classical Runge-Kutta method steps z. The
+ * machine's own step would multiply by M and by M^-1, and over a box the interval bounds of M^-1 M are much
+ * wider than 1. */
 static lg_var after_period(const lg_policy *p, lg_tape *tape, lg_var z, lg_var x, lg_var u) {
     const double h = p->task.period / p->task.substeps, to[4] = {0, 0.5 * h, 0.5 * h, h},
                  weight[4] = {h / 6, h / 3, h / 3, h / 6};

@@ -7,7 +7,8 @@
 
 enum { ROTATION = 9, TURN = 3, STATE = ROTATION + TURN };
 
-/* The momentum of the rate w, and the torque at (R, w, u): p' - p x w in the body's axes. */
+/* The momentum p at the angular velocity w, and the torque at (R, w, u), which is p' - p x w in the body's
+ * axes. */
 static lg_status torque_at(const lg_policy *p, const double *R, const double *w, const double *u,
                            double *momentum, double *torque, lg_error *error) {
     double x[STATE], rate[STATE], turned[TURN];

@@ -1,4 +1,4 @@
-/* Machines: starts of windows from the windows beside them, and states at all rows of a log. */
+/* Machines: a window takes its start from the window beside it; states are estimated at all rows of a log. */
 #include <math.h>
 #include <string.h>
 
@@ -12,7 +12,7 @@ typedef struct walk {
     lg_fit_problem fit;
     lg_tape *tape;
     size_t parameters, numbers; /* of the fit; of a start */
-    double *theta, *trial;      /* (parameters): the best starts so far, and changed ones */
+    double *theta, *trial;      /* (parameters): the best so far, and a trial */
     double *before;             /* (parameters): work of settle */
     double *losses, *found;     /* (windows) of theta and of trial; losses belong to the caller */
     double *z;                  /* (windows, numbers): positions, then velocities, in scaled units */
@@ -289,7 +289,8 @@ lg_status lg_machine_estimate_states(const lg_context *context, const lg_machine
     if (theta == NULL && machine->parameters > 0)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the machine has parameters, and they are NULL");
     if (!machine->accelerations || log->a == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "states are estimated from accelerations; there are none");
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "states are estimated from accelerations, but the log has no accelerations");
     memcpy(q, log->q, log->rows * machine->positions * sizeof *q);
     memcpy(v, log->v, log->rows * machine->velocities * sizeof *v);
     size_t *start = lg_alloc(context, log->rows, sizeof *start);

@@ -25,8 +25,8 @@ typedef struct lg_machine_seen {
     uint32_t rows;
 } lg_machine_seen;
 
-/* An entry of a term's values: its name, what is 1 in scaled units, where it starts in scaled units,
- * whether it is positive, and whether it may be unknown by itself. */
+/* An entry of a term's values: its name, its unit (1 in scaled units), its start in scaled units, whether it
+ * must be positive, and whether a machine file may leave this entry alone unknown. */
 typedef struct lg_entry_about {
     char name[LG_IDENTIFIED_NAME];
     double unit, start;

@@ -92,7 +92,7 @@ TEST("numbers are learned from accelerations alone, within the stated errors, an
     }
 }
 
-TEST("a bias of the sensor is learned beside a spring, and predictions are in the log's columns") {
+TEST("the bias of a sensor is learned together with a spring, and predictions have the columns of the log") {
     double logged[1200], predicted[1200];
     generate(&examples[0]);
     cli_write("biased.yaml", test_text("%s", examples[0].machine));

@@ -236,7 +236,7 @@ TEST("starts that are far off come from the windows before and behind") {
             if (!(losses[w] < 1e-5)) fail_msg("window %zu of loss %g, window %zu was off", w, losses[w], bad);
         assert_true(wrong[0] == theta[0]);
     }
-    /* A start that cannot be improved stays: no window is beside it. */
+    /* A single window has no window beside it, so its start stays as it is. */
     lg_machine_problem alone = problem;
     alone.windows = 1;
     wrong[1] = 0.8;
@@ -265,7 +265,7 @@ TEST("the states at all rows of a log come from its accelerations, whatever the 
     none.a = NULL;
     REFUSED(
         lg_machine_estimate_states(NULL, &machine, theta, scheme, 1, &none, WINDOW, found_q, found_v, &told),
-        "there are none");
+        "the log has no accelerations");
 }
 
 TEST("windows of accelerations give back the numbers and the bias of their sensor") {

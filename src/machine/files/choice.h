@@ -13,8 +13,8 @@
 #define LG_HELD_OUT_DELAY 5
 
 /* Windows of a log on which machines are judged and not trained. Window i predicts the rows start[i] + 1
- * .. start[i] + steps from row start[i]. If starts are estimated, they are from the lg_start_rows rows
- * that end at start[i]; `before`: rows before start[i] that this needs. */
+ * .. start[i] + steps from row start[i]. If starts are estimated, each is estimated from
+ * lg_start_rows rows, of which start[i] is the last; `before` rows must then stand before start[i]. */
 struct lg_held_out {
     size_t count, steps, before;
     bool estimated;

@@ -171,7 +171,7 @@ static void judge_horizon(void *user, const runs *r) {
     }
 }
 
-/* As lg_horizon_of; runs begin at the complete rows of `marked`. */
+/* Does what lg_horizon_of does, but a run begins only at a row that is complete in `marked`. */
 static lg_status judge_from(const lg_context *context, const lg_machine *machine, lg_runner *runner,
                             void *user, const lg_machine_log *marked, const lg_machine_log *log,
                             double seconds, size_t every, lg_horizon *out, lg_error *error) {

@@ -257,8 +257,8 @@ static lg_status fit_good(lg_training *self, const lg_machine_problem *all, cons
 }
 
 /* Of accelerations alone: first parameters from the guessed states, then the starts of windows and the
- * parameters together, on windows that grow to the fit's. One window with a start that is far off spoils the
- * parameters: such windows are left out until those beside them give them a start. */
+ * parameters together, on windows that grow to the fit's. One window whose start is far off spoils the
+ * parameters, so this window is left out until a window beside it gives it a start. */
 static lg_status fit_accelerations(lg_training *self, const lg_machine *machine, double *theta,
                                    lg_error *error) {
     enum { ROUNDS = 6 };
