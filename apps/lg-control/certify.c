@@ -69,7 +69,7 @@ static naming name_states(const lg_policy_task *task) {
 
 /* The state with this name; a velocity is also known as v and the name of its position. */
 static size_t find_state(const app *self, naming names, const char *option, const char *name) {
-    lg_text known = app_text();
+    APP_CLEAN(lg_text_destroy) lg_text known = app_text();
     for (size_t i = 0; i < names.n; i++) {
         const uint32_t count = names.task->coordinate_count;
         if (strcmp(name, name_of(names, i)) == 0 ||
@@ -235,7 +235,7 @@ static void tell_box(app_json *out, naming names, const verdict *v) {
 
 /* The quadratic form, and gains in the form that a task takes. */
 static void tell_forms(app_json *out, naming names, const verdict *v) {
-    lg_text line = app_text();
+    APP_CLEAN(lg_text_destroy) lg_text line = app_text();
     const size_t n = v->sides, count = names.task->input_count * n;
     if (v->P != NULL) app_json_reals(out, "P", v->P, n * n);
     if (v->gains != NULL) app_json_reals(out, "gains", v->gains, count);
@@ -243,7 +243,6 @@ static void tell_forms(app_json *out, naming names, const verdict *v) {
         lg_text_add(&line, "%s%.6g", i > 0 ? ", " : "", v->gains[i]);
     if (v->gains != NULL)
         app_result_line(out, "chosen for a large set: controller: {kind: lqr, gains: [%s]}", line.data);
-    free(line.data);
 }
 
 static int tell(app *self, naming names, const verdict *v) {
