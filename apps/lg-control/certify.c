@@ -31,16 +31,14 @@ static const lg_field options[] = {
               "The level c of {V <= c}, or auto: the largest that is found", .value = "auto"),
     LG_OPTION(certify_values, eps, STRING, "E",
               "Motions are proved to reach {V < eps}; auto: the smallest that is found, and the goal where "
-              "it can be "
-              "proved. A quadratic V that is searched has the level 1 or less",
+              "it can be proved. A quadratic V that is searched has the level 1 or less",
               .value = "auto"),
     LG_FIELD(
         certify_values, NULL, "model_error", STRING, model_error, .unit = "D",
         .meaning =
             "Bound of the error of the model's accelerations (with --held: of the next state; of a plant "
             "that is a program: of all rates), as one number, as NAME=D,... or auto: three standard "
-            "deviations of "
-            "the fit of lg-identify, at the worst of random states and inputs",
+            "deviations of the fit of lg-identify, at the worst of random states and inputs",
         .otherwise = "0"),
     LG_OPTION(certify_values, seconds, REAL, "s", "Largest time of the proof", .high = 1e9, .above = true,
               .value = "60"),
@@ -443,43 +441,55 @@ static char *tell_gate(const lg_policy *policy, const double *P, double level) {
         ratio, 100 / (1 + exp(4.5 * (ratio - 1))));
 }
 
-static int prove(app *self, lg_policy *given, naming names) {
-    wanted what = {.chosen = false};
+/* Fills what is to be proved. Returns a policy with the gains that were chosen, which the caller owns, or
+ * NULL. */
+static lg_policy *prepare(app *self, lg_policy *given, naming names, wanted *what, lg_program **program) {
+    what->level = read_level(self, "level", values.level);
+    what->eps = read_level(self, "eps", values.eps);
+    read_box(self, names, what->low, what->high);
+    read_model_error(self, given, names, what->high, what->error);
+    *program = add_rate(self, given);
+    if (values.lyapunov == POLYNOMIAL) add_polynomial(self, *program, names, what->low, what->high);
+    if (values.lyapunov == FUNCTION && !has_function(self, *program, names, "lyapunov"))
+        app_stop(self, LG_UNSUPPORTED, "the plant is no program with a function lyapunov (x)");
+    if (values.lyapunov == QUADRATIC) search_form(self, given, names, what);
+    if (!what->chosen) return NULL;
+    lg_policy *own = read_policy(self, what->gains);
+    *program = add_rate(self, own);
+    return own;
+}
+
+static lg_certify *begin_proof(const app *self, const lg_program *program, const wanted *what) {
+    static const char *const functions[] = {[POLYNOMIAL] = "polynomial", [FUNCTION] = "lyapunov"};
+    const bool quadratic = values.lyapunov == QUADRATIC;
     lg_certify *certify = NULL;
     lg_certify_spec spec;
-    lg_certify_result r;
-    const double start = app_seconds();
     lg_certify_spec_init(&spec);
-    what.level = read_level(self, "level", values.level);
-    what.eps = read_level(self, "eps", values.eps);
-    read_box(self, names, what.low, what.high);
-    read_model_error(self, given, names, what.high, what.error);
-    lg_program *program = add_rate(self, given);
-    lg_policy *own = NULL;
-    if (values.lyapunov == POLYNOMIAL) add_polynomial(self, program, names, what.low, what.high);
-    if (values.lyapunov == FUNCTION && !has_function(self, program, names, "lyapunov"))
-        app_stop(self, LG_UNSUPPORTED, "the plant is no program with a function lyapunov (x)");
-    if (values.lyapunov == QUADRATIC) search_form(self, given, names, &what);
-    if (what.chosen) {
-        own = read_policy(self, what.gains);
-        program = add_rate(self, own);
-    }
     spec.program = program;
     spec.rate = values.held ? "advance" : "rate";
     spec.step = values.held;
-    spec.P = values.lyapunov == QUADRATIC ? what.P : NULL;
-    spec.lyapunov = values.lyapunov == QUADRATIC  ? NULL
-                    : values.lyapunov == FUNCTION ? "lyapunov"
-                                                  : "polynomial";
-    spec.level = what.level, spec.eps = what.eps;
-    spec.most = values.lyapunov == QUADRATIC ? 1 : 0; /* the proposal */
-    spec.low = what.low, spec.high = what.high, spec.model_error = what.error;
+    spec.P = quadratic ? what->P : NULL;
+    spec.lyapunov = quadratic ? NULL : functions[values.lyapunov];
+    spec.level = what->level, spec.eps = what->eps;
+    spec.most = quadratic ? 1 : 0; /* the proposal */
+    spec.low = what->low, spec.high = what->high, spec.model_error = what->error;
     spec.threads = (int)self->threads;
     APP_MUST(self, lg_certify_create(self->context, &spec, &certify, &error));
+    return certify;
+}
+
+static int prove(app *self, lg_policy *given, naming names) {
+    wanted what = {.chosen = false};
+    lg_program *program = NULL;
+    lg_certify_result r;
+    const double start = app_seconds();
+    lg_policy *own = prepare(self, given, names, &what, &program);
+    lg_certify *certify = begin_proof(self, program, &what);
     const double left = values.seconds - (app_seconds() - start);
     APP_MUST(self, lg_certify_run(certify, SIZE_MAX, fmax(left, 0), &r, &error));
+    const double *P = values.lyapunov == QUADRATIC ? what.P : NULL;
     APP_FREE char *all = name_all(names);
-    APP_FREE char *gate = tell_gate(given, spec.P, r.level);
+    APP_FREE char *gate = tell_gate(given, P, r.level);
     APP_FREE char *claim = app_format("%s The box is of %s, counted from the goal.%s", r.claim, all, gate);
     const verdict v = {.verified = r.verified,
                        .converges = r.converges,
@@ -493,7 +503,7 @@ static int prove(app *self, lg_policy *given, naming names) {
                        .low = r.failed_low,
                        .high = r.failed_high,
                        .sides = names.n,
-                       .P = spec.P,
+                       .P = P,
                        .gains = what.chosen ? what.gains : NULL};
     const int code = tell(self, names, &v);
     lg_certify_destroy(certify);
@@ -520,8 +530,7 @@ const app_command certify_command = {
     .details =
         "Interval arithmetic and branch and bound prove that V falls on {V <= c} inside of the box; nothing "
         "is sampled. A task is certified with its controller as it is before training. If the proof fails, "
-        "the "
-        "exit code "
-        "is 1, and the result has the box of states where it fails. docs/certificates.md is the guide.",
+        "the exit code is 1, and the result has the box of states where it fails. docs/certificates.md is "
+        "the guide.",
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
     .run = run};
