@@ -212,6 +212,7 @@ static lg_policy *read_policy(const app *self, const double *gains) {
 typedef struct verdict {
     bool verified, global, converges;
     double level, volume, fraction, margin; /* margin: of the energy; for rotations the angle */
+    const double *width;                    /* (sides) of {V <= level}; NULL: not known */
     size_t boxes;
     double seconds;
     const char *claim, *reason;
@@ -261,6 +262,9 @@ static int tell(app *self, naming names, const verdict *v) {
         app_result_real(&out, "volume", v->volume, "of {V <= level}, a lower bound");
         app_result_real(&out, "fraction", v->fraction, "of the box");
     }
+    if (v->width != NULL)
+        app_result_reals(&out, "width", v->width, v->sides,
+                         "the set's largest distance from the goal in each state");
     tell_forms(&out, names, v);
     app_result_size(&out, "boxes", v->boxes, "examined");
     app_result_real(&out, "seconds", v->seconds, NULL);
@@ -435,10 +439,10 @@ static char *tell_gate(const lg_policy *policy, const double *P, double level) {
     double ratio;
     if (P == NULL || lg_policy_bound_gate(policy, P, level, &ratio, NULL) != LG_OK)
         return app_format("%s", "");
-    return app_format(
-        " The gate's V is at most %.4g of its level there: the regulator has at least %.3g %% of the "
-        "input.",
-        ratio, 100 / (1 + exp(4.5 * (ratio - 1))));
+    return app_format(" In the set the network's gate leaves at least %.3g %% of the input to the regulator "
+                      "(its own V is at "
+                      "most %.4g of the level where the gate is half open).",
+                      100 / (1 + exp(4.5 * (ratio - 1))), ratio);
 }
 
 /* Fills what is to be proved. Returns a policy with the gains that were chosen, which the caller owns, or
@@ -491,15 +495,20 @@ static int prove(app *self, lg_policy *given, naming names) {
     APP_FREE char *all = name_all(names);
     APP_FREE char *gate = tell_gate(given, P, r.level);
     APP_FREE char *claim = app_format("%s The box is of %s, counted from the goal.%s", r.claim, all, gate);
+    APP_FREE char *reason =
+        r.finished
+            ? app_format("%s", r.reason)
+            : app_format("neither proved nor refuted in %.3g s; --seconds allows more", values.seconds);
     const verdict v = {.verified = r.verified,
                        .converges = r.converges,
                        .level = r.level,
                        .volume = r.volume,
                        .fraction = r.fraction,
+                       .width = r.width,
                        .boxes = r.boxes,
                        .seconds = app_seconds() - start,
                        .claim = claim,
-                       .reason = r.reason,
+                       .reason = reason,
                        .low = r.failed_low,
                        .high = r.failed_high,
                        .sides = names.n,

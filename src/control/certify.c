@@ -140,15 +140,25 @@ static int write_box(const lg_certify *c, char *text, size_t size) {
     return at;
 }
 
+/* One bound where all components have the same. */
+static void write_error(const lg_certify *c, char *text, size_t size) {
+    bool equal = true;
+    for (size_t i = 1; i < c->n; i++) equal = equal && c->error[i] == c->error[0];
+    if (!c->errors) {
+        (void)snprintf(text, size, "no model error is allowed for");
+        return;
+    }
+    int at = snprintf(text, size, "the %s may err by up to ", c->step ? "next state" : "rate");
+    for (size_t i = 0; i < (equal ? 1 : c->n) && at < (int)size; i++)
+        at += snprintf(text + at, size - (size_t)at, "%s%.3g", i > 0 ? ", " : equal ? "" : "(", c->error[i]);
+    if (at < (int)size) (void)snprintf(text + at, size - (size_t)at, equal ? " per component" : ")");
+}
+
 static void write_claim(lg_certify *c) {
-    char box[LG_CERTIFY_TEXT / 2], error[96] = "no model error is allowed for";
+    char box[LG_CERTIFY_TEXT / 2], error[LG_CERTIFY_TEXT / 4];
     const bool verified = c->phase == LG_CERTIFY_DONE && !c->failed;
     (void)write_box(c, box, sizeof box);
-    double worst = 0;
-    for (size_t i = 0; i < c->n; i++) worst = fmax(worst, c->error[i]);
-    if (c->errors)
-        (void)snprintf(error, sizeof error, "the %s may err by up to %.3g per component",
-                       c->step ? "next state" : "rate", worst);
+    write_error(c, error, sizeof error);
     (void)snprintf(
         c->claim, sizeof c->claim,
         "%s: in the box %s, %s for eps = %.6g <= V <= c = %.6g, {V <= c} does not leave the box, and "
@@ -180,6 +190,10 @@ static void fill(lg_certify *c, lg_certify_result *r) {
     r->verified = r->finished && !c->failed;
     r->converges = r->verified && c->converges;
     r->volume = r->verified ? c->volume : 0;
+    if (c->quadratic) {
+        for (size_t i = 0; i < c->n; i++) c->width[i] = sqrt(c->level) * lg_certify_width(c, i);
+        r->width = c->width;
+    }
     r->fraction = isfinite(box_volume(c)) ? r->volume / box_volume(c) : 0;
     if (!r->verified) {
         r->failed_low = c->failed_low;

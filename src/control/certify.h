@@ -7,7 +7,7 @@
 #include "liegrad/certify.h"
 #include "liegrad/interval.h"
 
-enum { LG_CERTIFY_STATES = 16, LG_CERTIFY_TEXT = 640 };
+enum { LG_CERTIFY_STATES = 16, LG_CERTIFY_TEXT = 1024 };
 
 typedef enum lg_certify_phase {
     LG_CERTIFY_FACES,  /* V > c on the faces of the box */
@@ -50,6 +50,7 @@ struct lg_certify {
     double *batch; /* (LG_CERTIFY_BATCH, 2, n) */
     lg_certify_box *found;
     size_t batched;
+    double width[LG_CERTIFY_STATES]; /* what a result points to */
     double failed_low[LG_CERTIFY_STATES], failed_high[LG_CERTIFY_STATES];
     char claim[LG_CERTIFY_TEXT], reason[LG_CERTIFY_TEXT];
 };
@@ -77,6 +78,8 @@ lg_status lg_certify_work(lg_certify *c);
 /* States of a box of y. */
 void lg_certify_states(const lg_certify *c, const double *low, const double *high, double *x_low,
                        double *x_high);
+/* The largest |x_i - goal_i| on {V <= 1} (quadratic V). */
+double lg_certify_width(const lg_certify *c, size_t i);
 /* The largest level whose set lies within the state box (quadratic V). */
 double lg_certify_reach(const lg_certify *c);
 

@@ -109,13 +109,17 @@ lg_status lg_certify_whiten(lg_certify *c, lg_error *error) {
 }
 
 /* |x_i - goal_i| <= |row i of T| |y|, and |y|^2 <= V/(1 - 1e-7). */
+double lg_certify_width(const lg_certify *c, size_t i) {
+    double row = 0;
+    for (size_t j = 0; j < c->n; j++) row += c->T[i * c->n + j] * c->T[i * c->n + j];
+    return sqrt(row);
+}
+
 double lg_certify_reach(const lg_certify *c) {
     double level = (double)INFINITY;
     for (size_t i = 0; i < c->n; i++) {
-        double row = 0;
-        for (size_t j = 0; j < c->n; j++) row += c->T[i * c->n + j] * c->T[i * c->n + j];
-        const double room = fmin(c->high[i] - c->goal[i], c->goal[i] - c->low[i]);
-        level = fmin(level, room * room / row * (1 - 1e-6));
+        const double room = fmin(c->high[i] - c->goal[i], c->goal[i] - c->low[i]) / lg_certify_width(c, i);
+        level = fmin(level, room * room * (1 - 1e-6));
     }
     return level;
 }

@@ -48,7 +48,6 @@ TEST("a short training swings up more starts than the regulator, and its file gi
 TEST("the regulator alone needs no training") {
     cli_expect(control, "train lqr.yaml --out lqr.h5 --json", 0, "");
     assert_close(json_number(result.out, "success"), json_number(result.out, "regulator_success"), 0.0, 0.0);
-    assert_true(json_number(result.out, "seconds") < 5.0);
 }
 
 TEST("goals, machines and options that do not fit are refused with a sentence") {

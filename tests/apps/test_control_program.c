@@ -101,6 +101,22 @@ static int setup(void **state) {
     return 0;
 }
 
+TEST("a policy of a plant that is a program is judged on another program, by the names of its task") {
+    cli_write(
+        "named.yaml",
+        "plant: plain.h5\nstates: [p, {name: a, kind: angle}]\nperiod: 0.01\nhorizon: 5\nstarts: {p: [-1, "
+        "1], a: [-1, 1]}\nlimits: {u: 1}\ncost: {p: 1, a: 1, u: 1}\nsuccess: {p: 0.05, hold: 1, within: "
+        "10}\ncontroller: {kind: lqr, gains: [0, 3]}\n");
+    cli_expect(control, "train named.yaml --out named.h5", 0, "");
+    cli_expect(control, "evaluate named.h5 --starts 64 --json", 0, "");
+    const double cost = json_number(result.out, "cost_mean");
+    cli_expect(control, "evaluate named.h5 --plant plain.h5 --starts 64 --json", 0, "");
+    assert_close(json_number(result.out, "cost_mean"), cost, 1e-3, 0);
+    cli_expect(control, "evaluate named.h5 --plant lienard.h5 --starts 64 --json", 0, "");
+    assert_true(fabs(json_number(result.out, "cost_mean") - cost) > 1e-2 * cost);
+    cli_expect("lg-export", "named.h5 --out exported", 0, "");
+}
+
 static double volume_of(const char *line) {
     cli_expect(control, line, 0, "");
     assert_says(result.out, "\"verified\": true");

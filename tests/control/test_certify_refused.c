@@ -112,7 +112,7 @@ TEST(
     spec.eps = 0.2;
     spec.level = 0.8;
     const lg_certify_result r = prove(&spec, 20);
-    assert_true(r.verified && !r.converges && strstr(r.claim, "may err by up to 0.05") != NULL);
+    assert_true(r.verified && !r.converges && strstr(r.claim, "may err by up to (0, 0.05)") != NULL);
     spec.model_error = large;
     const lg_certify_result bad = prove(&spec, 20);
     assert_true(!bad.verified && bad.finished);

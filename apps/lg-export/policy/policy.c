@@ -61,7 +61,8 @@ static void tell(const export_policy_job *j) {
     const bool net = j->task->kind == LG_POLICY_NETWORK;
     lg_text_add(about, "Controller of lg-control: kind %s%s.\n\n", lg_policy_kind_name(j->task->kind),
                 net && j->task->gate ? ", with the linear regulator at the goal" : "");
-    lg_text_add(&source->state, "(%zu) positions as in the log,", j->given + j->velocities);
+    lg_text_add(&source->state, "(%zu) %s", j->given + j->velocities,
+                j->velocities > 0 ? "positions as in the log," : "states of the plant's program:");
     add_names(j->task, false, &source->state);
     if (j->velocities > 0) lg_text_add(&source->state, ", then velocities");
     add_names(j->task, true, &source->state);
@@ -219,7 +220,8 @@ static int write_policy(export_policy_job *j, const char *path) {
     if (code != APP_EXIT_OK) return code;
     if (j->declarations.length > 0) lg_text_add(&source->declarations, "%s", j->declarations.data);
     export_size(source, "INPUTS", j->given + j->velocities, "numbers in x of control");
-    export_size(source, "GIVEN", j->given, "of these are positions");
+    export_size(source, "GIVEN", j->given,
+                j->velocities > 0 ? "of these are positions" : "of these are states");
     export_size(source, "OUTPUTS", j->inputs, "numbers in u of control");
     lg_text_add(&source->sizes, "#define %s_PERIOD ", source->options->name);
     lg_text_add_real(&source->sizes, source->options->dtype, j->task->period);
