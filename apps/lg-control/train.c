@@ -94,6 +94,24 @@ void control_tell_outcome(app_json *out, const lg_policy_outcome *o) {
     app_result_real(out, "saturated", o->saturated, "share of the periods with an input at a limit");
 }
 
+static void warn_of_failures(const app *self, const lg_policy *policy, const lg_policy_outcome *held,
+                             const lg_policy_train_result *result) {
+    static const double enough = 0.95, cut = 0.9;
+    const lg_policy_task *task = lg_policy_task_of(policy);
+    const bool short_of_time = values.seconds > 0 && result->seconds > cut * values.seconds;
+    if (lg_policy_parameters(policy) == 0 || held->succeeded >= enough * (double)held->starts) return;
+    app_warn(self, "only %.3g %% of the starts succeed; %s",
+             100.0 * (double)held->succeeded / (double)held->starts,
+             short_of_time ? "--seconds cut the training short: allow more"
+                           : "try another --seed, a wider network, a longer horizon, more steps (--finish)");
+    if (task->substeps > 2)
+        app_warn(self,
+                 "the machine needs %u integrator steps in a period, so training is as many times slower; "
+                 "friction "
+                 "that is steep near rest is a common cause (the key width of the machine file)",
+                 task->substeps);
+}
+
 static void report(const app *self, const lg_policy *policy, const lg_policy_train_result *result) {
     lg_policy_outcome held, regulator, rough;
     app_json out;
@@ -106,6 +124,7 @@ static void report(const app *self, const lg_policy *policy, const lg_policy_tra
     if (disturbed)
         APP_MUST(self, lg_policy_evaluate(policy, LG_POLICY_DISTURBED, 512, seed, (int)self->threads, &rough,
                                           NULL, &error));
+    warn_of_failures(self, policy, &held, result);
     app_result_begin(&out, self);
     app_result_real(&out, "cost", held.cost_mean, "mean over 500 held-out starts");
     app_result_real(&out, "success", (double)held.succeeded / (double)held.starts, "share of these starts");
