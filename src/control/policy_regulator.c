@@ -1,6 +1,7 @@
 /* Policies: the regulator at the goal, its region by runs, and the scales that follow from the machine's
  * motion. */
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "control/policy.h"
@@ -359,33 +360,60 @@ static lg_status choose_regulator(design *d) {
 
 /* ---- what else the machine tells ---- */
 
-/* Scales of a network's features: four times the largest start, as far as it has one. */
-static void set_scales(const design *d) {
-    for (uint32_t i = 0; i < d->n; i++) d->policy->scale[i] = 4.0 * d->size[i];
+static int by_size(const void *a, const void *b) {
+    const double x = *(const double *)a, y = *(const double *)b;
+    return x < y ? -1 : x > y;
 }
 
-/* w: .6 times the mean cost of the horizon without control, by runs of `regulated` with K = 0 from
- * random starts. */
-static lg_status set_terminal(design *d) {
-    lg_policy *p = d->policy;
-    const double zero[LG_POLICY_INPUTS * LG_POLICY_ERRORS] = {0};
-    double cost[SAMPLES];
+/* Scales of a network's features: four times the largest start, or, where it is more, what an error of the
+ * unforced motion exceeds in a twentieth of the time. Swinging machines move much faster than their starts,
+ * and units of a network that are saturated by all of it do not learn. path (count, errors); sorted
+ * (count). */
+static void set_scales(const design *d, const double *path, size_t count, double *sorted) {
+    for (uint32_t i = 0; i < d->n; i++) {
+        size_t finite = 0;
+        for (size_t r = 0; r < count; r++)
+            if (isfinite(path[r * d->n + i])) sorted[finite++] = fabs(path[r * d->n + i]);
+        qsort(sorted, finite, sizeof *sorted, by_size);
+        const double exceeded = finite > 0 ? sorted[finite * 19 / 20] : 0.0;
+        d->policy->scale[i] = fmax(4.0 * d->size[i], exceeded);
+    }
+}
+
+/* w: .6 times the mean cost of the horizon without control. */
+static void set_terminal(const design *d, const double *cost) {
+    double sum = 0.0;
     size_t finite = 0;
+    for (size_t s = 0; s < SAMPLES; s++)
+        if (isfinite(cost[s])) sum += cost[s], finite++;
+    d->policy->terminal = 0.6 * sum / (double)(finite > 0 ? finite : 1);
+}
+
+/* Runs of `regulated` with K = 0 over the horizon, from random starts. */
+static lg_status learn_from_unforced(design *d) {
+    const lg_policy *p = d->policy;
+    const double zero[LG_POLICY_INPUTS * LG_POLICY_ERRORS] = {0};
+    const size_t steps = lg_policy_periods(p, p->task.horizon), count = (steps + 1) * SAMPLES;
+    double cost[SAMPLES], *path = lg_alloc(p->context, count * (d->n + 1), sizeof *path);
     lg_rng rng;
+    if (path == NULL) return lg_fail(d->error, LG_OUT_OF_MEMORY, "no memory for the unforced motion");
     lg_rng_seed(&rng, d->seed, 8);
     for (size_t s = 0; s < SAMPLES; s++) lg_policy_draw(&p->task, &p->layout, &rng, d->z + s * d->n);
     lg_policy_runs runs = {.count = SAMPLES,
-                           .steps = lg_policy_periods(p, p->task.horizon),
+                           .steps = steps,
                            .x = d->x,
                            .cost = cost,
+                           .path = path,
                            .succeeded = d->held};
-    LG_TRY(lg_policy_states(p, d->z, SAMPLES, d->x, d->error));
-    LG_TRY(lg_policy_run(p, &(lg_policy_trial){.gain = zero, .threads = 1}, &runs, d->error));
-    p->terminal = 0.0;
-    for (size_t s = 0; s < SAMPLES; s++)
-        if (isfinite(cost[s])) p->terminal += cost[s], finite++;
-    p->terminal *= 0.6 / (double)(finite > 0 ? finite : 1);
-    return LG_OK;
+    lg_status status = lg_policy_states(p, d->z, SAMPLES, d->x, d->error);
+    if (status == LG_OK)
+        status = lg_policy_run(p, &(lg_policy_trial){.gain = zero, .threads = 1}, &runs, d->error);
+    if (status == LG_OK) {
+        set_scales(d, path, count, path + count * d->n);
+        set_terminal(d, cost);
+    }
+    lg_free(p->context, path);
+    return status;
 }
 
 /* Rates of the errors of velocity by the inputs, at the goal at rest: what inputs at half their range
@@ -465,8 +493,7 @@ lg_status lg_policy_find_regulator(lg_policy *p, uint64_t seed, lg_error *error)
         status = find_equilibrium(&d);
         if (status == LG_OK) status = lg_policy_add_regulated(p, error);
         if (status == LG_OK) status = choose_regulator(&d);
-        if (status == LG_OK) set_scales(&d);
-        if (status == LG_OK && p->task.search) status = set_terminal(&d);
+        if (status == LG_OK && p->task.search) status = learn_from_unforced(&d);
         if (status == LG_OK && p->task.kind == LG_POLICY_ENERGY) status = set_map(&d);
     } else {
         (void)lg_fail(error, status, "no memory for a regulator");
