@@ -157,10 +157,18 @@ static const char *const energy_words[IDENTIFY_ENERGIES] = {
     "change of the energy", "work of the inputs", "work of damping and friction", "work of the residual",
     "work of the offset",   "left over",          "left over, sizes added",       "changes, sizes added"};
 
+/* Of logs without velocities no energy is known, and no loss of windows. */
+static void put_known(app_json *out, const char *key, double value, const char *words) {
+    if (isfinite(value))
+        app_result_real(out, key, value, words);
+    else
+        app_json_real(out, key, value);
+}
+
 static void report(const app *self, const lg_machine_file *file, const verdict *v) {
     app_json out;
     app_result_begin(&out, self);
-    app_result_real(&out, "window_loss", v->window_loss, NULL);
+    put_known(&out, "window_loss", v->window_loss, NULL);
     app_json_open(&out, "horizons", '[');
     for (size_t i = 0; i < v->horizon_count; i++) put_horizon(&out, &v->horizons[i], &v->linear[i]);
     app_json_close(&out, ']');
@@ -170,7 +178,7 @@ static void report(const app *self, const lg_machine_file *file, const verdict *
     put_offsets(&out, &file->machine, v);
     app_json_open(&out, "energy", '{');
     for (int k = 0; k < IDENTIFY_ENERGIES; k++)
-        app_result_real(&out, energy_names[k], v->energy[k], energy_words[k]);
+        put_known(&out, energy_names[k], v->energy[k], energy_words[k]);
     app_json_close(&out, '}');
     if (values.metric == METRIC_RELATIVE) {
         app_result_real(&out, "relative", v->relative, NULL);

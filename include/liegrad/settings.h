@@ -94,6 +94,7 @@ typedef struct lg_field {
      * beyond the last value, or as a list that ends with NULL. For type PHRASE, value_name gives the values
      * that are single words. */
     const char *(*value_name)(uint32_t value);
+    const char *hint; /* NAME: what follows the known names in the refusal of another one; NULL: nothing */
     const char *const *names;
     /* For type NAME, if the member is a pointer to an entry of a table: returns the entry for a value. */
     const void *(*value_at)(uint32_t value);

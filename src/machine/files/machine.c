@@ -91,7 +91,13 @@ enum {
 };
 static const lg_field coordinate_keys[OF_COUNT] = {
     [OF_NAME] = {.name = "name", .type = LG_FIELD_TEXT, .required = true},
-    [OF_KIND] = {.name = "kind", .type = LG_FIELD_NAME, .required = true, .value_name = name_kind},
+    [OF_KIND] = {.name = "kind",
+                 .type = LG_FIELD_NAME,
+                 .required = true,
+                 .value_name = name_kind,
+                 .hint = "; a state without inertia (a tank, a temperature) is no coordinate: learn it with "
+                         "lg-fit, or with "
+                         "a program of your own such as examples/own_ode"},
     [OF_COLUMNS] = {.name = "columns", .type = LG_FIELD_NODE},
     [OF_POSITION] = {.name = "position", .type = LG_FIELD_NODE},
     [OF_VELOCITY] = {.name = "velocity", .type = LG_FIELD_NODE},

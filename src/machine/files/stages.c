@@ -152,6 +152,19 @@ static lg_status try_candidate(stages *s, const double *theta, const candidate *
     return compare(s, &most, one, error);
 }
 
+/* Fits windows that grow by halves up to `window` rows. Where motion is chaotic, a run of many rows has many
+ * minima, and only starts and parameters that already follow most of its rows lead to the right one. */
+static lg_status lengthen(stages *s, uint32_t window, const lg_stage_limits *most, tried *one,
+                          lg_error *error) {
+    uint32_t rows = at_least(window / PART, 2);
+    do {
+        rows = rows + rows / 2 + 1 < window ? rows + rows / 2 + 1 : window;
+        s->compared.window = rows;
+        LG_TRY(compare(s, most, one, error));
+    } while (rows < window);
+    return LG_OK;
+}
+
 static int by_loss(const void *a, const void *b) {
     const double x = ((const tried *)a)->loss, y = ((const tried *)b)->loss;
     return (x > y) - (x < y);
@@ -174,10 +187,9 @@ lg_status lg_machine_fit_candidates(lg_training *self, const lg_machine *machine
         LG_TRY(try_candidate(&s, theta, &candidates[i], error));
     qsort(s.all, s.count, sizeof *s.all, by_loss);
     /* Short windows hardly tell good candidates apart when there is much noise. */
-    s.compared.window = window;
     const size_t finalists = s.count < FINALISTS ? s.count : FINALISTS;
     for (i = 0; i < finalists && (i == 0 || s.all[i - 1].loss > good); i++)
-        LG_TRY(compare(&s, &most, &s.all[i], error));
+        LG_TRY(lengthen(&s, window, &most, &s.all[i], error));
     qsort(s.all, finalists, sizeof *s.all, by_loss);
     if (isfinite(s.all[0].loss)) memcpy(theta, s.all[0].theta, s.parameters * sizeof *theta);
     return LG_OK;

@@ -227,8 +227,8 @@ static lg_status read_name(const lg_yaml *yaml, const lg_field *key, const yaml_
         if (used < sizeof known)
             used += (size_t)snprintf(known + used, sizeof known - used, "%s%s", value > 0 ? ", " : "", name);
     }
-    return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: '%s' is none of %s", key->name,
-                        shown(node, show), known);
+    return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: '%s' is none of %s%s", key->name,
+                        shown(node, show), known, key->hint != NULL ? key->hint : "");
 }
 
 /* ---- values ---- */
