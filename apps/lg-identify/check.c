@@ -176,6 +176,7 @@ static void report(const app *self, const lg_machine_data *data, const double *m
         app_json_real(&out, "noise", s->noise);
         app_json_bool(&out, "noise_at_most", s->noise_at_most);
         app_json_size(&out, "missing", s->missing);
+        app_json_size(&out, "outliers", s->outliers);
         app_json_close(&out, '}');
     }
     app_result_rows_end(&out);

@@ -142,12 +142,14 @@ TEST("degrees and other wrong units are refused, and the message gives a scale")
     expect_hopeless("machine.yaml", s, WORDS("scale: ", "if all coordinates show this: {t: 0.001"));
 }
 
-TEST("outliers and saturated sensors are reported as such, and not as a wrong unit") {
+TEST("outliers are left out, and saturated sensors are reported as such, and not as a wrong unit") {
     sheet *s = good_sheet();
     s->cells[77][X] += 50, s->cells[120][X] += 50;
-    expect_hopeless(
-        "machine.yaml", s,
-        WORDS("line 79", "column x: jumps to 5", "4 steps are more than", "if these cells are outliers"));
+    write_sheet("bad.csv", s);
+    cli_json(identify, "check machine.yaml bad.csv", "files 1");
+    json_expect(json_find(json_find(result.out, "columns"), "x"), "missing 0, outliers 2, max <3");
+    assert_says(result.err, "line 79: column x: 5");
+    assert_says(result.err, "is an outlier");
     s = good_sheet();
     for (size_t i = 0; i < ROWS; i++) s->cells[i][W] = fmax(-0.5, fmin(0.5, s->cells[i][W]));
     expect_hopeless("machine.yaml", s, WORDS("column w: is at its smallest or largest value, -0.5 and 0.5"));
@@ -183,9 +185,6 @@ static void other_sign(sheet *s) {
 static void unrelated(sheet *s) {
     for (size_t i = 0; i < ROWS; i++) s->cells[i][VX] = 2 * sin(9 * s->cells[i][T]);
 }
-static void outliers(sheet *s) {
-    s->cells[77][X] += 50, s->cells[120][X] += 50;
-}
 static void clipped(sheet *s) {
     for (size_t i = 0; i < ROWS; i++) s->cells[i][W] = fmax(-0.5, fmin(0.5, s->cells[i][W]));
 }
@@ -220,12 +219,11 @@ static size_t times(const char *text, const char *word) {
 
 TEST("with several files the message names only the file with the fault, once") {
     static const fault faults[] = {
-        {other_sign, "the sign is wrong"},        {unrelated, "do not belong together"},
-        {outliers, "line 79: column x: jumps"},   {clipped, "is at its smallest"},
-        {degrees, "scale: {theta: 0.0174"},       {backwards, "line 122: column t"},
-        {no_velocity, "column vy: has no value"}, {no_input, "column u: has no value"},
-        {never_complete, "no row is complete"},   {too_long, "line 79: columns qw"},
-        {late_rates, "columns qw, qx, qy, qz"}};
+        {other_sign, "the sign is wrong"},    {unrelated, "do not belong together"},
+        {clipped, "is at its smallest"},      {degrees, "scale: {theta: 0.0174"},
+        {backwards, "line 122: column t"},    {no_velocity, "column vy: has no value"},
+        {no_input, "column u: has no value"}, {never_complete, "no row is complete"},
+        {too_long, "line 79: columns qw"},    {late_rates, "columns qw, qx, qy, qz"}};
     static const char *const files[] = {"first.csv", "second.csv", "third.csv"};
     static const char *const lines[] = {
         "check machine.yaml first.csv second.csv third.csv",
@@ -408,7 +406,7 @@ TEST("an input that jumps and returns is reported with file, line and column; st
     s->cells[70][X] = 40;
     write_sheet("second.csv", s);
     cli_json(identify, "check place.yaml first.csv second.csv", "files 2");
-    assert_says(result.err, "second.csv: line 72: column x: jumps to 40");
+    assert_says(result.err, "second.csv: line 72: column x: 40 is an outlier");
 }
 
 TEST("every command refuses a cell so large that the others vanish in its rounding, with file, line and "

@@ -360,8 +360,8 @@ TEST("a tumbling double pendulum is learned from positions alone: windows grow s
 }
 
 /* Copies the runs of a log of the oscillator: positions rounded to steps, or with noise `sd`, a twentieth of
- * them and some gaps left out. */
-static void write_positions(const char *name, double step, double sd) {
+ * them and some gaps left out. One in `spike` rows is an outlier (0: none). */
+static void write_positions(const char *name, double step, double sd, size_t spike) {
     enum { ROOM = 4096 };
     static double t[ROOM], run[ROOM], x[ROOM], u[ROOM];
     const size_t rows = csv_column("fine.csv", "t", t, ROOM);
@@ -373,7 +373,8 @@ static void write_positions(const char *name, double step, double sd) {
     lg_rng rng;
     lg_rng_seed(&rng, 5, 0);
     for (size_t i = 0; i < rows; i++) {
-        const double y = step > 0 ? step * round(x[i] / step) : x[i] + sd * lg_rng_normal(&rng);
+        double y = step > 0 ? step * round(x[i] / step) : x[i] + sd * lg_rng_normal(&rng);
+        if (spike > 0 && i % spike == spike / 2) y += (i % 2 ? 1 : -1) * lg_rng_uniform_in(&rng, 0.1, 2);
         const bool lost = sd > 0 && (lg_rng_uniform(&rng) < 0.05 || i % 700 < 15);
         used += (size_t)sprintf(text + used, "%.17g,%g,", t[i], run[i]);
         if (!lost) used += (size_t)sprintf(text + used, "%.17g", y);
@@ -382,12 +383,13 @@ static void write_positions(const char *name, double step, double sd) {
     cli_write(name, text);
 }
 
-TEST("encoders with coarse steps and motion capture with dropouts give the numbers within their errors") {
-    static const char *const logs[] = {"steps.csv", "coarse.csv", "dropouts.csv"};
+TEST("coarse encoders, motion capture with dropouts, and outliers give the numbers within their errors") {
+    static const char *const logs[] = {"steps.csv", "coarse.csv", "dropouts.csv", "outliers.csv"};
     cli_run(identify, "generate scene.yaml --inputs multisine --runs 4 --t-end 10 --dt 0.01 --out fine.csv");
-    write_positions(logs[0], 0.01, 0);
-    write_positions(logs[1], 0.05, 0);
-    write_positions(logs[2], 0, 0.001);
+    write_positions(logs[0], 0.01, 0, 0);
+    write_positions(logs[1], 0.05, 0, 0);
+    write_positions(logs[2], 0, 0.001, 0);
+    write_positions(logs[3], 0, 0.001, 97);
     cli_write("alone.yaml", POSITIONS "mass: diagonal\npotential: {kind: quadratic, of: x}\n"
                                       "damping: diagonal\n" MAP);
     for (size_t i = 0; i < LG_COUNT(logs); i++) {

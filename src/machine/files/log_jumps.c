@@ -1,5 +1,5 @@
-/* Warns of outliers: one or two rows far from all other values of their column. Refuses values so large that
- * the other values are lost in rounding. */
+/* Warns of one or two rows far from all other values of their column. Refuses values so large that the other
+ * values are lost in rounding. */
 #include <float.h>
 #include <math.h>
 #include <stdio.h>
@@ -92,7 +92,8 @@ static lg_status refuse_huge(const lg_log_table *t, uint32_t column, size_t firs
     return LG_OK;
 }
 
-lg_status lg_log_judge_jumps(lg_log_table *table, lg_error *error) {
+/* Applies one of the two to each column of each file. */
+static lg_status judge(lg_log_table *table, bool warn, lg_error *error) {
     double *work = lg_alloc(table->context, MOST_SORTED + 1, sizeof *work);
     lg_status status = work != NULL ? LG_OK : lg_log_no_memory(table->paths[0], error);
     for (size_t first = 0, end = 1; first < table->rows && status == LG_OK; first = end++) {
@@ -100,11 +101,20 @@ lg_status lg_log_judge_jumps(lg_log_table *table, lg_error *error) {
         for (uint32_t i = 0; i < table->columns && status == LG_OK; i++) {
             const lg_log_role role = table->machine->columns[i].role;
             if (role == LG_LOG_TIME || role == LG_LOG_RUN) continue;
-            status = refuse_huge(table, i, first, end, work, error);
-            if (status == LG_OK && warn_of_column(table, i, first, end, work) != LG_OK)
+            if (!warn)
+                status = refuse_huge(table, i, first, end, work, error);
+            else if (warn_of_column(table, i, first, end, work) != LG_OK)
                 status = lg_log_no_memory(table->paths[0], error);
         }
     }
     lg_free(table->context, work);
     return status;
+}
+
+lg_status lg_log_refuse_huge(lg_log_table *table, lg_error *error) {
+    return judge(table, false, error);
+}
+
+lg_status lg_log_warn_of_jumps(lg_log_table *table, lg_error *error) {
+    return judge(table, true, error);
 }

@@ -1,6 +1,6 @@
 /* The table through which logs are read into lg_logs. log_csv.c and log_h5.c fill it with the columns of the
- * machine's file, log_jumps.c warns of outliers, logs.c cuts it into parts, log_clean.c mends attitudes and
- * angles, log_check.c compares positions with velocities, log_statistics.c has noise and splines. */
+ * machine's file, logs.c cuts it into parts, log_clean.c mends attitudes and angles, log_spikes.c leaves out
+ * outliers, log_jumps.c warns of values far from all others, log_check.c compares positions with velocities, log_statistics.c has noise and splines. */
 #ifndef LG_LOG_TABLE_H
 #define LG_LOG_TABLE_H
 
@@ -58,9 +58,10 @@ lg_status lg_log_read_files(lg_log_table *table, size_t count, lg_error *error);
 lg_status lg_log_read_csv(lg_log_table *table, uint32_t file, lg_error *error);
 lg_status lg_log_read_h5(lg_log_table *table, uint32_t file, lg_error *error);
 
-/* For each file and column, refuses values so large that the other values are lost in rounding, and warns of
- * values that jump far from all others and come back within two rows. */
-lg_status lg_log_judge_jumps(lg_log_table *table, lg_error *error);
+/* For each file and column, refuses values so large that the other values are lost in rounding. */
+lg_status lg_log_refuse_huge(lg_log_table *table, lg_error *error);
+/* For each file and column, warns of values that jump far from all others and come back within two rows. */
+lg_status lg_log_warn_of_jumps(lg_log_table *table, lg_error *error);
 
 /* ---- after the table is cut into parts ---- */
 
@@ -68,6 +69,9 @@ lg_status lg_log_judge_jumps(lg_log_table *table, lg_error *error);
  * body, and makes velocities of directions orthogonal to them. Changes the table in place; matrices stay
  * matrices, and quaternions stay quaternions. */
 lg_status lg_log_clean(lg_log_table *table, lg_error *error);
+/* Leaves out outliers of positions of lines and angles and of velocities, with a warning for each column.
+ * Returns LG_OK or LG_OUT_OF_MEMORY. */
+lg_status lg_log_leave_out_spikes(lg_log_table *table);
 /* Replaces what is not measured of the rows of `out` by integrals: positions with `measured:
  * velocities-only`; with `measured: accelerations`, where v holds these, it moves them to a and fills q and v
  * (speeds.c). */

@@ -416,9 +416,11 @@ static lg_status read_logs(reading *r) {
     LG_TRY(measure_steps(r));
     LG_TRY(measure_columns(r));
     LG_TRY(warned(r, warn_of_columns(r)));
-    LG_TRY(lg_log_judge_jumps(t, r->error));
+    LG_TRY(lg_log_refuse_huge(t, r->error));
     LG_TRY(cut(r));
     LG_TRY(lg_log_clean(t, r->error));
+    LG_TRY(warned(r, lg_log_leave_out_spikes(t)));
+    LG_TRY(lg_log_warn_of_jumps(t, r->error));
     LG_TRY(find_noise(r));
     if (r->options->consistency) LG_TRY(lg_log_check(t, r->error));
     return fill(r);

@@ -1,0 +1,234 @@
+/* Leaves out outliers of positions and velocities: one or two values that jump away from their neighbours and
+ * come back. A value is compared with the cubic polynomial through the two values before it and the two after
+ * it (at the ends of a part one and three). It is an outlier if it is far off, and if the values beside it agree with each other once it is left
+ * out: of a kink or a step they do not. */
+#include <math.h>
+#include <stdlib.h>
+
+#include "core/median.h"
+#include "machine/files/log_table.h"
+
+enum { FEWEST = 20, LONGEST = 2, BESIDE = 2, AROUND = 10 };
+static const double far = 20, near = 6; /* in standard deviations of the difference from the polynomial */
+static const double steps = 6;          /* least distance of an outlier, in the smallest steps of a column */
+static const double small = 0.125;      /* of the outlier: largest difference of the values beside it */
+static const double most = 0.05;        /* share of a part's values: more of them are no outliers */
+
+/* The values of a column in a part that are not missing. Row i of the part follows previous[i]; n ends the
+ * list at either end, and sizes are of the part. */
+typedef struct trace {
+    const lg_log_table *table;
+    uint32_t column;
+    size_t first, n, *previous, *next;
+    double *off, *work; /* (n) */
+    bool *out;          /* (n) rows that are left out */
+} trace;
+
+typedef struct outlier {
+    size_t row, count;
+} outlier;
+
+static double value(const trace *x, size_t i) {
+    return lg_log_row(x->table, x->first + i)[x->column];
+}
+
+static double time_of(const trace *x, size_t i) {
+    return lg_log_time(x->table, x->first + i);
+}
+
+/* ---- the list of values ---- */
+
+static void link_values(trace *x) {
+    size_t last = x->n;
+    for (size_t i = 0; i < x->n; i++) {
+        if (isnan(value(x, i))) continue;
+        x->previous[i] = last;
+        x->next[i] = x->n;
+        if (last < x->n) x->next[last] = i;
+        last = i;
+    }
+}
+
+static void leave_out(trace *x, size_t i) {
+    if (x->previous[i] < x->n) x->next[x->previous[i]] = x->next[i];
+    if (x->next[i] < x->n) x->previous[x->next[i]] = x->previous[i];
+}
+
+static void put_back(trace *x, size_t i) {
+    if (x->previous[i] < x->n) x->next[x->previous[i]] = i;
+    if (x->next[i] < x->n) x->previous[x->next[i]] = i;
+}
+
+/* Value i minus the polynomial through the four values beside it, `before` and `after` being the nearest; NaN:
+ * there is none on one side. */
+static double difference(const trace *x, size_t i, size_t before, size_t after) {
+    if (before >= x->n || after >= x->n) return (double)NAN;
+    size_t at[4] = {x->previous[before], before, after, x->next[after]};
+    if (at[0] >= x->n && at[3] < x->n) at[0] = x->next[at[3]];
+    if (at[3] >= x->n && at[0] < x->n) at[3] = x->previous[at[0]];
+    if (at[0] >= x->n || at[3] >= x->n) return (double)NAN;
+    double sum = 0;
+    for (int k = 0; k < 4; k++) {
+        double weight = 1;
+        for (int j = 0; j < 4; j++)
+            if (j != k)
+                weight *= (time_of(x, i) - time_of(x, at[j])) / (time_of(x, at[k]) - time_of(x, at[j]));
+        sum += weight * value(x, at[k]);
+    }
+    return value(x, i) - sum;
+}
+
+static double difference_at(const trace *x, size_t i) {
+    return difference(x, i, x->previous[i], x->next[i]);
+}
+
+/* ---- scales ---- */
+
+/* Standard deviation of the differences of rows first .. end - 1, from their median. */
+static double spread(const trace *x, size_t first, size_t end) {
+    size_t count = 0;
+    for (size_t i = first; i < end; i++)
+        if (!isnan(x->off[i])) x->work[count++] = fabs(x->off[i]);
+    return count > 0 ? lg_median(x->work, count) / 0.6745 : INFINITY;
+}
+
+static double smallest_step(const trace *x) {
+    double least = INFINITY;
+    for (size_t i = 0; i < x->n; i++) {
+        if (isnan(value(x, i)) || x->next[i] >= x->n) continue;
+        const double step = fabs(value(x, x->next[i]) - value(x, i));
+        if (step > 0 && step < least) least = step;
+    }
+    return least;
+}
+
+/* ---- outliers ---- */
+
+/* Whether `count` values from row i on are an outlier by more than `distance`. They are then left out. */
+static bool try_outlier(trace *x, size_t i, size_t count, double distance, double deviation) {
+    size_t removed[LONGEST], k = 0;
+    for (size_t at = i; at < x->n && k < count; at = x->next[at]) removed[k++] = at;
+    if (k < count) return false;
+    const size_t before = x->previous[i], after = x->next[removed[count - 1]];
+    double least = INFINITY;
+    for (k = 0; k < count; k++) {
+        const double off = fabs(difference(x, removed[k], before, after));
+        least = fmin(least, isnan(off) ? 0 : off);
+    }
+    if (!(least > distance)) return false;
+    for (k = 0; k < count; k++) leave_out(x, removed[k]);
+    double beside = 0;
+    for (size_t j = 0, low = before, high = after; j < BESIDE; j++) {
+        const double a = low < x->n ? difference_at(x, low) : NAN,
+                     b = high < x->n ? difference_at(x, high) : NAN;
+        beside = fmax(beside, fmax(isnan(a) ? 0 : fabs(a), isnan(b) ? 0 : fabs(b)));
+        low = low < x->n ? x->previous[low] : low, high = high < x->n ? x->next[high] : high;
+    }
+    if (beside <= fmax(small * least, near * deviation)) {
+        for (k = 0; k < count; k++) x->out[removed[k]] = true;
+        return true;
+    }
+    for (k = count; k-- > 0;) put_back(x, removed[k]);
+    return false;
+}
+
+static bool try_row(trace *x, size_t i, double scale, double least) {
+    const size_t low = i > AROUND ? i - AROUND : 0, high = i + AROUND < x->n ? i + AROUND + 1 : x->n;
+    const double deviation = fmax(scale, spread(x, low, high)), distance = fmax(far * deviation, least);
+    if (x->out[i] || !(fabs(x->off[i]) > 0.5 * distance)) return false;
+    return try_outlier(x, i, 1, distance, deviation) || try_outlier(x, i, 2, distance, deviation) ||
+           (x->previous[i] < x->n && try_outlier(x, x->previous[i], 2, distance, deviation));
+}
+
+typedef struct candidate {
+    double off;
+    size_t row;
+} candidate;
+
+static int by_size(const void *a, const void *b) {
+    const candidate *x = a, *y = b;
+    if (x->off != y->off) return x->off < y->off ? 1 : -1;
+    return x->row < y->row ? -1 : x->row > y->row;
+}
+
+/* Marks the outliers of a part in x->out, the largest first, and returns how many. `all` (n) is work. */
+static size_t find_outliers(trace *x, candidate *all) {
+    size_t values = 0, candidates = 0, count = 0;
+    link_values(x);
+    for (size_t i = 0; i < x->n; i++) {
+        x->out[i] = false;
+        x->off[i] = isnan(value(x, i)) ? (double)NAN : difference_at(x, i);
+        values += !isnan(value(x, i));
+    }
+    if (values < FEWEST) return 0;
+    const double scale = spread(x, 0, x->n), least = steps * smallest_step(x);
+    for (size_t i = 0; i < x->n; i++)
+        if (fabs(x->off[i]) > 0.5 * fmax(far * scale, least))
+            all[candidates++] = (candidate){fabs(x->off[i]), i};
+    qsort(all, candidates, sizeof *all, by_size);
+    for (size_t k = 0; k < candidates; k++) (void)try_row(x, all[k].row, scale, least);
+    for (size_t i = 0; i < x->n; i++) count += x->out[i];
+    return (double)count <= most * (double)values ? count : 0;
+}
+
+/* ---- columns ---- */
+
+/* Positions of lines and angles, and velocities. An acceleration jumps and comes back where bodies touch. */
+static bool is_continuous(const lg_log_table *t, uint32_t column) {
+    const lg_log_column *c = &t->machine->columns[column];
+    const bool motion = c->role == LG_LOG_POSITION || c->role == LG_LOG_VELOCITY;
+    return motion && !t->machine->machine.accelerations && t->machine->coordinates[c->index].attitudes == 0;
+}
+
+static lg_status mend_column(lg_log_table *t, trace *x, candidate *all) {
+    size_t total = 0, first = 0;
+    double value_there = 0;
+    for (size_t part = 0; part < t->parts; part++) {
+        x->first = t->first[part];
+        x->n = t->first[part + 1] - x->first;
+        if (find_outliers(x, all) == 0) continue;
+        for (size_t i = 0; i < x->n; i++) {
+            if (!x->out[i]) continue;
+            double *cell = &lg_log_row(t, x->first + i)[x->column];
+            if (total++ == 0) first = x->first + i, value_there = *cell;
+            *cell = (double)NAN;
+        }
+    }
+    lg_log_statistics *s = &t->out->columns[x->column];
+    s->outliers = total;
+    if (total == 0) return LG_OK;
+    s->low = INFINITY, s->high = -INFINITY;
+    for (size_t row = 0; row < t->rows; row++) {
+        s->low = fmin(s->low, lg_log_row(t, row)[x->column]);
+        s->high = fmax(s->high, lg_log_row(t, row)[x->column]);
+    }
+    return lg_log_warn_at(
+        t, first,
+        "column %s: %.6g is an outlier: it jumps away from the values beside it and back; it is the "
+        "first of %zu, which are left out",
+        t->machine->columns[x->column].name, value_there, total);
+}
+
+lg_status lg_log_leave_out_spikes(lg_log_table *t) {
+    trace x = {.table = t};
+    size_t longest = 0;
+    for (size_t part = 0; part < t->parts; part++)
+        if (t->first[part + 1] - t->first[part] > longest) longest = t->first[part + 1] - t->first[part];
+    candidate *all = lg_alloc(t->context, longest, sizeof *all);
+    x.previous = lg_alloc(t->context, 2 * longest, sizeof *x.previous);
+    x.off = lg_alloc(t->context, 2 * longest, sizeof *x.off);
+    x.out = lg_alloc(t->context, longest, sizeof *x.out);
+    lg_status status = LG_OUT_OF_MEMORY;
+    if (all != NULL && x.previous != NULL && x.off != NULL && x.out != NULL) {
+        x.next = x.previous + longest;
+        x.work = x.off + longest;
+        status = LG_OK;
+        for (x.column = 0; x.column < t->columns && status == LG_OK; x.column++)
+            if (is_continuous(t, x.column)) status = mend_column(t, &x, all);
+    }
+    lg_free(t->context, all);
+    lg_free(t->context, x.previous);
+    lg_free(t->context, x.off);
+    lg_free(t->context, x.out);
+    return status;
+}
