@@ -53,25 +53,32 @@ static certify_values values;
 
 typedef struct naming {
     const lg_policy_task *task;
-    size_t n; /* numbers of z: positions, then velocities */
+    size_t n, positions; /* numbers of z: positions that are not free, then velocities */
+    const lg_policy_coordinate *of[2 * LG_POLICY_COORDINATES]; /* of each number */
 } naming;
 
 static const char *name_of(naming names, size_t i) {
-    const uint32_t count = names.task->coordinate_count;
-    return i < count ? names.task->coordinate[i].name : names.task->coordinate[i - count].velocity;
+    return i < names.positions ? names.of[i]->name : names.of[i]->velocity;
 }
 
 static naming name_states(const lg_policy_task *task) {
-    return (naming){task, (size_t)task->coordinate_count * (task->coordinate[0].velocity[0] != '\0' ? 2 : 1)};
+    naming names = {.task = task};
+    for (int velocity = 0; velocity < 2; velocity++)
+        for (uint32_t i = 0; i < task->coordinate_count; i++) {
+            const lg_policy_coordinate *c = &task->coordinate[i];
+            if (velocity ? c->velocity[0] == '\0' : c->free) continue;
+            names.of[names.n++] = c;
+            names.positions += !velocity;
+        }
+    return names;
 }
 
 /* The state with this name; a velocity is also known as v and the name of its position. */
 static size_t find_state(const app *self, naming names, const char *option, const char *name) {
     APP_CLEAN(lg_text_destroy) lg_text known = app_text();
     for (size_t i = 0; i < names.n; i++) {
-        const uint32_t count = names.task->coordinate_count;
         if (strcmp(name, name_of(names, i)) == 0 ||
-            (i >= count && name[0] == 'v' && strcmp(name + 1, name_of(names, i - count)) == 0))
+            (i >= names.positions && name[0] == 'v' && strcmp(name + 1, names.of[i]->name) == 0))
             return i;
         lg_text_add(&known, "%s%s", i > 0 ? ", " : "", name_of(names, i));
     }
@@ -131,7 +138,7 @@ static void draw_model_error(const app *self, lg_policy *policy, naming names, c
 static void read_model_error(const app *self, lg_policy *policy, naming names, const double *high,
                              double *out) {
     double x;
-    const uint32_t positions = names.task->coordinate_count;
+    const size_t positions = names.positions;
     for (size_t i = 0; i < names.n; i++) out[i] = 0;
     if (values.model_error == NULL) return;
     if (strcmp(values.model_error, "auto") == 0) {
@@ -224,7 +231,7 @@ typedef struct verdict {
 static void tell_box(app_json *out, naming names, const verdict *v) {
     app_json_open(out, "failed", '{');
     for (size_t i = 0; i < v->sides && v->low != NULL; i++) {
-        const double goal = i < names.task->coordinate_count ? names.task->coordinate[i].goal[0] : 0;
+        const double goal = i < names.positions ? names.of[i]->goal[0] : 0;
         const double side[2] = {goal + v->low[i], goal + v->high[i]};
         app_json_reals(out, name_of(names, i), side, 2);
         app_result_line(out, "fails at %s from %.6g to %.6g", name_of(names, i), side[0], side[1]);
@@ -334,10 +341,11 @@ static int prove_rotation(app *self, lg_policy *policy, naming names) {
 /* Whether a plant that is a program has this function of its state x; the goal must be 0, so that z = x. */
 static bool has_function(const app *self, const lg_program *program, naming names, const char *name) {
     size_t number;
-    if (names.n != names.task->coordinate_count || lg_program_find(program, name, &number, NULL) != LG_OK)
+    if (names.n != names.task->coordinate_count || names.n != names.positions ||
+        lg_program_find(program, name, &number, NULL) != LG_OK)
         return false;
-    for (uint32_t i = 0; i < names.n; i++)
-        if (names.task->coordinate[i].goal[0] != 0)
+    for (size_t i = 0; i < names.n; i++)
+        if (names.of[i]->goal[0] != 0)
             app_stop(self, LG_UNSUPPORTED, "the plant's function %s is of the state x: its goal must be 0",
                      name);
     return true;
@@ -377,9 +385,8 @@ typedef struct wanted {
 /* Sizes of states: sides of the box; where it has none, the farthest start. */
 static void find_scale(const app *self, naming names, const wanted *what, double *scale) {
     for (size_t i = 0; i < names.n; i++) {
-        const uint32_t count = names.task->coordinate_count;
-        const lg_policy_coordinate *c = &names.task->coordinate[i % count];
-        const double *start = i < count ? c->start : c->start_velocity;
+        const lg_policy_coordinate *c = names.of[i];
+        const double *start = i < names.positions ? c->start : c->start_velocity;
         scale[i] = isfinite(what->high[i]) ? what->high[i] : fmax(fabs(start[0]), fabs(start[1]));
         if (!(scale[i] > 0))
             app_stop_usage(self, "--box: %s has no bound, and all starts have it at the goal: give a bound",

@@ -28,8 +28,7 @@ static void add_squares(const app *self, const lg_policy *policy, lg_program *pl
 void control_draw_error(const app *self, lg_policy *policy, const char *plant, bool held, const double *high,
                         double *out) {
     const lg_policy_task *task = lg_policy_task_of(policy);
-    const size_t n = (size_t)task->coordinate_count * (task->coordinate[0].velocity[0] != '\0' ? 2 : 1),
-                 m = task->input_count, numbers = PLACES * n;
+    const size_t n = lg_policy_regulator_of(policy)->errors, m = task->input_count, numbers = PLACES * n;
     APP_FREE double *z = app_alloc(4 * numbers + PLACES * m, sizeof *z);
     double *first = z + numbers, *other = first + numbers, *square = other + numbers, *u = square + numbers;
     lg_program *plants[DRAWS];

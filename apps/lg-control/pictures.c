@@ -81,14 +81,17 @@ static void choose_map(const drawing *d, const lg_policy_regulator *r, size_t *c
     }
 }
 
-/* The first coordinate that turns, else the first, and its velocity; without velocities another
+static bool turns(const lg_policy_coordinate *c) {
+    return c->motion != LG_POLICY_LINE && !c->free;
+}
+
+/* The first coordinate that turns and is not free, else the first, and its velocity; without velocities another
  * coordinate, or the time. */
 static void choose_phase(const drawing *d, size_t *chosen) {
     size_t velocity = d->task->coordinate_count;
     size_t first = 0;
-    while (first + 1 < d->task->coordinate_count && d->task->coordinate[first].motion == LG_POLICY_LINE)
-        first++;
-    if (d->task->coordinate[first].motion == LG_POLICY_LINE) first = 0;
+    while (first + 1 < d->task->coordinate_count && !turns(&d->task->coordinate[first])) first++;
+    if (!turns(&d->task->coordinate[first])) first = 0;
     for (size_t i = 0; i < first; i++) velocity += d->task->coordinate[i].velocity[0] != '\0';
     const size_t other = d->axes > 1 ? (first + 1) % d->axes : d->axes;
     chosen[0] = first;

@@ -13,7 +13,7 @@ size_t control_list_quantities(const lg_policy_task *task, control_quantity *out
     for (int velocity = 0; velocity < 2; velocity++)
         for (uint32_t i = 0; i < task->coordinate_count; i++) {
             const lg_policy_coordinate *c = &task->coordinate[i];
-            const lg_policy_motion_row *row = lg_policy_motion_row_of(c->motion);
+            const lg_policy_motion_row *row = lg_policy_row_of(c);
             const double *start = velocity ? c->start_velocity : c->start;
             if (velocity && c->velocity[0] == '\0') continue;
             control_quantity *q = &out[n++];
@@ -21,7 +21,7 @@ size_t control_list_quantities(const lg_policy_task *task, control_quantity *out
                 (control_quantity){.motion = c->motion, .velocity = velocity, .first = first, .error = error};
             (void)snprintf(q->name, sizeof q->name, "%s", velocity ? c->velocity : c->name);
             q->count = velocity ? row->velocity : row->position;
-            q->errors = row->errors;
+            q->errors = velocity ? row->rates : row->errors;
             if (!velocity) memcpy(q->goal, c->goal, sizeof q->goal);
             memcpy(q->start, start, sizeof q->start);
             first += q->count, error += q->errors;

@@ -24,6 +24,7 @@
  *   angle      sin(q - goal)/|cos((q - goal)/2)|                              velocity v
  *   direction  E^T q/cos(a/2), E (3, 2) a basis of the plane across the goal  velocity E^T omega
  *   rotation   vee(S - S^T)/(2 cos(a/2)), S = goal^T R                        velocity Omega
+ *   free       none (a line or an angle whose position does not matter)       velocity v
  *
  * The regulator. u = sat(u0 - K z), where K and the matrix P of V(z) = z^T P z solve the discrete Riccati
  * equation of the linearised step for weights Q, R. Training needs no weights from the user: each of a
@@ -78,10 +79,11 @@ typedef enum lg_policy_motion {
 } lg_policy_motion;
 #define LG_POLICY_MOTION_COUNT 4
 /* Numbers of a position (line and angle 1, direction 3, rotation 9: R row-major), of a position as
- * controllers get it (rotation 4: quaternion w x y z), of a velocity, and of the errors of either. */
+ * controllers get it (rotation 4: quaternion w x y z), of a velocity, and of the errors of a position and of
+ * a velocity. */
 typedef struct lg_policy_motion_row {
     const char *name; /* "line", "angle", "direction", "rotation" */
-    uint32_t position, given, velocity, errors;
+    uint32_t position, given, velocity, errors, rates;
 } lg_policy_motion_row;
 LG_API const lg_policy_motion_row *lg_policy_motion_row_of(lg_policy_motion motion); /* NULL: unknown */
 
@@ -95,10 +97,18 @@ typedef struct lg_policy_coordinate {
     double weight, weight_velocity;   /* of the cost, >= 0 */
     double success, success_velocity; /* largest |error| (of an angle: in radians); INFINITY: any */
     bool track; /* the controller follows set points of this line or angle (function `track`) */
+    /* The position of this line or angle does not matter (a wheel, a turntable): it is no part of z, of the
+     * features of a network, of cost and success. Its velocity is. goal and weight must be 0, noise 0, success
+     * INFINITY, track false. The machine must move in the same way wherever the coordinate is:
+     * lg_policy_create compares it at random states, and fails with LG_CHECK_FAILED. */
+    bool free;
     /* Standard deviations of the sensors' noise, of each number (of an attitude or direction: of the angle
      * about each axis); 0: none. */
     double noise, noise_velocity;
 } lg_policy_coordinate;
+
+/* The row of the coordinate's motion; a free coordinate has no errors of its position. NULL: unknown. */
+LG_API const lg_policy_motion_row *lg_policy_row_of(const lg_policy_coordinate *coordinate);
 
 typedef struct lg_policy_input {
     char name[LG_POLICY_NAME];
@@ -151,7 +161,8 @@ LG_API const lg_policy_task *lg_policy_task_of(const lg_policy *policy);
 /* The plant's functions and parameters; parameter `policy` (theta); and the functions
  *   errors     (x) -> z
  *   policy     (q, v, weights) -> u          `weights` is a shared input like theta; without velocities no v
- *   control    (x) -> u                      x: positions as controllers get them, then velocities
+ *   control    (x) -> u                      x: positions as controllers get them, then velocities; free
+ *                                            positions have their place in x, their numbers are not used
  *   closed     (x, weights) -> next, cost, u   one period
  *   regulated  (x, K) -> next, cost, u         one period of the saturated regulator
  *   terminal   (x) -> cost                   W
@@ -181,7 +192,7 @@ LG_API const lg_policy_regulator *lg_policy_regulator_of(const lg_policy *policy
 
 /* Adds the continuous and the held closed loop to the policy's program:
  *   rate       (z) -> z'   z = (positions - goal, velocities), angles counted on the real line; z = x - goal
- *                          without velocities. The input follows the state without delay: u = policy(q, v).
+ *                          without velocities; free positions are no part of z. The input follows the state without delay: u = policy(q, v).
  *   advance    (z) -> z    after a period in which u is held: with velocities by the classical Runge-Kutta
  *                          method for z in task.substeps parts, otherwise by the plant's own step
  *   rate_by_gains, advance_by_gains  (z, K) -> the same with the saturated regulator of a shared K

@@ -33,6 +33,15 @@ static lg_status check_coordinate(const lg_policy_coordinate *c, lg_error *error
     if (c->track && c->motion > LG_POLICY_ANGLE)
         return lg_fail(error, LG_INVALID_ARGUMENT, "track: %s is a %s; set points are of lines and angles",
                        c->name, lg_policy_motion_row_of(c->motion)->name);
+    if (c->free && c->motion > LG_POLICY_ANGLE)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "free: %s is a %s; only lines and angles can be free",
+                       c->name, lg_policy_motion_row_of(c->motion)->name);
+    if (c->free &&
+        (c->track || c->goal[0] != 0.0 || c->weight != 0.0 || c->noise != 0.0 || isfinite(c->success)))
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "free: the position of %s is no error, so it has no goal, weight, bound of success, "
+                       "noise and set points",
+                       c->name);
     if (!(c->noise >= 0.0 && c->noise_velocity >= 0.0 && isfinite(c->noise) && isfinite(c->noise_velocity)))
         return lg_fail(error, LG_INVALID_ARGUMENT, "coordinate %s: noise must be finite and >= 0", c->name);
     if (!(c->success > 0.0) || !(c->success_velocity > 0.0))
@@ -44,8 +53,8 @@ static lg_status check_coordinate(const lg_policy_coordinate *c, lg_error *error
 static lg_status check_gains(const lg_policy_task *t, lg_error *error) {
     uint32_t errors = 0;
     for (uint32_t i = 0; i < t->coordinate_count; i++)
-        errors += lg_policy_motion_row_of(t->coordinate[i].motion)->errors *
-                  (t->coordinate[i].velocity[0] != '\0' ? 2 : 1);
+        errors += lg_policy_row_of(&t->coordinate[i])->errors +
+                  (t->coordinate[i].velocity[0] != '\0' ? lg_policy_row_of(&t->coordinate[i])->rates : 0);
     const uint32_t wanted[LG_POLICY_KIND_COUNT] = {
         [LG_POLICY_LQR] = t->input_count * errors, [LG_POLICY_ENERGY] = 2};
     if (t->gain_count == 0) return LG_OK;
@@ -252,8 +261,8 @@ lg_status lg_policy_prepare(lg_policy *p, lg_error *error) {
     p->regulator.inputs = p->inputs;
     lg_policy_lay_out(&p->task, &p->layout);
     p->regulator.errors = p->layout.errors;
-    if (p->layout.errors > LG_POLICY_ERRORS)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the machine has %u errors, more than %d",
+    if (p->layout.errors > LG_POLICY_ERRORS || p->layout.errors == 0)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the machine has %u errors; a policy needs 1 to %d",
                        p->layout.errors, LG_POLICY_ERRORS);
     return init_parameters(p, error);
 }
@@ -271,7 +280,7 @@ static lg_status build(lg_policy *p, const lg_program *plant, uint64_t seed, lg_
     LG_TRY(lg_policy_begin(p, plant, error));
     if (p->task.substeps == 0) LG_TRY(choose_substeps(p, training_error, seed, error));
     LG_TRY(lg_policy_add_motion(p, error));
-    if (lg_policy_tracked(&p->task) > 0) LG_TRY(lg_policy_check_track(p, seed, error));
+    LG_TRY(lg_policy_check_shifts(p, true, seed, error));
     LG_TRY(lg_policy_find_regulator(p, seed, error));
     return add_functions(p, error);
 }
@@ -320,6 +329,7 @@ static lg_status transplant(const lg_policy *policy, lg_program *plant, bool jud
     if (status == LG_OK && judge) status = choose_substeps(p, judging_error, 1, error);
     if (status == LG_OK && p->task.substeps < policy->task.substeps) p->task.substeps = policy->task.substeps;
     if (status == LG_OK) status = lg_policy_add_motion(p, error);
+    if (status == LG_OK) status = lg_policy_check_shifts(p, false, 1, error);
     if (status == LG_OK) status = lg_policy_add_regulated(p, error);
     if (status == LG_OK) status = add_functions(p, error);
     lg_program_destroy(plant);

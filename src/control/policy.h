@@ -110,11 +110,11 @@ lg_status lg_policy_plan(const lg_policy *policy, const char *function, lg_dtype
  * threads. */
 #define LG_POLICY_ROWS 64
 
-/* ---- set points (policy_track.c) ---- */
+/* ---- positions that may be shifted: tracked or free ones (policy_track.c) ---- */
 
-/* Compares the motion of a machine with and without a shift of each tracked coordinate, at random states.
- * LG_CHECK_FAILED: it differs. */
-lg_status lg_policy_check_track(const lg_policy *policy, uint64_t seed, lg_error *error);
+/* Compares the motion of a machine with and without a shift of each free and, if `tracked`, of each tracked
+ * coordinate, at random states. LG_CHECK_FAILED: it differs. */
+lg_status lg_policy_check_shifts(const lg_policy *policy, bool tracked, uint64_t seed, lg_error *error);
 
 /* ---- runs (policy_runs.c) ---- */
 

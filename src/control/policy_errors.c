@@ -10,8 +10,9 @@
 typedef struct motion {
     lg_policy_motion_row sizes;
     uint32_t features;
-    /* q is (B, position). `sine` are the errors times cos(a/2), `half` is cos(a/2)^2 with the angle a from
-     * the goal (LG_NONE: the errors are `sine`). The cost is 2 (1 - cos a), or the square. */
+    /* q is (B, position). `sine` are the errors times cos(a/2) with the angle a from the goal; without
+     * `cosine` they are the errors. The cost is 2 (1 - cos a), or the square. A row whose position has no
+     * errors has no sine, features_of and tangent. */
     lg_var (*sine)(lg_tape *tape, const double *goal, const double *basis, lg_var q);
     lg_var (*cosine)(lg_tape *tape, const double *goal, lg_var q); /* cos a (B, 1); NULL: a line */
     lg_var (*features_of)(lg_tape *tape, const double *goal, lg_var q);
@@ -45,6 +46,11 @@ static void line_tangent(const double *goal, const double *basis, double *T) {
 
 static lg_var line_noisy(lg_tape *tape, lg_var q, lg_var n) {
     return lg_add(tape, q, n);
+}
+
+static void free_retract(const double *goal, const double *basis, const double *z, double *q) {
+    (void)basis, (void)z;
+    q[0] = goal[0];
 }
 
 static lg_var angle_sine(lg_tape *tape, const double *goal, const double *basis, lg_var q) {
@@ -168,45 +174,58 @@ static lg_var rotation_given(lg_tape *tape, lg_var q) {
     return lg_div(tape, R, lg_rownorm2(tape, q));
 }
 
-static const motion motions[LG_POLICY_MOTION_COUNT] = {[LG_POLICY_LINE] = {{"line", 1, 1, 1, 1},
-                                                                           1,
-                                                                           from_goal,
-                                                                           NULL,
-                                                                           line_features,
-                                                                           NULL,
-                                                                           line_noisy,
-                                                                           line_retract,
-                                                                           line_tangent},
-                                                       [LG_POLICY_ANGLE] = {{"angle", 1, 1, 1, 1},
-                                                                            2,
-                                                                            angle_sine,
-                                                                            angle_cosine,
-                                                                            angle_features,
-                                                                            NULL,
-                                                                            line_noisy,
-                                                                            line_retract,
-                                                                            line_tangent},
-                                                       [LG_POLICY_DIRECTION] = {{"direction", 3, 3, 3, 2},
-                                                                                3,
-                                                                                direction_sine,
-                                                                                direction_cosine,
-                                                                                direction_features,
-                                                                                NULL,
-                                                                                direction_noisy,
-                                                                                direction_retract,
-                                                                                direction_tangent},
-                                                       [LG_POLICY_ROTATION] = {{"rotation", 9, 4, 3, 3},
-                                                                               9,
-                                                                               rotation_sine,
-                                                                               rotation_cosine,
-                                                                               rotation_features,
-                                                                               rotation_given,
-                                                                               rotation_noisy,
-                                                                               rotation_retract,
-                                                                               rotation_tangent}};
+/* The row behind the motions is of free lines and angles. */
+enum { FREE = LG_POLICY_MOTION_COUNT };
+
+static const motion motions[LG_POLICY_MOTION_COUNT + 1] = {
+    [LG_POLICY_LINE] = {{"line", 1, 1, 1, 1, 1},
+                        1,
+                        from_goal,
+                        NULL,
+                        line_features,
+                        NULL,
+                        line_noisy,
+                        line_retract,
+                        line_tangent},
+    [LG_POLICY_ANGLE] = {{"angle", 1, 1, 1, 1, 1},
+                         2,
+                         angle_sine,
+                         angle_cosine,
+                         angle_features,
+                         NULL,
+                         line_noisy,
+                         line_retract,
+                         line_tangent},
+    [LG_POLICY_DIRECTION] = {{"direction", 3, 3, 3, 2, 2},
+                             3,
+                             direction_sine,
+                             direction_cosine,
+                             direction_features,
+                             NULL,
+                             direction_noisy,
+                             direction_retract,
+                             direction_tangent},
+    [LG_POLICY_ROTATION] = {{"rotation", 9, 4, 3, 3, 3},
+                            9,
+                            rotation_sine,
+                            rotation_cosine,
+                            rotation_features,
+                            rotation_given,
+                            rotation_noisy,
+                            rotation_retract,
+                            rotation_tangent},
+    [FREE] = {{"free", 1, 1, 1, 0, 1}, .noisy = line_noisy, .retract = free_retract}};
 
 const lg_policy_motion_row *lg_policy_motion_row_of(lg_policy_motion kind) {
     return (uint32_t)kind < LG_POLICY_MOTION_COUNT ? &motions[kind].sizes : NULL;
+}
+
+static const motion *motion_of(const lg_policy_coordinate *c) {
+    return &motions[c->free ? FREE : c->motion];
+}
+
+const lg_policy_motion_row *lg_policy_row_of(const lg_policy_coordinate *c) {
+    return (uint32_t)c->motion < LG_POLICY_MOTION_COUNT ? &motion_of(c)->sizes : NULL;
 }
 
 /* ---- layout ---- */
@@ -233,7 +252,7 @@ void lg_policy_lay_out(const lg_policy_task *task, lg_policy_layout *out) {
     memset(out, 0, sizeof *out);
     for (uint32_t i = 0; i < task->coordinate_count; i++) {
         const lg_policy_coordinate *c = &task->coordinate[i];
-        const lg_policy_motion_row *sizes = &motions[c->motion].sizes;
+        const lg_policy_motion_row *sizes = lg_policy_row_of(c);
         out->at[i] = (lg_policy_place){out->positions, out->given, out->velocities, out->errors, 0};
         out->positions += sizes->position, out->given += sizes->given, out->errors += sizes->errors;
         if (moves(c)) out->velocities += sizes->velocity;
@@ -241,7 +260,7 @@ void lg_policy_lay_out(const lg_policy_task *task, lg_policy_layout *out) {
     }
     for (uint32_t i = 0; i < task->coordinate_count; i++) {
         out->at[i].rate = out->errors;
-        if (moves(&task->coordinate[i])) out->errors += motions[task->coordinate[i].motion].sizes.errors;
+        if (moves(&task->coordinate[i])) out->errors += lg_policy_row_of(&task->coordinate[i])->rates;
     }
 }
 
@@ -266,6 +285,11 @@ static lg_var part(lg_tape *tape, lg_var x, uint32_t from, uint32_t count) {
     return lg_slice(tape, x, 1, from, count);
 }
 
+/* Whether the position has errors. */
+static bool held(const lg_policy_coordinate *c) {
+    return lg_policy_row_of(c)->errors > 0;
+}
+
 static lg_var joined(lg_tape *tape, const lg_var *parts, uint32_t n) {
     return n == 1 ? parts[0] : lg_concat(tape, parts, n, 1);
 }
@@ -284,7 +308,8 @@ static lg_var errors_of(lg_tape *tape, const lg_policy_task *task, lg_policy_see
     lg_policy_lay_out(task, &layout);
     for (uint32_t i = 0; i < task->coordinate_count; i++) {
         const lg_policy_coordinate *c = &task->coordinate[i];
-        const motion *m = &motions[counted && c->motion == LG_POLICY_ANGLE ? LG_POLICY_LINE : c->motion];
+        const motion *m = counted && c->motion == LG_POLICY_ANGLE ? &motions[LG_POLICY_LINE] : motion_of(c);
+        if (!held(c)) continue;
         const lg_var q = part(tape, seen.q, layout.at[i].position, m->sizes.position);
         parts[n] = m->sine(tape, c->goal, layout.basis[i], q);
         if (m->cosine != NULL)
@@ -294,7 +319,7 @@ static lg_var errors_of(lg_tape *tape, const lg_policy_task *task, lg_policy_see
     for (uint32_t i = 0; i < task->coordinate_count; i++) {
         const lg_policy_coordinate *c = &task->coordinate[i];
         if (!moves(c)) continue;
-        parts[n] = part(tape, seen.v, layout.at[i].velocity, motions[c->motion].sizes.velocity);
+        parts[n] = part(tape, seen.v, layout.at[i].velocity, lg_policy_row_of(c)->velocity);
         if (c->motion == LG_POLICY_DIRECTION)
             parts[n] = direction_sine(tape, c->goal, layout.basis[i], parts[n]);
         n++;
@@ -311,7 +336,7 @@ lg_var lg_policy_record_counted(lg_tape *tape, const lg_policy_task *task, lg_po
 }
 
 static lg_var position_cost(lg_tape *tape, const lg_policy_coordinate *c, lg_var q) {
-    const motion *m = &motions[c->motion];
+    const motion *m = motion_of(c);
     if (m->cosine == NULL) return lg_square(tape, m->sine(tape, c->goal, NULL, q));
     return lg_add_scalar(tape, lg_scale(tape, m->cosine(tape, c->goal, q), -2.0), 2.0);
 }
@@ -326,7 +351,7 @@ lg_var lg_policy_record_lost(lg_tape *tape, const lg_policy_task *task, lg_polic
     lg_policy_lay_out(task, &layout);
     for (uint32_t i = 0; i < task->coordinate_count; i++) {
         const lg_policy_coordinate *c = &task->coordinate[i];
-        const motion *m = &motions[c->motion];
+        const motion *m = motion_of(c);
         if (m->cosine == NULL) continue;
         weights[n] = factors[i];
         terms[n++] = position_cost(tape, c, part(tape, seen.q, layout.at[i].position, m->sizes.position));
@@ -344,7 +369,7 @@ lg_var lg_policy_record_stage(lg_tape *tape, const lg_policy_task *task, lg_poli
     lg_policy_lay_out(task, &layout);
     for (uint32_t i = 0; i < task->coordinate_count; i++) {
         const lg_policy_coordinate *c = &task->coordinate[i];
-        const lg_policy_motion_row *sizes = &motions[c->motion].sizes;
+        const lg_policy_motion_row *sizes = lg_policy_row_of(c);
         if (c->weight > 0.0) {
             weights[n] = c->weight;
             terms[n++] = position_cost(tape, c, part(tape, seen.q, layout.at[i].position, sizes->position));
@@ -360,7 +385,7 @@ lg_var lg_policy_record_stage(lg_tape *tape, const lg_policy_task *task, lg_poli
 uint32_t lg_policy_features(const lg_policy_task *task) {
     uint32_t n = 0;
     for (uint32_t i = 0; i < task->coordinate_count; i++) {
-        const motion *m = &motions[task->coordinate[i].motion];
+        const motion *m = motion_of(&task->coordinate[i]);
         n += m->features + (moves(&task->coordinate[i]) ? m->sizes.velocity : 0);
     }
     return n;
@@ -375,11 +400,13 @@ lg_var lg_policy_record_features(lg_tape *tape, const lg_policy_task *task, cons
     lg_policy_lay_out(task, &layout);
     for (uint32_t i = 0; i < task->coordinate_count; i++) {
         const lg_policy_coordinate *c = &task->coordinate[i];
-        const motion *m = &motions[c->motion];
+        const motion *m = motion_of(c);
         const lg_policy_place *at = &layout.at[i];
-        parts[n] = m->features_of(tape, c->goal, part(tape, seen.q, at->position, m->sizes.position));
-        if (m->cosine == NULL) parts[n] = lg_scale(tape, parts[n], 1.0 / scales[at->error]);
-        n++;
+        if (held(c)) {
+            parts[n] = m->features_of(tape, c->goal, part(tape, seen.q, at->position, m->sizes.position));
+            if (m->cosine == NULL) parts[n] = lg_scale(tape, parts[n], 1.0 / scales[at->error]);
+            n++;
+        }
         if (moves(c))
             parts[n++] =
                 lg_scale(tape, part(tape, seen.v, at->velocity, m->sizes.velocity), 1.0 / scales[at->rate]);
@@ -392,7 +419,7 @@ uint32_t lg_policy_noise_sizes(const lg_policy_task *task, double *sizes) {
     for (int rate = 0; rate < 2; rate++)
         for (uint32_t i = 0; i < task->coordinate_count; i++) {
             const lg_policy_coordinate *c = &task->coordinate[i];
-            for (uint32_t k = 0; k < motions[c->motion].sizes.velocity && (rate == 0 || moves(c)); k++, n++)
+            for (uint32_t k = 0; k < lg_policy_row_of(c)->velocity && (rate == 0 || moves(c)); k++, n++)
                 if (sizes != NULL) sizes[n] = rate ? c->noise_velocity : c->noise;
         }
     return n;
@@ -405,7 +432,7 @@ lg_policy_seen lg_policy_record_noise(lg_tape *tape, const lg_policy_task *task,
     uint32_t at = 0;
     lg_policy_lay_out(task, &layout);
     for (uint32_t i = 0; i < task->coordinate_count; i++) {
-        const motion *m = &motions[task->coordinate[i].motion];
+        const motion *m = motion_of(&task->coordinate[i]);
         parts[i] = m->noisy(tape, part(tape, seen.q, layout.at[i].position, m->sizes.position),
                             part(tape, noise, at, m->sizes.velocity));
         at += m->sizes.velocity;
@@ -420,7 +447,7 @@ lg_var lg_policy_record_positions(lg_tape *tape, const lg_policy_task *task, lg_
     lg_var parts[LG_POLICY_COORDINATES];
     lg_policy_lay_out(task, &layout);
     for (uint32_t i = 0; i < task->coordinate_count; i++) {
-        const motion *m = &motions[task->coordinate[i].motion];
+        const motion *m = motion_of(&task->coordinate[i]);
         parts[i] = part(tape, given, layout.at[i].given, m->sizes.given);
         if (m->given != NULL) parts[i] = m->given(tape, parts[i]);
     }
@@ -430,7 +457,7 @@ lg_var lg_policy_record_positions(lg_tape *tape, const lg_policy_task *task, lg_
 /* ---- numbers ---- */
 
 static void rate_of(const lg_policy_coordinate *c, const double *basis, const double *z, double *v) {
-    const uint32_t n = motions[c->motion].sizes.velocity;
+    const uint32_t n = lg_policy_row_of(c)->velocity;
     if (c->motion != LG_POLICY_DIRECTION) {
         memcpy(v, z, n * sizeof *v);
         return;
@@ -444,7 +471,7 @@ void lg_policy_retract(const lg_policy_task *task, const lg_policy_layout *layou
         const lg_policy_coordinate *c = &task->coordinate[i];
         const lg_policy_place *at = &layout->at[i];
         double *to = q + at->position;
-        motions[c->motion].retract(c->goal, layout->basis[i], z + at->error, to);
+        motion_of(c)->retract(c->goal, layout->basis[i], z + at->error, to);
         if (!moves(c)) continue;
         double *rate = v + at->velocity;
         rate_of(c, layout->basis[i], z + at->rate, rate);
@@ -460,14 +487,14 @@ void lg_policy_tangent(const lg_policy_task *task, const lg_policy_layout *layou
     memset(U, 0, (size_t)layout->velocities * n * sizeof *U);
     for (uint32_t i = 0; i < task->coordinate_count; i++) {
         const lg_policy_coordinate *c = &task->coordinate[i];
-        const lg_policy_motion_row *sizes = &motions[c->motion].sizes;
+        const lg_policy_motion_row *sizes = lg_policy_row_of(c);
         const lg_policy_place *at = &layout->at[i];
         double block[27];
-        motions[c->motion].tangent(c->goal, layout->basis[i], block);
+        if (held(c)) motion_of(c)->tangent(c->goal, layout->basis[i], block);
         for (uint32_t a = 0; a < sizes->position; a++)
             for (uint32_t b = 0; b < sizes->errors; b++)
                 T[(at->position + a) * n + at->error + b] = block[a * sizes->errors + b];
-        for (uint32_t b = 0; moves(c) && b < sizes->errors; b++) {
+        for (uint32_t b = 0; moves(c) && b < sizes->rates; b++) {
             double unit[3] = {0, 0, 0}, rate[3];
             unit[b] = 1.0;
             rate_of(c, layout->basis[i], unit, rate);
@@ -485,13 +512,13 @@ static void draw_axis(lg_rng *rng, uint32_t n, double length, double *z) {
 void lg_policy_draw(const lg_policy_task *task, const lg_policy_layout *layout, lg_rng *rng, double *z) {
     for (uint32_t i = 0; i < task->coordinate_count; i++) {
         const lg_policy_coordinate *c = &task->coordinate[i];
-        const uint32_t n = motions[c->motion].sizes.errors;
-        const double far = lg_rng_uniform_in(rng, c->start[0], c->start[1]);
-        if (n == 1)
+        const lg_policy_motion_row *sizes = lg_policy_row_of(c);
+        const double far = held(c) ? lg_rng_uniform_in(rng, c->start[0], c->start[1]) : 0.0;
+        if (sizes->errors == 1)
             z[layout->at[i].error] = far;
-        else
-            draw_axis(rng, n, far, z + layout->at[i].error);
-        for (uint32_t k = 0; moves(c) && k < n; k++)
+        else if (sizes->errors > 1)
+            draw_axis(rng, sizes->errors, far, z + layout->at[i].error);
+        for (uint32_t k = 0; moves(c) && k < sizes->rates; k++)
             z[layout->at[i].rate + k] = lg_rng_uniform_in(rng, c->start_velocity[0], c->start_velocity[1]);
     }
 }
@@ -499,13 +526,11 @@ void lg_policy_draw(const lg_policy_task *task, const lg_policy_layout *layout, 
 bool lg_policy_inside(const lg_policy_task *task, const lg_policy_layout *layout, const double *z) {
     for (uint32_t i = 0; i < task->coordinate_count; i++) {
         const lg_policy_coordinate *c = &task->coordinate[i];
-        const uint32_t n = motions[c->motion].sizes.errors;
+        const lg_policy_motion_row *sizes = lg_policy_row_of(c);
         double far = 0.0, fast = 0.0;
-        for (uint32_t k = 0; k < n; k++) {
-            far = hypot(far, z[layout->at[i].error + k]);
-            if (moves(c)) fast = hypot(fast, z[layout->at[i].rate + k]);
-        }
-        if (motions[c->motion].cosine != NULL) far = 2.0 * asin(fmin(far / 2.0, 1.0));
+        for (uint32_t k = 0; k < sizes->errors; k++) far = hypot(far, z[layout->at[i].error + k]);
+        for (uint32_t k = 0; moves(c) && k < sizes->rates; k++) fast = hypot(fast, z[layout->at[i].rate + k]);
+        if (motion_of(c)->cosine != NULL) far = 2.0 * asin(fmin(far / 2.0, 1.0));
         if (!(far < c->success) || !(fast < c->success_velocity)) return false;
     }
     return true;

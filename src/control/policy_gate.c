@@ -8,13 +8,18 @@
 
 enum { MOST = LG_POLICY_ERRORS, ANGLES = 8 };
 
+/* Whether the error of the position is that of an angle. */
+static bool turns(const lg_policy_coordinate *c) {
+    return c->motion == LG_POLICY_ANGLE && lg_policy_row_of(c)->errors > 0;
+}
+
 static lg_status check(const lg_policy *p, uint32_t *angles, lg_error *error) {
     *angles = 0;
     if (p->task.kind != LG_POLICY_NETWORK || !p->task.gate)
         return lg_fail(error, LG_UNSUPPORTED, "the controller has no gate");
     for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
         const lg_policy_motion motion = p->task.coordinate[i].motion;
-        if (motion == LG_POLICY_ANGLE) angles[0]++;
+        if (turns(&p->task.coordinate[i])) angles[0]++;
         if ((motion != LG_POLICY_LINE && motion != LG_POLICY_ANGLE) || *angles > ANGLES)
             return lg_fail(error, LG_UNSUPPORTED, "the gate is bounded for lines and up to %d angles",
                            ANGLES);
@@ -55,12 +60,13 @@ lg_status lg_policy_bound_gate(const lg_policy *p, const double *P, double level
         }
     angles = 0;
     for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
-        if (p->task.coordinate[i].motion != LG_POLICY_ANGLE) continue;
+        if (!turns(&p->task.coordinate[i])) continue;
         double row = 0;
-        for (size_t k = 0; k < n; k++) row += T[i * n + k] * T[i * n + k];
+        const size_t error_at = p->layout.at[i].error;
+        for (size_t k = 0; k < n; k++) row += T[error_at * n + k] * T[error_at * n + k];
         const double far = fmin(sqrt(level * row), 3.141592653589793);
         least[angles] = 2 * sin(far / 2) / far;
-        at[angles++] = i;
+        at[angles++] = (uint32_t)error_at;
     }
     for (uint32_t corner = 0; corner < 1u << angles; corner++) {
         double value;

@@ -128,7 +128,7 @@ static lg_var level_of(lg_tape *tape, const lg_policy *p, lg_policy_seen seen, l
     const uint32_t n = p->layout.errors;
     double factors[LG_POLICY_COORDINATES] = {0};
     for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
-        const uint32_t count = lg_policy_motion_row_of(p->task.coordinate[i].motion)->errors;
+        const uint32_t count = lg_policy_row_of(&p->task.coordinate[i])->errors;
         for (uint32_t k = p->layout.at[i].error; k < p->layout.at[i].error + count; k++)
             factors[i] += p->regulator.P[k * (n + 1)] / count;
     }

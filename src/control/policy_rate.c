@@ -1,7 +1,9 @@
-/* Policies: the closed loop as certificates need it. z = (positions - goal, velocities), angles counted. */
+/* Policies: the closed loop as certificates need it. z = (positions - goal, velocities), angles counted; free
+ * positions are no part of z. */
 #include <math.h>
 #include <string.h>
 
+#include "autodiff/tape/tape_internal.h"
 #include "control/policy.h"
 #include "liegrad/ops.h"
 
@@ -9,16 +11,57 @@ static bool moves(const lg_policy *p) {
     return p->layout.velocities > 0;
 }
 
-/* The positions, then the velocities of the goal: the state that z = 0 stands for. */
-static void fill_goal(const lg_policy *p, double *goal) {
-    memset(goal, 0, LG_POLICY_ERRORS * sizeof *goal);
+/* The positions of the goal: of z = 0. */
+static lg_var goal_row(const lg_policy *p, lg_tape *tape) {
+    double goal[LG_POLICY_COORDINATES];
     for (uint32_t i = 0; i < p->task.coordinate_count; i++) goal[i] = p->task.coordinate[i].goal[0];
+    return lg_input_f64(tape, lg_shape2(1, p->layout.positions), goal);
 }
 
-static lg_var goal_row(const lg_policy *p, lg_tape *tape, uint32_t count) {
-    double goal[LG_POLICY_ERRORS];
-    fill_goal(p, goal);
-    return lg_input_f64(tape, lg_shape2(1, count), goal);
+static bool is_free(const lg_policy *p, uint32_t coordinate) {
+    return lg_policy_row_of(&p->task.coordinate[coordinate])->errors == 0;
+}
+
+/* The coordinates from `first` on that are free as it is, or not free as it is. */
+static uint32_t run_of(const lg_policy *p, uint32_t first) {
+    uint32_t end = first + 1;
+    while (end < p->task.coordinate_count && is_free(p, end) == is_free(p, first)) end++;
+    return end - first;
+}
+
+static lg_var joined(lg_tape *tape, const lg_var *parts, uint32_t n) {
+    return n == 1 ? parts[0] : lg_concat(tape, parts, n, 1);
+}
+
+/* (B, count) with rows like z. */
+static lg_var zeros(lg_tape *tape, lg_var z, uint32_t count) {
+    const lg_var none = lg_full(tape, lg_shape2(lg_var_shape(tape, z).dims[0], count), 0.0);
+    lg_tape_mark_rows(tape, none);
+    return none;
+}
+
+/* A number for each coordinate (B, coordinates) from the numbers of z; 0 for a free coordinate. */
+static lg_var spread(const lg_policy *p, lg_tape *tape, lg_var z) {
+    lg_var parts[LG_POLICY_COORDINATES];
+    uint32_t n = 0;
+    for (uint32_t i = 0, count; i < p->task.coordinate_count; i += count) {
+        count = run_of(p, i);
+        parts[n++] =
+            is_free(p, i) ? zeros(tape, z, count) : lg_slice(tape, z, 1, p->layout.at[i].error, count);
+    }
+    return joined(tape, parts, n);
+}
+
+/* The numbers of coordinates that are not free, from numbers of all coordinates. LG_NONE: all are free. */
+static lg_var gathered(const lg_policy *p, lg_tape *tape, lg_var all) {
+    lg_var parts[LG_POLICY_COORDINATES];
+    uint32_t n = 0;
+    for (uint32_t i = 0, count; i < p->task.coordinate_count; i += count) {
+        count = run_of(p, i);
+        if (!is_free(p, i))
+            parts[n++] = count == p->layout.positions ? all : lg_slice(tape, all, 1, i, count);
+    }
+    return n == 0 ? LG_NONE : joined(tape, parts, n);
 }
 
 /* Positions, velocities, the state x of the plant, and the input at z. */
@@ -27,10 +70,9 @@ typedef struct place {
 } place;
 
 static place state_at(const lg_policy *p, lg_tape *tape, lg_var z) {
-    const uint32_t n = p->layout.positions;
-    const lg_var q = lg_add(tape, lg_slice(tape, z, 1, 0, n), goal_row(p, tape, n));
+    const lg_var q = lg_add(tape, spread(p, tape, z), goal_row(p, tape));
     if (!moves(p)) return (place){.q = q, .x = q, .v = LG_NONE};
-    const lg_var v = lg_slice(tape, z, 1, n, n);
+    const lg_var v = lg_slice(tape, z, 1, p->layout.at[0].rate, p->layout.velocities);
     return (place){.q = q, .v = v, .x = lg_program_call(tape, "momenta", 0, (const lg_var[]){q, v})};
 }
 
@@ -46,12 +88,12 @@ static place place_at(const lg_policy *p, lg_tape *tape, const lg_var *theta, lg
 /* The rate of z at x and u */
 static lg_status rate_at(const lg_policy *p, lg_tape *tape, place at, lg_var *out) {
     const lg_var f = lg_program_call(tape, "field", 0, (const lg_var[]){at.x, at.u});
-    *out = f;
+    *out = moves(p) ? gathered(p, tape, at.v) : gathered(p, tape, f);
     if (!moves(p)) return lg_tape_status(tape);
     const lg_var v = lg_program_call(tape, "velocities", 0, &at.x);
-    lg_var parts[2] = {at.v, LG_NONE};
+    lg_var parts[2] = {*out, LG_NONE};
     LG_TRY(lg_jvp(tape, &v, 1, &at.x, &f, 1, &parts[1]));
-    *out = lg_concat(tape, parts, 2, 1);
+    *out = lg_is_none(*out) ? parts[1] : lg_concat(tape, parts, 2, 1);
     return lg_tape_status(tape);
 }
 
@@ -67,8 +109,9 @@ static lg_var after_period(const lg_policy *p, lg_tape *tape, lg_var z, lg_var x
     const double h = p->task.period / p->task.substeps, to[4] = {0, 0.5 * h, 0.5 * h, h},
                  weight[4] = {h / 6, h / 3, h / 3, h / 6};
     if (!moves(p))
-        return lg_sub(tape, lg_program_call(tape, "period", 0, (const lg_var[]){x, u}),
-                      goal_row(p, tape, p->layout.positions));
+        return gathered(
+            p, tape,
+            lg_sub(tape, lg_program_call(tape, "period", 0, (const lg_var[]){x, u}), goal_row(p, tape)));
     for (uint32_t step = 0; step < p->task.substeps; step++) {
         lg_var sum = z, rate = LG_NONE;
         for (int stage = 0; stage < 4; stage++) {
@@ -165,7 +208,7 @@ static lg_status check(const lg_policy *p, lg_error *error) {
 lg_status lg_policy_add_rate(lg_policy *p, lg_program **program, lg_error *error) {
     LG_NEEDS(error, p, program);
     LG_TRY(check(p, error));
-    const uint32_t n = p->layout.positions + p->layout.velocities;
+    const uint32_t n = p->layout.errors;
     LG_TRY(add(p, "rate_by_input", n, INPUT, record_rate_by_input, "dz", error));
     LG_TRY(add(p, "rate", n, NONE, record_rate, "dz", error));
     LG_TRY(add(p, "advance", n, NONE, record_advance, "next_z", error));
@@ -249,6 +292,9 @@ static lg_status check_energy(const lg_policy *p, lg_error *error) {
         return lg_fail(error, LG_UNSUPPORTED,
                        "the energy is certified for one coordinate and one input; the plant has %u and %u",
                        p->task.coordinate_count, p->inputs);
+    if (is_free(p, 0))
+        return lg_fail(error, LG_UNSUPPORTED, "%s is free, and the energy is certified for its position",
+                       p->task.coordinate[0].name);
     return LG_OK;
 }
 

@@ -63,9 +63,9 @@ static const char *name_of(const lg_policy *p, uint32_t i) {
     const char *name = "";
     for (uint32_t k = 0; k < p->task.coordinate_count; k++) {
         const lg_policy_coordinate *c = &p->task.coordinate[k];
-        const uint32_t count = lg_policy_motion_row_of(c->motion)->errors;
-        if (i >= p->layout.at[k].error && i < p->layout.at[k].error + count) name = c->name;
-        if (c->velocity[0] != '\0' && i >= p->layout.at[k].rate && i < p->layout.at[k].rate + count)
+        const lg_policy_motion_row *row = lg_policy_row_of(c);
+        if (i >= p->layout.at[k].error && i < p->layout.at[k].error + row->errors) name = c->name;
+        if (c->velocity[0] != '\0' && i >= p->layout.at[k].rate && i < p->layout.at[k].rate + row->rates)
             name = c->velocity;
     }
     return name;
@@ -109,27 +109,27 @@ static void find_sizes(design *d) {
     const lg_policy *p = d->policy;
     for (uint32_t k = 0; k < p->task.coordinate_count; k++) {
         const lg_policy_coordinate *c = &p->task.coordinate[k];
-        const uint32_t count = lg_policy_motion_row_of(c->motion)->errors;
+        const lg_policy_motion_row *row = lg_policy_row_of(c);
         const double far = fmax(fabs(c->start[0]), fabs(c->start[1])),
                      fast = fmax(fabs(c->start_velocity[0]), fabs(c->start_velocity[1]));
-        for (uint32_t i = 0; i < count; i++) {
-            d->size[p->layout.at[k].error + i] = far > 0 ? far : isfinite(c->success) ? c->success : 1.0;
-            if (c->velocity[0] == '\0') continue;
-            d->size[p->layout.at[k].rate + i] =
-                fast > 0 ? fast
-                : isfinite(c->success_velocity)
-                    ? c->success_velocity
-                    : d->size[p->layout.at[k].error + i] / (10.0 * p->task.period);
-        }
+        const double size = far > 0                ? far
+                            : isfinite(c->success) ? c->success
+                                                   : 1.0,
+                     rate = fast > 0                        ? fast
+                            : isfinite(c->success_velocity) ? c->success_velocity
+                                                            : size / (10.0 * p->task.period);
+        for (uint32_t i = 0; i < row->errors; i++) d->size[p->layout.at[k].error + i] = size;
+        for (uint32_t i = 0; c->velocity[0] != '\0' && i < row->rates; i++)
+            d->size[p->layout.at[k].rate + i] = rate;
     }
 }
 
 /* ---- weights, and the region by runs ---- */
 
-/* Of inputs over their range, of velocities over their size, and a factor on coordinates that success does
- * not bound; positions over their size weigh 1. */
+/* Of inputs over their range, of velocities over their size, and a factor on coordinates whose position
+ * (velocity, if the position is free) success does not bound; positions over their size weigh 1. */
 typedef struct weights {
-    double input, rate, free;
+    double input, rate, loose;
 } weights;
 
 /* Weights of scaled errors and inputs: each error is divided by its size, each input by half its range. */
@@ -137,13 +137,13 @@ static void fill_weights(const design *d, weights w, double *Q, double *R) {
     const lg_policy *p = d->policy;
     for (uint32_t k = 0; k < p->task.coordinate_count; k++) {
         const lg_policy_coordinate *c = &p->task.coordinate[k];
-        const uint32_t count = lg_policy_motion_row_of(c->motion)->errors, at = p->layout.at[k].error,
-                       rate = p->layout.at[k].rate;
-        const double factor = isfinite(c->success) ? 1.0 : w.free;
-        for (uint32_t i = 0; i < count; i++) {
-            Q[(at + i) * (d->n + 1)] = factor;
-            if (c->velocity[0] != '\0') Q[(rate + i) * (d->n + 1)] = factor * w.rate;
-        }
+        const lg_policy_motion_row *row = lg_policy_row_of(c);
+        const uint32_t at = p->layout.at[k].error, rate = p->layout.at[k].rate;
+        const double bound = row->errors > 0 ? c->success : c->success_velocity,
+                     factor = isfinite(bound) ? 1.0 : w.loose;
+        for (uint32_t i = 0; i < row->errors; i++) Q[(at + i) * (d->n + 1)] = factor;
+        for (uint32_t i = 0; c->velocity[0] != '\0' && i < row->rates; i++)
+            Q[(rate + i) * (d->n + 1)] = factor * w.rate;
     }
     for (uint32_t l = 0; l < d->m; l++) R[l * (d->m + 1)] = w.input;
 }
@@ -468,8 +468,11 @@ static lg_status set_map(design *d) {
             double sum = 0.0;
             for (uint32_t j = 0; j < k; j++) sum += M[i * k + j] * B[(first + j) * d->m + l];
             p->G[l * d->n + first + i] = sum;
-            if (i < first) p->G[l * d->n + i] = sum;
         }
+    for (uint32_t i = 0; i < p->task.coordinate_count && status == LG_OK; i++)
+        for (uint32_t l = 0; p->task.coordinate[i].velocity[0] != '\0' && l < d->m; l++)
+            memcpy(p->G + l * d->n + p->layout.at[i].error, p->G + l * d->n + p->layout.at[i].rate,
+                   lg_policy_row_of(&p->task.coordinate[i])->errors * sizeof *p->G);
     lg_free(p->context, z);
     return status;
 }

@@ -1,5 +1,6 @@
-/* Policies that follow set points: the machine must move in the same way wherever the tracked coordinate is,
- * so that a set point is a shift of the coordinate. */
+/* Policies that follow set points, or to which a position does not matter: the machine must move in the same
+ * way wherever the coordinate is. Then a set point is a shift of the coordinate, and a free position has no
+ * errors. */
 #include <math.h>
 #include <string.h>
 
@@ -35,23 +36,31 @@ static lg_status see(const lg_policy *p, const double *x, double *q, double *v, 
     return LG_OK;
 }
 
-/* The motion over a period from the errors z, whose error `at` is larger by `shift`. */
-static lg_status move(const lg_policy *p, const double *z, const double *u, uint32_t at, double shift,
+/* The motion over a period from the positions and velocities `seen`, whose position `at` is larger by
+ * `shift`. */
+static lg_status move(const lg_policy *p, const double *seen, const double *u, uint32_t at, double shift,
                       motion *out, lg_error *error) {
-    const size_t n = p->layout.errors, nq = p->layout.positions, nv = p->layout.velocities;
-    double *from = lg_alloc(p->context, TRIALS * (n + 2 * p->state + nq + nv), sizeof *from);
-    if (from == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a comparison of motions");
-    double *x = from + TRIALS * n, *next = x + TRIALS * p->state, *q = next + TRIALS * p->state,
-           *v = q + TRIALS * nq;
-    memcpy(from, z, TRIALS * n * sizeof *z);
-    for (size_t i = 0; i < TRIALS; i++) from[i * n + at] += shift;
-    lg_status status = lg_policy_states(p, from, TRIALS, x, error);
+    const size_t nq = p->layout.positions, nv = p->layout.velocities;
+    double *q = lg_alloc(p->context, TRIALS * (nq + nv + 2 * p->state), sizeof *q);
+    if (q == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a comparison of motions");
+    double *v = q + TRIALS * nq, *x = v + TRIALS * nv, *next = x + TRIALS * p->state;
+    for (size_t i = 0; i < TRIALS; i++) {
+        memcpy(q + i * nq, seen + i * (nq + nv), nq * sizeof *q);
+        memcpy(v + i * nv, seen + i * (nq + nv) + nq, nv * sizeof *v);
+        q[i * nq + at] += shift;
+    }
+    lg_status status = LG_OK;
+    if (nv == 0)
+        memcpy(x, q, TRIALS * nq * sizeof *x);
+    else
+        status = lg_program_eval(p->context, p->program, "momenta", TRIALS, (const double *const[]){q, v},
+                                 (double *const[]){x}, error);
     if (status == LG_OK) status = see(p, x, q, v, out->before, error);
     if (status == LG_OK)
         status = lg_program_eval(p->context, p->program, "period", TRIALS, (const double *const[]){x, u},
                                  (double *const[]){next}, error);
     if (status == LG_OK) status = see(p, next, q, v, out->after, error);
-    lg_free(p->context, from);
+    lg_free(p->context, q);
     return status;
 }
 
@@ -70,29 +79,42 @@ static bool same(const lg_policy *p, const motion *a, const motion *b, uint32_t 
     return true;
 }
 
-static lg_status compare(const lg_policy *p, uint32_t k, const double *z, const double *u, motion *a,
+/* How far a coordinate is shifted: beyond its starts, or as far as it goes in a run. */
+static double shift_of(const lg_policy_task *task, const lg_policy_coordinate *c) {
+    const double far = fmax(fabs(c->start[0]), fabs(c->start[1])),
+                 fast = fmax(fabs(c->start_velocity[0]), fabs(c->start_velocity[1]));
+    if (c->motion == LG_POLICY_ANGLE) return 1.0;
+    if (far > 0.0) return 4.0 * far;
+    if (isfinite(c->success)) return 10.0 * c->success;
+    if (fast > 0.0) return fast * task->horizon;
+    return isfinite(c->success_velocity) ? c->success_velocity * task->horizon : 1.0;
+}
+
+static lg_status compare(const lg_policy *p, uint32_t k, const double *seen, const double *u, motion *a,
                          motion *b, lg_error *error) {
     const lg_policy_coordinate *c = &p->task.coordinate[k];
-    const double far = fmax(fabs(c->start[0]), fabs(c->start[1])), shift = c->motion == LG_POLICY_ANGLE ? 1.0
-                                                                           : far > 0.0 ? 4.0 * far
-                                                                           : isfinite(c->success)
-                                                                               ? 10.0 * c->success
-                                                                               : 1.0;
-    LG_TRY(move(p, z, u, p->layout.at[k].error, 0.0, a, error));
-    LG_TRY(move(p, z, u, p->layout.at[k].error, shift, b, error));
-    if (same(p, a, b, p->layout.at[k].position, shift)) return LG_OK;
+    const uint32_t at = p->layout.at[k].position;
+    const double shift = shift_of(&p->task, c);
+    LG_TRY(move(p, seen, u, at, 0.0, a, error));
+    LG_TRY(move(p, seen, u, at, shift, b, error));
+    if (same(p, a, b, at, shift)) return LG_OK;
+    if (c->free)
+        return lg_fail(error, LG_CHECK_FAILED,
+                       "free: the machine moves otherwise where %s is %.3g larger, so the position of %s "
+                       "matters and cannot be left out",
+                       c->name, shift, c->name);
     return lg_fail(error, LG_CHECK_FAILED,
                    "track: the machine moves otherwise where %s is %.3g larger, so no set point of %s can be "
                    "followed by a shift",
                    c->name, shift, c->name);
 }
 
-lg_status lg_policy_check_track(const lg_policy *p, uint64_t seed, lg_error *error) {
-    const uint32_t n = p->layout.errors, seen = numbers_of(p);
-    double *z = lg_alloc(p->context, TRIALS * (n + p->inputs + 4 * seen), sizeof *z);
+/* Random states: starts, with free positions from their range. */
+static lg_status draw(const lg_policy *p, uint64_t seed, double *seen, double *u, lg_error *error) {
+    const uint32_t n = p->layout.errors, nq = p->layout.positions, nv = p->layout.velocities;
+    double *z = lg_alloc(p->context, TRIALS * (n + p->state + nq + nv), sizeof *z);
     if (z == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a comparison of motions");
-    double *u = z + TRIALS * n, *rest = u + TRIALS * p->inputs;
-    motion a = {rest, rest + TRIALS * seen}, b = {a.after + TRIALS * seen, a.after + 2 * TRIALS * seen};
+    double *x = z + TRIALS * n, *q = x + TRIALS * p->state, *v = q + TRIALS * nq;
     lg_rng rng;
     lg_rng_seed(&rng, seed, 9);
     for (size_t i = 0; i < TRIALS; i++) {
@@ -100,9 +122,35 @@ lg_status lg_policy_check_track(const lg_policy *p, uint64_t seed, lg_error *err
         for (uint32_t l = 0; l < p->inputs; l++)
             u[i * p->inputs + l] = lg_rng_uniform_in(&rng, p->task.input[l].low, p->task.input[l].high);
     }
-    lg_status status = LG_OK;
-    for (uint32_t k = 0; k < p->task.coordinate_count && status == LG_OK; k++)
-        if (p->task.coordinate[k].track) status = compare(p, k, z, u, &a, &b, error);
+    lg_status status = lg_policy_states(p, z, TRIALS, x, error);
+    if (status == LG_OK) status = see(p, x, q, v, seen, error);
+    for (uint32_t k = 0; k < p->task.coordinate_count && status == LG_OK; k++) {
+        const lg_policy_coordinate *c = &p->task.coordinate[k];
+        for (size_t i = 0; c->free && i < TRIALS; i++)
+            seen[i * (nq + nv) + p->layout.at[k].position] +=
+                lg_rng_uniform_in(&rng, c->start[0], c->start[1]);
+    }
     lg_free(p->context, z);
+    return status;
+}
+
+static bool shifted(const lg_policy_coordinate *c, bool tracked) {
+    return (tracked && c->track) || c->free;
+}
+
+lg_status lg_policy_check_shifts(const lg_policy *p, bool tracked, uint64_t seed, lg_error *error) {
+    const lg_policy_task *task = &p->task;
+    const size_t numbers = (size_t)TRIALS * numbers_of(p);
+    uint32_t first = 0;
+    while (first < task->coordinate_count && !shifted(&task->coordinate[first], tracked)) first++;
+    if (first == task->coordinate_count) return LG_OK;
+    double *seen = lg_alloc(p->context, 5 * numbers + (size_t)TRIALS * p->inputs, sizeof *seen);
+    if (seen == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a comparison of motions");
+    motion a = {seen + numbers, seen + 2 * numbers}, b = {seen + 3 * numbers, seen + 4 * numbers};
+    double *u = seen + 5 * numbers;
+    lg_status status = draw(p, seed, seen, u, error);
+    for (uint32_t k = first; k < task->coordinate_count && status == LG_OK; k++)
+        if (shifted(&task->coordinate[k], tracked)) status = compare(p, k, seen, u, &a, &b, error);
+    lg_free(p->context, seen);
     return status;
 }

@@ -18,7 +18,7 @@ static void add_names(const lg_policy_task *task, bool velocities, text *to) {
         if (name[0] == '\0') continue;
         lg_text_add(to, " %s", name);
         if (!velocities)
-            lg_text_add(to, "%s", units[c->motion]);
+            lg_text_add(to, "%s%s", units[c->motion], c->free ? " (free: its number is not used)" : "");
         else if (count > 1)
             lg_text_add(to, " (%u)", count);
     }
@@ -38,8 +38,8 @@ static void add_goal(const export_policy_job *j, text *to) {
     for (uint32_t i = 0; i < j->task->coordinate_count; i++) {
         const lg_policy_coordinate *c = &j->task->coordinate[i];
         const uint32_t count = lg_policy_motion_row_of(c->motion)->position;
-        lg_text_add(to, " %s", c->name);
-        for (uint32_t k = 0; k < count; k++) lg_text_add(to, " %g", c->goal[k]);
+        lg_text_add(to, " %s%s", c->name, c->free ? " anywhere" : "");
+        for (uint32_t k = 0; k < count && !c->free; k++) lg_text_add(to, " %g", c->goal[k]);
     }
     lg_text_add(to, "%s\n", j->velocities > 0 ? ", at rest" : "");
 }

@@ -41,6 +41,7 @@ enum {
     KEY_DELAY,
     KEY_NOISE,
     KEY_TRACK,
+    KEY_FREE,
     KEY_COUNT
 };
 
@@ -111,6 +112,7 @@ static const lg_field keys[KEY_COUNT] = {
     [KEY_DELAY] = FIELD("robust.delay", REAL, delay, .high = 1),
     [KEY_NOISE] = {.name = "robust.noise", .type = LG_FIELD_NODE},
     [KEY_TRACK] = {.name = "track", .type = LG_FIELD_NODE},
+    [KEY_FREE] = {.name = "free", .type = LG_FIELD_NODE},
 };
 
 /* ---- mappings from names to numbers ---- */
@@ -238,10 +240,18 @@ static void rotation_of(const double *q, double *R) {
     for (int i = 0; i < 9; i++) R[i] = of[i] / n;
 }
 
+/* What is expected instead of the position of a free coordinate. */
+static const char not_free[] = "a position that is not free: this one has no error (key free)";
+
+static bool is_free(named of) {
+    return of.coordinate != NULL && of.coordinate->free && !of.velocity;
+}
+
 static const char *take_goal(lg_policy_task *task, named of, const char *name, const double *x,
                              uint32_t count) {
     (void)task, (void)name;
     if (of.coordinate == NULL) return of.input != NULL ? "a coordinate, not an input" : "";
+    if (is_free(of)) return not_free;
     if (of.velocity) return count == 1 && x[0] == 0.0 ? NULL : "0, for the goal is a state at rest";
     lg_policy_coordinate *c = of.coordinate;
     switch (c->motion) {
@@ -287,6 +297,7 @@ static const char *take_cost(lg_policy_task *task, named of, const char *name, c
                              uint32_t count) {
     (void)task, (void)name;
     if (of.coordinate == NULL && of.input == NULL) return "";
+    if (is_free(of)) return not_free;
     if (count != 1 || x[0] < 0.0) return "a weight, not below 0";
     *(of.input != NULL ? &of.input->weight
       : of.velocity    ? &of.coordinate->weight_velocity
@@ -297,6 +308,7 @@ static const char *take_cost(lg_policy_task *task, named of, const char *name, c
 static const char *take_success(lg_policy_task *task, named of, const char *name, const double *x,
                                 uint32_t count) {
     const bool hold = strcmp(name, "hold") == 0, within = strcmp(name, "within") == 0;
+    if (is_free(of)) return not_free;
     if (count != 1 || !(x[0] > 0.0)) return "a number above 0";
     if (hold || within)
         *(hold ? &task->hold : &task->within) = x[0];
@@ -311,27 +323,32 @@ static const char *take_noise(lg_policy_task *task, named of, const char *name, 
                               uint32_t count) {
     (void)task, (void)name;
     if (of.coordinate == NULL) return of.input != NULL ? "a coordinate, not an input" : "";
+    if (is_free(of)) return not_free;
     if (count != 1 || x[0] < 0.0) return "a standard deviation, not below 0";
     *(of.velocity ? &of.coordinate->noise_velocity : &of.coordinate->noise) = x[0];
     return NULL;
 }
 
-/* A list of names of positions. */
-static lg_status read_track(reading *r, const lg_key_value *value) {
+/* A list of names of positions, for `track` or `free`. */
+static lg_status read_positions(reading *r, const lg_key_value *value, const char *what) {
     const yaml_node_t *list = value->node;
     if (value->line == 0) return LG_OK;
     if (list->type != YAML_SEQUENCE_NODE)
-        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error, "track: expected a list of positions");
+        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error, "%s: expected a list of positions",
+                            what);
     for (const yaml_node_item_t *item = list->data.sequence.items.start; item < list->data.sequence.items.top;
          item++) {
         const yaml_node_t *node = node_at(r, *item);
         const char *name = node->type == YAML_SCALAR_NODE ? (const char *)node->data.scalar.value : "";
         const named of = find_name(r->task, name);
-        if (of.coordinate == NULL && of.input == NULL) return unknown(r, node, "track", name);
+        if (of.coordinate == NULL && of.input == NULL) return unknown(r, node, what, name);
         if (of.coordinate == NULL || of.velocity)
             return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
-                                "track: expected a position, not '%.40s'", name);
-        of.coordinate->track = true;
+                                "%s: expected a position, not '%.40s'", what, name);
+        if (is_free(of))
+            return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "%s: %.40s: expected %s", what,
+                                name, not_free);
+        *(strcmp(what, "free") == 0 ? &of.coordinate->free : &of.coordinate->track) = true;
     }
     return LG_OK;
 }
@@ -372,13 +389,14 @@ static lg_status read_task(reading *r) {
     LG_TRY(lg_yaml_read(r->yaml, &set, 1, NULL, "policy", r->error));
     set_defaults(r->task);
     LG_TRY(lg_yaml_store(r->yaml, keys, values, KEY_COUNT, r->task, r->error));
+    LG_TRY(read_positions(r, &values[KEY_FREE], "free"));
     LG_TRY(read_entries(r, &values[KEY_GOAL], "goal", take_goal));
     LG_TRY(read_entries(r, &values[KEY_STARTS], "starts", take_starts));
     LG_TRY(read_entries(r, &values[KEY_LIMITS], "limits", take_limits));
     LG_TRY(read_entries(r, &values[KEY_COST], "cost", take_cost));
     LG_TRY(read_entries(r, &values[KEY_SUCCESS], "success", take_success));
     LG_TRY(read_entries(r, &values[KEY_NOISE], "robust.noise", take_noise));
-    LG_TRY(read_track(r, &values[KEY_TRACK]));
+    LG_TRY(read_positions(r, &values[KEY_TRACK], "track"));
     return check_inputs(r);
 }
 
