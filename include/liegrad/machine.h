@@ -820,8 +820,8 @@ typedef struct lg_log_statistics {
     /* Smallest and largest value in the log, after scaling. NaN: all values are missing. */
     double low, high;
     size_t missing; /* Number of rows without a value. */
-    /* Values of a position of a line or angle, or of a velocity, that jump away from the values beside them and
-     * come back within two rows. They are left out of the log. */
+    /* Values of a position of a line or angle, or of a velocity, that jump away from the values beside them
+     * and come back within two rows. They are left out of the log. */
     size_t outliers;
     /* Estimated standard deviation of the noise. For positions and velocities in coarse steps at least
      * step/sqrt(12). NaN: too few rows. */

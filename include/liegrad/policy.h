@@ -98,7 +98,7 @@ typedef struct lg_policy_coordinate {
     double success, success_velocity; /* largest |error| (of an angle: in radians); INFINITY: any */
     bool track; /* the controller follows set points of this line or angle (function `track`) */
     /* The position of this line or angle does not matter (a wheel, a turntable): it is no part of z, of the
-     * features of a network, of cost and success. Its velocity is. goal and weight must be 0, noise 0, success
+     * features of a network, of cost and success. Its velocity is. goal, weight and noise must be 0, success
      * INFINITY, track false. The machine must move in the same way wherever the coordinate is:
      * lg_policy_create compares it at random states, and fails with LG_CHECK_FAILED. */
     bool free;
@@ -192,7 +192,8 @@ LG_API const lg_policy_regulator *lg_policy_regulator_of(const lg_policy *policy
 
 /* Adds the continuous and the held closed loop to the policy's program:
  *   rate       (z) -> z'   z = (positions - goal, velocities), angles counted on the real line; z = x - goal
- *                          without velocities; free positions are no part of z. The input follows the state without delay: u = policy(q, v).
+ *                          without velocities; free positions are no part of z. The input follows the state
+ *                          without delay: u = policy(q, v).
  *   advance    (z) -> z    after a period in which u is held: with velocities by the classical Runge-Kutta
  *                          method for z in task.substeps parts, otherwise by the plant's own step
  *   rate_by_gains, advance_by_gains  (z, K) -> the same with the saturated regulator of a shared K
