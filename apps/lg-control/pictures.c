@@ -85,8 +85,8 @@ static bool turns(const lg_policy_coordinate *c) {
     return c->motion != LG_POLICY_LINE && !c->free;
 }
 
-/* The first coordinate that turns and is not free, else the first, and its velocity; without velocities another
- * coordinate, or the time. */
+/* The first coordinate that turns and is not free, else the first, and its velocity; without velocities
+ * another coordinate, or the time. */
 static void choose_phase(const drawing *d, size_t *chosen) {
     size_t velocity = d->task->coordinate_count;
     size_t first = 0;

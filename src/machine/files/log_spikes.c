@@ -1,7 +1,7 @@
 /* Leaves out outliers of positions and velocities: one or two values that jump away from their neighbours and
  * come back. A value is compared with the cubic polynomial through the two values before it and the two after
- * it (at the ends of a part one and three). It is an outlier if it is far off, and if the values beside it agree with each other once it is left
- * out: of a kink or a step they do not. */
+ * it (at the ends of a part one and three). It is an outlier if it is far off, and if the values beside it
+ * agree with each other once it is left out: of a kink or a step they do not. */
 #include <math.h>
 #include <stdlib.h>
 
@@ -59,8 +59,8 @@ static void put_back(trace *x, size_t i) {
     if (x->next[i] < x->n) x->previous[x->next[i]] = i;
 }
 
-/* Value i minus the polynomial through the four values beside it, `before` and `after` being the nearest; NaN:
- * there is none on one side. */
+/* Value i minus the polynomial through the four values beside it, of which `before` and `after` are the
+ * nearest; NaN: there is none on one side. */
 static double difference(const trace *x, size_t i, size_t before, size_t after) {
     if (before >= x->n || after >= x->n) return (double)NAN;
     size_t at[4] = {x->previous[before], before, after, x->next[after]};

@@ -1,6 +1,7 @@
 /* The table through which logs are read into lg_logs. log_csv.c and log_h5.c fill it with the columns of the
  * machine's file, logs.c cuts it into parts, log_clean.c mends attitudes and angles, log_spikes.c leaves out
- * outliers, log_jumps.c warns of values far from all others, log_check.c compares positions with velocities, log_statistics.c has noise and splines. */
+ * outliers, log_jumps.c warns of values far from all others, log_check.c compares positions with velocities,
+ * log_statistics.c has noise and splines. */
 #ifndef LG_LOG_TABLE_H
 #define LG_LOG_TABLE_H
 
