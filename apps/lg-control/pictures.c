@@ -71,6 +71,7 @@ static void choose_map(const drawing *d, const lg_policy_regulator *r, size_t *c
     double most[2] = {-1, -1};
     chosen[0] = chosen[1] = d->axes;
     for (size_t i = 0; i < d->axes; i++) {
+        if (d->axis[i].errors == 0) continue; /* free */
         const double reach = reach_of(&d->axis[i], r);
         if (reach > most[0]) {
             most[1] = most[0], chosen[1] = chosen[0];

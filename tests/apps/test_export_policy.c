@@ -142,6 +142,27 @@ TEST("a controller of a body takes quaternions") {
     export_expect("grep -q 'b (quaternion w x y z, 4), then velocities vb (3)' body/body.h");
 }
 
+TEST("the number of a free position changes no input, and the self-tests of all functions pass") {
+    cli_write("drive.yaml", test_text(cart, 1.0, "damping: {kind: known, values: [0.1, 0.01]}\n"));
+    train("drive",
+          "plant: drive.yaml\nperiod: 0.05\nhorizon: 3\nstarts: {x: [-1, 1], theta: [-0.3, 0.3], vx: "
+          "[-1, 1]}\nlimits: {u: 10}\ncost: {theta: 2, vx: 0.1, w: 0.1, u: 0.01}\nsuccess: {theta: "
+          "0.05, vx: 0.1, hold: 1, within: 10}\ncontroller: {kind: network, hidden: [8]}\nfree: "
+          "[x]\n");
+    export_run("drive.h5 --out drive --name drive --functions control,observe,adapt");
+    export_check_each("drive", "drive", few, LG_COUNT(few));
+    export_expect("tr -d '\\n' < drive/drive.h | sed 's/ \\*  */ /g' | grep -q 'x (free: its number is not "
+                  "used) theta (rad)' && grep -q 'x anywhere theta 0' drive/drive.h");
+    double x[] = {0.4, 0.2, -0.8, 0.5}, u[2];
+    load("drive");
+    evaluate("control", x, NULL, u);
+    export_library lib = export_open("drive", "drive", "gcc", "-O1");
+    x[0] = 7e8;
+    export_call(&lib, "control", 2, (export_port[]){EXPORT_IN(x, 4), EXPORT_OUT(u + 1, 1)});
+    assert_close(u[1], u[0], 1e-13, 0);
+    export_close(&lib);
+}
+
 TEST("observer and adaptation are refused for other plants than lines and angles") {
     cli_write("body.yaml", body);
     train("body", body_task);

@@ -77,15 +77,24 @@ static lg_program *three_states(void) {
     return program;
 }
 
+static void disturb(lg_policy_task *task) {
+    lg_policy_coordinate *th = &task->coordinate[0], *ph = &task->coordinate[1];
+    th->noise = 0.01, th->noise_velocity = 0.05, ph->noise_velocity = 0.5;
+    task->delay = 0.5;
+}
+
 /* The regulator is given; the bounds of velocities are `wide` times as large. */
-static lg_policy *make_three(const double *gains, double wide) {
+static lg_policy *make_three(const double *gains, double wide, bool disturbed) {
     lg_policy_task task = wheel_task(LG_POLICY_LQR);
+    if (disturbed) disturb(&task);
     const lg_policy_coordinate *ph = &task.coordinate[1], *th = &task.coordinate[0];
     lg_policy_coordinate states[3] = {*th, moving("vth", "", LG_POLICY_LINE),
                                       moving("vph", "", LG_POLICY_LINE)};
     states[0].velocity[0] = '\0', states[0].weight_velocity = 0.0, states[0].success_velocity = INFINITY;
     states[1].weight = th->weight_velocity, states[1].success = wide * th->success_velocity;
     states[2].weight = ph->weight_velocity, states[2].success = wide * ph->success_velocity;
+    states[0].noise_velocity = 0.0, states[1].noise = th->noise_velocity,
+    states[2].noise = ph->noise_velocity;
     memcpy(task.coordinate, states, sizeof states);
     task.coordinate_count = 3, task.gain_count = 3;
     memcpy(task.gains, gains, 3 * sizeof *gains);
@@ -109,7 +118,8 @@ TEST("regulator, costs and success are those of the plant without the position")
     assert_int_equal(chosen->layout.errors, 3);
     task.gain_count = 3;
     memcpy(task.gains, chosen->regulator.K, 3 * sizeof *task.gains);
-    const lg_policy *given = make(&task, wheel("angle", 1, 1, 1)), *three = make_three(task.gains, 1.0);
+    const lg_policy *given = make(&task, wheel("angle", 1, 1, 1)),
+                    *three = make_three(task.gains, 1.0, false);
     double A[2][9], B[2][3];
     linearise(chosen, A[0], B[0]);
     linearise(three, A[1], B[1]);
@@ -124,7 +134,42 @@ TEST("regulator, costs and success are those of the plant without the position")
     assert_int_equal(own.succeeded, other.succeeded);
     assert_close(own.cost_mean, other.cost_mean, 1e-6, 0.0);
     /* P of given gains weighs squares of velocities a tenth: of states they are then sqrt(10) as large. */
-    assert_all_close(given->regulator.P, make_three(task.gains, sqrt(10.0))->regulator.P, 9, 1e-6, 1e-9);
+    assert_all_close(given->regulator.P, make_three(task.gains, sqrt(10.0), false)->regulator.P, 9, 1e-6,
+                     1e-9);
+}
+
+TEST("disturbed runs are those of the plant without the position") {
+    static const double gains[3] = {-0.5, -0.05, -0.001};
+    lg_policy_task task = wheel_task(LG_POLICY_LQR);
+    disturb(&task);
+    task.gain_count = 3;
+    memcpy(task.gains, gains, sizeof gains);
+    const lg_policy *policy = make(&task, wheel("angle", 1, 1, 1)), *three = make_three(gains, 1.0, true);
+    lg_policy_outcome own, other;
+    assert_ok(lg_policy_evaluate(policy, LG_POLICY_DISTURBED, 100, 3, 1, &own, NULL, NULL));
+    assert_ok(lg_policy_evaluate(three, LG_POLICY_DISTURBED, 100, 3, 1, &other, NULL, NULL));
+    assert_int_equal(own.succeeded, other.succeeded);
+    assert_close(own.cost_mean, other.cost_mean, 1e-6, 0.0);
+}
+
+TEST("an energy controller pushes by positions that are not free, and damps all velocities") {
+    static const char coupled[] =
+        "columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: vx}, {name: th, kind: angle, "
+        "velocity: w}]\ninputs: {columns: [u, f]}\nmass: {kind: known, values: [[2, 0.3], [0.3, 0.5]]}\n"
+        "damping: {kind: known, values: [0.4, 0.1]}\ninput_map: {kind: known, values: [[1, 0], [0.7, 2]]}\n";
+    lg_policy_task task = cart_task();
+    task.kind = LG_POLICY_ENERGY, task.search = false;
+    task.gain_count = 2, task.gains[0] = 0.3, task.gains[1] = 0.2;
+    task.input_count = 2, task.input[1] = (lg_policy_input){"f", -10.0, 10.0, 0.002};
+    task.coordinate[0].free = true, task.coordinate[0].weight = 0.0;
+    const lg_policy *policy = make(&task, coupled);
+    assert_all_close(policy->G, ((double[]){0.7, 1, 0.7, 2, 0, 2}), 6, 1e-6, 1e-7); /* th, vx, w */
+    const double x[4] = {5, 0.1, 0.2, -0.4};
+    double u[2];
+    assert_ok(lg_program_eval(NULL, policy->program, "control", 1, (const double *const[]){x},
+                              (double *const[]){u}, NULL));
+    assert_close(u[0], -0.3 * 0.7 * 0.1 - 0.2 * (0.2 - 0.7 * 0.4), 1e-6, 0.0);
+    assert_close(u[1], -0.3 * 2 * 0.1 + 0.2 * 2 * 0.4, 1e-6, 0.0);
 }
 
 TEST("the controller does not use the number, and the network has no feature of it") {
@@ -245,6 +290,7 @@ TEST("a policy is not judged on a plant where the free position matters") {
         "input_map: {kind: known, values: [[1]]}\n%s";
     lg_policy_task task = drive_task(LG_POLICY_LQR);
     task.coordinate_count = 1, task.coordinate[0].success_velocity = 0.1;
+    task.coordinate[0].start[0] = task.coordinate[0].start[1] = 0.0;
     /* Nothing but the velocity is held. */
     lg_policy *policy = make(&task, test_text(spring, "")), *other;
     lg_policy_outcome outcome;
