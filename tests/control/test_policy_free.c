@@ -3,6 +3,7 @@
  * ctest-labels: src/control */
 #include <unistd.h>
 
+#include "kernels/matrix.h"
 #include "liegrad/ops.h"
 #include "liegrad/taped.h"
 #include "support/policies.h"
@@ -236,28 +237,37 @@ TEST("rate and advance of a certificate are motions of what is not free, whateve
     check_motion(make(&drive, cart_pole), 1);
 }
 
+/* P = L L^T of the regulator: a state z of the set {V <= level} reaches far in the angle where the parts of
+ * angle and velocity in V cancel each other. There the error of the angle is less than the angle, and V of the
+ * errors is more than V of z. */
 TEST("the bound of the gate is of the angle, also behind a free coordinate") {
     const lg_policy_task task = drive_task(LG_POLICY_NETWORK);
     const lg_policy *policy = make(&task, cart_pole);
     const lg_policy_regulator *r = &policy->regulator;
-    /* The angle reaches far, where its error is much less than the angle. */
-    const double P[9] = {0.3, 0, 0, 0, 100, 0, 0, 0, 100};
-    double bound, most = 0;
-    assert_ok(lg_policy_bound_gate(policy, P, 1.0, &bound, NULL));
-    lg_rng rng = test_rng(12, 0);
-    for (int k = 0; k < 20000; k++) {
-        double z[3], q[2] = {0}, x[4], e[3], V = 0, gate = 0;
-        for (int i = 0; i < 3; i++) z[i] = lg_rng_normal(&rng);
-        for (int i = 0; i < 3; i++) V += z[i] * P[4 * i] * z[i];
-        for (int i = 0; i < 3; i++) z[i] /= sqrt(V);
-        q[1] = z[0];
-        call(policy->program, "momenta", q, z + 1, x);
-        call(policy->program, "errors", x, NULL, e);
-        for (int i = 0; i < 9; i++) gate += e[i / 3] * r->P[i] * e[i % 3];
-        most = fmax(most, gate / r->c);
+    double L[9], bound, most = 0, far = 0, level = 1;
+    assert_true(lg_matrix_cholesky(3, r->P, L));
+    for (int pass = 0; pass < 2; pass++) { /* the first one finds the level at which the angle reaches 2 */
+        lg_rng rng = test_rng(12, 0);
+        for (int k = 0; k < 20000; k++) {
+            double y[3], z[3], q[2] = {0}, x[4], e[3], length = 0, gate = 0;
+            for (int i = 0; i < 3; i++) y[i] = lg_rng_normal(&rng), length += y[i] * y[i];
+            for (int i = 3; i-- > 0;) { /* L^T z = y */
+                z[i] = y[i] * sqrt(level / length);
+                for (int j = i + 1; j < 3; j++) z[i] -= L[3 * j + i] * z[j];
+                z[i] /= L[4 * i];
+            }
+            far = fmax(far, z[0]);
+            q[1] = z[0];
+            call(policy->program, "momenta", q, z + 1, x);
+            call(policy->program, "errors", x, NULL, e);
+            for (int i = 0; i < 9; i++) gate += e[i / 3] * r->P[i] * e[i % 3];
+            most = pass == 0 ? 0 : fmax(most, gate / r->c);
+        }
+        if (pass == 0) level *= 4 / (far * far);
     }
-    print_message("the gate's V/c up to %g, bound %g\n", most, bound);
-    assert_true(most <= bound && most > 0.7 * bound);
+    assert_ok(lg_policy_bound_gate(policy, r->P, level, &bound, NULL));
+    print_message("the gate's V/c up to %g, bound %g, level %g\n", most, bound, level / r->c);
+    assert_true(most <= bound && most > 0.5 * bound && most > 1.2 * level / r->c);
 }
 
 /* ---- refusals ---- */
