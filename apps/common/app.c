@@ -369,13 +369,15 @@ static int reserve(const app *self) {
                     self->threads == 1 ? "" : "s");
 }
 
-/* Checks the options that name files: required ones are given, and outputs can be written. */
+/* Checks that required options are given, and that outputs can be written. */
 static int check_files(const app *self) {
     app_path paths[APP_SLOTS];
     size_t count = 0;
     for (size_t i = 0; i < self->slot_count; i++) {
         const app_slot *slot = &self->slots[i];
         const lg_field *row = slot->row;
+        if (row->required && row->type != LG_FIELD_STRING && !slot->given)
+            return app_usage(self, "--%s %s is missing", slot->name, row->unit);
         if (row->type != LG_FIELD_STRING) continue;
         const char *text = *(const char *const *)((const char *)slot->values + row->offset);
         if (row->required && text == NULL)

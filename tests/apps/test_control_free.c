@@ -4,7 +4,8 @@
 
 static const char control[] = "lg-control";
 #define TASK                                                                                                 \
-    "plant: wheel.yaml\nperiod: 0.04\nhorizon: 5\nstarts: {th: [-0.3, 0.3], vph: [-9, 9]}\nlimits: {u: 0.12}\ncost: {th: " \
+    "plant: wheel.yaml\nperiod: 0.04\nhorizon: 5\nstarts: {th: [-0.3, 0.3], vph: [-9, 9]}\nlimits: {u: "     \
+    "0.12}\ncost: {th: "                                                                                     \
     "1, vth: 0.05, vph: 0.0001}\nsuccess: {th: 0.05, vth: 0.3, vph: 3, hold: 1, within: 6}\ncontroller: "    \
     "{kind: lqr}\n"
 
