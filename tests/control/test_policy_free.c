@@ -238,8 +238,8 @@ TEST("rate and advance of a certificate are motions of what is not free, whateve
 }
 
 /* P = L L^T of the regulator: a state z of the set {V <= level} reaches far in the angle where the parts of
- * angle and velocity in V cancel each other. There the error of the angle is less than the angle, and V of the
- * errors is more than V of z. */
+ * angle and velocity in V cancel each other. There the error of the angle is less than the angle, and V of
+ * the errors is more than V of z. */
 TEST("the bound of the gate is of the angle, also behind a free coordinate") {
     const lg_policy_task task = drive_task(LG_POLICY_NETWORK);
     const lg_policy *policy = make(&task, cart_pole);
