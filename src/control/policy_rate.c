@@ -22,7 +22,7 @@ static bool is_free(const lg_policy *p, uint32_t coordinate) {
     return lg_policy_row_of(&p->task.coordinate[coordinate])->errors == 0;
 }
 
-/* The coordinates from `first` on that are free as it is, or not free as it is. */
+/* How many coordinates from `first` on are all free, or are all not free. */
 static uint32_t run_of(const lg_policy *p, uint32_t first) {
     uint32_t end = first + 1;
     while (end < p->task.coordinate_count && is_free(p, end) == is_free(p, first)) end++;
