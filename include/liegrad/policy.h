@@ -99,8 +99,9 @@ typedef struct lg_policy_coordinate {
     bool track; /* the controller follows set points of this line or angle (function `track`) */
     /* The position of this line or angle does not matter (a wheel, a turntable): it is no part of z, of the
      * features of a network, of cost and success. Its velocity is. goal, weight and noise must be 0, success
-     * INFINITY, track false. The machine must move in the same way wherever the coordinate is:
-     * lg_policy_create compares it at random states, and fails with LG_CHECK_FAILED. */
+     * INFINITY, track false; `start` is for the comparison alone, runs start at 0. The machine must move in
+     * the same way wherever the coordinate is: lg_policy_create compares it at random states, and fails with
+     * LG_CHECK_FAILED. */
     bool free;
     /* Standard deviations of the sensors' noise, of each number (of an attitude or direction: of the angle
      * about each axis); 0: none. */

@@ -65,15 +65,24 @@ static lg_status three_field(void *user, lg_tape *tape, const lg_var *theta, con
     return lg_tape_status(tape);
 }
 
-static lg_program *three_states(void) {
-    const lg_port in[] = {{.name = "x", .shape = lg_shape1(3)}, {.name = "u", .shape = lg_shape1(1)}},
+/* The same with the wheel's angle as a fourth state. */
+static lg_status four_field(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
+    const lg_var three[] = {lg_slice(tape, in[0], 1, 0, 3), in[1]};
+    lg_var parts[2] = {LG_NONE, lg_slice(tape, in[0], 1, 2, 1)};
+    const lg_status status = three_field(user, tape, theta, three, parts);
+    out[0] = lg_concat(tape, parts, 2, 1);
+    return status;
+}
+
+static lg_program *program_of_states(uint32_t n) {
+    const lg_port in[] = {{.name = "x", .shape = lg_shape1(n)}, {.name = "u", .shape = lg_shape1(1)}},
                   out = {.name = "rate"};
-    const lg_function_spec function = {"field", in, 2, &out, 1, three_field, NULL};
+    const lg_function_spec function = {"field", in, 2, &out, 1, n == 3 ? three_field : four_field, NULL};
     const lg_program_spec spec = {sizeof spec, NULL, 0, &function, 1, "a pendulum with a wheel"};
     lg_program *program;
     lg_space space;
     assert_ok(lg_program_build(NULL, &spec, &program, NULL));
-    assert_ok(lg_space_init_rn(&space, 3));
+    assert_ok(lg_space_init_rn(&space, n));
     assert_ok(lg_program_add_step(program, &space, lg_scheme_find("rk4"), 1e-5, 1.0, NULL));
     return program;
 }
@@ -85,26 +94,33 @@ static void disturb(lg_policy_task *task) {
 }
 
 /* The regulator is given; the bounds of velocities are `wide` times as large. */
-static lg_policy *make_three(const double *gains, double wide, bool disturbed) {
+static lg_policy *make_states(uint32_t n, const double *gains, double wide, bool disturbed) {
     lg_policy_task task = wheel_task(LG_POLICY_LQR);
     if (disturbed) disturb(&task);
     const lg_policy_coordinate *ph = &task.coordinate[1], *th = &task.coordinate[0];
-    lg_policy_coordinate states[3] = {*th, moving("vth", "", LG_POLICY_LINE),
-                                      moving("vph", "", LG_POLICY_LINE)};
+    lg_policy_coordinate states[4] = {*th, moving("vth", "", LG_POLICY_LINE),
+                                      moving("vph", "", LG_POLICY_LINE), moving("ph", "", LG_POLICY_LINE)};
+    states[3].free = true;
     states[0].velocity[0] = '\0', states[0].weight_velocity = 0.0, states[0].success_velocity = INFINITY;
     states[1].weight = th->weight_velocity, states[1].success = wide * th->success_velocity;
     states[2].weight = ph->weight_velocity, states[2].success = wide * ph->success_velocity;
     states[0].noise_velocity = 0.0, states[1].noise = th->noise_velocity,
     states[2].noise = ph->noise_velocity;
     memcpy(task.coordinate, states, sizeof states);
-    task.coordinate_count = 3, task.gain_count = 3;
+    task.coordinate_count = n, task.gain_count = 3;
     memcpy(task.gains, gains, 3 * sizeof *gains);
     lg_policy *policy;
     lg_error error = {LG_OK, ""};
-    if (lg_policy_create(NULL, &task, three_states(), 1, &policy, &error) != LG_OK)
+    if (lg_policy_create(NULL, &task, program_of_states(n), 1, &policy, &error) != LG_OK)
         fail_msg("%s", error.message);
     lg_test_owns(policy, release_policy);
     return policy;
+}
+
+static void call(const lg_program *program, const char *function, const double *a, const double *b,
+                 double *out) {
+    assert_ok(lg_program_eval(NULL, program, function, 1, (const double *const[]){a, b},
+                              (double *const[]){out}, NULL));
 }
 
 static void linearise(const lg_policy *policy, double *A, double *B) {
@@ -120,7 +136,7 @@ TEST("regulator, costs and success are those of the plant without the position")
     task.gain_count = 3;
     memcpy(task.gains, chosen->regulator.K, 3 * sizeof *task.gains);
     const lg_policy *given = make(&task, wheel("angle", 1, 1, 1)),
-                    *three = make_three(task.gains, 1.0, false);
+                    *three = make_states(3, task.gains, 1.0, false);
     double A[2][9], B[2][3];
     linearise(chosen, A[0], B[0]);
     linearise(three, A[1], B[1]);
@@ -135,8 +151,28 @@ TEST("regulator, costs and success are those of the plant without the position")
     assert_int_equal(own.succeeded, other.succeeded);
     assert_close(own.cost_mean, other.cost_mean, 1e-6, 0.0);
     /* P of given gains weighs squares of velocities a tenth: of states they are then sqrt(10) as large. */
-    assert_all_close(given->regulator.P, make_three(task.gains, sqrt(10.0), false)->regulator.P, 9, 1e-6,
+    assert_all_close(given->regulator.P, make_states(3, task.gains, sqrt(10.0), false)->regulator.P, 9, 1e-6,
                      1e-9);
+}
+
+TEST("a state of a program can be free") {
+    static const double gains[3] = {-0.5, -0.05, -0.001}, z[3] = {0.3, -0.2, 9.0};
+    lg_policy *three = make_states(3, gains, 1.0, false), *four = make_states(4, gains, 1.0, false);
+    lg_policy_outcome own, other;
+    assert_ok(lg_policy_evaluate(three, LG_POLICY_NOMINAL, 100, 3, 1, &own, NULL, NULL));
+    assert_ok(lg_policy_evaluate(four, LG_POLICY_NOMINAL, 100, 3, 1, &other, NULL, NULL));
+    assert_int_equal(own.succeeded, other.succeeded);
+    assert_close(own.cost_mean, other.cost_mean, 1e-6, 0.0);
+    lg_policy *const both[2] = {three, four};
+    double rate[2][3], next[2][3];
+    for (int k = 0; k < 2; k++) {
+        lg_program *program;
+        assert_ok(lg_policy_add_rate(both[k], &program, NULL));
+        call(program, "rate", z, NULL, rate[k]);
+        call(program, "advance", z, NULL, next[k]);
+    }
+    assert_all_close(rate[0], rate[1], 3, 1e-12, 1e-12);
+    assert_all_close(next[0], next[1], 3, 1e-12, 1e-12);
 }
 
 TEST("disturbed runs are those of the plant without the position") {
@@ -145,7 +181,7 @@ TEST("disturbed runs are those of the plant without the position") {
     disturb(&task);
     task.gain_count = 3;
     memcpy(task.gains, gains, sizeof gains);
-    const lg_policy *policy = make(&task, wheel("angle", 1, 1, 1)), *three = make_three(gains, 1.0, true);
+    const lg_policy *policy = make(&task, wheel("angle", 1, 1, 1)), *three = make_states(3, gains, 1.0, true);
     lg_policy_outcome own, other;
     assert_ok(lg_policy_evaluate(policy, LG_POLICY_DISTURBED, 100, 3, 1, &own, NULL, NULL));
     assert_ok(lg_policy_evaluate(three, LG_POLICY_DISTURBED, 100, 3, 1, &other, NULL, NULL));
@@ -188,12 +224,6 @@ TEST("the controller does not use the number, and the network has no feature of 
 }
 
 /* ---- certificates ---- */
-
-static void call(const lg_program *program, const char *function, const double *a, const double *b,
-                 double *out) {
-    assert_ok(lg_program_eval(NULL, program, function, 1, (const double *const[]){a, b},
-                              (double *const[]){out}, NULL));
-}
 
 /* A cart and a pole, wherever the cart is: the free coordinate comes first. */
 static lg_policy_task drive_task(lg_policy_kind kind) {
