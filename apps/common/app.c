@@ -369,15 +369,23 @@ static int reserve(const app *self) {
                     self->threads == 1 ? "" : "s");
 }
 
-/* Checks that required options are given, and that outputs can be written. */
+/* Checks that required options that are numbers are given. */
+static int check_numbers(const app *self) {
+    for (size_t i = 0; i < self->slot_count; i++) {
+        const app_slot *slot = &self->slots[i];
+        if (slot->row->required && slot->row->type != LG_FIELD_STRING && !slot->given)
+            return app_usage(self, "--%s %s is missing", slot->name, slot->row->unit);
+    }
+    return APP_EXIT_OK;
+}
+
+/* Checks the options that name files: required ones are given, and outputs can be written. */
 static int check_files(const app *self) {
     app_path paths[APP_SLOTS];
     size_t count = 0;
     for (size_t i = 0; i < self->slot_count; i++) {
         const app_slot *slot = &self->slots[i];
         const lg_field *row = slot->row;
-        if (row->required && row->type != LG_FIELD_STRING && !slot->given)
-            return app_usage(self, "--%s %s is missing", slot->name, row->unit);
         if (row->type != LG_FIELD_STRING) continue;
         const char *text = *(const char *const *)((const char *)slot->values + row->offset);
         if (row->required && text == NULL)
@@ -408,6 +416,7 @@ static int run_command(app *self) {
     if (status != LG_OK) return app_fail(self, status, "%s", lg_status_sentence(status));
     int code = app_join_ranks(self);
     if (code == APP_EXIT_OK) code = check_files(self);
+    if (code == APP_EXIT_OK) code = check_numbers(self);
     if (code == APP_EXIT_OK) code = self->command->run(self);
     code = conclude(self, code);
     lg_context_destroy(self->context);
