@@ -55,7 +55,7 @@ typedef struct control_quantity {
     char name[LG_POLICY_NAME + 16];
     lg_policy_motion motion;
     bool velocity;
-    uint32_t first, count;  /* in positions and velocities */
+    uint32_t first, count;  /* of the row (positions, velocities): index of the first number, how many */
     uint32_t error, errors; /* in z: of the whole position or velocity */
     double goal[9];
     double start[2]; /* range of the starts, from the goal */
@@ -66,7 +66,8 @@ size_t control_list_quantities(const lg_policy_task *task, control_quantity *out
 /* Writes a row for each period of each run: start, t, positions and velocities, inputs, cost of the period.
  * The last row of a run has no inputs and no cost. */
 void control_write_runs(const app *self, const control_runs *runs, const char *path);
-/* Draws the motion of some runs, the starts of all, and the inputs of some runs. */
+/* Draws three panels: the motion of the first 40 runs, the starts of all runs, and the inputs of the first 8
+ * runs. */
 void control_draw_runs(const app *self, const control_runs *runs, const char *picture);
 
 /* Prints success and costs below `prefix` in JSON. */

@@ -30,9 +30,10 @@ static evaluate_values values;
 
 static lg_policy *other_plant(const app *self, lg_policy *policy) {
     const lg_policy_task *own = lg_policy_task_of(policy);
-    lg_policy_task names = *own; /* of a program, whose file does not name its states */
+    lg_policy_task names = {.coordinate_count = 0};
     lg_policy *other = NULL;
-    if (own->coordinate[0].velocity[0] != '\0') names.coordinate_count = 0;
+    if (own->coordinate[0].velocity[0] == '\0')
+        names = *own; /* the file of a program does not name its states */
     lg_program *plant = control_load_plant(self, values.plant, &names);
     bool same = names.coordinate_count == own->coordinate_count && names.input_count == own->input_count;
     for (uint32_t i = 0; same && i < names.coordinate_count; i++)

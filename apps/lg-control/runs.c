@@ -1,4 +1,4 @@
-/* lg-control evaluate --runs: what runs did, as a table. */
+/* lg-control evaluate --runs: a table of the states, inputs and costs of runs. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

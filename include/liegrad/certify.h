@@ -62,7 +62,8 @@ typedef struct lg_certify_result {
     double level, eps;
     /* A lower bound of the volume of S, and its part of the volume of the box (0 for an unbounded box). */
     double volume, fraction;
-    /* (n) The largest |x_i - goal_i| on {V <= level}, to rounding; NULL for a V that is no quadratic form. */
+    /* (n) The largest |x_i - goal_i| on {V <= level}, to rounding; NULL: not verified, or V is no quadratic
+     * form. */
     const double *width;
     size_t boxes;       /* boxes that were examined so far */
     double seconds;     /* of all runs so far */

@@ -1,10 +1,10 @@
-/* Searches for Lyapunov functions, for certificates (liegrad/certify.h). The library is liegrad. What holds
- * at points is a proposal; lg_certify proves it or finds the largest level for which it holds.
+/* Searches for Lyapunov functions, for certificates (liegrad/certify.h). The library is liegrad. The
+ * searches look at points only, so a result is a proposal. lg_certify proves it, or finds the largest level
+ * for which it holds.
  *
  * Polynomials, by linear programming. The coefficients are the solution of a linear program at random
  * points: V >= 1 on the boundary of the box, V' <= -decay |q|^2 within it, and the mean of V is least, so
- * that {V <= 1} is large. What holds at points is a proposal; lg_certify proves it or finds the largest
- * level for which it holds. */
+ * that {V <= 1} is large. */
 #ifndef LIEGRAD_LYAPUNOV_H
 #define LIEGRAD_LYAPUNOV_H
 

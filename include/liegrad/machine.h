@@ -820,8 +820,9 @@ typedef struct lg_log_statistics {
     /* Smallest and largest value in the log, after scaling. NaN: all values are missing. */
     double low, high;
     size_t missing; /* Number of rows without a value. */
-    /* Values of a position of a line or angle, or of a velocity, that jump away from the values beside them
-     * and come back within two rows. They are left out of the log. */
+    /* Number of outliers: values of a velocity, or of the position of a line or angle, that jump away from
+     * their neighbours and return within two rows. The log does not contain them. low and high are without
+     * them, except for angles. */
     size_t outliers;
     /* Estimated standard deviation of the noise. For positions and velocities in coarse steps at least
      * step/sqrt(12). NaN: too few rows. */

@@ -162,8 +162,8 @@ LG_API const lg_policy_task *lg_policy_task_of(const lg_policy *policy);
 /* The plant's functions and parameters; parameter `policy` (theta); and the functions
  *   errors     (x) -> z
  *   policy     (q, v, weights) -> u          `weights` is a shared input like theta; without velocities no v
- *   control    (x) -> u                      x: positions as controllers get them, then velocities; free
- *                                            positions have their place in x, their numbers are not used
+ *   control    (x) -> u                      x: positions as controllers get them, then velocities. x
+ *                                            contains free positions too, but u does not depend on them
  *   closed     (x, weights) -> next, cost, u   one period
  *   regulated  (x, K) -> next, cost, u         one period of the saturated regulator
  *   terminal   (x) -> cost                   W

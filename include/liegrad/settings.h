@@ -94,7 +94,8 @@ typedef struct lg_field {
      * beyond the last value, or as a list that ends with NULL. For type PHRASE, value_name gives the values
      * that are single words. */
     const char *(*value_name)(uint32_t value);
-    const char *hint; /* NAME: what follows the known names in the refusal of another one; NULL: nothing */
+    const char
+        *hint; /* for type NAME: advice after the list of names, when another name is refused; may be NULL */
     const char *const *names;
     /* For type NAME, if the member is a pointer to an entry of a table: returns the entry for a value. */
     const void *(*value_at)(uint32_t value);
@@ -113,7 +114,7 @@ typedef struct lg_field {
     const char *form;
     const char *value;     /* the value before any is given, as text; NULL: there is none, see `otherwise` */
     const char *otherwise; /* where the default comes from, such as "the preset's"; NULL: it is `value` */
-    const char *unit;      /* placeholder for the value in --help, such as W; NULL stands for NAME */
+    const char *unit;      /* what --help shows for the value, such as W in --box=W; NULL stands for NAME */
     const char *meaning;   /* one sentence without its full stop */
 } lg_field;
 

@@ -190,7 +190,7 @@ static void fill(lg_certify *c, lg_certify_result *r) {
     r->verified = r->finished && !c->failed;
     r->converges = r->verified && c->converges;
     r->volume = r->verified ? c->volume : 0;
-    if (c->quadratic) {
+    if (r->verified && c->quadratic) {
         for (size_t i = 0; i < c->n; i++) c->width[i] = sqrt(c->level) * lg_certify_width(c, i);
         r->width = c->width;
     }

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "control/policy.h"
+#include "core/median.h"
 #include "kernels/lapack.h"
 #include "liegrad/control.h"
 #include "liegrad/minimise.h"
@@ -360,23 +361,21 @@ static lg_status choose_regulator(design *d) {
 
 /* ---- what else the machine tells ---- */
 
-static int by_size(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return x < y ? -1 : x > y;
+/* Scales of a network's features: four times the largest start. */
+static void set_scales(const design *d) {
+    for (uint32_t i = 0; i < d->n; i++) d->policy->scale[i] = 4.0 * d->size[i];
 }
 
-/* Scales of a network's features: four times the largest start, or, where it is more, what an error of the
- * unforced motion exceeds in a twentieth of the time. Swinging machines move much faster than their starts,
- * and units of a network that are saturated by all of it do not learn. path (count, errors); sorted
- * (count). */
-static void set_scales(const design *d, const double *path, size_t count, double *sorted) {
+/* A scale becomes what an error of the unforced motion exceeds in a twentieth of the time, where that is
+ * more. Swinging machines move much faster than their starts, and a network does not learn while these
+ * speeds saturate its units. path (count, errors); sorted (count). */
+static void widen_scales(const design *d, const double *path, size_t count, double *sorted) {
     for (uint32_t i = 0; i < d->n; i++) {
         size_t finite = 0;
         for (size_t r = 0; r < count; r++)
             if (isfinite(path[r * d->n + i])) sorted[finite++] = fabs(path[r * d->n + i]);
-        qsort(sorted, finite, sizeof *sorted, by_size);
-        const double exceeded = finite > 0 ? sorted[finite * 19 / 20] : 0.0;
-        d->policy->scale[i] = fmax(4.0 * d->size[i], exceeded);
+        qsort(sorted, finite, sizeof *sorted, lg_compare_doubles);
+        if (finite > 0) d->policy->scale[i] = fmax(d->policy->scale[i], sorted[finite * 19 / 20]);
     }
 }
 
@@ -405,7 +404,7 @@ static lg_status learn_from_unforced(design *d) {
     if (status == LG_OK)
         status = lg_policy_run(p, &(lg_policy_trial){.gain = zero, .threads = 1}, &runs, d->error);
     if (status == LG_OK) {
-        set_scales(d, path, count, path + count * d->n);
+        widen_scales(d, path, count, path + count * d->n);
         set_terminal(d, cost);
     }
     lg_free(p->context, path);
@@ -492,6 +491,7 @@ lg_status lg_policy_find_regulator(lg_policy *p, uint64_t seed, lg_error *error)
         status = find_equilibrium(&d);
         if (status == LG_OK) status = lg_policy_add_regulated(p, error);
         if (status == LG_OK) status = choose_regulator(&d);
+        set_scales(&d);
         if (status == LG_OK && p->task.search) status = learn_from_unforced(&d);
         if (status == LG_OK && p->task.kind == LG_POLICY_ENERGY) status = set_map(&d);
     } else {

@@ -1,6 +1,6 @@
 /* Policies that follow set points, or to which a position does not matter: the machine must move in the same
- * way wherever the coordinate is. Then a set point is a shift of the coordinate, and a free position has no
- * errors. */
+ * way wherever the coordinate is. Then a set point is a shift of the coordinate, and a free position needs no
+ * error. */
 #include <math.h>
 #include <string.h>
 

@@ -1,4 +1,5 @@
-/* Machines: a window takes its start from the window beside it; states are estimated at all rows of a log. */
+/* Machines: estimates the start of a window from the neighbouring window, and the states at all rows of a
+ * log. */
 #include <math.h>
 #include <string.h>
 

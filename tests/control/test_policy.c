@@ -141,6 +141,23 @@ TEST("inputs stay in their limits in any state, also in single precision") {
 
 /* ---- the regulator ---- */
 
+TEST("a network without a gate needs no search for a regulator; with it, scales follow from the unforced "
+     "motion") {
+    lg_policy_task task = cart_task();
+    task.kind = LG_POLICY_NETWORK;
+    const double *wide = make(&task, cart_pole)->scale;
+    task.kind = LG_POLICY_NETWORK, task.gate = task.search = false;
+    const lg_policy *policy = make(&task, cart_pole);
+    const double x[4] = {0.3, 0.2, -0.4, 0.1};
+    double u;
+    assert_ok(lg_program_eval(NULL, policy->program, "control", 1, (const double *const[]){x},
+                              (double *const[]){&u}, NULL));
+    assert_true(isfinite(u) && u != 0.0);
+    /* A pole of 1 m that falls from upright reaches sqrt(4 g/l) = 6.3 rad/s. */
+    assert_close(policy->scale[3], 4.0 * task.coordinate[1].start_velocity[1], 0.0, 1e-12);
+    assert_true(wide[3] > 4.5 && wide[3] < 10.0);
+}
+
 TEST("the regulator holds from its whole region, and not from one of ten times its level") {
     const lg_policy_task task = cart_task();
     const lg_policy *policy = make(&task, cart_pole);

@@ -310,7 +310,7 @@ static void expect_refused(const lg_policy_task *task, const char *machine, lg_s
     if (strstr(error.message, says) == NULL) fail_msg("'%s' does not say '%s'", error.message, says);
 }
 
-TEST("a position that matters, has a weight or is no number of its own is not free") {
+TEST("a position on which the machine depends, a position with a weight, and a rotation cannot be free") {
     lg_policy_task task = drive_task(LG_POLICY_LQR);
     task.coordinate[1].free = true, task.coordinate[1].weight = 0.0, task.coordinate[1].success = INFINITY;
     task.coordinate[1].success_velocity = 1.0;

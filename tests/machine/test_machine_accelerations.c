@@ -236,7 +236,7 @@ TEST("starts that are far off come from the windows before and behind") {
             if (!(losses[w] < 1e-5)) fail_msg("window %zu of loss %g, window %zu was off", w, losses[w], bad);
         assert_true(wrong[0] == theta[0]);
     }
-    /* A single window has no window beside it, so its start stays as it is. */
+    /* A single window has no neighbour, so its start stays as it is. */
     lg_machine_problem alone = problem;
     alone.windows = 1;
     wrong[1] = 0.8;

@@ -240,7 +240,7 @@ static void rotation_of(const double *q, double *R) {
     for (int i = 0; i < 9; i++) R[i] = of[i] / n;
 }
 
-/* What is expected instead of the position of a free coordinate. */
+/* What a key expects, said where the key names the position of a free coordinate. */
 static const char not_free[] = "a position that is not free: this one has no error (key free)";
 
 static bool is_free(named of) {

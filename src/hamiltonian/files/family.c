@@ -14,8 +14,8 @@ const void *lg_family_number(uint32_t value) {
 
 enum { MOST_VALUES = 32 };
 
-/* Makes the system with placeholder parameters, since the family does not depend on them: each parameter
- * without a default becomes a unit vector, or 1 if it is one number. */
+/* Makes the system with default parameters. A parameter without a default becomes a unit vector, or 1 if it
+ * is one number: the family does not depend on the parameters' values. */
 static lg_status make_system(const char *name, const char *form, lg_system **out) {
     double unit[MOST_VALUES] = {1.0};
     lg_named_values given[LG_MOST_PARAMETERS];

@@ -1,7 +1,10 @@
-/* Leaves out outliers of positions and velocities: one or two values that jump away from their neighbours and
- * come back. A value is compared with the cubic polynomial through the two values before it and the two after
- * it (at the ends of a part one and three). It is an outlier if it is far off, and if the values beside it
- * agree with each other once it is left out: of a kink or a step they do not. */
+/* Leaves out outliers of positions and velocities: one or two rows whose value jumps away from the
+ * neighbouring values and returns.
+ *
+ * Each value is compared with a cubic polynomial through four neighbours, two on each side (near the end of a
+ * part, one neighbour on one side and three on the other). A value is an outlier if two conditions hold: the
+ * value is far from the polynomial, and without the value the neighbours are close to their own polynomials.
+ * At a kink or a step the neighbours stay far from their polynomials, so the value is kept. */
 #include <math.h>
 #include <stdlib.h>
 
@@ -11,22 +14,20 @@
 enum { FEWEST = 20, LONGEST = 2, BESIDE = 2, AROUND = 10 };
 static const double far = 20, near = 6; /* in standard deviations of the difference from the polynomial */
 static const double steps = 6;          /* least distance of an outlier, in the smallest steps of a column */
-static const double small = 0.125;      /* of the outlier: largest difference of the values beside it */
-static const double most = 0.05;        /* share of a part's values: more of them are no outliers */
+/* Without the outlier, the neighbours' distances from their polynomials are at most this part of the
+ * outlier's distance. */
+static const double small = 0.125;
+static const double most = 0.05; /* share of a part's values: more of them are no outliers */
 
-/* The values of a column in a part that are not missing. Row i of the part follows previous[i]; n ends the
- * list at either end, and sizes are of the part. */
+/* One column of one part of the log. previous and next link the rows that have a value; n stands for none. */
 typedef struct trace {
     const lg_log_table *table;
     uint32_t column;
-    size_t first, n, *previous, *next;
-    double *off, *work; /* (n) */
-    bool *out;          /* (n) rows that are left out */
+    size_t first, n, values; /* first row of the part in the table; numbers of rows and of values */
+    size_t *previous, *next; /* (n) */
+    double *off, *work;      /* (n) */
+    bool *out;               /* (n) rows that are left out */
 } trace;
-
-typedef struct outlier {
-    size_t row, count;
-} outlier;
 
 static double value(const trace *x, size_t i) {
     return lg_log_row(x->table, x->first + i)[x->column];
@@ -59,8 +60,8 @@ static void put_back(trace *x, size_t i) {
     if (x->next[i] < x->n) x->previous[x->next[i]] = i;
 }
 
-/* Value i minus the polynomial through the four values beside it, of which `before` and `after` are the
- * nearest; NaN: there is none on one side. */
+/* Value i minus the cubic polynomial through four neighbours. `before` and `after` are the nearest neighbours
+ * on the two sides. NaN: one side has no neighbour, or there are fewer than four neighbours. */
 static double difference(const trace *x, size_t i, size_t before, size_t after) {
     if (before >= x->n || after >= x->n) return (double)NAN;
     size_t at[4] = {x->previous[before], before, after, x->next[after]};
@@ -153,14 +154,15 @@ static int by_size(const void *a, const void *b) {
 
 /* Marks the outliers of a part in x->out, the largest first, and returns how many. `all` (n) is work. */
 static size_t find_outliers(trace *x, candidate *all) {
-    size_t values = 0, candidates = 0, count = 0;
+    size_t candidates = 0, count = 0;
+    x->values = 0;
     link_values(x);
     for (size_t i = 0; i < x->n; i++) {
         x->out[i] = false;
         x->off[i] = isnan(value(x, i)) ? (double)NAN : difference_at(x, i);
-        values += !isnan(value(x, i));
+        x->values += !isnan(value(x, i));
     }
-    if (values < FEWEST) return 0;
+    if (x->values < FEWEST) return 0;
     const double scale = spread(x, 0, x->n), least = steps * smallest_step(x);
     for (size_t i = 0; i < x->n; i++)
         if (fabs(x->off[i]) > 0.5 * fmax(far * scale, least))
@@ -168,7 +170,7 @@ static size_t find_outliers(trace *x, candidate *all) {
     qsort(all, candidates, sizeof *all, by_size);
     for (size_t k = 0; k < candidates; k++) (void)try_row(x, all[k].row, scale, least);
     for (size_t i = 0; i < x->n; i++) count += x->out[i];
-    return (double)count <= most * (double)values ? count : 0;
+    return count;
 }
 
 /* ---- columns ---- */
@@ -180,33 +182,58 @@ static bool is_continuous(const lg_log_table *t, uint32_t column) {
     return motion && !t->machine->machine.accelerations && t->machine->coordinates[c->index].attitudes == 0;
 }
 
+/* How many outliers there are, and the first of them. */
+typedef struct found {
+    size_t count, row;
+    double value;
+} found;
+
+/* Counts the outliers of a part, and leaves them out of the table if `out`. */
+static void take(trace *x, bool out, found *all) {
+    for (size_t i = 0; i < x->n; i++) {
+        if (!x->out[i]) continue;
+        double *cell = &lg_log_row(x->table, x->first + i)[x->column];
+        if (all->count++ == 0) all->row = x->first + i, all->value = *cell;
+        if (out) *cell = (double)NAN;
+    }
+}
+
+/* The range without outliers. The range of an angle stays: it was measured before angles were unwrapped. */
+static void measure_again(const lg_log_table *t, uint32_t column) {
+    const lg_log_column *c = &t->machine->columns[column];
+    const bool angle = t->machine->machine.coordinates[c->index].kind == LG_COORDINATE_ANGLE;
+    lg_log_statistics *s = &t->out->columns[column];
+    if (c->role == LG_LOG_POSITION && angle) return;
+    s->low = INFINITY, s->high = -INFINITY;
+    for (size_t row = 0; row < t->rows; row++) {
+        s->low = fmin(s->low, lg_log_row(t, row)[column]);
+        s->high = fmax(s->high, lg_log_row(t, row)[column]);
+    }
+}
+
 static lg_status mend_column(lg_log_table *t, trace *x, candidate *all) {
-    size_t total = 0, first = 0;
-    double value_there = 0;
+    const char *name = t->machine->columns[x->column].name;
+    found out = {0}, kept = {0};
     for (size_t part = 0; part < t->parts; part++) {
         x->first = t->first[part];
         x->n = t->first[part + 1] - x->first;
-        if (find_outliers(x, all) == 0) continue;
-        for (size_t i = 0; i < x->n; i++) {
-            if (!x->out[i]) continue;
-            double *cell = &lg_log_row(t, x->first + i)[x->column];
-            if (total++ == 0) first = x->first + i, value_there = *cell;
-            *cell = (double)NAN;
-        }
+        const bool few = (double)find_outliers(x, all) <= most * (double)x->values;
+        take(x, few, few ? &out : &kept);
     }
-    lg_log_statistics *s = &t->out->columns[x->column];
-    s->outliers = total;
-    if (total == 0) return LG_OK;
-    s->low = INFINITY, s->high = -INFINITY;
-    for (size_t row = 0; row < t->rows; row++) {
-        s->low = fmin(s->low, lg_log_row(t, row)[x->column]);
-        s->high = fmax(s->high, lg_log_row(t, row)[x->column]);
-    }
+    t->out->columns[x->column].outliers = out.count;
+    if (kept.count > 0)
+        LG_TRY(lg_log_warn_at(
+            t, kept.row,
+            "column %s: %zu values jump away from their neighbours and return, the first is %.6g; "
+            "these are more than %g %% of a part, so they are kept",
+            name, kept.count, kept.value, 100 * most));
+    if (out.count == 0) return LG_OK;
+    measure_again(t, x->column);
     return lg_log_warn_at(
-        t, first,
-        "column %s: %.6g is an outlier: it jumps away from the values beside it and back; it is the "
-        "first of %zu, which are left out",
-        t->machine->columns[x->column].name, value_there, total);
+        t, out.row,
+        "column %s: %.6g is an outlier: the value jumps away from its neighbours and returns; it is "
+        "the first of %zu outliers, which are left out",
+        name, out.value, out.count);
 }
 
 lg_status lg_log_leave_out_spikes(lg_log_table *t) {

@@ -258,7 +258,7 @@ static lg_status fit_good(lg_training *self, const lg_machine_problem *all, cons
 
 /* Of accelerations alone: first parameters from the guessed states, then the starts of windows and the
  * parameters together, on windows that grow to the fit's. One window whose start is far off spoils the
- * parameters, so this window is left out until a window beside it gives it a start. */
+ * parameters. The fit leaves such a window out until its start follows from a neighbouring window. */
 static lg_status fit_accelerations(lg_training *self, const lg_machine *machine, double *theta,
                                    lg_error *error) {
     enum { ROUNDS = 6 };
