@@ -11,7 +11,7 @@
 #include "core/median.h"
 #include "machine/files/log_table.h"
 
-enum { FEWEST = 20, LONGEST = 2, BESIDE = 2, AROUND = 10 };
+enum { FEWEST = 20, BESIDE = 2, AROUND = 10 };
 static const double far = 20, near = 6; /* in standard deviations of the difference from the polynomial */
 static const double steps = 6;          /* least distance of an outlier, in the smallest steps of a column */
 /* Without the outlier, the neighbours' distances from their polynomials are at most this part of the
@@ -51,11 +51,13 @@ static void link_values(trace *x) {
 }
 
 static void leave_out(trace *x, size_t i) {
+    x->out[i] = true;
     if (x->previous[i] < x->n) x->next[x->previous[i]] = x->next[i];
     if (x->next[i] < x->n) x->previous[x->next[i]] = x->previous[i];
 }
 
 static void put_back(trace *x, size_t i) {
+    x->out[i] = false;
     if (x->previous[i] < x->n) x->next[x->previous[i]] = i;
     if (x->next[i] < x->n) x->previous[x->next[i]] = i;
 }
@@ -105,40 +107,57 @@ static double smallest_step(const trace *x) {
 
 /* ---- outliers ---- */
 
-/* Whether `count` values from row i on are an outlier by more than `distance`. They are then left out. */
-static bool try_outlier(trace *x, size_t i, size_t count, double distance, double deviation) {
-    size_t removed[LONGEST], k = 0;
-    for (size_t at = i; at < x->n && k < count; at = x->next[at]) removed[k++] = at;
-    if (k < count) return false;
-    const size_t before = x->previous[i], after = x->next[removed[count - 1]];
-    double least = INFINITY;
-    for (k = 0; k < count; k++) {
-        const double off = fabs(difference(x, removed[k], before, after));
-        least = fmin(least, isnan(off) ? 0 : off);
+/* Value i, which is left out, minus the polynomial through the nearest values that are not. */
+static double difference_of(const trace *x, size_t i) {
+    size_t before = x->previous[i], after = x->next[i];
+    while (before < x->n && x->out[before]) before = x->previous[before];
+    while (after < x->n && x->out[after]) after = x->next[after];
+    return difference(x, i, before, after);
+}
+
+/* The largest difference of the BESIDE values before and after row i, which is left out. */
+static double rest_beside(const trace *x, size_t i) {
+    double rest = 0;
+    for (int side = 0; side < 2; side++) {
+        const size_t *way = side == 0 ? x->previous : x->next;
+        size_t at = way[i];
+        for (int k = 0; k < BESIDE && at < x->n; at = way[at]) {
+            if (x->out[at]) continue;
+            const double off = fabs(difference_at(x, at));
+            rest = fmax(rest, isnan(off) ? 0 : off);
+            k++;
+        }
     }
-    if (!(least > distance)) return false;
-    for (k = 0; k < count; k++) leave_out(x, removed[k]);
-    double beside = 0;
-    for (size_t j = 0, low = before, high = after; j < BESIDE; j++) {
-        const double a = low < x->n ? difference_at(x, low) : NAN,
-                     b = high < x->n ? difference_at(x, high) : NAN;
-        beside = fmax(beside, fmax(isnan(a) ? 0 : fabs(a), isnan(b) ? 0 : fabs(b)));
-        low = low < x->n ? x->previous[low] : low, high = high < x->n ? x->next[high] : high;
-    }
-    if (beside <= fmax(small * least, near * deviation)) {
-        for (k = 0; k < count; k++) x->out[removed[k]] = true;
-        return true;
-    }
-    for (k = count; k-- > 0;) put_back(x, removed[k]);
+    return rest;
+}
+
+/* Whether rows i and j (i alone if j is i) are outliers by more than `distance`. Then they are left out. */
+static bool try_outliers(trace *x, size_t i, size_t j, double distance, double deviation) {
+    leave_out(x, i);
+    if (j != i) leave_out(x, j);
+    double least = fmin(fabs(difference_of(x, i)), fabs(difference_of(x, j)));
+    if (isnan(difference_of(x, i)) || isnan(difference_of(x, j))) least = 0;
+    const double rest = fmax(rest_beside(x, i), rest_beside(x, j));
+    if (least > distance && rest <= fmax(small * least, near * deviation)) return true;
+    if (j != i) put_back(x, j);
+    put_back(x, i);
     return false;
 }
 
+/* Tries row i alone, then together with each row that is so near that one hides the other. */
 static bool try_row(trace *x, size_t i, double scale, double least) {
     const size_t low = i > AROUND ? i - AROUND : 0, high = i + AROUND < x->n ? i + AROUND + 1 : x->n;
+    if (x->out[i]) return false;
     const double deviation = fmax(scale, spread(x, low, high)), distance = fmax(far * deviation, least);
-    if (x->out[i] || !(fabs(x->off[i]) > 0.5 * distance)) return false;
-    return try_outlier(x, i, 1, distance, deviation) || try_outlier(x, i, 2, distance, deviation) ||
-           (x->previous[i] < x->n && try_outlier(x, x->previous[i], 2, distance, deviation));
+    if (!(fabs(x->off[i]) > 0.5 * distance)) return false;
+    if (try_outliers(x, i, i, distance, deviation)) return true;
+    for (int side = 0; side < 2; side++) {
+        const size_t *way = side == 0 ? x->previous : x->next;
+        size_t j = way[i];
+        for (int k = 0; k < 2 * BESIDE && j < x->n; k++, j = way[j])
+            if (try_outliers(x, i, j, distance, deviation)) return true;
+    }
+    return false;
 }
 
 typedef struct candidate {
