@@ -360,6 +360,8 @@ int app_check_outputs(const app *app, const app_path *paths, size_t count);
  * the outputs. Claiming twice does no harm. Pipes and devices are never claimed, and of several ranks only
  * rank 0 claims. LG_FILE: another process has claimed it; `error` says which. */
 lg_status app_claim(const app *app, const char *path, lg_error *error);
+/* Releases what app_claim reserved. Also happens when the process exits. */
+void app_release_claims(void);
 /* Creates the folder unless it exists. Its parent folder must exist. */
 lg_status app_make_folder(const char *path, lg_error *error);
 

@@ -150,7 +150,7 @@ typedef struct claim {
 
 static claim *claims;
 
-static void release_claims(void) {
+void app_release_claims(void) {
     while (claims != NULL) {
         claim *first = claims;
         claims = first->next;
@@ -203,7 +203,7 @@ lg_status app_claim(const app *self, const char *path, lg_error *error) {
         return status;
     }
     claims = made;
-    if (!registered) (void)atexit(release_claims);
+    if (!registered) (void)atexit(app_release_claims);
     registered = true;
     return LG_OK;
 }

@@ -119,6 +119,7 @@ int app_leave_ranks(app *self, int code) {
         say_alone(self);
         mpi.abort(code);
     }
+    app_release_claims(); /* mpirun may kill the ranks that it interrupted while they wait in mpi.end */
     mpi.end(&mpi.ranks);
     self->ranks = NULL;
     return code;

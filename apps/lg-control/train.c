@@ -42,7 +42,7 @@ static lg_policy_train_options read_options(const app *self) {
     o.seeds = (uint32_t)values.seeds, o.starts = (uint32_t)values.starts;
     o.race = values.race, o.finish = values.finish, o.polish = values.polish;
     o.seconds = values.seconds, o.seed = self->seed, o.threads = (int)self->threads;
-    o.progress = show;
+    o.progress = show, o.ranks = self->ranks;
     return o;
 }
 
@@ -107,8 +107,7 @@ static void warn_of_failures(const app *self, const lg_policy *policy, const lg_
     if (task->substeps > 2)
         app_warn(self,
                  "the machine needs %u integrator steps in a period, so training is as many times slower; "
-                 "friction "
-                 "that is steep near rest is a common cause (the key width of the machine file)",
+                 "friction that is steep near rest is a common cause (the key width of the machine file)",
                  task->substeps);
 }
 
@@ -154,6 +153,18 @@ static void warn(const app *self, const lg_policy *policy) {
         app_warn(self, "at the goal the machine drifts by %.1e of the starts' size in a period", r->residual);
 }
 
+/* Called by rank 0 after the training. */
+static void store(const app *self, const lg_policy *policy, const lg_policy_trainer *trainer,
+                  const char *text, const lg_policy_train_result *result, bool stopped) {
+    const lg_provenance provenance = app_provenance(self, self->seed);
+    APP_MUST_FILE(self, values.out,
+                  lg_policy_save(self->context, values.out, policy, text, &provenance, &error));
+    if (stopped)
+        save_state(self, trainer);
+    else
+        report(self, policy, result);
+}
+
 static int run(app *self) {
     lg_policy_task task;
     lg_policy *policy = NULL;
@@ -173,13 +184,8 @@ static int run(app *self) {
     const lg_status status = lg_policy_trainer_run(trainer, &result, &why);
     app_progress_end(&progress);
     if (status != LG_CANCELLED) app_must(self, status, &why);
-    const lg_provenance provenance = app_provenance(self, self->seed);
-    APP_MUST_FILE(self, values.out,
-                  lg_policy_save(self->context, values.out, policy, text, &provenance, &error));
-    if (status == LG_CANCELLED)
-        save_state(self, trainer);
-    else
-        report(self, policy, &result);
+    app_end_exchanges(self);
+    if (self->rank == 0) store(self, policy, trainer, text, &result, status == LG_CANCELLED);
     lg_policy_trainer_destroy(trainer);
     lg_policy_destroy(policy);
     return status == LG_CANCELLED ? APP_EXIT_INTERRUPTED : APP_EXIT_OK;
@@ -191,8 +197,10 @@ const app_command train_command = {
     .summary = "Learn a policy through the machine",
     .details =
         "TASK.yaml has plant, goal, period, horizon, starts, limits, cost, success and controller. Several "
-        "seeds "
-        "race; the best by success, then by cost, is trained on. Ctrl-C saves the best policy so far and the "
-        "state, from which --resume continues with the same numbers.",
+        "seeds race; the best by success, then by cost, is trained on. Ctrl-C saves the best policy so far "
+        "and "
+        "the state, from which --resume continues with the same numbers. Processes of mpirun train together, "
+        "with the numbers of one process.",
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
-    .run = run};
+    .run = run,
+    .together = APP_RANKS};

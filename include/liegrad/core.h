@@ -264,7 +264,7 @@ LG_API lg_status lg_ranks_agree(const lg_ranks *ranks, lg_status status, lg_erro
  *
  *   lg_ranks ranks;
  *   lg_status status = lg_mpi_begin(NULL, &ranks, &error);
- *   options.ranks = &ranks;                              (lg_fit_options)
+ *   options.ranks = &ranks;                              (lg_fit_options, lg_policy_train_options)
  *   ...
  *   lg_mpi_end(&ranks);
  *

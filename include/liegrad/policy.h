@@ -263,6 +263,9 @@ typedef struct lg_policy_train_options {
     double seconds;                /* bound on the wall time; 0: none. Phases are shortened to fit it. */
     uint64_t seed;
     int threads; /* default 1; the result does not depend on it */
+    /* NULL, or the processes that train together: each runs a part of the runs. Then the functions of the
+     * trainer are collective, and all ranks end with the same bits as one process. */
+    const lg_ranks *ranks;
     void (*progress)(void *user, const lg_policy_progress *now);
     void *user;
 } lg_policy_train_options;
@@ -287,7 +290,8 @@ typedef struct lg_policy_train_result {
  * with the same bits (unless options.seconds bounds them). Errors of create: LG_INVALID_ARGUMENT,
  * LG_OUT_OF_MEMORY; of run: LG_NOT_FINITE (all seeds), LG_CANCELLED (the context's cancel flag; the policy
  * has the best parameters so far), LG_OUT_OF_MEMORY; of load: LG_INVALID_ARGUMENT (other options),
- * LG_FORMAT (the trainer must then be destroyed). `result` may be NULL. */
+ * LG_FORMAT (the trainer must then be destroyed). `result` may be NULL. If one rank fails for a reason of
+ * its own, such as memory, the caller must end the other ranks (lg_mpi_abort). */
 typedef struct lg_policy_trainer lg_policy_trainer;
 LG_API lg_status lg_policy_trainer_create(lg_policy *policy, const lg_policy_train_options *options,
                                           lg_policy_trainer **out, lg_error *error);

@@ -178,10 +178,11 @@ static void disturb(const lg_policy_batch *b, uint64_t number, piece *w) {
 }
 
 /* Sums over a piece: cut costs, and their gradient. A cut of C makes C (1 - exp(-J/C)) of a cost J. */
-static void run_piece(void *user, size_t index) {
+static void run_piece(void *user, size_t own) {
     const lg_policy_batch *b = user;
     const lg_policy *p = b->policy;
-    const size_t point = index / b->pieces, first = index % b->pieces * ROWS, n = p->parameters;
+    const size_t index = b->first + own, point = index / b->pieces, first = index % b->pieces * ROWS,
+                 n = p->parameters;
     double *sum = b->sums + index * (n + 1), weight[ROWS];
     piece w = {0};
     (void)lay_out(b, b->memory + index * b->piece_bytes, &w);
@@ -250,9 +251,13 @@ void lg_policy_batch_destroy(lg_policy_batch *b) {
     memset(b, 0, sizeof *b);
 }
 
-void lg_policy_batch_run(lg_policy_batch *b, double *cost, double *const *gradient) {
-    const size_t n = b->policy->parameters;
-    lg_thread_pool_run(b->pool, b->points * b->pieces, run_piece, b);
+lg_status lg_policy_batch_run(lg_policy_batch *b, double *cost, double *const *gradient) {
+    const size_t n = b->policy->parameters, pieces = b->points * b->pieces;
+    size_t end = pieces;
+    b->first = 0;
+    if (b->ranks != NULL) lg_ranks_part(b->ranks->rank, b->ranks->count, pieces, &b->first, &end);
+    lg_thread_pool_run(b->pool, end - b->first, run_piece, b);
+    if (b->ranks != NULL) LG_TRY(lg_ranks_gather_parts(b->ranks, pieces, (n + 1) * sizeof *b->sums, b->sums));
     for (size_t point = 0; point < b->points; point++) {
         cost[point] = 0.0;
         memset(gradient[point], 0, n * sizeof **gradient);
@@ -262,4 +267,5 @@ void lg_policy_batch_run(lg_policy_batch *b, double *cost, double *const *gradie
             for (size_t i = 0; i < n; i++) gradient[point][i] += sum[i];
         }
     }
+    return LG_OK;
 }

@@ -13,7 +13,7 @@ enum {
 };
 
 /* `points` parameters, each with `count` starts (a multiple of LG_POLICY_ROWS). The caller sets starts,
- * theta and cut before a run. Results do not depend on the number of threads. */
+ * theta, cut and ranks before a run. Results do not depend on the number of threads and ranks. */
 typedef struct lg_policy_batch {
     const lg_policy *policy;
     lg_dtype dtype;      /* of the runs; costs and gradients are sums in double precision */
@@ -30,6 +30,8 @@ typedef struct lg_policy_batch {
     lg_plan *(*plan)[LG_POLICY_PLANS]; /* of each machine: the policy, or its draws */
     size_t machines;
     lg_thread_pool *pool;
+    const lg_ranks *ranks; /* each runs a part of the pieces; NULL: this process runs all */
+    size_t first;          /* piece of this rank */
     char *memory;
     size_t piece_bytes;
     double *sums; /* (points, pieces, parameters + 1): gradient, cost */
@@ -38,7 +40,8 @@ typedef struct lg_policy_batch {
 lg_status lg_policy_batch_create(const lg_policy *policy, lg_dtype dtype, size_t points, size_t count,
                                  int threads, lg_policy_batch *b, lg_error *error);
 void lg_policy_batch_destroy(lg_policy_batch *b);
-/* cost (points): mean of the cut costs; gradient[point] (parameters). */
-void lg_policy_batch_run(lg_policy_batch *b, double *cost, double *const *gradient);
+/* cost (points): mean of the cut costs; gradient[point] (parameters). Errors: those of an exchange between
+ * ranks. */
+lg_status lg_policy_batch_run(lg_policy_batch *b, double *cost, double *const *gradient);
 
 #endif

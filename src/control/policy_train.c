@@ -129,6 +129,17 @@ static double done_of(const training *t, uint64_t steps) {
     return fmax(by_steps, left > 0.0 ? (lg_seconds() - t->phase_begun) / left : 1.0);
 }
 
+/* How much of the phase is done, the same on all ranks. Errors: LG_CANCELLED (a rank is asked to stop before
+ * the end of the phase), those of an exchange between ranks. */
+static lg_status go_on(const training *t, uint64_t steps, double *done) {
+    const lg_ranks *ranks = t->options.ranks;
+    *done = done_of(t, steps);
+    if (ranks != NULL && t->options.seconds > 0.0) LG_TRY(lg_ranks_share(ranks, 0, done, sizeof *done));
+    if (*done >= 1.0) return LG_OK;
+    const lg_status status = lg_cancelled(t->policy->context) ? LG_CANCELLED : LG_OK;
+    return ranks != NULL ? lg_ranks_agree(ranks, status, t->error) : status;
+}
+
 static void report(const training *t, double done) {
     if (t->options.progress == NULL) return;
     const uint64_t finish = (t->round + 1) * t->options.finish,
@@ -161,6 +172,12 @@ static double clip_of(const training *t, const double *gradient) {
     return sum > bound * bound ? bound / sqrt(sum) : 1.0;
 }
 
+static lg_status run_batch(training *t) {
+    t->batch.ranks = t->options.ranks;
+    const lg_status status = lg_policy_batch_run(&t->batch, t->cost, t->gradients);
+    return status == LG_OK ? status : lg_fail(t->error, status, "the ranks lost their connection");
+}
+
 /* One step of all points. A point whose gradient is not finite stays where it is in this step. */
 static lg_status adam_step(training *t, double done) {
     lg_policy_batch *b = &t->batch;
@@ -176,7 +193,7 @@ static lg_status adam_step(training *t, double done) {
         b->theta[k] = t->theta + k * t->n;
     }
     b->seed = t->options.seed, b->draw = t->step;
-    lg_policy_batch_run(b, t->cost, t->gradients);
+    LG_TRY(run_batch(t));
     for (size_t k = 0; k < b->points; k++)
         if (finite(t->gradients[k], t->n))
             lg_adam_step(&adam, LG_F64, t->step + 1, rate, clip_of(t, t->gradients[k]), t->gradients[k], t->n,
@@ -241,15 +258,15 @@ static lg_status adam_phase(training *t, size_t points, uint64_t steps) {
     double done;
     t->batch.bound = 5.0 * t->policy->terminal;
     t->batch.points = t->phase == RACE ? t->racers : 1;
-    while ((done = done_of(t, steps)) < 1.0) {
-        if (lg_cancelled(t->policy->context)) return LG_CANCELLED;
+    for (;;) {
+        LG_TRY(go_on(t, steps, &done));
+        if (done >= 1.0) return LG_OK;
         if (t->phase == RACE) LG_TRY(drop_racers(t, done));
         LG_TRY(adam_step(t, done));
         t->step++;
         if (t->phase == FINISH && t->step % every == 0) LG_TRY(look(t, t->theta, &found));
         report(t, done);
     }
-    return LG_OK;
 }
 
 /* ---- phases ---- */
@@ -308,11 +325,11 @@ static lg_status polish(training *t) {
     judged found;
     double done;
     if (t->minimiser == NULL) LG_TRY(begin_polish(t));
-    while ((done = done_of(t, t->options.polish)) < 1.0 &&
-           lg_minimiser_result(t->minimiser).end == LG_MINIMISE_RUNNING) {
-        if (lg_cancelled(t->policy->context)) return LG_CANCELLED;
+    while (lg_minimiser_result(t->minimiser).end == LG_MINIMISE_RUNNING) {
+        LG_TRY(go_on(t, t->options.polish, &done));
+        if (done >= 1.0) break;
         t->batch.theta[0] = lg_minimiser_point(t->minimiser);
-        lg_policy_batch_run(&t->batch, t->cost, t->gradients);
+        LG_TRY(run_batch(t));
         (void)lg_minimiser_tell(t->minimiser, t->cost[0], t->gradients[0]);
         t->step++;
         if (t->step % every == 0) LG_TRY(look(t, lg_minimiser_best(t->minimiser), &found));

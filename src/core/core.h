@@ -49,6 +49,10 @@ char *lg_strdup(const lg_context *context, const char *text);
  * wants. */
 lg_status lg_context_quiet(const lg_context *context, lg_context **out);
 
+/* Each rank computed its part (lg_ranks_part) of `total` items of `item` bytes; all ranks get all of them.
+ * Collective. Errors: LG_OUT_OF_MEMORY, the status of the exchange. */
+lg_status lg_ranks_gather_parts(const lg_ranks *ranks, size_t total, size_t item, void *all);
+
 bool lg_cancelled(const lg_context *context);
 void lg_log_message(const lg_context *context, lg_log_level level, const char *format, ...)
     __attribute__((format(printf, 3, 4)));

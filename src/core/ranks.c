@@ -21,13 +21,21 @@ lg_status lg_ranks_share(const lg_ranks *ranks, uint32_t from, void *data, size_
     return status;
 }
 
-static lg_status gather_equal(const lg_ranks *ranks, void *all, size_t bytes) {
+lg_status lg_ranks_gather_parts(const lg_ranks *ranks, size_t total, size_t item, void *all) {
     size_t *list = lg_alloc(NULL, ranks->count, sizeof *list);
     if (list == NULL) return LG_OUT_OF_MEMORY;
-    for (uint32_t r = 0; r < ranks->count; r++) list[r] = bytes;
+    for (uint32_t r = 0; r < ranks->count; r++) {
+        size_t first, end;
+        lg_ranks_part(r, ranks->count, total, &first, &end);
+        list[r] = (end - first) * item;
+    }
     const lg_status status = ranks->gather(ranks->user, all, list);
     lg_free(NULL, list);
     return status;
+}
+
+static lg_status gather_equal(const lg_ranks *ranks, void *all, size_t bytes) {
+    return lg_ranks_gather_parts(ranks, ranks->count, bytes, all);
 }
 
 lg_status lg_ranks_agree(const lg_ranks *ranks, lg_status status, lg_error *error) {

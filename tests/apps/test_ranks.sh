@@ -1,6 +1,6 @@
-# Ranks of mpirun: 1 to 4 ranks with 1 and 2 threads train with the bits of one process, also resumed with another number
-# of ranks; sweeps whose ranks are killed; refusals. Skipped without mpirun or liegrad_mpi.
-# ctest-labels: slow src/mpi src/nn apps/common
+# Ranks of mpirun: 1 to 4 ranks with 1 and 2 threads train networks and policies with the bits of one
+# process, also resumed with another number of ranks; sweeps whose ranks are killed; refusals. Skipped without mpirun or liegrad_mpi.
+# ctest-labels: slow src/mpi src/nn src/control apps/common
 . "$LG_TEST_DIR/apps/ranks.sh"
 . "$LG_TEST_DIR/apps/sweeps.sh"
 make_sweeps
@@ -41,6 +41,34 @@ $fit --out one.h5 >out 2>&1
 for R in 2 3; do
     ranks -n $R $fit --out many.h5 >out 2>err || fail "lm $R: $(cat err)"
     same_model one.h5 many.h5 || fail "lm: $R ranks give other bits"
+done
+
+# Policies.
+cat >policy.yaml <<'E'
+columns: {time: t}
+coordinates: [{name: th, kind: angle, velocity: w}]
+inputs: {columns: [u]}
+mass: {kind: known, values: [[1]]}
+potential: {kind: known, form: linear, of: th, values: [0, 1]}
+damping: {kind: known, values: [0.1]}
+input_map: {kind: known, values: [[1]]}
+E
+cat >task.yaml <<'E'
+plant: policy.yaml
+period: 0.1
+horizon: 3
+starts: {th: [-3, 3]}
+limits: {u: 0.7}
+cost: {th: 1, w: 0.1}
+success: {th: 0.1, hold: 1, within: 5}
+controller: {kind: network, hidden: [8]}
+E
+train="lg-control train task.yaml --seeds 3 --race 9 --finish 6 --polish 4 --threads 1"
+$train --out one.h5 >out 2>&1
+for R in 2 3; do
+    ranks -n $R $train --out many.h5 --json >out 2>err || fail "policy $R: $(cat err)"
+    same_model one.h5 many.h5 || fail "policy: $R ranks give other bits"
+    [ "$(wc -l <out)" = 1 ] || fail "policy: all ranks report: $(cat out)"
 done
 
 # Sweeps: ranks are killed, and the table must be that of one process.
@@ -92,6 +120,7 @@ job=$!
 for i in $(seq 100); do [ ! -e c.h5 ] || break; sleep 0.1; done
 kill -INT $job
 wait $job || true
+[ ! -e many.h5.lock ] || fail "Ctrl-C left a lock"
 if [ ! -e many.h5 ]; then
     [ -e c.h5 ] || fail "Ctrl-C saved nothing: $(cat err)"
     grep -q "continue with --resume" err || fail "Ctrl-C says nothing: $(cat err)"

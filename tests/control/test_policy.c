@@ -9,6 +9,7 @@
 #include "support/fixtures.h"
 #include "support/memory_archive.h"
 #include "support/policies.h"
+#include "support/rank_team.h"
 #include "test_support.h"
 
 RELEASES(release_batch, lg_policy_batch_destroy)
@@ -375,6 +376,64 @@ TEST("training gives the same bits with one thread and with three") {
         if (before != NULL) assert_memory_equal(before, policy->theta, policy->parameters * sizeof *before);
         before = policy->theta;
     }
+}
+
+/* ---- ranks ---- */
+
+typedef struct trained_by_ranks {
+    lg_policy *policy[TEAM_MOST];
+    lg_policy_train_options options;
+    lg_policy_train_result result[TEAM_MOST];
+    double seconds; /* options.seconds of rank 0; the other ranks have no time */
+} trained_by_ranks;
+
+static lg_status train_on_rank(void *user, const lg_ranks *ranks, lg_error *error) {
+    trained_by_ranks *all = user;
+    lg_policy_trainer *trainer;
+    lg_policy_train_options o = all->options;
+    o.ranks = ranks;
+    o.seconds = ranks->rank == 0 ? all->seconds : fmin(all->seconds, 1e-9);
+    lg_status status = lg_policy_trainer_create(all->policy[ranks->rank], &o, &trainer, error);
+    if (status != LG_OK) return status;
+    status = lg_policy_trainer_run(trainer, &all->result[ranks->rank], error);
+    lg_policy_trainer_destroy(trainer);
+    return status;
+}
+
+static void train_on_ranks(uint32_t count, trained_by_ranks *all, lg_status expected) {
+    const lg_policy_task task = cart_task();
+    rank_team team;
+    for (uint32_t r = 0; r < count; r++) all->policy[r] = make(&task, cart_pole);
+    team_run(&team, count, train_on_rank, all);
+    for (uint32_t r = 0; r < count; r++) {
+        assert_int_equal(team.members[r].status, expected);
+        assert_memory_equal(all->policy[0]->theta, all->policy[r]->theta,
+                            all->policy[0]->parameters * sizeof(double));
+    }
+}
+
+TEST("training gives the same bits with one process, two ranks and five ranks") {
+    const lg_policy_task task = cart_task();
+    lg_policy *alone = make(&task, cart_pole);
+    trained_by_ranks all = {.options = short_training(1)};
+    lg_policy_train_result result;
+    train(alone, &all.options, &result);
+    for (uint32_t count = 2; count <= 5; count += 3) {
+        train_on_ranks(count, &all, LG_OK);
+        assert_memory_equal(alone->theta, all.policy[0]->theta, alone->parameters * sizeof(double));
+        assert_true(all.result[count - 1].cost == result.cost && all.result[count - 1].seed == result.seed);
+    }
+}
+
+TEST("all ranks stop where rank 0 has no more time") {
+    trained_by_ranks all = {.options = short_training(1), .seconds = 1e15};
+    const lg_policy_task task = cart_task();
+    lg_policy *alone = make(&task, cart_pole);
+    lg_policy_train_options o = all.options;
+    o.seconds = 1e15;
+    train(alone, &o, NULL);
+    train_on_ranks(2, &all, LG_OK);
+    assert_memory_equal(alone->theta, all.policy[0]->theta, alone->parameters * sizeof(double));
 }
 
 typedef struct stopping {
