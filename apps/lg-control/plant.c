@@ -29,6 +29,24 @@ static bool is_model(const app *self, const char *path) {
 
 /* ---- machines ---- */
 
+/* The lagged inputs become lines behind the machine's coordinates: lagged.u, or lagged.u.1 and lagged.u.2 of a
+ * lag of second order. */
+static void name_lagged(const app *self, const char *path, const lg_machine *machine, lg_policy_task *task) {
+    if (machine->coordinate_count + machine->lags > LG_POLICY_COORDINATES)
+        app_stop(self, LG_UNSUPPORTED, "%s: %u coordinates and %u lagged inputs are more than %d", path,
+                 machine->coordinate_count, machine->lags, LG_POLICY_COORDINATES);
+    for (uint32_t k = 0; k < machine->lags; k++) {
+        const uint32_t input = machine->lagged[k];
+        const bool second = k > 0 && machine->lagged[k - 1] == input,
+                   first = k + 1 < machine->lags && machine->lagged[k + 1] == input;
+        lg_policy_coordinate *to = &task->coordinate[task->coordinate_count++];
+        char name[LG_POLICY_NAME];
+        memcpy(name, task->input[input].name, sizeof name);
+        (void)snprintf(to->name, sizeof to->name, "lagged.%.20s%s", name, second ? ".2" : first ? ".1" : "");
+        to->follows = input + 1;
+    }
+}
+
 static void name_coordinates(const app *self, const char *path, const lg_machine_file *file,
                              lg_policy_task *task) {
     static const int motions[LG_COORDINATE_KIND_COUNT] = {[LG_COORDINATE_LINE] = LG_POLICY_LINE,
@@ -65,6 +83,7 @@ static void name_coordinates(const app *self, const char *path, const lg_machine
     }
     task->input_count = machine->input_count;
     if (machine->input_count == 0) app_stop(self, LG_FORMAT, "%s: the machine has no inputs", path);
+    name_lagged(self, path, machine, task);
 }
 
 /* Schemes whose steps iterate cannot be part of a program. */
@@ -83,8 +102,8 @@ static lg_program *load_model(const app *self, const char *path, lg_policy_task 
         self, path,
         lg_machine_file_parse(self->context, path, model.run.text, strlen(model.run.text), &file, &error));
     name_coordinates(self, path, &file, task);
-    APP_MUST(self, lg_machine_program(self->context, &model.run.machine, model.theta,
-                                      scheme_of(model.run.scheme), &program, &error));
+    APP_MUST(self, lg_machine_plant(self->context, &model.run.machine, model.theta,
+                                    scheme_of(model.run.scheme), &program, &error));
     return program;
 }
 
@@ -105,8 +124,8 @@ static lg_program *read_machine(const app *self, const char *path, lg_policy_tas
                  "%s: numbers of the machine are unknown; learn it with lg-identify and name the model",
                  path);
     name_coordinates(self, path, &file, task);
-    APP_MUST(self, lg_machine_program(self->context, &file.machine, NULL, lg_scheme_find("rkmk4"), &program,
-                                      &error));
+    APP_MUST(self,
+             lg_machine_plant(self->context, &file.machine, NULL, lg_scheme_find("rkmk4"), &program, &error));
     return program;
 }
 
@@ -168,8 +187,8 @@ void control_draw_plants(const app *self, const char *path, double spread, size_
     lg_rng_seed(&rng, self->seed, 1);
     for (size_t k = 0; k < draws; k++) {
         draw_theta(&model, spread, slope, &rng, theta);
-        APP_MUST(self, lg_machine_program(self->context, machine, theta, scheme_of(model.run.scheme), &out[k],
-                                          &error));
+        APP_MUST(self, lg_machine_plant(self->context, machine, theta, scheme_of(model.run.scheme), &out[k],
+                                        &error));
     }
 }
 

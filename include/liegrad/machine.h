@@ -715,6 +715,10 @@ LG_API lg_status lg_machine_estimate_states(const lg_context *context, const lg_
  * classical scheme if there are directions or rotations; LG_SCHEME_VARIATIONAL). */
 LG_API lg_status lg_machine_program(const lg_context *context, const lg_machine *machine, const double *theta,
                                     const lg_scheme *scheme, lg_program **out, lg_error *error);
+/* The same program for a controller that knows the lagged inputs (liegrad/policy.h): in `momenta` and
+ * `positions`, q has them behind the positions. */
+LG_API lg_status lg_machine_plant(const lg_context *context, const lg_machine *machine, const double *theta,
+                                  const lg_scheme *scheme, lg_program **out, lg_error *error);
 
 /* ---- Machine files and logs (library liegrad_io from here on) ----
  *

@@ -90,6 +90,9 @@ LG_API const lg_policy_motion_row *lg_policy_motion_row_of(lg_policy_motion moti
 typedef struct lg_policy_coordinate {
     char name[LG_POLICY_NAME], velocity[LG_POLICY_NAME]; /* velocity "": a state of a program that has none */
     lg_policy_motion motion;
+    /* 0, or 1 + the number of an input: this line without velocity is what is left of that input behind a lag
+     * (lg_machine_plant). lg_policy_create sets its goal, the input that holds the machine at the goal. */
+    uint32_t follows;
     double goal[9];
     /* Starts: a line or angle is drawn from goal + [low, high]; a direction or rotation turns by an angle
      * from [low, high] about a random axis. Each number of the velocity is drawn from its own [low, high]. */
@@ -149,7 +152,7 @@ typedef struct lg_policy lg_policy;
 /* Makes a policy with random (seeded) parameters. `plant` is a program with the function
  *   step       (x, u, h) -> next, and if there are velocities
  *   momenta    (q, v) -> x, positions (x) -> q, velocities (x) -> v
- * as lg_machine_program makes it. Without velocities x = q are the positions. For `energy` also value (x)
+ * as lg_machine_plant makes it. Without velocities x = q are the positions. For `energy` also value (x)
  * -> H. The policy takes ownership of the plant, also when it fails; the caller destroys the policy.
  * Errors: LG_INVALID_ARGUMENT (the task is out of range), LG_NOT_FOUND, LG_SHAPE (functions that the plant
  * lacks or that do not fit the task), LG_CHECK_FAILED (the goal is no equilibrium: the message has the
@@ -162,6 +165,8 @@ LG_API const lg_policy_task *lg_policy_task_of(const lg_policy *policy);
 /* The plant's functions and parameters; parameter `policy` (theta); and the functions
  *   errors     (x) -> z
  *   policy     (q, v, weights) -> u          `weights` is a shared input like theta; without velocities no v
+ *   lagged     (a, u) -> next                the lagged inputs a after a period in which u is held, if
+ *                                            there are lagged inputs
  *   control    (x) -> u                      x: positions as controllers get them, then velocities. x
  *                                            contains free positions too, but u does not depend on them
  *   closed     (x, weights) -> next, cost, u   one period
@@ -272,17 +277,17 @@ typedef struct lg_policy_train_options {
 LG_API void lg_policy_train_options_init(lg_policy_train_options *options);
 
 typedef struct lg_policy_train_result {
-    double cost, success; /* on 256 validation starts */
+    double cost, success; /* on 512 validation starts */
     uint32_t seed;        /* that won */
     double seconds;
 } lg_policy_train_result;
 /* A trainer. A race: each seed takes steps of Adam on fresh starts, in single precision; after a third and
  * two thirds of it the worse half leaves. The best by success, then by cost, on validation starts takes
- * `finish` steps more with twice as many starts. While fewer than 99 % of the validation starts succeed this
+ * `finish` steps more with twice as many starts. While fewer than 99.5 % of the validation starts succeed this
  * is repeated, up to four times in all, unless options.seconds bounds the time. L-BFGS on 512 fixed starts
  * follows. Adam's gradients are not exact: what goes back through a run is shortened, so that runs whose
  * motion is chaotic do not drown the others. The policy gets the best parameters that the validation starts
- * saw. If the task is disturbed, all runs are, and there are 512 validation starts. For `lqr`, and for
+ * saw. If the task is disturbed, all runs are. For `lqr`, and for
  * `energy` with given gains, nothing is trained, only judged.
  *
  * `options` NULL means the defaults. The policy must outlive the trainer. After LG_CANCELLED

@@ -30,6 +30,10 @@ static lg_status check_coordinate(const lg_policy_coordinate *c, lg_error *error
           isfinite(c->weight_velocity)))
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "coordinate %s: weights of the cost must be finite and >= 0", c->name);
+    if (c->follows > 0 && (c->motion != LG_POLICY_LINE || c->velocity[0] != '\0' || c->track || c->free))
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "%s is a lagged input, a line without velocity that cannot be tracked or free",
+                       c->name);
     if (c->track && c->motion > LG_POLICY_ANGLE)
         return lg_fail(error, LG_INVALID_ARGUMENT, "track: %s is a %s; set points are of lines and angles",
                        c->name, lg_policy_motion_row_of(c->motion)->name);
@@ -78,6 +82,13 @@ static lg_status check_task(const lg_policy_task *t, lg_error *error) {
     for (uint32_t i = 0; i < t->coordinate_count; i++) {
         const lg_policy_coordinate *c = &t->coordinate[i];
         LG_TRY(check_coordinate(c, error));
+        if (c->follows > t->input_count)
+            return lg_fail(error, LG_INVALID_ARGUMENT, "%s follows an input that is not there", c->name);
+        if (c->follows > 0 && t->kind == LG_POLICY_ENERGY)
+            return lg_fail(
+                error, LG_INVALID_ARGUMENT,
+                "a controller of kind energy needs forces that act at once, but %s is a lagged input",
+                c->name);
         weighed = weighed || c->weight > 0.0 || c->weight_velocity > 0.0;
         judged = judged || isfinite(c->success) || isfinite(c->success_velocity);
     }
@@ -267,6 +278,31 @@ lg_status lg_policy_prepare(lg_policy *p, lg_error *error) {
     return init_parameters(p, error);
 }
 
+/* The goals of lagged inputs are the inputs that hold the machine at the goal. Returns whether there are any.
+ */
+static bool set_goals(lg_policy *p) {
+    bool any = false;
+    for (uint32_t k = 0; k < p->task.coordinate_count; k++) {
+        lg_policy_coordinate *c = &p->task.coordinate[k];
+        if (c->follows == 0) continue;
+        c->goal[0] = p->regulator.u0[c->follows - 1];
+        any = true;
+    }
+    return any;
+}
+
+/* The functions of motion contain the goals, so they are recorded again once these are known. */
+static lg_status add_motion(lg_policy *p, const lg_program *plant, lg_error *error) {
+    LG_TRY(lg_policy_add_motion(p, error));
+    if (!set_goals(p)) return LG_OK;
+    LG_TRY(lg_policy_find_rest(p, error));
+    (void)set_goals(p);
+    lg_program_destroy(p->program);
+    p->program = NULL;
+    LG_TRY(lg_policy_begin(p, plant, error));
+    return lg_policy_add_motion(p, error);
+}
+
 /* The policy's own functions, with the regulator that it has. */
 static lg_status add_functions(lg_policy *p, lg_error *error) {
     LG_TRY(lg_policy_add_functions(p, error));
@@ -279,7 +315,7 @@ static lg_status build(lg_policy *p, const lg_program *plant, uint64_t seed, lg_
     lg_policy_initialise(p, seed, p->theta);
     LG_TRY(lg_policy_begin(p, plant, error));
     if (p->task.substeps == 0) LG_TRY(choose_substeps(p, training_error, seed, error));
-    LG_TRY(lg_policy_add_motion(p, error));
+    LG_TRY(add_motion(p, plant, error));
     LG_TRY(lg_policy_check_shifts(p, true, seed, error));
     LG_TRY(lg_policy_find_regulator(p, seed, error));
     return add_functions(p, error);
@@ -294,6 +330,7 @@ static bool has(const lg_policy *p, const char *function) {
 lg_status lg_policy_adopt(lg_policy *p, lg_error *error) {
     static const char *const needed[] = {"period", "errors",   "policy",      "control",
                                          "closed", "terminal", "adj1_closed", "adj1_terminal"};
+    (void)set_goals(p);
     LG_TRY(check_plant(p, p->program, error));
     for (size_t i = 0; i < LG_COUNT(needed); i++)
         if (!has(p, needed[i]))

@@ -78,7 +78,7 @@ struct lg_policy {
 };
 
 /* Checks the task and sets sizes, with room for theta. lg_policy_adopt checks the program that the policy
- * was loaded with, and takes its parameters. */
+ * was loaded with, takes its parameters, and sets the goals of lagged inputs from the regulator. */
 LG_API lg_status lg_policy_prepare(lg_policy *policy, lg_error *error);
 LG_API lg_status lg_policy_adopt(lg_policy *policy, lg_error *error);
 /* Writes random parameters. */
@@ -91,7 +91,7 @@ lg_status lg_policy_take(lg_policy *policy, const double *theta);
 /* Makes a program with the plant's functions and the plant's parameters. A further parameter `policy` (zeros)
  * is added if the policy has parameters. */
 lg_status lg_policy_begin(lg_policy *policy, const lg_program *plant, lg_error *error);
-/* Adds period (x, u) -> next, errors (x) -> z, linear (z, u) -> z of the next period from the tangent at
+/* Adds period (x, u) -> next, errors (x) -> z, with lagged inputs lagged (a, u) -> next, linear (z, u) -> z of the next period from the tangent at
  * the goal, and jac_linear; then regulated (x, K) -> next, cost, u with a shared gain, which needs u0. */
 lg_status lg_policy_add_motion(lg_policy *policy, lg_error *error);
 lg_status lg_policy_add_regulated(lg_policy *policy, lg_error *error);
@@ -143,5 +143,7 @@ size_t lg_policy_periods(const lg_policy *policy, double seconds);
 
 /* Finds u0, K, P, c, and what depends on them: scales of features, the map G, the terminal weight. */
 lg_status lg_policy_find_regulator(lg_policy *policy, uint64_t seed, lg_error *error);
+/* The regulator's u0 alone. It does not depend on the goals of lagged inputs. */
+lg_status lg_policy_find_rest(lg_policy *policy, lg_error *error);
 
 #endif

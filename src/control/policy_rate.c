@@ -195,10 +195,14 @@ static lg_status check(const lg_policy *p, lg_error *error) {
                            "coordinate %s is a %s; certificates are for machines of lines and angles",
                            c->name, lg_policy_motion_row_of(c->motion)->name);
     }
+    for (uint32_t i = 0; i < p->task.coordinate_count; i++)
+        if (p->task.coordinate[i].follows > 0)
+            return lg_fail(error, LG_UNSUPPORTED, "%s is a lagged input, which a certificate does not know",
+                           p->task.coordinate[i].name);
     if (p->state != p->layout.positions + p->layout.velocities)
         return lg_fail(error, LG_UNSUPPORTED,
-                       "besides positions and velocities the plant has %u more states (lagged inputs or "
-                       "bristles), which a certificate does not know",
+                       "besides positions and velocities the plant has %u more states (bristles), which a "
+                       "certificate does not know",
                        p->state - p->layout.positions - p->layout.velocities);
     if (lg_program_find(p->program, "field", &field, NULL) != LG_OK)
         return lg_fail(error, LG_NOT_FOUND, "the plant has no function field (x, u)");

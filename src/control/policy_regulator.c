@@ -14,6 +14,7 @@ typedef struct design {
     lg_policy *policy;
     uint32_t n, m;                 /* errors, inputs */
     double *A, *B;                 /* z+ = A z + B (u - u0) */
+    double *rest;                  /* (errors, inputs): d(z+ - z)/du at rest, where lagged inputs are u */
     double size[LG_POLICY_ERRORS]; /* of the errors: of starts, or of unforced motion */
     double *z, *x;                 /* samples: (SAMPLES, errors), (SAMPLES, state) */
     bool *held;
@@ -23,17 +24,36 @@ typedef struct design {
 
 enum { SAMPLES = 128 };
 
-/* ---- the equilibrium ---- */
-
-static lg_status linearise(const design *d, const double *u, double *z, lg_error *error) {
-    const lg_policy *p = d->policy;
-    const double zero[LG_POLICY_ERRORS] = {0};
-    const double *const in[2] = {zero, u};
-    LG_TRY(lg_program_eval(p->context, p->program, "linear", 1, in, (double *const[]){z}, error));
-    return lg_program_eval(p->context, p->program, "jac_linear", 1, in, (double *const[]){d->A, d->B}, error);
+static double half_range(const design *d, uint32_t l) {
+    return 0.5 * (d->policy->task.input[l].high - d->policy->task.input[l].low);
 }
 
-/* The least squares solution of B y = -z in inputs of their range. */
+/* ---- the equilibrium ---- */
+
+/* A and B at the goal under u, where lagged inputs are u; `change` is what z changes by in a period. */
+static lg_status linearise(const design *d, const double *u, double *change, lg_error *error) {
+    const lg_policy *p = d->policy;
+    double z[LG_POLICY_ERRORS] = {0};
+    const double *const in[2] = {z, u};
+    for (uint32_t k = 0; k < p->task.coordinate_count; k++) {
+        const lg_policy_coordinate *c = &p->task.coordinate[k];
+        if (c->follows > 0) z[p->layout.at[k].error] = u[c->follows - 1] - c->goal[0];
+    }
+    LG_TRY(lg_program_eval(p->context, p->program, "linear", 1, in, (double *const[]){change}, error));
+    LG_TRY(
+        lg_program_eval(p->context, p->program, "jac_linear", 1, in, (double *const[]){d->A, d->B}, error));
+    memcpy(d->rest, d->B, (size_t)d->n * d->m * sizeof *d->rest);
+    for (uint32_t i = 0; i < d->n; i++) change[i] -= z[i];
+    for (uint32_t k = 0; k < p->task.coordinate_count; k++) {
+        const uint32_t input = p->task.coordinate[k].follows, at = p->layout.at[k].error;
+        if (input == 0) continue;
+        for (uint32_t i = 0; i < d->n; i++) d->rest[i * d->m + input - 1] += d->A[i * d->n + at];
+        d->rest[at * d->m + input - 1] -= 1.0;
+    }
+    return LG_OK;
+}
+
+/* The least squares solution of `rest` y = -z in inputs of their range. */
 static lg_status correct(const design *d, const double *z, double *u) {
     double matrix[LG_POLICY_INPUTS * LG_POLICY_INPUTS] = {0}, right[LG_POLICY_INPUTS] = {0},
                                      range[LG_POLICY_INPUTS];
@@ -41,10 +61,10 @@ static lg_status correct(const design *d, const double *z, double *u) {
         range[l] = d->policy->task.input[l].high - d->policy->task.input[l].low;
     for (uint32_t a = 0; a < d->m; a++)
         for (uint32_t i = 0; i < d->n; i++) {
-            const double weight = 1.0 / (d->size[i] * d->size[i]), row = d->B[i * d->m + a] * range[a];
+            const double weight = 1.0 / (d->size[i] * d->size[i]), row = d->rest[i * d->m + a] * range[a];
             right[a] -= weight * row * z[i];
             for (uint32_t b = 0; b < d->m; b++)
-                matrix[a * d->m + b] += weight * row * d->B[i * d->m + b] * range[b];
+                matrix[a * d->m + b] += weight * row * d->rest[i * d->m + b] * range[b];
         }
     LG_TRY(lg_normal_equations(d->m, 1, 1e-12, matrix, right));
     for (uint32_t l = 0; l < d->m; l++) u[l] += range[l] * right[l];
@@ -105,7 +125,7 @@ static lg_status find_equilibrium(design *d) {
 /* ---- sizes of errors ---- */
 
 /* Of each error the largest of the starts; where these are all 0, the bound of success, or that of the
- * unforced motion. */
+ * unforced motion. Of a lagged input half the range of the input. */
 static void find_sizes(design *d) {
     const lg_policy *p = d->policy;
     for (uint32_t k = 0; k < p->task.coordinate_count; k++) {
@@ -114,6 +134,7 @@ static void find_sizes(design *d) {
         const double far = fmax(fabs(c->start[0]), fabs(c->start[1])),
                      fast = fmax(fabs(c->start_velocity[0]), fabs(c->start_velocity[1]));
         const double size = far > 0                ? far
+                            : c->follows > 0       ? half_range(d, c->follows - 1)
                             : isfinite(c->success) ? c->success
                                                    : 1.0,
                      rate = fast > 0                        ? fast
@@ -147,10 +168,6 @@ static void fill_weights(const design *d, weights w, double *Q, double *R) {
             Q[(rate + i) * (d->n + 1)] = factor * w.rate;
     }
     for (uint32_t l = 0; l < d->m; l++) R[l * (d->m + 1)] = w.input;
-}
-
-static double half_range(const design *d, uint32_t l) {
-    return 0.5 * (d->policy->task.input[l].high - d->policy->task.input[l].low);
 }
 
 /* The equation of scaled errors and inputs is solved, so that units do not matter; K and P are in the
@@ -478,26 +495,38 @@ static lg_status set_map(design *d) {
 
 /* ---- */
 
+static lg_status begin(design *d, lg_policy *p, uint64_t seed, lg_error *error) {
+    *d = (design){.policy = p, .n = p->layout.errors, .m = p->inputs, .seed = seed, .error = error};
+    const size_t n = d->n, m = d->m, numbers = n * (n + 2 * m) + SAMPLES * (n + p->state);
+    p->regulator.errors = d->n, p->regulator.inputs = d->m;
+    d->A = lg_alloc(p->context, numbers, sizeof *d->A);
+    d->held = lg_alloc(p->context, SAMPLES, sizeof *d->held);
+    if (d->A == NULL || d->held == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a regulator");
+    d->B = d->A + n * n, d->rest = d->B + n * m, d->z = d->rest + n * m, d->x = d->z + SAMPLES * n;
+    find_sizes(d);
+    return find_equilibrium(d);
+}
+
+static void end(design *d) {
+    lg_free(d->policy->context, d->A);
+    lg_free(d->policy->context, d->held);
+}
+
+lg_status lg_policy_find_rest(lg_policy *p, lg_error *error) {
+    design d;
+    const lg_status status = begin(&d, p, 0, error);
+    end(&d);
+    return status;
+}
+
 lg_status lg_policy_find_regulator(lg_policy *p, uint64_t seed, lg_error *error) {
-    design d = {.policy = p, .n = p->layout.errors, .m = p->inputs, .seed = seed, .error = error};
-    const size_t n = d.n, m = d.m, numbers = n * (n + m) + SAMPLES * (n + p->state);
-    p->regulator.errors = d.n, p->regulator.inputs = d.m;
-    d.A = lg_alloc(p->context, numbers, sizeof *d.A);
-    d.held = lg_alloc(p->context, SAMPLES, sizeof *d.held);
-    lg_status status = LG_OUT_OF_MEMORY;
-    if (d.A != NULL && d.held != NULL) {
-        d.B = d.A + n * n, d.z = d.B + n * m, d.x = d.z + SAMPLES * n;
-        find_sizes(&d);
-        status = find_equilibrium(&d);
-        if (status == LG_OK) status = lg_policy_add_regulated(p, error);
-        if (status == LG_OK) status = choose_regulator(&d);
-        set_scales(&d);
-        if (status == LG_OK && p->task.search) status = learn_from_unforced(&d);
-        if (status == LG_OK && p->task.kind == LG_POLICY_ENERGY) status = set_map(&d);
-    } else {
-        (void)lg_fail(error, status, "no memory for a regulator");
-    }
-    lg_free(p->context, d.A);
-    lg_free(p->context, d.held);
+    design d;
+    lg_status status = begin(&d, p, seed, error);
+    if (status == LG_OK) status = lg_policy_add_regulated(p, error);
+    if (status == LG_OK) status = choose_regulator(&d);
+    if (status == LG_OK) set_scales(&d);
+    if (status == LG_OK && p->task.search) status = learn_from_unforced(&d);
+    if (status == LG_OK && p->task.kind == LG_POLICY_ENERGY) status = set_map(&d);
+    end(&d);
     return status;
 }

@@ -7,7 +7,7 @@
 #include "liegrad/fit.h"
 #include "liegrad/minimise.h"
 
-enum { VALIDATION = 256, DISTURBED_VALIDATION = 512, FIXED = 512, LOOKS = 10, MOST_ROUNDS = 4 };
+enum { VALIDATION = 512, FIXED = 512, LOOKS = 10, MOST_ROUNDS = 4 };
 enum { RACE, FINISH, POLISH, DONE };
 
 /* Streams of random numbers of a seed. */
@@ -31,8 +31,7 @@ struct lg_policy_trainer {
     uint32_t round; /* of the phase FINISH: it is repeated while many runs fail */
     lg_policy_batch batch;
     double *x;          /* starts of a step (seeds, starts, state) or (FIXED, state) */
-    size_t validations; /* validation starts */
-    double *validation; /* (validations, state) */
+    double *validation; /* starts (VALIDATION, state) */
     double *cost, **gradients;
     lg_minimiser *minimiser; /* in the phase POLISH */
     double begun, phase_begun;
@@ -77,25 +76,25 @@ static lg_status draw_starts(const training *t, uint64_t stream, size_t count, d
 
 static lg_status judge(const training *t, const double *theta, judged *out) {
     const lg_policy *p = t->policy;
-    bool held[DISTURBED_VALIDATION];
-    double cost[DISTURBED_VALIDATION];
+    bool held[VALIDATION];
+    double cost[VALIDATION];
     const lg_policy_trial trial = {.theta = theta,
                                    .disturbed = lg_policy_is_disturbed(&p->task),
                                    .seed = t->options.seed,
                                    .threads = t->options.threads};
-    double *x = lg_alloc(p->context, t->validations * p->state, sizeof *x);
+    double *x = lg_alloc(p->context, VALIDATION * p->state, sizeof *x);
     if (x == NULL) return lg_fail(t->error, LG_OUT_OF_MEMORY, "no memory for validation");
-    memcpy(x, t->validation, t->validations * p->state * sizeof *x);
-    lg_policy_runs runs = {.count = t->validations,
+    memcpy(x, t->validation, VALIDATION * p->state * sizeof *x);
+    lg_policy_runs runs = {.count = VALIDATION,
                            .steps = lg_policy_periods(p, p->task.within),
                            .x = x,
                            .cost = cost,
                            .succeeded = held};
     const lg_status status = lg_policy_run(p, &trial, &runs, t->error);
     *out = (judged){0, 0};
-    for (size_t i = 0; i < t->validations && status == LG_OK; i++) {
-        out->success += held[i] / (double)t->validations;
-        out->cost += cost[i] / (double)t->validations;
+    for (size_t i = 0; i < VALIDATION && status == LG_OK; i++) {
+        out->success += held[i] / VALIDATION;
+        out->cost += cost[i] / VALIDATION;
     }
     lg_free(p->context, x);
     return status;
@@ -294,7 +293,7 @@ static lg_status race(training *t) {
 
 /* Rounds of Adam, each with a decay of its rate, until nearly all validation starts succeed. */
 static lg_status finish(training *t) {
-    static const double enough = 0.99;
+    static const double enough = 0.995;
     judged found;
     const uint32_t rounds = t->options.seconds > 0.0 || t->options.finish == 0 ? 1 : MOST_ROUNDS;
     for (;; t->round++) {
@@ -347,8 +346,7 @@ static lg_status begin(training *t) {
     const size_t n = t->n, seeds = t->seeds;
     const size_t most = (seeds > 2 ? seeds : 2) * t->options.starts, starts = most > FIXED ? most : FIXED;
     t->theta = lg_alloc(p->context, (4 * seeds + 1) * n, sizeof *t->theta);
-    t->validations = lg_policy_is_disturbed(&p->task) ? DISTURBED_VALIDATION : VALIDATION;
-    t->x = lg_alloc(p->context, (starts + t->validations) * p->state, sizeof *t->x);
+    t->x = lg_alloc(p->context, (starts + VALIDATION) * p->state, sizeof *t->x);
     t->cost = lg_alloc(p->context, seeds, sizeof *t->cost);
     t->gradients = lg_alloc(p->context, seeds, sizeof *t->gradients);
     t->number = lg_alloc(p->context, seeds, sizeof *t->number);
@@ -364,7 +362,7 @@ static lg_status begin(training *t) {
     }
     t->racers = t->seeds;
     t->of_best = (judged){0.0, INFINITY};
-    return draw_starts(t, STREAM_VALIDATION, t->validations, t->validation);
+    return draw_starts(t, STREAM_VALIDATION, VALIDATION, t->validation);
 }
 
 lg_status lg_policy_trainer_create(lg_policy *policy, const lg_policy_train_options *options,

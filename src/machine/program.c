@@ -16,8 +16,10 @@ typedef struct recording {
     const lg_machine *machine;
     const lg_scheme *scheme; /* of the function `step` */
     lg_space space, full;    /* of mechanical states; of states with lagged inputs at their end */
+    uint32_t seen;           /* lagged inputs behind the positions of `momenta` and `positions` */
     /* A number in the log's units is the scaled number times its factor. */
-    double state[MOST], field[MOST], positions[LG_MACHINE_POSITIONS], velocities[LG_MACHINE_VELOCITIES];
+    double state[MOST], field[MOST], positions[LG_MACHINE_POSITIONS + LG_MACHINE_LAGS],
+        velocities[LG_MACHINE_VELOCITIES];
 } recording;
 
 /* ---- factors ---- */
@@ -65,6 +67,8 @@ static void fill_log(recording *r) {
         const uint32_t places = lg_coordinate_row_of(machine->coordinates[i].kind)->places;
         for (uint32_t k = 0; k < places; k++) r->positions[at.position + k] = s->place[at.place + k];
     }
+    for (uint32_t k = 0; k < r->seen; k++)
+        r->positions[machine->positions + k] = s->input[machine->lagged[k]];
     for (uint32_t k = 0; k < machine->velocities; k++) r->velocities[k] = s->velocity[k] / s->time;
 }
 
@@ -160,11 +164,15 @@ static lg_status momenta(void *user, lg_tape *tape, const lg_var *theta, const l
     const recording *r = user;
     lg_machine_vars vars;
     lg_var parts[LG_TAPED_MAX_PARTS];
+    const uint32_t positions = r->machine->positions;
     LG_TRY(bind(r, tape, theta, &vars));
-    const lg_var q = times(tape, x[0], r->positions, r->machine->positions, true),
+    const lg_var all = times(tape, x[0], r->positions, positions + r->seen, true),
                  v = times(tape, x[1], r->velocities, r->machine->velocities, true);
+    const lg_var q = r->seen > 0 ? lg_machine_columns(tape, all, 0, positions) : all;
     LG_TRY(lg_machine_record_state(tape, &vars, q, v, parts));
-    if (r->machine->lags > 0) {
+    if (r->seen > 0) {
+        parts[lg_taped_parts(&r->space)] = lg_machine_columns(tape, all, positions, r->seen);
+    } else if (r->machine->lags > 0) {
         const lg_var zeros =
             lg_full(tape, lg_shape2(lg_var_shape(tape, parts[0]).dims[0], r->machine->lags), 0.0);
         lg_tape_mark_rows(tape, zeros);
@@ -189,8 +197,9 @@ static lg_status positions(void *user, lg_tape *tape, const lg_var *theta, const
     lg_machine_vars vars;
     lg_var parts[LG_TAPED_MAX_PARTS];
     LG_TRY(open_state(r, tape, theta, x[0], &vars, parts));
-    const lg_var q = lg_machine_record_positions(tape, &vars, parts);
-    y[0] = times(tape, q, r->positions, r->machine->positions, false);
+    lg_var q = lg_machine_record_positions(tape, &vars, parts);
+    if (r->seen > 0) q = lg_concat(tape, (lg_var[]){q, parts[lg_taped_parts(&r->space)]}, 2, 1);
+    y[0] = times(tape, q, r->positions, r->machine->positions + r->seen, false);
     return lg_tape_status(tape);
 }
 
@@ -308,7 +317,7 @@ static lg_status build(const lg_context *context, recording *r, const double *th
     const size_t inputs = m > 0 ? 2 : 1;
     lg_port in[2] = {port_of("x", r->state, (uint32_t)r->full.dim)};
     if (m > 0) in[1] = port_of("u", machine->scales.input, m);
-    const lg_port logged[2] = {port_of("q", r->positions, machine->positions),
+    const lg_port logged[2] = {port_of("q", r->positions, machine->positions + r->seen),
                                port_of("v", r->velocities, machine->velocities)};
     const lg_port energy[2] = {{.name = "y"}, {.name = "g"}}, rate = {.name = "f"}, state = {.name = "x"};
     lg_function_spec functions[] = {
@@ -331,11 +340,11 @@ static lg_status build(const lg_context *context, recording *r, const double *th
     return lg_program_build(context, &spec, out, error);
 }
 
-lg_status lg_machine_program(const lg_context *context, const lg_machine *machine, const double *theta,
-                             const lg_scheme *scheme, lg_program **out, lg_error *error) {
-    LG_NEEDS(error, machine, out);
+static lg_status make(const lg_context *context, const lg_machine *machine, const double *theta,
+                      const lg_scheme *scheme, uint32_t seen, lg_program **out, lg_error *error) {
     if (machine->parameters > 0) LG_NEEDS(error, theta);
-    recording r = {.machine = machine, .scheme = scheme != NULL ? scheme : lg_scheme_find("cf4")};
+    recording r = {
+        .machine = machine, .scheme = scheme != NULL ? scheme : lg_scheme_find("cf4"), .seen = seen};
     lg_derivative jacobian;
     lg_program *made;
     if (scheme != NULL && scheme->kind == LG_SCHEME_VARIATIONAL)
@@ -358,4 +367,16 @@ lg_status lg_machine_program(const lg_context *context, const lg_machine *machin
     else
         lg_program_destroy(made);
     return status;
+}
+
+lg_status lg_machine_program(const lg_context *context, const lg_machine *machine, const double *theta,
+                             const lg_scheme *scheme, lg_program **out, lg_error *error) {
+    LG_NEEDS(error, machine, out);
+    return make(context, machine, theta, scheme, 0, out, error);
+}
+
+lg_status lg_machine_plant(const lg_context *context, const lg_machine *machine, const double *theta,
+                           const lg_scheme *scheme, lg_program **out, lg_error *error) {
+    LG_NEEDS(error, machine, out);
+    return make(context, machine, theta, scheme, machine->lags, out, error);
 }

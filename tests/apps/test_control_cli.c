@@ -66,6 +66,32 @@ TEST("goals, machines and options that do not fit are refused with a sentence") 
     cli_expect(control, "evaluate lqr.h5 --plant other.yaml", 3, "not those of the policy");
 }
 
+TEST("a lagged input is a state that runs show, that has no goal of its own, and that no certificate knows") {
+    cli_write(
+        "slow.yaml",
+        "columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: vx}, {name: th, kind: angle, "
+        "velocity: w}]\ninputs: {columns: [u], lag: 0.3}\nsystem: cart-pole\nparameters: {cart: 1, "
+        "pole: 0.1, length: 1, gravity: 9.81}\ninput_map: {kind: known, values: [[1], [0]]}\n");
+    cli_write("slow_task.yaml",
+              "plant: slow.yaml\nperiod: 0.05\nhorizon: 5\nstarts: {th: [-0.2, "
+              "0.2]}\nlimits: {u: 10}\ncost: {x: 0.1, th: 1, lagged.u: 0.001, u: "
+              "0.002}\nsuccess: {th: 0.05, hold: 1, within: 10}\ncontroller: {kind: lqr}\n");
+    cli_expect(control, "train slow_task.yaml --out slow.h5 --json", 0, "");
+    assert_true(json_number(result.out, "success") == 1);
+    cli_expect(control, "evaluate slow.h5 --starts 2 --runs slow.csv", 0, "");
+    char text[256];
+    FILE *csv = fopen(cli_at("slow.csv"), "r");
+    assert_non_null(csv);
+    assert_non_null(fgets(text, sizeof text, csv));
+    (void)fclose(csv);
+    assert_string_equal(text, "start,t,x,th,lagged.u,vx,w,u,cost\n");
+    cli_expect(control, "certify slow.h5 --lyapunov quadratic --box x=1,th=0.5,vx=2,w=3", 2,
+               "lagged.u is a lagged input, which a certificate does not know");
+    cli_write("aimed.yaml", "plant: slow.yaml\nperiod: 0.05\nhorizon: 5\ngoal: {lagged.u: 1}\nstarts: {th: "
+                            "1}\nlimits: {u: 10}\ncost: {th: 1}\nsuccess: {th: 0.05}\n");
+    cli_expect(control, "train aimed.yaml --out x.h5", 3, "a lagged input has no goal to choose");
+}
+
 TEST("disturbances of another task judge a policy, and draws need the covariance of a fit") {
     cli_write("noisy.yaml", TASK "controller: {kind: lqr}\nrobust: {delay: 0.5, noise: {th: 0.3}}\n");
     cli_write("drawn.yaml", TASK "controller: {kind: lqr}\nrobust: {draws: 2}\n");

@@ -142,6 +142,39 @@ TEST("a controller of a body takes quaternions") {
     export_expect("grep -q 'b (quaternion w x y z, 4), then velocities vb (3)' body/body.h");
 }
 
+TEST("control and the lagged input that the C computes follow the plant for 100 periods") {
+    cli_write("slow.yaml", "columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: v}]\ninputs: "
+                           "{columns: [u], lag: {order: 2, value: 0.3}}\nmass: {kind: known, values: [2]}\n"
+                           "damping: {kind: known, values: [0.5]}\noffset: {kind: known, values: [-6]}\n"
+                           "input_map: {kind: known, values: [3]}\n");
+    train("slow", "plant: slow.yaml\nperiod: 0.1\nhorizon: 3\nstarts: {x: [-1, 1], v: [-1, 1]}\nlimits: {u: "
+                  "[-2, 6]}\ncost: {x: 1, v: 0.1, u: 0.01}\nsuccess: {x: 0.05, hold: 1, within: "
+                  "10}\ncontroller: {kind: network, hidden: [8]}\n");
+    export_run("slow.h5 --out slow --name slow");
+    export_check_each("slow", "slow", few, LG_COUNT(few));
+    export_expect("grep -q 'as in the log, x, lagged inputs lagged.u.1 lagged.u.2, then' slow/slow.h");
+    load("slow");
+    export_library lib = export_open("slow", "slow", "gcc", "-O2");
+    double x[4], seen[4] = {0.8, 0, 0, 0.5}, a[2] = {0, 0};
+    assert_told(lg_program_eval(NULL, program, "momenta", 1, (const double *const[]){seen, seen + 3},
+                                (double *const[]){x}, &told));
+    for (int k = 0; k < 100; k++) {
+        double u, next[4];
+        memcpy(seen + 1, a, sizeof a);
+        export_call(&lib, "control", 2, (export_port[]){EXPORT_IN(seen, 4), EXPORT_OUT(&u, 1)});
+        export_call(&lib, "lagged", 3,
+                    (export_port[]){EXPORT_IN(a, 2), EXPORT_IN(&u, 1), EXPORT_OUT(next, 2)});
+        memcpy(a, next, sizeof a);
+        evaluate("period", x, &u, next);
+        memcpy(x, next, sizeof x);
+        evaluate("positions", x, NULL, seen);
+        evaluate("velocities", x, NULL, seen + 3);
+        assert_all_close(a, seen + 1, 2, 1e-12, 1e-12);
+    }
+    assert_close(seen[0], 0, 0, 0.05);
+    export_close(&lib);
+}
+
 TEST("the number of a free position changes no input, and the self-tests of all functions pass") {
     cli_write("drive.yaml", test_text(cart, 1.0, "damping: {kind: known, values: [0.1, 0.01]}\n"));
     train("drive",

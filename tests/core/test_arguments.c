@@ -976,6 +976,7 @@ TEST("functions of machines refuse NULL") {
     REFUSES(lg_machine_estimate_states(NULL, NEEDED(&shaken), NEEDED(theta), NEEDED(problem.scheme), 1,
                                        NEEDED(&pushes), 4, NEEDED(others), NEEDED(others + 8), NULL));
     REFUSES(lg_machine_program(NULL, NEEDED(machine), NEEDED(theta), NULL, NEEDED(&program), NULL));
+    REFUSES(lg_machine_plant(NULL, NEEDED(machine), NEEDED(theta), NULL, NEEDED(&program), NULL));
     REFUSES(lg_machine_model_save(NULL, NEEDED("/nonexistent/file.h5"), NEEDED(file), NULL, NULL));
     REFUSES(lg_machine_model_describe(NEEDED(&file->run), NEEDED("machine"), NEEDED(text), NULL));
 }

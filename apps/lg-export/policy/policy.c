@@ -8,8 +8,11 @@
 /* ---- words ---- */
 
 static void add_names(const lg_policy_task *task, bool velocities, text *to) {
+    bool lagged = false;
     for (uint32_t i = 0; i < task->coordinate_count; i++) {
         const lg_policy_coordinate *c = &task->coordinate[i];
+        if (c->follows > 0 && !velocities && !lagged) lg_text_add(to, ", lagged inputs");
+        lagged = lagged || c->follows > 0;
         const lg_policy_motion_row *row = lg_policy_motion_row_of(c->motion);
         const uint32_t count = velocities ? row->velocity : row->given;
         const char *name = velocities ? c->velocity : c->name;
@@ -208,11 +211,12 @@ static int write_policy(export_policy_job *j, const char *path) {
     tell(j);
     int code = export_policy_loop(j);
     if (code == APP_EXIT_OK) code = add_around(j, &functions);
-    /* Set points are there by default. */
-    size_t track;
-    if (code == APP_EXIT_OK && strcmp(source->options->functions, "control") == 0 &&
-        lg_program_find(j->program, "track", &track, NULL) == LG_OK)
-        lg_text_add(&functions, ",track");
+    static const char *const besides[] = {"track", "lagged"}; /* By default, if the policy has them. */
+    size_t found;
+    for (size_t i = 0; i < LG_COUNT(besides); i++)
+        if (code == APP_EXIT_OK && strcmp(source->options->functions, "control") == 0 &&
+            lg_program_find(j->program, besides[i], &found, NULL) == LG_OK)
+            lg_text_add(&functions, ",%s", besides[i]);
     /* The closed loop needs it. */
     if (code == APP_EXIT_OK && !names_control(functions.data)) lg_text_add(&functions, ",control");
     if (code == APP_EXIT_OK) code = export_whole(j->self, path, j->program, functions.data, source);

@@ -1,6 +1,7 @@
 /* Policies in files: the program, the task's text, what the plant calls its coordinates, and the regulator.
  */
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "control/policy.h"
@@ -36,13 +37,18 @@ static void list_arrays(lg_policy *p, array out[ARRAYS]) {
 
 enum { LINE = 3 * LG_POLICY_NAME };
 
-/* "name kind velocity", with - for a velocity that is not there. */
+static const char lagged[] = "lagged";
+
+/* "name kind velocity", with - for a velocity that is not there; "name lagged n" for what follows input n. */
 static lg_status put_names(lg_h5 *h5, const lg_policy *p, lg_error *error) {
     char lines[LG_POLICY_COORDINATES][LINE], inputs[LG_POLICY_INPUTS][LG_POLICY_NAME];
     for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
         const lg_policy_coordinate *c = &p->task.coordinate[i];
-        (void)snprintf(lines[i], LINE, "%s %s %s", c->name, lg_policy_motion_row_of(c->motion)->name,
-                       c->velocity[0] != '\0' ? c->velocity : "-");
+        if (c->follows > 0)
+            (void)snprintf(lines[i], LINE, "%s %s %u", c->name, lagged, c->follows);
+        else
+            (void)snprintf(lines[i], LINE, "%s %s %s", c->name, lg_policy_motion_row_of(c->motion)->name,
+                           c->velocity[0] != '\0' ? c->velocity : "-");
     }
     for (uint32_t l = 0; l < p->inputs; l++) memcpy(inputs[l], p->task.input[l].name, LG_POLICY_NAME);
     LG_TRY(lg_h5_put_text_list(h5, group, "coordinates", lines[0], LINE, p->task.coordinate_count, error));
@@ -101,6 +107,10 @@ static lg_status take_coordinate(void *user, uint64_t index, const char *text, l
         return bad_name(text, error);
     lg_policy_coordinate *c = &task->coordinate[task->coordinate_count++];
     memcpy(c->name, name, strlen(name) + 1);
+    if (strcmp(motion, lagged) == 0) {
+        c->follows = (uint32_t)strtoul(velocity, NULL, 10);
+        return c->follows > 0 ? LG_OK : bad_name(text, error);
+    }
     if (strcmp(velocity, "-") != 0) memcpy(c->velocity, velocity, strlen(velocity) + 1);
     uint32_t k = 0;
     while (k < LG_POLICY_MOTION_COUNT &&

@@ -252,6 +252,8 @@ static const char *take_goal(lg_policy_task *task, named of, const char *name, c
     (void)task, (void)name;
     if (of.coordinate == NULL) return of.input != NULL ? "a coordinate, not an input" : "";
     if (is_free(of)) return not_free;
+    if (of.coordinate->follows > 0)
+        return "a coordinate of the machine; a lagged input has no goal to choose";
     if (of.velocity) return count == 1 && x[0] == 0.0 ? NULL : "0, for the goal is a state at rest";
     lg_policy_coordinate *c = of.coordinate;
     switch (c->motion) {
