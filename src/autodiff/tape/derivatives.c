@@ -155,8 +155,7 @@ lg_status lg_jvp(lg_tape *tape, const lg_var *y, size_t ny, const lg_var *x, con
 
 /* ---- functions built on both modes ---- */
 
-/* A tensor of v's shape that is 1 at element `one` and 0 elsewhere. */
-static lg_var unit_like(lg_tape *tape, lg_var v, size_t one) {
+lg_var lg_unit_like(lg_tape *tape, lg_var v, size_t one) {
     lg_shape shape = lg_node_at(tape, v)->shape;
     lg_var unit = lg_full(tape, shape, 0.0);
     if (lg_is_none(unit)) return unit;
@@ -166,13 +165,13 @@ static lg_var unit_like(lg_tape *tape, lg_var v, size_t one) {
 }
 
 static lg_var jacobian_row(lg_tape *tape, lg_var y, lg_var x, size_t row) {
-    lg_var seed = unit_like(tape, y, row), out = LG_NONE;
+    lg_var seed = lg_unit_like(tape, y, row), out = LG_NONE;
     if (lg_vjp(tape, &y, &seed, 1, &x, 1, &out) != LG_OK) return LG_NONE;
     return lg_reshape(tape, out, lg_shape2(1, (uint32_t)lg_node_at(tape, x)->count));
 }
 
 static lg_var jacobian_column(lg_tape *tape, lg_var y, lg_var x, size_t column) {
-    lg_var seed = unit_like(tape, x, column), out = LG_NONE;
+    lg_var seed = lg_unit_like(tape, x, column), out = LG_NONE;
     if (lg_jvp(tape, &y, 1, &x, &seed, 1, &out) != LG_OK) return LG_NONE;
     return lg_reshape(tape, out, lg_shape2((uint32_t)lg_node_at(tape, y)->count, 1));
 }

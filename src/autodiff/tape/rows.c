@@ -4,7 +4,7 @@
  * and carries no rows is "shared": it is the same for all rows. Where a shared node is an input of a node
  * that carries rows, the ordinary sweep sums the cotangent over rows; here the part of each row is kept. For
  * a view of theta, the parts are written directly into theta's gradients. For any other shared node, they are
- * collected and multiplied by the node's Jacobian with respect to theta at the end. */
+ * collected, and at the end carried from node to node down to theta. */
 #include "autodiff/tape/rows.h"
 #include "autodiff/ops/op_rows.h"
 
@@ -164,23 +164,35 @@ void lg_rows_add(lg_tape *tape, lg_rows *rows, uint32_t i, lg_var g) {
 
 /* ---- gradients of theta from the collected parts ---- */
 
-/* gradient += part J, where J (elements, parameters) is the Jacobian of a shared node with respect to
- * theta. */
+/* Adds to the parts of a node's shared inputs what the node's part makes of them: part times the derivative of
+ * the node's elements, one after another, with respect to the input. */
 static void pull_back(lg_tape *tape, lg_rows *rows, uint32_t node, const double *part) {
     const lg_mark mark = lg_tape_mark(tape);
-    const size_t elements = tape->nodes[node].count, n = rows->parameters;
-    const lg_var J = lg_jacobian(tape, lg_var_at(tape, node), lg_var_at(tape, rows->theta));
-    if (tape->status != LG_OK) return;
-    const double *value = lg_value(tape, J);
-    for (size_t r = 0; r < rows->count; r++)
-        for (size_t e = 0; e < elements; e++)
-            tape->k->axpy(n, part[r * elements + e], value + e * n, rows->gradient + r * n);
-    (void)lg_tape_rewind(tape, mark);
+    const size_t elements = tape->nodes[node].count;
+    const uint32_t inputs = tape->nodes[node].inputs;
+    lg_var in[LG_MAX_INPUTS], out[LG_MAX_INPUTS];
+    bool need[LG_MAX_INPUTS];
+    for (size_t e = 0; e < elements && tape->status == LG_OK; e++) {
+        const lg_var one = lg_unit_like(tape, lg_var_at(tape, node), e);
+        if (lg_is_none(one)) return;
+        lg_reverse_step(tape, rows->range, rows->kind, NULL, node, one, in, need, out);
+        for (uint32_t k = 0; k < inputs && tape->status == LG_OK; k++) {
+            if (!need[k] || lg_is_none(out[k])) continue;
+            size_t stride;
+            double *to = parts_of(tape, rows, in[k].index, &stride);
+            const size_t count = lg_node_at(tape, in[k])->count;
+            const double *slope = lg_value(tape, out[k]);
+            for (size_t r = 0; to != NULL && r < rows->count; r++)
+                tape->k->axpy(count, part[r * elements + e], slope, to + r * stride);
+        }
+        if (tape->status == LG_OK) (void)lg_tape_rewind(tape, mark);
+    }
 }
 
+/* From the newest shared node on, so that the part of a node is complete before its inputs get theirs. */
 void lg_rows_close(lg_tape *tape, lg_rows *rows) {
     const size_t length = (size_t)rows->range.hi - rows->range.lo + 1;
-    for (size_t at = 0; at < length; at++) {
+    for (size_t at = length; at-- > 0;) {
         if (rows->part[at] == NULL) continue;
         const uint32_t node = rows->range.lo + (uint32_t)at;
         if (tape->status == LG_OK) pull_back(tape, rows, node, rows->part[at]);

@@ -17,6 +17,8 @@ bool lg_frozen(const lg_node *node, uint32_t input);
 /* Sets reach[i - lo] = 1 for every node i that is one of the variables or depends on one. `reach` must be
  * zeroed by the caller. */
 void lg_mark_reach(const lg_tape *tape, lg_node_range range, const lg_var *wrt, size_t n, uint8_t *reach);
+/* A tensor of v's shape that is 1 at element `one` and 0 elsewhere. */
+lg_var lg_unit_like(lg_tape *tape, lg_var v, size_t one);
 /* Calls node i's vjp with cotangent g. Afterwards `out` holds the cotangents of the inputs. `sweep` is NULL
  * in a recorded sweep. */
 void lg_reverse_step(lg_tape *tape, lg_node_range range, const uint8_t *reach, struct lg_sweep *sweep,

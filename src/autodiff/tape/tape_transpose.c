@@ -13,11 +13,13 @@ void lg_tape_constant(lg_tape *tape, const void *memory, size_t bytes) {
 }
 
 void lg_forget_transposes(lg_tape *tape, uint32_t node) {
-    uint32_t kept = 0;
+    uint32_t kept = 0, end = 0;
+    if (tape->transposed_end <= node) return;
     for (uint32_t i = 0; i < tape->transposed_count; i++) {
         uint32_t owner = tape->transposed[i];
         if (owner < node) {
             tape->transposed[kept++] = owner;
+            if (owner >= end) end = owner + 1;
         } else {
             lg_node *n = &tape->nodes[owner];
             lg_pool_give(tape, n->transposed, n->count * tape->k->size);
@@ -25,6 +27,7 @@ void lg_forget_transposes(lg_tape *tape, uint32_t node) {
         }
     }
     tape->transposed_count = kept;
+    tape->transposed_end = end;
 }
 
 static bool is_constant(const lg_tape *tape, const lg_node *node) {
@@ -70,7 +73,9 @@ static void *new_owned(lg_tape *tape, const lg_node *node, uint32_t index) {
                  sizeof *tape->transposed))
         return NULL;
     void *memory = make_transpose(tape, node);
-    if (memory != NULL) tape->transposed[tape->transposed_count++] = index;
+    if (memory == NULL) return NULL;
+    tape->transposed[tape->transposed_count++] = index;
+    if (index >= tape->transposed_end) tape->transposed_end = index + 1;
     return memory;
 }
 
