@@ -76,7 +76,7 @@ struct lg_tape {
     lg_pool_memory pool;
     uint32_t *transposed; /* indices of the nodes that own their transpose */
     uint32_t transposed_count, transposed_capacity;
-    uint32_t transposed_end; /* the largest of these indices, plus 1 */
+    uint32_t transposed_end;       /* the largest of these indices, plus 1 */
     const unsigned char *constant; /* memory declared constant by lg_tape_constant */
     size_t constant_bytes;
     lg_lasting *lasting;
