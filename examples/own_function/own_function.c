@@ -75,22 +75,36 @@ static lg_status newton(lg_tape *t, double *x, double *slope) {
     return LG_OK;
 }
 
+/* Where a matrix is wanted, H is the Jacobian of the gradient. *off becomes the largest |H_ij - H_ji|. */
+static lg_status asymmetry(lg_tape *t, const double *x, double *off) {
+    double H[N * N];
+    lg_tape_reset(t);
+    const lg_var at = lg_input_f64(t, lg_shape1(N), x);
+    lg_var gradient = LG_NONE;
+    lg_status status = lg_grad(t, valley(NULL, t, &at), &at, 1, &gradient);
+    if (status == LG_OK) status = lg_read(t, lg_jacobian(t, gradient, at), N * N, H);
+    for (int i = 0; i < N * N && status == LG_OK; i++) *off = fmax(*off, fabs(H[i] - H[i % N * N + i / N]));
+    return status;
+}
+
 int main(void) {
     const lg_gradcheck_argument point = {.shape = lg_shape1(N), .low = -2, .high = 2};
     const lg_gradcheck_function function = {
         .name = "valley", .inputs = 1, .arguments = &point, .build = valley};
     lg_gradcheck_result check;
     lg_tape *t = NULL;
-    double x[N] = {0}, slope = 1, worst = 0;
+    double x[N] = {0}, slope = 1, worst = 0, off = 0;
     int steps = 0;
     if (lg_gradcheck(NULL, &function, NULL, &check) != LG_OK) return (void)puts(check.message), 1;
     printf("derivatives are right: Taylor slopes %.2f and %.2f\n", check.order[0].slope,
            check.order[1].slope);
     lg_status status = lg_tape_create(NULL, NULL, &t);
     while (status == LG_OK && slope > 1e-9 && steps < 500) status = newton(t, x, &slope), steps++;
+    if (status == LG_OK) status = asymmetry(t, x, &off);
     if (status != LG_OK) (void)puts(t != NULL ? lg_tape_message(t) : lg_status_sentence(status));
     for (int i = 0; i < N; i++) worst = fmax(worst, fabs(x[i] - 1));
-    printf("after %d steps x is off by %.1e\n", steps, worst);
+    printf("after %d steps x is off by %.1e, and the Hessian there is symmetric to %.0e\n", steps, worst,
+           off);
     lg_tape_destroy(t);
-    return status == LG_OK && worst < 1e-8 ? 0 : 1;
+    return status == LG_OK && worst < 1e-8 && off < 1e-9 ? 0 : 1;
 }

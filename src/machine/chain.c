@@ -1,0 +1,317 @@
+/* Machines: the motion of windows and its derivatives, from row to row. */
+#include <math.h>
+#include <string.h>
+
+#include "autodiff/tape/tape_internal.h"
+#include "liegrad/geometry.h"
+#include "machine/chain.h"
+
+/* ---- memory ---- */
+
+size_t lg_chain_numbers(const lg_chain *c) {
+    const size_t d = c->axes.count;
+    const lg_machine *machine = c->problem->machine;
+    const size_t shown = machine->accelerations ? machine->velocities * (c->columns + 1) : 0;
+    return c->count * (3 * c->axes.numbers + d * d + c->shared + 2 * d * c->columns + shown);
+}
+
+void lg_chain_place(lg_chain *c, double *memory) {
+    const size_t n = c->count * c->axes.numbers, d = c->axes.count;
+    c->z = memory;
+    c->next = c->z + n;
+    c->dz = c->next + n;
+    c->A = c->dz + n;
+    c->apart = c->A + c->count * d * d;
+    c->S = c->apart + c->count * c->shared;
+    c->moved = c->S + c->count * d * c->columns;
+    if (!c->problem->machine->accelerations) return;
+    c->a = c->moved + c->count * d * c->columns;
+    c->of_a = c->a + c->count * c->problem->machine->velocities;
+}
+
+/* ---- sweeps ---- */
+
+/* z of a state. */
+static lg_var joined(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts) {
+    const int z = lg_machine_parts(vars->machine).z;
+    const lg_var all[3] = {lg_machine_record_positions(tape, vars, parts),
+                           lg_machine_record_velocities(tape, vars, parts), z < 0 ? LG_NONE : parts[z]};
+    return lg_concat(tape, all, z < 0 ? 2 : 3, 1);
+}
+
+/* Sum over windows of z's component along an axis, which is z . c/|c|^2 with c the change along the axis at
+ * c->next, the value of z. */
+static lg_var sum_along(lg_tape *tape, const lg_chain *c, lg_var z, const lg_row_axis *a) {
+    void *memory;
+    const lg_var seed = lg_input_buffer(tape, lg_var_shape(tape, z), &memory);
+    if (lg_is_none(seed)) return seed;
+    double along[9];
+    memset(memory, 0, c->count * c->axes.numbers * sizeof(double));
+    for (size_t s = 0; s < c->count; s++) {
+        const size_t at = s * c->axes.numbers;
+        lg_row_axis_change(a, c->next + at, along);
+        for (uint32_t i = 0; i < lg_row_axis_width(a); i++)
+            ((double *)memory)[at + a->first + i] = along[i] / lg_row_axis_square(a);
+    }
+    return lg_sum(tape, lg_mul(tape, z, seed));
+}
+
+/* Gradient of `sum` with respect to z and, where theta is learned, to theta for each window, (count,
+ * shared). */
+static lg_status sweep(lg_tape *tape, lg_chain *c, lg_var sum, lg_var z, lg_var theta) {
+    void *const dz = c->dz;
+    if (c->shared == 0) return lg_backward_set(tape, sum, &z, 1, &dz);
+    return lg_backward_rows(tape, sum, z, c->dz, theta, c->count, c->apart);
+}
+
+/* Computes row i of A and row i of dF/dtheta. The latter goes to the first columns of `moved`. */
+static lg_status sweep_interval(lg_tape *tape, lg_chain *c, uint32_t i, lg_var from, lg_var theta,
+                                lg_var to) {
+    const size_t d = c->axes.count;
+    const lg_mark mark = lg_tape_mark(tape);
+    const lg_var sum = sum_along(tape, c, to, &c->axes.each[i]);
+    LG_TRY(sweep(tape, c, sum, from, theta));
+    for (size_t s = 0; s < c->count; s++) {
+        const double *z = c->z + s * c->axes.numbers, *dz = c->dz + s * c->axes.numbers;
+        double *row = c->moved + (s * d + i) * c->columns;
+        for (size_t j = 0; j < d; j++)
+            c->A[(s * d + i) * d + j] = lg_row_axis_component(&c->axes.each[j], z, dz);
+        memcpy(row, c->apart + s * c->shared, c->shared * sizeof *row);
+        memset(row + c->shared, 0, c->own * sizeof *row);
+    }
+    return lg_tape_rewind(tape, mark);
+}
+
+/* Binds the machine's parameters: known ones, or the first parameters of the fit. */
+static lg_status bind(lg_tape *tape, const lg_chain *c, lg_var *theta, lg_machine_vars *vars) {
+    const lg_machine *machine = c->problem->machine;
+    *theta = lg_machine_parameter(tape, machine, c->shared > 0 ? c->theta : c->problem->theta);
+    return lg_machine_bind(tape, machine, *theta, vars);
+}
+
+size_t lg_chain_row(const lg_chain *c, size_t sample, uint32_t point) {
+    return c->problem->start[c->samples[sample]] + point;
+}
+
+/* The state of point j of all windows, from z; `at` gets its rows of the log. */
+static lg_status record_point(lg_tape *tape, const lg_chain *c, const lg_machine_vars *vars, uint32_t j,
+                              size_t *at, lg_var *from, lg_var *parts) {
+    const lg_machine *machine = c->problem->machine;
+    const uint32_t n = c->axes.numbers, rows = (uint32_t)c->count;
+    for (size_t s = 0; s < c->count; s++) at[s] = lg_chain_row(c, s, j);
+    *from = lg_input_f64(tape, lg_shape2(rows, n), c->z);
+    lg_tape_mark_rows(tape, *from);
+    LG_TRY(lg_machine_record_state(tape, vars, lg_machine_columns(tape, *from, 0, machine->positions),
+                                   lg_machine_columns(tape, *from, machine->positions, machine->velocities),
+                                   parts));
+    if (j == 0) return lg_machine_start_bristles(tape, vars, &c->problem->log, at, rows, parts);
+    if (machine->bristles > 0)
+        parts[lg_machine_parts(machine).z] =
+            lg_machine_columns(tape, *from, n - machine->bristles, machine->bristles);
+    return lg_tape_status(tape);
+}
+
+lg_status lg_chain_pass_interval(lg_tape *tape, lg_chain *c, uint32_t j, size_t *at) {
+    const lg_machine *machine = c->problem->machine;
+    const uint32_t n = c->axes.numbers, rows = (uint32_t)c->count;
+    const size_t d = c->axes.count;
+    lg_machine_vars vars;
+    lg_var theta, from, parts[LG_TAPED_MAX_PARTS];
+    lg_tape_reset(tape);
+    LG_TRY(bind(tape, c, &theta, &vars));
+    lg_machine_flow flow = {.vars = &vars, .scheme = c->problem->scheme, .substeps = c->problem->substeps};
+    LG_TRY(lg_machine_space(machine, &flow.space));
+    LG_TRY(record_point(tape, c, &vars, j, at, &from, parts));
+    LG_TRY(lg_machine_record_interval(tape, &flow, &c->problem->log, at, rows, parts));
+    const lg_var to = joined(tape, &vars, parts);
+    LG_TRY(lg_read(tape, to, c->count * n, c->next));
+    for (uint32_t i = 0; i < d; i++) LG_TRY(sweep_interval(tape, c, i, from, theta, to));
+    if (j > 0 || c->own > 0)
+        for (size_t s = 0; s < c->count; s++)
+            tape->k->gemm(d, c->columns, d, c->A + s * d * d, d, 1, c->S + s * d * c->columns, c->columns,
+                          c->moved + s * d * c->columns, c->columns, true);
+    double *spare = c->S;
+    c->S = c->moved;
+    c->moved = spare;
+    memcpy(c->z, c->next, c->count * n * sizeof *c->z);
+    return LG_OK;
+}
+
+/* ---- starts ---- */
+
+/* Moves the starts by their parameters; S becomes the derivative with respect to these, in the last `own`
+ * columns. */
+static lg_status move_starts(lg_tape *tape, lg_chain *c, lg_var positions, lg_var velocities) {
+    const size_t d = c->axes.count, own = c->own;
+    lg_machine_vars vars;
+    lg_var theta, parts[LG_TAPED_MAX_PARTS];
+    void *memory;
+    const lg_var numbers = lg_input_buffer(tape, lg_shape2((uint32_t)c->count, (uint32_t)own), &memory);
+    if (lg_is_none(numbers)) return lg_tape_status(tape);
+    for (size_t s = 0; s < c->count; s++)
+        memcpy((double *)memory + s * own, c->theta + c->shared + c->samples[s] * own, own * sizeof(double));
+    LG_TRY(bind(tape, c, &theta, &vars));
+    LG_TRY(lg_machine_move_starts(tape, c->problem, &vars, numbers, positions, velocities, parts));
+    const lg_var z = joined(tape, &vars, parts);
+    LG_TRY(lg_read(tape, z, c->count * c->axes.numbers, c->next));
+    memset(c->S, 0, c->count * d * c->columns * sizeof *c->S);
+    for (uint32_t i = 0; i < d; i++) {
+        const lg_var sum = sum_along(tape, c, z, &c->axes.each[i]);
+        void *const into = c->moved; /* (count, own) */
+        LG_TRY(lg_backward_set(tape, sum, &numbers, 1, &into));
+        for (size_t s = 0; s < c->count; s++)
+            memcpy(c->S + (s * d + i) * c->columns + c->shared, c->moved + s * own, own * sizeof(double));
+    }
+    memcpy(c->z, c->next, c->count * c->axes.numbers * sizeof *c->z);
+    return LG_OK;
+}
+
+lg_status lg_chain_first_points(lg_tape *tape, lg_chain *c) {
+    const lg_machine *machine = c->problem->machine;
+    const uint32_t rows = (uint32_t)c->count, n = c->axes.numbers;
+    void *memory[2];
+    lg_tape_reset(tape);
+    const lg_var positions = lg_input_buffer(tape, lg_shape2(rows, machine->positions), &memory[0]),
+                 velocities = lg_input_buffer(tape, lg_shape2(rows, machine->velocities), &memory[1]);
+    LG_TRY(lg_tape_status(tape));
+    memset(c->z, 0, c->count * n * sizeof *c->z);
+    for (size_t s = 0; s < c->count; s++) {
+        const size_t row = lg_chain_row(c, s, 0);
+        double *q = (double *)memory[0] + s * machine->positions,
+               *v = (double *)memory[1] + s * machine->velocities;
+        lg_machine_scaled_rows(machine, &c->problem->log, &row, 1, q, v);
+        memcpy(c->z + s * n, q, machine->positions * sizeof *q);
+        memcpy(c->z + s * n + machine->positions, v, machine->velocities * sizeof *v);
+    }
+    return c->own > 0 ? move_starts(tape, c, positions, velocities) : LG_OK;
+}
+
+/* ---- accelerations ---- */
+
+/* Computes row k of `of_a`: dG/dz S + (dG/dtheta, 0). */
+static lg_status sweep_acceleration(lg_tape *tape, lg_chain *c, uint32_t k, lg_var from, lg_var theta,
+                                    lg_var a) {
+    const size_t nv = c->problem->machine->velocities, d = c->axes.count;
+    const lg_mark mark = lg_tape_mark(tape);
+    LG_TRY(sweep(tape, c, lg_sum(tape, lg_slice(tape, a, 1, k, 1)), from, theta));
+    for (size_t s = 0; s < c->count; s++) {
+        const double *z = c->z + s * c->axes.numbers, *dz = c->dz + s * c->axes.numbers;
+        double *row = c->of_a + (s * nv + k) * c->columns;
+        memcpy(row, c->apart + s * c->shared, c->shared * sizeof *row);
+        memset(row + c->shared, 0, c->own * sizeof *row);
+        for (size_t j = 0; j < d; j++)
+            tape->k->axpy(c->columns, lg_row_axis_component(&c->axes.each[j], z, dz),
+                          c->S + (s * d + j) * c->columns, row);
+    }
+    return lg_tape_rewind(tape, mark);
+}
+
+/* Fills `a` and `of_a` at point j, where accelerations are measured. */
+static lg_status show_accelerations(lg_tape *tape, lg_chain *c, uint32_t j, size_t *at) {
+    const lg_machine *machine = c->problem->machine;
+    lg_machine_vars vars;
+    lg_var theta, from, parts[LG_TAPED_MAX_PARTS];
+    if (!machine->accelerations) return LG_OK;
+    lg_tape_reset(tape);
+    LG_TRY(bind(tape, c, &theta, &vars));
+    LG_TRY(record_point(tape, c, &vars, j, at, &from, parts));
+    const lg_var a = lg_machine_record_shown(tape, &vars, &c->problem->log, at, (uint32_t)c->count, parts);
+    LG_TRY(lg_read(tape, a, c->count * machine->velocities, c->a));
+    for (uint32_t k = 0; k < machine->velocities; k++) LG_TRY(sweep_acceleration(tape, c, k, from, theta, a));
+    return LG_OK;
+}
+
+/* ---- residuals ---- */
+
+/* Row s of z with what the log shows in place of the velocities. */
+static void shown_of(const lg_chain *c, size_t s, double *out) {
+    const lg_machine *machine = c->problem->machine;
+    memcpy(out, c->z + s * c->axes.numbers, c->axes.numbers * sizeof *out);
+    if (machine->accelerations)
+        memcpy(out + machine->positions, c->a + s * machine->velocities, machine->velocities * sizeof *out);
+}
+
+/* The derivatives of the number on axis i of row s. */
+static const double *slopes_of(const lg_chain *c, size_t s, size_t i) {
+    const lg_machine *machine = c->problem->machine;
+    const uint32_t first = c->axes.each[i].first;
+    if (machine->accelerations && first >= machine->positions)
+        return c->of_a + (s * machine->velocities + first - machine->positions) * c->columns;
+    return c->S + (s * c->axes.count + i) * c->columns;
+}
+
+/* Removes the components along the logged directions from the velocities' rows of the residuals and the
+ * Jacobian. */
+static void keep_across(const lg_chain *c, size_t row, double *r, double *jacobian) {
+    const lg_machine *machine = c->problem->machine;
+    double along[LG_MACHINE_VELOCITIES];
+    lg_machine_along_row(c->problem, row, along);
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const uint32_t first = lg_machine_offsets_of(machine, i).velocity;
+        const double *q = along + first;
+        double *of_r = r + first, *J = jacobian + first * c->columns;
+        if (machine->coordinates[i].kind != LG_COORDINATE_DIRECTION) continue;
+        const double dot = lg_dot3(q, of_r);
+        for (uint32_t m = 0; m < 3; m++) of_r[m] -= dot * q[m];
+        for (size_t j = 0; j < c->columns; j++) {
+            double *column[] = {J + j, J + c->columns + j, J + 2 * c->columns + j};
+            const double sum = q[0] * *column[0] + q[1] * *column[1] + q[2] * *column[2];
+            for (uint32_t m = 0; m < 3; m++) *column[m] -= sum * q[m];
+        }
+    }
+}
+
+void lg_chain_put_rows(const lg_kernels *k, lg_chain *c, uint32_t j) {
+    const lg_machine *machine = c->problem->machine;
+    const size_t seen = c->axes.seen, numbers = machine->positions + machine->velocities;
+    double z[LG_CHAIN_NUMBERS], data[LG_CHAIN_NUMBERS], weight[LG_CHAIN_NUMBERS], r[LG_CHAIN_NUMBERS];
+    for (size_t s = 0; s < c->count; s++) {
+        const size_t row = lg_chain_row(c, s, j), first = s * c->rows + c->done;
+        shown_of(c, s, z);
+        lg_machine_shown_row(machine, &c->problem->log, row, data, data + machine->positions);
+        lg_machine_weigh_row(c->problem, row, c->factor, weight, weight + machine->positions);
+        for (uint32_t i = 0; i < numbers; i++) {
+            r[i] = weight[i] * (z[i] - data[i]);
+            if (i < machine->positions) c->loss += r[i] * r[i];
+        }
+        for (uint32_t i = machine->positions; c->r == NULL && i < numbers; i++) c->loss += r[i] * r[i];
+        if (c->r == NULL) continue;
+        for (size_t i = 0; i < seen; i++) {
+            const lg_row_axis *a = &c->axes.each[i];
+            const double length = sqrt(lg_row_axis_square(a));
+            double *out = c->jacobian + (first + i) * c->columns;
+            c->r[first + i] = lg_row_axis_component(a, z, r) / length;
+            k->fill(c->columns, 0.0, out);
+            k->axpy(c->columns, length * weight[a->first], slopes_of(c, s, i), out);
+        }
+        double *of_v = c->r + first + seen - machine->velocities;
+        if (machine->directions > 0)
+            keep_across(c, row, of_v, c->jacobian + (first + seen - machine->velocities) * c->columns);
+        for (uint32_t i = 0; i < machine->velocities; i++) c->loss += of_v[i] * of_v[i];
+    }
+    c->done += seen;
+}
+
+/* ---- whole windows ---- */
+
+uint32_t lg_chain_first(const lg_machine_problem *problem) {
+    return lg_machine_starts_estimated(problem) ? 0 : 1;
+}
+
+static lg_status put_point(lg_tape *tape, lg_chain *c, uint32_t j, size_t *at) {
+    LG_TRY(show_accelerations(tape, c, j, at));
+    lg_chain_put_rows(tape->k, c, j);
+    return LG_OK;
+}
+
+lg_status lg_chain_pass_window(lg_tape *tape, lg_chain *c) {
+    size_t at[LG_FIT_CHUNK];
+    const uint32_t first = lg_chain_first(c->problem);
+    LG_TRY(lg_chain_first_points(tape, c));
+    if (first == 0) LG_TRY(put_point(tape, c, 0, at));
+    for (uint32_t j = 0; j + 1 < c->problem->window; j++) {
+        LG_TRY(lg_chain_pass_interval(tape, c, j, at));
+        LG_TRY(put_point(tape, c, j + 1, at));
+    }
+    return LG_OK;
+}
