@@ -665,7 +665,7 @@ LG_API lg_status lg_machine_adapt(const lg_context *context, const lg_machine_re
  * intervals of the log each, all within one part. Writes positions (count, steps + 1, positions) and
  * velocities (count, steps + 1, velocities) in the units of the log; each may be NULL. The first point is
  * the logged row. For a machine of `accelerations` the velocities are accelerations, with the biases of their
- * sensors. A run that becomes infinite or NaN continues as NaN. Errors: LG_INVALID_ARGUMENT,
+ * sensors. A run that becomes infinite or NaN continues as NaN. Errors: LG_CANCELLED, LG_INVALID_ARGUMENT,
  * LG_UNSUPPORTED (the scheme), LG_OUT_OF_MEMORY, those of the tape. */
 LG_API lg_status lg_machine_free_run(const lg_context *context, const lg_machine *machine,
                                      const double *theta, const lg_scheme *scheme, uint32_t substeps,

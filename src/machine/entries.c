@@ -64,12 +64,13 @@ lg_var lg_machine_record_entries(lg_tape *tape, const lg_machine_vars *vars, uin
                                  const uint32_t *index, const double *factor) {
     const lg_machine *machine = vars->machine;
     const lg_machine_term *own = &machine->terms[term];
-    double known[LG_MACHINE_VALUES], placed[MOST * LG_MACHINE_VALUES] = {0.0};
+    double known[LG_MACHINE_VALUES], placed[MOST * LG_MACHINE_VALUES];
     lg_number_map maps[MOST];
     const lg_shape row = lg_shape2(1, count);
     for (uint32_t i = 0; i < count; i++)
         known[i] = index[i] == UINT32_MAX ? 0.0 : own->values[index[i]] * factor[i];
     if (own->entry_count == 0) return lg_input_f64(tape, row, known);
+    memset(placed, 0, (size_t)own->entry_count * count * sizeof *placed);
     for (uint32_t k = 0; k < own->entry_count; k++) {
         lg_entry_about about;
         maps[k] = map_of(machine, own, k, &about);

@@ -77,9 +77,12 @@ static lg_status next_point(lg_tape *tape, const runs *r, size_t step) {
     return keep(tape, r, &flow, parts, step);
 }
 
-static lg_status run_all(lg_tape *tape, const runs *r) {
+static lg_status run_all(const lg_context *context, lg_tape *tape, const runs *r) {
     LG_TRY(first_point(tape, r));
-    for (size_t step = 1; step <= r->steps; step++) LG_TRY(next_point(tape, r, step));
+    for (size_t step = 1; step <= r->steps; step++) {
+        if (lg_cancelled(context)) return LG_CANCELLED;
+        LG_TRY(next_point(tape, r, step));
+    }
     return LG_OK;
 }
 
@@ -101,8 +104,10 @@ lg_status lg_machine_free_run(const lg_context *context, const lg_machine *machi
     lg_status status = r.state != NULL && r.row != NULL && r.at != NULL ? LG_OK : LG_OUT_OF_MEMORY;
     if (status == LG_OK) status = lg_tape_create(context, NULL, &tape);
     if (status == LG_OK) {
-        status = run_all(tape, &r);
-        if (status != LG_OK) (void)lg_fail(error, status, "%s", lg_tape_message(tape));
+        status = run_all(context, tape, &r);
+        if (status != LG_OK)
+            (void)lg_fail(error, status, "%s",
+                          status == LG_CANCELLED ? "the runs were stopped" : lg_tape_message(tape));
     } else {
         (void)lg_fail(error, status, "%s", lg_status_sentence(status));
     }
