@@ -42,8 +42,12 @@ static void name_lagged(const app *self, const char *path, const lg_machine *mac
         lg_policy_coordinate *to = &task->coordinate[task->coordinate_count++];
         char name[LG_POLICY_NAME];
         memcpy(name, task->input[input].name, sizeof name);
-        (void)snprintf(to->name, sizeof to->name, "lagged.%.20s%s", name, second ? ".2" : first ? ".1" : "");
+        (void)snprintf(to->name, sizeof to->name, "lagged.%.22s%s", name, second ? ".2" : first ? ".1" : "");
         to->follows = input + 1;
+        for (uint32_t i = 0; i + 1 < task->coordinate_count; i++)
+            if (strcmp(task->coordinate[i].name, to->name) == 0)
+                app_stop(self, LG_UNSUPPORTED, "%s: two states are called %s: give the inputs shorter names",
+                         path, to->name);
     }
 }
 
@@ -83,7 +87,6 @@ static void name_coordinates(const app *self, const char *path, const lg_machine
     }
     task->input_count = machine->input_count;
     if (machine->input_count == 0) app_stop(self, LG_FORMAT, "%s: the machine has no inputs", path);
-    name_lagged(self, path, machine, task);
 }
 
 /* Schemes whose steps iterate cannot be part of a program. */
@@ -93,7 +96,13 @@ static const lg_scheme *scheme_of(const lg_scheme *scheme) {
     return fits ? scheme : lg_scheme_find("rkmk4");
 }
 
-static lg_program *load_model(const app *self, const char *path, lg_policy_task *task) {
+typedef lg_status (*program_maker)(const lg_context *context, const lg_machine *machine, const double *theta,
+                                   const lg_scheme *scheme, lg_program **out, lg_error *error);
+static program_maker make_program(bool lagged) {
+    return lagged ? lg_machine_plant : lg_machine_program;
+}
+
+static lg_program *load_model(const app *self, const char *path, bool lagged, lg_policy_task *task) {
     APP_CLEAN(lg_machine_model_file_destroy) lg_machine_model_file model = {.theta = NULL};
     APP_CLEAN(lg_machine_file_destroy) lg_machine_file file = {.column_count = 0};
     lg_program *program = NULL;
@@ -102,12 +111,13 @@ static lg_program *load_model(const app *self, const char *path, lg_policy_task 
         self, path,
         lg_machine_file_parse(self->context, path, model.run.text, strlen(model.run.text), &file, &error));
     name_coordinates(self, path, &file, task);
-    APP_MUST(self, lg_machine_plant(self->context, &model.run.machine, model.theta,
-                                    scheme_of(model.run.scheme), &program, &error));
+    if (lagged) name_lagged(self, path, &file.machine, task);
+    APP_MUST(self, make_program(lagged)(self->context, &model.run.machine, model.theta,
+                                        scheme_of(model.run.scheme), &program, &error));
     return program;
 }
 
-static lg_program *read_machine(const app *self, const char *path, lg_policy_task *task) {
+static lg_program *read_machine(const app *self, const char *path, bool lagged, lg_policy_task *task) {
     APP_CLEAN(lg_machine_file_destroy) lg_machine_file file = {.column_count = 0};
     lg_program *program = NULL;
     APP_MUST_FILE(self, path, lg_machine_file_read(self->context, path, &file, &error));
@@ -124,8 +134,9 @@ static lg_program *read_machine(const app *self, const char *path, lg_policy_tas
                  "%s: numbers of the machine are unknown; learn it with lg-identify and name the model",
                  path);
     name_coordinates(self, path, &file, task);
-    APP_MUST(self,
-             lg_machine_plant(self->context, &file.machine, NULL, lg_scheme_find("rkmk4"), &program, &error));
+    if (lagged) name_lagged(self, path, &file.machine, task);
+    APP_MUST(self, make_program(lagged)(self->context, &file.machine, NULL, lg_scheme_find("rkmk4"), &program,
+                                        &error));
     return program;
 }
 
@@ -240,9 +251,9 @@ static lg_program *load_program(const app *self, const char *path, lg_policy_tas
 
 /* ---- */
 
-lg_program *control_load_plant(const app *self, const char *path, lg_policy_task *task) {
-    if (!is_hdf5(self, path)) return read_machine(self, path, task);
-    return is_model(self, path) ? load_model(self, path, task) : load_program(self, path, task);
+lg_program *control_load_plant(const app *self, const char *path, bool lagged, lg_policy_task *task) {
+    if (!is_hdf5(self, path)) return read_machine(self, path, lagged, task);
+    return is_model(self, path) ? load_model(self, path, lagged, task) : load_program(self, path, task);
 }
 
 /* The path of the plant that the task in `path` calls `plant`. */
@@ -266,7 +277,7 @@ lg_program *control_read_task(const app *self, const char *path, lg_policy_task 
     APP_MUST_FILE(self, path,
                   lg_policy_task_read(self->context, path, task, plant, sizeof plant, &read, &error));
     APP_FREE char *full = beside(path, plant);
-    lg_program *program = control_load_plant(self, full, task);
+    lg_program *program = control_load_plant(self, full, true, task);
     APP_MUST_FILE(self, path, lg_policy_task_parse(self->context, path, read, task, &error));
     *text = read;
     return program;

@@ -715,8 +715,9 @@ LG_API lg_status lg_machine_estimate_states(const lg_context *context, const lg_
  * classical scheme if there are directions or rotations; LG_SCHEME_VARIATIONAL). */
 LG_API lg_status lg_machine_program(const lg_context *context, const lg_machine *machine, const double *theta,
                                     const lg_scheme *scheme, lg_program **out, lg_error *error);
-/* The same program for a controller that knows the lagged inputs (liegrad/policy.h): in `momenta` and
- * `positions`, q has them behind the positions. */
+/* The same program for a controller that knows the lagged inputs (liegrad/policy.h): q of `momenta` and
+ * `positions` consists of the positions, then the lagged inputs. A machine with lags has a further function
+ *   lag        (a, u, h) -> next  the lagged inputs a after the time h in which u is held */
 LG_API lg_status lg_machine_plant(const lg_context *context, const lg_machine *machine, const double *theta,
                                   const lg_scheme *scheme, lg_program **out, lg_error *error);
 

@@ -90,7 +90,7 @@ LG_API const lg_policy_motion_row *lg_policy_motion_row_of(lg_policy_motion moti
 typedef struct lg_policy_coordinate {
     char name[LG_POLICY_NAME], velocity[LG_POLICY_NAME]; /* velocity "": a state of a program that has none */
     lg_policy_motion motion;
-    /* 0, or 1 + the number of an input: this line without velocity is what is left of that input behind a lag
+    /* 0, or 1 + the number of an input: this line without velocity is that input as it acts, behind a lag
      * (lg_machine_plant). lg_policy_create sets its goal, the input that holds the machine at the goal. */
     uint32_t follows;
     double goal[9];
@@ -295,8 +295,8 @@ typedef struct lg_policy_train_result {
  * with the same bits (unless options.seconds bounds them). Errors of create: LG_INVALID_ARGUMENT,
  * LG_OUT_OF_MEMORY; of run: LG_NOT_FINITE (all seeds), LG_CANCELLED (the context's cancel flag; the policy
  * has the best parameters so far), LG_OUT_OF_MEMORY; of load: LG_INVALID_ARGUMENT (other options),
- * LG_FORMAT (the trainer must then be destroyed). `result` may be NULL. If one rank fails for a reason of
- * its own, such as memory, the caller must end the other ranks (lg_mpi_abort). */
+ * LG_FORMAT (the trainer must then be destroyed). `result` may be NULL. If one rank alone fails, such as for
+ * memory, the caller must end the other ranks (lg_mpi_abort). */
 typedef struct lg_policy_trainer lg_policy_trainer;
 LG_API lg_status lg_policy_trainer_create(lg_policy *policy, const lg_policy_train_options *options,
                                           lg_policy_trainer **out, lg_error *error);

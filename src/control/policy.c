@@ -213,6 +213,8 @@ static lg_status choose_substeps(lg_policy *p, double wanted, uint64_t seed, lg_
         }
         status = lg_policy_states(p, z, TRIALS, start, error);
         double off = INFINITY;
+        size_t lag;
+        const bool lagged = lg_program_find(p->program, "lag", &lag, NULL) == LG_OK;
         for (p->task.substeps = 1; status == LG_OK && p->task.substeps <= MOST_STEPS; p->task.substeps *= 2) {
             memcpy(coarse, start, x * sizeof *coarse);
             memcpy(fine, start, x * sizeof *fine);
@@ -225,8 +227,9 @@ static lg_status choose_substeps(lg_policy *p, double wanted, uint64_t seed, lg_
             status = lg_fail(
                 error, LG_CHECK_FAILED,
                 "%d steps of the integrator in a period of %g s leave an error of %.1e: take a shorter "
-                "period",
-                MOST_STEPS, p->task.period, off);
+                "period%s",
+                MOST_STEPS, p->task.period, off,
+                lagged ? ", or leave out a lag that is much shorter than the period" : "");
     }
     lg_free(p->context, z);
     lg_free(p->context, work);

@@ -103,36 +103,12 @@ static lg_status record_linear(void *user, lg_tape *tape, const lg_var *theta, c
     return lg_tape_status(tape);
 }
 
-/* Which of the positions follow inputs: map (lagged inputs, positions); returns the number of rows. */
-static uint32_t map_lagged(const lg_policy *p, double *map, double *goal) {
-    const uint32_t n = p->layout.positions;
-    uint32_t rows = 0;
-    for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
-        const lg_policy_coordinate *c = &p->task.coordinate[i];
-        const uint32_t at = p->layout.at[i].position;
-        if (c->follows > 0)
-            map[rows++ * n + at] = 1.0;
-        else
-            memcpy(goal + at, c->goal, lg_policy_row_of(c)->position * sizeof *goal);
-    }
-    return rows;
-}
-
-/* A period at the goal: what a lagged input becomes depends on itself and its input alone. */
 static lg_status record_lagged(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
                                lg_var *out) {
     const lg_policy *p = user;
-    const uint32_t n = p->layout.positions;
-    double map[9 * LG_POLICY_COORDINATES * LG_POLICY_COORDINATES] = {0},
-                                           goal[9 * LG_POLICY_COORDINATES] = {0};
-    const uint32_t lagged = map_lagged(p, map, goal);
-    const lg_var places = lg_input_f64(tape, lg_shape2(lagged, n), map);
-    const lg_var q = lg_add(tape, lg_matmul(tape, in[0], places), row_of(tape, goal, n));
-    const lg_var v = filled(tape, in[0], p->layout.velocities, 0.0);
-    const lg_var x = lg_program_call(tape, "momenta", 0, (const lg_var[]){q, v});
-    const lg_var next = lg_program_call(tape, "period", 0, (const lg_var[]){x, in[1]});
     (void)theta;
-    out[0] = lg_matmul_nt(tape, lg_program_call(tape, "positions", 0, &next), places);
+    out[0] = lg_program_call(tape, "lag", 0,
+                             (const lg_var[]){in[0], in[1], filled(tape, in[0], 1, p->task.period)});
     return lg_tape_status(tape);
 }
 
@@ -454,10 +430,11 @@ lg_status lg_policy_add_motion(lg_policy *p, lg_error *error) {
     lg_derivative jacobian;
     LG_TRY(add(p, "period", record_period, (const lg_port[]){port.x, port.u}, 2, OUTS("next"), error));
     LG_TRY(add(p, "errors", record_errors, &port.x, 1, OUTS("z"), error));
-    double map[9 * LG_POLICY_COORDINATES * LG_POLICY_COORDINATES], goal[9 * LG_POLICY_COORDINATES];
-    const lg_port a = {.name = "a", .shape = lg_shape1(map_lagged(p, map, goal)), .low = -1, .high = 1};
-    if (a.shape.dims[0] > 0)
-        LG_TRY(add(p, "lagged", record_lagged, (const lg_port[]){a, port.u}, 2, OUTS("next"), error));
+    size_t lagged, count;
+    if (lg_program_find(p->program, "lag", &lagged, NULL) == LG_OK)
+        LG_TRY(add(p, "lagged", record_lagged,
+                   (const lg_port[]){lg_program_inputs(p->program, lagged, &count)[0], port.u}, 2,
+                   OUTS("next"), error));
     LG_TRY(add(p, "linear", record_linear, (const lg_port[]){port.z, port.u}, 2, OUTS("next_z"), error));
     lg_derivative_init(&jacobian);
     jacobian.kind = LG_DERIVATIVE_JACOBIAN;

@@ -71,7 +71,7 @@ static lg_status correct(const design *d, const double *z, double *u) {
     return LG_OK;
 }
 
-/* The largest error after a period at the goal, over the size of this error. */
+/* The largest change of an error in a period at the goal, over the size of this error. */
 static double residual_of(const design *d, const double *z, uint32_t *which) {
     double most = 0.0;
     for (uint32_t i = 0; i < d->n; i++)
@@ -92,25 +92,43 @@ static const char *name_of(const lg_policy *p, uint32_t i) {
     return name;
 }
 
+/* Newton's method from u; *residual is that of u, which is moved. */
+static lg_status find_rest(const design *d, double *u, double *residual, double *change, uint32_t *which) {
+    for (int i = 0; i < 8; i++) {
+        LG_TRY(linearise(d, u, change, d->error));
+        *residual = residual_of(d, change, which);
+        if (*residual < 1e-12 || i == 7) break;
+        if (correct(d, change, u) != LG_OK) break;
+    }
+    return LG_OK;
+}
+
+/* The first guess is no input; where that leads to no equilibrium, such as in a dead zone, inputs within the
+ * limits follow. */
 static lg_status find_equilibrium(design *d) {
     static const double most = 5e-3; /* learned machines have their equilibrium near the goal */
+    static const double guesses[] = {0.5, 0.75, 0.25, 0.95, 0.05};
     lg_policy *p = d->policy;
-    double z[LG_POLICY_ERRORS];
+    double *u = p->regulator.u0, change[LG_POLICY_ERRORS];
     uint32_t which = 0;
-    for (uint32_t l = 0; l < d->m; l++)
-        p->regulator.u0[l] = fmin(fmax(0.0, p->task.input[l].low), p->task.input[l].high);
-    for (int i = 0; i < 8; i++) {
-        LG_TRY(linearise(d, p->regulator.u0, z, d->error));
-        p->regulator.residual = residual_of(d, z, &which);
-        if (p->regulator.residual < 1e-12 || i == 7) break;
-        if (correct(d, z, p->regulator.u0) != LG_OK) break;
+    for (uint32_t l = 0; l < d->m; l++) u[l] = fmin(fmax(0.0, p->task.input[l].low), p->task.input[l].high);
+    LG_TRY(find_rest(d, u, &p->regulator.residual, change, &which));
+    for (size_t g = 0; g < LG_COUNT(guesses) && !(p->regulator.residual <= most); g++) {
+        double from[LG_POLICY_INPUTS], residual, moved[LG_POLICY_ERRORS];
+        uint32_t other = 0;
+        for (uint32_t l = 0; l < d->m; l++)
+            from[l] = p->task.input[l].low + guesses[g] * (p->task.input[l].high - p->task.input[l].low);
+        LG_TRY(find_rest(d, from, &residual, moved, &other));
+        if (!(residual <= most)) continue;
+        memcpy(u, from, d->m * sizeof *u);
+        p->regulator.residual = residual;
     }
     if (!(p->regulator.residual <= most))
         return lg_fail(
             d->error, LG_CHECK_FAILED,
             "the goal is not an equilibrium under any constant input: from there %s changes by %.3g in a "
             "period of %g s",
-            name_of(p, which), z[which], p->task.period);
+            name_of(p, which), change[which], p->task.period);
     for (uint32_t l = 0; l < d->m; l++) {
         const lg_policy_input *in = &p->task.input[l];
         if (!(p->regulator.u0[l] > in->low && p->regulator.u0[l] < in->high))

@@ -174,7 +174,7 @@ static double clip_of(const training *t, const double *gradient) {
 static lg_status run_batch(training *t) {
     t->batch.ranks = t->options.ranks;
     const lg_status status = lg_policy_batch_run(&t->batch, t->cost, t->gradients);
-    return status == LG_OK ? status : lg_fail(t->error, status, "the ranks lost their connection");
+    return status == LG_OK ? status : lg_fail(t->error, status, "the ranks could not exchange their results");
 }
 
 /* One step of all points. A point whose gradient is not finite stays where it is in this step. */
@@ -416,23 +416,32 @@ lg_status lg_policy_trainer_run(lg_policy_trainer *t, lg_policy_train_result *re
 /* ---- states of training ---- */
 
 /* Numbers that a resumed run must have in common with the saved one, then the place in the run. */
-enum { FACTS = 13, COMMON = 7 };
+enum { FACTS = 14, COMMON = 8 };
+
+static uint64_t mixed(uint64_t hash, const void *data, size_t bytes) {
+    const unsigned char *at = data;
+    for (size_t i = 0; i < bytes; i++) hash = (hash ^ at[i]) * UINT64_C(0x100000001b3);
+    return hash;
+}
+
+/* Of the validation starts, as states of the plant, and of the regulator: of the task and the plant. */
+static uint64_t fingerprint(const training *t) {
+    const lg_policy *p = t->policy;
+    const lg_policy_regulator *r = &p->regulator;
+    const size_t n = r->errors, m = r->inputs;
+    uint64_t hash =
+        mixed(UINT64_C(0xcbf29ce484222325), t->validation, VALIDATION * p->state * sizeof(double));
+    hash = mixed(hash, r->K, m * n * sizeof *r->K);
+    hash = mixed(hash, r->u0, m * sizeof *r->u0);
+    return mixed(hash, &p->terminal, sizeof p->terminal);
+}
 
 static void list_facts(const training *t, uint64_t out[FACTS]) {
     const lg_policy_train_options *o = &t->options;
-    const uint64_t all[FACTS] = {t->n,
-                                 t->seeds,
-                                 o->starts,
-                                 o->race,
-                                 o->finish,
-                                 o->polish,
-                                 o->seed,
-                                 t->phase,
-                                 t->step,
-                                 t->leader,
-                                 isfinite(t->of_best.cost),
-                                 t->racers,
-                                 t->round};
+    const uint64_t all[FACTS] = {t->n,      t->seeds,  o->starts, o->race,
+                                 o->finish, o->polish, o->seed,   fingerprint(t),
+                                 t->phase,  t->step,   t->leader, isfinite(t->of_best.cost),
+                                 t->racers, t->round};
     memcpy(out, all, sizeof all);
 }
 
@@ -454,7 +463,8 @@ lg_status lg_policy_trainer_save(const lg_policy_trainer *t, const lg_archive_wr
 lg_status lg_policy_trainer_load(lg_policy_trainer *t, const lg_archive_reader *from, lg_error *error) {
     LG_NEEDS(error, t, from);
     static const char *const names[COMMON] = {
-        "number of parameters", "--seeds", "--starts", "--race", "--finish", "--polish", "--seed"};
+        "number of parameters", "--seeds", "--starts", "--race", "--finish", "--polish", "--seed",
+        "task or plant"};
     uint64_t facts[FACTS], own[FACTS];
     double best[2];
     const uint64_t numbers = (4 * (uint64_t)t->seeds + 1) * t->n;
@@ -462,19 +472,21 @@ lg_status lg_policy_trainer_load(lg_policy_trainer *t, const lg_archive_reader *
     lg_status status = from->array(from->user, "facts", LG_ELEMENT_U64, 1, &(uint64_t){FACTS}, facts);
     for (size_t i = 0; i < COMMON && status == LG_OK; i++)
         if (facts[i] != own[i])
-            return lg_fail(error, LG_INVALID_ARGUMENT, "the saved run has another %s: %llu, not %llu",
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           i + 1 == COMMON ? "the saved run has another %s"
+                                           : "the saved run has another %s: %llu, not %llu",
                            names[i], (unsigned long long)facts[i], (unsigned long long)own[i]);
     if (status == LG_OK) status = from->array(from->user, "best", LG_ELEMENT_F64, 1, &(uint64_t){2}, best);
     if (status == LG_OK)
         status = from->array(from->user, "number", LG_ELEMENT_U64, 1, &(uint64_t){t->seeds}, t->number);
     if (status == LG_OK) status = from->array(from->user, "theta", LG_ELEMENT_F64, 1, &numbers, t->theta);
     if (status != LG_OK) return lg_fail(error, LG_FORMAT, "the file has no state of training of a policy");
-    if (facts[7] > DONE || facts[9] >= t->seeds || facts[11] == 0 || facts[11] > t->seeds ||
-        facts[12] >= MOST_ROUNDS)
+    if (facts[8] > DONE || facts[10] >= t->seeds || facts[12] == 0 || facts[12] > t->seeds ||
+        facts[13] >= MOST_ROUNDS)
         return lg_fail(error, LG_FORMAT, "the state of training is damaged");
-    t->phase = (uint32_t)facts[7], t->step = facts[8], t->leader = (uint32_t)facts[9];
-    t->racers = (uint32_t)facts[11], t->round = (uint32_t)facts[12];
-    t->of_best = (judged){best[0], facts[10] ? best[1] : INFINITY};
+    t->phase = (uint32_t)facts[8], t->step = facts[9], t->leader = (uint32_t)facts[10];
+    t->racers = (uint32_t)facts[12], t->round = (uint32_t)facts[13];
+    t->of_best = (judged){best[0], facts[11] ? best[1] : INFINITY};
     if (t->phase != POLISH || t->step == 0) return LG_OK;
     LG_TRY(begin_polish(t));
     return lg_minimiser_load(t->minimiser, from, error);

@@ -281,6 +281,28 @@ static lg_status held_step(void *user, lg_tape *tape, const lg_var *theta, const
     return lg_tape_status(tape);
 }
 
+/* The lagged inputs a after h under u, (a, u, h). */
+static lg_status lag(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const recording *r = user;
+    lg_machine_vars vars;
+    lagging l = {.r = r, .x = x[0], .first = LG_NONE};
+    LG_TRY(bind(r, tape, theta, &vars));
+    begin_lags(r, tape, &vars, x[1], &l);
+    y[0] = lagged_after(tape, &l, x[2]);
+    return lg_tape_status(tape);
+}
+
+static lg_status add_lag(lg_program *program, const recording *r, lg_error *error) {
+    size_t field_at, count;
+    LG_TRY(lg_program_find(program, "field", &field_at, error));
+    const lg_port in[] = {{.name = "a", .shape = lg_shape1(r->seen), .low = -1, .high = 1},
+                          lg_program_inputs(program, field_at, &count)[1],
+                          {.name = "h", .shape = lg_shape1(1), .low = 0.001, .high = 0.05}},
+                  next = {.name = "next"};
+    const lg_function_spec spec = {"lag", in, 3, &next, 1, lag, (void *)(uintptr_t)r};
+    return lg_program_add_function(program, &spec, error);
+}
+
 static lg_status add_step(lg_program *program, const recording *r, lg_error *error) {
     const double low = 0.001 * r->machine->scales.time, high = 0.05 * r->machine->scales.time;
     size_t field_at, count;
@@ -361,6 +383,7 @@ static lg_status make(const lg_context *context, const lg_machine *machine, cons
     jacobian.kind = LG_DERIVATIVE_JACOBIAN;
     jacobian.function = "velocity";
     lg_status status = add_step(made, &r, error);
+    if (status == LG_OK && seen > 0) status = add_lag(made, &r, error);
     if (status == LG_OK) status = lg_program_derive(made, &jacobian, error);
     if (status == LG_OK)
         *out = made;

@@ -85,11 +85,60 @@ TEST("a lagged input is a state that runs show, that has no goal of its own, and
     assert_non_null(fgets(text, sizeof text, csv));
     (void)fclose(csv);
     assert_string_equal(text, "start,t,x,th,lagged.u,vx,w,u,cost\n");
+    cli_expect(control, "evaluate slow.h5 --plant slow.yaml --json", 0, "");
+    assert_null(strstr(result.out, "another lag"));
+    cli_write("slower.yaml",
+              "columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: vx}, {name: th, kind: "
+              "angle, velocity: w}]\ninputs: {columns: [u], lag: 0.4}\nsystem: cart-pole\nparameters: "
+              "{cart: 1, pole: 0.1, length: 1, gravity: 9.81}\ninput_map: {kind: known, values: [[1], "
+              "[0]]}\n");
+    cli_expect(control, "evaluate slow.h5 --plant slower.yaml --json", 0, "");
+    assert_non_null(strstr(result.out, "has another lag"));
+    cli_expect(control, "evaluate slow.h5 --plant cart.yaml", 3,
+               "the plant has 0 lagged inputs, but the policy knows 1");
+    cli_expect(control, "train lqr.yaml --out lqr.h5", 0, "");
+    cli_expect(control, "evaluate lqr.h5 --plant slow.yaml --json", 0,
+               ""); /* the controller does not know the lag */
+    assert_true(json_number(result.out, "succeeded") < 50);
     cli_expect(control, "certify slow.h5 --lyapunov quadratic --box x=1,th=0.5,vx=2,w=3", 2,
                "lagged.u is a lagged input, which a certificate does not know");
     cli_write("aimed.yaml", "plant: slow.yaml\nperiod: 0.05\nhorizon: 5\ngoal: {lagged.u: 1}\nstarts: {th: "
                             "1}\nlimits: {u: 10}\ncost: {th: 1}\nsuccess: {th: 0.05}\n");
     cli_expect(control, "train aimed.yaml --out x.h5", 3, "a lagged input has no goal to choose");
+}
+
+TEST("inputs whose names have blanks or are long keep their names in the policy's file") {
+    cli_write(
+        "blank.yaml",
+        "columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: the speed}]\ninputs: {columns: "
+        "[motor current], lag: 0.1}\nmass: {kind: known, values: [1]}\ninput_map: {kind: known, values: "
+        "[1]}\n");
+    cli_write("blank_task.yaml",
+              "plant: blank.yaml\nperiod: 0.05\nhorizon: 3\nstarts: {x: 1}\nlimits: {motor current: "
+              "5}\ncost: {x: 1, the speed: 0.1}\nsuccess: {x: 0.05}\ncontroller: {kind: lqr}\n");
+    cli_expect(control, "train blank_task.yaml --out blank.h5", 0, "");
+    cli_expect(control, "evaluate blank.h5 --starts 10", 0, "");
+    cli_write("long.yaml",
+              "columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: v}]\ninputs: {columns: "
+              "[motor_of_the_left_arm_1, motor_of_the_left_arm_2], lag: 0.1}\nmass: {kind: known, values: "
+              "[1]}\ninput_map: {kind: known, values: [[1, 1]]}\n");
+    cli_write("long_task.yaml",
+              "plant: long.yaml\nperiod: 0.05\nhorizon: 3\nstarts: {x: 1}\nlimits: "
+              "{motor_of_the_left_arm_1: 5, motor_of_the_left_arm_2: 5}\ncost: {x: 1}\nsuccess: {x: "
+              "0.05}\n");
+    cli_expect(control, "train long_task.yaml --out x.h5", 2, "give the inputs shorter names");
+}
+
+TEST("a weight behind a dead zone has its equilibrium outside of the dead zone") {
+    cli_write("zone.yaml",
+              "columns: {time: t}\ncoordinates: [{name: h, kind: line, velocity: v}]\ninputs: {columns: [u], "
+              "curve: "
+              "{dead_zone: 0.5}}\nmass: {kind: known, values: [1]}\noffset: {kind: known, values: "
+              "[-9.81]}\ninput_map: {kind: known, values: [1]}\n");
+    cli_write("zone_task.yaml", "plant: zone.yaml\nperiod: 0.05\nhorizon: 3\nstarts: {h: 0.2}\nlimits: {u: "
+                                "20}\ncost: {h: 1, v: 0.1}\nsuccess: {h: 0.05}\ncontroller: {kind: lqr}\n");
+    cli_expect(control, "train zone_task.yaml --out zone.h5 --json", 0, "");
+    assert_true(json_number(result.out, "success") == 1);
 }
 
 TEST("disturbances of another task judge a policy, and draws need the covariance of a fit") {

@@ -482,6 +482,30 @@ TEST("training that is stopped anywhere and continued ends with the same bits") 
     }
 }
 
+TEST("a state of training is refused for another task or plant") {
+    lg_policy_task task = cart_task();
+    lg_policy_train_options o = short_training(1);
+    lg_policy_trainer *trainer;
+    memory_archive archive = {.count = 0};
+    lg_error error;
+    assert_ok(lg_policy_trainer_create(make(&task, cart_pole), &o, &trainer, NULL));
+    const lg_archive_writer writer = memory_writer(&archive);
+    assert_ok(lg_policy_trainer_save(trainer, &writer, NULL));
+    lg_policy_trainer_destroy(trainer);
+    const lg_archive_reader reader = memory_reader(&archive);
+    for (int k = 0; k < 3; k++) {
+        if (k == 1) task.coordinate[1].weight = 2.0;
+        const char *plant =
+            k < 2 ? cart_pole : test_text("%s%s", cart_pole, "damping: {kind: known, values: [0.2, 0]}\n");
+        assert_ok(lg_policy_trainer_create(make(&task, plant), &o, &trainer, NULL));
+        assert_int_equal(lg_policy_trainer_load(trainer, &reader, &error),
+                         k == 0 ? LG_OK : LG_INVALID_ARGUMENT);
+        if (k > 0) assert_non_null(strstr(error.message, "another task or plant"));
+        lg_policy_trainer_destroy(trainer);
+        task.coordinate[1].weight = 1.0;
+    }
+}
+
 /* ---- units ---- */
 
 TEST("the regulator and the runs are the same in other units of mass, length and time") {

@@ -164,8 +164,8 @@ void lg_rows_add(lg_tape *tape, lg_rows *rows, uint32_t i, lg_var g) {
 
 /* ---- gradients of theta from the collected parts ---- */
 
-/* Adds to the parts of a node's shared inputs what the node's part makes of them: part times the derivative of
- * the node's elements, one after another, with respect to the input. */
+/* Applies the chain rule at a shared node: adds part times the derivative of the node with respect to each
+ * shared input to the part of that input, element after element of the node. */
 static void pull_back(lg_tape *tape, lg_rows *rows, uint32_t node, const double *part) {
     const lg_mark mark = lg_tape_mark(tape);
     const size_t elements = tape->nodes[node].count;

@@ -39,15 +39,16 @@ enum { LINE = 3 * LG_POLICY_NAME };
 
 static const char lagged[] = "lagged";
 
-/* "name kind velocity", with - for a velocity that is not there; "name lagged n" for what follows input n. */
+/* "name kind velocity" between tabs, with - for a velocity that is not there; "name lagged n" for what follows
+ * input n. Files of before have blanks. */
 static lg_status put_names(lg_h5 *h5, const lg_policy *p, lg_error *error) {
     char lines[LG_POLICY_COORDINATES][LINE], inputs[LG_POLICY_INPUTS][LG_POLICY_NAME];
     for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
         const lg_policy_coordinate *c = &p->task.coordinate[i];
         if (c->follows > 0)
-            (void)snprintf(lines[i], LINE, "%s %s %u", c->name, lagged, c->follows);
+            (void)snprintf(lines[i], LINE, "%s\t%s\t%u", c->name, lagged, c->follows);
         else
-            (void)snprintf(lines[i], LINE, "%s %s %s", c->name, lg_policy_motion_row_of(c->motion)->name,
+            (void)snprintf(lines[i], LINE, "%s\t%s\t%s", c->name, lg_policy_motion_row_of(c->motion)->name,
                            c->velocity[0] != '\0' ? c->velocity : "-");
     }
     for (uint32_t l = 0; l < p->inputs; l++) memcpy(inputs[l], p->task.input[l].name, LG_POLICY_NAME);
@@ -101,8 +102,9 @@ static lg_status bad_name(const char *text, lg_error *error) {
 static lg_status take_coordinate(void *user, uint64_t index, const char *text, lg_error *error) {
     lg_policy_task *task = user;
     char name[LINE], motion[LINE], velocity[LINE];
+    const char *form = strchr(text, '\t') != NULL ? "%[^\t]\t%[^\t]\t%[^\t]" : "%s %s %s";
     if (index >= LG_POLICY_COORDINATES || strlen(text) >= LINE ||
-        sscanf(text, "%s %s %s", name, motion, velocity) != 3 || strlen(name) >= LG_POLICY_NAME ||
+        sscanf(text, form, name, motion, velocity) != 3 || strlen(name) >= LG_POLICY_NAME ||
         strlen(velocity) >= LG_POLICY_NAME)
         return bad_name(text, error);
     lg_policy_coordinate *c = &task->coordinate[task->coordinate_count++];

@@ -247,13 +247,16 @@ static bool is_free(named of) {
     return of.coordinate != NULL && of.coordinate->free && !of.velocity;
 }
 
+static bool is_lagged(named of) {
+    return of.coordinate != NULL && of.coordinate->follows > 0;
+}
+
 static const char *take_goal(lg_policy_task *task, named of, const char *name, const double *x,
                              uint32_t count) {
     (void)task, (void)name;
     if (of.coordinate == NULL) return of.input != NULL ? "a coordinate, not an input" : "";
     if (is_free(of)) return not_free;
-    if (of.coordinate->follows > 0)
-        return "a coordinate of the machine; a lagged input has no goal to choose";
+    if (is_lagged(of)) return "a coordinate of the machine; a lagged input has no goal to choose";
     if (of.velocity) return count == 1 && x[0] == 0.0 ? NULL : "0, for the goal is a state at rest";
     lg_policy_coordinate *c = of.coordinate;
     switch (c->motion) {
@@ -311,6 +314,7 @@ static const char *take_success(lg_policy_task *task, named of, const char *name
                                 uint32_t count) {
     const bool hold = strcmp(name, "hold") == 0, within = strcmp(name, "within") == 0;
     if (is_free(of)) return not_free;
+    if (is_lagged(of)) return "a coordinate of the machine, not a lagged input";
     if (count != 1 || !(x[0] > 0.0)) return "a number above 0";
     if (hold || within)
         *(hold ? &task->hold : &task->within) = x[0];
@@ -326,6 +330,7 @@ static const char *take_noise(lg_policy_task *task, named of, const char *name, 
     (void)task, (void)name;
     if (of.coordinate == NULL) return of.input != NULL ? "a coordinate, not an input" : "";
     if (is_free(of)) return not_free;
+    if (is_lagged(of)) return "a coordinate of the machine: no sensor measures a lagged input";
     if (count != 1 || x[0] < 0.0) return "a standard deviation, not below 0";
     *(of.velocity ? &of.coordinate->noise_velocity : &of.coordinate->noise) = x[0];
     return NULL;
