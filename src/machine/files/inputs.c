@@ -94,16 +94,26 @@ static lg_status write_text(const lg_machine_data *data, const grid *g, uint32_t
     return status;
 }
 
+/* Mean loss of the windows of the fit; INFINITY: there is none. */
+static double loss_of(const lg_machine_trial *trial) {
+    double sum = 0.0;
+    if (trial == NULL || trial->status != LG_OK || trial->left == NULL || trial->fits == 0) return INFINITY;
+    for (size_t w = 0; w < trial->fits; w++) sum += trial->left[w];
+    return isfinite(sum) ? sum / (double)trial->fits : INFINITY;
+}
+
+/* Each trial starts from the numbers of the best trial before it: the numbers that a wrong hold has found may
+ * be far off. */
 static lg_status run_grid(const lg_choosing *c, const lg_machine_data *data, grid *g, lg_error *error) {
-    const lg_machine_trial *first = NULL;
+    const lg_machine_trial *best = NULL;
     for (uint32_t d = 0; d < g->delays; d++)
         for (uint32_t h = 0; h < g->holds; h++) {
             char *text = NULL;
             LG_TRY(write_text(data, g, h, d, c->self->paths[0], &text, error));
-            const lg_status status = lg_machine_try(c, text, first, &g->trial[h][d], error);
+            const lg_status status = lg_machine_try(c, text, best, &g->trial[h][d], error);
             lg_free(data->file.context, text);
             if (status != LG_OK) return status;
-            if (first == NULL && g->trial[h][d].status == LG_OK) first = &g->trial[h][d];
+            if (loss_of(&g->trial[h][d]) < loss_of(best)) best = &g->trial[h][d];
         }
     return LG_OK;
 }
