@@ -12,9 +12,10 @@
 
 typedef struct design {
     lg_policy *policy;
-    uint32_t n, m;                 /* errors, inputs */
-    double *A, *B;                 /* z+ = A z + B (u - u0) */
-    double *rest;                  /* (errors, inputs): d(z+ - z)/du at rest, where lagged inputs are u */
+    uint32_t n, m; /* errors, inputs */
+    double *A, *B; /* z+ = A z + B (u - u0) */
+    /* (errors, inputs): how the change of z in a period depends on u where the lagged inputs equal u */
+    double *rest;
     double size[LG_POLICY_ERRORS]; /* of the errors: of starts, or of unforced motion */
     double *z, *x;                 /* samples: (SAMPLES, errors), (SAMPLES, state) */
     bool *held;
