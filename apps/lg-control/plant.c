@@ -29,8 +29,8 @@ static bool is_model(const app *self, const char *path) {
 
 /* ---- machines ---- */
 
-/* The lagged inputs become lines behind the machine's coordinates: lagged.u, or lagged.u.1 and lagged.u.2 of a
- * lag of second order. */
+/* The lagged inputs become lines behind the machine's coordinates: lagged.u, or lagged.u.1 and lagged.u.2
+ * of a lag of second order. */
 static void name_lagged(const app *self, const char *path, const lg_machine *machine, lg_policy_task *task) {
     if (machine->coordinate_count + machine->lags > LG_POLICY_COORDINATES)
         app_stop(self, LG_UNSUPPORTED, "%s: %u coordinates and %u lagged inputs are more than %d", path,

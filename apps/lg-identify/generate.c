@@ -310,9 +310,9 @@ static void check_accuracy(const app *self, const making *m) {
                  m->substeps, m->accuracy);
 }
 
-/* Doubles the substeps until the motion changes by at most 1e-10 (at most 512 substeps). The error of a smooth
- * motion falls to a thirtieth each time. Where it falls to more than an eighth, the motion has kinks, such as those of
- * a dead zone, and 1e-6 is enough. */
+/* Doubles the substeps until the motion changes by at most 1e-10 (at most 512 substeps). The error of a
+ * smooth motion falls to a thirtieth each time. Where it falls to more than an eighth, the motion has
+ * kinks, such as those of a dead zone, and 1e-6 is enough. */
 static void integrate(const app *self, making *m) {
     enum { MOST = 512 };
     static const double wanted = 1e-10, enough = 1e-6;

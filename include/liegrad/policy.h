@@ -281,22 +281,22 @@ typedef struct lg_policy_train_result {
     uint32_t seed;        /* that won */
     double seconds;
 } lg_policy_train_result;
-/* A trainer. A race: each seed takes steps of Adam on fresh starts, in single precision; after a third and
- * two thirds of it the worse half leaves. The best by success, then by cost, on validation starts takes
- * `finish` steps more with twice as many starts. While fewer than 99.5 % of the validation starts succeed this
- * is repeated, up to four times in all, unless options.seconds bounds the time. L-BFGS on 512 fixed starts
- * follows. Adam's gradients are not exact: what goes back through a run is shortened, so that runs whose
- * motion is chaotic do not drown the others. The policy gets the best parameters that the validation starts
- * saw. If the task is disturbed, all runs are. For `lqr`, and for
- * `energy` with given gains, nothing is trained, only judged.
+/* A trainer. A race: each seed takes steps of Adam on fresh starts, in single precision; after a third
+ * and two thirds of it the worse half leaves. The best by success, then by cost, on validation starts
+ * takes `finish` steps more with twice as many starts. While fewer than 99.5 % of the validation starts
+ * succeed this is repeated, up to four times in all, unless options.seconds bounds the time. L-BFGS on
+ * 512 fixed starts follows. Adam's gradients are not exact: what goes back through a run is shortened, so
+ * that runs whose motion is chaotic do not drown the others. The policy gets the best parameters that the
+ * validation starts saw. If the task is disturbed, all runs are. For `lqr`, and for `energy` with given
+ * gains, nothing is trained, only judged.
  *
  * `options` NULL means the defaults. The policy must outlive the trainer. After LG_CANCELLED
- * lg_policy_trainer_save stores the state; a trainer with the same policy and options loads it and runs on,
- * with the same bits (unless options.seconds bounds them). Errors of create: LG_INVALID_ARGUMENT,
- * LG_OUT_OF_MEMORY; of run: LG_NOT_FINITE (all seeds), LG_CANCELLED (the context's cancel flag; the policy
- * has the best parameters so far), LG_OUT_OF_MEMORY; of load: LG_INVALID_ARGUMENT (other options),
- * LG_FORMAT (the trainer must then be destroyed). `result` may be NULL. If one rank alone fails, such as for
- * memory, the caller must end the other ranks (lg_mpi_abort). */
+ * lg_policy_trainer_save stores the state; a trainer with the same policy and options loads it and runs
+ * on, with the same bits (unless options.seconds bounds them). Errors of create: LG_INVALID_ARGUMENT,
+ * LG_OUT_OF_MEMORY; of run: LG_NOT_FINITE (all seeds), LG_CANCELLED (the context's cancel flag; the
+ * policy has the best parameters so far), LG_OUT_OF_MEMORY; of load: LG_INVALID_ARGUMENT (other options),
+ * LG_FORMAT (the trainer must then be destroyed). `result` may be NULL. If one rank alone fails, such as
+ * for memory, the caller must end the other ranks (lg_mpi_abort). */
 typedef struct lg_policy_trainer lg_policy_trainer;
 LG_API lg_status lg_policy_trainer_create(lg_policy *policy, const lg_policy_train_options *options,
                                           lg_policy_trainer **out, lg_error *error);

@@ -91,8 +91,9 @@ lg_status lg_policy_take(lg_policy *policy, const double *theta);
 /* Makes a program with the plant's functions and the plant's parameters. A further parameter `policy` (zeros)
  * is added if the policy has parameters. */
 lg_status lg_policy_begin(lg_policy *policy, const lg_program *plant, lg_error *error);
-/* Adds period (x, u) -> next, errors (x) -> z, lagged (a, u) -> next if the plant has lags, linear (z, u) -> z
- * of the next period from the tangent at the goal, and jac_linear; then regulated (x, K) -> next, cost, u with a shared gain, which needs u0. */
+/* Adds period (x, u) -> next, errors (x) -> z, lagged (a, u) -> next if the plant has lags, linear (z, u)
+ * -> z of the next period from the tangent at the goal, and jac_linear; then regulated (x, K) -> next,
+ * cost, u with a shared gain, which needs u0. */
 lg_status lg_policy_add_motion(lg_policy *policy, lg_error *error);
 lg_status lg_policy_add_regulated(lg_policy *policy, lg_error *error);
 /* Adds policy, control, closed, terminal, and the adjoints adj1_closed and adj1_terminal; of a disturbed task

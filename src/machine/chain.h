@@ -1,15 +1,16 @@
-/* Residuals of windows and their Jacobian, interval by interval: row_axes.c, chain.c, long_windows.c, jacobian.c.
+/* Residuals of windows and their Jacobian, interval by interval: row_axes.c, chain.c, long_windows.c,
+ * jacobian.c.
  *
  * z = (positions, velocities) of a row, in the order of logs. An interval maps z of one row to z of the
  * next row, z' = F(z, theta). A change of z has d components along axes: one for each place and velocity,
- * three rotations of a direction (a x q) and three of a rotation (R hat(a)). The bristles of LuGre friction
- * follow in z behind the velocities; they have no residuals. At its first row a window has the bristles of
- * lg_machine_start_bristles. S = dz/d(theta, numbers of the window's start) has the shape (d, columns) and
- * follows
+ * three rotations of a direction (a x q) and three of a rotation (R hat(a)). The bristles of LuGre
+ * friction follow in z behind the velocities; they have no residuals. At its first row a window has the
+ * bristles of lg_machine_start_bristles. S = dz/d(theta, numbers of the window's start) has the shape (d,
+ * columns) and follows
  *   S' = A S + (dF/dtheta, 0),  A = dF/dz.
  * One row of A and dF/dtheta takes one reverse sweep over all windows of the chunk. If theta is known, S
- * has no columns for it. Where accelerations are measured, a = G(z, theta) of each row has the rows
- * dG/dz S + (dG/dtheta, 0), and these take the place of the velocities' rows in the residuals. */
+ * has no columns for it. Where accelerations are measured, a = G(z, theta) of each row has the rows dG/dz
+ * S + (dG/dtheta, 0), and these take the place of the velocities' rows in the residuals. */
 #ifndef LG_MACHINE_CHAIN_H
 #define LG_MACHINE_CHAIN_H
 

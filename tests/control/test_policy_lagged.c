@@ -4,7 +4,8 @@
 
 #include "support/policies.h"
 
-/* A weight of 2 kg on a line with damping, in units of mass, length and time; `lag` is a part of the inputs. */
+/* A weight of 2 kg on a line with damping, in units of mass, length and time; `lag` is a part of the
+ * inputs. */
 static lg_program *hoist(const char *lag, double m, double l, double t) {
     const double force = m * l / (t * t);
     return machine_program(test_text(
