@@ -8,8 +8,9 @@
 extern const app_command demo_command, train_command, evaluate_command, certify_command;
 
 /* A plant from a file (plant.c): a model of lg-identify, a machine whose terms are all known, or a program
- * with the function field (x, u). Its names are added to the task, and those of its lagged inputs if
- * `lagged`; otherwise the controller does not know these states. Failures end the command. */
+ * with the function field (x, u). The names of its coordinates and inputs are added to the task. If `lagged`,
+ * the names of its lagged inputs are added, too; otherwise the controller does not know the lagged inputs.
+ * Failures end the command. */
 lg_program *control_load_plant(const app *self, const char *path, bool lagged, lg_policy_task *task);
 /* Reads a task and its plant; the plant's path is relative to the task's folder. `text`: freed with free. */
 lg_program *control_read_task(const app *self, const char *path, lg_policy_task *task, char **text);

@@ -34,7 +34,8 @@ static uint32_t count_lagged(const lg_policy_task *task) {
     return n;
 }
 
-/* Runs show the controller the lagged inputs of this plant; exported code computes those of its own lag. */
+/* Warns if the plants have different lags. In these runs the controller gets the lagged inputs of the other
+ * plant. Exported code does not: it computes lagged inputs by the lag of the plant that trained it. */
 static void warn_of_other_lag(const app *self, const lg_policy *policy, const lg_policy *other) {
     const double a[LG_POLICY_COORDINATES] = {0};
     double u[LG_POLICY_INPUTS], own[LG_POLICY_COORDINATES], there[LG_POLICY_COORDINATES];

@@ -167,8 +167,9 @@ LG_API const lg_policy_task *lg_policy_task_of(const lg_policy *policy);
  *   policy     (q, v, weights) -> u          `weights` is a shared input like theta; without velocities no v
  *   lagged     (a, u) -> next                the lagged inputs a after a period in which u is held, if
  *                                            there are lagged inputs
- *   control    (x) -> u                      x: positions as controllers get them, then velocities. x
- *                                            contains free positions too, but u does not depend on them
+ *   control    (x) -> u                      x: positions as controllers get them, then velocities.
+ *                                            Free positions are numbers of x, but u does not depend on
+ *                                            free positions
  *   closed     (x, weights) -> next, cost, u   one period
  *   regulated  (x, K) -> next, cost, u         one period of the saturated regulator
  *   terminal   (x) -> cost                   W
@@ -283,8 +284,8 @@ typedef struct lg_policy_train_result {
 } lg_policy_train_result;
 /* A trainer. A race: each seed takes steps of Adam on fresh starts, in single precision; after a third
  * and two thirds of it the worse half leaves. The best by success, then by cost, on validation starts
- * takes `finish` steps more with twice as many starts. While fewer than 99.5 % of the validation starts
- * succeed this is repeated, up to four times in all, unless options.seconds bounds the time. L-BFGS on
+ * takes `finish` steps more with twice as many starts. If fewer than 99.5 % of the validation starts succeed
+ * then, it takes `finish` steps again, up to four times in all (once if options.seconds is set). L-BFGS on
  * 512 fixed starts follows. Adam's gradients are not exact: what goes back through a run is shortened, so
  * that runs whose motion is chaotic do not drown the others. The policy gets the best parameters that the
  * validation starts saw. If the task is disturbed, all runs are. For `lqr`, and for `energy` with given

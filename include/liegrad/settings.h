@@ -94,8 +94,9 @@ typedef struct lg_field {
      * beyond the last value, or as a list that ends with NULL. For type PHRASE, value_name gives the values
      * that are single words. */
     const char *(*value_name)(uint32_t value);
-    const char
-        *hint; /* for type NAME: advice after the list of names, when another name is refused; may be NULL */
+    /* For type NAME: if the user gives another name, the message lists the allowed names, then says this
+     * advice. May be NULL. */
+    const char *hint;
     const char *const *names;
     /* For type NAME, if the member is a pointer to an entry of a table: returns the entry for a value. */
     const void *(*value_at)(uint32_t value);

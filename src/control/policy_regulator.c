@@ -31,7 +31,8 @@ static double half_range(const design *d, uint32_t l) {
 
 /* ---- the equilibrium ---- */
 
-/* A and B at the goal under u, where lagged inputs are u; `change` is what z changes by in a period. */
+/* Computes A, B and `rest` at the goal, where the lagged inputs equal u. `change` becomes the change of z in
+ * a period. */
 static lg_status linearise(const design *d, const double *u, double *change, lg_error *error) {
     const lg_policy *p = d->policy;
     double z[LG_POLICY_ERRORS] = {0};
@@ -72,7 +73,8 @@ static lg_status correct(const design *d, const double *z, double *u) {
     return LG_OK;
 }
 
-/* The largest change of an error in a period at the goal, over the size of this error. */
+/* Each error z_i changes in a period that begins at the goal. Returns the largest |change of z_i|/(size of
+ * z_i); *which is its i. */
 static double residual_of(const design *d, const double *z, uint32_t *which) {
     double most = 0.0;
     for (uint32_t i = 0; i < d->n; i++)
@@ -93,7 +95,8 @@ static const char *name_of(const lg_policy *p, uint32_t i) {
     return name;
 }
 
-/* Newton's method from u; *residual is that of u, which is moved. */
+/* Newton's method. u is the first guess on entry and the last iterate on return; *residual is the residual of
+ * the last iterate. */
 static lg_status find_rest(const design *d, double *u, double *residual, double *change, uint32_t *which) {
     for (int i = 0; i < 8; i++) {
         LG_TRY(linearise(d, u, change, d->error));
@@ -104,8 +107,8 @@ static lg_status find_rest(const design *d, double *u, double *residual, double 
     return LG_OK;
 }
 
-/* The first guess is no input; where that leads to no equilibrium, such as in a dead zone, inputs within the
- * limits follow. */
+/* The first guess is u = 0. If Newton's method finds no equilibrium from there, such as in a dead zone, it
+ * starts again from inputs within the limits. */
 static lg_status find_equilibrium(design *d) {
     static const double most = 5e-3; /* learned machines have their equilibrium near the goal */
     static const double guesses[] = {0.5, 0.75, 0.25, 0.95, 0.05};

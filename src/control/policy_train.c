@@ -424,7 +424,8 @@ static uint64_t mixed(uint64_t hash, const void *data, size_t bytes) {
     return hash;
 }
 
-/* Of the validation starts, as states of the plant, and of the regulator: of the task and the plant. */
+/* A hash of the validation starts (states of the plant), the regulator and the terminal cost. Another task or
+ * another plant has another hash. */
 static uint64_t fingerprint(const training *t) {
     const lg_policy *p = t->policy;
     const lg_policy_regulator *r = &p->regulator;

@@ -9,8 +9,8 @@
  * columns) and follows
  *   S' = A S + (dF/dtheta, 0),  A = dF/dz.
  * One row of A and dF/dtheta takes one reverse sweep over all windows of the chunk. If theta is known, S
- * has no columns for it. Where accelerations are measured, a = G(z, theta) of each row has the rows dG/dz
- * S + (dG/dtheta, 0), and these take the place of the velocities' rows in the residuals. */
+ * has no columns for it. Where accelerations are measured, the residuals compare a = G(z, theta) with the log
+ * in place of the velocities. The Jacobian of a is dG/dz S + (dG/dtheta, 0). */
 #ifndef LG_MACHINE_CHAIN_H
 #define LG_MACHINE_CHAIN_H
 
@@ -44,7 +44,7 @@ double lg_row_axis_square(const lg_row_axis *a);
 /* The change along an axis at z, times the numbers x. */
 double lg_row_axis_component(const lg_row_axis *a, const double *z, const double *x);
 
-/* ---- chains (chain.c) ---- */
+/* ---- chains: windows that are passed from row to row (chain.c) ---- */
 
 typedef struct lg_chain {
     const lg_machine_problem *problem;

@@ -66,7 +66,7 @@ TEST("goals, machines and options that do not fit are refused with a sentence") 
     cli_expect(control, "evaluate lqr.h5 --plant other.yaml", 3, "not those of the policy");
 }
 
-TEST("a lagged input is a state that runs show, that has no goal of its own, and that no certificate knows") {
+TEST("runs have a column for a lagged input; a goal of a lagged input and a certificate are refused") {
     cli_write(
         "slow.yaml",
         "columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: vx}, {name: th, kind: angle, "

@@ -189,7 +189,8 @@ static void pull_back(lg_tape *tape, lg_rows *rows, uint32_t node, const double 
     }
 }
 
-/* From the newest shared node on, so that the part of a node is complete before its inputs get theirs. */
+/* Goes from the newest shared node to the oldest one, so that the part of a node is complete before the node
+ * passes it to its inputs. */
 void lg_rows_close(lg_tape *tape, lg_rows *rows) {
     const size_t length = (size_t)rows->range.hi - rows->range.lo + 1;
     for (size_t at = length; at-- > 0;) {

@@ -39,8 +39,8 @@ enum { LINE = 3 * LG_POLICY_NAME };
 
 static const char lagged[] = "lagged";
 
-/* "name kind velocity" between tabs, with - for a velocity that is not there; "name lagged n" for what
- * follows input n. Files of before have blanks. */
+/* A line of a coordinate has three words: name, kind, velocity (- if there is none). A line of a lagged input
+ * has name, "lagged", number of the input. Tabs separate the words; in older files blanks separate them. */
 static lg_status put_names(lg_h5 *h5, const lg_policy *p, lg_error *error) {
     char lines[LG_POLICY_COORDINATES][LINE], inputs[LG_POLICY_INPUTS][LG_POLICY_NAME];
     for (uint32_t i = 0; i < p->task.coordinate_count; i++) {

@@ -94,7 +94,7 @@ static lg_status write_text(const lg_machine_data *data, const grid *g, uint32_t
     return status;
 }
 
-/* Mean loss of the windows of the fit; INFINITY: there is none. */
+/* The mean loss of the windows of the fit. INFINITY: the trial failed, or a window has no finite loss. */
 static double loss_of(const lg_machine_trial *trial) {
     double sum = 0.0;
     if (trial == NULL || trial->status != LG_OK || trial->left == NULL || trial->fits == 0) return INFINITY;
