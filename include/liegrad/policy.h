@@ -30,12 +30,14 @@
  * equation of the linearised step for weights Q, R. Training needs no weights from the user: each of a
  * table of weights is tried by runs of the saturated regulator on the machine, whose least V of a run that
  * fails gives the level c. It takes the weights whose set {V < c} is nearest to the starts: with the least
- * mean of log(V/c) over starts. If a task of kind lqr gives K, P is the solution of the Lyapunov equation of
+ * mean of log(V/c) over starts. The gate of a network holds the goal by the gain of the regulator whose
+ * weights are the cost's, where its runs succeed from a tenth of c or more; c is lowered to these runs. If a
+ * task of kind lqr gives K, P is the solution of the Lyapunov equation of
  * the closed loop for Q = 1 of scaled errors. sat keeps each input in its limits.
  *
  * Kinds of policies:
  *   lqr      the regulator alone; nothing is trained
- *   network  u = g u_lqr + (1 - g) u_net with the gate g = 1/(1 + exp(4.5 (V/c - 1))); tanh keeps u_net in
+ *   network  u = g u_near + (1 - g) u_net with u_near = sat(u0 - near z), the gate g = 1/(1 + exp(4.5 (V/c - 1))); tanh keeps u_net in
  *            the limits
  *   energy   u = sat(u0 - k_p G^T z_q - k_d G^T v), with the map G from inputs to generalised forces at the
  *            goal. k_p and k_d (one number per input each, positive) are trained or given. It shapes the
@@ -187,9 +189,11 @@ LG_API size_t lg_policy_steps(const lg_policy *policy); /* periods in task.withi
 typedef struct lg_policy_regulator {
     uint32_t errors, inputs;
     double K[LG_POLICY_INPUTS * LG_POLICY_ERRORS]; /* (inputs, errors) */
+    /* (inputs, errors): in the gate of a network, K or the gain of the regulator of the cost */
+    double near[LG_POLICY_INPUTS * LG_POLICY_ERRORS];
     double P[LG_POLICY_ERRORS * LG_POLICY_ERRORS]; /* (errors, errors) */
     double u0[LG_POLICY_INPUTS];
-    double c;        /* level: all sampled runs of the saturated regulator from {V < c} succeed */
+    double c; /* level: all sampled runs of the saturated regulator, by K and near, from {V < c} succeed */
     double radius;   /* largest |eigenvalue| of the linear closed loop, < 1 */
     double residual; /* change of z in a period at the goal under u0, over the size of z of the starts */
 } lg_policy_regulator;
@@ -265,7 +269,7 @@ typedef struct lg_policy_train_options {
     uint32_t seeds;                /* in the race; default 8 */
     uint32_t starts;               /* of a step of Adam; default 64, a multiple of 16 */
     uint64_t race, finish, polish; /* steps of Adam in the race (450), then (1000), and of L-BFGS (100) */
-    double lr;                     /* default 3e-3, cosine schedule */
+    double lr;                     /* default 2e-2, cosine schedule */
     double seconds;                /* bound on the wall time; 0: none. Phases are shortened to fit it. */
     uint64_t seed;
     int threads; /* default 1; the result does not depend on it */
@@ -282,14 +286,16 @@ typedef struct lg_policy_train_result {
     uint32_t seed;        /* that won */
     double seconds;
 } lg_policy_train_result;
-/* A trainer. A race: each seed takes steps of Adam on fresh starts, in single precision; after a third
- * and two thirds of it the worse half leaves. The best by success, then by cost, on validation starts
- * takes `finish` steps more with twice as many starts. If fewer than 99.5 % of the validation starts succeed
- * then, it takes `finish` steps again, up to four times in all (once if options.seconds is set). L-BFGS on
- * 512 fixed starts follows. Adam's gradients are not exact: what goes back through a run is shortened, so
- * that runs whose motion is chaotic do not drown the others. The policy gets the best parameters that the
- * validation starts saw. If the task is disturbed, all runs are. For `lqr`, and for `energy` with given
- * gains, nothing is trained, only judged.
+/* A trainer. A race: each seed takes steps of Adam on fresh starts, in single precision, over runs of .3, .4
+ * or .5 of the horizon with the terminal cost (of longer runs a few chaotic ones spoil the gradient). After a
+ * third and two thirds of the race the worse half leaves, by success on validation starts over the whole
+ * task.within, then by cost; above 99.5 % success counts as equal. The winner takes `finish` steps more with
+ * twice as many starts. If fewer than 99.5 % of the validation starts succeed then, it takes `finish` steps
+ * again with runs longer by half, up to four times in all (once if options.seconds is set). L-BFGS on 512
+ * fixed starts over the whole horizon follows. Adam's gradients are not exact: what goes back through a run
+ * is shortened, so that runs whose motion is chaotic do not drown the others. The policy gets the best
+ * parameters that the validation starts saw, by success, then by cost. If the task is disturbed, all runs
+ * are. For `lqr`, and for `energy` with given gains, nothing is trained, only judged.
  *
  * `options` NULL means the defaults. The policy must outlive the trainer. After LG_CANCELLED
  * lg_policy_trainer_save stores the state; a trainer with the same policy and options loads it and runs

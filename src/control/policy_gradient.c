@@ -7,12 +7,13 @@
 
 enum { ROWS = LG_POLICY_ROWS };
 
-/* Arrays of a piece, in the type of the batch; path (steps + 1, ROWS, state). The last ones are doubles. */
+/* Arrays of a piece, in the type of the batch; path (most + 1, ROWS, state). The last ones are doubles. */
 typedef struct piece {
     char *path, *cost, *theta, *weight, *lambda, *before, *gradient, *noise, *late;
     double *total, *copy, *mean, *spread; /* spread (state): standard deviations over the runs */
     lg_plan *const *plan;
     void *work;
+    size_t steps;
 } piece;
 
 static size_t aligned(size_t bytes) {
@@ -28,8 +29,8 @@ static size_t lay_out(const lg_policy_batch *b, char *memory, piece *out) {
     char **const arrays[] = {&out->path,   &out->cost,     &out->theta, &out->weight, &out->lambda,
                              &out->before, &out->gradient, &out->noise, &out->late};
     const size_t x = ROWS * b->state, n = p->parameters, late = b->disturbed ? ROWS : 0,
-                 noise = late * b->steps * lg_policy_noise_sizes(&p->task, NULL),
-                 counts[] = {(b->steps + 1) * x, ROWS, n, ROWS, x, x, n, noise, late};
+                 noise = late * b->most * lg_policy_noise_sizes(&p->task, NULL),
+                 counts[] = {(b->most + 1) * x, ROWS, n, ROWS, x, x, n, noise, late};
     size_t used = 0, work = 0;
     for (size_t i = 0; i < LG_COUNT(arrays); i++) {
         if (memory != NULL) *arrays[i] = memory + used;
@@ -99,20 +100,20 @@ static const char *noise_of(const lg_policy_batch *b, const piece *w, size_t k) 
 static void forward(const lg_policy_batch *b, piece *w) {
     const size_t x = ROWS * b->state * width(b);
     memset(w->total, 0, ROWS * sizeof *w->total);
-    for (size_t k = 0; k < b->steps; k++) {
+    for (size_t k = 0; k < w->steps; k++) {
         lg_plan_eval(w->plan[LG_POLICY_CLOSED],
                      (const void *[]){w->path + k * x, w->theta, noise_of(b, w, k), w->late},
                      (void *[]){w->path + (k + 1) * x, w->cost, NULL}, w->work);
         add_costs(b, w);
     }
-    lg_plan_eval(w->plan[LG_POLICY_TERMINAL], (const void *[]){w->path + b->steps * x}, (void *[]){w->cost},
+    lg_plan_eval(w->plan[LG_POLICY_TERMINAL], (const void *[]){w->path + w->steps * x}, (void *[]){w->cost},
                  w->work);
     add_costs(b, w);
 }
 
 /* Standard deviations of the numbers of a state over the runs of a piece. */
 static void find_spread(const lg_policy_batch *b, piece *w) {
-    const size_t n = b->state, count = (b->steps + 1) * ROWS;
+    const size_t n = b->state, count = (w->steps + 1) * ROWS;
     memset(w->mean, 0, n * sizeof *w->mean);
     memset(w->spread, 0, n * sizeof *w->spread);
     for (size_t k = 0; k < count; k++)
@@ -145,9 +146,9 @@ static void backward(const lg_policy_batch *b, piece *w, double *gradient) {
     const bool bounded = isfinite(b->bound);
     if (bounded) find_spread(b, w);
     char *lambda = w->lambda, *next = w->before;
-    lg_plan_eval(w->plan[LG_POLICY_ADJOINT_TERMINAL], (const void *[]){w->path + b->steps * x, w->weight},
+    lg_plan_eval(w->plan[LG_POLICY_ADJOINT_TERMINAL], (const void *[]){w->path + w->steps * x, w->weight},
                  (void *[]){lambda}, w->work);
-    for (size_t k = b->steps; k-- > 0;) {
+    for (size_t k = w->steps; k-- > 0;) {
         const void *disturbed[] = {w->path + k * x, w->theta, noise_of(b, w, k), w->late, lambda, w->weight},
                    *plain[] = {w->path + k * x, w->theta, lambda, w->weight};
         lg_plan_eval(w->plan[LG_POLICY_ADJOINT_CLOSED], b->disturbed ? disturbed : plain,
@@ -171,8 +172,8 @@ static void store_starts(const lg_policy_batch *b, const double *x, piece *w) {
 }
 
 static void disturb(const lg_policy_batch *b, uint64_t number, piece *w) {
-    const size_t noise = b->steps * ROWS * lg_policy_noise_sizes(&b->policy->task, NULL);
-    lg_policy_draw_noise(b->policy, b->seed, number, b->steps, w->copy, w->copy + noise);
+    const size_t noise = w->steps * ROWS * lg_policy_noise_sizes(&b->policy->task, NULL);
+    lg_policy_draw_noise(b->policy, b->seed, number, w->steps, w->copy, w->copy + noise);
     store(b, w->copy, noise, w->noise);
     store(b, w->copy + noise, ROWS, w->late);
 }
@@ -186,6 +187,7 @@ static void run_piece(void *user, size_t own) {
     double *sum = b->sums + index * (n + 1), weight[ROWS];
     piece w = {0};
     (void)lay_out(b, b->memory + index * b->piece_bytes, &w);
+    w.steps = b->steps[point];
     const uint64_t number = b->draw * b->pieces + index % b->pieces;
     w.plan = b->plan[b->disturbed ? number % b->machines : 0];
     store_starts(b, b->starts[point] + first * p->state, &w);
@@ -224,7 +226,7 @@ lg_status lg_policy_batch_create(const lg_policy *policy, lg_dtype dtype, size_t
                                  int threads, lg_policy_batch *b, lg_error *error) {
     memset(b, 0, sizeof *b);
     b->policy = policy, b->dtype = dtype, b->count = count, b->points = points, b->pieces = count / ROWS;
-    b->steps = lg_policy_periods(policy, policy->task.horizon);
+    b->most = lg_policy_periods(policy, policy->task.horizon);
     b->cut = b->bound = INFINITY;
     b->disturbed = lg_policy_is_disturbed(&policy->task);
     b->state = policy->state + (b->disturbed ? policy->inputs : 0);
@@ -235,8 +237,11 @@ lg_status lg_policy_batch_create(const lg_policy *policy, lg_dtype dtype, size_t
     b->sums = lg_alloc(policy->context, points * b->pieces * (policy->parameters + 1), sizeof *b->sums);
     b->starts = lg_alloc(policy->context, points, sizeof *b->starts);
     b->theta = lg_alloc(policy->context, points, sizeof *b->theta);
-    if (b->memory != NULL && b->sums != NULL && b->starts != NULL && b->theta != NULL) return LG_OK;
-    return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the runs of a batch");
+    b->steps = lg_alloc(policy->context, points, sizeof *b->steps);
+    if (b->memory == NULL || b->sums == NULL || b->starts == NULL || b->theta == NULL || b->steps == NULL)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the runs of a batch");
+    for (size_t k = 0; k < points; k++) b->steps[k] = b->most;
+    return LG_OK;
 }
 
 void lg_policy_batch_destroy(lg_policy_batch *b) {
@@ -247,7 +252,7 @@ void lg_policy_batch_destroy(lg_policy_batch *b) {
     lg_free(context, b->plan);
     lg_thread_pool_destroy(b->pool);
     lg_free(context, b->memory), lg_free(context, b->sums);
-    lg_free(context, b->starts), lg_free(context, b->theta);
+    lg_free(context, b->starts), lg_free(context, b->theta), lg_free(context, b->steps);
     memset(b, 0, sizeof *b);
 }
 

@@ -13,13 +13,14 @@ enum {
 };
 
 /* `points` parameters, each with `count` starts (a multiple of LG_POLICY_ROWS). The caller sets starts,
- * theta, cut and ranks before a run. Results do not depend on the number of threads and ranks. */
+ * theta, steps, cut and ranks before a run. Results do not depend on the number of threads and ranks. */
 typedef struct lg_policy_batch {
     const lg_policy *policy;
     lg_dtype dtype;      /* of the runs; costs and gradients are sums in double precision */
     bool disturbed;      /* as the task is */
     uint64_t seed, draw; /* of the disturbances; piece k of a point is piece draw * pieces + k */
-    size_t points, count, pieces, steps;
+    size_t points, count, pieces;
+    size_t most, *steps;            /* periods of a run: at most; of each point, `most` by default */
     size_t state;                   /* numbers in the state of a run: x, or s of disturbed runs */
     const double **starts, **theta; /* of each point: (count, state), (parameters) */
     double cut;                     /* INFINITY: none */

@@ -128,8 +128,8 @@ static lg_var feedback(lg_tape *tape, const lg_policy *p, lg_var z, lg_var K) {
 
 /* ---- policies: a row for each kind ---- */
 
-static lg_var regulator_of(lg_tape *tape, const lg_policy *p, lg_var z) {
-    return feedback(tape, p, z, lg_input_f64(tape, lg_shape2(p->inputs, p->layout.errors), p->regulator.K));
+static lg_var regulator_of(lg_tape *tape, const lg_policy *p, lg_var z, const double *K) {
+    return feedback(tape, p, z, lg_input_f64(tape, lg_shape2(p->inputs, p->layout.errors), K));
 }
 
 /* V/c (B, 1). Opposite to the goal, where an error is 0 by its formula, V is that of its full length. */
@@ -150,7 +150,7 @@ static lg_var level_of(lg_tape *tape, const lg_policy *p, lg_policy_seen seen, l
 
 static lg_var record_lqr(lg_tape *tape, const lg_policy *p, lg_policy_seen seen, lg_var z, lg_var weights) {
     (void)seen, (void)weights;
-    return regulator_of(tape, p, z);
+    return regulator_of(tape, p, z, p->regulator.K);
 }
 
 /* Centre + half range tanh(y). */
@@ -171,7 +171,7 @@ static lg_var record_network(lg_tape *tape, const lg_policy *p, lg_policy_seen s
     const lg_var u = limited(tape, p, lg_mlp_record(tape, &p->net, weights, 0, features));
     if (!p->task.gate) return u;
     const lg_var by = lg_add_scalar(tape, lg_scale(tape, level_of(tape, p, seen, z), -steepness), steepness);
-    const lg_var gate = lg_act(tape, by, LG_SIGMOID), held = regulator_of(tape, p, z);
+    const lg_var gate = lg_act(tape, by, LG_SIGMOID), held = regulator_of(tape, p, z, p->regulator.near);
     return lg_add(tape, u, lg_mul(tape, gate, lg_sub(tape, held, u)));
 }
 

@@ -176,25 +176,33 @@ typedef struct weights {
     double input, rate, loose;
 } weights;
 
-/* Weights of scaled errors and inputs: each error is divided by its size, each input by half its range. */
-static void fill_weights(const design *d, weights w, double *Q, double *R) {
+/* Weights of scaled errors and inputs: each error is divided by its size, each input by half its range. w
+ * NULL: those of the cost. */
+static void fill_weights(const design *d, const weights *w, double *Q, double *R) {
     const lg_policy *p = d->policy;
     for (uint32_t k = 0; k < p->task.coordinate_count; k++) {
         const lg_policy_coordinate *c = &p->task.coordinate[k];
         const lg_policy_motion_row *row = lg_policy_row_of(c);
         const uint32_t at = p->layout.at[k].error, rate = p->layout.at[k].rate;
         const double bound = row->errors > 0 ? c->success : c->success_velocity,
-                     factor = isfinite(bound) ? 1.0 : w.loose;
+                     factor = w == NULL         ? c->weight
+                              : isfinite(bound) ? 1.0
+                                                : w->loose,
+                     of_rate = w == NULL ? c->weight_velocity : factor * w->rate;
         for (uint32_t i = 0; i < row->errors; i++) Q[(at + i) * (d->n + 1)] = factor;
         for (uint32_t i = 0; c->velocity[0] != '\0' && i < row->rates; i++)
-            Q[(rate + i) * (d->n + 1)] = factor * w.rate;
+            Q[(rate + i) * (d->n + 1)] = of_rate;
     }
-    for (uint32_t l = 0; l < d->m; l++) R[l * (d->m + 1)] = w.input;
+    for (uint32_t i = 0; w == NULL && i < d->n; i++) Q[i * (d->n + 1)] *= d->size[i] * d->size[i];
+    for (uint32_t l = 0; l < d->m; l++)
+        R[l * (d->m + 1)] =
+            w != NULL ? w->input : p->task.input[l].weight * half_range(d, l) * half_range(d, l);
 }
 
 /* The equation of scaled errors and inputs is solved, so that units do not matter; K and P are in the
  * task's units. */
-static lg_status solve(const design *d, weights w, double *K, double *P, double *radius, lg_error *error) {
+static lg_status solve(const design *d, const weights *w, double *K, double *P, double *radius,
+                       lg_error *error) {
     lg_policy *p = d->policy;
     const uint32_t n = d->n, m = d->m;
     const size_t bytes = lg_riccati_work_size(n, m);
@@ -298,13 +306,13 @@ static lg_status find_level(const design *d, const double *K, const double *P, d
     return LG_OK;
 }
 
-/* Lowers the level until a thousand runs from its outer half in V succeed. */
-static lg_status confirm_level(const design *d, lg_policy_regulator *r) {
+/* Lowers the level until a thousand runs with the gain K from its outer half in V succeed. */
+static lg_status confirm_level(const design *d, const double *K, lg_policy_regulator *r) {
     enum { LOOKS = 8, MOST_LOOKS = 100 };
     int good = 0;
     for (uint64_t look = 0; good < LOOKS && look < MOST_LOOKS; look++) {
         double failing = INFINITY;
-        LG_TRY(least_failure(d, r->K, r->P, r->c, 0.5, 100 + look, &failing));
+        LG_TRY(least_failure(d, K, r->P, r->c, 0.5, 100 + look, &failing));
         good = failing > r->c ? good + 1 : 0;
         if (failing <= r->c) r->c = safety * failing;
     }
@@ -336,7 +344,7 @@ static lg_status distance(const design *d, const double *P, double c, double *ou
 static lg_status try_weights(const design *d, weights w, double least, lg_policy_regulator *out, double *far,
                              lg_error *why) {
     *far = INFINITY;
-    const lg_status status = solve(d, w, out->K, out->P, &out->radius, why);
+    const lg_status status = solve(d, &w, out->K, out->P, &out->radius, why);
     if (status == LG_OUT_OF_MEMORY) return lg_fail(d->error, status, "no memory for a regulator");
     if (status != LG_OK) return LG_OK;
     double top = far_level(d, out->P);
@@ -362,7 +370,7 @@ static lg_status choose_weights(design *d) {
         least = far;
         *best = tried;
     }
-    if (isfinite(least)) return confirm_level(d, best);
+    if (isfinite(least)) return confirm_level(d, best->K, best);
     return lg_fail(d->error, LG_CHECK_FAILED, "no linear regulator holds the goal with this period: %s",
                    why.message[0] != '\0' ? why.message : "every run from near the goal leaves it");
 }
@@ -378,7 +386,7 @@ static lg_status take_gains(design *d) {
     for (uint32_t i = 0; i < n * n; i++)
         for (uint32_t l = 0; l < m; l++) d->A[i] -= d->B[i / n * m + l] * r->K[l * n + i % n];
     memset(d->B, 0, (size_t)n * m * sizeof *d->B);
-    const lg_status status = solve(d, even, none, r->P, &r->radius, &why);
+    const lg_status status = solve(d, &even, none, r->P, &r->radius, &why);
     if (status != LG_OK)
         return lg_fail(d->error, status, "the given gains do not hold the goal: %s", why.message);
     double far = far_level(d, r->P);
@@ -386,16 +394,36 @@ static lg_status take_gains(design *d) {
     if (!(r->c > 0.0))
         return lg_fail(d->error, LG_CHECK_FAILED,
                        "with the given gains every run from near the goal leaves it");
-    return confirm_level(d, r);
+    return confirm_level(d, r->K, r);
+}
+
+/* The gain of the regulator of the cost, if its set within {V < c} is not much smaller than c: near the goal
+ * no other gain costs less. Its own V would not do as a gate, for its set is too small or too far from the
+ * starts. */
+static lg_status choose_near(const design *d) {
+    static const double least = 0.1;
+    lg_policy_regulator *r = &d->policy->regulator, tried = *r;
+    double P[LG_POLICY_ERRORS * LG_POLICY_ERRORS], radius, top = r->c;
+    lg_error why = {LG_OK, ""};
+    const lg_status status = solve(d, NULL, tried.near, P, &radius, &why);
+    if (status == LG_OUT_OF_MEMORY) return lg_fail(d->error, status, "no memory for a regulator");
+    if (status != LG_OK) return LG_OK;
+    LG_TRY(find_level(d, tried.near, tried.P, &top, &tried.c));
+    if (tried.c > least * r->c) LG_TRY(confirm_level(d, tried.near, &tried));
+    if (tried.c > least * r->c) *r = tried;
+    return LG_OK;
 }
 
 static lg_status choose_regulator(design *d) {
     lg_policy *p = d->policy;
+    lg_policy_regulator *r = &p->regulator;
     const bool given = p->task.kind == LG_POLICY_LQR && p->task.gain_count > 0;
-    if (given) memcpy(p->regulator.K, p->task.gains, p->task.gain_count * sizeof *p->task.gains);
-    p->regulator.c = 1.0;
+    if (given) memcpy(r->K, p->task.gains, p->task.gain_count * sizeof *p->task.gains);
+    r->c = 1.0;
     if (!p->task.search) return LG_OK;
-    return given ? take_gains(d) : choose_weights(d);
+    LG_TRY(given ? take_gains(d) : choose_weights(d));
+    memcpy(r->near, r->K, sizeof r->near);
+    return p->task.kind == LG_POLICY_NETWORK && p->task.gate ? choose_near(d) : LG_OK;
 }
 
 /* ---- what else the machine tells ---- */

@@ -46,7 +46,7 @@ void lg_policy_train_options_init(lg_policy_train_options *options) {
                                          .race = 450,
                                          .finish = 1000,
                                          .polish = 100,
-                                         .lr = 3e-3,
+                                         .lr = 2e-2,
                                          .seed = 1,
                                          .threads = 1};
 }
@@ -93,7 +93,7 @@ static lg_status judge(const training *t, const double *theta, judged *out) {
     const lg_status status = lg_policy_run(p, &trial, &runs, t->error);
     *out = (judged){0, 0};
     for (size_t i = 0; i < VALIDATION && status == LG_OK; i++) {
-        out->success += held[i] / VALIDATION;
+        out->success += (held[i] ? 1.0 : 0.0) / VALIDATION;
         out->cost += cost[i] / VALIDATION;
     }
     lg_free(p->context, x);
@@ -103,6 +103,15 @@ static lg_status judge(const training *t, const double *theta, judged *out) {
 static bool better(judged a, judged b) {
     if (!isfinite(a.cost)) return false;
     return a.success > b.success || (a.success == b.success && a.cost < b.cost) || !isfinite(b.cost);
+}
+
+/* A share of runs that succeed which racers need not exceed, and after which no further round follows. */
+static const double enough = 0.995;
+
+/* Racers with enough success compare by cost. */
+static bool leads(judged a, judged b) {
+    a.success = fmin(a.success, enough), b.success = fmin(b.success, enough);
+    return better(a, b);
 }
 
 /* Judges the parameters and keeps them if they are the best. */
@@ -177,6 +186,16 @@ static lg_status run_batch(training *t) {
     return status == LG_OK ? status : lg_fail(t->error, status, "the ranks could not exchange their results");
 }
 
+/* Periods of the runs of a step. Gradients of long runs are spoiled by the few runs whose motion is chaotic:
+ * while a network is poor, shorter runs with the terminal cost learn more, and cost less. Which length serves
+ * depends on the machine, so racers have different ones. The winner keeps its length, longer by half in each
+ * further round. */
+static size_t steps_of(const training *t, uint64_t seed) {
+    static const double share[] = {0.3, 0.5, 0.4};
+    const double part = fmin(1.0, share[seed % LG_COUNT(share)] * pow(1.5, t->round));
+    return (size_t)ceil(part * (double)t->batch.most);
+}
+
 /* One step of all points. A point whose gradient is not finite stays where it is in this step. */
 static lg_status adam_step(training *t, double done) {
     lg_policy_batch *b = &t->batch;
@@ -189,6 +208,7 @@ static lg_status adam_step(training *t, double done) {
         double *x = t->x + k * b->count * t->policy->state;
         LG_TRY(draw_starts(t, STREAM_STEPS + t->step * (t->seeds + 1) + seed, b->count, x));
         b->starts[k] = x;
+        b->steps[k] = steps_of(t, t->phase == RACE ? t->number[k] : t->leader);
         b->theta[k] = t->theta + k * t->n;
     }
     b->seed = t->options.seed, b->draw = t->step;
@@ -205,7 +225,7 @@ static void order_racers(training *t, judged *found) {
     for (uint32_t i = 0; i < t->racers; i++) {
         uint32_t best = i;
         for (uint32_t k = i + 1; k < t->racers; k++)
-            if (better(found[k], found[best])) best = k;
+            if (leads(found[k], found[best])) best = k;
         if (best == i) continue;
         double *const arrays[] = {t->theta, t->m, t->v};
         for (size_t a = 0; a < LG_COUNT(arrays); a++)
@@ -284,7 +304,6 @@ static lg_status race(training *t) {
     LG_TRY(judge_racers(t));
     if (!isfinite(t->of_best.cost))
         return lg_fail(t->error, LG_NOT_FINITE, "the cost of all %u seeds is not finite", t->seeds);
-    memcpy(t->theta, t->best, t->n * sizeof *t->theta);
     memset(t->m, 0, t->n * sizeof *t->m);
     memset(t->v, 0, t->n * sizeof *t->v);
     next_phase(t);
@@ -293,7 +312,6 @@ static lg_status race(training *t) {
 
 /* Rounds of Adam, each with a decay of its rate, until nearly all validation starts succeed. */
 static lg_status finish(training *t) {
-    static const double enough = 0.995;
     judged found;
     const uint32_t rounds = t->options.seconds > 0.0 || t->options.finish == 0 ? 1 : MOST_ROUNDS;
     for (;; t->round++) {

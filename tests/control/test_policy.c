@@ -192,6 +192,38 @@ TEST("the regulator holds from its whole region, and not from one of ten times i
     assert_true(held[1] < count[1] / 2);
 }
 
+TEST("in the gate of a network the regulator of the cost acts: runs from its set succeed and cost less") {
+    lg_policy_task task = cart_task();
+    task.kind = LG_POLICY_NETWORK;
+    const lg_policy *policy = make(&task, cart_pole);
+    const lg_policy_regulator *r = lg_policy_regulator_of(policy);
+    enum { N = 256 };
+    double *z = TEST_ARRAY(double, N * 4), *x = TEST_ARRAY(double, N * 4), *cost = TEST_ARRAY(double, N),
+           sum[2];
+    bool *ok = TEST_ARRAY(bool, N);
+    lg_rng rng = test_rng(6, 1);
+    for (size_t i = 0; i < N; i++) {
+        double V = 0.0, *e = z + 4 * i;
+        for (int a = 0; a < 4; a++) e[a] = lg_rng_normal(&rng);
+        for (int a = 0; a < 16; a++) V += e[a / 4] * r->P[a] * e[a % 4];
+        for (int a = 0; a < 4; a++) e[a] *= sqrt(0.5 * r->c / V);
+    }
+    for (int gain = 0; gain < 2; gain++) {
+        assert_ok(lg_policy_states(policy, z, N, x, NULL));
+        lg_policy_runs runs = {
+            .count = N, .steps = lg_policy_steps(policy), .x = x, .cost = cost, .succeeded = ok};
+        const lg_policy_trial trial = {.gain = gain == 0 ? r->near : r->K, .threads = 1};
+        assert_ok(lg_policy_run(policy, &trial, &runs, NULL));
+        sum[gain] = 0.0;
+        for (size_t i = 0; i < N; i++) {
+            assert_true(ok[i]);
+            sum[gain] += cost[i];
+        }
+    }
+    print_message("cost %g by near, %g by K\n", sum[0] / N, sum[1] / N);
+    assert_true(sum[0] < 0.8 * sum[1]);
+}
+
 TEST(
     "a goal that no constant input holds is refused with what moves, one outside the limits with the input") {
     lg_error error = {LG_OK, ""};
@@ -330,7 +362,7 @@ static void check_gradient(const lg_policy_task *task, const char *machine, doub
     for (size_t i = 0; i < count; i++)
         lg_policy_draw(task, &policy->layout, &rng, z + i * policy->layout.errors);
     assert_ok(lg_policy_states(policy, z, count, x, NULL));
-    batch->starts[0] = x, batch->theta[0] = policy->theta, batch->cut = cut, batch->steps = 10;
+    batch->starts[0] = x, batch->theta[0] = policy->theta, batch->cut = cut, batch->steps[0] = 10;
     lg_policy_batch_run(batch, &cost, &g);
     for (size_t i = 0; i < n; i += 1 + n / 9) {
         const double h = 1e-5, up = cost_at(batch, policy->theta, i, h, other),
@@ -348,6 +380,38 @@ TEST("the gradient of the cost of runs is that of differences, with a cut and wi
     check_gradient(&energy, body, INFINITY);
 }
 
+TEST("runs of each point of a batch are as long as asked, whatever the other points are") {
+    const lg_policy_task task = cart_task();
+    const lg_policy *policy = make(&task, cart_pole);
+    enum { N = LG_POLICY_ROWS };
+    static const size_t steps[2] = {10, 4};
+    const size_t n = policy->parameters;
+    lg_policy_batch *both = TEST_ARRAY(lg_policy_batch, 1);
+    double *z = TEST_ARRAY(double, N * policy->layout.errors), *x = TEST_ARRAY(double, N * policy->state);
+    double *const g[2] = {TEST_ARRAY(double, n), TEST_ARRAY(double, n)}, *alone = TEST_ARRAY(double, n),
+                  cost[2], one;
+    lg_rng rng = test_rng(8, 0);
+    for (size_t i = 0; i < N; i++)
+        lg_policy_draw(&task, &policy->layout, &rng, z + i * policy->layout.errors);
+    assert_ok(lg_policy_states(policy, z, N, x, NULL));
+    assert_ok(lg_policy_batch_create(policy, LG_F64, 2, N, 1, both, NULL));
+    lg_test_owns(both, release_batch);
+    assert_int_equal(both->steps[1], lg_policy_periods(policy, task.horizon));
+    for (size_t k = 0; k < 2; k++)
+        both->starts[k] = x, both->theta[k] = policy->theta, both->steps[k] = steps[k];
+    assert_ok(lg_policy_batch_run(both, cost, g));
+    for (size_t k = 0; k < 2; k++) {
+        lg_policy_batch single;
+        assert_ok(lg_policy_batch_create(policy, LG_F64, 1, N, 1, &single, NULL));
+        single.starts[0] = x, single.theta[0] = policy->theta, single.steps[0] = steps[k];
+        assert_ok(lg_policy_batch_run(&single, &one, &alone));
+        assert_true(one == cost[k]);
+        assert_memory_equal(alone, g[k], n * sizeof *alone);
+        lg_policy_batch_destroy(&single);
+    }
+    assert_true(cost[0] != cost[1]);
+}
+
 /* ---- training ---- */
 
 static lg_policy_train_options short_training(int threads) {
@@ -362,6 +426,21 @@ static void train(lg_policy *policy, const lg_policy_train_options *options, lg_
     assert_ok(lg_policy_trainer_create(policy, options, &trainer, NULL));
     assert_ok(lg_policy_trainer_run(trainer, result, NULL));
     lg_policy_trainer_destroy(trainer);
+}
+
+TEST("the result of training has the share of validation starts that succeed, and their cost") {
+    lg_policy_task task = cart_task();
+    task.kind = LG_POLICY_LQR;
+    lg_policy *policy = make(&task, cart_pole);
+    const lg_policy_train_options o = short_training(1);
+    lg_policy_train_result result;
+    lg_policy_outcome outcome;
+    train(policy, &o, &result);
+    assert_ok(lg_policy_evaluate(policy, LG_POLICY_NOMINAL, 4000, 3, 1, &outcome, NULL, NULL));
+    const double success = (double)outcome.succeeded / (double)outcome.starts;
+    assert_true(success > 0.05 && success < 0.95);
+    assert_close(result.success, success, 0.0, 4.0 * sqrt(success * (1.0 - success) / 512.0));
+    assert_close(result.cost, outcome.cost_mean, 0.3, 0.0);
 }
 
 TEST("training gives the same bits with one thread and with three") {

@@ -162,7 +162,7 @@ static lg_policy_batch *make_batch(const lg_policy *policy, const double *x, siz
     lg_policy_batch *batch = TEST_ARRAY(lg_policy_batch, 1);
     assert_ok(lg_policy_batch_create(policy, LG_F64, 1, count, 1, batch, NULL));
     lg_test_owns(batch, release_batch);
-    batch->starts[0] = x, batch->theta[0] = policy->theta, batch->steps = 10;
+    batch->starts[0] = x, batch->theta[0] = policy->theta, batch->steps[0] = 10;
     return batch;
 }
 
@@ -198,7 +198,7 @@ TEST("the cost of late runs in training is the cost of the same runs when they a
     lg_policy_batch *batch = make_batch(policy, s.x, N);
     double *g = TEST_ARRAY(double, policy->parameters), *end = TEST_ARRAY(double, N), cost, sum = 0.0;
     lg_policy_batch_run(batch, &cost, &g);
-    const lg_policy_runs late = run(policy, s.x, N, batch->steps, true);
+    const lg_policy_runs late = run(policy, s.x, N, batch->steps[0], true);
     assert_ok(lg_program_eval(NULL, policy->program, "terminal", N, (const double *const[]){late.x},
                               (double *const[]){end}, NULL));
     for (int i = 0; i < N; i++) sum += (late.cost[i] + end[i]) / N;

@@ -17,12 +17,13 @@ typedef struct array {
     uint64_t dims[2];
     double *at;
 } array;
-enum { ARRAYS = 8 };
+enum { ARRAYS = 9 };
 
 static void list_arrays(lg_policy *p, array out[ARRAYS]) {
     const uint64_t n = p->layout.errors, m = p->inputs;
     lg_policy_regulator *g = &p->regulator;
     const array all[ARRAYS] = {{"policy/K", 2, {m, n}, g->K},
+                               {"policy/near", 2, {m, n}, g->near},
                                {"policy/P", 2, {n, n}, g->P},
                                {"policy/u0", 1, {m, 0}, g->u0},
                                {"policy/level", 0, {0, 0}, &g->c},
@@ -150,10 +151,14 @@ static lg_status load(void *user, lg_h5 *h5, lg_error *error) {
     LG_TRY(lg_as_format(get_task(h5, l, error), error));
     LG_TRY(lg_policy_prepare(p, error));
     list_arrays(p, arrays);
-    for (size_t i = 0; i < ARRAYS; i++)
-        LG_TRY(lg_as_format(lg_h5_get(h5, arrays[i].name, LG_ELEMENT_F64, arrays[i].rank, arrays[i].dims,
-                                      arrays[i].at, error),
-                            error));
+    for (size_t i = 0; i < ARRAYS; i++) {
+        const array *a = &arrays[i];
+        if (a->at == p->regulator.near && !lg_h5_has(h5, a->name)) /* older files have one gain */
+            memcpy(a->at, p->regulator.K, sizeof p->regulator.K);
+        else
+            LG_TRY(
+                lg_as_format(lg_h5_get(h5, a->name, LG_ELEMENT_F64, a->rank, a->dims, a->at, error), error));
+    }
     LG_TRY(lg_program_get(h5, &p->program, error));
     return lg_as_format(lg_policy_adopt(p, error), error);
 }
