@@ -37,8 +37,8 @@
  *
  * Kinds of policies:
  *   lqr      the regulator alone; nothing is trained
- *   network  u = g u_near + (1 - g) u_net with u_near = sat(u0 - near z), the gate g = 1/(1 + exp(4.5 (V/c - 1))); tanh keeps u_net in
- *            the limits
+ *   network  u = g u_near + (1 - g) u_net with u_near = sat(u0 - near z) and the gate
+ *            g = 1/(1 + exp(4.5 (V/c - 1))); tanh keeps u_net in the limits
  *   energy   u = sat(u0 - k_p G^T z_q - k_d G^T v), with the map G from inputs to generalised forces at the
  *            goal. k_p and k_d (one number per input each, positive) are trained or given. It shapes the
  *            potential energy and damps. z_q of an angle is q - goal here: angles are counted, so after a
