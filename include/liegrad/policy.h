@@ -31,18 +31,19 @@
  * table of weights is tried by runs of the saturated regulator on the machine, whose least V of a run that
  * fails gives the level c. It takes the weights whose set {V < c} is nearest to the starts: with the least
  * mean of log(V/c) over starts. The gate of a network holds the goal by the gain of the regulator whose
- * weights are the cost's, where its runs succeed from a tenth of c or more; c is lowered to these runs. If a
- * task of kind lqr gives K, P is the solution of the Lyapunov equation of
- * the closed loop for Q = 1 of scaled errors. sat keeps each input in its limits.
+ * weights are the cost's, where its runs succeed from a tenth of c or more; c is lowered to these runs, by
+ * 15 % at least. If a task of kind lqr gives K, P is the solution of the Lyapunov equation of the closed loop
+ * for Q = 1 of scaled errors. sat keeps each input in its limits.
  *
  * Kinds of policies:
  *   lqr      the regulator alone; nothing is trained
  *   network  u = g u_near + (1 - g) u_net with u_near = sat(u0 - near z) and the gate
  *            g = 1/(1 + exp(4.5 (V/c - 1))); tanh keeps u_net in the limits
  *   energy   u = sat(u0 - k_p G^T z_q - k_d G^T v), with the map G from inputs to generalised forces at the
- *            goal. k_p and k_d (one number per input each, positive) are trained or given. It shapes the
- *            potential energy and damps. z_q of an angle is q - goal here: angles are counted, so after a
- *            full turn it unwinds. On the circle no continuous feedback brings every state to the goal.
+ *            goal. k_p and k_d are positive: trained, one number per input each, or given, the same for
+ *            all inputs. It shapes the potential energy and damps. z_q of an angle is q - goal here: angles
+ *            are counted, so after a full turn it unwinds. On the circle no continuous feedback brings every
+ *            state to the goal.
  *
  * Terminal cost: W = w log(1 + V/(13 c)), where w is .6 times the mean cost of the machine under u0 from the
  * starts over the horizon. The logarithm has a slope wherever a run ends.

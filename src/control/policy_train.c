@@ -434,7 +434,7 @@ lg_status lg_policy_trainer_run(lg_policy_trainer *t, lg_policy_train_result *re
 /* ---- states of training ---- */
 
 /* Numbers that a resumed run must have in common with the saved one, then the place in the run. */
-enum { FACTS = 14, COMMON = 8 };
+enum { FACTS = 14, COMMON = 8, METHOD = 2 }; /* METHOD: 1 trained over whole runs */
 
 static uint64_t mixed(uint64_t hash, const void *data, size_t bytes) {
     const unsigned char *at = data;
@@ -442,17 +442,25 @@ static uint64_t mixed(uint64_t hash, const void *data, size_t bytes) {
     return hash;
 }
 
-/* A hash of the validation starts (states of the plant), the regulator and the terminal cost. Another task or
- * another plant has another hash. */
+/* A hash of how the trainer works, the rate, the validation starts (states of the plant), what success is,
+ * the regulator and the terminal cost. Another task, plant or version of the trainer has another hash. */
 static uint64_t fingerprint(const training *t) {
     const lg_policy *p = t->policy;
     const lg_policy_regulator *r = &p->regulator;
     const size_t n = r->errors, m = r->inputs;
+    const double numbers[] = {METHOD,         t->options.lr, p->task.gate, p->task.hold,
+                              p->task.within, r->c,          p->terminal};
     uint64_t hash =
         mixed(UINT64_C(0xcbf29ce484222325), t->validation, VALIDATION * p->state * sizeof(double));
+    hash = mixed(hash, numbers, sizeof numbers);
+    for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
+        const lg_policy_coordinate *c = &p->task.coordinate[i];
+        hash = mixed(hash, (const double[]){c->success, c->success_velocity}, 2 * sizeof(double));
+    }
     hash = mixed(hash, r->K, m * n * sizeof *r->K);
-    hash = mixed(hash, r->u0, m * sizeof *r->u0);
-    return mixed(hash, &p->terminal, sizeof p->terminal);
+    hash = mixed(hash, r->near, m * n * sizeof *r->near);
+    hash = mixed(hash, r->P, n * n * sizeof *r->P);
+    return mixed(hash, r->u0, m * sizeof *r->u0);
 }
 
 static void list_facts(const training *t, uint64_t out[FACTS]) {
@@ -481,9 +489,14 @@ lg_status lg_policy_trainer_save(const lg_policy_trainer *t, const lg_archive_wr
 
 lg_status lg_policy_trainer_load(lg_policy_trainer *t, const lg_archive_reader *from, lg_error *error) {
     LG_NEEDS(error, t, from);
-    static const char *const names[COMMON] = {
-        "number of parameters", "--seeds", "--starts", "--race", "--finish", "--polish", "--seed",
-        "task or plant"};
+    static const char *const names[COMMON] = {"number of parameters",
+                                              "--seeds",
+                                              "--starts",
+                                              "--race",
+                                              "--finish",
+                                              "--polish",
+                                              "--seed",
+                                              "task, plant or version of training"};
     uint64_t facts[FACTS], own[FACTS];
     double best[2];
     const uint64_t numbers = (4 * (uint64_t)t->seeds + 1) * t->n;

@@ -572,16 +572,21 @@ TEST("a state of training is refused for another task or plant") {
     assert_ok(lg_policy_trainer_save(trainer, &writer, NULL));
     lg_policy_trainer_destroy(trainer);
     const lg_archive_reader reader = memory_reader(&archive);
-    for (int k = 0; k < 3; k++) {
+    for (int k = 0; k < 7; k++) {
+        const lg_policy_task same = task;
         if (k == 1) task.coordinate[1].weight = 2.0;
+        if (k == 3) task.gate = false;
+        if (k == 4) task.coordinate[1].success *= 1.2;
+        if (k == 5) task.within += 1.0;
+        o.lr = k == 6 ? 0.01 : 0.02;
         const char *plant =
-            k < 2 ? cart_pole : test_text("%s%s", cart_pole, "damping: {kind: known, values: [0.2, 0]}\n");
+            k != 2 ? cart_pole : test_text("%s%s", cart_pole, "damping: {kind: known, values: [0.2, 0]}\n");
         assert_ok(lg_policy_trainer_create(make(&task, plant), &o, &trainer, NULL));
         assert_int_equal(lg_policy_trainer_load(trainer, &reader, &error),
                          k == 0 ? LG_OK : LG_INVALID_ARGUMENT);
-        if (k > 0) assert_non_null(strstr(error.message, "another task or plant"));
+        if (k > 0) assert_non_null(strstr(error.message, "another task, plant or version of training"));
         lg_policy_trainer_destroy(trainer);
-        task.coordinate[1].weight = 1.0;
+        task = same;
     }
 }
 
