@@ -30,20 +30,20 @@
  * equation of the linearised step for weights Q, R. Training needs no weights from the user: each of a
  * table of weights is tried by runs of the saturated regulator on the machine, whose least V of a run that
  * fails gives the level c. It takes the weights whose set {V < c} is nearest to the starts: with the least
- * mean of log(V/c) over starts. The gate of a network holds the goal by the gain of the regulator whose
- * weights are the cost's, where its runs succeed from a tenth of c or more; c is lowered to these runs, by
- * 15 % at least. If a task of kind lqr gives K, P is the solution of the Lyapunov equation of the closed loop
- * for Q = 1 of scaled errors. sat keeps each input in its limits.
+ * mean of log(V/c) over starts. In the gate of a network a second regulator acts, with the gain `near`: its
+ * weights Q, R are the weights of the cost. Its runs lower c, by at least 15 %. If they would lower c below
+ * a tenth, `near` is K. If a task of kind lqr gives K, P is the solution of the Lyapunov equation of the
+ * closed loop for Q = 1 of scaled errors. sat keeps each input in its limits.
  *
  * Kinds of policies:
  *   lqr      the regulator alone; nothing is trained
  *   network  u = g u_near + (1 - g) u_net with u_near = sat(u0 - near z) and the gate
  *            g = 1/(1 + exp(4.5 (V/c - 1))); tanh keeps u_net in the limits
  *   energy   u = sat(u0 - k_p G^T z_q - k_d G^T v), with the map G from inputs to generalised forces at the
- *            goal. k_p and k_d are positive: trained, one number per input each, or given, the same for
- *            all inputs. It shapes the potential energy and damps. z_q of an angle is q - goal here: angles
- *            are counted, so after a full turn it unwinds. On the circle no continuous feedback brings every
- *            state to the goal.
+ *            goal. Trained k_p and k_d have one number per input; given k_p and k_d are the same for all
+ *            inputs. All are positive. The controller shapes the potential energy and damps. z_q of an
+ *            angle is q - goal here: angles are counted, so after a full turn the controller unwinds. On
+ *            the circle no continuous feedback brings every state to the goal.
  *
  * Terminal cost: W = w log(1 + V/(13 c)), where w is .6 times the mean cost of the machine under u0 from the
  * starts over the horizon. The logarithm has a slope wherever a run ends.
@@ -170,9 +170,8 @@ LG_API const lg_policy_task *lg_policy_task_of(const lg_policy *policy);
  *   policy     (q, v, weights) -> u          `weights` is a shared input like theta; without velocities no v
  *   lagged     (a, u) -> next                the lagged inputs a after a period in which u is held, if
  *                                            there are lagged inputs
- *   control    (x) -> u                      x: positions as controllers get them, then velocities.
- *                                            Free positions are numbers of x, but u does not depend on
- *                                            free positions
+ *   control    (x) -> u                      x: positions as controllers get them, then velocities. x
+ *                                            has the free positions, too; u does not depend on them
  *   closed     (x, weights) -> next, cost, u   one period
  *   regulated  (x, K) -> next, cost, u         one period of the saturated regulator
  *   terminal   (x) -> cost                   W
@@ -293,8 +292,8 @@ typedef struct lg_policy_train_result {
  * task.within, then by cost; above 99.5 % success counts as equal. The winner takes `finish` steps more with
  * twice as many starts. If fewer than 99.5 % of the validation starts succeed then, it takes `finish` steps
  * again with runs longer by half, up to four times in all (once if options.seconds is set). L-BFGS on 512
- * fixed starts over the whole horizon follows. Adam's gradients are not exact: what goes back through a run
- * is shortened, so that runs whose motion is chaotic do not drown the others. The policy gets the best
+ * fixed starts over the whole horizon follows. Adam's gradients are not exact: a bound shortens the adjoint
+ * of each run in each period, so that chaotic runs do not drown the others. The policy gets the best
  * parameters that the validation starts saw, by success, then by cost. If the task is disturbed, all runs
  * are. For `lqr`, and for `energy` with given gains, nothing is trained, only judged.
  *

@@ -13,7 +13,7 @@ enum {
 };
 
 /* `points` parameters, each with `count` starts (a multiple of LG_POLICY_ROWS). The caller sets starts,
- * theta, steps, cut and ranks before a run. Results do not depend on the number of threads and ranks. */
+ * theta, steps, cut and ranks before a run. The number of threads and ranks does not change the results. */
 typedef struct lg_policy_batch {
     const lg_policy *policy;
     lg_dtype dtype;      /* of the runs; costs and gradients are sums in double precision */

@@ -105,10 +105,11 @@ static bool better(judged a, judged b) {
     return a.success > b.success || (a.success == b.success && a.cost < b.cost) || !isfinite(b.cost);
 }
 
-/* A share of runs that succeed which racers need not exceed, and after which no further round follows. */
+/* If this share of the validation starts succeeds, racers are compared by cost, and no further round
+ * follows. */
 static const double enough = 0.995;
 
-/* Racers with enough success compare by cost. */
+/* Whether racer a is before racer b. Above `enough`, success counts as equal. */
 static bool leads(judged a, judged b) {
     a.success = fmin(a.success, enough), b.success = fmin(b.success, enough);
     return better(a, b);
@@ -186,10 +187,10 @@ static lg_status run_batch(training *t) {
     return status == LG_OK ? status : lg_fail(t->error, status, "the ranks could not exchange their results");
 }
 
-/* Periods of the runs of a step. Gradients of long runs are spoiled by the few runs whose motion is chaotic:
- * while a network is poor, shorter runs with the terminal cost learn more, and cost less. Which length serves
- * depends on the machine, so racers have different ones. The winner keeps its length, longer by half in each
- * further round. */
+/* Periods of the runs of a step. A few chaotic runs spoil the gradient of long runs. Short runs with the
+ * terminal cost learn more and take less time. The best length depends on the machine, so racers have
+ * different lengths. The winner keeps its length in the first round. Each further round makes it longer by
+ * half. */
 static size_t steps_of(const training *t, uint64_t seed) {
     static const double share[] = {0.3, 0.5, 0.4};
     const double part = fmin(1.0, share[seed % LG_COUNT(share)] * pow(1.5, t->round));
@@ -434,7 +435,7 @@ lg_status lg_policy_trainer_run(lg_policy_trainer *t, lg_policy_train_result *re
 /* ---- states of training ---- */
 
 /* Numbers that a resumed run must have in common with the saved one, then the place in the run. */
-enum { FACTS = 14, COMMON = 8, METHOD = 2 }; /* METHOD: 1 trained over whole runs */
+enum { FACTS = 14, COMMON = 8, METHOD = 2 }; /* METHOD 1: Adam took whole runs; 2: short runs */
 
 static uint64_t mixed(uint64_t hash, const void *data, size_t bytes) {
     const unsigned char *at = data;
@@ -442,8 +443,8 @@ static uint64_t mixed(uint64_t hash, const void *data, size_t bytes) {
     return hash;
 }
 
-/* A hash of how the trainer works, the rate, the validation starts (states of the plant), what success is,
- * the regulator and the terminal cost. Another task, plant or version of the trainer has another hash. */
+/* A hash of METHOD, the rate of Adam, the validation starts (states of the plant), the bounds of success, the
+ * regulator and the terminal cost. It changes with the task, the plant and the version of training. */
 static uint64_t fingerprint(const training *t) {
     const lg_policy *p = t->policy;
     const lg_policy_regulator *r = &p->regulator;

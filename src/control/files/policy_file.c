@@ -40,8 +40,9 @@ enum { LINE = 3 * LG_POLICY_NAME };
 
 static const char lagged[] = "lagged";
 
-/* A line of a coordinate has three words: name, kind, velocity (- if there is none). A line of a lagged input
- * has name, "lagged", number of the input. Tabs separate the words; in older files blanks separate them. */
+/* Each coordinate has a line of three words: its name, its kind, and the name of its velocity (- if it has no
+ * velocity). A lagged input has a line, too: its name, the word "lagged", and the number of its input. Tabs
+ * separate the words. Older files have blanks in place of tabs. */
 static lg_status put_names(lg_h5 *h5, const lg_policy *p, lg_error *error) {
     char lines[LG_POLICY_COORDINATES][LINE], inputs[LG_POLICY_INPUTS][LG_POLICY_NAME];
     for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
