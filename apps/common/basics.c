@@ -266,10 +266,12 @@ void app_parallel(uint64_t threads, size_t count, void (*task)(void *user, size_
     if (threads > count) threads = count;
     if (threads < 1) threads = 1;
     (void)pthread_mutex_init(&c.mutex, NULL);
-    pthread_t *workers = app_alloc((size_t)threads, sizeof *workers);
+    pthread_t *workers = app_try_alloc((size_t)threads, sizeof *workers);
     size_t started = 0;
     /* If a thread cannot be started, the others take over its work. */
-    while (started + 1 < threads && pthread_create(&workers[started], NULL, crew_work, &c) == 0) started++;
+    while (workers != NULL && started + 1 < threads &&
+           pthread_create(&workers[started], NULL, crew_work, &c) == 0)
+        started++;
     (void)crew_work(&c);
     for (size_t i = 0; i < started; i++) (void)pthread_join(workers[i], NULL);
     (void)pthread_mutex_destroy(&c.mutex);

@@ -130,9 +130,11 @@ static void check_memory(const lg_context *context) {
     lg_free(context, NULL);
 
     char *copy = lg_strdup(context, "qp");
+    assert_non_null(copy);
     assert_string_equal(copy, "qp");
     lg_free(context, copy);
     copy = lg_strdup(context, "");
+    assert_non_null(copy);
     assert_string_equal(copy, "");
     lg_free(context, copy);
 }

@@ -30,7 +30,7 @@ static lg_series_data *make_series(bool full) {
     for (size_t c = 0; c < 3; c++) set_name(s->class_name[c], class_names[c]);
     if (!full) return out;
     s->rate = 10;
-    s->channel_name = lg_alloc(NULL, CHANNELS, sizeof *s->channel_name);
+    s->channel_name = lg_test_gives(CHANNELS, sizeof *s->channel_name);
     assert_non_null(s->channel_name);
     for (size_t c = 0; c < CHANNELS; c++) set_name(s->channel_name[c], channel_names[c]);
     for (size_t i = 0; i < WINDOWS; i++) {
@@ -162,7 +162,7 @@ TEST("names with separators, and more names than an attribute can hold, are read
         lg_series *d = &data->series;
         const char *path = scratch_path("names.h5");
         assert_ok(lg_series_allocate(NULL, d, false, false));
-        d->channel_name = lg_alloc(NULL, 3, sizeof *d->channel_name);
+        d->channel_name = lg_test_gives(3, sizeof *d->channel_name);
         for (uint32_t i = 0; i < classes; i++) {
             d->label[i] = i;
             (void)snprintf(d->class_name[i], LG_SERIES_NAME, "%s%u", many == 0 ? "a|b" : "class ", i);
