@@ -1,11 +1,12 @@
 /* Compares random recordings on a tape with plans and compiled C:
  *
- *     random_programs [--seed N] [--count N] [--compiled N]
+ *     random_programs [--seed N] [--count N] [--compiled N] [--checked]
  *
  * Recordings N, N + 1, ... are functions of random operations of the whole table, with shared and equal
  * operands, calls, loops and derivatives (recording.c). `count` of them are compared as plans with the tape's
  * results (rounding.c): in both types, with all options, and also after the program was stored and read again
- * (plans.c). `compiled` of them are compared as C, 100 recordings per file (compiled.c). If a recording
+ * (plans.c). `compiled` of them are compared as C, 100 recordings per file (compiled.c); with --checked,
+ * undefined behaviour of the C ends the program. If a recording
  * differs, the exit code is 1; the recording is shrunk and printed, and --seed with its number repeats it. */
 #include <getopt.h>
 #include <inttypes.h>
@@ -133,15 +134,20 @@ static bool all_rows_recorded(void) {
 }
 
 int main(int argc, char **argv) {
-    static const struct option options[] = {
-        {"seed", 1, NULL, 's'}, {"count", 1, NULL, 'n'}, {"compiled", 1, NULL, 'c'}, {NULL, 0, NULL, 0}};
+    static const struct option options[] = {{"seed", 1, NULL, 's'},
+                                            {"count", 1, NULL, 'n'},
+                                            {"compiled", 1, NULL, 'c'},
+                                            {"checked", 0, NULL, 'u'},
+                                            {NULL, 0, NULL, 0}};
     uint64_t seed = 0, count = 0, compiled = 0;
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (c == 's') seed = strtoull(optarg, NULL, 10);
         if (c == 'n') count = strtoull(optarg, NULL, 10);
         if (c == 'c') compiled = strtoull(optarg, NULL, 10);
+        if (c == 'u') compiled_checked = true;
         if (c == '?') return 2;
     }
+    (void)setenv("UBSAN_OPTIONS", "abort_on_error=1:print_stacktrace=0", 1);
     (void)signal(SIGSEGV, tell_crash);
     (void)signal(SIGABRT, tell_crash);
     (void)signal(SIGFPE, tell_crash);

@@ -144,6 +144,7 @@ extern tally counted;
 bool check_plans(const recording *r, finding *out);
 /* Compiles *taken recordings as one file, or as many of them as fit into a program; *taken becomes their
  * number. *failed gets the recording that differs. */
+extern bool compiled_checked; /* the C is compiled with gcc's checks of undefined behaviour */
 bool check_compiled(const recording *r, size_t *taken, finding *out, size_t *failed);
 
 #endif
