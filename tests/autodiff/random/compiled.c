@@ -91,6 +91,7 @@ static bool check_file(const compiled *c, const lg_program *program, const recor
     if (lg_tape_create(NULL, NULL, &tape) != LG_OK) stop("no memory");
     for (size_t i = 0; good && i < count; i++)
         for (size_t k = 0; good && k < parts[i].count; k++) {
+            looked_at = r[i].number;
             good = check_function(c, tape, program, parts[i].number[k], r[i].number, k, f);
             *failed = i;
         }
