@@ -169,7 +169,8 @@ static bool check_form(const comparison *c, finding *f) {
     const external *e = c->e;
     if (e->n_in() != (long long)c->in->count || e->n_out() != (long long)c->out->count)
         return found(f, false, "%lld arguments and %lld results", e->n_in(), e->n_out());
-    if (e->name_in(e->n_in()) != NULL || e->name_out(-1) != NULL) return found(f, false, "names beyond the last");
+    if (e->name_in(e->n_in()) != NULL || e->name_out(-1) != NULL)
+        return found(f, false, "names beyond the last");
     for (size_t i = 0; i < c->in->count; i++) {
         const long long *s = e->sparsity_in((long long)i);
         const bool port = port_named(c->in_port, c->t->inputs, c->in->name[i]) != SIZE_MAX;

@@ -32,7 +32,7 @@ extern const target target_casadi, target_fmu2, target_fmu3, target_onnx;
 /* What the checks have counted. */
 typedef struct export_tally {
     size_t exported, refused, different;
-    size_t functions, unfit;       /* compared; without comparison, for numbers are not finite or very large */
+    size_t functions, unfit; /* compared; without comparison, for numbers are not finite or very large */
     size_t calls, illegal, states; /* of FMUs: calls, calls that had to be refused, states put back */
 } export_tally;
 extern export_tally tallied;

@@ -23,7 +23,8 @@ static const target *const targets[] = {&target_casadi, &target_fmu2, &target_fm
 
 /* Each line of lg-export's standard error is a reason. */
 static void add_warnings(const target *t, char *lines) {
-    for (char *save = NULL, *line = strtok_r(lines, "\n", &save); line != NULL; line = strtok_r(NULL, "\n", &save))
+    for (char *save = NULL, *line = strtok_r(lines, "\n", &save); line != NULL;
+         line = strtok_r(NULL, "\n", &save))
         add_reason(t->name, line);
 }
 
@@ -54,7 +55,8 @@ static size_t run_target(const target *t, uint64_t seed, uint64_t count) {
         tallied.different += !run_one(t, seed + i);
         (void)fflush(stdout);
     }
-    printf("%s: %" PRIu64 " recordings from seed %" PRIu64 ", %zu exported, %zu refused; %zu functions compared, "
+    printf("%s: %" PRIu64 " recordings from seed %" PRIu64
+           ", %zu exported, %zu refused; %zu functions compared, "
            "%zu without comparison, for their numbers are not finite or very large\n",
            t->name, count, seed, tallied.exported, tallied.refused, tallied.functions - tallied.unfit,
            tallied.unfit);
@@ -77,7 +79,7 @@ int main(int argc, char **argv) {
         if (c == 't') only = optarg;
         if (c == '?') return 2;
     }
-    tell_crashes();
+    tell_crashes(argv);
     find_pieces();
     for (size_t t = 0; t < LG_COUNT(targets); t++) {
         if (only != NULL && strcmp(only, targets[t]->name) != 0) continue;

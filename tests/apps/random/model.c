@@ -99,7 +99,8 @@ static lg_status record_step(void *user, lg_tape *tape, const lg_var *theta, con
     (void)theta;
     const lg_shape shape = lg_var_shape(tape, x[0]);
     const uint32_t m = (uint32_t)lg_shape_count(d->in[0].shape), rows = shape.dims[0];
-    const lg_var h = lg_broadcast_to(tape, lg_reshape(tape, x[d->ins], lg_shape2(rows, 1)), lg_shape2(rows, m));
+    const lg_var h =
+        lg_broadcast_to(tape, lg_reshape(tape, x[d->ins], lg_shape2(rows, 1)), lg_shape2(rows, m));
     const lg_var move = lg_mul(tape, lg_reshape(tape, h, shape), lg_program_call(tape, "rate", 0, x));
     y[0] = lg_add(tape, x[0], move);
     return lg_tape_status(tape);
@@ -117,7 +118,8 @@ static lg_var step_of_rate(const dynamics *d, lg_tape *tape, lg_var *x) {
     return next;
 }
 
-static lg_status record_advanced(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *y) {
+static lg_status record_advanced(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
+                                 lg_var *y) {
     const dynamics *d = user;
     lg_var x[LG_PROGRAM_MAX_PORTS];
     (void)theta;
@@ -145,7 +147,8 @@ static size_t add_function(model *m, const char *name, size_t ins, lg_record_fun
 static void add_dynamics(model *m) {
     size_t ins, outs, at = 0;
     const size_t of = function_named(m, m->function);
-    const lg_port *in = lg_program_inputs(m->program, of, &ins), *out = lg_program_outputs(m->program, of, &outs);
+    const lg_port *in = lg_program_inputs(m->program, of, &ins),
+                  *out = lg_program_outputs(m->program, of, &outs);
     while (at < outs && out[at].shared) at++;
     m->rate = m->r->number % 4 != 3 && at < outs;
     m->step = m->rate && m->r->number % 3 == 0;
@@ -240,7 +243,8 @@ size_t derivative_of(model *m, lg_derivative_kind kind, const char *function) {
     lg_derivative_init(&what);
     what.kind = kind;
     what.function = function;
-    return lg_program_derive(m->program, &what, NULL) == LG_OK ? lg_program_functions(m->program) - 1 : SIZE_MAX;
+    return lg_program_derive(m->program, &what, NULL) == LG_OK ? lg_program_functions(m->program) - 1
+                                                               : SIZE_MAX;
 }
 
 size_t port_named(const lg_port *ports, size_t count, const char *name) {

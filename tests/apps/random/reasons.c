@@ -12,20 +12,14 @@ static struct {
     size_t count;
 } reasons[REASONS];
 
-/* A sentence without what belongs to one recording: digits become #, words with digits too. */
+/* A sentence without what belongs to one recording: # in place of numbers. */
 static void generalise(const char *sentence, char *out) {
     size_t n = 0;
-    for (const char *at = sentence; *at != '\0' && *at != '\n' && n + 1 < LENGTH;) {
-        size_t length = 0, digits = 0;
-        while (isalnum((unsigned char)at[length]) || at[length] == '_')
-            digits += isdigit((unsigned char)at[length++]) != 0;
-        if (length == 0) length = 1;
-        if (digits > 0) {
+    for (const char *at = sentence; *at != '\0' && *at != '\n' && n + 1 < LENGTH; at++) {
+        if (!isdigit((unsigned char)*at))
+            out[n++] = *at;
+        else if (n == 0 || out[n - 1] != '#')
             out[n++] = '#';
-        } else {
-            for (size_t i = 0; i < length && n + 1 < LENGTH; i++) out[n++] = at[i];
-        }
-        at += length;
     }
     out[n] = '\0';
 }

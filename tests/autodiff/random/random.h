@@ -23,8 +23,9 @@ static inline bool chance(lg_rng *rng, double p) {
 /* Prints a message and ends the program, for errors that are not findings. */
 void stop(const char *format, ...) __attribute__((format(printf, 1, 2), noreturn));
 void *room(size_t count, size_t size); /* zeroed */
-/* From here on, a crash prints the number of the recording, and so does undefined behaviour of checked C. */
-void tell_crashes(void);
+/* From here on, a crash prints the number of the recording, and so does undefined behaviour of checked C.
+ * Starts the program again if that needs another environment. */
+void tell_crashes(char **argv);
 extern volatile uint64_t looked_at; /* number of the current recording */
 
 /* ---- pieces: operations from the cases of the gradient check and from their derivatives ---- */

@@ -43,8 +43,12 @@ static void tell_crash(int signal_number) {
     _exit(1);
 }
 
-void tell_crashes(void) {
+void tell_crashes(char **argv) {
     static const int signals[] = {SIGSEGV, SIGBUS, SIGABRT, SIGFPE};
-    (void)setenv("UBSAN_OPTIONS", "abort_on_error=1:print_stacktrace=0", 1);
+    /* The checks read the environment with which a process began. */
+    if (getenv("UBSAN_OPTIONS") == NULL) {
+        (void)setenv("UBSAN_OPTIONS", "abort_on_error=1:print_stacktrace=0", 1);
+        (void)execv("/proc/self/exe", argv);
+    }
     for (size_t i = 0; i < LG_COUNT(signals); i++) (void)signal(signals[i], tell_crash);
 }

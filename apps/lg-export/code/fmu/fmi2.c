@@ -99,7 +99,7 @@ FMI2(SetupExperiment, fmi2Component c, fmi2Boolean tolerance, fmi2Real t, fmi2Re
         return change_mode((instance *)c, from, to) ? fmi2OK : refuse(c, wrong_mode);                        \
     }
 FMI2_MODE(EnterInitializationMode, INSTANTIATED, INITIALIZATION)
-FMI2_MODE(ExitInitializationMode, INITIALIZATION, ((instance *)c)->exchange ? EVENT : STEP)
+FMI2_MODE(ExitInitializationMode, INITIALIZATION, RUNNING)
 FMI2_MODE(Terminate, RUNNING, TERMINATED)
 FMI2(Reset, fmi2Component c) {
     ALLOW(ANY);

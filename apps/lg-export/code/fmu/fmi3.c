@@ -116,7 +116,7 @@ FMI3(EnterInitializationMode, fmi3Instance c, fmi3Boolean tolerance, fmi3Float64
     FMI3(name, fmi3Instance c) {                                                                             \
         return change_mode((instance *)c, from, to) ? fmi3OK : refuse(c, wrong_mode);                        \
     }
-FMI3_MODE(ExitInitializationMode, INITIALIZATION, ((instance *)c)->exchange ? EVENT : STEP)
+FMI3_MODE(ExitInitializationMode, INITIALIZATION, RUNNING)
 FMI3_MODE(EnterEventMode, EVENT | CONTINUOUS, EVENT)
 FMI3_MODE(Terminate, RUNNING, TERMINATED)
 FMI3_MODE(EnterContinuousTimeMode, EVENT, CONTINUOUS)

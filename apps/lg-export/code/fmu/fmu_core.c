@@ -64,10 +64,10 @@ static int allowed(const instance *i, uint64_t modes) {
     return (i->m.mode & modes) != 0;
 }
 
-/* 0: the mode is none of `from`. */
+/* 0: the mode is none of `from`. `to` RUNNING: the first mode after the initialization. */
 static int change_mode(instance *i, uint64_t from, uint64_t to) {
     if (!allowed(i, from)) return 0;
-    i->m.mode = to;
+    i->m.mode = to != RUNNING ? to : i->exchange ? EVENT : STEP;
     return 1;
 }
 

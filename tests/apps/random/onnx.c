@@ -1,0 +1,117 @@
+/* Runs ONNX files by onnxruntime, in a child process (onnx_run.py), and compares its results with the program. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "apps/random/exports.h"
+#include "liegrad/program.h"
+
+enum { MOST_NUMBERS = 200000 };
+
+static FILE *to_child, *from_child;
+
+static bool answer(char *line, size_t size) {
+    if (fgets(line, (int)size, from_child) == NULL) return false;
+    line[strcspn(line, "\n")] = '\0';
+    return true;
+}
+
+/* Starts the child once. Returns false, with a sentence on the standard output, if a package is missing. */
+static bool start_child(void) {
+    static bool tried, ready;
+    int to[2], from[2];
+    char line[256] = "";
+    const char *named = getenv("LG_PYTHON"), *python = named != NULL ? named : "python3";
+    if (tried) return ready;
+    tried = true;
+    if (pipe(to) != 0 || pipe(from) != 0) stop("no pipe");
+    const pid_t child = fork();
+    if (child < 0) stop("no child");
+    if (child == 0) {
+        (void)dup2(to[0], 0);
+        (void)dup2(from[1], 1);
+        (void)close(to[1]);
+        (void)close(from[0]);
+        (void)execlp(python, python, LG_TEST_DIR "/apps/random/onnx_run.py", (char *)NULL);
+        _exit(77);
+    }
+    (void)close(to[0]);
+    (void)close(from[1]);
+    to_child = fdopen(to[1], "w");
+    from_child = fdopen(from[0], "r");
+    ready = to_child != NULL && from_child != NULL && answer(line, sizeof line) && strcmp(line, "ready") == 0;
+    if (!ready) printf("onnx: the files are not run: %s\n", line[0] != '\0' ? line : "no python");
+    return ready;
+}
+
+static FILE *open_numbers(const model *m, const char *port, const char *mode) {
+    char path[FOLDER + 64];
+    (void)snprintf(path, sizeof path, "%s/%s.bin", m->folder, port);
+    FILE *file = fopen(path, mode);
+    if (file == NULL) stop("no %s", path);
+    return file;
+}
+
+static void write_inputs(const model *m, const truth *t, const lg_port *in) {
+    for (size_t i = 0; i < t->inputs; i++) {
+        FILE *file = open_numbers(m, in[i].name, "wb");
+        if (fwrite(input_of(t, i), sizeof(double), t->in_count[i], file) != t->in_count[i] ||
+            fclose(file) != 0)
+            stop("no inputs in %s", m->folder);
+    }
+}
+
+static bool compare_output(const model *m, const truth *t, size_t o, const char *port, lg_dtype dtype,
+                           finding *f) {
+    const size_t count = t->out_count[o];
+    double *numbers = room(count, sizeof *numbers);
+    void *own = room(count, sizeof *numbers);
+    char sentence[256];
+    FILE *file = open_numbers(m, port, "rb");
+    const bool whole = fread(numbers, sizeof *numbers, count, file) == count;
+    (void)fclose(file);
+    lg_kernels_for(dtype)->convert_in(count, numbers, own);
+    const bool good =
+        whole ? explained(t, o, dtype, own, sentence, sizeof sentence) ||
+                    found(f, false, "%s in %s: %s", port, dtype == LG_F64 ? "f64" : "f32", sentence)
+              : found(f, false, "%s has too few numbers", port);
+    free(own);
+    free(numbers);
+    return good;
+}
+
+static bool compare(const model *m, const truth *t, size_t function, finding *f) {
+    char line[400] = "";
+    size_t count;
+    const lg_port *out = lg_program_outputs(m->program, function, &count);
+    write_inputs(m, t, lg_program_inputs(m->program, function, &count));
+    (void)fprintf(to_child, "%s %s %zu\n", m->folder, m->name, t->rows);
+    (void)fflush(to_child);
+    if (!answer(line, sizeof line)) stop("onnxruntime has crashed");
+    const bool single = strcmp(line, "f32") == 0;
+    bool good = single || strcmp(line, "f64") == 0 || found(f, false, "%s", line);
+    for (size_t o = 0; good && o < t->outputs; o++)
+        good = compare_output(m, t, o, out[o].name, single ? LG_F32 : LG_F64, f);
+    return good;
+}
+
+static bool check(model *m, finding *f) {
+    lg_tape *tape = NULL;
+    lg_rng rng;
+    truth t;
+    size_t rows = m->r->rows;
+    const size_t function = function_named(m, m->function);
+    if (!start_child()) return true;
+    if (lg_tape_create(NULL, NULL, &tape) != LG_OK) stop("no memory");
+    lg_rng_seed(&rng, m->r->number, 600);
+    while (rows > 1 && numbers_of(m->program, function, rows) > MOST_NUMBERS) rows /= 2;
+    find_truth(tape, m->program, function, rows, &rng, &t);
+    tallied.functions++;
+    tallied.unfit += !t.finite;
+    const bool good = !t.finite || compare(m, &t, function, f);
+    lg_tape_destroy(tape);
+    return good;
+}
+
+const target target_onnx = {.name = "onnx", .check = check};
