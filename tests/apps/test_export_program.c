@@ -26,6 +26,12 @@ TEST("a separable Hamiltonian is exported in single precision") {
     export_check_stack("flat");
 }
 
+TEST("ONNX: the path of a loop is the results of all its rounds") {
+    save_hamiltonian("path", &lg_hamiltonian_separable);
+    export_run("path.h5 --out path --name path --target onnx --functions ten");
+    export_expect("test $(grep -ao Concat path/path.onnx | wc -l) = 1");
+}
+
 TEST("convolutions are exported as loops") {
     save_network("waves");
     export_run("waves.h5 --out waves --name waves --compact");

@@ -438,6 +438,9 @@ TEST("an FMU of version 3 computes the program's adjoint derivatives") {
     evaluate("adj1_field", in, back);
     assert_int_equal(adjoint(instance, rate_port, 1, known, 2, seed, 2, got, 3), 0);
     assert_all_close(got, pulled, 3, 1e-13, 0);
+    /* The state is an output here; its derivative by itself is the identity. */
+    assert_int_equal(adjoint(instance, known, 1, known, 2, seed, 2, got, 3), 0);
+    assert_all_close(got, ((double[]){seed[0], seed[1], 0}), 3, 0, 0);
     SYMBOL(handle, "fmi3GetFMUState", int, (void *, void **), keep);
     SYMBOL(handle, "fmi3FreeFMUState", int, (void *, void **), drop);
     SYMBOL(handle, "fmi3SerializedFMUStateSize", int, (void *, void *, size_t *), size);

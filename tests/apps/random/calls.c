@@ -1,8 +1,8 @@
-/* Random calls of an FMU. A driver knows the mode of its instance, its time and the values of states, inputs and
- * parameters. Most calls are allowed in this mode and must succeed. Others are not, or have wrong arguments: they
- * must return an error and change nothing. States are kept, serialised and put back, also in another instance:
- * a step from there must give the same bits. Six drivers run at a time, and each once more alone: the numbers that
- * they read must be the same. */
+/* Random calls of an FMU. A driver knows the mode of its instance, its time and the values of states,
+ * inputs and parameters. Most calls are allowed in this mode and must succeed. Others are not, or have
+ * wrong arguments: they must return an error and change nothing. States are kept, serialised and put back,
+ * also in another instance: a step from there must give the same bits. Six drivers run at a time, and each
+ * once more alone: the numbers that they read must be the same. */
 #include <inttypes.h>
 #include <math.h>
 #include <pthread.h>
@@ -111,7 +111,8 @@ static void copy(const driver *d, const contents *from, contents *to) {
     memcpy(numbers, from->numbers, bytes_of(d));
 }
 
-/* Version 2 tells the time in co-simulation; version 3 as a variable, which has the reference behind the last. */
+/* Version 2 tells the time in co-simulation; version 3 as a variable, which has the reference behind the
+ * last. */
 static void look_at_time(driver *d) {
     const bool readable = (d->now.mode & (STEP | TERMINATED)) != 0 && !d->exchange;
     const unsigned reference = (unsigned)d->f->count;

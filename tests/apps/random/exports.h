@@ -34,13 +34,14 @@ typedef struct export_tally {
     size_t exported, refused, different;
     size_t functions, unfit; /* compared; without comparison, for numbers are not finite or very large */
     size_t calls, illegal, states; /* of FMUs: calls, calls that had to be refused, states put back */
+    size_t peers;                  /* questions to tools */
 } export_tally;
 extern export_tally tallied;
 
 /* ---- models (model.c) ---- */
 
-/* Draws a recording and makes its program. Four of five have the function "value". With `blocks` the program of most recordings has the functions
- * "rate" and "step", too. */
+/* Draws a recording and makes its program. Four of five have the function "value". With `blocks` the
+ * program of most recordings has the functions "rate" and "step", too. */
 void open_model(uint64_t number, bool blocks, recording *r, model *out);
 void close_model(model *m);
 /* Runs lg-export, and builds what the target needs. Returns false if lg-export refuses the program, with its
@@ -52,8 +53,8 @@ bool export_model(model *m, const target *t, finding *f);
 size_t add_advanced(model *m, uint32_t count, double h);
 /* Number of the program's function, or SIZE_MAX. */
 size_t function_named(const model *m, const char *name);
-/* Adds the derivative under its usual name (PREFIX + function). Returns its number, or SIZE_MAX if there is no
- * such derivative. */
+/* Adds the derivative under its usual name (PREFIX + function). Returns its number, or SIZE_MAX if there
+ * is no such derivative. */
 size_t derivative_of(model *m, lg_derivative_kind kind, const char *function);
 /* Number of the port of this name, or SIZE_MAX. */
 size_t port_named(const lg_port *ports, size_t count, const char *name);
@@ -66,6 +67,13 @@ void *symbol_in(const model *m, const char *format, ...) __attribute__((format(p
 void add_reason(const char *from, const char *sentence);
 void print_reasons(void);
 
-/* ---- FMUs: see fmu.h ---- */
+/* ---- the tools that read exports (peers.c, peers.py) ---- */
+
+typedef enum peer { PEER_ONNX, PEER_FMU, PEERS } peer;
+/* Lets a tool check the export; `answer` gets what it says. Returns false if the tool is missing, which is
+ * said once. */
+bool ask_peer(peer which, const model *m, size_t rows, char *answer, size_t size);
+/* Makes a file of the export by its Makefile, %s is the export's name. */
+bool make_file(const model *m, const char *format, finding *f);
 
 #endif

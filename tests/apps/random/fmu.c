@@ -431,6 +431,14 @@ static bool check_instance(fmu *f, model *m, finding *out) {
     return good;
 }
 
+/* FMPy checks the whole FMU and simulates it. */
+static bool check_file(const model *m, finding *out) {
+    char answer[400] = "";
+    return make_file(m, "%s.fmu", out) &&
+           (!ask_peer(PEER_FMU, m, 1, answer, sizeof answer) || strcmp(answer, "ok") == 0 ||
+            found(out, false, "FMPy: %s", answer));
+}
+
 static bool check(model *m, int version, finding *out) {
     static fmu f;
     f = (fmu){.m = m, .version = version, .description = read_description(m)};
@@ -440,7 +448,7 @@ static bool check(model *m, int version, finding *out) {
 #undef LOAD
     bool good = describe(&f, out);
     if (good && f.numbers > REFERENCES) stop("too many numbers");
-    good = good && check_instance(&f, m, out) && check_calls(&f, out);
+    good = good && check_instance(&f, m, out) && check_calls(&f, out) && check_file(m, out);
     free(f.description);
     return good;
 }

@@ -2,12 +2,13 @@
  *
  *     random_exports [--seed N] [--count N] [--target NAME]
  *
- * One function of each of the recordings N, N + 1, ... (autodiff/random/recording.c) is exported by lg-export
- * for each target (default: all that are listed below), built with the exported Makefile by gcc with checks of
- * undefined behaviour, and called through the target's interface: values and derivatives must be those of the
- * program but for rounding (autodiff/random/rounding.c). FMUs also get random calls in right and wrong order
- * (calls.c). Programs that lg-export refuses are counted by reason. ONNX files are run by onnxruntime, if the
- * python named by LG_PYTHON (default python3) has it. If an export differs, the exit code is 1. */
+ * One function of each of the recordings N, N + 1, ... (autodiff/random/recording.c) is exported by
+ * lg-export for each target (default: all that are listed below), built with the exported Makefile by gcc
+ * with checks of undefined behaviour, and called through the target's interface: values and derivatives must
+ * be the program's, but for rounding (autodiff/random/rounding.c). FMUs also get random calls in right and
+ * wrong order (calls.c). FMPy checks and simulates them, and onnxruntime runs ONNX files (peers.py), if the
+ * python that LG_PYTHON names (default python3) has these packages. Programs that lg-export refuses are
+ * counted by reason. If an export differs, the exit code is 1. */
 #include <getopt.h>
 #include <inttypes.h>
 #include <stdio.h>
@@ -63,6 +64,7 @@ static size_t run_target(const target *t, uint64_t seed, uint64_t count) {
     if (tallied.calls > 0)
         printf("%s: %zu calls, %zu of them wrong and refused, %zu states put back\n", t->name, tallied.calls,
                tallied.illegal, tallied.states);
+    if (tallied.peers > 0) printf("%s: %zu given to a tool\n", t->name, tallied.peers);
     printf("%s: %zu differ\n", t->name, tallied.different);
     return tallied.different;
 }

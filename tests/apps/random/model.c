@@ -18,8 +18,8 @@
 
 /* ---- the function "value" ---- */
 
-/* Calls function `of` with constants in place of inputs that all rows share. Its outputs are those that rows do
- * not share, numbers `output`. So the new function has derivatives. */
+/* Calls function `of` with constants in place of inputs that all rows share. Its outputs are those that
+ * rows do not share, numbers `output`. So the new function has derivatives. */
 typedef struct wrapping {
     const char *of;
     const lg_port *in;
@@ -208,11 +208,17 @@ static int run(const model *m, char *said, size_t size, const char *format, ...)
     return WIFEXITED(status) ? WEXITSTATUS(status) : 1000 + WTERMSIG(status);
 }
 
+bool make_file(const model *m, const char *format, finding *f) {
+    char file[NAME + 16], said[512];
+    (void)snprintf(file, sizeof file, format, m->name);
+    return run(m, said, sizeof said, "make -s -C out %s CC=gcc CFLAGS='%s'", file, CHECKED) == 0 ||
+           found(f, false, "%s is not made: %.400s", file, said);
+}
+
 static bool build(model *m, const target *t, finding *f) {
-    char built[NAME + 16], said[512], path[256];
+    char built[NAME + 16], path[256];
+    if (!make_file(m, t->built, f)) return false;
     (void)snprintf(built, sizeof built, t->built, m->name);
-    if (run(m, said, sizeof said, "make -s -C out %s CC=gcc CFLAGS='%s'", built, CHECKED) != 0)
-        return found(f, false, "the export is not built: %.400s", said);
     (void)snprintf(path, sizeof path, "%s/out/%s", m->folder, built);
     m->library = dlopen(path, RTLD_NOW | RTLD_LOCAL);
     return m->library != NULL || found(f, false, "%.400s", dlerror());
@@ -223,9 +229,10 @@ bool export_model(model *m, const target *t, finding *f) {
     lg_error error = {.message = ""};
     (void)snprintf(path, sizeof path, "%s/model.h5", m->folder);
     if (lg_program_save(NULL, path, m->program, NULL, &error) != LG_OK) stop("%s: %s", path, error.message);
+    const char *bin = getenv("LG_BIN_DIR");
     const int code = run(m, m->warnings, sizeof m->warnings,
                          "'%s/lg-export' model.h5 --target %s --name %s --functions %s --golden 1 --out out",
-                         LG_BIN_DIR, t->name, m->name, m->function);
+                         bin != NULL ? bin : LG_BIN_DIR, t->name, m->name, m->function);
     if (code == 2 || code == 3) return found(f, true, "%.500s", m->warnings);
     if (code != 0) return found(f, false, "lg-export ends with %d: %.400s", code, m->warnings);
     return t->built == NULL || build(m, t, f);

@@ -1,49 +1,12 @@
-/* Runs ONNX files by onnxruntime, in a child process (onnx_run.py), and compares its results with the program. */
+/* Compares what onnxruntime computes from ONNX files with the program. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "apps/random/exports.h"
 #include "liegrad/program.h"
 
 enum { MOST_NUMBERS = 200000 };
-
-static FILE *to_child, *from_child;
-
-static bool answer(char *line, size_t size) {
-    if (fgets(line, (int)size, from_child) == NULL) return false;
-    line[strcspn(line, "\n")] = '\0';
-    return true;
-}
-
-/* Starts the child once. Returns false, with a sentence on the standard output, if a package is missing. */
-static bool start_child(void) {
-    static bool tried, ready;
-    int to[2], from[2];
-    char line[256] = "";
-    const char *named = getenv("LG_PYTHON"), *python = named != NULL ? named : "python3";
-    if (tried) return ready;
-    tried = true;
-    if (pipe(to) != 0 || pipe(from) != 0) stop("no pipe");
-    const pid_t child = fork();
-    if (child < 0) stop("no child");
-    if (child == 0) {
-        (void)dup2(to[0], 0);
-        (void)dup2(from[1], 1);
-        (void)close(to[1]);
-        (void)close(from[0]);
-        (void)execlp(python, python, LG_TEST_DIR "/apps/random/onnx_run.py", (char *)NULL);
-        _exit(77);
-    }
-    (void)close(to[0]);
-    (void)close(from[1]);
-    to_child = fdopen(to[1], "w");
-    from_child = fdopen(from[0], "r");
-    ready = to_child != NULL && from_child != NULL && answer(line, sizeof line) && strcmp(line, "ready") == 0;
-    if (!ready) printf("onnx: the files are not run: %s\n", line[0] != '\0' ? line : "no python");
-    return ready;
-}
 
 static FILE *open_numbers(const model *m, const char *port, const char *mode) {
     char path[FOLDER + 64];
@@ -82,15 +45,13 @@ static bool compare_output(const model *m, const truth *t, size_t o, const char 
 }
 
 static bool compare(const model *m, const truth *t, size_t function, finding *f) {
-    char line[400] = "";
+    char answer[400] = "";
     size_t count;
     const lg_port *out = lg_program_outputs(m->program, function, &count);
     write_inputs(m, t, lg_program_inputs(m->program, function, &count));
-    (void)fprintf(to_child, "%s %s %zu\n", m->folder, m->name, t->rows);
-    (void)fflush(to_child);
-    if (!answer(line, sizeof line)) stop("onnxruntime has crashed");
-    const bool single = strcmp(line, "f32") == 0;
-    bool good = single || strcmp(line, "f64") == 0 || found(f, false, "%s", line);
+    if (!ask_peer(PEER_ONNX, m, t->rows, answer, sizeof answer)) return true;
+    const bool single = strcmp(answer, "f32") == 0;
+    bool good = single || strcmp(answer, "f64") == 0 || found(f, false, "%s", answer);
     for (size_t o = 0; good && o < t->outputs; o++)
         good = compare_output(m, t, o, out[o].name, single ? LG_F32 : LG_F64, f);
     return good;
@@ -102,7 +63,6 @@ static bool check(model *m, finding *f) {
     truth t;
     size_t rows = m->r->rows;
     const size_t function = function_named(m, m->function);
-    if (!start_child()) return true;
     if (lg_tape_create(NULL, NULL, &tape) != LG_OK) stop("no memory");
     lg_rng_seed(&rng, m->r->number, 600);
     while (rows > 1 && numbers_of(m->program, function, rows) > MOST_NUMBERS) rows /= 2;
