@@ -28,8 +28,10 @@ TEST("a separable Hamiltonian is exported in single precision") {
 
 TEST("ONNX: the path of a loop is the results of all its rounds") {
     save_hamiltonian("path", &lg_hamiltonian_separable);
-    export_run("path.h5 --out path --name path --target onnx --functions ten");
-    export_expect("test $(grep -ao Concat path/path.onnx | wc -l) = 1");
+    export_run("path.h5 --out one --name path --target onnx --functions step");
+    export_run("path.h5 --out ten --name path --target onnx --functions ten");
+    export_expect("count() { grep -ao Concat $1/path.onnx | wc -l; }\n"
+                  "test $(count ten) = $((10 * $(count one) + 1))");
 }
 
 TEST("convolutions are exported as loops") {

@@ -49,11 +49,11 @@ static fmi2Status refuse(fmi2Component c, const char *why) {
 /* Ends a function that the instance's mode does not allow, or that has wrong arguments. */
 #define ALLOW(modes)                                                                                         \
     do {                                                                                                     \
-        if (!allowed((instance *)c, modes)) return refuse(c, wrong_mode);                                    \
+        if (!allowed((instance *)c, modes)) return refuse(c, misplaced);                                     \
     } while (0)
 #define NEED(fits)                                                                                           \
     do {                                                                                                     \
-        if (!(fits)) return refuse(c, wrong_arguments);                                                      \
+        if (!(fits)) return refuse(c, unfitting);                                                            \
     } while (0)
 
 FMI2(SetDebugLogging, fmi2Component c, fmi2Boolean on, size_t n, const fmi2String names[]) {
@@ -96,7 +96,7 @@ FMI2(SetupExperiment, fmi2Component c, fmi2Boolean tolerance, fmi2Real t, fmi2Re
 }
 #define FMI2_MODE(name, from, to)                                                                            \
     FMI2(name, fmi2Component c) {                                                                            \
-        return change_mode((instance *)c, from, to) ? fmi2OK : refuse(c, wrong_mode);                        \
+        return take_mode((instance *)c, from, to) ? fmi2OK : refuse(c, misplaced);                           \
     }
 FMI2_MODE(EnterInitializationMode, INSTANTIATED, INITIALIZATION)
 FMI2_MODE(ExitInitializationMode, INITIALIZATION, RUNNING)
@@ -113,7 +113,7 @@ FMI2(GetReal, fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Real
     instance *i = (instance *)c;
     size_t k;
     ALLOW(EVALUATED);
-    NEED(are_given(n, vr, value));
+    NEED(is_given(n, vr, value));
     refresh(i);
     for (k = 0; k < n; k++) {
         NEED(vr[k] < NUMBERS);
@@ -125,7 +125,7 @@ FMI2(SetReal, fmi2Component c, const fmi2ValueReference vr[], size_t n, const fm
     instance *i = (instance *)c;
     size_t k;
     ALLOW(INSTANTIATED | INITIALIZATION | RUNNING);
-    NEED(are_given(n, vr, value));
+    NEED(is_given(n, vr, value));
     i->stale = 1;
     for (k = 0; k < n; k++) {
         NEED(vr[k] < NUMBERS && is_known((int)vr[k]));
@@ -199,7 +199,7 @@ FMI2(GetDirectionalDerivative, fmi2Component c, const fmi2ValueReference unknown
     instance *i = (instance *)c;
     size_t k;
     ALLOW(EVALUATED);
-    NEED(are_given(knowns, known, seed) && are_given(unknowns, unknown, sensitivity));
+    NEED(is_given(knowns, known, seed) && is_given(unknowns, unknown, sensitivity));
     memset(i->seeds, 0, sizeof i->seeds);
     for (k = 0; k < knowns; k++) {
         NEED(known[k] < NUMBERS && is_known((int)known[k]));
@@ -239,20 +239,20 @@ FMI2(SetTime, fmi2Component c, fmi2Real time) {
 }
 FMI2(SetContinuousStates, fmi2Component c, const fmi2Real x[], size_t n) {
     ALLOW(CONTINUOUS);
-    NEED(n == STATES && are_given(n, x, x));
+    NEED(n == STATES && is_given(n, x, x));
     memcpy(((instance *)c)->m.values, x, n * sizeof *x);
     ((instance *)c)->stale = 1;
     return fmi2OK;
 }
 FMI2(GetContinuousStates, fmi2Component c, fmi2Real x[], size_t n) {
     ALLOW(EXCHANGED);
-    NEED(n == STATES && are_given(n, x, x));
+    NEED(n == STATES && is_given(n, x, x));
     memcpy(x, ((instance *)c)->m.values, n * sizeof *x);
     return fmi2OK;
 }
 FMI2(GetDerivatives, fmi2Component c, fmi2Real x[], size_t n) {
     ALLOW(EXCHANGED);
-    NEED(n == STATES && are_given(n, x, x));
+    NEED(n == STATES && is_given(n, x, x));
     refresh((instance *)c);
     memcpy(x, ((instance *)c)->m.values + DERIVATIVE_AT, n * sizeof *x);
     return fmi2OK;
@@ -265,7 +265,7 @@ FMI2(GetEventIndicators, fmi2Component c, fmi2Real x[], size_t n) {
 FMI2(GetNominalsOfContinuousStates, fmi2Component c, fmi2Real x[], size_t n) {
     size_t k;
     ALLOW(INSTANTIATED | EXCHANGED);
-    NEED(n == STATES && are_given(n, x, x));
+    NEED(n == STATES && is_given(n, x, x));
     for (k = 0; k < n; k++) x[k] = 1.0;
     return fmi2OK;
 }

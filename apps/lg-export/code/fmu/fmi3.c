@@ -33,11 +33,11 @@ static fmi3Status refuse(fmi3Instance c, const char *why) {
 /* Ends a function that the instance's mode does not allow, or that has wrong arguments. */
 #define ALLOW(modes)                                                                                         \
     do {                                                                                                     \
-        if (!allowed((instance *)c, modes)) return refuse(c, wrong_mode);                                    \
+        if (!allowed((instance *)c, modes)) return refuse(c, misplaced);                                     \
     } while (0)
 #define NEED(fits)                                                                                           \
     do {                                                                                                     \
-        if (!(fits)) return refuse(c, wrong_arguments);                                                      \
+        if (!(fits)) return refuse(c, unfitting);                                                            \
     } while (0)
 
 FMI3(SetDebugLogging, fmi3Instance c, fmi3Boolean on, size_t n, const fmi3String names[]) {
@@ -114,7 +114,7 @@ FMI3(EnterInitializationMode, fmi3Instance c, fmi3Boolean tolerance, fmi3Float64
 }
 #define FMI3_MODE(name, from, to)                                                                            \
     FMI3(name, fmi3Instance c) {                                                                             \
-        return change_mode((instance *)c, from, to) ? fmi3OK : refuse(c, wrong_mode);                        \
+        return take_mode((instance *)c, from, to) ? fmi3OK : refuse(c, misplaced);                           \
     }
 FMI3_MODE(ExitInitializationMode, INITIALIZATION, RUNNING)
 FMI3_MODE(EnterEventMode, EVENT | CONTINUOUS, EVENT)
@@ -140,7 +140,7 @@ FMI3(GetFloat64, fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Fl
     instance *i = (instance *)c;
     size_t k, at = 0;
     ALLOW(EVALUATED);
-    NEED(are_given(n, vr, value));
+    NEED(is_given(n, vr, value));
     refresh(i);
     for (k = 0; k < n; k++) {
         const size_t size = vr[k] < PORTS ? (size_t)ports[vr[k]].count : 1;
@@ -156,7 +156,7 @@ FMI3(SetFloat64, fmi3Instance c, const fmi3ValueReference vr[], size_t n, const 
     instance *i = (instance *)c;
     size_t k, at = 0;
     ALLOW(INSTANTIATED | INITIALIZATION | RUNNING);
-    NEED(are_given(n, vr, value));
+    NEED(is_given(n, vr, value));
     i->stale = 1;
     for (k = 0; k < n; k++) {
         NEED(vr[k] < PORTS && is_known(ports[vr[k]].at) && (size_t)ports[vr[k]].count <= count - at);
@@ -264,7 +264,7 @@ FMI3(DeserializeFMUState, fmi3Instance c, const fmi3Byte bytes[], size_t size, f
 /* ---- derivatives ---- */
 
 /* References of ports, of states, inputs and parameters only where `known`. */
-static int are_ports(const fmi3ValueReference vr[], size_t n, int known) {
+static int is_ports(const fmi3ValueReference vr[], size_t n, int known) {
     size_t k;
     for (k = 0; k < n; k++)
         if (vr[k] >= PORTS || (known && !is_known(ports[vr[k]].at))) return 0;
@@ -295,8 +295,8 @@ FMI3(GetDirectionalDerivative, fmi3Instance c, const fmi3ValueReference unknown[
      fmi3Float64 sensitivity[], size_t sensitivities) {
     instance *i = (instance *)c;
     ALLOW(EVALUATED);
-    NEED(are_given(knowns, known, seed) && are_given(unknowns, unknown, sensitivity));
-    NEED(are_ports(known, knowns, 1) && are_ports(unknown, unknowns, 0));
+    NEED(is_given(knowns, known, seed) && is_given(unknowns, unknown, sensitivity));
+    NEED(is_ports(known, knowns, 1) && is_ports(unknown, unknowns, 0));
     return scatter(known, knowns, seed, seeds, i->seeds) &&
                    forward(i->m.values, i->seeds, i->results, i->work) &&
                    gather(unknown, unknowns, i->results, sensitivity, sensitivities)
@@ -308,8 +308,8 @@ FMI3(GetAdjointDerivative, fmi3Instance c, const fmi3ValueReference unknown[], s
      fmi3Float64 sensitivity[], size_t sensitivities) {
     instance *i = (instance *)c;
     ALLOW(EVALUATED);
-    NEED(are_given(unknowns, unknown, seed) && are_given(knowns, known, sensitivity));
-    NEED(are_ports(known, knowns, 1) && are_ports(unknown, unknowns, 0));
+    NEED(is_given(unknowns, unknown, seed) && is_given(knowns, known, sensitivity));
+    NEED(is_ports(known, knowns, 1) && is_ports(unknown, unknowns, 0));
     return scatter(unknown, unknowns, seed, seeds, i->seeds) &&
                    adjoint(i->m.values, i->seeds, i->results, i->room, i->work) &&
                    gather(known, knowns, i->results, sensitivity, sensitivities)
@@ -385,20 +385,20 @@ FMI3(SetTime, fmi3Instance c, fmi3Float64 time) {
 }
 FMI3(SetContinuousStates, fmi3Instance c, const fmi3Float64 x[], size_t n) {
     ALLOW(CONTINUOUS);
-    NEED(n == STATES && are_given(n, x, x));
+    NEED(n == STATES && is_given(n, x, x));
     memcpy(((instance *)c)->m.values, x, n * sizeof *x);
     ((instance *)c)->stale = 1;
     return fmi3OK;
 }
 FMI3(GetContinuousStates, fmi3Instance c, fmi3Float64 x[], size_t n) {
     ALLOW(EXCHANGED);
-    NEED(n == STATES && are_given(n, x, x));
+    NEED(n == STATES && is_given(n, x, x));
     memcpy(x, ((instance *)c)->m.values, n * sizeof *x);
     return fmi3OK;
 }
 FMI3(GetContinuousStateDerivatives, fmi3Instance c, fmi3Float64 x[], size_t n) {
     ALLOW(EXCHANGED);
-    NEED(n == STATES && are_given(n, x, x));
+    NEED(n == STATES && is_given(n, x, x));
     refresh((instance *)c);
     memcpy(x, ((instance *)c)->m.values + DERIVATIVE_AT, n * sizeof *x);
     return fmi3OK;
@@ -411,7 +411,7 @@ FMI3(GetEventIndicators, fmi3Instance c, fmi3Float64 x[], size_t n) {
 FMI3(GetNominalsOfContinuousStates, fmi3Instance c, fmi3Float64 x[], size_t n) {
     size_t k;
     ALLOW(INSTANTIATED | EXCHANGED);
-    NEED(n == STATES && are_given(n, x, x));
+    NEED(n == STATES && is_given(n, x, x));
     for (k = 0; k < n; k++) x[k] = 1.0;
     return fmi3OK;
 }

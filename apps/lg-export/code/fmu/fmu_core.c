@@ -65,14 +65,14 @@ static int allowed(const instance *i, uint64_t modes) {
 }
 
 /* 0: the mode is none of `from`. `to` RUNNING: the first mode after the initialization. */
-static int change_mode(instance *i, uint64_t from, uint64_t to) {
+static int take_mode(instance *i, uint64_t from, uint64_t to) {
     if (!allowed(i, from)) return 0;
     i->m.mode = to != RUNNING ? to : i->exchange ? EVENT : STEP;
     return 1;
 }
 
-static const char wrong_mode[] = "the instance's mode does not allow this call",
-                  wrong_arguments[] = "the arguments are not references and numbers of variables of this use";
+static const char misplaced[] = "the instance's mode does not allow this call",
+                  unfitting[] = "the arguments are not references and numbers of variables of this use";
 
 /* Brings derivatives and outputs up to date. */
 static void refresh(instance *i) {
@@ -98,7 +98,7 @@ static int is_finite(double x) {
 }
 
 /* Arrays of n elements. */
-static int are_given(size_t n, const void *a, const void *b) {
+static int is_given(size_t n, const void *a, const void *b) {
     return n == 0 || (a != NULL && b != NULL);
 }
 
