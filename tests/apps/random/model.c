@@ -13,7 +13,7 @@
 
 /* Undefined behaviour ends the program with a signal. */
 #define CHECKED                                                                                              \
-    "-O1 -Wall -Wextra -Werror -fsanitize=undefined,float-cast-overflow "                                    \
+    "-O0 -Wall -Wextra -Werror -fsanitize=undefined,float-cast-overflow "                                    \
     "-fno-sanitize-recover=all"
 
 /* ---- the function "value" ---- */

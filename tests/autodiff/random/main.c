@@ -109,7 +109,7 @@ int main(int argc, char **argv) {
         if (c == 'u') compiled_checked = true;
         if (c == '?') return 2;
     }
-    tell_crashes(argv);
+    tell_crashes(compiled_checked ? argv : NULL);
     find_pieces();
     const size_t different = run_plans(seed, count) + run_compiled(seed, compiled);
     printf(

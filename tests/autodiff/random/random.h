@@ -23,8 +23,8 @@ static inline bool chance(lg_rng *rng, double p) {
 /* Prints a message and ends the program, for errors that are not findings. */
 void stop(const char *format, ...) __attribute__((format(printf, 1, 2), noreturn));
 void *room(size_t count, size_t size); /* zeroed */
-/* From here on, a crash prints the number of the recording, and so does undefined behaviour of checked C.
- * Starts the program again if that needs another environment. */
+/* From here on, a crash prints the number of the recording. `argv` (may be NULL): so does undefined
+ * behaviour of checked C, for which the program is started again in another environment. */
 void tell_crashes(char **argv);
 extern volatile uint64_t looked_at; /* number of the current recording */
 

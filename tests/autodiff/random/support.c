@@ -46,7 +46,7 @@ static void tell_crash(int signal_number) {
 void tell_crashes(char **argv) {
     static const int signals[] = {SIGSEGV, SIGBUS, SIGABRT, SIGFPE};
     /* The checks read the environment with which a process began. */
-    if (getenv("UBSAN_OPTIONS") == NULL) {
+    if (argv != NULL && getenv("UBSAN_OPTIONS") == NULL) {
         (void)setenv("UBSAN_OPTIONS", "abort_on_error=1:print_stacktrace=0", 1);
         (void)execv("/proc/self/exe", argv);
     }
