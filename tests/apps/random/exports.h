@@ -27,7 +27,7 @@ typedef struct target {
     /* Compares the export with the program. Returns false with a message about the difference. */
     bool (*check)(model *m, finding *f);
 } target;
-extern const target target_casadi, target_fmu2, target_fmu3, target_onnx;
+extern const target target_c, target_casadi, target_fmu2, target_fmu3, target_onnx;
 
 /* What the checks have counted. */
 typedef struct export_tally {

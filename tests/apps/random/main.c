@@ -20,7 +20,7 @@
 enum { MOST_FOUND = 5 };
 export_tally tallied;
 
-static const target *const targets[] = {&target_casadi, &target_fmu2, &target_fmu3, &target_onnx};
+static const target *const targets[] = {&target_c, &target_casadi, &target_fmu2, &target_fmu3, &target_onnx};
 
 /* Each line of lg-export's standard error is a reason. */
 static void add_warnings(const target *t, char *lines) {
