@@ -1,4 +1,5 @@
-/* Plain C: the self-test that lg-export writes compares it with plans (random_programs compares far more C). */
+/* Plain C: the self-test that lg-export writes compares it with plans (random_programs compares far more
+ * C). */
 #include "apps/random/exports.h"
 
 static bool check(model *m, finding *f) {
