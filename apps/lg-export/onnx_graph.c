@@ -157,6 +157,13 @@ static onnx_name batch_of(onnx_job *j) {
     return batch;
 }
 
+onnx_name onnx_affine(onnx_job *j, lg_affine a) {
+    const onnx_name batch = onnx_binary(j, "Squeeze", batch_of(j), onnx_wholes(j, (int64_t[]){0}, 1));
+    const onnx_name rows = onnx_cast(j, batch, onnx_real_type(j));
+    return onnx_binary(j, "Add", onnx_binary(j, "Mul", rows, onnx_number(j, (double)a.rows)),
+                       onnx_number(j, (double)a.base));
+}
+
 onnx_name onnx_for_each_row(onnx_job *j, onnx_name x, const lg_operation *op) {
     int64_t rest[LG_MAX_RANK];
     onnx_name shape = batch_of(j);
