@@ -5,6 +5,7 @@
 #include <string.h>
 #include <yaml.h>
 
+#include "core/bytes.h"
 #include "files/h5.h"
 #include "files/read_file.h"
 #include "settings/files/yaml.h"
@@ -23,25 +24,20 @@ static double of_half(uint16_t h) {
 }
 
 static double read_f64(const unsigned char *raw) {
-    double x;
-    memcpy(&x, raw, sizeof x);
-    return x;
+    return lg_f64_of_bits(lg_bytes_get(raw, 8));
 }
 
 static double read_f32(const unsigned char *raw) {
-    float x;
-    memcpy(&x, raw, sizeof x);
-    return (double)x;
+    return (double)lg_f32_of_bits((uint32_t)lg_bytes_get(raw, 4));
 }
 
 static double read_f16(const unsigned char *raw) {
-    return of_half((uint16_t)(raw[0] | raw[1] << 8));
+    return of_half((uint16_t)lg_bytes_get(raw, 2));
 }
 
 /* A bfloat16 is the upper half of a float. */
 static double read_bf16(const unsigned char *raw) {
-    const unsigned char wide[4] = {0, 0, raw[0], raw[1]};
-    return read_f32(wide);
+    return (double)lg_f32_of_bits((uint32_t)lg_bytes_get(raw, 2) << 16);
 }
 
 static const struct {
@@ -191,7 +187,7 @@ static lg_status check_places(const reading *r, lg_error *error) {
     const size_t count = r->out->count;
     uint64_t end = 0, numbers = 0;
     lg_read_options options;
-    lg_read_options_init(&options);
+    LG_TRY(lg_read_options_resolve(NULL, &options, error));
     qsort(r->places, count, sizeof *r->places, by_place);
     for (size_t i = 0; i < count; end = r->places[i++].end) {
         const place *p = &r->places[i];
@@ -235,9 +231,8 @@ static lg_status read_numbers(const reading *r, const place *p, lg_error *error)
 /* Reads the length of the header (8 bytes, little-endian) and the header. */
 static lg_status read_header(reading *r, lg_error *error) {
     unsigned char first[8] = {0};
-    uint64_t length = 0;
     const bool begun = fread(first, 1, sizeof first, r->from) == sizeof first;
-    for (size_t i = 0; i < sizeof first; i++) length |= (uint64_t)first[i] << 8 * i;
+    const uint64_t length = lg_bytes_get(first, sizeof first);
     bool fits = begun && length >= 2 && length <= MOST_HEADER && length <= r->bytes - sizeof first;
     if (fits) {
         r->text = lg_alloc(r->context, (size_t)length, 1);

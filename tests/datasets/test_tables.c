@@ -276,8 +276,8 @@ TEST("windows share their ends, skip gaps and incomplete rows, and the last run 
             for (int i = 0; i < 12; i++) {
                 if (run == 1 && i == 5) continue; /* a gap */
                 const double jitter = i % 2 == 1 ? 0.2 : 0.0;
-                (void)snprintf(log + strlen(log), sizeof log - strlen(log), "%d,%.17g,%d,%s\n", run,
-                               (i + jitter) * unit, 100 * run + i, run == 1 && i == 8 ? "" : "0.5");
+                (void)lg_format(log + strlen(log), sizeof log - strlen(log), "%d,%.17g,%d,%s\n", run,
+                                (i + jitter) * unit, 100 * run + i, run == 1 && i == 8 ? "" : "0.5");
             }
         const lg_table_windows *w = read_windows(log, "run", 2);
         /* run 1: rows 0 1 2 3 4, 6 7, 9 10 11; run 2: 0..11 */

@@ -1,6 +1,10 @@
 /* The main function of a room's executable. The arguments are SUITE [CLAIM]: it runs the tests of one file,
- * or only the tests whose claims match CLAIM (* and ? are wildcards). */
+ * or only the tests whose claims match CLAIM (* and ? are wildcards). LG_TEST_LOCALE names the locale of the process. */
+#include <locale.h>
+
 #include "test_support.h"
+
+#include "core/core.h"
 
 enum { MOST_OWNED = 1 << 16 };
 
@@ -70,9 +74,9 @@ char *test_text(const char *format, ...) {
     va_list first, second;
     va_start(first, format);
     va_copy(second, first);
-    const int length = vsnprintf(NULL, 0, format, first);
+    const int length = lg_format_list(NULL, 0, format, first);
     char *text = lg_test_memory((size_t)length + 1);
-    (void)vsnprintf(text, (size_t)length + 1, format, second);
+    (void)lg_format_list(text, (size_t)length + 1, format, second);
     va_end(second);
     va_end(first);
     return text;
@@ -101,6 +105,11 @@ int main(int argc, char **argv) {
         return 2;
     }
     running = suite;
+    const char *locale = getenv("LG_TEST_LOCALE");
+    if (locale != NULL && setlocale(LC_ALL, locale) == NULL) {
+        print_error("there is no locale %s\n", locale);
+        return 2;
+    }
     if (argc > 2) cmocka_set_test_filter(argv[2]);
     const int failed = _cmocka_run_group_tests(argv[1], suite->tests, suite->count, suite->begin, NULL);
     return failed != 0 || (suite->end != NULL && suite->end(NULL) != 0);
