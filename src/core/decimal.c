@@ -5,8 +5,8 @@
 
 #include "core/core.h"
 
-/* The locale of the thread is "C" between point_begin and point_end. The C libraries of Linux keep this locale
- * ready, so newlocale allocates nothing and cannot fail. */
+/* The locale of the thread is "C" between point_begin and point_end. The C libraries of Linux keep this
+ * locale ready, so newlocale allocates nothing and cannot fail. */
 typedef struct point {
     locale_t c, caller;
 } point;

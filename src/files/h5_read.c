@@ -274,8 +274,8 @@ static lg_status read_part(lg_h5 *h5, const char *name, const lg_dataset *d, hid
     return lg_dataset_error(h5, name, "cannot be read: cut short, damaged, or a number out of range", error);
 }
 
-/* Where integers of a file differ from those in memory in sign and byte order alone, HDF5 only turns the bytes around:
- * numbers out of range come out as others of the same bits, and have the highest bit set. */
+/* Where integers of a file differ from those in memory in sign and byte order alone, HDF5 only turns the
+ * bytes around: numbers out of range come out as others of the same bits, and have the highest bit set. */
 static bool is_reinterpreted(hid_t stored, hid_t memory) {
     return H5Tget_class(stored) == H5T_INTEGER && H5Tget_class(memory) == H5T_INTEGER &&
            H5Tget_size(stored) == H5Tget_size(memory) && H5Tget_sign(stored) != H5Tget_sign(memory);

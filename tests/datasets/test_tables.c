@@ -78,8 +78,7 @@ static const char *write_hole(const char *name, const char *start, size_t start_
 
 static const char *write_tensors(const char *header, uint64_t size) {
     char start[8] = {0};
-    for (size_t i = 0, length = strlen(header); i < sizeof start; i++)
-        start[i] = (char)(length >> 8 * i & 255);
+    for (int i = 0; i < 8; i++) start[i] = (char)((uint64_t)strlen(header) >> 8 * i & 255);
     return write_hole("t.safetensors", start, sizeof start, header, size);
 }
 

@@ -1,5 +1,6 @@
 /* The main function of a room's executable. The arguments are SUITE [CLAIM]: it runs the tests of one file,
- * or only the tests whose claims match CLAIM (* and ? are wildcards). LG_TEST_LOCALE names the locale of the process. */
+ * or only the tests whose claims match CLAIM (* and ? are wildcards). LG_TEST_LOCALE names the
+ * locale of the process. */
 #include <locale.h>
 
 #include "test_support.h"

@@ -63,8 +63,8 @@ static int is_finite(double x) {
 
 /* ---- the memory as bytes ---- */
 
-/* What another process, also of another machine, may put back: which model it is of, a sum of the rest that tells
- * damage (FNV-1a), and the rest, all as words of 8 bytes with the lowest byte first. */
+/* What another process, also of another machine, may put back: which model it is of, a sum of the rest that
+ * tells damage (FNV-1a), and the rest, all as words of 8 bytes with the lowest byte first. */
 typedef struct image {
     unsigned char model[8], sum[8], m[sizeof(memory)];
 } image;
