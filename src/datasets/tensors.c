@@ -142,7 +142,8 @@ static lg_status take_tensor(const reading *r, const char *name, const yaml_node
             return bad(r, error, name, "data_offsets do not fit the shape or the file");
         t->count *= (size_t)t->dims[k];
     }
-    if (range[1] > r->bytes || range[0] > range[1] || range[1] - range[0] != t->count * types[type].bytes)
+    if (range[1] > r->bytes || range[0] > range[1] ||
+        range[1] - range[0] != (uint64_t)t->count * types[type].bytes)
         return bad(r, error, name, "data_offsets do not fit the shape or the file");
     r->places[r->out->count++] = (place){range[0], range[1], type, t};
     return LG_OK;

@@ -70,6 +70,7 @@ static struct {
 
 static void hear(void *user, lg_log_level level, const char *message) {
     (void)user;
+    if (level == LG_LOG_INFO) return; /* the child that reads first takes long, as under emulation */
     assert_int_equal(level, LG_LOG_WARNING);
     heard.count++;
     (void)snprintf(heard.last, sizeof heard.last, "%s", message);

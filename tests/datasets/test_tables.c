@@ -151,12 +151,12 @@ TEST("a large file with a wrong header, or with too many numbers, takes no memor
         const char *words;
     } bad[] = {
         {false, "{" TENSOR("a", "2", "0,16") "}", "9999999984 bytes after the last tensor"},
-        {false, "{" TENSOR("a", "1250000000", "0,10000000000") "}", "1250000000 numbers; at most 1073741824"},
+        {false, "{" TENSOR("a", "1250000000", "0,10000000000") "}", "1250000000 numbers; at most"},
         {false, "{" TENSOR("a", "9", "9999999928,10000000000") "}",
          "begins after bytes that belong to no tensor"},
         {true, "{'descr': '<f8', 'fortran_order': False, 'shape': (2,), }\n",
          "9999999984 bytes follow after"},
-        {true, "{'descr': '<f8', 'fortran_order': True, 'shape': (1250000000,), }\n", "at most 1073741824"},
+        {true, "{'descr': '<f8', 'fortran_order': True, 'shape': (1250000000,), }\n", "numbers; at most"},
         {true, "{'descr': '<f8', 'shape': (9,), 'fortran_order': True, 'shape': (2,), }\n", "has no shape"},
         {true, "{'descr': '<f8', 'descr': '<f4', 'fortran_order': True, 'shape': (2,), }\n", "descr"}};
     lg_fail_alloc memory;
