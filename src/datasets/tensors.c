@@ -136,15 +136,15 @@ static lg_status take_tensor(const reading *r, const char *name, const yaml_node
         return bad(r, error, name, "the shape is not a list of at most 4 whole numbers");
     if (!wholes_of(document, value_of(document, about, "data_offsets"), range, 2, &ends) || ends != 2)
         return bad(r, error, name, "data_offsets is not a list of 2 whole numbers");
-    t->count = 1;
+    uint64_t count = 1;
     for (uint32_t k = 0; k < t->rank; k++) {
-        if (t->dims[k] > 0 && t->count > r->bytes / t->dims[k])
+        if (t->dims[k] > 0 && count > r->bytes / t->dims[k])
             return bad(r, error, name, "data_offsets do not fit the shape or the file");
-        t->count *= (size_t)t->dims[k];
+        count *= t->dims[k];
     }
-    if (range[1] > r->bytes || range[0] > range[1] ||
-        range[1] - range[0] != (uint64_t)t->count * types[type].bytes)
+    if (range[1] > r->bytes || range[0] > range[1] || range[1] - range[0] != count * types[type].bytes)
         return bad(r, error, name, "data_offsets do not fit the shape or the file");
+    t->count = (size_t)count; /* check_places refuses more than memory can hold */
     r->places[r->out->count++] = (place){range[0], range[1], type, t};
     return LG_OK;
 }
@@ -195,7 +195,7 @@ static lg_status check_places(const reading *r, lg_error *error) {
         if (p->begin < end) return bad(r, error, p->tensor->name, "shares bytes with another tensor");
         if (p->begin > end)
             return bad(r, error, p->tensor->name, "begins after bytes that belong to no tensor");
-        numbers += p->tensor->count;
+        numbers += (p->end - p->begin) / types[p->type].bytes;
     }
     if (end < r->bytes)
         return lg_fail(error, LG_FORMAT, "%s: %llu bytes after the last tensor belong to no tensor",

@@ -152,6 +152,8 @@ TEST("a large file with a wrong header, or with too many numbers, takes no memor
     } bad[] = {
         {false, "{" TENSOR("a", "2", "0,16") "}", "9999999984 bytes after the last tensor"},
         {false, "{" TENSOR("a", "1250000000", "0,10000000000") "}", "1250000000 numbers; at most"},
+        {false, "{\"a\":{\"dtype\":\"F16\",\"shape\":[5000000000],\"data_offsets\":[0,1410065408]}}",
+         "data_offsets do not fit"}, /* the shape modulo 2^32 would fit */
         {false, "{" TENSOR("a", "9", "9999999928,10000000000") "}",
          "begins after bytes that belong to no tensor"},
         {true, "{'descr': '<f8', 'fortran_order': False, 'shape': (2,), }\n",
