@@ -76,5 +76,6 @@ done
 for locale in de_DE.UTF-8 tr_TR.ISO-8859-9; do
     diff -r C "$locale" >"$locale.differences" || fail "under $locale programs wrote other bytes: $(head -n 20 "$locale.differences")"
 done
+[ ! -e C/no.h5 ] || fail "a decimal comma was taken for a number"
 for file in fit.svg predicted.csv c onnx run.svg; do [ -e "C/$file" ] || fail "no $file was written: $(cat C/said)"; done
 exit $status
