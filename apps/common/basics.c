@@ -123,11 +123,11 @@ int app_usage(const app *self, const char *format, ...) {
     return APP_EXIT_USAGE;
 }
 
-void *app_try_alloc(size_t count, size_t size) {
+void *app_try_alloc(uint64_t count, size_t size) {
     void *memory = NULL;
     if (count == 0 || size == 0) count = size = 1;
-    if (count > SIZE_MAX / size || posix_memalign(&memory, 64, count * size) != 0) return NULL;
-    memset(memory, 0, count * size);
+    if (count > SIZE_MAX / size || posix_memalign(&memory, 64, (size_t)count * size) != 0) return NULL;
+    memset(memory, 0, (size_t)count * size);
     return memory;
 }
 
@@ -137,7 +137,7 @@ void app_free(void *pointer) {
     free(memory);
 }
 
-void *app_alloc(size_t count, size_t size) {
+void *app_alloc(uint64_t count, size_t size) {
     void *memory = app_try_alloc(count, size);
     if (memory == NULL) app_out_of_memory();
     return memory;

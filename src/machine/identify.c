@@ -158,7 +158,7 @@ static lg_status add_chunk(normal *s, lg_tape *tape, const uint32_t *samples, si
 
 /* Index of the used window i. */
 static uint32_t window_at(const normal *s, size_t i) {
-    if (s->used == s->windows || !s->runs) return (uint32_t)(i * s->windows / s->used);
+    if (s->used == s->windows || !s->runs) return (uint32_t)lg_spread(i, s->windows, s->used);
     return (uint32_t)(i / RUN * (s->windows - RUN) / (s->used / RUN - 1) + i % RUN);
 }
 

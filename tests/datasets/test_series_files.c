@@ -70,6 +70,7 @@ static struct {
 
 static void hear(void *user, lg_log_level level, const char *message) {
     (void)user;
+    if (level == LG_LOG_INFO) return; /* the child that reads first takes long, as under emulation */
     assert_int_equal(level, LG_LOG_WARNING);
     heard.count++;
     (void)snprintf(heard.last, sizeof heard.last, "%s", message);
@@ -148,8 +149,15 @@ TEST("the hash is computed from x as little-endian floats, then the labels") {
     lg_sha256 sha;
     char text[LG_SHA256_TEXT];
     lg_sha256_init(&sha);
-    lg_sha256_add(&sha, data->series.x, sizeof(float) * WINDOWS * WINDOW);
-    lg_sha256_add(&sha, data->series.label, sizeof(uint32_t) * WINDOWS);
+    const void *const arrays[] = {data->series.x, data->series.label};
+    const size_t counts[] = {WINDOWS * WINDOW, WINDOWS};
+    for (size_t a = 0; a < 2; a++)
+        for (size_t i = 0; i < counts[a]; i++) {
+            uint32_t bits;
+            memcpy(&bits, (const char *)arrays[a] + 4 * i, sizeof bits);
+            for (int b = 0; b < 4; b++)
+                lg_sha256_add(&sha, &(unsigned char){(unsigned char)(bits >> 8 * b)}, 1);
+        }
     lg_sha256_finish(&sha, text);
     assert_string_equal(data->sha256, text);
 }
@@ -670,9 +678,12 @@ TEST("the first invalid sample is reported with its place, and no other") {
 TEST("a label that int64 cannot hold is refused") {
     const hsize_t dims[1] = {WINDOWS};
     const uint64_t large[WINDOWS] = {0, 1, 2, 0, 1, (uint64_t)INT64_MAX + 1};
-    const char *path = good_file();
-    replace_dataset(path, "y", H5T_STD_U64LE, H5T_NATIVE_UINT64, 1, dims, large);
-    assert_refused(read_data, path, LG_FORMAT, "/y: cannot be read", "out of range");
+    const hid_t types[] = {H5T_STD_U64LE, H5T_STD_U64BE};
+    for (size_t i = 0; i < LG_COUNT(types); i++) {
+        const char *path = good_file();
+        replace_dataset(path, "y", types[i], H5T_NATIVE_UINT64, 1, dims, large);
+        assert_refused(read_data, path, LG_FORMAT, "/y: cannot be read", "out of range");
+    }
 }
 
 TEST("texts in place of numbers, and texts that are not names, are refused") {

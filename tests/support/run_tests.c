@@ -1,5 +1,8 @@
 /* The main function of a room's executable. The arguments are [--faults ...] SUITE [CLAIM]: it runs the tests
- * of one file, or only the tests whose claims match CLAIM (* and ? are wildcards). --faults: run_faults.h. */
+ * of one file, or only the tests whose claims match CLAIM (* and ? are wildcards). --faults: run_faults.h.
+ * LG_TEST_LOCALE names the locale of the process. */
+#include <locale.h>
+
 #include "core/core.h"
 #include "support/faults.h"
 #include "support/run_faults.h"
@@ -83,9 +86,9 @@ char *test_text(const char *format, ...) {
     va_list first, second;
     va_start(first, format);
     va_copy(second, first);
-    const int length = vsnprintf(NULL, 0, format, first);
+    const int length = lg_format_list(NULL, 0, format, first);
     char *text = lg_test_memory((size_t)length + 1);
-    (void)vsnprintf(text, (size_t)length + 1, format, second);
+    (void)lg_format_list(text, (size_t)length + 1, format, second);
     va_end(second);
     va_end(first);
     return text;
@@ -115,6 +118,11 @@ int main(int argc, char **argv) {
         return 2;
     }
     running = suite;
+    const char *locale = getenv("LG_TEST_LOCALE");
+    if (locale != NULL && setlocale(LC_ALL, locale) == NULL) {
+        print_error("there is no locale %s\n", locale);
+        return 2;
+    }
     const char *claim = argc > 2 ? argv[2] : NULL;
     if (run_faults_wanted()) return run_faults(suite, claim);
     if (claim != NULL) cmocka_set_test_filter(claim);

@@ -118,11 +118,29 @@ static int restore(instance *i, const memory *m) {
     return 1;
 }
 
-/* What another process may put back: which model it is of, and a sum that tells damage (FNV-1a). */
+/* What another process, also of another machine, may put back: which model it is of, a sum of the rest that
+ * tells damage (FNV-1a), and the rest, all as words of 8 bytes with the lowest byte first. */
 typedef struct image {
-    uint64_t model, sum;
-    memory m;
+    unsigned char model[8], sum[8], m[sizeof(memory)];
 } image;
+
+static void put_words(unsigned char *to, const void *from, size_t bytes) {
+    size_t i;
+    uint64_t word = 0;
+    for (i = 0; i < bytes; i++, word >>= 8) {
+        if (i % 8 == 0) memcpy(&word, (const unsigned char *)from + i, 8);
+        to[i] = (unsigned char)(word & 255);
+    }
+}
+
+static void get_words(void *to, const unsigned char *from, size_t bytes) {
+    size_t i;
+    uint64_t word = 0;
+    for (i = bytes; i-- > 0;) {
+        word = word << 8 | from[i];
+        if (i % 8 == 0) memcpy((unsigned char *)to + i, &word, 8);
+    }
+}
 
 static uint64_t sum_of(const void *bytes, size_t size) {
     const unsigned char *at = (const unsigned char *)bytes;
@@ -133,10 +151,11 @@ static uint64_t sum_of(const void *bytes, size_t size) {
 
 static void write_image(const memory *m, void *bytes) {
     image out;
-    memset(&out, 0, sizeof out);
-    out.model = sum_of(TOKEN, sizeof TOKEN);
-    out.sum = sum_of(m, sizeof *m);
-    out.m = *m;
+    uint64_t sum = sum_of(TOKEN, sizeof TOKEN);
+    put_words(out.model, &sum, sizeof sum);
+    put_words(out.m, m, sizeof *m);
+    sum = sum_of(out.m, sizeof out.m);
+    put_words(out.sum, &sum, sizeof sum);
     memcpy(bytes, &out, sizeof out);
 }
 
@@ -144,14 +163,19 @@ static void write_image(const memory *m, void *bytes) {
  * inputs or parameters that are not finite. */
 static int read_image(const instance *i, const void *bytes, size_t size, memory *m) {
     image in;
+    memory found;
+    uint64_t model, sum;
     int k;
     if (bytes == NULL || size != sizeof in) return 0;
     memcpy(&in, bytes, sizeof in);
-    if (in.model != sum_of(TOKEN, sizeof TOKEN) || in.sum != sum_of(&in.m, sizeof in.m)) return 0;
-    if (!is_mode(i, in.m.mode) || !is_finite(in.m.time)) return 0;
+    get_words(&model, in.model, sizeof model);
+    get_words(&sum, in.sum, sizeof sum);
+    if (model != sum_of(TOKEN, sizeof TOKEN) || sum != sum_of(in.m, sizeof in.m)) return 0;
+    get_words(&found, in.m, sizeof found);
+    if (!is_mode(i, found.mode) || !is_finite(found.time)) return 0;
     for (k = 0; k < NUMBERS; k++)
-        if (is_known(k) && !is_finite(in.m.values[k])) return 0;
-    *m = in.m;
+        if (is_known(k) && !is_finite(found.values[k])) return 0;
+    *m = found;
     return 1;
 }
 
