@@ -2,11 +2,10 @@
 #include <stdbool.h>
 #include <string.h>
 
+#include "forms.h"
 #include "tree.h"
 
 enum { ROOM = 1 << 16 };
-
-typedef size_t (*bytes_mutator)(uint8_t *data, size_t size, size_t most);
 
 typedef struct mutation {
     tree_record records[TREE_RECORDS];
@@ -14,16 +13,11 @@ typedef struct mutation {
     uint64_t random;
     uint8_t room[ROOM]; /* memory for new names and data */
     size_t used;
-    bytes_mutator mutate;
+    fuzz_bytes mutate;
 } mutation;
 
 static uint32_t draw(mutation *m, uint32_t below) {
-    m->random += UINT64_C(0x9e3779b97f4a7c15); /* splitmix64 */
-    uint64_t z = m->random;
-    z = (z ^ (z >> 30)) * UINT64_C(0xbf58476d1ce4e5b9);
-    z = (z ^ (z >> 27)) * UINT64_C(0x94d049bb133111eb);
-    z ^= z >> 31;
-    return below == 0 ? 0 : (uint32_t)(z % below);
+    return fuzz_draw(&m->random, below);
 }
 
 static uint8_t *take_room(mutation *m, size_t bytes) {
@@ -334,7 +328,7 @@ static const change changes[] = {
     take_value,    take_value,   drop,          drop,          drop_some,     copy,         move,
     change_layout, make_link,    change_length, change_length, change_length, change_digit, change_digit};
 
-size_t tree_mutate(uint8_t *data, size_t size, size_t most, unsigned seed, bytes_mutator bytes_mutate) {
+size_t tree_mutate(uint8_t *data, size_t size, size_t most, unsigned seed, fuzz_bytes bytes_mutate) {
     static mutation m;
     static uint8_t out[ROOM];
     m.random = seed;
