@@ -285,6 +285,18 @@ static void make_link(mutation *m, tree_record *r) {
 
 /* ---- changes of several records that stay consistent ---- */
 
+/* Replaces the numbers of a short list that equal one number by another. */
+static void replace_numbers(mutation *m, tree_record *r, uint64_t from, uint64_t to) {
+    enum { SHORT = 32 };
+    const tree_type *type = type_of(r);
+    if (type->nature != NATURE_WHOLE || r->length > SHORT * type->bytes) return;
+    for (size_t at = 0; at + type->bytes <= r->length; at += type->bytes) {
+        if (get(r->data + at, type) != from) continue;
+        uint8_t *data = own_data(m, r, 0);
+        if (data != NULL) put(data + at, to, type);
+    }
+}
+
 /* Replaces all extents of one length, and all integers equal to it, by another length. */
 static void change_length(mutation *m, tree_record *r) {
     if (r->rank == 0 || r->rank == TREE_NO_SPACE) return;
@@ -293,11 +305,7 @@ static void change_length(mutation *m, tree_record *r) {
     for (tree_record *at = m->records; at < m->records + m->count; at++) {
         for (size_t i = 0; at->rank != TREE_NO_SPACE && i < at->rank; i++)
             if (at->dims[i] == from) at->dims[i] = to;
-        const tree_type *type = type_of(at);
-        if (!numbers || type->nature != NATURE_WHOLE || at->length != type->bytes) continue;
-        if (get(at->data, type) != from) continue;
-        uint8_t *data = own_data(m, at, 0);
-        if (data != NULL) put(data, to, type);
+        if (numbers) replace_numbers(m, at, from, to);
     }
 }
 
