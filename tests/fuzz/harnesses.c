@@ -27,7 +27,7 @@ const fuzz_harness fuzz_harnesses[] = {
     {"data", fuzz_data, FORM_TREE, 8192, "trajectories, curves, series, tables, logs (HDF5)"},
     {"program", fuzz_program, FORM_TREE, 16384, "programs (HDF5)"},
     {"packed", fuzz_packed, FORM_FUNCTIONS, 4096, "packed functions"},
-    {"image", fuzz_image, FORM_FUNCTIONS, 8192,
+    {"image", fuzz_image, FORM_FUNCTIONS, 4096,
      "packed functions of random programs, their plans and their C"},
     {"checkpoint", fuzz_checkpoint, FORM_TREE, 16384, "checkpoints (HDF5)"},
     {"parts", fuzz_parts, FORM_TREE, 32768, "parts of an ensemble (HDF5)"},
