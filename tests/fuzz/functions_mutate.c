@@ -328,17 +328,20 @@ static void change_results(changing *c) {
                   : any_place(c);
 }
 
+/* A loop stays one: other functions have no carry. */
 static void change_loop(changing *c) {
     uint32_t *carry = (uint32_t *)(uintptr_t)c->image.carry;
+    const uint32_t other = (uint32_t)other_whole(c, c->image.times);
+    if (c->image.times == 0) return;
     switch (draw(c, 4)) {
     case 0:
-        c->image.times = (uint32_t)other_whole(c, c->image.times);
+        c->image.times = other > 0 ? other : 1;
         break;
     case 1:
         c->image.callee = (uint32_t)other_whole(c, c->image.callee);
         break;
     default:
-        if (c->image.times > 0 && c->image.input_count > 0)
+        if (c->image.input_count > 0)
             carry[draw(c, (uint32_t)c->image.input_count)] =
                 draw(c, 4) == 0 ? LG_CARRY_NONE : (uint32_t)other_whole(c, 0);
     }
