@@ -9,7 +9,7 @@
 #include "forms.h"
 #include "settings/files/yaml.h"
 
-enum { TABLES = 128, ROWS = 40, NAME = 40, TEXT = 400 };
+enum { TABLES = 128, ROWS = 40, NAME = 40, TEXT = 1200, MANY = 100 };
 
 typedef struct grammar_row {
     char name[NAME]; /* copied, because some readers build their tables on the stack */
@@ -199,7 +199,7 @@ static void grow_map(const growing *g, const grammar_table *t, const char *prefi
 
 static void grow_list(const growing *g, const lg_field *f,
                       void (*item)(const growing *, const lg_field *, piece *), piece *to) {
-    const uint32_t most = f != NULL && f->most > 0 && draw(g, 8) == 0 ? f->most + 2 : 5;
+    const uint32_t most = draw(g, 12) > 0 ? 5 : f != NULL && f->most > 0 ? f->most + 2 : MANY;
     say_text(to, "[");
     for (uint32_t i = 0, n = draw(g, most); i < n; i++) {
         if (i > 0) say_text(to, ", ");
@@ -437,29 +437,30 @@ static void change_scalar(const growing *g) {
     become(g, node, made);
 }
 
-/* Removes a pair or an item; with `twice` doubles it. */
-static void drop_or_double(const growing *g, bool twice) {
+/* Removes a pair or an item; with `more` repeats it, a list's item up to MANY times. */
+static void drop_or_repeat(const growing *g, bool more) {
     document *d = g->d;
     const int node = any_node(g), parent = d->node[node].parent;
     if (parent == NO_NODE) return;
     const bool map = d->node[parent].kind == DOCUMENT_MAP;
     const int key = map ? document_child(d, parent, d->node[node].ordinal / 2 * 2) : node,
               value = map ? d->node[key].next : NO_NODE;
-    if (twice) {
+    const uint32_t times = !more ? 0 : map || draw(g, 3) > 0 ? 1 : 1 + draw(g, MANY);
+    for (uint32_t i = 0; i < times; i++) {
         const int key2 = document_copy(d, key), value2 = map ? document_copy(d, value) : NO_NODE;
         if (key2 == NO_NODE || (map && value2 == NO_NODE)) return;
         (void)document_insert(d, parent, NO_NODE, key2);
         if (map) (void)document_insert(d, parent, NO_NODE, value2);
-        return;
     }
+    if (more) return;
     document_remove(d, parent, key);
     if (map) document_remove(d, parent, value);
 }
 static void drop(const growing *g) {
-    drop_or_double(g, false);
+    drop_or_repeat(g, false);
 }
-static void twice(const growing *g) {
-    drop_or_double(g, true);
+static void repeat(const growing *g) {
+    drop_or_repeat(g, true);
 }
 
 static void take_other(const growing *g) {
@@ -494,7 +495,7 @@ typedef void (*change)(const growing *g);
 /* Changes that are listed several times are more likely. */
 static const change changes[] = {
     add_key,      add_key,       add_key,          add_key, change_value, change_value, change_value,
-    change_value, change_scalar, change_scalar,    drop,    drop,         twice,        take_other,
+    change_value, change_scalar, change_scalar,    drop,    drop,         repeat,       take_other,
     take_other,   wrap,          change_everything};
 
 void grammar_change(document *d, uint64_t *random, size_t (*bytes)(uint8_t *, size_t, size_t)) {
