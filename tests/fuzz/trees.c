@@ -172,12 +172,19 @@ void fuzz_data(const uint8_t *data, size_t size) {
 
 /* ---- programs ---- */
 
+/* Memory of exactly this size, so that sanitizers see accesses beyond it; NULL for large ports. */
+static double *port_memory(size_t count) {
+    double *memory = count <= MOST_NUMBERS ? malloc(count > 0 ? count * sizeof *memory : 1) : NULL;
+    for (size_t i = 0; memory != NULL && i < count; i++) memory[i] = 0.25 + 0.5 * (double)(i % 3);
+    return memory;
+}
+
 /* A program that could be loaded must be planned and run without a crash. */
 static void run_program(const lg_program *program, size_t function) {
     enum { PORTS = 16 };
+    double *ports[2 * PORTS] = {NULL};
     const void *inputs[PORTS];
     void *outputs[PORTS];
-    static double in[MOST_NUMBERS], out[PORTS][MOST_NUMBERS];
     lg_plan_options options;
     lg_plan_options_init(&options);
     options.max_size = MOST_WORK;
@@ -191,18 +198,18 @@ static void run_program(const lg_program *program, size_t function) {
     (void)lg_program_inputs(program, function, &input_count);
     (void)lg_program_outputs(program, function, &output_count);
     bool fits = input_count <= PORTS && output_count <= PORTS;
-    for (size_t i = 0; i < MOST_NUMBERS; i++) in[i] = 0.25 + 0.5 * (double)(i % 3);
     for (size_t i = 0; fits && i < input_count; i++) {
-        inputs[i] = in;
-        fits = lg_plan_input_count(plan, i) <= MOST_NUMBERS;
+        inputs[i] = ports[i] = port_memory(lg_plan_input_count(plan, i));
+        fits = inputs[i] != NULL;
     }
     for (size_t i = 0; fits && i < output_count; i++) {
-        outputs[i] = out[i];
-        fits = lg_plan_output_count(plan, i) <= MOST_NUMBERS;
+        outputs[i] = ports[PORTS + i] = port_memory(lg_plan_output_count(plan, i));
+        fits = outputs[i] != NULL;
     }
     void *work = fits ? lg_alloc(NULL, lg_plan_work_size(plan), 1) : NULL;
     if (work != NULL) lg_plan_eval(plan, inputs, outputs, work);
     lg_free(NULL, work);
+    for (size_t i = 0; i < LG_COUNT(ports); i++) free(ports[i]);
     lg_plan_destroy(plan);
 }
 
