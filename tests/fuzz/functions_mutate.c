@@ -171,8 +171,9 @@ static void change_input(changing *c) {
     uint32_t *inputs = o->input_count > 0 ? own_list(c, o->inputs, o->input_count) : NULL;
     if (inputs == NULL || place == 0) return;
     uint32_t *input = &inputs[draw(c, o->input_count)];
-    *input = draw(c, 20) == 0 ? draw(c, (uint32_t)c->image.operation_count + 2)
-                              : place_before(c, place, &c->operations[*input]);
+    const lg_operation *like = *input < place ? &c->operations[*input] : o; /* the format allows any place */
+    *input =
+        draw(c, 20) == 0 ? draw(c, (uint32_t)c->image.operation_count + 2) : place_before(c, place, like);
     o->inputs = inputs;
 }
 
