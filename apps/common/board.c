@@ -80,10 +80,14 @@ static off_t slot(const board *b, size_t piece) {
     return (off_t)(sizeof(head) + piece * (sizeof(uint64_t) + b->record));
 }
 
+/* A piece whose record is cut off has no state. */
 static board_state state_of(const board *b, size_t piece) {
+    const off_t at = slot(b, piece);
     uint64_t state;
-    return get(b, &state, sizeof state, slot(b, piece)) && state <= BOARD_DONE ? (board_state)state
-                                                                               : BOARD_EMPTY;
+    char last;
+    const bool whole = get(b, &state, sizeof state, at) &&
+                       get(b, &last, sizeof last, at + (off_t)(sizeof state + b->record - sizeof last));
+    return whole && state <= BOARD_DONE ? (board_state)state : BOARD_EMPTY;
 }
 
 /* ---- opening ---- */

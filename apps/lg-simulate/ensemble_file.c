@@ -208,17 +208,16 @@ static lg_status get_result(const app *self, lg_file_reader *reader, result *out
     return check_counts(out) ? LG_OK : LG_CHECK_FAILED;
 }
 
-void result_read(const app *self, const char *path, result *out) {
+lg_status result_read(const app *self, const char *path, result *out, lg_error *error) {
     lg_file_reader *reader = NULL;
-    APP_MUST_FILE(self, path, lg_file_reader_create(self->context, path, "ensemble", NULL, &reader, &error));
     *out = (result){.what = NULL};
+    LG_TRY(lg_file_reader_create(self->context, path, "ensemble", NULL, &reader, error));
     const lg_status status = get_result(self, reader, out);
     const char *reason = lg_file_reader_message(reader);
     if (status == LG_CHECK_FAILED)
         reason = "is a damaged part of an ensemble: its counts contradict each other";
     if (reason == NULL || reason[0] == '\0') reason = "is not a part of an ensemble";
-    lg_error error = {LG_OK, ""};
-    (void)app_error(&error, status, "%s: %s", path, reason);
-    app_must_file(self, status, &error, path);
+    if (status != LG_OK) (void)app_error(error, status, "%s: %s", path, reason);
     lg_file_reader_destroy(reader);
+    return status;
 }

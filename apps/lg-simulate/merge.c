@@ -69,7 +69,7 @@ static void read_parts(const app *self, part_list *list, const char *const *path
         }
         part *next = &list->parts[list->count++];
         next->path = paths[i];
-        result_read(self, next->path, &next->is);
+        APP_MUST_FILE(self, next->path, result_read(self, next->path, &next->is, &error));
         next->members = next->is.members;
     }
     if (list->count == 0)

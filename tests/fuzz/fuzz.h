@@ -7,10 +7,21 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/* What inputs are made of. The fuzzer changes them by this structure (forms.h). */
+typedef enum fuzz_form {
+    FORM_BYTES,
+    FORM_TREE, /* a tree (tree.h), which is made an HDF5 file */
+    FORM_YAML,
+    FORM_TENSORS,   /* safetensors */
+    FORM_NPY,       /* numpy, without the magic string */
+    FORM_FUNCTIONS, /* packed functions, each after its length (u16, little-endian) */
+    FORM_COUNT
+} fuzz_form;
+
 typedef struct fuzz_harness {
     const char *name;
     void (*run)(const uint8_t *data, size_t size);
-    bool tree;          /* the bytes are a tree (tree.h), which is made an HDF5 file */
+    fuzz_form form;
     size_t most;        /* largest input in bytes */
     const char *reader; /* the reader that is tested */
 } fuzz_harness;
@@ -20,11 +31,13 @@ extern const fuzz_harness fuzz_harnesses[];
 /* NULL if there is no harness of this name. */
 const fuzz_harness *fuzz_find(const char *name);
 
-/* Writes the bytes to a file and returns its path. All inputs use the same file. */
+/* Writes the bytes to a file and returns its path. All inputs use the same file. Its name ends like the name
+ * of a board. */
+#define FUZZ_ENDING ".board"
 const char *fuzz_file(const void *data, size_t size);
 int fuzz_file_descriptor(void);
 
-/* The harnesses of texts and of trees. */
+/* The harnesses of texts, of trees, and of what one process leaves for another. */
 void fuzz_scene(const uint8_t *data, size_t size);
 void fuzz_machine(const uint8_t *data, size_t size);
 void fuzz_scheme(const uint8_t *data, size_t size);
@@ -43,5 +56,12 @@ void fuzz_data(const uint8_t *data, size_t size);
 void fuzz_program(const uint8_t *data, size_t size);
 void fuzz_packed(const uint8_t *data, size_t size);
 void fuzz_checkpoint(const uint8_t *data, size_t size);
+void fuzz_task(const uint8_t *data, size_t size);
+void fuzz_policy(const uint8_t *data, size_t size);
+void fuzz_image(const uint8_t *data, size_t size);
+void fuzz_parts(const uint8_t *data, size_t size);
+void fuzz_board(const uint8_t *data, size_t size);
+void fuzz_fmu2(const uint8_t *data, size_t size);
+void fuzz_fmu3(const uint8_t *data, size_t size);
 
 #endif

@@ -8,25 +8,33 @@
 #include "fuzz.h"
 
 const fuzz_harness fuzz_harnesses[] = {
-    {"scene", fuzz_scene, false, 1024, "scenes (YAML)"},
-    {"machine", fuzz_machine, false, 1536, "machines (YAML)"},
-    {"scheme", fuzz_scheme, false, 512, "schemes of integration (YAML)"},
-    {"grid", fuzz_grid, false, 768, "grids of studies (YAML)"},
-    {"search", fuzz_search, false, 768, "ranges of searches (YAML)"},
-    {"trials", fuzz_trials, false, 1024, "trials of a search (CSV)"},
-    {"study", fuzz_study, false, 512, "table of a study (CSV)"},
-    {"table", fuzz_table, false, 512, "tables (CSV)"},
-    {"log", fuzz_log, false, 512, "logs of machines (CSV)"},
-    {"npy", fuzz_npy, false, 512, "tables (numpy)"},
-    {"tensors", fuzz_tensors, false, 1024, "weights (safetensors)"},
-    {"feed", fuzz_feed, false, 512, "the feed of lg-anomaly watch"},
-    {"options", fuzz_options, false, 256, "numbers, names, lists and settings of the command line"},
-    {"model", fuzz_model, true, 16384, "models and classifiers (HDF5)"},
-    {"data", fuzz_data, true, 8192, "trajectories, curves, series, tables, logs (HDF5)"},
-    {"program", fuzz_program, true, 16384, "programs (HDF5)"},
-    {"packed", fuzz_packed, false, 4096, "packed functions"},
-    {"checkpoint", fuzz_checkpoint, true, 16384, "checkpoints (HDF5)"},
-    {NULL, NULL, false, 0, NULL}};
+    {"scene", fuzz_scene, FORM_YAML, 1024, "scenes (YAML)"},
+    {"machine", fuzz_machine, FORM_YAML, 1536, "machines (YAML)"},
+    {"task", fuzz_task, FORM_YAML, 1024, "tasks of controllers (YAML)"},
+    {"scheme", fuzz_scheme, FORM_YAML, 512, "schemes of integration (YAML)"},
+    {"grid", fuzz_grid, FORM_YAML, 768, "grids of studies (YAML)"},
+    {"search", fuzz_search, FORM_YAML, 768, "ranges of searches (YAML)"},
+    {"trials", fuzz_trials, FORM_BYTES, 1024, "trials of a search (CSV)"},
+    {"study", fuzz_study, FORM_BYTES, 512, "table of a study (CSV)"},
+    {"table", fuzz_table, FORM_BYTES, 512, "tables (CSV)"},
+    {"log", fuzz_log, FORM_BYTES, 512, "logs of machines (CSV)"},
+    {"npy", fuzz_npy, FORM_NPY, 512, "tables (numpy)"},
+    {"tensors", fuzz_tensors, FORM_TENSORS, 1024, "weights (safetensors)"},
+    {"feed", fuzz_feed, FORM_BYTES, 512, "the feed of lg-anomaly watch"},
+    {"options", fuzz_options, FORM_BYTES, 256, "numbers, names, lists and settings of the command line"},
+    {"model", fuzz_model, FORM_TREE, 16384, "models and classifiers (HDF5)"},
+    {"policy", fuzz_policy, FORM_TREE, 16384, "controllers (HDF5)"},
+    {"data", fuzz_data, FORM_TREE, 8192, "trajectories, curves, series, tables, logs (HDF5)"},
+    {"program", fuzz_program, FORM_TREE, 16384, "programs (HDF5)"},
+    {"packed", fuzz_packed, FORM_FUNCTIONS, 4096, "packed functions"},
+    {"image", fuzz_image, FORM_FUNCTIONS, 4096,
+     "packed functions of random programs, their plans and their C"},
+    {"checkpoint", fuzz_checkpoint, FORM_TREE, 16384, "checkpoints (HDF5)"},
+    {"parts", fuzz_parts, FORM_TREE, 32768, "parts of an ensemble (HDF5)"},
+    {"board", fuzz_board, FORM_BYTES, 512, "the board of tasks that share work"},
+    {"fmu2", fuzz_fmu2, FORM_BYTES, 512, "calls and serialised states of an FMU 2.0"},
+    {"fmu3", fuzz_fmu3, FORM_BYTES, 512, "calls and serialised states of an FMU 3.0"},
+    {NULL, NULL, FORM_BYTES, 0, NULL}};
 
 const fuzz_harness *fuzz_find(const char *name) {
     for (const fuzz_harness *h = fuzz_harnesses; h->name != NULL; h++)
@@ -47,8 +55,8 @@ static void remove_file(void) {
 static void open_once(void) {
     if (file >= 0) return;
     const char *folder = getenv("TMPDIR");
-    (void)snprintf(path, sizeof path, "%s/liegrad-fuzz-XXXXXX", folder != NULL ? folder : "/tmp");
-    file = mkstemp(path);
+    (void)snprintf(path, sizeof path, "%s/liegrad-fuzz-XXXXXX" FUZZ_ENDING, folder != NULL ? folder : "/tmp");
+    file = mkstemps(path, sizeof FUZZ_ENDING - 1);
     if (file >= 0 && atexit(remove_file) == 0) return;
     perror(path);
     exit(1);

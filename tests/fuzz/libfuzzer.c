@@ -3,8 +3,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "fuzz.h"
-#include "tree.h"
+#include "forms.h"
 
 int LLVMFuzzerInitialize(int *argc, char ***argv);
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
@@ -35,12 +34,14 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
 
 #ifdef LG_FUZZ_MUTATOR
 size_t LLVMFuzzerCustomMutator(uint8_t *data, size_t size, size_t most, unsigned seed) {
-    return harness->tree ? tree_mutate(data, size, most, seed, LLVMFuzzerMutate)
-                         : LLVMFuzzerMutate(data, size, most);
+    const fuzz_mutate mutate = fuzz_forms[harness->form].mutate;
+    return mutate != NULL ? mutate(data, size, most, seed, LLVMFuzzerMutate)
+                          : LLVMFuzzerMutate(data, size, most);
 }
 
 size_t LLVMFuzzerCustomCrossOver(const uint8_t *a, size_t size_a, const uint8_t *b, size_t size_b,
                                  uint8_t *out, size_t most, unsigned seed) {
-    return tree_cross(a, size_a, b, size_b, out, most, seed);
+    const fuzz_cross cross = fuzz_forms[harness->form].cross;
+    return cross != NULL ? cross(a, size_a, b, size_b, out, most, seed) : 0;
 }
 #endif

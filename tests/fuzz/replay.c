@@ -80,7 +80,8 @@ static int unpack(const char *from, const char *to) {
 int main(int argc, char **argv) {
     if (argc == 2 && strcmp(argv[1], "list") == 0) {
         for (const fuzz_harness *h = fuzz_harnesses; h->name != NULL; h++)
-            (void)printf("%s %zu %s %s\n", h->name, h->most, h->tree ? "tree" : "text", h->reader);
+            (void)printf("%s %zu %s %s\n", h->name, h->most, h->form == FORM_TREE ? "tree" : "text",
+                         h->reader);
         return 0;
     }
     if (argc == 4 && strcmp(argv[1], "pack") == 0) return pack(argv[2], argv[3]);

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include "common/study.h"
+#include "control/policy.h"
 #include "fuzz.h"
 #include "liegrad/anomaly.h"
 #include "liegrad/elastica.h"
@@ -91,6 +92,53 @@ void fuzz_search(const uint8_t *data, size_t size) {
     lg_search_draw(&file.space, 1, 0, value);
     for (size_t i = 0; i < file.space.count; i++)
         if (!isfinite(value[i])) abort();
+}
+
+/* Machines as lg-control describes them to the reader of a task. */
+static const lg_policy_task plants[] = {
+    {.coordinate_count = 3,
+     .coordinate = {{.name = "x", .velocity = "vx"},
+                    {.name = "phi", .velocity = "w", .motion = LG_POLICY_ANGLE},
+                    {.name = "F_lag", .follows = 1}},
+     .input_count = 2,
+     .input = {{.name = "F"}, {.name = "u"}}},
+    {.coordinate_count = 3,
+     .coordinate = {{.name = "d", .velocity = "wd", .motion = LG_POLICY_DIRECTION},
+                    {.name = "R", .velocity = "W", .motion = LG_POLICY_ROTATION},
+                    {.name = "s"}},
+     .input_count = 1,
+     .input = {{.name = "u"}}}};
+
+static void parse_task(const char *text, const lg_policy_task *plant) {
+    enum { WIDEST = 32 };
+    lg_error error = {LG_OK, ""};
+    lg_policy *policy = lg_alloc(NULL, 1, sizeof *policy);
+    if (policy == NULL) abort();
+    lg_policy_task_init(&policy->task);
+    lg_policy_task *task = &policy->task;
+    task->coordinate_count = plant->coordinate_count;
+    memcpy(task->coordinate, plant->coordinate, sizeof task->coordinate);
+    task->input_count = plant->input_count;
+    memcpy(task->input, plant->input, sizeof task->input);
+    lg_status status = lg_policy_task_parse(NULL, "task.yaml", text, task, &error);
+    refused(status, &error);
+    for (uint32_t i = 0; i < task->hidden_layers; i++)
+        if (task->hidden[i] > WIDEST) status = LG_UNSUPPORTED; /* is left to the tests */
+    if (status == LG_OK) refused(lg_policy_prepare(policy, &error), &error);
+    lg_policy_destroy(policy);
+}
+
+void fuzz_task(const uint8_t *data, size_t size) {
+    lg_error error = {LG_OK, ""};
+    lg_policy_task head;
+    char plant[64], *text = NULL;
+    const lg_status status =
+        lg_policy_task_read(NULL, fuzz_file(data, size), &head, plant, sizeof plant, &text, &error);
+    refused(status, &error);
+    if (status != LG_OK) return;
+    for (size_t i = 0; i < LG_COUNT(plants); i++) parse_task(text, &plants[i]);
+    if (head.coordinate_count > 0) parse_task(text, &head);
+    lg_free(NULL, text);
 }
 
 /* ---- tables of searches and studies, which commands resume ---- */

@@ -76,7 +76,7 @@ const char *tree_file(const uint8_t *bytes, size_t size);
 int tree_unpack(const uint8_t *bytes, size_t size, const char *path);
 int tree_pack(const char *path, uint8_t *out, size_t most, size_t *size);
 
-/* ---- mutation (mutate.c) ---- */
+/* ---- types, as far as mutations need them ---- */
 
 typedef enum tree_nature { NATURE_WHOLE, NATURE_REAL, NATURE_TEXT, NATURE_OTHER } tree_nature;
 typedef struct tree_type {
@@ -87,12 +87,5 @@ typedef struct tree_type {
 } tree_type;
 extern const tree_type tree_types[];
 extern const size_t tree_type_count;
-
-/* Changes a tree in place by its structure; bytes_mutate changes plain bytes. Returns the new size. */
-size_t tree_mutate(uint8_t *data, size_t size, size_t most, unsigned seed,
-                   size_t (*bytes_mutate)(uint8_t *data, size_t size, size_t most));
-/* Makes a tree with records of both trees. */
-size_t tree_cross(const uint8_t *a, size_t size_a, const uint8_t *b, size_t size_b, uint8_t *out, size_t most,
-                  unsigned seed);
 
 #endif

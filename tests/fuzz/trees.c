@@ -12,6 +12,7 @@
 #include "liegrad/hamiltonian.h"
 #include "liegrad/machine.h"
 #include "liegrad/model.h"
+#include "liegrad/policy.h"
 #include "liegrad/program.h"
 #include "liegrad/series.h"
 #include "liegrad/table.h"
@@ -79,6 +80,17 @@ void fuzz_model(const uint8_t *data, size_t size) {
         evaluate(&file);
         lg_model_file_destroy(&file);
     }
+}
+
+void fuzz_policy(const uint8_t *data, size_t size) {
+    lg_error error = {LG_OK, ""};
+    lg_policy *policy;
+    char *text = NULL;
+    const lg_status status = lg_policy_load(NULL, tree_file(data, size), NULL, &policy, &text, &error);
+    refused(status, &error);
+    if (status != LG_OK) return;
+    lg_free(NULL, text);
+    lg_policy_destroy(policy);
 }
 
 /* ---- data files ---- */
@@ -160,12 +172,19 @@ void fuzz_data(const uint8_t *data, size_t size) {
 
 /* ---- programs ---- */
 
+/* Memory of exactly this size, so that sanitizers see accesses beyond it; NULL for large ports. */
+static double *port_memory(size_t count) {
+    double *memory = count <= MOST_NUMBERS ? malloc(count > 0 ? count * sizeof *memory : 1) : NULL;
+    for (size_t i = 0; memory != NULL && i < count; i++) memory[i] = 0.25 + 0.5 * (double)(i % 3);
+    return memory;
+}
+
 /* A program that could be loaded must be planned and run without a crash. */
 static void run_program(const lg_program *program, size_t function) {
     enum { PORTS = 16 };
+    double *ports[2 * PORTS] = {NULL};
     const void *inputs[PORTS];
     void *outputs[PORTS];
-    static double in[MOST_NUMBERS], out[PORTS][MOST_NUMBERS];
     lg_plan_options options;
     lg_plan_options_init(&options);
     options.max_size = MOST_WORK;
@@ -179,18 +198,18 @@ static void run_program(const lg_program *program, size_t function) {
     (void)lg_program_inputs(program, function, &input_count);
     (void)lg_program_outputs(program, function, &output_count);
     bool fits = input_count <= PORTS && output_count <= PORTS;
-    for (size_t i = 0; i < MOST_NUMBERS; i++) in[i] = 0.25 + 0.5 * (double)(i % 3);
     for (size_t i = 0; fits && i < input_count; i++) {
-        inputs[i] = in;
-        fits = lg_plan_input_count(plan, i) <= MOST_NUMBERS;
+        inputs[i] = ports[i] = port_memory(lg_plan_input_count(plan, i));
+        fits = inputs[i] != NULL;
     }
     for (size_t i = 0; fits && i < output_count; i++) {
-        outputs[i] = out[i];
-        fits = lg_plan_output_count(plan, i) <= MOST_NUMBERS;
+        outputs[i] = ports[PORTS + i] = port_memory(lg_plan_output_count(plan, i));
+        fits = outputs[i] != NULL;
     }
     void *work = fits ? lg_alloc(NULL, lg_plan_work_size(plan), 1) : NULL;
     if (work != NULL) lg_plan_eval(plan, inputs, outputs, work);
     lg_free(NULL, work);
+    for (size_t i = 0; i < LG_COUNT(ports); i++) free(ports[i]);
     lg_plan_destroy(plan);
 }
 
@@ -239,17 +258,29 @@ static bool add_packed(lg_program *program, const uint8_t *data, size_t size) {
     return status == LG_OK;
 }
 
+/* The C of a program that could be loaded. */
+static void write_c(const lg_program *program) {
+    lg_error error = {LG_OK, ""};
+    lg_c_options options;
+    lg_c_source *source;
+    lg_c_options_init(&options);
+    options.name = "fuzz";
+    const lg_status status = lg_program_write_c(program, &options, &source, &error);
+    refused(status, &error);
+    if (status == LG_OK) lg_c_source_destroy(source);
+}
+
 /* The input is a list of a program's functions, each after its length (u16, little-endian). */
-void fuzz_packed(const uint8_t *data, size_t size) {
-    static const double numbers[86] = {0.5};
-    const lg_parameter_spec parameters[] = {{"scale", {0, {0}}, numbers}, {"theta", {1, {86}}, numbers}};
+static void take_functions(const lg_parameter_spec *parameters, size_t count, const uint8_t *data,
+                           size_t size, bool c) {
+    enum { MOST_FUNCTIONS = 8 };
     lg_program_spec spec;
     lg_program *program;
     lg_program_spec_init(&spec);
     spec.parameters = parameters;
-    spec.parameter_count = LG_COUNT(parameters);
+    spec.parameter_count = count;
     if (lg_program_begin(NULL, &spec, &program, NULL) != LG_OK) abort();
-    while (size >= 2 && lg_program_functions(program) < 4) {
+    while (size >= 2 && lg_program_functions(program) < MOST_FUNCTIONS) {
         size_t length = data[0] + 256u * data[1];
         data += 2;
         size -= 2;
@@ -259,7 +290,22 @@ void fuzz_packed(const uint8_t *data, size_t size) {
         data += length;
         size -= length;
     }
+    if (c && lg_program_functions(program) > 0) write_c(program);
     lg_program_destroy(program);
+}
+
+void fuzz_packed(const uint8_t *data, size_t size) {
+    static const double numbers[86] = {0.5};
+    const lg_parameter_spec parameters[] = {{"scale", {0, {0}}, numbers}, {"theta", {1, {86}}, numbers}};
+    take_functions(parameters, LG_COUNT(parameters), data, size, false);
+}
+
+/* The parameters are the ones of tests/autodiff/random. A quarter of the inputs is also written as C, which
+ * takes as long as everything else. */
+void fuzz_image(const uint8_t *data, size_t size) {
+    static const double numbers[12] = {0.5, -1.25, 0.75, 1.5, -0.25, 1};
+    const lg_parameter_spec parameters[] = {{"theta", {2, {4, 3}}, numbers}, {"beta", {1, {3}}, numbers}};
+    take_functions(parameters, LG_COUNT(parameters), data, size, size % 4 == 0);
 }
 
 /* ---- checkpoints ---- */

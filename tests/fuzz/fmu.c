@@ -1,0 +1,254 @@
+/* Harness of an FMU: the fragments of C that lg-export writes into each one, with a small model in place of a
+ * program. It is compiled once for each version of the interface (FUZZ_FMI is 2 or 3). The input is a list of
+ * calls, in any order. */
+#include <float.h>
+#include <math.h>
+#include <stdbool.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fuzz.h"
+
+#define TOKEN "{fuzz}"
+
+/* ---- the model: x' = (x2, u - k x1), y = x1 x2 ---- */
+
+enum { STATES = 2, PORTS = 6, NUMBERS = 8, WORK = 1 };
+enum { CAUSALITY_STATE, CAUSALITY_DERIVATIVE, CAUSALITY_INPUT, CAUSALITY_OUTPUT, CAUSALITY_PARAMETER };
+static const struct {
+    int at, count, causality;
+} ports[PORTS] = {
+    {0, 2, CAUSALITY_STATE},  {2, 2, CAUSALITY_DERIVATIVE}, {4, 1, CAUSALITY_INPUT},
+    {5, 1, CAUSALITY_OUTPUT}, {6, 1, CAUSALITY_PARAMETER},  {7, 1, CAUSALITY_PARAMETER},
+};
+static const double start_values[NUMBERS] = {1, 0, 0, 0, 0, 0, 4, 0.25};
+
+static void evaluate(const double *r, double *out, double *work) {
+    out[2] = r[1];
+    out[3] = r[4] - r[6] * r[0];
+    out[5] = r[0] * r[1];
+    work[0] = out[5];
+}
+
+static int forward(const double *r, const double *seed, double *out, double *work) {
+    memcpy(out, seed, NUMBERS * sizeof *out);
+    out[2] = seed[1];
+    out[3] = seed[4] - seed[6] * r[0] - r[6] * seed[0];
+    out[5] = seed[0] * r[1] + r[0] * seed[1];
+    work[0] = 0;
+    return 1;
+}
+
+#if FUZZ_FMI == 3
+static int adjoint(const double *r, const double *seed, double *out, double *room, double *work) {
+    memset(out, 0, NUMBERS * sizeof *out);
+    out[0] = r[1] * seed[5] - r[6] * seed[3];
+    out[1] = r[0] * seed[5] + seed[2];
+    out[4] = seed[3];
+    out[6] = -r[0] * seed[3];
+    room[0] = work[0] = 0;
+    return 1;
+}
+#endif
+
+static void take_step(const double *r, double h, double *next, double *work) {
+    next[0] = r[0] + h * r[1];
+    next[1] = r[1] + h * (r[4] - r[6] * r[0]);
+    work[0] = 0;
+}
+
+#define HAS_STATES 1
+#if FUZZ_FMI == 2
+#include "lg-export/code/fmu/fmu_core.c"
+#include "lg-export/code/fmu/fmi2.c"
+#define FMI(name)                      fmi2##name
+#define GET_STATE                      fmi2GetFMUstate
+#define SET_STATE                      fmi2SetFMUstate
+#define FREE_STATE                     fmi2FreeFMUstate
+#define STATE_SIZE                     fmi2SerializedFMUstateSize
+#define SERIALISE(...)                 fmi2SerializeFMUstate(__VA_ARGS__)
+#define RESTORE(c, bytes, size, state) fmi2DeSerializeFMUstate(c, (const fmi2Byte *)(bytes), size, state)
+typedef fmi2Byte byte;
+#else
+#include "lg-export/code/fmu/fmu_core.c"
+#include "lg-export/code/fmu/fmi3.c"
+#define FMI(name)                      fmi3##name
+#define GET_STATE                      fmi3GetFMUState
+#define SET_STATE                      fmi3SetFMUState
+#define FREE_STATE                     fmi3FreeFMUState
+#define STATE_SIZE                     fmi3SerializedFMUStateSize
+#define SERIALISE(...)                 fmi3SerializeFMUState(__VA_ARGS__)
+#define RESTORE(c, bytes, size, state) fmi3DeserializeFMUState(c, bytes, size, state)
+typedef fmi3Byte byte;
+#endif
+
+/* ---- calls ---- */
+
+typedef struct input {
+    const uint8_t *at, *end;
+} input;
+
+static uint8_t take(input *in) {
+    return in->at < in->end ? *in->at++ : 0;
+}
+
+static double take_real(input *in) {
+    double x = 0;
+    if ((size_t)(in->end - in->at) < sizeof x) return 0.25 * take(in);
+    memcpy(&x, in->at, sizeof x);
+    in->at += sizeof x;
+    return x;
+}
+
+/* A state of bytes: `repaired` gives it the sum that the reader asks for. */
+static void restore(void *c, input *in, bool repaired, void **state) {
+    image bytes;
+    const size_t have = (size_t)(in->end - in->at), size = have < sizeof bytes ? have : sizeof bytes;
+    if (!repaired) {
+        (void)RESTORE(c, in->at, size, state);
+        in->at += size;
+        return;
+    }
+    memset(&bytes, 0, sizeof bytes);
+    memcpy(&bytes.m, in->at, have < sizeof bytes.m ? have : sizeof bytes.m);
+    in->at += have < sizeof bytes.m ? have : sizeof bytes.m;
+    bytes.model = sum_of(TOKEN, sizeof TOKEN);
+    bytes.sum = sum_of(&bytes.m, sizeof bytes.m);
+    (void)RESTORE(c, (const byte *)&bytes, sizeof bytes, state);
+}
+
+/* A state that was serialised must be restored as the same bytes, or be refused because it is not finite. */
+static void there_and_back(void *c, void *state) {
+    image bytes, again;
+    size_t size = 0;
+    void *copy = NULL;
+    (void)STATE_SIZE(c, state, &size);
+    if (size != sizeof bytes || (int)SERIALISE(c, state, (byte *)&bytes, sizeof bytes) != 0) abort();
+    if ((int)RESTORE(c, (const byte *)&bytes, size, &copy) != 0) return;
+    (void)SERIALISE(c, copy, (byte *)&again, sizeof again);
+    if (memcmp(&bytes, &again, sizeof bytes) != 0) abort();
+    (void)FREE_STATE(c, &copy);
+}
+
+/* Steps of co-simulation are bounded, so that no input takes a second. */
+static void step(void *c, input *in) {
+    const double now = take_real(in), length = take_real(in);
+    instance *i = c;
+    if (i->m.values[STEP_AT] > 0 && length / i->m.values[STEP_AT] > 1000) return;
+#if FUZZ_FMI == 2
+    (void)fmi2DoStep(c, now, length, 0);
+#else
+    bool event, terminate, early;
+    double last;
+    (void)fmi3DoStep(c, now, length, false, &event, &terminate, &early, &last);
+#endif
+}
+
+/* Up to three references, of which some do not exist. */
+static void access(void *c, input *in, uint8_t what) {
+    unsigned vr[3], known[3];
+    double value[8] = {0}, seed[8];
+    const size_t n = take(in) % 4, count = take(in) % 8;
+    for (size_t k = 0; k < 3; k++) vr[k] = take(in) % 12, known[k] = take(in) % 12;
+    for (size_t k = 0; k < 8; k++) seed[k] = k < n ? take_real(in) : 1;
+#if FUZZ_FMI == 2
+    (void)count;
+    if (what == 0) (void)fmi2GetReal(c, vr, n, value);
+    if (what == 1) (void)fmi2SetReal(c, vr, n, seed);
+    if (what == 2) (void)fmi2GetDirectionalDerivative(c, vr, n, known, n, seed, value);
+#else
+    if (what == 0) (void)fmi3GetFloat64(c, vr, n, value, count);
+    if (what == 1) (void)fmi3SetFloat64(c, vr, n, seed, count);
+    if (what == 2) (void)fmi3GetDirectionalDerivative(c, vr, n, known, n, seed, count, value, count);
+    if (what == 3) (void)fmi3GetAdjointDerivative(c, vr, n, known, n, seed, count, value, count);
+#endif
+}
+
+static void exchange(void *c, input *in) {
+    double x[STATES] = {take_real(in), take_real(in)}, d[STATES];
+    (void)FMI(SetTime)(c, take_real(in));
+    (void)FMI(SetContinuousStates)(c, x, STATES);
+#if FUZZ_FMI == 2
+    (void)fmi2GetDerivatives(c, d, STATES);
+#else
+    (void)fmi3GetContinuousStateDerivatives(c, d, STATES);
+#endif
+    (void)FMI(GetContinuousStates)(c, x, STATES);
+    (void)FMI(GetNominalsOfContinuousStates)(c, d, STATES);
+}
+
+#if FUZZ_FMI == 2
+static void log_message(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status,
+                        fmi2String category, fmi2String message, ...) {
+    (void)environment, (void)name, (void)status, (void)category;
+    if (message == NULL || message[0] == '\0') abort();
+}
+static void *begin(void) {
+    static const fmi2CallbackFunctions callbacks = {.logger = log_message};
+    return fmi2Instantiate("fuzz", fmi2CoSimulation, TOKEN, "", &callbacks, 0, 0);
+}
+#else
+static void log_message(fmi3InstanceEnvironment environment, fmi3Status status, fmi3String category,
+                        fmi3String message) {
+    (void)environment, (void)status, (void)category;
+    if (message == NULL || message[0] == '\0') abort();
+}
+static void *begin(void) {
+    return fmi3InstantiateCoSimulation("fuzz", TOKEN, "", false, false, false, false, NULL, 0, NULL,
+                                       log_message, NULL);
+}
+#endif
+
+#if FUZZ_FMI == 2
+#define fuzz_fmu fuzz_fmu2
+#else
+#define fuzz_fmu fuzz_fmu3
+#endif
+
+void fuzz_fmu(const uint8_t *data, size_t size) {
+    enum { SLOTS = 2 };
+    input in = {data, data + size};
+    void *c = begin(), *slot[SLOTS] = {NULL, NULL};
+    if (c == NULL) abort();
+    while (in.at < in.end) {
+        const uint8_t call = take(&in);
+        void **state = &slot[call >> 7];
+        switch (call % 16) {
+        case 0:
+            (void)GET_STATE(c, state);
+            break;
+        case 1:
+            if (*state != NULL) (void)SET_STATE(c, *state);
+            break;
+        case 2:
+            (void)FREE_STATE(c, state);
+            break;
+        case 3:
+            restore(c, &in, false, state);
+            break;
+        case 4:
+        case 5:
+            restore(c, &in, true, state);
+            break;
+        case 6:
+            if (*state != NULL) there_and_back(c, *state);
+            break;
+        case 7:
+            (void)FMI(Reset)(c);
+            break;
+        case 8:
+        case 9:
+            step(c, &in);
+            break;
+        case 10:
+            exchange(c, &in);
+            break;
+        default:
+            access(c, &in, call % 4);
+        }
+    }
+    for (int i = 0; i < SLOTS; i++) (void)FREE_STATE(c, &slot[i]);
+    FMI(FreeInstance)(c);
+}
