@@ -452,7 +452,7 @@ void train_classical(const app *program) {
     network_recipe.training.seconds = app_seconds() - begin;
     check_picture(program, &self.model);
     judge(&self);
-    APP_MUST(program, lg_detector_fit_novelty(&network_recipe.training, &self.model.novelty));
+    APP_MUST(program, lg_detector_fit_novelty(&network_recipe.training, &self.model.novelty, &error));
     save_trained(program, &self.model);
     draw(&self);
     report(&self);

@@ -439,9 +439,8 @@ static lg_status save(lg_training *self, void *into, lg_error *error) {
     lg_detector_state *s = self->state;
     const lg_series *series = &s->all.data.series;
     lg_detector_file *file = into;
-    (void)error;
     warn_of_units(self);
-    LG_TRY(lg_detector_fit_novelty(self, &s->novelty));
+    LG_TRY(lg_detector_fit_novelty(self, &s->novelty, error));
     file->scaler = s->scaler;
     file->class_name = series->class_name;
     file->class_label = series->class_label;

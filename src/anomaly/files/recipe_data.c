@@ -161,14 +161,15 @@ lg_status lg_detector_split(lg_training *self, lg_error *error) {
     return LG_OK;
 }
 
-lg_status lg_detector_fit_novelty(const lg_training *self, lg_novelty *out) {
+lg_status lg_detector_fit_novelty(const lg_training *self, lg_novelty *out, lg_error *error) {
     const lg_detector_state *s = self->state;
     lg_novelty_options options;
     lg_error why = {LG_OK, ""};
     lg_novelty_options_init(&options);
     const lg_status status = lg_novelty_fit(self->context, &options, &s->all.data.series, &s->all.windows,
                                             s->train.list, s->train.count, (int)self->threads, out, &why);
-    if (status == LG_CANCELLED) return status;
+    if (status == LG_CANCELLED || status == LG_OUT_OF_MEMORY)
+        return lg_fail(error, status, "%s", why.message);
     if (status != LG_OK)
         LG_WARN(self,
                 "the model has no record of what its training windows look like (%s): `watch` will not "
