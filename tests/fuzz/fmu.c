@@ -103,7 +103,7 @@ static double take_real(input *in) {
 }
 
 /* A state of bytes: `repaired` gives it the sum that the reader asks for. */
-static void restore(void *c, input *in, bool repaired, void **state) {
+static void restore_bytes(void *c, input *in, bool repaired, void **state) {
     image bytes;
     const size_t have = (size_t)(in->end - in->at), size = have < sizeof bytes ? have : sizeof bytes;
     if (!repaired) {
@@ -114,8 +114,9 @@ static void restore(void *c, input *in, bool repaired, void **state) {
     memset(&bytes, 0, sizeof bytes);
     memcpy(&bytes.m, in->at, have < sizeof bytes.m ? have : sizeof bytes.m);
     in->at += have < sizeof bytes.m ? have : sizeof bytes.m;
-    bytes.model = sum_of(TOKEN, sizeof TOKEN);
-    bytes.sum = sum_of(&bytes.m, sizeof bytes.m);
+    const uint64_t model = sum_of(TOKEN, sizeof TOKEN), sum = sum_of(bytes.m, sizeof bytes.m);
+    put_words(bytes.model, &model, sizeof model);
+    put_words(bytes.sum, &sum, sizeof sum);
     (void)RESTORE(c, (const byte *)&bytes, sizeof bytes, state);
 }
 
@@ -226,11 +227,11 @@ void fuzz_fmu(const uint8_t *data, size_t size) {
             (void)FREE_STATE(c, state);
             break;
         case 3:
-            restore(c, &in, false, state);
+            restore_bytes(c, &in, false, state);
             break;
         case 4:
         case 5:
-            restore(c, &in, true, state);
+            restore_bytes(c, &in, true, state);
             break;
         case 6:
             if (*state != NULL) there_and_back(c, *state);
