@@ -8,8 +8,8 @@
  * absent, as before, or complete; no temporary file or lock is left, unless the calls that remove them fail
  * too. A command with a checkpoint then continues without disturbance, and its outputs must be those of the
  * undisturbed run. Of the calls of a command as many are tried as SECONDS (default 60) allow: all, or a
- * random sample that always has the first and the last 50. Prints a Markdown table; the exit code is 1 if a
- * check failed. */
+ * random sample that always has the first and the last 50 (5 if SECONDS is below 5). Prints a Markdown table;
+ * the exit code is 1 if a check failed. */
 #define _GNU_SOURCE
 #include <limits.h>
 #include <sys/wait.h>
@@ -135,10 +135,11 @@ static void run_job(breaking *k, double seconds) {
     note_outputs(&k->b);
     const double begin = seconds_now();
     k->calls = count_calls(k);
+    const long edges = seconds < 5 ? EDGE / 10 : EDGE;
     const double each = seconds_now() - begin, most = seconds / each / (double)count;
     const double share = most < (double)k->calls ? most / (double)k->calls : 1.0;
     for (long n = 1; n <= k->calls && k->b.failed < 10; n++) {
-        const bool edge = n <= EDGE || n > k->calls - EDGE;
+        const bool edge = n <= edges || n > k->calls - edges;
         if (!edge && lg_rng_uniform(&rng) > share) continue;
         done++;
         for (size_t w = 0; w < LG_COUNT(ways); w++)

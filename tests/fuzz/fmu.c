@@ -186,9 +186,10 @@ static void log_message(fmi2ComponentEnvironment environment, fmi2String name, f
     (void)environment, (void)name, (void)status, (void)category;
     if (message == NULL || message[0] == '\0') abort();
 }
-static void *begin(void) {
+static void *begin(bool exchanged) {
     static const fmi2CallbackFunctions callbacks = {.logger = log_message};
-    return fmi2Instantiate("fuzz", fmi2CoSimulation, TOKEN, "", &callbacks, 0, 0);
+    return fmi2Instantiate("fuzz", exchanged ? fmi2ModelExchange : fmi2CoSimulation, TOKEN, "", &callbacks, 0,
+                           0);
 }
 #else
 static void log_message(fmi3InstanceEnvironment environment, fmi3Status status, fmi3String category,
@@ -196,11 +197,26 @@ static void log_message(fmi3InstanceEnvironment environment, fmi3Status status, 
     (void)environment, (void)status, (void)category;
     if (message == NULL || message[0] == '\0') abort();
 }
-static void *begin(void) {
+static void *begin(bool exchanged) {
+    if (exchanged) return fmi3InstantiateModelExchange("fuzz", TOKEN, "", false, false, NULL, log_message);
     return fmi3InstantiateCoSimulation("fuzz", TOKEN, "", false, false, false, false, NULL, 0, NULL,
                                        log_message, NULL);
 }
 #endif
+
+enum { ENTER, EXIT, EVENTS, CONTINUES, TERMINATES, MODES };
+
+static void change_mode(void *c, uint8_t to) {
+#if FUZZ_FMI == 2
+    if (to == ENTER) (void)fmi2EnterInitializationMode(c);
+#else
+    if (to == ENTER) (void)fmi3EnterInitializationMode(c, false, 0, 0, false, 0);
+#endif
+    if (to == EXIT) (void)FMI(ExitInitializationMode)(c);
+    if (to == EVENTS) (void)FMI(EnterEventMode)(c);
+    if (to == CONTINUES) (void)FMI(EnterContinuousTimeMode)(c);
+    if (to == TERMINATES) (void)FMI(Terminate)(c);
+}
 
 #if FUZZ_FMI == 2
 #define fuzz_fmu fuzz_fmu2
@@ -211,8 +227,12 @@ static void *begin(void) {
 void fuzz_fmu(const uint8_t *data, size_t size) {
     enum { SLOTS = 2 };
     input in = {data, data + size};
-    void *c = begin(), *slot[SLOTS] = {NULL, NULL};
+    /* The first byte: for model exchange or co-simulation; initialised or not. */
+    const uint8_t how = take(&in);
+    void *c = begin((how & 1) != 0), *slot[SLOTS] = {NULL, NULL};
     if (c == NULL) abort();
+    for (uint8_t to = ENTER; (how & 2) != 0 && to <= ((how & 1) != 0 ? CONTINUES : EXIT); to++)
+        if (to != EVENTS) change_mode(c, to);
     while (in.at < in.end) {
         const uint8_t call = take(&in);
         void **state = &slot[call >> 7];
@@ -245,6 +265,9 @@ void fuzz_fmu(const uint8_t *data, size_t size) {
             break;
         case 10:
             exchange(c, &in);
+            break;
+        case 11:
+            change_mode(c, take(&in) % MODES);
             break;
         default:
             access(c, &in, call % 4);
