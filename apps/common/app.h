@@ -345,6 +345,11 @@ void app_file_discard(app_file *file);
 lg_status app_check_writable(const char *path, lg_error *error);
 /* Returns whether both paths lead to the same file, also through links or by different spellings. */
 bool app_same_file(const char *a, const char *b);
+/* Returns the folder that contains a path (without slashes at its end). To be freed. */
+char *app_folder_of(const char *path);
+/* Syncs a folder, so that new names in it are there after a loss of power, too. Some file systems cannot do
+ * this; that is no error. */
+void app_sync_folder(const char *path);
 
 typedef struct app_path {
     const char *option; /* without the dashes; NULL for an argument that is not in app->arguments */

@@ -2,6 +2,7 @@
 #include "common/app.h"
 
 #include <errno.h>
+#include <fcntl.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -239,4 +240,19 @@ lg_status app_make_folder(const char *path, lg_error *error) {
     const int number = errno;
     if (number == EEXIST && stat(path, &information) == 0 && S_ISDIR(information.st_mode)) return LG_OK;
     return app_error(error, LG_FILE, "%s: the folder cannot be made: %s", path, strerror(number));
+}
+
+/* ---- folders ---- */
+
+char *app_folder_of(const char *path) {
+    const char *slash = strrchr(path, '/');
+    return slash == NULL ? app_format(".")
+                         : app_format("%.*s", slash == path ? 1 : (int)(slash - path), path);
+}
+
+void app_sync_folder(const char *path) {
+    const int fd = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (fd < 0) return;
+    (void)fsync(fd);
+    (void)close(fd);
 }

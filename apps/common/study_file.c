@@ -161,19 +161,23 @@ static lg_status read_table(study_file *file, lg_error *error) {
     header_of(file->plan, header, sizeof header);
     APP_FREE char *text = read_whole(file->fd, &size);
     if (text == NULL) return app_error(error, LG_FILE, "%s: cannot be read", path);
-    if (strlen(text) != size)
+    /* After a loss of power the last row may be zeros. */
+    const size_t length = strlen(text);
+    if (memchr(text + length, '\n', size - length) != NULL)
         return app_error(error, LG_FORMAT, "%s: this is not the table of a study", path);
     const char *last = strrchr(text, '\n');
     const size_t whole = last != NULL ? (size_t)(last - text) + 1 : 0;
-    if (whole == 0 && strncmp(header, text, size) != 0)
+    if (whole == 0 && strncmp(header, text, length) != 0)
         return app_error(error, LG_FORMAT, "%s: line 1: this is not the table of a study", path);
     LG_TRY(parse_text(file, text, error));
     if (whole < size && ftruncate(file->fd, (off_t)whole) != 0)
         return app_error(error, LG_FILE, "%s: the unfinished last row cannot be removed: %s", path,
                          strerror(errno));
     if (whole > 0) return LG_OK;
-    APP_FREE char *first = app_format("%s\n", header);
-    return append(file, first, error);
+    APP_FREE char *first = app_format("%s\n", header), *folder = app_folder_of(path);
+    LG_TRY(append(file, first, error));
+    app_sync_folder(folder);
+    return LG_OK;
 }
 
 lg_status study_file_open(const char *path, const study_plan *plan, study_file *out, lg_error *error) {

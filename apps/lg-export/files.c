@@ -442,14 +442,6 @@ static int write_whole(int folder, const char *name, const text *content) {
     return code;
 }
 
-/* Some file systems cannot sync a folder. That is no error: the rename has taken place anyway. */
-static void sync_folder(const char *path) {
-    const int fd = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    if (fd < 0) return;
-    (void)fsync(fd);
-    (void)close(fd);
-}
-
 static lg_status write_files(place *at, lg_error *error) {
     for (size_t i = 0; i < at->source->file_count; i++) {
         const export_file *file = &at->source->files[i];
@@ -479,7 +471,7 @@ static lg_status rename_folder(place *at, lg_error *error) {
     struct stat old;
     if (stat(at->out, &old) == 0) (void)chmod(at->temporary, old.st_mode & 07777);
     if (rename(at->temporary, at->out) != 0) return place_error(at, "cannot be written", errno, error);
-    sync_folder(at->parent);
+    app_sync_folder(at->parent);
     return LG_OK;
 }
 
@@ -508,18 +500,11 @@ static lg_status refuse_unfit(const export_source *source, const char *does, lg_
         does, source->options->dtype == LG_F32 ? " in single precision: export it with --dtype f64" : "");
 }
 
-/* Returns the folder that contains a path (without slashes at its end). To be freed. */
-static char *folder_of(const char *path) {
-    const char *slash = strrchr(path, '/');
-    return slash == NULL ? app_format(".")
-                         : app_format("%.*s", slash == path ? 1 : (int)(slash - path), path);
-}
-
 int export_write(const app *self, const export_source *source, const char *out) {
     lg_error error = {LG_OK, ""};
     char *folder = app_format("%s", out);
     for (size_t n = strlen(folder); n > 1 && folder[n - 1] == '/'; n--) folder[n - 1] = '\0';
-    char *parent = folder_of(folder);
+    char *parent = app_folder_of(folder);
     place at = {.source = source, .out = folder, .parent = parent};
     bool unfit = source->weights.unfit || source->code.unfit || source->sizes.unfit || source->test.unfit;
     for (size_t i = 0; i < source->file_count; i++) unfit = unfit || source->files[i].content.unfit;
