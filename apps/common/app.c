@@ -30,7 +30,10 @@ static const lg_field common_options[] = {
     LG_FIELD_END};
 
 void app_out_of_memory(void) {
-    (void)fprintf(stderr, "%s: out of memory\n", running != NULL ? running->title : "liegrad");
+    if (running != NULL)
+        app_say_as_rank(running, "out of memory");
+    else
+        (void)fputs("liegrad: out of memory\n", stderr);
     exit(APP_EXIT_MEMORY);
 }
 
@@ -448,7 +451,7 @@ int app_main(int argc, char **argv, const char *program, const char *summary, co
     lg_runtime_setup();
     lg_io_setup();
     int code = reserve(&self);
-    if (code == APP_EXIT_OK) code = run_command(&self);
+    code = code == APP_EXIT_OK ? run_command(&self) : conclude(&self, code);
     free(self.command_line);
     app_warnings_destroy(self.warnings);
     running = NULL;

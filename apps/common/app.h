@@ -135,6 +135,11 @@ bool app_reopen_asked(void);
 /* Called before anything else: takes rank and rank count from the environment. Ranks other than 0 print
  * nothing on stdout and stderr, because they would repeat what rank 0 prints. */
 void app_find_ranks(app *app);
+/* Prints a sentence of this process on the standard error, also if this is not rank 0. */
+void app_say_as_rank(const app *app, const char *sentence);
+/* Seconds without a sign of life after which another process counts as lost (LIEGRAD_SILENCE, default 30); 0:
+ * there is no limit. */
+double app_silence(const app *app);
 /* Default of --threads: this rank's share of the processors. */
 uint64_t app_processors(void);
 /* Connects to the other ranks if the command computes with them (APP_RANKS). Returns an exit code. */

@@ -34,6 +34,11 @@ lg_status lg_ranks_gather_parts(const lg_ranks *ranks, size_t total, size_t item
     return status;
 }
 
+lg_status lg_ranks_lost(const lg_ranks *ranks, lg_status status, lg_error *error) {
+    const char *why = ranks->reason != NULL ? ranks->reason(ranks->user) : NULL;
+    return lg_fail(error, status, "%s", why != NULL ? why : "the ranks lost their connection");
+}
+
 static lg_status gather_equal(const lg_ranks *ranks, void *all, size_t bytes) {
     return lg_ranks_gather_parts(ranks, ranks->count, bytes, all);
 }
@@ -50,7 +55,7 @@ lg_status lg_ranks_agree(const lg_ranks *ranks, lg_status status, lg_error *erro
     if (error != NULL && status != LG_OK)
         memcpy(all[ranks->rank].message, error->message, sizeof error->message);
     lg_status first = gather_equal(ranks, all, sizeof *all);
-    if (first != LG_OK) (void)lg_fail(error, first, "the ranks lost their connection");
+    if (first != LG_OK) (void)lg_ranks_lost(ranks, first, error);
     for (uint32_t r = 0; r < ranks->count && first == LG_OK; r++) {
         if (all[r].status == LG_OK) continue;
         first = (lg_status)all[r].status;

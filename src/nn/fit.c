@@ -470,7 +470,9 @@ lg_status lg_fit_run(lg_fit *fit, lg_error *error) {
     const lg_status status = run(fit, error);
     if (lg_fit_alone(fit)) return status;
     const lg_status collected = collect(fit, status == LG_OK ? error : NULL);
-    return status == LG_OK ? collected : status;
+    const lg_status end = status == LG_OK ? collected : status;
+    const lg_ranks *ranks = fit->options.ranks;
+    return ranks->reason(ranks->user) != NULL ? lg_ranks_lost(ranks, end, error) : end;
 }
 
 /* ---- accessors ---- */

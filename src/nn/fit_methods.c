@@ -298,8 +298,7 @@ lg_status lg_fit_evaluate(lg_fit *fit, bool *moved, lg_error *error) {
     *moved = takes_squares(fit)
                  ? lg_minimiser_tell_squares(s->minimiser, value, gradient, fit->shards[0].matrix)
                  : lg_minimiser_tell(s->minimiser, value, gradient);
-    if (lg_minimiser_status(s->minimiser) != LG_OK)
-        return lg_fail(error, lg_minimiser_status(s->minimiser), "the ranks lost their connection");
+    LG_TRY(lg_minimiser_status(s->minimiser));
     memcpy(s->theta, lg_minimiser_best(s->minimiser), n * sizeof(double));
     const double loss = plain_loss(fit);
     if (*moved && !takes_squares(fit) && fit->options.prior > 0.0 && fit->problem.observations > 0)

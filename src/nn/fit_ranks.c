@@ -62,12 +62,17 @@ static lg_status collect(void *user, const void *mine, void *all, const size_t *
     return fit->given->collect(fit->given->user, mine, all, bytes);
 }
 
+static const char *reason(void *user) {
+    const lg_ranks *given = ((const lg_fit *)user)->given;
+    return given->reason != NULL ? given->reason(given->user) : NULL;
+}
+
 lg_status lg_fit_ranks_create(lg_fit *fit) {
     const lg_ranks *ranks = fit->options.ranks;
     fit->end = fit->used;
     if (ranks == NULL) return LG_OK;
     fit->given = ranks;
-    fit->counted = (lg_ranks){sizeof *ranks, ranks->rank, ranks->count, fit, counted_gather, collect};
+    fit->counted = (lg_ranks){sizeof *ranks, ranks->rank, ranks->count, fit, counted_gather, collect, reason};
     fit->options.ranks = &fit->counted;
     for (uint32_t r = 0; r < ranks->count; r++) {
         size_t first, end;
@@ -158,7 +163,7 @@ static lg_status exchange(lg_fit *fit, lg_error *error) {
     for (uint32_t r = 0; r < ranks->rank; r++) at += fit->message_bytes[r];
     (void)list_message(fit, ranks->rank, pack, at);
     const lg_status status = ranks->gather(ranks->user, fit->message, fit->message_bytes);
-    if (status != LG_OK) return lg_fail(error, status, "the ranks lost their connection");
+    LG_TRY(status);
     at = fit->message;
     uint32_t stopped = 0;
     for (uint32_t r = 0; r < ranks->count; r++) {

@@ -68,7 +68,7 @@ static inline void team_run(rank_team *team, uint32_t count,
     for (uint32_t r = 0; r < count; r++) {
         team_member *m = &team->members[r];
         m->team = team;
-        m->ranks = (lg_ranks){sizeof m->ranks, r, count, m, team_gather, team_collect};
+        m->ranks = (lg_ranks){sizeof m->ranks, r, count, m, team_gather, team_collect, NULL};
         assert_int_equal(pthread_create(&threads[r], NULL, team_thread, m), 0);
     }
     for (uint32_t r = 0; r < count; r++) (void)pthread_join(threads[r], NULL);
