@@ -146,6 +146,10 @@ uint64_t app_processors(void);
 int app_join_ranks(app *app);
 /* Says that the ranks exchange nothing from here on: a rank that fails later does not end the others. */
 void app_end_exchanges(app *app);
+/* Says that a rank, or the process that had claimed a piece of work, gives no sign of life, and that this
+ * process goes on without it. At its end such a rank returns exit code 3, so that mpirun does not wait for
+ * the silent one. `what`: "rank" or "piece". */
+void app_leave_behind(const app *app, const char *what, size_t index);
 /* Called at the end of a command. A rank that fails while other ranks may still wait for it ends all ranks.
  * Returns `code`. */
 int app_leave_ranks(app *app, int code);

@@ -187,9 +187,21 @@ static void end_all(const app *self, int code, bool lost) {
     mpi.abort(code);
 }
 
+static atomic_bool left_behind;
+
+void app_leave_behind(const app *self, const char *what, size_t index) {
+    APP_FREE char *text = app_format("%s %zu has given no sign of life for %g s (LIEGRAD_SILENCE): this goes "
+                                     "on without its process",
+                                     what, index, app_silence(self));
+    app_say_as_rank(self, text);
+    atomic_store(&left_behind, true);
+}
+
 int app_leave_ranks(app *self, int code) {
     lg_error error = {LG_OK, ""};
     if (self->ranks == NULL) {
+        if (code == APP_EXIT_OK && self->rank_count > 1 && atomic_load(&left_behind))
+            code = app_fail(self, LG_FILE, "the work is complete, but a rank is silent");
         if (code != APP_EXIT_OK) say_alone(self, false);
         return code;
     }
