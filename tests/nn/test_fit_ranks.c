@@ -262,6 +262,24 @@ static lg_status disagree(void *user, const lg_ranks *ranks, lg_error *error) {
     return lg_ranks_agree(ranks, LG_OUT_OF_MEMORY, error);
 }
 
+static lg_status refuse(void *user, void *all, const size_t *bytes) {
+    return LG_FILE;
+}
+
+static const char *tell(void *user) {
+    return user;
+}
+
+TEST("an exchange that fails says why, if the ranks know it") {
+    lg_ranks ranks = {sizeof ranks, 0, 2, "rank 1 is silent", refuse, NULL, tell};
+    lg_error error = {LG_OK, ""};
+    assert_int_equal(lg_ranks_agree(&ranks, LG_OK, &error), LG_FILE);
+    assert_message(&error, "rank 1 is silent");
+    ranks.reason = NULL;
+    assert_int_equal(lg_ranks_agree(&ranks, LG_OK, &error), LG_FILE);
+    assert_message(&error, "the ranks lost their connection");
+}
+
 TEST("if several ranks fail, all return the error of the lowest rank") {
     rank_team *team = TEST_ARRAY(rank_team, 1);
     uint32_t from = 2;
