@@ -347,13 +347,23 @@ lg_status board_begin(board *b, lg_error *error) {
     return status;
 }
 
+/* A rank leaves when all others are leaving or silent, and its last beat tells those that have not seen one
+ * since they came. */
+static void leave_seat(board *b) {
+    const size_t seat = b->count + b->app->rank;
+    (void)pthread_mutex_lock(&b->mutex);
+    unlock(b, LOCK_PIECES + (off_t)seat);
+    (void)pthread_mutex_unlock(&b->mutex);
+    wait_for_ranks(b, true);
+    (void)pthread_mutex_lock(&b->mutex);
+    raise_beat(b, beat_of(b, seat));
+    (void)pthread_mutex_unlock(&b->mutex);
+}
+
 void board_close(board *b) {
     if (b == NULL) return;
+    if (b->begun && b->seats > 0) leave_seat(b);
     stop_heart(b);
-    if (b->begun && b->seats > 0) {
-        unlock(b, LOCK_PIECES + (off_t)(b->count + b->app->rank));
-        wait_for_ranks(b, true);
-    }
     if (b->fd >= 0) (void)close(b->fd); /* this also releases all locks */
     (void)pthread_cond_destroy(&b->ending);
     (void)pthread_mutex_destroy(&b->mutex);
