@@ -5,7 +5,8 @@
  * A process claims a piece by locking a byte of the file (fcntl). The system removes the lock when the
  * process dies, so another process can then take the piece: a slow or dead process delays only the piece it
  * has claimed. A process that is stopped keeps its locks; after app_silence seconds without a sign of life
- * another process does its piece too. No process coordinates the others, and no messages are sent. Ranks of mpirun, tasks of a job
+ * another process does its piece too. No process coordinates the others, and no messages are sent. Ranks of
+ * mpirun, tasks of a job
  * array and the same command in two terminals all work in the same way. On a file system whose locks work
  * only within one machine, pieces may be computed twice, with the same results. */
 #ifndef LG_APPS_BOARD_H
@@ -56,7 +57,8 @@ void board_close(board *b); /* drops this process's claims; NULL is allowed */
  * now. May be called from any thread. */
 bool board_claim(board *b, size_t *piece);
 /* As board_claim, but waits while other processes may still give up a piece, and takes the piece of a process
- * that is silent, unless this is a task of a job array. False: all pieces are done, or the command was interrupted. */
+ * that is silent, unless this is a task of a job array. False: all pieces are done, or the command was
+ * interrupted. */
 bool board_next(board *b, size_t *piece);
 void board_release(board *b, size_t piece); /* gives the claim up; the piece stays undone */
 board_state board_read(board *b, size_t piece, void *record);

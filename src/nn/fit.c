@@ -472,7 +472,8 @@ lg_status lg_fit_run(lg_fit *fit, lg_error *error) {
     const lg_status collected = collect(fit, status == LG_OK ? error : NULL);
     const lg_status end = status == LG_OK ? collected : status;
     const lg_ranks *ranks = fit->options.ranks;
-    return ranks->reason(ranks->user) != NULL ? lg_ranks_lost(ranks, end, error) : end;
+    /* not LG_CANCELLED, which says that the state is saved */
+    return ranks->reason(ranks->user) != NULL ? lg_ranks_lost(ranks, LG_FILE, error) : end;
 }
 
 /* ---- accessors ---- */

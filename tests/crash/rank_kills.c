@@ -85,6 +85,7 @@ typedef struct result {
 } result;
 
 static lg_rng rng;
+static bool others_ended; /* when a run did not end: all ranks but one had ended */
 static const char *executables;
 
 static void sleep_for(double seconds) {
@@ -128,6 +129,7 @@ static pid_t rank_process(pid_t launcher, uint64_t rank) {
 /* Waits for the end, at most `patience` seconds. -1: the run did not end, and is killed. */
 static int wait_at_most(pid_t launcher, double since) {
     siginfo_t info = {.si_pid = 0};
+    int left = 0;
     while (seconds_now() - since < patience) {
         if (waitid(P_PID, (id_t)launcher, &info, WEXITED | WNOHANG | WNOWAIT) == 0 && info.si_pid != 0)
             return wait_for(launcher);
@@ -136,13 +138,15 @@ static int wait_at_most(pid_t launcher, double since) {
     for (uint64_t r = 0; r < RANKS; r++) {
         const pid_t pid = rank_process(launcher, r);
         if (pid > 0) (void)kill(pid, SIGKILL);
+        left += pid > 0;
     }
+    others_ended = left <= 1;
     (void)kill(launcher, SIGKILL);
     (void)wait_for(launcher);
     return -1;
 }
 
-/* The epoch in which a training says that it has stopped, after it has saved its state; 0: it says nothing. */
+/* The epoch in which a training says that it has stopped, with its state saved; 0: it says nothing. */
 static long stopped_in(void) {
     static const char words[] = "stopped in epoch ";
     char line[1024];
@@ -150,7 +154,7 @@ static long stopped_in(void) {
     FILE *said = fopen(error_path(), "r");
     while (said != NULL && fgets(line, sizeof line, said) != NULL) {
         const char *at = strstr(line, words);
-        if (at != NULL) epoch = strtol(at + strlen(words), NULL, 10);
+        if (at != NULL && strstr(line, "--resume") != NULL) epoch = strtol(at + strlen(words), NULL, 10);
     }
     if (said != NULL) (void)fclose(said);
     return epoch;
@@ -163,7 +167,8 @@ static bool has_spoken(const job *j) {
     FILE *said = fopen(error_path(), "r");
     (void)snprintf(begin, sizeof begin, "%s", j->program);
     while (said != NULL && fgets(line, sizeof line, said) != NULL)
-        found = found || strncmp(line, begin, strlen(begin)) == 0 || strstr(line, "MPI") != NULL;
+        found = found || strncmp(line, begin, strlen(begin)) == 0 || strstr(line, "MPI") != NULL ||
+                strstr(line, "shared libraries") != NULL;
     if (said != NULL) (void)fclose(said);
     return found;
 }
@@ -201,6 +206,7 @@ static void check_left(bench *b, const char *when) {
 static void check_end(bench *b, disturbance what, int code) {
     static const char *const names[] = {"a killed rank", "a stopped rank", "a slow rank", "SIGTERM",
                                         "little memory"};
+    if (what == STOPPED && code < 0 && others_ended && outputs_equal(b)) return; /* it had left the others */
     if (code < 0) fail(b, "%s: no end after %g s", names[what], patience);
     if (what == SLOWED && code != 0) fail(b, "%s: exit code %d", names[what], code);
     if (what == STOPPED && code > 0 && !has_spoken(b->job)) fail(b, "%s: nothing was said", names[what]);
@@ -232,14 +238,16 @@ static void run_case(bench *b, double seconds, result *sum) {
     sum->untouched += !touched;
     if (touched && took > sum->longest) sum->longest = took;
     check_end(b, what, code);
-    check_cut_short(b, before, progress(j));
+    /* lg-control saves the best controller so far */
+    if (what != TERMINATED || strcmp(j->program, "lg-control") != 0) check_cut_short(b, before, progress(j));
     set_number("LESS_RANK", RANKS_MOST);
     sum->resumed += j->checkpoint != NULL && exists(work(j->checkpoint));
     const int end = wait_for(start_ranks(j, 1 + lg_rng_below(&rng, RANKS_MOST), more_of(j)));
-    if (end != 0)
+    if (end != 0) {
         fail(b, "exit code %d of the run after it", end);
-    else if (outputs_equal(b))
-        check_left(b, "the end");
+        run_shell("grep '^lg-' '%s' | tail -n 3 >&2", error_path());
+    }
+    if (end == 0 && outputs_equal(b)) check_left(b, "the end");
 }
 
 static result run_job(const job *j, uint64_t cases) {
