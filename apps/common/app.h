@@ -212,7 +212,7 @@ int app_usage(const app *app, const char *format, ...) __attribute__((format(pri
 void app_out_of_memory(void) __attribute__((noreturn));
 /* Returns zeroed memory, aligned to 64 bytes; without memory the program exits with code 5. Freed with
  * free. */
-void *app_alloc(size_t count, size_t size);
+void *app_alloc(uint64_t count, size_t size);
 /* Work memory of lg_plan_eval: at least `bytes`, aligned to 64 bytes, zeros. Freed with free; ends the
  * program as app_alloc does. */
 void *app_work(size_t bytes);
@@ -224,7 +224,7 @@ lg_text app_text(void);
 lg_status app_had_memory(lg_status status);
 /* As app_alloc, but returns NULL when there is no memory. For sizes that the user chooses, where the run can
  * go on without the memory. */
-void *app_try_alloc(size_t count, size_t size);
+void *app_try_alloc(uint64_t count, size_t size);
 /* A word of a command line, quoted where a shell needs it. Freed with free. */
 char *app_quote(const char *word);
 /* printf into new memory, freed with free. */

@@ -123,11 +123,11 @@ int app_usage(const app *self, const char *format, ...) {
     return APP_EXIT_USAGE;
 }
 
-void *app_try_alloc(size_t count, size_t size) {
+void *app_try_alloc(uint64_t count, size_t size) {
     void *memory = NULL;
     if (count == 0 || size == 0) count = size = 1;
-    if (count > SIZE_MAX / size || posix_memalign(&memory, 64, count * size) != 0) return NULL;
-    memset(memory, 0, count * size);
+    if (count > SIZE_MAX / size || posix_memalign(&memory, 64, (size_t)count * size) != 0) return NULL;
+    memset(memory, 0, (size_t)count * size);
     return memory;
 }
 
@@ -137,7 +137,7 @@ void app_free(void *pointer) {
     free(memory);
 }
 
-void *app_alloc(size_t count, size_t size) {
+void *app_alloc(uint64_t count, size_t size) {
     void *memory = app_try_alloc(count, size);
     if (memory == NULL) app_out_of_memory();
     return memory;
@@ -266,10 +266,12 @@ void app_parallel(uint64_t threads, size_t count, void (*task)(void *user, size_
     if (threads > count) threads = count;
     if (threads < 1) threads = 1;
     (void)pthread_mutex_init(&c.mutex, NULL);
-    pthread_t *workers = app_alloc((size_t)threads, sizeof *workers);
+    pthread_t *workers = app_try_alloc((size_t)threads, sizeof *workers);
     size_t started = 0;
     /* If a thread cannot be started, the others take over its work. */
-    while (started + 1 < threads && pthread_create(&workers[started], NULL, crew_work, &c) == 0) started++;
+    while (workers != NULL && started + 1 < threads &&
+           pthread_create(&workers[started], NULL, crew_work, &c) == 0)
+        started++;
     (void)crew_work(&c);
     for (size_t i = 0; i < started; i++) (void)pthread_join(workers[i], NULL);
     (void)pthread_mutex_destroy(&c.mutex);

@@ -173,10 +173,13 @@ typedef struct search_trial {
     lg_search *session;
     lg_trial *trial;
     app *train;
+    lg_error failure; /* of an objective */
 } search_trial;
 
-static double objective_of(const search_trial *self) {
-    return lg_training_objective(&self->search->task->training);
+static lg_status find_objective(search_trial *self) {
+    self->failure.status =
+        lg_training_objective(&self->search->task->training, &self->trial->objective, &self->failure);
+    return self->failure.status;
 }
 
 /* Computes the objective only in epochs in which the trial passes a rung. */
@@ -188,7 +191,8 @@ static int on_epoch(void *user, const lg_fit_epoch *report) {
                       (unsigned long long)self->trial->number + 1, (unsigned long long)search->values->trials,
                       (unsigned long long)done, (unsigned long long)total, report->loss);
     if (done == total || done * parts / total == (done - 1) * parts / total) return 0;
-    return lg_search_report(self->session, done, total, objective_of(self)) ? 1 : 0;
+    return find_objective(self) != LG_OK ||
+           lg_search_report(self->session, done, total, self->trial->objective);
 }
 
 static lg_status run_fit(search_trial *self, lg_error *error) {
@@ -206,8 +210,12 @@ static lg_status run_fit(search_trial *self, lg_error *error) {
     self->trial->parameters = task->recipe->parameters(task->training.run);
     status = lg_fit_run(fit, error);
     self->trial->epochs = lg_fit_epochs_done(fit);
+    if (status == LG_OK) (void)find_objective(self);
+    if (self->failure.status != LG_OK) {
+        *error = self->failure;
+        return error->status;
+    }
     if (status != LG_OK) return status;
-    self->trial->objective = objective_of(self);
     (void)lg_search_report(self->session, self->trial->epochs, self->trial->epochs, self->trial->objective);
     return LG_OK;
 }

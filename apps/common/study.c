@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/bytes.h"
 #include "liegrad/core.h"
 #include "liegrad/files.h"
 #include "liegrad/settings.h"
@@ -223,9 +224,11 @@ static void board_task(void *user, size_t index) {
 /* Hash of everything that the runs depend on. */
 static void label_of(const study_plan *plan, char label[LG_SHA256_TEXT]) {
     lg_sha256 sha;
+    unsigned char seed[8];
+    lg_bytes_put(seed, sizeof seed, plan->seed);
     lg_sha256_init(&sha);
     lg_sha256_add(&sha, plan->protocol, strlen(plan->protocol));
-    lg_sha256_add(&sha, &plan->seed, sizeof plan->seed);
+    lg_sha256_add(&sha, seed, sizeof seed);
     for (uint32_t i = 0; i < plan->axis_count; i++) {
         const study_axis *axis = &plan->axes[i];
         lg_sha256_add(&sha, axis->name, strlen(axis->name) + 1);

@@ -266,7 +266,7 @@ static int stopped(const train_session *self, lg_status status) {
 static int conclude(train_session *self, lg_status status, const lg_error *fit_error) {
     lg_error error = {LG_OK, ""};
     int code = APP_EXIT_OK;
-    if (files->history != NULL) {
+    if (files->history != NULL && lg_fit_epochs_done(fit_of(self)) > 0) {
         const lg_status saved = train_save_history(files->history, fit_of(self), &error);
         if (saved != LG_OK) code = app_fail_file(self->app, saved, &error, files->history);
     }

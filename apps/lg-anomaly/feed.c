@@ -229,8 +229,7 @@ static lg_status file_failed(lg_error *error) {
 static lg_status sink_close(sink *to, lg_status status, lg_error *error) {
     if (values.out == NULL) return status;
     if (to->direct) return close(to->fd) != 0 && status == LG_OK ? file_failed(error) : status;
-    if (status == LG_OK && (fsync(to->fd) != 0 || rename(to->temporary.name, values.out) != 0))
-        status = file_failed(error);
+    if (status == LG_OK) status = lg_temporary_publish(&to->temporary, values.out, error);
     if (status != LG_OK) (void)unlink(to->temporary.name);
     lg_temporary_end(&to->temporary);
     return status;

@@ -238,10 +238,12 @@ void block_add_adjoint(const block *b, text *to) {
         to,
         "static void add(double *to, const double *from, int count) {\n    int k;\n"
         "    for (k = 0; k < count; k++) to[k] += from[k];\n}\n\n"
-        "/* Cotangents `seed` of derivatives and outputs, pulled back to the other values. */\n"
+        "/* Cotangents `seed` of derivatives and outputs, pulled back to the other values. Values that are "
+        "results\n"
+        " * themselves keep their own. */\n"
         "static int adjoint(const double *r, const double *seed, double *out, double *room, double *work) "
-        "{\n    memset(out, 0, NUMBERS * sizeof *out);\n");
-    if (!can) lg_text_add(to, "    (void)r, (void)seed, (void)room, (void)work, (void)add;\n");
+        "{\n    memcpy(out, seed, NUMBERS * sizeof *out);\n");
+    if (!can) lg_text_add(to, "    (void)r, (void)room, (void)work, (void)add;\n");
     for (size_t i = 0; i < b->part_count && can; i++) {
         const part *p = &b->parts[i];
         add_call(b, p->adjoint, to);

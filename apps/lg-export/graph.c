@@ -3,8 +3,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* MOST_NODES is a limit of this file; MOST_OUTPUTS is the limit of outputs per function of a program. */
-enum { MOST_NODES = 1 << 20, MOST_OUTPUTS = 64 };
+/* MOST_NODES is a limit of this file; MOST_OUTPUTS is the limit of outputs per function of a program, and
+ * MOST_JOINED of inputs per operation. */
+enum { MOST_NODES = 1 << 20, MOST_OUTPUTS = 64, MOST_JOINED = 64 };
 
 /* ---- writing out calls and loops ---- */
 
@@ -75,16 +76,66 @@ static lg_status inline_operations(graph *g, const lg_program *program, const lg
     return status;
 }
 
+/* Adds a node with this shape, that reads the given ones. */
+static uint32_t add_shaped(graph *g, const char *name, const uint32_t *from, size_t count,
+                           const lg_affine *shape, uint32_t rank) {
+    lg_operation op = {.name = name, .revision = 1, .input_count = (uint32_t)count, .rank = rank};
+    uint32_t *inputs = app_alloc(count, sizeof *inputs);
+    memcpy(inputs, from, count * sizeof *inputs);
+    memcpy(op.shape, shape, rank * sizeof *shape);
+    op.inputs = inputs;
+    return add_node(g, &op);
+}
+
+/* Joins nodes of equal shapes, in which the axis has length 1. */
+static uint32_t join(graph *g, const uint32_t *parts, size_t count, int64_t axis) {
+    lg_affine shape[LG_MAX_RANK];
+    uint32_t halves[2];
+    const uint32_t rank = g->nodes[parts[0]].op.rank;
+    memcpy(shape, g->nodes[parts[0]].op.shape, sizeof shape);
+    shape[axis].base = (int64_t)count;
+    if (count > MOST_JOINED) {
+        halves[0] = join(g, parts, count / 2, axis);
+        halves[1] = join(g, parts + count / 2, count - count / 2, axis);
+        parts = halves;
+        count = 2;
+    }
+    const uint32_t joined = add_shaped(g, "concat", parts, count, shape, rank);
+    g->nodes[joined].op.whole[0].base = axis;
+    return joined;
+}
+
+/* The values of all rounds, (times, shape...): first each as (1, shape...). */
+static uint32_t join_path(graph *g, const lg_port *port, const uint32_t *rounds, uint32_t times) {
+    const int64_t axis = !port->shared;
+    const uint32_t rank = port->shape.rank + !port->shared;
+    lg_affine shape[LG_MAX_RANK] = {{0, 1}};
+    uint32_t *parts = app_alloc(times, sizeof *parts);
+    for (uint32_t k = 0; k < port->shape.rank; k++)
+        shape[k + !port->shared] = (lg_affine){k == 0 ? 1 : port->shape.dims[k], 0};
+    for (uint32_t n = 0; n < times; n++) parts[n] = add_shaped(g, "reshape", &rounds[n], 1, shape, rank);
+    const uint32_t joined = join(g, parts, times, axis);
+    free(parts);
+    return joined;
+}
+
 static lg_status inline_loop(graph *g, const lg_program *program, const lg_function_image *image,
                              const uint32_t *inputs, uint32_t *results) {
-    uint32_t *now = app_alloc(image->input_count, sizeof *now);
+    const size_t called = image->output_count - image->path_count;
+    uint32_t *now = app_alloc(image->input_count, sizeof *now),
+             *rounds = app_alloc(image->path_count * image->times, sizeof *rounds);
     lg_status status = LG_OK;
     for (size_t i = 0; i < image->input_count; i++) now[i] = inputs[i];
     for (uint32_t n = 0; n < image->times && status == LG_OK; n++) {
         status = inline_function(g, program, image->callee, now, results);
+        for (size_t k = 0; k < image->path_count; k++) rounds[k * image->times + n] = results[image->path[k]];
         for (size_t i = 0; i < image->input_count && status == LG_OK; i++)
             if (image->carry[i] != LG_CARRY_NONE) now[i] = results[image->carry[i]];
     }
+    for (size_t k = 0; k < image->path_count && status == LG_OK; k++)
+        results[called + k] =
+            join_path(g, &image->outputs[called + k], rounds + k * image->times, image->times);
+    free(rounds);
     free(now);
     return status;
 }

@@ -3,6 +3,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/bytes.h"
+
 #include "lg-export/onnx.h"
 
 onnx_name onnx_name_of(const onnx_job *j, uint32_t node) {
@@ -28,29 +30,26 @@ int onnx_real_type(const onnx_job *j) {
 }
 
 static void add_tensor(onnx_job *j, const char *called, int type, const int64_t *dims, size_t rank,
-                       const void *data, size_t bytes) {
+                       text *raw) {
     text tensor = app_text();
     for (size_t i = 0; i < rank; i++) proto_whole(&tensor, 1, dims[i]);
     proto_whole(&tensor, 2, type);
     proto_text(&tensor, 8, called);
-    proto_bytes(&tensor, 9, data, bytes);
+    proto_message(&tensor, 9, raw);
     proto_message(&j->graph, 5, &tensor);
 }
 
 void onnx_add_reals(onnx_job *j, const char *called, const int64_t *dims, size_t rank, const double *values,
                     size_t count) {
-    if (j->options->dtype != LG_F32) {
-        add_tensor(j, called, ONNX_DOUBLE, dims, rank, values, count * sizeof *values);
-    } else {
-        float *narrow = app_alloc(count, sizeof *narrow);
-        for (size_t i = 0; i < count; i++) narrow[i] = (float)values[i];
-        add_tensor(j, called, ONNX_FLOAT, dims, rank, narrow, count * sizeof *narrow);
-        free(narrow);
-    }
+    const bool single = j->options->dtype == LG_F32;
+    text raw = app_text();
     for (size_t i = 0; i < count; i++) {
+        lg_text_add_bytes(&raw, single ? 4 : 8,
+                          single ? lg_bits_of_f32((float)values[i]) : lg_bits_of_f64(values[i]));
         if (!isfinite(export_round(j->options, values[i]))) j->graph.unfit = true;
         j->graph.lost += lg_is_lost(j->options->dtype, values[i]);
     }
+    add_tensor(j, called, onnx_real_type(j), dims, rank, &raw);
 }
 
 onnx_name onnx_number(onnx_job *j, double value) {
@@ -62,7 +61,9 @@ onnx_name onnx_number(onnx_job *j, double value) {
 onnx_name onnx_wholes(onnx_job *j, const int64_t *values, size_t count) {
     const onnx_name n = onnx_new_name(j);
     const int64_t dim = (int64_t)count;
-    add_tensor(j, n.text, ONNX_INT64, &dim, 1, values, count * sizeof *values);
+    text raw = app_text();
+    for (size_t i = 0; i < count; i++) lg_text_add_bytes(&raw, 8, (uint64_t)values[i]);
+    add_tensor(j, n.text, ONNX_INT64, &dim, 1, &raw);
     return n;
 }
 
@@ -155,6 +156,13 @@ static onnx_name batch_of(onnx_job *j) {
     onnx_emit_to(j, batch.text, "Gather", (onnx_name[]){shape, first}, 2, NULL, 0);
     j->has_batch = true;
     return batch;
+}
+
+onnx_name onnx_affine(onnx_job *j, lg_affine a) {
+    const onnx_name batch = onnx_binary(j, "Squeeze", batch_of(j), onnx_wholes(j, (int64_t[]){0}, 1));
+    const onnx_name rows = onnx_cast(j, batch, onnx_real_type(j));
+    return onnx_binary(j, "Add", onnx_binary(j, "Mul", rows, onnx_number(j, (double)a.rows)),
+                       onnx_number(j, (double)a.base));
 }
 
 onnx_name onnx_for_each_row(onnx_job *j, onnx_name x, const lg_operation *op) {

@@ -40,7 +40,8 @@ static bool mixture(const onnx_operation *o) {
 }
 
 static bool scaled(const onnx_operation *o) {
-    if (o->op->reciprocal.base != 0 || o->op->reciprocal.rows != 0) return false;
+    if (o->op->reciprocal.base != 0 || o->op->reciprocal.rows != 0)
+        return onnx_give(o, onnx_binary(o->j, "Div", o->x[0], onnx_affine(o->j, o->op->reciprocal)));
     return onnx_give(o, onnx_binary(o->j, "Mul", o->x[0], onnx_number(o->j, o->op->real)));
 }
 static bool shifted(const onnx_operation *o) {
@@ -201,8 +202,16 @@ static bool maximum(const onnx_operation *o) {
     return onnx_give(o, onnx_reshape(o->j, y, o->op->shape, o->op->rank));
 }
 
+/* A new first axis, of which each row of the batch is a copy of x. */
+static bool repeated_for_rows(const onnx_operation *o) {
+    lg_affine shape[LG_MAX_RANK] = {{1, 0}};
+    if (o->op->whole[0].base != 1 || o->op->shape[0].base != 0 || o->op->shape[0].rows != 1) return false;
+    for (uint32_t k = 1; k < o->op->rank; k++) shape[k] = o->op->shape[k];
+    return onnx_give(o, onnx_for_each_row(o->j, onnx_reshape(o->j, o->x[0], shape, o->op->rank), o->op));
+}
+
 static bool repeated(const onnx_operation *o) {
-    if (o->op->whole[1].rows != 0) return false;
+    if (o->op->whole[1].rows != 0) return repeated_for_rows(o);
     const lg_affine one[3] = {o->op->whole[0], {1, 0}, o->op->whole[2]};
     const onnx_name x = onnx_reshape(o->j, o->x[0], one, 3);
     const onnx_name y =
@@ -301,7 +310,7 @@ static const struct {
             {"spd_solve", NULL, onnx_solve, false},
             {"conv1d", NULL, onnx_convolution, true},
             {"conv1d_block", NULL, onnx_block, true},
-            {"avg_pool1d", NULL, onnx_average_pool, false},
+            {"avg_pool1d", NULL, onnx_average_pool, true},
             {"pool_pick", NULL, onnx_max_pool, false}};
 
 /* Returns the row of an operation, or LG_COUNT(rows) if there is none. */

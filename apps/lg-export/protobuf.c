@@ -23,7 +23,7 @@ void proto_whole(text *to, int field, int64_t value) {
     add_varint(to, (uint64_t)value);
 }
 
-void proto_bytes(text *to, int field, const void *data, size_t length) {
+static void proto_bytes(text *to, int field, const void *data, size_t length) {
     add_key(to, field, LENGTH);
     add_varint(to, length);
     lg_text_append(to, data, length);

@@ -5,7 +5,6 @@
 #include "lg-export/export.h"
 
 void proto_whole(text *to, int field, int64_t value);
-void proto_bytes(text *to, int field, const void *data, size_t length);
 void proto_text(text *to, int field, const char *value);
 /* Adds `message` as a field of `to`, then frees the message's text. */
 void proto_message(text *to, int field, text *message);

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/bytes.h"
 #include "liegrad/model.h"
 
 #include "lg-export/export.h"
@@ -27,10 +28,10 @@ static void add_tensor(job *j, const char *name, uint32_t rank, const uint64_t *
         count *= dims[k];
     }
     for (size_t i = 0; i < count; i++) {
-        const float narrow = (float)values[i];
         if (!isfinite(export_round(j->options, values[i]))) j->data.unfit = true;
         j->data.lost += lg_is_lost(j->options->dtype, values[i]);
-        lg_text_append(&j->data, single ? (const char *)&narrow : (const char *)&values[i], single ? 4 : 8);
+        lg_text_add_bytes(&j->data, single ? 4 : 8,
+                          single ? lg_bits_of_f32((float)values[i]) : lg_bits_of_f64(values[i]));
     }
     lg_text_add(&j->header, "],\"data_offsets\":[%zu,%zu]}", start, j->data.length);
     j->tensors++;
@@ -57,11 +58,7 @@ static void write_file(job *j, export_source *source) {
     text *to = export_add_file(source, "%s.safetensors");
     lg_text_add(&j->header, "}");
     while (j->header.length % 8 != 0) lg_text_add(&j->header, " ");
-    const uint64_t length = j->header.length;
-    for (int i = 0; i < 8; i++) {
-        const char byte = (char)(length >> 8 * i & 255);
-        lg_text_append(to, &byte, 1);
-    }
+    lg_text_add_bytes(to, 8, j->header.length);
     lg_text_append(to, j->header.data, j->header.length);
     if (j->data.length > 0) lg_text_append(to, j->data.data, j->data.length);
     to->unfit = j->data.unfit;

@@ -1,8 +1,11 @@
 # What the toolchains for Linux have in common: gcc for the other machine, libraries of its own folder alone, and qemu for what
-# is to be run here.
+# is to be run here (or the loader of that folder, where LIEGRAD_LOADER names one).
 set(CMAKE_SYSTEM_NAME Linux)
 set(CMAKE_LIBRARY_ARCHITECTURE ${CMAKE_SYSTEM_PROCESSOR}-linux-gnu)
-set(CMAKE_C_COMPILER ${CMAKE_LIBRARY_ARCHITECTURE}-gcc)
+if(NOT LIEGRAD_COMPILER)
+  set(LIEGRAD_COMPILER ${CMAKE_LIBRARY_ARCHITECTURE}-gcc)
+endif()
+set(CMAKE_C_COMPILER ${LIEGRAD_COMPILER})
 if(CMAKE_SYSROOT) # before the C library that Debian's cross compilers may have of their own, which may be older
   set(lib ${CMAKE_SYSROOT}/usr/lib/${CMAKE_LIBRARY_ARCHITECTURE})
   set(include ${CMAKE_SYSROOT}/usr/include)
@@ -10,7 +13,9 @@ if(CMAKE_SYSROOT) # before the C library that Debian's cross compilers may have 
 endif()
 find_program(LIEGRAD_QEMU qemu-${CMAKE_SYSTEM_PROCESSOR})
 mark_as_advanced(LIEGRAD_QEMU)
-if(LIEGRAD_QEMU)
+if(LIEGRAD_LOADER AND CMAKE_SYSROOT)
+  set(CMAKE_CROSSCOMPILING_EMULATOR ${lib}/${LIEGRAD_LOADER} --library-path ${lib})
+elseif(LIEGRAD_QEMU)
   set(CMAKE_CROSSCOMPILING_EMULATOR ${LIEGRAD_QEMU} ${LIEGRAD_QEMU_OPTIONS} -L "${CMAKE_SYSROOT}")
 endif()
 set(CMAKE_FIND_ROOT_PATH_MODE_PROGRAM NEVER)

@@ -101,8 +101,13 @@ LG_API void lg_temporary_sweep(const lg_context *context, const char *target);
  * LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_temporary_create(const lg_context *context, const char *target, bool folder,
                                      lg_temporary *out, lg_error *error);
-/* Closes the descriptor and frees the name. Call it after the rename or removal. The caller must have checked
- * fsync before; this function reports no errors. */
+/* Puts the complete file in the place of `target`, the one that it was created for, so that it is there after
+ * a loss of power, too: fsync, rename, fsync of the folder. A file system that cannot sync a folder is no
+ * error. On success the temporary name is gone. Errors: LG_FILE with a sentence; the temporary file is still
+ * there. */
+LG_API lg_status lg_temporary_publish(lg_temporary *temporary, const char *target, lg_error *error);
+/* Closes the descriptor and frees the name. Call it after lg_temporary_publish, the rename of a folder, or
+ * the removal; this function reports no errors. */
 LG_API void lg_temporary_end(lg_temporary *temporary);
 
 /* A lock on an output, so that only one process at a time works on a file or folder. It is a lock on the

@@ -290,7 +290,7 @@ LG_API double lg_machine_width(const lg_machine *machine, const lg_machine_term 
 /* Checks a machine and fills its other members. Errors: LG_INVALID_ARGUMENT (no or too many coordinates, a
  * term that does not fit its part or the coordinates, a wrong number of values, features or widths, names
  * that are not unique, known masses or dampings that are not positive, inputs without an input map, no
- * mass). */
+ * mass), LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_machine_init(lg_machine *machine, lg_error *error);
 /* Adds the terms of a named system to a machine that already has its coordinates: a mass and, if the
  * system has one, a potential. Call it before lg_machine_init. All numbers of the system are then known
@@ -419,7 +419,7 @@ LG_API bool lg_machine_log_complete(const lg_machine *machine, const lg_machine_
 /* Sets the scales of a machine from a log: T from root mean squares of velocities and accelerations; L of
  * a line or pose as T times the root mean square of its velocity; U as the root mean squares of the
  * inputs; E such that masses are around 1. Call lg_machine_init before; what it filled stays. Errors:
- * LG_FORMAT (nothing moves, all velocities are constant, or numbers overflow). */
+ * LG_FORMAT (nothing moves, all velocities are constant, or numbers overflow), LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_machine_find_scales(lg_machine *machine, const lg_machine_log *log, lg_error *error);
 
 /* Finds the largest rate, in 1/s, at which damping slows a motion near rest: the largest quotient of slope of
@@ -590,7 +590,7 @@ typedef struct lg_identified {
     double value, error;
 } lg_identified;
 /* Writes the values of a machine's numbers (their `error` is NaN) to `out`, at most `room`; returns how
- * many there are. */
+ * many there are. The values of a system and of a network mass are NaN if there is no memory. */
 LG_API size_t lg_machine_numbers(const lg_machine *machine, const double *theta, size_t room,
                                  lg_identified *out);
 /* Chooses the position at which the mass of a network is reported, one where the logs can determine it:

@@ -366,15 +366,15 @@ static int explain_feature(const lg_novelty *v, const lg_novelty_result *r, doub
     const double to_unit = (rate > 0 ? rate : 1) / (kind >= NOVELTY_BAND ? v->spectrum.segment : 1);
     switch (kind) {
     case NOVELTY_MEAN:
-        return snprintf(text, size, ", mean off by %.3g of the channel's usual deviations", change);
+        return lg_format(text, size, ", mean off by %.3g of the channel's usual deviations", change);
     case NOVELTY_DEVIATION:
         return snprintf(text, size, "%s", "");
     case NOVELTY_CREST:
-        return snprintf(text, size, ", peaks over it %.3g times", exp(change));
+        return lg_format(text, size, ", peaks over it %.3g times", exp(change));
     default:
-        return snprintf(text, size, ", amplitude from %.3g to %.3g %s %.3g times",
-                        (v->spectrum.edge[band] - 0.5) * to_unit,
-                        (v->spectrum.edge[band + 1] - 0.5) * to_unit, unit, exp(0.5 * change));
+        return lg_format(text, size, ", amplitude from %.3g to %.3g %s %.3g times",
+                         (v->spectrum.edge[band] - 0.5) * to_unit,
+                         (v->spectrum.edge[band + 1] - 0.5) * to_unit, unit, exp(0.5 * change));
     }
 }
 
@@ -390,12 +390,12 @@ int lg_novelty_explain(const lg_novelty *v, const lg_novelty_result *r, char (*n
                         channel, r->samples, v->length);
     case LG_NOVELTY_CHANNEL:
         (void)explain_feature(v, r, rate, more, sizeof more);
-        return snprintf(text, size, "%s: standard deviation %.3g times the usual%s", channel, r->deviation,
-                        more);
+        return lg_format(text, size, "%s: standard deviation %.3g times the usual%s", channel, r->deviation,
+                         more);
     case LG_NOVELTY_PAIR:
         (void)name_channel(names, r->other, other);
-        return snprintf(text, size, "%s and %s: correlation %.3g, usually %.3g", channel, other,
-                        tanh(r->value), tanh(r->usual));
+        return lg_format(text, size, "%s and %s: correlation %.3g, usually %.3g", channel, other,
+                         tanh(r->value), tanh(r->usual));
     case LG_NOVELTY_NONE:
         break;
     }

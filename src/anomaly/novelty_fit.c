@@ -296,7 +296,7 @@ static lg_status allocate(fitting *f, const uint32_t *chosen, size_t count, lg_e
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %u features of %zu windows", f->v->features,
                        rows);
     for (size_t i = 0; i < rows; i++) {
-        const size_t at = i * count / rows;
+        const size_t at = lg_spread(i, count, rows);
         f->window[i] = chosen != NULL ? chosen[at] : (uint32_t)at;
         f->label[i] = f->series->label[f->windows->first[f->window[i]]];
     }

@@ -72,8 +72,8 @@ static lg_status begin_quadratic(lg_certify *c, lg_error *error) {
         c->phase = LG_CERTIFY_DONE;
         memcpy(c->failed_low, c->low, sizeof c->low);
         memcpy(c->failed_high, c->high, sizeof c->high);
-        (void)snprintf(c->reason, sizeof c->reason,
-                       "{V <= %.6g} is not inside of the box; it is up to the level %.6g", c->level, reach);
+        (void)lg_format(c->reason, sizeof c->reason,
+                        "{V <= %.6g} is not inside of the box; it is up to the level %.6g", c->level, reach);
         return LG_OK;
     }
     return lg_certify_begin(c, LG_CERTIFY_FALL);
@@ -135,8 +135,8 @@ lg_status lg_certify_create(const lg_context *context, const lg_certify_spec *sp
 static int write_box(const lg_certify *c, char *text, size_t size) {
     int at = 0;
     for (size_t i = 0; i < c->n && at < (int)size; i++)
-        at += snprintf(text + at, size - (size_t)at, "%s[%.6g, %.6g]", i == 0 ? "" : " x ", c->low[i],
-                       c->high[i]);
+        at += lg_format(text + at, size - (size_t)at, "%s[%.6g, %.6g]", i == 0 ? "" : " x ", c->low[i],
+                        c->high[i]);
     return at;
 }
 
@@ -150,7 +150,7 @@ static void write_error(const lg_certify *c, char *text, size_t size) {
     }
     int at = snprintf(text, size, "the %s may err by up to ", c->step ? "next state" : "rate");
     for (size_t i = 0; i < (equal ? 1 : c->n) && at < (int)size; i++)
-        at += snprintf(text + at, size - (size_t)at, "%s%.3g", i > 0 ? ", " : equal ? "" : "(", c->error[i]);
+        at += lg_format(text + at, size - (size_t)at, "%s%.3g", i > 0 ? ", " : equal ? "" : "(", c->error[i]);
     if (at < (int)size) (void)snprintf(text + at, size - (size_t)at, equal ? " per component" : ")");
 }
 
@@ -159,7 +159,7 @@ static void write_claim(lg_certify *c) {
     const bool verified = c->phase == LG_CERTIFY_DONE && !c->failed;
     (void)write_box(c, box, sizeof box);
     write_error(c, error, sizeof error);
-    (void)snprintf(
+    (void)lg_format(
         c->claim, sizeof c->claim,
         "%s: in the box %s, %s for eps = %.6g <= V <= c = %.6g, {V <= c} does not leave the box, and "
         "motions from it %s; %s; angles are counted, not wrapped.",

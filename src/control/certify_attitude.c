@@ -40,7 +40,7 @@ lg_status lg_certify_attitude(const double *A, double damping, lg_certify_attitu
             damping > 0 ? "a rotation by pi is no higher than the goal: two eigenvalues of A have a sum of "
                           "at most 0"
                         : "the damping is not positive");
-    (void)snprintf(
+    (void)lg_format(
         r.claim, sizeof r.claim,
         "%s: motions from {w.J w/2 + tr(A (1 - Q)) < c = %.6g} converge to the goal (continuous inputs, no "
         "limit of torque, no model error); further critical rotations, by pi, have the values %.6g, %.6g, "

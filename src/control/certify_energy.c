@@ -97,10 +97,10 @@ static bool check_side(checking *c, const lg_certify_energy_spec *spec, double s
 static void say(const lg_certify_energy_spec *spec, lg_certify_energy_result *r) {
     char margin[128] = "";
     if (r->verified)
-        (void)snprintf(margin, sizeof margin,
-                       "; the torque exceeds the potential's by at least %.4g for |q| >= %.4g", r->margin,
-                       spec->saturated);
-    (void)snprintf(
+        (void)lg_format(margin, sizeof margin,
+                        "; the torque exceeds the potential's by at least %.4g for |q| >= %.4g", r->margin,
+                        spec->saturated);
+    (void)lg_format(
         r->claim, sizeof r->claim,
         "%s: from every state, with the angle counted on the real line and the torque inside one limit, "
         "motions converge to q = 0 (continuous inputs, damping at least %.4g, no model error beyond it)%s.",

@@ -93,7 +93,7 @@ lg_status lg_certify_rotation(const lg_certify_rotation_spec *spec, lg_certify_r
     if (r.verified) r.angle = 2 * acos(fmax(1 - r.level / r.critical, 0)) * (1 - 1e-9);
     if (!r.verified)
         (void)snprintf(r.reason, sizeof r.reason, "the %s is not positive", k > 0 ? "damping" : "stiffness");
-    (void)snprintf(
+    (void)lg_format(
         r.claim, sizeof r.claim,
         "%s: motions from {w.J w/2 + 4 k (1 - cos(a/2)) < c = %.6g} converge to the goal, with k = %.6g "
         "and the angle a of the rotation from the goal; these are all rotations at rest up to %.6g "

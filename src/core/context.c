@@ -69,9 +69,9 @@ void lg_context_destroy(lg_context *context) {
     options.release(options.allocator_user, context);
 }
 
-void *lg_alloc(const lg_context *context, size_t count, size_t size) {
+void *lg_alloc(const lg_context *context, uint64_t count, size_t size) {
     if (size != 0 && count > (SIZE_MAX - 2 * LG_ALIGNMENT) / size) return NULL;
-    size_t bytes = count * size;
+    size_t bytes = (size_t)count * size;
     if (bytes == 0) bytes = 1;
     void *memory = context != NULL ? context->options.allocate(context->options.allocator_user, bytes)
                                    : default_allocate(NULL, bytes);
@@ -103,7 +103,7 @@ void lg_log_message(const lg_context *context, lg_log_level level, const char *f
     char message[512];
     va_list arguments;
     va_start(arguments, format);
-    (void)vsnprintf(message, sizeof message, format, arguments);
+    (void)lg_format_list(message, sizeof message, format, arguments);
     va_end(arguments);
     context->options.log(context->options.log_user, level, message);
 }

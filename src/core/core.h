@@ -41,7 +41,7 @@
 
 /* Returns zeroed memory, aligned to 64 bytes, or NULL on failure or if count * size overflows. If count *
  * size is 0, the pointer is valid. With a NULL context the C library's allocator is used. */
-void *lg_alloc(const lg_context *context, size_t count, size_t size);
+void *lg_alloc(const lg_context *context, uint64_t count, size_t size);
 void lg_free(const lg_context *context, void *memory);
 char *lg_strdup(const lg_context *context, const char *text);
 
@@ -62,6 +62,12 @@ void lg_log_message(const lg_context *context, lg_log_level level, const char *f
 /* Fills `error` (may be NULL) and returns `status`, so that a function can fail in one statement. */
 lg_status lg_fail(lg_error *error, lg_status status, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
+
+/* snprintf, vsnprintf and strtod that write and read numbers with a point, whatever the locale of the process
+ * or thread is. Code of the library uses these for real numbers. */
+int lg_format(char *text, size_t size, const char *format, ...) __attribute__((format(printf, 3, 4)));
+int lg_format_list(char *text, size_t size, const char *format, va_list arguments);
+double lg_real(const char *text, char **end);
 
 /* Seconds of a monotonic clock. */
 double lg_seconds(void);

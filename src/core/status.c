@@ -29,7 +29,7 @@ lg_status lg_fail(lg_error *error, lg_status status, const char *format, ...) {
         va_list arguments;
         va_start(arguments, format);
         error->status = status;
-        (void)vsnprintf(error->message, sizeof error->message, format, arguments);
+        (void)lg_format_list(error->message, sizeof error->message, format, arguments);
         va_end(arguments);
     }
     return status;

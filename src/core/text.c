@@ -6,6 +6,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "core/bytes.h"
+
 void lg_text_append(lg_text *to, const char *data, size_t length) {
     if (to->failed) return;
     if (to->length + length + 1 > to->room) {
@@ -25,6 +27,12 @@ void lg_text_append(lg_text *to, const char *data, size_t length) {
     to->data[to->length] = '\0';
 }
 
+void lg_text_add_bytes(lg_text *to, size_t count, uint64_t bits) {
+    unsigned char bytes[8];
+    lg_bytes_put(bytes, count, bits);
+    lg_text_append(to, (const char *)bytes, count);
+}
+
 void lg_text_join(lg_text *to, const lg_text *from) {
     if (from->length > 0) lg_text_append(to, from->data, from->length);
     to->unfit = to->unfit || from->unfit;
@@ -37,14 +45,14 @@ void lg_text_add(lg_text *to, const char *format, ...) {
     va_list arguments, again;
     va_start(arguments, format);
     va_copy(again, arguments);
-    const int length = vsnprintf(small, sizeof small, format, arguments);
+    const int length = lg_format_list(small, sizeof small, format, arguments);
     va_end(arguments);
     if (length >= 0 && (size_t)length < sizeof small) {
         lg_text_append(to, small, (size_t)length);
     } else if (length > 0) {
         char *large = lg_alloc(to->context, (size_t)length + 1, 1);
         if (large != NULL) {
-            (void)vsnprintf(large, (size_t)length + 1, format, again);
+            (void)lg_format_list(large, (size_t)length + 1, format, again);
             lg_text_append(to, large, (size_t)length);
         } else {
             to->failed = true;
@@ -91,7 +99,7 @@ void lg_text_add_real(lg_text *to, lg_dtype dtype, double value) {
     char digits[40];
     if (!isfinite(stored)) to->unfit = true;
     if (lg_is_lost(dtype, value)) to->lost++;
-    (void)snprintf(digits, sizeof digits, "%.*g", dtype == LG_F32 ? 9 : 17, isfinite(stored) ? stored : 0.0);
+    (void)lg_format(digits, sizeof digits, "%.*g", dtype == LG_F32 ? 9 : 17, isfinite(stored) ? stored : 0.0);
     lg_text_add(to, "%s%s%s", digits, strpbrk(digits, ".e") == NULL ? ".0" : "", dtype == LG_F32 ? "f" : "");
 }
 

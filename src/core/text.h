@@ -17,6 +17,8 @@ typedef struct lg_text {
 
 void lg_text_add(lg_text *to, const char *format, ...) __attribute__((format(printf, 2, 3)));
 void lg_text_append(lg_text *to, const char *data, size_t length);
+/* Adds the `count` lowest bytes of a number, the lowest first. */
+void lg_text_add_bytes(lg_text *to, size_t count, uint64_t bits);
 /* Adds all of another text, and takes over its flags and counts. */
 void lg_text_join(lg_text *to, const lg_text *from);
 /* Adds `code`, with NAME_ at the beginning of a word replaced by `name` and _. */

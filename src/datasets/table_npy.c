@@ -8,6 +8,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
+#include "core/bytes.h"
 #include "files/read_file.h"
 #include "datasets/table_reading.h"
 
@@ -18,17 +19,12 @@ typedef struct npy {
     char header[LONGEST_HEADER + 1];
     char kind; /* f, i, u or b, as in numpy */
     unsigned bytes;
-    bool swapped, fortran;
+    bool big_endian, fortran;
     uint64_t rows, columns;
 } npy;
 
 static lg_status fail(const lg_table_reading *r, const char *what, lg_error *error) {
     return lg_fail(error, LG_FORMAT, "%s: %s", r->shown, what);
-}
-
-static bool big_endian(void) {
-    const uint16_t one = 1;
-    return *(const uint8_t *)(const void *)&one == 0;
 }
 
 /* ---- the header ---- */
@@ -39,8 +35,7 @@ static lg_status read_header(const lg_table_reading *r, npy *n, lg_error *error)
     const unsigned version = start[6], wide = version == 1 ? 2 : 4;
     if (version < 1 || version > 3) return fail(r, "is of an unknown version of numpy's format", error);
     if (fread(start + MAGIC, 1, wide, n->from) != wide) return fail(r, "ends within numpy's header", error);
-    uint32_t length = 0;
-    for (unsigned i = wide; i-- > 0;) length = length << 8 | start[MAGIC + i];
+    const uint32_t length = (uint32_t)lg_bytes_get(start + MAGIC, wide);
     if (length > LONGEST_HEADER) return fail(r, "has a numpy header of more than 65536 bytes", error);
     if (fread(n->header, 1, length, n->from) != length) return fail(r, "ends within numpy's header", error);
     n->header[length] = '\0';
@@ -60,10 +55,9 @@ static lg_status parse_type(const lg_table_reading *r, npy *n, lg_error *error) 
     const char *at = value_of(n, "'descr'");
     if (at == NULL || *at != '\'' || strlen(at) < 4)
         return fail(r, "does not hold a plain array of numbers (descr)", error);
-    const char order = at[1];
     n->kind = at[2];
     n->bytes = (unsigned)(at[3] - '0');
-    n->swapped = order == (big_endian() ? '<' : '>');
+    n->big_endian = at[1] == '>';
     const bool whole = (n->kind == 'i' || n->kind == 'u') &&
                        (n->bytes == 1 || n->bytes == 2 || n->bytes == 4 || n->bytes == 8);
     const bool real = n->kind == 'f' && (n->bytes == 4 || n->bytes == 8);
@@ -122,21 +116,11 @@ static lg_status check_size(const lg_table_reading *r, const npy *n, lg_error *e
 /* ---- numbers ---- */
 
 static double number_of(const npy *n, const unsigned char *raw) {
-    unsigned char bytes[MOST_BYTES] = {0};
+    unsigned char bytes[MOST_BYTES];
     const unsigned size = n->bytes;
-    uint64_t bits = 0;
-    for (unsigned i = 0; i < size; i++) bytes[i] = raw[n->swapped ? size - 1 - i : i];
-    for (unsigned i = 0; i < size; i++) bits |= (uint64_t)bytes[i] << 8 * (big_endian() ? size - 1 - i : i);
-    if (n->kind == 'f' && size == 8) {
-        double value;
-        memcpy(&value, bytes, sizeof value);
-        return value;
-    }
-    if (n->kind == 'f') {
-        float value;
-        memcpy(&value, bytes, sizeof value);
-        return (double)value;
-    }
+    for (unsigned i = 0; i < size; i++) bytes[i] = raw[n->big_endian ? size - 1 - i : i];
+    const uint64_t bits = lg_bytes_get(bytes, size);
+    if (n->kind == 'f') return size == 8 ? lg_f64_of_bits(bits) : (double)lg_f32_of_bits((uint32_t)bits);
     const uint64_t top = (uint64_t)1 << (8 * size - 1);
     if (n->kind == 'i' && (bits & top) != 0) return -(double)(top - (bits & (top - 1)));
     return (double)bits;

@@ -186,7 +186,7 @@ lg_status lg_table_set_label(lg_table_reading *r, size_t row, const char *text, 
         return lg_fail(error, LG_FORMAT, "%s: %s %zu: column %s: the class has more than %d bytes", r->shown,
                        r->out.place, r->out.line[row], r->class_column, LG_TABLE_NAME - 1);
     if (*text != '\0' && lg_number_parse(text, &value) == LG_OK)
-        (void)snprintf(to, LG_TABLE_NAME, "%.15g", value == 0.0 ? 0.0 : value);
+        (void)lg_format(to, LG_TABLE_NAME, "%.15g", value == 0.0 ? 0.0 : value);
     else
         (void)snprintf(to, LG_TABLE_NAME, "%s", text);
     (void)lg_tamed(to);
@@ -196,7 +196,7 @@ lg_status lg_table_set_label(lg_table_reading *r, size_t row, const char *text, 
 static lg_status set_label_number(lg_table_reading *r, size_t row, double value, lg_error *error) {
     char text[32] = "";
     LG_TRY(check_number(r, row, r->class_column, value, error));
-    if (!isnan(value)) (void)snprintf(text, sizeof text, "%.15g", value);
+    if (!isnan(value)) (void)lg_format(text, sizeof text, "%.15g", value);
     return lg_table_set_label(r, row, text, error);
 }
 

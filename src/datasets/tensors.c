@@ -5,6 +5,7 @@
 #include <string.h>
 #include <yaml.h>
 
+#include "core/bytes.h"
 #include "files/h5.h"
 #include "files/read_file.h"
 #include "settings/files/yaml.h"
@@ -23,25 +24,20 @@ static double of_half(uint16_t h) {
 }
 
 static double read_f64(const unsigned char *raw) {
-    double x;
-    memcpy(&x, raw, sizeof x);
-    return x;
+    return lg_f64_of_bits(lg_bytes_get(raw, 8));
 }
 
 static double read_f32(const unsigned char *raw) {
-    float x;
-    memcpy(&x, raw, sizeof x);
-    return (double)x;
+    return (double)lg_f32_of_bits((uint32_t)lg_bytes_get(raw, 4));
 }
 
 static double read_f16(const unsigned char *raw) {
-    return of_half((uint16_t)(raw[0] | raw[1] << 8));
+    return of_half((uint16_t)lg_bytes_get(raw, 2));
 }
 
 /* A bfloat16 is the upper half of a float. */
 static double read_bf16(const unsigned char *raw) {
-    const unsigned char wide[4] = {0, 0, raw[0], raw[1]};
-    return read_f32(wide);
+    return (double)lg_f32_of_bits((uint32_t)lg_bytes_get(raw, 2) << 16);
 }
 
 static const struct {
@@ -140,14 +136,15 @@ static lg_status take_tensor(const reading *r, const char *name, const yaml_node
         return bad(r, error, name, "the shape is not a list of at most 4 whole numbers");
     if (!wholes_of(document, value_of(document, about, "data_offsets"), range, 2, &ends) || ends != 2)
         return bad(r, error, name, "data_offsets is not a list of 2 whole numbers");
-    t->count = 1;
+    uint64_t count = 1;
     for (uint32_t k = 0; k < t->rank; k++) {
-        if (t->dims[k] > 0 && t->count > r->bytes / t->dims[k])
+        if (t->dims[k] > 0 && count > r->bytes / t->dims[k])
             return bad(r, error, name, "data_offsets do not fit the shape or the file");
-        t->count *= (size_t)t->dims[k];
+        count *= t->dims[k];
     }
-    if (range[1] > r->bytes || range[0] > range[1] || range[1] - range[0] != t->count * types[type].bytes)
+    if (range[1] > r->bytes || range[0] > range[1] || range[1] - range[0] != count * types[type].bytes)
         return bad(r, error, name, "data_offsets do not fit the shape or the file");
+    t->count = (size_t)count; /* check_places refuses more than memory can hold */
     r->places[r->out->count++] = (place){range[0], range[1], type, t};
     return LG_OK;
 }
@@ -191,14 +188,14 @@ static lg_status check_places(const reading *r, lg_error *error) {
     const size_t count = r->out->count;
     uint64_t end = 0, numbers = 0;
     lg_read_options options;
-    lg_read_options_init(&options);
+    LG_TRY(lg_read_options_resolve(NULL, &options, error));
     qsort(r->places, count, sizeof *r->places, by_place);
     for (size_t i = 0; i < count; end = r->places[i++].end) {
         const place *p = &r->places[i];
         if (p->begin < end) return bad(r, error, p->tensor->name, "shares bytes with another tensor");
         if (p->begin > end)
             return bad(r, error, p->tensor->name, "begins after bytes that belong to no tensor");
-        numbers += p->tensor->count;
+        numbers += (p->end - p->begin) / types[p->type].bytes;
     }
     if (end < r->bytes)
         return lg_fail(error, LG_FORMAT, "%s: %llu bytes after the last tensor belong to no tensor",
@@ -235,9 +232,8 @@ static lg_status read_numbers(const reading *r, const place *p, lg_error *error)
 /* Reads the length of the header (8 bytes, little-endian) and the header. */
 static lg_status read_header(reading *r, lg_error *error) {
     unsigned char first[8] = {0};
-    uint64_t length = 0;
     const bool begun = fread(first, 1, sizeof first, r->from) == sizeof first;
-    for (size_t i = 0; i < sizeof first; i++) length |= (uint64_t)first[i] << 8 * i;
+    const uint64_t length = lg_bytes_get(first, sizeof first);
     bool fits = begun && length >= 2 && length <= MOST_HEADER && length <= r->bytes - sizeof first;
     if (fits) {
         r->text = lg_alloc(r->context, (size_t)length, 1);

@@ -274,9 +274,26 @@ static lg_status read_part(lg_h5 *h5, const char *name, const lg_dataset *d, hid
     return lg_dataset_error(h5, name, "cannot be read: cut short, damaged, or a number out of range", error);
 }
 
+/* Where integers of a file differ from those in memory in sign and byte order alone, HDF5 only turns the
+ * bytes around: numbers out of range come out as others of the same bits, and have the highest bit set. */
+static bool is_reinterpreted(hid_t stored, hid_t memory) {
+    return H5Tget_class(stored) == H5T_INTEGER && H5Tget_class(memory) == H5T_INTEGER &&
+           H5Tget_size(stored) == H5Tget_size(memory) && H5Tget_sign(stored) != H5Tget_sign(memory);
+}
+
+static bool has_highest_bit(const unsigned char *values, uint64_t count, hid_t memory) {
+    const size_t size = H5Tget_size(memory), top = H5Tget_order(memory) == H5T_ORDER_LE ? size - 1 : 0;
+    uint64_t i = 0;
+    while (i < count && (values[i * size + top] & 0x80) == 0) i++;
+    return i < count;
+}
+
 static lg_status read_all(lg_h5 *h5, const char *name, const lg_dataset *d, hid_t memory, bool checked,
                           void *out, lg_error *error) {
-    return read_part(h5, name, d, memory, H5S_ALL, H5S_ALL, checked, out, error);
+    LG_TRY(read_part(h5, name, d, memory, H5S_ALL, H5S_ALL, checked, out, error));
+    if (!checked || !is_reinterpreted(d->type, memory) || !has_highest_bit(out, d->count, memory))
+        return LG_OK;
+    return lg_dataset_error(h5, name, "cannot be read: a number is out of range", error);
 }
 
 static lg_status read_dataset(lg_h5 *h5, const char *name, const lg_dataset *d, lg_element type, void *out,

@@ -35,11 +35,11 @@ void lg_read_options_init(lg_read_options *options) {
 
 lg_status lg_read_options_resolve(const lg_read_options *options, lg_read_options *out, lg_error *error) {
     lg_read_options_init(out);
-    if (options == NULL) return LG_OK;
-    if (options->size != sizeof *options)
+    if (options != NULL && options->size != sizeof *options)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "the size of the read options is wrong: initialise them first");
-    *out = *options;
+    if (options != NULL) *out = *options;
+    if (out->max_size > SIZE_MAX / 2) out->max_size = SIZE_MAX / 2; /* no array is larger */
     return LG_OK;
 }
 

@@ -1,6 +1,7 @@
 /* SHA-256, FIPS 180-4 sections 4.1.2, 4.2.2, 5.3.3 and 6.2. */
 #include <string.h>
 
+#include "core/bytes.h"
 #include "files/h5.h"
 
 static const uint32_t round_constants[64] = {
@@ -82,9 +83,7 @@ void lg_sha256_add_doubles(lg_sha256 *state, const double *values, size_t count)
     for (size_t i = 0; i < count;) {
         size_t part = count - i < 512 ? count - i : 512;
         for (size_t j = 0; j < part; j++) {
-            uint64_t bits;
-            memcpy(&bits, values + i + j, sizeof bits);
-            for (int b = 0; b < 8; b++) bytes[8 * j + (size_t)b] = (unsigned char)(bits >> (8 * b));
+            lg_bytes_put(bytes + 8 * j, 8, lg_bits_of_f64(values[i + j]));
         }
         lg_sha256_add(state, bytes, 8 * part);
         i += part;
@@ -98,7 +97,7 @@ static void add_words(lg_sha256 *state, const unsigned char *values, size_t coun
         for (size_t j = 0; j < part; j++) {
             uint32_t bits;
             memcpy(&bits, values + 4 * (i + j), sizeof bits);
-            for (int b = 0; b < 4; b++) bytes[4 * j + (size_t)b] = (unsigned char)(bits >> (8 * b));
+            lg_bytes_put(bytes + 4 * j, 4, bits);
         }
         lg_sha256_add(state, bytes, 4 * part);
         i += part;

@@ -114,6 +114,38 @@ lg_status lg_temporary_create(const lg_context *context, const char *target, boo
     return lg_fail(error, LG_FILE, "%s: cannot be written: %s", target, strerror(code));
 }
 
+/* ---- making it visible ---- */
+
+/* Syncs the folder of the target. Failures are ignored, because some file systems cannot sync a folder and
+ * the file has been renamed already. */
+static void sync_folder(const char *target, char *buffer) {
+    const char *slash = strrchr(target, '/');
+    size_t length = slash == NULL ? 0 : (size_t)(slash - target) + 1;
+    memcpy(buffer, target, length);
+    buffer[length] = '\0';
+    int fd = open(length == 0 ? "." : buffer, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (fd < 0) return;
+    (void)fsync(fd);
+    (void)close(fd);
+}
+
+/* Closes a duplicate of the descriptor. NFS reports a failed write only when a descriptor is closed, and this
+ * must be known before the rename. `fd` itself must stay open, because it holds the lock. */
+static int close_copy(int fd) {
+    const int copy = dup(fd);
+    return copy < 0 || close(copy) == 0 || errno == EINTR ? 0 : errno;
+}
+
+lg_status lg_temporary_publish(lg_temporary *temporary, const char *target, lg_error *error) {
+    LG_NEEDS(error, temporary, target);
+    int code = fsync(temporary->fd) == 0 || errno == EINVAL || errno == EROFS ? 0 : errno;
+    if (code == 0) code = close_copy(temporary->fd);
+    if (code == 0 && rename(temporary->name, target) != 0) code = errno;
+    if (code != 0) return lg_fail(error, LG_FILE, "%s: cannot be written: %s", target, strerror(code));
+    sync_folder(target, temporary->name);
+    return LG_OK;
+}
+
 void lg_temporary_end(lg_temporary *temporary) {
     if (temporary->fd >= 0) (void)close(temporary->fd);
     lg_free(temporary->context, temporary->name);

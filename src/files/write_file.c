@@ -1,4 +1,4 @@
-/* Writes a file completely or not at all: writes to a temporary name, fsync, rename, fsync of the folder. */
+/* Writes a file completely or not at all: writes to a temporary name, which lg_temporary_publish replaces. */
 #define _XOPEN_SOURCE 700 /* for realpath */
 #include <errno.h>
 #include <fcntl.h>
@@ -50,36 +50,14 @@ static int write_all(int fd, const unsigned char *data, size_t bytes) {
     return code;
 }
 
-/* Syncs the folder of the target. Failures are ignored, because some file systems cannot sync a folder and
- * the file has been renamed already. */
-static void sync_folder(const char *target, char *buffer) {
-    const char *slash = strrchr(target, '/');
-    size_t length = slash == NULL ? 0 : (size_t)(slash - target) + 1;
-    memcpy(buffer, target, length);
-    buffer[length] = '\0';
-    int fd = open(length == 0 ? "." : buffer, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    if (fd < 0) return;
-    (void)fsync(fd);
-    (void)close(fd);
-}
-
-/* Closes a duplicate of the descriptor. NFS reports a failed write only when a descriptor is closed, and this
- * must be known before the rename. `fd` itself must stay open, because it holds the lock. */
-static int close_copy(int fd) {
-    const int copy = dup(fd);
-    return copy < 0 || close(copy) == 0 || errno == EINTR ? 0 : errno;
-}
-
-static lg_status write_temporary(const char *path, const char *target, const lg_temporary *to,
+static lg_status write_temporary(const char *path, const char *target, lg_temporary *to,
                                  const struct stat *old, const void *data, size_t bytes, lg_error *error) {
     int code = write_all(to->fd, data, bytes);
     if (code == 0 && old != NULL && fchmod(to->fd, old->st_mode & 0777) != 0) code = errno;
-    if (code == 0 && fsync(to->fd) != 0 && errno != EINVAL && errno != EROFS) code = errno;
-    if (code == 0) code = close_copy(to->fd);
-    if (code == 0 && rename(to->name, target) != 0) code = errno;
-    if (code == 0) return LG_OK;
-    (void)unlink(to->name);
-    return file_error(error, path, "cannot be written", code);
+    const lg_status status = code == 0 ? lg_temporary_publish(to, target, error)
+                                       : file_error(error, path, "cannot be written", code);
+    if (status != LG_OK) (void)unlink(to->name);
+    return status;
 }
 
 lg_status lg_file_write(const lg_context *context, const char *path, const void *data, size_t bytes,
@@ -97,7 +75,6 @@ lg_status lg_file_write(const lg_context *context, const char *path, const void 
     lg_status status = lg_temporary_create(context, target, false, &to, error);
     if (status == LG_OK) {
         status = write_temporary(path, target, &to, exists ? &old : NULL, data, bytes, error);
-        if (status == LG_OK) sync_folder(target, to.name);
         lg_temporary_end(&to);
     }
     free(resolved);

@@ -28,7 +28,7 @@ lg_constraint_text lg_constraint_show(const lg_constraint *constraint, const dou
     lg_constraint_text out = {"q = ("};
     size_t used = strlen(out.text);
     for (size_t i = 0; i < constraint->n && used < sizeof out.text - 24; i++)
-        used += (size_t)snprintf(out.text + used, sizeof out.text - used, "%s%.6g", i > 0 ? ", " : "", q[i]);
+        used += (size_t)lg_format(out.text + used, sizeof out.text - used, "%s%.6g", i > 0 ? ", " : "", q[i]);
     (void)snprintf(out.text + used, sizeof out.text - used, used < sizeof out.text - 24 ? ")" : ", ...)");
     return out;
 }

@@ -9,9 +9,9 @@
 bool lg_windows_count(lg_k_windows *w) {
     w->count = 0;
     if (w->size == 0 || w->stride == 0 || w->padding >= w->size) return false;
-    const size_t length = w->length + 2 * w->padding;
-    if (length < w->size) return false;
-    w->count = (length - w->size) / w->stride + 1;
+    const uint64_t length = w->length + 2 * (uint64_t)w->padding;
+    if (length < w->size || length > SIZE_MAX) return false;
+    w->count = (size_t)(length - w->size) / w->stride + 1;
     return true;
 }
 

@@ -113,7 +113,7 @@ static lg_status add_windows(expecting *e, lg_tape *tape, size_t all, size_t use
     lg_machine_fit_problem(&e->problem, &fit);
     for (size_t first = 0; first < used; first += e->chunk) {
         const size_t count = used - first < e->chunk ? used - first : e->chunk;
-        for (size_t i = 0; i < count; i++) samples[i] = (uint32_t)((first + i) * all / used);
+        for (size_t i = 0; i < count; i++) samples[i] = (uint32_t)lg_spread(first + i, all, used);
         LG_TRY(
             fit.linearise(fit.user, tape, e->theta, samples, count, used, &loss, e->residuals, e->jacobian));
         for (size_t i = 0; i < count; i++)
@@ -194,7 +194,7 @@ static void add_changes(const expecting *e, size_t all, size_t used, lg_machine_
     double q[LG_MACHINE_POSITIONS], v[LG_MACHINE_VELOCITIES], mean[LG_MACHINE_VELOCITIES],
         run[LG_MACHINE_VELOCITIES];
     for (size_t w = 0; w < used; w++) {
-        const size_t start = problem->start[w * all / used];
+        const size_t start = problem->start[lg_spread(w, all, used)];
         const uint32_t rows = e->measured ? 1 : problem->window;
         memset(mean, 0, sizeof mean);
         for (uint32_t j = 0; j < rows; j++) {

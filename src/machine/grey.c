@@ -420,6 +420,7 @@ void lg_numbers_grey(lg_number_list *list, const lg_machine *machine, const lg_m
         status = lg_read(tape, lg_grey_record(tape, machine, own), grey->count, values);
     }
     lg_tape_destroy(tape);
+    if (status != LG_OK) list->status = status;
     for (uint32_t i = 0; i < grey->count; i++) {
         char label[LG_PARAMETER_LABEL];
         if (!grey->unknown[i]) continue;
@@ -455,16 +456,18 @@ static lg_status read_masses(lg_tape *tape, const lg_machine *machine, uint32_t 
     return LG_OK;
 }
 
-double lg_grey_energy(const lg_machine *machine) {
+lg_status lg_grey_energy(const lg_machine *machine, double *out) {
     lg_machine plain = *machine;
     double masses[LG_MACHINE_VELOCITIES], logs = 0.0;
     uint32_t n = 0;
     lg_tape *tape = NULL;
-    if (machine->grey.system == NULL) return 0.0;
+    *out = 0.0;
+    if (machine->grey.system == NULL) return LG_OK;
     plain.scales.energy = 1.0;
     lg_status status = lg_tape_create(NULL, NULL, &tape);
     if (status == LG_OK) status = read_masses(tape, &plain, &n, masses);
     lg_tape_destroy(tape);
     for (uint32_t i = 0; i < n; i++) logs += log(masses[i]);
-    return status == LG_OK ? exp(logs / n) : 0.0;
+    if (status == LG_OK) *out = exp(logs / n);
+    return status == LG_OUT_OF_MEMORY ? status : LG_OK;
 }

@@ -39,6 +39,7 @@ typedef struct normal {
      * errors that are correlated in time. NULL if they are not wanted. */
     double *lagged;
     double squares, weighted;
+    lg_status *missing; /* set if a number could not be computed */
     /* The used windows are `used` of `windows`, in runs of neighbours of RUN windows if `runs`, else evenly
      * spread. */
     size_t windows, used;
@@ -157,7 +158,7 @@ static lg_status add_chunk(normal *s, lg_tape *tape, const uint32_t *samples, si
 
 /* Index of the used window i. */
 static uint32_t window_at(const normal *s, size_t i) {
-    if (s->used == s->windows || !s->runs) return (uint32_t)(i * s->windows / s->used);
+    if (s->used == s->windows || !s->runs) return (uint32_t)lg_spread(i, s->windows, s->used);
     return (uint32_t)(i / RUN * (s->windows - RUN) / (s->used / RUN - 1) + i % RUN);
 }
 
@@ -239,9 +240,9 @@ static bool leave_bounds(const normal *s, double *theta, size_t count, const lg_
         const double before = theta[j];
         bool square = false, plain = false;
         theta[j] = before + away;
-        (void)lg_machine_numbers_at(machine, theta, s->at, count, up);
+        (void)lg_machine_numbers_at(machine, theta, s->at, count, up, s->missing);
         theta[j] = before - away;
-        (void)lg_machine_numbers_at(machine, theta, s->at, count, down);
+        (void)lg_machine_numbers_at(machine, theta, s->at, count, down, s->missing);
         for (size_t i = 0; i < count; i++) {
             const double odd = fabs(up[i].value - down[i].value),
                          even = fabs(up[i].value - 2.0 * numbers[i].value + down[i].value);
@@ -262,10 +263,10 @@ static void differentiate(const normal *s, double *theta, size_t count, lg_ident
     for (size_t j = 0; j < s->n; j++) {
         const double before = theta[j];
         theta[j] = before + step;
-        (void)lg_machine_numbers_at(machine, theta, s->at, count, moved);
+        (void)lg_machine_numbers_at(machine, theta, s->at, count, moved, s->missing);
         for (size_t i = 0; i < count; i++) gradient[i * s->n + j] = moved[i].value;
         theta[j] = before - step;
-        (void)lg_machine_numbers_at(machine, theta, s->at, count, moved);
+        (void)lg_machine_numbers_at(machine, theta, s->at, count, moved, s->missing);
         for (size_t i = 0; i < count; i++)
             gradient[i * s->n + j] = (gradient[i * s->n + j] - moved[i].value) / (2.0 * step);
         theta[j] = before;
@@ -303,7 +304,7 @@ static void mark_lost(const normal *s, size_t count, double *gradient, double *t
         bool depends = !isfinite(numbers[i].value) || !isfinite(dot(g, g, s->n));
         for (int probe = 0; probe < 2 && !depends && numbers[i].error == 0.0; probe++) {
             for (size_t j = 0; j < s->n; j++) theta[j] = probe;
-            (void)lg_machine_numbers_at(s->problem->machine, theta, s->at, count, moved);
+            (void)lg_machine_numbers_at(s->problem->machine, theta, s->at, count, moved, s->missing);
             depends = moved[i].value != numbers[i].value;
         }
         if (!depends) continue;
@@ -438,11 +439,12 @@ lg_status lg_machine_identify(const lg_context *context, const lg_machine_proble
     LG_NEEDS(error, problem, theta, out);
     const lg_machine *machine = problem->machine;
     const size_t count = lg_machine_numbers(machine, theta, 0, NULL);
-    normal s = {.context = context, .problem = problem, .n = machine->parameters};
+    lg_status missing = LG_OK;
+    normal s = {.context = context, .problem = problem, .n = machine->parameters, .missing = &missing};
     double squares = 0.0;
     lg_tape *tape = NULL;
     (void)lg_machine_mass_at(problem, s.at);
-    (void)lg_machine_numbers_at(machine, theta, s.at, count, out->numbers);
+    (void)lg_machine_numbers_at(machine, theta, s.at, count, out->numbers, &missing);
     out->open_count = 0;
     out->block = 0.0;
     for (size_t i = 0; out->spread != NULL && i < s.n * s.n; i++) out->spread[i] = 0.0;
@@ -472,6 +474,7 @@ lg_status lg_machine_identify(const lg_context *context, const lg_machine_proble
     }
     if (status == LG_OK) {
         status = conclude(&s, count, work, order, moved, out);
+        if (status == LG_OK && missing == LG_OUT_OF_MEMORY) status = missing;
         if (status != LG_OK) (void)lg_fail(error, status, "%s", lg_status_sentence(status));
     }
     lg_tape_destroy(tape);

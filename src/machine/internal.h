@@ -38,6 +38,7 @@ typedef struct lg_entry_about {
 typedef struct lg_number_list {
     size_t count, room;
     lg_identified *out;
+    lg_status status; /* of numbers that need a tape; they are NaN if it is not LG_OK */
 } lg_number_list;
 typedef void lg_term_numbers(lg_number_list *list, const lg_machine *machine, const lg_machine_term *term,
                              const double *theta);
@@ -212,8 +213,8 @@ lg_var lg_grey_record(lg_tape *tape, const lg_machine *machine, lg_var theta);
 /* Whether the machine has a system with a known number. */
 bool lg_grey_known(const lg_machine *machine);
 /* Geometric mean of the masses at the initial parameters, times L^2/T^2: an energy in the log's units. 0: no
- * system. */
-double lg_grey_energy(const lg_machine *machine);
+ * system, or its masses are not known. Errors: LG_OUT_OF_MEMORY. */
+lg_status lg_grey_energy(const lg_machine *machine, double *out);
 
 /* Writes the reference position: places and angles are 0, directions e3, attitudes the unit matrix. */
 void lg_machine_reference(const lg_machine *machine, double *positions);
@@ -466,9 +467,9 @@ void lg_machine_row_variances(const lg_machine_problem *problem, const lg_machin
 /* How many numbers all features of a term have: the inputs of its network. */
 uint32_t lg_machine_feature_numbers(const lg_machine *machine, const lg_machine_term *term);
 /* lg_machine_numbers with a network mass reported at `positions`, in the units of the log; NULL: the
- * reference. */
+ * reference. *status is set if a number could not be computed; it may be NULL. */
 size_t lg_machine_numbers_at(const lg_machine *machine, const double *theta, const double *positions,
-                             size_t room, lg_identified *out);
+                             size_t room, lg_identified *out, lg_status *status);
 /* The fit problem of x (count), then of the starts as in lg_machine_fit_problem. Borrows `restriction`. */
 void lg_machine_restricted_problem(const lg_machine_restriction *restriction, lg_fit_problem *out);
 

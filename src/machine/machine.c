@@ -233,18 +233,24 @@ static void add_known(const lg_machine *machine, const lg_machine_term *term, do
 }
 
 /* Whether the symmetric part of the matrix has no eigenvalue below `least` times the largest absolute entry.
- * With `least` above 0 the matrix must also be symmetric. */
-static bool is_definite(uint32_t n, const double *matrix, double least) {
+ * With `least` above 0 the matrix must also be symmetric. LG_OUT_OF_MEMORY: not known. */
+static lg_status is_definite(uint32_t n, const double *matrix, double least, bool *out) {
     static const double rounding = 1e-12;
     double part[LG_MACHINE_VALUES], values[LG_MACHINE_VELOCITIES], largest = 0.0;
     for (uint32_t i = 0; i < n * n; i++) largest = fmax(largest, fabs(matrix[i]));
     for (uint32_t i = 0; i < n; i++)
         for (uint32_t j = 0; j < n; j++) {
             part[i * n + j] = (matrix[i * n + j] + matrix[j * n + i]) / 2;
-            if (least > 0.0 && fabs(matrix[i * n + j] - matrix[j * n + i]) > rounding * largest) return false;
+            if (least > 0.0 && fabs(matrix[i * n + j] - matrix[j * n + i]) > rounding * largest) {
+                *out = false;
+                return LG_OK;
+            }
         }
-    if (largest == 0.0) return least <= 0.0;
-    return lg_machine_eigen(NULL, n, part, values) && values[0] >= least * largest;
+    *out = largest == 0.0 && least <= 0.0;
+    if (largest == 0.0) return LG_OK;
+    if (!lg_machine_eigen(NULL, n, part, values)) return LG_OUT_OF_MEMORY;
+    *out = values[0] >= least * largest;
+    return LG_OK;
 }
 
 /* Checks that the sum of the known masses, or of the known dampings, is positive semidefinite. A mass that
@@ -260,10 +266,16 @@ static lg_status check_positive(const lg_machine *machine, lg_machine_part part,
         if (strcmp(term->kind->name, "known") == 0) known = term, add_known(machine, term, sum);
         alone = alone && known == term && term->entry_count == 0;
     }
-    if (known == NULL || is_definite(machine->velocities, sum, alone ? rounding : -rounding)) return LG_OK;
-    return term_fails(known, error,
-                      alone ? "the values must be above 0; a matrix must be symmetric and positive definite"
-                            : "the values must not be below 0; a matrix must not be indefinite");
+    if (known == NULL) return LG_OK;
+    bool definite;
+    if (is_definite(machine->velocities, sum, alone ? rounding : -rounding, &definite) != LG_OK)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "out of memory");
+    return definite
+               ? LG_OK
+               : term_fails(
+                     known, error,
+                     alone ? "the values must be above 0; a matrix must be symmetric and positive definite"
+                           : "the values must not be below 0; a matrix must not be indefinite");
 }
 
 /* ---- common factor ---- */

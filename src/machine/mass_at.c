@@ -120,6 +120,7 @@ static void put_moving_mass(lg_number_list *l, const lg_machine *machine, const 
     lg_status status = lg_tape_create(NULL, NULL, &tape);
     if (status == LG_OK) status = moving_mass(tape, machine, theta, positions, m);
     lg_tape_destroy(tape);
+    if (status != LG_OK) l->status = status;
     for (uint32_t i = 0; i < n; i++)
         for (uint32_t j = i; j < n; j++)
             lg_numbers_put(l,
@@ -132,8 +133,8 @@ static void put_moving_mass(lg_number_list *l, const lg_machine *machine, const 
 /* If a mass is a network, the entries of M at `positions` replace the numbers of all mass terms, except the
  * numbers of a system (lg_grey_mass_kind). */
 size_t lg_machine_numbers_at(const lg_machine *machine, const double *theta, const double *positions,
-                             size_t room, lg_identified *out) {
-    lg_number_list l = {0, room, out};
+                             size_t room, lg_identified *out, lg_status *status) {
+    lg_number_list l = {0, room, out, LG_OK};
     const bool network = lg_machine_mass_learned(machine);
     if (network && theta != NULL) put_moving_mass(&l, machine, theta, positions);
     for (uint32_t i = 0; i < machine->term_count; i++) {
@@ -143,9 +144,10 @@ size_t lg_machine_numbers_at(const lg_machine *machine, const double *theta, con
         if (term->value_count == 0 && term->kind->numbers != NULL)
             term->kind->numbers(&l, machine, term, theta + term->offset);
     }
+    if (status != NULL && l.status != LG_OK) *status = l.status;
     return l.count;
 }
 
 size_t lg_machine_numbers(const lg_machine *machine, const double *theta, size_t room, lg_identified *out) {
-    return lg_machine_numbers_at(machine, theta, NULL, room, out);
+    return lg_machine_numbers_at(machine, theta, NULL, room, out, NULL);
 }

@@ -94,7 +94,7 @@ static double correlated(size_t n, const double *lagged, const double *a, double
 static double distinct(const lg_machine_problem *problem, size_t all, size_t used) {
     size_t rows = 0, end = 0;
     for (size_t w = 0; w < used; w++) {
-        const size_t start = problem->start[w * all / used], begin = start > end ? start : end;
+        const size_t start = problem->start[lg_spread(w, all, used)], begin = start > end ? start : end;
         end = start + problem->window;
         rows += end - begin;
     }

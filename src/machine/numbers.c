@@ -12,7 +12,7 @@ void lg_numbers_put(lg_number_list *l, double value, const char *format, ...) {
     if (l->count < l->room) {
         lg_identified *each = &l->out[l->count];
         va_start(arguments, format);
-        (void)vsnprintf(each->name, sizeof each->name, format, arguments);
+        (void)lg_format_list(each->name, sizeof each->name, format, arguments);
         va_end(arguments);
         each->value = value;
         each->error = (double)NAN;

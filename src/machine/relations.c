@@ -98,7 +98,7 @@ static void add(listing *l, const char *format, ...) {
     va_list arguments;
     if (l->used >= l->size) return;
     va_start(arguments, format);
-    const int more = vsnprintf(l->text + l->used, l->size - l->used, format, arguments);
+    const int more = lg_format_list(l->text + l->used, l->size - l->used, format, arguments);
     va_end(arguments);
     l->used += more > 0 ? (size_t)more : 0;
 }

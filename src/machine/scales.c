@@ -229,7 +229,8 @@ lg_status lg_machine_find_scales(lg_machine *machine, const lg_machine_log *log,
         machine->scales.input[j] = size.input[j] > 0.0 ? size.input[j] : 1.0;
     if (machine->lags > 0) set_lags(&machine->scales, log);
     double energy = known_energy(machine, &size);
-    if (!(energy > 0.0)) energy = lg_grey_energy(machine);
+    if (!(energy > 0.0) && lg_grey_energy(machine, &energy) != LG_OK)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "out of memory");
     const uint32_t held = hold_mass(machine, &size);
     machine->scales.energy = energy > 0.0 ? energy : unit_energy(machine, held);
     return LG_OK;

@@ -177,7 +177,7 @@ static lg_status create_machinery(lg_fit *fit) {
     fit->partial = lg_alloc(fit->context, fit->blocks, sizeof *fit->partial);
     fit->overflowed = lg_alloc(fit->context, fit->blocks, sizeof *fit->overflowed);
     fit->backup = lg_alloc(fit->context, 3 * n, fit->k->size);
-    fit->scratch = lg_alloc(fit->context, (size_t)fit->options.epochs, sizeof *fit->scratch);
+    fit->scratch = lg_alloc(fit->context, fit->options.epochs, sizeof *fit->scratch);
     const bool restarts = fit->options.restarts > 0 && fit->problem.revive != NULL;
     if (restarts) fit->revived = lg_alloc(fit->context, n, sizeof *fit->revived);
     if (restarts && fit->revived == NULL) return LG_OUT_OF_MEMORY;

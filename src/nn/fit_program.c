@@ -163,7 +163,7 @@ static lg_status check_mean(training *t, lg_tape *tape, lg_error *error) {
     const char *name = lg_program_outputs(t->program, t->function, &t->outputs)->name;
     double together, one, mean = 0.0, size = 0.0;
     bool depends;
-    for (size_t r = 0; r < rows; r++) samples[r] = (uint32_t)(r * t->rows / rows);
+    for (size_t r = 0; r < rows; r++) samples[r] = (uint32_t)lg_spread(r, t->rows, rows);
     LG_TRY(loss_of(t, tape, samples, rows, &together, &depends));
     if (!depends)
         return lg_fail(error, LG_INVALID_ARGUMENT,

@@ -160,14 +160,14 @@ static void show_list(const lg_field *row, const void *run, char *text, size_t s
     size_t used = 0;
     text[0] = '\0';
     for (uint32_t i = 0; i < count && used < size; i++)
-        used += (size_t)snprintf(text + used, size - used, "%s%.17g", i > 0 ? "," : "", values[i]);
+        used += (size_t)lg_format(text + used, size - used, "%s%.17g", i > 0 ? "," : "", values[i]);
 }
 
 void lg_field_show(const lg_field *row, const void *run, char *text, size_t size) {
     const char *name;
     switch (row->type) {
     case LG_FIELD_REAL:
-        (void)snprintf(text, size, "%.17g", lg_field_number(row, run));
+        (void)lg_format(text, size, "%.17g", lg_field_number(row, run));
         break;
     case LG_FIELD_U64:
     case LG_FIELD_U32:
@@ -229,14 +229,14 @@ void lg_fields_default(const lg_field *rows, void *run) {
 
 /* Writes the bound with 15 digits if they give it exactly, else with 17. */
 static void bound_text(double bound, char out[32]) {
-    (void)snprintf(out, 32, "%.15g", bound);
-    if (strtod(out, NULL) != bound) (void)snprintf(out, 32, "%.17g", bound);
+    (void)lg_format(out, 32, "%.15g", bound);
+    if (lg_real(out, NULL) != bound) (void)lg_format(out, 32, "%.17g", bound);
 }
 
 /* True if some number in `text` (a list or a single number) is above the upper bound. */
 static bool exceeds(const lg_field *row, const char *text) {
     for (char *end;; text = end + 1) {
-        const double value = strtod(text, &end);
+        const double value = lg_real(text, &end);
         if (value > row->high || (row->high == 0x1p64 && value >= row->high)) return true;
         if (end == text || *end != ',') return false;
     }
@@ -287,7 +287,7 @@ static void form_text(const lg_field *row, char *out, size_t size) {
 static void span_text(const lg_field *row, char *text, size_t size) {
     char low[32], high[32] = "";
     bound_text(row->low, low);
-    if (row->high < 0x1p63) (void)snprintf(high, sizeof high, row->high < 1e7 ? "%.15g" : "%g", row->high);
+    if (row->high < 0x1p63) (void)lg_format(high, sizeof high, row->high < 1e7 ? "%.15g" : "%g", row->high);
     (void)snprintf(text, size, "%s%s%s%s%s", is_list(row) ? "each " : "", row->above ? "above " : "", low,
                    high[0] != '\0' ? " to "
                    : row->above    ? ""
@@ -418,6 +418,6 @@ lg_status lg_field_store(const lg_field *row, double value, void *run, lg_error 
         return LG_OK;
     }
     char text[32];
-    (void)snprintf(text, sizeof text, "%.17g", value);
+    (void)lg_format(text, sizeof text, "%.17g", value);
     return lg_field_set(row, text, run, error);
 }

@@ -1,7 +1,5 @@
 /* Parses numbers. The whole text must be a number; the locale does not matter. */
-#include <locale.h>
 #include <math.h>
-#include <stdlib.h>
 
 #include "core/core.h"
 #include "liegrad/settings.h"
@@ -30,12 +28,7 @@ static bool is_decimal(const char *text) {
 lg_status lg_number_parse(const char *text, double *out) {
     if (text == NULL || out == NULL) return LG_INVALID_ARGUMENT;
     if (!is_decimal(text)) return LG_FORMAT;
-    locale_t c = newlocale(LC_ALL_MASK, "C", (locale_t)0);
-    if (c == (locale_t)0) return LG_OUT_OF_MEMORY;
-    locale_t caller = uselocale(c);
-    double value = strtod(text, NULL);
-    uselocale(caller);
-    freelocale(c);
+    const double value = lg_real(text, NULL);
     if (!isfinite(value)) return LG_NOT_FINITE;
     *out = value;
     return LG_OK;

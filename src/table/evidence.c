@@ -193,7 +193,7 @@ static lg_status search(evidence *e, const lg_table_evidence_options *o) {
 /* Chooses e->rows of the training rows, evenly spaced. */
 static void choose_rows(evidence *e) {
     const size_t training = e->problem->samples->training;
-    for (size_t i = 0; i < e->rows; i++) e->chosen[i] = (uint32_t)(i * training / e->rows);
+    for (size_t i = 0; i < e->rows; i++) e->chosen[i] = (uint32_t)lg_spread(i, training, e->rows);
 }
 
 static lg_status make_room(evidence *e) {

@@ -74,9 +74,9 @@ TEST("the text of the blocks is read back as written") {
 
 static lg_series names_only(void) {
     lg_series names = {.classes = 2, .channels = 3, .rate = 50};
-    names.class_name = lg_alloc(NULL, 2, sizeof *names.class_name);
-    names.channel_name = lg_alloc(NULL, 3, sizeof *names.channel_name);
-    names.class_label = lg_alloc(NULL, 2, sizeof *names.class_label);
+    names.class_name = lg_test_gives(2, sizeof *names.class_name);
+    names.channel_name = lg_test_gives(3, sizeof *names.channel_name);
+    names.class_label = lg_test_gives(2, sizeof *names.class_label);
     for (int i = 0; i < 2; i++) (void)snprintf(names.class_label[i], LG_SERIES_NAME, "%d", i + 1);
     for (int i = 0; i < 2; i++) (void)snprintf(names.class_name[i], LG_SERIES_NAME, "%c|%c", 'a' + i, 'x');
     for (int i = 0; i < 3; i++) (void)snprintf(names.channel_name[i], LG_SERIES_NAME, "channel %d", i);

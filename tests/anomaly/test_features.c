@@ -14,7 +14,7 @@ static lg_series make_series(size_t count, uint32_t channels, uint32_t length, b
     for (size_t i = 0; i < count * channels * length; i++)
         s.x[i] = (float)(lg_rng_normal(&rng) * (1.0 + (double)((i / length) % channels)) + 3.0);
     if (named) {
-        s.channel_name = lg_alloc(NULL, channels, sizeof *s.channel_name);
+        s.channel_name = lg_test_gives(channels, sizeof *s.channel_name);
         for (uint32_t c = 0; c < channels; c++)
             (void)snprintf(s.channel_name[c], LG_SERIES_NAME, "%s", riser[c]);
     }

@@ -335,7 +335,7 @@ static lg_series series_of(const classifier_example *of) {
                         .rate = 10};
     lg_rng rng = test_rng(11, of->classes);
     assert_ok(lg_series_allocate(NULL, &series, false, false));
-    series.channel_name = lg_alloc(NULL, CHANNELS, sizeof *series.channel_name);
+    series.channel_name = lg_test_gives(CHANNELS, sizeof *series.channel_name);
     for (uint32_t c = 0; c < CHANNELS; c++)
         (void)snprintf(series.channel_name[c], LG_SERIES_NAME, "%s", names[c]);
     for (size_t i = 0; i < series.count; i++) {

@@ -219,10 +219,12 @@ static void call_fmu(const double *x, double *u) {
     void *(*instantiate)(const char *, int, const char *, const char *, const void *, int, int);
     int (*set)(void *, const unsigned *, size_t, const double *);
     int (*get)(void *, const unsigned *, size_t, double *);
+    int (*initialise)(void *);
     void (*release)(void *);
     *(void **)&instantiate = dlsym(handle, "fmi2Instantiate");
     *(void **)&set = dlsym(handle, "fmi2SetReal");
     *(void **)&get = dlsym(handle, "fmi2GetReal");
+    *(void **)&initialise = dlsym(handle, "fmi2EnterInitializationMode");
     *(void **)&release = dlsym(handle, "fmi2FreeInstance");
     assert_int_equal(
         export_shell("sed -n 's/.* guid=\"\\([^\"]*\\)\".*/\\1/p' fmu2/modelDescription.xml | tr -d '\\n'",
@@ -231,6 +233,7 @@ static void call_fmu(const double *x, double *u) {
     void *instance = instantiate("a", 1, guid, NULL, NULL, 0, 0);
     assert_non_null(instance);
     assert_int_equal(set(instance, in, 4, x), 0);
+    assert_int_equal(initialise(instance), 0);
     assert_int_equal(get(instance, out, 1, u), 0);
     release(instance);
     assert_int_equal(dlclose(handle), 0);

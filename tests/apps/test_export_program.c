@@ -26,6 +26,14 @@ TEST("a separable Hamiltonian is exported in single precision") {
     export_check_stack("flat");
 }
 
+TEST("ONNX: the path of a loop is the results of all its rounds") {
+    save_hamiltonian("path", &lg_hamiltonian_separable);
+    export_run("path.h5 --out one --name path --target onnx --functions step");
+    export_run("path.h5 --out ten --name path --target onnx --functions ten");
+    export_expect("count() { grep -ao Concat $1/path.onnx | wc -l; }\n"
+                  "test $(count ten) = $((10 * $(count one) + 1))");
+}
+
 TEST("convolutions are exported as loops") {
     save_network("waves");
     export_run("waves.h5 --out waves --name waves --compact");

@@ -221,6 +221,20 @@ static const char *token_of(const char *folder, const char *attribute) {
     return token;
 }
 
+/* Ends the initialization, so that results can be read. */
+static void begin2(void *handle, void *instance) {
+    SYMBOL(handle, "fmi2EnterInitializationMode", int, (void *), enter);
+    SYMBOL(handle, "fmi2ExitInitializationMode", int, (void *), leave);
+    assert_int_equal(enter(instance), 0);
+    assert_int_equal(leave(instance), 0);
+}
+static void begin3(void *handle, void *instance) {
+    SYMBOL(handle, "fmi3EnterInitializationMode", int, (void *, bool, double, double, bool, double), enter);
+    SYMBOL(handle, "fmi3ExitInitializationMode", int, (void *), leave);
+    assert_int_equal(enter(instance, false, 0, 0, false, 0), 0);
+    assert_int_equal(leave(instance), 0);
+}
+
 /* The functions of an FMU that keep and restore states, for either FMI version. */
 typedef struct keeping {
     int (*keep)(void *, void **);
@@ -279,14 +293,21 @@ TEST("an FMU of version 2 has the program's rate, its derivatives, steps and sta
     void *instance = instantiate("a", 1, token_of("fmu2", " guid="), NULL, NULL, 0, 0), *state = NULL;
     assert_non_null(instance);
     assert_int_equal(set(instance, known, 3, values), 0);
-    assert_int_not_equal(set(instance, rates, 1, values), 0); /* refused: a result cannot be set */
-    assert_int_equal(derivatives(instance, got, 2), 0);
+    assert_int_not_equal(set(instance, rates, 1, values), 0);    /* refused: a result cannot be set */
+    assert_int_not_equal(do_step(instance, 0.0, h_at[0], 1), 0); /* refused: not initialised */
+    begin2(handle, instance);
+    assert_int_not_equal(derivatives(instance, got, 2), 0); /* refused: not in co-simulation */
     const double *const in[] = {x_at, u_at, h_at};
     double *const out[] = {rate};
     evaluate("field", in, out);
-    assert_all_close(got, rate, 2, 1e-14, 0);
     assert_int_equal(get(instance, rates, 2, got), 0);
     assert_all_close(got, rate, 2, 1e-14, 0);
+    void *other = instantiate("b", 0, token_of("fmu2", " guid="), NULL, NULL, 0, 0);
+    assert_int_equal(set(other, known, 3, values), 0);
+    begin2(handle, other);
+    assert_int_equal(derivatives(other, got, 2), 0);
+    assert_all_close(got, rate, 2, 1e-14, 0);
+    assert_int_not_equal(do_step(other, 0.0, h_at[0], 1), 0); /* refused: not in model exchange */
 
     derive(LG_DERIVATIVE_FORWARD, "field");
     const double *const forward[] = {x_at, u_at, seed, &direction[2]};
@@ -311,6 +332,8 @@ TEST("an FMU of version 2 has the program's rate, its derivatives, steps and sta
     const double *const then[] = {middle, u_at, small};
     evaluate("step", then, after);
     assert_all_close(got, next, 2, 1e-13, 0);
+    assert_int_not_equal(put_back(other, state), 0); /* refused: it is in the mode of co-simulation */
+    release(other);
     assert_int_equal(put_back(instance, state), 0);
     assert_int_equal(get(instance, known, 2, got), 0);
     assert_all_close(got, x_at, 2, 0, 0);
@@ -369,6 +392,7 @@ TEST("FMU steps that cannot be taken are refused with a message, and the state s
         double got[2];
         sentence_got[0] = '\0';
         assert_int_equal(set(instance, known, 4, values), 0);
+        begin2(handle, instance);
         if (do_step(instance, 1.0, rows[i].length, 1) != (rows[i].words != NULL ? 3 : 0))
             fail_msg("row %zu: %s", i, sentence_got);
         assert_int_equal(get(instance, known, 2, got), 0);
@@ -402,6 +426,7 @@ TEST("an FMU of version 3 computes the program's adjoint derivatives") {
     void *instance =
         instantiate("a", token_of("fmu3", "instantiationToken="), NULL, false, false, NULL, NULL);
     assert_non_null(instance);
+    begin3(handle, instance);
     assert_int_equal(set(instance, known, 2, values, 3), 0);
     assert_int_not_equal(set(instance, known, 2, values, 2), 0);
     assert_int_equal(get(instance, rate_port, 1, got, 2), 0);
@@ -413,6 +438,9 @@ TEST("an FMU of version 3 computes the program's adjoint derivatives") {
     evaluate("adj1_field", in, back);
     assert_int_equal(adjoint(instance, rate_port, 1, known, 2, seed, 2, got, 3), 0);
     assert_all_close(got, pulled, 3, 1e-13, 0);
+    /* The state is an output here; its derivative by itself is the identity. */
+    assert_int_equal(adjoint(instance, known, 1, known, 2, seed, 2, got, 3), 0);
+    assert_all_close(got, ((double[]){seed[0], seed[1], 0}), 3, 0, 0);
     SYMBOL(handle, "fmi3GetFMUState", int, (void *, void **), keep);
     SYMBOL(handle, "fmi3FreeFMUState", int, (void *, void **), drop);
     SYMBOL(handle, "fmi3SerializedFMUStateSize", int, (void *, void *, size_t *), size);
@@ -518,6 +546,7 @@ TEST("a scene becomes an FMU with tunable parameters") {
     void *instance = instantiate("a", token_of("scene", "instantiationToken="), NULL, false, false, false,
                                  false, NULL, 0, NULL, NULL, NULL);
     assert_non_null(instance);
+    begin3(handle, instance);
     assert_int_equal(get(instance, masses, 2, m, 2), 0);
     assert_close(m[0], 1, 0, 0);
     assert_close(m[1], 1.3, 0, 0);

@@ -11,6 +11,15 @@
 
 #define WARNINGS "-Wall -Wextra -Wconversion -Wdouble-promotion -Wshadow -pedantic -Werror"
 
+/* Whether this machine compiles for itself: not in a build for another machine. */
+static inline bool has_compiler(void) {
+#ifdef LG_CROSS
+    return false;
+#else
+    return system("command -v gcc >/dev/null") == 0;
+#endif
+}
+
 /* A function of the compiled program, called with arrays of pointers: shim_<function>. */
 typedef void (*shim)(const void *const *in, void *const *out, void *work);
 

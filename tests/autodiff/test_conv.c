@@ -343,6 +343,7 @@ TEST("numbers that are not finite affect only the windows that contain them") {
     const double *y = lg_value(tape, lg_conv1d(tape, in, lg_input_f64(tape, lg_shape3(3, 2, 1), w), 1, 0));
     const double *mean = lg_value(tape, lg_avg_pool1d(tape, in, 3, 1));
     const double *max = lg_value(tape, lg_max_pool1d(tape, in, 3, 1));
+    assert_true(y != NULL && mean != NULL && max != NULL);
     for (int t = 0; t < 7; t++) {
         const bool nan = t >= 2 && t <= 4, infinite = t >= 4;
         assert_true(isnan(y[t]) == nan);

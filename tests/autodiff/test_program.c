@@ -118,6 +118,7 @@ static uint32_t rows_in(lg_tape *tape, lg_var x) {
 
 RECORDING(branch) {
     const double *values = lg_value(tape, x[0]);
+    if (values == NULL) return;
     y[0] = values[0] > values[1] ? lg_sin(tape, x[0]) : lg_exp(tape, lg_sin(tape, x[0]));
 }
 
@@ -146,6 +147,7 @@ RECORDING(closed_over) {
 
 RECORDING(attribute) {
     const double *values = lg_value(tape, x[0]);
+    if (values == NULL) return;
     y[0] = lg_scale(tape, x[0], values[0]);
 }
 

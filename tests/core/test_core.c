@@ -127,12 +127,16 @@ static void check_memory(const lg_context *context) {
     assert_null(lg_alloc(context, 2, SIZE_MAX));
     assert_null(lg_alloc(context, SIZE_MAX / 2 + 2, 2));
     assert_null(lg_alloc(context, SIZE_MAX, 1));
+    assert_null(
+        lg_alloc(context, UINT64_MAX / 2 + 2, 1)); /* on machines with 32 bits: 2 bytes, if it were cut */
     lg_free(context, NULL);
 
     char *copy = lg_strdup(context, "qp");
+    assert_non_null(copy);
     assert_string_equal(copy, "qp");
     lg_free(context, copy);
     copy = lg_strdup(context, "");
+    assert_non_null(copy);
     assert_string_equal(copy, "");
     lg_free(context, copy);
 }
@@ -154,6 +158,12 @@ TEST("memory is zeroed, aligned and allocated from the context; sizes that overf
     lg_context_destroy(counted);
     assert_int_equal(lg_fail_alloc_live(&memory), -1);
     lg_context_destroy(plain);
+}
+
+TEST("indices are spread evenly over more samples than the square root of size_t") {
+    assert_int_equal(lg_spread(0, 100000, 80000), 0);
+    assert_int_equal(lg_spread(70000, 100000, 80000), 87500);
+    assert_int_equal(lg_spread(79999, 100000, 80000), 99998);
 }
 
 TEST("a pool whose allocations fail leaks nothing") {

@@ -565,7 +565,7 @@ TEST("geodesic distances and their derivatives keep their digits up to 1e-12 fro
     const double p[2] = {0.7, -0.4}, r[2] = {-0.9, 1.3}, one = 1.0; /* in the bases (e1, e2) and (f, e2) */
     lg_program *program = program_of_square();
     compiled code;
-    const bool compiles = system("command -v gcc >/dev/null") == 0;
+    const bool compiles = has_compiler();
     if (compiles && !compile_program(&code, program, "gcc", "-O1", LG_F64, false)) fail_msg("%s", code.why);
     for (size_t n = 0; n < LG_COUNT(gaps) * (compiles ? 3 : 2); n++) {
         const double d = gaps[n % LG_COUNT(gaps)], theta = acos(-1.0) - d, c = -cos(d), s = sin(d);

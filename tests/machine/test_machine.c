@@ -177,7 +177,7 @@ static void expect_mass_at(const double *positions, const double *q) {
     add_feature(mass, LG_FEATURE_POSITION, 1);
     assert_machine(&machine);
     const double *theta = machine_theta(&machine, 8), *units = machine.scales.velocity;
-    assert_int_equal(lg_machine_numbers_at(&machine, theta, positions, 3, numbers), 3);
+    assert_int_equal(lg_machine_numbers_at(&machine, theta, positions, 3, numbers, NULL), 3);
     const double M[3] = {numbers[0].value, numbers[2].value, numbers[1].value}; /* M11, M22, M12 */
     assert_string_equal(numbers[1].name, "mass.1.2");
     for (int k = 0; k < 3; k++) {

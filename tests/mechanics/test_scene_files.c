@@ -522,8 +522,8 @@ TEST("omega and p give the same motion, and either is read in both forms") {
         used += snprintf(text + used, sizeof text - (size_t)used, "  %s:\n", part == 0 ? "q" : "p");
         for (int i = 0; i < 3; i++) {
             const double *x = hamiltonian.state + 6 * i + 3 * part;
-            used += snprintf(text + used, sizeof text - (size_t)used, "    - [%.17g, %.17g, %.17g]\n", x[0],
-                             x[1], x[2]);
+            used += lg_format(text + used, sizeof text - (size_t)used, "    - [%.17g, %.17g, %.17g]\n", x[0],
+                              x[1], x[2]);
         }
     }
     lg_scene back = read_text("p.yaml", text, NULL);

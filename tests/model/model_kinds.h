@@ -16,7 +16,7 @@
 /* Random numbers that a file of this dtype holds exactly. Allocated with lg_alloc, because the file's own
  * function frees them. */
 static inline double *drawn(size_t count, lg_rng *rng, lg_dtype dtype) {
-    double *out = lg_alloc(NULL, count, sizeof *out);
+    double *out = lg_test_gives(count, sizeof *out);
     assert_non_null(out);
     for (size_t i = 0; i < count; i++)
         out[i] = dtype == LG_F32 ? (double)(float)lg_rng_normal(rng) : lg_rng_normal(rng);
@@ -297,9 +297,9 @@ static inline void draw_detector(size_t which, lg_detector_file *file) {
     file->theta = drawn(file->parameters, &rng, e->dtype);
     file->scaler = (lg_scaler){.channels = channels, .mean = drawn(channels, &rng, LG_F64)};
     file->scaler.scale = drawn(channels, &rng, LG_F64);
-    file->class_name = lg_alloc(NULL, e->classes, sizeof *file->class_name);
-    file->class_label = lg_alloc(NULL, e->classes, sizeof *file->class_label);
-    if (which != 2) file->channel_name = lg_alloc(NULL, channels, sizeof *file->channel_name);
+    file->class_name = lg_test_gives(e->classes, sizeof *file->class_name);
+    file->class_label = lg_test_gives(e->classes, sizeof *file->class_label);
+    if (which != 2) file->channel_name = lg_test_gives(channels, sizeof *file->channel_name);
     for (uint32_t c = 0; c < channels; c++) {
         file->scaler.scale[c] = 0.1 + fabs(file->scaler.scale[c]);
         if (which != 2) (void)snprintf(file->channel_name[c], LG_SERIES_NAME, "acc_%u_x", c);
@@ -405,8 +405,8 @@ static inline void draw_table(size_t which, lg_table_file *file) {
         file->low = drawn(e->inputs, &rng, LG_F64);
         file->high = drawn(e->inputs, &rng, LG_F64);
     }
-    file->input_name = lg_alloc(NULL, e->inputs, sizeof *file->input_name);
-    file->output_name = lg_alloc(NULL, e->outputs, sizeof *file->output_name);
+    file->input_name = lg_test_gives(e->inputs, sizeof *file->input_name);
+    file->output_name = lg_test_gives(e->outputs, sizeof *file->output_name);
     for (uint32_t c = 0; c < e->inputs; c++)
         (void)snprintf(file->input_name[c], LG_TABLE_NAME, "column %u", c);
     for (uint32_t c = 0; c < e->outputs; c++)

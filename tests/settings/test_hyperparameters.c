@@ -75,15 +75,15 @@ TEST("the limits of a field are accepted, and nothing beyond them") {
         }
         if (row->type == LG_FIELD_PHRASE) continue; /* tested where its text is read */
         assert_true(row->low < row->high);
-        (void)snprintf(text, sizeof text, "%.17g", row->low);
+        (void)lg_format(text, sizeof text, "%.17g", row->low);
         assert_sets(row, text, !row->above);
-        (void)snprintf(text, sizeof text, "%.17g", whole ? row->low - 1 : nextafter(row->low, -1));
+        (void)lg_format(text, sizeof text, "%.17g", whole ? row->low - 1 : nextafter(row->low, -1));
         assert_sets(row, text, false);
         if (row->high == 0x1p64) continue; /* beyond any number */
-        (void)snprintf(text, sizeof text, whole ? "%.0f" : "%.17g", row->high);
+        (void)lg_format(text, sizeof text, whole ? "%.0f" : "%.17g", row->high);
         assert_sets(row, text, true);
-        (void)snprintf(text, sizeof text, whole ? "%.0f" : "%.17g",
-                       whole ? row->high + 1 : nextafter(row->high, INFINITY));
+        (void)lg_format(text, sizeof text, whole ? "%.0f" : "%.17g",
+                        whole ? row->high + 1 : nextafter(row->high, INFINITY));
         assert_sets(row, text, false);
         if (whole) assert_sets(row, "1.5", false);
     }

@@ -156,6 +156,7 @@ static inline void *test_work(size_t bytes) {
 #define EVERY_ALLOCATION_FAILS(context, least, ...)                                                          \
     do {                                                                                                     \
         lg_fail_alloc memory_;                                                                               \
+        if (lg_test_faulty()) skip();                                                                        \
         lg_context *context = lg_fail_alloc_context(&memory_);                                               \
         bool hit_ = true;                                                                                    \
         assert_non_null(context);                                                                            \

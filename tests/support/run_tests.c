@@ -1,5 +1,11 @@
-/* The main function of a room's executable. The arguments are SUITE [CLAIM]: it runs the tests of one file,
- * or only the tests whose claims match CLAIM (* and ? are wildcards). */
+/* The main function of a room's executable. The arguments are [--faults ...] SUITE [CLAIM]: it runs the tests
+ * of one file, or only the tests whose claims match CLAIM (* and ? are wildcards). --faults: run_faults.h.
+ * LG_TEST_LOCALE names the locale of the process. */
+#include <locale.h>
+
+#include "core/core.h"
+#include "support/faults.h"
+#include "support/run_faults.h"
 #include "test_support.h"
 
 enum { MOST_OWNED = 1 << 16 };
@@ -27,6 +33,7 @@ static bool passed; /* the test that ran last has run to its end */
 
 static void run_body(void **state) {
     passed = false;
+    run_faults_begin();
     (*(lg_test_body *)*state)();
     passed = true;
 }
@@ -36,6 +43,7 @@ static void run_body(void **state) {
 static int release_owned(void **state) {
     (void)state;
     lg_test_give_back(0);
+    run_faults_end(passed);
     if (passed || getenv("LG_FIRST_FAILURE") == NULL) return 0;
     if (running->end != NULL) (void)running->end(NULL);
     exit(1);
@@ -66,13 +74,21 @@ void *lg_test_memory(size_t bytes) {
     return memset(memory, 0, bytes);
 }
 
+void *lg_test_gives(size_t count, size_t size) {
+    faults_spare(true);
+    void *memory = lg_alloc(NULL, count, size);
+    faults_spare(false);
+    assert_non_null(memory);
+    return memory;
+}
+
 char *test_text(const char *format, ...) {
     va_list first, second;
     va_start(first, format);
     va_copy(second, first);
-    const int length = vsnprintf(NULL, 0, format, first);
+    const int length = lg_format_list(NULL, 0, format, first);
     char *text = lg_test_memory((size_t)length + 1);
-    (void)vsnprintf(text, (size_t)length + 1, format, second);
+    (void)lg_format_list(text, (size_t)length + 1, format, second);
     va_end(second);
     va_end(first);
     return text;
@@ -93,6 +109,7 @@ static bool is_named(const lg_suite *suite, const char *name) {
 }
 
 int main(int argc, char **argv) {
+    argv += run_faults_options(&argc, argv);
     lg_suite *suite = argc > 1 ? suites : NULL;
     while (suite != NULL && !is_named(suite, argv[1])) suite = suite->next;
     if (suite == NULL) {
@@ -101,7 +118,14 @@ int main(int argc, char **argv) {
         return 2;
     }
     running = suite;
-    if (argc > 2) cmocka_set_test_filter(argv[2]);
+    const char *locale = getenv("LG_TEST_LOCALE");
+    if (locale != NULL && setlocale(LC_ALL, locale) == NULL) {
+        print_error("there is no locale %s\n", locale);
+        return 2;
+    }
+    const char *claim = argc > 2 ? argv[2] : NULL;
+    if (run_faults_wanted()) return run_faults(suite, claim);
+    if (claim != NULL) cmocka_set_test_filter(claim);
     const int failed = _cmocka_run_group_tests(argv[1], suite->tests, suite->count, suite->begin, NULL);
     return failed != 0 || (suite->end != NULL && suite->end(NULL) != 0);
 }

@@ -42,8 +42,8 @@ static lg_table make(const example *e) {
 static lg_table_samples *draw(const lg_table *model, size_t rows, double noise, lg_rng *rng) {
     const uint32_t n = model->net.inputs, m = model->net.outputs;
     lg_table_samples made = {.count = rows, .training = rows};
-    made.x = lg_alloc(NULL, rows * n, sizeof *made.x);
-    made.y = lg_alloc(NULL, rows * m, sizeof *made.y);
+    made.x = lg_test_gives(rows * n, sizeof *made.x);
+    made.y = lg_test_gives(rows * m, sizeof *made.y);
     assert_true(made.x != NULL && made.y != NULL);
     for (size_t i = 0; i < rows; i++) {
         double sum = 0;

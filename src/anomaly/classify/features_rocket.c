@@ -193,8 +193,8 @@ static int describe_rocket(const lg_features *f, const lg_series *series, uint32
                                                        : "",
                                    name);
     }
-    return snprintf(text, size, "rocket %u dilation %u %s > %.6g%s", c->kernel, c->dilation, names,
-                    (double)bias, c->kernel < LG_ROCKET_CHOICES ? " rms" : "");
+    return lg_format(text, size, "rocket %u dilation %u %s > %.6g%s", c->kernel, c->dilation, names,
+                     (double)bias, c->kernel < LG_ROCKET_CHOICES ? " rms" : "");
 }
 
 const lg_feature_row lg_feature_rocket = {.name = "rocket",

@@ -64,8 +64,8 @@ static int describe_spectrum(const lg_features *f, const lg_series *series, uint
     const uint32_t band = index % f->bands;
     char name[LG_SERIES_NAME];
     (void)lg_channel_name(series, f->select[index / f->bands], name, sizeof name);
-    return snprintf(text, size, "band %.3g-%.3g %s", (s->edge[band] - 0.5) / s->segment,
-                    fmin((s->edge[band + 1] - 0.5) / s->segment, 0.5), name);
+    return lg_format(text, size, "band %.3g-%.3g %s", (s->edge[band] - 0.5) / s->segment,
+                     fmin((s->edge[band + 1] - 0.5) / s->segment, 0.5), name);
 }
 
 const lg_feature_row lg_feature_spectrum = {.name = "spectrum",

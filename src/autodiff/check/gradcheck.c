@@ -67,8 +67,8 @@ typedef struct check {
 /* ---- messages ---- */
 
 static lg_status failed(check *k, const char *what, double value, double bound) {
-    (void)snprintf(k->result->message, sizeof k->result->message, "%s, order %d: %s (%.3g, bound %.3g)",
-                   k->f->name, k->order, what, value, bound);
+    (void)lg_format(k->result->message, sizeof k->result->message, "%s, order %d: %s (%.3g, bound %.3g)",
+                    k->f->name, k->order, what, value, bound);
     return LG_CHECK_FAILED;
 }
 
@@ -534,9 +534,9 @@ lg_status lg_gradcheck_run(const lg_context *context, const lg_gradcheck_case *t
     LG_TRY(lg_gradcheck(context, &test->function, options, result));
     if (!test->zero || result->order[0].derivative == 0.0) return LG_OK;
     result->passed = result->order[0].passed = false;
-    (void)snprintf(result->message, sizeof result->message,
-                   "%s, order 1: the derivative should be identically zero but is %.3g", test->function.name,
-                   result->order[0].derivative);
+    (void)lg_format(result->message, sizeof result->message,
+                    "%s, order 1: the derivative should be identically zero but is %.3g", test->function.name,
+                    result->order[0].derivative);
     return LG_CHECK_FAILED;
 }
 

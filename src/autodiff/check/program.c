@@ -36,8 +36,8 @@ typedef struct check {
 } check;
 
 static lg_status failed(check *k, const char *what, const char *function, double value, double bound) {
-    (void)snprintf(k->result->message, sizeof k->result->message, "%s, program, %s: %s (%.3g, bound %.3g)",
-                   k->f->name, function, what, value, bound);
+    (void)lg_format(k->result->message, sizeof k->result->message, "%s, program, %s: %s (%.3g, bound %.3g)",
+                    k->f->name, function, what, value, bound);
     return LG_CHECK_FAILED;
 }
 

@@ -28,7 +28,8 @@ static bool scratch_fits(const lg_conv *c) {
     const lg_k_windows *w = &c->windows;
     const double width = (double)w->size * (double)w->channels;
     const double rows = (double)w->count + 2.0 * (double)c->outputs;
-    return width * rows + (double)(w->length + 2 * w->padding) * (double)w->channels < 0x1p56;
+    return width * rows + (double)(w->length + 2 * w->padding) * (double)w->channels <
+           (double)(SIZE_MAX / 64);
 }
 
 /* Sets *out from the shapes of x and w and the attributes. False: they do not fit. */

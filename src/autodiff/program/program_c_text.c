@@ -13,7 +13,7 @@ bool lg_c_fail(lg_c *c, lg_status status, const char *format, ...) {
     va_list arguments;
     if (c->status != LG_OK) return false;
     va_start(arguments, format);
-    (void)vsnprintf(message, sizeof message, format, arguments);
+    (void)lg_format_list(message, sizeof message, format, arguments);
     va_end(arguments);
     c->status = lg_fail(c->error, status, "%s", message);
     return false;
@@ -372,14 +372,14 @@ void lg_c_call(lg_c *c, const lg_c_fragment *fragment, const char *format, ...) 
     if (!lg_c_good(c)) return;
     va_start(arguments, format);
     va_copy(again, arguments);
-    const int length = vsnprintf(call, sizeof call, format, arguments);
+    const int length = lg_format_list(call, sizeof call, format, arguments);
     va_end(arguments);
     if (length >= (int)sizeof call) {
         long_call = lg_alloc(c->context, (size_t)length + 1, 1);
         if (long_call == NULL)
             lg_c_fail_memory(c);
         else
-            (void)vsnprintf(long_call, (size_t)length + 1, format, again);
+            (void)lg_format_list(long_call, (size_t)length + 1, format, again);
     }
     va_end(again);
     lg_text *body = &c->frame->body;

@@ -126,11 +126,9 @@ static yaml_node_t *node_at(const reading *r, int index) {
 }
 
 static lg_status read_number(const reading *r, const yaml_node_t *node, const char *what, double *out) {
-    char *end = NULL;
-    if (node->type == YAML_SCALAR_NODE && node->data.scalar.length > 0) {
-        *out = strtod((const char *)node->data.scalar.value, &end);
-        if (*end == '\0' && isfinite(*out)) return LG_OK;
-    }
+    if (node->type == YAML_SCALAR_NODE &&
+        lg_number_parse((const char *)node->data.scalar.value, out) == LG_OK)
+        return LG_OK;
     return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "%s: expected a finite number", what);
 }
 

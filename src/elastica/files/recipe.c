@@ -265,13 +265,15 @@ static lg_status errors_of(const lg_training *self, const part *of, const double
                                  &s->data.curves, of->list, of->count, NULL, out, error);
 }
 
-static double objective(lg_training *self) {
+static lg_status objective(lg_training *self, double *out, lg_error *error) {
     const state *s = self->state;
-    lg_surrogate_errors errors;
-    double *theta = lg_training_alloc(self, self->problem.parameters, sizeof *theta, NULL);
-    if (theta == NULL) return (double)NAN;
+    lg_surrogate_errors errors = {.mse = NAN};
+    double *theta;
+    LG_TRAINING_ARRAY(self, theta, self->problem.parameters, error);
     lg_fit_parameters(self->fit, theta);
-    return errors_of(self, &s->test, theta, &errors, NULL) == LG_OK ? errors.mse : (double)NAN;
+    const lg_status status = errors_of(self, &s->test, theta, &errors, error);
+    *out = errors.mse;
+    return status == LG_NOT_FINITE ? LG_OK : status;
 }
 
 /* Mean squared error of always guessing the mean curve, on the training part, over the nodes that the network

@@ -267,7 +267,9 @@ static lg_status draw_weights(lg_training *self, lg_error *error) {
             run->scaled ? lg_hamiltonian_scale(self->context, problem, self->theta, NULL) : LG_OK;
         if (scaled != LG_OK && scaled != LG_NOT_FINITE)
             return lg_fail(error, scaled, "%s", lg_status_sentence(scaled));
-        (void)lg_hamiltonian_mean_squared_error(self->context, problem, self->theta, &loss, NULL);
+        const lg_status status =
+            lg_hamiltonian_mean_squared_error(self->context, problem, self->theta, &loss, error);
+        if (status != LG_OK && status != LG_NOT_FINITE) return status;
     }
     return LG_OK;
 }

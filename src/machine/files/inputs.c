@@ -173,9 +173,9 @@ static void find_best(const lg_choosing *c, const grid *g, uint32_t *hold, uint3
 /* A ratio as people say it: "1/44", or ".61". */
 static const char *share(double ratio, char text[32]) {
     if (ratio < 0.2)
-        (void)snprintf(text, 32, "1/%.0f", 1 / ratio);
+        (void)lg_format(text, 32, "1/%.0f", 1 / ratio);
     else
-        (void)snprintf(text, 32, "%.2f", ratio);
+        (void)lg_format(text, 32, "%.2f", ratio);
     return text;
 }
 

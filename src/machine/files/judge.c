@@ -24,11 +24,11 @@ static void find_place(const lg_machine_problem *problem, lg_machine_verdict *ou
         const lg_machine_coordinate *each = &machine->coordinates[i];
         const uint32_t count = lg_coordinate_positions(each->kind);
         for (uint32_t k = 0; k < count && is_seen(machine, i) && used < sizeof out->place; k++)
-            used += (size_t)snprintf(out->place + used, sizeof out->place - used, "%s%s %.3g",
-                                     k > 0      ? ","
-                                     : used > 0 ? ", "
-                                                : "at ",
-                                     k > 0 ? "" : each->name, q[k]);
+            used += (size_t)lg_format(out->place + used, sizeof out->place - used, "%s%s %.3g",
+                                      k > 0      ? ","
+                                      : used > 0 ? ", "
+                                                 : "at ",
+                                      k > 0 ? "" : each->name, q[k]);
         q += count;
     }
 }
@@ -184,14 +184,14 @@ static void warn_of_misfit(const lg_training *self, const lg_machine_verdict *wh
     const bool large = what->loss > more * what->expected, missing = are_missing(what, floor);
     char size[128] = "", forces[256] = "";
     if (large)
-        (void)snprintf(size, sizeof size,
-                       "the loss is %.2g, but their noise and the steps explain at most %.2g", what->loss,
-                       what->expected);
+        (void)lg_format(size, sizeof size,
+                        "the loss is %.2g, but their noise and the steps explain at most %.2g", what->loss,
+                        what->expected);
     if (missing)
-        (void)snprintf(forces, sizeof forces,
-                       "forces that the model lacks (functions of positions, velocities and inputs, about "
-                       "%.2g %% of all forces) make %.2g of the loss of %.2g",
-                       100.0 * sqrt(what->missing.loss / what->forces), what->missing.loss, what->loss);
+        (void)lg_format(forces, sizeof forces,
+                        "forces that the model lacks (functions of positions, velocities and inputs, about "
+                        "%.2g %% of all forces) make %.2g of the loss of %.2g",
+                        100.0 * sqrt(what->missing.loss / what->forces), what->missing.loss, what->loss);
     if (large || missing)
         LG_WARN(self,
                 "the model does not explain the logs: %s%s%s%s. Train "
@@ -284,8 +284,8 @@ static void tell_gauge(lg_training *self, const lg_machine *machine, lg_machine_
     else if (free && open == NULL)
         (void)snprintf(what->gauge, sizeof what->gauge, "nothing");
     else if (free)
-        (void)snprintf(what->gauge, sizeof what->gauge, "nothing: learning left %s at %.6g", open->name,
-                       open->value);
+        (void)lg_format(what->gauge, sizeof what->gauge, "nothing: learning left %s at %.6g", open->name,
+                        open->value);
     lg_result_text(self, "gauge", what->gauge, NULL);
 }
 

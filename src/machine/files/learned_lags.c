@@ -62,7 +62,7 @@ static lg_status tell_ratios(lg_training *self, lg_error *error) {
     LG_TRAINING_ARRAY(self, text, ROOM * LG_LAG_STARTS, error);
     lg_result_open(self, "ratios", '{');
     for (size_t i = 0; i < LG_LAG_STARTS; i++, text += ROOM) {
-        (void)snprintf(text, ROOM, "%.6g", lg_lag_starts[i] * row);
+        (void)lg_format(text, ROOM, "%.6g", lg_lag_starts[i] * row);
         if (s->lag_ratios[i] > 0) lg_result_real(self, text, s->lag_ratios[i], NULL);
     }
     lg_result_close(self, '}');

@@ -299,10 +299,10 @@ static void other_scale(const check *c, const fit *f, char *text, size_t size) {
     size_t used = 0;
     text[0] = '\0';
     if (c->positions == 1)
-        used += (size_t)snprintf(text, size, " or {%s: %.6g}", q->name, q->scale / f->slope);
+        used += (size_t)lg_format(text, size, " or {%s: %.6g}", q->name, q->scale / f->slope);
     if (f->slope > 0)
-        (void)snprintf(text + used, size - used, "; if all coordinates show this: {%s: %.6g}", t->name,
-                       f->slope * t->scale);
+        (void)lg_format(text + used, size - used, "; if all coordinates show this: {%s: %.6g}", t->name,
+                        f->slope * t->scale);
 }
 
 static lg_status wrong_slope(const check *c, const fit *f, lg_error *error) {
@@ -319,8 +319,8 @@ static lg_status wrong_slope(const check *c, const fit *f, lg_error *error) {
                        path_of(c), q.text, f->slope, v.text, q.text,
                        (f->slope < 0 ? -DEGREE : DEGREE) * c->table->machine->columns[c->position].scale);
     for (uint32_t i = 0; i < c->velocities && used < sizeof scale; i++)
-        used += (size_t)snprintf(scale + used, sizeof scale - used, "%s%s: %.6g", i > 0 ? ", " : "",
-                                 column[i].name, f->slope * column[i].scale);
+        used += (size_t)lg_format(scale + used, sizeof scale - used, "%s%s: %.6g", i > 0 ? ", " : "",
+                                  column[i].name, f->slope * column[i].scale);
     other_scale(c, f, other, sizeof other);
     return lg_fail(error, LG_FORMAT,
                    "%s: column%s %s: the rate of %s is %.4g times %s: if the %s is wrong, set scale: {%s}%s",

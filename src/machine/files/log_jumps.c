@@ -83,7 +83,7 @@ static lg_status refuse_huge(const lg_log_table *t, uint32_t column, size_t firs
         if (isnan(x) || (isfinite(x * x) && !(found && distance(&b, x) * DBL_EPSILON > b.far))) continue;
         char others[80] = "";
         if (found)
-            (void)snprintf(others, sizeof others, " (most rows are between %.6g and %.6g)", b.low, b.high);
+            (void)lg_format(others, sizeof others, " (most rows are between %.6g and %.6g)", b.low, b.high);
         return lg_log_fail(t, row, error,
                            "column %s: %.6g is so large that the other rows vanish in its rounding error%s: "
                            "if this cell is an outlier, leave it empty",

@@ -25,7 +25,7 @@ lg_status lg_log_fail(const lg_log_table *table, size_t row, lg_error *error, co
     va_list arguments;
     const lg_log_origin *o = &table->origin[row];
     va_start(arguments, format);
-    (void)vsnprintf(text, sizeof text, format, arguments);
+    (void)lg_format_list(text, sizeof text, format, arguments);
     va_end(arguments);
     return lg_fail(error, LG_FORMAT, "%s: %s %zu: %s", lg_shown_path(table->paths[o->file]),
                    is_h5(table, o->file) ? "row" : "line", o->line, text);
@@ -44,7 +44,7 @@ lg_status lg_log_warn(lg_log_table *table, const char *format, ...) {
         out->warnings = more;
     }
     va_start(arguments, format);
-    (void)vsnprintf(out->warnings[out->warning_count++], LG_LOG_SENTENCE, format, arguments);
+    (void)lg_format_list(out->warnings[out->warning_count++], LG_LOG_SENTENCE, format, arguments);
     va_end(arguments);
     return LG_OK;
 }
@@ -54,7 +54,7 @@ lg_status lg_log_warn_at(lg_log_table *table, size_t row, const char *format, ..
     va_list arguments;
     const lg_log_origin *o = &table->origin[row];
     va_start(arguments, format);
-    (void)vsnprintf(text, sizeof text, format, arguments);
+    (void)lg_format_list(text, sizeof text, format, arguments);
     va_end(arguments);
     return lg_log_warn(table, "%s: %s %zu: %s", lg_shown_path(table->paths[o->file]),
                        is_h5(table, o->file) ? "row" : "line", o->line, text);

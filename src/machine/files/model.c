@@ -1,7 +1,6 @@
 /* Machines as a kind of model: their model file. */
 #include "liegrad/machine.h"
 
-#include <ctype.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -27,7 +26,7 @@ static size_t copy_line(const char *line, size_t length, char *out) {
         else if (c == '#' && (used == 0 || line[used - 1] == ' ' || line[used - 1] == '\t'))
             break;
     }
-    while (used > 0 && isspace((unsigned char)line[used - 1])) used--;
+    while (used > 0 && strchr(" \t\r\n", line[used - 1]) != NULL) used--;
     if (used == 0) return 0;
     memcpy(out, line, used);
     out[used] = '\n';

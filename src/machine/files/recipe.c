@@ -288,7 +288,7 @@ static size_t leave_out(lg_machine_model_run *run, const lg_machine_state *s, si
         if (s->held == NULL || !lg_held_out_has(s->held, start[w], run->window)) start[kept++] = start[w];
     const size_t most = s->most_windows > 0 && s->most_windows < kept ? s->most_windows : kept;
     for (size_t w = 0; w < kept; w++)
-        if (w * most / kept >= taken) start[taken++] = start[w];
+        if (lg_spread(w, most, kept) >= taken) start[taken++] = start[w];
     memmove(start + taken, start + run->windows, (all - run->windows) * sizeof *start);
     all -= run->windows - taken;
     run->windows = taken;

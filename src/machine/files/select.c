@@ -155,7 +155,7 @@ static void tell_race(const lg_training *self, const lg_choosing *c, const lg_ma
     char text[256] = "";
     for (size_t i = 0, used = 0; i < LG_COUNT(widths) && used < sizeof text; i++)
         if (i != winner && trials[i].square != NULL)
-            used += (size_t)snprintf(
+            used += (size_t)lg_format(
                 text + used, sizeof text - used, "%s[%s] %.3g", used > 0 ? ", " : "", widths[i],
                 lg_held_out_compare(c->held.count, trials[i].square, trials[winner].square).ratio);
     lg_log_message(self->context, LG_LOG_INFO,

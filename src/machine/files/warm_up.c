@@ -146,7 +146,7 @@ const double lg_lag_starts[LG_LAG_STARTS] = {2, 5, 10, 30};
 /* Keeps at most `most` of the problem's windows, spread over the log, in `start` (most). */
 static void thin(lg_machine_problem *problem, size_t most, size_t *start) {
     if (problem->windows <= most) return;
-    for (size_t i = 0; i < most; i++) start[i] = problem->start[i * problem->windows / most];
+    for (size_t i = 0; i < most; i++) start[i] = problem->start[lg_spread(i, problem->windows, most)];
     problem->start = start;
     problem->windows = most;
     problem->validation = 0;

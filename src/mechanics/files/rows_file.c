@@ -149,8 +149,7 @@ lg_status lg_rows_file_put(const lg_rows_file *file, uint64_t row, const double 
 
 lg_status lg_rows_file_commit(lg_rows_file *file, lg_error *error) {
     LG_NEEDS(error, file);
-    if (fsync(file->temporary.fd) != 0 || rename(file->temporary.name, file->path) != 0)
-        return failed(error, file->path, "cannot be written");
+    LG_TRY(lg_temporary_publish(&file->temporary, file->path, error));
     lg_temporary_end(&file->temporary);
     file->temporary = (lg_temporary){.fd = -1};
     return LG_OK;

@@ -3,7 +3,6 @@
 
 #include "core/text.h"
 
-#include <ctype.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -137,9 +136,7 @@ static lg_status get_array(lg_program_reading *r, const char *path, lg_shape *sh
 /* Whether the text is a path of plain names. */
 static bool is_path(const char *path) {
     for (const char *c = path; *c != '\0'; c++)
-        if (!isalnum((unsigned char)*c) && *c != '_' &&
-            (*c != '/' || c == path || c[1] == '/' || c[1] == '\0'))
-            return false;
+        if (!lg_in_word(*c) && (*c != '/' || c == path || c[1] == '/' || c[1] == '\0')) return false;
     return *path != '\0';
 }
 

@@ -159,10 +159,12 @@ const lg_result *lg_result_find(const lg_training *self, const char *name) {
     return NULL;
 }
 
-double lg_training_objective(lg_training *self) {
-    if (self->recipe->trainer->objective != NULL) return self->recipe->trainer->objective(self);
+lg_status lg_training_objective(lg_training *self, double *out, lg_error *error) {
+    const lg_trainer *trainer = self->recipe->trainer;
+    if (trainer->objective != NULL) return trainer->objective(self, out, error);
     const uint64_t best = lg_fit_best_epoch(self->fit);
-    return best > 0 ? lg_fit_history(self->fit, LG_FIT_VALIDATION)[best - 1] : (double)NAN;
+    *out = best > 0 ? lg_fit_history(self->fit, LG_FIT_VALIDATION)[best - 1] : (double)NAN;
+    return LG_OK;
 }
 
 lg_status lg_training_hold_out(lg_training *self, double part, lg_error *error) {

@@ -97,8 +97,9 @@ typedef struct lg_trainer {
     lg_status (*problem)(lg_training *self, lg_error *error);
     /* Computes results, verdict and floor at theta (problem.parameters), and may improve theta. */
     lg_status (*judge)(lg_training *self, double *theta, lg_error *error);
-    /* The number that a search lowers. NULL: the loss of the validation part at the best epoch so far. */
-    double (*objective)(lg_training *self);
+    /* The number that a search lowers; NaN if the model has none. NULL: the loss of the validation part at
+     * the best epoch so far. */
+    lg_status (*objective)(lg_training *self, double *out, lg_error *error);
     /* Fills the rest of the file structure; run, theta and provenance are set. Arrays are borrowed. NULL:
      * there is no rest. */
     lg_status (*save)(lg_training *self, void *file, lg_error *error);
@@ -145,7 +146,7 @@ void lg_training_clear(lg_training *self); /* removes all results */
 /* Finds a result by name. NULL: there is none outside lists and objects. */
 const lg_result *lg_result_find(const lg_training *self, const char *name);
 /* Call the hook of the trainer, or do its default. */
-double lg_training_objective(lg_training *self);
+lg_status lg_training_objective(lg_training *self, double *out, lg_error *error);
 lg_status lg_training_hold_out(lg_training *self, double part, lg_error *error);
 /* The loss of the problem over all samples, in double precision. */
 lg_status lg_training_loss(const lg_training *self, const double *theta, double *loss, lg_error *error);

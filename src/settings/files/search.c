@@ -1,12 +1,12 @@
 /* Files of a random search: ranges in YAML, trials in CSV. */
 #include <float.h>
 #include <inttypes.h>
-#include <locale.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 #include <yaml.h>
 
+#include "core/bytes.h"
 #include "files/h5.h"
 #include "files/read_file.h"
 #include "settings/files/yaml.h"
@@ -220,16 +220,13 @@ static void add_text(lg_sha256 *sha, const char *text) {
 
 /* Hashes the bits of a number in little-endian order. */
 static void add_bits(lg_sha256 *sha, uint64_t bits) {
-    uint8_t bytes[8];
-    for (int i = 0; i < 8; i++) bytes[i] = (uint8_t)(bits >> (8 * i));
+    unsigned char bytes[8];
+    lg_bytes_put(bytes, sizeof bytes, bits);
     lg_sha256_add(sha, bytes, sizeof bytes);
 }
 
 static void add_real(lg_sha256 *sha, double x) {
-    uint64_t bits;
-    x += 0.0; /* makes -0 the same bound as 0 */
-    memcpy(&bits, &x, sizeof bits);
-    add_bits(sha, bits);
+    add_bits(sha, lg_bits_of_f64(x + 0.0)); /* + 0.0 makes -0 the same bound as 0 */
 }
 
 static void finish_hash(lg_sha256 *sha, char out[HASH_DIGITS + 1]) {
@@ -318,7 +315,7 @@ static void add(text *t, const char *format, ...) __attribute__((format(printf, 
 static void add(text *t, const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);
-    const int length = vsnprintf(t->data + t->used, t->size - t->used, format, arguments);
+    const int length = lg_format_list(t->data + t->used, t->size - t->used, format, arguments);
     va_end(arguments);
     t->used += (size_t)length;
 }
@@ -379,11 +376,8 @@ static size_t next_trial(const lg_trial *trials, size_t count, uint64_t last, bo
     return found;
 }
 
-static lg_status compose(text *t, const lg_search_file *search, uint64_t seed, const char *setting,
-                         const lg_trial *trials, size_t count, uint32_t reports) {
-    const locale_t c = newlocale(LC_ALL_MASK, "C", (locale_t)0);
-    if (c == (locale_t)0) return LG_OUT_OF_MEMORY;
-    const locale_t caller = uselocale(c); /* decimal points in any locale */
+static void compose(text *t, const lg_search_file *search, uint64_t seed, const char *setting,
+                    const lg_trial *trials, size_t count, uint32_t reports) {
     add_head(t, search, seed, setting, reports);
     uint64_t last = 0;
     for (size_t i = 0; i < count; i++) {
@@ -391,9 +385,6 @@ static lg_status compose(text *t, const lg_search_file *search, uint64_t seed, c
         add_trial(t, &search->space, trial, reports);
         last = trial->number;
     }
-    uselocale(caller);
-    freelocale(c);
-    return LG_OK;
 }
 
 lg_status lg_trials_write(const lg_context *context, const char *path, const lg_search_file *search,
@@ -409,12 +400,9 @@ lg_status lg_trials_write(const lg_context *context, const char *path, const lg_
     const size_t row = (LG_COUNT(columns) + search->space.count + reports) * CELL_SIZE;
     text t = {.size = HEAD_SIZE + (count + 1) * row};
     t.data = lg_alloc(context, t.size, 1);
-    lg_status status =
-        t.data == NULL ? LG_OUT_OF_MEMORY : compose(&t, search, seed, setting, trials, count, reports);
-    if (status != LG_OK)
-        (void)lg_fail(error, status, "%s: out of memory", lg_shown_path(path));
-    else
-        status = lg_file_write(context, path, t.data, t.used, error);
+    if (t.data == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    compose(&t, search, seed, setting, trials, count, reports);
+    const lg_status status = lg_file_write(context, path, t.data, t.used, error);
     lg_free(context, t.data);
     return status;
 }

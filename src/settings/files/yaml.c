@@ -31,7 +31,7 @@ lg_status lg_yaml_fail(const lg_yaml *yaml, uint32_t line, lg_status status, lg_
     char text[400];
     va_list arguments;
     va_start(arguments, format);
-    (void)vsnprintf(text, sizeof text, format, arguments);
+    (void)lg_format_list(text, sizeof text, format, arguments);
     va_end(arguments);
     return lg_fail(error, status, "%s: line %u: %s", lg_shown_path(yaml->path), line, text);
 }

@@ -16,6 +16,10 @@ static const struct {
     bool compact;
 } ways[] = {{"gcc", LG_F64, false}, {"clang", LG_F32, true}, {"gcc", LG_F32, false}, {"clang", LG_F64, true}};
 
+/* Undefined behaviour ends the program with a signal (main.c). */
+#define CHECKED "-O1 -fsanitize=undefined,float-cast-overflow -fno-sanitize-recover=all"
+bool compiled_checked;
+
 static bool has(const char *compiler) {
     char command[64];
     (void)snprintf(command, sizeof command, "command -v %s >/dev/null", compiler);
@@ -87,6 +91,7 @@ static bool check_file(const compiled *c, const lg_program *program, const recor
     if (lg_tape_create(NULL, NULL, &tape) != LG_OK) stop("no memory");
     for (size_t i = 0; good && i < count; i++)
         for (size_t k = 0; good && k < parts[i].count; k++) {
+            looked_at = r[i].number;
             good = check_function(c, tape, program, parts[i].number[k], r[i].number, k, f);
             *failed = i;
         }
@@ -111,8 +116,9 @@ bool check_compiled(const recording *r, size_t *taken, finding *out, size_t *fai
     }
     *taken = count;
     const size_t way = (size_t)(r[0].number / 100 % (sizeof ways / sizeof *ways));
-    const char *compiler = has(ways[way].compiler) ? ways[way].compiler : "cc";
-    if (good && !compile_program(&c, program, compiler, "-O2", ways[way].dtype, ways[way].compact))
+    const char *compiler = compiled_checked || !has(ways[way].compiler) ? "gcc" : ways[way].compiler;
+    const char *flags = compiled_checked ? CHECKED : "-O2";
+    if (good && !compile_program(&c, program, compiler, flags, ways[way].dtype, ways[way].compact))
         good = found(out, true, "no compiled C: %.400s", c.why);
     if (good) good = check_file(&c, program, r, parts, count, out, failed) && discard_compiled(&c);
     counted.recordings += count;

@@ -1,63 +1,26 @@
 /* Compares random recordings on a tape with plans and compiled C:
  *
- *     random_programs [--seed N] [--count N] [--compiled N]
+ *     random_programs [--seed N] [--count N] [--compiled N] [--checked]
  *
  * Recordings N, N + 1, ... are functions of random operations of the whole table, with shared and equal
  * operands, calls, loops and derivatives (recording.c). `count` of them are compared as plans with the tape's
  * results (rounding.c): in both types, with all options, and also after the program was stored and read again
- * (plans.c). `compiled` of them are compared as C, 100 recordings per file (compiled.c). If a recording
- * differs, the exit code is 1; the recording is shrunk and printed, and --seed with its number repeats it. */
+ * (plans.c). `compiled` of them are compared as C, 100 recordings per file (compiled.c); with --checked,
+ * undefined behaviour of the C ends the program. If a recording differs, the exit code is 1; the recording is
+ * shrunk and printed, and --seed with its number repeats it. */
 #include <getopt.h>
 #include <inttypes.h>
-#include <signal.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "autodiff/ops/op_table.h"
 #include "autodiff/program/plan.h"
 #include "autodiff/random/random.h"
 
 enum { A_FILE = 100, MOST_FOUND = 5, ENOUGH = 2000 };
-tally counted;
-
-void stop(const char *format, ...) {
-    va_list list;
-    va_start(list, format);
-    (void)vfprintf(stderr, format, list);
-    va_end(list);
-    (void)fputc('\n', stderr);
-    exit(3);
-}
-
-void *room(size_t count, size_t size) {
-    void *memory = calloc(count + 1, size);
-    if (memory == NULL) stop("no memory");
-    return memory;
-}
-
-bool found(finding *out, bool refused, const char *format, ...) {
-    va_list list;
-    out->refused = refused;
-    va_start(list, format);
-    (void)vsnprintf(out->sentence, sizeof out->sentence, format, list);
-    va_end(list);
-    return false;
-}
 
 /* ---- recordings that differ ---- */
-
-static volatile uint64_t looked_at; /* number of the current recording */
-
-static void tell_crash(int signal_number) {
-    char line[80];
-    const int length =
-        snprintf(line, sizeof line, "recording %" PRIu64 ": signal %d\n", looked_at, signal_number);
-    (void)!write(1, line, (size_t)length);
-    _exit(1);
-}
 
 static bool passes(bool compiled, const recording *r, finding *out) {
     size_t at, one = 1;
@@ -133,18 +96,20 @@ static bool all_rows_recorded(void) {
 }
 
 int main(int argc, char **argv) {
-    static const struct option options[] = {
-        {"seed", 1, NULL, 's'}, {"count", 1, NULL, 'n'}, {"compiled", 1, NULL, 'c'}, {NULL, 0, NULL, 0}};
+    static const struct option options[] = {{"seed", 1, NULL, 's'},
+                                            {"count", 1, NULL, 'n'},
+                                            {"compiled", 1, NULL, 'c'},
+                                            {"checked", 0, NULL, 'u'},
+                                            {NULL, 0, NULL, 0}};
     uint64_t seed = 0, count = 0, compiled = 0;
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (c == 's') seed = strtoull(optarg, NULL, 10);
         if (c == 'n') count = strtoull(optarg, NULL, 10);
         if (c == 'c') compiled = strtoull(optarg, NULL, 10);
+        if (c == 'u') compiled_checked = true;
         if (c == '?') return 2;
     }
-    (void)signal(SIGSEGV, tell_crash);
-    (void)signal(SIGABRT, tell_crash);
-    (void)signal(SIGFPE, tell_crash);
+    tell_crashes(compiled_checked ? argv : NULL);
     find_pieces();
     const size_t different = run_plans(seed, count) + run_compiled(seed, compiled);
     printf(

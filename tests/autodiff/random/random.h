@@ -23,6 +23,10 @@ static inline bool chance(lg_rng *rng, double p) {
 /* Prints a message and ends the program, for errors that are not findings. */
 void stop(const char *format, ...) __attribute__((format(printf, 1, 2), noreturn));
 void *room(size_t count, size_t size); /* zeroed */
+/* From here on, a crash prints the number of the recording. `argv` (may be NULL): so does undefined
+ * behaviour of checked C, for which the program is started again in another environment. */
+void tell_crashes(char **argv);
+extern volatile uint64_t looked_at; /* number of the current recording */
 
 /* ---- pieces: operations from the cases of the gradient check and from their derivatives ---- */
 
@@ -144,6 +148,7 @@ extern tally counted;
 bool check_plans(const recording *r, finding *out);
 /* Compiles *taken recordings as one file, or as many of them as fit into a program; *taken becomes their
  * number. *failed gets the recording that differs. */
+extern bool compiled_checked; /* the C is compiled with gcc's checks of undefined behaviour */
 bool check_compiled(const recording *r, size_t *taken, finding *out, size_t *failed);
 
 #endif

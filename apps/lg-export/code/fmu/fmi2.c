@@ -39,8 +39,26 @@ EXPORTED const char *fmi2GetVersion(void) {
     return "2.0";
 }
 
+static fmi2Status refuse(fmi2Component c, const char *why) {
+    const instance *i = (const instance *)c;
+    if (i != NULL && i->logger != NULL)
+        ((fmi2CallbackLogger)i->logger)(i->environment, "", fmi2Error, "error", "%s", why);
+    return fmi2Error;
+}
+
+/* Ends a function that the instance's mode does not allow, or that has wrong arguments. */
+#define ALLOW(modes)                                                                                         \
+    do {                                                                                                     \
+        if (!allowed((instance *)c, modes)) return refuse(c, misplaced);                                     \
+    } while (0)
+#define NEED(fits)                                                                                           \
+    do {                                                                                                     \
+        if (!(fits)) return refuse(c, unfitting);                                                            \
+    } while (0)
+
 FMI2(SetDebugLogging, fmi2Component c, fmi2Boolean on, size_t n, const fmi2String names[]) {
-    (void)c, (void)on, (void)n, (void)names;
+    (void)on, (void)n, (void)names;
+    ALLOW(ANY);
     return fmi2OK;
 }
 
@@ -50,15 +68,17 @@ EXPORTED fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2Strin
 EXPORTED fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
                                        const fmi2CallbackFunctions *callbacks, fmi2Boolean visible,
                                        fmi2Boolean log) {
-    (void)type, (void)resources, (void)visible, (void)log;
+    (void)resources, (void)visible, (void)log;
+    if (type != fmi2ModelExchange && type != fmi2CoSimulation) return NULL;
     if (guid == NULL || strcmp(guid, TOKEN) != 0) {
         if (callbacks != NULL && callbacks->logger != NULL)
             callbacks->logger(callbacks->componentEnvironment, name, fmi2Error, "error",
                               "the guid is not that of this model: %s", TOKEN);
         return NULL;
     }
-    return callbacks == NULL ? create(NULL, NULL)
-                             : create(callbacks->componentEnvironment, (void (*)(void))callbacks->logger);
+    return callbacks == NULL ? create(type == fmi2ModelExchange, NULL, NULL)
+                             : create(type == fmi2ModelExchange, callbacks->componentEnvironment,
+                                      (void (*)(void))callbacks->logger);
 }
 
 EXPORTED void fmi2FreeInstance(fmi2Component c);
@@ -69,22 +89,20 @@ EXPORTED void fmi2FreeInstance(fmi2Component c) {
 FMI2(SetupExperiment, fmi2Component c, fmi2Boolean tolerance, fmi2Real t, fmi2Real start, fmi2Boolean stops,
      fmi2Real stop) {
     (void)tolerance, (void)t, (void)stops, (void)stop;
+    ALLOW(INSTANTIATED);
+    NEED(is_finite(start));
     ((instance *)c)->m.time = start;
     return fmi2OK;
 }
-FMI2(EnterInitializationMode, fmi2Component c) {
-    (void)c;
-    return fmi2OK;
-}
-FMI2(ExitInitializationMode, fmi2Component c) {
-    (void)c;
-    return fmi2OK;
-}
-FMI2(Terminate, fmi2Component c) {
-    (void)c;
-    return fmi2OK;
-}
+#define FMI2_MODE(name, from, to)                                                                            \
+    FMI2(name, fmi2Component c) {                                                                            \
+        return take_mode((instance *)c, from, to) ? fmi2OK : refuse(c, misplaced);                           \
+    }
+FMI2_MODE(EnterInitializationMode, INSTANTIATED, INITIALIZATION)
+FMI2_MODE(ExitInitializationMode, INITIALIZATION, RUNNING)
+FMI2_MODE(Terminate, RUNNING, TERMINATED)
 FMI2(Reset, fmi2Component c) {
+    ALLOW(ANY);
     reset((instance *)c);
     return fmi2OK;
 }
@@ -94,9 +112,11 @@ FMI2(Reset, fmi2Component c) {
 FMI2(GetReal, fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Real value[]) {
     instance *i = (instance *)c;
     size_t k;
+    ALLOW(EVALUATED);
+    NEED(is_given(n, vr, value));
     refresh(i);
     for (k = 0; k < n; k++) {
-        if (vr[k] >= NUMBERS) return fmi2Error;
+        NEED(vr[k] < NUMBERS);
         value[k] = i->m.values[vr[k]];
     }
     return fmi2OK;
@@ -104,23 +124,25 @@ FMI2(GetReal, fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Real
 FMI2(SetReal, fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2Real value[]) {
     instance *i = (instance *)c;
     size_t k;
+    ALLOW(INSTANTIATED | INITIALIZATION | RUNNING);
+    NEED(is_given(n, vr, value));
+    i->stale = 1;
     for (k = 0; k < n; k++) {
-        if (vr[k] >= NUMBERS || !is_known((int)vr[k])) return fmi2Error;
+        NEED(vr[k] < NUMBERS && is_known((int)vr[k]));
         i->m.values[vr[k]] = value[k];
     }
-    i->stale = 1;
     return fmi2OK;
 }
 
 /* There are no variables of other types. */
 #define FMI2_NONE(name, type)                                                                                \
     FMI2(Get##name, fmi2Component c, const fmi2ValueReference vr[], size_t n, type v[]) {                    \
-        (void)c, (void)vr, (void)v;                                                                          \
-        return n == 0 ? fmi2OK : fmi2Error;                                                                  \
+        (void)vr, (void)v;                                                                                   \
+        return c != NULL && n == 0 ? fmi2OK : fmi2Error;                                                     \
     }                                                                                                        \
     FMI2(Set##name, fmi2Component c, const fmi2ValueReference vr[], size_t n, const type v[]) {              \
-        (void)c, (void)vr, (void)v;                                                                          \
-        return n == 0 ? fmi2OK : fmi2Error;                                                                  \
+        (void)vr, (void)v;                                                                                   \
+        return c != NULL && n == 0 ? fmi2OK : fmi2Error;                                                     \
     }
 FMI2_NONE(Integer, fmi2Integer)
 FMI2_NONE(Boolean, fmi2Boolean)
@@ -129,37 +151,41 @@ FMI2_NONE(String, fmi2String)
 /* ---- states of the instance ---- */
 
 FMI2(GetFMUstate, fmi2Component c, fmi2FMUstate *state) {
+    ALLOW(ANY);
+    NEED(state != NULL);
     if (*state == NULL) *state = malloc(sizeof(memory));
     if (*state == NULL) return fmi2Error;
     memcpy(*state, &((instance *)c)->m, sizeof(memory));
     return fmi2OK;
 }
 FMI2(SetFMUstate, fmi2Component c, fmi2FMUstate state) {
-    memcpy(&((instance *)c)->m, state, sizeof(memory));
-    ((instance *)c)->stale = 1;
+    ALLOW(ANY);
+    NEED(restore((instance *)c, (const memory *)state));
     return fmi2OK;
 }
 FMI2(FreeFMUstate, fmi2Component c, fmi2FMUstate *state) {
-    (void)c;
+    ALLOW(ANY);
+    if (state == NULL) return fmi2OK;
     free(*state);
     *state = NULL;
     return fmi2OK;
 }
 FMI2(SerializedFMUstateSize, fmi2Component c, fmi2FMUstate state, size_t *size) {
-    (void)c, (void)state;
+    ALLOW(ANY);
+    NEED(state != NULL && size != NULL);
     *size = sizeof(image);
     return fmi2OK;
 }
 FMI2(SerializeFMUstate, fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size) {
-    (void)c;
-    if (size < sizeof(image)) return fmi2Error;
+    ALLOW(ANY);
+    NEED(state != NULL && bytes != NULL && size >= sizeof(image));
     write_image((const memory *)state, bytes);
     return fmi2OK;
 }
 FMI2(DeSerializeFMUstate, fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state) {
     memory m;
-    (void)c;
-    if (!read_image(bytes, size, &m)) return fmi2Error;
+    ALLOW(ANY);
+    NEED(state != NULL && read_image((const instance *)c, bytes, size, &m));
     if (*state == NULL) *state = malloc(sizeof m);
     if (*state == NULL) return fmi2Error;
     memcpy(*state, &m, sizeof m);
@@ -172,14 +198,16 @@ FMI2(GetDirectionalDerivative, fmi2Component c, const fmi2ValueReference unknown
      const fmi2ValueReference known[], size_t knowns, const fmi2Real seed[], fmi2Real sensitivity[]) {
     instance *i = (instance *)c;
     size_t k;
+    ALLOW(EVALUATED);
+    NEED(is_given(knowns, known, seed) && is_given(unknowns, unknown, sensitivity));
     memset(i->seeds, 0, sizeof i->seeds);
     for (k = 0; k < knowns; k++) {
-        if (known[k] >= NUMBERS || !is_known((int)known[k])) return fmi2Error;
+        NEED(known[k] < NUMBERS && is_known((int)known[k]));
         i->seeds[known[k]] = seed[k];
     }
     if (!forward(i->m.values, i->seeds, i->results, i->work)) return fmi2Error;
     for (k = 0; k < unknowns; k++) {
-        if (unknown[k] >= NUMBERS) return fmi2Error;
+        NEED(unknown[k] < NUMBERS);
         sensitivity[k] = i->results[unknown[k]];
     }
     return fmi2OK;
@@ -187,53 +215,57 @@ FMI2(GetDirectionalDerivative, fmi2Component c, const fmi2ValueReference unknown
 
 /* ---- model exchange ---- */
 
-FMI2(EnterEventMode, fmi2Component c) {
-    (void)c;
-    return fmi2OK;
-}
+FMI2_MODE(EnterEventMode, EVENT | CONTINUOUS, EVENT)
+FMI2_MODE(EnterContinuousTimeMode, EVENT, CONTINUOUS)
 FMI2(NewDiscreteStates, fmi2Component c, fmi2EventInfo *info) {
-    (void)c;
+    ALLOW(EVENT);
+    NEED(info != NULL);
     memset(info, 0, sizeof *info);
-    return fmi2OK;
-}
-FMI2(EnterContinuousTimeMode, fmi2Component c) {
-    (void)c;
     return fmi2OK;
 }
 FMI2(CompletedIntegratorStep, fmi2Component c, fmi2Boolean final, fmi2Boolean *event,
      fmi2Boolean *terminate) {
-    (void)c, (void) final;
+    (void) final;
+    ALLOW(CONTINUOUS);
+    NEED(event != NULL && terminate != NULL);
     *event = *terminate = 0;
     return fmi2OK;
 }
 FMI2(SetTime, fmi2Component c, fmi2Real time) {
+    ALLOW(EVENT | CONTINUOUS);
+    NEED(is_finite(time));
     ((instance *)c)->m.time = time;
     return fmi2OK;
 }
 FMI2(SetContinuousStates, fmi2Component c, const fmi2Real x[], size_t n) {
-    if (n != STATES) return fmi2Error;
+    ALLOW(CONTINUOUS);
+    NEED(n == STATES && is_given(n, x, x));
     memcpy(((instance *)c)->m.values, x, n * sizeof *x);
     ((instance *)c)->stale = 1;
     return fmi2OK;
 }
 FMI2(GetContinuousStates, fmi2Component c, fmi2Real x[], size_t n) {
-    if (n != STATES) return fmi2Error;
+    ALLOW(EXCHANGED);
+    NEED(n == STATES && is_given(n, x, x));
     memcpy(x, ((instance *)c)->m.values, n * sizeof *x);
     return fmi2OK;
 }
 FMI2(GetDerivatives, fmi2Component c, fmi2Real x[], size_t n) {
-    if (n != STATES) return fmi2Error;
+    ALLOW(EXCHANGED);
+    NEED(n == STATES && is_given(n, x, x));
     refresh((instance *)c);
     memcpy(x, ((instance *)c)->m.values + DERIVATIVE_AT, n * sizeof *x);
     return fmi2OK;
 }
 FMI2(GetEventIndicators, fmi2Component c, fmi2Real x[], size_t n) {
-    (void)c, (void)x;
+    (void)x;
+    ALLOW(EXCHANGED);
     return n == 0 ? fmi2OK : fmi2Error;
 }
 FMI2(GetNominalsOfContinuousStates, fmi2Component c, fmi2Real x[], size_t n) {
     size_t k;
-    (void)c;
+    ALLOW(INSTANTIATED | EXCHANGED);
+    NEED(n == STATES && is_given(n, x, x));
     for (k = 0; k < n; k++) x[k] = 1.0;
     return fmi2OK;
 }
@@ -254,13 +286,11 @@ FMI2(DoStep, fmi2Component c, fmi2Real now, fmi2Real step, fmi2Boolean final) {
     instance *i = (instance *)c;
     const char *failure;
     (void) final;
-    if (!is_step(step)) return fmi2Error;
+    ALLOW(STEP);
+    NEED(is_finite(now) && is_step(step) && is_finite(now + step));
     i->m.time = now;
     failure = advance(i, step);
-    if (failure == NULL) return fmi2OK;
-    if (i->logger != NULL)
-        ((fmi2CallbackLogger)i->logger)(i->environment, "", fmi2Error, "error", "%s", failure);
-    return fmi2Error;
+    return failure == NULL ? fmi2OK : refuse(c, failure);
 }
 FMI2(CancelStep, fmi2Component c) {
     (void)c;
@@ -271,6 +301,8 @@ FMI2(GetStatus, fmi2Component c, fmi2StatusKind kind, fmi2Status *value) {
     return fmi2Discard;
 }
 FMI2(GetRealStatus, fmi2Component c, fmi2StatusKind kind, fmi2Real *value) {
+    ALLOW(STEP | TERMINATED);
+    NEED(value != NULL);
     if (kind != 2) return fmi2Discard; /* fmi2LastSuccessfulTime */
     *value = ((instance *)c)->m.time;
     return fmi2OK;

@@ -23,14 +23,32 @@ EXPORTED const char *fmi3GetVersion(void) {
     return "3.0";
 }
 
+static fmi3Status refuse(fmi3Instance c, const char *why) {
+    const instance *i = (const instance *)c;
+    if (i != NULL && i->logger != NULL)
+        ((fmi3LogMessageCallback)i->logger)(i->environment, fmi3Error, "error", why);
+    return fmi3Error;
+}
+
+/* Ends a function that the instance's mode does not allow, or that has wrong arguments. */
+#define ALLOW(modes)                                                                                         \
+    do {                                                                                                     \
+        if (!allowed((instance *)c, modes)) return refuse(c, misplaced);                                     \
+    } while (0)
+#define NEED(fits)                                                                                           \
+    do {                                                                                                     \
+        if (!(fits)) return refuse(c, unfitting);                                                            \
+    } while (0)
+
 FMI3(SetDebugLogging, fmi3Instance c, fmi3Boolean on, size_t n, const fmi3String names[]) {
-    (void)c, (void)on, (void)n, (void)names;
+    (void)on, (void)n, (void)names;
+    ALLOW(ANY);
     return fmi3OK;
 }
 
-static fmi3Instance instantiate(fmi3String token, fmi3InstanceEnvironment environment,
+static fmi3Instance instantiate(int exchange, fmi3String token, fmi3InstanceEnvironment environment,
                                 fmi3LogMessageCallback log) {
-    if (token != NULL && strcmp(token, TOKEN) == 0) return create(environment, (void (*)(void))log);
+    if (token != NULL && strcmp(token, TOKEN) == 0) return create(exchange, environment, (void (*)(void))log);
     if (log != NULL)
         log(environment, fmi3Error, "error", "the instantiation token is not that of this model: " TOKEN);
     return NULL;
@@ -45,7 +63,7 @@ EXPORTED fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String t
                                                    fmi3InstanceEnvironment environment,
                                                    fmi3LogMessageCallback log) {
     (void)name, (void)resources, (void)visible, (void)logging;
-    return instantiate(token, environment, log);
+    return instantiate(1, token, environment, log);
 }
 EXPORTED fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources,
                                                   fmi3Boolean visible, fmi3Boolean logging,
@@ -62,7 +80,7 @@ EXPORTED fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String to
     (void)name, (void)resources, (void)visible, (void)logging, (void)events, (void)early, (void)required,
         (void)n;
     (void)update;
-    return instantiate(token, environment, log);
+    return instantiate(0, token, environment, log);
 }
 EXPORTED fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token,
                                                         fmi3String resources, fmi3Boolean visible,
@@ -88,23 +106,30 @@ EXPORTED void fmi3FreeInstance(fmi3Instance c) {
 FMI3(EnterInitializationMode, fmi3Instance c, fmi3Boolean tolerance, fmi3Float64 t, fmi3Float64 start,
      fmi3Boolean stops, fmi3Float64 stop) {
     (void)tolerance, (void)t, (void)stops, (void)stop;
+    ALLOW(INSTANTIATED);
+    NEED(is_finite(start));
     ((instance *)c)->m.time = start;
+    ((instance *)c)->m.mode = INITIALIZATION;
     return fmi3OK;
 }
-#define FMI3_MODE(name)                                                                                      \
+#define FMI3_MODE(name, from, to)                                                                            \
     FMI3(name, fmi3Instance c) {                                                                             \
-        (void)c;                                                                                             \
-        return fmi3OK;                                                                                       \
+        return take_mode((instance *)c, from, to) ? fmi3OK : refuse(c, misplaced);                           \
     }
-FMI3_MODE(ExitInitializationMode)
-FMI3_MODE(EnterEventMode)
-FMI3_MODE(Terminate)
-FMI3_MODE(EnterConfigurationMode)
-FMI3_MODE(ExitConfigurationMode)
-FMI3_MODE(EnterContinuousTimeMode)
-FMI3_MODE(EnterStepMode)
-FMI3_MODE(EvaluateDiscreteStates)
+FMI3_MODE(ExitInitializationMode, INITIALIZATION, RUNNING)
+FMI3_MODE(EnterEventMode, EVENT | CONTINUOUS, EVENT)
+FMI3_MODE(Terminate, RUNNING, TERMINATED)
+FMI3_MODE(EnterContinuousTimeMode, EVENT, CONTINUOUS)
+/* There are no structural parameters to configure, and no events in co-simulation. */
+FMI3_MODE(EnterConfigurationMode, NEVER, ANY)
+FMI3_MODE(ExitConfigurationMode, NEVER, ANY)
+FMI3_MODE(EnterStepMode, NEVER, ANY)
+FMI3(EvaluateDiscreteStates, fmi3Instance c) {
+    ALLOW(INITIALIZATION | EVENT);
+    return fmi3OK;
+}
 FMI3(Reset, fmi3Instance c) {
+    ALLOW(ANY);
     reset((instance *)c);
     return fmi3OK;
 }
@@ -114,38 +139,43 @@ FMI3(Reset, fmi3Instance c) {
 FMI3(GetFloat64, fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Float64 value[], size_t count) {
     instance *i = (instance *)c;
     size_t k, at = 0;
+    ALLOW(EVALUATED);
+    NEED(is_given(n, vr, value));
     refresh(i);
     for (k = 0; k < n; k++) {
         const size_t size = vr[k] < PORTS ? (size_t)ports[vr[k]].count : 1;
-        if (vr[k] > PORTS || at + size > count) return fmi3Error;
+        NEED(vr[k] <= PORTS && size <= count - at);
         memcpy(value + at, vr[k] < PORTS ? i->m.values + ports[vr[k]].at : &i->m.time, size * sizeof *value);
         at += size;
     }
-    return at == count ? fmi3OK : fmi3Error;
+    NEED(at == count);
+    return fmi3OK;
 }
 FMI3(SetFloat64, fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Float64 value[],
      size_t count) {
     instance *i = (instance *)c;
     size_t k, at = 0;
+    ALLOW(INSTANTIATED | INITIALIZATION | RUNNING);
+    NEED(is_given(n, vr, value));
+    i->stale = 1;
     for (k = 0; k < n; k++) {
-        if (vr[k] >= PORTS || !is_known(ports[vr[k]].at) || at + (size_t)ports[vr[k]].count > count)
-            return fmi3Error;
+        NEED(vr[k] < PORTS && is_known(ports[vr[k]].at) && (size_t)ports[vr[k]].count <= count - at);
         memcpy(i->m.values + ports[vr[k]].at, value + at, (size_t)ports[vr[k]].count * sizeof *value);
         at += (size_t)ports[vr[k]].count;
     }
-    i->stale = 1;
-    return at == count ? fmi3OK : fmi3Error;
+    NEED(at == count);
+    return fmi3OK;
 }
 
 /* There are no variables of other types. */
 #define FMI3_NONE(name, type)                                                                                \
     FMI3(Get##name, fmi3Instance c, const fmi3ValueReference vr[], size_t n, type v[], size_t count) {       \
-        (void)c, (void)vr, (void)v, (void)count;                                                             \
-        return n == 0 ? fmi3OK : fmi3Error;                                                                  \
+        (void)vr, (void)v, (void)count;                                                                      \
+        return c != NULL && n == 0 ? fmi3OK : fmi3Error;                                                     \
     }                                                                                                        \
     FMI3(Set##name, fmi3Instance c, const fmi3ValueReference vr[], size_t n, const type v[], size_t count) { \
-        (void)c, (void)vr, (void)v, (void)count;                                                             \
-        return n == 0 ? fmi3OK : fmi3Error;                                                                  \
+        (void)vr, (void)v, (void)count;                                                                      \
+        return c != NULL && n == 0 ? fmi3OK : fmi3Error;                                                     \
     }
 FMI3_NONE(Float32, float)
 FMI3_NONE(Int8, int8_t)
@@ -190,37 +220,41 @@ FMI3(GetVariableDependencies, fmi3Instance c, fmi3ValueReference dependent, size
 /* ---- states of the instance ---- */
 
 FMI3(GetFMUState, fmi3Instance c, fmi3FMUState *state) {
+    ALLOW(ANY);
+    NEED(state != NULL);
     if (*state == NULL) *state = malloc(sizeof(memory));
     if (*state == NULL) return fmi3Error;
     memcpy(*state, &((instance *)c)->m, sizeof(memory));
     return fmi3OK;
 }
 FMI3(SetFMUState, fmi3Instance c, fmi3FMUState state) {
-    memcpy(&((instance *)c)->m, state, sizeof(memory));
-    ((instance *)c)->stale = 1;
+    ALLOW(ANY);
+    NEED(restore((instance *)c, (const memory *)state));
     return fmi3OK;
 }
 FMI3(FreeFMUState, fmi3Instance c, fmi3FMUState *state) {
-    (void)c;
+    ALLOW(ANY);
+    if (state == NULL) return fmi3OK;
     free(*state);
     *state = NULL;
     return fmi3OK;
 }
 FMI3(SerializedFMUStateSize, fmi3Instance c, fmi3FMUState state, size_t *size) {
-    (void)c, (void)state;
+    ALLOW(ANY);
+    NEED(state != NULL && size != NULL);
     *size = sizeof(image);
     return fmi3OK;
 }
 FMI3(SerializeFMUState, fmi3Instance c, fmi3FMUState state, fmi3Byte bytes[], size_t size) {
-    (void)c;
-    if (size < sizeof(image)) return fmi3Error;
+    ALLOW(ANY);
+    NEED(state != NULL && bytes != NULL && size >= sizeof(image));
     write_image((const memory *)state, bytes);
     return fmi3OK;
 }
 FMI3(DeserializeFMUState, fmi3Instance c, const fmi3Byte bytes[], size_t size, fmi3FMUState *state) {
     memory m;
-    (void)c;
-    if (!read_image(bytes, size, &m)) return fmi3Error;
+    ALLOW(ANY);
+    NEED(state != NULL && read_image((const instance *)c, bytes, size, &m));
     if (*state == NULL) *state = malloc(sizeof m);
     if (*state == NULL) return fmi3Error;
     memcpy(*state, &m, sizeof m);
@@ -229,12 +263,19 @@ FMI3(DeserializeFMUState, fmi3Instance c, const fmi3Byte bytes[], size_t size, f
 
 /* ---- derivatives ---- */
 
-/* Numbers of the ports into, or out of, an array with their places; 0: not that many, or no port. */
+/* References of ports, of states, inputs and parameters only where `known`. */
+static int is_ports(const fmi3ValueReference vr[], size_t n, int known) {
+    size_t k;
+    for (k = 0; k < n; k++)
+        if (vr[k] >= PORTS || (known && !is_known(ports[vr[k]].at))) return 0;
+    return 1;
+}
+/* Numbers of the ports into, or out of, an array with their places; 0: not that many. */
 static int scatter(const fmi3ValueReference vr[], size_t n, const double *from, size_t count, double *to) {
     size_t k, at = 0;
     memset(to, 0, NUMBERS * sizeof *to);
     for (k = 0; k < n; k++) {
-        if (vr[k] >= PORTS || at + (size_t)ports[vr[k]].count > count) return 0;
+        if ((size_t)ports[vr[k]].count > count - at) return 0;
         memcpy(to + ports[vr[k]].at, from + at, (size_t)ports[vr[k]].count * sizeof *to);
         at += (size_t)ports[vr[k]].count;
     }
@@ -243,7 +284,7 @@ static int scatter(const fmi3ValueReference vr[], size_t n, const double *from, 
 static int gather(const fmi3ValueReference vr[], size_t n, const double *from, double *to, size_t count) {
     size_t k, at = 0;
     for (k = 0; k < n; k++) {
-        if (vr[k] >= PORTS || at + (size_t)ports[vr[k]].count > count) return 0;
+        if ((size_t)ports[vr[k]].count > count - at) return 0;
         memcpy(to + at, from + ports[vr[k]].at, (size_t)ports[vr[k]].count * sizeof *to);
         at += (size_t)ports[vr[k]].count;
     }
@@ -253,6 +294,9 @@ FMI3(GetDirectionalDerivative, fmi3Instance c, const fmi3ValueReference unknown[
      const fmi3ValueReference known[], size_t knowns, const fmi3Float64 seed[], size_t seeds,
      fmi3Float64 sensitivity[], size_t sensitivities) {
     instance *i = (instance *)c;
+    ALLOW(EVALUATED);
+    NEED(is_given(knowns, known, seed) && is_given(unknowns, unknown, sensitivity));
+    NEED(is_ports(known, knowns, 1) && is_ports(unknown, unknowns, 0));
     return scatter(known, knowns, seed, seeds, i->seeds) &&
                    forward(i->m.values, i->seeds, i->results, i->work) &&
                    gather(unknown, unknowns, i->results, sensitivity, sensitivities)
@@ -263,6 +307,9 @@ FMI3(GetAdjointDerivative, fmi3Instance c, const fmi3ValueReference unknown[], s
      const fmi3ValueReference known[], size_t knowns, const fmi3Float64 seed[], size_t seeds,
      fmi3Float64 sensitivity[], size_t sensitivities) {
     instance *i = (instance *)c;
+    ALLOW(EVALUATED);
+    NEED(is_given(unknowns, unknown, seed) && is_given(knowns, known, sensitivity));
+    NEED(is_ports(known, knowns, 1) && is_ports(unknown, unknowns, 0));
     return scatter(unknown, unknowns, seed, seeds, i->seeds) &&
                    adjoint(i->m.values, i->seeds, i->results, i->room, i->work) &&
                    gather(known, knowns, i->results, sensitivity, sensitivities)
@@ -314,7 +361,9 @@ FMI3(ActivateModelPartition, fmi3Instance c, fmi3ValueReference clock, fmi3Float
 }
 FMI3(UpdateDiscreteStates, fmi3Instance c, fmi3Boolean *again, fmi3Boolean *terminate, fmi3Boolean *nominals,
      fmi3Boolean *values, fmi3Boolean *event, fmi3Float64 *time) {
-    (void)c, (void)time;
+    (void)time;
+    ALLOW(EVENT);
+    NEED(again != NULL && terminate != NULL && nominals != NULL && values != NULL && event != NULL);
     *again = *terminate = *nominals = *values = *event = false;
     return fmi3OK;
 }
@@ -322,48 +371,59 @@ FMI3(UpdateDiscreteStates, fmi3Instance c, fmi3Boolean *again, fmi3Boolean *term
 /* ---- model exchange ---- */
 
 FMI3(CompletedIntegratorStep, fmi3Instance c, fmi3Boolean final, fmi3Boolean *event, fmi3Boolean *terminate) {
-    (void)c, (void) final;
+    (void) final;
+    ALLOW(CONTINUOUS);
+    NEED(event != NULL && terminate != NULL);
     *event = *terminate = false;
     return fmi3OK;
 }
 FMI3(SetTime, fmi3Instance c, fmi3Float64 time) {
+    ALLOW(EVENT | CONTINUOUS);
+    NEED(is_finite(time));
     ((instance *)c)->m.time = time;
     return fmi3OK;
 }
 FMI3(SetContinuousStates, fmi3Instance c, const fmi3Float64 x[], size_t n) {
-    if (n != STATES) return fmi3Error;
+    ALLOW(CONTINUOUS);
+    NEED(n == STATES && is_given(n, x, x));
     memcpy(((instance *)c)->m.values, x, n * sizeof *x);
     ((instance *)c)->stale = 1;
     return fmi3OK;
 }
 FMI3(GetContinuousStates, fmi3Instance c, fmi3Float64 x[], size_t n) {
-    if (n != STATES) return fmi3Error;
+    ALLOW(EXCHANGED);
+    NEED(n == STATES && is_given(n, x, x));
     memcpy(x, ((instance *)c)->m.values, n * sizeof *x);
     return fmi3OK;
 }
 FMI3(GetContinuousStateDerivatives, fmi3Instance c, fmi3Float64 x[], size_t n) {
-    if (n != STATES) return fmi3Error;
+    ALLOW(EXCHANGED);
+    NEED(n == STATES && is_given(n, x, x));
     refresh((instance *)c);
     memcpy(x, ((instance *)c)->m.values + DERIVATIVE_AT, n * sizeof *x);
     return fmi3OK;
 }
 FMI3(GetEventIndicators, fmi3Instance c, fmi3Float64 x[], size_t n) {
-    (void)c, (void)x;
+    (void)x;
+    ALLOW(EXCHANGED);
     return n == 0 ? fmi3OK : fmi3Error;
 }
 FMI3(GetNominalsOfContinuousStates, fmi3Instance c, fmi3Float64 x[], size_t n) {
     size_t k;
-    (void)c;
+    ALLOW(INSTANTIATED | EXCHANGED);
+    NEED(n == STATES && is_given(n, x, x));
     for (k = 0; k < n; k++) x[k] = 1.0;
     return fmi3OK;
 }
 FMI3(GetNumberOfEventIndicators, fmi3Instance c, size_t *n) {
-    (void)c;
+    ALLOW(ANY);
+    NEED(n != NULL);
     *n = 0;
     return fmi3OK;
 }
 FMI3(GetNumberOfContinuousStates, fmi3Instance c, size_t *n) {
-    (void)c;
+    ALLOW(ANY);
+    NEED(n != NULL);
     *n = STATES;
     return fmi3OK;
 }
@@ -380,12 +440,12 @@ FMI3(DoStep, fmi3Instance c, fmi3Float64 now, fmi3Float64 step, fmi3Boolean fina
     instance *i = (instance *)c;
     const char *failure;
     (void) final;
+    ALLOW(STEP);
+    NEED(event != NULL && terminate != NULL && early != NULL && last != NULL);
     *event = *terminate = *early = false;
-    if (!is_step(step)) return fmi3Error;
+    NEED(is_finite(now) && is_step(step) && is_finite(now + step));
     i->m.time = now;
     failure = advance(i, step);
     *last = i->m.time;
-    if (failure == NULL) return fmi3OK;
-    if (i->logger != NULL) ((fmi3LogMessageCallback)i->logger)(i->environment, fmi3Error, "error", failure);
-    return fmi3Error;
+    return failure == NULL ? fmi3OK : refuse(c, failure);
 }

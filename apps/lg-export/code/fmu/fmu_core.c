@@ -11,13 +11,31 @@
 
 enum { DERIVATIVE_AT = STATES, STEP_AT = NUMBERS - 1 };
 
+/* Modes, one at a time (FMI 2.0.4, 3.2.3 and 4.2.4; FMI 3.0.2, 2.3.1). Only an instance for model exchange
+ * has the modes EVENT and CONTINUOUS, only one for co-simulation has STEP. */
+enum {
+    INSTANTIATED = 1,
+    INITIALIZATION = 2,
+    EVENT = 4,
+    CONTINUOUS = 8,
+    STEP = 16,
+    TERMINATED = 32,
+    RUNNING = EVENT | CONTINUOUS | STEP,
+    EVALUATED = INITIALIZATION | RUNNING | TERMINATED, /* results can be read */
+    ANY = INSTANTIATED | EVALUATED,
+    NEVER = 0,
+    EXCHANGED = EVALUATED | 64 /* in model exchange only */
+};
+
 typedef struct memory {
+    uint64_t mode;
     double time, values[NUMBERS];
 } memory;
 
 typedef struct instance {
     memory m;
-    int stale; /* derivatives and outputs do not belong to the other values yet */
+    int exchange; /* for model exchange, not for co-simulation */
+    int stale;    /* derivatives and outputs do not belong to the other values yet */
     void *environment;
     void (*logger)(void); /* of the version's type; NULL: none */
     double seeds[NUMBERS], results[NUMBERS], room[NUMBERS], work[WORK];
@@ -26,17 +44,35 @@ typedef struct instance {
 static void reset(instance *i) {
     memset(&i->m, 0, sizeof i->m);
     memcpy(i->m.values, start_values, sizeof start_values);
+    i->m.mode = INSTANTIATED;
     i->stale = 1;
 }
 
-static instance *create(void *environment, void (*logger)(void)) {
+static instance *create(int exchange, void *environment, void (*logger)(void)) {
     instance *i = (instance *)calloc(1, sizeof *i);
     if (i == NULL) return NULL;
+    i->exchange = exchange;
     i->environment = environment;
     i->logger = logger;
     reset(i);
     return i;
 }
+
+/* EXCHANGED among the modes: the call is for model exchange only. */
+static int allowed(const instance *i, uint64_t modes) {
+    if (i == NULL || (!i->exchange && (modes & EXCHANGED) == EXCHANGED)) return 0;
+    return (i->m.mode & modes) != 0;
+}
+
+/* 0: the mode is none of `from`. `to` RUNNING: the first mode after the initialization. */
+static int take_mode(instance *i, uint64_t from, uint64_t to) {
+    if (!allowed(i, from)) return 0;
+    i->m.mode = to != RUNNING ? to : i->exchange ? EVENT : STEP;
+    return 1;
+}
+
+static const char misplaced[] = "the instance's mode does not allow this call",
+                  unfitting[] = "the arguments are not references and numbers of variables of this use";
 
 /* Brings derivatives and outputs up to date. */
 static void refresh(instance *i) {
@@ -61,13 +97,50 @@ static int is_finite(double x) {
     return fabs(x) <= DBL_MAX;
 }
 
+/* Arrays of n elements. */
+static int is_given(size_t n, const void *a, const void *b) {
+    return n == 0 || (a != NULL && b != NULL);
+}
+
 /* ---- the memory as bytes ---- */
 
-/* What another process may put back: which model it is of, and a sum that tells damage (FNV-1a). */
+/* A mode that the instance can be in. */
+static int is_mode(const instance *i, uint64_t mode) {
+    const uint64_t others = i->exchange ? STEP : EVENT | CONTINUOUS;
+    return mode != 0 && (mode & (mode - 1)) == 0 && mode <= TERMINATED && (mode & others) == 0;
+}
+
+/* Puts kept memory back; 0: it is that of an instance of the other interface. */
+static int restore(instance *i, const memory *m) {
+    if (m == NULL || !is_mode(i, m->mode)) return 0;
+    memcpy(&i->m, m, sizeof *m);
+    i->stale = 1;
+    return 1;
+}
+
+/* What another process, also of another machine, may put back: which model it is of, a sum of the rest that
+ * tells damage (FNV-1a), and the rest, all as words of 8 bytes with the lowest byte first. */
 typedef struct image {
-    uint64_t model, sum;
-    memory m;
+    unsigned char model[8], sum[8], m[sizeof(memory)];
 } image;
+
+static void put_words(unsigned char *to, const void *from, size_t bytes) {
+    size_t i;
+    uint64_t word = 0;
+    for (i = 0; i < bytes; i++, word >>= 8) {
+        if (i % 8 == 0) memcpy(&word, (const unsigned char *)from + i, 8);
+        to[i] = (unsigned char)(word & 255);
+    }
+}
+
+static void get_words(void *to, const unsigned char *from, size_t bytes) {
+    size_t i;
+    uint64_t word = 0;
+    for (i = bytes; i-- > 0;) {
+        word = word << 8 | from[i];
+        if (i % 8 == 0) memcpy((unsigned char *)to + i, &word, 8);
+    }
+}
 
 static uint64_t sum_of(const void *bytes, size_t size) {
     const unsigned char *at = (const unsigned char *)bytes;
@@ -78,23 +151,31 @@ static uint64_t sum_of(const void *bytes, size_t size) {
 
 static void write_image(const memory *m, void *bytes) {
     image out;
-    memset(&out, 0, sizeof out);
-    out.model = sum_of(TOKEN, sizeof TOKEN);
-    out.sum = sum_of(m, sizeof *m);
-    out.m = *m;
+    uint64_t sum = sum_of(TOKEN, sizeof TOKEN);
+    put_words(out.model, &sum, sizeof sum);
+    put_words(out.m, m, sizeof *m);
+    sum = sum_of(out.m, sizeof out.m);
+    put_words(out.sum, &sum, sizeof sum);
     memcpy(bytes, &out, sizeof out);
 }
 
-/* 0: not bytes of write_image of this model, or states, inputs or parameters that are not finite. */
-static int read_image(const void *bytes, size_t size, memory *m) {
+/* 0: not bytes of write_image of this model, or a mode that the instance cannot be in, or a time, states,
+ * inputs or parameters that are not finite. */
+static int read_image(const instance *i, const void *bytes, size_t size, memory *m) {
     image in;
+    memory found;
+    uint64_t model, sum;
     int k;
-    if (size != sizeof in) return 0;
+    if (bytes == NULL || size != sizeof in) return 0;
     memcpy(&in, bytes, sizeof in);
-    if (in.model != sum_of(TOKEN, sizeof TOKEN) || in.sum != sum_of(&in.m, sizeof in.m)) return 0;
+    get_words(&model, in.model, sizeof model);
+    get_words(&sum, in.sum, sizeof sum);
+    if (model != sum_of(TOKEN, sizeof TOKEN) || sum != sum_of(in.m, sizeof in.m)) return 0;
+    get_words(&found, in.m, sizeof found);
+    if (!is_mode(i, found.mode) || !is_finite(found.time)) return 0;
     for (k = 0; k < NUMBERS; k++)
-        if (is_known(k) && !is_finite(in.m.values[k])) return 0;
-    *m = in.m;
+        if (is_known(k) && !is_finite(found.values[k])) return 0;
+    *m = found;
     return 1;
 }
 

@@ -1,0 +1,183 @@
+/* Commands whose calls of the C library fail (support/faults.h), one after the other, alone and with all
+ * later ones:
+ *
+ *     broken_calls EXECUTABLES FAULTY-EXECUTABLES memory|files [-t SECONDS] [-s SEED] [-o NAME]
+ *
+ * Calls that move bytes also move half of them, or are interrupted. After each run: exit code 0 and the
+ * outputs of an undisturbed run, or the exit code for memory (5) or files (3) and one sentence; every output
+ * absent, as before, or complete; no temporary file or lock is left, unless the calls that remove them fail
+ * too. A command with a checkpoint then continues without disturbance, and its outputs must be those of the
+ * undisturbed run. Of the calls of a command as many are tried as SECONDS (default 60) allow: all, or a
+ * random sample that always has the first and the last 50. Prints a Markdown table; the exit code is 1 if a
+ * check failed. */
+#define _GNU_SOURCE
+#include <limits.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "crash/commands.h"
+#include "support/faults.h"
+
+enum { EDGE = 50, CODE_FILE = 3, CODE_MEMORY = 5 };
+
+static const struct {
+    const char *name;
+    fault_class of;
+    fault_way way;
+    bool later;
+} ways[] = {
+    {"fails", FAULT_MEMORY, FAULT_FAIL, false},    {"and all later ones", FAULT_MEMORY, FAULT_FAIL, true},
+    {"fails", FAULT_FILES, FAULT_FAIL, false},     {"and all later ones", FAULT_FILES, FAULT_FAIL, true},
+    {"is short", FAULT_FILES, FAULT_SHORT, false}, {"is interrupted", FAULT_FILES, FAULT_INTERRUPT, false},
+};
+
+typedef struct breaking {
+    bench b;
+    long calls, tried, runs, good, refused, resumed;
+    const char *faulty;
+    fault_class of;
+} breaking;
+
+static lg_rng rng;
+
+static long count_calls(const breaking *k) {
+    long calls[FAULT_CLASSES] = {0};
+    const char *path = work("../count");
+    clean();
+    (void)setenv("LG_FAULT_COUNT", path, 1);
+    const int code = wait_for(start(k->faulty, k->b.job, ""));
+    (void)unsetenv("LG_FAULT_COUNT");
+    FILE *file = fopen(path, "r");
+    if (code != 0 || file == NULL) stop("%s: exit code %d; see %s", k->b.job->name, code, error_path());
+    for (int i = 0; i < FAULT_CLASSES; i++)
+        if (fscanf(file, "%ld", &calls[i]) != 1) stop("%s: no count", k->b.job->name);
+    (void)fclose(file);
+    return calls[k->of];
+}
+
+/* Lines on standard error of the program or of the libraries, except warnings and what says where results are
+ * kept. */
+static int sentences(char all[512], int *warnings) {
+    char line[4096];
+    size_t length = 0;
+    int count = 0;
+    FILE *file = fopen(error_path(), "r");
+    all[0] = '\0';
+    *warnings = 0;
+    while (file != NULL && fgets(line, sizeof line, file) != NULL) {
+        if (strncmp(line, "lg-", 3) != 0 && strncmp(line, "liegrad:", 8) != 0) continue;
+        const bool warning = strstr(line, "warning: ") != NULL;
+        *warnings += warning;
+        count += !warning && strstr(line, "kept in") == NULL;
+        if (length < 400) length += (size_t)snprintf(all + length, 512 - length, "%.100s", line);
+    }
+    if (file != NULL) (void)fclose(file);
+    return count;
+}
+
+static void resume(breaking *k, const char *told) {
+    bench *b = &k->b;
+    const job *j = b->job;
+    if (j->checkpoint == NULL || !exists(work(j->checkpoint))) return;
+    if (j->appends) b->cut = whole_lines(work(j->outputs[0]));
+    const int code = wait_for(start(NULL, j, more_of(j)));
+    k->resumed++;
+    if (code != 0) fail(b, "%s: exit code %d of the run after it", told, code);
+    if (code == 0 && !outputs_equal(b)) fail(b, "%s: other outputs of the run after it", told);
+}
+
+/* Lists of trials and runs, and pictures: a part that failed is told, and the rest is done. */
+static bool has_parts(const job *j) {
+    return strstr(j->name, "picture") != NULL || strstr(j->arguments, "search ") == j->arguments ||
+           strstr(j->arguments, "study ") == j->arguments;
+}
+
+static void try_call(breaking *k, size_t way, long n) {
+    bench *b = &k->b;
+    const job *j = b->job;
+    char words[64], told[128], all[512];
+    if (j->outputs[0] != NULL && j->keeps && lg_rng_uniform(&rng) < 0.5) {
+        clean();
+        put_old(b);
+    } else {
+        clean_for(b);
+    }
+    b->cut = 0;
+    (void)snprintf(words, sizeof words, "%d:%d:%ld:%ld", (int)k->of, (int)ways[way].way, n,
+                   ways[way].later ? LONG_MAX : n);
+    (void)snprintf(told, sizeof told, "LG_FAULT=%s", words);
+    (void)setenv("LG_FAULT", words, 1);
+    const int code = wait_for(start(k->faulty, j, ""));
+    (void)unsetenv("LG_FAULT");
+    k->runs++;
+    int warnings;
+    const int said = sentences(all, &warnings);
+    if (code == 0) {
+        k->good++;
+        if (warnings == 0 || !has_parts(j)) (void)outputs_equal(b);
+    } else if (code != (k->of == FAULT_MEMORY ? CODE_MEMORY : CODE_FILE)) {
+        fail(b, "%s: exit code %d: %s", told, code, all);
+    } else {
+        k->refused++;
+        if (said < 1 || said > 1 + ways[way].later) fail(b, "%s: %d sentences: %s", told, said, all);
+    }
+    if (code != 0) check_cut_short(b, 0, progress(j));
+    const int left = count_left(work(""), ".tmp-") + count_left(work(""), ".lock");
+    if (left > 0 && k->of == FAULT_MEMORY) fail(b, "%s: %d temporary files or locks are left", told, left);
+    if (code != 0) resume(k, told);
+}
+
+static void run_job(breaking *k, double seconds) {
+    long done = 0;
+    size_t count = 0;
+    for (size_t w = 0; w < LG_COUNT(ways); w++) count += ways[w].of == k->of;
+    clean_for(&k->b);
+    note_outputs(&k->b);
+    const double begin = seconds_now();
+    k->calls = count_calls(k);
+    const double each = seconds_now() - begin, most = seconds / each / (double)count;
+    const double share = most < (double)k->calls ? most / (double)k->calls : 1.0;
+    for (long n = 1; n <= k->calls && k->b.failed < 10; n++) {
+        const bool edge = n <= EDGE || n > k->calls - EDGE;
+        if (!edge && lg_rng_uniform(&rng) > share) continue;
+        done++;
+        for (size_t w = 0; w < LG_COUNT(ways); w++)
+            if (ways[w].of == k->of) try_call(k, w, n);
+    }
+    (void)printf("| %s | %ld | %ld | %ld | %ld | %ld | %ld | %llu |\n", k->b.job->name, k->calls, done,
+                 k->runs, k->good, k->refused, k->resumed, (unsigned long long)k->b.failed);
+    (void)fflush(stdout);
+}
+
+int main(int argc, char **argv) {
+    double seconds = 60;
+    uint64_t seed = 1, failed = 0;
+    const char *only = "";
+    long runs = 0;
+    for (int c; (c = getopt(argc, argv, "t:s:o:")) != -1;) {
+        if (c == 't') seconds = strtod(optarg, NULL);
+        if (c == 's') seed = strtoull(optarg, NULL, 10);
+        if (c == 'o') only = optarg;
+        if (c == '?') return 2;
+    }
+    if (optind + 3 != argc)
+        stop("usage: broken_calls EXECUTABLES FAULTY memory|files [-t SECONDS] [-s SEED] [-o NAME]");
+    char *faulty = realpath(argv[optind + 1], NULL);
+    if (faulty == NULL) stop("there is no folder %s", argv[optind + 1]);
+    lg_rng_seed(&rng, seed, 0);
+    make_inputs(argv[optind], true, &rng);
+    (void)printf("| command | calls | tried | runs | complete | refused | resumed | failures "
+                 "|\n|---|---|---|---|---|---|---|---|\n");
+    for (size_t i = 0; i < job_count; i++) {
+        if (strstr(jobs[i].name, only) == NULL) continue;
+        breaking k = {.b.job = &jobs[i], .b.stopped = true, .faulty = faulty};
+        k.of = strcmp(argv[optind + 2], "files") == 0 ? FAULT_FILES : FAULT_MEMORY;
+        run_job(&k, seconds);
+        failed += k.b.failed;
+        runs += k.runs;
+    }
+    (void)printf("\n%ld runs, %llu failures\n", runs, (unsigned long long)failed);
+    if (failed == 0) remove_inputs();
+    free(faulty);
+    return failed > 0;
+}

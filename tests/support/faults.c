@@ -1,0 +1,258 @@
+#define _GNU_SOURCE
+#include "support/faults.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <execinfo.h>
+#include <fcntl.h>
+#include <pthread.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+static struct {
+    _Atomic long calls[FAULT_CLASSES], live, hits;
+    fault_class of;
+    fault_way way;
+    _Atomic long from, to;
+    fault_class noted;
+    uint64_t *stacks;
+    long room;
+} faults;
+
+void faults_arm(fault_class of, fault_way way, long from, long to) {
+    faults.from = 0;
+    for (int i = 0; i < FAULT_CLASSES; i++) faults.calls[i] = 0;
+    faults.hits = 0;
+    faults.of = of;
+    faults.way = way;
+    faults.to = to;
+    faults.from = from;
+}
+
+static _Thread_local bool spared_here;
+
+void faults_spare(bool spared) {
+    spared_here = spared;
+}
+
+void faults_disarm(void) {
+    faults.from = 0;
+}
+
+long faults_calls(fault_class of) {
+    return faults.calls[of];
+}
+
+bool faults_hit(void) {
+    return faults.hits > 0;
+}
+
+long faults_live(void) {
+    return faults.live;
+}
+
+void faults_note_stacks(fault_class of, uint64_t *stacks, long room) {
+    faults.noted = of;
+    faults.room = room;
+    faults.stacks = stacks;
+}
+
+static void note_stack(long call) {
+    enum { FRAMES = 10, OURS = 3 };
+    void *frames[FRAMES];
+    uint64_t hash = 1469598103934665603u;
+    const int count = backtrace(frames, FRAMES);
+    for (int i = OURS; i < count; i++) hash = (hash ^ (uint64_t)(uintptr_t)frames[i]) * 1099511628211u;
+    faults.stacks[call - 1] = hash;
+}
+
+/* Counts a call. Returns whether it is one of those that have to go wrong. */
+static bool goes_wrong(fault_class of) {
+    if (spared_here) return false;
+    const long call = ++faults.calls[of];
+    if (faults.stacks != NULL && of == faults.noted && call <= faults.room) note_stack(call);
+    const long from = faults.from;
+    return from > 0 && of == faults.of && call >= from && call <= faults.to;
+}
+
+static bool fails(fault_class of, int code) {
+    if (!goes_wrong(of) || faults.way != FAULT_FAIL) return false;
+    faults.hits++;
+    errno = code;
+    return true;
+}
+
+/* A call that moves `bytes`: how many it may move; -1: none, errno says why. */
+static ssize_t may_move(size_t bytes, int code) {
+    if (!goes_wrong(FAULT_FILES) || (faults.way == FAULT_SHORT && bytes < 2)) return (ssize_t)bytes;
+    faults.hits++;
+    if (faults.way == FAULT_SHORT) return (ssize_t)(bytes / 2);
+    errno = faults.way == FAULT_INTERRUPT ? EINTR : code;
+    return -1;
+}
+
+/* How the real function is called: the linker's --wrap gives it a name of its own. */
+#ifdef LG_FAULTS_WRAPPED
+#define REAL(name) __real_##name
+#else
+#define REAL(name) name
+#endif
+
+/* A call that does nothing when it fails. */
+#define CALL(of, code, failed, type, name, parameters, values)                                               \
+    type REAL(name) parameters;                                                                              \
+    type __wrap_##name parameters;                                                                           \
+    type __wrap_##name parameters {                                                                          \
+        if (fails(of, code)) return failed;                                                                  \
+        return REAL(name) values;                                                                            \
+    }
+
+/* A call that returns a new block. */
+#define BLOCK(type, name, parameters, values)                                                                \
+    type REAL(name) parameters;                                                                              \
+    type __wrap_##name parameters;                                                                           \
+    type __wrap_##name parameters {                                                                          \
+        if (fails(FAULT_MEMORY, ENOMEM)) return NULL;                                                        \
+        type block = REAL(name) values;                                                                      \
+        faults.live += block != NULL;                                                                        \
+        return block;                                                                                        \
+    }
+
+/* A stream in memory has no descriptor. */
+static fault_class class_of(FILE *file) {
+    return fileno(file) < 0 ? FAULT_MEMORY : FAULT_FILES;
+}
+
+/* A call that closes, whatever it returns. */
+#define CLOSE(name, of, type)                                                                                \
+    int REAL(name)(type);                                                                                    \
+    int __wrap_##name(type);                                                                                 \
+    int __wrap_##name(type closed) {                                                                         \
+        const bool failed = fails(of, EIO);                                                                  \
+        const int code = REAL(name)(closed);                                                                 \
+        if (failed) errno = EIO;                                                                             \
+        return failed ? -1 : code;                                                                           \
+    }
+
+/* A call that moves `bytes`; in `values` they are `most`. */
+#define MOVE(code, name, parameters, values)                                                                 \
+    ssize_t REAL(name) parameters;                                                                           \
+    ssize_t __wrap_##name parameters;                                                                        \
+    ssize_t __wrap_##name parameters {                                                                       \
+        const ssize_t most = may_move(bytes, code);                                                          \
+        return most < 0 ? -1 : REAL(name) values;                                                            \
+    }
+
+BLOCK(void *, malloc, (size_t bytes), (bytes))
+BLOCK(void *, calloc, (size_t count, size_t bytes), (count, bytes))
+BLOCK(void *, aligned_alloc, (size_t alignment, size_t bytes), (alignment, bytes))
+BLOCK(char *, strdup, (const char *text), (text))
+BLOCK(char *, realpath, (const char *path, char *out), (path, out))
+CALL(FAULT_MEMORY, ENOMEM, NULL, FILE *, fdopen, (int fd, const char *mode), (fd, mode))
+CALL(FAULT_MEMORY, ENOMEM, NULL, FILE *, open_memstream, (char **data, size_t *size), (data, size))
+CALL(FAULT_MEMORY, ENOMEM, NULL, DIR *, fdopendir, (int fd), (fd))
+CALL(FAULT_MEMORY, ENOMEM, EAGAIN, int, pthread_create,
+     (pthread_t * thread, const pthread_attr_t *about, void *(*run)(void *), void *user),
+     (thread, about, run, user))
+
+CALL(FAULT_FILES, EMFILE, NULL, FILE *, fopen, (const char *path, const char *mode), (path, mode))
+CALL(FAULT_FILES, EMFILE, NULL, DIR *, opendir, (const char *path), (path))
+CALL(FAULT_FILES, EIO, -1, int, stat, (const char *path, struct stat *out), (path, out))
+CALL(FAULT_FILES, EIO, -1, int, lstat, (const char *path, struct stat *out), (path, out))
+CALL(FAULT_FILES, EIO, -1, int, fstat, (int fd, struct stat *out), (fd, out))
+CALL(FAULT_FILES, EIO, -1, int, fsync, (int fd), (fd))
+CALL(FAULT_FILES, EIO, -1, int, fdatasync, (int fd), (fd))
+CALL(FAULT_FILES, EIO, -1, int, ftruncate, (int fd, off_t bytes), (fd, bytes))
+CALL(FAULT_FILES, EIO, -1, int, fchmod, (int fd, mode_t mode), (fd, mode))
+CALL(FAULT_FILES, EIO, -1, int, rename, (const char *from, const char *to), (from, to))
+CALL(FAULT_FILES, EIO, -1, int, renameat, (int of, const char *from, int in, const char *to),
+     (of, from, in, to))
+CALL(FAULT_FILES, EIO, -1, int, unlink, (const char *path), (path))
+CALL(FAULT_FILES, EIO, -1, int, unlinkat, (int folder, const char *path, int flags), (folder, path, flags))
+CALL(FAULT_FILES, ENOSPC, -1, int, mkdir, (const char *path, mode_t mode), (path, mode))
+CALL(FAULT_FILES, EIO, -1, int, rmdir, (const char *path), (path))
+CALL(FAULT_FILES, ENOLCK, -1, int, flock, (int fd, int what), (fd, what))
+CALL(FAULT_FILES, EMFILE, -1, int, dup, (int fd), (fd))
+CALL(FAULT_FILES, EMFILE, -1, int, dup2, (int fd, int to), (fd, to))
+CALL(FAULT_FILES, EMFILE, -1, int, pipe, (int ends[2]), (ends))
+CALL(FAULT_FILES, ENOSPC, ENOSPC, int, posix_fallocate, (int fd, off_t from, off_t bytes), (fd, from, bytes))
+CALL(FAULT_MEMORY, EAGAIN, -1, pid_t, fork, (void), ())
+CALL(class_of(file), EIO, EOF, int, fflush, (FILE * file), (file))
+CALL(FAULT_FILES, EIO, 0, size_t, fread, (void *data, size_t size, size_t count, FILE *file),
+     (data, size, count, file))
+CALL(FAULT_FILES, EIO, 0, size_t, __fread_chk,
+     (void *data, size_t room, size_t size, size_t count, FILE *file), (data, room, size, count, file))
+CLOSE(close, FAULT_FILES, int)
+CLOSE(fclose, class_of(closed), FILE *)
+CLOSE(closedir, FAULT_FILES, DIR *)
+MOVE(EIO, read, (int fd, void *data, size_t bytes), (fd, data, (size_t)most))
+MOVE(ENOSPC, write, (int fd, const void *data, size_t bytes), (fd, data, (size_t)most))
+MOVE(EIO, pread, (int fd, void *data, size_t bytes, off_t at), (fd, data, (size_t)most, at))
+MOVE(ENOSPC, pwrite, (int fd, const void *data, size_t bytes, off_t at), (fd, data, (size_t)most, at))
+
+/* ---- calls of other forms ---- */
+
+int REAL(posix_memalign)(void **, size_t, size_t);
+int __wrap_posix_memalign(void **, size_t, size_t);
+int __wrap_posix_memalign(void **out, size_t alignment, size_t bytes) {
+    if (fails(FAULT_MEMORY, ENOMEM)) return ENOMEM;
+    const int code = REAL(posix_memalign)(out, alignment, bytes);
+    faults.live += code == 0;
+    return code;
+}
+
+void *REAL(realloc)(void *, size_t);
+void *__wrap_realloc(void *, size_t);
+void *__wrap_realloc(void *block, size_t bytes) {
+    if (fails(FAULT_MEMORY, ENOMEM)) return NULL;
+    void *moved = REAL(realloc)(block, bytes);
+    faults.live += block == NULL && moved != NULL;
+    return moved;
+}
+
+void REAL(free)(void *);
+void __wrap_free(void *);
+void __wrap_free(void *block) {
+    faults.live -= block != NULL;
+    REAL(free)(block);
+}
+
+static mode_t mode_of(int flags, va_list more) {
+    return (flags & O_CREAT) != 0 ? va_arg(more, mode_t) : 0;
+}
+
+int REAL(open)(const char *, int, ...);
+int __wrap_open(const char *, int, ...);
+int __wrap_open(const char *path, int flags, ...) {
+    va_list more;
+    va_start(more, flags);
+    const mode_t mode = mode_of(flags, more);
+    va_end(more);
+    return fails(FAULT_FILES, EMFILE) ? -1 : REAL(open)(path, flags, mode);
+}
+
+int REAL(openat)(int, const char *, int, ...);
+int __wrap_openat(int, const char *, int, ...);
+int __wrap_openat(int folder, const char *path, int flags, ...) {
+    va_list more;
+    va_start(more, flags);
+    const mode_t mode = mode_of(flags, more);
+    va_end(more);
+    return fails(FAULT_FILES, EMFILE) ? -1 : REAL(openat)(folder, path, flags, mode);
+}
+
+/* The project uses it for locks alone. */
+int REAL(fcntl)(int, int, ...);
+int __wrap_fcntl(int, int, ...);
+int __wrap_fcntl(int fd, int what, ...) {
+    va_list more;
+    va_start(more, what);
+    void *lock = va_arg(more, void *);
+    va_end(more);
+    return fails(FAULT_FILES, ENOLCK) ? -1 : REAL(fcntl)(fd, what, lock);
+}

@@ -1,0 +1,214 @@
+#define _GNU_SOURCE
+#include "support/run_faults.h"
+
+#include <fcntl.h>
+#include <fnmatch.h>
+#include <limits.h>
+#include <signal.h>
+#include <sys/mman.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "support/faults.h"
+
+enum { MOST_STACKS = 1 << 20, PATIENCE = 60 };
+typedef enum verdict { PASSED, REFUSED, SILENT, LEAKED, DIED, VERDICTS } verdict;
+static const char *const verdict_names[] = {"passed", "refused", "silent", "leaked", "died"};
+
+/* What a run, a child process, tells its parent; in shared memory. */
+static struct report {
+    long calls, live;
+    bool ended, passed, hit, told;
+    uint64_t stacks[MOST_STACKS];
+} * report;
+
+static struct {
+    bool wanted;
+    fault_class of;
+    fault_way way;
+    double seconds; /* for a test */
+    long from, to;  /* of the run */
+    bool armed;
+    long live; /* blocks before the test */
+    int output;
+} now = {.of = FAULT_MEMORY, .seconds = 10};
+
+int run_faults_options(int *argc, char **argv) {
+    if (*argc < 3 || strcmp(argv[1], "--faults") != 0) return 0;
+    now.wanted = true;
+    now.of = strncmp(argv[2], "files", 5) == 0 ? FAULT_FILES : FAULT_MEMORY;
+    now.way = strstr(argv[2], ":short") != NULL       ? FAULT_SHORT
+              : strstr(argv[2], ":interrupt") != NULL ? FAULT_INTERRUPT
+                                                      : FAULT_FAIL;
+    const char *seconds = strrchr(argv[2], ':');
+    if (seconds != NULL && seconds[1] >= '0' && seconds[1] <= '9') now.seconds = strtod(seconds + 1, NULL);
+    argv[2] = argv[0];
+    *argc -= 2;
+    return 2;
+}
+
+bool run_faults_wanted(void) {
+    return now.wanted;
+}
+
+void run_faults_begin(void) {
+    if (!now.armed) return;
+    now.live = faults_live();
+    faults_arm(now.of, now.way, now.from, now.to);
+}
+
+void run_faults_end(bool passed) {
+    if (!now.armed) return;
+    report->calls = faults_calls(now.of);
+    report->hit = faults_hit();
+    report->live = faults_live() - now.live;
+    report->passed = passed;
+    report->ended = true;
+}
+
+bool lg_test_faulty(void) {
+    return now.wanted;
+}
+
+bool lg_test_again(lg_status status) {
+    static bool done;
+    if (status == LG_OK || !now.armed || !faults_hit()) return false;
+    report->told = report->told || status == LG_OUT_OF_MEMORY || status == LG_FILE;
+    if (status != LG_OUT_OF_MEMORY || done) return false;
+    faults_disarm();
+    done = true;
+    return true;
+}
+
+/* ---- a run ---- */
+
+static _Noreturn void run_child(lg_suite *suite, const struct CMUnitTest *test) {
+    (void)dup2(now.output, STDOUT_FILENO);
+    (void)dup2(now.output, STDERR_FILENO);
+    (void)alarm(PATIENCE);
+    now.armed = true;
+    const int failed = _cmocka_run_group_tests("faults", test, 1, suite->begin, NULL);
+    const int end = suite->end != NULL ? suite->end(NULL) : 0;
+    (void)fflush(NULL);
+    if (failed == 0 && end == 0) exit(0); /* what leaks is seen at the exit */
+    _exit(1);
+}
+
+/* What the last run printed. */
+static const char *output_of_run(void) {
+    static char text[8192];
+    const ssize_t n = pread(now.output, text, sizeof text - 1, 0);
+    text[n > 0 ? n : 0] = '\0';
+    return text;
+}
+
+/* Whether the last run says that memory or a file is the reason. */
+static bool says_why(void) {
+    static const char *const words[][5] = {{"memory", "allocation failed", "OUT_OF_MEMORY", "--- 0x4 != "},
+                                           {"cannot be", "Input/output error", "LG_FILE", "No space left"}};
+    const char *text = output_of_run();
+    for (size_t i = 0; i < LG_COUNT(words[0]) && words[now.of][i] != NULL; i++)
+        if (strstr(text, words[now.of][i]) != NULL) return true;
+    return false;
+}
+
+static verdict run(lg_suite *suite, const struct CMUnitTest *test, long from, long to) {
+    int state = 0;
+    now.from = from;
+    now.to = to;
+    report->ended = report->told = false;
+    if (ftruncate(now.output, 0) != 0 || lseek(now.output, 0, SEEK_SET) != 0) return DIED;
+    (void)fflush(NULL);
+    const pid_t child = fork();
+    if (child == 0) run_child(suite, test);
+    if (child < 0 || waitpid(child, &state, 0) < 0) return DIED;
+    if (!report->ended || !WIFEXITED(state) || WEXITSTATUS(state) > 1) return DIED;
+    if (strstr(output_of_run(), "exception: ") != NULL) return DIED;
+    if (report->passed) return WEXITSTATUS(state) == 0 ? PASSED : LEAKED;
+    return report->told || says_why() ? REFUSED : SILENT;
+}
+
+/* ---- a test ---- */
+
+static int by_hash(const void *a, const void *b) {
+    const uint64_t x = *(const uint64_t *)a, y = *(const uint64_t *)b;
+    return (x > y) - (x < y);
+}
+
+/* The calls to be tried, at most `most` of them: those with a new stack first, then others at equal
+ * distances. Returns how many. */
+static long choose(long calls, long most, long *chosen) {
+    const long noted = calls < MOST_STACKS ? calls : MOST_STACKS;
+    uint64_t *seen = malloc((size_t)noted * sizeof *seen);
+    unsigned char *tried = calloc((size_t)calls + 1, 2),
+                  *sorted = tried + calls + 1; /* by call, by place in `seen` */
+    long count = 0;
+    if (seen == NULL || tried == NULL) abort();
+    memcpy(seen, report->stacks, (size_t)noted * sizeof *seen);
+    qsort(seen, (size_t)noted, sizeof *seen, by_hash);
+    for (long i = 0; i < noted && count < most; i++) {
+        const uint64_t *at = bsearch(&report->stacks[i], seen, (size_t)noted, sizeof *seen, by_hash);
+        while (at > seen && at[-1] == *at) at--;
+        if (sorted[at - seen]++ > 0) continue;
+        tried[i] = 1;
+        chosen[count++] = i + 1;
+    }
+    for (long step = calls / most + 1, i = 0; i < calls && count < most; i += step)
+        if (!tried[i]) chosen[count++] = i + 1;
+    free(tried);
+    free(seen);
+    return count;
+}
+
+static void tell(const struct CMUnitTest *test, verdict is, long from, long to) {
+    const char *text = output_of_run(), *at = strstr(text, "ERROR");
+    printf("%s: '%s', call %ld%s\n%.1500s\n", verdict_names[is], test->name, from,
+           to > from ? " and all later ones" : "", at != NULL ? at : text);
+}
+
+static double seconds_now(void) {
+    struct timespec t;
+    (void)clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+static void try_test(lg_suite *suite, const struct CMUnitTest *test, long sum[VERDICTS]) {
+    enum { TOLD = 3 }; /* runs of a test and verdict that are printed */
+    long mine[VERDICTS] = {0};
+    faults_note_stacks(now.of, report->stacks, MOST_STACKS);
+    const double begin = seconds_now();
+    const verdict plain = run(suite, test, 0, 0);
+    const double most = now.seconds / (seconds_now() - begin) / 2.0;
+    const long calls = report->calls, live = report->live;
+    faults_note_stacks(now.of, NULL, 0);
+    if (plain != PASSED || calls == 0) return; /* skipped, or it fails for other reasons */
+    long *chosen = lg_test_memory((size_t)calls * sizeof *chosen);
+    const long count = choose(calls, most < 1 ? 1 : most < (double)calls ? (long)most : calls, chosen);
+    for (long k = 0; k < 2 * count; k++) {
+        const long n = chosen[k / 2], to = k % 2 > 0 ? LONG_MAX : n;
+        verdict is = run(suite, test, n, to);
+        if (is == PASSED && report->live != live) is = LEAKED;
+        if (++mine[is] <= TOLD && is >= SILENT) tell(test, is, n, to);
+    }
+    for (int i = 0; i < VERDICTS; i++) sum[i] += mine[i];
+    if (mine[SILENT] + mine[LEAKED] + mine[DIED] == 0) return;
+    printf("'%s': %ld calls", test->name, calls);
+    for (int i = 0; i < VERDICTS; i++) printf(", %ld %s", mine[i], verdict_names[i]);
+    printf("\n");
+    lg_test_give_back(0);
+}
+
+int run_faults(lg_suite *suite, const char *claim) {
+    long sum[VERDICTS] = {0};
+    report = mmap(NULL, sizeof *report, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    now.output = memfd_create("output", MFD_CLOEXEC);
+    if (report == MAP_FAILED || now.output < 0) return 2;
+    for (size_t i = 0; i < suite->count; i++)
+        if (claim == NULL || fnmatch(claim, suite->tests[i].name, 0) == 0)
+            try_test(suite, &suite->tests[i], sum);
+    printf("faults:");
+    for (int i = 0; i < VERDICTS; i++) printf(" %ld %s", sum[i], verdict_names[i]);
+    printf("\n");
+    return sum[LEAKED] + sum[DIED] > 0;
+}
