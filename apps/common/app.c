@@ -430,13 +430,13 @@ int app_main(int argc, char **argv, const char *program, const char *summary, co
     keep_standard_places();
     begin_without_threads(argv);
     app self = {.program = program, .seed = 1, .threads = app_processors()};
+    (void)snprintf(self.title, sizeof self.title, "%s", program);
+    running = &self;
     app_find_ranks(&self);
     (void)app_age();
     self.warnings = app_warnings_create();
-    running = &self;
     argp_err_exit_status = APP_EXIT_USAGE;
     argp_program_version_hook = print_version;
-    (void)snprintf(self.title, sizeof self.title, "%s", program);
     self.command_line = join(argc, argv);
     argv[0] = self.title; /* getopt begins its messages with it */
     install_signals();

@@ -192,7 +192,7 @@ void app_must_file(const app *app, lg_status status, const lg_error *error, cons
 void app_free(void *pointer); /* `pointer` is the address of the pointer to be freed */
 /* Prints a sentence on stderr and returns the exit code of `status`. */
 int app_fail(const app *app, lg_status status, const char *format, ...) __attribute__((format(printf, 3, 4)));
-const char *app_last_failure(void); /* the last sentence that app_fail printed */
+const char *app_last_failure(void); /* the last sentence that app_fail or app_usage printed */
 /* As app_fail, for an error while reading or writing `path`. The exit code is 3 whatever the status, except
  * when memory is missing or Ctrl-C stopped the command. `error` may be NULL. */
 int app_fail_file(const app *app, lg_status status, const lg_error *error, const char *path);

@@ -31,7 +31,9 @@ static bool find(uint64_t *rank, uint64_t *count) {
     return false;
 }
 
-static FILE *voice; /* of ranks other than 0: the standard error from before app_find_ranks redirected it */
+/* Of ranks other than 0: the standard error from before app_find_ranks redirected it. A descriptor speaks without
+ * memory. */
+static int voice = -1;
 
 void app_find_ranks(app *self) {
     uint64_t rank = 0, count = 1;
@@ -40,16 +42,13 @@ void app_find_ranks(app *self) {
     self->rank = (uint32_t)rank;
     self->rank_count = (uint32_t)count;
     if (rank == 0) return;
-    const int copy = dup(STDERR_FILENO);
-    if (copy >= 0) voice = fdopen(copy, "w");
+    voice = dup(STDERR_FILENO);
     if (freopen("/dev/null", "w", stdout) == NULL || freopen("/dev/null", "w", stderr) == NULL) return;
 }
 
 void app_say_as_rank(const app *self, const char *sentence) {
     if (self->rank == 0) (void)fprintf(stderr, "%s: %s\n", self->title, sentence);
-    if (voice == NULL) return;
-    (void)fprintf(voice, "%s: rank %u: %s\n", self->title, self->rank, sentence);
-    (void)fflush(voice);
+    if (voice >= 0) (void)dprintf(voice, "%s: rank %u: %s\n", self->title, self->rank, sentence);
 }
 
 uint64_t app_processors(void) {
@@ -145,6 +144,20 @@ static void watch_end(void) {
 
 /* ---- joining and leaving ---- */
 
+/* Where MPI cannot start a rank, it says why on standard error and ends the process. So it gets the real standard
+ * error meanwhile. lend_voice: the one to go back to; -1: none. */
+static int lend_voice(void) {
+    const int mute = voice >= 0 ? dup(STDERR_FILENO) : -1;
+    if (mute >= 0) (void)dup2(voice, STDERR_FILENO);
+    return mute;
+}
+
+static void take_back(int mute) {
+    if (mute < 0) return;
+    (void)dup2(mute, STDERR_FILENO);
+    (void)close(mute);
+}
+
 int app_join_ranks(app *self) {
     lg_error error = {LG_OK, ""};
     if (self->rank_count == 1) return APP_EXIT_OK;
@@ -158,7 +171,9 @@ int app_join_ranks(app *self) {
                          "install it, or build with MPI",
                          self->rank_count, dlerror());
     watch_begin(self, "MPI has not connected the ranks");
+    const int mute = lend_voice();
     const lg_status status = mpi.begin(self->context, NULL, app_silence(self), &mpi.ranks, &error);
+    take_back(mute);
     watch_end();
     if (status != LG_OK) return app_fail(self, status, "%s", error.message);
     self->ranks = &mpi.ranks;
@@ -172,7 +187,7 @@ void app_end_exchanges(app *self) {
 /* Rank 0 usually fails for the same reason and reports it. So another rank first gives rank 0 two seconds to
  * end it, and reports its own failure only after that. `at_once`: it is the failure of another rank. */
 static void say_alone(const app *self, bool at_once) {
-    if (self->rank == 0 || voice == NULL) return;
+    if (self->rank == 0) return;
     if (!at_once && !app_interrupted()) (void)sleep(2);
     if (!at_once && app_interrupted()) return; /* rank 0 has failed and ended this rank */
     app_say_as_rank(self, app_last_failure());

@@ -289,7 +289,8 @@ lg_status lg_fit_evaluate(lg_fit *fit, bool *moved, lg_error *error) {
     const size_t n = fit->problem.parameters;
     if (s->minimiser == NULL) {
         const lg_minimise_options options = lg_fit_minimise_options(fit, s->phase);
-        LG_TRY(lg_minimiser_create(fit->context, n, &options, s->theta, &s->minimiser, error));
+        const lg_status made = lg_minimiser_create(fit->context, n, &options, s->theta, &s->minimiser, error);
+        LG_TRY(lg_fit_agree(fit, made, error));
     }
     double value = 0.0;
     fit->point = lg_minimiser_point(s->minimiser);

@@ -203,9 +203,10 @@ static void check_left(bench *b, const char *when) {
     }
 }
 
+static const char *const names[] = {"a killed rank", "a stopped rank", "a slow rank", "SIGTERM",
+                                    "little memory"};
+
 static void check_end(bench *b, disturbance what, int code) {
-    static const char *const names[] = {"a killed rank", "a stopped rank", "a slow rank", "SIGTERM",
-                                        "little memory"};
     if (what == STOPPED && code < 0 && others_ended && outputs_equal(b)) return; /* it had left the others */
     if (code < 0) fail(b, "%s: no end after %g s", names[what], patience);
     if (what == SLOWED && code != 0) fail(b, "%s: exit code %d", names[what], code);
@@ -223,23 +224,27 @@ static void run_case(bench *b, double seconds, result *sum) {
     const job *j = b->job;
     const uint64_t rank = lg_rng_below(&rng, RANKS);
     const disturbance what = (disturbance)lg_rng_below(&rng, DISTURBANCES);
+    const uint64_t failed = b->failed;
     clean();
     if (j->keeps && lg_rng_uniform(&rng) < 0.5) put_old(b);
     set_number("LESS_RANK", what == LITTLE_MEMORY ? rank : RANKS_MOST);
-    set_number("LESS_MEMORY", 120000 + lg_rng_below(&rng, 280000));
+    const uint64_t memory = 120000 + lg_rng_below(&rng, 280000); /* KiB */
+    set_number("LESS_MEMORY", memory);
     const pid_t launcher = start_ranks(j, RANKS, "");
-    sleep_for(what == LITTLE_MEMORY ? 0.0 : seconds * lg_rng_uniform(&rng));
+    const double moment = what == LITTLE_MEMORY ? 0.0 : seconds * lg_rng_uniform(&rng);
+    sleep_for(moment);
     const long before = progress(j);
     const double since = seconds_now();
     const bool touched = disturb(what, launcher, rank);
     const int code = wait_at_most(launcher, since);
+    const long saved = progress(j);
     const double took = seconds_now() - since;
     if (touched) sum->cases[what]++;
     sum->untouched += !touched;
     if (touched && took > sum->longest) sum->longest = took;
     check_end(b, what, code);
     /* lg-control saves the best controller so far */
-    if (what != TERMINATED || strcmp(j->program, "lg-control") != 0) check_cut_short(b, before, progress(j));
+    if (what != TERMINATED || strcmp(j->program, "lg-control") != 0) check_cut_short(b, before, saved);
     set_number("LESS_RANK", RANKS_MOST);
     sum->resumed += j->checkpoint != NULL && exists(work(j->checkpoint));
     const int end = wait_for(start_ranks(j, 1 + lg_rng_below(&rng, RANKS_MOST), more_of(j)));
@@ -248,6 +253,11 @@ static void run_case(bench *b, double seconds, result *sum) {
         run_shell("grep '^lg-' '%s' | tail -n 3 >&2", error_path());
     }
     if (end == 0 && outputs_equal(b)) check_left(b, "the end");
+    if (b->failed > failed)
+        (void)fprintf(stderr,
+                      "  %s: rank %llu after %.2f s, memory %llu KiB; exit code %d, then %ld saved, %s\n",
+                      names[what], (unsigned long long)rank, moment, (unsigned long long)memory, code, saved,
+                      more_of(j)[0] != '\0' ? "resumed" : "run again");
 }
 
 static result run_job(const job *j, uint64_t cases) {
