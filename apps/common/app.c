@@ -416,7 +416,7 @@ static int run_command(app *self) {
     options.log_user = self;
     options.cancel = &stopped_by;
     const lg_status status = lg_context_create(&options, &self->context);
-    if (status != LG_OK) return app_fail(self, status, "%s", lg_status_sentence(status));
+    if (status != LG_OK) return conclude(self, app_fail(self, status, "%s", lg_status_sentence(status)));
     int code = app_join_ranks(self);
     if (code == APP_EXIT_OK) code = check_files(self);
     if (code == APP_EXIT_OK) code = check_numbers(self);

@@ -5,6 +5,7 @@
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -144,6 +145,14 @@ static void watch_end(void) {
 
 /* ---- joining and leaving ---- */
 
+/* Under a limit on addresses MPI crashes, ends the process or waits for ever where its libraries, threads and
+ * shared memory find no room. */
+static bool has_room(size_t bytes) {
+    void *room =
+        mmap(NULL, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+    return room != MAP_FAILED && munmap(room, bytes) == 0;
+}
+
 /* Where MPI cannot start a rank, it says why on standard error and ends the process. So it gets the real standard
  * error meanwhile. lend_voice: the one to go back to; -1: none. */
 static int lend_voice(void) {
@@ -159,12 +168,18 @@ static void take_back(int mute) {
 }
 
 int app_join_ranks(app *self) {
+    enum { ROOM_MIB = 256 };
     lg_error error = {LG_OK, ""};
     if (self->rank_count == 1) return APP_EXIT_OK;
     if (self->command->together == APP_ALONE)
         return app_usage(self, "this command runs in one process only, but mpirun started %u processes",
                          self->rank_count);
     if (self->command->together == APP_WORKERS) return APP_EXIT_OK;
+    if (!has_room((size_t)ROOM_MIB << 20))
+        return app_fail(self, LG_OUT_OF_MEMORY,
+                        "out of memory: the limit on addresses (ulimit -v) leaves less than the %d MiB that "
+                        "MPI may use: raise the limit",
+                        ROOM_MIB);
     if (!load())
         return app_usage(self,
                          "mpirun started %u ranks, but the library liegrad_mpi could not be loaded (%s): "

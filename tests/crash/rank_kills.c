@@ -228,7 +228,7 @@ static void run_case(bench *b, double seconds, result *sum) {
     clean();
     if (j->keeps && lg_rng_uniform(&rng) < 0.5) put_old(b);
     set_number("LESS_RANK", what == LITTLE_MEMORY ? rank : RANKS_MOST);
-    const uint64_t memory = 120000 + lg_rng_below(&rng, 280000); /* KiB */
+    const uint64_t memory = 120000 + lg_rng_below(&rng, 480000); /* KiB */
     set_number("LESS_MEMORY", memory);
     const pid_t launcher = start_ranks(j, RANKS, "");
     const double moment = what == LITTLE_MEMORY ? 0.0 : seconds * lg_rng_uniform(&rng);
