@@ -260,21 +260,32 @@ static void wait_for_ranks(board *b, bool left) {
     }
 }
 
-static lg_status open_file(board *b, bool make, lg_error *error) {
-    enum { PATIENCE = 10000, PAUSE = 20 }; /* milliseconds */
-    for (int waited = 0;; waited += PAUSE) {
+static bool is_ready(const board *b) {
+    head found = {.ready = 0};
+    return get(b, &found, sizeof found, 0) && found.ready != 0;
+}
+
+/* Opens the board, with its lock. Rank 0 begins it: the other ranks wait for that, or they might finish all work
+ * and remove it while rank 0 waits for the lock. removed: the board was there, but all work had been done before
+ * this rank got the lock. */
+static lg_status open_file(board *b, bool make, bool *removed, lg_error *error) {
+    enum { PAUSE = 20 }; /* milliseconds */
+    for (double waited = 0.0;; waited += 1e-3 * PAUSE) {
         struct stat about;
         b->fd = open(b->path, make ? O_RDWR | O_CREAT | O_CLOEXEC : O_RDWR | O_CLOEXEC, 0666);
-        if (b->fd < 0 && (make || errno != ENOENT || waited >= PATIENCE))
+        if (b->fd < 0 && (make || errno != ENOENT || *removed || waited >= b->silence))
             return app_error(error, errno == ENOENT ? LG_NOT_FOUND : LG_FILE, "%s: cannot be opened: %s",
                              b->path, strerror(errno));
         if (b->fd >= 0) {
             LG_TRY(take_seat(b, error));
             if (!lock(b, LOCK_BOARD, F_WRLCK, (off_t)offsetof(head, beat), &(sign){0, 0.0, false}))
                 return app_error(error, LG_FILE, "%s: cannot be locked: %s", b->path, lock_error());
-            if (fstat(b->fd, &about) == 0 && about.st_nlink > 0) return LG_OK;
+            *removed = fstat(b->fd, &about) == 0 && about.st_nlink == 0;
+            if (!*removed && (make || is_ready(b))) return LG_OK;
             (void)pthread_mutex_lock(&b->mutex);
-            (void)close(b->fd); /* the board was removed before this process got the lock */
+            if (*removed && b->seats > 0)
+                raise_beat(b, beat_of(b, b->count + b->app->rank)); /* as in leave_seat */
+            (void)close(b->fd);                                     /* and releases the locks */
             b->fd = -1;
             (void)pthread_mutex_unlock(&b->mutex);
         }
@@ -320,8 +331,9 @@ lg_status board_open(const app *self, const board_values *values, const char *ou
                  .signs = app_alloc(count + seats, sizeof *b->signs)};
     (void)pthread_mutex_init(&b->mutex, NULL);
     (void)pthread_cond_init(&b->ending, NULL);
-    lg_status status = open_file(b, self->rank == 0, error);
-    if (status == LG_NOT_FOUND && !is_over(out))
+    bool removed = false;
+    lg_status status = open_file(b, self->rank == 0, &removed, error);
+    if (status == LG_NOT_FOUND && !removed && !is_over(out))
         status = app_error(error, LG_FILE, "%s: is missing: rank 0 has not created it", b->path);
     if (status == LG_OK) status = check_head(b, &mine, fresh, error);
     b->holds = status == LG_OK;
@@ -500,8 +512,19 @@ int board_report(const app *self, const board_values *values, size_t done, size_
 
 /* ---- writing the output ---- */
 
+/* Waits for the end of the work, which rank 0 writes unless it is slow. */
+static void wait_for_end(const board *b) {
+    enum { PATIENCE = 3000, PAUSE = 50 };
+    struct stat about;
+    for (int waited = 0; waited < PATIENCE; waited += PAUSE) {
+        if (fstat(b->fd, &about) != 0 || about.st_nlink == 0) return;
+        nap(PAUSE);
+    }
+}
+
 bool board_lock(board *b) {
     struct stat about;
+    if (b->app->rank > 0) wait_for_end(b);
     if (!lock(b, LOCK_BOARD, F_WRLCK, (off_t)offsetof(head, beat), &(sign){0, 0.0, false}))
         app_stop(b->app, LG_FILE, "%s: cannot be locked: %s", b->path, lock_error());
     (void)pthread_mutex_lock(&b->mutex);
@@ -509,15 +532,6 @@ bool board_lock(board *b) {
     if (!b->holds) unlock(b, LOCK_BOARD);
     (void)pthread_mutex_unlock(&b->mutex);
     return b->holds;
-}
-
-void board_wait_for_end(const board *b) {
-    enum { PATIENCE = 3000, PAUSE = 50 };
-    struct stat about;
-    for (int waited = 0; waited < PATIENCE; waited += PAUSE) {
-        if (fstat(b->fd, &about) != 0 || about.st_nlink == 0) return;
-        nap(PAUSE);
-    }
 }
 
 void board_end(board *b, bool kept) {
