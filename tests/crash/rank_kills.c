@@ -243,8 +243,9 @@ static void run_case(bench *b, double seconds, result *sum) {
     sum->untouched += !touched;
     if (touched && took > sum->longest) sum->longest = took;
     check_end(b, what, code);
-    /* lg-control saves the best controller so far */
-    if (what != TERMINATED || strcmp(j->program, "lg-control") != 0) check_cut_short(b, before, saved);
+    /* lg-control saves the best controller so far when it gets SIGTERM, as mpirun sends to ranks that are left */
+    if (what == SLOWED || what == LITTLE_MEMORY || strcmp(j->program, "lg-control") != 0)
+        check_cut_short(b, before, saved);
     set_number("LESS_RANK", RANKS_MOST);
     sum->resumed += j->checkpoint != NULL && exists(work(j->checkpoint));
     const int end = wait_for(start_ranks(j, 1 + lg_rng_below(&rng, RANKS_MOST), more_of(j)));
