@@ -290,7 +290,12 @@ lg_status lg_fit_evaluate(lg_fit *fit, bool *moved, lg_error *error) {
     if (s->minimiser == NULL) {
         const lg_minimise_options options = lg_fit_minimise_options(fit, s->phase);
         const lg_status made = lg_minimiser_create(fit->context, n, &options, s->theta, &s->minimiser, error);
-        LG_TRY(lg_fit_agree(fit, made, error));
+        const lg_status agreed = lg_fit_agree(fit, made, error);
+        if (agreed != LG_OK) { /* all ranks have a minimiser, or none has one */
+            lg_minimiser_destroy(s->minimiser);
+            s->minimiser = NULL;
+            return agreed;
+        }
     }
     double value = 0.0;
     fit->point = lg_minimiser_point(s->minimiser);
