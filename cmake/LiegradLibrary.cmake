@@ -1,3 +1,15 @@
+# liegrad_pc(name description requires private component): installs NAME.pc. `requires` are other modules, `private` the
+# flags of a static link. The file finds its prefix from where it lies, so an installed tree may be moved.
+function(liegrad_pc PC_NAME PC_DESCRIPTION requires private component)
+  file(RELATIVE_PATH PC_PREFIX ${CMAKE_INSTALL_FULL_LIBDIR}/pkgconfig ${CMAKE_INSTALL_PREFIX})
+  string(REGEX REPLACE "/$" "" PC_PREFIX "${PC_PREFIX}")
+  list(JOIN requires " " PC_REQUIRES)
+  list(JOIN private " " PC_LIBS_PRIVATE)
+  set(file ${PROJECT_BINARY_DIR}/pkgconfig/${PC_NAME}.pc)
+  configure_file(${PROJECT_SOURCE_DIR}/cmake/library.pc.in ${file} @ONLY)
+  install(FILES ${file} DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig COMPONENT ${component})
+endfunction()
+
 # liegrad_library(NAME SOURCES ... [OBJECTS ...] [LIEGRAD other...] PACKAGES pkg... LIBRARIES flag... [ARCHIVES flag...]
 #   DESCRIPTION text)
 #
@@ -61,12 +73,6 @@ function(liegrad_library name)
     LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT runtime NAMELINK_COMPONENT development)
   install(TARGETS ${name}_static EXPORT liegradStatic ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT development)
 
-  # The .pc file finds its prefix from where it lies, so an installed tree may be moved.
-  file(RELATIVE_PATH PC_PREFIX ${CMAKE_INSTALL_FULL_LIBDIR}/pkgconfig ${CMAKE_INSTALL_PREFIX})
-  string(REGEX REPLACE "/$" "" PC_PREFIX "${PC_PREFIX}")
-  set(PC_NAME ${name})
-  set(PC_DESCRIPTION "${ARG_DESCRIPTION}")
-  list(JOIN ARG_LIEGRAD " " PC_REQUIRES)
   set(flags)
   foreach(package IN LISTS ARG_PACKAGES)
     list(APPEND flags ${LIEGRAD_${package}_LDFLAGS})
@@ -74,16 +80,14 @@ function(liegrad_library name)
   foreach(library IN LISTS ARG_ARCHIVES ARG_LIBRARIES)
     list(APPEND flags -l${library})
   endforeach()
-  list(JOIN flags " " PC_LIBS_PRIVATE)
-  configure_file(${PROJECT_SOURCE_DIR}/cmake/library.pc.in ${PROJECT_BINARY_DIR}/pkgconfig/${name}.pc @ONLY)
-  install(FILES ${PROJECT_BINARY_DIR}/pkgconfig/${name}.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig
-    COMPONENT development)
+  liegrad_pc(${name} "${ARG_DESCRIPTION}" "${ARG_LIEGRAD}" "${flags}" development)
 endfunction()
 
-# liegrad_plugin(NAME SOURCES ... PACKAGE prefix COMPONENT component): a shared library on liegrad_shared and a package of
-# pkg-config, installed as a component of its own: what find_package(liegrad) gives as liegrad::NAME where it is there.
+# liegrad_plugin(NAME SOURCES ... PACKAGE prefix COMPONENT component DESCRIPTION text): a shared library on liegrad_shared
+# and a package of pkg-config, installed as a component of its own: what find_package(liegrad) gives as liegrad::NAME where
+# it is there, and pkg-config by NAME.pc.
 function(liegrad_plugin name)
-  cmake_parse_arguments(ARG "" "PACKAGE;COMPONENT" "SOURCES" ${ARGN})
+  cmake_parse_arguments(ARG "" "PACKAGE;COMPONENT;DESCRIPTION" "SOURCES" ${ARGN})
   add_library(${name} SHARED ${ARG_SOURCES})
   add_library(liegrad::${name} ALIAS ${name})
   target_link_libraries(${name} PUBLIC liegrad_shared PRIVATE liegrad_flags PkgConfig::${ARG_PACKAGE})
@@ -95,6 +99,7 @@ function(liegrad_plugin name)
     install(TARGETS ${name} EXPORT ${name} LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT ${ARG_COMPONENT}
       NAMELINK_COMPONENT development)
     install(EXPORT ${name} NAMESPACE liegrad:: DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/liegrad COMPONENT ${ARG_COMPONENT})
+    liegrad_pc(${name} "${ARG_DESCRIPTION}" liegrad "" ${ARG_COMPONENT})
   endif()
 endfunction()
 

@@ -30,7 +30,10 @@ static const lg_field common_options[] = {
     LG_FIELD_END};
 
 void app_out_of_memory(void) {
-    (void)fprintf(stderr, "%s: out of memory\n", running != NULL ? running->title : "liegrad");
+    if (running != NULL)
+        app_say_as_rank(running, "out of memory");
+    else
+        (void)fputs("liegrad: out of memory\n", stderr);
     exit(APP_EXIT_MEMORY);
 }
 
@@ -413,7 +416,7 @@ static int run_command(app *self) {
     options.log_user = self;
     options.cancel = &stopped_by;
     const lg_status status = lg_context_create(&options, &self->context);
-    if (status != LG_OK) return app_fail(self, status, "%s", lg_status_sentence(status));
+    if (status != LG_OK) return conclude(self, app_fail(self, status, "%s", lg_status_sentence(status)));
     int code = app_join_ranks(self);
     if (code == APP_EXIT_OK) code = check_files(self);
     if (code == APP_EXIT_OK) code = check_numbers(self);
@@ -427,13 +430,13 @@ int app_main(int argc, char **argv, const char *program, const char *summary, co
     keep_standard_places();
     begin_without_threads(argv);
     app self = {.program = program, .seed = 1, .threads = app_processors()};
+    (void)snprintf(self.title, sizeof self.title, "%s", program);
+    running = &self;
     app_find_ranks(&self);
     (void)app_age();
     self.warnings = app_warnings_create();
-    running = &self;
     argp_err_exit_status = APP_EXIT_USAGE;
     argp_program_version_hook = print_version;
-    (void)snprintf(self.title, sizeof self.title, "%s", program);
     self.command_line = join(argc, argv);
     argv[0] = self.title; /* getopt begins its messages with it */
     install_signals();
@@ -448,7 +451,7 @@ int app_main(int argc, char **argv, const char *program, const char *summary, co
     lg_runtime_setup();
     lg_io_setup();
     int code = reserve(&self);
-    if (code == APP_EXIT_OK) code = run_command(&self);
+    code = code == APP_EXIT_OK ? run_command(&self) : conclude(&self, code);
     free(self.command_line);
     app_warnings_destroy(self.warnings);
     running = NULL;

@@ -135,12 +135,21 @@ bool app_reopen_asked(void);
 /* Called before anything else: takes rank and rank count from the environment. Ranks other than 0 print
  * nothing on stdout and stderr, because they would repeat what rank 0 prints. */
 void app_find_ranks(app *app);
+/* Prints a sentence of this process on the standard error, also if this is not rank 0. */
+void app_say_as_rank(const app *app, const char *sentence);
+/* Seconds without a sign of life after which another process counts as lost (LIEGRAD_SILENCE, default 30); 0:
+ * there is no limit. */
+double app_silence(const app *app);
 /* Default of --threads: this rank's share of the processors. */
 uint64_t app_processors(void);
 /* Connects to the other ranks if the command computes with them (APP_RANKS). Returns an exit code. */
 int app_join_ranks(app *app);
 /* Says that the ranks exchange nothing from here on: a rank that fails later does not end the others. */
 void app_end_exchanges(app *app);
+/* Says that a rank, or the process that had claimed a piece of work, gives no sign of life, and that this
+ * process goes on without it. At its end such a rank returns exit code 3, so that mpirun does not wait for
+ * the silent one. `what`: "rank" or "piece". */
+void app_leave_behind(const app *app, const char *what, size_t index);
 /* Called at the end of a command. A rank that fails while other ranks may still wait for it ends all ranks.
  * Returns `code`. */
 int app_leave_ranks(app *app, int code);
@@ -183,7 +192,7 @@ void app_must_file(const app *app, lg_status status, const lg_error *error, cons
 void app_free(void *pointer); /* `pointer` is the address of the pointer to be freed */
 /* Prints a sentence on stderr and returns the exit code of `status`. */
 int app_fail(const app *app, lg_status status, const char *format, ...) __attribute__((format(printf, 3, 4)));
-const char *app_last_failure(void); /* the last sentence that app_fail printed */
+const char *app_last_failure(void); /* the last sentence that app_fail or app_usage printed */
 /* As app_fail, for an error while reading or writing `path`. The exit code is 3 whatever the status, except
  * when memory is missing or Ctrl-C stopped the command. `error` may be NULL. */
 int app_fail_file(const app *app, lg_status status, const lg_error *error, const char *path);

@@ -49,15 +49,20 @@ const char *app_last_failure(void) {
     return last_failure;
 }
 
-int app_fail(const app *self, lg_status status, const char *format, ...) {
-    va_list arguments, again;
-    va_start(arguments, format);
+static void say_failure(const app *self, const char *format, va_list arguments) {
+    va_list again;
     va_copy(again, arguments);
     (void)vsnprintf(last_failure, sizeof last_failure, format, again);
     va_end(again);
     (void)fprintf(stderr, "%s: ", self->title);
     (void)vfprintf(stderr, format, arguments);
     (void)fputc('\n', stderr);
+}
+
+int app_fail(const app *self, lg_status status, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    say_failure(self, format, arguments);
     va_end(arguments);
     return app_exit_code(status);
 }
@@ -116,10 +121,9 @@ lg_status app_error(lg_error *error, lg_status status, const char *format, ...) 
 int app_usage(const app *self, const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);
-    (void)fprintf(stderr, "%s: ", self->title);
-    (void)vfprintf(stderr, format, arguments);
-    (void)fprintf(stderr, "\nTry '%s --help' for more information.\n", self->title);
+    say_failure(self, format, arguments);
     va_end(arguments);
+    (void)fprintf(stderr, "Try '%s --help' for more information.\n", self->title);
     return APP_EXIT_USAGE;
 }
 

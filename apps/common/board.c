@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <math.h>
 #include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
@@ -10,41 +11,64 @@
 #include <time.h>
 #include <unistd.h>
 
-/* The file: this head, then `count` slots, each with a state (8 bytes) and a record. */
+/* The file: this head, then `count` slots, each with a state (8 bytes), a beat (8 bytes) and a record. A
+ * process that has the lock of a piece, or of the board, raises the beat of the piece, or of the head, every
+ * second. So other processes see that it lives. Ranks of mpirun have a slot each behind those of the pieces,
+ * the seat: its lock and its beat say that the rank has come, is there, and lives. */
 typedef struct head {
     char magic[16], sweep[128];
     /* ready: results known before are written, and other processes may begin */
-    uint64_t record, count, ready;
+    uint64_t record, count, ready, beat;
 } head;
-static const char magic[16] = "liegrad board 1";
+static const char magic[16] = "liegrad board 2";
+#define SLOT_HEAD ((off_t)(2 * sizeof(uint64_t)))
 
 /* The locked bytes are LOCKS + LOCK_BOARD and so on; piece i has the byte LOCKS + LOCK_PIECES + i. */
 #define LOCKS ((off_t)1 << 40)
 enum { LOCK_BOARD, LOCK_RECORDS, LOCK_PIECES };
 
+/* The last beat that was seen of a lock's holder, and the seconds since then. */
+typedef struct sign {
+    uint64_t beat;
+    double silent;
+    bool seen; /* the beat has changed since the board was opened: the rank has come */
+} sign;
+
+enum { LOOK_PAUSE = 50 }; /* milliseconds between two looks at the beats */
+
 struct board {
+    const app *app;
     char *path;
     int fd;
     size_t record, count;
     bool wait;
     pthread_mutex_t mutex;
-    /* Both (count): the pieces that this process knows to be done, and the pieces it has claimed. */
+    size_t seats; /* number of ranks of mpirun; 0 without mpirun */
+    /* Both (count + seats): the pieces that this process knows to be done or ranks that it need not wait for;
+     * and the pieces it has claimed, and its seat. */
     bool *done, *mine;
+    double silence, looked; /* limit of sign.silent; when take_over last looked at the beats */
+    sign *signs;            /* (count + seats) */
+    pthread_t heart;        /* the thread that raises the beats */
+    pthread_cond_t ending;
+    bool beats, holds, over; /* the thread runs; this process has LOCK_BOARD; the thread has to end */
+    bool begun;              /* board_begin has returned LG_OK */
+    bool unlocked;           /* a process that is stopped has the lock of the records */
 };
 
 /* ---- locks ---- */
 
-/* Waits for the lock unless `try`. False: another process has the lock, or the file system has no locks. */
-static bool lock(const board *b, off_t byte, short type, bool try) {
+/* False: another process has the lock, or the file system has no locks. */
+static bool try_lock(const board *b, off_t byte, short type) {
     struct flock range = {.l_type = type, .l_whence = SEEK_SET, .l_start = LOCKS + byte, .l_len = 1};
     int code;
-    do code = fcntl(b->fd, try ? F_SETLK : F_SETLKW, &range);
+    do code = fcntl(b->fd, F_SETLK, &range);
     while (code != 0 && errno == EINTR);
     return code == 0;
 }
 
 static void unlock(const board *b, off_t byte) {
-    (void)lock(b, byte, F_UNLCK, true);
+    (void)try_lock(b, byte, F_UNLCK);
 }
 
 static void nap(long milliseconds) {
@@ -77,7 +101,11 @@ static bool get(const board *b, void *data, size_t bytes, off_t at) {
 }
 
 static off_t slot(const board *b, size_t piece) {
-    return (off_t)(sizeof(head) + piece * (sizeof(uint64_t) + b->record));
+    return (off_t)sizeof(head) + (off_t)piece * (SLOT_HEAD + (off_t)b->record);
+}
+
+static off_t beat_of(const board *b, size_t piece) {
+    return slot(b, piece) + (off_t)sizeof(uint64_t);
 }
 
 /* A piece whose record is cut off has no state. */
@@ -88,6 +116,74 @@ static board_state state_of(const board *b, size_t piece) {
     const bool whole = get(b, &state, sizeof state, at) &&
                        get(b, &last, sizeof last, at + (off_t)(sizeof state + b->record - sizeof last));
     return whole && state <= BOARD_DONE ? (board_state)state : BOARD_EMPTY;
+}
+
+/* ---- signs of life ---- */
+
+/* Whether the process that raises the beat at `at` is stopped or not reached. `passed`: seconds since the
+ * last look, at most about the pause between two looks, so that a process that was stopped itself does not
+ * take that time for the other's silence. */
+static bool is_silent(const board *b, off_t at, double passed, sign *s) {
+    uint64_t beat = 0;
+    (void)get(b, &beat, sizeof beat, at);
+    s->seen = s->seen || beat != s->beat;
+    s->silent = beat == s->beat ? s->silent + passed : 0.0;
+    s->beat = beat;
+    return s->silent > b->silence;
+}
+
+/* Waits for the lock. False: the file system has no locks, or (errno is ETIMEDOUT) the process that has the
+ * lock does not raise the beat at `at`; `s` says what is known of it. */
+static bool lock(const board *b, off_t byte, short type, off_t at, sign *s) {
+    enum { LONGEST = 50 };
+    double before = app_seconds();
+    for (long pause = 1; !try_lock(b, byte, type); pause = pause < LONGEST ? 2 * pause : LONGEST) {
+        if (errno != EACCES && errno != EAGAIN) return false;
+        nap(pause);
+        const double now = app_seconds();
+        errno = ETIMEDOUT;
+        if (is_silent(b, at, fmin(now - before, 2e-3 * LONGEST), s)) return false;
+        before = now;
+    }
+    return true;
+}
+
+/* Why `lock` has returned false. */
+static const char *lock_error(void) {
+    return errno == ETIMEDOUT ? "another process has it, and gives no sign of life (LIEGRAD_SILENCE)"
+                              : strerror(errno);
+}
+
+static void raise_beat(const board *b, off_t at) {
+    uint64_t beat = 0;
+    (void)get(b, &beat, sizeof beat, at);
+    beat++;
+    (void)put(b, &beat, sizeof beat, at, NULL);
+}
+
+static void *heart(void *user) {
+    board *b = user;
+    struct timespec until;
+    (void)pthread_mutex_lock(&b->mutex);
+    for (;;) {
+        (void)clock_gettime(CLOCK_REALTIME, &until);
+        until.tv_sec++;
+        (void)pthread_cond_timedwait(&b->ending, &b->mutex, &until);
+        if (b->over) break;
+        if (b->holds) raise_beat(b, (off_t)offsetof(head, beat));
+        for (size_t i = 0; i < b->count + b->seats; i++)
+            if (b->mine[i]) raise_beat(b, beat_of(b, i));
+    }
+    (void)pthread_mutex_unlock(&b->mutex);
+    return NULL;
+}
+
+static void stop_heart(board *b) {
+    (void)pthread_mutex_lock(&b->mutex);
+    b->over = true;
+    (void)pthread_cond_signal(&b->ending);
+    (void)pthread_mutex_unlock(&b->mutex);
+    if (b->beats) (void)pthread_join(b->heart, NULL);
 }
 
 /* ---- opening ---- */
@@ -132,20 +228,70 @@ void board_label(const char *text, const char *path, char label[LG_SHA256_TEXT])
     lg_sha256_finish(&sha, label);
 }
 
-static lg_status open_file(board *b, bool make, lg_error *error) {
-    enum { PATIENCE = 10000, PAUSE = 20 }; /* milliseconds */
-    for (int waited = 0;; waited += PAUSE) {
+/* Called when the file has been opened. */
+static lg_status take_seat(board *b, lg_error *error) {
+    for (size_t i = 0; i < b->seats; i++)
+        (void)get(b, &b->signs[b->count + i].beat, sizeof(uint64_t), beat_of(b, b->count + i));
+    if (b->seats > 0) {
+        const size_t seat = b->count + b->app->rank;
+        (void)try_lock(b, LOCK_PIECES + (off_t)seat, F_WRLCK);
+        raise_beat(b, beat_of(b, seat));
+        b->mine[seat] = b->done[seat] = true;
+    }
+    if (!b->beats) b->beats = pthread_create(&b->heart, NULL, heart, b) == 0;
+    return b->beats ? LG_OK : app_error(error, LG_OUT_OF_MEMORY, "no memory for a thread");
+}
+
+/* Waits until each other rank has come (and left, with `left`), or is silent. */
+static void wait_for_ranks(board *b, bool left) {
+    bool waits = true;
+    for (double before = app_seconds(), now; waits && !app_interrupted(); before = now) {
+        nap(LOOK_PAUSE);
+        now = app_seconds();
+        waits = false;
+        (void)pthread_mutex_lock(&b->mutex);
+        for (size_t i = b->count; i < b->count + b->seats; i++) {
+            if (b->done[i]) continue;
+            sign *s = &b->signs[i];
+            const bool silent = is_silent(b, beat_of(b, i), fmin(now - before, 2e-3 * LOOK_PAUSE), s);
+            if (silent) app_leave_behind(b->app, "rank", i - b->count);
+            const bool there = !left || try_lock(b, LOCK_PIECES + (off_t)i, F_WRLCK);
+            if (left && there) unlock(b, LOCK_PIECES + (off_t)i);
+            b->done[i] = silent || (left && s->seen && there);
+            waits = waits || !(b->done[i] || (!left && s->seen));
+        }
+        (void)pthread_mutex_unlock(&b->mutex);
+    }
+}
+
+static bool is_ready(const board *b) {
+    head found = {.ready = 0};
+    return get(b, &found, sizeof found, 0) && found.ready != 0;
+}
+
+/* Opens the board, with its lock. Rank 0 begins it: the other ranks wait for that, or they might finish all work
+ * and remove it while rank 0 waits for the lock. removed: the board was there, but all work had been done before
+ * this rank got the lock. */
+static lg_status open_file(board *b, bool make, bool *removed, lg_error *error) {
+    enum { PAUSE = 20 }; /* milliseconds */
+    for (double waited = 0.0;; waited += 1e-3 * PAUSE) {
         struct stat about;
         b->fd = open(b->path, make ? O_RDWR | O_CREAT | O_CLOEXEC : O_RDWR | O_CLOEXEC, 0666);
-        if (b->fd < 0 && (make || errno != ENOENT || waited >= PATIENCE))
+        if (b->fd < 0 && (make || errno != ENOENT || *removed || waited >= b->silence))
             return app_error(error, errno == ENOENT ? LG_NOT_FOUND : LG_FILE, "%s: cannot be opened: %s",
                              b->path, strerror(errno));
         if (b->fd >= 0) {
-            if (!lock(b, LOCK_BOARD, F_WRLCK, false))
-                return app_error(error, LG_FILE, "%s: cannot be locked: %s", b->path, strerror(errno));
-            if (fstat(b->fd, &about) == 0 && about.st_nlink > 0) return LG_OK;
-            (void)close(b->fd); /* the board was removed before this process got the lock */
+            LG_TRY(take_seat(b, error));
+            if (!lock(b, LOCK_BOARD, F_WRLCK, (off_t)offsetof(head, beat), &(sign){0, 0.0, false}))
+                return app_error(error, LG_FILE, "%s: cannot be locked: %s", b->path, lock_error());
+            *removed = fstat(b->fd, &about) == 0 && about.st_nlink == 0;
+            if (!*removed && (make || is_ready(b))) return LG_OK;
+            (void)pthread_mutex_lock(&b->mutex);
+            if (*removed && b->seats > 0)
+                raise_beat(b, beat_of(b, b->count + b->app->rank)); /* as in leave_seat */
+            (void)close(b->fd);                                     /* and releases the locks */
             b->fd = -1;
+            (void)pthread_mutex_unlock(&b->mutex);
         }
         nap(PAUSE);
     }
@@ -154,11 +300,11 @@ static lg_status open_file(board *b, bool make, lg_error *error) {
 static lg_status check_head(const board *b, const head *mine, bool *fresh, lg_error *error) {
     head found = {.ready = 0};
     struct stat about;
-    if (fstat(b->fd, &about) == 0 && about.st_size == 0) {
-        *fresh = true;
+    const bool whole = get(b, &found, sizeof found, 0);
+    if (fstat(b->fd, &about) == 0 && (about.st_size == 0 || (whole && found.magic[0] == '\0'))) {
+        *fresh = true; /* it is empty but for seats */
         return put(b, mine, sizeof *mine, 0, error);
     }
-    const bool whole = get(b, &found, sizeof found, 0);
     *fresh = whole && found.ready == 0;
     if (whole && memcmp(found.magic, mine->magic, sizeof found.magic) == 0 && found.record == mine->record &&
         found.count == mine->count && memcmp(found.sweep, mine->sweep, sizeof found.sweep) == 0)
@@ -174,18 +320,27 @@ lg_status board_open(const app *self, const board_values *values, const char *ou
     head mine = {.record = record, .count = count};
     memcpy(mine.magic, magic, sizeof magic);
     (void)snprintf(mine.sweep, sizeof mine.sweep, "%s", sweep);
-    *b = (board){.path = app_format("%s.board", out),
+    const double silence = app_silence(self);
+    const size_t seats = self->rank_count > 1 ? self->rank_count : 0;
+    *b = (board){.app = self,
+                 .path = app_format("%s.board", out),
                  .fd = -1,
                  .record = record,
                  .count = count,
                  .wait = values->task == NULL,
-                 .done = app_alloc(count, sizeof *b->done),
-                 .mine = app_alloc(count, sizeof *b->mine)};
+                 .seats = seats,
+                 .done = app_alloc(count + seats, sizeof *b->done),
+                 .mine = app_alloc(count + seats, sizeof *b->mine),
+                 .silence = silence > 0.0 ? silence : INFINITY,
+                 .signs = app_alloc(count + seats, sizeof *b->signs)};
     (void)pthread_mutex_init(&b->mutex, NULL);
-    lg_status status = open_file(b, self->rank == 0, error);
-    if (status == LG_NOT_FOUND && !is_over(out))
+    (void)pthread_cond_init(&b->ending, NULL);
+    bool removed = false;
+    lg_status status = open_file(b, self->rank == 0, &removed, error);
+    if (status == LG_NOT_FOUND && !removed && !is_over(out))
         status = app_error(error, LG_FILE, "%s: is missing: rank 0 has not created it", b->path);
     if (status == LG_OK) status = check_head(b, &mine, fresh, error);
+    b->holds = status == LG_OK;
     if (status == LG_OK)
         *board_out = b;
     else
@@ -193,18 +348,43 @@ lg_status board_open(const app *self, const board_values *values, const char *ou
     return status;
 }
 
+static void let_go(board *b) {
+    (void)pthread_mutex_lock(&b->mutex);
+    b->holds = false;
+    unlock(b, LOCK_BOARD);
+    (void)pthread_mutex_unlock(&b->mutex);
+}
+
 lg_status board_begin(board *b, lg_error *error) {
     const uint64_t ready = 1;
     const lg_status status = put(b, &ready, sizeof ready, offsetof(head, ready), error);
-    unlock(b, LOCK_BOARD);
+    let_go(b);
+    b->begun = status == LG_OK;
     return status;
+}
+
+/* A rank leaves when all others are leaving or silent, and its last beat tells those that have not seen one
+ * since they came. */
+static void leave_seat(board *b) {
+    const size_t seat = b->count + b->app->rank;
+    (void)pthread_mutex_lock(&b->mutex);
+    unlock(b, LOCK_PIECES + (off_t)seat);
+    (void)pthread_mutex_unlock(&b->mutex);
+    wait_for_ranks(b, true);
+    (void)pthread_mutex_lock(&b->mutex);
+    raise_beat(b, beat_of(b, seat));
+    (void)pthread_mutex_unlock(&b->mutex);
 }
 
 void board_close(board *b) {
     if (b == NULL) return;
+    if (b->begun && b->seats > 0) leave_seat(b);
+    stop_heart(b);
     if (b->fd >= 0) (void)close(b->fd); /* this also releases all locks */
+    (void)pthread_cond_destroy(&b->ending);
     (void)pthread_mutex_destroy(&b->mutex);
     free(b->path);
+    free(b->signs);
     free(b->done);
     free(b->mine);
     free(b);
@@ -221,7 +401,7 @@ bool board_claim(board *b, size_t *piece) {
     bool found = false;
     (void)pthread_mutex_lock(&b->mutex);
     for (size_t i = 0; i < b->count && !found; i++) {
-        if (b->done[i] || b->mine[i] || !lock(b, LOCK_PIECES + (off_t)i, F_WRLCK, true)) continue;
+        if (b->done[i] || b->mine[i] || !try_lock(b, LOCK_PIECES + (off_t)i, F_WRLCK)) continue;
         b->done[i] = state_of(b, i) == BOARD_DONE;
         if (b->done[i]) {
             unlock(b, LOCK_PIECES + (off_t)i);
@@ -234,12 +414,31 @@ bool board_claim(board *b, size_t *piece) {
     return found;
 }
 
+/* Claims a piece without its lock if the process that has the lock is silent. If that process goes on later,
+ * both write the same result. */
+static bool take_over(board *b, size_t *piece) {
+    bool found = false;
+    (void)pthread_mutex_lock(&b->mutex);
+    const double now = app_seconds(), passed = fmin(now - b->looked, 2e-3 * LOOK_PAUSE);
+    b->looked = now;
+    for (size_t i = 0; i < b->count + b->seats && !found; i++) {
+        if (b->done[i] || b->mine[i] || !is_silent(b, beat_of(b, i), passed, &b->signs[i])) continue;
+        if (i >= b->count) continue; /* a rank, for wait_for_ranks */
+        b->signs[i].silent = 0.0;
+        b->mine[i] = found = true;
+        *piece = i;
+    }
+    (void)pthread_mutex_unlock(&b->mutex);
+    if (found) app_leave_behind(b->app, "piece", *piece);
+    return found;
+}
+
 bool board_next(board *b, size_t *piece) {
-    enum { PAUSE = 50 };
     while (!app_interrupted()) {
         if (board_claim(b, piece)) return true;
         if (!b->wait || board_left(b) == 0) return false;
-        nap(PAUSE);
+        if (take_over(b, piece)) return true;
+        nap(LOOK_PAUSE);
     }
     return false;
 }
@@ -251,12 +450,22 @@ void board_release(board *b, size_t piece) {
     (void)pthread_mutex_unlock(&b->mutex);
 }
 
+/* The lock makes network file systems show the latest records. It is held for milliseconds: if its holder is
+ * stopped, this process goes on without the lock from then on. */
+static void lock_records(board *b, short type) {
+    static const double share = 0.1; /* of the silence; meanwhile this process raises no beats */
+    sign s = {0, b->silence * (1.0 - share), false};
+    if (b->unlocked)
+        (void)try_lock(b, LOCK_RECORDS, type);
+    else
+        b->unlocked = !lock(b, LOCK_RECORDS, type, LOCKS, &s) && errno == ETIMEDOUT;
+}
+
 board_state board_read(board *b, size_t piece, void *record) {
     (void)pthread_mutex_lock(&b->mutex);
-    (void)lock(b, LOCK_RECORDS, F_RDLCK, false);
+    lock_records(b, F_RDLCK);
     board_state state = state_of(b, piece);
-    if (state != BOARD_EMPTY && !get(b, record, b->record, slot(b, piece) + (off_t)sizeof(uint64_t)))
-        state = BOARD_EMPTY;
+    if (state != BOARD_EMPTY && !get(b, record, b->record, slot(b, piece) + SLOT_HEAD)) state = BOARD_EMPTY;
     unlock(b, LOCK_RECORDS);
     (void)pthread_mutex_unlock(&b->mutex);
     return state;
@@ -266,8 +475,8 @@ board_state board_read(board *b, size_t piece, void *record) {
 lg_status board_write(board *b, size_t piece, const void *record, board_state state, lg_error *error) {
     const uint64_t word = state;
     (void)pthread_mutex_lock(&b->mutex);
-    (void)lock(b, LOCK_RECORDS, F_WRLCK, false);
-    lg_status status = put(b, record, b->record, slot(b, piece) + (off_t)sizeof word, error);
+    lock_records(b, F_WRLCK);
+    lg_status status = put(b, record, b->record, slot(b, piece) + SLOT_HEAD, error);
     if (status == LG_OK && state == BOARD_DONE && fdatasync(b->fd) != 0)
         status = app_error(error, LG_FILE, "%s: cannot be written: %s", b->path, strerror(errno));
     if (status == LG_OK) status = put(b, &word, sizeof word, slot(b, piece), error);
@@ -307,15 +516,8 @@ int board_report(const app *self, const board_values *values, size_t done, size_
 
 /* ---- writing the output ---- */
 
-bool board_lock(board *b) {
-    struct stat about;
-    if (!lock(b, LOCK_BOARD, F_WRLCK, false)) return false;
-    if (fstat(b->fd, &about) == 0 && about.st_nlink > 0) return true;
-    unlock(b, LOCK_BOARD);
-    return false;
-}
-
-void board_wait_for_end(const board *b) {
+/* Waits for the end of the work, which rank 0 writes unless it is slow. */
+static void wait_for_end(const board *b) {
     enum { PATIENCE = 3000, PAUSE = 50 };
     struct stat about;
     for (int waited = 0; waited < PATIENCE; waited += PAUSE) {
@@ -324,7 +526,20 @@ void board_wait_for_end(const board *b) {
     }
 }
 
+bool board_lock(board *b) {
+    struct stat about;
+    if (b->app->rank > 0) wait_for_end(b);
+    if (!lock(b, LOCK_BOARD, F_WRLCK, (off_t)offsetof(head, beat), &(sign){0, 0.0, false}))
+        app_stop(b->app, LG_FILE, "%s: cannot be locked: %s", b->path, lock_error());
+    (void)pthread_mutex_lock(&b->mutex);
+    b->holds = fstat(b->fd, &about) == 0 && about.st_nlink > 0;
+    if (!b->holds) unlock(b, LOCK_BOARD);
+    (void)pthread_mutex_unlock(&b->mutex);
+    return b->holds;
+}
+
 void board_end(board *b, bool kept) {
+    wait_for_ranks(b, false);
     if (!kept) (void)unlink(b->path);
-    unlock(b, LOCK_BOARD);
+    let_go(b);
 }

@@ -4,7 +4,9 @@
  *
  * A process claims a piece by locking a byte of the file (fcntl). The system removes the lock when the
  * process dies, so another process can then take the piece: a slow or dead process delays only the piece it
- * has claimed. No process coordinates the others, and no messages are sent. Ranks of mpirun, tasks of a job
+ * has claimed. A process that is stopped keeps its locks; after app_silence seconds without a sign of life
+ * another process does its piece too. No process coordinates the others, and no messages are sent. Ranks of
+ * mpirun, tasks of a job
  * array and the same command in two terminals all work in the same way. On a file system whose locks work
  * only within one machine, pieces may be computed twice, with the same results. */
 #ifndef LG_APPS_BOARD_H
@@ -54,8 +56,9 @@ void board_close(board *b); /* drops this process's claims; NULL is allowed */
 /* Claims the lowest piece that is not done and not claimed by another process. False: there is no such piece
  * now. May be called from any thread. */
 bool board_claim(board *b, size_t *piece);
-/* As board_claim, but waits while other processes may still give up a piece, unless this is a task of a job
- * array. False: all pieces are done, or the command was interrupted. */
+/* As board_claim, but waits while other processes may still give up a piece, and takes the piece of a process
+ * that is silent, unless this is a task of a job array. False: all pieces are done, or the command was
+ * interrupted. */
 bool board_next(board *b, size_t *piece);
 void board_release(board *b, size_t piece); /* gives the claim up; the piece stays undone */
 board_state board_read(board *b, size_t piece, void *record);
@@ -70,12 +73,11 @@ lg_status board_unfinished(const board *b, size_t left, lg_error *error);
 int board_report(const app *app, const board_values *values, size_t done, size_t count);
 
 /* Makes sure that the output is written once. Waits for the board's lock, and returns true if this process is
- * to write the output now; then it must call board_end. False: another process has finished the board.
+ * to write the output now; then it must call board_end. False: another process has finished the board. Ends
+ * the command if the process that has the lock is silent. Ranks other than 0 first wait up to 3 s until rank 0
+ * has written the output and removed the board.
  * `kept`: pieces are missing, so the board file is not removed. */
 bool board_lock(board *b);
-/* Waits up to 3 s until rank 0 has written the output and removed the board. Called by the other ranks, which
- * take over only if rank 0 is dead. */
-void board_wait_for_end(const board *b);
 void board_end(board *b, bool kept);
 
 #endif

@@ -101,7 +101,6 @@ static bool make_together(pieces *self) {
         (void)board_report(host, self->board, self->count - board_left(self->shared), self->count);
         return false;
     }
-    if (host->rank > 0) board_wait_for_end(self->shared);
     if (!board_lock(self->shared)) return false;
     take_all(self);
     return true;

@@ -1,8 +1,12 @@
 /* Processes started by mpirun: finds this process's rank, and loads liegrad_mpi only when it is needed. */
 #include <dlfcn.h>
+#include <pthread.h>
 #include <sched.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "common/app.h"
@@ -28,7 +32,9 @@ static bool find(uint64_t *rank, uint64_t *count) {
     return false;
 }
 
-static FILE *voice; /* copy of the standard error from before app_find_ranks redirected it */
+/* Of ranks other than 0: the standard error from before app_find_ranks redirected it. A descriptor speaks without
+ * memory. */
+static int voice = -1;
 
 void app_find_ranks(app *self) {
     uint64_t rank = 0, count = 1;
@@ -37,9 +43,13 @@ void app_find_ranks(app *self) {
     self->rank = (uint32_t)rank;
     self->rank_count = (uint32_t)count;
     if (rank == 0) return;
-    const int copy = dup(STDERR_FILENO);
-    if (copy >= 0) voice = fdopen(copy, "w");
+    voice = dup(STDERR_FILENO);
     if (freopen("/dev/null", "w", stdout) == NULL || freopen("/dev/null", "w", stderr) == NULL) return;
+}
+
+void app_say_as_rank(const app *self, const char *sentence) {
+    if (self->rank == 0) (void)fprintf(stderr, "%s: %s\n", self->title, sentence);
+    if (voice >= 0) (void)dprintf(voice, "%s: rank %u: %s\n", self->title, self->rank, sentence);
 }
 
 uint64_t app_processors(void) {
@@ -58,8 +68,9 @@ uint64_t app_processors(void) {
 /* ---- liegrad_mpi ---- */
 
 static struct {
-    lg_status (*begin)(const void *communicator, lg_ranks *out, lg_error *error);
-    void (*end)(lg_ranks *ranks);
+    lg_status (*begin)(const lg_context *context, const void *communicator, double silence, lg_ranks *out,
+                       lg_error *error);
+    lg_status (*end)(lg_ranks *ranks, lg_error *error);
     void (*abort)(int code);
     lg_ranks ranks;
     bool over; /* no exchange between ranks follows */
@@ -81,19 +92,104 @@ static bool load(void) {
            load_symbol(library, "lg_mpi_end", &mpi.end) && load_symbol(library, "lg_mpi_abort", &mpi.abort);
 }
 
+/* ---- limits of time ---- */
+
+double app_silence(const app *self) {
+    static const double otherwise = 30.0;
+    const char *text = getenv("LIEGRAD_SILENCE");
+    double seconds = otherwise;
+    if (text != NULL && !(app_parse_real(text, &seconds) && seconds >= 0.0))
+        app_stop_usage(self, "LIEGRAD_SILENCE: expected seconds, or 0 for no limit, not '%s'", text);
+    return seconds;
+}
+
+/* A thread that ends this process if MPI does not return from its beginning or its end, where it cannot be
+ * asked to give up. It counts seconds in which the process runs. */
+static struct {
+    const app *self;
+    const char *what;
+    double silence;
+    pthread_t thread;
+    bool begun;
+    atomic_bool over;
+} watch;
+
+static void *watch_thread(void *user) {
+    (void)user;
+    const struct timespec pause = {0, 100000000};
+    for (double waited = 0.0; waited < watch.silence; waited += 0.1) {
+        if (atomic_load(&watch.over)) return NULL;
+        (void)nanosleep(&pause, NULL);
+    }
+    APP_FREE char *text =
+        app_format("%s within %g s (LIEGRAD_SILENCE): a rank is stopped, dead or out of memory", watch.what,
+                   watch.silence);
+    app_say_as_rank(watch.self, text);
+    app_release_claims();
+    _exit(APP_EXIT_FILE);
+}
+
+static void watch_begin(const app *self, const char *what) {
+    watch.self = self;
+    watch.what = what;
+    watch.silence = app_silence(self);
+    atomic_store(&watch.over, false);
+    watch.begun = watch.silence > 0.0 && pthread_create(&watch.thread, NULL, watch_thread, NULL) == 0;
+}
+
+static void watch_end(void) {
+    atomic_store(&watch.over, true);
+    if (watch.begun) (void)pthread_join(watch.thread, NULL);
+    watch.begun = false;
+}
+
+/* ---- joining and leaving ---- */
+
+/* Under a limit on addresses MPI crashes, ends the process or waits for ever where its libraries, threads and
+ * shared memory find no room. */
+static bool has_room(size_t bytes) {
+    void *room =
+        mmap(NULL, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+    return room != MAP_FAILED && munmap(room, bytes) == 0;
+}
+
+/* Where MPI cannot start a rank, it says why on standard error and ends the process. So it gets the real standard
+ * error meanwhile. lend_voice: the one to go back to; -1: none. */
+static int lend_voice(void) {
+    const int mute = voice >= 0 ? dup(STDERR_FILENO) : -1;
+    if (mute >= 0) (void)dup2(voice, STDERR_FILENO);
+    return mute;
+}
+
+static void take_back(int mute) {
+    if (mute < 0) return;
+    (void)dup2(mute, STDERR_FILENO);
+    (void)close(mute);
+}
+
 int app_join_ranks(app *self) {
+    enum { ROOM_MIB = 256 };
     lg_error error = {LG_OK, ""};
     if (self->rank_count == 1) return APP_EXIT_OK;
     if (self->command->together == APP_ALONE)
         return app_usage(self, "this command runs in one process only, but mpirun started %u processes",
                          self->rank_count);
     if (self->command->together == APP_WORKERS) return APP_EXIT_OK;
+    if (!has_room((size_t)ROOM_MIB << 20))
+        return app_fail(self, LG_OUT_OF_MEMORY,
+                        "out of memory: the limit on addresses (ulimit -v) leaves less than the %d MiB that "
+                        "MPI may use: raise the limit",
+                        ROOM_MIB);
     if (!load())
         return app_usage(self,
                          "mpirun started %u ranks, but the library liegrad_mpi could not be loaded (%s): "
                          "install it, or build with MPI",
                          self->rank_count, dlerror());
-    const lg_status status = mpi.begin(NULL, &mpi.ranks, &error);
+    watch_begin(self, "MPI has not connected the ranks");
+    const int mute = lend_voice();
+    const lg_status status = mpi.begin(self->context, NULL, app_silence(self), &mpi.ranks, &error);
+    take_back(mute);
+    watch_end();
     if (status != LG_OK) return app_fail(self, status, "%s", error.message);
     self->ranks = &mpi.ranks;
     return APP_EXIT_OK;
@@ -104,23 +200,55 @@ void app_end_exchanges(app *self) {
 }
 
 /* Rank 0 usually fails for the same reason and reports it. So another rank first gives rank 0 two seconds to
- * end it, and reports its own failure only after that. */
-static void say_alone(const app *self) {
-    if (self->rank == 0 || voice == NULL) return;
-    (void)sleep(2);
-    if (app_interrupted()) return; /* rank 0 has failed and ended this rank */
-    (void)fprintf(voice, "%s: rank %u: %s\n", self->title, self->rank, app_last_failure());
-    (void)fflush(voice);
+ * end it, and reports its own failure only after that. `at_once`: it is the failure of another rank. */
+static void say_alone(const app *self, bool at_once) {
+    if (self->rank == 0) return;
+    if (!at_once && !app_interrupted()) (void)sleep(2);
+    if (!at_once && app_interrupted()) return; /* rank 0 has failed and ended this rank */
+    app_say_as_rank(self, app_last_failure());
+}
+
+/* Ends all ranks. If ranks are lost, the others first get time to say so, and rank 0 to save its state; after
+ * a signal the launcher ends all ranks anyway. */
+static void end_all(const app *self, int code, bool lost) {
+    app_release_claims();
+    if (lost && self->rank == 0) (void)sleep(1);
+    if (lost && self->rank > 0) (void)sleep(app_interrupted() ? 60 : 3);
+    mpi.abort(code);
+}
+
+static atomic_bool left_behind;
+
+void app_leave_behind(const app *self, const char *what, size_t index) {
+    APP_FREE char *text = app_format("%s %zu has given no sign of life for %g s (LIEGRAD_SILENCE): this goes "
+                                     "on without its process",
+                                     what, index, app_silence(self));
+    app_say_as_rank(self, text);
+    atomic_store(&left_behind, true);
 }
 
 int app_leave_ranks(app *self, int code) {
-    if (self->ranks == NULL) return code;
-    if (code != APP_EXIT_OK && !mpi.over) {
-        say_alone(self);
-        mpi.abort(code);
+    lg_error error = {LG_OK, ""};
+    if (self->ranks == NULL) {
+        if (code == APP_EXIT_OK && self->rank_count > 1 && atomic_load(&left_behind))
+            code = app_fail(self, LG_FILE, "the work is complete, but a rank is silent");
+        if (code != APP_EXIT_OK) say_alone(self, false);
+        return code;
+    }
+    const bool lost = mpi.ranks.reason(mpi.ranks.user) != NULL;
+    if (code != APP_EXIT_OK && (lost || !mpi.over)) {
+        say_alone(self, lost);
+        end_all(self, code, lost);
     }
     app_release_claims(); /* mpirun may kill the ranks that it interrupted while they wait in mpi.end */
-    mpi.end(&mpi.ranks);
+    watch_begin(self, "not all ranks have ended");
+    const lg_status status = mpi.end(&mpi.ranks, &error);
+    watch_end();
+    if (status != LG_OK) {
+        code = app_fail(self, status, "%s", error.message);
+        say_alone(self, true);
+        end_all(self, code, true);
+    }
     self->ranks = NULL;
     return code;
 }

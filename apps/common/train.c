@@ -290,7 +290,8 @@ static int run_fit(train_session *self) {
     app_progress_end(&self->progress);
     self->task->training.seconds = app_seconds() - begin;
     app_end_exchanges(self->app);
-    return self->app->rank == 0 ? conclude(self, status, &error) : app_exit_code(status);
+    if (self->app->rank == 0) return conclude(self, status, &error);
+    return status == LG_OK ? APP_EXIT_OK : fail(self->app, status, &error);
 }
 
 /* If the model cannot be written, saves the state in a checkpoint, so that the training is not lost. Not done

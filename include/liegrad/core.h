@@ -245,6 +245,9 @@ typedef struct lg_ranks {
      * order of the ranks; its own `mine` may be the start of `all`. On other ranks `all` is not used and may
      * be NULL. Collective. */
     lg_status (*collect)(void *user, const void *mine, void *all, const size_t *bytes);
+    /* Why an exchange failed, as a sentence; NULL: none has failed. After a failure all exchanges fail. The
+     * member may be NULL. */
+    const char *(*reason)(void *user);
 } lg_ranks;
 
 /* Divides the items 0..total-1 into `count` contiguous parts whose sizes differ by at most one. *first is the
@@ -263,25 +266,35 @@ LG_API lg_status lg_ranks_agree(const lg_ranks *ranks, lg_status status, lg_erro
  * Link liegrad_mpi in addition to liegrad.
  *
  *   lg_ranks ranks;
- *   lg_status status = lg_mpi_begin(NULL, &ranks, &error);
+ *   lg_status status = lg_mpi_begin(context, NULL, 30, &ranks, &error);
  *   options.ranks = &ranks;                              (lg_fit_options, lg_policy_train_options)
  *   ...
- *   lg_mpi_end(&ranks);
+ *   status = lg_mpi_end(&ranks, &error);
  *
- * The exchanges send bytes by MPI_Allgatherv, MPI_Bcast, MPI_Send and MPI_Recv, on the thread that calls the
- * library (MPI_THREAD_FUNNELED is enough). The library never lets MPI add numbers, because such a sum depends
- * on the number of ranks. */
+ * The exchanges send bytes by MPI_Iallgatherv, MPI_Ibcast, MPI_Isend and MPI_Irecv, on the thread that calls
+ * the library. The library never lets MPI add numbers, because such a sum depends on the number of ranks.
+ *
+ * A thread of each rank sends a sign of life every second, also while the rank computes. A rank that is
+ * stopped, or dead, or not reached, gives none for `silence` seconds: then the exchanges of all other ranks
+ * fail with LG_FILE. This needs MPI_THREAD_MULTIPLE, with which lg_mpi_begin initialises MPI; if the caller
+ * has initialised it with less, exchanges wait for ever. After a failure call no function of MPI, except by
+ * lg_mpi_abort, because MPI may still have the addresses of buffers that are freed. */
 
-/* Fills *out with the ranks of a communicator. `communicator` points to an MPI_Comm, which is duplicated.
+/* Fills *out with the ranks of a communicator. When the context (may be NULL) is cancelled and some ranks do
+ * not come to an exchange, it fails with LG_CANCELLED after half of the time that mpirun leaves between
+ * SIGTERM and SIGKILL (1 s, or odls_base_sigkill_timeout of Open MPI). `silence`: in seconds; 0: for ever.
+ * `communicator` points to an MPI_Comm, which is duplicated.
  * NULL means MPI_COMM_WORLD; then MPI is initialised if it has not been. Collective. All ranks fail when
  * their processors use different kernels or when they run different versions of the library, because their
  * results would then differ in some bits. Errors: LG_INVALID_ARGUMENT (`out` is NULL, a communicator is given
- * before MPI was initialised, or the ranks differ as said), LG_OUT_OF_MEMORY, LG_FILE (MPI does not start, or
- * an exchange fails). */
-LG_API lg_status lg_mpi_begin(const void *communicator, lg_ranks *out, lg_error *error);
+ * before MPI was initialised, `silence` is negative, or the ranks differ as said), LG_OUT_OF_MEMORY, LG_FILE
+ * (MPI does not start, or an exchange fails). */
+LG_API lg_status lg_mpi_begin(const lg_context *context, const void *communicator, double silence,
+                              lg_ranks *out, lg_error *error);
 /* Releases what lg_mpi_begin made. Calls MPI_Finalize, which waits for all ranks, if lg_mpi_begin initialised
- * MPI. Collective. */
-LG_API void lg_mpi_end(lg_ranks *ranks);
+ * MPI. Collective. Error: LG_FILE (an exchange had failed, or a rank is lost now: nothing is released, and
+ * MPI is not finalised). */
+LG_API lg_status lg_mpi_end(lg_ranks *ranks, lg_error *error);
 /* Ends all ranks at once, with this exit code (MPI_Abort). */
 LG_API void lg_mpi_abort(int code);
 

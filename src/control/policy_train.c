@@ -143,9 +143,11 @@ static double done_of(const training *t, uint64_t steps) {
 static lg_status go_on(const training *t, uint64_t steps, double *done) {
     const lg_ranks *ranks = t->options.ranks;
     *done = done_of(t, steps);
-    if (ranks != NULL && t->options.seconds > 0.0) LG_TRY(lg_ranks_share(ranks, 0, done, sizeof *done));
+    lg_status status = LG_OK;
+    if (ranks != NULL && t->options.seconds > 0.0) status = lg_ranks_share(ranks, 0, done, sizeof *done);
+    if (status != LG_OK) return lg_ranks_lost(ranks, status, t->error);
     if (*done >= 1.0) return LG_OK;
-    const lg_status status = lg_cancelled(t->policy->context) ? LG_CANCELLED : LG_OK;
+    status = lg_cancelled(t->policy->context) ? LG_CANCELLED : LG_OK;
     return ranks != NULL ? lg_ranks_agree(ranks, status, t->error) : status;
 }
 
@@ -184,7 +186,7 @@ static double clip_of(const training *t, const double *gradient) {
 static lg_status run_batch(training *t) {
     t->batch.ranks = t->options.ranks;
     const lg_status status = lg_policy_batch_run(&t->batch, t->cost, t->gradients);
-    return status == LG_OK ? status : lg_fail(t->error, status, "the ranks could not exchange their results");
+    return status == LG_OK ? status : lg_ranks_lost(t->options.ranks, status, t->error);
 }
 
 /* Periods of the runs of a step. A few chaotic runs spoil the gradient of long runs. Short runs with the

@@ -52,6 +52,8 @@ lg_status lg_context_quiet(const lg_context *context, lg_context **out);
 /* Each rank computed its part (lg_ranks_part) of `total` items of `item` bytes; all ranks get all of them.
  * Collective. Errors: LG_OUT_OF_MEMORY, the status of the exchange. */
 lg_status lg_ranks_gather_parts(const lg_ranks *ranks, size_t total, size_t item, void *all);
+/* Fills `error` (may be NULL) with the reason why an exchange failed with `status`, and returns `status`. */
+lg_status lg_ranks_lost(const lg_ranks *ranks, lg_status status, lg_error *error);
 
 bool lg_cancelled(const lg_context *context);
 void lg_log_message(const lg_context *context, lg_log_level level, const char *format, ...)

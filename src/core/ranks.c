@@ -11,51 +11,65 @@ void lg_ranks_part(uint32_t rank, uint32_t count, size_t total, size_t *first, s
     *end = (rank + 1) * each + (rank + 1) * more / count;
 }
 
-lg_status lg_ranks_share(const lg_ranks *ranks, uint32_t from, void *data, size_t bytes) {
-    LG_NEEDS(NULL, ranks, data);
-    size_t *list = lg_alloc(NULL, ranks->count, sizeof *list);
-    if (list == NULL) return LG_OUT_OF_MEMORY;
-    list[from] = bytes;
-    const lg_status status = ranks->gather(ranks->user, data, list);
-    lg_free(NULL, list);
+/* Exchanges of up to so many ranks need no memory from the heap: a rank without memory must not skip an
+ * exchange, or the others would wait for it, or take its next message for this one. */
+enum { FEW = 4096 };
+
+static size_t *list_of(const lg_ranks *ranks, size_t few[FEW]) {
+    if (ranks->count > FEW) return lg_alloc(NULL, ranks->count, sizeof *few);
+    memset(few, 0, ranks->count * sizeof *few);
+    return few;
+}
+
+static lg_status gather(const lg_ranks *ranks, void *all, size_t *list, const size_t few[FEW]) {
+    const lg_status status = ranks->gather(ranks->user, all, list);
+    if (list != few) lg_free(NULL, list);
     return status;
 }
 
+lg_status lg_ranks_share(const lg_ranks *ranks, uint32_t from, void *data, size_t bytes) {
+    LG_NEEDS(NULL, ranks, data);
+    size_t few[FEW], *list = list_of(ranks, few);
+    if (list == NULL) return LG_OUT_OF_MEMORY;
+    list[from] = bytes;
+    return gather(ranks, data, list, few);
+}
+
 lg_status lg_ranks_gather_parts(const lg_ranks *ranks, size_t total, size_t item, void *all) {
-    size_t *list = lg_alloc(NULL, ranks->count, sizeof *list);
+    size_t few[FEW], *list = list_of(ranks, few);
     if (list == NULL) return LG_OUT_OF_MEMORY;
     for (uint32_t r = 0; r < ranks->count; r++) {
         size_t first, end;
         lg_ranks_part(r, ranks->count, total, &first, &end);
         list[r] = (end - first) * item;
     }
-    const lg_status status = ranks->gather(ranks->user, all, list);
-    lg_free(NULL, list);
-    return status;
+    return gather(ranks, all, list, few);
 }
 
-static lg_status gather_equal(const lg_ranks *ranks, void *all, size_t bytes) {
-    return lg_ranks_gather_parts(ranks, ranks->count, bytes, all);
+lg_status lg_ranks_lost(const lg_ranks *ranks, lg_status status, lg_error *error) {
+    const char *why = ranks->reason != NULL ? ranks->reason(ranks->user) : NULL;
+    return lg_fail(error, status, "%s", why != NULL ? why : "the ranks lost their connection");
+}
+
+/* Gives all ranks the message of rank `from`, which has failed with this status. */
+static lg_status tell(const lg_ranks *ranks, uint32_t from, lg_status status, lg_error *error) {
+    char message[sizeof error->message] = "";
+    if (from == ranks->rank && error != NULL) memcpy(message, error->message, sizeof message);
+    const lg_status exchanged = lg_ranks_share(ranks, from, message, sizeof message);
+    if (exchanged != LG_OK) return lg_ranks_lost(ranks, exchanged, error);
+    return lg_fail(error, status, from == ranks->rank ? "%s" : "%s (rank %u)", message, from);
 }
 
 lg_status lg_ranks_agree(const lg_ranks *ranks, lg_status status, lg_error *error) {
     LG_NEEDS(error, ranks);
-    typedef struct report {
-        uint32_t status;
-        char message[sizeof error->message];
-    } report;
-    report *all = lg_alloc(NULL, ranks->count, sizeof *all);
-    if (all == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the ranks' reports");
-    all[ranks->rank].status = (uint32_t)status;
-    if (error != NULL && status != LG_OK)
-        memcpy(all[ranks->rank].message, error->message, sizeof error->message);
-    lg_status first = gather_equal(ranks, all, sizeof *all);
-    if (first != LG_OK) (void)lg_fail(error, first, "the ranks lost their connection");
-    for (uint32_t r = 0; r < ranks->count && first == LG_OK; r++) {
-        if (all[r].status == LG_OK) continue;
-        first = (lg_status)all[r].status;
-        (void)lg_fail(error, first, r == ranks->rank ? "%s" : "%s (rank %u)", all[r].message, r);
-    }
-    lg_free(NULL, all);
+    uint32_t few[FEW] = {0}, failed = 0;
+    uint32_t *all = ranks->count > FEW ? lg_alloc(NULL, ranks->count, sizeof *all) : few;
+    if (all == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the statuses of the ranks");
+    all[ranks->rank] = (uint32_t)status;
+    lg_status first = lg_ranks_gather_parts(ranks, ranks->count, sizeof *all, all);
+    if (first != LG_OK) (void)lg_ranks_lost(ranks, first, error);
+    while (failed < ranks->count && all[failed] == LG_OK) failed++;
+    if (first == LG_OK && failed < ranks->count) first = tell(ranks, failed, (lg_status)all[failed], error);
+    if (all != few) lg_free(NULL, all);
     return first;
 }

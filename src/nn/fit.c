@@ -410,9 +410,10 @@ static lg_status revive(lg_fit *fit, lg_error *error) {
     const lg_status status =
         fit->problem.revive(fit->problem.user, fit->state.restarts + 1, fit->revived, &dead);
     if (status != LG_OK)
-        return lg_fail(error, status,
-                       "epoch %" PRIu64 ": the check for a model that no longer learns failed: %s",
-                       fit->state.epoch, lg_status_sentence(status));
+        (void)lg_fail(error, status,
+                      "epoch %" PRIu64 ": the check for a model that no longer learns failed: %s",
+                      fit->state.epoch, lg_status_sentence(status));
+    LG_TRY(lg_fit_agree(fit, status, error));
     if (dead) begin_again(fit, fit->revived);
     return LG_OK;
 }
@@ -470,7 +471,10 @@ lg_status lg_fit_run(lg_fit *fit, lg_error *error) {
     const lg_status status = run(fit, error);
     if (lg_fit_alone(fit)) return status;
     const lg_status collected = collect(fit, status == LG_OK ? error : NULL);
-    return status == LG_OK ? collected : status;
+    const lg_status end = status == LG_OK ? collected : status;
+    const lg_ranks *ranks = fit->options.ranks;
+    /* not LG_CANCELLED, which says that the state is saved */
+    return ranks->reason(ranks->user) != NULL ? lg_ranks_lost(ranks, LG_FILE, error) : end;
 }
 
 /* ---- accessors ---- */

@@ -289,7 +289,13 @@ lg_status lg_fit_evaluate(lg_fit *fit, bool *moved, lg_error *error) {
     const size_t n = fit->problem.parameters;
     if (s->minimiser == NULL) {
         const lg_minimise_options options = lg_fit_minimise_options(fit, s->phase);
-        LG_TRY(lg_minimiser_create(fit->context, n, &options, s->theta, &s->minimiser, error));
+        const lg_status made = lg_minimiser_create(fit->context, n, &options, s->theta, &s->minimiser, error);
+        const lg_status agreed = lg_fit_agree(fit, made, error);
+        if (agreed != LG_OK) { /* all ranks have a minimiser, or none has one */
+            lg_minimiser_destroy(s->minimiser);
+            s->minimiser = NULL;
+            return agreed;
+        }
     }
     double value = 0.0;
     fit->point = lg_minimiser_point(s->minimiser);
@@ -298,8 +304,7 @@ lg_status lg_fit_evaluate(lg_fit *fit, bool *moved, lg_error *error) {
     *moved = takes_squares(fit)
                  ? lg_minimiser_tell_squares(s->minimiser, value, gradient, fit->shards[0].matrix)
                  : lg_minimiser_tell(s->minimiser, value, gradient);
-    if (lg_minimiser_status(s->minimiser) != LG_OK)
-        return lg_fail(error, lg_minimiser_status(s->minimiser), "the ranks lost their connection");
+    LG_TRY(lg_minimiser_status(s->minimiser));
     memcpy(s->theta, lg_minimiser_best(s->minimiser), n * sizeof(double));
     const double loss = plain_loss(fit);
     if (*moved && !takes_squares(fit) && fit->options.prior > 0.0 && fit->problem.observations > 0)

@@ -62,12 +62,17 @@ static lg_status collect(void *user, const void *mine, void *all, const size_t *
     return fit->given->collect(fit->given->user, mine, all, bytes);
 }
 
+static const char *reason(void *user) {
+    const lg_ranks *given = ((const lg_fit *)user)->given;
+    return given->reason != NULL ? given->reason(given->user) : NULL;
+}
+
 lg_status lg_fit_ranks_create(lg_fit *fit) {
     const lg_ranks *ranks = fit->options.ranks;
     fit->end = fit->used;
     if (ranks == NULL) return LG_OK;
     fit->given = ranks;
-    fit->counted = (lg_ranks){sizeof *ranks, ranks->rank, ranks->count, fit, counted_gather, collect};
+    fit->counted = (lg_ranks){sizeof *ranks, ranks->rank, ranks->count, fit, counted_gather, collect, reason};
     fit->options.ranks = &fit->counted;
     for (uint32_t r = 0; r < ranks->count; r++) {
         size_t first, end;
@@ -135,8 +140,9 @@ static size_t list_message(lg_fit *fit, uint32_t from, take each, char *begin) {
     return m.length;
 }
 
-/* Computes the lengths of all messages, and allocates room for them. */
-static lg_status make_room(lg_fit *fit) {
+/* Computes the lengths of all messages, and allocates room for them. All ranks need room for the same number
+ * of bytes, so they allocate at the same time, and agree about it. */
+static lg_status make_room(lg_fit *fit, lg_error *error) {
     size_t total = 0;
     for (uint32_t r = 0; r < fit->options.ranks->count; r++) {
         fit->message_bytes[r] = list_message(fit, r, count_bytes, NULL);
@@ -145,20 +151,24 @@ static lg_status make_room(lg_fit *fit) {
     if (total <= fit->message_room) return LG_OK;
     lg_free(fit->context, fit->message);
     fit->message = lg_alloc(fit->context, total, 1);
-    fit->message_room = fit->message != NULL ? total : 0;
-    return fit->message != NULL ? LG_OK : LG_OUT_OF_MEMORY;
+    const lg_status made =
+        fit->message != NULL ? LG_OK
+                             : lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the exchange between %u ranks",
+                                       fit->options.ranks->count);
+    const lg_status status = lg_fit_agree(fit, made, error);
+    fit->message_room = status == LG_OK ? total : 0;
+    return status;
 }
 
 static lg_status exchange(lg_fit *fit, lg_error *error) {
     const lg_ranks *ranks = fit->options.ranks;
     fit->stops[ranks->rank] = fit->with_gradient && lg_cancelled(fit->context);
-    if (make_room(fit) != LG_OK)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the exchange between %u ranks", ranks->count);
+    LG_TRY(make_room(fit, error));
     char *at = fit->message;
     for (uint32_t r = 0; r < ranks->rank; r++) at += fit->message_bytes[r];
     (void)list_message(fit, ranks->rank, pack, at);
     const lg_status status = ranks->gather(ranks->user, fit->message, fit->message_bytes);
-    if (status != LG_OK) return lg_fail(error, status, "the ranks lost their connection");
+    LG_TRY(status);
     at = fit->message;
     uint32_t stopped = 0;
     for (uint32_t r = 0; r < ranks->count; r++) {

@@ -48,7 +48,9 @@ lg_status lg_fit_chunks(const lg_fit *fit, lg_shard *shard, lg_fit_chunk add) {
     const size_t chunk = chunk_of(fit);
     shard->loss = 0.0;
     lg_tape_constant(shard->tape, fit->point, fit->problem.parameters * fit->k->size);
+    /* A rank that is asked to stop says so in the next exchange, and then no rank uses the shards. */
     for (size_t at = 0; at < shard->count; at += chunk) {
+        if (!lg_fit_alone(fit) && fit->with_gradient && lg_cancelled(fit->context)) break;
         const size_t rest = shard->count - at;
         LG_TRY(add(fit, shard, shard->samples + at, rest < chunk ? rest : chunk));
     }

@@ -48,13 +48,15 @@ lg_status lg_minimiser_collect(lg_minimiser *m, lg_error *error) {
     const lg_status room = ranks->rank > 0 || m->whole != NULL
                                ? LG_OK
                                : lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the rows of all ranks");
-    LG_TRY(lg_ranks_agree(ranks, room, error));
+    lg_status status = lg_ranks_agree(ranks, room, error);
     for (uint32_t r = 0; r < ranks->count; r++) {
         size_t first, end;
         lg_minimise_rows(r, ranks->count, m->n, &first, &end);
         m->bytes[r] = (end - first) * stride * sizeof *m->whole;
     }
-    LG_TRY(ranks->collect(ranks->user, m->curvature, m->whole, m->bytes));
+    if (status == LG_OK) status = ranks->collect(ranks->user, m->curvature, m->whole, m->bytes);
+    if (status != LG_OK) lg_minimiser_scatter(m); /* or rows that are missing would be saved */
+    LG_TRY(status);
     if (m->whole != NULL)
         memcpy(m->whole + (m->length - behind), m->curvature + rows_length(m), behind * sizeof *m->whole);
     return LG_OK;

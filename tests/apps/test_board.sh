@@ -61,7 +61,7 @@ done
 # A trial is not stopped before all earlier trials have come as far. With the quantile 1 a trial is stopped if all earlier
 # ones are better; trial 0 is the worst of these three, so none is stopped. The task with trial 0 is suspended after its
 # first report, while another task runs the others.
-state_of_first() { od -An -t u8 -j 168 -N 8 t.csv.board 2>/dev/null | tr -d ' '; } # after the board's head; 1 means unfinished
+state_of_first() { od -An -t u8 -j 176 -N 8 t.csv.board 2>/dev/null | tr -d ' '; } # after the board's head; 1 means unfinished
 sed 's/epochs: 20/epochs: 150/' ranges.yaml >long.yaml
 long="lg-elastica search long.yaml data.h5 --trials 3 --threads 1 --rungs 5,1,1 --seed 6"
 $long --out long.csv >one 2>&1

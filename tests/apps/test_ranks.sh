@@ -127,3 +127,38 @@ if [ ! -e many.h5 ]; then
     lg-hamiltonian train h.h5 --resume c.h5 --out many.h5 >out 2>&1
 fi
 same_model one.h5 many.h5 || fail "after Ctrl-C other bits"
+
+# SIGTERM to mpirun leaves the state, but no lock and no temporary file. A rank that is stopped for ever is given up: all
+# ranks say so, the state is saved, and another number of ranks continues to the same bits. Stopped for a while it is not.
+train="lg-hamiltonian train h.h5 --hidden 12,12 --method adam --epochs 600 --threads 1 --shards 4"
+$train --out one.h5 >out 2>&1
+start_ranks() { # start_ranks SILENCE: starts three ranks, and waits for their first checkpoint
+    rm -f c.h5 many.h5*
+    LIEGRAD_SILENCE=$1 timeout 120 mpirun --oversubscribe --mca odls_base_sigkill_timeout 4 -n 3 $train --out many.h5 --checkpoint c.h5 \
+        --checkpoint-every 5 >out 2>err &
+    job=$!
+    for i in $(seq 300); do [ ! -e c.h5 ] || break; sleep 0.1; done
+    launcher=$(pgrep -P $job -x mpirun)
+    second=$(pgrep -P $launcher -x lg-hamiltonian | sed -n 2p)
+}
+rest() { # rest RANKS: to the end
+    [ -e many.h5 ] || ranks -n $1 lg-hamiltonian train h.h5 --resume c.h5 --threads 1 --out many.h5 >out 2>err || fail "rest: $(cat err)"
+    same_model one.h5 many.h5 || fail "resumed by $1 ranks: other bits"
+}
+start_ranks 30
+kill -TERM $launcher
+wait $job || true
+[ -z "$(find . -name '*.lock' -o -name '*.tmp-*')" ] || fail "SIGTERM leaves $(ls)"
+[ -e many.h5 ] || grep -q "continue with --resume" err || fail "SIGTERM: $(cat err)"
+rest 2
+start_ranks 8
+kill -STOP $second
+code=0
+wait $job || code=$?
+[ $code = 3 ] && [ "$(grep -c "no sign of life" err)" -ge 1 ] || fail "a stopped rank: $code $(cat err)"
+grep -q "the state before this failure is in c.h5" err || fail "a stopped rank: nothing saved: $(cat err)"
+rest 2
+start_ranks 8
+for i in 1 2 3; do kill -STOP $second; sleep 2; kill -CONT $second; sleep 0.1; done
+wait $job || fail "a slow rank was given up: $(cat err)"
+rest 1

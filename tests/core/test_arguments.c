@@ -886,7 +886,7 @@ TEST("functions of risers, searches and ranks refuse NULL") {
     REFUSES(lg_search_run_trial(NEEDED(&space), NEEDED(&options), NEEDED(&problem), NULL, 0, NEEDED(&trial),
                                 NULL));
 
-    const lg_ranks ranks = {sizeof ranks, 0, 1, NULL, gather, NULL};
+    const lg_ranks ranks = {sizeof ranks, 0, 1, NULL, gather, NULL, NULL};
     lg_context *context;
     lg_hamiltonian_run hyper;
     REFUSES(lg_ranks_share(NEEDED(&ranks), 0, NEEDED(others), 8));

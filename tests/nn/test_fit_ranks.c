@@ -5,6 +5,7 @@
 
 #include "core/core.h"
 #include "nn/fit_internal.h"
+#include "support/fail_alloc.h"
 #include "support/rank_team.h"
 
 enum { RANKS = 3 }; /* ranks 1 to 3 */
@@ -44,7 +45,8 @@ typedef struct trained {
     memory_archive *to;   /* the state at the end, saved by rank 0 */
     const volatile int *cancel[TEAM_MOST];
     lg_fit_end end[TEAM_MOST];
-    double *last[TEAM_MOST]; /* parameters of each rank at the end; NULL: not needed */
+    double *last[TEAM_MOST];          /* parameters of each rank at the end; NULL: not needed */
+    lg_fail_alloc *memory[TEAM_MOST]; /* of each rank; NULL: the usual one */
 } trained;
 
 static lg_status train_rank(void *user, const lg_ranks *ranks, lg_error *error) {
@@ -57,6 +59,11 @@ static lg_status train_rank(void *user, const lg_ranks *ranks, lg_error *error) 
     options.ranks = ranks;
     lg_context_options_init(&c);
     c.cancel = t->cancel[rank];
+    if (t->memory[rank] != NULL) {
+        c.allocate = lg_fail_alloc_take;
+        c.release = lg_fail_alloc_release;
+        c.allocator_user = t->memory[rank];
+    }
     lg_status status = lg_context_create(&c, &context);
     if (status == LG_OK) status = lg_fit_create(context, &t->problem, &options, t->theta, &fit, error);
     if (status == LG_OK && t->from != NULL) {
@@ -262,6 +269,24 @@ static lg_status disagree(void *user, const lg_ranks *ranks, lg_error *error) {
     return lg_ranks_agree(ranks, LG_OUT_OF_MEMORY, error);
 }
 
+static lg_status refuse(void *user, void *all, const size_t *bytes) {
+    return LG_FILE;
+}
+
+static const char *tell(void *user) {
+    return user;
+}
+
+TEST("an exchange that fails says why, if the ranks know it") {
+    lg_ranks ranks = {sizeof ranks, 0, 2, "rank 1 is silent", refuse, NULL, tell};
+    lg_error error = {LG_OK, ""};
+    assert_int_equal(lg_ranks_agree(&ranks, LG_OK, &error), LG_FILE);
+    assert_message(&error, "rank 1 is silent");
+    ranks.reason = NULL;
+    assert_int_equal(lg_ranks_agree(&ranks, LG_OK, &error), LG_FILE);
+    assert_message(&error, "the ranks lost their connection");
+}
+
 TEST("if several ranks fail, all return the error of the lowest rank") {
     rank_team *team = TEST_ARRAY(rank_team, 1);
     uint32_t from = 2;
@@ -273,4 +298,40 @@ TEST("if several ranks fail, all return the error of the lowest rank") {
     from = 4;
     team_run(team, 4, disagree, &from);
     for (uint32_t k = 0; k < 4; k++) assert_int_equal(team->members[k].status, LG_OK);
+}
+
+/* ---- memory ---- */
+
+/* Trains with each allocation of one rank failing, alone or with all later ones. A rank that has begun to
+ * exchange has to tell the others. */
+static void fail_allocations(trained *t, uint32_t rank, bool later, const memory_archive *expected) {
+    lg_fail_alloc memory;
+    rank_team *team = TEST_ARRAY(rank_team, 1);
+    t->memory[rank] = &memory;
+    for (long n = 1;; n++) {
+        memory_archive to = {.count = 0};
+        t->to = &to;
+        (later ? lg_fail_alloc_arm_end : lg_fail_alloc_arm)(&memory, n);
+        team_run(team, RANKS, train_rank, t);
+        const bool hit = lg_fail_alloc_hit(&memory);
+        if (!hit) assert_same_state(expected, &to);
+        for (uint32_t k = 0; k < RANKS; k++) {
+            const lg_status told_of = k == rank || team->meetings > 0 ? LG_OUT_OF_MEMORY : LG_FILE;
+            if (team->members[k].status != (hit ? told_of : LG_OK))
+                fail_msg("allocation %ld of rank %u, rank %u: %d, %s", n, rank, k,
+                         (int)team->members[k].status, team->members[k].error.message);
+        }
+        assert_int_equal(lg_fail_alloc_live(&memory), 0);
+        if (!hit) break;
+    }
+    t->memory[rank] = NULL;
+}
+
+TEST("if an allocation of a rank fails, all ranks end, and say so; or the result is right") {
+    regression r = make_regression();
+    trained t = training(&r, "adam:2,ssbroyden:4,lm:2", 8);
+    t.options.shards = 4;
+    const memory_archive expected = trained_by(&t, 0, LG_OK);
+    for (uint32_t rank = 0; rank < 2; rank++)
+        for (int later = 0; later < 2; later++) fail_allocations(&t, rank, later != 0, &expected);
 }
