@@ -269,9 +269,9 @@ static bool is_ready(const board *b) {
     return get(b, &found, sizeof found, 0) && found.ready != 0;
 }
 
-/* Opens the board, with its lock. Rank 0 begins it: the other ranks wait for that, or they might finish all work
- * and remove it while rank 0 waits for the lock. removed: the board was there, but all work had been done before
- * this rank got the lock. */
+/* Opens the board, with its lock. Rank 0 begins it: the other ranks wait for that, or they might finish all
+ * work and remove it while rank 0 waits for the lock. removed: the board was there, but all work had been
+ * done before this rank got the lock. */
 static lg_status open_file(board *b, bool make, bool *removed, lg_error *error) {
     enum { PAUSE = 20 }; /* milliseconds */
     for (double waited = 0.0;; waited += 1e-3 * PAUSE) {

@@ -74,9 +74,9 @@ int board_report(const app *app, const board_values *values, size_t done, size_t
 
 /* Makes sure that the output is written once. Waits for the board's lock, and returns true if this process is
  * to write the output now; then it must call board_end. False: another process has finished the board. Ends
- * the command if the process that has the lock is silent. Ranks other than 0 first wait up to 3 s until rank 0
- * has written the output and removed the board.
- * `kept`: pieces are missing, so the board file is not removed. */
+ * the command if the process that has the lock is silent. Ranks other than 0 first wait up to 3 s until rank
+ * 0 has written the output and removed the board. `kept`: pieces are missing, so the board file is not
+ * removed. */
 bool board_lock(board *b);
 void board_end(board *b, bool kept);
 

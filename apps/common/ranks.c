@@ -32,8 +32,8 @@ static bool find(uint64_t *rank, uint64_t *count) {
     return false;
 }
 
-/* Of ranks other than 0: the standard error from before app_find_ranks redirected it. A descriptor speaks without
- * memory. */
+/* Of ranks other than 0: the standard error from before app_find_ranks redirected it. A descriptor speaks
+ * without memory. */
 static int voice = -1;
 
 void app_find_ranks(app *self) {
@@ -153,8 +153,8 @@ static bool has_room(size_t bytes) {
     return room != MAP_FAILED && munmap(room, bytes) == 0;
 }
 
-/* Where MPI cannot start a rank, it says why on standard error and ends the process. So it gets the real standard
- * error meanwhile. lend_voice: the one to go back to; -1: none. */
+/* Where MPI cannot start a rank, it says why on standard error and ends the process. So it gets the real
+ * standard error meanwhile. lend_voice: the one to go back to; -1: none. */
 static int lend_voice(void) {
     const int mute = voice >= 0 ? dup(STDERR_FILENO) : -1;
     if (mute >= 0) (void)dup2(voice, STDERR_FILENO);

@@ -97,10 +97,9 @@ static void tell_how(link *l, int rank, double silent) {
     else if (isinf(silent))
         (void)snprintf(l->lost_how, sizeof l->lost_how, "the connection to rank %d is broken", rank);
     else
-        (void)snprintf(
-            l->lost_how, sizeof l->lost_how,
-            "rank %d has given no sign of life%s for %.0f s: it is stopped or dead, or not reached", rank,
-            silent == 0.0 ? " to rank 0" : "", silent == 0.0 ? l->silence : silent);
+        (void)snprintf(l->lost_how, sizeof l->lost_how,
+                       "rank %d has given no sign of life%s for %ld s: it is stopped or dead, or not reached",
+                       rank, silent == 0.0 ? " to rank 0" : "", (long)(silent == 0.0 ? l->silence : silent));
 }
 
 /* Rank 0 tells all ranks that one is lost, and leaves MPI a second to send that. */
@@ -192,7 +191,7 @@ static lg_status broken(link *l, int code) {
  * SIGTERM and SIGKILL, so that the caller has the other half to save its state. */
 static double patience(void) {
     const char *text = getenv("OMPI_MCA_odls_base_sigkill_timeout");
-    const double left = text != NULL ? strtod(text, NULL) : 1.0;
+    const double left = text != NULL ? (double)strtol(text, NULL, 10) : 1.0;
     return left > 0.0 ? 0.5 * left : 0.5;
 }
 

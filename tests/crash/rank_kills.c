@@ -243,7 +243,8 @@ static void run_case(bench *b, double seconds, result *sum) {
     sum->untouched += !touched;
     if (touched && took > sum->longest) sum->longest = took;
     check_end(b, what, code);
-    /* lg-control saves the best controller so far when it gets SIGTERM, as mpirun sends to ranks that are left */
+    /* lg-control saves the best controller so far when it gets SIGTERM, as mpirun sends to ranks that are
+     * left */
     if (what == SLOWED || what == LITTLE_MEMORY || strcmp(j->program, "lg-control") != 0)
         check_cut_short(b, before, saved);
     set_number("LESS_RANK", RANKS_MOST);
