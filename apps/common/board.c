@@ -114,7 +114,7 @@ static board_state state_of(const board *b, size_t piece) {
     uint64_t state;
     char last;
     const bool whole = get(b, &state, sizeof state, at) &&
-                       get(b, &last, sizeof last, at + (off_t)(sizeof state + b->record - sizeof last));
+                       get(b, &last, sizeof last, at + SLOT_HEAD + (off_t)(b->record - sizeof last));
     return whole && state <= BOARD_DONE ? (board_state)state : BOARD_EMPTY;
 }
 
