@@ -17,6 +17,7 @@
 #include "core/median.h"
 #include "core/text.h"
 #include "liegrad/core.h"
+#include "liegrad/files.h"
 #include "liegrad/settings.h"
 
 enum {
@@ -135,10 +136,10 @@ bool app_reopen_asked(void);
 /* Called before anything else: takes rank and rank count from the environment. Ranks other than 0 print
  * nothing on stdout and stderr, because they would repeat what rank 0 prints. */
 void app_find_ranks(app *app);
-/* Prints a sentence of this process on the standard error, also if this is not rank 0. */
+/* Prints a sentence on the standard error. Ranks other than 0 print it, too. */
 void app_say_as_rank(const app *app, const char *sentence);
-/* Seconds without a sign of life after which another process counts as lost (LIEGRAD_SILENCE, default 30); 0:
- * there is no limit. */
+/* Returns the number of seconds after which a silent process counts as lost (LIEGRAD_SILENCE, default 30). 0
+ * means that no process counts as lost. */
 double app_silence(const app *app);
 /* Default of --threads: this rank's share of the processors. */
 uint64_t app_processors(void);
@@ -146,9 +147,9 @@ uint64_t app_processors(void);
 int app_join_ranks(app *app);
 /* Says that the ranks exchange nothing from here on: a rank that fails later does not end the others. */
 void app_end_exchanges(app *app);
-/* Says that a rank, or the process that had claimed a piece of work, gives no sign of life, and that this
- * process goes on without it. At its end such a rank returns exit code 3, so that mpirun does not wait for
- * the silent one. `what`: "rank" or "piece". */
+/* Says that a rank, or the process that has claimed a piece of work, is silent, and that this process goes on
+ * without it. A rank that has said so ends with exit code 3; then mpirun does not wait for the silent rank.
+ * `what`: "rank" or "piece". */
 void app_leave_behind(const app *app, const char *what, size_t index);
 /* Called at the end of a command. A rank that fails while other ranks may still wait for it ends all ranks.
  * Returns `code`. */
@@ -337,6 +338,8 @@ void app_parallel(uint64_t threads, size_t count, void (*task)(void *user, size_
 /* Opens a regular file for reading. Returns NULL otherwise, so it never blocks as it would on a pipe without
  * a writer. */
 FILE *app_open(const char *path);
+/* Adds the bytes of a regular file to the hash. Errors: LG_FILE with a sentence, LG_OUT_OF_MEMORY. */
+lg_status app_hash_file(const char *path, lg_sha256 *state, lg_error *error);
 /* A text file that is built in memory and replaces `path` when it is complete: written under a temporary name
  * in the same folder, fsync, rename. */
 typedef struct app_file {
@@ -356,8 +359,8 @@ lg_status app_check_writable(const char *path, lg_error *error);
 bool app_same_file(const char *a, const char *b);
 /* Returns the folder that contains a path (without slashes at its end). To be freed. */
 char *app_folder_of(const char *path);
-/* Syncs a folder, so that new names in it are there after a loss of power, too. Some file systems cannot do
- * this; that is no error. */
+/* Syncs a folder, so that new names in it survive a loss of power. If the file system cannot sync folders,
+ * this is no error. */
 void app_sync_folder(const char *path);
 
 typedef struct app_path {

@@ -13,8 +13,9 @@
 
 /* The file: this head, then `count` slots, each with a state (8 bytes), a beat (8 bytes) and a record. A
  * process that has the lock of a piece, or of the board, raises the beat of the piece, or of the head, every
- * second. So other processes see that it lives. Ranks of mpirun have a slot each behind those of the pieces,
- * the seat: its lock and its beat say that the rank has come, is there, and lives. */
+ * second. So other processes see that this process lives. Behind the slots of the pieces, each rank of mpirun
+ * has a slot, its seat. The beat of a seat shows that the rank has come and lives; the lock of a seat shows
+ * that the rank has not left. */
 typedef struct head {
     char magic[16], sweep[128];
     /* ready: results known before are written, and other processes may begin */
@@ -44,16 +45,18 @@ struct board {
     bool wait;
     pthread_mutex_t mutex;
     size_t seats; /* number of ranks of mpirun; 0 without mpirun */
-    /* Both (count + seats): the pieces that this process knows to be done or ranks that it need not wait for;
-     * and the pieces it has claimed, and its seat. */
+    /* Both arrays have count + seats elements. done: pieces that are done, and ranks for which this process
+     * need not wait. mine: the pieces that this process has claimed, and its seat. */
     bool *done, *mine;
-    double silence, looked; /* limit of sign.silent; when take_over last looked at the beats */
+    double silence, looked; /* limit of sign.silent; time at which take_over last looked at the beats */
     sign *signs;            /* (count + seats) */
     pthread_t heart;        /* the thread that raises the beats */
     pthread_cond_t ending;
-    bool beats, holds, over; /* the thread runs; this process has LOCK_BOARD; the thread has to end */
-    bool begun;              /* board_begin has returned LG_OK */
-    bool unlocked;           /* a process that is stopped has the lock of the records */
+    bool beats;    /* the thread runs */
+    bool holds;    /* this process has LOCK_BOARD */
+    bool over;     /* the thread has to end */
+    bool begun;    /* board_begin has returned LG_OK */
+    bool unlocked; /* a process that is stopped has the lock of the records */
 };
 
 /* ---- locks ---- */
@@ -121,8 +124,8 @@ static board_state state_of(const board *b, size_t piece) {
 /* ---- signs of life ---- */
 
 /* Whether the process that raises the beat at `at` is stopped or not reached. `passed`: seconds since the
- * last look, at most about the pause between two looks, so that a process that was stopped itself does not
- * take that time for the other's silence. */
+ * last look, but at most about the pause between two looks. So the time in which this process was stopped
+ * does not count as silence of the other process. */
 static bool is_silent(const board *b, off_t at, double passed, sign *s) {
     uint64_t beat = 0;
     (void)get(b, &beat, sizeof beat, at);
@@ -133,7 +136,7 @@ static bool is_silent(const board *b, off_t at, double passed, sign *s) {
 }
 
 /* Waits for the lock. False: the file system has no locks, or (errno is ETIMEDOUT) the process that has the
- * lock does not raise the beat at `at`; `s` says what is known of it. */
+ * lock does not raise the beat at `at`; `s` gets the beat and the silence of that process. */
 static bool lock(const board *b, off_t byte, short type, off_t at, sign *s) {
     enum { LONGEST = 50 };
     double before = app_seconds();
@@ -216,16 +219,13 @@ static bool is_over(const char *out) {
     return stat(out, &about) == 0 && difftime(now.tv_sec, about.st_mtime) <= app_age() + slack;
 }
 
-void board_label(const char *text, const char *path, char label[LG_SHA256_TEXT]) {
+lg_status board_label(const char *text, const char *path, char label[LG_SHA256_TEXT], lg_error *error) {
     lg_sha256 sha;
-    char block[4096];
-    size_t n;
     lg_sha256_init(&sha);
     lg_sha256_add(&sha, text, strlen(text) + 1);
-    FILE *file = path != NULL ? app_open(path) : NULL;
-    while (file != NULL && (n = fread(block, 1, sizeof block, file)) > 0) lg_sha256_add(&sha, block, n);
-    if (file != NULL) (void)fclose(file);
+    if (path != NULL) LG_TRY(app_hash_file(path, &sha, error));
     lg_sha256_finish(&sha, label);
+    return LG_OK;
 }
 
 /* Called when the file has been opened. */
@@ -242,7 +242,8 @@ static lg_status take_seat(board *b, lg_error *error) {
     return b->beats ? LG_OK : app_error(error, LG_OUT_OF_MEMORY, "no memory for a thread");
 }
 
-/* Waits until each other rank has come (and left, with `left`), or is silent. */
+/* Waits until each other rank has come, or is silent. With `left` it waits until each other rank has left, or
+ * is silent. */
 static void wait_for_ranks(board *b, bool left) {
     bool waits = true;
     for (double before = app_seconds(), now; waits && !app_interrupted(); before = now) {
@@ -269,9 +270,9 @@ static bool is_ready(const board *b) {
     return get(b, &found, sizeof found, 0) && found.ready != 0;
 }
 
-/* Opens the board, with its lock. Rank 0 begins it: the other ranks wait for that, or they might finish all
- * work and remove it while rank 0 waits for the lock. removed: the board was there, but all work had been
- * done before this rank got the lock. */
+/* Opens the board and takes its lock. Rank 0 creates the board, and the other ranks wait for it. Otherwise
+ * these ranks could finish all work and remove the board while rank 0 waits for the lock. *removed: the board
+ * was there, but all work was done before this rank got the lock. */
 static lg_status open_file(board *b, bool make, bool *removed, lg_error *error) {
     enum { PAUSE = 20 }; /* milliseconds */
     for (double waited = 0.0;; waited += 1e-3 * PAUSE) {
@@ -363,8 +364,8 @@ lg_status board_begin(board *b, lg_error *error) {
     return status;
 }
 
-/* A rank leaves when all others are leaving or silent, and its last beat tells those that have not seen one
- * since they came. */
+/* A rank leaves when all other ranks are leaving or silent. Its last beat shows late ranks that it had
+ * come. */
 static void leave_seat(board *b) {
     const size_t seat = b->count + b->app->rank;
     (void)pthread_mutex_lock(&b->mutex);
@@ -414,8 +415,8 @@ bool board_claim(board *b, size_t *piece) {
     return found;
 }
 
-/* Claims a piece without its lock if the process that has the lock is silent. If that process goes on later,
- * both write the same result. */
+/* If the process that has the lock of a piece is silent, claims the piece without the lock. If the silent
+ * process goes on later, both processes write the same result. */
 static bool take_over(board *b, size_t *piece) {
     bool found = false;
     (void)pthread_mutex_lock(&b->mutex);
@@ -450,10 +451,10 @@ void board_release(board *b, size_t piece) {
     (void)pthread_mutex_unlock(&b->mutex);
 }
 
-/* The lock makes network file systems show the latest records. It is held for milliseconds: if its holder is
- * stopped, this process goes on without the lock from then on. */
+/* With this lock, network file systems show the latest records. A process holds it for milliseconds. If a
+ * process is stopped while it holds the lock, the others go on without the lock. */
 static void lock_records(board *b, short type) {
-    static const double share = 0.1; /* of the silence; meanwhile this process raises no beats */
+    static const double share = 0.1; /* share of the silence; this process raises no beats meanwhile */
     sign s = {0, b->silence * (1.0 - share), false};
     if (b->unlocked)
         (void)try_lock(b, LOCK_RECORDS, type);

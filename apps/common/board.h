@@ -4,11 +4,10 @@
  *
  * A process claims a piece by locking a byte of the file (fcntl). The system removes the lock when the
  * process dies, so another process can then take the piece: a slow or dead process delays only the piece it
- * has claimed. A process that is stopped keeps its locks; after app_silence seconds without a sign of life
- * another process does its piece too. No process coordinates the others, and no messages are sent. Ranks of
- * mpirun, tasks of a job
- * array and the same command in two terminals all work in the same way. On a file system whose locks work
- * only within one machine, pieces may be computed twice, with the same results. */
+ * has claimed. A process that is stopped keeps its locks. After app_silence seconds without a sign of life,
+ * another process does the same piece. No process coordinates the others, and no messages are sent. Ranks of
+ * mpirun, tasks of a job array and the same command in two terminals all work in the same way. On a file
+ * system whose locks work only within one machine, pieces may be computed twice, with the same results. */
 #ifndef LG_APPS_BOARD_H
 #define LG_APPS_BOARD_H
 
@@ -39,8 +38,9 @@ typedef struct board_values {
  * processes, or an earlier run left a board. `out`: path of the output. A wrong --task ends the command. */
 bool board_wanted(app *app, const board_values *values, const char *out);
 
-/* Hash of what the results depend on: this text and the contents of the file at `path` (NULL: no file). */
-void board_label(const char *text, const char *path, char label[LG_SHA256_TEXT]);
+/* Hash of what the results depend on: this text and the contents of the file at `path` (NULL: no file).
+ * Errors: as app_hash_file. */
+lg_status board_label(const char *text, const char *path, char label[LG_SHA256_TEXT], lg_error *error);
 
 /* Opens OUT.board, or creates it. `sweep` describes what the results depend on, so that results of other work
  * are not mixed in; its first 127 bytes are compared. Only rank 0 creates the board. The other ranks wait for

@@ -16,6 +16,19 @@ FILE *app_open(const char *path) {
     return stat(path, &about) == 0 && S_ISREG(about.st_mode) ? fopen(path, "rbe") : NULL;
 }
 
+lg_status app_hash_file(const char *path, lg_sha256 *state, lg_error *error) {
+    unsigned char block[65536];
+    errno = 0;
+    FILE *file = app_open(path);
+    if (file == NULL)
+        return app_error(error, errno == ENOMEM ? LG_OUT_OF_MEMORY : LG_FILE, "%s: cannot be read: %s", path,
+                         errno != 0 ? strerror(errno) : "it is not a regular file");
+    for (size_t n; (n = fread(block, 1, sizeof block, file)) > 0;) lg_sha256_add(state, block, n);
+    const bool whole = ferror(file) == 0;
+    (void)fclose(file);
+    return whole ? LG_OK : app_error(error, LG_FILE, "%s: cannot be read", path);
+}
+
 void app_file_begin(app_file *file, const char *path) {
     *file = (app_file){.path = path};
     file->stream = open_memstream(&file->text, &file->length);

@@ -57,18 +57,19 @@ void app_plot_block(app_plot *plot) {
     (void)fputs("\n\n", plot->data.stream);
 }
 
-/* Copies everything from a pipe to `to`, until the pipe's end. */
-static void drain(int from, FILE *to) {
+/* Copies everything from a pipe to `to`, until the pipe's end. Returns false if the pipe cannot be read. */
+static bool drain(int from, FILE *to) {
     char buffer[65536];
     ssize_t got;
     while ((got = read(from, buffer, sizeof buffer)) > 0 || (got < 0 && errno == EINTR))
         if (got > 0) (void)fwrite(buffer, 1, (size_t)got, to);
+    return got == 0;
 }
 
 /* Runs `gnuplot script` in the script's folder and copies its standard output, the picture, to `picture`.
  * Returns gnuplot's exit status: 127 if gnuplot is not installed, -1 if it could not be started or was
- * killed. The caller then writes the picture completely or not at all; gnuplot itself does not notice a full
- * disk. */
+ * killed, or if its output could not be read. The caller then writes the picture completely or not at all;
+ * gnuplot itself does not notice a full disk. */
 static int run_gnuplot(const char *script, FILE *picture) {
     int ends[2];
     if (pipe(ends) != 0) return -1;
@@ -92,13 +93,13 @@ static int run_gnuplot(const char *script, FILE *picture) {
         _exit(127);
     }
     (void)close(ends[1]);
-    if (child > 0) drain(ends[0], picture);
+    const bool whole = child > 0 && drain(ends[0], picture);
     (void)close(ends[0]);
     if (child < 0) return -1;
     int status = 0;
     while (waitpid(child, &status, 0) < 0)
         if (errno != EINTR) return -1;
-    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+    return WIFEXITED(status) && (whole || WEXITSTATUS(status) != 0) ? WEXITSTATUS(status) : -1;
 }
 
 /* Draws the picture, or warns that it cannot be drawn. */

@@ -161,7 +161,7 @@ static lg_status read_table(study_file *file, lg_error *error) {
     header_of(file->plan, header, sizeof header);
     APP_FREE char *text = read_whole(file->fd, &size);
     if (text == NULL) return app_error(error, LG_FILE, "%s: cannot be read", path);
-    /* After a loss of power the last row may be zeros. */
+    /* After a loss of power the last row may consist of zero bytes. */
     const size_t length = strlen(text);
     if (memchr(text + length, '\n', size - length) != NULL)
         return app_error(error, LG_FORMAT, "%s: this is not the table of a study", path);

@@ -199,7 +199,7 @@ static bool simulate(const app *self, size_t windows, lg_series *series, pieces 
         app_format("%llu %.17g %.17g %.17g %d %d %.17g %.17g %llu", (unsigned long long)values.runs,
                    values.hours, values.window, values.noise, values.well.housing, values.well.operation,
                    values.well.load_relief, values.severity, (unsigned long long)self->seed);
-    board_label(text, NULL, label);
+    (void)board_label(text, NULL, label, NULL); /* without a file it cannot fail */
     *made = (pieces){.app = self,
                      .board = &values.board,
                      .out = values.out,

@@ -146,18 +146,12 @@ static int choose_scheme(job *j) {
     return APP_EXIT_OK;
 }
 
-/* Computes the SHA-256 of the model's file. A file that cannot be read is reported later, when it is
- * loaded. */
-static void hash_model(job *j) {
-    unsigned char block[65536];
+static lg_status hash_model(job *j, lg_error *error) {
     lg_sha256 state;
-    FILE *stream = app_open(j->path);
-    if (stream == NULL && errno == ENOMEM) app_out_of_memory();
-    if (stream == NULL) return;
     lg_sha256_init(&state);
-    for (size_t n; (n = fread(block, 1, sizeof block, stream)) > 0;) lg_sha256_add(&state, block, n);
-    (void)fclose(stream);
+    LG_TRY(app_hash_file(j->path, &state, error));
     lg_sha256_finish(&state, j->options.sha256);
+    return LG_OK;
 }
 
 /* ---- kinds of models ---- */
@@ -395,8 +389,11 @@ static int export_run(app *self) {
         return app_usage(self, "--out is missing: give a folder for the files");
     int code = choose_name(&j);
     if (code == APP_EXIT_OK) code = choose_scheme(&j);
-    if (code == APP_EXIT_OK) hash_model(&j);
+    lg_error why = {LG_OK, ""};
+    const lg_status hashed = code == APP_EXIT_OK ? hash_model(&j, &why) : LG_OK;
     if (code == APP_EXIT_OK) code = build_files(&j);
+    /* If the file cannot be read at all, build_files has said why. */
+    if (code == APP_EXIT_OK && hashed != LG_OK) code = app_fail_file(self, hashed, &why, j.path);
     if (code == APP_EXIT_NUMERIC) code = APP_EXIT_FILE; /* The cause is the numbers in the file. */
     if (code == APP_EXIT_OK) code = export_write(self, &j.source, given.out);
     if (code == APP_EXIT_OK) warn_lost(&j);

@@ -98,7 +98,7 @@ static bool make_all(const app *self, const lg_scene *scene, const sampling *how
     APP_FREE char *text = app_format(
         "%zu %zu %.17g %.17g %d %d %llu %zu %.17g", how->trajectories, how->points, how->t_end, how->noise,
         how->noise_first, (int)how->noise_kind, (unsigned long long)how->seed, segments, values.speed);
-    board_label(text, self->arguments[0], label);
+    APP_MUST_FILE(self, self->arguments[0], board_label(text, self->arguments[0], label, &error));
     *made = (pieces){.app = self,
                      .board = &values.board,
                      .out = values.out,

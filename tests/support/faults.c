@@ -71,7 +71,7 @@ static void note_stack(long call) {
     faults.stacks[call - 1] = hash;
 }
 
-/* Counts a call. Returns whether it is one of those that have to go wrong. */
+/* Counts a call. Returns whether this call has to go wrong. */
 static bool goes_wrong(fault_class of) {
     if (spared_here) return false;
     const long call = ++faults.calls[of];
@@ -87,7 +87,7 @@ static bool fails(fault_class of, int code) {
     return true;
 }
 
-/* A call that moves `bytes`: how many it may move; -1: none, errno says why. */
+/* Returns how many of `bytes` bytes a call may move. If the call has to fail, sets errno and returns -1. */
 static ssize_t may_move(size_t bytes, int code) {
     if (!goes_wrong(FAULT_FILES) || (faults.way == FAULT_SHORT && bytes < 2)) return (ssize_t)bytes;
     faults.hits++;
@@ -96,7 +96,7 @@ static ssize_t may_move(size_t bytes, int code) {
     return -1;
 }
 
-/* How the real function is called: the linker's --wrap gives it a name of its own. */
+/* The name of the real function. With the linker's option --wrap this name is __real_NAME. */
 #ifdef LG_FAULTS_WRAPPED
 #define REAL(name) __real_##name
 #else
@@ -128,7 +128,7 @@ static fault_class class_of(FILE *file) {
     return fileno(file) < 0 ? FAULT_MEMORY : FAULT_FILES;
 }
 
-/* A call that closes, whatever it returns. */
+/* A call that closes its argument, even if it returns an error. */
 #define CLOSE(name, of, type)                                                                                \
     int REAL(name)(type);                                                                                    \
     int __wrap_##name(type);                                                                                 \
@@ -139,7 +139,8 @@ static fault_class class_of(FILE *file) {
         return failed ? -1 : code;                                                                           \
     }
 
-/* A call that moves `bytes`; in `values` they are `most`. */
+/* A call that moves bytes. The parameter `bytes` is the wanted number; `values` use `most`, the number that
+ * may be moved. */
 #define MOVE(code, name, parameters, values)                                                                 \
     ssize_t REAL(name) parameters;                                                                           \
     ssize_t __wrap_##name parameters;                                                                        \
@@ -183,10 +184,19 @@ CALL(FAULT_FILES, EMFILE, -1, int, pipe, (int ends[2]), (ends))
 CALL(FAULT_FILES, ENOSPC, ENOSPC, int, posix_fallocate, (int fd, off_t from, off_t bytes), (fd, from, bytes))
 CALL(FAULT_MEMORY, EAGAIN, -1, pid_t, fork, (void), ())
 CALL(class_of(file), EIO, EOF, int, fflush, (FILE * file), (file))
-CALL(FAULT_FILES, EIO, 0, size_t, fread, (void *data, size_t size, size_t count, FILE *file),
-     (data, size, count, file))
-CALL(FAULT_FILES, EIO, 0, size_t, __fread_chk,
-     (void *data, size_t room, size_t size, size_t count, FILE *file), (data, room, size, count, file))
+/* The stream gets its error indicator: it is open for reading, so a character cannot be written to it. */
+#define READ(name, parameters, values)                                                                       \
+    size_t REAL(name) parameters;                                                                            \
+    size_t __wrap_##name parameters;                                                                         \
+    size_t __wrap_##name parameters {                                                                        \
+        if (!fails(FAULT_FILES, EIO)) return REAL(name) values;                                              \
+        (void)fputc(0, file);                                                                                \
+        errno = EIO;                                                                                         \
+        return 0;                                                                                            \
+    }
+READ(fread, (void *data, size_t size, size_t count, FILE *file), (data, size, count, file))
+READ(__fread_chk, (void *data, size_t room, size_t size, size_t count, FILE *file),
+     (data, room, size, count, file))
 CLOSE(close, FAULT_FILES, int)
 CLOSE(fclose, class_of(closed), FILE *)
 CLOSE(closedir, FAULT_FILES, DIR *)
@@ -246,7 +256,7 @@ int __wrap_openat(int folder, const char *path, int flags, ...) {
     return fails(FAULT_FILES, EMFILE) ? -1 : REAL(openat)(folder, path, flags, mode);
 }
 
-/* The project uses it for locks alone. */
+/* The project calls fcntl only with a pointer to a lock, or without a third argument. */
 int REAL(fcntl)(int, int, ...);
 int __wrap_fcntl(int, int, ...);
 int __wrap_fcntl(int fd, int what, ...) {
