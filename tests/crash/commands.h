@@ -1,5 +1,5 @@
-/* Commands that the tests of this folder disturb: a table of them, the inputs they need, a folder to run them
- * in, and what must hold of their outputs afterwards. */
+/* The commands that the tests of this folder disturb. This file has a table of the commands, makes the inputs
+ * and the working folder, and checks outputs. */
 #ifndef LG_TEST_COMMANDS_H
 #define LG_TEST_COMMANDS_H
 
@@ -13,7 +13,7 @@
 enum { OUTPUTS = 5 };
 
 /* A command. Inputs are in ../in, outputs in the current folder. A name that ends with a slash is a folder. A
- * word @LONG:SHORT is LONG in a run of usual length and SHORT in a short one. */
+ * word @LONG:SHORT stands for LONG in a usual run, and for SHORT in a short run. */
 typedef struct job {
     const char *name, *program, *arguments;
     /* the file that shows the progress; NULL: the command starts from the beginning */
@@ -23,18 +23,21 @@ typedef struct job {
     bool keeps;        /* an existing output is replaced only at the end */
     bool appends;      /* the output is a log, to which a second run appends */
     bool unordered;    /* rows are in the order in which they were finished */
+    bool adds;         /* rows are added to the checkpoint, which is an output */
+    const char *parts; /* ending of outputs that may lack a part if a warning says that the part failed */
     const char *outputs[OUTPUTS];
 } job;
 
 extern const job jobs[];
 extern const size_t job_count;
 
-/* A job at work: what its outputs must be, and how often something was wrong. */
+/* The state of a test of one job: the hashes of the right outputs, and the number of failures. */
 typedef struct bench {
     const job *job;
     double seconds; /* of the undisturbed run */
     long cut;       /* bytes of the log before this run */
-    bool stopped;   /* a run that fails may leave a history of the epochs before */
+    bool warned;    /* the run printed a warning */
+    bool stopped;   /* a failed run may leave a history of its first epochs */
     char wanted[OUTPUTS][LG_SHA256_TEXT];
     uint64_t failed;
 } bench;
@@ -58,14 +61,15 @@ void resolve(const char *arguments, char *out, size_t size);
 bool digest(const job *j, const char *path, char text[LG_SHA256_TEXT]);
 void remove_inputs(void);
 
-/* Starts a command with the executables of another folder (NULL: the usual one) in the working folder;
- * standard error goes to error_path(). wait_for: its exit code, 1000 plus the signal if one ended it. */
+/* Starts a command in the working folder, with the executables of `folder` (NULL: the folder of make_inputs).
+ * Standard error goes to error_path(). wait_for returns the exit code, or 1000 plus the signal that ended the
+ * process. */
 pid_t start(const char *folder, const job *j, const char *more);
 int wait_for(pid_t pid);
 const char *error_path(void);
 
-/* Empties the working folder. clean_for: then writes the older folder that the job has to replace, if it has
- * to. */
+/* clean empties the working folder. clean_for also writes the older output folder, if the job has to replace
+ * one. */
 void clean(void);
 void clean_for(bench *b);
 
@@ -79,26 +83,27 @@ bool exists(const char *path);
 /* Number of names below the folder that contain `part`. */
 int count_left(const char *path, const char *part);
 
-/* Epochs or rows in the checkpoint; 0: there is none; -1: it cannot be read. */
+/* Returns the number of epochs or rows in the checkpoint: 0 if the checkpoint does not exist, -1 if it cannot
+ * be read. */
 long progress(const job *j);
 
 /* Writes older outputs: another export, or a file of four bytes. */
 void put_old(bench *b);
 
-/* The options that continue the job where its checkpoint is there. */
+/* Returns the options that continue the job if its checkpoint exists, otherwise "". */
 const char *more_of(const job *j);
 
 /* Number of bytes up to the end of the last complete line. */
 long whole_lines(const char *path);
 
-/* Counts and tells a failure, and keeps the folder. */
+/* Counts and prints a failure, and keeps a copy of the working folder. */
 void fail(bench *b, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
-/* After a run that was cut short: every output must be absent, as before, or complete, and the checkpoint
- * must hold no less than before. */
+/* Checks the outputs after an interrupted run: each must be absent, unchanged or complete, and the checkpoint
+ * must hold at least what it held before. */
 void check_cut_short(bench *b, long before, long after);
 
-/* After a complete run: whether the outputs are those of the undisturbed run. Fails otherwise. */
+/* Whether the outputs equal the outputs of the undisturbed run. If not, counts a failure. */
 bool outputs_equal(bench *b);
 
 #endif

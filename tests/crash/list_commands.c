@@ -1,9 +1,9 @@
 /* The table of commands for scripts:
  *
- *     list_commands EXECUTABLES       makes the inputs of short runs in a new folder, prints its name; then
- *                                     prints of each command with outputs, between tabs: name, program,
- *                                     arguments, checkpoint, options that continue it, "appends", "keeps" or
- *                                     "" (commands.h), outputs
+ *     list_commands EXECUTABLES       makes a folder with the inputs of short runs and prints its name. Then
+ *                                     prints a line for each command that has outputs. Tabs separate the
+ *                                     fields: name, program, arguments, checkpoint, options that continue the
+ *                                     command, "appends", "adds", "keeps" or "" (commands.h), outputs
  *     list_commands -d FILE|FOLDER/   prints the hash of what must be equal in two results (digest.h) */
 #include "crash/commands.h"
 
@@ -16,6 +16,7 @@ static void print_job(const job *j) {
     (void)printf("%s\t%s\t%s\t%s\t%s\t%s", j->name, j->program, words,
                  j->checkpoint != NULL ? j->checkpoint : "", j->again != NULL ? j->again : "",
                  j->appends ? "appends"
+                 : j->adds  ? "adds"
                  : j->keeps ? "keeps"
                             : "");
     for (int i = 0; i < OUTPUTS && j->outputs[i] != NULL; i++) (void)printf("\t%s", j->outputs[i]);

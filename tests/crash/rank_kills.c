@@ -85,7 +85,7 @@ typedef struct result {
 } result;
 
 static lg_rng rng;
-static bool others_ended; /* when a run did not end: all ranks but one had ended */
+static bool others_ended; /* if a run does not end: whether all ranks but one have ended */
 static const char *executables;
 
 static void sleep_for(double seconds) {
@@ -110,7 +110,7 @@ static pid_t start_ranks(const job *j, uint64_t ranks, const char *more) {
     return ranks == 1 ? start(NULL, j, more) : start("/usr/bin", &launched, more);
 }
 
-/* The process of a rank, by number; 0: it is not there. mpirun starts the ranks as its children. */
+/* Returns the process of a rank, or 0 if the rank has no process. mpirun starts the ranks as its children. */
 static pid_t rank_process(pid_t launcher, uint64_t rank) {
     char path[64], name[32] = "";
     pid_t pid = 0, found = 0;
@@ -126,7 +126,8 @@ static pid_t rank_process(pid_t launcher, uint64_t rank) {
     return strncmp(name, "lg-", 3) == 0 || strcmp(name, "exe") == 0 ? found : 0;
 }
 
-/* Waits for the end, at most `patience` seconds. -1: the run did not end, and is killed. */
+/* Waits for the end of the run, at most `patience` seconds. If the run does not end, kills it and returns
+ * -1. */
 static int wait_at_most(pid_t launcher, double since) {
     siginfo_t info = {.si_pid = 0};
     int left = 0;
@@ -146,7 +147,8 @@ static int wait_at_most(pid_t launcher, double since) {
     return -1;
 }
 
-/* The epoch in which a training says that it has stopped, with its state saved; 0: it says nothing. */
+/* Returns the epoch in which the training says that it stopped and saved its state, or 0 if it says
+ * nothing. */
 static long stopped_in(void) {
     static const char words[] = "stopped in epoch ";
     char line[1024];
@@ -207,7 +209,8 @@ static const char *const names[] = {"a killed rank", "a stopped rank", "a slow r
                                     "little memory"};
 
 static void check_end(bench *b, disturbance what, int code) {
-    if (what == STOPPED && code < 0 && others_ended && outputs_equal(b)) return; /* it had left the others */
+    if (what == STOPPED && code < 0 && others_ended && outputs_equal(b))
+        return; /* the stopped rank had left the other ranks */
     if (code < 0) fail(b, "%s: no end after %g s", names[what], patience);
     if (what == SLOWED && code != 0) fail(b, "%s: exit code %d", names[what], code);
     if (what == STOPPED && code > 0 && !has_spoken(b->job)) fail(b, "%s: nothing was said", names[what]);
