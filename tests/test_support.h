@@ -54,7 +54,8 @@ void lg_test_give_back(size_t mark);
 void *lg_test_memory(size_t bytes);
 #define TEST_ARRAY(type, count) ((type *)lg_test_memory((count) * sizeof(type)))
 
-/* Zeroed memory that a function of the library will release with lg_free; it is always found. */
+/* Zeroed memory that a function of the library will release with lg_free. This allocation never fails
+ * (faults.h). */
 void *lg_test_gives(size_t count, size_t size);
 
 /* A formatted text, owned by the running test. */
@@ -117,10 +118,11 @@ static inline void lg_all_close(const char *name, const double *a, const double 
         if (strstr(lg_text_, lg_part_) == NULL) fail_msg("'%s' is not in: %s", lg_part_, lg_text_);          \
     } while (0)
 
-/* True once if a call returned LG_OUT_OF_MEMORY because run_faults.h let an allocation fail: the call is made
- * again, with memory, and everything that the test says of it must hold. False in other runs. */
+/* Whether to make a call again: it returned LG_OUT_OF_MEMORY because run_faults.h made an allocation fail.
+ * The second call has enough memory and must succeed as the test says. True once per run; always false
+ * without run_faults.h. */
 bool lg_test_again(lg_status status);
-/* Whether run_faults.h runs the tests. */
+/* Whether the tests run with failing calls (run_faults.h). */
 bool lg_test_faulty(void);
 
 #define LG_STATUS_OF(call, s)                                                                                \

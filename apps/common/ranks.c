@@ -32,8 +32,8 @@ static bool find(uint64_t *rank, uint64_t *count) {
     return false;
 }
 
-/* Of ranks other than 0: the standard error from before app_find_ranks redirected it. A descriptor speaks
- * without memory. */
+/* Ranks other than 0 keep here a copy of the standard error that app_find_ranks has redirected. It is a
+ * descriptor, because writing to a descriptor needs no memory. */
 static int voice = -1;
 
 void app_find_ranks(app *self) {
@@ -103,8 +103,8 @@ double app_silence(const app *self) {
     return seconds;
 }
 
-/* A thread that ends this process if MPI does not return from its beginning or its end, where it cannot be
- * asked to give up. It counts seconds in which the process runs. */
+/* MPI_Init and MPI_Finalize cannot be interrupted. If they do not return in time, this thread ends the
+ * process. It counts only seconds in which the process runs. */
 static struct {
     const app *self;
     const char *what;
@@ -145,16 +145,17 @@ static void watch_end(void) {
 
 /* ---- joining and leaving ---- */
 
-/* Under a limit on addresses MPI crashes, ends the process or waits for ever where its libraries, threads and
- * shared memory find no room. */
+/* If a limit on addresses leaves too little room for the libraries, threads and shared memory of MPI, MPI
+ * crashes, ends the process or waits for ever. */
 static bool has_room(size_t bytes) {
     void *room =
         mmap(NULL, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
     return room != MAP_FAILED && munmap(room, bytes) == 0;
 }
 
-/* Where MPI cannot start a rank, it says why on standard error and ends the process. So it gets the real
- * standard error meanwhile. lend_voice: the one to go back to; -1: none. */
+/* If MPI cannot start a rank, it prints the reason on standard error and ends the process. So the rank has
+ * its real standard error while MPI starts. lend_voice returns the descriptor that take_back restores, or
+ * -1. */
 static int lend_voice(void) {
     const int mute = voice >= 0 ? dup(STDERR_FILENO) : -1;
     if (mute >= 0) (void)dup2(voice, STDERR_FILENO);
@@ -208,8 +209,8 @@ static void say_alone(const app *self, bool at_once) {
     app_say_as_rank(self, app_last_failure());
 }
 
-/* Ends all ranks. If ranks are lost, the others first get time to say so, and rank 0 to save its state; after
- * a signal the launcher ends all ranks anyway. */
+/* Ends all ranks. If a rank is lost, this function first waits, so that the other ranks can say so and rank 0
+ * can save its state. After a signal it does not wait, because the launcher ends all ranks. */
 static void end_all(const app *self, int code, bool lost) {
     app_release_claims();
     if (lost && self->rank == 0) (void)sleep(1);

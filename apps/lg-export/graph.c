@@ -76,7 +76,7 @@ static lg_status inline_operations(graph *g, const lg_program *program, const lg
     return status;
 }
 
-/* Adds a node with this shape, that reads the given ones. */
+/* Adds a node of this shape. The node reads the given nodes. */
 static uint32_t add_shaped(graph *g, const char *name, const uint32_t *from, size_t count,
                            const lg_affine *shape, uint32_t rank) {
     lg_operation op = {.name = name, .revision = 1, .input_count = (uint32_t)count, .rank = rank};
@@ -105,7 +105,8 @@ static uint32_t join(graph *g, const uint32_t *parts, size_t count, int64_t axis
     return joined;
 }
 
-/* The values of all rounds, (times, shape...): first each as (1, shape...). */
+/* Joins the values of all rounds to an array (times, shape...). First each value gets the shape (1,
+ * shape...). */
 static uint32_t join_path(graph *g, const lg_port *port, const uint32_t *rounds, uint32_t times) {
     const int64_t axis = !port->shared;
     const uint32_t rank = port->shape.rank + !port->shared;

@@ -65,7 +65,7 @@ onnx_name onnx_reshape(onnx_job *j, onnx_name x, const lg_affine *dims, size_t r
 onnx_name onnx_take(onnx_job *j, onnx_name x, const int64_t *places, size_t count, int64_t axis);
 /* Joins tensors one behind the other along an axis. */
 onnx_name onnx_join(onnx_job *j, const onnx_name *x, size_t count, int64_t axis);
-/* The number a.base + a.rows times the number of rows, a scalar of the exported type. */
+/* Adds a scalar of the exported type: a.base plus a.rows times the number of rows. */
 onnx_name onnx_affine(onnx_job *j, lg_affine a);
 /* Copies the tensor once per row of the batch, so that it gets a first dimension of rows. */
 onnx_name onnx_for_each_row(onnx_job *j, onnx_name x, const lg_operation *op);

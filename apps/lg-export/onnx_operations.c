@@ -202,7 +202,7 @@ static bool maximum(const onnx_operation *o) {
     return onnx_give(o, onnx_reshape(o->j, y, o->op->shape, o->op->rank));
 }
 
-/* A new first axis, of which each row of the batch is a copy of x. */
+/* Adds a first axis to x, and copies x to each row of the batch. */
 static bool repeated_for_rows(const onnx_operation *o) {
     lg_affine shape[LG_MAX_RANK] = {{1, 0}};
     if (o->op->whole[0].base != 1 || o->op->shape[0].base != 0 || o->op->shape[0].rows != 1) return false;

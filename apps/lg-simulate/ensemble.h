@@ -94,7 +94,7 @@ typedef struct result_rows {
 /* `rows` NULL: the file has no trajectories. */
 lg_status result_write(const app *self, const char *path, const result *what, const result_rows *rows,
                        lg_error *error);
-/* `out` is to be freed also after a failure. */
+/* The caller must free `out` after a failure, too. */
 lg_status result_read(const app *self, const char *path, result *out, lg_error *error);
 
 /* ensemble_report.c: results and picture of an ensemble. */

@@ -245,8 +245,8 @@ typedef struct lg_ranks {
      * order of the ranks; its own `mine` may be the start of `all`. On other ranks `all` is not used and may
      * be NULL. Collective. */
     lg_status (*collect)(void *user, const void *mine, void *all, const size_t *bytes);
-    /* Why an exchange failed, as a sentence; NULL: none has failed. After a failure all exchanges fail. The
-     * member may be NULL. */
+    /* Returns a sentence that says why an exchange has failed, or NULL if no exchange has failed. After one
+     * failed exchange all others fail. The member may be NULL. */
     const char *(*reason)(void *user);
 } lg_ranks;
 
@@ -274,21 +274,22 @@ LG_API lg_status lg_ranks_agree(const lg_ranks *ranks, lg_status status, lg_erro
  * The exchanges send bytes by MPI_Iallgatherv, MPI_Ibcast, MPI_Isend and MPI_Irecv, on the thread that calls
  * the library. The library never lets MPI add numbers, because such a sum depends on the number of ranks.
  *
- * A thread of each rank sends a sign of life every second, also while the rank computes. A rank that is
- * stopped, or dead, or not reached, gives none for `silence` seconds: then the exchanges of all other ranks
- * fail with LG_FILE. This needs MPI_THREAD_MULTIPLE, with which lg_mpi_begin initialises MPI; if the caller
- * has initialised it with less, exchanges wait for ever. After a failure call no function of MPI, except by
- * lg_mpi_abort, because MPI may still have the addresses of buffers that are freed. */
+ * A thread of each rank sends a sign of life every second, also while the rank computes. If a rank sends no
+ * sign for `silence` seconds (it is stopped, dead or not reached), the exchanges of all other ranks fail with
+ * LG_FILE. Signs of life need MPI_THREAD_MULTIPLE. lg_mpi_begin initialises MPI with this level. If the
+ * caller has initialised MPI with a lower level, an exchange waits for ever for a rank that is stopped. After
+ * a failed exchange the caller must not call MPI, except through lg_mpi_abort, because MPI may still write to
+ * buffers that the caller frees. */
 
-/* Fills *out with the ranks of a communicator. When the context (may be NULL) is cancelled and some ranks do
- * not come to an exchange, it fails with LG_CANCELLED after half of the time that mpirun leaves between
- * SIGTERM and SIGKILL (1 s, or odls_base_sigkill_timeout of Open MPI). `silence`: in seconds; 0: for ever.
- * `communicator` points to an MPI_Comm, which is duplicated.
- * NULL means MPI_COMM_WORLD; then MPI is initialised if it has not been. Collective. All ranks fail when
- * their processors use different kernels or when they run different versions of the library, because their
- * results would then differ in some bits. Errors: LG_INVALID_ARGUMENT (`out` is NULL, a communicator is given
- * before MPI was initialised, `silence` is negative, or the ranks differ as said), LG_OUT_OF_MEMORY, LG_FILE
- * (MPI does not start, or an exchange fails). */
+/* Fills *out with the ranks of a communicator. If the context (may be NULL) is cancelled and a rank does not
+ * join an exchange, the exchange fails with LG_CANCELLED. It waits half of the time between the SIGTERM and
+ * the SIGKILL of mpirun (1 s, or odls_base_sigkill_timeout of Open MPI). `silence`: in seconds; 0: for ever.
+ * `communicator` points to an MPI_Comm, which is duplicated. NULL means MPI_COMM_WORLD; then MPI is
+ * initialised if it has not been. Collective. All ranks fail when their processors use different kernels or
+ * when they run different versions of the library, because their results would then differ in some bits.
+ * Errors: LG_INVALID_ARGUMENT (`out` is NULL, a communicator is given before MPI was initialised, `silence`
+ * is negative, or the ranks differ as said), LG_OUT_OF_MEMORY, LG_FILE (MPI does not start, or an exchange
+ * fails). */
 LG_API lg_status lg_mpi_begin(const lg_context *context, const void *communicator, double silence,
                               lg_ranks *out, lg_error *error);
 /* Releases what lg_mpi_begin made. Calls MPI_Finalize, which waits for all ranks, if lg_mpi_begin initialised

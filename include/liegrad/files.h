@@ -101,10 +101,10 @@ LG_API void lg_temporary_sweep(const lg_context *context, const char *target);
  * LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_temporary_create(const lg_context *context, const char *target, bool folder,
                                      lg_temporary *out, lg_error *error);
-/* Puts the complete file in the place of `target`, the one that it was created for, so that it is there after
- * a loss of power, too: fsync, rename, fsync of the folder. A file system that cannot sync a folder is no
- * error. On success the temporary name is gone. Errors: LG_FILE with a sentence; the temporary file is still
- * there. */
+/* Gives the complete temporary file the name `target`, for which lg_temporary_create made it: fsync of the
+ * file, rename, fsync of the folder. After that the file survives a loss of power. If the file system cannot
+ * sync folders, this is no error. Error: LG_FILE with a sentence; then the temporary file still has its
+ * temporary name. */
 LG_API lg_status lg_temporary_publish(lg_temporary *temporary, const char *target, lg_error *error);
 /* Closes the descriptor and frees the name. Call it after lg_temporary_publish, the rename of a folder, or
  * the removal; this function reports no errors. */

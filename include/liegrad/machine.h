@@ -590,7 +590,7 @@ typedef struct lg_identified {
     double value, error;
 } lg_identified;
 /* Writes the values of a machine's numbers (their `error` is NaN) to `out`, at most `room`; returns how
- * many there are. The values of a system and of a network mass are NaN if there is no memory. */
+ * many there are. If memory runs out, the values of a system and of a network mass are NaN. */
 LG_API size_t lg_machine_numbers(const lg_machine *machine, const double *theta, size_t room,
                                  lg_identified *out);
 /* Chooses the position at which the mass of a network is reported, one where the logs can determine it:

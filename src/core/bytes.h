@@ -1,4 +1,5 @@
-/* Numbers as bytes of a file, lowest byte first, whatever the order of the machine is. */
+/* Converts numbers to the bytes of a file, lowest byte first, and back. The byte order of the machine does
+ * not matter. */
 #ifndef LG_BYTES_H
 #define LG_BYTES_H
 

@@ -63,8 +63,8 @@ void lg_log_message(const lg_context *context, lg_log_level level, const char *f
 lg_status lg_fail(lg_error *error, lg_status status, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
-/* snprintf, vsnprintf and strtod that write and read numbers with a point, whatever the locale of the process
- * or thread is. Code of the library uses these for real numbers. */
+/* These are snprintf, vsnprintf and strtod with a decimal point in every locale. The library formats and
+ * reads real numbers with them. */
 int lg_format(char *text, size_t size, const char *format, ...) __attribute__((format(printf, 3, 4)));
 int lg_format_list(char *text, size_t size, const char *format, va_list arguments);
 double lg_real(const char *text, char **end);

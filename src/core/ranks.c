@@ -11,8 +11,9 @@ void lg_ranks_part(uint32_t rank, uint32_t count, size_t total, size_t *first, s
     *end = (rank + 1) * each + (rank + 1) * more / count;
 }
 
-/* Exchanges of up to so many ranks need no memory from the heap: a rank without memory must not skip an
- * exchange, or the others would wait for it, or take its next message for this one. */
+/* Up to this number of ranks, an exchange needs no memory from the heap. A rank that runs out of memory must
+ * not skip an exchange: the other ranks would wait for its message, or would take its next message for the
+ * missing one. */
 enum { FEW = 4096 };
 
 static size_t *list_of(const lg_ranks *ranks, size_t few[FEW]) {
@@ -51,7 +52,7 @@ lg_status lg_ranks_lost(const lg_ranks *ranks, lg_status status, lg_error *error
     return lg_fail(error, status, "%s", why != NULL ? why : "the ranks lost their connection");
 }
 
-/* Gives all ranks the message of rank `from`, which has failed with this status. */
+/* Rank `from` has failed with this status. Its message is copied to all ranks. */
 static lg_status tell(const lg_ranks *ranks, uint32_t from, lg_status status, lg_error *error) {
     char message[sizeof error->message] = "";
     if (from == ranks->rank && error != NULL) memcpy(message, error->message, sizeof message);

@@ -274,8 +274,9 @@ static lg_status read_part(lg_h5 *h5, const char *name, const lg_dataset *d, hid
     return lg_dataset_error(h5, name, "cannot be read: cut short, damaged, or a number out of range", error);
 }
 
-/* Where integers of a file differ from those in memory in sign and byte order alone, HDF5 only turns the
- * bytes around: numbers out of range come out as others of the same bits, and have the highest bit set. */
+/* If integers of the file and of memory differ only in sign and byte order, HDF5 reverses the bytes and does
+ * not check the range. A number out of range then has the same bits as a number in range, and its highest bit
+ * is set. */
 static bool is_reinterpreted(hid_t stored, hid_t memory) {
     return H5Tget_class(stored) == H5T_INTEGER && H5Tget_class(memory) == H5T_INTEGER &&
            H5Tget_size(stored) == H5Tget_size(memory) && H5Tget_sign(stored) != H5Tget_sign(memory);

@@ -114,7 +114,7 @@ lg_status lg_temporary_create(const lg_context *context, const char *target, boo
     return lg_fail(error, LG_FILE, "%s: cannot be written: %s", target, strerror(code));
 }
 
-/* ---- making it visible ---- */
+/* ---- giving the file its name ---- */
 
 /* Syncs the folder of the target. Failures are ignored, because some file systems cannot sync a folder and
  * the file has been renamed already. */

@@ -1,4 +1,4 @@
-/* Writes a file completely or not at all: writes to a temporary name, which lg_temporary_publish replaces. */
+/* Writes a file completely or not at all: writes a temporary file, then lg_temporary_publish renames it. */
 #define _XOPEN_SOURCE 700 /* for realpath */
 #include <errno.h>
 #include <fcntl.h>

@@ -39,7 +39,7 @@ typedef struct normal {
      * errors that are correlated in time. NULL if they are not wanted. */
     double *lagged;
     double squares, weighted;
-    lg_status *missing; /* set if a number could not be computed */
+    lg_status *missing; /* gets the status of a number that could not be computed */
     /* The used windows are `used` of `windows`, in runs of neighbours of RUN windows if `runs`, else evenly
      * spread. */
     size_t windows, used;

@@ -38,7 +38,7 @@ typedef struct lg_entry_about {
 typedef struct lg_number_list {
     size_t count, room;
     lg_identified *out;
-    lg_status status; /* of numbers that need a tape; they are NaN if it is not LG_OK */
+    lg_status status; /* LG_OK, or why the numbers that need a tape are NaN */
 } lg_number_list;
 typedef void lg_term_numbers(lg_number_list *list, const lg_machine *machine, const lg_machine_term *term,
                              const double *theta);
@@ -467,7 +467,7 @@ void lg_machine_row_variances(const lg_machine_problem *problem, const lg_machin
 /* How many numbers all features of a term have: the inputs of its network. */
 uint32_t lg_machine_feature_numbers(const lg_machine *machine, const lg_machine_term *term);
 /* lg_machine_numbers with a network mass reported at `positions`, in the units of the log; NULL: the
- * reference. *status is set if a number could not be computed; it may be NULL. */
+ * reference. If a number cannot be computed, *status gets the reason. `status` may be NULL. */
 size_t lg_machine_numbers_at(const lg_machine *machine, const double *theta, const double *positions,
                              size_t room, lg_identified *out, lg_status *status);
 /* The fit problem of x (count), then of the starts as in lg_machine_fit_problem. Borrows `restriction`. */

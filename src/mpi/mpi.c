@@ -1,8 +1,8 @@
 /* Implements lg_ranks with MPI. Counts of MPI are of type int, so longer messages are split into rounds.
  *
- * MPI itself waits for ever for a process that is stopped or dead. Here every exchange is nonblocking, and a
- * thread of each rank, the listener, sends signs of life meanwhile: rank 0 sends one to each other rank in
- * every second, and each other rank sends one to rank 0. A rank without a sign of life for `silence` seconds
+ * MPI itself waits for ever for a process that is stopped or dead. Here every exchange is nonblocking. Each
+ * rank has a thread, the listener, which sends signs of life: every second rank 0 sends one sign to each
+ * other rank, and each other rank sends one sign to rank 0. A rank that sends no sign for `silence` seconds
  * is lost. So a rank may compute for hours between two exchanges, but it must be running. Rank 0 tells the
  * other ranks whom it has lost. */
 #include "liegrad/core.h"
@@ -26,7 +26,7 @@
 enum { LEAVING = -1, ALIVE = 0 };
 static const double tick = 1.0; /* s between two signs of life */
 
-/* A rank with which this one exchanges signs of life. */
+/* Another rank, with which this rank exchanges signs of life. */
 typedef struct peer {
     int rank, heard, said;
     MPI_Request receiving, sending; /* MPI_REQUEST_NULL: nothing is under way */
@@ -41,7 +41,7 @@ typedef struct link {
     bool finalise;
     char reason[192]; /* why an exchange failed; then MPI is not called again, except for MPI_Abort */
 
-    /* the listener; without MPI_THREAD_MULTIPLE there is none */
+    /* of the listener thread. A rank without MPI_THREAD_MULTIPLE has no listener. */
     bool listens;
     double silence;
     MPI_Comm signs;
@@ -68,7 +68,8 @@ static void receive_sign(link *l, peer *p) {
         p->silent = INFINITY;
 }
 
-/* Takes all signs that have arrived. Returns the sign of a lost rank, else ALIVE. */
+/* Receives all signs that have arrived from the peer. If one of them names a lost rank, this sign is
+ * returned, otherwise ALIVE. */
 static int take_signs(link *l, peer *p) {
     int done = 1, lost = ALIVE;
     while (done && !p->left) {
@@ -90,7 +91,8 @@ static bool send_sign(link *l, peer *p, int sign) {
     return MPI_Isend(&p->said, 1, MPI_INT, p->rank, 0, l->signs, &p->sending) == MPI_SUCCESS;
 }
 
-/* How rank 0 and its peers say that a rank is lost; `silent` is 0 if rank 0 has said so. */
+/* Writes to lost_how why the rank is lost. `silent`: seconds of silence; 0 if rank 0 has told this rank of
+ * the loss. */
 static void tell_how(link *l, int rank, double silent) {
     if (rank == l->rank)
         (void)snprintf(l->lost_how, sizeof l->lost_how, "rank 0 has given this rank up, which was silent");
@@ -102,7 +104,8 @@ static void tell_how(link *l, int rank, double silent) {
                        rank, silent == 0.0 ? " to rank 0" : "", (long)(silent == 0.0 ? l->silence : silent));
 }
 
-/* Rank 0 tells all ranks that one is lost, and leaves MPI a second to send that. */
+/* Marks a rank as lost. Rank 0 also sends the number of the lost rank to all other ranks, and waits up to a
+ * second until MPI has sent it. */
 static void lose(link *l, int rank, double silent) {
     enum { PAUSES = 20 };
     tell_how(l, rank, silent);
@@ -113,8 +116,8 @@ static void lose(link *l, int rank, double silent) {
     atomic_store(&l->lost, true);
 }
 
-/* One round with all peers; `passed`: seconds since the last one. Returns false when the listener has to
- * end. */
+/* Exchanges signs with all peers. `passed`: seconds since the last call. Returns false when the listener has
+ * to end. */
 static bool go_round(link *l, double passed, bool leaving) {
     bool ended = leaving;
     for (size_t i = 0; i < l->peer_count; i++) {
@@ -147,8 +150,8 @@ static bool wait_for_round(link *l, bool *leaving) {
     return !quit;
 }
 
-/* If this process was stopped itself, or its machine, it must not take that time for the others' silence: a
- * round counts for two ticks at most. */
+/* While this process or its machine was stopped, it could hear no peer. So at most two ticks of a round count
+ * as silence of the peers. */
 static void *listen_to_peers(void *user) {
     link *l = user;
     bool leaving = false;
@@ -159,7 +162,8 @@ static void *listen_to_peers(void *user) {
     return NULL;
 }
 
-/* Ends the listener: together with those of the peers, or at once. */
+/* Ends the listener thread. Without `at_once` the thread first waits until the listeners of all peers are
+ * ready to end. */
 static void stop_listening(link *l, bool at_once) {
     if (!l->listens) return;
     (void)pthread_mutex_lock(&l->mutex);
@@ -187,8 +191,8 @@ static lg_status broken(link *l, int code) {
     return give_up(l, LG_FILE, text);
 }
 
-/* Seconds for which an exchange continues after the context was cancelled: half of what mpirun leaves between
- * SIGTERM and SIGKILL, so that the caller has the other half to save its state. */
+/* Seconds for which an exchange continues after the context was cancelled: half of the time between the
+ * SIGTERM and the SIGKILL of mpirun. The caller saves its state in the other half. */
 static double patience(void) {
     const char *text = getenv("OMPI_MCA_odls_base_sigkill_timeout");
     const double left = text != NULL ? (double)strtol(text, NULL, 10) : 1.0;

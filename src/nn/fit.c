@@ -473,7 +473,7 @@ lg_status lg_fit_run(lg_fit *fit, lg_error *error) {
     const lg_status collected = collect(fit, status == LG_OK ? error : NULL);
     const lg_status end = status == LG_OK ? collected : status;
     const lg_ranks *ranks = fit->options.ranks;
-    /* not LG_CANCELLED, which says that the state is saved */
+    /* LG_CANCELLED would say that the state is saved */
     return ranks->reason(ranks->user) != NULL ? lg_ranks_lost(ranks, LG_FILE, error) : end;
 }
 

@@ -55,7 +55,8 @@ lg_status lg_minimiser_collect(lg_minimiser *m, lg_error *error) {
         m->bytes[r] = (end - first) * stride * sizeof *m->whole;
     }
     if (status == LG_OK) status = ranks->collect(ranks->user, m->curvature, m->whole, m->bytes);
-    if (status != LG_OK) lg_minimiser_scatter(m); /* or rows that are missing would be saved */
+    if (status != LG_OK)
+        lg_minimiser_scatter(m); /* otherwise zeros would be saved in place of the missing rows */
     LG_TRY(status);
     if (m->whole != NULL)
         memcpy(m->whole + (m->length - behind), m->curvature + rows_length(m), behind * sizeof *m->whole);

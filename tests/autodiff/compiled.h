@@ -11,7 +11,7 @@
 
 #define WARNINGS "-Wall -Wextra -Wconversion -Wdouble-promotion -Wshadow -pedantic -Werror"
 
-/* Whether this machine compiles for itself: not in a build for another machine. */
+/* Whether the tests can compile and run C: not in a build for another machine. */
 static inline bool has_compiler(void) {
 #ifdef LG_CROSS
     return false;

@@ -39,7 +39,7 @@ machine test_machine_entries
 control test_policy a task with a fault*
 END
 
-# The library formats and reads real numbers by lg_format, lg_real and what stands on them: statements that do not.
+# The library must format and read real numbers by lg_format and lg_real. This finds statements that do not.
 found=$(find "$LG_TEST_DIR/../src" -name '*.[ch]' ! -path '*/code/*' ! -path '*/core/decimal.c' -exec awk 'BEGIN { RS = ";" }
     /[^a-z_](strto(d|f|ld)|atof|vsn?printf)\(/ || /[^a-z_](s|sn|f|d)printf\(.*%[-+#0]*[0-9*]*([.][0-9*]+)?[lL]?[aAeEfFgG]/ {
         gsub(/[ \n]+/, " "); print FILENAME ":" $0 }' {} +)

@@ -102,7 +102,7 @@ static double take_real(input *in) {
     return x;
 }
 
-/* A state of bytes: `repaired` gives it the sum that the reader asks for. */
+/* Deserialises a state from bytes of the input. With `repaired`, the bytes get a right checksum. */
 static void restore_bytes(void *c, input *in, bool repaired, void **state) {
     image bytes;
     const size_t have = (size_t)(in->end - in->at), size = have < sizeof bytes ? have : sizeof bytes;
@@ -147,7 +147,7 @@ static void step(void *c, input *in) {
 #endif
 }
 
-/* Up to three references, of which some do not exist. */
+/* Reads or writes with up to three references. Some references do not exist. */
 static void access(void *c, input *in, uint8_t what) {
     unsigned vr[3], known[3];
     double value[8] = {0}, seed[8];
@@ -227,7 +227,7 @@ static void change_mode(void *c, uint8_t to) {
 void fuzz_fmu(const uint8_t *data, size_t size) {
     enum { SLOTS = 2 };
     input in = {data, data + size};
-    /* The first byte: for model exchange or co-simulation; initialised or not. */
+    /* The first byte chooses model exchange or co-simulation, and whether the instance is initialised. */
     const uint8_t how = take(&in);
     void *c = begin((how & 1) != 0), *slot[SLOTS] = {NULL, NULL};
     if (c == NULL) abort();

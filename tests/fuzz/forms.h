@@ -8,11 +8,11 @@
 typedef size_t (*fuzz_bytes)(uint8_t *data, size_t size, size_t most);
 /* Changes an input in place; returns its new size. */
 typedef size_t (*fuzz_mutate)(uint8_t *data, size_t size, size_t most, unsigned seed, fuzz_bytes bytes);
-/* Makes an input with parts of both; 0: there is none. */
+/* Makes an input from parts of two inputs. Returns its size, or 0 if the parts do not fit. */
 typedef size_t (*fuzz_cross)(const uint8_t *a, size_t size_a, const uint8_t *b, size_t size_b, uint8_t *out,
                              size_t most, unsigned seed);
 
-/* By fuzz_form. NULL: what libFuzzer does with bytes. */
+/* The index is a fuzz_form. If a member is NULL, libFuzzer changes the bytes. */
 typedef struct fuzz_form_row {
     fuzz_mutate mutate;
     fuzz_cross cross;

@@ -264,7 +264,8 @@ static void remove_operation(changing *c) {
     renumber(c, place, -1, gone.input_count > 0 ? gone.inputs[0] : 0);
 }
 
-/* A new operation with the shape, and the inputs, of an old one or of old ones; a later operation uses it. */
+/* Adds a new operation with the shape and the inputs of old operations. A later operation uses the new
+ * one. */
 static void add_operation(changing *c) {
     uint32_t rows = 0;
     const uint32_t place = any_place(c);
@@ -281,7 +282,7 @@ static void add_operation(changing *c) {
         memcpy(made.shape, like.shape, sizeof made.shape);
         for (uint32_t k = 0; k < made.input_count && k < MOST_LIST; k++)
             inputs[k] = draw(c, 2) == 0 ? place : place_before(c, place + 1, &like);
-    } else { /* its inputs are its own, because places are changed in them */
+    } else { /* the inputs are copied, because their places are changed later */
         made.inputs = own_list(c, like.inputs, like.input_count);
         if (made.inputs == NULL) return;
     }
@@ -329,7 +330,7 @@ static void change_results(changing *c) {
                   : any_place(c);
 }
 
-/* A loop stays one: other functions have no carry. */
+/* A loop stays a loop, because other functions have no carry. */
 static void change_loop(changing *c) {
     uint32_t *carry = (uint32_t *)(uintptr_t)c->image.carry;
     const uint32_t other = (uint32_t)other_whole(c, c->image.times);

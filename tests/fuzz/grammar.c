@@ -48,7 +48,7 @@ static void keep(const lg_field *keys, size_t count) {
     }
 }
 
-/* The linker puts these in place of the library's. */
+/* The linker replaces the functions of the library by these functions. */
 lg_status __real_lg_yaml_read(lg_yaml *yaml, const lg_key_set *sets, size_t set_count,
                               bool (*elsewhere)(const char *name), const char *system, lg_error *error);
 lg_status __wrap_lg_yaml_read(lg_yaml *yaml, const lg_key_set *sets, size_t set_count,
@@ -316,7 +316,7 @@ static int any_node(const growing *g) {
     return g->d->listed[draw(g, (uint32_t)g->d->list_count)];
 }
 
-/* A random mapping; NO_NODE if there is none. */
+/* Returns a random mapping of the document, or NO_NODE if the document has no mapping. */
 static int any_map(const growing *g) {
     for (int tries = 0; tries < 12; tries++) {
         const int node = any_node(g);
@@ -375,7 +375,7 @@ static int scalar_of(const growing *g, const piece *p) {
     return document_scalar(g->d, false, p->text, p->used);
 }
 
-/* The node becomes the other one, in its place. */
+/* Replaces the node by the other node. */
 static void become(const growing *g, int node, int other) {
     if (other == NO_NODE || document_is_within(g->d, node, other)) return;
     const int next = g->d->node[node].next;
@@ -468,7 +468,8 @@ static void take_other(const growing *g) {
     become(g, node, document_copy(g->d, any_node(g)));
 }
 
-/* Puts the node into a list of its own, or a list's or mapping's child into its place. */
+/* Replaces the node by a list that contains only this node, or replaces a list or mapping by one of its
+ * children. */
 static void wrap(const growing *g) {
     document *d = g->d;
     const int node = any_node(g);

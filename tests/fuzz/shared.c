@@ -52,7 +52,7 @@ void fuzz_board(const uint8_t *data, size_t size) {
 
 /* ---- parts ---- */
 
-/* The sums over both parts must be counts that a file may have. */
+/* The counts summed over both parts must be counts that a file may have. */
 static void merge(result *into, result *from) {
     lg_error error = {LG_OK, ""};
     from->first += from->members;

@@ -300,8 +300,8 @@ void fuzz_packed(const uint8_t *data, size_t size) {
     take_functions(parameters, LG_COUNT(parameters), data, size, false);
 }
 
-/* The parameters are the ones of tests/autodiff/random. A quarter of the inputs is also written as C, which
- * takes as long as everything else. */
+/* The parameters are the parameters of tests/autodiff/random. Only a quarter of the inputs is written as C,
+ * because writing C takes as long as everything else. */
 void fuzz_image(const uint8_t *data, size_t size) {
     static const double numbers[12] = {0.5, -1.25, 0.75, 1.5, -0.25, 1};
     const lg_parameter_spec parameters[] = {{"theta", {2, {4, 3}}, numbers}, {"beta", {1, {3}}, numbers}};

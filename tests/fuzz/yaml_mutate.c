@@ -25,7 +25,7 @@ size_t yaml_mutate(uint8_t *data, size_t size, size_t most, unsigned seed, fuzz_
     return document_write(&made, fuzz_draw(&random, 8) > 0, data, most);
 }
 
-/* A node of one document takes the place of one of the other's. */
+/* Replaces a node of one document by a node of the other document. */
 size_t yaml_cross(const uint8_t *a, size_t size_a, const uint8_t *b, size_t size_b, uint8_t *out, size_t most,
                   unsigned seed) {
     uint64_t random = seed;
@@ -84,7 +84,7 @@ static size_t bytes_of(const document *d, int about) {
     return bytes;
 }
 
-/* Gives each tensor the bytes after the last one's; returns their sum. */
+/* Gives each tensor the bytes after the bytes of the tensor before it. Returns the number of all bytes. */
 static size_t lay_out(document *d) {
     char offsets[64];
     size_t at = 0;

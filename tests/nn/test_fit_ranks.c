@@ -302,8 +302,8 @@ TEST("if several ranks fail, all return the error of the lowest rank") {
 
 /* ---- memory ---- */
 
-/* Trains with each allocation of one rank failing, alone or with all later ones. A rank that has begun to
- * exchange has to tell the others. */
+/* Trains many times; each time another allocation of one rank fails, alone or with all later allocations. If
+ * the rank has begun to exchange messages, it has to tell the other ranks. */
 static void fail_allocations(trained *t, uint32_t rank, bool later, const memory_archive *expected) {
     lg_fail_alloc memory;
     rank_team *team = TEST_ARRAY(rank_team, 1);

@@ -3,7 +3,7 @@
  *     LG_FAULT=CLASS:WAY:FROM:TO    numbers of fault_class and fault_way; calls FROM to TO
  *     LG_FAULT_COUNT=FILE           gets the numbers of calls of all classes when the program exits
  *
- * Child processes continue to count for themselves. */
+ * A child process continues to count, separately from its parent. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <unistd.h>

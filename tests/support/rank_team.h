@@ -1,6 +1,6 @@
 /* Ranks (liegrad/core.h) as threads of a test. team_run runs one function on each rank. The function returns
- * a status and must not use cmocka's assertions. When a rank has returned from it, the exchanges of the
- * others fail, as they do when a process has ended. */
+ * a status and must not use cmocka's assertions. When one rank has returned, the exchanges of the other ranks
+ * fail, as they do when a process of MPI has ended. */
 #ifndef LG_RANK_TEAM_H
 #define LG_RANK_TEAM_H
 

@@ -16,7 +16,7 @@ enum { MOST_STACKS = 1 << 20, PATIENCE = 60 };
 typedef enum verdict { PASSED, REFUSED, SILENT, LEAKED, DIED, VERDICTS } verdict;
 static const char *const verdict_names[] = {"passed", "refused", "silent", "leaked", "died"};
 
-/* What a run, a child process, tells its parent; in shared memory. */
+/* What a run, which is a child process, tells its parent. It lies in shared memory. */
 static struct report {
     long calls, live;
     bool ended, passed, hit, told;
@@ -91,7 +91,7 @@ static _Noreturn void run_child(lg_suite *suite, const struct CMUnitTest *test) 
     const int failed = _cmocka_run_group_tests("faults", test, 1, suite->begin, NULL);
     const int end = suite->end != NULL ? suite->end(NULL) : 0;
     (void)fflush(NULL);
-    if (failed == 0 && end == 0) exit(0); /* what leaks is seen at the exit */
+    if (failed == 0 && end == 0) exit(0); /* the leak sanitizer looks for leaks at the exit */
     _exit(1);
 }
 
@@ -136,8 +136,8 @@ static int by_hash(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* The calls to be tried, at most `most` of them: those with a new stack first, then others at equal
- * distances. Returns how many. */
+/* Chooses at most `most` of the calls: first calls with different stacks, then calls at equal distances.
+ * Returns the number of chosen calls. */
 static long choose(long calls, long most, long *chosen) {
     const long noted = calls < MOST_STACKS ? calls : MOST_STACKS;
     uint64_t *seen = malloc((size_t)noted * sizeof *seen);
@@ -182,7 +182,7 @@ static void try_test(lg_suite *suite, const struct CMUnitTest *test, long sum[VE
     const double most = now.seconds / (seconds_now() - begin) / 2.0;
     const long calls = report->calls, live = report->live;
     faults_note_stacks(now.of, NULL, 0);
-    if (plain != PASSED || calls == 0) return; /* skipped, or it fails for other reasons */
+    if (plain != PASSED || calls == 0) return; /* the test was skipped, or fails without a failing call */
     long *chosen = lg_test_memory((size_t)calls * sizeof *chosen);
     const long count = choose(calls, most < 1 ? 1 : most < (double)calls ? (long)most : calls, chosen);
     for (long k = 0; k < 2 * count; k++) {

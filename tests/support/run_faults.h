@@ -1,28 +1,28 @@
-/* The tests as a table of what allocates and of what uses files: every test runs once for every call of the
- * class that the library makes in it (support/faults.h), and that call fails, alone or with all later ones.
+/* Runs every test many times: in run n, call n of a class (support/faults.h) that the library makes fails,
+ * alone or with all later calls. So the tests are the list of functions that allocate or use files.
  *
  *     tests_ROOM --faults memory|files[:fail|short|interrupt][:SECONDS] SUITE [CLAIM]
  *
- * Where a statement such as assert_ok sees LG_OUT_OF_MEMORY, it makes the call again with enough memory. So a
- * test passes if the failed call returned a status and left its arguments as they were, and nothing leaked:
- * then all blocks are free in the end. Each run is a process of its own. Verdicts:
+ * When assert_ok, assert_told or assert_status sees LG_OUT_OF_MEMORY, it makes the call again with enough
+ * memory. So a test passes if the failed call returned the status and did not change its arguments. At the
+ * end of the test, all blocks must be free. Each run is a separate process. Verdicts:
  *
- *     passed   with the results of an undisturbed run
- *     refused  an assertion failed after a status told of memory or of a file
- *     silent   an assertion failed, and no status had told why: a defect, or a test whose own statements look
- *              at no status
- *     leaked   passed, but blocks are left
- *     died     by a signal or a sanitizer; or ran for over a minute
+ *     passed    the test passed, and no block is left
+ *     refused   an assertion failed after a status had said that memory or a file is the reason
+ *     silent    an assertion failed, but no status had said why: a defect, or a test that does not check the
+ *               status
+ *     leaked    the test passed, but blocks are left
+ *     died      a signal, a sanitizer, or a limit of one minute ended the run
  *
- * The runs of a test take about SECONDS (default 10). Where that is not enough for all calls, those are
- * chosen whose stacks differ in their innermost frames, and others at equal distances. The exit code is 1 if
- * a run leaked or died. */
+ * All runs of a test take about SECONDS (default 10). If this is too short for all calls, only some calls
+ * fail: first calls with different stacks, then calls at equal distances. The exit code is 1 if a run leaked
+ * or died. */
 #ifndef LG_RUN_FAULTS_H
 #define LG_RUN_FAULTS_H
 
 #include "test_support.h"
 
-/* Takes "--faults WHAT" off the arguments: the number of words taken. */
+/* Removes "--faults WHAT" from the arguments. Returns the number of words removed. */
 int run_faults_options(int *argc, char **argv);
 bool run_faults_wanted(void);
 int run_faults(lg_suite *suite, const char *claim);

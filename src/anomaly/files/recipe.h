@@ -60,8 +60,8 @@ lg_status lg_window_part(const lg_context *context, const lg_cut_series *from, c
  * split makes the results misleading. */
 lg_status lg_detector_split(lg_training *self, lg_error *error);
 lg_status lg_detector_split_training(lg_training *self, lg_error *error); /* the same without the test part */
-/* Fits the novelty detector to the training windows. LG_CANCELLED and LG_OUT_OF_MEMORY are returned; other
- * failures cause a warning and leave *out unchanged. */
+/* Fits the novelty detector to the training windows. Returns LG_CANCELLED and LG_OUT_OF_MEMORY. Any other
+ * failure causes a warning, and *out stays unchanged. */
 lg_status lg_detector_fit_novelty(const lg_training *self, lg_novelty *out, lg_error *error);
 /* Writes the results accuracy, precision, recall, f1, auc, false_positive_rate, false_alarms_per_day and
  * confusion. */

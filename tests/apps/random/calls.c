@@ -1,8 +1,8 @@
-/* Random calls of an FMU. A driver knows the mode of its instance, its time and the values of states,
- * inputs and parameters. Most calls are allowed in this mode and must succeed. Others are not, or have
+/* Random calls of an FMU. A driver knows the mode of its instance, its time and the values of states, inputs
+ * and parameters. Most calls are allowed in this mode and must succeed. Other calls are not allowed, or have
  * wrong arguments: they must return an error and change nothing. States are kept, serialised and put back,
- * also in another instance: a step from there must give the same bits. Six drivers run at a time, and each
- * once more alone: the numbers that they read must be the same. */
+ * also in another instance: a step from there must give the same bits. Six drivers run at the same time. Then
+ * each driver runs again alone, and must read the same numbers. */
 #include <inttypes.h>
 #include <math.h>
 #include <pthread.h>
@@ -26,7 +26,8 @@ enum {
     EVALUATED = ANY & ~INSTANTIATED
 };
 
-/* What an instance is known to hold. `numbers`: of all variables; results count only if `read`. */
+/* What the driver knows of its instance. `numbers` has the numbers of all variables; the results among them
+ * are valid only if `read`. */
 typedef struct contents {
     unsigned mode;
     double time;
@@ -111,8 +112,8 @@ static void copy(const driver *d, const contents *from, contents *to) {
     memcpy(numbers, from->numbers, bytes_of(d));
 }
 
-/* Version 2 tells the time in co-simulation; version 3 as a variable, which has the reference behind the
- * last. */
+/* Version 2 has a function that tells the time in co-simulation. In version 3 the time is a variable; its
+ * reference follows the last reference of the model. */
 static void look_at_time(driver *d) {
     const bool readable = (d->now.mode & (STEP | TERMINATED)) != 0 && !d->exchange;
     const unsigned reference = (unsigned)d->f->count;
@@ -233,7 +234,7 @@ static void get_states(driver *d) {
     free(numbers);
 }
 
-/* A derivative in the same direction, again: the same bits. */
+/* The same derivative again must have the same bits. */
 static void derivative(driver *d) {
     const bool back = d->f->version == 3 && chance(&d->rng, 0.5);
     const uint64_t known = fmu_all(d->f, true), unknown = fmu_all(d->f, false);
@@ -256,7 +257,8 @@ static void derivative(driver *d) {
 
 /* ---- steps and kept states ---- */
 
-/* Steps may end in states that are not finite; then nothing has moved, and the status is an error. */
+/* If a step ends in a state that is not finite, the status must be an error, and no state may have
+ * changed. */
 static bool take(driver *d, double length, double *after) {
     const int status = fmu_step(d->f, d->c, d->now.time, length);
     if (!in(d, STEP)) return expect(d, status, false, "step");
@@ -372,7 +374,7 @@ static void wrong(driver *d) {
     (void)expect(d, f->set_states(d->c, d->now.numbers, f->states + 1), false, "set too many states");
 }
 
-/* No instance, and a state of an instance of the other interface. */
+/* Calls without an instance, and with a state of an instance of the other interface. */
 static void wrong_instance(driver *d) {
     const fmu *f = d->f;
     double number = 0;
@@ -400,7 +402,7 @@ static void wrong_instance(driver *d) {
 
 static const struct {
     void (*call)(driver *d);
-    unsigned right; /* modes in which the call is right; none are drawn as often as others */
+    unsigned right; /* modes in which the call is right */
 } calls[] = {{begin, INSTANTIATED},    {leave, INITIALIZATION},   {terminate_it, EVENT | CONTINUOUS | STEP},
              {reset, TERMINATED},      {enter_event, CONTINUOUS}, {enter_continuous, EVENT},
              {discrete, EVENT},        {completed, CONTINUOUS},   {set_time, EVENT | CONTINUOUS},

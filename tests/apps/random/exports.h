@@ -22,7 +22,7 @@ typedef struct model {
 /* A target of lg-export. */
 typedef struct target {
     const char *name;
-    bool blocks;       /* the program gets a rate, and a step, of most recordings */
+    bool blocks;       /* most programs get the functions "rate" and "step" */
     const char *built; /* file that make builds, %s is the export's name; NULL: none */
     /* Compares the export with the program. Returns false with a message about the difference. */
     bool (*check)(model *m, finding *f);
@@ -32,7 +32,8 @@ extern const target target_c, target_casadi, target_fmu2, target_fmu3, target_on
 /* What the checks have counted. */
 typedef struct export_tally {
     size_t exported, refused, different;
-    size_t functions, unfit; /* compared; without comparison, for numbers are not finite or very large */
+    size_t functions,
+        unfit; /* functions compared; functions not compared, because numbers are not finite or very large */
     size_t calls, illegal, states; /* of FMUs: calls, calls that had to be refused, states put back */
     size_t peers;                  /* questions to tools */
 } export_tally;
@@ -40,16 +41,16 @@ extern export_tally tallied;
 
 /* ---- models (model.c) ---- */
 
-/* Draws a recording and makes its program. Four of five have the function "value". With `blocks` the
- * program of most recordings has the functions "rate" and "step", too. */
+/* Draws a recording and makes its program. Four of five programs have the function "value". With `blocks`,
+ * most programs also have the functions "rate" and "step". */
 void open_model(uint64_t number, bool blocks, recording *r, model *out);
 void close_model(model *m);
 /* Runs lg-export, and builds what the target needs. Returns false if lg-export refuses the program, with its
  * sentence in *f and f->refused, or if something fails. */
 bool export_model(model *m, const target *t, finding *f);
-/* The reference of a step of co-simulation: adds the function "advanced" to the program, with the inputs of
- * the rate. It takes `count` steps of length h, which are the program's or those of the classical Runge-Kutta
- * scheme. */
+/* Adds the function "advanced" to the program: the reference for a step of co-simulation. It has the inputs
+ * of the rate and takes `count` steps of length h by the program's function "step" or by the classical
+ * Runge-Kutta scheme. */
 size_t add_advanced(model *m, uint32_t count, double h);
 /* Number of the program's function, or SIZE_MAX. */
 size_t function_named(const model *m, const char *name);
@@ -70,8 +71,8 @@ void print_reasons(void);
 /* ---- the tools that read exports (peers.c, peers.py) ---- */
 
 typedef enum peer { PEER_ONNX, PEER_FMU, PEERS } peer;
-/* Lets a tool check the export; `answer` gets what it says. Returns false if the tool is missing, which is
- * said once. */
+/* Lets a tool check the export; `answer` gets what the tool says. If the tool is missing, says so once and
+ * returns false. */
 bool ask_peer(peer which, const model *m, size_t rows, char *answer, size_t size);
 /* Makes a file of the export by its Makefile, %s is the export's name. */
 bool make_file(const model *m, const char *format, finding *f);

@@ -309,7 +309,7 @@ static size_t variable_of_output(const comparison *c, const char *of, const char
     return variable_named(c->f, name);
 }
 
-/* Numbers of the inputs of t to the places of their variables: those whose names begin with `begin`. */
+/* Copies the numbers of the inputs of t whose names begin with `begin` to the places of their variables. */
 static void take_inputs(const comparison *c, const char *begin, const char *of, double *to) {
     const size_t length = strlen(begin);
     for (size_t i = 0; i < c->t.inputs; i++) {
@@ -392,7 +392,7 @@ static bool check_results(comparison *c, lg_rng *rng, finding *f) {
     return good;
 }
 
-/* A step of 0.02 is two steps of the longest length. */
+/* A step of length 0.02 consists of two steps, because the longest step is 0.01. */
 static bool check_step(comparison *c, lg_rng *rng, finding *f) {
     static const double longest = 0.01;
     size_t count;

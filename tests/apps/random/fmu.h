@@ -1,4 +1,4 @@
-/* One view of FMUs of both versions. */
+/* One interface to FMUs of both versions. */
 #ifndef LG_EXPORTS_FMU_H
 #define LG_EXPORTS_FMU_H
 
@@ -6,8 +6,8 @@
 
 enum { VARIABLES = 48, REFERENCES = 4096 };
 
-/* A variable of the program: `count` numbers from place `at` on in the arrays below. `reference` is its value
- * reference, in version 2 that of its first number. */
+/* A variable of the program has `count` numbers, from place `at` on in the arrays below. `reference` is the
+ * value reference of the variable; in version 2, of its first number. */
 typedef struct variable {
     char name[80];
     unsigned reference;
@@ -40,8 +40,9 @@ typedef struct fmu {
     int version;
     char token[64], *description; /* modelDescription.xml */
     variable variables[VARIABLES];
-    size_t count, numbers,
-        states;            /* variables; their numbers; numbers of the first variable if it is a state */
+    size_t count;          /* variables */
+    size_t numbers;        /* of all variables */
+    size_t states;         /* numbers of the first variable if it is a state, otherwise 0 */
     bool forward, adjoint; /* what the description says that there is */
 #define MEMBER(member, two, three, parameters) int(*member) parameters;
     SAME_FUNCTIONS(MEMBER)
@@ -60,8 +61,9 @@ int fmu_adjoint(const fmu *f, void *c, uint64_t unknown, uint64_t known, const d
 int fmu_step(const fmu *f, void *c, double now, double length);
 int fmu_discrete(const fmu *f, void *c);  /* finds the discrete states of an event */
 int fmu_completed(const fmu *f, void *c); /* an integrator's step is completed */
-/* Status of a call of the function for reading or writing numbers with a reference that no variable has
- * (`reference` SIZE_MAX), or of variable `reference`; with no array if `none`. */
+/* Calls the function that reads or writes numbers, with wrong arguments, and returns its status. The
+ * reference is that of variable `reference`, or belongs to no variable if `reference` is SIZE_MAX. With
+ * `none` the array is NULL. */
 int fmu_raw(const fmu *f, void *c, bool writes, size_t reference, bool none);
 uint64_t fmu_all(const fmu *f, bool known); /* all known variables, or all results */
 

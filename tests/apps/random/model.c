@@ -18,8 +18,8 @@
 
 /* ---- the function "value" ---- */
 
-/* Calls function `of` with constants in place of inputs that all rows share. Its outputs are those that
- * rows do not share, numbers `output`. So the new function has derivatives. */
+/* Calls function `of` with constants in place of the inputs that all rows share. The new function has only
+ * the outputs that differ by row, with the numbers `output`. So it has derivatives. */
 typedef struct wrapping {
     const char *of;
     const lg_port *in;
@@ -62,8 +62,8 @@ static void add_value(model *m) {
 
 /* ---- the functions "rate" and "step" ---- */
 
-/* The rate is sin(y) - x: x is the first input, and y a result of function `of`, cut or filled up to the size
- * of x. So states stay between -1 and 1. */
+/* The rate is sin(y) - x. x is the first input, and y is a result of function `of`, cut or filled up to the
+ * size of x. So states stay between -1 and 1. */
 typedef struct dynamics {
     const char *of;
     size_t output;
@@ -143,7 +143,8 @@ static size_t add_function(model *m, const char *name, size_t ins, lg_record_fun
     return lg_program_functions(m->program) - 1;
 }
 
-/* Every fourth recording has no rate, and every third of the others has a step of its own. */
+/* Every fourth recording gets no rate. Of the recordings with a rate, every third also gets the function
+ * "step". */
 static void add_dynamics(model *m) {
     size_t ins, outs, at = 0;
     const size_t of = function_named(m, m->function);
@@ -173,7 +174,7 @@ void open_model(uint64_t number, bool blocks, recording *r, model *out) {
     *out = (model){.r = r, .program = empty_program(), .folder = "/tmp/liegrad-exports-XXXXXX"};
     (void)snprintf(out->name, sizeof out->name, "m%llu", (unsigned long long)number);
     derivatives = r->derivations;
-    r->derivations = 0; /* the exports have their own */
+    r->derivations = 0; /* lg-export adds derivatives itself */
     if (!add_recording(out->program, r, function, &count, &error)) stop("%s", error.message);
     r->derivations = (uint32_t)derivatives;
     (void)snprintf(out->function, sizeof out->function, "%s",

@@ -12,7 +12,7 @@ static struct {
     size_t count;
 } reasons[REASONS];
 
-/* A sentence without what belongs to one recording: # in place of numbers. */
+/* Replaces the numbers of a sentence by #, so that sentences of different recordings are equal. */
 static void generalise(const char *sentence, char *out) {
     size_t n = 0;
     for (const char *at = sentence; *at != '\0' && *at != '\n' && n + 1 < LENGTH; at++) {

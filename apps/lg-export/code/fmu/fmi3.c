@@ -263,14 +263,15 @@ FMI3(DeserializeFMUState, fmi3Instance c, const fmi3Byte bytes[], size_t size, f
 
 /* ---- derivatives ---- */
 
-/* References of ports, of states, inputs and parameters only where `known`. */
+/* Whether all references are ports. With `known`, they must be ports of states, inputs or parameters. */
 static int is_ports(const fmi3ValueReference vr[], size_t n, int known) {
     size_t k;
     for (k = 0; k < n; k++)
         if (vr[k] >= PORTS || (known && !is_known(ports[vr[k]].at))) return 0;
     return 1;
 }
-/* Numbers of the ports into, or out of, an array with their places; 0: not that many. */
+/* scatter copies the numbers of the ports to the places of the ports in `to`; gather copies them from these
+ * places. Both return 0 if `count` is not the number of all these numbers. */
 static int scatter(const fmi3ValueReference vr[], size_t n, const double *from, size_t count, double *to) {
     size_t k, at = 0;
     memset(to, 0, NUMBERS * sizeof *to);

@@ -58,13 +58,15 @@ static instance *create(int exchange, void *environment, void (*logger)(void)) {
     return i;
 }
 
-/* EXCHANGED among the modes: the call is for model exchange only. */
+/* Whether the mode of the instance is in the set `modes`. If the set contains EXCHANGED, only an instance for
+ * model exchange may call the function. */
 static int allowed(const instance *i, uint64_t modes) {
     if (i == NULL || (!i->exchange && (modes & EXCHANGED) == EXCHANGED)) return 0;
     return (i->m.mode & modes) != 0;
 }
 
-/* 0: the mode is none of `from`. `to` RUNNING: the first mode after the initialization. */
+/* Changes the mode to `to`. Returns 0, and changes nothing, if the instance is in no mode of the set `from`.
+ * If `to` is RUNNING, the new mode is the first mode after the initialization. */
 static int take_mode(instance *i, uint64_t from, uint64_t to) {
     if (!allowed(i, from)) return 0;
     i->m.mode = to != RUNNING ? to : i->exchange ? EVENT : STEP;
@@ -97,20 +99,21 @@ static int is_finite(double x) {
     return fabs(x) <= DBL_MAX;
 }
 
-/* Arrays of n elements. */
+/* Whether both arrays are there. An array of 0 elements may be NULL. */
 static int is_given(size_t n, const void *a, const void *b) {
     return n == 0 || (a != NULL && b != NULL);
 }
 
 /* ---- the memory as bytes ---- */
 
-/* A mode that the instance can be in. */
+/* Whether `mode` is a single mode, and one that the instance can have. */
 static int is_mode(const instance *i, uint64_t mode) {
     const uint64_t others = i->exchange ? STEP : EVENT | CONTINUOUS;
     return mode != 0 && (mode & (mode - 1)) == 0 && mode <= TERMINATED && (mode & others) == 0;
 }
 
-/* Puts kept memory back; 0: it is that of an instance of the other interface. */
+/* Copies the kept memory into the instance. Returns 0 if an instance of the other interface kept the
+ * memory. */
 static int restore(instance *i, const memory *m) {
     if (m == NULL || !is_mode(i, m->mode)) return 0;
     memcpy(&i->m, m, sizeof *m);
@@ -118,8 +121,9 @@ static int restore(instance *i, const memory *m) {
     return 1;
 }
 
-/* What another process, also of another machine, may put back: which model it is of, a sum of the rest that
- * tells damage (FNV-1a), and the rest, all as words of 8 bytes with the lowest byte first. */
+/* The memory as bytes, which a process of another machine can read, too: a hash of the model's token, a
+ * checksum of the memory (FNV-1a), and the memory. Each is a list of words of 8 bytes, the lowest byte
+ * first. */
 typedef struct image {
     unsigned char model[8], sum[8], m[sizeof(memory)];
 } image;
@@ -159,8 +163,8 @@ static void write_image(const memory *m, void *bytes) {
     memcpy(bytes, &out, sizeof out);
 }
 
-/* 0: not bytes of write_image of this model, or a mode that the instance cannot be in, or a time, states,
- * inputs or parameters that are not finite. */
+/* Returns 0 if write_image of this model did not write the bytes, if the instance cannot have the mode, or if
+ * the time, a state, an input or a parameter is not finite. */
 static int read_image(const instance *i, const void *bytes, size_t size, memory *m) {
     image in;
     memory found;
