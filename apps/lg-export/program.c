@@ -283,8 +283,7 @@ static void add_about(const job *j) {
 void export_file_provenance(const app *self, export_source *source, const char *path) {
     lg_file_reader *reader = NULL;
     lg_provenance provenance;
-    if (app_had_memory(lg_file_reader_create(self->context, path, NULL, NULL, &reader, NULL)) != LG_OK)
-        return;
+    APP_MUST_FILE(self, path, lg_file_reader_create(self->context, path, NULL, NULL, &reader, &error));
     lg_file_reader_provenance(reader, &provenance);
     export_provenance(source, &provenance, NULL);
     lg_file_reader_destroy(reader);

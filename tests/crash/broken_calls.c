@@ -117,7 +117,9 @@ static void try_call(breaking *k, size_t way, long n) {
         k->refused++;
         if (said < 1 || said > 1 + ways[way].later) fail(b, "%s: %d sentences: %s", told, said, all);
     }
+    b->gaps = k->of == FAULT_FILES && said > 0;
     if (code != 0) check_cut_short(b, 0, progress(j));
+    b->gaps = false;
     const int left = count_left(work(""), ".tmp-") + count_left(work(""), ".lock");
     if (left > 0 && k->of == FAULT_MEMORY) fail(b, "%s: %d temporary files or locks are left", told, left);
     if (code != 0) resume(k, told);

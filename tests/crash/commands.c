@@ -381,15 +381,22 @@ long whole_lines(const char *path) {
     return end;
 }
 
-/* Whether the log from byte `from` on is the beginning of the complete log, or with `all` the whole of it.
- * Only the first run writes the line of names. */
-static bool continues(const char *path, long from, const char *whole, bool all) {
+/* Whether the log from byte b->cut on is the beginning of the log `whole`, or with `all` the same log. Only the
+ * first run writes the line of names. With b->gaps the log may lack lines. */
+static bool continues(const bench *b, const char *path, const char *whole, bool all) {
     FILE *log = fopen(path, "rb"), *model = fopen(whole, "rb");
-    bool same = log != NULL && model != NULL && fseek(log, from, SEEK_SET) == 0;
-    for (int c; same && from > 0 && (c = fgetc(model)) != '\n' && c != EOF;) continue;
-    int c = EOF;
-    while (same && (c = fgetc(log)) != EOF) same = c == fgetc(model);
-    if (same && all) same = fgetc(model) == EOF;
+    char *line = NULL, *wanted = NULL;
+    size_t size = 0, room = 0;
+    bool same = log != NULL && model != NULL && fseek(log, b->cut, SEEK_SET) == 0;
+    if (same && b->cut > 0) same = getline(&wanted, &room, model) > 0;
+    while (same && getline(&line, &size, log) > 0) {
+        do same = getline(&wanted, &room, model) > 0;
+        while (same && b->gaps && strcmp(line, wanted) != 0);
+        same = same && strncmp(line, wanted, strlen(line)) == 0;
+    }
+    if (same && all) same = getline(&wanted, &room, model) < 0;
+    free(line);
+    free(wanted);
     if (log != NULL) (void)fclose(log);
     if (model != NULL) (void)fclose(model);
     return same;
@@ -398,7 +405,7 @@ static bool continues(const char *path, long from, const char *whole, bool all) 
 static bool is_continued(const bench *b, const char *path, bool all) {
     char whole[512];
     (void)snprintf(whole, sizeof whole, "%s/new/%s", base, b->job->outputs[0]);
-    return continues(path, b->cut, whole, all);
+    return continues(b, path, whole, all);
 }
 
 /* Whether the file is a history whose rows are complete, with fewer rows than in the undisturbed run. */

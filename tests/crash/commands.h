@@ -37,6 +37,7 @@ typedef struct bench {
     double seconds; /* of the undisturbed run */
     long cut;       /* bytes of the log before this run */
     bool warned;    /* the run printed a warning */
+    bool gaps;      /* a log may lack lines, because the run said so */
     bool stopped;   /* a failed run may leave a history of its first epochs */
     char wanted[OUTPUTS][LG_SHA256_TEXT];
     uint64_t failed;
