@@ -1,6 +1,6 @@
-/* ctest-labels: study apps/lg-identify src/machine lg-identify fit --suggest on simulated machines in which
- * one kind of term is unknown to the machine's file: the first term that it names must be this one for 18 of
- * 20 machines. */
+/* lg-identify fit --suggest on simulated machines. Each machine has one kind of term that its file lacks. For
+ * 18 of 20 machines, the first term that the command names must be this term.
+ * ctest-labels: study apps/lg-identify src/machine */
 #include "identify_support.h"
 
 /* m x'' = -k x - b x' - (friction and spring) + (actuator of u) + offset: numbers of the machine `kind`. */
