@@ -381,8 +381,8 @@ long whole_lines(const char *path) {
     return end;
 }
 
-/* Whether the log from byte b->cut on is the beginning of the log `whole`, or with `all` the same log. Only the
- * first run writes the line of names. With b->gaps the log may lack lines. */
+/* Whether the log from byte b->cut on is the beginning of the log `whole`, or with `all` the same log. Only
+ * the first run writes the line of names. With b->gaps the log may lack lines. */
 static bool continues(const bench *b, const char *path, const char *whole, bool all) {
     FILE *log = fopen(path, "rb"), *model = fopen(whole, "rb");
     char *line = NULL, *wanted = NULL;
