@@ -434,6 +434,18 @@ herr_t H5Tclose(hid_t type) {
     return close_handle(type, A_TYPE);
 }
 static const tree_record *type_record(hid_t type) {
+    static tree_record records[6];
+    const struct {
+        hid_t type;
+        const char *name; /* of tree_types */
+    } memory[] = {{H5T_NATIVE_DOUBLE, "f8"}, {H5T_NATIVE_FLOAT, "f4"},  {H5T_NATIVE_INT64, "i8"},
+                  {H5T_NATIVE_UINT64, "u8"}, {H5T_NATIVE_UINT32, "u4"}, {H5T_NATIVE_UINT8, "u1"}};
+    for (size_t i = 0; i < sizeof memory / sizeof memory[0]; i++) {
+        tree_record *r = &records[i];
+        if (type != memory[i].type) continue;
+        while (strcmp(tree_types[r->type].name, memory[i].name) != 0) r->type++;
+        return r;
+    }
     return get(type, A_TYPE)->record;
 }
 H5T_class_t H5Tget_class(hid_t type) {
@@ -466,6 +478,17 @@ H5T_class_t H5Tget_class(hid_t type) {
 }
 size_t H5Tget_size(hid_t type) {
     return bytes_of(type_record(type));
+}
+H5T_order_t H5Tget_order(hid_t type) {
+    return tree_types[type_record(type)->type % TREE_TYPES].big != 0 ? H5T_ORDER_BE : H5T_ORDER_LE;
+}
+static bool is_signed(const tree_record *r) {
+    const unsigned type = r->type % TREE_TYPES;
+    return tree_types[type].name[0] == 'i' || type == TYPE_BOOL || type == TYPE_ENUM ||
+           (type == TYPE_ODD_WHOLE && (r->size & 0x8000) == 0);
+}
+H5T_sign_t H5Tget_sign(hid_t type) {
+    return is_signed(type_record(type)) ? H5T_SGN_2 : H5T_SGN_NONE;
 }
 H5T_str_t H5Tget_strpad(hid_t type) {
     const unsigned t = type_record(type)->type % TREE_TYPES;
@@ -537,25 +560,18 @@ static number number_of(const tree_record *r, const uint8_t *at) {
     } else if (n.real) {
         memcpy(&n.value, &bits, sizeof n.value);
     } else {
-        const bool is_signed = t->name[0] == 'i' || type == TYPE_BOOL || type == TYPE_ENUM ||
-                               (type == TYPE_ODD_WHOLE && (r->size & 0x8000) == 0);
         unsigned width = 8u * t->bytes;
         if (type == TYPE_ODD_WHOLE) {
             width = 1u + (r->size & 63u);
             bits >>= (r->size >> 6) & 63;
             if (width < 64) bits &= (UINT64_C(1) << width) - 1;
         }
-        n.negative = is_signed && (bits >> (width - 1) & 1) != 0;
+        n.negative = is_signed(r) && (bits >> (width - 1) & 1) != 0;
         if (n.negative && width < 64) bits |= ~((UINT64_C(1) << width) - 1);
         n.whole = bits;
         n.value = n.negative ? -(double)(~bits + 1) : (double)bits;
     }
     return n;
-}
-
-static size_t bytes_in_memory(hid_t type) {
-    if (type == H5T_NATIVE_UINT8) return 1;
-    return type == H5T_NATIVE_FLOAT || type == H5T_NATIVE_UINT32 ? 4 : 8;
 }
 
 /* Clips a number that does not fit, or with `checked` returns an error. */
@@ -571,7 +587,7 @@ static bool store(number n, hid_t memory, bool checked, void *out) {
         return !(beyond && checked);
     }
     const bool to_signed = memory == H5T_NATIVE_INT64;
-    const size_t bytes = bytes_in_memory(memory);
+    const size_t bytes = H5Tget_size(memory);
     const uint64_t most = to_signed ? (uint64_t)INT64_MAX : UINT64_MAX >> (64 - 8 * bytes);
     const double low = to_signed ? -0x1p63 : 0, high = ldexp(1.0, to_signed ? 63 : 8 * (int)bytes);
     uint64_t bits;
@@ -613,7 +629,7 @@ static herr_t read_elements(const tree_record *r, hid_t memory, const handle *pa
     static uint8_t bytes[TREE_BYTES];
     const size_t size = bytes_of(r), stored = tree_count(r, size);
     const bool words = get(memory, A_TYPE) != NULL, there = stored <= TREE_BYTES;
-    const size_t wanted = bytes_in_memory(memory);
+    const size_t wanted = H5Tget_size(memory);
     if (words ? tree_types[r->type % TREE_TYPES].nature != NATURE_TEXT &&
                     tree_types[r->type % TREE_TYPES].nature != NATURE_OTHER
               : !is_number(r))
