@@ -91,6 +91,7 @@ LD_PRELOAD=$LG_BIN_DIR/../tests/set_clock.so LG_CLOCK=clock \
 pid=$!
 until_beat 0
 echo -86400 >clock
+[ $(($(date +%s) - $(LD_PRELOAD=$LG_BIN_DIR/../tests/set_clock.so LG_CLOCK=clock date +%s))) -gt 86000 ] || fail "the clock cannot be set"
 until_beat $(($(beat_of_first) + 2))
 kill -9 $pid
 wait $pid 2>/dev/null || true
