@@ -169,7 +169,7 @@ static void *heart(void *user) {
     struct timespec until;
     (void)pthread_mutex_lock(&b->mutex);
     for (;;) {
-        (void)clock_gettime(CLOCK_REALTIME, &until);
+        (void)clock_gettime(CLOCK_MONOTONIC, &until);
         until.tv_sec++;
         (void)pthread_cond_timedwait(&b->ending, &b->mutex, &until);
         if (b->over) break;
@@ -179,6 +179,15 @@ static void *heart(void *user) {
     }
     (void)pthread_mutex_unlock(&b->mutex);
     return NULL;
+}
+
+/* The heart waits by the monotonic clock: it must beat every second when the wall clock is set back, too. */
+static void make_ending(board *b) {
+    pthread_condattr_t how;
+    (void)pthread_condattr_init(&how);
+    (void)pthread_condattr_setclock(&how, CLOCK_MONOTONIC);
+    (void)pthread_cond_init(&b->ending, &how);
+    (void)pthread_condattr_destroy(&how);
 }
 
 static void stop_heart(board *b) {
@@ -335,7 +344,7 @@ lg_status board_open(const app *self, const board_values *values, const char *ou
                  .silence = silence > 0.0 ? silence : INFINITY,
                  .signs = app_alloc(count + seats, sizeof *b->signs)};
     (void)pthread_mutex_init(&b->mutex, NULL);
-    (void)pthread_cond_init(&b->ending, NULL);
+    make_ending(b);
     bool removed = false;
     lg_status status = open_file(b, self->rank == 0, &removed, error);
     if (status == LG_NOT_FOUND && !removed && !is_over(out))

@@ -139,7 +139,7 @@ static bool go_round(link *l, double passed, bool leaving) {
 /* Waits for the next round. Returns false when the listener must end at once. */
 static bool wait_for_round(link *l, bool *leaving) {
     struct timespec until;
-    (void)clock_gettime(CLOCK_REALTIME, &until);
+    (void)clock_gettime(CLOCK_MONOTONIC, &until);
     until.tv_sec += (time_t)tick;
     (void)pthread_mutex_lock(&l->mutex);
     if (!l->ending && !l->quit) (void)pthread_cond_timedwait(&l->wake, &l->mutex, &until);
@@ -323,6 +323,15 @@ static lg_status release(lg_ranks *ranks, lg_error *error) {
     return LG_OK;
 }
 
+/* The listener waits by the monotonic clock: it must send its signs when the wall clock is set back, too. */
+static void make_wake(link *l) {
+    pthread_condattr_t how;
+    (void)pthread_condattr_init(&how);
+    (void)pthread_condattr_setclock(&how, CLOCK_MONOTONIC);
+    (void)pthread_cond_init(&l->wake, &how);
+    (void)pthread_condattr_destroy(&how);
+}
+
 /* Rank 0 is the peer of all other ranks. */
 static bool begin_listening(link *l, int rank, int count) {
     int level = MPI_THREAD_SINGLE;
@@ -350,7 +359,7 @@ static lg_status join(const lg_context *context, const void *communicator, doubl
     l->context = context;
     l->silence = silence;
     (void)pthread_mutex_init(&l->mutex, NULL);
-    (void)pthread_cond_init(&l->wake, NULL);
+    make_wake(l);
     (void)MPI_Comm_dup(from, &l->comm);
     (void)MPI_Comm_dup(from, &l->signs);
     (void)MPI_Comm_set_errhandler(l->comm, MPI_ERRORS_RETURN);

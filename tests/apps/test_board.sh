@@ -79,6 +79,24 @@ $long --out t.csv --merge >merged 2>&1
 same_table long.csv t.csv || fail "a trial was stopped by what was not known yet"
 rm -f t.csv*
 
+# A process raises its beat when the wall clock is set back by a day, too.
+beat_of_first() { od -An -t u8 -j 184 -N 8 t.csv.board 2>/dev/null | tr -d ' '; }
+until_beat() { # until_beat N: waits up to half a minute until the beat is above N
+    for i in $(seq 300); do [ "0$(beat_of_first)" -le "$1" ] || return 0; sleep 0.1; done
+    fail "no beat after $1: $(cat task)"
+}
+sed 's/epochs: 20/epochs: 1000000/' ranges.yaml >long.yaml
+LD_PRELOAD=$LG_BIN_DIR/../tests/set_clock.so LG_CLOCK=clock \
+    lg-elastica search long.yaml data.h5 --trials 1 --threads 1 --out t.csv --task 0/2 >task 2>&1 &
+pid=$!
+until_beat 0
+echo -86400 >clock
+[ $(($(date +%s) - $(LD_PRELOAD=$LG_BIN_DIR/../tests/set_clock.so LG_CLOCK=clock date +%s))) -gt 86000 ] || fail "the clock cannot be set"
+until_beat $(($(beat_of_first) + 2))
+kill -9 $pid
+wait $pid 2>/dev/null || true
+rm -f t.csv* clock
+
 # A table of other work is refused, and its board does not block the right work. A merge of a part is reported as such.
 sed 's/seed: 1/seed: 2/' grid.yaml >grid2.yaml
 cp study.csv t.csv

@@ -162,3 +162,16 @@ start_ranks 8
 for i in 1 2 3; do kill -STOP $second; sleep 2; kill -CONT $second; sleep 0.1; done
 wait $job || fail "a slow rank was given up: $(cat err)"
 rest 1
+
+# A rank whose wall clock is set back by a day gives signs of life.
+train="${train/--epochs 600/--epochs 100000000}"
+LIEGRAD_SILENCE=8 timeout 120 mpirun --oversubscribe --mca odls_base_sigkill_timeout 30 -n 3 bash -c "LD_PRELOAD=$LG_BIN_DIR/../tests/set_clock.so \
+    LG_CLOCK=clock.\$OMPI_COMM_WORLD_RANK exec $train --out clocks.h5 --checkpoint k.h5 --checkpoint-every 5" >out 2>err &
+job=$!
+for i in $(seq 900); do [ ! -e k.h5 ] || break; sleep 0.1; done
+echo -86400 >clock.1
+sleep 12
+pkill -TERM -P $job -x mpirun
+wait $job || true
+! grep -q "no sign of life" err || fail "a rank whose clock was set back is given up: $(cat err)"
+grep -q "continue with --resume" err || fail "ranks with a clock set back: $(cat err)"
