@@ -103,7 +103,8 @@ static lg_status list_sources(read_call *call, lg_h5 *h5, lg_error *error) {
     all.name = lg_alloc(call->r->context, all.room, sizeof *all.name);
     if (all.name == NULL) return lg_table_no_memory(call->r, error);
     lg_h5_quiet quiet = lg_quiet_begin();
-    (void)H5Literate(h5->file, H5_INDEX_NAME, H5_ITER_INC, NULL, add_link, &all);
+    if (H5Literate(h5->file, H5_INDEX_NAME, H5_ITER_INC, NULL, add_link, &all) < 0)
+        status = lg_fail(error, LG_FORMAT, "%s: cannot be read: cut short or damaged", call->r->shown);
     lg_quiet_end(quiet);
     for (uint32_t i = 0; i < all.count && status == LG_OK; i++)
         status = add_source(call, h5, all.name[i], error);
