@@ -100,7 +100,7 @@ static lg_status check_size(const lg_table_reading *r, const npy *n, lg_error *e
     if (at < 0 || fstat(fileno(n->from), &about) != 0)
         return lg_fail(error, LG_FILE, "%s: %s", r->shown, strerror(errno));
     const uint64_t have = (uint64_t)about.st_size - (uint64_t)at;
-    if (n->rows > have || n->rows * n->columns > have || n->rows * n->columns * n->bytes > have)
+    if (n->rows > have / (n->columns * n->bytes))
         return lg_fail(error, LG_FORMAT, "%s: is cut off: its header announces (%llu, %llu) numbers",
                        r->shown, (unsigned long long)n->rows, (unsigned long long)n->columns);
     if (n->rows * n->columns * n->bytes < have)

@@ -218,9 +218,11 @@ TEST("texts, numbers and provenance are read back, after a change of the file to
     assert_told(lg_h5_commit(h5, &told));
     h5 = open_h5(path);
     assert_told(lg_h5_check_format(h5, "test", false, &told));
-    assert_false(lg_h5_has_attribute(h5, "set", "old"));
-    assert_true(lg_h5_has(h5, "") && lg_h5_has(h5, "made/group") && !lg_h5_has(h5, "made/other"));
-    assert_true(!lg_h5_has(h5, "other/group") && !lg_h5_has_attribute(h5, "other", "x"));
+    assert_true(lg_h5_has(h5, "") && lg_h5_has(h5, "made/group"));
+    if (!lg_test_faulty()) { /* if HDF5 cannot tell, the answer is yes */
+        assert_true(!lg_h5_has(h5, "made/other") && !lg_h5_has(h5, "other/group"));
+        assert_true(!lg_h5_has_attribute(h5, "set", "old") && !lg_h5_has_attribute(h5, "other", "x"));
+    }
     assert_told(lg_h5_each_text(h5, "texts", count_text, &count, &told));
     assert_told(lg_h5_each_attribute_text(h5, "set", "list", &words, count_text, &count, &told));
     assert_true(count == 6 && words);
