@@ -15,6 +15,7 @@
 #include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
+#include <yaml.h>
 
 static struct {
     _Atomic long calls[FAULT_CLASSES], live, hits;
@@ -195,6 +196,20 @@ CALL(FAULT_FILES, EMFILE, -1, int, pipe, (int ends[2]), (ends))
 CALL(FAULT_FILES, ENOSPC, ENOSPC, int, posix_fallocate, (int fd, off_t from, off_t bytes), (fd, from, bytes))
 CALL(FAULT_MEMORY, EAGAIN, -1, pid_t, fork, (void), ())
 CALL(class_of(file), EIO, EOF, int, fflush, (FILE * file), (file))
+CALL(FAULT_MEMORY, ENOMEM, 0, int, yaml_parser_initialize, (yaml_parser_t * parser), (parser))
+CALL(FAULT_MEMORY, ENOMEM, 0, int, yaml_emitter_initialize, (yaml_emitter_t * emitter), (emitter))
+CALL(FAULT_MEMORY, ENOMEM, 0, int, yaml_document_add_scalar,
+     (yaml_document_t * in, const yaml_char_t *tag, const yaml_char_t *text, int length,
+      yaml_scalar_style_t style),
+     (in, tag, text, length, style))
+CALL(FAULT_MEMORY, ENOMEM, 0, int, yaml_document_add_sequence,
+     (yaml_document_t * in, const yaml_char_t *tag, yaml_sequence_style_t style), (in, tag, style))
+CALL(FAULT_MEMORY, ENOMEM, 0, int, yaml_document_add_mapping,
+     (yaml_document_t * in, const yaml_char_t *tag, yaml_mapping_style_t style), (in, tag, style))
+CALL(FAULT_MEMORY, ENOMEM, 0, int, yaml_document_append_sequence_item,
+     (yaml_document_t * in, int list, int item), (in, list, item))
+CALL(FAULT_MEMORY, ENOMEM, 0, int, yaml_document_append_mapping_pair,
+     (yaml_document_t * in, int map, int key, int value), (in, map, key, value))
 /* The stream gets its error indicator: it is open for reading, so a character cannot be written to it. */
 #define READ(name, parameters, values)                                                                       \
     size_t REAL(name) parameters;                                                                            \

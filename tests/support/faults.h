@@ -10,7 +10,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* MEMORY: functions that allocate, or start a thread or a process. FILES: functions that open, read, write,
+/* MEMORY: functions that allocate (of libyaml, too), or start a thread or a process. FILES: functions that open, read, write,
  * lock, name or close files. HDF5: functions of HDF5, which only fail. */
 typedef enum fault_class { FAULT_MEMORY, FAULT_FILES, FAULT_HDF5, FAULT_CLASSES } fault_class;
 
