@@ -501,6 +501,58 @@ TEST("values, vjp and jvp of every case agree in float and double") {
     }
 }
 
+/* ---- derivatives by one input ---- */
+
+static const double *numbers_of(lg_tape *t, lg_var v) {
+    const size_t count = lg_shape_count(lg_var_shape(t, v));
+    double *out = TEST_ARRAY(double, count + 1);
+    assert_ok(lg_read(t, v, count, out));
+    return out;
+}
+
+static void assert_same_numbers(const char *name, lg_tape *t, lg_var have, lg_var want) {
+    const size_t count = lg_shape_count(lg_var_shape(t, want));
+    lg_all_close(name, numbers_of(t, have), numbers_of(t, want), count, 1e-12, 1e-12, __FILE__, __LINE__);
+}
+
+/* The scalar <weights, y> with weights that differ from element to element. */
+static lg_var weighted(lg_tape *t, lg_var y) {
+    const size_t count = lg_shape_count(lg_var_shape(t, y));
+    double *weights = TEST_ARRAY(double, count + 1);
+    for (size_t i = 0; i < count; i++) weights[i] = 0.5 + 0.25 * (double)(i % 5);
+    return lg_sum(t, lg_mul(t, y, lg_input_f64(t, lg_var_shape(t, y), weights)));
+}
+
+TEST("a derivative by one input alone equals its part of the derivative by all inputs, in two orders") {
+    const lg_gradcheck_case *row;
+    for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++) {
+        const size_t mark = lg_test_owned();
+        const lg_gradcheck_function *f = &row->function;
+        lg_tape *t = test_tape(LG_F64);
+        lg_rng rng = test_rng(11, 0);
+        const row_on_tape r = record_row(t, &rng, f);
+        const lg_var y = weighted(t, r.y), one = lg_full(t, lg_shape0(), 1.0);
+        lg_var all[LG_GRADCHECK_MAX_INPUTS], second[LG_GRADCHECK_MAX_INPUTS], alone, again;
+        assert_ok(lg_vjp(t, &y, &one, 1, r.x, f->inputs, all));
+        for (uint32_t k = 0; k < f->inputs; k++) {
+            const size_t count = lg_shape_count(lg_var_shape(t, r.x[k]));
+            double *gradient = TEST_ARRAY(double, count + 1);
+            assert_ok(lg_vjp(t, &y, &one, 1, &r.x[k], 1, &alone));
+            assert_same_numbers(f->name, t, alone, all[k]);
+            assert_ok(lg_backward_set(t, y, &r.x[k], 1, &(void *){gradient}));
+            lg_all_close(f->name, gradient, numbers_of(t, all[k]), count, 1e-12, 1e-12, __FILE__, __LINE__);
+            if (f->first_order_only) continue;
+            const lg_var slope = weighted(t, alone);
+            assert_ok(lg_vjp(t, &slope, &one, 1, r.x, f->inputs, second));
+            for (uint32_t j = 0; j < f->inputs; j++) {
+                assert_ok(lg_vjp(t, &slope, &one, 1, &r.x[j], 1, &again));
+                assert_same_numbers(f->name, t, again, second[j]);
+            }
+        }
+        lg_test_give_back(mark);
+    }
+}
+
 /* ---- values; the gradient check tests only that derivatives fit the values ---- */
 
 /* X(expression in v, its numbers) for v = (1 -2 3; 4 5 -6) and a second variable (1 2 3; 4 5 6). */
