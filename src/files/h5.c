@@ -38,8 +38,7 @@ static herr_t refuse_external(const char *parent_file, const char *parent_group,
 }
 
 lg_status lg_h5_new(const lg_context *context, const char *path, lg_h5 **out, lg_error *error) {
-    if (path == NULL || *path == '\0' || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name");
+    if (path == NULL || *path == '\0') return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name");
     lg_h5 *h5 = lg_alloc(context, 1, sizeof *h5);
     bool made = false;
     if (h5 != NULL) {

@@ -305,13 +305,15 @@ static lg_status read_dataset(lg_h5 *h5, const char *name, const lg_dataset *d, 
     return read_all(h5, name, d, lg_h5_memory_type(type), true, out, error);
 }
 
+enum { SHAPE_TEXT = 8 + LG_MAX_RANK * 22 }; /* bytes that the longest shape takes */
+
 /* Writes a shape as "(3, 4)". */
-static void shape_text(char *text, size_t size, uint32_t rank, const uint64_t *dims) {
-    size_t used = (size_t)snprintf(text, size, "(");
-    for (uint32_t i = 0; i < rank && used < size; i++)
-        used += (size_t)snprintf(text + used, size - used, "%s%llu", i > 0 ? ", " : "",
+static void shape_text(char text[SHAPE_TEXT], uint32_t rank, const uint64_t *dims) {
+    size_t used = (size_t)snprintf(text, SHAPE_TEXT, "(");
+    for (uint32_t i = 0; i < rank; i++)
+        used += (size_t)snprintf(text + used, SHAPE_TEXT - used, "%s%llu", i > 0 ? ", " : "",
                                  (unsigned long long)dims[i]);
-    if (used < size) (void)snprintf(text + used, size - used, ")");
+    (void)snprintf(text + used, SHAPE_TEXT - used, ")");
 }
 
 lg_status lg_h5_get(lg_h5 *h5, const char *name, lg_element type, uint32_t rank, const uint64_t *dims,
@@ -323,9 +325,9 @@ lg_status lg_h5_get(lg_h5 *h5, const char *name, lg_element type, uint32_t rank,
         bool same = d.rank == rank;
         for (uint32_t i = 0; same && i < rank; i++) same = d.dims[i] == dims[i];
         if (!same) {
-            char have[96], want[96];
-            shape_text(have, sizeof have, d.rank, d.dims);
-            shape_text(want, sizeof want, rank, dims);
+            char have[SHAPE_TEXT], want[SHAPE_TEXT];
+            shape_text(have, d.rank, d.dims);
+            shape_text(want, rank, dims);
             status = lg_fail(error, LG_SHAPE, "%s: /%s: has shape %s, expected %s", lg_shown_path(h5->path),
                              name, have, want);
         } else {
@@ -346,8 +348,8 @@ lg_status lg_check_finite(const char *path, const char *name, uint32_t rank, con
     uint64_t index[LG_MAX_RANK];
     uint64_t rest = at;
     for (uint32_t i = rank; i-- > 0; rest /= dims[i]) index[i] = rest % dims[i];
-    char where[96];
-    shape_text(where, sizeof where, rank, index);
+    char where[SHAPE_TEXT];
+    shape_text(where, rank, index);
     return lg_fail(error, LG_NOT_FINITE, "%s: /%s: %s at index %s", lg_shown_path(path), name,
                    isnan(data[at]) ? "NaN" : "an infinity", where);
 }

@@ -209,6 +209,51 @@ TEST("reading arrays and tables stops when cancelled, and leaks nothing") {
     lg_context_destroy(context);
 }
 
+/* ---- CSV ---- */
+
+TEST("headers and cells of CSV files that are wrong are refused with their line") {
+    enum { LONG = LG_TABLE_NAME + 10 };
+    char name[LONG + 1], long_class[2 * LONG], *many = TEST_ARRAY(char, 1 << 16), *to = many;
+    memset(name, 'w', LONG), name[LONG] = '\0';
+    (void)snprintf(long_class, sizeof long_class, "x,c\n1,%s\n", name);
+    to += sprintf(to, "x,c\n");
+    for (int i = 0; i <= 1000; i++) to += sprintf(to, "1,class%d\n", i);
+    const struct {
+        const char *text, *class_column, *word; /* word NULL: the table is read */
+    } rows[] = {
+        {"1,2,3\n4,5,6\n", NULL, "line 1: has numbers where the names of the columns are expected"},
+        {"x,2\n4,5\n", NULL, "line 1: has numbers where"},
+        {"x,y,2\n4,5,6\n", NULL, NULL},
+        {"x,\"y\n4,5\n", NULL, "line 1: a quote is not closed"},
+        {"x,\"y\" z\n4,5\n", NULL, "line 1: text follows a closing quote"},
+        {"x,\"y\" \t\n4,5\n", NULL, NULL},
+        {"x,\"y \"\" z\"\n4,5\n", NULL, NULL},
+        {"x,y\n4\n5,6\n", NULL, "line 2"},
+        {"x,y\nfour,5\n", NULL, "line 2: column x: 'four' is not a number"},
+        {"x,y\n\"1,5\",5\n", NULL, "write decimals with a point"},
+        {"x,y\n1e999,5\n", NULL, "is not a finite number"},
+        {"x\n", NULL, "has a header, but no rows"},
+        {"", NULL, ""},
+        {long_class, "c", "line 2: column c: the class has more than"},
+        {many, "c", "column c: has more than 1000 different values"},
+    };
+    const char *const x = "x";
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        lg_table_data data;
+        lg_error error = {LG_OK, ""};
+        write_text_to(scratch_path("t.csv"), rows[i].text);
+        const lg_status status =
+            lg_table_read(NULL, scratch_path("t.csv"), &x, 1, rows[i].class_column, NULL, &data, &error);
+        if (lg_test_again(status)) continue;
+        if (status == LG_OK) lg_table_data_destroy(&data);
+        if (status != (rows[i].word == NULL ? LG_OK : LG_FORMAT)) fail_msg("row %zu: %s", i, error.message);
+        if (rows[i].word != NULL) assert_says(error.message, rows[i].word);
+    }
+    lg_table_data data;
+    assert_status(lg_table_read(NULL, "", &x, 1, NULL, NULL, &data, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_table_keep_complete(NULL, 1, NULL, NULL), LG_INVALID_ARGUMENT);
+}
+
 /* ---- files of numpy ---- */
 
 /* Writes the magic number, the version, the length of the header (`length` 0: the true one), the header and
@@ -425,6 +470,13 @@ static void write_table(const char *path) {
     put_dataset(file, "short", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 1, (hsize_t[]){2}, false, numbers);
     put_dataset(file, "word", text, text, 1, rows, false, words);
     put_dataset(file, "words", text, text, 2, (hsize_t[]){1, 2}, false, words);
+    put_dataset(file, "standing", text, text, 2, (hsize_t[]){H5_ROWS, 1}, false, words);
+    put_dataset(file, "scalar", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 0, rows, false, numbers);
+    put_dataset(file, "vast", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 2, (hsize_t[]){1, 65537}, false, NULL);
+    hid_t pair = H5Tcreate(H5T_COMPOUND, 8);
+    assert_true(H5Tinsert(pair, "x", 0, H5T_NATIVE_DOUBLE) >= 0);
+    put_dataset(file, "pairs", pair, pair, 1, rows, false, numbers);
+    assert_true(H5Tclose(pair) >= 0);
     assert_true(H5Gclose(H5Gcreate2(file, "group", H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT)) >= 0);
     assert_true(H5Tclose(text) >= 0 && H5Fclose(file) >= 0);
     replace_text(path, "named", "columns", "p, q");
@@ -450,9 +502,9 @@ TEST("columns of an HDF5 file are arrays and columns of matrices, with the names
     const uint32_t count = names.count;
     lg_table_names_destroy(&names);
     lg_table_names_destroy(NULL);
-    assert_int_equal(count, 20 + 2 + 2 + 3); /* both, named; bounds, short, word */
+    assert_int_equal(count, 20 + 2 + 2 + 4); /* both, named; bounds, short, standing, word */
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
-        assert_told(read_h5(path, rows[i].column, "word", &data, &told));
+        assert_told(read_h5(path, rows[i].column, i % 2 == 0 ? "word" : "standing", &data, &told));
         own_lg_table_data(data);
         assert_int_equal(data.rows, H5_ROWS);
         for (size_t r = 0; r < H5_ROWS; r++)

@@ -301,6 +301,8 @@ static void put_foreign_attribute(hid_t file, const char *name, hid_t type, hid_
     assert_true(at >= 0 && (data == NULL || H5Awrite(at, type, data) >= 0) && H5Aclose(at) >= 0);
 }
 
+enum { WORDS_OF_LIST = 5000, VAST = 5000000 }; /* more than are read at once */
+
 static void write_foreign(const char *path) {
     static char big[70000], block[8192];
     const hsize_t bytes[1] = {sizeof block}, two[1] = {2}, pair[2] = {1, 2}, cube[5] = {1, 1, 1, 1, 1};
@@ -309,6 +311,9 @@ static void write_foreign(const char *path) {
     const int64_t signs[2] = {-1, 1};
     const char *texts[2] = {NULL, big};
     memset(big, 'b', sizeof big - 1);
+    const hsize_t no_rows[1] = {0}, vast[2] = {2, VAST};
+    const char *words[WORDS_OF_LIST];
+    for (size_t i = 0; i < WORDS_OF_LIST; i++) words[i] = i % 2 == 0 ? "even" : "odd";
     hid_t file = H5Fcreate(path, H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
     hid_t one = H5Screate(H5S_SCALAR), list = H5Screate_simple(1, two, NULL), null = H5Screate(H5S_NULL),
           row = H5Screate_simple(2, pair, NULL), deep = H5Screate_simple(5, cube, NULL);
@@ -344,6 +349,12 @@ static void write_foreign(const char *path) {
     put_foreign_attribute(file, "spaces", blanks, one, "a     ");
     put_foreign_attribute(file, "many", many, one, &(hvl_t){2, (void *)(uintptr_t)numbers});
     put_foreign_attribute(file, "block", block_type, one, block);
+    put_dataset(file, "empty", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 1, no_rows, false, NULL);
+    put_dataset(file, "list", variable, variable, 1, (hsize_t[]){WORDS_OF_LIST}, false, words);
+    hid_t chunked = H5Pcreate(H5P_DATASET_CREATE), wide_rows = H5Screate_simple(2, vast, NULL);
+    assert_true(H5Pset_chunk(chunked, 2, vast) >= 0);
+    put_foreign(file, "vast", H5T_STD_U8LE, H5T_NATIVE_DOUBLE, wide_rows, chunked, NULL);
+    assert_true(H5Pclose(chunked) >= 0 && H5Sclose(wide_rows) >= 0);
     const hid_t spaces[] = {one, list, null, row, deep},
                 types[] = {variable, blanks, wide, f16, many, both, block_type};
     for (size_t i = 0; i < LG_COUNT(spaces); i++) assert_true(H5Sclose(spaces[i]) >= 0);
@@ -361,6 +372,13 @@ static lg_status pass(void *user, uint64_t index, const char *text, lg_error *er
     return LG_OK;
 }
 
+static void count_rows(void *user, uint64_t row, uint64_t rows, const double *values) {
+    uint64_t *seen = user;
+    for (uint64_t i = 0; i < rows * VAST; i += 1000) assert_true(values[i] == 0);
+    assert_true(row == *seen);
+    *seen += rows;
+}
+
 static void assert_outcome(const char *name, lg_status status, const char *message, lg_status expected,
                            const char *word) {
     if (status == expected && strstr(message, word) != NULL) return;
@@ -369,7 +387,7 @@ static void assert_outcome(const char *name, lg_status status, const char *messa
 }
 
 TEST("arrays of other programs are read in every layout, and refused by name") {
-    enum { DOUBLES, FLOATS, SIGNED, UNSIGNED, WORDS, SHAPED, LOOKED };
+    enum { DOUBLES, FLOATS, SINGLES, SIGNED, UNSIGNED, NATURAL, WORDS, SHAPED, LOOKED, ROWS };
     static const struct {
         const char *name;
         int as;
@@ -378,6 +396,11 @@ TEST("arrays of other programs are read in every layout, and refused by name") {
     } rows[] = {
         {"compact", DOUBLES, LG_OK, ""},
         {"compact", FLOATS, LG_OK, ""},
+        {"compact", SINGLES, LG_FORMAT, "out of range"},
+        {"empty", FLOATS, LG_OK, ""},
+        {"empty", ROWS, LG_OK, ""},
+        {"vast", ROWS, LG_OK, ""},
+        {"absent", ROWS, LG_NOT_FOUND, "has no /absent"},
         {"half", SHAPED, LG_OK, ""},
         {"blanks", WORDS, LG_OK, ""},
         {"elsewhere", DOUBLES, LG_FORMAT, "keeps its data in another file"},
@@ -393,6 +416,8 @@ TEST("arrays of other programs are read in every layout, and refused by name") {
         {"large", SIGNED, LG_FORMAT, "out of range"},
         {"signs", UNSIGNED, LG_FORMAT, "out of range"},
         {"signs", SIGNED, LG_OK, ""},
+        {"signs", NATURAL, LG_FORMAT, "out of range"},
+        {"list", WORDS, LG_OK, ""},
         {"long", WORDS, LG_FORMAT, "the text at index (1) is too long"},
         {"wide", WORDS, LG_FORMAT, "has texts that are too long"},
         {"row", WORDS, LG_FORMAT, "is not a list of texts"},
@@ -405,13 +430,17 @@ TEST("arrays of other programs are read in every layout, and refused by name") {
         uint64_t shape[4];
         uint32_t rank;
         double doubles[2], epsilon = 0;
-        float floats[2];
+        float floats[2] = {1.5f, INFINITY};
+        uint64_t rows_seen = 0;
         int64_t wholes[2];
         char text[16] = "unread";
         lg_h5_about about;
         const lg_status status =
             rows[i].as == DOUBLES    ? lg_h5_get(h5, name, LG_ELEMENT_F64, 1, dims, doubles, &error)
             : rows[i].as == FLOATS   ? lg_h5_get_floats(h5, name, floats, &error)
+            : rows[i].as == SINGLES  ? lg_h5_get(h5, name, LG_ELEMENT_F32, 1, dims, floats, &error)
+            : rows[i].as == NATURAL  ? lg_h5_get(h5, name, LG_ELEMENT_U32, 1, dims, wholes, &error)
+            : rows[i].as == ROWS     ? lg_h5_each_rows(h5, name, count_rows, &rows_seen, &error)
             : rows[i].as == SIGNED   ? lg_h5_get(h5, name, LG_ELEMENT_I64, 1, dims, wholes, &error)
             : rows[i].as == UNSIGNED ? lg_h5_get(h5, name, LG_ELEMENT_U64, 1, dims, wholes, &error)
             : rows[i].as == WORDS    ? lg_h5_each_text(h5, name, pass, text, &error)
@@ -422,6 +451,8 @@ TEST("arrays of other programs are read in every layout, and refused by name") {
         if (rows[i].as == DOUBLES && status == LG_OK) assert_true(doubles[0] == 1.5 && doubles[1] == 1e300);
         if (rows[i].as == FLOATS) assert_true(floats[0] == 1.5f && isinf(floats[1]));
         if (rows[i].as == SHAPED) assert_true(rank == 0 && epsilon == 0x1p-10);
+        if (strcmp(name, "vast") == 0) assert_int_equal(rows_seen, 2);
+        if (strcmp(name, "list") == 0) assert_string_equal(text, "odd");
         if (rows[i].as == LOOKED) assert_int_equal(about.kind, LG_H5_OTHER);
         if (strcmp(name, "blanks") == 0) assert_string_equal(text, "");
     }
@@ -479,6 +510,66 @@ TEST("attributes of other programs are read, and refused by name") {
         if (strcmp(name, "spaces") == 0 && rows[i].as <= EACH) assert_string_equal(text, "a");
         if (strcmp(name, "none") == 0) assert_string_equal(text, "");
     }
+}
+
+TEST("the kind of a file is checked, and its format and version") {
+    char name[LG_H5_KIND + 10], kind[LG_H5_KIND];
+    memset(name, 'k', sizeof name - 1), name[sizeof name - 1] = '\0';
+    const struct {
+        const char *format, *kind;
+        bool foreign;
+        lg_status status;
+        const char *word;
+    } rows[] = {
+        {"liegrad", "test", false, LG_OK, ""},
+        {"liegrad", "other", false, LG_FORMAT, "attribute kind is 'other', expected 'test'"},
+        {"liegrad", "other", true, LG_FORMAT, "attribute kind is 'other', expected 'test'"},
+        {"liegrad", NULL, false, LG_FORMAT, "attribute kind is missing, expected 'test'"},
+        {"liegrad", NULL, true, LG_OK, ""},
+        {"liegrad", name, false, LG_FORMAT, "attribute kind is too long"},
+        {"other", "test", false, LG_FORMAT, "attribute format is 'other', expected 'liegrad'"},
+        {"o\x7fther", "test", false, LG_FORMAT, "attribute format is 'o?ther'"},
+        {"other", "other", true, LG_OK, ""},
+        {NULL, "other", true, LG_OK, ""},
+        {NULL, "test", false, LG_OK, ""},
+        {name, "test", false, LG_FORMAT, "attribute format is '', expected 'liegrad'"},
+    };
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        const char *path = scratch_path("kind.h5");
+        lg_error error = {LG_OK, ""};
+        lg_h5 *h5;
+        assert_told(lg_h5_create(NULL, path, &h5, &told));
+        lg_test_owns(h5, release_h5);
+        if (rows[i].format != NULL) assert_told(lg_h5_put_text(h5, "", "format", rows[i].format, &told));
+        if (rows[i].kind != NULL) assert_told(lg_h5_put_text(h5, "", "kind", rows[i].kind, &told));
+        assert_outcome(path, lg_h5_check_format(h5, "test", rows[i].foreign, &error), error.message,
+                       rows[i].status, rows[i].word);
+        assert_told(lg_h5_kind(h5, kind, &told));
+        const bool ours = rows[i].format == NULL || strcmp(rows[i].format, "liegrad") == 0;
+        const bool named = ours && rows[i].kind != NULL && strlen(rows[i].kind) < LG_H5_KIND;
+        if (!lg_test_faulty()) assert_string_equal(kind, named ? rows[i].kind : "");
+    }
+}
+
+TEST("names of files that are missing or too long are refused, and a file may be empty") {
+    char name[400];
+    lg_error error = {LG_OK, ""};
+    lg_h5 *h5;
+    memset(name, 'f', sizeof name - 1), name[0] = '/', name[sizeof name - 1] = '\0';
+    assert_status(lg_file_write(NULL, "", "x", 1, &error), LG_INVALID_ARGUMENT);
+    assert_status(lg_file_write(NULL, scratch_path("x"), NULL, 1, &error), LG_INVALID_ARGUMENT);
+    assert_told(lg_file_write(NULL, scratch_path("x"), NULL, 0, &told));
+    assert_status(lg_file_write(NULL, name, "x", 1, &error), LG_FILE);
+    if (strspn(error.message, "f") != 200) fail_msg("%s", error.message);
+    assert_status(lg_h5_open(NULL, name, NULL, &h5, &error), LG_FILE);
+    assert_status(lg_h5_open(NULL, test_text("%s/y", scratch_path("x")), NULL, &h5, &error), LG_NOT_FOUND);
+    assert_status(lg_h5_open(NULL, NULL, NULL, &h5, &error), LG_INVALID_ARGUMENT);
+    assert_status(lg_h5_open(NULL, scratch_path("x"), NULL, &h5, &error), LG_FORMAT);
+    assert_says(error.message, "is empty");
+    const lg_read_options huge = {.size = sizeof huge, .max_size = UINT64_MAX};
+    lg_read_options resolved;
+    assert_ok(lg_read_options_resolve(&huge, &resolved, NULL));
+    assert_true(resolved.max_size <= SIZE_MAX / 2);
 }
 
 TEST("the first number that is not finite is named with its index") {
