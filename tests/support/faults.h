@@ -10,8 +10,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* MEMORY: functions that allocate (of libyaml, too), or start a thread or a process. FILES: functions that open, read, write,
- * lock, name or close files. HDF5: functions of HDF5, which only fail. */
+/* MEMORY: functions that allocate (of libyaml, too), or start a thread or a process. FILES: functions that
+ * open, read, write, lock, name or close files. HDF5: functions of HDF5, which only fail. */
 typedef enum fault_class { FAULT_MEMORY, FAULT_FILES, FAULT_HDF5, FAULT_CLASSES } fault_class;
 
 /* FAIL: the call does nothing and returns an error; but functions that close do so and return an error.
