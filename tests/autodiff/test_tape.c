@@ -515,12 +515,16 @@ static void assert_same_numbers(const char *name, lg_tape *t, lg_var have, lg_va
     lg_all_close(name, numbers_of(t, have), numbers_of(t, want), count, 1e-12, 1e-12, __FILE__, __LINE__);
 }
 
-/* The scalar <weights, y> with weights that differ from element to element. */
-static lg_var weighted(lg_tape *t, lg_var y) {
+/* Numbers of this variable's shape that differ from element to element. */
+static lg_var weights_of(lg_tape *t, lg_var y) {
     const size_t count = lg_shape_count(lg_var_shape(t, y));
     double *weights = TEST_ARRAY(double, count + 1);
     for (size_t i = 0; i < count; i++) weights[i] = 0.5 + 0.25 * (double)(i % 5);
-    return lg_sum(t, lg_mul(t, y, lg_input_f64(t, lg_var_shape(t, y), weights)));
+    return lg_input_f64(t, lg_var_shape(t, y), weights);
+}
+
+static lg_var weighted(lg_tape *t, lg_var y) {
+    return lg_sum(t, lg_mul(t, y, weights_of(t, y)));
 }
 
 TEST("a derivative by one input alone equals its part of the derivative by all inputs, in two orders") {
@@ -531,9 +535,17 @@ TEST("a derivative by one input alone equals its part of the derivative by all i
         lg_tape *t = test_tape(LG_F64);
         lg_rng rng = test_rng(11, 0);
         const row_on_tape r = record_row(t, &rng, f);
-        const lg_var y = weighted(t, r.y), one = lg_full(t, lg_shape0(), 1.0);
+        const lg_var weights = weights_of(t, r.y), one = lg_full(t, lg_shape0(), 1.0);
+        const lg_var y = lg_sum(t, lg_mul(t, r.y, weights));
         lg_var all[LG_GRADCHECK_MAX_INPUTS], second[LG_GRADCHECK_MAX_INPUTS], alone, again;
         assert_ok(lg_vjp(t, &y, &one, 1, r.x, f->inputs, all));
+        /* by the result itself: no input is asked for */
+        const size_t results = lg_shape_count(lg_var_shape(t, r.y));
+        double *unit = TEST_ARRAY(double, results + 1);
+        assert_ok(lg_vjp(t, &y, &one, 1, &r.y, 1, &alone));
+        assert_same_numbers(f->name, t, alone, weights);
+        assert_ok(lg_backward_set(t, y, &r.y, 1, &(void *){unit}));
+        lg_all_close(f->name, unit, numbers_of(t, weights), results, 0, 0, __FILE__, __LINE__);
         for (uint32_t k = 0; k < f->inputs; k++) {
             const size_t count = lg_shape_count(lg_var_shape(t, r.x[k]));
             double *gradient = TEST_ARRAY(double, count + 1);
@@ -548,6 +560,8 @@ TEST("a derivative by one input alone equals its part of the derivative by all i
                 assert_ok(lg_vjp(t, &slope, &one, 1, &r.x[j], 1, &again));
                 assert_same_numbers(f->name, t, again, second[j]);
             }
+            assert_ok(lg_vjp(t, &slope, &one, 1, &alone, 1, &again));
+            assert_same_numbers(f->name, t, again, weights_of(t, alone));
         }
         lg_test_give_back(mark);
     }
