@@ -6,6 +6,7 @@
 
 #define H5_USE_110_API
 #include <hdf5.h>
+#include <string.h>
 
 #include "core/core.h"
 #include "liegrad/files.h"
@@ -21,7 +22,10 @@ typedef struct lg_h5 {
 } lg_h5;
 
 /* Returns the path, or only its end if it is long, so that the error message has room for the key. */
-const char *lg_shown_path(const char *path);
+static inline const char *lg_shown_path(const char *path) {
+    const size_t length = strlen(path);
+    return length > 200 ? path + length - 200 : path;
+}
 
 /* Makes a text from a file fit for an error message: replaces control characters by '?'. */
 static inline const char *lg_tamed(char *text) {

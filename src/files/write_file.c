@@ -13,11 +13,6 @@
 
 #include "files/h5.h"
 
-const char *lg_shown_path(const char *path) {
-    size_t length = strlen(path);
-    return length > 200 ? path + length - 200 : path;
-}
-
 static lg_status file_error(lg_error *error, const char *path, const char *what, int code) {
     return lg_fail(error, LG_FILE, "%s: %s: %s", lg_shown_path(path), what, strerror(code));
 }
