@@ -68,10 +68,10 @@ static lg_status widen(read_call *call, lg_error *error) {
     return LG_OK;
 }
 
-/* Adds the data set behind one link of the root. Objects that are not arrays of rows are skipped. */
+/* Adds the data set behind one link of the root. Objects that are not arrays of rows are skipped. `name` has
+ * fewer than LG_TABLE_NAME bytes. */
 static lg_status add_source(read_call *call, lg_h5 *h5, const char *name, lg_error *error) {
     source s = {.first = call->r->all.count, .columns = 1};
-    if (strlen(name) >= sizeof s.name) return LG_OK;
     (void)snprintf(s.name, sizeof s.name, "%s", name);
     if (lg_h5_look(h5, name, sizeof(double), &s.about, error) != LG_OK) return LG_OK;
     if (s.about.kind == LG_H5_OTHER || s.about.rank < 1 || s.about.rank > 2) return LG_OK;
@@ -93,7 +93,8 @@ enum { MOST_LINKS = 4096 };
 static herr_t add_link(hid_t group, const char *name, const H5L_info_t *info, void *user) {
     links *all = user;
     (void)group, (void)info;
-    if (all->count < all->room) (void)snprintf(all->name[all->count++], LG_TABLE_NAME, "%s", name);
+    if (all->count < all->room && strlen(name) < LG_TABLE_NAME)
+        (void)snprintf(all->name[all->count++], LG_TABLE_NAME, "%s", name);
     return 0;
 }
 
@@ -103,7 +104,8 @@ static lg_status list_sources(read_call *call, lg_h5 *h5, lg_error *error) {
     all.name = lg_alloc(call->r->context, all.room, sizeof *all.name);
     if (all.name == NULL) return lg_table_no_memory(call->r, error);
     lg_h5_quiet quiet = lg_quiet_begin();
-    (void)H5Literate(h5->file, H5_INDEX_NAME, H5_ITER_INC, NULL, add_link, &all);
+    if (H5Literate(h5->file, H5_INDEX_NAME, H5_ITER_INC, NULL, add_link, &all) < 0)
+        status = lg_fail(error, LG_FORMAT, "%s: cannot be read: cut short or damaged", call->r->shown);
     lg_quiet_end(quiet);
     for (uint32_t i = 0; i < all.count && status == LG_OK; i++)
         status = add_source(call, h5, all.name[i], error);

@@ -29,15 +29,20 @@ static lg_status fail(const lg_table_reading *r, const char *what, lg_error *err
 
 /* ---- the header ---- */
 
+static lg_status cut(const lg_table_reading *r, const npy *n, lg_error *error) {
+    return ferror(n->from) ? lg_fail(error, LG_FILE, "%s: cannot be read", r->shown)
+                           : fail(r, "ends within numpy's header", error);
+}
+
 static lg_status read_header(const lg_table_reading *r, npy *n, lg_error *error) {
     unsigned char start[MAGIC + 4];
-    if (fread(start, 1, MAGIC, n->from) != MAGIC) return fail(r, "ends within numpy's header", error);
+    if (fread(start, 1, MAGIC, n->from) != MAGIC) return cut(r, n, error);
     const unsigned version = start[6], wide = version == 1 ? 2 : 4;
     if (version < 1 || version > 3) return fail(r, "is of an unknown version of numpy's format", error);
-    if (fread(start + MAGIC, 1, wide, n->from) != wide) return fail(r, "ends within numpy's header", error);
+    if (fread(start + MAGIC, 1, wide, n->from) != wide) return cut(r, n, error);
     const uint32_t length = (uint32_t)lg_bytes_get(start + MAGIC, wide);
     if (length > LONGEST_HEADER) return fail(r, "has a numpy header of more than 65536 bytes", error);
-    if (fread(n->header, 1, length, n->from) != length) return fail(r, "ends within numpy's header", error);
+    if (fread(n->header, 1, length, n->from) != length) return cut(r, n, error);
     n->header[length] = '\0';
     return LG_OK;
 }
@@ -100,7 +105,7 @@ static lg_status check_size(const lg_table_reading *r, const npy *n, lg_error *e
     if (at < 0 || fstat(fileno(n->from), &about) != 0)
         return lg_fail(error, LG_FILE, "%s: %s", r->shown, strerror(errno));
     const uint64_t have = (uint64_t)about.st_size - (uint64_t)at;
-    if (n->rows > have || n->rows * n->columns > have || n->rows * n->columns * n->bytes > have)
+    if (n->rows > have / (n->columns * n->bytes))
         return lg_fail(error, LG_FORMAT, "%s: is cut off: its header announces (%llu, %llu) numbers",
                        r->shown, (unsigned long long)n->rows, (unsigned long long)n->columns);
     if (n->rows * n->columns * n->bytes < have)
@@ -134,7 +139,7 @@ static lg_status read_numbers(lg_table_reading *r, const npy *n, lg_error *error
         for (uint64_t b = 0; b < inner; b++) {
             if (b % CHECK == 0 && lg_cancelled(r->context)) return LG_CANCELLED;
             if (fread(raw, 1, n->bytes, n->from) != n->bytes)
-                return fail(r, "cannot be read to its end", error);
+                return lg_fail(error, LG_FILE, "%s: cannot be read to its end", r->shown);
             LG_TRY(lg_table_set_number(r, (size_t)(n->fortran ? b : a), (uint32_t)(n->fortran ? a : b),
                                        number_of(n, raw), error));
         }

@@ -329,7 +329,8 @@ static lg_status read_any(lg_table_reading *r, lg_error *error) {
     static const unsigned char h5[8] = {0x89, 'H', 'D', 'F', '\r', '\n', 0x1a, '\n'},
                                npy[6] = {0x93, 'N', 'U', 'M', 'P', 'Y'};
     unsigned char first[8] = {0};
-    const size_t got = r->path != NULL ? lg_read_first(r->path, first, sizeof first) : 0;
+    size_t got = 0;
+    if (*r->path != '\0') LG_TRY(lg_read_first(r->path, first, sizeof first, &got, error));
     if (got == sizeof h5 && memcmp(first, h5, sizeof h5) == 0) return lg_table_read_h5(r, error);
     if (got >= sizeof npy && memcmp(first, npy, sizeof npy) == 0) return lg_table_read_npy(r, error);
     return lg_table_read_csv(r, error);

@@ -240,6 +240,7 @@ static lg_status read_header(reading *r, lg_error *error) {
         if (r->text == NULL) return no_memory(r, error);
         fits = fread(r->text, 1, (size_t)length, r->from) == length && r->text[0] == '{';
     }
+    if (ferror(r->from)) return lg_fail(error, LG_FILE, "%s: cannot be read", lg_shown_path(r->path));
     if (!fits) return lg_fail(error, LG_FORMAT, "%s: is not a safetensors file", lg_shown_path(r->path));
     r->bytes -= sizeof first + length;
     return lg_yaml_open_text(r->context, r->path, r->text, (size_t)length, &r->header, error);

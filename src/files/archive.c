@@ -29,9 +29,9 @@ static void free_views(const lg_context *context, lg_h5_view *view) {
     }
 }
 
+/* Adds a view; the prefix has fewer than LG_H5_PREFIX bytes. */
 static lg_h5_view *add_view(const lg_context *context, lg_h5 *h5, const char *prefix, lg_error *failure,
                             lg_h5_view **list) {
-    if (prefix == NULL || strlen(prefix) >= LG_H5_PREFIX) return NULL;
     lg_h5_view *view = lg_alloc(context, 1, sizeof *view);
     if (view == NULL) return NULL;
     *view = (lg_h5_view){.next = *list, .h5 = h5, .failure = failure};

@@ -190,8 +190,7 @@ lg_status lg_csv_number(const lg_csv *c, const char *cell, const char *column, d
 
 static lg_status open_file(lg_csv *c, const char *what, lg_error *error) {
     uint64_t bytes;
-    if (c->path == NULL || *c->path == '\0')
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a %s needs a name", what);
+    if (*c->path == '\0') return lg_fail(error, LG_INVALID_ARGUMENT, "a %s needs a name", what);
     return lg_read_open(c->path, &c->from, &bytes, error);
 }
 

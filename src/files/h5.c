@@ -1,6 +1,7 @@
 /* The common part of reading and writing HDF5: number types, file handles, existence of objects. */
 #include "files/h5_internal.h"
 
+#include <stdio.h>
 #include <string.h>
 
 /* ---- types ---- */
@@ -37,27 +38,36 @@ static herr_t refuse_external(const char *parent_file, const char *parent_group,
 }
 
 lg_status lg_h5_new(const lg_context *context, const char *path, lg_h5 **out, lg_error *error) {
-    if (path == NULL || *path == '\0' || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name");
+    if (path == NULL || *path == '\0') return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name");
     lg_h5 *h5 = lg_alloc(context, 1, sizeof *h5);
+    bool made = false;
     if (h5 != NULL) {
+        lg_h5_quiet quiet = lg_quiet_begin();
         *h5 = (lg_h5){.context = context, .file = H5I_INVALID_HID, .links = H5I_INVALID_HID};
         h5->path = lg_strdup(context, path);
         h5->links = H5Pcreate(H5P_LINK_ACCESS);
-        if (h5->path != NULL && h5->links >= 0 && H5Pset_elink_cb(h5->links, refuse_external, NULL) >= 0) {
-            *out = h5;
-            return LG_OK;
-        }
+        made = h5->path != NULL && H5Pset_elink_cb(h5->links, refuse_external, NULL) >= 0;
+        lg_quiet_end(quiet);
+    }
+    if (made) {
+        *out = h5;
+        return LG_OK;
     }
     lg_h5_close(h5);
     return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
 }
 
+lg_h5_name lg_h5_memory_name(const lg_h5 *h5) {
+    lg_h5_name name;
+    (void)snprintf(name.text, sizeof name.text, "/dev/null/liegrad-in-memory-%p", (const void *)h5);
+    return name;
+}
+
 void lg_h5_close(lg_h5 *h5) {
     if (h5 == NULL) return;
     lg_h5_quiet quiet = lg_quiet_begin();
-    if (h5->file >= 0) (void)H5Fclose(h5->file);
-    if (h5->links >= 0) (void)H5Pclose(h5->links);
+    (void)H5Fclose(h5->file);
+    (void)H5Pclose(h5->links);
     lg_quiet_end(quiet);
     lg_free(h5->context, h5->path);
     lg_free(h5->context, h5);
@@ -73,11 +83,11 @@ bool lg_path_exists(lg_h5 *h5, const char *name) {
     for (size_t i = 1; i < length; i++) {
         if (part[i] != '/') continue;
         part[i] = '\0';
-        bool there = H5Lexists(h5->file, part, h5->links) > 0;
+        bool there = H5Lexists(h5->file, part, h5->links) != 0;
         part[i] = '/';
         if (!there) return false;
     }
-    return H5Lexists(h5->file, name, h5->links) > 0 && H5Oexists_by_name(h5->file, name, h5->links) > 0;
+    return H5Lexists(h5->file, name, h5->links) != 0 && H5Oexists_by_name(h5->file, name, h5->links) != 0;
 }
 
 bool lg_h5_has(lg_h5 *h5, const char *name) {
@@ -90,7 +100,7 @@ bool lg_h5_has(lg_h5 *h5, const char *name) {
 bool lg_h5_has_attribute(lg_h5 *h5, const char *object, const char *name) {
     lg_h5_quiet quiet = lg_quiet_begin();
     bool there = (*object == '\0' || lg_path_exists(h5, object)) &&
-                 H5Aexists_by_name(h5->file, *object == '\0' ? "/" : object, name, h5->links) > 0;
+                 H5Aexists_by_name(h5->file, *object == '\0' ? "/" : object, name, h5->links) != 0;
     lg_quiet_end(quiet);
     return there;
 }

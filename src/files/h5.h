@@ -6,6 +6,7 @@
 
 #define H5_USE_110_API
 #include <hdf5.h>
+#include <string.h>
 
 #include "core/core.h"
 #include "liegrad/files.h"
@@ -21,7 +22,10 @@ typedef struct lg_h5 {
 } lg_h5;
 
 /* Returns the path, or only its end if it is long, so that the error message has room for the key. */
-const char *lg_shown_path(const char *path);
+static inline const char *lg_shown_path(const char *path) {
+    const size_t length = strlen(path);
+    return length > 200 ? path + length - 200 : path;
+}
 
 /* Makes a text from a file fit for an error message: replaces control characters by '?'. */
 static inline const char *lg_tamed(char *text) {
@@ -56,6 +60,7 @@ lg_status lg_h5_edit(const lg_context *context, const char *path, lg_h5 **out, l
 /* ---- reading ---- */
 lg_status lg_h5_open(const lg_context *context, const char *path, const lg_read_options *options, lg_h5 **out,
                      lg_error *error);
+/* Whether the file has this. If HDF5 cannot tell, the answer is yes, and reading it fails. */
 bool lg_h5_has(lg_h5 *h5, const char *name);
 bool lg_h5_has_attribute(lg_h5 *h5, const char *object, const char *name);
 /* Shape of a numeric data set of rank <= 4 that fits into max_size bytes as doubles. `epsilon` (may be NULL)

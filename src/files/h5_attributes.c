@@ -11,8 +11,8 @@ typedef struct attribute {
 } attribute;
 
 static void close_attribute(attribute *a) {
-    if (a->type >= 0) (void)H5Tclose(a->type);
-    if (a->attribute >= 0) (void)H5Aclose(a->attribute);
+    (void)H5Tclose(a->type);
+    (void)H5Aclose(a->attribute);
 }
 
 static lg_status attribute_error(const lg_h5 *h5, const char *object, const char *name, lg_status status,
@@ -25,13 +25,13 @@ static lg_status open_attribute(lg_h5 *h5, const char *object, const char *name,
     *a = (attribute){.attribute = H5I_INVALID_HID, .type = H5I_INVALID_HID};
     const char *at = *object == '\0' ? "/" : object;
     if ((*object != '\0' && !lg_path_exists(h5, object)) ||
-        H5Aexists_by_name(h5->file, at, name, h5->links) <= 0)
+        H5Aexists_by_name(h5->file, at, name, h5->links) == 0)
         return attribute_error(h5, object, name, LG_NOT_FOUND, "is missing", error);
     a->attribute = H5Aopen_by_name(h5->file, at, name, H5P_DEFAULT, h5->links);
-    a->type = a->attribute >= 0 ? H5Aget_type(a->attribute) : H5I_INVALID_HID;
-    hid_t space = a->attribute >= 0 ? H5Aget_space(a->attribute) : H5I_INVALID_HID;
-    hssize_t count = space >= 0 ? H5Sget_simple_extent_npoints(space) : -1;
-    if (space >= 0) (void)H5Sclose(space);
+    a->type = H5Aget_type(a->attribute);
+    hid_t space = H5Aget_space(a->attribute);
+    hssize_t count = H5Sget_simple_extent_npoints(space);
+    (void)H5Sclose(space);
     if (a->type < 0 || count < 0 || count > 1)
         return attribute_error(h5, object, name, LG_FORMAT,
                                count > 1 ? "has more than one value, expected one" : "cannot be read", error);

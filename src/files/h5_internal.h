@@ -10,7 +10,17 @@
 /* Bytes by which HDF5 enlarges a file in memory. */
 #define LG_CORE_INCREMENT ((size_t)1 << 20)
 
-/* HDF5 prints no messages between lg_quiet_begin and lg_quiet_end. lg_quiet_end restores the previous
+/* The name of a file in memory. HDF5 takes two open files of one name for the same file, and it accepts an
+ * image in memory only under the name of a file that does not exist. */
+typedef struct lg_h5_name {
+    char text[64];
+} lg_h5_name;
+lg_h5_name lg_h5_memory_name(const lg_h5 *h5);
+
+/* Functions of HDF5 that get an invalid identifier do nothing and fail. So an identifier is used and closed
+ * without a look at whether the call that made it failed.
+ *
+ * HDF5 prints no messages between lg_quiet_begin and lg_quiet_end. lg_quiet_end restores the previous
  * setting. */
 typedef struct lg_h5_quiet {
     H5E_auto2_t report;
@@ -42,7 +52,8 @@ lg_status lg_dataset_open(lg_h5 *h5, const char *name, size_t bytes, lg_dataset 
 void lg_dataset_close(lg_dataset *d);
 /* Fails with LG_FORMAT and a message that names the data set. */
 lg_status lg_dataset_error(const lg_h5 *h5, const char *name, const char *what, lg_error *error);
-/* True if every link of the path exists and the last one leads to an object. */
+/* True if every link of the path exists and the last one leads to an object; also if HDF5 cannot tell, so
+ * that reading the object then fails. */
 bool lg_path_exists(lg_h5 *h5, const char *name);
 
 bool lg_is_number(hid_t type); /* true for undamaged floating-point and integer types */

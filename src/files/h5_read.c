@@ -22,38 +22,38 @@ static lg_status check_file(const char *path, uint64_t *bytes, lg_error *error) 
 static hid_t new_access_list(void) {
     hid_t access_list = H5Pcreate(H5P_FILE_ACCESS);
 #if H5_VERSION_GE(1, 10, 7)
-    if (access_list >= 0) (void)H5Pset_file_locking(access_list, false, true);
+    (void)H5Pset_file_locking(access_list, false, true);
 #endif
     return access_list;
 }
 
 static hid_t open_file(const char *path) {
     hid_t access_list = new_access_list();
-    hid_t file = access_list >= 0 ? H5Fopen(path, H5F_ACC_RDONLY, access_list) : H5I_INVALID_HID;
-    if (access_list >= 0) (void)H5Pclose(access_list);
+    hid_t file = H5Fopen(path, H5F_ACC_RDONLY, access_list);
+    (void)H5Pclose(access_list);
     return file;
 }
 
-/* Opens a copy in memory that may be changed. HDF5 accepts an image in memory only under the name of a file
- * that does not exist. */
-static hid_t open_image(void *image, size_t bytes) {
+/* Opens a copy in memory that may be changed. */
+static hid_t open_image(const lg_h5 *h5, void *image, size_t bytes) {
     hid_t access_list = new_access_list(), file = H5I_INVALID_HID;
-    if (access_list >= 0 && H5Pset_fapl_core(access_list, LG_CORE_INCREMENT, false) >= 0 &&
+    if (H5Pset_fapl_core(access_list, LG_CORE_INCREMENT, false) >= 0 &&
         H5Pset_file_image(access_list, image, bytes) >= 0)
-        file = H5Fopen("/dev/null/liegrad-in-memory", H5F_ACC_RDWR, access_list);
-    if (access_list >= 0) (void)H5Pclose(access_list);
+        file = H5Fopen(lg_h5_memory_name(h5).text, H5F_ACC_RDWR, access_list);
+    (void)H5Pclose(access_list);
     return file;
 }
 
 /* Reads the file into memory itself: HDF5 would open the file for writing, though nothing is written to
  * it. */
-static hid_t open_copy(const lg_context *context, const char *path, uint64_t bytes) {
+static hid_t open_copy(const lg_h5 *h5, uint64_t bytes) {
     FILE *from = NULL;
     uint64_t now;
-    void *image = lg_read_open(path, &from, &now, NULL) == LG_OK ? lg_alloc(context, (size_t)bytes, 1) : NULL;
+    void *image =
+        lg_read_open(h5->path, &from, &now, NULL) == LG_OK ? lg_alloc(h5->context, (size_t)bytes, 1) : NULL;
     const bool whole = image != NULL && fread(image, 1, (size_t)bytes, from) == bytes;
-    hid_t file = whole ? open_image(image, (size_t)bytes) : H5I_INVALID_HID;
-    lg_free(context, image);
+    hid_t file = whole ? open_image(h5, image, (size_t)bytes) : H5I_INVALID_HID;
+    lg_free(h5->context, image);
     if (from != NULL) (void)fclose(from);
     return file;
 }
@@ -70,7 +70,7 @@ static lg_status open_handle(const lg_context *context, const char *path, const 
         uint64_t plausible = bytes > UINT64_MAX / EXPANSION ? UINT64_MAX : bytes * EXPANSION;
         h5->max_size = chosen.max_size < plausible ? chosen.max_size : plausible;
         lg_h5_quiet quiet = lg_quiet_begin();
-        h5->file = edit ? open_copy(context, path, bytes) : open_file(path);
+        h5->file = edit ? open_copy(h5, bytes) : open_file(path);
         lg_quiet_end(quiet);
         if (h5->file < 0)
             status = lg_fail(error, LG_FORMAT,
@@ -120,8 +120,8 @@ lg_status lg_h5_read(const lg_context *context, const char *path, const lg_read_
 /* ---- data sets ---- */
 
 void lg_dataset_close(lg_dataset *d) {
-    if (d->type >= 0) (void)H5Tclose(d->type);
-    if (d->set >= 0) (void)H5Dclose(d->set);
+    (void)H5Tclose(d->type);
+    (void)H5Dclose(d->set);
 }
 
 lg_status lg_dataset_error(const lg_h5 *h5, const char *name, const char *what, lg_error *error) {
@@ -132,7 +132,6 @@ lg_status lg_dataset_error(const lg_h5 *h5, const char *name, const char *what, 
  * read. */
 static bool is_local(hid_t set) {
     hid_t list = H5Dget_create_plist(set);
-    if (list < 0) return false;
     H5D_layout_t layout = H5Pget_layout(list);
     bool local = (layout == H5D_COMPACT || layout == H5D_CONTIGUOUS || layout == H5D_CHUNKED) &&
                  H5Pget_external_count(list) == 0;
@@ -143,11 +142,11 @@ static bool is_local(hid_t set) {
 static lg_status read_extent(const lg_h5 *h5, const char *name, size_t bytes, lg_dataset *d,
                              lg_error *error) {
     hid_t space = H5Dget_space(d->set);
-    H5S_class_t kind = space >= 0 ? H5Sget_simple_extent_type(space) : H5S_NO_CLASS;
+    H5S_class_t kind = H5Sget_simple_extent_type(space);
     int rank = kind == H5S_SIMPLE || kind == H5S_SCALAR ? H5Sget_simple_extent_ndims(space) : -1;
     hsize_t extent[H5S_MAX_RANK] = {0};
     if (rank > 0 && H5Sget_simple_extent_dims(space, extent, NULL) < 0) rank = -1;
-    if (space >= 0) (void)H5Sclose(space);
+    (void)H5Sclose(space);
     if (rank < 0) return lg_dataset_error(h5, name, "has no shape", error);
     if (rank > LG_MAX_RANK)
         return lg_fail(error, LG_FORMAT, "%s: /%s: has rank %d, but at most %d can be read",
@@ -181,8 +180,8 @@ lg_status lg_dataset_open(lg_h5 *h5, const char *name, size_t bytes, lg_dataset 
     if (d->set < 0) return lg_dataset_error(h5, name, "is not a data set", error);
     if (!is_local(d->set)) return lg_dataset_error(h5, name, "keeps its data in another file", error);
     d->type = H5Dget_type(d->set);
-    if (d->type < 0) return lg_dataset_error(h5, name, "has no type", error);
-    return read_extent(h5, name, bytes, d, error);
+    return d->type >= 0 ? read_extent(h5, name, bytes, d, error)
+                        : lg_dataset_error(h5, name, "has no type", error);
 }
 
 /* True if the bits that the type declares lie within its bytes. HDF5 does not check this, and with a damaged
@@ -194,8 +193,8 @@ static bool is_sound(hid_t type) {
         return false;
     if (H5Tget_class(type) == H5T_INTEGER) return true;
     size_t sign, exponent, exponents, mantissa, mantissas;
-    return H5Tget_fields(type, &sign, &exponent, &exponents, &mantissa, &mantissas) >= 0 && sign < bits &&
-           exponents > 0 && exponents <= 32 && exponent + exponents <= bits && mantissas > 0 &&
+    (void)H5Tget_fields(type, &sign, &exponent, &exponents, &mantissa, &mantissas);
+    return sign < bits && exponents > 0 && exponents <= 32 && exponent + exponents <= bits && mantissas > 0 &&
            mantissa + mantissas <= bits;
 }
 
@@ -241,7 +240,7 @@ static H5T_conv_ret_t no_overflow(H5T_conv_except_t kind, hid_t from, hid_t to, 
  * name. */
 static bool missing_filter(hid_t set, char *name, size_t size) {
     hid_t list = H5Dget_create_plist(set);
-    const int filters = list >= 0 ? H5Pget_nfilters(list) : 0;
+    const int filters = H5Pget_nfilters(list);
     bool missing = false;
     for (int i = 0; i < filters && !missing; i++) {
         unsigned flags, config;
@@ -251,7 +250,7 @@ static bool missing_filter(hid_t set, char *name, size_t size) {
         missing = filter >= 0 && H5Zfilter_avail(filter) <= 0;
         if (missing && name[0] == '\0') (void)snprintf(name, size, "%d", (int)filter);
     }
-    if (list >= 0) (void)H5Pclose(list);
+    (void)H5Pclose(list);
     name[size - 1] = '\0';
     return missing;
 }
@@ -262,9 +261,9 @@ static lg_status read_part(lg_h5 *h5, const char *name, const lg_dataset *d, hid
                            hid_t part, bool checked, void *out, lg_error *error) {
     char filter[64] = "";
     hid_t transfer = H5Pcreate(H5P_DATASET_XFER);
-    const bool read = transfer >= 0 && (!checked || H5Pset_type_conv_cb(transfer, no_overflow, NULL) >= 0) &&
+    const bool read = (!checked || H5Pset_type_conv_cb(transfer, no_overflow, NULL) >= 0) &&
                       H5Dread(d->set, memory, room, part, transfer, out) >= 0;
-    if (transfer >= 0) (void)H5Pclose(transfer);
+    (void)H5Pclose(transfer);
     if (read) return LG_OK;
     if (missing_filter(d->set, filter, sizeof filter))
         return lg_fail(error, LG_FORMAT,
@@ -306,13 +305,15 @@ static lg_status read_dataset(lg_h5 *h5, const char *name, const lg_dataset *d, 
     return read_all(h5, name, d, lg_h5_memory_type(type), true, out, error);
 }
 
+enum { SHAPE_TEXT = 8 + LG_MAX_RANK * 22 }; /* bytes that the longest shape takes */
+
 /* Writes a shape as "(3, 4)". */
-static void shape_text(char *text, size_t size, uint32_t rank, const uint64_t *dims) {
-    size_t used = (size_t)snprintf(text, size, "(");
-    for (uint32_t i = 0; i < rank && used < size; i++)
-        used += (size_t)snprintf(text + used, size - used, "%s%llu", i > 0 ? ", " : "",
+static void shape_text(char text[SHAPE_TEXT], uint32_t rank, const uint64_t *dims) {
+    size_t used = (size_t)snprintf(text, SHAPE_TEXT, "(");
+    for (uint32_t i = 0; i < rank; i++)
+        used += (size_t)snprintf(text + used, SHAPE_TEXT - used, "%s%llu", i > 0 ? ", " : "",
                                  (unsigned long long)dims[i]);
-    if (used < size) (void)snprintf(text + used, size - used, ")");
+    (void)snprintf(text + used, SHAPE_TEXT - used, ")");
 }
 
 lg_status lg_h5_get(lg_h5 *h5, const char *name, lg_element type, uint32_t rank, const uint64_t *dims,
@@ -324,9 +325,9 @@ lg_status lg_h5_get(lg_h5 *h5, const char *name, lg_element type, uint32_t rank,
         bool same = d.rank == rank;
         for (uint32_t i = 0; same && i < rank; i++) same = d.dims[i] == dims[i];
         if (!same) {
-            char have[96], want[96];
-            shape_text(have, sizeof have, d.rank, d.dims);
-            shape_text(want, sizeof want, rank, dims);
+            char have[SHAPE_TEXT], want[SHAPE_TEXT];
+            shape_text(have, d.rank, d.dims);
+            shape_text(want, rank, dims);
             status = lg_fail(error, LG_SHAPE, "%s: /%s: has shape %s, expected %s", lg_shown_path(h5->path),
                              name, have, want);
         } else {
@@ -347,8 +348,8 @@ lg_status lg_check_finite(const char *path, const char *name, uint32_t rank, con
     uint64_t index[LG_MAX_RANK];
     uint64_t rest = at;
     for (uint32_t i = rank; i-- > 0; rest /= dims[i]) index[i] = rest % dims[i];
-    char where[96];
-    shape_text(where, sizeof where, rank, index);
+    char where[SHAPE_TEXT];
+    shape_text(where, rank, index);
     return lg_fail(error, LG_NOT_FINITE, "%s: /%s: %s at index %s", lg_shown_path(path), name,
                    isnan(data[at]) ? "NaN" : "an infinity", where);
 }
@@ -437,11 +438,10 @@ static hsize_t rows_of_block(const lg_dataset *d) {
     const uint64_t row = d->count / d->dims[0], megabyte = (1u << 20) / sizeof(double);
     hsize_t rows = row < megabyte ? megabyte / row : 1, chunk[LG_MAX_RANK] = {0};
     hid_t plist = H5Dget_create_plist(d->set);
-    if (plist >= 0 && H5Pget_layout(plist) == H5D_CHUNKED &&
-        H5Pget_chunk(plist, LG_MAX_RANK, chunk) == (int)d->rank && chunk[0] > 0 &&
-        chunk[0] <= 64 * megabyte / row)
+    if (H5Pget_layout(plist) == H5D_CHUNKED && H5Pget_chunk(plist, LG_MAX_RANK, chunk) == (int)d->rank &&
+        chunk[0] > 0 && chunk[0] <= 64 * megabyte / row)
         rows = (rows + chunk[0] - 1) / chunk[0] * chunk[0];
-    if (plist >= 0) (void)H5Pclose(plist);
+    (void)H5Pclose(plist);
     return rows < d->dims[0] ? rows : d->dims[0];
 }
 
@@ -454,13 +454,11 @@ static lg_status each_block(lg_h5 *h5, const char *name, const lg_dataset *d, hs
         start[0] = at;
         extent[0] = d->dims[0] - at < rows ? d->dims[0] - at : rows;
         hid_t part = H5Dget_space(d->set), room = H5Screate_simple((int)d->rank, extent, NULL);
-        status =
-            part >= 0 && room >= 0 &&
-                    H5Sselect_hyperslab(part, H5S_SELECT_SET, start, NULL, extent, NULL) >= 0
-                ? read_part(h5, name, d, H5T_NATIVE_DOUBLE, room, part, false, values, error)
-                : lg_fail(error, LG_OUT_OF_MEMORY, "%s: /%s: out of memory", lg_shown_path(h5->path), name);
-        if (room >= 0) (void)H5Sclose(room);
-        if (part >= 0) (void)H5Sclose(part);
+        status = H5Sselect_hyperslab(part, H5S_SELECT_SET, start, NULL, extent, NULL) >= 0
+                     ? read_part(h5, name, d, H5T_NATIVE_DOUBLE, room, part, false, values, error)
+                     : lg_dataset_error(h5, name, "cannot be read", error);
+        (void)H5Sclose(room);
+        (void)H5Sclose(part);
         if (status == LG_OK) visit(user, at, extent[0], values);
     }
     return status;
@@ -526,10 +524,10 @@ static herr_t sweep_attribute(hid_t location, const char *name, const H5A_info_t
     if (attribute_id < 0) return -1;
     hid_t type = H5Aget_type(attribute_id);
     /* Texts of variable length are not read here. */
-    if (type >= 0 && H5Tis_variable_str(type) <= 0 && H5Tget_class(type) != H5T_VLEN &&
+    if (H5Tis_variable_str(type) <= 0 && H5Tget_class(type) != H5T_VLEN &&
         H5Aget_storage_size(attribute_id) <= sizeof small)
         (void)H5Aread(attribute_id, type, small);
-    if (type >= 0) (void)H5Tclose(type);
+    (void)H5Tclose(type);
     (void)H5Aclose(attribute_id);
     return 0;
 }

@@ -75,7 +75,7 @@ static lg_status no_texts(const texts *t, const char *name, lg_status status, lg
 /* Selects the elements first..first + count - 1 along the first axis. All other dimensions are 1. */
 static hid_t piece_space(const lg_dataset *d, uint64_t first, size_t count) {
     hid_t space = H5Dget_space(d->set);
-    if (space < 0 || d->rank == 0) return space;
+    if (d->rank == 0) return space;
     hsize_t start[LG_MAX_RANK] = {first}, extent[LG_MAX_RANK] = {count, 1, 1, 1};
     if (H5Sselect_hyperslab(space, H5S_SELECT_SET, start, NULL, extent, NULL) >= 0) return space;
     (void)H5Sclose(space);
@@ -90,13 +90,13 @@ static lg_status each_piece(texts *t, const lg_dataset *d, const char *name, lg_
         const hsize_t extent = count;
         memset(t->memory, 0, count * t->size);
         hid_t stored = piece_space(d, first, count), memory = H5Screate_simple(1, &extent, NULL);
-        if (stored < 0 || memory < 0 || H5Dread(d->set, t->type, memory, stored, H5P_DEFAULT, t->memory) < 0)
+        if (H5Dread(d->set, t->type, memory, stored, H5P_DEFAULT, t->memory) < 0)
             status = lg_dataset_error(t->h5, name, "cannot be read: cut short or damaged", error);
         else
             status = visit_piece(t, first, count, name, visit, user, error);
-        if (t->variable && memory >= 0) (void)H5Dvlen_reclaim(t->type, memory, H5P_DEFAULT, t->memory);
-        if (stored >= 0) (void)H5Sclose(stored);
-        if (memory >= 0) (void)H5Sclose(memory);
+        if (t->variable) (void)H5Dvlen_reclaim(t->type, memory, H5P_DEFAULT, t->memory);
+        (void)H5Sclose(stored);
+        (void)H5Sclose(memory);
     }
     return status;
 }
@@ -126,7 +126,7 @@ lg_status lg_h5_each_text(lg_h5 *h5, const char *name, lg_h5_visit visit, void *
 static lg_status visit_attribute(lg_h5 *h5, hid_t attribute, hid_t type, const char *name, lg_h5_visit visit,
                                  void *user, lg_error *error) {
     hid_t space = H5Aget_space(attribute);
-    const hssize_t count = space >= 0 ? H5Sget_simple_extent_npoints(space) : -1;
+    const hssize_t count = H5Sget_simple_extent_npoints(space);
     texts t = {.h5 = h5};
     lg_status status = LG_OK;
     if (count < 0 || (uint64_t)count > h5->max_size)
@@ -144,7 +144,7 @@ static lg_status visit_attribute(lg_h5 *h5, hid_t attribute, hid_t type, const c
         if (t.variable && t.memory != NULL) (void)H5Dvlen_reclaim(type, space, H5P_DEFAULT, t.memory);
     }
     end_texts(&t);
-    if (space >= 0) (void)H5Sclose(space);
+    (void)H5Sclose(space);
     return status;
 }
 
@@ -155,15 +155,15 @@ lg_status lg_h5_each_attribute_text(lg_h5 *h5, const char *object, const char *n
     lg_h5_quiet quiet = lg_quiet_begin();
     lg_status status = LG_OK;
     hid_t attribute = H5Aopen_by_name(h5->file, *object == '\0' ? "/" : object, name, H5P_DEFAULT, h5->links);
-    hid_t type = attribute >= 0 ? H5Aget_type(attribute) : H5I_INVALID_HID;
+    hid_t type = H5Aget_type(attribute);
     if (type < 0)
         status = lg_dataset_error(h5, name, "is an attribute that cannot be read", error);
     else if (H5Tget_class(type) == H5T_STRING) {
         *words = true;
         status = visit_attribute(h5, attribute, type, name, visit, user, error);
     }
-    if (type >= 0) (void)H5Tclose(type);
-    if (attribute >= 0) (void)H5Aclose(attribute);
+    (void)H5Tclose(type);
+    (void)H5Aclose(attribute);
     lg_quiet_end(quiet);
     return status;
 }

@@ -42,11 +42,10 @@ lg_status lg_h5_create(const lg_context *context, const char *path, lg_h5 **out,
     hid_t create = H5Pcreate(H5P_FILE_CREATE), access = H5Pcreate(H5P_FILE_ACCESS);
     /* No times are stored, so that the same content gives the same bytes. The core driver keeps the file in
      * memory; no file of this name is written. */
-    if (create >= 0 && access >= 0 && H5Pset_obj_track_times(create, false) >= 0 &&
-        H5Pset_fapl_core(access, LG_CORE_INCREMENT, false) >= 0)
-        h5->file = H5Fcreate("liegrad-in-memory", H5F_ACC_TRUNC, create, access);
-    if (create >= 0) (void)H5Pclose(create);
-    if (access >= 0) (void)H5Pclose(access);
+    if (H5Pset_obj_track_times(create, false) >= 0 && H5Pset_fapl_core(access, LG_CORE_INCREMENT, false) >= 0)
+        h5->file = H5Fcreate(lg_h5_memory_name(h5).text, H5F_ACC_TRUNC, create, access);
+    (void)H5Pclose(create);
+    (void)H5Pclose(access);
     lg_quiet_end(quiet);
     if (h5->file < 0) {
         lg_h5_close(h5);
@@ -64,12 +63,10 @@ static lg_status not_stored(const lg_h5 *h5, const char *object, const char *nam
 /* A link creation list that creates the missing groups of a path and marks names as UTF-8. */
 static hid_t intermediate(void) {
     hid_t list = H5Pcreate(H5P_LINK_CREATE);
-    if (list >= 0 &&
-        (H5Pset_create_intermediate_group(list, 1) < 0 || H5Pset_char_encoding(list, H5T_CSET_UTF8) < 0)) {
-        (void)H5Pclose(list);
-        return H5I_INVALID_HID;
-    }
-    return list;
+    if (H5Pset_create_intermediate_group(list, 1) >= 0 && H5Pset_char_encoding(list, H5T_CSET_UTF8) >= 0)
+        return list;
+    (void)H5Pclose(list);
+    return H5I_INVALID_HID;
 }
 
 static hid_t create_dataset(lg_h5 *h5, const char *name, hid_t type, uint32_t rank, const uint64_t *dims) {
@@ -77,11 +74,11 @@ static hid_t create_dataset(lg_h5 *h5, const char *name, hid_t type, uint32_t ra
     for (uint32_t i = 0; i < rank; i++) extent[i] = dims[i];
     hid_t space = rank == 0 ? H5Screate(H5S_SCALAR) : H5Screate_simple((int)rank, extent, NULL);
     hid_t links = intermediate(), create = H5Pcreate(H5P_DATASET_CREATE), set = H5I_INVALID_HID;
-    if (space >= 0 && links >= 0 && create >= 0 && H5Pset_obj_track_times(create, false) >= 0)
+    if (H5Pset_obj_track_times(create, false) >= 0)
         set = H5Dcreate2(h5->file, name, type, space, links, create, H5P_DEFAULT);
-    if (space >= 0) (void)H5Sclose(space);
-    if (links >= 0) (void)H5Pclose(links);
-    if (create >= 0) (void)H5Pclose(create);
+    (void)H5Sclose(space);
+    (void)H5Pclose(links);
+    (void)H5Pclose(create);
     return set;
 }
 
@@ -96,7 +93,7 @@ lg_status lg_h5_put(lg_h5 *h5, const char *name, lg_element type, uint32_t rank,
     hid_t set = create_dataset(h5, name, file_type(type), rank, dims);
     bool stored = set >= 0 && (count == 0 || H5Dwrite(set, lg_h5_memory_type(type), H5S_ALL, H5S_ALL,
                                                       H5P_DEFAULT, data) >= 0);
-    if (set >= 0) (void)H5Dclose(set);
+    (void)H5Dclose(set);
     lg_quiet_end(quiet);
     return stored ? LG_OK : not_stored(h5, name, "", error);
 }
@@ -104,8 +101,8 @@ lg_status lg_h5_put(lg_h5 *h5, const char *name, lg_element type, uint32_t rank,
 /* A fixed-length UTF-8 text type. */
 static hid_t text_type(size_t bytes, H5T_str_t padding) {
     hid_t type = H5Tcopy(H5T_C_S1);
-    if (type < 0 || (H5Tset_size(type, bytes) >= 0 && H5Tset_cset(type, H5T_CSET_UTF8) >= 0 &&
-                     H5Tset_strpad(type, padding) >= 0))
+    if (H5Tset_size(type, bytes) >= 0 && H5Tset_cset(type, H5T_CSET_UTF8) >= 0 &&
+        H5Tset_strpad(type, padding) >= 0)
         return type;
     (void)H5Tclose(type);
     return H5I_INVALID_HID;
@@ -115,10 +112,10 @@ lg_status lg_h5_put_texts(lg_h5 *h5, const char *name, const char *texts, size_t
                           lg_error *error) {
     lg_h5_quiet quiet = lg_quiet_begin();
     hid_t type = text_type(size, H5T_STR_NULLTERM);
-    hid_t set = type >= 0 ? create_dataset(h5, name, type, 1, &count) : H5I_INVALID_HID;
-    const bool stored = set >= 0 && H5Dwrite(set, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, texts) >= 0;
-    if (set >= 0) (void)H5Dclose(set);
-    if (type >= 0) (void)H5Tclose(type);
+    hid_t set = create_dataset(h5, name, type, 1, &count);
+    const bool stored = H5Dwrite(set, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, texts) >= 0;
+    (void)H5Dclose(set);
+    (void)H5Tclose(type);
     lg_quiet_end(quiet);
     return stored ? LG_OK : not_stored(h5, name, "", error);
 }
@@ -128,23 +125,24 @@ static hid_t open_or_make(lg_h5 *h5, const char *object) {
     if (*object == '\0') return H5Oopen(h5->file, "/", H5P_DEFAULT);
     if (lg_h5_has(h5, object)) return H5Oopen(h5->file, object, h5->links);
     hid_t links = intermediate(), create = H5Pcreate(H5P_GROUP_CREATE), group = H5I_INVALID_HID;
-    if (links >= 0 && create >= 0 && H5Pset_obj_track_times(create, false) >= 0)
+    if (H5Pset_obj_track_times(create, false) >= 0)
         group = H5Gcreate2(h5->file, object, links, create, H5P_DEFAULT);
-    if (links >= 0) (void)H5Pclose(links);
-    if (create >= 0) (void)H5Pclose(create);
+    (void)H5Pclose(links);
+    (void)H5Pclose(create);
     return group;
 }
 
-/* Writes an attribute. Closes `space`. */
+/* Writes an attribute: one value, or a list of *count values. */
 static lg_status put_attribute(lg_h5 *h5, const char *object, const char *name, hid_t stored, hid_t memory,
-                               hid_t space, const void *value, lg_error *error) {
+                               const hsize_t *count, const void *value, lg_error *error) {
     lg_h5_quiet quiet = lg_quiet_begin();
-    hid_t at = open_or_make(h5, object), attribute = H5I_INVALID_HID;
-    if (at >= 0 && space >= 0) attribute = H5Acreate2(at, name, stored, space, H5P_DEFAULT, H5P_DEFAULT);
-    bool written = attribute >= 0 && H5Awrite(attribute, memory, value) >= 0;
-    if (attribute >= 0) (void)H5Aclose(attribute);
-    if (space >= 0) (void)H5Sclose(space);
-    if (at >= 0) (void)H5Oclose(at);
+    hid_t at = open_or_make(h5, object);
+    hid_t space = count == NULL ? H5Screate(H5S_SCALAR) : H5Screate_simple(1, count, NULL);
+    hid_t attribute = H5Acreate2(at, name, stored, space, H5P_DEFAULT, H5P_DEFAULT);
+    bool written = H5Awrite(attribute, memory, value) >= 0;
+    (void)H5Aclose(attribute);
+    (void)H5Sclose(space);
+    (void)H5Oclose(at);
     lg_quiet_end(quiet);
     return written ? LG_OK : not_stored(h5, object, name, error);
 }
@@ -157,10 +155,8 @@ lg_status lg_h5_put_text(lg_h5 *h5, const char *object, const char *name, const 
     memcpy(padded, value, length);
     lg_h5_quiet quiet = lg_quiet_begin();
     hid_t type = text_type(length == 0 ? 1 : length, H5T_STR_NULLPAD);
-    lg_status status = type >= 0
-                           ? put_attribute(h5, object, name, type, type, H5Screate(H5S_SCALAR), padded, error)
-                           : not_stored(h5, object, name, error);
-    if (type >= 0) (void)H5Tclose(type);
+    lg_status status = put_attribute(h5, object, name, type, type, NULL, padded, error);
+    (void)H5Tclose(type);
     lg_quiet_end(quiet);
     return status;
 }
@@ -173,18 +169,16 @@ lg_status lg_h5_put_text_list(lg_h5 *h5, const char *object, const char *name, c
         if (strlen(texts + i * size) > longest) longest = strlen(texts + i * size);
     lg_h5_quiet quiet = lg_quiet_begin();
     hid_t stored = text_type(longest, H5T_STR_NULLPAD), memory = text_type(size, H5T_STR_NULLTERM);
-    lg_status status =
-        put_attribute(h5, object, name, stored, memory, H5Screate_simple(1, &extent, NULL), texts, error);
-    if (stored >= 0) (void)H5Tclose(stored);
-    if (memory >= 0) (void)H5Tclose(memory);
+    lg_status status = put_attribute(h5, object, name, stored, memory, &extent, texts, error);
+    (void)H5Tclose(stored);
+    (void)H5Tclose(memory);
     lg_quiet_end(quiet);
     return status;
 }
 
 lg_status lg_h5_put_number(lg_h5 *h5, const char *object, const char *name, lg_element type,
                            const void *value, lg_error *error) {
-    return put_attribute(h5, object, name, file_type(type), lg_h5_memory_type(type), H5Screate(H5S_SCALAR),
-                         value, error);
+    return put_attribute(h5, object, name, file_type(type), lg_h5_memory_type(type), NULL, value, error);
 }
 
 lg_status lg_h5_remove_attribute(lg_h5 *h5, const char *object, const char *name, lg_error *error) {

@@ -10,8 +10,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "core/core.h"
-#include "liegrad/files.h"
+#include "files/h5.h"
 
 enum { TRIES = 1000, WORDS = 400 };
 
@@ -100,7 +99,8 @@ lg_status lg_lock_take(const lg_context *context, const char *target, const char
     int code = 0;
     lg_lock made = {.context = context, .fd = -1, .process = (long)getpid()};
     made.name = lg_alloc(context, size, 1);
-    if (made.name == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", target);
+    if (made.name == NULL)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(target));
     (void)snprintf(made.name, size, "%s.lock", target);
     held got = HELD_GONE;
     for (int i = 0; i < TRIES && got == HELD_GONE; i++)
@@ -111,10 +111,11 @@ lg_status lg_lock_take(const lg_context *context, const char *target, const char
     }
     lg_free(context, made.name);
     *out = (lg_lock){.fd = -1};
-    if (got == HELD_ELSEWHERE) return lg_fail(error, LG_FILE, "%s: is being written by %s", target, holder);
+    if (got == HELD_ELSEWHERE)
+        return lg_fail(error, LG_FILE, "%s: is being written by %s", lg_shown_path(target), holder);
     if (got == HELD_NEVER && code == 0) return LG_OK;
-    return lg_fail(error, LG_FILE, "%s: cannot be written: its lock %s.lock: %s", target, target,
-                   code != 0 ? strerror(code) : "is made and removed again and again");
+    return lg_fail(error, LG_FILE, "%s: cannot be written: its lock %s.lock: %s", lg_shown_path(target),
+                   lg_shown_path(target), code != 0 ? strerror(code) : "is made and removed again and again");
 }
 
 void lg_lock_release(lg_lock *lock) {

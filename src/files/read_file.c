@@ -22,11 +22,12 @@ lg_status lg_read_open(const char *path, FILE **out, uint64_t *bytes, lg_error *
     return LG_OK;
 }
 
-size_t lg_read_first(const char *path, void *out, size_t room) {
+lg_status lg_read_first(const char *path, void *out, size_t room, size_t *got, lg_error *error) {
     FILE *from = NULL;
     uint64_t bytes;
-    if (lg_read_open(path, &from, &bytes, NULL) != LG_OK) return 0;
-    const size_t got = fread(out, 1, room, from);
+    LG_TRY(lg_read_open(path, &from, &bytes, error));
+    *got = fread(out, 1, room, from);
+    const bool broken = ferror(from) != 0;
     (void)fclose(from);
-    return got;
+    return broken ? lg_fail(error, LG_FILE, "%s: cannot be read", lg_shown_path(path)) : LG_OK;
 }

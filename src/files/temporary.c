@@ -12,8 +12,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "core/core.h"
-#include "liegrad/files.h"
+#include "files/h5.h"
 
 enum { ROOM = 64 }; /* bytes for the suffix of the name after the target */
 
@@ -97,7 +96,8 @@ lg_status lg_temporary_create(const lg_context *context, const char *target, boo
     const size_t size = strlen(target) + ROOM;
     int code = 0;
     lg_temporary made = {.context = context, .fd = -1, .name = lg_alloc(context, size, 1)};
-    if (made.name == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", target);
+    if (made.name == NULL)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(target));
     sweep(target, made.name, size);
     for (unsigned attempt = 0; attempt < 1000; attempt++) {
         (void)snprintf(made.name, size, "%s.tmp-%ld-%u", target, (long)getpid(), attempt);
@@ -111,7 +111,7 @@ lg_status lg_temporary_create(const lg_context *context, const char *target, boo
         if (made.fd >= 0) (void)close(made.fd);
     }
     lg_free(context, made.name);
-    return lg_fail(error, LG_FILE, "%s: cannot be written: %s", target, strerror(code));
+    return lg_fail(error, LG_FILE, "%s: cannot be written: %s", lg_shown_path(target), strerror(code));
 }
 
 /* ---- giving the file its name ---- */
@@ -141,7 +141,8 @@ lg_status lg_temporary_publish(lg_temporary *temporary, const char *target, lg_e
     int code = fsync(temporary->fd) == 0 || errno == EINVAL || errno == EROFS ? 0 : errno;
     if (code == 0) code = close_copy(temporary->fd);
     if (code == 0 && rename(temporary->name, target) != 0) code = errno;
-    if (code != 0) return lg_fail(error, LG_FILE, "%s: cannot be written: %s", target, strerror(code));
+    if (code != 0)
+        return lg_fail(error, LG_FILE, "%s: cannot be written: %s", lg_shown_path(target), strerror(code));
     sync_folder(target, temporary->name);
     return LG_OK;
 }

@@ -4,6 +4,7 @@
 #include "autodiff/cases/cases.h"
 #include "row_support.h"
 
+#include "autodiff/tape/sweep.h"
 #include "autodiff/tape/tape_internal.h"
 
 static lg_var vector(lg_tape *tape, uint32_t n, const double *values) {
@@ -498,6 +499,141 @@ TEST("values, vjp and jvp of every case agree in float and double") {
         assert_int_equal(derivatives_of(&row->function, LG_F32, in_float, 1024), n);
         for (size_t j = 0; j < n; j++) most = fmax(most, fabs(in_double[j]));
         lg_all_close(row->function.name, in_float, in_double, n, 2e-5, 2e-5 * most, __FILE__, __LINE__);
+    }
+}
+
+/* ---- derivatives by one input ---- */
+
+static const double *numbers_of(lg_tape *t, lg_var v) {
+    const size_t count = lg_shape_count(lg_var_shape(t, v));
+    double *out = TEST_ARRAY(double, count + 1);
+    assert_ok(lg_read(t, v, count, out));
+    return out;
+}
+
+static void assert_same_numbers(const char *name, lg_tape *t, lg_var have, lg_var want) {
+    const size_t count = lg_shape_count(lg_var_shape(t, want));
+    lg_all_close(name, numbers_of(t, have), numbers_of(t, want), count, 1e-12, 1e-12, __FILE__, __LINE__);
+}
+
+/* Numbers of this variable's shape that differ from element to element. */
+static lg_var weights_of(lg_tape *t, lg_var y) {
+    const size_t count = lg_shape_count(lg_var_shape(t, y));
+    double *weights = TEST_ARRAY(double, count + 1);
+    for (size_t i = 0; i < count; i++) weights[i] = 0.5 + 0.25 * (double)(i % 5);
+    return lg_input_f64(t, lg_var_shape(t, y), weights);
+}
+
+static lg_var weighted(lg_tape *t, lg_var y) {
+    return lg_sum(t, lg_mul(t, y, weights_of(t, y)));
+}
+
+TEST("a derivative by one input alone equals its part of the derivative by all inputs, in two orders") {
+    const lg_gradcheck_case *row;
+    for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++) {
+        const size_t mark = lg_test_owned();
+        const lg_gradcheck_function *f = &row->function;
+        lg_tape *t = test_tape(LG_F64);
+        lg_rng rng = test_rng(11, 0);
+        const row_on_tape r = record_row(t, &rng, f);
+        const lg_var weights = weights_of(t, r.y), one = lg_full(t, lg_shape0(), 1.0);
+        const lg_var y = lg_sum(t, lg_mul(t, r.y, weights));
+        lg_var all[LG_GRADCHECK_MAX_INPUTS], second[LG_GRADCHECK_MAX_INPUTS], alone, again;
+        assert_ok(lg_vjp(t, &y, &one, 1, r.x, f->inputs, all));
+        /* by the result itself: no input is asked for */
+        const size_t results = lg_shape_count(lg_var_shape(t, r.y));
+        double *unit = TEST_ARRAY(double, results + 1);
+        assert_ok(lg_vjp(t, &y, &one, 1, &r.y, 1, &alone));
+        assert_same_numbers(f->name, t, alone, weights);
+        assert_ok(lg_backward_set(t, y, &r.y, 1, &(void *){unit}));
+        lg_all_close(f->name, unit, numbers_of(t, weights), results, 0, 0, __FILE__, __LINE__);
+        for (uint32_t k = 0; k < f->inputs; k++) {
+            const size_t count = lg_shape_count(lg_var_shape(t, r.x[k]));
+            double *gradient = TEST_ARRAY(double, count + 1);
+            assert_ok(lg_vjp(t, &y, &one, 1, &r.x[k], 1, &alone));
+            assert_same_numbers(f->name, t, alone, all[k]);
+            assert_ok(lg_backward_set(t, y, &r.x[k], 1, &(void *){gradient}));
+            lg_all_close(f->name, gradient, numbers_of(t, all[k]), count, 1e-12, 1e-12, __FILE__, __LINE__);
+            if (f->first_order_only) continue;
+            const lg_var slope = weighted(t, alone);
+            assert_ok(lg_vjp(t, &slope, &one, 1, r.x, f->inputs, second));
+            for (uint32_t j = 0; j < f->inputs; j++) {
+                assert_ok(lg_vjp(t, &slope, &one, 1, &r.x[j], 1, &again));
+                assert_same_numbers(f->name, t, again, second[j]);
+            }
+            assert_ok(lg_vjp(t, &slope, &one, 1, &alone, 1, &again));
+            assert_same_numbers(f->name, t, again, weights_of(t, alone));
+        }
+        lg_test_give_back(mark);
+    }
+}
+
+/* ---- rules of shapes ---- */
+
+/* Changes a rank, a length or a setting of an operation. */
+static void spoil(lg_rng *rng, lg_shape *shapes, uint32_t inputs, lg_attr *attr) {
+    lg_shape *shape = &shapes[lg_rng_below(rng, inputs)];
+    uint32_t *length = &shape->dims[lg_rng_below(rng, LG_MAX_RANK)],
+             *setting = &attr->i[lg_rng_below(rng, 4)];
+    static const uint32_t lengths[] = {0, 1, 2, 3, 5, 4096, UINT32_MAX};
+    switch (lg_rng_below(rng, 4)) {
+    case 0:
+        shape->rank = (uint32_t)lg_rng_below(rng, LG_MAX_RANK + 1);
+        for (uint32_t i = 0; i < LG_MAX_RANK; i++)
+            if (i >= shape->rank) shape->dims[i] = 0;
+        break;
+    case 1:
+        *length = lengths[lg_rng_below(rng, LG_COUNT(lengths))];
+        break;
+    case 2:
+        *setting = lengths[lg_rng_below(rng, LG_COUNT(lengths))];
+        break;
+    default:
+        attr->c = (double)lg_rng_below(rng, 7) - 1.5;
+    }
+}
+
+/* Operations of files are checked by these rules alone. */
+static void try_rule(lg_rng *rng, const lg_tape *t, uint32_t at) {
+    const lg_node *node = &t->nodes[at];
+    const uint32_t *parents = lg_parents_of(t, node);
+    const lg_shape *in[LG_MAX_INPUTS];
+    lg_shape shapes[LG_MAX_INPUTS];
+    for (uint32_t k = 0; k < node->inputs; k++) in[k] = &shapes[k];
+    for (int draw = 0; draw < 40; draw++) {
+        lg_attr attr = node->attr;
+        lg_shape first = node->shape, second = node->shape;
+        for (uint32_t k = 0; k < node->inputs; k++) shapes[k] = t->nodes[parents[k]].shape;
+        for (int i = 0; i < draw % 3; i++) spoil(rng, shapes, node->inputs, &attr);
+        const lg_status status = node->op->shape(in, node->inputs, &attr, &first);
+        if (draw % 3 == 0 && (status != LG_OK || !lg_same_shape(&first, &node->shape)))
+            fail_msg("%s is refused as it is", node->op->name);
+        assert_int_equal(node->op->shape(in, node->inputs, &attr, &second), status);
+        if (status == LG_OK && (first.rank > LG_MAX_RANK || !lg_same_shape(&first, &second)))
+            fail_msg("%s", node->op->name);
+    }
+}
+
+TEST("rules of shapes accept what is on the tape, and refuse or accept changes of it, alike each time") {
+    const lg_gradcheck_case *row;
+    lg_rng rng = test_rng(12, 0);
+    for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++) {
+        const size_t mark = lg_test_owned();
+        const lg_gradcheck_function *f = &row->function;
+        lg_tape *t = test_tape(LG_F64);
+        lg_rng points = test_rng(11, 0);
+        const row_on_tape r = record_row(t, &points, f);
+        const lg_var y = weighted(t, r.y), one = lg_full(t, lg_shape0(), 1.0);
+        lg_var first[LG_GRADCHECK_MAX_INPUTS], again;
+        assert_ok(lg_vjp(t, &y, &one, 1, r.x, f->inputs, first));
+        for (uint32_t k = 0; k < f->inputs && !f->first_order_only; k++) {
+            const lg_var slope = weighted(t, first[k]);
+            assert_ok(lg_vjp(t, &slope, &one, 1, r.x, 1, &again));
+        }
+        for (uint32_t at = 0; at < t->count; at++)
+            if (t->nodes[at].inputs > 0 && t->nodes[at].op->payload != LG_PAYLOAD_IN_PROCESS)
+                try_rule(&rng, t, at);
+        lg_test_give_back(mark);
     }
 }
 

@@ -11,6 +11,7 @@
 #include <cblas.h>
 
 #include "core/core.h"
+#include "core/text.h"
 #include "support/malloc_count.h"
 
 /* ---- status ---- */
@@ -494,6 +495,89 @@ TEST("invalid numbers of threads are refused") {
         assert_null(pool);
     }
     lg_thread_pool_destroy(NULL);
+}
+
+/* ---- texts ---- */
+
+static void assert_text(void (*add)(lg_text *to, const char *value), const char *value,
+                        const char *expected) {
+    lg_text text = {.context = NULL};
+    add(&text, value);
+    if (text.failed) fail_msg("out of memory");
+    assert_string_equal(text.data, expected);
+    lg_text_destroy(&text);
+}
+
+static void add_x(lg_text *to, const char *code) {
+    lg_text_add_named(to, "x", code);
+}
+
+TEST("words of a shell, literals and comments of C, and names in code") {
+    static const char *const words[][2] = {
+        {"a-b", "a-b"}, {"", "''"}, {"a b", "'a b'"}, {"it's", "'it'\\''s'"}};
+    static const char *const literals[][2] = {{"a\"b\\c?", "\"a\\\"b\\\\c\\?\""},
+                                              {"\x7f\n\xc3", "\"\\177\\012\\303\""}};
+    static const char *const comments[][2] = {
+        {"a*/b /* c", "a* /b / * c"},
+        {"a?"
+         "?/",
+         "a? ?/"},
+        {"end\\", "end\\."},
+        {"end\\\nnext", "end\\.\nnext"},
+        {"a\tb\x7f", "a b "},
+        {"\xc3\xa9 \xe2\x82\xac \xf0\x9f\x98\x80", "<U+00E9> <U+20AC> <U+1F600>"},
+        {"\x80 \xc1\xa9 \xf5 \xc3x \xe2\x82", "<80> <C1><A9> <F5> <C3>x <E2><82>"},
+    };
+    static const char *const named[][2] = {{"NAME_f(MY_NAME_g, NAME_h)", "x_f(MY_NAME_g, x_h)"},
+                                           {"NAME", "NAME"}};
+    for (size_t i = 0; i < LG_COUNT(words); i++) assert_text(lg_text_add_word, words[i][0], words[i][1]);
+    for (size_t i = 0; i < LG_COUNT(literals); i++)
+        assert_text(lg_text_add_literal, literals[i][0], literals[i][1]);
+    for (size_t i = 0; i < LG_COUNT(comments); i++)
+        assert_text(lg_text_add_comment, comments[i][0], comments[i][1]);
+    for (size_t i = 0; i < LG_COUNT(named); i++) assert_text(add_x, named[i][0], named[i][1]);
+    lg_text unfit = {.unfit = true}, all = {.lost = 1};
+    lg_text_join(&all, &unfit);
+    assert_true(all.unfit && !all.failed && all.lost == 1);
+}
+
+/* ---- ranks ---- */
+
+enum { RANKS = 5000, ME = 4321 }; /* more than an exchange has room for without the heap */
+
+/* Rank 7 has failed if `user` points to true; all others contribute zeros. */
+static lg_status gather_alone(void *user, void *all, const size_t *bytes) {
+    const bool *failed = user;
+    const lg_status status = LG_FORMAT;
+    if (bytes[7] == sizeof(uint32_t) && *failed) ((uint32_t *)all)[7] = (uint32_t)status;
+    if (bytes[7] > sizeof(uint32_t)) memcpy(all, "why", 4);
+    return LG_OK;
+}
+
+static lg_status gather_fails(void *user, void *all, const size_t *bytes) {
+    return LG_FILE;
+}
+
+static const char *say(void *user) {
+    return "rank 3 was killed";
+}
+
+TEST("thousands of ranks agree on the failure of the lowest one") {
+    bool failed = false;
+    lg_ranks ranks = {
+        .size = sizeof ranks, .rank = ME, .count = RANKS, .user = &failed, .gather = gather_alone};
+    lg_error error = {LG_OK, ""};
+    assert_ok(lg_ranks_agree(&ranks, LG_OK, &error));
+    assert_status(lg_ranks_agree(&ranks, LG_NOT_FINITE, NULL), LG_NOT_FINITE);
+    failed = true;
+    assert_status(lg_ranks_agree(&ranks, LG_OK, &error), LG_FORMAT);
+    assert_string_equal(error.message, "why (rank 7)");
+    ranks.gather = gather_fails;
+    assert_status(lg_ranks_agree(&ranks, LG_OK, &error), LG_FILE);
+    assert_string_equal(error.message, "the ranks lost their connection");
+    ranks.reason = say;
+    assert_status(lg_ranks_agree(&ranks, LG_OK, &error), LG_FILE);
+    assert_string_equal(error.message, "rank 3 was killed");
 }
 
 /* ---- instruction sets ---- */

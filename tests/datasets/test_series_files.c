@@ -789,6 +789,24 @@ TEST("a series that could not be read back is not written") {
     REFUSED(data->noise, INFINITY, 1, LG_NOT_FINITE);
     REFUSED(data->severity, INFINITY, 1, LG_NOT_FINITE);
     REFUSED(s->class_name[1][0], '\0', 'c', LG_INVALID_ARGUMENT);
+    REFUSED(s->classes, 0, 3, LG_INVALID_ARGUMENT);
+    REFUSED(s->classes, 65537, 3, LG_INVALID_ARGUMENT);
+    const struct {
+        size_t count;
+        uint32_t channels, length;
+    } empty[] = {
+        {0, CHANNELS, LENGTH}, {SIZE_MAX, CHANNELS, LENGTH}, {WINDOWS, 0, LENGTH}, {WINDOWS, CHANNELS, 0}};
+    const lg_series whole = *s;
+    for (size_t i = 0; i < LG_COUNT(empty); i++) {
+        s->count = empty[i].count, s->channels = empty[i].channels, s->length = empty[i].length;
+        assert_status(lg_series_write(NULL, path, data, NULL), LG_INVALID_ARGUMENT);
+        *s = whole;
+    }
+    s->label = NULL;
+    assert_status(lg_series_write(NULL, path, data, NULL), LG_INVALID_ARGUMENT);
+    *s = whole;
+    assert_status(lg_series_write(NULL, path, NULL, NULL), LG_INVALID_ARGUMENT);
+    lg_series_data_destroy(NULL);
     set_name(s->class_name[1], "intact");
     assert_status(lg_series_write(NULL, path, data, &error), LG_INVALID_ARGUMENT);
     assert_non_null(strstr(error.message, "twice"));

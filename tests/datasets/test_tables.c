@@ -209,6 +209,347 @@ TEST("reading arrays and tables stops when cancelled, and leaks nothing") {
     lg_context_destroy(context);
 }
 
+/* ---- CSV ---- */
+
+TEST("headers and cells of CSV files that are wrong are refused with their line") {
+    enum { LONG = LG_TABLE_NAME + 10 };
+    char name[LONG + 1], long_class[2 * LONG], *many = TEST_ARRAY(char, 1 << 16), *to = many;
+    memset(name, 'w', LONG), name[LONG] = '\0';
+    (void)snprintf(long_class, sizeof long_class, "x,c\n1,%s\n", name);
+    to += sprintf(to, "x,c\n");
+    for (int i = 0; i <= 1000; i++) to += sprintf(to, "1,class%d\n", i);
+    const struct {
+        const char *text, *class_column, *word; /* word NULL: the table is read */
+    } rows[] = {
+        {"1,2,3\n4,5,6\n", NULL, "line 1: has numbers where the names of the columns are expected"},
+        {"x,2\n4,5\n", NULL, "line 1: has numbers where"},
+        {"x,y,2\n4,5,6\n", NULL, NULL},
+        {"x,\"y\n4,5\n", NULL, "line 1: a quote is not closed"},
+        {"x,\"y\" z\n4,5\n", NULL, "line 1: text follows a closing quote"},
+        {"x,\"y\" \t\n4,5\n", NULL, NULL},
+        {"x,\"y \"\" z\"\n4,5\n", NULL, NULL},
+        {"x,y\n4\n5,6\n", NULL, "line 2"},
+        {"x,y\nfour,5\n", NULL, "line 2: column x: 'four' is not a number"},
+        {"x,y\n\"1,5\",5\n", NULL, "write decimals with a point"},
+        {"x,y\n1e999,5\n", NULL, "is not a finite number"},
+        {"x\n", NULL, "has a header, but no rows"},
+        {"", NULL, ""},
+        {long_class, "c", "line 2: column c: the class has more than"},
+        {many, "c", "column c: has more than 1000 different values"},
+    };
+    const char *const x = "x";
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        lg_table_data data;
+        lg_error error = {LG_OK, ""};
+        write_text_to(scratch_path("t.csv"), rows[i].text);
+        const lg_status status =
+            lg_table_read(NULL, scratch_path("t.csv"), &x, 1, rows[i].class_column, NULL, &data, &error);
+        if (lg_test_again(status)) continue;
+        if (status == LG_OK) lg_table_data_destroy(&data);
+        if (status != (rows[i].word == NULL ? LG_OK : LG_FORMAT)) fail_msg("row %zu: %s", i, error.message);
+        if (rows[i].word != NULL) assert_says(error.message, rows[i].word);
+    }
+    lg_table_data data;
+    assert_status(lg_table_read(NULL, "", &x, 1, NULL, NULL, &data, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_table_keep_complete(NULL, 1, NULL, NULL), LG_INVALID_ARGUMENT);
+}
+
+/* ---- files of numpy ---- */
+
+/* Writes the magic number, the version, the length of the header (`length` 0: the true one), the header and
+ * the numbers. */
+static const char *write_numpy(int version, size_t length, const char *header, const void *data,
+                               size_t size) {
+    unsigned char bytes[1024] = {0x93, 'N', 'U', 'M', 'P', 'Y', (unsigned char)version, 0};
+    const size_t wide = version == 1 ? 2 : 4, text = strlen(header);
+    for (size_t i = 0; i < wide; i++) bytes[8 + i] = (unsigned char)((length > 0 ? length : text) >> 8 * i);
+    memcpy(bytes + 8 + wide, header, text);
+    if (size > 0) memcpy(bytes + 8 + wide + text, data, size);
+    write_bytes_to(scratch_path("a.npy"), bytes, 8 + wide + text + size);
+    return scratch_path("a.npy");
+}
+
+#define NUMPY(type, order, shape)                                                                            \
+    "{'descr': '" type "', 'fortran_order': " order ", 'shape': (" shape "), }\n"
+
+TEST("numbers of every type of numpy are read") {
+    static const struct {
+        const char *header, *data;
+        size_t size;
+        double first, second;
+    } rows[] = {
+        {NUMPY("<f4", "False", "2,"), "\0\0\xc0\x3f\0\0\0\xc0", 8, 1.5, -2},
+        {NUMPY(">f4", "False", "2,"), "\x3f\xc0\0\0\xc0\0\0\0", 8, 1.5, -2},
+        {NUMPY(">f8", "False", "2, 1"), "\x3f\xf8\0\0\0\0\0\0\xc0\0\0\0\0\0\0\0", 16, 1.5, -2},
+        {NUMPY("|i1", "False", "2,"), "\x7f\xff", 2, 127, -1},
+        {NUMPY("|u1", "False", "2,"), "\x7f\xff", 2, 127, 255},
+        {NUMPY("|b1", "False", "2,"), "\1\0", 2, 1, 0},
+        {NUMPY(">i2", "False", "2,"), "\xff\xfe\0\1", 4, -2, 1},
+        {NUMPY("<u4", "False", "2,"), "\xff\xff\xff\xff\1\0\0\0", 8, 4294967295.0, 1},
+        {NUMPY("<i8", "False", "2,"), "\0\0\0\0\0\0\0\x80\1\0\0\0\0\0\0\0", 16, -0x1p63, 1},
+        {NUMPY("<u8", "False", "2,"), "\0\0\0\0\0\0\0\x80\1\0\0\0\0\0\0\0", 16, 0x1p63, 1},
+        {NUMPY("|u1", "False", "2, 2"), "\1\2\3\4", 4, 1, 3},
+        {NUMPY("|u1", "True", "2, 2"), "\1\2\3\4", 4, 1, 2},
+    };
+    const char *const name = "c0";
+    for (size_t i = 0; i < LG_COUNT(rows); i++)
+        for (int version = 1; version <= 3; version++) {
+            lg_table_data data;
+            const char *path = write_numpy(version, 0, rows[i].header, rows[i].data, rows[i].size);
+            assert_told(lg_table_read(NULL, path, &name, 1, NULL, NULL, &data, &told));
+            own_lg_table_data(data);
+            assert_int_equal(data.rows, 2);
+            assert_true(data.values[0] == rows[i].first && data.values[1] == rows[i].second);
+        }
+}
+
+TEST("wrong files of numpy are refused") {
+    static const struct {
+        int version;
+        size_t length;
+        const char *header;
+        size_t size;
+        const char *word;
+    } rows[] = {
+        {0, 0, NUMPY("<f8", "False", "2,"), 16, "an unknown version"},
+        {4, 0, NUMPY("<f8", "False", "2,"), 16, "an unknown version"},
+        {1, 60000, NUMPY("<f8", "False", "2,"), 16, "ends within numpy's header"},
+        {2, 65537, NUMPY("<f8", "False", "2,"), 16, "a numpy header of more than 65536 bytes"},
+        {1, 0, "{'descr': [('a', '<f8')], 'fortran_order': False, 'shape': (2,)}", 16, "not hold a plain"},
+        {1, 0, "{'fortran_order': False, 'shape': (2,)}", 16, "not hold a plain array"},
+        {1, 0, "{'fortran_order': False, 'shape': (2,), 'descr': '<", 16, "not hold a plain array"},
+        {1, 0, NUMPY("<c8", "False", "2,"), 16, "numbers of type '<c8'"},
+        {1, 0, NUMPY("<f2", "False", "2,"), 4, "numbers of type '<f2'"},
+        {1, 0, NUMPY("<i3", "False", "2,"), 6, "numbers of type '<i3'"},
+        {1, 0, NUMPY("|b2", "False", "2,"), 4, "numbers of type '|b2'"},
+        {1, 0, NUMPY("<f88", "False", "2,"), 16, "numbers of type '<f88'"},
+        {1, 0, "{'descr': '<f8', 'shape': (2,)}", 16, "has no shape"},
+        {1, 0, "{'descr': '<f8', 'fortran_order': False}", 16, "has no shape"},
+        {1, 0, "{'descr': '<f8', 'fortran_order': False, 'shape': 2}", 16, "has no shape"},
+        {1, 0, NUMPY("<f8", "False", "1, 1, 1"), 8, "one or two dimensions"},
+        {1, 0, NUMPY("<f8", "False", "a"), 8, "one or two dimensions"},
+        {1, 0, NUMPY("<f8", "False", ""), 8, "is a single number"},
+        {1, 0, NUMPY("<f8", "False", "0,"), 0, "one of its dimensions is 0"},
+        {1, 0, NUMPY("<f8", "False", "3, 0"), 0, "one of its dimensions is 0"},
+        {1, 0, NUMPY("|u1", "False", "1, 70000"), 8, "more than 65536 columns"},
+        {1, 0, NUMPY("<f8", "False", "2,"), 15, "is cut off: its header announces (2, 1) numbers"},
+        {1, 0, NUMPY("<f8", "False", "2305843009213693953, 8"), 64, "is cut off"}, /* 64 bytes modulo 2^64 */
+        {1, 0, NUMPY("<f8", "False", "2,"), 17, "1 bytes follow after its array"},
+    };
+    static const char zeros[64];
+    const char *const name = "c0";
+    lg_table_data data;
+    lg_error error = {LG_OK, ""};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        const char *path = write_numpy(rows[i].version, rows[i].length, rows[i].header, zeros, rows[i].size);
+        assert_status(lg_table_read(NULL, path, &name, 1, NULL, NULL, &data, &error), LG_FORMAT);
+        assert_says(error.message, rows[i].word);
+    }
+    for (size_t size = 6; size < 10; size++) {
+        write_bytes_to(scratch_path("cut.npy"), "\x93NUMPY\1\0\0\0", size);
+        assert_status(lg_table_read(NULL, scratch_path("cut.npy"), &name, 1, NULL, NULL, &data, &error),
+                      LG_FORMAT);
+        assert_says(error.message, "ends within numpy's header");
+    }
+}
+
+/* ---- tensors ---- */
+
+/* Writes a file of tensors. `length` 0: the true length of the header. */
+static const char *write_tensor(uint64_t length, const char *header, const void *data, size_t size) {
+    unsigned char bytes[1024];
+    const size_t text = strlen(header);
+    for (size_t i = 0; i < 8; i++) bytes[i] = (unsigned char)((length > 0 ? length : text) >> 8 * i);
+    memcpy(bytes + 8, header, text);
+    if (size > 0) memcpy(bytes + 8 + text, data, size);
+    write_bytes_to(scratch_path("a.safetensors"), bytes, 8 + text + size);
+    return scratch_path("a.safetensors");
+}
+
+#define ONE(type, shape, offsets)                                                                            \
+    "\"a\":{\"dtype\":\"" type "\",\"shape\":" shape ",\"data_offsets\":" offsets "}"
+
+TEST("tensors of every type are read, and the layout of the file is told") {
+    static const struct {
+        const char *header, *data;
+        size_t size;
+        double value[2];
+        bool inputs_first;
+    } rows[] = {
+        {"{" ONE("F64", "[2]", "[0,16]") "}", "\0\0\0\0\0\0\xf8\x3f\0\0\0\0\0\0\0\xc0", 16, {1.5, -2}, false},
+        {"{" ONE("F32", "[1,2]", "[0,8]") "}", "\0\0\xc0\x3f\0\0\0\xc0", 8, {1.5, -2}, false},
+        {"{" ONE("BF16", "[2]", "[0,4]") "}", "\xc0\x3f\0\xc0", 4, {1.5, -2}, false},
+        {"{" ONE("F16", "[2]", "[0,4]") "}", "\0\x3e\0\xc0", 4, {1.5, -2}, false},
+        {"{" ONE("F16", "[2]", "[0,4]") "}", "\1\0\1\x80", 4, {0x1p-24, -0x1p-24}, false},
+        {"{\"__metadata__\":{\"layout\":\"(in, out)\"}," ONE("F16", "[2]", "[0,4]") "}",
+         "\0\0\0\0",
+         4,
+         {0},
+         true},
+        {"{\"__metadata__\":{\"layout\":\"(out, in)\"}," ONE("F16", "[2]", "[0,4]") "}",
+         "\0\0\0\0",
+         4,
+         {0},
+         false},
+        {"{\"__metadata__\":3," ONE("F16", "[2]", "[0,4]") "}", "\0\0\0\0", 4, {0}, false},
+    };
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        lg_tensors made;
+        const char *path = write_tensor(0, rows[i].header, rows[i].data, rows[i].size);
+        assert_told(lg_tensors_read(NULL, path, &made, &told));
+        own_lg_tensors(made);
+        assert_true(made.count == 1 && made.tensor[0].count == 2);
+        assert_true(made.inputs_first == rows[i].inputs_first);
+        assert_all_close(made.tensor[0].values, rows[i].value, 2, 0, 0);
+    }
+}
+
+TEST("wrong files of tensors are refused") {
+    static const struct {
+        uint64_t length;
+        const char *header, *data;
+        size_t size;
+        const char *word;
+    } rows[] = {
+        {1, "{}", "", 0, "is not a safetensors file"},
+        {100, "{}", "", 0, "is not a safetensors file"},
+        {(1 << 20) + 1, "{}", "", 0, "is not a safetensors file"},
+        {0, "[]", "", 0, "is not a safetensors file"},
+        {0, "{\"a\":3}", "", 0, "the type is not F64"},
+        {0, "{" ONE("I64", "[1]", "[0,8]") "}", "\0\0\0\0\0\0\0", 8, "the type is not F64"},
+        {0, "{\"a\":{\"dtype\":[1],\"shape\":[1]}}", "", 0, "the type is not F64"},
+        {0, "{\"a\":{\"dtype\":\"F64\"}}", "", 0, "the shape is not a list"},
+        {0, "{" ONE("F16", "2", "[0,4]") "}", "\0\0\0", 4, "the shape is not a list"},
+        {0, "{" ONE("F16", "[[2]]", "[0,4]") "}", "\0\0\0", 4, "the shape is not a list"},
+        {0, "{" ONE("F16", "[1,1,1,1,2]", "[0,4]") "}", "\0\0\0", 4, "at most 4 whole numbers"},
+        {0, "{" ONE("F16", "[-2]", "[0,4]") "}", "\0\0\0", 4, "the shape is not a list"},
+        {0, "{" ONE("F16", "[\"\"]", "[0,4]") "}", "\0\0\0", 4, "the shape is not a list"},
+        {0, "{" ONE("F16", "[1000000000000002]", "[0,4]") "}", "\0\0\0", 4, "the shape is not a list"},
+        {0, "{" ONE("F16", "[2]", "[0]") "}", "\0\0\0", 4, "data_offsets is not a list of 2"},
+        {0, "{" ONE("F16", "[2]", "4") "}", "\0\0\0", 4, "data_offsets is not a list of 2"},
+        {0, "{" ONE("F16", "[2]", "[0,4]") "}", "\0\x7c\0\0", 4, "has numbers that are not finite"},
+        {0, "{" ONE("F16", "[2]", "[0,4]") "}", "\0\x7e\0\0", 4, "has numbers that are not finite"},
+    };
+    lg_tensors made;
+    lg_error error = {LG_OK, ""};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        const char *path = write_tensor(rows[i].length, rows[i].header, rows[i].data, rows[i].size);
+        assert_status(lg_tensors_read(NULL, path, &made, &error), LG_FORMAT);
+        assert_says(error.message, rows[i].word);
+    }
+    char name[400], header[600];
+    memset(name, 'n', sizeof name - 1), name[sizeof name - 1] = '\0';
+    (void)snprintf(header, sizeof header, "{\"%s\":{}}", name);
+    assert_status(lg_tensors_read(NULL, write_tensor(0, header, "", 0), &made, &error), LG_FORMAT);
+    assert_says(error.message, "the name is too long");
+    lg_tensors_destroy(NULL);
+}
+
+/* ---- tables in HDF5 ---- */
+
+enum { H5_ROWS = 3 };
+
+static void write_table(const char *path) {
+    const hsize_t rows[1] = {H5_ROWS}, wide[2] = {H5_ROWS, 2}, empty[2] = {H5_ROWS, 0}, cube[3] = {3, 1, 1};
+    const double numbers[2 * H5_ROWS] = {1, 2, 3, NAN, 5, 6}, bounds[H5_ROWS] = {0, INFINITY, 0};
+    const char *words[H5_ROWS] = {"up", "down", "up"};
+    char name[600];
+    hid_t file = H5Fcreate(path, H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT), text = H5Tcopy(H5T_C_S1);
+    assert_true(H5Tset_size(text, H5T_VARIABLE) >= 0);
+    for (int i = 0; i < 20; i++) { /* more than the first room for data sets */
+        (void)snprintf(name, sizeof name, "n%02d", i);
+        put_dataset(file, name, H5T_STD_I32LE, H5T_NATIVE_DOUBLE, 1, rows, false, numbers);
+    }
+    memset(name, 'l', sizeof name - 1), name[sizeof name - 1] = '\0';
+    put_dataset(file, name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 1, rows, false, numbers);
+    put_dataset(file, "both", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 2, wide, true, numbers);
+    put_dataset(file, "named", H5T_IEEE_F32LE, H5T_NATIVE_DOUBLE, 2, wide, false, numbers);
+    put_dataset(file, "none", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 2, empty, false, NULL);
+    put_dataset(file, "cube", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 3, cube, false, numbers);
+    put_dataset(file, "bounds", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 1, rows, false, bounds);
+    put_dataset(file, "short", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 1, (hsize_t[]){2}, false, numbers);
+    put_dataset(file, "word", text, text, 1, rows, false, words);
+    put_dataset(file, "words", text, text, 2, (hsize_t[]){1, 2}, false, words);
+    put_dataset(file, "standing", text, text, 2, (hsize_t[]){H5_ROWS, 1}, false, words);
+    put_dataset(file, "scalar", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 0, rows, false, numbers);
+    put_dataset(file, "vast", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 2, (hsize_t[]){1, 65537}, false, NULL);
+    hid_t pair = H5Tcreate(H5T_COMPOUND, 8);
+    assert_true(H5Tinsert(pair, "x", 0, H5T_NATIVE_DOUBLE) >= 0);
+    put_dataset(file, "pairs", pair, pair, 1, rows, false, numbers);
+    assert_true(H5Tclose(pair) >= 0);
+    assert_true(H5Gclose(H5Gcreate2(file, "group", H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT)) >= 0);
+    assert_true(H5Tclose(text) >= 0 && H5Fclose(file) >= 0);
+    replace_text(path, "named", "columns", "p, q");
+}
+
+static lg_status read_h5(const char *path, const char *column, const char *class_column, lg_table_data *data,
+                         lg_error *error) {
+    const lg_read_options here = without_probe();
+    return lg_table_read(NULL, path, &column, 1, class_column, &here, data, error);
+}
+
+TEST("columns of an HDF5 file are arrays and columns of matrices, with the names that the file gives") {
+    static const struct {
+        const char *column;
+        double values[H5_ROWS];
+    } rows[] = {{"n00", {1, 2, 3}},   {"n19", {1, 2, 3}}, {"both0", {1, 3, 5}},
+                {"both1", {2, 0, 6}}, {"p", {1, 3, 5}},   {"q", {2, 0, 6}}};
+    const char *path = fresh_copy("table.h5", write_table);
+    const lg_read_options here = without_probe();
+    lg_table_names names;
+    lg_table_data data;
+    assert_told(lg_table_names_read(NULL, path, &here, &names, &told));
+    const uint32_t count = names.count;
+    lg_table_names_destroy(&names);
+    lg_table_names_destroy(NULL);
+    assert_int_equal(count, 20 + 2 + 2 + 4); /* both, named; bounds, short, standing, word */
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        assert_told(read_h5(path, rows[i].column, i % 2 == 0 ? "word" : "standing", &data, &told));
+        own_lg_table_data(data);
+        assert_int_equal(data.rows, H5_ROWS);
+        for (size_t r = 0; r < H5_ROWS; r++)
+            assert_true(rows[i].values[r] == 0 ? isnan(data.values[r]) : data.values[r] == rows[i].values[r]);
+        assert_true(data.classes == 2 && data.label[0] == 1 && data.label[1] == 0);
+    }
+    assert_told(read_h5(path, "p", "n00", &data, &told));
+    assert_true(data.classes == 3 && strcmp(data.class_name[2], "3") == 0);
+    lg_table_data_destroy(&data);
+    assert_told(read_h5(path, "p", "q", &data, &told));
+    assert_true(data.classes == 2 && data.label[1] == LG_TABLE_NO_CLASS);
+    lg_table_data_destroy(&data);
+    lg_table_data_destroy(NULL);
+}
+
+TEST("columns of an HDF5 file that do not fit are refused by name") {
+    static const struct {
+        const char *column, *class_column, *word;
+    } rows[] = {{"p", "short", "/short: has 2 rows, another column has 3"},
+                {"word", NULL, "/word: does not hold numbers"},
+                {"word", "word", "/word: does not hold numbers"},
+                {"bounds", NULL, "row 2: column bounds: is infinite"},
+                {"p", "bounds", "row 2: column bounds: is infinite"},
+                {"cube", NULL, "there is no column 'cube'"},
+                {"p", "words", "there is no column 'words'"}};
+    const char *path = fresh_copy("table.h5", write_table);
+    lg_table_data data;
+    lg_error error = {LG_OK, ""};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        assert_status(read_h5(path, rows[i].column, rows[i].class_column, &data, &error), LG_FORMAT);
+        assert_says(error.message, rows[i].word);
+    }
+    replace_text(path, "named", "columns", "p,q,r");
+    assert_status(read_h5(path, "p", NULL, &data, &error), LG_FORMAT);
+    assert_says(error.message, "/named: attribute columns has 3 names for 2 columns");
+    hid_t file = H5Fcreate(scratch_path("bare.h5"), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
+    put_dataset(file, "none", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 1, (hsize_t[]){0}, false, NULL);
+    assert_true(H5Fclose(file) >= 0);
+    assert_status(read_h5(scratch_path("bare.h5"), "none", NULL, &data, &error), LG_FORMAT);
+    assert_says(error.message, "has no rows");
+    delete_link(scratch_path("bare.h5"), "none");
+    assert_status(read_h5(scratch_path("bare.h5"), "none", NULL, &data, &error), LG_FORMAT);
+    assert_says(error.message, "has no data set at its root that is a column of numbers");
+}
+
 /* ---- wide tables ---- */
 
 TEST("a wide table takes memory in proportion to its cells, and each column keeps its numbers") {

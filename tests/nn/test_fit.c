@@ -442,6 +442,73 @@ TEST("a validation part that leaves no training samples, or two validation parts
     assert_null(fit);
 }
 
+TEST("problems and options out of range are refused with the rule") {
+    static const char *const rules[] = {"has 0 parameters",
+                                        "has 4294967296 parameters",
+                                        "has 0 samples",
+                                        "has 4294967296 samples",
+                                        "dtype must be",
+                                        "epochs must be 1 to 2^32 - 1",
+                                        "epochs must be 1 to 2^32 - 1",
+                                        "shards must be 0 to 1024",
+                                        "threads must be 1 to 1024",
+                                        "threads must be 1 to 1024",
+                                        "lr must be positive",
+                                        "beta1 and beta2",
+                                        "beta1 and beta2",
+                                        "eps must be positive",
+                                        "weight_decay must be",
+                                        "the schedule is unknown",
+                                        "the schedule is unknown",
+                                        "the schedule's epochs per step",
+                                        "the schedule's gamma",
+                                        "the schedule's floor",
+                                        "the schedule's floor",
+                                        "prior must be",
+                                        "clip_norm must be",
+                                        "seconds must be"};
+    regression r = make_regression();
+    double *theta = regression_start(&r);
+    for (size_t i = 0; i < LG_COUNT(rules); i++) {
+        lg_fit_problem problem = regression_problem(&r);
+        lg_fit_options o = own_options();
+        lg_fit *fit = NULL;
+        lg_error error = {LG_OK, ""};
+        size_t row = 0;
+        if (SIZE_MAX == UINT32_MAX && (i == 1 || i == 3)) continue;
+        if (i == row++) problem.parameters = 0;
+        if (i == row++) problem.parameters = (size_t)UINT32_MAX + 1;
+        if (i == row++) problem.samples = 0;
+        if (i == row++) problem.samples = (size_t)UINT32_MAX + 1;
+        if (i == row++) o.dtype = (lg_dtype)99;
+        if (i == row++) o.epochs = 0;
+        if (i == row++) o.epochs = (uint64_t)UINT32_MAX + 1;
+        if (i == row++) o.shards = 1025;
+        if (i == row++) o.threads = 0;
+        if (i == row++) o.threads = 1025;
+        if (i == row++) o.adam.lr = 0;
+        if (i == row++) o.adam.beta1 = 1;
+        if (i == row++) o.adam.beta2 = -0.1;
+        if (i == row++) o.adam.eps = INFINITY;
+        if (i == row++) o.adam.weight_decay = -1;
+        if (i == row++) o.schedule.kind = (lg_schedule_kind)-1;
+        if (i == row++) o.schedule.kind = LG_SCHEDULE_COUNT;
+        if (i == row++) o.schedule = (lg_schedule){.kind = LG_SCHEDULE_STEP, .every = 0, .gamma = 1};
+        if (i == row++) o.schedule = (lg_schedule){.kind = LG_SCHEDULE_STEP, .every = 1, .gamma = NAN};
+        if (i == row++) o.schedule = (lg_schedule){.kind = LG_SCHEDULE_COSINE, .floor = -0.1};
+        if (i == row++) o.schedule = (lg_schedule){.kind = LG_SCHEDULE_COSINE, .floor = 1.1};
+        if (i == row++) o.prior = NAN;
+        if (i == row++) o.clip_norm = -1;
+        if (i == row++) o.seconds = -1;
+        assert_int_equal(row, LG_COUNT(rules));
+        assert_status(lg_fit_create(NULL, &problem, &o, theta, &fit, &error), LG_INVALID_ARGUMENT);
+        assert_says(error.message, rules[i]);
+        assert_null(fit);
+    }
+    assert_string_equal(lg_schedule_name((lg_schedule_kind)-1), "unknown");
+    assert_string_equal(lg_schedule_name(LG_SCHEDULE_COUNT), "unknown");
+}
+
 /* The loss is 1 per sample, for any parameter. */
 static lg_status unit_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                            size_t batch, lg_var *loss) {

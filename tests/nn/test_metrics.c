@@ -87,6 +87,11 @@ TEST("areas under the curve agree with those by hand, with ties and absent class
     assert_ok(lg_metrics_auc(NULL, none, score, 0, 2, &auc));
     assert_true(isnan(auc));
     assert_status(lg_metrics_auc(NULL, none, score, 4, 0, &auc), LG_INVALID_ARGUMENT);
+    if (SIZE_MAX > UINT32_MAX)
+        assert_status(lg_metrics_auc(NULL, none, score, SIZE_MAX, 2, &auc), LG_INVALID_ARGUMENT);
+    const uint32_t all[] = {1, 1, 1, 1};
+    assert_ok(lg_metrics_auc(NULL, all, score, 4, 2, &auc));
+    assert_true(isnan(auc));
 }
 
 TEST("the largest score wins; of equal scores the later of two classes, the first of more classes") {

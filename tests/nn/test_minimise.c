@@ -644,16 +644,38 @@ TEST("invalid arguments are refused before the first evaluation") {
     lg_error error;
     assert_int_equal(lg_minimise(NULL, 2, evaluate, &f, NULL, x, NULL, &error), LG_NOT_FINITE);
     x[0] = 0;
-    assert_int_equal(lg_minimise(NULL, 0, evaluate, &f, NULL, x, NULL, &error), LG_INVALID_ARGUMENT);
-    options.memory = 0;
-    assert_int_equal(lg_minimise(NULL, 2, evaluate, &f, &options, x, NULL, &error), LG_INVALID_ARGUMENT);
-    options.memory = 50;
-    options.size--;
-    assert_int_equal(lg_minimise(NULL, 2, evaluate, &f, &options, x, NULL, &error), LG_INVALID_ARGUMENT);
-    options.size++;
-    options.method = LG_MINIMISE_METHOD_COUNT;
-    assert_int_equal(lg_minimise(NULL, 2, evaluate, &f, &options, x, NULL, &error), LG_INVALID_ARGUMENT);
+    for (int row = 0; row < 11; row++) {
+        static const char *const words[] = {"0 variables",
+                                            "4294967296 variables",
+                                            "1 to 1000 pairs",
+                                            "1 to 1000 pairs",
+                                            "the size of the options",
+                                            "the method of minimisation is unknown",
+                                            "2 blocks of 2 are more than 2 variables",
+                                            "must not be negative",
+                                            "must not be negative",
+                                            "must not be negative",
+                                            "must not be negative"};
+        if (SIZE_MAX == UINT32_MAX && row == 1) continue;
+        lg_minimise_options wrong = options;
+        const size_t n = row == 0 ? 0 : row == 1 ? (size_t)UINT32_MAX + 1 : 2;
+        if (row == 2) wrong.memory = 0;
+        if (row == 3) wrong.memory = 1001;
+        if (row == 4) wrong.size--;
+        if (row == 5) wrong.method = LG_MINIMISE_METHOD_COUNT;
+        if (row == 6) wrong.block = 2, wrong.blocks = 2;
+        if (row == 7) wrong.gradient_tolerance = -1;
+        if (row == 8) wrong.gradient_tolerance = NAN;
+        if (row == 9) wrong.seconds = -1;
+        if (row == 10) wrong.seconds = NAN;
+        assert_status(lg_minimise(NULL, n, evaluate, &f, &wrong, x, NULL, &error), LG_INVALID_ARGUMENT);
+        assert_says(error.message, words[row]);
+    }
     assert_int_equal(f.calls, 0);
+    for (int end = -1; end <= LG_MINIMISE_END_COUNT; end += LG_MINIMISE_END_COUNT + 1) {
+        assert_string_equal(lg_minimise_end_sentence((lg_minimise_end)end), "");
+        assert_int_equal(lg_minimise_end_status((lg_minimise_end)end), LG_INVALID_ARGUMENT);
+    }
 }
 
 /* -sum x_i, undefined if an x_i is 3 or more. */

@@ -412,6 +412,10 @@ TEST("invalid arguments, options and tables are refused, and a table that cannot
     count = 2;
     assert_status(lg_search_run(NULL, &space, &o, &problem, trials, &count, &error), LG_INVALID_ARGUMENT);
     assert_non_null(strstr(error.message, "trial 5 stands twice"));
+    trials[1].number = 6;
+    trials[1].reports = LG_TRIAL_REPORTS + 1;
+    assert_status(lg_search_run(NULL, &space, &o, &problem, trials, &count, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "trial 6 has 17 reports; at most 16 are possible");
     assert_int_equal(t.epochs, 0);
     /* A table that cannot be saved ends the search with its status; the trial is kept. */
     t.save = LG_FILE;
@@ -492,6 +496,7 @@ TEST("the best trial is the first done one with the lowest objective") {
     assert_int_equal(lg_search_best(NULL, 0), 0);
     assert_string_equal(lg_trial_state_name(LG_TRIAL_PRUNED), "pruned");
     assert_string_equal(lg_trial_state_name((lg_trial_state)LG_TRIAL_STATE_COUNT), "unknown");
+    assert_string_equal(lg_trial_state_name((lg_trial_state)-1), "unknown");
 }
 /* ---- trials that run at the same time ---- */
 

@@ -275,6 +275,15 @@ TEST("a damaged table is refused") {
     } wrong[] = {
         {"# seed", "seed", "line 1", "expected"},
         {"# seed 5", "# seed -5", "line 1", "expected"},
+        {"# seed 5", "# seed 99999999999999999999", "line 1", "expected"},
+        {"trial,state", "trial\nstate", "line 2", "'state'"},
+        {",rung2",
+         ",rung2,rung3,rung4,rung5,rung6,rung7,rung8,rung9,rung10,rung11,rung12,rung13,rung14,rung15,rung16,"
+         "rung17",
+         "line 2", "column"},
+        {"1,done,", "1,done\n", "line 3", "objective"},
+        {",mlp,3,", ",mlp\n3,", "line 3", "layers"},
+        {",true,,\n", ",true,x,\n", "line 3", "report"},
         {" setting ", " ", "line 1", "expected"},
         {"\ntrial,state", "x\ntrial,state", "line 1", "expected"},
         {"trial,state", "trial,status", "line 2", "'state'"},
@@ -364,7 +373,7 @@ TEST("trials that could not be read back are not written") {
     lg_trial trials[N], changed[N];
     const char *path = scratch_path("unwritten.csv");
     make_trials(&file, trials);
-    for (int i = 0; i < 6; i++) {
+    for (int i = 0; i < 9; i++) {
         memcpy(changed, trials, sizeof trials);
         if (i == 0) changed[2].number = changed[3].number;
         if (i == 1) changed[2].state = (lg_trial_state)LG_TRIAL_STATE_COUNT;
@@ -372,6 +381,9 @@ TEST("trials that could not be read back are not written") {
         if (i == 3) changed[2].value[0] = 2;
         if (i == 4) changed[2].value[2] = NAN;
         if (i == 5) changed[2].value[1] = 1.5;
+        if (i == 6) changed[2].state = (lg_trial_state)-1;
+        if (i == 7) changed[2].value[0] = -1;
+        if (i == 8) changed[2].value[0] = 0.5;
         assert_status(lg_trials_write(NULL, path, &file, 1, NULL, changed, N, NULL), LG_INVALID_ARGUMENT);
     }
     lg_search_file empty = file;
@@ -380,6 +392,23 @@ TEST("trials that could not be read back are not written") {
     assert_status(lg_trials_write(NULL, path, NULL, 1, NULL, trials, N, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_trials_write(NULL, NULL, &file, 1, NULL, trials, N, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_trials_write(NULL, path, &file, 1, NULL, NULL, N, NULL), LG_INVALID_ARGUMENT);
+    lg_search_file wrong[3] = {file, file, file};
+    wrong[0].fixed_count = LG_RANGE_MAX + 1;
+    wrong[1].fixed_count = wrong[2].fixed_count = 1;
+    memset(wrong[1].fixed_name[0], 'n', LG_RANGE_NAME);
+    memset(wrong[2].fixed_value[0], 'v', LG_SEARCH_FIXED_TEXT);
+    for (int i = 0; i < 3; i++)
+        assert_status(lg_trials_write(NULL, path, &wrong[i], 1, NULL, trials, N, NULL), LG_INVALID_ARGUMENT);
+    size_t count = 77;
+    for (int i = 0; i < 4; i++)
+        assert_status(lg_trials_read(NULL,
+                                     i == 0   ? NULL
+                                     : i == 1 ? ""
+                                              : path,
+                                     &file, 1, NULL, 1, i == 2 ? NULL : changed, i == 3 ? NULL : &count,
+                                     NULL),
+                      LG_INVALID_ARGUMENT);
+    assert_int_equal(count, 77);
     assert_int_not_equal(access(path, F_OK), 0);
 }
 

@@ -5,6 +5,8 @@
 #include <errno.h>
 #include <execinfo.h>
 #include <fcntl.h>
+#define H5_USE_110_API
+#include <hdf5.h>
 #include <pthread.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -13,6 +15,7 @@
 #include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
+#include <yaml.h>
 
 static struct {
     _Atomic long calls[FAULT_CLASSES], live, hits;
@@ -54,6 +57,15 @@ bool faults_hit(void) {
 
 long faults_live(void) {
     return faults.live;
+}
+
+long faults_identifiers(void) {
+    static const H5I_type_t types[] = {H5I_FILE,    H5I_GROUP, H5I_DATATYPE,   H5I_DATASPACE,
+                                       H5I_DATASET, H5I_ATTR,  H5I_GENPROP_LST};
+    hsize_t total = 0, count;
+    for (size_t i = 0; i < sizeof types / sizeof *types; i++)
+        if (H5Inmembers(types[i], &count) >= 0) total += count;
+    return (long)total;
 }
 
 void faults_note_stacks(fault_class of, uint64_t *stacks, long room) {
@@ -184,6 +196,20 @@ CALL(FAULT_FILES, EMFILE, -1, int, pipe, (int ends[2]), (ends))
 CALL(FAULT_FILES, ENOSPC, ENOSPC, int, posix_fallocate, (int fd, off_t from, off_t bytes), (fd, from, bytes))
 CALL(FAULT_MEMORY, EAGAIN, -1, pid_t, fork, (void), ())
 CALL(class_of(file), EIO, EOF, int, fflush, (FILE * file), (file))
+CALL(FAULT_MEMORY, ENOMEM, 0, int, yaml_parser_initialize, (yaml_parser_t * parser), (parser))
+CALL(FAULT_MEMORY, ENOMEM, 0, int, yaml_emitter_initialize, (yaml_emitter_t * emitter), (emitter))
+CALL(FAULT_MEMORY, ENOMEM, 0, int, yaml_document_add_scalar,
+     (yaml_document_t * in, const yaml_char_t *tag, const yaml_char_t *text, int length,
+      yaml_scalar_style_t style),
+     (in, tag, text, length, style))
+CALL(FAULT_MEMORY, ENOMEM, 0, int, yaml_document_add_sequence,
+     (yaml_document_t * in, const yaml_char_t *tag, yaml_sequence_style_t style), (in, tag, style))
+CALL(FAULT_MEMORY, ENOMEM, 0, int, yaml_document_add_mapping,
+     (yaml_document_t * in, const yaml_char_t *tag, yaml_mapping_style_t style), (in, tag, style))
+CALL(FAULT_MEMORY, ENOMEM, 0, int, yaml_document_append_sequence_item,
+     (yaml_document_t * in, int list, int item), (in, list, item))
+CALL(FAULT_MEMORY, ENOMEM, 0, int, yaml_document_append_mapping_pair,
+     (yaml_document_t * in, int map, int key, int value), (in, map, key, value))
 /* The stream gets its error indicator: it is open for reading, so a character cannot be written to it. */
 #define READ(name, parameters, values)                                                                       \
     size_t REAL(name) parameters;                                                                            \
@@ -204,6 +230,101 @@ MOVE(EIO, read, (int fd, void *data, size_t bytes), (fd, data, (size_t)most))
 MOVE(ENOSPC, write, (int fd, const void *data, size_t bytes), (fd, data, (size_t)most))
 MOVE(EIO, pread, (int fd, void *data, size_t bytes, off_t at), (fd, data, (size_t)most, at))
 MOVE(ENOSPC, pwrite, (int fd, const void *data, size_t bytes, off_t at), (fd, data, (size_t)most, at))
+
+/* ---- calls of HDF5 ----
+ *
+ * Left out are functions that fail only for a wrong identifier (queries of an open data type, H5Iget_type),
+ * and functions that set how HDF5 reports errors. */
+
+#define H5_CALL(type, name, parameters, values)                                                              \
+    CALL(FAULT_HDF5, EIO, (type)-1, type, name, parameters, values)
+/* A query of one identifier. */
+#define H5_GET(type, name) CALL(FAULT_HDF5, EIO, (type)-1, type, name, (hid_t of), (of))
+/* A call that closes its argument, even if it returns an error. */
+#define H5_CLOSE(name)                                                                                       \
+    herr_t REAL(name)(hid_t);                                                                                \
+    herr_t __wrap_##name(hid_t);                                                                             \
+    herr_t __wrap_##name(hid_t closed) {                                                                     \
+        const bool failed = fails(FAULT_HDF5, EIO);                                                          \
+        const herr_t code = REAL(name)(closed);                                                              \
+        return failed ? -1 : code;                                                                           \
+    }
+
+H5_CLOSE(H5Aclose)
+H5_CLOSE(H5Dclose)
+H5_CLOSE(H5Fclose)
+H5_CLOSE(H5Oclose)
+H5_CLOSE(H5Pclose)
+H5_CLOSE(H5Sclose)
+H5_CLOSE(H5Tclose)
+H5_GET(hid_t, H5Aget_space)
+H5_GET(hid_t, H5Aget_type)
+H5_GET(hid_t, H5Dget_create_plist)
+H5_GET(haddr_t, H5Dget_offset)
+H5_GET(hid_t, H5Dget_space)
+H5_GET(hid_t, H5Dget_type)
+H5_GET(hid_t, H5Pcreate)
+H5_GET(int, H5Pget_external_count)
+H5_GET(H5D_layout_t, H5Pget_layout)
+H5_GET(int, H5Pget_nfilters)
+H5_GET(int, H5Sget_simple_extent_ndims)
+H5_GET(hssize_t, H5Sget_simple_extent_npoints)
+H5_GET(H5S_class_t, H5Sget_simple_extent_type)
+H5_GET(herr_t, H5Sselect_all)
+H5_GET(hid_t, H5Tcopy)
+H5_CALL(hid_t, H5Acreate2, (hid_t a, const char *b, hid_t c, hid_t d, hid_t e, hid_t f), (a, b, c, d, e, f))
+H5_CALL(herr_t, H5Adelete_by_name, (hid_t a, const char *b, const char *c, hid_t d), (a, b, c, d))
+H5_CALL(htri_t, H5Aexists_by_name, (hid_t a, const char *b, const char *c, hid_t d), (a, b, c, d))
+H5_CALL(herr_t, H5Aiterate2,
+        (hid_t a, H5_index_t b, H5_iter_order_t c, hsize_t *d, H5A_operator2_t e, void *f),
+        (a, b, c, d, e, f))
+H5_CALL(hid_t, H5Aopen, (hid_t a, const char *b, hid_t c), (a, b, c))
+H5_CALL(hid_t, H5Aopen_by_name, (hid_t a, const char *b, const char *c, hid_t d, hid_t e), (a, b, c, d, e))
+H5_CALL(herr_t, H5Aread, (hid_t a, hid_t b, void *c), (a, b, c))
+H5_CALL(herr_t, H5Awrite, (hid_t a, hid_t b, const void *c), (a, b, c))
+H5_CALL(hid_t, H5Dcreate2, (hid_t a, const char *b, hid_t c, hid_t d, hid_t e, hid_t f, hid_t g),
+        (a, b, c, d, e, f, g))
+H5_CALL(herr_t, H5Dread, (hid_t a, hid_t b, hid_t c, hid_t d, hid_t e, void *f), (a, b, c, d, e, f))
+H5_CALL(herr_t, H5Dvlen_reclaim, (hid_t a, hid_t b, hid_t c, void *d), (a, b, c, d))
+H5_CALL(herr_t, H5Dwrite, (hid_t a, hid_t b, hid_t c, hid_t d, hid_t e, const void *f), (a, b, c, d, e, f))
+H5_CALL(hid_t, H5Fcreate, (const char *a, unsigned b, hid_t c, hid_t d), (a, b, c, d))
+H5_CALL(herr_t, H5Fflush, (hid_t a, H5F_scope_t b), (a, b))
+H5_CALL(ssize_t, H5Fget_file_image, (hid_t a, void *b, size_t c), (a, b, c))
+H5_CALL(hid_t, H5Fopen, (const char *a, unsigned b, hid_t c), (a, b, c))
+H5_CALL(hid_t, H5Gcreate2, (hid_t a, const char *b, hid_t c, hid_t d, hid_t e), (a, b, c, d, e))
+H5_CALL(htri_t, H5Lexists, (hid_t a, const char *b, hid_t c), (a, b, c))
+H5_CALL(herr_t, H5Literate, (hid_t a, H5_index_t b, H5_iter_order_t c, hsize_t *d, H5L_iterate_t e, void *f),
+        (a, b, c, d, e, f))
+H5_CALL(htri_t, H5Oexists_by_name, (hid_t a, const char *b, hid_t c), (a, b, c))
+H5_CALL(hid_t, H5Oopen, (hid_t a, const char *b, hid_t c), (a, b, c))
+H5_CALL(herr_t, H5Ovisit, (hid_t a, H5_index_t b, H5_iter_order_t c, H5O_iterate_t d, void *e),
+        (a, b, c, d, e))
+H5_CALL(int, H5Pget_chunk, (hid_t a, int b, hsize_t *c), (a, b, c))
+H5_CALL(H5Z_filter_t, H5Pget_filter2,
+        (hid_t a, unsigned b, unsigned int *c, size_t *d, unsigned *e, size_t f, char *g, unsigned *h),
+        (a, b, c, d, e, f, g, h))
+H5_CALL(herr_t, H5Pset_alloc_time, (hid_t a, H5D_alloc_time_t b), (a, b))
+H5_CALL(herr_t, H5Pset_char_encoding, (hid_t a, H5T_cset_t b), (a, b))
+H5_CALL(herr_t, H5Pset_create_intermediate_group, (hid_t a, unsigned b), (a, b))
+H5_CALL(herr_t, H5Pset_elink_cb, (hid_t a, H5L_elink_traverse_t b, void *c), (a, b, c))
+H5_CALL(herr_t, H5Pset_fapl_core, (hid_t a, size_t b, hbool_t c), (a, b, c))
+H5_CALL(herr_t, H5Pset_file_image, (hid_t a, void *b, size_t c), (a, b, c))
+H5_CALL(herr_t, H5Pset_file_locking, (hid_t a, hbool_t b, hbool_t c), (a, b, c))
+H5_CALL(herr_t, H5Pset_fill_time, (hid_t a, H5D_fill_time_t b), (a, b))
+H5_CALL(herr_t, H5Pset_layout, (hid_t a, H5D_layout_t b), (a, b))
+H5_CALL(herr_t, H5Pset_obj_track_times, (hid_t a, hbool_t b), (a, b))
+H5_CALL(herr_t, H5Pset_type_conv_cb, (hid_t a, H5T_conv_except_func_t b, void *c), (a, b, c))
+H5_CALL(herr_t, H5Pset_virtual, (hid_t a, hid_t b, const char *c, const char *d, hid_t e), (a, b, c, d, e))
+H5_CALL(hid_t, H5Screate, (H5S_class_t a), (a))
+H5_CALL(hid_t, H5Screate_simple, (int a, const hsize_t *b, const hsize_t *c), (a, b, c))
+H5_CALL(int, H5Sget_simple_extent_dims, (hid_t a, hsize_t *b, hsize_t *c), (a, b, c))
+H5_CALL(herr_t, H5Sselect_hyperslab,
+        (hid_t a, H5S_seloper_t b, const hsize_t *c, const hsize_t *d, const hsize_t *e, const hsize_t *f),
+        (a, b, c, d, e, f))
+H5_CALL(herr_t, H5Tset_cset, (hid_t a, H5T_cset_t b), (a, b))
+H5_CALL(herr_t, H5Tset_size, (hid_t a, size_t b), (a, b))
+H5_CALL(herr_t, H5Tset_strpad, (hid_t a, H5T_str_t b), (a, b))
+H5_CALL(htri_t, H5Zfilter_avail, (H5Z_filter_t a), (a))
 
 /* ---- calls of other forms ---- */
 

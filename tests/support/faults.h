@@ -10,11 +10,11 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* MEMORY: functions that allocate, or start a thread or a process. FILES: functions that open, read, write,
- * lock, name or close files. */
-typedef enum fault_class { FAULT_MEMORY, FAULT_FILES, FAULT_CLASSES } fault_class;
+/* MEMORY: functions that allocate (of libyaml, too), or start a thread or a process. FILES: functions that
+ * open, read, write, lock, name or close files. HDF5: functions of HDF5, which only fail. */
+typedef enum fault_class { FAULT_MEMORY, FAULT_FILES, FAULT_HDF5, FAULT_CLASSES } fault_class;
 
-/* FAIL: the call does nothing and returns an error; but close and fclose close the file and return an error.
+/* FAIL: the call does nothing and returns an error; but functions that close do so and return an error.
  * SHORT: read and write move half of the bytes; other calls work. INTERRUPT: read and write fail with EINTR;
  * other calls work. */
 typedef enum fault_way { FAULT_FAIL, FAULT_SHORT, FAULT_INTERRUPT } fault_way;
@@ -34,6 +34,9 @@ bool faults_hit(void);
 
 /* Blocks that were allocated by calls of the table and are not freed. */
 long faults_live(void);
+
+/* Number of open identifiers of HDF5. */
+long faults_identifiers(void);
 
 /* From now on, the hash of the innermost frames of the stack is written to stacks[n - 1] at call n of the
  * class, for the first `room` calls. NULL ends this. */

@@ -30,14 +30,16 @@ static struct {
     double seconds; /* for a test */
     long from, to;  /* of the run */
     bool armed;
-    long live; /* blocks before the test */
+    long live; /* blocks and identifiers before the test */
     int output;
 } now = {.of = FAULT_MEMORY, .seconds = 10};
 
 int run_faults_options(int *argc, char **argv) {
     if (*argc < 3 || strcmp(argv[1], "--faults") != 0) return 0;
     now.wanted = true;
-    now.of = strncmp(argv[2], "files", 5) == 0 ? FAULT_FILES : FAULT_MEMORY;
+    now.of = strncmp(argv[2], "files", 5) == 0  ? FAULT_FILES
+             : strncmp(argv[2], "hdf5", 4) == 0 ? FAULT_HDF5
+                                                : FAULT_MEMORY;
     now.way = strstr(argv[2], ":short") != NULL       ? FAULT_SHORT
               : strstr(argv[2], ":interrupt") != NULL ? FAULT_INTERRUPT
                                                       : FAULT_FAIL;
@@ -54,7 +56,7 @@ bool run_faults_wanted(void) {
 
 void run_faults_begin(void) {
     if (!now.armed) return;
-    now.live = faults_live();
+    now.live = faults_live() + faults_identifiers();
     faults_arm(now.of, now.way, now.from, now.to);
 }
 
@@ -62,7 +64,7 @@ void run_faults_end(bool passed) {
     if (!now.armed) return;
     report->calls = faults_calls(now.of);
     report->hit = faults_hit();
-    report->live = faults_live() - now.live;
+    report->live = faults_live() + faults_identifiers() - now.live;
     report->passed = passed;
     report->ended = true;
 }
@@ -74,7 +76,8 @@ bool lg_test_faulty(void) {
 bool lg_test_again(lg_status status) {
     static bool done;
     if (status == LG_OK || !now.armed || !faults_hit()) return false;
-    report->told = report->told || status == LG_OUT_OF_MEMORY || status == LG_FILE;
+    report->told = report->told || status == LG_OUT_OF_MEMORY || status == LG_FILE ||
+                   (now.of == FAULT_HDF5 && (status == LG_FORMAT || status == LG_NOT_FOUND));
     if (status != LG_OUT_OF_MEMORY || done) return false;
     faults_disarm();
     done = true;
@@ -106,7 +109,8 @@ static const char *output_of_run(void) {
 /* Whether the last run says that memory or a file is the reason. */
 static bool says_why(void) {
     static const char *const words[][5] = {{"memory", "allocation failed", "OUT_OF_MEMORY", "--- 0x4 != "},
-                                           {"cannot be", "Input/output error", "LG_FILE", "No space left"}};
+                                           {"cannot be", "Input/output error", "LG_FILE", "No space left"},
+                                           {"memory", "OUT_OF_MEMORY", "FORMAT", "NOT_FOUND", "cannot be"}};
     const char *text = output_of_run();
     for (size_t i = 0; i < LG_COUNT(words[0]) && words[now.of][i] != NULL; i++)
         if (strstr(text, words[now.of][i]) != NULL) return true;

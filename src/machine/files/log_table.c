@@ -16,8 +16,9 @@ lg_status lg_log_no_memory(const char *path, lg_error *error) {
 static bool is_h5(const lg_log_table *table, uint32_t file) {
     static const unsigned char signature[8] = {0x89, 'H', 'D', 'F', '\r', '\n', 0x1a, '\n'};
     unsigned char first[8] = {0};
-    return lg_read_first(table->paths[file], first, sizeof first) == sizeof first &&
-           memcmp(first, signature, sizeof first) == 0;
+    size_t got = 0;
+    return lg_read_first(table->paths[file], first, sizeof first, &got, NULL) == LG_OK &&
+           got == sizeof first && memcmp(first, signature, sizeof first) == 0;
 }
 
 lg_status lg_log_fail(const lg_log_table *table, size_t row, lg_error *error, const char *format, ...) {

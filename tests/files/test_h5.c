@@ -1,0 +1,584 @@
+/* Files in HDF5: what archives write and read, and what readers accept and refuse in files of other
+ * programs. */
+#include "support/io_test.h"
+
+#include "files/h5_internal.h"
+
+RELEASES(release_h5, lg_h5_close)
+RELEASES(release_writer, lg_file_writer_destroy)
+RELEASES(release_reader, lg_file_reader_destroy)
+
+static const lg_element elements[] = {LG_ELEMENT_F64, LG_ELEMENT_F32, LG_ELEMENT_I64,
+                                      LG_ELEMENT_U64, LG_ELEMENT_U32, LG_ELEMENT_U8};
+static const uint64_t some[4] = {2, 1, 3, 1}, none[4] = {2, 0, 3, 1};
+
+static lg_h5 *open_h5(const char *path) {
+    const lg_read_options here = without_probe();
+    lg_h5 *h5;
+    assert_told(lg_h5_open(NULL, path, &here, &h5, &told));
+    lg_test_owns(h5, release_h5);
+    return h5;
+}
+
+static lg_file_writer *new_writer(const char *path, const char *prefix, lg_archive_writer *archive) {
+    lg_file_writer *writer;
+    assert_told(lg_file_writer_create(NULL, path, "test", NULL, &writer, &told));
+    lg_test_owns(writer, release_writer);
+    assert_ok(lg_file_writer_archive(writer, prefix, archive));
+    return writer;
+}
+
+static lg_file_reader *new_reader(const char *path, const char *prefix, lg_archive_reader *archive) {
+    const lg_read_options here = without_probe();
+    lg_file_reader *reader;
+    assert_told(lg_file_reader_create(NULL, path, "test", &here, &reader, &told));
+    lg_test_owns(reader, release_reader);
+    assert_ok(lg_file_reader_archive(reader, prefix, archive));
+    return reader;
+}
+
+/* ---- archives ---- */
+
+TEST("an archive gives back arrays of every type and rank, with and without numbers") {
+    const char *path = scratch_path("arrays.h5");
+    lg_archive_writer to;
+    lg_archive_reader from;
+    unsigned char data[48], got[48];
+    for (size_t i = 0; i < sizeof data; i++) data[i] = (unsigned char)(i + 1);
+    lg_file_writer *writer = new_writer(path, "part", &to);
+    for (uint32_t i = 0; i < LG_COUNT(elements); i++)
+        for (uint32_t rank = 0; rank <= 4; rank++) {
+            assert_ok(to.array(to.user, test_text("some/%u/%u", i, rank), elements[i], rank, some, data));
+            assert_ok(to.array(to.user, test_text("none/%u/%u", i, rank), elements[i], rank, none, data));
+        }
+    assert_ok(lg_file_writer_commit(writer, NULL));
+    (void)new_reader(path, "part", &from);
+    for (uint32_t i = 0; i < LG_COUNT(elements); i++)
+        for (uint32_t rank = 0; rank <= 4; rank++) {
+            const char *name = test_text("some/%u/%u", i, rank);
+            const size_t bytes = (rank < 1 ? 1 : rank < 3 ? 2 : 6) * lg_element_size(elements[i]);
+            uint64_t dims[4] = {9, 9, 9, 9};
+            uint32_t have = 9;
+            memset(got, 0, sizeof got);
+            assert_ok(from.array(from.user, name, elements[i], rank, some, got));
+            assert_memory_equal(got, data, bytes);
+            assert_ok(from.shape(from.user, name, &have, dims));
+            assert_int_equal(have, rank);
+            assert_memory_equal(dims, some, rank * sizeof *dims);
+            name = test_text("none/%u/%u", i, rank);
+            assert_ok(from.array(from.user, name, elements[i], rank, none, got));
+        }
+    assert_ok(lg_h5_read_all(open_h5(path), NULL));
+}
+
+TEST("an archive refuses names and prefixes that are missing, empty or too long, and keeps the first "
+     "refusal") {
+    char prefix[LG_H5_PREFIX + 1], name[300], text[8] = "unread";
+    const char *path = scratch_path("names.h5"), *names[] = {NULL, "", name};
+    uint32_t rank = 9;
+    uint64_t dims[4] = {9};
+    const double x = 1;
+    double got = 2;
+    lg_archive_writer to;
+    lg_archive_reader from;
+    lg_error error = {LG_OK, ""};
+    memset(prefix, 'p', sizeof prefix), prefix[LG_H5_PREFIX] = '\0';
+    memset(name, 'n', sizeof name), name[299] = '\0';
+    assert_status(lg_file_writer_create(NULL, NULL, "test", NULL, &(lg_file_writer *){NULL}, &error),
+                  LG_INVALID_ARGUMENT);
+    assert_status(lg_file_writer_create(NULL, "", "test", NULL, &(lg_file_writer *){NULL}, &error),
+                  LG_INVALID_ARGUMENT);
+    lg_file_writer *writer = new_writer(path, "", &to);
+    lg_file_reader *reader = NULL;
+    for (size_t i = 0; i < LG_COUNT(names); i++) {
+        lg_file_writer *bad = new_writer(path, i == 2 ? "p" : "", &to);
+        const lg_status status = i == 1 ? to.text(to.user, names[i], "x")
+                                        : to.array(to.user, names[i], LG_ELEMENT_F64, 0, NULL, &x);
+        assert_int_equal(status, LG_INVALID_ARGUMENT);
+        assert_status(to.array(to.user, "x", LG_ELEMENT_F64, 0, NULL, &x), LG_INVALID_ARGUMENT);
+        assert_status(to.text(to.user, "x", "x"), LG_INVALID_ARGUMENT);
+        assert_status(lg_file_writer_commit(bad, &error), LG_INVALID_ARGUMENT);
+        assert_says(error.message, "a path is empty or too long");
+    }
+    lg_file_writer *bad = new_writer(path, "", &to);
+    assert_status(to.text(to.user, "x", NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_file_writer_commit(bad, NULL), LG_INVALID_ARGUMENT);
+    assert_int_equal(access(path, F_OK), -1);
+    assert_ok(lg_file_writer_archive(writer, "", &to));
+    assert_ok(to.array(to.user, "x", LG_ELEMENT_F64, 0, NULL, &x));
+    assert_ok(lg_file_writer_commit(writer, NULL));
+    assert_status(lg_file_writer_commit(writer, &error), LG_INVALID_ARGUMENT);
+    assert_status(lg_file_writer_commit(NULL, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "committed before, or the writer is NULL");
+    reader = new_reader(path, "", &from);
+    for (size_t i = 0; i < LG_COUNT(names); i++) {
+        assert_status(from.array(from.user, names[i], LG_ELEMENT_F64, 0, NULL, &got), LG_INVALID_ARGUMENT);
+        assert_status(from.shape(from.user, names[i], &rank, dims), LG_INVALID_ARGUMENT);
+        assert_status(from.text(from.user, names[i], text, sizeof text), LG_INVALID_ARGUMENT);
+        assert_says(lg_file_reader_message(reader), "a path is empty or too long");
+    }
+    assert_true(got == 2 && rank == 9 && dims[0] == 9 && strcmp(text, "unread") == 0);
+    for (size_t i = 0; i < 2; i++) {
+        const char *wrong = i == 0 ? NULL : prefix;
+        assert_status(lg_file_writer_archive(writer, wrong, &to), LG_INVALID_ARGUMENT);
+        assert_status(lg_file_reader_archive(reader, wrong, &from), LG_INVALID_ARGUMENT);
+    }
+    assert_status(lg_file_writer_archive(NULL, "", &to), LG_INVALID_ARGUMENT);
+    assert_status(lg_file_writer_archive(writer, "", NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_file_reader_archive(NULL, "", &from), LG_INVALID_ARGUMENT);
+    assert_status(lg_file_reader_archive(reader, "", NULL), LG_INVALID_ARGUMENT);
+    lg_file_writer_destroy(NULL);
+    lg_file_reader_destroy(NULL);
+}
+
+TEST("files that are written or changed at the same time do not mix") {
+    const char *paths[2] = {scratch_path("one.h5"), scratch_path("two.h5")};
+    lg_file_writer *writers[2];
+    lg_archive_writer to[2];
+    lg_h5 *h5[2];
+    for (size_t i = 0; i < 2; i++) writers[i] = new_writer(paths[i], "", &to[i]);
+    for (size_t i = 0; i < 2; i++)
+        assert_ok(to[i].array(to[i].user, "x", LG_ELEMENT_F64, 0, NULL, &(double){(double)i}));
+    for (size_t i = 0; i < 2; i++) assert_told(lg_file_writer_commit(writers[i], &told));
+    for (size_t i = 0; i < 2; i++) {
+        assert_told(lg_h5_edit(NULL, paths[i], &h5[i], &told));
+        lg_test_owns(h5[i], release_h5);
+    }
+    for (size_t i = 0; i < 2; i++) {
+        double x = 9;
+        assert_told(lg_h5_put_number(h5[i], "", "n", LG_ELEMENT_F64, &(double){(double)i}, &told));
+        assert_told(lg_h5_get(h5[i], "x", LG_ELEMENT_F64, 0, NULL, &x, &told));
+        assert_true(x == (double)i);
+    }
+    for (size_t i = 0; i < 2; i++) assert_told(lg_h5_commit(h5[i], &told));
+    for (size_t i = 0; i < 2; i++) {
+        double n = 9;
+        assert_told(lg_h5_number(open_h5(paths[i]), "", "n", LG_ELEMENT_F64, &n, &told));
+        assert_true(n == (double)i);
+    }
+}
+
+/* ---- texts and attributes ---- */
+
+static lg_status count_text(void *user, uint64_t index, const char *text, lg_error *error) {
+    size_t *count = user;
+    if (strcmp(text, index == 0 ? "first" : index == 1 ? "" : "third") != 0)
+        return lg_fail(error, LG_FORMAT, "another text");
+    ++*count;
+    return LG_OK;
+}
+
+static const lg_provenance origin = {.command = "made by a test", .cpu = "none", .seed = 7, .has_seed = true};
+static const char three[3][8] = {"first", "", "third"};
+static const double half = 0.5;
+
+static void put_all(lg_h5 *h5) {
+    const int64_t below = -3;
+    const uint64_t most = UINT64_MAX;
+    const uint32_t word = 4000000000u;
+    const float fraction = 0.25f;
+    char long_text[5000];
+    memset(long_text, 'x', sizeof long_text - 1), long_text[sizeof long_text - 1] = '\0';
+    assert_told(lg_h5_put_header(h5, "test", &origin, &told));
+    assert_told(lg_h5_put(h5, "set", LG_ELEMENT_F64, 0, NULL, &half, &told));
+    assert_told(lg_h5_put_texts(h5, "texts", three[0], sizeof three[0], 3, &told));
+    assert_told(lg_h5_put_text_list(h5, "set", "list", three[0], sizeof three[0], 3, &told));
+    assert_told(lg_h5_put_text(h5, "made/group", "long", long_text, &told));
+    assert_told(lg_h5_put_text(h5, "set", "empty", "", &told));
+    assert_told(lg_h5_put_number(h5, "set", "f64", LG_ELEMENT_F64, &half, &told));
+    assert_told(lg_h5_put_number(h5, "set", "f32", LG_ELEMENT_F32, &fraction, &told));
+    assert_told(lg_h5_put_number(h5, "", "i64", LG_ELEMENT_I64, &below, &told));
+    assert_told(lg_h5_put_number(h5, "set", "u64", LG_ELEMENT_U64, &most, &told));
+    assert_told(lg_h5_put_number(h5, "set", "u32", LG_ELEMENT_U32, &word, &told));
+    assert_told(lg_h5_put_number(h5, "set", "old", LG_ELEMENT_U32, &word, &told));
+}
+
+TEST("texts, numbers and provenance are read back, after a change of the file too") {
+    const char *path = scratch_path("texts.h5");
+    lg_h5 *h5;
+    char text[LG_H5_TEXT];
+    double f64 = 0;
+    float f32 = 0;
+    int64_t i64 = 0;
+    uint64_t u64 = 0;
+    uint32_t u32 = 0;
+    size_t count = 0;
+    bool words = false;
+    lg_provenance got;
+    assert_told(lg_h5_create(NULL, path, &h5, &told));
+    lg_test_owns(h5, release_h5);
+    put_all(h5);
+    assert_told(lg_h5_commit(h5, &told));
+    assert_told(lg_h5_edit(NULL, path, &h5, &told));
+    lg_test_owns(h5, release_h5);
+    assert_told(lg_h5_remove_attribute(h5, "set", "old", &told));
+    assert_told(lg_h5_remove_attribute(h5, "set", "old", &told));
+    assert_told(lg_h5_remove_attribute(h5, "", "i64", &told));
+    assert_told(lg_h5_put_number(h5, "", "i64", LG_ELEMENT_I64, &(int64_t){-4}, &told));
+    assert_told(lg_h5_commit(h5, &told));
+    h5 = open_h5(path);
+    assert_told(lg_h5_check_format(h5, "test", false, &told));
+    assert_true(lg_h5_has(h5, "") && lg_h5_has(h5, "made/group"));
+    if (!lg_test_faulty()) { /* if HDF5 cannot tell, the answer is yes */
+        assert_true(!lg_h5_has(h5, "made/other") && !lg_h5_has(h5, "other/group"));
+        assert_true(!lg_h5_has_attribute(h5, "set", "old") && !lg_h5_has_attribute(h5, "other", "x"));
+    }
+    assert_told(lg_h5_each_text(h5, "texts", count_text, &count, &told));
+    assert_told(lg_h5_each_attribute_text(h5, "set", "list", &words, count_text, &count, &told));
+    assert_true(count == 6 && words);
+    assert_told(lg_h5_each_attribute_text(h5, "set", "f64", &words, count_text, &count, &told));
+    assert_false(words);
+    assert_told(lg_h5_text(h5, "made/group", "long", text, sizeof text, &told));
+    assert_int_equal(strspn(text, "x"), LG_H5_TEXT - 1);
+    assert_told(lg_h5_text(h5, "set", "empty", text, sizeof text, &told));
+    assert_string_equal(text, "");
+    assert_told(lg_h5_number(h5, "set", "f64", LG_ELEMENT_F64, &f64, &told));
+    assert_told(lg_h5_number(h5, "set", "f32", LG_ELEMENT_F32, &f32, &told));
+    assert_told(lg_h5_number(h5, "", "i64", LG_ELEMENT_I64, &i64, &told));
+    assert_told(lg_h5_number(h5, "set", "u32", LG_ELEMENT_U32, &u32, &told));
+    assert_true(f64 == 0.5 && f32 == 0.25f && i64 == -4 && u32 == 4000000000u);
+    assert_told(lg_h5_number(h5, "set", "u64", LG_ELEMENT_U64, &u64, &told));
+    assert_true(u64 == UINT64_MAX);
+    lg_h5_provenance(h5, &got);
+    assert_string_equal(got.command, origin.command);
+    assert_string_equal(got.cpu, origin.cpu);
+    assert_true(got.has_seed && got.seed == 7);
+    assert_told(lg_h5_read_all(h5, &told));
+}
+
+TEST("a data set without a name or of too high a rank is not written") {
+    const uint64_t dims[5] = {1, 1, 1, 1, 1};
+    lg_error error = {LG_OK, ""};
+    lg_h5 *h5;
+    assert_ok(lg_h5_create(NULL, scratch_path("refused.h5"), &h5, NULL));
+    lg_test_owns(h5, release_h5);
+    const struct {
+        const char *name;
+        lg_element type;
+        uint32_t rank;
+    } rows[] = {{NULL, LG_ELEMENT_F64, 0}, {"", LG_ELEMENT_F64, 0}, {"x", LG_ELEMENT_F64, 5}, {"x", 99, 0}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        error.message[0] = '\0';
+        assert_status(lg_h5_put(h5, rows[i].name, rows[i].type, rows[i].rank, dims, &half, &error),
+                      LG_INVALID_ARGUMENT);
+        assert_says(error.message, "needs a name, a type and rank <= 4");
+    }
+    assert_ok(lg_h5_put(h5, "x", LG_ELEMENT_F64, 0, NULL, &half, NULL));
+    assert_status(lg_h5_put(h5, "x", LG_ELEMENT_F64, 0, NULL, &half, &error), LG_OUT_OF_MEMORY);
+    assert_says(error.message, "/x could not be stored in memory");
+    assert_ok(lg_h5_put_number(h5, "x", "n", LG_ELEMENT_F64, &half, NULL));
+    assert_status(lg_h5_put_number(h5, "x", "n", LG_ELEMENT_F64, &half, &error), LG_OUT_OF_MEMORY);
+    assert_says(error.message, "/x attribute n could not be stored in memory");
+}
+
+/* ---- files of other programs ---- */
+
+/* A type of a text. size 0: variable length. */
+static hid_t words_of(size_t size, H5T_str_t padding) {
+    hid_t type = H5Tcopy(H5T_C_S1);
+    assert_true(H5Tset_size(type, size > 0 ? size : H5T_VARIABLE) >= 0 && H5Tset_strpad(type, padding) >= 0);
+    return type;
+}
+
+/* Numbers of two bytes, as numpy's float16. */
+static hid_t half_type(void) {
+    hid_t type = H5Tcopy(H5T_IEEE_F32LE);
+    assert_true(H5Tset_fields(type, 15, 10, 5, 0, 10) >= 0 && H5Tset_size(type, 2) >= 0 &&
+                H5Tset_ebias(type, 15) >= 0);
+    return type;
+}
+
+static void put_foreign(hid_t file, const char *name, hid_t stored, hid_t memory, hid_t space, hid_t plist,
+                        const void *data) {
+    hid_t set = H5Dcreate2(file, name, stored, space, H5P_DEFAULT, plist, H5P_DEFAULT);
+    assert_true(set >= 0 &&
+                (data == NULL || H5Dwrite(set, memory, H5S_ALL, H5S_ALL, H5P_DEFAULT, data) >= 0));
+    assert_true(H5Dclose(set) >= 0);
+}
+
+static void put_foreign_attribute(hid_t file, const char *name, hid_t type, hid_t space, const void *data) {
+    hid_t at = H5Acreate2(file, name, type, space, H5P_DEFAULT, H5P_DEFAULT);
+    assert_true(at >= 0 && (data == NULL || H5Awrite(at, type, data) >= 0) && H5Aclose(at) >= 0);
+}
+
+enum { WORDS_OF_LIST = 5000, VAST = 5000000 }; /* more than are read at once */
+
+static void write_foreign(const char *path) {
+    static char big[70000], block[8192];
+    const hsize_t bytes[1] = {sizeof block}, two[1] = {2}, pair[2] = {1, 2}, cube[5] = {1, 1, 1, 1, 1};
+    const double numbers[2] = {1.5, 1e300};
+    const uint64_t large[2] = {1, UINT64_MAX};
+    const int64_t signs[2] = {-1, 1};
+    const char *texts[2] = {NULL, big};
+    memset(big, 'b', sizeof big - 1);
+    const hsize_t no_rows[1] = {0}, vast[2] = {2, VAST};
+    const char *words[WORDS_OF_LIST];
+    for (size_t i = 0; i < WORDS_OF_LIST; i++) words[i] = i % 2 == 0 ? "even" : "odd";
+    hid_t file = H5Fcreate(path, H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
+    hid_t one = H5Screate(H5S_SCALAR), list = H5Screate_simple(1, two, NULL), null = H5Screate(H5S_NULL),
+          row = H5Screate_simple(2, pair, NULL), deep = H5Screate_simple(5, cube, NULL);
+    hid_t compact = H5Pcreate(H5P_DATASET_CREATE), elsewhere = H5Pcreate(H5P_DATASET_CREATE);
+    hid_t variable = words_of(0, H5T_STR_NULLTERM), blanks = words_of(6, H5T_STR_SPACEPAD),
+          wide = words_of(sizeof big, H5T_STR_NULLTERM), f16 = half_type(),
+          many = H5Tvlen_create(H5T_NATIVE_DOUBLE), both = H5Tcreate(H5T_COMPOUND, 8),
+          block_type = H5Tarray_create2(H5T_NATIVE_CHAR, 1, bytes);
+    assert_true(H5Tinsert(both, "x", 0, H5T_NATIVE_DOUBLE) >= 0);
+    assert_true(H5Pset_layout(compact, H5D_COMPACT) >= 0);
+    assert_true(H5Pset_external(elsewhere, "no-such-file", 0, 16) >= 0);
+    put_foreign(file, "compact", H5T_IEEE_F64BE, H5T_NATIVE_DOUBLE, list, compact, numbers);
+    put_foreign(file, "elsewhere", H5T_IEEE_F64BE, H5T_NATIVE_DOUBLE, list, elsewhere, NULL);
+    put_foreign(file, "half", f16, H5T_NATIVE_DOUBLE, one, H5P_DEFAULT, numbers);
+    put_foreign(file, "large", H5T_STD_U64LE, H5T_NATIVE_UINT64, list, H5P_DEFAULT, large);
+    put_foreign(file, "signs", H5T_STD_I64BE, H5T_NATIVE_INT64, list, H5P_DEFAULT, signs);
+    put_foreign(file, "null", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, null, H5P_DEFAULT, NULL);
+    put_foreign(file, "deep", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, deep, H5P_DEFAULT, numbers);
+    put_foreign(file, "both", both, both, list, H5P_DEFAULT, numbers);
+    put_foreign(file, "long", variable, variable, list, H5P_DEFAULT, texts);
+    put_foreign(file, "blanks", blanks, blanks, one, H5P_DEFAULT, "      ");
+    put_foreign(file, "wide", wide, wide, one, H5P_DEFAULT, big);
+    put_foreign(file, "row", blanks, blanks, row, H5P_DEFAULT, "word1 word2 ");
+    assert_true(H5Gclose(H5Gcreate2(file, "group", H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT)) >= 0);
+    put_foreign_attribute(file, "two", H5T_NATIVE_DOUBLE, list, numbers);
+    put_foreign_attribute(file, "fraction", H5T_NATIVE_DOUBLE, one, numbers);
+    put_foreign_attribute(file, "huge", H5T_NATIVE_DOUBLE, one, numbers + 1);
+    put_foreign_attribute(file, "minus", H5T_NATIVE_INT64, one, signs);
+    put_foreign_attribute(file, "null", H5T_NATIVE_DOUBLE, null, NULL);
+    put_foreign_attribute(file, "none", variable, null, NULL);
+    put_foreign_attribute(file, "word", variable, one, &texts[1]);
+    put_foreign_attribute(file, "words", variable, list, texts);
+    put_foreign_attribute(file, "spaces", blanks, one, "a     ");
+    put_foreign_attribute(file, "many", many, one, &(hvl_t){2, (void *)(uintptr_t)numbers});
+    put_foreign_attribute(file, "block", block_type, one, block);
+    put_dataset(file, "empty", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 1, no_rows, false, NULL);
+    put_dataset(file, "list", variable, variable, 1, (hsize_t[]){WORDS_OF_LIST}, false, words);
+    hid_t chunked = H5Pcreate(H5P_DATASET_CREATE), wide_rows = H5Screate_simple(2, vast, NULL);
+    assert_true(H5Pset_chunk(chunked, 2, vast) >= 0);
+    put_foreign(file, "vast", H5T_STD_U8LE, H5T_NATIVE_DOUBLE, wide_rows, chunked, NULL);
+    assert_true(H5Pclose(chunked) >= 0 && H5Sclose(wide_rows) >= 0);
+    const hid_t spaces[] = {one, list, null, row, deep},
+                types[] = {variable, blanks, wide, f16, many, both, block_type};
+    for (size_t i = 0; i < LG_COUNT(spaces); i++) assert_true(H5Sclose(spaces[i]) >= 0);
+    for (size_t i = 0; i < LG_COUNT(types); i++) assert_true(H5Tclose(types[i]) >= 0);
+    assert_true(H5Pclose(compact) >= 0 && H5Pclose(elsewhere) >= 0 && H5Fclose(file) >= 0);
+}
+
+static lg_h5 *foreign_h5(void) {
+    return open_h5(fresh_copy("foreign.h5", write_foreign));
+}
+
+static lg_status pass(void *user, uint64_t index, const char *text, lg_error *error) {
+    (void)index, (void)error;
+    (void)snprintf(user, 16, "%.15s", text);
+    return LG_OK;
+}
+
+static void count_rows(void *user, uint64_t row, uint64_t rows, const double *values) {
+    uint64_t *seen = user;
+    for (uint64_t i = 0; i < rows * VAST; i += 1000) assert_true(values[i] == 0);
+    assert_true(row == *seen);
+    *seen += rows;
+}
+
+static void assert_outcome(const char *name, lg_status status, const char *message, lg_status expected,
+                           const char *word) {
+    if (status == expected && strstr(message, word) != NULL) return;
+    (void)lg_test_again(status); /* a call that run_faults.h made fail is a refusal */
+    fail_msg("%s: %s: %s", name, lg_status_name(status), message);
+}
+
+TEST("arrays of other programs are read in every layout, and refused by name") {
+    enum { DOUBLES, FLOATS, SINGLES, SIGNED, UNSIGNED, NATURAL, WORDS, SHAPED, LOOKED, ROWS };
+    static const struct {
+        const char *name;
+        int as;
+        lg_status status;
+        const char *word;
+    } rows[] = {
+        {"compact", DOUBLES, LG_OK, ""},
+        {"compact", FLOATS, LG_OK, ""},
+        {"compact", SINGLES, LG_FORMAT, "out of range"},
+        {"empty", FLOATS, LG_OK, ""},
+        {"empty", ROWS, LG_OK, ""},
+        {"vast", ROWS, LG_OK, ""},
+        {"absent", ROWS, LG_NOT_FOUND, "has no /absent"},
+        {"half", SHAPED, LG_OK, ""},
+        {"blanks", WORDS, LG_OK, ""},
+        {"elsewhere", DOUBLES, LG_FORMAT, "keeps its data in another file"},
+        {"null", DOUBLES, LG_FORMAT, "has no shape"},
+        {"deep", DOUBLES, LG_FORMAT, "has rank 5, but at most 4 can be read"},
+        {"both", DOUBLES, LG_FORMAT, "does not hold numbers"},
+        {"both", WORDS, LG_FORMAT, "does not hold texts"},
+        {"both", LOOKED, LG_OK, ""},
+        {"group", DOUBLES, LG_FORMAT, "is not a data set"},
+        {"absent", DOUBLES, LG_NOT_FOUND, "has no /absent"},
+        {"group/absent", DOUBLES, LG_NOT_FOUND, "has no /group/absent"},
+        {"compact", SIGNED, LG_FORMAT, "does not hold integers"},
+        {"large", SIGNED, LG_FORMAT, "out of range"},
+        {"signs", UNSIGNED, LG_FORMAT, "out of range"},
+        {"signs", SIGNED, LG_OK, ""},
+        {"signs", NATURAL, LG_FORMAT, "out of range"},
+        {"list", WORDS, LG_OK, ""},
+        {"long", WORDS, LG_FORMAT, "the text at index (1) is too long"},
+        {"wide", WORDS, LG_FORMAT, "has texts that are too long"},
+        {"row", WORDS, LG_FORMAT, "is not a list of texts"},
+    };
+    lg_h5 *h5 = foreign_h5();
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        lg_error error = {LG_OK, ""};
+        const char *name = rows[i].name;
+        const uint64_t dims[1] = {2};
+        uint64_t shape[4];
+        uint32_t rank;
+        double doubles[2], epsilon = 0;
+        float floats[2] = {1.5f, INFINITY};
+        uint64_t rows_seen = 0;
+        int64_t wholes[2];
+        char text[16] = "unread";
+        lg_h5_about about;
+        const lg_status status =
+            rows[i].as == DOUBLES    ? lg_h5_get(h5, name, LG_ELEMENT_F64, 1, dims, doubles, &error)
+            : rows[i].as == FLOATS   ? lg_h5_get_floats(h5, name, floats, &error)
+            : rows[i].as == SINGLES  ? lg_h5_get(h5, name, LG_ELEMENT_F32, 1, dims, floats, &error)
+            : rows[i].as == NATURAL  ? lg_h5_get(h5, name, LG_ELEMENT_U32, 1, dims, wholes, &error)
+            : rows[i].as == ROWS     ? lg_h5_each_rows(h5, name, count_rows, &rows_seen, &error)
+            : rows[i].as == SIGNED   ? lg_h5_get(h5, name, LG_ELEMENT_I64, 1, dims, wholes, &error)
+            : rows[i].as == UNSIGNED ? lg_h5_get(h5, name, LG_ELEMENT_U64, 1, dims, wholes, &error)
+            : rows[i].as == WORDS    ? lg_h5_each_text(h5, name, pass, text, &error)
+            : rows[i].as == SHAPED   ? lg_h5_shape(h5, name, &rank, shape, &epsilon, &error)
+                                     : lg_h5_look(h5, name, 8, &about, &error);
+        assert_outcome(name, status, error.message, rows[i].status, rows[i].word);
+        if (status != LG_OK) assert_says(error.message, "foreign.h5: ");
+        if (rows[i].as == DOUBLES && status == LG_OK) assert_true(doubles[0] == 1.5 && doubles[1] == 1e300);
+        if (rows[i].as == FLOATS) assert_true(floats[0] == 1.5f && isinf(floats[1]));
+        if (rows[i].as == SHAPED) assert_true(rank == 0 && epsilon == 0x1p-10);
+        if (strcmp(name, "vast") == 0) assert_int_equal(rows_seen, 2);
+        if (strcmp(name, "list") == 0) assert_string_equal(text, "odd");
+        if (rows[i].as == LOOKED) assert_int_equal(about.kind, LG_H5_OTHER);
+        if (strcmp(name, "blanks") == 0) assert_string_equal(text, "");
+    }
+    assert_ok(lg_h5_read_all(h5, NULL));
+}
+
+TEST("attributes of other programs are read, and refused by name") {
+    enum { TEXT_OF, EACH, REAL_OF, INTEGER, NATURAL };
+    static const struct {
+        const char *name;
+        int as;
+        lg_status status;
+        const char *word;
+    } rows[] = {
+        {"two", REAL_OF, LG_FORMAT, "has more than one value, expected one"},
+        {"null", REAL_OF, LG_FORMAT, "is not a number"},
+        {"null", INTEGER, LG_FORMAT, "is not an integer"},
+        {"spaces", REAL_OF, LG_FORMAT, "is not a number"},
+        {"fraction", REAL_OF, LG_OK, ""},
+        {"fraction", INTEGER, LG_FORMAT, "is not an integer"},
+        {"huge", INTEGER, LG_FORMAT, "is not an integer"},
+        {"minus", INTEGER, LG_OK, ""},
+        {"minus", NATURAL, LG_FORMAT, "is out of range"},
+        {"fraction", TEXT_OF, LG_FORMAT, "is not a text"},
+        {"absent", TEXT_OF, LG_NOT_FOUND, "is missing"},
+        {"none", TEXT_OF, LG_OK, ""},
+        {"none", EACH, LG_OK, ""},
+        {"word", TEXT_OF, LG_SHAPE, "is too long"},
+        {"word", EACH, LG_FORMAT, "the text at index (0) is too long"},
+        {"words", EACH, LG_FORMAT, "the text at index (1) is too long"},
+        {"spaces", TEXT_OF, LG_OK, ""},
+        {"spaces", EACH, LG_OK, ""},
+        {"many", TEXT_OF, LG_FORMAT, "is not a text"},
+        {"block", REAL_OF, LG_FORMAT, "is not a number"},
+    };
+    lg_h5 *h5 = foreign_h5();
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        lg_error error = {LG_OK, ""};
+        const char *name = rows[i].name;
+        char text[16] = "";
+        double real = 0;
+        int64_t whole = 0;
+        uint32_t natural = 0;
+        bool words;
+        const lg_status status =
+            rows[i].as == TEXT_OF   ? lg_h5_text(h5, "", name, text, sizeof text, &error)
+            : rows[i].as == EACH    ? lg_h5_each_attribute_text(h5, "", name, &words, pass, text, &error)
+            : rows[i].as == REAL_OF ? lg_h5_number(h5, "", name, LG_ELEMENT_F64, &real, &error)
+            : rows[i].as == INTEGER ? lg_h5_number(h5, "", name, LG_ELEMENT_I64, &whole, &error)
+                                    : lg_h5_number(h5, "", name, LG_ELEMENT_U32, &natural, &error);
+        assert_outcome(name, status, error.message, rows[i].status, rows[i].word);
+        if (status != LG_OK) assert_says(error.message, name);
+        if (rows[i].as == REAL_OF && status == LG_OK) assert_true(real == 1.5);
+        if (rows[i].as == INTEGER && status == LG_OK) assert_int_equal(whole, -1);
+        if (strcmp(name, "spaces") == 0 && rows[i].as <= EACH) assert_string_equal(text, "a");
+        if (strcmp(name, "none") == 0) assert_string_equal(text, "");
+    }
+}
+
+TEST("the kind of a file is checked, and its format and version") {
+    char name[LG_H5_KIND + 10], kind[LG_H5_KIND];
+    memset(name, 'k', sizeof name - 1), name[sizeof name - 1] = '\0';
+    const struct {
+        const char *format, *kind;
+        bool foreign;
+        lg_status status;
+        const char *word;
+    } rows[] = {
+        {"liegrad", "test", false, LG_OK, ""},
+        {"liegrad", "other", false, LG_FORMAT, "attribute kind is 'other', expected 'test'"},
+        {"liegrad", "other", true, LG_FORMAT, "attribute kind is 'other', expected 'test'"},
+        {"liegrad", NULL, false, LG_FORMAT, "attribute kind is missing, expected 'test'"},
+        {"liegrad", NULL, true, LG_OK, ""},
+        {"liegrad", name, false, LG_FORMAT, "attribute kind is too long"},
+        {"other", "test", false, LG_FORMAT, "attribute format is 'other', expected 'liegrad'"},
+        {"o\x7fther", "test", false, LG_FORMAT, "attribute format is 'o?ther'"},
+        {"other", "other", true, LG_OK, ""},
+        {NULL, "other", true, LG_OK, ""},
+        {NULL, "test", false, LG_OK, ""},
+        {name, "test", false, LG_FORMAT, "attribute format is '', expected 'liegrad'"},
+    };
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        const char *path = scratch_path("kind.h5");
+        lg_error error = {LG_OK, ""};
+        lg_h5 *h5;
+        assert_told(lg_h5_create(NULL, path, &h5, &told));
+        lg_test_owns(h5, release_h5);
+        if (rows[i].format != NULL) assert_told(lg_h5_put_text(h5, "", "format", rows[i].format, &told));
+        if (rows[i].kind != NULL) assert_told(lg_h5_put_text(h5, "", "kind", rows[i].kind, &told));
+        assert_outcome(path, lg_h5_check_format(h5, "test", rows[i].foreign, &error), error.message,
+                       rows[i].status, rows[i].word);
+        assert_told(lg_h5_kind(h5, kind, &told));
+        const bool ours = rows[i].format == NULL || strcmp(rows[i].format, "liegrad") == 0;
+        const bool named = ours && rows[i].kind != NULL && strlen(rows[i].kind) < LG_H5_KIND;
+        if (!lg_test_faulty()) assert_string_equal(kind, named ? rows[i].kind : "");
+    }
+}
+
+TEST("names of files that are missing or too long are refused, and a file may be empty") {
+    char name[400];
+    lg_error error = {LG_OK, ""};
+    lg_h5 *h5;
+    memset(name, 'f', sizeof name - 1), name[0] = '/', name[sizeof name - 1] = '\0';
+    assert_status(lg_file_write(NULL, "", "x", 1, &error), LG_INVALID_ARGUMENT);
+    assert_status(lg_file_write(NULL, scratch_path("x"), NULL, 1, &error), LG_INVALID_ARGUMENT);
+    assert_told(lg_file_write(NULL, scratch_path("x"), NULL, 0, &told));
+    assert_status(lg_file_write(NULL, name, "x", 1, &error), LG_FILE);
+    if (strspn(error.message, "f") != 200) fail_msg("%s", error.message);
+    assert_status(lg_h5_open(NULL, name, NULL, &h5, &error), LG_FILE);
+    assert_status(lg_h5_open(NULL, test_text("%s/y", scratch_path("x")), NULL, &h5, &error), LG_NOT_FOUND);
+    assert_status(lg_h5_open(NULL, NULL, NULL, &h5, &error), LG_INVALID_ARGUMENT);
+    assert_status(lg_h5_open(NULL, scratch_path("x"), NULL, &h5, &error), LG_FORMAT);
+    assert_says(error.message, "is empty");
+    const lg_read_options huge = {.size = sizeof huge, .max_size = UINT64_MAX};
+    lg_read_options resolved;
+    assert_ok(lg_read_options_resolve(&huge, &resolved, NULL));
+    assert_true(resolved.max_size <= SIZE_MAX / 2);
+}
+
+TEST("the first number that is not finite is named with its index") {
+    const uint64_t dims[2] = {2, 3};
+    const double values[6] = {1, 2, 3, 4, -INFINITY, NAN};
+    lg_error error = {LG_OK, ""};
+    assert_ok(lg_check_finite("f.h5", "x", 1, (uint64_t[]){4}, values, &error));
+    assert_status(lg_check_finite("f.h5", "x", 2, dims, values, &error), LG_NOT_FINITE);
+    assert_string_equal(error.message, "f.h5: /x: an infinity at index (1, 1)");
+    assert_status(lg_check_finite("f.h5", "x", 1, (uint64_t[]){1}, values + 5, &error), LG_NOT_FINITE);
+    assert_string_equal(error.message, "f.h5: /x: NaN at index (0)");
+}
