@@ -501,6 +501,8 @@ typedef struct odd {
     const char *words;
 } odd;
 
+#define LONG   "abcdefghabcdefghabcdefghabcdefghabcdefghabcdefghabcdefghabcdefgh" /* 64 bytes */
+#define ELEVEN "1,2,3,4,5,6,7,8,9,10,11"
 static const odd odds[] = {
     {"", "", 3, "is empty"},
     {"\n\n\n", "", 3, "is empty"},
@@ -528,7 +530,13 @@ static const odd odds[] = {
     {"a,b,y\n1,2,3\n4,5,6\n", "--inputs a,\"b", 2, "names of 1 to 63 bytes"},
     {"a,b,y\n1,2,3\n4,5,6\n", "--inputs \"a\"b", 2, "names of 1 to 63 bytes"},
     {"a,b,y\n1,2,3\n4,5,6\n", "--inputs \"\",b", 2, "names of 1 to 63 bytes"},
+    {"a,b,y\n1,2,3\n4,5,6\n", "--inputs " LONG, 2, "names of 1 to 63 bytes"},
+    {"a,b,y\n1,2,3\n4,5,6\n", "--inputs \"" LONG "\"", 2, "names of 1 to 63 bytes"},
+    {"a,b,y\n1,2,3\n4,5,6\n", "--inputs \"a\"\"" LONG "\"", 2, "names of 1 to 63 bytes"},
     {"a,b,k\n1,2,3\n4,5,6\n", "--class \"k\",b", 2, "one name of 1 to 63 bytes"},
+    {"a,b,k\n1,2,3\n4,5,6\n", "--class \"k", 2, "one name of 1 to 63 bytes"},
+    {"a,b,k\n1,2,3\n4,5,6\n", "--class " LONG, 2, "one name of 1 to 63 bytes"},
+    {"a,b,c,d,e,f,g,h,i,j,k,l,m,n,o,p,q,r,s,t,u\n", "--without v", 3, "r,s,t, ..."},
     {"a,\"b,c\",\"d\"\"\",y\n1,2,3,4\n4,5,6,7\n", "--inputs q", 3,
      "the columns are: a, \"b,c\", \"d\"\"\", y"},
     {"a,\"b,c\",y\n1,x,3\n4,y,6\n", "", 3, "--without '\"b,c\"' leaves out"},
@@ -553,6 +561,15 @@ static const odd odds[] = {
     {"a,b,y\n1,2,3\n4,5,6\n", "--activation best", 2, "not one of"},
     {",,\n1,2,3\n4,5,6\n", "", 3, "there is no column with a name"},
     /* These succeed. */
+    {"a,b,c,d,e,f,g,h,i,j,y\n" ELEVEN "\n2,3,1,5,4,7,6,9,8,9,10\n3,1,2,4,6,5,8,7,9,8,9\n", "", -1,
+     "2 to learn from, with 10 inputs; at least 12 are needed"},
+    {"a,b,y\n1,2,3\n4,5,6\n", "--size auto --epochs 2", -1, "there are too few rows"},
+    {"a,b,y\n1,2,3\n4,5,6\n", "--validation 0.9", -1, "the validation part has one row"},
+    {"a,b,y\n1,2,3\n4,5,7\n5,9,7\n", "--validation 0 --hidden 1", -1, ""},
+    {"a,b,y\n1,2,3\n4,5,7\n5,9,7\n", "--hidden 2,2,2,2,2,2,2,2,2,2,2,2,2,2,2 --epochs 2", -1, ""},
+    {"a,b,y\n1,2,3\n4,5,7\n5,9,7\n", "--hidden 400 --method ssbroyden --seconds 1", -1, ""},
+    {"a,b,y\n1,2,3\n4,5,7\n5,9,7\n", "--prior 0.1 --method lbfgs --hidden 2", -1, ""},
+    {"a,k\n1,x\n2,y\n,z\n3,x\n4,y\n", "--class k", -1, "class 'z' has only 0 complete rows"},
     {"a,b,y\n1,2,3\n4,5,6\n", "", -1, "there are too few rows: 1 to learn from, with 2 inputs; at least 10"},
     {"a,b,y\n1,2,3\n4,5,6\n7,8,8\n", "", -1, "the validation part has one row"},
     {"a,b,y,z\n1,2,3,x\n4,5,6,y\n7,8,8,x\n", "--without z", -1, "the output is the last column, y;"},
