@@ -92,7 +92,9 @@ struct lg_term_kind {
     bool heights;   /* positions in `of` become heights */
     /* Whether M depends on the state; NULL: it does not. */
     bool (*moving)(const lg_machine *machine);
-    uint32_t least, most; /* least and greatest degree of the monomials; most 0: the term's degree */
+    /* least: least degree of the monomials, and of a term with LG_TERM_DEGREE. most: greatest degree of the
+     * monomials; 0: the term's degree. */
+    uint32_t least, most;
     /* Friction (machine/friction.c): the kind whose coefficients the term changes, NULL: none; and how many
      * numbers per velocity it has besides coefficients. */
     const char *base;

@@ -452,6 +452,40 @@ static const char *angle_log(double amplitude, double rate, double unit, double 
     return log.at;
 }
 
+TEST("positions of logs of velocities alone are integrals; a missing velocity is the one before, first 0") {
+    const lg_machine_file *file =
+        machine("coordinates: [{name: q, kind: line, velocity: v}, {name: p, kind: line, velocity: w}]\n"
+                "measured: velocities-only\n");
+    static const double q[] = {0, 1, 2, 4}, p[] = {0, 1, 3, 5};
+    const lg_logs *logs = read_text(file, "t,v,w\n0,1,\n1,1,2\n2,,2\n3,3,2\n");
+    for (size_t row = 0; row < 4; row++) {
+        assert_close(logs->log.q[2 * row], q[row], 1e-14, 0);
+        assert_close(logs->log.q[2 * row + 1], p[row], 1e-14, 0);
+    }
+}
+
+TEST("integrals of accelerations have no drift: a bias of the sensor leaves nothing, vibrations stay") {
+    const lg_machine_file *file =
+        machine("coordinates: [{name: q, kind: line, acceleration: a}]\nmeasured: accelerations\n");
+    static const int lengths[] = {50, 390, 610, 2000};
+    for (size_t i = 0; i < LG_COUNT(lengths); i++)
+        for (int shaken = 0; shaken < 2; shaken++) {
+            const double w = 40, bias = 0.7, size = 3;
+            text t = new_text("t,a");
+            for (int row = 0; row < lengths[i]; row++)
+                say_row(&t,
+                        (double[]){0.01 * row, bias + shaken * size * cos(w * 0.01 * row) + 1e-9 * (row % 2)},
+                        2);
+            const lg_logs *logs = read_text(file, t.at);
+            assert_int_equal(logs->log.rows, lengths[i]);
+            for (int row = 0; row < lengths[i]; row++) {
+                const double v = logs->log.v[row], expected = shaken * size / w * sin(w * 0.01 * row);
+                assert_true(fabs(v - expected) < (shaken == 1 ? 0.6 * size / w : 1e-8));
+                assert_true(fabs(logs->log.a[row] - bias) <= shaken * size + 1e-6);
+            }
+        }
+}
+
 TEST("angles are unwrapped") {
     const double turn = 2 * acos(-1);
     const lg_logs *logs = read_text(machine(ANGLE), angle_log(2, 4, 1, turn));

@@ -188,6 +188,48 @@ TEST("few windows: their stretches show the correlation too") {
     for (int k = 0; k < NUMBERS; k++) assert_true(fabs(found[k].value - truth[k]) < 4.0 * found[k].error);
 }
 
+TEST("numbers that only appear together are told in words, and a text without room is cut") {
+    static const struct {
+        double move[4];
+        size_t moving;
+        const char *sentence;
+    } rows[] = {
+        {{1, -1, 0, 0}, 2, "m and k appear only as a product: give one of them as known"},
+        {{0, 1, 1, 0}, 2, "k and d appear only as a ratio: give one of them as known"},
+        {{-1, -0.99, -1, 0},
+         3,
+         "m, k and d are determined only up to a common factor: give one of them as known"},
+        {{1, 0.99, 1, 1},
+         4,
+         "m, k, d and b are determined only up to a common factor: give one of them as known"},
+        {{1, -0.25, 0, 0.5},
+         3,
+         "m by +1 %, k by -0.25 % and b by +0.5 % can change together without changing what the logs show: "
+         "give "
+         "one of them as known"},
+        {{1, -1, -1, 0},
+         3,
+         "m by +1 %, k by -1 % and d by -1 % can change together without changing what the logs show: give "
+         "one "
+         "of them as known"},
+    };
+    lg_identified numbers[4] = {{.name = "m"}, {.name = "k"}, {.name = "d"}, {.name = "b"}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        double open[4];
+        char text[200], little[9] = "********";
+        memcpy(open, rows[i].move, sizeof open);
+        const lg_identification of = {.numbers = numbers, .open = open, .open_count = 1};
+        assert_int_equal(lg_identification_sentence(&of, 4, 0, text, sizeof text), rows[i].moving);
+        assert_string_equal(text, rows[i].sentence);
+        assert_int_equal(lg_identification_sentence(&of, 4, 0, little, 4), rows[i].moving);
+        assert_true(strlen(little) <= 3 && strncmp(text, little, strlen(little)) == 0);
+        assert_string_equal(little + 4, "****");
+        little[0] = 'x';
+        assert_int_equal(lg_identification_sentence(&of, 4, 0, little, 0), rows[i].moving);
+        assert_int_equal(little[0], 'x');
+    }
+}
+
 /* ---- a few numbers ---- */
 
 /* theta moved so that friction has the factor 1/1.2, and the restriction to this factor, in units of .1. */

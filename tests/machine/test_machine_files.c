@@ -446,6 +446,38 @@ static lg_status read_machine(const lg_context *context, const char *path, const
     return status;
 }
 
+#define SPEED                                                                                                \
+    "measured: velocities-only\ncoordinates: [{name: q, kind: line, velocity: v}, {name: a, kind: angle, "   \
+    "velocity: w}]\n"
+TEST("with velocities alone nothing may depend on a position, except constant forces and offsets") {
+    static const refusal wrong[] = {
+        {"measured: velocities-only\ncoordinates: [{name: d, kind: direction, velocity: [u, v, w]}]\n"
+         "mass: diagonal\n",
+         "line 1", "d: with `measured: velocities-only` a coordinate is a line or an angle"},
+        {"measured: velocities-only\ncoordinates: [{name: q, kind: line, velocity: v}, {name: p, kind: line, "
+         "velocity: w}]\nsystem: coupled-oscillators\n",
+         "line 1", "system: coupled-oscillators depends on positions"},
+        {SPEED "mass: diagonal\npotential: {kind: quadratic, of: q}\n", "line 4",
+         "potential: depends on the position of q, but the log has velocities alone"},
+        {SPEED "mass: diagonal\npotential: {kind: linear, of: a}\n", "line 4", "the position of a"},
+        {SPEED "mass: diagonal\npotential: {kind: gravity, of: [q, a]}\n", "line 4", "the position of a"},
+        {SPEED "mass: diagonal\nresidual: {kind: network, of: [q.velocity, a], hidden: [3]}\n", "line 4",
+         "residual: depends on the position of a"},
+        {SPEED "mass: {kind: network, of: q, hidden: [3]}\n", "line 3", "mass: depends on the position of q"},
+    };
+    static const char *const right[] = {
+        "potential: {kind: linear, of: q}\n", "potential: {kind: gravity, of: q}\n",
+        "offset: {kind: unknown, of: [q, a]}\n",
+        "residual: {kind: polynomial, of: [q.velocity, a.velocity], degree: 2}\n"};
+    refuse_all(wrong, LG_COUNT(wrong));
+    for (size_t i = 0; i < LG_COUNT(right); i++) {
+        const char *text = test_text("%smass: diagonal\n%s", SPEED, right[i]);
+        lg_machine_file file;
+        assert_told(lg_machine_file_parse(NULL, "machine.yaml", text, strlen(text), &file, &told));
+        lg_machine_file_destroy(&file);
+    }
+}
+
 TEST("a file gives the same as its text, and damaged files are refused") {
     const char *path = scratch_path("cartpole.yaml");
     write_text_to(path, cartpole);
