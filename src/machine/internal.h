@@ -157,8 +157,7 @@ typedef struct lg_prior {
 } lg_prior;
 /* Lists the machine's priors (room for LG_MACHINE_PRIORS), and returns how many there are. */
 uint32_t lg_machine_list_priors(const lg_machine *machine, lg_prior *out);
-/* weight (number - start)/sigma of each prior, the same in all rows, (rows, priors); LG_NONE: there is
- * none. */
+/* weight (number - start)/sigma of each prior, the same in all rows, (rows, priors). There must be one. */
 lg_var lg_machine_record_priors(lg_tape *tape, const lg_machine_vars *vars, uint32_t rows, double weight);
 /* Adds the priors of the system, whose mass is this term, behind `count` others; returns the new count. */
 uint32_t lg_grey_priors(const lg_machine *machine, uint32_t term, lg_prior *out, uint32_t count);
@@ -230,8 +229,8 @@ bool lg_machine_mass_learned(const lg_machine *machine);
 /* Most numbers of a term's features. */
 #define LG_MACHINE_FEATURE_NUMBERS (12 * LG_MACHINE_FEATURES)
 /* lg_machine_feature_count: how many numbers a feature has. lg_machine_feature_scales writes the scales of
- * all numbers of a term's features, and returns how many there are. A number in the log's units is the scaled
- * number times its scale. */
+ * all numbers of a term's features, none of which is a velocity, and returns how many there are. A number in
+ * the log's units is the scaled number times its scale. */
 uint32_t lg_machine_feature_count(const lg_machine *machine, lg_machine_feature feature);
 uint32_t lg_machine_feature_scales(const lg_machine *machine, const lg_machine_term *term, double *scales);
 /* The features of a term, (B, numbers), in scaled units. */

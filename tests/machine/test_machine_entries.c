@@ -83,7 +83,13 @@ TEST("identified numbers, given as known values, make the same machine, for any 
         lg_identified numbers[7];
         double a[2], b[2];
         (void)lg_machine_numbers(&open, theta, 7, numbers);
-        for (size_t i = 0; i < 7; i++) known.terms[of[i][0]].values[of[i][1]] = numbers[i].value;
+        for (size_t i = 0; i < 7; i++) {
+            const lg_machine_term *term = &open.terms[of[i][0]];
+            known.terms[of[i][0]].values[of[i][1]] = numbers[i].value;
+            assert_close(lg_machine_value(&open, term, theta + term->offset, of[i][1]), numbers[i].value, 0,
+                         0);
+        }
+        assert_close(lg_machine_value(&open, &open.terms[0], theta, 0), 2, 0, 0); /* a known one */
         assert_machine(&known);
         rates_of(&known, NULL, a);
         rates_of(&open, theta, b);
@@ -171,11 +177,9 @@ TEST("entries that do not fit are refused") {
         uint32_t term, index;
         double start, low, high, sigma;
         const char *sentence;
-    } rows[] = {{0, 0, -1, 0, 0, 0, "a start above 0"},
-                {0, 0, 2, 3, 4, 0, "inside of its bounds"},
-                {0, 0, 2, -1, 4, 0, "bounds not below 0"},
-                {1, 0, NAN, 0, 0, 1, "needs a start"},
-                {1, 9, 1, 0, 0, 0, "is not among its values"}};
+    } rows[] = {{0, 0, -1, 0, 0, 0, "a start above 0"},     {0, 0, 2, 3, 4, 0, "inside of its bounds"},
+                {0, 0, 2, -1, 4, 0, "bounds not below 0"},  {1, 0, NAN, 0, 0, 1, "needs a start"},
+                {0, 0, 5, 3, 4, 0, "inside of its bounds"}, {1, 9, 1, 0, 0, 0, "is not among its values"}};
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         lg_error error = {LG_OK, ""};
         lg_machine machine = mixed(false);
@@ -184,6 +188,31 @@ TEST("entries that do not fit are refused") {
         open_value(term, rows[i].index, rows[i].low, rows[i].high, rows[i].sigma);
         assert_status(lg_machine_init(&machine, &error), LG_INVALID_ARGUMENT);
         assert_says(error.message, rows[i].sentence);
+    }
+}
+
+TEST("more unknown numbers than a term may have are refused") {
+    lg_error error = {LG_OK, ""};
+    lg_machine machine = mixed(false);
+    machine.terms[1].entry_count = LG_MACHINE_ENTRIES + 1;
+    assert_status(lg_machine_init(&machine, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "has too many unknown numbers among its values");
+}
+
+TEST("known friction with unknown numbers is scaled along its direction; at the end of bounds it cannot be") {
+    lg_machine machine = mixed(true);
+    for (int end = 0; end < 2; end++) {
+        const lg_machine_term *drag = &machine.terms[2], *coulomb = &machine.terms[3];
+        double theta[7] = {0.1, 0.1, 0.1, 0.1, end == 1 ? 800 : 0.1, 0.1, 0.1}, direction[7];
+        assert_true(lg_machine_scale_friction(&machine, theta, direction));
+        lg_identified before[7], after[7];
+        (void)lg_machine_numbers(&machine, theta, 7, before);
+        for (size_t i = 0; i < 7; i++) theta[i] += 1e-6 * direction[i];
+        (void)lg_machine_numbers(&machine, theta, 7, after);
+        for (size_t i = 0; i < 7; i++) {
+            const bool scaled = i == drag->offset || (i == coulomb->offset && end == 0);
+            assert_close(after[i].value / before[i].value - 1, scaled ? 1e-6 : 0, 1e-4, 1e-12);
+        }
     }
 }
 
@@ -198,6 +227,8 @@ TEST("a parameter of a system gets bounds and a prior only where it is unknown a
     assert_ok(lg_machine_set_parameter(&machine, "masses", 2, values, unknown, NULL));
     assert_status(lg_machine_bound_parameter(&machine, "masses", 0, 0.5, 4, 0, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_machine_bound_parameter(&machine, "masses", 1, 3, 4, 0, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_machine_bound_parameter(&machine, "masses", 1, 0.5, 2, 0, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_machine_bound_parameter(&machine, "masses", 2, 0.5, 4, 0, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_machine_bound_parameter(&machine, "masses", 1, -1, 4, 0, NULL), LG_INVALID_ARGUMENT);
     assert_ok(lg_machine_bound_parameter(&machine, "masses", 1, 0.5, 4, 0.3, NULL));
     assert_machine(&machine);

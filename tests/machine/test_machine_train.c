@@ -295,6 +295,55 @@ TEST("training problems that cannot be learned are refused, with the reason") {
 #undef REFUSED
 }
 
+/* A machine of many lines, whose polynomials would be too many terms. */
+static lg_machine many_lines(void) {
+    lg_machine machine = empty_machine();
+    for (int i = 0; i < LG_MACHINE_COORDINATES; i++)
+        add_coordinate(&machine, test_text("x%d", i), LG_COORDINATE_LINE);
+    add_term(&machine, LG_MACHINE_MASS, "constant");
+    add_term(&machine, LG_MACHINE_DAMPING, "diagonal");
+    add_term(&machine, LG_MACHINE_DAMPING, "coulomb");
+    assert_machine(&machine);
+    return machine;
+}
+
+TEST("missing forces are not sought where there is no room for their terms, or nothing is learned") {
+    const logs *l = make_logs(0.0, 3);
+    lg_machine many = many_lines(), large = many;
+    large.term_count = 1;
+    large.terms[0].kind = lg_term_kind_find(LG_MACHINE_MASS, "known");
+    add_values(&large.terms[0], 1, (double[]){1});
+    large.parameters = 129;
+    for (int i = 0; i < 3; i++) {
+        task *t = make_task(l, LG_MACHINE_STARTS_ESTIMATED);
+        lg_machine_missing found = {.loss = 7, .ratio = 7};
+        if (i == 0) t->problem.machine = &many;
+        if (i == 1) t->problem.machine = &large;
+        if (i == 2) t->problem.theta = t->theta;
+        assert_ok(lg_machine_find_missing(NULL, &t->problem, t->theta, &found, NULL));
+        assert_true(found.loss == 0 && found.ratio == 0);
+    }
+}
+
+TEST("starts of directions and rotations, and starts that are not estimated, are not continued") {
+    const logs *l = make_logs(0.0, 3);
+    double losses[ALL];
+    lg_error error;
+    for (int i = 0; i < 3; i++) {
+        task *t = make_task(l, i == 0 ? LG_MACHINE_STARTS_MEASURED : LG_MACHINE_STARTS_ESTIMATED);
+        lg_machine other = empty_machine();
+        if (i > 0) {
+            add_coordinate(&other, "r", i == 1 ? LG_COORDINATE_DIRECTION : LG_COORDINATE_ROTATION);
+            add_term(&other, LG_MACHINE_MASS, "diagonal");
+            assert_machine(&other);
+            t->problem.machine = &other;
+        }
+        assert_status(lg_machine_continue_starts(NULL, &t->problem, t->theta, losses, &error),
+                      LG_INVALID_ARGUMENT);
+        assert_says(error.message, "only estimated starts of lines and angles are continued");
+    }
+}
+
 TEST("free runs without starts or substeps are refused, and a run can be cancelled") {
     const logs *l = make_logs(0.0, 3);
     const lg_machine machine = oscillator(true);
