@@ -628,6 +628,46 @@ TEST("a single outlier of a velocity or position is named with its line") {
     }
 }
 
+TEST("positions with several rows far off, which the velocity does not show, are refused with the line") {
+    static const int lengths[] = {5, 30};
+    for (size_t k = 0; k < LG_COUNT(lengths); k++) {
+        text log = new_text("t,q,v");
+        for (int i = 0; i < 400; i++) {
+            double row[] = {0.02 * i, sin(0.02 * i), cos(0.02 * i)};
+            if (i >= 200 && i < 200 + lengths[k]) row[1] += 50;
+            say_row(&log, row, 3);
+        }
+        refuse_text(machine(LINE), log.at, "line 202: column q: jumps to",
+                    "2 steps are more than 20 times the usual step");
+    }
+}
+
+TEST("as many warnings as there are columns are kept") {
+    enum { LINES = 12, INPUTS = 16, COLUMNS = 1 + LINES + INPUTS };
+    char text_of[2048] = "measured: positions\ncoordinates:\n", header[512] = "t";
+    for (int i = 0; i < LINES; i++) {
+        (void)sprintf(text_of + strlen(text_of), "  - {name: q%d, kind: line}\n", i);
+        (void)sprintf(header + strlen(header), ",q%d", i);
+    }
+    (void)strcat(text_of, "inputs: {columns: [");
+    for (int i = 0; i < INPUTS; i++) {
+        (void)sprintf(text_of + strlen(text_of), "%su%d", i > 0 ? ", " : "", i);
+        (void)sprintf(header + strlen(header), ",u%d", i);
+    }
+    (void)strcat(text_of, "]}\n");
+    text log = new_text(header);
+    for (int row = 0; row < 20; row++) {
+        double numbers[COLUMNS] = {0.1 * row};
+        for (int i = 1; i < COLUMNS; i++) numbers[i] = i;
+        say_row(&log, numbers, COLUMNS);
+    }
+    const lg_logs *logs = read_text(machine(text_of), log.at);
+    assert_true(logs->warning_count >= LINES + INPUTS);
+    assert_warns(logs, "u0");
+    assert_warns(logs, "u15");
+    assert_warns(logs, "q11");
+}
+
 /* Position and velocity at row i. */
 typedef void motion_of(int i, double *x);
 static void swinging(int i, double *x) {

@@ -243,3 +243,53 @@ TEST("a parameter of a system gets bounds and a prior only where it is unknown a
     assert_close(lg_number_at(&priors[0].map, 0, NULL), 2, 1e-14, 0);
     assert_close(priors[0].centre, 2, 0, 0);
 }
+
+TEST("systems and their parameters that do not fit are refused, and the machine stays unchanged") {
+    static const struct {
+        lg_coordinate_kind kind;
+        uint32_t count;
+        const char *system, *sentence;
+    } rows[] = {
+        {LG_COORDINATE_LINE, 0, "coupled-oscillators",
+         "the coordinates must be of kind line, line, in this order"},
+        {LG_COORDINATE_LINE, 2, "pendulum-chain", "must be of kind direction, one or more, in this order"},
+        {LG_COORDINATE_LINE, 2, "cart-pole", "must be of kind line, angle, in this order, and no others"},
+        {LG_COORDINATE_LINE, 2, "cartpole",
+         "there is no machine for system \"cartpole\"; the systems are: oscillator"},
+    };
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        lg_error error = {LG_OK, ""};
+        lg_machine machine = empty_machine();
+        for (uint32_t k = 0; k < rows[i].count; k++)
+            add_coordinate(&machine, k == 0 ? "x" : "y", rows[i].kind);
+        const lg_machine before = machine;
+        assert_true(lg_machine_set_system(&machine, rows[i].system, &error) != LG_OK);
+        assert_says(error.message, rows[i].sentence);
+        assert_memory_equal(&machine, &before, sizeof machine);
+    }
+    lg_error error;
+    lg_machine machine = empty_machine();
+    add_coordinate(&machine, "top", LG_COORDINATE_ROTATION);
+    machine.term_count = LG_MACHINE_TERMS - 1;
+    assert_status(lg_machine_set_system(&machine, "heavy-top", &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "more than 16 terms");
+    machine.term_count = 0;
+    assert_ok(lg_machine_set_system(&machine, "heavy-top", NULL));
+    const double axis[3] = {0, 0.6, 0.8}, one = 1;
+    const bool open[3] = {true, true, true};
+    assert_status(lg_machine_set_parameter(&machine, "chi", 1, &one, NULL, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "chi: 1 number is given, 3 are expected");
+    assert_status(lg_machine_set_parameter(&machine, "mass", 3, axis, NULL, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "mass: 3 numbers are given, 1 is expected");
+    assert_ok(lg_machine_set_parameter(&machine, "chi", 3, axis, open, NULL));
+    assert_status(lg_machine_bound_parameter(&machine, "chi", 0, -1, 1, 0, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "only an unknown number has bounds or a prior");
+    lg_machine alone = machine;
+    alone.grey.system = NULL; /* the terms stay */
+    assert_status(lg_machine_init(&alone, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "either a system and the terms of this system, or neither");
+    alone = machine;
+    alone.term_count = 0;
+    assert_status(lg_machine_init(&alone, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "either a system and the terms of this system, or neither");
+}

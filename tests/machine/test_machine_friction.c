@@ -158,6 +158,7 @@ TEST("values with which friction would give energy are refused") {
         {"asymmetric", "would give energy", 4, {1, 1, 0.5, -1.1}},
         {"stribeck", "friction at rest", 6, {1, 1, 2, 0.9, 1, 1}},
         {"stribeck", "above 0", 6, {1, 1, 2, 2, 1, 0}},
+        {"stribeck", "not below 0", 6, {1, -1, 2, 2, 1, 1}},
         {"load", "must not be below 0", 4, {1, 1, 1, -0.1}},
         {"position", "must not be below 0", 4, {1, -1, 1, 1}},
     };
@@ -313,6 +314,27 @@ TEST("bristles stop a machine near rest at the rate of their spring or of their 
         assert_machine(&machine);
         assert_ok(lg_machine_rest_rate(NULL, &machine, NULL, &log, &rate, NULL));
         assert_close(rate, i == 0 ? sqrt(2e4 / 2) : 1e3 / 2, 1e-2, 0); /* of the line: mass 2 */
+    }
+}
+
+TEST("the stiffness of learned bristles can be set to a part of its range, and that of known ones cannot") {
+    static const double values[10] = {1, 1, 1.5, 1.5, 0.1, 0.1, 2, 2, 0, 0};
+    for (int known = 0; known < 2; known++) {
+        lg_machine machine = plain();
+        lg_identified numbers[2][10];
+        (void)add_term(&machine, LG_MACHINE_DAMPING, "coulomb");
+        lg_machine_term *term = add_term(&machine, LG_MACHINE_DAMPING, "lugre");
+        if (known == 1) add_values(term, 10, values);
+        assert_machine(&machine);
+        double *theta = machine_theta(&machine, 3);
+        assert_true(lg_machine_set_bristles(&machine, 0.1, theta) == (known == 0));
+        (void)lg_machine_numbers(&machine, theta, 10, numbers[0]);
+        (void)lg_machine_set_bristles(&machine, 0.9, theta);
+        const size_t count = lg_machine_numbers(&machine, theta, 10, numbers[1]);
+        for (size_t i = 0; i < count && i < 10; i++) {
+            const bool stiffness = strncmp(numbers[0][i].name, "bristle_stiffness.", 18) == 0;
+            assert_true((numbers[0][i].value != numbers[1][i].value) == stiffness);
+        }
     }
 }
 

@@ -144,6 +144,92 @@ TEST("errors of windows are compared by the mean of their logarithms; missing on
     assert_true(lg_held_out_compare(N, a, b).better && !lg_held_out_compare(N, b, a).better);
 }
 
+/* ---- velocities from positions, and the share of forces that inputs explain ---- */
+
+/* Positions of a machine with a line, a direction, a rotation and a pose that all turn about one axis, and their
+ * velocities. */
+static void turning(double t, double *q, double *v) {
+    static const double axis[3] = {0.6, 0, 0.8}, first[3] = {0, 1, 0};
+    const double unit[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, angle[3] = {0.5 * t * axis[0], 0, 0.5 * t * axis[2]};
+    lg_space group;
+    double R[9], place[3] = {t, 2 - t * t, 0.3 * t}, rate[3] = {1, -2 * t, 0.3};
+    assert_ok(lg_space_init(&group, &(lg_space_factor){LG_SPACE_SO3, 1}, 1));
+    lg_space_act(&group, angle, unit, R);
+    *q++ = 1 + 2 * t - t * t * t, *v++ = 2 - 3 * t * t;
+    for (int i = 0; i < 3; i++)
+        *q++ = R[3 * i] * first[0] + R[3 * i + 1] * first[1] + R[3 * i + 2] * first[2];
+    for (int i = 0; i < 6; i++) *v++ = 0.5 * axis[i % 3]; /* the direction is at right angles to the axis */
+    memcpy(q, R, sizeof R), q += 9;
+    memcpy(q, place, sizeof place), memcpy(q + 3, R, sizeof R);
+    for (int i = 0; i < 3; i++) *v++ = R[i] * rate[0] + R[3 + i] * rate[1] + R[6 + i] * rate[2];
+    for (int i = 0; i < 3; i++) *v++ = 0.5 * axis[i];
+}
+
+TEST("velocities of every kind of coordinate follow from local cubics of positions, and are missing where "
+     "rows "
+     "are few") {
+    enum { N = 60, NQ = 25, NV = 13 };
+    lg_machine machine = empty_machine();
+    static const lg_coordinate_kind kinds[] = {LG_COORDINATE_LINE, LG_COORDINATE_DIRECTION,
+                                               LG_COORDINATE_ROTATION, LG_COORDINATE_POSE};
+    for (size_t i = 0; i < LG_COUNT(kinds); i++)
+        add_coordinate(&machine, lg_coordinate_row_of(kinds[i])->name, kinds[i]);
+    add_term(&machine, LG_MACHINE_MASS, "diagonal");
+    assert_machine(&machine);
+    assert_true(machine.positions == NQ && machine.velocities == NV);
+    static const size_t first[] = {0, N - 2, N - 1, N}; /* two parts of few rows */
+    double t[N], q[N * NQ], v[N * NV], found_q[N * NQ], found_v[N * NV];
+    for (size_t i = 0; i < N; i++) turning(t[i] = 0.02 * (double)i, q + i * NQ, v + i * NV);
+    q[20 * NQ] = (double)NAN;
+    const lg_machine_log log = {.rows = N, .parts = 3, .first = first, .t = t, .q = q, .v = v};
+    lg_machine_smooth(&machine, &log, 6, found_q, found_v);
+    for (size_t i = 0; i < N - 3; i++) { /* the last row has no row after it */
+        for (int k = 0; k < NV; k++) assert_close(found_v[i * NV + k], v[i * NV + k], 2e-3, 2e-3);
+        assert_close(found_q[i * NQ], 1 + 2 * t[i] - t[i] * t[i] * t[i], 1e-9, 1e-9);
+    }
+    for (size_t i = (N - 2) * NV; i < (size_t)N * NV; i++) assert_true(isnan(found_v[i]));
+    for (size_t row = 0; row < N; row++)
+        if (row % 20 > 1) q[row * NQ] = (double)NAN;
+    lg_machine_smooth(&machine, &log, 6, found_q, found_v);
+    assert_true(isnan(found_v[10 * NV])); /* no row near it */
+    assert_true(isfinite(found_v[10 * NV + 1]));
+}
+
+TEST(
+    "what polynomials do not explain of accelerations is 0 for a pendulum with its sine, and unknown without "
+    "rows") {
+    enum { N = 200 };
+    lg_machine machine = empty_machine();
+    add_coordinate(&machine, "a", LG_COORDINATE_ANGLE);
+    add_input(&machine, "u");
+    add_term(&machine, LG_MACHINE_MASS, "diagonal");
+    add_term(&machine, LG_MACHINE_INPUT_MAP, "constant");
+    assert_machine(&machine);
+    static const size_t first[] = {0, N};
+    double t[N], *q = test_numbers(3, N, -2, 2), *v = test_numbers(4, N, -1, 1), u[4 * N] = {0}, left;
+    for (size_t i = 0; i < N; i++) {
+        t[i] = 0.1 * (double)i;
+        u[4 * i] = q[N - 1 - i];
+        if (i > 0) v[i] = v[i - 1] + 0.1 * (u[4 * (i - 1)] - 3 * sin(0.5 * (q[i] + q[i - 1])));
+    }
+    lg_machine_log log = {.rows = N, .parts = 1, .first = first, .t = t, .q = q, .v = v, .u = u};
+    assert_ok(lg_machine_unexplained(NULL, &machine, &log, &left, NULL));
+    assert_true(left < 1e-10);
+    q[50] = v[70] = (double)NAN; /* their rows do not count */
+    assert_ok(lg_machine_unexplained(NULL, &machine, &log, &left, NULL));
+    assert_true(left < 1e-10);
+    u[4 * 20] += 1;
+    assert_ok(lg_machine_unexplained(NULL, &machine, &log, &left, NULL));
+    assert_true(left > 1e-4);
+    for (size_t i = 0; i < N; i++) q[i] = (double)NAN;
+    assert_ok(lg_machine_unexplained(NULL, &machine, &log, &left, NULL));
+    assert_true(isnan(left));
+    log.rows = 1;
+    log.first = (const size_t[]){0, 1};
+    assert_ok(lg_machine_unexplained(NULL, &machine, &log, &left, NULL));
+    assert_true(isnan(left));
+}
+
 /* ---- numbers that are adapted ---- */
 
 #define DRIVE                                                                                                \
