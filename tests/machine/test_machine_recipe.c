@@ -98,13 +98,23 @@ TEST("angles count modulo turns; without positions velocities count; a run that 
     for (size_t w = 0; w < held->count; w++) assert_true(isinf(square[w]));
 }
 
+/* The result must be destroyed after an error too. */
+static lg_status match(const lg_held_out *held, const lg_logs *from, const lg_logs *to, lg_held_out *out,
+                       lg_error *error) {
+    for (;;) {
+        const lg_status status = lg_held_out_match(held, from, to, out, error);
+        if (!lg_test_again(status)) return status;
+        lg_held_out_destroy(out);
+    }
+}
+
 TEST("windows are found again by time and run; a log without their rows is refused") {
     swinging *s = swing(), *other = swing();
     const lg_held_out *held = plan(s, 0.3, true);
     assert_true(held->before > 0 && held->count > 0);
     lg_held_out found;
     lg_error error;
-    assert_ok(lg_held_out_match(held, &s->logs, &other->logs, &found, NULL));
+    assert_int_equal(match(held, &s->logs, &other->logs, &found, &error), LG_OK);
     assert_memory_equal(found.start, held->start, held->count * sizeof *found.start);
     lg_held_out_destroy(&found);
     const size_t start = held->start[0], part = start / ROWS;
@@ -119,9 +129,8 @@ TEST("windows are found again by time and run; a log without their rows is refus
             other->first[part + 1] = start + held->steps;
             if (part + 1 < PARTS) other->run[part + 1] = 7;
         }
-        LG_STATUS_OF(lg_held_out_match(held, &s->logs, &other->logs, &found, &error), status);
+        assert_int_equal(match(held, &s->logs, &other->logs, &found, &error), LG_FORMAT);
         lg_held_out_destroy(&found);
-        assert_int_equal(status, LG_FORMAT);
         assert_says(error.message, "rows of the windows that judge are missing in this log");
     }
 }
@@ -146,8 +155,8 @@ TEST("errors of windows are compared by the mean of their logarithms; missing on
 
 /* ---- velocities from positions, and the share of forces that inputs explain ---- */
 
-/* Positions of a machine with a line, a direction, a rotation and a pose that all turn about one axis, and their
- * velocities. */
+/* Positions of a machine with a line, a direction, a rotation and a pose that all turn about one axis, and
+ * their velocities. */
 static void turning(double t, double *q, double *v) {
     static const double axis[3] = {0.6, 0, 0.8}, first[3] = {0, 1, 0};
     const double unit[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, angle[3] = {0.5 * t * axis[0], 0, 0.5 * t * axis[2]};
@@ -243,8 +252,12 @@ static lg_status adapt(const char *yaml, const char *names, lg_adaptation **out,
     static const double force[2] = {2, 3};
     const lg_machine_model_file *file = make_machine_model(yaml, 4);
     *out = TEST_ARRAY(lg_adaptation, 1);
-    LG_STATUS_OF(lg_adaptation_create(NULL, "m.h5", file, names, force, *out, error), status);
     lg_test_owns(*out, release_adaptation);
+    lg_status status;
+    do {
+        lg_adaptation_destroy(*out);
+        status = lg_adaptation_create(NULL, "m.h5", file, names, force, *out, error);
+    } while (lg_test_again(status));
     return status;
 }
 
@@ -313,9 +326,8 @@ TEST("a machine whose text has no room for an offset is not adapted by one") {
     lg_error error;
     static const double force[2] = {1, 1};
     memcpy(file->run.text, text, LG_MACHINE_TEXT);
-    LG_STATUS_OF(lg_adaptation_create(NULL, "m.h5", file, "offset", force, &a, &error), status);
+    assert_status(lg_adaptation_create(NULL, "m.h5", file, "offset", force, &a, &error), LG_FORMAT);
     lg_adaptation_destroy(&a);
-    assert_int_equal(status, LG_FORMAT);
     assert_says(error.message, "too long for a further line");
 }
 
