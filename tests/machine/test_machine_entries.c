@@ -191,6 +191,32 @@ TEST("entries that do not fit are refused") {
     }
 }
 
+TEST("known masses and damping may have unknown numbers; a prior of one fixes the common factor") {
+    for (int prior = 0; prior < 2; prior++) {
+        lg_machine machine = empty_machine();
+        add_coordinate(&machine, "x", LG_COORDINATE_LINE);
+        lg_machine_term *mass = add_term(&machine, LG_MACHINE_MASS, "diagonal");
+        add_values(mass, 1, (double[]){2});
+        open_value(mass, 0, 0, 0, prior * 0.5);
+        assert_machine(&machine);
+        assert_true(!machine.normalised && machine.free_gauge == (prior == 0));
+        *add_term(&machine, LG_MACHINE_MASS, "diagonal") = *mass;
+        assert_machine(&machine);
+        assert_int_equal(machine.parameters, 2);
+    }
+    lg_machine machine = mixed(false);
+    machine.terms[0].kind = lg_term_kind_find(LG_MACHINE_MASS, "known");
+    machine.terms[2].kind = lg_term_kind_find(LG_MACHINE_DAMPING, "known");
+    open_value(&machine.terms[0], 1, 0, 0, 0);
+    open_value(&machine.terms[2], 0, 0, 0, 0);
+    assert_machine(&machine);
+    assert_int_equal(machine.parameters, 2);
+    lg_error error;
+    machine.terms[2].values[1] = -0.1; /* a known one */
+    assert_status(lg_machine_init(&machine, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "the values must not be below 0");
+}
+
 TEST("more unknown numbers than a term may have are refused") {
     lg_error error = {LG_OK, ""};
     lg_machine machine = mixed(false);

@@ -266,6 +266,30 @@ TEST("a restricted problem has the loss of the moved machine, and the Jacobian o
     assert_close(after, before, 0.02, 0.0);
 }
 
+TEST("with measured starts a restricted problem has its numbers alone, and the loss of the moved machine") {
+    made *m = make(&usual, 0.0, 0.0, 0.01, 3, 11);
+    double theta[NUMBERS], direction[NUMBERS], moved[NUMBERS], losses[2];
+    const double x = 0.3;
+    const uint32_t samples[3] = {0, 2, 5};
+    m->problem.starts = LG_MACHINE_STARTS_MEASURED;
+    const lg_machine_restriction restriction = weaker(m, theta, direction);
+    lg_fit_problem fit, all;
+    lg_machine_restricted_problem(&restriction, &fit);
+    lg_machine_fit_problem(&m->problem, &all);
+    assert_int_equal(fit.parameters, 1);
+    for (int i = 0; i < NUMBERS; i++) moved[i] = theta[i] + x * direction[i];
+    for (int i = 0; i < 2; i++) {
+        const lg_fit_problem *each = i == 0 ? &fit : &all;
+        lg_tape *tape = test_tape(LG_F64);
+        lg_var loss;
+        assert_ok(each->loss(each->user, tape,
+                             lg_parameter(tape, lg_shape1((uint32_t)each->parameters), i == 0 ? &x : moved),
+                             samples, 3, 3, &loss));
+        assert_ok(lg_read(tape, loss, 1, &losses[i]));
+    }
+    assert_close(losses[0], losses[1], 1e-13, 0);
+}
+
 TEST("friction that is 20 percent higher is found by one number; little data leave it at its prior") {
     const made *m = make(&usual, 0.0, 0.0, 0.01, 3, 11);
     double theta[NUMBERS], direction[NUMBERS], x, error, alone;

@@ -544,6 +544,22 @@ TEST("descriptions beyond the limits are refused") {
         (void)sprintf(text + strlen(text), "%s}\n", lists[k].end);
         refuse(text, LG_FORMAT, "line 2", lists[k].words);
     }
+    (void)strcpy(text, "coordinates:\n");
+    for (int i = 0; i < 5; i++) {
+        (void)sprintf(text + strlen(text), "  - {name: h%d, kind: pose", i);
+        static const char *const keys[] = {"position", "columns", "velocity", "rates"};
+        for (int k = 0; k < 4; k++) {
+            (void)sprintf(text + strlen(text), ", %s: [", keys[k]);
+            for (int j = 0; j < (k == 1 ? 9 : 3); j++)
+                (void)sprintf(text + strlen(text), "c%d%d%d, ", i, k, j);
+            (void)strcat(text, "]");
+        }
+        (void)strcat(text, "}\n");
+    }
+    refuse(text, LG_FORMAT, "line 6", "more than 82 columns");
+    (void)strcpy(text, HEAD "system: oscillator\nparameters: {mass: [");
+    for (int i = 0; i < LG_MACHINE_PARAMETERS; i++) (void)strcat(text, "1, ");
+    refuse(strcat(text, "1]}\n"), LG_FORMAT, "line 3", "mass: expected 1 to 32 numbers");
     for (int name = 0; name < 4; name++) {
         static const char *const texts[] = {"columns: {time: %s}\n", "columns: {run: %s}\n",
                                             "mass: {kind: network, of: %s}\n", "inputs: {columns: %s}\n"};
@@ -563,6 +579,10 @@ TEST("wrong names, numbers with bounds, and values of unequal length are refused
     static const refusal wrong[] = {
         {"coordinates: [{name: \"\", kind: line, velocity: v}]\n", "line 1", "name"},
         {"coordinates: [{name: \"q{\", kind: line, velocity: v}]\n", "line 1", "letters, digits, _ and -"},
+        {"measured: velocities-only\ncoordinates: [{name: h, kind: pose, position: [x, y, z], velocity: [a, "
+         "b, c], "
+         "rates: [d, e, f]}]\n",
+         "line 2", "columns of positions are not allowed with `measured: velocities-only`"},
         {"coordinates: [{name: \"q[\", kind: line, velocity: v}]\n", "line 1", "letters, digits, _ and -"},
         {"coordinates: [{name: \"q:\", kind: line, velocity: v}]\n", "line 1", "letters, digits, _ and -"},
         {"coordinates: [{name: \"q z\", kind: line, velocity: v}]\n", "line 1", "letters, digits, _ and -"},
@@ -617,6 +637,12 @@ TEST("offsets of coordinates are one term; a term without names, or with values,
         assert_int_equal(m->term_count, 1 + rows[i].terms);
         assert_int_equal(m->parameters, rows[i].numbers);
     }
+}
+
+TEST("names may have letters of both cases, digits, _ and -") {
+    const lg_machine *m =
+        &parse("coordinates: [{name: Q_1-z, kind: line, velocity: v}]\nmass: diagonal\n")->machine;
+    assert_string_equal(m->coordinates[0].name, "Q_1-z");
 }
 
 TEST("a switch of friction that is false adds no term, and a prior of a system's parameter is kept") {

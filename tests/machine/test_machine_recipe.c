@@ -74,6 +74,18 @@ TEST("windows are held out where rows are complete, and none of a log that is to
     }
 }
 
+TEST("of logs of accelerations the accelerations count, and windows need complete rows") {
+    swinging *s = swing();
+    s->machine.accelerations = true;
+    s->logs.log.a = s->v;
+    const lg_held_out *held = plan(s, 0.3, false);
+    assert_true(held->count > 0 && held->weight[0] == 0 && held->weight[1] == 0 && held->weight[2] > 0);
+    s = swing();
+    for (size_t i = 0; i < LG_COUNT(s->q); i++) s->q[i] = (double)NAN;
+    held = plan(s, 0.3, false);
+    assert_true(held->steps > 0 && held->count == 0 && held->weight[0] == 0);
+}
+
 TEST("angles count modulo turns; without positions velocities count; a run that is not finite counts as "
      "infinite") {
     swinging *s = swing();
@@ -118,7 +130,7 @@ TEST("windows are found again by time and run; a log without their rows is refus
     assert_memory_equal(found.start, held->start, held->count * sizeof *found.start);
     lg_held_out_destroy(&found);
     const size_t start = held->start[0], part = start / ROWS;
-    for (int change = 0; change < 4; change++) {
+    for (int change = 0; change < 5; change++) {
         other = swing();
         if (change == 0) other->run[part] = 7;
         if (change == 1) other->t[start] += 0.01; /* the time is missing */
@@ -129,6 +141,7 @@ TEST("windows are found again by time and run; a log without their rows is refus
             other->first[part + 1] = start + held->steps;
             if (part + 1 < PARTS) other->run[part + 1] = 7;
         }
+        if (change == 4) other->first[part] = start - 1; /* too few rows before the window */
         assert_int_equal(match(held, &s->logs, &other->logs, &found, &error), LG_FORMAT);
         lg_held_out_destroy(&found);
         assert_says(error.message, "rows of the windows that judge are missing in this log");

@@ -263,6 +263,12 @@ TEST("if the machine is known only its starts are learned, and without starts no
     assert_close(loss, same, 1e-9, 0.0);
     a->problem.starts = LG_MACHINE_STARTS_MEASURED;
     assert_status(lg_machine_problem_check(&a->problem, NULL), LG_INVALID_ARGUMENT);
+    const lg_machine known = oscillator(true);
+    lg_identification nothing = {.open_count = 7};
+    a->problem.machine = &known;
+    a->problem.theta = NULL;
+    assert_ok(lg_machine_identify(NULL, &a->problem, a->theta, &nothing, NULL));
+    assert_int_equal(nothing.open_count, 0);
 }
 
 TEST("training problems that cannot be learned are refused, with the reason") {
@@ -293,6 +299,28 @@ TEST("training problems that cannot be learned are refused, with the reason") {
             p->machine = &turning;
             for (int i = 0; i < LG_MACHINE_COORDINATES; i++) p->position_scale[i] = p->velocity_scale[i] = 1);
 #undef REFUSED
+}
+
+TEST("states are estimated of logs of accelerations alone; a log shorter than a window keeps its guesses") {
+    const logs *l = make_logs(0.0, 3);
+    const task *t = make_task(l, LG_MACHINE_STARTS_ESTIMATED);
+    lg_machine machine = t->machine;
+    lg_machine_log log = l->log;
+    double q[ALL], v[ALL];
+    lg_error error;
+#define ESTIMATE(theta, rows)                                                                                \
+    lg_machine_estimate_states(NULL, &machine, theta, t->problem.scheme, 1, &log, rows, q, v, &error)
+    assert_status(ESTIMATE(NULL, 11), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "the machine has parameters, and they are NULL");
+    assert_status(ESTIMATE(t->theta, 11), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "the log has no accelerations");
+    machine.accelerations = true;
+    assert_status(ESTIMATE(t->theta, 11), LG_INVALID_ARGUMENT);
+    log.a = l->v;
+    assert_ok(ESTIMATE(t->theta, ROWS + 1));
+    assert_memory_equal(q, log.q, sizeof q);
+    assert_memory_equal(v, log.v, sizeof v);
+#undef ESTIMATE
 }
 
 /* A machine of many lines, whose polynomials would be too many terms. */
@@ -533,6 +561,9 @@ TEST("the mass of a network is reported at 0 if the logs come there, otherwise a
     double at = 7, mean = 0, best = 1e9;
     assert_false(lg_machine_mass_at(&make_task(make_logs(0.0, 3), LG_MACHINE_STARTS_MEASURED)->problem, &at));
     assert_true(lg_machine_mass_at(&make_network_task(0)->problem, &at));
+    task *none = make_network_task(0);
+    none->problem.validation = none->problem.windows;
+    assert_true(lg_machine_mass_at(&none->problem, &at));
     assert_close(at, 0, 0, 0);
     task *t = make_network_task(20);
     const lg_machine_problem *p = &t->problem;
