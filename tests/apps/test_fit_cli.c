@@ -5,6 +5,8 @@
 #include "liegrad/program.h"
 #include "liegrad/table.h"
 
+#include <hdf5.h>
+
 OWNED(lg_table_file, lg_table_file_destroy)
 OWNED(lg_table_data, lg_table_data_destroy)
 
@@ -661,6 +663,48 @@ TEST("rows of a model without ranges are never outside of them") {
         cli_expect(fit, "predict bare.h5 away.csv", 0, "y\n");
         assert_null(strstr(result.err, "outside"));
     }
+}
+
+/* Puts `count` elements of a type in place of a data set. */
+static void put_instead(const char *file_name, const char *set_name, hid_t type, hsize_t count,
+                        const void *data) {
+    const hid_t file = H5Fopen(cli_at(file_name), H5F_ACC_RDWR, H5P_DEFAULT);
+    assert_true(H5Ldelete(file, set_name, H5P_DEFAULT) >= 0);
+    const hid_t space = H5Screate_simple(1, &count, NULL);
+    const hid_t set = H5Dcreate2(file, set_name, type, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
+    assert_true(H5Dwrite(set, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, data) >= 0);
+    assert_true(H5Dclose(set) >= 0 && H5Sclose(space) >= 0 && H5Fclose(file) >= 0);
+}
+
+TEST("a model whose names or scales do not fit its network is refused") {
+    static const struct {
+        const char *names[4];
+        hsize_t count;
+        const char *words;
+    } rows[] = {{{"a", "b"}, 2, "/names/inputs: has 2 names, but the model has 3 columns or classes"},
+                {{"a", "b", "c", "d"}, 4, "/names/inputs: expected 3 names of 1 to 63 bytes"},
+                {{"a", "", "c"}, 3, "/names/inputs: expected 3 names of 1 to 63 bytes"},
+                {{"a", "b", LONG}, 3, "/names/inputs: expected 3 names of 1 to 63 bytes"}};
+    static const double two[] = {1, 2};
+    static const char train[] =
+        "train smooth.csv --inputs a,b,c --outputs y --out named.h5 --test other.csv --epochs 2";
+    need_tables();
+    cli_expect(fit, train, 0, "");
+    const hid_t text = H5Tcopy(H5T_C_S1);
+    assert_true(H5Tset_size(text, sizeof LONG) >= 0);
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        char names[4][sizeof LONG] = {""};
+        for (size_t k = 0; k < rows[i].count; k++)
+            memcpy(names[k], rows[i].names[k], strlen(rows[i].names[k]));
+        put_instead("named.h5", "/names/inputs", text, rows[i].count, names);
+        cli_expect(fit, "predict named.h5 smooth.csv", 3, rows[i].words);
+    }
+    assert_true(H5Tclose(text) >= 0);
+    cli_expect(fit, train, 0, "");
+    put_instead("named.h5", "/scaler/inputs/mean", H5T_NATIVE_DOUBLE, 2, two);
+    cli_expect(fit, "predict named.h5 smooth.csv", 3,
+               "/scaler/inputs/mean: has 2 numbers, but the model has 3 columns");
+    lg_table_file_destroy(NULL);
 }
 
 TEST("files that are not tables cause a message and an exit code too") {
