@@ -79,7 +79,7 @@ static size_t curve_parameters(const lg_machine *machine, const lg_machine_term 
 }
 
 static void curve_values(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]) {
-    fits[0] = fits[1] = term->degree > 1 ? curve_parameters(machine, term) : 1;
+    fits[0] = fits[1] = curve_parameters(machine, term);
 }
 
 /* Coefficients (of_count, degree - 1). */
@@ -136,7 +136,7 @@ static size_t one_each(const lg_machine *machine, const lg_machine_term *term) {
 
 static void one_value_each(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]) {
     (void)machine;
-    fits[0] = fits[1] = term->of_count > 0 ? term->of_count : 1;
+    fits[0] = fits[1] = term->of_count;
 }
 
 /* factor[i] times the value of the term's input i, (1, of_count). */
@@ -321,6 +321,7 @@ const lg_term_kind lg_machine_actuator_kinds[] = {LAG("lag", 1),
                                                   {.name = "curve",
                                                    .part = LG_MACHINE_ACTUATOR,
                                                    .options = LG_TERM_OF | LG_TERM_VALUES | LG_TERM_DEGREE,
+                                                   .least = 2,
                                                    .parameters = curve_parameters,
                                                    .values = curve_values,
                                                    .entry = curve_entry,

@@ -190,12 +190,6 @@ static lg_status open_walk(const lg_context *context, const lg_machine_problem *
     return lg_tape_create(context, NULL, &x->tape);
 }
 
-static lg_status conclude(const walk *x, lg_status status, lg_error *error) {
-    if (status == LG_OK) return LG_OK;
-    const bool of_tape = x->tape != NULL && lg_tape_status(x->tape) != LG_OK;
-    return lg_fail(error, status, "%s", of_tape ? lg_tape_message(x->tape) : lg_status_sentence(status));
-}
-
 lg_status lg_machine_continue_starts(const lg_context *context, const lg_machine_problem *problem,
                                      double *theta, double *losses, lg_error *error) {
     LG_NEEDS(error, problem, theta, losses);
@@ -206,7 +200,7 @@ lg_status lg_machine_continue_starts(const lg_context *context, const lg_machine
     walk x;
     lg_status status = open_walk(context, problem, theta, losses, &x);
     if (status == LG_OK) status = go_along(&x);
-    status = conclude(&x, status, error);
+    status = lg_machine_conclude(x.tape, status, error);
     close_walk(&x);
     return status;
 }
@@ -224,7 +218,7 @@ static lg_status write_states(walk *x, size_t first, double *q, double *v) {
         at[i] = problem->start[first + i];
         exchange(x, first + i, true, x->z + i * x->numbers, x->theta);
     }
-    for (uint32_t j = 0; j < problem->window; j++) {
+    for (uint32_t j = 0;; j++) {
         for (uint32_t i = 0; i < count; i++) {
             const double *z = x->z + i * x->numbers;
             memcpy(q + at[i] * nq, z, nq * sizeof *q);
@@ -248,7 +242,7 @@ static lg_status settle(walk *x, lg_error *error) {
             LG_TRY(lg_machine_fit_starts(x->context, x->problem, first, count, x->theta, error));
         }
         memcpy(x->before, x->theta, x->parameters * sizeof *x->before);
-        LG_TRY(conclude(x, go_along(x), error));
+        LG_TRY(lg_machine_conclude(x->tape, go_along(x), error));
         if (memcmp(x->before, x->theta, x->parameters * sizeof *x->before) == 0) break;
     }
     return LG_OK;
@@ -266,9 +260,9 @@ static lg_status estimate_states(const lg_context *context, const lg_machine_pro
         memset(memory, 0, n * sizeof *memory);
         status = settle(&x, error);
         for (size_t first = 0; first < problem->windows && status == LG_OK; first += LG_FIT_CHUNK)
-            status = conclude(&x, write_states(&x, first, q, v), error);
+            status = lg_machine_conclude(x.tape, write_states(&x, first, q, v), error);
     } else {
-        (void)conclude(&x, status, error);
+        (void)lg_machine_conclude(x.tape, status, error);
     }
     close_walk(&x);
     lg_free(context, memory);

@@ -168,7 +168,6 @@ lg_var lg_machine_record_priors(lg_tape *tape, const lg_machine_vars *vars, uint
         const lg_var x = record_maps(tape, &p->map, 1, t);
         each[i] = lg_scale(tape, lg_add_scalar(tape, x, -p->centre), weight / p->sigma);
     }
-    if (count == 0) return LG_NONE;
     const lg_var zeros = lg_full(tape, lg_shape2(rows, count), 0.0);
     lg_tape_mark_rows(tape, zeros);
     return lg_add(tape, zeros, count == 1 ? each[0] : lg_concat(tape, each, count, 1));

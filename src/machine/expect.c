@@ -269,10 +269,7 @@ lg_status lg_machine_expect(const lg_context *context, const lg_machine_problem 
         e.theta = many ? all + given : all;
         status = expect(&e, tape, e.J + 2 * e.n * e.n, out);
     }
-    if (status != LG_OK)
-        (void)lg_fail(error, status, "%s",
-                      tape != NULL && lg_tape_status(tape) != LG_OK ? lg_tape_message(tape)
-                                                                    : lg_status_sentence(status));
+    (void)lg_machine_conclude(tape, status, error);
     lg_tape_destroy(tape);
     double *const owned[] = {all, e.jacobian, e.residuals, e.columns, e.J};
     for (size_t i = 0; i < LG_COUNT(owned); i++) lg_free(context, owned[i]);

@@ -7,7 +7,7 @@
 
 lg_var lg_machine_columns(lg_tape *tape, lg_var x, uint32_t first, uint32_t count) {
     const lg_shape shape = lg_var_shape(tape, x);
-    if (first == 0 && shape.rank == 2 && shape.dims[1] == count) return x;
+    if (first == 0 && shape.dims[1] == count) return x;
     return lg_slice(tape, x, 1, first, count);
 }
 
@@ -63,7 +63,6 @@ uint32_t lg_machine_feature_scales(const lg_machine *machine, const lg_machine_t
             const bool place = of.kind == LG_FEATURE_PLACE || of.kind == LG_FEATURE_POSITION;
             if ((place && k < places) || (of.kind == LG_FEATURE_HEIGHT && places > 0))
                 scale = s->place[at.place + (is_angle(machine, of) ? 0 : place ? k : places - 1)];
-            if (of.kind == LG_FEATURE_VELOCITY) scale = s->velocity[at.velocity + k] / s->time;
             if (input) scale = s->input[of.index];
             scales[used++] = scale;
         }
@@ -165,7 +164,7 @@ lg_var lg_machine_record_monomials(lg_tape *tape, const lg_monomials *monomials,
     bool linear = monomials->count == variables;
     for (uint32_t i = 0; i < monomials->count; i++) linear = linear && monomials->factor[i][1] == UINT32_MAX;
     if (linear) return x;
-    for (uint32_t i = 0; i < variables && i < LG_MACHINE_MONOMIALS; i++)
+    for (uint32_t i = 0; i < variables; i++) /* fewer than monomials */
         columns[i] = lg_machine_columns(tape, x, i, 1);
     for (uint32_t i = 0; i < monomials->count; i++) {
         const uint32_t *factor = monomials->factor[i];

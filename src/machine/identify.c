@@ -466,17 +466,12 @@ lg_status lg_machine_identify(const lg_context *context, const lg_machine_proble
         const bool left = leave_bounds(&s, at, count, out->numbers, moved, moved + count);
         if (left) s.unmoved = theta;
         status = add_all(&s, tape);
-        if (status != LG_OK) (void)lg_fail(error, status, "%s", lg_tape_message(tape));
-        if (status == LG_OK && left) status = lg_machine_loss(context, problem, theta, &squares, NULL, error);
+        if (status == LG_OK && left) status = lg_machine_loss(context, problem, theta, &squares, NULL, NULL);
         if (left) s.squares = squares;
-    } else {
-        (void)lg_fail(error, status, "%s", lg_status_sentence(status));
     }
-    if (status == LG_OK) {
-        status = conclude(&s, count, work, order, moved, out);
-        if (status == LG_OK && missing == LG_OUT_OF_MEMORY) status = missing;
-        if (status != LG_OK) (void)lg_fail(error, status, "%s", lg_status_sentence(status));
-    }
+    if (status == LG_OK) status = conclude(&s, count, work, order, moved, out);
+    if (status == LG_OK && missing == LG_OUT_OF_MEMORY) status = missing;
+    (void)lg_machine_conclude(tape, status, error);
     lg_tape_destroy(tape);
     release(&s);
     lg_free(context, at);
@@ -520,10 +515,7 @@ lg_status lg_machine_uncertain(const lg_context *context, const lg_machine_probl
         out->widened = widened(n, work, out->W);
         out->variance = variance_of(&s);
     }
-    if (status != LG_OK)
-        (void)lg_fail(error, status, "%s",
-                      tape != NULL && lg_tape_status(tape) != LG_OK ? lg_tape_message(tape)
-                                                                    : lg_status_sentence(status));
+    (void)lg_machine_conclude(tape, status, error);
     lg_tape_destroy(tape);
     release(&s);
     lg_free(context, work);
@@ -547,10 +539,7 @@ lg_status lg_machine_triangle(const lg_context *context, const lg_machine_proble
     if (status == LG_OK) status = add_all(&s, tape);
     if (status == LG_OK) memcpy(triangle, s.triangle, s.n * s.n * sizeof *triangle);
     *numbers = s.weighted;
-    if (status != LG_OK)
-        (void)lg_fail(error, status, "%s",
-                      tape != NULL && lg_tape_status(tape) != LG_OK ? lg_tape_message(tape)
-                                                                    : lg_status_sentence(status));
+    (void)lg_machine_conclude(tape, status, error);
     lg_tape_destroy(tape);
     release(&s);
     return status;

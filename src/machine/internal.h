@@ -92,7 +92,9 @@ struct lg_term_kind {
     bool heights;   /* positions in `of` become heights */
     /* Whether M depends on the state; NULL: it does not. */
     bool (*moving)(const lg_machine *machine);
-    uint32_t least, most; /* least and greatest degree of the monomials; most 0: the term's degree */
+    /* least: least degree of the monomials, and of a term with LG_TERM_DEGREE. most: greatest degree of the
+     * monomials; 0: the term's degree. */
+    uint32_t least, most;
     /* Friction (machine/friction.c): the kind whose coefficients the term changes, NULL: none; and how many
      * numbers per velocity it has besides coefficients. */
     const char *base;
@@ -155,8 +157,7 @@ typedef struct lg_prior {
 } lg_prior;
 /* Lists the machine's priors (room for LG_MACHINE_PRIORS), and returns how many there are. */
 uint32_t lg_machine_list_priors(const lg_machine *machine, lg_prior *out);
-/* weight (number - start)/sigma of each prior, the same in all rows, (rows, priors); LG_NONE: there is
- * none. */
+/* weight (number - start)/sigma of each prior, the same in all rows, (rows, priors). There must be one. */
 lg_var lg_machine_record_priors(lg_tape *tape, const lg_machine_vars *vars, uint32_t rows, double weight);
 /* Adds the priors of the system, whose mass is this term, behind `count` others; returns the new count. */
 uint32_t lg_grey_priors(const lg_machine *machine, uint32_t term, lg_prior *out, uint32_t count);
@@ -228,8 +229,8 @@ bool lg_machine_mass_learned(const lg_machine *machine);
 /* Most numbers of a term's features. */
 #define LG_MACHINE_FEATURE_NUMBERS (12 * LG_MACHINE_FEATURES)
 /* lg_machine_feature_count: how many numbers a feature has. lg_machine_feature_scales writes the scales of
- * all numbers of a term's features, and returns how many there are. A number in the log's units is the scaled
- * number times its scale. */
+ * all numbers of a term's features, none of which is a velocity, and returns how many there are. A number in
+ * the log's units is the scaled number times its scale. */
 uint32_t lg_machine_feature_count(const lg_machine *machine, lg_machine_feature feature);
 uint32_t lg_machine_feature_scales(const lg_machine *machine, const lg_machine_term *term, double *scales);
 /* The features of a term, (B, numbers), in scaled units. */
@@ -431,6 +432,9 @@ lg_status lg_machine_linearise(void *user, lg_tape *tape, const double *theta, c
  * computes the loss of these samples, or if `floor` is not NULL adds the part that comes from the steps to it
  * (NaN: the windows are too unstable). */
 bool lg_machine_is_long(const lg_machine_problem *problem);
+/* Returns `status`. Unless it is LG_OK, writes why: the sentence of the tape, which may be NULL, if this has
+ * failed, else that of the status. */
+lg_status lg_machine_conclude(const lg_tape *tape, lg_status status, lg_error *error);
 lg_status lg_machine_long_loss(const lg_machine_problem *problem, lg_tape *tape, const double *theta,
                                const uint32_t *samples, size_t count, size_t batch, double *loss,
                                double *floor);

@@ -78,10 +78,18 @@ static lg_status count_coordinates(lg_machine *machine, lg_error *error) {
     machine->momenta = all.momentum;
     machine->positions = all.position;
     machine->velocities = all.velocity;
-    if (all.velocity > LG_MACHINE_VELOCITIES || all.position > LG_MACHINE_POSITIONS)
+    /* No kind has more than three positions for each velocity, so the positions fit too. */
+    if (all.velocity > LG_MACHINE_VELOCITIES)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "the coordinates have %u velocities; at most %d are possible", all.velocity,
                        LG_MACHINE_VELOCITIES);
+    return LG_OK;
+}
+
+static lg_status check_kinds(const lg_machine *machine, lg_error *error) {
+    for (uint32_t i = 0; i < machine->term_count; i++)
+        if (machine->terms[i].kind == NULL || machine->terms[i].kind->part != machine->terms[i].part)
+            return lg_fail(error, LG_INVALID_ARGUMENT, "a term has no kind, or a kind of another part");
     return LG_OK;
 }
 
@@ -149,8 +157,10 @@ static lg_status check_term(const lg_machine *machine, const lg_machine_term *te
     for (uint32_t i = 0; i < term->of_count; i++)
         if (!feature_fits(machine, term, term->of[i]))
             return term_fails(term, error, "cannot depend on what `of` lists");
-    if ((options & LG_TERM_DEGREE) != 0 && (term->degree < 1 || term->degree > LG_MACHINE_DEGREE))
-        return term_fails(term, error, "the degree must be 1 to 8");
+    if ((options & LG_TERM_DEGREE) != 0 &&
+        (term->degree < term->kind->least || term->degree > LG_MACHINE_DEGREE))
+        return term_fails(term, error,
+                          term->kind->least > 1 ? "the degree must be 2 to 8" : "the degree must be 1 to 8");
     if ((options & LG_TERM_WIDTH) != 0 && !(term->width >= 0.0 && isfinite(term->width)))
         return term_fails(term, error, "the width must be above 0, or 0 for a width from the log");
     if ((options & LG_TERM_INPUTS) != 0 && term->of_count == 0 && !has_part(machine, LG_MACHINE_POTENTIAL))
@@ -174,14 +184,12 @@ static lg_status check_term(const lg_machine *machine, const lg_machine_term *te
 
 /* Gravity depends on heights: where `of` lists none, on the heights of all coordinates except lines. */
 static void set_heights(const lg_machine *machine, lg_machine_term *term) {
-    for (uint32_t i = 0; i < machine->coordinate_count && term->of_count < LG_MACHINE_FEATURES; i++)
+    for (uint32_t i = 0; i < machine->coordinate_count; i++)
         if (machine->coordinates[i].kind != LG_COORDINATE_LINE)
             term->of[term->of_count++] = (lg_machine_feature){LG_FEATURE_HEIGHT, i};
 }
 
 static lg_status set_term(const lg_machine *machine, lg_machine_term *term, lg_error *error) {
-    if (term->kind == NULL || term->kind->part != term->part)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a term has no kind, or a kind of another part");
     if (term->kind->heights) {
         if (term->of_count == 0) set_heights(machine, term);
         for (uint32_t i = 0; i < term->of_count; i++)
@@ -303,7 +311,7 @@ static void find_gauge(lg_machine *machine) {
         if (term->part != LG_MACHINE_MASS) continue;
         single = single || term->entry_count > 0;
         masses++;
-        moving = moving || (term->kind != NULL && term->kind->moving != NULL);
+        moving = moving || term->kind->moving != NULL;
     }
     machine->normalised = !given && !grey && !moving && !single && masses == 1;
     machine->free_gauge = !given && !machine->normalised;
@@ -324,6 +332,7 @@ lg_status lg_machine_init(lg_machine *machine, lg_error *error) {
     LG_NEEDS(error, machine);
     LG_TRY(count_coordinates(machine, error));
     LG_TRY(check_names(machine, error));
+    LG_TRY(check_kinds(machine, error));
     LG_TRY(lg_grey_check(machine, error));
     find_gauge(machine);
     for (uint32_t i = 0; i < machine->term_count; i++) LG_TRY(set_term(machine, &machine->terms[i], error));

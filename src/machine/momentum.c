@@ -61,7 +61,7 @@ static lg_status momentum_residuals(void *user, lg_tape *tape, lg_var theta, con
     LG_TRY(lg_machine_bind(tape, machine, theta, &vars));
     lg_machine_flow flow = {.vars = &vars, .scheme = problem->scheme, .substeps = problem->substeps};
     LG_TRY(lg_machine_space(machine, &flow.space));
-    for (uint32_t j = 0; j < problem->window; j++) {
+    for (uint32_t j = 0;; j++) {
         LG_TRY(record_rows(tape, problem, &vars, at, count, parts));
         const lg_var logged = momenta_of(tape, machine, parts);
         if (j > 0) sum = lg_add(tape, sum, logged);

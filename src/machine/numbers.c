@@ -127,16 +127,14 @@ void lg_machine_feature_name(const lg_machine *machine, const lg_machine_term *t
                              char *text, size_t size) {
     static const char *const suffix[] = {
         [LG_FEATURE_POSITION] = "", [LG_FEATURE_PLACE] = ".place",   [LG_FEATURE_ROTATION] = ".rotation",
-        [LG_FEATURE_UP] = ".up",    [LG_FEATURE_HEIGHT] = ".height", [LG_FEATURE_VELOCITY] = ".velocity",
-        [LG_FEATURE_INPUT] = ""};
+        [LG_FEATURE_UP] = ".up",    [LG_FEATURE_HEIGHT] = ".height", [LG_FEATURE_INPUT] = ""};
     uint32_t i = 0;
     for (; number >= lg_machine_feature_count(machine, term->of[i]); i++)
         number -= lg_machine_feature_count(machine, term->of[i]);
     const lg_machine_feature of = term->of[i];
     const bool input = of.kind == LG_FEATURE_INPUT, single = lg_machine_feature_count(machine, of) == 1;
     const char *name = input ? machine->inputs[of.index] : machine->coordinates[of.index].name;
-    if (!input && of.kind != LG_FEATURE_VELOCITY &&
-        machine->coordinates[of.index].kind == LG_COORDINATE_ANGLE)
+    if (!input && machine->coordinates[of.index].kind == LG_COORDINATE_ANGLE)
         (void)snprintf(text, size, "%s(%s)", number == 0 ? "sin" : "cos", name);
     else if (single)
         (void)snprintf(text, size, "%s%s", name, suffix[of.kind]);
@@ -187,9 +185,8 @@ void lg_numbers_potential(lg_number_list *l, const lg_machine *machine, const lg
     double scales[LG_MACHINE_FEATURE_NUMBERS];
     lg_monomials monomials;
     const uint32_t most = term->kind->most > 0 ? term->kind->most : term->degree;
-    if (!lg_machine_monomials(lg_machine_feature_scales(machine, term, scales), term->kind->least, most,
-                              &monomials))
-        return;
+    (void)lg_machine_monomials(lg_machine_feature_scales(machine, term, scales), term->kind->least, most,
+                               &monomials);
     for (uint32_t i = 0; i < monomials.count; i++) {
         char name[64];
         monomial_name(machine, term, monomials.factor[i], name, sizeof name);

@@ -94,10 +94,7 @@ lg_status lg_machine_rest_rate(const lg_context *context, const lg_machine *mach
         }
         lg_tape_reset(tape);
     }
-    if (status != LG_OK)
-        (void)lg_fail(error, status, "%s",
-                      tape != NULL && lg_tape_status(tape) != LG_OK ? lg_tape_message(tape)
-                                                                    : lg_status_sentence(status));
+    (void)lg_machine_conclude(tape, status, error);
     lg_tape_destroy(tape);
     lg_free(context, memory);
     return status;

@@ -23,8 +23,7 @@ bool lg_machine_scale_friction(const lg_machine *machine, const double *theta, d
     memset(direction, 0, machine->parameters * sizeof *direction);
     for (uint32_t t = 0; t < machine->term_count; t++) {
         const lg_machine_term *term = &machine->terms[t];
-        if (term->part != LG_MACHINE_DAMPING || term->parameters == 0 || term->kind->scaling == NULL)
-            continue;
+        if (term->part != LG_MACHINE_DAMPING || term->parameters == 0) continue;
         term->kind->scaling(machine, term, theta + term->offset, direction + term->offset);
         any = true;
     }

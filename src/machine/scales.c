@@ -144,13 +144,12 @@ static uint32_t mass_velocities(const lg_machine *machine, uint32_t *out) {
     return count;
 }
 
+/* Whether the first mass is learned and diagonal. */
 static bool has_diagonal_mass(const lg_machine *machine) {
-    for (uint32_t i = 0; i < machine->term_count; i++)
-        if (machine->terms[i].part == LG_MACHINE_MASS)
-            return machine->terms[i].kind->parameters != NULL &&
-                   machine->terms[i].kind->parameters(machine, &machine->terms[i]) <
-                       machine->momenta + machine->directions;
-    return false;
+    const lg_machine_term *mass = machine->terms;
+    while (mass->part != LG_MACHINE_MASS) mass++;
+    return mass->kind->parameters != NULL &&
+           mass->kind->parameters(machine, mass) < machine->momenta + machine->directions;
 }
 
 /* Sets scales.held, the number of the mass that is fixed at 1 in the log's units: of a diagonal mass the one
@@ -201,14 +200,13 @@ static lg_status refuse_motion(const lg_machine *machine, const moments *size, l
 static void set_lags(lg_machine_scales *s, const lg_machine_log *log) {
     static const double part = 0.2, least = 10.0;
     double sum = 0.0, longest = 0.0;
-    size_t steps = 0;
+    size_t steps = 0; /* of a log in which something moves: not 0 */
     for (size_t p = 0; p < log->parts; p++) {
         const double length = log->t[log->first[p + 1] - 1] - log->t[log->first[p]];
         sum += length;
         steps += log->first[p + 1] - log->first[p] - 1;
         longest = fmax(longest, length);
     }
-    if (steps == 0) return;
     s->lag[0] = part * sum / (double)steps;
     s->lag[1] = fmax(part * longest, least * s->lag[0]);
 }

@@ -326,6 +326,12 @@ static lg_status add_chunks(lg_tape *tape, const lg_fit_problem *fit, const doub
     return LG_OK;
 }
 
+lg_status lg_machine_conclude(const lg_tape *tape, lg_status status, lg_error *error) {
+    if (status == LG_OK) return LG_OK;
+    const bool of_tape = tape != NULL && lg_tape_status(tape) != LG_OK;
+    return lg_fail(error, status, "%s", of_tape ? lg_tape_message(tape) : lg_status_sentence(status));
+}
+
 lg_status lg_machine_loss(const lg_context *context, const lg_machine_problem *problem, const double *theta,
                           double *loss, double *floor, lg_error *error) {
     LG_NEEDS(error, problem, loss);
@@ -334,12 +340,13 @@ lg_status lg_machine_loss(const lg_context *context, const lg_machine_problem *p
     LG_TRY(lg_machine_problem_check(problem, error));
     lg_machine_fit_problem(problem, &fit);
     lg_status status = lg_tape_create(context, NULL, &tape);
-    if (status != LG_OK) return lg_fail(error, status, "%s", lg_status_sentence(status));
     const bool as_runs = lg_machine_is_long(problem);
-    status = as_runs ? add_windows(tape, problem, theta, loss, floor) : add_chunks(tape, &fit, theta, loss);
+    if (status == LG_OK)
+        status =
+            as_runs ? add_windows(tape, problem, theta, loss, floor) : add_chunks(tape, &fit, theta, loss);
     fit.loss = shard_floor;
     if (status == LG_OK && floor != NULL && !as_runs) status = add_chunks(tape, &fit, theta, floor);
-    if (status != LG_OK) (void)lg_fail(error, status, "%s", lg_tape_message(tape));
+    (void)lg_machine_conclude(tape, status, error);
     lg_tape_destroy(tape);
     return status;
 }

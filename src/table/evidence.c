@@ -87,20 +87,21 @@ static bool factor(evidence *e, double damping) {
     return info == 0;
 }
 
-/* Computes gamma of each slice from the diagonal of H^-1. */
+/* Computes gamma of each slice from the diagonal of H^-1. dpotri cannot fail: a factor has no zero on its
+ * diagonal. */
 static bool count_parameters(evidence *e) {
     const int n = (int)e->n;
     int info = 0;
     if (!factor(e, 0.0)) return false;
     dpotri_("L", &n, e->H, &n, &info);
     e->effective = 0;
-    for (uint32_t s = 0; s < e->slices && info == 0; s++) {
+    for (uint32_t s = 0; s < e->slices; s++) {
         double trace = 0;
         for (size_t i = 0; i < e->slice[s].count; i++) trace += e->H[(e->slice[s].offset + i) * (e->n + 1)];
         e->gamma[s] = fmax((double)e->slice[s].count - e->ratio[s] * trace, 0.0);
         e->effective += e->gamma[s];
     }
-    return info == 0 && isfinite(e->effective);
+    return isfinite(e->effective);
 }
 
 /* Estimates alpha and beta again from the current theta. */
@@ -138,7 +139,7 @@ static bool solve(evidence *e, double damping) {
         for (size_t i = e->slice[s].offset; i < e->slice[s].offset + e->slice[s].count; i++)
             e->step[i] = -e->g[i] - e->ratio[s] * e->theta[i];
     dpotrs_("L", &n, &one, e->H, &n, e->step, &n, &info);
-    return info == 0 && e->k->all_finite(e->n, e->step);
+    return e->k->all_finite(e->n, e->step);
 }
 
 static void swap(double **a, double **b) {
@@ -256,7 +257,7 @@ lg_status lg_table_evidence(const lg_context *context, const lg_table_problem *p
                   .variance = 1.0};
     if (chosen.rows > 0 && e.rows > chosen.rows) e.rows = chosen.rows;
     e.data = e.rows * problem->model->net.outputs;
-    while (e.slices < MOST_SLICES && lg_table_slice(problem->model, e.slices, &e.slice[e.slices])) e.slices++;
+    while (lg_table_slice(problem->model, e.slices, &e.slice[e.slices])) e.slices++;
     const lg_status status = run(&e, &chosen, theta, decay, result);
     lg_tape_destroy(e.tape);
     lg_free(context, e.chosen);

@@ -5,6 +5,8 @@
 #include "liegrad/program.h"
 #include "liegrad/table.h"
 
+#include <hdf5.h>
+
 OWNED(lg_table_file, lg_table_file_destroy)
 OWNED(lg_table_data, lg_table_data_destroy)
 
@@ -501,6 +503,8 @@ typedef struct odd {
     const char *words;
 } odd;
 
+#define LONG   "abcdefghabcdefghabcdefghabcdefghabcdefghabcdefghabcdefghabcdefgh" /* 64 bytes */
+#define ELEVEN "1,2,3,4,5,6,7,8,9,10,11"
 static const odd odds[] = {
     {"", "", 3, "is empty"},
     {"\n\n\n", "", 3, "is empty"},
@@ -528,7 +532,13 @@ static const odd odds[] = {
     {"a,b,y\n1,2,3\n4,5,6\n", "--inputs a,\"b", 2, "names of 1 to 63 bytes"},
     {"a,b,y\n1,2,3\n4,5,6\n", "--inputs \"a\"b", 2, "names of 1 to 63 bytes"},
     {"a,b,y\n1,2,3\n4,5,6\n", "--inputs \"\",b", 2, "names of 1 to 63 bytes"},
+    {"a,b,y\n1,2,3\n4,5,6\n", "--inputs " LONG, 2, "names of 1 to 63 bytes"},
+    {"a,b,y\n1,2,3\n4,5,6\n", "--inputs \"" LONG "\"", 2, "names of 1 to 63 bytes"},
+    {"a,b,y\n1,2,3\n4,5,6\n", "--inputs \"a\"\"" LONG "\"", 2, "names of 1 to 63 bytes"},
     {"a,b,k\n1,2,3\n4,5,6\n", "--class \"k\",b", 2, "one name of 1 to 63 bytes"},
+    {"a,b,k\n1,2,3\n4,5,6\n", "--class \"k", 2, "one name of 1 to 63 bytes"},
+    {"a,b,k\n1,2,3\n4,5,6\n", "--class " LONG, 2, "one name of 1 to 63 bytes"},
+    {"a,b,c,d,e,f,g,h,i,j,k,l,m,n,o,p,q,r,s,t,u\n", "--without v", 3, "r,s,t, ..."},
     {"a,\"b,c\",\"d\"\"\",y\n1,2,3,4\n4,5,6,7\n", "--inputs q", 3,
      "the columns are: a, \"b,c\", \"d\"\"\", y"},
     {"a,\"b,c\",y\n1,x,3\n4,y,6\n", "", 3, "--without '\"b,c\"' leaves out"},
@@ -553,6 +563,16 @@ static const odd odds[] = {
     {"a,b,y\n1,2,3\n4,5,6\n", "--activation best", 2, "not one of"},
     {",,\n1,2,3\n4,5,6\n", "", 3, "there is no column with a name"},
     /* These succeed. */
+    {"a,b,c,d,e,f,g,h,i,j,y\n" ELEVEN "\n2,3,1,5,4,7,6,9,8,9,10\n3,1,2,4,6,5,8,7,9,8,9\n", "", -1,
+     "2 to learn from, with 10 inputs; at least 12 are needed"},
+    {"a,b,y\n1,2,3\n4,5,6\n", "--size auto --epochs 2", -1, "there are too few rows"},
+    {"a,b,y\n1,2,3\n4,5,6\n", "--validation 0.9", -1, "the validation part has one row"},
+    {"a,b,y\n1,2,3\n4,5,7\n5,9,7\n", "--validation 0 --hidden 1", -1, ""},
+    {"a,b,y\n1,2,3\n4,5,7\n5,9,7\n", "--hidden 2,2,2,2,2,2,2,2,2,2,2,2,2,2,2 --epochs 2", -1, ""},
+    {"a,b,y\n1,2,3\n4,5,7\n5,9,7\n", "--hidden 400", -1, ""},
+    {"a,b,y\n1,2,3\n4,5,7\n5,9,7\n", "--hidden 2 --seconds 1", -1, ""},
+    {"a,b,y\n1,2,3\n4,5,7\n5,9,7\n", "--prior 0.1 --method lbfgs --hidden 2", -1, ""},
+    {"a,k\n1,x\n2,y\n,z\n3,x\n4,y\n", "--class k", -1, "class 'z' has only 0 complete rows"},
     {"a,b,y\n1,2,3\n4,5,6\n", "", -1, "there are too few rows: 1 to learn from, with 2 inputs; at least 10"},
     {"a,b,y\n1,2,3\n4,5,6\n7,8,8\n", "", -1, "the validation part has one row"},
     {"a,b,y,z\n1,2,3,x\n4,5,6,y\n7,8,8,x\n", "--without z", -1, "the output is the last column, y;"},
@@ -595,6 +615,96 @@ TEST("an unusual table causes a message and an exit code, never a crash") {
             fail_msg("table %zu: %s: %d\n%s%s", i, line, result.code, result.out, result.err);
         if (cli_exists("m.h5")) cli_unlink("m.h5");
     }
+}
+
+/* A table of `columns` inputs c0, c1, ... and an output. Odd rows up to 2 far have a far cell in each input;
+ * with `words` all inputs are texts. */
+static void write_many(const char *name, int columns, int far, bool words) {
+    sheet *s = TEST_ARRAY(sheet, 1);
+    for (int c = 0; c < columns; c++) put(s, "c%d,", c);
+    put(s, "y\n");
+    for (int row = 0; row < 60; row++) {
+        for (int c = 0; c < columns; c++)
+            if (words)
+                put(s, "x,");
+            else
+                put(s, "%.6g,", row % 2 == 1 && row < 2 * far ? 1e9 : noise((size_t)(97 * row + c)));
+        put(s, "%.6g\n", noise((size_t)row));
+    }
+    cli_write(name, s->text);
+}
+
+TEST("many columns with far cells, or with texts, are told in few words") {
+    write_many("many.csv", 11, 2, false);
+    cli_run_limited(fit, "train many.csv --hidden 2 --epochs 2 --out m.h5", 0);
+    assert_says(result.err, "column c0: 2 of 60 cells lie far from all others");
+    assert_says(result.err, "column c7: 2 of 60 cells");
+    assert_null(strstr(result.err, "column c8: 2 of 60 cells"));
+    assert_says(result.err, "3 more columns have cells far from all others");
+    write_many("many.csv", 80, 0, true);
+    cli_expect(fit, "train many.csv --out m2.h5", 3,
+               "--without A,B,... leaves out columns that are not numbers");
+    write_many("many.csv", 101, 0, true); /* too many to try each */
+    cli_expect(fit, "train many.csv --out m2.h5", 3, "column c0: 'x' is not a number");
+    assert_null(strstr(result.err, "--without"));
+    assert_false(cli_exists("m2.h5"));
+}
+
+TEST("rows of a model without ranges are never outside of them") {
+    need_tables();
+    cli_expect(fit, "train smooth.csv --inputs a,b,c --outputs y --out ranged.h5 --test other.csv --epochs 2",
+               0, "");
+    cli_write("away.csv", "a,b,c\n50,3e6,1e-8\n");
+    for (int kept = 0; kept < 3; kept++) {
+        lg_table_file file = *model_of("ranged.h5");
+        if (kept != 1) file.low = NULL;
+        if (kept != 2) file.high = NULL;
+        assert_told(lg_table_save(NULL, cli_at("bare.h5"), &file, NULL, &told));
+        cli_expect(fit, "predict bare.h5 away.csv", 0, "y\n");
+        assert_null(strstr(result.err, "outside"));
+    }
+}
+
+/* Puts `count` elements of a type in place of a data set. */
+static void put_instead(const char *file_name, const char *set_name, hid_t type, hsize_t count,
+                        const void *data) {
+    const hid_t file = H5Fopen(cli_at(file_name), H5F_ACC_RDWR, H5P_DEFAULT);
+    assert_true(H5Ldelete(file, set_name, H5P_DEFAULT) >= 0);
+    const hid_t space = H5Screate_simple(1, &count, NULL);
+    const hid_t set = H5Dcreate2(file, set_name, type, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
+    assert_true(H5Dwrite(set, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, data) >= 0);
+    assert_true(H5Dclose(set) >= 0 && H5Sclose(space) >= 0 && H5Fclose(file) >= 0);
+}
+
+TEST("a model whose names or scales do not fit its network is refused") {
+    static const struct {
+        const char *names[4];
+        hsize_t count;
+        const char *words;
+    } rows[] = {{{"a", "b"}, 2, "/names/inputs: has 2 names, but the model has 3 columns or classes"},
+                {{"a", "b", "c", "d"}, 4, "/names/inputs: expected 3 names of 1 to 63 bytes"},
+                {{"a", "", "c"}, 3, "/names/inputs: expected 3 names of 1 to 63 bytes"},
+                {{"a", "b", LONG}, 3, "/names/inputs: expected 3 names of 1 to 63 bytes"}};
+    static const double two[] = {1, 2};
+    static const char train[] =
+        "train smooth.csv --inputs a,b,c --outputs y --out named.h5 --test other.csv --epochs 2";
+    need_tables();
+    cli_expect(fit, train, 0, "");
+    const hid_t text = H5Tcopy(H5T_C_S1);
+    assert_true(H5Tset_size(text, sizeof LONG) >= 0);
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        char names[4][sizeof LONG] = {""};
+        for (size_t k = 0; k < rows[i].count; k++)
+            memcpy(names[k], rows[i].names[k], strlen(rows[i].names[k]));
+        put_instead("named.h5", "/names/inputs", text, rows[i].count, names);
+        cli_expect(fit, "predict named.h5 smooth.csv", 3, rows[i].words);
+    }
+    assert_true(H5Tclose(text) >= 0);
+    cli_expect(fit, train, 0, "");
+    put_instead("named.h5", "/scaler/inputs/mean", H5T_NATIVE_DOUBLE, 2, two);
+    cli_expect(fit, "predict named.h5 smooth.csv", 3,
+               "/scaler/inputs/mean: has 2 numbers, but the model has 3 columns");
+    lg_table_file_destroy(NULL);
 }
 
 TEST("files that are not tables cause a message and an exit code too") {

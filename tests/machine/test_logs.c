@@ -452,6 +452,40 @@ static const char *angle_log(double amplitude, double rate, double unit, double 
     return log.at;
 }
 
+TEST("positions of logs of velocities alone are integrals; a missing velocity is the one before, first 0") {
+    const lg_machine_file *file =
+        machine("coordinates: [{name: q, kind: line, velocity: v}, {name: p, kind: line, velocity: w}]\n"
+                "measured: velocities-only\n");
+    static const double q[] = {0, 1, 2, 4}, p[] = {0, 1, 3, 5};
+    const lg_logs *logs = read_text(file, "t,v,w\n0,1,\n1,1,2\n2,,2\n3,3,2\n");
+    for (size_t row = 0; row < 4; row++) {
+        assert_close(logs->log.q[2 * row], q[row], 1e-14, 0);
+        assert_close(logs->log.q[2 * row + 1], p[row], 1e-14, 0);
+    }
+}
+
+TEST("integrals of accelerations have no drift: a bias of the sensor leaves nothing, vibrations stay") {
+    const lg_machine_file *file =
+        machine("coordinates: [{name: q, kind: line, acceleration: a}]\nmeasured: accelerations\n");
+    static const int lengths[] = {50, 390, 610, 2000};
+    for (size_t i = 0; i < LG_COUNT(lengths); i++)
+        for (int shaken = 0; shaken < 2; shaken++) {
+            const double w = 40, bias = 0.7, size = 3;
+            text t = new_text("t,a");
+            for (int row = 0; row < lengths[i]; row++)
+                say_row(&t,
+                        (double[]){0.01 * row, bias + shaken * size * cos(w * 0.01 * row) + 1e-9 * (row % 2)},
+                        2);
+            const lg_logs *logs = read_text(file, t.at);
+            assert_int_equal(logs->log.rows, lengths[i]);
+            for (int row = 0; row < lengths[i]; row++) {
+                const double v = logs->log.v[row], expected = shaken * size / w * sin(w * 0.01 * row);
+                assert_true(fabs(v - expected) < (shaken == 1 ? 0.6 * size / w : 1e-8));
+                assert_true(fabs(logs->log.a[row] - bias) <= shaken * size + 1e-6);
+            }
+        }
+}
+
 TEST("angles are unwrapped") {
     const double turn = 2 * acos(-1);
     const lg_logs *logs = read_text(machine(ANGLE), angle_log(2, 4, 1, turn));
@@ -592,6 +626,46 @@ TEST("a single outlier of a velocity or position is named with its line") {
         assert_true(isnan((velocity ? logs->log.v : logs->log.q)[200]));
         assert_true(logs->columns[1 + velocity].high <= 1);
     }
+}
+
+TEST("positions with several rows far off, which the velocity does not show, are refused with the line") {
+    static const int lengths[] = {5, 30};
+    for (size_t k = 0; k < LG_COUNT(lengths); k++) {
+        text log = new_text("t,q,v");
+        for (int i = 0; i < 400; i++) {
+            double row[] = {0.02 * i, sin(0.02 * i), cos(0.02 * i)};
+            if (i >= 200 && i < 200 + lengths[k]) row[1] += 50;
+            say_row(&log, row, 3);
+        }
+        refuse_text(machine(LINE), log.at, "line 202: column q: jumps to",
+                    "2 steps are more than 20 times the usual step");
+    }
+}
+
+TEST("as many warnings as there are columns are kept") {
+    enum { LINES = 12, INPUTS = 16, COLUMNS = 1 + LINES + INPUTS };
+    char text_of[2048] = "measured: positions\ncoordinates:\n", header[512] = "t";
+    for (int i = 0; i < LINES; i++) {
+        (void)sprintf(text_of + strlen(text_of), "  - {name: q%d, kind: line}\n", i);
+        (void)sprintf(header + strlen(header), ",q%d", i);
+    }
+    (void)strcat(text_of, "inputs: {columns: [");
+    for (int i = 0; i < INPUTS; i++) {
+        (void)sprintf(text_of + strlen(text_of), "%su%d", i > 0 ? ", " : "", i);
+        (void)sprintf(header + strlen(header), ",u%d", i);
+    }
+    (void)strcat(text_of, "]}\n");
+    text log = new_text(header);
+    for (int row = 0; row < 20; row++) {
+        double numbers[COLUMNS] = {0.1 * row};
+        for (int i = 1; i < COLUMNS; i++) numbers[i] = i;
+        say_row(&log, numbers, COLUMNS);
+    }
+    const lg_logs *logs = read_text(machine(text_of), log.at);
+    assert_true(logs->warning_count >= LINES + INPUTS);
+    assert_warns(logs, "u0");
+    assert_warns(logs, "u15");
+    assert_warns(logs, "q11");
 }
 
 /* Position and velocity at row i. */

@@ -17,13 +17,12 @@ typedef struct setting {
     lg_var parts[LG_TAPED_MAX_PARTS], velocities, rates, u;
 } setting;
 
-static setting *record(const lg_machine *machine) {
+static setting *record_at(const lg_machine *machine, const double *numbers) {
     setting *s = TEST_ARRAY(setting, 1);
     s->tape = test_tape(LG_F64);
-    const lg_var theta =
-        machine->parameters == 0
-            ? LG_NONE
-            : lg_parameter(s->tape, lg_shape1((uint32_t)machine->parameters), machine_theta(machine, 5));
+    const lg_var theta = machine->parameters == 0
+                             ? LG_NONE
+                             : lg_parameter(s->tape, lg_shape1((uint32_t)machine->parameters), numbers);
     assert_ok(lg_machine_bind(s->tape, machine, theta, &s->vars));
     assert_ok(lg_machine_space(machine, &s->space));
     random_rows(machine, 7, ROWS, s->q, s->v);
@@ -40,6 +39,10 @@ static setting *record(const lg_machine *machine) {
     s->rates = lg_machine_record_rates(s->tape, &s->vars, s->parts);
     if (lg_tape_status(s->tape) != LG_OK) fail_msg("%s", lg_tape_message(s->tape));
     return s;
+}
+
+static setting *record(const lg_machine *machine) {
+    return record_at(machine, machine_theta(machine, 5));
 }
 
 TEST("positions and velocities can be recovered from the state, with every kind of mass and bias") {
@@ -271,4 +274,147 @@ TEST("descriptions that do not fit are refused with a message") {
         assert_status(lg_machine_init(&machine, &error), LG_INVALID_ARGUMENT);
         assert_says(error.message, rows[i].sentence);
     }
+}
+
+/* A line and an angle with one input, a constant mass and a constant input map. */
+static lg_machine sound(void) {
+    lg_machine machine = empty_machine();
+    add_coordinate(&machine, "x", LG_COORDINATE_LINE);
+    add_coordinate(&machine, "a", LG_COORDINATE_ANGLE);
+    add_input(&machine, "u");
+    add_term(&machine, LG_MACHINE_MASS, "constant");
+    add_term(&machine, LG_MACHINE_INPUT_MAP, "constant");
+    assert_machine(&machine);
+    return machine;
+}
+
+/* The sound machine after `change`, statements about `m`, must be refused with the sentence. */
+#define REFUSED(sentence, ...)                                                                               \
+    do {                                                                                                     \
+        lg_error error_ = {LG_OK, ""};                                                                       \
+        lg_machine machine_ = sound(), *m = &machine_;                                                       \
+        __VA_ARGS__;                                                                                         \
+        assert_status(lg_machine_init(m, &error_), LG_INVALID_ARGUMENT);                                     \
+        assert_says(error_.message, sentence);                                                               \
+    } while (0)
+#define TERM(part, kind)               add_term(m, LG_MACHINE_##part, kind)
+#define OF(part, kind, feature, index) with_feature(TERM(part, kind), LG_FEATURE_##feature, index)
+static lg_machine_term *with_feature(lg_machine_term *term, lg_machine_sight kind, uint32_t index) {
+    add_feature(term, kind, index);
+    return term;
+}
+
+TEST("machines beyond the limits, without a mass or an input map, or with terms of no kind are refused") {
+    static const double skew[] = {2, 0.5, 0.4, 1};
+    REFUSED("a machine has 1 to 12 coordinates", m->coordinate_count = 0);
+    REFUSED("a machine has 1 to 12 coordinates", m->coordinate_count = LG_MACHINE_COORDINATES + 1);
+    REFUSED("up to 16 inputs", m->input_count = LG_MACHINE_INPUTS + 1);
+    REFUSED("up to 16 terms", m->term_count = LG_MACHINE_TERMS + 1);
+    REFUSED("coordinate 2 has an unknown kind", m->coordinates[1].kind = LG_COORDINATE_KIND_COUNT);
+    REFUSED("18 velocities; at most 16", m->coordinates[0].kind = m->coordinates[1].kind = LG_COORDINATE_POSE,
+            add_coordinate(m, "b", LG_COORDINATE_POSE));
+    REFUSED("two coordinates are called a", add_coordinate(m, "a", LG_COORDINATE_LINE));
+    REFUSED("a term has no kind", m->terms[0].kind = NULL);
+    REFUSED("a term has no kind", TERM(DAMPING, "asymmetric"), TERM(DAMPING, "diagonal")->kind = NULL);
+    REFUSED("a kind of another part", m->terms[0].part = LG_MACHINE_DAMPING);
+    REFUSED("a machine needs a mass", m->terms[0] = m->terms[--m->term_count]);
+    REFUSED("there are inputs, but no input_map", m->term_count = 1);
+    REFUSED("the mass of a direction is one number", m->coordinates[1].kind = LG_COORDINATE_DIRECTION,
+            m->terms[0] = *OF(MASS, "network", POSITION, 0), m->term_count = 2);
+    REFUSED("must be symmetric", m->term_count = 0, add_values(TERM(MASS, "known"), 4, skew),
+            TERM(INPUT_MAP, "constant"));
+    REFUSED("has 1 values, expected 0", m->terms[0].value_count = 1);
+    REFUSED("an input has two lags", OF(ACTUATOR, "lag", INPUT, 0),
+            OF(ACTUATOR, "second_order_lag", INPUT, 0));
+    assert_null(lg_machine_part_name(LG_MACHINE_PART_COUNT));
+}
+
+TEST("terms that depend on what they cannot see, or are too large, are refused") {
+    static const char none[] = "cannot depend on what `of` lists";
+    REFUSED(none, OF(POTENTIAL, "network", POSITION, 2));
+    REFUSED(none, OF(RESIDUAL, "network", INPUT, 1));
+    REFUSED(none, OF(POTENTIAL, "network", INPUT, 0));
+    REFUSED(none, OF(POTENTIAL, "network", VELOCITY, 0));
+    REFUSED(none, OF(ACTUATOR, "dead_zone", POSITION, 0));
+    REFUSED(none, OF(DAMPING, "load", POSITION, 0));
+    REFUSED(none, OF(OFFSET, "unknown", VELOCITY, 0));
+    REFUSED(none, OF(BIAS, "constant", HEIGHT, 0));
+    REFUSED(none, OF(BIAS, "constant", POSITION, 1), m->coordinates[1].kind = LG_COORDINATE_DIRECTION);
+    REFUSED(none, OF(BIAS, "constant", POSITION, 1), m->coordinates[1].kind = LG_COORDINATE_ROTATION);
+    for (int kind = LG_COORDINATE_LINE; kind < LG_COORDINATE_POSE; kind++) {
+        REFUSED(none, OF(POTENTIAL, "network", PLACE, 1), m->coordinates[1].kind = (lg_coordinate_kind)kind);
+        REFUSED(none, OF(POTENTIAL, "network", ROTATION, 1),
+                m->coordinates[1].kind = (lg_coordinate_kind)kind);
+    }
+    REFUSED(none, OF(POTENTIAL, "network", UP, 1));
+    REFUSED("too many features or layers", TERM(POTENTIAL, "network")->of_count = LG_MACHINE_FEATURES + 1);
+    REFUSED("too many features or layers", OF(POTENTIAL, "network", POSITION, 0),
+            m->terms[2].hidden_layers = LG_MACHINE_HIDDEN + 1);
+    REFUSED("a network of this size cannot be made", OF(POTENTIAL, "network", POSITION, 0),
+            m->terms[2].hidden[0] = 0);
+    REFUSED("the degree must be 1 to 8", OF(POTENTIAL, "polynomial", POSITION, 0), m->terms[2].degree = 9);
+    REFUSED("the degree must be 2 to 8", OF(ACTUATOR, "curve", INPUT, 0), m->terms[2].degree = 1);
+    REFUSED("has too many monomials", OF(POTENTIAL, "polynomial", POSITION, 0),
+            add_feature(&m->terms[2], LG_FEATURE_POSITION, 1), m->terms[2].degree = 8);
+    REFUSED("has too many monomials", OF(RESIDUAL, "polynomial", POSITION, 0),
+            add_feature(&m->terms[2], LG_FEATURE_POSITION, 1), m->terms[2].degree = 8);
+    REFUSED("the width must be above 0", TERM(DAMPING, "coulomb")->width = INFINITY);
+}
+
+TEST(
+    "known damping of zeros is accepted, a residual may take the place of the input map, and gravity without "
+    "`of` acts on heights") {
+    static const double none[2] = {0, 0};
+    lg_machine machine = sound();
+    add_values(add_term(&machine, LG_MACHINE_DAMPING, "known"), 2, none);
+    assert_machine(&machine);
+    machine = sound();
+    lg_machine_term *term = &machine.terms[1];
+    *term = (lg_machine_term){.kind = lg_term_kind_find(LG_MACHINE_RESIDUAL, "polynomial"),
+                              .part = LG_MACHINE_RESIDUAL,
+                              .degree = 1};
+    add_feature(term, LG_FEATURE_INPUT, 0);
+    assert_machine(&machine);
+    machine = sound();
+    term = add_term(&machine, LG_MACHINE_POTENTIAL, "gravity");
+    assert_machine(&machine);
+    assert_int_equal(term->of_count, 1); /* not the line */
+    assert_true(term->of[0].index == 1 && term->of[0].kind == LG_FEATURE_HEIGHT);
+}
+
+TEST("initial parameters are finite, and damping with them takes energy away, with every kind of term") {
+    for (uint32_t part = 0; part < LG_MACHINE_PART_COUNT; part++) {
+        const lg_term_kind *kind;
+        for (size_t i = 0; (kind = lg_term_kind_at((lg_machine_part)part, i)) != NULL; i++) {
+            const lg_machine machine = machine_with(kind, (lg_machine_part)part);
+            double *theta = TEST_ARRAY(double, machine.parameters + 1), power[ROWS];
+            lg_identified numbers[MOST_NUMBERS];
+            lg_rng rng = test_rng(1, 2);
+            for (size_t k = 0; k < machine.parameters; k++) theta[k] = (double)NAN;
+            lg_machine_initialise(&machine, &rng, theta);
+            for (size_t k = 0; k < machine.parameters; k++) assert_true(isfinite(theta[k]));
+            const size_t count = lg_machine_numbers(&machine, theta, MOST_NUMBERS, numbers);
+            for (size_t k = 0; k < count; k++) assert_true(isfinite(numbers[k].value));
+            if (part != LG_MACHINE_DAMPING) continue;
+            setting *s = record_at(&machine, theta);
+            const lg_var f =
+                lg_machine_record_force(s->tape, &s->vars, LG_MACHINE_DAMPING, s->parts, s->rates, s->u);
+            assert_ok(lg_read(s->tape, lg_rowdot(s->tape, s->rates, f), ROWS, power));
+            for (int r = 0; r < ROWS; r++) assert_true(power[r] < 0);
+        }
+    }
+}
+
+TEST("initially input j drives velocity j, however many inputs there are") {
+    lg_machine machine = empty_machine();
+    double theta[3] = {NAN, NAN, NAN};
+    lg_rng rng = test_rng(1, 2);
+    add_coordinate(&machine, "x", LG_COORDINATE_LINE);
+    for (int i = 0; i < 2; i++) add_input(&machine, i == 0 ? "u" : "w");
+    const double one = 1;
+    add_values(add_term(&machine, LG_MACHINE_MASS, "known"), 1, &one);
+    add_term(&machine, LG_MACHINE_INPUT_MAP, "constant");
+    assert_machine(&machine);
+    lg_machine_initialise(&machine, &rng, theta);
+    assert_true(theta[0] == 1 && theta[1] == 0);
 }

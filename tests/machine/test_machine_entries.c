@@ -83,7 +83,13 @@ TEST("identified numbers, given as known values, make the same machine, for any 
         lg_identified numbers[7];
         double a[2], b[2];
         (void)lg_machine_numbers(&open, theta, 7, numbers);
-        for (size_t i = 0; i < 7; i++) known.terms[of[i][0]].values[of[i][1]] = numbers[i].value;
+        for (size_t i = 0; i < 7; i++) {
+            const lg_machine_term *term = &open.terms[of[i][0]];
+            known.terms[of[i][0]].values[of[i][1]] = numbers[i].value;
+            assert_close(lg_machine_value(&open, term, theta + term->offset, of[i][1]), numbers[i].value, 0,
+                         0);
+        }
+        assert_close(lg_machine_value(&open, &open.terms[0], theta, 0), 2, 0, 0); /* a known one */
         assert_machine(&known);
         rates_of(&known, NULL, a);
         rates_of(&open, theta, b);
@@ -171,11 +177,9 @@ TEST("entries that do not fit are refused") {
         uint32_t term, index;
         double start, low, high, sigma;
         const char *sentence;
-    } rows[] = {{0, 0, -1, 0, 0, 0, "a start above 0"},
-                {0, 0, 2, 3, 4, 0, "inside of its bounds"},
-                {0, 0, 2, -1, 4, 0, "bounds not below 0"},
-                {1, 0, NAN, 0, 0, 1, "needs a start"},
-                {1, 9, 1, 0, 0, 0, "is not among its values"}};
+    } rows[] = {{0, 0, -1, 0, 0, 0, "a start above 0"},     {0, 0, 2, 3, 4, 0, "inside of its bounds"},
+                {0, 0, 2, -1, 4, 0, "bounds not below 0"},  {1, 0, NAN, 0, 0, 1, "needs a start"},
+                {0, 0, 5, 3, 4, 0, "inside of its bounds"}, {1, 9, 1, 0, 0, 0, "is not among its values"}};
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         lg_error error = {LG_OK, ""};
         lg_machine machine = mixed(false);
@@ -184,6 +188,57 @@ TEST("entries that do not fit are refused") {
         open_value(term, rows[i].index, rows[i].low, rows[i].high, rows[i].sigma);
         assert_status(lg_machine_init(&machine, &error), LG_INVALID_ARGUMENT);
         assert_says(error.message, rows[i].sentence);
+    }
+}
+
+TEST("known masses and damping may have unknown numbers; a prior of one fixes the common factor") {
+    for (int prior = 0; prior < 2; prior++) {
+        lg_machine machine = empty_machine();
+        add_coordinate(&machine, "x", LG_COORDINATE_LINE);
+        lg_machine_term *mass = add_term(&machine, LG_MACHINE_MASS, "diagonal");
+        add_values(mass, 1, (double[]){2});
+        open_value(mass, 0, 0, 0, prior * 0.5);
+        assert_machine(&machine);
+        assert_true(!machine.normalised && machine.free_gauge == (prior == 0));
+        *add_term(&machine, LG_MACHINE_MASS, "diagonal") = *mass;
+        assert_machine(&machine);
+        assert_int_equal(machine.parameters, 2);
+    }
+    lg_machine machine = mixed(false);
+    machine.terms[0].kind = lg_term_kind_find(LG_MACHINE_MASS, "known");
+    machine.terms[2].kind = lg_term_kind_find(LG_MACHINE_DAMPING, "known");
+    open_value(&machine.terms[0], 1, 0, 0, 0);
+    open_value(&machine.terms[2], 0, 0, 0, 0);
+    assert_machine(&machine);
+    assert_int_equal(machine.parameters, 2);
+    lg_error error;
+    machine.terms[2].values[1] = -0.1; /* a known one */
+    assert_status(lg_machine_init(&machine, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "the values must not be below 0");
+}
+
+TEST("more unknown numbers than a term may have are refused") {
+    lg_error error = {LG_OK, ""};
+    lg_machine machine = mixed(false);
+    machine.terms[1].entry_count = LG_MACHINE_ENTRIES + 1;
+    assert_status(lg_machine_init(&machine, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "has too many unknown numbers among its values");
+}
+
+TEST("known friction with unknown numbers is scaled along its direction; at the end of bounds it cannot be") {
+    lg_machine machine = mixed(true);
+    for (int end = 0; end < 2; end++) {
+        const lg_machine_term *drag = &machine.terms[2], *coulomb = &machine.terms[3];
+        double theta[7] = {0.1, 0.1, 0.1, 0.1, end == 1 ? 800 : 0.1, 0.1, 0.1}, direction[7];
+        assert_true(lg_machine_scale_friction(&machine, theta, direction));
+        lg_identified before[7], after[7];
+        (void)lg_machine_numbers(&machine, theta, 7, before);
+        for (size_t i = 0; i < 7; i++) theta[i] += 1e-6 * direction[i];
+        (void)lg_machine_numbers(&machine, theta, 7, after);
+        for (size_t i = 0; i < 7; i++) {
+            const bool scaled = i == drag->offset || (i == coulomb->offset && end == 0);
+            assert_close(after[i].value / before[i].value - 1, scaled ? 1e-6 : 0, 1e-4, 1e-12);
+        }
     }
 }
 
@@ -198,6 +253,8 @@ TEST("a parameter of a system gets bounds and a prior only where it is unknown a
     assert_ok(lg_machine_set_parameter(&machine, "masses", 2, values, unknown, NULL));
     assert_status(lg_machine_bound_parameter(&machine, "masses", 0, 0.5, 4, 0, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_machine_bound_parameter(&machine, "masses", 1, 3, 4, 0, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_machine_bound_parameter(&machine, "masses", 1, 0.5, 2, 0, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_machine_bound_parameter(&machine, "masses", 2, 0.5, 4, 0, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_machine_bound_parameter(&machine, "masses", 1, -1, 4, 0, NULL), LG_INVALID_ARGUMENT);
     assert_ok(lg_machine_bound_parameter(&machine, "masses", 1, 0.5, 4, 0.3, NULL));
     assert_machine(&machine);
@@ -211,4 +268,54 @@ TEST("a parameter of a system gets bounds and a prior only where it is unknown a
     assert_int_equal(lg_machine_list_priors(&machine, priors), 1);
     assert_close(lg_number_at(&priors[0].map, 0, NULL), 2, 1e-14, 0);
     assert_close(priors[0].centre, 2, 0, 0);
+}
+
+TEST("systems and their parameters that do not fit are refused, and the machine stays unchanged") {
+    static const struct {
+        lg_coordinate_kind kind;
+        uint32_t count;
+        const char *system, *sentence;
+    } rows[] = {
+        {LG_COORDINATE_LINE, 0, "coupled-oscillators",
+         "the coordinates must be of kind line, line, in this order"},
+        {LG_COORDINATE_LINE, 2, "pendulum-chain", "must be of kind direction, one or more, in this order"},
+        {LG_COORDINATE_LINE, 2, "cart-pole", "must be of kind line, angle, in this order, and no others"},
+        {LG_COORDINATE_LINE, 2, "cartpole",
+         "there is no machine for system \"cartpole\"; the systems are: oscillator"},
+    };
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        lg_error error = {LG_OK, ""};
+        lg_machine machine = empty_machine();
+        for (uint32_t k = 0; k < rows[i].count; k++)
+            add_coordinate(&machine, k == 0 ? "x" : "y", rows[i].kind);
+        const lg_machine before = machine;
+        assert_true(lg_machine_set_system(&machine, rows[i].system, &error) != LG_OK);
+        assert_says(error.message, rows[i].sentence);
+        assert_memory_equal(&machine, &before, sizeof machine);
+    }
+    lg_error error;
+    lg_machine machine = empty_machine();
+    add_coordinate(&machine, "top", LG_COORDINATE_ROTATION);
+    machine.term_count = LG_MACHINE_TERMS - 1;
+    assert_status(lg_machine_set_system(&machine, "heavy-top", &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "more than 16 terms");
+    machine.term_count = 0;
+    assert_ok(lg_machine_set_system(&machine, "heavy-top", NULL));
+    const double axis[3] = {0, 0.6, 0.8}, one = 1;
+    const bool open[3] = {true, true, true};
+    assert_status(lg_machine_set_parameter(&machine, "chi", 1, &one, NULL, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "chi: 1 number is given, 3 are expected");
+    assert_status(lg_machine_set_parameter(&machine, "mass", 3, axis, NULL, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "mass: 3 numbers are given, 1 is expected");
+    assert_ok(lg_machine_set_parameter(&machine, "chi", 3, axis, open, NULL));
+    assert_status(lg_machine_bound_parameter(&machine, "chi", 0, -1, 1, 0, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "only an unknown number has bounds or a prior");
+    lg_machine alone = machine;
+    alone.grey.system = NULL; /* the terms stay */
+    assert_status(lg_machine_init(&alone, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "either a system and the terms of this system, or neither");
+    alone = machine;
+    alone.term_count = 0;
+    assert_status(lg_machine_init(&alone, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "either a system and the terms of this system, or neither");
 }

@@ -188,6 +188,48 @@ TEST("few windows: their stretches show the correlation too") {
     for (int k = 0; k < NUMBERS; k++) assert_true(fabs(found[k].value - truth[k]) < 4.0 * found[k].error);
 }
 
+TEST("numbers that only appear together are told in words, and a text without room is cut") {
+    static const struct {
+        double move[4];
+        size_t moving;
+        const char *sentence;
+    } rows[] = {
+        {{1, -1, 0, 0}, 2, "m and k appear only as a product: give one of them as known"},
+        {{0, 1, 1, 0}, 2, "k and d appear only as a ratio: give one of them as known"},
+        {{-1, -0.99, -1, 0},
+         3,
+         "m, k and d are determined only up to a common factor: give one of them as known"},
+        {{1, 0.99, 1, 1},
+         4,
+         "m, k, d and b are determined only up to a common factor: give one of them as known"},
+        {{1, -0.25, 0, 0.5},
+         3,
+         "m by +1 %, k by -0.25 % and b by +0.5 % can change together without changing what the logs show: "
+         "give "
+         "one of them as known"},
+        {{1, -1, -1, 0},
+         3,
+         "m by +1 %, k by -1 % and d by -1 % can change together without changing what the logs show: give "
+         "one "
+         "of them as known"},
+    };
+    lg_identified numbers[4] = {{.name = "m"}, {.name = "k"}, {.name = "d"}, {.name = "b"}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        double open[4];
+        char text[200], little[9] = "********";
+        memcpy(open, rows[i].move, sizeof open);
+        const lg_identification of = {.numbers = numbers, .open = open, .open_count = 1};
+        assert_int_equal(lg_identification_sentence(&of, 4, 0, text, sizeof text), rows[i].moving);
+        assert_string_equal(text, rows[i].sentence);
+        assert_int_equal(lg_identification_sentence(&of, 4, 0, little, 4), rows[i].moving);
+        assert_true(strlen(little) <= 3 && strncmp(text, little, strlen(little)) == 0);
+        assert_string_equal(little + 4, "****");
+        little[0] = 'x';
+        assert_int_equal(lg_identification_sentence(&of, 4, 0, little, 0), rows[i].moving);
+        assert_int_equal(little[0], 'x');
+    }
+}
+
 /* ---- a few numbers ---- */
 
 /* theta moved so that friction has the factor 1/1.2, and the restriction to this factor, in units of .1. */
@@ -222,6 +264,30 @@ TEST("a restricted problem has the loss of the moved machine, and the Jacobian o
     assert_ok(lg_machine_loss(NULL, &m->problem, all, &after, NULL, NULL));
     assert_ok(lg_machine_loss(NULL, &m->problem, m->theta, &before, NULL, NULL));
     assert_close(after, before, 0.02, 0.0);
+}
+
+TEST("with measured starts a restricted problem has its numbers alone, and the loss of the moved machine") {
+    made *m = make(&usual, 0.0, 0.0, 0.01, 3, 11);
+    double theta[NUMBERS], direction[NUMBERS], moved[NUMBERS], losses[2];
+    const double x = 0.3;
+    const uint32_t samples[3] = {0, 2, 5};
+    m->problem.starts = LG_MACHINE_STARTS_MEASURED;
+    const lg_machine_restriction restriction = weaker(m, theta, direction);
+    lg_fit_problem fit, all;
+    lg_machine_restricted_problem(&restriction, &fit);
+    lg_machine_fit_problem(&m->problem, &all);
+    assert_int_equal(fit.parameters, 1);
+    for (int i = 0; i < NUMBERS; i++) moved[i] = theta[i] + x * direction[i];
+    for (int i = 0; i < 2; i++) {
+        const lg_fit_problem *each = i == 0 ? &fit : &all;
+        lg_tape *tape = test_tape(LG_F64);
+        lg_var loss;
+        assert_ok(each->loss(each->user, tape,
+                             lg_parameter(tape, lg_shape1((uint32_t)each->parameters), i == 0 ? &x : moved),
+                             samples, 3, 3, &loss));
+        assert_ok(lg_read(tape, loss, 1, &losses[i]));
+    }
+    assert_close(losses[0], losses[1], 1e-13, 0);
 }
 
 TEST("friction that is 20 percent higher is found by one number; little data leave it at its prior") {

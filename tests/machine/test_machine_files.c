@@ -446,6 +446,38 @@ static lg_status read_machine(const lg_context *context, const char *path, const
     return status;
 }
 
+#define SPEED                                                                                                \
+    "measured: velocities-only\ncoordinates: [{name: q, kind: line, velocity: v}, {name: a, kind: angle, "   \
+    "velocity: w}]\n"
+TEST("with velocities alone nothing may depend on a position, except constant forces and offsets") {
+    static const refusal wrong[] = {
+        {"measured: velocities-only\ncoordinates: [{name: d, kind: direction, velocity: [u, v, w]}]\n"
+         "mass: diagonal\n",
+         "line 1", "d: with `measured: velocities-only` a coordinate is a line or an angle"},
+        {"measured: velocities-only\ncoordinates: [{name: q, kind: line, velocity: v}, {name: p, kind: line, "
+         "velocity: w}]\nsystem: coupled-oscillators\n",
+         "line 1", "system: coupled-oscillators depends on positions"},
+        {SPEED "mass: diagonal\npotential: {kind: quadratic, of: q}\n", "line 4",
+         "potential: depends on the position of q, but the log has velocities alone"},
+        {SPEED "mass: diagonal\npotential: {kind: linear, of: a}\n", "line 4", "the position of a"},
+        {SPEED "mass: diagonal\npotential: {kind: gravity, of: [q, a]}\n", "line 4", "the position of a"},
+        {SPEED "mass: diagonal\nresidual: {kind: network, of: [q.velocity, a], hidden: [3]}\n", "line 4",
+         "residual: depends on the position of a"},
+        {SPEED "mass: {kind: network, of: q, hidden: [3]}\n", "line 3", "mass: depends on the position of q"},
+    };
+    static const char *const right[] = {
+        "potential: {kind: linear, of: q}\n", "potential: {kind: gravity, of: q}\n",
+        "offset: {kind: unknown, of: [q, a]}\n",
+        "residual: {kind: polynomial, of: [q.velocity, a.velocity], degree: 2}\n"};
+    refuse_all(wrong, LG_COUNT(wrong));
+    for (size_t i = 0; i < LG_COUNT(right); i++) {
+        const char *text = test_text("%smass: diagonal\n%s", SPEED, right[i]);
+        lg_machine_file file;
+        assert_told(lg_machine_file_parse(NULL, "machine.yaml", text, strlen(text), &file, &told));
+        lg_machine_file_destroy(&file);
+    }
+}
+
 TEST("a file gives the same as its text, and damaged files are refused") {
     const char *path = scratch_path("cartpole.yaml");
     write_text_to(path, cartpole);
@@ -479,4 +511,150 @@ TEST("descriptions beyond the limits are refused") {
     (void)strcpy(text, HEAD "inputs: {columns: [");
     for (int i = 0; i <= LG_MACHINE_INPUTS; i++) (void)sprintf(text + strlen(text), "u%d, ", i);
     refuse(strcat(text, "w]}\n"), LG_FORMAT, "line 2", "more than 16 inputs");
+    (void)strcpy(text, HEAD "inputs: {columns: [");
+    for (int i = 0; i < LG_MACHINE_INPUTS; i++) (void)sprintf(text + strlen(text), "u%d, ", i);
+    (void)strcat(text, "], curve: [");
+    for (int i = 0; i < LG_MACHINE_INPUTS; i++)
+        (void)strcat(text, i % 2 == 0 ? "{degree: 2, dead_zone: unknown}, "
+                                      : "{degree: 3, values: [1, 1], dead_zone: 1}, ");
+    (void)strcat(text, "]}\nmass: [");
+    for (int i = 0; i + 4 < LG_MACHINE_TERMS; i++) (void)strcat(text, "constant, ");
+    refuse(strcat(text, "]\n"), LG_FORMAT, "line 2", "more than 16 terms");
+    (void)strcpy(text, "measured: positions\ncoordinates:\n");
+    for (int i = 0; i < LG_MACHINE_COORDINATES; i++)
+        (void)sprintf(text + strlen(text), "  - {name: q%d, kind: line}\n", i);
+    (void)strcat(text, "residual: {kind: polynomial, degree: 1, of: [");
+    for (int i = 0; i < LG_MACHINE_COORDINATES; i++)
+        (void)sprintf(text + strlen(text), "q%d, q%d.velocity, ", i, i);
+    refuse(strcat(text, "]}\n"), LG_FORMAT, "line 15", "of: more than 16 names");
+    static const struct {
+        const char *begin, *item, *end;
+        int count;
+        const char *words;
+    } lists[] = {
+        {"[", "1, ", "1]", 256, "values: more than 256 numbers"},
+        {"[[", "1, ", "1]]", 256, "values: more than 256 numbers"},
+        {"[[1, 1]", ", [1, 1]", "]", 128, "values: more than 256 numbers"},
+        {"[", "1, ", "unknown]", 256, "values: more than 256 numbers, or 32 unknown ones"},
+        {"[", "unknown, ", "1]", 33, "values: more than 256 numbers, or 32 unknown ones"},
+    };
+    for (size_t k = 0; k < LG_COUNT(lists); k++) {
+        (void)sprintf(text, HEAD "damping: {kind: known, values: %s", lists[k].begin);
+        for (int i = 0; i < lists[k].count; i++) (void)strcat(text, lists[k].item);
+        (void)sprintf(text + strlen(text), "%s}\n", lists[k].end);
+        refuse(text, LG_FORMAT, "line 2", lists[k].words);
+    }
+    (void)strcpy(text, "coordinates:\n");
+    for (int i = 0; i < 5; i++) {
+        (void)sprintf(text + strlen(text), "  - {name: h%d, kind: pose", i);
+        static const char *const keys[] = {"position", "columns", "velocity", "rates"};
+        for (int k = 0; k < 4; k++) {
+            (void)sprintf(text + strlen(text), ", %s: [", keys[k]);
+            for (int j = 0; j < (k == 1 ? 9 : 3); j++)
+                (void)sprintf(text + strlen(text), "c%d%d%d, ", i, k, j);
+            (void)strcat(text, "]");
+        }
+        (void)strcat(text, "}\n");
+    }
+    refuse(text, LG_FORMAT, "line 6", "more than 82 columns");
+    (void)strcpy(text, HEAD "system: oscillator\nparameters: {mass: [");
+    for (int i = 0; i < LG_MACHINE_PARAMETERS; i++) (void)strcat(text, "1, ");
+    refuse(strcat(text, "1]}\n"), LG_FORMAT, "line 3", "mass: expected 1 to 32 numbers");
+    for (int name = 0; name < 4; name++) {
+        static const char *const texts[] = {"columns: {time: %s}\n", "columns: {run: %s}\n",
+                                            "mass: {kind: network, of: %s}\n", "inputs: {columns: %s}\n"};
+        char longest[128];
+        (void)snprintf(longest, sizeof longest, "%0*d", name == 3 ? LG_MACHINE_NAME : 100, 0);
+        refuse(test_text("%s%s", HEAD, test_text(texts[name], longest)), LG_FORMAT, "line 2",
+               name == 3   ? "the name of an input has at most 31 bytes"
+               : name == 2 ? "of: expected a name of 1 to 63 bytes"
+                           : "63 bytes");
+    }
+    (void)snprintf(text, sizeof text, "coordinates: [{name: %032d, kind: line, velocity: v}]\n", 0);
+    refuse(text, LG_FORMAT, "line 1", "name: expected 1 to 31 letters, digits, _ and -");
+}
+
+#define TWO "coordinates: [{name: q, kind: line, velocity: v}, {name: a, kind: angle, velocity: w}]\n"
+TEST("wrong names, numbers with bounds, and values of unequal length are refused with their line") {
+    static const refusal wrong[] = {
+        {"coordinates: [{name: \"\", kind: line, velocity: v}]\n", "line 1", "name"},
+        {"coordinates: [{name: \"q{\", kind: line, velocity: v}]\n", "line 1", "letters, digits, _ and -"},
+        {"measured: velocities-only\ncoordinates: [{name: h, kind: pose, position: [x, y, z], velocity: [a, "
+         "b, c], "
+         "rates: [d, e, f]}]\n",
+         "line 2", "columns of positions are not allowed with `measured: velocities-only`"},
+        {"coordinates: [{name: \"q[\", kind: line, velocity: v}]\n", "line 1", "letters, digits, _ and -"},
+        {"coordinates: [{name: \"q:\", kind: line, velocity: v}]\n", "line 1", "letters, digits, _ and -"},
+        {"coordinates: [{name: \"q z\", kind: line, velocity: v}]\n", "line 1", "letters, digits, _ and -"},
+        {"coordinates: [{name: q, kind: line, velocity: \"v\\x7f\"}]\n", "line 1", "control character"},
+        {"coordinates: [{name: q, kind: line, velocity: \"v\\t\"}]\n", "line 1", "control character"},
+        {"coordinates: [{name: q, kind: line, velocity: \"v\\0w\"}]\n", "line 1", "a name of 1 to"},
+        {HEAD "noise: {[q]: 1}\n", "line 2", "noise: '?' is not a column"},
+        {HEAD "inputs: {columns: u, delay: [[1]]}\n", "line 2", "inputs.delay: expected a whole number"},
+        {HEAD "inputs: {columns: u, delay: 1000001}\n", "line 2", "inputs.delay: expected a whole number"},
+        {HEAD "mass: {kind: diagonal, values: {start: 2, within: [1]}}\n", "line 2",
+         "within: expected [low, high]"},
+        {HEAD "mass: {kind: diagonal, values: {start: 5, within: [1, 4]}}\n", "line 2",
+         "start 5 is not between 1 and 4"},
+        {HEAD "mass: {kind: diagonal, values: {start: 1, within: [1, 4]}}\n", "line 2",
+         "start 1 is not between"},
+        {TWO "damping: {kind: known, values: [[unknown, 0], [1]]}\n", "line 2",
+         "values: rows of different length"},
+        {TWO "damping: {kind: known, values: [[unknown, unknown], [0, 1]]}\n", "line 2",
+         "only numbers on the diagonal of a matrix"},
+        {TWO "mass: {kind: known, values: [[2, unknown], [0, 1]]}\n", "line 2",
+         "only numbers on the diagonal of a matrix"},
+        {TWO "mass: none\noffset: q\n", "machine.yaml", "a machine needs a mass"},
+        {TWO "mass: diagonal\noffset: [r]\n", "line 3", "neither a kind (unknown, known) nor a coordinate"},
+        {TWO "mass: diagonal\noffset: [q, v]\n", "line 3", "of: 'v' is given twice"},
+        {"coordinates: [{name: q, kind: line, velocity: v}, {name: p, kind: line, velocity: w}]\n"
+         "system: coupled-oscillators\nparameters: {[1]: 2}\n",
+         "line 3", "parameters: a key is too long"},
+        {"coordinates: [{name: q, kind: line, velocity: v}, {name: p, kind: line, velocity: w}]\n"
+         "system: coupled-oscillators\nparameters: {masses_of_all_bodies_of_the_machine: 2}\n",
+         "line 3", "parameters: a key is too long"},
+        {"coordinates: [{name: q, kind: line, velocity: v}, {name: p, kind: line, velocity: w}]\n"
+         "system: coupled-oscillators\nparameters: {masses: {start: [1, 1], within: [2]}}\n",
+         "line 3", "masses: within: expected [low, high]"},
+        {"coordinates: [{name: q, kind: line, velocity: v}, {name: p, kind: line, velocity: w}]\n"
+         "system: coupled-oscillators\nparameters: {masses: {start: [1, 1], within: [2, 2]}}\n",
+         "line 3", "masses: within: expected [low, high]"},
+    };
+    refuse_all(wrong, LG_COUNT(wrong));
+}
+
+TEST("offsets of coordinates are one term; a term without names, or with values, is another one") {
+    static const struct {
+        const char *text;
+        uint32_t terms, numbers;
+    } rows[] = {{"offset: [q, w]\n", 1, 2},
+                {"offset: [unknown, q]\n", 2, 3},
+                {"offset: [{kind: known, of: q, values: 1}, a]\n", 2, 1},
+                {"offset: {kind: unknown, of: a}\n", 1, 1}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        const lg_machine *m =
+            &parse(test_text("%s%s", TWO "mass: {kind: known, values: [1, 1]}\n", rows[i].text))->machine;
+        assert_int_equal(m->term_count, 1 + rows[i].terms);
+        assert_int_equal(m->parameters, rows[i].numbers);
+    }
+}
+
+TEST("names may have letters of both cases, digits, _ and -") {
+    const lg_machine *m =
+        &parse("coordinates: [{name: Q_1-z, kind: line, velocity: v}]\nmass: diagonal\n")->machine;
+    assert_string_equal(m->coordinates[0].name, "Q_1-z");
+}
+
+TEST("a switch of friction that is false adds no term, and a prior of a system's parameter is kept") {
+    const lg_machine *m =
+        &parse(TWO "mass: diagonal\ndamping: {kind: diagonal, coulomb: false, quadratic: false}\n")->machine;
+    assert_int_equal(m->term_count, 2);
+    m = &parse(TWO "mass: diagonal\ndamping: {kind: coulomb, width: 0.5}\n")->machine;
+    assert_close(m->terms[1].width, 0.5, 0, 0);
+    m = &parse("coordinates: [{name: q, kind: line, velocity: v}, {name: p, kind: line, velocity: w}]\n"
+               "system: coupled-oscillators\nparameters: {masses: {start: [1, 2], sigma: 0.5, unknown: "
+               "[true, false]}}\n")
+             ->machine;
+    assert_close(m->grey.sigma[0], 0.5, 0, 0);
+    assert_close(m->grey.sigma[1], 0, 0, 0);
 }

@@ -158,6 +158,7 @@ TEST("values with which friction would give energy are refused") {
         {"asymmetric", "would give energy", 4, {1, 1, 0.5, -1.1}},
         {"stribeck", "friction at rest", 6, {1, 1, 2, 0.9, 1, 1}},
         {"stribeck", "above 0", 6, {1, 1, 2, 2, 1, 0}},
+        {"stribeck", "not below 0", 6, {1, -1, 2, 2, 1, 1}},
         {"load", "must not be below 0", 4, {1, 1, 1, -0.1}},
         {"position", "must not be below 0", 4, {1, -1, 1, 1}},
     };
@@ -295,4 +296,96 @@ TEST("the rate at which friction stops a machine near rest is the slope of its f
     term->width = 1e-3;
     assert_ok(lg_machine_rest_rate(NULL, &machine, NULL, &log, &rate, NULL));
     assert_close(rate, 6 / (3 * 1e-3), 1e-3, 0);
+}
+
+TEST("bristles stop a machine near rest at the rate of their spring or of their damping, whichever is "
+     "larger") {
+    static const double rows[][2] = {{2e4, 0}, {2e-2, 1e3}}; /* stiffness, damping */
+    double t[ROWS], q[2 * ROWS], v[2 * ROWS], u[4 * ROWS] = {0}, rate;
+    size_t first[2];
+    lg_machine_log log;
+    log_of(1, 1, false, t, q, v, first, &log);
+    log.u = u;
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        const double values[10] = {1, 1, 1.5, 1.5, 0.1, 0.1, rows[i][0], rows[i][0], rows[i][1], rows[i][1]};
+        lg_machine machine = plain();
+        lg_machine_term *term = add_term(&machine, LG_MACHINE_DAMPING, "lugre");
+        add_values(term, 10, values);
+        assert_machine(&machine);
+        assert_ok(lg_machine_rest_rate(NULL, &machine, NULL, &log, &rate, NULL));
+        assert_close(rate, i == 0 ? sqrt(2e4 / 2) : 1e3 / 2, 1e-2, 0); /* of the line: mass 2 */
+    }
+}
+
+TEST("the stiffness of learned bristles can be set to a part of its range, and that of known ones cannot") {
+    static const double values[10] = {1, 1, 1.5, 1.5, 0.1, 0.1, 2, 2, 0, 0};
+    for (int known = 0; known < 2; known++) {
+        lg_machine machine = plain();
+        lg_identified numbers[2][10];
+        (void)add_term(&machine, LG_MACHINE_DAMPING, "coulomb");
+        lg_machine_term *term = add_term(&machine, LG_MACHINE_DAMPING, "lugre");
+        if (known == 1) add_values(term, 10, values);
+        assert_machine(&machine);
+        double *theta = machine_theta(&machine, 3);
+        assert_true(lg_machine_set_bristles(&machine, 0.1, theta) == (known == 0));
+        (void)lg_machine_numbers(&machine, theta, 10, numbers[0]);
+        (void)lg_machine_set_bristles(&machine, 0.9, theta);
+        const size_t count = lg_machine_numbers(&machine, theta, 10, numbers[1]);
+        for (size_t i = 0; i < count && i < 10; i++) {
+            const bool stiffness = strncmp(numbers[0][i].name, "bristle_stiffness.", 18) == 0;
+            assert_true((numbers[0][i].value != numbers[1][i].value) == stiffness);
+        }
+    }
+}
+
+TEST("a log without complete rows tells no rate") {
+    double t[ROWS], q[2 * ROWS], v[2 * ROWS], u[4 * ROWS] = {0}, rate = 1;
+    size_t first[2];
+    lg_machine_log log;
+    lg_machine machine = plain();
+    static const double c[2] = {1.5, 6};
+    add_values(add_term(&machine, LG_MACHINE_DAMPING, "diagonal"), 2, c);
+    assert_machine(&machine);
+    log_of(1, 1, false, t, q, v, first, &log);
+    log.u = u;
+    q[0] = (double)NAN; /* the other rows are enough */
+    assert_ok(lg_machine_rest_rate(NULL, &machine, NULL, &log, &rate, NULL));
+    assert_close(rate, 2, 1e-9, 0); /* damping by mass of the angle */
+    for (size_t i = 0; i < LG_COUNT(q); i++) q[i] = (double)NAN;
+    for (int rows = 0; rows < 2; rows++) {
+        log.rows = rows == 0 ? ROWS : 0;
+        rate = 1;
+        assert_ok(lg_machine_rest_rate(NULL, &machine, NULL, &log, &rate, NULL));
+        assert_close(rate, 0, 0, 0);
+    }
+}
+
+TEST("beside a known base, and beside a learned one, kinds list only their own numbers") {
+    static const struct {
+        const char *kind, *base, *first;
+        size_t own;
+    } rows[] = {{"asymmetric", "diagonal", "asymmetric.x", 2},
+                {"stribeck", "coulomb", "breakaway.x", 4},
+                {"load", "coulomb", "load.x", 2},
+                {"position", "coulomb", "position.x", 2}};
+    static const double c[2] = {1.5, 6};
+    for (size_t i = 0; i < LG_COUNT(rows); i++)
+        for (int known = 0; known < 2; known++) {
+            lg_machine machine = plain();
+            lg_identified numbers[8];
+            lg_machine_term *base = add_term(&machine, LG_MACHINE_DAMPING, rows[i].base);
+            if (known == 1) add_values(base, 2, c);
+            lg_machine_term *term = add_term(&machine, LG_MACHINE_DAMPING, rows[i].kind);
+            if (strcmp(rows[i].kind, "load") == 0) add_feature(term, LG_FEATURE_INPUT, 0);
+            if (strcmp(rows[i].kind, "position") == 0) add_feature(term, LG_FEATURE_POSITION, 0);
+            assert_machine(&machine);
+            const size_t before = known == 1 ? 0 : 2;
+            assert_int_equal(lg_machine_numbers(&machine, machine_theta(&machine, 3), 8, numbers),
+                             rows[i].own + before);
+            assert_string_equal(numbers[before].name, rows[i].first);
+            double f[2];
+            force_at(&machine, LG_MACHINE_DAMPING, machine_theta(&machine, 3), (const double[]){0.3, 0.2},
+                     (const double[]){0.4, -0.6}, 0.5, f);
+            assert_true(f[0] < 0 && f[1] > 0);
+        }
 }

@@ -5,6 +5,8 @@
 
 #include "liegrad/fit.h"
 
+#include "machine/internal.h"
+
 enum { PARTS = 3, WINDOW = 3, ROWS = PARTS * WINDOW };
 
 typedef struct task {
@@ -172,6 +174,13 @@ TEST("the rows of a long window are solved for together: loss, residuals and Jac
     assert_ok(lg_read(tape, taped, 1, &whole));
     assert_close(loss, whole, 1e-11, 0);
     if (!(floor > 0 && floor < 0.01 * loss)) fail_msg("floor %g of the loss %g", floor, loss);
+    lg_machine other = machine;
+    t->problem.machine = &other;
+    assert_true(lg_machine_is_long(&t->problem));
+    other.bristles = 1;
+    assert_false(lg_machine_is_long(&t->problem));
+    other = machine, other.accelerations = true;
+    assert_false(lg_machine_is_long(&t->problem));
 }
 
 TEST("with known parameters the Jacobian has only the columns of the starts") {

@@ -291,6 +291,35 @@ TEST("a step of the program with a held input is that of the log, and its lags a
     for (uint32_t order = 1; order <= 2; order++) check_step(order);
 }
 
+TEST("lagged inputs at rows have the time constants of the parameters; without lags there are none") {
+    for (uint32_t order = 1; order <= 2; order++) {
+        lg_machine machine = lagged_line(true, order);
+        const double *theta = machine_theta(&machine, 5);
+        const data *d = make_data(true, 1);
+        const size_t at[3] = {3, 30, 59};
+        const uint32_t n = machine.lags;
+        lg_identified numbers[4];
+        double x[3 * LAGS], states[3 * LAGS * 3];
+        assert_int_equal(lg_machine_numbers(&machine, theta, 4, numbers), 2);
+        const double tau[LAGS] = {0.05, numbers[1].value, numbers[1].value};
+        assert_ok(lg_machine_lagged_inputs(NULL, &machine, theta, &d->log, at, 3, x, NULL));
+        assert_ok(lg_machine_lag_states(&machine, &d->log, tau, at, 3, states));
+        for (uint32_t i = 0; i < 3 * n; i++) assert_close(x[i], states[3 * i], 1e-12, 1e-14);
+        assert_status(lg_machine_lagged_inputs(NULL, &machine, NULL, &d->log, at, 3, x, NULL),
+                      LG_INVALID_ARGUMENT);
+        EVERY_ALLOCATION_FAILS(
+            context, 1,
+            status = lg_machine_lagged_inputs(context, &machine, theta, &d->log, at, 3, x, NULL););
+        x[0] = 7;
+        assert_ok(lg_machine_lagged_inputs(NULL, &machine, theta, &d->log, at, 0, x, NULL));
+        machine.term_count = 2;
+        assert_machine(&machine);
+        assert_int_equal(machine.lags, 0);
+        assert_ok(lg_machine_lagged_inputs(NULL, &machine, theta, &d->log, at, 3, x, NULL));
+        assert_close(x[0], 7, 0, 0);
+    }
+}
+
 /* x: the state of the line, then the lagged inputs of w, of which the line sees the last one. */
 static void check_model(uint32_t order) {
     const lg_machine machine = lagged_line(false, order);

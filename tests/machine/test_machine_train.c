@@ -263,6 +263,206 @@ TEST("if the machine is known only its starts are learned, and without starts no
     assert_close(loss, same, 1e-9, 0.0);
     a->problem.starts = LG_MACHINE_STARTS_MEASURED;
     assert_status(lg_machine_problem_check(&a->problem, NULL), LG_INVALID_ARGUMENT);
+    const lg_machine known = oscillator(true);
+    lg_identification nothing = {.open_count = 7};
+    a->problem.machine = &known;
+    a->problem.theta = NULL;
+    assert_ok(lg_machine_identify(NULL, &a->problem, a->theta, &nothing, NULL));
+    assert_int_equal(nothing.open_count, 0);
+}
+
+TEST("training problems that cannot be learned are refused, with the reason") {
+    const logs *l = make_logs(0.0, 3);
+#define REFUSED(status, sentence, ...)                                                                       \
+    do {                                                                                                     \
+        lg_error error_ = {LG_OK, ""};                                                                       \
+        lg_machine_problem *p = &make_task(l, LG_MACHINE_STARTS_MEASURED)->problem;                          \
+        __VA_ARGS__;                                                                                         \
+        assert_status(lg_machine_problem_check(p, &error_), status);                                         \
+        assert_says(error_.message, sentence);                                                               \
+    } while (0)
+    REFUSED(LG_INVALID_ARGUMENT, "no window of 11 rows without a gap", p->windows = 0);
+    REFUSED(LG_INVALID_ARGUMENT, "no window of 11 rows without a gap", p->windows = (size_t)UINT32_MAX + 1);
+    REFUSED(LG_INVALID_ARGUMENT, "at least 2 rows", p->window = 1);
+    REFUSED(LG_INVALID_ARGUMENT, "at least 1 substep", p->substeps = 0);
+    REFUSED(LG_INVALID_ARGUMENT, "no windows are left for training", p->validation = p->windows);
+    REFUSED(LG_INVALID_ARGUMENT, "the scales of the loss", p->position_scale[0] = 0);
+    REFUSED(LG_INVALID_ARGUMENT, "the scales of the loss", p->velocity_scale[0] = INFINITY);
+    REFUSED(LG_INVALID_ARGUMENT, "no accelerations", lg_machine given = *p->machine;
+            given.accelerations = true; p->machine = &given);
+    REFUSED(LG_UNSUPPORTED, "does not stay on the manifold", p->scheme = lg_scheme_find("midpoint"));
+    lg_machine turning = all_coordinates();
+    add_term(&turning, LG_MACHINE_MASS, "diagonal");
+    add_term(&turning, LG_MACHINE_INPUT_MAP, "constant");
+    assert_machine(&turning);
+    REFUSED(LG_UNSUPPORTED, "rk4 does not stay on the manifold", p->scheme = lg_scheme_find("rk4");
+            p->machine = &turning;
+            for (int i = 0; i < LG_MACHINE_COORDINATES; i++) p->position_scale[i] = p->velocity_scale[i] = 1);
+#undef REFUSED
+}
+
+TEST("states are estimated of logs of accelerations alone; a log shorter than a window keeps its guesses") {
+    const logs *l = make_logs(0.0, 3);
+    const task *t = make_task(l, LG_MACHINE_STARTS_ESTIMATED);
+    lg_machine machine = t->machine;
+    lg_machine_log log = l->log;
+    double q[ALL], v[ALL];
+    lg_error error;
+#define ESTIMATE(theta, rows)                                                                                \
+    lg_machine_estimate_states(NULL, &machine, theta, t->problem.scheme, 1, &log, rows, q, v, &error)
+    assert_status(ESTIMATE(NULL, 11), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "the machine has parameters, and they are NULL");
+    assert_status(ESTIMATE(t->theta, 11), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "the log has no accelerations");
+    machine.accelerations = true;
+    assert_status(ESTIMATE(t->theta, 11), LG_INVALID_ARGUMENT);
+    log.a = l->v;
+    assert_ok(ESTIMATE(t->theta, ROWS + 1));
+    assert_memory_equal(q, log.q, sizeof q);
+    assert_memory_equal(v, log.v, sizeof v);
+#undef ESTIMATE
+}
+
+/* A machine of many lines, whose polynomials would be too many terms. */
+static lg_machine many_lines(void) {
+    lg_machine machine = empty_machine();
+    for (int i = 0; i < LG_MACHINE_COORDINATES; i++)
+        add_coordinate(&machine, test_text("x%d", i), LG_COORDINATE_LINE);
+    add_term(&machine, LG_MACHINE_MASS, "constant");
+    add_term(&machine, LG_MACHINE_DAMPING, "diagonal");
+    add_term(&machine, LG_MACHINE_DAMPING, "coulomb");
+    assert_machine(&machine);
+    return machine;
+}
+
+TEST("missing forces are not sought where there is no room for their terms, or nothing is learned") {
+    const logs *l = make_logs(0.0, 3);
+    lg_machine many = many_lines(), large = many;
+    large.term_count = 1;
+    large.terms[0].kind = lg_term_kind_find(LG_MACHINE_MASS, "known");
+    add_values(&large.terms[0], 1, (double[]){1});
+    large.parameters = 129;
+    for (int i = 0; i < 3; i++) {
+        task *t = make_task(l, LG_MACHINE_STARTS_ESTIMATED);
+        lg_machine_missing found = {.loss = 7, .ratio = 7};
+        if (i == 0) t->problem.machine = &many;
+        if (i == 1) t->problem.machine = &large;
+        if (i == 2) t->problem.theta = t->theta;
+        assert_ok(lg_machine_find_missing(NULL, &t->problem, t->theta, &found, NULL));
+        assert_true(found.loss == 0 && found.ratio == 0);
+    }
+}
+
+TEST("starts of directions and rotations, and starts that are not estimated, are not continued") {
+    const logs *l = make_logs(0.0, 3);
+    double losses[ALL];
+    lg_error error;
+    for (int i = 0; i < 3; i++) {
+        task *t = make_task(l, i == 0 ? LG_MACHINE_STARTS_MEASURED : LG_MACHINE_STARTS_ESTIMATED);
+        lg_machine other = empty_machine();
+        if (i > 0) {
+            add_coordinate(&other, "r", i == 1 ? LG_COORDINATE_DIRECTION : LG_COORDINATE_ROTATION);
+            add_term(&other, LG_MACHINE_MASS, "diagonal");
+            assert_machine(&other);
+            t->problem.machine = &other;
+        }
+        assert_status(lg_machine_continue_starts(NULL, &t->problem, t->theta, losses, &error),
+                      LG_INVALID_ARGUMENT);
+        assert_says(error.message, "only estimated starts of lines and angles are continued");
+    }
+}
+
+TEST("free runs without starts or substeps are refused, and a run can be cancelled") {
+    const logs *l = make_logs(0.0, 3);
+    const lg_machine machine = oscillator(true);
+    const lg_scheme *scheme = lg_scheme_find("cf4");
+    static const size_t counts[] = {0, (size_t)UINT32_MAX + 1, 1};
+    volatile int cancel = 1;
+    lg_error error;
+    for (size_t i = 0; i < LG_COUNT(counts); i++) {
+        assert_status(lg_machine_free_run(NULL, &machine, NULL, scheme, i < 2, &l->log, l->start, counts[i],
+                                          1, NULL, NULL, &error),
+                      LG_INVALID_ARGUMENT);
+        assert_says(error.message, "at least one start and one substep");
+    }
+    lg_context_options how;
+    lg_context *context = NULL;
+    lg_context_options_init(&how);
+    how.cancel = &cancel;
+    assert_ok(lg_context_create(&how, &context));
+    LG_STATUS_OF(
+        lg_machine_free_run(context, &machine, NULL, scheme, 1, &l->log, l->start, 1, 1, NULL, NULL, &error),
+        status);
+    lg_context_destroy(context);
+    assert_int_equal(status, LG_CANCELLED);
+    assert_says(error.message, "the runs were stopped");
+}
+
+/* ---- scales of logs ---- */
+
+enum { FEW = 6 };
+
+/* Two lines, an input and a diagonal mass after a potential. */
+static lg_machine two_lines(void) {
+    lg_machine machine = empty_machine();
+    add_coordinate(&machine, "x", LG_COORDINATE_LINE);
+    add_coordinate(&machine, "y", LG_COORDINATE_LINE);
+    add_input(&machine, "u");
+    add_feature(add_term(&machine, LG_MACHINE_POTENTIAL, "quadratic"), LG_FEATURE_POSITION, 0);
+    add_term(&machine, LG_MACHINE_MASS, "diagonal");
+    add_term(&machine, LG_MACHINE_INPUT_MAP, "constant");
+    assert_machine(&machine);
+    return machine;
+}
+
+/* Finds the scales from a log of the velocities vx and vy (FEW). */
+static lg_status scales_of(lg_machine *machine, const double *vx, const double *vy, lg_error *error) {
+    static const size_t first[] = {0, FEW};
+    double t[FEW], q[2 * FEW], v[2 * FEW], u[4 * FEW] = {0};
+    for (size_t i = 0; i < FEW; i++) {
+        t[i] = 0.1 * (double)i;
+        q[2 * i] = q[2 * i + 1] = 0;
+        v[2 * i] = vx[i], v[2 * i + 1] = vy[i];
+    }
+    const lg_machine_log log = {.rows = FEW, .parts = 1, .first = first, .t = t, .q = q, .v = v, .u = u};
+    LG_STATUS_OF(lg_machine_find_scales(machine, &log, error), status);
+    return status;
+}
+
+TEST("a log in which nothing moves, or nothing changes its speed, or numbers overflow, gives no scales") {
+    static const struct {
+        double v[FEW];
+        const char *sentence;
+    } rows[] = {
+        {{0}, "nothing moves in the logs"},
+        {{2, 2, 2, 2, 2, 2}, "all velocities are constant in the logs"},
+        {{1e200, -1e200, 1e200, -1e200, 1e200, -1e200}, "in the logs overflow: give them in larger units"}};
+    static const double rest[FEW] = {0};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        lg_machine machine = two_lines();
+        lg_error error = {LG_OK, ""};
+        assert_int_equal(scales_of(&machine, rows[i].v, rest, &error), LG_FORMAT);
+        assert_says(error.message, rows[i].sentence);
+        assert_close(machine.scales.time, 1, 0, 0);
+    }
+}
+
+TEST("a coordinate that rests, or keeps its speed, and an input that stays 0 have scales of 1, and their "
+     "missing rows do not count") {
+    static const double moves[FEW] = {1, -1, 1, -1, 1, -1}, rest[FEW] = {0}, steady[FEW] = {3, 3, 3, 3, 3, 3};
+    lg_machine machine = two_lines();
+    assert_int_equal(scales_of(&machine, moves, rest, NULL), LG_OK);
+    assert_close(machine.scales.time, 1.0 / 20, 1e-14, 0);
+    assert_close(machine.scales.place[0], 1.0 / 20, 1e-14, 0);
+    assert_close(machine.scales.place[1], 1, 0, 0);
+    assert_close(machine.scales.input[0], 1, 0, 0);
+    assert_close(machine.scales.fastest[1], 1, 0, 0); /* the largest speed of all */
+    assert_close(machine.scales.held, 1, 0, 0);
+    assert_int_equal(scales_of(&machine, moves, steady, NULL), LG_OK);
+    assert_close(machine.scales.time, 1.0 / 20, 1e-14, 0);
+    assert_close(machine.scales.fastest[1], 3, 0, 0);
+    assert_int_equal(scales_of(&machine, steady, moves, NULL), LG_OK);
+    assert_close(machine.scales.held, 2, 0, 0); /* the mass whose velocity changes most */
 }
 
 static lg_status identify(const task *t, lg_identified *out) {
@@ -361,6 +561,9 @@ TEST("the mass of a network is reported at 0 if the logs come there, otherwise a
     double at = 7, mean = 0, best = 1e9;
     assert_false(lg_machine_mass_at(&make_task(make_logs(0.0, 3), LG_MACHINE_STARTS_MEASURED)->problem, &at));
     assert_true(lg_machine_mass_at(&make_network_task(0)->problem, &at));
+    task *none = make_network_task(0);
+    none->problem.validation = none->problem.windows;
+    assert_true(lg_machine_mass_at(&none->problem, &at));
     assert_close(at, 0, 0, 0);
     task *t = make_network_task(20);
     const lg_machine_problem *p = &t->problem;

@@ -474,6 +474,9 @@ TEST("a model that could not be read back is not saved") {
     REFUSED(KIND_TABLE, t, LG_INVALID_ARGUMENT, tf->run.model.options.hidden[1] = 7);
     REFUSED(KIND_TABLE, t, LG_INVALID_ARGUMENT, tf->run.decay.count--);
     REFUSED(KIND_TABLE, t, LG_INVALID_ARGUMENT, tf->outputs.channels = 1);
+    REFUSED(KIND_TABLE, t, LG_INVALID_ARGUMENT, tf->outputs.mean = NULL);
+    REFUSED(KIND_TABLE, t, LG_INVALID_ARGUMENT, tf->inputs.scale = NULL);
+    REFUSED(KIND_TABLE, t, LG_INVALID_ARGUMENT, tf->run.model.net.activation = LG_SIGMOID);
     lg_machine_model_file *mf = &m.machine_model;
     REFUSED(KIND_MACHINE_MODEL, m, LG_INVALID_ARGUMENT, mf->parameters--);
     REFUSED(KIND_MACHINE_MODEL, m, LG_INVALID_ARGUMENT, mf->run.machine.terms[0].hidden[0] = 7);

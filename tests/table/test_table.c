@@ -216,6 +216,7 @@ TEST("the median used for far cells agrees with a sorted column, and the largest
     assert_int_equal(far.count, 1);
     assert_int_equal(far.farthest, 4);
     assert_status(lg_table_find_far(NULL, x, 1, 0, &far), LG_INVALID_ARGUMENT);
+    assert_status(lg_table_find_far(NULL, x, 0, 1, &far), LG_INVALID_ARGUMENT);
     EVERY_ALLOCATION_FAILS(context, 1, status = lg_table_find_far(context, x, 1, LG_COUNT(x), &far););
 }
 
@@ -232,18 +233,19 @@ TEST("the work of a model grows linearly with its inputs, not quadratically") {
 }
 
 TEST("a scaler is fit in two passes, so that offsets, constants and large numbers are harmless") {
-    enum { N = 5, COLUMNS = 5 };
+    enum { N = 5, COLUMNS = 7 };
     double values[N * COLUMNS];
     static const uint32_t chosen[] = {4, 0, 2};
     lg_scaler s;
     for (size_t i = 0; i < N; i++) {
         const double t = (double)i;
-        const double row[COLUMNS] = {t, 1e9 + t, 0.1, 1e300 * (t - 2), 1e-300 * t};
+        const double row[COLUMNS] = {t, 1e9 + t, 0.1, 1e300 * (t - 2), 1e-300 * t, 0, 1e-310 * t};
         memcpy(values + i * COLUMNS, row, sizeof row);
     }
     assert_ok(lg_table_scaler_fit(NULL, values, COLUMNS, NULL, N, &s));
     const double deviation = sqrt(2);
-    const double mean[] = {2, 1e9 + 2, 0.1, 0, 2e-300}, scale[] = {1, 1, 1 / deviation, 1e300, 1e-300};
+    const double mean[] = {2, 1e9 + 2, 0.1, 0, 2e-300, 0, 2e-310},
+                 scale[] = {1, 1, 1 / deviation, 1e300, 1e-300, 1 / deviation, 1 / deviation};
     for (size_t c = 0; c < COLUMNS; c++) {
         assert_close(s.mean[c], mean[c], 1e-14, 1e-20);
         assert_close(s.scale[c], deviation * scale[c], 1e-7, 0);
@@ -375,25 +377,152 @@ TEST("parameters and decay of the evidence are a minimum of the loss of lg_fit")
     lg_fit_destroy(fit);
 }
 
-TEST("invalid table networks are refused with a message") {
-    lg_table model;
-    lg_error error = {LG_OK, ""};
-    lg_table_options options = NETWORK(MLP, TANH, 2, 4, true);
-    options.hidden[1] = 5;
-    assert_status(lg_table_init(&model, &options, 2, 1, &error), LG_INVALID_ARGUMENT);
-    assert_says(error.message, "all must have the same width");
-    options.hidden_count = 0;
-    assert_status(lg_table_init(&model, &options, 2, 1, &error), LG_INVALID_ARGUMENT);
-    options.hidden_count = 1;
-    options.task = LG_TABLE_CLASSIFICATION;
-    assert_status(lg_table_init(&model, &options, 2, 1, &error), LG_INVALID_ARGUMENT);
-    assert_says(error.message, "two at least");
-    assert_status(lg_table_init(&model, &options, 0, 2, &error), LG_INVALID_ARGUMENT);
-    assert_ok(lg_table_init(&model, &options, 2, 2, &error));
-    const lg_table_samples none = {.count = 1, .training = 1};
-    const lg_table_problem problem = {&model, &none, NULL};
-    double theta[64] = {0}, decay[LG_TABLE_SLICES];
-    assert_status(lg_table_evidence(NULL, &problem, NULL, theta, decay, NULL, &error), LG_UNSUPPORTED);
+TEST("invalid table networks are refused with a message, and the model is unchanged") {
+    static const struct {
+        lg_table_options options;
+        uint32_t inputs, outputs;
+        const char *words;
+    } rows[] = {
+        {{.network = LG_NET_MLP, .hidden_count = 2, .hidden = {4, 5}}, 2, 1, "all must have the same width"},
+        {{.network = LG_NET_MLP, .hidden_count = 0}, 2, 1, "0 hidden layers; 1 to"},
+        {{.network = LG_NET_MLP, .hidden_count = LG_TABLE_LAYERS + 1}, 2, 1, "hidden layers; 1 to"},
+        {{.network = LG_NET_MLP, .hidden_count = 1, .hidden = {0}}, 2, 1, "widths must be 1 to 2^20"},
+        {{.network = LG_NET_MLP, .hidden_count = 1, .hidden = {4}}, 0, 1, "0 inputs"},
+        {{.task = LG_TABLE_TASK_COUNT, .hidden_count = 1, .hidden = {4}}, 2, 1, "unknown task"},
+        {{.task = LG_TABLE_CLASSIFICATION, .hidden_count = 1, .hidden = {4}}, 2, 1, "two at least"},
+    };
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        lg_table model = {.net.inputs = 77};
+        lg_error error = {LG_OK, ""};
+        assert_status(lg_table_init(&model, &rows[i].options, rows[i].inputs, rows[i].outputs, &error),
+                      LG_INVALID_ARGUMENT);
+        assert_says(error.message, rows[i].words);
+        assert_int_equal(model.net.inputs, 77);
+    }
+}
+
+TEST("a program of a table refuses scalings that do not fit") {
+    const example e = {NETWORK(MLP, TANH, 1, 3, true), 2, 1};
+    const lg_table model = make(&e);
+    lg_rng rng = test_rng(34, 0);
+    const double *theta = parameters(&model, &rng);
+    const lg_scaler in = some_scaler(2, &rng, 1.0), out = some_scaler(1, &rng, 1.0);
+    const lg_scaler wrong[] = {out, {.channels = 2, .scale = in.scale}, {.channels = 2, .mean = in.mean}};
+    lg_program *program = NULL;
+    lg_error error;
+    for (size_t i = 0; i < LG_COUNT(wrong); i++) {
+        assert_status(lg_table_program(NULL, &model, &wrong[i], &out, theta, &program, &error),
+                      LG_INVALID_ARGUMENT);
+        assert_says(error.message, "the scaling of the inputs does not have 2 columns");
+    }
+    assert_status(lg_table_program(NULL, &model, &in, NULL, theta, &program, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "the scaling of the outputs does not have 1 columns");
+    assert_null(program);
+}
+
+/* ---- evidence of hard data ---- */
+
+typedef struct attempt {
+    lg_status status;
+    lg_error error;
+    lg_table_evidence_result result;
+    bool changed; /* whether the call wrote to theta or decay */
+} attempt;
+
+/* Seeks the evidence from the parameters theta. */
+static attempt try_evidence(const lg_context *context, const lg_table_problem *problem,
+                            const lg_table_evidence_options *options, const double *theta) {
+    const size_t bytes = lg_table_parameters(problem->model) * sizeof(double);
+    double *learned = lg_test_memory(bytes), decay[LG_TABLE_SLICES] = {0};
+    attempt made = {.status = LG_OK};
+    memcpy(learned, theta, bytes);
+    LG_STATUS_OF(lg_table_evidence(context, problem, options, learned, decay, &made.result, &made.error), s);
+    made.status = s;
+    made.changed = memcmp(learned, theta, bytes) != 0 || decay[0] != 0.0;
+    return made;
+}
+
+TEST("a search for the evidence that fails says why, and leaves parameters and decay unchanged") {
+    const example small = {NETWORK(MLP, TANH, 1, 3, true), 2, 1},
+                  wide = {NETWORK(MLP, TANH, 1, 5001, false), 3, 1};
+    const lg_table model = make(&small), large = make(&wide);
+    lg_table classes = model;
+    lg_rng rng = test_rng(35, 0);
+    lg_table_samples *samples = draw(&model, ROWS, 0.1, &rng), *others = draw(&large, 2, 0.1, &rng);
+    const lg_table_problem problem = {&model, samples, NULL}, too_large = {&large, others, NULL},
+                           classification = {&classes, samples, NULL};
+    double *theta = parameters(&model, &rng);
+    volatile int cancel = 1;
+    lg_context_options how;
+    lg_context_options_init(&how);
+    how.cancel = &cancel;
+    lg_context *context = NULL;
+    assert_ok(lg_context_create(&how, &context));
+    classes.options.task = LG_TABLE_CLASSIFICATION;
+    const attempt made[] = {try_evidence(NULL, &classification, NULL, theta),
+                            try_evidence(NULL, &too_large, NULL, parameters(&large, &rng)),
+                            try_evidence(context, &problem, NULL, theta),
+                            (theta[14] = 1e200, try_evidence(NULL, &problem, NULL, theta))};
+    static const lg_status expected[] = {LG_UNSUPPORTED, LG_OUT_OF_MEMORY, LG_CANCELLED, LG_NOT_FINITE};
+    lg_context_destroy(context);
+    for (size_t i = 0; i < LG_COUNT(made); i++) {
+        assert_int_equal(made[i].status, expected[i]);
+        assert_int_equal(made[i].error.status, expected[i]);
+        assert_false(made[i].changed);
+    }
+    assert_says(made[0].error.message, "for a regression only");
+    assert_says(made[1].error.message, "the priors of 25006 weights");
+    assert_says(made[3].error.message, "the priors of 15 weights");
+}
+
+TEST("the evidence of few rows is the evidence of all rows if there are no more, and needs no result") {
+    const example e = {NETWORK(MLP, TANH, 1, 3, true), 2, 1};
+    const lg_table model = make(&e);
+    lg_rng rng = test_rng(36, 0);
+    lg_table_samples *samples = draw(&model, ROWS, 0.1, &rng);
+    const lg_table_problem problem = {&model, samples, NULL};
+    const double *theta = parameters(&model, &rng);
+    lg_table_evidence_options options;
+    lg_table_evidence_options_init(&options);
+    const attempt usual = try_evidence(NULL, &problem, &options, theta);
+    options.rows = 0; /* all */
+    const attempt all = try_evidence(NULL, &problem, &options, theta);
+    options.rows = ROWS / 2;
+    const attempt half = try_evidence(NULL, &problem, &options, theta);
+    assert_memory_equal(&all.result, &usual.result, sizeof all.result);
+    assert_true(half.status == LG_OK && half.result.noise != all.result.noise);
+    double *learned = TEST_ARRAY(double, lg_table_parameters(&model)), decay[LG_TABLE_SLICES];
+    memcpy(learned, theta, lg_table_parameters(&model) * sizeof *learned);
+    assert_ok(lg_table_evidence(NULL, &problem, &options, learned, decay, NULL, NULL));
+}
+
+/* Two equal columns of 1e9: J^T J is singular up to rounding, and the priors are lost in it. */
+TEST("weights that rounding does not tell apart have finite numbers, or an evidence that is not a number") {
+    const example e = {NETWORK(MLP, TANH, 1, 2, true), 2, 1};
+    const lg_table model = make(&e);
+    lg_rng rng = test_rng(37, 0);
+    lg_table_samples *samples = draw(&model, ROWS, 0.1, &rng);
+    const lg_table_problem problem = {&model, samples, NULL};
+    for (size_t i = 0; i < ROWS; i++) samples->x[2 * i] = samples->x[2 * i + 1] = 1e9 * samples->x[2 * i];
+    const attempt made = try_evidence(NULL, &problem, NULL, parameters(&model, &rng));
+    assert_int_equal(made.status, LG_OK);
+    assert_true(isfinite(made.result.noise) && isfinite(made.result.effective));
+    assert_true(isnan(made.result.evidence));
+}
+
+TEST("every allocation of a fit may fail") {
+    double x[8], y[8];
+    lg_table_fit_options options;
+    lg_table_fit_options_init(&options);
+    options.starts = 1;
+    options.model.hidden_count = 1;
+    options.model.hidden[0] = 2;
+    options.evidence.evaluations = 3;
+    for (size_t i = 0; i < LG_COUNT(x); i++) x[i] = (double)i, y[i] = sin(x[i]);
+    EVERY_ALLOCATION_FAILS(context, 10, lg_program *program = NULL;
+                           status =
+                               lg_table_fit(context, x, 1, y, 1, LG_COUNT(x), &options, &program, NULL, NULL);
+                           lg_program_destroy(program););
 }
 
 /* ---- a regression in one call ---- */

@@ -29,7 +29,7 @@ static const lg_machine_term *learned_offset(const lg_machine *machine) {
 /* The velocity on which force number `index` of an offset acts. */
 static uint32_t velocity_of(const lg_machine *machine, const lg_machine_term *term, size_t index) {
     uint32_t velocity = 0;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+    for (uint32_t i = 0;; i++) { /* the term has a number `index`, so a coordinate of it is found */
         bool listed = term->of_count == 0;
         for (uint32_t k = 0; k < term->of_count; k++) listed = listed || term->of[k].index == i;
         const uint32_t each = lg_coordinate_row_of(machine->coordinates[i].kind)->velocities;
@@ -37,7 +37,6 @@ static uint32_t velocity_of(const lg_machine *machine, const lg_machine_term *te
         if (listed) index -= each;
         velocity += each;
     }
-    return 0;
 }
 
 /* The number that changes with parameter `at` when all others are 0: its name, and its value where the
@@ -96,22 +95,33 @@ static lg_status refuse(const char *name, size_t length, lg_error *error) {
                    list);
 }
 
-/* Calls `each` of every name in a list with commas. */
-#define EACH_NAME(names, at, length)                                                                         \
-    for (const char *at = (names); at != NULL; at = at[length] == ',' ? at + length + 1 : NULL, length = 0)  \
-        if ((length = strcspn(at, ",")), true)
-
-lg_status lg_adapt_check(const char *names, lg_error *error) {
-    size_t length = 0;
-    EACH_NAME(names, at, length) if (find(at, length) == NULL) return refuse(at, length, error);
-    return LG_OK;
+/* Takes the next name of a list with commas. False: there is none. */
+static bool next_name(const char **rest, const char **name, size_t *length) {
+    if (*rest == NULL) return false;
+    *name = *rest;
+    *length = strcspn(*name, ",");
+    *rest = (*name)[*length] == ',' ? *name + *length + 1 : NULL;
+    return true;
 }
 
-static bool asks(const char *names, const char *name) {
-    size_t length = 0;
-    EACH_NAME(names, at, length)
-    if (length == strlen(name) && strncmp(at, name, length) == 0) return true;
-    return false;
+/* How often the list has the kind. */
+static size_t count_of(const char *names, const adaptable *kind) {
+    const char *name;
+    size_t length, count = 0;
+    while (next_name(&names, &name, &length)) count += find(name, length) == kind;
+    return count;
+}
+
+lg_status lg_adapt_check(const char *names, lg_error *error) {
+    const char *rest = names, *name;
+    size_t length;
+    while (next_name(&rest, &name, &length)) {
+        const adaptable *kind = find(name, length);
+        if (kind == NULL) return refuse(name, length, error);
+        if (count_of(names, kind) > 1)
+            return lg_fail(error, LG_INVALID_ARGUMENT, "--numbers: \"%s\" stands twice", kind->name);
+    }
+    return LG_OK;
 }
 
 /* ---- the machine's text with an offset ---- */
@@ -119,8 +129,8 @@ static bool asks(const char *names, const char *name) {
 /* Adds `offset: unknown`: before the last bracket of a text in brackets, else as a line. */
 static lg_status add_offset(char text[LG_MACHINE_TEXT], lg_error *error) {
     size_t end = strlen(text);
-    while (end > 0 && strchr(" \n\r\t", text[end - 1]) != NULL) end--;
-    const bool brackets = text[strspn(text, " \n\r\t")] == '{' && end > 0 && text[end - 1] == '}';
+    while (strchr(" \n\r\t", text[end - 1]) != NULL) end--; /* a machine was read from it: not blank */
+    const bool brackets = text[strspn(text, " \n\r\t")] == '{' && text[end - 1] == '}';
     const int more = brackets ? snprintf(text + end - 1, LG_MACHINE_TEXT - end + 1, ", offset: unknown}\n")
                               : snprintf(text + end, LG_MACHINE_TEXT - end, "\noffset: unknown\n");
     if (end + (size_t)more < LG_MACHINE_TEXT) return LG_OK;
@@ -136,14 +146,14 @@ static uint32_t place_in_part(const lg_machine *machine, uint32_t term) {
     return before;
 }
 
-/* Copies the parameters of terms that both machines have; the others become 0. */
+/* Copies the parameters of `from`; those of terms that only `to` has become 0. The terms of `from` are in
+ * both, with as many parameters. */
 static void carry(const lg_machine *from, const double *theta, const lg_machine *to, double *out) {
     memset(out, 0, to->parameters * sizeof *out);
     for (uint32_t t = 0; t < to->term_count; t++)
         for (uint32_t s = 0; s < from->term_count; s++) {
             const lg_machine_term *a = &from->terms[s], *b = &to->terms[t];
-            if (a->part == b->part && place_in_part(from, s) == place_in_part(to, t) &&
-                a->parameters == b->parameters)
+            if (a->part == b->part && place_in_part(from, s) == place_in_part(to, t))
                 memcpy(out + b->offset, theta + a->offset, a->parameters * sizeof *out);
         }
 }
@@ -164,12 +174,12 @@ static lg_status extend(const lg_context *context, const char *path, lg_machine_
 static lg_status fill(const char *names, const double *force, lg_adaptation *out, lg_error *error) {
     const lg_machine *machine = &out->run.machine;
     const size_t P = machine->parameters;
-    size_t length = 0;
-    EACH_NAME(names, at, length) {
-        const adaptable *kind = find(at, length);
+    const char *name;
+    size_t length;
+    while (next_name(&names, &name, &length)) {
+        const adaptable *kind = find(name, length);
         size_t index = 0;
-        while (out->count < LG_ADAPT_MOST &&
-               kind->direct(machine, out->theta, force, index, out->directions + out->count * P,
+        while (kind->direct(machine, out->theta, force, index, out->directions + out->count * P,
                             out->names[out->count], &out->units[out->count]) > 0)
             index++, out->count++;
         if (index == 0)
@@ -183,7 +193,7 @@ lg_status lg_adaptation_create(const lg_context *context, const char *path, cons
     const lg_machine *before = &file->run.machine;
     *out = (lg_adaptation){.run = file->run, .context = context};
     LG_TRY(lg_adapt_check(names, error));
-    if (asks(names, "offset") && learned_offset(before) == NULL)
+    if (count_of(names, &kinds[0]) > 0 && learned_offset(before) == NULL)
         LG_TRY(extend(context, path, &out->run, error));
     const size_t P = out->run.machine.parameters;
     out->theta = lg_alloc(context, P + 1, sizeof *out->theta);

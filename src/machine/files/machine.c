@@ -193,9 +193,9 @@ static lg_status add_named(reading *r, const lg_key_value *value, const char *fa
 
 /* ---- coordinates ---- */
 
-/* Letters, digits, _ and -. No dot, which separates the suffix in NAME.up. */
+/* Letters, digits, _ and -; a key has no empty text. No dot, which separates the suffix in NAME.up. */
 static bool is_name(const char *text) {
-    if (*text == '\0' || strlen(text) >= LG_MACHINE_NAME) return false;
+    if (strlen(text) >= LG_MACHINE_NAME) return false;
     for (; *text != '\0'; text++) {
         const bool letter = (*text >= 'a' && *text <= 'z') || (*text >= 'A' && *text <= 'Z');
         if (!letter && !(*text >= '0' && *text <= '9') && *text != '_' && *text != '-') return false;

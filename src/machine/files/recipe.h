@@ -159,7 +159,7 @@ lg_status lg_machine_residuals(const lg_context *context, const lg_learned_machi
 
 /* ---- a few numbers for a new log (adapt.c) ---- */
 
-enum { LG_ADAPT_MOST = LG_MACHINE_VELOCITIES + 4 };
+enum { LG_ADAPT_MOST = LG_MACHINE_VELOCITIES + 1 }; /* an offset for each velocity, and friction */
 /* Standard deviation of the prior: of the relative change of all friction; of an offset in units of the
  * forces of friction. */
 #define LG_ADAPT_SIGMA 0.1
@@ -173,7 +173,7 @@ typedef struct lg_adaptation {
     double units[LG_ADAPT_MOST]; /* one standard deviation of the prior, in the units of the number */
     const lg_context *context;
 } lg_adaptation;
-/* Refuses names, separated by commas, that are no numbers which can be adapted. */
+/* Refuses names, separated by commas, that are no numbers which can be adapted, or stand twice. */
 lg_status lg_adapt_check(const char *names, lg_error *error);
 /* `force` (velocities): standard deviations of offsets in the units of the log. `out` must be destroyed even
  * after an error. */

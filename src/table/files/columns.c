@@ -40,13 +40,14 @@ static bool has_name(const lg_table_names *names, const char *name) {
 /* Reads a quoted name; two quotes in a row are one quote of the name. Returns the place behind the closing
  * quote; NULL: no closing quote, or the name is too long. */
 static const char *take_quoted(const char *at, char *name) {
-    for (size_t used = 0; *at != '\0' && used + 1 < LG_TABLE_NAME; at++) {
+    for (size_t used = 0; *at != '\0'; at++) {
         if (*at == '"' && at[1] != '"') return at + 1;
+        if (used + 1 == LG_TABLE_NAME) return NULL;
         at += *at == '"';
         name[used++] = *at;
         name[used] = '\0';
     }
-    return *at == '"' && at[1] != '"' ? at + 1 : NULL;
+    return NULL;
 }
 
 /* Reads a name up to a comma. Returns the comma or the end of the text; NULL: the name is too long. */

@@ -188,9 +188,9 @@ void lg_table_tell(lg_training *self, const lg_table_file *file, const lg_table_
 }
 
 bool lg_table_are_finite(const double *y, uint32_t count) {
-    bool finite = true;
-    for (uint32_t i = 0; i < count; i++) finite = finite && isfinite(y[i]);
-    return finite;
+    for (uint32_t i = 0; i < count; i++)
+        if (!isfinite(y[i])) return false;
+    return true;
 }
 
 bool lg_table_warn_infinite(const lg_context *context, size_t infinite, size_t rows, const char *path) {

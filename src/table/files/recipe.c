@@ -205,7 +205,8 @@ static lg_status find_start(lg_training *self, lg_error *error) {
     return lg_table_first_parameters(self, &self->theta, error);
 }
 
-/* The decay of each parameter from the decay of its slice. */
+/* The decay of each parameter from the decay of its slice. A decay that is not empty has a number for each
+ * slice. */
 static lg_status spread_decay(lg_training *self, lg_error *error) {
     lg_table_state *s = self->state;
     const lg_table_run *run = self->run;
@@ -213,7 +214,7 @@ static lg_status spread_decay(lg_training *self, lg_error *error) {
     double *decay;
     if (run->decay.count == 0) return LG_OK;
     LG_TRAINING_ARRAY(self, decay, lg_table_parameters(&run->model), error);
-    for (uint32_t k = 0; k < run->decay.count && lg_table_slice(&run->model, k, &info); k++)
+    for (uint32_t k = 0; lg_table_slice(&run->model, k, &info); k++)
         for (size_t i = 0; i < info.count; i++) decay[info.offset + i] = run->decay.value[k];
     s->problem.decay = decay;
     return LG_OK;

@@ -280,8 +280,7 @@ static lg_status read_learned(lg_training *self, lg_error *error) {
     warn_cut(self->context, sheet);
     LG_TRY(leave_incomplete(self, sheet, error));
     if (sheet->data.rows < 2)
-        return lg_fail(error, LG_FORMAT, "%s: has %zu complete row%s; at least two are needed", sheet->path,
-                       sheet->data.rows, sheet->data.rows == 1 ? "" : "s");
+        return lg_fail(error, LG_FORMAT, "%s: has 1 complete row; at least two are needed", sheet->path);
     LG_TRY(leave_constant(self, error));
     LG_TRY(check_cells(self, error));
     return lg_table_is_regression(s) ? LG_OK : take_classes(self, error);
