@@ -157,6 +157,9 @@ TEST("states, inputs and parameters of a wrong shape are refused") {
         lg_var shorter = lg_full(s.tape, lg_shape1((uint32_t)s.parameters - 1), 0.1);
         s.vars.model = NULL;
         assert_status(lg_hamiltonian_bind(s.tape, hamiltonian_of(&s), shorter, &s.vars), LG_SHAPE);
+        lg_tape_reset(s.tape);
+        const lg_var row = lg_full(s.tape, lg_shape2(1, (uint32_t)s.parameters), 0.1);
+        assert_status(lg_hamiltonian_bind(s.tape, hamiltonian_of(&s), row, &s.vars), LG_SHAPE);
         assert_null(s.vars.model);
     }
 }

@@ -371,6 +371,9 @@ TEST("the scales of an oscillator are its amplitudes and 1/w, with many or few p
         assert_true(scales.time * w > 1.0 && scales.time * w < 1.1);
         assert_close(scales.part[0], a / sqrt(2.0), 1e-12, 0.0);
         assert_close(scales.part[1], mass * a * w / sqrt(2.0), 1e-2, 0.0);
+        for (size_t j = 0; j < points; j++) data[2 * j + 1] = 0.25; /* only q changes */
+        assert_ok(lg_hamiltonian_find_scales(&problem, &scales, NULL));
+        assert_true(scales.time * w > 1.0 && scales.time * w < 1.1);
     }
 }
 
@@ -398,8 +401,13 @@ TEST("sizes beyond the range of a scale are refused, and a problem without data 
     lg_hamiltonian_scales scales = {2.0, {3.0, 4.0}};
     s.problem.model = &s.model;
     assert_status(lg_hamiltonian_find_scales(&s.problem, &scales, NULL), LG_NOT_FINITE);
-    s.problem.data = NULL;
-    assert_status(lg_hamiltonian_find_scales(&s.problem, &scales, NULL), LG_INVALID_ARGUMENT);
-    assert_status(lg_hamiltonian_weigh(&s.problem, NULL), LG_INVALID_ARGUMENT);
+    lg_hamiltonian_problem bad[5];
+    for (size_t i = 0; i < LG_COUNT(bad); i++) bad[i] = s.problem;
+    bad[0].data = NULL, bad[1].model = NULL, bad[2].trajectories = 0, bad[3].points = 1, bad[4].dt = NAN;
+    for (size_t i = 0; i < LG_COUNT(bad); i++) {
+        assert_status(lg_hamiltonian_find_scales(&bad[i], &scales, NULL), LG_INVALID_ARGUMENT);
+        assert_status(lg_hamiltonian_weigh(&bad[i], NULL), LG_INVALID_ARGUMENT);
+        assert_false(lg_hamiltonian_moves(&bad[i]));
+    }
     assert_true(scales.time == 2.0 && scales.part[0] == 3.0 && scales.part[1] == 4.0);
 }
