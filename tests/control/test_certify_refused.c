@@ -220,6 +220,77 @@ TEST("what cannot be proved is refused at once: jumps, boxes without the goal, f
     assert_string_equal(error.message, "P is not positive definite");
 }
 
+TEST("numbers of a certificate that are out of range are refused") {
+    lg_certify *certify = NULL;
+    lg_error error;
+    const double no_bound[2] = {-1, 0}, goal[2] = {0.1, 0}, beyond[2] = {0, 2}, endless[2] = {INFINITY, 1};
+    const lg_certify_spec good = spec_for(loop_program(2, damped, quadratic, NULL), P, low, high);
+#define REFUSED(word, ...)                                                                                   \
+    do {                                                                                                     \
+        lg_certify_spec s = good;                                                                            \
+        __VA_ARGS__;                                                                                         \
+        assert_int_equal(lg_certify_create(NULL, &s, &certify, &error), LG_INVALID_ARGUMENT);                \
+        assert_says(error.message, word);                                                                    \
+    } while (0)
+    REFUSED("size of the struct", s.size = 3);
+    REFUSED("not both", s.lyapunov = "v");
+    REFUSED("not both", s.P = NULL);
+    REFUSED("level and eps", s.level = -1);
+    REFUSED("level and eps", s.level = INFINITY);
+    REFUSED("level and eps", s.eps = -1);
+    REFUSED("level and eps", s.eps = NAN);
+    REFUSED("level and eps", s.most = -1);
+    REFUSED("level and eps", s.resolution = 0);
+    REFUSED("level and eps", s.resolution = 0.75);
+    REFUSED("level and eps", s.threads = 0);
+    REFUSED("level and eps", (s.level = 1, s.eps = 1));
+    REFUSED("does not hold the goal", s.goal = beyond);
+    REFUSED("must be finite", (s.P = NULL, s.lyapunov = "v", s.high = endless));
+    REFUSED("is no bound", s.model_error = no_bound);
+    REFUSED("is no bound", s.model_error = endless);
+#undef REFUSED
+    lg_certify_spec shifted = good;
+    shifted.goal = goal; /* no equilibrium: motions cannot converge to it */
+    shifted.level = 0.3;
+    assert_false(prove(&shifted, 5).converges);
+    lg_certify_spec_init(NULL);
+    lg_certify_destroy(NULL);
+}
+
+TEST("a proof without time examines nothing, and one that is cancelled is reported") {
+    lg_certify_spec spec = spec_for(loop_program(2, damped, NULL, NULL), P, low, high);
+    volatile int cancel = 0;
+    lg_context_options options;
+    lg_context *context;
+    lg_certify *certify;
+    lg_certify_result result;
+    lg_error error;
+    lg_context_options_init(&options);
+    options.cancel = &cancel;
+    assert_ok(lg_context_create(&options, &context));
+    lg_test_owns(context, release_context);
+    assert_ok(lg_certify_create(context, &spec, &certify, &error));
+    lg_test_owns(certify, release_certify);
+    assert_ok(lg_certify_run(certify, 100, 0, &result, &error));
+    assert_true(!result.finished && result.boxes == 0);
+    cancel = 1;
+    assert_status(lg_certify_run(certify, 100, 10, &result, &error), LG_CANCELLED);
+    cancel = 0;
+    assert_ok(lg_certify_run(certify, 1, 10, &result, &error));
+    assert_ok(lg_certify_run(certify, SIZE_MAX, 20, &result, &error));
+    assert_true(result.finished && result.verified);
+}
+
+TEST("matrices of an attitude that are not finite or not symmetric are refused") {
+    double A[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+    lg_certify_attitude_result result;
+    assert_ok(lg_certify_attitude(A, 1, &result, NULL));
+    A[4] = NAN;
+    assert_status(lg_certify_attitude(A, 1, &result, NULL), LG_NOT_FINITE);
+    A[4] = 1, A[1] = 0.5;
+    assert_status(lg_certify_attitude(A, 1, &result, NULL), LG_INVALID_ARGUMENT);
+}
+
 static lg_status create_and_run(const lg_context *context, const lg_certify_spec *spec) {
     lg_certify *certify = NULL;
     lg_certify_result result;
