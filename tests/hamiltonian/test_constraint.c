@@ -454,7 +454,7 @@ TEST("motions need a potential, and their settings are checked") {
     lg_constraint_sampling bad[8];
     for (size_t i = 0; i < LG_COUNT(bad); i++) bad[i] = how;
     bad[0].points = 1, bad[1].size = 3, bad[2].t_end = 0, bad[3].t_end = INFINITY, bad[4].speed = -1;
-    bad[5].speed = NAN, bad[6].noise = -1, bad[7].noise = INFINITY;
+    bad[5].speed = INFINITY, bad[6].noise = -1, bad[7].noise = INFINITY;
     for (size_t i = 0; i < LG_COUNT(bad); i++)
         assert_status(lg_constraint_generate(c, &bad[i], NULL, out, NULL, NULL), LG_INVALID_ARGUMENT);
     how.noise_kind = (lg_noise)(LG_NOISE_UNIFORM + 1);

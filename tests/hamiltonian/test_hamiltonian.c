@@ -1115,6 +1115,17 @@ TEST("invalid problems and models are refused") {
     REFUSED((bad.distance = LG_DISTANCE_GEODESIC, bad.scheme = lg_scheme_find("rk4")), LG_UNSUPPORTED);
     REFUSED(bad.scheme = NULL, LG_INVALID_ARGUMENT);
     REFUSED(bad.data = NULL, LG_INVALID_ARGUMENT);
+    lg_hamiltonian_problem short_one = good;
+    short_one.points = 1;
+    assert_status(lg_hamiltonian_mean_squared_error(NULL, &short_one, theta, &value, NULL),
+                  LG_INVALID_ARGUMENT);
+    assert_status(lg_hamiltonian_integral_change(NULL, &short_one, theta, 1, &value, NULL),
+                  LG_INVALID_ARGUMENT);
+    assert_status(lg_hamiltonian_integral_unit(NULL, &short_one, &value, NULL), LG_INVALID_ARGUMENT);
+    double wrong[64] = {NAN};
+    lg_program *program;
+    assert_status(lg_hamiltonian_program(NULL, &chain, wrong, NULL, &program, &error), LG_NOT_FINITE);
+    assert_says(error.message, "a parameter is not finite");
     lg_hamiltonian_problem many = good;
     many.substeps = 1u << 31;
     assert_status(lg_hamiltonian_floor(NULL, &many, theta, &value, NULL), LG_INVALID_ARGUMENT);
@@ -1123,6 +1134,9 @@ TEST("invalid problems and models are refused") {
     assert_status(
         lg_hamiltonian_init(&model, &lg_hamiltonian_chain, 0, LG_POTENTIAL_LINEAR, NULL, 0, LG_TANH),
         LG_INVALID_ARGUMENT);
+    assert_status(lg_hamiltonian_init(&model, &lg_hamiltonian_chain, 1,
+                                      (lg_potential_kind)LG_POTENTIAL_KIND_COUNT, NULL, 0, LG_TANH),
+                  LG_INVALID_ARGUMENT);
     assert_status(lg_hamiltonian_init(&model, &lg_hamiltonian_chain, LG_HAMILTONIAN_MAX_COPIES + 1,
                                       LG_POTENTIAL_LINEAR, NULL, 0, LG_TANH),
                   LG_INVALID_ARGUMENT);

@@ -396,6 +396,23 @@ TEST("without motion the scales are sizes of the state and the duration of a tra
     assert_true(scales.part[0] == 1.0 && scales.part[1] == 1.0);
 }
 
+TEST("without motion the scale of a line is its size, and 1 if it is 0") {
+    for (int zero = 0; zero < 2; zero++) {
+        lg_hamiltonian model;
+        lg_hamiltonian_scales scales;
+        assert_ok(lg_hamiltonian_init(&model, &lg_hamiltonian_rotation_line, 1, LG_POTENTIAL_MLP, NULL, 0,
+                                      LG_TANH));
+        const size_t d = lg_hamiltonian_state_dim(&model);
+        double *data = room(2 * d);
+        for (size_t i = 0; i < 2 * d; i++) data[i] = zero ? 0.0 : 0.5;
+        const lg_hamiltonian_problem problem = {
+            .model = &model, .trajectories = 1, .points = 2, .dt = 0.1, .data = data};
+        assert_ok(lg_hamiltonian_find_scales(&problem, &scales, NULL));
+        assert_true(scales.time == 0.1 && scales.part[0] == 1.0);
+        assert_close(scales.part[2], zero ? 1.0 : 0.5, 1e-15, 0.0);
+    }
+}
+
 TEST("sizes beyond the range of a scale are refused, and a problem without data too") {
     training s = make_training(&systems[2], (units){1.0, 1.0, 1e-200});
     lg_hamiltonian_scales scales = {2.0, {3.0, 4.0}};

@@ -2,6 +2,7 @@
 #include <sys/resource.h>
 #include <sys/stat.h>
 
+#include "support/constraints.h"
 #include "support/io_test.h"
 #include "hamiltonian/internal.h"
 
@@ -475,6 +476,11 @@ TEST("invalid arguments are refused") {
     assert_status(lg_trajectories_set_constraint(&none, NULL, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_trajectories_set_constraint(bad, NULL, NULL), LG_INVALID_ARGUMENT);
     lg_trajectories_destroy(NULL);
+    lg_trajectories *tied = own_lg_trajectories((lg_trajectories){.n = 0});
+    assert_ok(lg_trajectories_create(NULL, "", &lg_hamiltonian_constrained, 4, 1, 2, 1, false, 0, tied));
+    lg_program *sphere = make_constraint_program(&constraint_cases[0], &plain_units);
+    assert_status(lg_trajectories_set_constraint(tied, sphere, NULL), LG_INVALID_ARGUMENT);
+    assert_null(tied->constraint);
     bad->data[20] = NAN;
     assert_status(lg_trajectories_write(NULL, scratch_path("nan.h5"), bad, NULL), LG_NOT_FINITE);
     assert_int_not_equal(access(scratch_path("nan.h5"), F_OK), 0);
