@@ -39,8 +39,8 @@ TEST("a refused description leaves the surrogate unchanged") {
     REFUSED(1, 3.3, 1.5, (void)0);
     REFUSED(100001, 3.3, 1.5, (void)0);
     REFUSED(N, 3.3, 1.5, o.kind = (lg_surrogate_kind)LG_SURROGATE_KIND_COUNT);
-    REFUSED(N, 3.3, 1.5, o.energy = INFINITY);
-    REFUSED(N, 3.3, 1.5, o.residual = INFINITY);
+    REFUSED(N, 3.3, 1.5, (o.kind = LG_SURROGATE_ANGLE, o.energy = INFINITY));
+    REFUSED(N, 3.3, 1.5, (o.kind = LG_SURROGATE_ANGLE, o.residual = INFINITY));
     REFUSED(N, 3.3, 1.5, o.hidden = 0);
     REFUSED(N, 3.3, 1.5, o.layers = LG_NET_MAX_LAYERS + 1);
     REFUSED(N, 3.3, 1.5, (o.kind = LG_SURROGATE_ANGLE, o.modes = 1));
@@ -662,6 +662,7 @@ TEST("curves that do not fit the model, and numbers that are not finite, are ref
 }
 
 TEST("every allocation may fail, and nothing leaks") {
+    lg_surrogate_curves_destroy(NULL);
     const lg_elastica_curves set = make_curves(3, 6);
     for (size_t which = 0; which < TEST_OPTIONS; which++) {
         const small s = make_small(which, 6, TEST_LENGTH, 35);
