@@ -2,6 +2,8 @@
  * ctest-labels: threads src/control src/autodiff */
 #include "certify_support.h"
 
+#include "control/certify.h"
+
 #include "liegrad/networks.h"
 #include "support/fail_alloc.h"
 
@@ -220,6 +222,11 @@ TEST("what cannot be proved is refused at once: jumps, boxes without the goal, f
     assert_string_equal(error.message, "P is not positive definite");
 }
 
+/* One number for each row */
+RECORDING(with_a_sum) {
+    y[0] = lg_sum_axis(tape, lg_square(tape, x[0]), 1, true);
+}
+
 TEST("numbers of a certificate that are out of range are refused") {
     lg_certify *certify = NULL;
     lg_error error;
@@ -255,6 +262,49 @@ TEST("numbers of a certificate that are out of range are refused") {
     assert_false(prove(&shifted, 5).converges);
     lg_certify_spec_init(NULL);
     lg_certify_destroy(NULL);
+}
+
+TEST("a rate or a V of another size is refused with the function's name") {
+    lg_certify *certify = NULL;
+    lg_error error;
+    const lg_port x = {.name = "x", .shape = lg_shape1(2)}, three = {.name = "x", .shape = lg_shape1(3)},
+                  square = {.name = "x", .shape = lg_shape2(2, 2)}, out = {.name = "y"},
+                  shared = {.name = "x", .shape = lg_shape2(1, 2), .shared = true},
+                  large = {.name = "x", .shape = lg_shape1(LG_CERTIFY_STATES + 1)};
+    const lg_port pair[2] = {x, {.name = "z", .shape = lg_shape1(2)}};
+    const struct {
+        const lg_port *in;
+        size_t inputs;
+        lg_record_function record;
+    } v[] = {{&x, 1, damped},
+             {&three, 1, with_a_sum},
+             {&square, 1, with_a_sum},
+             {&shared, 1, with_a_sum},
+             {pair, 2, with_a_sum}},
+      loop[] = {{&large, 1, with_a_sum},
+                {&square, 1, with_a_sum},
+                {&shared, 1, with_a_sum},
+                {pair, 2, damped},
+                {&x, 1, with_a_sum}};
+    double from[LG_CERTIFY_STATES + 1], to[LG_CERTIFY_STATES + 1];
+    for (size_t i = 0; i <= LG_CERTIFY_STATES; i++) {
+        from[i] = -1;
+        to[i] = 1;
+    }
+    for (size_t i = 0; i < LG_COUNT(v) + LG_COUNT(loop); i++) {
+        const bool of_v = i < LG_COUNT(v);
+        const size_t k = of_v ? i : i - LG_COUNT(v);
+        const lg_function_spec functions[2] = {
+            of_v ? (lg_function_spec){"loop", &x, 1, &out, 1, damped, NULL}
+                 : (lg_function_spec){"loop", loop[k].in, loop[k].inputs, &out, 1, loop[k].record, NULL},
+            of_v ? (lg_function_spec){"v", v[k].in, v[k].inputs, &out, 1, v[k].record, NULL}
+                 : (lg_function_spec){"v", &x, 1, &out, 1, quadratic, NULL}};
+        const lg_program_spec whole = spec_of(NULL, 0, functions, 2);
+        lg_certify_spec spec = spec_for(test_program(&whole), NULL, from, to);
+        spec.lyapunov = "v";
+        assert_int_equal(lg_certify_create(NULL, &spec, &certify, &error), LG_INVALID_ARGUMENT);
+        assert_says(error.message, of_v ? "'v'" : "'loop'");
+    }
 }
 
 TEST("a proof without time examines nothing, and one that is cancelled is reported") {

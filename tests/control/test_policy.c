@@ -637,6 +637,14 @@ TEST("a policy is saved and loaded with its bits, on its plant and on another on
     char *text;
     assert_ok(lg_policy_task_parse(NULL, "task", task_text, &read, NULL));
     assert_memory_equal(&task.coordinate, &read.coordinate, sizeof task.coordinate);
+    assert_status(lg_policy_save(NULL, NULL, policy, task_text, NULL, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_policy_save(NULL, "test_policy.h5", NULL, task_text, NULL, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_policy_save(NULL, "test_policy.h5", policy, NULL, NULL, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_policy_load(NULL, NULL, NULL, &loaded, NULL, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_policy_load(NULL, "test_policy.h5", NULL, NULL, NULL, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_policy_save(NULL, "test_policy.h5", policy, test_text("%05000d", 0), NULL, NULL),
+                  LG_FORMAT);
+    assert_true(access("test_policy.h5", F_OK) != 0);
     assert_ok(lg_policy_save(NULL, "test_policy.h5", policy, task_text, NULL, NULL));
     assert_ok(lg_policy_load(NULL, "test_policy.h5", NULL, &loaded, &text, NULL));
     (void)unlink("test_policy.h5");
