@@ -112,8 +112,8 @@ static lg_status take_root(size_t n, const double *a, const char *name, double *
 lg_status lg_ekf_init(const lg_model *model, const lg_ekf_options *options, lg_ekf **out, void *memory,
                       size_t bytes, lg_error *error) {
     LG_NEEDS(error, model, options, out, memory);
-    if (options == NULL || options->size != sizeof *options || out == NULL || options->scheme == NULL ||
-        options->state == NULL || options->P == NULL || options->W == NULL || options->sensors == NULL)
+    if (options->size != sizeof *options || options->scheme == NULL || options->state == NULL ||
+        options->P == NULL || options->W == NULL || options->sensors == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "the options' size is wrong, or their scheme, state, P, W or sensors are NULL");
     const size_t k = options->sensor_count, needed = lg_ekf_size(model, options->scheme, k);

@@ -260,8 +260,7 @@ lg_status lg_lqr_init(const lg_model *model, const lg_lqr_options *options, lg_l
     double drift;
     const size_t needed = lg_lqr_size(model), r = lg_model_tangent_dim(model), m = lg_model_input_dim(model);
     if (needed == 0) return lg_fail(error, LG_UNSUPPORTED, "the model has no inputs or no field");
-    if (options == NULL || options->size != sizeof *options || out == NULL || options->state == NULL ||
-        !(options->period >= 0.0))
+    if (options->size != sizeof *options || options->state == NULL || !(options->period >= 0.0))
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "the options' size is wrong, their state is NULL, or their period is negative");
     LG_TRY(lg_portions_check(memory, bytes, needed, error));

@@ -301,12 +301,11 @@ static void ambient(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var
 /* The force on a part plus the numbers of the input that belong to it. The numbers before *from belong to
  * earlier parts. */
 static lg_var pushed(lg_tape *tape, lg_var force, lg_var input, uint32_t *from) {
-    const lg_shape shape = lg_var_shape(tape, force);
-    const uint32_t width = (uint32_t)(lg_shape_count(shape) / shape.dims[0]);
+    const uint32_t width = lg_hamiltonian_width(tape, force);
     if (lg_is_none(input)) return force;
     lg_var own = lg_slice(tape, input, 1, *from, width);
     *from += width;
-    return lg_add(tape, force, lg_reshape(tape, own, shape));
+    return lg_add(tape, force, lg_reshape(tape, own, lg_var_shape(tape, force)));
 }
 
 static void field(const lg_hamiltonian *model, lg_tape *tape, const lg_var *y, const lg_var *dH, lg_var input,

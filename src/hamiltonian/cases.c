@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "autodiff/cases/table.h"
+#include "hamiltonian/internal.h"
 #include "liegrad/hamiltonian.h"
 #include "liegrad/mechanics.h"
 
@@ -33,10 +34,9 @@ static void fill(const lg_hamiltonian *model, double *data) {
                                      0.8,     0.7,      -0.8,     0.6,     0.6,     0.0, -0.8, 0.8,
                                      -0.5,    0.6,      -1.0 / 3, 2.0 / 3, 2.0 / 3, 0.0, 0.9,  -0.9};
     const size_t d = lg_hamiltonian_state_dim(model);
-    lg_space space;
+    const lg_space space = lg_hamiltonian_space_of(model->family, model->n);
     lg_rng rng;
     lg_rng_seed(&rng, 5, 0);
-    if (lg_hamiltonian_space(model->family, model->n, &space) != LG_OK) return;
     for (size_t row = 0; row < TRAJECTORIES * POINTS; row++) {
         for (size_t j = 0; j < d; j++) data[row * d + j] = numbers[(row % 2 * d + j) % LG_COUNT(numbers)];
         lg_space_project(&space, data + row * d);

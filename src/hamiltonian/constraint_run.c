@@ -311,7 +311,9 @@ static lg_status draw_start(const lg_constraint *c, const lg_constraint_sampling
         for (size_t i = 0; i < n; i++) state[i] = lg_rng_uniform_in(&rng, low, high);
         for (size_t i = 0; i < n; i++) v[i] = lg_rng_uniform_in(&rng, -how->speed, how->speed);
         times(n, c->mass, v, state + n);
-        if (lg_constraint_project(c, high - low, state, &why) != LG_OK) continue;
+        const lg_status projected = lg_constraint_project(c, high - low, state, &why);
+        if (projected == LG_OUT_OF_MEMORY) return lg_fail(error, projected, "%s", why.message);
+        if (projected != LG_OK) continue;
         for (size_t i = 0; i < n; i++) inside = inside && state[i] >= low - slack && state[i] <= high + slack;
         if (inside) return LG_OK;
     }

@@ -13,6 +13,12 @@ lg_status lg_hamiltonian_space(const lg_hamiltonian_family *family, uint32_t n, 
     return lg_space_init(space, factors, family->factors);
 }
 
+lg_space lg_hamiltonian_space_of(const lg_hamiltonian_family *family, uint32_t n) {
+    lg_space space = {0};
+    (void)lg_hamiltonian_space(family, n, &space);
+    return space;
+}
+
 /* The larger one of the errors | |q| - 1 | and |q.p| / |p|. */
 static double off_sphere(const double *copy) {
     const double *q = copy, *p = copy + 3, along = fabs(lg_dot3(q, p));
@@ -30,9 +36,8 @@ double lg_hamiltonian_off_manifold(const lg_hamiltonian_family *family, uint32_t
                                    uint32_t *copy) {
     static double (*const rows[LG_SPACE_KINDS])(const double *) = {
         [LG_SPACE_TS2] = off_sphere, [LG_SPACE_SO3] = off_rotations};
-    lg_space space;
+    const lg_space space = lg_hamiltonian_space_of(family, n);
     double most = 0.0;
-    if (lg_hamiltonian_space(family, n, &space) != LG_OK) return most;
     for (size_t f = 0; f < space.factors; f++) {
         const lg_space_kind kind = space.factor[f].kind;
         for (uint32_t i = 0; i < space.factor[f].count; i++, state += lg_space_kind_entry(kind)->state) {
@@ -47,7 +52,7 @@ lg_status lg_hamiltonian_init(lg_hamiltonian *model, const lg_hamiltonian_family
                               lg_potential_kind potential, const uint32_t *hidden, uint32_t hidden_layers,
                               lg_activation activation) {
     LG_NEEDS(NULL, model, family);
-    if (family == NULL || n < 1 || n > lg_hamiltonian_most_copies(family)) return LG_INVALID_ARGUMENT;
+    if (n < 1 || n > lg_hamiltonian_most_copies(family)) return LG_INVALID_ARGUMENT;
     const lg_potential_row *row = lg_potential_row_of(potential);
     if (row == NULL) return LG_INVALID_ARGUMENT;
     lg_hamiltonian made = {
@@ -74,8 +79,7 @@ size_t lg_hamiltonian_parameters(const lg_hamiltonian *model) {
 }
 
 uint32_t lg_hamiltonian_state_dim(const lg_hamiltonian *model) {
-    lg_space space;
-    return lg_hamiltonian_space(model->family, model->n, &space) == LG_OK ? (uint32_t)space.dim : 0;
+    return (uint32_t)lg_hamiltonian_space_of(model->family, model->n).dim;
 }
 
 uint32_t lg_hamiltonian_input_dim(const lg_hamiltonian *model) {

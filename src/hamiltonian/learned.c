@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "core/core.h"
+#include "hamiltonian/internal.h"
 #include "hamiltonian/learned.h"
 
 #define WARN(...) lg_log_message(context, LG_LOG_WARNING, __VA_ARGS__)
@@ -27,8 +28,7 @@ static size_t trajectory_size(const lg_hamiltonian_problem *problem) {
 lg_status lg_hamiltonian_learned(const lg_context *context, const lg_hamiltonian *model, const double *theta,
                                  lg_model **out, lg_error *error) {
     lg_program *program;
-    lg_space space;
-    LG_TRY(lg_hamiltonian_space(model->family, model->n, &space));
+    const lg_space space = lg_hamiltonian_space_of(model->family, model->n);
     LG_TRY(lg_hamiltonian_program(context, model, theta, NULL, &program, error));
     return lg_model_create(context, program, &space, out, error);
 }

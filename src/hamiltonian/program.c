@@ -33,10 +33,9 @@ static lg_status gradient(void *user, lg_tape *tape, const lg_var *theta, const 
 /* The field uses only the output dH/dx of grad; a plan then leaves out the computation of the value. */
 static lg_status field(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     const recording *r = user;
-    lg_space space;
+    const lg_space space = lg_hamiltonian_space_of(r->model->family, r->model->n);
     lg_var state[LG_HAMILTONIAN_MAX_PARTS], dH[LG_HAMILTONIAN_MAX_PARTS], out[LG_HAMILTONIAN_MAX_PARTS];
     (void)theta;
-    LG_TRY(lg_hamiltonian_space(r->model->family, r->model->n, &space));
     LG_TRY(lg_taped_split(tape, &space, x[0], state));
     LG_TRY(lg_taped_split(tape, &space, lg_program_call(tape, "grad", 1, x), dH));
     lg_hamiltonian_record_algebra(tape, r->model, 1.0, state, dH, input_of(r, x), out);
@@ -142,9 +141,8 @@ static lg_status build(const lg_context *context, recording *r, const double *th
 
 /* Adds the step and the Jacobian of `velocity`, then gives the program its parameters. */
 static lg_status finish(const recording *r, lg_program *program, const double *theta, lg_error *error) {
-    lg_space space;
+    const lg_space space = lg_hamiltonian_space_of(r->model->family, r->model->n);
     lg_derivative jacobian;
-    LG_TRY(lg_hamiltonian_space(r->model->family, r->model->n, &space));
     LG_TRY(lg_program_add_step(program, &space, r->scheme, 0.001, 0.05, error));
     lg_derivative_init(&jacobian);
     jacobian.kind = LG_DERIVATIVE_JACOBIAN;

@@ -16,8 +16,7 @@ double lg_hamiltonian_energy_scale(const lg_hamiltonian *model) {
 
 void lg_hamiltonian_number_scales(const lg_hamiltonian *model, double *out) {
     uint8_t part[LG_HAMILTONIAN_LARGEST];
-    lg_space space;
-    if (lg_hamiltonian_space(model->family, model->n, &space) != LG_OK) return;
+    const lg_space space = lg_hamiltonian_space_of(model->family, model->n);
     lg_taped_number_parts(&space, part);
     for (size_t i = 0; i < space.dim; i++) out[i] = model->scales.part[part[i]];
 }
@@ -117,8 +116,8 @@ lg_var lg_hamiltonian_potential_gradient(lg_tape *tape, const lg_hamiltonian_var
 /* The shape of the input is checked here, because a wrong width could broadcast. */
 lg_var lg_hamiltonian_input_like(lg_tape *tape, lg_var input, lg_var part) {
     const lg_shape shape = lg_var_shape(tape, part), given = lg_var_shape(tape, input);
-    const size_t rows = shape.dims[0], width = lg_shape_count(shape) / (rows > 0 ? rows : 1);
-    if (given.rank != 2 || given.dims[0] != rows || given.dims[1] != width)
+    if (given.rank != 2 || given.dims[0] != shape.dims[0] ||
+        given.dims[1] != lg_hamiltonian_width(tape, part))
         return lg_tape_fail(tape, LG_SHAPE, "hamiltonian",
                             "the input must have one row of forces for each row of states");
     return lg_reshape(tape, input, shape);
@@ -128,13 +127,12 @@ lg_var lg_hamiltonian_input_like(lg_tape *tape, lg_var input, lg_var part) {
 
 static void gradient_inside(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *out) {
     const lg_hamiltonian_family *family = vars->model->family;
-    lg_space space;
     if (family->gradient != NULL) {
         family->gradient(tape, vars, y, out);
         return;
     }
     for (size_t i = 0; i < LG_HAMILTONIAN_MAX_PARTS; i++) out[i] = LG_NONE;
-    if (lg_hamiltonian_space(family, vars->model->n, &space) != LG_OK) return;
+    const lg_space space = lg_hamiltonian_space_of(family, vars->model->n);
     (void)lg_grad(tape, lg_sum(tape, family->energy(tape, vars, y)), y, lg_taped_parts(&space), out);
 }
 
@@ -142,9 +140,8 @@ static void gradient_inside(lg_tape *tape, const lg_hamiltonian_vars *vars, cons
 static void gradient_parts(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *out) {
     const lg_hamiltonian *model = vars->model;
     const double energy = lg_hamiltonian_energy_scale(model);
-    lg_space space;
+    const lg_space space = lg_hamiltonian_space_of(model->family, model->n);
     lg_var scaled[LG_HAMILTONIAN_MAX_PARTS];
-    if (lg_hamiltonian_space(model->family, model->n, &space) != LG_OK) return;
     inside(tape, model, lg_taped_parts(&space), y, scaled);
     gradient_inside(tape, vars, scaled, out);
     for (size_t i = 0; i < lg_taped_parts(&space); i++)
@@ -174,9 +171,8 @@ static void field_parts(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg
 
 static lg_status velocity_parts(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var input,
                                 gradient_of gradient, lg_var *out) {
-    lg_space space;
+    const lg_space space = lg_hamiltonian_space_of(vars->model->family, vars->model->n);
     lg_var algebra[LG_HAMILTONIAN_MAX_PARTS];
-    LG_TRY(lg_hamiltonian_space(vars->model->family, vars->model->n, &space));
     field_parts(tape, vars, y, input, gradient, algebra);
     return lg_taped_generator(tape, &space, algebra, y, out);
 }
@@ -201,8 +197,8 @@ lg_var lg_hamiltonian_record_drift(lg_tape *tape, const lg_hamiltonian_vars *var
 
 /* Sets the space and splits the state into parts. Returns false if the tape has an error. */
 static bool parts_of(lg_tape *tape, const lg_hamiltonian *model, lg_var state, lg_space *space, lg_var *y) {
-    return lg_hamiltonian_space(model->family, model->n, space) == LG_OK &&
-           lg_taped_split(tape, space, state, y) == LG_OK;
+    *space = lg_hamiltonian_space_of(model->family, model->n);
+    return lg_taped_split(tape, space, state, y) == LG_OK;
 }
 
 lg_var lg_hamiltonian_record_value(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state) {
@@ -236,7 +232,7 @@ lg_var lg_hamiltonian_record_velocity(lg_tape *tape, const lg_hamiltonian_vars *
     lg_space space;
     lg_var y[LG_HAMILTONIAN_MAX_PARTS], out[LG_HAMILTONIAN_MAX_PARTS];
     if (!parts_of(tape, vars->model, state, &space, y)) return LG_NONE;
-    if (velocity_parts(tape, vars, y, input, gradient_parts, out) != LG_OK) return LG_NONE;
+    (void)velocity_parts(tape, vars, y, input, gradient_parts, out);
     return lg_taped_join(tape, &space, out);
 }
 
@@ -263,8 +259,9 @@ static lg_status ode_drift(void *user, lg_tape *tape, lg_taped_time t, lg_var p,
 
 lg_status lg_hamiltonian_taped_ode(lg_hamiltonian_vars *vars, lg_taped_ode *ode) {
     LG_NEEDS(NULL, vars, ode);
-    lg_taped_ode made = {.field = ode_field, .user = vars};
-    LG_TRY(lg_hamiltonian_space(vars->model->family, vars->model->n, &made.space));
+    lg_taped_ode made = {.field = ode_field,
+                         .user = vars,
+                         .space = lg_hamiltonian_space_of(vars->model->family, vars->model->n)};
     if (vars->model->family->force != NULL) {
         made.force = ode_force;
         made.velocity = ode_drift;
@@ -318,10 +315,8 @@ lg_status lg_hamiltonian_training_ode(lg_tape *tape, lg_hamiltonian_vars *vars, 
     if (ode->force != NULL) ode->force = inner_force, ode->velocity = inner_drift;
     if (lg_space_is_abelian(&ode->space) || !scheme->ambient) return LG_OK;
     const size_t parts = lg_taped_parts(&ode->space);
-    for (size_t i = 0; i < parts; i++) {
-        const lg_shape shape = lg_var_shape(tape, start[i]);
-        factors[i] = (lg_space_factor){LG_SPACE_RN, lg_shape_count(shape) / shape.dims[0]};
-    }
+    for (size_t i = 0; i < parts; i++)
+        factors[i] = (lg_space_factor){LG_SPACE_RN, lg_hamiltonian_width(tape, start[i])};
     ode->field = ambient_field;
     return lg_space_init(&ode->space, factors, parts);
 }

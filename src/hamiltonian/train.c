@@ -163,7 +163,7 @@ static lg_status begin(lg_tape *tape, const lg_hamiltonian_problem *problem, lg_
     const uint32_t n = (uint32_t)lg_hamiltonian_parameters(problem->model);
     const lg_var weights = is_estimated(problem) ? lg_slice(tape, theta, 0, 0, n) : theta;
     LG_TRY(lg_hamiltonian_bind(tape, problem->model, weights, vars));
-    LG_TRY(lg_hamiltonian_space(problem->model->family, problem->model->n, space));
+    *space = lg_hamiltonian_space_of(problem->model->family, problem->model->n);
     LG_TRY(given_points(tape, problem, space, samples, count, 0, 0, start));
     if (!is_estimated(problem)) return LG_OK;
     return estimated_starts(tape, problem, space, theta, samples, count, start);
@@ -418,8 +418,7 @@ void lg_hamiltonian_fit_problem(const lg_hamiltonian_problem *problem, lg_fit_pr
         const lg_hamiltonian_problem *borrowed;
         void *user;
     } pointer = {.borrowed = problem};
-    lg_space space = {0};
-    (void)lg_hamiltonian_space(problem->model->family, problem->model->n, &space);
+    const lg_space space = lg_hamiltonian_space_of(problem->model->family, problem->model->n);
     const size_t starts = is_estimated(problem) ? problem->trajectories * space.algebra_dim : 0;
     const bool squares = problem->penalty == 0.0 && problem->distance == LG_DISTANCE_AMBIENT;
     const bool network = problem->model->potential == LG_POTENTIAL_MLP;
@@ -483,10 +482,9 @@ static lg_status shard_slope(void *user, lg_tape *tape, lg_var theta, const uint
                              size_t batch, lg_var *mean) {
     const lg_hamiltonian_problem *problem = user;
     const lg_hamiltonian_vars vars = {.model = problem->model};
-    lg_space space;
+    const lg_space space = lg_hamiltonian_space_of(problem->model->family, problem->model->n);
     lg_var y[LG_HAMILTONIAN_MAX_PARTS], slope[LG_HAMILTONIAN_MAX_PARTS], total;
     (void)theta;
-    LG_TRY(lg_hamiltonian_space(problem->model->family, problem->model->n, &space));
     LG_TRY(given_points(tape, problem, &space, samples, count, 0, problem->points - 1, y));
     const size_t parts = lg_taped_parts(&space);
     const lg_var values = lg_sum(tape, conserved(tape, problem, &vars, parts, y));

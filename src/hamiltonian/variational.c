@@ -117,7 +117,7 @@ static lg_var all_normals(lg_tape *tape, const step *s, lg_var nu) {
     for (size_t i = 0; s->family->layout[i] != NULL; i += 2, count++) {
         const manifold_row *row = row_of(tape, s->y[i]);
         const lg_shape shape = lg_var_shape(tape, s->y[i]);
-        const uint32_t width = (uint32_t)(lg_shape_count(shape) / shape.dims[0]);
+        const uint32_t width = lg_hamiltonian_width(tape, s->y[i]);
         if (row->constraints == 0) {
             each[count] = lg_full(tape, lg_shape2(shape.dims[0], width), 0.0);
             continue;

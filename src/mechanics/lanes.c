@@ -2,6 +2,8 @@
  * each instruction set, with LG_KERNEL_ISA = baseline, avx2, avx512 or neon, and LG_KERNEL_ISA_<set> defined.
  * The only external symbol is the table lg_lanes_<set>. */
 #define LG_KERNEL_f64
+#include <string.h>
+
 #include "integrators/event_search.h"
 #include "integrators/groups.h"
 #include "integrators/lanes.h"
@@ -126,7 +128,7 @@ static void hamiltonian_ambient_lanes(const lane_problem *problem, const lanes *
         name##_lanes(problem, y, a);                                                                         \
         lane_generate_copy(kind, a, y, out);                                                                 \
         const size_t own = lane_kinds[kind].algebra, at = lane_kinds[kind].state;                            \
-        for (size_t i = own; i < (m); i++) out[at + i - own] = a[i];                                         \
+        memcpy(out + at, a + own, ((m)-own) * sizeof *a);                                                    \
     }
 GENERATED(momentum, 3, LG_SPACE_SO3_DUAL)
 GENERATED(attitude, 6, LG_SPACE_SO3)

@@ -60,7 +60,7 @@ static void list_add(list_text *list, const char *word) {
     if (!word || list->length >= sizeof(list->text)) return;
     const int n = snprintf(list->text + list->length, sizeof(list->text) - list->length, "%s%s",
                            list->length > 0 ? ", " : "", word);
-    list->length += n > 0 ? (size_t)n : 0;
+    list->length += (size_t)n;
 }
 
 static lg_status fail_row(const char *name, const char *form, lg_error *error) {
@@ -72,8 +72,8 @@ static lg_status fail_row(const char *name, const char *form, lg_error *error) {
         else if (!row && (i == 0 || strcmp(rows[i]->name, rows[i - 1]->name) != 0))
             list_add(&known, rows[i]->name);
     if (!row)
-        return lg_fail(error, LG_NOT_FOUND, "there is no system \"%s\"; the systems are %s",
-                       name ? name : "(null)", known.text);
+        return lg_fail(error, LG_NOT_FOUND, "there is no system \"%s\"; the systems are %s", name,
+                       known.text);
     if (known.length == 0)
         return lg_fail(error, LG_NOT_FOUND, "%s has no form \"%s\"; it has one form only", name, form);
     return lg_fail(error, LG_NOT_FOUND, "%s has no form \"%s\"; its forms are %s", name, form, known.text);
@@ -82,12 +82,13 @@ static lg_status fail_row(const char *name, const char *form, lg_error *error) {
 static lg_status fail_key(const char *system, const lg_parameter_entry *table, const char *key,
                           lg_error *error) {
     list_text known = {.length = 0};
+    if (!key) key = "(null)";
     for (const lg_parameter_entry *p = table; p->key; p++) list_add(&known, p->key);
     if (known.length == 0)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s has no parameter \"%s\"; it has no parameters", system,
-                       key ? key : "(null)");
+                       key);
     return lg_fail(error, LG_INVALID_ARGUMENT, "%s has no parameter \"%s\"; its parameters are %s", system,
-                   key ? key : "(null)", known.text);
+                   key, known.text);
 }
 
 /* ---- parameters ---- */
@@ -225,8 +226,7 @@ static void append_number(layout_text *text, size_t number) {
 static size_t write_layout(const lg_system_row *row, size_t links, char *out) {
     layout_text text = {out, 0};
     size_t at = 0;
-    if (row->layout) append(&text, row->layout);
-    for (const lg_state_entry *s = row->state; !row->layout && s->key;) {
+    for (const lg_state_entry *s = row->state; s->key;) {
         const size_t outer = s->outer > 0 ? s->outer : links;
         const size_t block = at >= s->first && s->stride > 0 ? (at - s->first) / s->stride : 0;
         if (block >= outer || at != s->first + block * s->stride) {

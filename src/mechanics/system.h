@@ -31,7 +31,6 @@ typedef struct lg_system_row {
     const char *name, *form;              /* form is NULL if the system has one form only */
     const lg_parameter_entry *parameters; /* the list ends with a NULL key */
     const lg_state_entry *state;          /* the list ends with a NULL key */
-    const char *layout;                   /* NULL: the layout lists the parts of `state` by their offsets */
     bool separable;                       /* force and velocity are set, plain and taped */
     size_t unreported;                    /* numbers at the end of the state that are not reported */
     lg_status (*space)(size_t links, lg_space *out);

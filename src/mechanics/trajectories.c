@@ -51,8 +51,7 @@ static void body_start(lg_rng *rng, double low, double high, size_t n, double *y
     box_start(rng, low, high, 3, y + 9);
 }
 
-/* For each kind of factor: how one copy is drawn, and the low end of the box for LG_STARTS_THESIS. `draw` is
- * NULL if starts cannot be drawn. */
+/* For each kind of factor: how one copy is drawn, and the low end of the box for LG_STARTS_THESIS. */
 static const struct {
     void (*draw)(lg_rng *rng, double low, double high, size_t n, double *y);
     double low;
@@ -77,8 +76,6 @@ lg_status lg_space_draw_start(const lg_space *space, const lg_trajectory_options
     if (!space || !rng || !y || starts_fault(o)) return LG_INVALID_ARGUMENT;
     const bool box = o->starts == LG_STARTS_BOX;
     if (o->starts == LG_STARTS_PLANE) return LG_UNSUPPORTED;
-    for (size_t f = 0; f < space->factors; f++)
-        if (samplers[space->factor[f].kind].draw == NULL) return LG_UNSUPPORTED;
     for (size_t f = 0; f < space->factors; f++) {
         const lg_space_kind kind = space->factor[f].kind;
         const size_t n = lg_space_kind_entry(kind)->state;

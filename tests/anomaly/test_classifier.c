@@ -106,7 +106,49 @@ TEST("invalid tables and options are refused, and the classifier is unchanged") 
         o.size = 1;
         assert_status(lg_classifier_fit(NULL, &o, x, label, NULL, 8, 2, 2, &c, &e), LG_INVALID_ARGUMENT);
     }
+    lg_classifier_options o = options_of(0);
+    assert_status(lg_classifier_fit(NULL, &o, x, label, NULL, 8, 0, 2, &c, &e), LG_INVALID_ARGUMENT);
+    o.method = (lg_classifier_method)LG_METHOD_COUNT;
+    assert_status(lg_classifier_fit(NULL, &o, x, label, NULL, 8, 2, 2, &c, &e), LG_INVALID_ARGUMENT);
     assert_int_equal(c.classes, 55);
+    assert_string_equal(lg_classifier_method_name(o.method), "unknown");
+    lg_classifier_destroy(NULL);
+    /* the choice by cross-validation: rows, features, classes, threads */
+    static const struct {
+        size_t rows;
+        uint32_t d, classes;
+        int threads;
+    } wrong[] = {{0, 2, 2, 1}, {(size_t)1 << 33, 2, 2, 1}, {8, 0, 2, 1},
+                 {8, 2, 1, 1}, {8, 2, UINT32_MAX, 1},      {8, 2, 2, 0}};
+    double rate = 7;
+    size_t best = 9;
+    o = options_of(0);
+    for (size_t i = 0; i < LG_COUNT(wrong); i++) {
+        assert_status(lg_classifier_search(NULL, &o, 1, 2, x, label, NULL, NULL, wrong[i].rows, wrong[i].d,
+                                           wrong[i].classes, wrong[i].threads, &rate, &best, &e),
+                      LG_INVALID_ARGUMENT);
+        assert_says(e.message, "cross-validation needs rows");
+    }
+    x[3] = INFINITY;
+    assert_status(lg_classifier_search(NULL, &o, 1, 2, x, label, NULL, NULL, 8, 2, 2, 1, &rate, &best, &e),
+                  LG_NOT_FINITE);
+    assert_says(e.message, "setting 0");
+    x[3] = 0;
+    const volatile int stop = 1;
+    lg_context_options options;
+    lg_context *context;
+    lg_context_options_init(&options);
+    options.cancel = &stop;
+    assert_ok(lg_context_create(&options, &context));
+    lg_test_owns(context, release_context);
+    assert_status(lg_classifier_search(context, &o, 1, 2, x, label, NULL, NULL, 8, 2, 2, 1, &rate, &best, &e),
+                  LG_CANCELLED);
+    static const size_t cancelled[] = {0, 2}; /* logistic regression, and a tree */
+    for (size_t i = 0; i < LG_COUNT(cancelled); i++) {
+        o = options_of(cancelled[i]);
+        assert_status(lg_classifier_fit(context, &o, x, label, NULL, 8, 2, 2, &c, &e), LG_CANCELLED);
+    }
+    assert_true(rate == 7 && best == 9 && c.classes == 55);
     lg_classifier_method method;
     for (int m = 0; m < LG_METHOD_COUNT; m++) {
         assert_ok(lg_classifier_method_parse(lg_classifier_method_name((lg_classifier_method)m), &method));
@@ -185,6 +227,49 @@ TEST("archives keep every bit") {
         }
         lg_classifier_destroy(&back);
     }
+}
+
+TEST("an archive that is full is reported, and so are windows that do not fit the features") {
+    lg_series s = make_series();
+    for (size_t t = 0; t < CHAINS; t++) {
+        archived *a = save(&s, t);
+        lg_error e;
+        for (size_t i = 1; i < a->archive.count; i++) {
+            memory_archive *full = TEST_ARRAY(memory_archive, 1);
+            full->fail_after = i;
+            const lg_archive_writer writer = memory_writer(full);
+            assert_status(lg_classifier_save(&a->c, &writer, &e), LG_FILE);
+            assert_says(e.message, "could not be saved");
+        }
+        double *work = TEST_ARRAY(double, lg_classifier_work_size(&a->c) / sizeof(double)), score[3];
+        lg_classifier other = a->c;
+        other.features.count = 0;
+        assert_status(lg_classifier_window(&other, s.x, score, work), LG_INVALID_ARGUMENT);
+        other.features.count = a->c.features.count + 1;
+        assert_status(lg_classifier_window(&other, s.x, score, work), LG_INVALID_ARGUMENT);
+        const lg_archive_writer writer = memory_writer(&a->archive);
+        other.method = (lg_classifier_method)LG_METHOD_COUNT;
+        assert_status(lg_classifier_save(&other, &writer, &e), LG_INVALID_ARGUMENT);
+    }
+}
+
+TEST("texts and ranks in an archive that are unknown are refused with their names") {
+    static const char *const texts[] = {"method", "features/kind", "tree/criterion"};
+    lg_series s = make_series();
+    lg_classifier back;
+    lg_error e;
+    for (size_t i = 0; i < LG_COUNT(texts); i++) {
+        archived *a = save(&s, 0);
+        memory_item *item = memory_find(&a->archive, test_text("classifier/%s", texts[i]));
+        assert_non_null(item);
+        memory_fill(item, "no such name", sizeof "no such name");
+        assert_status(lg_classifier_load(NULL, &a->reader, &back, &e), LG_FORMAT);
+        assert_says(e.message, texts[i]);
+    }
+    archived *a = save(&s, 0);
+    memory_find(&a->archive, "classifier/logistic/weight")->rank = 1;
+    assert_status(lg_classifier_load(NULL, &a->reader, &back, &e), LG_FORMAT);
+    assert_says(e.message, "logistic/weight");
 }
 
 /* Changes every number of every stored array, one at a time, and every dimension. The reader must refuse the
@@ -288,20 +373,25 @@ static void replace(memory_archive *archive, const char *path, const void *data,
     item->dims[0] = rows;
 }
 
-/* Seven nodes, each the child of one other node, with a cycle: 0 has the children 1 and 2; apart from them 3
- * has 4 and 5, and 4 has 3 and 6. With `honest` there is no cycle: 2 has 3 and 4, and 4 has 5 and 6. */
-TEST("trees with cycles are refused") {
+/* Seven nodes. The first row is a tree; in the second one each node is the child of one other node, with a
+ * cycle of 3 and 4. Then a node has one child twice, a node has two parents (on either side), and a node has
+ * none. */
+TEST("trees with cycles, two parents or no parent are refused") {
+    static const double children[][7][2] = {
+        {{1, 2}, {0, 0}, {3, 4}, {0, 0}, {5, 6}, {0, 0}, {0, 0}},
+        {{1, 2}, {0, 0}, {0, 0}, {4, 5}, {3, 6}, {0, 0}, {0, 0}},
+        {{1, 2}, {0, 0}, {3, 3}, {0, 0}, {5, 6}, {0, 0}, {0, 0}},
+        {{1, 2}, {3, 4}, {3, 5}, {0, 0}, {0, 0}, {0, 0}, {0, 0}},
+        {{1, 2}, {3, 4}, {5, 4}, {0, 0}, {0, 0}, {0, 0}, {0, 0}},
+        {{1, 2}, {0, 0}, {3, 4}, {0, 0}, {0, 0}, {0, 0}, {0, 0}},
+    };
     lg_series s = make_series();
-    for (int honest = 0; honest < 2; honest++) {
-        static const double children[2][7][2] = {
-            {{1, 2}, {0, 0}, {0, 0}, {4, 5}, {3, 6}, {0, 0}, {0, 0}},
-            {{1, 2}, {0, 0}, {3, 4}, {0, 0}, {5, 6}, {0, 0}, {0, 0}},
-        };
+    for (size_t k = 0; k < LG_COUNT(children); k++) {
         double node[7][6] = {{0}};
         uint32_t counts[7][3] = {{0}};
         const uint32_t seven = 7;
         for (int i = 0; i < 7; i++) {
-            memcpy(&node[i][1], children[honest][i], sizeof children[honest][i]);
+            memcpy(&node[i][1], children[k][i], sizeof children[k][i]);
             node[i][5] = counts[i][0] = 1;
         }
         lg_classifier back;
@@ -309,7 +399,7 @@ TEST("trees with cycles are refused") {
         replace(&a->archive, "classifier/tree/nodes", &seven, 1, sizeof seven);
         replace(&a->archive, "classifier/tree/node", node, 7, sizeof node[0]);
         replace(&a->archive, "classifier/tree/counts", counts, 7, sizeof counts[0]);
-        assert_status(lg_classifier_load(NULL, &a->reader, &back, NULL), honest ? LG_OK : LG_FORMAT);
+        assert_status(lg_classifier_load(NULL, &a->reader, &back, NULL), k == 0 ? LG_OK : LG_FORMAT);
         lg_classifier_destroy(&back);
     }
 }

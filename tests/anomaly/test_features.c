@@ -2,6 +2,9 @@
  * threads, invalid input. */
 #include "classify_support.h"
 
+#include "anomaly/classify/classify_internal.h"
+#include "anomaly/classify/features.h"
+
 #include "core/core.h"
 
 static const char *const riser[6] = {"acc_lower_x", "acc_lower_y", "acc_upper_x",
@@ -263,6 +266,16 @@ TEST("features are named after their channels") {
     }
     lg_feature_kind kind;
     assert_status(lg_feature_kind_parse("covariance", &kind), LG_NOT_FOUND);
+    assert_string_equal(lg_feature_kind_name((lg_feature_kind)LG_FEATURE_KIND_COUNT), "unknown");
+    char text[40];
+    const lg_features f = features_of(LG_FEATURES_STD, false, &s, 20, NULL);
+    (void)lg_features_name(&f, &s, f.count, text, sizeof text);
+    assert_string_equal(text, "unknown");
+    s.channel_name[2][0] = '\0'; /* channels without a name, or out of range, have their number */
+    for (uint32_t c = 2; c < 7; c += 4) {
+        (void)lg_channel_name(&s, c, text, sizeof text);
+        assert_string_equal(text, c == 2 ? "2" : "6");
+    }
 }
 
 TEST("any number of threads gives the same bits") {
@@ -295,11 +308,22 @@ TEST("windows, scalers and samples that do not fit are refused") {
     assert_status(
         lg_features_create(NULL, (lg_feature_kind)LG_FEATURE_KIND_COUNT, false, &s, 20, NULL, &f, &e), bad);
     assert_status(lg_features_create(NULL, LG_FEATURES_RAW, false, &s, 1u << 20, NULL, &f, &e), bad);
+    assert_status(lg_features_create(NULL, LG_FEATURES_RAW, false, &s, 0, NULL, &f, &e), bad);
+    lg_series none = s, wide = s;
+    none.channels = 0, wide.channels = LG_FEATURES_MAX + 1;
+    assert_status(lg_features_create(NULL, LG_FEATURES_RAW, false, &none, 20, NULL, &f, &e), bad);
+    assert_status(lg_features_create(NULL, LG_FEATURES_RAW, false, &wide, 20, NULL, &f, &e), bad);
+    assert_says(e.message, "at most");
+    assert_status(lg_features_create(NULL, LG_FEATURES_BASELINE, true, &s, 20, NULL, &f, &e), bad);
+    assert_says(e.message, "same direction (x)");
+    lg_features_destroy(NULL);
     double mean[3] = {0}, scale[3] = {1, 0, 1};
     const lg_scaler zero = {.channels = 3, .mean = mean, .scale = scale},
                     narrow = {.channels = 2, .mean = mean, .scale = scale};
     assert_status(lg_features_create(NULL, LG_FEATURES_COV, false, &s, 20, &zero, &f, &e), bad);
     assert_status(lg_features_create(NULL, LG_FEATURES_COV, false, &s, 20, &narrow, &f, &e), bad);
+    scale[1] = INFINITY;
+    assert_status(lg_features_create(NULL, LG_FEATURES_COV, false, &s, 20, &zero, &f, &e), bad);
     assert_int_equal(f.count, 77);
     f = features_of(LG_FEATURES_COV, false, &s, 20, NULL);
     double out[6], *work = malloc(lg_features_work_size(&f));
@@ -313,6 +337,21 @@ TEST("windows, scalers and samples that do not fit are refused") {
     assert_status(lg_features_table(NULL, &f, &s, &w, 2, table, &e), LG_NOT_FINITE);
     assert_non_null(strstr(e.message, "window 0"));
     assert_status(lg_features_table(NULL, &f, &s, &w, 0, table, &e), bad);
+    lg_windows shorter = w, empty = w;
+    lg_series fewer = s;
+    shorter.length = 10, empty.count = 0, fewer.channels = 2;
+    assert_status(lg_features_table(NULL, &f, &s, &shorter, 1, table, &e), bad);
+    assert_status(lg_features_table(NULL, &f, &fewer, &w, 1, table, &e), bad);
+    assert_ok(lg_features_table(NULL, &f, &s, &empty, 1, table, &e));
+    s.x[30] = 1.0f;
+    const volatile int stop = 1;
+    lg_context_options options;
+    lg_context *context;
+    lg_context_options_init(&options);
+    options.cancel = &stop;
+    assert_ok(lg_context_create(&options, &context));
+    assert_status(lg_features_table(context, &f, &s, &w, 1, table, &e), LG_CANCELLED);
+    lg_context_destroy(context);
     free(work);
 }
 

@@ -134,6 +134,10 @@ TEST("invalid tables and penalties are refused") {
     lg_error e;
     assert_status(lg_logistic_fit(NULL, x, label, 6, 2, 2, 0.0, &m, &e), LG_INVALID_ARGUMENT);
     assert_status(lg_logistic_fit(NULL, x, label, 6, 2, 2, NAN, &m, &e), LG_INVALID_ARGUMENT);
+    assert_status(lg_logistic_fit(NULL, x, label, 6, 2, 2, INFINITY, &m, &e), LG_INVALID_ARGUMENT);
+    assert_status(lg_logistic_fit(NULL, x, label, 6, 2, UINT32_MAX, 1.0, &m, &e), LG_INVALID_ARGUMENT);
+    assert_status(lg_logistic_fit(NULL, x, label, 6, 0, 2, 1.0, &m, &e), LG_INVALID_ARGUMENT);
+    lg_logistic_destroy(NULL);
     assert_status(lg_logistic_fit(NULL, x, label, 6, 2, 1, 1.0, &m, &e), LG_INVALID_ARGUMENT);
     label[3] = 2;
     assert_status(lg_logistic_fit(NULL, x, label, 6, 2, 2, 1.0, &m, &e), LG_INVALID_ARGUMENT);

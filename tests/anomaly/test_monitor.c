@@ -315,7 +315,7 @@ TEST("invalid options are refused") {
     witness w = {.channels = CHANNELS, .window = WINDOW};
     lg_monitor *watch = (lg_monitor *)(void *)memory;
     lg_error error;
-    enum { BAD = 9 };
+    enum { BAD = 13 };
     lg_monitor_options bad[BAD];
     for (int i = 0; i < BAD; i++) bad[i] = good;
     bad[0].channels = 0;
@@ -327,6 +327,10 @@ TEST("invalid options are refused") {
     bad[6].votes = 6;
     bad[7].votes_of = 65;
     bad[8].size = 3;
+    bad[9].channels = UINT32_MAX;
+    bad[10].window = UINT32_MAX;
+    bad[11].channels = bad[11].window = 1u << 17;
+    bad[12].votes_of = 0;
     for (int i = 0; i < BAD; i++) {
         assert_int_equal(lg_monitor_size(&bad[i]), 0);
         assert_status(lg_monitor_init(&bad[i], look, &w, &watch, memory, ROOM, &error), LG_INVALID_ARGUMENT);

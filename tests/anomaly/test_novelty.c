@@ -343,9 +343,26 @@ TEST("data that cannot be fitted are refused with a message") {
                          LG_INVALID_ARGUMENT);
         assert_non_null(strstr(error.message, wrong[i].says));
     }
-    options.folds = 1;
-    assert_int_equal(lg_novelty_fit(NULL, &options, &s, &w, NULL, s.count, 1, &v, &error),
-                     LG_INVALID_ARGUMENT);
+    lg_novelty_options bad[7];
+    for (size_t i = 0; i < LG_COUNT(bad); i++) bad[i] = options;
+    bad[0].folds = 1, bad[1].size = 3, bad[2].quantile = 0, bad[3].quantile = 1.5, bad[4].margin = 0;
+    bad[5].most = 1, bad[6].margin = NAN;
+    for (size_t i = 0; i <= LG_COUNT(bad); i++) { /* the last time with no thread */
+        const lg_novelty_options *how = i < LG_COUNT(bad) ? &bad[i] : &options;
+        assert_int_equal(lg_novelty_fit(NULL, how, &s, &w, NULL, s.count, how != &options, &v, &error),
+                         LG_INVALID_ARGUMENT);
+        assert_says(error.message, "options of novelty are out of range");
+    }
+    const volatile int stop = 1;
+    lg_context_options cancelling;
+    lg_context *context;
+    lg_context_options_init(&cancelling);
+    cancelling.cancel = &stop;
+    assert_ok(lg_context_create(&cancelling, &context));
+    assert_int_equal(lg_novelty_fit(context, &options, &s, &w, NULL, s.count, 1, &v, &error), LG_CANCELLED);
+    lg_context_destroy(context);
+    s.x[5] = NAN;
+    assert_int_equal(lg_novelty_fit(NULL, &options, &s, &w, NULL, s.count, 1, &v, &error), LG_NOT_FINITE);
 }
 
 TEST("every allocation of a fit may fail") {
@@ -387,6 +404,12 @@ TEST("after saving and loading, the distances have the same bits") {
     assert_ok(lg_novelty_save(&v, &writer, &error));
     assert_ok(lg_novelty_load(NULL, &reader, &again, &error));
     (void)own_lg_novelty(again);
+    for (size_t i = 1; i < archive.count; i++) {
+        memory_archive full = {.fail_after = i};
+        const lg_archive_writer no_room = memory_writer(&full);
+        assert_int_equal(lg_novelty_save(&v, &no_room, &error), LG_FILE);
+        assert_says(error.message, "could not be saved");
+    }
     for (uint64_t seed = 0; seed < 10; seed++) {
         const float *x = window(seed, seed % 2, 1.5, 1e-2);
         const lg_novelty_result a = look(&v, x), b = look(&again, x);
@@ -425,5 +448,35 @@ TEST("a damaged file is refused") {
         }
         assert_int_equal(lg_novelty_load(NULL, &reader, &again, &error), expected);
         assert_true(error.message[0] != '\0' && again.channels == 0);
+    }
+}
+
+TEST("sizes in a file that are not possible together are refused") {
+    static const struct {
+        const char *path;
+        uint32_t value;
+    } wrong[] = {{"novelty/channels", 0},
+                 {"novelty/length", 0},
+                 {"novelty/length", 1},
+                 {"novelty/length", UINT32_MAX},
+                 {"novelty/classes", 0},
+                 {"novelty/classes", 65537},
+                 {"novelty/bands", UINT32_MAX / 2},
+                 {"novelty/channels", LG_NOVELTY_FEATURES}};
+    const lg_series s = make_windows(1, 1e-2);
+    const lg_novelty v = fit(&s);
+    for (size_t i = 0; i <= LG_COUNT(wrong); i++) {
+        memory_archive archive = {.count = 0};
+        const lg_archive_writer writer = memory_writer(&archive);
+        const lg_archive_reader reader = memory_reader(&archive);
+        lg_novelty again;
+        lg_error error = {LG_OK, ""};
+        assert_ok(lg_novelty_save(&v, &writer, &error));
+        if (i < LG_COUNT(wrong))
+            *(uint32_t *)memory_find(&archive, wrong[i].path)->data = wrong[i].value;
+        else
+            memory_find(&archive, "novelty/scale")->rank = 2;
+        assert_int_equal(lg_novelty_load(NULL, &reader, &again, &error), LG_FORMAT);
+        assert_says(error.message, i < LG_COUNT(wrong) ? "not possible together" : "novelty/scale");
     }
 }

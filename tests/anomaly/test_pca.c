@@ -2,6 +2,9 @@
  * agree; difficult tables. */
 #include "classify_support.h"
 
+#include "anomaly/classify/classify_internal.h"
+#include "anomaly/classify/features.h"
+
 #define HALF_ROOT 0.70710678118654752440
 
 OWNED(lg_pca, lg_pca_destroy)
@@ -107,9 +110,16 @@ TEST("too many components and numbers that are not finite are refused") {
     assert_non_null(strstr(e.message, "at most 3"));
     assert_status(lg_pca_fit(NULL, x, 2, 9, 3, &p, &e), LG_INVALID_ARGUMENT);
     assert_status(lg_pca_fit(NULL, x, 0, 3, 0, &p, &e), LG_INVALID_ARGUMENT);
+    assert_status(lg_pca_fit(NULL, x, 6, 0, 0, &p, &e), LG_INVALID_ARGUMENT);
+    assert_status(lg_pca_fit(NULL, x, (size_t)1 << 31, 3, 0, &p, &e), LG_INVALID_ARGUMENT);
+    assert_says(e.message, "too large");
+    assert_status(lg_pca_fit(NULL, x, 6, LG_FEATURES_MAX + 1, 0, &p, &e), LG_INVALID_ARGUMENT);
+    lg_pca_destroy(NULL);
     x[4] = NAN;
     assert_status(lg_pca_fit(NULL, x, 6, 3, 1, &p, &e), LG_NOT_FINITE);
-    x[4] = 1e200; /* its square overflows */
+    x[4] = 1e308, x[1] = 1e308; /* their sum overflows */
+    assert_status(lg_pca_fit(NULL, x, 6, 3, 1, &p, &e), LG_NOT_FINITE);
+    x[4] = 1e200, x[1] = 0; /* its square overflows */
     assert_status(lg_pca_fit(NULL, x, 6, 3, 1, &p, &e), LG_NOT_FINITE);
     assert_int_equal(p.inputs, 99);
 }

@@ -359,6 +359,18 @@ TEST("invalid arguments of free motion are refused, and nothing is written") {
     memcpy(kept, q, sizeof q);
     assert_status(lg_riser_free_motion(NULL, &p, 0.0, 2, false, q, v, energy, &error), LG_INVALID_ARGUMENT);
     assert_status(lg_riser_free_motion(NULL, &p, NAN, 2, false, q, v, energy, &error), LG_INVALID_ARGUMENT);
+    assert_status(lg_riser_free_motion(NULL, &p, INFINITY, 2, false, q, v, energy, NULL),
+                  LG_INVALID_ARGUMENT);
+    assert_status(lg_riser_free_motion(NULL, &p, 0.05, 2, false, q, NULL, energy, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_riser_periods(&p, true, NULL), LG_INVALID_ARGUMENT);
+    const volatile int stop = 1;
+    lg_context_options options;
+    lg_context *context;
+    lg_context_options_init(&options);
+    options.cancel = &stop;
+    assert_ok(lg_context_create(&options, &context));
+    assert_status(lg_riser_free_motion(context, &p, 0.05, 2, false, q, v, energy, &error), LG_CANCELLED);
+    lg_context_destroy(context);
     assert_status(lg_riser_free_motion(NULL, &p, 0.05, 2, false, NULL, v, energy, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_riser_free_motion(NULL, NULL, 0.05, 2, false, q, v, energy, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_riser_free_motion(NULL, &p, 0.05, SIZE_MAX, false, q, v, energy, &error),

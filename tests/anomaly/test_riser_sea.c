@@ -463,6 +463,9 @@ TEST("invalid parameters, runs and seas are refused by name") {
     REFUSED(sea.direction, INFINITY, "direction");
     REFUSED(noise, -1.0, "noise");
     REFUSED(dt, 0.0, "dt");
+    REFUSED(dt, INFINITY, "dt");
+    REFUSED(rate, INFINITY, "rate");
+    REFUSED(discard, 1e13, "discard");
     REFUSED(dt, 0.03, "whole");
     REFUSED(dt, 1.0, "whole");
     REFUSED(dt, 1e-300, "whole");
@@ -503,6 +506,16 @@ TEST("invalid parameters, runs and seas are refused by name") {
     assert_true(waves[0].amplitude == 0.0 && isfinite(waves[0].wavenumber));
     assert_status(lg_sea_components(&calm, 0.0, 9.81, 1, waves), LG_INVALID_ARGUMENT);
     assert_status(lg_sea_components(NULL, 100.0, 9.81, 1, waves), LG_INVALID_ARGUMENT);
+    assert_status(lg_sea_components(&calm, 100.0, 9.81, 1, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_sea_components(&calm, 100.0, 0.0, 1, waves), LG_INVALID_ARGUMENT);
+    static const lg_sea_state no_seas[] = {{.height = -1.0, .period = 8.0},
+                                           {.height = INFINITY, .period = 8.0},
+                                           {.height = 1.0, .period = 8.0, .direction = INFINITY},
+                                           {.height = 1.0, .period = 0.0}};
+    for (size_t i = 0; i < LG_COUNT(no_seas); i++)
+        assert_status(lg_sea_components(&no_seas[i], 100.0, 9.81, 1, waves), LG_INVALID_ARGUMENT);
+    lg_riser_run_init(&run);
+    assert_status(lg_riser_stream_create(NULL, &p, &run, NULL, &error), LG_INVALID_ARGUMENT);
     lg_riser_parameters_init(&p);
     static const struct {
         double height, period, depth;

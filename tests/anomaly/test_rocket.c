@@ -6,6 +6,7 @@
 #include <math.h>
 
 #include "core/core.h"
+#include "anomaly/classify/classify_internal.h"
 
 static const double PHI = 1.618033988749895;
 
@@ -190,6 +191,9 @@ TEST("windows, options and samples that do not fit are refused with a reason") {
     assert_status(lg_features_create(NULL, LG_FEATURES_ROCKET, false, &s, 30, &scaler, &f, &e),
                   LG_INVALID_ARGUMENT);
     assert_says(e.message, "lg_rocket_fit");
+    o.features = LG_FEATURES_MAX + 1;
+    assert_status(lg_rocket_fit(NULL, &o, &s, &w, NULL, 3, &scaler, &f, &e), LG_INVALID_ARGUMENT);
+    assert_says(e.message, "random convolution features");
     f = rocket_of(&s, 96, 1);
     double *work = TEST_ARRAY(double, lg_features_work_size(&f) / sizeof(double)), out[96];
     s.x[40] = NAN;
@@ -385,4 +389,62 @@ TEST("each group of neighbours gives its share of the features with the largest 
     assert_ok(lg_classifier_fit(NULL, &o, x, label, NULL, 40, 7, 2, &c, &e));
     assert_status(lg_classifier_largest(NULL, &c, 1, 2, index, &e), LG_UNSUPPORTED);
     lg_classifier_destroy(&c);
+}
+
+TEST("convolutions that do not fit their windows are refused") {
+    lg_series s = make_series(3, 2, 30, 17);
+    const lg_features f = rocket_of(&s, 96, 1);
+    assert_null(lg_rocket_check(&f));
+    lg_rocket_convolution *first = &f.rocket.convolution[0];
+    const lg_rocket_convolution good = *first;
+    const struct {
+        lg_rocket_convolution made;
+        const char *says;
+    } bad[] = {{{96, good.dilation, good.padded, good.channels, good.features}, "out of range"},
+               {{good.kernel, good.dilation, 2, good.channels, good.features}, "out of range"},
+               {{good.kernel, good.dilation, good.padded, good.channels, 0}, "out of range"},
+               {{good.kernel, 0, good.padded, good.channels, good.features}, "dilation"},
+               {{good.kernel, 4, good.padded, good.channels, good.features}, "dilation"},
+               {{good.kernel, good.dilation, good.padded, 0, good.features}, "no channels, or too many"},
+               {{good.kernel, good.dilation, good.padded, 3, good.features}, "no channels, or too many"},
+               {{good.kernel, good.dilation, good.padded, 3 - good.channels, good.features}, "does not fit"},
+               {{good.kernel, good.dilation, good.padded, good.channels, good.features + 1}, "does not fit"}};
+    for (size_t i = 0; i < LG_COUNT(bad); i++) {
+        *first = bad[i].made;
+        const char *what = lg_rocket_check(&f);
+        assert_non_null(what);
+        assert_says(what, bad[i].says);
+    }
+    *first = good;
+    const uint32_t channel = f.rocket.channel[0];
+    f.rocket.channel[0] = 4;
+    assert_says(lg_rocket_check(&f), "does not exist");
+    f.rocket.channel[0] = channel;
+    assert_null(lg_rocket_check(&f));
+}
+
+/* The bias of feature i; channels that are subtracted have a minus. */
+TEST("features of convolutions are named after kernel, dilation and channels") {
+    lg_series s = make_series(3, 2, 30, 17);
+    const lg_features f = rocket_of(&s, 192, 1);
+    const lg_rocket *r = &f.rocket;
+    uint32_t index = 0, at = 0;
+    for (uint32_t i = 0; i < r->count; i++) {
+        const lg_rocket_convolution *c = &r->convolution[i];
+        for (uint32_t b = 0; b < c->features; b++, index++) {
+            char text[200], want[200], channels[20] = "";
+            for (uint32_t k = 0; k < c->channels; k++)
+                (void)sprintf(channels + strlen(channels), "%s%u",
+                              r->channel[at + k] % 2 == 1 ? "-"
+                              : k > 0                     ? "+"
+                                                          : "",
+                              r->channel[at + k] / 2);
+            (void)snprintf(want, sizeof want, "rocket %u dilation %u %s > %.6g%s", c->kernel, c->dilation,
+                           channels, (double)r->bias[index], c->kernel < 84 ? " rms" : "");
+            (void)lg_features_name(&f, NULL, index, text, sizeof text);
+            assert_string_equal(text, want);
+        }
+        at += c->channels;
+    }
+    assert_int_equal(index, f.count);
 }

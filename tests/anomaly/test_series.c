@@ -46,6 +46,16 @@ TEST("a set has memory for its sizes, or none") {
     lg_series huge = {.count = SIZE_MAX / 2, .channels = UINT32_MAX, .length = UINT32_MAX, .classes = 1};
     assert_status(lg_series_allocate(NULL, &huge, true, true), LG_OUT_OF_MEMORY);
     assert_null(huge.x);
+    lg_series_destroy(NULL);
+    lg_windows_destroy(NULL);
+    lg_scaler_destroy(NULL);
+    lg_windows w = {.count = 7};
+    const lg_series no_series[] = {{.count = 0, .length = 4}, {.count = 4, .length = 0}};
+    for (size_t i = 0; i < 2; i++)
+        assert_status(lg_windows_create(NULL, &no_series[i], 2, 2, &w, NULL), LG_INVALID_ARGUMENT);
+    const lg_series many = {.count = (size_t)1 << 33, .length = 4};
+    assert_status(lg_windows_create(NULL, &many, 4, 4, &w, NULL), LG_INVALID_ARGUMENT);
+    assert_int_equal(w.count, 7);
 }
 
 /* ---- windows ---- */
@@ -246,6 +256,10 @@ TEST("invalid fractions, missing units and empty parts are refused") {
         if (error.message[0] == '\0' || strstr(error.message, cases[i].word) == NULL)
             fail_msg("%zu: %s", i, error.message);
     }
+    lg_windows none = w;
+    none.count = 0;
+    assert_status(lg_series_split(NULL, &s, &none, LG_SPLIT_RANDOM, 0.2, 0, 1, parts, NULL),
+                  LG_INVALID_ARGUMENT);
     for (size_t i = 0; i < 6; i++) assert_int_equal(parts[i], 9);
 }
 

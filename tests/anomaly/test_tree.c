@@ -349,11 +349,13 @@ TEST("invalid tables and options are refused, and the tree is unchanged") {
                   {bad, y, 3, 1, 2, LG_NOT_FINITE, "row 1"},
                   {worse, y, 3, 1, 2, LG_NOT_FINITE, "row 2"}};
     const lg_tree_options good = options_of(LG_GINI, 1);
-    lg_tree_options options[] = {good, good, good, good};
+    lg_tree_options options[] = {good, good, good, good, good, good};
     options[0].min_samples_split = 1;
     options[1].min_samples_leaf = 0;
     options[2].ccp_alpha = NAN;
     options[3].criterion = (lg_tree_criterion)LG_CRITERION_COUNT;
+    options[4].size = 3;
+    options[5].ccp_alpha = INFINITY;
     lg_tree tree = {.inputs = 77};
     lg_error error;
     for (size_t i = 0; i < LG_COUNT(tables); i++) {
@@ -375,6 +377,8 @@ TEST("invalid tables and options are refused, and the tree is unchanged") {
     assert_ok(lg_tree_criterion_parse("entropy", &criterion));
     assert_int_equal(criterion, LG_ENTROPY);
     assert_string_equal(lg_tree_criterion_name(LG_GINI), "gini");
+    assert_string_equal(lg_tree_criterion_name((lg_tree_criterion)LG_CRITERION_COUNT), "unknown");
+    lg_tree_destroy(NULL);
     assert_status(lg_tree_criterion_parse("Gini", &criterion), LG_NOT_FOUND);
 }
 

@@ -66,6 +66,82 @@ TEST("damping of 0 is refused") {
     assert_int_equal(lg_certify_energy(NULL, &spec, &r, &error), LG_INVALID_ARGUMENT);
 }
 
+RECORDING(jumping_slope) {
+    y[0] = lg_sign(tape, x[0]);
+}
+
+RECORDING(shifted_slope) {
+    y[0] = lg_add_scalar(tape, x[0], 0.1);
+}
+
+TEST("numbers out of range, other functions, jumps and a goal that is no equilibrium are refused") {
+    pendulum p = {0.15, 6, 3};
+    const lg_certify_energy_spec good = energy_spec(&p, 0.3);
+    lg_certify_energy_spec bad[7] = {good, good, good, good, good, good, good};
+    lg_certify_energy_result r;
+    lg_error error;
+    bad[0].size = 3, bad[1].gain = -1, bad[2].gain = INFINITY, bad[3].saturated = 0,
+    bad[4].saturated = INFINITY;
+    bad[5].period = 0, bad[6].damping = INFINITY;
+    for (size_t i = 0; i < LG_COUNT(bad); i++) {
+        assert_int_equal(lg_certify_energy(NULL, &bad[i], &r, &error), LG_INVALID_ARGUMENT);
+        assert_says(error.message, "must be positive, the gain at least 0");
+    }
+    lg_certify_energy_spec other = good;
+    other.program = loop_program(2, jumping_slope, NULL, NULL);
+    assert_int_equal(lg_certify_energy(NULL, &other, &r, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "needs one number in and one out");
+    other.program = loop_program(1, jumping_slope, NULL, NULL);
+    assert_int_equal(lg_certify_energy(NULL, &other, &r, &error), LG_UNSUPPORTED);
+    assert_says(error.message, "may jump");
+    other.program = loop_program(1, shifted_slope, NULL, NULL);
+    assert_ok(lg_certify_energy(NULL, &other, &r, &error));
+    assert_true(!r.verified && strstr(r.reason, "no exact equilibrium") != NULL);
+    lg_certify_energy_spec_init(NULL);
+}
+
+/* ---- rotation ---- */
+
+static lg_certify_rotation_spec rotation_spec(void) {
+    lg_certify_rotation_spec s;
+    lg_certify_rotation_spec_init(&s);
+    s.J[0] = s.J[4] = s.J[8] = s.stiffness = s.damping = s.limit[0] = 1, s.inputs = 1;
+    return s;
+}
+
+TEST("rotations: matrices, gains and limits that do not fit are refused, and loops that are not stiff") {
+    lg_certify_rotation_result r;
+    lg_error error;
+#define REFUSED(word, ...)                                                                                   \
+    do {                                                                                                     \
+        lg_certify_rotation_spec s = rotation_spec();                                                        \
+        __VA_ARGS__;                                                                                         \
+        assert_true(lg_certify_rotation(&s, &r, &error) != LG_OK);                                           \
+        assert_says(error.message, word);                                                                    \
+    } while (0)
+    REFUSED("inputs are not 1 to", s.size = 3);
+    REFUSED("inputs are not 1 to", s.inputs = 0);
+    REFUSED("inputs are not 1 to", s.inputs = 1000);
+    REFUSED("J is not finite", s.J[4] = NAN);
+    REFUSED("J is not symmetric", s.J[1] = 0.5);
+    REFUSED("J is not positive definite", s.J[8] = -1);
+    REFUSED("gains must not be negative", s.gains[0] = -1);
+    REFUSED("gains must not be negative", s.gains[1] = -1);
+    REFUSED("gains must not be negative", s.stiffness = INFINITY);
+    REFUSED("the limit must be above 0", s.limit[0] = 0);
+    REFUSED("the limit must be above 0", s.gains[0] = INFINITY);
+#undef REFUSED
+    for (int i = 0; i < 2; i++) {
+        lg_certify_rotation_spec s = rotation_spec();
+        *(i == 0 ? &s.stiffness : &s.damping) = -1;
+        assert_ok(lg_certify_rotation(&s, &r, &error));
+        assert_true(!r.verified && r.level == 0);
+        assert_string_equal(r.reason,
+                            i == 0 ? "the stiffness is not positive" : "the damping is not positive");
+    }
+    lg_certify_rotation_spec_init(NULL);
+}
+
 /* ---- attitude ---- */
 
 /* Phi at the rotation by pi about axis k: tr(A (1 - Q)) with Q = 2 e e^T - 1 */

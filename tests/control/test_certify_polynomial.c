@@ -57,6 +57,10 @@ static lg_certify_result prove_polynomial(lg_record_function loop, lg_record_fun
     return prove(&spec, 60);
 }
 
+RECORDING(held_still) {
+    y[0] = lg_neg(tape, x[0]);
+}
+
 TEST("Van der Pol: an area of at least 50 inside the published box 4.8, 10.8") {
     const double low[2] = {-4.4, -9}, high[2] = {4.4, 9};
     const lg_certify_result r = prove_polynomial(van_der_pol, lienard, 8, low, high);
@@ -77,6 +81,65 @@ TEST("a box in which no polynomial falls is refused") {
     assert_int_equal(lg_lyapunov_polynomial(program, &v, &error), LG_NO_CONVERGENCE);
     assert_non_null(strstr(error.message, "no polynomial of degree 4 falls at all 12000 points"));
     assert_int_equal(lg_program_functions(program), 2);
+}
+
+RECORDING(one_number) {
+    y[0] = column(tape, x[0], 0);
+}
+
+TEST("numbers out of range, functions of other sizes and too many monomials are refused") {
+    const double low[6] = {-1, -1, -1, -1, -1, -1}, high[6] = {1, 1, 1, 1, 1, 1};
+    lg_error error;
+    lg_program *program = loop_program(2, van_der_pol, one_number, NULL);
+    lg_lyapunov_spec bad[7];
+    for (size_t i = 0; i < LG_COUNT(bad); i++) bad[i] = fit_of(NULL, 4, low, high);
+    bad[0].size = 3, bad[1].degree = 0, bad[2].degree = 14, bad[3].degree = 3, bad[4].points = 99;
+    bad[5].points = 1000001, bad[6].decay = 0;
+    for (size_t i = 0; i < LG_COUNT(bad); i++) {
+        assert_int_equal(lg_lyapunov_polynomial(program, &bad[i], &error), LG_INVALID_ARGUMENT);
+        assert_says(error.message, "the degree must be even");
+    }
+    const lg_lyapunov_spec narrow = fit_of("v", 4, low, high);
+    assert_int_equal(lg_lyapunov_polynomial(program, &narrow, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "the function 'v' needs one input");
+    const lg_port square = {.name = "x", .shape = lg_shape2(2, 2)},
+                  many = {.name = "x", .shape = lg_shape1(7)},
+                  shared = {.name = "x", .shape = lg_shape1(2), .shared = true},
+                  six = {.name = "x", .shape = lg_shape1(6)}, out = {.name = "y"};
+    const lg_port *const ports[] = {&square, &many, &shared};
+    for (size_t i = 0; i < LG_COUNT(ports); i++) {
+        const lg_function_spec function = {"loop", ports[i], 1, &out, 1, held_still, NULL};
+        const lg_program_spec spec = spec_of(NULL, 0, &function, 1);
+        const lg_lyapunov_spec v = fit_of(NULL, 4, low, high);
+        assert_int_equal(lg_lyapunov_polynomial(test_program(&spec), &v, &error), LG_INVALID_ARGUMENT);
+        assert_says(error.message, "the function 'loop' needs one input");
+    }
+    const lg_function_spec function = {"loop", &six, 1, &out, 1, held_still, NULL};
+    const lg_program_spec spec = spec_of(NULL, 0, &function, 1);
+    const lg_lyapunov_spec v = fit_of(NULL, 12, low, high);
+    assert_int_equal(lg_lyapunov_polynomial(test_program(&spec), &v, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "more than 500 monomials");
+    lg_lyapunov_spec_init(NULL);
+}
+
+/* x' = 1 - x about the goal 1: V is a polynomial in x - 1. */
+RECORDING(towards_one) {
+    y[0] = lg_add_scalar(tape, lg_neg(tape, x[0]), 1.0);
+}
+
+TEST("the goal may be anywhere: V is 0 there") {
+    const double low[1] = {0.25}, high[1] = {1.75}, goal[1] = {1};
+    lg_program *program = loop_program(1, towards_one, NULL, NULL);
+    lg_lyapunov_spec v = fit_of(NULL, 2, low, high);
+    double at, value, *out = &value;
+    const double *in = &at;
+    v.goal = goal;
+    assert_told(lg_lyapunov_polynomial(program, &v, &told));
+    for (int i = 0; i < 3; i++) {
+        at = 1 + 0.5 * (i - 1);
+        assert_ok(lg_program_eval(NULL, program, "lyapunov", 1, &in, &out, NULL));
+        assert_true(i == 1 ? fabs(value) < 1e-15 : value > 0);
+    }
 }
 
 /* ---- linear programs ---- */

@@ -2,6 +2,8 @@
  * ctest-labels: threads src/control src/autodiff */
 #include "certify_support.h"
 
+#include "control/certify.h"
+
 #include "liegrad/networks.h"
 #include "support/fail_alloc.h"
 
@@ -218,6 +220,125 @@ TEST("what cannot be proved is refused at once: jumps, boxes without the goal, f
     spec = spec_for(spec.program, saddle, low, high);
     assert_int_equal(lg_certify_create(NULL, &spec, &certify, &error), LG_INVALID_ARGUMENT);
     assert_string_equal(error.message, "P is not positive definite");
+}
+
+/* One number for each row */
+RECORDING(with_a_sum) {
+    y[0] = lg_sum_axis(tape, lg_square(tape, x[0]), 1, true);
+}
+
+TEST("numbers of a certificate that are out of range are refused") {
+    lg_certify *certify = NULL;
+    lg_error error;
+    const double no_bound[2] = {-1, 0}, goal[2] = {0.1, 0}, beyond[2] = {0, 2}, endless[2] = {INFINITY, 1};
+    const lg_certify_spec good = spec_for(loop_program(2, damped, quadratic, NULL), P, low, high);
+#define REFUSED(word, ...)                                                                                   \
+    do {                                                                                                     \
+        lg_certify_spec s = good;                                                                            \
+        __VA_ARGS__;                                                                                         \
+        assert_int_equal(lg_certify_create(NULL, &s, &certify, &error), LG_INVALID_ARGUMENT);                \
+        assert_says(error.message, word);                                                                    \
+    } while (0)
+    REFUSED("size of the struct", s.size = 3);
+    REFUSED("not both", s.lyapunov = "v");
+    REFUSED("not both", s.P = NULL);
+    REFUSED("level and eps", s.level = -1);
+    REFUSED("level and eps", s.level = INFINITY);
+    REFUSED("level and eps", s.eps = -1);
+    REFUSED("level and eps", s.eps = NAN);
+    REFUSED("level and eps", s.most = -1);
+    REFUSED("level and eps", s.resolution = 0);
+    REFUSED("level and eps", s.resolution = 0.75);
+    REFUSED("level and eps", s.threads = 0);
+    REFUSED("level and eps", (s.level = 1, s.eps = 1));
+    REFUSED("does not hold the goal", s.goal = beyond);
+    REFUSED("must be finite", (s.P = NULL, s.lyapunov = "v", s.high = endless));
+    REFUSED("is no bound", s.model_error = no_bound);
+    REFUSED("is no bound", s.model_error = endless);
+#undef REFUSED
+    lg_certify_spec shifted = good;
+    shifted.goal = goal; /* no equilibrium: motions cannot converge to it */
+    shifted.level = 0.3;
+    assert_false(prove(&shifted, 5).converges);
+    lg_certify_spec_init(NULL);
+    lg_certify_destroy(NULL);
+}
+
+TEST("a rate or a V of another size is refused with the function's name") {
+    lg_certify *certify = NULL;
+    lg_error error;
+    const lg_port x = {.name = "x", .shape = lg_shape1(2)}, three = {.name = "x", .shape = lg_shape1(3)},
+                  square = {.name = "x", .shape = lg_shape2(2, 2)}, out = {.name = "y"},
+                  shared = {.name = "x", .shape = lg_shape2(1, 2), .shared = true},
+                  large = {.name = "x", .shape = lg_shape1(LG_CERTIFY_STATES + 1)};
+    const lg_port pair[2] = {x, {.name = "z", .shape = lg_shape1(2)}};
+    const struct {
+        const lg_port *in;
+        size_t inputs;
+        lg_record_function record;
+    } v[] = {{&x, 1, damped},
+             {&three, 1, with_a_sum},
+             {&square, 1, with_a_sum},
+             {&shared, 1, with_a_sum},
+             {pair, 2, with_a_sum}},
+      loop[] = {{&large, 1, with_a_sum},
+                {&square, 1, with_a_sum},
+                {&shared, 1, with_a_sum},
+                {pair, 2, damped},
+                {&x, 1, with_a_sum}};
+    double from[LG_CERTIFY_STATES + 1], to[LG_CERTIFY_STATES + 1];
+    for (size_t i = 0; i <= LG_CERTIFY_STATES; i++) {
+        from[i] = -1;
+        to[i] = 1;
+    }
+    for (size_t i = 0; i < LG_COUNT(v) + LG_COUNT(loop); i++) {
+        const bool of_v = i < LG_COUNT(v);
+        const size_t k = of_v ? i : i - LG_COUNT(v);
+        const lg_function_spec functions[2] = {
+            of_v ? (lg_function_spec){"loop", &x, 1, &out, 1, damped, NULL}
+                 : (lg_function_spec){"loop", loop[k].in, loop[k].inputs, &out, 1, loop[k].record, NULL},
+            of_v ? (lg_function_spec){"v", v[k].in, v[k].inputs, &out, 1, v[k].record, NULL}
+                 : (lg_function_spec){"v", &x, 1, &out, 1, quadratic, NULL}};
+        const lg_program_spec whole = spec_of(NULL, 0, functions, 2);
+        lg_certify_spec spec = spec_for(test_program(&whole), NULL, from, to);
+        spec.lyapunov = "v";
+        assert_int_equal(lg_certify_create(NULL, &spec, &certify, &error), LG_INVALID_ARGUMENT);
+        assert_says(error.message, of_v ? "'v'" : "'loop'");
+    }
+}
+
+TEST("a proof without time examines nothing, and one that is cancelled is reported") {
+    lg_certify_spec spec = spec_for(loop_program(2, damped, NULL, NULL), P, low, high);
+    volatile int cancel = 0;
+    lg_context_options options;
+    lg_context *context;
+    lg_certify *certify;
+    lg_certify_result result;
+    lg_error error;
+    lg_context_options_init(&options);
+    options.cancel = &cancel;
+    assert_ok(lg_context_create(&options, &context));
+    lg_test_owns(context, release_context);
+    assert_ok(lg_certify_create(context, &spec, &certify, &error));
+    lg_test_owns(certify, release_certify);
+    assert_ok(lg_certify_run(certify, 100, 0, &result, &error));
+    assert_true(!result.finished && result.boxes == 0);
+    cancel = 1;
+    assert_status(lg_certify_run(certify, 100, 10, &result, &error), LG_CANCELLED);
+    cancel = 0;
+    assert_ok(lg_certify_run(certify, 1, 10, &result, &error));
+    assert_ok(lg_certify_run(certify, SIZE_MAX, 20, &result, &error));
+    assert_true(result.finished && result.verified);
+}
+
+TEST("matrices of an attitude that are not finite or not symmetric are refused") {
+    double A[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+    lg_certify_attitude_result result;
+    assert_ok(lg_certify_attitude(A, 1, &result, NULL));
+    A[4] = NAN;
+    assert_status(lg_certify_attitude(A, 1, &result, NULL), LG_NOT_FINITE);
+    A[4] = 1, A[1] = 0.5;
+    assert_status(lg_certify_attitude(A, 1, &result, NULL), LG_INVALID_ARGUMENT);
 }
 
 static lg_status create_and_run(const lg_context *context, const lg_certify_spec *spec) {

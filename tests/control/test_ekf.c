@@ -446,11 +446,38 @@ TEST("filters that cannot be made and invalid measurements are refused with a re
     assert_status(lg_ekf_update(ekf, z, &nis), LG_NOT_FINITE);
     assert_status(lg_ekf_predict(ekf, 0.0, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_ekf_predict(ekf, NAN, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_ekf_predict(ekf, INFINITY, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_ekf_predict(ekf, 0.01, (double[]){0, NAN, 0}), LG_NOT_FINITE);
     assert_true(nis == 7.0);
     assert_memory_equal(before, lg_ekf_state(ekf), sizeof before);
     assert_int_equal(lg_ekf_size(surrogate.model, options.scheme, 1), 0);
     assert_int_equal(lg_ekf_size(b.model, options.scheme, 0), 0);
+    assert_int_equal(lg_ekf_size(b.model, options.scheme, (size_t)UINT16_MAX + 1), 0);
+    assert_int_equal(lg_ekf_size(b.model, NULL, 1), 0);
+    sensor.kind = (lg_sensor_kind)LG_SENSOR_KIND_COUNT;
+    REFUSED(LG_INVALID_ARGUMENT, "is unknown");
+    sensor.kind = LG_SENSOR_STATE, sensor.noise = INFINITY;
+    REFUSED(LG_INVALID_ARGUMENT, "the period 0 or more");
+    sensor.noise = 1.0, sensor.period = -1.0;
+    REFUSED(LG_INVALID_ARGUMENT, "the period 0 or more");
+    sensor.period = INFINITY;
+    REFUSED(LG_INVALID_ARGUMENT, "the period 0 or more");
+    sensor.period = 0.0;
+    const double far[6] = {INFINITY, 0, 0, 0, 0, 0};
+    options.state = far;
+    REFUSED(LG_NOT_FINITE, "the state is not finite");
+    options.state = start;
+    const lg_ekf_options good = options;
+    for (int i = 0; i < 6; i++) {
+        options = good;
+        if (i == 0) options.size = 3;
+        if (i == 1) options.scheme = NULL;
+        if (i == 2) options.state = NULL;
+        if (i == 3) options.P = NULL;
+        if (i == 4) options.W = NULL;
+        if (i == 5) options.sensors = NULL;
+        REFUSED(LG_INVALID_ARGUMENT, "options' size is wrong");
+    }
 }
 
 TEST("a filter in a loop allocates nothing and takes no lock") {

@@ -220,6 +220,25 @@ TEST("a regulator refuses states that are no equilibria, missing inputs and too 
     lqr.r = 77;
     options.state = upright;
     assert_status(lg_lqr_init(b.model, &options, &lqr, memory, bytes - 1, &error), LG_INVALID_ARGUMENT);
+    lg_lqr_options bad[3] = {options, options, options};
+    bad[0].size = 3, bad[1].state = NULL, bad[2].period = -1.0;
+    for (size_t i = 0; i < LG_COUNT(bad); i++)
+        assert_status(lg_lqr_init(b.model, &bad[i], &lqr, memory, bytes, &error), LG_INVALID_ARGUMENT);
+    double A[4] = {0, 1, 0, 0}, B[2] = {0, 1}, Ad[4], Bd[2];
+    const size_t room_of = lg_zero_order_hold_work_size(2, 1);
+    void *room_for_hold = test_work(room_of);
+    assert_int_equal(lg_zero_order_hold_work_size(0, 1), 0);
+    assert_status(lg_zero_order_hold(0, 1, A, B, 0.1, Ad, Bd, room_for_hold, room_of, &error),
+                  LG_INVALID_ARGUMENT);
+    for (int i = 0; i < 2; i++) {
+        (i == 0 ? A : B)[0] = NAN;
+        assert_status(lg_zero_order_hold(2, 1, A, B, 0.1, Ad, Bd, room_for_hold, room_of, &error),
+                      LG_NOT_FINITE);
+        (i == 0 ? A : B)[0] = 0.0;
+    }
+    A[0] = 1e4; /* exp(1000) */
+    assert_status(lg_zero_order_hold(2, 1, A, B, 0.1, Ad, Bd, room_for_hold, room_of, &error), LG_NOT_FINITE);
+    assert_says(error.message, "the exponential over 0.1 s is not finite");
     options.Q = NULL;
     assert_status(lg_lqr_init(b.model, &options, &lqr, memory, bytes, &error), LG_INVALID_ARGUMENT);
     assert_int_equal(lqr.r, 77);

@@ -152,6 +152,62 @@ TEST("a loop that no V shows to be stable, and sizes that do not fit, are refuse
         LG_INVALID_ARGUMENT);
 }
 
+RECORDING(first_column) {
+    y[0] = column(tape, x[0], 0);
+}
+
+TEST("functions of other sizes and numbers out of range are refused") {
+    pendulum p = {1, 1, 1.5, {0.5, 1}};
+    double P[4];
+    lg_error error;
+    const lg_port x = {.name = "x", .shape = lg_shape1(2)},
+                  shared = {.name = "x", .shape = lg_shape2(1, 2), .shared = true},
+                  square = {.name = "x", .shape = lg_shape2(2, 2)},
+                  rows = {.name = "K", .shape = lg_shape2(1, 2)},
+                  narrow = {.name = "K", .shape = lg_shape2(1, 1), .shared = true},
+                  flat = {.name = "K", .shape = lg_shape1(2), .shared = true},
+                  large = {.name = "x", .shape = lg_shape1(17)}, out = {.name = "y"};
+    const struct {
+        lg_port in[2];
+        size_t inputs;
+        lg_record_function record;
+    } wrong[] = {{{x}, 1, first_column},       {{shared}, 1, first_column},    {{square}, 1, first_column},
+                 {{x, rows}, 2, first_column}, {{x, narrow}, 2, first_column}, {{x, flat}, 2, first_column},
+                 {{large}, 1, first_column}};
+    for (size_t i = 0; i < LG_COUNT(wrong); i++) {
+        const lg_function_spec function = {"loop",          wrong[i].in, wrong[i].inputs, &out, 1,
+                                           wrong[i].record, &p};
+        const lg_program_spec spec = spec_of(NULL, 0, &function, 1);
+        const lg_lyapunov_search s = search_in(low, high);
+        assert_int_equal(lg_lyapunov_quadratic(NULL, test_program(&spec), &s, P, p.K, NULL, &error),
+                         LG_INVALID_ARGUMENT);
+        assert_says(error.message, "the function 'loop' needs one input of 1 to");
+    }
+    const lg_program *program = pendulum_program(given, false, &p);
+    const double zero[2] = {0, 1}, below[2] = {-1, 0}, endless[2] = {INFINITY, 1};
+    lg_lyapunov_search bad[8];
+    for (size_t i = 0; i < LG_COUNT(bad); i++) bad[i] = search_in(low, high);
+    bad[0].size = 3, bad[1].directions = 9, bad[2].directions = 1000001, bad[3].threads = 0;
+    bad[4].scale = zero, bad[5].scale = endless, bad[6].model_error = below, bad[7].goal = high;
+    for (size_t i = 0; i < LG_COUNT(bad); i++) {
+        assert_int_equal(lg_lyapunov_quadratic(NULL, program, &bad[i], P, NULL, NULL, &error),
+                         LG_INVALID_ARGUMENT);
+        assert_says(error.message, i < 4 ? "directions 10 to 1e6" : "the box must hold the goal");
+    }
+    lg_lyapunov_search_init(NULL);
+    const volatile int stop = 1;
+    lg_context_options options;
+    lg_context *context;
+    lg_context_options_init(&options);
+    options.cancel = &stop;
+    assert_ok(lg_context_create(&options, &context));
+    lg_lyapunov_search s = search_in(low, high);
+    assert_int_equal(
+        lg_lyapunov_quadratic(context, pendulum_program(steered, true, &p), &s, P, p.K, NULL, &error),
+        LG_CANCELLED);
+    lg_context_destroy(context);
+}
+
 TEST("an allocation that fails is reported, and nothing leaks") {
     pendulum p = {1, 1, 1.5, {0}};
     lg_fail_alloc memory;

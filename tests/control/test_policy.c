@@ -637,6 +637,14 @@ TEST("a policy is saved and loaded with its bits, on its plant and on another on
     char *text;
     assert_ok(lg_policy_task_parse(NULL, "task", task_text, &read, NULL));
     assert_memory_equal(&task.coordinate, &read.coordinate, sizeof task.coordinate);
+    assert_status(lg_policy_save(NULL, NULL, policy, task_text, NULL, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_policy_save(NULL, "test_policy.h5", NULL, task_text, NULL, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_policy_save(NULL, "test_policy.h5", policy, NULL, NULL, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_policy_load(NULL, NULL, NULL, &loaded, NULL, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_policy_load(NULL, "test_policy.h5", NULL, NULL, NULL, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_policy_save(NULL, "test_policy.h5", policy, test_text("%05000d", 0), NULL, NULL),
+                  LG_FORMAT);
+    assert_true(access("test_policy.h5", F_OK) != 0);
     assert_ok(lg_policy_save(NULL, "test_policy.h5", policy, task_text, NULL, NULL));
     assert_ok(lg_policy_load(NULL, "test_policy.h5", NULL, &loaded, &text, NULL));
     (void)unlink("test_policy.h5");
@@ -667,14 +675,257 @@ TEST("a task with a fault is refused with its line") {
         {"x: [-0.5, 0.5], th", "x: [0.5, -0.5], th", "line 4: starts: x: expected [low, high]"},
         {"x: [-0.5, 0.5], th", "th: 1, th", "'th' stands twice"},
         {"kind: network", "kind: neural", "neural"},
+        {"limits: {u: 10}", "limits: {x: 10}", "line 5: limits: x: expected an input, not a coordinate"},
+        {"limits: {u: 10}", "limits: {u: -10}", "line 5: limits: u: expected [low, high]"},
+        {"limits: {u: 10}", "limits: {u: [1, 2, 3]}", "line 5: limits: u: expected [low, high]"},
+        {"limits: {u: 10}", "limits: {}", "limits: input 'u' has no limits"},
+        {"limits: {u: 10}", "limits: 10", "line 5: limits: expected {NAME: number, ...}"},
+        {"limits: {u: 10}", "limits: {u: {low: 1}}", "line 5: limits: expected a finite number"},
+        {"limits: {u: 10}", "limits: {[u]: 10}", "line 5: limits: unknown name ''"},
+        {"limits: {u: 10}", "limits: {u: [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13]}",
+         "line 5: limits: more than 9 numbers"},
+        {"x: [-0.5, 0.5], th", "u: 1, th", "line 4: starts: u: expected a coordinate, not an input"},
+        {"x: [-0.5, 0.5], th", "x: [1, 2, 3], th", "line 4: starts: x: expected [low, high]"},
+        {"x: [-0.5, 0.5], th", "x: [], th", "line 4: starts: x: expected [low, high]"},
+        {"x: [-0.5, 0.5], th", "y: 1, th", "line 4: starts: unknown name 'y'"},
+        {"x: 0.1, th: 1", "y: 1, th: 1", "line 6: cost: unknown name 'y'"},
+        {"x: 0.1, th: 1", "x: [1, 2], th: 1", "line 6: cost: x: expected a weight"},
+        {"th: 0.1, hold", "u: 0.1, hold", "line 7: success: u: expected a coordinate, not an input"},
+        {"th: 0.1, hold", "y: 0.1, hold", "line 7: success: unknown name 'y'"},
+        {"th: 0.1, hold", "th: [1, 2], hold", "line 7: success: th: expected a number above 0"},
+        {"controller:", "goal: {y: 1}\ncontroller:", "line 8: goal: unknown name 'y'"},
+        {"controller:", "goal: {u: 1}\ncontroller:", "line 8: goal: u: expected a coordinate, not an input"},
+        {"controller:", "goal: {vx: 1}\ncontroller:", "line 8: goal: vx: expected 0, for the goal is"},
+        {"controller:", "goal: {w: [0, 0]}\ncontroller:", "line 8: goal: w: expected 0, for the goal is"},
+        {"controller:", "goal: {x: [1, 2]}\ncontroller:", "line 8: goal: x: expected a number"},
+        {"controller:", "robust: {noise: {u: 1}}\ncontroller:", "noise: u: expected a coordinate, not"},
+        {"controller:", "robust: {noise: {x: -1}}\ncontroller:", "noise: x: expected a standard deviation"},
+        {"controller:", "robust: {noise: {x: [1, 2]}}\ncontroller:", "x: expected a standard deviation"},
+        {"controller:", "track: x\ncontroller:", "line 8: track: expected a list of positions"},
+        {"controller:", "track: [y]\ncontroller:", "line 8: track: unknown name 'y'"},
+        {"controller:", "track: [[x]]\ncontroller:", "line 8: track: unknown name ''"},
+        {"controller:", "track: [u]\ncontroller:", "line 8: track: expected a position, not 'u'"},
+        {"controller:", "track: [vx]\ncontroller:", "line 8: track: expected a position, not 'vx'"},
     };
     for (size_t i = 0; i < LG_COUNT(faults); i++) {
         const char *at = strstr(task_text, faults[i].from);
         lg_policy_task task = cart_task();
+        task.input[0].low = task.input[0].high = 0.0;
         lg_error error = {LG_OK, ""};
         char *text = test_text("%.*s%s%s", (int)(at - task_text), task_text, faults[i].to,
                                at + strlen(faults[i].from));
-        assert_int_equal(lg_policy_task_parse(NULL, "task", text, &task, &error), LG_FORMAT);
-        assert_non_null(strstr(error.message, faults[i].says));
+        if (lg_policy_task_parse(NULL, "task", text, &task, &error) != LG_FORMAT)
+            fail_msg("not refused: %s", faults[i].to);
+        assert_says(error.message, faults[i].says);
     }
+}
+
+static lg_policy_task every_motion_and_a_lag(void) {
+    lg_policy_task task = every_motion();
+    task.input_count = 1;
+    task.input[0] = (lg_policy_input){"u", 0, 0, 0};
+    task.coordinate[task.coordinate_count++] =
+        (lg_policy_coordinate){.name = "lag", .motion = LG_POLICY_LINE, .follows = 1};
+    return task;
+}
+
+TEST("goals of directions and rotations are unit vectors and quaternions, a lagged input has none") {
+    static const char form[] = "plant: p\nperiod: 1\nhorizon: 2\n%s: {%s}\nstarts: {vd: 1}\nlimits: {u: 1}\n"
+                               "cost: {x: 1}\n%s";
+    static const char usual[] = "success: {x: 1}\n";
+    static const struct {
+        const char *key, *value, *says;
+    } rows[] = {{"goal", "d: [1, 0]", "d: expected a unit vector"},
+                {"goal", "d: [1, 1, 1]", "d: expected a unit vector"},
+                {"goal", "R: [1, 0, 0]", "R: expected a unit quaternion"},
+                {"goal", "R: [1, 1, 0, 0]", "R: expected a unit quaternion"},
+                {"goal", "lag: 1", "lag: expected a coordinate of the machine"},
+                {"success", "lag: 1", "lag: expected a coordinate of the machine"},
+                {"robust", "noise: {lag: 1}", "lag: expected a coordinate of the machine"},
+                {"goal", "nothing: 1", "the plant has x, a, d, R, lag, vx, va, vd, vR, u"}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        lg_policy_task task = every_motion_and_a_lag();
+        lg_error error = {LG_OK, ""};
+        const bool success = strcmp(rows[i].key, "success") == 0;
+        const char *text = test_text(form, rows[i].key, rows[i].value, success ? "" : usual);
+        assert_status(lg_policy_task_parse(NULL, "task", text, &task, &error), LG_FORMAT);
+        assert_says(error.message, rows[i].says);
+    }
+    lg_policy_task task = every_motion_and_a_lag();
+    assert_told(lg_policy_task_parse(
+        NULL, "task", test_text(form, "goal", "d: [0, 0.6, 0.8], R: [0, 1, 0, 0], a: 1, vx: 0", usual), &task,
+        &told));
+    static const double direction[3] = {0, 0.6, 0.8}, turned[9] = {1, 0, 0, 0, -1, 0, 0, 0, -1};
+    assert_all_close(task.coordinate[2].goal, direction, 3, 1e-15, 1e-15);
+    assert_all_close(task.coordinate[3].goal, turned, 9, 1e-15, 1e-15);
+    assert_true(task.coordinate[1].goal[0] == 1.0 && task.coordinate[0].goal[0] == 0.0);
+    task = every_motion_and_a_lag(); /* the usual goals; a sensor of a velocity */
+    assert_told(lg_policy_task_parse(NULL, "task", test_text(form, "robust", "noise: {vx: 0.25}", usual),
+                                     &task, &told));
+    assert_true(task.coordinate[2].goal[2] == 1.0 && task.coordinate[3].goal[0] == 1.0);
+    assert_true(task.coordinate[0].noise_velocity == 0.25 && task.coordinate[0].noise == 0.0);
+}
+
+TEST("states of a program are read with their kinds, and their names are checked") {
+    static const struct {
+        const char *states, *says;
+    } rows[] = {
+        {"3", "states: expected a list"},
+        {"['']", "states: a name has 1 to"},
+        {"[a_name_of_more_than_sixty_three_letters_which_is_longer_than_any_name_of_a_coordinate]",
+         "states: a name has 1 to"},
+        {"[a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s, t, u, v, w, x, y, z, A, B, C, D, E, "
+         "F, G, H, I, J, K, L, M, N, O, P, Q, R, S, T, U, V, W, X, Y, Z, a1, b1, c1, d1, e1, f1, g1, h1]",
+         "states: more than"},
+        {"[a, {name: b, kind: angle}, {name: c, kind: line}]", NULL}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        lg_policy_task task;
+        lg_error error = {LG_OK, ""};
+        char plant[64], *text = NULL;
+        FILE *file = fopen("test_task.yaml", "w");
+        assert_non_null(file);
+        (void)fprintf(file,
+                      "plant: p.h5\nstates: %s\nperiod: 1\nhorizon: 1\nstarts: {}\nlimits: {}\ncost: {}\n"
+                      "success: {}\n",
+                      rows[i].states);
+        (void)fclose(file);
+        const lg_status status =
+            lg_policy_task_read(NULL, "test_task.yaml", &task, plant, sizeof plant, &text, &error);
+        (void)unlink("test_task.yaml");
+        assert_int_equal(status, rows[i].says != NULL ? LG_FORMAT : LG_OK);
+        if (rows[i].says != NULL) {
+            assert_says(error.message, rows[i].says);
+            continue;
+        }
+        lg_free(NULL, text);
+        assert_string_equal(plant, "p.h5");
+        assert_true(task.coordinate_count == 3 && task.coordinate[0].motion == LG_POLICY_LINE);
+        assert_true(task.coordinate[1].motion == LG_POLICY_ANGLE &&
+                    task.coordinate[2].motion == LG_POLICY_LINE);
+    }
+}
+
+/* ---- tasks, plants and options that are refused ---- */
+
+static lg_status copy_of(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    (void)user, (void)tape, (void)theta;
+    y[0] = x[0];
+    return LG_OK;
+}
+
+static lg_program *no_plant(void) {
+    static const lg_port in = {.name = "x", .shape = {1, {2, 0, 0, 0}}}, out = {.name = "y"};
+    static const lg_function_spec function = {"copy", &in, 1, &out, 1, copy_of, NULL};
+    lg_program_spec spec;
+    lg_program *program;
+    lg_program_spec_init(&spec);
+    spec.functions = &function, spec.function_count = 1;
+    assert_ok(lg_program_build(NULL, &spec, &program, NULL));
+    return program;
+}
+
+TEST("a task with a number out of range is refused by name") {
+    lg_policy *policy;
+    lg_error error;
+#define REFUSED(word, ...)                                                                                   \
+    do {                                                                                                     \
+        lg_policy_task t = cart_task();                                                                      \
+        lg_policy_coordinate *x = &t.coordinate[0];                                                          \
+        (void)x;                                                                                             \
+        __VA_ARGS__;                                                                                         \
+        assert_status(lg_policy_create(NULL, &t, no_plant(), 1, &policy, &error), LG_INVALID_ARGUMENT);      \
+        assert_says(error.message, word);                                                                    \
+    } while (0)
+    REFUSED("sizes", t.size = 3);
+    REFUSED("sizes", t.coordinate_count = 0);
+    REFUSED("sizes", t.coordinate_count = LG_POLICY_COORDINATES + 1);
+    REFUSED("sizes", t.input_count = 0);
+    REFUSED("sizes", t.input_count = LG_POLICY_INPUTS + 1);
+    REFUSED("sizes", t.kind = LG_POLICY_KIND_COUNT);
+    REFUSED("sizes", t.hidden_layers = LG_POLICY_HIDDEN + 1);
+    REFUSED("x: unknown kind", x->motion = (lg_policy_motion)99);
+    REFUSED("x: starts", x->start[0] = 2);
+    REFUSED("x: starts", x->start[1] = INFINITY);
+    REFUSED("x: starts", x->start[0] = -INFINITY);
+    REFUSED("x: starts", x->start_velocity[0] = 2);
+    REFUSED("x: starts", x->start_velocity[0] = -INFINITY);
+    REFUSED("x: starts", x->start_velocity[1] = INFINITY);
+    REFUSED("x: weights", x->weight = -1);
+    REFUSED("x: weights", x->weight = INFINITY);
+    REFUSED("x: weights", x->weight_velocity = -1);
+    REFUSED("x: weights", x->weight_velocity = INFINITY);
+    REFUSED("x is a lagged input", x->follows = 1);
+    REFUSED("x is a lagged input", (x->follows = 1, x->motion = LG_POLICY_ANGLE, x->velocity[0] = '\0'));
+    REFUSED("x is a lagged input", (x->follows = 1, x->velocity[0] = '\0', x->track = true));
+    REFUSED("x is a lagged input", (x->follows = 1, x->velocity[0] = '\0', x->free = true));
+    REFUSED("the position of x is no error", (x->free = true, x->weight = 0, x->track = true));
+    REFUSED("the position of x is no error", (x->free = true, x->weight = 0, x->goal[0] = 1));
+    REFUSED("the position of x is no error", (x->free = true, x->weight = 1));
+    REFUSED("the position of x is no error", (x->free = true, x->weight = 0, x->noise = 1));
+    REFUSED("x: noise", x->noise = -1);
+    REFUSED("x: noise", x->noise_velocity = -1);
+    REFUSED("x: noise", x->noise = INFINITY);
+    REFUSED("x: noise", x->noise_velocity = INFINITY);
+    REFUSED("x: bounds of success", x->success = 0);
+    REFUSED("x: bounds of success", x->success_velocity = NAN);
+    REFUSED("u: limits", t.input[0].low = 20);
+    REFUSED("u: limits", t.input[0].low = -INFINITY);
+    REFUSED("u: limits", t.input[0].high = INFINITY);
+    REFUSED("u: its weight", t.input[0].weight = 0);
+    REFUSED("u: its weight", t.input[0].weight = INFINITY);
+    REFUSED("gains are two positive", (t.kind = LG_POLICY_ENERGY, t.gain_count = 2, t.gains[0] = -1));
+    REFUSED("gains are two positive", (t.kind = LG_POLICY_ENERGY, t.gain_count = 3));
+    REFUSED("gains are two positive", (t.kind = LG_POLICY_LQR, t.gain_count = 4, t.gains[3] = NAN));
+    REFUSED("the gate of a network", (t.kind = LG_POLICY_NETWORK, t.search = false));
+    REFUSED("delay from 0 to 1", t.delay = -1);
+    REFUSED("delay from 0 to 1", t.delay = 1.5);
+    REFUSED("delay from 0 to 1", t.spread = -1);
+    REFUSED("delay from 0 to 1", t.spread = INFINITY);
+    REFUSED("weighs no coordinate", for (int i = 0; i < 2; i++) t.coordinate[i].weight = 0,
+            t.coordinate[i].weight_velocity = 0);
+    REFUSED("bounds no coordinate", t.coordinate[1].success = INFINITY);
+    REFUSED("times need", t.period = 0);
+    REFUSED("times need", t.horizon = 0.5 * t.period);
+    REFUSED("times need", t.horizon = INFINITY);
+    REFUSED("times need", t.hold = -1);
+    REFUSED("times need", t.within = 0.5 * t.hold);
+    REFUSED("times need", t.within = INFINITY);
+    REFUSED("times need", (t.hold = 0, t.within = 0.5 * t.period));
+    REFUSED("hidden layers", (t.hidden_layers = 1, t.hidden[0] = 0));
+#undef REFUSED
+    lg_policy_task task = cart_task();
+    assert_status(lg_policy_create(NULL, &task, no_plant(), 1, &policy, &error), LG_NOT_FOUND);
+    assert_says(error.message, "no function step");
+    assert_status(lg_policy_create(NULL, &task, machine_program(body), 1, &policy, &error), LG_SHAPE);
+    assert_says(error.message, "the plant's function step has");
+}
+
+TEST("options of training, other tasks and draws that do not fit a policy are refused") {
+    lg_policy_task task = cart_task(), wrong = cart_task();
+    task.kind = LG_POLICY_LQR;
+    lg_policy *policy = make(&task, cart_pole);
+    lg_policy_trainer *trainer = NULL;
+    lg_policy_train_options good;
+    lg_error error;
+    lg_policy_train_options_init(&good);
+    lg_policy_train_options bad[7] = {good, good, good, good, good, good, good};
+    bad[0].size = 3, bad[1].seeds = 0, bad[2].seeds = 1001, bad[3].starts = 0, bad[4].starts = 17;
+    bad[5].lr = 0, bad[6].seconds = -1;
+    for (size_t i = 0; i < LG_COUNT(bad); i++) {
+        assert_status(lg_policy_trainer_create(policy, &bad[i], &trainer, &error), LG_INVALID_ARGUMENT);
+        assert_says(error.message, "training needs 1 to 1000 seeds");
+        assert_null(trainer);
+    }
+    wrong.coordinate_count = 1;
+    assert_status(lg_policy_disturb(policy, &wrong, &error), LG_SHAPE);
+    wrong = task, wrong.delay = 2;
+    assert_status(lg_policy_disturb(policy, &wrong, &error), LG_INVALID_ARGUMENT);
+    assert_ok(lg_policy_disturb(policy, &task, &error)); /* no disturbance: nothing changes */
+    assert_status(lg_policy_add_draw(policy, machine_program(cart_pole), &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "no disturbances");
+    assert_status(lg_policy_add_draw(policy, NULL, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "NULL");
+    wrong = task, wrong.delay = 0.5;
+    for (int i = 0; i < 2; i++) assert_ok(lg_policy_disturb(policy, &wrong, &error));
+    assert_status(lg_policy_add_draw(policy, machine_program(body), &error), LG_SHAPE);
 }

@@ -406,5 +406,8 @@ TEST("sizes and memory are checked") {
     of.m = 1, of.size = 1;
     assert_status(lg_care(&of, P, K, NULL, NULL, memory, needed, NULL), LG_INVALID_ARGUMENT);
     assert_int_equal(lg_riccati_work_size(0, 1), 0);
+    assert_int_equal(lg_riccati_work_size(1, 0), 0);
+    assert_int_equal(lg_riccati_work_size(SIZE_MAX, 1), 0);
+    assert_int_equal(lg_riccati_work_size(1, SIZE_MAX), 0);
     assert_int_equal(lg_riccati_work_size(5000, 1), 0);
 }

@@ -35,6 +35,10 @@ TEST("boundary values of both families agree with those by hand") {
     assert_close(p.rotation, -2.0, 0, 1e-15);
     assert_close(family(LG_ELASTICA_BOTH_ENDS, -PI, 50).theta0, PI, 0, 0); /* angles are in (-pi, pi] */
     assert_string_equal(lg_elastica_case_name(LG_ELASTICA_RIGHT_END), "right-end");
+    assert_string_equal(lg_elastica_case_name((lg_elastica_case)LG_ELASTICA_CASE_COUNT), "unknown");
+    const lg_elastica before = p;
+    lg_elastica_set_case(&p, (lg_elastica_case)LG_ELASTICA_CASE_COUNT, 1.0);
+    assert_memory_equal(&p, &before, sizeof p);
 }
 
 static void refused(const lg_elastica *p, const lg_elastica_options *o, lg_status status) {
@@ -60,13 +64,22 @@ TEST("invalid problems and options are refused, and nothing is written") {
     BAD(p.qN[1] = -4.0, LG_INVALID_ARGUMENT);
     BAD(p.length = 0.0, LG_INVALID_ARGUMENT);
     BAD(p.stiffness = -1.0, LG_INVALID_ARGUMENT);
+    BAD((p.length = 1e160, p.qN[0] = 1.0), LG_INVALID_ARGUMENT);
+    BAD((p.length = 1e-150, p.qN[0] = 1e-151), LG_INVALID_ARGUMENT);
+    BAD((p.length = 1.0, p.qN[0] = 0.5, p.stiffness = 1e300), LG_INVALID_ARGUMENT);
+    BAD((p.length = 1e-3, p.qN[0] = 5e-4, p.stiffness = 1e-311), LG_INVALID_ARGUMENT);
+    BAD((p.length = 1e28, p.qN[0] = 5e27, p.stiffness = 1e308), LG_INVALID_ARGUMENT);
     BAD(p.intervals = 1, LG_INVALID_ARGUMENT);
     BAD(p.intervals = LG_ELASTICA_MAX_INTERVALS + 1, LG_INVALID_ARGUMENT);
     BAD(p.rotation = 41.0 * PI, LG_INVALID_ARGUMENT); /* more than twenty turns */
     BAD(p.theta0 = 1e7, LG_INVALID_ARGUMENT);
     BAD((p.q0[0] = -1.7e308, p.qN[0] = 1.7e308), LG_INVALID_ARGUMENT);
     BAD(o.gradient_tolerance = 0.0, LG_INVALID_ARGUMENT);
+    BAD(o.gradient_tolerance = 1.0, LG_INVALID_ARGUMENT);
     BAD(o.max_step = NAN, LG_INVALID_ARGUMENT);
+    BAD(o.max_step = 1.5, LG_INVALID_ARGUMENT);
+    BAD(o.max_iterations = 0, LG_INVALID_ARGUMENT);
+    BAD(o.size = 3, LG_INVALID_ARGUMENT);
     memset(other, 0, sizeof other);
     other[7] = NAN;
     BAD(o.guess = other, LG_NOT_FINITE);

@@ -67,6 +67,33 @@ TEST("saddles are found if requested") {
     assert_int_equal(solutions[2].negative_eigenvalues, 1);
 }
 
+/* Branches of many nodes are found on a coarse grid first. */
+TEST("branches of a fine beam are near the branches of a coarse one") {
+    enum { COARSE = 150, FINE = 600 };
+    double *fine = TEST_ARRAY(double, ROOM *(FINE + 1)), *coarse = TEST_ARRAY(double, ROOM *(COARSE + 1));
+    lg_elastica p;
+    for (int saddles = 0; saddles < 2; saddles++) {
+        lg_elastica_solution found[2][ROOM];
+        size_t count[2];
+        lg_elastica_init(&p);
+        lg_elastica_set_case(&p, LG_ELASTICA_BOTH_ENDS, 0.1 * PI);
+        p.intervals = COARSE;
+        assert_told(lg_elastica_branches(NULL, &p, NULL, saddles, ROOM, coarse, found[0], &count[0], &told));
+        p.intervals = FINE;
+        assert_told(lg_elastica_branches(NULL, &p, NULL, saddles, ROOM, fine, found[1], &count[1], &told));
+        assert_true(count[0] >= 2 && count[1] >= 2); /* on fine grids tight loops are minima, too */
+        for (size_t i = 0; i < count[1]; i++) {
+            assert_true(found[1][i].residual < 1e-6);
+            assert_true(saddles || found[1][i].negative_eigenvalues == 0);
+            if (i < 2) assert_close(found[1][i].energy, found[0][i].energy, 2e-3, 0);
+        }
+    }
+    EVERY_ALLOCATION_FAILS(context, 2, {
+        size_t count;
+        status = lg_elastica_branches(context, &p, NULL, false, 2, fine, solutions, &count, NULL);
+    });
+}
+
 TEST("invalid arguments of branches are refused") {
     lg_elastica p;
     lg_elastica_init(&p);
@@ -149,15 +176,17 @@ TEST("without a gap the ends of the range are the bifurcations themselves") {
 TEST("invalid samplings are refused") {
     lg_error error;
     lg_elastica_curves curves = {.count = 77};
-    lg_elastica_sampling bad[6];
-    for (int i = 0; i < 6; i++) lg_elastica_sampling_init(&bad[i]);
+    lg_elastica_sampling bad[8];
+    for (size_t i = 0; i < LG_COUNT(bad); i++) lg_elastica_sampling_init(&bad[i]);
     bad[0].both_ends = false;
     bad[1].count = 0;
     bad[2].gap = 0.5;
     bad[3].threads = 0;
     bad[4].problem.qN[0] = 3.3;
     bad[5].problem.intervals = 1;
-    for (int i = 0; i < 6; i++) {
+    bad[6].gap = -0.1;
+    bad[7].threads = 1025;
+    for (size_t i = 0; i < LG_COUNT(bad); i++) {
         assert_status(lg_elastica_generate(NULL, &bad[i], &curves, &error), LG_INVALID_ARGUMENT);
         assert_true(strlen(error.message) > 10);
     }
@@ -165,7 +194,18 @@ TEST("invalid samplings are refused") {
     bad[0].gap = NAN;
     assert_status(lg_elastica_generate(NULL, &bad[0], &curves, &error), LG_NOT_FINITE);
     assert_int_equal(curves.count, 77);
-    assert_status(lg_elastica_curves_create(NULL, 0, 50, true, &curves), LG_INVALID_ARGUMENT);
+    lg_elastica_sampling_init(&bad[0]);
+    bad[0].count = SIZE_MAX / 2;
+    assert_status(lg_elastica_generate(NULL, &bad[0], &curves, NULL), LG_OUT_OF_MEMORY);
+    static const struct {
+        size_t count;
+        uint32_t intervals;
+    } sizes[] = {{0, 50}, {1, 0}, {1, LG_ELASTICA_MAX_INTERVALS + 1}};
+    for (size_t i = 0; i < LG_COUNT(sizes); i++)
+        assert_status(lg_elastica_curves_create(NULL, sizes[i].count, sizes[i].intervals, true, &curves),
+                      LG_INVALID_ARGUMENT);
+    assert_status(lg_elastica_curves_create(NULL, 1, 50, true, NULL), LG_INVALID_ARGUMENT);
+    lg_elastica_curves_destroy(NULL);
 }
 
 static lg_status everything(const lg_context *context) {

@@ -180,3 +180,15 @@ TEST("a guess selects the minimum") {
     assert_ok(lg_elastica_solve_continuous(NULL, &p, &o, theta, NULL, &s, NULL));
     assert_true(s.energy > lowest + 4.0);
 }
+
+TEST("a guess may have as few nodes as a beam of two intervals") {
+    const lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.3, 2);
+    const lg_elastica fine = family(LG_ELASTICA_BOTH_ENDS, 0.3, 50);
+    lg_elastica_options o;
+    lg_elastica_solution s;
+    lg_elastica_options_init(&o);
+    const double guess[3] = {0.3 * PI, 0.0, -0.3 * PI}, energy = solved(&fine).energy;
+    o.guess = guess;
+    assert_told(lg_elastica_solve_continuous(NULL, &p, &o, theta, NULL, &s, &told));
+    assert_close(s.energy, energy, 1e-9, 0);
+}

@@ -266,6 +266,9 @@ TEST("errors in a file are refused by name, and the format of other programs is 
         {"@stiffness", REAL(-1), LG_FORMAT, "positive"},
         {"@stiffness", REAL(NAN), LG_NOT_FINITE, "positive"},
         {"@values", TEXT("exact"), LG_FORMAT, "discrete"},
+        {"@values", WHOLE(1), LG_FORMAT, "text"},
+        {"@values", TEXT("a word of more than sixty-three letters, which is longer than any value of it"),
+         LG_FORMAT, "discrete"},
         {"@kind", TEXT("trajectories"), LG_FORMAT, "elastica"},
         {"@format_version", WHOLE(3), LG_VERSION, "3"},
     };
@@ -287,6 +290,14 @@ TEST("curves that shrink to a point have no length") {
     assert_ok(read_data(NULL, path, NULL, NULL));
     delete_attribute(path, "/", "length");
     assert_refused(read_data, path, LG_FORMAT, "length of the curves is 0", "");
+    for (size_t i = 0; i < 132; i++) q[i] = i % 2 == 0 ? 1e101 * (double)(i / 2 % 11) : 0.0;
+    for (size_t i = 0; i < 48; i++) b[i] = i % 8 == 4 ? 1e102 : b[i];
+    replace_dataset(path, "boundary", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 2, boundary, b);
+    replace_dataset(path, "q", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 3, nodes, q);
+    assert_refused(read_data, path, LG_FORMAT, "expected 1e-100 to 1e100", "");
+    b[6] = 0.5;
+    replace_dataset(path, "boundary", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 2, boundary, b);
+    assert_refused(read_data, path, LG_FORMAT, "has length 1 or 0.5", "");
 }
 
 /* Writing must fail when *at has the value `bad`. */
@@ -307,6 +318,16 @@ TEST("curves that could not be read back are not written") {
     not_written(data, &c->energy[3], INFINITY, LG_NOT_FINITE, "/energy");
     not_written(data, &c->length, 0, LG_INVALID_ARGUMENT, "");
     not_written(data, &c->length, NAN, LG_NOT_FINITE, "");
+    not_written(data, &c->stiffness, INFINITY, LG_NOT_FINITE, "");
+    not_written(data, &c->stiffness, -1, LG_INVALID_ARGUMENT, "");
+    lg_elastica_data bad[5];
+    for (size_t i = 0; i < LG_COUNT(bad); i++) bad[i] = *data;
+    bad[0].curves.q = bad[1].curves.v = NULL, bad[2].curves.count = 0, bad[3].curves.intervals = 1;
+    bad[4].curves.intervals = LG_ELASTICA_MAX_INTERVALS + 1;
+    for (size_t i = 0; i < LG_COUNT(bad); i++)
+        assert_status(lg_elastica_data_write(NULL, path, &bad[i], NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_elastica_data_write(NULL, path, NULL, NULL), LG_INVALID_ARGUMENT);
+    lg_elastica_data_destroy(NULL);
     c->kind[1] = 2;
     assert_status(lg_elastica_data_write(NULL, path, data, NULL), LG_INVALID_ARGUMENT);
     c->kind[1] = 1;

@@ -15,6 +15,7 @@ enum { SOME = LG_COUNT(some_x) };
 
 TEST("kinds of surrogates have their names") {
     ASSERT_NAMES(lg_surrogate_kind, lg_surrogate_kind, LG_SURROGATE_KIND_COUNT);
+    ASSERT_NAMES(lg_surrogate_loss, lg_surrogate_loss, LG_SURROGATE_LOSS_COUNT);
     assert_string_equal(lg_surrogate_kind_name(LG_SURROGATE_CONTINUOUS), "continuous");
 }
 
@@ -38,6 +39,8 @@ TEST("a refused description leaves the surrogate unchanged") {
     REFUSED(1, 3.3, 1.5, (void)0);
     REFUSED(100001, 3.3, 1.5, (void)0);
     REFUSED(N, 3.3, 1.5, o.kind = (lg_surrogate_kind)LG_SURROGATE_KIND_COUNT);
+    REFUSED(N, 3.3, 1.5, (o.kind = LG_SURROGATE_ANGLE, o.energy = INFINITY));
+    REFUSED(N, 3.3, 1.5, (o.kind = LG_SURROGATE_ANGLE, o.residual = INFINITY));
     REFUSED(N, 3.3, 1.5, o.hidden = 0);
     REFUSED(N, 3.3, 1.5, o.layers = LG_NET_MAX_LAYERS + 1);
     REFUSED(N, 3.3, 1.5, (o.kind = LG_SURROGATE_ANGLE, o.modes = 1));
@@ -234,6 +237,12 @@ TEST("one isolated curve in a hundred does not extend the range, two do") {
     assert_close(lg_surrogate_reach(trained[0], COUNT - 1), sqrt(25.0 + 0.01 * 0.01), 1e-9, 0.0);
     trained[COUNT / 4][7] = 9.0;
     assert_close(lg_surrogate_reach(trained[0], COUNT), sqrt(16.0 + 0.25 * 0.25), 1e-9, 0.0);
+    /* At most 32 curves are left out: of 33 isolated ones in 3300, the one that is nearest remains. */
+    enum { MANY = 3300, LONE = 33 };
+    double *many = TEST_ARRAY(double, 8 * MANY);
+    for (size_t i = 0; i < MANY; i++) many[8 * i + 2] = 0.001 * (double)i;
+    for (size_t i = 0; i < LONE; i++) many[8 * i * 100 + 7] = 100.0 * (double)(i + 1);
+    assert_close(lg_surrogate_reach(many, MANY), 100.0, 1e-3, 0.0);
 }
 
 /* ---- curves ---- */
@@ -653,6 +662,7 @@ TEST("curves that do not fit the model, and numbers that are not finite, are ref
 }
 
 TEST("every allocation may fail, and nothing leaks") {
+    lg_surrogate_curves_destroy(NULL);
     const lg_elastica_curves set = make_curves(3, 6);
     for (size_t which = 0; which < TEST_OPTIONS; which++) {
         const small s = make_small(which, 6, TEST_LENGTH, 35);

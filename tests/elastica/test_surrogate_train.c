@@ -1,6 +1,7 @@
 /* Losses of the surrogates: on a tape and computed from the curves, parts of batches, gradients, refusals.
  * ctest-labels: src/elastica */
 #include "elastica/surrogate_support.h"
+#include "support/narrow_tape.h"
 
 #include "elastica/surrogate_internal.h"
 
@@ -321,17 +322,53 @@ TEST("problems without curves, with other curves or with another length are refu
     lg_elastica_curves longer = set, endless = set;
     longer.length = 3.4;
     endless.length = NAN;
+    lg_elastica_curves bad[5];
+    for (size_t i = 0; i < LG_COUNT(bad); i++) bad[i] = set;
+    bad[0].boundary = bad[1].q = bad[2].v = NULL, bad[3].intervals = 1;
+    bad[4].intervals = LG_ELASTICA_MAX_INTERVALS + 1;
+    for (size_t i = 0; i < LG_COUNT(bad); i++) {
+        const lg_surrogate_problem problem = {&s.model, &bad[i], everything, CURVES, NULL};
+        assert_status(lg_surrogate_problem_check(&problem, NULL), LG_INVALID_ARGUMENT);
+    }
     const struct {
         lg_surrogate_problem problem;
         lg_status status;
     } cases[] = {{{&s.model, &set, everything, CURVES, NULL}, LG_OK},
                  {{&s.model, &set, everything, 0, NULL}, LG_INVALID_ARGUMENT},
                  {{&s.model, NULL, everything, CURVES, NULL}, LG_INVALID_ARGUMENT},
+                 {{NULL, &set, everything, CURVES, NULL}, LG_INVALID_ARGUMENT},
+                 {{&s.model, &set, NULL, CURVES, NULL}, LG_INVALID_ARGUMENT},
                  {{&s.model, &set, beyond, 2, NULL}, LG_INVALID_ARGUMENT},
                  {{&s.model, &longer, everything, CURVES, NULL}, LG_SHAPE},
                  {{&s.model, &endless, everything, CURVES, NULL}, LG_SHAPE}};
     for (size_t i = 0; i < LG_COUNT(cases); i++)
         assert_status(lg_surrogate_problem_check(&cases[i].problem, NULL), cases[i].status);
+}
+
+typedef struct narrow_loss {
+    lg_fit_problem fit;
+    const double *theta;
+} narrow_loss;
+
+static lg_status record_loss(lg_tape *tape, const void *user) {
+    const narrow_loss *l = user;
+    uint32_t samples[MANY];
+    lg_var loss;
+    const size_t count = l->fit.samples < CURVES ? l->fit.samples : CURVES;
+    for (size_t i = 0; i < count; i++) samples[i] = (uint32_t)i;
+    const lg_var theta = lg_parameter(tape, lg_shape1((uint32_t)l->fit.parameters), l->theta);
+    return l->fit.loss(l->fit.user, tape, theta, samples, count, count, &loss);
+}
+
+TEST("recording a loss may run out of memory at any point") {
+    const lg_elastica_curves set = make_curves(CURVES, 6);
+    for (size_t which = 0; which < TEST_OPTIONS; which++) {
+        const small s = make_small(which, 6, TEST_LENGTH, 13);
+        const lg_surrogate_problem problem = problem_of(&s, &set, everything, CURVES);
+        narrow_loss l = {.theta = s.theta};
+        lg_surrogate_fit_problem(&problem, &l.fit);
+        assert_true(record_narrow(LG_F64, record_loss, &l) > 0);
+    }
 }
 
 TEST("more points than a sample index can number are refused") {

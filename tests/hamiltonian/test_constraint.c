@@ -254,6 +254,12 @@ static lg_status cone(void *user, lg_tape *tape, const lg_var *theta, const lg_v
     return lg_tape_status(tape);
 }
 
+static lg_status plane(void *user, lg_tape *tape, const lg_var *theta, const lg_var *q, lg_var *g) {
+    (void)user, (void)theta;
+    *g = lg_slice(tape, q[0], 1, 0, 1);
+    return lg_tape_status(tape);
+}
+
 /* sqrt(x) - 1, which is not finite for x < 0. */
 static lg_status half_space(void *user, lg_tape *tape, const lg_var *theta, const lg_var *q, lg_var *g) {
     (void)user, (void)theta;
@@ -266,11 +272,15 @@ TEST("points are refused where the constraint is flat, at a tip, and where it is
         lg_record_function g;
         double state[6], size;
         lg_status status;
-    } rows[] = {
-        {flat_ball, {0.6, 0, 0.8, 0, 1, 0}, 0, LG_FORMAT},  {flat_ball, {0.6, 0, 1.8, 0, 1, 0}, 0, LG_OK},
-        {cone, {3e-7, 4e-7, 5e-7, 0, 0, 0}, 1, LG_FORMAT},  {cone, {3e-1, 4e-1, 5e-1, 0, 0, 0}, 1, LG_OK},
-        {cone, {0, 0, 0, 0, 0, 0}, 0, LG_FORMAT},           {half_space, {1, 0, 0, 0, 0, 1}, 0, LG_OK},
-        {half_space, {-1, 0, 0, 0, 0, 1}, 0, LG_NOT_FINITE}};
+    } rows[] = {{flat_ball, {0.6, 0, 0.8, 0, 1, 0}, 0, LG_FORMAT},
+                {flat_ball, {0.6, 0, 1.8, 0, 1, 0}, 0, LG_OK},
+                {cone, {3e-7, 4e-7, 5e-7, 0, 0, 0}, 1, LG_FORMAT},
+                {cone, {3e-1, 4e-1, 5e-1, 0, 0, 0}, 1, LG_OK},
+                {cone, {0, 0, 0, 0, 0, 0}, 0, LG_FORMAT},
+                {half_space, {1, 0, 0, 0, 0, 1}, 0, LG_OK},
+                {half_space, {-1, 0, 0, 0, 0, 1}, 0, LG_NOT_FINITE},
+                {plane, {0, 0, 0, 0, 1, 0}, 0, LG_OK},
+                {plane, {INFINITY, 0, 0, 0, 1, 0}, 0, LG_NOT_FINITE}};
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         lg_constraint_view view;
         const lg_constraint *c = constraint_of(rows[i].g, NULL, 3);
@@ -279,6 +289,17 @@ TEST("points are refused where the constraint is flat, at a tip, and where it is
     double away[6] = {-1, 0, 0, 0, 0, 1};
     assert_status(lg_constraint_project(constraint_of(half_space, NULL, 3), 0, away, NULL), LG_NOT_FINITE);
     assert_true(away[0] == -1 && away[5] == 1);
+    /* The message of a long q ends in dots. */
+    enum { LONG = LG_CONSTRAINT_MOST_COORDINATES };
+    double many[2 * LONG] = {0};
+    lg_constraint_view view;
+    lg_error why = {LG_OK, ""};
+    for (size_t i = 0; i < LONG; i++) many[i] = -0.12345678 * pow(10.0, -(double)(i % 2));
+    double length = 0;
+    for (size_t i = 0; i < LONG; i++) length += many[i] * many[i];
+    for (size_t i = 0; i < LONG; i++) many[i] /= sqrt(length);
+    assert_status(lg_constraint_look(constraint_of(flat_ball, NULL, LONG), 0, many, &view, &why), LG_FORMAT);
+    assert_says(why.message, ", ...)");
 }
 
 /* ---- what is no constraint ---- */
@@ -301,11 +322,68 @@ static lg_status fixed_mass(void *user, lg_tape *tape, const lg_var *theta, cons
     return lg_tape_status(tape);
 }
 
+static lg_status fixed_masses(void *user, lg_tape *tape, const lg_var *theta, const lg_var *q, lg_var *M) {
+    (void)theta, (void)q;
+    *M = lg_input_f64(tape, lg_shape1(3), user);
+    return lg_tape_status(tape);
+}
+
+static lg_status standing(void *user, lg_tape *tape, const lg_var *theta, const lg_var *q, lg_var *g) {
+    (void)user, (void)theta;
+    *g = lg_reshape(tape, lg_slice(tape, q[0], 1, 0, 1), lg_shape3(lg_var_shape(tape, q[0]).dims[0], 1, 1));
+    return lg_tape_status(tape);
+}
+
+static lg_status doubled(void *user, lg_tape *tape, const lg_var *theta, const lg_var *q, lg_var *g) {
+    g[1] = lg_neg(tape, q[0]);
+    return flat_ball(user, tape, theta, q, g);
+}
+
+/* A constraint with this g, the potential V and the diagonal mass 2, 3, 5; q is drawn from low to high. */
+static lg_constraint *with_masses(lg_record_function g, lg_record_function V, double low, double high) {
+    static double masses[3] = {2, 3, 5};
+    const lg_port q = {.name = "q", .shape = lg_shape1(3), .low = low, .high = high}, x = {.name = "x"};
+    const lg_function_spec functions[] = {{"constraint", &q, 1, &x, 1, g, NULL},
+                                          {"potential", &q, 1, &x, 1, V, NULL},
+                                          {"mass", &q, 1, &x, 1, fixed_masses, masses}};
+    lg_program_spec spec;
+    lg_program *program;
+    lg_constraint *made;
+    lg_program_spec_init(&spec);
+    spec.functions = functions, spec.function_count = 3;
+    assert_told(lg_program_build(NULL, &spec, &program, &told));
+    lg_test_owns(program, release_constraint_program);
+    assert_told(lg_constraint_create(NULL, program, &made, &told));
+    return own_constraint(made);
+}
+
+TEST("masses may be a vector: the diagonal") {
+    double H;
+    assert_ok(
+        lg_constraint_energy(with_masses(plane, flat_ball, -1, 1), (double[]){0, 1, 0, 0, 6, 10}, &H, NULL));
+    assert_close(H, 6.0 * 6.0 / (2 * 3) + 10.0 * 10.0 / (2 * 5), 1e-14, 0);
+}
+
+TEST("starts are not drawn where the range of q has no point of the constraint") {
+    static const double ranges[][2] = {{5, 6}, {-6, -5}};
+    double data[12];
+    lg_error why;
+    lg_constraint_sampling how;
+    lg_constraint_sampling_init(&how);
+    for (size_t i = 0; i < 2; i++) {
+        const lg_constraint *c = with_masses(plane, flat_ball, ranges[i][0], ranges[i][1]);
+        assert_status(lg_constraint_generate(c, &how, NULL, data, NULL, &why), LG_NO_CONVERGENCE);
+        assert_says(why.message, "no start with g(q) = 0 was found");
+    }
+}
+
 TEST("programs that are no constraint are refused, with the function") {
     static double skew[] = {1, 0.5, 0, 0, 1, 0, 0, 0, 1}, indefinite[] = {1, 2, 0, 2, 1, 0, 0, 0, 1};
     const lg_port q = {.name = "q", .shape = lg_shape1(3)}, two = {.name = "r", .shape = lg_shape1(2)};
-    const lg_port matrix = {.name = "q", .shape = {2, {3, 3}}}, x = {.name = "x"},
-                  one = {.name = "a", .shape = {1, {1}}};
+    const lg_port matrix = {.name = "q", .shape = {2, {3, 3}}}, x[] = {{.name = "x"}, {.name = "z"}},
+                  one = {.name = "a", .shape = {1, {1}}},
+                  common = {.name = "q", .shape = {2, {1, 3}}, .shared = true},
+                  many = {.name = "q", .shape = {1, {LG_CONSTRAINT_MOST_COORDINATES + 1}}};
     const lg_port both[] = {q, two};
     const struct {
         const char *name;
@@ -316,7 +394,13 @@ TEST("programs that are no constraint are refused, with the function") {
         const char *says;
     } rows[] = {{"restraint", &q, 1, flat_ball, NULL, "constraint"},
                 {"constraint", both, 2, flat_ball, NULL, "2 inputs"},
+                {"constraint", &q, 1, doubled, NULL, "2 outputs"},
                 {"constraint", &matrix, 1, same, NULL, "must be a vector"},
+                {"constraint", &common, 1, flat_ball, NULL, "must be a vector"},
+                {"constraint", &many, 1, plane, NULL, "2 to 32 are possible"},
+                {"constraint", &q, 1, fixed_masses, skew, "must give a vector"},
+                {"constraint", &q, 1, standing, NULL, "must give a vector"},
+                {"potential", &q, 1, fixed_masses, skew, "one number"},
                 {"constraint", &q, 1, same, NULL, "1 to 2 numbers"},
                 {"constraint", &one, 1, same, NULL, "takes 1 numbers"},
                 {"potential", &two, 1, flat_ball, NULL, "takes 2 numbers"},
@@ -327,9 +411,10 @@ TEST("programs that are no constraint are refused, with the function") {
                 {"mass", &q, 1, fixed_mass, indefinite, "not positive definite"}};
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         const bool first = strstr(rows[i].name, "straint") != NULL;
-        const lg_function_spec functions[] = {
-            {"constraint", &q, 1, &x, 1, flat_ball, NULL},
-            {rows[i].name, rows[i].in, rows[i].inputs, &x, 1, rows[i].record, rows[i].user}};
+        const lg_function_spec functions[] = {{"constraint", &q, 1, x, 1, flat_ball, NULL},
+                                              {rows[i].name, rows[i].in, rows[i].inputs, x,
+                                               rows[i].record == doubled ? 2 : 1, rows[i].record,
+                                               rows[i].user}};
         lg_program_spec spec;
         lg_program *program;
         lg_constraint *made = NULL;
@@ -339,6 +424,7 @@ TEST("programs that are no constraint are refused, with the function") {
         spec.function_count = first ? 1 : 2;
         assert_told(lg_program_build(NULL, &spec, &program, &told));
         assert_status(lg_constraint_create(NULL, program, &made, &why), LG_FORMAT);
+        assert_status(lg_constraint_create(NULL, program, &made, NULL), LG_FORMAT);
         assert_int_equal(why.status, LG_FORMAT);
         assert_says(why.message, rows[i].says);
         assert_null(made);
@@ -362,8 +448,74 @@ TEST("motions need a potential, and their settings are checked") {
     assert_status(lg_constraint_rattle(c, 2, 0.0, 1, 1, y, out, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_constraint_rattle(c, 2, 0.1, 0, 1, y, out, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_constraint_rattle(c, 2, 0.1, 3, 2, y, out, NULL), LG_INVALID_ARGUMENT);
-    how.points = 1;
+    assert_status(lg_constraint_rattle(c, 2, INFINITY, 1, 1, y, out, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_constraint_rattle(c, 2, 0.1, 1, 0, y, out, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_constraint_rattle(c, 2, 1e200, 1, 1, y, out, NULL), LG_NO_CONVERGENCE);
+    lg_constraint_sampling bad[8];
+    for (size_t i = 0; i < LG_COUNT(bad); i++) bad[i] = how;
+    bad[0].points = 1, bad[1].size = 3, bad[2].t_end = 0, bad[3].t_end = INFINITY, bad[4].speed = -1;
+    bad[5].speed = INFINITY, bad[6].noise = -1, bad[7].noise = INFINITY;
+    for (size_t i = 0; i < LG_COUNT(bad); i++)
+        assert_status(lg_constraint_generate(c, &bad[i], NULL, out, NULL, NULL), LG_INVALID_ARGUMENT);
+    how.noise_kind = (lg_noise)(LG_NOISE_UNIFORM + 1);
     assert_status(lg_constraint_generate(c, &how, NULL, out, NULL, NULL), LG_INVALID_ARGUMENT);
+    lg_constraint_sampling_init(NULL);
+}
+
+/* sqrt(y + 2) */
+static lg_status steep(void *user, lg_tape *tape, const lg_var *theta, const lg_var *q, lg_var *V) {
+    (void)user, (void)theta;
+    *V = lg_sqrt(tape, lg_add_scalar(tape, lg_slice(tape, q[0], 1, 1, 1), 2.0));
+    return lg_tape_status(tape);
+}
+
+/* The energy does not tell where the normals are dependent; a field that is not finite ends a flow. */
+TEST("motions fail where the constraint is singular or the field is not finite") {
+    const double y[6] = {0, -3, 0, 0, 0.5, 0}, t[2] = {0, 1};
+    double out[12], H;
+    lg_error why = {LG_OK, ""};
+    assert_status(lg_constraint_flow(with_masses(plane, steep, -1, 1), 1e-6, t, 2, y, out, &why),
+                  LG_NOT_FINITE);
+    assert_says(why.message, "from time 0 and q = (0, -3, 0)");
+    const constraint_case flat = {"flat", flat_ball, hill, NULL, 3, 1};
+    const double pole[6] = {1, 0, 0, 0, 0.5, 0};
+    assert_ok(lg_constraint_energy(make_constraint(&flat, &plain_units), pole, &H, NULL));
+    assert_true(isnan(H));
+}
+
+static lg_status move(const lg_context *context, const lg_program *program) {
+    lg_constraint *c = NULL;
+    lg_constraint_sampling how;
+    double data[2 * 2 * 6], y[6] = {1, 0, 0, 0, 0.5, 0}, *out = TEST_ARRAY(double, 12);
+    lg_constraint_sampling_init(&how);
+    how.trajectories = 2;
+    lg_status status = lg_constraint_create(context, program, &c, NULL);
+    if (status == LG_OK) status = lg_constraint_generate(c, &how, NULL, data, NULL, NULL);
+    if (status == LG_OK) status = lg_constraint_rattle(c, 2, 1e-4, 1024, 1024, y, out, NULL);
+    lg_constraint_destroy(c);
+    return status;
+}
+
+TEST("samples and steps can be cancelled, and every allocation may fail") {
+    lg_program *program = make_constraint_program(&constraint_cases[0], &plain_units);
+    volatile int cancel = 0;
+    lg_context_options options;
+    lg_context *context;
+    lg_constraint *c;
+    lg_constraint_sampling how;
+    double y[6] = {1, 0, 0, 0, 0.5, 0}, out[12];
+    lg_context_options_init(&options);
+    options.cancel = &cancel;
+    assert_ok(lg_context_create(&options, &context));
+    lg_test_owns(context, release_context);
+    assert_ok(lg_constraint_create(context, program, &c, NULL));
+    own_constraint(c);
+    lg_constraint_sampling_init(&how);
+    cancel = 1;
+    assert_status(lg_constraint_generate(c, &how, NULL, out, NULL, NULL), LG_CANCELLED);
+    assert_ok(lg_constraint_rattle(c, 2, 1e-4, 1023, 1023, y, out, NULL));
+    assert_status(lg_constraint_rattle(c, 2, 1e-4, 1024, 1024, y, out, NULL), LG_CANCELLED);
+    EVERY_ALLOCATION_FAILS(failing, 8, { status = move(failing, program); });
 }
 
 /* ---- motions ---- */
@@ -517,6 +669,18 @@ TEST("samples lie on T*Q, have their energies, and depend on seed and number onl
     for (size_t k = 0; k < (size_t)N * M * D; k++) sum += (noisy[k] - data[k]) * (noisy[k] - data[k]);
     assert_memory_equal(noisy, data, D * sizeof *noisy);
     assert_close(sqrt(sum / (N * (M - 1) * D)), 1e-2, 0.2, 0);
+    /* Noise of the first point, which is projected, does not change the noise of the others. */
+    double *first = TEST_ARRAY(double, N *M *D), moved = 0;
+    lg_constraint_view view;
+    how.noise_first = true;
+    assert_ok(lg_constraint_generate(c, &how, NULL, first, NULL, NULL));
+    assert_memory_equal(first + D, noisy + D, (M - 1) * D * sizeof *first);
+    assert_ok(lg_constraint_look(c, 1.0, first, &view, NULL));
+    for (size_t k = 0; k < D; k++) moved = fmax(moved, fabs(first[k] - data[k]));
+    assert_true(view.off < 2e-15 && moved > 1e-4 && moved < 0.1);
+    how.noise_first = false, how.noise_kind = LG_NOISE_UNIFORM;
+    assert_ok(lg_constraint_generate(c, &how, NULL, noisy, NULL, NULL));
+    for (size_t k = 0; k < (size_t)N * M * D; k++) assert_true(fabs(noisy[k] - data[k]) <= 1e-2 + 1e-15);
 }
 
 /* ---- learning ---- */

@@ -3,6 +3,7 @@
 #include "autodiff/compiled.h"
 #include "autodiff/program_support.h"
 #include "support/model_support.h"
+#include "support/narrow_tape.h"
 
 #include "liegrad/mechanics.h"
 #include "liegrad/ops.h"
@@ -725,8 +726,9 @@ TEST("the penalty takes every first integral, at the points that are listed") {
             assert_ok(lg_hamiltonian_integral_change(NULL, &problem, theta, j * (M - 1) + 1, &change, NULL));
             assert_close(change, of_data[j], 1e-12, 1e-30);
         }
-        assert_status(lg_hamiltonian_integral_change(NULL, &problem, theta, M + 1, &change, NULL),
-                      LG_INVALID_ARGUMENT);
+        for (size_t j = 0; j <= M + 1; j += M + 1)
+            assert_status(lg_hamiltonian_integral_change(NULL, &problem, theta, j, &change, NULL),
+                          LG_INVALID_ARGUMENT);
     }
 }
 
@@ -787,6 +789,10 @@ TEST("the last layer is scaled by the third root of the ratio of the data's forc
     for (size_t i = 0; i < 2; i++) scaled[i] = 1e3 * w[i]; /* steeper than the data: unchanged */
     assert_ok(lg_hamiltonian_scale(NULL, &problem, scaled, &factor));
     assert_true(factor == 1.0 && scaled[0] == 1e3 * w[0] && scaled[1] == 1e3 * w[1]);
+    for (size_t i = 0; i < 2; i++) scaled[i] = 0.0; /* no forces: unchanged */
+    assert_ok(lg_hamiltonian_scale(NULL, &problem, scaled, &factor));
+    assert_true(factor == 1.0 && scaled[0] == 0.0 && scaled[1] == 0.0);
+    EVERY_ALLOCATION_FAILS(context, 2, { status = lg_hamiltonian_scale(context, &problem, scaled, NULL); });
     problem.substeps = 0;
     assert_status(lg_hamiltonian_scale(NULL, &problem, scaled, &factor), LG_INVALID_ARGUMENT);
 }
@@ -893,6 +899,10 @@ TEST("every family has all of its texts, and a different name") {
         for (size_t w = 0; w < LG_COUNT(words); w++) assert_true(words[w] != NULL && words[w][0] != '\0');
         assert_ptr_equal(lg_hamiltonian_family_find(row->name), row);
     }
+    assert_null(lg_hamiltonian_family_find("nothing"));
+    assert_null(lg_potential_row_of((lg_potential_kind)LG_POTENTIAL_KIND_COUNT));
+    assert_null(lg_first_integral_at(lg_first_integral_count()));
+    assert_null(lg_first_integral_find("nothing"));
 }
 
 /* The recorded loss for training with this scheme; random states serve as data. */
@@ -927,6 +937,74 @@ TEST("for every family the default scheme trains, steps and is exported, and the
         for (size_t i = 0; i < LG_COUNT(schemes); i++) {
             double next[MOST_STATE];
             assert_ok(lg_stepper_step(stepper_of(&s.b, schemes[i]), 0.0, 0.01, s.y, s.u, next));
+        }
+    }
+}
+
+static lg_var free_energy(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y) {
+    const lg_var kinetic = lg_scale(tape, lg_rownorm2(tape, y[1]), 0.5);
+    return lg_add(tape, kinetic, lg_hamiltonian_potential(tape, vars, y[0]));
+}
+
+/* H = |p|^2/2 + V(q): q' = p and p' = -dV/dq. */
+TEST("a family of the caller may have no arrays, no input and no gradient") {
+    enum { COPIES = 3 };
+    lg_hamiltonian_family own = lg_hamiltonian_separable;
+    own.arrays[0].rank = 0, own.bind = NULL, own.forces = 0, own.energy = free_energy, own.gradient = NULL;
+    own.force = NULL, own.drift = NULL, own.scheme = "rk4";
+    const built b = build_hamiltonian(&own, COPIES, LG_POTENTIAL_MLP, LG_TANH);
+    const double h = 1e-5;
+    double y[2 * COPIES], f[2 * COPIES];
+    lg_rng rng = test_rng(6, 0);
+    assert_int_equal(lg_model_input_dim(b.model), 0);
+    draw_state(&b, &rng, y);
+    assert_ok(lg_model_field(b.model, y, NULL, f, b.work));
+    for (size_t i = 0; i < COPIES; i++) {
+        const double q = y[i];
+        y[i] = q + h;
+        const double up = energy_of(&b, y);
+        y[i] = q - h;
+        assert_close(f[COPIES + i], -(up - energy_of(&b, y)) / (2 * h), 1e-7, 1e-9);
+        assert_close(f[i], y[COPIES + i], 1e-15, 0);
+        y[i] = q;
+    }
+}
+
+typedef struct narrow_loss {
+    lg_fit_problem fit;
+    const double *theta;
+    bool residuals;
+} narrow_loss;
+
+static lg_status record_loss(lg_tape *tape, const void *user) {
+    const narrow_loss *l = user;
+    static const uint32_t samples[2] = {0, 1};
+    lg_var loss;
+    const lg_var theta = lg_parameter(tape, lg_shape1((uint32_t)l->fit.parameters), l->theta);
+    return (l->residuals ? l->fit.residuals : l->fit.loss)(l->fit.user, tape, theta, samples, 2, N, &loss);
+}
+
+TEST("recording a loss may run out of memory at any point, for every family and kind of scheme") {
+    static const char *const schemes[] = {NULL, "rk4", "cf4", "variational", "midpoint"};
+    for (size_t m = 0; m < motions(); m++) {
+        const moving s = make_motion(m, LG_POTENTIAL_MLP, LG_TANH);
+        data set = {.d = s.d, .t = {0.0, 0.02}, .y = room(N * M * s.d)};
+        lg_rng rng = test_rng(5, 1);
+        for (size_t i = 0; i < N * M; i++) draw_state(&s.b, &rng, set.y + i * s.d);
+        for (size_t k = 0; k < 2 * LG_COUNT(schemes); k++) {
+            const char *name = schemes[k / 2];
+            lg_hamiltonian_problem problem = {.model = &s.b.hamiltonian, .substeps = 1, .trajectories = N};
+            problem.points = 3, problem.dt = 0.02, problem.data = set.y;
+            problem.scheme = lg_scheme_find(name != NULL ? name : s.b.hamiltonian.family->scheme);
+            assert_non_null(problem.scheme);
+            narrow_loss l = {.theta = s.b.theta, .residuals = k % 2 == 1};
+            if (k == 0) problem.starts = LG_START_ESTIMATED;
+            if (lg_hamiltonian_problem_check(&problem, NULL) != LG_OK) continue;
+            lg_hamiltonian_fit_problem(&problem, &l.fit);
+            double *theta = room(l.fit.parameters);
+            memcpy(theta, s.b.theta, lg_hamiltonian_parameters(&s.b.hamiltonian) * sizeof *theta);
+            l.theta = theta;
+            assert_true(record_narrow(LG_F64, record_loss, &l) > 0);
         }
     }
 }
@@ -1013,6 +1091,12 @@ TEST("invalid problems and models are refused") {
     REFUSED(bad.points = LG_HAMILTONIAN_MAX_POINTS + 1, LG_INVALID_ARGUMENT);
     REFUSED(bad.dt = 0.0, LG_INVALID_ARGUMENT);
     REFUSED(bad.dt = NAN, LG_INVALID_ARGUMENT);
+    REFUSED(bad.dt = INFINITY, LG_INVALID_ARGUMENT);
+    REFUSED(bad.penalty = INFINITY, LG_INVALID_ARGUMENT);
+    REFUSED(bad.penalty_form = (lg_penalty_form)(LG_PENALTY_SUM_ABSOLUTE + 1), LG_INVALID_ARGUMENT);
+    REFUSED(bad.model = NULL, LG_INVALID_ARGUMENT);
+    REFUSED(bad.trajectories = 0, LG_INVALID_ARGUMENT);
+    REFUSED(bad.trajectories = UINT32_MAX, LG_INVALID_ARGUMENT);
     REFUSED(bad.substeps = 0, LG_INVALID_ARGUMENT);
     REFUSED(bad.penalty = -1.0, LG_INVALID_ARGUMENT);
     REFUSED(bad.penalty = 1.0, LG_UNSUPPORTED);
@@ -1031,6 +1115,17 @@ TEST("invalid problems and models are refused") {
     REFUSED((bad.distance = LG_DISTANCE_GEODESIC, bad.scheme = lg_scheme_find("rk4")), LG_UNSUPPORTED);
     REFUSED(bad.scheme = NULL, LG_INVALID_ARGUMENT);
     REFUSED(bad.data = NULL, LG_INVALID_ARGUMENT);
+    lg_hamiltonian_problem short_one = good;
+    short_one.points = 1;
+    assert_status(lg_hamiltonian_mean_squared_error(NULL, &short_one, theta, &value, NULL),
+                  LG_INVALID_ARGUMENT);
+    assert_status(lg_hamiltonian_integral_change(NULL, &short_one, theta, 1, &value, NULL),
+                  LG_INVALID_ARGUMENT);
+    assert_status(lg_hamiltonian_integral_unit(NULL, &short_one, &value, NULL), LG_INVALID_ARGUMENT);
+    double wrong[64] = {NAN};
+    lg_program *program;
+    assert_status(lg_hamiltonian_program(NULL, &chain, wrong, NULL, &program, &error), LG_NOT_FINITE);
+    assert_says(error.message, "a parameter is not finite");
     lg_hamiltonian_problem many = good;
     many.substeps = 1u << 31;
     assert_status(lg_hamiltonian_floor(NULL, &many, theta, &value, NULL), LG_INVALID_ARGUMENT);
@@ -1039,6 +1134,9 @@ TEST("invalid problems and models are refused") {
     assert_status(
         lg_hamiltonian_init(&model, &lg_hamiltonian_chain, 0, LG_POTENTIAL_LINEAR, NULL, 0, LG_TANH),
         LG_INVALID_ARGUMENT);
+    assert_status(lg_hamiltonian_init(&model, &lg_hamiltonian_chain, 1,
+                                      (lg_potential_kind)LG_POTENTIAL_KIND_COUNT, NULL, 0, LG_TANH),
+                  LG_INVALID_ARGUMENT);
     assert_status(lg_hamiltonian_init(&model, &lg_hamiltonian_chain, LG_HAMILTONIAN_MAX_COPIES + 1,
                                       LG_POTENTIAL_LINEAR, NULL, 0, LG_TANH),
                   LG_INVALID_ARGUMENT);

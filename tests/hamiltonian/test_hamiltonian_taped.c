@@ -152,11 +152,18 @@ TEST("states, inputs and parameters of a wrong shape are refused") {
         record_inputs(&s);
         lg_var longer = lg_full(s.tape, lg_shape2(BATCH, d + 1), 0.1);
         assert_true(lg_is_none(lg_hamiltonian_record_value(s.tape, &s.vars, longer)));
+        assert_true(lg_is_none(lg_hamiltonian_record_gradient(s.tape, &s.vars, longer)));
+        assert_true(lg_is_none(lg_hamiltonian_record_field(s.tape, &s.vars, longer, s.u)));
+        assert_true(lg_is_none(lg_hamiltonian_record_velocity(s.tape, &s.vars, longer, s.u)));
         assert_status(lg_tape_status(s.tape), LG_SHAPE);
+        assert_status(lg_hamiltonian_taped_ode(NULL, NULL), LG_INVALID_ARGUMENT);
         lg_tape_reset(s.tape);
         lg_var shorter = lg_full(s.tape, lg_shape1((uint32_t)s.parameters - 1), 0.1);
         s.vars.model = NULL;
         assert_status(lg_hamiltonian_bind(s.tape, hamiltonian_of(&s), shorter, &s.vars), LG_SHAPE);
+        lg_tape_reset(s.tape);
+        const lg_var row = lg_full(s.tape, lg_shape2(1, (uint32_t)s.parameters), 0.1);
+        assert_status(lg_hamiltonian_bind(s.tape, hamiltonian_of(&s), row, &s.vars), LG_SHAPE);
         assert_null(s.vars.model);
     }
 }

@@ -371,6 +371,9 @@ TEST("the scales of an oscillator are its amplitudes and 1/w, with many or few p
         assert_true(scales.time * w > 1.0 && scales.time * w < 1.1);
         assert_close(scales.part[0], a / sqrt(2.0), 1e-12, 0.0);
         assert_close(scales.part[1], mass * a * w / sqrt(2.0), 1e-2, 0.0);
+        for (size_t j = 0; j < points; j++) data[2 * j + 1] = 0.25; /* only q changes */
+        assert_ok(lg_hamiltonian_find_scales(&problem, &scales, NULL));
+        assert_true(scales.time * w > 1.0 && scales.time * w < 1.1);
     }
 }
 
@@ -393,13 +396,35 @@ TEST("without motion the scales are sizes of the state and the duration of a tra
     assert_true(scales.part[0] == 1.0 && scales.part[1] == 1.0);
 }
 
+TEST("without motion the scale of a line is its size, and 1 if it is 0") {
+    for (int zero = 0; zero < 2; zero++) {
+        lg_hamiltonian model;
+        lg_hamiltonian_scales scales;
+        assert_ok(lg_hamiltonian_init(&model, &lg_hamiltonian_rotation_line, 1, LG_POTENTIAL_MLP, NULL, 0,
+                                      LG_TANH));
+        const size_t d = lg_hamiltonian_state_dim(&model);
+        double *data = room(2 * d);
+        for (size_t i = 0; i < 2 * d; i++) data[i] = zero ? 0.0 : 0.5;
+        const lg_hamiltonian_problem problem = {
+            .model = &model, .trajectories = 1, .points = 2, .dt = 0.1, .data = data};
+        assert_ok(lg_hamiltonian_find_scales(&problem, &scales, NULL));
+        assert_true(scales.time == 0.1 && scales.part[0] == 1.0);
+        assert_close(scales.part[2], zero ? 1.0 : 0.5, 1e-15, 0.0);
+    }
+}
+
 TEST("sizes beyond the range of a scale are refused, and a problem without data too") {
     training s = make_training(&systems[2], (units){1.0, 1.0, 1e-200});
     lg_hamiltonian_scales scales = {2.0, {3.0, 4.0}};
     s.problem.model = &s.model;
     assert_status(lg_hamiltonian_find_scales(&s.problem, &scales, NULL), LG_NOT_FINITE);
-    s.problem.data = NULL;
-    assert_status(lg_hamiltonian_find_scales(&s.problem, &scales, NULL), LG_INVALID_ARGUMENT);
-    assert_status(lg_hamiltonian_weigh(&s.problem, NULL), LG_INVALID_ARGUMENT);
+    lg_hamiltonian_problem bad[5];
+    for (size_t i = 0; i < LG_COUNT(bad); i++) bad[i] = s.problem;
+    bad[0].data = NULL, bad[1].model = NULL, bad[2].trajectories = 0, bad[3].points = 1, bad[4].dt = NAN;
+    for (size_t i = 0; i < LG_COUNT(bad); i++) {
+        assert_status(lg_hamiltonian_find_scales(&bad[i], &scales, NULL), LG_INVALID_ARGUMENT);
+        assert_status(lg_hamiltonian_weigh(&bad[i], NULL), LG_INVALID_ARGUMENT);
+        assert_false(lg_hamiltonian_moves(&bad[i]));
+    }
     assert_true(scales.time == 2.0 && scales.part[0] == 3.0 && scales.part[1] == 4.0);
 }

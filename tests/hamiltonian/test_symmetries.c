@@ -269,4 +269,8 @@ TEST("a symmetry that the family cannot have is refused") {
     }
     lg_hamiltonian none = {.family = &lg_hamiltonian_chain, .n = 2};
     assert_status(lg_hamiltonian_set_symmetry(&none, LG_SYMMETRY_AXIAL), LG_INVALID_ARGUMENT);
+    none.potential = (lg_potential_kind)LG_POTENTIAL_KIND_COUNT;
+    assert_status(lg_hamiltonian_set_symmetry(&none, LG_SYMMETRY_AXIAL), LG_INVALID_ARGUMENT);
+    none = (lg_hamiltonian){.n = 2};
+    assert_status(lg_hamiltonian_set_symmetry(&none, LG_SYMMETRY_AXIAL), LG_INVALID_ARGUMENT);
 }

@@ -2,6 +2,7 @@
 #include <sys/resource.h>
 #include <sys/stat.h>
 
+#include "support/constraints.h"
 #include "support/io_test.h"
 #include "hamiltonian/internal.h"
 
@@ -110,7 +111,9 @@ TEST("the system that made the data is read back, with all its parameters") {
     assert_string_equal(lg_system_form(back->truth), "hamiltonian");
     assert_int_equal(lg_system_parameter_count(back->truth), 5);
     assert_memory_equal(lg_system_parameter_values(back->truth), ((double[]){9.81, 1, 1.3, 1, 0.8}), 40);
-    const hsize_t one = 1;
+    const hsize_t one = 1, square[2] = {1, 2};
+    replace_dataset(path, "parameters/masses", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 2, square, masses);
+    assert_refused(read_and_free, path, LG_FORMAT, "/parameters/masses", "rank");
     replace_dataset(path, "parameters/masses", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 1, &one, masses);
     assert_refused(read_and_free, path, LG_FORMAT, "/parameters", "masses");
     delete_link(path, "parameters/masses");
@@ -200,6 +203,13 @@ TEST("attributes that follow from the data may be left out") {
     replace_text(path, "trajectories", "system", "double spherical pendulum on a cart");
     replace_text(path, "trajectories", "layout", "q1 p1 q2 p2");
     assert_string_equal(read_trajectories(path)->system, "double spherical pendulum on a cart");
+    replace_text(path, "trajectories", "system", test_text("%0*d", LG_SYSTEM_NAME, 0));
+    assert_refused(read_and_free, path, LG_FORMAT, "system", "");
+    assert_status(read_and_free(NULL, path, NULL, NULL), LG_FORMAT);
+    /* With one link both layouts are the same. */
+    path = good_file();
+    replace_text(path, "/", "layout", "q p");
+    assert_int_equal(read_trajectories(path)->n, 1);
 }
 
 TEST("times stored as floats count as equidistant to their rounding") {
@@ -266,6 +276,9 @@ TEST("a data set of a wrong shape or value is refused by name") {
         {"hamiltonian", 1, {3}, 2, NAN, LG_NOT_FINITE, "/hamiltonian", "(2)"},
         {"inputs", 3, {3, 5, 2}, SIZE_MAX, 0, LG_FORMAT, "/inputs", "(3, 4, m)"},
         {"inputs", 2, {3, 4}, SIZE_MAX, 0, LG_FORMAT, "/inputs", "rank"},
+        {"inputs", 3, {2, 4, 2}, SIZE_MAX, 0, LG_FORMAT, "/inputs", "(3, 4, m)"},
+        {"inputs", 3, {3, 4, 0}, SIZE_MAX, 0, LG_FORMAT, "/inputs", "(3, 4, m)"},
+        {"trajectories", 3, {3, 5, 1}, SIZE_MAX, 0, LG_FORMAT, "/trajectories", "d of 2 to"},
         {"inputs", 3, {3, 4, 2}, 9, NAN, LG_NOT_FINITE, "/inputs", "(1, 0, 1)"},
     };
     for (size_t i = 0; i < LG_COUNT(cases); i++) {
@@ -278,6 +291,28 @@ TEST("a data set of a wrong shape or value is refused by name") {
     const char *path = good_file();
     put_doubles(path, "trajectories", 3, (const hsize_t[]){3, 5, 6}, 36, 1.5);
     assert_ok(read_and_free(NULL, path, NULL, NULL));
+}
+
+/* Starts off the sphere, sizes that are no multiple of 6, and too many links. */
+TEST("data without a system and a layout are of the first family whose manifold the starts lie on") {
+    static const uint32_t sizes[] = {2, 3, 35};
+    for (size_t i = 0; i < LG_COUNT(sizes); i++) {
+        lg_trajectories *data = own_lg_trajectories((lg_trajectories){.n = 0});
+        const uint32_t n = sizes[i] > LG_HAMILTONIAN_MAX_COPIES ? LG_HAMILTONIAN_MAX_COPIES : sizes[i];
+        const char *path = scratch_path("guess.h5");
+        assert_ok(lg_trajectories_create(NULL, "", &lg_hamiltonian_separable, n, 2, 3, 1, false, 0, data));
+        for (size_t k = 0; k < 2 * 3 * 2 * (size_t)n; k++) data->data[k] = 0.5 + 0.01 * (double)k;
+        assert_ok(lg_trajectories_write(NULL, path, data, NULL));
+        delete_attribute(path, "/", "layout");
+        delete_attribute(path, "/", "system");
+        if (sizes[i] > LG_HAMILTONIAN_MAX_COPIES) {
+            put_doubles(path, "trajectories", 3, (const hsize_t[]){2, 3, 2 * sizes[i]}, SIZE_MAX, 0);
+            assert_refused(read_and_free, path, LG_FORMAT, "/trajectories", "d = 70");
+            continue;
+        }
+        const lg_trajectories *back = read_trajectories(path);
+        assert_true(back->guessed && back->family == &lg_hamiltonian_separable && back->n == n);
+    }
 }
 
 TEST("momenta off the cotangent space are refused, whatever their unit") {
@@ -349,6 +384,7 @@ TEST("a wrong attribute is refused by name, and a size without data too") {
                                     {"@kind", TEXT("hamiltonian"), LG_FORMAT, "trajectories"},
                                     {"@layout", TEXT("q p"), LG_FORMAT, ""},
                                     {"@layout", TEXT("p q"), LG_FORMAT, ""},
+                                    {"@layout", TEXT("q1 q2 p1 p2"), LG_FORMAT, "q1 p1 q2 p2"},
                                     {"@system", TEXT("quartic"), LG_FORMAT, "~quartic"},
                                     {"@system", WHOLE(1), LG_FORMAT, "text"},
                                     {"@links", TEXT("two"), LG_FORMAT, "integer"},
@@ -400,6 +436,7 @@ TEST("invalid arguments are refused") {
     memcpy(&untouched, &data, sizeof data);
     assert_status(lg_trajectories_read(NULL, scratch_path("nothing"), NULL, &data, NULL), LG_NOT_FOUND);
     const lg_hamiltonian_family *chain = &lg_hamiltonian_chain, *separable = &lg_hamiltonian_separable;
+    const char *long_name = test_text("%0*d", LG_SYSTEM_NAME, 0);
     const struct {
         const char *system;
         const lg_hamiltonian_family *family;
@@ -412,6 +449,11 @@ TEST("invalid arguments are refused") {
                  {"", chain, 0, 1, 2, 1, LG_INVALID_ARGUMENT},
                  {"", chain, 33, 1, 2, 1, LG_INVALID_ARGUMENT},
                  {"", chain, 1, 1, 1, 1, LG_INVALID_ARGUMENT},
+                 {"", chain, 1, 0, 2, 1, LG_INVALID_ARGUMENT},
+                 {"", chain, 1, 1, 2, 0, LG_INVALID_ARGUMENT},
+                 {"", NULL, 1, 1, 2, 1, LG_INVALID_ARGUMENT},
+                 {long_name, chain, 1, 1, 2, 1, LG_INVALID_ARGUMENT},
+                 {"", chain, 1, SIZE_MAX / 2, 5, 1, LG_OUT_OF_MEMORY},
                  {"", chain, 1, 1, 2, NAN, LG_INVALID_ARGUMENT},
                  {"", chain, 1, SIZE_MAX / 8, 5, 1, LG_OUT_OF_MEMORY}};
     for (size_t i = 0; i < LG_COUNT(cases); i++)
@@ -423,6 +465,22 @@ TEST("invalid arguments are refused") {
     assert_status(lg_trajectories_read(NULL, good_file(), &wrong, &data, NULL), LG_INVALID_ARGUMENT);
     assert_memory_equal(&data, &untouched, sizeof data);
     lg_trajectories *bad = make_chain(1, 2, 3);
+    lg_trajectories empty[4];
+    for (size_t i = 0; i < LG_COUNT(empty); i++) empty[i] = *bad;
+    empty[0].t = NULL, empty[1].data = NULL, empty[2].count = 0, empty[3].points = 1;
+    for (size_t i = 0; i < LG_COUNT(empty); i++)
+        assert_status(lg_trajectories_write(NULL, scratch_path("nan.h5"), &empty[i], NULL),
+                      LG_INVALID_ARGUMENT);
+    lg_trajectories none = {.n = 0};
+    assert_status(lg_trajectories_set_constraint(NULL, NULL, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_trajectories_set_constraint(&none, NULL, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_trajectories_set_constraint(bad, NULL, NULL), LG_INVALID_ARGUMENT);
+    lg_trajectories_destroy(NULL);
+    lg_trajectories *tied = own_lg_trajectories((lg_trajectories){.n = 0});
+    assert_ok(lg_trajectories_create(NULL, "", &lg_hamiltonian_constrained, 4, 1, 2, 1, false, 0, tied));
+    lg_program *sphere = make_constraint_program(&constraint_cases[0], &plain_units);
+    assert_status(lg_trajectories_set_constraint(tied, sphere, NULL), LG_INVALID_ARGUMENT);
+    assert_null(tied->constraint);
     bad->data[20] = NAN;
     assert_status(lg_trajectories_write(NULL, scratch_path("nan.h5"), bad, NULL), LG_NOT_FINITE);
     assert_int_not_equal(access(scratch_path("nan.h5"), F_OK), 0);

@@ -611,6 +611,12 @@ TEST("invalid problems are refused with a message, and nothing is written") {
     WITH(p.parameters = NULL, "`parameters` is NULL");
     WITH(p.h = bad, "finite");
     WITH(p.t = bad, "finite");
+    lg_ode large = s.ode;
+    large.space.dim = (size_t)UINT32_MAX + 1;
+    WITH(p.ode = &large, "too large");
+    large.space.dim = 0;
+    WITH(p.ode = &large, "too large");
+    WITH(p.parameter_count = (size_t)UINT32_MAX + 1, "too large");
 #undef WITH
     assert_status(lg_adjoint_gradient(NULL, &good, NULL, NULL, NULL, NULL, NULL, NULL), LG_INVALID_ARGUMENT);
     s.y0[3] = INFINITY;

@@ -322,11 +322,12 @@ TEST("the projection of any matrix is the nearest rotation, or NaN") {
 TEST("invalid spaces are refused") {
     lg_space space = {.dim = 77};
     const lg_space_factor zero = {LG_SPACE_TS2, 0}, unknown = {LG_SPACE_KINDS, 1},
-                          huge = {LG_SPACE_RN, SIZE_MAX};
+                          huge = {LG_SPACE_RN, SIZE_MAX}, large = {LG_SPACE_SE3, SIZE_MAX / 2};
     const lg_space_factor many[LG_SPACE_MAX_FACTORS + 1] = {{LG_SPACE_RN, 1}};
     assert_status(lg_space_init(&space, &zero, 1), LG_INVALID_ARGUMENT);
     assert_status(lg_space_init(&space, &unknown, 1), LG_INVALID_ARGUMENT);
     assert_status(lg_space_init(&space, &huge, 1), LG_INVALID_ARGUMENT);
+    assert_status(lg_space_init(&space, &large, 1), LG_INVALID_ARGUMENT);
     assert_status(lg_space_init(&space, many, LG_SPACE_MAX_FACTORS + 1), LG_INVALID_ARGUMENT);
     assert_status(lg_space_init(&space, &zero, 0), LG_INVALID_ARGUMENT);
     assert_status(lg_space_init_rn(&space, 0), LG_INVALID_ARGUMENT);

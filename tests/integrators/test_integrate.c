@@ -388,8 +388,8 @@ TEST("an equation that cannot be solved is refused with the reason and the time 
     const double y0[1] = {1.0}, rising[] = {3.0, 3.5, 5.0}, mixed[] = {0.0, 1.0, 0.5}, bad[1] = {NAN};
     double out[3] = {7.0, 7.0, 7.0};
     lg_error error;
-    const lg_status status = lg_ode_solve(NULL, "R^1", blow_up, NULL, 1e-6, rising, 3, y0, out, &error);
-    assert_true(status == LG_STEP_TOO_SMALL || status == LG_NOT_FINITE || status == LG_TOO_MANY_STEPS);
+    const lg_status failed = lg_ode_solve(NULL, "R^1", blow_up, NULL, 1e-6, rising, 3, y0, out, &error);
+    assert_true(failed == LG_STEP_TOO_SMALL || failed == LG_NOT_FINITE || failed == LG_TOO_MANY_STEPS);
     assert_says(error.message, "at t = ");
     assert_close(strtod(strstr(error.message, "at t = ") + 7, NULL), 4.0, 1e-3, 0); /* y = 1/(4 - t) */
     assert_true(out[0] == 1.0 && fabs(out[1] - 2.0) < 1e-4 && out[2] == 7.0);
@@ -404,4 +404,9 @@ TEST("an equation that cannot be solved is refused with the reason and the time 
                   LG_INVALID_ARGUMENT);
     assert_status(lg_ode_solve(NULL, "R^1", blow_up, NULL, 1e-6, rising, 0, y0, out, &error),
                   LG_INVALID_ARGUMENT);
+    assert_status(lg_ode_solve(NULL, "R^1", blow_up, NULL, INFINITY, rising, 3, y0, out, &error),
+                  LG_INVALID_ARGUMENT);
+    EVERY_ALLOCATION_FAILS(context, 1, {
+        status = lg_ode_solve(context, "R^1", blow_up, NULL, 1e-6, rising, 1, y0, out, NULL);
+    });
 }

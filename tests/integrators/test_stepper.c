@@ -272,18 +272,30 @@ TEST("invalid arguments of a run are refused, and nothing is written") {
     assert_status(lg_integrate_adaptive(s, &c, 0.0, bad, zigzag, 1, out, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_integrate_adaptive(s, &c, 0.0, y0, zigzag, 0, out, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_integrate_adaptive(s, &c, INFINITY, y0, zigzag, 1, out, NULL), LG_INVALID_ARGUMENT);
-    double *const fields[] = {&c.rtol, &c.safety, &c.factor_min, &c.factor_max, &c.max_angle, &c.h_max};
-    for (size_t i = 0; i < sizeof(fields) / sizeof(fields[0]); i++) {
-        *fields[i] = -1.0;
+    const struct {
+        double *field, value;
+    } wrong[] = {{&c.rtol, -1},      {&c.safety, -1},    {&c.factor_min, -1}, {&c.factor_max, -1},
+                 {&c.max_angle, -1}, {&c.h_max, -1},     {&c.rtol, INFINITY}, {&c.safety, 0},
+                 {&c.safety, 1},     {&c.factor_min, 0}, {&c.factor_min, 1},  {&c.factor_max, 1},
+                 {&c.max_angle, 0},  {&c.atol, INFINITY}};
+    for (size_t i = 0; i < LG_COUNT(wrong); i++) {
+        *wrong[i].field = wrong[i].value;
         assert_status(lg_integrate_adaptive(s, &c, 0.0, y0, zigzag, 1, out, NULL), LG_INVALID_ARGUMENT);
         lg_step_controller_init(&c);
     }
+    c.max_steps = 0;
+    assert_status(lg_integrate_adaptive(s, &c, 0.0, y0, zigzag, 1, out, NULL), LG_INVALID_ARGUMENT);
+    lg_step_controller_init(&c);
+    c.size = 3;
+    assert_status(lg_integrate_adaptive(s, &c, 0.0, y0, zigzag, 1, out, NULL), LG_INVALID_ARGUMENT);
+    lg_step_controller_init(&c);
     c.rtol = c.atol = 0.0;
     assert_status(lg_integrate_adaptive(s, &c, 0.0, y0, zigzag, 1, out, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_integrate_fixed(s, 0.0, 0.1, 0, NULL, 0, 1, y0, out, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_integrate_fixed(s, 0.0, 0.1, 4, NULL, 0, 3, y0, out, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_integrate_fixed(s, 0.0, 0.1, 4, NULL, 0, 0, y0, out, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_integrate_fixed(s, 0.0, NAN, 4, NULL, 0, 4, y0, out, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_integrate_fixed(s, INFINITY, 0.1, 4, NULL, 0, 4, y0, out, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_integrate_fixed(s, 0.0, 0.1, 4, NULL, 0, 4, bad, out, NULL), LG_INVALID_ARGUMENT);
     assert_true(out[0] == 7.0);
     s = make("rk4", ode_on(LG_SPACE_RN, 1, blow_up_field, NULL));
@@ -325,6 +337,12 @@ TEST("wrong schemes are refused") {
     lg_cf_row rows[5];
     assert_faulty(NULL);
     s = rk4, s.stages = LG_SCHEME_MAX_STAGES + 1, assert_faulty(&s);
+    s = rk4, s.stages = 0, assert_faulty(&s);
+    s = rk4, s.stages = 0, s.name = NULL, assert_faulty(&s);
+    s = rk4, s.embedded_order = -1, assert_faulty(&s);
+    s = rk4, s.dexpinv = LG_DEXPINV_MAX + 1, assert_faulty(&s);
+    s = *lg_scheme_find("euler"), s.fsal = true, assert_faulty(&s);
+    s = sv, s.kick[0] = 0.75, assert_faulty(&s);
     s = rk4, s.kind = LG_SCHEME_KINDS, assert_faulty(&s);
     s = rk4, s.b[1] += 1e-9, assert_faulty(&s);
     s = rk4, s.b[0] = NAN, assert_faulty(&s);
@@ -350,8 +368,8 @@ TEST("wrong schemes are refused") {
 TEST("wrong brackets, dense output and angles are refused") {
     const lg_scheme two = *lg_scheme_find("rkmk4-2c"), dp = *lg_scheme_find("rkmk54"),
                     midpoint = *lg_scheme_find("midpoint"), slgi = *lg_scheme_find("slgi");
-    static const lg_commutator bad[] = {{0, 0, 0, 1.0}, {5, 0, 1, 1.0},  {2, 2, 1, 1.0},
-                                        {2, 0, 2, 1.0}, {2, -1, 0, 1.0}, {2, 0, 1, NAN}};
+    static const lg_commutator bad[] = {{0, 0, 0, 1.0},  {5, 0, 1, 1.0}, {2, 2, 1, 1.0}, {2, 0, 2, 1.0},
+                                        {2, -1, 0, 1.0}, {2, 0, 1, NAN}, {2, 0, -1, 1.0}};
     lg_scheme s;
     for (size_t i = 0; i < sizeof(bad) / sizeof(bad[0]); i++) {
         s = two, s.commutators = &bad[i], s.commutator_count = 1;
@@ -360,6 +378,8 @@ TEST("wrong brackets, dense output and angles are refused") {
     static const lg_commutator late = {7, 0, 1, 1.0};
     s = two, s.commutators = NULL, assert_faulty(&s);
     s = two, s.commutator_count = -1, assert_faulty(&s);
+    static const lg_commutator early = {1, 0, 0, 0.0};
+    s = dp, s.commutators = &early, s.commutator_count = 1, assert_faulty(&s); /* dense output */
     s = dp, s.dense_order = 0, s.commutators = &late, s.commutator_count = 1, assert_faulty(&s);
     s = *lg_scheme_find("cf4"), s.commutators = &late, s.commutator_count = 1, assert_faulty(&s);
     s = dp, s.dense[0][1] += 1e-3, assert_faulty(&s);
@@ -418,10 +438,15 @@ TEST("schemes and equations that do not fit together are refused") {
     ode = ode_on(LG_SPACE_RN, 2, constant_field, NULL);
     assert_status(lg_stepper_create(NULL, lg_scheme_find("stormer-verlet"), &ode, &stepper),
                   LG_INVALID_ARGUMENT);
+    ode.force = half;
+    assert_status(lg_stepper_create(NULL, lg_scheme_find("stormer-verlet"), &ode, &stepper),
+                  LG_INVALID_ARGUMENT);
     ode.field = NULL;
     assert_status(lg_stepper_create(NULL, lg_scheme_find("rk4"), &ode, &stepper), LG_INVALID_ARGUMENT);
     ode = ode_on(LG_SPACE_RN, 2, constant_field, NULL);
     ode.space.dim = 1; /* differs from the dimension that lg_space_init computed */
+    assert_status(lg_stepper_create(NULL, lg_scheme_find("rk4"), &ode, &stepper), LG_INVALID_ARGUMENT);
+    ode.space.dim = 2, ode.space.algebra_dim = 3;
     assert_status(lg_stepper_create(NULL, lg_scheme_find("rk4"), &ode, &stepper), LG_INVALID_ARGUMENT);
     assert_null(stepper);
 }

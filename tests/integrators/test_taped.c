@@ -1,6 +1,7 @@
 /* Compares the taped interpreter with the plain one for every scheme of the table and every kind of space;
  * also which values it reuses and what it refuses. lg-gradcheck compares the derivatives of every scheme with
  * differences. */
+#include "support/narrow_tape.h"
 #include "support/fixtures.h"
 
 #include "autodiff/ops/op.h"
@@ -641,6 +642,16 @@ TEST("schemes, spaces and functions that do not fit are refused, and the tape ke
                     rows[i].status, rows[i].words);
         }
     }
+    make_pair(&p, lg_scheme_find("stormer-verlet")); /* a force, but no velocity; and halves of two sizes */
+    p.taped.velocity = NULL;
+    fresh_state(tape, &p, y);
+    REFUSED(tape, lg_taped_step(tape, lg_scheme_find("stormer-verlet"), &p.taped, 0, 0.1, y, out),
+            LG_INVALID_ARGUMENT, "needs `force` and `velocity`");
+    p.taped.velocity = p.taped.force;
+    assert_ok(lg_space_init(&p.taped.space, (lg_space_factor[]){{LG_SPACE_RN, 5}, {LG_SPACE_RN, 7}}, 2));
+    fresh_state(tape, &p, y);
+    REFUSED(tape, lg_taped_step(tape, lg_scheme_find("stormer-verlet"), &p.taped, 0, 0.1, y, out),
+            LG_UNSUPPORTED, "R^n x R^n or R^2n");
     lg_scheme bent = *lg_scheme_find("cf4");
     bent.c[1] += 0.1;
     make_pair(&p, &bent);
@@ -664,7 +675,46 @@ TEST("schemes, spaces and functions that do not fit are refused, and the tape ke
     lg_tape_reset(tape);
     REFUSED(tape, lg_taped_split(tape, &p.taped.space, lg_input(tape, lg_shape2(1, 2), p.start), out),
             LG_SHAPE, "(B, dim)");
+    lg_tape_reset(tape);
+    REFUSED(tape,
+            lg_taped_split(tape, &p.taped.space,
+                           lg_input(tape, lg_shape1((uint32_t)p.taped.space.dim), p.start), out),
+            LG_SHAPE, "(B, dim)");
     assert_true(lg_is_none(out[0]));
+}
+
+typedef struct narrow_step {
+    const lg_scheme *scheme;
+    const pair *pair;
+    bool rows; /* each row has a time, a step length and an input of its own */
+} narrow_step;
+
+static lg_status record_step(lg_tape *tape, const void *user) {
+    const narrow_step *s = user;
+    const pair *p = s->pair;
+    static const double steps[BATCH] = {0.1};
+    lg_var y[LG_TAPED_MAX_PARTS], out[LG_TAPED_MAX_PARTS];
+    const lg_var whole = lg_input_f64(tape, lg_shape2(BATCH, (uint32_t)p->plain.space.dim), p->start);
+    const lg_status split = lg_taped_split(tape, &p->taped.space, whole, y);
+    if (split != LG_OK) return split;
+    if (!s->rows) return lg_taped_step(tape, s->scheme, &p->taped, 0.2, 0.1, y, out);
+    const lg_var rows = lg_input_f64(tape, lg_shape2(BATCH, 1), steps);
+    const lg_taped_interval over = {.t = {.rows = rows}, .h_rows = rows};
+    return lg_taped_step_over(tape, s->scheme, &p->taped, &over, y, out);
+}
+
+TEST("a step may run out of memory at any point, for every scheme") {
+    static pair p;
+    for (size_t i = 0; i < lg_scheme_count(); i++) {
+        const lg_scheme *scheme = lg_scheme_at(i);
+        if (scheme->kind == LG_SCHEME_VARIATIONAL) continue;
+        make_pair(&p, scheme);
+        for (int rows = 0; rows < 2; rows++) {
+            const narrow_step s = {scheme, &p, rows};
+            assert_true(record_narrow(LG_F64, record_step, &s) > 0);
+            assert_true(record_narrow(LG_F32, record_step, &s) > 0);
+        }
+    }
 }
 
 static lg_status stops(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,

@@ -163,3 +163,34 @@ TEST("a variational step that fails leaves the state unchanged") {
     assert_status(ode.step(&user, 0.0, NAN, y), LG_NOT_FINITE);
     assert_memory_equal(y, before, sizeof(y));
 }
+
+/* Only the state or only the parameters vary: the derivative is the part of the whole one. */
+TEST("the chain's operation has derivatives with respect to some of its inputs") {
+    enum { K = 2, N = 12, P = 5 };
+    lg_system *system = make_chain("lagrangian", K, GRAVITY, masses, lengths);
+    lg_tape *t = test_tape(LG_F64);
+    double y0[N], whole[3][N], part[N];
+    lg_rng rng = test_rng(43, 0);
+    random_links(&rng, K, y0);
+    lg_system_taped_user user;
+    lg_taped_ode ode;
+    lg_var parts[3], f[2], g[3];
+    parts[2] = lg_input_f64(t, lg_shape1(P), lg_system_parameter_values(system));
+    assert_ok(lg_system_taped_ode(system, LG_COORDINATES_LIE, parts[2], &ode, &user));
+    assert_ok(lg_taped_split(t, &ode.space, lg_input_f64(t, lg_shape2(1, N), y0), parts));
+    assert_ok(ode.field(ode.user, t, (lg_taped_time){0}, parts, LG_NONE, f));
+    const lg_var S = lg_sum(t, lg_square(t, f[1]));
+    static const size_t sizes[3] = {N / 2, N / 2, P};
+    assert_ok(lg_backward_set(t, S, parts, 3, (void *[]){whole[0], whole[1], whole[2]}));
+    assert_ok(lg_grad(t, S, parts, 3, g));
+    for (size_t i = 0; i < 3; i++) {
+        assert_ok(lg_backward_set(t, S, &parts[i], 1, (void *[]){part}));
+        assert_all_close(part, whole[i], sizes[i], 1e-14, 1e-14);
+        const lg_var ones = lg_full(t, lg_var_shape(t, parts[i]), 1.0);
+        lg_var slope;
+        double sum = 0;
+        for (size_t j = 0; j < sizes[i]; j++) sum += whole[i][j];
+        assert_ok(lg_jvp(t, &S, 1, &parts[i], &ones, 1, &slope));
+        assert_reads(t, slope, 1, &sum, 1e-12, 1e-12);
+    }
+}

@@ -501,9 +501,15 @@ TEST("a member that needs too many steps reports when it stopped") {
 }
 
 TEST("an ensemble refuses invalid options") {
-    static const double down[] = {1.0, 0.5}, before[] = {-1.0, 1.0};
+    static const double down[] = {1.0, 0.5}, before[] = {-1.0, 1.0}, endless[] = {0.5, INFINITY};
     const lg_system *system = make_system("oscillator", NULL, NULL, 0);
-    const lg_ensemble_event beyond = {.terms = 1, .index = {2}, .weight = {1.0}};
+    const lg_ensemble_event bad[] = {{.terms = 1, .index = {2}, .weight = {1.0}},
+                                     {.terms = 0},
+                                     {.terms = LG_EVENT_TERMS + 1},
+                                     {.terms = 1, .weight = {1.0}, .direction = -2},
+                                     {.terms = 1, .weight = {1.0}, .direction = 2},
+                                     {.terms = 1, .weight = {1.0}, .level = NAN},
+                                     {.terms = 1, .weight = {INFINITY}}};
     lg_error error;
     lg_ensemble_options good = options_for(lg_scheme_find("dp54"), 3), o = good;
 #define REFUSED(status, part, ...)                                                                           \
@@ -513,8 +519,17 @@ TEST("an ensemble refuses invalid options") {
     REFUSED(LG_INVALID_ARGUMENT, "ascend", o.times = down, o.count = 2);
     REFUSED(LG_INVALID_ARGUMENT, "times that are 0 or later", o.times = before, o.count = 2);
     REFUSED(LG_INVALID_ARGUMENT, "last time", o.count = 0);
-    REFUSED(LG_INVALID_ARGUMENT, "event 0", o.events = &beyond, o.event_count = 1);
+    REFUSED(LG_INVALID_ARGUMENT, "last time", o.times = NULL);
+    REFUSED(LG_INVALID_ARGUMENT, "last time", o.count = 1); /* the time 0 */
+    REFUSED(LG_INVALID_ARGUMENT, "ascend at index 1", o.times = endless, o.count = 2);
+    for (size_t i = 0; i < LG_COUNT(bad); i++) {
+        REFUSED(LG_INVALID_ARGUMENT, "event 0", o.events = &bad[i], o.event_count = 1);
+    }
+    REFUSED(LG_INVALID_ARGUMENT, "event_count", o.events = bad, o.event_count = LG_EVENTS_MAX + 1);
+    REFUSED(LG_INVALID_ARGUMENT, "event_count", o.event_count = 1);
+    REFUSED(LG_INVALID_ARGUMENT, "too many members", o.members = UINT64_MAX);
     REFUSED(LG_INVALID_ARGUMENT, "threads", o.threads = 0);
+    REFUSED(LG_INVALID_ARGUMENT, "threads", o.threads = 1025);
     REFUSED(LG_INVALID_ARGUMENT, "options", o.size = 1);
     REFUSED(LG_INVALID_ARGUMENT, "control", o.control.rtol = -1.0);
     REFUSED(LG_UNSUPPORTED, "number of equal steps", o.scheme = lg_scheme_find("rk4"));
@@ -524,6 +539,42 @@ TEST("an ensemble refuses invalid options") {
     assert_ok(lg_ensemble_run(NULL, system, &good, NULL, NULL, NULL, NULL, NULL, &error));
     good.members = 0;
     assert_ok(lg_ensemble_run(NULL, system, &good, NULL, NULL, NULL, NULL, NULL, &error));
+}
+
+TEST("the states of a block take 4 MiB at most, if it has more than 16 members") {
+    lg_ensemble_options o = options_for(NULL, 3);
+    o.block = 0;
+    static const size_t counts[] = {4, 1 << 10, 1 << 20}, expected[] = {1024, 256, 16};
+    for (size_t i = 0; i < LG_COUNT(counts); i++) {
+        o.count = counts[i];
+        assert_int_equal(lg_ensemble_block_size(&o, 2), expected[i]);
+    }
+}
+
+TEST("without a scheme, dp54 runs on R^n and rkmk54 on other spaces") {
+    const lg_system *systems[] = {make_system("oscillator", NULL, NULL, 0),
+                                  make_chain("lagrangian", 1, 9.81, NULL, NULL)};
+    static const char *const schemes[] = {"dp54", "rkmk54"};
+    for (size_t i = 0; i < 2; i++) {
+        lg_ensemble_options o = options_for(NULL, 3);
+        o.steps = 0;
+        const seen chosen = run(systems[i], &o, false, NULL);
+        o.scheme = lg_scheme_find(schemes[i]);
+        const seen named = run(systems[i], &o, false, NULL);
+        assert_memory_equal(chosen.states, named.states,
+                            3 * LG_COUNT(times) * lg_system_dim(systems[i]) * sizeof(double));
+    }
+}
+
+static lg_status fail_start(void *user, uint64_t member, double *y, double *parameters) {
+    return member == 2 ? LG_CHECK_FAILED : LG_OK;
+}
+
+TEST("an error from the function that draws starts ends the run") {
+    lg_ensemble_options o = options_for(lg_scheme_find("dp54"), 3);
+    assert_status(lg_ensemble_run(NULL, make_system("oscillator", NULL, NULL, 0), &o, fail_start, NULL, NULL,
+                                  NULL, NULL, NULL),
+                  LG_CHECK_FAILED);
 }
 
 static lg_status refuse(void *user, const lg_ensemble_block *block) {
@@ -679,6 +730,16 @@ TEST("statistics are saved, loaded and merged without loss") {
                             34 * sizeof(uint64_t));
         assert_true(lg_statistics_quantile(whole, 0, c, 0.3) == lg_statistics_quantile(loaded, 0, c, 0.3));
     }
+    for (size_t i = 1, all = archive.count; i < all; i++) { /* the arrays from i are missing */
+        lg_statistics *cut;
+        assert_ok(lg_statistics_create_like(whole, &cut));
+        lg_test_owns(cut, release_statistics);
+        archive.count = i;
+        assert_status(lg_statistics_load(cut, &from), LG_NOT_FOUND);
+        memory_archive full = {.fail_after = i};
+        const lg_archive_writer no_room = memory_writer(&full);
+        assert_status(lg_statistics_save(whole, &no_room), LG_FILE);
+    }
     lg_statistics *other = make_statistics(16, x, 50), *shifted = make_statistics(32, x + 100, 50);
     assert_status(lg_statistics_merge(other, whole), LG_SHAPE);
     assert_status(lg_statistics_merge(shifted, whole), LG_SHAPE);
@@ -697,4 +758,86 @@ TEST("statistics are saved, loaded and merged without loss") {
         status = lg_statistics_create(context, 3, 2, 10, NULL, &made);
         if (status == LG_OK) lg_statistics_destroy(made);
     });
+}
+
+TEST("statistics refuse sizes that are 0 or too large, and merge only equal sizes") {
+    static const size_t wrong[][3] = {{0, 2, 8}, {3, 0, 8}, {3, 2, 0}, {3, 2, 65537}};
+    lg_statistics *s[3];
+    for (size_t i = 0; i < LG_COUNT(wrong); i++)
+        assert_status(lg_statistics_create(NULL, wrong[i][0], wrong[i][1], wrong[i][2], NULL, &s[0]),
+                      LG_INVALID_ARGUMENT);
+    assert_status(lg_statistics_create(NULL, SIZE_MAX / 64, 2, 8, NULL, &s[0]), LG_OUT_OF_MEMORY);
+    static const size_t sizes[][2] = {{3, 2}, {2, 2}, {3, 1}};
+    for (size_t i = 0; i < 3; i++) {
+        assert_ok(lg_statistics_create(NULL, sizes[i][0], sizes[i][1], 8, NULL, &s[i]));
+        lg_test_owns(s[i], release_statistics);
+    }
+    assert_status(lg_statistics_merge(s[0], s[1]), LG_SHAPE);
+    assert_status(lg_statistics_merge(s[0], s[2]), LG_SHAPE);
+}
+
+TEST("one number has no deviation, quantile 0 of an empty first bin is the least number") {
+    const double x = 0.5;
+    lg_statistics *s;
+    assert_ok(lg_statistics_create(NULL, 1, 1, 8, NULL, &s));
+    lg_test_owns(s, release_statistics);
+    lg_statistics_add(s, 0, 0, &x, 1);
+    assert_true(lg_statistics_of(s, 0, 0).mean == 0.5 && isnan(lg_statistics_of(s, 0, 0).deviation));
+    assert_true(lg_statistics_quantile(s, 0, 0, 0.0) == 0.5);
+    assert_true(isnan(lg_statistics_quantile(s, 0, 0, -0.1)) && isnan(lg_statistics_quantile(s, 0, 0, 1.1)));
+}
+
+/* The arrays of one cell with 8 bins whose numbers lie in the first one. */
+static lg_status load_cell(uint64_t count, double low, double high, double centre, double least,
+                           double largest, int64_t sum, int64_t square, lg_statistics **out) {
+    uint64_t bins[10] = {count};
+    const uint64_t dims[3] = {1, 1, 10}, parts[3] = {1, 1, LG_EXACT_PARTS};
+    int64_t sums[LG_EXACT_PARTS] = {sum}, squares[LG_EXACT_PARTS] = {square};
+    const double *const numbers[] = {&least, &largest, &low, &high, &centre};
+    static const char *const names[] = {"least", "largest", "low", "high", "centre"};
+    memory_archive *archive = TEST_ARRAY(memory_archive, 1);
+    const lg_archive_reader from = memory_reader(archive);
+    assert_ok(memory_write(archive, "bins", LG_ELEMENT_U64, 3, dims, bins));
+    assert_ok(memory_write(archive, "count", LG_ELEMENT_U64, 2, dims, &count));
+    for (size_t i = 0; i < LG_COUNT(names); i++)
+        assert_ok(memory_write(archive, names[i], LG_ELEMENT_F64, 2, dims, numbers[i]));
+    assert_ok(memory_write(archive, "sum", LG_ELEMENT_I64, 3, parts, sums));
+    assert_ok(memory_write(archive, "square", LG_ELEMENT_I64, 3, parts, squares));
+    assert_ok(lg_statistics_create(NULL, 1, 1, 8, NULL, out));
+    lg_test_owns(*out, release_statistics);
+    return lg_statistics_load(*out, &from);
+}
+
+TEST("damaged statistics are refused, and sums that would overflow are not merged") {
+    static const struct {
+        uint64_t count;
+        double low, high, centre, least, largest;
+        int64_t sum, square;
+    } bad[] = {{1, 1, 0, 0, 0, 0, 0, 0},
+               {1, 0, 1, NAN, 0, 0, 0, 0},
+               {1, 0, 1, 0, 1, 0, 0, 0},
+               {1, 0, 1, 0, -INFINITY, 0, 0, 0},
+               {1, 0, 1, 0, 0, INFINITY, 0, 0},
+               {1, 0, 1, 0, 0, 0, ((int64_t)1 << 32) + 1, 0},
+               {1, 0, 1, 0, 0, 0, 0, -((int64_t)1 << 32) - 1}};
+    const int64_t most = (int64_t)1 << 62;
+    lg_statistics *a, *b;
+    for (size_t i = 0; i < LG_COUNT(bad); i++)
+        assert_status(load_cell(bad[i].count, bad[i].low, bad[i].high, bad[i].centre, bad[i].least,
+                                bad[i].largest, bad[i].sum, bad[i].square, &a),
+                      LG_CHECK_FAILED);
+    static const struct {
+        uint64_t count;
+        int64_t sum, square;
+        lg_status status; /* of merging the cell with itself */
+    } large[] = {{UINT64_MAX / 2 + 1, 0, 0, LG_CHECK_FAILED}, {UINT64_MAX / 2, most / 2, -most / 2, LG_OK},
+                 {UINT64_MAX / 2, most, 0, LG_CHECK_FAILED},  {UINT64_MAX / 2, -most, 0, LG_CHECK_FAILED},
+                 {UINT64_MAX / 2, 0, most, LG_CHECK_FAILED},  {UINT64_MAX / 2, 0, -most, LG_CHECK_FAILED}};
+    for (size_t i = 0; i < LG_COUNT(large); i++) {
+        assert_ok(load_cell(large[i].count, 0, 1, 0, 0, 0, large[i].sum, large[i].square, &a));
+        assert_ok(load_cell(large[i].count, 0, 1, 0, 0, 0, large[i].sum, large[i].square, &b));
+        assert_status(lg_statistics_merge(a, b), large[i].status);
+        assert_int_equal(lg_statistics_of(a, 0, 0).count,
+                         large[i].status == LG_OK ? UINT64_MAX - 1 : large[i].count);
+    }
 }

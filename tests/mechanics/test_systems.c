@@ -147,6 +147,8 @@ static const struct {
     {"pendulum-chain", {"masses", ones, 1}, "1 number given", "one per link"},
     {"pendulum-chain", {"masses", NULL, 3}, "0 numbers", "masses"},
     {"oscillator", {"gravity", &gravity, 1}, "\"gravity\"", "it has no parameters"},
+    {"oscillator", {NULL, &gravity, 1}, "\"(null)\"", "it has no parameters"},
+    {"quadrotors", {"beta", &gravity, 1}, "beta", "is not an angle"},
     {"heavy-top", {"chi", tall, 3}, "chi", ""},
     {"heavy-top", {"mass", negative, 1}, "mass", ""},
     {"heavy-top", {"gravity", negative, 1}, "gravity", ""},

@@ -215,6 +215,15 @@ TEST("starts in a plane lie in it, on the manifold, and have their distribution 
     assert_status(lg_system_draw_start(make("quartic", 1), &o, &rng, y), LG_UNSUPPORTED);
     assert_status(lg_system_draw_start(make("pendulum-chain", LG_PLANE_LINKS + 1), &o, &rng, y),
                   LG_UNSUPPORTED);
+    /* The tolerance 1e-13 is below the rounding of L^2 = 1e16; the squares of 1e200 overflow. */
+    enum { MANY = 8 };
+    double far[MANY], unit[MANY], kept[6 * MANY] = {7.0};
+    for (int i = 0; i < 2; i++) {
+        for (int k = 0; k < MANY; k++) far[k] = i == 0 ? 1e8 : 1e200, unit[k] = 1.0;
+        assert_status(lg_system_draw_start(make_chain("lagrangian", MANY, 1.0, unit, far), &o, &rng, kept),
+                      LG_NO_CONVERGENCE);
+    }
+    assert_true(kept[0] == 7.0);
 }
 
 TEST("trajectories begin a random time after their start") {
@@ -313,6 +322,12 @@ TEST("invalid sampling options are refused, and nothing is written") {
     REFUSED(o.noise = INFINITY, LG_INVALID_ARGUMENT);
     REFUSED(o.noise_kind = (lg_noise)(LG_NOISE_UNIFORM + 1), LG_INVALID_ARGUMENT);
     REFUSED(o.segments = 0, LG_INVALID_ARGUMENT);
+    REFUSED((o.segments = 2, o.first = 3), LG_INVALID_ARGUMENT);
+    REFUSED(o.t_end = INFINITY, LG_INVALID_ARGUMENT);
+    REFUSED(o.ahead = INFINITY, LG_INVALID_ARGUMENT);
+    REFUSED(o.rtol = -1.0, LG_INVALID_ARGUMENT);
+    REFUSED(o.rtol = INFINITY, LG_INVALID_ARGUMENT);
+    REFUSED(o.atol = NAN, LG_INVALID_ARGUMENT);
     REFUSED(o.rtol = o.atol = 0.0, LG_INVALID_ARGUMENT);
     REFUSED(o.starts = (lg_starts)LG_STARTS_COUNT, LG_INVALID_ARGUMENT);
     REFUSED(o.ahead = -1.0, LG_INVALID_ARGUMENT);
@@ -320,6 +335,22 @@ TEST("invalid sampling options are refused, and nothing is written") {
     REFUSED((o.starts = LG_STARTS_BOX, o.low = o.high), LG_INVALID_ARGUMENT);
     REFUSED(o.trajectories = SIZE_MAX / 8, LG_OUT_OF_MEMORY);
     const double starts[6] = {0.0, 0.0, NAN, 0.0, 0.0, 0.0}, times[2] = {2.0, 1.0};
+    assert_status(lg_system_solve(NULL, chain, starts, 1, times, 0, 0, 0, y, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_system_solve(NULL, chain, starts, 1, times, 1, NAN, 0, y, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_system_solve(NULL, chain, starts, 1, times, 1, 0, INFINITY, y, NULL),
+                  LG_INVALID_ARGUMENT);
+    assert_status(lg_system_solve(NULL, chain, starts, SIZE_MAX / 16, times, 1, 0, 0, y, &error),
+                  LG_OUT_OF_MEMORY);
+    assert_says(error.message, "too many points");
+    assert_status(lg_system_generate(NULL, chain, NULL, NULL, y, H, &error), LG_INVALID_ARGUMENT);
+    lg_rng rng = test_rng(1, 0);
+    lg_trajectory_options plane;
+    lg_trajectory_options_init(&plane);
+    plane.starts = LG_STARTS_PLANE;
+    assert_status(lg_system_draw_start(chain, &plane, NULL, y), LG_INVALID_ARGUMENT);
+    assert_status(lg_system_draw_start(chain, &plane, &rng, NULL), LG_INVALID_ARGUMENT);
+    plane.size = 1;
+    assert_status(lg_system_draw_start(chain, &plane, &rng, y), LG_INVALID_ARGUMENT);
     assert_status(lg_system_solve(NULL, chain, starts, 1, times, 1, 0, 0, y, &error), LG_INVALID_ARGUMENT);
     assert_status(lg_system_solve(NULL, chain, starts, 0, times, 1, 0, 0, y, NULL), LG_INVALID_ARGUMENT);
     assert_true(t[0] == 7.0 && y[0] == 7.0 && H[0] == 7.0);
@@ -358,5 +389,12 @@ TEST("every allocation may fail, and a run can be cancelled") {
     options.cancel = &cancel;
     assert_ok(lg_context_create(&options, &cancelled));
     assert_status(sample_chain(cancelled, &s), LG_CANCELLED);
+    const double hanging[6] = {0, 0, -1}, time = 1.0;
+    assert_status(
+        lg_system_solve(cancelled, make("pendulum-chain", 1), hanging, 1, &time, 1, 0, 0, s.y, NULL),
+        LG_CANCELLED);
     lg_context_destroy(cancelled);
+    lg_system *chain = make("pendulum-chain", 1);
+    EVERY_ALLOCATION_FAILS(
+        context, 3, { status = lg_system_solve(context, chain, hanging, 1, &time, 1, 0, 0, s.y, NULL); });
 }

@@ -29,22 +29,22 @@ static lg_status failed(lg_error *error, const char *path, const char *what) {
 
 /* ---- the layout ---- */
 
-/* Creates the data set /trajectories: contiguous, allocated at once, not filled. *offset: its file offset. */
+/* Creates the data set /trajectories: contiguous, allocated at once, not filled. *offset: its file offset.
+ * HDF5 refuses the id of an object that could not be made, so the results of the last calls are enough. */
 static bool lay_out(lg_h5 *h5, const uint64_t dims[3], uint64_t *offset) {
     const hsize_t extent[3] = {dims[0], dims[1], dims[2]};
-    hid_t space = H5Screate_simple(3, extent, NULL), create = H5Pcreate(H5P_DATASET_CREATE),
-          set = H5I_INVALID_HID;
-    haddr_t place = HADDR_UNDEF;
-    if (space >= 0 && create >= 0 && H5Pset_obj_track_times(create, false) >= 0 &&
-        H5Pset_layout(create, H5D_CONTIGUOUS) >= 0 && H5Pset_alloc_time(create, H5D_ALLOC_TIME_EARLY) >= 0 &&
-        H5Pset_fill_time(create, H5D_FILL_TIME_NEVER) >= 0)
-        set = H5Dcreate2(h5->file, "trajectories", H5T_IEEE_F64LE, space, H5P_DEFAULT, create, H5P_DEFAULT);
-    if (set >= 0) place = H5Dget_offset(set);
-    if (set >= 0) (void)H5Dclose(set);
-    if (create >= 0) (void)H5Pclose(create);
-    if (space >= 0) (void)H5Sclose(space);
+    const hid_t space = H5Screate_simple(3, extent, NULL), create = H5Pcreate(H5P_DATASET_CREATE);
+    const herr_t options = H5Pset_obj_track_times(create, false) | H5Pset_layout(create, H5D_CONTIGUOUS) |
+                           H5Pset_alloc_time(create, H5D_ALLOC_TIME_EARLY) |
+                           H5Pset_fill_time(create, H5D_FILL_TIME_NEVER);
+    const hid_t set =
+        H5Dcreate2(h5->file, "trajectories", H5T_IEEE_F64LE, space, H5P_DEFAULT, create, H5P_DEFAULT);
+    const haddr_t place = H5Dget_offset(set);
+    (void)H5Dclose(set);
+    (void)H5Pclose(create);
+    (void)H5Sclose(space);
     *offset = (uint64_t)place;
-    return place != HADDR_UNDEF;
+    return options >= 0 && place != HADDR_UNDEF;
 }
 
 /* Writes the file without its rows, under the name `scratch`. */
@@ -65,24 +65,33 @@ static lg_status write_layout(lg_rows_file *file, const char *scratch, const lg_
     if (status == LG_OK) status = lg_h5_put_text(h5, "", "layout", o->layout, error);
     if (status == LG_OK && o->run) status = lg_h5_put_text(h5, "", "ensemble", o->run, error);
     quiet = lg_quiet_begin();
-    if (h5->file >= 0 && H5Fflush(h5->file, H5F_SCOPE_LOCAL) < 0 && status == LG_OK)
+    if (status == LG_OK && H5Fflush(h5->file, H5F_SCOPE_LOCAL) < 0)
         status = lg_fail(error, LG_FILE, "%s: cannot be written", lg_shown_path(file->path));
     lg_quiet_end(quiet);
     lg_h5_close(h5);
     return status;
 }
 
+/* Fails if RLIMIT_FSIZE forbids a file of this size: HDF5 would be killed by SIGXFSZ. Beside the rows, the
+ * times and the texts of the options the file has less than REST bytes. */
+static lg_status check_limit(const lg_rows_file *file, const lg_rows_options *o, lg_error *error) {
+    enum { REST = 1 << 16 };
+    struct rlimit limit;
+    const uint64_t texts = strlen(o->layout) + (o->run ? strlen(o->run) : 0);
+    const uint64_t bytes = file->rows * file->row_bytes + o->points * sizeof(double) + texts + REST;
+    if (getrlimit(RLIMIT_FSIZE, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY || bytes <= limit.rlim_cur)
+        return LG_OK;
+    errno = EFBIG;
+    return failed(error, file->path, "cannot be written");
+}
+
 /* Replaces the temporary file by the file `scratch`: allocates its whole size on the disk, locks it, makes
  * the temporary's descriptor refer to it and renames it to the temporary's name. */
 static lg_status take_over(lg_rows_file *file, const char *scratch, lg_error *error) {
-    struct rlimit limit;
     const uint64_t bytes = file->offset + file->rows * file->row_bytes;
     const int fd = open(scratch, O_RDWR | O_CLOEXEC);
     if (fd < 0) return failed(error, file->path, "cannot be written");
-    if (getrlimit(RLIMIT_FSIZE, &limit) == 0 && limit.rlim_cur != RLIM_INFINITY && bytes > limit.rlim_cur)
-        errno = EFBIG;
-    else
-        errno = posix_fallocate(fd, 0, (off_t)bytes);
+    errno = posix_fallocate(fd, 0, (off_t)bytes);
     const bool whole = errno == 0 && flock(fd, LOCK_EX | LOCK_NB) == 0 && dup2(fd, file->temporary.fd) >= 0 &&
                        rename(scratch, file->temporary.name) == 0;
     const int code = errno;
@@ -110,7 +119,8 @@ lg_status lg_rows_file_create(const lg_context *context, const char *path, const
                            .temporary = {.fd = -1},
                            .rows = options->rows,
                            .row_bytes = options->points * options->dim * sizeof(double)};
-    lg_status status = lg_temporary_create(context, path, false, &file->temporary, error);
+    lg_status status = check_limit(file, options, error);
+    if (status == LG_OK) status = lg_temporary_create(context, path, false, &file->temporary, error);
     if (status == LG_OK) {
         const size_t length = strlen(file->temporary.name);
         scratch = lg_alloc(context, length + 8, 1);
@@ -215,11 +225,10 @@ static const char *base_of(const char *path) {
 static bool map_part(hid_t create, hid_t whole, const lg_rows_part *part, uint64_t at,
                      const hsize_t extent[3]) {
     const hsize_t start[3] = {at, 0, 0}, count[3] = {part->rows, extent[1], extent[2]};
-    hid_t from = H5Screate_simple(3, count, NULL);
-    const bool mapped = from >= 0 &&
-                        H5Sselect_hyperslab(whole, H5S_SELECT_SET, start, NULL, count, NULL) >= 0 &&
+    const hid_t from = H5Screate_simple(3, count, NULL);
+    const bool mapped = H5Sselect_hyperslab(whole, H5S_SELECT_SET, start, NULL, count, NULL) >= 0 &&
                         H5Pset_virtual(create, whole, base_of(part->path), "trajectories", from) >= 0;
-    if (from >= 0) (void)H5Sclose(from);
+    (void)H5Sclose(from);
     return mapped;
 }
 
@@ -228,22 +237,21 @@ lg_status lg_file_writer_rows(lg_file_writer *writer, const lg_rows_part *parts,
     LG_NEEDS(error, writer, parts);
     lg_h5 *h5 = lg_file_writer_h5(writer);
     hsize_t extent[3] = {0, points, dim};
-    bool made = true;
     for (size_t i = 0; i < count; i++) extent[0] += parts[i].rows;
     lg_h5_quiet quiet = lg_quiet_begin();
-    hid_t whole = H5Screate_simple(3, extent, NULL), create = H5Pcreate(H5P_DATASET_CREATE),
-          set = H5I_INVALID_HID;
+    const hid_t whole = H5Screate_simple(3, extent, NULL), create = H5Pcreate(H5P_DATASET_CREATE);
+    hid_t set = H5I_INVALID_HID;
     uint64_t at = 0;
-    made = whole >= 0 && create >= 0 && H5Pset_obj_track_times(create, false) >= 0;
+    bool made = H5Pset_obj_track_times(create, false) >= 0;
     for (size_t i = 0; made && i < count; at += parts[i++].rows)
         made = map_part(create, whole, &parts[i], at, extent);
-    if (made) (void)H5Sselect_all(whole);
+    (void)H5Sselect_all(whole);
     if (made)
         set = H5Dcreate2(h5->file, "trajectories", H5T_IEEE_F64LE, whole, H5P_DEFAULT, create, H5P_DEFAULT);
     made = set >= 0;
-    if (set >= 0) (void)H5Dclose(set);
-    if (create >= 0) (void)H5Pclose(create);
-    if (whole >= 0) (void)H5Sclose(whole);
+    (void)H5Dclose(set);
+    (void)H5Pclose(create);
+    (void)H5Sclose(whole);
     lg_quiet_end(quiet);
     return made ? LG_OK : lg_fail(error, LG_OUT_OF_MEMORY, "/trajectories could not be stored in memory");
 }
