@@ -193,8 +193,8 @@ static bool is_sound(hid_t type) {
         return false;
     if (H5Tget_class(type) == H5T_INTEGER) return true;
     size_t sign, exponent, exponents, mantissa, mantissas;
-    (void)H5Tget_fields(type, &sign, &exponent, &exponents, &mantissa, &mantissas);
-    return sign < bits && exponents > 0 && exponents <= 32 && exponent + exponents <= bits && mantissas > 0 &&
+    return H5Tget_fields(type, &sign, &exponent, &exponents, &mantissa, &mantissas) >= 0 && sign < bits &&
+           exponents > 0 && exponents <= 32 && exponent + exponents <= bits && mantissas > 0 &&
            mantissa + mantissas <= bits;
 }
 

@@ -108,11 +108,11 @@ static lg_var of_program(void *user, lg_tape *tape, const lg_hamiltonian_vars *v
     const lg_hamiltonian *model = vars->model;
     const lg_space space = lg_hamiltonian_space_of(model->family, model->n);
     size_t function = 0;
-    lg_var g = LG_NONE;
+    lg_var g;
     (void)j;
     (void)lg_program_find(program, function_name, &function, NULL);
     const lg_var state = lg_taped_join(tape, &space, y);
-    (void)lg_program_record(tape, program, function, NULL, &state, &g);
+    if (lg_program_record(tape, program, function, NULL, &state, &g) != LG_OK) return LG_NONE;
     return lg_reshape(tape, g, lg_shape2(lg_var_shape(tape, state).dims[0], 1));
 }
 

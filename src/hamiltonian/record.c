@@ -232,7 +232,7 @@ lg_var lg_hamiltonian_record_velocity(lg_tape *tape, const lg_hamiltonian_vars *
     lg_space space;
     lg_var y[LG_HAMILTONIAN_MAX_PARTS], out[LG_HAMILTONIAN_MAX_PARTS];
     if (!parts_of(tape, vars->model, state, &space, y)) return LG_NONE;
-    (void)velocity_parts(tape, vars, y, input, gradient_parts, out);
+    if (velocity_parts(tape, vars, y, input, gradient_parts, out) != LG_OK) return LG_NONE;
     return lg_taped_join(tape, &space, out);
 }
 

@@ -519,9 +519,8 @@ size_t lg_space_groups(const lg_space *space, size_t *end) {
 #define FOR_FACTORS(space, row, n, y, a)                                                                     \
     size_t y = 0, a = 0, n = 0;                                                                              \
     const lg_space_entry *row = NULL;                                                                        \
-    for (size_t f_ = 0; f_ < (space)->factors                                                                \
-                            ? (row = &rows[(space)->factor[f_].kind], n = (space)->factor[f_].count, true)   \
-                            : false;                                                                         \
+    for (size_t f_ = 0; f_ < (space)->factors &&                                                             \
+                        (row = &rows[(space)->factor[f_].kind], n = (space)->factor[f_].count, true);        \
          y += n * row->state, a += n * row->algebra, f_++, (void)y)
 
 void lg_space_act(const lg_space *space, const double *a, const double *y, double *out) {

@@ -180,7 +180,7 @@ static const factor_row rows[LG_SPACE_KINDS] = {
 #define FOR_FACTORS(space, f, row, at)                                                                       \
     size_t at = 0;                                                                                           \
     const factor_row *row = NULL;                                                                            \
-    for (size_t f = 0; f < (space)->factors ? (row = &rows[(space)->factor[f].kind], true) : false;          \
+    for (size_t f = 0; f < (space)->factors && (row = &rows[(space)->factor[f].kind], true);                 \
          at += row->parts, f++)
 
 size_t lg_taped_parts(const lg_space *space) {

@@ -164,7 +164,7 @@ lg_var lg_machine_record_monomials(lg_tape *tape, const lg_monomials *monomials,
     bool linear = monomials->count == variables;
     for (uint32_t i = 0; i < monomials->count; i++) linear = linear && monomials->factor[i][1] == UINT32_MAX;
     if (linear) return x;
-    for (uint32_t i = 0; i < variables; i++) /* fewer than monomials */
+    for (uint32_t i = 0; i < variables && i < LG_MACHINE_MONOMIALS; i++)
         columns[i] = lg_machine_columns(tape, x, i, 1);
     for (uint32_t i = 0; i < monomials->count; i++) {
         const uint32_t *factor = monomials->factor[i];

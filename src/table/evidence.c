@@ -257,7 +257,7 @@ lg_status lg_table_evidence(const lg_context *context, const lg_table_problem *p
                   .variance = 1.0};
     if (chosen.rows > 0 && e.rows > chosen.rows) e.rows = chosen.rows;
     e.data = e.rows * problem->model->net.outputs;
-    while (lg_table_slice(problem->model, e.slices, &e.slice[e.slices])) e.slices++;
+    while (e.slices < MOST_SLICES && lg_table_slice(problem->model, e.slices, &e.slice[e.slices])) e.slices++;
     const lg_status status = run(&e, &chosen, theta, decay, result);
     lg_tape_destroy(e.tape);
     lg_free(context, e.chosen);

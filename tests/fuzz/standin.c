@@ -195,6 +195,10 @@ enum { HANDLES = 64 };
 static handle handles[HANDLES];
 static const hid_t mark = (hid_t)1 << 40; /* differs from all handles of HDF5 */
 
+/* A function of HDF5 that gets an invalid handle does nothing and fails. */
+#define NEEDS(pointer)                                                                                       \
+    if ((pointer) == NULL) return -1
+
 static hid_t open_handle(handle_kind kind, const tree_record *record, int node) {
     for (int i = 0; i < HANDLES; i++) {
         if (handles[i].kind != FREE) continue;
@@ -210,8 +214,15 @@ static handle *get(hid_t id, handle_kind kind) {
     return h->kind == kind ? h : NULL;
 }
 
+/* The record behind a handle; NULL if the handle is invalid. */
+static const tree_record *record_of(hid_t id, handle_kind kind) {
+    const handle *h = get(id, kind);
+    return h == NULL ? NULL : h->record;
+}
+
 static herr_t close_handle(hid_t id, handle_kind kind) {
     handle *h = get(id, kind);
+    if (id == H5I_INVALID_HID) return -1;
     if (h == NULL) abort(); /* closed twice, or of another kind */
     h->kind = FREE;
     return 0;
@@ -262,8 +273,10 @@ herr_t H5Pset_file_locking(hid_t list, hbool_t use, hbool_t ignore) {
     return 0;
 }
 herr_t H5Pset_type_conv_cb(hid_t list, H5T_conv_except_func_t call, void *user) {
+    handle *h = get(list, A_LIST);
     (void)call, (void)user;
-    get(list, A_LIST)->checked = true;
+    NEEDS(h);
+    h->checked = true;
     return 0;
 }
 
@@ -327,13 +340,16 @@ herr_t H5Literate(hid_t group, H5_index_t by, H5_iter_order_t order, hsize_t *at
 /* ---- layouts of data sets ---- */
 
 hid_t H5Dget_create_plist(hid_t set) {
-    return open_handle(A_LIST, get(set, AN_OBJECT)->record, 0);
+    const tree_record *r = record_of(set, AN_OBJECT);
+    NEEDS(r);
+    return open_handle(A_LIST, r, 0);
 }
 static bool is_chunked(const tree_record *r) {
     return (r->kind & TREE_CHUNKED) != 0 && r->rank > 0 && r->rank != TREE_NO_SPACE;
 }
 H5D_layout_t H5Pget_layout(hid_t list) {
-    const tree_record *r = get(list, A_LIST)->record;
+    const tree_record *r = record_of(list, A_LIST);
+    NEEDS(r);
     return is_chunked(r) ? H5D_CHUNKED : (r->kind & TREE_COMPACT) != 0 ? H5D_COMPACT : H5D_CONTIGUOUS;
 }
 int H5Pget_external_count(hid_t list) {
@@ -341,13 +357,15 @@ int H5Pget_external_count(hid_t list) {
     return 0;
 }
 int H5Pget_chunk(hid_t list, int most, hsize_t *out) {
-    const tree_record *r = get(list, A_LIST)->record;
+    const tree_record *r = record_of(list, A_LIST);
+    NEEDS(r);
     for (int i = 0; i < most && i < r->rank; i++)
         out[i] = r->dims[i] == 0 ? 1 : r->dims[i] > 16 ? 16 : r->dims[i];
     return r->rank;
 }
 int H5Pget_nfilters(hid_t list) {
-    const tree_record *r = get(list, A_LIST)->record;
+    const tree_record *r = record_of(list, A_LIST);
+    NEEDS(r);
     return is_chunked(r) && (r->kind & TREE_PACKED) != 0;
 }
 H5Z_filter_t H5Pget_filter2(hid_t list, unsigned at, unsigned *flags, size_t *values, unsigned *value,
@@ -365,6 +383,7 @@ htri_t H5Zfilter_avail(H5Z_filter_t filter) {
 /* ---- data spaces ---- */
 
 static hid_t space_of(const tree_record *r) {
+    NEEDS(r);
     const hid_t id = open_handle(A_SPACE, r, 0);
     handle *h = get(id, A_SPACE);
     h->none = r->rank == TREE_NO_SPACE;
@@ -373,10 +392,10 @@ static hid_t space_of(const tree_record *r) {
     return id;
 }
 hid_t H5Dget_space(hid_t set) {
-    return space_of(get(set, AN_OBJECT)->record);
+    return space_of(record_of(set, AN_OBJECT));
 }
 hid_t H5Aget_space(hid_t attribute) {
-    return space_of(get(attribute, AN_ATTRIBUTE)->record);
+    return space_of(record_of(attribute, AN_ATTRIBUTE));
 }
 hid_t H5Screate_simple(int rank, const hsize_t *dims, const hsize_t *most) {
     (void)most;
@@ -391,14 +410,18 @@ herr_t H5Sclose(hid_t space) {
 }
 H5S_class_t H5Sget_simple_extent_type(hid_t space) {
     const handle *h = get(space, A_SPACE);
+    if (h == NULL) return H5S_NO_CLASS;
     return h->none ? H5S_NULL : h->rank == 0 ? H5S_SCALAR : H5S_SIMPLE;
 }
 int H5Sget_simple_extent_ndims(hid_t space) {
-    return (int)get(space, A_SPACE)->rank;
+    const handle *h = get(space, A_SPACE);
+    NEEDS(h);
+    return (int)h->rank;
 }
 int H5Sget_simple_extent_dims(hid_t space, hsize_t *dims, hsize_t *most) {
     const handle *h = get(space, A_SPACE);
     (void)most;
+    NEEDS(h);
     for (unsigned i = 0; i < h->rank; i++) dims[i] = h->dims[i];
     return (int)h->rank;
 }
@@ -408,12 +431,15 @@ static hsize_t points(const handle *h) {
     return count;
 }
 hssize_t H5Sget_simple_extent_npoints(hid_t space) {
-    return (hssize_t)points(get(space, A_SPACE));
+    const handle *h = get(space, A_SPACE);
+    NEEDS(h);
+    return (hssize_t)points(h);
 }
 herr_t H5Sselect_hyperslab(hid_t space, H5S_seloper_t operation, const hsize_t *start, const hsize_t *stride,
                            const hsize_t *count, const hsize_t *block) {
     handle *h = get(space, A_SPACE);
     (void)operation, (void)stride, (void)block;
+    NEEDS(h);
     for (unsigned i = 0; i < h->rank; i++) {
         if (start[i] + count[i] > h->dims[i]) return -1;
         h->start[i] = start[i];
@@ -425,10 +451,14 @@ herr_t H5Sselect_hyperslab(hid_t space, H5S_seloper_t operation, const hsize_t *
 /* ---- types ---- */
 
 hid_t H5Dget_type(hid_t set) {
-    return open_handle(A_TYPE, get(set, AN_OBJECT)->record, 0);
+    const tree_record *r = record_of(set, AN_OBJECT);
+    NEEDS(r);
+    return open_handle(A_TYPE, r, 0);
 }
 hid_t H5Aget_type(hid_t attribute) {
-    return open_handle(A_TYPE, get(attribute, AN_ATTRIBUTE)->record, 0);
+    const tree_record *r = record_of(attribute, AN_ATTRIBUTE);
+    NEEDS(r);
+    return open_handle(A_TYPE, r, 0);
 }
 herr_t H5Tclose(hid_t type) {
     return close_handle(type, A_TYPE);
@@ -446,9 +476,10 @@ static const tree_record *type_record(hid_t type) {
         while (strcmp(tree_types[r->type].name, memory[i].name) != 0) r->type++;
         return r;
     }
-    return get(type, A_TYPE)->record;
+    return record_of(type, A_TYPE);
 }
 H5T_class_t H5Tget_class(hid_t type) {
+    if (type_record(type) == NULL) return H5T_NO_CLASS;
     const unsigned t = type_record(type)->type % TREE_TYPES;
     switch (t) {
     case TYPE_BOOL:
@@ -477,9 +508,10 @@ H5T_class_t H5Tget_class(hid_t type) {
     }
 }
 size_t H5Tget_size(hid_t type) {
-    return bytes_of(type_record(type));
+    return type_record(type) == NULL ? 0 : bytes_of(type_record(type));
 }
 H5T_order_t H5Tget_order(hid_t type) {
+    if (type_record(type) == NULL) return H5T_ORDER_ERROR;
     return tree_types[type_record(type)->type % TREE_TYPES].big != 0 ? H5T_ORDER_BE : H5T_ORDER_LE;
 }
 static bool is_signed(const tree_record *r) {
@@ -488,27 +520,33 @@ static bool is_signed(const tree_record *r) {
            (type == TYPE_ODD_WHOLE && (r->size & 0x8000) == 0);
 }
 H5T_sign_t H5Tget_sign(hid_t type) {
+    if (type_record(type) == NULL) return H5T_SGN_ERROR;
     return is_signed(type_record(type)) ? H5T_SGN_2 : H5T_SGN_NONE;
 }
 H5T_str_t H5Tget_strpad(hid_t type) {
+    if (type_record(type) == NULL) return H5T_STR_ERROR;
     const unsigned t = type_record(type)->type % TREE_TYPES;
     return t == TYPE_BLANKS ? H5T_STR_SPACEPAD : t == TYPE_ZEROS ? H5T_STR_NULLPAD : H5T_STR_NULLTERM;
 }
 htri_t H5Tis_variable_str(hid_t type) {
+    NEEDS(type_record(type));
     return type_record(type)->type % TREE_TYPES == TYPE_ANY_LENGTH;
 }
 size_t H5Tget_precision(hid_t type) {
     const tree_record *r = type_record(type);
+    if (r == NULL) return 0;
     return r->type % TREE_TYPES == TYPE_ODD_WHOLE ? 1u + (r->size & 63u) : 8 * bytes_of(r);
 }
 int H5Tget_offset(hid_t type) {
     const tree_record *r = type_record(type);
+    NEEDS(r);
     return r->type % TREE_TYPES == TYPE_ODD_WHOLE ? (r->size >> 6) & 63 : 0;
 }
 /* Fields of an odd type, as a damaged file may have it. */
 herr_t H5Tget_fields(hid_t type, size_t *sign, size_t *exponent, size_t *exponents, size_t *mantissa,
                      size_t *mantissas) {
     const tree_record *r = type_record(type);
+    NEEDS(r);
     const bool odd = r->type % TREE_TYPES == TYPE_ODD_REAL;
     const size_t bits = 8 * bytes_of(r);
     *exponents = odd ? r->size & 15u : bits == 16 ? 5 : bits == 32 ? 8 : bits == 64 ? 11 : 15;
@@ -655,7 +693,10 @@ static herr_t read_elements(const tree_record *r, hid_t memory, const handle *pa
 
 herr_t H5Dread(hid_t set, hid_t memory, hid_t room, hid_t part, hid_t list, void *out) {
     const handle *l = get(list, A_LIST), *selected = get(part, A_SPACE), *space = get(room, A_SPACE);
-    const tree_record *r = get(set, AN_OBJECT)->record;
+    const tree_record *r = record_of(set, AN_OBJECT);
+    NEEDS(r);
+    NEEDS(type_record(memory));
+    if ((room != H5S_ALL && space == NULL) || (part != H5S_ALL && selected == NULL)) return -1;
     const hid_t all = selected == NULL ? space_of(r) : H5I_INVALID_HID;
     if (selected == NULL) selected = get(all, A_SPACE);
     const bool fits = space == NULL || points(space) == points(selected);
@@ -664,7 +705,9 @@ herr_t H5Dread(hid_t set, hid_t memory, hid_t room, hid_t part, hid_t list, void
     return result;
 }
 herr_t H5Dvlen_reclaim(hid_t type, hid_t space, hid_t list, void *texts) {
-    const hsize_t count = points(get(space, A_SPACE));
+    const handle *h = get(space, A_SPACE);
+    NEEDS(h);
+    const hsize_t count = points(h);
     (void)type, (void)list;
     for (hsize_t i = 0; i < count; i++) free(((char **)texts)[i]);
     return 0;
@@ -695,7 +738,8 @@ herr_t H5Aclose(hid_t attribute) {
     return close_handle(attribute, AN_ATTRIBUTE);
 }
 herr_t H5Aread(hid_t attribute, hid_t memory, void *out) {
-    const tree_record *r = get(attribute, AN_ATTRIBUTE)->record;
+    const tree_record *r = record_of(attribute, AN_ATTRIBUTE);
+    NEEDS(r);
     const hid_t all = space_of(r);
     const herr_t result = read_elements(r, memory, get(all, A_SPACE), false, out);
     (void)H5Sclose(all);

@@ -129,8 +129,8 @@ lg_status lg_adapt_check(const char *names, lg_error *error) {
 /* Adds `offset: unknown`: before the last bracket of a text in brackets, else as a line. */
 static lg_status add_offset(char text[LG_MACHINE_TEXT], lg_error *error) {
     size_t end = strlen(text);
-    while (strchr(" \n\r\t", text[end - 1]) != NULL) end--; /* a machine was read from it: not blank */
-    const bool brackets = text[strspn(text, " \n\r\t")] == '{' && text[end - 1] == '}';
+    while (end > 0 && strchr(" \n\r\t", text[end - 1]) != NULL) end--;
+    const bool brackets = text[strspn(text, " \n\r\t")] == '{' && end > 0 && text[end - 1] == '}';
     const int more = brackets ? snprintf(text + end - 1, LG_MACHINE_TEXT - end + 1, ", offset: unknown}\n")
                               : snprintf(text + end, LG_MACHINE_TEXT - end, "\noffset: unknown\n");
     if (end + (size_t)more < LG_MACHINE_TEXT) return LG_OK;
@@ -179,7 +179,8 @@ static lg_status fill(const char *names, const double *force, lg_adaptation *out
     while (next_name(&names, &name, &length)) {
         const adaptable *kind = find(name, length);
         size_t index = 0;
-        while (kind->direct(machine, out->theta, force, index, out->directions + out->count * P,
+        while (out->count < LG_ADAPT_MOST &&
+               kind->direct(machine, out->theta, force, index, out->directions + out->count * P,
                             out->names[out->count], &out->units[out->count]) > 0)
             index++, out->count++;
         if (index == 0)
