@@ -14,7 +14,8 @@
 
 /* How many numbers each of the n copies has in a state. */
 static uint32_t numbers_per_copy(const lg_hamiltonian_family *family) {
-    return (uint32_t)lg_hamiltonian_space_of(family, 1).dim;
+    lg_space one;
+    return lg_hamiltonian_space(family, 1, &one) == LG_OK ? (uint32_t)one.dim : 0;
 }
 
 /* ---- making and freeing ---- */
@@ -268,7 +269,8 @@ static layout_kind wanted_layout(const lg_hamiltonian_family *family) {
 
 static lg_status check_starts(read_call *call, lg_error *error) {
     lg_trajectories *out = call->out;
-    const lg_space space = lg_hamiltonian_space_of(out->family, out->n);
+    lg_space space;
+    LG_TRY(lg_hamiltonian_space(out->family, out->n, &space));
     for (size_t k = 0; k < out->count; k++) {
         uint32_t copy = 0;
         double *start = out->data + k * out->points * out->state_dim;
