@@ -432,8 +432,8 @@ lg_status lg_machine_linearise(void *user, lg_tape *tape, const double *theta, c
  * computes the loss of these samples, or if `floor` is not NULL adds the part that comes from the steps to it
  * (NaN: the windows are too unstable). */
 bool lg_machine_is_long(const lg_machine_problem *problem);
-/* Returns `status`. Unless it is LG_OK, writes why: the sentence of the tape, which may be NULL, if this has
- * failed, else that of the status. */
+/* Returns `status`. Unless it is LG_OK, writes a sentence: the sentence of the tape if the tape (may be NULL)
+ * has failed, otherwise the sentence of the status. */
 lg_status lg_machine_conclude(const lg_tape *tape, lg_status status, lg_error *error);
 lg_status lg_machine_long_loss(const lg_machine_problem *problem, lg_tape *tape, const double *theta,
                                const uint32_t *samples, size_t count, size_t batch, double *loss,

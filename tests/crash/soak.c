@@ -1,6 +1,6 @@
 /* soak SECONDS TESTS FOLDER: a process that uses the library for long, as a server does. It does the
- * activities of the table below in turn and checks their results. Each has a context of its own, whose memory
- * must be released at the end. long_runs watches the process. TESTS is this tree's folder; files are written
+ * activities of the table below in turn and checks their results. Each activity has another context, which
+ * must get all its memory back. long_runs watches the process. TESTS is this tree's folder; files are written
  * to FOLDER. */
 #include <math.h>
 #include <stdatomic.h>

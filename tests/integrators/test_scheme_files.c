@@ -1,4 +1,5 @@
-/* Schemes in YAML files: those of the table are read back, and errors are refused with their line. */
+/* Schemes in YAML files: schemes of the table are written and read back. Errors are refused with their
+ * line. */
 #include "support/io_test.h"
 
 #include "liegrad/files.h"

@@ -686,7 +686,7 @@ TEST("schemes, spaces and functions that do not fit are refused, and the tape ke
 typedef struct narrow_step {
     const lg_scheme *scheme;
     const pair *pair;
-    bool rows; /* each row has a time, a step length and an input of its own */
+    bool rows; /* each row has a time, a step length and another input */
 } narrow_step;
 
 static lg_status record_step(lg_tape *tape, const void *user) {

@@ -317,7 +317,8 @@ TEST("bristles stop a machine near rest at the rate of their spring or of their 
     }
 }
 
-TEST("the stiffness of learned bristles can be set to a part of its range, and that of known ones cannot") {
+TEST("the stiffness of learned bristles can be set to a part of its range, the stiffness of known bristles "
+     "cannot") {
     static const double values[10] = {1, 1, 1.5, 1.5, 0.1, 0.1, 2, 2, 0, 0};
     for (int known = 0; known < 2; known++) {
         lg_machine machine = plain();

@@ -146,8 +146,8 @@ static uint32_t place_in_part(const lg_machine *machine, uint32_t term) {
     return before;
 }
 
-/* Copies the parameters of `from`; those of terms that only `to` has become 0. The terms of `from` are in
- * both, with as many parameters. */
+/* Copies the parameters of `from`. `to` has all terms of `from`, with as many parameters. Parameters of terms
+ * that only `to` has become 0. */
 static void carry(const lg_machine *from, const double *theta, const lg_machine *to, double *out) {
     memset(out, 0, to->parameters * sizeof *out);
     for (uint32_t t = 0; t < to->term_count; t++)
