@@ -283,7 +283,10 @@ static void add_about(const job *j) {
 void export_file_provenance(const app *self, export_source *source, const char *path) {
     lg_file_reader *reader = NULL;
     lg_provenance provenance;
-    APP_MUST_FILE(self, path, lg_file_reader_create(self->context, path, NULL, NULL, &reader, &error));
+    lg_error error = {LG_OK, ""};
+    const lg_status status = lg_file_reader_create(self->context, path, NULL, NULL, &reader, &error);
+    if (status == LG_FORMAT) return; /* a scene, which does not say where it comes from */
+    app_must_file(self, status, &error, path);
     lg_file_reader_provenance(reader, &provenance);
     export_provenance(source, &provenance, NULL);
     lg_file_reader_destroy(reader);
