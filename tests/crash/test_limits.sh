@@ -194,7 +194,7 @@ for writer in "${writers[@]}"; do
 done
 rm -rf w/*
 
-# Memory: an exit code and a message, never a signal or an endless wait. Below 80 MB the libraries cannot be loaded.
+# Memory: an exit code and a message, never a signal or an endless wait. Below 84 MB the libraries cannot be loaded.
 # limited KILOBYTES: sets got.
 limited() {
     (ulimit -v "$1" && timeout -k 5 60 $train --threads 2 --method ssbroyden --epochs 20 --out w/out >/dev/null 2>err.txt)
@@ -212,7 +212,7 @@ train="lg-hamiltonian train in/data.h5 --hidden 300,300"
 limited 200000
 [ $got = 5 ] || fail "200 MB are enough for OpenBLAS"
 train=$small
-low=80000 high=1600000
+low=84000 high=1600000
 limited $low
 [ $got = 5 ] || fail "$low kB are enough"
 limited $high
