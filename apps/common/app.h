@@ -357,7 +357,8 @@ void app_file_discard(app_file *file);
 lg_status app_check_writable(const char *path, lg_error *error);
 /* Returns whether both paths lead to the same file, also through links or by different spellings. */
 bool app_same_file(const char *a, const char *b);
-/* Returns the folder that contains a path (without slashes at its end). To be freed. */
+/* Returns the folder that contains `path`. Slashes at the end of `path` do not count. The caller frees the
+ * text. */
 char *app_folder_of(const char *path);
 /* Syncs a folder, so that new names in it survive a loss of power. If the file system cannot sync folders,
  * this is no error. */

@@ -53,7 +53,7 @@ struct board {
     pthread_t heart;        /* the thread that raises the beats */
     pthread_cond_t ending;
     bool beats;    /* the thread runs */
-    bool holds;    /* this process has LOCK_BOARD */
+    bool holds;    /* this process holds the lock LOCK_BOARD */
     bool over;     /* the thread has to end */
     bool begun;    /* board_begin has returned LG_OK */
     bool unlocked; /* a process that is stopped has the lock of the records */
@@ -136,7 +136,8 @@ static bool is_silent(const board *b, off_t at, double passed, sign *s) {
 }
 
 /* Waits for the lock. False: the file system has no locks, or (errno is ETIMEDOUT) the process that has the
- * lock does not raise the beat at `at`; `s` gets the beat and the silence of that process. */
+ * lock does not raise the beat at `at`. Then `s` gets the last beat of that process, and how long that
+ * process has been silent. */
 static bool lock(const board *b, off_t byte, short type, off_t at, sign *s) {
     enum { LONGEST = 50 };
     double before = app_seconds();
@@ -280,8 +281,8 @@ static bool is_ready(const board *b) {
 }
 
 /* Opens the board and takes its lock. Rank 0 creates the board, and the other ranks wait for it. Otherwise
- * these ranks could finish all work and remove the board while rank 0 waits for the lock. *removed: the board
- * was there, but all work was done before this rank got the lock. */
+ * these ranks could finish all work and remove the board while rank 0 waits for the lock. *removed becomes
+ * true if the other ranks finished all work, and removed the board, before this rank got the lock. */
 static lg_status open_file(board *b, bool make, bool *removed, lg_error *error) {
     enum { PAUSE = 20 }; /* milliseconds */
     for (double waited = 0.0;; waited += 1e-3 * PAUSE) {

@@ -6,8 +6,9 @@
  * process dies, so another process can then take the piece: a slow or dead process delays only the piece it
  * has claimed. A process that is stopped keeps its locks. After app_silence seconds without a sign of life,
  * another process does the same piece. No process coordinates the others, and no messages are sent. Ranks of
- * mpirun, tasks of a job array and the same command in two terminals all work in the same way. On a file
- * system whose locks work only within one machine, pieces may be computed twice, with the same results. */
+ * mpirun, tasks of a job array and the same command in two terminals all work in the same way. On some
+ * file systems a lock works only within one machine. There, two machines may compute the same piece, with the
+ * same results. */
 #ifndef LG_APPS_BOARD_H
 #define LG_APPS_BOARD_H
 

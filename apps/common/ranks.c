@@ -104,7 +104,7 @@ double app_silence(const app *self) {
 }
 
 /* MPI_Init and MPI_Finalize cannot be interrupted. If they do not return in time, this thread ends the
- * process. It counts only seconds in which the process runs. */
+ * process. While the process is suspended, its time does not count. */
 static struct {
     const app *self;
     const char *what;

@@ -60,7 +60,8 @@ lg_status lg_h5_edit(const lg_context *context, const char *path, lg_h5 **out, l
 /* ---- reading ---- */
 lg_status lg_h5_open(const lg_context *context, const char *path, const lg_read_options *options, lg_h5 **out,
                      lg_error *error);
-/* Whether the file has this. If HDF5 cannot tell, the answer is yes, and reading it fails. */
+/* Whether the file has an object, or OBJECT@ATTRIBUTE. If HDF5 cannot tell, the functions return true, and a
+ * later read fails. */
 bool lg_h5_has(lg_h5 *h5, const char *name);
 bool lg_h5_has_attribute(lg_h5 *h5, const char *object, const char *name);
 /* Shape of a numeric data set of rank <= 4 that fits into max_size bytes as doubles. `epsilon` (may be NULL)

@@ -17,8 +17,8 @@ typedef struct lg_h5_name {
 } lg_h5_name;
 lg_h5_name lg_h5_memory_name(const lg_h5 *h5);
 
-/* Functions of HDF5 that get an invalid identifier do nothing and fail. So an identifier is used and closed
- * without a look at whether the call that made it failed.
+/* Functions of HDF5 that get an invalid identifier do nothing and fail. So the
+ * code uses and closes an identifier without checking whether the call that made the identifier failed.
  *
  * HDF5 prints no messages between lg_quiet_begin and lg_quiet_end. lg_quiet_end restores the previous
  * setting. */
@@ -52,8 +52,8 @@ lg_status lg_dataset_open(lg_h5 *h5, const char *name, size_t bytes, lg_dataset 
 void lg_dataset_close(lg_dataset *d);
 /* Fails with LG_FORMAT and a message that names the data set. */
 lg_status lg_dataset_error(const lg_h5 *h5, const char *name, const char *what, lg_error *error);
-/* True if every link of the path exists and the last one leads to an object; also if HDF5 cannot tell, so
- * that reading the object then fails. */
+/* True if every link of the path exists and the last one leads to an object. Also true if HDF5 cannot
+ * tell: then reading the object fails. */
 bool lg_path_exists(lg_h5 *h5, const char *name);
 
 bool lg_is_number(hid_t type); /* true for undamaged floating-point and integer types */

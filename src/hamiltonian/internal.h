@@ -64,7 +64,7 @@ lg_var lg_hamiltonian_potential(lg_tape *tape, const lg_hamiltonian_vars *vars, 
 lg_var lg_hamiltonian_potential_gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x);
 lg_var lg_hamiltonian_input_like(lg_tape *tape, lg_var input, lg_var part);
 
-/* How many numbers a row of the part has; 0 or 1 if the tape has failed. */
+/* Returns how many numbers a row of the part has. If the tape has failed, returns 0 or 1. */
 uint32_t lg_hamiltonian_width(lg_tape *tape, lg_var part);
 /* The positions (odd = 0) or the momenta (odd = 1) of all pairs of parts y, one after the other, (B, N); and
  * the inverse, which cuts x into out[odd], out[2 + odd], ... in the shapes of these parts of y. */
@@ -96,7 +96,7 @@ lg_status lg_hamiltonian_taped_ode(lg_hamiltonian_vars *vars, lg_taped_ode *ode)
 lg_status lg_hamiltonian_training_ode(lg_tape *tape, lg_hamiltonian_vars *vars, const lg_scheme *scheme,
                                       const lg_var *start, lg_taped_ode *ode);
 
-/* The space of n copies of the family, where lg_hamiltonian_init accepts n. */
+/* Returns the space of n copies of the family. lg_hamiltonian_init must have accepted n. */
 lg_space lg_hamiltonian_space_of(const lg_hamiltonian_family *family, uint32_t n);
 
 /* Whether geodesic distances are known for every factor of the space. */

@@ -200,7 +200,7 @@ static lg_status refuse_motion(const lg_machine *machine, const moments *size, l
 static void set_lags(lg_machine_scales *s, const lg_machine_log *log) {
     static const double part = 0.2, least = 10.0;
     double sum = 0.0, longest = 0.0;
-    size_t steps = 0; /* of a log in which something moves: not 0 */
+    size_t steps = 0; /* not 0, because something moves in the log */
     for (size_t p = 0; p < log->parts; p++) {
         const double length = log->t[log->first[p + 1] - 1] - log->t[log->first[p]];
         sum += length;

@@ -1,10 +1,10 @@
 /* Implements lg_ranks with MPI. Counts of MPI are of type int, so longer messages are split into rounds.
  *
  * MPI itself waits for ever for a process that is stopped or dead. Here every exchange is nonblocking. Each
- * rank has a thread, the listener, which sends signs of life: every second rank 0 sends one sign to each
- * other rank, and each other rank sends one sign to rank 0. A rank that sends no sign for `silence` seconds
- * is lost. So a rank may compute for hours between two exchanges, but it must be running. Rank 0 tells the
- * other ranks whom it has lost. */
+ * rank has a thread, the listener. Each second the listener of rank 0 sends a sign of life to each other
+ * rank, and the listener of each other rank sends one to rank 0. A rank that sends no sign for `silence`
+ * seconds is lost. So a rank may compute for hours between two exchanges, but it must be running. Rank 0
+ * tells the other ranks whom it has lost. */
 #include "liegrad/core.h"
 
 #include <math.h>

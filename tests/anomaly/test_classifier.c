@@ -229,7 +229,7 @@ TEST("archives keep every bit") {
     }
 }
 
-TEST("an archive that is full is reported, and so are windows that do not fit the features") {
+TEST("a full archive, and windows that do not fit the features, are refused") {
     lg_series s = make_series();
     for (size_t t = 0; t < CHAINS; t++) {
         archived *a = save(&s, t);
@@ -253,7 +253,7 @@ TEST("an archive that is full is reported, and so are windows that do not fit th
     }
 }
 
-TEST("texts and ranks in an archive that are unknown are refused with their names") {
+TEST("an archive with an unknown text or rank is refused, and the message names the array") {
     static const char *const texts[] = {"method", "features/kind", "tree/criterion"};
     lg_series s = make_series();
     lg_classifier back;

@@ -271,7 +271,7 @@ TEST("features are named after their channels") {
     const lg_features f = features_of(LG_FEATURES_STD, false, &s, 20, NULL);
     (void)lg_features_name(&f, &s, f.count, text, sizeof text);
     assert_string_equal(text, "unknown");
-    s.channel_name[2][0] = '\0'; /* channels without a name, or out of range, have their number */
+    s.channel_name[2][0] = '\0'; /* a channel without a name, or out of range, is named by its number */
     for (uint32_t c = 2; c < 7; c += 4) {
         (void)lg_channel_name(&s, c, text, sizeof text);
         assert_string_equal(text, c == 2 ? "2" : "6");

@@ -347,7 +347,7 @@ TEST("data that cannot be fitted are refused with a message") {
     for (size_t i = 0; i < LG_COUNT(bad); i++) bad[i] = options;
     bad[0].folds = 1, bad[1].size = 3, bad[2].quantile = 0, bad[3].quantile = 1.5, bad[4].margin = 0;
     bad[5].most = 1, bad[6].margin = NAN;
-    for (size_t i = 0; i <= LG_COUNT(bad); i++) { /* the last time with no thread */
+    for (size_t i = 0; i <= LG_COUNT(bad); i++) { /* the last turn: 0 threads */
         const lg_novelty_options *how = i < LG_COUNT(bad) ? &bad[i] : &options;
         assert_int_equal(lg_novelty_fit(NULL, how, &s, &w, NULL, s.count, how != &options, &v, &error),
                          LG_INVALID_ARGUMENT);
@@ -451,7 +451,7 @@ TEST("a damaged file is refused") {
     }
 }
 
-TEST("sizes in a file that are not possible together are refused") {
+TEST("a file whose sizes contradict each other is refused") {
     static const struct {
         const char *path;
         uint32_t value;

@@ -650,7 +650,7 @@ TEST("many columns with far cells, or with texts, are told in few words") {
     assert_false(cli_exists("m2.h5"));
 }
 
-TEST("rows of a model without ranges are never outside of them") {
+TEST("if a model has no ranges, no row counts as outside") {
     need_tables();
     cli_expect(fit, "train smooth.csv --inputs a,b,c --outputs y --out ranged.h5 --test other.csv --epochs 2",
                0, "");

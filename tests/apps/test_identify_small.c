@@ -1,6 +1,5 @@
-/* lg-identify fit: machines and options that take other ways through a fit, each with a log of a few rows and
- * few epochs.
- * ctest-labels: apps/lg-identify src/machine */
+/* lg-identify fit with short logs and few epochs. Each row of the table has a machine and options for which
+ * the fit runs other code. ctest-labels: apps/lg-identify src/machine */
 #include "cli_support.h"
 
 #define LINE  "coordinates: [{name: x, kind: line, velocity: v}]\ncolumns: {run: run}\n"
@@ -11,7 +10,7 @@
     "coordinates: [{name: d, kind: direction, columns: [a, b, c], velocity: [e, f, g]},\n"                   \
     "  {name: x, kind: line, velocity: v}, {name: y, kind: line, velocity: w}]\ncolumns: {run: run}\n"
 
-/* An oscillator with two inputs, and a rod beside two lines. */
+/* Two machines: an oscillator with two inputs; a rod and two coordinates along lines. */
 static const char oscillator[] = LINE INPUT
     "mass: {kind: known, values: [2]}\npotential: {kind: known, form: quadratic, of: x, values: 4}\n"
     "damping: {kind: known, values: [0.3]}\n" MAP;
@@ -70,7 +69,7 @@ static void generate(const char *machine, const char *log, const char *options) 
     cli_expect("lg-identify", test_text("generate scene.yaml --out %s --dt 0.05 %s", log, options), 0, "");
 }
 
-TEST("small logs are learned, or refused with the reason, in every way of a fit") {
+TEST("fit learns from short logs, or refuses them and says why, for every row of the table") {
     cli_test_folder();
     generate(oscillator, "all.csv", "--runs 3 --t-end 3 --inputs steps:0.3");
     generate(oscillator, "few.csv", "--runs 1 --t-end 1.4 --inputs steps:0.3");

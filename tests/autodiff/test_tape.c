@@ -540,7 +540,7 @@ TEST("a derivative by one input alone equals its part of the derivative by all i
         const lg_var y = lg_sum(t, lg_mul(t, r.y, weights));
         lg_var all[LG_GRADCHECK_MAX_INPUTS], second[LG_GRADCHECK_MAX_INPUTS], alone, again;
         assert_ok(lg_vjp(t, &y, &one, 1, r.x, f->inputs, all));
-        /* by the result itself: no input is asked for */
+        /* the derivative by the result itself needs no input */
         const size_t results = lg_shape_count(lg_var_shape(t, r.y));
         double *unit = TEST_ARRAY(double, results + 1);
         assert_ok(lg_vjp(t, &y, &one, 1, &r.y, 1, &alone));
@@ -614,7 +614,7 @@ static void try_rule(lg_rng *rng, const lg_tape *t, uint32_t at) {
     }
 }
 
-TEST("rules of shapes accept what is on the tape, and refuse or accept changes of it, alike each time") {
+TEST("rules of shapes accept recorded nodes, and give the same answer to a changed node each time") {
     const lg_gradcheck_case *row;
     lg_rng rng = test_rng(12, 0);
     for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++) {

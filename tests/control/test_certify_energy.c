@@ -109,7 +109,8 @@ static lg_certify_rotation_spec rotation_spec(void) {
     return s;
 }
 
-TEST("rotations: matrices, gains and limits that do not fit are refused, and loops that are not stiff") {
+TEST("rotations: matrices, gains and limits that do not fit are refused; so are loops with too little "
+     "stiffness") {
     lg_certify_rotation_result r;
     lg_error error;
 #define REFUSED(word, ...)                                                                                   \

@@ -729,7 +729,8 @@ static lg_policy_task every_motion_and_a_lag(void) {
     return task;
 }
 
-TEST("goals of directions and rotations are unit vectors and quaternions, a lagged input has none") {
+TEST("goals of directions are unit vectors, goals of rotations are unit quaternions; a lagged input has no "
+     "goal") {
     static const char form[] = "plant: p\nperiod: 1\nhorizon: 2\n%s: {%s}\nstarts: {vd: 1}\nlimits: {u: 1}\n"
                                "cost: {x: 1}\n%s";
     static const char usual[] = "success: {x: 1}\n";
@@ -900,7 +901,7 @@ TEST("a task with a number out of range is refused by name") {
     assert_says(error.message, "the plant's function step has");
 }
 
-TEST("options of training, other tasks and draws that do not fit a policy are refused") {
+TEST("training options, tasks and draws that do not fit a policy are refused") {
     lg_policy_task task = cart_task(), wrong = cart_task();
     task.kind = LG_POLICY_LQR;
     lg_policy *policy = make(&task, cart_pole);

@@ -1,6 +1,6 @@
-/* A library for LD_PRELOAD with which a test sets the wall clock of a program. It is the system's clock plus
- * the seconds in the file $LG_CLOCK, which is read at each call (no file: 0 seconds). A wait for a time of
- * the wall clock ends when this clock has reached the time, as on a system whose clock is set. */
+/* A library for LD_PRELOAD with which a test sets the wall clock of a program. This clock is the system's
+ * clock plus the seconds in the file $LG_CLOCK. Each call reads the file (no file: 0 seconds). A wait for a
+ * time of the wall clock ends when this clock has reached the time, as on a system whose clock is set. */
 #include <errno.h>
 #include <fcntl.h>
 #include <pthread.h>
@@ -43,7 +43,7 @@ int gettimeofday(struct timeval *restrict out, void *restrict zone) {
     return code;
 }
 
-/* Looks at the clock every 50 ms. A time of less than 30 years is one of the monotonic clock. */
+/* Looks at the clock every 50 ms. A time of less than 30 years is a time of the monotonic clock. */
 int pthread_cond_timedwait(pthread_cond_t *restrict condition, pthread_mutex_t *restrict mutex,
                            const struct timespec *restrict until) {
     const clockid_t clock = until->tv_sec < 1000000000 ? CLOCK_MONOTONIC : CLOCK_REALTIME;

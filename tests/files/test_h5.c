@@ -386,7 +386,7 @@ static void assert_outcome(const char *name, lg_status status, const char *messa
     fail_msg("%s: %s: %s", name, lg_status_name(status), message);
 }
 
-TEST("arrays of other programs are read in every layout, and refused by name") {
+TEST("arrays that other programs wrote are read in every layout, or refused with the array's name") {
     enum { DOUBLES, FLOATS, SINGLES, SIGNED, UNSIGNED, NATURAL, WORDS, SHAPED, LOOKED, ROWS };
     static const struct {
         const char *name;
@@ -459,7 +459,7 @@ TEST("arrays of other programs are read in every layout, and refused by name") {
     assert_ok(lg_h5_read_all(h5, NULL));
 }
 
-TEST("attributes of other programs are read, and refused by name") {
+TEST("attributes that other programs wrote are read, or refused with the attribute's name") {
     enum { TEXT_OF, EACH, REAL_OF, INTEGER, NATURAL };
     static const struct {
         const char *name;

@@ -364,7 +364,7 @@ TEST("masses may be a vector: the diagonal") {
     assert_close(H, 6.0 * 6.0 / (2 * 3) + 10.0 * 10.0 / (2 * 5), 1e-14, 0);
 }
 
-TEST("starts are not drawn where the range of q has no point of the constraint") {
+TEST("if the range of q has no point of the constraint, no start is drawn and the function fails") {
     static const double ranges[][2] = {{5, 6}, {-6, -5}};
     double data[12];
     lg_error why;

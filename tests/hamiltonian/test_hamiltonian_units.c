@@ -396,7 +396,7 @@ TEST("without motion the scales are sizes of the state and the duration of a tra
     assert_true(scales.part[0] == 1.0 && scales.part[1] == 1.0);
 }
 
-TEST("without motion the scale of a line is its size, and 1 if it is 0") {
+TEST("without motion the scale of a line is the size of its numbers, or 1 if all are 0") {
     for (int zero = 0; zero < 2; zero++) {
         lg_hamiltonian model;
         lg_hamiltonian_scales scales;

@@ -294,7 +294,7 @@ TEST("a data set of a wrong shape or value is refused by name") {
 }
 
 /* Starts off the sphere, sizes that are no multiple of 6, and too many links. */
-TEST("data without a system and a layout are of the first family whose manifold the starts lie on") {
+TEST("data that name neither system nor layout get the first family whose manifold contains the starts") {
     static const uint32_t sizes[] = {2, 3, 35};
     for (size_t i = 0; i < LG_COUNT(sizes); i++) {
         lg_trajectories *data = own_lg_trajectories((lg_trajectories){.n = 0});

@@ -642,7 +642,7 @@ TEST("schemes, spaces and functions that do not fit are refused, and the tape ke
                     rows[i].status, rows[i].words);
         }
     }
-    make_pair(&p, lg_scheme_find("stormer-verlet")); /* a force, but no velocity; and halves of two sizes */
+    make_pair(&p, lg_scheme_find("stormer-verlet")); /* a force without a velocity; halves of two sizes */
     p.taped.velocity = NULL;
     fresh_state(tape, &p, y);
     REFUSED(tape, lg_taped_step(tape, lg_scheme_find("stormer-verlet"), &p.taped, 0, 0.1, y, out),

@@ -452,7 +452,8 @@ static const char *angle_log(double amplitude, double rate, double unit, double 
     return log.at;
 }
 
-TEST("positions of logs of velocities alone are integrals; a missing velocity is the one before, first 0") {
+TEST("positions are integrals of velocities if the log has no positions; a missing velocity equals the "
+     "velocity before it, or 0") {
     const lg_machine_file *file =
         machine("coordinates: [{name: q, kind: line, velocity: v}, {name: p, kind: line, velocity: w}]\n"
                 "measured: velocities-only\n");
@@ -642,7 +643,7 @@ TEST("positions with several rows far off, which the velocity does not show, are
     }
 }
 
-TEST("as many warnings as there are columns are kept") {
+TEST("a log keeps as many warnings as it has columns") {
     enum { LINES = 12, INPUTS = 16, COLUMNS = 1 + LINES + INPUTS };
     char text_of[2048] = "measured: positions\ncoordinates:\n", header[512] = "t";
     for (int i = 0; i < LINES; i++) {

@@ -89,7 +89,7 @@ TEST("identified numbers, given as known values, make the same machine, for any 
             assert_close(lg_machine_value(&open, term, theta + term->offset, of[i][1]), numbers[i].value, 0,
                          0);
         }
-        assert_close(lg_machine_value(&open, &open.terms[0], theta, 0), 2, 0, 0); /* a known one */
+        assert_close(lg_machine_value(&open, &open.terms[0], theta, 0), 2, 0, 0); /* a known mass */
         assert_machine(&known);
         rates_of(&known, NULL, a);
         rates_of(&open, theta, b);
@@ -191,7 +191,7 @@ TEST("entries that do not fit are refused") {
     }
 }
 
-TEST("known masses and damping may have unknown numbers; a prior of one fixes the common factor") {
+TEST("known masses and damping may have unknown numbers; the prior of one number fixes the common factor") {
     for (int prior = 0; prior < 2; prior++) {
         lg_machine machine = empty_machine();
         add_coordinate(&machine, "x", LG_COORDINATE_LINE);
@@ -212,7 +212,7 @@ TEST("known masses and damping may have unknown numbers; a prior of one fixes th
     assert_machine(&machine);
     assert_int_equal(machine.parameters, 2);
     lg_error error;
-    machine.terms[2].values[1] = -0.1; /* a known one */
+    machine.terms[2].values[1] = -0.1; /* a known number */
     assert_status(lg_machine_init(&machine, &error), LG_INVALID_ARGUMENT);
     assert_says(error.message, "the values must not be below 0");
 }

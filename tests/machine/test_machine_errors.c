@@ -266,7 +266,8 @@ TEST("a restricted problem has the loss of the moved machine, and the Jacobian o
     assert_close(after, before, 0.02, 0.0);
 }
 
-TEST("with measured starts a restricted problem has its numbers alone, and the loss of the moved machine") {
+TEST("with measured starts the variables of a restricted problem are its numbers, and its loss is the loss "
+     "of the moved machine") {
     made *m = make(&usual, 0.0, 0.0, 0.01, 3, 11);
     double theta[NUMBERS], direction[NUMBERS], moved[NUMBERS], losses[2];
     const double x = 0.3;

@@ -361,7 +361,7 @@ TEST("a log without complete rows tells no rate") {
     }
 }
 
-TEST("beside a known base, and beside a learned one, kinds list only their own numbers") {
+TEST("a term that changes a base lists the numbers of this term only, whether the base is known or learned") {
     static const struct {
         const char *kind, *base, *first;
         size_t own;

@@ -291,7 +291,7 @@ TEST("a step of the program with a held input is that of the log, and its lags a
     for (uint32_t order = 1; order <= 2; order++) check_step(order);
 }
 
-TEST("lagged inputs at rows have the time constants of the parameters; without lags there are none") {
+TEST("lagged inputs at rows follow the time constants of the parameters; without lags, no array is made") {
     for (uint32_t order = 1; order <= 2; order++) {
         lg_machine machine = lagged_line(true, order);
         const double *theta = machine_theta(&machine, 5);

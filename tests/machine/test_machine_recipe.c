@@ -9,7 +9,7 @@
 
 enum { PARTS = 2, ROWS = 300, ALL = PARTS * ROWS };
 
-/* A line and an angle that swing, known and without forces except springs. */
+/* A line and an angle on springs. All numbers are known. */
 typedef struct swinging {
     lg_machine machine;
     size_t first[PARTS + 1];
@@ -53,7 +53,7 @@ static lg_held_out *plan(const swinging *s, double part, bool estimated) {
     return held;
 }
 
-TEST("windows are held out where rows are complete, and none of a log that is too short for them") {
+TEST("windows are held out where rows are complete; a log that is too short has no held-out windows") {
     swinging *s = swing();
     const lg_held_out *held = plan(s, 0.3, false);
     assert_true(held->count >= 4 && held->steps >= 5);
@@ -74,7 +74,7 @@ TEST("windows are held out where rows are complete, and none of a log that is to
     }
 }
 
-TEST("of logs of accelerations the accelerations count, and windows need complete rows") {
+TEST("in logs of accelerations the errors of accelerations count, and windows need complete rows") {
     swinging *s = swing();
     s->machine.accelerations = true;
     s->logs.log.a = s->v;
@@ -136,7 +136,7 @@ TEST("windows are found again by time and run; a log without their rows is refus
         if (change == 1) other->t[start] += 0.01; /* the time is missing */
         if (change == 2)
             for (size_t row = part * ROWS; row < (part + 1) * ROWS; row++)
-                other->t[row] -= 100; /* all before */
+                other->t[row] -= 100; /* the whole log lies before the window */
         if (change == 3) {            /* the part ends within the window */
             other->first[part + 1] = start + held->steps;
             if (part + 1 < PARTS) other->run[part + 1] = 7;
@@ -148,7 +148,7 @@ TEST("windows are found again by time and run; a log without their rows is refus
     }
 }
 
-TEST("errors of windows are compared by the mean of their logarithms; missing ones do not count") {
+TEST("errors of windows are compared by the mean of their logarithms; missing errors do not count") {
     enum { N = 12 };
     double a[N], b[N];
     for (size_t i = 0; i < N; i++) b[i] = 1.0 + 0.01 * (double)(i % 3), a[i] = 0.25 * b[i];
@@ -317,7 +317,7 @@ TEST(
         assert_string_equal(a->names[0], rows[i].first);
         assert_string_equal(a->names[a->count - 1], rows[i].last);
         assert_close(a->units[0], i == 0 ? 3 : 2, 0, 0);
-        /* One deviation of the first offset changes its number by its unit. */
+        /* A change by one deviation changes the first offset by its unit. */
         lg_identified before[16], after[16];
         const size_t count = lg_machine_numbers(&a->run.machine, a->theta, 16, before);
         const double one[3] = {1, 0, 0};
@@ -330,7 +330,7 @@ TEST(
     }
 }
 
-TEST("a machine whose text has no room for an offset is not adapted by one") {
+TEST("if the machine's text has no room for an offset, adapting an offset is refused") {
     char *text = TEST_ARRAY(char, LG_MACHINE_TEXT);
     size_t used = (size_t)sprintf(text, "%s", DRIVE "damping: diagonal\nprovenance: x");
     memset(text + used, 'x', LG_MACHINE_TEXT - 3 - used);

@@ -301,7 +301,7 @@ TEST("training problems that cannot be learned are refused, with the reason") {
 #undef REFUSED
 }
 
-TEST("states are estimated of logs of accelerations alone; a log shorter than a window keeps its guesses") {
+TEST("states are estimated from logs of accelerations; if a log is shorter than a window, the guesses stay") {
     const logs *l = make_logs(0.0, 3);
     const task *t = make_task(l, LG_MACHINE_STARTS_ESTIMATED);
     lg_machine machine = t->machine;

@@ -776,7 +776,7 @@ TEST("statistics refuse sizes that are 0 or too large, and merge only equal size
     assert_status(lg_statistics_merge(s[0], s[2]), LG_SHAPE);
 }
 
-TEST("one number has no deviation, quantile 0 of an empty first bin is the least number") {
+TEST("a single number has no deviation; if the first bin is empty, quantile 0 is the least number") {
     const double x = 0.5;
     lg_statistics *s;
     assert_ok(lg_statistics_create(NULL, 1, 1, 8, NULL, &s));

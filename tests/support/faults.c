@@ -83,7 +83,7 @@ static void note_stack(long call) {
     faults.stacks[call - 1] = hash;
 }
 
-/* Counts a call. Returns whether this call has to go wrong. */
+/* Counts a call. Returns true if this call has to fail. */
 static bool goes_wrong(fault_class of) {
     if (spared_here) return false;
     const long call = ++faults.calls[of];

@@ -14,7 +14,7 @@
  * open, read, write, lock, name or close files. HDF5: functions of HDF5, which only fail. */
 typedef enum fault_class { FAULT_MEMORY, FAULT_FILES, FAULT_HDF5, FAULT_CLASSES } fault_class;
 
-/* FAIL: the call does nothing and returns an error; but functions that close do so and return an error.
+/* FAIL: the call does nothing and returns an error; a function that closes closes, and returns an error.
  * SHORT: read and write move half of the bytes; other calls work. INTERRUPT: read and write fail with EINTR;
  * other calls work. */
 typedef enum fault_way { FAULT_FAIL, FAULT_SHORT, FAULT_INTERRUPT } fault_way;

@@ -16,7 +16,7 @@ enum { MOST_STACKS = 1 << 20, PATIENCE = 60 };
 typedef enum verdict { PASSED, REFUSED, SILENT, LEAKED, DIED, VERDICTS } verdict;
 static const char *const verdict_names[] = {"passed", "refused", "silent", "leaked", "died"};
 
-/* What a run, which is a child process, tells its parent. It lies in shared memory. */
+/* The result of a run in shared memory. A run is a child process; its parent reads the result. */
 static struct report {
     long calls, live;
     bool ended, passed, hit, told;

@@ -475,7 +475,8 @@ TEST("a search for the evidence that fails says why, and leaves parameters and d
     assert_says(made[3].error.message, "the priors of 15 weights");
 }
 
-TEST("the evidence of few rows is the evidence of all rows if there are no more, and needs no result") {
+TEST("the evidence of at most N rows equals the evidence of all rows if a table has N rows; the result may "
+     "be NULL") {
     const example e = {NETWORK(MLP, TANH, 1, 3, true), 2, 1};
     const lg_table model = make(&e);
     lg_rng rng = test_rng(36, 0);

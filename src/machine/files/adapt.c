@@ -29,7 +29,7 @@ static const lg_machine_term *learned_offset(const lg_machine *machine) {
 /* The velocity on which force number `index` of an offset acts. */
 static uint32_t velocity_of(const lg_machine *machine, const lg_machine_term *term, size_t index) {
     uint32_t velocity = 0;
-    for (uint32_t i = 0;; i++) { /* the term has a number `index`, so a coordinate of it is found */
+    for (uint32_t i = 0;; i++) { /* ends: the term has a number `index`, and each number has a coordinate */
         bool listed = term->of_count == 0;
         for (uint32_t k = 0; k < term->of_count; k++) listed = listed || term->of[k].index == i;
         const uint32_t each = lg_coordinate_row_of(machine->coordinates[i].kind)->velocities;
@@ -95,7 +95,7 @@ static lg_status refuse(const char *name, size_t length, lg_error *error) {
                    list);
 }
 
-/* Takes the next name of a list with commas. False: there is none. */
+/* Finds the next name of a list in which commas separate the names. Returns false if the list has ended. */
 static bool next_name(const char **rest, const char **name, size_t *length) {
     if (*rest == NULL) return false;
     *name = *rest;
@@ -104,7 +104,7 @@ static bool next_name(const char **rest, const char **name, size_t *length) {
     return true;
 }
 
-/* How often the list has the kind. */
+/* Returns how many names of the list are the name of this kind. */
 static size_t count_of(const char *names, const adaptable *kind) {
     const char *name;
     size_t length, count = 0;

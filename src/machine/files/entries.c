@@ -87,7 +87,7 @@ static lg_status read_one(reading *r, const lg_field *key, const yaml_node_t *no
 
 lg_status lg_machine_read_entries(reading *r, const lg_field *key, const yaml_node_t *node,
                                   lg_machine_term *term) {
-    /* It has a number that is unknown, so it is not empty. */
+    /* The matrix has an unknown number, so the matrix is not empty. */
     const size_t rows = items_of(node), columns = items_of(item_of(r, node, 0));
     for (size_t i = 0; i < rows; i++) {
         const yaml_node_t *row = item_of(r, node, i);

@@ -193,7 +193,8 @@ static lg_status add_named(reading *r, const lg_key_value *value, const char *fa
 
 /* ---- coordinates ---- */
 
-/* Letters, digits, _ and -; a key has no empty text. No dot, which separates the suffix in NAME.up. */
+/* Letters, digits, _ and -. A name has no dot, because a dot separates the suffix in NAME.up. YAML refuses
+ * empty names. */
 static bool is_name(const char *text) {
     if (strlen(text) >= LG_MACHINE_NAME) return false;
     for (; *text != '\0'; text++) {

@@ -173,7 +173,8 @@ typedef struct lg_adaptation {
     double units[LG_ADAPT_MOST]; /* one standard deviation of the prior, in the units of the number */
     const lg_context *context;
 } lg_adaptation;
-/* Refuses names, separated by commas, that are no numbers which can be adapted, or stand twice. */
+/* Checks a list of names with commas. Refuses a name that no adaptable number has, and a name that stands
+ * twice. */
 lg_status lg_adapt_check(const char *names, lg_error *error);
 /* `force` (velocities): standard deviations of offsets in the units of the log. `out` must be destroyed even
  * after an error. */

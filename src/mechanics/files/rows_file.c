@@ -30,7 +30,8 @@ static lg_status failed(lg_error *error, const char *path, const char *what) {
 /* ---- the layout ---- */
 
 /* Creates the data set /trajectories: contiguous, allocated at once, not filled. *offset: its file offset.
- * HDF5 refuses the id of an object that could not be made, so the results of the last calls are enough. */
+ * If an object could not be made, HDF5 refuses its id in the next call. So only the results of the last calls
+ * are checked. */
 static bool lay_out(lg_h5 *h5, const uint64_t dims[3], uint64_t *offset) {
     const hsize_t extent[3] = {dims[0], dims[1], dims[2]};
     const hid_t space = H5Screate_simple(3, extent, NULL), create = H5Pcreate(H5P_DATASET_CREATE);

@@ -205,8 +205,8 @@ static lg_status find_start(lg_training *self, lg_error *error) {
     return lg_table_first_parameters(self, &self->theta, error);
 }
 
-/* The decay of each parameter from the decay of its slice. A decay that is not empty has a number for each
- * slice. */
+/* Sets the decay of each parameter to the decay of its slice. The list of decays is empty, or it has a number
+ * for each slice. */
 static lg_status spread_decay(lg_training *self, lg_error *error) {
     lg_table_state *s = self->state;
     const lg_table_run *run = self->run;
