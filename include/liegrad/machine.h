@@ -290,7 +290,7 @@ LG_API double lg_machine_width(const lg_machine *machine, const lg_machine_term 
 /* Checks a machine and fills its other members. Errors: LG_INVALID_ARGUMENT (no or too many coordinates, a
  * term that does not fit its part or the coordinates, a wrong number of values, features or widths, names
  * that are not unique, known masses or dampings that are not positive, inputs without an input map, no
- * mass), LG_OUT_OF_MEMORY. */
+ * mass, more than 64 numbers with a prior), LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_machine_init(lg_machine *machine, lg_error *error);
 /* Adds the terms of a named system to a machine that already has its coordinates: a mass and, if the
  * system has one, a potential. Call it before lg_machine_init. All numbers of the system are then known

@@ -146,11 +146,13 @@ uint32_t lg_machine_list_priors(const lg_machine *machine, lg_prior *out) {
     uint32_t count = 0;
     for (uint32_t i = 0; i < machine->term_count; i++) {
         const lg_machine_term *term = &machine->terms[i];
-        for (uint32_t k = 0; k < term->entry_count && count < LG_MACHINE_PRIORS; k++) {
+        for (uint32_t k = 0; k < term->entry_count; k++) {
             lg_entry_about about;
             if (!(term->entries[k].sigma > 0.0)) continue;
             const lg_number_map map = map_of(machine, term, k, &about);
-            out[count++] = (lg_prior){i, k, map, about.start, term->entries[k].sigma};
+            if (count < LG_MACHINE_PRIORS)
+                out[count] = (lg_prior){i, k, map, about.start, term->entries[k].sigma};
+            count++;
         }
         if (term->kind == &lg_grey_mass_kind) count = lg_grey_priors(machine, i, out, count);
     }

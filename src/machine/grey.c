@@ -301,11 +301,13 @@ uint32_t lg_grey_priors(const lg_machine *machine, uint32_t term, lg_prior *out,
     for (const lg_parameter_entry *p = lg_grey_system_parameters(grey->system); p->key != NULL; p++)
         map_entry(grey, p, place_of(machine, p), lg_parameter_numbers(p, links), &m);
     for (uint32_t row = 0; row < m.used; row++)
-        for (uint32_t i = 0; i < grey->count && count < LG_MACHINE_PRIORS; i++) {
+        for (uint32_t i = 0; i < grey->count; i++) {
             const double s = m.S[row * grey->count + i];
             if (s == 0.0 || !(grey->sigma[i] > 0.0)) continue;
             const lg_number_map map = {m.a[i], m.g[i], m.b[i], m.f[i] * s, m.r[i], m.l[i]};
-            out[count++] = (lg_prior){term, row, map, grey->start[i], grey->sigma[i]};
+            if (count < LG_MACHINE_PRIORS)
+                out[count] = (lg_prior){term, row, map, grey->start[i], grey->sigma[i]};
+            count++;
         }
     return count;
 }

@@ -155,7 +155,8 @@ typedef struct lg_prior {
     lg_number_map map;
     double centre, sigma;
 } lg_prior;
-/* Lists the machine's priors (room for LG_MACHINE_PRIORS), and returns how many there are. */
+/* Lists the machine's priors (room for LG_MACHINE_PRIORS), and returns how many there are. lg_machine_init
+ * refuses a machine with more. */
 uint32_t lg_machine_list_priors(const lg_machine *machine, lg_prior *out);
 /* weight (number - start)/sigma of each prior, the same in all rows, (rows, priors). There must be one. */
 lg_var lg_machine_record_priors(lg_tape *tape, const lg_machine_vars *vars, uint32_t rows, double weight);

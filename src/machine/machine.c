@@ -347,6 +347,10 @@ lg_status lg_machine_init(lg_machine *machine, lg_error *error) {
     if (machine->input_count > 0 && !has_part(machine, LG_MACHINE_INPUT_MAP) &&
         !has_part(machine, LG_MACHINE_RESIDUAL))
         return lg_fail(error, LG_INVALID_ARGUMENT, "there are inputs, but no input_map");
+    lg_prior priors[LG_MACHINE_PRIORS];
+    if (lg_machine_list_priors(machine, priors) > LG_MACHINE_PRIORS)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "at most %d unknown numbers can have a prior (sigma)",
+                       LG_MACHINE_PRIORS);
     return check_mass(machine, error);
 }
 

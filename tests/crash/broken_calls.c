@@ -1,15 +1,15 @@
 /* Runs commands whose calls of the C library fail (support/faults.h): in each run another call fails, alone
  * or with all later calls.
  *
- *     broken_calls EXECUTABLES FAULTY-EXECUTABLES memory|files [-t SECONDS] [-s SEED] [-o NAME]
+ *     broken_calls EXECUTABLES FAULTY-EXECUTABLES memory|files [-n CALLS] [-s SEED] [-o NAME]
  *
  * In other runs, a call that moves bytes moves half of them, or is interrupted. A run must end with exit code
  * 0 and the outputs of an undisturbed run, or with the exit code for memory (5) or files (3) and one
  * sentence. Each output must be absent, unchanged or complete. If memory fails, no temporary file or lock may
  * be left. If there is a checkpoint, the command then continues without failing calls, and must write the
- * outputs of the undisturbed run. The calls of a command are tried for about SECONDS (default 60): all calls,
- * or a random sample with the first and the last 50 calls (5 if SECONDS is below 5). The results are printed
- * as a Markdown table. If a check fails, the exit code is 1. */
+ * outputs of the undisturbed run. The first call of each different stack fails; with -n, so many calls of
+ * each command (faults_choose), a large number: all. The results are printed as a Markdown table. If a check
+ * fails, the exit code is 1. */
 #define _GNU_SOURCE
 #include <limits.h>
 #include <sys/wait.h>
@@ -18,7 +18,7 @@
 #include "crash/commands.h"
 #include "support/faults.h"
 
-enum { EDGE = 50, CODE_FILE = 3, CODE_MEMORY = 5 };
+enum { CODE_FILE = 3, CODE_MEMORY = 5 };
 
 static const struct {
     const char *name;
@@ -34,25 +34,29 @@ static const struct {
 typedef struct breaking {
     bench b;
     long calls, tried, runs, good, refused, resumed;
+    long *chosen; /* (tried): numbers of the calls that fail */
     const char *faulty;
     fault_class of;
 } breaking;
 
 static lg_rng rng;
 
-static long count_calls(const breaking *k) {
-    long calls[FAULT_CLASSES] = {0};
-    const char *path = work("../count");
+/* Runs the job without failing calls. Fills k->calls and k->chosen. */
+static void choose_calls(breaking *k, long most) {
+    const char *path = work("../chosen");
+    char words[PATH_MAX + 64];
     clean();
-    (void)setenv("LG_FAULT_COUNT", path, 1);
+    (void)snprintf(words, sizeof words, "%d:%ld:%s", (int)k->of, most, path);
+    (void)setenv("LG_FAULT_CHOOSE", words, 1);
     const int code = wait_for(start(k->faulty, k->b.job, ""));
-    (void)unsetenv("LG_FAULT_COUNT");
+    (void)unsetenv("LG_FAULT_CHOOSE");
     FILE *file = fopen(path, "r");
-    if (code != 0 || file == NULL) stop("%s: exit code %d; see %s", k->b.job->name, code, error_path());
-    for (int i = 0; i < FAULT_CLASSES; i++)
-        if (fscanf(file, "%ld", &calls[i]) != 1) stop("%s: no count", k->b.job->name);
+    if (code != 0 || file == NULL || fscanf(file, "%ld", &k->calls) != 1)
+        stop("%s: exit code %d; see %s", k->b.job->name, code, error_path());
+    k->chosen = calloc((size_t)k->calls + 1, sizeof *k->chosen);
+    if (k->chosen == NULL) stop("out of memory");
+    while (k->tried < k->calls && fscanf(file, "%ld", &k->chosen[k->tried]) == 1) k->tried++;
     (void)fclose(file);
-    return calls[k->of];
 }
 
 /* Counts the lines that the program or its libraries wrote on standard error, without warnings and without
@@ -125,42 +129,31 @@ static void try_call(breaking *k, size_t way, long n) {
     if (code != 0) resume(k, told);
 }
 
-static void run_job(breaking *k, double seconds) {
-    long done = 0;
-    size_t count = 0;
-    for (size_t w = 0; w < LG_COUNT(ways); w++) count += ways[w].of == k->of;
+static void run_job(breaking *k, long most) {
     clean_for(&k->b);
     note_outputs(&k->b);
-    const double begin = seconds_now();
-    k->calls = count_calls(k);
-    const long edges = seconds < 5 ? EDGE / 10 : EDGE;
-    const double each = seconds_now() - begin, most = seconds / each / (double)count;
-    const double share = most < (double)k->calls ? most / (double)k->calls : 1.0;
-    for (long n = 1; n <= k->calls && k->b.failed < 10; n++) {
-        const bool edge = n <= edges || n > k->calls - edges;
-        if (!edge && lg_rng_uniform(&rng) > share) continue;
-        done++;
+    choose_calls(k, most);
+    for (long i = 0; i < k->tried && k->b.failed < 10; i++)
         for (size_t w = 0; w < LG_COUNT(ways); w++)
-            if (ways[w].of == k->of) try_call(k, w, n);
-    }
-    (void)printf("| %s | %ld | %ld | %ld | %ld | %ld | %ld | %llu |\n", k->b.job->name, k->calls, done,
+            if (ways[w].of == k->of) try_call(k, w, k->chosen[i]);
+    (void)printf("| %s | %ld | %ld | %ld | %ld | %ld | %ld | %llu |\n", k->b.job->name, k->calls, k->tried,
                  k->runs, k->good, k->refused, k->resumed, (unsigned long long)k->b.failed);
     (void)fflush(stdout);
+    free(k->chosen);
 }
 
 int main(int argc, char **argv) {
-    double seconds = 60;
     uint64_t seed = 1, failed = 0;
     const char *only = "";
-    long runs = 0;
-    for (int c; (c = getopt(argc, argv, "t:s:o:")) != -1;) {
-        if (c == 't') seconds = strtod(optarg, NULL);
+    long runs = 0, most = 0;
+    for (int c; (c = getopt(argc, argv, "n:s:o:")) != -1;) {
+        if (c == 'n') most = strtol(optarg, NULL, 10);
         if (c == 's') seed = strtoull(optarg, NULL, 10);
         if (c == 'o') only = optarg;
         if (c == '?') return 2;
     }
     if (optind + 3 != argc)
-        stop("usage: broken_calls EXECUTABLES FAULTY memory|files [-t SECONDS] [-s SEED] [-o NAME]");
+        stop("usage: broken_calls EXECUTABLES FAULTY memory|files [-n CALLS] [-s SEED] [-o NAME]");
     char *faulty = realpath(argv[optind + 1], NULL);
     if (faulty == NULL) stop("there is no folder %s", argv[optind + 1]);
     lg_rng_seed(&rng, seed, 0);
@@ -171,7 +164,7 @@ int main(int argc, char **argv) {
         if (strstr(jobs[i].name, only) == NULL) continue;
         breaking k = {.b.job = &jobs[i], .b.stopped = true, .faulty = faulty};
         k.of = strcmp(argv[optind + 2], "files") == 0 ? FAULT_FILES : FAULT_MEMORY;
-        run_job(&k, seconds);
+        run_job(&k, most);
         failed += k.b.failed;
         runs += k.runs;
     }

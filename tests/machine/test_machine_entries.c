@@ -225,6 +225,27 @@ TEST("more unknown numbers than a term may have are refused") {
     assert_says(error.message, "has too many unknown numbers among its values");
 }
 
+TEST("a machine takes 64 numbers with a prior, and refuses more") {
+    static const char *const damping[] = {"diagonal", "coulomb", "quadratic", "cubic"};
+    enum { LINES = 12, MOST = LG_MACHINE_PRIORS };
+    double ones[LINES];
+    for (int i = 0; i < LINES; i++) ones[i] = 1.0;
+    for (int priors = MOST; priors <= MOST + 1; priors++) {
+        lg_machine machine = empty_machine();
+        for (int i = 0; i < LINES; i++)
+            add_coordinate(&machine, (char[]){(char)('a' + i), 0}, LG_COORDINATE_LINE);
+        add_values(add_term(&machine, LG_MACHINE_MASS, "diagonal"), LINES, ones);
+        for (size_t i = 0; i < LG_COUNT(damping); i++)
+            add_values(add_term(&machine, LG_MACHINE_DAMPING, damping[i]), LINES, ones);
+        add_values(add_term(&machine, LG_MACHINE_OFFSET, "known"), LINES, ones);
+        for (uint32_t i = 0; i < (uint32_t)priors; i++)
+            open_value(&machine.terms[i / LINES], i % LINES, 0, 0, 0.5);
+        lg_error error = {LG_OK, ""};
+        assert_status(lg_machine_init(&machine, &error), priors > MOST ? LG_INVALID_ARGUMENT : LG_OK);
+        if (priors > MOST) assert_says(error.message, "at most 64 unknown numbers");
+    }
+}
+
 TEST("known friction with unknown numbers is scaled along its direction; at the end of bounds it cannot be") {
     lg_machine machine = mixed(true);
     for (int end = 0; end < 2; end++) {

@@ -83,6 +83,41 @@ static void note_stack(long call) {
     faults.stacks[call - 1] = hash;
 }
 
+typedef struct noted_call {
+    uint64_t stack;
+    long call;
+} noted_call;
+
+static int by_stack(const void *a, const void *b) {
+    const noted_call *x = a, *y = b;
+    return x->stack != y->stack ? (x->stack > y->stack) - (x->stack < y->stack)
+                                : (x->call > y->call) - (x->call < y->call);
+}
+
+long faults_choose(const uint64_t *stacks, long noted, long calls, long most, long *chosen) {
+    noted_call *sorted = malloc(((size_t)noted + 1) * sizeof *sorted);
+    bool *taken = calloc((size_t)calls + 1, sizeof *taken);
+    if (sorted == NULL || taken == NULL) abort();
+    for (long i = 0; i < noted; i++) sorted[i] = (noted_call){stacks[i], i + 1};
+    qsort(sorted, (size_t)noted, sizeof *sorted, by_stack);
+    long different = 0, count = 0;
+    for (long i = 0; i < noted; i++) {
+        const bool first = i == 0 || sorted[i].stack != sorted[i - 1].stack;
+        taken[sorted[i].call] = first;
+        different += first;
+    }
+    for (long call = 1, i = 0; call <= noted; call++) {
+        if (!taken[call]) continue;
+        if (most == 0 || different <= most || i * most / different >= count) chosen[count++] = call;
+        i++;
+    }
+    for (long step = most > 0 ? calls / most + 1 : 1, call = 1; call <= calls && count < most; call += step)
+        if (!taken[call]) chosen[count++] = call;
+    free(taken);
+    free(sorted);
+    return count;
+}
+
 /* Counts a call. Returns true if this call has to fail. */
 static bool goes_wrong(fault_class of) {
     if (spared_here) return false;

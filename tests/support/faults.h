@@ -42,4 +42,10 @@ long faults_identifiers(void);
  * class, for the first `room` calls. NULL ends this. */
 void faults_note_stacks(fault_class of, uint64_t *stacks, long room);
 
+/* Chooses at most `most` of `calls` calls: the first call of each stack, or some of these at equal distances
+ * if there are more than `most`; then other calls at equal distances. stacks[noted] is from
+ * faults_note_stacks. most = 0: only the first call of each stack. Writes the numbers of the calls to
+ * chosen[calls], and returns how many there are. */
+long faults_choose(const uint64_t *stacks, long noted, long calls, long most, long *chosen);
+
 #endif

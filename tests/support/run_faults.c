@@ -135,36 +135,6 @@ static verdict run(lg_suite *suite, const struct CMUnitTest *test, long from, lo
 
 /* ---- a test ---- */
 
-static int by_hash(const void *a, const void *b) {
-    const uint64_t x = *(const uint64_t *)a, y = *(const uint64_t *)b;
-    return (x > y) - (x < y);
-}
-
-/* Chooses at most `most` of the calls: first calls with different stacks, then calls at equal distances.
- * Returns the number of chosen calls. */
-static long choose(long calls, long most, long *chosen) {
-    const long noted = calls < MOST_STACKS ? calls : MOST_STACKS;
-    uint64_t *seen = malloc((size_t)noted * sizeof *seen);
-    unsigned char *tried = calloc((size_t)calls + 1, 2),
-                  *sorted = tried + calls + 1; /* by call, by place in `seen` */
-    long count = 0;
-    if (seen == NULL || tried == NULL) abort();
-    memcpy(seen, report->stacks, (size_t)noted * sizeof *seen);
-    qsort(seen, (size_t)noted, sizeof *seen, by_hash);
-    for (long i = 0; i < noted && count < most; i++) {
-        const uint64_t *at = bsearch(&report->stacks[i], seen, (size_t)noted, sizeof *seen, by_hash);
-        while (at > seen && at[-1] == *at) at--;
-        if (sorted[at - seen]++ > 0) continue;
-        tried[i] = 1;
-        chosen[count++] = i + 1;
-    }
-    for (long step = calls / most + 1, i = 0; i < calls && count < most; i += step)
-        if (!tried[i]) chosen[count++] = i + 1;
-    free(tried);
-    free(seen);
-    return count;
-}
-
 static void tell(const struct CMUnitTest *test, verdict is, long from, long to) {
     const char *text = output_of_run(), *at = strstr(text, "ERROR");
     printf("%s: '%s', call %ld%s\n%.1500s\n", verdict_names[is], test->name, from,
@@ -188,7 +158,8 @@ static void try_test(lg_suite *suite, const struct CMUnitTest *test, long sum[VE
     faults_note_stacks(now.of, NULL, 0);
     if (plain != PASSED || calls == 0) return; /* the test was skipped, or fails without a failing call */
     long *chosen = lg_test_memory((size_t)calls * sizeof *chosen);
-    const long count = choose(calls, most < 1 ? 1 : most < (double)calls ? (long)most : calls, chosen);
+    const long count = faults_choose(report->stacks, calls < MOST_STACKS ? calls : MOST_STACKS, calls,
+                                     (long)fmax(1.0, fmin(most, (double)calls)), chosen);
     for (long k = 0; k < 2 * count; k++) {
         const long n = chosen[k / 2], to = k % 2 > 0 ? LONG_MAX : n;
         verdict is = run(suite, test, n, to);
