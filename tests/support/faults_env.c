@@ -1,8 +1,8 @@
 /* Arms the calls of a program (faults.h) by its environment:
  *
  *     LG_FAULT=CLASS:WAY:FROM:TO       numbers of fault_class and fault_way; calls FROM to TO
- *     LG_FAULT_CHOOSE=CLASS:MOST:FILE  when the program exits, FILE gets the number of its calls of the class, and
- *                                      then the calls that faults_choose chooses
+ *     LG_FAULT_CHOOSE=CLASS:MOST:FILE  when the program exits, FILE gets the number of calls of the class and
+ *                                      the calls that faults_choose chooses
  *
  * A child process continues to count, separately from its parent. */
 #define _GNU_SOURCE
