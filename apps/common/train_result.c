@@ -200,7 +200,7 @@ static int conclude(const train_session *session, double *theta) {
     const char *out = train_given_files.out;
     lg_error error = {LG_OK, ""};
     lg_fit_parameters(training->fit, theta);
-    lg_status status = task->recipe->trainer->judge(training, theta, &error);
+    lg_status status = lg_training_judge(training, theta, &error);
     if (status != LG_OK)
         return app_fail(self, status, "after the last epoch: %s", app_sentence(status, &error));
     const int judged = judge(self, training);

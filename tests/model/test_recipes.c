@@ -2,6 +2,7 @@
  * in both types, and compared with steps of the plain stepper. */
 #include "support/malloc_count.h"
 #include "autodiff/plan_ways.h"
+#include "model/files/training.h"
 #include "model/model_kinds.h"
 
 RELEASES(release_model, lg_model_destroy)
@@ -32,6 +33,26 @@ TEST("every function of every recipe agrees with the tape as a plan of any rows,
             check_all(test_text("%s %zu", kinds[kind].recipe->name, which), record(kind, which)->program);
             lg_test_give_back(mark);
         }
+}
+
+/* ---- results ---- */
+
+static lg_status judge_ten(lg_training *self, double *theta, lg_error *error) {
+    (void)theta, (void)error;
+    for (int i = 0; i < 10; i++) lg_result_real(self, i == 9 ? "last" : "other", i, NULL);
+    return LG_OK;
+}
+
+TEST("a judgement is not made if there is no memory for its results") {
+    static const lg_trainer trainer = {.judge = judge_ten};
+    static const lg_recipe recipe = {.trainer = &trainer};
+    EVERY_ALLOCATION_FAILS(context, 1, {
+        lg_training training = {.context = context, .recipe = &recipe};
+        lg_error error = {LG_OK, ""};
+        status = lg_training_judge(&training, NULL, &error);
+        if (status == LG_OK) assert_true(lg_result_find(&training, "last")->real == 9.0);
+        lg_training_clear(&training);
+    });
 }
 
 /* ---- Jacobians ---- */

@@ -159,6 +159,15 @@ const lg_result *lg_result_find(const lg_training *self, const char *name) {
     return NULL;
 }
 
+static lg_status has_results(const lg_training *self, lg_error *error) {
+    return self->results_lost ? lg_fail(error, LG_OUT_OF_MEMORY, "out of memory for the results") : LG_OK;
+}
+
+lg_status lg_training_judge(lg_training *self, double *theta, lg_error *error) {
+    LG_TRY(self->recipe->trainer->judge(self, theta, error));
+    return has_results(self, error);
+}
+
 lg_status lg_training_objective(lg_training *self, double *out, lg_error *error) {
     const lg_trainer *trainer = self->recipe->trainer;
     if (trainer->objective != NULL) return trainer->objective(self, out, error);
@@ -248,5 +257,5 @@ lg_status lg_training_evaluate(lg_training *self, const void *file, lg_error *er
     LG_TRY(recipe->trainer->evaluate != NULL ? recipe->trainer->evaluate(self, file, error)
                                              : judge_again(self, file, error));
     self->seconds = lg_seconds() - begin;
-    return LG_OK;
+    return has_results(self, error);
 }
