@@ -221,6 +221,27 @@ TEST("a position that is tracked, or free, is that of a machine that moves in th
                   LG_INVALID_ARGUMENT);
 }
 
+TEST("a plant of states without velocities is controlled too, and follows set points") {
+    lg_policy_task task = small_task(LG_POLICY_LQR);
+    task.coordinate_count = 2;
+    task.coordinate[0] = task.coordinate[1] = coordinate("q", "", LG_POLICY_LINE, 0.5);
+    (void)snprintf(task.coordinate[1].name, LG_POLICY_NAME, "p");
+    task.coordinate[0].success = 10.0, task.coordinate[0].track = true;
+    task.coordinate[1].success = INFINITY;
+    const lg_policy *policy = make_small(&task, &usual);
+    const double *K = policy->regulator.K, h = task.period, x[2] = {0.3, -0.2}, reference = 0.1;
+    const double trace = 2 - h * usual.damping - h * force * K[1],
+                 det = 1 - h * usual.damping - h * force * K[1] + h * h * force * K[0];
+    assert_true(det < 1 && fabs(trace) < 1 + det);
+    double u;
+    assert_ok(lg_program_eval(NULL, policy->program, "track", 1, (const double *const[]){x, &reference},
+                              (double *const[]){&u}, NULL));
+    assert_close(u, fmax(-3, fmin(3, -K[0] * (x[0] - reference) - K[1] * x[1])), 1e-9, 0.0);
+    lg_policy *none;
+    task.kind = LG_POLICY_ENERGY;
+    assert_status(lg_policy_create(NULL, &task, plant_program(&usual), 1, &none, NULL), LG_NOT_FOUND);
+}
+
 /* ---- training ---- */
 
 static lg_policy_train_options short_training(void) {
@@ -405,6 +426,10 @@ TEST("the energy is certified with the numbers of the plant, and a plant that th
     assert_status(lg_policy_add_slope(make_small(&task, &usual), &spec, &error), LG_UNSUPPORTED);
     assert_says(error.message, "q is free");
     assert_status(lg_policy_add_slope(of_kind(LG_POLICY_LQR), &spec, &error), LG_UNSUPPORTED);
+    lg_policy_task cart = cart_task();
+    cart.kind = LG_POLICY_ENERGY, cart.search = false;
+    assert_status(lg_policy_add_slope(make(&cart, cart_pole), &spec, &error), LG_UNSUPPORTED);
+    assert_says(error.message, "one coordinate and one input; the plant has 2 and 1");
 }
 
 TEST("a body that turns is certified if one gain serves all axes") {
