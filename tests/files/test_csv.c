@@ -15,8 +15,9 @@ static const char *read_row(const char *text, size_t bytes) {
     assert_int_equal(fwrite(text, 1, bytes, file), bytes);
     assert_int_equal(fclose(file), 0);
     error = (lg_error){LG_OK, ""};
-    assert_told(lg_csv_open(NULL, path, "table", &c, &told));
-    LG_STATUS_OF(lg_csv_header(&c, &error), status);
+    lg_status status;
+    while (lg_test_again(status = lg_csv_open(NULL, path, "table", &c, &error))) lg_csv_close(&c);
+    if (status == LG_OK) status = lg_csv_header(&c, &error);
     if (status == LG_OK) status = lg_csv_line(&c, &more, &error);
     if (status == LG_OK) status = lg_csv_check_row(&c, &cut, &error);
     at = c.line;
