@@ -65,7 +65,7 @@ static lg_status take_box(lg_certify *c, const lg_certify_spec *spec, lg_error *
 static lg_status begin_quadratic(lg_certify *c, lg_error *error) {
     const double reach = lg_certify_reach(c);
     if (c->automatic) c->level = fmin(c->level, reach);
-    if (!isfinite(c->level))
+    if (!(c->level < DBL_MAX))
         return lg_fail(error, LG_INVALID_ARGUMENT, "the box is unbounded in all states: give a level");
     if (c->level > reach) {
         c->failed = true;
@@ -132,33 +132,39 @@ lg_status lg_certify_create(const lg_context *context, const lg_certify_spec *sp
 
 /* ---- the sentence ---- */
 
-static int write_box(const lg_certify *c, char *text, size_t size) {
-    int at = 0;
-    for (size_t i = 0; i < c->n && at < (int)size; i++)
-        at += lg_format(text + at, size - (size_t)at, "%s[%.6g, %.6g]", i == 0 ? "" : " x ", c->low[i],
-                        c->high[i]);
-    return at;
+/* The longest number has 13 bytes. */
+enum { SIDE = sizeof " x [, ]" + 2 * 13, BOX = LG_CERTIFY_STATES * SIDE };
+
+static void write_box(const lg_certify *c, char text[BOX]) {
+    size_t at = 0;
+    for (size_t i = 0; i < c->n; i++)
+        at += (size_t)lg_format(text + at, BOX - at, "%s[%.6g, %.6g]", i == 0 ? "" : " x ", c->low[i],
+                                c->high[i]);
 }
 
+/* The longest bound has 9 bytes. */
+enum { ERROR = sizeof "the next state may err by up to () per component" + LG_CERTIFY_STATES * (2 + 9) };
+
 /* One bound where all components have the same. */
-static void write_error(const lg_certify *c, char *text, size_t size) {
+static void write_error(const lg_certify *c, char text[ERROR]) {
     bool equal = true;
     for (size_t i = 1; i < c->n; i++) equal = equal && c->error[i] == c->error[0];
     if (!c->errors) {
-        (void)snprintf(text, size, "no model error is allowed for");
+        (void)snprintf(text, ERROR, "no model error is allowed for");
         return;
     }
-    int at = snprintf(text, size, "the %s may err by up to ", c->step ? "next state" : "rate");
-    for (size_t i = 0; i < (equal ? 1 : c->n) && at < (int)size; i++)
-        at += lg_format(text + at, size - (size_t)at, "%s%.3g", i > 0 ? ", " : equal ? "" : "(", c->error[i]);
-    if (at < (int)size) (void)snprintf(text + at, size - (size_t)at, equal ? " per component" : ")");
+    size_t at = (size_t)snprintf(text, ERROR, "the %s may err by up to %s", c->step ? "next state" : "rate",
+                                 equal ? "" : "(");
+    for (size_t i = 0; i < (equal ? 1 : c->n); i++)
+        at += (size_t)lg_format(text + at, ERROR - at, "%s%.3g", i > 0 ? ", " : "", c->error[i]);
+    (void)snprintf(text + at, ERROR - at, equal ? " per component" : ")");
 }
 
 static void write_claim(lg_certify *c) {
-    char box[LG_CERTIFY_TEXT / 2], error[LG_CERTIFY_TEXT / 4];
+    char box[BOX], error[ERROR];
     const bool verified = c->phase == LG_CERTIFY_DONE && !c->failed;
-    (void)write_box(c, box, sizeof box);
-    write_error(c, error, sizeof error);
+    write_box(c, box);
+    write_error(c, error);
     (void)lg_format(
         c->claim, sizeof c->claim,
         "%s: in the box %s, %s for eps = %.6g <= V <= c = %.6g, {V <= c} does not leave the box, and "

@@ -179,7 +179,7 @@ lg_status lg_certify_begin(lg_certify *c, lg_certify_phase phase) {
         for (size_t i = 0; c->quadratic && i < c->n; i++)
             c->from[i] = -(c->to[i] = sqrt(c->level) * (1 + 1e-6));
     }
-    return phase == LG_CERTIFY_DONE ? LG_OK : push_domain(c);
+    return push_domain(c);
 }
 
 /* A lower bound of the volume of an ellipsoid: pi^(n/2)/Gamma(n/2 + 1) c^(n/2) |det T|, as T^T P T is 1 to

@@ -229,7 +229,7 @@ lg_status lg_certify_near(lg_certify *c) {
     c->converges = false;
     LG_TRY(bound(c, NULL, low, high));
     for (size_t i = 0; i < c->n * c->n; i++) hessian[i] = 0.5 * low[2 * c->n + i] + 0.5 * high[2 * c->n + i];
-    const bool exact = !c->errors && is_equilibrium(c, low, high) && lg_interval_continuous(c->local, 0);
+    const bool exact = !c->errors && is_equilibrium(c, low, high);
     double eps = c->asked_eps > 0 ? c->asked_eps : 0.5 * c->level;
     for (int k = 0; exact && k < (c->asked_eps > 0 ? 1 : 60) && !c->converges; k++, eps *= 0.7) {
         if (!size_of_near(c, eps, hessian)) continue;

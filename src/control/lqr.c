@@ -10,7 +10,7 @@
 
 /* ---- zero-order hold ---- */
 
-enum { MOST_SQUARINGS = 1100, BLOCKS = 8 };
+enum { BLOCKS = 8 };
 
 typedef struct hold {
     size_t rows; /* n + m */
@@ -84,7 +84,7 @@ static int squarings_of(const hold *s) {
     const double left = first_error * largest_row_of_power(s, 27) / norm;
     const double excess = isfinite(left) && left > 0.0 ? log2(left) - 26.0 * squarings + 53.0 : 0.0;
     if (excess > 0.0) squarings += (int)ceil(excess / 26.0);
-    return squarings < MOST_SQUARINGS ? squarings : MOST_SQUARINGS;
+    return squarings;
 }
 
 /* y = c2 M2 + c4 M4 + c6 M6 */

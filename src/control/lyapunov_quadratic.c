@@ -478,9 +478,8 @@ static lg_status climb(searching *s, lg_thread_pool *pool, size_t generations, u
 
 static lg_status run(searching *s, best *b, lg_error *error) {
     lg_thread_pool *pool = NULL;
-    LG_TRY(linearise(s) == LG_OK
-               ? LG_OK
-               : lg_fail(error, LG_CHECK_FAILED, "the closed loop is not finite near the goal"));
+    if (linearise(s) != LG_OK)
+        return lg_fail(error, LG_CHECK_FAILED, "the closed loop is not finite near the goal");
     LG_TRY(first_proposals(s, b, error));
     if (s->spec->threads > 1) LG_TRY(lg_thread_pool_create(s->context, s->spec->threads, &pool));
     lg_status status = LG_OK;

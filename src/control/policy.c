@@ -312,7 +312,9 @@ static lg_status add_functions(lg_policy *p, lg_error *error) {
     return set_theta(p);
 }
 
-static lg_status build(lg_policy *p, const lg_program *plant, uint64_t seed, lg_error *error) {
+static lg_status build(lg_policy *p, const lg_context *context, const lg_policy_task *task,
+                       const lg_program *plant, uint64_t seed, lg_error *error) {
+    p->context = context, p->task = *task;
     LG_TRY(lg_policy_prepare(p, error));
     LG_TRY(check_plant(p, plant, error));
     lg_policy_initialise(p, seed, p->theta);
@@ -324,7 +326,6 @@ static lg_status build(lg_policy *p, const lg_program *plant, uint64_t seed, lg_
     return add_functions(p, error);
 }
 
-/* Whether the program has the function with this number of numbers in its last input. */
 static bool has(const lg_policy *p, const char *function) {
     size_t number;
     return lg_program_find(p->program, function, &number, NULL) == LG_OK;
@@ -349,29 +350,30 @@ lg_status lg_policy_adopt(lg_policy *p, lg_error *error) {
     return LG_OK;
 }
 
+static lg_status rebuild(lg_policy *p, const lg_policy *policy, const lg_program *plant, bool judge,
+                         lg_error *error) {
+    p->context = policy->context, p->task = policy->task;
+    LG_TRY(lg_policy_prepare(p, error));
+    LG_TRY(check_plant(p, plant, error));
+    p->regulator = policy->regulator, p->terminal = policy->terminal;
+    memcpy(p->scale, policy->scale, sizeof p->scale);
+    memcpy(p->G, policy->G, sizeof p->G);
+    memcpy(p->theta, policy->theta, p->parameters * sizeof *p->theta);
+    LG_TRY(lg_policy_begin(p, plant, error));
+    if (judge) LG_TRY(choose_substeps(p, judging_error, 1, error));
+    if (p->task.substeps < policy->task.substeps) p->task.substeps = policy->task.substeps;
+    LG_TRY(lg_policy_add_motion(p, error));
+    LG_TRY(lg_policy_check_shifts(p, false, 1, error));
+    LG_TRY(lg_policy_add_regulated(p, error));
+    return add_functions(p, error);
+}
+
 /* `judge`: the integrator's steps are chosen for this plant. */
 static lg_status transplant(const lg_policy *policy, lg_program *plant, bool judge, lg_policy **out,
                             lg_error *error) {
     lg_policy *p = lg_alloc(policy->context, 1, sizeof *p);
-    lg_status status = p == NULL ? lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a policy") : LG_OK;
-    if (status == LG_OK) {
-        p->context = policy->context, p->task = policy->task;
-        status = lg_policy_prepare(p, error);
-    }
-    if (status == LG_OK) status = check_plant(p, plant, error);
-    if (status == LG_OK) {
-        p->regulator = policy->regulator, p->terminal = policy->terminal;
-        memcpy(p->scale, policy->scale, sizeof p->scale);
-        memcpy(p->G, policy->G, sizeof p->G);
-        memcpy(p->theta, policy->theta, p->parameters * sizeof *p->theta);
-        status = lg_policy_begin(p, plant, error);
-    }
-    if (status == LG_OK && judge) status = choose_substeps(p, judging_error, 1, error);
-    if (status == LG_OK && p->task.substeps < policy->task.substeps) p->task.substeps = policy->task.substeps;
-    if (status == LG_OK) status = lg_policy_add_motion(p, error);
-    if (status == LG_OK) status = lg_policy_check_shifts(p, false, 1, error);
-    if (status == LG_OK) status = lg_policy_add_regulated(p, error);
-    if (status == LG_OK) status = add_functions(p, error);
+    const lg_status status = p == NULL ? lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a policy")
+                                       : rebuild(p, policy, plant, judge, error);
     lg_program_destroy(plant);
     if (status == LG_OK)
         *out = p;
@@ -432,11 +434,8 @@ lg_status lg_policy_create(const lg_context *context, const lg_policy_task *task
         return lg_fail(error, LG_INVALID_ARGUMENT, "one of these arguments is NULL: task, plant, out");
     }
     lg_policy *p = lg_alloc(context, 1, sizeof *p);
-    lg_status status = p == NULL ? lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a policy") : LG_OK;
-    if (status == LG_OK) {
-        p->context = context, p->task = *task;
-    }
-    if (status == LG_OK) status = build(p, plant, seed, error);
+    const lg_status status = p == NULL ? lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a policy")
+                                       : build(p, context, task, plant, seed, error);
     lg_program_destroy(plant);
     if (status == LG_OK)
         *out = p;

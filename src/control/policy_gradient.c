@@ -222,6 +222,23 @@ static lg_status create_plans(lg_policy_batch *b, lg_error *error) {
     return LG_OK;
 }
 
+static lg_status allocate(lg_policy_batch *b, int threads, lg_error *error) {
+    const lg_policy *p = b->policy;
+    const size_t points = b->points;
+    LG_TRY(create_plans(b, error));
+    LG_TRY(lg_thread_pool_create(p->context, threads, &b->pool));
+    b->piece_bytes = lay_out(b, NULL, &(piece){0});
+    b->memory = lg_alloc(p->context, points * b->pieces, b->piece_bytes);
+    b->sums = lg_alloc(p->context, points * b->pieces * (p->parameters + 1), sizeof *b->sums);
+    b->starts = lg_alloc(p->context, 2 * points, sizeof *b->starts);
+    b->steps = lg_alloc(p->context, points, sizeof *b->steps);
+    if (b->memory == NULL || b->sums == NULL || b->starts == NULL || b->steps == NULL)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the runs of a batch");
+    b->theta = b->starts + points;
+    for (size_t k = 0; k < points; k++) b->steps[k] = b->most;
+    return LG_OK;
+}
+
 lg_status lg_policy_batch_create(const lg_policy *policy, lg_dtype dtype, size_t points, size_t count,
                                  int threads, lg_policy_batch *b, lg_error *error) {
     memset(b, 0, sizeof *b);
@@ -230,18 +247,9 @@ lg_status lg_policy_batch_create(const lg_policy *policy, lg_dtype dtype, size_t
     b->cut = b->bound = INFINITY;
     b->disturbed = lg_policy_is_disturbed(&policy->task);
     b->state = policy->state + (b->disturbed ? policy->inputs : 0);
-    LG_TRY(create_plans(b, error));
-    LG_TRY(lg_thread_pool_create(policy->context, threads, &b->pool));
-    b->piece_bytes = lay_out(b, NULL, &(piece){0});
-    b->memory = lg_alloc(policy->context, points * b->pieces, b->piece_bytes);
-    b->sums = lg_alloc(policy->context, points * b->pieces * (policy->parameters + 1), sizeof *b->sums);
-    b->starts = lg_alloc(policy->context, points, sizeof *b->starts);
-    b->theta = lg_alloc(policy->context, points, sizeof *b->theta);
-    b->steps = lg_alloc(policy->context, points, sizeof *b->steps);
-    if (b->memory == NULL || b->sums == NULL || b->starts == NULL || b->theta == NULL || b->steps == NULL)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the runs of a batch");
-    for (size_t k = 0; k < points; k++) b->steps[k] = b->most;
-    return LG_OK;
+    const lg_status status = allocate(b, threads, error);
+    if (status != LG_OK) lg_policy_batch_destroy(b);
+    return status;
 }
 
 void lg_policy_batch_destroy(lg_policy_batch *b) {
@@ -252,7 +260,7 @@ void lg_policy_batch_destroy(lg_policy_batch *b) {
     lg_free(context, b->plan);
     lg_thread_pool_destroy(b->pool);
     lg_free(context, b->memory), lg_free(context, b->sums);
-    lg_free(context, b->starts), lg_free(context, b->theta), lg_free(context, b->steps);
+    lg_free(context, b->starts), lg_free(context, b->steps);
     memset(b, 0, sizeof *b);
 }
 

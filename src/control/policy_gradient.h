@@ -37,7 +37,7 @@ typedef struct lg_policy_batch {
     size_t piece_bytes;
     double *sums; /* (points, pieces, parameters + 1): gradient, cost */
 } lg_policy_batch;
-/* On failure the caller destroys the batch, too. */
+/* On failure there is nothing to destroy. */
 lg_status lg_policy_batch_create(const lg_policy *policy, lg_dtype dtype, size_t points, size_t count,
                                  int threads, lg_policy_batch *b, lg_error *error);
 void lg_policy_batch_destroy(lg_policy_batch *b);

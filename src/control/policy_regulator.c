@@ -98,13 +98,11 @@ static const char *name_of(const lg_policy *p, uint32_t i) {
 /* Newton's method. u is the first guess on entry and the last iterate on return; *residual is the residual of
  * the last iterate. */
 static lg_status find_rest(const design *d, double *u, double *residual, double *change, uint32_t *which) {
-    for (int i = 0; i < 8; i++) {
+    for (int i = 0;; i++) {
         LG_TRY(linearise(d, u, change, d->error));
         *residual = residual_of(d, change, which);
-        if (*residual < 1e-12 || i == 7) break;
-        if (correct(d, change, u) != LG_OK) break;
+        if (*residual < 1e-12 || i == 7 || correct(d, change, u) != LG_OK) return LG_OK;
     }
-    return LG_OK;
 }
 
 /* The first guess is u = 0. If Newton's method finds no equilibrium from there, such as in a dead zone, it

@@ -293,10 +293,14 @@ static lg_status adam_phase(training *t, size_t points, uint64_t steps) {
 
 /* ---- phases ---- */
 
-static void next_phase(training *t) {
+static void end_phase(training *t) {
     lg_policy_batch_destroy(&t->batch);
     lg_minimiser_destroy(t->minimiser);
     t->minimiser = NULL;
+}
+
+static void next_phase(training *t) {
+    end_phase(t);
     t->phase++;
     t->step = 0, t->round = 0;
     t->phase_begun = lg_seconds();
@@ -329,6 +333,7 @@ static lg_status finish(training *t) {
 
 static lg_status begin_polish(training *t) {
     lg_minimise_options options;
+    end_phase(t); /* what an earlier attempt has left */
     LG_TRY(lg_policy_batch_create(t->policy, LG_F64, 1, FIXED, t->options.threads, &t->batch, t->error));
     LG_TRY(draw_starts(t, STREAM_FIXED, FIXED, t->x));
     t->batch.starts[0] = t->x;
@@ -366,16 +371,17 @@ static lg_status begin(training *t) {
     const lg_policy *p = t->policy;
     const size_t n = t->n, seeds = t->seeds;
     const size_t most = (seeds > 2 ? seeds : 2) * t->options.starts, starts = most > FIXED ? most : FIXED;
-    t->theta = lg_alloc(p->context, (4 * seeds + 1) * n, sizeof *t->theta);
-    t->x = lg_alloc(p->context, (starts + VALIDATION) * p->state, sizeof *t->x);
-    t->cost = lg_alloc(p->context, seeds, sizeof *t->cost);
+    t->theta = lg_alloc(p->context, (4 * seeds + 1) * n + (starts + VALIDATION) * p->state + seeds,
+                        sizeof *t->theta);
     t->gradients = lg_alloc(p->context, seeds, sizeof *t->gradients);
     t->number = lg_alloc(p->context, seeds, sizeof *t->number);
-    if (t->theta == NULL || t->x == NULL || t->cost == NULL || t->gradients == NULL || t->number == NULL)
+    if (t->theta == NULL || t->gradients == NULL || t->number == NULL)
         return lg_fail(t->error, LG_OUT_OF_MEMORY, "no memory for training");
     t->m = t->theta + seeds * n, t->v = t->m + seeds * n, t->gradient = t->v + seeds * n;
     t->best = t->gradient + seeds * n;
+    t->x = t->best + n;
     t->validation = t->x + starts * p->state;
+    t->cost = t->validation + VALIDATION * p->state;
     for (size_t k = 0; k < seeds; k++) {
         lg_policy_initialise(p, t->options.seed * 1000 + k, t->theta + k * n);
         t->gradients[k] = t->gradient + k * n;
@@ -409,10 +415,8 @@ lg_status lg_policy_trainer_create(lg_policy *policy, const lg_policy_train_opti
 void lg_policy_trainer_destroy(lg_policy_trainer *t) {
     if (t == NULL) return;
     const lg_context *context = t->policy->context;
-    lg_policy_batch_destroy(&t->batch);
-    lg_minimiser_destroy(t->minimiser);
-    lg_free(context, t->theta), lg_free(context, t->x);
-    lg_free(context, t->cost), lg_free(context, t->gradients), lg_free(context, t->number);
+    end_phase(t);
+    lg_free(context, t->theta), lg_free(context, t->gradients), lg_free(context, t->number);
     lg_free(context, t);
 }
 
@@ -475,23 +479,40 @@ static void list_facts(const training *t, uint64_t out[FACTS]) {
     memcpy(out, all, sizeof all);
 }
 
+/* The arrays of a saved state, in the order of the file: `facts` come first. */
+typedef struct saved {
+    const char *name;
+    lg_element type;
+    uint64_t count;
+    void *at;
+} saved;
+enum { SAVED = 4 };
+
+static void list_saved(const training *t, uint64_t facts[FACTS], double best[2], saved out[SAVED]) {
+    const saved all[SAVED] = {{"facts", LG_ELEMENT_U64, FACTS, facts},
+                              {"best", LG_ELEMENT_F64, 2, best},
+                              {"number", LG_ELEMENT_U64, t->seeds, t->number},
+                              {"theta", LG_ELEMENT_F64, (4 * (uint64_t)t->seeds + 1) * t->n, t->theta}};
+    memcpy(out, all, sizeof all);
+}
+
 lg_status lg_policy_trainer_save(const lg_policy_trainer *t, const lg_archive_writer *to, lg_error *error) {
     LG_NEEDS(error, t, to);
     uint64_t facts[FACTS];
-    const double best[2] = {t->of_best.success, isfinite(t->of_best.cost) ? t->of_best.cost : 0.0};
-    const uint64_t numbers = (4 * (uint64_t)t->seeds + 1) * t->n;
+    double best[2] = {t->of_best.success, isfinite(t->of_best.cost) ? t->of_best.cost : 0.0};
+    saved arrays[SAVED];
     list_facts(t, facts);
-    lg_status status = to->array(to->user, "facts", LG_ELEMENT_U64, 1, &(uint64_t){FACTS}, facts);
-    if (status == LG_OK) status = to->array(to->user, "best", LG_ELEMENT_F64, 1, &(uint64_t){2}, best);
-    if (status == LG_OK)
-        status = to->array(to->user, "number", LG_ELEMENT_U64, 1, &(uint64_t){t->seeds}, t->number);
-    if (status == LG_OK) status = to->array(to->user, "theta", LG_ELEMENT_F64, 1, &numbers, t->theta);
-    if (status == LG_OK && t->minimiser != NULL) return lg_minimiser_save(t->minimiser, to, error);
-    return status == LG_OK ? status : lg_fail(error, status, "the state of training cannot be stored");
+    list_saved(t, facts, best, arrays);
+    for (size_t i = 0; i < SAVED; i++) {
+        const saved *a = &arrays[i];
+        const lg_status status = to->array(to->user, a->name, a->type, 1, &a->count, a->at);
+        if (status != LG_OK) return lg_fail(error, status, "the state of training cannot be stored");
+    }
+    return t->minimiser != NULL ? lg_minimiser_save(t->minimiser, to, error) : LG_OK;
 }
 
-lg_status lg_policy_trainer_load(lg_policy_trainer *t, const lg_archive_reader *from, lg_error *error) {
-    LG_NEEDS(error, t, from);
+/* Whether the saved run has the same numbers of parameters, options, task and plant. */
+static lg_status check_facts(const training *t, const uint64_t facts[FACTS], lg_error *error) {
     static const char *const names[COMMON] = {"number of parameters",
                                               "--seeds",
                                               "--starts",
@@ -500,25 +521,33 @@ lg_status lg_policy_trainer_load(lg_policy_trainer *t, const lg_archive_reader *
                                               "--polish",
                                               "--seed",
                                               "task, plant or version of training"};
-    uint64_t facts[FACTS], own[FACTS];
-    double best[2];
-    const uint64_t numbers = (4 * (uint64_t)t->seeds + 1) * t->n;
+    uint64_t own[FACTS];
     list_facts(t, own);
-    lg_status status = from->array(from->user, "facts", LG_ELEMENT_U64, 1, &(uint64_t){FACTS}, facts);
-    for (size_t i = 0; i < COMMON && status == LG_OK; i++)
+    for (size_t i = 0; i < COMMON; i++)
         if (facts[i] != own[i])
             return lg_fail(error, LG_INVALID_ARGUMENT,
                            i + 1 == COMMON ? "the saved run has another %s"
                                            : "the saved run has another %s: %llu, not %llu",
                            names[i], (unsigned long long)facts[i], (unsigned long long)own[i]);
-    if (status == LG_OK) status = from->array(from->user, "best", LG_ELEMENT_F64, 1, &(uint64_t){2}, best);
-    if (status == LG_OK)
-        status = from->array(from->user, "number", LG_ELEMENT_U64, 1, &(uint64_t){t->seeds}, t->number);
-    if (status == LG_OK) status = from->array(from->user, "theta", LG_ELEMENT_F64, 1, &numbers, t->theta);
-    if (status != LG_OK) return lg_fail(error, LG_FORMAT, "the file has no state of training of a policy");
+    return LG_OK;
+}
+
+lg_status lg_policy_trainer_load(lg_policy_trainer *t, const lg_archive_reader *from, lg_error *error) {
+    LG_NEEDS(error, t, from);
+    uint64_t facts[FACTS];
+    double best[2];
+    saved arrays[SAVED];
+    list_saved(t, facts, best, arrays);
+    for (size_t i = 0; i < SAVED; i++) {
+        const saved *a = &arrays[i];
+        if (from->array(from->user, a->name, a->type, 1, &a->count, a->at) != LG_OK)
+            return lg_fail(error, LG_FORMAT, "the file has no state of training of a policy");
+        if (i == 0) LG_TRY(check_facts(t, facts, error));
+    }
     if (facts[8] > DONE || facts[10] >= t->seeds || facts[12] == 0 || facts[12] > t->seeds ||
         facts[13] >= MOST_ROUNDS)
         return lg_fail(error, LG_FORMAT, "the state of training is damaged");
+    end_phase(t);
     t->phase = (uint32_t)facts[8], t->step = facts[9], t->leader = (uint32_t)facts[10];
     t->racers = (uint32_t)facts[12], t->round = (uint32_t)facts[13];
     t->of_best = (judged){best[0], facts[11] ? best[1] : INFINITY};

@@ -1,4 +1,5 @@
 /* Tests whether trajectories can come from the Hamiltonian that was learned from them. */
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -20,7 +21,7 @@ static void add(moments *m, double x) {
 }
 
 static double deviation(const moments *m) {
-    return m->count > 1 ? sqrt(m->squares / (m->count - 1)) : 0.0;
+    return sqrt(m->squares / fmax(m->count - 1, 1.0)); /* 0 for fewer than two */
 }
 
 /* The learned energy along one trajectory is modelled as H = a + b S. S is the sum of the squared steps of
@@ -64,7 +65,7 @@ typedef struct measuring {
     void *flow;         /* work memory of the model in `steps` */
     lg_model_user user; /* the model as an equation, for `steps` */
     lg_stepper *steps;  /* stepper of the training scheme; NULL: there is none for this model */
-    double *predicted;  /* (points, d): the scheme's run */
+    double *predicted;  /* (points, d): the scheme's run; the next three follow it in the same block */
     double *way, *gain; /* (points) each: S; H of the data minus H of the scheme's own run */
     double *error;      /* (2, d): errors of two neighbouring steps */
     course *courses;    /* (trajectories): one per different trajectory */
@@ -137,8 +138,7 @@ static void number_units(const lg_hamiltonian_problem *problem, double *unit) {
 }
 
 static void measuring_end(measuring *m) {
-    void *const arrays[] = {m->work, m->flow,  m->predicted, m->way,
-                            m->gain, m->error, m->courses,   m->different};
+    void *const arrays[] = {m->work, m->flow, m->predicted, m->courses, m->different};
     lg_stepper_destroy(m->steps);
     lg_model_destroy(m->model);
     for (size_t i = 0; i < LG_COUNT(arrays); i++) lg_free(m->context, arrays[i]);
@@ -149,15 +149,14 @@ static lg_status make_arrays(measuring *m) {
     const size_t d = lg_model_inputs(m->model), points = m->problem->points, all = m->problem->trajectories;
     m->work = lg_alloc(context, 1, lg_model_work_size(m->model));
     m->flow = lg_alloc(context, 1, lg_model_work_size(m->model));
-    m->predicted = lg_alloc(context, points * d, sizeof(double));
-    m->way = lg_alloc(context, points, sizeof(double));
-    m->gain = lg_alloc(context, points, sizeof(double));
-    m->error = lg_alloc(context, 2 * d, sizeof(double));
+    m->predicted = lg_alloc(context, points * (d + 2) + 2 * d, sizeof(double));
     m->courses = lg_alloc(context, all, sizeof(course));
     m->different = lg_alloc(context, all, sizeof(size_t));
-    const bool room = m->work != NULL && m->flow != NULL && m->predicted != NULL && m->way != NULL &&
-                      m->gain != NULL && m->error != NULL && m->courses != NULL && m->different != NULL;
-    return room ? LG_OK : LG_OUT_OF_MEMORY;
+    if (m->work == NULL || m->flow == NULL || m->predicted == NULL || m->courses == NULL ||
+        m->different == NULL)
+        return LG_OUT_OF_MEMORY;
+    m->way = m->predicted + points * d, m->gain = m->way + points, m->error = m->gain + points;
+    return LG_OK;
 }
 
 /* The caller must call measuring_end, even after a failure. */
@@ -169,10 +168,9 @@ static lg_status measuring_begin(const lg_context *context, const lg_hamiltonian
     LG_TRY(lg_hamiltonian_different(context, problem, m->different, &m->differ));
     number_units(problem, m->unit);
     lg_ode ode;
-    if (lg_model_ode(m->model, &ode, &m->user, m->flow) != LG_OK ||
-        lg_stepper_create(context, problem->scheme, &ode, &m->steps) != LG_OK)
-        m->steps = NULL;
-    return LG_OK;
+    if (lg_model_ode(m->model, &ode, &m->user, m->flow) != LG_OK) return LG_OK;
+    const lg_status status = lg_stepper_create(context, problem->scheme, &ode, &m->steps);
+    return status == LG_OUT_OF_MEMORY ? lg_fail(error, status, "no memory for a stepper") : LG_OK;
 }
 
 /* Energy that the motion costs, relative to the training scheme's run; without `scheme`, to a constant. */
@@ -239,7 +237,7 @@ static double error_correlation(const measuring *m) {
                 product += now[k] * before[k], square += (now[k] * now[k] + before[k] * before[k]) / 2.0;
             }
         }
-    return square > 0.0 ? product / square : 0.0;
+    return product / fmax(square, DBL_MIN);
 }
 
 /* The energy of a conservative model does not change with motion, whatever the noise. A scheme with large

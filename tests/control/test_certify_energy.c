@@ -74,6 +74,41 @@ RECORDING(shifted_slope) {
     y[0] = lg_add_scalar(tape, x[0], 0.1);
 }
 
+RECORDING(two_slopes) {
+    y[0] = y[1] = lg_scale(tape, x[0], 2);
+}
+
+RECORDING(wide_slope) {
+    y[0] = lg_concat(tape, (const lg_var[]){x[0], x[0]}, 2, 1);
+}
+
+RECORDING(steeper_upward) {
+    y[0] = lg_add(tape, x[0], lg_scale(tape, lg_square(tape, x[0]), 2));
+}
+
+/* x (x - 1)(x - 2) */
+RECORDING(dipping) {
+    const lg_var a = lg_add_scalar(tape, x[0], -1), b = lg_add_scalar(tape, x[0], -2);
+    y[0] = lg_mul(tape, x[0], lg_mul(tape, a, b));
+}
+
+TEST(
+    "a torque that is too small on one side, or between the goal and saturation, is refused with the angle") {
+    static const struct {
+        lg_record_function slope;
+        double saturated, from, to; /* where it is refused */
+    } rows[] = {{steeper_upward, 0.3, -1.31, -0.5}, {dipping, 3, 1, 2}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        pendulum p = {0.15, 6, 3};
+        lg_certify_energy_spec spec = energy_spec(&p, 0.3);
+        lg_certify_energy_result r;
+        spec.program = loop_program(1, rows[i].slope, NULL, NULL);
+        spec.saturated = rows[i].saturated, spec.period = 1;
+        assert_told(lg_certify_energy(NULL, &spec, &r, &told));
+        assert_true(!r.verified && r.failed_low >= rows[i].from && r.failed_high <= rows[i].to);
+    }
+}
+
 TEST("numbers out of range, other functions, jumps and a goal that is no equilibrium are refused") {
     pendulum p = {0.15, 6, 3};
     const lg_certify_energy_spec good = energy_spec(&p, 0.3);
@@ -91,6 +126,17 @@ TEST("numbers out of range, other functions, jumps and a goal that is no equilib
     other.program = loop_program(2, jumping_slope, NULL, NULL);
     assert_int_equal(lg_certify_energy(NULL, &other, &r, &error), LG_INVALID_ARGUMENT);
     assert_says(error.message, "needs one number in and one out");
+    const lg_port number = {.name = "x", .shape = lg_shape1(1)}, y[2] = {{.name = "y"}, {.name = "z"}};
+    const lg_port pair[2] = {number, {.name = "w", .shape = lg_shape1(1)}};
+    const lg_function_spec wrong[] = {{"loop", pair, 2, y, 1, shifted_slope, NULL},
+                                      {"loop", &number, 1, y, 2, two_slopes, NULL},
+                                      {"loop", &number, 1, y, 1, wide_slope, NULL}};
+    for (size_t i = 0; i < LG_COUNT(wrong); i++) {
+        const lg_program_spec of = spec_of(NULL, 0, &wrong[i], 1);
+        other.program = test_program(&of);
+        assert_int_equal(lg_certify_energy(NULL, &other, &r, &error), LG_INVALID_ARGUMENT);
+        assert_says(error.message, "needs one number in and one out");
+    }
     other.program = loop_program(1, jumping_slope, NULL, NULL);
     assert_int_equal(lg_certify_energy(NULL, &other, &r, &error), LG_UNSUPPORTED);
     assert_says(error.message, "may jump");

@@ -83,6 +83,10 @@ TEST("a box in which no polynomial falls is refused") {
     assert_int_equal(lg_program_functions(program), 2);
 }
 
+RECORDING(root) {
+    y[0] = lg_sqrt(tape, x[0]);
+}
+
 RECORDING(one_number) {
     y[0] = column(tape, x[0], 0);
 }
@@ -114,6 +118,15 @@ TEST("numbers out of range, functions of other sizes and too many monomials are 
         assert_int_equal(lg_lyapunov_polynomial(test_program(&spec), &v, &error), LG_INVALID_ARGUMENT);
         assert_says(error.message, "the function 'loop' needs one input");
     }
+    const lg_port pair[2] = {six, {.name = "z", .shape = lg_shape1(6)}};
+    const lg_function_spec two = {"loop", pair, 2, &out, 1, held_still, NULL};
+    const lg_program_spec of_two = spec_of(NULL, 0, &two, 1);
+    const lg_lyapunov_spec w = fit_of(NULL, 4, low, high), endless = fit_of(NULL, 4, low, high);
+    assert_int_equal(lg_lyapunov_polynomial(test_program(&of_two), &w, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "the function 'loop' needs one input");
+    assert_int_equal(lg_lyapunov_polynomial(loop_program(2, root, NULL, NULL), &endless, &error),
+                     LG_NOT_FINITE);
+    assert_says(error.message, "not finite at a point of the box");
     const lg_function_spec function = {"loop", &six, 1, &out, 1, held_still, NULL};
     const lg_program_spec spec = spec_of(NULL, 0, &function, 1);
     const lg_lyapunov_spec v = fit_of(NULL, 12, low, high);
@@ -131,7 +144,7 @@ TEST("the goal may be anywhere: V is 0 there") {
     const double low[1] = {0.25}, high[1] = {1.75}, goal[1] = {1};
     lg_program *program = loop_program(1, towards_one, NULL, NULL);
     lg_lyapunov_spec v = fit_of(NULL, 2, low, high);
-    double at, value, *out = &value;
+    double at, value, *out = &value, rest[4], four_low[4] = {-1, -1, -1, -1}, four_high[4] = {1, 1, 1, 1};
     const double *in = &at;
     v.goal = goal;
     assert_told(lg_lyapunov_polynomial(program, &v, &told));
@@ -139,6 +152,22 @@ TEST("the goal may be anywhere: V is 0 there") {
         at = 1 + 0.5 * (i - 1);
         assert_ok(lg_program_eval(NULL, program, "lyapunov", 1, &in, &out, NULL));
         assert_true(i == 1 ? fabs(value) < 1e-15 : value > 0);
+    }
+    lg_rng rng = test_rng(3, 3); /* 65 monomials */
+    lg_lyapunov_spec of_four = fit_of(NULL, 4, four_low, four_high);
+    of_four.points = 400;
+    program = loop_program(4, held_still, NULL, NULL);
+    assert_told(lg_lyapunov_polynomial(program, &of_four, &told));
+    in = rest;
+    for (int i = 0; i < 20; i++) { /* x' = -x: V falls along rays */
+        double before = 0;
+        for (int k = 0; k < 4; k++) rest[k] = 0.5 * lg_rng_uniform_in(&rng, -1, 1);
+        for (int n = 0; n < 2; n++) {
+            assert_ok(lg_program_eval(NULL, program, "lyapunov", 1, &in, &out, NULL));
+            assert_true(value > before);
+            before = value;
+            for (int k = 0; k < 4; k++) rest[k] *= 2;
+        }
     }
 }
 

@@ -69,6 +69,24 @@ TEST("a V with a hole is refused with the box") {
     assert_true(fabs(r.failed_low[0] - 0.4) < 0.4 && fabs(r.failed_low[1] - 0.4) < 0.4);
 }
 
+/* x+ = (x + 1)/2 */
+RECORDING(halfway_to_one) {
+    y[0] = lg_scale(tape, lg_add_scalar(tape, x[0], 1), 0.5);
+}
+
+TEST("a goal elsewhere, of steps too, and a box that is larger on one side change nothing") {
+    const double form_of_loop[1] = {1}, from[1] = {-1}, to[1] = {2}, goal[1] = {1}, wide[2] = {1.2, 1};
+    lg_certify_spec spec = spec_for(loop_program(1, halfway_to_one, NULL, NULL), form_of_loop, from, to);
+    spec.goal = goal;
+    spec.step = true;
+    const lg_certify_result r = prove(&spec, 20);
+    assert_true(r.verified);
+    assert_close(r.level, 1, 1e-5, 0); /* up to x = 2 */
+    lg_certify_spec even = spec_of_v(quadratic), uneven = even;
+    uneven.high = wide;
+    assert_close(prove(&uneven, 20).level, prove(&even, 20).level, 1e-3, 0);
+}
+
 /* The rate is chosen such that this V falls everywhere, even into the hole: x' = -grad V. */
 RECORDING(down_hill) {
     lg_var v, slope;
@@ -139,6 +157,15 @@ TEST("steps are proved of V(F(x)) - V(x), and steps that are too long are refuse
     spec.step = true;
     const lg_certify_result r = prove(&spec, 20);
     assert_true(r.verified && r.converges && strstr(r.claim, "every step") != NULL);
+    const double errors[2][2] = {{1e-4, 1e-4}, {1e-4, 2e-4}};
+    static const char *const says[2] = {"the next state may err by up to 0.0001 per component",
+                                        "the next state may err by up to (0.0001, 0.0002)"};
+    for (int i = 0; i < 2; i++) {
+        spec.model_error = errors[i];
+        const lg_certify_result about = prove(&spec, 20);
+        assert_true(about.verified && !about.converges && about.eps < 0.1 * r.level);
+        assert_says(about.claim, says[i]);
+    }
     double too_long = 2.5;
     lg_certify_spec bad = spec_for(loop_program(2, euler, NULL, &too_long), P, low, high);
     bad.step = true;
@@ -231,6 +258,7 @@ TEST("numbers of a certificate that are out of range are refused") {
     lg_certify *certify = NULL;
     lg_error error;
     const double no_bound[2] = {-1, 0}, goal[2] = {0.1, 0}, beyond[2] = {0, 2}, endless[2] = {INFINITY, 1};
+    const double nowhere[2][2] = {{-INFINITY, -INFINITY}, {INFINITY, INFINITY}};
     const lg_certify_spec good = spec_for(loop_program(2, damped, quadratic, NULL), P, low, high);
 #define REFUSED(word, ...)                                                                                   \
     do {                                                                                                     \
@@ -253,9 +281,14 @@ TEST("numbers of a certificate that are out of range are refused") {
     REFUSED("level and eps", (s.level = 1, s.eps = 1));
     REFUSED("does not hold the goal", s.goal = beyond);
     REFUSED("must be finite", (s.P = NULL, s.lyapunov = "v", s.high = endless));
+    REFUSED("unbounded in all states", (s.low = nowhere[0], s.high = nowhere[1]));
     REFUSED("is no bound", s.model_error = no_bound);
     REFUSED("is no bound", s.model_error = endless);
 #undef REFUSED
+    lg_certify_spec stepping = good;
+    stepping.P = NULL, stepping.lyapunov = "v", stepping.step = true;
+    assert_int_equal(lg_certify_create(NULL, &stepping, &certify, &error), LG_UNSUPPORTED);
+    assert_says(error.message, "steps need a quadratic V");
     lg_certify_spec shifted = good;
     shifted.goal = goal; /* no equilibrium: motions cannot converge to it */
     shifted.level = 0.3;

@@ -96,6 +96,12 @@ TEST("the zero-order hold of integrators, an oscillator and stiff systems is exa
     hold(2, 1, fast, strong, 1e-3, Ad, Bd);
     assert_all_close(Ad, ((double[]){exp(-1e3), 0, 0, exp(-1e-9)}), 4, 1e-12, 1e-300);
     assert_all_close(Bd, ((double[]){1e3, 1e-12}), 2, 1e-9, 0.0);
+    hold(1, 1, (double[]){-1e30}, push + 1, 1.0, Ad, Bd);
+    assert_true(Ad[0] == 0.0);
+    assert_close(Bd[0], 1e-30, 1e-12, 0.0);
+    const double beyond[4] = {1e300, 1e300, -1e300, 1e300};
+    assert_status(lg_zero_order_hold(2, 1, beyond, push, 1e10, Ad, Bd, test_work(4096), 4096, NULL),
+                  LG_NOT_FINITE);
     hold(2, 1, chain, push, 0.0, Ad, Bd);
     assert_all_close(Ad, ((double[]){1, 0, 0, 1}), 4, 0.0, 0.0);
     assert_status(lg_zero_order_hold(2, 1, chain, push, NAN, Ad, Bd, test_work(4096), 4096, NULL),

@@ -152,6 +152,30 @@ TEST("a loop that no V shows to be stable, and sizes that do not fit, are refuse
         LG_INVALID_ARGUMENT);
 }
 
+/* No gain moves the first state. */
+RECORDING(beyond_reach) {
+    const lg_var q = column(tape, x[0], 0), v = column(tape, x[0], 1), u = lg_matmul_nt(tape, x[0], x[1]);
+    y[0] = lg_concat(tape, (const lg_var[]){q, lg_sub(tape, u, v)}, 2, 1);
+}
+
+RECORDING(rooted) {
+    y[0] = lg_sqrt(tape, x[0]);
+}
+
+TEST("a loop that no gains stabilise, and one that is not finite about the goal, are refused") {
+    double P[4], K[2];
+    lg_error error;
+    const lg_lyapunov_search s = search_in(low, high);
+    assert_int_equal(
+        lg_lyapunov_quadratic(NULL, pendulum_program(beyond_reach, true, NULL), &s, P, K, NULL, &error),
+        LG_CHECK_FAILED);
+    assert_says(error.message, "is not stabilised by any gains");
+    assert_int_equal(
+        lg_lyapunov_quadratic(NULL, pendulum_program(rooted, false, NULL), &s, P, NULL, NULL, &error),
+        LG_CHECK_FAILED);
+    assert_says(error.message, "not finite near the goal");
+}
+
 RECORDING(first_column) {
     y[0] = column(tape, x[0], 0);
 }
@@ -163,17 +187,19 @@ TEST("functions of other sizes and numbers out of range are refused") {
     const lg_port x = {.name = "x", .shape = lg_shape1(2)},
                   shared = {.name = "x", .shape = lg_shape2(1, 2), .shared = true},
                   square = {.name = "x", .shape = lg_shape2(2, 2)},
-                  rows = {.name = "K", .shape = lg_shape2(1, 2)},
+                  rows = {.name = "L", .shape = lg_shape2(1, 2)},
                   narrow = {.name = "K", .shape = lg_shape2(1, 1), .shared = true},
                   flat = {.name = "K", .shape = lg_shape1(2), .shared = true},
+                  many = {.name = "K", .shape = lg_shape2(17, 2), .shared = true},
                   large = {.name = "x", .shape = lg_shape1(17)}, out = {.name = "y"};
     const struct {
-        lg_port in[2];
+        lg_port in[3];
         size_t inputs;
         lg_record_function record;
-    } wrong[] = {{{x}, 1, first_column},       {{shared}, 1, first_column},    {{square}, 1, first_column},
-                 {{x, rows}, 2, first_column}, {{x, narrow}, 2, first_column}, {{x, flat}, 2, first_column},
-                 {{large}, 1, first_column}};
+    } wrong[] = {
+        {{x}, 1, first_column},       {{shared}, 1, first_column},        {{square}, 1, first_column},
+        {{x, rows}, 2, first_column}, {{x, narrow}, 2, first_column},     {{x, flat}, 2, first_column},
+        {{large}, 1, first_column},   {{x, many, rows}, 3, first_column}, {{x, many}, 2, first_column}};
     for (size_t i = 0; i < LG_COUNT(wrong); i++) {
         const lg_function_spec function = {"loop",          wrong[i].in, wrong[i].inputs, &out, 1,
                                            wrong[i].record, &p};

@@ -699,6 +699,7 @@ TEST("a task with a fault is refused with its line") {
         {"controller:", "goal: {w: [0, 0]}\ncontroller:", "line 8: goal: w: expected 0, for the goal is"},
         {"controller:", "goal: {x: [1, 2]}\ncontroller:", "line 8: goal: x: expected a number"},
         {"controller:", "robust: {noise: {u: 1}}\ncontroller:", "noise: u: expected a coordinate, not"},
+        {"controller:", "robust: {noise: {y: 1}}\ncontroller:", "noise: unknown name 'y'"},
         {"controller:", "robust: {noise: {x: -1}}\ncontroller:", "noise: x: expected a standard deviation"},
         {"controller:", "robust: {noise: {x: [1, 2]}}\ncontroller:", "x: expected a standard deviation"},
         {"controller:", "track: x\ncontroller:", "line 8: track: expected a list of positions"},
@@ -717,6 +718,17 @@ TEST("a task with a fault is refused with its line") {
         if (lg_policy_task_parse(NULL, "task", text, &task, &error) != LG_FORMAT)
             fail_msg("not refused: %s", faults[i].to);
         assert_says(error.message, faults[i].says);
+    }
+}
+
+TEST("a message names the plant's coordinates as far as there is room") {
+    lg_policy_task task = cart_task();
+    lg_error error;
+    for (uint32_t i = 0; i < LG_POLICY_COORDINATES; i++) {
+        task.coordinate[i] = coordinate(test_text("%060u", i), "v", LG_POLICY_LINE, 1.0);
+        task.coordinate_count = i + 1;
+        assert_status(lg_policy_task_parse(NULL, "task", task_text, &task, &error), LG_FORMAT);
+        assert_says(error.message, "unknown name 'x'; the plant has 000000");
     }
 }
 
@@ -826,6 +838,7 @@ static lg_program *no_plant(void) {
 }
 
 TEST("a task with a number out of range is refused by name") {
+    const lg_policy_coordinate turning = coordinate("R", "w", LG_POLICY_ROTATION, 1.0);
     lg_policy *policy;
     lg_error error;
 #define REFUSED(word, ...)                                                                                   \
@@ -893,6 +906,8 @@ TEST("a task with a number out of range is refused by name") {
     REFUSED("times need", t.within = INFINITY);
     REFUSED("times need", (t.hold = 0, t.within = 0.5 * t.period));
     REFUSED("hidden layers", (t.hidden_layers = 1, t.hidden[0] = 0));
+    REFUSED("36 errors; a policy needs 1 to", for (int i = 0; i < 6; i++) t.coordinate[i] = turning;
+            t.coordinate_count = 6);
 #undef REFUSED
     lg_policy_task task = cart_task();
     assert_status(lg_policy_create(NULL, &task, no_plant(), 1, &policy, &error), LG_NOT_FOUND);

@@ -335,6 +335,16 @@ TEST("equations without a stabilising solution are refused with the reason, and 
     }
 }
 
+TEST("an equation without one of its matrices is refused") {
+    for (int k = 0; k < 4; k++) {
+        lg_error error = {LG_OK, ""};
+        solved s = {.of = {sizeof s.of, 2, 1, integrators, last, identity, unit, NULL}};
+        *(const double **[]){&s.of.A, &s.of.B, &s.of.Q, &s.of.R}[k] = NULL;
+        assert_status(attempt(lg_care, &s, &error), LG_INVALID_ARGUMENT);
+        assert_says(error.message, "A, B, Q or R is NULL");
+    }
+}
+
 TEST("an undetectable mode on the boundary is refused even if all others are fine") {
     /* Two integrators in series that Q does not weight, and one state that it weights. */
     const double A[9] = {0, 1, 0, 0, 0, 0, 0, 0, -1}, B[6] = {0, 0, 1, 0, 0, 1}, R[4] = {1, 0, 0, 1};

@@ -4,6 +4,7 @@
 
 #include <pthread.h>
 #include <stdatomic.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <time.h>
 #include <unistd.h>
@@ -709,4 +710,35 @@ TEST("lg_runtime_setup limits OpenBLAS to one thread") {
             for (int k = 0; k < N; k++) sum += a[i * N + k] * a[j * N + k];
             assert_close(c[i * N + j], sum, 0.0, 0.0); /* small integers: exact in any order */
         }
+}
+
+/* ---- the process, texts ---- */
+
+TEST("memory for OpenBLAS is reserved for any number of threads, or refused under a limit of addresses") {
+    assert_true(lg_runtime_reserve(0) && lg_runtime_reserve(1000));
+    const pid_t child = fork();
+    if (child == 0) {
+        const struct rlimit little = {1 << 20, RLIM_INFINITY};
+        _exit(setrlimit(RLIMIT_AS, &little) == 0 && !lg_runtime_reserve(1) ? 0 : 1);
+    }
+    int status = -1;
+    assert_int_equal(waitpid(child, &status, 0), child);
+    assert_true(WIFEXITED(status) && WEXITSTATUS(status) == 0);
+}
+
+TEST("a text takes over what another text has lost, and a quiet context needs no other one") {
+    lg_text all = {.length = 0}, part = {.length = 0};
+    lg_context *quiet;
+    lg_text_add(&all, "%s", "");
+    assert_int_equal(all.length, 0);
+    lg_text_add_real(&part, LG_F64, INFINITY);
+    lg_text_join(&all, &part);
+    assert_true(part.unfit && all.unfit);
+    lg_text_join(&all, &(lg_text){.length = 0});
+    assert_true(all.unfit);
+    lg_text_destroy(&all);
+    lg_text_destroy(&part);
+    assert_ok(lg_context_quiet(NULL, &quiet));
+    lg_log_message(quiet, LG_LOG_WARNING, "nobody hears this");
+    lg_context_destroy(quiet);
 }

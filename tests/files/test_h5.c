@@ -269,6 +269,9 @@ TEST("a data set without a name or of too high a rank is not written") {
     assert_ok(lg_h5_put_number(h5, "x", "n", LG_ELEMENT_F64, &half, NULL));
     assert_status(lg_h5_put_number(h5, "x", "n", LG_ELEMENT_F64, &half, &error), LG_OUT_OF_MEMORY);
     assert_says(error.message, "/x attribute n could not be stored in memory");
+    assert_status(lg_h5_put_texts(h5, "x", "ab", 3, 1, &error), LG_OUT_OF_MEMORY);
+    assert_says(error.message, "/x could not be stored in memory");
+    assert_false(lg_h5_has(h5, test_text("%0600d", 0)));
 }
 
 /* ---- files of other programs ---- */
@@ -319,8 +322,8 @@ static void write_foreign(const char *path) {
           row = H5Screate_simple(2, pair, NULL), deep = H5Screate_simple(5, cube, NULL);
     hid_t compact = H5Pcreate(H5P_DATASET_CREATE), elsewhere = H5Pcreate(H5P_DATASET_CREATE);
     hid_t variable = words_of(0, H5T_STR_NULLTERM), blanks = words_of(6, H5T_STR_SPACEPAD),
-          wide = words_of(sizeof big, H5T_STR_NULLTERM), f16 = half_type(),
-          many = H5Tvlen_create(H5T_NATIVE_DOUBLE), both = H5Tcreate(H5T_COMPOUND, 8),
+          wide = words_of(sizeof big, H5T_STR_NULLTERM), broad = words_of(LG_H5_TEXT + 1, H5T_STR_NULLTERM),
+          f16 = half_type(), many = H5Tvlen_create(H5T_NATIVE_DOUBLE), both = H5Tcreate(H5T_COMPOUND, 8),
           block_type = H5Tarray_create2(H5T_NATIVE_CHAR, 1, bytes);
     assert_true(H5Tinsert(both, "x", 0, H5T_NATIVE_DOUBLE) >= 0);
     assert_true(H5Pset_layout(compact, H5D_COMPACT) >= 0);
@@ -347,6 +350,9 @@ static void write_foreign(const char *path) {
     put_foreign_attribute(file, "word", variable, one, &texts[1]);
     put_foreign_attribute(file, "words", variable, list, texts);
     put_foreign_attribute(file, "spaces", blanks, one, "a     ");
+    put_foreign_attribute(file, "blank", blanks, one, "      ");
+    put_foreign_attribute(file, "unset", variable, one, NULL);
+    put_foreign_attribute(file, "broad", broad, one, big);
     put_foreign_attribute(file, "many", many, one, &(hvl_t){2, (void *)(uintptr_t)numbers});
     put_foreign_attribute(file, "block", block_type, one, block);
     put_dataset(file, "empty", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 1, no_rows, false, NULL);
@@ -356,7 +362,7 @@ static void write_foreign(const char *path) {
     put_foreign(file, "vast", H5T_STD_U8LE, H5T_NATIVE_DOUBLE, wide_rows, chunked, NULL);
     assert_true(H5Pclose(chunked) >= 0 && H5Sclose(wide_rows) >= 0);
     const hid_t spaces[] = {one, list, null, row, deep},
-                types[] = {variable, blanks, wide, f16, many, both, block_type};
+                types[] = {variable, blanks, wide, broad, f16, many, both, block_type};
     for (size_t i = 0; i < LG_COUNT(spaces); i++) assert_true(H5Sclose(spaces[i]) >= 0);
     for (size_t i = 0; i < LG_COUNT(types); i++) assert_true(H5Tclose(types[i]) >= 0);
     assert_true(H5Pclose(compact) >= 0 && H5Pclose(elsewhere) >= 0 && H5Fclose(file) >= 0);
@@ -483,6 +489,10 @@ TEST("attributes that other programs wrote are read, or refused with the attribu
         {"word", TEXT_OF, LG_SHAPE, "is too long"},
         {"word", EACH, LG_FORMAT, "the text at index (0) is too long"},
         {"words", EACH, LG_FORMAT, "the text at index (1) is too long"},
+        {"blank", TEXT_OF, LG_OK, ""},
+        {"unset", TEXT_OF, LG_OK, ""},
+        {"unset", EACH, LG_OK, ""},
+        {"broad", TEXT_OF, LG_SHAPE, "is too long"},
         {"spaces", TEXT_OF, LG_OK, ""},
         {"spaces", EACH, LG_OK, ""},
         {"many", TEXT_OF, LG_FORMAT, "is not a text"},
@@ -508,7 +518,8 @@ TEST("attributes that other programs wrote are read, or refused with the attribu
         if (rows[i].as == REAL_OF && status == LG_OK) assert_true(real == 1.5);
         if (rows[i].as == INTEGER && status == LG_OK) assert_int_equal(whole, -1);
         if (strcmp(name, "spaces") == 0 && rows[i].as <= EACH) assert_string_equal(text, "a");
-        if (strcmp(name, "none") == 0) assert_string_equal(text, "");
+        if (strcmp(name, "none") == 0 || strcmp(name, "blank") == 0 || strcmp(name, "unset") == 0)
+            assert_string_equal(text, "");
     }
 }
 
@@ -531,6 +542,7 @@ TEST("the kind of a file is checked, and its format and version") {
         {"o\x7fther", "test", false, LG_FORMAT, "attribute format is 'o?ther'"},
         {"other", "other", true, LG_OK, ""},
         {NULL, "other", true, LG_OK, ""},
+        {NULL, "other", false, LG_FORMAT, "attribute kind is 'other', expected 'test'"},
         {NULL, "test", false, LG_OK, ""},
         {name, "test", false, LG_FORMAT, "attribute format is '', expected 'liegrad'"},
     };

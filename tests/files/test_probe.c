@@ -13,6 +13,7 @@
 #include <sys/uio.h>
 #include <sys/wait.h>
 
+#include "files/memory.h"
 #include "files/sandbox.h"
 #include "support/io_test.h"
 
@@ -377,4 +378,69 @@ TEST("the parent is not restricted") {
     assert_int_equal(forks(), 0);
     assert_int_equal(opens_pair(), 0);
     (void)close(scene.descriptor);
+}
+
+/* ---- limits of the process ---- */
+
+static void limit(int resource, rlim_t value) {
+    const struct rlimit to = {value, value};
+    assert_int_equal(setrlimit(resource, &to), 0);
+}
+
+static void with_little_time(void) {
+    limit(RLIMIT_CPU, 3600);
+    limit(RLIMIT_NOFILE, 64);
+}
+
+static void with_less_time(void) {
+    limit(RLIMIT_CPU, 10);
+}
+
+/* The pipe of the report gets the numbers 0 and 1. */
+static void without_terminal(void) {
+    (void)close(STDIN_FILENO);
+    (void)close(STDOUT_FILENO);
+}
+
+static bool probes(unsigned seconds) {
+    lg_read_options options;
+    lg_read_options_init(&options);
+    options.probe_seconds = seconds;
+    return lg_probe(NULL, scene.old, &options, reads, NULL, NULL) == LG_OK;
+}
+
+TEST("the probe works with limits and descriptors of any kind, and for any time") {
+    static void (*const ways[])(void) = {with_little_time, with_less_time, without_terminal};
+    set_scene(-1);
+    for (size_t i = 0; i < LG_COUNT(ways); i++) {
+        int status = -1;
+        const pid_t child = fork();
+        if (child == 0) {
+            ways[i]();
+            _exit(probes(20) ? 0 : 1);
+        }
+        assert_int_equal(waitpid(child, &status, 0), child);
+        assert_true(WIFEXITED(status) && WEXITSTATUS(status) == 0);
+    }
+    assert_true(probes(1u << 29));
+    assert_ok(lg_probe(NULL, NULL, NULL, reads, NULL, NULL)); /* the reader refuses it */
+    (void)close(scene.descriptor);
+}
+
+TEST("memory that is left is not above a limit, and is 0 beyond it") {
+    static const rlim_t limits[] = {(rlim_t)1 << 46, 1};
+    const uint64_t left = lg_memory_left();
+    assert_true(left > 0);
+    for (size_t i = 0; i < LG_COUNT(limits); i++) {
+        int status = -1;
+        const pid_t child = fork();
+        if (child == 0) {
+            const struct rlimit to = {limits[i], RLIM_INFINITY};
+            const bool set = setrlimit(RLIMIT_AS, &to) == 0;
+            const uint64_t now = lg_memory_left();
+            _exit(set && (i == 0 ? now > 0 && now <= limits[i] : now == 0) ? 0 : 1);
+        }
+        assert_int_equal(waitpid(child, &status, 0), child);
+        assert_true(WIFEXITED(status) && WEXITSTATUS(status) == 0);
+    }
 }

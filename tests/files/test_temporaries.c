@@ -203,6 +203,44 @@ TEST("a holder whose name is not known is reported by its process number") {
     end_holder(h);
 }
 
+/* In a child without the rights of the superuser: what taking the lock of model.h5 gives. */
+typedef enum taken { TAKEN, NOT_LOCKED, REFUSED } taken;
+
+static taken take_as_another_user(void) {
+    int status = -1;
+    const pid_t child = fork();
+    if (child == 0) {
+        lg_lock lock;
+        if (getuid() == 0 && setuid(65534) != 0) _exit(9);
+        if (lg_lock_take(NULL, "model.h5", "another", &lock, NULL) != LG_OK) _exit(REFUSED);
+        const taken got = lock.fd >= 0 ? TAKEN : NOT_LOCKED;
+        lg_lock_release(&lock);
+        _exit((int)got);
+    }
+    assert_int_equal(waitpid(child, &status, 0), child);
+    assert_true(WIFEXITED(status));
+    return (taken)WEXITSTATUS(status);
+}
+
+TEST("a lock file of another user is taken over if nobody holds it and it can be removed") {
+    static const struct {
+        mode_t folder;
+        bool held;
+        taken wanted;
+    } rows[] = {{0777, true, REFUSED}, {0555, false, NOT_LOCKED}, {0777, false, TAKEN}};
+    io_enter_folder();
+    put("model.h5.lock");
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        assert_int_equal(chmod("model.h5.lock", rows[i].held ? 0644 : 0444), 0);
+        holder *h = rows[i].held ? hold("model.h5", false) : NULL;
+        assert_int_equal(chmod("model.h5.lock", 0444) | chmod(".", rows[i].folder), 0);
+        assert_int_equal(take_as_another_user(), rows[i].wanted);
+        assert_int_equal(chmod(".", 0777), 0);
+        if (h != NULL) end_holder(h);
+        assert_int_equal(is_there("model.h5.lock"), rows[i].wanted != TAKEN);
+    }
+}
+
 TEST("what a lock file says is printed without control characters, and long words are cut") {
     static char words[1000];
     char line[1000] = "";

@@ -1,0 +1,99 @@
+/* Warnings about data whose energy drifts: oscillators with damping, and what a learned Hamiltonian makes of
+ * them.
+ * ctest-labels: src/hamiltonian */
+#include "hamiltonian/learned.h"
+#include "liegrad/fit.h"
+#include "support/fixtures.h"
+#include "test_support.h"
+
+enum { N = 12, M = 16, EPOCHS = 100 };
+static const double dt = 0.15;
+
+/* q'' = -q - 2 c q'; the starts lie on no curve of constant energy. */
+static void oscillate(double c, double *data) {
+    const double w = sqrt(1 - c * c);
+    for (size_t i = 0; i < N; i++) {
+        const double a = 1 + 0.05 * (double)(3 * i % N), q = a * cos(0.8 * (double)i),
+                     p = a * sin(0.8 * (double)i);
+        for (size_t j = 0; j < M; j++) {
+            const double t = dt * (double)j, fall = exp(-c * t), C = cos(w * t), S = sin(w * t) / w;
+            data[2 * (i * M + j)] = fall * (q * C + (p + c * q) * S);
+            data[2 * (i * M + j) + 1] = fall * (p * C - (c * p + q) * S);
+        }
+    }
+}
+
+typedef struct learned {
+    lg_hamiltonian model;
+    lg_hamiltonian_problem problem;
+    lg_fit *fit;
+    double data[2 * N * M], *theta, loss;
+} learned;
+
+RELEASES(release_fit, lg_fit_destroy)
+
+static void learn(double damping, learned *l) {
+    lg_fit_problem problem;
+    lg_fit_options options;
+    lg_rng rng = test_rng(4, 0);
+    oscillate(damping, l->data);
+    assert_ok(lg_hamiltonian_init(&l->model, lg_hamiltonian_family_find("separable"), 1,
+                                  LG_POTENTIAL_DICTIONARY, NULL, 0, LG_TANH));
+    l->problem = (lg_hamiltonian_problem){.model = &l->model,
+                                          .scheme = lg_scheme_find("stormer-verlet"),
+                                          .substeps = 1,
+                                          .trajectories = N,
+                                          .points = M,
+                                          .dt = dt,
+                                          .data = l->data};
+    l->theta = TEST_ARRAY(double, lg_hamiltonian_parameters(&l->model));
+    lg_hamiltonian_initialise(&l->model, &rng, l->theta);
+    lg_hamiltonian_fit_problem(&l->problem, &problem);
+    lg_fit_options_init(&options);
+    assert_ok(lg_fit_plan_parse("lbfgs", &options.plan, NULL));
+    options.epochs = EPOCHS;
+    assert_told(lg_fit_create(NULL, &problem, &options, l->theta, &l->fit, &told));
+    lg_test_owns(l->fit, release_fit);
+    assert_told(lg_fit_run(l->fit, &told));
+    lg_fit_parameters(l->fit, l->theta);
+    l->loss = lg_fit_history(l->fit, LG_FIT_LOSS)[lg_fit_epochs_done(l->fit) - 1];
+}
+
+static void keep(void *user, lg_log_level level, const char *message) {
+    (void)level;
+    (void)snprintf(user, 512, "%s", message);
+}
+
+/* The warning about this problem, or "". */
+static const char *warning(const learned *l, const lg_hamiltonian_problem *problem, double loss) {
+    static char said[512];
+    lg_context_options options;
+    lg_context *context;
+    lg_context_options_init(&options);
+    options.log = keep, options.log_user = said;
+    assert_ok(lg_context_create(&options, &context));
+    lg_test_owns(context, release_context);
+    said[0] = '\0';
+    assert_told(lg_hamiltonian_warn_of_drift(context, problem, l->fit, l->theta, loss, 0.0, &told));
+    return said;
+}
+
+TEST("the energy of damped oscillators falls, backward in time it rises; that of free ones does neither") {
+    learned *l = TEST_ARRAY(learned, 1), *calm = TEST_ARRAY(learned, 1);
+    learn(0.03, l);
+    assert_says(warning(l, &l->problem, l->loss), "the learned energy falls");
+    lg_hamiltonian_problem back = l->problem;
+    double reversed[2 * N * M];
+    for (size_t i = 0; i < N; i++)
+        for (size_t j = 0; j < M; j++)
+            for (size_t k = 0; k < 2; k++)
+                reversed[2 * (i * M + j) + k] = (k == 0 ? 1 : -1) * l->data[2 * (i * M + M - 1 - j) + k];
+    back.data = reversed;
+    assert_says(warning(l, &back, l->loss), "the learned energy rises");
+    lg_hamiltonian_problem one = l->problem, pairs = l->problem;
+    one.trajectories = 1, pairs.points = 2;
+    assert_null(strstr(warning(l, &one, l->loss), "not conservative"));
+    assert_null(strstr(warning(l, &pairs, l->loss), "does not explain"));
+    learn(0.0, calm);
+    assert_string_equal(warning(calm, &calm->problem, calm->loss), "");
+}
