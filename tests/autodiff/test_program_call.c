@@ -189,6 +189,115 @@ TEST("images store calls, and may call only earlier functions with fitting shape
     }
 }
 
+/* Changes of the image of function 2, whose operation 3 is a call. */
+static void many_operations(lg_function_image *f) {
+    f->operation_count = ((size_t)1 << 20) + 1;
+}
+static void no_operations(lg_function_image *f) {
+    f->operation_count = 0;
+}
+static void no_name(lg_function_image *f) {
+    f->name = NULL;
+}
+static void no_operation_name(lg_function_image *f) {
+    f->operations[3].name = NULL;
+}
+static void nothing_known(lg_function_image *f) {
+    f->operations[3].name = "nothing";
+}
+static void many_inputs(lg_function_image *f) {
+    f->operations[3].input_count = 65;
+}
+static void one_input(lg_function_image *f) {
+    f->operations[3].input_count = 1;
+}
+static void many_reals(lg_function_image *f) {
+    f->operations[2].real_count = f->operations[3].real_count = UINT32_MAX;
+}
+static void many_indices(lg_function_image *f) {
+    f->operations[2].index_count = f->operations[3].index_count = UINT32_MAX;
+}
+static void high_rank(lg_function_image *f) {
+    f->operations[3].rank = 5;
+}
+static void call_by_rows(lg_function_image *f) {
+    f->operations[3].whole[0].rows = 1;
+}
+static void output_by_rows(lg_function_image *f) {
+    f->operations[3].whole[1].rows = 1;
+}
+static void shrinking_input(lg_function_image *f) {
+    f->operations[3].shape[0].rows = -1;
+}
+static void steep(lg_function_image *f) {
+    f->operations[3].shape[0].rows = INT64_MIN / 2;
+}
+static void input_by_rows(lg_function_image *f) {
+    f->operations[0].whole[0].rows = 1;
+}
+static void negative_input(lg_function_image *f) {
+    f->operations[0].whole[0].base = -1;
+}
+static void huge_input(lg_function_image *f) {
+    f->operations[0].whole[0].base = (int64_t)1 << 32;
+}
+static void leaf_of_leaf(lg_function_image *f) {
+    static const uint32_t self[1] = {0};
+    f->operations[1].inputs = self;
+    f->operations[1].input_count = 1;
+}
+static void shrinking_result(lg_function_image *f) {
+    f->operations[f->operation_count - 1].shape[0].rows = 2;
+}
+static void no_constant(lg_function_image *f) {
+    f->operations[1].name = "constant";
+}
+
+TEST("images with wrong counts, names and numbers are refused in words") {
+    static const struct {
+        void (*change)(lg_function_image *);
+        const char *words;
+    } rows[] = {{many_operations, "too many operations"},
+                {no_operations, "expected 1 to"},
+                {no_name, "cannot be the name of a function"},
+                {no_operation_name, "there is no such operation"},
+                {nothing_known, "there is no such operation"},
+                {many_inputs, "too many inputs"},
+                {one_input, "another number of inputs"},
+                {many_reals, "too many numbers"},
+                {many_indices, "too many numbers"},
+                {high_rank, "rank is too high"},
+                {call_by_rows, "comes before this one"},
+                {output_by_rows, "no such output"},
+                {shrinking_input, "differs from the one"},
+                {steep, "too large"},
+                {input_by_rows, "no such input"},
+                {negative_input, "no such input"},
+                {huge_input, "no such input"},
+                {leaf_of_leaf, "wrong number of inputs"},
+                {shrinking_result, "shape"},
+                {no_constant, "it has no numbers"}};
+    lg_program *program = built(true);
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        lg_function_image *image;
+        lg_error error;
+        assert_ok(lg_function_image_create(program, 2, &image));
+        assert_string_equal(image->operations[3].name, "call");
+        const lg_operation *operations = image->operations;
+        lg_operation *own = TEST_ARRAY(lg_operation, image->operation_count);
+        memcpy(own, operations, image->operation_count * sizeof *own);
+        lg_function_image changed = *image;
+        changed.name = "changed";
+        changed.operations = own;
+        rows[i].change(&changed);
+        const lg_status status = lg_program_add_image(program, &changed, &error);
+        if (status != LG_FORMAT && status != LG_INVALID_ARGUMENT) fail_msg("row %zu: %d", i, (int)status);
+        assert_says(error.message, rows[i].words);
+        assert_int_equal(lg_program_functions(program), 3);
+        lg_function_image_destroy(image);
+    }
+}
+
 TEST("nothing is leaked when memory ends") {
     const lg_parameter_spec theta = {"theta", lg_shape1(4), weights};
     lg_plan_options options;

@@ -249,6 +249,14 @@ static const int beyond[2] = {0, 2};
 
 /* X(expression, status, operation, shape or reason, other shape) */
 #define WRONG_LIST(X)                                                                                        \
+    X(lg_sum(t, LG_NONE), LG_STALE_HANDLE, "sum", "LG_NONE", NULL)                                           \
+    X(lg_mean(t, LG_NONE), LG_STALE_HANDLE, "mean", "LG_NONE", NULL)                                         \
+    X(lg_sum_axis(t, LG_NONE, 0, true), LG_STALE_HANDLE, "sum", "LG_NONE", NULL)                             \
+    X(lg_broadcast_to(t, V2(1, 3), lg_shape1(3)), LG_SHAPE, "broadcast", "(1, 3)", NULL)                     \
+    X(lg_concat(t, (lg_var[2]){V1(3), V1(3)}, 2, 1), LG_INVALID_ARGUMENT, "concat", "no such axis", NULL)    \
+    X(lg_permute(t, V2(2, 3), (const int[]){0, -3}), LG_INVALID_ARGUMENT, "permute", NULL, NULL)             \
+    X(lg_loss_record(t, LG_LOSS_MSE, V2(4, 3), V2(4, 3), V2(4, 1)), LG_SHAPE, "loss weights", "(4, 1)",      \
+      NULL)                                                                                                  \
     X(lg_add(t, V2(2, 3), V2(3, 2)), LG_SHAPE, "add", "(2, 3)", "(3, 2)")                                    \
     X(lg_sub(t, V2(2, 3), V1(2)), LG_SHAPE, "sub", "(2, 3)", "(2)")                                          \
     X(lg_mul(t, V3(2, 3, 4), V2(2, 4)), LG_SHAPE, "mul", "(2, 3, 4)", "(2, 4)")                              \
@@ -336,7 +344,7 @@ TEST("shapes that do not fit are reported with the operation and its scope") {
         lg_scope_push(t, "layer 3");                                                                         \
         lg_var y = expression;                                                                               \
         const char *const says[] = {operation, one, two, (status) != LG_OK ? ", in net/layer 3" : NULL};     \
-        assert_int_equal(lg_is_none(y), (status) != LG_OK);                                                  \
+        if (lg_is_none(y) != ((status) != LG_OK)) fail_msg("%s", #expression);                               \
         assert_tape_error(t, status, says, 4);                                                               \
     }
     WRONG_LIST(X)

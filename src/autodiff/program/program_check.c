@@ -53,7 +53,6 @@ static lg_status bad_node(const lg_function *f, uint32_t i, const char *why, lg_
 
 static lg_status check_leaf(const lg_program *p, const lg_function *f, uint32_t i, lg_error *error) {
     const lg_program_node *node = &f->node[i];
-    if (node->inputs != 0) return bad_node(f, i, "a leaf cannot have inputs", error);
     if (node->leaf == LG_LEAF_CONSTANT) {
         if (node->payload_count == 0) return bad_node(f, i, "it has no numbers", error);
         return LG_OK;
