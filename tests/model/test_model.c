@@ -522,8 +522,7 @@ static wide *make_wide(uint64_t seed) {
     spec.functions = &field;
     spec.function_count = 1;
     assert_ok(lg_program_build(NULL, &spec, &program, NULL));
-    assert_int_equal(lg_model_create(NULL, program, &w->space, &w->model, NULL),
-                     LG_OK); /* it takes the program: one call */
+    assert_int_equal(lg_model_create(NULL, program, &w->space, &w->model, NULL), LG_OK); /* called once */
     lg_test_owns(w->model, release_model);
     w->work = test_work(lg_model_work_size(w->model));
     return w;
@@ -599,7 +598,7 @@ TEST("functions that do not fit each other or the space are refused") {
         spec.function_count = count;
         assert_ok(lg_program_build(NULL, &spec, &program, NULL));
         assert_int_equal(lg_model_create(NULL, program, &space, &model, NULL),
-                         rows[i].status); /* it takes the program: one call */
+                         rows[i].status); /* called once */
         lg_model_destroy(model);
     }
 }

@@ -55,7 +55,7 @@ static lg_model *model_of(any_file *file) {
     assert_ok(recipe->program(NULL, file->bytes, NULL, &program, NULL));
     if (recipe->space != NULL) assert_ok(recipe->space(common_of(file).run, &space));
     assert_int_equal(lg_model_create(NULL, program, recipe->space != NULL ? &space : NULL, &model, NULL),
-                     LG_OK); /* it takes the program: one call */
+                     LG_OK); /* called once */
     return model;
 }
 
