@@ -190,68 +190,31 @@ TEST("images store calls, and may call only earlier functions with fitting shape
 }
 
 /* Changes of the image of function 2, whose operation 3 is a call. */
-static void many_operations(lg_function_image *f) {
-    f->operation_count = ((size_t)1 << 20) + 1;
-}
-static void no_operations(lg_function_image *f) {
-    f->operation_count = 0;
-}
-static void no_name(lg_function_image *f) {
-    f->name = NULL;
-}
-static void no_operation_name(lg_function_image *f) {
-    f->operations[3].name = NULL;
-}
-static void nothing_known(lg_function_image *f) {
-    f->operations[3].name = "nothing";
-}
-static void many_inputs(lg_function_image *f) {
-    f->operations[3].input_count = 65;
-}
-static void one_input(lg_function_image *f) {
-    f->operations[3].input_count = 1;
-}
-static void many_reals(lg_function_image *f) {
-    f->operations[2].real_count = f->operations[3].real_count = UINT32_MAX;
-}
-static void many_indices(lg_function_image *f) {
-    f->operations[2].index_count = f->operations[3].index_count = UINT32_MAX;
-}
-static void high_rank(lg_function_image *f) {
-    f->operations[3].rank = 5;
-}
-static void call_by_rows(lg_function_image *f) {
-    f->operations[3].whole[0].rows = 1;
-}
-static void output_by_rows(lg_function_image *f) {
-    f->operations[3].whole[1].rows = 1;
-}
-static void shrinking_input(lg_function_image *f) {
-    f->operations[3].shape[0].rows = -1;
-}
-static void steep(lg_function_image *f) {
-    f->operations[3].shape[0].rows = INT64_MIN / 2;
-}
-static void input_by_rows(lg_function_image *f) {
-    f->operations[0].whole[0].rows = 1;
-}
-static void negative_input(lg_function_image *f) {
-    f->operations[0].whole[0].base = -1;
-}
-static void huge_input(lg_function_image *f) {
-    f->operations[0].whole[0].base = (int64_t)1 << 32;
-}
-static void leaf_of_leaf(lg_function_image *f) {
-    static const uint32_t self[1] = {0};
-    f->operations[1].inputs = self;
-    f->operations[1].input_count = 1;
-}
-static void shrinking_result(lg_function_image *f) {
-    f->operations[f->operation_count - 1].shape[0].rows = 2;
-}
-static void no_constant(lg_function_image *f) {
-    f->operations[1].name = "constant";
-}
+#define CHANGE(name, ...)                                                                                    \
+    static void name(lg_function_image *f) {                                                                 \
+        __VA_ARGS__;                                                                                         \
+    }
+CHANGE(many_operations, f->operation_count = ((size_t)1 << 20) + 1)
+CHANGE(no_operations, f->operation_count = 0)
+CHANGE(no_name, f->name = NULL)
+CHANGE(no_operation_name, f->operations[3].name = NULL)
+CHANGE(nothing_known, f->operations[3].name = "nothing")
+CHANGE(many_inputs, f->operations[3].input_count = 65)
+CHANGE(one_input, f->operations[3].input_count = 1)
+CHANGE(many_reals, f->operations[2].real_count = f->operations[3].real_count = UINT32_MAX)
+CHANGE(many_indices, f->operations[2].index_count = f->operations[3].index_count = UINT32_MAX)
+CHANGE(high_rank, f->operations[3].rank = 5)
+CHANGE(call_by_rows, f->operations[3].whole[0].rows = 1)
+CHANGE(output_by_rows, f->operations[3].whole[1].rows = 1)
+CHANGE(shrinking_input, f->operations[3].shape[0].rows = -1)
+CHANGE(steep, f->operations[3].shape[0].rows = INT64_MIN / 2)
+CHANGE(input_by_rows, f->operations[0].whole[0].rows = 1)
+CHANGE(negative_input, f->operations[0].whole[0].base = -1)
+CHANGE(huge_input, f->operations[0].whole[0].base = (int64_t)1 << 32)
+static const uint32_t itself[1] = {0};
+CHANGE(leaf_of_leaf, f->operations[1].inputs = itself, f->operations[1].input_count = 1)
+CHANGE(shrinking_result, f->operations[f->operation_count - 1].shape[0].rows = 2)
+CHANGE(no_constant, f->operations[1].name = "constant")
 
 TEST("images with wrong counts, names and numbers are refused in words") {
     static const struct {
