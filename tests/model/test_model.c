@@ -3,6 +3,7 @@
 #include "support/model_support.h"
 
 #include "liegrad/geometry.h"
+#include "model/internal.h"
 
 /* ---- value and derivative ---- */
 
@@ -640,4 +641,39 @@ TEST("NULL has no numbers and is refused, and what does not move has no equilibr
                       LG_INVALID_ARGUMENT);
     }
     assert_true(writer == NULL && reader == NULL);
+}
+
+TEST("the program of a model is copied with a step; where memory ends, nothing is left") {
+    static const uint32_t three = 3;
+    const lg_port in = {.name = "x", .shape = lg_shape1(3)}, out = {.name = "f"};
+    const lg_function_spec field = {"field", &in, 1, &out, 1, first_numbers, (void *)(uintptr_t)&three};
+    const lg_parameter_spec mass = {"mass", lg_shape1(2), NULL};
+    lg_space space;
+    lg_program_spec spec;
+    lg_program_spec_init(&spec);
+    spec.functions = &field;
+    spec.function_count = 1;
+    spec.parameters = &mass;
+    spec.parameter_count = 1;
+    assert_ok(lg_space_init_rn(&space, 3));
+    EVERY_ALLOCATION_FAILS(context, 50, {
+        lg_program *program = NULL;
+        lg_program *copy = NULL;
+        lg_model *model = NULL;
+        status = lg_program_build(context, &spec, &program, NULL);
+        if (status == LG_OK) status = lg_model_create(context, program, &space, &model, NULL);
+        if (status == LG_OK) status = lg_model_copy_program(model, NULL, &copy, NULL);
+        if (status == LG_OK) {
+            double y[3] = {7, 7, 7};
+            lg_plan *plan = NULL;
+            assert_ok(lg_program_find(copy, "step", &(size_t){0}, NULL));
+            assert_int_equal(lg_program_parameters(copy), 1);
+            lg_model_eval(model, y, y, NULL); /* it has a field, but no value */
+            lg_model_jacobian(model, y, y, y, NULL);
+            assert_true(y[0] == 7);
+            assert_status(lg_model_find(model, "value", NULL, &plan, NULL), LG_NOT_FOUND);
+        }
+        lg_program_destroy(copy);
+        lg_model_destroy(model);
+    });
 }
