@@ -17,7 +17,7 @@ lg_status lg_model_field(const lg_model *model, const double *state, const doubl
 
 static lg_status convert(const lg_model *model, lg_model_function function, const double *const *x, double *y,
                          void *work) {
-    if (model == NULL || model->plan[function] == NULL) return LG_UNSUPPORTED;
+    if (model->plan[function] == NULL) return LG_UNSUPPORTED;
     lg_model_run(model, function, x, &y, work);
     return LG_OK;
 }

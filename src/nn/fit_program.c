@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "autodiff/program/program.h"
 #include "autodiff/tape/tape_internal.h"
 #include "core/core.h"
 #include "kernels/kernels.h"
@@ -105,6 +106,8 @@ static size_t take_parameters(const training *t, double *theta) {
     return at;
 }
 
+_Static_assert(LG_PROGRAM_MAX_PORTS <= LG_PROGRAM_FIT_MOST, "inputs and outputs of any program");
+
 static lg_status open_function(training *t, const char *function, lg_error *error) {
     LG_NEEDS(error, t->program, function);
     LG_TRY(lg_program_find(t->program, function, &t->function, error));
@@ -114,10 +117,8 @@ static lg_status open_function(training *t, const char *function, lg_error *erro
     t->squares = !output->shared;
     t->numbers = lg_shape_count(output->shape);
     if (t->parameters == 0) return lg_fail(error, LG_INVALID_ARGUMENT, "the program has no parameters");
-    if (t->parameters > LG_PROGRAM_FIT_MOST || t->inputs > LG_PROGRAM_FIT_MOST ||
-        t->outputs > LG_PROGRAM_FIT_MOST)
-        return lg_fail(error, LG_UNSUPPORTED, "the program has more than %d parameters, inputs or outputs",
-                       LG_PROGRAM_FIT_MOST);
+    if (t->parameters > LG_PROGRAM_FIT_MOST)
+        return lg_fail(error, LG_UNSUPPORTED, "the program has more than %d parameters", LG_PROGRAM_FIT_MOST);
     if (!t->squares && t->numbers != 1)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "output '%s' has %zu numbers that all rows share, expected one, the loss",

@@ -314,3 +314,87 @@ TEST("boxes that are empty or not finite are refused, and outputs stay") {
     assert_int_equal(lg_interval_eval(f, 2, good, far, l, h, work, &error), LG_NOT_FINITE);
     assert_true(l[0] == 7 && h[0] == 7);
 }
+
+/* ---- loops, parameters and requests that are refused ---- */
+
+/* (a, b) -> (a + sin(theta b)/4, a b/2) */
+RECORDING(exchange) {
+    y[0] = lg_add(tape, x[0], lg_scale(tape, lg_sin(tape, lg_mul(tape, theta[0], x[1])), 0.25));
+    y[1] = lg_scale(tape, lg_mul(tape, x[0], x[1]), 0.5);
+}
+
+RECORDING(three_times) {
+    lg_var now[2] = {x[0], x[1]}, path[3];
+    for (int n = 0; n < 3; n++) {
+        const lg_var a = lg_program_call(tape, "step", 0, now), b = lg_program_call(tape, "step", 1, now);
+        path[n] = lg_reshape(tape, a, lg_shape3(lg_var_shape(tape, a).dims[0], 1, 2));
+        now[0] = a;
+        now[1] = b;
+    }
+    y[0] = now[0];
+    y[1] = now[1];
+    y[2] = lg_concat(tape, path, 3, 1);
+}
+
+TEST("bounds of a loop are those of its steps, and contain the exact values; functions must fit together") {
+    static const double scale[2] = {1.5, -0.5};
+    static const lg_port in[2] = {{.name = "a", .shape = {1, {2}}}, {.name = "b", .shape = {1, {2}}}},
+                         out[3] = {{.name = "p"}, {.name = "q"}, {.name = "path"}};
+    static const lg_carry carry[2] = {{"p", "a"}, {"q", "b"}};
+    const lg_parameter_spec theta = {"theta", lg_shape1(2), scale};
+    const lg_function_spec functions[] = {{"step", in, 2, out, 2, exchange, NULL},
+                                          {"unrolled", in, 2, out, 3, three_times, NULL},
+                                          {"single", in, 1, out, 1, third, NULL}};
+    const lg_program_spec spec = spec_of(&theta, 1, functions, 3);
+    const lg_loop_spec loop = {sizeof loop, "loop", "step", 3, carry, 2, (const char *const[]){"p"}, 1};
+    lg_program *program = test_program(&spec);
+    lg_interval *refused = NULL;
+    lg_error error;
+    double low[2][10], high[2][10], x[4] = {0.3, -0.2, 0.7, 1.1};
+    static const double from[4] = {0.3, -0.2, 0.7, 1.0}, to[4] = {0.3, -0.1, 0.7, 1.2};
+    assert_told(lg_program_add_loop(program, &loop, &told));
+    for (size_t k = 0; k < 2; k++) {
+        const size_t function = k == 0 ? 1 : 3;
+        const lg_interval *f = test_interval(program, &function, 1);
+        assert_int_equal(lg_interval_outputs(f), 10);
+        assert_true(lg_interval_operations(f) > 0);
+        assert_ok(lg_interval_eval(f, 1, from, to, low[k], high[k], lg_test_memory(lg_interval_work_size(f)),
+                                   NULL));
+    }
+    assert_memory_equal(low[0], low[1], sizeof low[0]);
+    assert_memory_equal(high[0], high[1], sizeof high[0]);
+    for (int n = 0; n < 3; n++)
+        for (int i = 0; i < 2; i++) {
+            const double a = x[i], b = x[2 + i];
+            x[i] = a + sin(scale[i] * b) / 4;
+            x[2 + i] = a * b / 2;
+            assert_true(low[0][4 + 2 * n + i] <= x[i] && x[i] <= high[0][4 + 2 * n + i]);
+        }
+    const struct {
+        size_t functions[2], count, size;
+        lg_status status;
+        const char *words;
+    } rows[] = {{{0, 0}, 0, sizeof(lg_interval_options), LG_INVALID_ARGUMENT, "no functions"},
+                {{0, 0}, 1, 1, LG_INVALID_ARGUMENT, "size"},
+                {{0, 9}, 2, sizeof(lg_interval_options), LG_NOT_FOUND, "no function number 9"},
+                {{0, 2}, 2, sizeof(lg_interval_options), LG_INVALID_ARGUMENT, "differ in their inputs"}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        const lg_interval_options options = {.size = rows[i].size};
+        assert_status(
+            lg_interval_create(program, rows[i].functions, rows[i].count, &options, &refused, &error),
+            rows[i].status);
+        assert_says(error.message, rows[i].words);
+    }
+    lg_interval_options_init(NULL);
+    assert_int_equal(lg_interval_inputs(NULL) + lg_interval_outputs(NULL) + lg_interval_operations(NULL), 0);
+    assert_int_equal(lg_interval_work_size(NULL), 0);
+    assert_false(lg_interval_continuous(NULL, 0));
+    assert_int_equal(lg_interval_parity(NULL, 0), 0);
+    lg_interval_destroy(NULL);
+    assert_null(refused);
+    const size_t last = 3;
+    assert_false(lg_interval_continuous(test_interval(program, &last, 1), 1));
+    unsigned char pattern[4] = {0};
+    assert_ok(lg_program_sparsity(program, 3, 0, 0, pattern, &error));
+    for (size_t i = 0; i < 4; i++) assert_int_equal(pattern[i], 1); /* of a loop, everything is assumed */
+}

@@ -503,6 +503,11 @@ RECORDING(record_uneven) {
     y[1] = lg_mean_axis(tape, x[0], 0, false);
 }
 
+/* A shared output of rank 4. */
+RECORDING(record_highest) {
+    y[0] = lg_full(tape, lg_shape_of(4, (const uint32_t[]){1, 1, 1, 2}), 0.5);
+}
+
 TEST("loops carry several outputs in any order, and refuse impossible ones") {
     const lg_port in[] = {
         {.name = "a", .shape = {1, {2}}}, {.name = "b", .shape = {1, {2}}}, {.name = "c", .shape = {1, {2}}}};
@@ -523,6 +528,8 @@ TEST("loops carry several outputs in any order, and refuse impossible ones") {
     for (size_t i = 0; i < LG_COUNT(loops); i++) assert_ok(lg_program_add_loop(program, &loops[i], &error));
     check_all("loops", program);
     /* Refused loops. */
+    const lg_port deep = {.name = "deep"};
+    const lg_function_spec highest = {"deep", in, 1, &deep, 1, record_highest, NULL};
     const lg_carry unknown = {"r", "a"}, nowhere = {"p", "z"}, unnamed = {NULL, "a"}, unset = {"p", NULL},
                    twice[] = {{"p", "a"}, {"q", "a"}}, wider = {"wide", "a"}, common = {"one", "a"};
     const struct {
@@ -567,7 +574,19 @@ TEST("loops carry several outputs in any order, and refuse impossible ones") {
         assert_says(error.message, refused[i].says);
     }
     const lg_loop_spec paths_refused[] = {{sizeof *paths_refused, "l", "f", 2, both, 2, no_path, 1},
-                                          {sizeof *paths_refused, "l", "f", 2, both, 2, unnamed_path, 1}};
+                                          {sizeof *paths_refused, "l", "f", 2, both, 2, unnamed_path, 1},
+                                          {sizeof *paths_refused, "l", "f", 2, both, 2, NULL, 1},
+                                          {sizeof *paths_refused, "l", "deep", 2, NULL, 0, &deep.name, 1},
+                                          {1, "l", "f", 2, both, 2, NULL, 0}};
+    assert_ok(lg_program_add_function(program, &highest, &error));
+    assert_status(lg_program_add_loop(program, &paths_refused[2], NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_program_add_loop(program, &paths_refused[3], &error), LG_SHAPE);
+    assert_says(error.message, "output 'deep' has the highest rank already");
+    assert_status(lg_program_add_loop(program, &paths_refused[4], &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "the size of the loop's specification is 1");
+    assert_status(
+        lg_program_add_loop(program, &(lg_loop_spec){sizeof *loops, "l", "f", 2, twice, 2, NULL, 0}, NULL),
+        LG_INVALID_ARGUMENT);
     assert_status(lg_program_add_loop(program, &paths_refused[0], &error), LG_NOT_FOUND);
     assert_says(error.message, "'f' has no output 'r'");
     assert_status(lg_program_add_loop(program, &paths_refused[1], &error), LG_INVALID_ARGUMENT);

@@ -129,9 +129,9 @@ RECORDING(loop_over_rows) {
 }
 
 RECORDING(put_back) {
-    lg_scope_push(tape, "friction");
+    for (int i = 0; i < 9; i++) lg_scope_push(tape, i == 0 ? "friction" : "deep");
     const lg_var copy = lg_input(tape, lg_var_shape(tape, x[0]), lg_value(tape, x[0]));
-    lg_scope_pop(tape);
+    for (int i = 0; i < 9; i++) lg_scope_pop(tape);
     y[0] = lg_mul(tape, x[0], copy);
 }
 
@@ -214,6 +214,76 @@ RECORDING(misfits) {
     y[0] = lg_cross(tape, x[0], lg_slice(tape, x[0], 1, 0, 2));
 }
 
+/* ---- recordings with another structure for 5 rows, and attributes that do not follow the rows ---- */
+
+static bool five(lg_tape *tape, lg_var x) {
+    return rows_in(tape, x) == 5;
+}
+
+RECORDING(short_for_five) {
+    y[0] = lg_sin(tape, x[0]);
+    if (!five(tape, x[0])) y[0] = lg_exp(tape, y[0]);
+}
+
+RECORDING(more_terms) {
+    const lg_var parts[2] = {x[0], x[0]};
+    y[0] = lg_concat(tape, parts, five(tape, x[0]) ? 2 : 1, 0);
+}
+
+RECORDING(other_rank) {
+    y[0] = lg_sum_axis(tape, x[0], 1, !five(tape, x[0]));
+}
+
+RECORDING(other_operand) {
+    const lg_var a = lg_sin(tape, x[0]), b = lg_cos(tape, x[0]);
+    y[0] = lg_exp(tape, five(tape, x[0]) ? a : b);
+}
+
+RECORDING(other_result) {
+    const lg_var a = lg_sin(tape, x[0]), b = lg_cos(tape, x[0]);
+    y[0] = five(tape, x[0]) ? a : b;
+}
+
+RECORDING(scalar_put_back) {
+    const double *values = lg_value(tape, x[0]);
+    if (values != NULL) y[0] = lg_mul(tape, x[0], lg_full(tape, lg_shape0(), values[0]));
+}
+
+RECORDING(moving_slice) {
+    y[0] = lg_slice(tape, x[0], 0, five(tape, x[0]), 1);
+}
+
+RECORDING(inverse_square) {
+    const double rows = rows_in(tape, x[0]);
+    y[0] = lg_scale(tape, x[0], 1.0 / (rows * rows));
+}
+
+RECORDING(gathered_rows) {
+    static const uint32_t order[8];
+    y[0] = lg_gather(tape, theta[0], order, rows_in(tape, x[0]));
+}
+
+RECORDING(gathered_from_rows) {
+    static const uint32_t order[3] = {0, 1, 1};
+    y[0] = lg_gather(tape, lg_reshape(tape, x[0], lg_shape1(3 * rows_in(tape, x[0]))), order, 3);
+}
+
+RECORDING(gathered_otherwise) {
+    const uint32_t order[3] = {0, 1, five(tape, x[0])};
+    y[0] = lg_gather(tape, theta[0], order, 3);
+}
+
+/* An operation that no table has. */
+RECORDING(unknown_operation) {
+    static lg_op unknown;
+    unknown = lg_op_sin;
+    y[0] = lg_record(tape, &unknown, x, 1, NULL);
+}
+
+RECORDING(empty) {
+    y[0] = lg_full(tape, lg_shape1(0), 1.0);
+}
+
 RECORDING(endless) {
     const double infinite[3] = {1.0, INFINITY, 2.0};
     y[0] = lg_max(tape, x[0], lg_input(tape, lg_shape1(3), infinite));
@@ -259,6 +329,18 @@ TEST("recordings that depend on numbers or on the number of rows are refused, wi
         {fails, LG_NO_CONVERGENCE, .words = {"'f'", "the callback `record` failed"}},
         {misfits, LG_SHAPE, .words = {"'f'", "cross"}},
         {endless, LG_NOT_FINITE, .words = {"'f'", "constant that is not finite"}},
+        {short_for_five, LG_UNSUPPORTED, .words = {"different operations", "(exp)"}},
+        {more_terms, LG_UNSUPPORTED, .words = {"different operations", "(concat)"}},
+        {other_rank, LG_UNSUPPORTED, .words = {"different operations", "(sum)"}},
+        {other_operand, LG_UNSUPPORTED, .words = {"different operations", "(exp)"}},
+        {other_result, LG_UNSUPPORTED, .words = {"different operations", "(cos)"}},
+        {scalar_put_back, LG_UNSUPPORTED, .words = {"used by mul", "values differ"}},
+        {moving_slice, LG_UNSUPPORTED, .words = {"slice", "an attribute is not affine"}},
+        {inverse_square, LG_UNSUPPORTED, .words = {"scale", "an attribute depends on values"}},
+        {gathered_rows, LG_UNSUPPORTED, .words = {"gather", "its indices depend"}},
+        {gathered_from_rows, LG_UNSUPPORTED, .words = {"gather", "its indices depend"}},
+        {gathered_otherwise, LG_UNSUPPORTED, .words = {"gather", "its indices depend"}},
+        {unknown_operation, LG_FORMAT, .words = {"(sin)", "there is no such operation"}},
         {NULL, LG_INVALID_ARGUMENT, .words = {"needs the callback `record`"}},
         {identity, LG_INVALID_ARGUMENT, .words = {"it is empty"}, .function = ""},
         {identity, LG_INVALID_ARGUMENT, .words = {"not a C identifier"}, .function = "a-b"},
@@ -274,6 +356,23 @@ TEST("recordings that depend on numbers or on the number of rows are refused, wi
          .port = {.shape = {1, {3}}, .low = 2.0, .high = 1.0}},
         {identity, LG_SHAPE, .words = {"input 0", "rank (with the axis of rows) is above 4"},
          .port = {.shape = {4, {1, 1, 1, 1}}}},
+        {identity, LG_SHAPE, .words = {"input 0", "too large"}, .port = {.shape = {1, {1u << 30}}}},
+        {identity, LG_INVALID_ARGUMENT, .words = {"the unit of 'x'"},
+         .port = {.shape = {1, {3}}, .unit = "\x7f"}},
+        {identity, LG_INVALID_ARGUMENT, .words = {"the unit of 'x'"},
+         .port = {.shape = {1, {3}}, .unit = "\t"}},
+        {identity, LG_INVALID_ARGUMENT, .words = {"the unit of 'x'"},
+         .port = {.shape = {1, {3}}, .unit = "\""}},
+        {identity, LG_INVALID_ARGUMENT, .words = {"the unit of 'x'"},
+         .port = {.shape = {1, {3}}, .unit = "?"}},
+        {identity, LG_INVALID_ARGUMENT, .words = {"the unit of 'x'"},
+         .port = {.shape = {1, {3}}, .unit = "a*/"}},
+        {identity, LG_INVALID_ARGUMENT, .words = {"the unit of 'x'"},
+         .port = {.shape = {1, {3}}, .unit = "/*"}},
+        {identity, LG_INVALID_ARGUMENT, .words = {"the unit of 'x'"},
+         .port = {.shape = {1, {3}}, .unit = "//"}},
+        {identity, LG_OK, .port = {.shape = {1, {3}}, .unit = "m*s/kg*"}},
+        {.record = empty, .status = LG_OK},
         {identity, LG_INVALID_ARGUMENT, .words = {"too long"},
          .output = "y12345678901234567890123456789012345678901234567890123456789012345678901234567890"},
     };
@@ -282,6 +381,8 @@ TEST("recordings that depend on numbers or on the number of rows are refused, wi
         lg_program *program = NULL;
         const lg_status status = build_one(&cases[i], &program, &error);
         if (status != cases[i].status) fail_msg("case %zu: %s, %s", i, lg_status_name(status), error.message);
+        if (status == LG_OK) lg_test_owns(program, release_program);
+        if (status == LG_OK) continue;
         assert_null(program);
         assert_int_equal(error.status, status);
         for (size_t w = 0; w < 4 && cases[i].words[w] != NULL; w++)
@@ -384,6 +485,23 @@ TEST("impossible derivatives are refused, and the program stays unchanged") {
         {(lg_derivative_kind)LG_DERIVATIVE_KIND_COUNT, "f", NULL, NULL, NULL, LG_INVALID_ARGUMENT, ""},
         {LG_DERIVATIVE_ADJOINT, NULL, NULL, NULL, NULL, LG_INVALID_ARGUMENT, ""},
     };
+    const char *many[64];
+    for (size_t i = 0; i < LG_COUNT(many); i++) many[i] = x;
+    lg_derivative twice;
+    lg_derivative_init(&twice);
+    twice.function = "f";
+    for (int kind = 0; kind < LG_DERIVATIVE_KIND_COUNT; kind++)
+        for (twice.input_count = 2; twice.input_count <= 64; twice.input_count += 62) {
+            twice.kind = (lg_derivative_kind)kind;
+            twice.inputs = many;
+            assert_status(lg_program_derive(program, &twice, &error), LG_INVALID_ARGUMENT);
+            assert_says(error.message, "input 'x' is named twice");
+        }
+    twice.input_count = 0;
+    assert_status(lg_program_derive(program, &twice, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "the derivative has no input");
+    twice.size = 1;
+    assert_status(lg_program_derive(program, &twice, &error), LG_INVALID_ARGUMENT);
     for (size_t i = 0; i < LG_COUNT(cases); i++) {
         lg_derivative what;
         lg_derivative_init(&what);
@@ -562,5 +680,94 @@ TEST("output a_{2i+j} = sin(q_i u_j) uses one element each of q and u; b = net(q
     }
     for (size_t i = 0; i < Y1 * Q; i++) assert_int_equal(all[i], 1);
     assert_int_equal(lg_program_sparsity(program, 0, 2, 0, all, &error), LG_NOT_FOUND);
+    assert_int_equal(lg_program_sparsity(program, 0, 0, 2, all, &error), LG_NOT_FOUND);
     assert_int_equal(lg_program_sparsity(program, 1, 0, 0, all, &error), LG_NOT_FOUND);
+}
+
+/* ---- limits of programs ---- */
+
+TEST("specifications with wrong sizes, counts and lengths are refused") {
+    lg_port many[65];
+    char name[65][8], text[4098];
+    const lg_port out = {.name = "y"};
+    lg_program *program = NULL;
+    lg_error error;
+    for (size_t i = 0; i < LG_COUNT(many); i++) {
+        (void)snprintf(name[i], sizeof name[i], "x%zu", i);
+        many[i] = (lg_port){.name = name[i], .shape = lg_shape1(3)};
+    }
+    memset(text, 'a', sizeof text - 1);
+    text[sizeof text - 1] = '\0';
+    const lg_function_spec functions[] = {
+        {"f", NULL, 1, &out, 1, identity, NULL},  {"f", &x3, 1, NULL, 1, identity, NULL},
+        {"f", &x3, 0, &out, 1, identity, NULL},   {"f", &x3, 1, &out, 0, identity, NULL},
+        {"f", many, 65, &out, 1, identity, NULL}, {"f", &x3, 1, many, 65, identity, NULL}};
+    for (size_t i = 0; i < LG_COUNT(functions); i++) {
+        const lg_program_spec spec = spec_of(NULL, 0, &functions[i], 1);
+        assert_status(lg_program_build(NULL, &spec, &program, &error), LG_INVALID_ARGUMENT);
+        assert_says(error.message, "1 to 64 inputs and 1 to 64 outputs");
+    }
+    lg_program_spec spec = spec_of(NULL, 0, functions, 0);
+    assert_status(lg_program_build(NULL, &spec, &program, &error), LG_INVALID_ARGUMENT);
+    spec.description = text;
+    assert_status(lg_program_begin(NULL, &spec, &program, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "more than 4095 bytes");
+    spec.size = 8;
+    assert_status(lg_program_begin(NULL, &spec, &program, &error), LG_INVALID_ARGUMENT);
+    assert_null(program);
+}
+
+RECORDING(first_of) {
+    y[0] = lg_sin(tape, x[0]);
+}
+
+TEST("a program has at most 256 functions and parameters, and a derivative at most 64 inputs and outputs") {
+    static char name[300][8];
+    static lg_port many[64];
+    static lg_parameter_spec parameters[257];
+    const lg_port out[] = {{.name = "y"}};
+    lg_program *program = NULL;
+    lg_program_spec spec;
+    lg_derivative what;
+    lg_error error;
+    lg_program_spec_init(&spec);
+    for (size_t i = 0; i < LG_COUNT(name); i++) (void)snprintf(name[i], sizeof name[i], "a%zu", i);
+    for (size_t i = 0; i < LG_COUNT(parameters); i++)
+        parameters[i] = (lg_parameter_spec){.name = name[i], .shape = lg_shape1(1)};
+    for (size_t i = 0; i < LG_COUNT(many); i++) many[i] = (lg_port){.name = name[i], .shape = lg_shape1(1)};
+    spec.parameters = parameters;
+    spec.parameter_count = LG_COUNT(parameters);
+    assert_status(lg_program_begin(NULL, &spec, &program, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "at most 256 parameters");
+    parameters[0].shape = (lg_shape){.rank = 5};
+    assert_status(lg_program_begin(NULL, &spec, &program, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "its rank is above 4");
+    spec.parameter_count = 0;
+    assert_ok(lg_program_begin(NULL, &spec, &program, &error));
+    lg_test_owns(program, release_program);
+    lg_function_spec f = {"f", many, 64, out, 1, first_of, NULL};
+    assert_ok(lg_program_add_function(program, &f, &error));
+    lg_derivative_init(&what);
+    what.function = "f";
+    for (int kind = 0; kind < LG_DERIVATIVE_KIND_COUNT; kind++) {
+        what.kind = (lg_derivative_kind)kind;
+        assert_status(lg_program_derive(program, &what, &error),
+                      kind == LG_DERIVATIVE_JACOBIAN ? LG_OK : LG_INVALID_ARGUMENT);
+        if (kind != LG_DERIVATIVE_JACOBIAN) assert_says(error.message, "more than 64 inputs or outputs");
+    }
+    const char *paths[64];
+    for (size_t i = 0; i < LG_COUNT(paths); i++) paths[i] = "y";
+    const lg_loop_spec loop = {sizeof loop, "loop", "f", 2, NULL, 0, paths, LG_COUNT(paths)};
+    assert_status(lg_program_add_loop(program, &loop, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "more than 64 outputs");
+    f.input_count = 1;
+    while (lg_program_functions(program) < 256) {
+        f.name = name[lg_program_functions(program)];
+        assert_ok(lg_program_add_function(program, &f, &error));
+    }
+    f.name = "last";
+    assert_status(lg_program_add_function(program, &f, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "at most 256 functions");
+    assert_null(lg_program_function_name(program, 256));
+    assert_int_equal(lg_program_operations(program, 256), 0);
 }

@@ -4,6 +4,7 @@
 #include "program_support.h"
 
 #include "autodiff/program/program.h"
+#include "autodiff/program/program_c.h"
 #include "autodiff/ops/op_rows.h"
 #include "autodiff/cases/cases.h"
 #include "liegrad/networks.h"
@@ -24,8 +25,11 @@ RECORDING(scalars) {
 
 /* Tables of weights and indices, loops over tensors of different shapes, a network with its gradient. */
 RECORDING(tensors) {
-    static const uint32_t order[5] = {3, 1, 4, 0, 2};
-    const lg_var wide = lg_mul(tape, lg_mul(tape, x[0], lg_gather(tape, theta[1], order, 5)), x[1]);
+    static const uint32_t order[5] = {3, 1, 4, 0, 2}, other[5] = {0, 0, 4, 4, 2}, few[2] = {2, 1};
+    const lg_var mixed =
+        lg_add(tape, lg_gather(tape, theta[1], order, 5), lg_gather(tape, theta[1], other, 5));
+    const lg_var more = lg_add(tape, mixed, lg_sum(tape, lg_gather(tape, theta[1], few, 2)));
+    const lg_var wide = lg_mul(tape, lg_mul(tape, x[0], more), x[1]);
     y[0] = lg_act(tape, lg_sub(tape, wide, theta[1]), LG_SIGMOID);
     const lg_var flat = lg_reshape(tape, wide, lg_shape2(lg_var_shape(tape, wide).dims[0], 20));
     y[1] = lg_mlp_record(tape, user, theta[0], 0, flat);
@@ -241,4 +245,107 @@ TEST("a constant that a float cannot hold is refused wherever it occurs") {
             lg_c_source_destroy(source);
         }
     }
+}
+
+/* ---- names and lines ---- */
+
+RECORDING(doubled) {
+    y[0] = lg_scale(tape, x[0], 2.0);
+}
+
+TEST("names that C cannot have are refused, and arguments that could be macros get an underscore") {
+    static const struct {
+        const char *title;
+        lg_status status;
+    } titles[] = {{"good", LG_OK},
+                  {"Good_1", LG_OK},
+                  {"MACRO", LG_INVALID_ARGUMENT},
+                  {"real", LG_INVALID_ARGUMENT},
+                  {"weights", LG_INVALID_ARGUMENT},
+                  {"f_WORK_SIZE", LG_INVALID_ARGUMENT},
+                  {"a b", LG_INVALID_ARGUMENT},
+                  {"", LG_INVALID_ARGUMENT},
+                  {"{}", LG_INVALID_ARGUMENT}};
+    static const char *const inputs[][2] = {{"x", "*x,"},        {"X", "*X_,"},     {"X2", "*X2_,"},
+                                            {"work", "*work_,"}, {"p_x", "*p_x_,"}, {"px", "*px,"}};
+    const lg_port out = {.name = "y", .unit = ""};
+    const size_t zero = 0, five = 5;
+    lg_c_source *source = NULL;
+    lg_error error;
+    lg_c_options how;
+    for (size_t i = 0; i < LG_COUNT(inputs); i++) {
+        const lg_port in = {.name = inputs[i][0], .shape = lg_shape1(3), .unit = ""};
+        const lg_function_spec f = {"f", &in, 1, &out, 1, doubled, NULL};
+        const lg_program_spec spec = spec_of(NULL, 0, &f, 1);
+        const lg_program *program = test_program(&spec);
+        lg_c_options_init(&how);
+        how.name = "p";
+        assert_told(lg_program_write_c(program, &how, &source, &told));
+        assert_says(source->declarations, inputs[i][1]);
+        lg_c_source_destroy(source);
+        source = NULL;
+        how.names = (const char *const[]){"MACRO"}; /* not read without a list of functions */
+        how.hidden = (const bool[]){true};
+        assert_told(lg_program_write_c(program, &how, &source, &told));
+        assert_says(source->declarations, "p_f(");
+        lg_c_source_destroy(source);
+        source = NULL;
+        how.function_count = 1;
+        how.functions = &zero;
+        for (size_t k = 0; k < LG_COUNT(titles); k++) {
+            how.names = &titles[k].title;
+            assert_status(lg_program_write_c(program, &how, &source, &error), titles[k].status);
+            if (titles[k].status != LG_OK) assert_says(error.message, "cannot be used in C");
+            lg_c_source_destroy(source);
+            source = NULL;
+        }
+        how.functions = &five;
+        assert_status(lg_program_write_c(program, &how, &source, &error), LG_NOT_FOUND);
+        how.dtype = (lg_dtype)7;
+        assert_status(lg_program_write_c(program, &how, &source, &error), LG_INVALID_ARGUMENT);
+        how = (lg_c_options){.size = 1, .name = "p"};
+        assert_status(lg_program_write_c(program, &how, &source, &error), LG_INVALID_ARGUMENT);
+        how = (lg_c_options){.size = sizeof how};
+        assert_status(lg_program_write_c(program, &how, &source, &error), LG_INVALID_ARGUMENT);
+        how.name = "a b";
+        assert_status(lg_program_write_c(program, &how, &source, &error), LG_INVALID_ARGUMENT);
+        assert_null(source);
+    }
+}
+
+/* A line of `count` words that are separated by `gap`. */
+static const char *line_of(size_t count, const char *gap) {
+    char *line = test_text("%*s", (int)(count * 8), "");
+    size_t at = 0;
+    for (size_t i = 0; i < count; i++) at += (size_t)snprintf(line + at, 9, "w%02zu%s", i, gap);
+    return line;
+}
+
+TEST("long lines are broken behind commas, otherwise at blanks, and nowhere else") {
+    static const char *const gaps[] = {", ", " + ", " (* ", "_", " "};
+    for (size_t g = 0; g < LG_COUNT(gaps); g++) {
+        const char *line = line_of(60, gaps[g]);
+        lg_text text = {.context = NULL};
+        lg_c_add_line(&text, 1, line, strlen(line));
+        assert_false(text.failed);
+        const char *from = text.data, *next = line;
+        size_t lines = 0;
+        for (const char *end; (end = strchr(from, '\n')) != NULL; from = end + 1, lines++) {
+            const size_t indent = strspn(from, " ");
+            assert_int_equal(indent, lines == 0 ? 4 : 12);
+            if (g != 3) assert_true(end - from <= 110);
+            if (g == 0 && end[1] != '\0') assert_true(end[-1] == ',');
+            for (const char *c = from + indent; c < end; c++, next++) {
+                while (*next == ' ' && *c != ' ') next++;
+                assert_int_equal(*c, *next);
+            }
+        }
+        assert_int_equal(strspn(next, " "), strlen(next));
+        assert_true(g == 3 ? lines == 1 : lines > 2);
+        lg_text_destroy(&text);
+    }
+    assert_true(lg_c_uses("work[0] = y", "work") && lg_c_uses("y = work", "work"));
+    assert_true(lg_c_uses("homework + work", "work"));
+    assert_false(lg_c_uses("homework + work2", "work"));
+    assert_false(lg_c_uses("work2", "work"));
 }

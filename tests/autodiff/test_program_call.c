@@ -189,6 +189,78 @@ TEST("images store calls, and may call only earlier functions with fitting shape
     }
 }
 
+/* Changes of the image of function 2, whose operation 3 is a call. */
+#define CHANGE(name, ...)                                                                                    \
+    static void name(lg_function_image *f) {                                                                 \
+        __VA_ARGS__;                                                                                         \
+    }
+CHANGE(many_operations, f->operation_count = ((size_t)1 << 20) + 1)
+CHANGE(no_operations, f->operation_count = 0)
+CHANGE(no_name, f->name = NULL)
+CHANGE(no_operation_name, f->operations[3].name = NULL)
+CHANGE(nothing_known, f->operations[3].name = "nothing")
+CHANGE(many_inputs, f->operations[3].input_count = 65)
+CHANGE(one_input, f->operations[3].input_count = 1)
+CHANGE(many_reals, f->operations[2].real_count = f->operations[3].real_count = UINT32_MAX)
+CHANGE(many_indices, f->operations[2].index_count = f->operations[3].index_count = UINT32_MAX)
+CHANGE(high_rank, f->operations[3].rank = 5)
+CHANGE(call_by_rows, f->operations[3].whole[0].rows = 1)
+CHANGE(output_by_rows, f->operations[3].whole[1].rows = 1)
+CHANGE(shrinking_input, f->operations[3].shape[0].rows = -1)
+CHANGE(steep, f->operations[3].shape[0].rows = INT64_MIN / 2)
+CHANGE(input_by_rows, f->operations[0].whole[0].rows = 1)
+CHANGE(negative_input, f->operations[0].whole[0].base = -1)
+CHANGE(huge_input, f->operations[0].whole[0].base = (int64_t)1 << 32)
+static const uint32_t itself[1] = {0};
+CHANGE(leaf_of_leaf, f->operations[1].inputs = itself, f->operations[1].input_count = 1)
+CHANGE(shrinking_result, f->operations[f->operation_count - 1].shape[0].rows = 2)
+CHANGE(no_constant, f->operations[1].name = "constant")
+
+TEST("images with wrong counts, names and numbers are refused in words") {
+    static const struct {
+        void (*change)(lg_function_image *);
+        const char *words;
+    } rows[] = {{many_operations, "too many operations"},
+                {no_operations, "expected 1 to"},
+                {no_name, "cannot be the name of a function"},
+                {no_operation_name, "there is no such operation"},
+                {nothing_known, "there is no such operation"},
+                {many_inputs, "too many inputs"},
+                {one_input, "another number of inputs"},
+                {many_reals, "too many numbers"},
+                {many_indices, "too many numbers"},
+                {high_rank, "rank is too high"},
+                {call_by_rows, "comes before this one"},
+                {output_by_rows, "no such output"},
+                {shrinking_input, "differs from the one"},
+                {steep, "too large"},
+                {input_by_rows, "no such input"},
+                {negative_input, "no such input"},
+                {huge_input, "no such input"},
+                {leaf_of_leaf, "wrong number of inputs"},
+                {shrinking_result, "shape"},
+                {no_constant, "it has no numbers"}};
+    lg_program *program = built(true);
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        lg_function_image *image;
+        lg_error error;
+        assert_ok(lg_function_image_create(program, 2, &image));
+        assert_string_equal(image->operations[3].name, "call");
+        const lg_operation *operations = image->operations;
+        lg_operation *own = TEST_ARRAY(lg_operation, image->operation_count);
+        memcpy(own, operations, image->operation_count * sizeof *own);
+        lg_function_image changed = *image;
+        changed.name = "changed";
+        changed.operations = own;
+        rows[i].change(&changed);
+        const lg_status status = lg_program_add_image(program, &changed, &error);
+        if (status != LG_FORMAT && status != LG_INVALID_ARGUMENT) fail_msg("row %zu: %d", i, (int)status);
+        assert_says(error.message, rows[i].words);
+        assert_int_equal(lg_program_functions(program), 3);
+        lg_function_image_destroy(image);
+    }
+}
+
 TEST("nothing is leaked when memory ends") {
     const lg_parameter_spec theta = {"theta", lg_shape1(4), weights};
     lg_plan_options options;

@@ -291,6 +291,41 @@ TEST("a matrix that is not positive definite makes its whole row NaN, whichever 
 
 /* All pairs of x, -x, y, -y, 0, 1, -1, 2 for every instruction with two operands, with and without
  * simplification. */
+/* Operations on numbers are carried out when the code is made. */
+TEST("operations on constants have the values of the kernels; results that are not finite are left to them") {
+    static const double numbers[] = {0, 1, -1, 0.3, 2.5, -7, 1e-5, 800};
+    size_t folded = 0, left = 0;
+    for (int op = LG_S_ADD; op < LG_SCALAR_OPS; op++)
+        for (size_t i = 0; op != LG_S_SELECT && i < LG_COUNT(numbers) * LG_COUNT(numbers); i++) {
+            const double a = numbers[i % LG_COUNT(numbers)], b = numbers[i / LG_COUNT(numbers)];
+            lg_scalars s, plain;
+            double out[8], value;
+            lg_scalars_init(&s, NULL);
+            lg_scalars_init(&plain, NULL);
+            plain.exact = true; /* nothing is carried out */
+            const bool power = op == LG_S_POW, numbered = op == LG_S_STUMPFF || op == LG_S_DEXPINV;
+            const lg_scalar made =
+                power      ? lg_s_pow(&s, lg_s_constant(&s, a), b)
+                : numbered ? lg_s_numbered(&s, (lg_scalar_op)op, lg_s_constant(&s, a), 1)
+                           : lg_s(&s, (lg_scalar_op)op, lg_s_constant(&s, a), lg_s_constant(&s, b));
+            const lg_scalar x = lg_s_constant(&plain, a), y = lg_s_constant(&plain, b);
+            const lg_scalar kept = power      ? lg_s_pow(&plain, x, b)
+                                   : numbered ? lg_s_numbered(&plain, (lg_scalar_op)op, x, 1)
+                                              : lg_s(&plain, (lg_scalar_op)op, x, y);
+            walk_by_kernel(&plain, lg_kernels_for(LG_F64), NULL, out);
+            if (lg_s_is_constant(&s, made, &value)) {
+                assert_close(value, out[kept], 1e-14, 1e-300);
+                folded++;
+            } else {
+                assert_false(isfinite(out[kept]));
+                left++;
+            }
+            lg_scalars_destroy(&s);
+            lg_scalars_destroy(&plain);
+        }
+    assert_true(folded > 500 && left > 10);
+}
+
 TEST("simplified code computes the same numbers") {
     static const lg_scalar_op two[] = {LG_S_ADD, LG_S_SUB, LG_S_MUL, LG_S_DIV};
     static const double constants[] = {0.0, 1.0, -1.0, 2.0}, inputs[2] = {0.75, -1.5};

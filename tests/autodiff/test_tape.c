@@ -249,6 +249,14 @@ static const int beyond[2] = {0, 2};
 
 /* X(expression, status, operation, shape or reason, other shape) */
 #define WRONG_LIST(X)                                                                                        \
+    X(lg_sum(t, LG_NONE), LG_STALE_HANDLE, "sum", "LG_NONE", NULL)                                           \
+    X(lg_mean(t, LG_NONE), LG_STALE_HANDLE, "mean", "LG_NONE", NULL)                                         \
+    X(lg_sum_axis(t, LG_NONE, 0, true), LG_STALE_HANDLE, "sum", "LG_NONE", NULL)                             \
+    X(lg_broadcast_to(t, V2(1, 3), lg_shape1(3)), LG_SHAPE, "broadcast", "(1, 3)", NULL)                     \
+    X(lg_concat(t, (lg_var[2]){V1(3), V1(3)}, 2, 1), LG_INVALID_ARGUMENT, "concat", "no such axis", NULL)    \
+    X(lg_permute(t, V2(2, 3), (const int[]){0, -3}), LG_INVALID_ARGUMENT, "permute", NULL, NULL)             \
+    X(lg_loss_record(t, LG_LOSS_MSE, V2(4, 3), V2(4, 3), V2(4, 1)), LG_SHAPE, "loss weights", "(4, 1)",      \
+      NULL)                                                                                                  \
     X(lg_add(t, V2(2, 3), V2(3, 2)), LG_SHAPE, "add", "(2, 3)", "(3, 2)")                                    \
     X(lg_sub(t, V2(2, 3), V1(2)), LG_SHAPE, "sub", "(2, 3)", "(2)")                                          \
     X(lg_mul(t, V3(2, 3, 4), V2(2, 4)), LG_SHAPE, "mul", "(2, 3, 4)", "(2, 4)")                              \
@@ -336,7 +344,7 @@ TEST("shapes that do not fit are reported with the operation and its scope") {
         lg_scope_push(t, "layer 3");                                                                         \
         lg_var y = expression;                                                                               \
         const char *const says[] = {operation, one, two, (status) != LG_OK ? ", in net/layer 3" : NULL};     \
-        assert_int_equal(lg_is_none(y), (status) != LG_OK);                                                  \
+        if (lg_is_none(y) != ((status) != LG_OK)) fail_msg("%s", #expression);                               \
         assert_tape_error(t, status, says, 4);                                                               \
     }
     WRONG_LIST(X)
@@ -358,6 +366,11 @@ TEST("directions of a wrong shape are refused") {
 TEST("scopes nest, and too many of them are harmless") {
     lg_tape *t = test_tape(LG_F64);
     static const char *const names[10] = {"s0", "s1", "s2", "s3", "s4", "s5", "s6", "s7", "s8", "s9"};
+    for (int i = 0; i < 10; i++) lg_scope_push(t, names[i]);
+    (void)lg_tape_fail(t, LG_SHAPE, "deep", "it fails");
+    assert_says(lg_tape_message(t), "it fails, in s0/s1/");
+    assert_null(strstr(lg_tape_message(t), "s9"));
+    lg_tape_reset(t);
     for (int i = 0; i < 10; i++) lg_scope_push(t, names[i]);
     for (int i = 0; i < 9; i++) lg_scope_pop(t);
     (void)lg_transpose(t, lg_full(t, lg_shape0(), 1));
@@ -455,6 +468,122 @@ TEST("max_size limits the tape") {
     lg_tape_destroy(tape);
 }
 
+/* ---- memory that ends within a derivative ---- */
+
+/* Numbers of this variable's shape that differ from element to element. */
+static lg_var weights_of(lg_tape *t, lg_var y) {
+    const size_t count = lg_shape_count(lg_var_shape(t, y));
+    double *weights = TEST_ARRAY(double, count + 1);
+    for (size_t i = 0; i < count; i++) weights[i] = 0.5 + 0.25 * (double)(i % 5);
+    return lg_input_f64(t, lg_var_shape(t, y), weights);
+}
+
+static lg_var weighted(lg_tape *t, lg_var y) {
+    return lg_sum(t, lg_mul(t, y, weights_of(t, y)));
+}
+
+enum { ENDING_WAYS = 7, ENDING_NUMBERS = 1 << 14 };
+
+typedef struct ending {
+    lg_tape *tape;
+    const lg_gradcheck_function *f;
+    row_on_tape r;
+    lg_var weights, y, slope; /* y = <weights, r.y>; slope: <weights, the derivative of y by x_0> */
+} ending;
+
+static lg_status derive_in(const ending *e, int way, double *numbers) {
+    lg_tape *t = e->tape;
+    const lg_var *x = e->r.x;
+    const uint32_t n = e->f->inputs;
+    const uint32_t results = way == 2 ? n : 1;
+    lg_var out[LG_GRADCHECK_MAX_INPUTS];
+    void *gradient[LG_GRADCHECK_MAX_INPUTS];
+    size_t at = 0;
+    for (uint32_t k = 0; k < n; at += lg_shape_count(lg_var_shape(t, x[k++]))) gradient[k] = numbers + at;
+    if (way < 2) return lg_backward_set(t, way == 0 ? e->y : e->slope, x, n, gradient);
+    if (way == 2) (void)lg_vjp(t, &e->r.y, &e->weights, 1, x, n, out);
+    if (way == 3) (void)lg_jvp(t, &e->r.y, 1, x, e->r.d, n, out);
+    if (way == 4) out[0] = lg_jacobian(t, e->r.y, x[0]);
+    if (way == 5) out[0] = e->f->build(e->f->user, t, x);
+    if (way == 6) out[0] = lg_hvp(t, e->y, x[0], e->r.d[0]);
+    at = 0;
+    for (uint32_t j = 0; j < results && lg_tape_status(t) == LG_OK; j++) {
+        const size_t count = lg_shape_count(lg_var_shape(t, out[j]));
+        assert_true(at + count <= ENDING_NUMBERS);
+        assert_ok(lg_read(t, out[j], count, numbers + at));
+        at += count;
+    }
+    return lg_tape_status(t);
+}
+
+/* Leaves `bytes` bytes of the chunk that the arena uses now. */
+static void leave(lg_arena *arena, size_t bytes) {
+    if (arena->count == 0) return;
+    const size_t size = arena->chunks[arena->current].size;
+    if (arena->used + bytes < size) arena->used = size - bytes;
+}
+
+/* Rewinds the tape, and gives back all blocks that its pool took since `before`. */
+static void go_back(lg_tape *t, lg_mark mark, const lg_arena *before) {
+    assert_ok(lg_tape_rewind(t, mark));
+    lg_forget_transposes(t, 0);
+    memset(t->pool.free, 0, sizeof t->pool.free);
+    t->pool.arena.current = before->current;
+    t->pool.arena.used = before->used;
+}
+
+/* The tape gets no new chunk. First its arena has more and more memory, then its pool. */
+static size_t end_memory(const ending *e, int way, double *want, double *got) {
+    lg_tape *t = e->tape;
+    const lg_mark mark = lg_tape_mark(t);
+    const lg_arena before = t->pool.arena;
+    size_t failures = 0;
+    go_back(t, mark, &before);
+    assert_ok(derive_in(e, way, want));
+    t->options.max_size = t->bytes;
+    for (int part = 0; part < 2; part++) {
+        lg_status status = LG_OUT_OF_MEMORY;
+        for (size_t blocks = 0; status != LG_OK; blocks += 1 + blocks / 32) {
+            go_back(t, mark, &before);
+            leave(part == 0 ? &t->arena : &t->pool.arena, blocks * LG_ALIGNMENT);
+            status = derive_in(e, way, got);
+            if (status != LG_OK) assert_int_equal(status, LG_OUT_OF_MEMORY);
+            failures += status != LG_OK;
+        }
+        assert_memory_equal(got, want, ENDING_NUMBERS * sizeof *want);
+    }
+    go_back(t, mark, &before);
+    t->options.max_size = 0;
+    return failures;
+}
+
+TEST("where memory ends within a derivative of any operation, the tape says so or has the same numbers") {
+    double *want = TEST_ARRAY(double, ENDING_NUMBERS), *got = TEST_ARRAY(double, ENDING_NUMBERS);
+    const lg_gradcheck_case *row;
+    size_t failures = 0;
+    for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++) {
+        const size_t mark = lg_test_owned();
+        lg_rng rng = test_rng(11, 0);
+        lg_var back[LG_GRADCHECK_MAX_INPUTS];
+        ending e = {.tape = test_tape(LG_F64), .f = &row->function};
+        e.r = record_row(e.tape, &rng, e.f);
+        e.weights = weights_of(e.tape, e.r.y);
+        e.y = weighted(e.tape, e.r.y);
+        assert_ok(lg_grad(e.tape, e.y, e.r.x, e.f->inputs, back));
+        e.slope = weighted(e.tape, back[0]);
+        const size_t jacobian =
+            lg_shape_count(lg_var_shape(e.tape, e.r.y)) * lg_shape_count(lg_var_shape(e.tape, e.r.x[0]));
+        for (int way = 0; way < ENDING_WAYS; way++) {
+            if (e.f->first_order_only && (way == 1 || way == 6)) continue;
+            if (way == 4 && jacobian > ENDING_NUMBERS) continue;
+            failures += end_memory(&e, way, want, got);
+        }
+        lg_test_give_back(mark);
+    }
+    print_message("%zu times the memory ended\n", failures);
+    assert_true(failures > 10000);
+}
+
 TEST("invalid options are refused") {
     lg_tape *tape = NULL;
     lg_tape_options bad[4];
@@ -514,18 +643,6 @@ static const double *numbers_of(lg_tape *t, lg_var v) {
 static void assert_same_numbers(const char *name, lg_tape *t, lg_var have, lg_var want) {
     const size_t count = lg_shape_count(lg_var_shape(t, want));
     lg_all_close(name, numbers_of(t, have), numbers_of(t, want), count, 1e-12, 1e-12, __FILE__, __LINE__);
-}
-
-/* Numbers of this variable's shape that differ from element to element. */
-static lg_var weights_of(lg_tape *t, lg_var y) {
-    const size_t count = lg_shape_count(lg_var_shape(t, y));
-    double *weights = TEST_ARRAY(double, count + 1);
-    for (size_t i = 0; i < count; i++) weights[i] = 0.5 + 0.25 * (double)(i % 5);
-    return lg_input_f64(t, lg_var_shape(t, y), weights);
-}
-
-static lg_var weighted(lg_tape *t, lg_var y) {
-    return lg_sum(t, lg_mul(t, y, weights_of(t, y)));
 }
 
 TEST("a derivative by one input alone equals its part of the derivative by all inputs, in two orders") {
@@ -1385,4 +1502,142 @@ TEST("gradients of rows equal those of each row alone, and rows that affect each
     const lg_var W = lg_reshape(t, lg_slice(t, p, 0, 0, ROWS * 2), lg_shape2(ROWS, 2));
     assert_int_equal(lg_backward_rows(t, lg_sum(t, lg_matmul_tn(t, all, W)), all, dx, p, ROWS, found),
                      LG_UNSUPPORTED);
+}
+
+TEST("gradients of rows need a leaf as theta, which may come after x") {
+    enum { ROWS = 4, N = 10 };
+    const double *theta = test_numbers(1, N, -1, 1), *x = test_numbers(2, ROWS * 3, -1, 1);
+    double first[ROWS * N], second[ROWS * N], dx[ROWS * 3];
+    lg_tape *t = test_tape(LG_F64);
+    for (int late = 0; late < 2; late++) {
+        lg_tape_reset(t);
+        lg_var p = late ? LG_NONE : vector(t, N, theta);
+        const lg_var all = lg_input_f64(t, lg_shape2(ROWS, 3), x);
+        if (late) p = vector(t, N, theta);
+        lg_tape_mark_rows(t, all);
+        assert_ok(lg_backward_rows(t, rows_of_layer(t, p, all), all, dx, p, ROWS, late ? second : first));
+    }
+    assert_memory_equal(first, second, sizeof first);
+    for (int kind = 0; kind < 2; kind++) {
+        lg_tape_reset(t);
+        const lg_var p = vector(t, N, theta), all = lg_input_f64(t, lg_shape2(ROWS, 3), x);
+        const lg_var other = kind == 0 ? LG_NONE : lg_neg(t, p);
+        assert_status(lg_backward_rows(t, rows_of_layer(t, p, all), all, dx, other, ROWS, first),
+                      kind == 0 ? LG_STALE_HANDLE : LG_UNSUPPORTED);
+    }
+}
+
+/* ---- requests at the limits ---- */
+
+TEST("derivatives of nothing, by nothing, and by what came later are empty or zero") {
+    lg_tape *t = test_tape(LG_F64);
+    const lg_var x = good(t), y = lg_square(t, x), later = good(t), empty = lg_full(t, lg_shape1(0), 0);
+    double gradient[6] = {7, 7, 7, 7, 7, 7};
+    lg_var out = LG_NONE;
+    assert_ok(lg_vjp(t, &y, &y, 1, NULL, 0, NULL));
+    assert_ok(lg_jvp(t, NULL, 0, &x, &x, 1, NULL));
+    assert_ok(lg_vjp(t, &y, &x, 1, &later, 1, &out));
+    for (int i = 0; i < 6; i++) assert_true(numbers_of(t, out)[i] == 0.0);
+    assert_ok(lg_backward_set(t, y, &later, 1, &(void *){gradient}));
+    for (int i = 0; i < 6; i++) assert_true(gradient[i] == 0.0);
+    assert_int_equal(lg_var_shape(t, lg_jacobian(t, empty, x)).dims[1], 6);
+    assert_false(lg_depends_on(t, y, later));
+    assert_false(lg_depends_on(t, y, LG_NONE));
+    assert_status(lg_tape_status(t), LG_STALE_HANDLE);
+    lg_tape_reset(t);
+    const lg_var again = good(t);
+    assert_status(lg_backward(t, again, &again, 1, &(void *){NULL}), LG_INVALID_ARGUMENT);
+    assert_says(lg_tape_message(t), "the memory for a gradient is NULL");
+    lg_tape_reset(t);
+    lg_var rows[6] = {V2(2, 3), V2(2, 3), V2(2, 3), V2(2, 3), V2(2, 3), V2(3, 2)};
+    assert_true(lg_is_none(lg_concat(t, rows, 6, 0)));
+    assert_status(lg_tape_status(t), LG_SHAPE);
+    assert_int_equal(lg_shape_of(5, (uint32_t[4]){1, 2, 3, 4}).dims[3], 4);
+}
+
+/* More separate parts than a gradient's list of filled parts has room for. */
+TEST("a gradient may consist of many parts that do not touch") {
+    enum { PARTS = 40, ALL = 3 * PARTS };
+    const double *values = test_numbers(3, ALL, -1, 1);
+    double gradient[ALL];
+    lg_tape *t = test_tape(LG_F64);
+    const lg_var theta = lg_parameter(t, lg_shape1(ALL), values);
+    lg_var sum = LG_NONE;
+    for (int i = 0; i < PARTS; i++)
+        sum = lg_add_or(t, sum, lg_sum(t, lg_square(t, lg_slice(t, theta, 0, (uint32_t)(3 * i), 1))));
+    for (int i = 0; i < ALL; i++) gradient[i] = NAN;
+    assert_ok(lg_backward_set(t, sum, &theta, 1, &(void *){gradient}));
+    for (int i = 0; i < ALL; i++) assert_close(gradient[i], i % 3 == 0 ? 2 * values[i] : 0.0, 1e-15, 0);
+}
+
+/* ---- custom operations that are described or differentiated wrongly ---- */
+
+static lg_status failing_jvp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y,
+                             const lg_var *tangents, lg_var *out) {
+    return LG_NO_CONVERGENCE;
+}
+static lg_status short_jvp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y,
+                           const lg_var *tangents, lg_var *out) {
+    *out = lg_sum(tape, tangents[0]);
+    return LG_OK;
+}
+static lg_status no_jvp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y,
+                        const lg_var *tangents, lg_var *out) {
+    return LG_OK;
+}
+static lg_status stale_jvp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y,
+                           const lg_var *tangents, lg_var *out) {
+    *out = (lg_var){4000000000u, 1};
+    return LG_OK;
+}
+static lg_status failing_numeric_jvp(void *user, lg_dtype dtype, const void *const *in, const void *y,
+                                     const void *const *tangents, void *out) {
+    return LG_NO_CONVERGENCE;
+}
+static lg_status failing_numeric_vjp(void *user, lg_dtype dtype, const void *const *in, const void *y,
+                                     const void *g, void *const *out) {
+    return LG_NO_CONVERGENCE;
+}
+
+TEST("custom operations that are described wrongly, or whose tangents are wrong, are refused by name") {
+    static const double x0[3] = {1, 2, 3};
+    static const lg_custom_op wrong[] = {
+        {.forward = identity_forward},
+        {.name = "no forward"},
+        {.name = "rank 5", .forward = identity_forward},
+        {.name = "two", .forward = identity_forward, .jvp = no_jvp, .numeric_jvp = failing_numeric_jvp}};
+    static const struct {
+        lg_custom_op op;
+        lg_status status;
+    } rows[] = {{{.name = "fails", .forward = identity_forward, .jvp = failing_jvp}, LG_NO_CONVERGENCE},
+                {{.name = "short", .forward = identity_forward, .jvp = short_jvp}, LG_SHAPE},
+                {{.name = "stale", .forward = identity_forward, .jvp = stale_jvp}, LG_STALE_HANDLE},
+                {{.name = "no", .forward = identity_forward, .jvp = no_jvp}, LG_OK},
+                {{.name = "numeric",
+                  .forward = identity_forward,
+                  .numeric_jvp = failing_numeric_jvp,
+                  .numeric_vjp = failing_numeric_vjp},
+                 LG_NO_CONVERGENCE}};
+    lg_tape *t = test_tape(LG_F64);
+    for (size_t i = 0; i < LG_COUNT(wrong); i++) {
+        lg_tape_reset(t);
+        const lg_var x = vector(t, 3, x0);
+        assert_true(
+            lg_is_none(lg_custom(t, &wrong[i], &x, 1, i == 2 ? (lg_shape){.rank = 5} : lg_shape1(3))));
+        assert_status(lg_tape_status(t), LG_INVALID_ARGUMENT);
+    }
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        lg_tape_reset(t);
+        const lg_var x = vector(t, 3, x0);
+        lg_var y = lg_custom(t, &rows[i].op, &x, 1, (lg_shape){4, {1, 1, 1, 3}}), out;
+        const lg_var ones = lg_full(t, lg_shape1(3), 1.0);
+        assert_status(lg_jvp(t, &y, 1, &x, &ones, 1, &out), rows[i].status);
+        assert_says(lg_tape_message(t), rows[i].status == LG_OK ? "" : rows[i].op.name);
+        if (rows[i].status == LG_OK) assert_true(numbers_of(t, out)[2] == 0.0);
+    }
+    lg_tape_reset(t);
+    const lg_var x = vector(t, 3, x0);
+    lg_var y = lg_custom(t, &rows[4].op, &x, 1, lg_shape1(3)), out;
+    assert_status(lg_grad(t, y, &x, 1, &out), LG_NO_CONVERGENCE);
+    assert_says(lg_tape_message(t), "numeric");
 }

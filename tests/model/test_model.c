@@ -3,6 +3,7 @@
 #include "support/model_support.h"
 
 #include "liegrad/geometry.h"
+#include "model/internal.h"
 
 /* ---- value and derivative ---- */
 
@@ -522,7 +523,7 @@ static wide *make_wide(uint64_t seed) {
     spec.functions = &field;
     spec.function_count = 1;
     assert_ok(lg_program_build(NULL, &spec, &program, NULL));
-    assert_ok(lg_model_create(NULL, program, &w->space, &w->model, NULL));
+    assert_int_equal(lg_model_create(NULL, program, &w->space, &w->model, NULL), LG_OK); /* called once */
     lg_test_owns(w->model, release_model);
     w->work = test_work(lg_model_work_size(w->model));
     return w;
@@ -597,7 +598,82 @@ TEST("functions that do not fit each other or the space are refused") {
         spec.functions = functions;
         spec.function_count = count;
         assert_ok(lg_program_build(NULL, &spec, &program, NULL));
-        assert_status(lg_model_create(NULL, program, &space, &model, NULL), rows[i].status);
+        assert_int_equal(lg_model_create(NULL, program, &space, &model, NULL),
+                         rows[i].status); /* called once */
         lg_model_destroy(model);
     }
+}
+
+TEST("NULL has no numbers and is refused, and what does not move has no equilibrium") {
+    const lg_port in = {.name = "x", .shape = lg_shape1(3)}, out = {.name = "y"};
+    static const uint32_t one = 1;
+    const lg_function_spec value = {"value", &in, 1, &out, 1, first_numbers, (void *)(uintptr_t)&one};
+    lg_program_spec spec;
+    lg_program *program = NULL;
+    lg_model *model = NULL;
+    lg_file_writer *writer = NULL;
+    lg_file_reader *reader = NULL;
+    double x[3] = {1, 2, 3}, y[3];
+    lg_error error;
+    const lg_recipe *recipe = &lg_recipe_hamiltonian;
+    lg_program_spec_init(&spec);
+    spec.functions = &value;
+    spec.function_count = 1;
+    assert_told(lg_program_build(NULL, &spec, &program, &told));
+    assert_int_equal(lg_model_create(NULL, program, NULL, &model, NULL), LG_OK); /* called once */
+    lg_test_owns(model, release_model);
+    void *work = test_work(lg_model_work_size(model));
+    assert_status(lg_model_retract(model, x, x, y, work), LG_UNSUPPORTED);
+    assert_status(lg_model_equilibrium(model, NULL, x, NULL, work), LG_UNSUPPORTED);
+    assert_int_equal(lg_model_inputs(NULL) + lg_model_outputs(NULL) + lg_model_parameters(NULL), 0);
+    assert_null(lg_model_file_of(NULL, recipe));
+    assert_status(lg_model_file_program(NULL, NULL, &program, &error), LG_INVALID_ARGUMENT);
+    for (int k = 0; k < 4; k++) {
+        const lg_recipe *kind = k == 0 ? NULL : recipe;
+        double run[512] = {0}, *some = k == 1 ? NULL : run;
+        const char *path = k == 2 ? NULL : "none.h5";
+        assert_status(lg_checkpoint_create(NULL, path, kind, some, NULL, k == 3 ? NULL : &writer, &error),
+                      LG_INVALID_ARGUMENT);
+        if (k != 2)
+            assert_status(lg_checkpoint_open(NULL, path, NULL, kind, some, k == 3 ? NULL : &reader, &error),
+                          LG_INVALID_ARGUMENT);
+        assert_status(lg_recipe_compare_runs(kind, some, k == 3 ? NULL : run, path, &error),
+                      LG_INVALID_ARGUMENT);
+    }
+    assert_true(writer == NULL && reader == NULL);
+}
+
+TEST("the program of a model is copied with a step; where memory ends, nothing is left") {
+    static const uint32_t three = 3;
+    const lg_port in = {.name = "x", .shape = lg_shape1(3)}, out = {.name = "f"};
+    const lg_function_spec field = {"field", &in, 1, &out, 1, first_numbers, (void *)(uintptr_t)&three};
+    const lg_parameter_spec mass = {"mass", lg_shape1(2), NULL};
+    lg_space space;
+    lg_program_spec spec;
+    lg_program_spec_init(&spec);
+    spec.functions = &field;
+    spec.function_count = 1;
+    spec.parameters = &mass;
+    spec.parameter_count = 1;
+    assert_ok(lg_space_init_rn(&space, 3));
+    EVERY_ALLOCATION_FAILS(context, 50, {
+        lg_program *program = NULL;
+        lg_program *copy = NULL;
+        lg_model *model = NULL;
+        status = lg_program_build(context, &spec, &program, NULL);
+        if (status == LG_OK) status = lg_model_create(context, program, &space, &model, NULL);
+        if (status == LG_OK) status = lg_model_copy_program(model, NULL, &copy, NULL);
+        if (status == LG_OK) {
+            double y[3] = {7, 7, 7};
+            lg_plan *plan = NULL;
+            assert_ok(lg_program_find(copy, "step", &(size_t){0}, NULL));
+            assert_int_equal(lg_program_parameters(copy), 1);
+            lg_model_eval(model, y, y, NULL); /* it has a field, but no value */
+            lg_model_jacobian(model, y, y, y, NULL);
+            assert_true(y[0] == 7);
+            assert_status(lg_model_find(model, "value", NULL, &plan, NULL), LG_NOT_FOUND);
+        }
+        lg_program_destroy(copy);
+        lg_model_destroy(model);
+    });
 }

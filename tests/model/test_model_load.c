@@ -54,7 +54,8 @@ static lg_model *model_of(any_file *file) {
     lg_model *model;
     assert_ok(recipe->program(NULL, file->bytes, NULL, &program, NULL));
     if (recipe->space != NULL) assert_ok(recipe->space(common_of(file).run, &space));
-    assert_ok(lg_model_create(NULL, program, recipe->space != NULL ? &space : NULL, &model, NULL));
+    assert_int_equal(lg_model_create(NULL, program, recipe->space != NULL ? &space : NULL, &model, NULL),
+                     LG_OK); /* called once */
     return model;
 }
 
@@ -298,6 +299,9 @@ TEST("missing or wrong functions and parameters are refused by name, for every k
         {"parameters@theta", GONE, LG_FORMAT, ""},
         {"parameters@theta", TEXT("model/nothing"), LG_FORMAT, "~model/nothing"},
         {"parameters@theta", TEXT("../theta"), LG_FORMAT, "~path"},
+        {"parameters@theta", TEXT("/model/theta"), LG_FORMAT, "~path"},
+        {"parameters@theta", TEXT("model//theta"), LG_FORMAT, "~path"},
+        {"parameters@theta", TEXT("model/theta/"), LG_FORMAT, "~path"},
         {"parameters@theta", WHOLE(3), LG_FORMAT, ""},
         {"parameters@theta", TEXTS("model/nothing", LG_PROGRAM_MOST_NAMES), LG_FORMAT, "~model/nothing"},
         {"parameters@theta", TEXTS("model/nothing", LG_PROGRAM_MOST_NAMES + 1), LG_FORMAT,

@@ -105,7 +105,7 @@ static lg_model *model_on(const recorded *r, const lg_scheme *scheme, const lg_s
     lg_program *program;
     lg_model *model;
     assert_ok(kinds[r->file.kind].recipe->program(NULL, r->file.bytes, scheme, &program, NULL));
-    assert_ok(lg_model_create(NULL, program, space, &model, NULL));
+    assert_int_equal(lg_model_create(NULL, program, space, &model, NULL), LG_OK); /* called once */
     lg_test_owns(model, release_model);
     return model;
 }

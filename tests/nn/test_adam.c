@@ -115,3 +115,24 @@ TEST("schedules have their rates and names") {
                      1e-14, 0.0);
     ASSERT_NAMES(lg_schedule_kind, lg_schedule, LG_SCHEDULE_COUNT);
 }
+
+extern const lg_fit_batches_row lg_fit_adam;
+
+TEST("the bound of a step holds for rates and decays below 1 and sane moments only") {
+    static const struct {
+        double beta1, beta2, eps, lr, decay;
+        bool bounded;
+    } rows[] = {{0.9, 0.999, 1e-8, 1e-3, 0, true}, {0.999, 0.9, 1e-8, 1e-3, 0, false},
+                {0.9, 1.0, 1e-8, 1e-3, 0, false},  {0.9, 0.999, 1e-30, 1e-3, 0, false},
+                {0.9, 0.999, 1e-8, 3, 0, false},   {0.9, 0.999, 1e-8, 1e-3, 2, false}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        lg_fit_options o;
+        lg_fit_options_init(&o);
+        o.adam.beta1 = rows[i].beta1;
+        o.adam.beta2 = rows[i].beta2;
+        o.adam.eps = rows[i].eps;
+        o.adam.lr = rows[i].lr;
+        o.adam.weight_decay = rows[i].decay;
+        assert_int_equal(lg_fit_adam.bounded(&o, 1.0), rows[i].bounded);
+    }
+}

@@ -236,6 +236,9 @@ TEST("invalid options and problems are refused") {
     BAD((o.schedule = (lg_schedule){.kind = LG_SCHEDULE_STEP, .every = 1, .gamma = 0.0}));
     BAD((o.schedule = (lg_schedule){.kind = LG_SCHEDULE_COSINE, .floor = 2.0}));
     BAD(o.clip_norm = -1.0);
+    BAD(o.plan.phases = LG_FIT_MAX_PHASES + 1);
+    BAD((o.plan.phases = 1, o.plan.phase[0].method = 99));
+    BAD((o.plan.phases = 2, o.plan.phase[0].epochs = 0));
     BAD(o.validation = 1.0);
     BAD(o.validation = NAN);
     BAD(problem.parameters = 0);
@@ -255,6 +258,15 @@ TEST("invalid options and problems are refused") {
     assert_status(lg_fit_create(NULL, &problem, &o, theta, &fit, NULL), LG_NOT_FINITE);
     assert_null(fit);
     lg_fit_destroy(NULL);
+    for (int row = 0; row < 6; row++) {
+        problem = regression_problem(&r);
+        if (row == 0) problem.loss = NULL;
+        if (row == 1) problem.samples = 0;
+        if (row == 2) problem.parameters = 0;
+        if (row == 3) problem.samples = SIZE_MAX;
+        if (row == 4) problem.parameters = (size_t)LG_NEWTON_MAX_PARAMETERS + 1;
+        assert_status(lg_fit_newton(NULL, row == 5 ? NULL : &problem, theta, NULL), LG_INVALID_ARGUMENT);
+    }
 }
 
 /* ---- states of other fits, and invalid states ---- */
@@ -358,6 +370,8 @@ TEST("a damaged state is refused with the name of the array, and changes nothing
         {"optimizer/best", 9, NAN, NULL},
         {"optimizer/adam/m", 0, INFINITY, NULL},
         {"optimizer/adam/v", 0, -1e-9, NULL},
+        {"optimizer/adam/v", 0, NAN, NULL},
+        {"train/position", 0, 42, "train/open"}, /* the end of the training part */
         {"train/history/loss", 1, NAN, NULL},
         {"train/history/validation", 1, NAN, NULL},
         {"train/permutation", 4, 53, NULL},

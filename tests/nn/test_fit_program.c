@@ -141,6 +141,12 @@ TEST("every method finds the minimum over all rows of a loss that cannot become 
                      1e-2);
 }
 
+static lg_status first_input(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
+    (void)theta;
+    out[0] = lg_scale(tape, in[0], 1.0);
+    return lg_tape_status(tape);
+}
+
 TEST("impossible trainings are refused with a message, and the program stays unchanged") {
     rows *r = make_rows(0.0);
     lg_program *program = build_line();
@@ -164,7 +170,28 @@ TEST("impossible trainings are refused with a message, and the program stays unc
     r->data[1] = NULL, r->x[7] = 0.0;
     REFUSED(lg_program_fit(NULL, program, "error", r->data, ROWS, NULL, NULL, &result, &error),
             LG_INVALID_ARGUMENT, "the data of the input 'wanted' are NULL");
+    REFUSED(lg_program_fit(NULL, program, "error", r->data, SIZE_MAX, NULL, NULL, &result, &error),
+            LG_INVALID_ARGUMENT, "rows");
     assert_true(result.epochs == 77 && lg_program_parameter(program, 0).values[0] == before);
+    /* more parameters than a training takes, and none */
+    const lg_port in = {.name = "x", .shape = lg_shape1(1)}, out = {.name = "y"};
+    const lg_function_spec function = {"f", &in, 1, &out, 1, first_input, NULL};
+    static char name[LG_PROGRAM_FIT_MOST + 1][8];
+    lg_parameter_spec parameters[LG_COUNT(name)];
+    for (size_t i = 0; i < LG_COUNT(name); i++) {
+        (void)snprintf(name[i], sizeof name[i], "a%zu", i);
+        parameters[i] = (lg_parameter_spec){name[i], lg_shape1(1), NULL};
+    }
+    for (size_t count = 0; count <= LG_COUNT(name); count += LG_COUNT(name)) {
+        const lg_program_spec spec = {sizeof spec, parameters, count, &function, 1, NULL};
+        lg_program *other = NULL;
+        lg_fit_options options;
+        assert_told(lg_program_build(NULL, &spec, &other, &told));
+        lg_test_owns(other, release_program);
+        REFUSED(lg_program_fit_options_init(other, "f", &options, &error),
+                count == 0 ? LG_INVALID_ARGUMENT : LG_UNSUPPORTED,
+                count == 0 ? "no parameters" : "more than 64 parameters");
+    }
 }
 
 /* ---- several starts ---- */

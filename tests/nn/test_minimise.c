@@ -636,6 +636,56 @@ TEST("limits on evaluations and seconds and the cancel flag end a run") {
     assert_int_equal(f.calls, 5);
 }
 
+/* rosenbrock(2), or its residuals; evaluation `at` returns a status. */
+typedef struct failing {
+    uint64_t calls, at;
+    lg_status status;
+} failing;
+
+static lg_status failing_objective(void *user, const double *x, double *value, double *gradient) {
+    failing *f = user;
+    (void)rosenbrock(x, 2, value, gradient);
+    if (++f->calls != f->at) return LG_OK;
+    if (f->status == LG_OK) gradient[1] = NAN;
+    return f->status;
+}
+
+static lg_status failing_residuals(void *user, const double *x, double *r, double *jacobian) {
+    failing *f = user;
+    const double all[4] = {-20 * x[0], 10, -1, 0};
+    r[0] = 10 * (x[1] - x[0] * x[0]);
+    r[1] = 1 - x[0];
+    memcpy(jacobian, all, sizeof all);
+    if (++f->calls != f->at) return LG_OK;
+    if (f->status == LG_OK) *(f->at % 2 == 0 ? &r[1] : &jacobian[2]) = NAN;
+    return f->status;
+}
+
+TEST("an evaluation that fails ends the run with its status; where it is undefined, the step is shorter") {
+    /* LG_OK: a derivative or a residual is NaN */
+    static const lg_status statuses[] = {LG_FILE, LG_CANCELLED, LG_NOT_FINITE, LG_OK};
+    for (size_t s = 0; s < LG_COUNT(statuses); s++)
+        for (uint64_t at = 1; at < 60; at++)
+            for (int squares = 0; squares < 2; squares++) {
+                failing f = {0, at, statuses[s]};
+                double x[2] = {-1.2, 1};
+                lg_minimise_result result = {.evaluations = 0};
+                lg_error error;
+                const lg_status status =
+                    squares
+                        ? lg_least_squares(NULL, 2, 2, failing_residuals, &f, NULL, x, NULL, &result, &error)
+                        : lg_minimise(NULL, 2, failing_objective, &f, NULL, x, &result, &error);
+                const bool undefined = statuses[s] == LG_NOT_FINITE || statuses[s] == LG_OK;
+                assert_int_equal(status, f.calls < at || (undefined && at > 1) ? LG_OK
+                                         : undefined                           ? LG_NOT_FINITE
+                                                                               : statuses[s]);
+                if (status == LG_FILE) assert_says(error.message, "the objective: ");
+                if (status == LG_OK) assert_close(x[0], 1, 1e-6, 0);
+                assert_true(status == LG_OK || f.calls == at);
+                if (statuses[s] == LG_FILE && at == 1) assert_true(x[0] == -1.2 && x[1] == 1);
+            }
+}
+
 TEST("invalid arguments are refused before the first evaluation") {
     lg_minimise_options options;
     lg_minimise_options_init(&options);
@@ -763,6 +813,101 @@ TEST("invalid states are refused and leave the minimiser unchanged") {
     lg_minimiser *other = test_minimiser(&f, LG_MINIMISE_LBFGS);
     const lg_archive_reader reader = memory_reader(&archive);
     assert_int_equal(lg_minimiser_load(other, &reader, NULL), LG_SHAPE);
+}
+
+#define COUNT(member)  (offsetof(lg_minimise_counts, member) / sizeof(uint64_t))
+#define NUMBER(member) (offsetof(lg_minimise_numbers, member) / sizeof(double))
+
+TEST("a state whose counts or numbers do not fit together is refused with the rule") {
+    static const struct {
+        size_t n; /* variables: above 200 there is no room for a Hessian */
+        lg_minimise_method method;
+        struct {
+            size_t at;
+            double value;
+        } counts[2], numbers;
+        const char *words; /* NULL: the state is sound */
+    } rows[] = {
+        {3, LG_MINIMISE_SSBROYDEN, {{COUNT(stage), LG_STAGE_SEARCH}}, {0, 1}, NULL},
+        {3, LG_MINIMISE_SSBROYDEN, {{COUNT(end), LG_MINIMISE_END_COUNT}}, {0, 1}, "unknown stage or end"},
+        {3, LG_MINIMISE_SSBROYDEN, {{COUNT(stage), LG_STAGE_DONE}}, {0, 1}, "unknown stage or end"},
+        {3, LG_MINIMISE_SSBROYDEN, {{COUNT(trials), 1000}}, {0, 1}, "does not fit together"},
+        {3, LG_MINIMISE_SSBROYDEN, {{COUNT(iterations), 1e6}}, {0, 1}, "does not fit together"},
+        {3, LG_MINIMISE_SSBROYDEN, {{COUNT(reference), 1e6}}, {0, 1}, "does not fit together"},
+        {3, LG_MINIMISE_SSBROYDEN, {{COUNT(pairs), 1e6}}, {0, 1}, "does not fit together"},
+        {3, LG_MINIMISE_SSBROYDEN, {{COUNT(stage), LG_STAGE_HESSIAN}, {COUNT(trials), 7}}, {0, 1}, "Hessian"},
+        {3, LG_MINIMISE_SSBROYDEN, {{COUNT(stage), LG_STAGE_HESSIAN}, {COUNT(trials), 6}}, {0, 1}, NULL},
+        {300, LG_MINIMISE_LBFGS, {{COUNT(stage), LG_STAGE_HESSIAN}}, {0, 1}, "Hessian"},
+        {3,
+         LG_MINIMISE_SSBROYDEN,
+         {{COUNT(stage), LG_STAGE_CURVATURE}, {COUNT(trials), 900}},
+         {0, 1},
+         "Lanczos"},
+        {300,
+         LG_MINIMISE_LBFGS,
+         {{COUNT(stage), LG_STAGE_CURVATURE}, {COUNT(trials), 900}},
+         {0, 1},
+         "Lanczos"},
+        {3, LG_MINIMISE_SSBROYDEN, {{0, LG_STAGE_SEARCH}}, {NUMBER(slope), 0}, "not a valid state"},
+        {3, LG_MINIMISE_SSBROYDEN, {{0, LG_STAGE_SEARCH}}, {NUMBER(alpha), NAN}, "not a valid state"},
+        {3, LG_MINIMISE_SSBROYDEN, {{0, LG_STAGE_SEARCH}}, {NUMBER(value), INFINITY}, "not a valid state"},
+    };
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        function f = {.value = rosenbrock, .n = rows[i].n, .wrong = rows[i].n};
+        lg_minimiser *m = test_minimiser(&f, rows[i].method);
+        for (int k = 0; k < 12; k++) advance(m, &f);
+        memory_archive archive = {.count = 0};
+        const lg_archive_writer writer = memory_writer(&archive);
+        assert_ok(lg_minimiser_save(m, &writer, NULL));
+        uint64_t *counts = memory_find(&archive, "minimise/counts")->data;
+        double *numbers = memory_find(&archive, "minimise/numbers")->data;
+        for (int k = 0; k < 2 && (k == 0 || rows[i].counts[k].at > 0); k++)
+            counts[rows[i].counts[k].at] = (uint64_t)rows[i].counts[k].value;
+        if (rows[i].numbers.value != 1) numbers[rows[i].numbers.at] = rows[i].numbers.value;
+        const lg_archive_reader reader = memory_reader(&archive);
+        lg_error error = {.message = ""};
+        assert_status(lg_minimiser_load(m, &reader, &error), rows[i].words == NULL ? LG_OK : LG_FORMAT);
+        if (rows[i].words != NULL) assert_says(error.message, rows[i].words);
+    }
+}
+
+/* What the state machine does not expect changes nothing. */
+TEST("a minimiser ignores what does not belong to its method or its stage, and finds -infinity") {
+    function f = FUNCTION(rosenbrock, 3);
+    const double gradient[3] = {1, 2, 3}, matrix[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+    lg_minimiser *lm = test_minimiser(&f, LG_MINIMISE_LM), *m = test_minimiser(&f, LG_MINIMISE_LBFGS);
+    lg_minimise_options options;
+    assert_false(lg_minimiser_tell(lm, 1, gradient));
+    assert_false(lg_minimiser_tell_squares(m, 1, gradient, matrix));
+    assert_int_equal(lg_minimiser_result(lm).evaluations + lg_minimiser_result(m).evaluations, 0);
+    lg_minimiser_change(m, 1, gradient); /* before the first evaluation */
+    while (lg_minimiser_result(m).iterations == 0) {
+        lg_minimiser_change(m, 1, gradient);
+        advance(m, &f);
+    }
+    assert_false(lg_minimiser_tell(m, -INFINITY, gradient));
+    assert_int_equal(lg_minimiser_result(m).end, LG_MINIMISE_UNBOUNDED);
+    assert_false(lg_minimiser_tell(m, 1, gradient));
+    (void)lg_minimiser_tell_squares(lm, 1, (const double[3]){INFINITY, 0, 0}, matrix);
+    assert_int_equal(lg_minimiser_result(lm).end, LG_MINIMISE_NOT_FINITE);
+    assert_false(lg_minimiser_tell_squares(lm, 1, gradient, matrix));
+    lm = test_minimiser(&f, LG_MINIMISE_LM);
+    (void)lg_minimiser_tell_squares(lm, 1, gradient, (const double[9]){NAN});
+    assert_int_equal(lg_minimiser_result(lm).end, LG_MINIMISE_NOT_FINITE);
+    lm = test_minimiser(&f, LG_MINIMISE_LM);
+    (void)lg_minimiser_tell_squares(lm, 1, gradient, matrix);
+    lg_minimiser_change(lm, 1, gradient);
+    assert_int_equal(lg_minimiser_result(lm).end, LG_MINIMISE_RUNNING);
+    lg_minimise_options_init(&options);
+    options.check = false;
+    assert_ok(lg_minimiser_create(NULL, 3, &options, gradient, &m, NULL));
+    lg_test_owns(m, release_minimiser);
+    (void)lg_minimiser_tell(m, 1, (const double[3]){0, 0, 0});
+    assert_int_equal(lg_minimiser_result(m).end, LG_MINIMISE_GRADIENT);
+    assert_ok(lg_minimiser_create(NULL, 3, &options, gradient, &m, NULL));
+    lg_test_owns(m, release_minimiser);
+    (void)lg_minimiser_tell(m, 1, (const double[3]){0, NAN, 0});
+    assert_int_equal(lg_minimiser_result(m).end, LG_MINIMISE_NOT_FINITE);
 }
 
 /* ---- nonlinear least squares ---- */

@@ -391,6 +391,11 @@ TEST("invalid arguments, options and tables are refused, and a table that cannot
     lg_error error = {LG_OK, ""};
     assert_status(lg_search_run(NULL, &empty, &o, &problem, trials, &count, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_search_run(NULL, &space, &o, &nothing, trials, &count, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_search_run_trial(&space, &o, &nothing, (lg_search_known){0}, 0, trials, NULL),
+                  LG_INVALID_ARGUMENT);
+    lg_search_space odd = example();
+    memcpy(odd.ranges[0].name, "\x7f", 2);
+    assert_status(lg_search_space_check(&odd, NULL), LG_INVALID_ARGUMENT);
     const struct {
         double quantile;
         uint32_t rungs;

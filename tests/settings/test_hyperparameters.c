@@ -255,3 +255,55 @@ TEST("docs/data/hyperparameters.md is generated from these tables") {
     free(wanted);
     free(found);
 }
+
+/* Types and bounds that no recipe has. */
+TEST("fields of every type are shown and described; what cannot be set is refused") {
+    static const char name[] = "a name of forty bytes that fills a text.";
+    static const char *const few[] = {"a", NULL}, *const many[] = {name, name, name, name, name, name, name,
+                                                                   name, name, name, name, name, name, NULL};
+    static const struct {
+        lg_field row;
+        uint64_t member;
+        const char *shown, *described;
+    } rows[] = {
+        {{.type = LG_FIELD_SWITCH, .size = 1}, 1, "true", NULL},
+        {{.type = LG_FIELD_SWITCH, .size = 1}, 0, "false", NULL},
+        {{.type = LG_FIELD_NAME, .size = 8, .names = few, .group = ""}, 7, "?", "it is good: a"},
+        {{.type = LG_FIELD_NAME, .size = 8, .names = many, .group = ""}, 0, name, name},
+        {{.type = LG_FIELD_MAP, .group = "", .form = "keys"}, 0, "?", "it is good (keys)"},
+        {{.type = LG_FIELD_PHRASE, .names = many, .group = "", .form = "words"}, 0, NULL, name},
+        {{.type = LG_FIELD_PHRASE, .names = few, .group = "", .form = "words"}, 0, NULL, "(a, or words)"}};
+    const lg_field plain = {.name = "plain", .type = LG_FIELD_NODE, .low = -1e308, .high = 1};
+    const lg_field real = {.name = "real", .type = LG_FIELD_REAL, .size = 8, .low = -INFINITY, .high = 1};
+    const lg_field list = {.name = "list", .type = LG_FIELD_REALS, .size = sizeof(lg_reals), .high = 1};
+    double values[LG_FIELD_LIST_MAX], number = 0.5;
+    lg_reals reals = {.count = 0};
+    lg_error error;
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        lg_field row = rows[i].row;
+        char text[512];
+        row.name = "field";
+        row.meaning = "it is good";
+        if (rows[i].shown != NULL) {
+            lg_field_show(&row, &rows[i].member, text, sizeof text);
+            assert_string_equal(text, rows[i].shown);
+        }
+        if (rows[i].described == NULL) {
+            assert_int_equal(lg_field_whole(&row, &rows[i].member), rows[i].member);
+            continue;
+        }
+        (void)lg_field_describe(&row, text, sizeof text);
+        assert_says(text, rows[i].described);
+    }
+    assert_int_equal(lg_field_list(&plain, &number, values), 0);
+    assert_int_equal(lg_field_whole(&real, &number), 0);
+    assert_int_equal(lg_field_set(&plain, "1", &number, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "plain cannot be set");
+    assert_int_equal(lg_field_set(&real, "2", &number, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "'2' is not a number of at most 1");
+    assert_int_equal(lg_field_set(&list,
+                                  "0.00000000000000000000000000000000000000000000000000000000000000000001",
+                                  &reals, &error),
+                     LG_INVALID_ARGUMENT);
+    assert_true(number == 0.5 && reals.count == 0);
+}

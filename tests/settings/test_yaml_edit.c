@@ -107,11 +107,132 @@ TEST("a term is replaced by its kind and by its flag") {
     assert_change((lg_yaml_edit){LG_YAML_REPLACE, "damping", "cubic", "stribeck"},
                   BEFORE "inputs.columns[0]=u\ndamping[0].kind=diagonal\ndamping[0].coulomb=true\n"
                          "damping[1]=stribeck\nresidual=none\n");
+    assert_change((lg_yaml_edit){LG_YAML_REPLACE, "damping", "diagonal", "full"},
+                  BEFORE "inputs.columns[0]=u\ndamping.kind=full\ndamping.coulomb=true\nresidual=none\n");
+    assert_change((lg_yaml_edit){LG_YAML_REPLACE, "mass", "diagonal", "full"},
+                  BEFORE "inputs.columns[0]=u\ndamping.kind=diagonal\ndamping.coulomb=true\nresidual=none\n"
+                         "mass=full\n");
     const lg_yaml_edit two[] = {{LG_YAML_APPEND, "damping", NULL, "quadratic"},
                                 {LG_YAML_REPLACE, "damping", "quadratic", "{kind: cubic, values: [2]}"}};
     assert_string_equal(leaves_of(changed(file, two, 2)),
                         BEFORE "inputs.columns[0]=u\ndamping[0].kind=diagonal\ndamping[0].coulomb=true\n"
                                "damping[1].kind=cubic\ndamping[1].values[0]=2\nresidual=none\n");
+}
+
+TEST("of several terms of a kind, the one of the same coordinates is replaced") {
+    static const char terms[] =
+        "terms: [{kind: a, of: x}, {kind: a, of: [y]}, {kind: a, of: [x, y]}, b, c]\n";
+    static const struct {
+        const char *old, *fragment, *expected;
+    } rows[] = {{"a", "{kind: d, of: [x]}",
+                 "[0].kind=d\n[0].of[0]=x\n[1].kind=a\n[1].of[0]=y\n[2].kind=a\n[2].of[0]=x\n[2].of[1]=y\n"
+                 "[3]=b\n[4]=c\n"},
+                {"a", "{kind: d, of: y}",
+                 "[0].kind=a\n[0].of=x\n[1].kind=d\n[1].of=y\n[2].kind=a\n[2].of[0]=x\n[2].of[1]=y\n"
+                 "[3]=b\n[4]=c\n"},
+                {"a", "{kind: d, of: [x, y]}",
+                 "[0].kind=a\n[0].of=x\n[1].kind=a\n[1].of[0]=y\n[2].kind=a\n[2].of[0]=x\n[2].of[1]=y\n"
+                 "[3]=b\n[4]=c\n[5].kind=d\n[5].of[0]=x\n[5].of[1]=y\n"},
+                {"c", "e",
+                 "[0].kind=a\n[0].of=x\n[1].kind=a\n[1].of[0]=y\n[2].kind=a\n[2].of[0]=x\n[2].of[1]=y\n"
+                 "[3]=b\n[4]=e\n"}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        const lg_yaml_edit edit = {LG_YAML_REPLACE, "terms", rows[i].old, rows[i].fragment};
+        const char *now = leaves_of(changed(terms, &edit, 1));
+        for (const char *line = now, *want = rows[i].expected; *want != '\0';) {
+            const size_t length = strcspn(want, "\n") + 1;
+            assert_memory_equal(line, "terms", 5);
+            assert_memory_equal(line + 5, want, length);
+            line += 5 + length;
+            want += length;
+        }
+    }
+}
+
+TEST("a file of many keys is written completely") {
+    char *text = test_text("%*s", 60000, "");
+    size_t used = 0;
+    for (int i = 0; i < 1500; i++)
+        used += (size_t)sprintf(text + used, "key_%04d: value of a key with %04d\n", i, i);
+    const lg_yaml_edit edit = {LG_YAML_SET, "key_0007", NULL, "7"};
+    const char *now = changed(text, &edit, 1);
+    assert_true(strlen(now) > 40000);
+    assert_says(now, "key_0006: value of a key with 0006\nkey_0007: 7\nkey_0008: value");
+    assert_says(now, "key_1499: value of a key with 1499\n");
+}
+
+/* ---- values that a table of fields refuses ---- */
+
+static lg_status parse_even(const char *text, void *member, lg_error *error) {
+    if (strlen(text) % 2 == 1) return lg_fail(error, LG_INVALID_ARGUMENT, "its length is odd");
+    memcpy(member, text, 2);
+    return LG_OK;
+}
+
+TEST("values that do not fit their field are refused with the line and the field") {
+    static const char *const kinds[] = {"a", "b", NULL};
+    static const lg_field keys[] = {
+        {.name = "number", .type = LG_FIELD_REAL, .low = -5, .high = 5},
+        {.name = "count", .type = LG_FIELD_U32, .low = 1, .high = 9},
+        {.name = "big", .type = LG_FIELD_U64, .low = 0, .high = 0x1p64},
+        {.name = "kind", .type = LG_FIELD_NAME, .names = kinds},
+        {.name = "list", .type = LG_FIELD_REALS, .low = -5, .high = 5, .most = 3},
+        {.name = "long", .type = LG_FIELD_REALS, .low = -5, .high = 5, .most = 100},
+        {.name = "phrase", .type = LG_FIELD_PHRASE, .size = 2, .parse = parse_even},
+        {.name = "map", .type = LG_FIELD_MAP},
+        {.name = "map.inner", .type = LG_FIELD_REAL, .low = -5, .high = 5}};
+#define X8  "xxxxxxxx"
+#define X64 X8 X8 X8 X8 X8 X8 X8 X8
+    static const struct {
+        const char *text, *words;
+    } rows[] = {
+        {"number: [1]", "line 1: number: a number is expected"},
+        {"number: \"a\\x7fb\\x01\"", "number: 'a?b?' is not a number"},
+        {"number: " X64 X64, "is not a number"},
+        {"number: '1'", "'1' is not a number"},
+        {"count: -1", "count: '-1' is not a whole number"},
+        {"count: 1.5", "count: '1.5' is not a whole number"},
+        {"count: 10", "count: 10 is outside [1, 9]"},
+        {"big: [1]", "big: a whole number is expected"},
+        {"big: '12'", "big: '12' is not a whole number"},
+        {"big: 1" X64, "is not a whole number"},
+        {"big: 1x", "big: '1x' is not a whole number"},
+        {"kind: [a]", "kind: a name is expected"},
+        {"kind: c", "kind: 'c' is none of a, b"},
+        {"kind: " X64, "is none of a, b"},
+        {"list: {a: 1}", "list: a list is expected"},
+        {"list: [1, 2, 3, 4]", "list: has 4 values, 1 to 3 are expected"},
+        {"long: [0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0]", "too many values"},
+        {"phrase: []", "phrase: a text"},
+        {"phrase: odd", "phrase: its length is odd"},
+        {"map: 3", "map: keys and values are expected"},
+        {"map: {" X64 ": 3}", "unknown key"},
+        {"number: 1\n---\n[", "is not YAML"},
+        {"number: 1\nphrase: even\n" X64 ": 2", "unknown key"}};
+    lg_key_value values[LG_COUNT(keys)];
+    const lg_key_set set = {keys, LG_COUNT(keys), values};
+    lg_yaml *yaml = NULL;
+    char member[2];
+    lg_error error;
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        lg_status status =
+            lg_yaml_open_text(NULL, "file.yaml", rows[i].text, strlen(rows[i].text), &yaml, &error);
+        if (status == LG_OK) {
+            status = lg_yaml_read(yaml, &set, 1, NULL, "", &error);
+            assert_false(lg_yaml_has(yaml, "number.inner") || lg_yaml_has(yaml, "nothing"));
+            if (status == LG_OK) status = lg_yaml_store(yaml, keys, values, LG_COUNT(keys), member, &error);
+            lg_yaml_close(yaml);
+        }
+        assert_int_equal(status, LG_FORMAT);
+        assert_says(error.message, rows[i].words);
+    }
+    const size_t large = ((size_t)1 << 20) + 1;
+    char *text = memset(lg_test_memory(large), 'a', large);
+    assert_int_equal(lg_yaml_open_text(NULL, "file.yaml", text, large, &yaml, &error), LG_FORMAT);
+    unsigned char *bytes = NULL;
+    size_t size;
+    for (int i = 0; i < 2; i++)
+        assert_int_equal(lg_yaml_bytes(NULL, i == 0 ? NULL : "", &bytes, &size, &error), LG_INVALID_ARGUMENT);
 }
 
 TEST("a value that several keys share is changed in one of them alone") {

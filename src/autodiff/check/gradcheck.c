@@ -78,6 +78,10 @@ static lg_status tape_failed(check *k) {
     return lg_tape_status(k->tape);
 }
 
+static lg_status on_tape(check *k, lg_status status) {
+    return status == LG_OK ? LG_OK : tape_failed(k);
+}
+
 /* Records an error in the report, and fails if it is above its bound or NaN. */
 static lg_status judge(check *k, const char *what, double error, double bound) {
     if (!(error <= k->report->error)) k->report->error = error;
@@ -215,8 +219,8 @@ static lg_var weighted(check *k, const lg_var *y, const lg_var *c) {
  * gradient, and halves the result. It equals the gradient exactly if lg_backward_set overwrote every NaN. */
 static lg_status unrecorded(check *k, lg_var y, const lg_var *x, void *const *grad) {
     for (size_t j = 0; j < total(&k->in); j++) k->back[j] = NAN;
-    if (lg_backward_set(k->tape, y, x, k->in.count, grad) != LG_OK) return tape_failed(k);
-    if (lg_backward(k->tape, y, x, k->in.count, grad) != LG_OK) return tape_failed(k);
+    LG_TRY(on_tape(k, lg_backward_set(k->tape, y, x, k->in.count, grad)));
+    LG_TRY(on_tape(k, lg_backward(k->tape, y, x, k->in.count, grad)));
     for (size_t j = 0; j < total(&k->in); j++) k->back[j] *= 0.5;
     return LG_OK;
 }
@@ -234,9 +238,9 @@ static lg_status derivatives(check *k) {
         grad[i] = k->back + k->in.at[i];
     }
     LG_TRY(read_all(k, &k->out, y, k->y));
-    if (lg_vjp(tape, y, c, k->out.count, x, k->in.count, found) != LG_OK) return tape_failed(k);
+    LG_TRY(on_tape(k, lg_vjp(tape, y, c, k->out.count, x, k->in.count, found)));
     LG_TRY(read_all(k, &k->in, found, k->vjp));
-    if (lg_jvp(tape, y, k->out.count, x, d, k->in.count, found) != LG_OK) return tape_failed(k);
+    LG_TRY(on_tape(k, lg_jvp(tape, y, k->out.count, x, d, k->in.count, found)));
     LG_TRY(read_all(k, &k->out, found, k->jvp));
     return unrecorded(k, weighted(k, y, c), x, grad);
 }
@@ -355,18 +359,18 @@ static lg_status check_symmetry(check *k) {
     }
     lg_var y = build_first(k, x), c = x[n];
     double way[4], magnitude[4] = {0.0, 0.0, 0.0, 0.0};
-    if (lg_jvp(tape, &y, 1, x, d, n, &jd) != LG_OK || lg_jvp(tape, &jd, 1, x, e, n, &jde) != LG_OK)
-        return tape_failed(k);
-    if (lg_read(tape, jde, outputs, k->second) != LG_OK) return tape_failed(k);
+    LG_TRY(on_tape(k, lg_jvp(tape, &y, 1, x, d, n, &jd)));
+    LG_TRY(on_tape(k, lg_jvp(tape, &jd, 1, x, e, n, &jde)));
+    LG_TRY(on_tape(k, lg_read(tape, jde, outputs, k->second)));
     way[0] = dot(k->x + size, k->second, outputs, &magnitude[0]);
-    if (lg_vjp(tape, &jd, &c, 1, x, n, h) != LG_OK) return tape_failed(k);
+    LG_TRY(on_tape(k, lg_vjp(tape, &jd, &c, 1, x, n, h)));
     LG_TRY(read_all(k, &l, h, k->second));
     way[1] = dot(k->second, k->moved, size, &magnitude[1]);
-    if (lg_vjp(tape, &y, &c, 1, x, n, g) != LG_OK || lg_jvp(tape, g, n, x, e, n, h) != LG_OK)
-        return tape_failed(k);
+    LG_TRY(on_tape(k, lg_vjp(tape, &y, &c, 1, x, n, g)));
+    LG_TRY(on_tape(k, lg_jvp(tape, g, n, x, e, n, h)));
     LG_TRY(read_all(k, &l, h, k->second));
     way[2] = dot(k->second, k->dx, size, &magnitude[2]);
-    if (lg_jvp(tape, g, n, x, d, n, h) != LG_OK) return tape_failed(k);
+    LG_TRY(on_tape(k, lg_jvp(tape, g, n, x, d, n, h)));
     LG_TRY(read_all(k, &l, h, k->second));
     way[3] = dot(k->second, k->moved, size, &magnitude[3]);
     for (int i = 1; i < 4; i++) {

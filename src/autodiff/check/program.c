@@ -47,6 +47,10 @@ static lg_status tape_failed(check *k) {
     return lg_tape_status(k->tape);
 }
 
+static lg_status on_tape(check *k, lg_status status) {
+    return status == LG_OK ? LG_OK : tape_failed(k);
+}
+
 /* ---- the program ---- */
 
 /* Records the user's function. For an argument with given values, the program's input is a displacement that
@@ -163,7 +167,7 @@ static void place(check *k, taped *t) {
 static lg_status read_results(check *k, const taped *t, size_t function, double *to) {
     for (size_t j = 0; j < results_of(k, function); j++) {
         const size_t count = lg_shape_count(lg_var_shape(k->tape, t->result[function][j]));
-        if (lg_read(k->tape, t->result[function][j], count, to) != LG_OK) return tape_failed(k);
+        LG_TRY(on_tape(k, lg_read(k->tape, t->result[function][j], count, to)));
         to += count;
     }
     return LG_OK;
@@ -172,11 +176,10 @@ static lg_status read_results(check *k, const taped *t, size_t function, double 
 static lg_status recorded(check *k, double *to) {
     taped t;
     place(k, &t);
-    if (record(k, k->tape, NULL, t.x, &t.y) != LG_OK) return tape_failed(k);
+    LG_TRY(on_tape(k, record(k, k->tape, NULL, t.x, &t.y)));
     t.result[VALUE][0] = t.y;
-    if (lg_vjp(k->tape, &t.y, &t.c, 1, t.x, k->f->inputs, t.result[ADJOINT]) != LG_OK ||
-        lg_jvp(k->tape, &t.y, 1, t.x, t.d, k->f->inputs, t.result[FORWARD]) != LG_OK)
-        return tape_failed(k);
+    LG_TRY(on_tape(k, lg_vjp(k->tape, &t.y, &t.c, 1, t.x, k->f->inputs, t.result[ADJOINT])));
+    LG_TRY(on_tape(k, lg_jvp(k->tape, &t.y, 1, t.x, t.d, k->f->inputs, t.result[FORWARD])));
     for (size_t f = 0; f < FUNCTIONS; to += k->count[f++]) LG_TRY(read_results(k, &t, f, to));
     return LG_OK;
 }
@@ -188,7 +191,7 @@ static lg_status applied(check *k, double *to) {
         lg_var in[2 * MOST];
         memcpy(in, t.x, sizeof t.x);
         memcpy(in + k->f->inputs, f == ADJOINT ? &t.c : t.d, (f == ADJOINT ? 1 : k->f->inputs) * sizeof *in);
-        if (lg_program_record(k->tape, k->program, f, NULL, in, t.result[f]) != LG_OK) return tape_failed(k);
+        LG_TRY(on_tape(k, lg_program_record(k->tape, k->program, f, NULL, in, t.result[f])));
         LG_TRY(read_results(k, &t, f, to));
     }
     return LG_OK;

@@ -286,7 +286,7 @@ lg_var lg_dense(lg_tape *tape, lg_var x, lg_var w, lg_var b, lg_activation kind)
     }
     const lg_node *nx = lg_node_of(tape, x, "dense"), *nw = lg_node_of(tape, w, "dense");
     const lg_node *nb = has_bias ? lg_node_of(tape, b, "dense") : NULL;
-    if (tape->status != LG_OK || nx == NULL || nw == NULL || (has_bias && nb == NULL)) return LG_NONE;
+    if (tape->status != LG_OK) return LG_NONE;
     const lg_node *in[3] = {nx, nw, nb};
     bool fits = nx->shape.rank == 2 && nw->shape.rank == 2 && nx->shape.dims[1] == nw->shape.dims[0];
     if (!fits || (has_bias && (nb->shape.rank != 1 || nb->shape.dims[0] != nw->shape.dims[1])))

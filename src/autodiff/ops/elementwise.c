@@ -166,6 +166,11 @@ static lg_var unary(lg_tape *tape, const lg_op *op, lg_var x, double c) {
     X(cos, LG_K_COS, NAN, lg_s(s, LG_S_COS, x, x), lg_neg(t, lg_mul(t, g, lg_sin(t, x))))                    \
     X(abs, LG_K_ABS, NAN, lg_s(s, LG_S_ABS, x, x), lg_mul(t, g, lg_sign(t, x)))
 
+/* The input itself, if the number of the operation is `idle`. */
+static lg_instead instead_where(const lg_known *known, double idle) {
+    return known->attr->c == idle ? lg_instead_input(0) : lg_instead_nothing();
+}
+
 #define DEFINE_UNARY(name, kernel, idle, scalar, derivative)                                                 \
     static lg_status name##_forward(lg_evaluation *e) {                                                      \
         e->k->unary[kernel](e->count, e->attr->c, e->x[0], e->y);                                            \
@@ -183,7 +188,7 @@ static lg_var unary(lg_tape *tape, const lg_op *op, lg_var x, double c) {
         return scalar;                                                                                       \
     }                                                                                                        \
     static lg_instead name##_instead(const lg_known *known) {                                                \
-        return known->attr->c == idle ? lg_instead_input(0) : lg_instead_nothing();                          \
+        return instead_where(known, idle);                                                                   \
     }                                                                                                        \
     static void name##_vjp(lg_reverse *r) {                                                                  \
         if (r->need[0]) r->out[0] = name##_times(r->tape, r->in[0], r->y, r->attr->c, r->g);                 \

@@ -89,8 +89,7 @@ static lg_status record(building *b, size_t which, lg_var *leaves) {
     if (status != LG_OK)
         return lg_fail(b->error, status, "function '%s': the callback `record` failed: %s", spec->name,
                        lg_status_sentence(status));
-    const size_t leaf_count = p->parameters + spec->input_count;
-    if (leaf_count > 0 && lg_node_of(tape, leaves[leaf_count - 1], "input") == NULL)
+    if (lg_node_of(tape, leaves[p->parameters + spec->input_count - 1], "input") == NULL)
         return lg_fail(b->error, LG_INVALID_ARGUMENT,
                        "function '%s': the callback `record` has reset the tape, which it must not do",
                        spec->name);
@@ -274,36 +273,29 @@ static bool same_payload(const building *b, uint32_t i, size_t bytes) {
     return true;
 }
 
-/* Moves the array to new memory with room for `more` elements. NULL: out of memory. */
-static void *append(building *b, void *array, size_t count, size_t more, size_t size) {
-    unsigned char *grown = memory(b, count + more + 1, size);
-    if (grown != NULL && count > 0) memcpy(grown, array, count * size);
-    if (grown != NULL) lg_free(b->program->context, array);
-    return grown;
+/* Appends a payload to one of the function's lists. */
+static lg_status append(building *b, lg_program_node *node, void **list, size_t *length, const void *values,
+                        size_t count, size_t size) {
+    unsigned char *grown = *length + count <= UINT32_MAX ? memory(b, *length + count + 1, size) : NULL;
+    if (grown == NULL) return LG_OUT_OF_MEMORY;
+    if (*length > 0) memcpy(grown, *list, *length * size);
+    memcpy(grown + *length * size, values, count * size);
+    lg_free(b->program->context, *list);
+    *list = grown;
+    node->payload = (uint32_t)*length;
+    node->payload_count = (uint32_t)count;
+    *length += count;
+    return LG_OK;
 }
 
 static lg_status add_reals(building *b, lg_program_node *node, const double *values, size_t count) {
     lg_function *f = &b->made;
-    double *grown = append(b, f->reals, f->real_count, count, sizeof *grown);
-    if (grown == NULL || count > UINT32_MAX || f->real_count > UINT32_MAX) return LG_OUT_OF_MEMORY;
-    memcpy(grown + f->real_count, values, count * sizeof *values);
-    f->reals = grown;
-    node->payload = (uint32_t)f->real_count;
-    node->payload_count = (uint32_t)count;
-    f->real_count += count;
-    return LG_OK;
+    return append(b, node, (void **)&f->reals, &f->real_count, values, count, sizeof *values);
 }
 
 static lg_status add_indices(building *b, lg_program_node *node, const uint32_t *values, size_t count) {
     lg_function *f = &b->made;
-    uint32_t *grown = append(b, f->indices, f->index_count, count, sizeof *grown);
-    if (grown == NULL || f->index_count > UINT32_MAX) return LG_OUT_OF_MEMORY;
-    memcpy(grown + f->index_count, values, count * sizeof *values);
-    f->indices = grown;
-    node->payload = (uint32_t)f->index_count;
-    node->payload_count = (uint32_t)count;
-    f->index_count += count;
-    return LG_OK;
+    return append(b, node, (void **)&f->indices, &f->index_count, values, count, sizeof *values);
 }
 
 static lg_status payload(building *b, uint32_t i, lg_program_node *node) {
@@ -318,12 +310,9 @@ static lg_status payload(building *b, uint32_t i, lg_program_node *node) {
             !same_payload(b, i, from->attr.i[0] * sizeof(uint32_t)))
             return refuse(b, i, "its indices depend on values or on the number of rows");
         return add_indices(b, node, from->attr.pointer, from->attr.i[0]);
-    case LG_PAYLOAD_KEPT:
-    case LG_PAYLOAD_NONE:
-    case LG_PAYLOAD_IN_PROCESS: /* refused before this */
-        break;
+    default: /* LG_PAYLOAD_IN_PROCESS is refused before this */
+        return LG_OK;
     }
-    return LG_OK;
 }
 
 /* ---- leaves ---- */
@@ -345,13 +334,13 @@ static lg_status constant(building *b, uint32_t i, lg_program_node *node) {
     static const double nothing;
     if (first->count == 0) values = &nothing;
     for (size_t c = 0; c < LG_COUNT(periods); c++) {
-        bool fits = periods[c] > 0 || first->count == 0;
+        bool fits = periods[c] > 0;
         for (size_t k = 0; fits && k < b->recordings; k++) {
             const lg_node *other = node_in(b, k, i);
             fits = (c < 2 || other->count == first->count) &&
                    repeats(other->value, other->count, values, periods[c]);
         }
-        if (fits) return add_reals(b, node, values, periods[c] > 0 ? periods[c] : 1);
+        if (fits) return add_reals(b, node, values, periods[c]);
     }
     return refuse(b, i,
                   "its values differ from one recording to another: declare it as an input or a parameter, "

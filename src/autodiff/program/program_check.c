@@ -18,11 +18,6 @@ static bool unit_is_sound(const char *unit) {
 }
 
 static lg_status check_ports(const lg_function *f, lg_error *error) {
-    if (f->inputs < 1 || f->inputs > LG_PROGRAM_MAX_PORTS || f->outputs < 1 ||
-        f->outputs > LG_PROGRAM_MAX_PORTS)
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "function '%s' has %zu inputs and %zu outputs, expected 1 to %d of each", f->name,
-                       f->inputs, f->outputs, LG_PROGRAM_MAX_PORTS);
     for (size_t i = 0; i < f->inputs + f->outputs; i++) {
         const lg_port *port = i < f->inputs ? &f->input[i] : &f->output[i - f->inputs];
         LG_TRY(lg_program_check_name(i < f->inputs ? "an input" : "an output", port->name, error));
@@ -52,17 +47,14 @@ static lg_status check_ports(const lg_function *f, lg_error *error) {
 }
 
 static lg_status bad_node(const lg_function *f, uint32_t i, const char *why, lg_error *error) {
-    const char *name = f->node[i].op != NULL ? f->node[i].op->name : "?";
-    return lg_fail(error, LG_FORMAT, "function '%s', operation %u (%s): %s", f->name, i, name, why);
+    return lg_fail(error, LG_FORMAT, "function '%s', operation %u (%s): %s", f->name, i, f->node[i].op->name,
+                   why);
 }
 
 static lg_status check_leaf(const lg_program *p, const lg_function *f, uint32_t i, lg_error *error) {
     const lg_program_node *node = &f->node[i];
-    if (node->inputs != 0) return bad_node(f, i, "a leaf cannot have inputs", error);
     if (node->leaf == LG_LEAF_CONSTANT) {
-        if (node->payload_count == 0 || node->payload > f->real_count ||
-            node->payload_count > f->real_count - node->payload)
-            return bad_node(f, i, "its numbers lie outside the list of the function's numbers", error);
+        if (node->payload_count == 0) return bad_node(f, i, "it has no numbers", error);
         return LG_OK;
     }
     const size_t most = node->leaf == LG_LEAF_INPUT ? f->inputs : p->parameters;
@@ -106,9 +98,6 @@ static lg_status check_payload(const lg_function *f, uint32_t i, lg_error *error
     if (payload == LG_PAYLOAD_IN_PROCESS)
         return bad_node(f, i, "a custom operation cannot be part of a program", error);
     if (payload != LG_PAYLOAD_REALS && payload != LG_PAYLOAD_INDICES) return LG_OK;
-    const size_t there = payload == LG_PAYLOAD_REALS ? f->real_count : f->index_count;
-    if (node->payload > there || node->payload_count > there - node->payload)
-        return bad_node(f, i, "its numbers or indices lie outside the function's lists", error);
     if (payload == LG_PAYLOAD_REALS && node->payload_count != node->inputs)
         return bad_node(f, i, "the number of its coefficients is not the number of its inputs", error);
     if (payload != LG_PAYLOAD_INDICES) return LG_OK;
@@ -151,13 +140,11 @@ static bool affine_within(lg_affine a) {
 
 static lg_status check_node(const lg_program *p, const lg_function *f, uint32_t i, lg_error *error) {
     const lg_program_node *node = &f->node[i];
-    if (node->op == NULL || (!lg_is_call(node->op) && lg_op_place(node->op) == LG_OPS_MOST))
+    if (!lg_is_call(node->op) && lg_op_place(node->op) == LG_OPS_MOST)
         return bad_node(f, i, "there is no such operation", error);
     const lg_op *op = node->op;
-    if (node->rank > LG_MAX_RANK) return bad_node(f, i, "its rank is too high", error);
     if (!isfinite(node->c)) return bad_node(f, i, "an attribute is not finite", error);
-    if (node->inputs < op->least || node->inputs > op->most || node->first > f->edge_count ||
-        node->inputs > f->edge_count - node->first)
+    if (node->inputs < op->least || node->inputs > op->most)
         return bad_node(f, i, "it has the wrong number of inputs", error);
     for (uint32_t k = 0; k < node->inputs; k++)
         if (f->edges[node->first + k] >= i)

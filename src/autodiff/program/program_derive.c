@@ -163,10 +163,9 @@ static lg_status record(void *user, lg_tape *tape, const lg_var *parameters, con
         return record_adjoint(&d->adjoint, tape, parameters, in, out);
     case LG_DERIVATIVE_JACOBIAN:
         return record_jacobian(&d->f, tape, parameters, in, out);
-    case LG_DERIVATIVE_JACOBIAN_OF_ADJOINT:
+    default: /* LG_DERIVATIVE_JACOBIAN_OF_ADJOINT */
         return record_jacobian(&d->adjoint, tape, parameters, in, out);
     }
-    return LG_INVALID_ARGUMENT;
 }
 
 /* ---- ports ---- */
@@ -208,8 +207,9 @@ static lg_status choose(const char *const *names, size_t count, const lg_port *p
             return lg_fail(error, LG_UNSUPPORTED,
                            "%s '%s' is shared by all rows, but a Jacobian needs one value per row", what,
                            names[c]);
-        if (*chosen_count == PORTS)
-            return lg_fail(error, LG_INVALID_ARGUMENT, "too many inputs or outputs are named");
+        for (size_t k = 0; k < c; k++)
+            if (chosen[k] == i)
+                return lg_fail(error, LG_INVALID_ARGUMENT, "%s '%s' is named twice", what, names[c]);
         chosen[(*chosen_count)++] = i;
     }
     return *chosen_count > 0
@@ -233,7 +233,7 @@ static void make_adjoint(deriving *d) {
 
 static void jacobian_ports(deriving *d, const differentiable *f) {
     for (size_t j = 0; j < f->of_count; j++)
-        for (size_t i = 0; i < f->by_count && d->outputs < PORTS; i++)
+        for (size_t i = 0; i < f->by_count; i++)
             d->out[d->outputs++] =
                 (lg_port){.name = name_of(d, "jac_%s_%s", f->out[f->of[j]].name, f->in[f->by[i]].name)};
 }

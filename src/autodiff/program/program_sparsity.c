@@ -64,7 +64,7 @@ static lg_status spread_code(spreading *s, uint32_t node, lg_scalars *code, bool
         .attr = &n->attr, .inputs = n->inputs, .in = shapes, .shape = &n->shape, .count = n->count};
     if (y == NULL) return LG_OUT_OF_MEMORY;
     *known = lg_scalars_expand(code, n->op, &e, x, y);
-    if (!*known) return LG_OK;
+    if (!*known) return code->failed && code->count < LG_SCALARS_MOST ? LG_OUT_OF_MEMORY : LG_OK;
     uint64_t *of = lg_heap_take(&s->heap, (size_t)code->count * s->words, sizeof *of),
              *set = sets_of(s, node);
     if (of == NULL || set == NULL) return LG_OUT_OF_MEMORY;

@@ -123,8 +123,6 @@ static double carry_out(const lg_scalar_code *c, const double *x) {
         return a != a ? a : b != b ? b : a >= b ? a : b;
     case LG_S_GE:
         return a >= b ? 1.0 : 0.0;
-    case LG_S_SELECT:
-        return a != 0.0 ? b : x[2];
     case LG_S_SQRT:
         return sqrt(a);
     case LG_S_ABS:
@@ -155,17 +153,14 @@ static double carry_out(const lg_scalar_code *c, const double *x) {
     case LG_S_DEXPINV:
         lg_kernels_for(LG_F64)->dexpinv_coef(1, (int)c->n, &a, &y);
         return y;
-    case LG_S_INPUT:
-    case LG_S_CONSTANT:
-    case LG_SCALAR_OPS:
-        break;
+    default: /* lg_s_select takes its own */
+        return y;
     }
-    return y;
 }
 
 /* If all operands are constants and the result is finite, sets *out to a constant and returns true. */
 static bool folded(lg_scalars *s, const lg_scalar_code *c, lg_scalar *out) {
-    double x[3] = {0, 0, 0};
+    double x[2] = {0, 0};
     if (s->exact && c->op != LG_S_NEG) return false;
     for (uint8_t k = 0; k < lg_scalar_instructions(c->op); k++)
         if (!lg_s_is_constant(s, c->in[k], &x[k])) return false;
