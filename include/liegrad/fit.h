@@ -464,8 +464,8 @@ typedef struct lg_fit_starts {
  * On success the parameters of the program are replaced. On failure the program is unchanged. `result` may be
  * NULL. Errors: LG_NOT_FOUND (no such function), LG_INVALID_ARGUMENT (NULL, no rows, no starts; the output
  * depends on no parameter, is shared and has several numbers, or fails the test above), LG_UNSUPPORTED (more
- * than LG_PROGRAM_FIT_MOST parameters, inputs or outputs), LG_NOT_FINITE (data; as in lg_fit_run, in all
- * starts), LG_OUT_OF_MEMORY, the errors of lg_fit_create, lg_fit_run and of operations. */
+ * than LG_PROGRAM_FIT_MOST parameters), LG_NOT_FINITE (data; as in lg_fit_run, in all starts),
+ * LG_OUT_OF_MEMORY, the errors of lg_fit_create, lg_fit_run and of operations. */
 LG_API lg_status lg_program_fit(const lg_context *context, lg_program *program, const char *function,
                                 const double *const *data, size_t rows, const lg_fit_options *options,
                                 const lg_fit_starts *starts, lg_program_fit_result *result, lg_error *error);
