@@ -6,6 +6,7 @@
 
 #include "files/h5.h"
 #include "machine/files/choice.h"
+#include "machine/internal.h"
 
 /* ---- candidates for a machine ---- */
 
@@ -22,27 +23,18 @@ enum { MOST = LG_SUGGEST_ROWS / LG_SUGGEST_ROUNDS };
 
 /* Puts names into a text. `line`: the coordinate that %P stands for. */
 static void fill_in(const lg_machine *machine, const char *text, uint32_t line, char *out, size_t size) {
-    size_t used = 0;
-    for (; *text != '\0' && used + 1 < size; text++) {
+    out[0] = '\0';
+    for (; *text != '\0'; text++) {
         if (*text != '%') {
-            out[used++] = *text;
+            lg_machine_append(out, size, "%c", *text);
             continue;
         }
         const bool all = *++text == 'V';
         const uint32_t first = all ? 0 : line, end = all ? machine->coordinate_count : line + 1;
-        for (uint32_t i = first; i < end && used < size; i++)
-            used += (size_t)snprintf(out + used, size - used, "%s%s%s", i > first ? ", " : "",
-                                     machine->coordinates[i].name, all ? ".velocity" : "");
-        if (used >= size) used = size - 1;
+        for (uint32_t i = first; i < end; i++)
+            lg_machine_append(out, size, "%s%s%s", i > first ? ", " : "", machine->coordinates[i].name,
+                              all ? ".velocity" : "");
     }
-    out[used] = '\0';
-}
-
-static int part_named(const char *name) {
-    int part = 0;
-    while (part < LG_MACHINE_PART_COUNT && strcmp(lg_machine_part_name((lg_machine_part)part), name) != 0)
-        part++;
-    return part;
 }
 
 static bool is_listed(const char *names, const char *name) {
@@ -65,13 +57,9 @@ static bool sees(const lg_machine_term *term, uint32_t coordinate) {
 static bool is_open(const lg_machine_file *file, const lg_candidate *row, uint32_t line) {
     const lg_machine *machine = &file->machine;
     if (row->applies != NULL && !row->applies(file, row)) return false;
-    if (row->part == NULL) return true;
-    const int part = part_named(row->part);
-    if (part == LG_MACHINE_PART_COUNT || lg_term_kind_find((lg_machine_part)part, row->kind) == NULL)
-        return false;
     for (uint32_t i = 0; i < machine->term_count; i++) {
         const lg_machine_term *term = &machine->terms[i];
-        if ((int)term->part == part && is_listed(row->unless, lg_term_kind_name(term->kind)) &&
+        if (term->part == row->part && is_listed(row->unless, lg_term_kind_name(term->kind)) &&
             (!row->each || sees(term, line)))
             return false;
     }
