@@ -226,11 +226,29 @@ TEST("windows of more than a thousand rows fit into memory") {
     assert_law(learn(LINE INPUT LAW MAP, write_log((shape){2, 1100, 0, 2}), "window=1100"), 1e-5);
 }
 
-TEST("hold and delay of each input are found") {
-    const learning *l = learn(ASKS("hold: auto, delay: auto"), write_log((shape){2, 120, 1, 2}), "");
-    assert_says(l->state.data.file.text, "hold: zero, delay: 1}");
-    assert_says(l->told, "the input u acts 1 row after it is logged");
-    assert_law(l, 1e-5);
+TEST("the hold of an input is found") {
+    const learning *l = learn(ASKS("hold: [auto, zero]"), write_log((shape){2, 105, 0, 2}), "epochs=1");
+    assert_says(l->state.data.file.text, "hold: zero}");
+    assert_law(l, 1e-3);
+}
+
+TEST("where no term is missing, none is suggested") {
+    const learning *l =
+        learn(LINE "mass: {kind: known, values: [2]}\npotential: {kind: quadratic, of: x}\n"
+                   "damping: {kind: network, of: v, hidden: [2]}\noffset: {kind: known, values: [0]}\n",
+              write_log((shape){2, 105, 0, 0}), "suggest=- epochs=1");
+    assert_says(l->told, "the log asks for no further term");
+    assert_number(l, "potential.x^2", 2, 1e-4);
+}
+
+TEST("free runs choose the epoch") {
+    learning *l = learn(LINE INPUT "mass: diagonal\npotential: {kind: network, of: x, hidden: [2]}\n"
+                                   "damping: diagonal\n" MAP,
+                        write_log((shape){2, 105, 0, 2}), "size=4 select=1 epochs=2");
+    assert_says(l->state.data.file.text, "hidden: [4]");
+    const lg_result *epoch = l->training.results;
+    while (epoch->name == NULL || strcmp(epoch->name, "epoch") != 0) epoch++;
+    assert_true(epoch->whole == 1 || epoch->whole == 2);
 }
 
 TEST("a spring that is missing is suggested") {
@@ -268,6 +286,12 @@ static const struct {
     double law; /* > 0: tolerance of the numbers of the law */
 } rows[] = {
     {LINE "inputs: {columns: [u, w]}\n" LAW MAP, {2, 40, 0, 0}, "", "always 0", LG_OK, 0},
+    {ASKS("hold: auto, delay: auto"),
+     {2, 120, 1, 2},
+     "",
+     "the input u acts 1 row after it is logged",
+     LG_OK,
+     1e-4},
     {THREE "delay: [auto, auto, 0]}\n" LAW MAP_3, {2, 120, 1, 2}, "", "delay: [1, 1, 0]", LG_OK, 1e-4},
     {LINE "inputs: {columns: [u, w], hold: auto}\nmass: {kind: network, of: x, hidden: [2]}\n" SPRING
           "damping: diagonal\n" MAP,
