@@ -102,7 +102,7 @@ typedef struct search {
     lg_training *self;
     lg_choosing choosing;
     lg_machine_trial present; /* the machine so far */
-    candidate *list;          /* (MOST) candidates of the round */
+    candidate list[MOST];     /* candidates of the round */
     size_t count;
     uint32_t round;
 } search;
@@ -133,7 +133,7 @@ static bool beats(const search *s, const candidate *a, const candidate *b) {
 
 /* The candidate that leaves least and gains more than chance and 3 %, or one with fewer numbers, or
  * earlier in the table, that this one does not beat. NULL: there is none. */
-static candidate *find_best(const search *s) {
+static candidate *find_best(search *s) {
     static const double most = 0.97;
     candidate *best = NULL, *simplest = NULL;
     for (size_t i = 0; i < s->count; i++) {
@@ -249,26 +249,20 @@ lg_status lg_machine_suggest(lg_training *self, lg_error *error) {
     static const double part = 0.2;
     lg_machine_state *state = self->state;
     search *s = lg_alloc(self->context, 1, sizeof *s);
-    candidate *list = lg_alloc(self->context, MOST, sizeof *list);
-    lg_status status = s != NULL && list != NULL
-                           ? LG_OK
-                           : lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
-    if (status == LG_OK) {
-        *s = (search){.self = self, .list = list};
-        status = lg_choosing_begin(&s->choosing, self, part, error);
-        s->choosing.most_windows = MOST_WINDOWS;
-        state->suggestion.windows = s->choosing.held.count;
-        state->suggestion.seconds = (double)s->choosing.held.steps * state->data.logs.dt_median;
-        if (status == LG_OK && s->choosing.held.count == 0)
-            status = lg_fail(error, LG_FORMAT, "%s: the log is too short to hold out windows for --suggest",
-                             lg_shown_path(state->data.paths[0]));
-        if (status == LG_OK) status = search_all(s, error);
-        if (status == LG_OK) status = lg_machine_reread(self, s->present.text, error);
-        if (status == LG_OK) status = write_machine(self, error);
-        lg_machine_trial_destroy(&s->choosing, &s->present);
-        lg_choosing_end(&s->choosing);
-    }
-    lg_free(self->context, list);
+    if (s == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    s->self = self;
+    lg_status status = lg_choosing_begin(&s->choosing, self, part, error);
+    s->choosing.most_windows = MOST_WINDOWS;
+    state->suggestion.windows = s->choosing.held.count;
+    state->suggestion.seconds = (double)s->choosing.held.steps * state->data.logs.dt_median;
+    if (status == LG_OK && s->choosing.held.count == 0)
+        status = lg_fail(error, LG_FORMAT, "%s: the log is too short to hold out windows for --suggest",
+                         lg_shown_path(state->data.paths[0]));
+    if (status == LG_OK) status = search_all(s, error);
+    if (status == LG_OK) status = lg_machine_reread(self, s->present.text, error);
+    if (status == LG_OK) status = write_machine(self, error);
+    lg_machine_trial_destroy(&s->choosing, &s->present);
+    lg_choosing_end(&s->choosing);
     lg_free(self->context, s);
     return status;
 }
