@@ -1140,6 +1140,29 @@ TEST("every allocation may fail") {
     assert_true(fail_every_reading(read_h5, h5) > 15);
 }
 
+TEST("calls without a machine, paths or a place for the logs are refused") {
+    const char *const paths[] = {"log.csv", NULL};
+    const lg_machine_file *f = machine(LINE);
+    lg_logs logs;
+    const struct {
+        const lg_machine_file *file;
+        const char *const *paths;
+        size_t count;
+        lg_logs *out;
+    } calls[] = {{NULL, paths, 1, &logs}, {f, NULL, 1, &logs},  {f, paths, 1, NULL},
+                 {f, paths, 2, &logs},    {f, paths, 0, &logs}, {f, paths, (size_t)1 << 33, &logs}};
+    for (size_t i = 0; i < LG_COUNT(calls); i++)
+        assert_status(
+            lg_logs_read(NULL, calls[i].file, calls[i].paths, calls[i].count, NULL, calls[i].out, NULL),
+            LG_INVALID_ARGUMENT);
+    lg_logs_destroy(NULL);
+    lg_machine_model_file_destroy(NULL);
+    lg_machine none = {.coordinate_count = 0};
+    const double value = 1;
+    assert_status(lg_machine_set_parameter(&none, "mass", 1, &value, NULL, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_machine_bound_parameter(&none, "mass", 0, 0, 1, 1, NULL), LG_INVALID_ARGUMENT);
+}
+
 TEST("CSV with changed bytes is read or refused") {
     const char *path = scratch_path("log.csv");
     write_text_to(path, lossy);
