@@ -166,7 +166,6 @@ static lg_status go_along(walk *x) {
 static void close_walk(walk *x) {
     lg_tape_destroy(x->tape);
     lg_free(x->context, x->trial);
-    lg_free(x->context, x->t);
 }
 
 static lg_status open_walk(const lg_context *context, const lg_machine_problem *problem, double *theta,
@@ -180,11 +179,13 @@ static lg_status open_walk(const lg_context *context, const lg_machine_problem *
                 .parameters = lg_machine_problem_parameters(problem),
                 .numbers = lg_machine_start_numbers(machine)};
     lg_machine_fit_problem(problem, &x->fit);
-    x->trial = lg_alloc(context, x->parameters + windows + LG_FIT_CHUNK * x->numbers, sizeof *x->trial);
-    x->t = lg_alloc(context, rows * (1 + 4 * machine->input_count), sizeof *x->t);
-    if (x->trial == NULL || x->t == NULL) return LG_OUT_OF_MEMORY;
+    x->trial = lg_alloc(
+        context, x->parameters + windows + LG_FIT_CHUNK * x->numbers + rows * (1 + 4 * machine->input_count),
+        sizeof *x->trial);
+    if (x->trial == NULL) return LG_OUT_OF_MEMORY;
     x->found = x->trial + x->parameters;
     x->z = x->found + windows;
+    x->t = x->z + LG_FIT_CHUNK * x->numbers;
     x->u = x->t + rows;
     reverse(x);
     return lg_tape_create(context, NULL, &x->tape);

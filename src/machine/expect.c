@@ -254,16 +254,17 @@ lg_status lg_machine_expect(const lg_context *context, const lg_machine_problem 
     lg_machine_fit_problem(&e.problem, &fit);
     e.chunk = CHUNK < fit.chunk ? CHUNK : fit.chunk;
     const size_t rows = e.chunk * e.all;
-    double *all = lg_alloc(context, given + starts + 1, sizeof *all);
-    e.jacobian = lg_alloc(context, rows * columns, sizeof *e.jacobian);
-    e.residuals = lg_alloc(context, rows + 3 * e.rows, sizeof *e.residuals);
-    e.columns = lg_alloc(context, e.rows * columns, sizeof *e.columns);
-    e.J = lg_alloc(context, (2 * e.n + 1) * e.n + 1, sizeof *e.J);
-    e.K = e.J != NULL ? e.J + e.n * e.n : NULL;
-    const bool room =
-        all != NULL && e.jacobian != NULL && e.residuals != NULL && e.columns != NULL && e.J != NULL;
-    lg_status status = room ? lg_tape_create(context, NULL, &tape) : LG_OUT_OF_MEMORY;
+    const size_t numbers[] = {given + starts, rows * columns, rows + 3 * e.rows, e.rows * columns};
+    size_t sum = (2 * e.n + 1) * e.n;
+    for (size_t i = 0; i < LG_COUNT(numbers); i++) sum += numbers[i];
+    double *all = lg_alloc(context, sum, sizeof *all);
+    lg_status status = all != NULL ? lg_tape_create(context, NULL, &tape) : LG_OUT_OF_MEMORY;
     if (status == LG_OK) {
+        e.jacobian = all + numbers[0];
+        e.residuals = e.jacobian + numbers[1];
+        e.columns = e.residuals + numbers[2];
+        e.J = e.columns + numbers[3];
+        e.K = e.J + e.n * e.n;
         memcpy(all, theta, given * sizeof *all);
         if (!measured) memcpy(all + given, theta + given, starts * sizeof *all);
         e.theta = many ? all + given : all;
@@ -271,7 +272,6 @@ lg_status lg_machine_expect(const lg_context *context, const lg_machine_problem 
     }
     (void)lg_machine_conclude(tape, status, error);
     lg_tape_destroy(tape);
-    double *const owned[] = {all, e.jacobian, e.residuals, e.columns, e.J};
-    for (size_t i = 0; i < LG_COUNT(owned); i++) lg_free(context, owned[i]);
+    lg_free(context, all);
     return status;
 }

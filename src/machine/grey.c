@@ -34,15 +34,12 @@ uint32_t lg_grey_system_coordinates(const lg_grey_system *system) {
 
 static lg_status find_system(const char *name, const lg_grey_system **out, lg_error *error) {
     char known[200] = "";
-    size_t used = 0;
     for (const lg_grey_system *s = lg_grey_systems; s->name != NULL; s++) {
         if (strcmp(s->name, name) == 0) {
             *out = s;
             return LG_OK;
         }
-        if (used < sizeof known)
-            used +=
-                (size_t)snprintf(known + used, sizeof known - used, "%s%s", used > 0 ? ", " : "", s->name);
+        lg_machine_append(known, sizeof known, "%s%s", s > lg_grey_systems ? ", " : "", s->name);
     }
     for (const lg_grey_refused *r = lg_grey_refusals; r->name != NULL; r++)
         if (strcmp(r->name, name) == 0) return lg_fail(error, LG_NOT_FOUND, "%s: %s", name, r->why);
@@ -54,12 +51,12 @@ static lg_status find_system(const char *name, const lg_grey_system **out, lg_er
 
 /* Writes the kinds as text: "line, angle", or "direction, one or more". */
 static void describe_coordinates(const lg_grey_system *system, char *text, size_t size) {
-    size_t used = 0;
     const uint32_t count = system->count > 0 ? system->count : 1;
-    for (uint32_t i = 0; i < count && used < size; i++)
-        used += (size_t)snprintf(text + used, size - used, "%s%s", i > 0 ? ", " : "",
-                                 lg_coordinate_row_of(system->coordinates[i])->name);
-    if (system->count == 0 && used < size) (void)snprintf(text + used, size - used, ", one or more");
+    text[0] = '\0';
+    for (uint32_t i = 0; i < count; i++)
+        lg_machine_append(text, size, "%s%s", i > 0 ? ", " : "",
+                          lg_coordinate_row_of(system->coordinates[i])->name);
+    if (system->count == 0) lg_machine_append(text, size, ", one or more");
 }
 
 static lg_status check_coordinates(const lg_machine *machine, const lg_grey_system *system, lg_error *error) {

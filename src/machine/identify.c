@@ -74,29 +74,28 @@ static void eliminate(normal *s, size_t count) {
 
 /* R (n, n) of `matrix` (m, n), which is overwritten; both are column-major. With `order` columns are pivoted,
  * the longest remaining one first, and `order` gets their numbers from 1; with NULL they are not. False: no
- * memory, or LAPACK failed. */
+ * memory. */
 static bool triangulate(const lg_context *context, size_t m, size_t n, double *matrix, int *order,
                         double *triangle) {
     const int rows = (int)m, columns = (int)n, query = -1;
-    double want = 0.0, *tau = lg_alloc(context, n, sizeof *tau);
-    int info = 0;
+    double want = 0.0;
+    int info = 0; /* these functions only refuse wrong arguments */
     for (size_t j = 0; order != NULL && j < n; j++) order[j] = 0;
     if (order != NULL)
-        dgeqp3_(&rows, &columns, matrix, &rows, order, tau, &want, &query, &info);
+        dgeqp3_(&rows, &columns, matrix, &rows, order, &want, &want, &query, &info);
     else
-        dgeqrf_(&rows, &columns, matrix, &rows, tau, &want, &query, &info);
+        dgeqrf_(&rows, &columns, matrix, &rows, &want, &want, &query, &info);
     const int room = (int)want;
-    double *work = lg_alloc(context, (size_t)room, sizeof *work);
-    const bool there = tau != NULL && work != NULL;
-    if (there && order != NULL)
-        dgeqp3_(&rows, &columns, matrix, &rows, order, tau, work, &room, &info);
-    else if (there)
-        dgeqrf_(&rows, &columns, matrix, &rows, tau, work, &room, &info);
-    for (size_t j = 0; there && j < n; j++)
+    double *tau = lg_alloc(context, n + (size_t)room, sizeof *tau);
+    if (tau == NULL) return false;
+    if (order != NULL)
+        dgeqp3_(&rows, &columns, matrix, &rows, order, tau, tau + n, &room, &info);
+    else
+        dgeqrf_(&rows, &columns, matrix, &rows, tau, tau + n, &room, &info);
+    for (size_t j = 0; j < n; j++)
         for (size_t i = 0; i < n; i++) triangle[j * n + i] = i <= j ? matrix[j * m + i] : 0.0;
     lg_free(context, tau);
-    lg_free(context, work);
-    return there && info == 0;
+    return true;
 }
 
 /* Adds products of the columns with the columns one row of the log later. A row of the log has d residuals,
@@ -343,27 +342,24 @@ static lg_status colour(const normal *s, bool prior, double *W, double *block) {
     const size_t n = s->n, count = s->used * s->stretches;
     const double c = s->neighbours / fmax(s->squares, DBL_MIN), least = 0.02;
     const bool coloured = c > fmax(least, 4.0 / sqrt(fmax(s->weighted, 1.0)));
-    double *h = lg_alloc(s->context, count * n, sizeof *h), *F = lg_alloc(s->context, 3 * n * n, sizeof *F);
-    lg_status status = h != NULL && F != NULL ? LG_OK : LG_OUT_OF_MEMORY;
+    double *F = lg_alloc(s->context, (count + 3 * n) * n, sizeof *F);
     size_t stretches = 0;
-    if (status == LG_OK) {
-        double *apart = F + n * n, *P = F + 2 * n * n;
-        for (size_t j = 0; j < n; j++)
-            for (size_t i = 0; i < n; i++) apart[j * n + i] = W[j * n + i] / bound(s, i, prior);
-        for (size_t i = 0; i < n; i++)
-            for (size_t j = 0; j < n; j++) P[i * n + j] = dot(apart + i * n, apart + j * n, n);
-        for (size_t i = 0; i < count; i++)
-            for (size_t j = 0; j < n; j++)
-                h[i * n + j] = dot(W + j * n, s->scores + i * n, n) / variance_of(s);
-        status = lg_machine_colour(s->context, count, n, s->stretches, (double)s->used / (double)s->windows,
-                                   coloured, P, h, F, &stretches);
-    }
+    if (F == NULL) return LG_OUT_OF_MEMORY;
+    double *apart = F + n * n, *P = F + 2 * n * n, *h = F + 3 * n * n;
+    for (size_t j = 0; j < n; j++)
+        for (size_t i = 0; i < n; i++) apart[j * n + i] = W[j * n + i] / bound(s, i, prior);
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < n; j++) P[i * n + j] = dot(apart + i * n, apart + j * n, n);
+    for (size_t i = 0; i < count; i++)
+        for (size_t j = 0; j < n; j++) h[i * n + j] = dot(W + j * n, s->scores + i * n, n) / variance_of(s);
+    const lg_status status =
+        lg_machine_colour(s->context, count, n, s->stretches, (double)s->used / (double)s->windows, coloured,
+                          P, h, F, &stretches);
     if (status == LG_OK && stretches > 0) { /* Columns of W F: column-major W is W^T row by row. */
         k->gemm(n, n, n, F, n, 1, W, n, F + n * n, n, false);
         memcpy(W, F + n * n, n * n * sizeof *W);
         *block = (double)stretches * seconds_of(&s->problem->log) / (double)(s->windows * s->stretches);
     }
-    lg_free(s->context, h);
     lg_free(s->context, F);
     return status;
 }
@@ -415,22 +411,18 @@ static lg_status allocate(normal *s) {
     s->chunk = CHUNK < s->fit.chunk ? CHUNK : s->fit.chunk;
     if (lg_machine_starts_estimated(problem)) s->starts = lg_machine_start_numbers(problem->machine);
     const size_t rows = s->chunk * s->fit.rows, columns = s->n + s->starts;
-    s->jacobian = lg_alloc(s->context, (2 * columns + 1) * rows, sizeof(double));
-    if (s->jacobian != NULL) {
-        s->columns = s->jacobian + columns * rows;
-        s->residuals = s->columns + columns * rows;
-    }
-    s->stack = lg_alloc(s->context, (s->n + rows) * s->n, sizeof(double));
-    s->triangle = lg_alloc(s->context, s->n * s->n, sizeof(double));
-    if (s->jacobian == NULL || s->stack == NULL || s->triangle == NULL) return LG_OUT_OF_MEMORY;
-    memset(s->triangle, 0, s->n * s->n * sizeof *s->triangle);
+    s->jacobian =
+        lg_alloc(s->context, (2 * columns + 1) * rows + (2 * s->n + rows) * s->n, sizeof *s->jacobian);
+    if (s->jacobian == NULL) return LG_OUT_OF_MEMORY;
+    s->columns = s->jacobian + columns * rows;
+    s->residuals = s->columns + columns * rows;
+    s->triangle = s->residuals + rows;
+    s->stack = s->triangle + s->n * s->n;
     return LG_OK;
 }
 
 static void release(normal *s) {
     lg_free(s->context, s->jacobian);
-    lg_free(s->context, s->stack);
-    lg_free(s->context, s->triangle);
     lg_free(s->context, s->scores);
 }
 
@@ -451,11 +443,10 @@ lg_status lg_machine_identify(const lg_context *context, const lg_machine_proble
     for (size_t i = 0; out->correlations != NULL && i < count * count; i++) out->correlations[i] = 0.0;
     if (count == 0) return LG_OK;
     const size_t all = lg_machine_problem_parameters(problem);
-    double *at = lg_alloc(context, all, sizeof *at);
     lg_identified *moved = lg_alloc(context, 2 * count, sizeof *moved);
-    double *work = lg_alloc(context, (4 * s.n + 1 + count) * s.n + (1 + count) * count, sizeof *work);
+    double *at = lg_alloc(context, all + (4 * s.n + 1 + count) * s.n + (1 + count) * count, sizeof *at);
     int *order = lg_alloc(context, s.n, sizeof *order);
-    const bool room = at != NULL && moved != NULL && work != NULL && order != NULL;
+    const bool room = moved != NULL && at != NULL && order != NULL;
     choose_windows(&s, s.n > SMALL ? LG_MACHINE_MOST_WINDOWS : MOST_OF_SMALL);
     lg_status status = allocate(&s);
     if (status == LG_OK) status = allocate_scores(&s);
@@ -469,7 +460,7 @@ lg_status lg_machine_identify(const lg_context *context, const lg_machine_proble
         if (status == LG_OK && left) status = lg_machine_loss(context, problem, theta, &squares, NULL, NULL);
         if (left) s.squares = squares;
     }
-    if (status == LG_OK) status = conclude(&s, count, work, order, moved, out);
+    if (status == LG_OK) status = conclude(&s, count, at + all, order, moved, out);
     if (status == LG_OK && missing == LG_OUT_OF_MEMORY) status = missing;
     (void)lg_machine_conclude(tape, status, error);
     lg_tape_destroy(tape);
@@ -477,7 +468,6 @@ lg_status lg_machine_identify(const lg_context *context, const lg_machine_proble
     lg_free(context, at);
     lg_free(context, moved);
     lg_free(context, order);
-    lg_free(context, work);
     return status;
 }
 

@@ -98,12 +98,13 @@ lg_status lg_machine_free_run(const lg_context *context, const lg_machine *machi
     LG_TRY(lg_machine_space(machine, &space));
     runs r = {machine, theta,     scheme,     substeps, log,  start, count,
               steps,   positions, velocities, NULL,     NULL, NULL};
-    r.state = lg_alloc(context, count * space.dim, sizeof *r.state);
-    r.row = lg_alloc(context, count * (machine->positions + machine->velocities), sizeof *r.row);
+    r.state =
+        lg_alloc(context, count * (space.dim + machine->positions + machine->velocities), sizeof *r.state);
     r.at = lg_alloc(context, count, sizeof *r.at);
-    lg_status status = r.state != NULL && r.row != NULL && r.at != NULL ? LG_OK : LG_OUT_OF_MEMORY;
+    lg_status status = r.state != NULL && r.at != NULL ? LG_OK : LG_OUT_OF_MEMORY;
     if (status == LG_OK) status = lg_tape_create(context, NULL, &tape);
     if (status == LG_OK) {
+        r.row = r.state + count * space.dim;
         status = run_all(context, tape, &r);
         if (status != LG_OK)
             (void)lg_fail(error, status, "%s",
@@ -113,7 +114,6 @@ lg_status lg_machine_free_run(const lg_context *context, const lg_machine *machi
     }
     lg_tape_destroy(tape);
     lg_free(context, r.state);
-    lg_free(context, r.row);
     lg_free(context, r.at);
     return status;
 }

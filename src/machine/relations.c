@@ -77,11 +77,11 @@ lg_status lg_machine_relate(const lg_context *context, size_t count, double *cov
     out->open_count = 0;
     if (out->open == NULL) return LG_OK;
     double *variances = lg_alloc(context, count, sizeof *variances);
-    if (variances == NULL) return LG_OUT_OF_MEMORY;
-    if (lg_machine_eigen(context, count, covariance, variances))
-        for (size_t k = count; k-- > 0 && variances[k] > open;)
-            memcpy(out->open + count * out->open_count++, covariance + k * count, count * sizeof *covariance);
+    const bool found = variances != NULL && lg_machine_eigen(context, count, covariance, variances);
+    for (size_t k = count; found && k-- > 0 && variances[k] > open;)
+        memcpy(out->open + count * out->open_count++, covariance + k * count, count * sizeof *covariance);
     lg_free(context, variances);
+    if (!found) return LG_OUT_OF_MEMORY;
     reduce(out->open_count, count, out->open);
     return LG_OK;
 }
@@ -98,9 +98,8 @@ static void add(listing *l, const char *format, ...) {
     va_list arguments;
     if (l->used >= l->size) return;
     va_start(arguments, format);
-    const int more = lg_format_list(l->text + l->used, l->size - l->used, format, arguments);
+    l->used += (size_t)lg_format_list(l->text + l->used, l->size - l->used, format, arguments);
     va_end(arguments);
-    l->used += more > 0 ? (size_t)more : 0;
 }
 
 /* Lists the names of the numbers that move: "a, b and c". With `changes` each has its relative change. */

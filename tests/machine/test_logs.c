@@ -807,6 +807,60 @@ TEST("steady velocities of a wrong unit are refused") {
     }
 }
 
+/* A log of two coordinates with random defects: factors, noise, jumps, ends of a sensor's range, a velocity
+ * that is 0, swapped velocities. */
+static const char *defective(lg_rng *rng) {
+    static const double factors[] = {1, 1, -1, 1000, 1e-3, 57.2957795, -57.2957795, 0.3};
+    text log = new_text("t,q,v,r,w");
+    const double fq = factors[lg_rng_below(rng, LG_COUNT(factors))],
+                 fv = factors[lg_rng_below(rng, LG_COUNT(factors))], noise = lg_rng_below(rng, 2) * 0.02,
+                 still = lg_rng_below(rng, 6) == 0, steady = lg_rng_below(rng, 4) == 0;
+    const uint64_t every = 40 + lg_rng_below(rng, 400), swaps = lg_rng_below(rng, 6);
+    const double end = lg_rng_below(rng, 3) == 0 ? lg_rng_uniform_in(rng, 0.5, 1) : 1e300;
+    for (uint64_t i = 0; i < 400; i++) {
+        const double t = 0.02 * (double)i, jump = i % every == every - 1 ? 40 : 0;
+        double row[] = {t, fq * (steady ? 2 * t : 1.5 * sin(t)),
+                        still > 0 ? 0 : fv * (steady ? 2 : 1.5 * cos(t)), cos(2 * t), -2 * sin(2 * t)};
+        for (int k = 1; k < 3; k++) row[k] += noise * lg_rng_uniform_in(rng, -1, 1);
+        row[1 + i % 2] += jump;
+        row[2] = fmax(-end, fmin(end, row[2]));
+        if (swaps == 0) { /* v and w */
+            const double v = row[2];
+            row[2] = row[4] * (steady ? 10 : 1), row[4] = v;
+        }
+        say_row(&log, row, 5);
+    }
+    return log.at;
+}
+
+TEST("with the scales that refusals propose, units and signs of the log are right") {
+    lg_rng rng = test_rng(8, 0);
+    int proposed = 0;
+    for (int round = 0; round < 300; round++) {
+        const size_t mark = lg_test_owned();
+        const char *path = scratch_path("log.csv"), *kind = round % 2 == 0 ? "line" : "angle";
+        char scales[512] = "t: 1";
+        write_text_to(path, defective(&rng));
+        for (int again = 0;; again++) {
+            const char *text_of = test_text("coordinates: [{name: q, kind: %s, velocity: v}, {name: r, kind: "
+                                            "line, velocity: w}]\nscale: {%s}\n",
+                                            kind, scales);
+            lg_error error = {LG_OK, ""};
+            lg_logs logs;
+            LG_STATUS_OF(lg_logs_read(NULL, machine(text_of), &path, 1, NULL, &logs, &error), status);
+            if (status == LG_OK) lg_logs_destroy(&logs);
+            const char *scale = status == LG_OK ? NULL : strstr(error.message, "set scale: {");
+            if (scale == NULL) break;
+            if (again == 2) fail_msg("round %d: again with %s%s", round, text_of, error.message);
+            scale = strchr(scale, '{') + 1;
+            (void)sprintf(scales + strlen(scales), ", %.*s", (int)strcspn(scale, "}"), scale);
+            proposed++;
+        }
+        lg_test_give_back(mark);
+    }
+    assert_true(proposed > 50);
+}
+
 TEST("swapped columns are refused, and the column that fits is named") {
     refuse_text(
         machine("coordinates: [{name: x, kind: line, velocity: va}, {name: a, kind: angle, velocity: vx}]\n"),
@@ -1084,6 +1138,29 @@ TEST("every allocation may fail") {
     const char *h5 = scratch_path("log.h5");
     write_h5(h5, "", false);
     assert_true(fail_every_reading(read_h5, h5) > 15);
+}
+
+TEST("calls without a machine, paths or a place for the logs are refused") {
+    const char *const paths[] = {"log.csv", NULL};
+    const lg_machine_file *f = machine(LINE);
+    lg_logs logs;
+    const struct {
+        const lg_machine_file *file;
+        const char *const *paths;
+        size_t count;
+        lg_logs *out;
+    } calls[] = {{NULL, paths, 1, &logs}, {f, NULL, 1, &logs},  {f, paths, 1, NULL},
+                 {f, paths, 2, &logs},    {f, paths, 0, &logs}, {f, paths, (size_t)1 << 33, &logs}};
+    for (size_t i = 0; i < LG_COUNT(calls); i++)
+        assert_status(
+            lg_logs_read(NULL, calls[i].file, calls[i].paths, calls[i].count, NULL, calls[i].out, NULL),
+            LG_INVALID_ARGUMENT);
+    lg_logs_destroy(NULL);
+    lg_machine_model_file_destroy(NULL);
+    lg_machine none = {.coordinate_count = 0};
+    const double value = 1;
+    assert_status(lg_machine_set_parameter(&none, "mass", 1, &value, NULL, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_machine_bound_parameter(&none, "mass", 0, 0, 1, 1, NULL), LG_INVALID_ARGUMENT);
 }
 
 TEST("CSV with changed bytes is read or refused") {

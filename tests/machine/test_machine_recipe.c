@@ -166,6 +166,39 @@ TEST("errors of windows are compared by the mean of their logarithms; missing er
     assert_true(lg_held_out_compare(N, a, b).better && !lg_held_out_compare(N, b, a).better);
 }
 
+/* ---- errors of free runs ---- */
+
+TEST("a model has no error on its own run; what is missing does not count, and angles count modulo turns") {
+    enum { N = 80 };
+    const lg_machine_model_file *file = make_machine_model(
+        "coordinates: [{name: x, kind: line, velocity: vx}, {name: a, kind: angle, velocity: va},\n"
+        "  {name: rod, kind: direction, columns: [p, q, r], velocity: [d, e, f]}]\n"
+        "mass: diagonal\npotential: [{kind: quadratic, of: [x, a]}, gravity]\ndamping: diagonal\n",
+        7);
+    const lg_machine *machine = &file->run.machine;
+    const size_t nq = machine->positions, nv = machine->velocities, first[] = {0, N}, start = 0;
+    double *q = TEST_ARRAY(double, N *nq), *v = TEST_ARRAY(double, N *nv), *t = TEST_ARRAY(double, N), loss;
+    const lg_machine_log log = {.rows = N, .parts = 1, .first = first, .t = t, .q = q, .v = v};
+    const lg_learned_machine model = {machine, file->theta, lg_scheme_find("cf4"), 2, false};
+    q[0] = 0.3, q[1] = 1, q[2] = 0.6, q[4] = 0.8, v[0] = 1, v[1] = -1, v[3] = 0.5;
+    for (size_t i = 1; i < N; i++) t[i] = t[i - 1] + (i < N / 2 ? 0.02 : 0.03);
+    assert_ok(
+        lg_machine_free_run(NULL, machine, model.theta, model.scheme, 2, &log, &start, 1, N - 1, q, v, NULL));
+    for (size_t i = 3; i < N; i += 7) {
+        q[i * nq] = q[i * nq + 2] = v[i * nv + 1] = (double)NAN;
+        q[(i + 1) * nq + 1] += 2 * 3.14159265358979323846;
+    }
+    for (size_t k = 0; k < nv; k++) v[5 * nv + k] = (double)NAN;
+    lg_horizon found;
+    assert_ok(lg_machine_window_loss(NULL, &model, &log, 6, &loss, NULL));
+    assert_true(loss < 1e-20);
+    assert_ok(lg_machine_horizon(NULL, &model, &log, 0.1, 5, &found, NULL));
+    assert_true(found.starts > 5 && found.pooled[LG_ERROR_LINE] < 1e-10 &&
+                found.pooled[LG_ERROR_ANGLE] < 1e-10 && found.pooled[LG_ERROR_DIRECTION] < 1e-7 &&
+                found.pooled[LG_ERROR_VELOCITY] < 1e-10);
+    assert_true(isnan(found.pooled[LG_ERROR_ROTATION]) && found.unchanged[LG_ERROR_LINE] > 1e-3);
+}
+
 /* ---- velocities from positions, and the share of forces that inputs explain ---- */
 
 /* Positions of a machine with a line, a direction, a rotation and a pose that all turn about one axis, and

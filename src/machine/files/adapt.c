@@ -197,10 +197,10 @@ lg_status lg_adaptation_create(const lg_context *context, const char *path, cons
     if (count_of(names, &kinds[0]) > 0 && learned_offset(before) == NULL)
         LG_TRY(extend(context, path, &out->run, error));
     const size_t P = out->run.machine.parameters;
-    out->theta = lg_alloc(context, P + 1, sizeof *out->theta);
-    out->directions = lg_alloc(context, LG_ADAPT_MOST * P + 1, sizeof *out->directions);
-    if (out->theta == NULL || out->directions == NULL)
+    out->theta = lg_alloc(context, (1 + LG_ADAPT_MOST) * P + 1, sizeof *out->theta);
+    if (out->theta == NULL)
         return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    out->directions = out->theta + P;
     carry(before, file->theta, &out->run.machine, out->theta);
     return fill(names, force, out, error);
 }
@@ -213,6 +213,5 @@ void lg_adaptation_move(lg_adaptation *adaptation, const double *x) {
 
 void lg_adaptation_destroy(lg_adaptation *adaptation) {
     lg_free(adaptation->context, adaptation->theta);
-    lg_free(adaptation->context, adaptation->directions);
     *adaptation = (lg_adaptation){.count = 0};
 }

@@ -120,10 +120,10 @@ lg_status lg_machine_tell_lags(lg_training *self, const lg_machine_verdict *what
 typedef struct lg_candidate {
     const char *name;
     lg_yaml_edit edit;
-    /* The table of terms must have `kind` in `part`. No term of this part may be of a kind in `unless`,
-     * names with blanks between; with `each` only terms of this line count. part NULL: there is no such
-     * condition. */
-    const char *part, *kind, *unless;
+    /* No term of `part` may be of a kind in `unless`, names with blanks between; with `each` only terms of
+     * this line count. unless NULL: there is no such condition. */
+    lg_machine_part part;
+    const char *unless;
     const char *asks; /* "the log asks for ..." */
     bool offset;      /* a machine without an offset gets one too: motion hardly tells the two apart */
     bool each;        /* one for each line */

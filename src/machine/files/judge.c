@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "machine/files/choice.h"
+#include "machine/internal.h"
 
 /* ---- position at which a network mass is reported ---- */
 
@@ -18,17 +19,16 @@ static bool is_seen(const lg_machine *machine, uint32_t i) {
 static void find_place(const lg_machine_problem *problem, lg_machine_verdict *out) {
     const lg_machine *machine = problem->machine;
     const double *q = out->positions;
-    size_t used = 0;
     out->placed = lg_machine_mass_at(problem, out->positions);
     for (uint32_t i = 0; i < machine->coordinate_count && out->placed; i++) {
         const lg_machine_coordinate *each = &machine->coordinates[i];
         const uint32_t count = lg_coordinate_positions(each->kind);
-        for (uint32_t k = 0; k < count && is_seen(machine, i) && used < sizeof out->place; k++)
-            used += (size_t)lg_format(out->place + used, sizeof out->place - used, "%s%s %.3g",
-                                      k > 0      ? ","
-                                      : used > 0 ? ", "
-                                                 : "at ",
-                                      k > 0 ? "" : each->name, q[k]);
+        for (uint32_t k = 0; k < count && is_seen(machine, i); k++)
+            lg_machine_append(out->place, sizeof out->place, "%s%s %.3g",
+                              k > 0                   ? ","
+                              : out->place[0] != '\0' ? ", "
+                                                      : "at ",
+                              k > 0 ? "" : each->name, q[k]);
         q += count;
     }
 }

@@ -285,7 +285,7 @@ static void warn_of_rows(const lg_training *self) {
 static size_t leave_out(lg_machine_model_run *run, const lg_machine_state *s, size_t *start, size_t all) {
     size_t kept = 0, taken = 0;
     for (size_t w = 0; w < run->windows; w++)
-        if (s->held == NULL || !lg_held_out_has(s->held, start[w], run->window)) start[kept++] = start[w];
+        if (!lg_held_out_has(s->held, start[w], run->window)) start[kept++] = start[w];
     const size_t most = s->most_windows > 0 && s->most_windows < kept ? s->most_windows : kept;
     for (size_t w = 0; w < kept; w++)
         if (lg_spread(w, most, kept) >= taken) start[taken++] = start[w];
@@ -302,7 +302,7 @@ static lg_status prepare(lg_training *self, lg_error *error) {
     size_t *start;
     LG_TRAINING_ARRAY(self, start, log->rows, error);
     size_t all = lg_machine_windows(&run->machine, log, run->window, run->stride, s->positions, start);
-    if (s->held != NULL || s->most_windows > 0) all = leave_out(run, s, start, all);
+    if (s->held != NULL) all = leave_out(run, s, start, all);
     s->problem = (lg_machine_problem){.machine = &run->machine,
                                       .scheme = run->scheme,
                                       .substeps = run->substeps,

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "machine/files/choice.h"
+#include "machine/internal.h"
 
 /* Widths that --size auto compares, from small to large. */
 static const char *const widths[] = {"4", "8", "16", "16, 16", "32, 32"};
@@ -153,10 +154,10 @@ static lg_status race(lg_training *self, const lg_choosing *c, lg_machine_trial 
 static void tell_race(const lg_training *self, const lg_choosing *c, const lg_machine_trial *trials,
                       size_t winner) {
     char text[256] = "";
-    for (size_t i = 0, used = 0; i < LG_COUNT(widths) && used < sizeof text; i++)
+    for (size_t i = 0; i < LG_COUNT(widths); i++)
         if (i != winner && trials[i].square != NULL)
-            used += (size_t)lg_format(
-                text + used, sizeof text - used, "%s[%s] %.3g", used > 0 ? ", " : "", widths[i],
+            lg_machine_append(
+                text, sizeof text, "%s[%s] %.3g", text[0] != '\0' ? ", " : "", widths[i],
                 lg_held_out_compare(c->held.count, trials[i].square, trials[winner].square).ratio);
     lg_log_message(self->context, LG_LOG_INFO,
                    "networks of width [%s] are taken; errors of the others in free runs, as multiples: %s",

@@ -6,6 +6,7 @@
 
 #include "files/h5.h"
 #include "machine/files/choice.h"
+#include "machine/internal.h"
 
 /* ---- candidates for a machine ---- */
 
@@ -22,27 +23,18 @@ enum { MOST = LG_SUGGEST_ROWS / LG_SUGGEST_ROUNDS };
 
 /* Puts names into a text. `line`: the coordinate that %P stands for. */
 static void fill_in(const lg_machine *machine, const char *text, uint32_t line, char *out, size_t size) {
-    size_t used = 0;
-    for (; *text != '\0' && used + 1 < size; text++) {
+    out[0] = '\0';
+    for (; *text != '\0'; text++) {
         if (*text != '%') {
-            out[used++] = *text;
+            lg_machine_append(out, size, "%c", *text);
             continue;
         }
         const bool all = *++text == 'V';
         const uint32_t first = all ? 0 : line, end = all ? machine->coordinate_count : line + 1;
-        for (uint32_t i = first; i < end && used < size; i++)
-            used += (size_t)snprintf(out + used, size - used, "%s%s%s", i > first ? ", " : "",
-                                     machine->coordinates[i].name, all ? ".velocity" : "");
-        if (used >= size) used = size - 1;
+        for (uint32_t i = first; i < end; i++)
+            lg_machine_append(out, size, "%s%s%s", i > first ? ", " : "", machine->coordinates[i].name,
+                              all ? ".velocity" : "");
     }
-    out[used] = '\0';
-}
-
-static int part_named(const char *name) {
-    int part = 0;
-    while (part < LG_MACHINE_PART_COUNT && strcmp(lg_machine_part_name((lg_machine_part)part), name) != 0)
-        part++;
-    return part;
 }
 
 static bool is_listed(const char *names, const char *name) {
@@ -65,13 +57,9 @@ static bool sees(const lg_machine_term *term, uint32_t coordinate) {
 static bool is_open(const lg_machine_file *file, const lg_candidate *row, uint32_t line) {
     const lg_machine *machine = &file->machine;
     if (row->applies != NULL && !row->applies(file, row)) return false;
-    if (row->part == NULL) return true;
-    const int part = part_named(row->part);
-    if (part == LG_MACHINE_PART_COUNT || lg_term_kind_find((lg_machine_part)part, row->kind) == NULL)
-        return false;
     for (uint32_t i = 0; i < machine->term_count; i++) {
         const lg_machine_term *term = &machine->terms[i];
-        if ((int)term->part == part && is_listed(row->unless, lg_term_kind_name(term->kind)) &&
+        if (term->part == row->part && is_listed(row->unless, lg_term_kind_name(term->kind)) &&
             (!row->each || sees(term, line)))
             return false;
     }
@@ -114,7 +102,7 @@ typedef struct search {
     lg_training *self;
     lg_choosing choosing;
     lg_machine_trial present; /* the machine so far */
-    candidate *list;          /* (MOST) candidates of the round */
+    candidate list[MOST];     /* candidates of the round */
     size_t count;
     uint32_t round;
 } search;
@@ -145,7 +133,7 @@ static bool beats(const search *s, const candidate *a, const candidate *b) {
 
 /* The candidate that leaves least and gains more than chance and 3 %, or one with fewer numbers, or
  * earlier in the table, that this one does not beat. NULL: there is none. */
-static candidate *find_best(const search *s) {
+static candidate *find_best(search *s) {
     static const double most = 0.97;
     candidate *best = NULL, *simplest = NULL;
     for (size_t i = 0; i < s->count; i++) {
@@ -261,26 +249,20 @@ lg_status lg_machine_suggest(lg_training *self, lg_error *error) {
     static const double part = 0.2;
     lg_machine_state *state = self->state;
     search *s = lg_alloc(self->context, 1, sizeof *s);
-    candidate *list = lg_alloc(self->context, MOST, sizeof *list);
-    lg_status status = s != NULL && list != NULL
-                           ? LG_OK
-                           : lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
-    if (status == LG_OK) {
-        *s = (search){.self = self, .list = list};
-        status = lg_choosing_begin(&s->choosing, self, part, error);
-        s->choosing.most_windows = MOST_WINDOWS;
-        state->suggestion.windows = s->choosing.held.count;
-        state->suggestion.seconds = (double)s->choosing.held.steps * state->data.logs.dt_median;
-        if (status == LG_OK && s->choosing.held.count == 0)
-            status = lg_fail(error, LG_FORMAT, "%s: the log is too short to hold out windows for --suggest",
-                             lg_shown_path(state->data.paths[0]));
-        if (status == LG_OK) status = search_all(s, error);
-        if (status == LG_OK) status = lg_machine_reread(self, s->present.text, error);
-        if (status == LG_OK) status = write_machine(self, error);
-        lg_machine_trial_destroy(&s->choosing, &s->present);
-        lg_choosing_end(&s->choosing);
-    }
-    lg_free(self->context, list);
+    if (s == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    s->self = self;
+    lg_status status = lg_choosing_begin(&s->choosing, self, part, error);
+    s->choosing.most_windows = MOST_WINDOWS;
+    state->suggestion.windows = s->choosing.held.count;
+    state->suggestion.seconds = (double)s->choosing.held.steps * state->data.logs.dt_median;
+    if (status == LG_OK && s->choosing.held.count == 0)
+        status = lg_fail(error, LG_FORMAT, "%s: the log is too short to hold out windows for --suggest",
+                         lg_shown_path(state->data.paths[0]));
+    if (status == LG_OK) status = search_all(s, error);
+    if (status == LG_OK) status = lg_machine_reread(self, s->present.text, error);
+    if (status == LG_OK) status = write_machine(self, error);
+    lg_machine_trial_destroy(&s->choosing, &s->present);
+    lg_choosing_end(&s->choosing);
     lg_free(self->context, s);
     return status;
 }

@@ -5,6 +5,7 @@
 #include <yaml.h>
 
 #include "machine/files/reading.h"
+#include "machine/internal.h"
 #include "settings/names.h"
 
 typedef lg_machine_reading reading;
@@ -110,11 +111,9 @@ static bool find_column(const lg_machine_file *file, lg_machine_part part, const
 
 static lg_status unknown_feature(reading *r, uint32_t line, const char *text) {
     char known[160] = "";
-    size_t used = 0;
     const lg_machine *m = &r->out->machine;
-    for (uint32_t i = 0; i < m->coordinate_count && used < sizeof known; i++)
-        used += (size_t)snprintf(known + used, sizeof known - used, "%s%s", used > 0 ? ", " : "",
-                                 m->coordinates[i].name);
+    for (uint32_t i = 0; i < m->coordinate_count; i++)
+        lg_machine_append(known, sizeof known, "%s%s", i > 0 ? ", " : "", m->coordinates[i].name);
     return lg_yaml_fail(
         r->yaml, line, LG_FORMAT, r->error,
         "of: '%s' is unknown; expected one of %s, or NAME.velocity, NAME.height, NAME.place, NAME.rotation "
@@ -184,11 +183,10 @@ static lg_status read_values(reading *r, const lg_key_value *value, lg_machine_t
 
 static lg_status unknown_kind(reading *r, lg_machine_part part, uint32_t line, const char *name) {
     char known[200] = "none";
-    size_t used = strlen(known);
     const lg_term_kind *kind = NULL;
-    if (part == LG_MACHINE_POTENTIAL) used += (size_t)snprintf(known + used, sizeof known - used, ", known");
-    for (size_t i = 0; (kind = lg_term_kind_at(part, i)) != NULL && used < sizeof known; i++)
-        used += (size_t)snprintf(known + used, sizeof known - used, ", %s", lg_term_kind_name(kind));
+    if (part == LG_MACHINE_POTENTIAL) lg_machine_append(known, sizeof known, ", known");
+    for (size_t i = 0; (kind = lg_term_kind_at(part, i)) != NULL; i++)
+        lg_machine_append(known, sizeof known, ", %s", lg_term_kind_name(kind));
     return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "%s: kind '%.40s' is unknown; expected one of %s",
                         lg_machine_part_name(part), name, known);
 }

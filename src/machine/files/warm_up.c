@@ -90,8 +90,7 @@ static lg_machine_problem short_windows(const lg_training *self, const lg_machin
     lg_machine_problem problem = s->problem;
     problem.machine = machine;
     problem.scheme = scheme;
-    problem.starts =
-        s->positions && window > SHORTEST ? LG_MACHINE_STARTS_ESTIMATED : LG_MACHINE_STARTS_MEASURED;
+    problem.starts = s->positions ? LG_MACHINE_STARTS_ESTIMATED : LG_MACHINE_STARTS_MEASURED;
     problem.window = window < run->window ? window : run->window;
     return problem;
 }
