@@ -67,6 +67,8 @@ lg_status lg_fail(lg_error *error, lg_status status, const char *format, ...)
  * reads real numbers with them. */
 int lg_format(char *text, size_t size, const char *format, ...) __attribute__((format(printf, 3, 4)));
 int lg_format_list(char *text, size_t size, const char *format, va_list arguments);
+/* Adds to a text in a block of `size` bytes, as lg_format does. What has no room is cut. */
+void lg_append(char *text, size_t size, const char *format, ...) __attribute__((format(printf, 3, 4)));
 double lg_real(const char *text, char **end);
 
 /* Seconds of a monotonic clock. */

@@ -2,6 +2,7 @@
 #include <locale.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "core/core.h"
 
@@ -34,6 +35,14 @@ int lg_format(char *text, size_t size, const char *format, ...) {
     const int length = lg_format_list(text, size, format, arguments);
     va_end(arguments);
     return length;
+}
+
+void lg_append(char *text, size_t size, const char *format, ...) {
+    const size_t used = strlen(text);
+    va_list arguments;
+    va_start(arguments, format);
+    (void)lg_format_list(text + used, size - used, format, arguments);
+    va_end(arguments);
 }
 
 double lg_real(const char *text, char **end) {

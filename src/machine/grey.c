@@ -39,7 +39,7 @@ static lg_status find_system(const char *name, const lg_grey_system **out, lg_er
             *out = s;
             return LG_OK;
         }
-        lg_machine_append(known, sizeof known, "%s%s", s > lg_grey_systems ? ", " : "", s->name);
+        lg_append(known, sizeof known, "%s%s", s > lg_grey_systems ? ", " : "", s->name);
     }
     for (const lg_grey_refused *r = lg_grey_refusals; r->name != NULL; r++)
         if (strcmp(r->name, name) == 0) return lg_fail(error, LG_NOT_FOUND, "%s: %s", name, r->why);
@@ -54,9 +54,8 @@ static void describe_coordinates(const lg_grey_system *system, char *text, size_
     const uint32_t count = system->count > 0 ? system->count : 1;
     text[0] = '\0';
     for (uint32_t i = 0; i < count; i++)
-        lg_machine_append(text, size, "%s%s", i > 0 ? ", " : "",
-                          lg_coordinate_row_of(system->coordinates[i])->name);
-    if (system->count == 0) lg_machine_append(text, size, ", one or more");
+        lg_append(text, size, "%s%s", i > 0 ? ", " : "", lg_coordinate_row_of(system->coordinates[i])->name);
+    if (system->count == 0) lg_append(text, size, ", one or more");
 }
 
 static lg_status check_coordinates(const lg_machine *machine, const lg_grey_system *system, lg_error *error) {

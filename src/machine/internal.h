@@ -58,9 +58,6 @@ void lg_numbers_drag(lg_number_list *list, const lg_machine *machine, const char
                      const double *theta, double (*shaped)(double));
 /* Name of velocity k: "x", or "body.2" where its coordinate has several velocities. */
 void lg_machine_velocity_name(const lg_machine *machine, uint32_t k, char *text, size_t size);
-/* Adds to a text that has room for `size` bytes; what has no room is cut. */
-void lg_machine_append(char *text, size_t size, const char *format, ...)
-    __attribute__((format(printf, 3, 4)));
 /* Name of one number of the term's features: "x", "sin(theta)", "rod.3", "body.up.1". */
 void lg_machine_feature_name(const lg_machine *machine, const lg_machine_term *term, uint32_t number,
                              char *text, size_t size);

@@ -7,14 +7,6 @@
 #include "core/core.h"
 #include "machine/internal.h"
 
-void lg_machine_append(char *text, size_t size, const char *format, ...) {
-    const size_t used = strlen(text);
-    va_list arguments;
-    va_start(arguments, format);
-    (void)lg_format_list(text + used, size - used, format, arguments);
-    va_end(arguments);
-}
-
 void lg_numbers_put(lg_number_list *l, double value, const char *format, ...) {
     va_list arguments;
     if (l->count < l->room) {
@@ -159,7 +151,7 @@ static void monomial_name(const lg_machine *machine, const lg_machine_term *term
         uint32_t power = 1;
         while (factor[i + power] == factor[i]) power++;
         lg_machine_feature_name(machine, term, factor[i], name, sizeof name);
-        lg_machine_append(text, size, power > 1 ? "%s%s^%u" : "%s%s", i > 0 ? "*" : "", name, power);
+        lg_append(text, size, power > 1 ? "%s%s^%u" : "%s%s", i > 0 ? "*" : "", name, power);
         i += power;
     }
 }

@@ -4,7 +4,6 @@
 #include <string.h>
 
 #include "machine/files/choice.h"
-#include "machine/internal.h"
 
 /* ---- position at which a network mass is reported ---- */
 
@@ -24,11 +23,11 @@ static void find_place(const lg_machine_problem *problem, lg_machine_verdict *ou
         const lg_machine_coordinate *each = &machine->coordinates[i];
         const uint32_t count = lg_coordinate_positions(each->kind);
         for (uint32_t k = 0; k < count && is_seen(machine, i); k++)
-            lg_machine_append(out->place, sizeof out->place, "%s%s %.3g",
-                              k > 0                   ? ","
-                              : out->place[0] != '\0' ? ", "
-                                                      : "at ",
-                              k > 0 ? "" : each->name, q[k]);
+            lg_append(out->place, sizeof out->place, "%s%s %.3g",
+                      k > 0                   ? ","
+                      : out->place[0] != '\0' ? ", "
+                                              : "at ",
+                      k > 0 ? "" : each->name, q[k]);
         q += count;
     }
 }

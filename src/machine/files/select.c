@@ -5,7 +5,6 @@
 #include <string.h>
 
 #include "machine/files/choice.h"
-#include "machine/internal.h"
 
 /* Widths that --size auto compares, from small to large. */
 static const char *const widths[] = {"4", "8", "16", "16, 16", "32, 32"};
@@ -156,9 +155,8 @@ static void tell_race(const lg_training *self, const lg_choosing *c, const lg_ma
     char text[256] = "";
     for (size_t i = 0; i < LG_COUNT(widths); i++)
         if (i != winner && trials[i].square != NULL)
-            lg_machine_append(
-                text, sizeof text, "%s[%s] %.3g", text[0] != '\0' ? ", " : "", widths[i],
-                lg_held_out_compare(c->held.count, trials[i].square, trials[winner].square).ratio);
+            lg_append(text, sizeof text, "%s[%s] %.3g", text[0] != '\0' ? ", " : "", widths[i],
+                      lg_held_out_compare(c->held.count, trials[i].square, trials[winner].square).ratio);
     lg_log_message(self->context, LG_LOG_INFO,
                    "networks of width [%s] are taken; errors of the others in free runs, as multiples: %s",
                    widths[winner], text);

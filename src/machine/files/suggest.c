@@ -6,7 +6,6 @@
 
 #include "files/h5.h"
 #include "machine/files/choice.h"
-#include "machine/internal.h"
 
 /* ---- candidates for a machine ---- */
 
@@ -26,14 +25,14 @@ static void fill_in(const lg_machine *machine, const char *text, uint32_t line, 
     out[0] = '\0';
     for (; *text != '\0'; text++) {
         if (*text != '%') {
-            lg_machine_append(out, size, "%c", *text);
+            lg_append(out, size, "%c", *text);
             continue;
         }
         const bool all = *++text == 'V';
         const uint32_t first = all ? 0 : line, end = all ? machine->coordinate_count : line + 1;
         for (uint32_t i = first; i < end; i++)
-            lg_machine_append(out, size, "%s%s%s", i > first ? ", " : "", machine->coordinates[i].name,
-                              all ? ".velocity" : "");
+            lg_append(out, size, "%s%s%s", i > first ? ", " : "", machine->coordinates[i].name,
+                      all ? ".velocity" : "");
     }
 }
 

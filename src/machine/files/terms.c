@@ -5,7 +5,6 @@
 #include <yaml.h>
 
 #include "machine/files/reading.h"
-#include "machine/internal.h"
 #include "settings/names.h"
 
 typedef lg_machine_reading reading;
@@ -113,7 +112,7 @@ static lg_status unknown_feature(reading *r, uint32_t line, const char *text) {
     char known[160] = "";
     const lg_machine *m = &r->out->machine;
     for (uint32_t i = 0; i < m->coordinate_count; i++)
-        lg_machine_append(known, sizeof known, "%s%s", i > 0 ? ", " : "", m->coordinates[i].name);
+        lg_append(known, sizeof known, "%s%s", i > 0 ? ", " : "", m->coordinates[i].name);
     return lg_yaml_fail(
         r->yaml, line, LG_FORMAT, r->error,
         "of: '%s' is unknown; expected one of %s, or NAME.velocity, NAME.height, NAME.place, NAME.rotation "
@@ -184,9 +183,9 @@ static lg_status read_values(reading *r, const lg_key_value *value, lg_machine_t
 static lg_status unknown_kind(reading *r, lg_machine_part part, uint32_t line, const char *name) {
     char known[200] = "none";
     const lg_term_kind *kind = NULL;
-    if (part == LG_MACHINE_POTENTIAL) lg_machine_append(known, sizeof known, ", known");
+    if (part == LG_MACHINE_POTENTIAL) lg_append(known, sizeof known, ", known");
     for (size_t i = 0; (kind = lg_term_kind_at(part, i)) != NULL; i++)
-        lg_machine_append(known, sizeof known, ", %s", lg_term_kind_name(kind));
+        lg_append(known, sizeof known, ", %s", lg_term_kind_name(kind));
     return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "%s: kind '%.40s' is unknown; expected one of %s",
                         lg_machine_part_name(part), name, known);
 }
