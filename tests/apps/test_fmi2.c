@@ -23,7 +23,7 @@ static void *kept; /* a state, or NULL */
 static memory some = {.mode = INSTANTIATED};
 static image bytes;
 static size_t size;
-/* Memory for a state has been given back. */
+/* Frees the kept state. Returns its place. */
 static void **no_state(void) {
     free(kept);
     kept = NULL;

@@ -336,7 +336,7 @@ RECORDING(three_times) {
     y[2] = lg_concat(tape, path, 3, 1);
 }
 
-TEST("bounds of a loop are those of its steps, and contain the exact values; functions must fit together") {
+TEST("a loop has the bounds of its steps, which contain the exact values; functions must fit together") {
     static const double scale[2] = {1.5, -0.5};
     static const lg_port in[2] = {{.name = "a", .shape = {1, {2}}}, {.name = "b", .shape = {1, {2}}}},
                          out[3] = {{.name = "p"}, {.name = "q"}, {.name = "path"}};

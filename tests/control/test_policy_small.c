@@ -158,7 +158,7 @@ static lg_policy_task disturbed_task(lg_policy_kind kind) {
     return task;
 }
 
-TEST("the mean cost of runs is that of the runs, which have the costs of their periods") {
+TEST("the mean cost is the mean of the runs' costs, and a run costs what its periods cost") {
     const lg_policy_task task = disturbed_task(LG_POLICY_LQR);
     const lg_policy *policy = make_small(&task, &usual);
     enum { N = 70 };
@@ -203,7 +203,7 @@ TEST("a policy on its own plant again, and its draws, cost what the policy costs
     assert_says(error.message, "64 steps of the integrator");
 }
 
-TEST("a position that is tracked, or free, is that of a machine that moves in the same way everywhere") {
+TEST("a position is tracked or free only if the machine moves in the same way everywhere") {
     lg_policy_task task = small_task(LG_POLICY_LQR);
     task.coordinate[0].track = true;
     assert_non_null(make_small(&task, &usual));

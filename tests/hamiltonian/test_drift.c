@@ -78,7 +78,7 @@ static const char *warning(const learned *l, const lg_hamiltonian_problem *probl
     return said;
 }
 
-TEST("the energy of damped oscillators falls, backward in time it rises; that of free ones does neither") {
+TEST("the energy of damped oscillators falls, backward in time it rises; free oscillators keep it") {
     learned *l = TEST_ARRAY(learned, 1), *calm = TEST_ARRAY(learned, 1);
     learn(0.03, l);
     assert_says(warning(l, &l->problem, l->loss), "the learned energy falls");

@@ -119,7 +119,7 @@ TEST("a term is replaced by its kind and by its flag") {
                                "damping[1].kind=cubic\ndamping[1].values[0]=2\nresidual=none\n");
 }
 
-TEST("of several terms of a kind, the one of the same coordinates is replaced") {
+TEST("an edit replaces the term with the same coordinates") {
     static const char terms[] =
         "terms: [{kind: a, of: x}, {kind: a, of: [y]}, {kind: a, of: [x, y]}, b, c]\n";
     static const struct {
