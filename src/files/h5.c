@@ -78,6 +78,7 @@ void lg_h5_close(lg_h5 *h5) {
 bool lg_path_exists(lg_h5 *h5, const char *name) {
     char part[512];
     size_t length = strlen(name);
+    if (length == 0) return true; /* the root group */
     if (length >= sizeof part) return false;
     memcpy(part, name, length + 1);
     for (size_t i = 1; i < length; i++) {
@@ -90,17 +91,21 @@ bool lg_path_exists(lg_h5 *h5, const char *name) {
     return H5Lexists(h5->file, name, h5->links) != 0 && H5Oexists_by_name(h5->file, name, h5->links) != 0;
 }
 
+bool lg_attribute_exists(lg_h5 *h5, const char *object, const char *name) {
+    return lg_path_exists(h5, object) &&
+           H5Aexists_by_name(h5->file, *object == '\0' ? "/" : object, name, h5->links) != 0;
+}
+
 bool lg_h5_has(lg_h5 *h5, const char *name) {
     lg_h5_quiet quiet = lg_quiet_begin();
-    bool there = *name == '\0' || lg_path_exists(h5, name);
+    bool there = lg_path_exists(h5, name);
     lg_quiet_end(quiet);
     return there;
 }
 
 bool lg_h5_has_attribute(lg_h5 *h5, const char *object, const char *name) {
     lg_h5_quiet quiet = lg_quiet_begin();
-    bool there = (*object == '\0' || lg_path_exists(h5, object)) &&
-                 H5Aexists_by_name(h5->file, *object == '\0' ? "/" : object, name, h5->links) != 0;
+    bool there = lg_attribute_exists(h5, object, name);
     lg_quiet_end(quiet);
     return there;
 }

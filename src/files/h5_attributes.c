@@ -24,8 +24,7 @@ static lg_status open_attribute(lg_h5 *h5, const char *object, const char *name,
                                 lg_error *error) {
     *a = (attribute){.attribute = H5I_INVALID_HID, .type = H5I_INVALID_HID};
     const char *at = *object == '\0' ? "/" : object;
-    if ((*object != '\0' && !lg_path_exists(h5, object)) ||
-        H5Aexists_by_name(h5->file, at, name, h5->links) == 0)
+    if (!lg_attribute_exists(h5, object, name))
         return attribute_error(h5, object, name, LG_NOT_FOUND, "is missing", error);
     a->attribute = H5Aopen_by_name(h5->file, at, name, H5P_DEFAULT, h5->links);
     a->type = H5Aget_type(a->attribute);

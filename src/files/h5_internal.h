@@ -52,9 +52,11 @@ lg_status lg_dataset_open(lg_h5 *h5, const char *name, size_t bytes, lg_dataset 
 void lg_dataset_close(lg_dataset *d);
 /* Fails with LG_FORMAT and a message that names the data set. */
 lg_status lg_dataset_error(const lg_h5 *h5, const char *name, const char *what, lg_error *error);
-/* True if every link of the path exists and the last one leads to an object. Also true if HDF5 cannot
- * tell: then reading the object fails. */
+/* True if every link of the path exists and the last one leads to an object, and for "", the root group. Also
+ * true if HDF5 cannot tell: then reading the object fails. */
 bool lg_path_exists(lg_h5 *h5, const char *name);
+/* True if the object exists and has the attribute, or if HDF5 cannot tell. */
+bool lg_attribute_exists(lg_h5 *h5, const char *object, const char *name);
 
 bool lg_is_number(hid_t type); /* true for undamaged floating-point and integer types */
 bool lg_is_whole(double x);

@@ -521,6 +521,13 @@ TEST("attributes that other programs wrote are read, or refused with the attribu
         if (strcmp(name, "none") == 0 || strcmp(name, "blank") == 0 || strcmp(name, "unset") == 0)
             assert_string_equal(text, "");
     }
+    lg_error error = {LG_OK, ""};
+    char text[16];
+    assert_status(lg_h5_text(h5, "nowhere/deep", "none", text, sizeof text, &error), LG_NOT_FOUND);
+    assert_says(error.message, "nowhere/deep");
+    assert_false(lg_h5_has_attribute(h5, "nowhere", "none"));
+    assert_true(lg_h5_has_attribute(h5, "", "none"));
+    assert_true(lg_h5_has(h5, ""));
 }
 
 TEST("the kind of a file is checked, and its format and version") {
