@@ -330,6 +330,14 @@ static void write_foreign(const char *path) {
     assert_true(H5Pset_external(elsewhere, "no-such-file", 0, 16) >= 0);
     put_foreign(file, "compact", H5T_IEEE_F64BE, H5T_NATIVE_DOUBLE, list, compact, numbers);
     put_foreign(file, "elsewhere", H5T_IEEE_F64BE, H5T_NATIVE_DOUBLE, list, elsewhere, NULL);
+    /* The parts of a virtual data set lie in another file; a chunked one of any extent takes no room. */
+    const hsize_t immense[2] = {(hsize_t)1 << 60, 1}, chunk[2] = {1, 1};
+    hid_t plane = H5Screate_simple(2, immense, NULL), parts = H5Pcreate(H5P_DATASET_CREATE),
+          chunks = H5Pcreate(H5P_DATASET_CREATE);
+    assert_true(H5Pset_virtual(parts, list, "no-such-file", "x", list) >= 0);
+    assert_true(H5Pset_chunk(chunks, 2, chunk) >= 0);
+    put_foreign(file, "virtual", H5T_IEEE_F64BE, H5T_NATIVE_DOUBLE, list, parts, NULL);
+    put_foreign(file, "immense", H5T_IEEE_F64BE, H5T_NATIVE_DOUBLE, plane, chunks, NULL);
     put_foreign(file, "half", f16, H5T_NATIVE_DOUBLE, one, H5P_DEFAULT, numbers);
     put_foreign(file, "large", H5T_STD_U64LE, H5T_NATIVE_UINT64, list, H5P_DEFAULT, large);
     put_foreign(file, "signs", H5T_STD_I64BE, H5T_NATIVE_INT64, list, H5P_DEFAULT, signs);
@@ -365,7 +373,9 @@ static void write_foreign(const char *path) {
                 types[] = {variable, blanks, wide, broad, f16, many, both, block_type};
     for (size_t i = 0; i < LG_COUNT(spaces); i++) assert_true(H5Sclose(spaces[i]) >= 0);
     for (size_t i = 0; i < LG_COUNT(types); i++) assert_true(H5Tclose(types[i]) >= 0);
-    assert_true(H5Pclose(compact) >= 0 && H5Pclose(elsewhere) >= 0 && H5Fclose(file) >= 0);
+    assert_true(H5Pclose(compact) >= 0 && H5Pclose(elsewhere) >= 0 && H5Pclose(parts) >= 0 &&
+                H5Pclose(chunks) >= 0);
+    assert_true(H5Sclose(plane) >= 0 && H5Fclose(file) >= 0);
 }
 
 static lg_h5 *foreign_h5(void) {
@@ -410,6 +420,8 @@ TEST("arrays that other programs wrote are read in every layout, or refused with
         {"half", SHAPED, LG_OK, ""},
         {"blanks", WORDS, LG_OK, ""},
         {"elsewhere", DOUBLES, LG_FORMAT, "keeps its data in another file"},
+        {"virtual", DOUBLES, LG_FORMAT, "keeps its data in another file"},
+        {"immense", DOUBLES, LG_FORMAT, "declares more data than the file can hold"},
         {"null", DOUBLES, LG_FORMAT, "has no shape"},
         {"deep", DOUBLES, LG_FORMAT, "has rank 5, but at most 4 can be read"},
         {"both", DOUBLES, LG_FORMAT, "does not hold numbers"},
