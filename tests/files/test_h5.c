@@ -265,6 +265,7 @@ TEST("a data set without a name or of too high a rank is not written") {
     }
     assert_ok(lg_h5_put(h5, "x", LG_ELEMENT_F64, 0, NULL, &half, NULL));
     assert_status(lg_h5_put(h5, "x", LG_ELEMENT_F64, 0, NULL, &half, &error), LG_OUT_OF_MEMORY);
+    assert_status(lg_h5_put(h5, "x", LG_ELEMENT_F64, 1, &(uint64_t){0}, NULL, &error), LG_OUT_OF_MEMORY);
     assert_says(error.message, "/x could not be stored in memory");
     assert_ok(lg_h5_put_number(h5, "x", "n", LG_ELEMENT_F64, &half, NULL));
     assert_status(lg_h5_put_number(h5, "x", "n", LG_ELEMENT_F64, &half, &error), LG_OUT_OF_MEMORY);
@@ -587,6 +588,7 @@ TEST("names of files that are missing or too long are refused, and a file may be
     lg_error error = {LG_OK, ""};
     lg_h5 *h5;
     memset(name, 'f', sizeof name - 1), name[0] = '/', name[sizeof name - 1] = '\0';
+    assert_status(lg_file_write(NULL, NULL, "x", 1, &error), LG_INVALID_ARGUMENT);
     assert_status(lg_file_write(NULL, "", "x", 1, &error), LG_INVALID_ARGUMENT);
     assert_status(lg_file_write(NULL, scratch_path("x"), NULL, 1, &error), LG_INVALID_ARGUMENT);
     assert_told(lg_file_write(NULL, scratch_path("x"), NULL, 0, &told));
