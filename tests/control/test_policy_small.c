@@ -1,5 +1,5 @@
 /* Policies of one coordinate with runs of two periods. A test takes milliseconds, so that runs with failing
- * calls reach every allocation; and it needs a plant of its own where machines cannot have the fault.
+ * calls reach every allocation. Where a machine cannot have a fault, the plant of this file has it.
  * ctest-labels: src/control */
 #include <unistd.h>
 
