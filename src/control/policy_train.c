@@ -333,7 +333,7 @@ static lg_status finish(training *t) {
 
 static lg_status begin_polish(training *t) {
     lg_minimise_options options;
-    end_phase(t); /* what an earlier attempt has left */
+    end_phase(t); /* frees the batch of an attempt that failed */
     LG_TRY(lg_policy_batch_create(t->policy, LG_F64, 1, FIXED, t->options.threads, &t->batch, t->error));
     LG_TRY(draw_starts(t, STREAM_FIXED, FIXED, t->x));
     t->batch.starts[0] = t->x;
@@ -479,7 +479,7 @@ static void list_facts(const training *t, uint64_t out[FACTS]) {
     memcpy(out, all, sizeof all);
 }
 
-/* The arrays of a saved state, in the order of the file: `facts` come first. */
+/* The arrays of a saved state, in the order in which they are written and read. `facts` come first. */
 typedef struct saved {
     const char *name;
     lg_element type;
@@ -511,7 +511,7 @@ lg_status lg_policy_trainer_save(const lg_policy_trainer *t, const lg_archive_wr
     return t->minimiser != NULL ? lg_minimiser_save(t->minimiser, to, error) : LG_OK;
 }
 
-/* Whether the saved run has the same numbers of parameters, options, task and plant. */
+/* Refuses a saved run with another number of parameters, other options, another task or another plant. */
 static lg_status check_facts(const training *t, const uint64_t facts[FACTS], lg_error *error) {
     static const char *const names[COMMON] = {"number of parameters",
                                               "--seeds",

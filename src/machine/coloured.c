@@ -93,7 +93,7 @@ static bool take_root(const lg_context *context, size_t n, double trace, double 
             const double P = of->P[i * n + j], G = (i == j ? 1.0 : 0.0) - P;
             S[i * n + j] = (1.0 - mixed) * S[i * n + j] + mixed * trace * G + P;
         }
-    if (!lg_machine_eigen(context, n, S, values)) return false;
+    if (lg_machine_eigen(context, n, S, values) != LG_OK) return false;
     for (size_t j = 0; j < n; j++)
         for (size_t i = 0; i < n; i++) S[j * n + i] *= sqrt(fmax(values[j], 1.0));
     return true;

@@ -147,7 +147,7 @@ static bool taken(expecting *e, double *values, double *out) {
     if (n == 0) return true;
     for (size_t i = 0; i < e->problem.machine->weights; i++) e->J[i * n + i] += e->unit;
     add_priors(e);
-    if (!lg_machine_eigen(e->context, n, e->J, values)) return false;
+    if (lg_machine_eigen(e->context, n, e->J, values) != LG_OK) return false;
     for (size_t k = 0; k < n; k++) {
         const double *v = e->J + k * n;
         if (!(values[k] > shown * values[n - 1])) continue;

@@ -241,7 +241,7 @@ static void add_known(const lg_machine *machine, const lg_machine_term *term, do
 }
 
 /* Whether the symmetric part of the matrix has no eigenvalue below `least` times the largest absolute entry.
- * With `least` above 0 the matrix must also be symmetric. Error: LG_OUT_OF_MEMORY. */
+ * With `least` above 0 the matrix must also be symmetric. Errors: LG_NOT_FINITE, LG_OUT_OF_MEMORY. */
 static lg_status is_definite(uint32_t n, const double *matrix, double least, bool *out) {
     static const double rounding = 1e-12;
     double part[LG_MACHINE_VALUES], values[LG_MACHINE_VELOCITIES], largest = 0.0;
@@ -256,7 +256,7 @@ static lg_status is_definite(uint32_t n, const double *matrix, double least, boo
         }
     *out = largest == 0.0 && least <= 0.0;
     if (largest == 0.0) return LG_OK;
-    if (!lg_machine_eigen(NULL, n, part, values)) return LG_OUT_OF_MEMORY;
+    LG_TRY(lg_machine_eigen(NULL, n, part, values));
     *out = values[0] >= least * largest;
     return LG_OK;
 }

@@ -8,7 +8,7 @@
 #include "kernels/lapack.h"
 #include "machine/internal.h"
 
-bool lg_machine_eigen(const lg_context *context, size_t n, double *matrix, double *values) {
+lg_status lg_machine_eigen(const lg_context *context, size_t n, double *matrix, double *values) {
     const int size = (int)n;
     double want = 0.0;
     int iwant = 0, info = 0, query = -1;
@@ -16,11 +16,11 @@ bool lg_machine_eigen(const lg_context *context, size_t n, double *matrix, doubl
     const int room = (int)want, iroom = iwant;
     double *work = lg_alloc(context, (size_t)room, sizeof *work);
     int *iwork = lg_alloc(context, (size_t)iroom, sizeof *iwork);
-    info = work != NULL && iwork != NULL ? 0 : -1;
-    if (info == 0) dsyevd_("V", "U", &size, matrix, &size, values, work, &room, iwork, &iroom, &info);
+    const bool room_left = work != NULL && iwork != NULL;
+    if (room_left) dsyevd_("V", "U", &size, matrix, &size, values, work, &room, iwork, &iroom, &info);
     lg_free(context, work);
     lg_free(context, iwork);
-    return info == 0;
+    return !room_left ? LG_OUT_OF_MEMORY : info == 0 ? LG_OK : LG_NOT_FINITE;
 }
 
 static void correlate(size_t n, const double *covariance, const lg_identified *numbers, double *out) {
@@ -77,11 +77,12 @@ lg_status lg_machine_relate(const lg_context *context, size_t count, double *cov
     out->open_count = 0;
     if (out->open == NULL) return LG_OK;
     double *variances = lg_alloc(context, count, sizeof *variances);
-    const bool found = variances != NULL && lg_machine_eigen(context, count, covariance, variances);
-    for (size_t k = count; found && k-- > 0 && variances[k] > open;)
+    const lg_status status =
+        variances != NULL ? lg_machine_eigen(context, count, covariance, variances) : LG_OUT_OF_MEMORY;
+    for (size_t k = count; status == LG_OK && k-- > 0 && variances[k] > open;)
         memcpy(out->open + count * out->open_count++, covariance + k * count, count * sizeof *covariance);
     lg_free(context, variances);
-    if (!found) return LG_OUT_OF_MEMORY;
+    if (status == LG_OUT_OF_MEMORY) return status;
     reduce(out->open_count, count, out->open);
     return LG_OK;
 }

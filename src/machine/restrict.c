@@ -159,7 +159,7 @@ static bool tell_errors(const adapting *a, double *work, lg_machine_adapted *out
     double *square = work, *values = work + n * n;
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < n; j++) square[i * n + j] = k->dot(n, W + i * n, W + j * n);
-    if (!lg_machine_eigen(a->context, n, square, values)) return false;
+    if (lg_machine_eigen(a->context, n, square, values) != LG_OK) return false;
     out->change = 0.0;
     for (size_t j = 0; j < n; j++) {
         double along = 0.0;

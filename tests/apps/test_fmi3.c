@@ -50,47 +50,50 @@ TEST("an FMU 3.0 is made only for its token, and not for scheduled execution") {
         }
 }
 
-TEST("modes of an FMU 3.0"){
-    ALLOWED(ALL, 1, 0, fmi3SetDebugLogging(c, 1, 0, P(0, &text))) ALLOWED(
-        NEW, 0, 0,
-        fmi3EnterInitializationMode(c, 0, 0, 1.5, 0,
-                                    0)) REFUSED(fmi3EnterInitializationMode(c, 0, 0, not_a_number, 0, 0))
-        ALLOWED(INITIALIZING, 0, 0, fmi3ExitInitializationMode(c)) ALLOWED(RUNS, 0, 0, fmi3Terminate(c))
-            ALLOWED(ALL, 0, 0, fmi3Reset(c)) ALLOWED(MOVES, 0, 0, fmi3EnterEventMode(c))
-                ALLOWED(AT_EVENT, 0, 0, fmi3EnterContinuousTimeMode(c)) REFUSED(fmi3EnterConfigurationMode(c))
-                    REFUSED(fmi3ExitConfigurationMode(c)) REFUSED(fmi3EnterStepMode(c))
+TEST("modes of an FMU 3.0") {
+    ALLOWED(ALL, 1, 0, fmi3SetDebugLogging(c, 1, 0, P(0, &text)));
+    ALLOWED(NEW, 0, 0, fmi3EnterInitializationMode(c, 0, 0, 1.5, 0, 0));
+    REFUSED(fmi3EnterInitializationMode(c, 0, 0, not_a_number, 0, 0));
+    ALLOWED(INITIALIZING, 0, 0, fmi3ExitInitializationMode(c));
+    ALLOWED(RUNS, 0, 0, fmi3Terminate(c));
+    ALLOWED(ALL, 0, 0, fmi3Reset(c));
+    ALLOWED(MOVES, 0, 0, fmi3EnterEventMode(c));
+    ALLOWED(AT_EVENT, 0, 0, fmi3EnterContinuousTimeMode(c));
+    REFUSED(fmi3EnterConfigurationMode(c));
+    REFUSED(fmi3ExitConfigurationMode(c));
+    REFUSED(fmi3EnterStepMode(c));
 #define EVALUATING "IE", "I"
-                        ALLOWED(EVALUATING, 0, 0, fmi3EvaluateDiscreteStates(c))
-                            ALLOWED(AT_EVENT, 5, 31,
-                                    fmi3UpdateDiscreteStates(c, P(0, flags), P(1, flags + 1), P(2, flags + 2),
-                                                             P(3, flags + 3), P(4, flags + 4), x))
-                                ALLOWED(MOVING, 2, 3,
-                                        fmi3CompletedIntegratorStep(c, 1, P(0, flags), P(1, flags + 1)))
-                                    ALLOWED(MOVES, 0, 0, fmi3SetTime(c, 2.0))
-                                        REFUSED(fmi3SetTime(c, infinite))}
+    ALLOWED(EVALUATING, 0, 0, fmi3EvaluateDiscreteStates(c));
+    ALLOWED(AT_EVENT, 5, 31,
+            fmi3UpdateDiscreteStates(c, P(0, flags), P(1, flags + 1), P(2, flags + 2), P(3, flags + 3),
+                                     P(4, flags + 4), x));
+    ALLOWED(MOVING, 2, 3, fmi3CompletedIntegratorStep(c, 1, P(0, flags), P(1, flags + 1)));
+    ALLOWED(MOVES, 0, 0, fmi3SetTime(c, 2.0));
+    REFUSED(fmi3SetTime(c, infinite));
+}
 
 /* A type of which there are no variables. */
 #define NONE(name, type)                                                                                     \
     do {                                                                                                     \
         type v[1] = {0};                                                                                     \
-        ALLOWED(ALL, 2, 0, fmi3Get##name(c, P(0, vr), 0, P(1, v), 0))                                        \
-        ALLOWED(ALL, 2, 0, fmi3Set##name(c, P(0, vr), 0, P(1, v), 0))                                        \
-        REFUSED(fmi3Get##name(c, vr, 1, v, 1))                                                               \
-        REFUSED(fmi3Set##name(c, vr, 1, v, 1))                                                               \
+        ALLOWED(ALL, 2, 0, fmi3Get##name(c, P(0, vr), 0, P(1, v), 0));                                       \
+        ALLOWED(ALL, 2, 0, fmi3Set##name(c, P(0, vr), 0, P(1, v), 0));                                       \
+        REFUSED(fmi3Get##name(c, vr, 1, v, 1));                                                              \
+        REFUSED(fmi3Set##name(c, vr, 1, v, 1));                                                              \
     } while (0)
 
 TEST("values of an FMU 3.0") {
     const fmi3Byte *binary = NULL;
-    ALLOWED(READING, 2, 3, fmi3GetFloat64(c, P(0, vr), 2, P(1, x), 3))
-    ALLOWED(READING, 2, 0, fmi3GetFloat64(c, P(0, vr), 0, P(1, x), 0))
-    REFUSED(fmi3GetFloat64(c, &absent, 1, x, 1))
-    REFUSED(fmi3GetFloat64(c, vr, 2, x, 2))
-    REFUSED(fmi3GetFloat64(c, vr, 2, x, 4))
-    ALLOWED(SETTING, 2, 3, fmi3SetFloat64(c, P(0, vr), 2, P(1, x), 3))
-    REFUSED(fmi3SetFloat64(c, &absent, 1, x, 1))
-    REFUSED(fmi3SetFloat64(c, &output, 1, x, 1))
-    REFUSED(fmi3SetFloat64(c, vr, 1, x, 1))
-    REFUSED(fmi3SetFloat64(c, vr, 1, x, 3))
+    ALLOWED(READING, 2, 3, fmi3GetFloat64(c, P(0, vr), 2, P(1, x), 3));
+    ALLOWED(READING, 2, 0, fmi3GetFloat64(c, P(0, vr), 0, P(1, x), 0));
+    REFUSED(fmi3GetFloat64(c, &absent, 1, x, 1));
+    REFUSED(fmi3GetFloat64(c, vr, 2, x, 2));
+    REFUSED(fmi3GetFloat64(c, vr, 2, x, 4));
+    ALLOWED(SETTING, 2, 3, fmi3SetFloat64(c, P(0, vr), 2, P(1, x), 3));
+    REFUSED(fmi3SetFloat64(c, &absent, 1, x, 1));
+    REFUSED(fmi3SetFloat64(c, &output, 1, x, 1));
+    REFUSED(fmi3SetFloat64(c, vr, 1, x, 1));
+    REFUSED(fmi3SetFloat64(c, vr, 1, x, 3));
     NONE(Float32, float);
     NONE(Int8, int8_t);
     NONE(UInt8, uint8_t);
@@ -104,58 +107,58 @@ TEST("values of an FMU 3.0") {
     NONE(String, fmi3String);
     for (size_t n = 0; n < 2; n++) {
         const int answer = n == 0 ? OK : ERROR;
-        ANSWERED(answer, fmi3GetBinary(c, vr, n, &size, &binary, n))
-        ANSWERED(answer, fmi3SetBinary(c, vr, n, &size, &binary, n))
-        ANSWERED(answer, fmi3GetClock(c, vr, n, flags))
-        ANSWERED(answer, fmi3SetClock(c, vr, n, flags))
+        ANSWERED(answer, fmi3GetBinary(c, vr, n, &size, &binary, n));
+        ANSWERED(answer, fmi3SetBinary(c, vr, n, &size, &binary, n));
+        ANSWERED(answer, fmi3GetClock(c, vr, n, flags));
+        ANSWERED(answer, fmi3SetClock(c, vr, n, flags));
     }
 }
 
 TEST("derivatives and numbers of an FMU 3.0") {
     const unsigned state = 0;
     ALLOWED(READING, 4, 15,
-            fmi3GetDirectionalDerivative(c, P(0, &output), 1, P(1, vr), 2, P(2, x), 3, P(3, x), 1))
+            fmi3GetDirectionalDerivative(c, P(0, &output), 1, P(1, vr), 2, P(2, x), 3, P(3, x), 1));
     ALLOWED(READING, 4, 15,
-            fmi3GetAdjointDerivative(c, P(0, &output), 1, P(1, vr), 2, P(2, x), 1, P(3, x), 3))
-    REFUSED(fmi3GetDirectionalDerivative(c, &absent, 1, vr, 2, x, 3, x, 1))
-    REFUSED(fmi3GetDirectionalDerivative(c, &output, 1, &absent, 1, x, 1, x, 1))
-    REFUSED(fmi3GetDirectionalDerivative(c, &output, 1, &output, 1, x, 1, x, 1))
-    REFUSED(fmi3GetAdjointDerivative(c, &absent, 1, vr, 2, x, 1, x, 3))
-    REFUSED(fmi3GetAdjointDerivative(c, &output, 1, &output, 1, x, 1, x, 1))
+            fmi3GetAdjointDerivative(c, P(0, &output), 1, P(1, vr), 2, P(2, x), 1, P(3, x), 3));
+    REFUSED(fmi3GetDirectionalDerivative(c, &absent, 1, vr, 2, x, 3, x, 1));
+    REFUSED(fmi3GetDirectionalDerivative(c, &output, 1, &absent, 1, x, 1, x, 1));
+    REFUSED(fmi3GetDirectionalDerivative(c, &output, 1, &output, 1, x, 1, x, 1));
+    REFUSED(fmi3GetAdjointDerivative(c, &absent, 1, vr, 2, x, 1, x, 3));
+    REFUSED(fmi3GetAdjointDerivative(c, &output, 1, &output, 1, x, 1, x, 1));
     for (size_t wrong = 1; wrong < 4; wrong++) {
-        REFUSED(fmi3GetDirectionalDerivative(c, &output, 1, &state, 1, x, wrong == 2 ? 3 : wrong, x, 1))
-        REFUSED(fmi3GetDirectionalDerivative(c, &state, 1, vr, 2, x, 3, x, wrong == 2 ? 0 : wrong))
-        REFUSED(fmi3GetAdjointDerivative(c, &state, 1, vr, 2, x, wrong == 2 ? 0 : wrong, x, 3))
-        REFUSED(fmi3GetAdjointDerivative(c, &output, 1, &state, 1, x, 1, x, wrong == 2 ? 0 : wrong))
+        REFUSED(fmi3GetDirectionalDerivative(c, &output, 1, &state, 1, x, wrong == 2 ? 3 : wrong, x, 1));
+        REFUSED(fmi3GetDirectionalDerivative(c, &state, 1, vr, 2, x, 3, x, wrong == 2 ? 0 : wrong));
+        REFUSED(fmi3GetAdjointDerivative(c, &state, 1, vr, 2, x, wrong == 2 ? 0 : wrong, x, 3));
+        REFUSED(fmi3GetAdjointDerivative(c, &output, 1, &state, 1, x, 1, x, wrong == 2 ? 0 : wrong));
     }
-    ALLOWED(MOVING, 1, 1, fmi3SetContinuousStates(c, P(0, x), STATES))
-    REFUSED(fmi3SetContinuousStates(c, x, STATES + 1))
-    ALLOWED(EXCHANGE, 1, 1, fmi3GetContinuousStates(c, P(0, x), STATES))
-    REFUSED(fmi3GetContinuousStates(c, x, STATES - 1))
-    ALLOWED(EXCHANGE, 1, 1, fmi3GetContinuousStateDerivatives(c, P(0, x), STATES))
-    REFUSED(fmi3GetContinuousStateDerivatives(c, x, STATES + 1))
-    ALLOWED(EXCHANGE, 1, 0, fmi3GetEventIndicators(c, P(0, x), 0))
-    REFUSED(fmi3GetEventIndicators(c, x, 1))
-    ALLOWED(NEW_OR_CHANGED, 1, 1, fmi3GetNominalsOfContinuousStates(c, P(0, x), STATES))
-    REFUSED(fmi3GetNominalsOfContinuousStates(c, x, STATES + 1))
-    ALLOWED(ALL, 1, 1, fmi3GetNumberOfEventIndicators(c, P(0, &size)))
-    ALLOWED(ALL, 1, 1, fmi3GetNumberOfContinuousStates(c, P(0, &size)))
+    ALLOWED(MOVING, 1, 1, fmi3SetContinuousStates(c, P(0, x), STATES));
+    REFUSED(fmi3SetContinuousStates(c, x, STATES + 1));
+    ALLOWED(EXCHANGE, 1, 1, fmi3GetContinuousStates(c, P(0, x), STATES));
+    REFUSED(fmi3GetContinuousStates(c, x, STATES - 1));
+    ALLOWED(EXCHANGE, 1, 1, fmi3GetContinuousStateDerivatives(c, P(0, x), STATES));
+    REFUSED(fmi3GetContinuousStateDerivatives(c, x, STATES + 1));
+    ALLOWED(EXCHANGE, 1, 0, fmi3GetEventIndicators(c, P(0, x), 0));
+    REFUSED(fmi3GetEventIndicators(c, x, 1));
+    ALLOWED(NEW_OR_CHANGED, 1, 1, fmi3GetNominalsOfContinuousStates(c, P(0, x), STATES));
+    REFUSED(fmi3GetNominalsOfContinuousStates(c, x, STATES + 1));
+    ALLOWED(ALL, 1, 1, fmi3GetNumberOfEventIndicators(c, P(0, &size)));
+    ALLOWED(ALL, 1, 1, fmi3GetNumberOfContinuousStates(c, P(0, &size)));
     assert_int_equal(size, STATES);
 }
 
 TEST("states of an FMU 3.0 that are kept") {
     fmi3Byte *const at = (fmi3Byte *)&bytes;
-    ALLOWED(ALL, 1, 1, fmi3GetFMUState(c, P(0, no_state())))
-    ALLOWED(ALL, 0, 0, fmi3GetFMUState(c, kept != NULL ? &kept : no_state()))
-    ALLOWED(ALL, 1, 1, fmi3SetFMUState(c, P(0, &some)))
-    ALLOWED(ALL, 2, 3, fmi3SerializedFMUStateSize(c, P(0, &some), P(1, &size)))
+    ALLOWED(ALL, 1, 1, fmi3GetFMUState(c, P(0, no_state())));
+    ALLOWED(ALL, 0, 0, fmi3GetFMUState(c, kept != NULL ? &kept : no_state()));
+    ALLOWED(ALL, 1, 1, fmi3SetFMUState(c, P(0, &some)));
+    ALLOWED(ALL, 2, 3, fmi3SerializedFMUStateSize(c, P(0, &some), P(1, &size)));
     assert_int_equal(size, sizeof bytes);
-    ALLOWED(ALL, 2, 3, fmi3SerializeFMUState(c, P(0, &some), P(1, at), sizeof bytes))
-    REFUSED(fmi3SerializeFMUState(c, &some, at, 8))
-    ALLOWED(ALL, 2, 3, fmi3DeserializeFMUState(c, P(0, at), sizeof bytes, P(1, no_state())))
-    ALLOWED(ALL, 0, 0, fmi3DeserializeFMUState(c, at, sizeof bytes, &kept))
-    REFUSED(fmi3DeserializeFMUState(c, at, 8, &kept))
-    ALLOWED(ALL, 1, 0, fmi3FreeFMUState(c, P(0, &kept)))
+    ALLOWED(ALL, 2, 3, fmi3SerializeFMUState(c, P(0, &some), P(1, at), sizeof bytes));
+    REFUSED(fmi3SerializeFMUState(c, &some, at, 8));
+    ALLOWED(ALL, 2, 3, fmi3DeserializeFMUState(c, P(0, at), sizeof bytes, P(1, no_state())));
+    ALLOWED(ALL, 0, 0, fmi3DeserializeFMUState(c, at, sizeof bytes, &kept));
+    REFUSED(fmi3DeserializeFMUState(c, at, 8, &kept));
+    ALLOWED(ALL, 1, 0, fmi3FreeFMUState(c, P(0, &kept)));
     (void)no_state();
 }
 
@@ -166,21 +169,21 @@ TEST("steps and clocks of an FMU 3.0") {
     unsigned of;
     int32_t order = 1;
     ALLOWED(STEPPING, 4, 15,
-            fmi3DoStep(c, 0.0, 0.5, 1, P(0, flags), P(1, flags + 1), P(2, flags + 2), P(3, x)))
-    REFUSED(fmi3DoStep(c, not_a_number, 0.5, 1, flags, flags, flags, x))
-    REFUSED(fmi3DoStep(c, 0.0, 0.0, 1, flags, flags, flags, x))
-    REFUSED(fmi3DoStep(c, 0.0, infinite, 1, flags, flags, flags, x))
-    REFUSED(fmi3DoStep(c, DBL_MAX, DBL_MAX, 1, flags, flags, flags, x))
-    REFUSED(fmi3GetOutputDerivatives(c, vr, 1, &order, x, 1))
-    REFUSED(fmi3GetNumberOfVariableDependencies(c, 0, &size))
-    REFUSED(fmi3GetVariableDependencies(c, 0, &size, &of, &size, &kind, 1))
-    REFUSED(fmi3GetIntervalDecimal(c, vr, 1, x, &qualifier))
-    REFUSED(fmi3GetIntervalFraction(c, vr, 1, &counter, &counter, &qualifier))
-    REFUSED(fmi3GetShiftDecimal(c, vr, 1, x))
-    REFUSED(fmi3GetShiftFraction(c, vr, 1, &counter, &counter))
-    REFUSED(fmi3SetIntervalDecimal(c, vr, 1, x))
-    REFUSED(fmi3SetIntervalFraction(c, vr, 1, &counter, &counter))
-    REFUSED(fmi3SetShiftDecimal(c, vr, 1, x))
-    REFUSED(fmi3SetShiftFraction(c, vr, 1, &counter, &counter))
-    REFUSED(fmi3ActivateModelPartition(c, 0, 1.0))
+            fmi3DoStep(c, 0.0, 0.5, 1, P(0, flags), P(1, flags + 1), P(2, flags + 2), P(3, x)));
+    REFUSED(fmi3DoStep(c, not_a_number, 0.5, 1, flags, flags, flags, x));
+    REFUSED(fmi3DoStep(c, 0.0, 0.0, 1, flags, flags, flags, x));
+    REFUSED(fmi3DoStep(c, 0.0, infinite, 1, flags, flags, flags, x));
+    REFUSED(fmi3DoStep(c, DBL_MAX, DBL_MAX, 1, flags, flags, flags, x));
+    REFUSED(fmi3GetOutputDerivatives(c, vr, 1, &order, x, 1));
+    REFUSED(fmi3GetNumberOfVariableDependencies(c, 0, &size));
+    REFUSED(fmi3GetVariableDependencies(c, 0, &size, &of, &size, &kind, 1));
+    REFUSED(fmi3GetIntervalDecimal(c, vr, 1, x, &qualifier));
+    REFUSED(fmi3GetIntervalFraction(c, vr, 1, &counter, &counter, &qualifier));
+    REFUSED(fmi3GetShiftDecimal(c, vr, 1, x));
+    REFUSED(fmi3GetShiftFraction(c, vr, 1, &counter, &counter));
+    REFUSED(fmi3SetIntervalDecimal(c, vr, 1, x));
+    REFUSED(fmi3SetIntervalFraction(c, vr, 1, &counter, &counter));
+    REFUSED(fmi3SetShiftDecimal(c, vr, 1, x));
+    REFUSED(fmi3SetShiftFraction(c, vr, 1, &counter, &counter));
+    REFUSED(fmi3ActivateModelPartition(c, 0, 1.0));
 }
