@@ -316,10 +316,10 @@ lg_status lg_machine_lag_states(const lg_machine *machine, const lg_machine_log 
 /* ---- correlations of numbers (machine/relations.c) ---- */
 
 /* Eigenvalues (n), rising, of the symmetric matrix (n, n), which is replaced by its eigenvectors, one after
- * the other. Errors: LG_NOT_FINITE (no convergence), LG_OUT_OF_MEMORY. */
+ * the other. Errors: LG_NOT_FINITE (the matrix; no convergence), LG_OUT_OF_MEMORY. */
 lg_status lg_machine_eigen(const lg_context *context, size_t n, double *matrix, double *values);
 /* Fills `correlations` and `open` of `out` from the covariance (N, N) of the numbers' relative changes, which
- * is overwritten. Without convergence of its eigenvalues there are no open directions. Errors:
+ * is overwritten. If it is not finite, there are no open directions. Errors:
  * LG_OUT_OF_MEMORY. */
 lg_status lg_machine_relate(const lg_context *context, size_t count, double *covariance,
                             lg_identification *out);

@@ -225,6 +225,16 @@ TEST("more unknown numbers than a term may have are refused") {
     assert_says(error.message, "has too many unknown numbers among its values");
 }
 
+TEST("a covariance that is not finite has no open directions, and is no lack of memory") {
+    const lg_identified numbers[2] = {{.error = 1.0}, {.error = 1.0}};
+    for (int i = 0; i < 2; i++) {
+        double covariance[4] = {NAN, i, i, NAN}, open[4];
+        lg_identification out = {.numbers = (lg_identified *)numbers, .open = open};
+        assert_ok(lg_machine_relate(NULL, 2, covariance, &out));
+        assert_int_equal(out.open_count, 0);
+    }
+}
+
 TEST("a machine takes 64 numbers with a prior, and refuses more") {
     static const char *const damping[] = {"diagonal", "coulomb", "quadratic", "cubic"};
     enum { LINES = 12, MOST = LG_MACHINE_PRIORS };
