@@ -1,11 +1,13 @@
 /* HDF5 1.10 crashes or loops on some damaged files, and a malicious file could do worse. Therefore a child
  * process reads the file first. The child may crash, and it can do nothing but read (sandbox.h). */
 #define _DEFAULT_SOURCE /* for syscall */
+#include <dirent.h>
 #include <errno.h>
 #include <limits.h>
 #include <poll.h>
 #include <signal.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
@@ -55,18 +57,20 @@ static void limit(int resource, rlim_t value) {
 
 /* Closes all descriptors of the parent except regular files. Terminals and sockets would be a way out of the
  * sandbox. Regular files cannot be written, because the limit on file sizes is 0; HDF5 may read a file
- * through a descriptor of the parent. */
+ * through a descriptor of the parent. Without /proc every number below 4096 is tried. */
 static void close_inherited(int report) {
     enum { MOST = 4096 };
-    struct rlimit open_files = {MOST, MOST};
-    (void)getrlimit(RLIMIT_NOFILE, &open_files);
-    const int end = open_files.rlim_cur < MOST ? (int)open_files.rlim_cur : MOST;
-    for (int fd = STDERR_FILENO + 1; fd < end; fd++) {
+    DIR *list = opendir("/proc/self/fd");
+    const struct dirent *entry = NULL;
+    for (int fd = 0; list != NULL ? (entry = readdir(list)) != NULL : fd < MOST; fd++) {
         struct stat about;
-        if (fd != report && fstat(fd, &about) == 0 && !S_ISREG(about.st_mode)) (void)close(fd);
+        if (list != NULL) fd = atoi(entry->d_name); /* "." and ".." give 0 */
+        if (fd <= STDERR_FILENO || fd == report || (list != NULL && fd == dirfd(list))) continue;
+        if (fstat(fd, &about) == 0 && !S_ISREG(about.st_mode)) (void)close(fd);
     }
+    if (list != NULL) (void)closedir(list);
 #ifdef SYS_close_range
-    (void)syscall(SYS_close_range, (unsigned)end, ~0u, 0);
+    if (list == NULL) (void)syscall(SYS_close_range, MOST, ~0u, 0);
 #endif
 }
 
