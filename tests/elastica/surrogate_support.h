@@ -119,10 +119,10 @@ static inline lg_surrogate_problem problem_of(const small *s, const lg_elastica_
                                               const uint32_t *training, size_t count) {
     const size_t modes = s->model.options.modes;
     lg_surrogate_problem problem = {&s->model, set, training, count, NULL};
-    double *coefficients = TEST_ARRAY(double, modes *count + 1);
     if (modes == 0) return problem;
-    if (lg_surrogate_coefficients(NULL, &s->model, set, training, count, coefficients, NULL, NULL) == LG_OK)
-        problem.coefficients = coefficients;
+    double *coefficients = TEST_ARRAY(double, modes *count);
+    assert_ok(lg_surrogate_coefficients(NULL, &s->model, set, training, count, coefficients, NULL, NULL));
+    problem.coefficients = coefficients;
     return problem;
 }
 

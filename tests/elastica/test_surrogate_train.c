@@ -150,7 +150,7 @@ TEST("the loss on a tape agrees with the loss computed from curves") {
                 check_loss(&other, &set);
                 continue;
             }
-            const lg_surrogate_problem problem = problem_of(&other, &set, everything, CURVES);
+            const lg_surrogate_problem problem = {&other.model, &set, everything, CURVES, NULL};
             assert_status(lg_surrogate_problem_check(&problem, &error), LG_SHAPE);
             assert_non_null(strstr(error.message, "a discrete network for 12 intervals;"));
         }
