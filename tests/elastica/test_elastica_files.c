@@ -232,7 +232,6 @@ TEST("errors in a file are refused by name, and the format of other programs is 
         {"q", ARRAY(0, 6, 22), LG_FORMAT, "rank"},
         {"q", ARRAY(0, 6, 2, 2), LG_FORMAT, "N of 2"},
         {"q", ARRAY(0, 6, 0, 2), LG_FORMAT, ""},
-        {"q", ARRAY(0, 1, LG_ELASTICA_MAX_INTERVALS + 2, 2), LG_FORMAT, "N of 2 to 100000"},
         {"q", ARRAY(0, 5, 11, 2), LG_FORMAT, "5 curves"},
         {"q", ARRAY(INFINITY, 6, 11, 2), LG_NOT_FINITE, "(0, 0, 0)"},
         {"q", ARRAY(0, 6, 11, 2), LG_FORMAT, "ends at"},

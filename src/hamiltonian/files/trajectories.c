@@ -14,7 +14,9 @@
 
 /* How many numbers each of the n copies has in a state. */
 static uint32_t numbers_per_copy(const lg_hamiltonian_family *family) {
-    return (uint32_t)lg_hamiltonian_space_of(family, 1).dim;
+    lg_space one = {0};
+    (void)lg_hamiltonian_space(family, 1, &one);
+    return (uint32_t)one.dim;
 }
 
 /* ---- making and freeing ---- */
