@@ -410,6 +410,14 @@ TEST("without motion the scale of a line is the size of its numbers, or 1 if all
         assert_ok(lg_hamiltonian_find_scales(&problem, &scales, NULL));
         assert_true(scales.time == 0.1 && scales.part[0] == 1.0);
         assert_close(scales.part[2], zero ? 1.0 : 0.5, 1e-15, 0.0);
+        if (zero) continue;
+        /* A motion that is too slow for a scale does not count. */
+        for (size_t i = 0; i < 2; i++) {
+            for (size_t k = 9; k < 12; k++) data[i * d + k] = 1e-200;
+            data[i * d + 12] = i == 0 ? 1e-200 : 1.5e-200, data[i * d + 13] = 1e200;
+        }
+        assert_ok(lg_hamiltonian_find_scales(&problem, &scales, NULL));
+        assert_close(scales.part[2], sqrt(0.5 * (1.0 + 1.5 * 1.5)) * 1e-200, 1e-14, 0.0);
     }
 }
 
