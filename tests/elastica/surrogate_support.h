@@ -121,8 +121,9 @@ static inline lg_surrogate_problem problem_of(const small *s, const lg_elastica_
     lg_surrogate_problem problem = {&s->model, set, training, count, NULL};
     double *coefficients = TEST_ARRAY(double, modes *count + 1);
     if (modes == 0) return problem;
-    if (lg_surrogate_coefficients(NULL, &s->model, set, training, count, coefficients, NULL, NULL) == LG_OK)
-        problem.coefficients = coefficients;
+    LG_STATUS_OF(lg_surrogate_coefficients(NULL, &s->model, set, training, count, coefficients, NULL, NULL),
+                 status);
+    if (status == LG_OK) problem.coefficients = coefficients;
     return problem;
 }
 

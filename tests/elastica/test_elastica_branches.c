@@ -141,12 +141,12 @@ TEST("with few steps or a rough tolerance any beam gives a minimum or a sentence
         o.gradient_tolerance = tolerances[lg_rng_below(&rng, 3)];
         for (size_t k = 0; k <= p.intervals; k++) guess[k] = p.theta0 + 3.0 * lg_rng_normal(&rng);
         if (i % 3 == 0) o.guess = guess;
-        lg_status status = lg_elastica_solve(NULL, &p, &o, theta, &s, &error);
-        judged(&p, status, &s, &error);
-        found += status == LG_OK, failed += status != LG_OK;
-        status = lg_elastica_solve_continuous(NULL, &p, &o, theta, NULL, &s, &error);
-        judged(&p, status, &s, &error);
-        found += status == LG_OK, failed += status != LG_OK;
+        LG_STATUS_OF(lg_elastica_solve(NULL, &p, &o, theta, &s, &error), coarse);
+        judged(&p, coarse, &s, &error);
+        LG_STATUS_OF(lg_elastica_solve_continuous(NULL, &p, &o, theta, NULL, &s, &error), smooth);
+        judged(&p, smooth, &s, &error);
+        found += (coarse == LG_OK) + (smooth == LG_OK);
+        failed += (coarse != LG_OK) + (smooth != LG_OK);
         if (i % 10 != 0) continue;
         assert_ok(lg_elastica_branches(NULL, &p, &o, true, ROOM, theta, solutions, &count, NULL));
         for (size_t k = 0; k < count; k++) assert_true(solutions[k].energy >= 0.0);
@@ -246,7 +246,7 @@ TEST("sets of hard curves are generated, or the first impossible one is named") 
         s.right_end = true;
         s.continuous = i % 8 == 0;
         s.count = s.continuous ? 5 : 64;
-        const lg_status status = lg_elastica_generate(NULL, &s, &curves, &error);
+        LG_STATUS_OF(lg_elastica_generate(NULL, &s, &curves, &error), status);
         if (status != LG_OK) {
             failed++;
             assert_int_equal(status, LG_NO_CONVERGENCE);

@@ -732,7 +732,7 @@ TEST("files that a grid names are found from its folder, from the folder of the 
     (void)file_of("grid.yaml", good_grid);
     assert_non_null(getcwd(here, sizeof here));
     assert_int_equal(chdir(scratch), 0);
-    const lg_status status = read_grid(NULL, "grid.yaml", NULL, NULL);
+    LG_STATUS_OF(read_grid(NULL, "grid.yaml", NULL, NULL), status);
     assert_int_equal(chdir(here), 0);
     assert_int_equal(status, LG_OK);
     assert_ok(read_grid(NULL, changed("whole.yaml", good_grid, "scene.yaml", scene), NULL, NULL));
