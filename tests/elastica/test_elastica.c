@@ -146,7 +146,7 @@ TEST("the solution satisfies the Euler-Lagrange equations, and errors of 1e-6 ar
     q[2 * 20] -= 1e-6;
     v[2 * 20] += 1e-6;
     assert_true(lg_elastica_euler_lagrange(&p, q, v, NULL) > 1e-6);
-    double *const numbers[] = {&q[2 * 20], &v[2 * 20]};
+    double *const numbers[] = {&q[2 * 20], &v[2]};
     for (size_t i = 0; i < 2; i++) {
         const double kept = *numbers[i];
         *numbers[i] = NAN;

@@ -61,6 +61,18 @@ TEST("saddles are found if requested") {
         assert_close(solutions[i].energy, energies[i], 0, 1e-3);
         assert_int_equal(solutions[i].negative_eigenvalues, i / 2);
     }
+    /* A guess at a saddle gives the saddle of the continuous problem, which is told. */
+    double guess[51], angles[51];
+    const lg_elastica p = {.length = 3.3, .stiffness = 10.0, .qN = {3.0, 0.0}, .intervals = 50};
+    lg_elastica_options o;
+    lg_elastica_solution s;
+    lg_error error = {LG_OK, ""};
+    lg_elastica_options_init(&o);
+    memcpy(guess, theta + 51 * 2, sizeof guess);
+    o.guess = guess;
+    assert_status(lg_elastica_solve_continuous(NULL, &p, &o, angles, NULL, &s, &error), LG_NO_CONVERGENCE);
+    assert_says(error.message, "1 negative eigenvalues, so this is a saddle");
+    assert_close(s.energy, energies[2], 1e-2, 0);
     /* Between two minima there is a saddle. */
     const size_t count = branches(LG_ELASTICA_BOTH_ENDS, 0.03, 0, true);
     assert_true(count >= 3);
@@ -126,7 +138,7 @@ static void judged(const lg_elastica *p, lg_status status, const lg_elastica_sol
 }
 
 TEST("with few steps or a rough tolerance any beam gives a minimum or a sentence") {
-    static const double tolerances[] = {1e-12, 1e-3, 0.9};
+    static const double tolerances[] = {1e-12, 1e-3, 0.9}, steps[] = {0.05, 1.0, 2e-4};
     size_t failed = 0, found = 0;
     lg_rng rng = test_rng(21, 0);
     for (int i = 0; i < 60; i++) {
@@ -139,6 +151,7 @@ TEST("with few steps or a rough tolerance any beam gives a minimum or a sentence
         lg_elastica_options_init(&o);
         o.max_iterations = 1 + (uint32_t)lg_rng_below(&rng, i % 2 == 0 ? 3 : 60);
         o.gradient_tolerance = tolerances[lg_rng_below(&rng, 3)];
+        o.max_step = steps[i / 2 % 3];
         for (size_t k = 0; k <= p.intervals; k++) guess[k] = p.theta0 + 3.0 * lg_rng_normal(&rng);
         if (i % 3 == 0) o.guess = guess;
         LG_STATUS_OF(lg_elastica_solve(NULL, &p, &o, theta, &s, &error), coarse);
