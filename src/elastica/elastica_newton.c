@@ -295,10 +295,8 @@ static bool polish(const lg_beam *beam, lg_beam_work *w, double within) {
 
 /* ---- descent ---- */
 
-/* Factors with a shift that makes the Hessian positive definite. Tries 0 first, then larger and larger
- * shifts. */
+/* Factors with a shift > 0 that makes the Hessian positive definite. Tries larger and larger shifts. */
 static bool factor_definite(const lg_beam *beam, lg_beam_work *w) {
-    if (factor(beam, w, 0.0) && w->negative == 0) return true;
     for (double shift = SHIFT_FIRST; shift < SHIFT_LAST; shift *= 4.0)
         if (factor(beam, w, shift) && w->negative == 0) return true;
     return false;
