@@ -20,12 +20,12 @@ void lg_exact_merge(lg_exact_sum *into, const lg_exact_sum *from) {
 }
 
 /* Carries bring every part but the last into 0..2^32 - 1. A negative sum is negated first, so that the parts
- * do not cancel. */
+ * do not cancel. The loop has at most two turns, because a positive sum has a last part of at least 0. */
 double lg_exact_value(const lg_exact_sum *sum) {
     int64_t part[LG_EXACT_PARTS];
     double sign = 1.0, value = 0.0;
     memcpy(part, sum->part, sizeof(part));
-    for (int turn = 0; turn < 2; turn++) {
+    for (;;) {
         for (int i = 0; i + 1 < LG_EXACT_PARTS; i++) {
             const int64_t rest = (int64_t)((uint64_t)part[i] & 0xffffffffu),
                           carry = (part[i] - rest) / 4294967296;

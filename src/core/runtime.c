@@ -23,9 +23,8 @@ int lg_cpu_describe(char *text, size_t size) {
     const char *isa = lg_isa_name(lg_isa_in_use());
     if (openblas_get_corename == NULL) return snprintf(text, size, "kernels %s, BLAS unknown", isa);
     const char *config = openblas_get_config != NULL ? openblas_get_config() : "OpenBLAS";
-    const char *end = strchr(config, ' '); /* keeps name and version of "OpenBLAS 0.3.21 options..." */
-    end = end != NULL ? strchr(end + 1, ' ') : NULL;
-    const int length = end != NULL ? (int)(end - config) : (int)strlen(config);
+    int length = 0; /* of name and version in "OpenBLAS 0.3.21 options..." */
+    (void)sscanf(config, "%*s%n %*s%n", &length, &length);
     const int threads = openblas_get_num_threads != NULL ? openblas_get_num_threads() : 0;
     return snprintf(text, size, "kernels %s, %.*s %s, %d BLAS thread%s", isa, length, config,
                     openblas_get_corename(), threads, threads == 1 ? "" : "s");

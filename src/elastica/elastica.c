@@ -120,7 +120,6 @@ lg_beam_frame lg_beam_frame_make(const lg_elastica *problem) {
     lg_beam_frame frame = {.energy = EI / L, .force = EI / L / L};
     frame.beam.n = problem->intervals;
     frame.beam.d = hypot(x, y) / L;
-    if (frame.beam.d >= 1.0) frame.beam.d = 1.0 - 0.5 * DBL_EPSILON;
     const bool closed = frame.beam.d == 0.0;
     frame.chord = closed ? problem->theta0 + 0.5 * problem->rotation : atan2(y, x);
     const double from = problem->theta0 - frame.chord;

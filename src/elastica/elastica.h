@@ -163,9 +163,9 @@ lg_status lg_collocation_polish(lg_collocation *collocation, const lg_beam *beam
 void lg_collocation_export(const lg_collocation *collocation, const lg_elastica *problem,
                            const lg_beam_frame *frame, double *theta, double *q);
 
-/* Solves the next problem of a family. If `from` is not NULL, its solution must be in work->theta, and
- * continuation starts there. If that fails, or without `from`, lg_beam_solve is called. If *end is
- * LG_BEAM_MINIMUM, the result is in `work`. */
+/* Solves the next problem of a family. If `from` is not NULL, it has the n of `beam`, its solution must be
+ * in work->theta, and continuation starts there. If that fails, or without `from`, lg_beam_solve is called.
+ * If *end is LG_BEAM_MINIMUM, the result is in `work`. */
 lg_status lg_beam_next(const lg_beam *from, const lg_beam *beam, lg_beam_work *work, double step,
                        lg_beam_end *end);
 

@@ -440,7 +440,7 @@ static lg_status refine(lg_collocation *c, double tolerance, bool *done) {
         *done = *done && fine;
         make_series(&c->reference, p, &x, &y);
     }
-    c->defect = c->gradient == 0.0 ? 0.0 : c->gradient / scale;
+    c->defect = c->gradient / scale; /* a beam longer than its chord is bent, so scale > 0 */
     if (*done) return LG_OK;
     panel *swap = c->panels;
     c->panels = c->halves;
@@ -451,17 +451,17 @@ static lg_status refine(lg_collocation *c, double tolerance, bool *done) {
 
 /* ---- start, solution and sampling ---- */
 
-/* Cubic interpolation at s in [0, 1] of the angles theta (n + 1) at equidistant points. slope_at computes the
- * derivative by a central difference. */
+/* Cubic interpolation at s in [0, 1] of the angles theta (n + 1) at equidistant points, n >= 3. slope_at
+ * computes the derivative by a central difference. */
 static double angle_at(size_t n, const double *theta, double s) {
     const double x = fmin(fmax(s, 0.0), 1.0) * (double)n;
-    const size_t points = n >= 3 ? 4 : n + 1;
+    enum { POINTS = 4 };
     size_t j = (size_t)x > 0 ? (size_t)x - 1 : 0;
-    if (j + points > n + 1) j = n + 1 - points;
+    if (j + POINTS > n + 1) j = n + 1 - POINTS;
     double sum = 0.0;
-    for (size_t a = 0; a < points; a++) {
+    for (size_t a = 0; a < POINTS; a++) {
         double weight = 1.0;
-        for (size_t b = 0; b < points; b++)
+        for (size_t b = 0; b < POINTS; b++)
             if (b != a) weight *= (x - (double)(j + b)) / ((double)a - (double)b);
         sum += weight * theta[j + a];
     }

@@ -103,10 +103,9 @@ void lg_beam_prolong(size_t from_n, const double *from, size_t to_n, double *to)
     for (size_t k = 0; k <= to_n; k++) {
         const double x = (double)k / (double)to_n * (double)from_n;
         size_t j = (size_t)x;
-        if (j + 2 > from_n) j = from_n < 2 ? 0 : from_n - 2;
+        if (j + 2 > from_n) j = from_n - 2;
         if (j > 0) j--; /* interpolates from[j] .. from[j + 3] */
         const size_t points = from_n >= 3 ? 4 : from_n + 1;
-        if (j + points > from_n + 1) j = from_n + 1 - points;
         to[k] = 0.0;
         for (size_t a = 0; a < points; a++) {
             double weight = 1.0;
@@ -159,7 +158,7 @@ lg_status lg_beam_solve(const lg_beam *beam, lg_beam_work *work, double step, lg
 
 lg_status lg_beam_next(const lg_beam *from, const lg_beam *beam, lg_beam_work *work, double step,
                        lg_beam_end *end) {
-    if (from && from->n == beam->n) {
+    if (from) {
         LG_TRY(lg_beam_continue(from, beam, work, step, end));
         if (*end == LG_BEAM_MINIMUM) return LG_OK;
     }

@@ -7,7 +7,8 @@
 /* Number of values of x per block. In a block each curve starts from the one before. Blocks do not depend on
  * the number of threads, so the results do not either. */
 #define BLOCK 25
-/* A curve starts from the one before only if no end angle changes by more than this, radians. */
+/* A curve starts from the one before only if no end angle changes by more than this, radians. In both
+ * families theta_N changes by at least as much as theta_0. */
 #define NEAR 0.2
 
 /* ---- memory ---- */
@@ -138,7 +139,7 @@ static void export_row(const job *j, const lg_elastica *problem, const lg_beam_f
 }
 
 static bool is_near(const lg_beam *a, const lg_beam *b) {
-    return a->last * b->last > 0.0 && fabs(a->last - b->last) <= NEAR && fabs(a->first - b->first) <= NEAR;
+    return a->last * b->last > 0.0 && fabs(a->last - b->last) <= NEAR;
 }
 
 /* Returns family number `place` among the families that are wanted, in the order of the enumeration. */

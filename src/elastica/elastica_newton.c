@@ -195,11 +195,10 @@ static void solve_tridiagonal(size_t n, const lg_beam_work *w, double *const x[3
     }
 }
 
-/* Factors T + shift h, solves for the right-hand sides U and -gradient, computes C, and counts the negative
- * eigenvalues of the shifted Hessian. Returns false if C is singular or not finite. */
-static bool factor(const lg_beam *beam, lg_beam_work *w, double shift) {
+/* Factors T + shift h, solves for the right-hand sides U and -gradient, computes C with `soft` for 1/(2 P),
+ * and counts the negative eigenvalues of the shifted Hessian. */
+static void factor_softly(const lg_beam *beam, lg_beam_work *w, double shift, double soft) {
     const size_t n = beam->n;
-    const double soft = 0.5 / penalty(beam);
     const uint32_t negative = factor_tridiagonal(n, w, shift / (double)n);
     for (size_t k = 1; k < n; k++) {
         w->z[k] = -w->gradient[k];
@@ -219,6 +218,11 @@ static bool factor(const lg_beam *beam, lg_beam_work *w, double shift) {
     w->det = xx * yy - xy * xy;
     const uint32_t positive = w->det < 0.0 ? 1 : xx + yy > 0.0 ? 2 : 0;
     w->negative = negative + positive >= 2 ? negative + positive - 2 : 0;
+}
+
+/* Returns false if C is singular or not finite. */
+static bool factor(const lg_beam *beam, lg_beam_work *w, double shift) {
+    factor_softly(beam, w, shift, 0.5 / penalty(beam));
     return isfinite(w->det) && w->det != 0.0;
 }
 
@@ -291,10 +295,8 @@ static bool polish(const lg_beam *beam, lg_beam_work *w, double within) {
 
 /* ---- descent ---- */
 
-/* Factors with a shift that makes the Hessian positive definite. Tries 0 first, then larger and larger
- * shifts. */
+/* Factors with a shift > 0 that makes the Hessian positive definite. Tries larger and larger shifts. */
 static bool factor_definite(const lg_beam *beam, lg_beam_work *w) {
-    if (factor(beam, w, 0.0) && w->negative == 0) return true;
     for (double shift = SHIFT_FIRST; shift < SHIFT_LAST; shift *= 4.0)
         if (factor(beam, w, shift) && w->negative == 0) return true;
     return false;
@@ -473,25 +475,10 @@ void lg_beam_flow(const lg_beam *beam, lg_beam_work *work, double rate, int step
 
 uint32_t lg_beam_inertia(const lg_beam *beam, lg_beam_work *work, const double theta[],
                          const double force[2]) {
-    const size_t n = beam->n;
     copy(beam, work->theta, theta);
     work->force[0] = force[0];
     work->force[1] = force[1];
     evaluate(beam, work, true);
-    const uint32_t negative = factor_tridiagonal(n, work, 0.0);
-    double xx = 0.0, xy = 0.0, yy = 0.0;
-    for (size_t k = 1; k < n; k++) {
-        work->z[k] = 0.0;
-        work->yx[k] = work->ux[k];
-        work->yy[k] = work->uy[k];
-    }
-    solve_tridiagonal(n, work, (double *const[3]){work->z, work->yx, work->yy});
-    for (size_t k = 1; k < n; k++) {
-        xx += work->ux[k] * work->yx[k];
-        xy += work->ux[k] * work->yy[k];
-        yy += work->uy[k] * work->yy[k];
-    }
-    const double det = xx * yy - xy * xy;
-    const uint32_t positive = det < 0.0 ? 1 : xx + yy > 0.0 ? 2 : 0;
-    return negative + positive >= 2 ? negative + positive - 2 : 0;
+    factor_softly(beam, work, 0.0, 0.0);
+    return work->negative;
 }

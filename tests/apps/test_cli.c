@@ -97,6 +97,8 @@ TEST("with --newton a linear potential's loss is lower than with Adam alone, and
     cli_expect(lg, "train train.h5 --potential linear --epochs 3 --newton --integrator lie-euler --out l.h5",
                0, "l.h5");
     assert_non_null(strstr(result.err, "--integrator rkmk5"));
+    cli_json(lg, "train train.h5 --potential linear --epochs 3 --stop-after 1 --newton --out l.h5",
+             "newton_iterations 0"); /* only after the last epoch */
 }
 
 TEST("the default is the preset best; an option of Adam selects the published settings") {
@@ -173,6 +175,56 @@ TEST("separable systems are trained and judged") {
              "integrator \"blanes-moan\"");
     cli_json(lg, "evaluate bm.h5 q.h5", "E1 >0");
     cli_expect(lg, "evaluate model.h5 q.h5", 3, "q.h5");
+}
+
+/* Writes the trajectories again, with two inputs for each step and a first point off the sphere. */
+static void write_odd(const char *from, const char *to) {
+    lg_trajectories *data = cli_trajectories(from);
+    data->input_dim = 2;
+    data->inputs = calloc(data->count * (data->points - 1) * 2, sizeof *data->inputs);
+    assert_non_null(data->inputs);
+    data->data[0] += 1e-3;
+    assert_ok(lg_trajectories_write(NULL, cli_at(to), data, NULL));
+}
+
+TEST("data with inputs, noisy starts or no names are learned, which is told") {
+    write_odd("train.h5", "odd.h5");
+    cli_expect(lg, "train odd.h5 --starts estimated --method adam --hidden 4 --epochs 2 --out o.h5", 0, "");
+    assert_says(result.err, "/inputs (2 numbers per step) is not used");
+    assert_null(strstr(result.err, "are projected"));
+    cli_expect(lg, "train odd.h5 --starts measured --hidden 4 --epochs 2 --out o.h5", 0, "");
+    assert_says(result.err, "are projected onto it");
+    assert_ok(lg_trajectories_write(NULL, cli_at("bare.h5"), cli_trajectories("train.h5"), NULL));
+    const hid_t bare = H5Fopen(cli_at("bare.h5"), H5F_ACC_RDWR, H5P_DEFAULT);
+    assert_true(H5Adelete(bare, "system") >= 0 && H5Adelete(bare, "layout") >= 0 && H5Fclose(bare) >= 0);
+    cli_expect(lg, "train bare.h5 --hidden 4 --epochs 2 --out o.h5", 0, "");
+    assert_says(result.err, "are taken as a state of family chain");
+}
+
+static const char make_quartic[] =
+    "generate quartic.yaml --trajectories 20 --points 4 --t-end 0.3 --out q.h5";
+
+TEST("a model is not evaluated on states of another size, and a symmetry has to fit") {
+    cli_expect(lg, make_quartic, 0, "quartic");
+    cli_write("two.yaml", "system: pendulum-chain\ngravity: 1\nmasses: [1, 1]\nlengths: [1, 1]\n");
+    cli_expect(lg, "generate two.yaml --trajectories 3 --t-end 0.3 --out two.h5", 0, "");
+    cli_expect("lg-learn", "evaluate model.h5 two.h5", 3,
+               "a state has 12 numbers, but a state of the model has 6");
+    cli_expect("lg-learn", "evaluate model.h5 q.h5", 3,
+               "a state has 4 numbers, but a state of the model has 6");
+    cli_expect(lg, "train q.h5 --symmetry axial --out none.h5", 2,
+               "--symmetry axial: is not for family separable");
+}
+
+TEST("numbers too large for a loss are refused in the units of the data") {
+    cli_expect(lg, make_quartic, 0, "quartic");
+    lg_trajectories *data = cli_trajectories("q.h5");
+    for (size_t i = 0; i < data->count * data->points * data->state_dim; i++) data->data[i] *= 1e200;
+    lg_system_destroy(data->truth);
+    data->truth = NULL;
+    assert_ok(lg_trajectories_write(NULL, cli_at("huge.h5"), data, NULL));
+    cli_expect(lg, "train huge.h5 --units given --scaled yes --hidden 4 --epochs 2 --out none.h5", 4,
+               "epoch 1: the loss is inf");
 }
 
 /* ---- recorded errors ---- */

@@ -101,6 +101,9 @@ TEST("a model is evaluated and predicts on the constraint, without a further fil
     assert_true(e1 < 1e-2 && e1 > 1e-16 && e2 < 1.0);
     write_plain("bare.h5", 0.0);
     cli_run(lg, "evaluate model.h5 bare.h5 --json");
+    cli_run("lg-learn", "evaluate model.h5 test.h5 --json");
+    const double loss = json_number(result.out, "loss");
+    assert_true(loss < json_number(result.out, "unchanged"));
     cli_run(lg, "predict model.h5 --initial 1,0,0.4,0,0,0 --t-end 2 --points 9 --out motion.h5");
     const lg_trajectories *motion = cli_trajectories("motion.h5");
     for (size_t j = 0; j < 9; j++) {
@@ -143,6 +146,8 @@ TEST("constraints that do not fit the data are refused with the point and the nu
     cli_expect(lg, "train exact.h5 --constraint bars.h5 --out none.h5", 3, "takes q of 4 numbers");
     cli_expect(lg, "train exact.h5 --constraint one.h5.none --out none.h5", 3, "one.h5.none");
     cli_expect(lg, "train data.h5 --starts estimated --epochs 5 --out none.h5", 2, "leave the constraint");
+    cli_expect(lg, "train data.h5 --penalty 1 --epochs 5 --out none.h5", 2,
+               "does not fit family constrained");
     cli_run(lg, "train moved.h5 --constraint knot.h5 --starts measured --epochs 5 --hidden 5 --out near.h5");
     cli_expect(lg, "generate still.h5 --out none.h5", 3, "no function potential");
     cli_expect(lg, "generate data.h5 --segments 3 --out none.h5", 2, "--segments");

@@ -246,10 +246,19 @@ TEST("--preset takes the published settings for the data and the network, except
          "hidden 5, activation \"swish\""},
         {"train both.h5 --preset thesis --hidden 4", "source \"table 5.5\", activation \"leaky-relu\""},
         {"train both.h5 --hidden 4", "preset \"best\""},
+        {"train right.h5 --hidden 4", "preset \"best\""},
+        {"train data.h5 --most-curves 1 --modes 0 --hidden 4", "learned_curves 1"},
+    };
+    static const char *const none[][2] = {
+        {"data.h5 --loss energy", "thesis has no settings for the discrete network with --loss energy"},
+        {"data.h5 --network continuous --boundary true", "continuous network with --boundary true"},
+        {"both.h5 --network angle", "angle network on data of both families"},
     };
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         json(test_text("%s --epochs 1 --out p.h5", rows[i][0]), rows[i][1]);
     }
+    for (size_t i = 0; i < LG_COUNT(none); i++)
+        cli_expect(lg, test_text("train %s --preset thesis --out p.h5", none[i][0]), 2, none[i][1]);
 }
 
 /* The mirror image of x is 2 pi - x. */
@@ -366,6 +375,8 @@ TEST("a failed trial becomes a row of the table, and the search goes on") {
     assert_null(json_find(result.out, "best"));
     cli_expect(lg, "search wild.yaml data.h5 --trials 2 --out wild.csv --resume", 4,
                "none of the 2 trials in wild.csv was finished");
+    cli_expect(lg, "search wild.yaml data.h5 --trials 2 --validation 0.001 --out w.csv", 4,
+               "the validation part has none of the 36 curves");
     /* There is no memory for a network of 10^13 parameters. */
     cli_write("roomy.yaml", "fixed: {epochs: 1, batch: 8, layers: 14}\n"
                             "ranges:\n  hidden: {choice: [4, 1048576]}\n");

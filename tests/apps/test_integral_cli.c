@@ -49,19 +49,25 @@ static lg_var for_all_rows(lg_tape *t, lg_var x) {
     return lg_mean(t, x);
 }
 
+typedef enum port_kind { VECTOR, MATRIX, SHARED } port_kind;
 typedef struct program_row {
     lg_var (*record)(lg_tape *t, lg_var x);
     const char *name; /* of the function */
     uint32_t d;
-    size_t inputs;
-    bool shared;
+    size_t inputs, outputs;
+    port_kind kind;
+    double factor; /* a parameter of the program; 0: it has none */
 } program_row;
 
-static const program_row good = {vertical, "integral", 6, 1, false};
+static const program_row good = {vertical, "integral", 6, 1, 1, VECTOR, 0.0};
 
 static lg_status record(void *user, lg_tape *t, const lg_var *theta, const lg_var *x, lg_var *y) {
     const program_row *row = user;
-    y[0] = row->record(t, row->inputs > 1 ? lg_add(t, x[0], x[1]) : x[0]);
+    const lg_var sum = row->inputs > 1 ? lg_add(t, x[0], x[1]) : x[0];
+    const lg_var rows = lg_reshape(t, sum, lg_shape2(lg_var_shape(t, sum).dims[0], row->d));
+    y[0] = row->record(t, rows);
+    if (row->factor != 0.0) y[0] = lg_mul(t, y[0], theta[0]);
+    if (row->outputs > 1) y[1] = lg_neg(t, y[0]);
     return lg_tape_status(t);
 }
 
@@ -69,15 +75,20 @@ RELEASES(release_program, lg_program_destroy)
 
 static lg_program *build(const program_row *row) {
     program_row copy = *row;
-    const lg_port in[2] = {{.name = "x", .shape = lg_shape1(row->d), .shared = row->shared},
+    const lg_shape shapes[] = {
+        [VECTOR] = lg_shape1(row->d), [MATRIX] = lg_shape2(row->d / 2, 2), [SHARED] = lg_shape2(1, row->d)};
+    const lg_port in[2] = {{.name = "x", .shape = shapes[row->kind], .shared = row->kind == SHARED},
                            {.name = "u", .shape = lg_shape1(row->d)}},
-                  out = {.name = "G"};
-    const lg_function_spec function = {row->name, in, row->inputs, &out, 1, record, &copy};
+                  out[2] = {{.name = "G"}, {.name = "minus"}};
+    const lg_function_spec function = {row->name, in, row->inputs, out, row->outputs, record, &copy};
+    const lg_parameter_spec factor = {"factor", lg_shape1(1), &row->factor};
     lg_program_spec spec;
     lg_program *program;
     lg_program_spec_init(&spec);
     spec.functions = &function;
     spec.function_count = 1;
+    spec.parameters = &factor;
+    spec.parameter_count = row->factor != 0.0;
     assert_told(lg_program_build(NULL, &spec, &program, &told));
     lg_test_owns(program, release_program);
     return program;
@@ -164,6 +175,22 @@ TEST("a first integral in a file trains as the row of the table with the same fo
     cli_json(lg, TRAIN "--units given --penalty-integral G.h5 --dtype f32", "loss >0");
 }
 
+TEST("a parameter of the program is part of the first integral, and of what a run is resumed with") {
+    char hash[LG_SHA256_TEXT] = "";
+    double loss = 0;
+    for (int k = 0; k < 2; k++) {
+        program_row row = good;
+        row.factor = k == 0 ? 1.0 : -1.0;
+        save(&row, "factor.h5");
+        cli_json(lg, TRAIN "--units data --penalty-form published --penalty-integral factor.h5", "");
+        if (k == 1) assert_close(json_number(result.out, "loss"), loss, 1e-6, 0);
+        loss = json_number(result.out, "loss");
+        const char *found = cli_hamiltonian("m.h5")->run.penalty_sha256;
+        assert_string_not_equal(found, hash);
+        memcpy(hash, found, sizeof hash);
+    }
+}
+
 TEST("with scales of the data the result does not depend on the unit of the first integral") {
     save_of(thousandfold, "large.h5");
     cli_json(lg, TRAIN "--units data --penalty-integral G.h5", "");
@@ -195,13 +222,20 @@ TEST("a file without a fitting function is refused by a sentence") {
         program_row row;
         const char *says;
     } wrong[] = {
-        {{vertical, "value", 6, 1, false}, "bad.h5: the program has no function 'integral'; it has value"},
-        {{vertical, "integral", 12, 1, false}, "takes 12 numbers, but a state of the data has 6 numbers"},
-        {{vertical, "integral", 6, 2, false}, "function integral has 2 inputs and 1 outputs"},
-        {{two_numbers, "integral", 6, 1, false}, "gives 2 numbers; it must give one for each state"},
-        {{for_all_rows, "integral", 6, 1, false}, "gives 1 numbers for all states together"},
-        {{constant, "integral", 6, 1, false}, "bad.h5: the function integral has the slope 0 at all points"},
-        {{infinite, "integral", 6, 1, false},
+        {{vertical, "value", 6, 1, 1, VECTOR, 0},
+         "bad.h5: the program has no function 'integral'; it has value"},
+        {{vertical, "integral", 12, 1, 1, VECTOR, 0},
+         "takes 12 numbers, but a state of the data has 6 numbers"},
+        {{vertical, "integral", 6, 1, 1, MATRIX, 0},
+         "takes 6 numbers, but a state of the data has 6 numbers, as"},
+        {{vertical, "integral", 6, 1, 1, SHARED, 0}, "takes 6 numbers that all rows share"},
+        {{vertical, "integral", 6, 2, 1, VECTOR, 0}, "function integral has 2 inputs and 1 outputs"},
+        {{vertical, "integral", 6, 1, 2, VECTOR, 0}, "function integral has 1 inputs and 2 outputs"},
+        {{two_numbers, "integral", 6, 1, 1, VECTOR, 0}, "gives 2 numbers; it must give one for each state"},
+        {{for_all_rows, "integral", 6, 1, 1, VECTOR, 0}, "gives 1 numbers for all states together"},
+        {{constant, "integral", 6, 1, 1, VECTOR, 0},
+         "bad.h5: the function integral has the slope 0 at all points"},
+        {{infinite, "integral", 6, 1, 1, VECTOR, 0},
          "bad.h5: the function integral or its derivative is not finite at some points"}};
     for (size_t i = 0; i < LG_COUNT(wrong); i++) {
         save(&wrong[i].row, "bad.h5");

@@ -692,16 +692,43 @@ TEST("in the comparison that all tests use, NaN is never close, not even to NaN"
     assert_false(lg_is_close(-INFINITY, INFINITY, 1.0, 1.0));
 }
 
+#define WEAK __attribute__((weak))
+extern WEAK char *openblas_get_corename(void);
+extern WEAK void gotoblas_dynamic_quit(void);
+extern WEAK void gotoblas_dynamic_init(void);
+
+/* Makes OpenBLAS use the kernels that it used if the variable had this value at its start. */
+static void start_blas_as(const char *core) {
+    assert_int_equal(setenv("OPENBLAS_CORETYPE", core, 1), 0);
+    gotoblas_dynamic_quit();
+    gotoblas_dynamic_init();
+}
+
 /* Must run last, because it changes the process. OpenBLAS must compute the same, in one thread, and the
- * environment must be unchanged. */
-TEST("lg_runtime_setup limits OpenBLAS to one thread") {
+ * environment must be unchanged. With AVX-512, kernels of AVX2 are replaced, unless the user wants them. */
+TEST("lg_runtime_setup limits OpenBLAS to one thread, with the kernels of the processor") {
     enum { N = 96 };
     static double a[N * N], c[N * N];
-    const char *before = getenv("OPENBLAS_CORETYPE");
+    const char *asked = getenv("OPENBLAS_CORETYPE");
+    char text[256];
+    openblas_set_num_threads(2);
+    (void)lg_cpu_describe(text, sizeof text);
+    assert_true(openblas_get_num_threads() < 2 || strstr(text, ", 2 BLAS threads") != NULL);
+    if (lg_isa_in_use() == LG_ISA_AVX512 && asked == NULL) {
+        start_blas_as("Haswell");
+        lg_runtime_setup();
+        assert_string_equal(openblas_get_corename(), "Haswell");
+        assert_int_equal(unsetenv("OPENBLAS_CORETYPE"), 0);
+        lg_runtime_setup();
+        assert_string_equal(openblas_get_corename(), "SkylakeX");
+    }
     lg_runtime_setup();
     lg_runtime_setup();
-    assert_true(getenv("OPENBLAS_CORETYPE") == before);
+    assert_true(getenv("OPENBLAS_CORETYPE") == asked);
+    (void)lg_cpu_describe(text, sizeof text);
     assert_int_equal(openblas_get_num_threads(), 1);
+    assert_says(text, "OpenBLAS 0.");
+    assert_says(text, ", 1 BLAS thread");
     for (int i = 0; i < N * N; i++) a[i] = i % 7;
     cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasTrans, N, N, N, 1.0, a, N, a, N, 0.0, c, N);
     for (int i = 0; i < N; i++)

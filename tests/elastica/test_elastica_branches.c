@@ -61,6 +61,18 @@ TEST("saddles are found if requested") {
         assert_close(solutions[i].energy, energies[i], 0, 1e-3);
         assert_int_equal(solutions[i].negative_eigenvalues, i / 2);
     }
+    /* A guess at a saddle gives the saddle of the continuous problem, which is told. */
+    double guess[51], angles[51];
+    const lg_elastica p = {.length = 3.3, .stiffness = 10.0, .qN = {3.0, 0.0}, .intervals = 50};
+    lg_elastica_options o;
+    lg_elastica_solution s;
+    lg_error error = {LG_OK, ""};
+    lg_elastica_options_init(&o);
+    memcpy(guess, theta + 51 * 2, sizeof guess);
+    o.guess = guess;
+    assert_status(lg_elastica_solve_continuous(NULL, &p, &o, angles, NULL, &s, &error), LG_NO_CONVERGENCE);
+    assert_says(error.message, "1 negative eigenvalues, so this is a saddle");
+    assert_close(s.energy, energies[2], 1e-2, 0);
     /* Between two minima there is a saddle. */
     const size_t count = branches(LG_ELASTICA_BOTH_ENDS, 0.03, 0, true);
     assert_true(count >= 3);
@@ -92,6 +104,68 @@ TEST("branches of a fine beam are near the branches of a coarse one") {
         size_t count;
         status = lg_elastica_branches(context, &p, NULL, false, 2, fine, solutions, &count, NULL);
     });
+}
+
+/* ---- few steps, rough tolerances, impossible beams ---- */
+
+/* A beam of 2 to 40 intervals with any chord and up to 20 turns. */
+static lg_elastica any_beam(lg_rng *rng) {
+    static const double slack[] = {1.0, 0.5, 1e-3, 1e-9};
+    lg_elastica p;
+    lg_elastica_init(&p);
+    p.intervals = 2 + (uint32_t)lg_rng_below(rng, lg_rng_below(rng, 2) == 0 ? 4 : 39);
+    const double d = p.length * (1.0 - slack[lg_rng_below(rng, 4)]), turn = lg_rng_uniform_in(rng, -PI, PI);
+    p.qN[0] = d * cos(turn);
+    p.qN[1] = d * sin(turn);
+    p.theta0 = lg_rng_uniform_in(rng, -8.0, 8.0);
+    p.rotation =
+        lg_rng_uniform_in(rng, -1.0, 1.0) * (lg_rng_below(rng, 3) == 0 ? PI * fmin(40, p.intervals) : 4.0);
+    return p;
+}
+
+/* A result is a minimum, or a sentence says why there is none. */
+static void judged(const lg_elastica *p, lg_status status, const lg_elastica_solution *s,
+                   const lg_error *error) {
+    if (status != LG_OK) {
+        assert_int_equal(status, LG_NO_CONVERGENCE);
+        assert_says(error->message, "elastica: ");
+        return;
+    }
+    assert_int_equal(s->negative_eigenvalues, 0);
+    assert_true(s->energy >= 0.0);
+    assert_close(theta[0], p->theta0, 0, 0);
+    assert_close(theta[p->intervals], p->theta0 + p->rotation, 0, 0);
+}
+
+TEST("with few steps or a rough tolerance any beam gives a minimum or a sentence") {
+    static const double tolerances[] = {1e-12, 1e-3, 0.9}, steps[] = {0.05, 1.0, 2e-4};
+    size_t failed = 0, found = 0;
+    lg_rng rng = test_rng(21, 0);
+    for (int i = 0; i < 60; i++) {
+        double guess[ROOM * 51];
+        const lg_elastica p = any_beam(&rng);
+        lg_elastica_options o;
+        lg_elastica_solution s;
+        lg_error error = {LG_OK, ""};
+        size_t count = 0;
+        lg_elastica_options_init(&o);
+        o.max_iterations = 1 + (uint32_t)lg_rng_below(&rng, i % 2 == 0 ? 3 : 60);
+        o.gradient_tolerance = tolerances[lg_rng_below(&rng, 3)];
+        o.max_step = steps[i / 2 % 3];
+        for (size_t k = 0; k <= p.intervals; k++) guess[k] = p.theta0 + 3.0 * lg_rng_normal(&rng);
+        if (i % 3 == 0) o.guess = guess;
+        LG_STATUS_OF(lg_elastica_solve(NULL, &p, &o, theta, &s, &error), coarse);
+        judged(&p, coarse, &s, &error);
+        LG_STATUS_OF(lg_elastica_solve_continuous(NULL, &p, &o, theta, NULL, &s, &error), smooth);
+        judged(&p, smooth, &s, &error);
+        found += (coarse == LG_OK) + (smooth == LG_OK);
+        failed += (coarse != LG_OK) + (smooth != LG_OK);
+        if (i % 10 != 0) continue;
+        assert_ok(lg_elastica_branches(NULL, &p, &o, true, ROOM, theta, solutions, &count, NULL));
+        for (size_t k = 0; k < count; k++) assert_true(solutions[k].energy >= 0.0);
+    }
+    print_message("  %zu minima, %zu sentences\n", found, failed);
+    assert_true(found >= 20 && failed >= 20);
 }
 
 TEST("invalid arguments of branches are refused") {
@@ -173,6 +247,30 @@ TEST("without a gap the ends of the range are the bifurcations themselves") {
     lg_elastica_curves_destroy(&curves);
 }
 
+TEST("sets of hard curves are generated, or the first impossible one is named") {
+    size_t failed = 0;
+    lg_rng rng = test_rng(22, 0);
+    for (int i = 0; i < 40; i++) {
+        lg_elastica_sampling s;
+        lg_elastica_curves curves = {.count = 0};
+        lg_error error = {LG_OK, ""};
+        lg_elastica_sampling_init(&s);
+        s.problem = any_beam(&rng);
+        s.right_end = true;
+        s.continuous = i % 8 == 0;
+        s.count = s.continuous ? 5 : 64;
+        LG_STATUS_OF(lg_elastica_generate(NULL, &s, &curves, &error), status);
+        if (status != LG_OK) {
+            failed++;
+            assert_int_equal(status, LG_NO_CONVERGENCE);
+            assert_says(error.message, "-end");
+            assert_null(curves.q);
+        }
+        lg_elastica_curves_destroy(&curves);
+    }
+    print_message("  %zu of 40 sets have an impossible curve\n", failed);
+}
+
 TEST("invalid samplings are refused") {
     lg_error error;
     lg_elastica_curves curves = {.count = 77};
@@ -231,6 +329,46 @@ static lg_status everything(const lg_context *context) {
 
 TEST("every allocation may fail") {
     EVERY_ALLOCATION_FAILS(context, 1, status = everything(context););
+}
+
+typedef struct canceller {
+    volatile int stop;
+    long left; /* allocations until stop becomes 1 */
+} canceller;
+
+static void *take_and_stop(void *user, size_t bytes) {
+    canceller *c = user;
+    void *block = NULL;
+    if (--c->left == 0) c->stop = 1;
+    return posix_memalign(&block, 64, bytes) == 0 ? block : NULL;
+}
+
+static void give(void *user, void *block) {
+    (void)user;
+    free(block);
+}
+
+/* What is cancelled at an allocation ends before its next step. */
+TEST("solving and generating can be cancelled at any moment") {
+    canceller c = {0, 0};
+    lg_context_options o;
+    lg_context *context;
+    lg_elastica hopeless;
+    lg_elastica_init(&hopeless);
+    hopeless.qN[0] = 3.25, hopeless.theta0 = 0.3, hopeless.rotation = 4.0 * PI;
+    lg_context_options_init(&o);
+    o.allocate = take_and_stop, o.release = give, o.allocator_user = &c, o.cancel = &c.stop;
+    assert_ok(lg_context_create(&o, &context));
+    size_t cancelled = 0;
+    for (long n = 1; c.left <= 0; n++) {
+        c = (canceller){0, n};
+        lg_status status = everything(context);
+        if (status == LG_OK) status = lg_elastica_solve(context, &hopeless, NULL, theta, NULL, NULL);
+        assert_true(status == LG_CANCELLED || status == LG_NO_CONVERGENCE);
+        cancelled += status == LG_CANCELLED;
+    }
+    assert_true(cancelled > 10);
+    lg_context_destroy(context);
 }
 
 TEST("solving and generating can be cancelled") {

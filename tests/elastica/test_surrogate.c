@@ -39,7 +39,7 @@ TEST("a refused description leaves the surrogate unchanged") {
     REFUSED(1, 3.3, 1.5, (void)0);
     REFUSED(100001, 3.3, 1.5, (void)0);
     REFUSED(N, 3.3, 1.5, o.kind = (lg_surrogate_kind)LG_SURROGATE_KIND_COUNT);
-    REFUSED(N, 3.3, 1.5, (o.kind = LG_SURROGATE_ANGLE, o.energy = INFINITY));
+    REFUSED(N, 3.3, 1.5, (o.kind = LG_SURROGATE_ANGLE, o.boundary = true, o.energy = INFINITY));
     REFUSED(N, 3.3, 1.5, (o.kind = LG_SURROGATE_ANGLE, o.residual = INFINITY));
     REFUSED(N, 3.3, 1.5, o.hidden = 0);
     REFUSED(N, 3.3, 1.5, o.layers = LG_NET_MAX_LAYERS + 1);

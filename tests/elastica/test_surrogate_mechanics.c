@@ -103,6 +103,13 @@ TEST("along beams of the solver the moment is linear in the position, with the s
     }
 }
 
+TEST("a straight curve along an axis has no force") {
+    double x[2 * NODES] = {0.0}, v[2 * NODES] = {0.0}, force[2] = {7.0, 7.0};
+    for (size_t k = 0; k < NODES; k++) x[2 * k] = TEST_LENGTH * (double)k / N, v[2 * k] = 1.0;
+    lg_surrogate_force(TEST_LENGTH, N, x, v, force);
+    assert_true(force[0] == 0.0 && force[1] == 0.0);
+}
+
 /* ---- the same terms by plain code ---- */
 
 /* dv/ds at n places by central differences of order 6: (n, 2). The places are farther apart than the

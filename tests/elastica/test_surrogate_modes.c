@@ -191,6 +191,9 @@ TEST("a direction without variance has coefficient 0") {
     assert_ok(lg_surrogate_coefficients(NULL, &model, &set, all_of(SAME), SAME, c, &truncation, NULL));
     for (size_t i = 0; i < 2 * SAME; i++) assert_close(c[i], 0.0, 0.0, 0.0);
     assert_true(truncation < 1e-30);
+    truncation = 1.0;
+    assert_ok(lg_surrogate_coefficients(NULL, &model, &set, all_of(SAME), 0, c, &truncation, NULL));
+    assert_close(truncation, 0.0, 0.0, 0.0);
 }
 
 TEST("models and curves without modes are refused, and the output stays unchanged") {

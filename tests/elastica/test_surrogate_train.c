@@ -236,15 +236,16 @@ static void cubic(size_t curve, double s, double *q, double *v) {
 }
 
 TEST("samples between the nodes are points of cubics, which both interpolations reproduce") {
-    enum { M = 9, ENDS = 20 };
-    lg_elastica_curves set = make_curves(CURVES, M);
+    enum { ENDS = 20 };
     uint32_t ends = 0;
-    for (size_t i = 0; i < CURVES; i++)
-        for (size_t k = 0; k <= M; k++)
-            cubic(i, TEST_LENGTH * (double)k / M, set.q + 2 * ((M + 1) * i + k),
-                  set.v + 2 * ((M + 1) * i + k));
-    for (size_t which = 0; which < 4; which++) {
-        small s = make_small(3 + which / 2, M, TEST_LENGTH, 6);
+    for (size_t which = 0; which < 8; which++) {
+        const uint32_t M = which < 4 ? 9 : 4;
+        lg_elastica_curves set = make_curves(CURVES, M);
+        for (size_t i = 0; i < CURVES; i++)
+            for (size_t k = 0; k <= M; k++)
+                cubic(i, TEST_LENGTH * (double)k / M, set.q + 2 * ((M + 1) * i + k),
+                      set.v + 2 * ((M + 1) * i + k));
+        small s = make_small(3 + which % 4 / 2, M, TEST_LENGTH, 6);
         set.continuous = which % 2 == 1;
         s.model.options.between = true;
         const double gamma = s.model.options.gamma;
@@ -386,6 +387,16 @@ TEST("more points than a sample index can number are refused") {
     assert_status(lg_surrogate_problem_check(&problem, NULL), LG_INVALID_ARGUMENT);
     problem.training_count = 42900;
     assert_ok(lg_surrogate_problem_check(&problem, NULL));
+    const small turned = make_small(TEST_ANGLE, 6, TEST_LENGTH, 13);
+    const uint32_t most = UINT32_MAX / (4 * set.intervals + 1);
+    lg_fit_problem fit;
+    lg_var loss;
+    problem.model = &turned.model;
+    lg_surrogate_fit_problem(&problem, &fit);
+    assert_int_equal(fit.chunk, 1);
+    lg_tape *tape = test_tape(LG_F64);
+    const lg_var theta = lg_parameter(tape, lg_shape1((uint32_t)fit.parameters), turned.theta);
+    assert_status(fit.loss(fit.user, tape, theta, training, most + 1, most + 1, &loss), LG_SHAPE);
 }
 
 TEST("a few epochs reduce the loss of every kind to a fraction") {

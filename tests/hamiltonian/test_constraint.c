@@ -206,20 +206,24 @@ static lg_status slanted(void *user, lg_tape *tape, const lg_var *theta, const l
     return lg_tape_status(tape);
 }
 
-/* Builds a constraint of one function without potential. */
-static lg_constraint *constraint_of(lg_record_function record, void *user, uint32_t n) {
-    const lg_port q = {.name = "q", .shape = lg_shape1(n), .low = 0.5, .high = 1.5}, g = {.name = "g"};
-    const lg_function_spec function = {"constraint", &q, 1, &g, 1, record, user};
+static lg_constraint *constraint_with(const lg_function_spec *functions, size_t count) {
     lg_program_spec spec;
     lg_program *program;
     lg_constraint *made;
     lg_program_spec_init(&spec);
-    spec.functions = &function;
-    spec.function_count = 1;
+    spec.functions = functions, spec.function_count = count;
     assert_told(lg_program_build(NULL, &spec, &program, &told));
+    lg_test_owns(program, release_constraint_program);
     assert_told(lg_constraint_create(NULL, program, &made, &told));
-    lg_program_destroy(program);
     return own_constraint(made);
+}
+
+/* Builds a constraint with the potential V, or without one. */
+static lg_constraint *constraint_of(lg_record_function g, void *user, uint32_t n, lg_record_function V) {
+    const lg_port q = {.name = "q", .shape = lg_shape1(n), .low = 0.5, .high = 1.5}, x = {.name = "x"};
+    const lg_function_spec functions[] = {{"constraint", &q, 1, &x, 1, g, user},
+                                          {"potential", &q, 1, &x, 1, V, NULL}};
+    return constraint_with(functions, V != NULL ? 2 : 1);
 }
 
 TEST("the rank is the smallest singular value of the rows, and dependent rows are refused with the point") {
@@ -229,7 +233,7 @@ TEST("the rank is the smallest singular value of the rows, and dependent rows ar
         double eps = values[i];
         lg_constraint_view view;
         lg_error why = {LG_OK, ""};
-        const lg_constraint *c = constraint_of(slanted, &eps, 3);
+        const lg_constraint *c = constraint_of(slanted, &eps, 3, NULL);
         const lg_status status = lg_constraint_look(c, 0, state, &view, &why);
         const double cosine = 1 / sqrt(1 + eps * eps);
         assert_close(view.rank, eps > 0.1 ? sqrt(1 - cosine) : eps / sqrt(2), 1e-3, 1e-16);
@@ -267,6 +271,27 @@ static lg_status half_space(void *user, lg_tape *tape, const lg_var *theta, cons
     return lg_tape_status(tape);
 }
 
+/* exp(2 x) - 1, whose second derivative overflows before the first one. */
+static lg_status explosive(void *user, lg_tape *tape, const lg_var *theta, const lg_var *q, lg_var *g) {
+    (void)user, (void)theta;
+    *g = lg_add_scalar(tape, lg_exp(tape, lg_scale(tape, lg_slice(tape, q[0], 1, 0, 1), 2.0)), -1.0);
+    return lg_tape_status(tape);
+}
+
+/* 1e-200 x + 1e200, whose zero is beyond the range of doubles. */
+static lg_status remote(void *user, lg_tape *tape, const lg_var *theta, const lg_var *q, lg_var *g) {
+    (void)user, (void)theta;
+    *g = lg_add_scalar(tape, lg_scale(tape, lg_slice(tape, q[0], 1, 0, 1), 1e-200), 1e200);
+    return lg_tape_status(tape);
+}
+
+/* x^2 + 1 */
+static lg_status hollow(void *user, lg_tape *tape, const lg_var *theta, const lg_var *q, lg_var *g) {
+    (void)user, (void)theta;
+    *g = lg_add_scalar(tape, lg_square(tape, lg_slice(tape, q[0], 1, 0, 1)), 1.0);
+    return lg_tape_status(tape);
+}
+
 TEST("points are refused where the constraint is flat, at a tip, and where it is not finite") {
     const struct {
         lg_record_function g;
@@ -279,16 +304,29 @@ TEST("points are refused where the constraint is flat, at a tip, and where it is
                 {cone, {0, 0, 0, 0, 0, 0}, 0, LG_FORMAT},
                 {half_space, {1, 0, 0, 0, 0, 1}, 0, LG_OK},
                 {half_space, {-1, 0, 0, 0, 0, 1}, 0, LG_NOT_FINITE},
+                {explosive, {300, 0, 0, 0, 0, 1}, 0, LG_OK},
+                {explosive, {354.5, 0, 0, 0, 0, 1}, 0, LG_NOT_FINITE},
+                {remote, {1, 0, 0, 0, 0, 1}, 0, LG_OK},
                 {plane, {0, 0, 0, 0, 1, 0}, 0, LG_OK},
                 {plane, {INFINITY, 0, 0, 0, 1, 0}, 0, LG_NOT_FINITE}};
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         lg_constraint_view view;
-        const lg_constraint *c = constraint_of(rows[i].g, NULL, 3);
+        const lg_constraint *c = constraint_of(rows[i].g, NULL, 3, NULL);
         assert_status(lg_constraint_look(c, rows[i].size, rows[i].state, &view, NULL), rows[i].status);
     }
-    double away[6] = {-1, 0, 0, 0, 0, 1};
-    assert_status(lg_constraint_project(constraint_of(half_space, NULL, 3), 0, away, NULL), LG_NOT_FINITE);
-    assert_true(away[0] == -1 && away[5] == 1);
+    /* No point of the constraint is near, or there is none. */
+    const struct {
+        lg_record_function g;
+        double x;
+        lg_status status;
+    } lost[] = {
+        {half_space, -1, LG_NOT_FINITE}, {remote, 1, LG_NO_CONVERGENCE}, {hollow, 1, LG_NO_CONVERGENCE}};
+    for (size_t i = 0; i < LG_COUNT(lost); i++) {
+        double away[6] = {lost[i].x, 0, 0, 0, 0, 1};
+        const lg_constraint *c = constraint_of(lost[i].g, NULL, 3, NULL);
+        assert_status(lg_constraint_project(c, 0, away, NULL), lost[i].status);
+        assert_true(away[0] == lost[i].x && away[5] == 1);
+    }
     /* The message of a long q ends in dots. */
     enum { LONG = LG_CONSTRAINT_MOST_COORDINATES };
     double many[2 * LONG] = {0};
@@ -298,8 +336,26 @@ TEST("points are refused where the constraint is flat, at a tip, and where it is
     double length = 0;
     for (size_t i = 0; i < LONG; i++) length += many[i] * many[i];
     for (size_t i = 0; i < LONG; i++) many[i] /= sqrt(length);
-    assert_status(lg_constraint_look(constraint_of(flat_ball, NULL, LONG), 0, many, &view, &why), LG_FORMAT);
+    assert_status(lg_constraint_look(constraint_of(flat_ball, NULL, LONG, NULL), 0, many, &view, &why),
+                  LG_FORMAT);
     assert_says(why.message, ", ...)");
+}
+
+/* (x + 100.1)^2 - 10221.3: near the zero, steps of Newton's method are noise of some 30 roundings. */
+static lg_status noisy(void *user, lg_tape *tape, const lg_var *theta, const lg_var *q, lg_var *g) {
+    const lg_var x = lg_add_scalar(tape, lg_slice(tape, q[0], 1, 0, 1), 100.1);
+    (void)user, (void)theta;
+    *g = lg_add_scalar(tape, lg_square(tape, x), -10221.3);
+    return lg_tape_status(tape);
+}
+
+TEST("a projection ends where steps are as small as the noise of the constraint") {
+    const lg_constraint *c = constraint_of(noisy, NULL, 2, NULL);
+    for (double x = 0.5; x < 1.5; x += 0.01) {
+        double state[4] = {x, 0, 0, 1};
+        assert_told(lg_constraint_project(c, 1.0, state, &told));
+        assert_close(state[0], sqrt(10221.3) - 100.1, 0, 1e-13);
+    }
 }
 
 /* ---- what is no constraint ---- */
@@ -320,6 +376,12 @@ static lg_status fixed_mass(void *user, lg_tape *tape, const lg_var *theta, cons
     (void)theta, (void)q;
     *M = lg_input_f64(tape, lg_shape2(3, 3), user);
     return lg_tape_status(tape);
+}
+
+static lg_status squared_mass(void *user, lg_tape *tape, const lg_var *theta, const lg_var *q, lg_var *M) {
+    const lg_status status = fixed_mass(user, tape, theta, q, M);
+    *M = lg_square(tape, *M);
+    return status == LG_OK ? lg_tape_status(tape) : status;
 }
 
 static lg_status fixed_masses(void *user, lg_tape *tape, const lg_var *theta, const lg_var *q, lg_var *M) {
@@ -346,15 +408,7 @@ static lg_constraint *with_masses(lg_record_function g, lg_record_function V, do
     const lg_function_spec functions[] = {{"constraint", &q, 1, &x, 1, g, NULL},
                                           {"potential", &q, 1, &x, 1, V, NULL},
                                           {"mass", &q, 1, &x, 1, fixed_masses, masses}};
-    lg_program_spec spec;
-    lg_program *program;
-    lg_constraint *made;
-    lg_program_spec_init(&spec);
-    spec.functions = functions, spec.function_count = 3;
-    assert_told(lg_program_build(NULL, &spec, &program, &told));
-    lg_test_owns(program, release_constraint_program);
-    assert_told(lg_constraint_create(NULL, program, &made, &told));
-    return own_constraint(made);
+    return constraint_with(functions, 3);
 }
 
 TEST("masses may be a vector: the diagonal") {
@@ -378,7 +432,8 @@ TEST("if the range of q has no point of the constraint, no start is drawn and th
 }
 
 TEST("programs that are no constraint are refused, with the function") {
-    static double skew[] = {1, 0.5, 0, 0, 1, 0, 0, 0, 1}, indefinite[] = {1, 2, 0, 2, 1, 0, 0, 0, 1};
+    static double skew[] = {1, 0.5, 0, 0, 1, 0, 0, 0, 1}, indefinite[] = {1, 2, 0, 2, 1, 0, 0, 0, 1},
+                  huge[] = {1e200, 0, 0, 0, 1e200, 0, 0, 0, 1e200};
     const lg_port q = {.name = "q", .shape = lg_shape1(3)}, two = {.name = "r", .shape = lg_shape1(2)};
     const lg_port matrix = {.name = "q", .shape = {2, {3, 3}}}, x[] = {{.name = "x"}, {.name = "z"}},
                   one = {.name = "a", .shape = {1, {1}}},
@@ -408,6 +463,7 @@ TEST("programs that are no constraint are refused, with the function") {
                 {"mass", &q, 1, flat_ball, NULL, "gives 1 numbers"},
                 {"mass", &q, 1, moving_mass, NULL, "depends on q"},
                 {"mass", &q, 1, fixed_mass, skew, "not symmetric"},
+                {"mass", &q, 1, squared_mass, huge, "not finite"},
                 {"mass", &q, 1, fixed_mass, indefinite, "not positive definite"}};
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         const bool first = strstr(rows[i].name, "straint") != NULL;
@@ -423,9 +479,10 @@ TEST("programs that are no constraint are refused, with the function") {
         spec.functions = functions + (first ? 1 : 0);
         spec.function_count = first ? 1 : 2;
         assert_told(lg_program_build(NULL, &spec, &program, &told));
-        assert_status(lg_constraint_create(NULL, program, &made, &why), LG_FORMAT);
-        assert_status(lg_constraint_create(NULL, program, &made, NULL), LG_FORMAT);
-        assert_int_equal(why.status, LG_FORMAT);
+        const lg_status status = rows[i].user == huge ? LG_NOT_FINITE : LG_FORMAT;
+        assert_status(lg_constraint_create(NULL, program, &made, &why), status);
+        assert_status(lg_constraint_create(NULL, program, &made, NULL), status);
+        assert_int_equal(why.status, status);
         assert_says(why.message, rows[i].says);
         assert_null(made);
         lg_program_destroy(program);
@@ -435,7 +492,7 @@ TEST("programs that are no constraint are refused, with the function") {
 TEST("motions need a potential, and their settings are checked") {
     double y[12] = {1, 0, 0, 0, 0.5, 0}, out[24];
     const double t[2] = {0, 1};
-    const lg_constraint *still = constraint_of(cone, NULL, 3);
+    const lg_constraint *still = constraint_of(cone, NULL, 3, NULL);
     const lg_constraint *c = make_constraint(&constraint_cases[0], &plain_units);
     lg_constraint_sampling how;
     lg_constraint_sampling_init(&how);
@@ -619,6 +676,93 @@ TEST("RATTLE is refused beyond a right angle of the normals, and where the rank 
     assert_status(lg_constraint_rattle(make_constraint(&flat, &plain_units), 2, 0.1, 1, 1, y, out, &why),
                   LG_FORMAT);
     assert_says(why.message, "loses rank at q = (1, 0, 0)");
+}
+
+/* V = 0 */
+static lg_status level(void *user, lg_tape *tape, const lg_var *theta, const lg_var *q, lg_var *V) {
+    (void)user, (void)theta;
+    *V = lg_scale(tape, lg_slice(tape, q[0], 1, 0, 1), 0.0);
+    return lg_tape_status(tape);
+}
+
+/* cos(a) (|(q_0, q_1)|^2 - 1) + sin(a) (|(q_2, q_3)|^2 - 1) for two angles a. */
+static lg_status two_circles(void *user, lg_tape *tape, const lg_var *theta, const lg_var *q, lg_var *g) {
+    const double *angle = user;
+    lg_var x[4], rows[2];
+    for (uint32_t i = 0; i < 4; i++) x[i] = lg_slice(tape, q[0], 1, i, 1);
+    const lg_var both[2] = {circle(tape, x[0], 0, x[1], 0, 1), circle(tape, x[2], 0, x[3], 0, 1)};
+    for (size_t i = 0; i < 2; i++)
+        rows[i] = lg_linear_combination(tape, both, (double[]){cos(angle[i]), sin(angle[i])}, 2);
+    (void)theta;
+    *g = lg_concat(tape, rows, 2, 1);
+    return lg_tape_status(tape);
+}
+
+/* In a step h a free point on a circle with the angular velocity w turns by asin(h w). */
+TEST("RATTLE moves two free points on circles exactly, however the equations mix the circles") {
+    enum { STEPS = 3 };
+    const double h = 0.5;
+    lg_rng rng = test_rng(11, 0);
+    for (int i = 0; i < 300; i++) {
+        double angle[2], w[2], y[8] = {1, 0, 1, 0}, out[(STEPS + 1) * 8];
+        for (size_t k = 0; k < 2; k++) {
+            angle[k] = lg_rng_uniform_in(&rng, 0.0, 3.14);
+            w[k] = lg_rng_uniform_in(&rng, -1.98, 1.98);
+            y[5 + 2 * k] = w[k];
+        }
+        if (fabs(sin(angle[0] - angle[1])) < 0.1) continue;
+        const lg_constraint *c = constraint_of(two_circles, angle, 4, level);
+        assert_told(lg_constraint_rattle(c, 2, h, STEPS, 1, y, out, &told));
+        for (size_t j = 0; j <= STEPS; j++)
+            for (size_t k = 0; k < 2; k++) {
+                const double turn = (double)j * asin(h * w[k]), *q = out + 8 * j + 2 * k;
+                assert_close(q[0], cos(turn), 0, 1e-12);
+                assert_close(q[1], sin(turn), 0, 1e-12);
+                assert_close(q[4], -w[k] * sin(turn), 0, 1e-11);
+                assert_close(q[5], w[k] * cos(turn), 0, 1e-11);
+            }
+    }
+}
+
+/* x y, whose two lines cross at 0. */
+static lg_status crossing(void *user, lg_tape *tape, const lg_var *theta, const lg_var *q, lg_var *g) {
+    (void)user, (void)theta;
+    *g = lg_mul(tape, lg_slice(tape, q[0], 1, 0, 1), lg_slice(tape, q[0], 1, 1, 1));
+    return lg_tape_status(tape);
+}
+
+/* (x + y, x - y) */
+static lg_status pinned(void *user, lg_tape *tape, const lg_var *theta, const lg_var *q, lg_var *g) {
+    const lg_var x = lg_slice(tape, q[0], 1, 0, 1), y = lg_slice(tape, q[0], 1, 1, 1);
+    const lg_var rows[2] = {lg_add(tape, x, y), lg_sub(tape, x, y)};
+    (void)user, (void)theta;
+    *g = lg_concat(tape, rows, 2, 1);
+    return lg_tape_status(tape);
+}
+
+TEST("RATTLE is refused next to a crossing, where no point is near, and with masses of a ratio of 1e40") {
+    static double masses[3] = {1, 1e40, 1};
+    const lg_port q = {.name = "q", .shape = lg_shape1(3)}, x = {.name = "x"};
+    const lg_function_spec uneven[] = {{"constraint", &q, 1, &x, 1, pinned, NULL},
+                                       {"potential", &q, 1, &x, 1, level, NULL},
+                                       {"mass", &q, 1, &x, 1, fixed_masses, masses}};
+    const struct {
+        const lg_constraint *c;
+        double y[6], h;
+        lg_status status;
+        const char *says;
+    } rows[] = {
+        {constraint_of(crossing, NULL, 3, level), {1, 0, 0, -1, 0, 0}, 0.5, LG_OK, ""},
+        {constraint_of(crossing, NULL, 3, level), {1, 0, 0, -1, 0, 0}, 1 - 1e-8, LG_FORMAT, "time 1: "},
+        {constraint_of(remote, NULL, 3, level), {1, 0, 0, 0, 1, 0}, 0.5, LG_NO_CONVERGENCE, "time 0: "},
+        {constraint_with(uneven, 3), {0, 0, 1, 0, 0, 1}, 0.5, LG_FORMAT, "singular at q = (0, 0, 1)"}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        double out[12];
+        lg_error why = {LG_OK, ""};
+        assert_status(lg_constraint_rattle(rows[i].c, 2, rows[i].h, 1, 1, rows[i].y, out, &why),
+                      rows[i].status);
+        assert_says(why.message, rows[i].says);
+    }
 }
 
 TEST("units of q and g change results by rounding only") {

@@ -970,6 +970,23 @@ TEST("a family of the caller may have no arrays, no input and no gradient") {
     }
 }
 
+static bool never(const lg_hamiltonian_family *family, uint32_t n, const double *arrays) {
+    (void)family, (void)n, (void)arrays;
+    return false;
+}
+
+TEST("a family of the caller whose arrays are never usable gets numbers of the last draw") {
+    lg_hamiltonian_family own = lg_hamiltonian_chain;
+    lg_hamiltonian model;
+    own.usable = never;
+    assert_ok(lg_hamiltonian_init(&model, &own, 1, LG_POTENTIAL_LINEAR, NULL, 0, LG_TANH));
+    double *theta = room(lg_hamiltonian_parameters(&model));
+    lg_rng rng = test_rng(8, 0);
+    lg_hamiltonian_initialise(&model, &rng, theta);
+    for (size_t i = lg_hamiltonian_array_offset(&model, 0); i < lg_hamiltonian_parameters(&model); i++)
+        assert_true(theta[i] > 0.0 && theta[i] < 1.0);
+}
+
 typedef struct narrow_loss {
     lg_fit_problem fit;
     const double *theta;
@@ -1023,6 +1040,8 @@ TEST("for any seed the initial mass is not nearly singular") {
     }
     assert_true(least >= LG_HAMILTONIAN_LEAST_PIVOT && least < 1.1 * LG_HAMILTONIAN_LEAST_PIVOT);
     assert_true(largest > 1.8);
+    assert_true(lg_hamiltonian_gram_usable(2, (double[]){1, 0, 0, 1, 0, 0}));
+    assert_false(lg_hamiltonian_gram_usable(2, (double[]){1, 0, 0, 0, 0, 0}));
 }
 
 /* m = Gamma^T Gamma + diag(max(0, b)) by hand; separable systems have no mass. */
@@ -1131,6 +1150,11 @@ TEST("invalid problems and models are refused") {
     assert_status(lg_hamiltonian_floor(NULL, &many, theta, &value, NULL), LG_INVALID_ARGUMENT);
     assert_close(value, 7.0, 0.0, 0.0);
     lg_hamiltonian model;
+    for (uint32_t n = 2; n <= 3; n++) {
+        assert_ok(
+            lg_hamiltonian_init(&model, &lg_hamiltonian_separable, n, LG_POTENTIAL_LINEAR, NULL, 0, LG_TANH));
+        assert_int_equal(lg_first_integral_fits(lg_first_integral_find("angular-momentum"), &model), n == 2);
+    }
     assert_status(
         lg_hamiltonian_init(&model, &lg_hamiltonian_chain, 0, LG_POTENTIAL_LINEAR, NULL, 0, LG_TANH),
         LG_INVALID_ARGUMENT);

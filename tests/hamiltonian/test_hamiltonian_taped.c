@@ -88,21 +88,21 @@ TEST("the recorded gradient agrees with the tape's gradient of the value, on the
 
 /* ---- steps ---- */
 
-/* Compares a step with each row's own step size and an input with the model's stepper. Returns false if there
- * is no stepper for the scheme. */
-static bool compare_step(setting *s, const lg_scheme *scheme) {
+/* Compares a step with each row's own step size, with or without an input, with the model's stepper. Returns
+ * false if there is no stepper for the scheme. */
+static bool compare_step(setting *s, const lg_scheme *scheme, bool driven) {
     double expected[BATCH * MOST_STATE];
     lg_taped_ode ode;
     lg_var parts[2];
     if (lg_model_stepper_size(s->built.model, scheme) == 0) return false;
     lg_stepper *stepper = stepper_of(&s->built, scheme);
     for (size_t b = 0; b < BATCH; b++)
-        assert_ok(lg_stepper_step(stepper, 0.0, s->h[b], s->state + b * s->d, s->input + b * s->m,
-                                  expected + b * s->d));
+        assert_ok(lg_stepper_step(stepper, 0.0, s->h[b], s->state + b * s->d,
+                                  driven ? s->input + b * s->m : NULL, expected + b * s->d));
     record_inputs(s);
     assert_ok(lg_hamiltonian_taped_ode(&s->vars, &ode));
     assert_ok(lg_taped_split(s->tape, &ode.space, s->y, parts));
-    const lg_taped_interval over = {.h_rows = s->steps, .input = s->u};
+    const lg_taped_interval over = {.h_rows = s->steps, .input = driven ? s->u : LG_NONE};
     const lg_status status = lg_taped_step_over(s->tape, scheme, &ode, &over, parts, parts);
     if (status != LG_OK) fail_msg("%s: %s", scheme->name, lg_tape_message(s->tape));
     assert_rows(s, lg_taped_join(s->tape, &ode.space, parts), expected, s->d);
@@ -113,7 +113,8 @@ TEST("steps on a tape agree with the model's stepper, for every scheme that it a
     for (size_t i = 0; i < MODELS; i++) {
         bool any = false;
         setting s = *make_setting(&models[i], true);
-        for (size_t j = 0; j < lg_scheme_count(); j++) any = compare_step(&s, lg_scheme_at(j)) || any;
+        for (size_t j = 0; j < 2 * lg_scheme_count(); j++)
+            any = compare_step(&s, lg_scheme_at(j / 2), j % 2 == 0) || any;
         assert_true(any);
     }
 }
@@ -164,6 +165,8 @@ TEST("states, inputs and parameters of a wrong shape are refused") {
         lg_tape_reset(s.tape);
         const lg_var row = lg_full(s.tape, lg_shape2(1, (uint32_t)s.parameters), 0.1);
         assert_status(lg_hamiltonian_bind(s.tape, hamiltonian_of(&s), row, &s.vars), LG_SHAPE);
+        lg_tape_reset(s.tape);
+        assert_int_not_equal(lg_hamiltonian_bind(s.tape, hamiltonian_of(&s), LG_NONE, &s.vars), LG_OK);
         assert_null(s.vars.model);
     }
 }

@@ -410,6 +410,44 @@ TEST("without motion the scale of a line is the size of its numbers, or 1 if all
         assert_ok(lg_hamiltonian_find_scales(&problem, &scales, NULL));
         assert_true(scales.time == 0.1 && scales.part[0] == 1.0);
         assert_close(scales.part[2], zero ? 1.0 : 0.5, 1e-15, 0.0);
+        if (zero) continue;
+        /* A motion that is too slow for a scale does not count. */
+        for (size_t i = 0; i < 2; i++) {
+            for (size_t k = 9; k < 12; k++) data[i * d + k] = 1e-200;
+            data[i * d + 12] = i == 0 ? 1e-200 : 1.5e-200, data[i * d + 13] = 1e200;
+        }
+        assert_ok(lg_hamiltonian_find_scales(&problem, &scales, NULL));
+        assert_close(scales.part[2], sqrt(0.5 * (1.0 + 1.5 * 1.5)) * 1e-200, 1e-14, 0.0);
+    }
+}
+
+TEST("scales are found for sizes from 1e-307 to 1e307, and others are refused") {
+    lg_hamiltonian_family bare = lg_hamiltonian_separable;
+    bare.scaled[0] = bare.scaled[1] = false;
+    const struct {
+        const lg_hamiltonian_family *family;
+        double q[2], p[2], dt; /* two points */
+        lg_status status;
+        double part[2];
+    } found[] = {
+        {&lg_hamiltonian_separable, {1, 3}, {2, 2}, 0.1, LG_OK, {sqrt(5), 2 * sqrt(5)}},
+        {&lg_hamiltonian_separable, {1e-307, 1e-307}, {1e307, 1e307}, 0.1, LG_OK, {1e-307, 1e307}},
+        {&lg_hamiltonian_separable, {1e-309, 1e-309}, {1e307, 1e307}, 0.1, LG_NOT_FINITE, {0}},
+        {&lg_hamiltonian_separable, {1e-200, 1e-200}, {1e-200, 1e-200}, 0.1, LG_NOT_FINITE, {0}},
+        {&lg_hamiltonian_separable, {1, 1}, {1, 1}, 1e-320, LG_NOT_FINITE, {0}},
+        {&lg_hamiltonian_separable, {1, 3}, {0, 0}, 0.1, LG_OK, {sqrt(5), 1}}, /* moves without a momentum */
+        {&bare, {1, 3}, {2, 4}, 0.1, LG_OK, {1, 1}},
+    };
+    for (size_t i = 0; i < LG_COUNT(found); i++) {
+        lg_hamiltonian model;
+        lg_hamiltonian_scales scales;
+        const double data[] = {found[i].q[0], found[i].p[0], found[i].q[1], found[i].p[1]};
+        assert_ok(lg_hamiltonian_init(&model, found[i].family, 1, LG_POTENTIAL_MLP, NULL, 0, LG_TANH));
+        const lg_hamiltonian_problem problem = {
+            .model = &model, .trajectories = 1, .points = 2, .dt = found[i].dt, .data = data};
+        assert_status(lg_hamiltonian_find_scales(&problem, &scales, NULL), found[i].status);
+        for (size_t k = 0; found[i].status == LG_OK && k < 2; k++)
+            assert_close(scales.part[k], found[i].part[k], 1e-12, 0.0);
     }
 }
 

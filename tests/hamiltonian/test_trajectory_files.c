@@ -4,6 +4,7 @@
 
 #include "support/constraints.h"
 #include "support/io_test.h"
+#include "hamiltonian/files/family.h"
 #include "hamiltonian/internal.h"
 
 OWNED(lg_trajectories, lg_trajectories_destroy)
@@ -101,6 +102,16 @@ TEST("the system that made the data is read back, with all its parameters") {
     assert_null(data->truth);
     assert_status(lg_trajectories_set_truth(data, quartic), LG_INVALID_ARGUMENT);
     assert_status(lg_trajectories_set_truth(short_one, system), LG_INVALID_ARGUMENT);
+    data->family = &lg_hamiltonian_separable; /* not the family of the system */
+    assert_status(lg_trajectories_set_truth(data, system), LG_INVALID_ARGUMENT);
+    data->family = &lg_hamiltonian_chain;
+    lg_trajectories *plain = own_lg_trajectories((lg_trajectories){.n = 0});
+    assert_ok(
+        lg_trajectories_create(NULL, "quartic", &lg_hamiltonian_separable, 2, 1, 2, 1, false, 0, plain));
+    assert_ok(lg_trajectories_set_truth(plain, quartic));
+    plain->n = 3; /* the system has 2 */
+    assert_status(lg_trajectories_set_truth(plain, quartic), LG_INVALID_ARGUMENT);
+    plain->n = 2;
     assert_ok(lg_trajectories_set_truth(data, system));
     assert_ok(lg_trajectories_set_truth(data, system)); /* replaces the first one */
     lg_system_destroy(system);
@@ -118,6 +129,18 @@ TEST("the system that made the data is read back, with all its parameters") {
     assert_refused(read_and_free, path, LG_FORMAT, "/parameters", "masses");
     delete_link(path, "parameters/masses");
     assert_null(read_trajectories(path)->truth);
+}
+
+TEST("no system has more parameters than a file of trajectories takes") {
+    const char *name, *form;
+    for (size_t i = 0; lg_system_at(i, &name, &form); i++) {
+        size_t count = 0;
+        for (const lg_parameter_entry *row = lg_system_parameters(name, form); row->key != NULL; row++) {
+            count++;
+            assert_true(row->fallback != NULL || row->count <= LG_MOST_VALUES);
+        }
+        assert_true(count <= LG_MOST_PARAMETERS);
+    }
 }
 
 TEST("the hash is computed from t, data and inputs as little-endian doubles") {
@@ -165,6 +188,10 @@ TEST("numbers are read in the types of other programs") {
     assert_ptr_equal(data->family, &lg_hamiltonian_separable);
     assert_true(data->n == 2 && data->dt == 2 && data->hamiltonian[1] == 250 && data->inputs == NULL);
     for (int i = 0; i < 24; i++) assert_close(data->data[i], points[i], 0, 0);
+    replace_text(path, "/", "layout", "q1 p1 q2 p2");
+    assert_refused(read_and_free, path, LG_FORMAT, "layout", "expected 'q p' for quartic");
+    delete_attribute(path, "/", "system");
+    assert_refused(read_and_free, path, LG_FORMAT, "layout", "for this system");
 }
 
 TEST("texts are read in the types of other programs") {
@@ -205,7 +232,8 @@ TEST("attributes that follow from the data may be left out") {
     assert_string_equal(read_trajectories(path)->system, "double spherical pendulum on a cart");
     replace_text(path, "trajectories", "system", test_text("%0*d", LG_SYSTEM_NAME, 0));
     assert_refused(read_and_free, path, LG_FORMAT, "system", "");
-    assert_status(read_and_free(NULL, path, NULL, NULL), LG_FORMAT);
+    const lg_read_options here = without_probe();
+    assert_status(read_and_free(NULL, path, &here, NULL), LG_FORMAT);
     /* With one link both layouts are the same. */
     path = good_file();
     replace_text(path, "/", "layout", "q p");
@@ -221,6 +249,44 @@ TEST("times stored as floats count as equidistant to their rounding") {
     const double uneven[5] = {0, 0.025, 0.0501, 0.075, 0.1};
     replace_dataset(path, "t", H5T_IEEE_F32LE, H5T_NATIVE_DOUBLE, 1, &five, uneven);
     assert_refused(read_and_free, path, LG_FORMAT, "/t", "equidistant");
+    const double endless[5] = {-1.7e308, -1e308, 0, 1e308, 1.7e308};
+    replace_dataset(path, "t", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 1, &five, endless);
+    assert_refused(read_and_free, path, LG_FORMAT, "/t", "not a finite number");
+}
+
+/* Parts on the manifold of any family: R = I, q = e3 with p across, or numbers. */
+static void put_state(const lg_space *space, double *y) {
+    for (size_t f = 0, at = 0; f < space->factors; f++)
+        for (size_t i = 0; i < space->factor[f].count; i++) {
+            const lg_space_kind kind = space->factor[f].kind;
+            const size_t size = lg_space_kind_entry(kind)->state;
+            for (size_t k = 0; k < size; k++)
+                y[at + k] = kind == LG_SPACE_SO3   ? k % 4 == 0
+                            : kind == LG_SPACE_TS2 ? k == 2 || k == 3
+                                                   : 0.25;
+            at += size;
+        }
+}
+
+TEST("for every family data without a system are read back, and a mirrored rotation is refused") {
+    for (size_t i = 0; i < lg_hamiltonian_family_count(); i++) {
+        const lg_hamiltonian_family *family = lg_hamiltonian_family_at(i);
+        lg_trajectories *data = own_lg_trajectories((lg_trajectories){.n = 0});
+        const char *path = scratch_path("family.h5");
+        lg_space space;
+        if (family->constrained) continue;
+        assert_ok(lg_hamiltonian_space(family, 1, &space));
+        assert_ok(lg_trajectories_create(NULL, "", family, 1, 2, 3, 1, false, 0, data));
+        for (size_t k = 0; k < 2 * 3; k++) put_state(&space, data->data + k * space.dim);
+        assert_ok(lg_trajectories_write(NULL, path, data, NULL));
+        const lg_trajectories *back = read_trajectories(path);
+        assert_string_equal(back->family->name, family->name);
+        assert_memory_equal(back->data, data->data, 2 * 3 * space.dim * sizeof *data->data);
+        if (space.factor[0].kind != LG_SPACE_SO3) continue;
+        data->data[8] = -1.0;
+        assert_ok(lg_trajectories_write(NULL, path, data, NULL));
+        assert_refused(read_and_free, path, LG_FORMAT, "off the manifold by 2", "R^T R = I");
+    }
 }
 
 /* ---- invalid files ---- */

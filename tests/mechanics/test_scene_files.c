@@ -146,6 +146,7 @@ TEST("freed scenes and grids are zero and may be freed again") {
         assert_true(scene.system == NULL && scene.state == NULL && grid.scene.system == NULL);
     }
     lg_scene_destroy(NULL);
+    lg_grid_destroy(NULL);
 }
 
 TEST("one link and one number need no list; a scalar is a list of one") {
@@ -720,7 +721,25 @@ TEST("every key of a grid is read") {
                                               "N: 900\nM: 6\nhidden: [100, 50, 50]\n"));
     assert_string_equal(lg_system_name(grid.scene.system), "quartic");
     assert_int_equal(runs_of(&grid), 1);
-    assert_true(grid.t_end == 0.3 && grid.eps[0] == 0);
+    assert_true(grid.t_end == 0.3 && grid.eps[0] == 0 && grid.noise_kind == LG_NOISE_NORMAL);
+    grid = read_good_grid(changed("grid.yaml", good_grid, "repeats: 5", "noise_kind: uniform"));
+    assert_int_equal(grid.noise_kind, LG_NOISE_UNIFORM);
+}
+
+TEST("files that a grid names are found from its folder, from the folder of the process, or by their path") {
+    char here[1024], deep[241] = "";
+    const char *scene = file_of("scene.yaml", good_scene);
+    (void)file_of("grid.yaml", good_grid);
+    assert_non_null(getcwd(here, sizeof here));
+    assert_int_equal(chdir(scratch), 0);
+    LG_STATUS_OF(read_grid(NULL, "grid.yaml", NULL, NULL), status);
+    assert_int_equal(chdir(here), 0);
+    assert_int_equal(status, LG_OK);
+    assert_ok(read_grid(NULL, changed("whole.yaml", good_grid, "scene.yaml", scene), NULL, NULL));
+    memset(deep, 'x', sizeof deep - 1);
+    assert_refused(read_grid,
+                   changed("deep.yaml", good_grid, "repeats: 5", test_text("penalty_integral: ./%s", deep)),
+                   LG_FORMAT, "penalty_integral", "is too long");
 }
 
 TEST("an invalid grid is refused with its line and a word") {
@@ -745,6 +764,7 @@ TEST("an invalid grid is refused with its line and a word") {
         {"scene: scene.yaml\n", "", "line 1", "'scene' or 'system'"},
         {"scene: scene.yaml", "scene: scene.yaml\nsystem: quartic", "line 2", "unknown key 'system'"},
         {"repeats: 5", "repeat: 5", "line 8", "unknown key"},
+        {"repeats: 5", "noise_kind: pink", "line 8", "normal"},
         {"t_end: 0.1", "t_end: 0", "line 13", "t_end"},
         {"t_end: 0.1", "lr: 0", "line 13", "lr"},
     };

@@ -86,6 +86,8 @@ static inline lg_hamiltonian_run make_hamiltonian_run(size_t which) {
     const uint32_t links = e->family->most > 0 && e->links > e->family->most ? e->family->most : e->links;
     assert_ok(lg_hamiltonian_init(&run.model, e->family, links, e->potential, hidden, 2, LG_TANH));
     (void)lg_hamiltonian_set_symmetry(&run.model, (lg_symmetry)(which % LG_SYMMETRY_COUNT));
+    for (size_t i = 0; i < LG_HAMILTONIAN_MAX_PARTS && which >= LG_COUNT(hamiltonian_examples); i++)
+        if (e->family->scaled[i]) run.model.scales.part[i] = 1.25 + 0.25 * (double)i;
     return run;
 }
 
@@ -116,6 +118,7 @@ static inline void same_hamiltonian(const lg_hamiltonian_file *a, const lg_hamil
     assert_close(a->e1, b->e1, 0, 0);
     assert_memory_equal(&a->run.model.net, &b->run.model.net, sizeof b->run.model.net);
     assert_int_equal(a->run.model.symmetry, b->run.model.symmetry);
+    assert_memory_equal(&a->run.model.scales, &b->run.model.scales, sizeof b->run.model.scales);
 }
 
 /* ---- surrogates ---- */

@@ -266,10 +266,22 @@ TEST("errors in a Hamiltonian are refused by name") {
         {"model@space", TEXT("T*S^2"), LG_FORMAT, "T*S^2 x 2"},
         {"model@space", TEXT("T*S^2 x two"), LG_FORMAT, "found 'T*S^2 x two'"},
         {"model@space", WHOLE(2), LG_FORMAT, ""},
+        {"model@scales", TEXT("1,1"), LG_FORMAT, "scales is out of range"},
+        {"model@scales", TEXT(""), LG_FORMAT, "scales is out of range"},
+        {"model@scales", TEXT("0,1,1"), LG_FORMAT, "scales is out of range"},
+        {"model@scales", TEXT("1,1,0"), LG_FORMAT, "scales is out of range"},
+        {"model@scales", TEXT("1,2,1"), LG_FORMAT, "scales is out of range"}, /* q has no scale */
         {"run@substeps", WHOLE(0), LG_FORMAT, ""},
         {"@E1", REAL(NAN), LG_NOT_FINITE, "finite"},
     };
     refuse_damage(read_hamiltonian, fresh_hamiltonian, rows, LG_COUNT(rows));
+    any_file separable;
+    const char *path = scratch_path("separable.h5");
+    kinds[KIND_HAMILTONIAN].make(2, &separable);
+    assert_ok(save_any_hamiltonian(NULL, path, &separable, NULL, NULL));
+    destroy(&separable);
+    replace_text(path, "model", "symmetry", "axial");
+    assert_refused(read_hamiltonian, path, LG_FORMAT, "separable", "cannot have this symmetry");
 }
 
 TEST("errors in a surrogate are refused by name") {
@@ -433,10 +445,17 @@ TEST("a model that could not be read back is not saved") {
     REFUSED(KIND_HAMILTONIAN, h, LG_INVALID_ARGUMENT, hf->parameters--);
     REFUSED(KIND_HAMILTONIAN, h, LG_INVALID_ARGUMENT, hf->run.model.n = 77);
     REFUSED(KIND_HAMILTONIAN, h, LG_NOT_FINITE, hf->run.training.lr = NAN);
+    REFUSED(KIND_HAMILTONIAN, h, LG_INVALID_ARGUMENT, hf->run.model.net.layers = 0);
+    REFUSED(KIND_HAMILTONIAN, h, LG_INVALID_ARGUMENT, hf->run.model.net.layers = LG_MLP_MAX_LAYERS + 1);
+    REFUSED(KIND_HAMILTONIAN, h, LG_INVALID_ARGUMENT, hf->run.model.net.width[0]++);
+    REFUSED(KIND_HAMILTONIAN, h, LG_INVALID_ARGUMENT, hf->run.model.scales.time = 0.0);
+    REFUSED(KIND_HAMILTONIAN, h, LG_INVALID_ARGUMENT, hf->run.model.scales.part[0] = 2.0);
+    REFUSED(KIND_HAMILTONIAN, h, LG_INVALID_ARGUMENT, hf->run.penalty_points.count = LG_PENALTY_POINTS + 1);
     lg_surrogate_file *sf = &s.surrogate;
     REFUSED(KIND_SURROGATE, s, LG_INVALID_ARGUMENT, sf->parameters++);
     REFUSED(KIND_SURROGATE, s, LG_NOT_FINITE, sf->train_mse = NAN);
     REFUSED(KIND_SURROGATE, s, LG_INVALID_ARGUMENT, sf->run.model.net.activation = LG_TANH);
+    REFUSED(KIND_SURROGATE, s, LG_INVALID_ARGUMENT, sf->run.model.net.hidden++);
     REFUSED(KIND_SURROGATE, s, LG_INVALID_ARGUMENT, sf->run.train_fraction = 1.5);
     REFUSED(KIND_SURROGATE, s, LG_INVALID_ARGUMENT,
             sf->run.training.schedule = (lg_schedule_kind)LG_SCHEDULE_COUNT);
@@ -706,7 +725,12 @@ TEST("errors are recorded only into the model that they belong to, and only if t
     NOT_RECORDED(LG_NOT_FINITE, "E2", file.e2 = INFINITY);
     assert_status(lg_hamiltonian_save_errors(NULL, NULL, &file, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_hamiltonian_save_errors(NULL, "model.h5", NULL, NULL), LG_INVALID_ARGUMENT);
+    assert_status(
+        lg_hamiltonian_save_errors(NULL, "model.h5", &(lg_hamiltonian_file){.epochs_done = 1}, NULL),
+        LG_INVALID_ARGUMENT);
     lg_hamiltonian_file_destroy(&file);
+    lg_hamiltonian_file_destroy(NULL);
+    lg_surrogate_file_destroy(NULL);
     refuse_damaged_files(record_into, fresh_hamiltonian(), "");
     survive_changed_bytes(record_into, fresh_hamiltonian(), 60);
 }

@@ -26,7 +26,7 @@ lg_status lg_h5_put_constraint(lg_h5 *h5, const lg_constraint *constraint, lg_er
     return lg_program_put_functions(h5, program, error);
 }
 
-static lg_status hash_function(const lg_context *context, const lg_function_image *image, lg_sha256 *state) {
+lg_status lg_hash_image(const lg_context *context, const lg_function_image *image, lg_sha256 *state) {
     size_t size;
     LG_TRY(lg_function_pack(image, NULL, &size, NULL));
     void *bytes = lg_alloc(context, size, 1);
@@ -43,7 +43,7 @@ lg_status lg_constraint_hash(const lg_constraint *constraint, lg_sha256 *state) 
     size_t function;
     LG_TRY(lg_program_find(program, "constraint", &function, NULL));
     LG_TRY(lg_function_image_create(program, function, &image));
-    const lg_status status = hash_function(NULL, image, state);
+    const lg_status status = lg_hash_image(NULL, image, state);
     lg_function_image_destroy(image);
     return status;
 }

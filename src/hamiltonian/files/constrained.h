@@ -11,6 +11,8 @@
 lg_status lg_h5_constraint(lg_h5 *h5, const lg_program *given, lg_constraint **out, lg_error *error);
 /* Writes the functions of the constraint of trajectories. */
 lg_status lg_h5_put_constraint(lg_h5 *h5, const lg_constraint *constraint, lg_error *error);
+/* Adds the bytes of a packed function to the hash. */
+lg_status lg_hash_image(const lg_context *context, const lg_function_image *image, lg_sha256 *state);
 /* Adds the functions to the hash. */
 lg_status lg_constraint_hash(const lg_constraint *constraint, lg_sha256 *state);
 /* Sets the family and n from data->constraint, and checks the size of a state. */

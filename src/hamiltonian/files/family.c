@@ -12,18 +12,16 @@ const void *lg_family_number(uint32_t value) {
     return lg_hamiltonian_family_at(value);
 }
 
-enum { MOST_VALUES = 32 };
-
 /* Makes the system with default parameters. A parameter without a default becomes a unit vector, or 1 if it
  * is one number: the family does not depend on the parameters' values. */
 static lg_status make_system(const char *name, const char *form, lg_system **out) {
-    double unit[MOST_VALUES] = {1.0};
+    const double unit[LG_MOST_VALUES] = {1.0};
     lg_named_values given[LG_MOST_PARAMETERS];
     lg_system_options options;
     size_t count = 0;
     const lg_parameter_entry *row = lg_system_parameters(name, form);
-    for (; row != NULL && row->key != NULL && count < LG_MOST_PARAMETERS; row++)
-        if (row->fallback == NULL && row->count <= MOST_VALUES)
+    for (; row != NULL && row->key != NULL; row++)
+        if (row->fallback == NULL)
             given[count++] = (lg_named_values){row->key, unit, row->count > 0 ? row->count : 1};
     lg_system_options_init(&options);
     options.form = form;

@@ -30,11 +30,14 @@ static uint32_t get_scales(const void *member, double *values) {
     return count;
 }
 
+/* A list that is too short gives the scale 0, which fit() refuses. */
 static void put_scales(void *member, const double *values, uint32_t count) {
     const lg_hamiltonian_scales ones = LG_HAMILTONIAN_NO_SCALES;
-    if (count < LEAST_SCALES || count > SCALES) return;
-    memcpy(member, &ones, sizeof ones);
-    memcpy(member, values, count * sizeof *values);
+    double numbers[SCALES];
+    memcpy(numbers, &ones, sizeof numbers);
+    for (uint32_t i = 0; i < count; i++) numbers[i] = values[i];
+    if (count < LEAST_SCALES) numbers[0] = 0.0;
+    memcpy(member, numbers, sizeof numbers);
 }
 
 #define FACT(group, name, type, member, ...)                                                                 \
@@ -97,8 +100,9 @@ static lg_status check(const void *user) {
     LG_TRY(lg_hamiltonian_init(&again, model->family, model->n, model->potential, model->net.width + 1,
                                hidden_layers(model), model->net.activation));
     LG_TRY(lg_hamiltonian_set_symmetry(&again, model->symmetry));
-    if (!fit(&model->scales, model->family)) return LG_INVALID_ARGUMENT;
-    return lg_hamiltonian_parameters(&again) == parameters(run) ? LG_OK : LG_INVALID_ARGUMENT;
+    const bool same = again.net.layers == model->net.layers && fit(&model->scales, model->family) &&
+                      lg_hamiltonian_parameters(&again) == parameters(run);
+    return same && run->penalty_points.count <= LG_PENALTY_POINTS ? LG_OK : LG_INVALID_ARGUMENT;
 }
 
 static lg_status describe(lg_h5 *h5, const void *user, lg_error *error) {

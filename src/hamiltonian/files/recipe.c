@@ -248,8 +248,9 @@ static lg_status weigh(lg_hamiltonian_problem *problem, double unit, lg_error *e
 static lg_status unit_of_integral(const lg_training *self, double *unit, lg_error *error) {
     const lg_hamiltonian_state *s = self->state;
     const lg_status status = lg_hamiltonian_integral_unit(self->context, &s->problem, unit, error);
-    if (status == LG_NOT_FINITE && error != NULL) error->status = LG_FORMAT;
-    return status == LG_NOT_FINITE ? LG_FORMAT : status;
+    if (status != LG_NOT_FINITE) return status;
+    error->status = LG_FORMAT;
+    return LG_FORMAT;
 }
 
 /* Draws the parameters to start from. They are drawn again if a prediction is not finite: a long chain with a

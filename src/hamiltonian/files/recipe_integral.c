@@ -3,25 +3,19 @@
 
 #include "core/core.h"
 #include "files/h5.h"
+#include "hamiltonian/files/constrained.h"
 #include "hamiltonian/files/recipe.h"
 
 const lg_first_integral *lg_penalty_named(const lg_hamiltonian_run *run) {
-    const char *name = run->penalty_integral;
-    return name[0] != '\0' ? lg_first_integral_find(name) : lg_first_integral_at(0);
+    return lg_first_integral_find(run->penalty_integral);
 }
 
 static lg_status hash_function(const lg_context *context, const lg_program *program, size_t function,
                                lg_sha256 *sum) {
     lg_function_image *image;
-    size_t size = 0;
     LG_TRY(lg_function_image_create(program, function, &image));
-    lg_status status = lg_function_pack(image, NULL, &size, NULL);
-    unsigned char *bytes = status == LG_OK ? lg_alloc(context, size, 1) : NULL;
-    if (status == LG_OK)
-        status = bytes != NULL ? lg_function_pack(image, bytes, &size, NULL) : LG_OUT_OF_MEMORY;
-    if (status == LG_OK) lg_sha256_add(sum, image->name, strlen(image->name) + 1);
-    if (status == LG_OK) lg_sha256_add(sum, bytes, size);
-    lg_free(context, bytes);
+    lg_sha256_add(sum, image->name, strlen(image->name) + 1);
+    const lg_status status = lg_hash_image(context, image, sum);
     lg_function_image_destroy(image);
     return status;
 }

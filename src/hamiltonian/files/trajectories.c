@@ -14,8 +14,9 @@
 
 /* How many numbers each of the n copies has in a state. */
 static uint32_t numbers_per_copy(const lg_hamiltonian_family *family) {
-    lg_space one;
-    return lg_hamiltonian_space(family, 1, &one) == LG_OK ? (uint32_t)one.dim : 0;
+    lg_space one = {0};
+    (void)lg_hamiltonian_space(family, 1, &one);
+    return (uint32_t)one.dim;
 }
 
 /* ---- making and freeing ---- */
@@ -31,11 +32,10 @@ void lg_trajectories_destroy(lg_trajectories *data) {
     *data = (lg_trajectories){0};
 }
 
+/* a b c zeros; b and c are not 0. */
 static double *array3(const lg_context *context, size_t a, size_t b, size_t c) {
-    if (b != 0 && a > SIZE_MAX / b) return NULL;
-    size_t ab = a * b;
-    if (c != 0 && ab > SIZE_MAX / c) return NULL;
-    return lg_alloc(context, ab * c, sizeof(double));
+    if (a > SIZE_MAX / b || a * b > SIZE_MAX / c) return NULL;
+    return lg_alloc(context, a * b * c, sizeof(double));
 }
 
 lg_status lg_trajectories_create(const lg_context *context, const char *system,
@@ -118,7 +118,7 @@ lg_status lg_trajectories_set_truth(lg_trajectories *data, const lg_system *syst
         return LG_INVALID_ARGUMENT;
     const double *values = lg_system_parameter_values(system);
     const lg_parameter_entry *row = lg_system_parameters(data->system, lg_system_form(system));
-    for (; row->key != NULL && count < LG_MOST_PARAMETERS; row++) {
+    for (; row->key != NULL; row++) {
         const size_t size = row->count > 0 ? row->count : lg_system_links(system);
         given[count++] = (lg_named_values){row->key, values, size};
         values += size;
@@ -288,11 +288,16 @@ static lg_status check_starts(read_call *call, lg_error *error) {
     return LG_OK;
 }
 
+static bool has_size(const lg_hamiltonian_family *family, uint32_t d) {
+    const uint32_t per = numbers_per_copy(family);
+    return d % per == 0 && d / per <= lg_hamiltonian_most_copies(family);
+}
+
 /* Whether d fits the family, and every first point lies on the family's manifold. */
 static bool looks_like(const lg_hamiltonian_family *family, const lg_trajectories *out) {
     const uint32_t per = numbers_per_copy(family);
     uint32_t copy = 0;
-    if (out->state_dim % per != 0 || out->state_dim / per > lg_hamiltonian_most_copies(family)) return false;
+    if (!has_size(family, out->state_dim)) return false;
     for (size_t k = 0; k < out->count; k++) {
         const double *start = out->data + k * out->points * out->state_dim;
         if (lg_hamiltonian_off_manifold(family, out->state_dim / per, start, &copy) > MANIFOLD_TOLERANCE)
@@ -301,26 +306,27 @@ static bool looks_like(const lg_hamiltonian_family *family, const lg_trajectorie
     return true;
 }
 
-/* The family of data without a known system: the first family whose layout the data have (`layout` is
- * squeezed); without a layout, the first family whose manifold all first points lie on. If none fits, the
- * last family. For one degree of freedom both layouts are the same. */
+/* The family of data without a known system: the first family whose layout (`layout` is squeezed) and size
+ * the data have, or at least whose layout they have; without a layout, the first family whose manifold all
+ * first points lie on. If none fits, the last family. For one degree of freedom both layouts are the same. */
 static const lg_hamiltonian_family *guess_family(const lg_trajectories *out, const char *layout) {
-    const lg_hamiltonian_family *family = NULL;
+    const lg_hamiltonian_family *family = NULL, *other_size = NULL;
     for (size_t i = 0; i < lg_hamiltonian_family_count(); i++) {
         family = lg_hamiltonian_family_at(i);
         if (family->constrained) continue;
-        if (layout[0] == '\0' ? looks_like(family, out)
-                              : out->state_dim >= numbers_per_copy(family) &&
-                                    layout_of(family, layout) == wanted_layout(family))
-            break;
+        const bool laid_out = layout[0] != '\0' && out->state_dim >= numbers_per_copy(family) &&
+                              layout_of(family, layout) == wanted_layout(family);
+        if (layout[0] == '\0' ? looks_like(family, out) : laid_out && has_size(family, out->state_dim))
+            return family;
+        if (laid_out && other_size == NULL) other_size = family;
     }
-    return family;
+    return other_size != NULL ? other_size : family;
 }
 
 static lg_status check_size(const lg_trajectories *out, const char *shown, size_t known_n, lg_error *error) {
     const uint32_t per = numbers_per_copy(out->family);
     const uint32_t most = lg_hamiltonian_most_copies(out->family);
-    if (out->state_dim % per != 0 || out->state_dim / per > most)
+    if (!has_size(out->family, out->state_dim))
         return lg_fail(error, LG_FORMAT,
                        "%s: /trajectories: d = %u, expected %u numbers for each of 1 to %u %ss", shown,
                        out->state_dim, per, most, out->family->copy);
@@ -406,7 +412,7 @@ static lg_status read_truth(read_call *call, lg_error *error) {
     const lg_parameter_entry *row = lg_system_parameters(out->system, form);
     if (!has_parameters(call, row)) return LG_OK;
     lg_status status = LG_OK;
-    for (; status == LG_OK && row->key != NULL && count < LG_MOST_PARAMETERS; row++) {
+    for (; status == LG_OK && row->key != NULL; row++) {
         uint64_t size[4] = {0};
         parameter_path(row, path);
         status = lg_h5_get_doubles(call->h5, path, 1, size, &values[count], error);
