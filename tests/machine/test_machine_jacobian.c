@@ -133,6 +133,17 @@ TEST("the Jacobian of windows agrees with the tape, with every kind of term") {
 TEST("the Jacobian has the derivatives by the starts, each start in its own columns") {
     const lg_machine machine = machine_with(lg_term_kind_find(LG_MACHINE_MASS, "network"), LG_MACHINE_MASS);
     assert_jacobian(&machine, LG_MACHINE_STARTS_ESTIMATED, "cf4", NULL);
+    lg_machine rods = empty_machine();
+    add_coordinate(&rods, "x", LG_COORDINATE_LINE);
+    add_coordinate(&rods, "y", LG_COORDINATE_LINE);
+    add_coordinate(&rods, "d", LG_COORDINATE_DIRECTION);
+    add_coordinate(&rods, "e", LG_COORDINATE_DIRECTION);
+    odd_scales(&rods);
+    add_values(add_term(&rods, LG_MACHINE_MASS, "diagonal"), 8,
+               (double[]){2, 3, 1.2, 1.2, 1.2, 0.7, 0.7, 0.7});
+    see_everything(&rods, add_term(&rods, LG_MACHINE_POTENTIAL, "network"), false, false);
+    assert_machine(&rods);
+    assert_jacobian(&rods, LG_MACHINE_STARTS_ESTIMATED, "cf4", NULL);
 }
 
 /* A window of so many rows that they are solved for together, of lines and angles. */
