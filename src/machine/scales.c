@@ -18,7 +18,7 @@ typedef struct sums {
 } sums;
 
 static void add(sums *s, double x) {
-    if (!isfinite(x)) return;
+    if (isnan(x)) return;
     s->sum += x * x;
     s->count++;
 }

@@ -269,8 +269,8 @@ TEST("the states at all rows of a log come from its accelerations, whatever the 
 }
 
 TEST("the states of a known machine come from more windows than are on a tape at once") {
-    enum { PARTS = 3, ALL = PARTS * ROWS };
-    static const size_t first[] = {0, ROWS, 2 * ROWS, ALL};
+    enum { PARTS = 5, ALL = PARTS * ROWS };
+    static const size_t first[] = {0, ROWS, 2 * ROWS, 3 * ROWS, 4 * ROWS, ALL};
     const double theta[] = {0.3};
     lg_machine machine = pendulum(true);
     lg_identified friction;

@@ -666,13 +666,14 @@ TEST("a switch of friction that is false adds no term, and a prior of a system's
 
 TEST("friction may load inputs, and a number with bounds and no start begins between them") {
     lg_identified mass;
-    const double begin = 0;
+    const double theta[16] = {0};
     const lg_machine *m =
         &parse(TWO "inputs: {columns: u}\nmass: {kind: diagonal, values: [{within: [1, 5]}, 2]}\n"
                    "damping: [coulomb, {kind: load, of: u}]\n")
              ->machine;
     assert_int_equal(m->terms[2].of[0].kind, LG_FEATURE_INPUT);
-    (void)lg_machine_numbers(m, &begin, 1, &mass);
+    (void)lg_machine_numbers(m, theta, 1, &mass);
+    assert_true(m->parameters <= LG_COUNT(theta));
     assert_string_equal(mass.name, "mass.1.1");
     assert_close(mass.value, 3, 1e-12, 0);
 }

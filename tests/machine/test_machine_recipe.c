@@ -2,6 +2,7 @@
  * keeps.
  * ctest-labels: src/machine */
 #include "machine/files/choice.h"
+#include "machine/internal.h"
 #include "support/machine_models.h"
 #include "support/machine_support.h"
 
@@ -260,6 +261,13 @@ TEST("velocities of every kind of coordinate follow from local cubics of positio
         assert_close(found_q[i * NQ], 1 + 2 * t[i] - t[i] * t[i] * t[i], 1e-9, 1e-9);
     }
     for (size_t i = (N - 2) * NV; i < (size_t)N * NV; i++) assert_true(isnan(found_v[i]));
+    /* So do velocities of rows that lack them, from the rows beside. */
+    lg_machine_log lacking = log;
+    const size_t at = 10;
+    double row_q[LG_MACHINE_POSITIONS], row_v[NV];
+    lacking.v = found_v + (N - 2) * NV - at * NV;
+    lg_machine_scaled_rows(&machine, &lacking, &at, 1, row_q, row_v);
+    for (int k = 0; k < NV; k++) assert_close(row_v[k], v[10 * NV + k], 2e-3, 2e-3);
     for (size_t row = 0; row < N; row++)
         if (row % 20 > 3) q[row * NQ] = q[row * NQ + 13] = (double)NAN;
     lg_machine_smooth(&machine, &log, 6, found_q, found_v);

@@ -197,8 +197,8 @@ static void assert_law(const learning *l, double tolerance) {
     assert_number(l, "damping.x", 0.3, tolerance);
 }
 
-/* Saves the model, loads it and evaluates it on the log, on which it has hardly an error. */
-static void assert_evaluated(learning *l) {
+/* Saves the model, loads it and evaluates it on the log. The mean square of its errors is at most `most`. */
+static void assert_evaluated(learning *l, double most) {
     const char *path = scratch_path("model.h5");
     const lg_provenance provenance = {.has_seed = true, .seed = 1};
     lg_machine_model_file *file = TEST_ARRAY(lg_machine_model_file, 1);
@@ -206,7 +206,7 @@ static void assert_evaluated(learning *l) {
     assert_told(lg_machine_model_load(NULL, path, NULL, file, &told));
     lg_test_owns(file, release_file);
     assert_told(evaluate_once(l, file, &told));
-    assert_false(lg_result_find(&l->training, "window_loss")->real > 1e-4); /* NaN for accelerations */
+    assert_false(lg_result_find(&l->training, "window_loss")->real > most); /* NaN for accelerations */
     assert_close(lg_result_find(&l->training, "horizon")->real, 1, 0, 0);
 }
 
@@ -279,7 +279,7 @@ TEST("a spring is suggested for the line that lacks it; candidates that cannot b
         learn("coordinates: [{name: x, kind: line, velocity: v}, {name: z, kind: line, velocity: u}]\n"
               "columns: {run: run}\ninputs: {columns: [w, h], hold: zero, delay: [0, 4], lag: 0.1, curve: "
               "{dead_zone: 1}}\n"
-              "mass: {kind: known, values: [2, 1]}\noffset: {kind: known, values: [0, 0]}\n"
+              "mass: {kind: known, values: [2, 1]}\n"
               "potential: {kind: quadratic, of: z}\ndamping: [{kind: asymmetric, values: [[0.3, 1], [0, "
               "0]]}, {kind: quadratic, values: [0, 0]},\n"
               "  {kind: cubic, values: [0, 0]}, {kind: stribeck, values: [[0, 0], [0, 0], [1, 1]]}]\n"
@@ -292,8 +292,8 @@ TEST("a spring is suggested for the line that lacks it; candidates that cannot b
 
 TEST("friction that differs by direction is suggested together with an offset") {
     const learning *l =
-        learn(LINE "mass: {kind: known, values: [2]}\npotential: {kind: polynomial, of: x, degree: 2}\n"
-                   "damping: diagonal\n",
+        learn(LINE "mass: {kind: known, values: [2]}\npotential: {kind: polynomial, of: x, degree: 2}\n",
+
               write_log((shape){2, 105, 0, 0, ASYMMETRIC}), "suggest=-");
     assert_says(l->told, "and for a constant force (an offset)");
 }
@@ -377,7 +377,7 @@ static const struct {
      0},
     {LINE INPUT KNOWN SPRING_OF("2") MAP,
      {1, 8100, 0, 2, USUAL},
-     "",
+     "starts=measured window=5",
      "everything is known",
      LG_INVALID_ARGUMENT,
      0},
@@ -462,6 +462,28 @@ static const struct {
      "is the longest lag",
      LG_OK,
      0},
+    {ASKS("hold: auto"), {2, 105, 0, 0, USUAL}, "", "hold: zero", LG_OK, 0},
+    {"coordinates: [{name: x, kind: line, velocity: v}, {name: z, kind: line, velocity: u}]\ncolumns: {run: "
+     "run}\n"
+     "mass: {kind: known, values: [2, 1]}\n" SPRING "damping: lugre\n",
+     {2, 5, 0, 0, USUAL},
+     "",
+     "",
+     LG_OK,
+     0},
+    {LINE KNOWN SPRING "damping: lugre\n", {2, 103, 0, 0, USUAL}, "window=2 epochs=1", "", LG_OK, 0},
+    {"measured: positions\n" ALONE "}]\ncolumns: {run: run}\n" KNOWN SPRING "damping: lugre\n",
+     {1, 9, 0, 0, USUAL},
+     "window=4 epochs=1",
+     "",
+     LG_OK,
+     0},
+    {LINE INPUT KNOWN SPRING "damping: {kind: network, of: v, hidden: [24]}\n" MAP,
+     {2, 140, 0, 2, USUAL},
+     "epochs=1",
+     "",
+     LG_OK,
+     0},
     {ASKS("hold: zero, lag: [unknown, none]"), {2, 20, 0, 2, USUAL}, "", "", LG_OK, 0},
     {LINE INPUT LAW MAP,
      {2, 20, 0, 2, USUAL},
@@ -502,10 +524,8 @@ TEST("trainings with other options, holds, gaps and machines end as their rows s
         assert_says(
             test_text("%s%s%s", status == LG_OK ? l->state.data.file.text : "", l->told, error.message),
             rows[i].words);
-        if (rows[i].law > 0) {
-            assert_law(l, rows[i].law);
-            assert_evaluated(l);
-        }
+        if (rows[i].law > 0) assert_law(l, rows[i].law);
+        if (status == LG_OK) assert_evaluated(l, rows[i].law > 0 ? 1e-4 : INFINITY);
         lg_test_give_back(mark);
     }
 }
