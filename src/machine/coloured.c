@@ -85,18 +85,18 @@ static bool shows(double trace, size_t count, const white *of, size_t block) {
 
 /* S -> F, column-major, with F F^T = S + P with eigenvalues raised to 1. Where blocks are few for the number
  * of parameters, S is first mixed with its mean. */
-static bool take_root(const lg_context *context, size_t n, double trace, double blocks, const white *of,
-                      double *S, double *values) {
+static lg_status take_root(const lg_context *context, size_t n, double trace, double blocks, const white *of,
+                           double *S, double *values) {
     const double mixed = fmin(1.0, of->trace / blocks);
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < n; j++) {
             const double P = of->P[i * n + j], G = (i == j ? 1.0 : 0.0) - P;
             S[i * n + j] = (1.0 - mixed) * S[i * n + j] + mixed * trace * G + P;
         }
-    if (lg_machine_eigen(context, n, S, values) != LG_OK) return false;
+    LG_TRY(lg_machine_eigen(context, n, S, values));
     for (size_t j = 0; j < n; j++)
         for (size_t i = 0; i < n; i++) S[j * n + i] *= sqrt(fmax(values[j], 1.0));
-    return true;
+    return LG_OK;
 }
 
 /* Scores of a direction that the logs do not show are rounding errors. Returns the trace of 1 - P. */
@@ -130,9 +130,9 @@ lg_status lg_machine_colour(const lg_context *context, size_t count, size_t n, s
     if (far) memcpy(F, parts, n * n * sizeof *F);
     if (coloured || shows(trace, count, &of, near) || shows(spread, count, &of, most)) {
         *block = far ? most : near;
-        if (!take_root(context, n, far ? spread : trace, worth(count, *block), &of, F, sum))
-            status = LG_OUT_OF_MEMORY;
+        status = take_root(context, n, far ? spread : trace, worth(count, *block), &of, F, sum);
+        if (status != LG_OK) *block = 0;
     }
     lg_free(context, work);
-    return status;
+    return status == LG_NOT_FINITE ? LG_OK : status; /* scores that are not finite give no errors */
 }

@@ -140,20 +140,22 @@ static void add_priors(expecting *e) {
 
 /* Sets `out` to tr(J^-1 K) over the eigenvectors of J that the residuals determine. Network weights have the
  * prior N(0, 1). */
-static bool taken(expecting *e, double *values, double *out) {
+static lg_status taken(expecting *e, double *values, double *out) {
     static const double shown = 1e-12;
     const size_t n = e->n;
     *out = 0.0;
-    if (n == 0) return true;
+    if (n == 0) return LG_OK;
     for (size_t i = 0; i < e->problem.machine->weights; i++) e->J[i * n + i] += e->unit;
     add_priors(e);
-    if (lg_machine_eigen(e->context, n, e->J, values) != LG_OK) return false;
+    const lg_status status = lg_machine_eigen(e->context, n, e->J, values);
+    if (status == LG_NOT_FINITE) *out = (double)INFINITY;
+    if (status != LG_OK) return status == LG_NOT_FINITE ? LG_OK : status;
     for (size_t k = 0; k < n; k++) {
         const double *v = e->J + k * n;
         if (!(values[k] > shown * values[n - 1])) continue;
         for (size_t i = 0; i < n; i++) *out += v[i] * dot(e->K + i * n, v, n) / values[k];
     }
-    return true;
+    return LG_OK;
 }
 
 /* ---- changes of the velocities ---- */
@@ -220,13 +222,13 @@ static lg_status expect(expecting *e, lg_tape *tape, double *values, lg_machine_
     const double before = e->left;
     /* Too many parameters for their Jacobian: every parameter except network weights is taken to remove as
      * much as one average residual. */
-    if (e->problem.theta != NULL)
+    if (e->problem.theta != NULL) {
         lost = before * (double)(e->problem.machine->parameters - e->problem.machine->weights) /
                (double)(all * (e->problem.window - first) * d);
-    else if (taken(e, values, &lost))
+    } else {
+        LG_TRY(taken(e, values, &lost));
         lost *= (double)used / (double)all;
-    else
-        return LG_OUT_OF_MEMORY;
+    }
     lost = fmin(lost, 0.5 * before);
     *out = (lg_machine_expected){.loss = points * (before - lost)};
     add_changes(e, all, used, &out->change);

@@ -176,13 +176,8 @@ static lg_status add_all(normal *s, lg_tape *tape) {
 /* Standard deviation of parameter i before any data. With `prior` it is 1 for the weights of networks;
  * otherwise it is so large that it hardly matters. */
 static double bound(const normal *s, size_t i, bool prior) {
-    const lg_machine *machine = s->problem->machine;
-    for (uint32_t t = 0; t < machine->term_count && prior; t++) {
-        const lg_machine_term *term = &machine->terms[t];
-        if (i < term->offset + term->parameters && term->kind->outputs != NULL && i >= term->offset)
-            return 1.0;
-    }
-    return prior ? 1e4 : 1e6;
+    const bool weight = i < s->problem->machine->weights;
+    return !prior ? 1e6 : weight ? 1.0 : 1e4;
 }
 
 /* Variance s^2 of a residual. */

@@ -174,8 +174,7 @@ static lg_status check_term(const lg_machine *machine, const lg_machine_term *te
     if ((needed || given) && term->value_count != fits[0] && term->value_count != fits[1])
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s of kind %s: has %u values, expected %zu%s%.0zu",
                        lg_machine_part_name(term->part), term->kind->name, term->value_count, fits[0],
-                       fits[1] != fits[0] && fits[1] > 0 ? " or " : "",
-                       fits[1] != fits[0] ? fits[1] : (size_t)0);
+                       fits[1] != fits[0] ? " or " : "", fits[1] != fits[0] ? fits[1] : (size_t)0);
     const char *wrong = lg_machine_entries_fault(machine, term);
     if (wrong != NULL) return term_fails(term, error, wrong);
     const char *fault = given && term->kind->fault != NULL ? term->kind->fault(machine, term) : NULL;
@@ -276,8 +275,9 @@ static lg_status check_positive(const lg_machine *machine, lg_machine_part part,
     }
     if (known == NULL) return LG_OK;
     bool definite;
-    if (is_definite(machine->velocities, sum, alone ? rounding : -rounding, &definite) != LG_OK)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "out of memory");
+    const lg_status status = is_definite(machine->velocities, sum, alone ? rounding : -rounding, &definite);
+    if (status == LG_NOT_FINITE) return term_fails(known, error, "the sum of the known values overflows");
+    if (status != LG_OK) return lg_fail(error, status, "%s", lg_status_sentence(status));
     return definite
                ? LG_OK
                : term_fails(

@@ -56,7 +56,7 @@ static void numbers(lg_number_list *l, const lg_machine *machine, const lg_machi
                     const double *theta) {
     uint32_t list[LG_MACHINE_VELOCITIES];
     const uint32_t count = velocities_of(machine, term, list);
-    for (uint32_t i = 0; i < count && term->value_count == 0; i++) {
+    for (uint32_t i = 0; i < count; i++) {
         char name[48];
         lg_machine_velocity_name(machine, list[i], name, sizeof name);
         lg_numbers_put(l, theta[i] * machine->scales.energy / machine->scales.velocity[list[i]], "offset.%s",

@@ -552,8 +552,7 @@ lg_status lg_machine_record_field(lg_tape *tape, const lg_machine_vars *vars, co
                     .v = seen.v,
                     .f = all_forces(tape, vars, &seen),
                     .rows = seen.rows};
-    if (machine->momenta > 0 && machine->momenta == machine->places && machine->rotations == 0 &&
-        machine->directions == 0)
+    if (machine->momenta > 0 && machine->momenta == machine->places && machine->directions == 0)
         move_lines(tape, &b, algebra);
     else if (machine->momenta > 0)
         move_places(tape, &b, algebra);

@@ -151,7 +151,7 @@ static void weigh_prior(adapting *a, double variance) {
 
 /* Errors with the prior: the covariance (C^-1 + 1)^-1 with C = W W^T is W V (1 + L)^-1 V^T W^T, where
  * W^T W = V L V^T. The change is x^T C^-1 x = |L^-1 V^T W^T x|^2. */
-static bool tell_errors(const adapting *a, double *work, lg_machine_adapted *out) {
+static lg_status tell_errors(const adapting *a, double *work, lg_machine_adapted *out) {
     static const double lost = 1e3;
     const size_t n = a->of->count;
     const lg_kernels *k = lg_kernels_for(LG_F64);
@@ -159,7 +159,7 @@ static bool tell_errors(const adapting *a, double *work, lg_machine_adapted *out
     double *square = work, *values = work + n * n;
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < n; j++) square[i * n + j] = k->dot(n, W + i * n, W + j * n);
-    if (lg_machine_eigen(a->context, n, square, values) != LG_OK) return false;
+    LG_TRY(lg_machine_eigen(a->context, n, square, values));
     out->change = 0.0;
     for (size_t j = 0; j < n; j++) {
         double along = 0.0;
@@ -177,7 +177,7 @@ static bool tell_errors(const adapting *a, double *work, lg_machine_adapted *out
         out->alone[i] = sqrt(alone) <= lost ? sqrt(alone) : (double)INFINITY;
         out->error[i] = sqrt(both);
     }
-    return true;
+    return LG_OK;
 }
 
 static lg_status adapt(adapting *a, double *work, lg_machine_adapted *out, lg_error *error) {
@@ -194,9 +194,8 @@ static lg_status adapt(adapting *a, double *work, lg_machine_adapted *out, lg_er
     }
     memcpy(out->x, a->x, n * sizeof *out->x);
     out->block = a->found.block;
-    return tell_errors(a, work, out)
-               ? LG_OK
-               : lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    const lg_status status = tell_errors(a, work, out);
+    return status == LG_OK ? LG_OK : lg_fail(error, status, "%s", lg_status_sentence(status));
 }
 
 lg_status lg_machine_adapt(const lg_context *context, const lg_machine_restriction *restriction,

@@ -18,7 +18,7 @@ typedef struct sums {
 } sums;
 
 static void add(sums *s, double x) {
-    if (!isfinite(x)) return;
+    if (isnan(x)) return;
     s->sum += x * x;
     s->count++;
 }
@@ -146,9 +146,9 @@ static uint32_t mass_velocities(const lg_machine *machine, uint32_t *out) {
 
 /* Whether the first mass is learned and diagonal. */
 static bool has_diagonal_mass(const lg_machine *machine) {
-    const lg_machine_term *mass = machine->terms, *end = mass + machine->term_count;
-    while (mass < end && mass->part != LG_MACHINE_MASS) mass++;
-    return mass < end && mass->kind->parameters != NULL &&
+    const lg_machine_term *mass = machine->terms;
+    while (mass->part != LG_MACHINE_MASS) mass++; /* each machine has one */
+    return mass->kind->parameters != NULL &&
            mass->kind->parameters(machine, mass) < machine->momenta + machine->directions;
 }
 

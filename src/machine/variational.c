@@ -191,7 +191,7 @@ static lg_var turned(lg_tape *tape, const screw *a, lg_var R) {
     return lg_so3_exp_rows(tape, lg_broadcast_to(tape, turn, shape), R);
 }
 
-/* Moves places and rotations by the step h v; v is (B, momenta). */
+/* Moves places and rotations, of which there is one at least, by the step h v; v is (B, momenta). */
 static void move_positions(lg_tape *tape, const motion *s, lg_var v) {
     const lg_machine *machine = s->vars->machine;
     const lg_machine_places at = lg_machine_parts(machine);
@@ -216,7 +216,7 @@ static void move_positions(lg_tape *tape, const motion *s, lg_var v) {
         R[Rs++] = lg_reshape(tape, turned(tape, &a, old), lg_shape3(rows, 1, 9));
     }
     if (xs > 0) s->parts[at.x] = xs == 1 ? x[0] : lg_concat(tape, x, xs, 1);
-    if (Rs > 0) s->parts[at.R] = Rs == 1 ? R[0] : lg_concat(tape, R, Rs, 1);
+    s->parts[at.R] = Rs == 1 ? R[0] : lg_concat(tape, R, Rs, 1);
 }
 
 static lg_status move_bodies(lg_tape *tape, motion *s) {

@@ -146,6 +146,7 @@ TEST("a file that is not a log is refused with file, line and column") {
         {"t,q,v\n0,1,\n1,,1\n", "no row is complete", ""},
         {"t,q,v\n0,1,1\n1,1,1\n1,1,1\n", "line 4: column t: time does not increase", "1 after 1"},
         {"t,q,v\n0,1,1\n1,1,1\n0.5,1,1\n", "line 4", "columns: {run: ...}"},
+        {"t,q,v,a\"b,c\"d\n0,1,1,1\n", "line 1", "a cell has a quote inside"},
     };
     const lg_machine_file *f = machine(LINE);
     for (size_t i = 0; i < LG_COUNT(wrong); i++)
@@ -196,6 +197,8 @@ TEST("a file is a run, or a column names the runs") {
     write_text_to(paths[0], "t,q,v,r\n0,1,0,\n");
     refuse_paths(machine("columns: {run: r}\n" LINE), paths, 1, LG_FORMAT, "line 2: column r",
                  "expected 1 to 63");
+    write_text_to(paths[0], test_text("t,q,v,r\n0,1,0,%064d\n", 0));
+    refuse_paths(machine("columns: {run: r}\n" LINE), paths, 1, LG_FORMAT, "the run has 64 bytes", "");
 }
 
 TEST("time steps longer than 1.4 medians, or longer than max_step, are gaps") {
@@ -505,6 +508,8 @@ TEST("angles in degrees are recognised") {
                 "scale: {a: 0.0174533}");
     refuse_text(machine(ANGLE), angle_log(2, 0, 180 / acos(-1), 0), "column a: changes by",
                 "scale: {a: 0.0174533}");
+    refuse_text(machine(ANGLE), angle_log(2, 40, 180 / acos(-1), 720), "column a: changes by",
+                "scale: {a: 0.0174533}");
     assert_warns(read_text(machine(ANGLE "unwrap: false\n"), angle_log(2, 0, 180 / acos(-1), 0)),
                  "if they are degrees, set scale: {a: 0.0174533}");
     const lg_logs *logs =
@@ -630,13 +635,17 @@ TEST("a single outlier of a velocity or position is named with its line") {
 }
 
 TEST("positions with several rows far off, which the velocity does not show, are refused with the line") {
-    static const int lengths[] = {5, 30};
+    static const int lengths[] = {5, 30, 30};
     for (size_t k = 0; k < LG_COUNT(lengths); k++) {
         text log = new_text("t,q,v");
         for (int i = 0; i < 400; i++) {
-            double row[] = {0.02 * i, sin(0.02 * i), cos(0.02 * i)};
+            double row[] = {0.02 * i, sin(0.02 * i), (k == 2 ? 10 : 1) * cos(0.02 * i)};
             if (i >= 200 && i < 200 + lengths[k]) row[1] += 50;
             say_row(&log, row, 3);
+        }
+        if (k == 2) { /* a wrong unit, too */
+            refuse_text(machine(LINE), log.at, "columns q and v do not belong together", "");
+            continue;
         }
         refuse_text(machine(LINE), log.at, "line 202: column q: jumps to",
                     "2 steps are more than 20 times the usual step");
@@ -740,6 +749,26 @@ TEST("outliers of one or two rows are left out; kinks, steps, counts and pulses 
             fail_msg("case %zu, unit %g: %zu and %zu outliers", at, unit, logs->columns[1].outliers,
                      logs->columns[2].outliers);
     }
+}
+
+TEST("a value at an end of a run is an outlier only if it is far beyond the size of all others, too") {
+    text log = new_text("t,r,q,v,u,w");
+    for (int i = 0; i < 80; i++) {
+        const bool end = i == 39 || i == 40; /* of the first run, of the second run */
+        const double row[] = {i, i / 40, i % 7, 0, end ? 1e4 : i % 5, end ? 1e3 : 5};
+        say_row(&log, row, 6);
+    }
+    const char *path = scratch_path("log.csv");
+    lg_log_options options;
+    lg_log_options_init(&options);
+    options.consistency = false;
+    write_text_to(path, log.at);
+    const lg_logs *logs =
+        read_all(machine("columns: {run: r}\n" LINE "inputs: {columns: [u, w]}\n"), &path, 1, &options);
+    assert_warns(logs,
+                 "line 41: column u: jumps to 10000 and back, but most rows are between 0 and 4; this is "
+                 "the first of 2 such jumps");
+    assert_false(warns(logs, "column w: jumps"));
 }
 
 TEST("the range of an angle is the same with and without an outlier, though angles are unwrapped") {
@@ -867,6 +896,14 @@ TEST("swapped columns are refused, and the column that fits is named") {
         two_sines(1, 5e-3), "columns x and va do not belong together", "Column vx fits");
     refuse_text(machine("coordinates: [{name: x, kind: line, velocity: va}]\n"), two_sines(1, 0),
                 "columns x and va do not belong together", "swapped?");
+    /* A velocity that is related, and stands at its largest value in few rows. */
+    text log = new_text("t,x,vx,a,va");
+    for (int i = 0; i < 2000; i++) {
+        const double t = 0.02 * i, v = 3 * cos(3 * t);
+        const double row[] = {t, sin(3 * t), i < 14 ? 10 : v + 3 * cos(7.3 * t), cos(2 * t), v};
+        say_row(&log, row, 5);
+    }
+    refuse_text(machine(TWO), log.at, "columns x and vx do not belong together", "Column va fits");
 }
 
 /* A body that turns about all axes, and possible errors of its log. */
@@ -945,11 +982,13 @@ TEST("rates in space and other orders of quaternions are named") {
          "x, y, z, w and the rates are in the space frame"},
         {{.factor = 57.3}, "the rate of qw, qx, qy, qz is 0.0174"},
         {{.factor = -1}, "the sign is wrong"},
+        {{.factor = 57.3, .rates_in_space = true}, "do not belong together"},
     };
     const lg_machine_file *f = machine(SPIN), *g = machine(SPIN9);
-    const spin right = {.factor = 1}, noisy = {.factor = 1, .noise = 0.1};
+    const spin right = {.factor = 1}, noisy = {.factor = 1, .noise = 0.1}, wild = {.factor = 1, .noise = 2};
     assert_true(read_text(f, spin_log(&right, false))->log.rows == 600);
     assert_true(read_text(f, spin_log(&noisy, false))->log.rows == 600);
+    assert_true(read_text(f, spin_log(&wild, false))->log.rows == 600); /* nothing can be compared */
     assert_silent(read_text(g, spin_log(&right, true)));
     for (size_t i = 0; i < LG_COUNT(rows); i++)
         refuse_text(f, spin_log(&rows[i].spin, false), rows[i].words, "");
@@ -1104,6 +1143,16 @@ TEST("HDF5 that is not a log is refused") {
     data[7] = INFINITY;
     replace_dataset(path, "v", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 1, &rows, data);
     assert_refused(read_h5, path, LG_FORMAT, "row 8: column v: the value is infinite", "");
+    write_h5(path, "v", false);
+    replace_dataset(path, "v", H5T_C_S1, H5T_C_S1, 1, &rows, data);
+    assert_refused(read_h5, path, LG_FORMAT, "/v: does not hold numbers", "");
+    replace_dataset(path, "v", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 0, NULL, data);
+    assert_refused(read_h5, path, LG_FORMAT, "/v: expected one number per row", "");
+    write_h5(path, "group of runs", false);
+    data[7] = NAN;
+    replace_dataset(path, "group of runs", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 1, &rows, data);
+    assert_refused(read_h5, path, LG_FORMAT, "row 8 has no number of its run", "");
+    refuse_paths(machine(LINE), &path, 1, LG_FORMAT, "row 26: column t: time does not increase", "");
     write_h5(path, "t", false);
     data[7] = 0;
     replace_dataset(path, "t", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 1, &rows, data);

@@ -268,6 +268,32 @@ TEST("the states at all rows of a log come from its accelerations, whatever the 
         "the log has no accelerations");
 }
 
+TEST("the states of a known machine come from more windows than are on a tape at once") {
+    enum { PARTS = 5, ALL = PARTS * ROWS };
+    static const size_t first[] = {0, ROWS, 2 * ROWS, 3 * ROWS, 4 * ROWS, ALL};
+    const double theta[] = {0.3};
+    lg_machine machine = pendulum(true);
+    lg_identified friction;
+    (void)lg_machine_numbers(&machine, theta, 1, &friction);
+    add_values(&machine.terms[3], 1, &friction.value);
+    assert_machine(&machine);
+    const data *d = swing(theta);
+    double t[ALL], q[ALL], v[ALL], a[ALL], u[4 * ALL], found_q[ALL], found_v[ALL];
+    for (size_t p = 0; p < PARTS; p++) {
+        memcpy(t + p * ROWS, d->t, sizeof d->t);
+        memcpy(q + p * ROWS, d->q, ROWS * sizeof *q);
+        memcpy(v + p * ROWS, d->v, ROWS * sizeof *v);
+        memcpy(a + p * ROWS, d->a, ROWS * sizeof *a);
+        memcpy(u + 4 * p * ROWS, d->u, 4 * ROWS * sizeof *u);
+    }
+    const lg_machine_log log = {
+        .rows = ALL, .parts = PARTS, .first = first, .t = t, .q = q, .v = v, .u = u, .a = a};
+    assert_ok(lg_machine_estimate_states(NULL, &machine, NULL, lg_scheme_find("cf4"), 1, &log, 3, found_q,
+                                         found_v, NULL));
+    assert_all_close(found_q, q, ALL, 0, 1e-6);
+    assert_all_close(found_v, v, ALL, 0, 1e-6);
+}
+
 TEST("windows of accelerations give back the numbers and the bias of their sensor") {
     enum { BEGIN = 6 };
     lg_machine truth = unknown_arm(), *machine = &truth;

@@ -188,6 +188,19 @@ TEST("few windows: their stretches show the correlation too") {
     for (int k = 0; k < NUMBERS; k++) assert_true(fabs(found[k].value - truth[k]) < 4.0 * found[k].error);
 }
 
+TEST("scores of one kind are white, scores that drift are one block, and scores that are not finite say "
+     "nothing") {
+    enum { COUNT = 64 };
+    for (int i = 0; i < 4; i++) {
+        double h[COUNT], P = i == 3 ? 1 : 0, F = 7;
+        size_t block = 7;
+        for (int k = 0; k < COUNT; k++) h[k] = i == 1 ? k : i == 2 && k == 3 ? NAN : 1;
+        assert_ok(lg_machine_colour(NULL, COUNT, 1, 1, 1.0, i == 2, &P, h, &F, &block));
+        assert_int_equal(block, i == 1 ? COUNT / 8 : 0);
+        if (i == 1) assert_true(F > 2);
+    }
+}
+
 TEST("numbers that only appear together are told in words, and a text without room is cut") {
     static const struct {
         double move[4];

@@ -289,6 +289,8 @@ TEST("wrong keys are refused with their line") {
         {HEAD "mass: {kind: known, values: [-1]}\n", "line 2", "above 0"},
         {HEAD "mass: {kind: known, values: [0]}\n", "line 2", "above 0"},
         {HEAD "damping: {kind: known, values: [-1]}\n", "line 2", "below 0"},
+        {HEAD "mass:\n  - {kind: known, values: [1e308]}\n  - {kind: known, values: [1e308]}\n", "line 3",
+         "the sum of the known values overflows"},
         {HEAD "mass:\n  - diagonal\n  - {kind: known, values: [-1]}\n", "line 4", "below 0"},
         {HEAD "mass: {kind: known, values: [1, 2]}\n", "line 2", "has 2 values, expected 1"},
         {"coordinates: [{name: a, kind: line, velocity: b}, {name: c, kind: line, velocity: d}]\n"
@@ -402,6 +404,9 @@ TEST("wrong terms are refused with their line") {
         {HEAD "damping: {kind: diagonal, coulomb: yes}\n", "line 2", "none of false, true"},
         {HEAD "mass: {kind: network, of: [p]}\n", "line 2", "of: 'p' is unknown; expected one of q"},
         {HEAD "mass: {kind: network, of: [q.up]}\n", "line 2", "of: 'q.up' is unknown; expected one of q"},
+        {HEAD "mass: {kind: network, of: [q.mass]}\n", "line 2", "of: 'q.mass' is unknown"},
+        {HEAD "mass: {kind: network, of: [t]}\n", "line 2", "of: 't' is unknown"},
+        {HEAD "inputs: {columns: u}\ndamping: {kind: network, of: [u]}\n", "line 3", "'u' is an input"},
         {HEAD "mass: {kind: network, of: [q.velocity]}\n", "line 2", "'q.velocity' is a velocity"},
         {HEAD "mass: {kind: network, of: [v]}\n", "line 2", "'v' is a velocity"},
         {"coordinates: [{name: b, kind: rotation, columns: [a, b, c, d], velocity: [e, f, g]}]\n"
@@ -657,4 +662,35 @@ TEST("a switch of friction that is false adds no term, and a prior of a system's
              ->machine;
     assert_close(m->grey.sigma[0], 0.5, 0, 0);
     assert_close(m->grey.sigma[1], 0, 0, 0);
+}
+
+TEST("friction may load inputs, and a number with bounds and no start begins between them") {
+    lg_identified mass;
+    const double theta[16] = {0};
+    const lg_machine *m =
+        &parse(TWO "inputs: {columns: u}\nmass: {kind: diagonal, values: [{within: [1, 5]}, 2]}\n"
+                   "damping: [coulomb, {kind: load, of: u}]\n")
+             ->machine;
+    assert_int_equal(m->terms[2].of[0].kind, LG_FEATURE_INPUT);
+    (void)lg_machine_numbers(m, theta, 1, &mass);
+    assert_true(m->parameters <= LG_COUNT(theta));
+    assert_string_equal(mass.name, "mass.1.1");
+    assert_close(mass.value, 3, 1e-12, 0);
+}
+
+TEST("numbers of potentials of a pose's place, and one unknown number of a polynomial, have names") {
+    static const char *const names[] = {"1^2", "1*h.place.2", "1*h.place.3", "2^2", "2*h.place.3", "3^2"};
+    enum { MASSES = 6, LAST = MASSES + LG_COUNT(names), NUMBERS = LAST + 1 };
+    const double theta[NUMBERS] = {0};
+    lg_identified numbers[NUMBERS];
+    const lg_machine *m =
+        &parse("coordinates: [{name: h, kind: pose, position: [x, y, z], columns: [a, b, c, d], velocity: "
+               "[e, f, g],\n"
+               "  rates: [i, j, k]}]\nmass: diagonal\npotential: [{kind: quadratic, of: h.place},\n"
+               "  {kind: polynomial, degree: 2, of: h.height, values: [1, unknown]}]\n")
+             ->machine;
+    assert_int_equal(lg_machine_numbers(m, theta, NUMBERS, numbers), NUMBERS);
+    for (size_t i = 0; i < LG_COUNT(names); i++)
+        assert_string_equal(numbers[MASSES + i].name, test_text("potential.h.place.%s", names[i]));
+    assert_string_equal(numbers[LAST].name, "potential.h.height^2");
 }

@@ -133,6 +133,17 @@ TEST("the Jacobian of windows agrees with the tape, with every kind of term") {
 TEST("the Jacobian has the derivatives by the starts, each start in its own columns") {
     const lg_machine machine = machine_with(lg_term_kind_find(LG_MACHINE_MASS, "network"), LG_MACHINE_MASS);
     assert_jacobian(&machine, LG_MACHINE_STARTS_ESTIMATED, "cf4", NULL);
+    lg_machine rods = empty_machine();
+    add_coordinate(&rods, "x", LG_COORDINATE_LINE);
+    add_coordinate(&rods, "y", LG_COORDINATE_LINE);
+    add_coordinate(&rods, "d", LG_COORDINATE_DIRECTION);
+    add_coordinate(&rods, "e", LG_COORDINATE_DIRECTION);
+    odd_scales(&rods);
+    add_values(add_term(&rods, LG_MACHINE_MASS, "diagonal"), 8,
+               (double[]){2, 3, 1.2, 1.2, 1.2, 0.7, 0.7, 0.7});
+    see_everything(&rods, add_term(&rods, LG_MACHINE_POTENTIAL, "network"), false, false);
+    assert_machine(&rods);
+    assert_jacobian(&rods, LG_MACHINE_STARTS_ESTIMATED, "cf4", NULL);
 }
 
 /* A window of so many rows that they are solved for together, of lines and angles. */
@@ -181,6 +192,48 @@ TEST("the rows of a long window are solved for together: loss, residuals and Jac
     assert_false(lg_machine_is_long(&t->problem));
     other = machine, other.accelerations = true;
     assert_false(lg_machine_is_long(&t->problem));
+    other = empty_machine();
+    add_coordinate(&other, "d", LG_COORDINATE_DIRECTION);
+    assert_false(lg_machine_is_long(&t->problem));
+}
+
+/* Residuals of momenta of windows of `rows` rows from the given rows on. */
+static void momenta_of(task *t, uint32_t rows, const size_t *start, size_t count, double *out) {
+    static const uint32_t samples[PARTS] = {0, 1, 2};
+    lg_machine_problem problem = t->problem;
+    lg_fit_problem of;
+    lg_tape *tape = test_tape(LG_F64);
+    lg_var r;
+    problem.window = rows;
+    problem.windows = count;
+    problem.start = start;
+    lg_machine_momentum_problem(&problem, &of);
+    const lg_var x = lg_machine_parameter(tape, problem.machine, test_numbers(6, of.parameters, -0.3, 0.3));
+    assert_ok(of.residuals(of.user, tape, x, samples, count, 1, &r));
+    assert_ok(lg_read(tape, r, lg_shape_count(lg_var_shape(tape, r)), out));
+}
+
+TEST("residuals of momenta add up over the rows of a window; a window that lacks a number counts nothing") {
+    static const size_t start[PARTS] = {0, WINDOW, 2 * WINDOW}, next[PARTS] = {1, WINDOW + 1, 2 * WINDOW + 1};
+    lg_machine rod = empty_machine();
+    add_coordinate(&rod, "x", LG_COORDINATE_DIRECTION);
+    odd_scales(&rod);
+    add_term(&rod, LG_MACHINE_MASS, "diagonal");
+    add_term(&rod, LG_MACHINE_DAMPING, "diagonal");
+    assert_machine(&rod);
+    const lg_machine all = machine_with(lg_term_kind_find(LG_MACHINE_MASS, "constant"), LG_MACHINE_MASS),
+                     *const machines[] = {&rod, &all};
+    for (size_t m = 0; m < LG_COUNT(machines); m++) {
+        task *t = make_task(machines[m], LG_MACHINE_STARTS_MEASURED, "cf4", NULL);
+        const size_t n = machines[m]->velocities;
+        double whole[PARTS * LG_MACHINE_VELOCITIES], first[PARTS * LG_MACHINE_VELOCITIES],
+            second[PARTS * LG_MACHINE_VELOCITIES];
+        momenta_of(t, WINDOW, start, PARTS, whole);
+        momenta_of(t, 2, start, PARTS, first);
+        momenta_of(t, 2, next, PARTS, second);
+        for (size_t i = 0; i < PARTS * n; i++)
+            assert_close(whole[i], i < n ? 0 : first[i] + second[i], 1e-12, 1e-13);
+    }
 }
 
 TEST("with known parameters the Jacobian has only the columns of the starts") {

@@ -401,6 +401,25 @@ TEST("classical schemes are for machines on R^n alone, and implicit schemes for 
         assert_true(strlen(error.message) > 10);
     }
     assert_true(implicit > 0);
+    /* A machine with LuGre friction has a step of its own. */
+    lg_machine rubbing = empty_machine();
+    add_coordinate(&rubbing, "x", LG_COORDINATE_LINE);
+    add_term(&rubbing, LG_MACHINE_MASS, "constant");
+    add_term(&rubbing, LG_MACHINE_DAMPING, "lugre");
+    assert_machine(&rubbing);
+    const double *theta = machine_theta(&rubbing, 1);
+    for (size_t i = 0; i < lg_scheme_count(); i++) {
+        const lg_scheme *scheme = lg_scheme_at(i);
+        if (scheme->kind != LG_SCHEME_IMPLICIT && scheme->kind != LG_SCHEME_SLGI) continue;
+        assert_status(lg_machine_program(NULL, &rubbing, theta, scheme, &program, &error), LG_UNSUPPORTED);
+        assert_says(error.message, "solves equations in each step");
+    }
+    assert_told(lg_machine_program(NULL, &rubbing, theta, lg_scheme_find("cf4"), &program, &told));
+    size_t inputs, step;
+    assert_ok(lg_program_find(program, "step", &step, NULL));
+    (void)lg_program_inputs(program, step, &inputs);
+    lg_program_destroy(program);
+    assert_int_equal(inputs, 2); /* the state and h */
 }
 
 /* ---- linearisation ---- */

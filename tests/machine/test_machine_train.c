@@ -299,6 +299,13 @@ TEST("training problems that cannot be learned are refused, with the reason") {
             p->machine = &turning;
             for (int i = 0; i < LG_MACHINE_COORDINATES; i++) p->position_scale[i] = p->velocity_scale[i] = 1);
 #undef REFUSED
+    lg_machine_problem *p = &make_task(l, LG_MACHINE_STARTS_MEASURED)->problem;
+    lg_fit_problem whole;
+    p->scheme = lg_scheme_find("rk4"); /* a line is flat */
+    assert_ok(lg_machine_problem_check(p, NULL));
+    p->window = 100000;
+    lg_machine_fit_problem(p, &whole);
+    assert_int_equal(whole.chunk, 1);
 }
 
 TEST("states are estimated from logs of accelerations; if a log is shorter than a window, the guesses stay") {
@@ -321,6 +328,15 @@ TEST("states are estimated from logs of accelerations; if a log is shorter than 
     assert_memory_equal(q, log.q, sizeof q);
     assert_memory_equal(v, log.v, sizeof v);
 #undef ESTIMATE
+}
+
+TEST("where squares of residuals overflow, the expected loss is not finite, which is no lack of memory") {
+    task *t = make_task(make_logs(0.0, 3), LG_MACHINE_STARTS_MEASURED);
+    const lg_machine_noise noise = {.position = {1}, .velocity = {1}};
+    lg_machine_expected found;
+    t->problem.position_scale[0] = 1e-200;
+    assert_ok(lg_machine_expect(NULL, &t->problem, t->theta, &noise, &found, NULL));
+    assert_false(isfinite(found.loss));
 }
 
 /* A machine of many lines, whose polynomials would be too many terms. */
@@ -436,7 +452,8 @@ TEST("a log in which nothing moves, or nothing changes its speed, or numbers ove
     } rows[] = {
         {{0}, "nothing moves in the logs"},
         {{2, 2, 2, 2, 2, 2}, "all velocities are constant in the logs"},
-        {{1e200, -1e200, 1e200, -1e200, 1e200, -1e200}, "in the logs overflow: give them in larger units"}};
+        {{1e200, -1e200, 1e200, -1e200, 1e200, -1e200}, "in the logs overflow: give them in larger units"},
+        {{1.5e308, -1.5e308, 1e308, 0, 0, 0}, "in the logs overflow: give them in larger units"}};
     static const double rest[FEW] = {0};
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         lg_machine machine = two_lines();
@@ -678,6 +695,21 @@ TEST("starts of a known machine are found from positions alone, also near the en
     estimate(make_runs(0.0), some_starts, &position, &velocity);
     print_message("errors of positions %.1e, of velocities %.1e\n", position, velocity);
     assert_true(position < 1e-8 && velocity < 1e-8);
+}
+
+TEST("starts of more windows than are on a tape at once are found") {
+    enum { MANY = 140, SHORT = 4 };
+    const runs *r = make_runs(0.0);
+    const uint32_t nq = r->machine.positions, nv = r->machine.velocities;
+    size_t start[MANY];
+    double *q = TEST_ARRAY(double, MANY *nq), *v = TEST_ARRAY(double, MANY *nv);
+    for (size_t i = 0; i < MANY; i++) start[i] = i / 35 * RUN + i % 35;
+    assert_told(lg_machine_estimate_starts(NULL, &r->machine, r->theta, lg_scheme_find("cf4"), 2, &r->log,
+                                           start, MANY, SHORT, q, v, &told));
+    for (size_t i = 0; i < MANY; i++) {
+        assert_all_close(q + i * nq, r->true_q + start[i] * nq, nq, 0, 1e-6);
+        assert_all_close(v + i * nv, r->true_v + start[i] * nv, nv, 0, 1e-4);
+    }
 }
 
 TEST("many noisy rows give a start that is more accurate than its row, and a velocity better than "

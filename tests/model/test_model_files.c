@@ -383,6 +383,8 @@ TEST("errors in a machine are refused by name") {
         {"model@machine", TEXT("coordinates: [{name: x, kind: line, velocity: v}]\ndamping: diagonal"),
          LG_FORMAT, "~damping/diagonal"},
         {"model@scales", TEXT("1,2"), LG_FORMAT, "scales"},
+        {"model@lag_range", TEXT("2,1"), LG_FORMAT, "lag_range"},
+        {"model@lag_range", TEXT("0,1"), LG_FORMAT, "lag_range"},
         {"model@space", TEXT("R^2"), LG_FORMAT, "SO(3)"},
         {"spread", ARRAY(1, 2, 2), LG_FORMAT, "2 x 2 values"},
         {"spread", ARRAY(1, 4), LG_FORMAT, "rank"},

@@ -19,9 +19,10 @@ static size_t friction(const lg_machine *machine, const double *theta, const dou
     return 1;
 }
 
-static const lg_machine_term *learned_offset(const lg_machine *machine) {
+/* The first offset with at least `least` parameters; NULL: there is none. */
+static const lg_machine_term *find_offset(const lg_machine *machine, size_t least) {
     for (uint32_t t = 0; t < machine->term_count; t++)
-        if (machine->terms[t].part == LG_MACHINE_OFFSET && machine->terms[t].parameters > 0)
+        if (machine->terms[t].part == LG_MACHINE_OFFSET && machine->terms[t].parameters >= least)
             return &machine->terms[t];
     return NULL;
 }
@@ -60,11 +61,11 @@ static double unit_of(const lg_machine *machine, size_t at, double *theta, char 
 /* A constant force, one for each velocity that the machine's offset has. */
 static size_t offset(const lg_machine *machine, const double *theta, const double *force, size_t index,
                      double *direction, char *name, double *size) {
-    const lg_machine_term *term = learned_offset(machine);
+    const lg_machine_term *term = find_offset(machine, 1);
     (void)theta;
     if (term == NULL || index >= term->parameters) return 0;
     const double unit = unit_of(machine, term->offset + index, direction, name);
-    *size = force[velocity_of(machine, term, index)];
+    *size = force[velocity_of(machine, term, term->entry_count > 0 ? term->entries[index].index : index)];
     direction[term->offset + index] = unit != 0.0 ? *size / unit : 0.0;
     return 1;
 }
@@ -129,8 +130,8 @@ lg_status lg_adapt_check(const char *names, lg_error *error) {
 /* Adds `offset: unknown`: before the last bracket of a text in brackets, else as a line. */
 static lg_status add_offset(char text[LG_MACHINE_TEXT], lg_error *error) {
     size_t end = strlen(text);
-    while (end > 0 && strchr(" \n\r\t", text[end - 1]) != NULL) end--;
-    const bool brackets = text[strspn(text, " \n\r\t")] == '{' && end > 0 && text[end - 1] == '}';
+    while (strchr(" \n\r\t", text[end - 1]) != NULL) end--; /* the text describes a machine */
+    const bool brackets = text[strspn(text, " \n\r\t")] == '{' && text[end - 1] == '}';
     const int more = brackets ? snprintf(text + end - 1, LG_MACHINE_TEXT - end + 1, ", offset: unknown}\n")
                               : snprintf(text + end, LG_MACHINE_TEXT - end, "\noffset: unknown\n");
     if (end + (size_t)more < LG_MACHINE_TEXT) return LG_OK;
@@ -179,8 +180,7 @@ static lg_status fill(const char *names, const double *force, lg_adaptation *out
     while (next_name(&names, &name, &length)) {
         const adaptable *kind = find(name, length);
         size_t index = 0;
-        while (out->count < LG_ADAPT_MOST &&
-               kind->direct(machine, out->theta, force, index, out->directions + out->count * P,
+        while (kind->direct(machine, out->theta, force, index, out->directions + out->count * P,
                             out->names[out->count], &out->units[out->count]) > 0)
             index++, out->count++;
         if (index == 0)
@@ -194,7 +194,7 @@ lg_status lg_adaptation_create(const lg_context *context, const char *path, cons
     const lg_machine *before = &file->run.machine;
     *out = (lg_adaptation){.run = file->run, .context = context};
     LG_TRY(lg_adapt_check(names, error));
-    if (count_of(names, &kinds[0]) > 0 && learned_offset(before) == NULL)
+    if (count_of(names, &kinds[0]) > 0 && find_offset(before, 0) == NULL)
         LG_TRY(extend(context, path, &out->run, error));
     const size_t P = out->run.machine.parameters;
     out->theta = lg_alloc(context, (1 + LG_ADAPT_MOST) * P + 1, sizeof *out->theta);

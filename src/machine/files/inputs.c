@@ -97,7 +97,7 @@ static lg_status write_text(const lg_machine_data *data, const grid *g, uint32_t
 /* The mean loss of the windows of the fit. INFINITY: the trial failed, or a window has no finite loss. */
 static double loss_of(const lg_machine_trial *trial) {
     double sum = 0.0;
-    if (trial == NULL || trial->status != LG_OK || trial->left == NULL || trial->fits == 0) return INFINITY;
+    if (trial == NULL || trial->status != LG_OK) return INFINITY;
     for (size_t w = 0; w < trial->fits; w++) sum += trial->left[w];
     return isfinite(sum) ? sum / (double)trial->fits : INFINITY;
 }
@@ -160,7 +160,7 @@ static void find_best(const lg_choosing *c, const grid *g, uint32_t *hold, uint3
             if (trial->square != NULL && (best == NULL || ratio_of(c, trial, best) < 1)) best = trial;
         }
     *hold = *delay = 0;
-    for (uint32_t d = 0; d < g->delays && best != NULL; d++)
+    for (uint32_t d = 0; best != NULL; d++) /* ends at `best` at the latest */
         for (uint32_t h = 0; h < g->holds; h++) {
             const lg_machine_trial *trial = &g->trial[h][d];
             if (trial != best && (trial->square == NULL || beats(c, best, trial))) continue;
@@ -238,8 +238,8 @@ static void find_changes(const lg_choosing *c, const grid *g, uint32_t hold, uin
     for (uint32_t h = 0; h < g->holds; h++) {
         const lg_machine_trial *trial = &g->trial[h][delay];
         if (trial == chosen || beats(c, chosen, trial)) continue;
-        const size_t count = numbers_of(trial, other);
-        for (size_t i = 0; i < count && i < out->count; i++)
+        (void)numbers_of(trial, other); /* as many: only the hold differs */
+        for (size_t i = 0; i < out->count; i++)
             out->numbers[i].error = fmax(out->numbers[i].error, fabs(other[i].value - out->numbers[i].value));
     }
 }

@@ -276,7 +276,7 @@ static bool find_span(const check *c, const way *w, size_t *span, fit *f) {
         *f = compare(c, w, *span);
         if (f->n < FEWEST) return false;
         if (c->turns && *span > 1 && f->y_variance * 3 > MOST_ANGLE * MOST_ANGLE) return false;
-        if (f->y_variance > ABOVE_NOISE * 2 * q * q && f->y_variance > 0 &&
+        if (f->y_variance > ABOVE_NOISE * 2 * q * q &&
             (f->x_variance > ABOVE_NOISE * v * v * (double)*span || f->x_variance == 0))
             return true;
     }
@@ -335,7 +335,8 @@ static lg_status unrelated(const check *c, const fit *f, const char *hint, lg_er
 
 /* ---- failing sensors ---- */
 
-/* The median change, in absolute value, of the watched column from row to row; 0 if there is none. */
+/* The median change, in absolute value, of the watched column from row to row. find_span has compared some
+ * changes, so there are some. */
 static double usual_change(const check *c, double *sizes) {
     size_t count = 0;
     for (size_t part = c->begin; part < c->end; part++)
@@ -345,7 +346,7 @@ static double usual_change(const check *c, double *sizes) {
             if (isfinite(size)) sizes[count++] = size;
         }
     qsort(sizes, count, sizeof *sizes, lg_compare_doubles);
-    return count > 0 ? sizes[count / 2] : 0;
+    return sizes[count / 2];
 }
 
 /* Counts the jumps of the watched column; `first` gets the row after the first jump. */
@@ -408,7 +409,7 @@ static lg_status refuse_clipped(const check *c, const way *w, uint32_t column, s
 
 /* Refuses lines and angles whose position and velocity do not belong together because a sensor fails. */
 static lg_status refuse_failures(const check *c, const way *w, size_t span, const fit *f, lg_error *error) {
-    if (c->count != 1 || c->positions != 1) return LG_OK;
+    if (c->positions != 1) return LG_OK;
     LG_TRY(refuse_outliers(c, w, c->position, c->velocity, error));
     /* Velocities may really jump, in an impact; the correlation is still high then, and they are not
      * refused. */
@@ -468,7 +469,7 @@ static lg_status judge(check *c, const way *ways, size_t count, lg_error *error)
         return lg_fail(error, LG_FORMAT, "%s: columns %s and %s: %s", path_of(c), q.text, v.text,
                        better->words);
     if (fabs(f.correlation) > FITS) return slope_is_wrong(&f) ? wrong_slope(c, &f, error) : LG_OK;
-    if (c->count == 1 && c->positions == 1) other_velocity(c, span, hint, sizeof hint);
+    if (c->positions == 1) other_velocity(c, span, hint, sizeof hint);
     if (f.correlation < UNRELATED || hint[0] != '\0') return unrelated(c, &f, hint, error);
     if (lg_log_warn(c->table, "%s: columns %s and %s fit badly (correlation %.2f): check them", path_of(c),
                     q.text, v.text, f.correlation) != LG_OK)

@@ -65,9 +65,8 @@ static lg_status read_columns(void *user, lg_h5 *h5, lg_error *error) {
                            (unsigned long long)call->rows);
         call->rows = rows;
     }
-    if (call->rows > SIZE_MAX / machine->column_count) return lg_log_no_memory(call->shown, error);
     lg_free(call->table->context, call->data);
-    call->data = lg_alloc(call->table->context, (size_t)call->rows * machine->column_count, sizeof(double));
+    call->data = lg_alloc(call->table->context, call->rows, machine->column_count * sizeof(double));
     if (call->data == NULL) return lg_log_no_memory(call->shown, error);
     for (uint32_t i = 0; i < machine->column_count; i++) {
         copying copy = {call->data + i * (size_t)call->rows};

@@ -168,7 +168,7 @@ typedef struct candidate {
 static int by_size(const void *a, const void *b) {
     const candidate *x = a, *y = b;
     if (x->off != y->off) return x->off < y->off ? 1 : -1;
-    return x->row < y->row ? -1 : x->row > y->row;
+    return (x->row > y->row) - (x->row < y->row);
 }
 
 /* Marks the outliers of a part in x->out, the largest first, and returns how many. `all` (n) is work. */

@@ -55,7 +55,7 @@ static double step_of(const lg_log_table *table, uint32_t column, double *work) 
     const size_t stride = table->rows / MOST_WINDOWS + 1;
     size_t count = 0, different = 0;
     double least = INFINITY;
-    for (size_t row = 0; row < table->rows && count < MOST_WINDOWS; row += stride) {
+    for (size_t row = 0; row < table->rows; row += stride) { /* at most MOST_WINDOWS times */
         const double x = lg_log_row(table, row)[column];
         if (isfinite(x)) work[count++] = x;
     }

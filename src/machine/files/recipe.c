@@ -49,15 +49,12 @@ static size_t longest_part(const lg_machine_log *log) {
     return longest;
 }
 
-static uint32_t at_most(size_t rows, uint32_t wanted) {
-    return rows >= 2 && rows < wanted ? (uint32_t)rows : wanted;
-}
-
 /* The longest window of at most `wanted` rows with which three quarters of the rows are in parts that have
  * one: gaps leave short parts. */
 static uint32_t window_of_parts(const lg_machine_log *log, uint32_t wanted) {
     enum { SHORT = 8 };
-    for (uint32_t window = at_most(longest_part(log), wanted);; window -= (window + 3) / 4) {
+    const size_t longest = longest_part(log);
+    for (uint32_t window = longest < wanted ? (uint32_t)longest : wanted;; window -= (window + 3) / 4) {
         size_t covered = 0;
         for (size_t p = 0; p < log->parts; p++) {
             const size_t rows = log->first[p + 1] - log->first[p];
@@ -82,7 +79,7 @@ static double bend(const lg_machine *machine, const lg_machine_log *log, uint32_
                 n++, t += s, x += y, tt += s * s, tx += s * y, xx += y * y;
             }
             const double a = n * tt - t * t, b = n * tx - t * x, c = n * xx - x * x;
-            if (n > 2 && a > 0) squares += (c - b * b / a) / n, all += (size_t)n;
+            if (n > 2) squares += (c - b * b / a) / n, all += (size_t)n;
         }
     return all > 0 ? sqrt(fmax(squares, 0) / (double)all) : INFINITY;
 }

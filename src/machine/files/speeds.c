@@ -53,7 +53,7 @@ lg_status lg_machine_refuse_positions(lg_machine_reading *r) {
                                 "%s: with `measured: velocities-only` a coordinate is a line or an angle",
                                 machine->coordinates[i].name);
     const lg_grey_system *system = machine->grey.system;
-    if (system != NULL && (system->seen != 0 || system->potential != NULL))
+    if (system != NULL) /* all systems of lines and angles have a potential */
         return lg_yaml_fail(r->yaml, 1, LG_FORMAT, r->error,
                             "system: %s depends on positions, but the log has velocities alone: log the "
                             "positions too",

@@ -46,9 +46,10 @@ static bool is_listed(const char *names, const char *name) {
     return false;
 }
 
+/* Whether a term of the potential depends on the coordinate. */
 static bool sees(const lg_machine_term *term, uint32_t coordinate) {
     for (uint32_t i = 0; i < term->of_count; i++)
-        if (term->of[i].kind != LG_FEATURE_INPUT && term->of[i].index == coordinate) return true;
+        if (term->of[i].index == coordinate) return true;
     return false;
 }
 
@@ -225,7 +226,7 @@ static lg_status search_all(search *s, lg_error *error) {
         drop_round(s);
         if (status != LG_OK) return status;
     }
-    if (s->round == 2 && !more)
+    if (s->round == 2)
         LG_WARN(
             s->self,
             "the log asks for no further term: no candidate leaves less of the error than chance explains");
