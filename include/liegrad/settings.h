@@ -104,8 +104,8 @@ typedef struct lg_field {
      * there are, `put` stores them. */
     uint32_t (*get)(const void *member, double *values);
     void (*put)(void *member, const double *values, uint32_t count);
-    uint32_t most;      /* largest length of a list; 0: LG_FIELD_LIST_MAX */
-    const char *longer; /* advice in the error message for a longer list; may be NULL */
+    uint32_t least, most; /* lengths that a list may have; most = 0: LG_FIELD_LIST_MAX */
+    const char *longer;   /* advice in the error message for a longer list; may be NULL */
     void (*show)(const void *run, char *text, size_t size); /* for type SHOWN: makes the text */
     /* For type PHRASE: `parse` reads a text into the member and leaves it unchanged on failure; `phrase`
      * writes the text of the member. `form` describes the allowed texts that are not names of the row,

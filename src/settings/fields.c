@@ -368,6 +368,9 @@ static lg_status set_list(const lg_field *row, const char *text, void *run, lg_e
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "a list of %u numbers is too long; at most %u are allowed%s%s", items, most,
                        row->longer != NULL ? "; " : "", row->longer != NULL ? row->longer : "");
+    if (items < row->least)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "a list of %u numbers is too short; at least %u are needed", items, row->least);
     const char *at = text;
     for (uint32_t i = 0; i < items; i++) {
         const size_t length = strcspn(at, ",");

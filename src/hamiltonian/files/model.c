@@ -30,14 +30,10 @@ static uint32_t get_scales(const void *member, double *values) {
     return count;
 }
 
-/* A list that is too short gives the scale 0, which fit() refuses. */
 static void put_scales(void *member, const double *values, uint32_t count) {
     const lg_hamiltonian_scales ones = LG_HAMILTONIAN_NO_SCALES;
-    double numbers[SCALES];
-    memcpy(numbers, &ones, sizeof numbers);
-    for (uint32_t i = 0; i < count; i++) numbers[i] = values[i];
-    if (count < LEAST_SCALES) numbers[0] = 0.0;
-    memcpy(member, numbers, sizeof numbers);
+    memcpy(member, &ones, sizeof ones);
+    memcpy(member, values, count * sizeof *values);
 }
 
 #define FACT(group, name, type, member, ...)                                                                 \
@@ -46,7 +42,7 @@ static const lg_field facts[] = {
     FACT("model", "family", NAME, model.family, .value_name = lg_name_family, .value_at = lg_family_number),
     FACT("model", "links", U32, model.n, .low = 1),
     FACT("model", "scales", REALS, model.scales, .low = 0, .get = get_scales, .put = put_scales,
-         .most = SCALES, .optional = true),
+         .least = LEAST_SCALES, .most = SCALES, .optional = true),
     FACT("run", "system", TEXT, system, .low = 0),
     FACT("run", "trajectories", U64, trajectories, .low = 0),
     FACT("run", "points", U64, points, .low = 0),

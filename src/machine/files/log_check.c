@@ -335,8 +335,8 @@ static lg_status unrelated(const check *c, const fit *f, const char *hint, lg_er
 
 /* ---- failing sensors ---- */
 
-/* The median change, in absolute value, of the watched column from row to row. find_span has compared some
- * changes, so there are some. */
+/* The median change, in absolute value, of the watched column from row to row; 0 if every second row lacks
+ * the column. */
 static double usual_change(const check *c, double *sizes) {
     size_t count = 0;
     for (size_t part = c->begin; part < c->end; part++)
@@ -346,7 +346,7 @@ static double usual_change(const check *c, double *sizes) {
             if (isfinite(size)) sizes[count++] = size;
         }
     qsort(sizes, count, sizeof *sizes, lg_compare_doubles);
-    return sizes[count / 2];
+    return count > 0 ? sizes[count / 2] : 0;
 }
 
 /* Counts the jumps of the watched column; `first` gets the row after the first jump. */

@@ -67,7 +67,6 @@ static uint32_t get_scales(const void *member, double *values) {
 }
 
 static void put_scales(void *member, const double *values, uint32_t count) {
-    if (count != SCALES && count != FORMER_SCALES) return;
     lg_machine_scales_init(member);
     memcpy(member, values, count * sizeof *values);
 }
@@ -77,8 +76,9 @@ static uint32_t get_range(const void *member, double *values) {
     return 2 * LG_MACHINE_RANGE;
 }
 
-static void put_range(void *member, const double *values, uint32_t count) {
-    if (count == 2 * LG_MACHINE_RANGE) memcpy(member, values, sizeof(lg_machine_range));
+/* For lists that have one length only. */
+static void put_numbers(void *member, const double *values, uint32_t count) {
+    memcpy(member, values, count * sizeof *values);
 }
 
 /* All LG_MACHINE_COORDINATES entries, also of coordinates that the machine does not have. */
@@ -87,21 +87,18 @@ static uint32_t get_coordinates(const void *member, double *values) {
     return LG_MACHINE_COORDINATES;
 }
 
-static void put_coordinates(void *member, const double *values, uint32_t count) {
-    if (count == LG_MACHINE_COORDINATES) memcpy(member, values, LG_MACHINE_COORDINATES * sizeof *values);
-}
-
 #define FACT(group, name, type, member, ...)                                                                 \
     LG_FACT(lg_machine_model_run, group, name, type, member, __VA_ARGS__)
 static const lg_field facts[] = {
     FACT("model", "machine", TEXT, text, .low = 0),
-    FACT("model", "scales", REALS, scales, .low = 0, .get = get_scales, .put = put_scales, .most = SCALES),
-    FACT("run", "range", REALS, range, .low = -1e300, .get = get_range, .put = put_range,
-         .most = 2 * LG_MACHINE_RANGE),
-    FACT("run", "position_scale", REALS, position_scale, .low = 0, .get = get_coordinates,
-         .put = put_coordinates, .most = LG_MACHINE_COORDINATES),
-    FACT("run", "velocity_scale", REALS, velocity_scale, .low = 0, .get = get_coordinates,
-         .put = put_coordinates, .most = LG_MACHINE_COORDINATES),
+    FACT("model", "scales", REALS, scales, .low = 0, .get = get_scales, .put = put_scales,
+         .least = FORMER_SCALES, .most = SCALES),
+    FACT("run", "range", REALS, range, .low = -1e300, .get = get_range, .put = put_numbers,
+         .least = 2 * LG_MACHINE_RANGE, .most = 2 * LG_MACHINE_RANGE),
+    FACT("run", "position_scale", REALS, position_scale, .low = 0, .get = get_coordinates, .put = put_numbers,
+         .least = LG_MACHINE_COORDINATES, .most = LG_MACHINE_COORDINATES),
+    FACT("run", "velocity_scale", REALS, velocity_scale, .low = 0, .get = get_coordinates, .put = put_numbers,
+         .least = LG_MACHINE_COORDINATES, .most = LG_MACHINE_COORDINATES),
     FACT("run", "residual", REAL, residual, .low = 0),
     FACT("run", "windows", U64, windows, .low = 0),
     FACT("run", "dt", REAL, dt, .low = 0),
@@ -126,12 +123,8 @@ static uint32_t get_lags(const void *member, double *values) {
     return 2;
 }
 
-static void put_lags(void *member, const double *values, uint32_t count) {
-    if (count == 2) memcpy(member, values, 2 * sizeof *values);
-}
-
-static const lg_field lag_range =
-    FACT("model", "lag_range", REALS, scales.lag, .low = 0, .get = get_lags, .put = put_lags, .most = 2);
+static const lg_field lag_range = FACT("model", "lag_range", REALS, scales.lag, .low = 0, .get = get_lags,
+                                       .put = put_numbers, .least = 2, .most = 2);
 
 static lg_status read_lags(lg_h5 *h5, lg_machine_model_run *run, lg_error *error) {
     lg_machine_scales fallback;

@@ -54,7 +54,8 @@ static size_t longest_part(const lg_machine_log *log) {
 static uint32_t window_of_parts(const lg_machine_log *log, uint32_t wanted) {
     enum { SHORT = 8 };
     const size_t longest = longest_part(log);
-    for (uint32_t window = longest < wanted ? (uint32_t)longest : wanted;; window -= (window + 3) / 4) {
+    for (uint32_t window = longest >= 2 && longest < wanted ? (uint32_t)longest : wanted;;
+         window -= (window + 3) / 4) {
         size_t covered = 0;
         for (size_t p = 0; p < log->parts; p++) {
             const size_t rows = log->first[p + 1] - log->first[p];

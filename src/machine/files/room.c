@@ -50,8 +50,9 @@ static lg_status run_epoch(const lg_training *self, const lg_context *context,
     lg_machine_fit_problem(problem, &fit_problem);
     lg_fit_options_init(&options);
     lg_fit_settings_apply(&run->training, &options);
-    options.plan.phase[0] = options.plan.phase[options.plan.phases - 1];
-    options.plan.phases = 1;
+    const uint32_t phases = options.plan.phases;
+    if (phases > 0) options.plan.phase[0] = options.plan.phase[phases - 1];
+    options.plan.phases = phases > 0;
     options.epochs = options.shards = 1;
     options.threads = 1;
     options.validation = options.prior = 0;
