@@ -27,8 +27,8 @@ typedef struct compiled {
     char folder[64];
     void *handle;
     lg_c_source *source;
-    bool single;
-    char why[1280]; /* what failed */
+    bool single, unfit; /* unfit: refused, because it has numbers that are not finite */
+    char why[1280];     /* what failed */
 } compiled;
 
 static inline bool write_file(const compiled *c, const char *name, const char *const *parts, size_t count) {
@@ -69,7 +69,9 @@ static inline bool write_source(compiled *c, const lg_program *program, lg_dtype
     options.name = "p";
     options.dtype = dtype;
     options.compact = compact;
-    if (lg_program_write_c(program, &options, &c->source, &error) != LG_OK) {
+    const lg_status status = lg_program_write_c(program, &options, &c->source, &error);
+    if (status != LG_OK) {
+        c->unfit = status == LG_NOT_FINITE;
         (void)snprintf(c->why, sizeof c->why, "%s", error.message);
         return false;
     }

@@ -100,7 +100,8 @@ static bool check_file(const compiled *c, const lg_program *program, const recor
 }
 
 /* The way to compile is chosen by the recordings' number divided by 100. So a single recording is compiled
- * the same way as in its file. */
+ * the same way as in its file. A program with constants that are not finite, such as sqrt'(0), has no C: then
+ * fewer recordings are taken, at last none but the one that has them. */
 bool check_compiled(const recording *r, size_t *taken, finding *out, size_t *failed) {
     part *parts = room(*taken, sizeof *parts);
     size_t count = 0;
@@ -114,16 +115,19 @@ bool check_compiled(const recording *r, size_t *taken, finding *out, size_t *fai
                found(out, true, "the recording becomes no program: %.300s", error.message);
         *failed = count++;
     }
-    *taken = count;
     const size_t way = (size_t)(r[0].number / 100 % (sizeof ways / sizeof *ways));
     const char *compiler = compiled_checked || !has(ways[way].compiler) ? "gcc" : ways[way].compiler;
     const char *flags = compiled_checked ? CHECKED : "-O2";
     if (good && !compile_program(&c, program, compiler, flags, ways[way].dtype, ways[way].compact))
-        good = found(out, true, "no compiled C: %.400s", c.why);
-    if (good) good = check_file(&c, program, r, parts, count, out, failed) && discard_compiled(&c);
-    counted.recordings += count;
-    counted.sources++;
+        good = c.unfit || found(out, true, "no compiled C: %.400s", c.why);
+    const bool fewer = good && c.unfit && count > 1;
+    if (good && !c.unfit)
+        good = check_file(&c, program, r, parts, count, out, failed) && discard_compiled(&c);
+    counted.recordings += fewer ? 0 : count;
+    counted.sources += !c.unfit;
+    counted.refused += c.unfit && !fewer;
     lg_program_destroy(program);
     free(parts);
-    return good;
+    *taken = fewer ? count / 2 : count;
+    return fewer ? check_compiled(r, taken, out, failed) : good;
 }

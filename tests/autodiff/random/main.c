@@ -115,9 +115,9 @@ int main(int argc, char **argv) {
     printf(
         "%zu recordings from seed %" PRIu64 ": %zu functions, of these %zu derivatives and %zu loops; %zu "
         "plans, %zu files of C; %zu functions without comparison, for their numbers are not finite or very "
-        "large\n",
+        "large; %zu recordings without C, for their constants are not finite\n",
         counted.recordings, seed, counted.functions, counted.derivatives, counted.loops, counted.plans,
-        counted.sources, counted.unfit);
+        counted.sources, counted.unfit, counted.refused);
     printf("%zu operations are packed in %zu bytes\n", counted.operations, counted.bytes);
     const bool all = all_rows_recorded();
     printf("%zu differ\n", different);
