@@ -375,6 +375,8 @@ TEST("errors in a detector are refused by name") {
     refuse_damage(read_detector, fresh_detector, rows, LG_COUNT(rows));
 }
 
+#define TEN "1,1,1,1,1,1,1,1,1,1,"
+
 TEST("errors in a machine are refused by name") {
     static const damage rows[] = {
         {"model@machine", TEXT("coordinates: ["), LG_FORMAT, "~YAML"},
@@ -383,6 +385,7 @@ TEST("errors in a machine are refused by name") {
         {"model@machine", TEXT("coordinates: [{name: x, kind: line, velocity: v}]\ndamping: diagonal"),
          LG_FORMAT, "~damping/diagonal"},
         {"model@scales", TEXT("1,2"), LG_FORMAT, "scales"},
+        {"model@scales", TEXT(TEN TEN TEN TEN TEN TEN TEN TEN "1,1,1,1"), LG_FORMAT, "scales"},
         {"model@lag_range", TEXT("2,1"), LG_FORMAT, "lag_range"},
         {"model@lag_range", TEXT("0,1"), LG_FORMAT, "lag_range"},
         {"model@lag_range", TEXT("1"), LG_FORMAT, "~at least 2 are needed"},

@@ -249,7 +249,7 @@ static lg_status unit_of_integral(const lg_training *self, double *unit, lg_erro
     const lg_hamiltonian_state *s = self->state;
     const lg_status status = lg_hamiltonian_integral_unit(self->context, &s->problem, unit, error);
     if (status != LG_NOT_FINITE) return status;
-    error->status = LG_FORMAT;
+    if (error != NULL) error->status = LG_FORMAT;
     return LG_FORMAT;
 }
 

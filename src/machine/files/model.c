@@ -66,7 +66,9 @@ static uint32_t get_scales(const void *member, double *values) {
     return SCALES;
 }
 
+/* Other lengths leave zeros, which are refused. */
 static void put_scales(void *member, const double *values, uint32_t count) {
+    if (count != SCALES && count != FORMER_SCALES) return;
     lg_machine_scales_init(member);
     memcpy(member, values, count * sizeof *values);
 }
