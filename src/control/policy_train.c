@@ -333,7 +333,7 @@ static lg_status finish(training *t) {
 
 static lg_status begin_polish(training *t) {
     lg_minimise_options options;
-    end_phase(t); /* frees the batch of an attempt that failed */
+    end_phase(t); /* a failed call of this function may have left its batch */
     LG_TRY(lg_policy_batch_create(t->policy, LG_F64, 1, FIXED, t->options.threads, &t->batch, t->error));
     LG_TRY(draw_starts(t, STREAM_FIXED, FIXED, t->x));
     t->batch.starts[0] = t->x;

@@ -20,7 +20,7 @@ void lg_exact_merge(lg_exact_sum *into, const lg_exact_sum *from) {
 }
 
 /* Carries bring every part but the last into 0..2^32 - 1. A negative sum is negated first, so that the parts
- * do not cancel. The loop has at most two turns, because a positive sum has a last part of at least 0. */
+ * do not cancel. The loop runs at most twice, because the last part of a positive sum is at least 0. */
 double lg_exact_value(const lg_exact_sum *sum) {
     int64_t part[LG_EXACT_PARTS];
     double sign = 1.0, value = 0.0;

@@ -52,7 +52,7 @@ static bool enter(lg_thread_pool *pool, unsigned *seen, bool *inside) {
     pthread_mutex_lock(&pool->mutex);
     while (!pool->stop && atomic_load(&pool->round) == *seen) pthread_cond_wait(&pool->start, &pool->mutex);
     *seen = atomic_load(&pool->round);
-    *inside = pool->open; /* no round is open when the pool stops */
+    *inside = pool->open; /* the pool stops only between rounds */
     if (*inside) atomic_fetch_add(&pool->active, 1);
     const bool more = !pool->stop;
     pthread_mutex_unlock(&pool->mutex);

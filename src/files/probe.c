@@ -57,7 +57,7 @@ static void limit(int resource, rlim_t value) {
 
 /* Closes all descriptors of the parent except regular files. Terminals and sockets would be a way out of the
  * sandbox. Regular files cannot be written, because the limit on file sizes is 0; HDF5 may read a file
- * through a descriptor of the parent. Without /proc every number below 4096 is tried. */
+ * through a descriptor of the parent. Without /proc this function tries every number below 4096. */
 static void close_inherited(int report) {
     enum { MOST = 4096 };
     DIR *list = opendir("/proc/self/fd");

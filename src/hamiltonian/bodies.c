@@ -56,7 +56,8 @@ static counts counts_of(const lg_hamiltonian_family *family, uint32_t n) {
     return c;
 }
 
-/* Where component i of vector v, which is no line, is in z. */
+/* Returns the index in z of component i of vector v. Vector v belongs to a rotation or a direction, not to a
+ * line. */
 static uint32_t place_of(const counts *c, uint32_t v, uint32_t i) {
     return v < 3 * c->rotations ? 9 * (v / 3) + 3 * i + v % 3 : 3 * v + i;
 }

@@ -12,7 +12,7 @@ lg_status lg_machine_eigen(const lg_context *context, size_t n, double *matrix, 
     const int size = (int)n;
     double want = 0.0;
     int iwant = 0, info = 0, query = -1;
-    for (size_t i = 0; i < n * n; i++) /* LAPACK would return some numbers */
+    for (size_t i = 0; i < n * n; i++) /* for NaN, LAPACK returns meaningless numbers */
         if (!isfinite(matrix[i])) return LG_NOT_FINITE;
     dsyevd_("V", "U", &size, matrix, &size, values, &want, &query, &iwant, &query, &info);
     const int room = (int)want, iroom = iwant;

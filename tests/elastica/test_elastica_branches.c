@@ -123,7 +123,7 @@ static lg_elastica any_beam(lg_rng *rng) {
     return p;
 }
 
-/* A result is a minimum, or a sentence says why there is none. */
+/* The solver finds a minimum, or it fails with a sentence that says why it found no minimum. */
 static void judged(const lg_elastica *p, lg_status status, const lg_elastica_solution *s,
                    const lg_error *error) {
     if (status != LG_OK) {

@@ -314,7 +314,7 @@ TEST("points are refused where the constraint is flat, at a tip, and where it is
         const lg_constraint *c = constraint_of(rows[i].g, NULL, 3, NULL);
         assert_status(lg_constraint_look(c, rows[i].size, rows[i].state, &view, NULL), rows[i].status);
     }
-    /* No point of the constraint is near, or there is none. */
+    /* The constraint has no point near the start, or the constraint has no point at all. */
     const struct {
         lg_record_function g;
         double x;

@@ -401,7 +401,7 @@ TEST("classical schemes are for machines on R^n alone, and implicit schemes for 
         assert_true(strlen(error.message) > 10);
     }
     assert_true(implicit > 0);
-    /* A machine with LuGre friction has a step of its own. */
+    /* For a machine with LuGre friction the program has a special step function. */
     lg_machine rubbing = empty_machine();
     add_coordinate(&rubbing, "x", LG_COORDINATE_LINE);
     add_term(&rubbing, LG_MACHINE_MASS, "constant");

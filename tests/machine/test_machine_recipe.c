@@ -261,7 +261,7 @@ TEST("velocities of every kind of coordinate follow from local cubics of positio
         assert_close(found_q[i * NQ], 1 + 2 * t[i] - t[i] * t[i] * t[i], 1e-9, 1e-9);
     }
     for (size_t i = (N - 2) * NV; i < (size_t)N * NV; i++) assert_true(isnan(found_v[i]));
-    /* So do velocities of rows that lack them, from the rows beside. */
+    /* The smoothing takes velocities that a row lacks from the neighbouring rows. */
     lg_machine_log lacking = log;
     const size_t at = 10;
     double row_q[LG_MACHINE_POSITIONS], row_v[NV];

@@ -267,7 +267,7 @@ TEST("errors in a Hamiltonian are refused by name") {
         {"model@space", TEXT("T*S^2 x two"), LG_FORMAT, "found 'T*S^2 x two'"},
         {"model@space", WHOLE(2), LG_FORMAT, ""},
         {"model@scales", TEXT("1,1"), LG_FORMAT, "~at least 3 are needed"},
-        {"model@scales", TEXT(""), LG_FORMAT, "scales"},
+        {"model@scales", TEXT(""), LG_FORMAT, "~is empty"},
         {"model@scales", TEXT("0,1,1"), LG_FORMAT, "scales is out of range"},
         {"model@scales", TEXT("1,1,0"), LG_FORMAT, "scales is out of range"},
         {"model@scales", TEXT("1,2,1"), LG_FORMAT, "scales is out of range"}, /* q has no scale */

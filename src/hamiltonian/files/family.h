@@ -13,7 +13,8 @@ const lg_hamiltonian_family *lg_family_of(const char *system, size_t *n);
 /* Which form of the system models are learned in: "hamiltonian". NULL: the system has only one form. */
 const char *lg_learned_form(const char *system);
 
-/* No system has more parameters, and no parameter without a default has more numbers. */
+/* A system has at most LG_MOST_PARAMETERS parameters. A parameter without a default has at most
+ * LG_MOST_VALUES numbers. */
 enum { LG_MOST_PARAMETERS = 16, LG_MOST_VALUES = 32 };
 
 #define LG_LAYOUT_TEXT (12 * LG_HAMILTONIAN_MAX_COPIES)

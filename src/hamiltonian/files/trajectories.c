@@ -32,7 +32,7 @@ void lg_trajectories_destroy(lg_trajectories *data) {
     *data = (lg_trajectories){0};
 }
 
-/* a b c zeros; b and c are not 0. */
+/* Allocates a b c zeros. b and c must not be 0. */
 static double *array3(const lg_context *context, size_t a, size_t b, size_t c) {
     if (a > SIZE_MAX / b || a * b > SIZE_MAX / c) return NULL;
     return lg_alloc(context, a * b * c, sizeof(double));
@@ -306,9 +306,11 @@ static bool looks_like(const lg_hamiltonian_family *family, const lg_trajectorie
     return true;
 }
 
-/* The family of data without a known system: the first family whose layout (`layout` is squeezed) and size
- * the data have, or at least whose layout they have; without a layout, the first family whose manifold all
- * first points lie on. If none fits, the last family. For one degree of freedom both layouts are the same. */
+/* Guesses the family of data without a known system. If the data have a layout (`layout` is squeezed), it is
+ * the first family that has this layout and allows states of d numbers; if no family allows d, it is the
+ * first family that has this layout. If the data have no layout, it is the first family on whose manifold all
+ * first points lie. If no family fits, it is the last family. For one degree of freedom both layouts are the
+ * same. */
 static const lg_hamiltonian_family *guess_family(const lg_trajectories *out, const char *layout) {
     const lg_hamiltonian_family *family = NULL, *other_size = NULL;
     for (size_t i = 0; i < lg_hamiltonian_family_count(); i++) {

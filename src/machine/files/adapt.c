@@ -19,7 +19,7 @@ static size_t friction(const lg_machine *machine, const double *theta, const dou
     return 1;
 }
 
-/* The first offset with at least `least` parameters; NULL: there is none. */
+/* Returns the first offset that has `least` or more parameters, or NULL if no offset has so many. */
 static const lg_machine_term *find_offset(const lg_machine *machine, size_t least) {
     for (uint32_t t = 0; t < machine->term_count; t++)
         if (machine->terms[t].part == LG_MACHINE_OFFSET && machine->terms[t].parameters >= least)

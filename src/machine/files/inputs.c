@@ -160,7 +160,7 @@ static void find_best(const lg_choosing *c, const grid *g, uint32_t *hold, uint3
             if (trial->square != NULL && (best == NULL || ratio_of(c, trial, best) < 1)) best = trial;
         }
     *hold = *delay = 0;
-    for (uint32_t d = 0; best != NULL; d++) /* ends at `best` at the latest */
+    for (uint32_t d = 0; best != NULL; d++) /* returns at the latest where trial == best */
         for (uint32_t h = 0; h < g->holds; h++) {
             const lg_machine_trial *trial = &g->trial[h][d];
             if (trial != best && (trial->square == NULL || beats(c, best, trial))) continue;
@@ -238,7 +238,8 @@ static void find_changes(const lg_choosing *c, const grid *g, uint32_t hold, uin
     for (uint32_t h = 0; h < g->holds; h++) {
         const lg_machine_trial *trial = &g->trial[h][delay];
         if (trial == chosen || beats(c, chosen, trial)) continue;
-        (void)numbers_of(trial, other); /* as many: only the hold differs */
+        (void)numbers_of(trial,
+                         other); /* the machines differ in the hold only, so both have the same numbers */
         for (size_t i = 0; i < out->count; i++)
             out->numbers[i].error = fmax(out->numbers[i].error, fabs(other[i].value - out->numbers[i].value));
     }

@@ -66,7 +66,7 @@ static uint32_t get_scales(const void *member, double *values) {
     return SCALES;
 }
 
-/* Other lengths leave zeros, which are refused. */
+/* A list of another length leaves the scales at 0, and the reader refuses scales of 0. */
 static void put_scales(void *member, const double *values, uint32_t count) {
     if (count != SCALES && count != FORMER_SCALES) return;
     lg_machine_scales_init(member);
@@ -78,7 +78,7 @@ static uint32_t get_range(const void *member, double *values) {
     return 2 * LG_MACHINE_RANGE;
 }
 
-/* For lists that have one length only. */
+/* Stores a list whose field allows one length only. */
 static void put_numbers(void *member, const double *values, uint32_t count) {
     memcpy(member, values, count * sizeof *values);
 }

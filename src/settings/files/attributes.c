@@ -50,14 +50,15 @@ static lg_status get_flag(lg_h5 *h5, const lg_field *r, bool *flag, lg_error *er
     return LG_OK;
 }
 
-/* Reads a list or a phrase. An empty text is an empty list, if the list may be empty. */
+/* Reads a list or a phrase. An empty text is an empty list if the field allows a list of length 0. */
 static lg_status get_list(lg_h5 *h5, const lg_field *r, void *run, lg_error *error) {
     char text[LG_H5_TEXT];
     lg_error reason = {LG_OK, ""};
     const lg_status status = lg_h5_text(h5, r->group, r->name, text, sizeof text, error);
     if (status != LG_OK && status != LG_SHAPE) return status;
     if (status == LG_SHAPE) return attribute_format(h5, r, "is too long", error);
-    if (text[0] == '\0' && r->type != LG_FIELD_PHRASE && r->least == 0) {
+    if (text[0] == '\0' && r->type != LG_FIELD_PHRASE) {
+        if (r->least > 0) return attribute_format(h5, r, "is empty", error);
         lg_field_fill(r, NULL, 0, run);
         return LG_OK;
     }
