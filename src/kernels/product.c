@@ -21,7 +21,7 @@
 #define SPLIT_LIMIT      4e5
 /* Inner sums much longer than INNER_BLOCK are computed in blocks of that length. Each block's sum is added to
  * C, so that rounding errors do not grow with the batch. */
-#define INNER_BLOCK 256
+#define INNER_BLOCK 128
 /* B^T is computed and kept if B has at most KEPT_TRANSPOSE elements. For a larger B it is computed if A has
  * at least MANY_ROWS rows. */
 #define KEPT_TRANSPOSE 65536
