@@ -91,6 +91,7 @@ typedef struct export_source {
     text hidden, further_code, further_test;
     size_t
         further_work; /* Numbers of work that these fragments need besides the work of a hidden function. */
+    bool scene;       /* The program was made from a scene, a text file. */
     bool maps; /* The program's functions are maps from inputs to outputs: none is the rate of a state. */
     /* Stands between NAME_ and the names of the bundle's functions in C: "" or "c_". */
     const char *prefix;
@@ -180,7 +181,7 @@ void export_units(export_source *source, const char *otherwise);
 /* Adds lines to `about`: command line, seed, CPU and version of the training, and the SHA-256 of its data
  * (NULL or "": unknown). */
 void export_provenance(export_source *source, const lg_provenance *provenance, const char *sha256);
-/* Adds the same lines for a file of any kind, without the SHA-256 of its data. */
+/* Adds the same lines for a file of any kind, without the SHA-256 of its data; nothing for a scene. */
 void export_file_provenance(const app *self, export_source *source, const char *path);
 /* Begins with empty texts and no files. */
 void export_source_begin(export_source *source, const export_options *options);

@@ -284,8 +284,8 @@ void export_file_provenance(const app *self, export_source *source, const char *
     lg_file_reader *reader = NULL;
     lg_provenance provenance;
     lg_error error = {LG_OK, ""};
+    if (source->scene) return; /* a text file has no provenance */
     const lg_status status = lg_file_reader_create(self->context, path, NULL, NULL, &reader, &error);
-    if (status == LG_FORMAT) return; /* a scene: a YAML file has no provenance */
     app_must_file(self, status, &error, path);
     lg_file_reader_provenance(reader, &provenance);
     export_provenance(source, &provenance, NULL);

@@ -103,6 +103,7 @@ int export_load_scene(const app *self, const char *path, bool tunable, export_so
     lg_status status = lg_scene_read(self->context, path, "hamiltonian", &scene, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, path);
     recording r = {.system = scene.system, .scheme = source->options->scheme};
+    source->scene = true;
     const size_t count = lg_system_parameter_count(scene.system);
     if (r.scheme == NULL) r.scheme = lg_scheme_find("cf4");
     if (tunable && count <= MOST_TUNABLE) r.tunable = count;

@@ -104,9 +104,9 @@ TEST("the hash is computed from boundary, q and v as little-endian doubles, one 
     lg_sha256 sha;
     char text[LG_SHA256_TEXT];
     lg_sha256_init(&sha);
-    lg_sha256_add(&sha, data->curves.boundary, CURVES * 8 * sizeof(double));
-    lg_sha256_add(&sha, data->curves.q, (size_t)CURVES * NODES * 2 * sizeof(double));
-    lg_sha256_add(&sha, data->curves.v, (size_t)CURVES * NODES * 2 * sizeof(double));
+    sha256_add_little_endian(&sha, data->curves.boundary, CURVES * 8);
+    sha256_add_little_endian(&sha, data->curves.q, (size_t)CURVES * NODES * 2);
+    sha256_add_little_endian(&sha, data->curves.v, (size_t)CURVES * NODES * 2);
     lg_sha256_finish(&sha, text);
     assert_string_equal(data->sha256, text);
 }

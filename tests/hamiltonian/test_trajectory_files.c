@@ -149,9 +149,9 @@ TEST("the hash is computed from t, data and inputs as little-endian doubles") {
     char digest[LG_SHA256_TEXT];
     assert_ok(lg_trajectories_write(NULL, scratch_path("hash.h5"), data, NULL));
     lg_sha256_init(&sha);
-    lg_sha256_add(&sha, data->t, 3 * 8);
-    lg_sha256_add(&sha, data->data, 2 * 3 * 6 * 8);
-    lg_sha256_add(&sha, data->inputs, 2 * 2 * 2 * 8);
+    sha256_add_little_endian(&sha, data->t, 3);
+    sha256_add_little_endian(&sha, data->data, 2 * 3 * 6);
+    sha256_add_little_endian(&sha, data->inputs, 2 * 2 * 2);
     lg_sha256_finish(&sha, digest);
     assert_string_equal(data->sha256, digest);
     data->data[17] = nextafter(data->data[17], 2);

@@ -263,16 +263,22 @@ TEST("fields of every type are shown and described; what cannot be set is refuse
                                                                    name, name, name, name, name, name, NULL};
     static const struct {
         lg_field row;
-        uint64_t member;
+        union {
+            uint64_t whole;
+            bool on;
+        } member;
         const char *shown, *described;
     } rows[] = {
-        {{.type = LG_FIELD_SWITCH, .size = 1}, 1, "true", NULL},
-        {{.type = LG_FIELD_SWITCH, .size = 1}, 0, "false", NULL},
-        {{.type = LG_FIELD_NAME, .size = 8, .names = few, .group = ""}, 7, "?", "it is good: a"},
-        {{.type = LG_FIELD_NAME, .size = 8, .names = many, .group = ""}, 0, name, name},
-        {{.type = LG_FIELD_MAP, .group = "", .form = "keys"}, 0, "?", "it is good (keys)"},
-        {{.type = LG_FIELD_PHRASE, .names = many, .group = "", .form = "words"}, 0, NULL, name},
-        {{.type = LG_FIELD_PHRASE, .names = few, .group = "", .form = "words"}, 0, NULL, "(a, or words)"}};
+        {{.type = LG_FIELD_SWITCH, .size = 1}, {.on = true}, "true", NULL},
+        {{.type = LG_FIELD_SWITCH, .size = 1}, {.on = false}, "false", NULL},
+        {{.type = LG_FIELD_NAME, .size = 8, .names = few, .group = ""}, {.whole = 7}, "?", "it is good: a"},
+        {{.type = LG_FIELD_NAME, .size = 8, .names = many, .group = ""}, {.whole = 0}, name, name},
+        {{.type = LG_FIELD_MAP, .group = "", .form = "keys"}, {.whole = 0}, "?", "it is good (keys)"},
+        {{.type = LG_FIELD_PHRASE, .names = many, .group = "", .form = "words"}, {.whole = 0}, NULL, name},
+        {{.type = LG_FIELD_PHRASE, .names = few, .group = "", .form = "words"},
+         {.whole = 0},
+         NULL,
+         "(a, or words)"}};
     const lg_field plain = {.name = "plain", .type = LG_FIELD_NODE, .low = -1e308, .high = 1};
     const lg_field real = {.name = "real", .type = LG_FIELD_REAL, .size = 8, .low = -INFINITY, .high = 1};
     const lg_field list = {.name = "list", .type = LG_FIELD_REALS, .size = sizeof(lg_reals), .high = 1};
@@ -289,7 +295,7 @@ TEST("fields of every type are shown and described; what cannot be set is refuse
             assert_string_equal(text, rows[i].shown);
         }
         if (rows[i].described == NULL) {
-            assert_int_equal(lg_field_whole(&row, &rows[i].member), rows[i].member);
+            assert_int_equal(lg_field_whole(&row, &rows[i].member), rows[i].member.on);
             continue;
         }
         (void)lg_field_describe(&row, text, sizeof text);

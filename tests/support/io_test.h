@@ -88,6 +88,17 @@ static inline void assert_same_bytes(const char *a, const char *b) {
     assert_memory_equal(da, db, na);
 }
 
+/* Adds the bytes of doubles, the lowest byte of each first, whatever the order of this machine. */
+static inline void sha256_add_little_endian(lg_sha256 *sha, const double *values, size_t count) {
+    for (size_t i = 0; i < count; i++) {
+        uint64_t bits;
+        unsigned char bytes[8];
+        memcpy(&bits, &values[i], sizeof bits);
+        for (int k = 0; k < 8; k++) bytes[k] = (unsigned char)(bits >> (8 * k));
+        lg_sha256_add(sha, bytes, sizeof bytes);
+    }
+}
+
 /* Copies a file. Faster than writing it again through the library, which waits for the disk. */
 static inline void copy_file(const char *from, const char *to) {
     size_t size;

@@ -187,6 +187,8 @@ static lg_var put_step(const putting *p, const body *f, const step *s, uint32_t 
         if (s->anchored && !s->piece->any_shape) x[k] = anchor(tape, s->piece->point[k], to, x[k]);
     }
     if (s->piece == NULL) return put_call(p, s, tape, theta, x);
+    /* The solution is computed from the factor and differentiated by the matrix, so they belong together. */
+    if (s->piece->op == &lg_op_spd_solve) x[2] = lg_record(tape, &lg_op_spd_factor, x, 1, NULL);
     if (p->calls) operations_recorded[lg_op_place(s->piece->op)]++;
     return put_piece(s, rows, tape, x);
 }
