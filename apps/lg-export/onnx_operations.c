@@ -59,14 +59,24 @@ static bool combination(const onnx_operation *o) {
     return onnx_give(o, sum);
 }
 
-/* atan(y/x), plus or minus pi where x < 0. */
+/* Whether x has the sign bit, also for -0. */
+static onnx_name negative(onnx_job *j, onnx_name x) {
+    return onnx_binary(j, "Less", onnx_binary(j, "Div", onnx_number(j, 1), x), onnx_number(j, 0));
+}
+
+/* The quotient of the smaller and the larger absolute value gives an angle from 0 to pi/4, which is then
+ * mirrored. At the origin the larger one is replaced by 1: the angle is 0 or pi, as in C. */
 static bool angle(const onnx_operation *o) {
     onnx_job *j = o->j;
-    const onnx_name y = o->x[0], x = o->x[1], zero = onnx_number(j, 0), pi = onnx_number(j, acos(-1.0));
-    const onnx_name turn =
-        onnx_where(j, onnx_binary(j, "GreaterOrEqual", y, zero), pi, onnx_unary(j, "Neg", pi));
-    const onnx_name side = onnx_where(j, onnx_binary(j, "Less", x, zero), turn, zero);
-    return onnx_give(o, onnx_binary(j, "Add", onnx_unary(j, "Atan", onnx_binary(j, "Div", y, x)), side));
+    const onnx_name y = onnx_unary(j, "Abs", o->x[0]), x = onnx_unary(j, "Abs", o->x[1]);
+    const onnx_name zero = onnx_number(j, 0), half = onnx_number(j, acos(0.0)),
+                    whole = onnx_number(j, acos(-1.0));
+    const onnx_name steep = onnx_binary(j, "Greater", y, x), large = onnx_where(j, steep, y, x);
+    const onnx_name by = onnx_where(j, onnx_binary(j, "Equal", large, zero), onnx_number(j, 1), large);
+    onnx_name turn = onnx_unary(j, "Atan", onnx_binary(j, "Div", onnx_where(j, steep, x, y), by));
+    turn = onnx_where(j, steep, onnx_binary(j, "Sub", half, turn), turn);
+    turn = onnx_where(j, negative(j, o->x[1]), onnx_binary(j, "Sub", whole, turn), turn);
+    return onnx_give(o, onnx_where(j, negative(j, o->x[0]), onnx_unary(j, "Neg", turn), turn));
 }
 
 /* ---- activations ---- */
