@@ -15,6 +15,7 @@
 #include "kernels/transpose.inc"
 
 #include "kernels/gemm.inc"
+#include "kernels/products.inc"
 #include "kernels/window.inc"
 
 #include "kernels/taps.inc"
@@ -94,6 +95,7 @@ const lg_kernels TABLE = {
     .dual_act = dual_act,
     .dual_act_reverse = dual_act_reverse,
     .gemm = gemm,
+    .small_products = small_products,
     .transpose = transpose,
     .matvec = matvec,
     .window_mean = window_mean,

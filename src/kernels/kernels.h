@@ -160,6 +160,13 @@ typedef struct lg_interval_code {
 #define LG_K_STAGES      16
 #define LG_K_STAGE_BLOCK ((size_t)8)
 
+/* Sizes of `small_products`. Element (i, l) of A_s is at a[s step_a + i ra + l ca], element (l, j) of B_s at
+ * b[s step_b + l rb + j cb]. The C_s are row-major, one behind the other. */
+typedef struct lg_small_products {
+    size_t count, m, n, k, step_a, ra, ca, step_b, rb, cb;
+    bool accumulate;
+} lg_small_products;
+
 typedef struct lg_kernels {
     lg_dtype dtype;
     lg_isa isa;
@@ -226,6 +233,9 @@ typedef struct lg_kernels {
      * depend on m, n, blocking or the position in C. k == 0 gives a zero sum. */
     void (*gemm)(size_t m, size_t n, size_t k, const void *a, size_t ra, size_t ca, const void *b, size_t ldb,
                  void *c, size_t ldc, bool accumulate);
+    /* C_s (m, n) = [C_s +] A_s (m, k) B_s (k, n) for s = 0..count-1, with the same bits as gemm; for matrices
+     * of a few elements. */
+    void (*small_products)(const lg_small_products *p, const void *a, const void *b, void *c);
     /* y(m) = [y +] A(m, k) x(k), all contiguous. If m and k are at least 8, each row has several partial
      * sums, in an order that depends on k alone. */
     void (*matvec)(size_t m, size_t k, const void *a, const void *x, void *y, bool accumulate);

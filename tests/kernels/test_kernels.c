@@ -571,6 +571,41 @@ TEST_EVERY_TABLE("products have the bits of sums of multiply-adds in order", t) 
             check_gemm(t, &rng, shapes[s][0], shapes[s][1], shapes[s][2], v & 1, v >> 1 & 1, v >> 2);
 }
 
+TEST_EVERY_TABLE("many small products have the same bits, with each operand transposed or shared", t) {
+    lg_rng rng = test_rng(6, 0);
+    for (unsigned v = 0; v < 32 * 125; v++) {
+        const size_t m = v / 32 % 5 + 1, n = v / 160 % 5 + 1, k = v / 800 % 5, count = 3;
+        const lg_small_products p = {.count = count,
+                                     .m = m,
+                                     .n = n,
+                                     .k = k,
+                                     .step_a = v & 1 ? 0 : m * k,
+                                     .ra = v & 2 ? 1 : k,
+                                     .ca = v & 2 ? m : 1,
+                                     .step_b = v & 4 ? 0 : k * n,
+                                     .rb = v & 8 ? 1 : n,
+                                     .cb = v & 8 ? k : 1,
+                                     .accumulate = (v & 16) != 0};
+        const size_t mark = lg_test_owned();
+        void *a = random_numbers(t, &rng, count * m * k, -1, 1),
+             *b = random_numbers(t, &rng, count * k * n, -1, 1),
+             *c = random_numbers(t, &rng, count * m * n, -1, 1), *before = numbers(t, count * m * n);
+        memcpy(before, c, count * m * n * t->size);
+        t->small_products(&p, a, b, c);
+        for (size_t i = 0; i < count * m * n; i++) {
+            const size_t s = i / (m * n), row = i / n % m, column = i % n;
+            double expected = chain(t, k, at(t, a, s * p.step_a + row * p.ra), p.ca,
+                                    at(t, b, s * p.step_b + column * p.cb), p.rb);
+            if (p.accumulate) {
+                const double old = get(t, before, i);
+                expected = t->dtype == LG_F64 ? old + expected : (double)((float)old + (float)expected);
+            }
+            assert_true(get(t, c, i) == expected);
+        }
+        lg_test_give_back(mark);
+    }
+}
+
 TEST_EVERY_TABLE("matvec is right to rounding, and does not depend on the row or on the number of rows", k) {
     lg_rng rng = test_rng(15, 0);
     for (size_t i = 0; i < 40 * 40; i++) {

@@ -71,6 +71,27 @@ static lg_transpose_use matmul_transpose(const lg_evaluation *e) {
     return e->in[1]->rank == 2 ? lg_product_transpose(&size, e->crew) : LG_TRANSPOSE_NONE;
 }
 
+/* Up to this side, many products are computed by the kernel for small matrices. */
+enum { SMALL_SIDE = 4 };
+
+static bool is_small(const extent *of) {
+    return of->batch > 1 && of->m <= SMALL_SIDE && of->n <= SMALL_SIDE && of->k <= SMALL_SIDE;
+}
+
+static lg_small_products small_products(uint32_t variant, const extent *of, bool accumulate) {
+    return (lg_small_products){.count = of->batch,
+                               .m = of->m,
+                               .n = of->n,
+                               .k = of->k,
+                               .step_a = of->batch_a == 1 ? 0 : of->m * of->k,
+                               .ra = variant == TN ? 1 : of->k,
+                               .ca = variant == TN ? of->m : 1,
+                               .step_b = of->batch_b == 1 ? 0 : of->k * of->n,
+                               .rb = variant == NT ? 1 : of->n,
+                               .cb = variant == NT ? of->k : 1,
+                               .accumulate = accumulate};
+}
+
 static lg_status matmul_forward(lg_evaluation *e) {
     const lg_kernels *k = e->k;
     const extent of = extent_at(e);
@@ -82,7 +103,11 @@ static lg_status matmul_forward(lg_evaluation *e) {
     unsigned char *c = e->y;
     const size_t step_a = of.batch_a == 1 ? 0 : of.m * of.k * k->size;
     const size_t step_b = of.batch_b == 1 ? 0 : of.k * of.n * k->size, step_c = of.m * of.n * k->size;
-    for (size_t i = 0; i < of.batch; i++)
+    if (is_small(&of)) {
+        const lg_small_products small = small_products(size.variant, &of, full);
+        k->small_products(&small, a, b, c);
+    }
+    for (size_t i = 0; i < of.batch && !is_small(&of); i++)
         lg_product(k, e->crew, &size, a + i * step_a, b + i * step_b, e->transposed, c + i * step_c, full,
                    e->scratch);
     if (e->inputs < 3 || full) return LG_OK;
