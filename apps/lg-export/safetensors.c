@@ -37,11 +37,22 @@ static void add_tensor(job *j, const char *name, uint32_t rank, const uint64_t *
     j->tensors++;
 }
 
-static void add_model(job *j, const lg_model_file *file) {
+/* Adds the parameters of a model under the names that its file has; nothing for a file of a program or of an
+ * unknown kind. */
+static void add_model(job *j, const app *self, const char *path) {
+    char kind[64];
+    lg_model_file file;
     lg_slice_info slice;
+    lg_error error = {LG_OK, ""};
     const double *values;
-    for (uint32_t i = 0; lg_model_file_slice(file, i, &slice, &values); i++)
+    app_must_file(self, lg_model_file_kind(self->context, path, NULL, kind, sizeof kind, &error), &error,
+                  path);
+    const lg_status status = lg_model_load(self->context, path, NULL, &file, &error);
+    if (lg_recipe_find(kind) != NULL) app_must_file(self, status, &error, path);
+    if (app_had_memory(status) != LG_OK) return;
+    for (uint32_t i = 0; lg_model_file_slice(&file, i, &slice, &values); i++)
         add_tensor(j, slice.name, slice.rank, slice.dims, values);
+    lg_model_file_destroy(&file);
 }
 
 static void add_program(job *j, const lg_program *program) {
@@ -67,15 +78,11 @@ static void write_file(job *j, export_source *source) {
 
 static int build(const app *self, const char *path, lg_program *program, export_source *source) {
     job j = {.options = source->options, .header = app_text(), .data = app_text()};
-    lg_model_file file;
     lg_text_add(
         &j.header,
         "{\"__metadata__\":{\"writer\":\"lg-export: %s\",\"layout\":\"weights are (in, out): y = x W + b\"}",
         source->options->name);
-    if (app_had_memory(lg_model_load(self->context, path, NULL, &file, NULL)) == LG_OK) {
-        add_model(&j, &file);
-        lg_model_file_destroy(&file);
-    }
+    if (!source->scene) add_model(&j, self, path);
     if (j.tensors == 0) add_program(&j, program);
     if (j.tensors > 0) write_file(&j, source);
     lg_text_destroy(&j.header);

@@ -132,8 +132,9 @@ static void read_units(const lg_archive_reader *archive, const char *name, char 
 void export_read_units(const app *self, const char *path, export_options *options) {
     lg_file_reader *reader = NULL;
     lg_archive_reader archive;
-    if (app_had_memory(lg_file_reader_create(self->context, path, NULL, NULL, &reader, NULL)) != LG_OK)
-        return;
+    lg_error error = {LG_OK, ""};
+    app_must_file(self, lg_file_reader_create(self->context, path, NULL, NULL, &reader, &error), &error,
+                  path);
     if (app_had_memory(lg_file_reader_archive(reader, "model", &archive)) == LG_OK) {
         read_units(&archive, "input_units", options->input_units);
         read_units(&archive, "output_units", options->output_units);
