@@ -106,10 +106,11 @@ static lg_status matmul_forward(lg_evaluation *e) {
     if (is_small(&of)) {
         const lg_small_products small = small_products(size.variant, &of, full);
         k->small_products(&small, a, b, c);
+    } else {
+        for (size_t i = 0; i < of.batch; i++)
+            lg_product(k, e->crew, &size, a + i * step_a, b + i * step_b, e->transposed, c + i * step_c, full,
+                       e->scratch);
     }
-    for (size_t i = 0; i < of.batch && !is_small(&of); i++)
-        lg_product(k, e->crew, &size, a + i * step_a, b + i * step_b, e->transposed, c + i * step_c, full,
-                   e->scratch);
     if (e->inputs < 3 || full) return LG_OK;
     if (c_count == of.n) {
         k->bias_act(LG_K_IDENTITY, of.m, of.n, e->x[2], e->y);
