@@ -59,9 +59,10 @@ static bool combination(const onnx_operation *o) {
     return onnx_give(o, sum);
 }
 
-/* Whether x has the sign bit, also for -0. */
+/* Whether x has the sign bit: the quotient tells for -0, x itself for -inf. */
 static onnx_name negative(onnx_job *j, onnx_name x) {
-    return onnx_binary(j, "Less", onnx_binary(j, "Div", onnx_number(j, 1), x), onnx_number(j, 0));
+    const onnx_name zero = onnx_number(j, 0), over = onnx_binary(j, "Div", onnx_number(j, 1), x);
+    return onnx_binary(j, "Or", onnx_binary(j, "Less", x, zero), onnx_binary(j, "Less", over, zero));
 }
 
 /* The quotient of the smaller and the larger absolute value gives an angle from 0 to pi/4, which is then

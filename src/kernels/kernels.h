@@ -236,8 +236,8 @@ typedef struct lg_kernels {
     /* C_s (m, n) = [C_s +] A_s (m, k) B_s (k, n) for s = 0..count-1, with the same bits as gemm; for matrices
      * of a few elements. */
     void (*small_products)(const lg_small_products *p, const void *a, const void *b, void *c);
-    /* y(m) = [y +] A(m, k) x(k), all contiguous. If m and k are at least 8, each row has several partial
-     * sums, in an order that depends on k alone. */
+    /* y(m) = [y +] A(m, k) x(k), all contiguous. If m and k are at least 2, 4 or 8 (by the set), each row may
+     * have several partial sums, in an order that depends on k alone. */
     void (*matvec)(size_t m, size_t k, const void *a, const void *x, void *y, bool accumulate);
     /* y(cols, rows) = transpose of x(rows, cols), both contiguous */
     void (*transpose)(size_t rows, size_t cols, const void *x, void *y);

@@ -1,4 +1,4 @@
-/* ctest-labels: threads */
+/* ctest-labels: isa threads */
 /* Dense products on the tape. Each way to compute them (own kernel, stored transpose, transposed product,
  * BLAS) is compared with a plain loop, and must give the same bits for any number of threads. */
 #include "support/fixtures.h"
@@ -70,5 +70,34 @@ TEST("products agree with plain loops, and have the same bits for any number of 
             const double *more = evaluate(s, variant, a, b, dtype, threads);
             assert_memory_equal(got, more, (mn + mk + kn) * sizeof *got);
         }
+    }
+}
+
+TEST("a product has the same bits alone and in a batch") {
+    static lg_var (*const functions[3])(lg_tape *, lg_var, lg_var) = {lg_matmul, lg_matmul_nt, lg_matmul_tn};
+    enum { BATCH = 9 };
+    for (uint32_t i = 0; i < 5 * 5 * 5 * 6; i++) {
+        const uint32_t m = i / 6 % 5 + 1, n = i / 30 % 5 + 1, k = i / 150 + 1, variant = i % 3;
+        const uint32_t ar = variant == 2 ? k : m, ac = variant == 2 ? m : k, br = variant == 1 ? n : k,
+                       bc = variant == 1 ? k : n;
+        const double *a = test_numbers(4 + i, BATCH * m * k, -1, 1),
+                     *b = test_numbers(5 + i, BATCH * k * n, -1, 1);
+        double all[BATCH * 25], one[25];
+        lg_tape_options options;
+        lg_tape *tape;
+        lg_tape_options_init(&options);
+        options.dtype = i % 6 < 3 ? LG_F64 : LG_F32;
+        assert_ok(lg_tape_create(NULL, &options, &tape));
+        const lg_var batch = functions[variant](tape, lg_input_f64(tape, lg_shape3(BATCH, ar, ac), a),
+                                                lg_input_f64(tape, lg_shape3(BATCH, br, bc), b));
+        assert_ok(lg_read(tape, batch, BATCH * m * n, all));
+        for (uint32_t s = 0; s < BATCH; s++) {
+            const lg_var alone =
+                functions[variant](tape, lg_input_f64(tape, lg_shape3(1, ar, ac), a + s * m * k),
+                                   lg_input_f64(tape, lg_shape3(1, br, bc), b + s * k * n));
+            assert_ok(lg_read(tape, alone, m * n, one));
+            assert_memory_equal(one, all + s * m * n, m * n * sizeof *one);
+        }
+        lg_tape_destroy(tape);
     }
 }

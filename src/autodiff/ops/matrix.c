@@ -71,11 +71,13 @@ static lg_transpose_use matmul_transpose(const lg_evaluation *e) {
     return e->in[1]->rank == 2 ? lg_product_transpose(&size, e->crew) : LG_TRANSPOSE_NONE;
 }
 
-/* Up to this side, many products are computed by the kernel for small matrices. */
+/* Up to this side, many products are computed by the kernel for small matrices. Products of a row with a
+ * transposed matrix are left out: a single one is a product with a vector, which may have partial sums. */
 enum { SMALL_SIDE = 4 };
 
-static bool is_small(const extent *of) {
-    return of->batch > 1 && of->m <= SMALL_SIDE && of->n <= SMALL_SIDE && of->k <= SMALL_SIDE;
+static bool is_small(uint32_t variant, const extent *of) {
+    return of->batch > 1 && of->m <= SMALL_SIDE && of->n <= SMALL_SIDE && of->k <= SMALL_SIDE &&
+           !(variant == NT && of->m == 1);
 }
 
 static lg_small_products small_products(uint32_t variant, const extent *of, bool accumulate) {
@@ -103,7 +105,7 @@ static lg_status matmul_forward(lg_evaluation *e) {
     unsigned char *c = e->y;
     const size_t step_a = of.batch_a == 1 ? 0 : of.m * of.k * k->size;
     const size_t step_b = of.batch_b == 1 ? 0 : of.k * of.n * k->size, step_c = of.m * of.n * k->size;
-    if (is_small(&of)) {
+    if (is_small(size.variant, &of)) {
         const lg_small_products small = small_products(size.variant, &of, full);
         k->small_products(&small, a, b, c);
     } else {
