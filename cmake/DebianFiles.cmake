@@ -59,6 +59,11 @@ Abstract: Pages and headers of liegrad, a machine-learning framework in C\n for 
 Section: Science/Mathematics\n\nFormat: HTML\nIndex: /usr/share/doc/liegrad/html/index.html\n\
 Files: /usr/share/doc/liegrad/html/*.html\n")
   endif()
+  file(GLOB programs ${usr}/bin/lg-*)
+  if(programs AND EXISTS /usr/share/doc/libhdf5-dev/copyright)
+    file(READ /usr/share/doc/libhdf5-dev/copyright hdf5)
+    string(APPEND others "\nThe programs contain HDF5, whose licence follows.\n\n${hdf5}")
+  endif()
   if(EXISTS ${usr}/share/doc/liegrad/CHANGELOG.md)
     file(RENAME ${usr}/share/doc/liegrad/CHANGELOG.md ${doc}/changelog)
     compress(${doc}/changelog)
