@@ -60,7 +60,7 @@ Section: Science/Mathematics\n\nFormat: HTML\nIndex: /usr/share/doc/liegrad/html
 Files: /usr/share/doc/liegrad/html/*.html\n")
   endif()
   file(GLOB programs ${usr}/bin/lg-*)
-  if(programs AND EXISTS /usr/share/doc/libhdf5-dev/copyright)
+  if(programs AND CPACK_LIEGRAD_CONTAINS_HDF5 AND EXISTS /usr/share/doc/libhdf5-dev/copyright)
     file(READ /usr/share/doc/libhdf5-dev/copyright hdf5)
     string(APPEND others "\nThe programs contain HDF5, whose licence follows.\n\n${hdf5}")
   endif()

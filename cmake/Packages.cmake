@@ -19,6 +19,7 @@ set(CPACK_SOURCE_IGNORE_FILES "^${here}/[.]git/" "^${here}/[.]cache/" "^${here}/
   "^${here}/compile_commands[.]json$" "[.]o$" "[.]pyc$" "/__pycache__/" "~$"
   "/_CPack_Packages/" "[.](deb|tar[.]gz)([.]sha256)?$")
 
+set(CPACK_LIEGRAD_CONTAINS_HDF5 "${LIEGRAD_HDF5_ARCHIVE_LINKS}") # for DebianFiles.cmake
 set(CPACK_COMPONENTS_ALL runtime development tools documentation)
 if(TARGET liegrad_mpi)
   list(APPEND CPACK_COMPONENTS_ALL mpi)

@@ -59,7 +59,7 @@ static bool combination(const onnx_operation *o) {
     return onnx_give(o, sum);
 }
 
-/* Whether x has the sign bit: the quotient tells for -0, x itself for -inf. */
+/* True if x is negative or -0. The quotient 1/x finds -0, for which x < 0 is false. */
 static onnx_name negative(onnx_job *j, onnx_name x) {
     const onnx_name zero = onnx_number(j, 0), over = onnx_binary(j, "Div", onnx_number(j, 1), x);
     return onnx_binary(j, "Or", onnx_binary(j, "Less", x, zero), onnx_binary(j, "Less", over, zero));

@@ -440,7 +440,7 @@ static lg_status refine(lg_collocation *c, double tolerance, bool *done) {
         *done = *done && fine;
         make_series(&c->reference, p, &x, &y);
     }
-    c->defect = c->gradient / scale; /* a beam is longer than its chord and bends, so scale > 0 */
+    c->defect = c->gradient / scale; /* a beam longer than its chord is curved: scale > 0 */
     if (*done) return LG_OK;
     panel *swap = c->panels;
     c->panels = c->halves;

@@ -238,8 +238,8 @@ static void find_changes(const lg_choosing *c, const grid *g, uint32_t hold, uin
     for (uint32_t h = 0; h < g->holds; h++) {
         const lg_machine_trial *trial = &g->trial[h][delay];
         if (trial == chosen || beats(c, chosen, trial)) continue;
-        (void)numbers_of(trial,
-                         other); /* the machines differ in the hold only, so both have the same numbers */
+        /* The two machines differ only in their hold, so they have equally many numbers. */
+        (void)numbers_of(trial, other);
         for (size_t i = 0; i < out->count; i++)
             out->numbers[i].error = fmax(out->numbers[i].error, fabs(other[i].value - out->numbers[i].value));
     }
