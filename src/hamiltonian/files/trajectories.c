@@ -309,8 +309,8 @@ static bool looks_like(const lg_hamiltonian_family *family, const lg_trajectorie
 /* Guesses the family of data without a known system. If the data have a layout (`layout` is squeezed), it is
  * the first family that has this layout and allows states of d numbers; if no family allows d, it is the
  * first family that has this layout. If the data have no layout, it is the first family on whose manifold all
- * trajectories begin. If no family fits, it is the last family. For one degree of freedom both layouts are the
- * same. */
+ * trajectories begin. If no family fits, it is the last family. For one degree of freedom both layouts are
+ * the same. */
 static const lg_hamiltonian_family *guess_family(const lg_trajectories *out, const char *layout) {
     const lg_hamiltonian_family *family = NULL, *other_size = NULL;
     for (size_t i = 0; i < lg_hamiltonian_family_count(); i++) {
