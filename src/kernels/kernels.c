@@ -114,6 +114,9 @@ const lg_kernels TABLE = {
     .stumpff = stumpff,
     .dexpinv_coef = dexpinv_coef,
     .scalars = scalars,
+    .row_scalars = row_scalars,
+    .load_rows = load_rows,
+    .store_rows = store_rows,
 #if defined(LG_KERNEL_f64)
     .intervals = intervals,
 #endif

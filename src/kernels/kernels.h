@@ -157,6 +157,7 @@ typedef struct lg_interval_code {
     double p;
 } lg_interval_code;
 
+#define LG_K_ROWS        ((size_t)32)
 #define LG_K_STAGES      16
 #define LG_K_STAGE_BLOCK ((size_t)8)
 
@@ -306,6 +307,15 @@ typedef struct lg_kernels {
 
     /* Runs scalar code on an array of registers of the table's type. */
     void (*scalars)(size_t groups, const lg_scalar_group *group, const uint32_t *operands, void *registers);
+    /* Runs scalar code on n <= LG_K_ROWS rows of a batch. Register i of row b is element i LG_K_ROWS + b. */
+    void (*row_scalars)(size_t n, size_t groups, const lg_scalar_group *group, const uint32_t *operands,
+                        void *registers);
+    /* Copy between such registers and n rows that are `apart` elements apart; apart = 0: the same elements
+     * for each row. load_rows: register i = x[b apart + i], i < count. store_rows: y[b apart + i] =
+     * register from[i]. */
+    void (*load_rows)(size_t n, size_t count, size_t apart, const void *x, void *registers);
+    void (*store_rows)(size_t n, size_t count, const uint32_t *from, size_t apart, const void *registers,
+                       void *y);
     /* The same with intervals and outward rounding (interval.inc); NULL in the tables of f32. No bound of a
      * register may be NaN. */
     void (*intervals)(size_t count, const lg_interval_code *code, double *registers);

@@ -10,6 +10,7 @@
 #include "autodiff/ops/op_rows.h"
 #include "autodiff/program/plan.h"
 #include "autodiff/program/program.h"
+#include "liegrad/geometry.h"
 #include "liegrad/hamiltonian.h"
 #include "liegrad/networks.h"
 #include "liegrad/taped.h"
@@ -257,6 +258,71 @@ TEST("a row may be a single number: shape (B)") {
     check_derivatives("rows of rank 0", program, true, true);
 }
 
+/* ---- rows of scalar code, LG_K_ROWS at a time ---- */
+
+/* Every operation of scalar code on x (B, 6), on w (2), which is shared, on parameters and on constants; y[8]
+ * and y[9] have no rows, but y[9] has two elements along the first axis, as a batch of two has. */
+RECORDING(record_each_scalar) {
+    static const double equal_rows[] = {0.25, -1.5}, factors[] = {2.0, -1.0, 0.5}, matrix[] = {1, 2, -3, 5};
+    lg_var a[6], z[3];
+    for (uint32_t i = 0; i < 6; i++) a[i] = lg_slice(tape, x[0], 1, i, 1);
+    const lg_var square = lg_add_scalar(tape, lg_square(tape, a[0]), 0.5),
+                 shared = lg_slice(tape, x[1], 0, 1, 1), constants = lg_input(tape, lg_shape1(2), equal_rows);
+    y[0] =
+        lg_concat(tape, (lg_var[]){lg_sin(tape, a[0]), a[3], lg_cos(tape, a[1]), lg_neg(tape, a[2])}, 4, 1);
+    y[1] = lg_select(tape, lg_ge(tape, a[0], a[1]), lg_mul(tape, a[2], shared), lg_exp(tape, a[3]));
+    y[2] = lg_div(tape, lg_max(tape, a[4], a[5]), lg_pow(tape, square, 1.75));
+    y[3] = lg_atan2(tape, a[0], lg_sub(tape, a[1], lg_slice(tape, theta[0], 0, 2, 1)));
+    z[0] = lg_sqrt(tape, square), z[1] = lg_log(tape, square), z[2] = lg_sign(tape, lg_abs(tape, a[1]));
+    y[4] = lg_linear_combination(tape, z, factors, 3);
+    z[0] = lg_slice(tape, lg_stumpff_functions(tape, lg_slice(tape, y[0], 1, 0, 1), 3), 1, 1, 3);
+    z[1] = lg_dexpinv_coefficient(tape, a[5], 1);
+    y[5] = lg_concat(tape, z, 2, 1);
+    y[6] = lg_act(tape, lg_slice(tape, x[0], 1, 1, 4), LG_SIGMOID);
+    y[7] = lg_add(tape, lg_act(tape, lg_slice(tape, x[0], 1, 3, 2), LG_TANH), constants);
+    y[8] = lg_mul(tape, lg_exp(tape, shared), lg_slice(tape, theta[0], 0, 0, 1));
+    y[9] = lg_mul(tape, lg_sin(tape, x[1]), lg_input(tape, lg_shape2(2, 2), matrix));
+}
+
+/* Number of groups of scalar code that run for all rows. */
+static size_t groups_by_rows(const lg_plan *plan) {
+    size_t count = 0;
+    for (size_t s = 0; s < plan->steps; s++)
+        if (plan->step[s].kind == LG_STEP_SCALARS && plan->step[s].scalars.rows == plan->rows)
+            count += plan->step[s].scalars.groups;
+    return count;
+}
+
+TEST("a row of a batch has the bits of a plan for this row alone") {
+    static const size_t batches[] = {2, 31, 32, 33, 70};
+    const lg_port in[] = {{.name = "x", .shape = {1, {6}}}, {.name = "w", .shape = {1, {2}}, .shared = true}};
+    lg_program *program = build(in, 2, y_ports, 10, 3, record_each_scalar, NULL);
+    for (size_t k = 0; k < LG_COUNT(batches); k++)
+        for (int dtype = 0; dtype < 2; dtype++) {
+            const size_t rows = batches[k];
+            numbers all, alone;
+            ready batch, one;
+            open_numbers(&all, program, 0, rows, false);
+            open_numbers(&alone, program, 0, 1, false);
+            open_plan(&batch, program, 0, rows, dtype == 0 ? LG_F64 : LG_F32, &all);
+            open_plan(&one, program, 0, 1, dtype == 0 ? LG_F64 : LG_F32, &alone);
+            assert_true(groups_by_rows(batch.plan) >= 16);
+            run(&batch, &all, batch.out, 0xff);
+            memcpy(one.in[1], batch.in[1], 2 * one.size);
+            for (size_t row = 0; row < rows; row++) {
+                memcpy(one.in[0], (char *)batch.in[0] + row * 6 * one.size, 6 * one.size);
+                run(&one, &alone, one.out, 0x00);
+                for (size_t j = 0; j < all.outputs; j++) {
+                    const size_t skip = j >= 8 ? 0 : row * alone.out_count[j];
+                    if (memcmp(one.out[j], (char *)batch.out[j] + skip * one.size,
+                               alone.out_count[j] * one.size) != 0)
+                        fail_msg("row %zu of %zu: output %zu has other bits", row, rows, j);
+                }
+            }
+        }
+    check_derivatives("every scalar operation", program, false, false);
+}
+
 /* ---- repeated rows, which must not be treated one by one ---- */
 
 /* Each row is repeated `copies` times, as in a Jacobian. */
@@ -342,7 +408,8 @@ static size_t tangents(const lg_plan *plan) {
             count += step->dense.m * step->dense.n;
         if (step->kind == LG_STEP_TENSOR && step->tensor.op == &lg_op_act) count += step->tensor.count;
         for (uint32_t g = 0; step->kind == LG_STEP_SCALARS && g < step->scalars.groups; g++)
-            if (step->scalars.group[g].op == LG_S_TANH) count += step->scalars.group[g].count;
+            if (step->scalars.group[g].op == LG_S_TANH)
+                count += step->scalars.rows * step->scalars.group[g].count;
     }
     return count;
 }

@@ -44,18 +44,20 @@ typedef struct lg_dense_step {
     lg_activation kind;
 } lg_dense_step;
 
-/* `count` adjacent elements that scalar code loads or stores. */
+/* `count` adjacent elements that scalar code loads or stores. In a tensor with rows these are elements of the
+ * first row, and those of the next row lie `apart` elements further; without rows `apart` is 0. */
 typedef struct lg_scalar_range {
     lg_place place;
-    uint32_t count;
+    uint32_t count, apart;
     /* Loads: register of the first element. Stores: index of the first element in lg_scalar_step.stored. */
     uint32_t first;
 } lg_scalar_range;
 
 /* A run of scalar operations. The registers hold first the constants, then the loaded values, then the
  * results of the groups of instructions. An instruction uses only constants, loaded values and results of
- * earlier groups. */
+ * earlier groups. The run is made for each of `rows` rows, LG_K_ROWS at a time; 1: for whole tensors. */
 typedef struct lg_scalar_step {
+    size_t rows;
     /* Numbers of registers: constants, loaded values and results of instructions, in this order. */
     uint32_t constants, loads, instructions;
     const void *constant; /* values of the constants, in the plan's type */

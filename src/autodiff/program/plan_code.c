@@ -4,22 +4,73 @@
 
 /* Limits for scalar code: elements of the output, elements of all inputs, terms of a sum. Beyond them,
  * kernels are faster, and shorter as C. */
-enum { MOST_OUT = 12, MOST_IN = 64, MOST_TERMS = 16 };
+enum { MOST_OUT = 12, MOST_IN = 64, MOST_TERMS = 16, MOST_TERMS_OF_ROWS = 6 };
 
-bool lg_code_fits(const lg_graph *g, const lg_graph_node *n) {
+bool lg_code_by_rows(const lg_graph *g, uint32_t node) {
+    const lg_shape *shape = &g->node[node].shape;
+    return g->rows > 1 && shape->rank > 0 && shape->dims[0] == g->rows;
+}
+
+size_t lg_code_count(const lg_graph *g, uint32_t node) {
+    const size_t count = g->node[node].count;
+    return lg_code_by_rows(g, node) ? count / g->rows : count;
+}
+
+/* A node's attributes and shapes for one row; for a node without rows, its own. */
+typedef struct one_row {
+    lg_attr attr;
+    lg_shape shape, own[LG_MAX_INPUTS];
+    const lg_shape *in[LG_MAX_INPUTS];
+} one_row;
+
+/* Whether a row of the node depends on input k through the same row of it. */
+static bool row_of_input(const lg_graph_node *n, uint32_t k, const lg_shape *in, lg_row_use use) {
+    if (use == LG_ROWS_BROADCAST) return in->rank == n->shape.rank && in->dims[0] != 1;
+    return use == LG_ROWS_EACH || k == 0;
+}
+
+/* False: scalar code for a row cannot compute the node, because a row needs other rows of an input. */
+static bool find_one_row(const lg_graph *g, uint32_t node, one_row *out) {
+    const lg_graph_node *n = &g->node[node];
+    const bool rows = lg_code_by_rows(g, node);
+    out->attr = n->attr;
+    out->shape = n->shape;
+    lg_graph_shapes(g, n, out->in);
+    const lg_row_use use = n->op->rows == NULL ? n->op->element != NULL ? LG_ROWS_BROADCAST : LG_ROWS_MEET
+                           : rows ? n->op->rows(out->in, n->inputs, &n->shape, g->rows, &out->attr)
+                                  : LG_ROWS_EACH;
+    if (rows && use == LG_ROWS_MEET) return false;
+    for (uint32_t k = 0; k < n->inputs; k++) {
+        if (n->in[k] == LG_GRAPH_NONE) continue;
+        const bool own = lg_code_by_rows(g, n->in[k]);
+        if (own != (rows && row_of_input(n, k, out->in[k], use))) return false;
+        if (!own) continue;
+        out->own[k] = *out->in[k];
+        out->own[k].dims[0] = 1;
+        out->in[k] = &out->own[k];
+    }
+    if (rows) out->shape.dims[0] = 1;
+    return true;
+}
+
+bool lg_code_fits(const lg_graph *g, uint32_t node) {
+    const lg_graph_node *n = &g->node[node];
     const lg_op *op = n->op;
     size_t in = 0;
+    one_row row;
     if (n->sort != LG_GRAPH_OPERATION || (op->element == NULL && op->expand == NULL)) return false;
-    const double work = lg_graph_work(g, n);
-    if (n->count > MOST_OUT || work > MOST_TERMS * (double)n->count) return false;
+    const size_t count = lg_code_count(g, node);
+    const double work = n->count == 0 ? 0.0 : lg_graph_work(g, n) * (double)count / (double)n->count;
+    const double terms = lg_code_by_rows(g, node) ? MOST_TERMS_OF_ROWS : MOST_TERMS;
+    if (count > MOST_OUT || work > terms * (double)count) return false;
     if (op->most_code > 0 && work > op->most_code) return false;
     for (uint32_t k = 0; k < n->inputs; k++)
-        if (n->in[k] != LG_GRAPH_NONE) in += g->node[n->in[k]].count;
-    return in <= MOST_IN;
+        if (n->in[k] != LG_GRAPH_NONE) in += lg_code_count(g, n->in[k]);
+    return in <= MOST_IN && find_one_row(g, node, &row);
 }
 
 void lg_code_begin(lg_code *code, lg_heap *temporary, const lg_graph *graph, lg_scalar **value) {
-    *code = (lg_code){.temporary = temporary, .graph = graph, .value = value};
+    *code = (lg_code){.temporary = temporary, .graph = graph, .rows = 1, .value = value};
     lg_scalars_init(&code->s, temporary->context);
 }
 
@@ -48,14 +99,23 @@ static lg_status new_load(lg_code *code, uint32_t node, uint32_t element, lg_sca
     return LG_OK;
 }
 
+/* Whether all rows of a constant are equal, or it has no rows. */
+static bool same_rows(const lg_graph_node *n, size_t count) {
+    for (size_t i = count; i < n->count; i++)
+        if (memcmp(&n->value[i], &n->value[i - count], sizeof *n->value) != 0) return false;
+    return true;
+}
+
 /* Provides the instructions of a node that is not computed in this run: constants or loads. */
 static lg_status bring(lg_code *code, uint32_t node) {
     const lg_graph_node *n = &code->graph->node[node];
-    lg_scalar *value = lg_heap_take(code->temporary, n->count, sizeof *value);
+    const size_t count = lg_code_count(code->graph, node);
+    lg_scalar *value = lg_heap_take(code->temporary, count, sizeof *value);
     if (value == NULL) return LG_OUT_OF_MEMORY;
-    for (size_t i = 0; i < n->count; i++) {
-        /* Parameters are loaded, so that the weights stay in one array. */
-        if (n->sort == LG_GRAPH_CONSTANT && !n->weights)
+    /* Parameters are loaded, so that the weights stay in one array. */
+    const bool constant = n->sort == LG_GRAPH_CONSTANT && !n->weights && same_rows(n, count);
+    for (size_t i = 0; i < count; i++) {
+        if (constant)
             value[i] = lg_s_constant(&code->s, n->value[i]);
         else
             LG_TRY(new_load(code, node, (uint32_t)i, &value[i]));
@@ -67,18 +127,20 @@ static lg_status bring(lg_code *code, uint32_t node) {
 lg_status lg_code_add(lg_code *code, uint32_t node) {
     const lg_graph_node *n = &code->graph->node[node];
     const lg_scalar *x[LG_MAX_INPUTS];
-    const lg_shape *shapes[LG_MAX_INPUTS];
+    one_row row;
     for (uint32_t k = 0; k < n->inputs; k++) {
         x[k] = NULL;
         if (n->in[k] == LG_GRAPH_NONE) continue;
         if (code->value[n->in[k]] == NULL) LG_TRY(bring(code, n->in[k]));
         x[k] = code->value[n->in[k]];
     }
-    lg_graph_shapes(code->graph, n, shapes);
-    lg_scalar *y = lg_heap_take(code->temporary, n->count, sizeof *y);
+    const size_t count = lg_code_count(code->graph, node);
+    lg_scalar *y = lg_heap_take(code->temporary, count, sizeof *y);
     if (y == NULL) return LG_OUT_OF_MEMORY;
+    (void)find_one_row(code->graph, node, &row);
     const lg_evaluation e = {
-        .attr = &n->attr, .inputs = n->inputs, .in = shapes, .shape = &n->shape, .count = n->count};
+        .attr = &row.attr, .inputs = n->inputs, .in = row.in, .shape = &row.shape, .count = count};
+    if (lg_code_by_rows(code->graph, node)) code->rows = code->graph->rows;
     const lg_op *op = lg_row_in_use(&code->exchange, n->op);
     if (!lg_scalars_expand(&code->s, op, &e, x, y)) return LG_OUT_OF_MEMORY;
     code->value[node] = y;
@@ -103,7 +165,7 @@ enum { NEEDED = 1 };
 static void mark(finishing *f, const uint32_t *stored, size_t count) {
     const lg_scalars *s = &f->code->s;
     for (size_t j = 0; j < count; j++)
-        for (size_t i = 0; i < f->code->graph->node[stored[j]].count; i++)
+        for (size_t i = 0; i < lg_code_count(f->code->graph, stored[j]); i++)
             f->level[f->code->value[stored[j]][i]] = NEEDED;
     for (uint32_t i = s->count; i-- > 0;)
         for (uint32_t k = 0; f->level[i] != 0 && k < lg_scalar_instructions(s->code[i].op); k++)
@@ -203,6 +265,10 @@ static lg_status make_groups(finishing *f) {
     return LG_OK;
 }
 
+static uint32_t apart_of(const lg_graph *g, uint32_t node) {
+    return lg_code_by_rows(g, node) ? (uint32_t)lg_code_count(g, node) : 0;
+}
+
 /* Makes ranges of loads: adjacent elements of a node form one range. */
 static lg_status make_loads(finishing *f, lg_code_place place_of, void *user) {
     const lg_code *code = f->code;
@@ -214,7 +280,8 @@ static lg_status make_loads(finishing *f, lg_code_place place_of, void *user) {
         if (f->level[i] == 0 || s->code[i].op != LG_S_INPUT) continue;
         const uint32_t from = code->load[2 * s->code[i].n], element = code->load[2 * s->code[i].n + 1];
         if (from != node || element != next) {
-            in[ranges] = (lg_scalar_range){.place = place_of(user, from), .first = f->reg[i]};
+            in[ranges] = (lg_scalar_range){
+                .place = place_of(user, from), .apart = apart_of(code->graph, from), .first = f->reg[i]};
             in[ranges++].place.offset += element;
             node = from;
         }
@@ -231,12 +298,15 @@ static lg_status make_stores(finishing *f, const uint32_t *stored, size_t count,
     const lg_code *code = f->code;
     lg_scalar_range *out = lg_heap_take(f->memory, count + 1, sizeof *out);
     size_t total = 0;
-    for (size_t j = 0; j < count; j++) total += code->graph->node[stored[j]].count;
+    for (size_t j = 0; j < count; j++) total += lg_code_count(code->graph, stored[j]);
     uint32_t *registers = lg_heap_take(f->memory, total + 1, sizeof *registers), at = 0;
     if (out == NULL || registers == NULL) return LG_OUT_OF_MEMORY;
     for (size_t j = 0; j < count; j++) {
-        const uint32_t elements = (uint32_t)code->graph->node[stored[j]].count;
-        out[j] = (lg_scalar_range){.place = place_of(user, stored[j]), .count = elements, .first = at};
+        const uint32_t elements = (uint32_t)lg_code_count(code->graph, stored[j]);
+        out[j] = (lg_scalar_range){.place = place_of(user, stored[j]),
+                                   .count = elements,
+                                   .apart = apart_of(code->graph, stored[j]),
+                                   .first = at};
         for (uint32_t i = 0; i < elements; i++) registers[at++] = f->reg[code->value[stored[j]][i]];
     }
     f->made.out = out;
@@ -259,6 +329,7 @@ lg_status lg_code_finish(lg_code *code, lg_heap *memory, const lg_kernels *k, co
     LG_TRY(make_groups(&f));
     LG_TRY(make_loads(&f, place_of, user));
     LG_TRY(make_stores(&f, stored, count, place_of, user));
+    f.made.rows = code->rows;
     *out = f.made;
     return LG_OK;
 }

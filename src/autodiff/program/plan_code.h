@@ -5,14 +5,20 @@
 #include "autodiff/program/plan.h"
 #include "autodiff/program/plan_graph.h"
 
-/* Whether the node is small enough for scalar code. */
-bool lg_code_fits(const lg_graph *graph, const lg_graph_node *node);
+/* Whether the node has an element or several for each row of a batch: its first axis has as many elements as
+ * the batch has rows. Scalar code computes such nodes row by row, and other nodes as a whole. */
+bool lg_code_by_rows(const lg_graph *graph, uint32_t node);
+/* Number of elements that scalar code has of a node: those of one row if it has rows. */
+size_t lg_code_count(const lg_graph *graph, uint32_t node);
+/* Whether the node, or a row of it, can be computed by scalar code and is small enough. */
+bool lg_code_fits(const lg_graph *graph, uint32_t node);
 
 typedef struct lg_code {
     lg_scalars s;
     lg_heap *temporary;
     const lg_graph *graph;
-    lg_scalar **value; /* for each node: one instruction per element, or NULL */
+    size_t rows;       /* of the nodes that were added; 1: none of them has rows */
+    lg_scalar **value; /* for each node: one instruction per element (of a row), or NULL */
     uint32_t *load;    /* for each INPUT instruction, by number: node and element */
     uint32_t loads, capacity;
     lg_exchange exchange; /* the program's planted error */

@@ -16,9 +16,10 @@ static bool fuses(const lg_planning *p, const lg_graph_node *n) {
 
 /* Whether an elementwise operation should stay a tensor step, because an input of the same size is computed
  * by a tensor step. */
-static bool follows_tensor(const lg_planning *p, const lg_graph_node *n) {
+static bool follows_tensor(const lg_planning *p, uint32_t node) {
     enum { FEW = 6 };
-    if (n->op->element == NULL || n->count <= FEW) return false;
+    const lg_graph_node *n = &p->g.node[node];
+    if (n->op->element == NULL || lg_code_count(&p->g, node) <= FEW) return false;
     for (uint32_t k = 0; k < n->inputs; k++)
         if (n->in[k] != LG_GRAPH_NONE && p->g.node[n->in[k]].count == n->count &&
             (p->item[n->in[k]].fate == LG_FATE_TENSOR || p->item[n->in[k]].fate == LG_FATE_FUSED))
@@ -53,7 +54,7 @@ void lg_planning_find_fates(lg_planning *p) {
             continue;
         }
         const bool fused = fuses(p, n); /* one layer step is faster than a product followed by scalar code */
-        it->fate = !p->compact && !fused && lg_code_fits(g, n) && !follows_tensor(p, n) ? LG_FATE_CODE
+        it->fate = !p->compact && !fused && lg_code_fits(g, i) && !follows_tensor(p, i) ? LG_FATE_CODE
                                                                                         : LG_FATE_TENSOR;
         if (fused) p->item[n->in[0]].fate = LG_FATE_FUSED;
     }

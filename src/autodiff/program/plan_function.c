@@ -165,7 +165,7 @@ static bool drop_unused(making *m) {
 
 lg_status lg_graph_make(lg_heap *heap, const lg_program *program, const lg_function *f,
                         const lg_plan_options *options, lg_graph *out, lg_error *error) {
-    lg_graph g = {.heap = heap, .most_work = options->most_work};
+    lg_graph g = {.heap = heap, .rows = (uint32_t)options->rows, .most_work = options->most_work};
     making m = {.g = &g,
                 .program = program,
                 .f = f,

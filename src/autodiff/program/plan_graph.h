@@ -32,6 +32,7 @@ typedef struct lg_graph {
     uint32_t *table; /* hash table of 1 + node number */
     uint32_t slots;
     uint32_t *result;       /* node of each output */
+    uint32_t rows;          /* rows of the batch */
     double work, most_work; /* arithmetic operations spent on folding constants, and their limit */
     bool failed;            /* out of memory */
 } lg_graph;

@@ -88,9 +88,42 @@ static void load(size_t size, uint32_t count, const void *x, void *y) {
         for (uint32_t i = 0; i < count; i++) ((float *)y)[i] = ((const float *)x)[i];
 }
 
+static size_t rows_at(const lg_scalar_step *s, size_t first) {
+    return s->rows - first < LG_K_ROWS ? s->rows - first : LG_K_ROWS;
+}
+
+/* Loads the constants and what has no rows once, then runs block after block. */
+static void run_rows(const running *r, const lg_scalar_step *s) {
+    const lg_kernels *k = r->k;
+    const size_t size = k->size;
+    unsigned char *registers = to(r, &s->registers);
+    k->load_rows(rows_at(s, 0), s->constants, 0, s->constant, registers);
+    for (size_t first = 0; first < s->rows; first += LG_K_ROWS) {
+        const size_t n = rows_at(s, first);
+        for (uint32_t i = 0; i < s->ins; i++) {
+            const lg_scalar_range *in = &s->in[i];
+            if (in->apart == 0 && first > 0) continue;
+            k->load_rows(n, in->count, in->apart,
+                         (const unsigned char *)from(r, &in->place) + first * in->apart * size,
+                         registers + in->first * LG_K_ROWS * size);
+        }
+        k->row_scalars(n, s->groups, s->group, s->operands, registers);
+        for (uint32_t i = 0; i < s->outs; i++) {
+            const lg_scalar_range *out = &s->out[i];
+            if (out->apart == 0 && first > 0) continue;
+            k->store_rows(out->apart == 0 ? 1 : n, out->count, s->stored + out->first, out->apart, registers,
+                          (unsigned char *)to(r, &out->place) + first * out->apart * size);
+        }
+    }
+}
+
 static void run_scalars(const running *r, const lg_scalar_step *s) {
     const size_t size = r->k->size;
     unsigned char *registers = to(r, &s->registers);
+    if (s->rows > 1) {
+        run_rows(r, s);
+        return;
+    }
     load(size, s->constants, s->constant, registers);
     for (uint32_t i = 0; i < s->ins; i++)
         load(size, s->in[i].count, from(r, &s->in[i].place), registers + s->in[i].first * size);

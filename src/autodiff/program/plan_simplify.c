@@ -244,10 +244,32 @@ static uint32_t factor_apart(lg_graph *g, const lg_graph_node *n, const lg_shape
     return g->failed ? 0 : lg_graph_operation(g, &product, both);
 }
 
+/* A product with the transpose of a matrix: the transpose becomes an operation of its own, which all products
+ * with this matrix share. Plans keep the transposes of constants (plan_steps.c). */
+static uint32_t with_transpose(lg_graph *g, const lg_graph_node *n, const lg_shape *const *shapes) {
+    const lg_evaluation e = {
+        .attr = &n->attr, .inputs = n->inputs, .in = shapes, .shape = &n->shape, .count = n->count};
+    if (n->op != &lg_op_matmul || n->attr.i[0] != LG_NT || shapes[1]->rank != 2 || shapes[0]->rank != 2 ||
+        g->node[n->in[1]].sort == LG_GRAPH_CONSTANT || n->op->transpose(&e) != LG_TRANSPOSE_MAKE)
+        return LG_GRAPH_NONE;
+    uint32_t in[3] = {n->in[0], n->in[1], n->inputs > 2 ? n->in[2] : LG_GRAPH_NONE};
+    const lg_graph_node turned = {.op = &lg_op_permute,
+                                  .attr = {.i = {1, 0, 2, 3}},
+                                  .inputs = 1,
+                                  .in = &in[1],
+                                  .shape = lg_shape2(shapes[1]->dims[1], shapes[1]->dims[0]),
+                                  .count = lg_shape_count(*shapes[1])};
+    in[1] = lg_graph_operation(g, &turned, &shapes[1]);
+    lg_graph_node product = *n;
+    product.attr.i[0] = LG_NN;
+    product.in = in;
+    return g->failed ? 0 : lg_graph_add(g, &product);
+}
+
 uint32_t lg_graph_operation(lg_graph *g, const lg_graph_node *n, const lg_shape *const *shapes) {
     if (folds(g, n)) return fold(g, n, shapes);
     static uint32_t (*const ways[])(lg_graph *, const lg_graph_node *, const lg_shape *const *) = {
-        simpler, on_single_rows, factor_apart, with_broadcasts};
+        simpler, on_single_rows, factor_apart, with_broadcasts, with_transpose};
     for (size_t i = 0; i < LG_COUNT(ways); i++) {
         const uint32_t other = ways[i](g, n, shapes);
         if (other != LG_GRAPH_NONE) return other;

@@ -133,7 +133,9 @@ static lg_status add_code(lg_planning *p, const uint32_t *nodes, uint32_t count,
             lg_code_finish(&code, &p->plan->memory, p->plan->k, stored, outs, code_place, p, &step->scalars);
     lg_code_end(&code, nodes, count);
     LG_TRY(status);
-    const size_t registers = step->scalars.constants + step->scalars.loads + step->scalars.instructions;
+    const size_t each = step->scalars.rows > 1 ? LG_K_ROWS : 1;
+    const size_t registers =
+        each * ((size_t)step->scalars.constants + step->scalars.loads + step->scalars.instructions);
     step->scalars.registers = (lg_place){LG_AREA_WORK, 0, lg_planning_give_room(p, registers)};
     lg_planning_take_back(p, step->scalars.registers.offset, registers);
     return p->failed ? LG_OUT_OF_MEMORY : LG_OK;
