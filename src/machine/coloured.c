@@ -9,6 +9,7 @@
  * eighth of the log, which is the spread between disjoint parts. The larger estimate is taken, and no
  * direction becomes better than with white residuals. A prior with covariance D^2, which is part of W W^T,
  * adds P = W^T D^-2 W to S; white residuals then make it 1 - P before. */
+#include <cblas.h>
 #include <math.h>
 #include <string.h>
 
@@ -16,7 +17,7 @@
 #include "kernels/kernels.h"
 #include "machine/internal.h"
 
-enum { PARTS = 8, TIMES = 4 };
+enum { PARTS = 8, TIMES = 4, TOGETHER = 32 };
 
 static void centre(size_t count, size_t n, double *h) {
     for (size_t j = 0; j < n; j++) {
@@ -57,21 +58,34 @@ typedef struct white {
     double trace;
 } white;
 
+/* S += factor x^T x for x (rows, n). */
+static void add_squares(size_t rows, size_t n, double factor, const double *x, double *S) {
+    cblas_dgemm(CblasRowMajor, CblasTrans, CblasNoTrans, (int)n, (int)n, (int)rows, factor, x, (int)n, x,
+                (int)n, 1.0, S, (int)n);
+}
+
 /* S (n, n) from the sums over all blocks of `block` stretches; returns its trace in units of white residuals.
  * Few blocks make the ratio of a number and its error wider than normal; S is as wide as theirs (Student). */
-static double estimate(size_t count, size_t n, const double *h, size_t block, const white *of, double *sum,
+static double estimate(size_t count, size_t n, const double *h, size_t block, const white *of, double *sums,
                        double *S) {
     const lg_kernels *k = lg_kernels_for(LG_F64);
     const double blocks = (double)count / (double)block, many = worth(count, block),
                  wide = blocks / (blocks - 1.0) * (many - 1.0) / (many - 3.0),
                  factor = wide * blocks / (double)(count - block + 1);
     double trace = 0.0;
+    size_t held = 0;
     memset(S, 0, n * n * sizeof *S);
-    memset(sum, 0, n * sizeof *sum);
+    memset(sums, 0, n * sizeof *sums);
     for (size_t end = 0; end < count; end++) {
+        double *sum = sums + held * n;
         k->axpy(n, 1.0, h + end * n, sum);
         if (end >= block) k->axpy(n, -1.0, h + (end - block) * n, sum);
-        for (size_t i = 0; end + 1 >= block && i < n; i++) k->axpy(n, factor * sum[i], sum, S + i * n);
+        if (end + 1 < block) continue;
+        memcpy(sum + n, sum, n * sizeof *sum);
+        if (++held < TOGETHER && end + 1 < count) continue;
+        add_squares(held, n, factor, sums, S);
+        memcpy(sums, sums + held * n, n * sizeof *sums);
+        held = 0;
     }
     for (size_t i = 0; i < n; i++) trace += S[i * n + i];
     return trace / of->trace;
@@ -117,20 +131,20 @@ lg_status lg_machine_colour(const lg_context *context, size_t count, size_t n, s
     const white of = {P, clear_open(count, n, P, h)};
     *block = 0;
     if (most == 0 || of.trace < nothing) return LG_OK;
-    double *work = lg_alloc(context, n * n + n, sizeof *work);
+    double *work = lg_alloc(context, n * n + (TOGETHER + 1) * n, sizeof *work);
     if (work == NULL) return LG_OUT_OF_MEMORY;
-    double *parts = work, *sum = work + n * n;
+    double *parts = work, *sums = work + n * n;
     centre(count, n, h);
     for (size_t i = 0; i < count * n; i++) h[i] /= sqrt(share);
     const size_t near = block_of(count, n, h, least, most);
-    const double trace = estimate(count, n, h, near, &of, sum, F),
-                 spread = estimate(count, n, h, most, &of, sum, parts);
+    const double trace = estimate(count, n, h, near, &of, sums, F),
+                 spread = estimate(count, n, h, most, &of, sums, parts);
     const bool far = spread > trace;
     lg_status status = LG_OK;
     if (far) memcpy(F, parts, n * n * sizeof *F);
     if (coloured || shows(trace, count, &of, near) || shows(spread, count, &of, most)) {
         *block = far ? most : near;
-        status = take_root(context, n, far ? spread : trace, worth(count, *block), &of, F, sum);
+        status = take_root(context, n, far ? spread : trace, worth(count, *block), &of, F, sums);
         if (status != LG_OK) *block = 0;
     }
     lg_free(context, work);

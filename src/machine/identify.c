@@ -1,6 +1,7 @@
 /* Machines: standard errors of their numbers, from the Jacobian J of the residuals. Uses the triangular
  * factor of J, not J^T J: products lose everything below 1e-8 of the largest entry to rounding, and this
  * rounding error would look like information on directions that the data do not determine. */
+#include <cblas.h>
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -10,7 +11,7 @@
 #include "kernels/lapack.h"
 #include "machine/internal.h"
 
-enum { CHUNK = 64, SMALL = 64, MOST_OF_SMALL = 8192, RUN = 32, FEW = 64 };
+enum { CHUNK = 64, BLOCK = 32, SMALL = 64, MOST_OF_SMALL = 8192, RUN = 32, FEW = 64 };
 
 /* Sums over windows. R (n, n), column-major, is the factor of J = Q R after the starts of the windows have
  * been eliminated; the columns of J are the machine's parameters and, with `last`, the residuals as the last
@@ -32,9 +33,9 @@ typedef struct normal {
     double *jacobian; /* (rows, n + starts) */
     /* (n + starts, rows): transpose of `jacobian`, with the residuals as row n - 1 if `last` */
     double *columns;
-    double *residuals; /* (rows) */
-    double *stack;     /* (n + rows, n), column-major: R above the columns of a chunk */
-    double *triangle;  /* (n, n): R */
+    double *residuals;  /* (rows) */
+    double *triangle;   /* (n, n): R */
+    double *reflectors; /* (2 BLOCK, n): work space */
     /* (n, n): products of the columns of the Jacobian with the same columns one row of the log later, for
      * errors that are correlated in time. NULL if they are not wanted. */
     double *lagged;
@@ -127,6 +128,14 @@ static void add_scores(normal *s, size_t first, size_t count) {
     }
 }
 
+/* R of R above the chunk's columns, which are overwritten. */
+static void put_below(normal *s) {
+    const int rows = (int)s->rows, n = (int)s->n, none = 0, block = n < BLOCK ? n : BLOCK;
+    int info = 0; /* this function only refuses wrong arguments */
+    dtpqrt_(&rows, &n, &none, &block, s->triangle, &n, s->columns, &rows, s->reflectors, &block,
+            s->reflectors + (size_t)block * s->n, &info);
+}
+
 static lg_status add_chunk(normal *s, lg_tape *tape, const uint32_t *samples, size_t first, size_t count) {
     const size_t given = s->n - s->last, columns = given + s->starts, batch = s->used;
     double squares = 0.0;
@@ -146,13 +155,8 @@ static lg_status add_chunk(normal *s, lg_tape *tape, const uint32_t *samples, si
     if (s->scores != NULL) add_scores(s, first, count);
     for (size_t row = 0; row < s->rows; row++)
         s->weighted += row % s->fit.rows < s->fit.rows - s->priors && s->residuals[row] != 0.0;
-    for (size_t j = 0; j < s->n; j++) {
-        double *column = s->stack + j * (s->n + s->rows);
-        memcpy(column, s->triangle + j * s->n, s->n * sizeof *column);
-        memcpy(column + s->n, s->columns + j * s->rows, s->rows * sizeof *column);
-    }
-    return triangulate(s->context, s->n + s->rows, s->n, s->stack, NULL, s->triangle) ? LG_OK
-                                                                                      : LG_OUT_OF_MEMORY;
+    put_below(s);
+    return LG_OK;
 }
 
 /* Index of the used window i. */
@@ -331,6 +335,13 @@ static double seconds_of(const lg_machine_log *log) {
     return sum;
 }
 
+/* c (m, n) = factor a (m, n) b^T (n, n) */
+static void product(size_t m, size_t n, double factor, const double *a, const double *b, double *c) {
+    const int rows = (int)m, columns = (int)n;
+    cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasTrans, rows, columns, columns, factor, a, columns, b,
+                columns, 0.0, c, columns);
+}
+
 /* Replaces W by the factor of a covariance for residuals that are correlated in time, if they are. */
 static lg_status colour(const normal *s, bool prior, double *W, double *block) {
     const lg_kernels *k = lg_kernels_for(LG_F64);
@@ -343,10 +354,8 @@ static lg_status colour(const normal *s, bool prior, double *W, double *block) {
     double *apart = F + n * n, *P = F + 2 * n * n, *h = F + 3 * n * n;
     for (size_t j = 0; j < n; j++)
         for (size_t i = 0; i < n; i++) apart[j * n + i] = W[j * n + i] / bound(s, i, prior);
-    for (size_t i = 0; i < n; i++)
-        for (size_t j = 0; j < n; j++) P[i * n + j] = dot(apart + i * n, apart + j * n, n);
-    for (size_t i = 0; i < count; i++)
-        for (size_t j = 0; j < n; j++) h[i * n + j] = dot(W + j * n, s->scores + i * n, n) / variance_of(s);
+    product(n, n, 1.0, apart, apart, P);
+    product(count, n, 1.0 / variance_of(s), s->scores, W, h);
     const lg_status status =
         lg_machine_colour(s->context, count, n, s->stretches, (double)s->used / (double)s->windows, coloured,
                           P, h, F, &stretches);
@@ -407,12 +416,12 @@ static lg_status allocate(normal *s) {
     if (lg_machine_starts_estimated(problem)) s->starts = lg_machine_start_numbers(problem->machine);
     const size_t rows = s->chunk * s->fit.rows, columns = s->n + s->starts;
     s->jacobian =
-        lg_alloc(s->context, (2 * columns + 1) * rows + (2 * s->n + rows) * s->n, sizeof *s->jacobian);
+        lg_alloc(s->context, (2 * columns + 1) * rows + (s->n + 2 * BLOCK) * s->n, sizeof *s->jacobian);
     if (s->jacobian == NULL) return LG_OUT_OF_MEMORY;
     s->columns = s->jacobian + columns * rows;
     s->residuals = s->columns + columns * rows;
     s->triangle = s->residuals + rows;
-    s->stack = s->triangle + s->n * s->n;
+    s->reflectors = s->triangle + s->n * s->n;
     return LG_OK;
 }
 
