@@ -103,6 +103,7 @@ static void json_training(const train_session *session, app_json *json) {
     (void)lg_cpu_describe(cpu, sizeof cpu);
     app_json_size(json, "epochs", done);
     app_json_size(json, "evaluations", done);
+    app_json_text(json, "gradients", lg_fit_by_plans(fit) ? "plans" : "tape");
     app_json_real(json, "floor", training->floor);
     app_json_real(json, "running_loss", lg_fit_loss(fit));
     app_json_real(json, "validation_loss",

@@ -133,6 +133,12 @@ typedef struct lg_fit_problem {
     /* Largest number of samples that are on a tape at once; a larger shard is processed in pieces. Small
      * pieces keep the values in the processor's cache. 0: LG_FIT_CHUNK. */
     size_t chunk;
+    /* True: for equal numbers of samples `loss` mostly records the same operations; only the values of inputs
+     * (lg_input, lg_input_buffer) differ. The loss and its gradient are then recorded once and made a plan
+     * (liegrad/program.h), which takes less time where the tensors of a sample are small. The loss may not
+     * read values from the tape. Chunks whose recording differs are computed on the tape. Results differ from
+     * those of the tape by rounding. */
+    bool repeats;
     /* May be NULL. It tells whether a model is dead, that is, whether it cannot learn any more
      * (lg_fit_options.restarts). `theta` holds the current parameters. If the model is dead, it sets *dead to
      * true and replaces `theta` by parameters to start again from, for restart number `number` = 1, 2, ... It
@@ -380,7 +386,10 @@ typedef struct lg_fit_cost {
     uint64_t exchanges, bytes; /* number of exchanges, and bytes of the messages of all ranks in them */
 } lg_fit_cost;
 LG_API lg_fit_cost lg_fit_cost_of(const lg_fit *fit);
-/* Returns the bytes that the tapes of all shards of this process hold. */
+/* Whether losses and gradients are computed by plans where they can be (lg_fit_problem.repeats). A resumed
+ * run goes on as it began: one that was saved without plans stays on the tape. */
+LG_API bool lg_fit_by_plans(const lg_fit *fit);
+/* Returns the bytes that the tapes and plans of all shards of this process hold. */
 LG_API size_t lg_fit_tape_size(const lg_fit *fit);
 
 /* ---- Newton's method, for models with few parameters ---- */

@@ -99,11 +99,14 @@ static double length_of(const lg_machine *machine, const lg_machine_log *log, si
     return (log->t[row + 1] - log->t[row]) / machine->scales.time;
 }
 
-/* Whether all intervals are as long as the first one, to rounding error of the times. */
-static bool uniform(const lg_machine *machine, const lg_machine_log *log, const size_t *at, uint32_t count) {
-    const double h = length_of(machine, log, at[0]);
+/* Whether all intervals are equally long, to rounding error of the times. Their length is then that of the
+ * log's first interval, if that is the same, so that all chunks of a uniform log have one length. */
+static bool uniform(const lg_machine *machine, const lg_machine_log *log, const size_t *at, uint32_t count,
+                    double *length) {
+    const double h = length_of(machine, log, at[0]), first = length_of(machine, log, 0);
     for (uint32_t i = 1; i < count; i++)
         if (!(fabs(length_of(machine, log, at[i]) - h) <= 1e-9 * h)) return false;
+    *length = fabs(first - h) <= 1e-9 * h ? first : h;
     return true;
 }
 
@@ -215,10 +218,7 @@ lg_status lg_machine_record_interval(lg_tape *tape, const lg_machine_flow *flow,
                                      const size_t *at, uint32_t count, lg_var *parts) {
     const lg_machine *machine = flow->vars->machine;
     interval over = {.vars = flow->vars, .length = 1.0, .log = log, .at = at, .count = count};
-    if (uniform(machine, log, at, count))
-        over.length = length_of(machine, log, at[0]);
-    else
-        over.h = lengths(tape, machine, log, at, count);
+    if (!uniform(machine, log, at, count, &over.length)) over.h = lengths(tape, machine, log, at, count);
     fill_coefficients(tape, &over, 4);
     lg_status status = take_lags(tape, &over);
     if (status == LG_OK) status = steps_of(tape, flow, &over, parts);

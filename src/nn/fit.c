@@ -212,6 +212,7 @@ lg_status lg_fit_create(const lg_context *context, const lg_fit_problem *problem
     fit->context = context;
     fit->problem = *problem;
     fit->options = chosen;
+    fit->plans = problem->repeats;
     fit->by_work = chosen.shards == 0;
     if (fit->by_work) fit->options.shards = LG_FIT_PIECES;
     fit->k = lg_kernels_for(chosen.dtype);
@@ -233,6 +234,12 @@ lg_status lg_fit_create(const lg_context *context, const lg_fit_problem *problem
         return lg_fail(error, LG_NOT_FINITE,
                        "the initial parameters are not finite in the type (dtype) of the training");
     }
+    status = lg_fit_agree(fit, lg_fit_try_recording(fit), error);
+    if (status != LG_OK) {
+        (void)lg_fail(error, status, "no memory for a plan of the loss");
+        lg_fit_destroy(fit);
+        return status;
+    }
     *out = fit;
     return LG_OK;
 }
@@ -242,6 +249,7 @@ void lg_fit_destroy(lg_fit *fit) {
     lg_thread_pool_destroy(fit->pool);
     for (size_t i = 0; fit->shards != NULL && i < fit->options.shards; i++) {
         lg_tape_destroy(fit->shards[i].tape);
+        lg_fit_recordings_destroy(fit, &fit->shards[i]);
         lg_free(fit->context, fit->shards[i].gradient);
         lg_free(fit->context, fit->shards[i].matrix);
         lg_free(fit->context, fit->shards[i].jacobian);
@@ -524,9 +532,14 @@ lg_fit_cost lg_fit_cost_of(const lg_fit *fit) {
     return fit->cost;
 }
 
+bool lg_fit_by_plans(const lg_fit *fit) {
+    return fit->plans;
+}
+
 size_t lg_fit_tape_size(const lg_fit *fit) {
-    size_t bytes = 0;
+    size_t bytes = 0, plans;
     for (size_t i = 0; i < fit->options.shards; i++)
-        if (fit->shards[i].tape != NULL) bytes += lg_tape_size(fit->shards[i].tape);
+        if (fit->shards[i].tape != NULL)
+            bytes += lg_tape_size(fit->shards[i].tape) + lg_fit_recordings_size(&fit->shards[i], &plans);
     return bytes;
 }

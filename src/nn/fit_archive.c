@@ -27,7 +27,7 @@ typedef struct hyperparameter {
     ADDED("phase_" #i "/method", o->plan.phase[i].method),                                                   \
         ADDED("phase_" #i "/epochs", o->plan.phase[i].epochs)
 _Static_assert(LG_FIT_MAX_PHASES == 4, "the list has a row for each phase");
-#define HYPERPARAMETERS (27 + 2 * LG_FIT_MAX_PHASES)
+#define HYPERPARAMETERS (28 + 2 * LG_FIT_MAX_PHASES)
 
 static void list_hyperparameters(const lg_fit *fit, hyperparameter out[HYPERPARAMETERS]) {
     const lg_fit_options *o = &fit->options;
@@ -58,6 +58,7 @@ static void list_hyperparameters(const lg_fit *fit, hyperparameter out[HYPERPARA
         ADDED_REAL("prior", o->prior),
         ADDED("restarts", o->restarts),
         ADDED("shards_by_work", fit->by_work),
+        ADDED("plans", fit->plans),
         ADDED("phases", o->plan.phases),
         PHASE(0),
         PHASE(1),
@@ -65,6 +66,18 @@ static void list_hyperparameters(const lg_fit *fit, hyperparameter out[HYPERPARA
         PHASE(3),
     };
     memcpy(out, list, sizeof list);
+}
+
+/* A run goes on as it began, by plans or on the tape, so that a resumed run has the same bits. Runs saved by
+ * versions without plans went on the tape. */
+static lg_status load_plans(lg_fit *fit, const lg_archive_reader *reader, lg_error *error) {
+    const char *path = "train/options/plans";
+    uint64_t stored = 0;
+    const lg_status status = reader->array(reader->user, path, LG_ELEMENT_U64, 0, NULL, &stored);
+    if (status != LG_OK && status != LG_NOT_FOUND)
+        return lg_fail(error, status, "%s: %s", path, lg_status_sentence(status));
+    fit->plans = stored == 1 && fit->problem.repeats;
+    return LG_OK;
 }
 
 static lg_status check_hyperparameters(const lg_fit *fit, const lg_archive_reader *reader, lg_error *error) {
@@ -322,7 +335,8 @@ lg_status lg_fit_load(lg_fit *fit, const lg_archive_reader *reader, lg_error *er
     LG_NEEDS(error, fit, reader);
     (void)lg_fail(error, LG_OK, "%s", "");
     lg_fit_state loaded = {0};
-    lg_status made = check_hyperparameters(fit, reader, error);
+    lg_status made = load_plans(fit, reader, error);
+    if (made == LG_OK) made = check_hyperparameters(fit, reader, error);
     if (made == LG_OK && lg_fit_state_create(fit, &loaded) != LG_OK)
         made = lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the saved state");
     LG_TRY(lg_fit_agree(fit, made, error));

@@ -34,6 +34,8 @@ typedef struct lg_fit_state {
     double running_seconds;
 } lg_fit_state;
 
+typedef struct lg_fit_recording lg_fit_recording;
+
 typedef struct lg_shard {
     uint32_t rank;  /* the rank that computes this shard */
     lg_tape *tape;  /* NULL: another rank computes the shard, or it is never used */
@@ -46,6 +48,9 @@ typedef struct lg_shard {
     /* Only for sums of squares: the Gauss-Newton matrix, and memory for a Jacobian of `rows` rows. */
     double *matrix, *jacobian;
     size_t rows;
+    lg_fit_recording *recordings; /* (LG_FIT_RECORDINGS), fit_recording.c; NULL before the first */
+    size_t next;                  /* the recording that is replaced next */
+    void *part;                   /* (parameters): gradient of a chunk */
 } lg_shard;
 
 struct lg_fit {
@@ -59,6 +64,7 @@ struct lg_fit {
     const void *point; /* parameters at which loss and gradients are taken, in the fit's type */
     lg_thread_pool *pool;
     lg_shard *shards;
+    bool plans;        /* losses and gradients are computed by plans where they can be */
     bool by_work;      /* options.shards was 0: small batches have fewer shards */
     size_t used;       /* number of shards that can ever be in use: at most one per training sample */
     size_t first, end; /* this rank's shards: first, ..., end - 1 */
@@ -99,6 +105,8 @@ void lg_fit_state_destroy(const lg_fit *fit, lg_fit_state *state);
  * are computed too. The sentence of an error begins with `what`. */
 lg_status lg_fit_batch_loss(lg_fit *fit, const uint32_t *samples, size_t count, bool with_gradient,
                             const char *what, double *loss, lg_error *error);
+/* Most samples in a chunk. */
+size_t lg_fit_chunk_length(const lg_fit *fit);
 /* Cuts the samples into contiguous pieces, one per shard; sets fit->active and fit->batch_samples. */
 void lg_fit_cut(lg_fit *fit, const uint32_t *samples, size_t count);
 /* Adds the loss and the derivatives of `count` samples to the shard's. */
@@ -106,6 +114,20 @@ typedef lg_status (*lg_fit_chunk)(const lg_fit *fit, lg_shard *shard, const uint
 /* Sets the shard's loss to 0 and calls `add` for each chunk of its samples. Chunks bound the memory of a tape
  * and keep its values in the cache. */
 lg_status lg_fit_chunks(const lg_fit *fit, lg_shard *shard, lg_fit_chunk add);
+/* ---- losses as plans (fit_recording.c) ---- */
+
+/* Plans that a shard keeps: for full chunks, for the last chunks of shards and batches, and for recordings
+ * that differ. */
+#define LG_FIT_RECORDINGS 16
+/* Finds out whether the first chunk's loss can be a plan; if not, all losses are computed on the tape. */
+lg_status lg_fit_try_recording(lg_fit *fit);
+/* Adds loss and gradient of the samples to the shard's, by a plan (lg_fit_problem.repeats). *done = false: a
+ * plan is not possible for these samples, and nothing has been added. */
+lg_status lg_fit_run_recording(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count,
+                               bool *done);
+void lg_fit_recordings_destroy(const lg_fit *fit, lg_shard *shard);
+size_t lg_fit_recordings_size(const lg_shard *shard, size_t *plans); /* bytes; number of plans */
+
 /* Sums the losses of the shards. Fails if a shard has failed or the sum is not finite. */
 lg_status lg_fit_sum_losses(const lg_fit *fit, const char *what, double *loss, lg_error *error);
 /* Computes loss, gradient and Gauss-Newton matrix of all training samples from the residuals. Gradient and

@@ -18,13 +18,18 @@ static bool bound_suffices(const lg_fit *fit, const lg_shard *shard, size_t coun
     return fit->active == 1 && count == shard->count && fit->options.clip_norm == 0.0;
 }
 
-static size_t chunk_of(const lg_fit *fit) {
+size_t lg_fit_chunk_length(const lg_fit *fit) {
     return fit->problem.chunk > 0 ? fit->problem.chunk : LG_FIT_CHUNK;
 }
 
 /* Adds loss and gradient of `count` samples to the shard's; its first chunk overwrites the gradient. */
 static lg_status chunk_loss(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count) {
     lg_tape *tape = shard->tape;
+    if (fit->plans && fit->with_gradient) {
+        bool done;
+        LG_TRY(lg_fit_run_recording(fit, shard, samples, count, &done));
+        if (done) return LG_OK;
+    }
     lg_tape_reset(tape);
     const lg_shape flat = lg_shape1((uint32_t)fit->problem.parameters);
     const lg_var theta = lg_parameter(tape, flat, fit->point);
@@ -45,7 +50,7 @@ static lg_status chunk_loss(const lg_fit *fit, lg_shard *shard, const uint32_t *
 }
 
 lg_status lg_fit_chunks(const lg_fit *fit, lg_shard *shard, lg_fit_chunk add) {
-    const size_t chunk = chunk_of(fit);
+    const size_t chunk = lg_fit_chunk_length(fit);
     shard->loss = 0.0;
     lg_tape_constant(shard->tape, fit->point, fit->problem.parameters * fit->k->size);
     /* A rank that is asked to stop says so in the next exchange, and then no rank uses the shards. */
@@ -80,7 +85,8 @@ size_t lg_fit_pieces(size_t samples, size_t parameters, size_t chunk) {
 
 /* Shard i of n gets the samples [i count/n, (i + 1) count/n), at least one since n <= count. */
 void lg_fit_cut(lg_fit *fit, const uint32_t *samples, size_t count) {
-    const size_t most = fit->by_work ? lg_fit_pieces(count, fit->problem.parameters, chunk_of(fit)) : count;
+    const size_t most =
+        fit->by_work ? lg_fit_pieces(count, fit->problem.parameters, lg_fit_chunk_length(fit)) : count;
     size_t n = count < fit->options.shards ? count : fit->options.shards;
     if (n > most) n = most;
     for (size_t i = 0; i < n; i++) {

@@ -292,10 +292,12 @@ lg_var lg_dense(lg_tape *tape, lg_var x, lg_var w, lg_var b, lg_activation kind)
     if (!fits || (has_bias && (nb->shape.rank != 1 || nb->shape.dims[0] != nw->shape.dims[1])))
         return lg_fail_shapes(tape, "dense", in, has_bias ? 3 : 2);
     size_t m = nx->shape.dims[0], k = nx->shape.dims[1], n = nw->shape.dims[1];
-    void *value = lg_value_allocate(tape, m * n);
+    void *value = tape->dry ? tape : lg_value_allocate(tape, m * n);
     if (value == NULL) return LG_NONE;
-    lg_gemm(tape, 0, m, n, k, nx->value, w.index, value, false);
-    tape->k->bias_act((lg_k_act)kind, m, n, has_bias ? nb->value : NULL, value);
+    if (!tape->dry) {
+        lg_gemm(tape, 0, m, n, k, nx->value, w.index, value, false);
+        tape->k->bias_act((lg_k_act)kind, m, n, has_bias ? nb->value : NULL, value);
+    }
     lg_shape shape = lg_shape2((uint32_t)m, (uint32_t)n);
     lg_var inputs[3] = {x, w, b};
     lg_attr product = {.i = {0, 0, 0, 0}}, activation = {.i = {(uint32_t)kind, 0, 0, 0}};

@@ -30,7 +30,8 @@ static void *leaf_memory(lg_tape *tape, const char *name, lg_shape *shape, bool 
         return NULL;
     }
     for (uint32_t i = shape->rank; i < LG_MAX_RANK; i++) shape->dims[i] = 0;
-    return lg_value_allocate(tape, lg_shape_count(*shape));
+    return tape->repeated > 0 ? lg_repeated_leaf(tape, shape)
+                              : lg_value_allocate(tape, lg_shape_count(*shape));
 }
 
 static uint32_t fresh_flags(const lg_tape *tape) {
@@ -75,8 +76,16 @@ lg_var lg_parameter(lg_tape *tape, lg_shape shape, const void *data) {
 lg_var lg_full(lg_tape *tape, lg_shape shape, double c) {
     void *value = leaf_memory(tape, "full", &shape, true);
     if (value == NULL) return LG_NONE;
-    tape->k->fill(lg_shape_count(shape), c, value);
-    return record_leaf(tape, shape, value, fresh_flags(tape));
+    const size_t count = lg_shape_count(shape);
+    if (tape->repeated > 0 && count > 0) {
+        double one; /* of the table's type */
+        tape->k->convert_in(1, &c, &one);
+        if (!(tape->nodes[tape->count].flags & LG_NODE_FULL) || memcmp(value, &one, tape->k->size) != 0)
+            return lg_tape_fail(tape, LG_UNSUPPORTED, "full", "the repeated recording has another constant");
+    } else {
+        tape->k->fill(count, c, value);
+    }
+    return record_leaf(tape, shape, value, fresh_flags(tape) | LG_NODE_FULL);
 }
 
 lg_var lg_zeros_like(lg_tape *tape, lg_var v) {

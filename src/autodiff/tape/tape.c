@@ -94,6 +94,7 @@ void lg_forget_nodes(lg_tape *tape, uint32_t node) {
 
 lg_status lg_tape_rewind(lg_tape *tape, lg_mark mark) {
     LG_NEEDS(NULL, tape);
+    if (tape->repeated > 0) return LG_UNSUPPORTED;
     if (mark.nodes > tape->count) return LG_INVALID_ARGUMENT;
     if (mark.nodes > 0 && tape->nodes[mark.nodes - 1].generation != mark.generation)
         return LG_INVALID_ARGUMENT;
@@ -111,6 +112,7 @@ lg_status lg_tape_rewind(lg_tape *tape, lg_mark mark) {
 }
 
 void lg_tape_reset(lg_tape *tape) {
+    tape->repeated = 0;
     (void)lg_tape_rewind(tape, (lg_mark){0, 0, 0, 0, 0});
     tape->status = LG_OK;
     tape->message[0] = '\0';
@@ -186,9 +188,80 @@ static lg_var commit(lg_tape *tape, uint32_t inputs) {
     return lg_var_at(tape, tape->count++);
 }
 
+/* ---- recording the same again ---- */
+
+void lg_tape_set_dry(lg_tape *tape) {
+    tape->dry = true;
+}
+
+void lg_tape_repeat(lg_tape *tape) {
+    if (tape->repeated == 0) {
+        tape->repeated = tape->count;
+        tape->end_chunk = tape->arena.current;
+        tape->end_used = tape->arena.used;
+    }
+    tape->count = tape->parents_count = 0;
+    tape->arena.current = tape->end_chunk;
+    tape->arena.used = tape->end_used;
+    if (++tape->generation == 0) tape->generation = 1;
+    tape->status = LG_OK;
+    tape->message[0] = '\0';
+    tape->scope_depth = 0;
+}
+
+static lg_var other_recording(lg_tape *tape, const lg_op *op) {
+    return lg_tape_fail(tape, LG_UNSUPPORTED, op->name,
+                        "it is not what the recording that is being repeated has here");
+}
+
+static bool same_attributes(const lg_node *node, const lg_attr *attr) {
+    size_t bytes = 0;
+    if (memcmp(&node->attr.c, &attr->c, sizeof attr->c) != 0 ||
+        memcmp(node->attr.i, attr->i, sizeof attr->i) != 0 || node->op->payload == LG_PAYLOAD_IN_PROCESS)
+        return false;
+    if (node->op->payload == LG_PAYLOAD_REALS) bytes = node->inputs * sizeof(double);
+    if (node->op->payload == LG_PAYLOAD_INDICES) bytes = attr->i[0] * sizeof(uint32_t);
+    return bytes == 0 || memcmp(node->attr.pointer, attr->pointer, bytes) == 0;
+}
+
+/* shape NULL: it follows from inputs and attributes. */
+static lg_var repeat(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs, const lg_attr *attr,
+                     const lg_shape *shape) {
+    static const lg_attr none;
+    lg_node *node = &tape->nodes[tape->count];
+    if (tape->count == tape->repeated || node->op != op || node->inputs != inputs ||
+        !same_attributes(node, attr != NULL ? attr : &none) ||
+        (shape != NULL && !lg_same_shape(&node->shape, shape)))
+        return other_recording(tape, op);
+    for (uint32_t k = 0; k < inputs; k++) {
+        if (lg_node_of(tape, in[k], op->name) == NULL) return LG_NONE;
+        if (tape->parents[node->parents + k] != in[k].index) return other_recording(tape, op);
+    }
+    node->generation = tape->generation;
+    tape->parents_count += inputs;
+    return lg_var_at(tape, tape->count++);
+}
+
+void *lg_repeated_leaf(lg_tape *tape, const lg_shape *shape) {
+    const lg_node *node = &tape->nodes[tape->count];
+    if (tape->count < tape->repeated && node->inputs == 0 && lg_same_shape(&node->shape, shape))
+        return node->value;
+    lg_tape_fail(tape, LG_UNSUPPORTED, "input",
+                 "it is not what the recording that is being repeated has here");
+    return NULL;
+}
+
 lg_var lg_record_value(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs, const lg_attr *attr,
                        lg_shape shape, void *value, uint32_t flags) {
-    if (tape->status != LG_OK || !reserve(tape, inputs)) return LG_NONE;
+    if (tape->status != LG_OK) return LG_NONE;
+    if (tape->repeated > 0) {
+        const lg_var again = repeat(tape, op, in, inputs, attr, &shape);
+        if (lg_is_none(again) || inputs > 0) return again;
+        if ((tape->nodes[again.index].flags ^ flags) & LG_NODE_FULL) return other_recording(tape, op);
+        tape->nodes[again.index].value = value;
+        return again;
+    }
+    if (!reserve(tape, inputs)) return LG_NONE;
     append_node(tape, op, in, inputs, attr, &shape, lg_shape_count(shape), value, flags);
     return commit(tape, inputs);
 }
@@ -226,6 +299,7 @@ static lg_var record(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t 
     const void *values[LG_MAX_INPUTS];
     if (tape->status != LG_OK) return LG_NONE;
     if (inputs > LG_MAX_INPUTS) return lg_tape_fail(tape, LG_INVALID_ARGUMENT, op->name, "too many inputs");
+    if (tape->repeated > 0) return repeat(tape, op, in, inputs, attr, op->given ? &shape : NULL);
     if (!reserve(tape, inputs)) return LG_NONE;
     for (uint32_t i = 0; i < inputs; i++) {
         nodes[i] = lg_node_of(tape, in[i], op->name);
@@ -238,6 +312,10 @@ static lg_var record(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t 
     if (status == LG_SHAPE) return lg_fail_shapes(tape, op->name, nodes, inputs);
     if (status != LG_OK) return lg_tape_fail(tape, status, op->name, lg_status_sentence(status));
     const size_t count = lg_shape_count(shape);
+    if (tape->dry) {
+        append_node(tape, op, in, inputs, attr, &shape, count, tape, LG_NODE_NO_VALUE);
+        return commit(tape, inputs);
+    }
     void *value = over ? nodes[0]->value : lg_value_allocate(tape, count);
     if (value == NULL) return LG_NONE;
     const lg_crew crew = lg_tape_crew(tape);
@@ -291,7 +369,7 @@ lg_shape lg_var_shape(const lg_tape *tape, lg_var v) {
 
 const void *lg_value(const lg_tape *tape, lg_var v) {
     const lg_node *node = readable(tape, v);
-    return node != NULL ? node->value : NULL;
+    return node != NULL && !tape->dry ? node->value : NULL;
 }
 
 lg_status lg_read(const lg_tape *tape, lg_var v, size_t count, double *out) {
@@ -299,6 +377,7 @@ lg_status lg_read(const lg_tape *tape, lg_var v, size_t count, double *out) {
     if (tape->status != LG_OK) return tape->status;
     const lg_node *node = readable(tape, v);
     if (node == NULL) return LG_STALE_HANDLE;
+    if (tape->dry) return LG_UNSUPPORTED;
     if (node->count != count || node->value == NULL) return LG_SHAPE;
     tape->k->convert_out(count, node->value, out);
     return LG_OK;

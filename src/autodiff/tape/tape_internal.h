@@ -16,7 +16,8 @@ enum {
     /* The value lies inside parent 0's value, contiguous, starting at element attr.i[3]. */
     LG_NODE_VIEW = 2,
     LG_NODE_NO_VALUE = 4, /* a fused operation has overwritten the value; the node remains only for handles */
-    LG_NODE_ROWS = 8      /* a leaf whose first axis counts the rows of a batch: lg_tape_mark_rows */
+    LG_NODE_ROWS = 8,     /* a leaf whose first axis counts the rows of a batch: lg_tape_mark_rows */
+    LG_NODE_FULL = 16     /* a leaf whose elements are all the same constant: lg_full */
 };
 
 typedef struct lg_node {
@@ -84,6 +85,12 @@ struct lg_tape {
 
     uint32_t generation;
     bool unrecorded; /* unrecorded mode: values come from the pool */
+    /* Operations are recorded, but not computed: only leaves have values (lg_tape_set_dry). */
+    bool dry;
+    /* Number of nodes of the recording that is being repeated (lg_tape_repeat), and where its memory ends; 0:
+     * the tape records. */
+    uint32_t repeated, end_chunk;
+    size_t end_used;
 
     lg_status status;
     uint32_t failed_at; /* number of nodes when the error occurred */
@@ -146,6 +153,16 @@ lg_var lg_record_over(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t
 /* Like lg_record, for operations whose output shape is chosen by the caller (lg_op.given). */
 lg_var lg_record_shaped(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs,
                         const lg_attr *attr, lg_shape shape);
+/* From now on operations are recorded, but not computed. lg_read and lg_value refuse. The tape must be empty,
+ * and stays dry. */
+void lg_tape_set_dry(lg_tape *tape);
+/* Begins to repeat what a dry tape holds, from its first node. The caller records the same operations again,
+ * with the same attributes, indices and constants (lg_full). Leaves get new values in the memory that they
+ * had; lg_parameter may name other memory. Anything else fails with LG_UNSUPPORTED, and the recording may be
+ * repeated again. Ends at lg_tape_reset. */
+void lg_tape_repeat(lg_tape *tape);
+/* The memory of the next leaf of the recording that is being repeated. NULL: error set. */
+void *lg_repeated_leaf(lg_tape *tape, const lg_shape *shape);
 /* The vjp and jvp of operations that differentiation treats as constants. */
 void lg_no_vjp(lg_reverse *r);
 lg_var lg_zero_jvp(const lg_forward *f);
