@@ -221,14 +221,16 @@ def scales(n, b, h):
     return k * min(root, 1 / theta) if theta > 0 else min(k * root, sigma), (1 - theta) / (1 + a * theta)
 
 
+def updated(H, s, y, hy, q, rho, tau, phi):
+    """The inverse Hessian after a step."""
+    v = rho * s - hy / q
+    return (H - jnp.outer(hy, hy) / q + phi * q * jnp.outer(v, v)) / tau + rho * jnp.outer(s, s)
+
+
 def ssbroyden(problem):
     """lg-hamiltonian's method without its restarts; loss and gradient are compiled, and the update of the inverse Hessian."""
     call = problem.compiled(jax.value_and_grad(problem.scaled), problem.flat, problem.data)
     n = problem.flat.size
-
-    def updated(H, s, y, hy, q, rho, tau, phi):
-        v = rho * s - hy / q
-        return (H - jnp.outer(hy, hy) / q + phi * q * jnp.outer(v, v)) / tau + rho * jnp.outer(s, s)
 
     H, x = jnp.eye(n), np.asarray(problem.flat)
     start = clock()
