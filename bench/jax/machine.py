@@ -6,8 +6,8 @@ a model file of lg-identify, which says all of these. Prints one JSON object.
                                                     [--method NAME] [--form NAME] [--short N] [--seconds S] [--out FILE.h5]
 
 Machines of lines and angles, or of one rotation; mass constant or a network, potential a network, damping diagonal and coulomb,
-a known input map, starts at logged rows. All in float64, on one core, windows along the last axis. --short N: so many steps on
-windows of two rows come first, as with lg-identify. seconds, cpu: since the process began; *_without: without its start and
+a known input map, starts at logged rows. All in float64, on one core, windows along the last axis. --short N (100): so many steps
+on windows of two rows come first, as with lg-identify; 0: none. seconds, cpu: since the process began; *_without: without its start and
 compiling. What is not matched: lg-identify's prior of weights has no part in the loss here, which is the easier problem."""
 import argparse
 import csv
@@ -229,16 +229,18 @@ class Model:
         """CF4; on lines and angles it is the classical Runge-Kutta method."""
         f = lambda y: [self.h * x for x in self.field(parts, *y, u)]
         on = lambda y, *terms: (self.act(sum(c * a[0] for c, a in terms), y[0]), y[1] + sum(c * a[1] for c, a in terms))
-        y = q, p
-        for _ in range(self.substeps):
+
+        def substep(y, _):
             f1 = f(y)
             y2 = on(y, (0.5, f1))
             f2 = f(y2)
             f3 = f(on(y, (0.5, f2)))
             f4 = f(on(y2, (1, f3), (-0.5, f1)))
             both = (1 / 6, f2), (1 / 6, f3)
-            y = on(on(y, *both, (1 / 4, f1), (-1 / 12, f4)), *both, (-1 / 12, f1), (1 / 4, f4))
-        return y
+            return on(on(y, *both, (1 / 4, f1), (-1 / 12, f4)), *both, (-1 / 12, f1), (1 / 4, f4)), None
+
+        y = q, p
+        return substep(y, None)[0] if self.substeps == 1 else jax.lax.scan(substep, y, None, self.substeps)[0]
 
     def loss(self, theta, data):
         parts = self.m.parts(theta)
@@ -430,8 +432,8 @@ if __name__ == "__main__":
     parser.add_argument("--held")
     parser.add_argument("--target", type=float, default=0.0)
     parser.add_argument("--method", choices=METHODS, default="ssbroyden")
-    parser.add_argument("--form", choices=FORMS, default="scan")
-    parser.add_argument("--short", type=int, default=0)
+    parser.add_argument("--form", choices=FORMS, default="again")
+    parser.add_argument("--short", type=int, default=100)
     parser.add_argument("--memory", type=int, default=50)
     parser.add_argument("--seconds", type=float, default=300, help="of processor time, at most")
     parser.add_argument("--seed", type=int, default=1)
