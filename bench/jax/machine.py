@@ -6,7 +6,7 @@ a model file of lg-identify, which says all of these. Prints one JSON object.
                                                     [--method NAME] [--form NAME] [--short N] [--seconds S] [--out FILE.h5]
 
 Machines of lines and angles, or of one rotation; mass constant or a network, potential a network, damping diagonal and coulomb,
-a known input map, starts at logged rows. All in float64, on one core, windows along the last axis. --short N (100): so many steps
+a known input map, starts at logged rows. All in float64, on one core, windows along the last axis. --short N (150): so many steps
 on windows of two rows come first, as with lg-identify; 0: none. seconds, cpu: since the process began; *_without: without its start and
 compiling. What is not matched: lg-identify's prior of weights has no part in the loss here, which is the easier problem."""
 import argparse
@@ -433,7 +433,7 @@ if __name__ == "__main__":
     parser.add_argument("--target", type=float, default=0.0)
     parser.add_argument("--method", choices=METHODS, default="ssbroyden")
     parser.add_argument("--form", choices=FORMS, default="again")
-    parser.add_argument("--short", type=int, default=100)
+    parser.add_argument("--short", type=int, default=150)
     parser.add_argument("--memory", type=int, default=50)
     parser.add_argument("--seconds", type=float, default=300, help="of processor time, at most")
     parser.add_argument("--seed", type=int, default=1)
