@@ -7,8 +7,8 @@ a model file of lg-identify, which says all of these. Prints one JSON object.
 
 Machines of lines and angles, or of one rotation; mass constant or a network, potential a network, damping diagonal and coulomb,
 a known input map, starts at logged rows. All in float64, on one core, windows along the last axis. --short N (150): so many steps
-on windows of two rows come first, as with lg-identify; 0: none. seconds, cpu: since the process began; *_without: without its start and
-compiling. What is not matched: lg-identify's prior of weights has no part in the loss here, which is the easier problem."""
+on windows of two rows come first, as with lg-identify; 0: none. seconds, cpu: since the process began; *_without: without its
+start and compiling. What is not matched: lg-identify's prior of weights has no part in the loss here, the easier problem."""
 import argparse
 import csv
 import json

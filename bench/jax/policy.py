@@ -268,7 +268,7 @@ def train(args, policy, clocks):
         for theta in flat:
             cost, success = map(float, judge(jnp.asarray(theta, jnp.float64), x))
             out.append((-min(success, ENOUGH), cost))
-            if np.isfinite(cost) and (-success, cost) < (-best[0], best[1]):
+            if np.isfinite(cost) and out[-1] < (-min(best[0], ENOUGH), best[1]):
                 best = success, cost, theta
         return np.array(sorted(range(len(out)), key=lambda k: out[k])), min(out)
 
