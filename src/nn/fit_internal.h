@@ -105,8 +105,8 @@ void lg_fit_state_destroy(const lg_fit *fit, lg_fit_state *state);
  * are computed too. The sentence of an error begins with `what`. */
 lg_status lg_fit_batch_loss(lg_fit *fit, const uint32_t *samples, size_t count, bool with_gradient,
                             const char *what, double *loss, lg_error *error);
-/* Most samples in a chunk. */
-size_t lg_fit_chunk_length(const lg_fit *fit);
+/* Finds out whether the first chunk's loss can be a plan; if not, all losses are computed on the tape. */
+lg_status lg_fit_try_recording(lg_fit *fit);
 /* Cuts the samples into contiguous pieces, one per shard; sets fit->active and fit->batch_samples. */
 void lg_fit_cut(lg_fit *fit, const uint32_t *samples, size_t count);
 /* Adds the loss and the derivatives of `count` samples to the shard's. */
@@ -119,8 +119,9 @@ lg_status lg_fit_chunks(const lg_fit *fit, lg_shard *shard, lg_fit_chunk add);
 /* Plans that a shard keeps: for full chunks, for the last chunks of shards and batches, and for recordings
  * that differ. */
 #define LG_FIT_RECORDINGS 16
-/* Finds out whether the first chunk's loss can be a plan; if not, all losses are computed on the tape. */
-lg_status lg_fit_try_recording(lg_fit *fit);
+/* *can: whether the loss of these samples can be a plan, which is then made. */
+lg_status lg_fit_can_record(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count,
+                            bool *can);
 /* Adds loss and gradient of the samples to the shard's, by a plan (lg_fit_problem.repeats). *done = false: a
  * plan is not possible for these samples, and nothing has been added. */
 lg_status lg_fit_run_recording(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count,

@@ -119,14 +119,10 @@ lg_status lg_fit_run_recording(const lg_fit *fit, lg_shard *shard, const uint32_
     return LG_OK;
 }
 
-lg_status lg_fit_try_recording(lg_fit *fit) {
-    lg_shard *shard = &fit->shards[fit->first];
+lg_status lg_fit_can_record(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count,
+                            bool *can) {
     lg_fit_recording *r = NULL;
-    if (!fit->plans || fit->first == fit->end) return LG_OK;
-    fit->point = fit->state.theta;
-    lg_fit_cut(fit, fit->state.order, fit->batch);
-    const size_t chunk = lg_fit_chunk_length(fit);
-    LG_TRY(bring(fit, shard, fit->state.order, shard->count < chunk ? shard->count : chunk, &r));
-    fit->plans = r != NULL;
-    return LG_OK;
+    const lg_status status = bring(fit, shard, samples, count, &r);
+    *can = r != NULL;
+    return status;
 }

@@ -18,7 +18,7 @@ static bool bound_suffices(const lg_fit *fit, const lg_shard *shard, size_t coun
     return fit->active == 1 && count == shard->count && fit->options.clip_norm == 0.0;
 }
 
-size_t lg_fit_chunk_length(const lg_fit *fit) {
+static size_t chunk_of(const lg_fit *fit) {
     return fit->problem.chunk > 0 ? fit->problem.chunk : LG_FIT_CHUNK;
 }
 
@@ -50,7 +50,7 @@ static lg_status chunk_loss(const lg_fit *fit, lg_shard *shard, const uint32_t *
 }
 
 lg_status lg_fit_chunks(const lg_fit *fit, lg_shard *shard, lg_fit_chunk add) {
-    const size_t chunk = lg_fit_chunk_length(fit);
+    const size_t chunk = chunk_of(fit);
     shard->loss = 0.0;
     lg_tape_constant(shard->tape, fit->point, fit->problem.parameters * fit->k->size);
     /* A rank that is asked to stop says so in the next exchange, and then no rank uses the shards. */
@@ -85,8 +85,7 @@ size_t lg_fit_pieces(size_t samples, size_t parameters, size_t chunk) {
 
 /* Shard i of n gets the samples [i count/n, (i + 1) count/n), at least one since n <= count. */
 void lg_fit_cut(lg_fit *fit, const uint32_t *samples, size_t count) {
-    const size_t most =
-        fit->by_work ? lg_fit_pieces(count, fit->problem.parameters, lg_fit_chunk_length(fit)) : count;
+    const size_t most = fit->by_work ? lg_fit_pieces(count, fit->problem.parameters, chunk_of(fit)) : count;
     size_t n = count < fit->options.shards ? count : fit->options.shards;
     if (n > most) n = most;
     for (size_t i = 0; i < n; i++) {
@@ -96,6 +95,15 @@ void lg_fit_cut(lg_fit *fit, const uint32_t *samples, size_t count) {
     }
     fit->active = n;
     fit->batch_samples = count;
+}
+
+lg_status lg_fit_try_recording(lg_fit *fit) {
+    lg_shard *shard = &fit->shards[fit->first];
+    if (!fit->plans || fit->first == fit->end) return LG_OK;
+    fit->point = fit->state.theta;
+    lg_fit_cut(fit, fit->state.order, fit->batch);
+    const size_t chunk = chunk_of(fit), count = shard->count < chunk ? shard->count : chunk;
+    return lg_fit_can_record(fit, shard, fit->state.order, count, &fit->plans);
 }
 
 /* Text of a number that is not finite; NaN is written without a sign. */
