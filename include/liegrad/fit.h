@@ -136,8 +136,8 @@ typedef struct lg_fit_problem {
     /* True: for equal numbers of samples `loss` mostly records the same operations; only the values of inputs
      * (lg_input, lg_input_buffer) differ. The loss and its gradient are then recorded once and made a plan
      * (liegrad/program.h), which takes less time where the tensors of a sample are small. The loss may not
-     * read values from the tape; lg_fit_create calls it once to see whether a plan is possible. Results differ
-     * from the tape's by rounding. */
+     * read values from the tape; lg_fit_create calls it once to see whether a plan is possible. Results
+     * differ from the tape's by rounding. */
     bool repeats;
     /* May be NULL. It tells whether a model is dead, that is, whether it cannot learn any more
      * (lg_fit_options.restarts). `theta` holds the current parameters. If the model is dead, it sets *dead to

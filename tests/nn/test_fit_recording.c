@@ -14,14 +14,16 @@ static lg_tape *dry_tape(lg_dtype dtype) {
     return tape;
 }
 
-/* sin(theta) a + 3 b, summed; `constant` and `index` are parts of the recording, a and b are data. */
+/* sin(theta) a + constant b, elements 0 and `index`, and element `part` once more, summed. a and b are data,
+ * the others are parts of the recording. */
 static lg_var record_sum(lg_tape *tape, const double *theta, const double a[2], double constant,
-                         uint32_t index, lg_var *of) {
+                         uint32_t index, uint32_t part, lg_var *of) {
     *of = lg_parameter(tape, lg_shape1(2), theta);
     const lg_var x = lg_mul(tape, lg_sin(tape, *of), lg_input_f64(tape, lg_shape1(2), a));
     const lg_var b = lg_input_f64(tape, lg_shape0(), a + 1);
     const lg_var both = lg_add(tape, lg_mul(tape, b, lg_full(tape, lg_shape1(2), constant)), x);
-    return lg_sum(tape, lg_gather(tape, both, (const uint32_t[]){0, index}, 2));
+    const lg_var chosen = lg_sum(tape, lg_gather(tape, both, (const uint32_t[]){0, index}, 2));
+    return lg_add(tape, chosen, lg_sum(tape, lg_slice(tape, both, 0, part, 1)));
 }
 
 TEST("a repeated recording takes new data, and refuses everything else that is new") {
@@ -29,7 +31,7 @@ TEST("a repeated recording takes new data, and refuses everything else that is n
     lg_tape *tape = dry_tape(LG_F64);
     lg_plan *plan = NULL;
     void *data;
-    lg_var of, y = record_sum(tape, theta, first, 3.0, 1, &of), out[2] = {y, LG_NONE};
+    lg_var of, y = record_sum(tape, theta, first, 3.0, 1, 0, &of), out[2] = {y, LG_NONE};
     double value, got[3];
     assert_int_equal(lg_read(tape, y, 1, &value), LG_UNSUPPORTED);
     assert_null(lg_value(tape, y));
@@ -39,21 +41,24 @@ TEST("a repeated recording takes new data, and refuses everything else that is n
     for (int k = 0; k < 4; k++) {
         const double *a = k % 2 == 0 ? first : second;
         lg_tape_repeat(tape);
-        assert_int_equal(record_sum(tape, theta, a, 3.0, 1, &of).index, y.index);
+        assert_int_equal(record_sum(tape, theta, a, 3.0, 1, 0, &of).index, y.index);
         assert_ok(lg_tape_status(tape));
         lg_plan_eval(plan, (const void *const[]){theta, data}, (void *const[]){got, got + 1}, work);
-        assert_close(got[0], sin(theta[0]) * a[0] + sin(theta[1]) * a[1] + 6.0 * a[1], 1e-14, 0.0);
-        for (int i = 0; i < 2; i++) assert_close(got[1 + i], cos(theta[i]) * a[i], 1e-14, 0.0);
-        /* Another constant, other indices, another operation, another shape, more than there was. */
-        for (int wrong = 0; wrong < 5; wrong++) {
+        const double x[2] = {sin(theta[0]) * a[0], sin(theta[1]) * a[1]};
+        assert_close(got[0], 2.0 * x[0] + x[1] + 9.0 * a[1], 1e-14, 0.0);
+        assert_close(got[1], 2.0 * cos(theta[0]) * a[0], 1e-14, 0.0);
+        assert_close(got[2], cos(theta[1]) * a[1], 1e-14, 0.0);
+        /* Another constant, other indices, another attribute, another operation, another shape, more than
+         * there was. */
+        for (int wrong = 0; wrong < 6; wrong++) {
             lg_tape_repeat(tape);
-            const lg_var again =
-                record_sum(tape, theta, second, wrong == 0 ? 2.0 : 3.0, wrong == 1 ? 0 : 1, &of);
-            if (wrong >= 2) {
+            const lg_var again = record_sum(tape, theta, second, wrong == 0 ? 2.0 : 3.0, wrong == 1 ? 0 : 1,
+                                            wrong == 2 ? 1 : 0, &of);
+            if (wrong >= 3) {
                 assert_ok(lg_tape_status(tape));
-                if (wrong == 2) (void)lg_exp(tape, again);
-                if (wrong == 3) (void)lg_full(tape, lg_shape1(7), 1.0);
-                for (int i = 0; wrong == 4 && i < 40; i++) (void)lg_full(tape, lg_shape0(), 1.0);
+                if (wrong == 3) (void)lg_exp(tape, again);
+                if (wrong == 4) (void)lg_full(tape, lg_shape1(7), 1.0);
+                for (int i = 0; wrong == 5 && i < 40; i++) (void)lg_full(tape, lg_shape0(), 1.0);
             }
             assert_int_equal(lg_tape_status(tape), LG_UNSUPPORTED);
         }
@@ -62,7 +67,7 @@ TEST("a repeated recording takes new data, and refuses everything else that is n
     const lg_mark mark = lg_tape_mark(tape);
     assert_int_equal(lg_tape_rewind(tape, mark), LG_UNSUPPORTED);
     lg_tape_reset(tape);
-    (void)record_sum(tape, theta, first, 5.0, 0, &of);
+    (void)record_sum(tape, theta, first, 5.0, 0, 1, &of);
     assert_ok(lg_tape_status(tape));
     lg_plan_destroy(plan);
 }
