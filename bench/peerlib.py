@@ -25,6 +25,13 @@ def pin():
         os.environ[name] = "1"
 
 
+def pin_jax():
+    """pin(), and JAX on the processor with one thread. Call it before JAX is imported."""
+    pin()
+    os.environ["XLA_FLAGS"] = " ".join(filter(None, (os.environ.get("XLA_FLAGS"), "--xla_cpu_multi_thread_eigen=false")))
+    os.environ["JAX_PLATFORMS"] = "cpu"
+
+
 class ModelFile:
     """A learned Hamiltonian of one pendulum, Flat vector: weight (in, out) and bias of each layer, gamma, b."""
 

@@ -12,9 +12,7 @@ sys.path[1:1] = [os.path.dirname(os.path.dirname(os.path.abspath(__file__)))]
 import peerlib
 from peerlib import clock
 
-peerlib.pin()
-os.environ["XLA_FLAGS"] = " ".join(filter(None, (os.environ.get("XLA_FLAGS"), "--xla_cpu_multi_thread_eigen=false")))
-os.environ["JAX_PLATFORMS"] = "cpu"
+peerlib.pin_jax()
 
 import diffrax
 import jax

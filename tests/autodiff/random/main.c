@@ -119,6 +119,7 @@ int main(int argc, char **argv) {
         counted.recordings, seed, counted.functions, counted.derivatives, counted.loops, counted.plans,
         counted.sources, counted.unfit, counted.refused);
     printf("%zu operations are packed in %zu bytes\n", counted.operations, counted.bytes);
+    printf("%zu functions as plans of repeated recordings\n", counted.repeated);
     const bool all = all_rows_recorded();
     printf("%zu differ\n", different);
     return different == 0 && all ? 0 : 1;

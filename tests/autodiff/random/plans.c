@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "autodiff/program/plan.h"
+#include "autodiff/program/program_tape.h"
 #include "autodiff/random/random.h"
 #include "liegrad/program.h"
 
@@ -202,6 +203,64 @@ static bool check_plan(const lg_program *program, const lg_program *copy, size_t
     return good;
 }
 
+/* ---- plans of repeated recordings ---- */
+
+enum { OF_TAPE = 4 }; /* most outputs of lg_plan_of_tape */
+
+/* Records the function on a dry tape, at the truth's inputs or at zeros. */
+static lg_status record_dry(lg_tape *dry, const lg_program *program, size_t function, const truth *t,
+                            bool zeros, lg_var *theta, lg_var *out) {
+    static const double nothing = 0.0;
+    lg_var in[LG_PROGRAM_MAX_PORTS];
+    *theta = lg_parameter(dry, lg_shape1(1), &nothing);
+    for (size_t i = 0; i < t->inputs; i++) {
+        const lg_node *node = lg_node_at(t->tape, t->in[i]);
+        double *zero = room(t->in_count[i], sizeof *zero);
+        memset(zero, 0, t->in_count[i] * sizeof *zero);
+        in[i] = lg_input_f64(dry, node->shape, zeros ? zero : node->value);
+        free(zero);
+    }
+    return lg_program_record(dry, program, function, NULL, in, out);
+}
+
+/* Makes a plan of a recording at zeros, repeats the recording at the truth's inputs, and compares. */
+static bool check_repeated(const lg_program *program, size_t function, const truth *t, lg_dtype dtype,
+                           finding *f) {
+    const size_t outputs = t->outputs < OF_TAPE ? t->outputs : OF_TAPE;
+    lg_tape_options options;
+    lg_tape *dry = NULL;
+    lg_plan *plan = NULL;
+    lg_var theta, out[LG_PROGRAM_MAX_PORTS];
+    lg_error error = {.message = ""};
+    const double nothing = 0.0;
+    void *data, *got[OF_TAPE];
+    char sentence[256];
+    lg_tape_options_init(&options);
+    options.dtype = dtype;
+    if (lg_tape_create(NULL, &options, &dry) != LG_OK) stop("no memory");
+    lg_tape_set_dry(dry);
+    if (record_dry(dry, program, function, t, true, &theta, out) != LG_OK ||
+        lg_plan_of_tape(dry, theta, out, outputs, t->rows, &plan, &data, &error) != LG_OK) {
+        (void)found(f, true, "no plan of the tape: %s%s", lg_tape_message(dry), error.message);
+        lg_tape_destroy(dry);
+        return false;
+    }
+    lg_tape_repeat(dry);
+    bool good = record_dry(dry, program, function, t, false, &theta, out) == LG_OK ||
+                found(f, true, "the recording is not repeated: %s", lg_tape_message(dry));
+    void *work = lg_alloc(NULL, lg_plan_work_size(plan), 1);
+    for (size_t j = 0; j < outputs; j++) got[j] = room(t->out_count[j], sizeof(double));
+    if (good) lg_plan_eval(plan, (const void *const[]){&nothing, data}, got, work);
+    for (size_t j = 0; good && j < outputs; j++)
+        good = explained(t, j, dtype, got[j], sentence, sizeof sentence) || found(f, false, "%s", sentence);
+    for (size_t j = 0; j < outputs; j++) free(got[j]);
+    lg_free(NULL, work);
+    lg_plan_destroy(plan);
+    lg_tape_destroy(dry);
+    counted.repeated++;
+    return good;
+}
+
 static lg_plan_options draw_options(lg_rng *rng, size_t rows, int plan) {
     lg_plan_options options;
     lg_plan_options_init(&options);
@@ -223,6 +282,12 @@ static bool check_function(lg_tape *tape, const lg_program *program, const lg_pr
         find_truth(tape, program, function, rows, rng, &t);
     counted.functions++;
     if (!t.finite) counted.unfit++;
+    const lg_dtype dtype = chance(rng, 0.6) ? LG_F64 : LG_F32;
+    finding repeated;
+    if (t.finite && !check_repeated(program, function, &t, dtype, &repeated))
+        return found(f, repeated.refused, "%s, %zu rows, %s, repeated: %.300s",
+                     lg_program_function_name(program, function), t.rows, dtype == LG_F64 ? "f64" : "f32",
+                     repeated.sentence);
     for (int plan = 0; plan < PLANS && t.finite; plan++) {
         const lg_plan_options options = draw_options(rng, rows, plan);
         const uint64_t draw = lg_rng_next(rng);

@@ -139,7 +139,7 @@ bool found(finding *out, bool refused, const char *format, ...)
     __attribute__((format(printf, 3, 4))); /* always returns false */
 
 typedef struct tally {
-    size_t recordings, functions, derivatives, loops, plans, unfit, sources, refused;
+    size_t recordings, functions, derivatives, loops, plans, repeated, unfit, sources, refused;
     size_t bytes, operations; /* of stored functions */
     size_t steps[8];          /* steps of plans, by kind */
 } tally;
