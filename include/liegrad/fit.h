@@ -133,11 +133,11 @@ typedef struct lg_fit_problem {
     /* Largest number of samples that are on a tape at once; a larger shard is processed in pieces. Small
      * pieces keep the values in the processor's cache. 0: LG_FIT_CHUNK. */
     size_t chunk;
-    /* True: for equal numbers of samples `loss` mostly records the same operations; only the values of inputs
-     * (lg_input, lg_input_buffer) differ. The loss and its gradient are then recorded once and made a plan
-     * (liegrad/program.h), which takes less time where the tensors of a sample are small. The loss may not
-     * read values from the tape; lg_fit_create calls it once to see whether a plan is possible. Results
-     * differ from the tape's by rounding. */
+    /* True: `loss` usually records the same operations for the same number of samples, and only the values of
+     * inputs (lg_input, lg_input_buffer) differ. lg_fit then makes a plan (liegrad/program.h) of the loss and
+     * its gradient. This saves time if the tensors of a sample are small. Results differ from the tape's
+     * results by rounding. lg_fit_create calls `loss` once. If `loss` reads values from the tape, lg_fit
+     * uses the tape. */
     bool repeats;
     /* May be NULL. It tells whether a model is dead, that is, whether it cannot learn any more
      * (lg_fit_options.restarts). `theta` holds the current parameters. If the model is dead, it sets *dead to

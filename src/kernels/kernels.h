@@ -307,12 +307,13 @@ typedef struct lg_kernels {
 
     /* Runs scalar code on an array of registers of the table's type. */
     void (*scalars)(size_t groups, const lg_scalar_group *group, const uint32_t *operands, void *registers);
-    /* Runs scalar code on n <= LG_K_ROWS rows of a batch. Register i of row b is element i LG_K_ROWS + b. */
+    /* Runs scalar code for n <= LG_K_ROWS rows of a batch. Register i of row b is element i LG_K_ROWS + b of
+     * the array `registers`. */
     void (*row_scalars)(size_t n, size_t groups, const lg_scalar_group *group, const uint32_t *operands,
                         void *registers);
-    /* Copy between such registers and n rows that are `apart` elements apart; apart = 0: the same elements
-     * for each row. load_rows: register i = x[b apart + i], i < count. store_rows: y[b apart + i] =
-     * register from[i]. */
+    /* load_rows copies x[b apart + i] to register i of row b. store_rows copies register from[i] of row b to
+     * y[b apart + i]. b = 0..n-1, i = 0..count-1. With apart = 0 load_rows copies the same elements to all
+     * rows. */
     void (*load_rows)(size_t n, size_t count, size_t apart, const void *x, void *registers);
     void (*store_rows)(size_t n, size_t count, const uint32_t *from, size_t apart, const void *registers,
                        void *y);

@@ -21,9 +21,9 @@ extern void dposv_(const char *uplo, const int *n, const int *nrhs, double *a, c
 /* A = Q R by Householder reflections. */
 extern void dgeqrf_(const int *m, const int *n, double *a, const int *lda, double *tau, double *work,
                     const int *lwork, int *info);
-/* R of A above B: A (n, n) is an upper triangle and becomes R, B (m, n) is overwritten, and its last l rows
- * are a trapezium (l = 0: B is full). nb <= n: columns of a block; t (ldt, n) with ldt >= nb; work has nb n
- * numbers. */
+/* QR factor R of the matrix with A (n, n) above B (m, n). A must be an upper triangle. R overwrites A, and B
+ * is overwritten. l = 0 means that B has no zeros to use. nb <= n is the number of columns of a block; t is
+ * (ldt, n) with ldt >= nb, and work has nb n numbers. */
 extern void dtpqrt_(const int *m, const int *n, const int *l, const int *nb, double *a, const int *lda,
                     double *b, const int *ldb, double *t, const int *ldt, double *work, int *info);
 /* A P = Q R, where each step takes the longest remaining column. Column j of A P is column jpvt[j] - 1 of A,

@@ -128,10 +128,10 @@ static void add_scores(normal *s, size_t first, size_t count) {
     }
 }
 
-/* R of R above the chunk's columns, which are overwritten. */
+/* Replaces R by the QR factor of the matrix with R above the rows of the chunk. Overwrites s->columns. */
 static void put_below(normal *s) {
     const int rows = (int)s->rows, n = (int)s->n, none = 0, block = n < BLOCK ? n : BLOCK;
-    int info = 0; /* this function only refuses wrong arguments */
+    int info = 0; /* dtpqrt reports invalid arguments only */
     dtpqrt_(&rows, &n, &none, &block, s->triangle, &n, s->columns, &rows, s->reflectors, &block,
             s->reflectors + (size_t)block * s->n, &info);
 }

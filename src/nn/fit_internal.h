@@ -48,9 +48,10 @@ typedef struct lg_shard {
     /* Only for sums of squares: the Gauss-Newton matrix, and memory for a Jacobian of `rows` rows. */
     double *matrix, *jacobian;
     size_t rows;
-    lg_fit_recording *recordings; /* (LG_FIT_RECORDINGS), fit_recording.c; NULL before the first */
-    size_t next;                  /* the recording that is replaced next */
-    void *part;                   /* (parameters): gradient of a chunk */
+    /* Array of LG_FIT_RECORDINGS recordings (fit_recording.c). NULL until the first recording is made. */
+    lg_fit_recording *recordings;
+    size_t next; /* counts the recordings made; recording number next % LG_FIT_RECORDINGS is replaced next */
+    void *part;  /* (parameters): gradient of a chunk */
 } lg_shard;
 
 struct lg_fit {
@@ -119,7 +120,8 @@ lg_status lg_fit_chunks(const lg_fit *fit, lg_shard *shard, lg_fit_chunk add);
 /* Plans that a shard keeps: for full chunks, for the last chunks of shards and batches, and for recordings
  * that differ. */
 #define LG_FIT_RECORDINGS 16
-/* *can: whether the loss of these samples can be a plan, which is then made. */
+/* Sets *can to true and makes a plan if a plan can compute the loss of these samples; else sets *can to
+ * false. */
 lg_status lg_fit_can_record(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count,
                             bool *can);
 /* Adds loss and gradient of the samples to the shard's, by a plan (lg_fit_problem.repeats). *done = false: a

@@ -70,14 +70,16 @@ static lg_status make(const lg_fit *fit, lg_fit_recording *r, const uint32_t *sa
     return r->work != NULL ? LG_OK : LG_OUT_OF_MEMORY;
 }
 
-/* Whether the samples' recording is the same as this one, which then holds their data. */
+/* Records the samples' loss on r's tape again, which writes their data to r->data. Returns true if the
+ * recording is the same as r's recording. */
 static bool repeats(const lg_fit *fit, lg_fit_recording *r, const uint32_t *samples) {
     lg_var theta, loss = LG_NONE;
     lg_tape_repeat(r->tape);
     return record(fit, r->tape, samples, r->count, &theta, &loss) == LG_OK && loss.index == r->loss.index;
 }
 
-/* The recording with the data of these samples. *out = NULL: their loss cannot be a plan. */
+/* Sets *out to the recording of these samples' loss, and writes their data to (*out)->data. Sets *out to NULL
+ * if no plan can compute the loss. */
 static lg_status bring(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count,
                        lg_fit_recording **out) {
     *out = NULL;

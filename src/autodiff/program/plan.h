@@ -44,8 +44,8 @@ typedef struct lg_dense_step {
     lg_activation kind;
 } lg_dense_step;
 
-/* `count` adjacent elements that scalar code loads or stores. In a tensor with rows these are elements of the
- * first row, and those of the next row lie `apart` elements further; without rows `apart` is 0. */
+/* `count` adjacent elements that scalar code loads or stores. If the tensor has rows, `place` is in row 0,
+ * and row b begins b * apart elements after row 0. If it has no rows, `apart` is 0. */
 typedef struct lg_scalar_range {
     lg_place place;
     uint32_t count, apart;
@@ -55,7 +55,7 @@ typedef struct lg_scalar_range {
 
 /* A run of scalar operations. The registers hold first the constants, then the loaded values, then the
  * results of the groups of instructions. An instruction uses only constants, loaded values and results of
- * earlier groups. The run is made for each of `rows` rows, LG_K_ROWS at a time; 1: for whole tensors. */
+ * earlier groups. The plan runs the code for each of `rows` rows. rows = 1 means whole tensors. */
 typedef struct lg_scalar_step {
     size_t rows;
     /* Numbers of registers: constants, loaded values and results of instructions, in this order. */

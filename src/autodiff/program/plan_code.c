@@ -16,20 +16,20 @@ size_t lg_code_count(const lg_graph *g, uint32_t node) {
     return lg_code_by_rows(g, node) ? count / g->rows : count;
 }
 
-/* A node's attributes and shapes for one row; for a node without rows, its own. */
+/* Attributes and shapes of the operation that computes one row of a node, or a node without rows. */
 typedef struct one_row {
     lg_attr attr;
     lg_shape shape, own[LG_MAX_INPUTS];
     const lg_shape *in[LG_MAX_INPUTS];
 } one_row;
 
-/* Whether a row of the node depends on input k through the same row of it. */
+/* Returns true if row r of the node uses only row r of input k. */
 static bool row_of_input(const lg_graph_node *n, uint32_t k, const lg_shape *in, lg_row_use use) {
     if (use == LG_ROWS_BROADCAST) return in->rank == n->shape.rank && in->dims[0] != 1;
     return use == LG_ROWS_EACH || k == 0;
 }
 
-/* False: scalar code for a row cannot compute the node, because a row needs other rows of an input. */
+/* Returns false if a row of the node needs other rows of an input. Scalar code cannot compute such a node. */
 static bool find_one_row(const lg_graph *g, uint32_t node, one_row *out) {
     const lg_graph_node *n = &g->node[node];
     const bool rows = lg_code_by_rows(g, node);
@@ -99,7 +99,7 @@ static lg_status new_load(lg_code *code, uint32_t node, uint32_t element, lg_sca
     return LG_OK;
 }
 
-/* Whether all rows of a constant are equal, or it has no rows. */
+/* Returns true if all rows of the constant are equal, or if it has no rows. */
 static bool same_rows(const lg_graph_node *n, size_t count) {
     for (size_t i = count; i < n->count; i++)
         if (memcmp(&n->value[i], &n->value[i - count], sizeof *n->value) != 0) return false;

@@ -5,19 +5,19 @@
 #include "autodiff/program/plan.h"
 #include "autodiff/program/plan_graph.h"
 
-/* Whether the node has an element or several for each row of a batch: its first axis has as many elements as
- * the batch has rows. Scalar code computes such nodes row by row, and other nodes as a whole. */
+/* Returns true if the node's first axis has as many elements as the batch has rows. Scalar code computes such
+ * a node one row at a time. It computes every other node as a whole. */
 bool lg_code_by_rows(const lg_graph *graph, uint32_t node);
-/* Number of elements that scalar code has of a node: those of one row if it has rows. */
+/* Returns the number of elements in one row of the node, or in the whole node if it has no rows. */
 size_t lg_code_count(const lg_graph *graph, uint32_t node);
-/* Whether the node, or a row of it, can be computed by scalar code and is small enough. */
+/* Returns true if scalar code can compute the node, or one row of it, and this is small enough. */
 bool lg_code_fits(const lg_graph *graph, uint32_t node);
 
 typedef struct lg_code {
     lg_scalars s;
     lg_heap *temporary;
     const lg_graph *graph;
-    size_t rows;       /* of the nodes that were added; 1: none of them has rows */
+    size_t rows;       /* rows of the batch if an added node has rows; else 1 */
     lg_scalar **value; /* for each node: one instruction per element (of a row), or NULL */
     uint32_t *load;    /* for each INPUT instruction, by number: node and element */
     uint32_t loads, capacity;

@@ -92,7 +92,8 @@ static size_t rows_at(const lg_scalar_step *s, size_t first) {
     return s->rows - first < LG_K_ROWS ? s->rows - first : LG_K_ROWS;
 }
 
-/* Loads the constants and what has no rows once, then runs block after block. */
+/* Runs scalar code for blocks of LG_K_ROWS rows. Loads constants and inputs without rows for the first block
+ * only, because later blocks use the same values. */
 static void run_rows(const running *r, const lg_scalar_step *s) {
     const lg_kernels *k = r->k;
     const size_t size = k->size;

@@ -244,8 +244,8 @@ static uint32_t factor_apart(lg_graph *g, const lg_graph_node *n, const lg_shape
     return g->failed ? 0 : lg_graph_operation(g, &product, both);
 }
 
-/* A product with the transpose of a matrix: the transpose becomes an operation of its own, which all products
- * with this matrix share. Plans keep the transposes of constants (plan_steps.c). */
+/* Replaces the product A B^T by A C. C = B^T is a new operation, and all products with B^T use the same C. If
+ * B is a constant, plan_steps.c stores B^T instead. */
 static uint32_t with_transpose(lg_graph *g, const lg_graph_node *n, const lg_shape *const *shapes) {
     const lg_evaluation e = {
         .attr = &n->attr, .inputs = n->inputs, .in = shapes, .shape = &n->shape, .count = n->count};

@@ -1,5 +1,5 @@
-/* Plans of recordings: what stands on a dry tape becomes a function with two inputs, theta and the data. The
- * data are the values of all other leaves, one behind the other. */
+/* Plans of recordings. The operations on a dry tape become a function with two inputs, theta and the data.
+ * The data are the values of all other leaves, one after the other. */
 #include <string.h>
 
 #include "autodiff/ops/op_table.h"
@@ -48,7 +48,7 @@ static void put_edge(taking *t, lg_program_node *node, uint32_t from) {
     node->inputs++;
 }
 
-/* A leaf of the tape: a part of the data, in its shape. Its values move there. */
+/* Replaces a leaf of the tape by a slice of the data, in the leaf's shape. */
 static void put_data(taking *t, const lg_node *leaf) {
     const lg_shape flat = lg_shape1((uint32_t)leaf->count);
     lg_program_node *part = append(t, lg_op_named("slice"), &flat);
@@ -93,7 +93,7 @@ static void put_operation(taking *t, uint32_t i) {
     }
 }
 
-/* Sizes of the function's arrays, from the nodes that are needed. False: out of memory. */
+/* Allocates the function's arrays for the nodes that the outputs need. Returns false if memory is short. */
 static bool take_memory(taking *t) {
     const lg_context *context = t->tape->context;
     size_t nodes = INPUTS, edges = 0, reals = 0, indices = 0;
@@ -159,7 +159,7 @@ static lg_status put_ports(taking *t, const lg_var *outputs) {
     return lg_ports_copy(t->tape->context, out, f->outputs, &f->output);
 }
 
-/* Moves the values of the leaves to where the plan reads them. */
+/* Allocates the data and moves the leaves' values there. */
 static void *move_data(taking *t) {
     const size_t size = t->tape->k->size;
     unsigned char *data = lg_payload_allocate(t->tape, (t->data + 1) * size);

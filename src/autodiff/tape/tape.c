@@ -224,7 +224,8 @@ static bool same_attributes(const lg_node *node, const lg_attr *attr) {
     return bytes == 0 || memcmp(node->attr.pointer, attr->pointer, bytes) == 0;
 }
 
-/* shape NULL: it follows from inputs and attributes. */
+/* Checks that the caller records the next node of the repeated recording. `shape` is NULL if inputs and
+ * attributes determine the shape. */
 static lg_var repeat(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs, const lg_attr *attr,
                      const lg_shape *shape) {
     static const lg_attr none;

@@ -87,8 +87,8 @@ struct lg_tape {
     bool unrecorded; /* unrecorded mode: values come from the pool */
     /* Operations are recorded, but not computed: only leaves have values (lg_tape_set_dry). */
     bool dry;
-    /* Number of nodes of the recording that is being repeated (lg_tape_repeat), and where its memory ends; 0:
-     * the tape records. */
+    /* lg_tape_repeat: number of nodes of the recording that the caller repeats, or 0. end_chunk and end_used
+     * say where the recording's memory ends in the arena. */
     uint32_t repeated, end_chunk;
     size_t end_used;
 
@@ -153,15 +153,15 @@ lg_var lg_record_over(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t
 /* Like lg_record, for operations whose output shape is chosen by the caller (lg_op.given). */
 lg_var lg_record_shaped(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs,
                         const lg_attr *attr, lg_shape shape);
-/* From now on operations are recorded, but not computed. lg_read and lg_value refuse. The tape must be empty,
- * and stays dry. */
+/* Makes an empty tape dry for the rest of its life: it records operations, but does not compute them. lg_read
+ * then returns LG_UNSUPPORTED, and lg_value returns NULL. */
 void lg_tape_set_dry(lg_tape *tape);
-/* Begins to repeat what a dry tape holds, from its first node. The caller records the same operations again,
- * with the same attributes, indices and constants (lg_full). Leaves get new values in the memory that they
- * had; lg_parameter may name other memory. Anything else fails with LG_UNSUPPORTED, and the recording may be
- * repeated again. Ends at lg_tape_reset. */
+/* Goes back to the first node of a dry tape and keeps the recording. The caller then records the same
+ * operations again, with the same attributes, indices and constants (lg_full). The new values of leaves go to
+ * the memory of the old values; lg_parameter may name other memory. Any other call fails with LG_UNSUPPORTED;
+ * the caller may then call lg_tape_repeat again. lg_tape_reset ends the repetition. */
 void lg_tape_repeat(lg_tape *tape);
-/* The memory of the next leaf of the recording that is being repeated. NULL: error set. */
+/* Returns the memory of the next leaf of the repeated recording, or NULL with the tape's error set. */
 void *lg_repeated_leaf(lg_tape *tape, const lg_shape *shape);
 /* The vjp and jvp of operations that differentiation treats as constants. */
 void lg_no_vjp(lg_reverse *r);
