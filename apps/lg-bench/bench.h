@@ -15,7 +15,7 @@ typedef struct bench_options {
     uint64_t batch, width, links, repeats, epochs;
     int dtype; /* 0: the case's own type, 1: f64, 2: f32. */
     const char *only, *out, *weights;
-    bool judge;
+    bool judge, tape;
 } bench_options;
 
 /* A further number of a row, with a name. */

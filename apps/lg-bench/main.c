@@ -152,6 +152,7 @@ static const lg_field options[] = {
     LG_OPTION(bench_options, epochs, U64, "k",
               "Epochs of the hamiltonian, elastica and cnn cases (default 20; 6; 6)", .low = 2, .high = 1e6),
     LG_OPTION(bench_options, judge, SWITCH, NULL, "hamiltonian: also E1 of the trained model on a test set"),
+    LG_OPTION(bench_options, tape, SWITCH, NULL, "mlp2, jvp: gradients by the tape instead of by plans"),
     LG_OPTION(bench_options, weights, STRING, "FILE",
               "hamiltonian: no training; judges these parameters (doubles, as --out writes them); "
               "elastica-curve: the model file"),

@@ -3,25 +3,37 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "autodiff/program/program_tape.h"
+#include "autodiff/tape/tape_internal.h"
 #include "kernels/kernels.h"
 #include "core/core.h"
 #include "lg-bench/bench.h"
 #include "nn/fit_internal.h"
 #include "liegrad/ops.h"
 
-/* ---- shared by mlp2 and jvp: a loss over rows, cut into shards that do not depend on the number of threads
- * ---- */
+/* ---- shared by mlp2 and jvp: a loss over rows, cut into shards that do not depend on the number of threads.
+ * The gradient of a chunk is a plan, as in the training of machines, or is recorded each time (--tape) ---- */
 
 typedef struct second second;
 typedef lg_var (*loss_fn)(lg_tape *tape, const lg_mlp *net, const lg_mlp_vars *vars, lg_var x);
 
+/* Gradients of chunks of `rows` rows; rows = 0: not made yet. */
+typedef struct chunk_plan {
+    size_t rows;
+    lg_tape *tape;
+    lg_plan *plan;
+    void *x, *work; /* x: the plan's data; belongs to the tape */
+} chunk_plan;
+
 typedef struct piece {
     lg_tape *tape;
-    void *gradient;
+    void *gradient, *part; /* part: the gradient of one chunk */
     size_t first, rows;
+    chunk_plan whole, rest; /* whole chunks, and the last one */
 } piece;
 
 struct second {
+    const bench *b;
     lg_mlp net;
     lg_dtype dtype;
     loss_fn loss;
@@ -31,20 +43,52 @@ struct second {
     lg_thread_pool *pool;
 };
 
+static void record_chunk(const second *s, lg_tape *tape, size_t rows, const void *x, lg_var *theta,
+                         lg_var *loss) {
+    lg_mlp_vars vars;
+    *theta = lg_parameter(tape, lg_shape1((uint32_t)s->parameters), s->theta);
+    const lg_var in = lg_parameter(tape, lg_shape2((uint32_t)rows, lg_mlp_inputs(&s->net)), x);
+    (void)lg_mlp_bind(tape, &s->net, *theta, 0, &vars);
+    *loss = s->loss(tape, &s->net, &vars, in);
+}
+
+static void chunk_by_tape(const second *s, piece *p, size_t rows, const void *x, bool first) {
+    lg_var theta, loss;
+    lg_tape_reset(p->tape);
+    record_chunk(s, p->tape, rows, x, &theta, &loss);
+    (void)(first ? lg_backward_set : lg_backward)(p->tape, loss, &theta, 1, &p->gradient);
+}
+
+static void make_plan(const second *s, chunk_plan *c, size_t rows, const void *x) {
+    lg_var theta, out[2];
+    c->tape = bench_tape(s->b, s->dtype, 1);
+    lg_tape_set_dry(c->tape);
+    record_chunk(s, c->tape, rows, x, &theta, &out[0]);
+    bench_check(s->b, lg_grad(c->tape, out[0], &theta, 1, &out[1]), "recording the gradient");
+    bench_check(s->b, lg_plan_of_tape(c->tape, theta, out, 2, rows, &c->plan, &c->x, NULL), "making a plan");
+    c->work = lg_alloc(s->b->app->context, lg_plan_work_size(c->plan), 1); /* aligned */
+    if (c->work == NULL) bench_check(s->b, LG_OUT_OF_MEMORY, "memory of a plan");
+    c->rows = rows;
+}
+
+static void chunk_by_plan(const second *s, piece *p, size_t rows, const void *x, bool first) {
+    chunk_plan *c = rows == LG_FIT_CHUNK ? &p->whole : &p->rest;
+    double loss; /* of the plan's type */
+    if (c->rows == 0) make_plan(s, c, rows, x);
+    memcpy(c->x, x, rows * lg_mlp_inputs(&s->net) * bench_size(s->dtype));
+    lg_plan_eval(c->plan, (const void *const[]){s->theta, c->x},
+                 (void *const[]){&loss, first ? p->gradient : p->part}, c->work);
+    if (!first) lg_kernels_for(s->dtype)->axpy(s->parameters, 1.0, p->part, p->gradient);
+}
+
 static void piece_gradient(void *user, size_t index) {
     const second *s = user;
     piece *p = &s->piece[index];
-    lg_mlp_vars vars;
-    const uint32_t in = lg_mlp_inputs(&s->net);
+    const size_t row = lg_mlp_inputs(&s->net) * bench_size(s->dtype);
     for (size_t at = 0; at < p->rows; at += LG_FIT_CHUNK) {
         const size_t rows = p->rows - at < LG_FIT_CHUNK ? p->rows - at : LG_FIT_CHUNK;
-        lg_tape_reset(p->tape);
-        const lg_var theta = lg_parameter(p->tape, lg_shape1((uint32_t)s->parameters), s->theta);
-        const lg_var x = lg_parameter(p->tape, lg_shape2((uint32_t)rows, in),
-                                      (const char *)s->x + (p->first + at) * in * bench_size(s->dtype));
-        (void)lg_mlp_bind(p->tape, &s->net, theta, 0, &vars);
-        const lg_var loss = s->loss(p->tape, &s->net, &vars, x);
-        (void)(at == 0 ? lg_backward_set : lg_backward)(p->tape, loss, &theta, 1, &p->gradient);
+        const void *x = (const char *)s->x + (p->first + at) * row;
+        (s->b->given->tape ? chunk_by_tape : chunk_by_plan)(s, p, rows, x, at == 0);
     }
 }
 
@@ -58,7 +102,7 @@ static void second_call(void *user) {
 
 static void second_open(const bench *b, lg_dtype dtype, int threads, const lg_mlp *net, loss_fn loss,
                         const double *theta, const double *x, size_t rows, second *s) {
-    *s = (second){.net = *net, .dtype = dtype, .loss = loss, .rows = rows};
+    *s = (second){.b = b, .net = *net, .dtype = dtype, .loss = loss, .rows = rows};
     s->parameters = lg_mlp_parameters(net);
     s->theta = bench_typed(dtype, theta, s->parameters);
     s->x = bench_typed(dtype, x, rows * lg_mlp_inputs(net));
@@ -68,17 +112,28 @@ static void second_open(const bench *b, lg_dtype dtype, int threads, const lg_ml
         piece *p = &s->piece[i];
         p->tape = bench_tape(b, dtype, 1);
         p->gradient = app_alloc(s->parameters, bench_size(dtype));
+        p->part = app_alloc(s->parameters, bench_size(dtype));
         p->first = i * rows / s->pieces;
         p->rows = (i + 1) * rows / s->pieces - p->first;
     }
     bench_check(b, lg_thread_pool_create(b->app->context, threads, &s->pool), "making threads");
 }
 
+static void close_plan(const second *s, chunk_plan *c) {
+    lg_plan_destroy(c->plan);
+    lg_tape_destroy(c->tape);
+    lg_free(s->b->app->context, c->work);
+}
+
 static void second_close(second *s) {
     lg_thread_pool_destroy(s->pool);
     for (size_t i = 0; i < s->pieces; i++) {
-        lg_tape_destroy(s->piece[i].tape);
-        free(s->piece[i].gradient);
+        piece *p = &s->piece[i];
+        lg_tape_destroy(p->tape);
+        free(p->gradient);
+        free(p->part);
+        close_plan(s, &p->whole);
+        close_plan(s, &p->rest);
     }
     free(s->piece);
     free(s->theta);

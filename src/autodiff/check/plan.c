@@ -60,10 +60,6 @@ static bool operation(lg_plan_step *s) {
 
 /* ---- LG_PLANT_OPERAND: another operand ---- */
 
-static bool same_place(const lg_place *a, const lg_place *b) {
-    return a->area == b->area && a->number == b->number && a->offset == b->offset;
-}
-
 /* A tensor step reads another input in place of one input; scalar code reads the next register or, if there
  * is none, the register before. */
 static bool operand(lg_plan_step *s) {
@@ -71,7 +67,7 @@ static bool operand(lg_plan_step *s) {
         for (uint32_t a = 0; a < s->tensor.inputs; a++)
             for (uint32_t b = 0; b < s->tensor.inputs; b++)
                 if (s->tensor.x[a].area != LG_AREA_NONE && s->tensor.x[b].area != LG_AREA_NONE &&
-                    !same_place(&s->tensor.x[a], &s->tensor.x[b]) &&
+                    !lg_same_place(&s->tensor.x[a], &s->tensor.x[b]) &&
                     lg_shape_count(*s->tensor.shapes[a]) <= lg_shape_count(*s->tensor.shapes[b])) {
                     s->tensor.x[a] = s->tensor.x[b];
                     return true;
@@ -152,11 +148,11 @@ static void look(void *user, lg_place *place, bool written) {
         m->first = *place;
         m->found = true;
     }
-    if (same_place(place, &m->from)) *(written ? &m->writes : &m->reads) = true;
+    if (lg_same_place(place, &m->from)) *(written ? &m->writes : &m->reads) = true;
 }
 
 static lg_place moved_place(const lg_place *place, const moving *m) {
-    return same_place(place, &m->from) ? m->to : *place;
+    return lg_same_place(place, &m->from) ? m->to : *place;
 }
 
 static void move_place(void *user, lg_place *place, bool written) {
@@ -175,7 +171,7 @@ static bool reads_its_result(const lg_plan_step *s, const moving *move) {
     bool found = false;
     if (s->kind == LG_STEP_TENSOR)
         for (uint32_t k = 0; k < s->tensor.inputs; k++)
-            found = found || (!same_place(&s->tensor.x[k], &s->tensor.y) &&
+            found = found || (!lg_same_place(&s->tensor.x[k], &s->tensor.y) &&
                               meet(moved_place(&s->tensor.y, move), s->tensor.count,
                                    moved_place(&s->tensor.x[k], move), lg_shape_count(*s->tensor.shapes[k])));
     if (s->kind == LG_STEP_DENSE)
@@ -196,7 +192,7 @@ static bool clobber(lg_plan *plan, size_t at) {
     for (size_t s = 0; s < at; s++) {
         moving victim = {.from = {LG_AREA_NONE, 1, 0}};
         each_place(&plan->step[s], look, &victim);
-        if (!victim.found || same_place(&victim.first, &made.first)) continue;
+        if (!victim.found || lg_same_place(&victim.first, &made.first)) continue;
         moving later = {.from = victim.first};
         for (size_t t = at + 1; t < plan->steps && !later.writes; t++)
             each_place(&plan->step[t], look, &later);

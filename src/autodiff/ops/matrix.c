@@ -100,7 +100,7 @@ static lg_status matmul_forward(lg_evaluation *e) {
     const lg_product_size size = one_product(e, &of);
     const size_t c_count = e->inputs == 3 ? lg_shape_count(*e->in[2]) : 0;
     const bool full = e->inputs == 3 && c_count == e->count;
-    if (full) memcpy(e->y, e->x[2], e->count * k->size);
+    if (full && e->x[2] != e->y) memcpy(e->y, e->x[2], e->count * k->size);
     const unsigned char *a = e->x[0], *b = e->x[1];
     unsigned char *c = e->y;
     const size_t step_a = of.batch_a == 1 ? 0 : of.m * of.k * k->size;
@@ -185,8 +185,9 @@ static void matmul_c(lg_c *c, const lg_evaluation *e) {
     const uint32_t variant = e->attr->i[0];
     const size_t rows = of.batch * of.m, added = e->inputs == 3 ? lg_shape_count(*e->in[2]) : 0;
     const size_t step_a = of.batch_a == 1 ? 0 : of.m * of.k, step_b = of.batch_b == 1 ? 0 : of.k * of.n;
-    lg_c_call(c, &c_start, "start(%zu, %zu, %s, %zu, %d, $y)", rows, of.n, added > 0 ? "$2" : "NULL",
-              added == e->count ? of.n : 0, added == e->count || added == of.n);
+    if (!lg_c_lies_over(c, 2))
+        lg_c_call(c, &c_start, "start(%zu, %zu, %s, %zu, %d, $y)", rows, of.n, added > 0 ? "$2" : "NULL",
+                  added == e->count ? of.n : 0, added == e->count || added == of.n);
     if (of.batch == 1)
         lg_c_call(c, &c_products[variant], "matmul_%s(%zu, %zu, %zu, $0, $1, $y)", names[variant], of.m, of.n,
                   of.k);

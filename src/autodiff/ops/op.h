@@ -31,8 +31,9 @@ typedef enum lg_payload {
 
 typedef struct lg_op lg_op;
 
-/* One evaluation of an operation. Values are 64-byte aligned on a tape and in a program's work memory;
- * elsewhere they may be unaligned. The output overlaps no input, except as lg_op.over_first allows. */
+/* One evaluation of an operation. Values on a tape are 64-byte aligned; in a plan they may be unaligned. The
+ * output overlaps no input, except as lg_op.over_first allows. The third input of a product may be the
+ * output. */
 typedef struct lg_evaluation {
     const lg_kernels *k;
     const lg_crew *crew; /* NULL: one thread, no BLAS, no lock */

@@ -54,6 +54,8 @@ typedef struct lg_c lg_c;
  * 2^31. */
 void lg_c_call(lg_c *c, const lg_c_fragment *fragment, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
+/* Whether the output of the operation overwrites input k. */
+bool lg_c_lies_over(const lg_c *c, uint32_t input);
 /* Reserves `count` numbers of scratch memory for $s; at most as many as lg_op.scratch allows. */
 void lg_c_scratch(lg_c *c, size_t count);
 /* Adds a table of whole numbers below 2^31, for $i. Equal tables are written once. */

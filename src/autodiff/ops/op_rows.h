@@ -7,8 +7,8 @@
 extern const lg_op lg_op_leaf, lg_op_add, lg_op_sub, lg_op_mul, lg_op_div, lg_op_max, lg_op_atan2,
     lg_op_select, lg_op_ge, lg_op_combine, lg_op_scale, lg_op_shift, lg_op_sqrt, lg_op_exp, lg_op_log,
     lg_op_sin, lg_op_cos, lg_op_abs, lg_op_sign, lg_op_stop_gradient, lg_op_act, lg_op_act_derivative,
-    lg_op_matmul, lg_op_repeat, lg_op_reshape, lg_op_permute, lg_op_conv1d_input, lg_op_conv1d_weight,
-    lg_op_avg_pool1d, lg_op_avg_pool1d_adjoint, lg_op_pool_place, lg_op_cross, lg_op_spd_factor,
-    lg_op_spd_solve, lg_op_stumpff, lg_op_dexpinv_coef, lg_op_custom_derivative;
+    lg_op_matmul, lg_op_concat, lg_op_pad, lg_op_repeat, lg_op_reshape, lg_op_permute, lg_op_conv1d_input,
+    lg_op_conv1d_weight, lg_op_avg_pool1d, lg_op_avg_pool1d_adjoint, lg_op_pool_place, lg_op_cross,
+    lg_op_spd_factor, lg_op_spd_solve, lg_op_stumpff, lg_op_dexpinv_coef, lg_op_custom_derivative;
 
 #endif

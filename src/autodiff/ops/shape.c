@@ -7,7 +7,7 @@
 #include <stdio.h>
 #include <string.h>
 
-extern const lg_op lg_op_slice, lg_op_pad, lg_op_concat;
+extern const lg_op lg_op_slice;
 
 /* The operation can be replaced by its input if it does not change the shape. */
 static lg_instead same_instead(const lg_known *k) {

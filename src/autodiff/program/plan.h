@@ -22,8 +22,12 @@ typedef struct lg_place {
     size_t offset;
 } lg_place;
 
+static inline bool lg_same_place(const lg_place *a, const lg_place *b) {
+    return a->area == b->area && a->number == b->number && a->offset == b->offset;
+}
+
 /* A tensor operation. If the operation works elementwise, y may be the place of an input; if
- * lg_op.over_first is set, only of input 0. */
+ * lg_op.over_first is set, only of input 0. y of a product may be the place of input 2. */
 typedef struct lg_tensor_step {
     const lg_op *op;
     lg_attr attr; /* its pointer points into the plan's memory */
@@ -73,8 +77,8 @@ typedef struct lg_scalar_step {
     lg_place registers; /* memory of the registers, in the work memory */
 } lg_scalar_step;
 
-/* A copy of `count` elements to an output at the end of a plan. It is needed when the output is an input, a
- * constant, a view, or the same node as another output. */
+/* A copy of `count` elements: to an output at the end of a plan, when the output is an input, a constant, a
+ * view, or the same node as another output; or of a part of a concatenation to its place. */
 typedef struct lg_copy_step {
     lg_place x, y;
     size_t count;

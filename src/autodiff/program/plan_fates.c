@@ -1,4 +1,5 @@
 /* Decides how each node of a plan is computed. */
+#include "autodiff/ops/op_rows.h"
 #include "autodiff/program/plan_code.h"
 #include "autodiff/program/plan_make.h"
 
@@ -27,6 +28,69 @@ static bool follows_tensor(const lg_planning *p, uint32_t node) {
     return false;
 }
 
+/* Whether the node is a full sum of two matrices, and term k is a product that no other node uses. For few
+ * elements a sum takes no longer than adding to y does in the product. */
+static bool adds_product(const lg_planning *p, const lg_graph_node *n, uint32_t k) {
+    enum { FEW = 1024 };
+    const lg_graph *g = &p->g;
+    const lg_graph_node *product = &g->node[n->in[k]], *other = &g->node[n->in[1 - k]];
+    return n->count > FEW && product->op == &lg_op_matmul && product->inputs == 2 &&
+           product->shape.rank == 2 && lg_same_shape(&product->shape, &other->shape) &&
+           p->item[n->in[k]].uses == 1 && p->item[n->in[k]].fate == LG_FATE_TENSOR;
+}
+
+/* The product that the step of a sum can add to the other term: of two products the later one. LG_GRAPH_NONE:
+ * there is none. */
+static uint32_t added_product(const lg_planning *p, uint32_t node) {
+    const lg_graph_node *n = &p->g.node[node];
+    if (n->op != &lg_op_add) return LG_GRAPH_NONE;
+    const uint32_t later = n->in[1] > n->in[0];
+    return adds_product(p, n, later)       ? n->in[later]
+           : adds_product(p, n, 1 - later) ? n->in[1 - later]
+                                           : LG_GRAPH_NONE;
+}
+
+bool lg_planning_joins(const lg_planning *p, uint32_t node) {
+    const lg_graph_node *n = &p->g.node[node];
+    size_t outer = 1;
+    if (p->item[node].fate != LG_FATE_TENSOR || n->op != &lg_op_concat) return false;
+    for (uint32_t d = 0; d < n->attr.i[0]; d++) outer *= n->shape.dims[d];
+    return outer == 1;
+}
+
+static bool is_output(const lg_planning *p, uint32_t node) {
+    for (size_t j = 0; j < p->plan->outputs; j++)
+        if (p->item[p->g.result[j]].base == node) return true;
+    return false;
+}
+
+/* Lets the step that computes an input of `node` write it to the node's memory, from element `at` on. An
+ * output has memory of its own, and an input that already lies in the memory of another node stays there. */
+static void join(lg_planning *p, uint32_t input, uint32_t node, size_t at) {
+    const uint32_t base = p->item[input].base;
+    lg_plan_item *part = &p->item[base];
+    if (!lg_planning_is_step(p, base) || part->into != LG_GRAPH_NONE ||
+        p->g.node[base].count != p->g.node[input].count || is_output(p, base))
+        return;
+    part->into = node;
+    part->into_offset = at;
+    part->lasting = true; /* its memory is not its own */
+}
+
+static void join_inputs(lg_planning *p, uint32_t node) {
+    const lg_graph_node *n = &p->g.node[node];
+    const uint32_t product = p->item[node].product;
+    if (product != LG_GRAPH_NONE) {
+        const uint32_t other = n->in[n->in[0] == product];
+        if (p->item[other].uses == 1 && p->item[p->item[other].base].uses == 1) join(p, other, node, 0);
+    }
+    size_t at = 0;
+    for (uint32_t k = 0; lg_planning_joins(p, node) && k < n->inputs; k++) {
+        join(p, n->in[k], node, at);
+        at += p->g.node[n->in[k]].count;
+    }
+}
+
 void lg_planning_find_fates(lg_planning *p) {
     const lg_graph *g = &p->g;
     for (uint32_t i = 0; i < g->count; i++)
@@ -38,6 +102,7 @@ void lg_planning_find_fates(lg_planning *p) {
         lg_plan_item *it = &p->item[i];
         const lg_shape *shapes[LG_MAX_INPUTS];
         it->base = i;
+        it->into = it->product = LG_GRAPH_NONE;
         it->place.area = LG_AREA_NONE;
         if (n->sort != LG_GRAPH_OPERATION) {
             it->fate = LG_FATE_GIVEN;
@@ -57,5 +122,9 @@ void lg_planning_find_fates(lg_planning *p) {
         it->fate = !p->compact && !fused && lg_code_fits(g, i) && !follows_tensor(p, i) ? LG_FATE_CODE
                                                                                         : LG_FATE_TENSOR;
         if (fused) p->item[n->in[0]].fate = LG_FATE_FUSED;
+        if (it->fate != LG_FATE_TENSOR) continue;
+        it->product = added_product(p, i);
+        if (it->product != LG_GRAPH_NONE) p->item[it->product].fate = LG_FATE_FUSED;
     }
+    for (uint32_t i = 0; i < g->count; i++) join_inputs(p, i);
 }

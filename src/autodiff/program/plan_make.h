@@ -10,7 +10,7 @@
 typedef enum lg_fate {
     LG_FATE_GIVEN,  /* an input or a constant */
     LG_FATE_VIEW,   /* a part of another node's elements */
-    LG_FATE_FUSED,  /* a product that is computed inside the dense layer that uses it */
+    LG_FATE_FUSED,  /* a product that the step of its only user computes: a dense layer or a sum */
     LG_FATE_CODE,   /* computed by scalar code */
     LG_FATE_TENSOR, /* computed by a tensor step */
 } lg_fate;
@@ -22,6 +22,12 @@ typedef struct lg_plan_item {
      * itself. */
     uint32_t base;
     size_t offset; /* LG_FATE_VIEW: offset in the elements of `base` */
+    /* LG_FATE_TENSOR, a sum: the product that its step adds to the other term, or LG_GRAPH_NONE. */
+    uint32_t product;
+    /* The concatenation or sum in whose memory the node's elements lie from the start, or LG_GRAPH_NONE; and
+     * where they begin. */
+    uint32_t into;
+    size_t into_offset;
     uint32_t uses;
     uint32_t made, last; /* the step that computes it; the last step that reads it */
     /* Position in the order of steps: even for tensor steps, odd for scalar code. See phase_of. */
@@ -84,8 +90,11 @@ static inline void *lg_planning_keep(lg_planning *p, size_t count, size_t size) 
     return memory;
 }
 
-/* plan_fates.c: sets fate, base, offset and uses of every node. */
+/* plan_fates.c: sets fate, base, offset, into and uses of every node. */
 void lg_planning_find_fates(lg_planning *p);
+/* Whether a tensor step's node is the concatenation of tensors whose elements follow each other. Its step only
+ * copies the parts that do not lie in its memory from the start. */
+bool lg_planning_joins(const lg_planning *p, uint32_t node);
 
 /* plan_order.c: finds the order of the steps, and the steps at which each node is made and read last. */
 lg_status lg_planning_find_order(lg_planning *p, lg_plan_order *out);

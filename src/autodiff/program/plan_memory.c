@@ -150,7 +150,14 @@ static bool over_input(lg_planning *p, uint32_t node, uint32_t now) {
 
 void lg_planning_give_place(lg_planning *p, uint32_t node, uint32_t now) {
     lg_plan_item *it = &p->item[node];
-    if (it->place.area == LG_AREA_OUTPUT)
+    if (it->into != LG_GRAPH_NONE && it->place.area == LG_AREA_NONE) {
+        lg_planning_give_place(p, it->into, UINT32_MAX);
+        it->place = p->item[it->into].place;
+        it->place.offset += it->into_offset;
+        return;
+    }
+    if (it->into == LG_GRAPH_NONE && it->place.area == LG_AREA_OUTPUT &&
+        p->plan->spill[it->place.number] == LG_NO_SPILL)
         p->plan->spill[it->place.number] = lg_planning_give_room(p, p->g.node[node].count);
     if (it->place.area != LG_AREA_NONE || over_input(p, node, now)) return;
     it->place = (lg_place){LG_AREA_WORK, 0, lg_planning_give_room(p, p->g.node[node].count)};

@@ -111,6 +111,12 @@ static void find_lives(lg_planning *p, const lg_plan_order *o) {
                     p->item[p->item[from->in[l]].base].last = (uint32_t)s;
             }
         }
+    /* A concatenation lives until its parts are no longer read. */
+    for (uint32_t i = 0; i < p->g.count; i++) {
+        const lg_plan_item *part = &p->item[i];
+        if (part->into != LG_GRAPH_NONE && part->last > p->item[part->into].last)
+            p->item[part->into].last = part->last;
+    }
 }
 
 static void sort_endings(const lg_planning *p, lg_plan_order *o) {

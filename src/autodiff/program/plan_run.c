@@ -172,10 +172,10 @@ static void run_call(const running *r, const lg_call_step *s) {
     }
 }
 
-/* Copy steps write outputs only, at the end of a plan. */
 static void run_copy(const running *r, const lg_copy_step *s) {
-    void *y = r->outputs[s->y.number];
-    if (y != NULL) memcpy(y, from(r, &s->x), s->count * r->k->size);
+    const bool unwanted = s->y.area == LG_AREA_OUTPUT && r->outputs[s->y.number] == NULL;
+    if (unwanted && r->plan->spill[s->y.number] == LG_NO_SPILL) return;
+    memcpy(to(r, &s->y), from(r, &s->x), s->count * r->k->size);
 }
 
 static bool all_finite(const running *r) {

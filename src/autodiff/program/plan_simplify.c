@@ -56,9 +56,7 @@ static uint32_t fold(lg_graph *g, const lg_graph_node *n, const lg_shape *const 
 
 /* ---- simplification ---- */
 
-/* Whether all elements of a constant equal `with`. The answer is no for weights, because the structure of a
- * plan must not depend on their values. */
-static bool is_filled(const lg_graph *g, uint32_t i, double with) {
+bool lg_graph_filled(const lg_graph *g, uint32_t i, double with) {
     if (i == LG_GRAPH_NONE) return false;
     const lg_graph_node *n = &g->node[i];
     if (n->sort != LG_GRAPH_CONSTANT || n->weights) return false;
@@ -95,7 +93,7 @@ typedef struct asking {
 
 static bool asked_filled(void *user, uint32_t input, double with) {
     const asking *a = user;
-    return is_filled(a->g, a->n->in[input], with);
+    return lg_graph_filled(a->g, a->n->in[input], with);
 }
 
 /* The simpler node that replaces this one, or LG_GRAPH_NONE. */
@@ -269,7 +267,7 @@ static uint32_t with_transpose(lg_graph *g, const lg_graph_node *n, const lg_sha
 uint32_t lg_graph_operation(lg_graph *g, const lg_graph_node *n, const lg_shape *const *shapes) {
     if (folds(g, n)) return fold(g, n, shapes);
     static uint32_t (*const ways[])(lg_graph *, const lg_graph_node *, const lg_shape *const *) = {
-        simpler, on_single_rows, factor_apart, with_broadcasts, with_transpose};
+        simpler, lg_graph_joined, on_single_rows, factor_apart, with_broadcasts, with_transpose};
     for (size_t i = 0; i < LG_COUNT(ways); i++) {
         const uint32_t other = ways[i](g, n, shapes);
         if (other != LG_GRAPH_NONE) return other;

@@ -50,8 +50,24 @@ static lg_status keep_payload(lg_planning *p, const lg_graph_node *n, lg_attr *a
     return LG_OK;
 }
 
-static lg_status add_tensor(lg_planning *p, uint32_t node, uint32_t now) {
+/* The operation of a tensor step. A sum with a product is the product with the other term as third input
+ * `in`. */
+static lg_graph_node operation_of(const lg_planning *p, uint32_t node, uint32_t *in) {
     const lg_graph_node *n = &p->g.node[node];
+    const uint32_t product = p->item[node].product;
+    if (product == LG_GRAPH_NONE) return *n;
+    lg_graph_node made = p->g.node[product];
+    in[0] = made.in[0];
+    in[1] = made.in[1];
+    in[2] = n->in[n->in[0] == product];
+    made.in = in;
+    made.inputs = 3;
+    return made;
+}
+
+static lg_status add_tensor(lg_planning *p, uint32_t node, uint32_t now) {
+    uint32_t in[3];
+    const lg_graph_node operation = operation_of(p, node, in), *n = &operation;
     const lg_shape *shapes[LG_MAX_INPUTS];
     lg_plan_step *step = lg_planning_new_step(p, LG_STEP_TENSOR);
     if (step == NULL) return LG_OUT_OF_MEMORY;
@@ -75,7 +91,7 @@ static lg_status add_tensor(lg_planning *p, uint32_t node, uint32_t now) {
                        .shape = &n->shape,
                        .count = n->count};
     made.transposed = transposed(p, n, &e);
-    lg_planning_give_place(p, node, now);
+    lg_planning_give_place(p, node, p->item[node].product == LG_GRAPH_NONE ? now : UINT32_MAX);
     made.y = p->item[node].place;
     made.scratch_count = n->op->scratch != NULL ? n->op->scratch(&e) / p->plan->k->size + 1 : 0;
     made.scratch = (lg_place){LG_AREA_WORK, 0, lg_planning_give_room(p, made.scratch_count)};
@@ -99,6 +115,27 @@ static lg_status add_dense(lg_planning *p, uint32_t node) {
     lg_planning_give_place(p, node, UINT32_MAX);
     made.y = p->item[node].place;
     step->dense = made;
+    return p->failed ? LG_OUT_OF_MEMORY : LG_OK;
+}
+
+static lg_status add_copy(lg_planning *p, lg_place from, lg_place to, size_t count) {
+    lg_plan_step *step = lg_planning_new_step(p, LG_STEP_COPY);
+    if (step == NULL) return LG_OUT_OF_MEMORY;
+    step->copy = (lg_copy_step){from, to, count};
+    return LG_OK;
+}
+
+/* Copies the parts of a concatenation that do not lie in its memory. */
+static lg_status add_parts(lg_planning *p, uint32_t node) {
+    const lg_graph_node *n = &p->g.node[node];
+    lg_planning_give_place(p, node, UINT32_MAX);
+    lg_place to = p->item[node].place;
+    for (uint32_t k = 0; k < n->inputs; k++) {
+        const lg_place from = lg_planning_place(p, n->in[k]);
+        const size_t count = p->g.node[n->in[k]].count;
+        if (!lg_same_place(&from, &to)) LG_TRY(add_copy(p, from, to, count));
+        to.offset += count;
+    }
     return p->failed ? LG_OUT_OF_MEMORY : LG_OK;
 }
 
@@ -148,7 +185,8 @@ static lg_status add_step(lg_planning *p, const uint32_t *order, const lg_plan_r
     if (run->code) return add_code(p, order + run->first, run->count, now, value);
     const bool dense =
         n->op->ends_layer && n->in[0] != LG_GRAPH_NONE && p->item[n->in[0]].fate == LG_FATE_FUSED;
-    return dense ? add_dense(p, node) : add_tensor(p, node, now);
+    if (dense) return add_dense(p, node);
+    return lg_planning_joins(p, node) ? add_parts(p, node) : add_tensor(p, node, now);
 }
 
 static lg_status copy_outputs(lg_planning *p) {
@@ -156,9 +194,7 @@ static lg_status copy_outputs(lg_planning *p) {
         const uint32_t node = p->g.result[j];
         const lg_place from = lg_planning_place(p, node);
         if (from.area == LG_AREA_OUTPUT && from.number == j) continue;
-        lg_plan_step *step = lg_planning_new_step(p, LG_STEP_COPY);
-        if (step == NULL) return LG_OUT_OF_MEMORY;
-        step->copy = (lg_copy_step){from, {LG_AREA_OUTPUT, (uint32_t)j, 0}, p->g.node[node].count};
+        LG_TRY(add_copy(p, from, (lg_place){LG_AREA_OUTPUT, (uint32_t)j, 0}, p->g.node[node].count));
     }
     return LG_OK;
 }

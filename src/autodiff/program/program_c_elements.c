@@ -153,11 +153,6 @@ static void add_call(lg_c *c, const lg_op *op, const char *name, const lg_evalua
     lg_text_destroy(&call);
 }
 
-static bool same_place(const lg_place *a, const lg_place *b) {
-    return a->area == b->area && a->offset == b->offset &&
-           (a->area == LG_AREA_WORK || a->number == b->number);
-}
-
 /* If every input has the output's shape or is a single number, one loop over all elements is written. */
 void lg_c_elementwise(lg_c *c, const lg_op *op, const lg_evaluation *e) {
     size_t length[LG_MAX_RANK], stride[LG_MAX_INPUTS][LG_MAX_RANK] = {{0}};
@@ -166,7 +161,7 @@ void lg_c_elementwise(lg_c *c, const lg_op *op, const lg_evaluation *e) {
     uint64_t over = 0;
     for (uint32_t k = 0; k < e->inputs; k++) {
         /* An input that is not read is marked, too, because neither kind becomes an argument. */
-        if (c->step->x[k].area == LG_AREA_NONE || same_place(&c->step->x[k], &c->step->y))
+        if (c->step->x[k].area == LG_AREA_NONE || lg_same_place(&c->step->x[k], &c->step->y))
             over |= (uint64_t)1 << k;
         one[k] = levels == 1 && stride[k][0] == 0;
     }

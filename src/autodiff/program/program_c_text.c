@@ -324,6 +324,10 @@ void lg_c_use(lg_c *c, lg_place place, size_t count) {
         c->frame->work = place.offset + count;
 }
 
+bool lg_c_lies_over(const lg_c *c, uint32_t input) {
+    return input < c->step->inputs && lg_same_place(&c->step->x[input], &c->step->y);
+}
+
 void lg_c_add_place(lg_c *c, lg_text *to, lg_place place) {
     size_t offset = place.offset;
     if (place.area == LG_AREA_NONE) {
