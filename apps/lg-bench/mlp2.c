@@ -12,7 +12,7 @@
 #include "liegrad/ops.h"
 
 /* ---- shared by mlp2 and jvp: a loss over rows, cut into shards that do not depend on the number of threads.
- * The gradient of a chunk is a plan, as in the training of machines, or is recorded each time (--tape) ---- */
+ * The gradient of a chunk is a plan, as in fits of machines, or is recorded each time (--tape) ---- */
 
 typedef struct second second;
 typedef lg_var (*loss_fn)(lg_tape *tape, const lg_mlp *net, const lg_mlp_vars *vars, lg_var x);

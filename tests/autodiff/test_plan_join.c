@@ -13,7 +13,8 @@ enum { IN = 30, WIDTH = 40, GAP = 60, ALL = IN * WIDTH + WIDTH + GAP + WIDTH * W
 typedef enum reading {
     PLAIN,
     OVERLAPPING, /* a slice that overlaps two others */
-    WITHIN,      /* the slices are slices of a slice */
+    WITHIN,      /* all slices but one are slices of a slice */
+    AGAIN,       /* the same slice is recorded twice */
     KEPT,        /* a part of the gradient is an output, and is read again */
     TWICE,       /* two slices have the same adjoint */
     INNER        /* the gradient is no output */
@@ -29,11 +30,12 @@ RECORDING(record_gradient) {
     const reading *how = user;
     const lg_var whole = *how == WITHIN ? lg_slice(tape, x[0], 0, 10, ALL - 20) : x[0];
     const lg_var first = matrix(tape, whole, 0, IN, WIDTH);
-    const lg_var bias = lg_slice(tape, whole, 0, IN * WIDTH, WIDTH);
+    const lg_var bias = lg_slice(tape, x[0], 0, IN * WIDTH + (*how == WITHIN ? 10 : 0), WIDTH);
     const lg_var second = matrix(tape, whole, IN * WIDTH + WIDTH + GAP, WIDTH, WIDTH);
     const lg_var h = lg_act(tape, lg_add(tape, lg_matmul(tape, x[1], first), bias), LG_TANH);
     const lg_var g = lg_act(tape, lg_matmul(tape, h, second), LG_TANH);
-    lg_var loss = lg_sum(tape, lg_square(tape, lg_matmul(tape, g, second)));
+    const lg_var third = *how == AGAIN ? matrix(tape, whole, IN * WIDTH + WIDTH + GAP, WIDTH, WIDTH) : second;
+    lg_var loss = lg_sum(tape, lg_square(tape, lg_matmul(tape, g, third)));
     if (*how == OVERLAPPING)
         loss = lg_add(tape, loss,
                       lg_sum(tape, lg_square(tape, lg_slice(tape, whole, 0, IN * WIDTH - 5, WIDTH))));
@@ -45,8 +47,14 @@ RECORDING(record_gradient) {
     const lg_var halves[] = {lg_slice(tape, x[1], 1, 0, IN / 2), lg_slice(tape, x[1], 1, IN / 2, IN / 2)};
     loss = lg_add(tape, loss, lg_sum(tape, lg_mul(tape, lg_sin(tape, halves[0]), halves[1])));
     assert_ok(lg_grad(tape, loss, x, 2, y));
-    y[2] = lg_slice(tape, y[0], 0, 0, 1);
-    if (*how == INNER) y[0] = lg_scale(tape, y[0], 0.5);
+    y[2] = lg_slice(tape, y[0], 0, ALL - 1, 1);
+    if (*how == INNER) {
+        lg_var part;
+        assert_ok(lg_grad(tape, loss, &second, 1, &part));
+        y[0] = lg_scale(tape, y[0], 0.5);
+        y[2] = lg_sin(tape, lg_scale(tape, part,
+                                     0.001)); /* reads the gradient's part after the gradient's only reader */
+    }
     if (*how != KEPT) return;
     assert_ok(lg_grad(tape, loss, &second, 1, &y[2]));
     y[0] = lg_add(tape, y[0],
@@ -64,6 +72,26 @@ static lg_program *gradient(reading *how) {
 
 TEST("gradients by slices of parameters agree with the tape") {
     for (reading how = PLAIN; how <= INNER; how++) check_all("gradient", gradient(&how));
+}
+
+/* Sums with products, which may have other readers. */
+RECORDING(record_sums) {
+    const lg_var ab = lg_matmul(tape, x[0], x[1]), ba = lg_matmul(tape, x[1], x[0]);
+    const lg_var term = lg_act(tape, x[0], LG_TANH);
+    y[0] = lg_add(tape, ab, ba);
+    y[1] = lg_add(tape, lg_sin(tape, ab), lg_cos(tape, ba));
+    y[2] = lg_add(tape, lg_matmul(tape, x[0], x[0]), term);
+    y[3] = lg_scale(tape, term, 2.0);
+    y[4] = lg_add(tape, lg_sin(tape, x[1]), lg_matmul(tape, x[1], x[1]));
+}
+
+TEST("sums with products agree with the tape") {
+    static const lg_port in[] = {{.name = "A", .shape = {2, {WIDTH, WIDTH}}, .shared = true},
+                                 {.name = "B", .shape = {2, {WIDTH, WIDTH}}, .shared = true}},
+                         out[] = {{.name = "p"}, {.name = "q"}, {.name = "r"}, {.name = "s"}, {.name = "t"}};
+    const lg_function_spec function = {"sums", in, 2, out, 5, record_sums, NULL};
+    const lg_program_spec spec = spec_of(NULL, 0, &function, 1);
+    check_all("sums", test_program(&spec));
 }
 
 /* Elements that steps of this operation compute. */

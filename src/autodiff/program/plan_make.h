@@ -92,8 +92,8 @@ static inline void *lg_planning_keep(lg_planning *p, size_t count, size_t size) 
 
 /* plan_fates.c: sets fate, base, offset, into and uses of every node. */
 void lg_planning_find_fates(lg_planning *p);
-/* Whether a tensor step's node is the concatenation of tensors whose elements follow each other. Its step only
- * copies the parts that do not lie in its memory from the start. */
+/* Whether a tensor step's node is the concatenation of tensors whose elements follow each other. Its step
+ * only copies the parts that do not lie in its memory from the start. */
 bool lg_planning_joins(const lg_planning *p, uint32_t node);
 
 /* plan_order.c: finds the order of the steps, and the steps at which each node is made and read last. */
