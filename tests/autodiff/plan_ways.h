@@ -133,10 +133,13 @@ static inline void compare_asked(const char *name, const ready *r, const numbers
     void *other[PORTS] = {NULL};
     run(r, n, other, 0x00);
     for (size_t j = 0; j < n->outputs; j++) {
-        other[j] = room(n->out_count[j] * r->size);
-        run(r, n, other, j % 2 == 0 ? 0x00 : 0xff);
-        if (memcmp(other[j], r->out[j], n->out_count[j] * r->size) != 0)
-            fail_msg("%s: output %zu alone has other bits", name, j);
+        void *alone[PORTS] = {NULL};
+        other[j] = alone[j] = room(n->out_count[j] * r->size);
+        for (int more = 0; more < 2; more++) {
+            run(r, n, more ? other : alone, j % 2 == 0 ? 0x00 : 0xff);
+            if (memcmp(other[j], r->out[j], n->out_count[j] * r->size) != 0)
+                fail_msg("%s: output %zu %s has other bits", name, j, more ? "with those before" : "alone");
+        }
     }
     if (!lg_count_available()) return;
     assert_no_malloc_no_lock(

@@ -13,7 +13,7 @@ enum { IN = 30, WIDTH = 40, GAP = 60, ALL = IN * WIDTH + WIDTH + GAP + WIDTH * W
 typedef enum reading {
     PLAIN,
     OVERLAPPING, /* a slice that overlaps two others */
-    WITHIN,      /* all slices but one are slices of a slice */
+    WITHIN,      /* a slice is a slice of a slice */
     AGAIN,       /* the same slice is recorded twice */
     KEPT,        /* a part of the gradient is an output, and is read again */
     TWICE,       /* two slices have the same adjoint */
@@ -29,8 +29,8 @@ static lg_var matrix(lg_tape *tape, lg_var all, uint32_t first, uint32_t rows, u
 RECORDING(record_gradient) {
     const reading *how = user;
     const lg_var whole = *how == WITHIN ? lg_slice(tape, x[0], 0, 10, ALL - 20) : x[0];
-    const lg_var first = matrix(tape, whole, 0, IN, WIDTH);
-    const lg_var bias = lg_slice(tape, x[0], 0, IN * WIDTH + (*how == WITHIN ? 10 : 0), WIDTH);
+    const lg_var first = matrix(tape, x[0], 0, IN, WIDTH);
+    const lg_var bias = lg_slice(tape, x[0], 0, IN * WIDTH, WIDTH);
     const lg_var second = matrix(tape, whole, IN * WIDTH + WIDTH + GAP, WIDTH, WIDTH);
     const lg_var h = lg_act(tape, lg_add(tape, lg_matmul(tape, x[1], first), bias), LG_TANH);
     const lg_var g = lg_act(tape, lg_matmul(tape, h, second), LG_TANH);
@@ -49,11 +49,12 @@ RECORDING(record_gradient) {
     assert_ok(lg_grad(tape, loss, x, 2, y));
     y[2] = lg_slice(tape, y[0], 0, ALL - 1, 1);
     if (*how == INNER) {
+        /* The gradient's part is read after the gradient's only reader and after a tensor as large. */
         lg_var part;
         assert_ok(lg_grad(tape, loss, &second, 1, &part));
         y[0] = lg_scale(tape, y[0], 0.5);
-        y[2] = lg_sin(tape, lg_scale(tape, part,
-                                     0.001)); /* reads the gradient's part after the gradient's only reader */
+        const lg_var large = lg_matmul(tape, x[2], lg_reshape(tape, x[0], lg_shape2(1, ALL)));
+        y[2] = lg_add(tape, lg_sum(tape, lg_square(tape, large)), lg_sum(tape, lg_scale(tape, part, 0.001)));
     }
     if (*how != KEPT) return;
     assert_ok(lg_grad(tape, loss, &second, 1, &y[2]));
@@ -63,9 +64,10 @@ RECORDING(record_gradient) {
 
 static lg_program *gradient(reading *how) {
     static const lg_port in[] = {{.name = "theta", .shape = {1, {ALL}}, .shared = true},
-                                 {.name = "x", .shape = {1, {IN}}}},
+                                 {.name = "x", .shape = {1, {IN}}},
+                                 {.name = "u", .shape = {2, {1, 1}}, .shared = true}},
                          out[] = {{.name = "g"}, {.name = "d"}, {.name = "s"}};
-    const lg_function_spec function = {"gradient", in, 2, out, 3, record_gradient, how};
+    const lg_function_spec function = {"gradient", in, 3, out, 3, record_gradient, how};
     const lg_program_spec spec = spec_of(NULL, 0, &function, 1);
     return test_program(&spec);
 }
