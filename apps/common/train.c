@@ -294,11 +294,12 @@ static int run_fit(train_session *self) {
     return status == LG_OK ? APP_EXIT_OK : fail(self->app, status, &error);
 }
 
-/* If the model cannot be written, saves the state in a checkpoint, so that the training is not lost. Not done
- * when several ranks train. */
+/* If the model cannot be written, or the user stops while the model is judged, saves the state in a
+ * checkpoint, so that the training is not lost. Not done when several ranks train. */
 static int finish(train_session *self) {
     const int code = train_finish(self);
-    if ((code != APP_EXIT_FILE && code != APP_EXIT_MEMORY) || self->app->rank_count > 1) return code;
+    const bool kept = code == APP_EXIT_FILE || code == APP_EXIT_MEMORY || code == APP_EXIT_INTERRUPTED;
+    if (!kept || self->app->rank_count > 1) return code;
     (void)on_checkpoint(self, fit_of(self));
     if (self->checkpoint_status != LG_OK) return code;
     char *path = checkpoint_path();

@@ -202,6 +202,8 @@ static int conclude(const train_session *session, double *theta) {
     lg_error error = {LG_OK, ""};
     lg_fit_parameters(training->fit, theta);
     lg_status status = lg_training_judge(training, theta, &error);
+    if (status == LG_CANCELLED)
+        return app_fail(self, status, "after the last epoch: stopped by %s", app_stopper());
     if (status != LG_OK)
         return app_fail(self, status, "after the last epoch: %s", app_sentence(status, &error));
     const int judged = judge(self, training);

@@ -620,7 +620,7 @@ typedef struct lg_identification {
     double block;
 } lg_identification;
 /* Fills `out`. `theta` has the parameters of the fit, with the starts if they are estimated;
- * problem->theta must be NULL. Errors: LG_OUT_OF_MEMORY, those of the tape. */
+ * problem->theta must be NULL. Errors: LG_OUT_OF_MEMORY, LG_CANCELLED, those of the tape. */
 LG_API lg_status lg_machine_identify(const lg_context *context, const lg_machine_problem *problem,
                                      const double *theta, lg_identification *out, lg_error *error);
 /* Writes row `row` of `open` in words, such as "m and L appear only as a product: give one of them";

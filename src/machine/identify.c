@@ -169,6 +169,7 @@ static lg_status add_all(normal *s, lg_tape *tape) {
     uint32_t samples[CHUNK];
     for (size_t first = 0; first < s->used; first += s->chunk) {
         const size_t count = s->used - first < s->chunk ? s->used - first : s->chunk;
+        if (lg_cancelled(s->context)) return LG_CANCELLED;
         for (size_t i = 0; i < count; i++) samples[i] = window_at(s, first + i);
         LG_TRY(add_chunk(s, tape, samples, first, count));
     }

@@ -318,3 +318,18 @@ TEST("friction that is 20 percent higher is found by one number; little data lea
     assert_ok(lg_machine_adapt(NULL, &same, &found, NULL));
     assert_true(fabs(x) < 1.0 && error > 0.9 && error <= 1.0 && alone > 2.0);
 }
+
+TEST("errors of numbers can be cancelled") {
+    const made *m = make(&usual, 0.0, 0.0, 0.01, 500, 20);
+    lg_identified found[NUMBERS];
+    lg_identification all = {.numbers = found};
+    volatile int cancel = 1;
+    lg_context_options how;
+    lg_context *context = NULL;
+    lg_context_options_init(&how);
+    how.cancel = &cancel;
+    assert_ok(lg_context_create(&how, &context));
+    LG_STATUS_OF(lg_machine_identify(context, &m->problem, m->theta, &all, NULL), status);
+    lg_context_destroy(context);
+    assert_int_equal(status, LG_CANCELLED);
+}
