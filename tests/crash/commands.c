@@ -84,6 +84,20 @@ const job jobs[] = {
      "predict ../in/model.h5 ../in/pendulum.yaml --t-end @200:2 --points @20000:50 --plot flow.png --out "
      "flow.h5",
      .keeps = true, .parts = ".png .dat .gp", .outputs = {"flow.h5", "flow.png", "flow.dat", "flow.gp"}},
+    {"`lg-learn train`, sgd", "lg-learn",
+     "train ../in/table.csv --recipe table --threads 1 --outputs y --method sgd --epochs @60:4 --hidden "
+     "12,12 "
+     "--checkpoint-every @4:2 " SAVES,
+     RESUMES, .outputs = {TRAINED}},
+    {"`lg-control train`", "lg-control",
+     "train ../in/task.yaml --threads 2 --seeds 2 --race @60:5 --finish @80:5 --polish @10:2 --out made.h5",
+     .keeps = true, .outputs = {"made.h5"}},
+    {"`lg-control evaluate`, picture", "lg-control",
+     "evaluate ../in/policy.h5 --runs runs.csv --plot runs.svg", .keeps = true, .parts = ".svg .dat .gp",
+     .outputs = {"runs.csv", "runs.svg", "runs.dat", "runs.gp"}},
+    {"`lg-simulate`, picture", "lg-simulate",
+     "../in/pendulum.yaml --t-end @300:2 --plot run.svg --out run.h5", .keeps = true,
+     .parts = ".svg .dat .gp", .outputs = {"run.h5", "run.svg", "run.dat", "run.gp"}},
     {"`lg-identify predict`", "lg-identify", "predict ../in/body.h5 ../in/log.csv --out run.csv",
      .keeps = true, .outputs = {"run.csv"}},
 };
@@ -103,6 +117,7 @@ static const struct {
     {"lg-identify", "generate truth.yaml --runs 4 --t-end 6 --out log.csv"},
     {"lg-export", "net.h5 --name alarm --dtype f64 --golden 3 --out old"},
     {"lg-identify", "fit machine.yaml log.csv --epochs 3 --method lm --out body.h5"},
+    {"lg-control", "train task.yaml --seeds 1 --race 20 --finish 20 --polish 2 --out policy.h5"},
 };
 
 #define MACHINE_COLUMNS                                                                                      \
@@ -123,6 +138,10 @@ static const struct {
     {"truth.yaml", MACHINE_COLUMNS
      "mass: {kind: known, values: [2]}\npotential: {kind: known, form: quadratic, of: x, values: [2.5]}\n"
      "damping: {kind: known, values: [0.3]}\ninput_map: {kind: known, values: [[1]]}\n"},
+    {"task.yaml",
+     "plant: truth.yaml\nperiod: 0.05\nhorizon: 2\nlimits: {u: 5}\nstarts: {x: [-1, 1], vx: [-1, 1]}\n"
+     "cost: {x: 1, vx: 0.1, u: 0.05}\nsuccess: {x: 0.1, hold: 0.5, within: 4}\n"
+     "controller: {kind: network, hidden: [8, 8], gate: lqr}\n"},
     {"machine.yaml", MACHINE_COLUMNS
      "mass: diagonal\npotential: {kind: network, of: [x], hidden: [12, 12]}\ndamping: diagonal\n"
      "input_map: {kind: known, values: [[1]]}\n"},
