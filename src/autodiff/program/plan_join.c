@@ -114,25 +114,35 @@ static uint32_t zeros(lg_graph *g, lg_shape shape) {
 
 static uint32_t concatenation(lg_graph *g, const pieces *p, lg_shape shape) {
     uint32_t in[LG_MAX_INPUTS];
+    lg_shape parts[LG_MAX_INPUTS];
+    const lg_shape *shapes[LG_MAX_INPUTS];
     for (uint32_t k = 0; k < p->count; k++) {
-        lg_shape part = shape;
-        part.dims[p->axis] = p->piece[k].length;
-        in[k] = p->piece[k].node == LG_GRAPH_NONE ? zeros(g, part) : p->piece[k].node;
+        parts[k] = shape;
+        parts[k].dims[p->axis] = p->piece[k].length;
+        shapes[k] = &parts[k];
+        in[k] = p->piece[k].node == LG_GRAPH_NONE ? zeros(g, parts[k]) : p->piece[k].node;
     }
-    if (p->count == 1) return in[0];
-    return lg_graph_add(g, &(lg_graph_node){.op = &lg_op_concat,
-                                            .attr = {.i = {p->axis, 0, 0, 0}},
-                                            .inputs = p->count,
-                                            .in = in,
-                                            .shape = shape,
-                                            .count = lg_shape_count(shape)});
+    const lg_graph_node made = {.op = &lg_op_concat,
+                                .attr = {.i = {p->axis, 0, 0, 0}},
+                                .inputs = p->count,
+                                .in = in,
+                                .shape = shape,
+                                .count = lg_shape_count(shape)};
+    return g->failed ? 0 : lg_graph_operation(g, &made, shapes);
 }
 
+static bool has_zeros(const pieces *p) {
+    for (uint32_t k = 0; k < p->count; k++)
+        if (p->piece[k].node == LG_GRAPH_NONE) return true;
+    return false;
+}
+
+/* A sum of two concatenations without zeros stays one sum. */
 uint32_t lg_graph_joined(lg_graph *g, const lg_graph_node *n, const lg_shape *const *shapes) {
     pieces a, b, both;
     if (n->op != &lg_op_add || !lg_same_shape(shapes[0], shapes[1]) || n->count == 0 ||
-        !take_apart(g, n->in[0], &a) || !take_apart(g, n->in[1], &b) || a.axis != b.axis ||
-        !sum_of(g, a, b, &both))
+        n->count > UINT32_MAX || !take_apart(g, n->in[0], &a) || !take_apart(g, n->in[1], &b) ||
+        a.axis != b.axis || (!has_zeros(&a) && !has_zeros(&b)) || !sum_of(g, a, b, &both))
         return LG_GRAPH_NONE;
     return g->failed ? 0 : concatenation(g, &both, n->shape);
 }
