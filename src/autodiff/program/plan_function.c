@@ -126,7 +126,8 @@ static lg_status node(making *m, uint32_t i, lg_error *error) {
                        f->name, i, op->name, m->rows);
     made.count = lg_shape_count(stated);
     tidy(&made.attr, made.op);
-    m->of[i] = lg_graph_operation(m->g, &made, pointers);
+    m->of[i] = lg_graph_joined(m->g, &made, pointers);
+    if (m->of[i] == LG_GRAPH_NONE) m->of[i] = lg_graph_operation(m->g, &made, pointers);
     if (m->g->work > m->g->most_work)
         return lg_fail(error, LG_UNSUPPORTED,
                        "function '%s': the part that depends on parameters alone takes more than the %.2g "

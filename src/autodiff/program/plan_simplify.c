@@ -267,7 +267,7 @@ static uint32_t with_transpose(lg_graph *g, const lg_graph_node *n, const lg_sha
 uint32_t lg_graph_operation(lg_graph *g, const lg_graph_node *n, const lg_shape *const *shapes) {
     if (folds(g, n)) return fold(g, n, shapes);
     static uint32_t (*const ways[])(lg_graph *, const lg_graph_node *, const lg_shape *const *) = {
-        simpler, lg_graph_joined, on_single_rows, factor_apart, with_broadcasts, with_transpose};
+        simpler, on_single_rows, factor_apart, with_broadcasts, with_transpose};
     for (size_t i = 0; i < LG_COUNT(ways); i++) {
         const uint32_t other = ways[i](g, n, shapes);
         if (other != LG_GRAPH_NONE) return other;
