@@ -106,7 +106,7 @@ void lg_fit_state_destroy(const lg_fit *fit, lg_fit_state *state);
  * are computed too. The sentence of an error begins with `what`. */
 lg_status lg_fit_batch_loss(lg_fit *fit, const uint32_t *samples, size_t count, bool with_gradient,
                             const char *what, double *loss, lg_error *error);
-/* Finds out whether the first chunk's loss can be a plan; if not, all losses are computed on the tape. */
+/* Finds out whether a plan can compute the loss of the first chunk. If not, the tape computes all losses. */
 lg_status lg_fit_try_recording(lg_fit *fit);
 /* Cuts the samples into contiguous pieces, one per shard; sets fit->active and fit->batch_samples. */
 void lg_fit_cut(lg_fit *fit, const uint32_t *samples, size_t count);

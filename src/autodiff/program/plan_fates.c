@@ -39,8 +39,8 @@ static bool adds_product(const lg_planning *p, const lg_graph_node *n, uint32_t 
            p->item[n->in[k]].uses == 1 && p->item[n->in[k]].fate == LG_FATE_TENSOR;
 }
 
-/* The product that the step of a sum can add to the other term: of two products the later one. LG_GRAPH_NONE:
- * there is none. */
+/* Returns the product that the step of a sum can add to the other term. If both terms are such products,
+ * returns the later product. Returns LG_GRAPH_NONE if neither term is such a product. */
 static uint32_t added_product(const lg_planning *p, uint32_t node) {
     const lg_graph_node *n = &p->g.node[node];
     if (n->op != &lg_op_add) return LG_GRAPH_NONE;
@@ -64,8 +64,8 @@ static bool is_output(const lg_planning *p, uint32_t node) {
     return false;
 }
 
-/* Lets the step that computes an input of `node` write it to the node's memory, from element `at` on. An
- * output has memory of its own, and an input that already lies in the memory of another node stays there. */
+/* Lets the step that computes an input of `node` write it to the node's memory, from element `at` on.
+ * Changes nothing if the input is an output of the plan, or if its memory already belongs to another node. */
 static void join(lg_planning *p, uint32_t input, uint32_t node, size_t at) {
     const uint32_t base = p->item[input].base;
     lg_plan_item *part = &p->item[base];
@@ -74,7 +74,7 @@ static void join(lg_planning *p, uint32_t input, uint32_t node, size_t at) {
         return;
     part->into = node;
     part->into_offset = at;
-    part->lasting = true; /* its memory is not its own */
+    part->lasting = true; /* the memory belongs to `node` */
 }
 
 static void join_inputs(lg_planning *p, uint32_t node) {

@@ -52,11 +52,11 @@ uint32_t lg_graph_add_constant(lg_graph *graph, lg_shape shape, const double *va
  * `shapes` are the shapes of its inputs. */
 uint32_t lg_graph_operation(lg_graph *graph, const lg_graph_node *node, const lg_shape *const *shapes);
 
-/* Whether all elements of a constant equal `with`. The answer is no for weights, because the structure of a
- * plan must not depend on their values, and for LG_GRAPH_NONE. */
+/* Returns true if the node is a constant whose elements all equal `with`. Returns false for weights, because
+ * the structure of a plan must not depend on the values of weights. Returns false for LG_GRAPH_NONE. */
 bool lg_graph_filled(const lg_graph *graph, uint32_t node, double with);
 /* plan_join.c: the concatenation that a sum of padded tensors is, or LG_GRAPH_NONE for any other operation.
- * The arguments are those of lg_graph_operation. */
+ * Takes the same arguments as lg_graph_operation. */
 uint32_t lg_graph_joined(lg_graph *graph, const lg_graph_node *node, const lg_shape *const *shapes);
 
 /* Approximate number of arithmetic operations of a node: its elements times the terms of its longest sum. */
