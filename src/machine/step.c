@@ -99,9 +99,9 @@ static double length_of(const lg_machine *machine, const lg_machine_log *log, si
     return (log->t[row + 1] - log->t[row]) / machine->scales.time;
 }
 
-/* Returns true if all intervals have the same length, up to rounding errors of the times. Sets *length to this
- * length. If the first interval of the log has this length too, sets *length to the first interval's bits, so
- * that all chunks of a uniform log have the same bits. */
+/* Returns true if all intervals have the same length, up to rounding errors of the times. Sets *length to
+ * this length. If the log's first interval has this length too, sets *length to exactly the length of the
+ * first interval, so that all chunks of a uniform log get the same number. */
 static bool uniform(const lg_machine *machine, const lg_machine_log *log, const size_t *at, uint32_t count,
                     double *length) {
     const double h = length_of(machine, log, at[0]), first = length_of(machine, log, 0);
