@@ -19,11 +19,27 @@ static size_t friction(const lg_machine *machine, const double *theta, const dou
     return 1;
 }
 
-/* Returns the first offset that has `least` or more parameters, or NULL if no offset has so many. */
-static const lg_machine_term *find_offset(const lg_machine *machine, size_t least) {
-    for (uint32_t t = 0; t < machine->term_count; t++)
-        if (machine->terms[t].part == LG_MACHINE_OFFSET && machine->terms[t].parameters >= least)
-            return &machine->terms[t];
+/* Returns how many offsets the machine has, and how many numbers they learn. */
+static size_t count_offsets(const lg_machine *machine, size_t *numbers) {
+    size_t count = 0;
+    *numbers = 0;
+    for (uint32_t t = 0; t < machine->term_count; t++) {
+        if (machine->terms[t].part != LG_MACHINE_OFFSET) continue;
+        *numbers += machine->terms[t].parameters;
+        count++;
+    }
+    return count;
+}
+
+/* Returns the offset that has the learned number *index of all offsets, and sets *index to the number's place
+ * in that offset. Returns NULL if there are fewer numbers. */
+static const lg_machine_term *find_offset(const lg_machine *machine, size_t *index) {
+    for (uint32_t t = 0; t < machine->term_count; t++) {
+        const lg_machine_term *term = &machine->terms[t];
+        if (term->part != LG_MACHINE_OFFSET) continue;
+        if (*index < term->parameters) return term;
+        *index -= term->parameters;
+    }
     return NULL;
 }
 
@@ -58,12 +74,12 @@ static double unit_of(const lg_machine *machine, size_t at, double *theta, char 
     return 0.0;
 }
 
-/* A constant force, one for each velocity that the machine's offset has. */
+/* A constant force: each learned number of the machine's offsets. */
 static size_t offset(const lg_machine *machine, const double *theta, const double *force, size_t index,
                      double *direction, char *name, double *size) {
-    const lg_machine_term *term = find_offset(machine, 1);
+    const lg_machine_term *term = find_offset(machine, &index);
     (void)theta;
-    if (term == NULL || index >= term->parameters) return 0;
+    if (term == NULL) return 0;
     const double unit = unit_of(machine, term->offset + index, direction, name);
     *size = force[velocity_of(machine, term, term->entry_count > 0 ? term->entries[index].index : index)];
     direction[term->offset + index] = unit != 0.0 ? *size / unit : 0.0;
@@ -192,10 +208,15 @@ static lg_status fill(const char *names, const double *force, lg_adaptation *out
 lg_status lg_adaptation_create(const lg_context *context, const char *path, const lg_machine_model_file *file,
                                const char *names, const double *force, lg_adaptation *out, lg_error *error) {
     const lg_machine *before = &file->run.machine;
+    size_t numbers;
     *out = (lg_adaptation){.run = file->run, .context = context};
     LG_TRY(lg_adapt_check(names, error));
-    if (count_of(names, &kinds[0]) > 0 && find_offset(before, 0) == NULL)
-        LG_TRY(extend(context, path, &out->run, error));
+    const size_t offsets = count_offsets(before, &numbers);
+    if (numbers > LG_MACHINE_VELOCITIES)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the machine's offsets have %zu learned numbers, but at most %d can be adapted",
+                       numbers, LG_MACHINE_VELOCITIES);
+    if (count_of(names, &kinds[0]) > 0 && offsets == 0) LG_TRY(extend(context, path, &out->run, error));
     const size_t P = out->run.machine.parameters;
     out->theta = lg_alloc(context, (1 + LG_ADAPT_MOST) * P + 1, sizeof *out->theta);
     if (out->theta == NULL)
