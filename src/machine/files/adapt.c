@@ -9,38 +9,22 @@
 /* ---- directions ---- */
 
 /* All friction by one factor. */
-static size_t friction(const lg_machine *machine, const double *theta, const double *force, size_t index,
-                       double *direction, char *name, double *size) {
+static bool friction(const double *force, size_t index, lg_adaptation *out) {
+    const lg_machine *machine = &out->run.machine;
+    double *direction = out->directions + out->count * machine->parameters;
     (void)force;
-    if (index > 0 || !lg_machine_scale_friction(machine, theta, direction)) return 0;
+    if (index > 0 || !lg_machine_scale_friction(machine, out->theta, direction)) return false;
     for (size_t i = 0; i < machine->parameters; i++) direction[i] *= LG_ADAPT_SIGMA;
-    (void)snprintf(name, LG_IDENTIFIED_NAME, "friction");
-    *size = LG_ADAPT_SIGMA;
-    return 1;
+    (void)snprintf(out->names[out->count], LG_IDENTIFIED_NAME, "friction");
+    out->units[out->count] = LG_ADAPT_SIGMA;
+    out->velocities[out->count] = LG_MACHINE_VELOCITIES;
+    return true;
 }
 
-/* Returns how many offsets the machine has, and how many numbers they learn. */
-static size_t count_offsets(const lg_machine *machine, size_t *numbers) {
-    size_t count = 0;
-    *numbers = 0;
-    for (uint32_t t = 0; t < machine->term_count; t++) {
-        if (machine->terms[t].part != LG_MACHINE_OFFSET) continue;
-        *numbers += machine->terms[t].parameters;
-        count++;
-    }
-    return count;
-}
-
-/* Returns the offset that has the learned number *index of all offsets, and sets *index to the number's place
- * in that offset. Returns NULL if there are fewer numbers. */
-static const lg_machine_term *find_offset(const lg_machine *machine, size_t *index) {
-    for (uint32_t t = 0; t < machine->term_count; t++) {
-        const lg_machine_term *term = &machine->terms[t];
-        if (term->part != LG_MACHINE_OFFSET) continue;
-        if (*index < term->parameters) return term;
-        *index -= term->parameters;
-    }
-    return NULL;
+static bool has_offset(const lg_machine *machine) {
+    for (uint32_t t = 0; t < machine->term_count; t++)
+        if (machine->terms[t].part == LG_MACHINE_OFFSET) return true;
+    return false;
 }
 
 /* The velocity on which force number `index` of an offset acts. */
@@ -74,24 +58,43 @@ static double unit_of(const lg_machine *machine, size_t at, double *theta, char 
     return 0.0;
 }
 
-/* A constant force: each learned number of the machine's offsets. */
-static size_t offset(const lg_machine *machine, const double *theta, const double *force, size_t index,
-                     double *direction, char *name, double *size) {
-    const lg_machine_term *term = find_offset(machine, &index);
-    (void)theta;
-    if (term == NULL) return 0;
-    const double unit = unit_of(machine, term->offset + index, direction, name);
-    *size = force[velocity_of(machine, term, term->entry_count > 0 ? term->entries[index].index : index)];
-    direction[term->offset + index] = unit != 0.0 ? *size / unit : 0.0;
-    return 1;
+static bool pushes(const lg_adaptation *of, uint32_t velocity) {
+    size_t k = 0;
+    while (k < of->count && of->velocities[k] != velocity) k++;
+    return k < of->count;
 }
 
-/* `direct` fills direction number `index` of the kind, which begins as zeros, for one standard deviation of
- * the prior, and its name; it returns 0 if there is none. */
+/* Number `index` of an offset as a direction, unless another direction pushes the same velocity. */
+static bool push(const lg_machine_term *term, const double *force, size_t index, lg_adaptation *out) {
+    const lg_machine *machine = &out->run.machine;
+    const uint32_t velocity =
+        velocity_of(machine, term, term->entry_count > 0 ? term->entries[index].index : index);
+    if (pushes(out, velocity)) return false;
+    double *direction = out->directions + out->count * machine->parameters;
+    const double unit = unit_of(machine, term->offset + index, direction, out->names[out->count]);
+    direction[term->offset + index] = unit != 0.0 ? force[velocity] / unit : 0.0;
+    out->units[out->count] = force[velocity];
+    out->velocities[out->count] = velocity;
+    return true;
+}
+
+/* A constant force: one for each velocity on which a learned number of an offset acts. */
+static bool offset(const double *force, size_t index, lg_adaptation *out) {
+    const lg_machine *machine = &out->run.machine;
+    (void)index;
+    for (uint32_t t = 0; t < machine->term_count; t++) {
+        const lg_machine_term *term = &machine->terms[t];
+        for (size_t i = 0; term->part == LG_MACHINE_OFFSET && i < term->parameters; i++)
+            if (push(term, force, i, out)) return true;
+    }
+    return false;
+}
+
+/* `direct` fills the direction number out->count of `out`, which begins as zeros, for one standard deviation
+ * of the prior: it is number `index` of the kind. It returns false if there is none. */
 typedef struct adaptable {
     const char *name, *missing;
-    size_t (*direct)(const lg_machine *machine, const double *theta, const double *force, size_t index,
-                     double *direction, char *name, double *size);
+    bool (*direct)(const double *force, size_t index, lg_adaptation *out);
 } adaptable;
 static const adaptable kinds[] = {
     {"offset", "the machine has no learned offset", offset},
@@ -189,16 +192,12 @@ static lg_status extend(const lg_context *context, const char *path, lg_machine_
 /* ---- preparing ---- */
 
 static lg_status fill(const char *names, const double *force, lg_adaptation *out, lg_error *error) {
-    const lg_machine *machine = &out->run.machine;
-    const size_t P = machine->parameters;
     const char *name;
     size_t length;
     while (next_name(&names, &name, &length)) {
         const adaptable *kind = find(name, length);
         size_t index = 0;
-        while (kind->direct(machine, out->theta, force, index, out->directions + out->count * P,
-                            out->names[out->count], &out->units[out->count]) > 0)
-            index++, out->count++;
+        while (kind->direct(force, index, out)) index++, out->count++;
         if (index == 0)
             return lg_fail(error, LG_INVALID_ARGUMENT, "--numbers %s: %s", kind->name, kind->missing);
     }
@@ -208,15 +207,10 @@ static lg_status fill(const char *names, const double *force, lg_adaptation *out
 lg_status lg_adaptation_create(const lg_context *context, const char *path, const lg_machine_model_file *file,
                                const char *names, const double *force, lg_adaptation *out, lg_error *error) {
     const lg_machine *before = &file->run.machine;
-    size_t numbers;
     *out = (lg_adaptation){.run = file->run, .context = context};
     LG_TRY(lg_adapt_check(names, error));
-    const size_t offsets = count_offsets(before, &numbers);
-    if (numbers > LG_MACHINE_VELOCITIES)
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "the machine's offsets have %zu learned numbers, but at most %d can be adapted",
-                       numbers, LG_MACHINE_VELOCITIES);
-    if (count_of(names, &kinds[0]) > 0 && offsets == 0) LG_TRY(extend(context, path, &out->run, error));
+    if (count_of(names, &kinds[0]) > 0 && !has_offset(before))
+        LG_TRY(extend(context, path, &out->run, error));
     const size_t P = out->run.machine.parameters;
     out->theta = lg_alloc(context, (1 + LG_ADAPT_MOST) * P + 1, sizeof *out->theta);
     if (out->theta == NULL)

@@ -170,7 +170,8 @@ typedef struct lg_adaptation {
     size_t count;
     double *directions; /* (count, P), one standard deviation of the prior each */
     char names[LG_ADAPT_MOST][LG_IDENTIFIED_NAME];
-    double units[LG_ADAPT_MOST]; /* one standard deviation of the prior, in the units of the number */
+    double units[LG_ADAPT_MOST];        /* one standard deviation of the prior, in the units of the number */
+    uint32_t velocities[LG_ADAPT_MOST]; /* of an offset: the velocity that it pushes */
     const lg_context *context;
 } lg_adaptation;
 /* Checks a list of names with commas. Refuses a name that no adaptable number has, and a name that stands
