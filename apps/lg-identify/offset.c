@@ -9,7 +9,6 @@
 /* The model with a constant force on each velocity, of a hundredth of the machine's scale of forces. */
 typedef struct pushed {
     lg_adaptation to;
-    size_t direction[LG_MACHINE_VELOCITIES]; /* by velocity: the direction of `to` that pushes it */
     lg_learned_machine model;
 } pushed;
 
@@ -27,11 +26,8 @@ static bool pushed_create(const app *self, const identify_given *given, pushed *
     if (lg_adaptation_create(self->context, self->arguments[0], &given->file, "offset", force, &out->to,
                              NULL) != LG_OK)
         return false;
-    for (uint32_t k = 0; k < machine->velocities; k++) {
-        size_t *i = &out->direction[k];
-        while (*i < out->to.count && out->to.velocities[*i] != k) ++*i;
-        if (*i == out->to.count) return false;
-    }
+    for (uint32_t k = 0; k < machine->velocities; k++)
+        if (lg_adaptation_direction(&out->to, k) == out->to.count) return false;
     out->model = given->model;
     out->model.machine = &out->to.run.machine;
     out->model.theta = out->to.theta;
@@ -41,8 +37,13 @@ static bool pushed_create(const app *self, const identify_given *given, pushed *
 /* Pushes velocity k by x hundredths of the scale of forces. */
 static void push(pushed *p, uint32_t k, double x) {
     double all[LG_ADAPT_MOST] = {0};
-    all[p->direction[k]] = x;
+    all[lg_adaptation_direction(&p->to, k)] = x;
     lg_adaptation_move(&p->to, all);
+}
+
+/* The force of push(p, k, 1). */
+static double force_of(const pushed *p, uint32_t k) {
+    return p->to.units[lg_adaptation_direction(&p->to, k)];
 }
 
 /* ---- free runs that integrate an offset ---- */
@@ -115,7 +116,7 @@ static void look_at(const app *self, const identify_given *given, pushed *p, con
     identify_run_log(self, &p->model, log, start, count, with, v);
     push(p, velocity, -x);
     hide(q, all, with);
-    out->force = x * p->to.units[p->direction[velocity]];
+    out->force = x * force_of(p, velocity);
     out->without = error_of(machine, log, q, i, position, &rows);
     out->with = error_of(machine, log, with, i, position, &rows);
     out->integrates = out->with < 0.7 * out->without;
@@ -209,13 +210,13 @@ size_t identify_lacking(const app *self, const identify_given *given, double **v
         memcpy(x + i * nv, v + (i * points + STEPS / 2) * nv, nv * sizeof *x);
     }
     identify_values(self, &given->model, count, middle_q, x, NULL, f);
-    for (size_t k = 0; k < nv; k++) {
+    for (uint32_t k = 0; k < nv; k++) {
         push(&p, k, 1);
         identify_run(self, &p.model, &log, start, count, STEPS, NULL, with);
         push(&p, k, -1);
         for (size_t i = 0; i < count; i++) {
             const size_t end = (i * points + STEPS) * nv + k;
-            const double change = (with[end] - v[end]) / p.to.units[p.direction[k]];
+            const double change = (with[end] - v[end]) / force_of(&p, k);
             f[i * nv + k] += (log.v[(start[i] + STEPS) * nv + k] - v[end]) / change;
         }
     }

@@ -8,16 +8,27 @@
 
 /* ---- directions ---- */
 
-/* All friction by one factor. */
-static bool friction(const double *force, size_t index, lg_adaptation *out) {
+size_t lg_adaptation_direction(const lg_adaptation *adaptation, uint32_t velocity) {
+    size_t k = 0;
+    while (k < adaptation->count && adaptation->velocities[k] != velocity) k++;
+    return k;
+}
+
+static bool pushes(const lg_adaptation *of, uint32_t velocity) {
+    return lg_adaptation_direction(of, velocity) < of->count;
+}
+
+/* Appends one direction, which multiplies all friction by one factor. */
+static bool friction(const double *force, lg_adaptation *out) {
     const lg_machine *machine = &out->run.machine;
     double *direction = out->directions + out->count * machine->parameters;
     (void)force;
-    if (index > 0 || !lg_machine_scale_friction(machine, out->theta, direction)) return false;
+    if (pushes(out, LG_ADAPT_FRICTION) || !lg_machine_scale_friction(machine, out->theta, direction))
+        return false;
     for (size_t i = 0; i < machine->parameters; i++) direction[i] *= LG_ADAPT_SIGMA;
     (void)snprintf(out->names[out->count], LG_IDENTIFIED_NAME, "friction");
     out->units[out->count] = LG_ADAPT_SIGMA;
-    out->velocities[out->count] = LG_MACHINE_VELOCITIES;
+    out->velocities[out->count] = LG_ADAPT_FRICTION;
     return true;
 }
 
@@ -58,13 +69,8 @@ static double unit_of(const lg_machine *machine, size_t at, double *theta, char 
     return 0.0;
 }
 
-static bool pushes(const lg_adaptation *of, uint32_t velocity) {
-    size_t k = 0;
-    while (k < of->count && of->velocities[k] != velocity) k++;
-    return k < of->count;
-}
-
-/* Number `index` of an offset as a direction, unless another direction pushes the same velocity. */
+/* Appends the direction that changes number `index` of an offset. Returns false if another direction already
+ * pushes the velocity on which this number acts. */
 static bool push(const lg_machine_term *term, const double *force, size_t index, lg_adaptation *out) {
     const lg_machine *machine = &out->run.machine;
     const uint32_t velocity =
@@ -78,10 +84,10 @@ static bool push(const lg_machine_term *term, const double *force, size_t index,
     return true;
 }
 
-/* A constant force: one for each velocity on which a learned number of an offset acts. */
-static bool offset(const double *force, size_t index, lg_adaptation *out) {
+/* Appends the direction of a constant force on a velocity. Each velocity on which a learned number of an
+ * offset acts gets one such direction. */
+static bool offset(const double *force, lg_adaptation *out) {
     const lg_machine *machine = &out->run.machine;
-    (void)index;
     for (uint32_t t = 0; t < machine->term_count; t++) {
         const lg_machine_term *term = &machine->terms[t];
         for (size_t i = 0; term->part == LG_MACHINE_OFFSET && i < term->parameters; i++)
@@ -90,11 +96,12 @@ static bool offset(const double *force, size_t index, lg_adaptation *out) {
     return false;
 }
 
-/* `direct` fills the direction number out->count of `out`, which begins as zeros, for one standard deviation
- * of the prior: it is number `index` of the kind. It returns false if there is none. */
+/* `append` fills the arrays of `out` at out->count, where the direction begins as zeros. The direction gets
+ * the length of one standard deviation of the prior. The caller increments out->count. `append` returns false
+ * if the kind has no further direction. */
 typedef struct adaptable {
     const char *name, *missing;
-    bool (*direct)(const double *force, size_t index, lg_adaptation *out);
+    bool (*append)(const double *force, lg_adaptation *out);
 } adaptable;
 static const adaptable kinds[] = {
     {"offset", "the machine has no learned offset", offset},
@@ -196,9 +203,9 @@ static lg_status fill(const char *names, const double *force, lg_adaptation *out
     size_t length;
     while (next_name(&names, &name, &length)) {
         const adaptable *kind = find(name, length);
-        size_t index = 0;
-        while (kind->direct(force, index, out)) index++, out->count++;
-        if (index == 0)
+        const size_t before = out->count;
+        while (kind->append(force, out)) out->count++;
+        if (out->count == before)
             return lg_fail(error, LG_INVALID_ARGUMENT, "--numbers %s: %s", kind->name, kind->missing);
     }
     return LG_OK;

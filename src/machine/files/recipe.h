@@ -159,7 +159,10 @@ lg_status lg_machine_residuals(const lg_context *context, const lg_learned_machi
 
 /* ---- a few numbers for a new log (adapt.c) ---- */
 
-enum { LG_ADAPT_MOST = LG_MACHINE_VELOCITIES + 1 }; /* an offset for each velocity, and friction */
+enum {
+    LG_ADAPT_FRICTION = LG_MACHINE_VELOCITIES, /* stands for a velocity: the direction changes all friction */
+    LG_ADAPT_MOST                              /* an offset for each velocity, and friction */
+};
 /* Standard deviation of the prior: of the relative change of all friction; of an offset in units of the
  * forces of friction. */
 #define LG_ADAPT_SIGMA 0.1
@@ -171,7 +174,7 @@ typedef struct lg_adaptation {
     double *directions; /* (count, P), one standard deviation of the prior each */
     char names[LG_ADAPT_MOST][LG_IDENTIFIED_NAME];
     double units[LG_ADAPT_MOST];        /* one standard deviation of the prior, in the units of the number */
-    uint32_t velocities[LG_ADAPT_MOST]; /* of an offset: the velocity that it pushes */
+    uint32_t velocities[LG_ADAPT_MOST]; /* the velocity that the direction pushes, or LG_ADAPT_FRICTION */
     const lg_context *context;
 } lg_adaptation;
 /* Checks a list of names with commas. Refuses a name that no adaptable number has, and a name that stands
@@ -181,6 +184,8 @@ lg_status lg_adapt_check(const char *names, lg_error *error);
  * after an error. */
 lg_status lg_adaptation_create(const lg_context *context, const char *path, const lg_machine_model_file *file,
                                const char *names, const double *force, lg_adaptation *out, lg_error *error);
+/* Returns the number of the direction that pushes `velocity`, or `count` if there is none. */
+size_t lg_adaptation_direction(const lg_adaptation *adaptation, uint32_t velocity);
 /* Adds sum_k x_k direction_k to theta. */
 void lg_adaptation_move(lg_adaptation *adaptation, const double *x);
 void lg_adaptation_destroy(lg_adaptation *adaptation);
