@@ -133,12 +133,12 @@ typedef struct lg_fit_problem {
     /* Largest number of samples that are on a tape at once; a larger shard is processed in pieces. Small
      * pieces keep the values in the processor's cache. 0: LG_FIT_CHUNK. */
     size_t chunk;
-    /* True: `loss` usually records the same operations for the same number of samples, and only the values of
-     * inputs (lg_input, lg_input_buffer) differ. lg_fit then makes a plan (liegrad/program.h) of the loss and
-     * its gradient. In fits of machines a plan is faster than the tape for every width of the layers. A plan of
-     * convolutions or of Lie group maps is slower than the tape (docs/reports/speed.md). Results of a plan
-     * differ from results of the tape by rounding. lg_fit_create calls `loss` once. If `loss` reads values
-     * from the tape, lg_fit uses the tape. */
+    /* True: `loss` usually records the same operations for the same number of samples, and only the values
+     * of inputs (lg_input, lg_input_buffer) differ. lg_fit then makes a plan (liegrad/program.h) of the
+     * loss and its gradient. In fits of machines a plan is faster than the tape for every width of the
+     * layers. A plan of convolutions or of Lie group maps is slower than the tape (docs/reports/speed.md).
+     * Results of a plan differ from results of the tape by rounding. lg_fit_create calls `loss` once. If
+     * `loss` reads values from the tape, lg_fit uses the tape. */
     bool repeats;
     /* May be NULL. It tells whether a model is dead, that is, whether it cannot learn any more
      * (lg_fit_options.restarts). `theta` holds the current parameters. If the model is dead, it sets *dead to
