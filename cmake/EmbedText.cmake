@@ -1,11 +1,11 @@
-# C files as text in one generated C file: a table of {name, text}, a row for each file below some folders, and a last row of
-# NULL. As a script: cmake -DFOLDERS=... -DOUT=... -DHEADER=... -DTABLE=... -P EmbedText.cmake. Included: embed_text.
+# C files and gnuplot scripts (.gp) as text in one generated C file: a table of {name, text}, a row for each file below some folders,
+# and a last row of NULL. As a script: cmake -DFOLDERS=... -DOUT=... -DHEADER=... -DTABLE=... -P EmbedText.cmake. Included: embed_text.
 #
 # embed_text(out header table folder...): the generated file's path into `out`; made again when a file below a folder
 # changes, comes or goes. `header` declares `table`, an array such as "const export_fragment export_fragments[]".
 if(CMAKE_SCRIPT_MODE_FILE)
   string(REPLACE "|" ";" FOLDERS "${FOLDERS}")
-  list(TRANSFORM FOLDERS APPEND "/*.c")
+  list(TRANSFORM FOLDERS APPEND "/*.[cg]*")
   file(GLOB_RECURSE files ${FOLDERS})
   list(SORT files)
   set(rows "")
@@ -25,17 +25,17 @@ endif()
 set(EMBED_TEXT_SCRIPT ${CMAKE_CURRENT_LIST_FILE})
 function(embed_text out header table)
   set(patterns ${ARGN})
-  list(TRANSFORM patterns APPEND "/*.c")
+  list(TRANSFORM patterns APPEND "/*.[cg]*")
   file(GLOB_RECURSE files CONFIGURE_DEPENDS ${patterns})
   list(JOIN ARGN "|" folders)
-  set(generated ${CMAKE_CURRENT_BINARY_DIR}/fragments.c)
+  set(generated ${CMAKE_CURRENT_BINARY_DIR}/${out}.c)
   # The list of names is a dependence too: without it a file that goes would stay in the table.
   list(JOIN files "\n" names)
-  file(GENERATE OUTPUT ${CMAKE_CURRENT_BINARY_DIR}/fragments.txt CONTENT "${names}\n")
+  file(GENERATE OUTPUT ${CMAKE_CURRENT_BINARY_DIR}/${out}.txt CONTENT "${names}\n")
   add_custom_command(OUTPUT ${generated}
     COMMAND ${CMAKE_COMMAND} "-DFOLDERS=${folders}" -DOUT=${generated} -DHEADER=${header}
       "-DTABLE=${table}" -P ${EMBED_TEXT_SCRIPT}
-    DEPENDS ${files} ${EMBED_TEXT_SCRIPT} ${CMAKE_CURRENT_BINARY_DIR}/fragments.txt
+    DEPENDS ${files} ${EMBED_TEXT_SCRIPT} ${CMAKE_CURRENT_BINARY_DIR}/${out}.txt
     COMMENT "Embedding ${folders}" VERBATIM)
   set(${out} ${generated} PARENT_SCOPE)
 endfunction()

@@ -385,17 +385,35 @@ lg_status app_make_folder(const char *path, lg_error *error);
 
 /* ---- plots through gnuplot ---- */
 
-/* A picture FILE.svg or FILE.png; the data go to FILE.dat and the script to FILE.gp in the same folder.
- * app_plot_block separates blocks of data, which the script addresses as `index k` of `datafile`. */
+/* A picture FILE.svg or FILE.png. Its gnuplot script is a static text, apps/plots/NAME.gp, and is written to
+ * FILE.gp as it is. Numbers and texts go to FILE.dat, so that no text of a user is ever a part of a script.
+ * apps/plots/begin.gp, which begins each script, says how a script reads them.
+ *
+ *   app_plot_begin(&plot, "training", "loss.svg", 800, 500);
+ *   app_plot_text(&plot, "%s", name);                          T[1]
+ *   fprintf(plot.data, "%.9g %.9g\n", t, x);                   index 1
+ *   app_plot_block(&plot);
+ *   fprintf(plot.data, "%.9g %.9g\n", t, y);                   index 2
+ *   status = app_plot_end(app, &plot, &error);
+ */
+typedef struct app_plot_script {
+    const char *name, *text;
+} app_plot_script;
+extern const app_plot_script app_plot_scripts[]; /* the files apps/plots/NAME.gp, and a last row of NULL */
+
 typedef struct app_plot {
-    char *picture;
-    app_file data, script;
-    char *data_path, *script_path;
+    const char *script; /* the text of the script, without its common beginning */
+    FILE *data, *texts;
+    char *data_text, *texts_text, *picture, *data_path, *script_path;
+    size_t data_length, texts_length;
 } app_plot;
 bool app_plot_name_fits(const char *picture);
 /* Width and height in pixels. The name must end in .svg or .png; app_check_outputs checks this for
  * LG_FILE_DRAWN. */
-void app_plot_begin(app_plot *plot, const char *picture, int width, int height);
+void app_plot_begin(app_plot *plot, const char *script, const char *picture, int width, int height);
+/* Adds a text: T[1] of the script, T[2] and so on. V(k) of the script is T[k] as a number. Any bytes are fine. */
+void app_plot_text(app_plot *plot, const char *format, ...) __attribute__((format(printf, 2, 3)));
+/* Ends a block of data. The first block is `index 1` of `datafile` in the script. A block must not be empty. */
 void app_plot_block(app_plot *plot);
 /* Writes the data and the script, and runs gnuplot. Without gnuplot it leaves both, warns and returns LG_OK.
  * When a file cannot be written, the files that this call wrote are removed. */

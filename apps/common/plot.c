@@ -1,60 +1,89 @@
-/* gnuplot draws the pictures from a script and data, which stay in the folder of the picture. */
+/* gnuplot draws the pictures from static scripts and from data files, both of which stay in the folder of the
+ * picture. */
 #include "common/app.h"
 
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
+#include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-/* Ending of the file name, gnuplot's name of the terminal, and the terminal options that follow the size. */
-static const struct {
-    const char *ending, *terminal, *rest;
-} formats[] = {{".svg", "svg", "dynamic background rgb 'white' font 'Helvetica,13'"},
-               {".png", "pngcairo", "font 'Helvetica,11'"}};
-
-static size_t format_of(const char *picture) {
-    const size_t length = strlen(picture);
-    for (size_t i = 0; i < LG_COUNT(formats); i++)
-        if (length > 4 && strcmp(picture + length - 4, formats[i].ending) == 0) return i;
-    return LG_COUNT(formats);
-}
-
 bool app_plot_name_fits(const char *picture) {
-    return format_of(picture) < LG_COUNT(formats);
+    const size_t length = strlen(picture);
+    return length > 4 &&
+           (strcmp(picture + length - 4, ".svg") == 0 || strcmp(picture + length - 4, ".png") == 0);
 }
 
-/* Writes text as a gnuplot string in single quotes; a quote inside is doubled. */
-static void put_quoted(FILE *stream, const char *text) {
-    (void)fputc('\'', stream);
-    for (; *text != '\0'; text++) {
-        if (*text == '\'') (void)fputc('\'', stream);
-        (void)fputc(*text, stream);
-    }
-    (void)fputc('\'', stream);
+static const char *script_text(const char *name) {
+    const app_plot_script *row = app_plot_scripts;
+    while (row->name != NULL && strcmp(row->name, name) != 0) row++;
+    return row->name != NULL ? row->text : "";
 }
 
-void app_plot_begin(app_plot *plot, const char *picture, int width, int height) {
-    const size_t format = format_of(picture) % LG_COUNT(formats);
+static FILE *open_memory(char **text, size_t *length) {
+    FILE *stream = open_memstream(text, length);
+    if (stream == NULL) app_out_of_memory();
+    return stream;
+}
+
+/* Writes a line of the texts' block. gnuplot takes = and what follows as one text, and reads \ooo as a byte. */
+static void put_text(FILE *stream, const char *text) {
+    (void)fputc('=', stream);
+    for (const unsigned char *c = (const unsigned char *)text; *c != '\0'; c++)
+        if (*c < ' ' || *c == '"' || *c == '\\' || *c == 0x7f)
+            (void)fprintf(stream, "\\%03o", *c);
+        else
+            (void)fputc(*c, stream);
+    (void)fputc('\n', stream);
+}
+
+void app_plot_text(app_plot *plot, const char *format, ...) {
+    va_list arguments;
+    char *text = NULL;
+    va_start(arguments, format);
+    const int length = vasprintf(&text, format, arguments);
+    va_end(arguments);
+    if (length < 0) app_out_of_memory();
+    put_text(plot->texts, text);
+    free(text);
+}
+
+void app_plot_begin(app_plot *plot, const char *script, const char *picture, int width, int height) {
     const int stem = (int)strlen(picture) - 4;
-    const char *slash = strrchr(picture, '/');
-    *plot = (app_plot){.picture = app_format("%s", picture)};
+    *plot = (app_plot){.script = script_text(script), .picture = app_format("%s", picture)};
     plot->data_path = app_format("%.*s.dat", stem, picture);
     plot->script_path = app_format("%.*s.gp", stem, picture);
-    app_file_begin(&plot->data, plot->data_path);
-    app_file_begin(&plot->script, plot->script_path);
-    FILE *script = plot->script.stream;
-    (void)fprintf(script, "set terminal %s size %d,%d %s", formats[format].terminal, width, height,
-                  formats[format].rest);
-    (void)fputs("\ndatafile = ", script);
-    put_quoted(script, plot->data_path + (slash != NULL ? slash + 1 - picture : 0));
-    (void)fputs("\nset grid lc rgb '#dddddd'\nset border lc rgb '#555555'\n", script);
+    plot->data = open_memory(&plot->data_text, &plot->data_length);
+    plot->texts = open_memory(&plot->texts_text, &plot->texts_length);
+    put_text(plot->texts, "texts and numbers of a picture of liegrad");
+    app_plot_text(plot, "%s", picture + stem + 1);
+    app_plot_text(plot, "%d", width);
+    app_plot_text(plot, "%d", height);
 }
 
 void app_plot_block(app_plot *plot) {
-    (void)fputs("\n\n", plot->data.stream);
+    (void)fputs("\n\n", plot->data);
+}
+
+/* Closes both streams and writes their texts, with two empty lines between them. */
+static lg_status write_data(app_plot *plot, lg_error *error) {
+    app_file file;
+    const bool whole = fclose(plot->texts) == 0;
+    if (fclose(plot->data) != 0 || !whole) app_out_of_memory();
+    app_file_begin(&file, plot->data_path);
+    (void)fprintf(file.stream, "%s\n\n", plot->texts_text);
+    (void)fwrite(plot->data_text, 1, plot->data_length, file.stream);
+    return app_file_end(&file, error);
+}
+
+static lg_status write_script(const app_plot *plot, lg_error *error) {
+    app_file file;
+    app_file_begin(&file, plot->script_path);
+    (void)fprintf(file.stream, "%s\n%s", script_text("begin"), plot->script);
+    return app_file_end(&file, error);
 }
 
 /* Copies everything from a pipe to `to`, until the pipe's end. Returns false if the pipe cannot be read. */
@@ -66,8 +95,9 @@ static bool drain(int from, FILE *to) {
     return got == 0;
 }
 
-/* Runs `gnuplot script` in the script's folder and copies its standard output, the picture, to `picture`.
- * Returns gnuplot's exit status: 127 if gnuplot is not installed, -1 if it could not be started or was
+/* Runs gnuplot in the script's folder, without its start-up files, and copies its standard output, the
+ * picture, to `picture`. The script's name begins with ./, because gnuplot starts a program if a name begins
+ * with < or |. Returns gnuplot's exit status: 127 if gnuplot is not installed, -1 if it could not be started or was
  * killed, or if its output could not be read. The caller then writes the picture completely or not at all;
  * gnuplot itself does not notice a full disk. */
 static int run_gnuplot(const char *script, FILE *picture) {
@@ -86,10 +116,11 @@ static int run_gnuplot(const char *script, FILE *picture) {
         const char *slash = strrchr(script, '/');
         const size_t folder = slash != NULL ? (size_t)(slash - script) + 1 : 0;
         char path[PATH_MAX];
-        if (folder >= sizeof path) _exit(1);
+        if (strlen(script) + sizeof "./" > sizeof path) _exit(1);
         (void)snprintf(path, sizeof path, "%.*s", (int)folder, script);
         if (folder > 0 && chdir(path) != 0) _exit(1);
-        (void)execlp("gnuplot", "gnuplot", script + folder, (char *)NULL);
+        (void)snprintf(path, sizeof path, "./%s", script + folder);
+        (void)execlp("gnuplot", "gnuplot", "-d", path, (char *)NULL);
         _exit(127);
     }
     (void)close(ends[1]);
@@ -111,24 +142,20 @@ static lg_status draw(const app *self, const app_plot *plot, lg_error *error) {
     app_file_discard(&picture);
     app_warn(self, "gnuplot %s, so %s is not drawn; its data and script are in %s and %s%s",
              code == 127 ? "is not installed" : "failed", plot->picture, plot->data_path, plot->script_path,
-             code == 127 ? " (to draw it, in their folder: gnuplot SCRIPT > PICTURE)" : "");
+             code == 127 ? " (to draw it, in their folder: gnuplot -d ./SCRIPT > PICTURE)" : "");
     return LG_OK;
 }
 
 lg_status app_plot_end(const app *self, app_plot *plot, lg_error *error) {
-    lg_status status = app_file_end(&plot->data, error);
+    lg_status status = write_data(plot, error);
     const bool data = status == LG_OK;
-    if (data)
-        status = app_file_end(&plot->script, error);
-    else
-        app_file_discard(&plot->script);
+    if (data) status = write_script(plot, error);
     const bool script = data && status == LG_OK;
     if (script) status = draw(self, plot, error);
     /* The data and the script are of no use when the disk is full and the rest is missing. */
     if (status != LG_OK && data) (void)unlink(plot->data_path);
     if (status != LG_OK && script) (void)unlink(plot->script_path);
-    free(plot->picture);
-    free(plot->data_path);
-    free(plot->script_path);
+    char *const texts[] = {plot->texts_text, plot->data_text, plot->picture, plot->data_path, plot->script_path};
+    for (size_t i = 0; i < LG_COUNT(texts); i++) free(texts[i]);
     return status;
 }

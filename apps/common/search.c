@@ -503,43 +503,34 @@ static void report(const searching *search, double seconds) {
 
 /* ---- the picture ---- */
 
-static void put_state(app_plot *plot, const lg_trial *trials, size_t count, lg_trial_state state) {
-    for (size_t i = 0; i < count; i++)
-        if (trials[i].state == state && isfinite(trials[i].objective) && trials[i].objective > 0)
-            (void)fprintf(plot->data.stream, "%llu %.9g\n", (unsigned long long)trials[i].number,
-                          trials[i].objective);
+/* Writes the trials with this state as a block and returns how many they are. */
+static size_t put_state(app_plot *plot, const lg_trial *trials, size_t count, lg_trial_state state) {
+    size_t put = 0;
+    (void)fputs("nan nan\n", plot->data);
+    for (size_t i = 0; i < count; i++) {
+        if (trials[i].state != state || !isfinite(trials[i].objective) || trials[i].objective <= 0) continue;
+        (void)fprintf(plot->data, "%llu %.9g\n", (unsigned long long)trials[i].number, trials[i].objective);
+        put++;
+    }
+    app_plot_block(plot);
+    return put;
 }
 
 static lg_status draw_search(const app *self, const char *picture, const lg_trial *trials, size_t count,
                              lg_error *error) {
+    static const lg_trial_state states[] = {LG_TRIAL_PRUNED, LG_TRIAL_DONE};
     app_plot plot;
-    app_plot_begin(&plot, picture, 800, 500);
-    size_t done = 0, pruned = 0;
     double best = INFINITY;
+    app_plot_begin(&plot, "search", picture, 800, 500);
+    app_plot_text(&plot, "%zu", count);
+    for (size_t k = 0; k < LG_COUNT(states); k++)
+        app_plot_text(&plot, "%zu", put_state(&plot, trials, count, states[k]));
+    (void)fputs("nan nan\n", plot.data);
     for (size_t i = 0; i < count; i++) {
-        done += trials[i].state == LG_TRIAL_DONE;
-        pruned += trials[i].state == LG_TRIAL_PRUNED && trials[i].objective > 0;
         if (trials[i].state == LG_TRIAL_DONE) best = fmin(best, trials[i].objective);
         if (isfinite(best))
-            (void)fprintf(plot.data.stream, "%llu %.9g\n", (unsigned long long)trials[i].number, best);
+            (void)fprintf(plot.data, "%llu %.9g\n", (unsigned long long)trials[i].number, best);
     }
-    app_plot_block(&plot);
-    put_state(&plot, trials, count, LG_TRIAL_DONE);
-    app_plot_block(&plot);
-    put_state(&plot, trials, count, LG_TRIAL_PRUNED);
-    (void)fprintf(plot.script.stream,
-                  "set logscale y\nset format y '10^{%%L}'\nset xlabel 'trial'\nset ylabel 'objective'\n"
-                  "set xrange [-1:%zu]\n%sset key top right\nplot 1/0 notitle",
-                  count, done + pruned == 0 ? "set yrange [1e-6:1]\n" : "");
-    if (pruned > 0)
-        (void)fprintf(plot.script.stream,
-                      ", datafile index %d with points pt 2 lc rgb '#999999' title 'stopped early'",
-                      done > 0 ? 2 : 0);
-    if (done > 0)
-        (void)fputs(", datafile index 1 with points pt 7 lc rgb '#1f5fa8' title 'finished', "
-                    "datafile index 0 with steps lw 2 lc rgb '#d1641f' title 'best so far'",
-                    plot.script.stream);
-    (void)fputc('\n', plot.script.stream);
     return app_plot_end(self, &plot, error);
 }
 

@@ -148,18 +148,11 @@ lg_status train_save_history(const char *path, const lg_fit *fit, lg_error *erro
 lg_status train_draw_loss(const app *self, const char *picture, const double *loss, const double *validation,
                           size_t epochs, lg_error *error) {
     app_plot plot;
-    app_plot_begin(&plot, picture, 800, 500);
+    app_plot_begin(&plot, "training", picture, 800, 500);
+    app_plot_text(&plot, "%d", validation != NULL);
     for (size_t i = 0; i < epochs; i++)
-        (void)fprintf(plot.data.stream, "%zu %.17g %.17g\n", i + 1, loss[i],
+        (void)fprintf(plot.data, "%zu %.17g %.17g\n", i + 1, loss[i],
                       validation != NULL ? validation[i] : (double)NAN);
-    (void)fputs("set title 'Training'\nset logscale y\nset format y '10^{%L}'\nset xlabel 'epoch'\n"
-                "set ylabel 'loss (mean of an epoch)'\n"
-                "plot datafile using 1:2 with lines lw 2 lc rgb '#1f5fa8' title 'training'",
-                plot.script.stream);
-    if (validation != NULL)
-        (void)fputs(", datafile using 1:3 with lines lw 2 lc rgb '#d1641f' title 'validation'",
-                    plot.script.stream);
-    (void)fputc('\n', plot.script.stream);
     return app_plot_end(self, &plot, error);
 }
 

@@ -1,0 +1,25 @@
+# A script of liegrad. To draw its picture again: gnuplot -d ./NAME.gp > PICTURE
+# It reads NAME.dat. Block 0 has a text on each line, which begins with =; the blocks of numbers follow as index 1, 2, ...
+# T[1], T[2], ... are the texts of this picture, V(k) is T[k] as a number, tic(text) is a text for `set xtics`, where % is a format.
+# Texts may hold any characters, so they are shown with `noenhanced` and are never a part of a command.
+set encoding utf8
+datafile = ARG0[1:strlen(ARG0)-3].".dat"
+if (datafile[1:1] ne "/") { datafile = "./".datafile }
+set datafile commentschars ""
+set datafile separator "\t"
+stats datafile index 0 using (1) nooutput
+array T[STATS_records]
+count = -4
+picture = ""
+width = height = 0
+take(text) = (count = count + 1, count > 0 ? (T[count] = text) : count == -2 ? (picture = text) : count == -1 ? (width = text) : \
+    count == 0 ? (height = text) : 0, 1)
+stats datafile index 0 using (take(strcol(1)[2:*])) nooutput
+set datafile separator whitespace
+set datafile commentschars
+V(k) = real(T[k])
+tic(text) = text eq "" ? "" : (text[1:1] eq "%" ? "%%" : text[1:1]).tic(text[2:*])
+if (picture eq "svg") { set terminal svg size width, height dynamic background rgb 'white' font 'Helvetica,13' }
+if (picture eq "png") { set terminal pngcairo size width, height font 'Helvetica,11' }
+set grid lc rgb '#dddddd'
+set border lc rgb '#555555'
