@@ -29,14 +29,15 @@ static FILE *open_memory(char **text, size_t *length) {
     return stream;
 }
 
-/* Writes a line of the texts' block. gnuplot takes = and what follows as one text, and reads \ooo as a byte. */
+/* Writes a line of the texts' block. gnuplot takes = and what follows as one text, and reads \ and all octal
+ * digits behind it as one byte, so a digit that follows such a byte is written in the same way. */
 static void put_text(FILE *stream, const char *text) {
+    bool octal = false;
     (void)fputc('=', stream);
-    for (const unsigned char *c = (const unsigned char *)text; *c != '\0'; c++)
-        if (*c < ' ' || *c == '"' || *c == '\\' || *c == 0x7f)
-            (void)fprintf(stream, "\\%03o", *c);
-        else
-            (void)fputc(*c, stream);
+    for (const unsigned char *c = (const unsigned char *)text; *c != '\0'; c++) {
+        octal = *c < ' ' || *c == '"' || *c == '\\' || *c == 0x7f || (octal && *c >= '0' && *c <= '7');
+        (void)fprintf(stream, octal ? "\\%03o" : "%c", *c);
+    }
     (void)fputc('\n', stream);
 }
 
@@ -155,7 +156,8 @@ lg_status app_plot_end(const app *self, app_plot *plot, lg_error *error) {
     /* The data and the script are of no use when the disk is full and the rest is missing. */
     if (status != LG_OK && data) (void)unlink(plot->data_path);
     if (status != LG_OK && script) (void)unlink(plot->script_path);
-    char *const texts[] = {plot->texts_text, plot->data_text, plot->picture, plot->data_path, plot->script_path};
+    char *const texts[] = {plot->texts_text, plot->data_text, plot->picture, plot->data_path,
+                           plot->script_path};
     for (size_t i = 0; i < LG_COUNT(texts); i++) free(texts[i]);
     return status;
 }
