@@ -419,4 +419,11 @@ void app_plot_block(app_plot *plot);
  * When a file cannot be written, the files that this call wrote are removed. */
 lg_status app_plot_end(const app *app, app_plot *plot, lg_error *error);
 
+/* Draws each entry's count and its fraction of the row (confusion.c). confusion (classes, classes): rows are
+ * the true classes. */
+enum { APP_CLASS_NAME = 64 }; /* LG_SERIES_NAME and LG_TABLE_NAME */
+lg_status app_draw_confusion(const app *app, const char *picture, const char *title,
+                             const uint64_t *confusion, uint32_t classes, char (*class_name)[APP_CLASS_NAME],
+                             lg_error *error);
+
 #endif

@@ -149,14 +149,10 @@ lg_status draw_margin(const app *app, const char *picture, const labelled *point
 /* The first two columns and the line w.x + b = 0; w (2), or NULL for no line. */
 lg_status draw_plane(const app *app, const char *picture, const labelled *points, const double *w, double b,
                      lg_error *error);
-/* Each entry's count and its fraction of the row; confusion (classes, classes), rows are the true classes. */
-lg_status draw_confusion(const app *app, const char *picture, const uint64_t *confusion, uint32_t classes,
-                         char (*class_name)[LG_SERIES_NAME], lg_error *error);
-
 typedef struct roc_curve {
     const char *name; /* name of the class that is compared with all others */
     const double *fpr, *tpr;
-    size_t points;
+    size_t points; /* at least 1 */
     double auc;
 } roc_curve;
 lg_status draw_roc(const app *app, const char *picture, const roc_curve *curves, size_t count,
@@ -171,10 +167,10 @@ typedef struct regression {
     uint32_t label;
 } regression;
 lg_status draw_regressions(const app *app, const char *picture, const regression *lines, size_t count,
-                           char (*class_name)[LG_SERIES_NAME], lg_error *error);
+                           uint32_t classes, char (*class_name)[LG_SERIES_NAME], lg_error *error);
 
-/* Recordings of the same channels, for example intact and broken, or slack and tight. Draws each channel
- * against time, and the moments against the lower accelerations (phase plots). */
+/* Recordings of the same channels, with their rate in Hz, for example intact and broken, or slack and tight.
+ * Draws each channel against time, and the moments against the lower accelerations (phase plots). */
 typedef struct recording {
     const char *name;
     const float *samples; /* (count, channels) */
@@ -184,7 +180,7 @@ lg_status draw_recordings(const app *app, const char *picture, const recording *
                           uint32_t channels, char (*channel_name)[LG_SERIES_NAME], double rate,
                           lg_error *error);
 
-/* The picture of a training's loss is train_draw_loss in common/train.h; the picture of objective against
- * trial is draw_search in common/search.c. */
+/* Elsewhere: the picture of a training's loss is train_draw_loss in common/train.h, a confusion matrix
+ * app_draw_confusion, and objective against trial draw_search in common/search.c. */
 
 #endif

@@ -269,7 +269,7 @@ static lg_status view_regressions(const viewing *v, lg_error *error) {
         put_regression(v, at, x, f, memory + count * each, &lines[count]);
         count++;
     }
-    return draw_regressions(v->app, v->picture, lines, count, v->model->class_name, error);
+    return draw_regressions(v->app, v->picture, lines, count, v->model->classes, v->model->class_name, error);
 }
 
 lg_status draw_view(const app *self, const char *picture, int view, const well_model *model,
@@ -294,7 +294,8 @@ lg_status draw_view(const app *self, const char *picture, int view, const well_m
     case VIEW_PLANE:
         return view_plane(&v, error);
     case VIEW_CONFUSION:
-        return draw_confusion(self, picture, judged->confusion, judged->classes, model->class_name, error);
+        return app_draw_confusion(self, picture, "", judged->confusion, judged->classes, model->class_name,
+                                  error);
     case VIEW_ROC:
         return view_roc(&v, error);
     default:

@@ -1,6 +1,7 @@
 # A script of liegrad. To draw its picture again: gnuplot -d ./NAME.gp > PICTURE
 # It reads NAME.dat. Block 0 has a text on each line, which begins with =; the blocks of numbers follow as index 1, 2, ...
 # T[1], T[2], ... are the texts of this picture, V(k) is T[k] as a number, tic(text) is a text for `set xtics`, where % is a format.
+# colour(1), colour(2), ...: colours of classes and curves; small(text): a font in which a long name fits beside an axis.
 # Texts may hold any characters, so they are shown with `noenhanced` and are never a part of a command.
 set encoding utf8
 datafile = ARG0[1:strlen(ARG0)-3].".dat"
@@ -19,6 +20,8 @@ set datafile separator whitespace
 set datafile commentschars
 V(k) = real(T[k])
 tic(text) = text eq "" ? "" : (text[1:1] eq "%" ? "%%" : text[1:1]).tic(text[2:*])
+colour(k) = "#".word("1f5fa8 d1641f 2e8b57 8b3a8b b8860b 17a2b8 6b4423 5d6d7e 7cb342 e377c2", int(k - 1) % 10 + 1)
+small(text) = strlen(text) > 16 ? ",7" : ""
 if (picture eq "svg") { set terminal svg size width, height dynamic background rgb 'white' font 'Helvetica,13' }
 if (picture eq "png") { set terminal pngcairo size width, height font 'Helvetica,11' }
 set grid lc rgb '#dddddd'

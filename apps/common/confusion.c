@@ -1,0 +1,22 @@
+/* The picture of a confusion matrix. */
+#include "common/app.h"
+
+lg_status app_draw_confusion(const app *self, const char *picture, const char *title,
+                             const uint64_t *confusion, uint32_t classes, char (*class_name)[APP_CLASS_NAME],
+                             lg_error *error) {
+    app_plot plot;
+    const int size = 220 + 110 * (int)(classes < 12 ? classes : 12);
+    app_plot_begin(&plot, "confusion", picture, size + 60, size);
+    app_plot_text(&plot, "%u", classes);
+    app_plot_text(&plot, "%s", title);
+    for (uint32_t row = 0; row < classes; row++) {
+        const uint64_t *entry = confusion + (size_t)row * classes;
+        double total = 0;
+        app_plot_text(&plot, "%s", class_name[row]);
+        for (uint32_t j = 0; j < classes; j++) total += (double)entry[j];
+        for (uint32_t j = 0; j < classes; j++)
+            (void)fprintf(plot.data, "%u %u %.6g %llu\n", j, row, total > 0 ? (double)entry[j] / total : 0.0,
+                          (unsigned long long)entry[j]);
+    }
+    return app_plot_end(self, &plot, error);
+}
