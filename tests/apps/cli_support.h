@@ -193,6 +193,39 @@ static inline void cli_run(const char *program, const char *format, ...) {
     cli_expect(program, line, 0, "");
 }
 
+/* ---- names that a picture shows as they are ---- */
+
+enum { CLI_NAMES = 6 };
+static inline const char *cli_strange_name(size_t i) {
+    static const char *const names[CLI_NAMES] = {
+        "a`touch RAN`\"5",           "u'.system('touch RAN').'\\n_x^y",
+        "'.system(\"touch RAN\").'", "\"; !touch RAN; <b>&amp; %d",
+        "$(touch RAN)@T[1]\\7",      "~{a}{.6-}&{/Symbol b}%",
+    };
+    return names[i];
+}
+
+/* Asserts that the picture is drawn and shows the names first to end - 1, each behind the text `before`, and
+ * that no command in them ran. Without gnuplot there is no picture. */
+static inline void cli_shows_names(const char *picture, const char *before, size_t first, size_t end) {
+    static char text[4 * CLI_TEXT];
+    assert_false(cli_exists("RAN"));
+    if (strstr(result.err, "gnuplot is not installed") != NULL) return;
+    if (strstr(result.err, "gnuplot") != NULL) fail_msg("%s: %s", picture, result.err);
+    (void)cli_read(picture, text, sizeof text);
+    for (size_t i = first; i < end; i++) {
+        char name[256];
+        size_t used = (size_t)snprintf(name, sizeof name, "%s", before);
+        for (const char *c = cli_strange_name(i); *c != '\0'; c++)
+            used += (size_t)snprintf(name + used, sizeof name - used, "%s%.*s",
+                                     *c == '<'   ? "&lt;"
+                                     : *c == '&' ? "&amp;"
+                                                 : "",
+                                     *c != '<' && *c != '&', c);
+        if (strstr(text, name) == NULL) fail_msg("%s does not show %s", picture, name);
+    }
+}
+
 /* ---- a strict JSON reader (RFC 8259): each function returns the position after the value, or NULL if there
  * is none ---- */
 

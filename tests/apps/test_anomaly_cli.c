@@ -38,7 +38,7 @@ static const other others[] = {
     {"three.h5", 60, 2, 40, 3, 0, 0, false, false},   {"one-channel.h5", 40, 1, 152, 2, 0, 0, false, false},
     {"short.h5", 40, 3, 2, 2, 0, 0, false, false},    {"point.h5", 40, 4, 1, 2, 0, 0, false, false},
     {"constant.h5", 40, 3, 30, 2, 0, 0, false, true}, {"votes.h5", 48, 2, 20, 2, 4, 8, true, false},
-    {"tiny.h5", 4, 2, 20, 2, 0, 0, false, false},
+    {"tiny.h5", 4, 2, 20, 2, 0, 0, false, false},     {"many-plain.h5", 120, 6, 40, 6, 0, 0, false, false},
 };
 
 /* Writes a file of windows. A window of class c is normal noise of mean 2 c and standard deviation 1 + 3
@@ -380,19 +380,21 @@ TEST("pictures for a file without names use the names of the training data; a si
     static char text[CLI_TEXT];
     write_numbered("unnamed.h5", 0, false);
     cli_run(lg, "train data.h5 --method tree --features std --out named.h5 --plot named.svg");
-    (void)cli_read("named.gp", text, sizeof text);
-    assert_says(text, "std acc_lower_x <=");
+    (void)cli_read("named.dat", text, sizeof text);
+    assert_says(text, "\n=std acc_lower_x\n= <= ");
     cli_run(lg, "evaluate named.h5 unnamed.h5 --plot pairs.svg --picture pairs");
-    (void)cli_read("pairs.gp", text, sizeof text);
-    assert_says(text, "\"std moment_y\"");
+    (void)cli_read("pairs.dat", text, sizeof text);
+    assert_says(text, "\n=std moment_y\n");
     cli_run(
         lg,
         "train one-channel.h5 --method logistic --features std --out one-std.h5 --plot single.svg --picture "
         "pairs");
     assert_null(strstr(result.err, "gnuplot failed"));
-    (void)cli_read("single.gp", text, sizeof text);
-    assert_null(strstr(text, "multiplot"));
-    assert_says(text, "filledcurves");
+    (void)cli_read("single.dat", text, sizeof text);
+    assert_says(text, "\n=1\n=2\n=std 0\n=0\n=1\n");
+    if (!cli_exists("single.svg")) return;
+    (void)cli_read("single.svg", text, sizeof text);
+    assert_says(text, "part of the windows");
 }
 
 TEST("without --filters the network has as many blocks as fit, but at most three") {
@@ -570,6 +572,44 @@ TEST("pictures are drawn") {
         assert_true(cli_exists("p.gp"));
         if (strstr(result.err, "gnuplot failed") != NULL) fail_msg("%s: %s", lines[i], result.err);
         if (!cli_exists("p.svg")) assert_says(result.err, "gnuplot");
+    }
+}
+
+/* Writes a file with other names of its classes, and of its channels if `channels`. */
+static void write_strange(const char *name, const char *from, bool channels) {
+    static char of_channel[CLI_NAMES][LG_SERIES_NAME];
+    lg_series_data *data = read_back(from);
+    char(*usual)[LG_SERIES_NAME] = data->series.channel_name;
+    for (uint32_t c = 0; c < data->series.classes; c++)
+        (void)snprintf(data->series.class_name[c], LG_SERIES_NAME, "%s", cli_strange_name(c));
+    for (uint32_t c = 0; c < data->series.channels; c++)
+        (void)snprintf(of_channel[c], LG_SERIES_NAME, "%s", cli_strange_name(c));
+    if (channels) data->series.channel_name = of_channel;
+    assert_ok(lg_series_write(NULL, cli_at(name), data, NULL));
+    data->series.channel_name = usual;
+}
+
+TEST("pictures show names of classes and channels as they are, and no name is a command") {
+    static const struct {
+        const char *line;
+        size_t classes, channels;
+    } cases[] = {
+        {"train many.h5 --method tree --features std --out n.h5 --plot n.svg", 6, 0},
+        {"evaluate n.h5 many.h5 --picture confusion --plot n.svg", 6, 0},
+        {"evaluate n.h5 many.h5 --picture roc --plot n.svg", 6, 0},
+        {"evaluate n.h5 many.h5 --picture pairs --plot n.svg", 6, 6},
+        {"evaluate n.h5 many.h5 --picture clouds --plot n.svg", 6, 0},
+        {"train two.h5 --method svm-linear --components 3 --out n.h5 --plot n.svg", 2, 0},
+        {"train two.h5 --method baseline --window 60 --split run --out n.h5 --plot n.svg", 2, 0},
+        {"train two.h5 --epochs 1 --plane 2 --out n.h5", 0, 0},
+        {"evaluate n.h5 two.h5 --plot n.svg", 2, 0},
+    };
+    write_strange("many.h5", "many-plain.h5", true);
+    write_strange("two.h5", "data.h5", false);
+    for (size_t i = 0; i < LG_COUNT(cases); i++) {
+        cli_run(lg, "%s", cases[i].line);
+        cli_shows_names("n.svg", "", 0, cases[i].classes);
+        cli_shows_names("n.svg", "std ", 0, cases[i].channels);
     }
 }
 

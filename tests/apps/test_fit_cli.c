@@ -409,6 +409,32 @@ TEST("the help says what --plot draws, where the picture's data are written, and
     if (strstr(text, "Draw the loss") != NULL) fail_msg("%s", result.out);
 }
 
+static void put_quoted(sheet *s, const char *name) {
+    put(s, "\"");
+    for (; *name != '\0'; name++) put(s, *name == '"' ? "\"\"" : "%c", *name);
+    put(s, "\"");
+}
+
+TEST("pictures show names of columns and classes as they are, and no name is a command") {
+    for (size_t n = 0; n <= CLI_NAMES; n++) { /* each name as the output; then all as classes */
+        sheet *s = TEST_ARRAY(sheet, 1);
+        put(s, "a,");
+        put_quoted(s, n < CLI_NAMES ? cli_strange_name(n) : "class");
+        for (size_t i = 0; i < 120; i++) {
+            put(s, "\n%.9g,", (double)(i % CLI_NAMES) + 0.1 * noise(i));
+            if (n < CLI_NAMES)
+                put(s, "%zu", i % CLI_NAMES);
+            else
+                put_quoted(s, cli_strange_name(i % CLI_NAMES));
+        }
+        put(s, "\n");
+        cli_write("names.csv", s->text);
+        cli_run(fit, "train names.csv %s --epochs 3 --out n.h5 --plot n.svg",
+                n < CLI_NAMES ? "" : "--class class");
+        cli_shows_names("n.svg", "", n < CLI_NAMES ? n : 0, n < CLI_NAMES ? n + 1 : n);
+    }
+}
+
 /* ---- HDF5 and numpy ---- */
 
 /* Writes a numpy file with this header and these numbers. */
