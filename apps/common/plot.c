@@ -29,14 +29,15 @@ static FILE *open_memory(char **text, size_t *length) {
     return stream;
 }
 
-/* Writes a line of the texts' block. gnuplot takes = and what follows as one text, and reads \ooo as a byte. */
+/* Writes a line of the texts' block. gnuplot takes = and what follows as one text, and reads \ooo as a byte. It
+ * would count more octal digits to this byte, so a digit after it is written in the same way. */
 static void put_text(FILE *stream, const char *text) {
+    bool escaped = false;
     (void)fputc('=', stream);
-    for (const unsigned char *c = (const unsigned char *)text; *c != '\0'; c++)
-        if (*c < ' ' || *c == '"' || *c == '\\' || *c == 0x7f)
-            (void)fprintf(stream, "\\%03o", *c);
-        else
-            (void)fputc(*c, stream);
+    for (const unsigned char *c = (const unsigned char *)text; *c != '\0'; c++) {
+        escaped = *c < ' ' || *c == '"' || *c == '\\' || *c == 0x7f || (escaped && *c >= '0' && *c <= '7');
+        (void)fprintf(stream, escaped ? "\\%03o" : "%c", *c);
+    }
     (void)fputc('\n', stream);
 }
 
