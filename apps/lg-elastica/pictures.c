@@ -119,44 +119,34 @@ static bool is_saddle(const sweep_point *at) {
     return at->negative_eigenvalues > 0;
 }
 
-/* Whether point i is the first of its branch. */
-static bool begins_branch(const sweep_point *points, size_t i) {
-    return i == 0 || points[i - 1].branch != points[i].branch;
+static bool follows(const sweep_point *points, size_t i) {
+    return i > 0 && points[i - 1].branch == points[i].branch;
 }
 
-/* Whether a piece begins at point i. Each branch is drawn as pieces of equal stability, since stable and unstable
- * pieces have different dashes. */
+/* Whether a piece begins at point i. Branches are drawn as pieces of equal stability, since stable and unstable
+ * ones have different dashes. */
 static bool begins_piece(const sweep_point *points, size_t i) {
-    return begins_branch(points, i) || is_saddle(&points[i]) != is_saddle(&points[i - 1]);
-}
-
-/* A piece begins with the last point of the piece before it in its branch. */
-static void put_pieces(app_plot *plot, const sweep_point *points, size_t count) {
-    for (size_t i = 0; i < count; i++) {
-        if (begins_piece(points, i)) {
-            if (i > 0) app_plot_block(plot);
-            if (!begins_branch(points, i))
-                (void)fprintf(plot->data, "%.9g %.9g\n", points[i - 1].x, points[i - 1].energy);
-            app_plot_text(plot, "%zu", points[i].branch);
-            app_plot_text(plot, "%d", is_saddle(&points[i]));
-        }
-        (void)fprintf(plot->data, "%.9g %.9g\n", points[i].x, points[i].energy);
-    }
+    return !follows(points, i) || is_saddle(&points[i]) != is_saddle(&points[i - 1]);
 }
 
 void draw_sweep(const app *self, const char *picture, const sweep_point *points, size_t count) {
     if (picture == NULL) return;
     app_plot plot;
     size_t pieces = 0;
-    bool saddles = false;
-    for (size_t i = 0; i < count; i++) {
-        pieces += begins_piece(points, i);
-        saddles = saddles || is_saddle(&points[i]);
-    }
+    for (size_t i = 0; i < count; i++) pieces += begins_piece(points, i);
     app_plot_begin(&plot, "elastica_sweep", picture, 1000, 650);
-    app_plot_text(&plot, "%d", saddles);
     app_plot_text(&plot, "%zu", pieces);
-    put_pieces(&plot, points, count);
+    for (size_t i = 0; i < count; i++) {
+        if (begins_piece(points, i)) {
+            if (i > 0) app_plot_block(&plot);
+            /* A piece begins with the last point of the piece before it. */
+            if (follows(points, i))
+                (void)fprintf(plot.data, "%.9g %.9g\n", points[i - 1].x, points[i - 1].energy);
+            app_plot_text(&plot, "%zu", points[i].branch);
+            app_plot_text(&plot, "%d", is_saddle(&points[i]));
+        }
+        (void)fprintf(plot.data, "%.9g %.9g\n", points[i].x, points[i].energy);
+    }
     end(self, &plot, picture);
 }
 

@@ -216,7 +216,7 @@ typedef struct curve {
 } curve;
 
 /* Writes the share of the log's rows in each bin, as a strip along the axis. */
-static void put_density(app_plot *plot, const curve *c, size_t rows) {
+static void put_density(app_plot *plot, size_t rows, const curve *c) {
     size_t bins[BINS] = {0}, most = 1;
     const double middle = 0.5 * (c->low + c->high);
     for (size_t i = 0; i < rows; i++) {
@@ -231,10 +231,10 @@ static void put_density(app_plot *plot, const curve *c, size_t rows) {
     app_plot_block(plot);
 }
 
-static void put_curve(app_plot *plot, const curve *c, size_t rows) {
+static void put_curve(app_plot *plot, size_t rows, const curve *c) {
     double least = INFINITY;
     app_plot_text(plot, "%zu", c->point_count);
-    put_density(plot, c, rows);
+    put_density(plot, rows, c);
     for (size_t i = 0; i < GRID; i++) least = fmin(least, c->y[i * c->y_stride]);
     for (size_t i = 0; i < GRID; i++)
         (void)fprintf(plot->data, "%.7g %.7g\n", c->low + (c->high - c->low) * (double)i / (GRID - 1),
@@ -263,15 +263,8 @@ static void put_potential(const app *self, drawing *d, const axis *a) {
     app_plot_text(&d->plot, "%s", a->name);
     fill_slice(d, d->at_q, nq, a->position, a->low, a->high);
     identify_values(self, &d->given->model, GRID, d->at_q, d->at_v, d->y, NULL);
-    const curve c = {.x = d->log->q + a->position,
-                     .y = d->y,
-                     .x_stride = nq,
-                     .y_stride = 1,
-                     .low = a->low,
-                     .high = a->high,
-                     .angle = a->angle,
-                     .level = true};
-    put_curve(&d->plot, &c, d->log->rows);
+    put_curve(&d->plot, d->log->rows,
+              &(curve){d->log->q + a->position, d->y, nq, 1, a->low, a->high, a->angle, true, NULL, NULL, 0});
 }
 
 static void put_friction(const app *self, drawing *d, const axis *a) {
@@ -282,16 +275,10 @@ static void put_friction(const app *self, drawing *d, const axis *a) {
     app_plot_text(&d->plot, "velocity of %s", a->name);
     fill_slice(d, d->at_v, nv, a->velocity, a->slow, a->fast);
     identify_values(self, &d->given->model, GRID, d->at_q, d->at_v, NULL, d->y);
-    const curve c = {.x = v + a->velocity,
-                     .y = d->y + a->velocity,
-                     .x_stride = nv,
-                     .y_stride = nv,
-                     .low = a->slow,
-                     .high = a->fast,
-                     .point_x = lacking ? d->lacking_v + a->velocity : NULL,
-                     .point_y = lacking ? d->lacking + a->velocity : NULL,
-                     .point_count = d->lacking_count};
-    put_curve(&d->plot, &c, d->log->rows);
+    put_curve(&d->plot, d->log->rows,
+              &(curve){v + a->velocity, d->y + a->velocity, nv, nv, a->slow, a->fast, false, false,
+                       lacking ? d->lacking_v + a->velocity : NULL, lacking ? d->lacking + a->velocity : NULL,
+                       d->lacking_count});
 }
 
 static void put_slices(const app *self, drawing *d, axis *axes, size_t count) {
