@@ -7,10 +7,8 @@
 
 enum { IN_ROW = 3, WIDTH = 460, HEIGHT = 380, MOTIONS = 40, STARTS = 5000, INPUTS = 8 };
 
-/* How a run ended: the blocks of data and the curves of each panel have this order. */
-static const struct {
-    const char *name, *colour, *pale, *point;
-} ends[] = {{"failed", "#d1641f", "#d1641f", "2 ps 0.8"}, {"succeeded", "#1f5fa8", "#7fa9d8", "7 ps 0.4"}};
+/* How a run ended: the blocks of data and the legends of each panel have this order. */
+static const char *const ends[] = {"failed", "succeeded"};
 
 typedef struct drawing {
     const control_runs *from;
@@ -19,7 +17,6 @@ typedef struct drawing {
     control_quantity axis[2 * LG_POLICY_COORDINATES + 1]; /* the last one, with no numbers: the time */
     size_t axes;                                          /* without the time */
     app_plot plot;
-    size_t blocks; /* of data so far */
 } drawing;
 
 /* ---- quantities as axes ---- */
@@ -105,14 +102,13 @@ static size_t least(size_t a, size_t b) {
     return a < b ? a : b;
 }
 
-static void begin_panel(const drawing *d, const char *title, const char *x, const char *y) {
-    (void)fprintf(d->plot.script.stream, "set title '%s'\nset xlabel '%s'\nset ylabel '%s'\nplot ", title, x,
-                  y);
-}
-
-/* A block for each end, of the first runs that ended so. `put` writes what there is of a run. */
-static void put_blocks(drawing *d, size_t most, const size_t *axes,
-                       void (*put)(const drawing *d, size_t start, const size_t *axes)) {
+/* Writes a panel of the first runs, at most `most` of them: its texts, and a block for each end. `put` writes
+ * what there is of a run; `numbers` are the two numbers of the panel. */
+static void put_panel(drawing *d, size_t most, const size_t *axes, const char *x, const char *y,
+                      const double *numbers,
+                      void (*put)(const drawing *d, size_t start, const size_t *axes)) {
+    app_plot_text(&d->plot, "%s", x);
+    app_plot_text(&d->plot, "%s", y);
     for (size_t e = 0; e < LG_COUNT(ends); e++) {
         size_t drawn = 0;
         for (size_t i = 0; i < d->runs->count && i < most; i++) {
@@ -120,30 +116,16 @@ static void put_blocks(drawing *d, size_t most, const size_t *axes,
             put(d, i, axes);
             drawn++;
         }
-        if (drawn == 0) (void)fputs("nan nan\n", d->plot.data.stream);
+        if (drawn == 0) (void)fputs("nan nan\n", d->plot.data);
         app_plot_block(&d->plot);
+        app_plot_text(&d->plot, "%zu %s", drawn, ends[e]);
     }
-    d->blocks += LG_COUNT(ends);
-}
-
-static size_t count_end(const drawing *d, size_t most, size_t end) {
-    size_t count = 0;
-    for (size_t i = 0; i < d->runs->count && i < most; i++) count += d->runs->succeeded[i] == (end == 1);
-    return count;
-}
-
-static void put_curves(const drawing *d, size_t most, const char *with) {
-    FILE *script = d->plot.script.stream;
-    const char *separator = "";
-    for (size_t e = LG_COUNT(ends); e-- > 0; separator = ", ")
-        (void)fprintf(script, "%sdatafile index %zu using 1:2 with %s lc rgb '%s' title '%zu %s'", separator,
-                      d->blocks - LG_COUNT(ends) + e, with, ends[e].pale, count_end(d, most, e),
-                      ends[e].name);
+    for (int k = 0; k < 2; k++) app_plot_text(&d->plot, "%.9g", numbers[k]);
 }
 
 /* A run turns around when it passes the far side of an angle: there the curve is interrupted. */
 static void put_motion(const drawing *d, size_t start, const size_t *axes) {
-    FILE *stream = d->plot.data.stream;
+    FILE *stream = d->plot.data;
     double before = NAN;
     for (size_t k = 0; k <= d->runs->steps; k++) {
         const double x = shown(d, axes[0], k, start);
@@ -156,40 +138,28 @@ static void put_motion(const drawing *d, size_t start, const size_t *axes) {
 
 static void draw_phase(drawing *d) {
     size_t axes[2];
-    char title[64];
     choose_phase(d, axes);
-    (void)snprintf(title, sizeof title, "Motion of the first %zu runs", least(MOTIONS, d->runs->count));
-    put_blocks(d, MOTIONS, axes, put_motion);
-    begin_panel(d, title, d->axis[axes[0]].name, d->axis[axes[1]].name);
-    put_curves(d, MOTIONS, "lines lw 1");
-    (void)fprintf(d->plot.script.stream,
-                  ", '+' using (%.9g):(%.9g) every ::0::0 with points pt 7 ps 0.9 lc rgb '#000000' title "
-                  "'goal'\n",
-                  goal_of(&d->axis[axes[0]]), goal_of(&d->axis[axes[1]]));
+    const control_quantity *x = &d->axis[axes[0]], *y = &d->axis[axes[1]];
+    const double goal[2] = {goal_of(x), goal_of(y)};
+    app_plot_text(&d->plot, "Motion of the first %zu runs", least(MOTIONS, d->runs->count));
+    put_panel(d, MOTIONS, axes, x->name, y->name, goal, put_motion);
 }
 
 static void put_start(const drawing *d, size_t start, const size_t *axes) {
-    (void)fprintf(d->plot.data.stream, "%.7g %.7g\n", shown(d, axes[0], 0, start),
-                  shown(d, axes[1], 0, start));
+    (void)fprintf(d->plot.data, "%.7g %.7g\n", shown(d, axes[0], 0, start), shown(d, axes[1], 0, start));
 }
 
 static void draw_starts(drawing *d, const lg_policy_regulator *r) {
+    static const double none[2] = {0, 0};
     size_t axes[2];
-    char title[64];
     choose_map(d, r, axes);
-    put_blocks(d, STARTS, axes, put_start);
-    (void)snprintf(title, sizeof title, "Starts of %zu runs", least(STARTS, d->runs->count));
-    begin_panel(d, title, d->axis[axes[0]].name, d->axis[axes[1]].name);
-    for (size_t e = LG_COUNT(ends); e-- > 0;)
-        (void)fprintf(d->plot.script.stream,
-                      "datafile index %zu using 1:2 with points pt %s lc rgb '%s' title '%zu %s'%s",
-                      d->blocks - LG_COUNT(ends) + e, ends[e].point, ends[e].colour, count_end(d, STARTS, e),
-                      ends[e].name, e > 0 ? ", " : "\n");
+    app_plot_text(&d->plot, "Starts of %zu runs", least(STARTS, d->runs->count));
+    put_panel(d, STARTS, axes, d->axis[axes[0]].name, d->axis[axes[1]].name, none, put_start);
 }
 
 /* axes[0]: the input. */
 static void put_input(const drawing *d, size_t start, const size_t *axes) {
-    FILE *stream = d->plot.data.stream;
+    FILE *stream = d->plot.data;
     const size_t m = d->task->input_count;
     for (size_t k = 0; k < d->runs->steps; k++)
         (void)fprintf(stream, "%.7g %.7g\n", (double)k * d->task->period,
@@ -199,16 +169,9 @@ static void put_input(const drawing *d, size_t start, const size_t *axes) {
 
 static void draw_input(drawing *d, size_t input) {
     const lg_policy_input *in = &d->task->input[input];
-    char title[LG_POLICY_NAME + 64];
-    (void)snprintf(title, sizeof title, "Inputs of the first %zu runs: %s", least(INPUTS, d->runs->count),
-                   in->name);
-    put_blocks(d, INPUTS, &input, put_input);
-    begin_panel(d, title, "t (s)", in->name);
-    put_curves(d, INPUTS, "steps lw 1.2");
-    for (int end = 0; end < 2; end++)
-        (void)fprintf(d->plot.script.stream, ", %.9g with lines lw 1.5 dt 2 lc rgb '#555555' title '%s'",
-                      end == 0 ? in->low : in->high, end == 0 ? "" : "limits");
-    (void)fputc('\n', d->plot.script.stream);
+    const double limits[2] = {in->low, in->high};
+    app_plot_text(&d->plot, "Inputs of the first %zu runs: %s", least(INPUTS, d->runs->count), in->name);
+    put_panel(d, INPUTS, &input, "t (s)", in->name, limits, put_input);
 }
 
 void control_draw_runs(const app *self, const control_runs *runs, const char *picture) {
@@ -216,16 +179,11 @@ void control_draw_runs(const app *self, const control_runs *runs, const char *pi
     d.axes = control_list_quantities(d.task, d.axis);
     d.axis[d.axes] = (control_quantity){.name = "t (s)"};
     const size_t panels = 2 + d.task->input_count, rows = (panels + IN_ROW - 1) / IN_ROW;
-    app_plot_begin(&d.plot, picture, WIDTH * IN_ROW, HEIGHT * (int)rows);
-    (void)fprintf(d.plot.script.stream,
-                  "set multiplot layout %zu,%d\nset key below center horizontal noenhanced samplen 1.5\n"
-                  "set title noenhanced\nset autoscale fix\nset lmargin 9\nset bmargin 6\nset xlabel "
-                  "noenhanced\nset ylabel noenhanced\nset offsets graph 0.03, graph "
-                  "0.03, graph 0.05, graph 0.05\n",
-                  rows, IN_ROW);
+    app_plot_begin(&d.plot, "policy_runs", picture, WIDTH * IN_ROW, HEIGHT * (int)rows);
+    app_plot_text(&d.plot, "%zu", rows);
+    app_plot_text(&d.plot, "%zu", panels);
     draw_phase(&d);
     draw_starts(&d, lg_policy_regulator_of(runs->policy));
     for (size_t l = 0; l < d.task->input_count; l++) draw_input(&d, l);
-    (void)fputs("unset multiplot\n", d.plot.script.stream);
     APP_MUST_FILE(self, picture, app_plot_end(self, &d.plot, &error));
 }

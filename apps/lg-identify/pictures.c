@@ -14,11 +14,6 @@ enum {
     GRID = 121,
     BINS = 60
 };
-static const char *const colours[] = {"#1f5fa8", "#2c8a5a", "#8a4fa8", "#a8871f", "#444444",
-                                      "#a83f5f", "#3fa0a8", "#6b8a2c", "#5f5fa8"};
-static const char *const pale[] = {"#9fc2ea", "#a6d6bd", "#d3b6e2", "#e2d39a", "#bbbbbb",
-                                   "#e2a9b8", "#a9dde2", "#c9dba3", "#b9b9e2"};
-
 /* ---- groups of columns that share a panel ---- */
 
 typedef struct group {
@@ -92,53 +87,27 @@ static void put_run(FILE *stream, const lg_machine_file *file, const lg_machine_
 
 /* ---- panels of a run ---- */
 
-static void begin(app_plot *plot, const char *picture, size_t panels, const char *title) {
-    const size_t columns = panels < IN_ROW ? panels : (size_t)IN_ROW;
+/* Begins a picture of these groups, of the errors if there are any, and of `terms` learned terms. */
+static void begin(app_plot *plot, const char *picture, const char *title, const lg_machine_file *file,
+                  const group *groups, size_t count, bool predicted, bool bands, size_t errors,
+                  size_t terms) {
+    const size_t panels = count + (errors > 0) + terms, columns = panels < IN_ROW ? panels : (size_t)IN_ROW;
     const size_t rows = (panels + columns - 1) / columns;
-    app_plot_begin(plot, picture, WIDTH * (int)columns, HEIGHT * (int)rows + 40);
-    (void)fprintf(
-        plot->script.stream,
-        "set multiplot layout %zu,%zu title \"%s\" noenhanced\nset key below center horizontal maxrows 2 "
-        "noenhanced samplen 1.5 height 1\n"
-        "set title noenhanced\nset xlabel noenhanced\nset offsets graph 0, graph 0, graph "
-        "0.12, graph "
-        "0.05\nset lmargin 9\n",
-        rows, columns, title);
-}
-
-static void end(const app *self, app_plot *plot, const char *picture) {
-    (void)fputs("unset multiplot\n", plot->script.stream);
-    APP_MUST_FILE(self, picture, app_plot_end(self, plot, &error));
-}
-
-/* Adds a band of two standard deviations on both sides. */
-static void put_band(FILE *script, const lg_machine_file *file, uint32_t column, const char *colour) {
-    const uint32_t at = column + 2 + file->column_count, by = at + file->column_count;
-    (void)fprintf(
-        script,
-        "datafile index 0 using 1:($%u-2*$%u):($%u+2*$%u) with filledcurves fs transparent solid 0.3 "
-        "noborder lc rgb '%s' title '', ",
-        at, by, at, by, colour);
-}
-
-static void put_group(FILE *script, const lg_machine_file *file, const group *g, bool predicted, bool bands) {
-    (void)fprintf(script, "set title '%s'\nset xlabel 't (s)'\nset ylabel ''\nplot ", g->title);
-    for (uint32_t k = 0; k < g->count; k++) {
-        const uint32_t column = g->first + k;
-        const lg_log_column *c = &file->columns[column];
-        const bool held = c->role == LG_LOG_INPUT && file->inputs[c->index].hold == LG_HOLD_ZERO;
-        const size_t colour = k % LG_COUNT(colours);
-        const char *thin = predicted && g->count == 1 ? "#d1641f" : colours[colour];
-        if (k > 0) (void)fputs(", ", script);
-        if (predicted && bands) put_band(script, file, column, thin);
-        (void)fprintf(script, "datafile index 0 using 1:%u with %s lw %s lc rgb '%s' title '%s'", column + 2,
-                      held ? "steps" : "lines", predicted ? "4" : "1.5",
-                      predicted ? pale[colour] : colours[colour], file->columns[column].name);
-        if (predicted)
-            (void)fprintf(script, ", datafile index 0 using 1:%u with lines lw 1.2 lc rgb '%s' title '%s'",
-                          column + 2 + file->column_count, thin, k + 1 == g->count ? "predicted" : "");
+    app_plot_begin(plot, "machine", picture, WIDTH * (int)columns, HEIGHT * (int)rows + 40);
+    app_plot_text(plot, "%s", title);
+    const size_t numbers[] = {rows, columns, file->column_count, count, bands, errors, terms};
+    for (size_t i = 0; i < LG_COUNT(numbers); i++) app_plot_text(plot, "%zu", numbers[i]);
+    for (uint32_t c = 0; c < file->column_count; c++) app_plot_text(plot, "%s", file->columns[c].name);
+    for (uint32_t c = 0; c < file->column_count; c++) {
+        const lg_log_column *at = &file->columns[c];
+        app_plot_text(plot, "%d", at->role == LG_LOG_INPUT && file->inputs[at->index].hold == LG_HOLD_ZERO);
     }
-    (void)fputc('\n', script);
+    for (const group *g = groups; g < groups + count; g++) {
+        app_plot_text(plot, "%s", g->title);
+        app_plot_text(plot, "%u", g->first + 1);
+        app_plot_text(plot, "%u", g->count);
+        app_plot_text(plot, "%d", predicted && file->columns[g->first].role != LG_LOG_INPUT);
+    }
 }
 
 void identify_draw_run(const app *self, const char *picture, const char *title, const lg_machine_file *file,
@@ -147,12 +116,9 @@ void identify_draw_run(const app *self, const char *picture, const char *title, 
     app_plot plot;
     group groups[MOST_GROUPS];
     const size_t count = find_groups(file, true, groups);
-    begin(&plot, picture, count, title);
-    put_run(plot.data.stream, file, log, parts, q, v, bands);
-    for (size_t i = 0; i < count; i++)
-        put_group(plot.script.stream, file, &groups[i],
-                  q != NULL && file->columns[groups[i].first].role != LG_LOG_INPUT, bands != NULL);
-    end(self, &plot, picture);
+    begin(&plot, picture, title, file, groups, count, q != NULL, bands != NULL, 0, 0);
+    put_run(plot.data, file, log, parts, q, v, bands);
+    APP_MUST_FILE(self, picture, app_plot_end(self, &plot, &error));
 }
 
 /* ---- panels of learned terms ---- */
@@ -212,7 +178,6 @@ typedef struct drawing {
     const double *q, *v; /* Predicted states at the rows of the log. */
     double middle[LG_MACHINE_POSITIONS];
     app_plot plot;
-    size_t blocks; /* Number of data blocks written so far. */
     /* (lacking_count, velocities): velocities, and friction with the force that the model lacks. */
     size_t lacking_count;
     double *lacking_v, *lacking;
@@ -241,7 +206,6 @@ static void find_middle(drawing *d, axis *axes, size_t count) {
 /* A panel: a learned function over one number from low to high, with the density of this number in the
  * log. */
 typedef struct curve {
-    const char *title, *label;
     const double *x, *y; /* x: one number per row of the log. y (GRID): learned values. */
     size_t x_stride, y_stride;
     double low, high;
@@ -252,7 +216,7 @@ typedef struct curve {
 } curve;
 
 /* Writes the share of the log's rows in each bin, as a strip along the axis. */
-static void put_density(FILE *stream, const curve *c, size_t rows) {
+static void put_density(app_plot *plot, size_t rows, const curve *c) {
     size_t bins[BINS] = {0}, most = 1;
     const double middle = 0.5 * (c->low + c->high);
     for (size_t i = 0; i < rows; i++) {
@@ -262,38 +226,24 @@ static void put_density(FILE *stream, const curve *c, size_t rows) {
         if (++bins[bin] > most) most = bins[bin];
     }
     for (int i = 0; i < BINS; i++)
-        (void)fprintf(stream, "%.7g %.7g\n", c->low + (c->high - c->low) * (i + 0.5) / BINS,
+        (void)fprintf(plot->data, "%.7g %.7g\n", c->low + (c->high - c->low) * (i + 0.5) / BINS,
                       (double)bins[i] / (double)most);
-    (void)fputs("\n\n", stream);
+    app_plot_block(plot);
 }
 
-static void put_curve(drawing *d, const curve *c) {
-    FILE *stream = d->plot.data.stream;
+static void put_curve(app_plot *plot, size_t rows, const curve *c) {
     double least = INFINITY;
-    put_density(stream, c, d->log->rows);
+    app_plot_text(plot, "%zu", c->point_count);
+    put_density(plot, rows, c);
     for (size_t i = 0; i < GRID; i++) least = fmin(least, c->y[i * c->y_stride]);
     for (size_t i = 0; i < GRID; i++)
-        (void)fprintf(stream, "%.7g %.7g\n", c->low + (c->high - c->low) * (double)i / (GRID - 1),
+        (void)fprintf(plot->data, "%.7g %.7g\n", c->low + (c->high - c->low) * (double)i / (GRID - 1),
                       c->y[i * c->y_stride] - (c->level ? least : 0));
-    (void)fputs("\n\n", stream);
+    app_plot_block(plot);
+    if (c->point_count == 0) (void)fputs("nan nan\n", plot->data);
     for (size_t i = 0; i < c->point_count; i++)
-        (void)fprintf(stream, "%.7g %.7g\n", c->point_x[i * c->y_stride], c->point_y[i * c->y_stride]);
-    if (c->point_count > 0) (void)fputs("\n\n", stream);
-    (void)fprintf(
-        d->plot.script.stream,
-        "set title '%s'\nset xlabel '%s'\nset ylabel ''\nset y2range [0:6]\n"
-        "plot datafile index %zu using 1:2 axes x1y2 with boxes fs solid 1 noborder lc rgb '#c8d6c8' "
-        "title 'rows of the log', ",
-        c->title, c->label, d->blocks);
-    if (c->point_count > 0)
-        (void)fprintf(d->plot.script.stream,
-                      "datafile index %zu using 1:2 with points pt 7 ps 0.35 lc rgb '%s' title 'as logged', ",
-                      d->blocks + 2, colours[0]);
-    (void)fprintf(d->plot.script.stream,
-                  "datafile index %zu using 1:2 with lines lw 2 lc rgb '#d1641f' title 'learned'\nunset "
-                  "y2range\n",
-                  d->blocks + 1);
-    d->blocks += c->point_count > 0 ? 3 : 2;
+        (void)fprintf(plot->data, "%.7g %.7g\n", c->point_x[i * c->y_stride], c->point_y[i * c->y_stride]);
+    app_plot_block(plot);
 }
 
 /* Fills the slice: GRID states at rest around the middle state, in which number `index` of x (GRID, n) runs
@@ -309,27 +259,26 @@ static void fill_slice(const drawing *d, double *x, size_t n, size_t index, doub
 
 static void put_potential(const app *self, drawing *d, const axis *a) {
     const size_t nq = d->given->model.machine->positions;
-    char title[LG_MACHINE_NAME + 64];
-    (void)snprintf(title, sizeof title, "potential along %.43s, from its least", a->name);
+    app_plot_text(&d->plot, "potential along %s, from its least", a->name);
+    app_plot_text(&d->plot, "%s", a->name);
     fill_slice(d, d->at_q, nq, a->position, a->low, a->high);
     identify_values(self, &d->given->model, GRID, d->at_q, d->at_v, d->y, NULL);
-    put_curve(d, &(curve){title, a->name, d->log->q + a->position, d->y, nq, 1, a->low, a->high, a->angle,
-                          true, NULL, NULL, 0});
+    put_curve(&d->plot, d->log->rows,
+              &(curve){d->log->q + a->position, d->y, nq, 1, a->low, a->high, a->angle, true, NULL, NULL, 0});
 }
 
 static void put_friction(const app *self, drawing *d, const axis *a) {
     const size_t nv = d->given->model.machine->velocities;
-    const bool guessed = d->given->model.machine->accelerations;
+    const bool guessed = d->given->model.machine->accelerations, lacking = d->lacking_count > 0;
     const double *v = d->given->model.estimated && !guessed ? d->v : d->log->v;
-    char title[LG_MACHINE_NAME + 64], label[LG_MACHINE_NAME + 32];
-    (void)snprintf(title, sizeof title, "friction force on %.43s", a->name);
-    (void)snprintf(label, sizeof label, "velocity of %.43s", a->name);
+    app_plot_text(&d->plot, "friction force on %s", a->name);
+    app_plot_text(&d->plot, "velocity of %s", a->name);
     fill_slice(d, d->at_v, nv, a->velocity, a->slow, a->fast);
     identify_values(self, &d->given->model, GRID, d->at_q, d->at_v, NULL, d->y);
-    const bool lacking = d->lacking_count > 0;
-    put_curve(d, &(curve){title, label, v + a->velocity, d->y + a->velocity, nv, nv, a->slow, a->fast, false,
-                          false, lacking ? d->lacking_v + a->velocity : NULL,
-                          lacking ? d->lacking + a->velocity : NULL, d->lacking_count});
+    put_curve(&d->plot, d->log->rows,
+              &(curve){v + a->velocity, d->y + a->velocity, nv, nv, a->slow, a->fast, false, false,
+                       lacking ? d->lacking_v + a->velocity : NULL, lacking ? d->lacking + a->velocity : NULL,
+                       d->lacking_count});
 }
 
 static void put_slices(const app *self, drawing *d, axis *axes, size_t count) {
@@ -348,33 +297,17 @@ static void put_slices(const app *self, drawing *d, axis *axes, size_t count) {
     free(d->lacking);
 }
 
-/* Draws the errors of the model, and of the guess that nothing changes, against the horizon. */
+/* Writes the errors of the model, and of the guess that nothing changes, against the horizon. */
 static void put_horizons(app_plot *plot, const lg_horizon *horizons, size_t count) {
-    FILE *script = plot->script.stream;
-    const char *separator = "";
+    for (int e = 0; e < LG_RUN_ERRORS; e++)
+        app_plot_text(plot, "%s", isfinite(horizons[0].pooled[e]) ? lg_run_error_names[e] : "");
     for (size_t i = 0; i < count; i++) {
-        (void)fprintf(plot->data.stream, "%.7g", horizons[i].seconds);
+        (void)fprintf(plot->data, "%.7g", horizons[i].seconds);
         for (int e = 0; e < LG_RUN_ERRORS; e++)
-            (void)fprintf(plot->data.stream, " %.7g %.7g", horizons[i].pooled[e], horizons[i].unchanged[e]);
-        (void)fputc('\n', plot->data.stream);
+            (void)fprintf(plot->data, " %.7g %.7g", horizons[i].pooled[e], horizons[i].unchanged[e]);
+        (void)fputc('\n', plot->data);
     }
-    (void)fputs("\n\n", plot->data.stream);
-    (void)fputs("set title 'error against horizon, root mean square'\nset xlabel 'horizon (s)'\nset ylabel "
-                "''\nset logscale xy\n"
-                "set format y '10^{%L}'\nset ytics 1e-12,100\nplot ",
-                script);
-    for (int e = 0; e < LG_RUN_ERRORS; e++) {
-        if (!isfinite(horizons[0].pooled[e])) continue;
-        (void)fprintf(
-            script,
-            "%sdatafile index 1 using 1:%d with linespoints lw 1.8 pt 7 ps 0.4 lc rgb '%s' title '%s', "
-            "datafile index 1 using 1:%d with lines lw 2 dt 3 lc rgb '%s' title '%s'",
-            separator, 2 + 2 * e, colours[e], lg_run_error_names[e], 3 + 2 * e, pale[e],
-            *separator == '\0' ? "unchanged (dotted)" : "");
-        separator = ", ";
-    }
-    if (*separator == '\0') (void)fputs("1 notitle", script);
-    (void)fputs("\nunset logscale xy\nset format y\nset ytics autofreq\n", script);
+    app_plot_block(plot);
 }
 
 void identify_draw_evaluation(const app *self, const char *picture, const identify_given *given,
@@ -382,18 +315,18 @@ void identify_draw_evaluation(const app *self, const char *picture, const identi
                               size_t horizon_count) {
     const lg_machine_file *file = &given->data.file;
     const lg_logs *logs = &given->data.logs;
-    drawing d = {.given = given, .log = &logs->log, .q = q, .v = v, .blocks = 2};
+    drawing d = {.given = given, .log = &logs->log, .q = q, .v = v};
     group groups[MOST_GROUPS];
     axis axes[LG_MACHINE_VELOCITIES];
     const lg_machine *machine = given->model.machine;
     const size_t count = find_groups(file, false, groups), lines = find_axes(machine, axes);
-    size_t panels = count + 1 + (has_part(machine, LG_MACHINE_DAMPING) ? lines : 0);
-    for (size_t i = 0; i < lines; i++) panels += axes[i].seen;
-    begin(&d.plot, picture, panels,
-          "First run of the log: logged (thick) and predicted from its start (thin); what was learned");
-    put_run(d.plot.data.stream, file, d.log, identify_first_run(logs), q, v, NULL);
-    for (size_t i = 0; i < count; i++) put_group(d.plot.script.stream, file, &groups[i], true, false);
+    size_t terms = has_part(machine, LG_MACHINE_DAMPING) ? lines : 0;
+    for (size_t i = 0; i < lines; i++) terms += axes[i].seen;
+    begin(&d.plot, picture,
+          "First run of the log: logged (thick) and predicted from its start (thin); what was learned", file,
+          groups, count, true, false, LG_RUN_ERRORS, terms);
+    put_run(d.plot.data, file, d.log, identify_first_run(logs), q, v, NULL);
     put_horizons(&d.plot, horizons, horizon_count);
     put_slices(self, &d, axes, lines);
-    end(self, &d.plot, picture);
+    APP_MUST_FILE(self, picture, app_plot_end(self, &d.plot, &error));
 }

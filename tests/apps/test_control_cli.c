@@ -272,19 +272,16 @@ TEST("--plot shows starts by their end, motion around the goal and the limits of
     const size_t count = (size_t)json_number(result.out, "succeeded");
     read_runs("runs.csv", "start,t,x,th,vx,w,u,cost");
     assert_true(cli_read("p.dat", shown, sizeof shown) + 1 < sizeof shown);
-    stay_around_goal(shown, block(shown, 2)); /* failed runs tumble */
-    const size_t lost = points(block(shown, 2), failed, RUNS), won = points(block(shown, 3), stood, RUNS);
+    assert_says(shown, test_text("runs\n=th\n=w\n=%zu failed\n=%zu succeeded\n", RUNS - count, count));
+    assert_says(shown, "succeeded\n=-10\n=10\n");
+    stay_around_goal(block(shown, 1), block(shown, 3)); /* failed runs tumble */
+    const size_t lost = points(block(shown, 3), failed, RUNS), won = points(block(shown, 4), stood, RUNS);
     assert_true(lost == RUNS - count && won == count);
     for (size_t i = 0, a = 0, b = 0; i < RUNS; i++) { /* in the order of the starts */
         const double *row = table[i * (PERIODS + 1)], *drawn = stands(i) ? stood[b++] : failed[a++];
         assert_true(fabs(drawn[0] - remainder(row[3], 6.283185307179586)) < 1e-5 &&
                     fabs(drawn[1] - row[5]) < 1e-5);
     }
-    (void)cli_read("p.gp", shown, sizeof shown);
-    assert_says(shown, "set xlabel 'th'\nset ylabel 'w'");
-    assert_says(shown, test_text("'%zu succeeded', datafile index 2", count));
-    assert_says(shown, ", -10 with lines");
-    assert_says(shown, ", 10 with lines");
     cli_expect(control, "evaluate lqr.h5 --starts 70 --plot p.pdf", 2, ".svg or .png");
 }
 
@@ -301,10 +298,8 @@ TEST("the axes of the map of starts do not depend on the unit of length") {
         "2e-9}\nsuccess: {th: 0.1, hold: 1, within: 10}\ncontroller: {kind: lqr}\n");
     cli_expect(control, "train far.yaml --out far.h5", 0, "");
     cli_expect(control, "evaluate far.h5 --starts 10 --plot far.svg", 0, "");
-    (void)cli_read("far.gp", shown, sizeof shown);
-    const char *map = strstr(shown, "Starts of 10 runs");
-    assert_non_null(map);
-    assert_says(map, "set xlabel 'th'\nset ylabel 'w'");
+    (void)cli_read("far.dat", shown, sizeof shown);
+    assert_says(shown, "=Starts of 10 runs\n=th\n=w\n");
 }
 
 TEST("of a rotation the picture shows the angle and the speed, the table its nine numbers") {
@@ -332,8 +327,37 @@ TEST("of a rotation the picture shows the angle and the speed, the table its nin
         assert_close(row[17], 0.1 * stage, 1e-9, 1e-9);
     }
     (void)cli_read("turn.dat", shown, sizeof shown);
-    assert_int_equal(points(block(shown, 1), far, PERIODS), 121);
+    assert_int_equal(points(block(shown, 2), far, PERIODS), 121);
     assert_true(fabs(far[0][0] - 3) < 1e-4 && far[0][1] < 1e-6 && far[20][1] > 0.1 && far[120][0] < 0.05);
+}
+
+TEST("a picture shows names of velocities and inputs as they are, and runs nothing") {
+    /* as YAML writes them, as they are */
+    static const char *const names[][2] = {{"`touch RAN`", "`touch RAN`"},
+                                           {"''.system(\"touch RAN\").''", "'.system(\"touch RAN\").'"},
+                                           {"\"; system \"touch RAN\"; \"7", "\"; system \"touch RAN\"; \"7"},
+                                           {"%s@t_{x}^y\\n", "%s@t_{x}^y\\n"}};
+    for (size_t i = 0; i < LG_COUNT(names); i++) {
+        const char *yaml = names[i][0], *name = names[i][1];
+        cli_write("named.yaml", test_text("columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: "
+                                          "'v%s'}]\ninputs: {columns: ['u%s']}\nmass: {kind: known, values: "
+                                          "[1]}\ninput_map: {kind: known, values: [[1]]}\n",
+                                          yaml, yaml));
+        cli_write("names.yaml",
+                  test_text("plant: named.yaml\nperiod: 0.1\nhorizon: 5\nstarts: {x: [-1, 1]}\nlimits: "
+                            "{'u%s': 9}\ncost: {x: 1, 'v%s': 1, 'u%s': 1}\nsuccess: {x: 0.5, hold: 1, "
+                            "within: 5}\ncontroller: {kind: lqr}\n",
+                            yaml, yaml, yaml));
+        cli_expect(control, "train names.yaml --out names.h5", 0, "");
+        cli_expect(control, "evaluate names.h5 --starts 5 --plot names.svg", 0, "");
+        if (cli_exists("RAN")) fail_msg("%s ran", name);
+        assert_null(strstr(result.err, "gnuplot failed"));
+        if (!cli_exists("names.svg")) continue; /* gnuplot is not installed */
+        (void)cli_read("names.svg", shown, sizeof shown);
+        assert_says(shown, test_text(">v%s</text>", name));
+        assert_says(shown, test_text(">u%s</text>", name));
+        assert_says(shown, test_text(">Inputs of the first 5 runs: u%s</text>", name));
+    }
 }
 
 TEST_GROUP(setup, cli_end)

@@ -32,9 +32,9 @@ TEST("tables have the free position, pictures have what is not free") {
     if (!cli_exists("p.svg")) assert_says(result.err, "gnuplot");
     (void)cli_read("r.csv", text, sizeof text);
     assert_true(strncmp(text, "start,t,ph,th,vph,vth,u,cost\n", 29) == 0);
-    (void)cli_read("p.gp", text, sizeof text);
-    assert_says(text, "set xlabel 'th'\nset ylabel 'vth'");
-    assert_says(text, "Starts of 20 runs'\nset xlabel 'th'\nset ylabel 'vph'");
+    (void)cli_read("p.dat", text, sizeof text);
+    assert_says(text, "=Motion of the first 20 runs\n=th\n=vth\n");
+    assert_says(text, "=Starts of 20 runs\n=th\n=vph\n");
 }
 
 TEST("a free position is no state of a proof") {

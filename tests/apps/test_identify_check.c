@@ -103,9 +103,9 @@ TEST("check draws every column of the first run") {
     write_sheet("log.csv", good_sheet());
     cli_json(identify, "check machine.yaml log.csv --plot log.svg", "rows 200");
     char text[16384];
-    (void)cli_read("log.gp", text, sizeof text);
-    for (int k = 1; k < COLUMNS; k++) assert_says(text, names[k]);
-    assert_true(cli_exists("log.svg") && cli_exists("log.dat"));
+    (void)cli_read("log.dat", text, sizeof text);
+    for (int k = 1; k < COLUMNS; k++) assert_says(text, test_text("\n=%s\n", names[k]));
+    assert_true(cli_exists("log.svg") && cli_exists("log.gp"));
 }
 
 /* ---- logs that are refused: exit code 3; the message has file, column and remedy; fit refuses them too

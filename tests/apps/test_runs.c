@@ -348,7 +348,7 @@ TEST("a full disk is reported with the file's name, and no file is left") {
         {"lg-elastica", "search ranges.yaml beam.h5 --trials 6 --rungs 5,2 --out full.csv", 200, "full.csv"},
         /* There is no room for the data, then not for the script, then not for the picture. */
         {"lg-elastica", "solve --x 1 --intervals 500 --plot full.svg", 2048, "full.dat"},
-        {"lg-elastica", "solve --sweep 3 --intervals 4 --plot full.svg", 300, "full.gp"},
+        {"lg-elastica", "solve --sweep 3 --intervals 4 --plot full.svg", 1024, "full.gp"},
         {"lg-elastica", "solve --x 1 --intervals 20 --plot full.svg", 16384, "full.svg"},
         {"lg-anomaly", "generate --runs 2 --hours 0.05 --out full.h5", 4096, "full.h5"},
         {"lg-anomaly", "train riser.h5 --epochs 1 --out full.h5", 2048, "full.h5"},
