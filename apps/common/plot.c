@@ -29,8 +29,8 @@ static FILE *open_memory(char **text, size_t *length) {
     return stream;
 }
 
-/* Writes a line of the texts' block. gnuplot takes = and what follows as one text, and reads \ooo as a byte. It
- * would count more octal digits to this byte, so a digit after it is written in the same way. */
+/* Writes a line of the texts' block. gnuplot takes = and what follows as one text, and reads \ooo as a byte.
+ * It would count more octal digits to this byte, so a digit after it is written in the same way. */
 static void put_text(FILE *stream, const char *text) {
     bool escaped = false;
     (void)fputc('=', stream);
