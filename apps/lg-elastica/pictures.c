@@ -55,8 +55,8 @@ static int height_of(const box *b) {
     return (height < 120 ? 120 : height > 800 ? 800 : (int)height) + 110;
 }
 
-/* Begins a plot. Its first text is the step of the tics of y, 1, 2 or 5 times a power of ten: about four steps,
- * fewer if the box is low. */
+/* Begins a plot. Its first text is the step of the tics of y, 1, 2 or 5 times a power of ten: about four
+ * steps, fewer if the box is low. */
 static void begin_plane(app_plot *plot, const char *script, const char *picture, const box *b, int width,
                         int height) {
     const double dx = fmax(b->high[0] - b->low[0], 1e-6), dy = fmax(b->high[1] - b->low[1], 1e-6);
@@ -71,8 +71,8 @@ static void end(const app *self, app_plot *plot, const char *picture) {
     APP_MUST_FILE(self, picture, app_plot_end(self, plot, &error));
 }
 
-/* Draws beams. `title` may be empty; `width` is that of the lines of minima. With `labelled` there is a legend
- * with the energies. */
+/* Draws beams. `title` may be empty; `width` is that of the lines of minima. With `labelled` there is a
+ * legend with the energies. */
 static void draw_beams(const app *self, const char *picture, const beam_curve *curves, size_t count,
                        bool labelled, const char *title, const char *width) {
     app_plot plot;
@@ -123,8 +123,8 @@ static bool follows(const sweep_point *points, size_t i) {
     return i > 0 && points[i - 1].branch == points[i].branch;
 }
 
-/* Whether a piece begins at point i. Branches are drawn as pieces of equal stability, since stable and unstable
- * ones have different dashes. */
+/* Whether a piece begins at point i. Branches are drawn as pieces of equal stability, since stable and
+ * unstable ones have different dashes. */
 static bool begins_piece(const sweep_point *points, size_t i) {
     return !follows(points, i) || is_saddle(&points[i]) != is_saddle(&points[i - 1]);
 }

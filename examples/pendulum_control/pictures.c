@@ -2,14 +2,61 @@
 
 #include <errno.h>
 #include <math.h>
-#include <spawn.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/wait.h>
-
-extern char **environ;
+#include <unistd.h>
 
 enum { PATH = 1024, DECADE_BINS = 10, DECADES = 7 }; /* bins from 10 ns to 100 ms */
+
+/* The scripts are constants, and take numbers and titles from the data. So nothing in these is taken for a
+ * command. File names begin with ./, because gnuplot starts a program if a name begins with < or |. */
+static const char energy_script[] =
+    "set terminal svg size 900,760 dynamic background rgb 'white' font 'Helvetica,13'\n"
+    "set output './energy.svg'\n"
+    "set grid lc rgb '#dddddd'\n"
+    "set border lc rgb '#555555'\n"
+    "data = './energy.dat'\n"
+    "stats data using 6 nooutput\n"
+    "set multiplot layout 3,1\n"
+    "set lmargin 10\n"
+    "set rmargin 3\n"
+    "set key bottom right\n"
+    "set ylabel 'energy / mgL'\n"
+    "plot 1 lc rgb '#999999' dt 2 title 'upright at rest', \\\n"
+    "    data using 1:3 with lines lw 3 lc rgb '#7fb3d5' title 'true H', \\\n"
+    "    data using 1:($2+1) with lines lw 1 lc rgb '#922b21' title 'learned H'\n"
+    "set ylabel 'torque / mgL'\n"
+    "set yrange [0:*]\n"
+    "set offsets 0, 0, 0.02, 0\n"
+    "plot data using 1:5 with lines lc rgb '#1e8449' title '|torque|'\n"
+    "unset offsets\n"
+    "set key top right\n"
+    "set ylabel 'angle to the vertical / rad'\n"
+    "set xlabel 't / s'\n"
+    "set logscale y\n"
+    "set yrange [*:10]\n"
+    "set format y '10^{%L}'\n"
+    "plot STATS_max lc rgb '#999999' dt 2 title 'bound in the last seconds', \\\n"
+    "    data using 1:4 with lines lw 2 lc rgb '#922b21' title 'angle'\n"
+    "unset multiplot\n";
+static const char latency_script[] =
+    "set terminal svg size 900,480 dynamic background rgb 'white' font 'Helvetica,13'\n"
+    "set output './latency.svg'\n"
+    "set grid lc rgb '#dddddd'\n"
+    "set border lc rgb '#555555'\n"
+    "data = './latency.dat'\n"
+    "stats data using 1 nooutput\n"
+    "set logscale xy\n"
+    "set key outside bottom center horizontal noenhanced\n"
+    "set xlabel 'us'\n"
+    "set ylabel 'fraction of the steps in a tenth of a decade'\n"
+    "set xrange [0.01:1e5]\n"
+    "set yrange [1e-6:1]\n"
+    "set format y '10^{%L}'\n"
+    "colour(s) = word('#922b21 #d68910 #999999 #7fb3d5 #1e8449', s % 5 + 1)\n"
+    "plot for [s = 0:STATS_blocks - 1] data index s using 1:2 with steps lw 2 lc rgb colour(s) title "
+    "columnheader(1)\n";
 
 static FILE *open_in(const char *folder, const char *name) {
     char path[PATH];
@@ -24,36 +71,22 @@ static bool close_whole(FILE *stream) {
     return fclose(stream) == 0 && whole;
 }
 
-/* Writes gnuplot's command `cd` into `command` (2 PATH + 8 bytes). Inside single quotes only the quote itself
- * is special; it is doubled. open_in has checked that the folder is shorter than PATH. */
-static void change_folder(const char *folder, char *command) {
-    size_t used = (size_t)sprintf(command, "cd '");
-    for (const char *c = folder; *c != '\0'; c++) {
-        if (*c == '\'') command[used++] = '\'';
-        command[used++] = *c;
-    }
-    (void)strcpy(command + used, "'");
-}
-
-/* Writes the script NAME.gp, whose file names are relative to the folder, and runs it with gnuplot. */
-static bool draw_by_script(const char *folder, const char *name, int height, const char *commands) {
-    char file[PATH], change[2 * PATH + 8], load[PATH];
-    (void)snprintf(file, sizeof file, "%s.gp", name);
+/* Writes the script NAME.gp and runs it with gnuplot in the folder. */
+static bool draw_by_script(const char *folder, const char *name, const char *text) {
+    char file[PATH];
+    int status = 127 << 8;
+    (void)snprintf(file, sizeof file, "./%s.gp", name);
     FILE *script = open_in(folder, file);
     if (script == NULL) return false;
-    (void)fprintf(script,
-                  "set terminal svg size 900,%d dynamic background rgb 'white' font 'Helvetica,13'\n"
-                  "set output '%s.svg'\nset grid lc rgb '#dddddd'\nset border lc rgb '#555555'\n%s",
-                  height, name, commands);
+    (void)fputs(text, script);
     if (!close_whole(script)) return false;
-    change_folder(folder, change);
-    (void)snprintf(load, sizeof load, "load '%s.gp'", name);
-    char *const arguments[] = {"gnuplot", "-e", change, "-e", load, NULL};
-    pid_t child;
-    int status = 127 << 8;
-    if (posix_spawnp(&child, "gnuplot", NULL, NULL, arguments, environ) == 0)
-        while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
-        }
+    const pid_t child = fork();
+    if (child == 0) {
+        if (chdir(folder) == 0) (void)execlp("gnuplot", "gnuplot", "-d", file, (char *)NULL);
+        _exit(127);
+    }
+    while (child > 0 && waitpid(child, &status, 0) < 0 && errno == EINTR) {
+    }
     if (!WIFEXITED(status) || WEXITSTATUS(status) != 0)
         (void)fprintf(stderr, "gnuplot did not draw %s.svg; %s/%s.gp and %s.dat are there\n", name, folder,
                       name, name);
@@ -61,31 +94,15 @@ static bool draw_by_script(const char *folder, const char *name, int height, con
 }
 
 bool picture_energy(const char *folder, const trace *record, double target, double tolerance) {
-    char commands[2048];
     FILE *data = open_in(folder, "energy.dat");
     if (data == NULL) return false;
-    (void)fputs("# t learned_energy energy angle torque\n", data);
+    (void)fputs("# t learned_energy energy angle torque tolerance\n", data);
     for (size_t i = 0; i < record->count; i++) {
         const trace_row *row = record->rows + i;
-        (void)fprintf(data, "%.9g %.9g %.9g %.9g %.9g\n", row->t, row->learned - target, row->energy,
-                      row->angle, row->torque);
+        (void)fprintf(data, "%.9g %.9g %.9g %.9g %.9g %.9g\n", row->t, row->learned - target, row->energy,
+                      row->angle, row->torque, tolerance);
     }
-    if (!close_whole(data)) return false;
-    (void)snprintf(commands, sizeof commands,
-                   "set multiplot layout 3,1\nset lmargin 10\nset rmargin 3\nset key bottom right\n"
-                   "set ylabel 'energy / mgL'\n"
-                   "plot 1 lc rgb '#999999' dt 2 title 'upright at rest', "
-                   "'energy.dat' using 1:3 with lines lw 3 lc rgb '#7fb3d5' title 'true H', "
-                   "'' using 1:($2+1) with lines lw 1 lc rgb '#922b21' title 'learned H'\n"
-                   "set ylabel 'torque / mgL'\nset yrange [0:*]\nset offsets 0, 0, 0.02, 0\n"
-                   "plot 'energy.dat' using 1:5 with lines lc rgb '#1e8449' title '|torque|'\n"
-                   "unset offsets\nset key top right\nset ylabel 'angle to the vertical / rad'\nset xlabel "
-                   "'t / s'\nset logscale y\n"
-                   "set yrange [*:10]\nset format y '10^{%%L}'\n"
-                   "plot %g lc rgb '#999999' dt 2 title 'bound in the last seconds', "
-                   "'energy.dat' using 1:4 with lines lw 2 lc rgb '#922b21' title 'angle'\nunset multiplot\n",
-                   tolerance);
-    return draw_by_script(folder, "energy", 760, commands);
+    return close_whole(data) && draw_by_script(folder, "energy", energy_script);
 }
 
 /* Fraction of the samples in each bin. A bin is a tenth of a decade wide; the first one begins at 10 ns.
@@ -99,30 +116,17 @@ static void bin(const samples *from, double *fraction) {
 }
 
 bool picture_latency(const char *folder, const histogram_series *series, int count) {
-    enum { COLOURS = 5 };
-    static const char *const colours[COLOURS] = {"#922b21", "#d68910", "#999999", "#7fb3d5", "#1e8449"};
-    char commands[2048];
-    size_t used = (size_t)snprintf(
-        commands, sizeof commands,
-        "set logscale xy\nset key outside bottom center horizontal\nset xlabel 'us'\nset ylabel "
-        "'fraction of the steps in a tenth of a decade'\nset xrange [0.01:1e5]\nset yrange [1e-6:1]\n"
-        "set format y '10^{%%L}'\nplot ");
     FILE *data = open_in(folder, "latency.dat");
     if (data == NULL) return false;
+    (void)fputs("# for each title: left end of the bin in us, fraction\n", data);
     for (int s = 0; s < count; s++) {
         double fraction[DECADES * DECADE_BINS];
         bin(series[s].from, fraction);
-        (void)fprintf(data, "# %s: left end of the bin in us, fraction\n", series[s].title);
+        (void)fprintf(data, "%s\"%s\"\n", s > 0 ? "\n\n" : "", series[s].title);
         for (int i = 0; i < DECADES * DECADE_BINS; i++)
             (void)fprintf(data, "%.6g %.6g\n", 1e-2 * pow(10.0, (double)i / DECADE_BINS),
                           fmax(fraction[i], 1e-9));
         (void)fprintf(data, "%.6g %.6g\n", 1e-2 * pow(10.0, DECADES), 1e-9);
-        (void)fputs("\n\n", data);
-        used += (size_t)snprintf(commands + used, sizeof commands - used,
-                                 "%s'latency.dat' index %d using 1:2 with steps lw 2 lc rgb '%s' title '%s'",
-                                 s > 0 ? ", " : "", s, colours[s % COLOURS], series[s].title);
-        if (used >= sizeof commands) return fclose(data) == 0 && false;
     }
-    (void)snprintf(commands + used, sizeof commands - used, "\n");
-    return close_whole(data) && draw_by_script(folder, "latency", 480, commands);
+    return close_whole(data) && draw_by_script(folder, "latency", latency_script);
 }
