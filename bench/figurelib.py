@@ -217,8 +217,8 @@ def by_method(points):
 # ---- pictures ----
 
 def quoted(text):
-    """The text as a string of gnuplot, in which nothing is a command: of ASCII only letters, blanks, commas and points stand as they
-    are. (Doubled single quotes do not do: gnuplot 5.4 misreads a string that begins with one.)"""
+    """The text as a string of gnuplot, in which nothing is a command: of ASCII only letters, blanks, commas and points stand as
+    they are. (Doubled single quotes do not do: gnuplot 5.4 misreads a string that begins with one.)"""
     return '"%s"' % re.sub("[^A-Za-z ,.\x80-\U0010ffff]", lambda c: "\\%03o" % ord(c.group()), text)
 
 
@@ -227,7 +227,8 @@ class Panel:
     commands, so they must hold no text of a file."""
 
     def __init__(self, title, x, y, *settings, space=False):
-        self.settings = ["set title " + quoted(title), "set xlabel %s offset 0,0.5" % quoted(x), "set ylabel " + quoted(y), *settings]
+        self.settings = ["set title " + quoted(title), "set xlabel %s offset 0,0.5" % quoted(x), "set ylabel " + quoted(y),
+                         *settings]
         self.space, self.curves = space, []
 
     def add(self, title, points, style=None, colour=None):
