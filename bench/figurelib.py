@@ -2,6 +2,7 @@
 import json
 import math
 import os
+import re
 import shutil
 import subprocess
 
@@ -22,6 +23,12 @@ def find_lg_simulate(build):
         if folder and os.access(path, os.X_OK):
             return path
     raise SystemExit("lg-simulate is not built; scripts/configure build && cmake --build build (or --build FOLDER)")
+
+
+def rows_of(path):
+    """The rows of numbers in the data of a picture, FILE.dat, as words; its texts begin with =."""
+    with open(path) as file:
+        return [line.split() for line in file if line.strip() and not line.startswith("=")]
 
 
 class Simulate:
@@ -77,7 +84,7 @@ class Simulate:
         invariant; 0 stands for what does not show on a logarithmic axis."""
         stem = os.path.join(self.folder, "steps")
         _, result = self.end(scene, "--plot", stem + ".svg", "--plot-kind", "steps", *options)
-        rows = [[float(x) for x in line.split()] for line in open(stem + ".dat") if line.strip()]
+        rows = [[float(x) for x in row] for row in rows_of(stem + ".dat")]
         return np.nan_to_num(np.array(rows)), result
 
     def reference(self, scene, *options):
@@ -209,11 +216,18 @@ def by_method(points):
 
 # ---- pictures ----
 
+def quoted(text):
+    """The text as a string of gnuplot, in which nothing is a command: of ASCII only letters, blanks, commas and points stand as
+    they are. (Doubled single quotes do not do: gnuplot 5.4 misreads a string that begins with one.)"""
+    return '"%s"' % re.sub("[^A-Za-z ,.\x80-\U0010ffff]", lambda c: "\\%03o" % ord(c.group()), text)
+
+
 class Panel:
-    """A graph: settings of gnuplot, and curves (title, points, style)."""
+    """A graph: settings of gnuplot, and curves (title, points, style). Titles and labels are any texts; settings and styles are
+    commands, so they must hold no text of a file."""
 
     def __init__(self, title, x, y, *settings, space=False):
-        self.settings = ["set title \"%s\"" % title, "set xlabel \"%s\" offset 0,0.5" % x, "set ylabel \"%s\"" % y,
+        self.settings = ["set title " + quoted(title), "set xlabel %s offset 0,0.5" % quoted(x), "set ylabel " + quoted(y),
                          *settings]
         self.space, self.curves = space, []
 
@@ -229,7 +243,7 @@ class Panel:
                  "set tics nomirror", "set key below samplen 2 spacing 1.1", *self.settings]
         for i, (_, points, _) in enumerate(self.curves):
             lines += ["$%s%d << EOD" % (name, i)] + [" ".join(x if x == "" else "%.9g" % x for x in p) for p in points] + ["EOD"]
-        draw = ", ".join("$%s%d %s %s" % (name, i, style, "title \"%s\"" % title if title else "notitle")
+        draw = ", ".join("$%s%d %s %s" % (name, i, style, "title " + quoted(title) if title else "notitle")
                          for i, (title, _, style) in enumerate(self.curves))
         return lines + [("splot " if self.space else "plot ") + draw]
 
@@ -240,15 +254,17 @@ LOG = LOG_X + LOG_Y
 
 
 def draw(path, columns, panels, width=560, height=400):
+    """Draws a picture .svg or .png. gnuplot writes it to its standard output, so it never sees the name."""
     if not shutil.which("gnuplot"):
         lib.say("gnuplot is not installed: no %s" % os.path.basename(path))
         return
     rows = -(-len(panels) // columns)
-    lines = ["set terminal svg size %d,%d background '#ffffff' font 'sans,13'" % (width * columns, height * rows),
-             "set output '%s'" % path, "set multiplot layout %d,%d" % (rows, columns)]
+    terminal = "pngcairo size %d,%d" if path.endswith(".png") else "svg size %d,%d background '#ffffff' font 'sans,13'"
+    lines = ["set terminal " + terminal % (width * columns, height * rows), "set multiplot layout %d,%d" % (rows, columns)]
     for i, panel in enumerate(panels):
         lines += panel.script("p%dc" % i)
-    subprocess.run(["gnuplot"], input="\n".join(lines + ["unset multiplot", ""]), text=True, check=True)
+    with open(path, "wb") as picture:
+        subprocess.run(["gnuplot", "-d"], input="\n".join(lines + ["unset multiplot", ""]).encode(), stdout=picture, check=True)
 
 
 def thin(rows, most=700):

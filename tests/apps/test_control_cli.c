@@ -360,4 +360,21 @@ TEST("a picture shows names of velocities and inputs as they are, and runs nothi
     }
 }
 
+/* make would prefer GNUmakefile and makefile, and a self-test that is newer than its source. */
+TEST("the demo runs nothing that was in its folder before") {
+    static const char *const files[] = {"GNUmakefile", "makefile", "swingup_test"};
+    assert_true(mkdir(cli_at("demo"), 0777) == 0 && mkdir(cli_at("demo/swingup"), 0777) == 0);
+    for (size_t i = 0; i < LG_COUNT(files); i++) {
+        const char *name = test_text("demo/swingup/%s", files[i]);
+        cli_write(name, i < 2 ? "test:\n\ttouch ../../RAN\n" : "#!/bin/sh\ntouch ../../RAN\n");
+        assert_int_equal(chmod(cli_at(name), 0777), 0);
+        const struct timespec late[2] = {{.tv_sec = 4102444800}, {.tv_sec = 4102444800}};
+        assert_int_equal(utimensat(AT_FDCWD, cli_at(name), late, 0), 0);
+        cli_run_limited(control, "demo --out demo --seconds 1", 0);
+        if (cli_exists("RAN")) fail_msg("%s ran", files[i]);
+        cli_unlink(name);
+    }
+    assert_int_equal(system(test_text("rm -r '%s/demo'", cli_folder)), 0);
+}
+
 TEST_GROUP(setup, cli_end)
