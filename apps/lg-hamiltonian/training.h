@@ -77,12 +77,11 @@ lg_status record_verdict(const lg_context *context, const char *path, const lg_h
 enum { SHOWN_TRAJECTORIES = 10 }; /* default number of trajectories in the picture */
 /* Draws true (may be NULL) and predicted trajectories, both (n, points, d), at times t (points). Chains: each
  * link on a sphere. One degree of freedom: the phase portrait, and q and p against t. Otherwise: q_2 against
- * q_1. `title` must not contain quotes. */
+ * q_1. */
 lg_status draw_trajectories(const app *app, const char *picture, const char *title,
                             const lg_hamiltonian *model, const double *t, const double *truth,
                             const double *predicted, size_t n, size_t points, lg_error *error);
-/* Draws |H - H(0)| along one prediction, for the true energy (may be NULL) and the learned energy, in units
- * with m = L = g = 1. */
+/* Draws |H - H(0)| along one prediction, for the true and the learned energy, in units with m = L = g = 1. */
 lg_status draw_energy(const app *app, const char *picture, const double *t, const double *true_energy,
                       const double *learned_energy, size_t count, lg_error *error);
 

@@ -122,27 +122,16 @@ enum { PANELS = 6, BARS = 64 };
 
 static void put_bands(app_plot *plot, const result *what, size_t column) {
     for (size_t row = 0; row < what->points; row++) {
-        (void)fprintf(plot->data.stream, "%.9g", what->t[row]);
+        (void)fprintf(plot->data, "%.9g", what->t[row]);
         for (size_t i = 0; i < LG_COUNT(quantiles); i++)
-            (void)fprintf(plot->data.stream, " %.9g",
+            (void)fprintf(plot->data, " %.9g",
                           lg_statistics_quantile(what->states, row, column, quantiles[i].p));
-        (void)fputc('\n', plot->data.stream);
+        (void)fputc('\n', plot->data);
     }
     app_plot_block(plot);
 }
 
-static void draw_bands(app_plot *plot, const result *what, size_t column, size_t index) {
-    put_bands(plot, what, column);
-    (void)fprintf(
-        plot->script.stream,
-        "set title '%s'\nset xlabel 't [s]'\nplot datafile index %zu using 1:2:8 with filledcurves lc rgb "
-        "'#dbe7f4' title '1-99 %%', '' index %zu using 1:3:7 with filledcurves lc rgb '#b3cde6' title "
-        "'5-95 %%', '' index %zu using 1:4:6 with filledcurves lc rgb '#7fa8d1' title '25-75 %%', '' index "
-        "%zu using 1:5 with lines lw 1.6 lc rgb '#1f5fa8' title 'median'\n",
-        what->column[column], index, index, index, index);
-}
-
-static void draw_times(app_plot *plot, const result *what, size_t event, size_t index) {
+static void put_times(app_plot *plot, const result *what, size_t event) {
     const lg_statistics_range range = lg_statistics_range_at(what->times, 0, event);
     const uint64_t *bins = lg_statistics_bins(what->times, 0, event);
     const size_t each = 256 / BARS;
@@ -150,15 +139,10 @@ static void draw_times(app_plot *plot, const result *what, size_t event, size_t 
     for (size_t i = 0; i < BARS; i++) {
         uint64_t sum = 0;
         for (size_t k = 0; k < each; k++) sum += bins[1 + i * each + k];
-        (void)fprintf(plot->data.stream, "%.9g %llu\n", range.low + ((double)i + 0.5) * width,
+        (void)fprintf(plot->data, "%.9g %llu\n", range.low + ((double)i + 0.5) * width,
                       (unsigned long long)sum);
     }
     app_plot_block(plot);
-    (void)fprintf(
-        plot->script.stream,
-        "set title 'first %s'\nset xlabel 't [s]'\nplot datafile index %zu using 1:2 with boxes fs solid 0.6 "
-        "lc rgb '#d1641f' notitle\n",
-        what->event[event], index);
 }
 
 lg_status ensemble_draw(const app *self, const result *what, const char *path, lg_error *error) {
@@ -166,17 +150,17 @@ lg_status ensemble_draw(const app *self, const result *what, const char *path, l
     size_t chosen[PANELS], shown = 0;
     for (size_t c = 0; c < what->columns && shown < PANELS; c++)
         if (strncmp(what->column[c], "drift of ", 9) != 0) chosen[shown++] = c;
-    const size_t panels = shown + what->events, columns = panels > 1 ? 2 : 1,
-                 rows = (panels + columns - 1) / columns;
-    app_plot_begin(&plot, path, 560 * (int)columns, 340 * (int)rows);
-    (void)fprintf(plot.script.stream,
-                  "set encoding utf8\nset tics nomirror\nset key below\nset multiplot layout %zu,%zu\n", rows,
-                  columns);
+    const size_t panels = shown + what->events;
+    app_plot_begin(&plot, "ensemble", path, panels > 1 ? 1120 : 560, 340 * (int)((panels + 1) / 2));
+    app_plot_text(&plot, "%zu", shown);
+    app_plot_text(&plot, "%zu", panels);
     for (size_t i = 0; i < shown; i++) {
-        draw_bands(&plot, what, chosen[i], i);
-        (void)fputs("unset key\n", plot.script.stream); /* only the first panel has a key */
+        app_plot_text(&plot, "%s", what->column[chosen[i]]);
+        put_bands(&plot, what, chosen[i]);
     }
-    for (size_t e = 0; e < what->events; e++) draw_times(&plot, what, e, shown + e);
-    (void)fputs("unset multiplot\n", plot.script.stream);
+    for (size_t e = 0; e < what->events; e++) {
+        app_plot_text(&plot, "first %s", what->event[e]);
+        put_times(&plot, what, e);
+    }
     return app_plot_end(self, &plot, error);
 }

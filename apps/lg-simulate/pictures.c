@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MAX_CURVES = 9, MAX_BLOCKS = 3, WIDTH = 900, HEIGHT = 520, SPACE_HEIGHT = 760 };
+enum { MAX_CURVES = 9, MAX_BLOCKS = 3, WIDTH = 900, HEIGHT = 520 };
 
 /* Symbols and units for the keys of a state. The units are those of chains, where q is a direction. */
 static const struct {
@@ -24,17 +24,6 @@ static const char *unit_of(const simulation *sim, const char *key) {
     for (size_t i = 0; i < LG_COUNT(symbols); i++)
         if (strcmp(symbols[i].key, key) == 0) return symbols[i].unit;
     return strcmp(key, "p") == 0 && lg_system_links(sim->system) > 0 ? " [kg m^2/s]" : "";
-}
-
-const char *colour(size_t i) {
-    static const char *const colours[] = {"#1f5fa8", "#d1641f", "#2f8f4e", "#8e3fa8", "#b8242f",
-                                          "#7a5c2e", "#12909a", "#555555", "#c49a00", "#e377c2"};
-    return colours[i % LG_COUNT(colours)];
-}
-
-size_t end_block(drawing *to) {
-    app_plot_block(&to->plot);
-    return to->blocks++;
 }
 
 const double *state_at(const drawing *from, size_t i) {
@@ -93,81 +82,58 @@ static void symbol_name(const block *at, size_t component, char *text, size_t si
         (void)snprintf(text, size, "%s", symbol_of(at->key));
 }
 
-/* Writes a title such as "components of q" or "components of q_1, q_10, q_20 (of 20)". */
-static void put_title(FILE *script, const char *key, const selection *chosen) {
-    const char *separator = "";
-    (void)fputs("set title 'components of ", script);
-    if (chosen->shown == chosen->all) (void)fputs(symbol_of(key), script);
-    for (size_t k = 0; k < chosen->count && chosen->shown < chosen->all; k++) {
-        if (chosen->component[k] > 0) continue;
-        (void)fprintf(script, "%s%s_{%zu}", separator, symbol_of(key), chosen->of[k]->index);
-        separator = ", ";
-    }
-    if (chosen->shown < chosen->all) (void)fprintf(script, " (of %zu)", chosen->all);
-    (void)fputs("'\n", script);
+/* Begins panel `kind` of simulation.gp; the names of its curves follow. */
+static void begin_panel(drawing *to, const char *kind, const char *title, const char *x, const char *y,
+                        size_t curves) {
+    const char *const texts[] = {kind, title, x, y};
+    for (size_t i = 0; i < LG_COUNT(texts); i++) app_plot_text(&to->plot, "%s", texts[i]);
+    app_plot_text(&to->plot, "%zu", curves);
+}
+
+/* Returns a title such as "components of q" or "components of q_1, q_10, q_20 (of 20)". */
+static char *components_title(const char *key, const selection *chosen) {
+    lg_text title = app_text();
+    lg_text_add(&title, "components of %s", chosen->shown == chosen->all ? symbol_of(key) : "");
+    for (size_t k = 0; k < chosen->count && chosen->shown < chosen->all; k++)
+        if (chosen->component[k] == 0)
+            lg_text_add(&title, "%s%s_{%zu}", k > 0 ? ", " : "", symbol_of(key), chosen->of[k]->index);
+    if (chosen->shown < chosen->all) lg_text_add(&title, " (of %zu)", chosen->all);
+    return title.data;
 }
 
 static void panel_components(drawing *to, const char *key) {
-    FILE *script = to->plot.script.stream;
     const simulation *sim = to->what->sim;
     const selection chosen = select_components(sim, key);
+    APP_FREE char *title = components_title(key, &chosen);
+    APP_FREE char *label = app_format("%s%s", symbol_of(key), unit_of(sim, key));
     char name[96];
-    for (size_t i = 0; i < to->what->path->kept; i++) {
-        (void)fprintf(to->plot.data.stream, "%.9g", time_at(to, i));
-        for (size_t k = 0; k < chosen.count; k++)
-            (void)fprintf(to->plot.data.stream, " %.9g",
-                          state_at(to, i)[chosen.of[k]->offset + chosen.component[k]]);
-        (void)fputc('\n', to->plot.data.stream);
-    }
-    const size_t index = end_block(to);
-    (void)fprintf(
-        script,
-        "unset logscale y\nset format y '%%g'\nset key outside right top samplen 1.5 nobox\nset xlabel 't "
-        "[s]'\nset ylabel '%s%s'\n",
-        symbol_of(key), unit_of(sim, key));
-    put_title(script, key, &chosen);
+    begin_panel(to, "components", title, "t [s]", label, chosen.count);
     for (size_t k = 0; k < chosen.count; k++) {
         symbol_name(chosen.of[k], chosen.component[k], name, sizeof name);
-        (void)fprintf(script, "%sdatafile index %zu using 1:%zu with lines lw 1.6 lc rgb '%s' title '%s'",
-                      k == 0 ? "plot " : ", \\\n  ", index, 2 + k, colour(k), name);
+        app_plot_text(&to->plot, "%s", name);
     }
-    (void)fputc('\n', script);
+    for (size_t i = 0; i < to->what->path->kept; i++) {
+        (void)fprintf(to->plot.data, "%.9g", time_at(to, i));
+        for (size_t k = 0; k < chosen.count; k++)
+            (void)fprintf(to->plot.data, " %.9g",
+                          state_at(to, i)[chosen.of[k]->offset + chosen.component[k]]);
+        (void)fputc('\n', to->plot.data);
+    }
+    app_plot_block(&to->plot);
 }
 
 /* The first component of q against the first component of p, on R^2n. */
 static void panel_phase(drawing *to) {
-    FILE *script = to->plot.script.stream;
     const simulation *sim = to->what->sim;
     const block *q = find_block(sim, "q", 1), *p = find_block(sim, "p", 1);
+    begin_panel(to, "phase", "phase portrait", q->count > 1 ? "q_1" : "q", q->count > 1 ? "p_1" : "p", 1);
+    app_plot_text(&to->plot, "%s", "");
     for (size_t i = 0; i < to->what->path->kept; i++)
-        (void)fprintf(to->plot.data.stream, "%.9g %.9g\n", state_at(to, i)[q->offset],
-                      state_at(to, i)[p->offset]);
-    const char *below = q->count > 1 ? "_1" : "";
-    (void)fprintf(script,
-                  "unset logscale y\nset format y '%%g'\nunset key\nset xlabel 'q%s'\nset ylabel 'p%s'\n"
-                  "set title 'phase portrait'\nset size ratio -1\n"
-                  "set offsets graph 0.04, graph 0.04, graph 0.04, graph 0.04\n"
-                  "plot datafile index %zu using 1:2 with lines lw 1.2 lc rgb '%s'\n"
-                  "set size noratio\nunset offsets\n",
-                  below, below, end_block(to), colour(0));
+        (void)fprintf(to->plot.data, "%.9g %.9g\n", state_at(to, i)[q->offset], state_at(to, i)[p->offset]);
+    app_plot_block(&to->plot);
 }
 
 /* ---- values over the steps ---- */
-
-/* Writes the trace as a data block: t, h, manifold error, drifts. Zeros become gaps, because the axis is
- * logarithmic. */
-static size_t put_trace(drawing *to) {
-    const trace *at = &to->what->seen->trace;
-    for (size_t i = 0; i < at->count; i++) {
-        for (size_t k = 0; k < at->width; k++) {
-            const double value = at->rows[i * at->width + k];
-            (void)fprintf(to->plot.data.stream, k > 0 ? " %.9g" : "%.9g",
-                          value > 0 || k == 0 ? value : (double)NAN);
-        }
-        (void)fputc('\n', to->plot.data.stream);
-    }
-    return end_block(to);
-}
 
 /* Returns whether column k of the trace has a value that a logarithmic axis can show. */
 static bool column_shows(const drawing *from, size_t k) {
@@ -177,61 +143,46 @@ static bool column_shows(const drawing *from, size_t k) {
     return false;
 }
 
-static void begin_logarithmic(FILE *script, const char *title, const char *label) {
-    (void)fprintf(script,
-                  "set logscale y\nset format y '10^{%%L}'\nset key inside bottom right samplen 1.5 nobox\n"
-                  "set xlabel 't [s]'\nset title '%s'\nset ylabel '%s'\n",
-                  title, label);
-}
-
-/* A panel without a curve shows the reason. */
-static void put_empty(FILE *script, const char *why) {
-    (void)fprintf(script,
-                  "unset logscale y\nset format y '%%g'\nset yrange [-1:1]\nset xrange [0:1]\nunset "
-                  "xtics\nunset ytics\n"
-                  "plot NaN title '%s'\nset autoscale\nset xtics\nset ytics\n",
-                  why);
+/* Draws the columns first, first + 1, ..., first + count - 1 of the trace that a logarithmic axis can show,
+ * against t. Their zeros become gaps. A panel without a curve shows the reason `empty`. */
+static void panel_trace(drawing *to, const char *kind, const char *title, const char *label, size_t first,
+                        size_t count, const char *empty) {
+    const trace *at = &to->what->seen->trace;
+    APP_FREE size_t *columns = app_alloc(at->width, sizeof *columns);
+    size_t shown = 0;
+    for (size_t k = first; k < first + count; k++)
+        if (column_shows(to, k)) columns[shown++] = k;
+    begin_panel(to, kind, title, "t [s]", label, shown);
+    if (shown == 0) app_plot_text(&to->plot, "%s", empty);
+    for (size_t c = 0; c < shown; c++) {
+        const bool named = columns[c] >= 3;
+        app_plot_text(&to->plot, "%s",
+                      named ? lg_system_invariant_name(to->what->sim->system, columns[c] - 3) : "");
+    }
+    for (size_t i = 0; i < at->count; i++) {
+        const double *row = at->rows + i * at->width;
+        (void)fprintf(to->plot.data, "%.9g", row[0]);
+        for (size_t c = 0; c < shown; c++)
+            (void)fprintf(to->plot.data, " %.9g", row[columns[c]] > 0 ? row[columns[c]] : (double)NAN);
+        (void)fputc('\n', to->plot.data);
+    }
+    app_plot_block(&to->plot);
 }
 
 static void panel_invariants(drawing *to) {
-    FILE *script = to->plot.script.stream;
-    const size_t index = put_trace(to);
-    size_t shown = 0;
-    begin_logarithmic(script, "drift of the invariants", "|I(t) - I(0)|");
-    for (size_t k = 3; k < to->what->seen->trace.width; k++) {
-        if (!column_shows(to, k)) continue;
-        (void)fprintf(script, "%sdatafile index %zu using 1:%zu with lines lw 1.4 lc rgb '%s' title \"%s\"",
-                      shown == 0 ? "plot " : ", \\\n  ", index, k + 1, colour(shown),
-                      lg_system_invariant_name(to->what->sim->system, k - 3));
-        shown++;
-    }
-    if (shown > 0)
-        (void)fputc('\n', script);
-    else
-        put_empty(script,
-                  lg_system_invariants(to->what->sim->system) > 0 ? "zero all along" : "the system has none");
+    const size_t count = lg_system_invariants(to->what->sim->system);
+    panel_trace(to, "invariants", "drift of the invariants", "|I(t) - I(0)|", 3, count,
+                count > 0 ? "zero all along" : "the system has none");
 }
 
 static void panel_manifold(drawing *to) {
-    FILE *script = to->plot.script.stream;
-    const size_t index = put_trace(to);
-    begin_logarithmic(script, "distance from the manifold", "largest violation of a constraint");
-    if (column_shows(to, 2))
-        (void)fprintf(
-            script,
-            "set yrange [1e-17:%s]\nplot datafile index %zu using 1:3 with points pt 7 ps 0.25 lc rgb '%s' "
-            "notitle\nset autoscale y\n",
-            to->what->seen->manifold < 1e-14 ? "1e-13" : "*", index, colour(3));
-    else
-        put_empty(script, "zero all along");
+    panel_trace(to, to->what->seen->manifold < 1e-14 ? "rounding" : "manifold", "distance from the manifold",
+                "largest violation of a constraint", 2, 1, "zero all along");
 }
 
 static void panel_steps(drawing *to) {
-    FILE *script = to->plot.script.stream;
-    const size_t index = put_trace(to);
-    begin_logarithmic(script, "accepted steps", "h [s]");
-    (void)fprintf(script, "plot datafile index %zu using 1:2 with %s lw 1.4 lc rgb '%s' notitle\n", index,
-                  to->what->seen->trace.count < 400 ? "linespoints pt 7 ps 0.3" : "lines", colour(2));
+    panel_trace(to, to->what->seen->trace.count < 400 ? "steps" : "many steps", "accepted steps", "h [s]", 1,
+                1, "no steps");
 }
 
 /* ---- pictures ---- */
@@ -253,16 +204,6 @@ static size_t distinct_keys(const simulation *sim) {
     size_t count = 0;
     for (size_t i = 0; i < sim->block_count; i++) count += begins_key(sim, i);
     return count;
-}
-
-static void begin(drawing *to, const char *picture, size_t columns, size_t rows) {
-    const bool space = to->what->sim->values->plot_kind == PICTURE_SPACE;
-    const int width = columns > 1 ? 560 * (int)columns : WIDTH;
-    const int height = rows > 1 ? 380 * (int)rows : space ? SPACE_HEIGHT : HEIGHT;
-    app_plot_begin(&to->plot, picture, width, height);
-    FILE *script = to->plot.script.stream;
-    (void)fputs("set encoding utf8\nset tics nomirror\n", script);
-    if (columns * rows > 1) (void)fprintf(script, "set multiplot layout %zu,%zu\n", rows, columns);
 }
 
 static void draw_overview(drawing *to) {
@@ -292,27 +233,33 @@ static void draw_components(drawing *to) {
         if (begins_key(sim, i)) panel_components(to, sim->blocks[i].key);
 }
 
-static void draw_space(drawing *to) {
-    const space_picture *picture = find_space_picture(to->what->sim);
-    if (picture != NULL) picture->draw(to);
-}
-
 static const struct {
     void (*draw)(drawing *to);
-    size_t columns, rows; /* 0: one panel per key */
-} kinds[] = {[PICTURE_OVERVIEW] = {draw_overview, 2, 2},      [PICTURE_COMPONENTS] = {draw_components, 0, 0},
-             [PICTURE_INVARIANTS] = {panel_invariants, 1, 1}, [PICTURE_MANIFOLD] = {panel_manifold, 1, 1},
-             [PICTURE_STEPS] = {panel_steps, 1, 1},           [PICTURE_SPACE] = {draw_space, 1, 1}};
+    size_t panels; /* 0: one panel per key */
+} kinds[] = {[PICTURE_OVERVIEW] = {draw_overview, 4},
+             [PICTURE_COMPONENTS] = {draw_components, 0},
+             [PICTURE_INVARIANTS] = {panel_invariants, 1},
+             [PICTURE_MANIFOLD] = {panel_manifold, 1},
+             [PICTURE_STEPS] = {panel_steps, 1}};
 
+static void draw_panels(drawing *to) {
+    const simulate_values *values = to->what->sim->values;
+    const size_t fixed = kinds[values->plot_kind].panels,
+                 panels = fixed > 0 ? fixed : distinct_keys(to->what->sim);
+    const int rows = (int)(panels + 1) / 2;
+    app_plot_begin(&to->plot, "simulation", values->plot, panels > 1 ? 1120 : WIDTH,
+                   rows > 1 ? 380 * rows : HEIGHT);
+    app_plot_text(&to->plot, "%zu", panels);
+    kinds[values->plot_kind].draw(to);
+}
+
+/* For PICTURE_SPACE there must be a 3d picture of the system. */
 lg_status draw_run(const report *what, lg_error *error) {
     drawing to = {.what = what};
-    const int kind = what->sim->values->plot_kind;
-    const size_t panels = distinct_keys(what->sim);
-    const size_t columns = kinds[kind].columns > 0 ? kinds[kind].columns : panels > 1 ? 2 : 1;
-    const size_t rows = kinds[kind].rows > 0 ? kinds[kind].rows : (panels + columns - 1) / columns;
-    begin(&to, what->sim->values->plot, columns, rows);
-    kinds[kind].draw(&to);
-    if (columns * rows > 1) (void)fputs("unset multiplot\n", to.plot.script.stream);
+    if (what->sim->values->plot_kind == PICTURE_SPACE)
+        find_space_picture(what->sim)->draw(&to);
+    else
+        draw_panels(&to);
     return app_plot_end(what->sim->self, &to.plot, error);
 }
 

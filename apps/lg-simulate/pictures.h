@@ -4,24 +4,18 @@
 
 #include "lg-simulate/simulate.h"
 
-/* A picture while it is drawn; `blocks` counts the data blocks written so far. */
 typedef struct drawing {
     const report *what;
     app_plot plot;
-    size_t blocks;
 } drawing;
 
-/* Ends a data block and returns its index. */
-size_t end_block(drawing *to);
 /* The state at point i of the trajectory, and its time. */
 const double *state_at(const drawing *from, size_t i);
 double time_at(const drawing *from, size_t i);
-/* Colour number i; the list has 10 colours and repeats. */
-const char *colour(size_t i);
 
 typedef struct space_picture {
     const char *system;
-    void (*draw)(drawing *to);
+    void (*draw)(drawing *to); /* begins the picture and writes its data */
 } space_picture;
 /* NULL if there is no 3d picture of this system. */
 const space_picture *find_space_picture(const simulation *sim);

@@ -1,6 +1,6 @@
 /* --work-precision: error at the final time against CPU time and evaluations. Each method runs with numbers
  * of steps that double or, if it estimates its error, with tolerances that fall by factors of ten. */
-#include "lg-simulate/pictures.h"
+#include "lg-simulate/simulate.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -223,46 +223,22 @@ static void report_diagram(const diagram *d) {
 
 /* ---- the picture ---- */
 
-static void put_panel(FILE *script, const diagram *d, const char *label, int column, bool key) {
-    const char *separator = "plot ";
-    (void)fprintf(script, "set xlabel '%s'\n%s\n", label,
-                  key ? "set key bottom left samplen 2 spacing 1.1 box lc rgb '#cccccc' opaque"
-                      : "unset key");
-    size_t index = 0;
-    for (size_t c = 0; c < d->count; c++) {
-        if (d->curves[c].count == 0) continue;
-        (void)fprintf(
-            script,
-            "%sdatafile index %zu using %d:3 with linespoints lw 1.6 pt %zu ps 0.6 lc rgb '%s' %s title '%s'",
-            separator, index++, column, 5 + c % 10, colour(c), c >= 10 ? "dt 2" : "dt 1",
-            d->curves[c].what.scheme.name);
-        separator = ", \\\n  ";
-    }
-    (void)fputc('\n', script);
-}
-
 static lg_status draw(const diagram *d, lg_error *error) {
     app_plot plot;
-    app_plot_begin(&plot, d->sim->values->plot, 1100, 560);
+    size_t drawn = 0;
+    for (size_t c = 0; c < d->count; c++) drawn += d->curves[c].count > 0;
+    app_plot_begin(&plot, "precision", d->sim->values->plot, 1100, 560);
+    app_plot_text(&plot, "%s to t = %g", lg_system_name(d->sim->system), d->sim->t_end);
+    app_plot_text(&plot, "%zu", drawn);
     for (size_t c = 0; c < d->count; c++) {
-        if (d->curves[c].count == 0) continue;
-        for (size_t i = 0; i < d->curves[c].count; i++) {
-            const point *at = &d->curves[c].points[i];
-            (void)fprintf(plot.data.stream, "%.9g %zu %.9g\n", at->seconds, at->evaluations,
-                          fmax(at->error, 1e-17));
-        }
+        const curve *at = &d->curves[c];
+        if (at->count == 0) continue;
+        app_plot_text(&plot, "%s", at->what.scheme.name);
+        for (size_t i = 0; i < at->count; i++)
+            (void)fprintf(plot.data, "%.9g %zu %.9g\n", at->points[i].seconds, at->points[i].evaluations,
+                          fmax(at->points[i].error, 1e-17));
         app_plot_block(&plot);
     }
-    FILE *script = plot.script.stream;
-    (void)fprintf(
-        script,
-        "set logscale xy\nset format x '10^{%%L}'\nset format y '10^{%%L}'\nset multiplot layout 1,2 title "
-        "'%s to t = %g'\nset ylabel 'relative error at the end'\n",
-        lg_system_name(d->sim->system), d->sim->t_end);
-    put_panel(script, d, "CPU time [s]", 1, true);
-    (void)fputs("unset ylabel\n", script);
-    put_panel(script, d, "evaluations of the field", 2, false);
-    (void)fputs("unset multiplot\n", script);
     return app_plot_end(d->sim->self, &plot, error);
 }
 

@@ -6,20 +6,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { SNAPSHOTS = 6 };
+enum { SNAPSHOTS = 6, WIDTH = 900, HEIGHT = 760 };
 
 /* ---- shared functions ---- */
 
-/* Colour from light to dark with time, s in [0, 1]. */
-static void shade(double s, char text[8]) {
-    static const double light[3] = {190, 210, 235}, dark[3] = {16, 54, 104};
-    int part[3];
-    for (int i = 0; i < 3; i++) part[i] = (int)(light[i] + s * (dark[i] - light[i]) + 0.5);
-    (void)snprintf(text, 8, "#%02x%02x%02x", part[0] & 255, part[1] & 255, part[2] & 255);
-}
-
 static void put_point(drawing *to, const double x[3]) {
-    (void)fprintf(to->plot.data.stream, "%.9g %.9g %.9g\n", x[0], x[1], x[2]);
+    (void)fprintf(to->plot.data, "%.9g %.9g %.9g\n", x[0], x[1], x[2]);
 }
 
 static size_t snapshot_count(const drawing *from) {
@@ -29,26 +21,6 @@ static size_t snapshot_count(const drawing *from) {
 static size_t snapshot(const drawing *from, size_t k) {
     const size_t count = snapshot_count(from);
     return count > 1 ? k * (from->what->path->kept - 1) / (count - 1) : 0;
-}
-
-/* Distance between tics that gives about five tics on the longest axis. */
-static double tic_distance(const double low[3], const double high[3]) {
-    double longest = 0;
-    for (int i = 0; i < 3; i++) longest = fmax(longest, high[i] - low[i]);
-    const double rough = longest / 5, power = pow(10, floor(log10(rough)));
-    return rough > 5 * power ? 10 * power : rough > 2 * power ? 5 * power : rough > power ? 2 * power : power;
-}
-
-static void put_axes(FILE *script, const char *title, const double low[3], const double high[3]) {
-    const double tics = tic_distance(low, high);
-    (void)fprintf(
-        script,
-        "set title \"%s\"\nset view 68,30,1.15\nset view equal xyz\nset xyplane relative 0\n"
-        "set xrange [%g:%g]\nset yrange [%g:%g]\nset zrange [%g:%g]\nset xtics %g\nset ytics %g\nset ztics "
-        "%g\nset border 31 lc rgb '#bbbbbb'\nset tics textcolor rgb '#555555'\nset key at screen 0.98,0.93 "
-        "right "
-        "top vertical samplen 2 nobox\n",
-        title, low[0], high[0], low[1], high[1], low[2], high[2], tics, tics, tics);
 }
 
 /* A box around everything that is drawn. */
@@ -75,43 +47,42 @@ static void bounds_end(bounds *of) {
     }
 }
 
-/* A moving system: the path of one of its points, and some snapshots of the whole system, darker with
- * time. */
+/* A moving system: the path of one of its points, and some snapshots of the whole system. */
 typedef struct motion {
-    const char *title, *axes; /* axes: gnuplot commands for the labels of the axes */
-    const char *path, *path_width;
+    const char *kind; /* as in motion.gp */
     /* Computes the point of the path, and extends the box by everything in the picture of a state. */
     void (*point)(const simulation *sim, const double *y, bounds *box, double x[3]);
     /* Writes a snapshot as the rows of a data block. */
     void (*put)(drawing *to, const double *y, bounds *box);
-    char style[64]; /* gnuplot style of the snapshots */
 } motion;
+
+static void begin_space(drawing *to, const char *script, const char *text) {
+    app_plot_begin(&to->plot, script, to->what->sim->values->plot, WIDTH, HEIGHT);
+    app_plot_text(&to->plot, "%s", text);
+}
 
 static void draw_motion(drawing *to, const motion *what) {
     const size_t count = snapshot_count(to);
-    FILE *script = to->plot.script.stream;
     bounds box = {{HUGE_VAL, HUGE_VAL, HUGE_VAL}, {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL}};
+    begin_space(to, "motion", what->kind);
+    app_plot_text(&to->plot, "%zu", lg_system_links(to->what->sim->system));
+    app_plot_text(&to->plot, "%zu", count);
     for (size_t i = 0; i < to->what->path->kept; i++) {
         double x[3];
         what->point(to->what->sim, state_at(to, i), &box, x);
         put_point(to, x);
     }
-    const size_t path = end_block(to);
+    app_plot_block(&to->plot);
     for (size_t k = 0; k < count; k++) {
+        app_plot_text(&to->plot, "t = %.3g s", time_at(to, snapshot(to, k)));
         what->put(to, state_at(to, snapshot(to, k)), &box);
-        (void)end_block(to);
+        app_plot_block(&to->plot);
     }
     bounds_end(&box);
-    put_axes(script, what->title, box.low, box.high);
-    (void)fprintf(script, "%ssplot datafile index %zu using 1:2:3 with lines lw %s lc rgb '%s' title '%s'",
-                  what->axes, path, what->path_width, colour(1), what->path);
-    for (size_t k = 0; k < count; k++) {
-        char dark[8];
-        shade(count > 1 ? (double)k / (double)(count - 1) : 1, dark);
-        (void)fprintf(script, ", \\\n  datafile index %zu using %s lc rgb '%s' title 't = %.3g s'",
-                      path + 1 + k, what->style, dark, time_at(to, snapshot(to, k)));
+    for (int i = 0; i < 3; i++) {
+        app_plot_text(&to->plot, "%g", box.low[i]);
+        app_plot_text(&to->plot, "%g", box.high[i]);
     }
-    (void)fputc('\n', script);
 }
 
 /* ---- chains ---- */
@@ -142,17 +113,7 @@ static void put_masses(drawing *to, const double *y, bounds *box) {
 }
 
 static void draw_chain(drawing *to) {
-    const size_t links = lg_system_links(to->what->sim->system);
-    motion chain = {.title =
-                        links > 1 ? "the chain, and the path of its last mass" : "the pendulum and its path",
-                    .axes = "set xlabel 'x [m]'\nset ylabel 'y [m]'\nset zlabel 'z [m]' rotate\n",
-                    .path = "path",
-                    .path_width = "0.8",
-                    .point = last_mass,
-                    .put = put_masses};
-    (void)snprintf(chain.style, sizeof chain.style, "1:2:3 with linespoints lw 2 pt 7 ps %g",
-                   links > 10 ? 0.4 : 0.8);
-    draw_motion(to, &chain);
+    draw_motion(to, &(motion){"chain", last_mass, put_masses});
 }
 
 /* ---- curves on the unit sphere ---- */
@@ -163,30 +124,17 @@ typedef struct sphere_curve {
 } sphere_curve;
 
 static void put_sphere(drawing *to, const char *title, const sphere_curve *curves, size_t count) {
-    static const double low[3] = {-1, -1, -1}, high[3] = {1, 1, 1};
-    FILE *script = to->plot.script.stream;
-    const size_t first = to->blocks, last = to->what->path->kept - 1;
+    begin_space(to, "sphere", title);
+    app_plot_text(&to->plot, "%zu", count);
     for (size_t c = 0; c < count; c++) {
         double x[3];
-        for (size_t i = 0; i <= last; i++) {
+        app_plot_text(&to->plot, "%s", curves[c].title);
+        for (size_t i = 0; i < to->what->path->kept; i++) {
             curves[c].point(to->what->sim, state_at(to, i), x);
             put_point(to, x);
         }
-        (void)end_block(to);
+        app_plot_block(&to->plot);
     }
-    put_axes(script, title, low, high);
-    (void)fputs("set xtics -1,1,1\nset ytics -1,1,1\nset ztics -1,1,1\nset xlabel 'x'\nset ylabel 'y'\nset "
-                "zlabel 'z'\n"
-                "set parametric\nset urange [0:pi]\nset vrange [0:2*pi]\nset isosamples 25,13\n"
-                "splot sin(u)*cos(v), sin(u)*sin(v), cos(u) with lines lc rgb '#e2e2e2' lw 0.5 notitle",
-                script);
-    for (size_t c = 0; c < count; c++)
-        (void)fprintf(
-            script,
-            ", \\\n  datafile index %zu using 1:2:3 with lines lw 1.6 lc rgb '%s' title '%s', \\\n  datafile "
-            "index %zu every ::0::0 using 1:2:3 with points pt 7 ps 0.9 lc rgb '%s' title '%s'",
-            first + c, colour(c), curves[c].title, first + c, colour(c), count > 1 ? "" : "start");
-    (void)fputc('\n', script);
 }
 
 static void unit(const double *from, double x[3]) {
@@ -271,7 +219,7 @@ static void put_segment(drawing *to, const double from[3], const double end[3], 
     turned(end, b);
     bounds_add(box, a);
     bounds_add(box, b);
-    (void)fprintf(to->plot.data.stream, "%.9g %.9g %.9g %.9g %.9g %.9g\n", a[0], a[1], a[2], b[0] - a[0],
+    (void)fprintf(to->plot.data, "%.9g %.9g %.9g %.9g %.9g %.9g\n", a[0], a[1], a[2], b[0] - a[0],
                   b[1] - a[1], b[2] - a[2]);
 }
 
@@ -303,11 +251,7 @@ static void payload(const simulation *sim, const double *y, bounds *box, double 
 }
 
 static void draw_quadrotors(drawing *to) {
-    draw_motion(to,
-                &(motion){"payload, links and quadrotors; up is -e_{3}",
-                          "set xlabel 'e_{1}  [m]'\nset ylabel '-e_{2}  [m]'\nset zlabel '-e_{3}  [m]' "
-                          "rotate\nset view 75,20,1.15\n",
-                          "payload", "1.2", payload, put_quadrotors, "1:2:3:4:5:6 with vectors nohead lw 2"});
+    draw_motion(to, &(motion){"quadrotors", payload, put_quadrotors});
 }
 
 /* ---- pictures by system ---- */

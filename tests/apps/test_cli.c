@@ -66,14 +66,53 @@ TEST("all commands take scenes with and without `initial`, and say which start t
     assert_non_null(strstr(result.err, "`initial` is a single start and was not used"));
 }
 
+static void expect_drawn(const char *arguments, const char *picture) {
+    cli_expect(lg, test_text("%s --plot %s", arguments, picture), 0, "");
+    if (!cli_exists(picture) && strstr(result.err, "gnuplot is not installed") == NULL)
+        fail_msg("%s: no picture: %s", arguments, result.err);
+}
+
+/* `curves`: in all panels, without the spheres. */
+static void expect_curves(const char *arguments, size_t curves) {
+    static char picture[1 << 20];
+    size_t found = 0;
+    expect_drawn(arguments, "flow.svg");
+    if (!cli_exists("flow.svg")) return;
+    (void)cli_read("flow.svg", picture, sizeof picture);
+    for (const char *at = picture; (at = strstr(at, "id=\"gnuplot_plot_")) != NULL; at++) found++;
+    if (strstr(picture, "gravity") != NULL) found--;
+    if (found != curves) fail_msg("%s: %zu curves, expected %zu", arguments, found, curves);
+    assert_int_equal(unlink(cli_at("flow.svg")), 0);
+}
+
+TEST("pictures of trajectories show all curves: spheres, phase portraits, planes, with and without the "
+     "truth") {
+    expect_curves("predict model.h5 start.yaml", 2);
+    expect_curves("predict model.h5 --initial 1,0,0,0,0.5,0 --t-end 0.5", 1);
+    expect_curves("evaluate model.h5 test.h5", 2 * 6);
+    static const struct {
+        const char *scene, *initial;
+        size_t panels;
+    } rows[] = {{"system: oscillator\n", "0.5,0.5", 3}, {"system: quartic\n", "0.5,0.5,0.2,0.1", 1}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        cli_write("flat.yaml", rows[i].scene);
+        cli_expect(lg, "generate flat.yaml --trajectories 9 --points 4 --t-end 0.1 --out flat.h5", 0, "");
+        cli_expect(lg, "train flat.h5 --hidden 4 --epochs 1 --out flat-model.h5", 0, "");
+        expect_curves("evaluate flat-model.h5 flat.h5", rows[i].panels * 2 * 9);
+        expect_curves(test_text("predict flat-model.h5 --initial %s --t-end 0.5", rows[i].initial),
+                      rows[i].panels);
+    }
+}
+
 TEST("pictures and histories are drawn") {
     static char script[65536];
-    cli_expect(lg, "evaluate model.h5 test.h5 --plot ./sphere.svg", 0, "E1");
+    expect_drawn("evaluate model.h5 test.h5", "./sphere.svg");
     assert_true(cli_exists("sphere.dat") && cli_exists("sphere.gp"));
     cli_read("sphere.gp", script, sizeof script);
-    assert_non_null(strstr(script, "datafile = 'sphere.dat'\n")); /* the path has no folder */
+    assert_null(strstr(script, "sphere.dat")); /* it reads the file beside it */
     assert_non_null(strstr(script, "gravity"));
-    if (!cli_exists("sphere.svg")) assert_non_null(strstr(result.err, "gnuplot"));
+    cli_read("sphere.dat", script, sizeof script);
+    assert_non_null(strstr(script, "=Trajectories of the test set, true and predicted\n"));
     cli_expect(lg, TRAIN "--epochs 2 --out plotted.h5 --plot loss.svg --history loss.csv", 0, "plotted.h5");
     char text[4096];
     cli_read("loss.csv", text, sizeof text);
@@ -360,9 +399,11 @@ TEST("a penalty on a quantity that the data do not conserve causes a warning; no
 /* ---- studies ---- */
 
 TEST("a study runs, and continues where it was stopped") {
-    cli_expect(lg, "study grid.yaml --out once.csv --jobs 2 --threads 2 --plot w.png", 0, "Geometric means");
-    assert_true(cli_exists("w.gp"));
-    if (!cli_exists("w.png")) assert_says(result.err, "gnuplot");
+    expect_drawn("study grid.yaml --out once.csv --jobs 2 --threads 2", "w.png");
+    assert_says(result.out, "Geometric means");
+    static char text[65536];
+    (void)cli_read("w.dat", text, sizeof text);
+    assert_says(text, "=0\n=2\n=1\n=cf4\n=euler\n=M = 3\n");
     cli_json(lg, "study grid.yaml --out again.csv --stop-after 1", "done 1");
     shell("printf 'cf4,1,12,3,0,0,1,12' >> again.csv"); /* an incomplete row */
     cli_json(lg, "study grid.yaml --out again.csv --jobs 1", "done 8, new 7");
@@ -372,6 +413,19 @@ TEST("a study runs, and continues where it was stopped") {
     cli_expect_limited(lg, "study grid.yaml --out limited.csv --jobs 1", 200, 3, "limited.csv");
     shell("test -z \"$(tail -c 1 limited.csv)\"");
     cli_json(lg, "study grid.yaml --out limited.csv", "done 8");
+}
+
+TEST("the picture of a study has a block for each integrator, also when runs failed") {
+    static char text[65536];
+    cli_expect(lg, "study grid.yaml --out lost.csv --jobs 1", 0, "");
+    shell("sed 's/^\\(cf4,1,6,.*\\),[^,]*,[^,]*,[^,]*,\\([^,]*,[^,]*\\),ok,/\\1,,,,\\2,failed,/' lost.csv > "
+          "half.csv");
+    cli_json(lg, "study grid.yaml --out half.csv --plot half.svg", "new 0");
+    assert_says(result.out, "\"runs\": 2, \"failed\": 2}");
+    (void)cli_read("half.dat", text, sizeof text);
+    size_t ends = 0;
+    for (const char *at = text; (at = strstr(at, "\n\n\n")) != NULL; at++) ends++;
+    assert_int_equal(ends, 1 + 2); /* of the texts and of two integrators with one M */
 }
 
 TEST("a study continues only with the same method, prior and scale") {

@@ -327,8 +327,13 @@ TEST("pictures are drawn") {
         "chain.yaml --plot-kind invariants", "chain.yaml --plot-kind manifold",
         "chain.yaml --plot-kind steps", "chain.yaml --plot-kind 3d", "cotangent.yaml --plot-kind 3d",
         "rigid.yaml --plot-kind 3d", "chain.yaml --method rk4 --steps 20",
-        /* zero at all times */
-        "rigid.yaml --plot-kind manifold"};
+        /* zero at all times, and no invariants */
+        "rigid.yaml --plot-kind manifold", "quadrotors.yaml --plot-kind invariants",
+        "quadrotors.yaml --plot-kind 3d", "satellite.yaml --plot-kind 3d", "chain.yaml --tol 1e-13"};
+    cli_write("quadrotors.yaml",
+              "system: quadrotors\ninitial: {q: [[0.6, 0, 0.8], [-0.6, 0, 0.8]]}\nt_end: 0.1\n");
+    cli_write("satellite.yaml",
+              "system: satellite\ninitial: {pi: [0.3, 0, 1], q: [0, 0.6, 0.8], p: [0.2, 0, 0]}\nt_end: 1\n");
     for (size_t i = 0; i < LG_COUNT(arguments); i++) {
         cli_run(lg, "%s --plot p%zu.svg", arguments[i], i);
         assert_true(cli_exists(test_text("p%zu.gp", i)));
@@ -370,6 +375,30 @@ TEST("--work-precision compares the error and the work of schemes") {
     assert_says(result.out, "the reference is dp54");
     assert_null(strstr(result.out, "rkmk4"));
     assert_true(cli_exists("w.gp"));
+}
+
+TEST(
+    "the picture shows a scheme's name as it is; the script does not have it, so that it starts no program") {
+    static const struct {
+        const char *yaml, *shown;
+    } rows[] = {{"a`touch RAN`b", "a`touch RAN`b"},
+                {"'.system(\\\"touch RAN\\\").'", "'.system(\"touch RAN\").'"},
+                {"$(touch RAN)", "$(touch RAN)"},
+                {"\\n!touch RAN\\n", "!touch RAN"},
+                {"@a {b}_c^d %s <&>", "@a {b}_c^d %s &lt;&amp;>"}};
+    static char script[65536], first[65536], picture[1 << 18];
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        cli_write("named.yaml",
+                  test_text("name: \"%s\"\nkind: rkmk\norder: 1\na: [[]]\nb: [1]\n", rows[i].yaml));
+        cli_run(lg, "rigid.yaml --work-precision --scheme named.yaml --methods rk4 --levels 2 --plot n.svg");
+        assert_false(cli_exists("RAN"));
+        (void)cli_read("n.gp", script, sizeof script);
+        if (i == 0) memcpy(first, script, sizeof first);
+        assert_string_equal(script, first);
+        if (strstr(result.err, "gnuplot is not installed") != NULL) continue;
+        (void)cli_read("n.svg", picture, sizeof picture);
+        assert_says(picture, rows[i].shown);
+    }
 }
 
 /* ---- gradients ---- */

@@ -1,0 +1,18 @@
+# The error of each method against its cost. T[1]: title, T[2]: number of methods, then their names. Block k: CPU time, evaluations and error of method k.
+colour(k) = word('#1f5fa8 #d1641f #2f8f4e #8e3fa8 #b8242f #7a5c2e #12909a #555555 #c49a00 #e377c2', (k - 1) % 10 + 1)
+label(panel) = panel == 1 ? 'CPU time [s]' : 'evaluations of the field'
+set tics nomirror
+set logscale xy
+set format x '10^{%L}'
+set format y '10^{%L}'
+set key bottom left samplen 2 spacing 1.1 box lc rgb '#cccccc' opaque
+set ylabel 'relative error at the end'
+set multiplot layout 1,2 title T[1] noenhanced
+do for [panel = 1:2] {
+    set xlabel label(panel)
+    plot for [k = 1:V(2)] datafile index k using panel:3 with linespoints lw 1.6 pt 5 + (k - 1) % 10 ps 0.6 lc rgb colour(k) \
+        dt k > 10 ? 2 : 1 title T[2 + k] noenhanced
+    unset key
+    unset ylabel
+}
+unset multiplot
